@@ -1,0 +1,16 @@
+# Turns FILES into one C file: const struct tc_embedded_file SYMBOL[] = {{name, bytes, size}, ...,{0}}.
+# The struct is declared in the generated file and, identically, in renderer/embedded.h.
+set(text "/* generated from ${SYMBOL}'s files; do not edit */\n#include \"renderer/embedded.h\"\n")
+set(table "")
+set(index 0)
+foreach(file IN LISTS FILES)
+  get_filename_component(name ${file} NAME)
+  file(READ ${file} hex HEX)
+  string(REGEX REPLACE "([0-9a-f][0-9a-f])" "0x\\1," bytes "${hex}")
+  string(REGEX REPLACE "(................................................................................)" "\\1\n" bytes "${bytes}")
+  string(APPEND text "static const unsigned char file_${index}[] = {\n${bytes}0};\n")
+  string(APPEND table "  {\"${name}\", file_${index}, sizeof(file_${index}) - 1},\n")
+  math(EXPR index "${index} + 1")
+endforeach()
+string(APPEND text "const struct tc_embedded_file ${SYMBOL}[] = {\n${table}  {0, 0, 0}};\n")
+file(WRITE ${OUT} "${text}")

@@ -1,0 +1,84 @@
+/* The wire: bytes <-> typed messages and scenes. No sockets, no pixels.
+ *
+ * Of the renderer it knows renderer/scene.h and renderer/error.h only. JSON values are cJSON; a function that
+ * returns cJSON * gives ownership. All functions are pure and may run on any thread. */
+#ifndef TC_PROTOCOL_H
+#define TC_PROTOCOL_H
+
+#include <cjson/cJSON.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "renderer/error.h"
+#include "renderer/scene.h"
+
+/* Parses strict JSON of `size` bytes: one value, nesting at most 32, finite numbers, valid UTF-8, no duplicate member
+ * names, nothing after it. TC_ERROR_SYNTAX says line and column. */
+cJSON *tcp_json_parse(const char *bytes, size_t size, GError **error);
+
+/* RFC 7396. Changes *target in place (it may be replaced by another value when patch is not an object). */
+void tcp_merge_patch(cJSON **target, const cJSON *patch);
+
+/* --- scenes ------------------------------------------------------------------------------------ */
+
+/* The full scene as its JSON document (every member of PROTOCOL.md's Scene that has a meaning now). */
+cJSON *tcp_scene_write(const tc_scene *scene);
+
+/* What a document may need to know of the volume it is for. Values in the volume's unit. */
+typedef struct tcp_scene_context { double value_min, value_max; } tcp_scene_context;
+
+/* Merge patch (RFC 7396) onto *scene: members in `patch` replace, null returns a member to what `defaults` holds.
+ * A patch with transferFunction.preset and no points takes the preset's points; one with points and no preset clears the
+ * preset's name; points replace points whole; quality.maxError and maxMilliseconds exclude each other.
+ * Unknown members, wrong types, values out of range, non-finite numbers, unsorted/duplicate rules etc. are errors
+ * (TC_ERROR_INVALID, with an RFC 6901 pointer into the patch and a message that names the mend); *scene is then unchanged.
+ * Unsorted knots are sorted stably (equal values keep their order: a jump). Also used for whole documents (PUT, POST):
+ * start from a copy of the defaults. */
+bool tcp_scene_patch(tc_scene *scene, const cJSON *patch, const tc_scene *defaults, const tcp_scene_context *context,
+                     GError **error);
+
+/* One "--set key=value": key is a dotted path ("camera.fovY"), value is JSON or, failing that, a string. Gives a patch. */
+cJSON *tcp_scene_set_expression(const char *expression, GError **error);
+
+/* JSON Schema 2020-12 of a scene, made from the same table the parser uses; and the OpenAPI 3.1 document. */
+cJSON *tcp_scene_schema(void);
+cJSON *tcp_openapi(const char *version);
+
+/* {"transferFunctions":[...],"windows":[...]} */
+cJSON *tcp_presets(void);
+
+/* --- problems (RFC 9457) ------------------------------------------------------------------------ */
+
+/* HTTP status of an error of any domain. */
+int tcp_problem_status(const GError *error);
+/* {"type","title","status","detail","pointer"?}; type is "urn:tomocast:problem:<code>", e.g. ...:unsupported. */
+cJSON *tcp_problem(const GError *error);
+
+/* --- WebSocket tomocast.v1 --------------------------------------------------------------------- */
+
+typedef enum tcp_message_type { TCP_PATCH, TCP_ACK, TCP_POINTER, TCP_PING, TCP_MESSAGE_TYPE_COUNT } tcp_message_type;
+typedef struct tcp_message {
+  tcp_message_type type;
+  uint64_t seq;      /* patch */
+  cJSON *scene;      /* patch: the merge patch; owned */
+  uint64_t frame;    /* ack */
+  bool pointer_down; /* pointer: "start" = true */
+  double t;          /* ping */
+} tcp_message;
+bool tcp_message_parse(const char *bytes, size_t size, tcp_message *message, GError **error);
+void tcp_message_clear(tcp_message *message);
+
+typedef struct tcp_frame_header {
+  uint64_t frame, seq;
+  int width, height;
+  const char *format; /* "jpeg" or "png" */
+  int quality;
+  bool final;
+  double queue_ms, tables_ms, render_ms, encode_ms;
+  bool has_error; double rms, max; int pixels;
+} tcp_frame_header;
+/* 4-byte little-endian length + JSON text; g_malloc'ed, *size bytes; the image bytes follow it on the wire. */
+uint8_t *tcp_frame_header_write(const tcp_frame_header *header, size_t *size);
+
+#endif

@@ -1,0 +1,16 @@
+/* Files compiled into the program (shader pieces, the browser client); made by deploy/embed.cmake. */
+#ifndef TC_EMBEDDED_H
+#define TC_EMBEDDED_H
+
+#include <stddef.h>
+
+struct tc_embedded_file {
+  const char *name;           /* file name without folder; NULL ends a table */
+  const unsigned char *bytes; /* [size], followed by a 0 byte, so text may be used as a C string */
+  size_t size;
+};
+
+extern const struct tc_embedded_file tc_shader_files[]; /* renderer/raycast/gl/ *.glsl */
+extern const struct tc_embedded_file tc_web_files[];    /* web/ */
+
+#endif

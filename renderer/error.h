@@ -1,0 +1,40 @@
+/* Errors of the whole product: a GError of one domain, read as a trail.
+ *
+ * Every call that can fail takes a GError ** as its last argument (GLib's conventions: NULL ignores,
+ * the callee sets it once). The message is one line that names what, where and the mend; callers add
+ * a clause in front with g_prefix_error(), so a full message reads like
+ *   "open study.nrrd: header line 7: sizes: 3 values wanted, got 2".
+ * Messages never hold patient data or server-side absolute paths beyond what the caller passed in. */
+#ifndef TC_RENDERER_ERROR_H
+#define TC_RENDERER_ERROR_H
+
+#include <glib.h>
+
+typedef enum tc_error_code {
+  TC_ERROR_INVALID,      /* a value out of its range or not meaningful (HTTP 422) */
+  TC_ERROR_SYNTAX,       /* bytes that cannot be parsed at all (HTTP 400) */
+  TC_ERROR_NOT_FOUND,    /* a named thing does not exist (HTTP 404) */
+  TC_ERROR_CONFLICT,     /* the thing is in use, or another version (HTTP 409/412) */
+  TC_ERROR_UNSUPPORTED,  /* understood, not built (HTTP 501) */
+  TC_ERROR_LIMIT,        /* over a configured limit (HTTP 413) */
+  TC_ERROR_FORMAT,       /* a file that is damaged, inconsistent or of an unknown kind (HTTP 415/422) */
+  TC_ERROR_IO,           /* the system refused: open, read, write, spawn (HTTP 500) */
+  TC_ERROR_MEMORY,       /* an allocation failed or would pass the budget (HTTP 507) */
+  TC_ERROR_CANCELLED,    /* the caller asked to stop */
+  TC_ERROR_BUSY,         /* try again later (HTTP 503) */
+  TC_ERROR_INTERNAL,     /* ours (HTTP 500) */
+  TC_ERROR_CODE_COUNT
+} tc_error_code;
+
+#define TC_ERROR (tc_error_quark())
+GQuark tc_error_quark(void);
+
+/* Sets *error like g_set_error() and remembers which member of a JSON document is at fault:
+ * `pointer` is an RFC 6901 JSON pointer such as "/camera/up" (copied), or NULL. */
+void tc_set_error(GError **error, tc_error_code code, const char *pointer, const char *format, ...)
+    G_GNUC_PRINTF(4, 5);
+
+/* The JSON pointer stored with an error of our domain; NULL where there is none. Owned by the error. */
+const char *tc_error_pointer(const GError *error);
+
+#endif

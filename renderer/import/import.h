@@ -1,0 +1,41 @@
+/* Opening volumes: one entry for every format.
+ *
+ * PATH is a file (.nii, .nii.gz, .nrrd, .nhdr, .mha, .mhd, .dcm, .zip), a folder of DICOM, or demo:NAME.
+ * The kind is found by content first, by name second. A folder or zip with several DICOM series takes
+ * a suffix "#N" (1-based, as listed) or "#UID" to choose; without one the series with most slices is
+ * taken, ties by the first listed, and the others are named in desc.note.
+ *
+ * Storage rule. u8, i8, u16, i16, f32 stay as they are. 32/64-bit integers become i16/u16 (or i8/u8) when every
+ * voxel fits, else f32 (rounded to nearest). f64 becomes f32. RGB/RGBA becomes Rec. 709 luma in u8, complex and
+ * vectors their magnitude in f32. Of a 4-D file the first frame is taken, desc.frames tells how many there were.
+ * Every conversion is said in desc.note.
+ * Parsers read through one bounded reader; sizes multiply with overflow checks; nothing larger than the
+ * file can justify is allocated; a failure is one clear error. */
+#ifndef TC_RENDERER_IMPORT_H
+#define TC_RENDERER_IMPORT_H
+
+#include "renderer/volume/volume.h"
+
+/* Called now and then with 0..1; return false to cancel (TC_ERROR_CANCELLED). */
+typedef bool (*tc_progress_fn)(void *user, double fraction);
+
+typedef struct tc_import_options {
+  tc_progress_fn progress; /* NULL: none */
+  void *user;
+  const char *dicom_helper;  /* path of the helper program; NULL: beside the running program, then PATH */
+  uint64_t max_voxel_bytes;  /* refuse larger volumes (TC_ERROR_LIMIT); 0 = no limit of its own */
+} tc_import_options;
+
+/* Loads PATH. Caller owns the reference. options may be NULL. Any thread. */
+tc_volume *tc_import(const char *path, const tc_import_options *options, GError **error);
+
+/* One DICOM series found under a path (tc_import_list). Strings are non-identifying. */
+typedef struct tc_series {
+  char uid[72], modality[16], label[64]; /* label: series number and, where present, protocol-free description-free text such as "series 3" */
+  int files, frames, rows, columns;
+} tc_series;
+
+/* Lists DICOM series of a folder, file or zip; *series is g_malloc'ed, caller frees with g_free(). Other formats give 0. */
+bool tc_import_list(const char *path, const tc_import_options *options, tc_series **series, size_t *count, GError **error);
+
+#endif

@@ -1,0 +1,70 @@
+/* The render plan: the one place that decides what a frame needs, and the key of every kernel and shader variant.
+ *
+ * Plain values computed from scene + volume. Stages are listed with a reason whether in or out. */
+#ifndef TC_RENDERER_PLAN_H
+#define TC_RENDERER_PLAN_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "renderer/error.h"
+#include "renderer/scene.h"
+#include "renderer/volume/volume.h"
+
+typedef enum tc_stage {
+  TC_STAGE_TABLE_1D,     /* integrals T, K for approximate classification */
+  TC_STAGE_TABLE_2D,     /* full pre-integration table */
+  TC_STAGE_GRADIENT,     /* only if shaded */
+  TC_STAGE_SKIPPING,     /* occupancy and distance map, only if something is empty */
+  TC_STAGE_CLIPPING,
+  TC_STAGE_JITTER,
+  TC_STAGE_LABELS,
+  TC_STAGE_TERMINATION,  /* early ray termination test in the loop */
+  TC_STAGE_ALPHA,        /* alpha channel of the picture */
+  TC_STAGE_DEPTH,        /* depth output */
+  TC_STAGE_LINEAR_LIGHT, /* sRGB <-> linear conversion */
+  TC_STAGE_RESOLVE,      /* background, 8-bit conversion */
+  TC_STAGE_ENCODE,       /* image encoder */
+  TC_STAGE_ERROR_METER,
+  TC_STAGE_COUNT
+} tc_stage;
+
+const char *tc_stage_name(tc_stage stage); /* "table-2d" ... */
+
+typedef struct tc_plan_stage {
+  bool included;
+  char reason[120];
+  double ms;      /* wall time in the last frame; 0 before it */
+  uint64_t bytes; /* memory held for it */
+} tc_plan_stage;
+
+/* What kernels are specialised on. Two plans with equal keys run the same code. Zeroed before filling: compare with memcmp. */
+typedef struct tc_plan_key {
+  uint8_t mode;           /* tc_mode */
+  uint8_t voxel_type;     /* tc_voxel_type */
+  uint8_t classification; /* tc_classification */
+  uint8_t order;          /* tc_order */
+  uint8_t filter;         /* tc_filter */
+  uint8_t projection;     /* tc_projection */
+  uint8_t shading;        /* tc_shading_model */
+  uint8_t termination;    /* 0/1 */
+  uint8_t skipping;       /* 0/1 */
+  uint8_t clipping;       /* 0/1 */
+  uint8_t jitter;         /* 0/1 */
+  uint8_t labels;         /* 0/1 */
+} tc_plan_key;
+
+typedef struct tc_plan {
+  tc_plan_key key;
+  tc_plan_stage stages[TC_STAGE_COUNT];
+  int width, height;
+  double step_mm;       /* world length of a full segment */
+  int table_size;       /* entries per side of the table; 0 = none */
+  double table_lo, table_hi; /* values (volume's unit) of the first and last entry */
+  char kernel[64];      /* name of the variant that runs, e.g. "dvr.preintegrated.linear.u16.avx512" */
+} tc_plan;
+
+/* Computes the plan, or says (TC_ERROR_UNSUPPORTED / TC_ERROR_INVALID with a pointer) what cannot be rendered. Pure. */
+bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_plan *plan, GError **error);
+
+#endif

@@ -1,0 +1,144 @@
+/* The scene: everything a client can ask of a picture, as plain values.
+ *
+ * Positions are mm in patient LPS (x to the left, y to the back, z to the head), colours sRGB 0..1,
+ * values in the volume's own unit (HU for CT). A tc_scene is complete: tc_scene_init() fills every
+ * member with its default, tc_scene_fit() (tomocast.h) adds what depends on a volume. Plain data:
+ * no locks, any thread, but one at a time. Heap members are owned by the scene (tc_scene_clear). */
+#ifndef TC_RENDERER_SCENE_H
+#define TC_RENDERER_SCENE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+typedef enum tc_mode {
+  TC_MODE_DVR, TC_MODE_MIP, TC_MODE_MINIP, TC_MODE_AVERAGE, TC_MODE_ISOSURFACE, TC_MODE_MESH, TC_MODE_SPLAT,
+  TC_MODE_MPR, TC_MODE_COUNT
+} tc_mode;
+typedef enum tc_image_format { TC_FORMAT_JPEG, TC_FORMAT_PNG, TC_FORMAT_COUNT } tc_image_format;
+typedef enum tc_subsampling { TC_SUBSAMPLING_AUTO, TC_SUBSAMPLING_444, TC_SUBSAMPLING_422, TC_SUBSAMPLING_420, TC_SUBSAMPLING_COUNT } tc_subsampling;
+typedef enum tc_projection { TC_PERSPECTIVE, TC_ORTHOGRAPHIC, TC_PROJECTION_COUNT } tc_projection;
+typedef enum tc_classification {
+  TC_PREINTEGRATED, TC_PREINTEGRATED2, TC_APPROXIMATE, TC_POST, TC_LINEARIZED, TC_CLASSIFICATION_COUNT
+} tc_classification;
+typedef enum tc_order { TC_FRONT_TO_BACK, TC_BACK_TO_FRONT, TC_ORDER_COUNT } tc_order;
+typedef enum tc_filter { TC_FILTER_LINEAR, TC_FILTER_CUBIC, TC_FILTER_NEAREST, TC_FILTER_COUNT } tc_filter;
+typedef enum tc_skipping_mode { TC_SKIPPING_AUTO, TC_SKIPPING_OFF, TC_SKIPPING_COUNT } tc_skipping_mode;
+typedef enum tc_shading_model { TC_SHADING_NONE, TC_SHADING_LAMBERT, TC_SHADING_BLINN_PHONG, TC_SHADING_GOOCH, TC_SHADING_COUNT } tc_shading_model;
+typedef enum tc_mpr_orientation { TC_AXIAL, TC_CORONAL, TC_SAGITTAL, TC_OBLIQUE, TC_MPR_ORIENTATION_COUNT } tc_mpr_orientation;
+typedef enum tc_slab_projection { TC_SLAB_MIP, TC_SLAB_MINIP, TC_SLAB_AVERAGE, TC_SLAB_PROJECTION_COUNT } tc_slab_projection;
+
+/* How a transfer function's knots give extinction (NUMERICS: opacity is linear between knots and
+ * tau = -log1p(-opacity)/unit_distance; extinction is linear between knots, 1/mm). */
+typedef enum tc_knot_kind { TC_KNOT_OPACITY, TC_KNOT_EXTINCTION, TC_KNOT_KIND_COUNT } tc_knot_kind;
+
+typedef struct tc_knot {
+  double value;    /* in the volume's unit; knots are kept in ascending order, equal values make a jump */
+  double color[3]; /* sRGB 0..1 */
+  double amount;   /* opacity 0..1 per unit distance, or extinction >= 0 in 1/mm */
+} tc_knot;
+
+typedef struct tc_transfer_function {
+  tc_knot *points; /* [count], owned by the scene; constant beyond the first and the last */
+  size_t count;    /* >= 1 in a valid scene */
+  tc_knot_kind kind;
+  double unit_distance_mm; /* > 0; only for TC_KNOT_OPACITY */
+  char preset[48];         /* name the points came from, or "" */
+} tc_transfer_function;
+
+typedef struct tc_camera {
+  tc_projection projection;
+  double position[3], target[3], up[3]; /* LPS mm; up need not be orthogonal to the view direction */
+  double fov_y_deg;                     /* perspective: full vertical angle, 0 < fov < 180 */
+  double height_mm;                     /* orthographic: what the image's height spans, > 0 */
+} tc_camera;
+
+typedef struct tc_label_color { uint32_t label; double rgba[4]; } tc_label_color;
+
+typedef struct tc_scene {
+  tc_mode mode;
+  struct {
+    int width, height; /* pixels */
+    double background[3];
+    bool transparent; /* background "transparent": straight alpha in a PNG */
+    tc_image_format format;
+    int quality; /* JPEG 1..100 */
+    tc_subsampling subsampling;
+    bool linear_light; /* composite in linear light and encode to sRGB; else in display space */
+  } image;
+  tc_camera camera;
+  tc_transfer_function transfer_function;
+  struct { double center, width; } window;
+  tc_classification classification;
+  tc_order order;
+  tc_filter filter;
+  struct {
+    double step; /* voxels of the smallest spacing, > 0 */
+    int rays_per_pixel;
+    bool coherence, jitter;
+    double termination; /* a ray ends when its transparency is below this; 0 never ends it */
+  } sampling;
+  struct { tc_skipping_mode mode; int block; /* voxels, 0 = chosen */ } skipping;
+  struct {
+    tc_shading_model model;
+    double ambient, diffuse, specular, shininess;
+    bool light_at_camera;
+    double light[3]; /* direction to the light, LPS, when not at the camera */
+  } shading;
+  struct { bool has_box; double box[2][3]; double planes[6][4]; int n_planes; } clip;
+  struct { double value; double color[3]; } isosurface;
+  struct { double threshold[2]; double kernel_radius; char attribute[32]; bool opaque, culling; } splat;
+  struct {
+    tc_mpr_orientation orientation;
+    bool has_center;
+    double center[3], normal[3], up[3];
+    double thickness_mm;
+    tc_slab_projection projection;
+    double zoom;
+  } mpr;
+  struct {
+    char volume[64]; /* id of a second volume; "" = none */
+    double opacity;
+    tc_label_color *colors; size_t n_colors;  /* owned */
+    uint32_t *visible; size_t n_visible;      /* owned; NULL = all */
+  } labels;
+  struct { double max_error, max_ms; } quality; /* 0 = not asked */
+  struct { int pixels; } error_meter;           /* 0 = off */
+} tc_scene;
+
+/* Limits a scene is checked against (PROTOCOL.md, Limits). */
+#define TC_MAX_IMAGE_SIDE 8192
+#define TC_MAX_IMAGE_AREA 16800000
+#define TC_MAX_RAYS_PER_PIXEL 64
+#define TC_MAX_KNOTS 65536
+
+/* Fills every member with a default that needs no volume. *scene holds nothing before. */
+void tc_scene_init(tc_scene *scene);
+
+/* Deep copy into *to, which holds nothing before. */
+void tc_scene_copy(tc_scene *to, const tc_scene *from);
+
+/* Releases heap members and zeroes *scene. A cleared or zeroed scene may be cleared again. */
+void tc_scene_clear(tc_scene *scene);
+
+/* A named transfer function. `modality` is "CT", "MR" or "" (any; values 0..1 of the range when
+ * `relative`). `center`/`width` is a window that goes with it. */
+typedef struct tc_preset {
+  const char *name, *title, *modality;
+  tc_knot_kind kind;
+  double unit_distance_mm;
+  const tc_knot *points;
+  size_t count;
+  bool relative; /* knot values are 0..1 of the volume's value range */
+} tc_preset;
+
+typedef struct tc_window_preset { const char *name, *title, *modality; double center, width; } tc_window_preset;
+
+/* All presets, in menu order; static. */
+const tc_preset *tc_presets(size_t *count);
+const tc_window_preset *tc_window_presets(size_t *count);
+
+/* Puts the named preset into *tf (replacing its points; `lo`, `hi` scale a relative one). False: no such name. */
+bool tc_transfer_function_set_preset(tc_transfer_function *tf, const char *name, double lo, double hi);
+
+#endif

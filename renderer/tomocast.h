@@ -1,0 +1,84 @@
+/* Tomocast renderer: scene + volume -> plan -> frame. The one header the server needs.
+ *
+ * A tc_renderer owns a back end, its worker threads and its cached resources. tc_render() is called by
+ * one thread at a time (the render thread, which for the gl back end owns the EGL context: create, use and
+ * free it on that same thread). tc_plan_make() and everything about volumes and scenes may be called anywhere. */
+#ifndef TC_TOMOCAST_H
+#define TC_TOMOCAST_H
+
+#include <stdatomic.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "renderer/error.h"
+#include "renderer/import/import.h"
+#include "renderer/plan/plan.h"
+#include "renderer/scene.h"
+#include "renderer/volume/volume.h"
+
+typedef enum tc_backend { TC_BACKEND_AUTO, TC_BACKEND_CPU, TC_BACKEND_GL, TC_BACKEND_COUNT } tc_backend;
+
+typedef struct tc_renderer_options {
+  tc_backend backend;
+  int threads;          /* CPU workers; 0 = one per online core */
+  const char *isa;      /* "scalar" "avx2" "avx512"; NULL = the best this machine has */
+  uint64_t cache_bytes; /* budget of tables and other shared resources; 0 = 256 MiB */
+} tc_renderer_options;
+
+typedef struct tc_renderer_info {
+  const char *backend; /* "cpu" or "gl" */
+  const char *why;     /* one sentence: why this one */
+  const char *device;  /* CPU model or GL renderer string */
+  const char *isa;     /* SIMD level of the cpu back end */
+  int threads;
+} tc_renderer_info;
+
+typedef struct tc_renderer tc_renderer;
+
+tc_renderer *tc_renderer_new(const tc_renderer_options *options, GError **error);
+void tc_renderer_free(tc_renderer *renderer); /* NULL is fine */
+const tc_renderer_info *tc_renderer_about(const tc_renderer *renderer);
+
+typedef struct tc_frame_stats {
+  double tables_ms, skip_ms, render_ms; /* wall time of the stages */
+  uint64_t samples;                     /* field samples taken */
+  uint64_t rays;                        /* rays that met the volume */
+} tc_frame_stats;
+
+/* A finished picture. Zero-initialise before first use; buffers are reused by the next tc_render(). */
+typedef struct tc_frame {
+  int width, height;
+  uint8_t *rgba;     /* [height][width][4], row 0 on top, sRGB; alpha straight (255 unless background is transparent) */
+  float *linear;     /* [height][width][4], only when asked: premultiplied colour in the compositing space, and opacity,
+                        before the background is put behind it; for measurements */
+  size_t capacity;   /* pixels allocated in rgba */
+  size_t linear_capacity;
+  tc_frame_stats stats;
+} tc_frame;
+
+void tc_frame_finish(tc_frame *frame); /* frees the buffers; a zeroed frame is fine */
+
+typedef struct tc_render_request {
+  int width, height;          /* 0 = the scene's own; smaller while a user drags (the camera's view stays the same) */
+  bool want_linear;           /* fill frame->linear too */
+  const atomic_bool *cancel;  /* set to true from any thread: tc_render() returns TC_ERROR_CANCELLED soon; may be NULL */
+  const tc_volume *labels;    /* resolved scene.labels.volume, or NULL */
+} tc_render_request;
+
+/* Renders one frame. request may be NULL. On failure the frame is left without meaning, the renderer is fine. A scene
+ * that asks for something not built is TC_ERROR_UNSUPPORTED with a pointer to the member: never a wrong picture.
+ * *plan, when not NULL, receives the plan with the milliseconds and bytes of its stages. */
+bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
+               tc_frame *frame, tc_plan *plan, GError **error);
+
+/* The plan this renderer would follow, with what is resident now; renders nothing. Same thread rule as tc_render(). */
+bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_scene *scene, tc_plan *plan, GError **error);
+
+/* Defaults that fit a volume: camera that shows all of it from the front (patient's anterior, head up), transfer function
+ * preset and window for its modality and range. *scene was initialised (tc_scene_init) before. */
+void tc_scene_fit(tc_scene *scene, const tc_volume *volume);
+
+/* Drops cached resources of a volume that is going away. */
+void tc_renderer_forget(tc_renderer *renderer, const tc_volume *volume);
+
+#endif

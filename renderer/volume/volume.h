@@ -1,0 +1,83 @@
+/* A volume: a regular grid of scalar voxels in their own type, with its place in patient space.
+ *
+ * Life: tc_volume_new() allocates, an importer fills tc_volume_voxels(), tc_volume_seal() checks and
+ * makes it immutable; from then on any thread may read it. Shared by reference count (atomic). */
+#ifndef TC_RENDERER_VOLUME_H
+#define TC_RENDERER_VOLUME_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "renderer/error.h"
+
+/* Voxel storage types. Wider file types become one of these by the rule in import/import.h. */
+typedef enum tc_voxel_type { TC_U8, TC_I8, TC_U16, TC_I16, TC_F32, TC_VOXEL_TYPE_COUNT } tc_voxel_type;
+
+const char *tc_voxel_type_name(tc_voxel_type type); /* "u8" "i8" "u16" "i16" "f32" */
+size_t tc_voxel_size(tc_voxel_type type);           /* bytes: 1 1 2 2 4 */
+
+typedef struct tc_volume_desc {
+  int dims[3];           /* voxels along index axes x, y, z (x fastest); each >= 1 */
+  tc_voxel_type type;
+  double spacing[3];     /* mm between voxel centres along each index axis, > 0 */
+  double origin[3];      /* LPS mm of the centre of voxel (0,0,0) */
+  double direction[9];   /* 3x3 row by row; column k = unit vector of index axis k in LPS. Columns are
+                            independent but need not be orthogonal (a gantry tilt shears them). */
+  double slope, intercept; /* value = slope * voxel + intercept; slope != 0 */
+  int frames;            /* how many 3-D frames the file held (the first is here); 1 normally */
+  char modality[16];     /* "CT", "MR", "PT", ... or "" */
+  char format[16];       /* "nifti" "nrrd" "metaimage" "dicom" "demo" */
+  char unit[16];         /* "HU", "" ... */
+  char note[256];        /* conversions applied to get here, one sentence, or "" */
+  double window_center, window_width; /* the file's own window; width 0 = none */
+} tc_volume_desc;
+
+/* What sealing finds. Values are in the volume's unit (slope and intercept applied). */
+typedef struct tc_volume_stats {
+  double min, max;            /* of the values; min <= max */
+  double voxel_min, voxel_max; /* of the stored voxels */
+  uint64_t non_finite;        /* NaN and infinities that sealing replaced (see tc_volume_seal) */
+} tc_volume_stats;
+
+typedef struct tc_volume tc_volume;
+
+/* Allocates zeroed storage of dims voxels with a readable tail pad (kernels fetch pairs). Checks dims, their product
+ * (at most 2^31-1 voxels), spacing, direction (invertible) and slope; TC_ERROR_INVALID, _LIMIT or _MEMORY. */
+tc_volume *tc_volume_new(const tc_volume_desc *desc, GError **error);
+
+/* [dims z][dims y][dims x] of desc.type, x fastest, no gaps. Writable before tc_volume_seal() only. */
+void *tc_volume_voxels(tc_volume *volume);
+const void *tc_volume_data(const tc_volume *volume);
+
+/* Ends the filling: finds the range, replaces what is not finite in a f32 volume (NaN by the smallest finite voxel,
+ * +inf/-inf by the largest/smallest finite one; a volume with none finite becomes 0) and counts it. */
+void tc_volume_seal(tc_volume *volume);
+
+tc_volume *tc_volume_ref(tc_volume *volume);
+void tc_volume_unref(tc_volume *volume); /* NULL is fine */
+
+const tc_volume_desc *tc_volume_describe(const tc_volume *volume);
+const tc_volume_stats *tc_volume_statistics(const tc_volume *volume);
+size_t tc_volume_bytes(const tc_volume *volume); /* voxel bytes */
+uint64_t tc_volume_serial(const tc_volume *volume); /* unique in the process; keys caches */
+
+/* Index (voxel) coordinates <-> LPS mm. */
+void tc_volume_index_to_lps(const tc_volume *volume, const double index[3], double lps[3]);
+void tc_volume_lps_to_index(const tc_volume *volume, const double lps[3], double index[3]);
+/* Linear part only (no origin), index displacement of an LPS displacement: [3][3] row by row. */
+void tc_volume_lps_to_index_matrix(const tc_volume *volume, double matrix[9]);
+
+/* The field's box in index space (NUMERICS section 0): [0, n-1], or [-0.5, 0.5] where n = 1. */
+void tc_volume_index_box(const tc_volume *volume, double lo[3], double hi[3]);
+
+/* Trilinear value (in the volume's unit) at an index position; false outside the box. Double precision. */
+bool tc_volume_value_at(const tc_volume *volume, const double index[3], double *value);
+
+/* Counts of voxels in `bins` equal bins over [stats.min, stats.max]; edges[bins + 1] in the volume's unit. */
+void tc_volume_histogram(const tc_volume *volume, int bins, uint64_t *counts, double *edges);
+
+/* A generated demo: "head" "vessels" "marschner-lobb" "bucky" (without "demo:"). TC_ERROR_NOT_FOUND names the known ones. */
+tc_volume *tc_volume_demo(const char *name, GError **error);
+
+#endif
