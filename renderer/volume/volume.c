@@ -1,0 +1,292 @@
+#include "renderer/volume/volume.h"
+
+#include <math.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+
+/* Kernels fetch voxel pairs with 32-bit loads and whole vectors at row ends: everything up to here past the last voxel
+ * may be read (and is zero). */
+#define TAIL_PAD_BYTES 256
+
+struct tc_volume {
+  tc_volume_desc desc;
+  tc_volume_stats stats;
+  uint8_t *voxels;
+  size_t bytes;        /* voxels alone */
+  size_t mapped_bytes; /* with the pad */
+  double to_lps[9];    /* index displacement -> mm, row by row */
+  double to_index[9];
+  uint64_t serial;
+  atomic_int references;
+  bool sealed;
+};
+
+static atomic_uint_fast64_t next_serial = 1;
+
+const char *tc_voxel_type_name(tc_voxel_type type) {
+  static const char *const names[TC_VOXEL_TYPE_COUNT] = {"u8", "i8", "u16", "i16", "f32"};
+  return (unsigned)type < TC_VOXEL_TYPE_COUNT ? names[type] : "?";
+}
+
+size_t tc_voxel_size(tc_voxel_type type) {
+  static const size_t sizes[TC_VOXEL_TYPE_COUNT] = {1, 1, 2, 2, 4};
+  return (unsigned)type < TC_VOXEL_TYPE_COUNT ? sizes[type] : 0;
+}
+
+/* Inverse of a 3x3 by cofactors; false when it is singular to rounding. */
+static bool invert3(const double m[9], double inverse[9]) {
+  double scale = 0;
+  for (int i = 0; i < 9; i++) scale = fmax(scale, fabs(m[i]));
+  double c[9] = {m[4] * m[8] - m[5] * m[7], m[2] * m[7] - m[1] * m[8], m[1] * m[5] - m[2] * m[4],
+                 m[5] * m[6] - m[3] * m[8], m[0] * m[8] - m[2] * m[6], m[2] * m[3] - m[0] * m[5],
+                 m[3] * m[7] - m[4] * m[6], m[1] * m[6] - m[0] * m[7], m[0] * m[4] - m[1] * m[3]};
+  double det = m[0] * c[0] + m[1] * c[3] + m[2] * c[6];
+  if (!(fabs(det) > 1e-9 * scale * scale * scale)) return false;
+  for (int i = 0; i < 9; i++) inverse[i] = c[i] / det;
+  return true;
+}
+
+static bool check_grid(const tc_volume_desc *d, GError **error) {
+  uint64_t voxels = 1;
+  for (int k = 0; k < 3; k++) {
+    if (d->dims[k] < 1) {
+      tc_set_error(error, TC_ERROR_INVALID, NULL, "volume: axis %d has %d voxels, at least 1 wanted", k, d->dims[k]);
+      return false;
+    }
+    voxels *= (uint64_t)d->dims[k]; /* two factors under 2^31 fit; the third is checked before it multiplies */
+    if (voxels > INT32_MAX) {
+      tc_set_error(error, TC_ERROR_LIMIT, NULL, "volume: %dx%dx%d is more than 2^31-1 voxels: crop or resample it first",
+                   d->dims[0], d->dims[1], d->dims[2]);
+      return false;
+    }
+    if (!(d->spacing[k] > 0) || !isfinite(d->spacing[k])) {
+      tc_set_error(error, TC_ERROR_INVALID, NULL, "volume: spacing of axis %d is %g, a finite number above 0 wanted", k,
+                   d->spacing[k]);
+      return false;
+    }
+    if (!isfinite(d->origin[k])) {
+      tc_set_error(error, TC_ERROR_INVALID, NULL, "volume: origin is not finite");
+      return false;
+    }
+  }
+  if (!isfinite(d->slope) || d->slope == 0 || !isfinite(d->intercept)) {
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "volume: slope %g and intercept %g must be finite, slope not 0", d->slope,
+                 d->intercept);
+    return false;
+  }
+  if ((unsigned)d->type >= TC_VOXEL_TYPE_COUNT) {
+    tc_set_error(error, TC_ERROR_INTERNAL, NULL, "volume: voxel type %d is unknown", (int)d->type);
+    return false;
+  }
+  return true;
+}
+
+/* Unit columns; a file's rounding is mended here, nonsense is refused. */
+static bool normalise_direction(tc_volume_desc *d, double to_index[9], GError **error) {
+  for (int k = 0; k < 3; k++) {
+    double length = sqrt(d->direction[k] * d->direction[k] + d->direction[3 + k] * d->direction[3 + k] +
+                         d->direction[6 + k] * d->direction[6 + k]);
+    if (!isfinite(length) || length < 1e-6) {
+      tc_set_error(error, TC_ERROR_INVALID, NULL, "volume: direction of axis %d is not a vector", k);
+      return false;
+    }
+    for (int r = 0; r < 3; r++) d->direction[3 * r + k] /= length;
+  }
+  double inverse[9];
+  if (!invert3(d->direction, inverse)) {
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "volume: the direction's axes lie in one plane");
+    return false;
+  }
+  for (int k = 0; k < 3; k++)
+    for (int c = 0; c < 3; c++) to_index[3 * k + c] = inverse[3 * k + c] / d->spacing[k];
+  return true;
+}
+
+tc_volume *tc_volume_new(const tc_volume_desc *desc, GError **error) {
+  if (!check_grid(desc, error)) return NULL;
+  tc_volume *v = calloc(1, sizeof *v);
+  if (!v) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "volume: out of memory");
+    return NULL;
+  }
+  v->desc = *desc;
+  if (v->desc.frames < 1) v->desc.frames = 1;
+  if (!normalise_direction(&v->desc, v->to_index, error)) {
+    free(v);
+    return NULL;
+  }
+  for (int r = 0; r < 3; r++)
+    for (int k = 0; k < 3; k++) v->to_lps[3 * r + k] = v->desc.direction[3 * r + k] * v->desc.spacing[k];
+  v->bytes = (size_t)desc->dims[0] * (size_t)desc->dims[1] * (size_t)desc->dims[2] * tc_voxel_size(desc->type);
+  v->mapped_bytes = v->bytes + TAIL_PAD_BYTES;
+  /* mmap, not malloc: pages come zeroed and cost nothing until touched, and large ones are asked for. */
+  void *p = mmap(NULL, v->mapped_bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (p == MAP_FAILED) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "volume: no memory for %zu bytes of voxels", v->bytes);
+    free(v);
+    return NULL;
+  }
+  madvise(p, v->mapped_bytes, MADV_HUGEPAGE);
+  v->voxels = p;
+  v->serial = atomic_fetch_add(&next_serial, 1);
+  atomic_init(&v->references, 1);
+  return v;
+}
+
+void *tc_volume_voxels(tc_volume *volume) { return volume->sealed ? NULL : volume->voxels; }
+const void *tc_volume_data(const tc_volume *volume) { return volume->voxels; }
+
+static size_t voxel_count(const tc_volume *v) { return v->bytes / tc_voxel_size(v->desc.type); }
+
+/* Range of an integer array; a plain loop the compiler turns into vector minima. */
+#define RANGE_OF(name, type)                                                                                         \
+  static void range_##name(const type *p, size_t n, double *lo, double *hi) {                                        \
+    type a = p[0], b = p[0];                                                                                         \
+    for (size_t i = 1; i < n; i++) {                                                                                 \
+      a = p[i] < a ? p[i] : a;                                                                                       \
+      b = p[i] > b ? p[i] : b;                                                                                       \
+    }                                                                                                                \
+    *lo = a, *hi = b;                                                                                                \
+  }
+RANGE_OF(u8, uint8_t)
+RANGE_OF(i8, int8_t)
+RANGE_OF(u16, uint16_t)
+RANGE_OF(i16, int16_t)
+
+static void range_f32(const float *p, size_t n, double *lo, double *hi, uint64_t *non_finite) {
+  float a = INFINITY, b = -INFINITY;
+  uint64_t bad = 0;
+  for (size_t i = 0; i < n; i++) {
+    if (!isfinite(p[i])) {
+      bad++;
+      continue;
+    }
+    a = fminf(a, p[i]);
+    b = fmaxf(b, p[i]);
+  }
+  *non_finite = bad;
+  *lo = bad == n ? 0 : a, *hi = bad == n ? 0 : b;
+}
+
+/* Kernels interpolate without a test, so what is not finite is mended once, here. */
+static void mend_f32(float *p, size_t n, float lo, float hi) {
+  for (size_t i = 0; i < n; i++)
+    if (!isfinite(p[i])) p[i] = p[i] > 0 ? hi : lo;
+}
+
+void tc_volume_seal(tc_volume *volume) {
+  if (volume->sealed) return;
+  size_t n = voxel_count(volume);
+  double lo = 0, hi = 0;
+  switch (volume->desc.type) {
+  case TC_U8: range_u8(volume->voxels, n, &lo, &hi); break;
+  case TC_I8: range_i8((const int8_t *)volume->voxels, n, &lo, &hi); break;
+  case TC_U16: range_u16((const uint16_t *)volume->voxels, n, &lo, &hi); break;
+  case TC_I16: range_i16((const int16_t *)volume->voxels, n, &lo, &hi); break;
+  case TC_F32:
+    range_f32((const float *)volume->voxels, n, &lo, &hi, &volume->stats.non_finite);
+    if (volume->stats.non_finite) mend_f32((float *)volume->voxels, n, (float)lo, (float)hi);
+    break;
+  case TC_VOXEL_TYPE_COUNT: break;
+  }
+  double a = volume->desc.slope * lo + volume->desc.intercept, b = volume->desc.slope * hi + volume->desc.intercept;
+  volume->stats.voxel_min = lo, volume->stats.voxel_max = hi;
+  volume->stats.min = fmin(a, b), volume->stats.max = fmax(a, b);
+  volume->sealed = true;
+}
+
+tc_volume *tc_volume_ref(tc_volume *volume) {
+  atomic_fetch_add_explicit(&volume->references, 1, memory_order_relaxed);
+  return volume;
+}
+
+void tc_volume_unref(tc_volume *volume) {
+  if (!volume || atomic_fetch_sub_explicit(&volume->references, 1, memory_order_acq_rel) != 1) return;
+  munmap(volume->voxels, volume->mapped_bytes);
+  free(volume);
+}
+
+const tc_volume_desc *tc_volume_describe(const tc_volume *volume) { return &volume->desc; }
+const tc_volume_stats *tc_volume_statistics(const tc_volume *volume) { return &volume->stats; }
+size_t tc_volume_bytes(const tc_volume *volume) { return volume->bytes; }
+uint64_t tc_volume_serial(const tc_volume *volume) { return volume->serial; }
+
+static void multiply3(const double m[9], const double x[3], double y[3]) {
+  for (int r = 0; r < 3; r++) y[r] = m[3 * r] * x[0] + m[3 * r + 1] * x[1] + m[3 * r + 2] * x[2];
+}
+
+void tc_volume_index_to_lps(const tc_volume *volume, const double index[3], double lps[3]) {
+  double y[3];
+  multiply3(volume->to_lps, index, y);
+  for (int k = 0; k < 3; k++) lps[k] = y[k] + volume->desc.origin[k];
+}
+
+void tc_volume_lps_to_index(const tc_volume *volume, const double lps[3], double index[3]) {
+  double d[3];
+  for (int k = 0; k < 3; k++) d[k] = lps[k] - volume->desc.origin[k];
+  multiply3(volume->to_index, d, index);
+}
+
+void tc_volume_lps_to_index_matrix(const tc_volume *volume, double matrix[9]) {
+  memcpy(matrix, volume->to_index, sizeof volume->to_index);
+}
+
+void tc_volume_index_box(const tc_volume *volume, double lo[3], double hi[3]) {
+  for (int k = 0; k < 3; k++) {
+    int n = volume->desc.dims[k];
+    lo[k] = n == 1 ? -0.5 : 0;
+    hi[k] = n == 1 ? 0.5 : n - 1;
+  }
+}
+
+static double voxel_as_double(const tc_volume *v, size_t i) {
+  switch (v->desc.type) {
+  case TC_U8: return v->voxels[i];
+  case TC_I8: return ((const int8_t *)v->voxels)[i];
+  case TC_U16: return ((const uint16_t *)v->voxels)[i];
+  case TC_I16: return ((const int16_t *)v->voxels)[i];
+  case TC_F32: return (double)((const float *)v->voxels)[i];
+  case TC_VOXEL_TYPE_COUNT: break;
+  }
+  return 0;
+}
+
+bool tc_volume_value_at(const tc_volume *volume, const double index[3], double *value) {
+  double lo[3], hi[3], f[3];
+  size_t low[3], high[3];
+  tc_volume_index_box(volume, lo, hi);
+  for (int k = 0; k < 3; k++) {
+    if (!(index[k] >= lo[k] && index[k] <= hi[k])) return false;
+    int n = volume->desc.dims[k];
+    double p = n == 1 ? 0 : index[k];
+    int i = (int)p;
+    if (i > n - 2) i = n - 2 < 0 ? 0 : n - 2;
+    f[k] = p - i;
+    low[k] = (size_t)i;
+    high[k] = (size_t)(i + 1 < n ? i + 1 : i);
+  }
+  size_t nx = (size_t)volume->desc.dims[0], ny = (size_t)volume->desc.dims[1];
+  double sum = 0;
+  for (int corner = 0; corner < 8; corner++) {
+    size_t x = corner & 1 ? high[0] : low[0], y = corner & 2 ? high[1] : low[1], z = corner & 4 ? high[2] : low[2];
+    double w = (corner & 1 ? f[0] : 1 - f[0]) * (corner & 2 ? f[1] : 1 - f[1]) * (corner & 4 ? f[2] : 1 - f[2]);
+    sum += w * voxel_as_double(volume, (z * ny + y) * nx + x);
+  }
+  *value = volume->desc.slope * sum + volume->desc.intercept;
+  return true;
+}
+
+void tc_volume_histogram(const tc_volume *volume, int bins, uint64_t *counts, double *edges) {
+  double lo = volume->stats.min, hi = volume->stats.max;
+  for (int i = 0; i <= bins; i++) edges[i] = lo + (hi - lo) * i / bins;
+  memset(counts, 0, (size_t)bins * sizeof *counts);
+  double scale = hi > lo ? bins / (hi - lo) : 0;
+  size_t n = voxel_count(volume);
+  for (size_t i = 0; i < n; i++) {
+    double v = volume->desc.slope * voxel_as_double(volume, i) + volume->desc.intercept;
+    int bin = (int)((v - lo) * scale);
+    counts[bin < 0 ? 0 : bin >= bins ? bins - 1 : bin]++;
+  }
+}
