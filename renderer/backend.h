@@ -1,0 +1,52 @@
+/* What a back end fills: private to the renderer. */
+#ifndef TC_RENDERER_BACKEND_H
+#define TC_RENDERER_BACKEND_H
+
+#include "renderer/classify/classify.h"
+#include "renderer/pool.h"
+#include "renderer/raycast/rays.h"
+#include "renderer/tomocast.h"
+
+/* One frame's work: everything was validated, every resource is built and lives until render() returns. */
+typedef struct tc_job {
+  const tc_plan *plan;
+  const tc_scene *scene;
+  const tc_volume *volume;
+  const tc_rays *rays;
+  const tc_table *table; /* NULL when the plan has none */
+  const atomic_bool *cancel; /* may be NULL */
+  bool want_linear;
+  tc_frame *frame; /* width, height set; buffers allocated; stats.samples and .rays to be filled */
+} tc_job;
+
+typedef struct tc_backend_ops {
+  const char *name;
+  /* device: static or owned by the instance. */
+  void *(*create)(const tc_renderer_options *options, tc_pool *pool, GError **error);
+  void (*destroy)(void *instance);
+  const char *(*device)(void *instance);
+  const char *(*isa)(void *instance);
+  bool (*render)(void *instance, const tc_job *job, GError **error);
+  /* Drops copies of a volume (by serial). */
+  void (*forget)(void *instance, uint64_t volume_serial);
+  /* Completes plan->kernel with the variant's name. */
+  void (*name_kernel)(void *instance, tc_plan *plan);
+} tc_backend_ops;
+
+extern const tc_backend_ops tc_cpu_backend;
+extern const tc_backend_ops tc_gl_backend;
+
+/* Is there a GL device worth taking on "auto"? *why: one sentence in `size` bytes. Callable before any context exists, on
+ * the thread that will own it. */
+bool tc_gl_probe(bool *hardware, char *why, size_t size);
+
+/* Premultiplied colour in the compositing space + opacity -> background behind it, sRGB, 8 bits (round to nearest). Shared by
+ * both back ends so that they agree: row of `count` pixels. lut: tc_resolve_init(). */
+typedef struct tc_resolve {
+  float background[3]; /* in the compositing space */
+  bool transparent, linear_light;
+} tc_resolve;
+void tc_resolve_init(tc_resolve *resolve, const tc_scene *scene);
+void tc_resolve_row(const tc_resolve *resolve, const float *linear, uint8_t *rgba, int count);
+
+#endif

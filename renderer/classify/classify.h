@@ -1,0 +1,57 @@
+/* Classification: from a transfer function to what kernels look up.
+ *
+ * The full pre-integration table (paper 000, eq. 7 and 8; NUMERICS sections 2 and 3) for one segment length d.
+ * Node j of the value axis is the voxel value lo + j * (hi - lo) / (n - 1), so data span nodes 0 .. n-1; one more
+ * node beyond lets a bilinear lookup at the end read without a test.
+ * The table is stored along its diagonals, because a diagonal is what is built at once and because the
+ * differences that occur in data are small, so the rows in use are few and near each other:
+ *   row(k), k = node(sb) - node(sf) signed, holds at column i = min(node(sf), node(sb))
+ *   (R, G, B, alpha): colour with self-attenuation (premultiplied) and opacity of the segment.
+ * A lookup at real (ef, eb) = (node(sf), node(sb)): i = min(ef, eb), k = |eb - ef|, bilinear over (k, i) within the
+ * half table of eb - ef's sign. Colours are in the compositing space (display sRGB, or linear light). */
+#ifndef TC_CLASSIFY_H
+#define TC_CLASSIFY_H
+
+#include "renderer/pool.h"
+#include "renderer/scene.h"
+#include "renderer/volume/volume.h"
+
+typedef struct tc_table {
+  int n;             /* nodes that data reach */
+  int columns;       /* n + 2: floats per row / 4 */
+  double lo, hi;     /* voxel values (not rescaled) of nodes 0 and n-1; lo < hi */
+  double step_mm;    /* segment length */
+  float *entries;    /* [2*(n+1)+1][columns][4]; outside i + |k| <= n it is zero */
+  float *zero_row;   /* entries + (n+1)*columns*4: row of k = 0 */
+  size_t bytes;
+  uint64_t serial;   /* unique in the process; keys copies on a GPU */
+  double build_ms;
+} tc_table;
+
+typedef struct tc_table_params {
+  const tc_transfer_function *tf;
+  double slope, intercept;      /* voxel -> value */
+  double voxel_lo, voxel_hi;    /* range the nodes span */
+  int n;
+  double step_mm;
+  bool linear_light;
+} tc_table_params;
+
+/* How many nodes a scene's transfer function wants over a volume, and the voxel range they span: 256 over the whole type for
+ * 8-bit data; else 256 to 1024 over the data's range by the distance of the knots. */
+void tc_table_choose(const tc_volume *volume, const tc_transfer_function *tf, int *n, double *voxel_lo, double *voxel_hi);
+
+/* Builds the table on the pool (NULL: on the caller). Out of memory gives NULL with TC_ERROR_MEMORY. */
+tc_table *tc_table_build(const tc_table_params *params, tc_pool *pool, GError **error);
+void tc_table_free(tc_table *table); /* NULL is fine */
+
+/* Extinction (1/mm) at a value, and its mean over [a, b] (exact per knot interval; a == b gives tau(a)). */
+double tc_extinction(const tc_transfer_function *tf, double value);
+double tc_extinction_mean(const tc_transfer_function *tf, double a, double b);
+/* Colour at a value, sRGB 0..1. */
+void tc_color(const tc_transfer_function *tf, double value, double rgb[3]);
+
+double tc_srgb_to_linear(double c);
+double tc_linear_to_srgb(double c);
+
+#endif

@@ -1,0 +1,82 @@
+#include "renderer/raycast/rays.h"
+
+#include <math.h>
+#include <string.h>
+
+static double dot3(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+static void cross3(const double a[3], const double b[3], double c[3]) {
+  c[0] = a[1] * b[2] - a[2] * b[1];
+  c[1] = a[2] * b[0] - a[0] * b[2];
+  c[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static void normalise3(double v[3]) {
+  double length = sqrt(dot3(v, v));
+  for (int k = 0; k < 3; k++) v[k] /= length;
+}
+
+/* Centre and radius of the volume's box in LPS. */
+static void bounding_sphere(const tc_volume *volume, double center[3], double *radius) {
+  double lo[3], hi[3], mid[3], corner[3], p[3];
+  tc_volume_index_box(volume, lo, hi);
+  for (int k = 0; k < 3; k++) mid[k] = 0.5 * (lo[k] + hi[k]);
+  tc_volume_index_to_lps(volume, mid, center);
+  *radius = 0;
+  for (int c = 0; c < 8; c++) {
+    for (int k = 0; k < 3; k++) corner[k] = c >> k & 1 ? hi[k] : lo[k];
+    tc_volume_index_to_lps(volume, corner, p);
+    double d2 = 0;
+    for (int k = 0; k < 3; k++) d2 += (p[k] - center[k]) * (p[k] - center[k]);
+    *radius = fmax(*radius, sqrt(d2));
+  }
+}
+
+void tc_rays_set_up(tc_rays *rays, const tc_volume *volume, const tc_scene *scene, int width, int height) {
+  const tc_camera *camera = &scene->camera;
+  double forward[3], right[3], up[3], center[3], radius;
+  for (int k = 0; k < 3; k++) forward[k] = camera->target[k] - camera->position[k];
+  normalise3(forward);
+  cross3(forward, camera->up, right);
+  normalise3(right);
+  cross3(right, forward, up);
+  bounding_sphere(volume, center, &radius);
+
+  memset(rays, 0, sizeof *rays);
+  tc_volume_lps_to_index_matrix(volume, rays->to_index);
+  tc_volume_index_box(volume, rays->lo, rays->hi);
+  rays->perspective = camera->projection == TC_PERSPECTIVE;
+  const double *spacing = tc_volume_describe(volume)->spacing;
+  rays->step_mm = scene->sampling.step * fmin(spacing[0], fmin(spacing[1], spacing[2]));
+
+  double to_center[3];
+  for (int k = 0; k < 3; k++) to_center[k] = center[k] - camera->position[k];
+  double depth = dot3(to_center, forward);
+  /* Perspective needs an anchor plane in front of the eye; a quarter of the radius keeps it near the volume's scale
+   * when the eye is inside. */
+  if (rays->perspective) depth = fmax(depth, 0.25 * radius);
+  double half_height = rays->perspective ? depth * tan(camera->fov_y_deg * (M_PI / 360)) : 0.5 * camera->height_mm;
+  double pixel = 2 * half_height / height;
+
+  double anchor[3], du[3], dv[3];
+  for (int k = 0; k < 3; k++) {
+    du[k] = pixel * right[k];
+    dv[k] = -pixel * up[k];
+    anchor[k] = camera->position[k] + depth * forward[k] - 0.5 * width * du[k] - 0.5 * height * dv[k];
+  }
+  tc_volume_lps_to_index(volume, anchor, rays->anchor0);
+  for (int r = 0; r < 3; r++) {
+    rays->anchor_du[r] = dot3(rays->to_index + 3 * r, du);
+    rays->anchor_dv[r] = dot3(rays->to_index + 3 * r, dv);
+  }
+  if (rays->perspective) {
+    for (int k = 0; k < 3; k++) {
+      rays->view0[k] = depth * forward[k] - 0.5 * width * du[k] - 0.5 * height * dv[k];
+      rays->view_du[k] = du[k];
+      rays->view_dv[k] = dv[k];
+    }
+  } else {
+    memcpy(rays->view0, forward, sizeof forward);
+    rays->eye_mm = depth;
+  }
+}

@@ -1,0 +1,30 @@
+/* From a camera to rays through a volume, the same for every back end.
+ *
+ * A ray is written around an anchor near the volume instead of around the eye, so that single precision
+ * holds for a camera far away: p(s) = anchor(i,j) + s * dir(i,j), s in mm from the anchor.
+ *   anchor(i,j) = anchor0 + (i+0.5) * anchor_du + (j+0.5) * anchor_dv         index (voxel) coordinates
+ *   view(i,j)   = view0   + (i+0.5) * view_du   + (j+0.5) * view_dv           LPS mm, eye -> anchor (perspective)
+ *   dir(i,j)    = to_index * view / |view|                                    voxels per mm
+ * Pixel (0,0) is top left (NUMERICS section 0). The eye is at s = -|view| (perspective) or s = -eye_mm
+ * (orthographic, where view is constant and of unit length): nothing in front of it is seen.
+ * The field is sampled at t_i = t0 + i * step_mm from the ray's entry into the index box. */
+#ifndef TC_RAYCAST_RAYS_H
+#define TC_RAYCAST_RAYS_H
+
+#include "renderer/scene.h"
+#include "renderer/volume/volume.h"
+
+typedef struct tc_rays {
+  double anchor0[3], anchor_du[3], anchor_dv[3];
+  double view0[3], view_du[3], view_dv[3];
+  double to_index[9]; /* row by row */
+  double eye_mm;      /* orthographic only */
+  bool perspective;
+  double lo[3], hi[3]; /* index box of the field */
+  double step_mm;
+} tc_rays;
+
+/* The camera was validated (tc_plan_make). width, height: pixels of the picture to make. Pure. */
+void tc_rays_set_up(tc_rays *rays, const tc_volume *volume, const tc_scene *scene, int width, int height);
+
+#endif
