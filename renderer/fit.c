@@ -1,0 +1,76 @@
+/* Scene defaults that fit a volume. */
+#include <math.h>
+#include <string.h>
+
+#include "renderer/tomocast.h"
+
+/* Percentile of the voxels by a histogram: robust against a few outliers. */
+static void percentiles(const tc_volume *volume, double low, double high, double *lo, double *hi) {
+  enum { BINS = 1024 };
+  uint64_t counts[BINS], total = 0, sum = 0;
+  double edges[BINS + 1];
+  tc_volume_histogram(volume, BINS, counts, edges);
+  for (int i = 0; i < BINS; i++) total += counts[i];
+  *lo = edges[0], *hi = edges[BINS];
+  bool have_low = false;
+  for (int i = 0; i < BINS; i++) {
+    sum += counts[i];
+    if (!have_low && (double)sum >= low * (double)total) *lo = edges[i], have_low = true;
+    if ((double)sum >= high * (double)total) {
+      *hi = edges[i + 1];
+      return;
+    }
+  }
+}
+
+static void fit_camera(tc_camera *camera, const tc_volume *volume) {
+  double lo[3], hi[3], mid[3], corner[3], p[3], radius = 0;
+  tc_volume_index_box(volume, lo, hi);
+  for (int k = 0; k < 3; k++) mid[k] = 0.5 * (lo[k] + hi[k]);
+  tc_volume_index_to_lps(volume, mid, camera->target);
+  for (int c = 0; c < 8; c++) {
+    double d2 = 0;
+    for (int k = 0; k < 3; k++) corner[k] = c >> k & 1 ? hi[k] : lo[k];
+    tc_volume_index_to_lps(volume, corner, p);
+    for (int k = 0; k < 3; k++) d2 += (p[k] - camera->target[k]) * (p[k] - camera->target[k]);
+    radius = fmax(radius, sqrt(d2));
+  }
+  if (!(radius > 0)) radius = 1;
+  camera->projection = TC_PERSPECTIVE;
+  camera->fov_y_deg = 30;
+  /* From the front, head up; the bounding sphere fits with room to turn. */
+  double distance = radius / sin(camera->fov_y_deg * M_PI / 360);
+  memcpy(camera->position, camera->target, sizeof camera->position);
+  camera->position[1] -= distance;
+  camera->up[0] = 0, camera->up[1] = 0, camera->up[2] = 1;
+  camera->height_mm = 2 * radius;
+}
+
+static const char *preset_for(const tc_volume *volume) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  const tc_volume_stats *s = tc_volume_statistics(volume);
+  if (!strcmp(d->format, "demo") && !strcmp(d->modality, "XA")) return "demo-vessels";
+  if (!strcmp(d->modality, "CT") || (!strcmp(d->unit, "HU") || (s->min < -500 && s->max > 300))) return "ct-bone";
+  if (!strcmp(d->modality, "MR")) return "mr-default";
+  return "surface";
+}
+
+void tc_scene_fit(tc_scene *scene, const tc_volume *volume) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  const tc_volume_stats *s = tc_volume_statistics(volume);
+  fit_camera(&scene->camera, volume);
+  double lo, hi;
+  percentiles(volume, 0.001, 0.999, &lo, &hi);
+  if (!(hi > lo)) hi = lo + 1;
+  if (d->window_width > 0) {
+    scene->window.center = d->window_center;
+    scene->window.width = d->window_width;
+  } else {
+    scene->window.center = 0.5 * (lo + hi);
+    scene->window.width = hi - lo;
+  }
+  scene->isosurface.value = 0.5 * (lo + hi);
+  memcpy(scene->mpr.center, scene->camera.target, sizeof scene->mpr.center);
+  if (!tc_transfer_function_set_preset(&scene->transfer_function, preset_for(volume), s->min, s->max))
+    tc_transfer_function_set_preset(&scene->transfer_function, "grey-ramp", s->min, s->max);
+}

@@ -1,0 +1,183 @@
+#include "renderer/plan/plan.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "renderer/classify/classify.h"
+
+/* A ray takes at most this many samples: more is a mistake in the scene, and float positions end there. */
+#define MAX_SAMPLES_PER_RAY 8e6
+
+const char *tc_stage_name(tc_stage stage) {
+  static const char *const names[TC_STAGE_COUNT] = {
+      "table-1d", "table-2d",     "gradient", "skipping", "clipping", "jitter",     "labels", "termination",
+      "alpha",    "depth-output", "linear-light", "resolve", "encode",   "error-meter"};
+  return (unsigned)stage < TC_STAGE_COUNT ? names[stage] : "?";
+}
+
+static void stage(tc_plan *plan, tc_stage which, bool included, const char *format, ...) G_GNUC_PRINTF(4, 5);
+static void stage(tc_plan *plan, tc_stage which, bool included, const char *format, ...) {
+  plan->stages[which].included = included;
+  va_list args;
+  va_start(args, format);
+  vsnprintf(plan->stages[which].reason, sizeof plan->stages[which].reason, format, args);
+  va_end(args);
+}
+
+/* ---- what cannot be rendered meaningfully ---- */
+
+static bool invalid(GError **error, const char *pointer, const char *message) {
+  tc_set_error(error, TC_ERROR_INVALID, pointer, "%s: %s", pointer + 1, message);
+  return false;
+}
+
+static bool finite3(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
+
+static bool check_camera(const tc_camera *c, GError **error) {
+  if (!finite3(c->position)) return invalid(error, "/camera/position", "three finite numbers wanted");
+  if (!finite3(c->target)) return invalid(error, "/camera/target", "three finite numbers wanted");
+  if (!finite3(c->up)) return invalid(error, "/camera/up", "three finite numbers wanted");
+  double d[3], cross[3], d2 = 0, up2 = 0, cross2 = 0;
+  for (int k = 0; k < 3; k++) {
+    d[k] = c->target[k] - c->position[k];
+    d2 += d[k] * d[k];
+    up2 += c->up[k] * c->up[k];
+  }
+  for (int k = 0; k < 3; k++) {
+    int a = (k + 1) % 3, b = (k + 2) % 3;
+    cross[k] = d[a] * c->up[b] - d[b] * c->up[a];
+    cross2 += cross[k] * cross[k];
+  }
+  if (!(d2 > 0)) return invalid(error, "/camera/target", "the target is the position: nothing to look along");
+  if (!(up2 > 0)) return invalid(error, "/camera/up", "a vector that is not zero wanted");
+  if (!(cross2 > 1e-18 * d2 * up2)) return invalid(error, "/camera/up", "parallel to the view direction: choose another");
+  if (c->projection == TC_PERSPECTIVE && !(c->fov_y_deg > 0 && c->fov_y_deg < 180))
+    return invalid(error, "/camera/fovY", "degrees above 0 and below 180 wanted");
+  if (c->projection == TC_ORTHOGRAPHIC && !(c->height_mm > 0 && isfinite(c->height_mm)))
+    return invalid(error, "/camera/height", "mm above 0 wanted");
+  return true;
+}
+
+static bool check_transfer_function(const tc_transfer_function *tf, GError **error) {
+  if (tf->count < 1 || tf->count > TC_MAX_KNOTS)
+    return invalid(error, "/transferFunction/points", "between 1 and 65536 knots wanted");
+  if (tf->kind == TC_KNOT_OPACITY && !(tf->unit_distance_mm > 0 && isfinite(tf->unit_distance_mm)))
+    return invalid(error, "/transferFunction/unitDistance", "mm above 0 wanted");
+  for (size_t i = 0; i < tf->count; i++) {
+    const tc_knot *k = &tf->points[i];
+    char pointer[64];
+    snprintf(pointer, sizeof pointer, "/transferFunction/points/%zu", i);
+    if (!isfinite(k->value) || !finite3(k->color) || !isfinite(k->amount) || k->amount < 0)
+      return invalid(error, pointer, "finite value and colour, and an opacity or extinction of at least 0 wanted");
+    if (tf->kind == TC_KNOT_OPACITY && k->amount > 1) return invalid(error, pointer, "opacity from 0 to 1 wanted");
+    if (i > 0 && !(k->value >= k[-1].value)) return invalid(error, pointer, "knots in ascending order of value wanted");
+  }
+  return true;
+}
+
+static bool check_sampling(const tc_volume *volume, const tc_scene *scene, GError **error) {
+  double step = scene->sampling.step;
+  if (!(step > 0) || !isfinite(step)) return invalid(error, "/sampling/step", "voxels above 0 wanted");
+  if (!(scene->sampling.termination >= 0 && scene->sampling.termination < 1))
+    return invalid(error, "/sampling/termination", "a transparency from 0 to below 1 wanted");
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  double least = fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2])), diagonal = 0;
+  for (int k = 0; k < 3; k++) diagonal += d->dims[k] * d->spacing[k];
+  if (diagonal / (step * least) > MAX_SAMPLES_PER_RAY) {
+    tc_set_error(error, TC_ERROR_LIMIT, "/sampling/step",
+                 "sampling/step: %g voxels of %g mm make over %.0f samples a ray: choose a larger step", step, least,
+                 MAX_SAMPLES_PER_RAY);
+    return false;
+  }
+  return true;
+}
+
+static bool check_image(int width, int height, GError **error) {
+  if (width < 1 || height < 1) return invalid(error, width < 1 ? "/image/width" : "/image/height", "at least 1 pixel wanted");
+  if (width > TC_MAX_IMAGE_SIDE || height > TC_MAX_IMAGE_SIDE || (int64_t)width * height > TC_MAX_IMAGE_AREA) {
+    tc_set_error(error, TC_ERROR_LIMIT, width > TC_MAX_IMAGE_SIDE ? "/image/width" : "/image/height",
+                 "image: %dx%d is over the limit of %d a side and %d pixels", width, height, TC_MAX_IMAGE_SIDE,
+                 TC_MAX_IMAGE_AREA);
+    return false;
+  }
+  return true;
+}
+
+/* ---- what is not built: refused, so that no picture is ever quietly another one ---- */
+
+static bool unsupported(GError **error, const char *pointer, const char *what) {
+  tc_set_error(error, TC_ERROR_UNSUPPORTED, pointer, "%s: %s is not available in this version", pointer + 1, what);
+  return false;
+}
+
+static bool check_built(const tc_scene *s, GError **error) {
+  static const char *const modes[TC_MODE_COUNT] = {"dvr", "mip", "minip", "average", "isosurface", "mesh", "splat", "mpr"};
+  if ((unsigned)s->mode >= TC_MODE_COUNT) return invalid(error, "/mode", "unknown");
+  if (s->mode != TC_MODE_DVR) return unsupported(error, "/mode", modes[s->mode]);
+  if (s->classification != TC_PREINTEGRATED)
+    return unsupported(error, "/classification", "any classification but preintegrated");
+  if (s->order != TC_FRONT_TO_BACK) return unsupported(error, "/order", "back-to-front");
+  if (s->filter != TC_FILTER_LINEAR) return unsupported(error, "/filter", "any filter but linear");
+  if (s->sampling.rays_per_pixel != 1) return unsupported(error, "/sampling/raysPerPixel", "more than one ray a pixel");
+  if (s->sampling.coherence) return unsupported(error, "/sampling/coherence", "sub-pixel coherence");
+  if (s->sampling.jitter) return unsupported(error, "/sampling/jitter", "jitter");
+  if (s->shading.model != TC_SHADING_NONE) return unsupported(error, "/shading/model", "shading");
+  if (s->clip.has_box || s->clip.n_planes) return unsupported(error, "/clip", "clipping");
+  if (s->labels.volume[0]) return unsupported(error, "/labels", "a label volume");
+  if (s->quality.max_error > 0 || s->quality.max_ms > 0) return unsupported(error, "/quality", "quality control");
+  if (s->error_meter.pixels) return unsupported(error, "/errorMeter", "the error meter");
+  return true;
+}
+
+static void plan_stages(tc_plan *plan, const tc_scene *s) {
+  stage(plan, TC_STAGE_TABLE_1D, false, "only approximate classification reads 1-D integrals");
+  stage(plan, TC_STAGE_TABLE_2D, true, "classification is preintegrated: %d values a side, segments of %.4g mm",
+        plan->table_size, plan->step_mm);
+  stage(plan, TC_STAGE_GRADIENT, false, "shading.model is none");
+  stage(plan, TC_STAGE_SKIPPING, false,
+        s->skipping.mode == TC_SKIPPING_OFF ? "skipping.mode is off" : "this version samples every step");
+  stage(plan, TC_STAGE_CLIPPING, false, "no clip box or plane");
+  stage(plan, TC_STAGE_JITTER, false, "sampling.jitter is off");
+  stage(plan, TC_STAGE_LABELS, false, "no label volume");
+  if (plan->key.termination)
+    stage(plan, TC_STAGE_TERMINATION, true, "rays end under a transparency of %.3g", s->sampling.termination);
+  else
+    stage(plan, TC_STAGE_TERMINATION, false, "sampling.termination is 0");
+  stage(plan, TC_STAGE_ALPHA, s->image.transparent,
+        s->image.transparent ? "background is transparent" : "background is a colour");
+  stage(plan, TC_STAGE_DEPTH, false, "nothing asks for depth");
+  stage(plan, TC_STAGE_LINEAR_LIGHT, s->image.linear_light,
+        s->image.linear_light ? "colours composite in linear light" : "colours composite in display space");
+  stage(plan, TC_STAGE_RESOLVE, true, "background and 8-bit conversion of %dx%d pixels", plan->width, plan->height);
+  stage(plan, TC_STAGE_ENCODE, true, s->image.format == TC_FORMAT_PNG ? "png, lossless" : "jpeg, quality %d",
+        s->image.quality);
+  stage(plan, TC_STAGE_ERROR_METER, false, "errorMeter is off");
+}
+
+bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_plan *plan, GError **error) {
+  memset(plan, 0, sizeof *plan);
+  if (!check_built(scene, error) || !check_image(width, height, error) || !check_camera(&scene->camera, error) ||
+      !check_transfer_function(&scene->transfer_function, error) || !check_sampling(volume, scene, error))
+    return false;
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  plan->key = (tc_plan_key){.mode = (uint8_t)scene->mode,
+                            .voxel_type = (uint8_t)d->type,
+                            .classification = (uint8_t)scene->classification,
+                            .order = (uint8_t)scene->order,
+                            .filter = (uint8_t)scene->filter,
+                            .projection = (uint8_t)scene->camera.projection,
+                            .shading = (uint8_t)scene->shading.model,
+                            .termination = scene->sampling.termination > 0};
+  plan->width = width;
+  plan->height = height;
+  plan->step_mm = scene->sampling.step * fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2]));
+  double lo, hi;
+  tc_table_choose(volume, &scene->transfer_function, &plan->table_size, &lo, &hi);
+  plan->table_lo = d->slope * lo + d->intercept;
+  plan->table_hi = d->slope * hi + d->intercept;
+  plan_stages(plan, scene);
+  snprintf(plan->kernel, sizeof plan->kernel, "dvr.preintegrated.linear.%s", tc_voxel_type_name(d->type));
+  return true;
+}
