@@ -66,6 +66,7 @@ typedef struct tcp_message {
   bool pointer_down; /* pointer: "start" = true */
   double t;          /* ping */
 } tcp_message;
+/* *message holds nothing before. On failure it holds nothing but `seq`, where that could be read. */
 bool tcp_message_parse(const char *bytes, size_t size, tcp_message *message, GError **error);
 void tcp_message_clear(tcp_message *message);
 

@@ -12,5 +12,6 @@ struct tc_embedded_file {
 
 extern const struct tc_embedded_file tc_shader_files[]; /* renderer/raycast/gl/ *.glsl */
 extern const struct tc_embedded_file tc_web_files[];    /* web/ */
+extern const struct tc_embedded_file tcp_protocol_files[]; /* protocol/openapi.json */
 
 #endif

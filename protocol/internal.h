@@ -1,0 +1,130 @@
+/* What the files of protocol/ share: the table of scene members and the readers and writers driven by it. */
+#ifndef TC_PROTOCOL_INTERNAL_H
+#define TC_PROTOCOL_INTERNAL_H
+
+#include "protocol/protocol.h"
+
+typedef struct tcp_member tcp_member;
+typedef struct tcp_reader tcp_reader;
+
+typedef enum tcp_kind {
+  TCP_NUMBER,  /* double */
+  TCP_INTEGER, /* int */
+  TCP_BOOLEAN, /* bool */
+  TCP_NAME,    /* enum, written as one of `names` */
+  TCP_VECTOR,  /* double[count] */
+  TCP_TEXT,    /* char[count], with its end */
+  TCP_SPECIAL, /* read and written by functions of its own */
+  TCP_KIND_COUNT
+} tcp_kind;
+
+typedef enum tcp_flag {
+  TCP_ABOVE = 1,  /* min itself is excluded */
+  TCP_BELOW = 2,  /* max itself is excluded */
+  TCP_LIMIT = 4,  /* more than max is over a limit (413), not meaningless (422) */
+  TCP_FITTED = 8, /* the default is fitted to the volume */
+  TCP_ASKED = 16  /* 0 or "" means "not asked": then not written */
+} tcp_flag;
+
+/* How a special member differs from a plain field. */
+typedef struct tcp_special {
+  bool (*read)(tcp_reader *reader, const tcp_member *member, const cJSON *value);
+  cJSON *(*write)(const tcp_member *member, const tc_scene *scene); /* NULL: has no meaning now */
+  void (*reset)(tcp_reader *reader, const tcp_member *member);      /* back to the defaults */
+  cJSON *(*schema)(const tcp_member *member);
+} tcp_special;
+
+/* One member of a scene. Parser, writer, JSON Schema and documentation all come from this. */
+struct tcp_member {
+  const char *group; /* "camera"; "" for a member of the scene itself */
+  const char *name;
+  tcp_kind kind;
+  size_t offset; /* into tc_scene (of a knot's members: into tc_knot) */
+  int count;
+  double min, max; /* TCP_NUMBER, TCP_INTEGER, each of TCP_VECTOR */
+  unsigned flags;
+  const char *const *names; /* NULL ends it; index = enum value */
+  const tcp_special *special;
+  const char *unit; /* or NULL */
+  const char *doc;
+};
+
+typedef struct tcp_group { const char *name, *doc; } tcp_group;
+
+/* Members in the order they are read and written; one group's members are neighbours. */
+extern const tcp_member tcp_members[];
+extern const size_t tcp_member_count;
+extern const tcp_group tcp_groups[];
+extern const size_t tcp_group_count;
+
+/* A value, not of a volume, is never as large as this; float arithmetic on it cannot overflow. */
+#define TCP_MAX_VALUE 1e30
+#define TCP_MAX_COORDINATE 1e9
+#define TCP_MAX_LABELS 65536
+
+/* State of one patch being read into `scene`. */
+struct tcp_reader {
+  tc_scene *scene;
+  const tc_scene *defaults;
+  double value_min, value_max; /* scale relative presets */
+  GString *pointer;            /* RFC 6901, of the member being read */
+  GError **error;
+  bool preset_given, max_error_given;
+};
+
+/* --- reader.c: where we are, what is wrong -------------------------------------------------------- */
+
+/* Appends "/name" (escaped); returns what tcp_leave() takes to go back. */
+size_t tcp_enter(tcp_reader *reader, const char *name);
+size_t tcp_enter_index(tcp_reader *reader, int index);
+void tcp_leave(tcp_reader *reader, size_t mark);
+
+/* Sets an error at the reader's place: the message gets the dotted path in front. Returns false. */
+bool tcp_fail(tcp_reader *reader, tc_error_code code, const char *format, ...) G_GNUC_PRINTF(3, 4);
+/* The same for a place known only as a pointer; "" is the whole document. */
+bool tcp_fail_at(GError **error, tc_error_code code, const char *pointer, const char *format, ...) G_GNUC_PRINTF(4, 5);
+/* "<what> is wanted, not <kind of value>" */
+bool tcp_fail_type(tcp_reader *reader, const char *what, const cJSON *value);
+
+/* Client text fit for a one-line message: short, printable. Caller frees with g_free(). */
+char *tcp_quote(const char *text);
+
+/* The candidate (NULL ends them) a reader of `name` most likely meant; NULL: none is near. */
+const char *tcp_nearest(const char *name, const char *const *candidates);
+/* `; did you mean "x"?` or `; known: a, b, c`. Caller frees with g_free(). */
+char *tcp_hint(const char *name, const char *const *candidates);
+
+/* --- leaf.c: plain values ------------------------------------------------------------------------- */
+
+/* Reads value into the field at `base` + member->offset. Not for TCP_SPECIAL. */
+bool tcp_leaf_read(tcp_reader *reader, const tcp_member *member, void *base, const cJSON *value);
+cJSON *tcp_leaf_write(const tcp_member *member, const void *base);
+void tcp_leaf_copy(const tcp_member *member, void *to, const void *from);
+bool tcp_number_read(tcp_reader *reader, const tcp_member *member, const cJSON *value, double *number);
+/* `count` numbers, each within the member's range. */
+bool tcp_vector_read(tcp_reader *reader, const tcp_member *member, const cJSON *value, int count, double *numbers);
+cJSON *tcp_vector_write(const double *numbers, int count);
+
+/* --- special members ------------------------------------------------------------------------------ */
+
+extern const tcp_special tcp_special_background, tcp_special_light, tcp_special_box, tcp_special_planes,
+    tcp_special_mpr_center, tcp_special_quality, tcp_special_label_colors, tcp_special_visible, tcp_special_preset,
+    tcp_special_points;
+
+/* A knot as a list of members: value, color, opacity, extinction. */
+extern const tcp_member tcp_knot_members[4];
+
+/* What holds between members of a complete scene; `patch` helps to point at the member that was just set. */
+bool tcp_scene_check(const tc_scene *scene, const cJSON *patch, GError **error);
+
+/* --- schema.c ------------------------------------------------------------------------------------- */
+
+/* JSON Schema of a plain member. */
+cJSON *tcp_leaf_schema(const tcp_member *member);
+/* {"type":"array","items":items,"minItems":min,"maxItems":max}; takes items. */
+cJSON *tcp_array_schema(cJSON *items, int min, int max);
+cJSON *tcp_range_schema(const tcp_member *member, const char *type);
+/* Adds a constant name without copying it; deletes `value` when it cannot be added. */
+void tcp_add(cJSON *object, const char *constant_name, cJSON *value);
+
+#endif

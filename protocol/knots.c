@@ -1,0 +1,189 @@
+/* transferFunction.points and transferFunction.preset. */
+#include <string.h>
+
+#include "protocol/internal.h"
+
+enum { VALUE, COLOR, OPACITY, EXTINCTION, KNOT_MEMBERS };
+G_STATIC_ASSERT(G_N_ELEMENTS(tcp_knot_members) == KNOT_MEMBERS);
+
+static const char *const knot_names[] = {"value", "color", "opacity", "extinction", NULL};
+
+static int find_member(const char *name) {
+  for (int i = 0; i < KNOT_MEMBERS; i++)
+    if (strcmp(tcp_knot_members[i].name, name) == 0) return i;
+  return -1;
+}
+
+static bool fail_unknown(tcp_reader *reader, const char *name) {
+  char *hint = tcp_hint(name, knot_names);
+  tcp_fail(reader, TC_ERROR_INVALID, "unknown member%s", hint);
+  g_free(hint);
+  return false;
+}
+
+/* Reads the members that are there; *seen gets a bit for each. */
+static bool read_knot_members(tcp_reader *reader, const cJSON *object, tc_knot *knot, unsigned *seen) {
+  if (!cJSON_IsObject(object)) return tcp_fail_type(reader, "an object with value, color and opacity", object);
+  for (const cJSON *item = object->child; item; item = item->next) {
+    size_t mark = tcp_enter(reader, item->string);
+    int member = find_member(item->string);
+    if (member < 0) return fail_unknown(reader, item->string);
+    if (!tcp_leaf_read(reader, &tcp_knot_members[member], knot, item)) return false;
+    *seen |= 1u << member;
+    tcp_leave(reader, mark);
+  }
+  return true;
+}
+
+/* A knot gives value, colour and one of opacity and extinction; all knots give the same one. */
+static bool read_knot(tcp_reader *reader, const cJSON *object, tc_knot *knot, tc_knot_kind *kind, bool first) {
+  unsigned seen = 0;
+  if (!read_knot_members(reader, object, knot, &seen)) return false;
+  bool opacity = seen & 1u << OPACITY, extinction = seen & 1u << EXTINCTION;
+  if (!(seen & 1u << VALUE)) return tcp_fail(reader, TC_ERROR_INVALID, "\"value\" is missing");
+  if (!(seen & 1u << COLOR)) return tcp_fail(reader, TC_ERROR_INVALID, "\"color\" [r,g,b] is missing");
+  if (opacity == extinction)
+    return tcp_fail(reader, TC_ERROR_INVALID, "one of \"opacity\" and \"extinction\" is wanted, got %s",
+                    opacity ? "both" : "none");
+  tc_knot_kind own = opacity ? TC_KNOT_OPACITY : TC_KNOT_EXTINCTION;
+  if (!first && own != *kind)
+    return tcp_fail(reader, TC_ERROR_INVALID, "\"%s\" differs from the points before; use one of the two in all points",
+                    opacity ? "opacity" : "extinction");
+  *kind = own;
+  return true;
+}
+
+static int by_value(gconstpointer a, gconstpointer b, gpointer user) {
+  double x = ((const tc_knot *)a)->value, y = ((const tc_knot *)b)->value;
+  return (x > y) - (x < y);
+}
+
+static bool read_knots(tcp_reader *reader, const cJSON *list, tc_knot *knots, tc_knot_kind *kind) {
+  int i = 0;
+  for (const cJSON *item = list->child; item; item = item->next, i++) {
+    size_t mark = tcp_enter_index(reader, i);
+    if (!read_knot(reader, item, &knots[i], kind, i == 0)) return false;
+    tcp_leave(reader, mark);
+  }
+  return true;
+}
+
+static bool read_points(tcp_reader *reader, const tcp_member *member, const cJSON *value) {
+  tc_transfer_function *tf = &reader->scene->transfer_function;
+  if (!cJSON_IsArray(value)) return tcp_fail_type(reader, "an array of points", value);
+  int count = cJSON_GetArraySize(value);
+  if (count < 1) return tcp_fail(reader, TC_ERROR_INVALID, "at least one point is wanted");
+  if (count > TC_MAX_KNOTS)
+    return tcp_fail(reader, TC_ERROR_LIMIT, "at most %d points are wanted, got %d", TC_MAX_KNOTS, count);
+  tc_knot *knots = g_new0(tc_knot, count);
+  tc_knot_kind kind = TC_KNOT_OPACITY;
+  if (!read_knots(reader, value, knots, &kind)) {
+    g_free(knots);
+    return false;
+  }
+  g_qsort_with_data(knots, count, sizeof *knots, by_value, NULL); /* stable: equal values stay in order, a jump */
+  g_free(tf->points);
+  tf->points = knots;
+  tf->count = (size_t)count;
+  tf->kind = kind;
+  if (!reader->preset_given) memset(tf->preset, 0, sizeof tf->preset);
+  return true;
+}
+
+static cJSON *write_points(const tcp_member *member, const tc_scene *scene) {
+  const tc_transfer_function *tf = &scene->transfer_function;
+  const tcp_member *amount = &tcp_knot_members[tf->kind == TC_KNOT_OPACITY ? OPACITY : EXTINCTION];
+  cJSON *list = cJSON_CreateArray();
+  for (size_t i = 0; i < tf->count; i++) {
+    cJSON *knot = cJSON_CreateObject();
+    tcp_add(knot, "value", tcp_leaf_write(&tcp_knot_members[VALUE], &tf->points[i]));
+    tcp_add(knot, "color", tcp_leaf_write(&tcp_knot_members[COLOR], &tf->points[i]));
+    tcp_add(knot, amount->name, tcp_leaf_write(amount, &tf->points[i]));
+    cJSON_AddItemToArray(list, knot);
+  }
+  return list;
+}
+
+/* Points come back with the name of the preset they are of; unless this very patch names another one. */
+static void reset_points(tcp_reader *reader, const tcp_member *member) {
+  tc_transfer_function *tf = &reader->scene->transfer_function;
+  const tc_transfer_function *from = &reader->defaults->transfer_function;
+  if (reader->preset_given) return;
+  g_free(tf->points);
+  tf->points = g_memdup2(from->points, from->count * sizeof *from->points);
+  tf->count = from->count;
+  tf->kind = from->kind;
+  memcpy(tf->preset, from->preset, sizeof tf->preset);
+}
+
+static cJSON *knot_schema(int amount) {
+  cJSON *schema = cJSON_CreateObject(), *properties = cJSON_CreateObject(), *required = cJSON_CreateArray();
+  const int members[] = {VALUE, COLOR, amount};
+  for (size_t i = 0; i < G_N_ELEMENTS(members); i++) {
+    const tcp_member *m = &tcp_knot_members[members[i]];
+    tcp_add(properties, m->name, tcp_leaf_schema(m));
+    cJSON_AddItemToArray(required, cJSON_CreateStringReference(m->name));
+  }
+  tcp_add(schema, "type", cJSON_CreateStringReference("object"));
+  tcp_add(schema, "properties", properties);
+  tcp_add(schema, "required", required);
+  tcp_add(schema, "additionalProperties", cJSON_CreateFalse());
+  return schema;
+}
+
+static cJSON *points_schema(const tcp_member *member) {
+  cJSON *schema = cJSON_CreateObject(), *kinds = cJSON_CreateArray();
+  cJSON_AddItemToArray(kinds, tcp_array_schema(knot_schema(OPACITY), 1, TC_MAX_KNOTS));
+  cJSON_AddItemToArray(kinds, tcp_array_schema(knot_schema(EXTINCTION), 1, TC_MAX_KNOTS));
+  tcp_add(schema, "oneOf", kinds);
+  tcp_add(schema, "description", cJSON_CreateStringReference(member->doc));
+  return schema;
+}
+
+const tcp_special tcp_special_points = {read_points, write_points, reset_points, points_schema};
+
+/* --- preset ------------------------------------------------------------------------------------- */
+
+static const char **preset_names(void) {
+  size_t count;
+  const tc_preset *presets = tc_presets(&count);
+  const char **names = g_new0(const char *, count + 1);
+  for (size_t i = 0; i < count; i++) names[i] = presets[i].name;
+  return names;
+}
+
+static bool read_preset(tcp_reader *reader, const tcp_member *member, const cJSON *value) {
+  if (!cJSON_IsString(value)) return tcp_fail_type(reader, "a string", value);
+  reader->preset_given = tc_transfer_function_set_preset(&reader->scene->transfer_function, value->valuestring,
+                                                         reader->value_min, reader->value_max);
+  if (reader->preset_given) return true;
+  const char **names = preset_names();
+  char *quoted = tcp_quote(value->valuestring), *hint = tcp_hint(value->valuestring, names);
+  tcp_fail(reader, TC_ERROR_INVALID, "%s is no preset%s", quoted, hint);
+  g_free(quoted);
+  g_free(hint);
+  g_free(names);
+  return false;
+}
+
+static cJSON *write_preset(const tcp_member *member, const tc_scene *scene) {
+  const char *name = scene->transfer_function.preset;
+  return *name ? cJSON_CreateString(name) : NULL;
+}
+
+static void reset_preset(tcp_reader *reader, const tcp_member *member) {
+  reset_points(reader, member);
+  reader->scene->transfer_function.unit_distance_mm = reader->defaults->transfer_function.unit_distance_mm;
+}
+
+static cJSON *preset_schema(const tcp_member *member) {
+  const char **names = preset_names();
+  cJSON *schema = cJSON_CreateObject(), *list = cJSON_CreateArray();
+  for (const char **name = names; *name; name++) cJSON_AddItemToArray(list, cJSON_CreateStringReference(*name));
+  g_free(names);
+  tcp_add(schema, "enum", list);
+  tcp_add(schema, "description", cJSON_CreateStringReference(member->doc));
+  return schema;
+}
+
+const tcp_special tcp_special_preset = {read_preset, write_preset, reset_preset, preset_schema};

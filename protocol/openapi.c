@@ -1,0 +1,26 @@
+/* The OpenAPI document: written by hand, completed with the version and the schema of a scene. */
+#include "protocol/internal.h"
+#include "renderer/embedded.h"
+
+static const struct tc_embedded_file *find_file(const char *name) {
+  const struct tc_embedded_file *file = tcp_protocol_files;
+  while (file->name && g_strcmp0(file->name, name) != 0) file++;
+  return file->name ? file : NULL;
+}
+
+cJSON *tcp_openapi(const char *version) {
+  const struct tc_embedded_file *file = find_file("openapi.json");
+  cJSON *document = file ? tcp_json_parse((const char *)file->bytes, file->size, NULL) : NULL;
+  cJSON *info = cJSON_GetObjectItemCaseSensitive(document, "info");
+  cJSON *components = cJSON_GetObjectItemCaseSensitive(document, "components");
+  cJSON *schemas = cJSON_GetObjectItemCaseSensitive(components, "schemas");
+  cJSON *scene = tcp_scene_schema();
+  cJSON_DeleteItemFromObjectCaseSensitive(scene, "$schema"); /* 3.1 has this dialect already */
+  cJSON_DeleteItemFromObjectCaseSensitive(scene, "$id");
+  if (info) cJSON_ReplaceItemInObjectCaseSensitive(info, "version", cJSON_CreateString(version));
+  if (schemas)
+    cJSON_ReplaceItemInObjectCaseSensitive(schemas, "Scene", scene);
+  else
+    cJSON_Delete(scene);
+  return document;
+}

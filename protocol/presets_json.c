@@ -1,0 +1,42 @@
+/* The presets as a document for menus. */
+#include "protocol/internal.h"
+
+/* The writer of scenes writes a preset's points too: what a client gets here it may send back. */
+static cJSON *write_points(const tc_preset *preset) {
+  tc_scene scene = {.transfer_function = {.points = (tc_knot *)preset->points, .count = preset->count,
+                                          .kind = preset->kind}};
+  return tcp_special_points.write(NULL, &scene);
+}
+
+static cJSON *write_preset(const tc_preset *preset) {
+  cJSON *object = cJSON_CreateObject();
+  tcp_add(object, "name", cJSON_CreateStringReference(preset->name));
+  tcp_add(object, "title", cJSON_CreateStringReference(preset->title));
+  tcp_add(object, "modality", cJSON_CreateStringReference(preset->modality));
+  tcp_add(object, "relative", cJSON_CreateBool(preset->relative));
+  tcp_add(object, "unitDistance", cJSON_CreateNumber(preset->unit_distance_mm));
+  tcp_add(object, "points", write_points(preset));
+  return object;
+}
+
+static cJSON *write_window(const tc_window_preset *preset) {
+  cJSON *object = cJSON_CreateObject();
+  tcp_add(object, "name", cJSON_CreateStringReference(preset->name));
+  tcp_add(object, "title", cJSON_CreateStringReference(preset->title));
+  tcp_add(object, "modality", cJSON_CreateStringReference(preset->modality));
+  tcp_add(object, "center", cJSON_CreateNumber(preset->center));
+  tcp_add(object, "width", cJSON_CreateNumber(preset->width));
+  return object;
+}
+
+cJSON *tcp_presets(void) {
+  cJSON *document = cJSON_CreateObject(), *functions = cJSON_CreateArray(), *windows = cJSON_CreateArray();
+  size_t count;
+  const tc_preset *presets = tc_presets(&count);
+  for (size_t i = 0; i < count; i++) cJSON_AddItemToArray(functions, write_preset(&presets[i]));
+  const tc_window_preset *window_presets = tc_window_presets(&count);
+  for (size_t i = 0; i < count; i++) cJSON_AddItemToArray(windows, write_window(&window_presets[i]));
+  tcp_add(document, "transferFunctions", functions);
+  tcp_add(document, "windows", windows);
+  return document;
+}
