@@ -1,0 +1,45 @@
+/* EGL: find a device that gives OpenGL 4.5 core without a window, and hold one context on it.
+ *
+ * Hardware first (EGL device platform), else Mesa's surfaceless platform, which ends in llvmpipe where there is no GPU.
+ * A context belongs to the thread that made it: create, use and free it there. Probing may be done on any thread. */
+#ifndef TC_GL_DEVICE_H
+#define TC_GL_DEVICE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "renderer/error.h"
+
+/* What was found; strings as the driver gives them, cut to fit. */
+typedef struct tc_gl_report {
+  bool hardware;      /* false: a software rasteriser (llvmpipe, softpipe, swrast) */
+  char platform[16];  /* "device" or "surfaceless" */
+  char vendor[64], renderer[128], version[96];
+  int max_3d_side;    /* texels along one side of a 3-D texture, at least */
+  int64_t max_ssbo_bytes;
+  int timestamp_bits; /* 0: the driver has no GPU clock */
+} tc_gl_report;
+
+typedef struct tc_gl_context tc_gl_context;
+
+/* Makes a context, reads the report and lets the context go. TC_ERROR_UNSUPPORTED says what was tried. The calling
+ * thread has the context it had before. */
+bool tc_gl_report_read(tc_gl_report *report, GError **error);
+
+/* A new context, current on the calling thread. */
+tc_gl_context *tc_gl_context_new(GError **error);
+void tc_gl_context_free(tc_gl_context *context); /* same thread; NULL is fine */
+
+/* Makes the context current on the calling thread unless it already is (several may share a thread). */
+bool tc_gl_context_use(tc_gl_context *context, GError **error);
+
+const tc_gl_report *tc_gl_context_about(const tc_gl_context *context);
+
+/* Turns pending GL errors or a GPU reset into a GError "gl: WHAT: ..."; true when there is none. Out of memory is
+ * TC_ERROR_MEMORY, all else TC_ERROR_INTERNAL. Needs a current context. */
+bool tc_gl_check(const char *what, GError **error);
+
+/* Throws pending GL errors away, so that the next tc_gl_check() speaks of its own call only. */
+void tc_gl_forget_errors(void);
+
+#endif

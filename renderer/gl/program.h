@@ -1,0 +1,33 @@
+/* Compute programs: compiled from text pieces, kept in a bounded cache. Needs a current context throughout. */
+#ifndef TC_GL_PROGRAM_H
+#define TC_GL_PROGRAM_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "renderer/error.h"
+
+/* Compiles and links one compute shader from `count` pieces read in order. `label` (ASCII) names it in errors and
+ * in driver tools. Returns the GL name, 0 on failure: TC_ERROR_INTERNAL with the driver's first complaint. */
+unsigned tc_gl_program_compile(const char *const *pieces, size_t count, const char *label, GError **error);
+
+/* The least recently used of at most TC_GL_PROGRAMS programs makes room. Keys are plain bytes compared by memcmp. */
+#define TC_GL_PROGRAMS 32
+#define TC_GL_PROGRAM_KEY 32 /* bytes of a key at most */
+
+typedef struct tc_gl_program_cache {
+  struct { uint8_t key[TC_GL_PROGRAM_KEY]; unsigned program; uint64_t used; } entries[TC_GL_PROGRAMS];
+  uint64_t clock;      /* counts look-ups */
+  uint64_t n_compiled; /* how often put() was called, for tests and reports */
+} tc_gl_program_cache;
+
+/* The cached program, or 0. A zeroed cache is empty. `size` <= TC_GL_PROGRAM_KEY. */
+unsigned tc_gl_program_find(tc_gl_program_cache *cache, const void *key, size_t size);
+
+/* Stores a program under a key that is not there; the cache owns it from now on. */
+void tc_gl_program_put(tc_gl_program_cache *cache, const void *key, size_t size, unsigned program);
+
+/* Deletes every program; the cache is empty afterwards. */
+void tc_gl_program_clear(tc_gl_program_cache *cache);
+
+#endif

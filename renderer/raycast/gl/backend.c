@@ -1,0 +1,304 @@
+/* The gl back end: a frame is cut into tiles; each is one dispatch whose result comes back through the ring while later
+ * tiles run. Small tiles keep a GPU's watchdog quiet and a cancelled frame short; their size follows the GPU's clock. */
+#include "renderer/raycast/gl/backend.h"
+
+#include <epoxy/gl.h>
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+
+#include "renderer/backend.h"
+#include "renderer/gl/program.h"
+#include "renderer/gl/ring.h"
+#include "renderer/raycast/gl/job.h"
+#include "renderer/raycast/gl/textures.h"
+
+#define GROUP 8          /* local_size_x and _y of head.glsl */
+#define MIN_SIDE 64      /* pixels of a tile's side; all sides are multiples of GROUP */
+#define SOFTWARE_SIDE 256
+#define HARDWARE_SIDE 1024
+#define LONG_MS 40       /* a tile that takes longer makes the next ones smaller ... */
+#define SHORT_MS 8       /* ... and one that takes less makes them larger */
+#define COUNTER_CELLS 64 /* head.glsl */
+#define COUNTER_BYTES (COUNTER_CELLS * 16)
+#define DEFAULT_CACHE_BYTES ((uint64_t)256 << 20)
+
+typedef struct gl_backend {
+  tc_gl_context *context;
+  tc_gl_program_cache programs;
+  tc_gl_textures textures;
+  tc_gl_ring ring;
+  unsigned job_buffer;  /* the uniform block Job */
+  tc_gl_field field;    /* TC_GL_FIELD_COUNT: as suits the device */
+  int tile_side, max_side;
+  double gpu_ms;        /* of the last frame */
+  uint64_t compiled;
+  char device[256];
+} gl_backend;
+
+/* ---- life ---- */
+
+bool tc_gl_probe(bool *hardware, char *why, size_t size) {
+  tc_gl_report report;
+  GError *error = NULL;
+  *hardware = false;
+  if (!tc_gl_report_read(&report, &error)) {
+    snprintf(why, size, "%s", error->message);
+    g_error_free(error);
+    return false;
+  }
+  *hardware = report.hardware;
+  snprintf(why, size, report.hardware ? "hardware GPU with OpenGL 4.5: %s" : "no hardware GPU: OpenGL is %s, in software",
+           report.renderer);
+  return true;
+}
+
+static void destroy(void *instance) {
+  gl_backend *b = instance;
+  if (!b)
+    return;
+  if (tc_gl_context_use(b->context, NULL)) {
+    tc_gl_ring_clear(&b->ring);
+    tc_gl_textures_clear(&b->textures);
+    tc_gl_program_clear(&b->programs);
+    glDeleteBuffers(1, &b->job_buffer);
+  }
+  tc_gl_context_free(b->context);
+  g_free(b);
+}
+
+static void *create(const tc_renderer_options *options, tc_pool *pool, GError **error) {
+  tc_gl_context *context = tc_gl_context_new(error);
+  if (!context)
+    return NULL;
+  const tc_gl_report *report = tc_gl_context_about(context);
+  gl_backend *b = g_new0(gl_backend, 1);
+  b->context = context;
+  b->field = TC_GL_FIELD_COUNT;
+  b->max_side = report->hardware ? HARDWARE_SIDE : SOFTWARE_SIDE;
+  b->tile_side = b->max_side / 2;
+  uint64_t cache_bytes = options->cache_bytes ? options->cache_bytes : DEFAULT_CACHE_BYTES;
+  b->textures.table_budget = cache_bytes;
+  b->textures.volume_budget = 4 * cache_bytes; /* volumes are what graphics memory is for */
+  snprintf(b->device, sizeof b->device, "%s, OpenGL %s", report->renderer, report->version);
+  glCreateBuffers(1, &b->job_buffer);
+  glNamedBufferStorage(b->job_buffer, sizeof(tc_gl_job_block), NULL, GL_DYNAMIC_STORAGE_BIT);
+  if (!tc_gl_check("set-up", error)) {
+    destroy(b);
+    return NULL;
+  }
+  return b;
+}
+
+static const char *device(void *instance) {
+  return ((gl_backend *)instance)->device;
+}
+
+static const char *isa(void *instance) {
+  return "opengl-4.5";
+}
+
+static void forget(void *instance, uint64_t volume_serial) {
+  gl_backend *b = instance;
+  if (tc_gl_context_use(b->context, NULL))
+    tc_gl_textures_forget(&b->textures, volume_serial);
+}
+
+static tc_gl_field field_for(const gl_backend *b, tc_voxel_type type) {
+  return b->field < TC_GL_FIELD_COUNT ? b->field : tc_gl_choose_field(tc_gl_context_about(b->context), type);
+}
+
+static void name_kernel(void *instance, tc_plan *plan) {
+  tc_gl_variant variant = {.plan = plan->key, .field = (uint8_t)field_for(instance, (tc_voxel_type)plan->key.voxel_type)};
+  char name[sizeof plan->kernel - 4];
+  tc_gl_variant_name(&variant, name, sizeof name);
+  snprintf(plan->kernel, sizeof plan->kernel, "%s.gl", name);
+}
+
+/* ---- one frame ---- */
+
+static unsigned program_for(gl_backend *b, const tc_job *job, const tc_gl_volume *volume, GError **error) {
+  tc_gl_variant v;
+  memset(&v, 0, sizeof v);
+  v.plan = job->plan->key;
+  v.field = (uint8_t)volume->field;
+  v.atlas = volume->slices_per_layer > 1;
+  v.linear_light = job->scene->image.linear_light;
+  v.transparent = job->scene->image.transparent;
+  v.want_linear = job->want_linear;
+  unsigned program = tc_gl_program_find(&b->programs, &v, sizeof v);
+  if (program)
+    return program;
+  program = tc_gl_compose(&v, error);
+  if (program) {
+    tc_gl_program_put(&b->programs, &v, sizeof v, program);
+    b->compiled++;
+  }
+  return program;
+}
+
+/* Bytes of a slot: counters, picture, floats. Every part starts at a multiple of 1024, more than any driver's alignment. */
+static size_t picture_bytes(int width, int height) {
+  return (size_t)width * height * 4;
+}
+
+static size_t linear_offset(int width, int height) {
+  return (COUNTER_BYTES + picture_bytes(width, height) + 1023) & ~(size_t)1023;
+}
+
+static size_t slot_bytes(int width, int height, bool want_linear) {
+  return linear_offset(width, height) + (want_linear ? 4 * picture_bytes(width, height) : 0);
+}
+
+static void submit(gl_backend *b, unsigned program, const tc_job *job, const int tile[4]) {
+  tc_gl_slot *slot = tc_gl_ring_begin(&b->ring);
+  int width = tile[2], height = tile[3];
+  memcpy(slot->tile, tile, sizeof slot->tile);
+  glClearNamedBufferSubData(slot->device, GL_R32UI, 0, COUNTER_BYTES, GL_RED_INTEGER, GL_UNSIGNED_INT, NULL);
+  glBindBufferRange(GL_SHADER_STORAGE_BUFFER, 0, slot->device, 0, COUNTER_BYTES);
+  glBindBufferRange(GL_SHADER_STORAGE_BUFFER, 1, slot->device, COUNTER_BYTES, (GLsizeiptr)picture_bytes(width, height));
+  if (job->want_linear)
+    glBindBufferRange(GL_SHADER_STORAGE_BUFFER, 2, slot->device, (GLintptr)linear_offset(width, height),
+                      (GLsizeiptr)(4 * picture_bytes(width, height)));
+  glProgramUniform4i(program, 0, tile[0], tile[1], width, height);
+  glDispatchCompute((GLuint)(width + GROUP - 1) / GROUP, (GLuint)(height + GROUP - 1) / GROUP, 1);
+  tc_gl_ring_end(&b->ring, slot_bytes(width, height, job->want_linear));
+}
+
+static void copy_out(const tc_gl_slot *slot, const tc_job *job) {
+  tc_frame *frame = job->frame;
+  const uint8_t *bytes = slot->mapped;
+  const uint32_t *counters = slot->mapped;
+  int x = slot->tile[0], y = slot->tile[1], width = slot->tile[2], height = slot->tile[3];
+  for (int i = 0; i < COUNTER_CELLS; i++, counters += 4) {
+    frame->stats.rays += counters[0];
+    frame->stats.samples += counters[1] | (uint64_t)counters[2] << 32;
+  }
+  for (int row = 0; row < height; row++) {
+    size_t to = ((size_t)(y + row) * frame->width + x) * 4, from = (size_t)row * width * 4;
+    memcpy(frame->rgba + to, bytes + COUNTER_BYTES + from, (size_t)width * 4);
+    if (job->want_linear)
+      memcpy(frame->linear + to, bytes + linear_offset(width, height) + from * sizeof(float),
+             (size_t)width * 4 * sizeof(float));
+  }
+}
+
+static double now_ms(void) {
+  struct timespec t;
+  clock_gettime(CLOCK_MONOTONIC, &t);
+  return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
+}
+
+/* Follows the time a full tile took. */
+static void adapt(gl_backend *b, const int tile[4], double ms) {
+  if (ms > LONG_MS && b->tile_side > MIN_SIDE)
+    b->tile_side /= 2;
+  else if (ms < SHORT_MS && tile[2] >= b->tile_side && tile[3] >= b->tile_side && b->tile_side < b->max_side)
+    b->tile_side *= 2;
+}
+
+/* Fetches the oldest tile. False: the GPU is gone; the ring is given up. */
+static bool collect(gl_backend *b, const tc_job *job, double *last_ms, GError **error) {
+  const tc_gl_slot *slot = tc_gl_ring_take(&b->ring, error);
+  if (!slot)
+    return false;
+  double ms = tc_gl_ring_ms(&b->ring, slot), now = now_ms();
+  if (ms >= 0)
+    b->gpu_ms += ms;
+  else
+    ms = now - *last_ms;
+  *last_ms = now;
+  adapt(b, slot->tile, ms);
+  copy_out(slot, job);
+  tc_gl_ring_give(&b->ring);
+  return true;
+}
+
+/* Walks the picture in rows of tiles; the side may change from row to row. False: no tile is left. */
+static bool next_tile(const gl_backend *b, const tc_frame *frame, int tile[4]) {
+  tile[0] += tile[2];
+  if (tile[0] >= frame->width || tile[2] == 0) {
+    tile[0] = 0;
+    tile[1] += tile[3];
+    tile[3] = MIN(b->tile_side, frame->height - tile[1]);
+  }
+  tile[2] = MIN(b->tile_side, frame->width - tile[0]);
+  return tile[1] < frame->height;
+}
+
+static bool is_cancelled(const tc_job *job) {
+  return job->cancel && atomic_load_explicit(job->cancel, memory_order_relaxed);
+}
+
+static bool run_tiles(gl_backend *b, unsigned program, const tc_job *job, GError **error) {
+  int tile[4] = {0};
+  bool more = next_tile(b, job->frame, tile), cancelled = false;
+  double last_ms = now_ms();
+  while (more || !tc_gl_ring_is_idle(&b->ring)) {
+    cancelled = cancelled || is_cancelled(job);
+    if (cancelled)
+      more = false; /* what is in flight ends by itself */
+    if (more && !tc_gl_ring_is_full(&b->ring)) {
+      submit(b, program, job, tile);
+      more = next_tile(b, job->frame, tile);
+    } else if (!tc_gl_ring_is_idle(&b->ring) && !collect(b, job, &last_ms, error)) {
+      tc_gl_ring_clear(&b->ring);
+      return false;
+    }
+  }
+  if (cancelled)
+    tc_set_error(error, TC_ERROR_CANCELLED, NULL, "rendering was cancelled");
+  return !cancelled;
+}
+
+static bool render(void *instance, const tc_job *job, GError **error) {
+  gl_backend *b = instance;
+  if (!tc_gl_context_use(b->context, error))
+    return false;
+  const tc_gl_report *report = tc_gl_context_about(b->context);
+  b->gpu_ms = 0;
+  const tc_gl_volume *volume = tc_gl_textures_volume(
+    &b->textures, job->volume, field_for(b, tc_volume_describe(job->volume)->type), error);
+  const tc_gl_table *table = volume ? tc_gl_textures_table(&b->textures, job->table, error) : NULL;
+  unsigned program = table ? program_for(b, job, volume, error) : 0;
+  if (!program || !tc_gl_ring_reserve(&b->ring, slot_bytes(b->max_side, b->max_side, job->want_linear),
+                                      report->timestamp_bits > 0, error))
+    return false;
+  tc_gl_job_block block;
+  tc_gl_job_fill(&block, job, volume);
+  glNamedBufferSubData(b->job_buffer, 0, sizeof block, &block);
+  glBindBufferBase(GL_UNIFORM_BUFFER, 0, b->job_buffer);
+  glBindTextureUnit(0, volume->texture);
+  glBindTextureUnit(1, table->texture);
+  glUseProgram(program);
+  return run_tiles(b, program, job, error) && tc_gl_check("frame", error);
+}
+
+const tc_backend_ops tc_gl_backend = {
+  .name = "gl",
+  .create = create,
+  .destroy = destroy,
+  .device = device,
+  .isa = isa,
+  .render = render,
+  .forget = forget,
+  .name_kernel = name_kernel,
+};
+
+/* ---- for measurements ---- */
+
+const tc_gl_report *tc_gl_backend_report(const void *instance) {
+  return tc_gl_context_about(((const gl_backend *)instance)->context);
+}
+
+void tc_gl_backend_set_field(void *instance, tc_gl_field field) {
+  ((gl_backend *)instance)->field = field;
+}
+
+double tc_gl_backend_gpu_ms(const void *instance) {
+  return ((const gl_backend *)instance)->gpu_ms;
+}
+
+uint64_t tc_gl_backend_compiled(const void *instance) {
+  return ((const gl_backend *)instance)->compiled;
+}

@@ -1,0 +1,20 @@
+/* The gl back end's few handles beyond renderer/backend.h, for measurements and tests. Same thread rule as tc_render(). */
+#ifndef TC_RAYCAST_GL_BACKEND_H
+#define TC_RAYCAST_GL_BACKEND_H
+
+#include "renderer/gl/device.h"
+#include "renderer/raycast/gl/compose.h"
+
+/* `instance` is what tc_gl_backend.create() returned. */
+const tc_gl_report *tc_gl_backend_report(const void *instance);
+
+/* Reads voxels this way from the next frame on, or as suits the device (TC_GL_FIELD_COUNT, the default). */
+void tc_gl_backend_set_field(void *instance, tc_gl_field field);
+
+/* GPU time of the last frame's dispatches, read-back not counted; 0 where the driver has no clock. */
+double tc_gl_backend_gpu_ms(const void *instance);
+
+/* Programs compiled since creation. */
+uint64_t tc_gl_backend_compiled(const void *instance);
+
+#endif

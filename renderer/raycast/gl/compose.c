@@ -1,0 +1,85 @@
+/* Putting shader pieces together. See compose.h. */
+#include "renderer/raycast/gl/compose.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "renderer/embedded.h"
+#include "renderer/gl/program.h"
+
+#define MAX_PIECES 16
+
+typedef struct composition {
+  const char *texts[MAX_PIECES];
+  size_t count;
+  const char *missing; /* first piece that is not in the program */
+} composition;
+
+static void add_text(composition *c, const char *text) {
+  c->texts[c->count++] = text;
+}
+
+static void add(composition *c, const char *name) {
+  for (const struct tc_embedded_file *file = tc_shader_files; file->name; file++) {
+    if (strcmp(file->name, name) != 0)
+      continue;
+    add_text(c, (const char *)file->bytes);
+    return;
+  }
+  if (!c->missing)
+    c->missing = name;
+}
+
+/* Only what has pieces: a key from a newer plan must fail, not draw something else. */
+static bool is_built(const tc_plan_key *key) {
+  return key->mode == TC_MODE_DVR && key->classification == TC_PREINTEGRATED && key->order == TC_FRONT_TO_BACK &&
+         key->filter == TC_FILTER_LINEAR && key->projection < TC_PROJECTION_COUNT && key->voxel_type < TC_VOXEL_TYPE_COUNT &&
+         key->shading == TC_SHADING_NONE && !key->skipping && !key->clipping && !key->jitter && !key->labels;
+}
+
+static const char *sampler_type(const tc_gl_variant *v) {
+  static const char *const types[TC_VOXEL_TYPE_COUNT] = {
+    [TC_U8] = "usampler2DArray", [TC_U16] = "usampler2DArray", [TC_I8] = "isampler2DArray",
+    [TC_I16] = "isampler2DArray", [TC_F32] = "sampler2DArray"};
+  return types[v->plan.voxel_type];
+}
+
+unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
+  char name[96], literals[160];
+  tc_gl_variant_name(v, name, sizeof name);
+  if (!is_built(&v->plan)) {
+    tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "gl: no shader is built for %s; use --backend cpu", name);
+    return 0;
+  }
+  composition c = {0};
+  add(&c, "head.glsl");
+  snprintf(literals, sizeof literals, "#define VOXELS %s\n#define ATLAS %d\n#define TERMINATION %d\n", sampler_type(v),
+           v->atlas, v->plan.termination);
+  add_text(&c, literals);
+  add(&c, v->plan.projection == TC_PERSPECTIVE ? "ray_perspective.glsl" : "ray_orthographic.glsl");
+  add(&c, v->field == TC_GL_FIELD_GATHER ? "field_gather.glsl" : "field_filtered.glsl");
+  add(&c, "table_2d.glsl");
+  add(&c, "march_dvr.glsl");
+  add(&c, "bytes.glsl");
+  add(&c, v->linear_light ? "encode_srgb.glsl" : "encode_display.glsl");
+  add(&c, v->transparent ? "resolve_transparent.glsl" : "resolve_opaque.glsl");
+  add(&c, v->want_linear ? "write_linear.glsl" : "write_picture.glsl");
+  add(&c, "main.glsl");
+  if (c.missing) {
+    tc_set_error(error, TC_ERROR_INTERNAL, NULL, "gl: shader piece %s is not in this build", c.missing);
+    return 0;
+  }
+  return tc_gl_program_compile(c.texts, c.count, name, error);
+}
+
+void tc_gl_variant_name(const tc_gl_variant *v, char *name, size_t size) {
+  static const char *const modes[TC_MODE_COUNT] = {"dvr", "mip", "minip", "average", "isosurface", "mesh", "splat", "mpr"};
+  static const char *const ways[TC_CLASSIFICATION_COUNT] = {
+    "preintegrated", "preintegrated2", "approximate", "post", "linearized"};
+  static const char *const filters[TC_FILTER_COUNT] = {"linear", "cubic", "nearest"};
+  snprintf(name, size, "%s.%s.%s.%s.%s", v->plan.mode < TC_MODE_COUNT ? modes[v->plan.mode] : "?",
+           v->plan.classification < TC_CLASSIFICATION_COUNT ? ways[v->plan.classification] : "?",
+           v->plan.filter < TC_FILTER_COUNT ? filters[v->plan.filter] : "?",
+           v->plan.voxel_type < TC_VOXEL_TYPE_COUNT ? tc_voxel_type_name((tc_voxel_type)v->plan.voxel_type) : "?",
+           v->field == TC_GL_FIELD_GATHER ? "gather" : "filtered");
+}

@@ -1,0 +1,4 @@
+// Compositing ran in display space: nothing to convert.
+vec3 encode(vec3 color) {
+  return color;
+}

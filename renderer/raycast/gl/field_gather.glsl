@@ -1,0 +1,27 @@
+// Trilinear field in full precision: slices are layers of a 2-D array in the voxels' own type, so that two gathers
+// fetch a cell's eight corners and the interpolation is ours. Filtering by a GPU has 8-bit weights.
+layout(binding = 0) uniform VOXELS voxels; // usampler2DArray, isampler2DArray or sampler2DArray
+
+vec4 corners(ivec2 cell, int z) {
+#if ATLAS // more slices than a texture has layers: several stand one below the other in each
+  int layer = z / job.dims.w;
+  cell.y += (z - layer * job.dims.w) * job.dims.y;
+#else
+  int layer = z;
+#endif
+  // The point where four texels meet: half a texel away from any doubt which four are meant.
+  return vec4(textureGather(voxels, vec3(vec2(cell + 1) * job.texel.xy, float(layer))));
+}
+
+// Voxel value (not rescaled) at an index position; what lies outside takes the value of the nearest face.
+// On a flat axis (n = 1) the position is 0, and what the gather finds beyond counts nothing.
+float field(vec3 p) {
+  p = clamp(p, vec3(0.0), vec3(job.dims.xyz - 1));
+  ivec3 cell = min(ivec3(p), max(job.dims.xyz - 2, 0));
+  vec3 f = p - vec3(cell);
+  vec4 a = corners(cell.xy, cell.z); // a gather's order in (x, y): (0,1) (1,1) (1,0) (0,0)
+  vec4 b = corners(cell.xy, cell.z + 1);
+  a = mix(a, b, f.z); // mix, not a + (b - a) * f: the difference of two floats near the end of their range is infinite
+  vec2 c = mix(a.wx, a.zy, f.x);
+  return mix(c.x, c.y, f.y);
+}

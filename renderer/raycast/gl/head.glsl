@@ -1,0 +1,25 @@
+#version 450 core
+// What every variant shares: the work-group, the frame's numbers and where results go.
+layout(local_size_x = 8, local_size_y = 8) in;
+
+// Filled by job_block() in job.c: same members, same order.
+layout(std140, binding = 0) uniform Job {
+  vec4 anchor0, anchor_du, anchor_dv; // index coordinates: xyz
+  vec4 view0, view_du, view_dv;       // LPS mm: xyz
+  vec4 to_index[3];                   // rows: voxels per mm
+  vec4 box_lo, box_hi;                // index box of the field
+  ivec4 dims;                         // xyz: voxels; w: slices per texture layer
+  vec4 texel;                         // xyz: 1 / texture size
+  vec4 unpack;                        // voxel = texel value * x + y
+  vec4 nodes;                         // x: lo, y: nodes per voxel unit, z: n - 1
+  ivec4 table;                        // x: columns, y: row of k = 0
+  vec4 background;                    // compositing space; w: termination
+  vec4 march;                         // x: step mm, y: eye mm (orthographic)
+} job;
+
+// This dispatch's part of the picture: xy = first pixel, zw = size in pixels.
+layout(location = 0) uniform ivec4 tile;
+
+// rays met, samples low and high word; spread over 64 cells so that few work-groups share one
+layout(std430, binding = 0) buffer Counters { uvec4 counters[64]; };
+layout(std430, binding = 1) writeonly buffer Picture { uint picture[]; }; // [h][w] RGBA8, R in the low byte

@@ -1,0 +1,42 @@
+/* From a job to the uniform block. See job.h. */
+#include "renderer/raycast/gl/job.h"
+
+#include <math.h>
+#include <string.h>
+
+static void put3(float to[4], const double from[3]) {
+  for (int k = 0; k < 3; k++)
+    to[k] = (float)from[k];
+}
+
+void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volume *volume) {
+  const tc_rays *rays = job->rays;
+  const tc_table *table = job->table;
+  memset(block, 0, sizeof *block);
+  put3(block->anchor0, rays->anchor0);
+  put3(block->anchor_du, rays->anchor_du);
+  put3(block->anchor_dv, rays->anchor_dv);
+  put3(block->view0, rays->view0);
+  put3(block->view_du, rays->view_du);
+  put3(block->view_dv, rays->view_dv);
+  for (int r = 0; r < 3; r++)
+    put3(block->to_index[r], rays->to_index + 3 * r);
+  put3(block->box_lo, rays->lo);
+  put3(block->box_hi, rays->hi);
+  memcpy(block->dims, tc_volume_describe(job->volume)->dims, 3 * sizeof *block->dims);
+  block->dims[3] = volume->slices_per_layer;
+  memcpy(block->texel, volume->texel, sizeof volume->texel);
+  memcpy(block->unpack, volume->unpack, sizeof volume->unpack);
+  block->nodes[0] = (float)table->lo;
+  /* A range of denormal width would make this infinite, and infinity times zero is no node. */
+  block->nodes[1] = (float)fmin((table->n - 1) / (table->hi - table->lo), 1e30);
+  block->nodes[2] = (float)(table->n - 1);
+  block->table[0] = table->columns;
+  block->table[1] = (int32_t)((table->zero_row - table->entries) / 4);
+  tc_resolve resolve;
+  tc_resolve_init(&resolve, job->scene);
+  memcpy(block->background, resolve.background, sizeof resolve.background);
+  block->background[3] = (float)job->scene->sampling.termination;
+  block->march[0] = (float)rays->step_mm;
+  block->march[1] = (float)rays->eye_mm;
+}

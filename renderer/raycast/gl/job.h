@@ -1,0 +1,24 @@
+/* One frame's numbers as the shaders read them: the uniform block Job of head.glsl, std140. */
+#ifndef TC_RAYCAST_GL_JOB_H
+#define TC_RAYCAST_GL_JOB_H
+
+#include <stdint.h>
+
+#include "renderer/backend.h"
+#include "renderer/raycast/gl/textures.h"
+
+typedef struct tc_gl_job_block {
+  float anchor0[4], anchor_du[4], anchor_dv[4];
+  float view0[4], view_du[4], view_dv[4];
+  float to_index[3][4];
+  float box_lo[4], box_hi[4];
+  int32_t dims[4];
+  float texel[4], unpack[4], nodes[4];
+  int32_t table[4];
+  float background[4], march[4];
+} tc_gl_job_block;
+
+/* Pure. */
+void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volume *volume);
+
+#endif

@@ -1,0 +1,3 @@
+void write_result(uint at, vec4 premultiplied) {
+  picture[at] = resolve(premultiplied);
+}
