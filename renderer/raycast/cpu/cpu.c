@@ -1,0 +1,186 @@
+/* The cpu back end: picks kernels for the machine, cuts the picture into tiles, resolves them. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "renderer/backend.h"
+#include "renderer/raycast/cpu/kernels.h"
+
+#define TILE 32
+
+typedef struct cpu_isa {
+  const char *name;
+  tc_cpu_kernel (*find)(const tc_plan_key *key);
+} cpu_isa;
+
+typedef struct cpu_backend {
+  tc_pool *pool;
+  const cpu_isa *isa;
+  char device[80];
+} cpu_backend;
+
+/* One frame as its tiles see it. */
+typedef struct cpu_frame {
+  const tc_job *job;
+  tc_cpu_args args;
+  tc_cpu_kernel kernel;
+  tc_resolve resolve;
+  int tiles_x;
+  struct { tc_cpu_counts counts; char pad[48]; } *workers; /* a cache line each */
+} cpu_frame;
+
+static const cpu_isa isas[] = {{"scalar", tc_kernel_scalar}, {"avx2", tc_kernel_avx2}, {"avx512", tc_kernel_avx512}};
+enum { N_ISAS = sizeof isas / sizeof *isas };
+
+static bool isa_runs(int i) {
+  __builtin_cpu_init();
+  bool avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+  bool avx512 = avx2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+                __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
+  return i == 0 || (i == 1 && avx2) || (i == 2 && avx512);
+}
+
+static const cpu_isa *choose_isa(const char *wanted, GError **error) {
+  for (int i = N_ISAS - 1; i >= 0; i--) {
+    if (wanted && strcmp(wanted, isas[i].name)) continue;
+    if (isa_runs(i)) return &isas[i];
+    if (wanted) {
+      tc_set_error(error, TC_ERROR_INVALID, NULL, "this processor has no %s: choose another or none", wanted);
+      return NULL;
+    }
+  }
+  tc_set_error(error, TC_ERROR_INVALID, NULL, "instruction set \"%s\" is unknown: scalar, avx2 or avx512 wanted", wanted);
+  return NULL;
+}
+
+static void read_model(char *text, size_t size) {
+  snprintf(text, size, "x86-64 processor");
+  FILE *f = fopen("/proc/cpuinfo", "r");
+  char line[256];
+  while (f && fgets(line, sizeof line, f)) {
+    char *colon = strchr(line, ':');
+    if (strncmp(line, "model name", 10) || !colon) continue;
+    colon[strcspn(colon, "\n")] = 0;
+    snprintf(text, size, "%s", colon + 2);
+    break;
+  }
+  if (f) fclose(f);
+}
+
+static void *cpu_create(const tc_renderer_options *options, tc_pool *pool, GError **error) {
+  const cpu_isa *isa = choose_isa(options->isa, error);
+  if (!isa) return NULL;
+  cpu_backend *b = calloc(1, sizeof *b);
+  if (!b) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "cpu back end: out of memory");
+    return NULL;
+  }
+  b->pool = pool;
+  b->isa = isa;
+  read_model(b->device, sizeof b->device);
+  return b;
+}
+
+static void cpu_destroy(void *instance) { free(instance); }
+static const char *cpu_device(void *instance) { return ((cpu_backend *)instance)->device; }
+static const char *cpu_isa_name(void *instance) { return ((cpu_backend *)instance)->isa->name; }
+static void cpu_forget(void *instance, uint64_t volume_serial) {}
+
+static void cpu_name_kernel(void *instance, tc_plan *plan) {
+  size_t n = strlen(plan->kernel);
+  snprintf(plan->kernel + n, sizeof plan->kernel - n, ".%s", cpu_isa_name(instance));
+}
+
+static void to_float(float *to, const double *from, int count) {
+  for (int i = 0; i < count; i++) to[i] = (float)from[i];
+}
+
+static void fill_args(tc_cpu_args *a, const tc_job *job) {
+  const tc_rays *r = job->rays;
+  const tc_volume_desc *d = tc_volume_describe(job->volume);
+  *a = (tc_cpu_args){0};
+  to_float(a->anchor0, r->anchor0, 3);
+  to_float(a->anchor_du, r->anchor_du, 3);
+  to_float(a->anchor_dv, r->anchor_dv, 3);
+  to_float(a->view0, r->view0, 3);
+  to_float(a->view_du, r->view_du, 3);
+  to_float(a->view_dv, r->view_dv, 3);
+  to_float(a->to_index, r->to_index, 9);
+  to_float(a->lo, r->lo, 3);
+  to_float(a->hi, r->hi, 3);
+  a->eye_mm = (float)r->eye_mm;
+  a->perspective = r->perspective;
+  a->step_mm = (float)r->step_mm;
+  a->row = d->dims[0];
+  a->slice = d->dims[0] * d->dims[1];
+  const int strides[3] = {1, a->row, a->slice};
+  for (int k = 0; k < 3; k++) {
+    int n = d->dims[k];
+    a->last[k] = (float)(n - 1);
+    a->cell_last[k] = n > 2 ? n - 2 : 0;
+    a->stride[k] = n > 1 ? strides[k] : 0;
+  }
+  a->voxels = tc_volume_data(job->volume);
+  a->table = job->table->zero_row;
+  a->table_stride = (float)job->table->columns;
+  a->value_lo = (float)job->table->lo;
+  a->value_scale = (float)((job->table->n - 1) / (job->table->hi - job->table->lo));
+  a->node_last = (float)(job->table->n - 1);
+  a->termination = (float)job->scene->sampling.termination;
+}
+
+static void render_tile(void *context, int index, int worker) {
+  cpu_frame *f = context;
+  const tc_job *job = f->job;
+  if (job->cancel && atomic_load_explicit(job->cancel, memory_order_relaxed)) return;
+  int width = job->frame->width, height = job->frame->height;
+  int x0 = index % f->tiles_x * TILE, y0 = index / f->tiles_x * TILE;
+  int x1 = x0 + TILE < width ? x0 + TILE : width, y1 = y0 + TILE < height ? y0 + TILE : height;
+  float buffer[TILE * TILE * 4], *out = buffer;
+  ptrdiff_t stride = TILE;
+  if (job->want_linear) {
+    out = job->frame->linear + ((size_t)y0 * (size_t)width + (size_t)x0) * 4;
+    stride = width;
+  }
+  f->kernel(&f->args, x0, y0, x1, y1, out, stride, &f->workers[worker].counts);
+  for (int y = y0; y < y1; y++)
+    tc_resolve_row(&f->resolve, out + (y - y0) * stride * 4,
+                   job->frame->rgba + ((size_t)y * (size_t)width + (size_t)x0) * 4, x1 - x0);
+}
+
+static bool cpu_render(void *instance, const tc_job *job, GError **error) {
+  cpu_backend *b = instance;
+  cpu_frame f = {.job = job, .kernel = b->isa->find(&job->plan->key)};
+  if (!f.kernel) {
+    tc_set_error(error, TC_ERROR_UNSUPPORTED, "/mode", "the cpu back end has no kernel %s", job->plan->kernel);
+    return false;
+  }
+  f.workers = calloc((size_t)tc_pool_threads(b->pool), sizeof *f.workers);
+  if (!f.workers) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "cpu back end: out of memory");
+    return false;
+  }
+  fill_args(&f.args, job);
+  tc_resolve_init(&f.resolve, job->scene);
+  f.tiles_x = (job->frame->width + TILE - 1) / TILE;
+  tc_pool_run(b->pool, f.tiles_x * ((job->frame->height + TILE - 1) / TILE), render_tile, &f);
+  for (int i = 0; i < tc_pool_threads(b->pool); i++) {
+    job->frame->stats.samples += f.workers[i].counts.samples;
+    job->frame->stats.rays += f.workers[i].counts.rays;
+  }
+  free(f.workers);
+  if (job->cancel && atomic_load(job->cancel)) {
+    tc_set_error(error, TC_ERROR_CANCELLED, NULL, "the frame was cancelled");
+    return false;
+  }
+  return true;
+}
+
+const tc_backend_ops tc_cpu_backend = {.name = "cpu",
+                                       .create = cpu_create,
+                                       .destroy = cpu_destroy,
+                                       .device = cpu_device,
+                                       .isa = cpu_isa_name,
+                                       .render = cpu_render,
+                                       .forget = cpu_forget,
+                                       .name_kernel = cpu_name_kernel};

@@ -1,0 +1,47 @@
+/* The CPU ray caster's kernels: one algorithm (raycast_tmpl.h), instantiated per instruction set.
+ *
+ * Every instantiation is tolerant, not exact, against the scalar one: the vector ones fuse multiply and add. Within one
+ * instruction set a pixel's bytes depend on nothing but the scene: not on tiles, threads or neighbours. */
+#ifndef TC_CPU_KERNELS_H
+#define TC_CPU_KERNELS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "renderer/plan/plan.h"
+
+/* A frame's constants in single precision (raycast/rays.h says what they mean). Read-only while kernels run. */
+typedef struct tc_cpu_args {
+  float anchor0[3], anchor_du[3], anchor_dv[3];
+  float view0[3], view_du[3], view_dv[3];
+  float to_index[9];
+  float eye_mm;
+  int perspective;
+  float lo[3], hi[3]; /* index box of the field */
+  float last[3];      /* n - 1: positions are clamped to [0, last] before a cell is found */
+  int cell_last[3];   /* max(n - 2, 0) */
+  int stride[3];      /* voxels from a cell corner to its neighbour; 0 where n = 1 */
+  int row, slice;     /* voxels from one y, one z to the next */
+  float step_mm;
+  const void *voxels;
+  const float *table; /* row k = 0 of tc_table */
+  float table_stride; /* entries a row; offsets are computed in float, exact below 2^24 */
+  float value_lo, value_scale, node_last; /* node = (voxel - value_lo) * value_scale, clamped to [0, node_last] */
+  float termination;
+} tc_cpu_args;
+
+typedef struct tc_cpu_counts {
+  uint64_t samples, rays;
+} tc_cpu_counts;
+
+/* Renders pixels [x0, x1) x [y0, y1) to out, [y1-y0][stride][4] floats: premultiplied colour and opacity. Lanes of a packet
+ * beyond x1 or y1 are masked. */
+typedef void (*tc_cpu_kernel)(const tc_cpu_args *args, int x0, int y0, int x1, int y1, float *out, ptrdiff_t stride,
+                              tc_cpu_counts *counts);
+
+/* NULL where this instruction set has no variant for the key. */
+tc_cpu_kernel tc_kernel_scalar(const tc_plan_key *key);
+tc_cpu_kernel tc_kernel_avx2(const tc_plan_key *key);
+tc_cpu_kernel tc_kernel_avx512(const tc_plan_key *key);
+
+#endif

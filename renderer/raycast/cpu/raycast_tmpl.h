@@ -1,0 +1,200 @@
+/* The ray caster, once, over the vector vocabulary (simd_*.h). Included by kernels_*.c after it.
+ *
+ * A packet of V_LANES neighbouring pixels walks its rays in lockstep: sample i of every ray is at
+ * entry + i*step*dir, computed and not accumulated, so that no ray depends on what its neighbours do.
+ * Segment i spans samples i-1 and i and is looked up in the pre-integration table by the field at its two ends
+ * (paper 000, eq. 7 and 8); the last segment of a ray is shorter and scaled to its length. */
+
+typedef struct packet {
+  vf entry[3], dir[3]; /* index coordinates; voxels per mm */
+  vf length;           /* mm inside the volume; 0 for a ray that misses */
+  vm live;
+} packet;
+
+/* Along one axis the ray is inside [lo, hi] for s in [*s0, *s1] (intersected with what is there). */
+V_INLINE void clip_axis(vf q, vf d, vf lo, vf hi, vf *s0, vf *s1) {
+  vm parallel = v_lt(v_abs(d), v_set(1e-12f));
+  vm inside = m_and(v_le(lo, q), v_le(q, hi));
+  vf big = v_set(1e30f), inverse = v_set(1) / v_select(parallel, v_set(1), d);
+  vf a = (lo - q) * inverse, b = (hi - q) * inverse;
+  vf near = v_select(parallel, v_select(inside, v_set(0) - big, big), v_min(a, b));
+  vf far = v_select(parallel, v_select(inside, big, v_set(0) - big), v_max(a, b));
+  *s0 = v_max(*s0, near);
+  *s1 = v_min(*s1, far);
+}
+
+V_INLINE packet start_packet(const tc_cpu_args *g, int x, int y, int x1, int y1) {
+  packet p;
+  vf i = v_set((float)x + 0.5f) + v_lane_x(), j = v_set((float)y + 0.5f) + v_lane_y();
+  vf anchor[3], view[3], norm = v_set(0);
+  for (int k = 0; k < 3; k++) {
+    anchor[k] = v_fma(j, v_set(g->anchor_dv[k]), v_fma(i, v_set(g->anchor_du[k]), v_set(g->anchor0[k])));
+    view[k] = v_fma(j, v_set(g->view_dv[k]), v_fma(i, v_set(g->view_du[k]), v_set(g->view0[k])));
+    norm = v_fma(view[k], view[k], norm);
+  }
+  norm = v_sqrt(norm);
+  vf s0 = v_set(0) - (g->perspective ? norm : v_set(g->eye_mm)), s1 = v_set(1e30f);
+  for (int k = 0; k < 3; k++) {
+    vf d = view[0] * v_set(g->to_index[3 * k]);
+    d = v_fma(view[1], v_set(g->to_index[3 * k + 1]), d);
+    p.dir[k] = v_fma(view[2], v_set(g->to_index[3 * k + 2]), d) / norm;
+    clip_axis(anchor[k], p.dir[k], v_set(g->lo[k]), v_set(g->hi[k]), &s0, &s1);
+  }
+  vm inside = m_and(v_lt(i, v_set((float)x1)), v_lt(j, v_set((float)y1)));
+  p.live = m_and(inside, v_lt(s0, s1));
+  s0 = v_select(p.live, s0, v_set(0));
+  p.length = v_select(p.live, s1 - s0, v_set(0));
+  for (int k = 0; k < 3; k++) p.entry[k] = v_fma(s0, p.dir[k], anchor[k]);
+  return p;
+}
+
+V_INLINE void fetch_pair(int type, const void *voxels, vi off, vf *a, vf *b) {
+  switch (type) { /* a constant after inlining */
+  case TC_U8: v_pair_u8(voxels, off, a, b); return;
+  case TC_I8: v_pair_i8(voxels, off, a, b); return;
+  case TC_U16: v_pair_u16(voxels, off, a, b); return;
+  case TC_I16: v_pair_i16(voxels, off, a, b); return;
+  default: v_pair_f32(voxels, off, a, b); return;
+  }
+}
+
+/* Trilinear voxel value at mm t along the rays, as a table node. */
+V_INLINE vf sample_node(const tc_cpu_args *g, int type, const packet *p, vf t) {
+  vf f[3];
+  vi cell[3];
+  for (int k = 0; k < 3; k++) {
+    vf q = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(g->last[k]));
+    cell[k] = v_mini(v_trunc(q), v_seti(g->cell_last[k]));
+    f[k] = q - v_float(cell[k]);
+  }
+  vi off = v_addi(cell[0], v_addi(v_muli(cell[1], v_seti(g->row)), v_muli(cell[2], v_seti(g->slice))));
+  vi off_y = v_addi(off, v_seti(g->stride[1])), off_z = v_addi(off, v_seti(g->stride[2]));
+  vi off_yz = v_addi(off_y, v_seti(g->stride[2]));
+  vf a, b, c00, c10, c01, c11;
+  fetch_pair(type, g->voxels, off, &a, &b);
+  c00 = v_fma(f[0], b - a, a);
+  fetch_pair(type, g->voxels, off_y, &a, &b);
+  c10 = v_fma(f[0], b - a, a);
+  fetch_pair(type, g->voxels, off_z, &a, &b);
+  c01 = v_fma(f[0], b - a, a);
+  fetch_pair(type, g->voxels, off_yz, &a, &b);
+  c11 = v_fma(f[0], b - a, a);
+  vf c0 = v_fma(f[1], c10 - c00, c00), c1 = v_fma(f[1], c11 - c01, c01);
+  vf node = (v_fma(f[2], c1 - c0, c0) - v_set(g->value_lo)) * v_set(g->value_scale);
+  return v_min(v_max(node, v_set(0)), v_set(g->node_last));
+}
+
+/* Colour and opacity of a full segment from node front to node back. */
+V_INLINE vf4 classify(const tc_cpu_args *g, vf front, vf back) {
+  vf low = v_min(front, back), diff = back - front, k = v_abs(diff);
+  vf i = v_float(v_trunc(low)), kk = v_float(v_trunc(k));
+  vf stride = v_select(v_lt(diff, v_set(0)), v_set(-g->table_stride), v_set(g->table_stride));
+  vf row0 = v_fma(kk, stride, i);
+  return v_bilinear(g->table, v_trunc(row0), v_trunc(row0 + stride), low - i, k - kk);
+}
+
+/* log2 and exp2 for the last segments only; relative error about 1e-6. */
+V_INLINE vf log2_approx(vf x) {
+  vi bits = v_bits(x), e = v_subi(v_sra(bits, 23), v_seti(127));
+  vf m = v_from_bits(v_ori(v_andi(bits, v_seti(0x007fffff)), v_seti(0x3f800000)));
+  vm high = v_lt(v_set(1.41421356f), m);
+  m = v_select(high, m * v_set(0.5f), m);
+  vf ef = v_float(e) + v_select(high, v_set(1), v_set(0));
+  vf s = (m - v_set(1)) / (m + v_set(1)), s2 = s * s; /* ln m = 2 atanh(s) */
+  vf series = v_fma(s2, v_fma(s2, v_fma(s2, v_set(0.41219858f), v_set(0.57707802f)), v_set(0.96179669f)), v_set(2.88539008f));
+  return v_fma(s, series, ef);
+}
+
+V_INLINE vf exp2_approx(vf x) { /* x <= 0 */
+  x = v_max(x, v_set(-126));
+  vi n = v_trunc(x - v_set(0.5f));
+  vf f = x - v_float(n);
+  vf p = v_fma(f, v_fma(f, v_fma(f, v_fma(f, v_fma(f, v_set(0.00133335581f), v_set(0.00961812911f)), v_set(0.0555041087f)),
+                                 v_set(0.240226507f)), v_set(0.693147181f)), v_set(1));
+  return v_from_bits(v_addi(v_bits(p), v_shl(n, 23)));
+}
+
+/* The same medium over `share` (0..1) of a segment: transparency t^share, colour in proportion to the opacity. */
+V_INLINE vf4 shorten(vf4 c, vf share, vm which) {
+  vf clear = v_max(v_set(1) - c.a, v_set(1e-30f));
+  vf alpha = v_set(1) - exp2_approx(share * log2_approx(clear));
+  vf scale = v_select(v_lt(c.a, v_set(1e-4f)), share, alpha / v_max(c.a, v_set(1e-30f)));
+  scale = v_select(which, scale, v_set(1));
+  return (vf4){c.r * scale, c.g * scale, c.b * scale, c.a * scale};
+}
+
+V_INLINE void cast_packet(const tc_cpu_args *g, int type, bool terminate, int x, int y, int x1, int y1, vf4 *out,
+                          tc_cpu_counts *counts) {
+  packet p = start_packet(g, x, y, x1, y1);
+  vf clear = v_set(1);
+  vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
+  if (m_any(p.live)) {
+    counts->rays += (uint64_t)m_count(p.live);
+    counts->samples += (uint64_t)m_count(p.live);
+    vf front = sample_node(g, type, &p, v_set(0));
+    vm live = p.live;
+    float t0 = 0;
+    for (int i = 1;; i++) {
+      float t1 = (float)i * g->step_mm;
+      vf back = sample_node(g, type, &p, v_min(v_set(t1), p.length));
+      vf4 c = classify(g, front, back);
+      vm ends = v_lt(p.length, v_set(t1));
+      if (m_any(ends)) c = shorten(c, v_max(p.length - v_set(t0), v_set(0)) / v_set(g->step_mm), ends);
+      vf weight = v_select(live, clear, v_set(0));
+      sum.r = v_fma(weight, c.r, sum.r);
+      sum.g = v_fma(weight, c.g, sum.g);
+      sum.b = v_fma(weight, c.b, sum.b);
+      clear = v_fnma(weight, c.a, clear);
+      counts->samples += (uint64_t)m_count(live);
+      live = m_and(live, v_lt(v_set(t1), p.length));
+      if (terminate) live = m_and(live, v_le(v_set(g->termination), clear));
+      if (!m_any(live)) break;
+      front = back;
+      t0 = t1;
+    }
+  }
+  sum.a = v_set(1) - clear;
+  *out = sum;
+}
+
+V_INLINE void cast_tile(const tc_cpu_args *g, int type, bool terminate, int x0, int y0, int x1, int y1, float *out,
+                        ptrdiff_t stride, tc_cpu_counts *counts) {
+  for (int y = y0; y < y1; y += V_PACKET_Y)
+    for (int x = x0; x < x1; x += V_PACKET_X) {
+      vf4 c;
+      cast_packet(g, type, terminate, x, y, x1, y1, &c, counts);
+      float lanes[4][V_LANES];
+      v_store(lanes[0], c.r);
+      v_store(lanes[1], c.g);
+      v_store(lanes[2], c.b);
+      v_store(lanes[3], c.a);
+      for (int l = 0; l < V_LANES; l++) {
+        int px = x + l % V_PACKET_X, py = y + l / V_PACKET_X;
+        if (px >= x1 || py >= y1) continue;
+        float *pixel = out + ((py - y0) * stride + (px - x0)) * 4;
+        for (int k = 0; k < 4; k++) pixel[k] = lanes[k][l];
+      }
+    }
+}
+
+#define KERNEL(type, terminate, name)                                                                                \
+  static void name(const tc_cpu_args *g, int x0, int y0, int x1, int y1, float *out, ptrdiff_t stride,               \
+                   tc_cpu_counts *counts) {                                                                          \
+    cast_tile(g, type, terminate, x0, y0, x1, y1, out, stride, counts);                                              \
+  }
+#define KERNELS(type, name) KERNEL(type, false, name##_whole) KERNEL(type, true, name##_early)
+KERNELS(TC_U8, dvr_u8)
+KERNELS(TC_I8, dvr_i8)
+KERNELS(TC_U16, dvr_u16)
+KERNELS(TC_I16, dvr_i16)
+KERNELS(TC_F32, dvr_f32)
+
+static tc_cpu_kernel find_kernel(const tc_plan_key *key) {
+  static const tc_cpu_kernel dvr[TC_VOXEL_TYPE_COUNT][2] = {{dvr_u8_whole, dvr_u8_early},
+                                                            {dvr_i8_whole, dvr_i8_early},
+                                                            {dvr_u16_whole, dvr_u16_early},
+                                                            {dvr_i16_whole, dvr_i16_early},
+                                                            {dvr_f32_whole, dvr_f32_early}};
+  if (key->mode != TC_MODE_DVR || key->voxel_type >= TC_VOXEL_TYPE_COUNT) return NULL;
+  return dvr[key->voxel_type][key->termination != 0];
+}

@@ -1,0 +1,105 @@
+/* The vector vocabulary, 8 lanes of AVX2 + FMA: a packet of 4x2 pixels. */
+#ifndef TC_SIMD_AVX2_H
+#define TC_SIMD_AVX2_H
+
+#include <immintrin.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#define V_LANES 8
+#define V_PACKET_X 4
+#define V_PACKET_Y 2
+#define V_INLINE static inline __attribute__((always_inline))
+
+typedef __m256 vf;
+typedef __m256i vi;
+typedef __m256 vm; /* all bits of a lane set or clear */
+typedef struct vf4 { vf r, g, b, a; } vf4;
+
+V_INLINE vf v_set(float x) { return _mm256_set1_ps(x); }
+V_INLINE vi v_seti(int x) { return _mm256_set1_epi32(x); }
+V_INLINE vf v_lane_x(void) { return _mm256_setr_ps(0, 1, 2, 3, 0, 1, 2, 3); }
+V_INLINE vf v_lane_y(void) { return _mm256_setr_ps(0, 0, 0, 0, 1, 1, 1, 1); }
+V_INLINE vf v_fma(vf a, vf b, vf c) { return _mm256_fmadd_ps(a, b, c); }
+V_INLINE vf v_fnma(vf a, vf b, vf c) { return _mm256_fnmadd_ps(a, b, c); }
+V_INLINE vf v_min(vf a, vf b) { return _mm256_min_ps(a, b); }
+V_INLINE vf v_max(vf a, vf b) { return _mm256_max_ps(a, b); }
+V_INLINE vf v_abs(vf a) { return _mm256_andnot_ps(_mm256_set1_ps(-0.0f), a); }
+V_INLINE vf v_sqrt(vf a) { return _mm256_sqrt_ps(a); }
+V_INLINE vi v_trunc(vf a) { return _mm256_cvttps_epi32(a); }
+V_INLINE vf v_float(vi a) { return _mm256_cvtepi32_ps(a); }
+V_INLINE vi v_addi(vi a, vi b) { return _mm256_add_epi32(a, b); }
+V_INLINE vi v_subi(vi a, vi b) { return _mm256_sub_epi32(a, b); }
+V_INLINE vi v_muli(vi a, vi b) { return _mm256_mullo_epi32(a, b); }
+V_INLINE vi v_mini(vi a, vi b) { return _mm256_min_epi32(a, b); }
+V_INLINE vi v_shl(vi a, int n) { return _mm256_slli_epi32(a, n); }
+V_INLINE vi v_sra(vi a, int n) { return _mm256_srai_epi32(a, n); }
+V_INLINE vi v_andi(vi a, vi b) { return _mm256_and_si256(a, b); }
+V_INLINE vi v_ori(vi a, vi b) { return _mm256_or_si256(a, b); }
+V_INLINE vi v_bits(vf a) { return _mm256_castps_si256(a); }
+V_INLINE vf v_from_bits(vi a) { return _mm256_castsi256_ps(a); }
+V_INLINE vm v_lt(vf a, vf b) { return _mm256_cmp_ps(a, b, _CMP_LT_OQ); }
+V_INLINE vm v_le(vf a, vf b) { return _mm256_cmp_ps(a, b, _CMP_LE_OQ); }
+V_INLINE vf v_select(vm m, vf a, vf b) { return _mm256_blendv_ps(b, a, m); }
+V_INLINE vm m_and(vm a, vm b) { return _mm256_and_ps(a, b); }
+V_INLINE vm m_or(vm a, vm b) { return _mm256_or_ps(a, b); }
+V_INLINE vm m_andnot(vm a, vm b) { return _mm256_andnot_ps(b, a); }
+V_INLINE bool m_any(vm a) { return _mm256_movemask_ps(a) != 0; }
+V_INLINE int m_count(vm a) { return __builtin_popcount((unsigned)_mm256_movemask_ps(a)); }
+V_INLINE void v_store(float *p, vf a) { _mm256_storeu_ps(p, a); }
+
+/* One 32-bit gather fetches a voxel and its right neighbour; the volume's tail pad makes the last one readable. */
+V_INLINE vi v_gather_bytes(const void *base, vi off) { return _mm256_i32gather_epi32((const int *)base, off, 1); }
+V_INLINE vi v_gather_words(const void *base, vi off) { return _mm256_i32gather_epi32((const int *)base, off, 2); }
+V_INLINE void v_pair_u8(const void *base, vi off, vf *a, vf *b) {
+  vi p = v_gather_bytes(base, off), mask = v_seti(255);
+  *a = v_float(v_andi(p, mask));
+  *b = v_float(v_andi(_mm256_srli_epi32(p, 8), mask));
+}
+V_INLINE void v_pair_i8(const void *base, vi off, vf *a, vf *b) {
+  vi p = v_gather_bytes(base, off);
+  *a = v_float(v_sra(v_shl(p, 24), 24));
+  *b = v_float(v_sra(v_shl(p, 16), 24));
+}
+V_INLINE void v_pair_u16(const void *base, vi off, vf *a, vf *b) {
+  vi p = v_gather_words(base, off);
+  *a = v_float(v_andi(p, v_seti(0xffff)));
+  *b = v_float(_mm256_srli_epi32(p, 16));
+}
+V_INLINE void v_pair_i16(const void *base, vi off, vf *a, vf *b) {
+  vi p = v_gather_words(base, off);
+  *a = v_float(v_sra(v_shl(p, 16), 16));
+  *b = v_float(v_sra(p, 16));
+}
+V_INLINE void v_pair_f32(const void *base, vi off, vf *a, vf *b) {
+  *a = _mm256_i32gather_ps((const float *)base, off, 4);
+  *b = _mm256_i32gather_ps((const float *)base + 1, off, 4);
+}
+
+/* Whole entries are loaded per lane (they are 16 bytes), lane 4s+g into 128-bit slot s of group g, so that a 4x4 transpose
+ * inside the slots ends in lane order: far fewer loads than sixteen gathers. */
+V_INLINE vf v_slot_pair(const float *base, const int32_t *off, int g) {
+  return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(base + (ptrdiff_t)off[g] * 4)),
+                              _mm_loadu_ps(base + (ptrdiff_t)off[4 + g] * 4), 1);
+}
+#define V_BILINEAR_GROUP(g)                                                                                          \
+  ({                                                                                                                 \
+    vf y_ = _mm256_permute_ps(fy, (g) * 0x55), x_ = _mm256_permute_ps(fx, (g) * 0x55);                               \
+    vf a_ = v_slot_pair(base, p, g), b_ = v_slot_pair(base + 4, p, g);                                               \
+    a_ = v_fma(y_, v_slot_pair(base, q, g) - a_, a_);                                                                \
+    b_ = v_fma(y_, v_slot_pair(base + 4, q, g) - b_, b_);                                                            \
+    v_fma(x_, b_ - a_, a_);                                                                                          \
+  })
+V_INLINE vf4 v_bilinear(const float *base, vi row0, vi row1, vf fx, vf fy) {
+  int32_t p[8] __attribute__((aligned(32))), q[8] __attribute__((aligned(32)));
+  _mm256_store_si256((__m256i *)p, row0);
+  _mm256_store_si256((__m256i *)q, row1);
+  vf e0 = V_BILINEAR_GROUP(0), e1 = V_BILINEAR_GROUP(1), e2 = V_BILINEAR_GROUP(2), e3 = V_BILINEAR_GROUP(3);
+  vf t0 = _mm256_unpacklo_ps(e0, e1), t1 = _mm256_unpackhi_ps(e0, e1);
+  vf t2 = _mm256_unpacklo_ps(e2, e3), t3 = _mm256_unpackhi_ps(e2, e3);
+  return (vf4){_mm256_shuffle_ps(t0, t2, 0x44), _mm256_shuffle_ps(t0, t2, 0xee), _mm256_shuffle_ps(t1, t3, 0x44),
+               _mm256_shuffle_ps(t1, t3, 0xee)};
+}
+
+#endif
