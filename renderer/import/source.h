@@ -1,0 +1,97 @@
+/* Where bytes come from: an input (an open file or memory, with its folder), and a source, which is the one stream
+ * of decoded voxel bytes that an image's data make, whatever files and encodings they are spread over.
+ *
+ * Memory stays small: a source holds one buffer of encoded bytes and decodes straight into the caller's memory.
+ * Data files named by a header are looked up beside that header and nowhere else. */
+#ifndef TC_IMPORT_SOURCE_H
+#define TC_IMPORT_SOURCE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "renderer/error.h"
+
+/* A file's own element types. */
+typedef enum tc_element {
+  TC_ELEMENT_I8, TC_ELEMENT_U8, TC_ELEMENT_I16, TC_ELEMENT_U16, TC_ELEMENT_I32, TC_ELEMENT_U32, TC_ELEMENT_I64,
+  TC_ELEMENT_U64, TC_ELEMENT_F32, TC_ELEMENT_F64, TC_ELEMENT_COUNT
+} tc_element;
+
+size_t tc_element_size(tc_element element);      /* bytes */
+const char *tc_element_name(tc_element element); /* "i8" "u8" ... "f64" */
+
+/* ---- inputs: random access ---- */
+
+typedef struct tc_input {
+  int fd;               /* an open regular file, or -1: bytes */
+  const uint8_t *bytes; /* [size], not owned */
+  uint64_t size;
+  int folder_fd;        /* the folder the file lies in, or -1: none, so no detached data */
+  char *name;           /* base name */
+} tc_input;
+
+/* Opens a regular file and its folder. TC_ERROR_NOT_FOUND, TC_ERROR_IO, or TC_ERROR_FORMAT for what is no regular
+ * file. On failure *input is closed already. */
+bool tc_input_open(tc_input *input, const char *path, GError **error);
+
+/* Bytes in memory, as a fuzzer has them. folder_fd may be -1; it and the bytes stay the caller's. */
+void tc_input_memory(tc_input *input, const void *bytes, size_t size, int folder_fd, const char *name);
+
+/* Opens a file beside the input: a relative name without "..", never outside the input's folder, links included. */
+bool tc_input_open_sibling(const tc_input *input, const char *name, tc_input *sibling, GError **error);
+
+void tc_input_close(tc_input *input); /* a zeroed or closed input is fine */
+
+/* Exactly n bytes from offset. */
+bool tc_input_read(const tc_input *input, uint64_t offset, void *to, size_t n, GError **error);
+
+/* Up to n bytes from the start, inflated when the file is gzip; *got tells how many. Fails only when reading fails:
+ * damaged compressed bytes just end the head. */
+bool tc_input_head(const tc_input *input, void *to, size_t n, size_t *got, bool *gzip, GError **error);
+
+/* ---- sources: one stream of decoded bytes ---- */
+
+typedef enum tc_encoding {
+  TC_ENCODING_RAW,
+  TC_ENCODING_DEFLATE, /* gzip (any number of members) or zlib, told apart by content */
+  TC_ENCODING_BZIP2,
+  TC_ENCODING_TEXT,    /* decimal numbers, decoded to elements in this machine's byte order */
+  TC_ENCODING_HEX,
+  TC_ENCODING_COUNT
+} tc_encoding;
+
+/* What the data of an image are. Parts follow each other in the stream. */
+typedef struct tc_data {
+  const tc_input *input; /* the header's file */
+  GPtrArray *names;      /* char *: one data file per part beside the input; NULL: one part, in the input itself */
+  uint64_t part_bytes;   /* decoded bytes wanted of each part */
+  uint64_t offset;       /* where the encoded bytes start in each file */
+  uint64_t line_skip;    /* text lines to leave out after that */
+  int64_t byte_skip;     /* decoded bytes to leave out after that; -1: the data are the last part_bytes there are */
+  tc_encoding encoding;
+  tc_element element;    /* for TC_ENCODING_TEXT */
+} tc_data;
+
+void tc_data_clear(tc_data *data);
+uint64_t tc_data_parts(const tc_data *data);
+
+/* Do all parts exist and can they hold part_bytes each? Raw: by size. Deflate: by its greatest ratio (1032:1), so
+ * that a small file cannot ask for much memory. Bzip2, which knows no such bound: by decoding once. Call it before
+ * anything is allocated for voxels. */
+bool tc_data_check(const tc_data *data, GError **error);
+
+typedef struct tc_source tc_source;
+
+/* The data must outlive the source. One thread at a time. */
+tc_source *tc_source_new(const tc_data *data);
+void tc_source_free(tc_source *source); /* NULL is fine */
+
+/* Exactly n decoded bytes, or an error that tells where the data ended. */
+bool tc_source_read(tc_source *source, void *to, size_t n, GError **error);
+bool tc_source_skip(tc_source *source, uint64_t n, GError **error);
+
+/* After the last byte was read: checks the trailer of compressed data where it is near. */
+bool tc_source_finish(tc_source *source, GError **error);
+
+#endif
