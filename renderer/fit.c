@@ -49,7 +49,8 @@ static void fit_camera(tc_camera *camera, const tc_volume *volume) {
 static const char *preset_for(const tc_volume *volume) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_volume_stats *s = tc_volume_statistics(volume);
-  if (!strcmp(d->format, "demo") && !strcmp(d->modality, "XA")) return "demo-vessels";
+  if (!strcmp(d->modality, "XA")) return "vessels";
+  if (!strcmp(d->format, "demo") && !strcmp(d->modality, "CT")) return "ct-head";
   if (!strcmp(d->modality, "CT") || (!strcmp(d->unit, "HU") || (s->min < -500 && s->max > 300))) return "ct-bone";
   if (!strcmp(d->modality, "MR")) return "mr-default";
   return "surface";

@@ -78,11 +78,11 @@ static void add(list *l, tc_shape s) {
 }
 
 static void ball(list *l, float value, float x, float y, float z, float rx, float ry, float rz) {
-  add(l, (tc_shape){.kind = TC_ELLIPSOID, .a = {x, y, z}, .b = {rx, ry, rz}, .value = value, .edge = 1.4f});
+  add(l, (tc_shape){.kind = TC_ELLIPSOID, .a = {x, y, z}, .b = {rx, ry, rz}, .value = value, .edge = 2.2f});
 }
 
 static void rod(list *l, float value, float x0, float y0, float z0, float r0, float x1, float y1, float z1, float r1) {
-  add(l, (tc_shape){.kind = TC_CAPSULE, .a = {x0, y0, z0}, .b = {x1, y1, z1}, .ra = r0, .rb = r1, .value = value, .edge = 1.4f});
+  add(l, (tc_shape){.kind = TC_CAPSULE, .a = {x0, y0, z0}, .b = {x1, y1, z1}, .ra = r0, .rb = r1, .value = value, .edge = 2.2f});
 }
 
 /* Both sides of the midline. */
@@ -119,36 +119,36 @@ static void head_skull(list *l) {
   ball(l, BONE, 0, 9, 29, 70, 88, 75); /* vault, spongy middle, brain inside */
   ball(l, SPONGY, 0, 9, 29, 67.6f, 85.6f, 72.6f);
   ball(l, BONE, 0, 9, 29, 65.6f, 83.6f, 70.6f);
-  ball(l, BONE, 0, -58, -18, 40, 26, 30); /* upper face */
-  ball(l, SPONGY, 0, -56, -18, 35, 22, 26);
-  ball(l, BRAIN, 0, 9, 30, 63.5f, 81.5f, 68.5f);
+  ball(l, BONE, 0, -46, -4, 52, 38, 26); /* forehead to cheeks */
+  ball(l, BONE, 0, -54, -28, 38, 34, 26);
+  ball(l, SPONGY, 0, -52, -28, 34, 30, 22);
+  ball(l, FLUID, 0, 9, 30, 63.5f, 81.5f, 68.5f);
   rod(l, BONE, 0, 15, -28, 26, 0, 52, -26, 24); /* skull base */
   rod(l, SPONGY, 0, 15, -28, 22, 0, 52, -26, 20);
   rod(l, FLUID, 0, 40, -60, 8, 0, 36, -10, 9); /* great foramen and canal */
-  rods(l, BONE, 62, 6, -22, 9, 60, 12, -44, 6); /* mastoid */
+  rods(l, BONE, 62, 6, -22, 9, 58, 12, -46, 5); /* mastoid */
   rods(l, AIR, 72, 8, -14, 2.4f, 46, 10, -13, 2);
-  for (int i = 0; i < 8; i++) { /* cheekbone arches */
-    float u0 = (float)i / 8, u1 = (float)(i + 1) / 8;
-    rods(l, BONE, 46 + 20 * sinf(1.5f * u0), -66 + 64 * u0, -26 + 8 * u0, 4.6f, 46 + 20 * sinf(1.5f * u1), -66 + 64 * u1, -26 + 8 * u1, 4);
+  balls(l, BONE, 43, -60, -26, 12, 13, 10); /* cheekbones and their arches */
+  for (int i = 0; i < 12; i++) {
+    float u0 = (float)i / 12, u1 = (float)(i + 1) / 12;
+    rods(l, BONE, 47 + 17 * sinf(2.2f * u0), -62 + 60 * u0, -26 + 6 * u0, 5 - 1.6f * u0, 47 + 17 * sinf(2.2f * u1), -62 + 60 * u1,
+         -26 + 6 * u1, 5 - 1.6f * u1);
   }
-  rods(l, BONE, 50, -64, -4, 5, 46, -66, -26, 6); /* outer orbit */
-  rods(l, BONE, 18, -80, 10, 6, 50, -66, 6, 5);   /* brow */
-  rods(l, BONE, 16, -84, -24, 5, 44, -70, -28, 5); /* lower orbit */
-  rods(l, BONE, 6, -86, 8, 4.4f, 6, -95, -10, 3); /* nose bridge */
+  rod(l, BONE, 0, -78, 4, 7, 0, -92, -10, 3); /* nose bridge */
 }
 
 static void head_cavities(list *l) {
-  balls(l, FAT, 31, -62, -7, 17, 26, 15); /* orbits */
-  balls(l, FAT, 30, -72, -7, 16, 18, 14);
+  balls(l, FAT, 31, -66, -6, 18, 32, 15.5f); /* orbits */
+  balls(l, SKIN, 31, -90, -6, 17, 5, 12);
   balls(l, FLUID + 10, 31, -76, -7, 12, 12, 12); /* eyes */
   balls(l, 90, 31, -86, -7, 4.5f, 2.5f, 4.5f);   /* lenses */
   rods(l, MUSCLE, 31, -64, -7, 2, 14, -34, -4, 2); /* optic nerves */
-  for (int side = -1; side <= 1; side += 2)
-    rod(l, AIR, (float)side * 7, -92, -30, 5, (float)side * 8, -46, -26, 6); /* nasal cavity, septum between */
+  ball(l, SKIN, 0, -88, -28, 12, 10, 15); /* the pear-shaped opening */
+  rods(l, AIR, 6, -92, -32, 4.6f, 8, -46, -26, 6); /* nasal cavity, septum between */
   rod(l, AIR, 0, -44, -28, 9, 0, -14, -60, 8);
   rod(l, AIR, 0, -14, -60, 8, 0, -8, -125, 9); /* airway */
   balls(l, AIR, 27, -62, -36, 10, 14, 12);     /* sinuses */
-  balls(l, AIR, 10, -84, 20, 8, 4, 9);
+  balls(l, AIR, 9, -72, 16, 7, 4, 8);
   ball(l, MUSCLE, 0, -52, -64, 21, 30, 11); /* tongue */
 }
 
@@ -187,8 +187,8 @@ static void head_spine(list *l) {
 static void head_brain(list *l) {
   for (int side = -1; side <= 1; side += 2) {
     float s = (float)side;
-    add(l, (tc_shape){.kind = TC_ELLIPSOID, .a = {s * 31, 8, 36}, .b = {29, 77, 58}, .value = BRAIN + 6, .edge = 1.6f, .wave = 3.2f});
-    add(l, (tc_shape){.kind = TC_ELLIPSOID, .a = {s * 30, 8, 36}, .b = {22, 66, 46}, .value = WHITE, .edge = 2, .wave = 4.0f});
+    add(l, (tc_shape){.kind = TC_ELLIPSOID, .a = {s * 28, 8, 34}, .b = {26, 70, 56}, .value = BRAIN + 6, .edge = 1.6f, .wave = 3.0f});
+    add(l, (tc_shape){.kind = TC_ELLIPSOID, .a = {s * 28, 8, 34}, .b = {20, 62, 46}, .value = WHITE, .edge = 2, .wave = 4.0f});
     rod(l, FLUID, s * 7, -22, 44, 5, s * 10, 12, 48, 6); /* ventricles */
     rod(l, FLUID, s * 10, 12, 48, 6, s * 22, 44, 34, 5);
     rod(l, FLUID, s * 22, 44, 34, 4, s * 30, 8, 18, 2.5f);

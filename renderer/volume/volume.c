@@ -176,6 +176,19 @@ static void mend_f32(float *p, size_t n, float lo, float hi) {
     if (!isfinite(p[i])) p[i] = p[i] > 0 ? hi : lo;
 }
 
+/* Differences of voxels near the ends of float's range would overflow (or vanish): such volumes are scaled by a power of
+ * two, which is exact, and the slope takes it back. */
+static void rescale_f32(tc_volume *v, double *lo, double *hi) {
+  double largest = fmax(fabs(*lo), fabs(*hi));
+  if (largest == 0 || (largest < 1e30 && largest > 1e-30)) return;
+  double factor = largest >= 1e30 ? 0x1p-64 : 0x1p64;
+  float *p = (float *)v->voxels;
+  for (size_t i = 0; i < voxel_count(v); i++) p[i] = (float)((double)p[i] * factor);
+  v->desc.slope /= factor;
+  *lo *= factor;
+  *hi *= factor;
+}
+
 void tc_volume_seal(tc_volume *volume) {
   if (volume->sealed) return;
   size_t n = voxel_count(volume);
@@ -188,6 +201,7 @@ void tc_volume_seal(tc_volume *volume) {
   case TC_F32:
     range_f32((const float *)volume->voxels, n, &lo, &hi, &volume->stats.non_finite);
     if (volume->stats.non_finite) mend_f32((float *)volume->voxels, n, (float)lo, (float)hi);
+    rescale_f32(volume, &lo, &hi);
     break;
   case TC_VOXEL_TYPE_COUNT: break;
   }

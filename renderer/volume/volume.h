@@ -51,7 +51,8 @@ void *tc_volume_voxels(tc_volume *volume);
 const void *tc_volume_data(const tc_volume *volume);
 
 /* Ends the filling: finds the range, replaces what is not finite in a f32 volume (NaN by the smallest finite voxel,
- * +inf/-inf by the largest/smallest finite one; a volume with none finite becomes 0) and counts it. */
+ * +inf/-inf by the largest/smallest finite one; a volume with none finite becomes 0) and counts it. A f32 volume whose
+ * largest magnitude is beyond 1e30 or below 1e-30 is scaled by a power of two, with the slope taking it back. */
 void tc_volume_seal(tc_volume *volume);
 
 tc_volume *tc_volume_ref(tc_volume *volume);
