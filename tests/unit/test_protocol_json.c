@@ -1,0 +1,142 @@
+/* Strictness of JSON and RFC 7396. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "protocol/protocol.h"
+
+static cJSON *parse(const char *text) { return tcp_json_parse(text, strlen(text), NULL); }
+
+static void accepts_json(void **state) {
+  static const char *const good[] = {
+      "0", "-0", "-1.5e-3", "1E+2", "1e-400", "\"\"", "\"\\u00e9\\n\\\"\"", "\"\\ud83d\\ude00\"", "null", " [ ] ", "{}",
+      "[1,[2,[3]]]", "{\"a\":{\"a\":1},\"b\":[{\"a\":1},{\"a\":2}]}", "\t\r\n true \n", "{\"\":1}",
+      "123456789012345678901234567890123456789012345678901234567890123"};
+  for (size_t i = 0; i < G_N_ELEMENTS(good); i++) {
+    cJSON *value = parse(good[i]);
+    if (!value) fail_msg("refused: %s", good[i]);
+    cJSON_Delete(value);
+  }
+}
+
+static void refuses_what_is_not_json(void **state) {
+  static const char *const bad[] = {
+      "", " ", "nul", "NaN", "Infinity", "-", "01", "1.", ".5", "1e", "+1", "0x10", "1e999", "-1e400", "[1,]", "[,1]",
+      "{\"a\":1,}", "{a:1}", "{\"a\" 1}", "{\"a\":1 \"b\":2}", "[1 2]", "\"a", "\"\t\"", "\"\\x\"", "\"\\u12\"",
+      "\"\\u0000\"", "\"\\ud800\"", "\"\\ud800x\"", "\"\\ud800\\u0041\"", "\"\\udc00\"", "1 2", "{} x", "// c\n1",
+      "'a'", "\xef\xbb\xbf{}", "\"\xff\"", "\"\xc3\"", "\"\xed\xa0\x80\"", "{\"a\":1,\"a\":2}", "{\"a\":1,\"\\u0061\":2}",
+      "{\"x\":{\"b\":1,\"c\":2,\"b\":3}}", "[", "{", "{\"a\":", "{\"a\"", "[[1}", "tru", "truE",
+      "1234567890123456789012345678901234567890123456789012345678901234"};
+  for (size_t i = 0; i < G_N_ELEMENTS(bad); i++) {
+    GError *error = NULL;
+    cJSON *value = tcp_json_parse(bad[i], strlen(bad[i]), &error);
+    if (value) fail_msg("accepted: %s", bad[i]);
+    assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_SYNTAX));
+    assert_non_null(strstr(error->message, "JSON line "));
+    g_error_free(error);
+  }
+}
+
+static void says_line_and_column(void **state) {
+  static const struct { const char *text, *place; } cases[] = {
+      {"{\n  \"a\": 1,\n  \"a\": 2\n}", "line 3 column 3"}, {"[1,\n2,\n x]", "line 3 column 2"},
+      {"1e999", "line 1 column 1"}, {"[1] 2", "line 1 column 5"}, {"", "line 1 column 1"}};
+  for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
+    GError *error = NULL;
+    assert_null(tcp_json_parse(cases[i].text, strlen(cases[i].text), &error));
+    if (!strstr(error->message, cases[i].place)) fail_msg("%s: wanted %s", error->message, cases[i].place);
+    g_error_free(error);
+  }
+}
+
+static void zero_byte_is_refused(void **state) {
+  assert_null(tcp_json_parse("1\0002", 3, NULL));
+  assert_null(tcp_json_parse("\"a\0b\"", 5, NULL));
+  assert_null(tcp_json_parse("1\0", 2, NULL));
+}
+
+static char *nested(int depth) {
+  GString *text = g_string_new(NULL);
+  for (int i = 0; i < depth; i++) g_string_append(text, i % 2 ? "{\"a\":" : "[");
+  g_string_append_c(text, '1');
+  for (int i = depth - 1; i >= 0; i--) g_string_append_c(text, i % 2 ? '}' : ']');
+  return g_string_free(text, FALSE);
+}
+
+static void depth_is_at_most_32(void **state) {
+  char *good = nested(32), *bad = nested(33), *absurd = g_strnfill(1000000, '[');
+  cJSON *value = parse(good);
+  assert_non_null(value);
+  assert_null(parse(bad));
+  assert_null(parse(absurd));
+  cJSON_Delete(value);
+  g_free(good);
+  g_free(bad);
+  g_free(absurd);
+}
+
+/* Many names go through the hash table: every one distinct, then one again. */
+static void many_names(void **state) {
+  GString *text = g_string_new("{");
+  for (int i = 0; i < 20000; i++) g_string_append_printf(text, "%s\"n%d\":%d", i ? "," : "", i, i);
+  cJSON *value;
+  g_string_append(text, "}");
+  value = tcp_json_parse(text->str, text->len, NULL);
+  assert_non_null(value);
+  cJSON_Delete(value);
+  g_string_truncate(text, text->len - 1);
+  g_string_append(text, ",\"n\\u0037\":0}");
+  assert_null(tcp_json_parse(text->str, text->len, NULL));
+  g_string_free(text, TRUE);
+}
+
+static void every_truncation_is_refused(void **state) {
+  static const char text[] = "{\"a\":[1,-2.5e3,true,null,\"x\\u00e9\\ud83d\\ude00\"],\"b\":{}}";
+  for (size_t size = 0; size < sizeof text - 1; size++) {
+    char *copy = g_memdup2(text, size); /* its own allocation: an over-read is seen by the sanitiser */
+    cJSON *value = tcp_json_parse(copy ? copy : "", size, NULL);
+    if (value) fail_msg("accepted the first %zu bytes", size);
+    g_free(copy);
+  }
+}
+
+/* The examples of RFC 7396, appendix A. */
+static void merge_patch_examples(void **state) {
+  static const char *const cases[][3] = {
+      {"{\"a\":\"b\"}", "{\"a\":\"c\"}", "{\"a\":\"c\"}"},
+      {"{\"a\":\"b\"}", "{\"b\":\"c\"}", "{\"a\":\"b\",\"b\":\"c\"}"},
+      {"{\"a\":\"b\"}", "{\"a\":null}", "{}"},
+      {"{\"a\":\"b\",\"b\":\"c\"}", "{\"a\":null}", "{\"b\":\"c\"}"},
+      {"{\"a\":[\"b\"]}", "{\"a\":\"c\"}", "{\"a\":\"c\"}"},
+      {"{\"a\":\"c\"}", "{\"a\":[\"b\"]}", "{\"a\":[\"b\"]}"},
+      {"{\"a\":{\"b\":\"c\"}}", "{\"a\":{\"b\":\"d\",\"c\":null}}", "{\"a\":{\"b\":\"d\"}}"},
+      {"{\"a\":[{\"b\":\"c\"}]}", "{\"a\":[1]}", "{\"a\":[1]}"},
+      {"[\"a\",\"b\"]", "[\"c\",\"d\"]", "[\"c\",\"d\"]"},
+      {"{\"a\":\"b\"}", "[\"c\"]", "[\"c\"]"},
+      {"{\"a\":\"foo\"}", "null", "null"},
+      {"{\"a\":\"foo\"}", "\"bar\"", "\"bar\""},
+      {"{\"e\":null}", "{\"a\":1}", "{\"e\":null,\"a\":1}"},
+      {"[1,2]", "{\"a\":\"b\",\"c\":null}", "{\"a\":\"b\"}"},
+      {"{}", "{\"a\":{\"bb\":{\"ccc\":null}}}", "{\"a\":{\"bb\":{}}}"}};
+  for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
+    cJSON *target = parse(cases[i][0]), *patch = parse(cases[i][1]), *wanted = parse(cases[i][2]);
+    tcp_merge_patch(&target, patch);
+    if (!cJSON_Compare(target, wanted, true)) fail_msg("%s + %s", cases[i][0], cases[i][1]);
+    cJSON_Delete(target);
+    cJSON_Delete(patch);
+    cJSON_Delete(wanted);
+  }
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(accepts_json),         cmocka_unit_test(refuses_what_is_not_json),
+      cmocka_unit_test(says_line_and_column), cmocka_unit_test(zero_byte_is_refused),
+      cmocka_unit_test(depth_is_at_most_32),  cmocka_unit_test(many_names),
+      cmocka_unit_test(every_truncation_is_refused), cmocka_unit_test(merge_patch_examples)};
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
