@@ -1,0 +1,58 @@
+/* Decoded DICOM samples to voxels of one storage type. Plain C, no DICOM library: bytes in, voxels out. */
+#ifndef TC_IMPORT_DICOM_PIXELS_H
+#define TC_IMPORT_DICOM_PIXELS_H
+
+#include "renderer/volume/volume.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum tc_dicom_colour {
+  TC_DICOM_GREY,
+  TC_DICOM_RGB,  /* becomes Rec. 709 luma, 0..255 */
+  TC_DICOM_LUMA, /* Y Cb Cr: the first sample is kept */
+  TC_DICOM_COLOUR_COUNT
+} tc_dicom_colour;
+
+/* How the samples of one frame lie in memory; little-endian. */
+typedef struct tc_dicom_samples {
+  int rows, columns;
+  int allocated;      /* 1, 8, 16, 32 or 64 bits a sample; 1: packed, least significant bit first */
+  int stored, high;   /* bits in use, and the number of the highest of them; bits above and below are not pixels */
+  bool is_signed, is_float;
+  int per_pixel;      /* 1, 3 or 4 */
+  bool planar;        /* all of one colour, then the next */
+  tc_dicom_colour colour;
+} tc_dicom_samples;
+
+/* What becomes of them. */
+typedef struct tc_dicom_target {
+  tc_voxel_type type;
+  bool rescale;            /* value = slope * sample + intercept, for TC_F32 only */
+  double slope, intercept;
+  uint32_t label;          /* not 0: samples at or above `threshold` write this number, others leave the voxel alone */
+  double threshold;
+} tc_dicom_target;
+
+/* False for combinations that are not built (packed 12-bit and the like). */
+bool tc_dicom_samples_valid(const tc_dicom_samples *samples);
+
+/* Bytes of one frame; a 1-bit frame may start within a byte, this is then the count rounded up. 0 on overflow. */
+uint64_t tc_dicom_frame_bytes(const tc_dicom_samples *samples);
+
+/* The storage type that holds every sample as it is; wide integers give TC_F32 (see tc_dicom_range to narrow). */
+tc_voxel_type tc_dicom_natural_type(const tc_dicom_samples *samples);
+
+/* Converts one frame. bytes [size] hold the frame, beginning at bit `first_bit` (0 unless allocated is 1); voxels
+ * [rows][columns] of target->type. False when the bytes are too few. */
+bool tc_dicom_convert(const tc_dicom_samples *samples, const uint8_t *bytes, size_t size, unsigned first_bit,
+                      const tc_dicom_target *target, void *voxels);
+
+/* Widens [*lo, *hi] by the samples of one grey frame. False when the bytes are too few. */
+bool tc_dicom_range(const tc_dicom_samples *samples, const uint8_t *bytes, size_t size, double *lo, double *hi);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

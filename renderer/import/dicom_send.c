@@ -1,0 +1,100 @@
+/* The helper's side of its stream to the parent. Free of everything but the C library. */
+#include <errno.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "renderer/import/dicom_wire.h"
+
+static bool write_all(int fd, const void *bytes, size_t size) {
+  const char *at = bytes;
+  while (size > 0) {
+    ssize_t n = write(fd, at, size);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return false;
+    at += n;
+    size -= (size_t)n;
+  }
+  return true;
+}
+
+static void put_u32(uint8_t **at, uint32_t value) {
+  for (int i = 0; i < 4; i++) *(*at)++ = (uint8_t)(value >> (8 * i));
+}
+
+static void put_f64(uint8_t **at, double value) {
+  uint64_t bits;
+  memcpy(&bits, &value, 8);
+  for (int i = 0; i < 8; i++) *(*at)++ = (uint8_t)(bits >> (8 * i));
+}
+
+/* A fixed field: cut to fit, zero-filled, always ended. */
+static void put_text(uint8_t **at, const char *text, size_t field) {
+  size_t n = strnlen(text, field - 1);
+  memset(*at, 0, field);
+  memcpy(*at, text, n);
+  *at += field;
+}
+
+static bool send_message(int fd, uint32_t kind, const void *bytes, size_t size) {
+  uint8_t header[TC_DICOM_HEADER_BYTES], *at = header;
+  put_u32(&at, kind);
+  put_u32(&at, (uint32_t)size);
+  return write_all(fd, header, sizeof header) && write_all(fd, bytes, size);
+}
+
+bool tc_dicom_wire_send_progress(int fd, double fraction) {
+  uint8_t body[8], *at = body;
+  put_f64(&at, fraction);
+  return send_message(fd, TC_DICOM_PROGRESS, body, sizeof body);
+}
+
+bool tc_dicom_wire_send_series(int fd, const tc_series *series) {
+  uint8_t body[TC_DICOM_SERIES_BYTES], *at = body;
+  put_text(&at, series->uid, 72);
+  put_text(&at, series->modality, 16);
+  put_text(&at, series->label, 64);
+  put_u32(&at, (uint32_t)series->files);
+  put_u32(&at, (uint32_t)series->frames);
+  put_u32(&at, (uint32_t)series->rows);
+  put_u32(&at, (uint32_t)series->columns);
+  return send_message(fd, TC_DICOM_SERIES, body, sizeof body);
+}
+
+bool tc_dicom_wire_send_head(int fd, const tc_volume_desc *desc) {
+  uint8_t body[TC_DICOM_HEAD_BYTES], *at = body;
+  for (int i = 0; i < 3; i++) put_u32(&at, (uint32_t)desc->dims[i]);
+  put_u32(&at, (uint32_t)desc->type);
+  put_u32(&at, (uint32_t)desc->frames);
+  for (int i = 0; i < 3; i++) put_f64(&at, desc->spacing[i]);
+  for (int i = 0; i < 3; i++) put_f64(&at, desc->origin[i]);
+  for (int i = 0; i < 9; i++) put_f64(&at, desc->direction[i]);
+  put_f64(&at, desc->slope);
+  put_f64(&at, desc->intercept);
+  put_f64(&at, desc->window_center);
+  put_f64(&at, desc->window_width);
+  put_text(&at, desc->modality, 16);
+  put_text(&at, desc->unit, 16);
+  put_text(&at, desc->note, 256);
+  return send_message(fd, TC_DICOM_HEAD, body, sizeof body);
+}
+
+bool tc_dicom_wire_send_voxels(int fd, const void *bytes, size_t size) {
+  const char *at = bytes;
+  while (size > 0) {
+    size_t n = size < TC_DICOM_CHUNK_BYTES ? size : TC_DICOM_CHUNK_BYTES;
+    if (!send_message(fd, TC_DICOM_VOXELS, at, n)) return false;
+    at += n;
+    size -= n;
+  }
+  return true;
+}
+
+bool tc_dicom_wire_send_fail(int fd, int code, const char *text) {
+  uint8_t body[4 + TC_DICOM_FAIL_TEXT], *at = body;
+  put_u32(&at, (uint32_t)code);
+  put_text(&at, text, TC_DICOM_FAIL_TEXT);
+  return send_message(fd, TC_DICOM_FAIL, body, sizeof body);
+}
+
+bool tc_dicom_wire_send_end(int fd) { return send_message(fd, TC_DICOM_END, "", 0); }
+

@@ -1,0 +1,48 @@
+/* A small, bounded zip reader over bytes in memory: stored and deflated members, zip64 sizes, nothing on disk.
+ *
+ * Names are never used as paths: members are reached by their number. The directory at the end is what counts; local
+ * headers are only followed to their data. Encrypted members, other methods and members over the cap are marked and
+ * cannot be read. Bytes must outlive the reader. */
+#ifndef TC_IMPORT_DICOM_ZIP_H
+#define TC_IMPORT_DICOM_ZIP_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "renderer/error.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { TC_DICOM_ZIP_MEMBERS_MAX = 200000 };
+
+typedef struct tc_dicom_zip_member {
+  uint64_t at;     /* of the local header */
+  uint64_t packed; /* bytes in the file */
+  uint64_t size;   /* bytes when read; at most 1032 times `packed` plus a little, which is what deflate can do */
+  uint32_t crc;
+  uint16_t method; /* 0 stored, 8 deflated */
+  bool usable;     /* a plain, unencrypted file of a known method */
+} tc_dicom_zip_member;
+
+typedef struct tc_dicom_zip {
+  const uint8_t *bytes; /* [size] */
+  size_t size;
+  tc_dicom_zip_member *members; /* [count], owned */
+  size_t count;
+} tc_dicom_zip;
+
+/* Reads the directory. TC_ERROR_FORMAT when there is none or it contradicts the file, TC_ERROR_LIMIT for too many. */
+bool tc_dicom_zip_open(tc_dicom_zip *zip, const void *bytes, size_t size, GError **error);
+void tc_dicom_zip_finish(tc_dicom_zip *zip); /* a zeroed one is fine */
+
+/* Reads the first `want` bytes of a member (all: want >= member size, then the checksum is checked too) into out [want].
+ * *got tells how many came. */
+bool tc_dicom_zip_read(const tc_dicom_zip *zip, size_t member, uint8_t *out, size_t want, size_t *got, GError **error);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
