@@ -1,0 +1,107 @@
+// HTTP to the daemon: JSON in and out, RFC 9457 problems as exceptions. Addresses are relative to the page's folder, so
+// that the client also works behind a proxy that adds a path.
+
+const TOKEN_KEY = 'tomocast.token';
+
+/** A reply that is not a success. `status` 0: there was no reply at all. */
+export class Problem extends Error {
+  constructor(status, { title, detail, type, pointer } = {}) {
+    super(detail || title || `status ${status}`);
+    this.status = status;
+    this.title = title || '';
+    this.type = type || '';
+    this.pointer = pointer || '';
+  }
+}
+
+export class Api {
+  #base;
+
+  constructor(base = document.baseURI) {
+    this.#base = new URL('./', base);
+  }
+
+  get token() {
+    return sessionStorage.getItem(TOKEN_KEY) || '';
+  }
+
+  set token(token) {
+    sessionStorage.setItem(TOKEN_KEY, token);
+  }
+
+  url(path) {
+    return new URL(path, this.#base);
+  }
+
+  /** Address of a WebSocket on the same host. */
+  socketUrl(path) {
+    const url = this.url(path);
+    url.protocol = url.protocol === 'https:' ? 'wss:' : 'ws:';
+    return url.href;
+  }
+
+  headers() {
+    return this.token ? { Authorization: `Bearer ${this.token}` } : {};
+  }
+
+  /** @returns {Promise<Response>} a success; @throws {Problem} */
+  async fetch(method, path, { json, type = 'application/json', ...options } = {}) {
+    const headers = this.headers();
+    if (json !== undefined) {
+      headers['Content-Type'] = type;
+      options.body = JSON.stringify(json);
+    }
+    let reply;
+    try {
+      reply = await fetch(this.url(path), { method, headers, cache: 'no-store', ...options });
+    } catch (error) {
+      if (error.name === 'AbortError') throw error;
+      throw new Problem(0, { detail: 'the server does not answer' });
+    }
+    if (!reply.ok) throw await problemOf(reply);
+    return reply;
+  }
+
+  /** @returns {Promise<object|null>} the reply's JSON, null when it has none */
+  async json(method, path, options) {
+    const reply = await this.fetch(method, path, options);
+    const text = await reply.text();
+    return text ? JSON.parse(text) : null;
+  }
+
+  /**
+   * Sends a file, with progress.
+   * @param {(fraction: number) => void} onProgress
+   * @returns {{done: Promise<object|null>, cancel: () => void}}
+   */
+  upload(path, file, onProgress) {
+    const request = new XMLHttpRequest();
+    const done = new Promise((resolve, reject) => {
+      request.open('PUT', this.url(path));
+      for (const [name, value] of Object.entries(this.headers())) request.setRequestHeader(name, value);
+      request.setRequestHeader('Content-Type', 'application/octet-stream');
+      request.upload.onprogress = (event) => event.lengthComputable && onProgress(event.loaded / event.total);
+      request.onload = () => {
+        if (request.status >= 200 && request.status < 300) resolve(parsed(request.responseText));
+        else reject(new Problem(request.status, parsed(request.responseText) ?? {}));
+      };
+      request.onerror = () => reject(new Problem(0, { detail: 'the connection broke during the upload' }));
+      request.onabort = () => reject(new DOMException('cancelled', 'AbortError'));
+      request.send(file);
+    });
+    return { done, cancel: () => request.abort() };
+  }
+}
+
+function parsed(text) {
+  try {
+    return JSON.parse(text);
+  } catch {
+    return null;
+  }
+}
+
+async function problemOf(reply) {
+  const body = parsed(await reply.text().catch(() => ''));
+  return new Problem(reply.status, body ?? { title: reply.statusText });
+}

@@ -1,0 +1,234 @@
+// The look of a volume: transfer-function editor, its fields, presets, windows, undo. Everything here edits
+// scene.transferFunction or scene.window.
+
+import { History } from './state.js';
+import { bindGesture } from './panels.js';
+import { TransferEditor } from './transfer_editor.js';
+import { amountName, amountOf, formatValue, fromHex, scaleAmounts, shiftKnots, toHex } from './transfer_model.js';
+
+/** Presets of the daemon that suit a modality, the suitable ones first. */
+export function presetsFor(presets, modality) {
+  const own = presets.filter((preset) => preset.modality && preset.modality === modality);
+  const any = presets.filter((preset) => !preset.modality);
+  const other = presets.filter((preset) => preset.modality && preset.modality !== modality);
+  return modality ? { first: [...own, ...any], other } : { first: presets, other: [] };
+}
+
+export class Look {
+  #get;
+  #store;
+  #gesture;
+  #history = new History();
+  #editor;
+  #presets = [];
+  #windows = [];
+  #whole = [0, 1];
+  #base = null; // points when a shift or density slider was at rest
+  #modality = '';
+
+  /** get(id); gesture(bool) */
+  constructor(get, store, gesture) {
+    this.#get = get;
+    this.#store = store;
+    this.#gesture = gesture;
+    this.#editor = new TransferEditor(get('editor'), {
+      change: (points) => this.#edit(points),
+      gesture: (on) => this.#held(on),
+      select: () => this.#fields(),
+      range: (range) => this.#axisFields(range),
+    });
+    this.#bindFields();
+    this.#bindSliders();
+    store.subscribe(() => this.update());
+  }
+
+  setPresets({ transferFunctions = [], windows = [] }) {
+    this.#presets = transferFunctions;
+    this.#windows = windows;
+    this.#menus();
+  }
+
+  setVolume(histogram, range, modality) {
+    this.#whole = range;
+    this.#modality = modality;
+    this.#history.clear();
+    this.#menus();
+    this.#editor.setVolume(histogram, range);
+    if (this.#editor.points.length) this.#showRange(range);
+  }
+
+  /** Preset n = 0, 1... in the order of the menu that the mode uses. */
+  choose(n) {
+    const menu = this.#get(this.#windowed ? 'window-preset' : 'preset');
+    const options = [...menu.querySelectorAll('option')].filter((option) => option.value);
+    if (!options[n]) return;
+    menu.value = options[n].value;
+    menu.dispatchEvent(new Event('change'));
+  }
+
+  undo() {
+    this.#travel(this.#history.undo(this.#store.scene?.transferFunction));
+  }
+
+  redo() {
+    this.#travel(this.#history.redo(this.#store.scene?.transferFunction));
+  }
+
+  update() {
+    const { scene } = this.#store;
+    if (!scene) return;
+    const { points = [], preset = '' } = scene.transferFunction ?? {};
+    if (points !== this.#editor.points) this.#editor.setPoints(points);
+    this.#get('preset').value = preset || '';
+    const found = this.#windows.find((w) => w.center === scene.window?.center && w.width === scene.window?.width);
+    this.#get('window-preset').value = found?.name ?? '';
+    this.#fields();
+    this.#get('undo').disabled = !this.#history.canUndo;
+    this.#get('redo').disabled = !this.#history.canRedo;
+  }
+
+  get #windowed() {
+    return ['mip', 'minip', 'average', 'mpr'].includes(this.#store.scene?.mode);
+  }
+
+  // Edited points are no preset any more. A preset set to null takes its unit distance with it, so that is sent along.
+  #edit(points) {
+    const { unitDistance = 1 } = this.#store.scene.transferFunction;
+    if (!this.#base) this.#history.push(this.#store.scene.transferFunction);
+    this.#store.patch({ transferFunction: { preset: null, points, unitDistance } });
+  }
+
+  // A drag is one step of undo, however many patches it makes.
+  #held(on) {
+    if (on) this.#history.push(this.#store.scene.transferFunction);
+    this.#base = on ? this.#editor.points : null;
+    this.#gesture(on);
+    if (!on) this.update();
+  }
+
+  #travel(to) {
+    if (!to) return;
+    const { preset, ...rest } = to;
+    this.#store.patch({ transferFunction: { ...rest, preset: preset || null } });
+  }
+
+  #menus() {
+    const { first, other } = presetsFor(this.#presets, this.#modality);
+    fillMenu(this.#get('preset'), 'Custom', first, other);
+    const windows = presetsFor(this.#windows, this.#modality);
+    fillMenu(this.#get('window-preset'), 'Custom', windows.first, windows.other);
+    this.update();
+  }
+
+  #presetChosen(name) {
+    const preset = this.#presets.find((candidate) => candidate.name === name);
+    if (!preset) return;
+    this.#history.push(this.#store.scene.transferFunction);
+    const [low, high] = this.#whole;
+    const scaled = (preset.points ?? []).map((point) =>
+      preset.relative ? { ...point, value: low + point.value * (high - low) } : point);
+    const transferFunction = { preset: name };
+    if (scaled.length) transferFunction.points = scaled;
+    if (preset.unitDistance) transferFunction.unitDistance = preset.unitDistance;
+    this.#store.patch({ transferFunction });
+    this.#showRange(this.#editor.range);
+  }
+
+  // A range that shows no knot shows nothing to take hold of.
+  #showRange([low, high]) {
+    const { points } = this.#editor;
+    const inside = points.filter(({ value }) => value >= low && value <= high);
+    if (points.length && inside.length < Math.min(2, points.length)) this.#editor.showKnots();
+  }
+
+  #windowChosen(name) {
+    const preset = this.#windows.find((candidate) => candidate.name === name);
+    if (preset) this.#store.patch({ window: { center: preset.center, width: preset.width } });
+  }
+
+  #bindFields() {
+    const get = this.#get;
+    const number = (id) => (get(id).value === '' ? NaN : Number(get(id).value));
+    const move = () => {
+      const [value, amount] = [number('knot-value'), number('knot-amount')];
+      if (Number.isFinite(value) && Number.isFinite(amount)) this.#editor.set(value, amount);
+      this.#fields(true);
+    };
+    const axis = () => {
+      const range = [number('axis-low'), number('axis-high')];
+      if (range[1] > range[0]) this.#editor.setRange(range);
+      else this.#axisFields(this.#editor.range);
+    };
+    get('preset').addEventListener('change', () => this.#presetChosen(get('preset').value));
+    get('window-preset').addEventListener('change', () => this.#windowChosen(get('window-preset').value));
+    for (const id of ['knot-value', 'knot-amount']) get(id).addEventListener('change', move);
+    for (const id of ['axis-low', 'axis-high']) get(id).addEventListener('change', axis);
+    get('knot-color').addEventListener('input', () => this.#editor.setColor(fromHex(get('knot-color').value)));
+    get('knot-add').addEventListener('click', () => this.#editor.addNext());
+    get('knot-remove').addEventListener('click', () => this.#editor.remove());
+    get('axis-knots').addEventListener('click', () => this.#editor.showKnots());
+    get('axis-all').addEventListener('click', () => this.#editor.showAll());
+    get('undo').addEventListener('click', () => this.undo());
+    get('redo').addEventListener('click', () => this.redo());
+    get('log').addEventListener('click', () => {
+      const log = get('log').getAttribute('aria-pressed') !== 'true';
+      get('log').setAttribute('aria-pressed', log);
+      this.#editor.setLog(log);
+    });
+  }
+
+  // Shift and density act on the points as they were when the slider was taken, and spring back when it is let go.
+  #bindSliders() {
+    const bind = (id, apply, show) => {
+      const slider = this.#get(id);
+      const output = this.#get(`${id}-value`);
+      const rest = () => {
+        if (this.#base) this.#held(false);
+        slider.value = 0;
+        output.textContent = show(0);
+      };
+      slider.addEventListener('input', () => {
+        if (!this.#base) this.#held(true);
+        this.#edit(apply(this.#base, Number(slider.value)));
+        output.textContent = show(Number(slider.value));
+      });
+      for (const name of ['change', 'pointerup', 'pointercancel', 'blur']) slider.addEventListener(name, rest);
+      rest();
+    };
+    const span = () => this.#editor.range[1] - this.#editor.range[0];
+    const offset = (x) => x * span() * 0.5;
+    bind('shift', (points, x) => shiftKnots(points, offset(x)), (x) => `${x > 0 ? '+' : ''}${formatValue(offset(x), span())}`);
+    bind('density', (points, x) => scaleAmounts(points, 10 ** x), (x) => `\u00d7${Number((10 ** x).toPrecision(2))}`);
+  }
+
+  #fields(force = false) {
+    const point = this.#editor.points[this.#editor.selected];
+    if (!point) return;
+    const span = this.#editor.range[1] - this.#editor.range[0];
+    const write = (id, value) => {
+      const field = this.#get(id);
+      if (force || document.activeElement !== field) field.value = value;
+    };
+    write('knot-value', formatValue(point.value, span));
+    write('knot-amount', String(Number(amountOf(point).toPrecision(4))));
+    this.#get('knot-color').value = toHex(point.color);
+    const name = amountName(this.#editor.points);
+    this.#get('knot-amount-label').textContent = name === 'opacity' ? 'Opacity' : 'Extinction, 1/mm';
+    this.#get('knot-remove').disabled = this.#editor.points.length < 2;
+  }
+
+  #axisFields([low, high]) {
+    this.#get('axis-low').value = formatValue(low, high - low);
+    this.#get('axis-high').value = formatValue(high, high - low);
+  }
+}
+
+function fillMenu(menu, none, first, other) {
+  const option = ({ name, title }) => new Option(title || name, name);
+  menu.replaceChildren(new Option(none, ''), ...first.map(option));
+  if (!other.length) return;
+  const group = document.createElement('optgroup');
+  group.label = 'Other modalities';
+  group.append(...other.map(option));
+  menu.append(group);
+}

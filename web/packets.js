@@ -1,0 +1,70 @@
+// Binary messages of tomocast.v1, bytes to objects. No socket, no canvas.
+//
+// One message is: 4-byte little-endian length H, H bytes of UTF-8 JSON, then the image to the end of the message.
+
+/** A header longer than this is a broken stream, not a frame. Bytes. */
+export const MAX_HEADER_BYTES = 65536;
+
+const IMAGE_TYPES = { jpeg: 'image/jpeg', png: 'image/png' };
+
+export class PacketError extends Error {}
+
+/**
+ * Reads one frame from the beginning of a message.
+ * @param {Uint8Array} bytes as much of the message as there is
+ * @returns {{need: number}|{header: object, image: Uint8Array, type: string}} `need`: the header is complete only when
+ *   there are at least that many bytes. Otherwise the frame; `image` is a view into `bytes`, not a copy.
+ * @throws {PacketError} when no further byte can make a frame of it
+ */
+export function readFrame(bytes) {
+  if (bytes.length < 4) return { need: 4 };
+  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+  const size = view.getUint32(0, true);
+  if (size < 2 || size > MAX_HEADER_BYTES) throw new PacketError(`frame: header of ${size} bytes`);
+  if (bytes.length < 4 + size) return { need: 4 + size };
+  const header = readHeader(bytes.subarray(4, 4 + size));
+  return { header, image: bytes.subarray(4 + size), type: IMAGE_TYPES[header.format] };
+}
+
+function readHeader(bytes) {
+  let header;
+  try {
+    header = JSON.parse(new TextDecoder('utf-8', { fatal: true }).decode(bytes));
+  } catch (cause) {
+    throw new PacketError('frame: the header is not JSON', { cause });
+  }
+  if (header === null || typeof header !== 'object') throw new PacketError('frame: the header is not an object');
+  for (const name of ['frame', 'seq', 'width', 'height']) {
+    if (!Number.isInteger(header[name]) || header[name] < 0) throw new PacketError(`frame: bad "${name}"`);
+  }
+  if (header.width === 0 || header.height === 0) throw new PacketError('frame: empty picture');
+  if (!Object.hasOwn(IMAGE_TYPES, header.format)) throw new PacketError(`frame: unknown format "${header.format}"`);
+  return header;
+}
+
+/** Collects a message that arrives in pieces; add() answers with the frame's header as soon as it is complete. */
+export class FrameCollector {
+  #bytes = new Uint8Array(0);
+  #header = null;
+
+  /** @returns {object|null} the header, or null while more is needed */
+  add(piece) {
+    const joined = new Uint8Array(this.#bytes.length + piece.length);
+    joined.set(this.#bytes);
+    joined.set(piece, this.#bytes.length);
+    this.#bytes = joined;
+    if (this.#header) return this.#header;
+    const read = readFrame(joined);
+    this.#header = read.header ?? null;
+    return this.#header;
+  }
+
+  /** The message has ended. @throws {PacketError} when it ended inside its header */
+  finish() {
+    const read = readFrame(this.#bytes);
+    this.#bytes = new Uint8Array(0);
+    this.#header = null;
+    if (read.need) throw new PacketError(`frame: message ended inside its header (${read.need} bytes wanted)`);
+    return read;
+  }
+}

@@ -1,0 +1,200 @@
+// Form controls bound to the scene by their data attributes:
+//   data-path="a.b.0"    value of a control <-> that member of the scene (a number at the end indexes an array)
+//   data-show="a.b"      an <output> that shows it
+//   data-number          a <select> whose values are numbers
+//   data-modes="dvr mip" shown in these modes only
+//   data-unless="a.b=x"  shown unless that member is x
+//   data-span="range"    a slider that spans the volume's values ("width": 0 to their extent)
+// Members of an array are sent as the whole array: merge patches replace arrays.
+
+import { fromHex, toHex } from './transfer_model.js';
+
+/** Value at a dotted path, or undefined. */
+export function valueAt(scene, path) {
+  return path.split('.').reduce((value, name) => (value === undefined || value === null ? undefined : value[name]), scene);
+}
+
+/** The merge patch that sets a dotted path. @param scene gives the rest of an array */
+export function patchFor(scene, path, value) {
+  const names = path.split('.');
+  const last = names.at(-1);
+  if (/^\d+$/.test(last)) {
+    const parent = names.slice(0, -1);
+    const array = [...(valueAt(scene, parent.join('.')) ?? [])];
+    array[Number(last)] = value;
+    return patchFor(scene, parent.join('.'), array);
+  }
+  return names.reduceRight((inner, name) => ({ [name]: inner }), value);
+}
+
+function readControl(control) {
+  if (control.type === 'checkbox') return control.checked;
+  if (control.type === 'color') return fromHex(control.value);
+  if (control.type === 'range' || control.type === 'number' || 'number' in control.dataset) {
+    return control.value === '' ? undefined : Number(control.value);
+  }
+  return control.value;
+}
+
+function writeControl(control, value) {
+  if (value === undefined || value === null) return;
+  if (control.type === 'checkbox') control.checked = value;
+  else if (control.type === 'color') control.value = toHex(value);
+  else if (control.type === 'number') control.value = Number(Number(value).toPrecision(7));
+  else control.value = String(value);
+}
+
+export class Panels {
+  #root;
+  #store;
+  #on;
+  #editing = null;
+
+  /** gesture(bool) around a slider's drag; mode(value) instead of a patch when the mode is chosen */
+  constructor(root, store, on) {
+    this.#root = root;
+    this.#store = store;
+    this.#on = on;
+    for (const control of root.querySelectorAll('[data-path]')) this.#bind(control);
+    store.subscribe(() => this.update());
+  }
+
+  /** The sliders' ends follow the volume. */
+  setVolume([low, high]) {
+    const extent = high - low || 1;
+    for (const slider of this.#root.querySelectorAll('[data-span]')) {
+      [slider.min, slider.max] = slider.dataset.span === 'range' ? [low, high] : [extent / 1000, extent];
+      slider.step = extent / 1000;
+    }
+    this.update();
+  }
+
+  update() {
+    const { scene } = this.#store;
+    if (!scene) return;
+    for (const control of this.#root.querySelectorAll('[data-path]')) {
+      if (control !== this.#editing) writeControl(control, valueAt(scene, control.dataset.path));
+    }
+    for (const output of this.#root.querySelectorAll('[data-show]')) {
+      const value = valueAt(scene, output.dataset.show);
+      output.textContent = typeof value === 'number' ? String(Number(value.toPrecision(4))) : value ?? '';
+    }
+    for (const element of this.#root.querySelectorAll('[data-modes]')) {
+      element.hidden = !element.dataset.modes.split(' ').includes(scene.mode);
+    }
+    for (const element of this.#root.querySelectorAll('[data-unless]')) {
+      const [path, value] = element.dataset.unless.split('=');
+      element.hidden = String(valueAt(scene, path)) === value;
+    }
+  }
+
+  #bind(control) {
+    const typed = control.type === 'number';
+    control.addEventListener(typed ? 'change' : 'input', () => this.#edited(control));
+    control.addEventListener('focus', () => (this.#editing = typed ? control : null));
+    control.addEventListener('blur', () => {
+      this.#editing = null;
+      this.update();
+    });
+    if (control.type === 'range') bindGesture(control, this.#on.gesture);
+  }
+
+  #edited(control) {
+    const value = readControl(control);
+    if (value === undefined || Number.isNaN(value)) {
+      this.update();
+      return;
+    }
+    if (control.dataset.path === 'mode') this.#on.mode(value);
+    else this.#store.patch(patchFor(this.#store.scene, control.dataset.path, value));
+  }
+}
+
+/** While a slider is held down, the picture may be coarser. */
+export function bindGesture(slider, gesture) {
+  let held = false;
+  const set = (on) => {
+    if (held === on) return;
+    held = on;
+    gesture(on);
+  };
+  slider.addEventListener('pointerdown', () => set(true));
+  for (const name of ['pointerup', 'pointercancel', 'blur', 'change']) slider.addEventListener(name, () => set(false));
+}
+
+/** One section at a time where the window is narrow; the usual keys of a tab list. */
+export function bindTabs(panel) {
+  const tabs = [...panel.querySelectorAll('[role="tab"]')];
+  const choose = (tab) => {
+    panel.dataset.tab = tab.dataset.tab;
+    for (const other of tabs) {
+      other.setAttribute('aria-selected', other === tab);
+      other.tabIndex = other === tab ? 0 : -1;
+    }
+  };
+  tabs.forEach((tab, i) => {
+    tab.addEventListener('click', () => choose(tab));
+    tab.addEventListener('keydown', ({ key }) => {
+      const step = { ArrowRight: 1, ArrowLeft: -1 }[key];
+      if (!step) return;
+      const next = tabs[(i + step + tabs.length) % tabs.length];
+      choose(next);
+      next.focus();
+    });
+  });
+  choose(tabs[0]);
+}
+
+/** Six sliders that cut the volume's box, named by the side they cut. */
+export class CropPanel {
+  #store;
+  #sliders = [];
+  #box = null;
+
+  constructor(host, resetButton, store, gesture) {
+    this.#store = store;
+    const sides = [['Right', 0, 0], ['Left', 1, 0], ['Anterior', 0, 1], ['Posterior', 1, 1], ['Feet', 0, 2], ['Head', 1, 2]];
+    for (const [name, end, axis] of sides) {
+      const label = Object.assign(document.createElement('label'), { className: 'slider' });
+      const slider = Object.assign(document.createElement('input'), { type: 'range', min: 0, max: 1, step: 0.005, value: end });
+      const output = document.createElement('output');
+      label.append(Object.assign(document.createElement('span'), { textContent: name }), slider, output);
+      host.append(label);
+      slider.addEventListener('input', () => this.#edited());
+      bindGesture(slider, gesture);
+      this.#sliders.push({ slider, output, end, axis });
+    }
+    resetButton.addEventListener('click', () => store.patch({ clip: { box: null } }));
+    store.subscribe(() => this.update());
+  }
+
+  setBox(box) {
+    this.#box = box;
+    this.update();
+  }
+
+  update() {
+    if (!this.#box) return;
+    const clip = this.#store.scene?.clip?.box ?? [this.#box.low, this.#box.high];
+    for (const { slider, output, end, axis } of this.#sliders) {
+      const low = this.#box.low[axis];
+      const extent = this.#box.high[axis] - low || 1;
+      if (document.activeElement !== slider) slider.value = (clip[end][axis] - low) / extent;
+      const cut = end ? this.#box.high[axis] - clip[1][axis] : clip[0][axis] - low;
+      output.textContent = `${Math.max(0, cut).toFixed(0)} mm`;
+    }
+  }
+
+  #edited() {
+    const at = ({ slider, axis }) =>
+      this.#box.low[axis] + Number(slider.value) * (this.#box.high[axis] - this.#box.low[axis]);
+    const corners = [[0, 0, 0], [0, 0, 0]];
+    for (const side of this.#sliders) corners[side.end][side.axis] = at(side);
+    for (let axis = 0; axis < 3; axis++) {
+      // Crossed sliders would show nothing: keep a thin slice between them.
+      const least = (this.#box.high[axis] - this.#box.low[axis]) * 0.005;
+      if (corners[1][axis] - corners[0][axis] < least) corners[1][axis] = corners[0][axis] + least;
+    }
+    this.#store.patch({ clip: { box: corners } });
+  }
+}

@@ -1,0 +1,120 @@
+// The scene as this client holds it, and what the daemon has not been told yet.
+
+const isObject = (value) => value !== null && typeof value === 'object' && !Array.isArray(value);
+
+/** RFC 7396 merge patch; gives a new value, shares what did not change. */
+export function mergePatch(target, patch) {
+  if (!isObject(patch)) return patch;
+  const merged = isObject(target) ? { ...target } : {};
+  for (const [name, value] of Object.entries(patch)) {
+    if (value === null) delete merged[name];
+    else merged[name] = mergePatch(merged[name], value);
+  }
+  return merged;
+}
+
+/** Joins two patches into one with the effect of `first`, then `second`. A null stays: it still has to be sent. */
+export function joinPatches(first, second) {
+  if (!isObject(first) || !isObject(second)) return second;
+  const joined = { ...first };
+  for (const [name, value] of Object.entries(second)) {
+    joined[name] = name in joined ? joinPatches(joined[name], value) : value;
+  }
+  return joined;
+}
+
+/** The scene this client shows. Edits are applied at once and collected; take() hands them over as one patch. */
+export class SceneStore {
+  scene = null;
+  #pending = null;
+  #listeners = new Set();
+
+  /** fn(scene, how): how is "edit" (ours) or "server" */
+  subscribe(fn) {
+    this.#listeners.add(fn);
+    return () => this.#listeners.delete(fn);
+  }
+
+  /** The daemon's word on the scene. Patches still on their way, and edits not yet sent, stay on top of it. */
+  replace(scene, flying = []) {
+    const above = this.#pending ? [...flying, this.#pending] : flying;
+    this.scene = above.reduce(mergePatch, scene);
+    this.#tell('server');
+  }
+
+  patch(patch) {
+    this.scene = mergePatch(this.scene ?? {}, patch);
+    this.#pending = this.#pending ? joinPatches(this.#pending, patch) : patch;
+    this.#tell('edit');
+  }
+
+  get dirty() {
+    return this.#pending !== null;
+  }
+
+  /** @returns {object|null} everything edited since the last call, as one merge patch */
+  take() {
+    const pending = this.#pending;
+    this.#pending = null;
+    return pending;
+  }
+
+  /** Puts back a patch that was taken but may not have arrived; later edits win over it. Tells nobody: nothing changed. */
+  requeue(patch) {
+    this.#pending = this.#pending ? joinPatches(patch, this.#pending) : patch;
+  }
+
+  #tell(how) {
+    for (const fn of [...this.#listeners]) fn(this.scene, how);
+  }
+}
+
+/** Undo and redo over whole values. A value pushed after an undo forgets what was undone. */
+export class History {
+  #past = [];
+  #future = [];
+  #limit;
+
+  constructor(limit = 200) {
+    this.#limit = limit;
+  }
+
+  /** Remembers `value` as the state before an edit; a value equal to the last one is not repeated. */
+  push(value) {
+    const text = JSON.stringify(value);
+    if (this.#past.at(-1) === text) return;
+    this.#past.push(text);
+    if (this.#past.length > this.#limit) this.#past.shift();
+    this.#future.length = 0;
+  }
+
+  /** @returns the value to go back to, or undefined; `now` can then be redone */
+  undo(now) {
+    return this.#step(this.#past, this.#future, now);
+  }
+
+  redo(now) {
+    return this.#step(this.#future, this.#past, now);
+  }
+
+  get canUndo() {
+    return this.#past.length > 0;
+  }
+
+  get canRedo() {
+    return this.#future.length > 0;
+  }
+
+  clear() {
+    this.#past.length = 0;
+    this.#future.length = 0;
+  }
+
+  #step(from, to, now) {
+    const text = JSON.stringify(now);
+    while (from.length && from.at(-1) === text) from.pop();
+    if (!from.length) return undefined;
+    to.push(text);
+    return JSON.parse(from.pop());
+  }
+}

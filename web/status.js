@@ -1,0 +1,81 @@
+// The status line and the quality badge: what the picture is, and how it came here.
+
+const FPS_WINDOW_MS = 2000;
+const IDLE_MS = 2500; // without a frame for this long, there is no rate to show
+
+/** Frames per second from the times of the last frames, ms. */
+export function frameRate(times) {
+  if (times.length < 2) return 0;
+  return ((times.length - 1) * 1000) / (times.at(-1) - times[0] || 1);
+}
+
+/** "28:1": how much smaller than the pixels (24 bits each) the frame is. */
+export function compressionRatio(header, bytes) {
+  return `${Math.max(1, Math.round((header.width * header.height * 3) / Math.max(1, bytes)))}:1`;
+}
+
+/** @returns {{text: string, lossy: boolean}} what a reader must know of the picture's fidelity */
+export function fidelity(header, bytes) {
+  if (header.format === 'png') return { text: 'LOSSLESS', lossy: false };
+  return { text: `LOSSY q${header.quality} \u00b7 ${compressionRatio(header, bytes)}`, lossy: true };
+}
+
+const number = (value) => (value === undefined ? '\u2013' : value >= 100 ? value.toFixed(0) : value.toFixed(1));
+
+export class Status {
+  #get;
+  #times = [];
+  #idle = 0;
+
+  /** get(name): the element with id "stat-" + name; badge: the badge over the picture */
+  constructor(get, badge) {
+    this.#get = get;
+    this.badge = badge;
+  }
+
+  connection({ state }) {
+    const words = { open: 'connected', connecting: 'connecting', waiting: 'reconnecting', closed: 'offline' };
+    this.#get('link').dataset.state = state;
+    this.#get('link').textContent = words[state];
+  }
+
+  frame({ header, bytes, roundTripMs }) {
+    const now = performance.now();
+    this.#times.push(now);
+    while (now - this.#times[0] > FPS_WINDOW_MS) this.#times.shift();
+    const { timing = {} } = header;
+    this.#set('fps', number(frameRate(this.#times) || undefined));
+    if (roundTripMs !== undefined) this.#set('rtt', number(roundTripMs));
+    this.#set('render', number(timing.renderMs));
+    this.#set('encode', number(timing.encodeMs));
+    this.#set('size', `${header.width} \u00d7 ${header.height}`);
+    this.#set('phase', header.final ? 'final' : 'interactive');
+    this.#set('quality', header.format === 'png' ? 'PNG' : `JPEG q${header.quality}`);
+    this.#meter(header.error);
+    const { text, lossy } = fidelity(header, bytes);
+    this.badge.hidden = false;
+    this.badge.textContent = header.final ? text : `${text} \u00b7 refining`;
+    this.badge.className = `badge ${lossy ? 'lossy' : 'lossless'}`;
+    clearTimeout(this.#idle);
+    this.#idle = setTimeout(() => this.#rest(), IDLE_MS);
+  }
+
+  server(text) {
+    this.#set('server', text);
+  }
+
+  #meter(error) {
+    const element = this.#get('error');
+    element.hidden = !error;
+    if (error) element.textContent = `error rms ${error.rms.toExponential(1)}, max ${error.max.toExponential(1)}`;
+  }
+
+  #rest() {
+    this.#times.length = 0;
+    this.#set('fps', '0');
+  }
+
+  #set(name, text) {
+    this.#get(name).textContent = text;
+  }
+}

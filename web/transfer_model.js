@@ -1,0 +1,87 @@
+// Transfer functions as lists of knots: pure edits, each gives a new list. Values are in the volume's unit.
+//
+// A knot is {value, color: [r, g, b] 0..1, opacity} or {value, color, extinction}; one list uses one of the two.
+// Knots stay in ascending order; two at one value make a jump. The function is constant beyond its ends.
+
+/** "opacity" (0..1 per unit distance) or "extinction" (1/mm). */
+export const amountName = (points) => (points.length && points[0].extinction !== undefined ? 'extinction' : 'opacity');
+
+export const amountOf = (point) => point.extinction ?? point.opacity ?? 0;
+
+/** Top of the amount axis: 1 for opacity, a round number above the largest knot for extinction. */
+export function amountLimit(points) {
+  if (amountName(points) === 'opacity') return 1;
+  const most = Math.max(1e-3, ...points.map(amountOf));
+  return 10 ** Math.ceil(Math.log10(most) - 1e-9);
+}
+
+const mix = (a, b, t) => a + (b - a) * t;
+
+/** Colour and amount at a value. */
+export function sample(points, value) {
+  const after = points.findIndex((point) => point.value > value);
+  if (after === 0) return { color: [...points[0].color], amount: amountOf(points[0]) };
+  if (after < 0) return { color: [...points.at(-1).color], amount: amountOf(points.at(-1)) };
+  const [low, high] = [points[after - 1], points[after]];
+  const t = (value - low.value) / (high.value - low.value);
+  return {
+    color: low.color.map((channel, i) => mix(channel, high.color[i], t)),
+    amount: mix(amountOf(low), amountOf(high), t),
+  };
+}
+
+/** Adds a knot in its place, with the colour the function has there. @returns {{points, index}} */
+export function addKnot(points, value, amount) {
+  const name = amountName(points);
+  const { color } = points.length ? sample(points, value) : { color: [1, 1, 1] };
+  const after = points.findIndex((point) => point.value > value);
+  const index = after < 0 ? points.length : after;
+  const knot = { value, color, [name]: clampAmount(name, amount) };
+  return { points: [...points.slice(0, index), knot, ...points.slice(index)], index };
+}
+
+/** Moves one knot; it stops at its neighbours, so the order stays. */
+export function moveKnot(points, index, value, amount) {
+  const low = index > 0 ? points[index - 1].value : -Infinity;
+  const high = index < points.length - 1 ? points[index + 1].value : Infinity;
+  const next = { value: Math.min(high, Math.max(low, value)), [amountName(points)]: clampAmount(amountName(points), amount) };
+  return points.map((point, i) => (i === index ? { ...point, ...next } : point));
+}
+
+export const colorKnot = (points, index, color) => points.map((point, i) => (i === index ? { ...point, color } : point));
+
+/** The last knot stays: a function needs one. */
+export const removeKnot = (points, index) => (points.length > 1 ? points.filter((_, i) => i !== index) : points);
+
+/** Shifts the whole curve along the value axis. */
+export const shiftKnots = (points, delta) => points.map((point) => ({ ...point, value: point.value + delta }));
+
+/** Multiplies all amounts, opacity stopping at 1. */
+export function scaleAmounts(points, factor) {
+  const name = amountName(points);
+  return points.map((point) => ({ ...point, [name]: clampAmount(name, amountOf(point) * factor) }));
+}
+
+/** A stretch of the value axis that shows all knots, inside `whole` widened by them. */
+export function knotRange(points, whole) {
+  if (!points.length) return [...whole];
+  const low = points[0].value;
+  const high = points.at(-1).value;
+  const margin = (high - low || (whole[1] - whole[0]) / 10 || 1) * 0.08;
+  return [low - margin, high + margin];
+}
+
+export const toHex = (color) =>
+  '#' + color.map((c) => Math.round(Math.min(1, Math.max(0, c)) * 255).toString(16).padStart(2, '0')).join('');
+
+export const fromHex = (text) => [1, 3, 5].map((at) => Number.parseInt(text.slice(at, at + 2), 16) / 255);
+
+function clampAmount(name, amount) {
+  return name === 'opacity' ? Math.min(1, Math.max(0, amount)) : Math.max(0, amount);
+}
+
+/** A number for people: enough digits for the span it is read in, no trailing noise. */
+export function formatValue(value, span = 1000) {
+  const digits = Math.max(0, Math.min(6, 3 - Math.floor(Math.log10(Math.abs(span) || 1))));
+  return String(Number(value.toFixed(digits)));
+}
