@@ -1,0 +1,115 @@
+/* The trilinear field along a ray: in each cell an exact cubic. */
+#include <math.h>
+#include <stdint.h>
+
+#include "renderer/reference/internal.h"
+
+static double voxel(const tc_ref_field *field, const size_t at[3]) {
+  const tc_volume_desc *desc = field->desc;
+  size_t i = (at[2] * (size_t)desc->dims[1] + at[1]) * (size_t)desc->dims[0] + at[0];
+  double v = 0;
+  switch (desc->type) {
+  case TC_U8:
+    v = ((const uint8_t *)field->voxels)[i];
+    break;
+  case TC_I8:
+    v = ((const int8_t *)field->voxels)[i];
+    break;
+  case TC_U16:
+    v = ((const uint16_t *)field->voxels)[i];
+    break;
+  case TC_I16:
+    v = ((const int16_t *)field->voxels)[i];
+    break;
+  case TC_F32:
+    v = (double)((const float *)field->voxels)[i];
+    break;
+  case TC_VOXEL_TYPE_COUNT:
+    break;
+  }
+  return desc->slope * v + desc->intercept;
+}
+
+void tc_ref_walk_start(tc_ref_walk *walk, const tc_ref_field *field, const tc_ref_ray *ray) {
+  walk->field = field;
+  walk->ray = ray;
+  walk->t = ray->enter;
+  for (int k = 0; k < 3; k++)
+    walk->plane[k] = floor(ray->origin[k] + ray->enter * ray->direction[k]);
+  for (int k = 0; k < 3; k++)
+    if (ray->direction[k] < 0) walk->plane[k] += 1;
+}
+
+/* Where the ray meets the next face of any axis behind walk->t. Planes are counted and each is met at a parameter of
+ * its own, so that no error adds up along a ray. */
+static double next_face(tc_ref_walk *walk) {
+  const tc_ref_ray *ray = walk->ray;
+  double next = ray->leave;
+  for (int k = 0; k < 3; k++) {
+    double d = ray->direction[k];
+    if (d == 0 || walk->field->desc->dims[k] == 1) continue;
+    double at = (walk->plane[k] - ray->origin[k]) / d;
+    while (at <= walk->t) {
+      walk->plane[k] += d > 0 ? 1 : -1;
+      double then = (walk->plane[k] - ray->origin[k]) / d;
+      if (!(then > at)) return next; /* planes no longer apart in double: the axis is as good as parallel */
+      at = then;
+    }
+    next = fmin(next, at);
+  }
+  return next;
+}
+
+/* The cell that holds the stretch's middle; local position x = start + u * delta. */
+static void locate(const tc_ref_walk *walk, double to, size_t low[3], size_t high[3], double start[3],
+                   double delta[3]) {
+  const tc_ref_ray *ray = walk->ray;
+  for (int k = 0; k < 3; k++) {
+    int n = walk->field->desc->dims[k];
+    low[k] = high[k] = 0;
+    start[k] = delta[k] = 0;
+    if (n == 1) continue;
+    double middle = ray->origin[k] + 0.5 * (walk->t + to) * ray->direction[k];
+    double i = fmin(fmax(floor(middle), 0), n - 2);
+    low[k] = (size_t)i;
+    high[k] = low[k] + 1;
+    start[k] = ray->origin[k] - i + walk->t * ray->direction[k];
+    delta[k] = (to - walk->t) * ray->direction[k];
+  }
+}
+
+bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell) {
+  if (!(walk->t < walk->ray->leave)) return false;
+  double to = next_face(walk), start[3], delta[3];
+  size_t low[3], high[3];
+  locate(walk, to, low, high, start, delta);
+  cell->from = walk->t;
+  cell->length = to - walk->t;
+  walk->t = to;
+
+  /* Interpolating along x, then y, then z as polynomials in u: differences first, so that equal corners give an exactly
+   * constant field. p[zy]: along x, degree 1; then degree 2; then the cubic. */
+  double p[4][2], q[2][3];
+  cell->lo = INFINITY;
+  cell->hi = -INFINITY;
+  for (int zy = 0; zy < 4; zy++) {
+    size_t y = zy & 1 ? high[1] : low[1], z = zy & 2 ? high[2] : low[2];
+    double a = voxel(walk->field, (size_t[3]){low[0], y, z}), b = voxel(walk->field, (size_t[3]){high[0], y, z});
+    cell->lo = fmin(cell->lo, fmin(a, b));
+    cell->hi = fmax(cell->hi, fmax(a, b));
+    p[zy][0] = a + (b - a) * start[0];
+    p[zy][1] = (b - a) * delta[0];
+  }
+  for (int z = 0; z < 2; z++) {
+    double d0 = p[2 * z + 1][0] - p[2 * z][0], d1 = p[2 * z + 1][1] - p[2 * z][1];
+    q[z][0] = p[2 * z][0] + d0 * start[1];
+    q[z][1] = p[2 * z][1] + d1 * start[1] + d0 * delta[1];
+    q[z][2] = d1 * delta[1];
+  }
+  double d0 = q[1][0] - q[0][0], d1 = q[1][1] - q[0][1], d2 = q[1][2] - q[0][2];
+  cell->c[0] = q[0][0] + d0 * start[2];
+  cell->c[1] = q[0][1] + d1 * start[2] + d0 * delta[2];
+  cell->c[2] = q[0][2] + d2 * start[2] + d1 * delta[2];
+  cell->c[3] = d2 * delta[2];
+  return true;
+}

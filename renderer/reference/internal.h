@@ -1,0 +1,115 @@
+/* The reference integrator's own parts; nobody else includes this. */
+#ifndef TC_REFERENCE_INTERNAL_H
+#define TC_REFERENCE_INTERNAL_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "renderer/scene.h"
+#include "renderer/volume/volume.h"
+
+/* ray.c: camera -> ray. Long double, because a camera 1e7 mm away leaves double only 1e-9 mm. */
+typedef struct tc_ref_camera {
+  long double position[3], forward[3], right[3], up[3]; /* LPS, orthonormal */
+  long double half_width, half_height;                  /* at distance 1 (perspective), or in mm */
+  bool perspective;
+  int width, height;
+} tc_ref_camera;
+
+/* A ray written around the point of it that is nearest to the volume's centre: index(t) = origin + t * direction. */
+typedef struct tc_ref_ray {
+  double origin[3], direction[3];  /* index units, index units per mm */
+  double lps[3], lps_direction[3]; /* the same in mm */
+  double eye;                      /* t of the eye */
+  double enter, leave;             /* mm; where the field's box is met, not before the eye */
+} tc_ref_ray;
+
+bool tc_ref_camera_set_up(tc_ref_camera *camera, const tc_camera *from, int width, int height);
+/* False when the ray misses the field's box. */
+bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_volume_desc *desc, double px, double py, tc_ref_ray *ray);
+
+/* field.c: the trilinear field along a ray, cell by cell. */
+typedef struct tc_ref_field {
+  const tc_volume_desc *desc;
+  const void *voxels;
+} tc_ref_field;
+
+typedef struct tc_ref_walk {
+  const tc_ref_field *field;
+  const tc_ref_ray *ray;
+  double t;        /* where the next cell begins */
+  double plane[3]; /* next integer plane of each axis */
+} tc_ref_walk;
+
+/* One cell's stretch of the ray: value(u) = c[0] + c[1] u + c[2] u^2 + c[3] u^3 for u in [0, 1]. */
+typedef struct tc_ref_cell {
+  double from, length; /* mm along the ray */
+  double c[4];
+  double lo, hi; /* of the cell's eight corners */
+} tc_ref_cell;
+
+void tc_ref_walk_start(tc_ref_walk *walk, const tc_ref_field *field, const tc_ref_ray *ray);
+bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell);
+
+/* pieces.c: a cell's stretch -> monotone pieces between values where the transfer function bends. */
+typedef struct tc_ref_piece {
+  double from;        /* u of the front end, for reporting */
+  double width;       /* in u */
+  double mm;          /* length of u = 1 */
+  double front, back; /* field values at the ends */
+  double d[3];        /* value(from + x) = front + d[0] x + d[1] x^2 + d[2] x^3 */
+} tc_ref_piece;
+
+typedef struct tc_ref_cutter {
+  const double *breaks;
+  size_t n_breaks;
+  double c[4], mm;
+  double bend[4]; /* u where monotone stretches end; the last is 1 */
+  int n_bends, stretch;
+  double u;          /* front end of what is left of this stretch */
+  double value, end; /* field there and at the stretch's end */
+  double d[3];
+  bool fresh; /* a new stretch is to be opened */
+} tc_ref_cutter;
+
+void tc_ref_cutter_start(tc_ref_cutter *cutter, const tc_ref_cell *cell, const double *breaks, size_t n_breaks);
+bool tc_ref_cutter_next(tc_ref_cutter *cutter, tc_ref_piece *piece);
+
+/* transfer.c: extinction and colour. */
+typedef struct tc_ref_transfer {
+  tc_knot *knots; /* [n], ascending, amounts clamped */
+  size_t n;
+  double *breaks; /* [n_breaks], strictly ascending: where extinction or colour is not smooth */
+  size_t n_breaks;
+  bool opacity, linear_light;
+  double per_mm; /* 1 / unit distance */
+} tc_ref_transfer;
+
+/* The transfer function between two neighbouring knots (or beyond the ends): all of one piece lies in one span. */
+typedef struct tc_ref_span {
+  double base, inverse_width; /* fraction = (value - base) * inverse_width, 0..1 */
+  double amount[2], clear[2]; /* opacity or extinction at the ends; 1 - opacity */
+  double color[2][3];         /* sRGB */
+  double per_mm;
+  bool opacity, linear_light;
+  bool no_extinction, one_extinction, one_color;
+} tc_ref_span;
+
+bool tc_ref_transfer_set_up(tc_ref_transfer *transfer, const tc_transfer_function *from, bool linear_light);
+void tc_ref_transfer_clear(tc_ref_transfer *transfer);
+/* The span that holds [value, a little more]. */
+void tc_ref_span_above(const tc_ref_transfer *transfer, double value, tc_ref_span *span);
+/* Is extinction 0 all over [lo, hi]? May say no where it is. */
+bool tc_ref_transfer_empty(const tc_ref_transfer *transfer, double lo, double hi);
+double tc_ref_span_extinction(const tc_ref_span *span, double fraction);
+void tc_ref_span_color(const tc_ref_span *span, double fraction, double rgb[3]);
+
+/* quadrature.c: adds one piece behind what was met so far. */
+typedef struct tc_ref_light {
+  double color[3], transparency;
+  double opacity; /* summed for itself: keeps its digits where 1 - transparency has none */
+} tc_ref_light;
+
+void tc_ref_integrate(const tc_ref_piece *piece, const tc_ref_span *span, double tolerance, tc_ref_light *light);
+
+#endif

@@ -1,0 +1,184 @@
+#include "renderer/reference/reference.h"
+
+#include <math.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "renderer/reference/internal.h"
+
+#define MOST_THREADS 256
+
+struct tc_reference {
+  tc_volume *volume;
+  tc_ref_camera camera;
+  tc_ref_field field;
+  tc_ref_transfer transfer;
+  double tolerance;
+};
+
+static const char *unsupported_member(const tc_scene *scene) {
+  if (scene->mode != TC_MODE_DVR) return "/mode";
+  if (scene->filter != TC_FILTER_LINEAR) return "/filter";
+  if (scene->shading.model != TC_SHADING_NONE) return "/shading/model";
+  if (scene->clip.has_box || scene->clip.n_planes) return "/clip";
+  if (scene->labels.volume[0]) return "/labels/volume";
+  return NULL;
+}
+
+tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int width, int height, double tolerance,
+                               GError **error) {
+  const char *member = unsupported_member(scene);
+  if (member) {
+    tc_set_error(error, TC_ERROR_UNSUPPORTED, member,
+                 "reference: %s: only dvr of the linear field, plain, is integrated", member);
+    return NULL;
+  }
+  if (width < 1 || height < 1 || !(tolerance == 0 || (tolerance >= 1e-14 && tolerance <= 0.1))) {
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "reference: %dx%d pixels to %g: at least 1x1 and 1e-14 .. 0.1 wanted",
+                 width, height, tolerance);
+    return NULL;
+  }
+  tc_reference *r = g_new0(tc_reference, 1);
+  r->volume = tc_volume_ref(volume);
+  r->field = (tc_ref_field){.desc = tc_volume_describe(volume), .voxels = tc_volume_data(volume)};
+  /* Errors of pieces add up; each piece's estimate is itself pessimistic by many orders. */
+  r->tolerance = (tolerance == 0 ? 1e-10 : tolerance) / 16;
+  if (!tc_ref_camera_set_up(&r->camera, &scene->camera, width, height)) {
+    tc_set_error(error, TC_ERROR_INVALID, "/camera",
+                 "reference: camera: position, target and up must span a plane and the "
+                 "view be wider than 0 and narrower than 180 degrees");
+    goto fail;
+  }
+  if (!tc_ref_transfer_set_up(&r->transfer, &scene->transfer_function, scene->image.linear_light)) {
+    tc_set_error(error, TC_ERROR_INVALID, "/transferFunction",
+                 "reference: transfer function: at least one knot wanted, all "
+                 "finite, values ascending");
+    goto fail;
+  }
+  return r;
+fail:
+  tc_reference_free(r);
+  return NULL;
+}
+
+void tc_reference_free(tc_reference *reference) {
+  if (!reference) return;
+  tc_ref_transfer_clear(&reference->transfer);
+  tc_volume_unref(reference->volume);
+  g_free(reference);
+}
+
+/* The span of a piece: the one above its lower end, from whichever side the ray comes. */
+static void span_of(const tc_reference *r, const tc_ref_piece *piece, tc_ref_span *span) {
+  tc_ref_span_above(&r->transfer, fmin(piece->front, piece->back), span);
+}
+
+static void integrate_cell(const tc_reference *r, const tc_ref_cell *cell, tc_ref_light *light) {
+  tc_ref_cutter cutter;
+  tc_ref_piece piece;
+  tc_ref_span span;
+  tc_ref_cutter_start(&cutter, cell, r->transfer.breaks, r->transfer.n_breaks);
+  while (tc_ref_cutter_next(&cutter, &piece)) {
+    span_of(r, &piece, &span);
+    tc_ref_integrate(&piece, &span, r->tolerance, light);
+  }
+}
+
+void tc_reference_pixel(const tc_reference *r, double px, double py, double rgba[4]) {
+  tc_ref_light light = {.transparency = 1};
+  tc_ref_ray ray;
+  if (tc_ref_ray_cast(&r->camera, r->field.desc, px, py, &ray)) {
+    tc_ref_walk walk;
+    tc_ref_cell cell;
+    tc_ref_walk_start(&walk, &r->field, &ray);
+    while (tc_ref_walk_next(&walk, &cell))
+      if (!tc_ref_transfer_empty(&r->transfer, cell.lo, cell.hi)) integrate_cell(r, &cell, &light);
+  }
+  for (int c = 0; c < 3; c++)
+    rgba[c] = light.color[c];
+  rgba[3] = light.opacity < 0.5 ? light.opacity : 1 - light.transparency;
+}
+
+static tc_reference_sample describe_piece(const tc_reference *r, const tc_ref_ray *ray, const tc_ref_cell *cell,
+                                          const tc_ref_piece *piece, double transparency) {
+  tc_ref_span span;
+  span_of(r, piece, &span);
+  double t = cell->from + piece->from * cell->length;
+  double f = fmin(fmax((piece->front - span.base) * span.inverse_width, 0), 1);
+  tc_reference_sample s = {.distance_mm = t - ray->eye,
+                           .length_mm = piece->width * cell->length,
+                           .value = piece->front,
+                           .value_back = piece->back,
+                           .extinction = tc_ref_span_extinction(&span, f),
+                           .transparency = transparency};
+  tc_ref_span_color(&span, f, s.color);
+  for (int k = 0; k < 3; k++)
+    s.position[k] = ray->lps[k] + t * ray->lps_direction[k];
+  return s;
+}
+
+void tc_reference_ray(const tc_reference *r, double px, double py, tc_reference_sample **samples, size_t *count) {
+  GArray *list = g_array_new(FALSE, FALSE, sizeof(tc_reference_sample));
+  tc_ref_light light = {.transparency = 1};
+  tc_ref_ray ray;
+  if (tc_ref_ray_cast(&r->camera, r->field.desc, px, py, &ray)) {
+    tc_ref_walk walk;
+    tc_ref_cell cell;
+    tc_ref_walk_start(&walk, &r->field, &ray);
+    while (tc_ref_walk_next(&walk, &cell)) {
+      tc_ref_cutter cutter;
+      tc_ref_piece piece;
+      tc_ref_span span;
+      tc_ref_cutter_start(&cutter, &cell, r->transfer.breaks, r->transfer.n_breaks);
+      while (tc_ref_cutter_next(&cutter, &piece)) {
+        tc_reference_sample s = describe_piece(r, &ray, &cell, &piece, light.transparency);
+        g_array_append_val(list, s);
+        span_of(r, &piece, &span);
+        tc_ref_integrate(&piece, &span, r->tolerance, &light);
+      }
+    }
+  }
+  *count = list->len;
+  *samples = (tc_reference_sample *)(void *)g_array_free(list, list->len == 0);
+}
+
+typedef struct image_job {
+  const tc_reference *reference;
+  float *rgba;
+  atomic_int row;
+} image_job;
+
+static void *render_rows(void *data) {
+  image_job *job = data;
+  int width = job->reference->camera.width, height = job->reference->camera.height;
+  for (int row; (row = atomic_fetch_add(&job->row, 1)) < height;)
+    for (int column = 0; column < width; column++) {
+      double rgba[4];
+      float *to = job->rgba + ((size_t)row * (size_t)width + (size_t)column) * 4;
+      tc_reference_pixel(job->reference, column + 0.5, row + 0.5, rgba);
+      for (int c = 0; c < 4; c++)
+        to[c] = (float)rgba[c];
+    }
+  return NULL;
+}
+
+bool tc_reference_image(const tc_reference *reference, int threads, float *rgba, GError **error) {
+  image_job job = {.reference = reference, .rgba = rgba};
+  atomic_init(&job.row, 0);
+  if (threads < 0 || threads > MOST_THREADS) {
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "reference: %d threads: 0 to %d wanted", threads, MOST_THREADS);
+    return false;
+  }
+  if (threads == 0) threads = (int)CLAMP(sysconf(_SC_NPROCESSORS_ONLN), 1, MOST_THREADS);
+  pthread_t helpers[MOST_THREADS];
+  int started = 0;
+  /* A thread that cannot be had only makes it slower: the caller works too. */
+  while (started < threads - 1 && pthread_create(&helpers[started], NULL, render_rows, &job) == 0)
+    started++;
+  render_rows(&job);
+  for (int i = 0; i < started; i++)
+    pthread_join(helpers[i], NULL);
+  return true;
+}

@@ -1,0 +1,54 @@
+/* The reference integrator: the rendering integral of one ray in double precision, without a step.
+ *
+ * It judges every other renderer, so it shares nothing with them: its own camera, trilinear field, transfer function
+ * and integration (NUMERICS section 1). A ray is split at every cell face, at every extremum of the field along it and
+ * at every crossing of a knot's value; what is left between two splits is smooth and is integrated adaptively.
+ *
+ * It stands for what dvr converges to as the step goes to 0: classification, order, sampling (step, jitter,
+ * termination, rays per pixel) and skipping of the scene are therefore ignored. Immutable once made: any number of
+ * threads may ask for pixels at once. */
+#ifndef TC_REFERENCE_H
+#define TC_REFERENCE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "renderer/error.h"
+#include "renderer/scene.h"
+#include "renderer/volume/volume.h"
+
+typedef struct tc_reference tc_reference;
+
+/* Takes a reference on the sealed volume and copies what it needs of the scene. tolerance: absolute bound wanted on
+ * each channel of a pixel, 1e-14 .. 0.1; 0 = 1e-10. Errors: TC_ERROR_UNSUPPORTED with a pointer to the member for what
+ * has no reference (a mode other than dvr, a filter other than linear, shading, clipping, labels); TC_ERROR_INVALID for
+ * a camera or transfer function without meaning. */
+tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int width, int height, double tolerance,
+                               GError **error);
+void tc_reference_free(tc_reference *reference); /* NULL is fine */
+
+/* One ray. px, py: pixels from the top left corner of the picture (pixel i's centre is i + 0.5; any real number is a
+ * ray). rgba: premultiplied colour in the compositing space (display sRGB, or linear light where the scene asks), and
+ * opacity. */
+void tc_reference_pixel(const tc_reference *reference, double px, double py, double rgba[4]);
+
+/* All pixel centres, rgba[height][width][4], on `threads` threads (0 = one per online core). */
+bool tc_reference_image(const tc_reference *reference, int threads, float *rgba, GError **error);
+
+/* The verbose pixel: one entry per smooth piece of a ray, front to back. Between the entries' positions the field is a
+ * cubic that meets no knot. Pieces in which nothing is emitted or absorbed are listed too. */
+typedef struct tc_reference_sample {
+  double position[3];       /* LPS mm of the piece's front end */
+  double distance_mm;       /* from the eye */
+  double length_mm;         /* of the piece */
+  double value, value_back; /* field at the front and back end, volume's unit */
+  double color[3];          /* at the front end, compositing space */
+  double extinction;        /* at the front end, 1/mm; at a jump the limit from inside the piece */
+  double transparency;      /* of all that lies before the piece, 1 at the first */
+} tc_reference_sample;
+
+/* *samples: g_free() it; NULL with *count 0 when the ray misses the volume. */
+void tc_reference_ray(const tc_reference *reference, double px, double py, tc_reference_sample **samples,
+                      size_t *count);
+
+#endif

@@ -1,0 +1,672 @@
+/* The reference integrator against closed forms, against an independent long double evaluation that knows nothing of
+ * cells or cubics, and against itself at other tolerances. Errors are printed as numbers. */
+#include <float.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/reference/reference.h"
+#include "tests/support/grid.h"
+
+static double bad(double got, double want) { return fabs(got - want); }
+
+static void report(const char *what, double error, double bound) {
+  printf("  %-66s error %.2e (bound %.0e)\n", what, error, bound);
+  if (!(error <= bound)) fail_msg("%s: error %g over %g", what, error, bound);
+}
+
+/* The ray from `from` towards `to` as a 1x1 picture. */
+static void one_ray(tc_volume *volume, tc_scene *scene, const double from[3], const double to[3], double tolerance,
+                    double rgba[4]) {
+  GError *error = NULL;
+  test_scene_look(scene, TC_ORTHOGRAPHIC, from, to, 1);
+  tc_reference *reference = tc_reference_new(volume, scene, 1, 1, tolerance, &error);
+  if (!reference) fail_msg("%s", error->message);
+  tc_reference_pixel(reference, 0.5, 0.5, rgba);
+  tc_reference_free(reference);
+}
+
+/* A slab along x: 11 voxels of 1 mm, so a chord of 10 mm; the field is a + b x. */
+static tc_volume *slab(double a, double b) {
+  return test_volume(&(test_grid){.dims = {11, 3, 3}, .type = TC_F32}, test_linear, (double[4]){b, 0, 0, a});
+}
+static const double slab_from[3] = {-5, 1.2, 0.7}, slab_to[3] = {20, 1.2, 0.7};
+
+static tc_scene knots_scene(tc_knot_kind kind, const tc_knot *knots, size_t count) {
+  tc_scene scene;
+  test_scene(&scene, 1, 1);
+  test_scene_knots(&scene, kind, knots, count);
+  return scene;
+}
+
+/* ---- closed forms ---- */
+
+static void homogeneous_slab(void **state) {
+  double worst = 0, worst_relative = 0;
+  tc_volume *volume = slab(0.5, 0);
+  for (int e = -13; e <= 12; e++) {
+    double tau = pow(10, e), rgba[4];
+    tc_knot knot = {.value = 0, .color = {1, 0.25, 0.5}, .amount = tau};
+    tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, &knot, 1);
+    one_ray(volume, &scene, slab_from, slab_to, 0, rgba);
+    double alpha = -expm1(-10 * tau);
+    worst = fmax(worst, fmax(bad(rgba[3], alpha), bad(rgba[1], 0.25 * alpha)));
+    worst_relative = fmax(worst_relative, fmax(bad(rgba[3], alpha), bad(rgba[0], alpha)) / alpha);
+    assert_true(rgba[3] <= 1 && rgba[0] <= rgba[3] * (1 + 1e-15));
+    tc_scene_clear(&scene);
+  }
+  report("homogeneous slab, tau*d 1e-12 .. 1e13", worst, 1e-14);
+  report("homogeneous slab, relative", worst_relative, 1e-13);
+
+  for (int i = 0; i < 2; i++) {
+    double opacity = i ? 1 : 0.3, rgba[4];
+    tc_knot knot = {.value = 0, .color = {1, 1, 1}, .amount = opacity};
+    tc_scene scene = knots_scene(TC_KNOT_OPACITY, &knot, 1);
+    scene.transfer_function.unit_distance_mm = i ? 20 : 4;
+    one_ray(volume, &scene, slab_from, slab_to, 0, rgba);
+    report(i ? "opacity 1 per 20 mm over 10 mm" : "opacity 0.3 per 4 mm over 10 mm",
+           bad(rgba[3], i ? 1 - pow(0x1p-24, 0.5) : 1 - pow(0.7, 2.5)), 1e-13);
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+}
+
+/* tau = k s with s from 0 to 10 along x; colour constant, or proportional to s. */
+static void linear_ramp(void **state) {
+  tc_volume *volume = slab(0, 1);
+  double worst = 0, worst_color = 0, worst_inner = 0;
+  for (double k = 1e-6; k < 1e9; k *= 10) {
+    double rgba[4], depth = 50 * k;
+    tc_knot knots[] = {{.value = 0, .color = {1, 0, 0.5}, .amount = 0},
+                       {.value = 10, .color = {1, 1, 0.5}, .amount = 10 * k}};
+    tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
+    one_ray(volume, &scene, slab_from, slab_to, 0, rgba);
+    worst = fmax(worst, fmax(bad(rgba[3], -expm1(-depth)), bad(rgba[2], -0.5 * expm1(-depth))));
+    /* int s/10 k s exp(-k s^2/2) ds */
+    double q = sqrt(depth);
+    worst_color = fmax(worst_color, bad(rgba[1], sqrt(2 / k) / 10 * (0.5 * sqrt(M_PI) * erf(q) - q * exp(-depth))));
+    tc_scene_clear(&scene);
+
+    /* the same ramp between knots inside: tau 0 up to 3.3, k (s - 3.3) up to 7.1, constant beyond */
+    tc_knot inner[] = {{.value = 3.3, .color = {1, 0, 0}, .amount = 0},
+                       {.value = 7.1, .color = {1, 0, 0}, .amount = 3.8 * k}};
+    scene = knots_scene(TC_KNOT_EXTINCTION, inner, 2);
+    one_ray(volume, &scene, slab_from, slab_to, 0, rgba);
+    worst_inner = fmax(worst_inner, bad(rgba[0], -expm1(-k * (0.5 * 3.8 * 3.8 + 3.8 * 2.9))));
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+  report("ramp of tau, one colour, slope 1e-6 .. 1e8", worst, 1e-13);
+  report("ramp of tau, ramp of colour (erf)", worst_color, 1e-12);
+  report("ramp of tau between knots inside the slab", worst_inner, 1e-13);
+}
+
+/* tau constant, colour linear in depth: closed form; the field rises along x as seen from both sides. */
+static void linear_color(void **state) {
+  tc_volume *volume = slab(0, 1);
+  double worst = 0;
+  for (double tau = 1e-6; tau < 1e13; tau *= 10) {
+    double rgba[4], d = 10 * tau, loss = -expm1(-d);
+    double first_moment = d < 1e-3 ? tau * 50 * (1 - d * (2.0 / 3 - d / 4)) : (loss - d * exp(-d)) / tau;
+    tc_knot knots[] = {{.value = 0, .color = {0, 1, 0}, .amount = tau},
+                       {.value = 10, .color = {1, 0, 0}, .amount = tau}};
+    tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
+    one_ray(volume, &scene, slab_from, slab_to, 0, rgba);
+    worst = fmax(worst, fmax(bad(rgba[0], first_moment / 10), bad(rgba[1], loss - first_moment / 10)));
+    one_ray(volume, &scene, slab_to, slab_from, 0, rgba);
+    worst = fmax(worst, fmax(bad(rgba[1], first_moment / 10), bad(rgba[0], loss - first_moment / 10)));
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+  report("constant tau 1e-6 .. 1e12, ramp of colour, both ways", worst, 1e-12);
+}
+
+/* Opacity (not extinction) linear from 0 to 1 over the slab: D = int -ln(1-u) du * 10/unit = 10/unit, but for the
+ * clamp. */
+static void opacity_ramp(void **state) {
+  tc_volume *volume = slab(0, 1);
+  double worst = 0;
+  for (double unit = 0.1; unit < 1e4; unit *= 10) {
+    double rgba[4], q1 = 0x1p-24;
+    tc_knot knots[] = {{.value = 0, .color = {1, 1, 1}, .amount = 0}, {.value = 10, .color = {1, 1, 1}, .amount = 1}};
+    tc_scene scene = knots_scene(TC_KNOT_OPACITY, knots, 2);
+    scene.transfer_function.unit_distance_mm = unit;
+    one_ray(volume, &scene, slab_from, slab_to, 0, rgba);
+    double mean = 1 + q1 * log(q1) / (1 - q1); /* of -ln q for q uniform in [q1, 1] */
+    worst = fmax(worst, bad(rgba[3], -expm1(-10 / unit * mean)));
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+  report("opacity from 0 to 1 over a slab, unit distance 0.1 .. 1000", worst, 1e-10);
+}
+
+/* Jumps: two knots at one value; a peak as narrow as the field allows. */
+static void jumps_and_peaks(void **state) {
+  tc_volume *volume = slab(0, 1);
+  double rgba[4], worst = 0;
+  for (double tau = 1e-3; tau < 1e13; tau *= 10) {
+    tc_knot jump[] = {{.value = 4.25, .color = {0, 0, 1}, .amount = 0},
+                      {.value = 4.25, .color = {1, 0, 0}, .amount = tau},
+                      {.value = 4.25 + 1 / tau, .color = {1, 0, 0}, .amount = tau},
+                      {.value = 4.25 + 1 / tau, .color = {0, 1, 0}, .amount = 0}};
+    if (tau < 0.2) jump[2].value = jump[3].value = 9;
+    tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, jump, 4);
+    one_ray(volume, &scene, slab_from, slab_to, 0, rgba);
+    double width = jump[2].value - jump[1].value; /* as doubles have it: a peak of 1e-12 has 10 % of rounding */
+    worst = fmax(worst, fmax(bad(rgba[0], -expm1(-tau * width)), rgba[1] + rgba[2]));
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+  report("rectangular peak of depth 1, width down to 1e-12", worst, 1e-13);
+}
+
+/* A Gaussian of tau over a linear field through n knots; D tends to a difference of erf. */
+static void gaussian(void **state) {
+  tc_volume *volume = slab(0, 1);
+  double sigma = 0.7, height = 2.5, error[2],
+         exact = height * sigma * sqrt(2 * M_PI) * 0.5 * (erf(5 / (sigma * M_SQRT2)) - erf(-5 / (sigma * M_SQRT2)));
+  for (int round = 0; round < 2; round++) {
+    size_t n = round ? 8001 : 4001;
+    tc_knot *knots = calloc(n, sizeof *knots);
+    double sum = 0, rgba[4];
+    for (size_t i = 0; i < n; i++) {
+      knots[i].value = 10.0 * (double)i / (double)(n - 1);
+      double z = (knots[i].value - 5) / sigma;
+      knots[i].amount = height * exp(-0.5 * z * z);
+      knots[i].color[0] = 1;
+      if (i) sum += 0.5 * (knots[i].amount + knots[i - 1].amount) * (knots[i].value - knots[i - 1].value);
+    }
+    tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, knots, n);
+    one_ray(volume, &scene, slab_from, slab_to, 0, rgba);
+    report(round ? "Gaussian in 8001 knots against its trapezoids" : "Gaussian in 4001 knots against its trapezoids",
+           bad(rgba[3], -expm1(-sum)), 1e-12);
+    error[round] = bad(rgba[3], -expm1(-exact));
+    tc_scene_clear(&scene);
+    free(knots);
+  }
+  tc_volume_unref(volume);
+  printf("  Gaussian against erf: %.2e with 4001 knots, %.2e with 8001\n", error[0], error[1]);
+  assert_true(error[1] < 1e-9);
+}
+
+/* A ball, as a step in squared distance. Trilinear interpolation of r^2 is too large by at most 3/4 voxel^2, so the
+ * chord comes out short by O(voxel^2) and better by 4 per halving of the voxels. */
+static void ball_chord(void **state) {
+  double error[3], radius = 10, tau = 0.05;
+  for (int level = 0; level < 3; level++) {
+    int cells = 24 << level;
+    double h = 24.0 / cells, sum = 0;
+    test_grid grid = {
+        .dims = {cells + 1, cells + 1, cells + 1}, .type = TC_F32, .spacing = {h, h, h}, .origin = {-12, -12, -12}};
+    tc_volume *volume = test_volume(&grid, test_radius2, (double[3]){0.5 * cells, 0.5 * cells, 0.5 * cells});
+    double edge = radius * radius / (h * h);
+    tc_knot knots[] = {{.value = edge, .color = {1, 1, 1}, .amount = tau},
+                       {.value = edge, .color = {1, 1, 1}, .amount = 0}};
+    tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
+    uint64_t seed = 5;
+    for (int i = 0; i < 32; i++) {
+      double a[3], b[3], d[3], along = 0, length2 = 0, a2 = 0, rgba[4];
+      for (int k = 0; k < 3; k++) {
+        a[k] = (test_random(&seed) - 0.5) * 8 - (k == 0) * 40;
+        b[k] = (test_random(&seed) - 0.5) * 8;
+        d[k] = b[k] - a[k];
+        along += a[k] * d[k];
+        length2 += d[k] * d[k];
+        a2 += a[k] * a[k];
+      }
+      one_ray(volume, &scene, a, b, 0, rgba);
+      double chord = 2 * sqrt(radius * radius - (a2 - along * along / length2));
+      sum += bad(rgba[3], -expm1(-tau * chord));
+    }
+    error[level] = sum / 32;
+    tc_scene_clear(&scene);
+    tc_volume_unref(volume);
+  }
+  double slope = log2(error[0] / error[2]) / 2;
+  printf("  ball of step opacity: mean error %.2e %.2e %.2e on voxels of 1, 1/2, 1/4 mm, order %.2f\n", error[0],
+         error[1], error[2], slope);
+  assert_true(fabs(slope - 2) < 0.2);
+}
+
+/* ---- an independent evaluation ---- */
+
+typedef struct oracle {
+  const tc_volume_desc *desc;
+  const tc_volume *volume;
+  const tc_transfer_function *tf;
+  bool linear_light;
+  long double from[3], direction[3], inverse[9];
+} oracle;
+
+static long double determinant(const long double m[9]) {
+  return m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) + m[2] * (m[3] * m[7] - m[4] * m[6]);
+}
+
+/* By Cramer's rule, one column at a time. */
+static void oracle_set_up(oracle *o, const tc_volume *volume, const tc_scene *scene, const double from[3],
+                          const double to[3]) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  long double m[9], length = 0;
+  *o =
+      (oracle){.desc = d, .volume = volume, .tf = &scene->transfer_function, .linear_light = scene->image.linear_light};
+  for (int i = 0; i < 9; i++)
+    m[i] = (long double)d->direction[i] * d->spacing[i % 3];
+  for (int column = 0; column < 3; column++)
+    for (int k = 0; k < 3; k++) {
+      long double n[9];
+      memcpy(n, m, sizeof n);
+      for (int r = 0; r < 3; r++)
+        n[3 * r + k] = r == column;
+      o->inverse[3 * k + column] = determinant(n) / determinant(m);
+    }
+  for (int k = 0; k < 3; k++) {
+    o->from[k] = from[k];
+    o->direction[k] = (long double)to[k] - from[k];
+    length += o->direction[k] * o->direction[k];
+  }
+  for (int k = 0; k < 3; k++)
+    o->direction[k] /= sqrtl(length);
+}
+
+static long double stored(const oracle *o, size_t i) {
+  const void *p = tc_volume_data(o->volume);
+  switch (o->desc->type) {
+  case TC_U8:
+    return ((const uint8_t *)p)[i];
+  case TC_I8:
+    return ((const int8_t *)p)[i];
+  case TC_U16:
+    return ((const uint16_t *)p)[i];
+  case TC_I16:
+    return ((const int16_t *)p)[i];
+  case TC_F32:
+    return ((const float *)p)[i];
+  case TC_VOXEL_TYPE_COUNT:
+    break;
+  }
+  return 0;
+}
+
+/* Field at distance t; false outside. *cell: which cell it is in. */
+static bool oracle_value(const oracle *o, long double t, long double *value, long *cell) {
+  long double f[3];
+  size_t at[3][2];
+  *cell = 0;
+  for (int k = 0; k < 3; k++) {
+    long double x = 0;
+    for (int r = 0; r < 3; r++)
+      x += o->inverse[3 * k + r] * (o->from[r] + t * o->direction[r] - o->desc->origin[r]);
+    int n = o->desc->dims[k];
+    if (n == 1 ? fabsl(x) > 0.5L : (x < 0 || x > n - 1)) return false;
+    long i = n == 1 ? 0 : (long)fminl(floorl(x), n - 2);
+    at[k][0] = (size_t)i;
+    at[k][1] = n == 1 ? 0 : (size_t)i + 1;
+    f[k] = n == 1 ? 0 : x - i;
+    *cell = *cell * 4096 + i;
+  }
+  *value = 0;
+  for (int c = 0; c < 8; c++) {
+    long double w = 1;
+    for (int k = 0; k < 3; k++)
+      w *= c >> k & 1 ? f[k] : 1 - f[k];
+    size_t i = (at[2][c >> 2] * (size_t)o->desc->dims[1] + at[1][c >> 1 & 1]) * (size_t)o->desc->dims[0] + at[0][c & 1];
+    *value += w * stored(o, i);
+  }
+  *value = o->desc->slope * *value + o->desc->intercept;
+  return true;
+}
+
+/* Which knots lie at or under the value: steps never straddle one. */
+static size_t oracle_interval(const oracle *o, long double value) {
+  size_t n = 0;
+  while (n < o->tf->count && o->tf->points[n].value <= value)
+    n++;
+  return n;
+}
+
+static long double oracle_classify(const oracle *o, long double value, long double rgb[3]) {
+  size_t n = oracle_interval(o, value), count = o->tf->count;
+  const tc_knot *a = &o->tf->points[n ? n - 1 : 0], *b = &o->tf->points[n < count ? n : count - 1];
+  long double u = a == b ? 0 : (value - a->value) / ((long double)b->value - a->value);
+  for (int c = 0; c < 3; c++) {
+    rgb[c] = a->color[c] + u * ((long double)b->color[c] - a->color[c]);
+    if (o->linear_light) rgb[c] = rgb[c] <= 0.04045L ? rgb[c] / 12.92L : powl((rgb[c] + 0.055L) / 1.055L, 2.4L);
+  }
+  if (o->tf->kind == TC_KNOT_EXTINCTION) return a->amount + u * ((long double)b->amount - a->amount);
+  long double from = fminl(a->amount, 1 - 0x1p-24L), to = fminl(b->amount, 1 - 0x1p-24L);
+  return -log1pl(-(from + u * (to - from))) / o->tf->unit_distance_mm;
+}
+
+/* One step's optical depth: midpoint. Halves *h until the step is short enough and crosses no cell face and no knot, or
+ * cannot be told from nothing. Returns 0 outside. */
+static long double oracle_step(const oracle *o, long double t, long double *h, long double longest,
+                               long double rgb[3]) {
+  long double v0, v1, vm, depth;
+  long c0, c1, cm;
+  bool in0 = oracle_value(o, t, &v0, &c0);
+  for (;; *h /= 2) {
+    long double next = t + *h;
+    bool in1 = oracle_value(o, next, &v1, &c1), in = oracle_value(o, t + *h / 2, &vm, &cm);
+    if (t + *h / 4 == t) return 0;
+    if (in0 != in1 || in != in0) continue;
+    if (!in) return 0;
+    size_t k = oracle_interval(o, vm);
+    if (c0 != c1 || oracle_interval(o, v0) != k || oracle_interval(o, v1) != k) continue;
+    depth = oracle_classify(o, vm, rgb) * (next - t); /* what t really advances by */
+    if (depth < 5 * longest) return depth;
+  }
+}
+
+/* Small midpoint steps, each with its exact exponential; longest: mm, and a fifth of the optical depth. */
+static void oracle_integrate(const oracle *o, long double longest, long double rgba[4], unsigned long *steps) {
+  long double t = 0, h = 0.1L, light = 1, rgb[3];
+  for (int c = 0; c < 4; c++)
+    rgba[c] = 0;
+  bool inside = false, was_inside = false;
+  for (*steps = 0; t < 80 && light > 1e-12L && (inside || !was_inside); ++*steps) {
+    long double value;
+    long cell;
+    inside = oracle_value(o, t, &value, &cell);
+    was_inside |= inside;
+    h = inside ? fminl(2 * h, longest) : 1e-3L; /* nothing to see outside, but the box may be 0.02 mm thin */
+    long double depth = oracle_step(o, t, &h, longest, rgb), alpha = -expm1l(-depth);
+    t += h;
+    if (depth == 0) continue;
+    for (int c = 0; c < 3; c++)
+      rgba[c] += light * alpha * rgb[c];
+    rgba[3] += light * alpha;
+    light *= 1 - alpha;
+  }
+}
+
+static void against_oracle(const char *what, tc_volume *volume, tc_scene *scene, const double from[3],
+                           const double to[3], double bound) {
+  oracle o;
+  double rgba[4], worst = 0;
+  long double want[4];
+  unsigned long steps;
+  one_ray(volume, scene, from, to, 0, rgba);
+  oracle_set_up(&o, volume, scene, from, to);
+  oracle_integrate(&o, 2e-5L, want, &steps);
+  for (int c = 0; c < 4; c++)
+    worst = fmax(worst, bad(rgba[c], (double)want[c]));
+  char line[128];
+  snprintf(line, sizeof line, "%s: alpha %.6f, %lu steps", what, rgba[3], steps);
+  report(line, worst, bound);
+}
+
+static const double sheared[9] = {0.8, -0.6, 0, 0.6, 0.8, -0.25881904510252074, 0, 0, 0.9659258262890683};
+
+/* Random voxels, random oblique rays, stiff transfer functions; all voxel types, anisotropic and sheared. */
+static void stiff_random_rays(void **state) {
+  uint64_t seed = 77;
+  for (int i = 0; i < 12; i++) {
+    unsigned noise_seed = (unsigned)i;
+    test_grid grid = {.dims = {5, 6, 7},
+                      .type = (tc_voxel_type)(i % TC_VOXEL_TYPE_COUNT),
+                      .spacing = {1.5, 0.7, 2.2},
+                      .origin = {-3, 2, -5}};
+    if (grid.type != TC_F32) grid.slope = 1.0 / 100;
+    if (i & 1) memcpy(grid.direction, sheared, sizeof sheared);
+    tc_volume *volume = test_volume(&grid, test_noise, &noise_seed);
+    bool opacity = i % 3 == 0;
+    double stiff = pow(10, i), width = 0.1 / fmin(stiff, 1e6);
+    tc_knot knots[] = {{.value = 0.2, .color = {1, 0, 0.1}, .amount = 0},
+                       {.value = 0.4, .color = {0, 1, 0}, .amount = opacity ? 0.9 : 0.1},
+                       {.value = 0.4, .color = {0.3, 0, 1}, .amount = opacity ? 0.2 : 0},
+                       {.value = 0.6, .color = {1, 1, 0}, .amount = opacity ? 0 : 0.5},
+                       {.value = 0.6 + width, .color = {0, 0.02, 1}, .amount = opacity ? 1 : stiff},
+                       {.value = 0.6 + 2 * width, .color = {1, 1, 1}, .amount = 0.01}};
+    tc_scene scene = knots_scene(opacity ? TC_KNOT_OPACITY : TC_KNOT_EXTINCTION, knots, 6);
+    if (opacity) scene.transfer_function.unit_distance_mm = 1 / stiff;
+    scene.image.linear_light = i % 4 == 1;
+    double center[3], from[3], to[3];
+    tc_volume_index_to_lps(volume, (double[3]){2, 2.5, 3}, center);
+    for (int k = 0; k < 3; k++) {
+      from[k] = center[k] + 40 * (test_random(&seed) - 0.5);
+      to[k] = center[k] + 3 * (test_random(&seed) - 0.5);
+    }
+    char what[64];
+    snprintf(what, sizeof what, "%s%s tau to 1e%d%s", tc_voxel_type_name(grid.type), i & 1 ? " sheared" : "", i,
+             scene.image.linear_light ? " linear light" : "");
+    against_oracle(what, volume, &scene, from, to, 1e-7);
+    tc_scene_clear(&scene);
+    tc_volume_unref(volume);
+  }
+}
+
+/* Degenerate grids, and an eye inside. */
+static void thin_volumes(void **state) {
+  const int shapes[][3] = {{1, 1, 1}, {1, 7, 1}, {9, 1, 4}, {2, 2, 2}, {2048, 1, 1}};
+  for (size_t i = 0; i < G_N_ELEMENTS(shapes); i++) {
+    unsigned noise_seed = 9;
+    test_grid grid = {
+        .dims = {shapes[i][0], shapes[i][1], shapes[i][2]}, .type = TC_U16, .slope = 1e-4, .spacing = {0.02, 1, 3}};
+    tc_volume *volume = test_volume(&grid, test_noise, &noise_seed);
+    tc_knot knots[] = {{.value = 0, .color = {1, 0, 0}, .amount = 0.1}, {.value = 1, .color = {0, 1, 1}, .amount = 5}};
+    tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
+    double center[3], from[3], to[3];
+    tc_volume_index_to_lps(
+        volume, (double[3]){0.5 * (shapes[i][0] - 1), 0.5 * (shapes[i][1] - 1), 0.5 * (shapes[i][2] - 1)}, center);
+    for (int k = 0; k < 3; k++) {
+      from[k] = center[k] - (double[3]){25, 0.3, 0.2}[k];
+      to[k] = center[k] + (double[3]){0.001, 0.01, 0.02}[k];
+    }
+    char what[64];
+    snprintf(what, sizeof what, "%dx%dx%d", shapes[i][0], shapes[i][1], shapes[i][2]);
+    against_oracle(what, volume, &scene, from, to, 1e-7);
+    snprintf(what, sizeof what, "%dx%dx%d from inside", shapes[i][0], shapes[i][1], shapes[i][2]);
+    against_oracle(what, volume, &scene, center, from, 1e-7);
+    tc_scene_clear(&scene);
+    tc_volume_unref(volume);
+  }
+}
+
+/* ---- consistency with itself ---- */
+
+static void tolerance_sweep(void **state) {
+  unsigned noise_seed = 3;
+  tc_volume *volume = test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_F32}, test_noise, &noise_seed);
+  tc_knot knots[] = {{.value = 0, .color = {0, 0, 0}, .amount = 0},
+                     {.value = 0.7, .color = {1, 0, 1}, .amount = 0.999},
+                     {.value = 1, .color = {0, 1, 1}, .amount = 0}};
+  tc_scene scene = knots_scene(TC_KNOT_OPACITY, knots, 3);
+  scene.image.linear_light = true;
+  uint64_t seed = 1;
+  double worst[13] = {0};
+  for (int i = 0; i < 40; i++) {
+    double from[3], to[3], best[4], rgba[4];
+    for (int k = 0; k < 3; k++) {
+      from[k] = 4 + 40 * (test_random(&seed) - 0.5);
+      to[k] = 4 + 3 * (test_random(&seed) - 0.5);
+    }
+    one_ray(volume, &scene, from, to, 1e-14, best);
+    for (int e = 1; e <= 12; e++) {
+      one_ray(volume, &scene, from, to, pow(10, -e), rgba);
+      for (int c = 0; c < 4; c++)
+        worst[e] = fmax(worst[e], bad(rgba[c], best[c]));
+    }
+  }
+  for (int e = 1; e <= 12; e++) {
+    printf("  tolerance 1e-%02d: largest difference %.2e\n", e, worst[e]);
+    assert_true(worst[e] <= fmax(pow(10, -e), 1e-13));
+  }
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+/* A pixel's ray by the camera's definition, written out: the same pixel as a picture of its own. */
+static void camera_rays(void **state) {
+  unsigned noise_seed = 4;
+  test_grid grid = {.dims = {9, 8, 7}, .type = TC_I16, .slope = 1e-3, .spacing = {1, 2, 1.3}, .origin = {10, 20, -30}};
+  memcpy(grid.direction, sheared, sizeof sheared);
+  tc_volume *volume = test_volume(&grid, test_noise, &noise_seed);
+  tc_knot knots[] = {{.value = 0.1, .color = {1, 0, 0}, .amount = 0}, {.value = 0.9, .color = {0, 1, 1}, .amount = 1}};
+  tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2), single = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
+  double worst = 0, seen = 0;
+  const int width = 7, height = 4;
+  for (int projection = 0; projection < 2; projection++) {
+    /* Looking along +y from the front with the head up: right is patient's left, +x. */
+    double eye[3], ahead[3], half = projection == TC_PERSPECTIVE ? tan(M_PI / 30) : 7;
+    tc_volume_index_to_lps(volume, (double[3]){4, 3.5, 3}, ahead);
+    memcpy(eye, ahead, sizeof eye);
+    eye[1] -= 70;
+    test_scene_look(&scene, (tc_projection)projection, eye, ahead, projection == TC_PERSPECTIVE ? 12 : 14);
+    tc_reference *reference = tc_reference_new(volume, &scene, width, height, 0, NULL);
+    for (int j = 0; j < height; j++)
+      for (int i = 0; i < width; i++) {
+        double x = (i + 0.5 - width / 2.0) * 2 * half / height, z = (height / 2.0 - j - 0.5) * 2 * half / height;
+        double from[3] = {eye[0], eye[1], eye[2]}, to[3] = {eye[0] + 64 * x, eye[1] + 64, eye[2] + 64 * z}, a[4], b[4];
+        if (projection == TC_ORTHOGRAPHIC) from[0] = to[0] = eye[0] + x, from[2] = to[2] = eye[2] + z;
+        tc_reference_pixel(reference, i + 0.5, j + 0.5, a);
+        one_ray(volume, &single, from, to, 0, b);
+        for (int c = 0; c < 4; c++)
+          worst = fmax(worst, bad(a[c], b[c]));
+        seen += b[3] > 0;
+      }
+    tc_reference_free(reference);
+  }
+  printf("  %.0f of %d rays meet the volume\n", seen, 2 * width * height);
+  assert_true(seen > 15);
+  report("pixels of both projections against rays written out", worst, 1e-10);
+  tc_scene_clear(&scene);
+  tc_scene_clear(&single);
+  tc_volume_unref(volume);
+}
+
+/* An eye further and further away must not change an orthographic picture. */
+static void far_eye(void **state) {
+  unsigned noise_seed = 4;
+  tc_volume *volume = test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_F32}, test_noise, &noise_seed);
+  tc_knot knots[] = {{.value = 0.1, .color = {1, 0, 0}, .amount = 0}, {.value = 0.9, .color = {0, 1, 1}, .amount = 3}};
+  tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
+  double near_rgba[4], rgba[4], worst = 0;
+  for (double away = 1e2; away < 2e7;
+       away *= 10) { /* powers of ten times (3, 4, 12): the line stays the same in double */
+    one_ray(volume, &scene, (double[3]){4.25 - 3 * away, 4.5 - 4 * away, 4 - 12 * away}, (double[3]){4.25, 4.5, 4}, 0,
+            rgba);
+    if (away == 1e2) memcpy(near_rgba, rgba, sizeof rgba);
+    for (int c = 0; c < 4; c++)
+      worst = fmax(worst, bad(rgba[c], near_rgba[c]));
+  }
+  report("eye at 1e3 .. 1e8 mm against 1e3 mm", worst, 1e-10);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+static void verbose_pixel(void **state) {
+  unsigned noise_seed = 8;
+  tc_volume *volume = test_volume(&(test_grid){.dims = {6, 6, 6}, .type = TC_F32}, test_noise, &noise_seed);
+  tc_knot knots[] = {{.value = 0.3, .color = {1, 0, 0}, .amount = 0},
+                     {.value = 0.5, .color = {1, 0.5, 0}, .amount = 0.4},
+                     {.value = 0.5, .color = {0, 1, 1}, .amount = 0.9}};
+  tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, knots, 3);
+  test_scene_look(&scene, TC_PERSPECTIVE, (double[3]){-4, 1, 2}, (double[3]){8, 4, 3.5}, 20);
+  tc_reference *reference = tc_reference_new(volume, &scene, 16, 16, 0, NULL);
+  tc_reference_sample *samples;
+  size_t count;
+  double rgba[4], length = 0, transparency = 1;
+  tc_reference_ray(reference, 8.5, 7.5, &samples, &count);
+  tc_reference_pixel(reference, 8.5, 7.5, rgba);
+  assert_true(count > 5);
+  for (size_t i = 0; i < count; i++) {
+    const tc_reference_sample *s = &samples[i];
+    double value, nearby[3];
+    assert_true(s->transparency <= transparency && s->length_mm > 0);
+    transparency = s->transparency;
+    assert_true(bad(s->distance_mm, samples[0].distance_mm + length) < 1e-12);
+    length += s->length_mm;
+    for (int k = 0; k < 3; k++)
+      nearby[k] = fmin(fmax(s->position[k], 0), 5); /* rounding at the faces */
+    assert_true(tc_volume_value_at(volume, nearby, &value));
+    assert_true(bad(value, s->value) < 1e-12);
+    if (i) assert_true(bad(s->value, samples[i - 1].value_back) < 1e-12);
+    double inside = 0.5 * (s->value + s->value_back);
+    assert_true(inside < 0.3 ? s->extinction == 0 : inside < 0.5 ? s->extinction <= 0.4 + 1e-12 : s->extinction == 0.9);
+  }
+  assert_true(transparency > 1 - rgba[3] || samples[count - 1].extinction == 0);
+  assert_true(bad(samples[0].position[0], 0) < 1e-12); /* the ray enters by the face x = 0 */
+  printf("  %zu pieces over %.3f mm, alpha %.6f\n", count, length, rgba[3]);
+  g_free(samples);
+  tc_reference_ray(reference, 1e5, 0.5, &samples, &count);
+  assert_true(count == 0 && samples == NULL);
+  tc_reference_free(reference);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+static void image_by_threads(void **state) {
+  GError *error = NULL;
+  tc_volume *volume = tc_volume_demo("marschner-lobb", &error);
+  if (!volume) fail_msg("%s", error->message);
+  const tc_volume_stats *stats = tc_volume_statistics(volume);
+  tc_knot knots[] = {{.value = stats->min, .color = {0, 0, 1}, .amount = 0},
+                     {.value = stats->max, .color = {1, 1, 0}, .amount = 0.3}};
+  tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
+  test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){1, -2, 0.7});
+  tc_reference *reference = tc_reference_new(volume, &scene, 24, 17, 0, NULL);
+  enum { FLOATS = 24 * 17 * 4 };
+  static float one[FLOATS], many[FLOATS];
+  double rgba[4];
+  assert_true(tc_reference_image(reference, 1, one, NULL));
+  for (int threads = 2; threads <= 5; threads++) {
+    memset(many, 0xff, sizeof many);
+    assert_true(tc_reference_image(reference, threads, many, NULL));
+    assert_memory_equal(one, many, sizeof one);
+  }
+  tc_reference_pixel(reference, 12.5, 8.5, rgba);
+  assert_true(rgba[3] > 0.1);
+  assert_float_equal(one[(8 * 24 + 12) * 4 + 3], rgba[3], 1e-7);
+  assert_false(tc_reference_image(reference, -1, many, &error));
+  g_clear_error(&error);
+  tc_reference_free(reference);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+static void expect_refused(tc_volume *volume, const tc_scene *scene, int code, const char *pointer) {
+  GError *error = NULL;
+  assert_null(tc_reference_new(volume, scene, 4, 4, 0, &error));
+  assert_int_equal(error->code, code);
+  assert_string_equal(tc_error_pointer(error), pointer);
+  g_clear_error(&error);
+}
+
+static void refusals(void **state) {
+  tc_volume *volume = slab(0, 1);
+  tc_knot knot = {.value = 0, .amount = 1};
+  tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, &knot, 1);
+  scene.mode = TC_MODE_MIP;
+  expect_refused(volume, &scene, TC_ERROR_UNSUPPORTED, "/mode");
+  scene.mode = TC_MODE_DVR;
+  scene.filter = TC_FILTER_CUBIC;
+  expect_refused(volume, &scene, TC_ERROR_UNSUPPORTED, "/filter");
+  scene.filter = TC_FILTER_LINEAR;
+  scene.camera.up[0] = scene.camera.target[0] - scene.camera.position[0];
+  scene.camera.up[1] = scene.camera.target[1] - scene.camera.position[1];
+  scene.camera.up[2] = scene.camera.target[2] - scene.camera.position[2];
+  expect_refused(volume, &scene, TC_ERROR_INVALID, "/camera");
+  test_scene_look(&scene, TC_PERSPECTIVE, slab_from, slab_to, 30);
+  scene.transfer_function.points[0].amount = NAN;
+  expect_refused(volume, &scene, TC_ERROR_INVALID, "/transferFunction");
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(homogeneous_slab), cmocka_unit_test(linear_ramp),       cmocka_unit_test(linear_color),
+      cmocka_unit_test(opacity_ramp),     cmocka_unit_test(jumps_and_peaks),   cmocka_unit_test(gaussian),
+      cmocka_unit_test(ball_chord),       cmocka_unit_test(stiff_random_rays), cmocka_unit_test(thin_volumes),
+      cmocka_unit_test(tolerance_sweep),  cmocka_unit_test(camera_rays),       cmocka_unit_test(far_eye),
+      cmocka_unit_test(verbose_pixel),    cmocka_unit_test(image_by_threads),  cmocka_unit_test(refusals),
+  };
+  return cmocka_run_group_tests_name("reference", tests, NULL, NULL);
+}
