@@ -1,0 +1,168 @@
+/* The pre-integration table against brute-force double integration, transfer functions smooth, jumping and stiff. */
+#include <math.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <setjmp.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include <cmocka.h>
+
+#include "renderer/classify/classify.h"
+
+typedef struct { double c[3], t; } light;
+
+/* Midpoint steps with the exact transparency of each, over a stretch without knots inside. */
+static void march(light *l, const tc_transfer_function *tf, double a, double b, double d, int n, bool linear_light) {
+  for (int i = 0; i < n && l->t > 1e-14; i++) {
+    double v0 = a + (b - a) * i / n, v1 = a + (b - a) * (i + 1) / n, rgb[3];
+    double t = exp(-tc_extinction_mean(tf, v0, v1) * d / n);
+    tc_color(tf, 0.5 * (v0 + v1), rgb);
+    for (int c = 0; c < 3; c++) {
+      double x = linear_light ? tc_srgb_to_linear(rgb[c]) : rgb[c];
+      l->c[c] += l->t * (1 - t) * x;
+    }
+    l->t *= t;
+  }
+}
+
+/* One segment of length d from value a to b, front to back, cut at the knots. */
+static light brute(const tc_transfer_function *tf, double a, double b, double d, int n, bool linear_light) {
+  light l = {{0, 0, 0}, 1};
+  if (a == b) {
+    march(&l, tf, a, b, d, 1, linear_light);
+    return l;
+  }
+  double from = a;
+  for (size_t i = 0; i <= tf->count; i++) {
+    size_t k = b > a ? i : tf->count - 1 - i;
+    double to = i == tf->count ? b : tf->points[k].value;
+    if (i < tf->count && (b > a ? to <= from || to >= b : to >= from || to <= b)) continue;
+    march(&l, tf, from, to, d * (to - from) / (b - a), n, linear_light);
+    from = to;
+  }
+  return l;
+}
+
+static const float *entry(const tc_table *t, int front, int back) {
+  int k = back - front, i = front < back ? front : back;
+  return t->zero_row + ((ptrdiff_t)k * t->columns + i) * 4;
+}
+
+static double worst(const tc_table_params *p, tc_pool *pool, int samples, const char *name) {
+  GError *error = NULL;
+  tc_table *t = tc_table_build(p, pool, &error);
+  assert_non_null(t);
+  double most = 0;
+  uint32_t state = 7;
+  for (int s = 0; s < samples; s++) {
+    state = state * 1664525u + 1013904223u;
+    int f = (int)(state >> 8) % t->n;
+    state = state * 1664525u + 1013904223u;
+    /* half of the pairs near the diagonal, where lookups are */
+    int b = s % 2 ? (int)(state >> 8) % t->n : f + (int)(state >> 8) % 9 - 4;
+    if (b < 0 || b >= t->n) b = f;
+    double vf = p->slope * (t->lo + (t->hi - t->lo) * f / (t->n - 1)) + p->intercept;
+    double vb = p->slope * (t->lo + (t->hi - t->lo) * b / (t->n - 1)) + p->intercept;
+    light l = brute(p->tf, vf, vb, p->step_mm, 20000, p->linear_light);
+    const float *e = entry(t, f, b);
+    for (int c = 0; c < 3; c++) most = fmax(most, fabs((double)e[c] - l.c[c]));
+    most = fmax(most, fabs((double)e[3] - (1 - l.t)));
+    assert_true(e[3] >= 0 && e[3] <= 1);
+  }
+  printf("%-28s n=%4d %7.2f ms  max error %.2e\n", name, t->n, t->build_ms, most);
+  tc_table_free(t);
+  return most;
+}
+
+static tc_knot smooth[] = {{0, {0.1, 0.2, 0.9}, 0}, {80, {0.9, 0.4, 0.1}, 0.02}, {170, {0.2, 0.9, 0.3}, 0.3}, {255, {1, 1, 1}, 0.6}};
+static tc_knot jumping[] = {{0, {0, 0, 1}, 0}, {90, {0, 0, 1}, 0}, {90, {1, 0.5, 0}, 1e4}, {92.5, {0.2, 0.5, 1}, 1e4},
+                            {92.5, {0, 1, 0}, 0}, {200, {1, 0, 0}, 0.01}, {200, {0, 1, 1}, 1e6}, {255, {1, 1, 0}, 1e6}};
+static tc_knot ramp[] = {{0, {1, 0, 0}, 0}, {255, {0, 1, 1}, 1e6}};
+static tc_knot opaque[] = {{0, {0, 0, 0}, 0}, {100.3, {0.2, 0.4, 0.8}, 0.2}, {101.9, {1, 1, 0.2}, 1}, {255, {0.5, 0.1, 1}, 0.9}};
+
+static tc_table_params params(tc_transfer_function *tf, tc_knot *points, size_t count, tc_knot_kind kind, int n, double step) {
+  *tf = (tc_transfer_function){.points = points, .count = count, .kind = kind, .unit_distance_mm = 1};
+  return (tc_table_params){.tf = tf, .slope = 1, .voxel_lo = 0, .voxel_hi = 255, .n = n, .step_mm = step};
+}
+
+static void against_brute_force(void **state) {
+  tc_transfer_function tf;
+  tc_pool *pool = tc_pool_new(2, NULL);
+  tc_table_params p = params(&tf, smooth, 4, TC_KNOT_OPACITY, 256, 1);
+  assert_true(worst(&p, pool, 400, "smooth opacity") < 3e-6);
+  p = params(&tf, smooth, 4, TC_KNOT_EXTINCTION, 256, 1);
+  assert_true(worst(&p, pool, 400, "smooth extinction") < 3e-6);
+  p = params(&tf, smooth, 4, TC_KNOT_EXTINCTION, 256, 1000);
+  assert_true(worst(&p, pool, 400, "smooth, d = 1000 mm") < 3e-5); /* brute force's own error grows with depth */
+  p = params(&tf, opaque, 4, TC_KNOT_OPACITY, 256, 0.7);
+  assert_true(worst(&p, pool, 400, "knots between nodes, opaque") < 5e-5);
+  p.linear_light = true;
+  assert_true(worst(&p, pool, 200, "the same in linear light") < 2e-3); /* colour is linearised per node interval */
+  p = params(&tf, smooth, 4, TC_KNOT_OPACITY, 1024, 1);
+  assert_true(worst(&p, pool, 200, "1024 nodes") < 3e-6);
+  p = params(&tf, smooth, 4, TC_KNOT_OPACITY, 256, 1);
+  p.slope = -0.5, p.intercept = 200;
+  assert_true(worst(&p, pool, 200, "negative slope") < 3e-6);
+  tc_pool_free(pool);
+}
+
+/* Stiff: brute force at 20000 steps is itself wrong by the colour's change over one of its steps, hence the bound. */
+static void stiff(void **state) {
+  tc_transfer_function tf;
+  tc_pool *pool = tc_pool_new(2, NULL);
+  tc_table_params p = params(&tf, jumping, 8, TC_KNOT_EXTINCTION, 256, 1);
+  assert_true(worst(&p, pool, 400, "jumps to 1e4 and 1e6") < 2e-3);
+  p = params(&tf, ramp, 2, TC_KNOT_EXTINCTION, 256, 1);
+  assert_true(worst(&p, pool, 400, "ramp to 1e6") < 2e-3);
+  tc_pool_free(pool);
+}
+
+/* Extinction linear in the value and colour linear too: the segment's colour has a closed form with erf. */
+static void closed_form(void **state) {
+  tc_transfer_function tf;
+  for (double top = 1e-3; top < 1e7; top *= 10) {
+    tc_knot knots[] = {{0, {0, 0, 0}, 0}, {256, {1, 1, 1}, top}};
+    tc_table_params p = params(&tf, knots, 2, TC_KNOT_EXTINCTION, 257, 1);
+    p.voxel_hi = 256;
+    GError *error = NULL;
+    tc_table *t = tc_table_build(&p, NULL, &error);
+    assert_non_null(t);
+    /* tau(u) = top*u, L = u: C = integral u * top*u * exp(-top u^2/2) = sqrt(pi/(2 top)) erf(sqrt(top/2)) - exp(-top/2) */
+    double exact = sqrt(M_PI / (2 * top)) * erf(sqrt(top / 2)) - exp(-top / 2);
+    if (top < 0.05) exact = top / 3 - top * top / 10; /* the difference cancels */
+    double error_c = fabs((double)entry(t, 0, 256)[0] - exact), error_a = fabs((double)entry(t, 0, 256)[3] + expm1(-top / 2));
+    printf("ramp to %8.0e: colour error %.1e, opacity error %.1e\n", top, error_c, error_a);
+    assert_true(error_c < 3e-6 && error_a < 3e-6);
+    tc_table_free(t);
+  }
+}
+
+/* Invariants of every entry: bounds, energy, and no difference between one thread and three. */
+static void invariants(void **state) {
+  tc_transfer_function tf;
+  for (double step = 1e-6; step < 1e7; step *= 1000) {
+    tc_table_params p = params(&tf, jumping, 8, TC_KNOT_EXTINCTION, 64, step);
+    GError *error = NULL;
+    tc_pool *pool = tc_pool_new(3, NULL);
+    tc_table *a = tc_table_build(&p, NULL, &error), *b = tc_table_build(&p, pool, &error);
+    assert_memory_equal(a->entries, b->entries, a->bytes);
+    for (int f = 0; f < 64; f++)
+      for (int k = 0; k < 64; k++) {
+        const float *e = entry(a, f, k);
+        assert_true(e[3] >= 0 && e[3] <= 1);
+        for (int c = 0; c < 3; c++) assert_true(e[c] >= 0 && e[c] <= e[3] * (1 + 1e-5f));
+        assert_true(fabsf(e[3] - entry(a, k, f)[3]) < 2e-6f); /* opacity is symmetric */
+      }
+    tc_table_free(a);
+    tc_table_free(b);
+    tc_pool_free(pool);
+  }
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(against_brute_force), cmocka_unit_test(stiff),
+                                     cmocka_unit_test(closed_form), cmocka_unit_test(invariants)};
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}

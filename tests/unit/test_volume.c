@@ -1,0 +1,145 @@
+/* Volume storage: checks, range, mending, orientation, interpolation, histogram, demos. */
+#include <math.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <setjmp.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/volume/volume.h"
+
+static tc_volume_desc desc(int x, int y, int z, tc_voxel_type type) {
+  return (tc_volume_desc){.dims = {x, y, z}, .type = type, .spacing = {1, 1, 1}, .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 1};
+}
+
+static void refused(tc_volume_desc d, tc_error_code code) {
+  GError *error = NULL;
+  assert_null(tc_volume_new(&d, &error));
+  assert_int_equal(error->code, code);
+  g_error_free(error);
+}
+
+static void nonsense_is_refused(void **state) {
+  refused(desc(0, 1, 1, TC_U8), TC_ERROR_INVALID);
+  refused(desc(65536, 65536, 1, TC_U8), TC_ERROR_LIMIT);
+  refused(desc(INT32_MAX, INT32_MAX, INT32_MAX, TC_F32), TC_ERROR_LIMIT);
+  tc_volume_desc d = desc(2, 2, 2, TC_U8);
+  d.spacing[1] = 0;
+  refused(d, TC_ERROR_INVALID);
+  d = desc(2, 2, 2, TC_U8);
+  d.spacing[1] = NAN;
+  refused(d, TC_ERROR_INVALID);
+  d = desc(2, 2, 2, TC_U8);
+  d.slope = 0;
+  refused(d, TC_ERROR_INVALID);
+  d = desc(2, 2, 2, TC_U8);
+  memset(d.direction, 0, sizeof d.direction);
+  refused(d, TC_ERROR_INVALID);
+  d = desc(2, 2, 2, TC_U8);
+  d.direction[4] = 0, d.direction[1] = 1; /* two axes the same way */
+  refused(d, TC_ERROR_INVALID);
+}
+
+static void float_voxels_are_mended(void **state) {
+  tc_volume_desc d = desc(5, 1, 1, TC_F32);
+  tc_volume *v = tc_volume_new(&d, NULL);
+  const float in[5] = {NAN, -2, INFINITY, 7, -INFINITY};
+  memcpy(tc_volume_voxels(v), in, sizeof in);
+  tc_volume_seal(v);
+  const float *out = tc_volume_data(v), want[5] = {-2, -2, 7, 7, -2};
+  assert_memory_equal(out, want, sizeof want);
+  assert_int_equal(tc_volume_statistics(v)->non_finite, 3);
+  assert_null(tc_volume_voxels(v)); /* sealed */
+  tc_volume_unref(v);
+}
+
+static void huge_floats_are_scaled(void **state) {
+  tc_volume_desc d = desc(3, 1, 1, TC_F32);
+  d.slope = 2;
+  tc_volume *v = tc_volume_new(&d, NULL);
+  const float in[3] = {-3e38f, 0, 3e38f};
+  memcpy(tc_volume_voxels(v), in, sizeof in);
+  tc_volume_seal(v);
+  double value, at[3] = {2, 0, 0};
+  assert_true(tc_volume_value_at(v, at, &value));
+  assert_true(fabs(value / (2 * (double)3e38f) - 1) < 1e-7);
+  const float *out = tc_volume_data(v);
+  assert_true(isfinite(out[2] - out[0]));
+  tc_volume_unref(v);
+}
+
+static void orientation_and_value(void **state) {
+  tc_volume_desc d = desc(3, 4, 5, TC_I16);
+  d.spacing[0] = 0.5, d.spacing[1] = 2, d.spacing[2] = 3;
+  d.origin[0] = 10, d.origin[1] = -20, d.origin[2] = 30;
+  const double tilted[9] = {0.8, 0, 0.1, 0.6, 0, 0.2, 0, -1, 0.97}; /* sheared, columns not quite unit: mended */
+  memcpy(d.direction, tilted, sizeof tilted);
+  d.slope = -2, d.intercept = 100;
+  tc_volume *v = tc_volume_new(&d, NULL);
+  assert_non_null(v);
+  int16_t *p = tc_volume_voxels(v);
+  for (int z = 0; z < 5; z++)
+    for (int y = 0; y < 4; y++)
+      for (int x = 0; x < 3; x++) *p++ = (int16_t)(x + 10 * y + 100 * z);
+  tc_volume_seal(v);
+  assert_true(tc_volume_statistics(v)->max == 100);
+  assert_true(tc_volume_statistics(v)->min == 100 - 2 * 432);
+  double index[3] = {1.25, 2.5, 3.75}, lps[3], back[3], value;
+  tc_volume_index_to_lps(v, index, lps);
+  assert_true(fabs(lps[2] - (30 - 2 * 2.5 + 3 * 3.75 * tc_volume_describe(v)->direction[8])) < 1e-12);
+  tc_volume_lps_to_index(v, lps, back);
+  for (int k = 0; k < 3; k++) assert_true(fabs(back[k] - index[k]) < 1e-12);
+  assert_true(tc_volume_value_at(v, index, &value));
+  assert_true(fabs(value - (100 - 2 * (1.25 + 25 + 375))) < 1e-9);
+  double outside[3] = {2.01, 0, 0}, edge[3] = {2, 3, 4};
+  assert_false(tc_volume_value_at(v, outside, &value));
+  assert_true(tc_volume_value_at(v, edge, &value));
+  assert_true(fabs(value - (100 - 2 * 432)) < 1e-9);
+  uint64_t counts[4], sum = 0;
+  double edges[5];
+  tc_volume_histogram(v, 4, counts, edges);
+  for (int i = 0; i < 4; i++) sum += counts[i];
+  assert_int_equal(sum, 60);
+  tc_volume_unref(v);
+}
+
+static void flat_axis_is_one_spacing_thick(void **state) {
+  tc_volume_desc d = desc(4, 1, 1, TC_U8);
+  tc_volume *v = tc_volume_new(&d, NULL);
+  memcpy(tc_volume_voxels(v), "\1\2\3\4", 4);
+  tc_volume_seal(v);
+  double lo[3], hi[3], value, inside[3] = {1.5, 0.49, -0.5}, out[3] = {1.5, 0.51, 0};
+  tc_volume_index_box(v, lo, hi);
+  assert_true(lo[1] == -0.5 && hi[1] == 0.5 && lo[0] == 0 && hi[0] == 3);
+  assert_true(tc_volume_value_at(v, inside, &value) && value == 2.5);
+  assert_false(tc_volume_value_at(v, out, &value));
+  tc_volume_unref(v);
+}
+
+static void demos_are_made(void **state) {
+  static const char *const names[] = {"head", "vessels", "marschner-lobb", "bucky"};
+  for (int i = 0; i < 4; i++) {
+    GError *error = NULL;
+    tc_volume *a = tc_volume_demo(names[i], &error), *b = tc_volume_demo(names[i], &error);
+    assert_non_null(a);
+    assert_memory_equal(tc_volume_data(a), tc_volume_data(b), tc_volume_bytes(a));
+    assert_true(tc_volume_statistics(a)->max - tc_volume_statistics(a)->min > 100);
+    tc_volume_unref(a);
+    tc_volume_unref(b);
+  }
+  GError *error = NULL;
+  assert_null(tc_volume_demo("foot", &error));
+  assert_int_equal(error->code, TC_ERROR_NOT_FOUND);
+  assert_non_null(strstr(error->message, "demo:head"));
+  g_error_free(error);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(nonsense_is_refused),   cmocka_unit_test(float_voxels_are_mended),
+      cmocka_unit_test(huge_floats_are_scaled), cmocka_unit_test(orientation_and_value),
+      cmocka_unit_test(flat_axis_is_one_spacing_thick), cmocka_unit_test(demos_are_made)};
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
