@@ -21,7 +21,10 @@ float field(vec3 p) {
   vec3 f = p - vec3(cell);
   vec4 a = corners(cell.xy, cell.z); // a gather's order in (x, y): (0,1) (1,1) (1,0) (0,0)
   vec4 b = corners(cell.xy, cell.z + 1);
-  a = mix(a, b, f.z); // mix, not a + (b - a) * f: the difference of two floats near the end of their range is infinite
-  vec2 c = mix(a.wx, a.zy, f.x);
-  return mix(c.x, c.y, f.y);
+  // Neither mix() nor what a compiler may make of this: x * (1 - f) + y * f does not return x where both are x, and a
+  // constant field must stay constant. Hence "precise".
+  precise vec4 c = a + (b - a) * f.z;
+  precise vec2 d = c.wx + (c.zy - c.wx) * f.x;
+  precise float e = d.x + (d.y - d.x) * f.y;
+  return e;
 }

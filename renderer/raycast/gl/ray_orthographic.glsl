@@ -1,6 +1,6 @@
 // rays.h, orthographic: one direction for all; the eye plane lies eye_mm before the anchors.
 void set_ray(vec2 pixel, out vec3 anchor, out vec3 direction, out float eye) {
-  anchor = job.anchor0.xyz + pixel.x * job.anchor_du.xyz + pixel.y * job.anchor_dv.xyz;
+  anchor = fma(vec3(pixel.y), job.anchor_dv.xyz, fma(vec3(pixel.x), job.anchor_du.xyz, job.anchor0.xyz));
   vec3 view = job.view0.xyz;
   direction = vec3(dot(job.to_index[0].xyz, view), dot(job.to_index[1].xyz, view), dot(job.to_index[2].xyz, view));
   eye = -job.march.y;
