@@ -1,0 +1,263 @@
+/* tomocast render: one picture, no server. */
+#include <errno.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "protocol/protocol.h"
+#include "renderer/tomocast.h"
+#include "server/cli/cli.h"
+#include "server/encode/encode.h"
+
+/* A scene with the most knots there may be is some 8 MiB of text. */
+#define MAX_SCENE_BYTES (32u << 20)
+
+typedef struct arguments {
+  char *scene, *output, *backend, *isa, **set;
+  int threads, width, height;
+  gboolean timing;
+  char **rest; /* VOLUME */
+} arguments;
+
+/* Everything the command holds, released at one place. */
+typedef struct job {
+  arguments args;
+  tc_renderer_options options;
+  tc_image_format format;
+  const char *output;
+  tc_volume *volume, *labels;
+  tc_scene scene;
+  tc_renderer *renderer;
+  tcs_encoder *encoder;
+  tc_frame frame;
+  tc_plan plan;
+  GByteArray *image;
+  double import_ms, encode_ms;
+  int exit_code; /* for the error under way */
+} job;
+
+static double now_ms(void) { return (double)g_get_monotonic_time() / 1e3; }
+
+static bool usage_error(job *j, GError **error, const char *format, ...) G_GNUC_PRINTF(3, 4);
+
+static bool usage_error(job *j, GError **error, const char *format, ...) {
+  va_list args;
+  va_start(args, format);
+  char *message = g_strdup_vprintf(format, args);
+  va_end(args);
+  tc_set_error(error, TC_ERROR_INVALID, NULL, "%s", message);
+  g_free(message);
+  j->exit_code = TCS_EXIT_USAGE;
+  return false;
+}
+
+/* --- command line ------------------------------------------------------------------------------- */
+
+static bool parse_arguments(job *j, int argc, char **argv, GError **error) {
+  arguments *a = &j->args;
+  const GOptionEntry entries[] = {
+      {"scene", 0, 0, G_OPTION_ARG_FILENAME, &a->scene, "scene document; - is stdin; without it the fitted defaults", "FILE"},
+      {"output", 'o', 0, G_OPTION_ARG_FILENAME, &a->output, "picture to write, .png or .jpg (render.png)", "OUT"},
+      {"set", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &a->set, "change one member, as camera.fovY=40; may be repeated", "KEY=VALUE"},
+      {"width", 0, 0, G_OPTION_ARG_INT, &a->width, "width of the picture", "PIXELS"},
+      {"height", 0, 0, G_OPTION_ARG_INT, &a->height, "height of the picture", "PIXELS"},
+      {"backend", 0, 0, G_OPTION_ARG_FILENAME, &a->backend, "auto, cpu or gl (auto)", "B"},
+      {"threads", 0, 0, G_OPTION_ARG_INT, &a->threads, "CPU workers (one per core)", "N"},
+      {"isa", 0, 0, G_OPTION_ARG_FILENAME, &a->isa, "scalar, avx2 or avx512 (the best there is)", "NAME"},
+      {"timing", 0, 0, G_OPTION_ARG_NONE, &a->timing, "print the time of each stage", NULL},
+      {0}};
+  const tcs_cli_usage usage = {"render", "VOLUME", "Renders one picture of a volume: a file, a folder or demo:NAME.",
+                               entries};
+  j->exit_code = TCS_EXIT_USAGE;
+  bool good = tcs_cli_parse(&usage, argc, argv, &a->rest, error);
+  if (good && (!a->rest || g_strv_length(a->rest) != 1))
+    good = usage_error(j, error, "one VOLUME is wanted; see tomocast render --help");
+  if (good) j->exit_code = TCS_EXIT_FAILED;
+  return good;
+}
+
+static bool read_backend(job *j, GError **error) {
+  static const char *const names[] = {[TC_BACKEND_AUTO] = "auto", [TC_BACKEND_CPU] = "cpu", [TC_BACKEND_GL] = "gl"};
+  G_STATIC_ASSERT(G_N_ELEMENTS(names) == TC_BACKEND_COUNT);
+  const char *name = j->args.backend ? j->args.backend : "auto";
+  for (int i = 0; i < TC_BACKEND_COUNT; i++)
+    if (strcmp(names[i], name) == 0) {
+      j->options.backend = (tc_backend)i;
+      return true;
+    }
+  return usage_error(j, error, "--backend %s: auto, cpu or gl is wanted", name);
+}
+
+/* The name's ending decides, whatever the scene says: the file is what it is called. */
+static bool read_output(job *j, GError **error) {
+  const char *dot;
+  j->output = j->args.output ? j->args.output : "render.png";
+  dot = strrchr(j->output, '.');
+  j->format = dot && g_ascii_strcasecmp(dot, ".png") == 0 ? TC_FORMAT_PNG : TC_FORMAT_JPEG;
+  if (j->format == TC_FORMAT_PNG) return true;
+  if (dot && (g_ascii_strcasecmp(dot, ".jpg") == 0 || g_ascii_strcasecmp(dot, ".jpeg") == 0)) return true;
+  return usage_error(j, error, "-o %s: the name must end in .png or .jpg", j->output);
+}
+
+static bool check_arguments(job *j, GError **error) {
+  const arguments *a = &j->args;
+  if (!read_backend(j, error) || !read_output(j, error)) return false;
+  if (a->threads < 0 || a->threads > 1024) return usage_error(j, error, "--threads: 0 to 1024 is wanted");
+  if (a->width < 0 || a->height < 0) return usage_error(j, error, "--width, --height: more than 0 is wanted");
+  j->options.threads = a->threads;
+  j->options.isa = a->isa;
+  return true;
+}
+
+/* --- scene -------------------------------------------------------------------------------------- */
+
+/* The patch with the picture's own format put in; the scene file's is overruled by the output's name. */
+static void force_format(job *j, cJSON *patch) {
+  cJSON *image = cJSON_GetObjectItemCaseSensitive(patch, "image");
+  if (!image && cJSON_IsObject(patch)) image = cJSON_AddObjectToObject(patch, "image");
+  if (!cJSON_IsObject(image)) return;
+  cJSON_DeleteItemFromObjectCaseSensitive(image, "format");
+  cJSON_AddStringToObject(image, "format", tcs_encode_format_name(j->format));
+}
+
+/* Takes the patch. */
+static bool apply(job *j, cJSON *patch, const tc_scene *defaults, const char *where, GError **error) {
+  const tc_volume_stats *stats = tc_volume_statistics(j->volume);
+  const tcp_scene_context context = {stats->min, stats->max};
+  if (!patch) return false;
+  force_format(j, patch);
+  bool good = tcp_scene_patch(&j->scene, patch, defaults, &context, error);
+  if (!good) g_prefix_error(error, "%s: ", where);
+  cJSON_Delete(patch);
+  return good;
+}
+
+static bool apply_file(job *j, const tc_scene *defaults, GError **error) {
+  char *text = NULL;
+  size_t size;
+  if (!j->args.scene) return true;
+  if (!tcs_cli_read_text(j->args.scene, MAX_SCENE_BYTES, &text, &size, error)) return false;
+  cJSON *patch = tcp_json_parse(text, size, error);
+  if (!patch) g_prefix_error(error, "%s: ", j->args.scene);
+  g_free(text);
+  return apply(j, patch, defaults, j->args.scene, error);
+}
+
+static bool apply_expressions(job *j, const tc_scene *defaults, GError **error) {
+  for (char **set = j->args.set; set && *set; set++) {
+    cJSON *patch = tcp_scene_set_expression(*set, error);
+    if (!patch) g_prefix_error(error, "--set: ");
+    if (!apply(j, patch, defaults, "--set", error)) {
+      j->exit_code = TCS_EXIT_USAGE;
+      return false;
+    }
+  }
+  return true;
+}
+
+static bool apply_size(job *j, const tc_scene *defaults, GError **error) {
+  cJSON *patch = cJSON_CreateObject(), *image = cJSON_AddObjectToObject(patch, "image");
+  if (j->args.width) cJSON_AddNumberToObject(image, "width", j->args.width);
+  if (j->args.height) cJSON_AddNumberToObject(image, "height", j->args.height);
+  if (apply(j, patch, defaults, "--width, --height", error)) return true;
+  j->exit_code = TCS_EXIT_USAGE;
+  return false;
+}
+
+static bool make_scene(job *j, GError **error) {
+  tc_scene defaults;
+  tc_scene_init(&defaults);
+  tc_scene_fit(&defaults, j->volume);
+  defaults.image.format = j->format;
+  tc_scene_copy(&j->scene, &defaults);
+  bool good = apply_file(j, &defaults, error) && apply_expressions(j, &defaults, error) &&
+              apply_size(j, &defaults, error);
+  tc_scene_clear(&defaults);
+  return good;
+}
+
+/* --- picture ------------------------------------------------------------------------------------ */
+
+static bool load(job *j, GError **error) {
+  double start = now_ms();
+  j->volume = tc_import(j->args.rest[0], NULL, error);
+  j->import_ms = now_ms() - start;
+  return j->volume != NULL;
+}
+
+/* Without a server a label volume's id is a path. */
+static bool load_labels(job *j, GError **error) {
+  if (!*j->scene.labels.volume) return true;
+  j->labels = tc_import(j->scene.labels.volume, NULL, error);
+  if (!j->labels) g_prefix_error(error, "labels.volume: ");
+  return j->labels != NULL;
+}
+
+static bool make_renderer(job *j, GError **error) {
+  GError *own = NULL;
+  j->renderer = tc_renderer_new(&j->options, &own);
+  if (j->renderer) return true;
+  if (g_error_matches(own, TC_ERROR, TC_ERROR_INVALID)) j->exit_code = TCS_EXIT_USAGE;
+  g_propagate_error(error, own);
+  return false;
+}
+
+static bool encode(job *j, GError **error) {
+  double start = now_ms();
+  j->image = g_byte_array_new();
+  j->encoder = tcs_encoder_new(error);
+  if (!j->encoder || !tcs_encode(j->encoder, &j->frame, &j->scene, 0, j->image, error)) return false;
+  j->encode_ms = now_ms() - start;
+  return true;
+}
+
+static bool write_file(job *j, GError **error) {
+  FILE *file = fopen(j->output, "wb");
+  bool good = file && fwrite(j->image->data, 1, j->image->len, file) == j->image->len;
+  if (file && fclose(file) != 0) good = false;
+  if (!good) tc_set_error(error, TC_ERROR_IO, NULL, "write %s: %s", j->output, g_strerror(errno));
+  return good;
+}
+
+static void print_timing(const job *j) {
+  const tc_frame_stats *s = &j->frame.stats;
+  printf("%s: %d x %d, %s %s, import %.1f ms, tables %.1f ms, skip %.1f ms, render %.1f ms, encode %.1f ms, "
+         "%.2f Msamples\n",
+         j->output, j->frame.width, j->frame.height, tc_renderer_about(j->renderer)->backend, j->plan.kernel,
+         j->import_ms, s->tables_ms, s->skip_ms, s->render_ms, j->encode_ms, (double)s->samples / 1e6);
+}
+
+static bool run(job *j, int argc, char **argv, GError **error) {
+  if (!parse_arguments(j, argc, argv, error) || !check_arguments(j, error)) return false;
+  if (!load(j, error) || !make_scene(j, error) || !load_labels(j, error) || !make_renderer(j, error)) return false;
+  const tc_render_request request = {.labels = j->labels};
+  if (!tc_render(j->renderer, j->volume, &j->scene, &request, &j->frame, &j->plan, error)) return false;
+  if (!encode(j, error) || !write_file(j, error)) return false;
+  if (j->args.timing) print_timing(j);
+  return true;
+}
+
+static void finish(job *j) {
+  g_free(j->args.scene);
+  g_free(j->args.output);
+  g_free(j->args.backend);
+  g_free(j->args.isa);
+  g_strfreev(j->args.set);
+  g_strfreev(j->args.rest);
+  tc_scene_clear(&j->scene);
+  tc_frame_finish(&j->frame);
+  tcs_encoder_free(j->encoder);
+  if (j->image) g_byte_array_free(j->image, TRUE);
+  tc_renderer_free(j->renderer);
+  tc_volume_unref(j->labels);
+  tc_volume_unref(j->volume);
+}
+
+int tcs_cli_render(int argc, char **argv) {
+  job j = {.exit_code = TCS_EXIT_FAILED};
+  GError *error = NULL;
+  int code = TCS_EXIT_DONE;
+  if (!run(&j, argc, argv, &error)) code = tcs_cli_fail("render", j.exit_code, error);
+  finish(&j);
+  return code;
+}
