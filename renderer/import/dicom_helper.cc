@@ -5,9 +5,10 @@
 // geometry of the chosen one (dicom_stack.h); then the pictures are decoded in order, one at a time.
 // Tags that identify a patient are never asked for; messages hold counts and names of attributes, no values.
 #include <sys/prctl.h>
-#include <sys/resource.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <csetjmp>
 #include <csignal>
 #include <cstdarg>
 #include <cstdio>
@@ -50,6 +51,17 @@ void operator delete(void *memory, size_t) noexcept { free(memory); }
 extern "C" const char *__asan_default_options() { return "detect_leaks=0:allocator_may_return_null=1"; }
 #endif
 
+// Debian builds GDCM with its assertions on, and damaged files trip them. One bad file of a folder must not end the run, so
+// an assertion jumps out of GDCM (an exception cannot pass: its callers are compiled as if the call never returned). What
+// GDCM held is leaked, within the process limits.
+static jmp_buf assertion_exit;
+static bool assertion_armed = false;
+
+extern "C" void __assert_fail(const char *, const char *, unsigned, const char *) noexcept {
+  if (assertion_armed) longjmp(assertion_exit, 1);
+  _exit(1);
+}
+
 namespace {
 
 constexpr size_t MiB = 1024 * 1024;
@@ -77,8 +89,30 @@ struct Failure {
   throw f;
 }
 
-// A stream over bytes in memory, with seeking, as GDCM wants it.
+struct Disarm {
+  ~Disarm() { assertion_armed = false; }
+};
+
+// Runs a piece of GDCM; false when it says so itself or an assertion of its fails. Assertions are armed in here only.
+template <typename Call>
+bool guarded(Call call) {
+  Disarm disarm;
+  if (setjmp(assertion_exit) != 0) return false;
+  assertion_armed = true;
+  return call();
+}
+
+// A stream over bytes in memory, with seeking, as GDCM wants it. It remembers whether a read was cut by the end: GDCM takes
+// what there is and says nothing.
 struct MemoryBuffer : std::streambuf {
+  bool cut = false;
+  std::streamsize xsgetn(char *out, std::streamsize wanted) override {
+    std::streamsize n = std::min<std::streamsize>(wanted, egptr() - gptr());
+    if (n > 0) memcpy(out, gptr(), static_cast<size_t>(n));
+    setg(eback(), gptr() + n, egptr());
+    if (n < wanted && wanted >= 16) cut = true; // shorter ones are a look for one more element
+    return n;
+  }
   MemoryBuffer(const uint8_t *bytes, size_t size) {
     char *start = reinterpret_cast<char *>(const_cast<uint8_t *>(bytes)); // read only: no put area is set
     setg(start, start, start + size);
@@ -180,6 +214,7 @@ struct Picture {
   uint32_t frames = 1;
   Tag pixels{0x7fe0, 0x0010};
   bool native = false;  // little-endian bytes as they are, no codec
+  size_t deflated_at = 0; // a deflated data set begins here; 0 otherwise
   bool palette = false, inverted = false, cine = false, mosaic = false, lookup = false;
   double window_center = 0, window_width = 0;
   double segment_threshold = 1; // samples at or above it belong to the segment
@@ -335,6 +370,7 @@ tc_dicom_slice common_slice(const DataSet &set, const Picture &p) {
   s.rows = p.samples.rows;
   s.columns = p.samples.columns;
   s.instance = static_cast<int32_t>(integer_of(set, Tag(0x20, 0x13), 0));
+  s.sparse = p.modality == "SEG";
   s.group = 2166136261u;
   for (Tag tag : {Tag(0x20, 0x12), Tag(0x18, 0x86), Tag(0x20, 0x100)}) // acquisition, echo, time
     s.group = mix(s.group, static_cast<uint32_t>(integer_of(set, tag, 0)));
@@ -356,8 +392,8 @@ void read_slices(const DataSet &set, Picture &p) {
   Nested shared = item_of(set, Tag(0x5200, 0x9229));
   if (shared.set) read_groups(*shared.set, p, common, scale);
   Items frames = items_of(set, Tag(0x5200, 0x9230));
-  if (frames && frames->GetNumberOfItems() != p.frames)
-    fail(TC_ERROR_FORMAT, "the header describes another number of frames than it announces");
+  if (frames && frames->GetNumberOfItems() < p.frames)
+    fail(TC_ERROR_FORMAT, "the header describes fewer frames than it announces");
   p.slices.assign(p.frames, common);
   p.scales.assign(p.frames, scale);
   for (uint32_t f = 0; f < p.frames; f++) {
@@ -390,6 +426,13 @@ void cap_allocations(const tc_dicom_blob &blob, uint64_t factor) {
   allocation_cap = std::max<uint64_t>(MiB, blob.size > SIZE_MAX / (2 * factor) ? SIZE_MAX : 2 * factor * blob.size + MiB);
 }
 
+[[noreturn]] void fail_header(const gdcm::FileMetaInformation &header) {
+  std::string syntax = plain(text_of(header, Tag(0x0002, 0x0010)), 64);
+  if (!syntax.empty() && gdcm::TransferSyntax::GetTSType(syntax.c_str()) == gdcm::TransferSyntax::TS_END)
+    fail(TC_ERROR_UNSUPPORTED, "transfer syntax %s is not read", syntax.c_str());
+  fail(TC_ERROR_FORMAT, "the DICOM header is damaged or cut");
+}
+
 // Reads one header. False: no picture in it (a report, a plan, a directory).
 bool read_picture(const tc_dicom_blob &blob, size_t source, Picture &p) {
   MemoryBuffer buffer(blob.bytes, blob.size);
@@ -398,9 +441,9 @@ bool read_picture(const tc_dicom_blob &blob, size_t source, Picture &p) {
   std::set<Tag> skip = {Tag(0x7fe0, 0x0008), Tag(0x7fe0, 0x0009), Tag(0x7fe0, 0x0010)};
   reader.SetStream(stream);
   cap_allocations(blob, 64); // deflated headers shrink well; what is left over is the process limit's to stop
-  bool ok = reader.ReadUpToTag(Tag(0x7fe0, 0x0008), skip);
+  bool ok = guarded([&] { return reader.ReadUpToTag(Tag(0x7fe0, 0x0010), skip); });
+  if (!ok) fail_header(reader.GetFile().GetHeader());
   const DataSet &set = reader.GetFile().GetDataSet();
-  if (!ok) fail(TC_ERROR_FORMAT, "the DICOM header is damaged or cut");
   const gdcm::TransferSyntax &syntax = reader.GetFile().GetHeader().GetDataSetTransferSyntax();
   p.source = source;
   read_samples(set, p);
@@ -414,6 +457,11 @@ bool read_picture(const tc_dicom_blob &blob, size_t source, Picture &p) {
               syntax == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian) &&
              p.samples.allocated != 12 && !p.palette && text_of(set, Tag(0x28, 0x04)) != "YBR_FULL_422";
   if (p.samples.is_float && !p.native) fail(TC_ERROR_UNSUPPORTED, "float pixels in a packed or big-endian file are not read");
+  if (syntax == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian) {
+    uint64_t at = uint64_t{144} + binary_of<uint32_t>(reader.GetFile().GetHeader(), Tag(0x0002, 0x0000), 0);
+    if (at >= blob.size) fail(TC_ERROR_FORMAT, "the DICOM header is damaged or cut");
+    p.deflated_at = at; // preamble and mark, the group length's own 12 bytes, the group
+  }
   read_labels(set, p);
   read_frames(set, syntax, blob.size, p);
   read_slices(set, p);
@@ -470,10 +518,12 @@ private:
     std::istream stream(&buffer);
     plain_reader_.reset(new gdcm::Reader);
     plain_reader_->SetStream(stream);
-    if (!plain_reader_->Read()) fail(TC_ERROR_FORMAT, "a DICOM file is damaged or cut");
+    if (!guarded([&] { return plain_reader_->Read(); })) fail(TC_ERROR_FORMAT, "a DICOM file is damaged or cut");
     const DataSet &set = plain_reader_->GetFile().GetDataSet();
     const gdcm::ByteValue *value = set.FindDataElement(p.pixels) ? set.GetDataElement(p.pixels).GetByteValue() : nullptr;
     if (!value || !value->GetPointer()) fail(TC_ERROR_FORMAT, "a DICOM file has no pixel data");
+    bool whole = p.deflated_at ? tc_dicom_deflate_is_whole(blob_.bytes + p.deflated_at, blob_.size - p.deflated_at) : !buffer.cut;
+    if (!whole) fail(TC_ERROR_FORMAT, "pixel data is cut: the file ends before it does");
     bytes_ = reinterpret_cast<const uint8_t *>(value->GetPointer());
     size_ = value->GetLength();
   }
@@ -483,7 +533,9 @@ private:
     std::istream stream(&buffer);
     reader_.reset(new gdcm::ImageReader);
     reader_->SetStream(stream);
-    if (!reader_->Read()) fail(TC_ERROR_FORMAT, "a DICOM file is damaged, cut, or packed in a way not known");
+    if (!guarded([&] { return reader_->Read(); }))
+      fail(TC_ERROR_FORMAT, "a DICOM file is damaged, cut, or packed in a way not known");
+    if (buffer.cut) fail(TC_ERROR_FORMAT, "pixel data is cut: the file ends before it does");
     if (p.frames > 1 && !p.palette) split_fragments(p);
   }
 
@@ -532,7 +584,8 @@ private:
     size_t length = image.GetBufferLength();
     if (length > allocation_cap) fail(TC_ERROR_FORMAT, "the header announces more pixels than the file can hold");
     whole_.resize(length);
-    if (length == 0 || !image.GetBuffer(reinterpret_cast<char *>(whole_.data())))
+    char *out = reinterpret_cast<char *>(whole_.data());
+    if (length == 0 || !guarded([&] { return image.GetBuffer(out); }))
       fail(TC_ERROR_FORMAT, "pixel data cannot be decoded; the file is damaged or its compression is not known");
   }
 
@@ -546,7 +599,7 @@ private:
     } else if (whole_.empty() && p.palette) {
       gdcm::ImageApplyLookupTable colours;
       colours.SetInput(image);
-      if (!colours.Apply()) fail(TC_ERROR_UNSUPPORTED, "this palette is not read");
+      if (!guarded([&] { return colours.Apply(); })) fail(TC_ERROR_UNSUPPORTED, "this palette is not read");
       decode_into(colours.GetOutput());
       samples_ = decoded_samples(colours.GetOutput(), p);
     } else if (whole_.empty()) {

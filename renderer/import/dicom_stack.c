@@ -67,7 +67,7 @@ static bool fail(GError **error, const char *format, ...) {
 
 static bool alike(const tc_dicom_slice *a, const tc_dicom_slice *b) {
   if (a->rows != b->rows || a->columns != b->columns || a->has_orientation != b->has_orientation ||
-      a->has_position != b->has_position || (a->segment > 0) != (b->segment > 0))
+      a->has_position != b->has_position || a->sparse != b->sparse)
     return false;
   if (a->has_spacing && b->has_spacing)
     for (int i = 0; i < 2; i++)
@@ -317,7 +317,7 @@ static bool attempt(work *w, tc_dicom_stack *s, GError **error) {
   double *at = g_new0(double, w->levels);
   for (size_t i = w->count; i-- > 0;) at[w->level[i]] = w->entries[i].along;
   /* The first in turn speaks for its level: the very picture that is taken. */
-  bool ok = slice_of(w, 0)->segment > 0 ? stack_segments(w, at, s, error) : stack_levels(w, at, s, error);
+  bool ok = slice_of(w, 0)->sparse ? stack_segments(w, at, s, error) : stack_levels(w, at, s, error);
   g_free(at);
   if (!ok) tc_dicom_stack_finish(s);
   return ok;

@@ -7,7 +7,7 @@
  * - Spacing is measured from positions. Steps may differ by 10 %; a step of more than 1.5 times the usual one
  *   is a missing slice and an error: a picture with a wrong geometry is worse than none.
  * - Column 2 of direction points from first to last position, so a gantry tilt shears the grid and nothing is resampled.
- * - Segmentation frames (segment > 0) may share a position and may skip some: layers without a frame stay empty.
+ * - Segmentation frames (sparse) may share a position and may skip some: layers without a frame stay empty.
  * - Without positions the order is instance, then frame; spacing is the header's, else 1 mm, said in the note. */
 #ifndef TC_IMPORT_DICOM_STACK_H
 #define TC_IMPORT_DICOM_STACK_H
@@ -28,6 +28,7 @@ typedef struct tc_dicom_slice {
   int32_t instance;        /* acquisition order across files */
   uint32_t group;          /* acquisition, stack, echo ... mixed into one key; splits a series that makes no one stack */
   uint32_t segment;        /* segmentation: number from 1; else 0 */
+  bool sparse;             /* a segmentation: frames may share positions and may be missing */
   int rows, columns;
   bool has_position, has_orientation, has_spacing;
   double position[3];      /* centre of the first voxel */

@@ -158,6 +158,26 @@ static bool inflate_some(const uint8_t *packed, size_t packed_size, uint8_t *out
   return state == Z_OK || state == Z_STREAM_END ? true : fail(error, "damaged member");
 }
 
+bool tc_dicom_deflate_is_whole(const uint8_t *bytes, size_t size) {
+  uint8_t scratch[16384];
+  z_stream z = {0};
+  int state = Z_OK;
+  if (inflateInit2(&z, -MAX_WBITS) != Z_OK) return false;
+  for (size_t in = 0; state == Z_OK;) {
+    if (z.avail_in == 0) {
+      size_t n = size - in < (1u << 30) ? size - in : 1u << 30;
+      z.next_in = (Bytef *)(uintptr_t)(bytes + in);
+      z.avail_in = (uInt)n;
+      in += n;
+    }
+    z.next_out = scratch;
+    z.avail_out = sizeof scratch;
+    state = inflate(&z, Z_NO_FLUSH);
+  }
+  inflateEnd(&z);
+  return state == Z_STREAM_END;
+}
+
 bool tc_dicom_zip_read(const tc_dicom_zip *zip, size_t member, uint8_t *out, size_t want, size_t *got, GError **error) {
   *got = 0;
   if (member >= zip->count || !zip->members[member].usable) return fail(error, "member cannot be read (encrypted or packed in"

@@ -42,6 +42,9 @@ void tc_dicom_zip_finish(tc_dicom_zip *zip); /* a zeroed one is fine */
  * *got tells how many came. */
 bool tc_dicom_zip_read(const tc_dicom_zip *zip, size_t member, uint8_t *out, size_t want, size_t *got, GError **error);
 
+/* True when bytes [size] are one whole raw deflate stream: a deflated DICOM file that was cut is not. */
+bool tc_dicom_deflate_is_whole(const uint8_t *bytes, size_t size);
+
 #ifdef __cplusplus
 }
 #endif
