@@ -1,0 +1,195 @@
+#include "server/catalogue/beneath.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <linux/openat2.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+/* For kernels and sandboxes without openat2(): one component at a time, no link followed, no way up. */
+static int open_by_steps(int folder_fd, const char *relative) {
+  char **parts = g_strsplit(relative, "/", -1);
+  int fd = fcntl(folder_fd, F_DUPFD_CLOEXEC, 0);
+  for (char **part = parts; fd >= 0 && *part; part++) {
+    if (!**part || strcmp(*part, ".") == 0) continue;
+    const int next = strcmp(*part, "..") == 0 ? -1 : openat(fd, *part, O_PATH | O_CLOEXEC | O_NOFOLLOW);
+    struct stat status;
+    close(fd);
+    fd = next;
+    if (fd >= 0 && (fstat(fd, &status) != 0 || S_ISLNK(status.st_mode))) {
+      close(fd);
+      fd = -1;
+    }
+  }
+  g_strfreev(parts);
+  return fd;
+}
+
+static int open_beneath(const char *folder, const char *relative) {
+  const int folder_fd = open(folder, O_PATH | O_DIRECTORY | O_CLOEXEC);
+  if (folder_fd < 0) return -1;
+  struct open_how how = {.flags = O_PATH | O_CLOEXEC, .resolve = RESOLVE_BENEATH | RESOLVE_NO_MAGICLINKS};
+  int fd = (int)syscall(SYS_openat2, folder_fd, relative, &how, sizeof how);
+  if (fd < 0 && errno == ENOSYS) fd = relative[0] == '/' ? -1 : open_by_steps(folder_fd, relative);
+  close(folder_fd);
+  return fd;
+}
+
+/* The name behind an open file, which the caller has made sure of; only regular files and folders. */
+static char *name_of(int fd) {
+  struct stat status;
+  if (fstat(fd, &status) != 0 || !(S_ISREG(status.st_mode) || S_ISDIR(status.st_mode))) return NULL;
+  char link[64];
+  snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
+  return g_file_read_link(link, NULL);
+}
+
+char *tcs_beneath(const char *folder, const char *relative, GError **error) {
+  if (!*relative) {
+    tc_set_error(error, TC_ERROR_INVALID, "/path", "the path is empty; give one inside the data folder");
+    return NULL;
+  }
+  const char *series = NULL;
+  int fd = open_beneath(folder, relative);
+  if (fd < 0 && (series = strrchr(relative, '#'))) {
+    char *plain = g_strndup(relative, (size_t)(series - relative));
+    fd = open_beneath(folder, *plain ? plain : ".");
+    g_free(plain);
+  }
+  char *path = fd >= 0 ? name_of(fd) : NULL;
+  if (fd >= 0) close(fd);
+  if (!path) {
+    tc_set_error(error, TC_ERROR_NOT_FOUND, "/path", "no such file in the data folder; GET /v1/volumes lists them");
+    return NULL;
+  }
+  if (series) {
+    char *chosen = g_strconcat(path, series, NULL);
+    g_free(path);
+    path = chosen;
+  }
+  return path;
+}
+
+/* Header lines that name a file: "data file:" of NRRD, "ElementDataFile =" of MetaImage other than LOCAL. */
+static bool names_a_file(const char *line) {
+  char *text = g_ascii_strdown(line, -1);
+  char *value = strpbrk(text, ":=");
+  bool names = false;
+  if (value) {
+    *value++ = 0;
+    g_strstrip(text);
+    g_strstrip(value);
+    if (strcmp(text, "data file") == 0 || strcmp(text, "datafile") == 0) names = true;
+    if (strcmp(text, "elementdatafile") == 0) names = strcmp(value, "local") != 0;
+  }
+  g_free(text);
+  return names;
+}
+
+bool tcs_self_contained(const char *path, GError **error) {
+  enum { HEADER = 1 << 18 };
+  FILE *file = fopen(path, "re");
+  if (!file) {
+    tc_set_error(error, TC_ERROR_IO, NULL, "open the upload: %s", g_strerror(errno));
+    return false;
+  }
+  char *text = g_malloc(HEADER + 1);
+  text[fread(text, 1, HEADER, file)] = 0;
+  fclose(file);
+  /* Whatever the file calls itself: text up to the first zero byte is read as header lines. Binary formats have one in
+   * their first bytes. */
+  bool clean = true;
+  char *rest = text, *line;
+  while (clean && (line = strsep(&rest, "\r\n"))) clean = !names_a_file(line);
+  g_free(text);
+  if (!clean) tc_set_error(error, TC_ERROR_FORMAT, NULL, "the header names another file; upload header and voxels as one");
+  return clean;
+}
+
+typedef struct scan { GPtrArray *found; int limit, folders; } scan;
+
+typedef struct found_file { char *path; double bytes; } found_file;
+
+static void free_found(void *item) {
+  found_file *file = item;
+  g_free(file->path);
+  g_free(file);
+}
+
+static bool has_volume_name(const char *name) {
+  static const char *const suffixes[] = {".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm", ".zip", ".vmd"};
+  char *lower = g_ascii_strdown(name, -1);
+  bool found = false;
+  for (size_t i = 0; i < G_N_ELEMENTS(suffixes) && !found; i++) found = g_str_has_suffix(lower, suffixes[i]);
+  g_free(lower);
+  return found;
+}
+
+static void add_found(scan *s, const char *path, double bytes) {
+  found_file *file = g_new(found_file, 1);
+  file->path = g_strdup(path);
+  file->bytes = bytes;
+  g_ptr_array_add(s->found, file);
+}
+
+/* Bounds of a scan: folders entered, and their depth; a data folder with more than this needs a catalogue of its own. */
+#define MAX_FOLDERS 4096
+#define MAX_DEPTH 12
+
+static void scan_folder(scan *s, int parent_fd, const char *name, const char *path, int depth) {
+  if (depth > MAX_DEPTH || s->folders++ > MAX_FOLDERS) return;
+  const int fd = openat(parent_fd, name, O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
+  DIR *folder = fd >= 0 ? fdopendir(fd) : NULL;
+  if (!folder) {
+    if (fd >= 0) close(fd);
+    return;
+  }
+  int slices = 0;
+  double slice_bytes = 0;
+  char *first_slice = NULL;
+  for (struct dirent *item; (int)s->found->len < s->limit && (item = readdir(folder));) {
+    struct stat status;
+    if (item->d_name[0] == '.' || fstatat(fd, item->d_name, &status, AT_SYMLINK_NOFOLLOW) != 0) continue;
+    char *child = *path ? g_strconcat(path, "/", item->d_name, NULL) : g_strdup(item->d_name);
+    if (S_ISDIR(status.st_mode)) {
+      scan_folder(s, fd, item->d_name, child, depth + 1);
+    } else if (S_ISREG(status.st_mode) && g_str_has_suffix(item->d_name, ".dcm")) {
+      slices++;
+      slice_bytes += (double)status.st_size;
+      if (!first_slice) first_slice = g_strdup(child);
+    } else if (S_ISREG(status.st_mode) && has_volume_name(item->d_name)) {
+      add_found(s, child, (double)status.st_size);
+    }
+    g_free(child);
+  }
+  if (slices == 1 || (slices > 1 && !*path)) add_found(s, slices == 1 ? first_slice : ".", slice_bytes);
+  else if (slices > 1) add_found(s, path, slice_bytes);
+  g_free(first_slice);
+  closedir(folder);
+}
+
+static int compare_found(const void *a, const void *b) {
+  const found_file *const *x = a, *const *y = b;
+  return strcmp((*x)->path, (*y)->path);
+}
+
+cJSON *tcs_available(const char *folder, int limit) {
+  scan s = {.found = g_ptr_array_new_with_free_func(free_found), .limit = limit};
+  if (folder) scan_folder(&s, AT_FDCWD, folder, "", 0);
+  g_ptr_array_sort(s.found, compare_found);
+  cJSON *list = cJSON_CreateArray();
+  for (guint i = 0; i < s.found->len; i++) {
+    const found_file *file = g_ptr_array_index(s.found, i);
+    if (!g_utf8_validate(file->path, -1, NULL)) continue; /* cannot be asked for in JSON */
+    cJSON *item = cJSON_CreateObject();
+    cJSON_AddStringToObject(item, "path", file->path);
+    cJSON_AddNumberToObject(item, "bytes", file->bytes);
+    cJSON_AddItemToArray(list, item);
+  }
+  g_ptr_array_unref(s.found);
+  return list;
+}

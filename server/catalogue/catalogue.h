@@ -1,0 +1,59 @@
+/* The volumes the daemon knows by id: loaded once, shared, counted, within a memory budget. I/O thread only;
+ * loading itself runs on the load worker. */
+#ifndef TCS_CATALOGUE_CATALOGUE_H
+#define TCS_CATALOGUE_CATALOGUE_H
+
+#include <cjson/cJSON.h>
+
+#include "server/server.h"
+
+typedef enum tcs_volume_state { TCS_LOADING, TCS_RESIDENT, TCS_FAILED, TCS_VOLUME_STATE_COUNT } tcs_volume_state;
+
+typedef struct tcs_load tcs_load;
+typedef struct tcs_entry {
+  char id[65];
+  tcs_volume_state state;
+  tc_volume *volume; /* resident: one reference */
+  char *reason;      /* failed: why, one line without server-side paths */
+  tcs_load *load;    /* loading */
+  int users;         /* sessions that show it */
+} tcs_entry;
+
+/* A file on its way in. */
+typedef struct tcs_source_file {
+  char *path;       /* what tc_import() opens; owned */
+  const char *name; /* what a client may see in its place in messages */
+  bool temporary;   /* delete it once it is loaded or has failed */
+} tcs_source_file;
+
+tcs_catalogue *tcs_catalogue_new(tcs_server *server);
+void tcs_catalogue_free(tcs_catalogue *catalogue); /* after the load worker has ended and completions were drained */
+
+tcs_entry *tcs_catalogue_find(tcs_catalogue *catalogue, const char *id);
+/* A resident volume; else TC_ERROR_NOT_FOUND, _BUSY (loading: ask again) or _CONFLICT (failed). */
+tcs_entry *tcs_catalogue_resident(tcs_catalogue *catalogue, const char *id, GError **error);
+
+/* Starts to load; TC_ERROR_INVALID (id), _CONFLICT (id in use) or _MEMORY (budget used up). Takes source->path and, where
+ * it fails, removes a temporary file at once. A failed volume's id may be used again. */
+tcs_entry *tcs_catalogue_load(tcs_catalogue *catalogue, const char *id, tcs_source_file *source, GError **error);
+/* What tcs_catalogue_load() would say, without starting. */
+bool tcs_catalogue_may_load(tcs_catalogue *catalogue, const char *id, GError **error);
+
+/* Forgets the id; voxels go when their last user does. An import under way is told to stop. */
+void tcs_catalogue_remove(tcs_catalogue *catalogue, tcs_entry *entry);
+
+/* Finds a file of the data folder for a client: a path beneath it ("#N" chooses a DICOM series), or "demo:NAME". */
+bool tcs_catalogue_resolve(tcs_catalogue *catalogue, const char *path, tcs_source_file *source, GError **error);
+
+cJSON *tcs_catalogue_describe(const tcs_entry *entry);
+cJSON *tcs_catalogue_list(tcs_catalogue *catalogue);
+void tcs_catalogue_gauges(tcs_catalogue *catalogue, tcs_gauges *gauges);
+/* True while a volume of the command line has not been loaded, well or badly. */
+bool tcs_catalogue_starting(tcs_catalogue *catalogue);
+/* Stops every import under way: their errors say cancelled. */
+void tcs_catalogue_cancel_all(tcs_catalogue *catalogue);
+
+/* Tells viewers about loads that moved: {"type":"volume",...} to `tell`. Called a few times a second. */
+void tcs_catalogue_report(tcs_catalogue *catalogue, void (*tell)(void *user, const char *json), void *user);
+
+#endif

@@ -1,0 +1,265 @@
+/* tomocast serve: wires the daemon's parts, runs its loop, drains, and takes it apart in reverse. */
+#include <errno.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/resource.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include "server/catalogue/catalogue.h"
+#include "server/cli/cli.h"
+#include "server/encode/encode.h"
+#include "server/http/http.h"
+#include "server/http/mjpeg.h"
+#include "server/session/session.h"
+
+#define LOAD_THREADS 2
+#define TICK_US 1000000
+#define REPORT_US 200000 /* between messages about loading volumes */
+#define DRAIN_MOST_S 10  /* what is not finished this long after the drain began is cut */
+
+typedef struct serve_daemon {
+  tcs_config config;
+  tcs_server server;
+  tcs_source signals, completions;
+  int64_t ticked_us, reported_us, drain_us;
+  int signal_count;
+} serve_daemon;
+
+#define OWNER(pointer, member) ((serve_daemon *)(void *)((char *)(pointer) - offsetof(serve_daemon, member)))
+
+/* --- the loop -------------------------------------------------------------------------------------- */
+
+static void on_signal(tcs_source *source, uint32_t events) {
+  serve_daemon *d = OWNER(source, signals);
+  struct signalfd_siginfo info;
+  while (read(source->fd, &info, sizeof info) == sizeof info) d->signal_count++;
+}
+
+static void on_completion(tcs_source *source, uint32_t events) {
+  tcs_completions_drain(&OWNER(source, completions)->server.completions);
+}
+
+static void tell_streams(void *streams, const char *json) { tcs_streams_tell(streams, json); }
+
+static void tick(serve_daemon *d, int64_t now_us) {
+  tcs_server *server = &d->server;
+  if (now_us - d->reported_us >= REPORT_US) {
+    d->reported_us = now_us;
+    tcs_catalogue_report(server->catalogue, tell_streams, tcs_http_streams(server->http));
+  }
+  if (now_us - d->ticked_us < TICK_US) return;
+  d->ticked_us = now_us;
+  tcs_http_tick(server->http, now_us);
+  tcs_streams_tick(tcs_http_streams(server->http), now_us);
+  tcs_sessions_expire(server->sessions, now_us);
+}
+
+/* Milliseconds to wait: until MHD, a session that comes to rest, or the next tick. */
+static int timeout_ms(const serve_daemon *d, int http_ms, int64_t now_us) {
+  const bool watched = tcs_streams_count(tcs_http_streams(d->server.http)) > 0;
+  int64_t wait_us = watched ? REPORT_US : TICK_US;
+  const int64_t rest_us = tcs_sessions_next_us(d->server.sessions, now_us);
+  if (rest_us >= 0 && rest_us < wait_us) wait_us = rest_us;
+  const int ms = (int)((wait_us + 999) / 1000);
+  return http_ms >= 0 && http_ms < ms ? http_ms : ms;
+}
+
+static void begin_drain(serve_daemon *d, int64_t now_us) {
+  tcs_log(TCS_LOG_INFO, "drain.begin", "sessions=%d viewers=%d", tcs_sessions_count(d->server.sessions),
+          d->server.ws_clients + d->server.mjpeg_clients);
+  d->drain_us = now_us;
+  d->server.draining = true;
+  tcs_streams_close_all(tcs_http_streams(d->server.http), false);
+  tcs_mjpeg_end_all(&d->server);
+}
+
+/* True when there is nothing left to wait for. */
+static bool drained(const serve_daemon *d, int64_t now_us) {
+  const int64_t listen_us = d->config.drain_seconds * 1000000, passed_us = now_us - d->drain_us;
+  if (d->signal_count > 1 || passed_us > listen_us + DRAIN_MOST_S * INT64_C(1000000)) return true;
+  return passed_us >= listen_us && tcs_http_open_requests(d->server.http) == 0 &&
+         tcs_scheduler_idle(d->server.scheduler);
+}
+
+static void run(serve_daemon *d) {
+  tcs_server *server = &d->server;
+  bool quiet = false;
+  for (;;) {
+    int64_t now_us = g_get_monotonic_time();
+    if (d->signal_count && !server->draining) begin_drain(d, now_us);
+    if (server->draining) {
+      if (!quiet && now_us - d->drain_us >= d->config.drain_seconds * 1000000) {
+        quiet = true;
+        tcs_http_quiesce(server->http);
+      }
+      if (drained(d, now_us)) return;
+    }
+    tick(d, now_us);
+    tcs_scheduler_pump(server->scheduler);
+    const int http_ms = tcs_http_run(server->http);
+    int wait_ms = timeout_ms(d, http_ms, g_get_monotonic_time());
+    if (server->draining && wait_ms > 20) wait_ms = 20;
+    tcs_loop_wait(server->loop, wait_ms);
+  }
+}
+
+/* --- up and down ------------------------------------------------------------------------------------ */
+
+static bool watch_signals(serve_daemon *d, GError **error) {
+  sigset_t set;
+  sigemptyset(&set);
+  sigaddset(&set, SIGTERM);
+  sigaddset(&set, SIGINT);
+  signal(SIGPIPE, SIG_IGN);
+  pthread_sigmask(SIG_BLOCK, &set, NULL); /* before any thread: all of them inherit it */
+  d->signals = (tcs_source){on_signal, signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK)};
+  if (d->signals.fd >= 0) return true;
+  tc_set_error(error, TC_ERROR_IO, NULL, "signalfd: %s", g_strerror(errno));
+  return false;
+}
+
+static void raise_descriptor_limit(void) {
+  struct rlimit limit;
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+  limit.rlim_cur = limit.rlim_max;
+  setrlimit(RLIMIT_NOFILE, &limit);
+}
+
+static bool start_workers(tcs_server *server, GError **error) {
+  tcs_completions *completions = &server->completions;
+  return (server->render_worker = tcs_worker_new("tc-render", 1, completions, error)) &&
+         (server->encode_worker = tcs_worker_new("tc-encode", 1, completions, error)) &&
+         (server->load_worker = tcs_worker_new("tc-load", LOAD_THREADS, completions, error));
+}
+
+static bool load_volumes(serve_daemon *d, GError **error) {
+  for (guint i = 0; i < d->config.volumes->len; i++) {
+    const tcs_named_path *named = g_ptr_array_index(d->config.volumes, i);
+    tcs_source_file source = {.path = g_strdup(named->path), .name = named->id};
+    if (!tcs_catalogue_load(d->server.catalogue, named->id, &source, error)) return false;
+  }
+  return true;
+}
+
+static bool start(serve_daemon *d, GError **error) {
+  tcs_server *server = &d->server;
+  server->config = &d->config;
+  tcs_metrics_init(&server->metrics);
+  g_queue_init(&server->mjpeg_viewers);
+  if (!watch_signals(d, error) || !tcs_completions_init(&server->completions, error)) return false;
+  d->completions = (tcs_source){on_completion, server->completions.event_fd};
+  if (!(server->loop = tcs_loop_new(error)) || !tcs_loop_add(server->loop, &d->signals, EPOLLIN, error) ||
+      !tcs_loop_add(server->loop, &d->completions, EPOLLIN, error) || !start_workers(server, error))
+    return false;
+  server->catalogue = tcs_catalogue_new(server);
+  if (!(server->scheduler = tcs_scheduler_new(server, error))) return false;
+  server->sessions = tcs_sessions_new(server);
+  if (!(server->http = tcs_http_new(server, error))) return false;
+  return load_volumes(d, error);
+}
+
+/* Everything that could still call back is ended first, what it would call is freed afterwards. */
+static void stop(serve_daemon *d) {
+  tcs_server *server = &d->server;
+  if (server->http) {
+    tcs_streams_close_all(tcs_http_streams(server->http), true);
+    tcs_mjpeg_end_all(server);
+    tcs_http_abandon_all(server->http);
+    for (int i = 0; i < 4; i++) tcs_http_run(server->http);
+  }
+  if (server->catalogue) tcs_catalogue_cancel_all(server->catalogue);
+  tcs_worker_free(server->load_worker);
+  tcs_sessions_free(server->sessions);
+  while (server->scheduler && !tcs_scheduler_idle(server->scheduler)) {
+    tcs_completions_drain(&server->completions);
+    g_usleep(1000);
+  }
+  tcs_completions_drain(&server->completions);
+  tcs_http_free(server->http);
+  tcs_scheduler_free(server->scheduler);
+  tcs_worker_free(server->render_worker);
+  tcs_worker_free(server->encode_worker);
+  if (server->completions.event_fd > 0) {
+    tcs_completions_drain(&server->completions);
+    tcs_completions_finish(&server->completions);
+  }
+  tcs_catalogue_free(server->catalogue);
+  tcs_loop_free(server->loop);
+  if (d->signals.fd > 0) close(d->signals.fd);
+  tcs_metrics_clear(&server->metrics);
+}
+
+static void announce(const serve_daemon *d) {
+  const tc_renderer_info *info = tcs_scheduler_about(d->server.scheduler);
+  const char *address = tcs_http_address(d->server.http);
+  tcs_log(TCS_LOG_INFO, "serve.start", "version=%s backend=%s simd=%s threads=%d address=%s", TC_VERSION, info->backend,
+          info->isa ? info->isa : "none", info->threads, address);
+  if (!g_str_has_prefix(address, "127.") && !g_str_has_prefix(address, "[::1]"))
+    tcs_log(TCS_LOG_WARN, "serve.open", "text=\"others on the network can reach this server; it asks nobody who they are\"");
+  printf("listening on http://%s\n", address);
+  fflush(stdout);
+}
+
+/* --- the command line ------------------------------------------------------------------------------- */
+
+typedef struct serve_options { char *listen, *data, *backend, *config, **volumes; } serve_options;
+
+static bool configure(tcs_config *config, const serve_options *options, GError **error) {
+  if (options->config && !tcs_config_read(config, options->config, error)) return false;
+  if (options->listen && !tcs_config_listen(config, options->listen, error)) return false;
+  if (options->data && !tcs_config_data(config, options->data, error)) return false;
+  if (options->backend && !tcs_config_backend(config, options->backend, error)) return false;
+  for (char **volume = options->volumes; volume && *volume; volume++)
+    if (!tcs_config_volume(config, *volume, error)) return false;
+  tcs_log_set_level(config->log_level);
+  return true;
+}
+
+static int serve(serve_daemon *d) {
+  GError *error = NULL;
+  raise_descriptor_limit();
+  tcs_encode_prepare_process();
+  const bool ok = start(d, &error);
+  if (ok) {
+    announce(d);
+    run(d);
+    tcs_log(TCS_LOG_INFO, "serve.stop", NULL);
+  }
+  stop(d);
+  return ok ? TCS_EXIT_DONE : tcs_cli_fail("serve", TCS_EXIT_FAILED, error);
+}
+
+int tcs_cli_serve(int argc, char **argv) {
+  serve_options options = {0};
+  const GOptionEntry entries[] = {
+      {"listen", 0, 0, G_OPTION_ARG_STRING, &options.listen, "where to listen; port 0 takes any", "ADDR:PORT"},
+      {"data", 0, 0, G_OPTION_ARG_FILENAME, &options.data, "folder whose volumes clients may load", "DIR"},
+      {"backend", 0, 0, G_OPTION_ARG_STRING, &options.backend, "auto, cpu or gl", "NAME"},
+      {"volume", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &options.volumes, "a volume to load at once; may be repeated",
+       "ID=PATH"},
+      {"config", 0, 0, G_OPTION_ARG_FILENAME, &options.config, "settings and limits; options go before it", "FILE"},
+      {0}};
+  const tcs_cli_usage usage = {"serve", NULL, "Serves volumes as pictures over HTTP and WebSocket.", entries};
+  serve_daemon d = {.signals.fd = -1};
+  char **rest = NULL;
+  GError *error = NULL;
+  tcs_config_init(&d.config);
+  bool good = tcs_cli_parse(&usage, argc, argv, &rest, &error);
+  if (good && rest && *rest) {
+    tc_set_error(&error, TC_ERROR_INVALID, NULL, "%s: no such argument; see tomocast serve --help", *rest);
+    good = false;
+  }
+  const int code = good && configure(&d.config, &options, &error) ? serve(&d)
+                                                                  : tcs_cli_fail("serve", TCS_EXIT_USAGE, error);
+  tcs_config_clear(&d.config);
+  g_free(options.listen);
+  g_free(options.data);
+  g_free(options.backend);
+  g_free(options.config);
+  g_strfreev(options.volumes);
+  g_strfreev(rest);
+  return code;
+}

@@ -1,0 +1,158 @@
+/* Single pictures: POST /v1/render, a session's frame, a session's plan. The request waits while its job runs. */
+#include <string.h>
+
+#include "server/encode/encode.h"
+#include "server/http/http.h"
+#include "server/session/session.h"
+
+static void leave_job(tcs_request *request) {
+  tcs_job *job = request->owner;
+  job->user = NULL;
+  tcs_job_cancel(job);
+}
+
+static void submit(tcs_request *request, tcs_job *job, void (*finished)(tcs_job *job)) {
+  GError *error = NULL;
+  job->finished = finished;
+  job->user = request;
+  if (tcs_scheduler_submit(request->server->scheduler, job, &error)) {
+    tcs_defer(request, leave_job, job);
+    return;
+  }
+  tcs_reply_error(request, error);
+  g_clear_error(&error);
+  tcs_job_free(job);
+}
+
+static void finished_picture(tcs_job *job) {
+  tcs_request *request = job->user;
+  if (!request) return;
+  if (job->error) {
+    tcs_reply_error(request, job->error);
+    return;
+  }
+  char timing[200], size[32];
+  g_snprintf(timing, sizeof timing,
+             "queue;dur=%.2f, tables;dur=%.2f, skip;dur=%.2f, render;dur=%.2f, encode;dur=%.2f", job->queue_ms,
+             job->stats.tables_ms, job->stats.skip_ms, job->stats.render_ms, job->encode_ms);
+  g_snprintf(size, sizeof size, "%dx%d", job->out_width, job->out_height);
+  tcs_reply_bytes(request, 200, tcs_encode_content_type(job->scene.image.format), g_bytes_ref(job->image));
+  tcs_reply_header(request, "Server-Timing", timing);
+  tcs_reply_header(request, "Tomocast-Size", size);
+}
+
+/* Checks the scene as it will be rendered, then queues it. */
+static void render(tcs_request *request, tc_volume *volume, const tc_scene *scene, const char *prefix) {
+  GError *error = NULL;
+  tc_volume *labels;
+  if (!tcs_scene_check(request->server, volume, scene, &labels, &error)) {
+    tcs_reply_error_in(request, error, prefix);
+    g_clear_error(&error);
+    return;
+  }
+  tcs_job *job = tcs_job_new(request->server, volume, scene);
+  if (labels) job->labels = tc_volume_ref(labels);
+  submit(request, job, finished_picture);
+}
+
+static bool set_format(tcs_request *request, const char *name, tc_scene *scene) {
+  if (!name) return true;
+  if (strcmp(name, "jpeg") == 0 || strcmp(name, "jpg") == 0) scene->image.format = TC_FORMAT_JPEG;
+  else if (strcmp(name, "png") == 0) scene->image.format = TC_FORMAT_PNG;
+  else {
+    tcs_reply_problem(request, 422, "invalid", "Invalid value", "format: give \"jpeg\" or \"png\"");
+    return false;
+  }
+  return true;
+}
+
+static bool set_quality(tcs_request *request, const cJSON *item, tc_scene *scene) {
+  if (!item) return true;
+  if (!cJSON_IsNumber(item) || item->valuedouble < 1 || item->valuedouble > 100 ||
+      item->valuedouble != item->valueint) {
+    tcs_reply_problem(request, 422, "invalid", "Invalid value", "quality: give a whole number from 1 to 100");
+    return false;
+  }
+  scene->image.quality = item->valueint;
+  return true;
+}
+
+static void post_render(tcs_request *request, const cJSON *body) {
+  static const char *const names[] = {"volume", "scene", "format", "quality", NULL};
+  const char *volume, *format;
+  if (!tcs_members_known(request, body, names) || !tcs_member_string(request, body, "volume", true, &volume) ||
+      !tcs_member_string(request, body, "format", false, &format))
+    return;
+  const tcs_entry *entry = tcs_resident(request, volume);
+  if (!entry) return;
+  GError *error = NULL;
+  tc_scene scene;
+  if (!tcs_scene_make(request->server, entry->volume, cJSON_GetObjectItemCaseSensitive(body, "scene"), &scene, &error)) {
+    tcs_reply_error_in(request, error, "/scene");
+    g_clear_error(&error);
+    return;
+  }
+  if (set_format(request, format, &scene) &&
+      set_quality(request, cJSON_GetObjectItemCaseSensitive(body, "quality"), &scene))
+    render(request, entry->volume, &scene, "/scene");
+  tc_scene_clear(&scene);
+}
+
+void tcs_post_render(tcs_request *request) {
+  cJSON *body = tcs_body_json(request);
+  if (body) post_render(request, body);
+  cJSON_Delete(body);
+}
+
+void tcs_get_frame(tcs_request *request) {
+  const tcs_session *session = tcs_session_of(request);
+  if (!session) return;
+  tc_scene scene;
+  tc_scene_copy(&scene, &session->scene);
+  if (set_format(request, tcs_query(request, "format"), &scene) &&
+      tcs_query_int(request, "quality", 1, 100, &scene.image.quality) &&
+      tcs_query_int(request, "width", 1, TC_MAX_IMAGE_SIDE, &scene.image.width) &&
+      tcs_query_int(request, "height", 1, TC_MAX_IMAGE_SIDE, &scene.image.height))
+    render(request, session->entry->volume, &scene, "");
+  tc_scene_clear(&scene);
+}
+
+/* --- the plan -------------------------------------------------------------------------------------- */
+
+static cJSON *write_plan(const tc_plan *plan) {
+  cJSON *json = cJSON_CreateObject();
+  cJSON_AddStringToObject(json, "kernel", plan->kernel);
+  cJSON_AddNumberToObject(json, "width", plan->width);
+  cJSON_AddNumberToObject(json, "height", plan->height);
+  cJSON_AddNumberToObject(json, "stepMm", plan->step_mm);
+  cJSON_AddNumberToObject(json, "tableSize", plan->table_size);
+  const double range[2] = {plan->table_lo, plan->table_hi};
+  cJSON_AddItemToObject(json, "tableRange", cJSON_CreateDoubleArray(range, 2));
+  cJSON *stages = cJSON_AddArrayToObject(json, "stages");
+  for (int i = 0; i < TC_STAGE_COUNT; i++) {
+    const tc_plan_stage *stage = &plan->stages[i];
+    cJSON *item = cJSON_CreateObject();
+    cJSON_AddStringToObject(item, "name", tc_stage_name((tc_stage)i));
+    cJSON_AddBoolToObject(item, "included", stage->included);
+    cJSON_AddStringToObject(item, "reason", stage->reason);
+    cJSON_AddNumberToObject(item, "ms", stage->ms);
+    cJSON_AddNumberToObject(item, "bytes", (double)stage->bytes);
+    cJSON_AddItemToArray(stages, item);
+  }
+  return json;
+}
+
+static void finished_plan(tcs_job *job) {
+  tcs_request *request = job->user;
+  if (!request) return;
+  if (job->error) tcs_reply_error(request, job->error);
+  else tcs_reply_json(request, 200, write_plan(&job->plan));
+}
+
+void tcs_get_plan(tcs_request *request) {
+  const tcs_session *session = tcs_session_of(request);
+  if (!session) return;
+  tcs_job *job = tcs_job_new(request->server, session->entry->volume, &session->scene);
+  job->plan_only = true;
+  submit(request, job, finished_plan);
+}

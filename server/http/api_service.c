@@ -1,0 +1,115 @@
+/* The service about itself: health, metrics, limits, contract, presets, and the browser client. */
+#include <string.h>
+
+#include "renderer/embedded.h"
+#include "server/catalogue/catalogue.h"
+#include "server/http/http.h"
+
+static void reply_status(tcs_request *request, int status, const char *text) {
+  cJSON *json = cJSON_CreateObject();
+  cJSON_AddStringToObject(json, "status", text);
+  tcs_reply_json(request, status, json);
+}
+
+void tcs_get_healthz(tcs_request *request) { reply_status(request, 200, "ok"); }
+
+void tcs_get_readyz(tcs_request *request) {
+  tcs_server *server = request->server;
+  const char *why = server->draining                            ? "the server is shutting down"
+                    : tcs_catalogue_starting(server->catalogue) ? "volumes are being loaded"
+                                                                : NULL;
+  if (!why) {
+    reply_status(request, 200, "ready");
+    return;
+  }
+  tcs_reply_problem(request, 503, "busy", "Not ready", why);
+  tcs_reply_header(request, "Retry-After", "1");
+}
+
+void tcs_get_metrics(tcs_request *request) {
+  tcs_server *server = request->server;
+  tcs_gauges gauges = {.ws_clients = server->ws_clients,
+                       .mjpeg_clients = server->mjpeg_clients,
+                       .sessions = tcs_sessions_count(server->sessions),
+                       .queued = tcs_scheduler_waiting(server->scheduler)};
+  tcs_catalogue_gauges(server->catalogue, &gauges);
+  tcs_reply_text(request, 200, "text/plain; version=0.0.4; charset=utf-8",
+                 tcs_metrics_write(&server->metrics, &gauges, tcs_scheduler_about(server->scheduler)->backend));
+}
+
+static void add_text(cJSON *json, const char *name, const char *text) {
+  cJSON_AddStringToObject(json, name, text ? text : "");
+}
+
+void tcs_get_about(tcs_request *request) {
+  const tcs_server *server = request->server;
+  const tc_renderer_info *info = tcs_scheduler_about(server->scheduler);
+  cJSON *json = cJSON_CreateObject();
+  add_text(json, "name", "tomocast");
+  add_text(json, "version", TC_VERSION);
+  add_text(json, "backend", info->backend);
+  add_text(json, "why", info->why);
+  add_text(json, "device", info->device);
+  add_text(json, "simd", info->isa);
+  cJSON_AddNumberToObject(json, "threads", info->threads);
+  cJSON *limits = cJSON_AddObjectToObject(json, "limits");
+  size_t count;
+  const tcs_limit_field *fields = tcs_limit_fields(&count);
+  for (size_t i = 0; i < count; i++) {
+    int64_t value;
+    memcpy(&value, (const char *)&server->config->limits + fields[i].offset, sizeof value);
+    cJSON_AddNumberToObject(limits, fields[i].json, (double)value);
+  }
+  tcs_reply_json(request, 200, json);
+}
+
+void tcs_get_openapi(tcs_request *request) { tcs_reply_json(request, 200, tcp_openapi(TC_VERSION)); }
+void tcs_get_scene_schema(tcs_request *request) { tcs_reply_json(request, 200, tcp_scene_schema()); }
+void tcs_get_presets(tcs_request *request) { tcs_reply_json(request, 200, tcp_presets()); }
+
+/* --- static files: from a table in the program, never from the file system -------------------------- */
+
+static const char *type_of(const char *name) {
+  static const char *const types[][2] = {{".html", "text/html; charset=utf-8"},
+                                         {".js", "text/javascript; charset=utf-8"},
+                                         {".css", "text/css; charset=utf-8"},
+                                         {".svg", "image/svg+xml"}};
+  for (size_t i = 0; i < G_N_ELEMENTS(types); i++)
+    if (g_str_has_suffix(name, types[i][0])) return types[i][1];
+  return "application/octet-stream";
+}
+
+static char *etag_of(const struct tc_embedded_file *file) {
+  char *sum = g_compute_checksum_for_data(G_CHECKSUM_SHA256, file->bytes, file->size);
+  char *etag = g_strdup_printf("\"%.16s\"", sum);
+  g_free(sum);
+  return etag;
+}
+
+static void reply_file(tcs_request *request, const struct tc_embedded_file *file) {
+  char *etag = etag_of(file);
+  if (tcs_etag_listed(tcs_header(request, "If-None-Match"), etag)) {
+    tcs_reply_empty(request, 304);
+  } else {
+    tcs_reply_response(request, 200, MHD_create_response_from_buffer(
+                                         file->size, (void *)(uintptr_t)file->bytes, MHD_RESPMEM_PERSISTENT));
+    tcs_reply_header(request, "Content-Type", type_of(file->name));
+  }
+  tcs_reply_header(request, "ETag", etag);
+  tcs_reply_header(request, "Cache-Control", "no-cache"); /* keep, but ask: the answer is a 304 */
+  tcs_reply_header(request, "Referrer-Policy", "no-referrer");
+  tcs_reply_header(request, "Content-Security-Policy",
+                   "default-src 'self'; img-src 'self' blob: data:; connect-src 'self'; worker-src 'self' blob:; "
+                   "object-src 'none'; base-uri 'self'; form-action 'none'; frame-ancestors 'none'");
+  g_free(etag);
+}
+
+void tcs_get_static(tcs_request *request) {
+  const char *name = request->params[0][0] ? request->params[0] : "index.html";
+  for (const struct tc_embedded_file *file = tc_web_files; file->name; file++) {
+    if (strcmp(file->name, name) != 0) continue;
+    reply_file(request, file);
+    return;
+  }
+  tcs_reply_problem(request, 404, "not-found", "Not found", "there is nothing at this path");
+}

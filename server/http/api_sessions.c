@@ -1,0 +1,186 @@
+/* Sessions and their scenes over HTTP, and the hand-over to WebSocket. */
+#include <string.h>
+
+#include "server/http/http.h"
+#include "server/session/session.h"
+#include "server/ws/handshake.h"
+
+static void etag_of(const tcs_session *session, char etag[32]) {
+  g_snprintf(etag, 32, "\"%" PRIu64 "\"", session->revision);
+}
+
+static void add_link(cJSON *links, const char *name, const char *id, const char *rest) {
+  char *path = g_strconcat("/v1/sessions/", id, rest, NULL);
+  cJSON_AddStringToObject(links, name, path);
+  g_free(path);
+}
+
+static cJSON *describe(const tcs_session *session, bool with_scene) {
+  static const char *const names[][2] = {{"self", ""},          {"scene", "/scene"},   {"frame", "/frame"},
+                                         {"plan", "/plan"},     {"stream", "/stream"}, {"mjpeg", "/stream.mjpeg"}};
+  char etag[32];
+  etag_of(session, etag);
+  cJSON *json = cJSON_CreateObject();
+  cJSON_AddStringToObject(json, "id", session->id);
+  cJSON_AddStringToObject(json, "volume", session->entry->id);
+  cJSON_AddStringToObject(json, "etag", etag);
+  cJSON_AddNumberToObject(json, "viewers", session->watchers->len);
+  const int64_t idle_us = session->watchers->len ? 0 : g_get_monotonic_time() - session->used_us;
+  cJSON_AddNumberToObject(json, "idleSeconds", (double)(idle_us / 1000000));
+  if (with_scene) cJSON_AddItemToObject(json, "scene", tcp_scene_write(&session->scene));
+  cJSON *links = cJSON_AddObjectToObject(json, "links");
+  for (size_t i = 0; i < G_N_ELEMENTS(names); i++) add_link(links, names[i][0], session->id, names[i][1]);
+  return json;
+}
+
+static void add_session(tcs_session *session, void *list) { cJSON_AddItemToArray(list, describe(session, false)); }
+
+void tcs_get_sessions(tcs_request *request) {
+  cJSON *json = cJSON_CreateObject();
+  tcs_sessions_each(request->server->sessions, add_session, cJSON_AddArrayToObject(json, "sessions"));
+  tcs_reply_json(request, 200, json);
+}
+
+static void post_session(tcs_request *request, const cJSON *body) {
+  static const char *const names[] = {"volume", "scene", NULL};
+  const char *volume;
+  if (!tcs_members_known(request, body, names) || !tcs_member_string(request, body, "volume", true, &volume)) return;
+  tcs_entry *entry = tcs_resident(request, volume);
+  if (!entry) return;
+  GError *error = NULL;
+  const cJSON *scene = cJSON_GetObjectItemCaseSensitive(body, "scene");
+  tcs_session *session = tcs_sessions_create(request->server->sessions, entry, scene, &error);
+  if (!session) {
+    tcs_reply_error_in(request, error, "/scene");
+    g_clear_error(&error);
+    return;
+  }
+  char etag[32];
+  char *location = g_strconcat("/v1/sessions/", session->id, NULL);
+  etag_of(session, etag);
+  tcs_reply_json(request, 201, describe(session, true));
+  tcs_reply_header(request, "Location", location);
+  tcs_reply_header(request, "ETag", etag);
+  g_free(location);
+}
+
+void tcs_post_sessions(tcs_request *request) {
+  tcs_server *server = request->server;
+  if (server->draining) {
+    tcs_reply_problem(request, 503, "draining", "Shutting down", "the server is shutting down; try another or wait");
+    return;
+  }
+  cJSON *body = tcs_body_json(request);
+  if (body) post_session(request, body);
+  cJSON_Delete(body);
+}
+
+void tcs_get_session(tcs_request *request) {
+  const tcs_session *session = tcs_session_of(request);
+  if (session) tcs_reply_json(request, 200, describe(session, true));
+}
+
+void tcs_delete_session(tcs_request *request) {
+  tcs_session *session = tcs_session_of(request);
+  if (!session) return;
+  tcs_session_end(session);
+  tcs_reply_empty(request, 204);
+}
+
+/* --- the scene -------------------------------------------------------------------------------------- */
+
+static void reply_scene(tcs_request *request, const tcs_session *session) {
+  char etag[32];
+  etag_of(session, etag);
+  tcs_reply_json(request, 200, tcp_scene_write(&session->scene));
+  tcs_reply_header(request, "ETag", etag);
+}
+
+void tcs_get_scene(tcs_request *request) {
+  const tcs_session *session = tcs_session_of(request);
+  if (!session) return;
+  char etag[32];
+  etag_of(session, etag);
+  if (!tcs_etag_listed(tcs_header(request, "If-None-Match"), etag)) {
+    reply_scene(request, session);
+    return;
+  }
+  tcs_reply_empty(request, 304);
+  tcs_reply_header(request, "ETag", etag);
+}
+
+static void change_scene(tcs_request *request, bool whole) {
+  tcs_session *session = tcs_session_of(request);
+  if (!session) return;
+  char etag[32];
+  etag_of(session, etag);
+  const char *if_match = tcs_header(request, "If-Match");
+  if (if_match && !tcs_etag_listed(if_match, etag)) {
+    tcs_reply_problem(request, 412, "precondition", "Changed in the meantime",
+                      "the scene has another version than If-Match says; get it and try again");
+    tcs_reply_header(request, "ETag", etag);
+    return;
+  }
+  cJSON *patch = tcs_body_json(request);
+  if (!patch) return;
+  GError *error = NULL;
+  if (tcs_session_patch(session, patch, whole, &error)) reply_scene(request, session);
+  else tcs_reply_error(request, error);
+  g_clear_error(&error);
+  cJSON_Delete(patch);
+}
+
+void tcs_put_scene(tcs_request *request) { change_scene(request, true); }
+void tcs_patch_scene(tcs_request *request) { change_scene(request, false); }
+
+/* --- WebSocket -------------------------------------------------------------------------------------- */
+
+/* The request lives until the upgraded socket closes. Its session may have ended since the reply. */
+static void on_upgrade(void *user, struct MHD_Connection *connection, void *context, const char *extra,
+                       size_t extra_size, MHD_socket fd, struct MHD_UpgradeResponseHandle *handle) {
+  const tcs_request *request = user;
+  tcs_server *server = request->server;
+  tcs_session *session = server->draining ? NULL : tcs_sessions_find(server->sessions, request->params[0]);
+  tcs_streams_open(tcs_http_streams(server->http), session, fd, handle, extra, extra_size);
+}
+
+static bool handshake_ok(tcs_request *request) {
+  const tcs_server *server = request->server;
+  const char *key = tcs_header(request, "Sec-WebSocket-Key"), *version = tcs_header(request, "Sec-WebSocket-Version");
+  if (strcmp(request->method, "GET") != 0 || !tcs_token_in(tcs_header(request, "Upgrade"), "websocket", true) ||
+      !tcs_token_in(tcs_header(request, "Connection"), "upgrade", true)) {
+    tcs_reply_problem(request, 426, "upgrade", "Upgrade required", "this is a WebSocket: connect with ws:// or wss://");
+    tcs_reply_header(request, "Upgrade", "websocket");
+  } else if (!version || strcmp(version, "13") != 0) {
+    tcs_reply_problem(request, 426, "upgrade", "Upgrade required", "only WebSocket version 13 is spoken");
+    tcs_reply_header(request, "Sec-WebSocket-Version", "13");
+  } else if (!key || !tcs_websocket_key_valid(key)) {
+    tcs_reply_problem(request, 400, "handshake", "Bad handshake", "Sec-WebSocket-Key: 16 bytes in base64 are wanted");
+  } else if (!tcs_token_in(tcs_header(request, "Sec-WebSocket-Protocol"), TCS_SUBPROTOCOL, false)) {
+    tcs_reply_problem(request, 400, "handshake", "Bad handshake", "ask for the subprotocol " TCS_SUBPROTOCOL);
+  } else if (!tcs_origin_allowed(tcs_header(request, "Origin"), tcs_header(request, "Host"))) {
+    tcs_reply_problem(request, 403, "origin", "Forbidden", "pages of other hosts may not connect");
+  } else if (server->ws_clients + server->mjpeg_clients >= server->config->limits.clients) {
+    tcs_reply_problem(request, 503, "busy", "Busy", "too many viewers; try again later");
+    tcs_reply_header(request, "Retry-After", "5");
+  } else {
+    return true;
+  }
+  return false;
+}
+
+void tcs_get_stream(tcs_request *request) {
+  const tcs_session *session = tcs_session_of(request);
+  if (!session || !handshake_ok(request)) return;
+  struct MHD_Response *response = MHD_create_response_for_upgrade(on_upgrade, request);
+  if (!response) {
+    request->cut = true;
+    return;
+  }
+  char *accept = tcs_websocket_accept(tcs_header(request, "Sec-WebSocket-Key"));
+  tcs_reply_response(request, 101, response);
+  tcs_reply_header(request, "Upgrade", "websocket");
+  tcs_reply_header(request, "Sec-WebSocket-Accept", accept);
+  tcs_reply_header(request, "Sec-WebSocket-Protocol", TCS_SUBPROTOCOL);
+  g_free(accept);
+}

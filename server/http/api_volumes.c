@@ -1,0 +1,194 @@
+/* Volumes over HTTP. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "server/catalogue/beneath.h"
+#include "server/catalogue/catalogue.h"
+#include "server/http/http.h"
+#include "server/session/session.h"
+
+#define MAX_AVAILABLE 2000
+#define MAX_BINS 65536
+
+/* Work on the load worker that ends in a reply. The request may leave before the work does. */
+typedef struct walk {
+  tcs_task task;
+  tcs_request *request; /* NULL: the client has gone */
+  const char *folder;
+  tc_volume *volume;
+  int bins;
+  cJSON *json;
+} walk;
+
+static void leave_walk(tcs_request *request) { ((walk *)request->owner)->request = NULL; }
+
+static void start_walk(tcs_request *request, walk *work) {
+  work->request = request;
+  tcs_defer(request, leave_walk, work);
+  tcs_worker_submit(request->server->load_worker, &work->task);
+}
+
+static tcs_entry *entry_of(tcs_request *request) {
+  tcs_entry *entry = tcs_catalogue_find(request->server->catalogue, request->params[0]);
+  if (!entry)
+    tcs_reply_problem(request, 404, "not-found", "No such thing", "there is no such volume; GET /v1/volumes lists them");
+  return entry;
+}
+
+/* --- list ------------------------------------------------------------------------------------------ */
+
+static void run_list(tcs_task *task) {
+  walk *work = (walk *)task;
+  work->json = tcs_available(work->folder, MAX_AVAILABLE);
+}
+
+static void done_list(tcs_task *task) {
+  walk *work = (walk *)task;
+  static const char *const demos[] = {"demo:head", "demo:vessels", "demo:marschner-lobb", "demo:bucky"};
+  if (work->request) {
+    for (size_t i = 0; i < G_N_ELEMENTS(demos); i++) {
+      cJSON *demo = cJSON_CreateObject();
+      cJSON_AddStringToObject(demo, "path", demos[i]);
+      cJSON_AddItemToArray(work->json, demo);
+    }
+    cJSON *json = cJSON_CreateObject();
+    cJSON_AddItemToObject(json, "volumes", tcs_catalogue_list(work->request->server->catalogue));
+    cJSON_AddItemToObject(json, "available", g_steal_pointer(&work->json));
+    tcs_reply_json(work->request, 200, json);
+  }
+  cJSON_Delete(work->json);
+  g_free(work);
+}
+
+void tcs_get_volumes(tcs_request *request) {
+  walk *work = g_new0(walk, 1);
+  work->task = (tcs_task){.run = run_list, .done = done_list};
+  work->folder = request->server->config->data;
+  start_walk(request, work);
+}
+
+/* --- load ------------------------------------------------------------------------------------------ */
+
+static void reply_loading(tcs_request *request, const tcs_entry *entry) {
+  char *location = g_strconcat("/v1/volumes/", entry->id, NULL);
+  tcs_reply_json(request, 202, tcs_catalogue_describe(entry));
+  tcs_reply_header(request, "Location", location);
+  g_free(location);
+}
+
+static void reply_and_clear(tcs_request *request, GError *error) {
+  tcs_reply_error(request, error);
+  g_clear_error(&error);
+}
+
+static void post_volume(tcs_request *request, const cJSON *body) {
+  static const char *const names[] = {"id", "path", NULL};
+  const char *id, *path;
+  if (!tcs_members_known(request, body, names) || !tcs_member_string(request, body, "id", true, &id) ||
+      !tcs_member_string(request, body, "path", true, &path))
+    return;
+  GError *error = NULL;
+  tcs_source_file source;
+  tcs_catalogue *catalogue = request->server->catalogue;
+  tcs_entry *entry = NULL;
+  if (tcs_catalogue_may_load(catalogue, id, &error) && tcs_catalogue_resolve(catalogue, path, &source, &error))
+    entry = tcs_catalogue_load(catalogue, id, &source, &error);
+  if (entry) reply_loading(request, entry);
+  else reply_and_clear(request, error);
+}
+
+void tcs_post_volumes(tcs_request *request) {
+  cJSON *body = tcs_body_json(request);
+  if (body) post_volume(request, body);
+  cJSON_Delete(body);
+}
+
+void tcs_put_volume(tcs_request *request) {
+  GError *error = NULL;
+  tcs_source_file source = {.path = tcs_upload_finish(request), .name = "the upload", .temporary = true};
+  if (!source.path) return;
+  tcs_entry *entry = tcs_catalogue_load(request->server->catalogue, request->params[0], &source, &error);
+  if (entry) reply_loading(request, entry);
+  else reply_and_clear(request, error);
+}
+
+void tcs_get_volume(tcs_request *request) {
+  const tcs_entry *entry = entry_of(request);
+  if (entry) tcs_reply_json(request, 200, tcs_catalogue_describe(entry));
+}
+
+void tcs_delete_volume(tcs_request *request) {
+  tcs_entry *entry = entry_of(request);
+  if (!entry) return;
+  const char *force = tcs_query(request, "force");
+  if (entry->users > 0 && !(force && strcmp(force, "true") == 0)) {
+    tcs_reply_problem(request, 409, "conflict", "In use", "sessions show this volume; end them or add ?force=true");
+    return;
+  }
+  tcs_sessions_end_of(request->server->sessions, entry);
+  tcs_catalogue_remove(request->server->catalogue, entry);
+  tcs_reply_empty(request, 204);
+}
+
+/* --- look into it ---------------------------------------------------------------------------------- */
+
+static void run_histogram(tcs_task *task) {
+  walk *work = (walk *)task;
+  uint64_t *counts = g_new(uint64_t, (gsize)work->bins);
+  double *edges = g_new(double, (gsize)work->bins + 1);
+  tc_volume_histogram(work->volume, work->bins, counts, edges);
+  work->json = cJSON_CreateObject();
+  cJSON_AddItemToObject(work->json, "edges", cJSON_CreateDoubleArray(edges, work->bins + 1));
+  double *numbers = edges; /* one more than needed */
+  for (int i = 0; i < work->bins; i++) numbers[i] = (double)counts[i];
+  cJSON_AddItemToObject(work->json, "counts", cJSON_CreateDoubleArray(numbers, work->bins));
+  g_free(edges);
+  g_free(counts);
+}
+
+static void done_histogram(tcs_task *task) {
+  walk *work = (walk *)task;
+  if (work->request) tcs_reply_json(work->request, 200, g_steal_pointer(&work->json));
+  cJSON_Delete(work->json);
+  tc_volume_unref(work->volume);
+  g_free(work);
+}
+
+void tcs_get_histogram(tcs_request *request) {
+  int bins = 256;
+  const tcs_entry *entry = tcs_resident(request, request->params[0]);
+  if (!entry || !tcs_query_int(request, "bins", 1, MAX_BINS, &bins)) return;
+  walk *work = g_new0(walk, 1);
+  work->task = (tcs_task){.run = run_histogram, .done = done_histogram};
+  work->volume = tc_volume_ref(entry->volume);
+  work->bins = bins;
+  start_walk(request, work);
+}
+
+static bool parse_position(const char *text, double position[3]) {
+  for (int i = 0; i < 3; i++) {
+    char *end;
+    position[i] = g_ascii_strtod(text, &end);
+    if (end == text || !isfinite(position[i]) || *end != (i < 2 ? ',' : 0)) return false;
+    text = end + 1;
+  }
+  return true;
+}
+
+void tcs_get_value(tcs_request *request) {
+  const tcs_entry *entry = tcs_resident(request, request->params[0]);
+  if (!entry) return;
+  const char *at = tcs_query(request, "at");
+  double position[3], index[3], value;
+  if (!at || !parse_position(at, position)) {
+    tcs_reply_problem(request, 422, "invalid", "Invalid value", "query at: give x,y,z in LPS mm, as in at=0,-12.5,40");
+    return;
+  }
+  cJSON *json = cJSON_CreateObject();
+  cJSON_AddItemToObject(json, "at", cJSON_CreateDoubleArray(position, 3));
+  tc_volume_lps_to_index(entry->volume, position, index);
+  if (tc_volume_value_at(entry->volume, index, &value)) cJSON_AddNumberToObject(json, "value", value);
+  else cJSON_AddNullToObject(json, "value");
+  tcs_reply_json(request, 200, json);
+}

@@ -1,0 +1,359 @@
+#include "server/http/http.h"
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <netdb.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "server/http/mjpeg.h"
+
+#define IDLE_S 30                 /* a connection that sends nothing */
+#define HEADER_US 10000000        /* from connect to the end of the headers, however slowly they drip */
+#define NEXT_REQUEST_US 40000000  /* from one request's end to the end of the next one's headers */
+#define BODY_US 60000000          /* a JSON body */
+#define DROP_BYTES (4 << 20)      /* of a refused body that is read so that its sender gets to see the reply */
+#define EXTRA_CONNECTIONS 512     /* beside the viewers */
+
+/* What is known of a connection, from accept to close. */
+typedef struct link {
+  int fd;
+  int64_t deadline_us; /* 0 = none */
+} link_state;
+
+struct tcs_http {
+  tcs_server *server;
+  struct MHD_Daemon *daemon;
+  tcs_source source; /* MHD's own epoll descriptor */
+  tcs_streams *streams;
+  GHashTable *links; /* link_state * as a set */
+  GQueue deferred;   /* tcs_request *, by deferred_link */
+  int open_requests;
+  char address[INET6_ADDRSTRLEN + 16];
+};
+
+const char *tcs_http_address(const tcs_http *http) { return http->address; }
+tcs_streams *tcs_http_streams(tcs_http *http) { return http->streams; }
+
+static link_state *link_of(struct MHD_Connection *connection) {
+  const union MHD_ConnectionInfo *info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT);
+  return info ? info->socket_context : NULL;
+}
+
+static void set_deadline(struct MHD_Connection *connection, int64_t from_now_us) {
+  link_state *link = link_of(connection);
+  if (link) link->deadline_us = from_now_us ? g_get_monotonic_time() + from_now_us : 0;
+}
+
+static void on_connection(void *user, struct MHD_Connection *connection, void **context,
+                          enum MHD_ConnectionNotificationCode code) {
+  tcs_http *http = user;
+  if (code == MHD_CONNECTION_NOTIFY_STARTED) {
+    link_state *link = g_new0(link_state, 1);
+    link->fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
+    link->deadline_us = g_get_monotonic_time() + HEADER_US;
+    g_hash_table_add(http->links, link);
+    *context = link;
+  } else if (*context) {
+    g_hash_table_remove(http->links, *context);
+    g_free(*context);
+    *context = NULL;
+  }
+}
+
+/* --- one request ----------------------------------------------------------------------------------- */
+
+static bool host_allowed(const tcs_server *server, const char *host) {
+  const GPtrArray *hosts = server->config->hosts;
+  if (hosts->len == 0) return true;
+  for (guint i = 0; host && i < hosts->len; i++)
+    if (g_ascii_strcasecmp(host, g_ptr_array_index(hosts, i)) == 0) return true;
+  return false;
+}
+
+/* Everything that can be said before the body is read. */
+static void admit(tcs_request *request, const char *path) {
+  tcs_server *server = request->server;
+  tcs_match match;
+  tcs_route_match(tcs_routes, request->method, path, &match);
+  request->route = match.route;
+  memcpy(request->params, match.params, sizeof match.params);
+  if (!host_allowed(server, tcs_header(request, "Host"))) {
+    tcs_reply_problem(request, 421, "host", "Misdirected request", "this server does not answer for that host");
+  } else if (!match.route && !match.path_known) {
+    tcs_reply_problem(request, 404, "not-found", "Not found", "there is nothing at this path");
+  } else if (!match.route) {
+    tcs_reply_problem(request, 405, "method", "Method not allowed", "the Allow header lists the methods of this path");
+    tcs_reply_header(request, "Allow", match.allow);
+  } else if (!match.route->handler) {
+    tcs_reply_problem(request, 501, "unsupported", "Not built", "this version of the server cannot answer this call");
+  } else if (server->draining && match.route->cost != TCS_COST_LOOKUP) {
+    tcs_reply_problem(request, 503, "draining", "Shutting down", "the server is shutting down; try another or wait");
+    tcs_reply_header(request, "Retry-After", "2");
+  } else if (tcs_body_acceptable(request) && match.route->body == TCS_BODY_FILE) {
+    request->upload = tcs_upload_begin(request);
+  }
+}
+
+/* Whether a refused body may as well be read: closing with unread bytes can destroy the reply on its way. */
+static bool drop_quietly(const tcs_request *request) {
+  const char *length = tcs_header(request, "Content-Length");
+  if (tcs_header(request, "Expect")) return false;
+  if (length) return g_ascii_strtoull(length, NULL, 10) <= DROP_BYTES;
+  return tcs_header(request, "Transfer-Encoding") == NULL;
+}
+
+static void take_body(tcs_request *request, const void *bytes, size_t size) {
+  const tcs_limits *limits = &request->server->config->limits;
+  if (request->reply) {
+    request->dropped_bytes += (int64_t)size;
+  } else if (request->upload) {
+    tcs_upload_write(request, bytes, size);
+  } else if (request->route->body == TCS_BODY_NONE) {
+    request->dropped_bytes += (int64_t)size;
+  } else if (request->body->len + size > (uint64_t)limits->body_bytes) {
+    tcs_reply_problem(request, 413, "limit", "Too large", "the body is over the limit; /v1/about tells it");
+  } else {
+    g_byte_array_append(request->body, bytes, (guint)size);
+  }
+}
+
+static enum MHD_Result hand_over(tcs_request *request) {
+  const double seconds = (double)(g_get_monotonic_time() - request->began_us) / 1e6;
+  const char *pattern = request->route ? request->route->pattern : "none";
+  tcs_metrics_request(&request->server->metrics, request->route ? request->method : "other", pattern, request->status,
+                      seconds);
+  tcs_log(request->status >= 500 && request->status != 503 && request->status != 501 ? TCS_LOG_WARN : TCS_LOG_DEBUG,
+          "http.reply", "method=%s route=%s status=%d ms=%.1f", request->method, pattern, request->status,
+          seconds * 1000);
+  request->queued = true;
+  return MHD_queue_response(request->connection, (unsigned)request->status, request->reply);
+}
+
+static tcs_request *new_request(tcs_http *http, struct MHD_Connection *connection, const char *method) {
+  tcs_request *request = g_new0(tcs_request, 1);
+  request->server = http->server;
+  request->connection = connection;
+  request->body = g_byte_array_new();
+  request->began_us = g_get_monotonic_time();
+  g_strlcpy(request->method, method, sizeof request->method);
+  request->deferred_link.data = request;
+  http->open_requests++;
+  return request;
+}
+
+static enum MHD_Result on_request(void *user, struct MHD_Connection *connection, const char *path, const char *method,
+                                  const char *version, const char *bytes, size_t *size, void **context) {
+  tcs_http *http = user;
+  tcs_request *request = *context;
+  if (!request) {
+    *context = request = new_request(http, connection, method);
+    admit(request, path);
+    set_deadline(connection, request->upload ? 0 : BODY_US);
+    return request->reply && !drop_quietly(request) ? hand_over(request) : MHD_YES;
+  }
+  if (request->cut) return MHD_NO;
+  if (*size > 0) {
+    take_body(request, bytes, *size);
+    *size = 0;
+    return request->dropped_bytes > DROP_BYTES ? MHD_NO : MHD_YES;
+  }
+  if (!request->body_complete) {
+    request->body_complete = true;
+    set_deadline(connection, 0);
+    if (!request->reply) request->route->handler(request);
+  }
+  if (request->cut) return MHD_NO;
+  if (request->reply) return hand_over(request);
+  if (!request->deferred) return MHD_NO; /* a handler that did neither: close rather than hang */
+  request->suspended = true;
+  MHD_suspend_connection(connection);
+  return MHD_YES;
+}
+
+static void forget_deferral(tcs_request *request) {
+  if (!request->deferred) return;
+  request->deferred = false;
+  g_queue_unlink(&request->server->http->deferred, &request->deferred_link);
+}
+
+static void on_completed(void *user, struct MHD_Connection *connection, void **context,
+                         enum MHD_RequestTerminationCode code) {
+  tcs_http *http = user;
+  tcs_request *request = *context;
+  if (!request) return;
+  *context = NULL;
+  if (request->deferred && request->abandon) request->abandon(request);
+  forget_deferral(request);
+  if (request->reply) MHD_destroy_response(request->reply);
+  tcs_upload_free(request->upload);
+  g_byte_array_unref(request->body);
+  g_free(request);
+  http->open_requests--;
+  set_deadline(connection, NEXT_REQUEST_US);
+}
+
+void tcs_defer(tcs_request *request, void (*abandon)(tcs_request *request), void *owner) {
+  request->deferred = true;
+  request->abandon = abandon;
+  request->owner = owner;
+  g_queue_push_tail_link(&request->server->http->deferred, &request->deferred_link);
+}
+
+static void wake(tcs_request *request) {
+  forget_deferral(request);
+  if (!request->suspended) return;
+  request->suspended = false;
+  request->server->http_work = true;
+  MHD_resume_connection(request->connection);
+}
+
+void tcs_reply_response(tcs_request *request, int status, struct MHD_Response *response) {
+  if (request->reply) MHD_destroy_response(request->reply);
+  request->reply = response;
+  request->status = status;
+  if (response) MHD_add_response_header(response, "X-Content-Type-Options", "nosniff");
+  else request->cut = true; /* no memory for a reply */
+  if (request->deferred) wake(request);
+}
+
+static void abandon(tcs_request *request) {
+  if (request->abandon) request->abandon(request);
+  request->cut = true;
+  wake(request);
+}
+
+void tcs_http_abandon_all(tcs_http *http) {
+  while (http->deferred.head) abandon(http->deferred.head->data);
+}
+
+bool tcs_peer_gone(struct MHD_Connection *connection) {
+  const int fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
+  char byte;
+  const ssize_t got = recv(fd, &byte, 1, MSG_PEEK | MSG_DONTWAIT);
+  return got == 0 || (got < 0 && errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR);
+}
+
+void tcs_http_tick(tcs_http *http, int64_t now_us) {
+  GHashTableIter iterator;
+  void *key;
+  g_hash_table_iter_init(&iterator, http->links);
+  while (g_hash_table_iter_next(&iterator, &key, NULL)) {
+    link_state *link = key;
+    if (!link->deadline_us || now_us < link->deadline_us) continue;
+    link->deadline_us = 0;
+    shutdown(link->fd, SHUT_RDWR); /* MHD sees the end and closes */
+  }
+  /* MHD does not watch suspended connections, so nobody else notices that a client has left. */
+  for (GList *item = http->deferred.head, *next; item; item = next) {
+    next = item->next;
+    tcs_request *request = item->data;
+    if (request->suspended && tcs_peer_gone(request->connection)) abandon(request);
+  }
+  tcs_mjpeg_tick(http->server);
+}
+
+/* --- life ------------------------------------------------------------------------------------------ */
+
+static void on_log(void *user, const char *format, va_list arguments) {
+  /* The text may hold pieces of a request: only that something was said is kept. */
+  tcs_log(TCS_LOG_DEBUG, "http.library", NULL);
+}
+
+static void on_mhd_ready(tcs_source *source, uint32_t events) { /* only to wake the loop: it runs MHD each time round */ }
+
+static int listen_on(const tcs_config *config, GError **error) {
+  char service[8];
+  struct addrinfo hints = {.ai_flags = AI_PASSIVE | AI_NUMERICSERV, .ai_socktype = SOCK_STREAM}, *found = NULL;
+  snprintf(service, sizeof service, "%d", config->port);
+  const int failure = getaddrinfo(config->address, service, &hints, &found);
+  if (failure) {
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "--listen %s: %s", config->address, gai_strerror(failure));
+    return -1;
+  }
+  const int fd = socket(found->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0), one = 1;
+  if (fd >= 0) setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
+  if (fd < 0 || bind(fd, found->ai_addr, found->ai_addrlen) != 0 || listen(fd, 1024) != 0) {
+    tc_set_error(error, TC_ERROR_IO, NULL, "listen on %s:%d: %s; choose another with --listen", config->address,
+                 config->port, g_strerror(errno));
+    if (fd >= 0) close(fd);
+    freeaddrinfo(found);
+    return -1;
+  }
+  freeaddrinfo(found);
+  return fd;
+}
+
+static void name_address(tcs_http *http, int fd) {
+  struct sockaddr_storage storage;
+  socklen_t size = sizeof storage;
+  char host[INET6_ADDRSTRLEN] = "", port[8] = "";
+  getsockname(fd, (struct sockaddr *)&storage, &size);
+  getnameinfo((struct sockaddr *)&storage, size, host, sizeof host, port, sizeof port, NI_NUMERICHOST | NI_NUMERICSERV);
+  const bool v6 = storage.ss_family == AF_INET6;
+  snprintf(http->address, sizeof http->address, "%s%s%s:%s", v6 ? "[" : "", host, v6 ? "]" : "", port);
+}
+
+tcs_http *tcs_http_new(tcs_server *server, GError **error) {
+  const int fd = listen_on(server->config, error);
+  if (fd < 0) return NULL;
+  tcs_http *http = g_new0(tcs_http, 1);
+  http->server = server;
+  http->links = g_hash_table_new(NULL, NULL);
+  g_queue_init(&http->deferred);
+  http->streams = tcs_streams_new(server);
+  name_address(http, fd);
+  http->daemon = MHD_start_daemon(
+      MHD_USE_EPOLL | MHD_ALLOW_UPGRADE | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, NULL, NULL, on_request,
+      http, MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL, MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_CONNECTION_LIMIT,
+      (unsigned)(server->config->limits.clients + EXTRA_CONNECTIONS), MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)IDLE_S,
+      MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)65536, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_NOTIFY_COMPLETED,
+      on_completed, http, MHD_OPTION_NOTIFY_CONNECTION, on_connection, http, MHD_OPTION_END);
+  if (!http->daemon) {
+    tc_set_error(error, TC_ERROR_INTERNAL, NULL, "the HTTP library did not start");
+    close(fd);
+    tcs_http_free(http);
+    return NULL;
+  }
+  http->source = (tcs_source){on_mhd_ready, MHD_get_daemon_info(http->daemon, MHD_DAEMON_INFO_EPOLL_FD)->epoll_fd};
+  if (!tcs_loop_add(server->loop, &http->source, EPOLLIN, error)) {
+    tcs_http_free(http);
+    return NULL;
+  }
+  return http;
+}
+
+void tcs_http_free(tcs_http *http) {
+  if (!http) return;
+  if (http->daemon) {
+    tcs_loop_remove(http->server->loop, &http->source);
+    MHD_stop_daemon(http->daemon);
+  }
+  tcs_streams_free(http->streams);
+  g_hash_table_destroy(http->links);
+  g_free(http);
+}
+
+int tcs_http_run(tcs_http *http) {
+  MHD_UNSIGNED_LONG_LONG timeout_ms;
+  /* Running may resume or close other connections, which takes another run; the bound keeps the loop's turn short. */
+  for (int i = 0; i < 4 && (i == 0 || http->server->http_work); i++) {
+    http->server->http_work = false;
+    MHD_run(http->daemon);
+  }
+  tcs_streams_sweep(http->streams);
+  if (http->server->http_work) return 0;
+  /* MHD's own epoll is edge-triggered: a 0 here is the only sign that it has more to do. */
+  if (MHD_get_timeout(http->daemon, &timeout_ms) != MHD_YES) return -1;
+  return timeout_ms > 1000 ? 1000 : (int)timeout_ms;
+}
+
+void tcs_http_quiesce(tcs_http *http) {
+  const MHD_socket fd = MHD_quiesce_daemon(http->daemon);
+  if (fd != MHD_INVALID_SOCKET) close(fd);
+}
+
+int tcs_http_open_requests(const tcs_http *http) { return http->open_requests; }

@@ -1,0 +1,139 @@
+/* The HTTP side: libmicrohttpd's life cycle, requests and replies. I/O thread only. */
+#ifndef TCS_HTTP_HTTP_H
+#define TCS_HTTP_HTTP_H
+
+#include <cjson/cJSON.h>
+#include <microhttpd.h>
+
+#include "server/http/route.h"
+#include "server/server.h"
+#include "server/ws/stream.h"
+
+typedef struct tcs_upload tcs_upload;
+
+/* One request from its headers to its reply. A handler either replies or defers: then something keeps the request and
+ * replies later, from the I/O thread. */
+struct tcs_request {
+  tcs_server *server;
+  struct MHD_Connection *connection;
+  const tcs_route *route; /* NULL: no such path or method */
+  char params[TCS_MAX_PARAMS][TCS_PARAM_SIZE];
+  char method[12];
+  GByteArray *body;
+  int64_t dropped_bytes; /* of a body that nobody wants */
+  tcs_upload *upload;
+  int64_t began_us;
+  bool body_complete;
+  bool deferred, suspended;
+  GList deferred_link;
+  struct MHD_Response *reply;
+  int status;
+  bool queued; /* the reply was handed to MHD */
+  bool cut;    /* close the connection without a reply */
+
+  /* While deferred: the client has gone. Whoever defers must forget the request here. */
+  void (*abandon)(tcs_request *request);
+  void *owner; /* the deferrer's */
+};
+
+tcs_http *tcs_http_new(tcs_server *server, GError **error);
+void tcs_http_free(tcs_http *http); /* every deferred request was answered */
+/* "127.0.0.1:8080": where it really listens. */
+const char *tcs_http_address(const tcs_http *http);
+tcs_streams *tcs_http_streams(tcs_http *http);
+/* Lets MHD work; milliseconds until it wants to again, -1 = no hurry. */
+int tcs_http_run(tcs_http *http);
+/* Once a second: deadlines, clients that left while waiting. */
+void tcs_http_tick(tcs_http *http, int64_t now_us);
+/* Takes no new connections any more. */
+void tcs_http_quiesce(tcs_http *http);
+/* Requests and MJPEG viewers that are not finished. */
+int tcs_http_open_requests(const tcs_http *http);
+void tcs_http_abandon_all(tcs_http *http);
+
+/* --- replies: one per request ---------------------------------------------------------------------- */
+
+void tcs_reply_json(tcs_request *request, int status, cJSON *json); /* takes json */
+void tcs_reply_error(tcs_request *request, const GError *error);
+/* For a document inside the body: `prefix` ("/scene") goes before the error's pointer. */
+void tcs_reply_error_in(tcs_request *request, const GError *error, const char *prefix);
+/* A problem that is no GError: `code` completes "urn:tomocast:problem:". */
+void tcs_reply_problem(tcs_request *request, int status, const char *code, const char *title, const char *detail);
+void tcs_reply_bytes(tcs_request *request, int status, const char *type, GBytes *bytes); /* takes bytes */
+void tcs_reply_text(tcs_request *request, int status, const char *type, char *text);     /* takes g_malloc'ed text */
+void tcs_reply_empty(tcs_request *request, int status);
+/* An MHD response of the caller's own making. */
+void tcs_reply_response(tcs_request *request, int status, struct MHD_Response *response);
+/* After a reply was made. */
+void tcs_reply_header(tcs_request *request, const char *name, const char *value);
+
+/* Replies later. */
+void tcs_defer(tcs_request *request, void (*abandon)(tcs_request *request), void *owner);
+
+/* --- reading a request ------------------------------------------------------------------------------ */
+
+const char *tcs_header(const tcs_request *request, const char *name); /* NULL: absent */
+const char *tcs_query(const tcs_request *request, const char *name);  /* NULL: absent */
+/* A whole number from the query; *value stays when it is absent. False: replied 422. */
+bool tcs_query_int(tcs_request *request, const char *name, int least, int most, int *value);
+/* The body as JSON. NULL: replied 400. */
+cJSON *tcs_body_json(tcs_request *request);
+/* True when `etag` (with its quotes) is in a header's list, or the header is "*". */
+bool tcs_etag_listed(const char *header, const char *etag);
+
+/* The resident volume `id`, or NULL: replied 404 or 409. */
+struct tcs_entry *tcs_resident(tcs_request *request, const char *id);
+/* The session of the first parameter, or NULL: replied 404. */
+tcs_session *tcs_session_of(tcs_request *request);
+/* False: replied 422, naming a member that is not in the NULL-ended list `names`. Also wants an object. */
+bool tcs_members_known(tcs_request *request, const cJSON *body, const char *const *names);
+/* A string member; NULL where absent. False: replied 422. */
+bool tcs_member_string(tcs_request *request, const cJSON *body, const char *name, bool required, const char **value);
+
+/* Content-Type and Content-Length against the route, before the body is read. False: replied. */
+bool tcs_body_acceptable(tcs_request *request);
+
+/* --- the table ------------------------------------------------------------------------------------- */
+
+extern const tcs_route tcs_routes[];
+
+/* Handlers, by file. */
+void tcs_get_healthz(tcs_request *request);
+void tcs_get_readyz(tcs_request *request);
+void tcs_get_metrics(tcs_request *request);
+void tcs_get_about(tcs_request *request);
+void tcs_get_openapi(tcs_request *request);
+void tcs_get_scene_schema(tcs_request *request);
+void tcs_get_presets(tcs_request *request);
+void tcs_get_volumes(tcs_request *request);
+void tcs_post_volumes(tcs_request *request);
+void tcs_put_volume(tcs_request *request);
+void tcs_get_volume(tcs_request *request);
+void tcs_delete_volume(tcs_request *request);
+void tcs_get_histogram(tcs_request *request);
+void tcs_get_value(tcs_request *request);
+void tcs_post_render(tcs_request *request);
+void tcs_get_sessions(tcs_request *request);
+void tcs_post_sessions(tcs_request *request);
+void tcs_get_session(tcs_request *request);
+void tcs_delete_session(tcs_request *request);
+void tcs_get_scene(tcs_request *request);
+void tcs_put_scene(tcs_request *request);
+void tcs_patch_scene(tcs_request *request);
+void tcs_get_frame(tcs_request *request);
+void tcs_get_plan(tcs_request *request);
+void tcs_get_stream(tcs_request *request);
+void tcs_get_mjpeg(tcs_request *request);
+void tcs_get_static(tcs_request *request);
+
+/* --- uploads (upload.c) ------------------------------------------------------------------------------ */
+
+/* Opens a file in the spool folder. NULL: replied. */
+tcs_upload *tcs_upload_begin(tcs_request *request);
+/* False: no room or too long; the request's reply is set. */
+bool tcs_upload_write(tcs_request *request, const void *bytes, size_t size);
+void tcs_upload_free(tcs_upload *upload); /* removes the file if it is still there; NULL is fine */
+/* Gives the file away: its path, g_malloc'ed. NULL: could not be written to its end; replied. */
+char *tcs_upload_finish(tcs_request *request);
+
+#endif

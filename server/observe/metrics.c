@@ -1,0 +1,120 @@
+#include "server/observe/metrics.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+static const double bounds[TCS_HISTOGRAM_BUCKETS] = {0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025,
+                                                     0.05,   0.1,   0.25,   0.5,   1.0,  2.5};
+
+void tcs_metrics_init(tcs_metrics *metrics) {
+  memset(metrics, 0, sizeof *metrics);
+  metrics->requests = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
+}
+
+void tcs_metrics_clear(tcs_metrics *metrics) {
+  if (metrics->requests) g_hash_table_destroy(metrics->requests);
+  memset(metrics, 0, sizeof *metrics);
+}
+
+void tcs_histogram_add(tcs_histogram *histogram, double seconds) {
+  int bucket = 0;
+  while (bucket < TCS_HISTOGRAM_BUCKETS && seconds > bounds[bucket]) bucket++;
+  histogram->counts[bucket]++;
+  histogram->sum += seconds;
+}
+
+void tcs_metrics_request(tcs_metrics *metrics, const char *method, const char *route, int status, double seconds) {
+  char key[160];
+  snprintf(key, sizeof key, "method=\"%s\",route=\"%s\",code=\"%d\"", method, route, status);
+  uint64_t *count = g_hash_table_lookup(metrics->requests, key);
+  if (!count) {
+    count = g_new0(uint64_t, 1);
+    g_hash_table_insert(metrics->requests, g_strdup(key), count);
+  }
+  (*count)++;
+  tcs_histogram_add(&metrics->request, seconds);
+}
+
+static void head(GString *out, const char *name, const char *type, const char *help) {
+  g_string_append_printf(out, "# HELP tomocast_%s %s\n# TYPE tomocast_%s %s\n", name, help, name, type);
+}
+
+static void counter(GString *out, const char *name, const char *help, uint64_t value) {
+  head(out, name, "counter", help);
+  g_string_append_printf(out, "tomocast_%s %" G_GUINT64_FORMAT "\n", name, value);
+}
+
+static void gauge(GString *out, const char *name, const char *help, double value) {
+  head(out, name, "gauge", help);
+  g_string_append_printf(out, "tomocast_%s %.17g\n", name, value);
+}
+
+static void histogram(GString *out, const char *name, const char *help, const tcs_histogram *h) {
+  head(out, name, "histogram", help);
+  uint64_t total = 0;
+  for (int i = 0; i < TCS_HISTOGRAM_BUCKETS; i++) {
+    total += h->counts[i];
+    g_string_append_printf(out, "tomocast_%s_bucket{le=\"%g\"} %" G_GUINT64_FORMAT "\n", name, bounds[i], total);
+  }
+  total += h->counts[TCS_HISTOGRAM_BUCKETS];
+  g_string_append_printf(out, "tomocast_%s_bucket{le=\"+Inf\"} %" G_GUINT64_FORMAT "\n", name, total);
+  g_string_append_printf(out, "tomocast_%s_sum %.9g\ntomocast_%s_count %" G_GUINT64_FORMAT "\n", name, h->sum, name,
+                         total);
+}
+
+static double resident_bytes(void) {
+  unsigned long total = 0, resident = 0;
+  FILE *file = fopen("/proc/self/statm", "re");
+  if (!file) return 0;
+  if (fscanf(file, "%lu %lu", &total, &resident) != 2) resident = 0;
+  fclose(file);
+  return (double)resident * (double)sysconf(_SC_PAGE_SIZE);
+}
+
+static void requests(GString *out, const tcs_metrics *metrics) {
+  head(out, "http_requests_total", "counter", "Requests answered, by method, route and status.");
+  GHashTableIter iterator;
+  void *key, *value;
+  g_hash_table_iter_init(&iterator, metrics->requests);
+  while (g_hash_table_iter_next(&iterator, &key, &value))
+    g_string_append_printf(out, "tomocast_http_requests_total{%s} %" G_GUINT64_FORMAT "\n", (const char *)key,
+                           *(const uint64_t *)value);
+}
+
+char *tcs_metrics_write(const tcs_metrics *m, const tcs_gauges *gauges, const char *backend) {
+  GString *out = g_string_sized_new(8192);
+  head(out, "build_info", "gauge", "Version and back end; always 1.");
+  g_string_append_printf(out, "tomocast_build_info{version=\"%s\",backend=\"%s\"} 1\n", TC_VERSION, backend);
+  requests(out, m);
+  histogram(out, "http_request_seconds", "From the first byte of a request to its reply.", &m->request);
+  histogram(out, "queue_seconds", "How long a picture waited for the renderer.", &m->queue);
+  histogram(out, "tables_seconds", "Building of classification tables, per frame.", &m->tables);
+  histogram(out, "skip_seconds", "Building of the skipping structure, per frame.", &m->skip);
+  histogram(out, "render_seconds", "Rendering, per frame.", &m->render);
+  histogram(out, "encode_seconds", "Encoding, per frame.", &m->encode);
+  counter(out, "frames_sent_total", "Frames sent to viewers.", m->frames_sent);
+  head(out, "frames_dropped_total", "counter", "Scenes that were never shown, by reason.");
+  g_string_append_printf(out,
+                         "tomocast_frames_dropped_total{reason=\"superseded\"} %" G_GUINT64_FORMAT
+                         "\ntomocast_frames_dropped_total{reason=\"cancelled\"} %" G_GUINT64_FORMAT "\n",
+                         m->frames_superseded, m->frames_cancelled);
+  counter(out, "render_failures_total", "Frames that could not be rendered or encoded.", m->render_failures);
+  counter(out, "ws_connections_total", "WebSocket connections accepted.", m->ws_connections);
+  counter(out, "ws_messages_total", "Messages received.", m->ws_messages);
+  counter(out, "ws_errors_total", "Messages answered with an error.", m->ws_errors);
+  counter(out, "ws_sent_bytes_total", "Payload bytes sent to WebSocket viewers.", m->ws_sent_bytes);
+  counter(out, "uploads_total", "Volumes uploaded completely.", m->uploads);
+  counter(out, "upload_bytes_total", "Bytes received in uploads.", m->upload_bytes);
+  counter(out, "volume_loads_total", "Volumes loaded.", m->volume_loads);
+  counter(out, "volume_failures_total", "Volumes that could not be loaded.", m->volume_failures);
+  gauge(out, "ws_clients", "WebSocket viewers connected.", gauges->ws_clients);
+  gauge(out, "mjpeg_clients", "MJPEG viewers connected.", gauges->mjpeg_clients);
+  gauge(out, "sessions", "Sessions open.", gauges->sessions);
+  gauge(out, "volumes_resident", "Volumes in memory.", gauges->volumes_resident);
+  gauge(out, "volumes_loading", "Volumes being loaded.", gauges->volumes_loading);
+  gauge(out, "volume_resident_bytes", "Voxel bytes in memory.", (double)gauges->volume_bytes);
+  gauge(out, "render_queue_length", "Stateless renders waiting.", gauges->queued);
+  gauge(out, "process_resident_memory_bytes", "Resident set size of the process.", resident_bytes());
+  return g_string_free(out, FALSE);
+}

@@ -1,0 +1,38 @@
+/* Counters and histograms, written as Prometheus text. All of it belongs to the I/O thread. */
+#ifndef TCS_OBSERVE_METRICS_H
+#define TCS_OBSERVE_METRICS_H
+
+#include <glib.h>
+#include <stdint.h>
+
+#define TCS_HISTOGRAM_BUCKETS 12
+
+/* Seconds, in buckets from 0.5 ms to 2.5 s. */
+typedef struct tcs_histogram {
+  uint64_t counts[TCS_HISTOGRAM_BUCKETS + 1]; /* per bucket, the last one is +Inf; not cumulative */
+  double sum;
+} tcs_histogram;
+
+typedef struct tcs_metrics {
+  GHashTable *requests; /* route and code -> count */
+  tcs_histogram request, render, tables, skip, encode, queue;
+  uint64_t frames_sent, frames_superseded, frames_cancelled, render_failures;
+  uint64_t ws_sent_bytes, ws_messages, ws_errors, ws_connections;
+  uint64_t uploads, upload_bytes, volume_loads, volume_failures;
+} tcs_metrics;
+
+/* What only a scrape can tell. */
+typedef struct tcs_gauges {
+  int ws_clients, mjpeg_clients, sessions, volumes_resident, volumes_loading, queued;
+  uint64_t volume_bytes;
+} tcs_gauges;
+
+void tcs_metrics_init(tcs_metrics *metrics);
+void tcs_metrics_clear(tcs_metrics *metrics);
+/* `route` is a pattern of the route table, never a path. Static string. */
+void tcs_metrics_request(tcs_metrics *metrics, const char *method, const char *route, int status, double seconds);
+void tcs_histogram_add(tcs_histogram *histogram, double seconds);
+/* g_malloc'ed text, format version 0.0.4. */
+char *tcs_metrics_write(const tcs_metrics *metrics, const tcs_gauges *gauges, const char *backend);
+
+#endif

@@ -1,0 +1,128 @@
+#include "server/schedule/worker.h"
+
+#include <errno.h>
+#include <stdint.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+struct tcs_worker {
+  pthread_mutex_t mutex;
+  pthread_cond_t wake;
+  tcs_task_list queue;
+  bool stopping;
+  tcs_completions *completions;
+  char name[16];
+  int n_threads;
+  pthread_t threads[];
+};
+
+void tcs_task_list_push(tcs_task_list *list, tcs_task *task) {
+  task->next = NULL;
+  if (list->tail) list->tail->next = task;
+  else list->head = task;
+  list->tail = task;
+}
+
+tcs_task *tcs_task_list_pop(tcs_task_list *list) {
+  tcs_task *task = list->head;
+  if (!task) return NULL;
+  list->head = task->next;
+  if (!list->head) list->tail = NULL;
+  task->next = NULL;
+  return task;
+}
+
+bool tcs_completions_init(tcs_completions *completions, GError **error) {
+  memset(completions, 0, sizeof *completions);
+  completions->event_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+  if (completions->event_fd < 0) {
+    tc_set_error(error, TC_ERROR_IO, NULL, "eventfd: %s", g_strerror(errno));
+    return false;
+  }
+  pthread_mutex_init(&completions->mutex, NULL);
+  return true;
+}
+
+void tcs_completions_finish(tcs_completions *completions) {
+  close(completions->event_fd);
+  pthread_mutex_destroy(&completions->mutex);
+}
+
+void tcs_completions_post(tcs_completions *completions, tcs_task *task) {
+  pthread_mutex_lock(&completions->mutex);
+  tcs_task_list_push(&completions->list, task);
+  pthread_mutex_unlock(&completions->mutex);
+  const uint64_t one = 1;
+  /* Cannot block: the counter would need 2^64 - 2 posts that nobody read. */
+  while (write(completions->event_fd, &one, sizeof one) < 0 && errno == EINTR) {}
+}
+
+void tcs_completions_drain(tcs_completions *completions) {
+  uint64_t count;
+  while (read(completions->event_fd, &count, sizeof count) < 0 && errno == EINTR) {}
+  pthread_mutex_lock(&completions->mutex);
+  tcs_task_list list = completions->list;
+  completions->list = (tcs_task_list){0};
+  pthread_mutex_unlock(&completions->mutex);
+  tcs_task *task;
+  while ((task = tcs_task_list_pop(&list))) task->done(task);
+}
+
+static void *worker_main(void *user) {
+  tcs_worker *worker = user;
+  pthread_setname_np(pthread_self(), worker->name);
+  pthread_mutex_lock(&worker->mutex);
+  for (;;) {
+    tcs_task *task = tcs_task_list_pop(&worker->queue);
+    if (task) {
+      pthread_mutex_unlock(&worker->mutex);
+      task->run(task);
+      tcs_completions_post(worker->completions, task);
+      pthread_mutex_lock(&worker->mutex);
+    } else if (worker->stopping) {
+      break;
+    } else {
+      pthread_cond_wait(&worker->wake, &worker->mutex);
+    }
+  }
+  pthread_mutex_unlock(&worker->mutex);
+  return NULL;
+}
+
+tcs_worker *tcs_worker_new(const char *name, int threads, tcs_completions *completions, GError **error) {
+  tcs_worker *worker = g_malloc0(sizeof *worker + (size_t)threads * sizeof worker->threads[0]);
+  pthread_mutex_init(&worker->mutex, NULL);
+  pthread_cond_init(&worker->wake, NULL);
+  worker->completions = completions;
+  g_strlcpy(worker->name, name, sizeof worker->name);
+  for (int i = 0; i < threads; i++) {
+    const int failure = pthread_create(&worker->threads[i], NULL, worker_main, worker);
+    if (failure) {
+      tc_set_error(error, TC_ERROR_IO, NULL, "start thread %s: %s", name, g_strerror(failure));
+      tcs_worker_free(worker);
+      return NULL;
+    }
+    worker->n_threads++;
+  }
+  return worker;
+}
+
+void tcs_worker_submit(tcs_worker *worker, tcs_task *task) {
+  pthread_mutex_lock(&worker->mutex);
+  tcs_task_list_push(&worker->queue, task);
+  pthread_cond_signal(&worker->wake);
+  pthread_mutex_unlock(&worker->mutex);
+}
+
+void tcs_worker_free(tcs_worker *worker) {
+  if (!worker) return;
+  pthread_mutex_lock(&worker->mutex);
+  worker->stopping = true;
+  pthread_cond_broadcast(&worker->wake);
+  pthread_mutex_unlock(&worker->mutex);
+  for (int i = 0; i < worker->n_threads; i++) pthread_join(worker->threads[i], NULL);
+  pthread_cond_destroy(&worker->wake);
+  pthread_mutex_destroy(&worker->mutex);
+  g_free(worker);
+}

@@ -1,0 +1,44 @@
+/* Worker threads and the way back: a task runs on a worker, then its `done` runs on the I/O thread.
+ *
+ * All state of the daemon belongs to the I/O thread; a task is the only thing that travels. Whoever submits a task
+ * hands it over until `done` is called, so tasks need no locks of their own. */
+#ifndef TCS_SCHEDULE_WORKER_H
+#define TCS_SCHEDULE_WORKER_H
+
+#include <pthread.h>
+#include <stdbool.h>
+
+#include "renderer/error.h"
+
+typedef struct tcs_task tcs_task;
+struct tcs_task {
+  void (*run)(tcs_task *task);  /* on a worker thread */
+  void (*done)(tcs_task *task); /* on the I/O thread afterwards; may free the task */
+  tcs_task *next;               /* link of the list it waits in */
+};
+
+/* First in, first out; no lock of its own. Zero-initialised = empty. */
+typedef struct tcs_task_list { tcs_task *head, *tail; } tcs_task_list;
+void tcs_task_list_push(tcs_task_list *list, tcs_task *task);
+tcs_task *tcs_task_list_pop(tcs_task_list *list);
+
+/* Finished tasks on their way to the I/O thread; `event_fd` becomes readable when there are any. */
+typedef struct tcs_completions {
+  pthread_mutex_t mutex;
+  tcs_task_list list;
+  int event_fd;
+} tcs_completions;
+
+bool tcs_completions_init(tcs_completions *completions, GError **error);
+void tcs_completions_finish(tcs_completions *completions);
+void tcs_completions_post(tcs_completions *completions, tcs_task *task); /* any thread */
+void tcs_completions_drain(tcs_completions *completions);                /* I/O thread: calls every `done` */
+
+/* `threads` threads called `name` (at most 15 characters) that share one queue. */
+typedef struct tcs_worker tcs_worker;
+tcs_worker *tcs_worker_new(const char *name, int threads, tcs_completions *completions, GError **error);
+void tcs_worker_submit(tcs_worker *worker, tcs_task *task);
+/* Runs what is queued, then ends and joins the threads. Their completions are posted, not drained. NULL is fine. */
+void tcs_worker_free(tcs_worker *worker);
+
+#endif

@@ -1,0 +1,73 @@
+/* Scenes against limits, the renderer and other volumes: what the parser of the wire cannot know. */
+#include "server/session/session.h"
+
+bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, tc_volume **labels,
+                     GError **error) {
+  const tcs_limits *limits = &server->config->limits;
+  *labels = NULL;
+  if (scene->image.width > limits->image_side || scene->image.height > limits->image_side) {
+    const bool wide = scene->image.width > limits->image_side;
+    tc_set_error(error, TC_ERROR_INVALID, wide ? "/image/width" : "/image/height",
+                 "image: at most %" PRId64 " pixels a side", limits->image_side);
+    return false;
+  }
+  if ((int64_t)scene->image.width * scene->image.height > limits->image_area) {
+    tc_set_error(error, TC_ERROR_INVALID, "/image/width", "image: at most %" PRId64 " pixels in all",
+                 limits->image_area);
+    return false;
+  }
+  if (scene->sampling.rays_per_pixel > limits->rays_per_pixel) {
+    tc_set_error(error, TC_ERROR_INVALID, "/sampling/raysPerPixel", "raysPerPixel: at most %" PRId64,
+                 limits->rays_per_pixel);
+    return false;
+  }
+  if ((int64_t)scene->transfer_function.count > limits->knots) {
+    tc_set_error(error, TC_ERROR_INVALID, "/transferFunction/points", "points: at most %" PRId64, limits->knots);
+    return false;
+  }
+  if (scene->labels.volume[0]) {
+    tcs_entry *entry = tcs_catalogue_find(server->catalogue, scene->labels.volume);
+    if (!entry || entry->state != TCS_RESIDENT) {
+      tc_set_error(error, TC_ERROR_INVALID, "/labels/volume", "labels.volume: no such volume is resident");
+      return false;
+    }
+    *labels = entry->volume;
+  }
+  tc_plan plan;
+  return tc_plan_make(volume, scene, scene->image.width, scene->image.height, &plan, error);
+}
+
+static bool apply(tc_scene *scene, const tc_scene *defaults, const tc_volume *volume, const cJSON *patch,
+                  GError **error) {
+  const tc_volume_stats *stats = tc_volume_statistics(volume);
+  const tcp_scene_context context = {stats->min, stats->max};
+  return tcp_scene_patch(scene, patch, defaults, &context, error);
+}
+
+bool tcs_scene_make(tcs_server *server, const tc_volume *volume, const cJSON *patch, tc_scene *scene, GError **error) {
+  tc_volume *labels;
+  tc_scene defaults;
+  tc_scene_init(&defaults);
+  tc_scene_fit(&defaults, volume);
+  tc_scene_copy(scene, &defaults);
+  const bool ok = (!patch || apply(scene, &defaults, volume, patch, error)) &&
+                  tcs_scene_check(server, volume, scene, &labels, error);
+  if (!ok) tc_scene_clear(scene);
+  tc_scene_clear(&defaults);
+  return ok;
+}
+
+bool tcs_session_patch(tcs_session *session, const cJSON *patch, bool whole, GError **error) {
+  tc_volume *labels;
+  tc_scene next;
+  tc_scene_copy(&next, whole ? &session->defaults : &session->scene);
+  if (!apply(&next, &session->defaults, session->entry->volume, patch, error) ||
+      !tcs_scene_check(session->server, session->entry->volume, &next, &labels, error)) {
+    tc_scene_clear(&next);
+    return false;
+  }
+  tc_scene_clear(&session->scene);
+  session->scene = next; /* moves the heap members */
+  tcs_session_changed(session);
+  return true;
+}

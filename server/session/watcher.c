@@ -1,0 +1,27 @@
+#include "server/session/watcher.h"
+
+tcs_picture *tcs_picture_ref(tcs_picture *picture) {
+  picture->references++;
+  return picture;
+}
+
+void tcs_picture_unref(tcs_picture *picture) {
+  if (!picture || --picture->references > 0) return;
+  g_bytes_unref(picture->image);
+  if (picture->marks) g_array_unref(picture->marks);
+  g_free(picture);
+}
+
+bool tcs_watcher_wants(const tcs_watcher *watcher, uint64_t revision, bool final) {
+  if (revision != watcher->shown_revision) return revision > watcher->shown_revision;
+  return final && !watcher->shown_final;
+}
+
+uint64_t tcs_watcher_seq_in(const tcs_watcher *watcher, const tcs_picture *picture, uint64_t current_revision) {
+  if (picture->revision == current_revision) return watcher->seq; /* every patch so far */
+  for (guint i = 0; picture->marks && i < picture->marks->len; i++) {
+    const tcs_mark *mark = &g_array_index(picture->marks, tcs_mark, i);
+    if (mark->watcher == watcher->id) return mark->seq;
+  }
+  return 0; /* came after the picture was begun, and so did its patches */
+}

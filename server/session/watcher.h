@@ -1,0 +1,53 @@
+/* A viewer of a session: what it has been shown, what it still needs. The transport (WebSocket, MJPEG) is behind
+ * tcs_watcher_ops. The decisions are pure and need no transport. I/O thread only. */
+#ifndef TCS_SESSION_WATCHER_H
+#define TCS_SESSION_WATCHER_H
+
+#include <glib.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "protocol/protocol.h"
+#include "server/ws/window.h"
+
+/* A finished picture of a session, shared by its viewers. Reference counted, I/O thread. */
+typedef struct tcs_picture {
+  int references;
+  uint64_t revision; /* of the scene it shows */
+  bool final;        /* full resolution and quality */
+  tcp_frame_header header; /* frame and seq differ per viewer */
+  GBytes *image;
+  GArray *marks; /* tcs_mark: each viewer's newest patch it shows */
+} tcs_picture;
+
+typedef struct tcs_mark { uint64_t watcher, seq; } tcs_mark;
+
+tcs_picture *tcs_picture_ref(tcs_picture *picture);
+void tcs_picture_unref(tcs_picture *picture); /* NULL is fine */
+
+typedef struct tcs_session tcs_session;
+typedef struct tcs_watcher tcs_watcher;
+
+typedef struct tcs_watcher_ops {
+  bool (*ready)(const tcs_watcher *watcher); /* the transport would take a frame without queueing it */
+  void (*frame)(tcs_watcher *watcher, const tcs_picture *picture, const tcp_frame_header *header);
+  void (*text)(tcs_watcher *watcher, const char *json);
+  void (*end)(tcs_watcher *watcher); /* the session is over: close; comes back through tcs_session_leave() */
+} tcs_watcher_ops;
+
+struct tcs_watcher {
+  const tcs_watcher_ops *ops;
+  tcs_session *session; /* NULL once it has left */
+  uint64_t id;          /* unique in the process */
+  tcs_window window;
+  uint64_t seq;         /* newest patch of this viewer that is in the scene */
+  uint64_t shown_revision; /* 0 = nothing yet */
+  bool shown_final;
+};
+
+/* Whether a picture of (`revision`, `final`) would tell the viewer something new. */
+bool tcs_watcher_wants(const tcs_watcher *watcher, uint64_t revision, bool final);
+/* The viewer's newest patch in the picture; 0 = none. */
+uint64_t tcs_watcher_seq_in(const tcs_watcher *watcher, const tcs_picture *picture, uint64_t current_revision);
+
+#endif

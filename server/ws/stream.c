@@ -1,0 +1,317 @@
+#include "server/ws/stream.h"
+
+#include <errno.h>
+#include <microhttpd.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/socket.h>
+
+#include "server/ws/channel.h"
+#include "server/ws/handshake.h"
+
+#define PING_US 15000000    /* a sign of life is asked for this often */
+#define SILENCE_US 30000000 /* and a peer without one for this long is gone */
+#define CLOSE_US 5000000    /* how long a closing handshake may take */
+#define BLOCKED_US 10000000 /* how long the socket may take no bytes */
+
+typedef struct tcs_stream {
+  tcs_source source;   /* first: the loop hands it back */
+  tcs_watcher watcher;
+  tcs_streams *streams;
+  struct MHD_UpgradeResponseHandle *handle;
+  tcs_channel *channel;
+  GByteArray *extra; /* came with the handshake; read before the socket */
+  uint32_t events;
+  int64_t heard_us, pinged_us, sent_us, closing_us;
+  bool dead, inside; /* inside: called by the framing, which must return before anything is torn down */
+} tcs_stream;
+
+struct tcs_streams {
+  tcs_server *server;
+  GPtrArray *live, *dead;
+};
+
+static void settle(tcs_stream *stream);
+
+static tcs_stream *of_watcher(const tcs_watcher *watcher) {
+  return (tcs_stream *)(void *)((char *)(uintptr_t)watcher - offsetof(tcs_stream, watcher));
+}
+
+/* --- bytes ---------------------------------------------------------------------------------------- */
+
+static ssize_t on_receive(void *user, uint8_t *bytes, size_t size) {
+  tcs_stream *stream = user;
+  if (stream->extra->len) {
+    const guint count = (guint)MIN(size, stream->extra->len);
+    memcpy(bytes, stream->extra->data, count);
+    g_byte_array_remove_range(stream->extra, 0, count);
+    return count;
+  }
+  const ssize_t got = recv(stream->source.fd, bytes, size, MSG_DONTWAIT);
+  if (got > 0) stream->heard_us = g_get_monotonic_time();
+  return got;
+}
+
+static ssize_t on_send(void *user, const uint8_t *bytes, size_t size, bool more) {
+  tcs_stream *stream = user;
+  const ssize_t sent = send(stream->source.fd, bytes, size, MSG_DONTWAIT | MSG_NOSIGNAL | (more ? MSG_MORE : 0));
+  if (sent > 0) stream->sent_us = g_get_monotonic_time();
+  return sent;
+}
+
+/* --- messages ------------------------------------------------------------------------------------- */
+
+static void send_json(tcs_stream *stream, cJSON *json) {
+  char *text = cJSON_PrintUnformatted(json);
+  if (text) tcs_channel_send_text(stream->channel, text);
+  cJSON_free(text);
+  cJSON_Delete(json);
+}
+
+static void send_error(tcs_stream *stream, uint64_t seq, const GError *error) {
+  cJSON *json = cJSON_CreateObject();
+  cJSON_AddStringToObject(json, "type", "error");
+  cJSON_AddNumberToObject(json, "seq", (double)seq);
+  cJSON_AddItemToObject(json, "problem", tcp_problem(error));
+  send_json(stream, json);
+  stream->streams->server->metrics.ws_errors++;
+}
+
+static void send_pong(tcs_stream *stream, double t) {
+  cJSON *json = cJSON_CreateObject();
+  cJSON_AddStringToObject(json, "type", "pong");
+  cJSON_AddNumberToObject(json, "t", t);
+  send_json(stream, json);
+}
+
+static void on_text(void *user, const char *bytes, size_t size) {
+  tcs_stream *stream = user;
+  tcs_watcher *watcher = &stream->watcher;
+  GError *error = NULL;
+  tcp_message message = {0};
+  stream->streams->server->metrics.ws_messages++;
+  if (!watcher->session) return;
+  bool ok = tcp_message_parse(bytes, size, &message, &error);
+  if (ok) {
+    switch (message.type) {
+    case TCP_PATCH: ok = tcs_watcher_patch(watcher, message.seq, message.scene, &error); break;
+    case TCP_ACK: ok = tcs_watcher_ack(watcher, message.frame, &error); break;
+    case TCP_POINTER: tcs_watcher_pointer(watcher, message.pointer_down); break;
+    case TCP_PING: send_pong(stream, message.t); break;
+    case TCP_MESSAGE_TYPE_COUNT: break;
+    }
+  }
+  if (!ok) send_error(stream, message.seq, error);
+  g_clear_error(&error);
+  tcp_message_clear(&message);
+}
+
+static void send_hello(tcs_stream *stream, tcs_session *session) {
+  cJSON *json = cJSON_CreateObject();
+  cJSON_AddStringToObject(json, "type", "hello");
+  cJSON_AddStringToObject(json, "protocol", TCS_SUBPROTOCOL);
+  cJSON_AddStringToObject(json, "session", session->id);
+  cJSON_AddStringToObject(json, "volume", session->entry->id);
+  cJSON_AddNumberToObject(json, "window", stream->watcher.window.limit);
+  cJSON_AddStringToObject(json, "server", "tomocast " TC_VERSION);
+  cJSON_AddItemToObject(json, "scene", tcp_scene_write(&session->scene));
+  send_json(stream, json);
+}
+
+/* --- the watcher's transport ---------------------------------------------------------------------- */
+
+static bool on_ready(const tcs_watcher *watcher) {
+  const tcs_stream *stream = of_watcher(watcher);
+  return !stream->dead && !tcs_channel_closing(stream->channel) && tcs_channel_queued(stream->channel) == 0;
+}
+
+static void on_frame(tcs_watcher *watcher, const tcs_picture *picture, const tcp_frame_header *header) {
+  tcs_stream *stream = of_watcher(watcher);
+  size_t head_size, size;
+  uint8_t *head = tcp_frame_header_write(header, &head_size);
+  const void *bytes = g_bytes_get_data(picture->image, &size);
+  if (tcs_channel_send_binary(stream->channel, head, head_size, bytes, size))
+    stream->streams->server->metrics.ws_sent_bytes += head_size + size;
+  g_free(head);
+  settle(stream);
+}
+
+static void on_watcher_text(tcs_watcher *watcher, const char *json) {
+  tcs_stream *stream = of_watcher(watcher);
+  if (stream->dead || tcs_channel_queued(stream->channel) > TCS_MAX_QUEUED) return;
+  tcs_channel_send_text(stream->channel, json);
+  settle(stream);
+}
+
+static void on_end(tcs_watcher *watcher) {
+  tcs_stream *stream = of_watcher(watcher);
+  if (stream->dead) return;
+  tcs_channel_close(stream->channel, 1001, "the session has ended");
+  settle(stream);
+}
+
+static const tcs_watcher_ops stream_ops = {on_ready, on_frame, on_watcher_text, on_end};
+
+/* --- life ----------------------------------------------------------------------------------------- */
+
+static void die(tcs_stream *stream) {
+  if (stream->dead) return;
+  stream->dead = true;
+  tcs_session_leave(&stream->watcher);
+  tcs_server *server = stream->streams->server;
+  server->ws_clients--;
+  /* Before the descriptor is given back: its number may be in use again at once. */
+  tcs_loop_remove(server->loop, &stream->source);
+  server->http_work = true;
+  MHD_upgrade_action(stream->handle, MHD_UPGRADE_ACTION_CLOSE);
+  g_ptr_array_remove_fast(stream->streams->live, stream);
+  g_ptr_array_add(stream->streams->dead, stream);
+}
+
+/* Sends what can be sent, notices the end, asks the loop for what is needed next. */
+static void settle(tcs_stream *stream) {
+  if (stream->dead || stream->inside) return;
+  stream->inside = true;
+  const bool had = tcs_channel_queued(stream->channel) > 0;
+  bool alive = tcs_channel_write(stream->channel);
+  stream->inside = false;
+  if (alive && tcs_channel_closing(stream->channel)) {
+    tcs_session_leave(&stream->watcher);
+    if (!stream->closing_us) stream->closing_us = g_get_monotonic_time();
+    alive = !tcs_channel_done(stream->channel);
+  }
+  if (!alive) {
+    die(stream);
+    return;
+  }
+  uint32_t events = 0;
+  if (tcs_channel_wants_read(stream->channel)) events |= EPOLLIN;
+  if (tcs_channel_wants_write(stream->channel)) events |= EPOLLOUT;
+  if (events != stream->events) tcs_loop_change(stream->streams->server->loop, &stream->source, events);
+  stream->events = events;
+  /* The socket took the last of it: a frame that waited for that can go. */
+  if (had && tcs_channel_queued(stream->channel) == 0 && stream->watcher.session) tcs_watcher_pump(&stream->watcher);
+}
+
+static void read_some(tcs_stream *stream) {
+  stream->inside = true;
+  const bool alive = tcs_channel_read(stream->channel);
+  stream->inside = false;
+  if (alive) settle(stream);
+  else die(stream);
+}
+
+static void on_socket(tcs_source *source, uint32_t events) {
+  tcs_stream *stream = (tcs_stream *)source;
+  if (events & (EPOLLHUP | EPOLLERR)) {
+    die(stream);
+    return;
+  }
+  if (events & EPOLLIN) read_some(stream);
+  else settle(stream);
+}
+
+tcs_streams *tcs_streams_new(tcs_server *server) {
+  tcs_streams *streams = g_new0(tcs_streams, 1);
+  streams->server = server;
+  streams->live = g_ptr_array_new();
+  streams->dead = g_ptr_array_new();
+  return streams;
+}
+
+void tcs_streams_free(tcs_streams *streams) {
+  if (!streams) return;
+  tcs_streams_sweep(streams);
+  g_ptr_array_unref(streams->live);
+  g_ptr_array_unref(streams->dead);
+  g_free(streams);
+}
+
+static void set_socket_options(int fd) {
+  const int one = 1, low_water = 16384;
+  /* MHD switches Nagle back on at hand-over. The low-water mark keeps the backlog here, where newer frames replace
+   * older ones, and not in the kernel. */
+  setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &one, sizeof one);
+  setsockopt(fd, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &low_water, sizeof low_water);
+}
+
+void tcs_streams_open(tcs_streams *streams, tcs_session *session, int fd, struct MHD_UpgradeResponseHandle *handle,
+                      const char *extra, size_t extra_size) {
+  static const tcs_channel_callbacks callbacks = {on_receive, on_send, on_text};
+  tcs_stream *stream = g_new0(tcs_stream, 1);
+  tcs_server *server = streams->server;
+  stream->source = (tcs_source){on_socket, fd};
+  stream->streams = streams;
+  stream->handle = handle;
+  stream->watcher.ops = &stream_ops;
+  stream->extra = g_byte_array_new();
+  g_byte_array_append(stream->extra, (const guint8 *)extra, (guint)extra_size);
+  stream->heard_us = stream->pinged_us = stream->sent_us = g_get_monotonic_time();
+  stream->events = EPOLLIN;
+  stream->channel = tcs_channel_new(&callbacks, stream);
+  set_socket_options(fd);
+  server->ws_clients++;
+  server->metrics.ws_connections++;
+  g_ptr_array_add(streams->live, stream);
+  if (!session || !stream->channel || !tcs_loop_add(server->loop, &stream->source, EPOLLIN, NULL)) {
+    die(stream);
+    return;
+  }
+  stream->watcher.window.limit = (unsigned)server->config->limits.window;
+  send_hello(stream, session);
+  settle(stream);
+  if (stream->dead) return;
+  tcs_session_join(session, &stream->watcher, (unsigned)server->config->limits.window);
+  if (!stream->dead && stream->extra->len) read_some(stream);
+}
+
+int tcs_streams_count(const tcs_streams *streams) { return (int)streams->live->len; }
+
+void tcs_streams_tell(tcs_streams *streams, const char *json) {
+  for (guint i = streams->live->len; i-- > 0;) {
+    tcs_stream *stream = g_ptr_array_index(streams->live, i);
+    on_watcher_text(&stream->watcher, json);
+  }
+}
+
+void tcs_streams_tick(tcs_streams *streams, int64_t now_us) {
+  for (guint i = streams->live->len; i-- > 0;) {
+    tcs_stream *stream = g_ptr_array_index(streams->live, i);
+    const bool silent = now_us - stream->heard_us > SILENCE_US;
+    const bool closing_late = stream->closing_us && now_us - stream->closing_us > CLOSE_US;
+    const bool blocked = tcs_channel_queued(stream->channel) > 0 && now_us - stream->sent_us > BLOCKED_US;
+    if (silent || closing_late || blocked) {
+      die(stream);
+    } else if (stream->extra->len) {
+      read_some(stream); /* was left over while answers were waiting; the socket will not tell */
+    } else if (now_us - stream->pinged_us > PING_US) {
+      stream->pinged_us = now_us;
+      tcs_channel_ping(stream->channel);
+      settle(stream);
+    }
+  }
+}
+
+void tcs_streams_close_all(tcs_streams *streams, bool at_once) {
+  for (guint i = streams->live->len; i-- > 0;) {
+    tcs_stream *stream = g_ptr_array_index(streams->live, i);
+    if (at_once) {
+      die(stream);
+    } else {
+      tcs_channel_close(stream->channel, 1001, "the server is shutting down");
+      settle(stream);
+    }
+  }
+}
+
+void tcs_streams_sweep(tcs_streams *streams) {
+  for (guint i = 0; i < streams->dead->len; i++) {
+    tcs_stream *stream = g_ptr_array_index(streams->dead, i);
+    tcs_channel_free(stream->channel);
+    g_byte_array_unref(stream->extra);
+    g_free(stream);
+  }
+  g_ptr_array_set_size(streams->dead, 0);
+}

@@ -1,0 +1,27 @@
+/* WebSocket viewers: an upgraded socket, its framing, its timers, its place in a session. I/O thread only. */
+#ifndef TCS_WS_STREAM_H
+#define TCS_WS_STREAM_H
+
+#include "server/session/session.h"
+
+struct MHD_UpgradeResponseHandle;
+typedef struct tcs_streams tcs_streams;
+
+tcs_streams *tcs_streams_new(tcs_server *server);
+void tcs_streams_free(tcs_streams *streams); /* after all have closed */
+
+/* Takes over an upgraded socket: `extra` are bytes that came with the handshake. When the session has ended meanwhile
+ * (NULL) the socket is closed. */
+void tcs_streams_open(tcs_streams *streams, tcs_session *session, int fd, struct MHD_UpgradeResponseHandle *handle,
+                      const char *extra, size_t extra_size);
+int tcs_streams_count(const tcs_streams *streams);
+/* Sends a text message to every viewer that keeps up. */
+void tcs_streams_tell(tcs_streams *streams, const char *json);
+/* Pings, silences, stalled closings; call about once a second. */
+void tcs_streams_tick(tcs_streams *streams, int64_t now_us);
+/* Begins to close all (1001); `at_once` cuts what is left. */
+void tcs_streams_close_all(tcs_streams *streams, bool at_once);
+/* Frees what closed. Not from inside a callback of a stream. */
+void tcs_streams_sweep(tcs_streams *streams);
+
+#endif
