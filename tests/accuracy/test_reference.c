@@ -344,8 +344,8 @@ static long double oracle_classify(const oracle *o, long double value, long doub
   return -log1pl(-(from + u * (to - from))) / o->tf->unit_distance_mm;
 }
 
-/* One step's optical depth: midpoint. Halves *h until the step is short enough and crosses no cell face and no knot, or
- * cannot be told from nothing. Returns 0 outside. */
+/* One step's optical depth: midpoint. Halves *h until the step is short enough for the depth and for the way between
+ * two knots and crosses no cell face and no knot, or cannot be told from nothing. Returns 0 outside. */
 static long double oracle_step(const oracle *o, long double t, long double *h, long double longest,
                                long double rgb[3]) {
   long double v0, v1, vm, depth;
@@ -359,6 +359,8 @@ static long double oracle_step(const oracle *o, long double t, long double *h, l
     if (!in) return 0;
     size_t k = oracle_interval(o, vm);
     if (c0 != c1 || oracle_interval(o, v0) != k || oracle_interval(o, v1) != k) continue;
+    const tc_knot *p = o->tf->points;
+    if (k > 0 && k < o->tf->count && fabsl(v1 - v0) > 1e-3L * (p[k].value - p[k - 1].value)) continue;
     depth = oracle_classify(o, vm, rgb) * (next - t); /* what t really advances by */
     if (depth < 5 * longest) return depth;
   }
