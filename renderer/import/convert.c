@@ -315,13 +315,16 @@ static bool measure(loader *l, GError **error) {
   tc_raster *r = l->raster;
   const int *dims = r->desc.dims;
   uint64_t voxels = 1, elements, bytes;
-  for (int i = 0; i < 3; i++)
-    if (dims[i] < 1 || __builtin_mul_overflow(voxels, (uint64_t)dims[i], &voxels)) {
+  bool over = false;
+  for (int i = 0; i < 3; i++) {
+    if (dims[i] < 1) {
       tc_set_error(error, TC_ERROR_FORMAT, NULL, "sizes %d x %d x %d are no volume", dims[0], dims[1], dims[2]);
       return false;
     }
+    if (__builtin_mul_overflow(voxels, (uint64_t)dims[i], &voxels)) over = true;
+  }
   uint64_t parts = tc_data_parts(&r->data);
-  bool over = __builtin_mul_overflow(voxels, (uint64_t)r->components, &elements) ||
+  over = over || __builtin_mul_overflow(voxels, (uint64_t)r->components, &elements) ||
               __builtin_mul_overflow(elements, r->frames, &elements) ||
               __builtin_mul_overflow(elements, (uint64_t)tc_element_size(r->element), &bytes) || bytes > INT64_MAX;
   if (over || voxels > INT32_MAX) {

@@ -27,7 +27,7 @@ static int recognise(const uint8_t *head, size_t size, bool *big_endian, bool *p
     tc_reader_init(&r, head, size, big);
     uint32_t own_size = tc_reader_u32(&r);
     size_t at = own_size == header1_size ? 344 : 4;
-    if ((own_size != header1_size && own_size != header2_size) || size < at + 8) continue;
+    if ((own_size != header1_size && own_size != header2_size) || size < at + (own_size == header1_size ? 4 : 8)) continue;
     const uint8_t *magic = head + at;
     bool one_file = magic[1] == '+';
     uint8_t digit = own_size == header1_size ? '1' : '2';
@@ -137,7 +137,7 @@ static bool set_dims(tc_raster *raster, const nifti_header *h, GError **error) {
     }
   }
   const int *d = raster->desc.dims;
-  if (n >= 5 && (int64_t)d[0] * d[1] * d[2] == 1 && raster->frames > 1) {
+  if (n >= 5 && d[0] == 1 && d[1] == 1 && d[2] == 1 && raster->frames > 1) {
     tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "one voxel with %" G_GUINT64_FORMAT " values: a matrix, no volume",
                  raster->frames);
     return false;

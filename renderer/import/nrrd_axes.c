@@ -225,7 +225,8 @@ static bool count_space(axes *a, const tc_nrrd_header *h, const tc_raster *raste
       a->role[i] = ROLE_FRAMES;
   }
   bool bare = !h->fields[NRRD_KINDS] && !h->fields[NRRD_SPACINGS] && a->space_dims == 0;
-  if (h->dimension == 3 && bare && looks_like_colour(raster, h->sizes[0])) {
+  bool wide = h->dimension == 3 && h->sizes[1] >= 32 && h->sizes[2] >= 32; /* a tiny block is no picture */
+  if (wide && bare && looks_like_colour(raster, h->sizes[0])) {
     tc_nrrd_error(h, NRRD_SIZES, TC_ERROR_UNSUPPORTED, error,
                   "looks like a colour picture: name the axes' kinds, or give spacings if it is a volume");
     return false;
