@@ -1,0 +1,473 @@
+/* The gl back end as a citizen: contexts, caches, limits, cancelling; and what filtering by the texture unit costs and gains.
+ * Skips where EGL gives no OpenGL 4.5. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#include <cmocka.h>
+#include <math.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "renderer/backend.h"
+#include "renderer/gl/device.h"
+#include "renderer/gl/program.h"
+#include "renderer/raycast/gl/backend.h"
+#include "renderer/raycast/gl/textures.h"
+#include "tests/support/grid.h"
+
+static GError *error;
+static bool have_gl;
+
+#define assert_made(what)                                                                                             \
+  do {                                                                                                                \
+    if (!(what))                                                                                                      \
+      fail_msg("%s", error ? error->message : #what);                                                                 \
+  } while (0)
+
+#define needs_gl()                                                                                                    \
+  do {                                                                                                                \
+    if (!have_gl)                                                                                                     \
+      skip();                                                                                                         \
+  } while (0)
+
+/* The call failed with this code and the message names the mend. */
+static void expect_error(tc_error_code code, const char *part) {
+  assert_non_null(error);
+  printf("  %s\n", error->message);
+  assert_true(g_error_matches(error, TC_ERROR, (gint)code));
+  assert_non_null(strstr(error->message, part));
+  assert_null(strchr(error->message, '\n'));
+  g_clear_error(&error);
+}
+
+static double now_ms(void) {
+  struct timespec t;
+  clock_gettime(CLOCK_MONOTONIC, &t);
+  return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
+}
+
+static const double oblique[3] = {0.4, -1, 0.3};
+
+static tc_renderer *new_gl(uint64_t cache_bytes) {
+  tc_renderer *r = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_GL, .cache_bytes = cache_bytes}, &error);
+  assert_made(r);
+  return r;
+}
+
+static tc_volume *waves(tc_voxel_type type, int side, double wavelength) {
+  static const double slopes[TC_VOXEL_TYPE_COUNT] = {1.0 / 255, 1.0 / 127, 1.0 / 65535, 1.0 / 32767, 1};
+  test_grid grid = {.dims = {side, side, side}, .type = type, .slope = slopes[type]};
+  return test_volume(&grid, test_waves, &wavelength);
+}
+
+static void set_scene(tc_scene *scene, const tc_volume *volume, int side) {
+  const tc_knot knots[] = {
+    {0.1, {0.1, 0.1, 0.6}, 0}, {0.4, {0.2, 0.8, 0.3}, 0.02}, {0.6, {0.9, 0.7, 0.2}, 0.1}, {0.9, {1, 1, 0.9}, 0.4}};
+  test_scene(scene, side, side);
+  test_scene_frame(scene, volume, TC_PERSPECTIVE, oblique);
+  test_scene_knots(scene, TC_KNOT_OPACITY, knots, G_N_ELEMENTS(knots));
+}
+
+/* Renders and compares with what was seen before. */
+static void expect_same(tc_renderer *r, tc_volume *volume, const tc_frame *wanted) {
+  tc_scene scene;
+  tc_frame frame = {0};
+  set_scene(&scene, volume, wanted->width);
+  assert_made(tc_render(r, volume, &scene, NULL, &frame, NULL, &error));
+  assert_memory_equal(frame.rgba, wanted->rgba, (size_t)frame.width * frame.height * 4);
+  tc_frame_finish(&frame);
+  tc_scene_clear(&scene);
+}
+
+static void render_first(tc_renderer *r, tc_volume *volume, int side, tc_frame *frame) {
+  tc_scene scene;
+  memset(frame, 0, sizeof *frame);
+  set_scene(&scene, volume, side);
+  assert_made(tc_render(r, volume, &scene, NULL, frame, NULL, &error));
+  tc_scene_clear(&scene);
+}
+
+/* ---- contexts ---- */
+
+static int set_up(void **state) {
+  tc_gl_report report;
+  have_gl = tc_gl_report_read(&report, &error);
+  if (!have_gl)
+    printf("skipped: %s\n", error->message);
+  g_clear_error(&error);
+  return 0;
+}
+
+static void test_report(void **state) {
+  needs_gl();
+  tc_gl_report report;
+  bool hardware = true;
+  char why[200] = "";
+  assert_made(tc_gl_report_read(&report, &error));
+  printf("  %s | %s | %s | %s | 3-D side %d | buffer %lld | clock %d bits\n", report.platform, report.vendor, report.renderer,
+         report.version, report.max_3d_side, (long long)report.max_ssbo_bytes, report.timestamp_bits);
+  assert_true(report.max_3d_side >= 2048 && report.max_ssbo_bytes >= 1 << 24);
+  assert_true(tc_gl_probe(&hardware, why, sizeof why));
+  assert_int_equal(hardware, report.hardware);
+  assert_non_null(strstr(why, report.renderer));
+  if (strstr(report.renderer, "llvmpipe"))
+    assert_false(report.hardware);
+  /* auto takes the GPU if it is one, and says why in any case */
+  tc_renderer *r = tc_renderer_new(NULL, &error);
+  assert_made(r);
+  assert_string_equal(tc_renderer_about(r)->backend, report.hardware ? "gl" : "cpu");
+  printf("  auto: %s, %s\n", tc_renderer_about(r)->backend, tc_renderer_about(r)->why);
+  tc_renderer_free(r);
+}
+
+/* Renderers share a thread and a display; ending one, or probing, leaves the others working. */
+static void test_several_contexts(void **state) {
+  needs_gl();
+  tc_volume *volume = waves(TC_U8, 24, 11);
+  tc_renderer *a = new_gl(0), *b = new_gl(0);
+  tc_frame frame;
+  tc_gl_report report;
+  render_first(a, volume, 80, &frame);
+  expect_same(b, volume, &frame);
+  assert_made(tc_gl_report_read(&report, &error));
+  expect_same(a, volume, &frame);
+  tc_renderer_free(b);
+  expect_same(a, volume, &frame);
+  b = new_gl(0);
+  tc_renderer_free(a);
+  expect_same(b, volume, &frame);
+  tc_renderer_free(b);
+  tc_frame_finish(&frame);
+  tc_volume_unref(volume);
+}
+
+static void *render_elsewhere(void *context) {
+  tc_volume *volume = context;
+  GError *failure = NULL;
+  tc_frame *frame = g_new0(tc_frame, 1);
+  tc_renderer *r = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_GL}, &failure);
+  tc_scene scene;
+  set_scene(&scene, volume, 80);
+  bool good = r && tc_render(r, volume, &scene, NULL, frame, NULL, &failure);
+  tc_scene_clear(&scene);
+  tc_renderer_free(r);
+  if (good)
+    return frame;
+  fprintf(stderr, "other thread: %s\n", failure->message);
+  g_error_free(failure);
+  g_free(frame);
+  return NULL;
+}
+
+static void test_other_thread(void **state) {
+  needs_gl();
+  tc_volume *volume = waves(TC_U8, 24, 11);
+  tc_renderer *here = new_gl(0);
+  tc_frame frame;
+  render_first(here, volume, 80, &frame);
+  pthread_t thread;
+  void *result = NULL;
+  assert_int_equal(pthread_create(&thread, NULL, render_elsewhere, volume), 0);
+  pthread_join(thread, &result);
+  tc_frame *theirs = result;
+  assert_non_null(theirs);
+  assert_memory_equal(theirs->rgba, frame.rgba, 80 * 80 * 4);
+  tc_frame_finish(theirs);
+  g_free(theirs);
+  expect_same(here, volume, &frame);
+  tc_renderer_free(here);
+  tc_frame_finish(&frame);
+  tc_volume_unref(volume);
+}
+
+/* ---- programs ---- */
+
+static void test_program_cache(void **state) {
+  needs_gl();
+  tc_gl_context *context = tc_gl_context_new(&error);
+  assert_made(context);
+  const char *const good[] = {"#version 450 core\n", "layout(local_size_x = 1) in;\nvoid main() {}\n"};
+  const char *const bad[] = {"#version 450 core\n", "layout(local_size_x = 1) in;\nvoid main() { nothing = 1; }\n"};
+  tc_gl_program_cache cache = {0};
+  for (int key = 0; key < TC_GL_PROGRAMS + 8; key++) {
+    unsigned program = tc_gl_program_compile(good, 2, "empty", &error);
+    assert_made(program);
+    tc_gl_program_put(&cache, &key, sizeof key, program);
+    int first = 0;
+    assert_int_not_equal(tc_gl_program_find(&cache, &first, sizeof first), 0); /* asked for each time: stays */
+  }
+  int held = 0;
+  for (int key = 0; key < TC_GL_PROGRAMS + 8; key++)
+    held += tc_gl_program_find(&cache, &key, sizeof key) != 0;
+  assert_int_equal(held, TC_GL_PROGRAMS);
+  int second = 1;
+  assert_int_equal(tc_gl_program_find(&cache, &second, sizeof second), 0);
+  tc_gl_program_clear(&cache);
+  assert_int_equal(tc_gl_program_compile(bad, 2, "broken", &error), 0);
+  expect_error(TC_ERROR_INTERNAL, "shader broken does not compile");
+  tc_gl_context_free(context);
+}
+
+/* Nothing is drawn for a key that has no pieces. */
+static void test_unbuilt_keys(void **state) {
+  needs_gl();
+  tc_gl_context *context = tc_gl_context_new(&error);
+  assert_made(context);
+  const size_t first = offsetof(tc_gl_variant, plan);
+  const size_t members[] = {offsetof(tc_plan_key, mode),     offsetof(tc_plan_key, classification), offsetof(tc_plan_key, order),
+                            offsetof(tc_plan_key, filter),   offsetof(tc_plan_key, shading),        offsetof(tc_plan_key, skipping),
+                            offsetof(tc_plan_key, clipping), offsetof(tc_plan_key, jitter),         offsetof(tc_plan_key, labels)};
+  for (size_t i = 0; i < G_N_ELEMENTS(members); i++) {
+    tc_gl_variant variant;
+    memset(&variant, 0, sizeof variant);
+    ((uint8_t *)&variant)[first + members[i]] = 1;
+    assert_int_equal(tc_gl_compose(&variant, &error), 0);
+    assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_UNSUPPORTED));
+    g_clear_error(&error);
+  }
+  /* Every variant that exists compiles. */
+  int compiled = 0;
+  for (int bits = 0; bits < 64; bits++)
+    for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
+      if (bits & 2 && bits & 1)
+        continue; /* an atlas is gathered */
+      tc_gl_variant v;
+      memset(&v, 0, sizeof v);
+      v.plan.voxel_type = (uint8_t)type;
+      v.plan.projection = (uint8_t)(type & 1);
+      v.plan.termination = (bits >> 5 & 1) != 0;
+      v.field = (uint8_t)(bits & 1);
+      v.atlas = bits >> 1 & 1;
+      v.linear_light = bits >> 2 & 1;
+      v.transparent = bits >> 3 & 1;
+      v.want_linear = bits >> 4 & 1;
+      assert_made(tc_gl_compose(&v, &error));
+      compiled++;
+    }
+  printf("  %d variants compile\n", compiled);
+  tc_gl_context_free(context);
+}
+
+/* ---- one back end instance, driven directly ---- */
+
+typedef struct bench {
+  void *instance;
+  tc_volume *volume;
+  tc_scene scene;
+  tc_table *table;
+  tc_frame frame;
+} bench;
+
+static void bench_open(bench *b, tc_volume *volume, int side) {
+  memset(b, 0, sizeof *b);
+  b->volume = volume;
+  b->instance = tc_gl_backend.create(&(tc_renderer_options){0}, NULL, &error);
+  assert_made(b->instance);
+  set_scene(&b->scene, volume, side);
+  b->frame.width = b->frame.height = side;
+  b->frame.rgba = malloc((size_t)side * side * 4);
+  b->frame.linear = malloc((size_t)side * side * 16);
+}
+
+static void bench_close(bench *b) {
+  tc_table_free(b->table);
+  tc_frame_finish(&b->frame);
+  tc_scene_clear(&b->scene);
+  tc_gl_backend.destroy(b->instance);
+}
+
+static bool bench_render(bench *b, const atomic_bool *cancel) {
+  tc_plan plan;
+  tc_rays rays;
+  const tc_volume_desc *d = tc_volume_describe(b->volume);
+  if (!tc_plan_make(b->volume, &b->scene, b->frame.width, b->frame.height, &plan, &error))
+    return false;
+  if (!b->table) {
+    tc_table_params params = {.tf = &b->scene.transfer_function, .slope = d->slope, .intercept = d->intercept,
+                              .step_mm = plan.step_mm};
+    tc_table_choose(b->volume, params.tf, &params.n, &params.voxel_lo, &params.voxel_hi);
+    b->table = tc_table_build(&params, NULL, &error);
+    assert_made(b->table);
+  }
+  tc_rays_set_up(&rays, b->volume, &b->scene, b->frame.width, b->frame.height);
+  b->frame.stats = (tc_frame_stats){0};
+  tc_job job = {.plan = &plan, .scene = &b->scene, .volume = b->volume, .rays = &rays, .table = b->table, .cancel = cancel,
+                .want_linear = true, .frame = &b->frame};
+  return tc_gl_backend.render(b->instance, &job, &error);
+}
+
+static void test_nothing_is_rebuilt(void **state) {
+  needs_gl();
+  tc_volume *volume = waves(TC_U16, 24, 11);
+  bench b;
+  bench_open(&b, volume, 64);
+  assert_made(bench_render(&b, NULL));
+  assert_int_equal(tc_gl_backend_compiled(b.instance), 1);
+  if (tc_gl_backend_report(b.instance)->timestamp_bits > 0)
+    assert_true(tc_gl_backend_gpu_ms(b.instance) > 0);
+  b.scene.camera.position[0] += 5;
+  b.scene.image.background[0] = 0.5;
+  assert_made(bench_render(&b, NULL));
+  assert_int_equal(tc_gl_backend_compiled(b.instance), 1);
+  b.scene.camera.projection = TC_ORTHOGRAPHIC;
+  assert_made(bench_render(&b, NULL));
+  b.scene.camera.projection = TC_PERSPECTIVE;
+  assert_made(bench_render(&b, NULL));
+  assert_int_equal(tc_gl_backend_compiled(b.instance), 2);
+  bench_close(&b);
+  tc_volume_unref(volume);
+}
+
+/* The way of reading that is chosen for a type keeps the contract; what the other would cost and gain is printed. */
+static void test_ways_of_reading(void **state) {
+  needs_gl();
+  enum { SIDE = 300 };
+  float *exact = malloc(SIDE * SIDE * 16);
+  for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
+    tc_volume *volume = waves((tc_voxel_type)type, 64, 17);
+    bench b;
+    bench_open(&b, volume, SIDE);
+    tc_gl_field chosen = tc_gl_choose_field(tc_gl_backend_report(b.instance), (tc_voxel_type)type);
+    double ms[TC_GL_FIELD_COUNT], worst = 0;
+    for (int field = 0; field < TC_GL_FIELD_COUNT; field++) {
+      tc_gl_backend_set_field(b.instance, (tc_gl_field)field);
+      tc_gl_backend.forget(b.instance, tc_volume_serial(volume));
+      assert_made(bench_render(&b, NULL)); /* uploads and compiles */
+      double start = now_ms();
+      assert_made(bench_render(&b, NULL));
+      ms[field] = now_ms() - start;
+      if (field == TC_GL_FIELD_GATHER)
+        memcpy(exact, b.frame.linear, SIDE * SIDE * 16);
+    }
+    for (int i = 0; i < SIDE * SIDE * 4; i++)
+      worst = fmax(worst, fabs((double)b.frame.linear[i] - exact[i]));
+    printf("  %s: gathered %.1f ms, filtered %.1f ms and off by up to %.2e; chosen: %s\n",
+           tc_voxel_type_name((tc_voxel_type)type), ms[TC_GL_FIELD_GATHER], ms[TC_GL_FIELD_FILTERED], worst,
+           chosen == TC_GL_FIELD_GATHER ? "gathered" : "filtered");
+    if (chosen == TC_GL_FIELD_FILTERED)
+      assert_true(worst < 1e-4);
+    bench_close(&b);
+    tc_volume_unref(volume);
+  }
+  free(exact);
+}
+
+typedef struct canceller {
+  atomic_bool flag;
+  double at_ms;
+} canceller;
+
+static void *cancel_soon(void *context) {
+  canceller *c = context;
+  nanosleep(&(struct timespec){.tv_nsec = 50000000}, NULL);
+  c->at_ms = now_ms();
+  atomic_store(&c->flag, true);
+  return NULL;
+}
+
+/* A frame of some seconds ends soon after it is cancelled, and the next one is whole. */
+static void test_cancel(void **state) {
+  needs_gl();
+  tc_volume *volume = waves(TC_U8, 48, 17);
+  bench b;
+  bench_open(&b, volume, 1500);
+  b.scene.sampling.step = 0.25;
+  atomic_bool cancelled = true;
+  assert_false(bench_render(&b, &cancelled));
+  expect_error(TC_ERROR_CANCELLED, "cancelled");
+  canceller c = {.flag = false};
+  pthread_t thread;
+  double start = now_ms();
+  assert_int_equal(pthread_create(&thread, NULL, cancel_soon, &c), 0);
+  bool finished = bench_render(&b, &c.flag);
+  double end = now_ms();
+  pthread_join(thread, NULL);
+  if (finished) {
+    printf("  the whole frame took only %.1f ms\n", end - start);
+  } else {
+    printf("  stopped %.1f ms after the wish\n", end - c.at_ms);
+    expect_error(TC_ERROR_CANCELLED, "cancelled");
+    assert_true(end - c.at_ms < 2000);
+  }
+  b.scene.sampling.step = 1;
+  tc_table_free(b.table);
+  b.table = NULL;
+  assert_made(bench_render(&b, NULL));
+  const float *center = b.frame.linear + (750 * 1500 + 750) * 4;
+  assert_true(center[3] > 0);
+  bench_close(&b);
+  tc_volume_unref(volume);
+}
+
+/* ---- memory ---- */
+
+static void test_limits(void **state) {
+  needs_gl();
+  const int sizes[][3] = {{70000, 2, 1}, {1, 70000, 3}, {1, 16000, 4097}}; /* sides, and an atlas beyond any texture's */
+  const double zero = 0;
+  tc_renderer *r = new_gl(0);
+  for (size_t i = 0; i < G_N_ELEMENTS(sizes); i++) {
+    test_grid grid = {.type = TC_U8};
+    memcpy(grid.dims, sizes[i], sizeof grid.dims);
+    tc_volume *volume = test_volume(&grid, test_constant, &zero);
+    tc_scene scene;
+    tc_frame frame = {0};
+    set_scene(&scene, volume, 16);
+    assert_false(tc_render(r, volume, &scene, NULL, &frame, NULL, &error));
+    expect_error(TC_ERROR_LIMIT, "--backend cpu");
+    tc_frame_finish(&frame);
+    tc_scene_clear(&scene);
+    tc_volume_unref(volume);
+  }
+  /* The renderer still works. */
+  tc_volume *small = waves(TC_U8, 24, 11);
+  tc_frame frame;
+  render_first(r, small, 40, &frame);
+  tc_frame_finish(&frame);
+  tc_volume_unref(small);
+  tc_renderer_free(r);
+}
+
+/* More volumes than are kept, with a budget for all and for one; each always shows itself. */
+static void test_eviction(void **state) {
+  needs_gl();
+  enum { COUNT = 11 };
+  for (int tight = 0; tight < 2; tight++) {
+    tc_renderer *r = new_gl(tight ? 1 : 0);
+    tc_volume *volumes[COUNT];
+    tc_frame frames[COUNT];
+    for (int i = 0; i < COUNT; i++) {
+      volumes[i] = waves(TC_U8, 16, 5 + i);
+      render_first(r, volumes[i], 48, &frames[i]);
+      if (i > 0)
+        assert_memory_not_equal(frames[i].rgba, frames[i - 1].rgba, 48 * 48 * 4);
+    }
+    for (int round = 0; round < 3; round++)
+      for (int i = 0; i < COUNT; i++) {
+        int pick = (i * 7 + round) % COUNT;
+        expect_same(r, volumes[pick], &frames[pick]);
+        if (i == round)
+          tc_renderer_forget(r, volumes[pick]);
+      }
+    for (int i = 0; i < COUNT; i++) {
+      tc_frame_finish(&frames[i]);
+      tc_volume_unref(volumes[i]);
+    }
+    tc_renderer_free(r);
+  }
+}
+
+int main(void) {
+  setenv("MESA_SHADER_CACHE_DISABLE", "true", 1); /* its key misses some of Mesa's own settings */
+  const struct CMUnitTest tests[] = {
+    cmocka_unit_test(test_report),        cmocka_unit_test(test_several_contexts),   cmocka_unit_test(test_other_thread),
+    cmocka_unit_test(test_program_cache), cmocka_unit_test(test_unbuilt_keys),       cmocka_unit_test(test_nothing_is_rebuilt),
+    cmocka_unit_test(test_ways_of_reading), cmocka_unit_test(test_cancel),           cmocka_unit_test(test_limits),
+    cmocka_unit_test(test_eviction)};
+  return cmocka_run_group_tests(tests, set_up, NULL);
+}
