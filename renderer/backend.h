@@ -5,6 +5,7 @@
 #include "renderer/classify/classify.h"
 #include "renderer/pool.h"
 #include "renderer/raycast/rays.h"
+#include "renderer/skip/skip.h"
 #include "renderer/tomocast.h"
 
 /* One frame's work: everything was validated, every resource is built and lives until render() returns. */
@@ -14,6 +15,7 @@ typedef struct tc_job {
   const tc_volume *volume;
   const tc_rays *rays;
   const tc_table *table; /* NULL when the plan has none */
+  const tc_leap *leap;   /* NULL unless plan->key.skipping */
   const atomic_bool *cancel; /* may be NULL */
   bool want_linear;
   tc_frame *frame; /* width, height set; buffers allocated; stats.samples and .rays to be filled */

@@ -43,6 +43,7 @@ typedef struct tc_frame_stats {
   double tables_ms, skip_ms, render_ms; /* wall time of the stages */
   uint64_t samples;                     /* field samples taken */
   uint64_t rays;                        /* rays that met the volume */
+  uint64_t leaps;                       /* jumps over empty space, counted as the back end makes them (packets or rays) */
 } tc_frame_stats;
 
 /* A finished picture. Zero-initialise before first use; buffers are reused by the next tc_render(). */

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "renderer/classify/classify.h"
+#include "renderer/skip/skip.h"
 
 /* A ray takes at most this many samples: more is a mistake in the scene, and float positions end there. */
 #define MAX_SAMPLES_PER_RAY 8e6
@@ -136,8 +137,10 @@ static void plan_stages(tc_plan *plan, const tc_scene *s) {
   stage(plan, TC_STAGE_TABLE_2D, true, "classification is preintegrated: %d values a side, segments of %.4g mm",
         plan->table_size, plan->step_mm);
   stage(plan, TC_STAGE_GRADIENT, false, "shading.model is none");
-  stage(plan, TC_STAGE_SKIPPING, false,
-        s->skipping.mode == TC_SKIPPING_OFF ? "skipping.mode is off" : "this version samples every step");
+  stage(plan, TC_STAGE_SKIPPING, plan->key.skipping,
+        s->skipping.mode == TC_SKIPPING_OFF ? "skipping.mode is off"
+        : plan->key.skipping                ? "the transfer function is zero over part of the range"
+                                            : "the transfer function is nowhere zero in the volume's range");
   stage(plan, TC_STAGE_CLIPPING, false, "no clip box or plane");
   stage(plan, TC_STAGE_JITTER, false, "sampling.jitter is off");
   stage(plan, TC_STAGE_LABELS, false, "no label volume");
@@ -170,6 +173,9 @@ bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int
                             .projection = (uint8_t)scene->camera.projection,
                             .shading = (uint8_t)scene->shading.model,
                             .termination = scene->sampling.termination > 0};
+  const tc_volume_stats *range = tc_volume_statistics(volume);
+  plan->key.skipping = scene->skipping.mode == TC_SKIPPING_AUTO &&
+                       tc_skip_possible(&scene->transfer_function, range->min, range->max);
   plan->width = width;
   plan->height = height;
   plan->step_mm = scene->sampling.step * fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2]));

@@ -26,7 +26,7 @@ typedef struct cpu_frame {
   tc_cpu_kernel kernel;
   tc_resolve resolve;
   int tiles_x;
-  struct { tc_cpu_counts counts; char pad[48]; } *workers; /* a cache line each */
+  struct { tc_cpu_counts counts; char pad[40]; } *workers; /* a cache line each */
 } cpu_frame;
 
 static const cpu_isa isas[] = {{"scalar", tc_kernel_scalar}, {"avx2", tc_kernel_avx2}, {"avx512", tc_kernel_avx512}};
@@ -127,6 +127,13 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
   a->value_scale = (float)((job->table->n - 1) / (job->table->hi - job->table->lo));
   a->node_last = (float)(job->table->n - 1);
   a->termination = (float)job->scene->sampling.termination;
+  if (job->leap) {
+    a->distance = job->leap->distance;
+    a->block_log2 = job->leap->log2;
+    a->block = (float)(1 << job->leap->log2);
+    a->block_row = job->leap->blocks[0];
+    a->block_slice = job->leap->blocks[0] * job->leap->blocks[1];
+  }
 }
 
 static void render_tile(void *context, int index, int worker) {
@@ -167,6 +174,7 @@ static bool cpu_render(void *instance, const tc_job *job, GError **error) {
   for (int i = 0; i < tc_pool_threads(b->pool); i++) {
     job->frame->stats.samples += f.workers[i].counts.samples;
     job->frame->stats.rays += f.workers[i].counts.rays;
+    job->frame->stats.leaps += f.workers[i].counts.leaps;
   }
   free(f.workers);
   if (job->cancel && atomic_load(job->cancel)) {

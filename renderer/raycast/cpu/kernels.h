@@ -28,10 +28,13 @@ typedef struct tc_cpu_args {
   float table_stride; /* entries a row; offsets are computed in float, exact below 2^24 */
   float value_lo, value_scale, node_last; /* node = (voxel - value_lo) * value_scale, clamped to [0, node_last] */
   float termination;
+  const uint8_t *distance; /* tc_leap's map, when the plan leaps */
+  int block_log2, block_row, block_slice;
+  float block; /* voxels */
 } tc_cpu_args;
 
 typedef struct tc_cpu_counts {
-  uint64_t samples, rays;
+  uint64_t samples, rays, leaps; /* leaps: of whole packets */
 } tc_cpu_counts;
 
 /* Renders pixels [x0, x1) x [y0, y1) to out, [y1-y0][stride][4] floats: premultiplied colour and opacity. Lanes of a packet

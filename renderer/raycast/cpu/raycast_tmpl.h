@@ -123,46 +123,83 @@ V_INLINE vf4 shorten(vf4 c, vf share, vm which) {
   return (vf4){c.r * scale, c.g * scale, c.b * scale, c.a * scale};
 }
 
-V_INLINE void cast_packet(const tc_cpu_args *g, int type, bool terminate, int x, int y, int x1, int y1, vf4 *out,
+/* How many whole steps every live ray of the packet may go on from mm t and stay among empty blocks; 0 when one of them
+ * may not. The margin of a hundredth of a voxel is far above the rounding of positions (skip/skip.h). */
+V_INLINE int leap_steps(const tc_cpu_args *g, const packet *p, vf t, vm live) {
+  vf q[3];
+  vi block[3];
+  for (int k = 0; k < 3; k++) {
+    q[k] = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(g->last[k]));
+    block[k] = v_sra(v_mini(v_trunc(q[k]), v_seti(g->cell_last[k])), g->block_log2);
+  }
+  vi off = v_addi(block[0], v_addi(v_muli(block[1], v_seti(g->block_row)), v_muli(block[2], v_seti(g->block_slice))));
+  vf distance = v_float(v_bytes(g->distance, off));
+  if (m_any(m_and(live, v_lt(distance, v_set(1))))) return 0;
+  vf far = v_set(1e9f);
+  for (int k = 0; k < 3; k++) {
+    vf corner = v_float(block[k]) * v_set(g->block), reach = (distance - v_set(1)) * v_set(g->block);
+    vm ahead = v_lt(v_set(0), p->dir[k]);
+    vf wall = v_select(ahead, corner + reach + v_set(g->block - 0.01f), corner - reach + v_set(0.01f));
+    vm still = v_lt(v_abs(p->dir[k]), v_set(1e-12f));
+    vf mm = (wall - q[k]) / v_select(still, v_set(1), p->dir[k]);
+    far = v_min(far, v_select(still, v_set(1e9f), mm));
+  }
+  float least = v_least(v_select(live, far, v_set(1e9f))) / g->step_mm;
+  return least < 1 ? 0 : least < 1e6f ? (int)least : 1000000;
+}
+
+/* One packet from its rays' entries to their ends. `leap` and `terminate` are constants of the variant. */
+V_INLINE void cast_packet(const tc_cpu_args *g, int type, bool terminate, bool leap, int x, int y, int x1, int y1, vf4 *out,
                           tc_cpu_counts *counts) {
   packet p = start_packet(g, x, y, x1, y1);
-  vf clear = v_set(1);
+  vf clear = v_set(1), front = v_set(0);
   vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
-  if (m_any(p.live)) {
-    counts->rays += (uint64_t)m_count(p.live);
-    counts->samples += (uint64_t)m_count(p.live);
-    vf front = sample_node(g, type, &p, v_set(0));
-    vm live = p.live;
-    float t0 = 0;
-    for (int i = 1;; i++) {
-      float t1 = (float)i * g->step_mm;
-      vf back = sample_node(g, type, &p, v_min(v_set(t1), p.length));
-      vf4 c = classify(g, front, back);
-      vm ends = v_lt(p.length, v_set(t1));
-      if (m_any(ends)) c = shorten(c, v_max(p.length - v_set(t0), v_set(0)) / v_set(g->step_mm), ends);
-      vf weight = v_select(live, clear, v_set(0));
-      sum.r = v_fma(weight, c.r, sum.r);
-      sum.g = v_fma(weight, c.g, sum.g);
-      sum.b = v_fma(weight, c.b, sum.b);
-      clear = v_fnma(weight, c.a, clear);
-      counts->samples += (uint64_t)m_count(live);
-      live = m_and(live, v_lt(v_set(t1), p.length));
-      if (terminate) live = m_and(live, v_le(v_set(g->termination), clear));
-      if (!m_any(live)) break;
-      front = back;
-      t0 = t1;
+  vm live = p.live;
+  bool fresh = true, empty = leap; /* no front sample yet; nothing seen in the last segment */
+  counts->rays += (uint64_t)m_count(live);
+  for (int i = 0; m_any(live); i++) {
+    float t0 = (float)i * g->step_mm, t1 = (float)(i + 1) * g->step_mm;
+    if (leap && empty) {
+      int n = leap_steps(g, &p, v_set(t0), live);
+      if (n) {
+        i += n;
+        t0 = (float)i * g->step_mm, t1 = (float)(i + 1) * g->step_mm;
+        live = m_and(live, v_lt(v_set(t0), p.length));
+        counts->leaps++;
+        fresh = true;
+        if (!m_any(live)) break;
+      }
     }
+    if (fresh) {
+      front = sample_node(g, type, &p, v_set(t0));
+      counts->samples += (uint64_t)m_count(live);
+      fresh = false;
+    }
+    vf back = sample_node(g, type, &p, v_min(v_set(t1), p.length));
+    vf4 c = classify(g, front, back);
+    vm ends = v_lt(p.length, v_set(t1));
+    if (m_any(ends)) c = shorten(c, v_max(p.length - v_set(t0), v_set(0)) / v_set(g->step_mm), ends);
+    vf weight = v_select(live, clear, v_set(0));
+    sum.r = v_fma(weight, c.r, sum.r);
+    sum.g = v_fma(weight, c.g, sum.g);
+    sum.b = v_fma(weight, c.b, sum.b);
+    clear = v_fnma(weight, c.a, clear);
+    counts->samples += (uint64_t)m_count(live);
+    if (leap) empty = !m_any(m_and(live, v_lt(v_set(0), c.a)));
+    live = m_and(live, v_lt(v_set(t1), p.length));
+    if (terminate) live = m_and(live, v_le(v_set(g->termination), clear));
+    front = back;
   }
   sum.a = v_set(1) - clear;
   *out = sum;
 }
 
-V_INLINE void cast_tile(const tc_cpu_args *g, int type, bool terminate, int x0, int y0, int x1, int y1, float *out,
+V_INLINE void cast_tile(const tc_cpu_args *g, int type, bool terminate, bool leap, int x0, int y0, int x1, int y1, float *out,
                         ptrdiff_t stride, tc_cpu_counts *counts) {
   for (int y = y0; y < y1; y += V_PACKET_Y)
     for (int x = x0; x < x1; x += V_PACKET_X) {
       vf4 c;
-      cast_packet(g, type, terminate, x, y, x1, y1, &c, counts);
+      cast_packet(g, type, terminate, leap, x, y, x1, y1, &c, counts);
       float lanes[4][V_LANES];
       v_store(lanes[0], c.r);
       v_store(lanes[1], c.g);
@@ -177,12 +214,16 @@ V_INLINE void cast_tile(const tc_cpu_args *g, int type, bool terminate, int x0, 
     }
 }
 
-#define KERNEL(type, terminate, name)                                                                                \
+#define KERNEL(type, terminate, leap, name)                                                                          \
   static void name(const tc_cpu_args *g, int x0, int y0, int x1, int y1, float *out, ptrdiff_t stride,               \
                    tc_cpu_counts *counts) {                                                                          \
-    cast_tile(g, type, terminate, x0, y0, x1, y1, out, stride, counts);                                              \
+    cast_tile(g, type, terminate, leap, x0, y0, x1, y1, out, stride, counts);                                        \
   }
-#define KERNELS(type, name) KERNEL(type, false, name##_whole) KERNEL(type, true, name##_early)
+#define KERNELS(type, name)                                                                                          \
+  KERNEL(type, false, false, name##_whole)                                                                           \
+  KERNEL(type, true, false, name##_early)                                                                            \
+  KERNEL(type, false, true, name##_whole_leap)                                                                       \
+  KERNEL(type, true, true, name##_early_leap)
 KERNELS(TC_U8, dvr_u8)
 KERNELS(TC_I8, dvr_i8)
 KERNELS(TC_U16, dvr_u16)
@@ -190,11 +231,9 @@ KERNELS(TC_I16, dvr_i16)
 KERNELS(TC_F32, dvr_f32)
 
 static tc_cpu_kernel find_kernel(const tc_plan_key *key) {
-  static const tc_cpu_kernel dvr[TC_VOXEL_TYPE_COUNT][2] = {{dvr_u8_whole, dvr_u8_early},
-                                                            {dvr_i8_whole, dvr_i8_early},
-                                                            {dvr_u16_whole, dvr_u16_early},
-                                                            {dvr_i16_whole, dvr_i16_early},
-                                                            {dvr_f32_whole, dvr_f32_early}};
+#define ROW(name) {{name##_whole, name##_whole_leap}, {name##_early, name##_early_leap}}
+  static const tc_cpu_kernel dvr[TC_VOXEL_TYPE_COUNT][2][2] = {ROW(dvr_u8), ROW(dvr_i8), ROW(dvr_u16), ROW(dvr_i16),
+                                                               ROW(dvr_f32)};
   if (key->mode != TC_MODE_DVR || key->voxel_type >= TC_VOXEL_TYPE_COUNT) return NULL;
-  return dvr[key->voxel_type][key->termination != 0];
+  return dvr[key->voxel_type][key->termination != 0][key->skipping != 0];
 }

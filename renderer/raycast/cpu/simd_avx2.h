@@ -48,6 +48,14 @@ V_INLINE vm m_andnot(vm a, vm b) { return _mm256_andnot_ps(b, a); }
 V_INLINE bool m_any(vm a) { return _mm256_movemask_ps(a) != 0; }
 V_INLINE int m_count(vm a) { return __builtin_popcount((unsigned)_mm256_movemask_ps(a)); }
 V_INLINE void v_store(float *p, vf a) { _mm256_storeu_ps(p, a); }
+V_INLINE float v_least(vf a) {
+  __m128 m = _mm_min_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps(a, 1));
+  m = _mm_min_ps(m, _mm_movehl_ps(m, m));
+  return _mm_cvtss_f32(_mm_min_ss(m, _mm_movehdup_ps(m)));
+}
+V_INLINE vi v_bytes(const uint8_t *base, vi off) {
+  return _mm256_and_si256(_mm256_i32gather_epi32((const int *)(const void *)base, off, 1), _mm256_set1_epi32(255));
+}
 
 /* One 32-bit gather fetches a voxel and its right neighbour; the volume's tail pad makes the last one readable. */
 V_INLINE vi v_gather_bytes(const void *base, vi off) { return _mm256_i32gather_epi32((const int *)base, off, 1); }

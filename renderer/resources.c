@@ -1,0 +1,212 @@
+#include "renderer/resources.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* One list holds all kinds, so that one budget and one rule of age serve them. */
+typedef enum item_kind { ITEM_TABLE, ITEM_MINMAX, ITEM_LEAP } item_kind;
+
+typedef struct item {
+  item_kind kind;
+  void *thing; /* tc_table, tc_minmax or tc_leap; owned */
+  size_t bytes;
+  uint64_t last_use;
+  uint64_t volume, table; /* serials it belongs to */
+  int log2;
+  tc_table_params params; /* table: .tf points to tf below */
+  tc_transfer_function *tf; /* its own copy, at a fixed place */
+} item;
+
+struct tc_resources {
+  tc_pool *pool;
+  uint64_t budget, held, clock;
+  item *items;
+  int count, capacity;
+};
+
+tc_resources *tc_resources_new(tc_pool *pool, uint64_t budget_bytes, GError **error) {
+  tc_resources *r = calloc(1, sizeof *r);
+  if (!r) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "renderer: out of memory");
+    return NULL;
+  }
+  r->pool = pool;
+  r->budget = budget_bytes;
+  return r;
+}
+
+static void drop(tc_resources *r, int i) {
+  item *it = &r->items[i];
+  switch (it->kind) {
+  case ITEM_TABLE: tc_table_free(it->thing); break;
+  case ITEM_MINMAX: tc_minmax_free(it->thing); break;
+  case ITEM_LEAP: tc_leap_free(it->thing); break;
+  }
+  if (it->tf) free(it->tf->points);
+  free(it->tf);
+  r->held -= it->bytes;
+  r->items[i] = r->items[--r->count];
+}
+
+void tc_resources_free(tc_resources *resources) {
+  if (!resources) return;
+  while (resources->count) drop(resources, resources->count - 1);
+  free(resources->items);
+  free(resources);
+}
+
+/* Room for one more of `bytes`, by dropping the oldest of the same kind first: what the current frame already asked for is
+ * of another kind and stays. */
+static item *make_room(tc_resources *r, item_kind kind, size_t bytes) {
+  while (r->held + bytes > r->budget) {
+    int oldest = -1;
+    for (int i = 0; i < r->count; i++)
+      if (r->items[i].kind == kind && (oldest < 0 || r->items[i].last_use < r->items[oldest].last_use)) oldest = i;
+    if (oldest < 0) break;
+    drop(r, oldest);
+  }
+  if (r->count == r->capacity) {
+    int capacity = r->capacity ? 2 * r->capacity : 32;
+    item *grown = realloc(r->items, (size_t)capacity * sizeof *grown);
+    if (!grown) return NULL;
+    r->items = grown;
+    r->capacity = capacity;
+  }
+  r->held += bytes;
+  item *it = &r->items[r->count++];
+  *it = (item){.kind = kind, .bytes = bytes, .last_use = ++r->clock};
+  return it;
+}
+
+static const void *used(tc_resources *r, item *it) {
+  it->last_use = ++r->clock;
+  return it->thing;
+}
+
+/* ---- tables ---- */
+
+static bool same_transfer_function(const tc_transfer_function *a, const tc_transfer_function *b) {
+  return a->count == b->count && a->kind == b->kind &&
+         (a->kind == TC_KNOT_EXTINCTION || a->unit_distance_mm == b->unit_distance_mm) &&
+         !memcmp(a->points, b->points, a->count * sizeof *a->points);
+}
+
+static bool same_table(const tc_table_params *a, const tc_table_params *b) {
+  return a->n == b->n && a->voxel_lo == b->voxel_lo && a->voxel_hi == b->voxel_hi && a->slope == b->slope &&
+         a->intercept == b->intercept && a->step_mm == b->step_mm && a->linear_light == b->linear_light &&
+         same_transfer_function(a->tf, b->tf);
+}
+
+tc_table_params tc_table_params_for(const tc_volume *volume, const tc_scene *scene, double step_mm) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  tc_table_params p = {.tf = &scene->transfer_function,
+                       .slope = d->slope,
+                       .intercept = d->intercept,
+                       .step_mm = step_mm,
+                       .linear_light = scene->image.linear_light};
+  tc_table_choose(volume, p.tf, &p.n, &p.voxel_lo, &p.voxel_hi);
+  return p;
+}
+
+const tc_table *tc_resources_find_table(tc_resources *r, const tc_table_params *params) {
+  for (int i = 0; i < r->count; i++)
+    if (r->items[i].kind == ITEM_TABLE && same_table(&r->items[i].params, params)) return used(r, &r->items[i]);
+  return NULL;
+}
+
+static tc_transfer_function *copy_transfer_function(const tc_transfer_function *from) {
+  tc_transfer_function *tf = malloc(sizeof *tf);
+  tc_knot *points = malloc(from->count * sizeof *points);
+  if (!tf || !points) {
+    free(tf);
+    free(points);
+    return NULL;
+  }
+  *tf = *from;
+  tf->points = memcpy(points, from->points, from->count * sizeof *points);
+  return tf;
+}
+
+const tc_table *tc_resources_table(tc_resources *r, const tc_table_params *params, double *ms, GError **error) {
+  const tc_table *found = tc_resources_find_table(r, params);
+  if (found) return found;
+  tc_table *table = tc_table_build(params, r->pool, error);
+  if (!table) return NULL;
+  tc_transfer_function *tf = copy_transfer_function(params->tf);
+  item *it = tf ? make_room(r, ITEM_TABLE, table->bytes) : NULL;
+  if (!it) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "transfer function: out of memory");
+    if (tf) free(tf->points);
+    free(tf);
+    tc_table_free(table);
+    return NULL;
+  }
+  it->thing = table;
+  it->table = table->serial;
+  it->params = *params;
+  it->params.tf = it->tf = tf;
+  *ms += table->build_ms;
+  return table;
+}
+
+/* ---- leaping ---- */
+
+const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int log2) {
+  for (int i = 0; i < r->count; i++) {
+    item *it = &r->items[i];
+    if (it->kind == ITEM_MINMAX && it->volume == tc_volume_serial(volume) && it->log2 == log2) return used(r, it);
+  }
+  return NULL;
+}
+
+const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, int log2, double *ms, GError **error) {
+  const tc_minmax *found = tc_resources_find_minmax(r, volume, log2);
+  if (found) return found;
+  tc_minmax *m = tc_minmax_build(volume, log2, r->pool, error);
+  if (!m) return NULL;
+  item *it = make_room(r, ITEM_MINMAX, m->bytes);
+  if (!it) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "min-max blocks: out of memory");
+    tc_minmax_free(m);
+    return NULL;
+  }
+  it->thing = m;
+  it->volume = tc_volume_serial(volume);
+  it->log2 = log2;
+  *ms += m->build_ms;
+  return m;
+}
+
+const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int log2, const tc_table *table) {
+  for (int i = 0; i < r->count; i++) {
+    item *it = &r->items[i];
+    if (it->kind == ITEM_LEAP && it->volume == tc_volume_serial(volume) && it->log2 == log2 && it->table == table->serial)
+      return used(r, it);
+  }
+  return NULL;
+}
+
+const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_table *table,
+                                 double *ms, GError **error) {
+  const tc_leap *found = tc_resources_find_leap(r, volume, minmax->log2, table);
+  if (found) return found;
+  tc_leap *leap = tc_leap_build(minmax, table, error);
+  if (!leap) return NULL;
+  item *it = make_room(r, ITEM_LEAP, leap->bytes);
+  if (!it) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "distance map: out of memory");
+    tc_leap_free(leap);
+    return NULL;
+  }
+  it->thing = leap;
+  it->volume = tc_volume_serial(volume);
+  it->table = table->serial;
+  it->log2 = minmax->log2;
+  *ms += leap->build_ms;
+  return leap;
+}
+
+void tc_resources_forget(tc_resources *r, uint64_t volume_serial) {
+  for (int i = r->count - 1; i >= 0; i--)
+    if (r->items[i].volume == volume_serial) drop(r, i);
+}

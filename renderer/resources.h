@@ -1,0 +1,32 @@
+/* Tables and leaping structures: built on first need, shared by every scene that needs the same, dropped least recently used
+ * first when they outgrow the budget. One thread at a time (the render thread). What a call returns lives until the next
+ * call that builds something of the same kind; a frame asks for all it needs once. */
+#ifndef TC_RENDERER_RESOURCES_H
+#define TC_RENDERER_RESOURCES_H
+
+#include "renderer/classify/classify.h"
+#include "renderer/skip/skip.h"
+
+typedef struct tc_resources tc_resources;
+
+tc_resources *tc_resources_new(tc_pool *pool, uint64_t budget_bytes, GError **error);
+void tc_resources_free(tc_resources *resources); /* NULL is fine */
+
+/* The table parameters of a scene over a volume; .tf points into the scene. */
+tc_table_params tc_table_params_for(const tc_volume *volume, const tc_scene *scene, double step_mm);
+
+/* Find or build; *ms grows by what building took. */
+const tc_table *tc_resources_table(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
+const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, int log2, double *ms, GError **error);
+const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_table *table,
+                                 double *ms, GError **error);
+
+/* Find only: NULL when it is not there now. */
+const tc_table *tc_resources_find_table(tc_resources *r, const tc_table_params *params);
+const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int log2);
+const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int log2, const tc_table *table);
+
+/* Drops what belongs to a volume. */
+void tc_resources_forget(tc_resources *r, uint64_t volume_serial);
+
+#endif
