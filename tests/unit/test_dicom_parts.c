@@ -1,0 +1,341 @@
+/* The smaller pieces of the DICOM reader: samples to voxels, the zip reader, the wire between helper and parent. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "renderer/import/dicom_pixels.h"
+#include "renderer/import/dicom_wire.h"
+#include "renderer/import/dicom_zip.h"
+#include "tests/support/dicom_files.h"
+
+/* ---- samples ---- */
+
+static tc_dicom_samples grey(int allocated, int stored, int high, bool is_signed) {
+  return (tc_dicom_samples){.rows = 1, .columns = 4, .allocated = allocated, .stored = stored, .high = high,
+                            .is_signed = is_signed, .per_pixel = 1};
+}
+
+static void bits_outside_the_pixel_are_cut(void **state) {
+  /* 12 bits stored at 11..0 with an overlay in the top bits, unsigned and signed. */
+  const uint8_t bytes[8] = {0xff, 0xff, 0x00, 0xf8, 0x01, 0x10, 0x34, 0xa2};
+  tc_dicom_samples s = grey(16, 12, 11, false);
+  tc_dicom_target target = {.type = TC_U16};
+  uint16_t u[4];
+  assert_int_equal(tc_dicom_natural_type(&s), TC_U16);
+  assert_true(tc_dicom_convert(&s, bytes, sizeof bytes, 0, &target, u));
+  static const uint16_t want_u[4] = {0xfff, 0x800, 0x001, 0x234};
+  assert_memory_equal(u, want_u, sizeof u);
+  s = grey(16, 12, 11, true);
+  int16_t i[4];
+  target.type = tc_dicom_natural_type(&s);
+  assert_int_equal(target.type, TC_I16);
+  assert_true(tc_dicom_convert(&s, bytes, sizeof bytes, 0, &target, i));
+  static const int16_t want_i[4] = {-1, -2048, 1, 0x234};
+  assert_memory_equal(i, want_i, sizeof i);
+  /* the same samples stored high, at 15..4 */
+  const uint8_t shifted[8] = {0xf7, 0xff, 0x03, 0x80, 0x1f, 0x00, 0x40, 0x23};
+  s = grey(16, 12, 15, true);
+  assert_true(tc_dicom_convert(&s, shifted, sizeof shifted, 0, &target, i));
+  assert_memory_equal(i, want_i, sizeof i);
+}
+
+static void every_width_converts(void **state) {
+  const uint8_t bytes[32] = {0xfe, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 5};
+  double want[4] = {-2, 5, 0, 0};
+  tc_dicom_samples s = grey(64, 64, 63, true);
+  tc_dicom_target target = {.type = TC_F32, .rescale = true, .slope = 2, .intercept = 1};
+  float out[4];
+  assert_true(tc_dicom_convert(&s, bytes, sizeof bytes, 0, &target, out));
+  for (int i = 0; i < 4; i++) assert_true(out[i] == (float)(2 * want[i] + 1));
+  double lo = INFINITY, hi = -INFINITY;
+  assert_true(tc_dicom_range(&s, bytes, sizeof bytes, &lo, &hi));
+  assert_true(lo == -2 && hi == 5);
+  const uint8_t narrow[4] = {0xff, 0x7f, 0x80, 0x00};
+  int8_t i8[4];
+  s = grey(8, 8, 7, true);
+  target = (tc_dicom_target){.type = tc_dicom_natural_type(&s)};
+  assert_int_equal(target.type, TC_I8);
+  assert_true(tc_dicom_convert(&s, narrow, 4, 0, &target, i8));
+  assert_true(i8[0] == -1 && i8[1] == 127 && i8[2] == -128 && i8[3] == 0);
+  assert_false(tc_dicom_convert(&s, narrow, 3, 0, &target, i8));
+}
+
+static void single_bits_become_labels(void **state) {
+  const uint8_t bytes[2] = {0x50, 0x01}; /* from bit 3: 0 1 0 1 */
+  tc_dicom_samples s = grey(1, 1, 0, false);
+  tc_dicom_target target = {.type = TC_U8, .label = 7, .threshold = 1};
+  uint8_t out[4] = {9, 9, 9, 9};
+  assert_true(tc_dicom_convert(&s, bytes, 2, 3, &target, out));
+  static const uint8_t want[4] = {9, 7, 9, 7}; /* voxels of no segment stay */
+  assert_memory_equal(out, want, 4);
+  assert_false(tc_dicom_convert(&s, bytes, 1, 5, &target, out));
+}
+
+static void colours_become_luma(void **state) {
+  const uint8_t pixels[12] = {255, 0, 0, 0, 255, 0, 0, 0, 255, 255, 255, 255};
+  const uint8_t planes[12] = {255, 0, 0, 255, 0, 255, 0, 255, 0, 0, 255, 255};
+  static const uint8_t want[4] = {54, 182, 18, 255}; /* 0.2126 0.7152 0.0722 of 255, rounded */
+  tc_dicom_samples s = grey(8, 8, 7, false);
+  tc_dicom_target target = {.type = TC_U8};
+  uint8_t out[4];
+  s.per_pixel = 3;
+  s.colour = TC_DICOM_RGB;
+  assert_true(tc_dicom_convert(&s, pixels, 12, 0, &target, out));
+  assert_memory_equal(out, want, 4);
+  s.planar = true;
+  assert_true(tc_dicom_convert(&s, planes, 12, 0, &target, out));
+  assert_memory_equal(out, want, 4);
+}
+
+static void odd_formats_are_not_valid(void **state) {
+  tc_dicom_samples s = grey(16, 12, 11, false);
+  assert_true(tc_dicom_samples_valid(&s));
+  s = grey(16, 17, 16, false);
+  assert_false(tc_dicom_samples_valid(&s));
+  s = grey(16, 12, 10, false);
+  assert_false(tc_dicom_samples_valid(&s));
+  s = grey(24, 24, 23, false);
+  assert_false(tc_dicom_samples_valid(&s));
+  s = grey(8, 8, 7, false);
+  s.rows = 0;
+  assert_false(tc_dicom_samples_valid(&s));
+  s.rows = 65535;
+  s.columns = 65535;
+  assert_true(tc_dicom_frame_bytes(&s) == UINT64_C(65535) * 65535);
+}
+
+/* ---- zip ---- */
+
+static GByteArray *small_zip(void) {
+  zip_writer z = zip_start();
+  zip_add(&z, "../../etc/a", "stored bytes", 12, 0);
+  zip_add(&z, "folder/", "", 0, 0);
+  zip_add(&z, "b", "deflated deflated deflated deflated", 35, 8);
+  return zip_end(&z);
+}
+
+static void zip_members_read_back(void **state) {
+  GByteArray *b = small_zip();
+  tc_dicom_zip zip;
+  uint8_t out[64];
+  size_t got;
+  assert_true(tc_dicom_zip_open(&zip, b->data, b->len, NULL));
+  assert_int_equal(zip.count, 3);
+  assert_false(zip.members[1].usable);
+  assert_true(tc_dicom_zip_read(&zip, 0, out, sizeof out, &got, NULL));
+  assert_int_equal(got, 12);
+  assert_memory_equal(out, "stored bytes", 12);
+  assert_true(tc_dicom_zip_read(&zip, 2, out, sizeof out, &got, NULL));
+  assert_int_equal(got, 35);
+  assert_memory_equal(out, "deflated deflated deflated deflated", 35);
+  assert_true(tc_dicom_zip_read(&zip, 2, out, 8, &got, NULL));
+  assert_int_equal(got, 8);
+  assert_false(tc_dicom_zip_read(&zip, 1, out, 8, &got, NULL));
+  assert_false(tc_dicom_zip_read(&zip, 3, out, 8, &got, NULL));
+  tc_dicom_zip_finish(&zip);
+  g_byte_array_free(b, TRUE);
+}
+
+static void read_all_members(const uint8_t *bytes, size_t size) {
+  tc_dicom_zip zip;
+  if (!tc_dicom_zip_open(&zip, bytes, size, NULL)) return;
+  for (size_t i = 0; i < zip.count; i++) {
+    size_t got, want = zip.members[i].size < 4096 ? zip.members[i].size : 4096;
+    uint8_t *out = g_malloc(want + 1);
+    tc_dicom_zip_read(&zip, i, out, want, &got, NULL);
+    g_free(out);
+  }
+  tc_dicom_zip_finish(&zip);
+}
+
+static void damaged_zips_are_errors(void **state) {
+  GByteArray *b = small_zip();
+  for (guint n = 0; n < b->len; n++) { /* no prefix is a zip; the copy is exact so that an over-read is seen */
+    uint8_t *cut = g_memdup2(b->data, n);
+    tc_dicom_zip zip;
+    GError *error = NULL;
+    assert_false(tc_dicom_zip_open(&zip, cut, n, &error));
+    assert_non_null(error);
+    g_error_free(error);
+    g_free(cut);
+  }
+  for (guint n = 0; n < b->len; n++)
+    for (int bit = 0; bit < 8; bit++) {
+      uint8_t *bad = g_memdup2(b->data, b->len);
+      bad[n] ^= (uint8_t)(1 << bit);
+      read_all_members(bad, b->len);
+      g_free(bad);
+    }
+  g_byte_array_free(b, TRUE);
+}
+
+static void a_wrong_checksum_is_seen(void **state) {
+  GByteArray *b = small_zip();
+  tc_dicom_zip zip;
+  uint8_t out[64];
+  size_t got;
+  GError *error = NULL;
+  memcpy(b->data + 30 + strlen("../../etc/a"), "STORED", 6);
+  assert_true(tc_dicom_zip_open(&zip, b->data, b->len, NULL));
+  assert_false(tc_dicom_zip_read(&zip, 0, out, sizeof out, &got, &error));
+  assert_non_null(strstr(error->message, "checksum"));
+  g_error_free(error);
+  tc_dicom_zip_finish(&zip);
+  g_byte_array_free(b, TRUE);
+}
+
+/* ---- wire ---- */
+
+typedef struct memory {
+  const uint8_t *bytes;
+  size_t size, at;
+} memory;
+
+static bool read_memory(void *user, void *bytes, size_t size, GError **error) {
+  memory *m = user;
+  if (size > m->size - m->at) {
+    tc_set_error(error, TC_ERROR_FORMAT, NULL, "end");
+    return false;
+  }
+  memcpy(bytes, m->bytes + m->at, size);
+  m->at += size;
+  return true;
+}
+
+static tc_volume_desc small_desc(void) {
+  return (tc_volume_desc){.dims = {3, 2, 2}, .type = TC_I16, .spacing = {1, 2, 3}, .origin = {4, 5, 6},
+                          .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 2, .intercept = -3, .frames = 4,
+                          .modality = "CT", .unit = "HU", .note = "a note", .window_center = 40, .window_width = 400};
+}
+
+/* What a good helper says about a small volume; the bytes end up in a buffer by way of a pipe. */
+static size_t say(uint8_t *out, size_t room, const tc_volume_desc *desc, size_t voxel_bytes) {
+  int fd[2];
+  int16_t voxels[64];
+  for (int i = 0; i < 64; i++) voxels[i] = (int16_t)(i - 5);
+  assert_int_equal(pipe(fd), 0);
+  assert_true(tc_dicom_wire_send_progress(fd[1], 0.5));
+  assert_true(tc_dicom_wire_send_head(fd[1], desc));
+  assert_true(tc_dicom_wire_send_voxels(fd[1], voxels, voxel_bytes));
+  assert_true(tc_dicom_wire_send_end(fd[1]));
+  close(fd[1]);
+  ssize_t n = read(fd[0], out, room);
+  close(fd[0]);
+  assert_true(n > 0);
+  return (size_t)n;
+}
+
+static tc_volume *hear(const uint8_t *bytes, size_t size, uint64_t most, GError **error) {
+  memory m = {bytes, size, 0};
+  tc_dicom_wire_reader reader = {.read = read_memory, .user = &m, .max_voxel_bytes = most};
+  return tc_dicom_wire_load(&reader, error);
+}
+
+static void a_volume_crosses_the_wire(void **state) {
+  uint8_t bytes[2048];
+  tc_volume_desc desc = small_desc();
+  size_t n = say(bytes, sizeof bytes, &desc, 24);
+  tc_volume *v = hear(bytes, n, 0, NULL);
+  assert_non_null(v);
+  const tc_volume_desc *d = tc_volume_describe(v);
+  assert_memory_equal(d->dims, desc.dims, sizeof desc.dims);
+  assert_memory_equal(d->spacing, desc.spacing, sizeof desc.spacing);
+  assert_memory_equal(d->origin, desc.origin, sizeof desc.origin);
+  assert_memory_equal(d->direction, desc.direction, sizeof desc.direction);
+  assert_true(d->slope == 2 && d->intercept == -3 && d->frames == 4 && d->window_center == 40 && d->window_width == 400);
+  assert_string_equal(d->modality, "CT");
+  assert_string_equal(d->unit, "HU");
+  assert_string_equal(d->note, "a note");
+  assert_string_equal(d->format, "dicom");
+  for (int i = 0; i < 12; i++) assert_int_equal(((const int16_t *)tc_volume_data(v))[i], i - 5);
+  tc_volume_unref(v);
+  GError *error = NULL;
+  assert_null(hear(bytes, n, 23, &error));
+  assert_int_equal(error->code, TC_ERROR_LIMIT);
+  g_error_free(error);
+  for (size_t cut = 0; cut < n; cut++) {
+    uint8_t *part = g_memdup2(bytes, cut);
+    assert_null(hear(part, cut, 0, NULL));
+    g_free(part);
+  }
+}
+
+static void lies_about_the_volume_are_refused(void **state) {
+  uint8_t bytes[2048];
+  tc_volume_desc good = small_desc();
+  for (int lie = 0; lie < 14; lie++) {
+    tc_volume_desc d = good;
+    size_t voxels = 24;
+    if (lie == 0) d.dims[1] = 0;
+    if (lie == 1) d.dims[2] = -7;
+    if (lie == 2) d.dims[0] = d.dims[1] = d.dims[2] = 1 << 20;
+    if (lie == 3) d.type = (tc_voxel_type)99;
+    if (lie == 4) d.spacing[0] = NAN;
+    if (lie == 5) d.spacing[1] = 0;
+    if (lie == 6) d.origin[2] = INFINITY;
+    if (lie == 7) d.direction[0] = 5;
+    if (lie == 8) d.slope = 0;
+    if (lie == 9) d.intercept = NAN;
+    if (lie == 10) d.frames = 0;
+    if (lie == 11) d.window_width = -1;
+    if (lie == 12) voxels = 22;
+    if (lie == 13) voxels = 26;
+    size_t n = say(bytes, sizeof bytes, &d, voxels);
+    GError *error = NULL;
+    if (hear(bytes, n, 0, &error)) fail_msg("lie %d was believed", lie);
+    assert_non_null(error);
+    g_error_free(error);
+  }
+}
+
+static void text_from_the_helper_is_tamed(void **state) {
+  int fd[2];
+  uint8_t bytes[1024];
+  assert_int_equal(pipe(fd), 0);
+  assert_true(tc_dicom_wire_send_fail(fd[1], TC_ERROR_CANCELLED, "two\nlines \x1b[31m\xff"));
+  close(fd[1]);
+  ssize_t n = read(fd[0], bytes, sizeof bytes);
+  close(fd[0]);
+  GError *error = NULL;
+  assert_null(hear(bytes, (size_t)n, 0, &error));
+  assert_int_equal(error->code, TC_ERROR_FORMAT); /* only codes about files pass */
+  assert_string_equal(error->message, "two?lines ?[31m?");
+  g_error_free(error);
+}
+
+static bool never(void *user, double fraction) { return false; }
+
+static void the_caller_can_cancel(void **state) {
+  uint8_t bytes[2048];
+  tc_volume_desc desc = small_desc();
+  memory m = {bytes, say(bytes, sizeof bytes, &desc, 24), 0};
+  tc_dicom_wire_reader reader = {.read = read_memory, .user = &m, .tick = never};
+  GError *error = NULL;
+  assert_null(tc_dicom_wire_load(&reader, &error));
+  assert_int_equal(error->code, TC_ERROR_CANCELLED);
+  g_error_free(error);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(bits_outside_the_pixel_are_cut),
+      cmocka_unit_test(every_width_converts),
+      cmocka_unit_test(single_bits_become_labels),
+      cmocka_unit_test(colours_become_luma),
+      cmocka_unit_test(odd_formats_are_not_valid),
+      cmocka_unit_test(zip_members_read_back),
+      cmocka_unit_test(damaged_zips_are_errors),
+      cmocka_unit_test(a_wrong_checksum_is_seen),
+      cmocka_unit_test(a_volume_crosses_the_wire),
+      cmocka_unit_test(lies_about_the_volume_are_refused),
+      cmocka_unit_test(text_from_the_helper_is_tamed),
+      cmocka_unit_test(the_caller_can_cancel),
+  };
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,254 @@
+/* The geometry of DICOM stacks: order, spacing, tilt, duplicates, gaps, segmentations. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/import/dicom_stack.h"
+
+enum { MOST = 64 };
+
+/* n axial pictures from z = 10, `step` mm apart, in file order. */
+static void axial(tc_dicom_slice *s, int n, double step) {
+  memset(s, 0, sizeof *s * (size_t)n);
+  for (int i = 0; i < n; i++) {
+    s[i] = (tc_dicom_slice){.source = (uint32_t)i, .instance = i + 1, .rows = 4, .columns = 5, .has_position = true,
+                            .has_orientation = true, .has_spacing = true, .position = {-1, -2, 10 + step * i},
+                            .orientation = {1, 0, 0, 0, 1, 0}, .spacing = {0.5, 0.75}, .thickness = 9};
+  }
+}
+
+static void close_to(double a, double b) {
+  if (!(fabs(a - b) < 1e-9)) fail_msg("%.17g is not %.17g", a, b);
+}
+
+static void sorts_by_position(void **state) {
+  tc_dicom_slice s[7], shuffled[7];
+  static const int order[7] = {3, 0, 6, 1, 5, 2, 4};
+  tc_dicom_stack stack;
+  axial(s, 7, 2.5);
+  for (int i = 0; i < 7; i++) shuffled[i] = s[order[i]];
+  assert_true(tc_dicom_stack_make(shuffled, 7, &stack, NULL));
+  assert_int_equal(stack.count, 7);
+  for (int i = 0; i < 7; i++) {
+    assert_int_equal(shuffled[stack.items[i].slice].source, i);
+    assert_int_equal(stack.items[i].layer, i);
+  }
+  assert_int_equal(stack.dims[0], 5);
+  assert_int_equal(stack.dims[1], 4);
+  assert_int_equal(stack.dims[2], 7);
+  close_to(stack.spacing[0], 0.5);
+  close_to(stack.spacing[1], 0.75);
+  close_to(stack.spacing[2], 2.5); /* from positions, not the 9 mm thickness */
+  close_to(stack.origin[2], 10);
+  assert_int_equal(stack.frames, 1);
+  assert_string_equal(stack.note, "");
+  tc_dicom_stack_finish(&stack);
+}
+
+/* Whatever the orientation, the grid must give back every slice's own position. */
+static void positions_come_back(void **state) {
+  static const double planes[4][6] = {
+      {1, 0, 0, 0, 1, 0}, {0, 1, 0, 0, 0, -1}, {-1, 0, 0, 0, 1, 0}, {0.6, 0.8, 0, -0.48, 0.36, 0.8}};
+  for (int p = 0; p < 4; p++) {
+    tc_dicom_slice s[9];
+    tc_dicom_stack stack;
+    const double *o = planes[p];
+    double n[3] = {o[1] * o[5] - o[2] * o[4], o[2] * o[3] - o[0] * o[5], o[0] * o[4] - o[1] * o[3]};
+    axial(s, 9, 1);
+    for (int i = 0; i < 9; i++) {
+      memcpy(s[i].orientation, o, sizeof s[i].orientation);
+      for (int k = 0; k < 3; k++) s[i].position[k] = 30 + k + n[k] * 1.5 * i + 0.4 * o[3 + k] * i; /* tilted: sheared */
+    }
+    assert_true(tc_dicom_stack_make(s, 9, &stack, NULL));
+    double length = 0;
+    for (int k = 0; k < 3; k++) length += stack.direction[3 * k + 2] * stack.direction[3 * k + 2];
+    close_to(length, 1);
+    close_to(stack.spacing[2], sqrt(1.5 * 1.5 + 0.4 * 0.4));
+    for (size_t i = 0; i < stack.count; i++)
+      for (int k = 0; k < 3; k++)
+        close_to(stack.origin[k] + stack.direction[3 * k + 2] * stack.spacing[2] * stack.items[i].layer,
+                 s[stack.items[i].slice].position[k]);
+    for (int k = 0; k < 3; k++) {
+      close_to(stack.direction[3 * k], o[k]);
+      close_to(stack.direction[3 * k + 1], o[3 + k]);
+    }
+    tc_dicom_stack_finish(&stack);
+  }
+}
+
+static void takes_the_first_of_duplicates(void **state) {
+  tc_dicom_slice s[18];
+  tc_dicom_stack stack;
+  axial(s, 18, 0);
+  for (int i = 0; i < 18; i++) s[i].position[2] = 5 * (i % 6); /* three time points one after the other */
+  assert_true(tc_dicom_stack_make(s, 18, &stack, NULL));
+  assert_int_equal(stack.dims[2], 6);
+  assert_int_equal(stack.frames, 3);
+  assert_int_equal(stack.count, 6);
+  for (int i = 0; i < 6; i++) assert_int_equal(s[stack.items[i].slice].instance, i + 1);
+  close_to(stack.spacing[2], 5);
+  assert_non_null(strstr(stack.note, "3 pictures at a position"));
+  tc_dicom_stack_finish(&stack);
+}
+
+static void a_missing_slice_is_an_error(void **state) {
+  tc_dicom_slice s[10];
+  tc_dicom_stack stack;
+  GError *error = NULL;
+  axial(s, 10, 3);
+  s[6] = s[9]; /* slice 7 is gone */
+  assert_false(tc_dicom_stack_make(s, 9, &stack, &error));
+  assert_int_equal(error->code, TC_ERROR_FORMAT);
+  assert_non_null(strstr(error->message, "missing"));
+  assert_non_null(strstr(error->message, "after slice 6"));
+  g_error_free(error);
+}
+
+static void irregular_steps(void **state) {
+  tc_dicom_slice s[10];
+  tc_dicom_stack stack;
+  GError *error = NULL;
+  axial(s, 10, 3);
+  s[4].position[2] += 0.15; /* 5 %: a note */
+  assert_true(tc_dicom_stack_make(s, 10, &stack, NULL));
+  close_to(stack.spacing[2], 3);
+  assert_non_null(strstr(stack.note, "differ"));
+  tc_dicom_stack_finish(&stack);
+  s[4].position[2] += 0.6; /* 25 %: refused */
+  assert_false(tc_dicom_stack_make(s, 10, &stack, &error));
+  assert_non_null(strstr(error->message, "not regular"));
+  g_error_free(error);
+}
+
+static void off_the_line(void **state) {
+  tc_dicom_slice s[10];
+  tc_dicom_stack stack;
+  GError *error = NULL;
+  axial(s, 10, 3);
+  s[5].position[0] += 20;
+  assert_false(tc_dicom_stack_make(s, 10, &stack, &error));
+  assert_non_null(strstr(error->message, "straight line"));
+  g_error_free(error);
+}
+
+/* Two acquisitions whose slices interleave irregularly: neither is thrown away with the other. */
+static void splits_acquisitions(void **state) {
+  tc_dicom_slice s[15];
+  tc_dicom_stack stack;
+  axial(s, 15, 4);
+  for (int i = 9; i < 15; i++) {
+    s[i].position[2] = 11.3 + 4 * (i - 9);
+    s[i].group = 7;
+  }
+  assert_true(tc_dicom_stack_make(s, 15, &stack, NULL));
+  assert_int_equal(stack.dims[2], 9);
+  close_to(stack.origin[2], 10);
+  assert_non_null(strstr(stack.note, "acquisitions"));
+  tc_dicom_stack_finish(&stack);
+}
+
+static void leaves_out_localisers(void **state) {
+  tc_dicom_slice s[8];
+  tc_dicom_stack stack;
+  static const double sagittal[6] = {0, 1, 0, 0, 0, -1};
+  axial(s, 8, 3);
+  memcpy(s[0].orientation, sagittal, sizeof sagittal);
+  s[1].rows = 99;
+  assert_true(tc_dicom_stack_make(s, 8, &stack, NULL));
+  assert_int_equal(stack.dims[2], 6);
+  assert_non_null(strstr(stack.note, "2 pictures of another size"));
+  tc_dicom_stack_finish(&stack);
+}
+
+static void without_positions(void **state) {
+  tc_dicom_slice s[4];
+  tc_dicom_stack stack;
+  axial(s, 4, 3);
+  for (int i = 0; i < 4; i++) {
+    s[i].has_position = s[i].has_orientation = s[i].has_spacing = false;
+    s[i].instance = 4 - i;
+    s[i].thickness = 0;
+  }
+  assert_true(tc_dicom_stack_make(s, 4, &stack, NULL));
+  assert_int_equal(stack.dims[2], 4);
+  assert_int_equal(s[stack.items[0].slice].instance, 1);
+  for (int k = 0; k < 3; k++) close_to(stack.spacing[k], 1);
+  assert_non_null(strstr(stack.note, "1 mm"));
+  tc_dicom_stack_finish(&stack);
+}
+
+static void one_slice(void **state) {
+  tc_dicom_slice s[1];
+  tc_dicom_stack stack;
+  axial(s, 1, 1);
+  assert_true(tc_dicom_stack_make(s, 1, &stack, NULL));
+  assert_int_equal(stack.dims[2], 1);
+  close_to(stack.spacing[2], 9);
+  close_to(stack.direction[8], 1);
+  tc_dicom_stack_finish(&stack);
+}
+
+static void segmentations_may_have_gaps(void **state) {
+  tc_dicom_slice s[5];
+  tc_dicom_stack stack;
+  static const double at[5] = {0, 2.5, 2.5, 7.5, 10};
+  axial(s, 5, 0);
+  for (int i = 0; i < 5; i++) {
+    s[i].position[2] = at[i];
+    s[i].sparse = true;
+    s[i].segment = i == 2 ? 2 : 1;
+    s[i].between = 2.5;
+  }
+  assert_true(tc_dicom_stack_make(s, 5, &stack, NULL));
+  static const uint32_t layers[5] = {0, 1, 1, 3, 4};
+  assert_int_equal(stack.dims[2], 5);
+  assert_int_equal(stack.count, 5);
+  for (int i = 0; i < 5; i++) assert_int_equal(stack.items[i].layer, layers[i]);
+  close_to(stack.spacing[2], 2.5);
+  assert_non_null(strstr(stack.note, "1 slices"));
+  tc_dicom_stack_finish(&stack);
+}
+
+static void nonsense_is_no_crash(void **state) {
+  tc_dicom_slice s[MOST];
+  uint32_t seed = 1;
+  for (int round = 0; round < 2000; round++) {
+    int n = 1 + round % MOST;
+    axial(s, n, 1);
+    for (int i = 0; i < n; i++)
+      for (int k = 0; k < 3; k++) {
+        seed = seed * 1664525u + 1013904223u;
+        static const double odd[8] = {0, 1e300, -1e300, 1e-300, 3, -3, 1e9, 0.5};
+        s[i].position[k] = odd[seed >> 29];
+        s[i].sparse = round & 1;
+      }
+    tc_dicom_stack stack;
+    if (!tc_dicom_stack_make(s, (size_t)n, &stack, NULL)) continue;
+    assert_true(stack.count >= 1);
+    for (size_t i = 0; i < stack.count; i++) assert_true(stack.items[i].layer < (uint32_t)stack.dims[2]);
+    tc_dicom_stack_finish(&stack);
+  }
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(sorts_by_position),
+      cmocka_unit_test(positions_come_back),
+      cmocka_unit_test(takes_the_first_of_duplicates),
+      cmocka_unit_test(a_missing_slice_is_an_error),
+      cmocka_unit_test(irregular_steps),
+      cmocka_unit_test(off_the_line),
+      cmocka_unit_test(splits_acquisitions),
+      cmocka_unit_test(leaves_out_localisers),
+      cmocka_unit_test(without_positions),
+      cmocka_unit_test(one_slice),
+      cmocka_unit_test(segmentations_may_have_gaps),
+      cmocka_unit_test(nonsense_is_no_crash),
+  };
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
