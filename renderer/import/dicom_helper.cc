@@ -526,7 +526,10 @@ private:
     if (!whole) fail(TC_ERROR_FORMAT, "pixel data is cut: the file ends before it does");
     bytes_ = reinterpret_cast<const uint8_t *>(value->GetPointer());
     size_ = value->GetLength();
+    if ((frame_bits(p.samples) * p.frames + 7) / 8 > size_) fail(TC_ERROR_FORMAT, "the header announces more pixels than there are");
   }
+
+  static uint64_t frame_bits(const tc_dicom_samples &s) { return uint64_t(s.rows) * s.columns * s.per_pixel * s.allocated; }
 
   void open_coded(const Picture &p) {
     MemoryBuffer buffer(blob_.bytes, blob_.size);
@@ -555,7 +558,7 @@ private:
   }
 
   Frame native_frame(const Picture &p, uint32_t number) {
-    uint64_t bits = uint64_t(p.samples.rows) * p.samples.columns * p.samples.per_pixel * p.samples.allocated * number;
+    uint64_t bits = frame_bits(p.samples) * number;
     if (bits / 8 > size_) fail(TC_ERROR_FORMAT, "pixel data ends before frame %u", number + 1);
     return Frame{p.samples, bytes_ + bits / 8, size_ - bits / 8, static_cast<unsigned>(bits % 8)};
   }
@@ -606,7 +609,7 @@ private:
       decode_into(image);
       samples_ = decoded_samples(image, p);
     }
-    uint64_t bits = uint64_t(samples_.rows) * samples_.columns * samples_.per_pixel * samples_.allocated * number;
+    uint64_t bits = frame_bits(samples_) * number;
     if (bits / 8 > whole_.size()) fail(TC_ERROR_FORMAT, "pixel data ends before frame %u", number + 1);
     return Frame{samples_, whole_.data() + bits / 8, whole_.size() - bits / 8, static_cast<unsigned>(bits % 8)};
   }

@@ -1,0 +1,447 @@
+/* DICOM end to end: files made here, through the real helper process. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "renderer/import/dicom.h"
+#include "tests/support/dicom_files.h"
+
+enum { COLUMNS = 6, ROWS = 4, PIXELS = COLUMNS * ROWS, SLICES = 9 };
+
+static const char helper[] = TC_BINARY_DIR "/tomocast-dicom";
+static const tc_import_options with_helper = {.dicom_helper = helper};
+
+/* Pixel i of slice z. */
+static int16_t value_of(int z, int i) { return (int16_t)(100 * z + i - 300); }
+
+static void fill(int16_t *pixels, int z) {
+  for (int i = 0; i < PIXELS; i++) pixels[i] = value_of(z, i);
+}
+
+static void init(dicom_spec *s, int16_t *pixels) { dicom_spec_init(s, COLUMNS, ROWS, pixels, PIXELS * sizeof *pixels); }
+
+/* Writes SLICES slices under names that say nothing about their order. */
+static void write_series(const char *folder, const char *series, int series_number, int slices) {
+  for (int k = 0; k < slices; k++) {
+    int z = (k * 5 + 3) % slices; /* 5 and `slices` share no factor */
+    int16_t pixels[PIXELS];
+    char name[64];
+    dicom_spec s;
+    init(&s, pixels);
+    fill(pixels, z);
+    s.series = series;
+    s.series_number = series_number;
+    s.position[0] = -10;
+    s.position[1] = 20;
+    s.position[2] = 30 + 1.25 * z;
+    s.instance = k + 1;
+    snprintf(name, sizeof name, "%d_%02d", series_number, k);
+    assert_true(dicom_write(folder, name, &s));
+  }
+}
+
+static tc_volume *load(const char *path, const char *series) {
+  GError *error = NULL;
+  tc_volume *v = tc_import_dicom(path, series, &with_helper, &error);
+  if (!v) fail_msg("%s", error->message);
+  return v;
+}
+
+/* Loads what must be refused; returns the code, and checks that the message is one clean line. */
+static int refused(const char *path, const char *series) {
+  GError *error = NULL;
+  tc_volume *v = tc_import_dicom(path, series, &with_helper, &error);
+  if (v) fail_msg("loaded though it must not");
+  assert_int_equal(error->domain, TC_ERROR);
+  assert_null(strchr(error->message, '\n'));
+  assert_null(strstr(error->message, "SECRET"));
+  assert_null(strstr(error->message, path));
+  int code = error->code;
+  g_error_free(error);
+  return code;
+}
+
+static void check_series(const tc_volume *v, int slices) {
+  const tc_volume_desc *d = tc_volume_describe(v);
+  assert_int_equal(d->dims[0], COLUMNS);
+  assert_int_equal(d->dims[1], ROWS);
+  assert_int_equal(d->dims[2], slices);
+  assert_int_equal(d->type, TC_I16);
+  assert_true(d->spacing[0] == 0.75 && d->spacing[1] == 0.5 && fabs(d->spacing[2] - 1.25) < 1e-9);
+  assert_true(d->origin[0] == -10 && d->origin[1] == 20 && d->origin[2] == 30);
+  assert_true(d->slope == 1 && d->intercept == -1024);
+  assert_string_equal(d->modality, "CT");
+  assert_string_equal(d->unit, "HU");
+  assert_string_equal(d->format, "dicom");
+  const int16_t *voxels = tc_volume_data(v);
+  for (int z = 0; z < slices; z++)
+    for (int i = 0; i < PIXELS; i++) assert_int_equal(voxels[z * PIXELS + i], value_of(z, i));
+}
+
+static void a_shuffled_folder(void **state) {
+  char *folder = temp_folder(), *below = g_build_filename(folder, "a", "b", NULL);
+  g_mkdir_with_parents(below, 0700);
+  write_series(below, "1.2.3.1", 1, SLICES);
+  char *junk = g_build_filename(folder, "notes.txt", NULL), *link = g_build_filename(folder, "link", NULL);
+  g_file_set_contents(junk, "not DICOM at all", -1, NULL);
+  assert_int_equal(symlink(below, link), 0); /* links are not followed: slices would come twice */
+  assert_true(tc_dicom_probe(folder));
+  assert_false(tc_dicom_probe(junk));
+  tc_volume *v = load(folder, NULL);
+  check_series(v, SLICES);
+  assert_int_equal(tc_volume_describe(v)->frames, 1);
+  tc_volume_unref(v);
+  remove_tree(folder);
+  g_free(junk);
+  g_free(link);
+  g_free(below);
+  g_free(folder);
+}
+
+static void two_series(void **state) {
+  char *folder = temp_folder();
+  write_series(folder, "1.2.3.20", 2, SLICES);
+  write_series(folder, "1.2.3.10", 1, 4);
+  tc_series *series;
+  size_t count;
+  assert_true(tc_import_dicom_list(folder, &with_helper, &series, &count, NULL));
+  assert_int_equal(count, 2);
+  assert_string_equal(series[0].uid, "1.2.3.10");
+  assert_string_equal(series[1].uid, "1.2.3.20");
+  assert_string_equal(series[0].label, "series 1");
+  assert_string_equal(series[0].modality, "CT");
+  assert_int_equal(series[0].files, 4);
+  assert_int_equal(series[1].frames, SLICES);
+  assert_int_equal(series[1].rows, ROWS);
+  assert_int_equal(series[1].columns, COLUMNS);
+  g_free(series);
+  static const struct { const char *suffix; int slices; } picks[] = {{NULL, SLICES}, {"1", 4}, {"2", SLICES}, {"1.2.3.10", 4}};
+  for (size_t i = 0; i < G_N_ELEMENTS(picks); i++) {
+    tc_volume *v = load(folder, picks[i].suffix);
+    check_series(v, picks[i].slices);
+    if (i == 0) assert_non_null(strstr(tc_volume_describe(v)->note, "2 series"));
+    tc_volume_unref(v);
+  }
+  assert_int_equal(refused(folder, "3"), TC_ERROR_NOT_FOUND);
+  assert_int_equal(refused(folder, "9.9.9"), TC_ERROR_NOT_FOUND);
+  remove_tree(folder);
+  g_free(folder);
+}
+
+static void a_zip(void **state) {
+  char *folder = temp_folder(), *path = g_build_filename(folder, "study.zip", NULL), *series = g_build_filename(folder, "s", NULL);
+  g_mkdir_with_parents(series, 0700);
+  write_series(series, "1.2.3.1", 1, SLICES);
+  zip_writer z = zip_start();
+  GDir *dir = g_dir_open(series, 0, NULL);
+  unsigned method = 0;
+  for (const char *name; (name = g_dir_read_name(dir)); method = 8 - method) {
+    char *bytes, *file = g_build_filename(series, name, NULL), *inside = g_strconcat("../../", name, NULL);
+    gsize size;
+    assert_true(g_file_get_contents(file, &bytes, &size, NULL));
+    zip_add(&z, inside, bytes, size, method);
+    g_free(bytes);
+    g_free(file);
+    g_free(inside);
+  }
+  g_dir_close(dir);
+  zip_add(&z, "readme.txt", "hello", 5, 0);
+  GByteArray *b = zip_end(&z);
+  g_file_set_contents(path, (const char *)b->data, b->len, NULL);
+  assert_true(tc_dicom_probe(path));
+  tc_volume *v = load(path, NULL);
+  check_series(v, SLICES);
+  tc_volume_unref(v);
+  g_file_set_contents(path, (const char *)b->data, b->len / 2, NULL);
+  assert_int_equal(refused(path, NULL), TC_ERROR_FORMAT);
+  g_byte_array_free(b, TRUE);
+  remove_tree(folder);
+  g_free(path);
+  g_free(series);
+  g_free(folder);
+}
+
+/* One file under a folder of its own; the caller removes the folder. */
+static char *one_file(char **folder, const dicom_spec *s) {
+  *folder = temp_folder();
+  assert_true(dicom_write(*folder, "one", s));
+  return g_build_filename(*folder, "one", NULL);
+}
+
+static void drop(char *folder, char *path) {
+  remove_tree(folder);
+  g_free(folder);
+  g_free(path);
+}
+
+static void an_oblique_slice(void **state) {
+  int16_t pixels[PIXELS];
+  dicom_spec s;
+  init(&s, pixels);
+  fill(pixels, 0);
+  s.orientation = "0.6\\0.8\\0\\-0.48\\0.36\\0.8";
+  char *folder, *path = one_file(&folder, &s);
+  tc_volume *v = load(path, NULL);
+  static const double want[9] = {0.6, -0.48, 0.64, 0.8, 0.36, -0.48, 0, 0.8, 0.6};
+  for (int i = 0; i < 9; i++) assert_true(fabs(tc_volume_describe(v)->direction[i] - want[i]) < 1e-12);
+  tc_volume_unref(v);
+  drop(folder, path);
+}
+
+static void frames_of_one_file(void **state) {
+  int16_t pixels[3 * PIXELS];
+  dicom_spec s;
+  init(&s, pixels);
+  for (int z = 0; z < 3; z++) fill(pixels + z * PIXELS, z);
+  s.pixel_bytes = sizeof pixels;
+  s.frames = "3";
+  s.position[2] = 5;
+  s.offsets = "0\\2.5\\5";
+  char *folder, *path = one_file(&folder, &s);
+  tc_volume *v = load(path, NULL);
+  const tc_volume_desc *d = tc_volume_describe(v);
+  assert_int_equal(d->dims[2], 3);
+  assert_true(d->spacing[2] == 2.5 && d->origin[2] == 5);
+  assert_memory_equal(tc_volume_data(v), pixels, sizeof pixels);
+  tc_volume_unref(v);
+  s.offsets = NULL;
+  s.between = "4";
+  assert_true(dicom_write(folder, "one", &s));
+  v = load(path, NULL);
+  assert_true(tc_volume_describe(v)->spacing[2] == 4);
+  tc_volume_unref(v);
+  drop(folder, path);
+}
+
+static void different_slopes_become_float(void **state) {
+  char *folder = temp_folder();
+  int16_t pixels[PIXELS];
+  static const char *const slopes[2] = {"0.5", "2"};
+  for (int z = 0; z < 2; z++) {
+    dicom_spec s;
+    init(&s, pixels);
+    fill(pixels, z);
+    s.modality = "PT";
+    s.slope = slopes[z];
+    s.intercept = "1";
+    s.position[2] = 3 * z;
+    assert_true(dicom_write(folder, slopes[z], &s));
+  }
+  tc_volume *v = load(folder, NULL);
+  const tc_volume_desc *d = tc_volume_describe(v);
+  assert_int_equal(d->type, TC_F32);
+  assert_true(d->slope == 1 && d->intercept == 0);
+  assert_non_null(strstr(d->note, "rescale"));
+  const float *f = tc_volume_data(v);
+  for (int z = 0; z < 2; z++)
+    for (int i = 0; i < PIXELS; i++) assert_true(f[z * PIXELS + i] == (float)(value_of(z, i) * (z ? 2.0 : 0.5) + 1));
+  tc_volume_unref(v);
+  remove_tree(folder);
+  g_free(folder);
+}
+
+static void what_is_missing_is_said(void **state) {
+  int16_t pixels[PIXELS];
+  dicom_spec s;
+  init(&s, pixels);
+  fill(pixels, 0);
+  s.pixel_spacing = s.orientation = NULL;
+  s.has_position = false;
+  s.photometric = "MONOCHROME1";
+  char *folder, *path = one_file(&folder, &s);
+  tc_volume *v = load(path, NULL);
+  const tc_volume_desc *d = tc_volume_describe(v);
+  for (int k = 0; k < 3; k++) assert_true(d->spacing[k] == 1);
+  assert_non_null(strstr(d->note, "pixel spacing unknown"));
+  assert_non_null(strstr(d->note, "MONOCHROME1"));
+  assert_int_equal(((const int16_t *)tc_volume_data(v))[0], value_of(0, 0)); /* not inverted */
+  tc_volume_unref(v);
+  drop(folder, path);
+}
+
+static void wide_integers_are_narrowed(void **state) {
+  int32_t pixels[PIXELS];
+  dicom_spec s;
+  dicom_spec_init(&s, COLUMNS, ROWS, pixels, sizeof pixels);
+  for (int i = 0; i < PIXELS; i++) pixels[i] = i * 1000 - 5;
+  s.allocated = s.stored = 32;
+  s.high = 31;
+  char *folder, *path = one_file(&folder, &s);
+  tc_volume *v = load(path, NULL);
+  assert_int_equal(tc_volume_describe(v)->type, TC_I16);
+  for (int i = 0; i < PIXELS; i++) assert_int_equal(((const int16_t *)tc_volume_data(v))[i], pixels[i]);
+  tc_volume_unref(v);
+  pixels[3] = 70000;
+  assert_true(dicom_write(folder, "one", &s));
+  v = load(path, NULL);
+  assert_int_equal(tc_volume_describe(v)->type, TC_F32);
+  assert_true(((const float *)tc_volume_data(v))[3] == 70000);
+  tc_volume_unref(v);
+  drop(folder, path);
+}
+
+static void colour_becomes_luma(void **state) {
+  uint8_t pixels[PIXELS * 3];
+  dicom_spec s;
+  dicom_spec_init(&s, COLUMNS, ROWS, pixels, sizeof pixels);
+  for (int i = 0; i < PIXELS * 3; i++) pixels[i] = i % 3 == 1 ? 200 : 0;
+  s.allocated = s.stored = 8;
+  s.high = 7;
+  s.is_signed = 0;
+  s.samples = 3;
+  s.photometric = "RGB";
+  char *folder, *path = one_file(&folder, &s);
+  tc_volume *v = load(path, NULL);
+  assert_int_equal(tc_volume_describe(v)->type, TC_U8);
+  for (int i = 0; i < PIXELS; i++) assert_int_equal(((const uint8_t *)tc_volume_data(v))[i], 143); /* 0.7152 * 200 */
+  tc_volume_unref(v);
+  drop(folder, path);
+}
+
+/* Headers that promise what the file does not hold: refused at once, nothing large is allocated. */
+static void hostile_headers(void **state) {
+  int16_t pixels[PIXELS];
+  static const char *const frames[] = {"2", "2147483647", "99999999999999999999", "-5x", "1A"};
+  fill(pixels, 0);
+  for (size_t i = 0; i < G_N_ELEMENTS(frames) + 3; i++) {
+    dicom_spec s;
+    init(&s, pixels);
+    if (i < G_N_ELEMENTS(frames)) s.frames = frames[i];
+    else if (i == G_N_ELEMENTS(frames)) s.rows = s.columns = 65535;
+    else if (i == G_N_ELEMENTS(frames) + 1) s.allocated = s.stored = 24;
+    else s.pixels = NULL;
+    char *folder, *path = one_file(&folder, &s);
+    int code = refused(path, NULL);
+    assert_true(code == TC_ERROR_FORMAT || code == TC_ERROR_UNSUPPORTED);
+    drop(folder, path);
+  }
+}
+
+/* An element that announces 4 GB: GDCM would allocate it first. */
+static void a_huge_element(void **state) {
+  GByteArray *b = dicom_start();
+  char *folder = temp_folder(), *path = g_build_filename(folder, "one", NULL);
+  dicom_u16(b, 0x08);
+  dicom_u16(b, 0x05);
+  g_byte_array_append(b, (const uint8_t *)"OB\0\0\xfe\xff\xff\xff", 8);
+  g_file_set_contents(path, (const char *)b->data, b->len, NULL);
+  assert_int_equal(refused(path, NULL), TC_ERROR_FORMAT);
+  g_byte_array_free(b, TRUE);
+  drop(folder, path);
+}
+
+static void every_prefix_is_refused(void **state) {
+  int16_t pixels[PIXELS];
+  dicom_spec s;
+  init(&s, pixels);
+  fill(pixels, 0);
+  GByteArray *b = dicom_bytes(&s);
+  char *folder = temp_folder(), *path = g_build_filename(folder, "one", NULL);
+  for (guint n = 0; n < b->len; n += n + 16 < b->len && n > 4 && getenv("TC_TEST_QUICK") ? 7 : 1) {
+    g_file_set_contents(path, (const char *)b->data, n, NULL);
+    refused(path, NULL);
+  }
+  g_byte_array_free(b, TRUE);
+  drop(folder, path);
+}
+
+static void not_there_and_not_ours(void **state) {
+  char *folder = temp_folder(), *path = g_build_filename(folder, "none", NULL);
+  assert_int_equal(refused(path, NULL), TC_ERROR_NOT_FOUND);
+  assert_int_equal(refused(folder, NULL), TC_ERROR_FORMAT);
+  assert_false(tc_dicom_probe(path));
+  assert_false(tc_dicom_probe(folder));
+  assert_int_equal(mkfifo(path, 0600), 0); /* must neither hang nor be read */
+  assert_int_equal(refused(path, NULL), TC_ERROR_FORMAT);
+  assert_false(tc_dicom_probe(path));
+  drop(folder, path);
+}
+
+static void limits_and_helpers(void **state) {
+  char *folder = temp_folder();
+  GError *error = NULL;
+  write_series(folder, "1.2.3.1", 1, SLICES);
+  tc_import_options options = {.dicom_helper = helper, .max_voxel_bytes = PIXELS * SLICES * 2 - 1};
+  assert_null(tc_import_dicom(folder, NULL, &options, &error));
+  assert_int_equal(error->code, TC_ERROR_LIMIT);
+  g_clear_error(&error);
+  options.max_voxel_bytes++;
+  tc_volume *v = tc_import_dicom(folder, NULL, &options, &error);
+  assert_non_null(v);
+  tc_volume_unref(v);
+  static const char *const bad_helpers[] = {"/nonexistent", "/bin/true", "/bin/echo"};
+  for (int i = 0; i < 3; i++) {
+    options.dicom_helper = bad_helpers[i];
+    assert_null(tc_import_dicom(folder, NULL, &options, &error));
+    assert_non_null(error);
+    g_clear_error(&error);
+  }
+  v = tc_import_dicom(folder, NULL, NULL, &error); /* beside this program */
+  assert_non_null(v);
+  tc_volume_unref(v);
+  remove_tree(folder);
+  g_free(folder);
+}
+
+typedef struct watcher {
+  int calls, stop_after;
+  double last;
+} watcher;
+
+static bool watch(void *user, double fraction) {
+  watcher *w = user;
+  assert_true(fraction >= w->last && fraction <= 1);
+  w->last = fraction;
+  return ++w->calls != w->stop_after;
+}
+
+static void progress_and_cancel(void **state) {
+  char *folder = temp_folder();
+  GError *error = NULL;
+  write_series(folder, "1.2.3.1", 1, SLICES);
+  watcher w = {.stop_after = -1};
+  tc_import_options options = {.dicom_helper = helper, .progress = watch, .user = &w};
+  tc_volume *v = tc_import_dicom(folder, NULL, &options, &error);
+  assert_non_null(v);
+  tc_volume_unref(v);
+  assert_true(w.calls >= 2 * SLICES && w.last == 1);
+  for (int stop = 1; stop <= w.calls; stop += 4) {
+    watcher quitter = {.stop_after = stop};
+    options.user = &quitter;
+    assert_null(tc_import_dicom(folder, NULL, &options, &error));
+    assert_int_equal(error->code, TC_ERROR_CANCELLED);
+    g_clear_error(&error);
+  }
+  remove_tree(folder);
+  g_free(folder);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(a_shuffled_folder),
+      cmocka_unit_test(two_series),
+      cmocka_unit_test(a_zip),
+      cmocka_unit_test(an_oblique_slice),
+      cmocka_unit_test(frames_of_one_file),
+      cmocka_unit_test(different_slopes_become_float),
+      cmocka_unit_test(what_is_missing_is_said),
+      cmocka_unit_test(wide_integers_are_narrowed),
+      cmocka_unit_test(colour_becomes_luma),
+      cmocka_unit_test(hostile_headers),
+      cmocka_unit_test(a_huge_element),
+      cmocka_unit_test(every_prefix_is_refused),
+      cmocka_unit_test(not_there_and_not_ours),
+      cmocka_unit_test(limits_and_helpers),
+      cmocka_unit_test(progress_and_cancel),
+  };
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
