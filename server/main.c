@@ -1,34 +1,53 @@
-/* tomocast: one binary, sub-commands. */
+/* The one binary: hands over to a sub-command. */
+#include <locale.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "server/cli/cli.h"
 #include "server/encode/encode.h"
 
-static const struct { const char *name; int (*run)(int argc, char **argv); const char *does; } commands[] = {
-    {"serve", tcs_cli_serve, "the daemon"},
-    {"render", tcs_cli_render, "one picture, no server"},
-    {"info", tcs_cli_info, "what a volume file holds"},
+typedef struct command {
+  const char *name;
+  int (*run)(int argc, char **argv);
+  const char *arguments, *summary;
+} command;
+
+static const command commands[] = {
+    {"serve", tcs_cli_serve, "[OPTION...]", "the daemon; http://127.0.0.1:8080 unless told otherwise"},
+    {"render", tcs_cli_render, "VOLUME [OPTION...]", "one picture, no server"},
+    {"info", tcs_cli_info, "VOLUME [--json]", "what a volume file holds"},
 };
 
-static int usage(FILE *to, int code) {
-  fprintf(to, "usage: tomocast COMMAND ...\n");
-  for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++)
-    fprintf(to, "  %-8s %s\n", commands[i].name, commands[i].does);
-  fprintf(to, "tomocast COMMAND --help tells more\n");
-  return code;
+static void print_help(void) {
+  puts("usage: tomocast COMMAND [OPTION...]\n");
+  for (size_t i = 0; i < G_N_ELEMENTS(commands); i++)
+    printf("  %-7s %-19s %s\n", commands[i].name, commands[i].arguments, commands[i].summary);
+  puts("\n  --version  name and version\n  --help     this; each command has its own --help\n\n"
+       "VOLUME is NIfTI, NRRD, MetaImage or DICOM (a folder, a file, a zip), or demo:NAME.\n"
+       "Exit codes: 0 done, 1 failed, 2 bad usage. Not for diagnostic use.");
+}
+
+static int refuse(const char *what, const char *name) {
+  fprintf(stderr, "tomocast: %s%s; known:", what, name);
+  for (size_t i = 0; i < G_N_ELEMENTS(commands); i++) fprintf(stderr, "%s %s", i ? "," : "", commands[i].name);
+  fputs(" (see tomocast --help)\n", stderr);
+  return TCS_EXIT_USAGE;
 }
 
 int main(int argc, char **argv) {
+  setlocale(LC_CTYPE, ""); /* names and messages in the user's characters; numbers stay as they are in C */
   tcs_encode_prepare_process();
-  if (argc < 2) return usage(stderr, TCS_EXIT_USAGE);
-  if (strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "help") == 0) return usage(stdout, TCS_EXIT_DONE);
-  if (strcmp(argv[1], "--version") == 0) {
-    printf("tomocast %s\n", TC_VERSION);
+  if (argc < 2) return refuse("a sub-command is wanted", "");
+  const char *name = argv[1];
+  if (strcmp(name, "--version") == 0 || strcmp(name, "-V") == 0) {
+    puts("tomocast " TC_VERSION);
     return TCS_EXIT_DONE;
   }
-  for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++)
-    if (strcmp(argv[1], commands[i].name) == 0) return commands[i].run(argc - 1, argv + 1);
-  fprintf(stderr, "tomocast %s: no such command; see tomocast --help\n", argv[1]);
-  return TCS_EXIT_USAGE;
+  if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0 || strcmp(name, "help") == 0) {
+    print_help();
+    return TCS_EXIT_DONE;
+  }
+  for (size_t i = 0; i < G_N_ELEMENTS(commands); i++)
+    if (strcmp(commands[i].name, name) == 0) return commands[i].run(argc - 1, argv + 1);
+  return refuse(*name == '-' ? "unknown option " : "unknown sub-command ", name);
 }

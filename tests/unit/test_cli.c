@@ -1,0 +1,215 @@
+/* The command line from outside: exit codes, one-line errors, files written. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+#include <sys/wait.h>
+
+#include <cmocka.h>
+#include <glib.h>
+#include <glib/gstdio.h>
+
+#include "protocol/protocol.h"
+
+static char *folder; /* of this run's files */
+
+typedef struct outcome { int code; char *out, *err; } outcome;
+
+static void outcome_clear(outcome *o) {
+  g_free(o->out);
+  g_free(o->err);
+}
+
+/* Runs the program in `folder` with these words (NULL ends them). */
+static outcome run(const char *const *words) {
+  outcome o = {-1, NULL, NULL};
+  GPtrArray *argv = g_ptr_array_new();
+  GError *error = NULL;
+  int status;
+  g_ptr_array_add(argv, (gpointer) TC_BINARY_DIR "/tomocast");
+  for (; *words; words++) g_ptr_array_add(argv, (gpointer)*words);
+  g_ptr_array_add(argv, NULL);
+  if (!g_spawn_sync(folder, (char **)argv->pdata, NULL, G_SPAWN_DEFAULT, NULL, NULL, &o.out, &o.err, &status, &error))
+    fail_msg("%s", error->message);
+  if (WIFEXITED(status)) o.code = WEXITSTATUS(status);
+  g_ptr_array_free(argv, TRUE);
+  return o;
+}
+
+#define RUN(...) run((const char *const[]){__VA_ARGS__, NULL})
+
+/* Exit code, nothing on stdout, one line on stderr that holds `words`. */
+static void refuse(outcome o, int code, const char *words) {
+  if (o.code != code) fail_msg("exit code %d, wanted %d: %s", o.code, code, o.err);
+  if (!strstr(o.err, words)) fail_msg("\"%s\" lacks \"%s\"", o.err, words);
+  assert_string_equal(o.out, "");
+  assert_true(g_str_has_prefix(o.err, "tomocast"));
+  assert_ptr_equal(strchr(o.err, '\n'), o.err + strlen(o.err) - 1);
+  outcome_clear(&o);
+}
+
+static void accept(outcome o) {
+  if (o.code != 0) fail_msg("exit code %d: %s", o.code, o.err);
+  assert_string_equal(o.err, "");
+  outcome_clear(&o);
+}
+
+/* The bytes of a file of `folder`, which is then removed. */
+static char *take_file(const char *name, gsize *size) {
+  char *path = g_build_filename(folder, name, NULL), *bytes = NULL;
+  if (!g_file_get_contents(path, &bytes, size, NULL)) fail_msg("%s was not written", name);
+  g_remove(path);
+  g_free(path);
+  return bytes;
+}
+
+static void put_file(const char *name, const char *text) {
+  char *path = g_build_filename(folder, name, NULL);
+  assert_true(g_file_set_contents(path, text, -1, NULL));
+  g_free(path);
+}
+
+static unsigned be32(const char *bytes) {
+  const uint8_t *b = (const uint8_t *)bytes;
+  return (unsigned)b[0] << 24 | b[1] << 16 | b[2] << 8 | b[3];
+}
+
+static void assert_png(const char *name, unsigned width, unsigned height, int color_type) {
+  gsize size;
+  char *bytes = take_file(name, &size);
+  assert_true(size > 33);
+  assert_memory_equal(bytes, "\x89PNG\r\n\x1a\n", 8);
+  assert_int_equal(be32(bytes + 16), width);
+  assert_int_equal(be32(bytes + 20), height);
+  assert_int_equal(bytes[25], color_type);
+  assert_memory_equal(bytes + size - 8, "IEND", 4);
+  g_free(bytes);
+}
+
+static void version_and_help(void **state) {
+  outcome o = RUN("--version");
+  assert_string_equal(o.out, "tomocast " TC_VERSION "\n");
+  accept(o);
+  o = RUN("--help");
+  assert_true(strstr(o.out, "serve") && strstr(o.out, "render") && strstr(o.out, "info"));
+  accept(o);
+  o = RUN("render", "--help");
+  assert_non_null(strstr(o.out, "--scene"));
+  accept(o);
+}
+
+static void bad_usage(void **state) {
+  refuse(run((const char *const[]){NULL}), 2, "known: serve, render, info");
+  refuse(RUN("rendr"), 2, "unknown sub-command rendr; known: serve, render, info");
+  refuse(RUN("--frobnicate"), 2, "unknown option --frobnicate");
+  refuse(RUN("render"), 2, "one VOLUME is wanted");
+  refuse(RUN("render", "a", "b"), 2, "one VOLUME is wanted");
+  refuse(RUN("render", "--frobnicate", "demo:head"), 2, "--frobnicate");
+  refuse(RUN("render", "demo:bucky", "--backend", "cuda"), 2, "auto, cpu or gl");
+  refuse(RUN("render", "demo:bucky", "-o", "picture.bmp"), 2, ".png or .jpg");
+  refuse(RUN("render", "demo:bucky", "--width", "-5"), 2, "more than 0");
+  refuse(RUN("render", "demo:bucky", "--width", "9000"), 2, "at most 8192");
+  refuse(RUN("render", "demo:bucky", "--isa", "mmx"), 2, "mmx");
+  refuse(RUN("render", "demo:bucky", "--set", "camera.fovY"), 2, "key=value");
+  refuse(RUN("render", "demo:bucky", "--set", "camera.fov=3"), 2, "did you mean \"fovY\"?");
+  refuse(RUN("render", "demo:bucky", "--set", "camera.fovY=200"), 2, "camera.fovY: 200 is too large");
+  refuse(RUN("info"), 2, "one VOLUME is wanted");
+}
+
+static void failures(void **state) {
+  put_file("broken.json", "{\"mode\":}");
+  put_file("wrong.json", "{\"mode\":\"mipp\"}");
+  put_file("not-a-volume.nrrd", "hello");
+  refuse(RUN("render", "demo:nobody"), 1, "nobody");
+  refuse(RUN("render", "no-such-file.nii"), 1, "no-such-file.nii");
+  refuse(RUN("render", "not-a-volume.nrrd"), 1, "not-a-volume.nrrd");
+  refuse(RUN("info", "no-such-file.nii"), 1, "no-such-file.nii");
+  refuse(RUN("render", "demo:bucky", "--scene", "none.json"), 1, "none.json");
+  refuse(RUN("render", "demo:bucky", "--scene", "broken.json"), 1, "broken.json: JSON line 1 column 9");
+  refuse(RUN("render", "demo:bucky", "--scene", "wrong.json"), 1, "did you mean \"mip\"?");
+  refuse(RUN("render", "demo:bucky", "--width", "16", "--height", "16", "-o", "no/such/folder.png"), 1, "folder.png");
+}
+
+static void renders_demo_head(void **state) {
+  accept(RUN("render", "demo:head", "--width", "80", "--height", "60"));
+  assert_png("render.png", 80, 60, 2);
+  accept(RUN("render", "demo:head", "-o", "head.jpg", "--width", "80", "--height", "60"));
+  gsize size;
+  char *bytes = take_file("head.jpg", &size);
+  assert_memory_equal(bytes, "\xff\xd8\xff", 3);
+  g_free(bytes);
+}
+
+static void scene_and_set(void **state) {
+  put_file("scene.json", "{\"image\":{\"width\":40,\"height\":30,\"background\":[1,0,0]},\"camera\":{\"fovY\":20}}");
+  accept(RUN("render", "demo:bucky", "--scene", "scene.json", "-o", "a.png"));
+  accept(RUN("render", "demo:bucky", "--scene", "scene.json", "-o", "b.png", "--set", "image.background=[0,0,1]"));
+  gsize size_a, size_b;
+  char *a = take_file("a.png", &size_a), *b = take_file("b.png", &size_b);
+  assert_true(size_a != size_b || memcmp(a, b, size_a) != 0);
+  g_free(a);
+  g_free(b);
+  accept(RUN("render", "demo:bucky", "--scene", "scene.json", "-o", "c.png", "--set", "image.width=24", "--set",
+             "image.background=transparent"));
+  assert_png("c.png", 24, 30, 6);
+  refuse(RUN("render", "demo:bucky", "-o", "c.jpg", "--set", "image.background=transparent"), 2, "png");
+}
+
+static void same_picture_twice(void **state) {
+  for (int i = 0; i < 2; i++)
+    accept(RUN("render", "demo:bucky", "-o", i ? "2.png" : "1.png", "--width", "64", "--height", "64"));
+  gsize one, two;
+  char *a = take_file("1.png", &one), *b = take_file("2.png", &two);
+  assert_int_equal(one, two);
+  assert_memory_equal(a, b, one);
+  g_free(a);
+  g_free(b);
+}
+
+static void timing_is_printed(void **state) {
+  outcome o = RUN("render", "demo:bucky", "--timing", "--backend", "cpu", "--width", "16", "--height", "16");
+  assert_true(strstr(o.out, "render.png: 16 x 16, cpu") && strstr(o.out, "Msamples"));
+  accept(o);
+}
+
+static void info_for_people_and_programs(void **state) {
+  outcome o = RUN("info", "demo:head");
+  assert_true(strstr(o.out, "orientation  LPS") && strstr(o.out, "modality     CT"));
+  accept(o);
+  o = RUN("info", "demo:head", "--json");
+  cJSON *json = tcp_json_parse(o.out, strlen(o.out), NULL);
+  assert_string_equal(cJSON_GetObjectItem(json, "kind")->valuestring, "demo");
+  assert_int_equal(cJSON_GetArraySize(cJSON_GetObjectItem(json, "dims")), 3);
+  assert_int_equal(cJSON_GetArraySize(cJSON_GetObjectItem(json, "direction")), 3);
+  assert_string_equal(cJSON_GetObjectItem(json, "unit")->valuestring, "HU");
+  cJSON_Delete(json);
+  accept(o);
+}
+
+static int set_up(void **state) {
+  folder = g_dir_make_tmp("tomocast-cli-XXXXXX", NULL);
+  return folder ? 0 : 1;
+}
+
+static int tear_down(void **state) {
+  GDir *dir = g_dir_open(folder, 0, NULL);
+  const char *name;
+  while (dir && (name = g_dir_read_name(dir))) {
+    char *path = g_build_filename(folder, name, NULL);
+    g_remove(path);
+    g_free(path);
+  }
+  if (dir) g_dir_close(dir);
+  g_rmdir(folder);
+  g_free(folder);
+  return 0;
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(version_and_help),  cmocka_unit_test(bad_usage),     cmocka_unit_test(failures),
+      cmocka_unit_test(renders_demo_head), cmocka_unit_test(scene_and_set), cmocka_unit_test(same_picture_twice),
+      cmocka_unit_test(timing_is_printed), cmocka_unit_test(info_for_people_and_programs)};
+  return cmocka_run_group_tests(tests, set_up, tear_down);
+}
