@@ -183,6 +183,7 @@ V_INLINE void cast_packet(const tc_cpu_args *g, int type, bool terminate, bool l
     sum.r = v_fma(weight, c.r, sum.r);
     sum.g = v_fma(weight, c.g, sum.g);
     sum.b = v_fma(weight, c.b, sum.b);
+    sum.a = v_fma(weight, c.a, sum.a); /* not 1 - clear: thin segments take nothing from a clear of 1 in single precision */
     clear = v_fnma(weight, c.a, clear);
     counts->samples += (uint64_t)m_count(live);
     if (leap) empty = !m_any(m_and(live, v_lt(v_set(0), c.a)));
@@ -190,8 +191,12 @@ V_INLINE void cast_packet(const tc_cpu_args *g, int type, bool terminate, bool l
     if (terminate) live = m_and(live, v_le(v_set(g->termination), clear));
     front = back;
   }
-  sum.a = v_set(1) - clear;
-  *out = sum;
+  /* What lies behind a terminated ray is taken to look like what lies before: the background shows through neither, and an
+   * opaque region keeps its colour exactly. Off by at most the threshold, like leaving it out. */
+  vm full = v_lt(v_set(1), sum.a);
+  if (terminate) full = m_or(full, v_lt(clear, v_set(g->termination)));
+  vf whole = v_select(full, sum.a, v_set(1));
+  *out = (vf4){sum.r / whole, sum.g / whole, sum.b / whole, sum.a / whole};
 }
 
 V_INLINE void cast_tile(const tc_cpu_args *g, int type, bool terminate, bool leap, int x0, int y0, int x1, int y1, float *out,
