@@ -127,8 +127,8 @@ static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scen
   have->table = tc_resources_table(r->resources, &params, &stats->tables_ms, error);
   if (!have->table) return false;
   if (!plan->key.skipping) return true;
-  int log2 = tc_skip_block_log2(scene->skipping.block);
-  have->minmax = tc_resources_minmax(r->resources, volume, log2, &stats->skip_ms, error);
+  int block = tc_skip_block(scene->skipping.block);
+  have->minmax = tc_resources_minmax(r->resources, volume, block, &stats->skip_ms, error);
   have->leap = have->minmax ? tc_resources_leap(r->resources, volume, have->minmax, have->table, &stats->skip_ms, error) : NULL;
   if (!have->leap) return false;
   if (have->leap->empty_share < LEAST_EMPTY) {
@@ -146,7 +146,7 @@ static void finish_plan(tc_renderer *r, tc_plan *plan, const frame_resources *ha
   if (have->leap) {
     skipping->bytes += have->leap->bytes;
     snprintf(skipping->reason, sizeof skipping->reason, "%.1f %% of the blocks of %d voxels are empty",
-             100 * have->leap->empty_share, 1 << have->leap->log2);
+             100 * have->leap->empty_share, have->leap->block);
   }
   if (stats) {
     table->ms = stats->tables_ms;
@@ -159,9 +159,9 @@ bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_s
   tc_table_params params = tc_table_params_for(volume, scene, plan->step_mm);
   frame_resources have = {.table = tc_resources_find_table(renderer->resources, &params)};
   if (have.table && plan->key.skipping) {
-    int log2 = tc_skip_block_log2(scene->skipping.block);
-    have.minmax = tc_resources_find_minmax(renderer->resources, volume, log2);
-    have.leap = tc_resources_find_leap(renderer->resources, volume, log2, have.table);
+    int block = tc_skip_block(scene->skipping.block);
+    have.minmax = tc_resources_find_minmax(renderer->resources, volume, block);
+    have.leap = tc_resources_find_leap(renderer->resources, volume, block, have.table);
     if (have.leap && have.leap->empty_share < LEAST_EMPTY) {
       drop_leaping(plan, have.leap);
       have.leap = NULL;

@@ -12,7 +12,7 @@ typedef struct item {
   size_t bytes;
   uint64_t last_use;
   uint64_t volume, table; /* serials it belongs to */
-  int log2;
+  int block;
   tc_table_params params; /* table: .tf points to tf below */
   tc_transfer_function *tf; /* its own copy, at a fixed place */
 } item;
@@ -151,18 +151,18 @@ const tc_table *tc_resources_table(tc_resources *r, const tc_table_params *param
 
 /* ---- leaping ---- */
 
-const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int log2) {
+const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int block) {
   for (int i = 0; i < r->count; i++) {
     item *it = &r->items[i];
-    if (it->kind == ITEM_MINMAX && it->volume == tc_volume_serial(volume) && it->log2 == log2) return used(r, it);
+    if (it->kind == ITEM_MINMAX && it->volume == tc_volume_serial(volume) && it->block == block) return used(r, it);
   }
   return NULL;
 }
 
-const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, int log2, double *ms, GError **error) {
-  const tc_minmax *found = tc_resources_find_minmax(r, volume, log2);
+const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, int block, double *ms, GError **error) {
+  const tc_minmax *found = tc_resources_find_minmax(r, volume, block);
   if (found) return found;
-  tc_minmax *m = tc_minmax_build(volume, log2, r->pool, error);
+  tc_minmax *m = tc_minmax_build(volume, block, r->pool, error);
   if (!m) return NULL;
   item *it = make_room(r, ITEM_MINMAX, m->bytes);
   if (!it) {
@@ -172,15 +172,15 @@ const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, i
   }
   it->thing = m;
   it->volume = tc_volume_serial(volume);
-  it->log2 = log2;
+  it->block = block;
   *ms += m->build_ms;
   return m;
 }
 
-const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int log2, const tc_table *table) {
+const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int block, const tc_table *table) {
   for (int i = 0; i < r->count; i++) {
     item *it = &r->items[i];
-    if (it->kind == ITEM_LEAP && it->volume == tc_volume_serial(volume) && it->log2 == log2 && it->table == table->serial)
+    if (it->kind == ITEM_LEAP && it->volume == tc_volume_serial(volume) && it->block == block && it->table == table->serial)
       return used(r, it);
   }
   return NULL;
@@ -188,7 +188,7 @@ const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, 
 
 const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_table *table,
                                  double *ms, GError **error) {
-  const tc_leap *found = tc_resources_find_leap(r, volume, minmax->log2, table);
+  const tc_leap *found = tc_resources_find_leap(r, volume, minmax->block, table);
   if (found) return found;
   tc_leap *leap = tc_leap_build(minmax, table, error);
   if (!leap) return NULL;
@@ -201,7 +201,7 @@ const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const
   it->thing = leap;
   it->volume = tc_volume_serial(volume);
   it->table = table->serial;
-  it->log2 = minmax->log2;
+  it->block = minmax->block;
   *ms += leap->build_ms;
   return leap;
 }

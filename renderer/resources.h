@@ -17,14 +17,14 @@ tc_table_params tc_table_params_for(const tc_volume *volume, const tc_scene *sce
 
 /* Find or build; *ms grows by what building took. */
 const tc_table *tc_resources_table(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
-const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, int log2, double *ms, GError **error);
+const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, int block, double *ms, GError **error);
 const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_table *table,
                                  double *ms, GError **error);
 
 /* Find only: NULL when it is not there now. */
 const tc_table *tc_resources_find_table(tc_resources *r, const tc_table_params *params);
-const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int log2);
-const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int log2, const tc_table *table);
+const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int block);
+const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int block, const tc_table *table);
 
 /* Drops what belongs to a volume. */
 void tc_resources_forget(tc_resources *r, uint64_t volume_serial);

@@ -13,11 +13,9 @@ static double now_ms(void) {
   return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
 }
 
-int tc_skip_block_log2(int block) {
-  if (block <= 0) return TC_SKIP_BLOCK_LOG2;
-  int log2 = 2;
-  while (log2 < 7 && 1 << log2 < block) log2++;
-  return log2;
+int tc_skip_block(int block) {
+  if (block <= 0) return TC_SKIP_BLOCK;
+  return block < 2 ? 2 : block > 128 ? 128 : block;
 }
 
 bool tc_skip_possible(const tc_transfer_function *tf, double value_min, double value_max) {
@@ -50,6 +48,15 @@ static bool is_empty(const uint32_t *used, const tc_table *t, double scale, doub
   if (first < 0) first = 0;
   if (last > t->n + 2) last = t->n + 2;
   return used[last] == used[first];
+}
+
+/* The same reach as is_empty's, for the two ends of the value axis. */
+static void zero_zones(tc_leap *leap, const uint32_t *used, int n) {
+  int first = 0, last = n + 2;
+  while (first < n + 2 && used[first + 1] == 0) first++;
+  while (last > 0 && used[last - 1] == used[n + 2]) last--;
+  leap->zero_below = first - 3;
+  leap->zero_above = last + 1;
 }
 
 static double voxel_at(const tc_minmax *m, size_t i) {
@@ -129,8 +136,9 @@ tc_leap *tc_leap_build(const tc_minmax *m, const tc_table *table, GError **error
     sweep(distance, m->blocks, 1);
     sweep(distance, m->blocks, -1);
   }
-  *leap = (tc_leap){.log2 = m->log2, .blocks = {m->blocks[0], m->blocks[1], m->blocks[2]}, .distance = distance,
+  *leap = (tc_leap){.block = m->block, .blocks = {m->blocks[0], m->blocks[1], m->blocks[2]}, .distance = distance,
                     .empty_share = (double)empty / (double)count, .bytes = count + 8};
+  zero_zones(leap, used, table->n);
   free(used);
   leap->build_ms = now_ms() - start;
   return leap;

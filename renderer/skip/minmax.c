@@ -11,8 +11,8 @@ typedef struct minmax_job {
   void *rows; /* per worker: a row of minima and one of maxima */
 } minmax_job;
 
-static int last_voxel(int block, int log2, int n) {
-  int last = (block + 1) << log2;
+static int last_voxel(int index, int block, int n) {
+  int last = (index + 1) * block;
   return last < n - 1 ? last : n - 1;
 }
 
@@ -22,8 +22,8 @@ static int last_voxel(int block, int log2, int n) {
   static void row_##name(const minmax_job *job, int by, int bz, type *lo, type *hi) {                                \
     const type *voxels = tc_volume_data(job->volume);                                                                \
     const tc_minmax *m = job->m;                                                                                     \
-    int nx = job->dims[0], y0 = by << m->log2, y1 = last_voxel(by, m->log2, job->dims[1]);                           \
-    int z0 = bz << m->log2, z1 = last_voxel(bz, m->log2, job->dims[2]);                                              \
+    int nx = job->dims[0], y0 = by * m->block, y1 = last_voxel(by, m->block, job->dims[1]);                           \
+    int z0 = bz * m->block, z1 = last_voxel(bz, m->block, job->dims[2]);                                              \
     for (int z = z0; z <= z1; z++)                                                                                   \
       for (int y = y0; y <= y1; y++) {                                                                               \
         const type *p = voxels + ((size_t)z * (size_t)job->dims[1] + (size_t)y) * (size_t)nx;                        \
@@ -37,9 +37,9 @@ static int last_voxel(int block, int log2, int n) {
       }                                                                                                              \
     type *pair = (type *)m->pairs + 2 * ((size_t)bz * (size_t)m->blocks[1] + (size_t)by) * (size_t)m->blocks[0];     \
     for (int bx = 0; bx < m->blocks[0]; bx++, pair += 2) {                                                           \
-      int x1 = last_voxel(bx, m->log2, nx);                                                                          \
-      type a = lo[bx << m->log2], b = hi[bx << m->log2];                                                             \
-      for (int x = (bx << m->log2) + 1; x <= x1; x++) {                                                              \
+      int x1 = last_voxel(bx, m->block, nx);                                                                          \
+      type a = lo[bx * m->block], b = hi[bx * m->block];                                                             \
+      for (int x = bx * m->block + 1; x <= x1; x++) {                                                              \
         a = lo[x] < a ? lo[x] : a;                                                                                   \
         b = hi[x] > b ? hi[x] : b;                                                                                   \
       }                                                                                                              \
@@ -73,17 +73,17 @@ static double now_ms(void) {
   return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
 }
 
-tc_minmax *tc_minmax_build(const tc_volume *volume, int log2, tc_pool *pool, GError **error) {
+tc_minmax *tc_minmax_build(const tc_volume *volume, int block, tc_pool *pool, GError **error) {
   double start = now_ms();
   const tc_volume_desc *d = tc_volume_describe(volume);
   tc_minmax *m = calloc(1, sizeof *m);
   minmax_job job = {.volume = volume, .m = m, .dims = d->dims, .voxel_bytes = tc_voxel_size(d->type)};
   if (m) {
-    *m = (tc_minmax){.log2 = log2, .type = d->type};
+    *m = (tc_minmax){.block = block, .type = d->type};
     size_t count = 1;
     for (int k = 0; k < 3; k++) {
       int cells = d->dims[k] > 1 ? d->dims[k] - 1 : 1;
-      m->blocks[k] = (cells + (1 << log2) - 1) >> log2;
+      m->blocks[k] = (cells + block - 1) / block;
       count *= (size_t)m->blocks[k];
     }
     m->bytes = count * 2 * job.voxel_bytes;

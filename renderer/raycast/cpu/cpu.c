@@ -111,6 +111,7 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
   a->eye_mm = (float)r->eye_mm;
   a->perspective = r->perspective;
   a->step_mm = (float)r->step_mm;
+  a->inverse_step = (float)(1 / r->step_mm);
   a->row = d->dims[0];
   a->slice = d->dims[0] * d->dims[1];
   const int strides[3] = {1, a->row, a->slice};
@@ -129,8 +130,10 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
   a->termination = (float)job->scene->sampling.termination;
   if (job->leap) {
     a->distance = job->leap->distance;
-    a->block_log2 = job->leap->log2;
-    a->block = (float)(1 << job->leap->log2);
+    a->block = (float)job->leap->block;
+    a->inverse_block = 1 / a->block;
+    a->zero_below = (float)job->leap->zero_below;
+    a->zero_above = (float)job->leap->zero_above;
     a->block_row = job->leap->blocks[0];
     a->block_slice = job->leap->blocks[0] * job->leap->blocks[1];
   }

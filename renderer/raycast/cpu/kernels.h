@@ -22,15 +22,16 @@ typedef struct tc_cpu_args {
   int cell_last[3];   /* max(n - 2, 0) */
   int stride[3];      /* voxels from a cell corner to its neighbour; 0 where n = 1 */
   int row, slice;     /* voxels from one y, one z to the next */
-  float step_mm;
+  float step_mm, inverse_step;
   const void *voxels;
   const float *table; /* row k = 0 of tc_table */
   float table_stride; /* entries a row; offsets are computed in float, exact below 2^24 */
   float value_lo, value_scale, node_last; /* node = (voxel - value_lo) * value_scale, clamped to [0, node_last] */
   float termination;
   const uint8_t *distance; /* tc_leap's map, when the plan leaps */
-  int block_log2, block_row, block_slice;
-  float block; /* voxels */
+  int block_row, block_slice;
+  float block, inverse_block;  /* voxels */
+  float zero_below, zero_above; /* nodes */
 } tc_cpu_args;
 
 typedef struct tc_cpu_counts {

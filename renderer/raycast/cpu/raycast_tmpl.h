@@ -7,15 +7,16 @@
 
 typedef struct packet {
   vf entry[3], dir[3]; /* index coordinates; voxels per mm */
+  vf inverse[3];       /* 1 / dir */
   vf length;           /* mm inside the volume; 0 for a ray that misses */
   vm live;
 } packet;
 
 /* Along one axis the ray is inside [lo, hi] for s in [*s0, *s1] (intersected with what is there). */
-V_INLINE void clip_axis(vf q, vf d, vf lo, vf hi, vf *s0, vf *s1) {
+V_INLINE void clip_axis(vf q, vf d, vf inverse, vf lo, vf hi, vf *s0, vf *s1) {
   vm parallel = v_lt(v_abs(d), v_set(1e-12f));
   vm inside = m_and(v_le(lo, q), v_le(q, hi));
-  vf big = v_set(1e30f), inverse = v_set(1) / v_select(parallel, v_set(1), d);
+  vf big = v_set(1e30f);
   vf a = (lo - q) * inverse, b = (hi - q) * inverse;
   vf near = v_select(parallel, v_select(inside, v_set(0) - big, big), v_min(a, b));
   vf far = v_select(parallel, v_select(inside, big, v_set(0) - big), v_max(a, b));
@@ -38,7 +39,8 @@ V_INLINE packet start_packet(const tc_cpu_args *g, int x, int y, int x1, int y1)
     vf d = view[0] * v_set(g->to_index[3 * k]);
     d = v_fma(view[1], v_set(g->to_index[3 * k + 1]), d);
     p.dir[k] = v_fma(view[2], v_set(g->to_index[3 * k + 2]), d) / norm;
-    clip_axis(anchor[k], p.dir[k], v_set(g->lo[k]), v_set(g->hi[k]), &s0, &s1);
+    p.inverse[k] = v_set(1) / v_select(v_lt(v_abs(p.dir[k]), v_set(1e-12f)), v_set(1), p.dir[k]);
+    clip_axis(anchor[k], p.dir[k], p.inverse[k], v_set(g->lo[k]), v_set(g->hi[k]), &s0, &s1);
   }
   vm inside = m_and(v_lt(i, v_set((float)x1)), v_lt(j, v_set((float)y1)));
   p.live = m_and(inside, v_lt(s0, s1));
@@ -123,29 +125,39 @@ V_INLINE vf4 shorten(vf4 c, vf share, vm which) {
   return (vf4){c.r * scale, c.g * scale, c.b * scale, c.a * scale};
 }
 
-/* How many whole steps every live ray of the packet may go on from mm t and stay among empty blocks; 0 when one of them
- * may not. The margin of a hundredth of a voxel is far above the rounding of positions (skip/skip.h). */
-V_INLINE int leap_steps(const tc_cpu_args *g, const packet *p, vf t, vm live) {
-  vf q[3];
-  vi block[3];
+/* Looks around the packet at mm t. *steps: how many whole steps every live ray may go on and stay in the cube of blocks that is
+ * known of it. True when all those cubes are empty, so that the steps may be leapt; false when a ray is in a block with
+ * something in it, and looking again makes no sense for that many steps. The margin of a hundredth of a voxel is far above the
+ * rounding of positions (skip/skip.h). */
+V_INLINE bool look_around(const tc_cpu_args *g, const packet *p, vf t, vm live, int *steps) {
+  vf q[3], block[3];
   for (int k = 0; k < 3; k++) {
     q[k] = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(g->last[k]));
-    block[k] = v_sra(v_mini(v_trunc(q[k]), v_seti(g->cell_last[k])), g->block_log2);
+    vf cell = v_float(v_mini(v_trunc(q[k]), v_seti(g->cell_last[k])));
+    block[k] = v_float(v_trunc((cell + v_set(0.5f)) * v_set(g->inverse_block))); /* the half keeps rounding away from edges */
   }
-  vi off = v_addi(block[0], v_addi(v_muli(block[1], v_seti(g->block_row)), v_muli(block[2], v_seti(g->block_slice))));
+  vi off = v_addi(v_muli(v_trunc(block[2]), v_seti(g->block_slice)), v_muli(v_trunc(block[1]), v_seti(g->block_row)));
+  off = v_addi(off, v_trunc(block[0]));
   vf distance = v_float(v_bytes(g->distance, off));
-  if (m_any(m_and(live, v_lt(distance, v_set(1))))) return 0;
-  vf far = v_set(1e9f);
+  vm full = m_and(live, v_lt(distance, v_set(1)));
+  vf reach = (v_max(distance, v_set(1)) - v_set(1)) * v_set(g->block), far = v_set(1e9f);
   for (int k = 0; k < 3; k++) {
-    vf corner = v_float(block[k]) * v_set(g->block), reach = (distance - v_set(1)) * v_set(g->block);
+    vf corner = block[k] * v_set(g->block);
     vm ahead = v_lt(v_set(0), p->dir[k]);
     vf wall = v_select(ahead, corner + reach + v_set(g->block - 0.01f), corner - reach + v_set(0.01f));
-    vm still = v_lt(v_abs(p->dir[k]), v_set(1e-12f));
-    vf mm = (wall - q[k]) / v_select(still, v_set(1), p->dir[k]);
-    far = v_min(far, v_select(still, v_set(1e9f), mm));
+    vf mm = (wall - q[k]) * p->inverse[k];
+    far = v_min(far, v_select(v_lt(v_abs(p->dir[k]), v_set(1e-12f)), v_set(1e9f), mm));
   }
-  float least = v_least(v_select(live, far, v_set(1e9f))) / g->step_mm;
-  return least < 1 ? 0 : least < 1e6f ? (int)least : 1000000;
+  float least = v_least(v_select(live, far, v_set(1e9f))) * g->inverse_step;
+  *steps = least < 1 ? 0 : least < 1e6f ? (int)least : 1000000;
+  return !m_any(full);
+}
+
+/* All live rays' segments lie in a stretch of values at either end of the axis that shows nothing. */
+V_INLINE bool all_zero(const tc_cpu_args *g, vf front, vf back, vm live) {
+  vm below = m_and(v_lt(front, v_set(g->zero_below)), v_lt(back, v_set(g->zero_below)));
+  vm above = m_and(v_lt(v_set(g->zero_above), front), v_lt(v_set(g->zero_above), back));
+  return !m_any(m_andnot(live, m_or(below, above)));
 }
 
 /* One packet from its rays' entries to their ends. `leap` and `terminate` are constants of the variant. */
@@ -156,12 +168,15 @@ V_INLINE void cast_packet(const tc_cpu_args *g, int type, bool terminate, bool l
   vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
   vm live = p.live;
   bool fresh = true, empty = leap; /* no front sample yet; nothing seen in the last segment */
+  int look_at = 0;                 /* first step at which looking around may pay */
   counts->rays += (uint64_t)m_count(live);
   for (int i = 0; m_any(live); i++) {
     float t0 = (float)i * g->step_mm, t1 = (float)(i + 1) * g->step_mm;
-    if (leap && empty) {
-      int n = leap_steps(g, &p, v_set(t0), live);
-      if (n) {
+    if (leap && empty && i >= look_at) {
+      int n;
+      if (!look_around(g, &p, v_set(t0), live, &n)) {
+        look_at = i + n + 1;
+      } else if (n) {
         i += n;
         t0 = (float)i * g->step_mm, t1 = (float)(i + 1) * g->step_mm;
         live = m_and(live, v_lt(v_set(t0), p.length));
@@ -176,6 +191,13 @@ V_INLINE void cast_packet(const tc_cpu_args *g, int type, bool terminate, bool l
       fresh = false;
     }
     vf back = sample_node(g, type, &p, v_min(v_set(t1), p.length));
+    counts->samples += (uint64_t)m_count(live);
+    if (leap && all_zero(g, front, back, live)) {
+      empty = true;
+      live = m_and(live, v_lt(v_set(t1), p.length));
+      front = back;
+      continue;
+    }
     vf4 c = classify(g, front, back);
     vm ends = v_lt(p.length, v_set(t1));
     if (m_any(ends)) c = shorten(c, v_max(p.length - v_set(t0), v_set(0)) / v_set(g->step_mm), ends);
@@ -185,7 +207,6 @@ V_INLINE void cast_packet(const tc_cpu_args *g, int type, bool terminate, bool l
     sum.b = v_fma(weight, c.b, sum.b);
     sum.a = v_fma(weight, c.a, sum.a); /* not 1 - clear: thin segments take nothing from a clear of 1 in single precision */
     clear = v_fnma(weight, c.a, clear);
-    counts->samples += (uint64_t)m_count(live);
     if (leap) empty = !m_any(m_and(live, v_lt(v_set(0), c.a)));
     live = m_and(live, v_lt(v_set(t1), p.length));
     if (terminate) live = m_and(live, v_le(v_set(g->termination), clear));
