@@ -49,7 +49,9 @@ struct tcp_member {
   const char *doc;
 };
 
-typedef struct tcp_group { const char *name, *doc; } tcp_group;
+typedef struct tcp_group {
+  const char *name, *doc;
+} tcp_group;
 
 /* Members in the order they are read and written; one group's members are neighbours. */
 extern const tcp_member tcp_members[];

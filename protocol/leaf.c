@@ -76,17 +76,23 @@ static bool read_text(tcp_reader *reader, const tcp_member *member, const cJSON 
 bool tcp_leaf_read(tcp_reader *reader, const tcp_member *member, void *base, const cJSON *value) {
   void *field = (char *)base + member->offset;
   switch (member->kind) {
-    case TCP_NUMBER: return tcp_number_read(reader, member, value, field);
-    case TCP_INTEGER: return read_integer(reader, member, value, field);
-    case TCP_NAME: return read_name(reader, member, value, field);
-    case TCP_VECTOR: return tcp_vector_read(reader, member, value, member->count, field);
-    case TCP_TEXT: return read_text(reader, member, value, field);
-    case TCP_BOOLEAN:
-      if (!cJSON_IsBool(value)) return tcp_fail_type(reader, "true or false", value);
-      *(bool *)field = cJSON_IsTrue(value);
-      return true;
-    case TCP_SPECIAL:
-    case TCP_KIND_COUNT: break;
+  case TCP_NUMBER:
+    return tcp_number_read(reader, member, value, field);
+  case TCP_INTEGER:
+    return read_integer(reader, member, value, field);
+  case TCP_NAME:
+    return read_name(reader, member, value, field);
+  case TCP_VECTOR:
+    return tcp_vector_read(reader, member, value, member->count, field);
+  case TCP_TEXT:
+    return read_text(reader, member, value, field);
+  case TCP_BOOLEAN:
+    if (!cJSON_IsBool(value)) return tcp_fail_type(reader, "true or false", value);
+    *(bool *)field = cJSON_IsTrue(value);
+    return true;
+  case TCP_SPECIAL:
+  case TCP_KIND_COUNT:
+    break;
   }
   return tcp_fail(reader, TC_ERROR_INTERNAL, "no reader");
 }
@@ -97,31 +103,43 @@ cJSON *tcp_leaf_write(const tcp_member *member, const void *base) {
   const void *field = (const char *)base + member->offset;
   bool asked = !(member->flags & TCP_ASKED);
   switch (member->kind) {
-    case TCP_NUMBER: {
-      double v = *(const double *)field;
-      return asked || v != 0 ? cJSON_CreateNumber(v) : NULL;
-    }
-    case TCP_INTEGER: return cJSON_CreateNumber(*(const int *)field);
-    case TCP_BOOLEAN: return cJSON_CreateBool(*(const bool *)field);
-    case TCP_NAME: return cJSON_CreateStringReference(member->names[*(const int *)field]);
-    case TCP_VECTOR: return tcp_vector_write(field, member->count);
-    case TCP_TEXT: return asked || *(const char *)field ? cJSON_CreateString(field) : NULL;
-    case TCP_SPECIAL:
-    case TCP_KIND_COUNT: break;
+  case TCP_NUMBER: {
+    double v = *(const double *)field;
+    return asked || v != 0 ? cJSON_CreateNumber(v) : NULL;
+  }
+  case TCP_INTEGER:
+    return cJSON_CreateNumber(*(const int *)field);
+  case TCP_BOOLEAN:
+    return cJSON_CreateBool(*(const bool *)field);
+  case TCP_NAME:
+    return cJSON_CreateStringReference(member->names[*(const int *)field]);
+  case TCP_VECTOR:
+    return tcp_vector_write(field, member->count);
+  case TCP_TEXT:
+    return asked || *(const char *)field ? cJSON_CreateString(field) : NULL;
+  case TCP_SPECIAL:
+  case TCP_KIND_COUNT:
+    break;
   }
   return NULL;
 }
 
 static size_t field_size(const tcp_member *member) {
   switch (member->kind) {
-    case TCP_NUMBER: return sizeof(double);
-    case TCP_INTEGER:
-    case TCP_NAME: return sizeof(int);
-    case TCP_BOOLEAN: return sizeof(bool);
-    case TCP_VECTOR: return sizeof(double) * (size_t)member->count;
-    case TCP_TEXT: return (size_t)member->count;
-    case TCP_SPECIAL:
-    case TCP_KIND_COUNT: break;
+  case TCP_NUMBER:
+    return sizeof(double);
+  case TCP_INTEGER:
+  case TCP_NAME:
+    return sizeof(int);
+  case TCP_BOOLEAN:
+    return sizeof(bool);
+  case TCP_VECTOR:
+    return sizeof(double) * (size_t)member->count;
+  case TCP_TEXT:
+    return (size_t)member->count;
+  case TCP_SPECIAL:
+  case TCP_KIND_COUNT:
+    break;
   }
   return 0;
 }

@@ -1,8 +1,7 @@
 /* The one table of scene members. A member is added here (and its field in renderer/scene.h), nowhere else. */
 #include "protocol/internal.h"
 
-static const char *const modes[] = {"dvr",        "mip",  "minip", "average",
-                                    "isosurface", "mesh", "splat", "mpr", NULL};
+static const char *const modes[] = {"dvr", "mip", "minip", "average", "isosurface", "mesh", "splat", "mpr", NULL};
 static const char *const formats[] = {"jpeg", "png", NULL};
 static const char *const subsamplings[] = {"auto", "4:4:4", "4:2:2", "4:2:0", NULL};
 static const char *const projections[] = {"perspective", "orthographic", NULL};
@@ -141,12 +140,14 @@ const tcp_member tcp_members[] = {
     {"mpr", "orientation", TCP_NAME, AT(mpr.orientation), .names = orientations, .doc = "Plane of the slice."},
     {"mpr", "center", TCP_SPECIAL, AT(mpr.center), 3, COORDINATES, .unit = "LPS mm", .special = &tcp_special_mpr_center,
      .doc = "Point in the middle of the picture; the volume's centre when left out."},
-    {"mpr", "normal", TCP_VECTOR, AT(mpr.normal), 3, COORDINATES, .unit = "LPS", .doc = "Oblique: normal of the plane."},
+    {"mpr", "normal", TCP_VECTOR, AT(mpr.normal), 3, COORDINATES, .unit = "LPS",
+     .doc = "Oblique: normal of the plane."},
     {"mpr", "up", TCP_VECTOR, AT(mpr.up), 3, COORDINATES, .unit = "LPS",
      .doc = "Oblique: direction that is up in the picture."},
     {"mpr", "thickness", TCP_NUMBER, AT(mpr.thickness_mm), RANGE(0, 1e6), .unit = "mm",
      .doc = "Thickness of the slab; 0 is one slice."},
-    {"mpr", "projection", TCP_NAME, AT(mpr.projection), .names = slab_projections, .doc = "How a slab becomes a slice."},
+    {"mpr", "projection", TCP_NAME, AT(mpr.projection), .names = slab_projections,
+     .doc = "How a slab becomes a slice."},
     {"mpr", "zoom", TCP_NUMBER, AT(mpr.zoom), RANGE(1e-3, 1e3), .doc = "1 shows the whole plane; 2 half of it."},
 
     {"labels", "volume", TCP_TEXT, AT(labels.volume), sizeof((tc_scene *)0)->labels.volume, .flags = TCP_ASKED,
@@ -171,7 +172,8 @@ const size_t tcp_member_count = G_N_ELEMENTS(tcp_members);
 const tcp_member tcp_knot_members[4] = {
     {"", "value", TCP_NUMBER, KNOT(value), VALUES, .unit = "value", .doc = "The volume's value here."},
     {"", "color", TCP_VECTOR, KNOT(color), 3, UNIT, .unit = "sRGB", .doc = "Colour; linear between knots."},
-    {"", "opacity", TCP_NUMBER, KNOT(amount), UNIT, .unit = "per unitDistance", .doc = "Opacity; linear between knots."},
+    {"", "opacity", TCP_NUMBER, KNOT(amount), UNIT, .unit = "per unitDistance",
+     .doc = "Opacity; linear between knots."},
     {"", "extinction", TCP_NUMBER, KNOT(amount), RANGE(0, TCP_MAX_VALUE), .unit = "1/mm",
      .doc = "Extinction; linear between knots."},
 };

@@ -50,7 +50,8 @@ static bool read_type(const cJSON *object, tcp_message_type *type, GError **erro
 static bool check_names(const cJSON *object, tcp_message_type type, GError **error) {
   for (const cJSON *item = object->child; item; item = item->next) {
     bool known = strcmp(item->string, "type") == 0;
-    for (int i = 0; members[type][i]; i++) known = known || strcmp(item->string, members[type][i]) == 0;
+    for (int i = 0; members[type][i]; i++)
+      known = known || strcmp(item->string, members[type][i]) == 0;
     if (known) continue;
     tcp_reader reader = {.pointer = g_string_new(NULL), .error = error};
     char *hint = tcp_hint(item->string, members[type]);
@@ -89,11 +90,16 @@ static bool read_message(cJSON *object, tcp_message *message, GError **error) {
   if (!cJSON_IsObject(object)) return tcp_fail_at(error, TC_ERROR_INVALID, "", "a message must be a JSON object");
   if (!read_type(object, &message->type, error) || !check_names(object, message->type, error)) return false;
   switch (message->type) {
-    case TCP_PATCH: return read_patch(object, message, error);
-    case TCP_ACK: return read_counter(object, "frame", &message->frame, error);
-    case TCP_POINTER: return read_pointer(object, message, error);
-    case TCP_PING: return read_ping(object, message, error);
-    case TCP_MESSAGE_TYPE_COUNT: break;
+  case TCP_PATCH:
+    return read_patch(object, message, error);
+  case TCP_ACK:
+    return read_counter(object, "frame", &message->frame, error);
+  case TCP_POINTER:
+    return read_pointer(object, message, error);
+  case TCP_PING:
+    return read_ping(object, message, error);
+  case TCP_MESSAGE_TYPE_COUNT:
+    break;
   }
   return false;
 }
@@ -159,7 +165,8 @@ uint8_t *tcp_frame_header_write(const tcp_frame_header *header, size_t *size) {
   char *text = cJSON_PrintUnformatted(object);
   size_t length = text ? strlen(text) : 0;
   uint8_t *bytes = g_malloc(4 + length);
-  for (int i = 0; i < 4; i++) bytes[i] = (uint8_t)(length >> (8 * i));
+  for (int i = 0; i < 4; i++)
+    bytes[i] = (uint8_t)(length >> (8 * i));
   if (length) memcpy(bytes + 4, text, length);
   *size = 4 + length;
   cJSON_free(text);

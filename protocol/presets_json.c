@@ -3,8 +3,8 @@
 
 /* The writer of scenes writes a preset's points too: what a client gets here it may send back. */
 static cJSON *write_points(const tc_preset *preset) {
-  tc_scene scene = {.transfer_function = {.points = (tc_knot *)preset->points, .count = preset->count,
-                                          .kind = preset->kind}};
+  tc_scene scene = {
+      .transfer_function = {.points = (tc_knot *)preset->points, .count = preset->count, .kind = preset->kind}};
   return tcp_special_points.write(NULL, &scene);
 }
 
@@ -33,9 +33,11 @@ cJSON *tcp_presets(void) {
   cJSON *document = cJSON_CreateObject(), *functions = cJSON_CreateArray(), *windows = cJSON_CreateArray();
   size_t count;
   const tc_preset *presets = tc_presets(&count);
-  for (size_t i = 0; i < count; i++) cJSON_AddItemToArray(functions, write_preset(&presets[i]));
+  for (size_t i = 0; i < count; i++)
+    cJSON_AddItemToArray(functions, write_preset(&presets[i]));
   const tc_window_preset *window_presets = tc_window_presets(&count);
-  for (size_t i = 0; i < count; i++) cJSON_AddItemToArray(windows, write_window(&window_presets[i]));
+  for (size_t i = 0; i < count; i++)
+    cJSON_AddItemToArray(windows, write_window(&window_presets[i]));
   tcp_add(document, "transferFunctions", functions);
   tcp_add(document, "windows", windows);
   return document;

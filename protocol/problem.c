@@ -1,7 +1,10 @@
 /* Errors as RFC 9457 problem documents. */
 #include "protocol/internal.h"
 
-typedef struct problem { int status; const char *name, *title; } problem;
+typedef struct problem {
+  int status;
+  const char *name, *title;
+} problem;
 
 static const problem problems[] = {
     [TC_ERROR_INVALID] = {422, "invalid", "A value is out of its range or has no meaning"},

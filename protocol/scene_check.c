@@ -11,7 +11,8 @@ static double length(const double v[3]) { return hypot(hypot(v[0], v[1]), v[2]);
 
 static bool unit(const double v[3], double out[3]) {
   double l = length(v);
-  for (int i = 0; i < 3; i++) out[i] = l > 0 ? v[i] / l : 0;
+  for (int i = 0; i < 3; i++)
+    out[i] = l > 0 ? v[i] / l : 0;
   return l > 0;
 }
 
@@ -28,7 +29,8 @@ static bool patch_has(const cJSON *patch, const char *group, const char *name) {
 
 static bool check_camera(const tc_camera *camera, const cJSON *patch, GError **error) {
   double view[3];
-  for (int i = 0; i < 3; i++) view[i] = camera->target[i] - camera->position[i];
+  for (int i = 0; i < 3; i++)
+    view[i] = camera->target[i] - camera->position[i];
   bool moved = patch_has(patch, "camera", "position") && !patch_has(patch, "camera", "target");
   if (length(view) == 0)
     return tcp_fail_at(error, TC_ERROR_INVALID, moved ? "/camera/position" : "/camera/target",

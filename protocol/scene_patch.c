@@ -29,7 +29,8 @@ static GPtrArray *known_names(const char *group) {
   GPtrArray *names = g_ptr_array_new();
   for (size_t i = 0; i < tcp_member_count; i++)
     if (in_group(&tcp_members[i], group)) g_ptr_array_add(names, (gpointer)tcp_members[i].name);
-  for (size_t i = 0; !*group && i < tcp_group_count; i++) g_ptr_array_add(names, (gpointer)tcp_groups[i].name);
+  for (size_t i = 0; !*group && i < tcp_group_count; i++)
+    g_ptr_array_add(names, (gpointer)tcp_groups[i].name);
   g_ptr_array_add(names, NULL);
   return names;
 }
@@ -51,7 +52,8 @@ static char *hint_of_group(const char *name) {
 static bool check_names(tcp_reader *reader, const cJSON *object, const char *group) {
   GPtrArray *names = known_names(group);
   const cJSON *item = object->child;
-  while (item && is_known(names, item->string)) item = item->next;
+  while (item && is_known(names, item->string))
+    item = item->next;
   if (item) {
     char *hint = *group ? NULL : hint_of_group(item->string);
     if (!hint) hint = tcp_hint(item->string, (const char *const *)names->pdata);
@@ -91,8 +93,7 @@ static bool read_group(tcp_reader *reader, const cJSON *value, const char *group
 }
 
 static bool read_scene(tcp_reader *reader, const cJSON *patch) {
-  if (!cJSON_IsObject(patch))
-    return tcp_fail_at(reader->error, TC_ERROR_INVALID, "", "a scene must be a JSON object");
+  if (!cJSON_IsObject(patch)) return tcp_fail_at(reader->error, TC_ERROR_INVALID, "", "a scene must be a JSON object");
   if (!check_names(reader, patch, "") || !read_members(reader, patch, "")) return false;
   for (size_t i = 0; i < tcp_group_count; i++) {
     const cJSON *value = cJSON_GetObjectItemCaseSensitive(patch, tcp_groups[i].name);
@@ -105,8 +106,12 @@ bool tcp_scene_patch(tc_scene *scene, const cJSON *patch, const tc_scene *defaul
                      GError **error) {
   tc_scene next;
   tc_scene_copy(&next, scene);
-  tcp_reader reader = {.scene = &next, .defaults = defaults, .value_min = context ? context->value_min : 0,
-                       .value_max = context ? context->value_max : 1, .pointer = g_string_new(NULL), .error = error};
+  tcp_reader reader = {.scene = &next,
+                       .defaults = defaults,
+                       .value_min = context ? context->value_min : 0,
+                       .value_max = context ? context->value_max : 1,
+                       .pointer = g_string_new(NULL),
+                       .error = error};
   bool good = read_scene(&reader, patch) && tcp_scene_check(&next, patch, error);
   if (good) {
     tc_scene_clear(scene);

@@ -36,18 +36,24 @@ static cJSON *type_schema(const char *type) {
 
 static cJSON *plain_schema(const tcp_member *member) {
   switch (member->kind) {
-    case TCP_NUMBER: return tcp_range_schema(member, "number");
-    case TCP_INTEGER: return tcp_range_schema(member, "integer");
-    case TCP_BOOLEAN: return type_schema("boolean");
-    case TCP_NAME: return names_schema(member);
-    case TCP_VECTOR: return tcp_array_schema(tcp_range_schema(member, "number"), member->count, member->count);
-    case TCP_TEXT: {
-      cJSON *schema = type_schema("string");
-      tcp_add(schema, "maxLength", cJSON_CreateNumber(member->count - 1));
-      return schema;
-    }
-    case TCP_SPECIAL:
-    case TCP_KIND_COUNT: break;
+  case TCP_NUMBER:
+    return tcp_range_schema(member, "number");
+  case TCP_INTEGER:
+    return tcp_range_schema(member, "integer");
+  case TCP_BOOLEAN:
+    return type_schema("boolean");
+  case TCP_NAME:
+    return names_schema(member);
+  case TCP_VECTOR:
+    return tcp_array_schema(tcp_range_schema(member, "number"), member->count, member->count);
+  case TCP_TEXT: {
+    cJSON *schema = type_schema("string");
+    tcp_add(schema, "maxLength", cJSON_CreateNumber(member->count - 1));
+    return schema;
+  }
+  case TCP_SPECIAL:
+  case TCP_KIND_COUNT:
+    break;
   }
   return cJSON_CreateObject();
 }
@@ -91,7 +97,7 @@ static cJSON *not_both_bounds(void) {
   const char *names[] = {"maxError", "maxMilliseconds"};
   cJSON *not = cJSON_CreateObject();
   tcp_add(not, "required", cJSON_CreateStringArray(names, 2));
-  return not;
+  return not ;
 }
 
 static cJSON *group_schema(const tcp_group *group, const tc_scene *scene) {
@@ -116,8 +122,7 @@ cJSON *tcp_scene_schema(void) {
                                       "patient LPS, colours sRGB 0..1, values in the volume's own unit."));
   tcp_add(schema, "type", cJSON_CreateStringReference("object"));
   for (size_t i = 0; i < tcp_member_count; i++)
-    if (!*tcp_members[i].group)
-      tcp_add(properties, tcp_members[i].name, member_schema(&tcp_members[i], &scene));
+    if (!*tcp_members[i].group) tcp_add(properties, tcp_members[i].name, member_schema(&tcp_members[i], &scene));
   for (size_t i = 0; i < tcp_group_count; i++)
     tcp_add(properties, tcp_groups[i].name, group_schema(&tcp_groups[i], &scene));
   tcp_add(schema, "properties", properties);

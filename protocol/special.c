@@ -42,8 +42,7 @@ static cJSON *write_background(const tcp_member *member, const tc_scene *scene) 
 
 static void reset_background(tcp_reader *reader, const tcp_member *member) {
   reader->scene->image.transparent = reader->defaults->image.transparent;
-  memcpy(reader->scene->image.background, reader->defaults->image.background,
-         sizeof reader->scene->image.background);
+  memcpy(reader->scene->image.background, reader->defaults->image.background, sizeof reader->scene->image.background);
 }
 
 static cJSON *background_schema(const tcp_member *member) { return word_or_vector_schema(member, "transparent"); }
@@ -106,7 +105,8 @@ static bool read_box(tcp_reader *reader, const tcp_member *member, const cJSON *
 static cJSON *write_box(const tcp_member *member, const tc_scene *scene) {
   if (!scene->clip.has_box) return NULL;
   cJSON *rows = cJSON_CreateArray();
-  for (int i = 0; i < 2; i++) cJSON_AddItemToArray(rows, tcp_vector_write(scene->clip.box[i], 3));
+  for (int i = 0; i < 2; i++)
+    cJSON_AddItemToArray(rows, tcp_vector_write(scene->clip.box[i], 3));
   return rows;
 }
 

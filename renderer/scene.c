@@ -94,7 +94,8 @@ void tc_scene_clear(tc_scene *scene) {
 bool tc_transfer_function_set_preset(tc_transfer_function *tf, const char *name, double lo, double hi) {
   size_t count;
   const tc_preset *preset = tc_presets(&count);
-  while (count && strcmp(preset->name, name) != 0) preset++, count--;
+  while (count && strcmp(preset->name, name) != 0)
+    preset++, count--;
   if (!count) return false;
   tc_knot *points = g_memdup2(preset->points, preset->count * sizeof(tc_knot));
   if (preset->relative)

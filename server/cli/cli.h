@@ -16,10 +16,10 @@ int tcs_cli_info(int argc, char **argv);   /* what a file holds */
 /* What the sub-commands share (options.c) ---------------------------------------------------------- */
 
 typedef struct tcs_cli_usage {
-  const char *command;            /* "render" */
-  const char *arguments;          /* "VOLUME" */
-  const char *summary;            /* one sentence for --help */
-  const GOptionEntry *entries;    /* texts as G_OPTION_ARG_FILENAME: no conversion of character sets */
+  const char *command;         /* "render" */
+  const char *arguments;       /* "VOLUME" */
+  const char *summary;         /* one sentence for --help */
+  const GOptionEntry *entries; /* texts as G_OPTION_ARG_FILENAME: no conversion of character sets */
 } tcs_cli_usage;
 
 /* Parses argv; `rest` receives what are not options (free with g_strfreev). --help prints and exits 0. */

@@ -50,7 +50,8 @@ static cJSON *series_json(const report *r) {
 
 static cJSON *direction_json(const tc_volume_desc *d) {
   cJSON *rows = cJSON_CreateArray();
-  for (int i = 0; i < 3; i++) cJSON_AddItemToArray(rows, cJSON_CreateDoubleArray(d->direction + 3 * i, 3));
+  for (int i = 0; i < 3; i++)
+    cJSON_AddItemToArray(rows, cJSON_CreateDoubleArray(d->direction + 3 * i, 3));
   return rows;
 }
 

@@ -6,8 +6,8 @@
 #include "server/cli/cli.h"
 
 bool tcs_cli_parse(const tcs_cli_usage *usage, int argc, char **argv, char ***rest, GError **error) {
-  const GOptionEntry others[] = {
-      {G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_FILENAME_ARRAY, rest, NULL, usage->arguments}, {0}};
+  const GOptionEntry others[] = {{G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_FILENAME_ARRAY, rest, NULL, usage->arguments},
+                                 {0}};
   char *program = g_strconcat("tomocast ", usage->command, NULL);
   GOptionContext *context = g_option_context_new(NULL);
   *rest = NULL;

@@ -56,9 +56,11 @@ static bool usage_error(job *j, GError **error, const char *format, ...) {
 static bool parse_arguments(job *j, int argc, char **argv, GError **error) {
   arguments *a = &j->args;
   const GOptionEntry entries[] = {
-      {"scene", 0, 0, G_OPTION_ARG_FILENAME, &a->scene, "scene document; - is stdin; without it the fitted defaults", "FILE"},
+      {"scene", 0, 0, G_OPTION_ARG_FILENAME, &a->scene, "scene document; - is stdin; without it the fitted defaults",
+       "FILE"},
       {"output", 'o', 0, G_OPTION_ARG_FILENAME, &a->output, "picture to write, .png or .jpg (render.png)", "OUT"},
-      {"set", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &a->set, "change one member, as camera.fovY=40; may be repeated", "KEY=VALUE"},
+      {"set", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &a->set, "change one member, as camera.fovY=40; may be repeated",
+       "KEY=VALUE"},
       {"width", 0, 0, G_OPTION_ARG_INT, &a->width, "width of the picture", "PIXELS"},
       {"height", 0, 0, G_OPTION_ARG_INT, &a->height, "height of the picture", "PIXELS"},
       {"backend", 0, 0, G_OPTION_ARG_FILENAME, &a->backend, "auto, cpu or gl (auto)", "B"},
@@ -170,8 +172,8 @@ static bool make_scene(job *j, GError **error) {
   tc_scene_fit(&defaults, j->volume);
   defaults.image.format = j->format;
   tc_scene_copy(&j->scene, &defaults);
-  bool good = apply_file(j, &defaults, error) && apply_expressions(j, &defaults, error) &&
-              apply_size(j, &defaults, error);
+  bool good =
+      apply_file(j, &defaults, error) && apply_expressions(j, &defaults, error) && apply_size(j, &defaults, error);
   tc_scene_clear(&defaults);
   return good;
 }

@@ -79,17 +79,21 @@ static bool all_grey(const tc_frame *frame) {
 static int choose_subsampling(const tc_frame *frame, const tc_scene *scene, int quality) {
   if (is_grey_mode(scene->mode) && all_grey(frame)) return TJSAMP_GRAY;
   switch (scene->image.subsampling) {
-    case TC_SUBSAMPLING_444: return TJSAMP_444;
-    case TC_SUBSAMPLING_422: return TJSAMP_422;
-    case TC_SUBSAMPLING_420: return TJSAMP_420;
-    case TC_SUBSAMPLING_AUTO:
-    case TC_SUBSAMPLING_COUNT: break;
+  case TC_SUBSAMPLING_444:
+    return TJSAMP_444;
+  case TC_SUBSAMPLING_422:
+    return TJSAMP_422;
+  case TC_SUBSAMPLING_420:
+    return TJSAMP_420;
+  case TC_SUBSAMPLING_AUTO:
+  case TC_SUBSAMPLING_COUNT:
+    break;
   }
   return quality >= FULL_CHROMA_QUALITY ? TJSAMP_444 : TJSAMP_420;
 }
 
-static bool encode_jpeg(tcs_encoder *encoder, const tc_frame *frame, const tc_scene *scene, int quality, GByteArray *out,
-                        GError **error) {
+static bool encode_jpeg(tcs_encoder *encoder, const tc_frame *frame, const tc_scene *scene, int quality,
+                        GByteArray *out, GError **error) {
   if (scene->image.transparent) {
     tc_set_error(error, TC_ERROR_INVALID, "/image/background",
                  "image.background: JPEG has no transparency; use \"format\": \"png\" or a colour [r,g,b]");
@@ -122,7 +126,9 @@ static int append_png(spng_ctx *ctx, void *user, void *bytes, size_t size) {
 
 /* Level 1 with the "up" filter: rendered pictures are smooth, so anything costlier saves little and takes long. */
 static int start_png(spng_ctx *png, const tc_frame *frame, bool alpha, GByteArray *out) {
-  struct spng_ihdr header = {.width = (uint32_t)frame->width, .height = (uint32_t)frame->height, .bit_depth = 8,
+  struct spng_ihdr header = {.width = (uint32_t)frame->width,
+                             .height = (uint32_t)frame->height,
+                             .bit_depth = 8,
                              .color_type = alpha ? SPNG_COLOR_TYPE_TRUECOLOR_ALPHA : SPNG_COLOR_TYPE_TRUECOLOR};
   int rc = spng_set_png_stream(png, append_png, out);
   if (!rc) rc = spng_set_option(png, SPNG_IMG_COMPRESSION_LEVEL, 1);
@@ -141,7 +147,8 @@ static int write_png_rows(spng_ctx *png, const tc_frame *frame, bool alpha, unsi
     if (alpha)
       memcpy(row, pixel, width * 4);
     else
-      for (size_t x = 0; x < width; x++) memcpy(row + 3 * x, pixel + 4 * x, 3);
+      for (size_t x = 0; x < width; x++)
+        memcpy(row + 3 * x, pixel + 4 * x, 3);
     rc = spng_encode_row(png, row, width * channels);
   }
   return rc == SPNG_EOI ? 0 : rc; /* the last row answers "end of image" */
@@ -156,7 +163,8 @@ static bool encode_png(tcs_encoder *encoder, const tc_frame *frame, const tc_sce
   if (!rc) rc = write_png_rows(png, frame, alpha, encoder->scratch);
   spng_ctx_free(png);
   if (!rc) return true;
-  tc_set_error(error, rc == SPNG_EMEM ? TC_ERROR_MEMORY : TC_ERROR_INTERNAL, NULL, "PNG encoder: %s", spng_strerror(rc));
+  tc_set_error(error, rc == SPNG_EMEM ? TC_ERROR_MEMORY : TC_ERROR_INTERNAL, NULL, "PNG encoder: %s",
+               spng_strerror(rc));
   return false;
 }
 

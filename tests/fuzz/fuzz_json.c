@@ -1,4 +1,5 @@
-/* Any bytes through the JSON reader. What it accepts must survive printing and reading again, and a merge with itself. */
+/* Any bytes through the JSON reader. What it accepts must survive printing and reading again, and a merge with itself.
+ */
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>

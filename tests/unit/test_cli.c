@@ -14,7 +14,10 @@
 
 static char *folder; /* of this run's files */
 
-typedef struct outcome { int code; char *out, *err; } outcome;
+typedef struct outcome {
+  int code;
+  char *out, *err;
+} outcome;
 
 static void outcome_clear(outcome *o) {
   g_free(o->out);
@@ -27,8 +30,9 @@ static outcome run(const char *const *words) {
   GPtrArray *argv = g_ptr_array_new();
   GError *error = NULL;
   int status;
-  g_ptr_array_add(argv, (gpointer) TC_BINARY_DIR "/tomocast");
-  for (; *words; words++) g_ptr_array_add(argv, (gpointer)*words);
+  g_ptr_array_add(argv, (gpointer)TC_BINARY_DIR "/tomocast");
+  for (; *words; words++)
+    g_ptr_array_add(argv, (gpointer)*words);
   g_ptr_array_add(argv, NULL);
   if (!g_spawn_sync(folder, (char **)argv->pdata, NULL, G_SPAWN_DEFAULT, NULL, NULL, &o.out, &o.err, &status, &error))
     fail_msg("%s", error->message);
@@ -208,8 +212,9 @@ static int tear_down(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(version_and_help),  cmocka_unit_test(bad_usage),     cmocka_unit_test(failures),
-      cmocka_unit_test(renders_demo_head), cmocka_unit_test(scene_and_set), cmocka_unit_test(same_picture_twice),
+      cmocka_unit_test(version_and_help),  cmocka_unit_test(bad_usage),
+      cmocka_unit_test(failures),          cmocka_unit_test(renders_demo_head),
+      cmocka_unit_test(scene_and_set),     cmocka_unit_test(same_picture_twice),
       cmocka_unit_test(timing_is_printed), cmocka_unit_test(info_for_people_and_programs)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -61,16 +61,20 @@ static void encode(fixture *f, int quality) {
   if (!tcs_encode(f->encoder, &f->frame, &f->scene, quality, f->out, &error)) fail_msg("%s", error->message);
 }
 
-typedef struct jpeg { int width, height, subsampling, colorspace, worst; } jpeg;
+typedef struct jpeg {
+  int width, height, subsampling, colorspace, worst;
+} jpeg;
 
 static jpeg decode_jpeg(fixture *f) {
   static uint8_t pixels[WIDTH * HEIGHT * 4];
   jpeg j = {0};
   tjhandle turbo = tjInitDecompress();
-  assert_int_equal(tjDecompressHeader3(turbo, f->out->data, f->out->len, &j.width, &j.height, &j.subsampling, &j.colorspace), 0);
+  assert_int_equal(
+      tjDecompressHeader3(turbo, f->out->data, f->out->len, &j.width, &j.height, &j.subsampling, &j.colorspace), 0);
   assert_int_equal(j.width, WIDTH);
   assert_int_equal(j.height, HEIGHT);
-  assert_int_equal(tjDecompress2(turbo, f->out->data, f->out->len, pixels, WIDTH, 0, HEIGHT, TJPF_RGBX, TJFLAG_ACCURATEDCT), 0);
+  assert_int_equal(
+      tjDecompress2(turbo, f->out->data, f->out->len, pixels, WIDTH, 0, HEIGHT, TJPF_RGBX, TJFLAG_ACCURATEDCT), 0);
   for (int i = 0; i < WIDTH * HEIGHT * 4; i++)
     if (i % 4 != 3) j.worst = MAX(j.worst, abs(pixels[i] - f->frame.rgba[i]));
   tjDestroy(turbo);
@@ -88,9 +92,12 @@ static void jpeg_keeps_the_picture(void **state) {
 
 static void subsampling_follows_quality(void **state) {
   fixture *f = *state;
-  static const struct { tc_subsampling asked; int quality, got; } cases[] = {
-      {TC_SUBSAMPLING_AUTO, 80, TJSAMP_444}, {TC_SUBSAMPLING_AUTO, 79, TJSAMP_420}, {TC_SUBSAMPLING_AUTO, 0, TJSAMP_444},
-      {TC_SUBSAMPLING_422, 95, TJSAMP_422},  {TC_SUBSAMPLING_420, 95, TJSAMP_420},  {TC_SUBSAMPLING_444, 20, TJSAMP_444}};
+  static const struct {
+    tc_subsampling asked;
+    int quality, got;
+  } cases[] = {{TC_SUBSAMPLING_AUTO, 80, TJSAMP_444}, {TC_SUBSAMPLING_AUTO, 79, TJSAMP_420},
+               {TC_SUBSAMPLING_AUTO, 0, TJSAMP_444},  {TC_SUBSAMPLING_422, 95, TJSAMP_422},
+               {TC_SUBSAMPLING_420, 95, TJSAMP_420},  {TC_SUBSAMPLING_444, 20, TJSAMP_444}};
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
     f->scene.image.subsampling = cases[i].asked;
     encode(f, cases[i].quality);
@@ -113,7 +120,10 @@ static void quality_override_counts(void **state) {
 static void grey_pictures_of_grey_modes_are_grey(void **state) {
   fixture *f = *state;
   fill(&f->frame, true);
-  static const struct { tc_mode mode; bool grey; } cases[] = {
+  static const struct {
+    tc_mode mode;
+    bool grey;
+  } cases[] = {
       {TC_MODE_MIP, true}, {TC_MODE_MINIP, true}, {TC_MODE_AVERAGE, true}, {TC_MODE_MPR, true}, {TC_MODE_DVR, false}};
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
     f->scene.mode = cases[i].mode;
@@ -152,7 +162,8 @@ static void png_is_exact(void **state) {
   f->scene.image.format = TC_FORMAT_PNG;
   encode(f, 0);
   uint8_t *pixels = decode_png(f, SPNG_COLOR_TYPE_TRUECOLOR);
-  for (int i = 0; i < WIDTH * HEIGHT; i++) assert_memory_equal(pixels + 3 * i, f->frame.rgba + 4 * i, 3);
+  for (int i = 0; i < WIDTH * HEIGHT; i++)
+    assert_memory_equal(pixels + 3 * i, f->frame.rgba + 4 * i, 3);
   g_free(pixels);
 }
 
@@ -210,11 +221,14 @@ static void environment_is_cleaned(void **state) {
 #define WITH_FRAME(test) cmocka_unit_test_setup_teardown(test, set_up, tear_down)
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      WITH_FRAME(jpeg_keeps_the_picture), WITH_FRAME(subsampling_follows_quality),
-      WITH_FRAME(quality_override_counts), WITH_FRAME(grey_pictures_of_grey_modes_are_grey),
-      WITH_FRAME(png_is_exact), WITH_FRAME(transparent_png_is_exact),
-      WITH_FRAME(refuses_transparent_jpeg), WITH_FRAME(sizes_change),
-      cmocka_unit_test(environment_is_cleaned)};
+  const struct CMUnitTest tests[] = {WITH_FRAME(jpeg_keeps_the_picture),
+                                     WITH_FRAME(subsampling_follows_quality),
+                                     WITH_FRAME(quality_override_counts),
+                                     WITH_FRAME(grey_pictures_of_grey_modes_are_grey),
+                                     WITH_FRAME(png_is_exact),
+                                     WITH_FRAME(transparent_png_is_exact),
+                                     WITH_FRAME(refuses_transparent_jpeg),
+                                     WITH_FRAME(sizes_change),
+                                     cmocka_unit_test(environment_is_cleaned)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

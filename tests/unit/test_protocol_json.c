@@ -12,10 +12,22 @@
 static cJSON *parse(const char *text) { return tcp_json_parse(text, strlen(text), NULL); }
 
 static void accepts_json(void **state) {
-  static const char *const good[] = {
-      "0", "-0", "-1.5e-3", "1E+2", "1e-400", "\"\"", "\"\\u00e9\\n\\\"\"", "\"\\ud83d\\ude00\"", "null", " [ ] ", "{}",
-      "[1,[2,[3]]]", "{\"a\":{\"a\":1},\"b\":[{\"a\":1},{\"a\":2}]}", "\t\r\n true \n", "{\"\":1}",
-      "123456789012345678901234567890123456789012345678901234567890123"};
+  static const char *const good[] = {"0",
+                                     "-0",
+                                     "-1.5e-3",
+                                     "1E+2",
+                                     "1e-400",
+                                     "\"\"",
+                                     "\"\\u00e9\\n\\\"\"",
+                                     "\"\\ud83d\\ude00\"",
+                                     "null",
+                                     " [ ] ",
+                                     "{}",
+                                     "[1,[2,[3]]]",
+                                     "{\"a\":{\"a\":1},\"b\":[{\"a\":1},{\"a\":2}]}",
+                                     "\t\r\n true \n",
+                                     "{\"\":1}",
+                                     "123456789012345678901234567890123456789012345678901234567890123"};
   for (size_t i = 0; i < G_N_ELEMENTS(good); i++) {
     cJSON *value = parse(good[i]);
     if (!value) fail_msg("refused: %s", good[i]);
@@ -24,13 +36,55 @@ static void accepts_json(void **state) {
 }
 
 static void refuses_what_is_not_json(void **state) {
-  static const char *const bad[] = {
-      "", " ", "nul", "NaN", "Infinity", "-", "01", "1.", ".5", "1e", "+1", "0x10", "1e999", "-1e400", "[1,]", "[,1]",
-      "{\"a\":1,}", "{a:1}", "{\"a\" 1}", "{\"a\":1 \"b\":2}", "[1 2]", "\"a", "\"\t\"", "\"\\x\"", "\"\\u12\"",
-      "\"\\u0000\"", "\"\\ud800\"", "\"\\ud800x\"", "\"\\ud800\\u0041\"", "\"\\udc00\"", "1 2", "{} x", "// c\n1",
-      "'a'", "\xef\xbb\xbf{}", "\"\xff\"", "\"\xc3\"", "\"\xed\xa0\x80\"", "{\"a\":1,\"a\":2}", "{\"a\":1,\"\\u0061\":2}",
-      "{\"x\":{\"b\":1,\"c\":2,\"b\":3}}", "[", "{", "{\"a\":", "{\"a\"", "[[1}", "tru", "truE",
-      "1234567890123456789012345678901234567890123456789012345678901234"};
+  static const char *const bad[] = {"",
+                                    " ",
+                                    "nul",
+                                    "NaN",
+                                    "Infinity",
+                                    "-",
+                                    "01",
+                                    "1.",
+                                    ".5",
+                                    "1e",
+                                    "+1",
+                                    "0x10",
+                                    "1e999",
+                                    "-1e400",
+                                    "[1,]",
+                                    "[,1]",
+                                    "{\"a\":1,}",
+                                    "{a:1}",
+                                    "{\"a\" 1}",
+                                    "{\"a\":1 \"b\":2}",
+                                    "[1 2]",
+                                    "\"a",
+                                    "\"\t\"",
+                                    "\"\\x\"",
+                                    "\"\\u12\"",
+                                    "\"\\u0000\"",
+                                    "\"\\ud800\"",
+                                    "\"\\ud800x\"",
+                                    "\"\\ud800\\u0041\"",
+                                    "\"\\udc00\"",
+                                    "1 2",
+                                    "{} x",
+                                    "// c\n1",
+                                    "'a'",
+                                    "\xef\xbb\xbf{}",
+                                    "\"\xff\"",
+                                    "\"\xc3\"",
+                                    "\"\xed\xa0\x80\"",
+                                    "{\"a\":1,\"a\":2}",
+                                    "{\"a\":1,\"\\u0061\":2}",
+                                    "{\"x\":{\"b\":1,\"c\":2,\"b\":3}}",
+                                    "[",
+                                    "{",
+                                    "{\"a\":",
+                                    "{\"a\"",
+                                    "[[1}",
+                                    "tru",
+                                    "truE",
+                                    "1234567890123456789012345678901234567890123456789012345678901234"};
   for (size_t i = 0; i < G_N_ELEMENTS(bad); i++) {
     GError *error = NULL;
     cJSON *value = tcp_json_parse(bad[i], strlen(bad[i]), &error);
@@ -42,9 +96,13 @@ static void refuses_what_is_not_json(void **state) {
 }
 
 static void says_line_and_column(void **state) {
-  static const struct { const char *text, *place; } cases[] = {
-      {"{\n  \"a\": 1,\n  \"a\": 2\n}", "line 3 column 3"}, {"[1,\n2,\n x]", "line 3 column 2"},
-      {"1e999", "line 1 column 1"}, {"[1] 2", "line 1 column 5"}, {"", "line 1 column 1"}};
+  static const struct {
+    const char *text, *place;
+  } cases[] = {{"{\n  \"a\": 1,\n  \"a\": 2\n}", "line 3 column 3"},
+               {"[1,\n2,\n x]", "line 3 column 2"},
+               {"1e999", "line 1 column 1"},
+               {"[1] 2", "line 1 column 5"},
+               {"", "line 1 column 1"}};
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
     GError *error = NULL;
     assert_null(tcp_json_parse(cases[i].text, strlen(cases[i].text), &error));
@@ -61,9 +119,11 @@ static void zero_byte_is_refused(void **state) {
 
 static char *nested(int depth) {
   GString *text = g_string_new(NULL);
-  for (int i = 0; i < depth; i++) g_string_append(text, i % 2 ? "{\"a\":" : "[");
+  for (int i = 0; i < depth; i++)
+    g_string_append(text, i % 2 ? "{\"a\":" : "[");
   g_string_append_c(text, '1');
-  for (int i = depth - 1; i >= 0; i--) g_string_append_c(text, i % 2 ? '}' : ']');
+  for (int i = depth - 1; i >= 0; i--)
+    g_string_append_c(text, i % 2 ? '}' : ']');
   return g_string_free(text, FALSE);
 }
 
@@ -82,7 +142,8 @@ static void depth_is_at_most_32(void **state) {
 /* Many names go through the hash table: every one distinct, then one again. */
 static void many_names(void **state) {
   GString *text = g_string_new("{");
-  for (int i = 0; i < 20000; i++) g_string_append_printf(text, "%s\"n%d\":%d", i ? "," : "", i, i);
+  for (int i = 0; i < 20000; i++)
+    g_string_append_printf(text, "%s\"n%d\":%d", i ? "," : "", i, i);
   cJSON *value;
   g_string_append(text, "}");
   value = tcp_json_parse(text->str, text->len, NULL);
@@ -133,10 +194,13 @@ static void merge_patch_examples(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(accepts_json),         cmocka_unit_test(refuses_what_is_not_json),
-      cmocka_unit_test(says_line_and_column), cmocka_unit_test(zero_byte_is_refused),
-      cmocka_unit_test(depth_is_at_most_32),  cmocka_unit_test(many_names),
-      cmocka_unit_test(every_truncation_is_refused), cmocka_unit_test(merge_patch_examples)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(accepts_json),
+                                     cmocka_unit_test(refuses_what_is_not_json),
+                                     cmocka_unit_test(says_line_and_column),
+                                     cmocka_unit_test(zero_byte_is_refused),
+                                     cmocka_unit_test(depth_is_at_most_32),
+                                     cmocka_unit_test(many_names),
+                                     cmocka_unit_test(every_truncation_is_refused),
+                                     cmocka_unit_test(merge_patch_examples)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

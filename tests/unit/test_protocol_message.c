@@ -33,14 +33,23 @@ static void reads_every_type(void **state) {
 }
 
 static void refuses_messages(void **state) {
-  static const struct { const char *text, *pointer; } cases[] = {
-      {"[]", ""}, {"{}", "/type"}, {"{\"type\":1}", "/type"}, {"{\"type\":\"pach\"}", "/type"},
-      {"{\"type\":\"patch\",\"seq\":1}", "/scene"}, {"{\"type\":\"patch\",\"scene\":{}}", "/seq"},
-      {"{\"type\":\"patch\",\"seq\":-1,\"scene\":{}}", "/seq"}, {"{\"type\":\"patch\",\"seq\":1.5,\"scene\":{}}", "/seq"},
-      {"{\"type\":\"patch\",\"seq\":1e16,\"scene\":{}}", "/seq"}, {"{\"type\":\"patch\",\"seq\":1,\"scene\":[]}", "/scene"},
-      {"{\"type\":\"ack\"}", "/frame"}, {"{\"type\":\"ack\",\"frame\":1,\"x/y\":2}", "/x~1y"},
-      {"{\"type\":\"pointer\",\"phase\":\"up\"}", "/phase"}, {"{\"type\":\"pointer\",\"phase\":1}", "/phase"},
-      {"{\"type\":\"ping\",\"t\":\"1\"}", "/t"}};
+  static const struct {
+    const char *text, *pointer;
+  } cases[] = {{"[]", ""},
+               {"{}", "/type"},
+               {"{\"type\":1}", "/type"},
+               {"{\"type\":\"pach\"}", "/type"},
+               {"{\"type\":\"patch\",\"seq\":1}", "/scene"},
+               {"{\"type\":\"patch\",\"scene\":{}}", "/seq"},
+               {"{\"type\":\"patch\",\"seq\":-1,\"scene\":{}}", "/seq"},
+               {"{\"type\":\"patch\",\"seq\":1.5,\"scene\":{}}", "/seq"},
+               {"{\"type\":\"patch\",\"seq\":1e16,\"scene\":{}}", "/seq"},
+               {"{\"type\":\"patch\",\"seq\":1,\"scene\":[]}", "/scene"},
+               {"{\"type\":\"ack\"}", "/frame"},
+               {"{\"type\":\"ack\",\"frame\":1,\"x/y\":2}", "/x~1y"},
+               {"{\"type\":\"pointer\",\"phase\":\"up\"}", "/phase"},
+               {"{\"type\":\"pointer\",\"phase\":1}", "/phase"},
+               {"{\"type\":\"ping\",\"t\":\"1\"}", "/t"}};
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
     tcp_message m;
     GError *error = NULL;
@@ -63,14 +72,24 @@ static void keeps_the_seq_of_a_bad_patch(void **state) {
 }
 
 static void frame_header(void **state) {
-  tcp_frame_header h = {.frame = 7, .seq = 300, .width = 640, .height = 480, .format = "jpeg", .quality = 85,
-                        .final = true, .queue_ms = 0.5, .tables_ms = 1, .render_ms = 12.3456789, .encode_ms = 2};
+  tcp_frame_header h = {.frame = 7,
+                        .seq = 300,
+                        .width = 640,
+                        .height = 480,
+                        .format = "jpeg",
+                        .quality = 85,
+                        .final = true,
+                        .queue_ms = 0.5,
+                        .tables_ms = 1,
+                        .render_ms = 12.3456789,
+                        .encode_ms = 2};
   size_t size;
   uint8_t *bytes = tcp_frame_header_write(&h, &size);
   assert_int_equal(bytes[0] | bytes[1] << 8 | bytes[2] << 16 | bytes[3] << 24, size - 4);
   cJSON *json = tcp_json_parse((char *)bytes + 4, size - 4, NULL);
-  const char wanted[] = "{\"frame\":7,\"seq\":300,\"width\":640,\"height\":480,\"format\":\"jpeg\",\"quality\":85,"
-                        "\"final\":true,\"timing\":{\"queueMs\":0.5,\"tablesMs\":1,\"renderMs\":12.346,\"encodeMs\":2}}";
+  const char wanted[] =
+      "{\"frame\":7,\"seq\":300,\"width\":640,\"height\":480,\"format\":\"jpeg\",\"quality\":85,"
+      "\"final\":true,\"timing\":{\"queueMs\":0.5,\"tablesMs\":1,\"renderMs\":12.346,\"encodeMs\":2}}";
   cJSON *other = tcp_json_parse(wanted, strlen(wanted), NULL);
   assert_true(cJSON_Compare(json, other, true));
   cJSON_Delete(json);
@@ -90,13 +109,22 @@ static void frame_header(void **state) {
 }
 
 static void problems(void **state) {
-  static const struct { tc_error_code code; int status; const char *type; } cases[] = {
-      {TC_ERROR_INVALID, 422, "urn:tomocast:problem:invalid"},   {TC_ERROR_SYNTAX, 400, "urn:tomocast:problem:syntax"},
-      {TC_ERROR_NOT_FOUND, 404, "urn:tomocast:problem:not-found"}, {TC_ERROR_CONFLICT, 409, "urn:tomocast:problem:conflict"},
-      {TC_ERROR_UNSUPPORTED, 501, "urn:tomocast:problem:unsupported"}, {TC_ERROR_LIMIT, 413, "urn:tomocast:problem:limit"},
-      {TC_ERROR_FORMAT, 415, "urn:tomocast:problem:format"},     {TC_ERROR_IO, 500, "urn:tomocast:problem:io"},
-      {TC_ERROR_MEMORY, 507, "urn:tomocast:problem:memory"},     {TC_ERROR_CANCELLED, 503, "urn:tomocast:problem:cancelled"},
-      {TC_ERROR_BUSY, 503, "urn:tomocast:problem:busy"},         {TC_ERROR_INTERNAL, 500, "urn:tomocast:problem:internal"}};
+  static const struct {
+    tc_error_code code;
+    int status;
+    const char *type;
+  } cases[] = {{TC_ERROR_INVALID, 422, "urn:tomocast:problem:invalid"},
+               {TC_ERROR_SYNTAX, 400, "urn:tomocast:problem:syntax"},
+               {TC_ERROR_NOT_FOUND, 404, "urn:tomocast:problem:not-found"},
+               {TC_ERROR_CONFLICT, 409, "urn:tomocast:problem:conflict"},
+               {TC_ERROR_UNSUPPORTED, 501, "urn:tomocast:problem:unsupported"},
+               {TC_ERROR_LIMIT, 413, "urn:tomocast:problem:limit"},
+               {TC_ERROR_FORMAT, 415, "urn:tomocast:problem:format"},
+               {TC_ERROR_IO, 500, "urn:tomocast:problem:io"},
+               {TC_ERROR_MEMORY, 507, "urn:tomocast:problem:memory"},
+               {TC_ERROR_CANCELLED, 503, "urn:tomocast:problem:cancelled"},
+               {TC_ERROR_BUSY, 503, "urn:tomocast:problem:busy"},
+               {TC_ERROR_INTERNAL, 500, "urn:tomocast:problem:internal"}};
   assert_int_equal(G_N_ELEMENTS(cases), TC_ERROR_CODE_COUNT);
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
     GError *error = NULL;
@@ -123,9 +151,11 @@ static void foreign_errors_are_internal(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(reads_every_type), cmocka_unit_test(refuses_messages),
-      cmocka_unit_test(keeps_the_seq_of_a_bad_patch), cmocka_unit_test(frame_header),
-      cmocka_unit_test(problems), cmocka_unit_test(foreign_errors_are_internal)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(reads_every_type),
+                                     cmocka_unit_test(refuses_messages),
+                                     cmocka_unit_test(keeps_the_seq_of_a_bad_patch),
+                                     cmocka_unit_test(frame_header),
+                                     cmocka_unit_test(problems),
+                                     cmocka_unit_test(foreign_errors_are_internal)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -61,9 +61,11 @@ static const char everything[] =
     "\"quality\":77,\"subsampling\":\"4:2:2\",\"linearLight\":true},"
     "\"camera\":{\"projection\":\"orthographic\",\"position\":[1,2,3],\"target\":[4,5.5,-6],\"up\":[0,1,0],\"fovY\":45,"
     "\"height\":123.25},\"transferFunction\":{\"points\":[{\"value\":-5,\"color\":[0,0.5,1],\"extinction\":0},"
-    "{\"value\":7,\"color\":[1,0.25,0],\"extinction\":12.5}],\"unitDistance\":2},\"window\":{\"center\":-600,\"width\":1500},"
+    "{\"value\":7,\"color\":[1,0.25,0],\"extinction\":12.5}],\"unitDistance\":2},\"window\":{\"center\":-600,\"width\":"
+    "1500},"
     "\"classification\":\"linearized\",\"order\":\"back-to-front\",\"filter\":\"cubic\",\"sampling\":{\"step\":0.25,"
-    "\"raysPerPixel\":4,\"coherence\":true,\"jitter\":true,\"termination\":0},\"skipping\":{\"mode\":\"off\",\"block\":8},"
+    "\"raysPerPixel\":4,\"coherence\":true,\"jitter\":true,\"termination\":0},\"skipping\":{\"mode\":\"off\",\"block\":"
+    "8},"
     "\"shading\":{\"model\":\"gooch\",\"ambient\":0.1,\"diffuse\":0.9,\"specular\":0.3,\"shininess\":10,"
     "\"light\":[0,0,1]},\"clip\":{\"box\":[[-1,-2,-3],[1,2,3]],\"planes\":[[1,0,0,5],[0,1,0,-5]]},"
     "\"isosurface\":{\"value\":200,\"color\":[0.1,0.2,0.3]},\"splat\":{\"threshold\":[10,20],\"kernelRadius\":2,"
@@ -102,9 +104,12 @@ static void written_scene_is_accepted_unchanged(void **state) {
 }
 
 static void null_returns_to_defaults(void **state) {
-  static const char *const groups[] = {"image", "camera", "transferFunction", "window", "sampling", "skipping",
-                                       "shading", "clip", "isosurface", "splat", "mpr", "labels", "quality",
-                                       "errorMeter", "mode", "classification", "order", "filter"};
+  static const char *const groups[] = {"image",          "camera",     "transferFunction",
+                                       "window",         "sampling",   "skipping",
+                                       "shading",        "clip",       "isosurface",
+                                       "splat",          "mpr",        "labels",
+                                       "quality",        "errorMeter", "mode",
+                                       "classification", "order",      "filter"};
   accept(everything);
   for (size_t i = 0; i < G_N_ELEMENTS(groups); i++) {
     char *text = g_strdup_printf("{\"%s\":null}", groups[i]);
@@ -122,7 +127,9 @@ static void null_returns_to_defaults(void **state) {
 }
 
 static void refuses_values(void **state) {
-  static const struct { const char *text, *pointer, *words; } cases[] = {
+  static const struct {
+    const char *text, *pointer, *words;
+  } cases[] = {
       {"{\"mode\":\"mpi\"}", "/mode", "did you mean \"mip\""},
       {"{\"mode\":3}", "/mode", "a string is wanted, not a number"},
       {"{\"image\":{\"width\":0}}", "/image/width", "at least 1"},
@@ -229,11 +236,12 @@ static void refuses_points(void **state) {
          "/transferFunction/points/1", "one of the two");
   refuse(POINTS("{" WHITE "\"value\":1,\"opacity\":1.01}"), TC_ERROR_INVALID, "/transferFunction/points/0/opacity",
          "transferFunction.points[0].opacity: 1.01 is too large");
-  refuse(POINTS("{" WHITE "\"value\":1,\"extinction\":-1}"), TC_ERROR_INVALID,
-         "/transferFunction/points/0/extinction", "too small");
+  refuse(POINTS("{" WHITE "\"value\":1,\"extinction\":-1}"), TC_ERROR_INVALID, "/transferFunction/points/0/extinction",
+         "too small");
   refuse(POINTS("{" WHITE "\"value\":1,\"opaciti\":1}"), TC_ERROR_INVALID, "/transferFunction/points/0/opaciti",
          "did you mean \"opacity\"?");
-  refuse("{\"transferFunction\":{\"unitDistance\":0}}", TC_ERROR_INVALID, "/transferFunction/unitDistance", "too small");
+  refuse("{\"transferFunction\":{\"unitDistance\":0}}", TC_ERROR_INVALID, "/transferFunction/unitDistance",
+         "too small");
   refuse("{\"transferFunction\":{\"preset\":\"ct-bones\"}}", TC_ERROR_INVALID, "/transferFunction/preset",
          "did you mean \"ct-bone\"?");
 }
@@ -243,7 +251,8 @@ static void knots_are_sorted_stably(void **state) {
                 "{\"value\":5,\"color\":[1,0,0],\"opacity\":0.3},{\"value\":5,\"color\":[0,1,0],\"opacity\":0.4}"));
   const tc_knot *k = scene.transfer_function.points;
   const double wanted[] = {0.2, 0.1, 0.3, 0.4};
-  for (int i = 0; i < 4; i++) assert_float_equal(k[i].amount, wanted[i], 0);
+  for (int i = 0; i < 4; i++)
+    assert_float_equal(k[i].amount, wanted[i], 0);
 }
 
 static void presets_and_points(void **state) {
@@ -307,13 +316,16 @@ static void transparency_needs_png(void **state) {
 }
 
 static void set_expressions(void **state) {
-  static const char *const good[][2] = {
-      {"camera.fovY=40", "{\"camera\":{\"fovY\":40}}"}, {"mode=mip", "{\"mode\":\"mip\"}"},
-      {"mode=\"mip\"", "{\"mode\":\"mip\"}"},           {"camera.up=[0,0,1]", "{\"camera\":{\"up\":[0,0,1]}}"},
-      {"camera=null", "{\"camera\":null}"},             {"labels.volume=a=b", "{\"labels\":{\"volume\":\"a=b\"}}"},
-      {"image.subsampling=4:4:4", "{\"image\":{\"subsampling\":\"4:4:4\"}}"}};
-  static const char *const bad[] = {"", "mode", "=1", ".a=1", "a.=1", "a..b=1", "a=[1", "a={\"b\":1", "a=\"x",
-                                    "a.b.c.d.e.f.g.h.i=1", "a=\xff", "\xff=1"};
+  static const char *const good[][2] = {{"camera.fovY=40", "{\"camera\":{\"fovY\":40}}"},
+                                        {"mode=mip", "{\"mode\":\"mip\"}"},
+                                        {"mode=\"mip\"", "{\"mode\":\"mip\"}"},
+                                        {"camera.up=[0,0,1]", "{\"camera\":{\"up\":[0,0,1]}}"},
+                                        {"camera=null", "{\"camera\":null}"},
+                                        {"labels.volume=a=b", "{\"labels\":{\"volume\":\"a=b\"}}"},
+                                        {"image.subsampling=4:4:4", "{\"image\":{\"subsampling\":\"4:4:4\"}}"}};
+  static const char *const bad[] = {"",       "mode",  "=1",         ".a=1",  "a.=1",
+                                    "a..b=1", "a=[1",  "a={\"b\":1", "a=\"x", "a.b.c.d.e.f.g.h.i=1",
+                                    "a=\xff", "\xff=1"};
   for (size_t i = 0; i < G_N_ELEMENTS(good); i++) {
     cJSON *wanted = tcp_json_parse(good[i][1], strlen(good[i][1]), NULL);
     cJSON *got = tcp_scene_set_expression(good[i][0], NULL);
@@ -332,13 +344,19 @@ static void set_expressions(void **state) {
 #define WITH_SCENE(test) cmocka_unit_test_setup_teardown(test, set_up, tear_down)
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      WITH_SCENE(round_trip),           WITH_SCENE(written_scene_is_accepted_unchanged),
-      WITH_SCENE(null_returns_to_defaults), WITH_SCENE(refuses_values),
-      WITH_SCENE(names_unknown_members), WITH_SCENE(limits),
-      WITH_SCENE(knot_limit),           WITH_SCENE(refuses_points),
-      WITH_SCENE(knots_are_sorted_stably), WITH_SCENE(presets_and_points),
-      WITH_SCENE(quality_bounds_replace_each_other), WITH_SCENE(label_colors_merge),
-      WITH_SCENE(transparency_needs_png), cmocka_unit_test(set_expressions)};
+  const struct CMUnitTest tests[] = {WITH_SCENE(round_trip),
+                                     WITH_SCENE(written_scene_is_accepted_unchanged),
+                                     WITH_SCENE(null_returns_to_defaults),
+                                     WITH_SCENE(refuses_values),
+                                     WITH_SCENE(names_unknown_members),
+                                     WITH_SCENE(limits),
+                                     WITH_SCENE(knot_limit),
+                                     WITH_SCENE(refuses_points),
+                                     WITH_SCENE(knots_are_sorted_stably),
+                                     WITH_SCENE(presets_and_points),
+                                     WITH_SCENE(quality_bounds_replace_each_other),
+                                     WITH_SCENE(label_colors_merge),
+                                     WITH_SCENE(transparency_needs_png),
+                                     cmocka_unit_test(set_expressions)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -30,7 +30,8 @@ static void file_agrees_with_table(void **state) {
 
 static cJSON *at(cJSON *json, const char *path) {
   char **names = g_strsplit(path, "/", -1);
-  for (char **name = names; *name && json; name++) json = cJSON_GetObjectItemCaseSensitive(json, *name);
+  for (char **name = names; *name && json; name++)
+    json = cJSON_GetObjectItemCaseSensitive(json, *name);
   g_strfreev(names);
   return json;
 }
@@ -85,16 +86,35 @@ static void check_references(cJSON *document, cJSON *json) {
 }
 
 static void openapi_is_complete(void **state) {
-  static const char *const calls[][2] = {
-      {"/healthz", "get"}, {"/readyz", "get"}, {"/metrics", "get"}, {"/v1/about", "get"}, {"/v1/openapi.json", "get"},
-      {"/v1/scene.schema.json", "get"}, {"/v1/presets", "get"}, {"/v1/volumes", "get"}, {"/v1/volumes", "post"},
-      {"/v1/volumes/{id}", "put"}, {"/v1/volumes/{id}", "get"}, {"/v1/volumes/{id}/histogram", "get"},
-      {"/v1/volumes/{id}/value", "get"}, {"/v1/volumes/{id}", "delete"}, {"/v1/render", "post"}, {"/v1/sessions", "post"},
-      {"/v1/sessions", "get"}, {"/v1/sessions/{id}", "get"}, {"/v1/sessions/{id}", "delete"},
-      {"/v1/sessions/{id}/scene", "get"}, {"/v1/sessions/{id}/scene", "put"}, {"/v1/sessions/{id}/scene", "patch"},
-      {"/v1/sessions/{id}/frame", "get"}, {"/v1/sessions/{id}/plan", "get"}, {"/v1/sessions/{id}/ray", "get"},
-      {"/v1/sessions/{id}/pick", "get"}, {"/v1/sessions/{id}/stream", "get"},
-      {"/v1/sessions/{id}/stream.mjpeg", "get"}, {"/", "get"}};
+  static const char *const calls[][2] = {{"/healthz", "get"},
+                                         {"/readyz", "get"},
+                                         {"/metrics", "get"},
+                                         {"/v1/about", "get"},
+                                         {"/v1/openapi.json", "get"},
+                                         {"/v1/scene.schema.json", "get"},
+                                         {"/v1/presets", "get"},
+                                         {"/v1/volumes", "get"},
+                                         {"/v1/volumes", "post"},
+                                         {"/v1/volumes/{id}", "put"},
+                                         {"/v1/volumes/{id}", "get"},
+                                         {"/v1/volumes/{id}/histogram", "get"},
+                                         {"/v1/volumes/{id}/value", "get"},
+                                         {"/v1/volumes/{id}", "delete"},
+                                         {"/v1/render", "post"},
+                                         {"/v1/sessions", "post"},
+                                         {"/v1/sessions", "get"},
+                                         {"/v1/sessions/{id}", "get"},
+                                         {"/v1/sessions/{id}", "delete"},
+                                         {"/v1/sessions/{id}/scene", "get"},
+                                         {"/v1/sessions/{id}/scene", "put"},
+                                         {"/v1/sessions/{id}/scene", "patch"},
+                                         {"/v1/sessions/{id}/frame", "get"},
+                                         {"/v1/sessions/{id}/plan", "get"},
+                                         {"/v1/sessions/{id}/ray", "get"},
+                                         {"/v1/sessions/{id}/pick", "get"},
+                                         {"/v1/sessions/{id}/stream", "get"},
+                                         {"/v1/sessions/{id}/stream.mjpeg", "get"},
+                                         {"/", "get"}};
   cJSON *document = tcp_openapi("1.2.3");
   assert_non_null(document);
   assert_string_equal(at(document, "openapi")->valuestring, "3.1.0");
@@ -135,9 +155,9 @@ static void presets_can_be_used(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(file_agrees_with_table), cmocka_unit_test(schema_describes_what_is_written),
-      cmocka_unit_test(defaults_are_a_valid_patch), cmocka_unit_test(openapi_is_complete),
-      cmocka_unit_test(presets_can_be_used)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(file_agrees_with_table),
+                                     cmocka_unit_test(schema_describes_what_is_written),
+                                     cmocka_unit_test(defaults_are_a_valid_patch),
+                                     cmocka_unit_test(openapi_is_complete), cmocka_unit_test(presets_can_be_used)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

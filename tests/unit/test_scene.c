@@ -62,11 +62,13 @@ static void presets_are_valid(void **state) {
       if (k && p->points[k].value < p->points[k - 1].value) fail_msg("%s: knot %zu descends", p->name, k);
       if (p->relative) assert_true(p->points[k].value >= 0 && p->points[k].value <= 1);
       assert_true(p->points[k].amount >= 0 && p->points[k].amount <= 1);
-      for (int c = 0; c < 3; c++) assert_true(p->points[k].color[c] >= 0 && p->points[k].color[c] <= 1);
+      for (int c = 0; c < 3; c++)
+        assert_true(p->points[k].color[c] >= 0 && p->points[k].color[c] <= 1);
     }
     /* something is seen, and something is not */
     double least = 1, most = 0;
-    for (size_t k = 0; k < p->count; k++) least = MIN(least, p->points[k].amount), most = MAX(most, p->points[k].amount);
+    for (size_t k = 0; k < p->count; k++)
+      least = MIN(least, p->points[k].amount), most = MAX(most, p->points[k].amount);
     if (least != 0 || most == 0) fail_msg("%s shows everything or nothing", p->name);
   }
 }
@@ -76,10 +78,12 @@ static void names_are_unique(void **state) {
   const tc_preset *p = tc_presets(&count);
   const tc_window_preset *w = tc_window_presets(&windows);
   for (size_t i = 0; i < count; i++)
-    for (size_t k = 0; k < i; k++) assert_string_not_equal(p[i].name, p[k].name);
+    for (size_t k = 0; k < i; k++)
+      assert_string_not_equal(p[i].name, p[k].name);
   for (size_t i = 0; i < windows; i++) {
     assert_true(w[i].width > 0);
-    for (size_t k = 0; k < i; k++) assert_string_not_equal(w[i].name, w[k].name);
+    for (size_t k = 0; k < i; k++)
+      assert_string_not_equal(w[i].name, w[k].name);
   }
 }
 
@@ -90,7 +94,8 @@ static void relative_presets_scale(void **state) {
   assert_float_equal(tf.points[0].value, -1000, 0);
   assert_float_equal(tf.points[tf.count - 1].value, 3000, 0);
   assert_true(tc_transfer_function_set_preset(&tf, "grey-ramp", -DBL_MAX, DBL_MAX));
-  for (size_t i = 0; i < tf.count; i++) assert_true(tf.points[i].value >= -DBL_MAX && tf.points[i].value <= DBL_MAX);
+  for (size_t i = 0; i < tf.count; i++)
+    assert_true(tf.points[i].value >= -DBL_MAX && tf.points[i].value <= DBL_MAX);
   assert_true(tc_transfer_function_set_preset(&tf, "ct-bone", 5, 6)); /* absolute: the range is of no matter */
   assert_float_equal(tf.points[tf.count - 1].value, 3071, 0);
   const tc_knot *before = tf.points;
