@@ -5,7 +5,6 @@ import { PacketError, readFrame } from './packets.js';
 import { joinPatches } from './state.js';
 import { Wire } from './wire.js';
 
-const OUTSIDE_REST_MS = 1000; // a frame this long after our last patch shows somebody else's edit
 const REFRESH_MS = 300;
 
 /**
@@ -29,8 +28,7 @@ export class Client {
   #sent = new Map(); // sequence -> {at, patch}: not yet seen in a frame
   #active = 0;
   #scheduled = false;
-  #settled = false; // the last frame was final and showed our last patch
-  #lastEdit = 0;
+  #settled = false; // the last frame was final and showed our last patch: one more shows somebody else's edit
   #refreshTimer = 0;
 
   constructor({ api, store, view, on }) {
@@ -131,9 +129,8 @@ export class Client {
     if (!this.connected || !this.#store.dirty) return; // kept until there is a connection
     const patch = this.#store.take();
     this.#sequence += 1;
-    this.#lastEdit = performance.now();
     this.#settled = false;
-    this.#sent.set(this.#sequence, { at: this.#lastEdit, patch });
+    this.#sent.set(this.#sequence, { at: performance.now(), patch });
     this.#wire.send({ type: 'patch', seq: this.#sequence, scene: patch });
   }
 
@@ -211,8 +208,9 @@ export class Client {
     const now = performance.now();
     const own = this.#sent.get(header.seq);
     for (const sequence of this.#sent.keys()) if (sequence <= header.seq) this.#sent.delete(sequence);
-    if (this.#settled && now - this.#lastEdit > OUTSIDE_REST_MS) this.#refreshSoon();
-    this.#settled = header.final && this.#sent.size === 0;
+    const settled = header.final && this.#sent.size === 0;
+    if (this.#settled || (settled && !this.#owned)) this.#refreshSoon();
+    this.#settled = settled;
     this.#on.frame?.({ header, bytes, roundTripMs: own ? now - own.at : undefined });
   }
 

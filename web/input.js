@@ -30,7 +30,9 @@ export function pinch(before, after) {
   return { pan: [m1[0] - m0[0], m1[1] - m0[1]], factor };
 }
 
-const nothing = () => ({ orbit: [0, 0], pan: [0, 0], window: [0, 0], roll: 0, factor: 1, slices: 0 });
+/** What drain() gives, all at rest. Never changed: sums replace its members. */
+export const NO_MOVEMENT = Object.freeze({ orbit: [0, 0], pan: [0, 0], window: [0, 0], roll: 0, factor: 1, slices: 0 });
+const nothing = () => ({ ...NO_MOVEMENT });
 
 export class Input {
   #element;
@@ -68,6 +70,7 @@ export class Input {
 
   #down(event) {
     if (event.pointerType === 'mouse' && this.#pointers.size) return; // a second button changes nothing
+    if (event.target.closest('[data-own-pointer]')) return; // buttons and messages over the picture
     this.#element.setPointerCapture(event.pointerId);
     this.#element.focus({ preventScroll: true });
     event.preventDefault();

@@ -2,23 +2,23 @@
 
 import { Api } from './api.js';
 import { Client } from './client.js';
-import { fit, spanAtTarget, standardView, STANDARD_VIEWS, volumeBox, withProjection } from './camera.js';
+import { fit, spanAtTarget, standardView, withProjection } from './camera.js';
 import { Furniture } from './furniture.js';
-import { Input } from './input.js';
+import { Input, NO_MOVEMENT } from './input.js';
+import { Keys } from './keys.js';
 import { Look } from './look.js';
 import { Notices } from './notices.js';
+import { Opening } from './opening.js';
 import { bindTabs, CropPanel, Panels } from './panels.js';
 import { saveFile, SceneDialog } from './scene_dialog.js';
 import { SceneStore } from './state.js';
 import { Status } from './status.js';
-import { sliceHeight, steer, steerByKey } from './steer.js';
-import { formatBytes, uploadId, VolumeDialog, Volumes } from './volumes.js';
+import { sliceHeight, steer } from './steer.js';
+import { formatBytes, VolumeDialog, Volumes } from './volumes.js';
 import { pictureSize, View } from './view.js';
 
 const DEFAULT_MAX_PIXELS = 1500000;
 const RESIZE_REST_MS = 150;
-const KEY_REST_MS = 150; // keys have ended after this much rest
-const KEPT_SCENE = 'tomocast.scene'; // sessionStorage: survives a reload of this tab, nothing else
 
 const get = (id) => document.getElementById(id);
 const stage = get('stage');
@@ -26,7 +26,10 @@ const store = new SceneStore();
 const api = new Api();
 const volumes = new Volumes(api);
 const notices = new Notices(
-  { toasts: get('toasts'), banner: get('banner'), bannerText: get('banner-text'), bannerRetry: get('banner-retry'), line: get('mode-line') },
+  {
+    toasts: get('toasts'), banner: get('banner'), bannerText: get('banner-text'), bannerRetry: get('banner-retry'),
+    line: get('mode-line'),
+  },
   () => client.retryNow(),
 );
 const status = new Status((name) => get(`stat-${name}`), get('badge'));
@@ -65,8 +68,32 @@ const input = new Input(stage, {
   click: probe,
 });
 const volumeDialog = new VolumeDialog(get('volume-dialog'), get('volume-list'), volumes, {
-  choose: (id) => openVolume(id),
+  choose: (id) => opening.open(id),
   problem: failed,
+});
+const opening = new Opening({
+  get,
+  api,
+  client,
+  store,
+  volumes,
+  on: {
+    shown: showVolume,
+    failed,
+    toast: (text, options) => notices.toast(text, options),
+    size: wantedSize,
+    aspect: () => stage.clientWidth / Math.max(1, stage.clientHeight),
+  },
+});
+new Keys(store, {
+  gesture,
+  view: turnTo,
+  reset: resetView,
+  preset: (n) => look.choose(n),
+  help: () => get('help-dialog').showModal(),
+  undo: () => look.undo(),
+  redo: () => look.redo(),
+  slice: (moved) => move({ ...NO_MOVEMENT, ...moved }),
 });
 const sceneDialog = new SceneDialog(get, {
   scene: () => store.scene,
@@ -75,74 +102,32 @@ const sceneDialog = new SceneDialog(get, {
   toast: (text) => notices.toast(text),
 });
 
-let volume = null; // description of the one that is shown
-let box = null;
-let wanted = null; // AbortController of a load under way
 let lastGoodMode = 'dvr';
 let maxPixels = Number(localStorage.getItem('tomocast.maxPixels')) || DEFAULT_MAX_PIXELS;
 
 /* --- volumes ----------------------------------------------------------------------------------- */
 
-async function openVolume(id, scene = null) {
-  wanted?.abort();
-  const abort = (wanted = new AbortController());
-  get('empty').hidden = true;
-  try {
-    showLoading(`Loading ${id}`);
-    const found = await volumes.bring(id, (fraction) => showLoading(`Loading ${id}`, fraction), abort.signal);
-    if (abort.signal.aborted) return;
-    await showVolume(found);
-    await client.create(id, { ...(scene ?? {}), image: { ...(scene?.image ?? {}), ...wantedSize() } });
-    if (!scene) store.patch({ camera: fit(store.scene.camera, box, stageAspect()) });
-    history.replaceState(null, '', `#${encodeURIComponent(id)}`);
-  } catch (error) {
-    if (error.name !== 'AbortError') failed(error);
-  } finally {
-    if (wanted === abort) hideLoading();
-  }
-}
-
-async function joinSession(id) {
-  try {
-    const { volume: name } = await api.json('GET', `v1/sessions/${encodeURIComponent(id)}`);
-    await showVolume(await volumes.wait(name, (fraction) => showLoading(`Loading ${name}`, fraction)));
-    await client.join(id);
-  } catch (error) {
-    failed(error);
-  } finally {
-    hideLoading();
-  }
-}
-
-async function showVolume(found) {
-  volume = found;
-  box = volumeBox(found);
-  const range = found.range ?? [0, 1];
-  const histogram = await volumes.histogram(found.id).catch(() => null);
-  look.setVolume(histogram && histogramOf(histogram), range, found.modality ?? '');
+function showVolume(volume, box, histogram) {
+  const range = volume.range ?? [0, 1];
+  look.setVolume(histogram, range, volume.modality ?? '');
   panels.setVolume(range);
   crop.setBox(box);
-  get('volume-name').textContent = found.title ?? found.id;
-  get('volume-meta').textContent = found.dims ? found.dims.join(' \u00d7 ') : '';
+  get('volume-name').textContent = volume.id;
+  get('volume-meta').textContent = volume.dims.join(' \u00d7 ');
   get('probe').textContent = '';
-  document.title = `${found.id} \u2013 Tomocast`;
-  showFacts();
+  get('empty').hidden = true;
+  document.title = `${volume.id} \u2013 Tomocast`;
+  showFacts(volume, box);
+  showFurniture();
 }
 
-/** Counts and edges, whether the edges come one by one or as a range. */
-function histogramOf({ counts, edges, range }) {
-  if (edges?.length === counts.length + 1) return { counts, edges };
-  const [low, high] = range ?? volume.range;
-  return { counts, edges: Array.from({ length: counts.length + 1 }, (_, i) => low + ((high - low) * i) / counts.length) };
-}
-
-function showFacts() {
+function showFacts(volume, box) {
   const unit = volume.modality === 'CT' ? ' HU' : '';
   const rows = {
     Name: volume.id,
     Modality: volume.modality,
-    Voxels: volume.dims?.join(' \u00d7 '),
-    Spacing: volume.spacing && `${volume.spacing.map((mm) => Number(mm.toPrecision(4))).join(' \u00d7 ')} mm`,
+    Voxels: volume.dims.join(' \u00d7 '),
+    Spacing: `${volume.spacing.map((mm) => Number(mm.toPrecision(4))).join(' \u00d7 ')} mm`,
     Extent: `${box.high.map((end, k) => (end - box.low[k]).toFixed(0)).join(' \u00d7 ')} mm`,
     Values: volume.range && `${volume.range.map((v) => Number(v.toPrecision(6))).join(' to ')}${unit}`,
     Type: volume.type,
@@ -153,41 +138,10 @@ function showFacts() {
   get('facts').replaceChildren(...entries.flatMap(([name, text]) => [element('dt', name), element('dd', text)]));
 }
 
-async function upload(file) {
-  const taken = new Set((await volumes.list().catch(() => [])).map(({ id }) => id));
-  const id = uploadId(taken);
-  const transfer = volumes.upload(id, file, (fraction) => showLoading(`Uploading ${formatBytes(file.size)}`, fraction));
-  get('loading-cancel').hidden = false;
-  get('loading-cancel').onclick = () => transfer.cancel();
-  showLoading(`Uploading ${formatBytes(file.size)}`, 0);
-  try {
-    await transfer.done;
-    get('loading-cancel').hidden = true;
-    await openVolume(id);
-  } catch (error) {
-    if (error.name === 'AbortError') notices.toast('Upload cancelled.');
-    else failed(error);
-  } finally {
-    hideLoading();
-  }
-}
-
-function showLoading(text, fraction) {
-  get('loading').hidden = false;
-  get('loading-text').textContent = text;
-  if (fraction === undefined || fraction === null) get('loading-bar').removeAttribute('value');
-  else get('loading-bar').value = fraction;
-}
-
-function hideLoading() {
-  get('loading').hidden = true;
-  get('loading-cancel').hidden = true;
-}
-
 /* --- session, frames, refusals ------------------------------------------------------------------ */
 
 function showSession({ id }) {
-  stage.dataset.session = id; // for tests and for people who look
+  stage.dataset.session = id;
 }
 
 function showConnection(state) {
@@ -200,12 +154,8 @@ function showFrame(drawn) {
   stage.dataset.frame = drawn.header.frame;
   stage.dataset.seq = drawn.header.seq;
   stage.dataset.final = drawn.header.final;
-  hideEmpty();
-  if (drawn.header.final && store.scene) lastGoodMode = store.scene.mode;
-}
-
-function hideEmpty() {
   get('empty').hidden = true;
+  if (drawn.header.final && store.scene) lastGoodMode = store.scene.mode;
 }
 
 /** The daemon refused a patch. What it does not offer is said once and quietly, and no longer offered. */
@@ -248,8 +198,6 @@ function chooseMode(mode) {
 
 /* --- view --------------------------------------------------------------------------------------- */
 
-const stageAspect = () => stage.clientWidth / Math.max(1, stage.clientHeight);
-
 function wantedSize() {
   return pictureSize(stage.clientWidth, stage.clientHeight, window.devicePixelRatio || 1, maxPixels);
 }
@@ -257,16 +205,21 @@ function wantedSize() {
 function resize() {
   if (!store.scene) return;
   const { width, height } = wantedSize();
-  if (store.scene.image?.width !== width || store.scene.image?.height !== height) store.patch({ image: { width, height } });
+  const { image = {} } = store.scene;
+  if (image.width !== width || image.height !== height) store.patch({ image: { width, height } });
   showFurniture();
 }
+
+const stageSize = () => ({ width: stage.clientWidth, height: Math.max(1, stage.clientHeight) });
 
 /** Called once per display frame, before the patch is sent. */
 function applyMovement() {
   const moved = input.drain();
-  if (!moved || !store.scene) return;
-  const size = { width: stage.clientWidth, height: stage.clientHeight };
-  const patch = steer(store.scene, moved, size, volume, box);
+  if (moved && store.scene) move(moved);
+}
+
+function move(moved) {
+  const patch = steer(store.scene, moved, stageSize(), opening.volume, opening.box);
   if (patch) store.patch(patch);
 }
 
@@ -281,16 +234,19 @@ function turnTo(letter) {
 }
 
 function resetView() {
+  const { box } = opening;
   if (!store.scene || !box) return;
+  const { width, height } = stageSize();
   if (store.scene.mode === 'mpr') store.patch({ mpr: { center: box.center, zoom: 1 } });
-  else store.patch({ camera: fit(standardView(store.scene.camera, 'A'), box, stageAspect()) });
+  else store.patch({ camera: fit(standardView(store.scene.camera, 'A'), box, width / height) });
 }
 
 /** mm of a CSS pixel, 0 in perspective. The picture's height is the stage's height: both have one aspect. */
 function scaleOfPicture() {
   const { scene } = store;
-  if (scene.mode === 'mpr') return sliceHeight(scene, { width: stage.clientWidth, height: stage.clientHeight }, box) / stage.clientHeight;
-  return scene.camera.projection === 'orthographic' ? spanAtTarget(scene.camera) / stage.clientHeight : 0;
+  const size = stageSize();
+  if (scene.mode === 'mpr') return sliceHeight(scene, size, opening.box) / size.height;
+  return scene.camera.projection === 'orthographic' ? spanAtTarget(scene.camera) / size.height : 0;
 }
 
 function showFurniture() {
@@ -299,10 +255,13 @@ function showFurniture() {
   furniture.update(scene, scaleOfPicture());
   const mode = get('mode').selectedOptions[0]?.textContent ?? scene.mode;
   const detail = scene.mode === 'dvr' ? presetTitle() : scene.window && windowText(scene.window);
-  get('label').textContent = [volume?.id, [volume?.modality, mode].filter(Boolean).join(' \u00b7 '), detail].filter(Boolean).join('\n');
+  const { id = '', modality = '' } = opening.volume ?? {};
+  const lines = [id, [modality, mode].filter(Boolean).join(' \u00b7 '), detail];
+  get('label').textContent = lines.filter(Boolean).join('\n');
   get('projection').value = scene.camera.projection;
   get('fov-field').hidden = scene.camera.projection !== 'perspective';
-  get('background').value = [].concat(scene.image?.background ?? [0, 0, 0]).map((c) => Number(Number(c).toFixed(2))).join(',');
+  const background = Array.isArray(scene.image?.background) ? scene.image.background : [0, 0, 0];
+  get('background').value = background.map((c) => Number(c.toFixed(2))).join(',');
   get('meter').checked = (scene.errorMeter?.pixels ?? 0) > 0;
 }
 
@@ -328,8 +287,8 @@ function probeText(found) {
   if (!found?.position) return '';
   const [x, y, z] = found.position;
   const side = (value, plus, minus) => `${value >= 0 ? plus : minus} ${Math.abs(value).toFixed(1)}`;
-  const unit = volume?.modality === 'CT' ? ' HU' : '';
-  const value = found.value === undefined ? '' : `  \u00b7  ${Number(found.value.toPrecision(5))}${unit}`;
+  const unit = opening.volume?.modality === 'CT' ? ' HU' : '';
+  const value = (found.value ?? null) === null ? '' : `  \u00b7  ${Number(found.value.toPrecision(5))}${unit}`;
   return `${side(x, 'L', 'R')}  ${side(y, 'P', 'A')}  ${side(z, 'H', 'F')} mm${value}`;
 }
 
@@ -338,7 +297,7 @@ async function savePicture() {
   get('save').disabled = true;
   try {
     const reply = await api.fetch('GET', `v1/sessions/${encodeURIComponent(client.session)}/frame?format=png`);
-    saveFile(await reply.blob(), `${volume?.id ?? 'picture'}.png`);
+    saveFile(await reply.blob(), `${opening.volume?.id ?? 'picture'}.png`);
   } catch (error) {
     notices.problem(error);
   } finally {
@@ -346,74 +305,12 @@ async function savePicture() {
   }
 }
 
-/* --- keys --------------------------------------------------------------------------------------- */
-
-let keyTimer = 0;
-
-/** Keys come in bursts: the daemon may be coarse until they rest. */
-function keyGesture() {
-  if (!keyTimer) gesture(true);
-  clearTimeout(keyTimer);
-  keyTimer = setTimeout(() => {
-    keyTimer = 0;
-    gesture(false);
-  }, KEY_REST_MS);
-}
-
-function onKey(event) {
-  if (document.querySelector('dialog[open]')) return;
-  if ((event.ctrlKey || event.metaKey) && !event.altKey) {
-    undoKey(event);
-    return;
-  }
-  if (event.altKey || !store.scene || event.target.matches('input, select, textarea, [role="tab"]')) return;
-  if (pictureKey(event)) event.preventDefault();
-}
-
-function undoKey(event) {
-  const key = event.key.toLowerCase();
-  if (event.target.matches('textarea, input[type="number"]') || (key !== 'z' && key !== 'y')) return;
-  if (key === 'y' || event.shiftKey) look.redo();
-  else look.undo();
-  event.preventDefault();
-}
-
-function pictureKey(event) {
-  const letter = event.key.toUpperCase();
-  if (event.key === '?') get('help-dialog').showModal();
-  else if (event.key === ' ') return event.target.matches('button, [role="button"]') ? false : (resetView(), true);
-  else if (/^[1-9]$/.test(event.key)) look.choose(Number(event.key) - 1);
-  else if (STANDARD_VIEWS[letter] && event.key.length === 1) turnTo(letter);
-  else return turnByKey(event);
-  return true;
-}
-
-function turnByKey(event) {
-  const { scene } = store;
-  if (scene.mode === 'mpr') return sliceByKey(event.key);
-  const turned = steerByKey(scene.camera, event.key, event.shiftKey);
-  if (!turned) return false;
-  keyGesture();
-  store.patch({ camera: turned });
-  return true;
-}
-
-function sliceByKey(key) {
-  const step = { ArrowUp: -1, ArrowDown: 1, PageUp: -10, PageDown: 10 }[key];
-  const factor = { '+': 1.15, '=': 1.15, '-': 1 / 1.15 }[key];
-  if (!step && !factor) return false;
-  keyGesture();
-  const moved = { orbit: [0, 0], pan: [0, 0], window: [0, 0], roll: 0, factor: factor ?? 1, slices: step ?? 0 };
-  store.patch(steer(store.scene, moved, { width: stage.clientWidth, height: stage.clientHeight }, volume, box));
-  return true;
-}
-
 /* --- wiring ------------------------------------------------------------------------------------- */
 
 function bindControls() {
   bindTabs(get('panel'));
   store.subscribe(showFurniture);
-  get('volume-open').addEventListener('click', () => volumeDialog.open(volume?.id));
+  get('volume-open').addEventListener('click', () => volumeDialog.open(opening.volume?.id));
   get('help-open').addEventListener('click', () => get('help-dialog').showModal());
   get('scene-open').addEventListener('click', () => store.scene && sceneDialog.open());
   get('save').addEventListener('click', savePicture);
@@ -424,6 +321,12 @@ function bindControls() {
   for (const button of document.querySelectorAll('[data-close]')) {
     button.addEventListener('click', () => button.closest('dialog').close());
   }
+  get('upload').addEventListener('change', () => {
+    const files = [...get('upload').files];
+    get('upload').value = '';
+    get('volume-dialog').close();
+    opening.upload(files);
+  });
   for (const label of document.querySelectorAll('label.button')) {
     label.addEventListener('keydown', ({ key }) => (key === 'Enter' || key === ' ') && label.click());
   }
@@ -441,7 +344,6 @@ function bindControls() {
 }
 
 function bindWindow() {
-  window.addEventListener('keydown', onKey);
   let timer = 0;
   new ResizeObserver(() => {
     clearTimeout(timer);
@@ -450,43 +352,13 @@ function bindWindow() {
   }).observe(stage);
   window.addEventListener('hashchange', () => {
     const id = decodeURIComponent(location.hash.slice(1));
-    if (id && id !== volume?.id) openVolume(id);
+    if (id && id !== opening.volume?.id) opening.open(id);
   });
   window.addEventListener('pagehide', (event) => {
     if (event.persisted) return;
-    if (store.scene && volume) sessionStorage.setItem(KEPT_SCENE, JSON.stringify({ volume: volume.id, scene: store.scene }));
+    opening.keep();
     client.leave();
   });
-}
-
-function bindDrops() {
-  let depth = 0; // dragenter and dragleave also come for every child
-  const show = (on) => (get('drop').hidden = !on);
-  const files = (event) => event.dataTransfer?.types.includes('Files');
-  window.addEventListener('dragenter', (event) => files(event) && show((depth += 1) > 0));
-  window.addEventListener('dragleave', (event) => files(event) && show((depth = Math.max(0, depth - 1)) > 0));
-  window.addEventListener('dragover', (event) => files(event) && event.preventDefault());
-  window.addEventListener('drop', (event) => {
-    if (!files(event)) return;
-    event.preventDefault();
-    depth = 0;
-    show(false);
-    if (event.dataTransfer.files.length > 1) notices.toast('One file at a time. Put DICOM files into one zip.', { bad: true });
-    else if (event.dataTransfer.files.length) upload(event.dataTransfer.files[0]);
-  });
-  get('upload').addEventListener('change', () => {
-    const [file] = get('upload').files;
-    get('upload').value = '';
-    volumeDialog.close();
-    if (file) upload(file);
-  });
-}
-
-/** The scene this tab showed before a reload, for that volume. */
-function keptScene(id) {
-  const kept = JSON.parse(sessionStorage.getItem(KEPT_SCENE) ?? 'null');
-  sessionStorage.removeItem(KEPT_SCENE);
-  return kept?.volume === id ? kept.scene : null;
 }
 
 async function start() {
@@ -494,26 +366,7 @@ async function start() {
     const [about, presets] = await Promise.all([api.json('GET', 'v1/about'), api.json('GET', 'v1/presets')]);
     status.server([about.name, about.version, about.backend, about.device].filter(Boolean).join(' \u00b7 '));
     look.setPresets(presets);
-  } catch (error) {
-    failed(error);
-    return;
-  }
-  const session = new URLSearchParams(location.search).get('session');
-  if (session) {
-    joinSession(session);
-    return;
-  }
-  const id = decodeURIComponent(location.hash.slice(1));
-  if (id) openVolume(id, keptScene(id));
-  else openFirst();
-}
-
-/** Without a volume in the address: the only resident one, or the list. */
-async function openFirst() {
-  try {
-    const resident = (await volumes.list()).filter(({ state }) => state === 'resident' || state === 'loading');
-    if (resident.length === 1) openVolume(resident[0].id, keptScene(resident[0].id));
-    else volumeDialog.open();
+    if (!(await opening.fromAddress(location))) volumeDialog.open();
   } catch (error) {
     failed(error);
   }
@@ -521,5 +374,5 @@ async function openFirst() {
 
 bindControls();
 bindWindow();
-bindDrops();
+opening.bindDrops();
 start();

@@ -16,9 +16,6 @@ export class Notices {
     this.#bannerText = bannerText;
     this.#line = line;
     bannerRetry.addEventListener('click', onRetry);
-    for (const element of [toasts, banner]) {
-      element.addEventListener('pointerdown', (event) => event.stopPropagation()); // not a drag of the picture
-    }
   }
 
   /** The same text twice is one toast that stays longer. */

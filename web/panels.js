@@ -145,24 +145,28 @@ export function bindTabs(panel) {
   choose(tabs[0]);
 }
 
-/** Six sliders that cut the volume's box, named by the side they cut. */
+const CROP_SIDES = [
+  ['Right', 0, 0], ['Left', 1, 0], ['Anterior', 0, 1], ['Posterior', 1, 1], ['Feet', 0, 2], ['Head', 1, 2],
+];
+const LEAST_LEFT = 0.005; // of the extent: crossed sliders would show nothing
+
+/** Six sliders, each cuts that many mm from the side it is named after. */
 export class CropPanel {
   #store;
-  #sliders = [];
+  #sides = [];
   #box = null;
 
   constructor(host, resetButton, store, gesture) {
     this.#store = store;
-    const sides = [['Right', 0, 0], ['Left', 1, 0], ['Anterior', 0, 1], ['Posterior', 1, 1], ['Feet', 0, 2], ['Head', 1, 2]];
-    for (const [name, end, axis] of sides) {
+    for (const [name, end, axis] of CROP_SIDES) {
       const label = Object.assign(document.createElement('label'), { className: 'slider' });
-      const slider = Object.assign(document.createElement('input'), { type: 'range', min: 0, max: 1, step: 0.005, value: end });
+      const slider = Object.assign(document.createElement('input'), { type: 'range', min: 0, max: 1, value: 0 });
       const output = document.createElement('output');
       label.append(Object.assign(document.createElement('span'), { textContent: name }), slider, output);
       host.append(label);
       slider.addEventListener('input', () => this.#edited());
       bindGesture(slider, gesture);
-      this.#sliders.push({ slider, output, end, axis });
+      this.#sides.push({ slider, output, end, axis });
     }
     resetButton.addEventListener('click', () => store.patch({ clip: { box: null } }));
     store.subscribe(() => this.update());
@@ -170,29 +174,29 @@ export class CropPanel {
 
   setBox(box) {
     this.#box = box;
+    for (const { slider, axis } of this.#sides) {
+      const extent = box.high[axis] - box.low[axis];
+      slider.max = extent * (1 - LEAST_LEFT);
+      slider.step = extent / 400;
+    }
     this.update();
   }
 
   update() {
     if (!this.#box) return;
     const clip = this.#store.scene?.clip?.box ?? [this.#box.low, this.#box.high];
-    for (const { slider, output, end, axis } of this.#sliders) {
-      const low = this.#box.low[axis];
-      const extent = this.#box.high[axis] - low || 1;
-      if (document.activeElement !== slider) slider.value = (clip[end][axis] - low) / extent;
-      const cut = end ? this.#box.high[axis] - clip[1][axis] : clip[0][axis] - low;
-      output.textContent = `${Math.max(0, cut).toFixed(0)} mm`;
+    for (const { slider, output, end, axis } of this.#sides) {
+      const cut = Math.max(0, end ? this.#box.high[axis] - clip[1][axis] : clip[0][axis] - this.#box.low[axis]);
+      if (document.activeElement !== slider) slider.value = cut;
+      output.textContent = `${cut.toFixed(0)} mm`;
     }
   }
 
   #edited() {
-    const at = ({ slider, axis }) =>
-      this.#box.low[axis] + Number(slider.value) * (this.#box.high[axis] - this.#box.low[axis]);
-    const corners = [[0, 0, 0], [0, 0, 0]];
-    for (const side of this.#sliders) corners[side.end][side.axis] = at(side);
+    const corners = [[...this.#box.low], [...this.#box.high]];
+    for (const { slider, end, axis } of this.#sides) corners[end][axis] += (end ? -1 : 1) * Number(slider.value);
     for (let axis = 0; axis < 3; axis++) {
-      // Crossed sliders would show nothing: keep a thin slice between them.
-      const least = (this.#box.high[axis] - this.#box.low[axis]) * 0.005;
+      const least = (this.#box.high[axis] - this.#box.low[axis]) * LEAST_LEFT;
       if (corners[1][axis] - corners[0][axis] < least) corners[1][axis] = corners[0][axis] + least;
     }
     this.#store.patch({ clip: { box: corners } });

@@ -7,7 +7,7 @@ import { readFile } from 'node:fs/promises';
 import { extname, join } from 'node:path';
 import { fileURLToPath, pathToFileURL } from 'node:url';
 
-import { basis } from '../../web/camera.js';
+import { basis, dot, spanAtTarget } from '../../web/camera.js';
 import { mergePatch } from '../../web/state.js';
 import { sample } from '../../web/transfer_model.js';
 import { jpeg, png } from './pictures.mjs';
@@ -18,6 +18,7 @@ const TYPES = { '.html': 'text/html', '.js': 'text/javascript', '.css': 'text/cs
 const CSP = "default-src 'self'; img-src 'self' blob: data:; connect-src 'self'";
 const REST_MS = 150;
 const WINDOW = 2;
+const RADIUS_MM = 40;
 
 const VOLUME = {
   state: 'resident', dims: [64, 64, 48], spacing: [1, 1, 1.5], origin: [-31.5, -31.5, -35], type: 'int16',
@@ -59,11 +60,13 @@ function ball(scene, width, height) {
   const light = sample(points, 100);
   const dark = sample(points, 600);
   const paint = ({ color, amount }, shade) => color.map((c) => Math.round(255 * c * (0.3 + 0.7 * amount) * shade));
-  const radius = 0.42 * Math.min(width, height);
+  const scale = height / spanAtTarget(scene.camera);
+  const radius = RADIUS_MM * scale;
+  const middle = [width / 2 - dot(scene.camera.target, right) * scale, height / 2 + dot(scene.camera.target, up) * scale];
   const ground = (scene.image.background ?? [0, 0, 0]).map((c) => c * 255);
   return (x, y) => {
-    const a = (x - width / 2) / radius;
-    const b = (height / 2 - y) / radius;
+    const a = (x - middle[0]) / radius;
+    const b = (middle[1] - y) / radius;
     const rest = 1 - a * a - b * b;
     if (rest < 0) return ground;
     const c = Math.sqrt(rest);
@@ -82,6 +85,7 @@ export class FakeServer {
   patches = []; // every patch that arrived, with its time
   phases = []; // pointer phases
   mostUnacknowledged = 0;
+  uploads = []; // bodies
 
   #server;
   #sessions = new Map();
@@ -128,9 +132,13 @@ export class FakeServer {
 
   /** Somebody else's edit. */
   editFromOutside(session, patch) {
-    const found = this.#sessions.get(session);
-    found.scene = mergePatch(found.scene, patch);
-    for (const viewer of this.#viewers) if (viewer.session === found) viewer.changed();
+    this.edit(this.#sessions.get(session), patch);
+  }
+
+  /** Changes a scene; everybody who watches it gets a picture. */
+  edit(session, patch) {
+    session.scene = mergePatch(session.scene, patch);
+    for (const viewer of this.#viewers) if (viewer.session === session) viewer.changed();
   }
 
   /** Sends bytes that are no frame to every viewer. */
@@ -172,7 +180,8 @@ export class FakeServer {
     }
     if (request.method === 'PUT') {
       const bytes = await body(request);
-      if (bytes.toString('latin1', 0, 4) !== 'NRRD') return problem(response, 415, 'this is no volume file', '');
+      this.uploads.push(bytes);
+      if (!/^(NRRD|PK)/.test(bytes.toString('latin1', 0, 4))) return problem(response, 415, 'this is no volume file', '');
       this.#volumes.set(id, { ...VOLUME, id, modality: 'MR' });
       return json(response, 201, this.#volumes.get(id));
     }
@@ -205,8 +214,7 @@ export class FakeServer {
   async #putScene(request, response, session) {
     const scene = JSON.parse(await body(request));
     if ('nonsense' in scene) return problem(response, 422, 'unknown member', '/nonsense');
-    session.scene = mergePatch(defaultScene(), scene);
-    for (const viewer of this.#viewers) if (viewer.session === session) viewer.changed();
+    this.edit(session, mergePatch(defaultScene(), scene));
     return json(response, 200, session.scene);
   }
 
@@ -280,9 +288,8 @@ class Viewer {
       this.connection.send(JSON.stringify({ type: 'error', seq, problem: refused }));
       return;
     }
-    this.session.scene = mergePatch(this.session.scene, scene);
     this.#sequence = seq;
-    this.changed();
+    this.#server.edit(this.session, scene);
   }
 
   #restSoon() {
