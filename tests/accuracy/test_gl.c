@@ -420,6 +420,50 @@ static void test_resolve(void **state) {
   tc_volume_unref(volume);
 }
 
+/* Leaping leaves samples out and changes no bit; and the picture is still the cpu's. */
+static void test_leaping(void **state) {
+  needs_gl();
+  const double wavelength = 40;
+  const tc_knot shell[] = {{0.0, {0.9, 0.6, 0.3}, 0}, {0.7, {0.9, 0.6, 0.3}, 0}, {0.75, {1, 0.9, 0.8}, 0.4}, {1, {1, 1, 1}, 0.5}};
+  const int sizes[][3] = {{70, 64, 90}, {1, 50, 60}, {64, 3, 64}, {33, 31, 1}};
+  const int blocks[] = {0, 2, 7, 16};
+  for (size_t i = 0; i < G_N_ELEMENTS(sizes); i++) {
+    test_grid grid = {.type = i & 1 ? TC_I16 : TC_U8, .slope = i & 1 ? 1.0 / 32767 : 1.0 / 255};
+    memcpy(grid.dims, sizes[i], sizeof grid.dims);
+    tc_volume *volume = test_volume(&grid, test_waves, &wavelength);
+    for (size_t j = 0; j < G_N_ELEMENTS(blocks); j++) {
+      tc_scene scene;
+      tc_frame leapt = {0}, whole = {0};
+      tc_plan plan;
+      char what[64];
+      test_scene(&scene, 160, 160);
+      test_scene_frame(&scene, volume, j & 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE, oblique);
+      set_knots(&scene, volume, TC_KNOT_OPACITY, shell, G_N_ELEMENTS(shell));
+      scene.skipping.block = blocks[j];
+      scene.sampling.termination = j & 2 ? 0.01 : 0;
+      scene.sampling.step = j == 3 ? 0.3 : 1;
+      const tc_render_request request = {.want_linear = true};
+      assert_made(tc_render(gl, volume, &scene, &request, &leapt, &plan, &error));
+      bool leaps = plan.key.skipping;
+      snprintf(what, sizeof what, "%dx%dx%d, blocks of %d", sizes[i][0], sizes[i][1], sizes[i][2], blocks[j]);
+      expect_equal(what, volume, &scene, 0);
+      scene.skipping.mode = TC_SKIPPING_OFF;
+      assert_made(tc_render(gl, volume, &scene, &request, &whole, &plan, &error));
+      assert_false(plan.key.skipping);
+      printf("    %s: %zu leaps, samples %zu of %zu\n", leaps ? "leapt" : "not worth leaping", (size_t)leapt.stats.leaps,
+             (size_t)leapt.stats.samples, (size_t)whole.stats.samples);
+      assert_memory_equal(leapt.linear, whole.linear, 160 * 160 * 16);
+      assert_memory_equal(leapt.rgba, whole.rgba, 160 * 160 * 4);
+      if (i == 0 && j == 0)
+        assert_true(leaps && leapt.stats.leaps > 0 && leapt.stats.samples < whole.stats.samples);
+      tc_frame_finish(&leapt);
+      tc_frame_finish(&whole);
+      tc_scene_clear(&scene);
+    }
+    tc_volume_unref(volume);
+  }
+}
+
 /* Tiles: pictures of odd sizes, smaller and larger than a tile, with and without floats, are the same picture. */
 static void test_picture_sizes(void **state) {
   needs_gl();
@@ -453,6 +497,6 @@ int main(void) {
     cmocka_unit_test(test_long_volumes),
     cmocka_unit_test(test_geometry),           cmocka_unit_test(test_cameras),      cmocka_unit_test(test_steps),
     cmocka_unit_test(test_extreme_extinction), cmocka_unit_test(test_opaque_block), cmocka_unit_test(test_termination),
-    cmocka_unit_test(test_resolve),            cmocka_unit_test(test_picture_sizes)};
+    cmocka_unit_test(test_resolve),            cmocka_unit_test(test_leaping),      cmocka_unit_test(test_picture_sizes)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -71,6 +71,7 @@ static void set_scene(tc_scene *scene, const tc_volume *volume, int side) {
   test_scene(scene, side, side);
   test_scene_frame(scene, volume, TC_PERSPECTIVE, oblique);
   test_scene_knots(scene, TC_KNOT_OPACITY, knots, G_N_ELEMENTS(knots));
+  scene->skipping.mode = TC_SKIPPING_OFF;
 }
 
 /* Renders and compares with what was seen before. */
@@ -220,8 +221,8 @@ static void test_unbuilt_keys(void **state) {
   assert_made(context);
   const size_t first = offsetof(tc_gl_variant, plan);
   const size_t members[] = {offsetof(tc_plan_key, mode),     offsetof(tc_plan_key, classification), offsetof(tc_plan_key, order),
-                            offsetof(tc_plan_key, filter),   offsetof(tc_plan_key, shading),        offsetof(tc_plan_key, skipping),
-                            offsetof(tc_plan_key, clipping), offsetof(tc_plan_key, jitter),         offsetof(tc_plan_key, labels)};
+                            offsetof(tc_plan_key, filter),   offsetof(tc_plan_key, shading),        offsetof(tc_plan_key, clipping),
+                            offsetof(tc_plan_key, jitter),   offsetof(tc_plan_key, labels)};
   for (size_t i = 0; i < G_N_ELEMENTS(members); i++) {
     tc_gl_variant variant;
     memset(&variant, 0, sizeof variant);
@@ -240,7 +241,8 @@ static void test_unbuilt_keys(void **state) {
       memset(&v, 0, sizeof v);
       v.plan.voxel_type = (uint8_t)type;
       v.plan.projection = (uint8_t)(type & 1);
-      v.plan.termination = (bits >> 5 & 1) != 0;
+      v.plan.termination = bits >> 5 & 1;
+      v.plan.skipping = (type ^ bits >> 2) & 1;
       v.field = (uint8_t)(bits & 1);
       v.atlas = bits >> 1 & 1;
       v.linear_light = bits >> 2 & 1;

@@ -78,7 +78,7 @@ static void *create(const tc_renderer_options *options, tc_pool *pool, GError **
   b->max_side = report->hardware ? HARDWARE_SIDE : SOFTWARE_SIDE;
   b->tile_side = b->max_side / 2;
   uint64_t cache_bytes = options->cache_bytes ? options->cache_bytes : DEFAULT_CACHE_BYTES;
-  b->textures.table_budget = cache_bytes;
+  b->textures.lookup_budget = cache_bytes;
   b->textures.volume_budget = 4 * cache_bytes; /* volumes are what graphics memory is for */
   snprintf(b->device, sizeof b->device, "%s, OpenGL %s", report->renderer, report->version);
   glCreateBuffers(1, &b->job_buffer);
@@ -173,6 +173,7 @@ static void copy_out(const tc_gl_slot *slot, const tc_job *job) {
   for (int i = 0; i < COUNTER_CELLS; i++, counters += 4) {
     frame->stats.rays += counters[0];
     frame->stats.samples += counters[1] | (uint64_t)counters[2] << 32;
+    frame->stats.leaps += counters[3];
   }
   for (int row = 0; row < height; row++) {
     size_t to = ((size_t)(y + row) * frame->width + x) * 4, from = (size_t)row * width * 4;
@@ -259,8 +260,12 @@ static bool render(void *instance, const tc_job *job, GError **error) {
   b->gpu_ms = 0;
   const tc_gl_volume *volume = tc_gl_textures_volume(
     &b->textures, job->volume, field_for(b, tc_volume_describe(job->volume)->type), error);
-  const tc_gl_table *table = volume ? tc_gl_textures_table(&b->textures, job->table, error) : NULL;
-  unsigned program = table ? program_for(b, job, volume, error) : 0;
+  const tc_gl_lookup *table = volume ? tc_gl_textures_table(&b->textures, job->table, error) : NULL, *leap = NULL;
+  if (table && job->leap)
+    leap = tc_gl_textures_leap(&b->textures, job->volume, job->table, job->leap, error);
+  if (!table || (job->leap && !leap))
+    return false;
+  unsigned program = program_for(b, job, volume, error);
   if (!program || !tc_gl_ring_reserve(&b->ring, slot_bytes(b->max_side, b->max_side, job->want_linear),
                                       report->timestamp_bits > 0, error))
     return false;
@@ -270,6 +275,7 @@ static bool render(void *instance, const tc_job *job, GError **error) {
   glBindBufferBase(GL_UNIFORM_BUFFER, 0, b->job_buffer);
   glBindTextureUnit(0, volume->texture);
   glBindTextureUnit(1, table->texture);
+  glBindTextureUnit(2, leap ? leap->texture : 0);
   glUseProgram(program);
   return run_tiles(b, program, job, error) && tc_gl_check("frame", error);
 }

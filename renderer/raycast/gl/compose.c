@@ -34,7 +34,7 @@ static void add(composition *c, const char *name) {
 static bool is_built(const tc_plan_key *key) {
   return key->mode == TC_MODE_DVR && key->classification == TC_PREINTEGRATED && key->order == TC_FRONT_TO_BACK &&
          key->filter == TC_FILTER_LINEAR && key->projection < TC_PROJECTION_COUNT && key->voxel_type < TC_VOXEL_TYPE_COUNT &&
-         key->shading == TC_SHADING_NONE && !key->skipping && !key->clipping && !key->jitter && !key->labels;
+         key->shading == TC_SHADING_NONE && !key->clipping && !key->jitter && !key->labels;
 }
 
 static const char *sampler_type(const tc_gl_variant *v) {
@@ -53,12 +53,14 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
   }
   composition c = {0};
   add(&c, "head.glsl");
-  snprintf(literals, sizeof literals, "#define VOXELS %s\n#define ATLAS %d\n#define TERMINATION %d\n", sampler_type(v),
-           v->atlas, v->plan.termination);
+  snprintf(literals, sizeof literals, "#define VOXELS %s\n#define ATLAS %d\n#define TERMINATION %d\n#define LEAP %d\n",
+           sampler_type(v), v->atlas, v->plan.termination, v->plan.skipping);
   add_text(&c, literals);
   add(&c, v->plan.projection == TC_PERSPECTIVE ? "ray_perspective.glsl" : "ray_orthographic.glsl");
   add(&c, v->field == TC_GL_FIELD_GATHER ? "field_gather.glsl" : "field_filtered.glsl");
   add(&c, "table_2d.glsl");
+  if (v->plan.skipping)
+    add(&c, "leap.glsl");
   add(&c, "march_dvr.glsl");
   add(&c, "bytes.glsl");
   add(&c, v->linear_light ? "encode_srgb.glsl" : "encode_display.glsl");

@@ -12,14 +12,15 @@ layout(std140, binding = 0) uniform Job {
   vec4 texel;                         // xyz: 1 / texture size
   vec4 unpack;                        // voxel = texel value * x + y
   vec4 nodes;                         // x: lo, y: nodes per voxel unit, z: n - 1
-  ivec4 table;                        // x: columns, y: row of k = 0
+  ivec4 table;                        // x: columns, y: where k = 0 begins
+  ivec4 blocks;                       // distance map: x: voxels a block is wide, yz: entries to the next block along y, z
   vec4 background;                    // compositing space; w: termination
-  vec4 march;                         // x: step mm, y: eye mm (orthographic)
+  vec4 march;                         // x: step mm, y: eye mm (orthographic), z: 1 / step
 } job;
 
 // This dispatch's part of the picture: xy = first pixel, zw = size in pixels.
 layout(location = 0) uniform ivec4 tile;
 
-// rays met, samples low and high word; spread over 64 cells so that few work-groups share one
+// rays met, samples low and high word, leaps; spread over 64 cells so that few work-groups share one
 layout(std430, binding = 0) buffer Counters { uvec4 counters[64]; };
 layout(std430, binding = 1) writeonly buffer Picture { uint picture[]; }; // [h][w] RGBA8, R in the low byte

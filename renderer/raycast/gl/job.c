@@ -33,10 +33,16 @@ void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volum
   block->nodes[2] = (float)(table->n - 1);
   block->table[0] = table->columns;
   block->table[1] = (int32_t)((table->zero_row - table->entries) / 4);
+  if (job->leap) {
+    block->blocks[0] = job->leap->block; /* voxels a block is wide: any number, not a power of two */
+    block->blocks[1] = job->leap->blocks[0];
+    block->blocks[2] = job->leap->blocks[0] * job->leap->blocks[1];
+  }
   tc_resolve resolve;
   tc_resolve_init(&resolve, job->scene);
   memcpy(block->background, resolve.background, sizeof resolve.background);
   block->background[3] = (float)job->scene->sampling.termination;
   block->march[0] = (float)rays->step_mm;
   block->march[1] = (float)rays->eye_mm;
+  block->march[2] = (float)(1 / rays->step_mm);
 }

@@ -14,7 +14,7 @@ typedef struct tc_gl_job_block {
   float box_lo[4], box_hi[4];
   int32_t dims[4];
   float texel[4], unpack[4], nodes[4];
-  int32_t table[4];
+  int32_t table[4], blocks[4];
   float background[4], march[4];
 } tc_gl_job_block;
 

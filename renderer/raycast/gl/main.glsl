@@ -16,12 +16,15 @@ vec2 clip_to_box(vec3 anchor, vec3 direction, float eye) {
   return span;
 }
 
-void count(uint samples) {
+void count(Counts of) {
   uint cell = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) & 63u;
   atomicAdd(counters[cell].x, 1u);
-  uint before = atomicAdd(counters[cell].y, samples);
-  if (before + samples < before)
+  uint before = atomicAdd(counters[cell].y, of.samples);
+  if (before + of.samples < before)
     atomicAdd(counters[cell].z, 1u);
+#if LEAP
+  atomicAdd(counters[cell].w, of.leaps);
+#endif
 }
 
 void main() {
@@ -34,9 +37,9 @@ void main() {
   vec2 span = clip_to_box(anchor, direction, eye);
   vec4 result = vec4(0.0);
   if (span.y > span.x) {
-    uint samples;
-    result = march(anchor, direction, span, samples);
-    count(samples);
+    Counts counts = Counts(0u, 0u);
+    result = march(anchor, direction, span, counts);
+    count(counts);
   }
   write_result(uint(place.y * tile.z + place.x), result);
 }

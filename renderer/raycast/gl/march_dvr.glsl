@@ -1,39 +1,84 @@
 // Front-to-back compositing of pre-integrated segments. Returns premultiplied colour and opacity.
-vec4 march(vec3 anchor, vec3 direction, vec2 span, out uint samples) {
-  vec3 entry = fma(vec3(span.x), direction, anchor);
+//
+// "precise" and fma() fix the rounding, so that variants of this text give the same bits: a leap changes nothing.
+
+struct Counts { uint samples, leaps; };
+
+float sample_node(vec3 entry, vec3 direction, float t) {
+  precise vec3 p = fma(vec3(t), direction, entry);
+  return node(field(p));
+}
+
+// Thin segments take nothing from a transparency of 1 in single precision, so that opacity has a sum of its own. What lies
+// behind a terminated ray is taken to look like what lies before: an opaque region keeps its colour exactly.
+vec4 finish(vec4 sum, float clear) {
+  bool full = sum.a > 1.0;
+#if TERMINATION
+  full = full || clear < job.background.w;
+#endif
+  return full ? sum / sum.a : sum;
+}
+
+vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
+  precise vec3 entry = fma(vec3(span.x), direction, anchor);
   float length_mm = span.y - span.x;
   float step_mm = job.march.x;
-  float front = node(field(entry));
-  vec3 color = vec3(0.0);
-  float clear = 1.0; // transparency keeps its bits near opaque, opacity would not
-  float before = 0.0;
-  samples = 1u;
+  precise vec4 sum = vec4(0.0);
+  precise float clear = 1.0;
+  float front = sample_node(entry, direction, 0.0);
+  float before = 0.0; // where front was sampled, mm
+  counts.samples++;
+#if LEAP
+  bool fresh = false; // after a leap there is no segment in front of the next sample
+  int look_at = 0;    // first step at which looking around may pay
+#endif
   for (int i = 1;; i++) {
     float t = float(i) * step_mm;
     if (t > length_mm)
       break;
-    float back = node(field(fma(vec3(t), direction, entry)));
+    float back = sample_node(entry, direction, t);
+    counts.samples++;
     vec4 segment = classify(front, back);
-    color += clear * segment.rgb;
-    clear -= clear * segment.a;
+#if LEAP
+    if (fresh)
+      segment = vec4(0.0);
+    fresh = false;
+#endif
+    sum = fma(vec4(clear), segment, sum);
+    clear = fma(-clear, segment.a, clear);
     front = back;
     before = t;
-    samples++;
 #if TERMINATION
     if (clear < job.background.w)
-      return vec4(color, 1.0 - clear);
+      return finish(sum, clear);
+#endif
+#if LEAP
+    int steps;
+    if (segment.a > 0.0 || i < look_at)
+      continue;
+    if (!look_around(fma(vec3(t), direction, entry), direction, steps)) {
+      look_at = i + steps + 1;
+    } else if (steps > 1) { // the loop goes on by one itself
+      i += steps - 1;
+      fresh = true;
+      counts.leaps++;
+    }
 #endif
   }
+#if LEAP
+  if (fresh) // the leap led out
+    return finish(sum, clear);
+#endif
   // The last segment is shorter: the full one's transparency to the power of its share, and colour as opacity. It stands
   // behind the loop because software rasterisers pay for both sides of a branch.
   float share = (length_mm - before) / step_mm;
   if (share > 0.0) {
-    vec4 segment = classify(front, node(field(fma(vec3(length_mm), direction, entry))));
+    vec4 segment = classify(front, sample_node(entry, direction, length_mm));
+    counts.samples++;
     float opacity = 1.0 - exp2(share * log2(max(1.0 - segment.a, 1e-30)));
     float scale = segment.a < 1e-4 ? share : opacity / segment.a;
-    color += clear * scale * segment.rgb;
-    clear -= clear * scale * segment.a;
-    samples++;
+    sum = fma(vec4(clear), scale * segment, sum);
+    clear = fma(-clear, scale * segment.a, clear);
   }
-  return vec4(color, 1.0 - clear);
+  return finish(sum, clear);
 }

@@ -1,4 +1,4 @@
-/* Uploading and keeping volumes and tables. See textures.h. */
+/* Uploading and keeping volumes and lookups. See textures.h. */
 #include "renderer/raycast/gl/textures.h"
 
 #include <epoxy/gl.h>
@@ -36,7 +36,7 @@ tc_gl_field tc_gl_choose_field(const tc_gl_report *device, tc_voxel_type type) {
 
 /* ---- volumes ---- */
 
-/* A slab of voxels with the sign bit of each turned; NULL where the type needs none. */
+/* The voxels themselves, or a copy in `staging` with every sign bit turned where the type has one. */
 static const void *turn_signs(tc_voxel_type type, const uint8_t *voxels, size_t bytes, uint8_t *staging) {
   if (type == TC_I8) {
     for (size_t i = 0; i < bytes; i++)
@@ -187,7 +187,7 @@ static const tc_gl_volume *upload_volume(tc_gl_textures *textures, const tc_volu
       glFinish();
     }
     tc_gl_volume *place = make_room(textures, tc_volume_bytes(volume));
-    tc_gl_volume copy = {.serial = tc_volume_serial(volume), .slices_per_layer = slices_per_layer, .used = textures->clock};
+    tc_gl_volume copy = {.serial = tc_volume_serial(volume), .slices_per_layer = slices_per_layer, .used = textures->frame};
     if (make_volume(&copy, volume, field, size, &failure)) {
       *place = copy;
       return place;
@@ -206,7 +206,7 @@ static const tc_gl_volume *upload_volume(tc_gl_textures *textures, const tc_volu
 
 const tc_gl_volume *tc_gl_textures_volume(tc_gl_textures *textures, const tc_volume *volume, tc_gl_field field,
                                           GError **error) {
-  textures->clock++;
+  textures->frame++;
   for (int i = 0; i < TC_GL_VOLUMES; i++) {
     tc_gl_volume *copy = &textures->volumes[i];
     if (!copy->texture || copy->serial != tc_volume_serial(volume))
@@ -215,81 +215,114 @@ const tc_gl_volume *tc_gl_textures_volume(tc_gl_textures *textures, const tc_vol
       drop_volume(textures, copy);
       break;
     }
-    copy->used = textures->clock;
+    copy->used = textures->frame;
     return copy;
   }
   return upload_volume(textures, volume, field, error);
 }
 
-/* ---- tables ---- */
+/* ---- lookups ---- */
 
-static void drop_table(tc_gl_table *copy) {
+static void drop_lookup(tc_gl_lookup *copy) {
   glDeleteTextures(1, &copy->texture);
   glDeleteBuffers(1, &copy->buffer);
   memset(copy, 0, sizeof *copy);
 }
 
-/* A free place; or the oldest one, emptied, while the budget is passed or all are taken. */
-static tc_gl_table *make_table_room(tc_gl_textures *textures, size_t bytes) {
+/* A free place, after the oldest copies that this frame does not use went to keep the budget. A frame uses fewer lookups than
+ * there are places. */
+static tc_gl_lookup *make_lookup_room(tc_gl_textures *textures, size_t bytes) {
   for (;;) {
-    tc_gl_table *unused = NULL, *oldest = NULL;
+    tc_gl_lookup *unused = NULL, *oldest = NULL;
     size_t held = 0;
-    for (int i = 0; i < TC_GL_TABLES; i++) {
-      tc_gl_table *copy = &textures->tables[i];
+    for (int i = 0; i < TC_GL_LOOKUPS; i++) {
+      tc_gl_lookup *copy = &textures->lookups[i];
       held += copy->bytes;
       if (!copy->buffer)
         unused = copy;
-      else if (!oldest || copy->used < oldest->used)
+      else if (copy->used < textures->frame && (!oldest || copy->used < oldest->used))
         oldest = copy;
     }
-    if (unused && (!oldest || (bytes <= textures->table_budget && held <= textures->table_budget - bytes)))
+    if (unused && (!oldest || (bytes <= textures->lookup_budget && held <= textures->lookup_budget - bytes)))
       return unused;
-    drop_table(oldest);
+    drop_lookup(oldest);
   }
 }
 
-const tc_gl_table *tc_gl_textures_table(tc_gl_textures *textures, const tc_table *table, GError **error) {
-  textures->clock++;
-  for (int i = 0; i < TC_GL_TABLES; i++) {
-    tc_gl_table *copy = &textures->tables[i];
-    if (!copy->buffer || copy->serial != table->serial)
+static tc_gl_lookup *find_lookup(tc_gl_textures *textures, const uint64_t key[3]) {
+  for (int i = 0; i < TC_GL_LOOKUPS; i++) {
+    tc_gl_lookup *copy = &textures->lookups[i];
+    if (!copy->buffer || memcmp(copy->key, key, sizeof copy->key) != 0)
       continue;
-    copy->used = textures->clock;
+    copy->used = textures->frame;
     return copy;
   }
-  GLint texels = 0;
-  glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &texels);
-  size_t bytes = sizeof(float[4]) * (size_t)table->columns * (2 * ((size_t)table->n + 1) + 1);
-  if (bytes / sizeof(float[4]) > (size_t)texels) {
-    tc_set_error(error, TC_ERROR_LIMIT, NULL, "gl: a table of %d entries a side does not fit this device's buffer textures; "
-                 "use --backend cpu", table->n);
+  return NULL;
+}
+
+/* What an upload needs to know. */
+typedef struct lookup_source {
+  const char *what;
+  const void *entries;
+  size_t count, entry_bytes;
+  GLenum format;
+} lookup_source;
+
+static const tc_gl_lookup *lookup(tc_gl_textures *textures, const uint64_t key[3], const lookup_source *from,
+                                  GError **error) {
+  tc_gl_lookup *copy = find_lookup(textures, key);
+  if (copy)
+    return copy;
+  GLint most = 0;
+  glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &most);
+  if (from->count > (size_t)most) {
+    tc_set_error(error, TC_ERROR_LIMIT, NULL, "gl: %s of %zu entries does not fit a buffer texture of this device (%d); "
+                 "use --backend cpu", from->what, from->count, most);
     return NULL;
   }
-  tc_gl_table *copy = make_table_room(textures, bytes);
+  copy = make_lookup_room(textures, from->count * from->entry_bytes);
   tc_gl_forget_errors();
   glCreateBuffers(1, &copy->buffer);
-  glNamedBufferStorage(copy->buffer, (GLsizeiptr)bytes, table->entries, 0);
+  glNamedBufferStorage(copy->buffer, (GLsizeiptr)(from->count * from->entry_bytes), from->entries, 0);
   glCreateTextures(GL_TEXTURE_BUFFER, 1, &copy->texture);
-  glTextureBuffer(copy->texture, GL_RGBA32F, copy->buffer);
-  if (!tc_gl_check("table upload", error)) {
-    drop_table(copy);
+  glTextureBuffer(copy->texture, from->format, copy->buffer);
+  if (!tc_gl_check(from->what, error)) {
+    drop_lookup(copy);
     return NULL;
   }
-  copy->serial = table->serial;
-  copy->bytes = bytes;
-  copy->used = textures->clock;
+  memcpy(copy->key, key, sizeof copy->key);
+  copy->bytes = from->count * from->entry_bytes;
+  copy->used = textures->frame;
   return copy;
+}
+
+const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_table *table, GError **error) {
+  const uint64_t key[3] = {table->serial};
+  const lookup_source from = {.what = "pre-integration table", .entries = table->entries, .entry_bytes = sizeof(float[4]),
+                              .count = (size_t)table->columns * (2 * ((size_t)table->n + 1) + 1), .format = GL_RGBA32F};
+  return lookup(textures, key, &from, error);
+}
+
+const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volume *volume, const tc_table *table,
+                                        const tc_leap *leap, GError **error) {
+  const uint64_t key[3] = {table->serial, tc_volume_serial(volume), (uint64_t)leap->block};
+  const lookup_source from = {.what = "distance map", .entries = leap->distance, .entry_bytes = 1, .format = GL_R8UI,
+                              .count = (size_t)leap->blocks[0] * (size_t)leap->blocks[1] * (size_t)leap->blocks[2]};
+  return lookup(textures, key, &from, error);
 }
 
 void tc_gl_textures_forget(tc_gl_textures *textures, uint64_t volume_serial) {
   for (int i = 0; i < TC_GL_VOLUMES; i++)
     if (textures->volumes[i].texture && textures->volumes[i].serial == volume_serial)
       drop_volume(textures, &textures->volumes[i]);
+  for (int i = 0; i < TC_GL_LOOKUPS; i++)
+    if (textures->lookups[i].buffer && textures->lookups[i].key[1] == volume_serial)
+      drop_lookup(&textures->lookups[i]);
 }
 
 void tc_gl_textures_clear(tc_gl_textures *textures) {
   for (int i = 0; i < TC_GL_VOLUMES; i++)
     drop_volume(textures, &textures->volumes[i]);
-  for (int i = 0; i < TC_GL_TABLES; i++)
-    drop_table(&textures->tables[i]);
+  for (int i = 0; i < TC_GL_LOOKUPS; i++)
+    drop_lookup(&textures->lookups[i]);
 }
