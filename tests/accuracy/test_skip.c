@@ -1,0 +1,196 @@
+/* Space leaping: the map against brute force, and pictures with and without it, bit for bit. */
+#include <math.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <setjmp.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/skip/skip.h"
+#include "renderer/tomocast.h"
+#include "tests/support/grid.h"
+
+typedef struct blobs { uint64_t seed; int count; double noise; } blobs;
+
+/* A few soft balls in a noisy ground: some blocks empty, some nearly, some full. */
+static double blob_field(double x, double y, double z, const void *context) {
+  const blobs *b = context;
+  uint64_t state = b->seed;
+  double v = 0;
+  for (int i = 0; i < b->count; i++) {
+    double cx = 60 * test_random(&state), cy = 60 * test_random(&state), cz = 60 * test_random(&state);
+    double r = 1 + 9 * test_random(&state), d = sqrt((x - cx) * (x - cx) + (y - cy) * (y - cy) + (z - cz) * (z - cz));
+    v += 200 * fmax(0, 1 - d / r);
+  }
+  unsigned seed = (unsigned)b->seed;
+  return fmin(v, 230) + b->noise * test_noise(x, y, z, &seed);
+}
+
+static tc_volume *random_volume(uint64_t *state) {
+  blobs b = {*state, 1 + (int)(6 * test_random(state)), 12 * test_random(state)};
+  test_grid g = {.dims = {1 + (int)(60 * test_random(state)), 1 + (int)(60 * test_random(state)), 1 + (int)(60 * test_random(state))},
+                 .type = (tc_voxel_type)(5 * test_random(state))};
+  for (int k = 0; k < 3; k++) g.spacing[k] = 0.4 + 2 * test_random(state);
+  if (g.type == TC_I8) g.slope = 2, g.intercept = 0;
+  if (test_random(state) < 0.2 && g.type != TC_U8 && g.type != TC_U16) g.slope = g.type == TC_I8 ? -2 : -1;
+  return test_volume(&g, blob_field, &b);
+}
+
+/* Zero stretches, thin peaks, jumps. */
+static void random_knots(tc_scene *scene, uint64_t *state) {
+  tc_knot knots[16];
+  int n = 1 + (int)(8 * test_random(state));
+  double value = -20 + 120 * test_random(state);
+  for (int i = 0; i < n; i++) {
+    double amount = test_random(state) < 0.5 ? 0 : test_random(state);
+    knots[i] = (tc_knot){value, {test_random(state), test_random(state), test_random(state)}, amount};
+    if (test_random(state) < 0.8) value += (test_random(state) < 0.4 ? 1.5 : 60) * test_random(state);
+  }
+  test_scene_knots(scene, TC_KNOT_OPACITY, knots, (size_t)n);
+}
+
+static void render(tc_renderer *r, tc_volume *v, const tc_scene *s, tc_frame *f) {
+  GError *error = NULL;
+  tc_render_request q = {.want_linear = true};
+  if (!tc_render(r, v, s, &q, f, NULL, &error)) fail_msg("%s", error->message);
+}
+
+static void leaping_changes_no_bit(void **unused) {
+  static const char *const isas[] = {"scalar", "avx2", "avx512"};
+  for (int isa = 0; isa < 3; isa++) {
+    tc_renderer_options o = {.backend = TC_BACKEND_CPU, .isa = isas[isa]};
+    tc_renderer *r = tc_renderer_new(&o, NULL);
+    if (!r) {
+      printf("skipped: no %s here\n", isas[isa]);
+      continue;
+    }
+    uint64_t with = 0, without = 0, state = 99;
+    int shown = 0, leapt = 0;
+    for (int trial = 0; trial < 120; trial++) {
+      uint64_t seed = state;
+      tc_volume *v = random_volume(&state);
+      tc_scene s;
+      test_scene(&s, 41, 37);
+      random_knots(&s, &state);
+      double side[3] = {test_random(&state) - 0.5, test_random(&state) - 0.5, test_random(&state) - 0.5};
+      if (trial % 5 == 0) side[1] = 0;
+      if (trial % 10 == 0) side[2] = 0; /* along an axis */
+      test_scene_frame(&s, v, trial % 2 ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC, side);
+      s.sampling.step = 0.3 + 2 * test_random(&state);
+      s.sampling.termination = trial % 3 ? 0 : 0.01;
+      s.skipping.block = 2 + (int)(10 * test_random(&state));
+      tc_frame on = {0}, off = {0};
+      render(r, v, &s, &on);
+      s.skipping.mode = TC_SKIPPING_OFF;
+      render(r, v, &s, &off);
+      size_t pixels = (size_t)on.width * (size_t)on.height;
+      bool same = !memcmp(on.linear, off.linear, pixels * 16) && !memcmp(on.rgba, off.rgba, pixels * 4);
+      if (!same) fail_msg("%s: trial %d (state %llu, block %d) differs", isas[isa], trial, (unsigned long long)seed, s.skipping.block);
+      assert_int_equal(off.stats.leaps, 0);
+      with += on.stats.samples, without += off.stats.samples;
+      leapt += on.stats.leaps > 0;
+      for (size_t i = 0; i < pixels; i++)
+        if (off.linear[4 * i + 3] > 0) {
+          shown++;
+          break;
+        }
+      tc_frame_finish(&on);
+      tc_frame_finish(&off);
+      tc_scene_clear(&s);
+      tc_volume_unref(v);
+    }
+    printf("%s: 120 scenes, %d with something in them, %d leapt in, %.2f of the samples taken\n", isas[isa], shown, leapt,
+           (double)with / (double)without);
+    assert_true(shown > 40 && leapt > 40 && with < without); /* the trial is worth something */
+    tc_renderer_free(r);
+  }
+}
+
+/* Every block's pair against its voxels; every distance against all blocks. */
+static void map_is_right(void **unused) {
+  uint64_t state = 5;
+  for (int trial = 0; trial < 30; trial++) {
+    tc_volume *v = random_volume(&state);
+    tc_scene s;
+    test_scene(&s, 8, 8);
+    random_knots(&s, &state);
+    const tc_volume_desc *d = tc_volume_describe(v);
+    tc_table_params p = {.tf = &s.transfer_function, .slope = d->slope, .intercept = d->intercept, .step_mm = 1};
+    tc_table_choose(v, p.tf, &p.n, &p.voxel_lo, &p.voxel_hi);
+    tc_table *t = tc_table_build(&p, NULL, NULL);
+    tc_minmax *m = tc_minmax_build(v, 2 + trial % 7, NULL, NULL);
+    tc_leap *leap = tc_leap_build(m, t, NULL);
+    for (int k = 0; k < 3; k++) {
+      int cells = d->dims[k] > 1 ? d->dims[k] - 1 : 1;
+      assert_true(m->blocks[k] * m->block >= cells && (m->blocks[k] - 1) * m->block < cells);
+    }
+    int nx = m->blocks[0], ny = m->blocks[1], nz = m->blocks[2];
+    for (int i = 0; i < nx * ny * nz; i++) {
+      int x = i % nx, y = i / nx % ny, z = i / nx / ny, least = 254;
+      for (int j = 0; j < nx * ny * nz; j++) {
+        if (leap->distance[j]) continue;
+        int far = abs(j % nx - x), fy = abs(j / nx % ny - y), fz = abs(j / nx / ny - z);
+        far = fy > far ? fy : far, far = fz > far ? fz : far;
+        least = far < least ? far : least;
+      }
+      assert_int_equal(leap->distance[i], least);
+      /* An empty block shows nothing anywhere in it, not even between voxels: tau is zero over its whole range. */
+      if (leap->distance[i] == 0) continue;
+      for (int c = 0; c <= 20; c++) {
+        double at[3];
+        for (int k = 0; k < 3; k++) {
+          int block = k == 0 ? x : k == 1 ? y : z;
+          at[k] = fmin(block * m->block + m->block * test_random(&state), d->dims[k] - 1);
+        }
+        double value;
+        assert_true(tc_volume_value_at(v, at, &value));
+        assert_true(tc_extinction(&s.transfer_function, value) == 0);
+      }
+    }
+    tc_leap_free(leap);
+    tc_minmax_free(m);
+    tc_table_free(t);
+    tc_scene_clear(&s);
+    tc_volume_unref(v);
+  }
+}
+
+/* The plan leaves the structure out where nothing can be empty, and it costs little where it is in. */
+static void built_only_when_it_can_help(void **unused) {
+  tc_renderer_options o = {.backend = TC_BACKEND_CPU};
+  tc_renderer *r = tc_renderer_new(&o, NULL);
+  tc_volume *v = tc_volume_demo("vessels", NULL);
+  tc_scene s;
+  test_scene(&s, 32, 32);
+  test_scene_frame(&s, v, TC_PERSPECTIVE, (double[3]){0, -1, 0});
+  const tc_knot full[] = {{0, {1, 1, 1}, 0.001}, {255, {1, 1, 1}, 0.1}}, part[] = {{80, {1, 1, 1}, 0}, {255, {1, 1, 1}, 0.5}};
+  tc_plan plan;
+  tc_frame f = {0};
+  test_scene_knots(&s, TC_KNOT_OPACITY, full, 2);
+  assert_true(tc_render(r, v, &s, NULL, &f, &plan, NULL));
+  assert_false(plan.stages[TC_STAGE_SKIPPING].included);
+  assert_int_equal(plan.stages[TC_STAGE_SKIPPING].bytes, 0);
+  assert_int_equal(plan.key.skipping, 0);
+  test_scene_knots(&s, TC_KNOT_OPACITY, part, 2);
+  assert_true(tc_render(r, v, &s, NULL, &f, &plan, NULL));
+  assert_true(plan.stages[TC_STAGE_SKIPPING].included && f.stats.leaps > 0);
+  double share = (double)plan.stages[TC_STAGE_SKIPPING].bytes / (double)tc_volume_bytes(v);
+  printf("vessels: %s; %.2f %% of the voxel bytes\n", plan.stages[TC_STAGE_SKIPPING].reason, 100 * share);
+  assert_true(share < 0.03);
+  assert_true(tc_render(r, v, &s, NULL, &f, &plan, NULL));
+  assert_true(f.stats.tables_ms == 0 && f.stats.skip_ms == 0); /* a second frame builds nothing */
+  tc_frame_finish(&f);
+  tc_scene_clear(&s);
+  tc_volume_unref(v);
+  tc_renderer_free(r);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(leaping_changes_no_bit), cmocka_unit_test(map_is_right),
+                                     cmocka_unit_test(built_only_when_it_can_help)};
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
