@@ -11,12 +11,15 @@ static cJSON *write_member(const tcp_member *member, const tc_scene *scene) {
   return member->special ? member->special->write(member, scene) : tcp_leaf_write(member, scene);
 }
 
+/* NULL: none of its members has a meaning now. */
 static cJSON *write_group(const char *group, const tc_scene *scene) {
   cJSON *object = cJSON_CreateObject();
   for (size_t i = 0; i < tcp_member_count; i++)
     if (strcmp(tcp_members[i].group, group) == 0)
       tcp_add(object, tcp_members[i].name, write_member(&tcp_members[i], scene));
-  return object;
+  if (object && object->child) return object;
+  cJSON_Delete(object);
+  return NULL;
 }
 
 /* In the order of the table: a group appears where its first member stands. */
