@@ -1,0 +1,722 @@
+/* The cpu back end against closed forms and against the reference integrator: every instruction set this machine has.
+ * Errors are of the linear frame (premultiplied colour, opacity) and are printed as numbers. */
+#include <float.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/reference/reference.h"
+#include "renderer/tomocast.h"
+#include "tests/support/grid.h"
+#include "tests/support/image.h"
+
+static const char *const all_isas[] = {"scalar", "avx2", "avx512"};
+static tc_renderer *renderers[3];
+static tc_frame frames[3];
+static int n_isas;
+
+static int set_up(void **state) {
+  for (size_t i = 0; i < G_N_ELEMENTS(all_isas); i++) {
+    GError *error = NULL;
+    tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = 2, .isa = all_isas[i]};
+    tc_renderer *r = tc_renderer_new(&options, &error);
+    if (!r) {
+      printf("  %s: not checked: %s\n", all_isas[i], error->message);
+      g_clear_error(&error);
+      continue;
+    }
+    renderers[n_isas++] = r;
+  }
+  return n_isas == 0;
+}
+
+static int tear_down(void **state) {
+  for (int i = 0; i < n_isas; i++) {
+    tc_frame_finish(&frames[i]);
+    tc_renderer_free(renderers[i]);
+  }
+  return 0;
+}
+
+static const char *isa_name(int i) { return tc_renderer_about(renderers[i])->isa; }
+
+/* The frame stays valid until this instruction set's next picture. */
+static const tc_frame *render(int isa, tc_volume *volume, const tc_scene *scene) {
+  GError *error = NULL;
+  tc_render_request request = {.want_linear = true};
+  if (!tc_render(renderers[isa], volume, scene, &request, &frames[isa], NULL, &error))
+    fail_msg("%s: %s", isa_name(isa), error->message);
+  return &frames[isa];
+}
+
+static tc_scene knots_scene(int width, int height, tc_knot_kind kind, const tc_knot *knots, size_t count) {
+  tc_scene scene;
+  test_scene(&scene, width, height);
+  test_scene_knots(&scene, kind, knots, count);
+  return scene;
+}
+
+static float *reference_image(tc_volume *volume, const tc_scene *scene) {
+  GError *error = NULL;
+  int width = scene->image.width, height = scene->image.height;
+  tc_reference *reference = tc_reference_new(volume, scene, width, height, 0, &error);
+  float *rgba = calloc((size_t)width * (size_t)height, 4 * sizeof *rgba);
+  if (!reference || !rgba || !tc_reference_image(reference, 2, rgba, &error)) fail_msg("reference failed");
+  tc_reference_free(reference);
+  return rgba;
+}
+
+/* All instruction sets against `want`, and the wide ones against the scalar one. Bounds: of every channel. */
+static double measure_against(const char *what, const float *want, tc_volume *volume, const tc_scene *scene, double rms,
+                              double max) {
+  size_t pixels = (size_t)scene->image.width * (size_t)scene->image.height;
+  double first = 0;
+  for (int isa = 0; isa < n_isas; isa++) {
+    const tc_frame *frame = render(isa, volume, scene);
+    test_difference d = test_compare(frame->linear, want, pixels);
+    char line[128];
+    snprintf(line, sizeof line, "%s, step %g, %s", what, scene->sampling.step, isa_name(isa));
+    if (isa == 0) {
+      test_print_difference(line, &d, scene->image.width);
+      first = d.rms;
+    }
+    if (!d.finite || !(d.rms <= rms) || !(d.max <= max))
+      fail_msg("%s: rms %g (bound %g), max %g (bound %g)", line, d.rms, rms, d.max, max);
+    if (isa > 0) {
+      d = test_compare(frame->linear, frames[0].linear, pixels);
+      if (!(d.max <= 1e-4)) fail_msg("%s: differs from scalar by %g at pixel %zu", line, d.max, d.worst);
+    }
+  }
+  return first;
+}
+
+static double measure(const char *what, tc_volume *volume, const tc_scene *scene, double rms, double max) {
+  float *want = reference_image(volume, scene);
+  double error = measure_against(what, want, volume, scene, rms, max);
+  free(want);
+  return error;
+}
+
+static tc_volume *slab(tc_voxel_type type, double a, double b) {
+  return test_volume(&(test_grid){.dims = {12, 9, 9}, .type = type}, test_linear, (double[4]){b, 0, 0, a});
+}
+
+/* Along +x, all rays inside the slab. */
+static void look_through(tc_scene *scene) {
+  test_scene_look(scene, TC_ORTHOGRAPHIC, (double[3]){-20, 4, 4}, (double[3]){0, 4, 4}, 6);
+}
+
+/* A picture whose pixels are all the same. */
+static float *plain(const tc_scene *scene, const double rgba[4]) {
+  size_t n = (size_t)scene->image.width * (size_t)scene->image.height;
+  float *image = calloc(n, 4 * sizeof *image);
+  for (size_t i = 0; i < 4 * n; i++)
+    image[i] = (float)rgba[i % 4];
+  return image;
+}
+
+/* Errors allowed at the three steps; everywhere about 1.5 times what was measured, so that a loss of accuracy shows. */
+static const double steps[] = {0.25, 1, 4};
+typedef struct bounds {
+  double rms[3], max[3];
+} bounds;
+
+/* ---- closed forms ---- */
+
+static void homogeneous_slab(void **state) {
+  for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
+    tc_volume *volume = slab((tc_voxel_type)type, 100, 0);
+    for (size_t s = 0; s < G_N_ELEMENTS(steps); s++)
+      for (double tau = 1e-12; tau < 2e12; tau *= type == TC_I16 ? 10 : 1e6) {
+        tc_knot knot = {.value = 0, .color = {1, 0.25, 0}, .amount = tau};
+        tc_scene scene = knots_scene(9, 6, TC_KNOT_EXTINCTION, &knot, 1);
+        look_through(&scene);
+        scene.sampling.step = steps[s];
+        double alpha = -expm1(-11 * tau);
+        float *want = plain(&scene, (double[4]){alpha, 0.25 * alpha, 0, alpha});
+        char what[64];
+        snprintf(what, sizeof what, "homogeneous %s, tau*d %.0e", tc_voxel_type_name((tc_voxel_type)type), 11 * tau);
+        measure_against(what, want, volume, &scene, 2e-6, 2e-6);
+        free(want);
+        tc_scene_clear(&scene);
+      }
+    tc_volume_unref(volume);
+  }
+}
+
+/* tau = k s / 11, s from 0 to 11 along the ray; colour constant in blue, proportional to s in green. */
+static void linear_ramp(void **state) {
+  tc_volume *volume = slab(TC_F32, 0, 1);
+  for (size_t s = 0; s < G_N_ELEMENTS(steps); s++)
+    for (double k = 1e-4; k < 2; k *= 10) {
+      tc_knot knots[] = {{.value = 0, .color = {0, 0, 0.5}, .amount = 0},
+                         {.value = 11, .color = {0, 1, 0.5}, .amount = 11 * k}};
+      tc_scene scene = knots_scene(9, 6, TC_KNOT_EXTINCTION, knots, 2);
+      look_through(&scene);
+      scene.sampling.step = steps[s];
+      double depth = 60.5 * k, q = sqrt(depth), alpha = -expm1(-depth);
+      double green = sqrt(2 / k) / 11 * (0.5 * sqrt(M_PI) * erf(q) - q * exp(-depth));
+      float *want = plain(&scene, (double[4]){0, green, 0.5 * alpha, alpha});
+      char what[64];
+      snprintf(what, sizeof what, "ramp of tau and colour, slope %.0e", k);
+      /* a step of 4 leaves a last segment of 3/4: its colour is scaled like its opacity, which is not quite it */
+      double bound = steps[s] == 4 ? 6e-4 : 6e-5;
+      measure_against(what, want, volume, &scene, bound, bound);
+      free(want);
+      tc_scene_clear(&scene);
+    }
+  tc_volume_unref(volume);
+}
+
+/* So many segments that each takes less than one part in 2^24 of the light: none may be lost. */
+static void thin_media(void **state) {
+  tc_volume *volume = test_volume(&(test_grid){.dims = {2048, 3, 3}, .type = TC_U8}, test_constant, &(double){100});
+  for (double tau = 1e-8; tau < 2e-2; tau *= 10)
+    for (double step = 2; step > 0.01; step /= 8) {
+      tc_knot knot = {.value = 0, .color = {1, 0.25, 0}, .amount = tau};
+      tc_scene scene = knots_scene(4, 2, TC_KNOT_EXTINCTION, &knot, 1);
+      test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){-20, 1, 1}, (double[3]){0, 1, 1}, 1);
+      scene.sampling.step = step;
+      double alpha = -expm1(-2047 * tau), samples = 2047 / step;
+      float *want = plain(&scene, (double[4]){alpha, 0.25 * alpha, 0, alpha});
+      char what[64];
+      snprintf(what, sizeof what, "thin medium, depth %.0e", 2047 * tau);
+      measure_against(what, want, volume, &scene, 1, 1e-7 + 2e-9 * samples);
+      free(want);
+      tc_scene_clear(&scene);
+    }
+  tc_volume_unref(volume);
+}
+
+/* ---- scenes ---- */
+
+static const tc_knot soft[] = {{.value = 0, .color = {0.1, 0.2, 1}, .amount = 0},
+                               {.value = 0.45, .color = {1, 0.9, 0.2}, .amount = 0.02},
+                               {.value = 0.8, .color = {1, 0.1, 0}, .amount = 0.2},
+                               {.value = 1, .color = {1, 1, 1}, .amount = 0.05}};
+
+/* Values 0..1 in every voxel type. */
+static tc_volume *waves(tc_voxel_type type, const double spacing[3], const double direction[9]) {
+  static const double slope[] = {1.0 / 255, 1.0 / 127, 1.0 / 65535, 1.0 / 32767, 0};
+  test_grid grid = {.dims = {32, 28, 24}, .type = type, .origin = {-15, 20, 7}, .slope = slope[type]};
+  if (spacing) memcpy(grid.spacing, spacing, sizeof grid.spacing);
+  if (direction) memcpy(grid.direction, direction, sizeof grid.direction);
+  return test_volume(&grid, test_waves, &(double){20});
+}
+
+static void voxel_types(void **state) {
+  static const bounds allowed = {{1.1e-4, 6.5e-4, 9.5e-3}, {1.9e-3, 4.4e-3, 7e-2}};
+  for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
+    tc_volume *volume = waves((tc_voxel_type)type, NULL, NULL);
+    tc_scene scene = knots_scene(40, 32, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
+    test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
+    float *want = reference_image(volume, &scene);
+    for (size_t s = 0; s < G_N_ELEMENTS(steps); s++) {
+      char what[64];
+      snprintf(what, sizeof what, "waves %s", tc_voxel_type_name((tc_voxel_type)type));
+      scene.sampling.step = steps[s];
+      measure_against(what, want, volume, &scene, allowed.rms[s], allowed.max[s]);
+    }
+    free(want);
+    tc_scene_clear(&scene);
+    tc_volume_unref(volume);
+  }
+}
+
+static const double sheared[9] = {0.8, -0.6, 0, 0.6, 0.8, -0.25881904510252074, 0, 0, 0.9659258262890683};
+
+static void views(void **state) {
+  static const struct {
+    const char *name;
+    double spacing[3];
+    bool shear;
+  } grids[] = {{"isotropic", {1, 1, 1}, false},
+               {"0.7x0.9x2.5", {0.7, 0.9, 2.5}, false},
+               {"sheared 0.7x0.9x2.5", {0.7, 0.9, 2.5}, true}};
+  static const double sides[][3] = {{0, -1, 0}, {1, 0.3, -0.4}, {-0.2, 0.1, 1}};
+  for (size_t g = 0; g < G_N_ELEMENTS(grids); g++) {
+    tc_volume *volume = waves(TC_U16, grids[g].spacing, grids[g].shear ? sheared : NULL);
+    for (int projection = 0; projection < TC_PROJECTION_COUNT; projection++)
+      for (size_t i = 0; i < G_N_ELEMENTS(sides); i++) {
+        tc_scene scene = knots_scene(31, 23, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
+        test_scene_frame(&scene, volume, (tc_projection)projection, sides[i]);
+        char what[64];
+        snprintf(what, sizeof what, "%s, %s, side %zu", grids[g].name, projection ? "orthographic" : "perspective", i);
+        measure(what, volume, &scene, 9e-4, 6e-3);
+        tc_scene_clear(&scene);
+      }
+    tc_volume_unref(volume);
+  }
+}
+
+/* Inside, on a face, on a corner, very far, very narrow, very wide. */
+static void eyes(void **state) {
+  tc_volume *volume = waves(TC_I16, NULL, NULL);
+  static const struct {
+    const char *name;
+    double index[3];
+    double fov;
+  } cases[] = {{"inside", {11, 9, 8}, 60},           {"on a face", {0, 14, 12}, 70},
+               {"on a corner", {0, 0, 0}, 70},       {"inside, 179 degrees", {15, 14, 12}, 179},
+               {"narrow", {-400, 20, 90}, 1e-3},     {"at 1e5 mm", {-1e5, 3e4, 1e4}, 0.02},
+               {"at 1e7 mm", {-1e7, 3e6, 1e6}, 2e-4}};
+  for (size_t i = 0; i < G_N_ELEMENTS(cases); i++)
+    for (int projection = 0; projection < TC_PROJECTION_COUNT; projection++) {
+      tc_scene scene = knots_scene(32, 24, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
+      double from[3], to[3];
+      tc_volume_index_to_lps(volume, cases[i].index, from);
+      tc_volume_index_to_lps(volume, (double[3]){16, 14.5, 12.5}, to);
+      test_scene_look(&scene, (tc_projection)projection, from, to, projection == TC_PERSPECTIVE ? cases[i].fov : 30);
+      char what[64];
+      snprintf(what, sizeof what, "eye %s, %s", cases[i].name, projection ? "orthographic" : "perspective");
+      measure(what, volume, &scene, 1.5e-3, 7e-3);
+      tc_scene_clear(&scene);
+    }
+  tc_volume_unref(volume);
+}
+
+static void demo(const char *name, const tc_knot *knots, size_t n_knots, const double side[3], const bounds *allowed) {
+  GError *error = NULL;
+  tc_volume *volume = tc_volume_demo(name, &error);
+  if (!volume) fail_msg("%s", error->message);
+  tc_scene scene = knots_scene(48, 40, TC_KNOT_OPACITY, knots, n_knots);
+  test_scene_frame(&scene, volume, TC_PERSPECTIVE, side);
+  float *want = reference_image(volume, &scene);
+  for (size_t s = 0; s < G_N_ELEMENTS(steps); s++) {
+    scene.sampling.step = steps[s];
+    measure_against(name, want, volume, &scene, allowed->rms[s], allowed->max[s]);
+  }
+  free(want);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+static void demos(void **state) {
+  static const tc_knot head[] = {{.value = -500, .color = {0.8, 0.5, 0.4}, .amount = 0},
+                                 {.value = -100, .color = {0.9, 0.6, 0.5}, .amount = 0.02},
+                                 {.value = 90, .color = {0.7, 0.2, 0.2}, .amount = 0.01},
+                                 {.value = 400, .color = {1, 0.9, 0.7}, .amount = 0.3},
+                                 {.value = 2000, .color = {1, 1, 1}, .amount = 0.9}};
+  tc_volume *volume = tc_volume_demo("marschner-lobb", NULL);
+  const tc_volume_stats *stats = tc_volume_statistics(volume);
+  double lo = stats->min, width = stats->max - lo;
+  tc_volume_unref(volume);
+  const tc_knot lobes[] = {{.value = lo + 0.3 * width, .color = {0.1, 0.2, 1}, .amount = 0},
+                           {.value = lo + 0.5 * width, .color = {1, 0.9, 0.2}, .amount = 0.4},
+                           {.value = lo + 0.7 * width, .color = {1, 0.1, 0}, .amount = 0}};
+  demo("marschner-lobb", lobes, 3, (double[3]){0.3, -1, 0.4}, &(bounds){{7e-4, 1.2e-2, 5.5e-2}, {8e-3, 0.12, 0.8}});
+  demo("head", head, 5, (double[3]){0.5, -1, 0.4}, &(bounds){{1.6e-4, 2.2e-3, 1.6e-2}, {3.3e-3, 3.3e-2, 0.19}});
+}
+
+/* Step opacity on a ball: what a hard edge costs. */
+static void ball(void **state) {
+  static const bounds allowed = {{8e-5, 3.5e-4, 8e-3}, {1.8e-3, 4.2e-3, 9.5e-2}};
+  tc_volume *volume =
+      test_volume(&(test_grid){.dims = {33, 33, 33}, .type = TC_F32}, test_radius2, (double[3]){16, 16, 16});
+  for (int linear_light = 0; linear_light < 2; linear_light++) {
+    tc_knot knots[] = {{.value = 121, .color = {1, 0.6, 0.1}, .amount = 0.15},
+                       {.value = 121, .color = {1, 0.6, 0.1}, .amount = 0}};
+    tc_scene scene = knots_scene(33, 27, TC_KNOT_EXTINCTION, knots, 2);
+    scene.image.linear_light = linear_light;
+    test_scene_frame(&scene, volume, TC_ORTHOGRAPHIC, (double[3]){0.3, -1, 0.2});
+    for (size_t s = 0; s < G_N_ELEMENTS(steps); s++) {
+      scene.sampling.step = steps[s];
+      measure(linear_light ? "ball, linear light" : "ball", volume, &scene, allowed.rms[s], allowed.max[s]);
+    }
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+}
+
+/* ---- order of convergence ---- */
+
+/* Pre-integration treats the field as linear along a segment: its error is O(step^2) on a smooth scene. The field's
+ * wavelength is 80 voxels, steps 8 .. 1 voxels; extinction and colour are linear in the value, so that the table's own
+ * error (measured by the constant 1e-6 of the ramp test) stays an order below the finest step's. */
+static void observed_order(void **state) {
+  tc_volume *volume = test_volume(&(test_grid){.dims = {64, 64, 64}, .type = TC_F32}, test_waves, &(double){80});
+  tc_knot knots[] = {{.value = 0, .color = {0.2, 0.4, 1}, .amount = 0},
+                     {.value = 1, .color = {1, 0.5, 0}, .amount = 0.08}};
+  tc_scene scene = knots_scene(40, 40, TC_KNOT_EXTINCTION, knots, 2);
+  test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.5, -1, 0.3});
+  scene.camera.fov_y_deg = 12;
+  float *want = reference_image(volume, &scene);
+  double error[4];
+  for (int i = 0; i < 4; i++) {
+    scene.sampling.step = 8 >> i;
+    error[i] = measure_against("smooth", want, volume, &scene, 2e-3, 6e-3);
+  }
+  double order = log2(error[0] / error[3]) / 3;
+  printf("  observed order of preintegrated: %.3f over three octaves (%.2f, %.2f, %.2f)\n", order,
+         log2(error[0] / error[1]), log2(error[1] / error[2]), log2(error[2] / error[3]));
+  free(want);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+  assert_true(fabs(order - 2) <= 0.15);
+}
+
+/* ---- contracts ---- */
+
+static void early_termination(void **state) {
+  static const double thresholds[] = {0.001, 0.01, 0.1};
+  tc_volume *volume = waves(TC_U8, NULL, NULL);
+  tc_knot knots[] = {{.value = 0.2, .color = {1, 1, 0.5}, .amount = 0},
+                     {.value = 1, .color = {1, 0, 1}, .amount = 0.9}};
+  tc_scene scene = knots_scene(40, 32, TC_KNOT_EXTINCTION, knots, 2);
+  test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
+  size_t pixels = 40 * 32;
+  for (int isa = 0; isa < n_isas; isa++) {
+    scene.sampling.termination = 0;
+    const tc_frame *frame = render(isa, volume, &scene);
+    uint64_t samples = frame->stats.samples;
+    float *whole = g_memdup2(frame->linear, pixels * 4 * sizeof(float));
+    for (size_t i = 0; i < G_N_ELEMENTS(thresholds); i++) {
+      scene.sampling.termination = thresholds[i];
+      frame = render(isa, volume, &scene);
+      test_difference d = test_compare(frame->linear, whole, pixels);
+      printf("  %s: threshold %g changes a pixel by at most %.2e; %.0f %% of the samples\n", isa_name(isa),
+             thresholds[i], d.max, 100.0 * (double)frame->stats.samples / (double)samples);
+      assert_true(d.max > 0 && d.max <= thresholds[i] + 1e-6);
+      assert_true(frame->stats.samples < samples);
+    }
+    g_free(whole);
+  }
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+static double block(double x, double y, double z, const void *unused) {
+  return x >= 4 && x <= 8 && y >= 4 && y <= 8 && z >= 4 && z <= 8 ? 200 : 0;
+}
+
+static void opaque_colour_is_exact(void **state) {
+  tc_volume *volume = test_volume(&(test_grid){.dims = {13, 13, 13}, .type = TC_U8}, block, NULL);
+  for (int variant = 0; variant < 16; variant++) {
+    tc_knot knots[] = {{.value = 0, .color = {1, 0, 0}, .amount = 0},
+                       {.value = 100, .color = {1, 0, 0}, .amount = 0},
+                       {.value = 100, .color = {1, 0, 0}, .amount = variant & 4 ? 1e6 : 1}};
+    tc_scene scene = knots_scene(64, 64, variant & 4 ? TC_KNOT_EXTINCTION : TC_KNOT_OPACITY, knots, 3);
+    scene.image.linear_light = variant & 1;
+    scene.image.transparent = variant & 2;
+    scene.image.background[2] = 1;
+    scene.sampling.termination = variant & 8 ? 0.001 : 0;
+    test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.2, -1, 0.1});
+    for (int isa = 0; isa < n_isas; isa++) {
+      const tc_frame *frame = render(isa, volume, &scene);
+      for (int y = 30; y < 34; y++)
+        for (int x = 30; x < 34; x++) {
+          const uint8_t *p = frame->rgba + 4 * (64 * y + x);
+          if (p[0] != 255 || p[1] != 0 || p[2] != 0 || p[3] != 255)
+            fail_msg("%s, variant %d: pixel %d,%d is %d %d %d %d, not 255 0 0 255", isa_name(isa), variant, x, y, p[0],
+                     p[1], p[2], p[3]);
+        }
+      const uint8_t *corner = frame->rgba;
+      assert_int_equal(corner[0], 0);
+      assert_int_equal(corner[3], scene.image.transparent ? 0 : 255);
+      if (!scene.image.transparent) assert_int_equal(corner[2], 255);
+    }
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+}
+
+static void threads_make_no_difference(void **state) {
+  static const int counts[] = {1, 2, 3, 5};
+  tc_volume *volume = waves(TC_U16, NULL, NULL);
+  tc_scene scene = knots_scene(131, 97, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
+  scene.sampling.termination = 0.01;
+  test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
+  size_t bytes = 131 * 97 * 4;
+  for (int isa = 0; isa < n_isas; isa++) {
+    uint8_t *rgba = NULL;
+    float *linear = NULL;
+    for (size_t i = 0; i < G_N_ELEMENTS(counts); i++) {
+      tc_frame frame = {0};
+      tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = counts[i], .isa = isa_name(isa)};
+      tc_renderer *renderer = tc_renderer_new(&options, NULL);
+      assert_true(tc_render(renderer, volume, &scene, &(tc_render_request){.want_linear = true}, &frame, NULL, NULL));
+      if (i == 0) {
+        rgba = g_memdup2(frame.rgba, bytes);
+        linear = g_memdup2(frame.linear, bytes * sizeof(float));
+      }
+      assert_memory_equal(frame.rgba, rgba, bytes);
+      assert_memory_equal(frame.linear, linear, bytes * sizeof(float));
+      tc_frame_finish(&frame);
+      tc_renderer_free(renderer);
+    }
+    g_free(rgba);
+    g_free(linear);
+  }
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+/* ---- stiff and extreme cases: invariants ---- */
+
+/* Leaping over what is empty changes no bit of a picture. */
+static void check_skipping(const char *what, int isa, tc_volume *volume, const tc_scene *scene, size_t pixels) {
+  tc_scene plain_scene = *scene; /* shares the knots */
+  plain_scene.skipping.mode = TC_SKIPPING_OFF;
+  float *leapt = g_memdup2(frames[isa].linear, pixels * 4 * sizeof(float));
+  const float *all = render(isa, volume, &plain_scene)->linear;
+  for (size_t i = 0; i < 4 * pixels; i++)
+    if (memcmp(&leapt[i], &all[i], sizeof(float)))
+      fail_msg("%s, %s: channel %zu of pixel %zu is %.9g with leaps, %.9g without", what, isa_name(isa), i % 4, i / 4,
+               (double)leapt[i], (double)all[i]);
+  g_free(leapt);
+}
+
+/* No NaN leaves, opacity is within 0..1, colour is within opacity times the brightest knot; instruction sets agree
+ * where `agree` says how well (0: not asked). */
+static void check_invariants(const char *what, tc_volume *volume, const tc_scene *scene, double agree) {
+  double brightest[3] = {0};
+  const tc_transfer_function *tf = &scene->transfer_function;
+  for (size_t i = 0; i < tf->count; i++)
+    for (int c = 0; c < 3; c++)
+      brightest[c] = fmax(brightest[c], tf->points[i].color[c]);
+  size_t pixels = (size_t)scene->image.width * (size_t)scene->image.height;
+  for (int isa = 0; isa < n_isas; isa++) {
+    const tc_frame *frame = render(isa, volume, scene);
+    for (size_t i = 0; i < pixels; i++) {
+      const float *p = frame->linear + 4 * i;
+      bool sane = isfinite(p[0]) && isfinite(p[1]) && isfinite(p[2]) && p[3] >= 0 && p[3] <= 1;
+      for (int c = 0; c < 3; c++)
+        sane = sane && p[c] >= 0 && p[c] <= p[3] * brightest[c] + 1e-6;
+      if (!sane)
+        fail_msg("%s, %s: pixel %zu of %dx%d is %.9g %.9g %.9g, opacity %.9g", what, isa_name(isa), i,
+                 scene->image.width, scene->image.height, p[0], p[1], p[2], p[3]);
+    }
+    check_skipping(what, isa, volume, scene, pixels);
+    if (isa > 0 && agree > 0) {
+      test_difference d = test_compare(frame->linear, frames[0].linear, pixels);
+      if (!(d.max <= agree))
+        fail_msg("%s: %s differs from scalar by %g at pixel %zu", what, isa_name(isa), d.max, d.worst);
+    }
+  }
+}
+
+static void not_finite_voxels(void **state) {
+  static const float odd[] = {NAN, INFINITY, -INFINITY, FLT_MAX, -FLT_MAX, FLT_MIN, 0x1p-149f};
+  for (int all = 0; all < 2; all++)
+    for (size_t o = 0; o < G_N_ELEMENTS(odd); o++) {
+      tc_volume_desc desc = {.dims = {9, 8, 7},
+                             .type = TC_F32,
+                             .spacing = {1, 1, 1},
+                             .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1},
+                             .slope = 1};
+      tc_volume *volume = tc_volume_new(&desc, NULL);
+      float *voxels = tc_volume_voxels(volume);
+      for (int i = 0; i < 9 * 8 * 7; i++)
+        voxels[i] = all || i % 5 == 0 ? odd[o] : (float)(i % 7);
+      tc_volume_seal(volume);
+      tc_knot knots[] = {{.value = 0, .color = {1, 0, 0}, .amount = 0}, {.value = 6, .color = {0, 1, 1}, .amount = 2}};
+      tc_scene scene = knots_scene(17, 16, TC_KNOT_EXTINCTION, knots, 2);
+      test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
+      char what[64];
+      snprintf(what, sizeof what, "%s voxels of %g", all ? "all" : "some", (double)odd[o]);
+      check_invariants(what, volume, &scene, 0);
+      tc_scene_clear(&scene);
+      tc_volume_unref(volume);
+    }
+}
+
+/* Value ranges of 0, of one unit in the last place, of 2^32; rescale slopes of both signs and sizes. */
+static void ranges_and_slopes(void **state) {
+  static const struct {
+    const char *name;
+    float a, b;
+    double slope, intercept;
+  } cases[] = {{"range 0", 5, 5, 1, 0},
+               {"range 1 ulp", 1, 1.00000012f, 1, 0},
+               {"range 2^32", -0x1p31f, 0x1p31f, 1, 0},
+               {"range 1e30", -1e30f, 1e30f, 1, 0},
+               {"range 1e-30", 0, 1e-30f, 1, 0},
+               {"slope 1e-9", 0, 1000, 1e-9, 0},
+               {"slope 1e9", 0, 1000, 1e9, -5e11},
+               {"slope -2", 0, 1000, -2, 1000},
+               {"far offset", 100000, 100001, 1, 0}};
+  for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
+    double a = cases[i].slope * cases[i].a + cases[i].intercept, b = cases[i].slope * cases[i].b + cases[i].intercept;
+    tc_volume *volume = test_volume(
+        &(test_grid){.dims = {12, 9, 9}, .type = TC_F32, .slope = cases[i].slope, .intercept = cases[i].intercept},
+        test_linear, (double[4]){(b - a) / 11, 0, 0, a});
+    double lo = fmin(a, b), hi = fmax(a, b);
+    tc_knot knots[] = {{.value = lo, .color = {0, 1, 0}, .amount = 0.01},
+                       {.value = lo + 0.5 * (hi - lo), .color = {1, 0, 1}, .amount = 0.3},
+                       {.value = hi, .color = {1, 1, 1}, .amount = 0.1}};
+    tc_scene scene = knots_scene(9, 6, TC_KNOT_EXTINCTION, knots, 3);
+    look_through(&scene);
+    check_invariants(cases[i].name, volume, &scene, 1e-4);
+    measure(cases[i].name, volume, &scene, 1.5e-5, 1.7e-5);
+    tc_scene_clear(&scene);
+    tc_volume_unref(volume);
+  }
+}
+
+/* A peak one value wide in 16-bit data: seen, with the right strength, by every step. */
+static void one_value_peak(void **state) {
+  tc_volume *volume =
+      test_volume(&(test_grid){.dims = {12, 9, 9}, .type = TC_U16}, test_linear, (double[4]){5900, 0, 0, 100});
+  for (double at = 20000; at < 20003; at += 0.7) {
+    tc_knot knots[] = {{.value = at - 0.5, .color = {1, 1, 0}, .amount = 0},
+                       {.value = at, .color = {1, 1, 0}, .amount = 5900},
+                       {.value = at + 0.5, .color = {1, 1, 0}, .amount = 0}};
+    tc_scene scene = knots_scene(9, 6, TC_KNOT_EXTINCTION, knots, 3);
+    look_through(&scene); /* the field passes a unit in 1/5900 mm: optical depth 1/2 */
+    for (size_t s = 0; s < G_N_ELEMENTS(steps); s++) {
+      scene.sampling.step = steps[s];
+      measure("peak one value wide", volume, &scene, 1e-4, 1.2e-4);
+    }
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+}
+
+static void shapes_and_sizes(void **state) {
+  static const int shapes[][3] = {{1, 1, 1}, {1, 9, 1}, {7, 1, 5}, {2, 2, 2}, {2048, 2, 1}, {1, 1, 2048}};
+  static const int pictures[][2] = {{1, 1}, {8192, 1}, {1, 300}, {33, 17}};
+  for (size_t s = 0; s < G_N_ELEMENTS(shapes); s++)
+    for (size_t p = 0; p < G_N_ELEMENTS(pictures); p++) {
+      unsigned seed = (unsigned)s;
+      test_grid grid = {.dims = {shapes[s][0], shapes[s][1], shapes[s][2]},
+                        .type = (tc_voxel_type)(s % TC_VOXEL_TYPE_COUNT),
+                        .spacing = {1, s == 3 ? 1000 : 1, 1},
+                        .slope = 0.01};
+      tc_volume *volume = test_volume(&grid, test_noise, &seed);
+      tc_scene scene = knots_scene(pictures[p][0], pictures[p][1], TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
+      test_scene_frame(&scene, volume, p & 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE, (double[3]){0.21, -1, 0.1});
+      char what[64];
+      snprintf(what, sizeof what, "%dx%dx%d in %dx%d", shapes[s][0], shapes[s][1], shapes[s][2], pictures[p][0],
+               pictures[p][1]);
+      check_invariants(what, volume, &scene, 1e-4);
+      if (p == 3) measure(what, volume, &scene, 2e-3, 4e-2);
+      tc_scene_clear(&scene);
+      tc_volume_unref(volume);
+    }
+}
+
+/* Many knots, steps of 1e-3 and 1e3 voxels, nothing to see, all opaque. */
+static void odd_transfer_functions(void **state) {
+  tc_volume *volume = waves(TC_U16, NULL, NULL);
+  tc_knot *many = calloc(TC_MAX_KNOTS, sizeof *many);
+  uint64_t seed = 11;
+  for (size_t i = 0; i < TC_MAX_KNOTS; i++) {
+    many[i].value = (double)(i / 2) / (TC_MAX_KNOTS / 2); /* every value twice: jumps everywhere */
+    many[i].amount = test_random(&seed);
+    for (int c = 0; c < 3; c++)
+      many[i].color[c] = test_random(&seed);
+  }
+  tc_knot clear = {.value = 0.5, .color = {1, 1, 1}, .amount = 0},
+          opaque = {.value = 0.5, .color = {1, 1, 1}, .amount = 1};
+  static const double all_steps[] = {1e-3, 0.1, 1, 17, 1e3};
+  for (size_t s = 0; s < G_N_ELEMENTS(all_steps); s++)
+    for (int kind = 0; kind < TC_KNOT_KIND_COUNT; kind++)
+      for (int which = 0; which < 3; which++) {
+        if (which == 0 && (s % 2 == 0 || kind == TC_KNOT_OPACITY)) continue; /* a table of so many takes seconds */
+        const tc_knot *knots = which == 0 ? many : which == 1 ? &clear : &opaque;
+        tc_scene scene = knots_scene(12, 7, (tc_knot_kind)kind, knots, which ? 1 : TC_MAX_KNOTS);
+        scene.sampling.step = all_steps[s];
+        test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
+        char what[64];
+        snprintf(what, sizeof what, "%s, step %g, kind %d",
+                 which == 0   ? "65536 knots"
+                 : which == 1 ? "clear"
+                              : "opaque",
+                 all_steps[s], kind);
+        check_invariants(what, volume, &scene, 1e-3);
+        if (which == 1)
+          for (int i = 0; i < 4 * 12 * 7; i++)
+            assert_true(frames[0].linear[i] == 0);
+        tc_scene_clear(&scene);
+      }
+  free(many);
+  tc_volume_unref(volume);
+}
+
+/* Scenes drawn from a seed. On failure the message names the seed: random_scene(seed) alone makes it again. */
+static void random_scene(uint64_t seed) {
+  uint64_t state = seed;
+  unsigned noise_seed = (unsigned)seed;
+  test_grid grid = {.type = (tc_voxel_type)(seed % TC_VOXEL_TYPE_COUNT), .slope = 0.01};
+  for (int k = 0; k < 3; k++) {
+    grid.dims[k] = 1 + (int)(test_random(&state) * 12);
+    grid.spacing[k] = pow(10, 3 * test_random(&state) - 1.5);
+    grid.origin[k] = 1000 * (test_random(&state) - 0.5);
+  }
+  if (test_random(&state) < 0.3) memcpy(grid.direction, sheared, sizeof sheared);
+  tc_volume *volume = test_volume(&grid, test_noise, &noise_seed);
+  tc_knot knots[8];
+  size_t n = 1 + (size_t)(test_random(&state) * 8);
+  tc_knot_kind kind = test_random(&state) < 0.5 ? TC_KNOT_OPACITY : TC_KNOT_EXTINCTION;
+  double scale = kind == TC_KNOT_OPACITY ? 1 : pow(10, 16 * test_random(&state) - 6),
+         value = 1.2 * test_random(&state) - 0.1;
+  for (size_t i = 0; i < n; i++) {
+    knots[i].value = value;
+    knots[i].amount = test_random(&state) < 0.3 ? 0 : scale * test_random(&state);
+    for (int c = 0; c < 3; c++)
+      knots[i].color[c] = test_random(&state);
+    if (test_random(&state) < 0.7) value += pow(10, -6 * test_random(&state));
+  }
+  tc_scene scene = knots_scene(13, 9, kind, knots, n);
+  scene.transfer_function.unit_distance_mm = pow(10, 6 * test_random(&state) - 3);
+  scene.image.linear_light = test_random(&state) < 0.3;
+  scene.sampling.step = pow(10, 4 * test_random(&state) - 2);
+  scene.sampling.termination = test_random(&state) < 0.5 ? 0 : 0.01;
+  double side[3];
+  for (int k = 0; k < 3; k++)
+    side[k] = test_random(&state) < 0.2 ? 0 : test_random(&state) - 0.5;
+  if (side[0] == 0 && side[1] == 0 && side[2] == 0) side[1] = -1;
+  test_scene_frame(&scene, volume, test_random(&state) < 0.5 ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC, side);
+  if (test_random(&state) < 0.2) /* the eye inside */
+    for (int k = 0; k < 3; k++)
+      scene.camera.position[k] +=
+          (0.9 + 0.2 * test_random(&state)) * (scene.camera.target[k] - scene.camera.position[k]);
+  char what[64];
+  snprintf(what, sizeof what, "random scene %llu", (unsigned long long)seed);
+  check_invariants(what, volume, &scene, 0);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+static void random_scenes(void **state) {
+  const char *count = getenv("TC_RANDOM_SCENES"), *only = getenv("TC_RANDOM_SEED");
+  uint64_t n = count ? strtoull(count, NULL, 10) : 200;
+  if (only) {
+    random_scene(strtoull(only, NULL, 10));
+    return;
+  }
+  for (uint64_t seed = 1; seed <= n; seed++)
+    random_scene(seed);
+  printf("  %llu random scenes\n", (unsigned long long)n);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(homogeneous_slab),
+      cmocka_unit_test(linear_ramp),
+      cmocka_unit_test(thin_media),
+      cmocka_unit_test(voxel_types),
+      cmocka_unit_test(views),
+      cmocka_unit_test(eyes),
+      cmocka_unit_test(demos),
+      cmocka_unit_test(ball),
+      cmocka_unit_test(observed_order),
+      cmocka_unit_test(early_termination),
+      cmocka_unit_test(opaque_colour_is_exact),
+      cmocka_unit_test(threads_make_no_difference),
+      cmocka_unit_test(not_finite_voxels),
+      cmocka_unit_test(ranges_and_slopes),
+      cmocka_unit_test(one_value_peak),
+      cmocka_unit_test(shapes_and_sizes),
+      cmocka_unit_test(odd_transfer_functions),
+      cmocka_unit_test(random_scenes),
+  };
+  return cmocka_run_group_tests_name("raycast", tests, set_up, tear_down);
+}
