@@ -114,7 +114,7 @@ static const tc_preset presets[] = {
     {"mr-default", "MR", "MR", KNOTS(mr_default), false},
     {"mr-angio", "MR angiography", "MR", KNOTS(mr_angio), false},
     {"mr-t2-brain", "MR T2 brain", "MR", KNOTS(mr_t2_brain), false},
-    {"mr-mip", "MR translucent", "MR", TC_KNOT_OPACITY, 150.0, mr_mip, G_N_ELEMENTS(mr_mip), false},
+    {"mr-mip", "MR translucent", "MR", TC_KNOT_OPACITY, 20.0, mr_mip, G_N_ELEMENTS(mr_mip), false},
     {"grey-ramp", "Grey ramp", "", KNOTS(grey_ramp), true},
     {"soft-fog", "Soft fog", "", KNOTS(soft_fog), true},
     {"surface", "Surface", "", KNOTS(surface), true},
