@@ -4,7 +4,6 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <time.h>
@@ -346,7 +345,7 @@ static void every_prefix_is_refused(void **state) {
   fill(pixels, 0);
   GByteArray *b = dicom_bytes(&s);
   char *folder = temp_folder(), *path = g_build_filename(folder, "one", NULL);
-  for (guint n = 0; n < b->len; n += n + 16 < b->len && n > 4 && getenv("TC_TEST_QUICK") ? 7 : 1) {
+  for (guint n = 0; n < b->len; n++) {
     g_file_set_contents(path, (const char *)b->data, n, NULL);
     refused(path, NULL);
   }
