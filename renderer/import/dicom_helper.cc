@@ -39,13 +39,13 @@
 // larger than the bytes at hand can justify; the cap is set for each file. Codecs in C use malloc and the process limit.
 static size_t allocation_cap = SIZE_MAX;
 
-void *operator new(size_t size) {
+[[gnu::noinline]] void *operator new(size_t size) {
   void *memory = size > allocation_cap ? nullptr : malloc(size ? size : 1);
   if (!memory) throw std::bad_alloc();
   return memory;
 }
-void operator delete(void *memory) noexcept { free(memory); }
-void operator delete(void *memory, size_t) noexcept { free(memory); }
+[[gnu::noinline]] void operator delete(void *memory) noexcept { free(memory); }
+[[gnu::noinline]] void operator delete(void *memory, size_t) noexcept { free(memory); }
 
 #if defined(__SANITIZE_ADDRESS__)
 extern "C" const char *__asan_default_options() { return "detect_leaks=0:allocator_may_return_null=1"; }
