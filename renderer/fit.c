@@ -51,7 +51,8 @@ static const char *preset_for(const tc_volume *volume) {
   const tc_volume_stats *s = tc_volume_statistics(volume);
   if (!strcmp(d->modality, "XA")) return "vessels";
   if (!strcmp(d->format, "demo") && !strcmp(d->modality, "CT")) return "ct-head";
-  if (!strcmp(d->modality, "CT") || (!strcmp(d->unit, "HU") || (s->min < -500 && s->max > 300))) return "ct-bone";
+  bool hounsfield = s->min < -100 && s->max > 300; /* a CT that was never rescaled has no use for Hounsfield values */
+  if ((!strcmp(d->modality, "CT") || !strcmp(d->unit, "HU") || s->min < -500) && hounsfield) return "ct-bone";
   if (!strcmp(d->modality, "MR")) return "mr-default";
   return "surface";
 }

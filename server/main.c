@@ -16,6 +16,7 @@ static const command commands[] = {
     {"serve", tcs_cli_serve, "[OPTION...]", "the daemon; http://127.0.0.1:8080 unless told otherwise"},
     {"render", tcs_cli_render, "VOLUME [OPTION...]", "one picture, no server"},
     {"info", tcs_cli_info, "VOLUME [--json]", "what a volume file holds"},
+    {"bench", tcs_cli_bench, "[VOLUME...]", "frame times and errors of every kernel variant"},
 };
 
 static void print_help(void) {

@@ -1,0 +1,354 @@
+/* tomocast bench: how fast a frame is made here, stage by stage, beside how far it is from the reference.
+ *
+ * Every row of one volume renders the same scene with one kernel variant; frames of the variants are taken in turn, so that a
+ * drift of the machine's speed falls on all alike. The error is over a random sample of the picture's rays, integrated
+ * by the reference once per volume. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "protocol/protocol.h"
+#include "renderer/reference/reference.h"
+#include "renderer/tomocast.h"
+#include "server/cli/cli.h"
+#include "server/encode/encode.h"
+
+#define MAX_RUNS 1000
+#define MAX_SCENE_BYTES (32u << 20)
+
+typedef struct arguments {
+  char *scene, *json, **set, **rest;
+  int size, runs, threads, pixels;
+  double azimuth, elevation, zoom;
+  gboolean gl;
+} arguments;
+
+typedef struct variant {
+  const char *name;
+  tc_backend backend;
+  const char *isa;
+  bool skipping;
+} variant;
+
+static const variant variants[] = {
+    {"scalar", TC_BACKEND_CPU, "scalar", true},        {"avx2", TC_BACKEND_CPU, "avx2", true},
+    {"avx512", TC_BACKEND_CPU, "avx512", true},        {"avx512, no leaping", TC_BACKEND_CPU, "avx512", false},
+    {"scalar, no leaping", TC_BACKEND_CPU, "scalar", false}, {"gl", TC_BACKEND_GL, NULL, true}};
+enum { N_VARIANTS = G_N_ELEMENTS(variants) };
+
+typedef struct row {
+  tc_renderer *renderer; /* NULL: not on this machine */
+  tc_frame frame;
+  tc_plan plan;
+  double tables_ms, skip_ms, encode_ms; /* first frame of a transfer function, median over its changes */
+  double ms[MAX_RUNS];
+  double rms, max; /* against the reference, 0..1 */
+} row;
+
+typedef struct bench {
+  arguments args;
+  tc_volume *volume;
+  tc_scene scene;
+  const char *name;
+  double load_ms;
+  int *pixels;       /* [args.pixels] indices into the picture */
+  double *reference; /* [args.pixels][4] */
+  double reference_ms;
+  row rows[N_VARIANTS];
+  tcs_encoder *encoder;
+  GByteArray *image;
+} bench;
+
+static double now_ms(void) { return (double)g_get_monotonic_time() / 1e3; }
+
+static int ascending(const void *a, const void *b) {
+  double x = *(const double *)a, y = *(const double *)b;
+  return (x > y) - (x < y);
+}
+
+static double median(double *ms, int count) {
+  qsort(ms, (size_t)count, sizeof *ms, ascending);
+  return count % 2 ? ms[count / 2] : 0.5 * (ms[count / 2 - 1] + ms[count / 2]);
+}
+
+/* ---- scene ---- */
+
+/* The bounding sphere fills the picture's height times zoom; azimuth turns about +z from the front, elevation lifts. */
+static void place_camera(bench *b) {
+  tc_camera *c = &b->scene.camera;
+  double lo[3], hi[3], at[3], p[3], radius = 0, a = b->args.azimuth * M_PI / 180, e = b->args.elevation * M_PI / 180;
+  tc_volume_index_box(b->volume, lo, hi);
+  for (int corner = 0; corner < 8; corner++) {
+    double d2 = 0;
+    for (int k = 0; k < 3; k++) at[k] = corner >> k & 1 ? hi[k] : lo[k];
+    tc_volume_index_to_lps(b->volume, at, p);
+    for (int k = 0; k < 3; k++) d2 += (p[k] - c->target[k]) * (p[k] - c->target[k]);
+    radius = fmax(radius, sqrt(d2));
+  }
+  double distance = radius / sin(M_PI / 12);
+  const double back[3] = {cos(e) * sin(a), -cos(e) * cos(a), sin(e)};
+  for (int k = 0; k < 3; k++) c->position[k] = c->target[k] + distance * back[k];
+  c->projection = TC_PERSPECTIVE;
+  c->fov_y_deg = 30 / b->args.zoom;
+}
+
+static bool patch_scene(bench *b, cJSON *patch, const tc_scene *defaults, GError **error) {
+  const tc_volume_stats *s = tc_volume_statistics(b->volume);
+  const tcp_scene_context context = {s->min, s->max};
+  bool good = patch && tcp_scene_patch(&b->scene, patch, defaults, &context, error);
+  cJSON_Delete(patch);
+  return good;
+}
+
+static bool make_scene(bench *b, GError **error) {
+  tc_scene defaults;
+  tc_scene_init(&b->scene);
+  tc_scene_fit(&b->scene, b->volume);
+  b->scene.image.width = b->scene.image.height = b->args.size;
+  place_camera(b);
+  tc_scene_copy(&defaults, &b->scene);
+  bool good = true;
+  if (b->args.scene) {
+    char *text = NULL;
+    size_t size;
+    good = tcs_cli_read_text(b->args.scene, MAX_SCENE_BYTES, &text, &size, error) &&
+           patch_scene(b, tcp_json_parse(text, size, error), &defaults, error);
+    g_free(text);
+  }
+  for (char **set = b->args.set; good && set && *set; set++)
+    good = patch_scene(b, tcp_scene_set_expression(*set, error), &defaults, error);
+  tc_scene_clear(&defaults);
+  return good;
+}
+
+/* ---- measuring ---- */
+
+static bool render(bench *b, row *r, const variant *v, bool want_linear, GError **error) {
+  tc_render_request request = {.want_linear = want_linear};
+  b->scene.skipping.mode = v->skipping ? TC_SKIPPING_AUTO : TC_SKIPPING_OFF;
+  return tc_render(r->renderer, b->volume, &b->scene, &request, &r->frame, &r->plan, error);
+}
+
+/* A new transfer function each time (its last knot moves by a hair): tables, leaping and encoding are measured apart. */
+static bool measure_changes(bench *b, row *r, const variant *v, GError **error) {
+  enum { CHANGES = 5 };
+  double tables[CHANGES], skips[CHANGES], encodes[CHANGES];
+  for (int i = 0; i < CHANGES; i++) {
+    b->scene.transfer_function.points[b->scene.transfer_function.count - 1].amount *= 1 - 1e-9;
+    if (!render(b, r, v, false, error)) return false;
+    tables[i] = r->frame.stats.tables_ms;
+    skips[i] = r->frame.stats.skip_ms;
+    double start = now_ms();
+    if (!tcs_encode(b->encoder, &r->frame, &b->scene, 0, b->image, error)) return false;
+    encodes[i] = now_ms() - start;
+  }
+  r->tables_ms = median(tables, CHANGES);
+  r->skip_ms = median(skips, CHANGES);
+  r->encode_ms = median(encodes, CHANGES);
+  return true;
+}
+
+static void compare(const bench *b, row *r) {
+  double sum = 0;
+  r->max = 0;
+  for (int i = 0; i < b->args.pixels; i++)
+    for (int c = 0; c < 4; c++) {
+      double d = fabs((double)r->frame.linear[4 * (size_t)b->pixels[i] + (size_t)c] - b->reference[4 * i + c]);
+      sum += d * d;
+      r->max = fmax(r->max, d);
+    }
+  r->rms = b->args.pixels ? sqrt(sum / (4.0 * b->args.pixels)) : 0;
+}
+
+static bool integrate_reference(bench *b, GError **error) {
+  int size = b->args.size;
+  tc_reference *reference = tc_reference_new(b->volume, &b->scene, size, size, 0, error);
+  if (!reference) return false;
+  double start = now_ms();
+  uint64_t state = 1;
+  for (int i = 0; i < b->args.pixels; i++) {
+    state = state * 6364136223846793005u + 1442695040888963407u;
+    b->pixels[i] = (int)((state >> 33) % (uint64_t)(size * size));
+    tc_reference_pixel(reference, b->pixels[i] % size + 0.5, b->pixels[i] / size + 0.5, b->reference + 4 * i);
+    if (i % 64 == 0 && isatty(2)) fprintf(stderr, "\r%s: reference %d/%d ", b->name, i, b->args.pixels);
+  }
+  if (isatty(2)) fprintf(stderr, "\r\033[K");
+  b->reference_ms = now_ms() - start;
+  tc_reference_free(reference);
+  return true;
+}
+
+static bool measure(bench *b, GError **error) {
+  if (b->args.pixels && !integrate_reference(b, error)) return false;
+  for (int i = 0; i < N_VARIANTS; i++) {
+    row *r = &b->rows[i];
+    tc_renderer_options options = {.backend = variants[i].backend, .isa = variants[i].isa, .threads = b->args.threads};
+    if (variants[i].backend == TC_BACKEND_GL && !b->args.gl) continue;
+    r->renderer = tc_renderer_new(&options, NULL); /* not on this machine: the row is left out */
+    if (!r->renderer) continue;
+    if (!measure_changes(b, r, &variants[i], error) || !render(b, r, &variants[i], true, error)) return false;
+    if (b->args.pixels) compare(b, r);
+  }
+  for (int run = 0; run < b->args.runs; run++)
+    for (int i = 0; i < N_VARIANTS; i++) {
+      if (!b->rows[i].renderer) continue;
+      if (!render(b, &b->rows[i], &variants[i], false, error)) return false;
+      b->rows[i].ms[run] = b->rows[i].frame.stats.render_ms;
+    }
+  return true;
+}
+
+/* ---- reporting ---- */
+
+static void print_rows(bench *b) {
+  const tc_volume_desc *d = tc_volume_describe(b->volume);
+  printf("%s  %dx%dx%d %s, %dx%d pixels, step %g, loaded in %.0f ms\n", b->name, d->dims[0], d->dims[1], d->dims[2],
+         tc_voxel_type_name(d->type), b->args.size, b->args.size, b->scene.sampling.step, b->load_ms);
+  printf("  %-20s %9s %9s %9s %9s %9s %10s %9s %9s\n", "variant", "table ms", "skip ms", "render ms", "(least)", "encode ms",
+         "Msamples", "rms/255", "max/255");
+  for (int i = 0; i < N_VARIANTS; i++) {
+    row *r = &b->rows[i];
+    if (!r->renderer) continue;
+    double middle = median(r->ms, b->args.runs);
+    printf("  %-20s %9.2f %9.2f %9.2f %9.2f %9.2f %10.2f", variants[i].name, r->tables_ms, r->skip_ms, middle, r->ms[0],
+           r->encode_ms, (double)r->frame.stats.samples * 1e-6);
+    if (b->args.pixels)
+      printf(" %9.3f %9.3f\n", 255 * r->rms, 255 * r->max);
+    else
+      printf(" %9s %9s\n", "-", "-");
+  }
+}
+
+static cJSON *rows_as_json(bench *b) {
+  const tc_volume_desc *d = tc_volume_describe(b->volume);
+  cJSON *o = cJSON_CreateObject(), *rows = cJSON_CreateArray();
+  cJSON_AddStringToObject(o, "volume", b->name);
+  cJSON_AddItemToObject(o, "dims", cJSON_CreateIntArray(d->dims, 3));
+  cJSON_AddStringToObject(o, "type", tc_voxel_type_name(d->type));
+  cJSON_AddNumberToObject(o, "size", b->args.size);
+  cJSON_AddNumberToObject(o, "step", b->scene.sampling.step);
+  cJSON_AddNumberToObject(o, "loadMs", b->load_ms);
+  cJSON_AddNumberToObject(o, "referencePixels", b->args.pixels);
+  cJSON_AddItemToObject(o, "variants", rows);
+  for (int i = 0; i < N_VARIANTS; i++) {
+    row *r = &b->rows[i];
+    if (!r->renderer) continue;
+    cJSON *v = cJSON_CreateObject();
+    cJSON_AddStringToObject(v, "variant", variants[i].name);
+    cJSON_AddStringToObject(v, "backend", tc_renderer_about(r->renderer)->backend);
+    cJSON_AddStringToObject(v, "device", tc_renderer_about(r->renderer)->device);
+    cJSON_AddStringToObject(v, "kernel", r->plan.kernel);
+    cJSON_AddNumberToObject(v, "threads", tc_renderer_about(r->renderer)->threads);
+    cJSON_AddNumberToObject(v, "tablesMs", r->tables_ms);
+    cJSON_AddNumberToObject(v, "skipMs", r->skip_ms);
+    cJSON_AddNumberToObject(v, "renderMs", median(r->ms, b->args.runs));
+    cJSON_AddItemToObject(v, "renderMsRuns", cJSON_CreateDoubleArray(r->ms, b->args.runs));
+    cJSON_AddNumberToObject(v, "encodeMs", r->encode_ms);
+    cJSON_AddNumberToObject(v, "samples", (double)r->frame.stats.samples);
+    cJSON_AddNumberToObject(v, "rays", (double)r->frame.stats.rays);
+    cJSON_AddNumberToObject(v, "leaps", (double)r->frame.stats.leaps);
+    if (b->args.pixels) {
+      cJSON_AddNumberToObject(v, "errorRms", r->rms);
+      cJSON_AddNumberToObject(v, "errorMax", r->max);
+    }
+    cJSON_AddItemToArray(rows, v);
+  }
+  return o;
+}
+
+static void release(bench *b) {
+  for (int i = 0; i < N_VARIANTS; i++) {
+    tc_renderer_free(b->rows[i].renderer);
+    tc_frame_finish(&b->rows[i].frame);
+  }
+  memset(b->rows, 0, sizeof b->rows);
+  tc_scene_clear(&b->scene);
+  tc_volume_unref(b->volume);
+  b->volume = NULL;
+}
+
+static bool bench_volume(bench *b, const char *path, cJSON *report, GError **error) {
+  const char *slash = strrchr(path, '/');
+  b->name = slash ? slash + 1 : path;
+  double start = now_ms();
+  b->volume = tc_import(path, NULL, error);
+  b->load_ms = now_ms() - start;
+  bool good = b->volume && make_scene(b, error) && measure(b, error);
+  if (good) {
+    if (!b->args.json || strcmp(b->args.json, "-")) print_rows(b);
+    cJSON_AddItemToArray(report, rows_as_json(b));
+  } else {
+    g_prefix_error(error, "%s: ", b->name);
+  }
+  release(b);
+  return good;
+}
+
+static bool write_report(const char *path, const cJSON *report, GError **error) {
+  char *text = cJSON_Print(report);
+  FILE *file = !strcmp(path, "-") ? stdout : fopen(path, "w");
+  bool good = file && fprintf(file, "%s\n", text) > 0;
+  if (file && file != stdout && fclose(file)) good = false;
+  if (!good) tc_set_error(error, TC_ERROR_IO, NULL, "write %s: failed", path);
+  cJSON_free(text);
+  return good;
+}
+
+static bool parse(bench *b, int argc, char **argv, GError **error) {
+  arguments *a = &b->args;
+  const GOptionEntry entries[] = {
+      {"size", 0, 0, G_OPTION_ARG_INT, &a->size, "width and height of the picture (512)", "PIXELS"},
+      {"runs", 0, 0, G_OPTION_ARG_INT, &a->runs, "timed frames per variant (9)", "N"},
+      {"threads", 0, 0, G_OPTION_ARG_INT, &a->threads, "CPU workers (one per core)", "N"},
+      {"error", 0, 0, G_OPTION_ARG_INT, &a->pixels, "pixels compared with the reference (1000; 0 = none)", "N"},
+      {"azimuth", 0, 0, G_OPTION_ARG_DOUBLE, &a->azimuth, "camera, degrees about the body axis (30)", "DEG"},
+      {"elevation", 0, 0, G_OPTION_ARG_DOUBLE, &a->elevation, "camera, degrees upwards (20)", "DEG"},
+      {"zoom", 0, 0, G_OPTION_ARG_DOUBLE, &a->zoom, "1 fits the bounding sphere (1.3)", "FACTOR"},
+      {"gl", 0, 0, G_OPTION_ARG_NONE, &a->gl, "measure the gl back end too", NULL},
+      {"scene", 0, 0, G_OPTION_ARG_FILENAME, &a->scene, "scene document laid over the fitted one", "FILE"},
+      {"set", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &a->set, "change one member of the scene; may be repeated", "KEY=VALUE"},
+      {"json", 0, 0, G_OPTION_ARG_FILENAME, &a->json, "write all figures as JSON; - is stdout", "FILE"},
+      {0}};
+  const tcs_cli_usage usage = {"bench", "[VOLUME...]", "Times frames of each kernel variant and their error against the reference.",
+                               entries};
+  if (!tcs_cli_parse(&usage, argc, argv, &a->rest, error)) return false;
+  if (a->size < 1 || a->size > 4096 || a->runs < 1 || a->runs > MAX_RUNS || a->pixels < 0 || a->pixels > 1000000 || !(a->zoom > 0)) {
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "--size 1..4096, --runs 1..1000, --error 0..1000000 and --zoom above 0 are wanted");
+    return false;
+  }
+  return true;
+}
+
+int tcs_cli_bench(int argc, char **argv) {
+  bench *b = g_new0(bench, 1);
+  b->args = (arguments){.size = 512, .runs = 9, .pixels = 1000, .azimuth = 30, .elevation = 20, .zoom = 1.3};
+  GError *error = NULL;
+  int code = TCS_EXIT_USAGE;
+  cJSON *report = cJSON_CreateArray();
+  b->image = g_byte_array_new();
+  if (parse(b, argc, argv, &error)) {
+    code = TCS_EXIT_FAILED;
+    b->pixels = g_new0(int, (size_t)b->args.pixels + 1);
+    b->reference = g_new0(double, 4 * (size_t)b->args.pixels + 1);
+    b->encoder = tcs_encoder_new(&error);
+    static char *demos[] = {"demo:head", "demo:vessels", "demo:bucky", "demo:marschner-lobb", NULL};
+    bool good = b->encoder != NULL;
+    for (char **path = b->args.rest ? b->args.rest : demos; good && *path; path++) good = bench_volume(b, *path, report, &error);
+    if (good && b->args.json) good = write_report(b->args.json, report, &error);
+    if (good) code = TCS_EXIT_DONE;
+  }
+  if (error) tcs_cli_fail("bench", code, error);
+  tcs_encoder_free(b->encoder);
+  g_byte_array_free(b->image, TRUE);
+  cJSON_Delete(report);
+  g_free(b->pixels);
+  g_free(b->reference);
+  g_free(b->args.scene);
+  g_free(b->args.json);
+  g_strfreev(b->args.set);
+  g_strfreev(b->args.rest);
+  g_free(b);
+  return code;
+}
