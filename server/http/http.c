@@ -66,11 +66,18 @@ static void on_connection(void *user, struct MHD_Connection *connection, void **
 
 /* --- one request ----------------------------------------------------------------------------------- */
 
+/* A configured name without a port stands for every port. */
+static bool host_is(const char *host, const char *name) {
+  const size_t length = strlen(name);
+  return g_ascii_strncasecmp(host, name, length) == 0 &&
+         (host[length] == 0 || (host[length] == ':' && strspn(host + length + 1, "0123456789") == strlen(host + length + 1)));
+}
+
 static bool host_allowed(const tcs_server *server, const char *host) {
   const GPtrArray *hosts = server->config->hosts;
   if (hosts->len == 0) return true;
   for (guint i = 0; host && i < hosts->len; i++)
-    if (g_ascii_strcasecmp(host, g_ptr_array_index(hosts, i)) == 0) return true;
+    if (host_is(host, g_ptr_array_index(hosts, i))) return true;
   return false;
 }
 

@@ -7,22 +7,22 @@ bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene
   *labels = NULL;
   if (scene->image.width > limits->image_side || scene->image.height > limits->image_side) {
     const bool wide = scene->image.width > limits->image_side;
-    tc_set_error(error, TC_ERROR_INVALID, wide ? "/image/width" : "/image/height",
+    tc_set_error(error, TC_ERROR_LIMIT, wide ? "/image/width" : "/image/height",
                  "image: at most %" PRId64 " pixels a side", limits->image_side);
     return false;
   }
   if ((int64_t)scene->image.width * scene->image.height > limits->image_area) {
-    tc_set_error(error, TC_ERROR_INVALID, "/image/width", "image: at most %" PRId64 " pixels in all",
+    tc_set_error(error, TC_ERROR_LIMIT, "/image/width", "image: at most %" PRId64 " pixels in all",
                  limits->image_area);
     return false;
   }
   if (scene->sampling.rays_per_pixel > limits->rays_per_pixel) {
-    tc_set_error(error, TC_ERROR_INVALID, "/sampling/raysPerPixel", "raysPerPixel: at most %" PRId64,
+    tc_set_error(error, TC_ERROR_LIMIT, "/sampling/raysPerPixel", "raysPerPixel: at most %" PRId64,
                  limits->rays_per_pixel);
     return false;
   }
   if ((int64_t)scene->transfer_function.count > limits->knots) {
-    tc_set_error(error, TC_ERROR_INVALID, "/transferFunction/points", "points: at most %" PRId64, limits->knots);
+    tc_set_error(error, TC_ERROR_LIMIT, "/transferFunction/points", "points: at most %" PRId64, limits->knots);
     return false;
   }
   if (scene->labels.volume[0]) {

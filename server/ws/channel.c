@@ -13,7 +13,7 @@ struct tcs_channel {
   tcs_channel_callbacks callbacks;
   void *user;
   size_t budget;
-  bool closing;
+  bool closing, broken; /* broken: the pipe itself failed */
 };
 
 static ssize_t on_receive(wslay_event_context_ptr wslay, uint8_t *bytes, size_t size, int flags, void *user) {
@@ -28,6 +28,7 @@ static ssize_t on_receive(wslay_event_context_ptr wslay, uint8_t *bytes, size_t 
     return got;
   }
   const bool later = got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR);
+  channel->broken = !later;
   wslay_event_set_error(wslay, later ? WSLAY_ERR_WOULDBLOCK : WSLAY_ERR_CALLBACK_FAILURE);
   return -1;
 }
@@ -78,7 +79,13 @@ void tcs_channel_free(tcs_channel *channel) {
 
 bool tcs_channel_read(tcs_channel *channel) {
   channel->budget = READ_BUDGET;
-  return wslay_event_recv(channel->wslay) == 0;
+  if (wslay_event_recv(channel->wslay) == 0) return true;
+  /* A frame that cannot be one: wslay gives up with an empty close frame in its queue. Say why instead, where nothing
+   * is half sent. */
+  static const uint8_t protocol_error[] = {0x88, 2, WSLAY_CODE_PROTOCOL_ERROR >> 8, WSLAY_CODE_PROTOCOL_ERROR & 255};
+  if (!channel->broken && tcs_channel_queued(channel) <= 1)
+    channel->callbacks.send(channel->user, protocol_error, sizeof protocol_error, false);
+  return false;
 }
 
 bool tcs_channel_write(tcs_channel *channel) { return wslay_event_send(channel->wslay) == 0; }

@@ -1,0 +1,81 @@
+// Bodies over the limit, malformed requests on bare sockets, slow senders.
+import assert from 'node:assert/strict';
+import net from 'node:net';
+import { after, before, test } from 'node:test';
+import { Daemon, problem, sleep } from '../support/daemon.mjs';
+
+let d;
+before(async () => { d = await Daemon.start({ config: '[limits]\nbody_bytes=2000\n[server]\nhosts=127.0.0.1, good.example\n' }); });
+after(async () => {
+  assert.equal((await d.raw('GET /healthz HTTP/1.1\r\nHost: good.example\r\nConnection: close\r\n\r\n')).slice(0, 12), 'HTTP/1.1 200');
+  await d.stop();
+});
+const status = (text) => Number(/^HTTP\/1\.1 (\d+)/.exec(text)?.[1] ?? 0);
+const host = 'Host: good.example\r\n';
+
+test('a body over the limit is refused before it is read', async () => {
+  const text = await d.raw(`POST /v1/render HTTP/1.1\r\n${host}Content-Type: application/json\r\nContent-Length: 900000000\r\n\r\n`);
+  assert.equal(status(text), 413);
+  assert.match(text, /problem:limit/);
+  const asked = await d.raw(`POST /v1/render HTTP/1.1\r\n${host}Content-Type: application/json\r\nContent-Length: 3000\r\nExpect: 100-continue\r\n\r\n`);
+  assert.equal(status(asked), 413);
+});
+
+test('a body of unknown length is cut at the limit', async () => {
+  const chunk = `${(1000).toString(16)}\r\n${'x'.repeat(1000)}\r\n`;
+  const text = await d.raw(`POST /v1/render HTTP/1.1\r\n${host}Content-Type: application/json\r\nTransfer-Encoding: chunked\r\n\r\n${chunk.repeat(4)}0\r\n\r\n`);
+  assert.equal(status(text), 413);
+});
+
+test('malformed requests get an error or a closed connection, never a hang or a crash', async () => {
+  const requests = ['\r\n\r\n\r\n', 'GET\r\n\r\n', 'GET / HTTP/9.9\r\n\r\n', 'GET /healthz HTTP/1.1\r\n\r\n', '\x16\x03\x01\x02\x00\x01\x00',
+    `GET /${'a'.repeat(100000)} HTTP/1.1\r\n${host}\r\n`, `GET / HTTP/1.1\r\n${host}X: ${'b'.repeat(200000)}\r\n\r\n`,
+    `POST /v1/render HTTP/1.1\r\n${host}Content-Length: -5\r\nContent-Type: application/json\r\n\r\n`,
+    `POST /v1/render HTTP/1.1\r\n${host}Content-Length: 99999999999999999999\r\nContent-Type: application/json\r\n\r\n`,
+    `POST /v1/render HTTP/1.1\r\n${host}Transfer-Encoding: chunked\r\nContent-Type: application/json\r\n\r\nzz\r\n`,
+    Buffer.alloc(3000, 0), `BREW /v1/about HTTP/1.1\r\n${host}\r\n`];
+  for (const request of requests) {
+    const text = await d.raw(Buffer.from(request, 'latin1'), 1000);
+    const code = status(text);
+    assert.ok(code === 0 || (code >= 400 && code < 600), `${String(request).slice(0, 40)}: ${text.slice(0, 60)}`);
+  }
+});
+
+test('only the configured hosts are answered', async () => {
+  assert.equal(status(await d.raw('GET /healthz HTTP/1.1\r\nHost: evil.example\r\nConnection: close\r\n\r\n')), 421);
+  assert.equal(status(await d.raw('GET /healthz HTTP/1.1\r\nHost: GOOD.example\r\nConnection: close\r\n\r\n')), 200);
+});
+
+test('a sender whose headers drip is cut off', async () => {
+  const began = Date.now();
+  await new Promise((resolve) => {
+    const socket = net.connect(d.port, '127.0.0.1');
+    socket.write(`GET / HTTP/1.1\r\n${host}`);
+    const drip = setInterval(() => socket.write('X-More: 1\r\n'), 500);
+    const done = () => { clearInterval(drip); socket.destroy(); resolve(); };
+    socket.on('close', done);
+    socket.on('error', done);
+    socket.resume();
+    setTimeout(done, 25000);
+  });
+  const seconds = (Date.now() - began) / 1000;
+  assert.ok(seconds > 5 && seconds < 20, `${seconds} s`);
+});
+
+test('many idle connections do not keep others out', async () => {
+  const sockets = Array.from({ length: 200 }, () => net.connect(d.port, '127.0.0.1'));
+  await sleep(200);
+  assert.equal(status(await d.raw(`GET /healthz HTTP/1.1\r\n${host}Connection: close\r\n\r\n`)), 200);
+  sockets.forEach((socket) => socket.destroy());
+});
+
+test('pipelined requests are answered in order', async () => {
+  const one = `GET /healthz HTTP/1.1\r\n${host}\r\n`, two = `GET /v1/nothing HTTP/1.1\r\n${host}Connection: close\r\n\r\n`;
+  const text = await d.raw(one + one + two);
+  assert.deepEqual([...text.matchAll(/HTTP\/1\.1 (\d+)/g)].map(([, code]) => code), ['200', '200', '404']);
+});
+
+test('names in braces of a route are not paths', async () => {
+  const text = await d.raw(`GET /v1/volumes/${'v'.repeat(300)} HTTP/1.1\r\n${host}Connection: close\r\n\r\n`);
+  assert.equal(status(text), 404);
+});

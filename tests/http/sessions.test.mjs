@@ -1,0 +1,147 @@
+// Sessions and their scenes: life, ETags, merge patches, refusals.
+import assert from 'node:assert/strict';
+import { after, before, test } from 'node:test';
+import { Daemon, imageSize, problem, sleep } from '../support/daemon.mjs';
+
+let d;
+before(async () => { d = await Daemon.start({ config: '[limits]\nsessions=16\nsession_idle_seconds=2\nimage_side=2000\n' }); });
+after(() => d.stop());
+
+test('a session: created, found, listed, ended', async () => {
+  const reply = await d.post('/v1/sessions', { volume: 'ball' });
+  assert.equal(reply.status, 201);
+  const { json } = reply;
+  assert.match(json.id, /^[0-9a-f]{32}$/);
+  assert.equal(reply.headers.get('location'), `/v1/sessions/${json.id}`);
+  assert.equal(json.volume, 'ball');
+  assert.equal(json.scene.mode, 'dvr');
+  assert.deepEqual((await d.get(json.links.self)).json.scene, json.scene);
+  assert.ok((await d.get('/v1/sessions')).json.sessions.some(({ id }) => id === json.id));
+  assert.equal((await d.delete(json.links.self)).status, 204);
+  problem(await d.get(json.links.self), 404);
+  problem(await d.delete(json.links.self), 404);
+});
+
+test('a scene given at the start is kept, the rest takes defaults', async () => {
+  const { scene } = await d.session({ image: { width: 50, height: 40 }, camera: { fovY: 20 } });
+  assert.deepEqual([scene.image.width, scene.image.height, scene.camera.fovY], [50, 40, 20]);
+  assert.ok(scene.transferFunction.points.length >= 1);
+  const [x, y, z] = scene.camera.target; // the ball's middle in LPS
+  assert.ok(Math.hypot(x - 41, y - 51, z - 61) < 1, JSON.stringify(scene.camera));
+});
+
+test('bad session requests', async () => {
+  problem(await d.post('/v1/sessions', { volume: 'none' }), 404);
+  problem(await d.post('/v1/sessions', {}), 422, '/volume');
+  problem(await d.post('/v1/sessions', { volume: 'ball', nonsense: 1 }), 422, '/nonsense');
+  problem(await d.post('/v1/sessions', { volume: 'ball', scene: { camera: { fovY: 500 } } }), 422, '/scene/camera/fovY');
+  problem(await d.post('/v1/sessions', { volume: 'ball', scene: 7 }), 422);
+  problem(await d.call('POST', '/v1/sessions', { body: '', type: 'application/json' }), 400);
+});
+
+test('merge patch: members change, null gives the default, the rest stays', async () => {
+  const { links, scene } = await d.session();
+  const changed = await d.patch(links.scene, { camera: { fovY: 12 }, sampling: { step: 0.5 } });
+  assert.equal(changed.status, 200);
+  assert.deepEqual([changed.json.camera.fovY, changed.json.sampling.step], [12, 0.5]);
+  assert.deepEqual(changed.json.camera.position, scene.camera.position);
+  const back = await d.patch(links.scene, { camera: { fovY: null } });
+  assert.equal(back.json.camera.fovY, scene.camera.fovY);
+  assert.equal(back.json.sampling.step, 0.5);
+  assert.deepEqual((await d.get(links.scene)).json, back.json);
+  const json = await d.patch(links.scene, { sampling: { step: 1 } }, { type: 'application/json' });
+  assert.equal(json.status, 200);
+});
+
+test('PUT replaces the whole scene', async () => {
+  const { links } = await d.session({ camera: { fovY: 12 } });
+  const { json } = await d.put(links.scene, { image: { width: 70, height: 60 } });
+  assert.equal(json.image.width, 70);
+  assert.notEqual(json.camera.fovY, 12);
+  const { json: same } = await d.put(links.scene, json);
+  assert.deepEqual(same, json, 'a scene that was read can be written');
+});
+
+test('ETag and If-Match', async () => {
+  const { links } = await d.session();
+  const first = (await d.get(links.scene)).headers.get('etag');
+  assert.match(first, /^"[^"]+"$/);
+  const patched = await d.patch(links.scene, { sampling: { step: 2 } }, { headers: { 'if-match': first } });
+  assert.equal(patched.status, 200);
+  const second = patched.headers.get('etag');
+  assert.notEqual(second, first);
+  problem(await d.patch(links.scene, { sampling: { step: 3 } }, { headers: { 'if-match': first } }), 412);
+  problem(await d.put(links.scene, {}, { headers: { 'if-match': '"x", "y"' } }), 412);
+  assert.equal((await d.get(links.scene)).json.sampling.step, 2);
+  assert.equal((await d.patch(links.scene, {}, { headers: { 'if-match': `"x", ${second}` } })).status, 200);
+  assert.equal((await d.patch(links.scene, {}, { headers: { 'if-match': '*' } })).status, 200);
+  const now = (await d.get(links.scene)).headers.get('etag');
+  assert.equal((await d.get(links.scene, { headers: { 'if-none-match': now } })).status, 304);
+});
+
+test('refused changes leave scene and ETag alone', async () => {
+  const { links } = await d.session();
+  const before = await d.get(links.scene);
+  problem(await d.patch(links.scene, { camera: { fov: 3 } }), 422, '/camera/fov');
+  problem(await d.patch(links.scene, { camera: { fovY: -1 } }), 422, '/camera/fovY');
+  problem(await d.patch(links.scene, { image: { width: 2001 } }), 413, '/image/width');
+  problem(await d.patch(links.scene, { labels: { volume: 'none' } }), 422, '/labels/volume');
+  problem(await d.call('PATCH', links.scene, { body: '{"a":1,}', type: 'application/json' }), 400);
+  problem(await d.call('PATCH', links.scene, { body: '['.repeat(5000), type: 'application/json' }), 400);
+  const wrong = await d.call('PATCH', links.scene, { body: '{}', type: 'text/plain' });
+  problem(wrong, 415);
+  assert.match(wrong.headers.get('accept-patch'), /merge-patch/);
+  const after = await d.get(links.scene);
+  assert.deepEqual([after.json, after.headers.get('etag')], [before.json, before.headers.get('etag')]);
+});
+
+test('what is not built is refused as such and the scene stays', async () => {
+  const { links } = await d.session();
+  let refused = 0;
+  for (const mode of ['dvr', 'mip', 'minip', 'average', 'isosurface', 'mesh', 'splat', 'mpr']) {
+    const reply = await d.patch(links.scene, { mode });
+    if (reply.status === 501) refused++, problem(reply, 501, '/mode');
+    else assert.equal(reply.status, 200);
+    const picture = await d.get(`${links.frame}?width=16&height=16`);
+    assert.equal(picture.status, 200, `${mode}: ${picture.bytes}`);
+    await d.patch(links.scene, { mode: 'dvr' });
+  }
+  const ray = await d.get(`${links.self}/ray?x=1&y=1`);
+  if (ray.status !== 200) problem(ray, 501);
+});
+
+test('a frame is the finished picture, in the size and format asked for', async () => {
+  const { links } = await d.session();
+  const plain = await d.get(links.frame);
+  assert.equal(plain.headers.get('content-type'), 'image/jpeg');
+  assert.deepEqual(imageSize(plain.bytes), { format: 'jpeg', width: 96, height: 64 });
+  const other = await d.get(`${links.frame}?format=png&width=30&height=20`);
+  assert.equal(other.headers.get('content-type'), 'image/png');
+  assert.deepEqual(imageSize(other.bytes), { format: 'png', width: 30, height: 20 });
+  assert.match(other.headers.get('server-timing'), /^queue;dur=[\d.]+, tables;dur=[\d.]+, skip;dur=[\d.]+, render;dur=[\d.]+, encode;dur=[\d.]+$/);
+  const poor = await d.get(`${links.frame}?quality=5`), good = await d.get(`${links.frame}?quality=98`);
+  assert.ok(poor.bytes.length < good.bytes.length);
+  for (const query of ['width=0', 'height=99999', 'quality=101', 'format=gif']) problem(await d.get(`${links.frame}?${query}`), 422);
+  problem(await d.get(`${links.frame}?width=2001`), 413);
+  const { json } = await d.get(links.scene);
+  assert.deepEqual([json.image.width, json.image.format], [96, 'jpeg'], 'the scene is not changed by it');
+});
+
+test('the plan lists its stages with reasons', async () => {
+  const { links } = await d.session();
+  await d.get(links.frame);
+  const { json } = await d.get(links.plan);
+  assert.ok(json.stages.length > 5);
+  for (const stage of json.stages) assert.ok(stage.reason.length > 0, stage.name);
+  assert.ok(json.stages.some(({ included }) => included) && json.stages.some(({ included }) => !included));
+});
+
+test('the number of sessions is limited, and idle ones end', async () => {
+  const replies = [];
+  for (let i = 0; i < 20; i++) replies.push(await d.post('/v1/sessions', { volume: 'ball' }));
+  const busy = replies.find(({ status }) => status !== 201);
+  problem(busy, 503);
+  assert.ok(Number(busy.headers.get('retry-after')) > 0);
+  for (let i = 0; i < 100 && (await d.get('/v1/sessions')).json.sessions.length; i++) await sleep(100);
+  assert.equal((await d.get('/v1/sessions')).json.sessions.length, 0);
+});

@@ -1,0 +1,172 @@
+// Volumes: listing, loading by path, upload, looking into them, deleting.
+import assert from 'node:assert/strict';
+import { readdirSync } from 'node:fs';
+import { mkdirSync, symlinkSync, writeFileSync } from 'node:fs';
+import { join } from 'node:path';
+import { after, before, test } from 'node:test';
+import { ballNrrd, Daemon, problem, sleep } from '../support/daemon.mjs';
+
+let d, spool;
+before(async () => {
+  d = await Daemon.start({ files: { 'broken.nrrd': 'NRRD0004\ntype: uint8\n\n', 'notes.txt': 'hello' }, config: '[limits]\nupload_bytes=200000\nvolume_bytes=400000\n[server]\nspool=/dev/shm\n' });
+  spool = () => readdirSync('/dev/shm').filter((name) => name.startsWith('tomocast-upload-'));
+  mkdirSync(join(d.folder, 'deep'));
+  writeFileSync(join(d.folder, 'deep', 'inner.nrrd'), ballNrrd(8));
+  symlinkSync('/etc/hostname', join(d.folder, 'out.nrrd'));
+});
+after(() => d.stop());
+
+const upload = (id, body) => d.call('PUT', `/v1/volumes/${id}`, { body, type: 'application/octet-stream' });
+
+async function settled(id) {
+  for (;;) {
+    const { json } = await d.get(`/v1/volumes/${id}`);
+    if (json.state !== 'loading') return json;
+    assert.ok(json.fraction >= 0 && json.fraction <= 1);
+    await sleep(10);
+  }
+}
+
+test('a resident volume tells its geometry', async () => {
+  const { json } = await d.get('/v1/volumes/ball');
+  assert.deepEqual([json.state, json.dims, json.spacing, json.origin, json.type, json.bytes],
+    ['resident', [32, 32, 32], [2, 2, 2], [10, 20, 30], 'u8', 32768]);
+  assert.deepEqual(json.direction, [[1, 0, 0], [0, 1, 0], [0, 0, 1]]);
+  assert.equal(json.range[0], 0);
+  assert.ok(json.range[1] > 200 && json.range[1] <= 255);
+});
+
+test('the list has resident and available volumes, and nothing else', async () => {
+  const { json } = await d.get('/v1/volumes');
+  assert.deepEqual(json.volumes.map(({ id }) => id).includes('ball'), true);
+  const paths = json.available.map(({ path }) => path);
+  assert.deepEqual(paths.filter((path) => !path.startsWith('demo:')), ['ball.nrrd', 'broken.nrrd', 'deep/inner.nrrd']);
+  assert.ok(paths.includes('demo:head'));
+});
+
+test('a file of the data folder is loaded: 202, then resident', async () => {
+  const reply = await d.post('/v1/volumes', { id: 'inner', path: 'deep/inner.nrrd' });
+  assert.equal(reply.status, 202);
+  assert.equal(reply.headers.get('location'), '/v1/volumes/inner');
+  assert.equal((await settled('inner')).state, 'resident');
+  problem(await d.post('/v1/volumes', { id: 'inner', path: 'deep/inner.nrrd' }), 409, '/id');
+  assert.equal((await d.delete('/v1/volumes/inner')).status, 204);
+  problem(await d.get('/v1/volumes/inner'), 404);
+});
+
+test('a broken file fails with a reason that holds no server path, and its id may be used again', async () => {
+  assert.equal((await d.post('/v1/volumes', { id: 'again', path: 'broken.nrrd' })).status, 202);
+  const failed = await settled('again');
+  assert.equal(failed.state, 'failed');
+  assert.ok(failed.reason.length > 5);
+  assert.ok(!failed.reason.includes(d.folder), failed.reason);
+  problem(await d.post('/v1/sessions', { volume: 'again' }), 409);
+  assert.equal((await d.post('/v1/volumes', { id: 'again', path: 'ball.nrrd' })).status, 202);
+  assert.equal((await settled('again')).state, 'resident');
+  await d.delete('/v1/volumes/again');
+});
+
+test('nothing outside the data folder can be named', async () => {
+  for (const path of ['/etc/hostname', '../../etc/hostname', 'deep/../../x', 'out.nrrd', 'missing.nrrd', '.', '..', '#1', 'deep/../../../etc/passwd#1']) {
+    const reply = await d.post('/v1/volumes', { id: 'escape', path });
+    if (reply.status === 202) { // a folder inside: there is no DICOM in it
+      assert.ok(['.', '#1'].includes(path), path);
+      assert.equal((await settled('escape')).state, 'failed');
+    } else {
+      problem(reply, 404, '/path');
+    }
+  }
+  problem(await d.post('/v1/volumes', { id: 'escape', path: '' }), 422, '/path');
+});
+
+test('bad load requests name what is wrong', async () => {
+  problem(await d.post('/v1/volumes', { id: 'x', path: 'ball.nrrd', more: 1 }), 422, '/more');
+  problem(await d.post('/v1/volumes', { path: 'ball.nrrd' }), 422, '/id');
+  problem(await d.post('/v1/volumes', { id: 'x' }), 422, '/path');
+  problem(await d.post('/v1/volumes', { id: 7, path: 'ball.nrrd' }), 422, '/id');
+  problem(await d.post('/v1/volumes', [1]), 422);
+  for (const id of ['', 'a/b', 'a b', 'é', 'x'.repeat(65)]) problem(await d.post('/v1/volumes', { id, path: 'ball.nrrd' }), 422, '/id');
+  problem(await d.call('POST', '/v1/volumes', { body: '{', type: 'application/json' }), 400);
+  problem(await d.call('POST', '/v1/volumes', { body: '{}', type: 'text/plain' }), 415);
+});
+
+test('an upload becomes a volume and leaves no file', async () => {
+  const reply = await upload('up', ballNrrd(40));
+  assert.equal(reply.status, 202);
+  const volume = await settled('up');
+  assert.deepEqual([volume.state, volume.dims], ['resident', [40, 40, 40]]);
+  assert.deepEqual(spool(), []);
+  problem(await upload('up', ballNrrd(8)), 409);
+  await d.delete('/v1/volumes/up');
+});
+
+test('an upload that is no volume fails; one that names another file is refused', async () => {
+  assert.equal((await upload('junk', Buffer.alloc(1000, 7))).status, 202);
+  assert.equal((await settled('junk')).state, 'failed');
+  for (const text of ['NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\ndata file: /etc/hostname\n\n',
+    'NRRD0004\r\nData File : /etc/hostname\r\n\r\n', 'ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = /etc/hostname\n']) {
+    assert.equal((await upload('spy', text)).status, 202);
+    const volume = await settled('spy');
+    assert.equal(volume.state, 'failed');
+    assert.match(volume.reason, /names another file/);
+  }
+  assert.deepEqual(spool(), []);
+});
+
+test('uploads over the limit are refused before they are read, or as they pass it', async () => {
+  const text = await d.raw(`PUT /v1/volumes/huge HTTP/1.1\r\nHost: x\r\nContent-Length: 99999999999\r\n\r\n`);
+  assert.match(text, /^HTTP\/1\.1 413 /);
+  async function* pieces() { for (let i = 0; i < 30; i++) yield Buffer.alloc(10000); }
+  const reply = await fetch(`${d.base}/v1/volumes/huge`, { method: 'PUT', body: pieces(), duplex: 'half' });
+  assert.equal(reply.status, 413);
+  assert.deepEqual(spool(), []);
+  problem(await d.get('/v1/volumes/huge'), 404);
+});
+
+test('an upload that breaks off leaves nothing', async () => {
+  await d.raw('PUT /v1/volumes/cut HTTP/1.1\r\nHost: x\r\nContent-Length: 100000\r\n\r\nNRRD0004\n', 300);
+  for (let i = 0; spool().length && i < 200; i++) await sleep(20);
+  assert.deepEqual(spool(), []);
+  problem(await d.get('/v1/volumes/cut'), 404);
+});
+
+test('the memory budget is kept', async () => {
+  const { limits } = (await d.get('/v1/about')).json;
+  assert.equal(limits.volumeBytes, 400000);
+  await upload('big1', ballNrrd(52));
+  assert.equal((await settled('big1')).state, 'resident');
+  await upload('big2', ballNrrd(52));
+  assert.equal((await settled('big2')).state, 'resident');
+  await upload('big3', ballNrrd(52));
+  const third = await settled('big3');
+  assert.equal(third.state, 'failed', JSON.stringify(third));
+  for (const id of ['big1', 'big2', 'big3']) await d.delete(`/v1/volumes/${id}`);
+  assert.equal(await d.metric('volume_resident_bytes'), 32768);
+});
+
+test('histogram counts every voxel', async () => {
+  const { json } = await d.get('/v1/volumes/ball/histogram?bins=32');
+  assert.equal(json.counts.length, 32);
+  assert.equal(json.edges.length, 33);
+  assert.equal(json.counts.reduce((a, b) => a + b), 32768);
+  for (const bins of ['0', '-1', '65537', 'many', '']) problem(await d.get(`/v1/volumes/ball/histogram?bins=${bins}`), 422);
+});
+
+test('the value at a patient coordinate', async () => {
+  const at = async (x, y, z) => (await d.get(`/v1/volumes/ball/value?at=${x},${y},${z}`)).json.value;
+  assert.equal(await at(10, 20, 30), 0); // voxel 0,0,0
+  assert.ok((await at(41, 51, 61)) > 200); // the middle
+  assert.equal(await at(9, 20, 30), null); // outside
+  for (const text of ['1,2', '1,2,3,4', 'a,b,c', '1,2,nan', '']) problem(await d.get(`/v1/volumes/ball/value?at=${text}`), 422);
+  problem(await d.get('/v1/volumes/ball/value'), 422);
+});
+
+test('deleting: 404, 409 while in use, force', async () => {
+  problem(await d.delete('/v1/volumes/none'), 404);
+  await upload('used', ballNrrd(16));
+  await settled('used');
+  const { json: session } = await d.post('/v1/sessions', { volume: 'used' });
+  problem(await d.delete('/v1/volumes/used'), 409);
+  assert.equal((await d.delete('/v1/volumes/used?force=true')).status, 204);
+  problem(await d.get(session.links.self), 404);
+});
