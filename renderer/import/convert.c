@@ -121,7 +121,9 @@ static tc_voxel_type narrowest(const range *r) {
   }
 
 /* Squares of anything but huge doubles sum without overflow. */
-static double hypot_add(double sum, double v) { return fabs(v) > 1e150 || sum > 1e150 ? hypot(sum, v) : sqrt(sum * sum + v * v); }
+static double hypot_add(double sum, double v) {
+  return fabs(v) > 1e150 || sum > 1e150 ? hypot(sum, v) : sqrt(sum * sum + v * v);
+}
 
 /* sums[i] += weight * v, or root of squares. `from` holds one component each `stride` bytes. */
 static void add_component(tc_element element, const uint8_t *from, size_t stride, size_t n, bool square, double weight,
@@ -333,7 +335,8 @@ static bool measure(loader *l, GError **error) {
     return false;
   }
   if (parts == 0 || elements % parts != 0) {
-    tc_set_error(error, TC_ERROR_FORMAT, NULL, "%" G_GUINT64_FORMAT " data files do not divide the voxels evenly", parts);
+    tc_set_error(error, TC_ERROR_FORMAT, NULL, "%" G_GUINT64_FORMAT " data files do not divide the voxels evenly",
+                 parts);
     return false;
   }
   l->voxels = voxels;

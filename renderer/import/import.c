@@ -143,7 +143,8 @@ tc_volume *tc_import(const char *path, const tc_import_options *options, GError 
   return NULL;
 }
 
-bool tc_import_list(const char *path, const tc_import_options *options, tc_series **series, size_t *count, GError **error) {
+bool tc_import_list(const char *path, const tc_import_options *options, tc_series **series, size_t *count,
+                    GError **error) {
   uint8_t head[TC_PROBE_BYTES];
   size_t size;
   bool gzip, ok = true, dicom = false;

@@ -65,7 +65,8 @@ static bool stays_beside(const char *name) {
 /* The kernel itself keeps links from leading out of the folder. Where it is too old or a filter forbids the call,
  * only a plain name that is no link is opened. */
 static int open_beneath(int folder_fd, const char *name) {
-  struct open_how how = {.flags = O_RDONLY | O_CLOEXEC | O_NONBLOCK, .resolve = RESOLVE_BENEATH | RESOLVE_NO_MAGICLINKS};
+  struct open_how how = {.flags = O_RDONLY | O_CLOEXEC | O_NONBLOCK,
+                         .resolve = RESOLVE_BENEATH | RESOLVE_NO_MAGICLINKS};
   int fd = (int)syscall(SYS_openat2, folder_fd, name, &how, sizeof how);
   if (fd < 0 && (errno == ENOSYS || errno == EPERM) && !strchr(name, '/'))
     fd = openat(folder_fd, name, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOFOLLOW);
@@ -77,7 +78,8 @@ bool tc_input_open_sibling(const tc_input *input, const char *name, tc_input *si
   char *quoted = tc_text_quote(name);
   bool ok = false;
   if (!stays_beside(name)) {
-    tc_set_error(error, TC_ERROR_FORMAT, NULL, "data file %s: must lie beside its header, named without a path", quoted);
+    tc_set_error(error, TC_ERROR_FORMAT, NULL, "data file %s: must lie beside its header, named without a path",
+                 quoted);
   } else if (input->folder_fd < 0) {
     tc_set_error(error, TC_ERROR_FORMAT, NULL, "data file %s: a header alone cannot be opened, its data are needed",
                  quoted);
@@ -111,7 +113,8 @@ bool tc_input_read(const tc_input *input, uint64_t offset, void *to, size_t n, G
     ssize_t got = pread(input->fd, (char *)to + done, n - done, (off_t)(offset + done));
     if (got < 0 && errno == EINTR) continue;
     if (got <= 0) {
-      tc_set_error(error, TC_ERROR_IO, NULL, "reading failed: %s", got < 0 ? g_strerror(errno) : "the file was cut short");
+      tc_set_error(error, TC_ERROR_IO, NULL, "reading failed: %s",
+                   got < 0 ? g_strerror(errno) : "the file was cut short");
       return false;
     }
     done += (size_t)got;

@@ -179,7 +179,8 @@ static bool set_dims(tc_raster *raster, const meta_header *h, GError **error) {
   for (int i = 0; i < h->n_dims; i++) {
     double size = h->sizes[i];
     if (!(size >= 1 && size <= INT32_MAX) || size != floor(size)) {
-      tc_set_error(error, TC_ERROR_FORMAT, NULL, "DimSize: size %d is %g, a whole number from 1 on wanted", i + 1, size);
+      tc_set_error(error, TC_ERROR_FORMAT, NULL, "DimSize: size %d is %g, a whole number from 1 on wanted", i + 1,
+                   size);
       return false;
     }
     if (i < 3)

@@ -9,7 +9,13 @@
 #include "renderer/import/format.h"
 #include "renderer/import/reader.h"
 
-enum { header1_size = 348, header2_size = 540, intent_vector = 1007, intent_cifti_first = 3000, intent_cifti_last = 3099 };
+enum {
+  header1_size = 348,
+  header2_size = 540,
+  intent_vector = 1007,
+  intent_cifti_first = 3000,
+  intent_cifti_last = 3099
+};
 
 typedef struct nifti_header {
   int version;
@@ -27,7 +33,8 @@ static int recognise(const uint8_t *head, size_t size, bool *big_endian, bool *p
     tc_reader_init(&r, head, size, big);
     uint32_t own_size = tc_reader_u32(&r);
     size_t at = own_size == header1_size ? 344 : 4;
-    if ((own_size != header1_size && own_size != header2_size) || size < at + (own_size == header1_size ? 4 : 8)) continue;
+    if ((own_size != header1_size && own_size != header2_size) || size < at + (own_size == header1_size ? 4 : 8))
+      continue;
     const uint8_t *magic = head + at;
     bool one_file = magic[1] == '+';
     uint8_t digit = own_size == header1_size ? '1' : '2';
@@ -121,7 +128,8 @@ static bool set_dims(tc_raster *raster, const nifti_header *h, GError **error) {
   for (int i = 1; i <= n; i++) {
     int64_t size = i > 3 && h->dim[i] == 0 ? 1 : h->dim[i];
     if (size < 1 || size > INT32_MAX) {
-      tc_set_error(error, TC_ERROR_FORMAT, NULL, "dim[%d] is %" G_GINT64_FORMAT ": a size of 1 or more wanted", i, size);
+      tc_set_error(error, TC_ERROR_FORMAT, NULL, "dim[%d] is %" G_GINT64_FORMAT ": a size of 1 or more wanted", i,
+                   size);
       return false;
     }
     if (i <= 3) {

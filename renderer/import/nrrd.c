@@ -106,7 +106,8 @@ static bool magic_ok(const char *line, GError **error) {
   bool known = strlen(line) == 8 && memcmp(line, "NRRD000", 7) == 0 && line[7] >= '1' && line[7] <= '5';
   if (known || strcmp(line, "NRRD00.01") == 0) return true;
   char *quoted = tc_text_quote(line);
-  tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "header line 1: %s is no NRRD version this reads (NRRD0001 to 5)", quoted);
+  tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "header line 1: %s is no NRRD version this reads (NRRD0001 to 5)",
+               quoted);
   g_free(quoted);
   return false;
 }
@@ -200,7 +201,8 @@ static bool set_type(tc_raster *raster, const tc_nrrd_header *h, GError **error)
     return true;
   }
   char *quoted = tc_text_quote(h->fields[NRRD_TYPE]);
-  tc_nrrd_error(h, NRRD_TYPE, TC_ERROR_UNSUPPORTED, error, "%s is not read (uchar, short, ... float, double are)", quoted);
+  tc_nrrd_error(h, NRRD_TYPE, TC_ERROR_UNSUPPORTED, error, "%s is not read (uchar, short, ... float, double are)",
+                quoted);
   g_free(quoted);
   return false;
 }
@@ -271,8 +273,8 @@ static bool set_names(tc_raster *raster, tc_nrrd_header *h, GError **error) {
     if (__builtin_mul_overflow(files, h->sizes[i], &files)) files = UINT64_MAX, i = h->dimension;
   bool slabs = within >= h->dimension && h->sizes[h->dimension - 1] % h->names->len == 0;
   if (files != h->names->len && !slabs) {
-    tc_nrrd_error(h, NRRD_DATA_FILE, TC_ERROR_FORMAT, error, "%" G_GUINT64_FORMAT " files wanted for these sizes, got %u",
-                  files, h->names->len);
+    tc_nrrd_error(h, NRRD_DATA_FILE, TC_ERROR_FORMAT, error,
+                  "%" G_GUINT64_FORMAT " files wanted for these sizes, got %u", files, h->names->len);
     return false;
   }
   raster->data.names = g_ptr_array_ref(h->names);

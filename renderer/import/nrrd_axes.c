@@ -232,7 +232,8 @@ static bool count_space(axes *a, const tc_nrrd_header *h, const tc_raster *raste
     return false;
   }
   if (a->n_space >= 2) return true;
-  tc_nrrd_error(h, NRRD_DIMENSION, TC_ERROR_UNSUPPORTED, error, "too few axes of space (%d): a volume has 3, an image 2", a->n_space);
+  tc_nrrd_error(h, NRRD_DIMENSION, TC_ERROR_UNSUPPORTED, error,
+                "too few axes of space (%d): a volume has 3, an image 2", a->n_space);
   return false;
 }
 

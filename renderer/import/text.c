@@ -55,8 +55,8 @@ GByteArray *tc_decode_text(const char *text, size_t length, tc_element element, 
     uint8_t bytes[8];
     char *after;
     if (!number(at, &after, element, bytes) || (*after != '\0' && !is_gap(*after))) {
-      tc_set_error(error, TC_ERROR_FORMAT, NULL, "text data: number %u is none of type %s", out->len / (unsigned)size + 1,
-                   tc_element_name(element));
+      tc_set_error(error, TC_ERROR_FORMAT, NULL, "text data: number %u is none of type %s",
+                   out->len / (unsigned)size + 1, tc_element_name(element));
       g_byte_array_unref(out);
       return NULL;
     }

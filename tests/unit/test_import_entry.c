@@ -241,8 +241,9 @@ static void name_patterns(void **state) {
   assert_string_equal(names->pdata[0], "a%b008.c%d");
   assert_string_equal(names->pdata[2], "a%b012.c%d");
   assert_int_equal(rest, 3);
-  static const char *const bad[] = {"a%s 1 2 1", "a%d%d 1 2 1", "a%d 1 2", "a%d 1 2 0", "a%d 2 1 1", "a%999d 1 2 1",
-                                    "a%n 1 2 1", "a% 1 2 1", "a 1 2 1", "%d", "a%d 1 1e99 1", "a%d -1 2 1", "a%d 1 2.5 1"};
+  static const char *const bad[] = {"a%s 1 2 1",    "a%d%d 1 2 1", "a%d 1 2",    "a%d 1 2 0", "a%d 2 1 1",
+                                    "a%999d 1 2 1", "a%n 1 2 1",   "a% 1 2 1",   "a 1 2 1",   "%d",
+                                    "a%d 1 1e99 1", "a%d -1 2 1",  "a%d 1 2.5 1"};
   for (size_t i = 0; i < G_N_ELEMENTS(bad); i++) {
     GError *error = NULL;
     if (tc_names_from_pattern(bad[i], names, NULL, &error)) print_error("%s passed\n", bad[i]);

@@ -129,8 +129,9 @@ static void places(void **state) {
   static const char *const offset[] = {"Offset", "Position", "Origin"};
   check_place("", one, zero, straight);
   for (int i = 0; i < 3; i++) {
-    char *lines = g_strdup_printf("%s = 0 1 0 0 0 1 1 0 0\n%s = -1.5 2 3e1\nElementSpacing = 2 3 0.5\nElementSize = 9 9 9\n",
-                                  matrix[i], offset[i]);
+    char *lines =
+        g_strdup_printf("%s = 0 1 0 0 0 1 1 0 0\n%s = -1.5 2 3e1\nElementSpacing = 2 3 0.5\nElementSize = 9 9 9\n",
+                        matrix[i], offset[i]);
     check_place(lines, (double[]){2, 3, 0.5}, (double[]){-1.5, 2, 30}, turned);
     g_free(lines);
   }
@@ -149,7 +150,8 @@ static void channels_frames_and_flat_images(void **state) {
     put_element(pairs, TC_ELEMENT_F32, 3 * i, false);
     put_element(pairs, TC_ELEMENT_F32, 4 * i, false);
   }
-  write_meta("c.mha", SIZES "ElementType = MET_FLOAT_ARRAY\nElementNumberOfChannels = 2\nElementDataFile = LOCAL\n", pairs);
+  write_meta("c.mha", SIZES "ElementType = MET_FLOAT_ARRAY\nElementNumberOfChannels = 2\nElementDataFile = LOCAL\n",
+             pairs);
   v = open_good("c.mha");
   assert_true(voxel(v, 59) == 5 * 59);
   tc_volume_unref(v);
@@ -161,7 +163,8 @@ static void channels_frames_and_flat_images(void **state) {
   assert_string_equal(tc_volume_describe(v)->modality, "CT");
   check_near(tc_volume_describe(v)->direction, (double[]){0, 1, 0, 1, 0, 0, 0, 0, 1}, 9, 0);
   tc_volume_unref(v);
-  write_meta("c.mha", "NDims = 2\nDimSize = 6 10\nElementSpacing = 1 2 3\nElementType = MET_UCHAR\nElementDataFile = LOCAL\n",
+  write_meta("c.mha",
+             "NDims = 2\nDimSize = 6 10\nElementSpacing = 1 2 3\nElementType = MET_UCHAR\nElementDataFile = LOCAL\n",
              ramp(TC_ELEMENT_U8, 0, 1, count, false));
   v = open_good("c.mha");
   check_dims(v, 6, 10, 1);
@@ -220,8 +223,10 @@ static void every_prefix_is_refused(void **state) {
   for (int zip = 0; zip < 2; zip++) {
     GByteArray *raw = ramp(TC_ELEMENT_U16, 0, 3, count, false);
     GByteArray *data = zip ? deflated(raw->data, raw->len, false) : g_byte_array_ref(raw);
-    GByteArray *file = with_header(zip ? SIZES "CompressedData = True\nElementType = MET_USHORT\nElementDataFile = LOCAL\n"
-                                       : SIZES "ElementType = MET_USHORT\nElementDataFile = LOCAL\n", data);
+    GByteArray *file =
+        with_header(zip ? SIZES "CompressedData = True\nElementType = MET_USHORT\nElementDataFile = LOCAL\n"
+                        : SIZES "ElementType = MET_USHORT\nElementDataFile = LOCAL\n",
+                    data);
     check_prefixes("prefix.mha", file);
     g_byte_array_unref(file);
     g_byte_array_unref(data);

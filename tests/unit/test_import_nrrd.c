@@ -266,8 +266,9 @@ static tc_volume *open_axes(const char *lines, GByteArray *data) {
 }
 
 static void colours_vectors_and_frames(void **state) {
-  tc_volume *v = open_axes("type: uchar\ndimension: 4\nsizes: 3 3 4 5\nkinds: RGB-color domain domain domain\nencoding: raw\n",
-                           bytes_ramp(3 * count));
+  tc_volume *v =
+      open_axes("type: uchar\ndimension: 4\nsizes: 3 3 4 5\nkinds: RGB-color domain domain domain\nencoding: raw\n",
+                bytes_ramp(3 * count));
   check_dims(v, nx, ny, nz);
   assert_int_equal(tc_volume_describe(v)->type, TC_U8);
   assert_true(voxel(v, 10) == floor(0.2126 * 30 + 0.7152 * 31 + 0.0722 * 32 + 0.5));
@@ -286,8 +287,9 @@ static void colours_vectors_and_frames(void **state) {
     put_element(pairs, TC_ELEMENT_I32, 3 * i, true);
     put_element(pairs, TC_ELEMENT_I32, -4 * i, true);
   }
-  v = open_axes("type: int\ndimension: 4\nsizes: 2 3 4 5\nkinds: complex domain domain domain\nencoding: raw\nendian: big\n",
-                pairs);
+  v = open_axes(
+      "type: int\ndimension: 4\nsizes: 2 3 4 5\nkinds: complex domain domain domain\nencoding: raw\nendian: big\n",
+      pairs);
   assert_int_equal(tc_volume_describe(v)->type, TC_F32);
   assert_true(voxel(v, 59) == 5 * 59);
   tc_volume_unref(v);
@@ -323,7 +325,8 @@ static void bad_headers(void **state) {
 #define TYPE "type: uchar\n"
 #define DIMS "dimension: 3\nsizes: 3 4 5\n"
 #define RAW "encoding: raw\n"
-  const struct { const char *lines; int code; const char *text; } cases[] = {
+  const struct { const char *lines; int code; const char *text;
+  } cases[] = {
       {DIMS RAW, TC_ERROR_FORMAT, "type: missing"},
       {TYPE DIMS, TC_ERROR_FORMAT, "encoding: missing"},
       {TYPE RAW, TC_ERROR_FORMAT, "dimension: missing"},
@@ -360,7 +363,8 @@ static void bad_headers(void **state) {
       {TYPE DIMS RAW "spacings: 1 0 1\n", TC_ERROR_FORMAT, "spacings"},
       {TYPE DIMS RAW "kinds: domain domain\n", TC_ERROR_FORMAT, "kinds: 3 values wanted, got 2"},
       {TYPE DIMS RAW "kinds: HSV-color domain domain\n", TC_ERROR_UNSUPPORTED, "kind of colour"},
-      {TYPE RAW "dimension: 4\nsizes: 5 3 4 1\nkinds: RGB-color domain domain domain\n", TC_ERROR_FORMAT, "colour axis"},
+      {TYPE RAW "dimension: 4\nsizes: 5 3 4 1\nkinds: RGB-color domain domain domain\n", TC_ERROR_FORMAT,
+       "colour axis"},
       {TYPE RAW "dimension: 3\nsizes: 3 32 32\n", TC_ERROR_UNSUPPORTED, "colour picture"},
   };
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
@@ -378,7 +382,8 @@ static void announced_sizes_must_be_possible(void **state) {
   GByteArray *zip = deflated(small->data, small->len, true);
   write_nrrd("b.nrrd", "type: uchar\ndimension: 3\nsizes: 1000 1000 1000\nencoding: gzip\n", zip);
   open_bad("b.nrrd", TC_ERROR_FORMAT, "cannot hold the 1000000000 bytes announced");
-  write_nrrd("b.nrrd", "type: uchar\ndimension: 3\nsizes: 1000 1000 1000\nencoding: bzip2\n", bzipped(small->data, count));
+  write_nrrd("b.nrrd", "type: uchar\ndimension: 3\nsizes: 1000 1000 1000\nencoding: bzip2\n",
+             bzipped(small->data, count));
   open_bad("b.nrrd", TC_ERROR_FORMAT, "60 of 1000000000 bytes");
   write_nrrd("b.nrrd", "type: uchar\ndimension: 3\nsizes: 1000 1000 1000\nencoding: ascii\n", text_ramp(0, 1, count));
   open_bad("b.nrrd", TC_ERROR_FORMAT, "cut short");
@@ -392,9 +397,11 @@ static void every_prefix_is_refused(void **state) {
   static const char *const encodings[] = {"raw", "gzip", "bzip2"};
   for (size_t e = 0; e < G_N_ELEMENTS(encodings); e++) {
     GByteArray *raw = ramp(TC_ELEMENT_I16, 100, 1, count, false);
-    GByteArray *data = e == 1 ? deflated(raw->data, raw->len, true) : e == 2 ? bzipped(raw->data, raw->len) : g_byte_array_ref(raw);
-    char *header = g_strdup_printf("NRRD0004\ntype: short\ndimension: 3\nsizes: 3 4 5\nendian: little\nencoding: %s\n\n",
-                                   encodings[e]);
+    GByteArray *data = e == 1   ? deflated(raw->data, raw->len, true)
+                       : e == 2 ? bzipped(raw->data, raw->len)
+                                : g_byte_array_ref(raw);
+    char *header = g_strdup_printf(
+        "NRRD0004\ntype: short\ndimension: 3\nsizes: 3 4 5\nendian: little\nencoding: %s\n\n", encodings[e]);
     GByteArray *file = with_header(header, data);
     check_prefixes("prefix.nrrd", file);
     g_free(header);
