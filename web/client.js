@@ -12,6 +12,7 @@ const REFRESH_MS = 300;
  *   session({id, volume})     there is a session, new or found again
  *   connection(state)         see wire.js
  *   frame({header, bytes, roundTripMs?})  a frame is on the canvas
+ *   pending(count)           so many patches are on their way to a picture
  *   problem(Problem|Error, patch?)        the daemon refused something; the old scene stays
  *   beforeFlush()             last chance to edit the scene before this display frame's patch
  */
@@ -132,6 +133,7 @@ export class Client {
     this.#settled = false;
     this.#sent.set(this.#sequence, { at: performance.now(), patch });
     this.#wire.send({ type: 'patch', seq: this.#sequence, scene: patch });
+    this.#on.pending?.(this.#sent.size);
   }
 
   #ask(volume, scene) {
@@ -175,6 +177,7 @@ export class Client {
     this.#view.forget();
     const lost = [...this.#sent.values()].map(({ patch }) => patch).reduce((a, b) => (a ? joinPatches(a, b) : b), null);
     this.#sent.clear();
+    this.#on.pending?.(0);
     if (lost) this.#store.requeue(lost);
     if (this.#active) this.#wire.send({ type: 'pointer', phase: 'start' });
     this.#flush();
@@ -187,6 +190,7 @@ export class Client {
   #refused({ seq, problem }) {
     const patch = this.#sent.get(seq)?.patch;
     this.#sent.delete(seq);
+    this.#on.pending?.(this.#sent.size);
     this.#on.problem?.(new Problem(problem?.status ?? 400, problem ?? {}), patch);
     this.#refreshSoon(); // the daemon kept its old scene: so do we
   }
@@ -211,6 +215,7 @@ export class Client {
     const settled = header.final && this.#sent.size === 0;
     if (this.#settled || (settled && !this.#owned)) this.#refreshSoon();
     this.#settled = settled;
+    this.#on.pending?.(this.#sent.size);
     this.#on.frame?.({ header, bytes, roundTripMs: own ? now - own.at : undefined });
   }
 

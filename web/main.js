@@ -46,6 +46,7 @@ const client = new Client({
     session: showSession,
     connection: showConnection,
     frame: showFrame,
+    pending: (count) => (stage.dataset.pending = count),
     problem: refused,
     beforeFlush: applyMovement,
   },
@@ -108,6 +109,8 @@ let maxPixels = Number(localStorage.getItem('tomocast.maxPixels')) || DEFAULT_MA
 /* --- volumes ----------------------------------------------------------------------------------- */
 
 function showVolume(volume, box, histogram) {
+  view.clear(); // the old volume must never be seen under the new one's name
+  get('badge').hidden = true;
   const range = volume.range ?? [0, 1];
   look.setVolume(histogram, range, volume.modality ?? '');
   panels.setVolume(range);
@@ -121,8 +124,10 @@ function showVolume(volume, box, histogram) {
   showFurniture();
 }
 
+const unitOf = (volume) => (volume?.unit ? ` ${volume.unit}` : '');
+
 function showFacts(volume, box) {
-  const unit = volume.modality === 'CT' ? ' HU' : '';
+  const unit = unitOf(volume);
   const rows = {
     Name: volume.id,
     Modality: volume.modality,
@@ -142,6 +147,7 @@ function showFacts(volume, box) {
 
 function showSession({ id }) {
   stage.dataset.session = id;
+  stage.dataset.final = false;
 }
 
 function showConnection(state) {
@@ -184,11 +190,14 @@ function failed(error) {
 
 function askToken() {
   const dialog = get('token-dialog');
-  dialog.addEventListener('close', () => {
-    api.token = get('token').value;
-    start();
-  }, { once: true });
   if (!dialog.open) dialog.showModal();
+}
+
+function takeToken() {
+  api.token = get('token').value;
+  get('token').value = '';
+  get('token-dialog').close();
+  start();
 }
 
 function chooseMode(mode) {
@@ -287,7 +296,7 @@ function probeText(found) {
   if (!found?.position) return '';
   const [x, y, z] = found.position;
   const side = (value, plus, minus) => `${value >= 0 ? plus : minus} ${Math.abs(value).toFixed(1)}`;
-  const unit = opening.volume?.modality === 'CT' ? ' HU' : '';
+  const unit = unitOf(opening.volume);
   const value = (found.value ?? null) === null ? '' : `  \u00b7  ${Number(found.value.toPrecision(5))}${unit}`;
   return `${side(x, 'L', 'R')}  ${side(y, 'P', 'A')}  ${side(z, 'H', 'F')} mm${value}`;
 }
@@ -321,6 +330,8 @@ function bindControls() {
   for (const button of document.querySelectorAll('[data-close]')) {
     button.addEventListener('click', () => button.closest('dialog').close());
   }
+  get('token-use').addEventListener('click', takeToken);
+  get('token').addEventListener('keydown', ({ key }) => key === 'Enter' && takeToken());
   get('upload').addEventListener('change', () => {
     const files = [...get('upload').files];
     get('upload').value = '';

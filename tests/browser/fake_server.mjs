@@ -22,7 +22,7 @@ const RADIUS_MM = 40;
 
 const VOLUME = {
   state: 'resident', dims: [64, 64, 48], spacing: [1, 1, 1.5], origin: [-31.5, -31.5, -35], type: 'int16',
-  direction: [1, 0, 0, 0, 1, 0, 0, 0, 1], range: [-1000, 2000], bytes: 393216, modality: 'CT',
+  direction: [1, 0, 0, 0, 1, 0, 0, 0, 1], range: [-1000, 2000], bytes: 393216, modality: 'CT', unit: 'HU',
 };
 const RAMP = [
   { value: -200, color: [0, 0, 0], opacity: 0 },

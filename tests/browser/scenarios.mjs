@@ -87,13 +87,11 @@ async function knotAt(page, index) {
   return [box.x + box.width / 2, box.y + box.height / 2];
 }
 
-/** A knot whose opacity a drag can change visibly: the most opaque one in sight. */
+/** A knot whose opacity shows: the first one at least half as opaque as the most opaque. */
 async function strongKnot(page) {
-  return page.evaluate(() => {
-    const knots = [...document.querySelectorAll('.knot')];
-    const height = (knot) => knot.querySelector('.dot').getBoundingClientRect().y;
-    return knots.map((knot, i) => [knot.hasAttribute('hidden') ? Infinity : height(knot), i]).sort((a, b) => a[0] - b[0])[0][1];
-  });
+  const { points } = (await scene(page)).transferFunction;
+  const most = Math.max(...points.map(({ opacity }) => opacity));
+  return points.findIndex(({ opacity }) => opacity >= most / 2);
 }
 
 export async function transferFunctionDragChangesThePicture(browser, url) {

@@ -1,0 +1,130 @@
+// The page in a real browser against the real daemon (TC_BINARY).
+import assert from 'node:assert/strict';
+import { after, before, describe, test } from 'node:test';
+
+import { browserMissing, launch } from './chromium.mjs';
+import { daemonMissing, smallNrrd, startDaemon } from './daemon.mjs';
+import { difference, settled, spread, stageData } from './picture.mjs';
+import { EVERYWHERE, open, scene } from './scenarios.mjs';
+
+const skip = daemonMissing() || (await browserMissing());
+const VOLUMES = ['--volume', 'head=demo:head', '--volume', 'bucky=demo:bucky'];
+
+describe('page and daemon', { skip }, () => {
+  let browser;
+  let daemon;
+  let url;
+  before(async () => {
+    browser = await launch();
+    daemon = await startDaemon(VOLUMES);
+    url = `${daemon.url}#head`;
+  });
+  after(async () => {
+    await browser?.close();
+    await daemon?.stop();
+  });
+
+  for (const [name, scenario] of Object.entries(EVERYWHERE)) test(name, () => scenario(browser, url));
+
+  test('every mode either shows a picture or is declined in one quiet line', async () => {
+    const { page } = await open(browser, url);
+    const modes = await page.evaluate(() => [...document.getElementById('mode').options].map(({ value }) => value));
+    for (const mode of modes.filter((mode) => mode !== 'dvr')) {
+      await page.selectOption('#mode', 'dvr');
+      await settled(page);
+      await page.selectOption('#mode', mode);
+      const picture = await settled(page);
+      await page.waitForTimeout(200);
+      const declined = await page.isVisible('#mode-line');
+      assert.equal(await page.inputValue('#mode'), declined ? 'dvr' : mode, mode);
+      assert.ok(spread(picture) > 40, `${mode} shows something`);
+      assert.equal(await page.locator('.toast').count(), 0, mode);
+    }
+    assert.deepEqual(page.complaints, []);
+    await page.close();
+  });
+
+  test('presets of the daemon change the picture and their points reach the editor', async () => {
+    const { page, picture } = await open(browser, url);
+    const names = await page.evaluate(() => [...document.querySelectorAll('#preset option')].map((o) => o.value).filter(Boolean));
+    const now = await page.inputValue('#preset');
+    await page.selectOption('#preset', names.find((name) => name !== now));
+    assert.ok(difference(picture, await settled(page)) > 1);
+    const { session } = await stageData(page);
+    const served = await (await fetch(`${daemon.url}v1/sessions/${session}/scene`)).json();
+    const held = await scene(page);
+    assert.equal(held.transferFunction.preset, served.transferFunction.preset);
+    held.transferFunction.points.forEach((point, i) => {
+      assert.ok(Math.abs(point.value - served.transferFunction.points[i].value) < 1e-3);
+    });
+    await page.close();
+  });
+
+  test('volume switch, also to one that is not loaded yet', async () => {
+    const { page, picture } = await open(browser, url);
+    for (const id of ['bucky', 'vessels']) {
+      await page.click('#volume-open');
+      await page.click(`.volume-item[data-id="${id}"]`);
+      await page.waitForFunction((name) => location.hash === `#${name}`, id, { timeout: 60000 });
+      const shown = await settled(page);
+      assert.ok(difference(picture, shown) > 1 && spread(shown) > 40, id);
+      assert.equal(await page.textContent('#volume-name'), id);
+    }
+    assert.deepEqual(page.complaints, []);
+    await page.close();
+  });
+
+  test('upload, and a refused upload', async () => {
+    const { page } = await open(browser, url);
+    await page.setInputFiles('#upload', { name: 'ball.nrrd', mimeType: '', buffer: smallNrrd() });
+    await page.waitForFunction(() => location.hash === '#upload-1', null, { timeout: 60000 });
+    await settled(page);
+    assert.match(await page.textContent('#facts'), /32 × 32 × 32/);
+    await page.setInputFiles('#upload', { name: 'x.nrrd', mimeType: '', buffer: Buffer.from('NRRD0004\nnonsense\n\n') });
+    await page.waitForSelector('.toast.bad', { timeout: 60000 });
+    assert.equal(await page.textContent('#volume-name'), 'upload-1');
+    await page.close();
+  });
+
+  test('a click gives position and value from the daemon', async (t) => {
+    const { page } = await open(browser, url);
+    const { session } = await stageData(page);
+    const { status } = await fetch(`${daemon.url}v1/sessions/${session}/pick?x=10&y=10`);
+    if (status === 501) return t.skip('this daemon does not answer pick');
+    const box = await page.locator('#stage').boundingBox();
+    await page.mouse.click(box.x + box.width / 2, box.y + box.height / 2);
+    await page.waitForFunction(() => /[LR] \d.*[AP] \d.*[HF] \d.* mm.*\d/.test(document.getElementById('probe').textContent));
+    return page.close();
+  });
+
+  test('the daemon is killed and restarted: the page comes back with its own scene', async () => {
+    const { page } = await open(browser, url);
+    await page.keyboard.press('l');
+    await settled(page);
+    await daemon.kill();
+    await page.waitForSelector('#banner:not([hidden])');
+    await page.keyboard.press('ArrowUp'); // an edit while nobody listens
+    const held = (await scene(page)).camera;
+    daemon = await startDaemon(VOLUMES, daemon.port);
+    await page.waitForSelector('#stat-link[data-state="open"]', { timeout: 60000 });
+    assert.ok(spread(await settled(page)) > 40);
+    const { session } = await stageData(page);
+    const { camera } = await (await fetch(`${daemon.url}v1/sessions/${session}/scene`)).json();
+    camera.position.forEach((x, k) => assert.ok(Math.abs(x - held.position[k]) < 1e-6));
+    assert.equal(await page.textContent('#mark-right'), 'P');
+    assert.ok(await page.isHidden('#banner'));
+    assert.deepEqual(page.complaints, []);
+    await page.close();
+  });
+
+  test('a closed page leaves no session behind', async () => {
+    const list = async () => (await (await fetch(`${daemon.url}v1/sessions`)).json()).sessions.map(({ id }) => id);
+    const { page } = await open(browser, url);
+    const { session } = await stageData(page);
+    assert.ok((await list()).includes(session));
+    await page.goto('about:blank');
+    for (let i = 0; i < 50 && (await list()).includes(session); i++) await new Promise((resolve) => setTimeout(resolve, 100));
+    assert.equal((await list()).includes(session), false);
+    await page.close();
+  });
+});
