@@ -4,6 +4,7 @@
 // parent checks every byte of the answer (dicom_wire.h). Two passes: headers of all files give the list of series and the
 // geometry of the chosen one (dicom_stack.h); then the pictures are decoded in order, one at a time.
 // Tags that identify a patient are never asked for; messages hold counts and names of attributes, no values.
+#include <sched.h>
 #include <sys/prctl.h>
 #include <unistd.h>
 
@@ -13,14 +14,17 @@
 #include <cstdarg>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
 #include <cmath>
+#include <cstring>
+#include <exception>
+#include <functional>
 #include <map>
 #include <memory>
 #include <new>
 #include <set>
 #include <streambuf>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <gdcmImageApplyLookupTable.h>
@@ -37,7 +41,7 @@
 
 // GDCM allocates what an element's length announces before it reads a byte of it. One allocation may therefore not be
 // larger than the bytes at hand can justify; the cap is set for each file. Codecs in C use malloc and the process limit.
-static size_t allocation_cap = SIZE_MAX;
+static thread_local size_t allocation_cap = SIZE_MAX;
 
 [[gnu::noinline]] void *operator new(size_t size) {
   void *memory = size > allocation_cap ? nullptr : malloc(size ? size : 1);
@@ -54,8 +58,8 @@ extern "C" const char *__asan_default_options() { return "detect_leaks=0:allocat
 // Debian builds GDCM with its assertions on, and damaged files trip them. One bad file of a folder must not end the run, so
 // an assertion jumps out of GDCM (an exception cannot pass: its callers are compiled as if the call never returned). What
 // GDCM held is leaked, within the process limits.
-static jmp_buf assertion_exit;
-static bool assertion_armed = false;
+static thread_local jmp_buf assertion_exit;
+static thread_local bool assertion_armed = false;
 
 extern "C" void __assert_fail(const char *, const char *, unsigned, const char *) noexcept {
   if (assertion_armed) longjmp(assertion_exit, 1);
@@ -477,13 +481,19 @@ struct Frame {
   unsigned first_bit;
 };
 
+struct Uncap {
+  ~Uncap() { allocation_cap = SIZE_MAX; }
+};
+
 // Decodes frames of one file at a time; the last file stays open, so frames of a multi-frame file cost one read.
 class Decoder {
 public:
   explicit Decoder(const tc_dicom_sources &sources) : sources_(sources) {}
   ~Decoder() { close(); }
   Frame frame(const Picture &p, uint32_t number) {
+    Uncap uncap;
     if (open_ != &p) open(p);
+    allocation_cap = cap_;
     return p.native ? native_frame(p, number) : coded_frame(p, number);
   }
 
@@ -507,7 +517,7 @@ private:
     }
     uint64_t decoded = tc_dicom_frame_bytes(&p.samples) * p.frames;
     cap_allocations(blob_, 1);
-    allocation_cap = std::max<uint64_t>(allocation_cap, std::min<uint64_t>(decoded, 4096 * uint64_t{blob_.size}) + MiB);
+    cap_ = allocation_cap = std::max<uint64_t>(allocation_cap, std::min<uint64_t>(decoded, 4096 * uint64_t{blob_.size}) + MiB);
     if (p.native) open_native(p);
     else open_coded(p);
     open_ = &p;
@@ -633,6 +643,7 @@ private:
   const tc_dicom_sources &sources_;
   const Picture *open_ = nullptr;
   tc_dicom_blob blob_{};
+  size_t cap_ = SIZE_MAX; // allocations while this file is open
   std::unique_ptr<gdcm::ImageReader> reader_;
   std::unique_ptr<gdcm::Reader> plain_reader_;
   const uint8_t *bytes_ = nullptr;
@@ -780,7 +791,8 @@ std::vector<tc_dicom_slice> gather(const Series &series, Job &job) {
 }
 
 // 32-bit and wider integers: what they hold decides how they are kept (the storage rule of import.h).
-tc_voxel_type narrow_type(const Job &job, Decoder &decoder) {
+tc_voxel_type narrow_type(const Job &job, const Run &run) {
+  Decoder decoder(run.sources);
   double lo = INFINITY, hi = -INFINITY;
   for (size_t i = 0; i < job.stack.count; i++) {
     Frame f = decoder.frame(*job.at(i).picture, job.at(i).frame);
@@ -807,7 +819,7 @@ tc_voxel_type common_type(const Job &job) {
   return wide ? TC_F32 : wide_signed ? TC_I16 : TC_I8;
 }
 
-void choose_type(Job &job, Decoder &decoder) {
+void choose_type(Job &job, const Run &run) {
   tc_volume_desc &d = job.desc;
   const Scale &scale = job.at(0).scale;
   uint32_t label = 0;
@@ -830,7 +842,7 @@ void choose_type(Job &job, Decoder &decoder) {
   d.intercept = scale.intercept;
   const tc_dicom_samples &s = job.first().samples;
   if (d.type != TC_F32) return;
-  if (!s.is_float && s.stored > 16) d.type = narrow_type(job, decoder);
+  if (!s.is_float && s.stored > 16) d.type = narrow_type(job, run);
   if (!s.is_float || s.allocated == 64)
     tc_dicom_note(d.note, "%d-bit %s stored as %s", s.stored, s.is_float ? "floats" : "integers",
                   d.type == TC_F32 ? "f32" : "narrower integers");
@@ -859,37 +871,79 @@ void describe(Job &job, const Run &run) {
   if (run.unreadable) tc_dicom_note(d.note, "%zu unreadable files left out", run.unreadable);
 }
 
+size_t layer_bytes(const tc_volume_desc &d) {
+  size_t width = d.type == TC_F32 ? 4 : d.type == TC_U16 || d.type == TC_I16 ? 2 : 1;
+  return size_t(d.dims[0]) * size_t(d.dims[1]) * width;
+}
+
 void check_size(const Job &job, uint64_t most) {
-  uint64_t bytes = job.desc.type == TC_F32 ? 4 : job.desc.type == TC_U16 || job.desc.type == TC_I16 ? 2 : 1;
-  for (int n : job.desc.dims)
-    if (__builtin_mul_overflow(bytes, static_cast<uint64_t>(n), &bytes)) bytes = UINT64_MAX;
+  uint64_t bytes = uint64_t{layer_bytes(job.desc)} * static_cast<uint64_t>(job.desc.dims[2]); // below 2^34 * 2^18
   if (most && bytes > most)
     fail(TC_ERROR_LIMIT, "the series holds %llu bytes of voxels, more than the limit of %llu", (unsigned long long)bytes,
          (unsigned long long)most);
 }
 
-// Sends layer after layer; a layer no frame falls into is empty (segmentations only).
-void send_voxels(const Job &job, Decoder &decoder) {
-  size_t pixels = size_t(job.desc.dims[0]) * size_t(job.desc.dims[1]), item = 0;
-  size_t width = job.desc.type == TC_F32 ? 4 : job.desc.type == TC_U16 || job.desc.type == TC_I16 ? 2 : 1;
-  std::vector<uint8_t> layer(pixels * width);
-  for (int z = 0; z < job.desc.dims[2]; z++) {
-    std::fill(layer.begin(), layer.end(), 0);
-    for (; item < job.stack.count && job.stack.items[item].layer == static_cast<uint32_t>(z); item++) {
-      const Member &m = job.at(item);
-      tc_dicom_target target{};
-      target.type = job.desc.type;
-      target.rescale = job.rescale;
-      target.slope = m.scale.slope;
-      target.intercept = m.scale.intercept;
-      target.label = m.picture->slices[m.frame].segment;
-      target.threshold = m.picture->segment_threshold;
-      Frame f = decoder.frame(*m.picture, m.frame);
-      if (!tc_dicom_convert(&f.samples, f.bytes, f.size, f.first_bit, &target, layer.data()))
-        fail(TC_ERROR_FORMAT, "pixel data of slice %d of %d is cut", z + 1, job.desc.dims[2]);
+// Fills one layer from the items [from, to) of the stack; what no frame writes is empty (segmentations only).
+void make_layer(const Job &job, Decoder &decoder, size_t from, size_t to, uint8_t *layer) {
+  memset(layer, 0, layer_bytes(job.desc));
+  for (size_t item = from; item < to; item++) {
+    const Member &m = job.at(item);
+    tc_dicom_target target{};
+    target.type = job.desc.type;
+    target.rescale = job.rescale;
+    target.slope = m.scale.slope;
+    target.intercept = m.scale.intercept;
+    target.label = m.picture->slices[m.frame].segment;
+    target.threshold = m.picture->segment_threshold;
+    Frame f = decoder.frame(*m.picture, m.frame);
+    if (!tc_dicom_convert(&f.samples, f.bytes, f.size, f.first_bit, &target, layer))
+      fail(TC_ERROR_FORMAT, "pixel data of slice %u of %d is cut", job.stack.items[item].layer + 1, job.desc.dims[2]);
+  }
+}
+
+// One thread's share: a decoder of its own, a layer, and what went wrong.
+struct Worker {
+  explicit Worker(const Run &run, size_t bytes) : decoder(run.sources), layer(bytes) {}
+  Decoder decoder;
+  std::vector<uint8_t> layer;
+  std::exception_ptr trouble;
+  void run(const Job &job, size_t from, size_t to) {
+    trouble = nullptr;
+    try {
+      make_layer(job, decoder, from, to, layer.data());
+    } catch (...) {
+      trouble = std::current_exception();
     }
-    if (!tc_dicom_wire_send_voxels(TC_DICOM_OUTPUT_FD, layer.data(), layer.size())) _exit(1);
-    progress(0.2 + 0.8 * double(z + 1) / job.desc.dims[2]);
+  }
+};
+
+// Compressed slices in files of their own are worth several threads; bytes as they are come faster than they are sent.
+size_t count_workers(const Job &job) {
+  cpu_set_t cpus;
+  if (job.first().native || job.first().frames > 1 || sched_getaffinity(0, sizeof cpus, &cpus) != 0) return 1;
+  return std::min({size_t(CPU_COUNT(&cpus)), size_t(8), size_t(job.desc.dims[2])});
+}
+
+// Decodes and sends layer after layer, as many at a time as there are workers, in order.
+void send_voxels(const Run &run, const Job &job) {
+  std::vector<std::unique_ptr<Worker>> workers;
+  size_t layers = size_t(job.desc.dims[2]), count = count_workers(job), item = 0;
+  for (size_t i = 0; i < count; i++) workers.emplace_back(new Worker(run, layer_bytes(job.desc)));
+  for (size_t z = 0; z < layers; z += count) {
+    std::vector<std::thread> threads;
+    size_t batch = std::min(count, layers - z);
+    for (size_t i = 0; i < batch; i++) {
+      size_t from = item;
+      while (item < job.stack.count && job.stack.items[item].layer == z + i) item++;
+      if (count == 1) workers[i]->run(job, from, item);
+      else threads.emplace_back(&Worker::run, workers[i].get(), std::cref(job), from, item);
+    }
+    for (std::thread &t : threads) t.join();
+    for (size_t i = 0; i < batch; i++) {
+      if (workers[i]->trouble) std::rethrow_exception(workers[i]->trouble);
+      if (!tc_dicom_wire_send_voxels(TC_DICOM_OUTPUT_FD, workers[i]->layer.data(), workers[i]->layer.size())) _exit(1);
+      progress(0.2 + 0.8 * double(z + i + 1) / double(layers));
+    }
   }
 }
 
@@ -898,15 +952,14 @@ void load(const Run &run, const std::string &wanted, uint64_t most) {
   std::vector<Series> all = series_of(run);
   const Series &series = choose(all, wanted);
   Job job;
-  Decoder decoder(run.sources);
   std::vector<tc_dicom_slice> slices = gather(series, job);
   if (!tc_dicom_stack_make(slices.data(), slices.size(), &job.stack, &error)) fail_with(error);
   if (all.size() > 1 && wanted.empty()) tc_dicom_note(job.desc.note, "the largest of %zu series", all.size());
-  choose_type(job, decoder);
+  choose_type(job, run);
   describe(job, run);
   check_size(job, most);
   if (!tc_dicom_wire_send_head(TC_DICOM_OUTPUT_FD, &job.desc)) _exit(1);
-  send_voxels(job, decoder);
+  send_voxels(run, job);
 }
 
 int run_mode(const std::string &mode, const std::string &wanted, uint64_t most, uint64_t address, uint64_t cpu) {
