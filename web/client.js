@@ -192,7 +192,7 @@ export class Client {
     this.#sent.delete(seq);
     this.#on.pending?.(this.#sent.size);
     this.#on.problem?.(new Problem(problem?.status ?? 400, problem ?? {}), patch);
-    this.#refreshSoon(); // the daemon kept its old scene: so do we
+    this.#refreshSoon(0); // the daemon kept its old scene: so do we
   }
 
   #bytes(bytes) {
@@ -223,16 +223,20 @@ export class Client {
     this.#wire?.send({ type: 'ack', frame });
   }
 
-  #refreshSoon() {
+  #refreshSoon(ms = REFRESH_MS) {
     clearTimeout(this.#refreshTimer);
-    this.#refreshTimer = setTimeout(() => this.#refresh().catch(() => {}), REFRESH_MS);
+    this.#refreshTimer = setTimeout(() => this.#refresh().catch(() => {}), ms);
   }
 
   // Edits still on their way stay on top, so a refresh never pulls a slider back under the user's finger.
   async #refresh() {
     const session = this.#session;
     const scene = await this.#api.json('GET', `v1/sessions/${encodeURIComponent(session)}/scene`);
-    if (session !== this.#session || this.#active) return;
+    if (session !== this.#session) return;
+    if (this.#active) {
+      this.#refreshSoon(); // not under a moving finger
+      return;
+    }
     this.#store.replace(scene, [...this.#sent.values()].map(({ patch }) => patch));
   }
 }

@@ -103,7 +103,6 @@ const sceneDialog = new SceneDialog(get, {
   toast: (text) => notices.toast(text),
 });
 
-let lastGoodMode = 'dvr';
 let maxPixels = Number(localStorage.getItem('tomocast.maxPixels')) || DEFAULT_MAX_PIXELS;
 
 /* --- volumes ----------------------------------------------------------------------------------- */
@@ -161,19 +160,16 @@ function showFrame(drawn) {
   stage.dataset.seq = drawn.header.seq;
   stage.dataset.final = drawn.header.final;
   get('empty').hidden = true;
-  if (drawn.header.final && store.scene) lastGoodMode = store.scene.mode;
 }
 
-/** The daemon refused a patch. What it does not offer is said once and quietly, and no longer offered. */
+/** The daemon refused a patch. What it does not offer is said once and quietly, and not offered again. */
 function refused(error, patch) {
-  if (error.status === 501 && patch?.mode) {
-    const option = get('mode').querySelector(`option[value="${patch.mode}"]`);
-    if (option) option.disabled = true;
-    notices.line(error.message);
-    if (store.scene.mode === patch.mode) store.patch({ mode: lastGoodMode });
+  if (error.status !== 501 || !patch) {
+    notices.problem(error);
     return;
   }
-  notices.problem(error);
+  panels.withdraw(patch);
+  notices.line(error.message);
 }
 
 function failed(error) {
@@ -271,6 +267,7 @@ function showFurniture() {
   get('fov-field').hidden = scene.camera.projection !== 'perspective';
   const background = Array.isArray(scene.image?.background) ? scene.image.background : [0, 0, 0];
   get('background').value = background.map((c) => Number(c.toFixed(2))).join(',');
+  stage.classList.toggle('light', background[0] + background[1] + background[2] > 1.8); // dark marks on a light ground
   get('meter').checked = (scene.errorMeter?.pixels ?? 0) > 0;
 }
 
@@ -361,6 +358,7 @@ function bindWindow() {
     timer = setTimeout(resize, RESIZE_REST_MS);
     showFurniture();
   }).observe(stage);
+  window.addEventListener('online', () => client.retryNow());
   window.addEventListener('hashchange', () => {
     const id = decodeURIComponent(location.hash.slice(1));
     if (id && id !== opening.volume?.id) opening.open(id);

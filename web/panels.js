@@ -69,6 +69,15 @@ export class Panels {
     this.update();
   }
 
+  /** What the daemon does not offer: choices that a refused patch made are not offered again. */
+  withdraw(patch) {
+    for (const menu of this.#root.querySelectorAll('select[data-path]')) {
+      const value = valueAt(patch, menu.dataset.path);
+      const option = [...menu.options].find((candidate) => value !== undefined && candidate.value === String(value));
+      if (option) option.disabled = true;
+    }
+  }
+
   update() {
     const { scene } = this.#store;
     if (!scene) return;

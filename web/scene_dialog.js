@@ -35,7 +35,7 @@ export class SceneDialog {
       await this.#on.load(scene);
       this.#get('scene-dialog').close();
     } catch (error) {
-      this.#problem(error.pointer ? `${error.pointer}: ${error.message}` : error.message);
+      this.#problem(error.message);
     }
   }
 

@@ -145,7 +145,7 @@ describe('page and fake server', { skip }, () => {
     await page.selectOption('#mode', 'mesh');
     await page.waitForSelector('#mode-line:not([hidden])');
     assert.equal(await page.textContent('#mode-line'), 'mesh is not built in');
-    assert.equal(await page.inputValue('#mode'), 'dvr');
+    await page.waitForFunction(() => document.getElementById('mode').value === 'dvr');
     assert.ok(await page.isDisabled('#mode option[value="mesh"]'));
     assert.equal(await page.locator('.toast').count(), 0);
     await page.selectOption('#mode', 'mip');
@@ -259,6 +259,36 @@ describe('page and fake server', { skip }, () => {
     await settled(page);
     assert.equal(await page.textContent('#badge'), 'LOSSLESS');
     assert.match(await page.textContent('.disclaimer'), /not for diagnostic use/i);
+    await page.close();
+  });
+
+  test('every control has a name, and nothing sticks out of any window', async () => {
+    const { page } = await open(browser, url);
+    const nameless = await page.evaluate(() => [...document.querySelectorAll('button, input, select, textarea, [role="slider"]')]
+      .filter((e) => !(e.getAttribute('aria-label') || e.labels?.length || e.textContent.trim() || e.ariaHidden === 'true'))
+      .map((e) => e.outerHTML));
+    assert.deepEqual(nameless, []);
+    for (const [width, height] of [[1920, 1080], [1366, 768], [1180, 820], [1024, 768], [820, 1180], [768, 1024], [390, 844]]) {
+      await page.setViewportSize({ width, height });
+      await page.waitForTimeout(50);
+      const out = await page.evaluate(() => [...document.querySelectorAll('.bar *, #panel *:not(option, svg *), #stage, #stage .corner')]
+        .filter((e) => e.getClientRects().length && !e.classList.contains('unseen'))
+        .filter((e) => e.getBoundingClientRect().right > innerWidth + 1 || e.getBoundingClientRect().left < -1)
+        .map((e) => e.id || e.className || e.tagName));
+      assert.deepEqual(out, [], `${width}x${height}`);
+      const stage = await stageBox(page);
+      assert.ok(stage.width * stage.height > 0.33 * width * height, `the picture has its share of ${width}x${height}`);
+    }
+    await page.close();
+  });
+
+  test('everything comes from the one server', async () => {
+    const page = await browser.page();
+    const hosts = new Set();
+    page.on('request', (request) => request.url().startsWith('http') && hosts.add(new URL(request.url()).host));
+    await page.goto(url);
+    await settled(page);
+    assert.deepEqual([...hosts], [new URL(url).host]);
     await page.close();
   });
 
