@@ -252,7 +252,7 @@ static bool fill(loader *l, tc_volume *volume, GError **error) {
     at += n;
     if (!tick(l, n, error)) return false;
   }
-  return r->frames > 1 || planar(r) || tc_source_finish(l->planes[0], error);
+  return tc_source_finish(l->planes[l->n_planes - 1], error);
 }
 
 /* The first pass over wide integers: how narrow may they be kept? */

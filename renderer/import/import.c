@@ -127,6 +127,14 @@ out:
   return volume;
 }
 
+/* The base name for a message: one line, whatever the file is called. */
+static char *shown_name(const char *path) {
+  char *name = g_path_get_basename(path);
+  for (char *at = name; *at; at++)
+    if (g_ascii_iscntrl(*at)) *at = '?';
+  return name;
+}
+
 tc_volume *tc_import(const char *path, const tc_import_options *options, GError **error) {
   if (g_str_has_prefix(path, "demo:")) return tc_volume_demo(path + 5, error);
   target t = {0};
@@ -137,7 +145,7 @@ tc_volume *tc_import(const char *path, const tc_import_options *options, GError 
     target_clear(&t);
   }
   if (volume) return volume;
-  char *name = g_path_get_basename(path);
+  char *name = shown_name(path);
   g_propagate_prefixed_error(error, trouble, "open %s: ", name);
   g_free(name);
   return NULL;
@@ -167,7 +175,7 @@ bool tc_import_list(const char *path, const tc_import_options *options, tc_serie
   if (ok && (t.folder || dicom)) ok = tc_import_dicom_list(t.path, options, series, count, &trouble);
   target_clear(&t);
   if (ok) return true;
-  char *name = g_path_get_basename(path);
+  char *name = shown_name(path);
   g_propagate_prefixed_error(error, trouble, "open %s: ", name);
   g_free(name);
   return false;

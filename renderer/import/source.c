@@ -137,6 +137,7 @@ struct tc_source {
   const tc_input *input;
   tc_decoder *decoder; /* of the open part, or NULL */
   uint64_t left;       /* decoded bytes still wanted of it */
+  uint64_t lead;       /* decoded bytes before the voxels in it */
 };
 
 tc_source *tc_source_new(const tc_data *data) {
@@ -198,6 +199,7 @@ static bool open_next(tc_source *source, GError **error) {
     return false;
   }
   source->left = data->part_bytes;
+  source->lead = lead;
   return true;
 }
 
@@ -230,9 +232,24 @@ bool tc_source_read(tc_source *source, void *to, size_t n, GError **error) { ret
 
 bool tc_source_skip(tc_source *source, uint64_t n, GError **error) { return advance(source, NULL, n, error); }
 
+/* A gzip file ends with its decoded size: where that is the size wanted, the file was not cut. */
+static bool ends_with_size(const tc_source *source) {
+  const tc_input *input = source->input;
+  uint32_t wanted = (uint32_t)(source->lead + source->data->part_bytes);
+  uint8_t tail[4];
+  if (input->size < 18 || !tc_input_read(input, input->size - 4, tail, sizeof tail, NULL)) return false;
+  tc_reader r;
+  tc_reader_init(&r, tail, sizeof tail, false);
+  return tc_reader_u32(&r) == wanted;
+}
+
 bool tc_source_finish(tc_source *source, GError **error) {
-  if (!source->decoder || source->left > 0) return true;
-  if (source->data->encoding != TC_ENCODING_DEFLATE && source->data->encoding != TC_ENCODING_BZIP2) return true;
+  tc_encoding encoding = source->data->encoding;
+  if (!source->decoder || (encoding != TC_ENCODING_DEFLATE && encoding != TC_ENCODING_BZIP2)) return true;
+  if (source->left > 0) {
+    if (encoding == TC_ENCODING_BZIP2 || ends_with_size(source)) return true; /* bzip2 was decoded whole before */
+    if (!tc_source_skip(source, source->left, error)) return false;
+  }
   uint64_t behind;
   if (!tc_decoder_skip(source->decoder, TRAILER_REACH, &behind, error)) return false;
   if (tc_decoder_cut(source->decoder)) {

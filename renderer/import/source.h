@@ -91,7 +91,8 @@ void tc_source_free(tc_source *source); /* NULL is fine */
 bool tc_source_read(tc_source *source, void *to, size_t n, GError **error);
 bool tc_source_skip(tc_source *source, uint64_t n, GError **error);
 
-/* After the last byte was read: checks the trailer of compressed data where it is near. */
+/* After the last byte of use was read: is the part that was read last complete? Checks the trailer of compressed data;
+ * frames that nobody read are decoded only where the file's own note of its size does not speak for them. */
 bool tc_source_finish(tc_source *source, GError **error);
 
 #endif

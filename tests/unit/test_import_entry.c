@@ -36,6 +36,8 @@ static void what_is_no_volume(void **state) {
   open_bad("empty.nii", TC_ERROR_FORMAT, "empty");
   write_text("story.txt", "It was a dark and stormy night.");
   open_bad("story.txt", TC_ERROR_FORMAT, "unknown kind of file");
+  write_text("two\nlines", "It was a dark and stormy night.");
+  open_bad("two\nlines", TC_ERROR_FORMAT, "open two?lines: unknown kind of file");
   write_text("story.nii", "It was a dark and stormy night.");
   open_bad("story.nii", TC_ERROR_FORMAT, "no NIfTI header");
   GByteArray *zip = deflated("It was", 6, true);
