@@ -432,8 +432,9 @@ void cap_allocations(const tc_dicom_blob &blob, uint64_t factor) {
 
 [[noreturn]] void fail_header(const gdcm::FileMetaInformation &header) {
   std::string syntax = plain(text_of(header, Tag(0x0002, 0x0010)), 64);
+  bool standard = syntax.compare(0, 14, "1.2.840.10008.") == 0 && syntax.find_first_not_of("0123456789.") == std::string::npos;
   if (!syntax.empty() && gdcm::TransferSyntax::GetTSType(syntax.c_str()) == gdcm::TransferSyntax::TS_END)
-    fail(TC_ERROR_UNSUPPORTED, "transfer syntax %s is not read", syntax.c_str());
+    fail(TC_ERROR_UNSUPPORTED, "transfer syntax %s is not read", standard ? syntax.c_str() : "of its own kind");
   fail(TC_ERROR_FORMAT, "the DICOM header is damaged or cut");
 }
 

@@ -2,10 +2,14 @@
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
+#include <fcntl.h>
+#include <signal.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -424,6 +428,47 @@ static void progress_and_cancel(void **state) {
   g_free(folder);
 }
 
+/* A field of /proc/PID/status as a number; -1 when it is not there. */
+static int status_field(pid_t pid, const char *field) {
+  char path[64], *text = NULL;
+  int value = -1;
+  snprintf(path, sizeof path, "/proc/%d/status", (int)pid);
+  const char *at = g_file_get_contents(path, &text, NULL, NULL) ? strstr(text, field) : NULL;
+  if (at) value = atoi(at + strlen(field));
+  g_free(text);
+  return value;
+}
+
+/* Started by hand with a pipe nobody reads, the helper stands still in the middle of its answer: locked in. */
+static void the_helper_is_confined(void **state) {
+  static int16_t pixels[256 * 256];
+  char *folder, *path;
+  dicom_spec s;
+  int ends[2];
+  dicom_spec_init(&s, 256, 256, pixels, sizeof pixels); /* more than a pipe holds */
+  path = one_file(&folder, &s);
+  assert_int_equal(pipe(ends), 0);
+  int input = open(path, O_RDONLY);
+  assert_true(input >= 0);
+  pid_t pid = fork();
+  if (pid == 0) {
+    if (dup2(input, 20) < 0 || dup2(ends[1], 21) < 0 || dup2(20, 3) < 0 || dup2(21, 4) < 0) _exit(99);
+    execl(helper, helper, "load", "", "0", "8589934592", "60", (char *)NULL);
+    _exit(99);
+  }
+  assert_true(pid > 0);
+  for (int wait = 0; wait < 500 && status_field(pid, "\nSeccomp:") != 2; wait++) g_usleep(20000);
+  int seccomp = status_field(pid, "\nSeccomp:"), privileges = status_field(pid, "\nNoNewPrivs:");
+  kill(pid, SIGKILL);
+  waitpid(pid, NULL, 0);
+  close(ends[0]);
+  close(ends[1]);
+  close(input);
+  assert_int_equal(seccomp, 2); /* a filter */
+  assert_int_equal(privileges, 1);
+  drop(folder, path);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(a_shuffled_folder),
@@ -441,6 +486,7 @@ int main(void) {
       cmocka_unit_test(not_there_and_not_ours),
       cmocka_unit_test(limits_and_helpers),
       cmocka_unit_test(progress_and_cancel),
+      cmocka_unit_test(the_helper_is_confined),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
