@@ -253,12 +253,10 @@ test('a peer that asks and never reads is not read from either', async () => {
   const ping = frameBytes(JSON.stringify({ type: 'ping', t: 1 }));
   const burst = Buffer.concat(Array.from({ length: 2000 }, () => ping));
   for (let i = 0; i < 50; i++) ws.write(burst);
-  await sleep(500);
-  const before = await d.metric('ws_messages_total');
-  await sleep(300);
-  const reply = await d.get('/healthz');
-  assert.equal(reply.status, 200);
-  assert.equal(await d.metric('ws_messages_total'), before, 'reading has stopped');
+  let read = -1;
+  for (let last = -2; read !== last; await sleep(500)) [last, read] = [read, await d.metric('ws_messages_total')];
+  assert.ok(read < 90000, `${read} of 100000 messages were read`);
+  assert.equal((await d.get('/healthz')).status, 200);
   ws.cut();
 });
 

@@ -1,0 +1,236 @@
+/* WebSocket framing over a pipe in memory, and the way of tasks between threads. */
+#include <errno.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "server/schedule/worker.h"
+#include "server/ws/channel.h"
+
+typedef struct pipe_end {
+  GByteArray *in, *out;
+  size_t read, room; /* room: bytes that may still be sent */
+  bool closed;
+  GString *texts; /* messages, each followed by '|' */
+} pipe_end;
+
+static ssize_t on_receive(void *user, uint8_t *bytes, size_t size) {
+  pipe_end *end = user;
+  const size_t count = MIN(size, end->in->len - end->read);
+  if (count == 0 && end->closed) return 0;
+  if (count == 0) {
+    errno = EAGAIN;
+    return -1;
+  }
+  memcpy(bytes, end->in->data + end->read, count);
+  end->read += count;
+  return (ssize_t)count;
+}
+
+static ssize_t on_send(void *user, const uint8_t *bytes, size_t size, bool more) {
+  pipe_end *end = user;
+  const size_t count = MIN(size, end->room);
+  if (count == 0) {
+    errno = EAGAIN;
+    return -1;
+  }
+  g_byte_array_append(end->out, bytes, (guint)count);
+  end->room -= count;
+  return (ssize_t)count;
+}
+
+static void on_text(void *user, const char *bytes, size_t size) {
+  pipe_end *end = user;
+  g_string_append_len(end->texts, bytes, (gssize)size);
+  g_string_append_c(end->texts, '|');
+}
+
+static tcs_channel *open_channel(pipe_end *end) {
+  static const tcs_channel_callbacks callbacks = {on_receive, on_send, on_text};
+  *end = (pipe_end){g_byte_array_new(), g_byte_array_new(), 0, SIZE_MAX, false, g_string_new(NULL)};
+  return tcs_channel_new(&callbacks, end);
+}
+
+static void close_channel(tcs_channel *channel, pipe_end *end) {
+  tcs_channel_free(channel);
+  g_byte_array_unref(end->in);
+  g_byte_array_unref(end->out);
+  g_string_free(end->texts, TRUE);
+}
+
+/* A masked frame with the key 0, so that the payload reads as it is. */
+static void put(pipe_end *end, uint8_t first, const char *payload) {
+  const uint8_t head[6] = {first, (uint8_t)(0x80 | strlen(payload))};
+  g_byte_array_append(end->in, head, sizeof head);
+  g_byte_array_append(end->in, (const guint8 *)payload, (guint)strlen(payload));
+}
+
+static void test_messages_arrive_whole(void **state) {
+  pipe_end end;
+  tcs_channel *channel = open_channel(&end);
+  put(&end, 0x81, "one");
+  put(&end, 0x01, "tw");
+  put(&end, 0x89, "ping");
+  put(&end, 0x80, "o");
+  assert_true(tcs_channel_read(channel));
+  assert_string_equal(end.texts->str, "one|two|");
+  assert_true(tcs_channel_write(channel));
+  assert_int_equal(end.out->len, 6);
+  assert_memory_equal(end.out->data, "\x8a\x04ping", 6);
+  close_channel(channel, &end);
+}
+
+static void test_sent_messages_have_two_parts(void **state) {
+  pipe_end end;
+  tcs_channel *channel = open_channel(&end);
+  assert_true(tcs_channel_send_binary(channel, "head", 4, "body", 4));
+  assert_true(tcs_channel_send_text(channel, "t"));
+  end.room = 3; /* the pipe fills in the middle */
+  assert_true(tcs_channel_write(channel));
+  assert_true(tcs_channel_wants_write(channel));
+  end.room = SIZE_MAX;
+  assert_true(tcs_channel_write(channel));
+  assert_false(tcs_channel_wants_write(channel));
+  assert_int_equal(end.out->len, 13);
+  assert_memory_equal(end.out->data, "\x82\x08headbody\x81\x01t", 13);
+  close_channel(channel, &end);
+}
+
+static void test_a_flood_of_pings_makes_no_queue(void **state) {
+  pipe_end end;
+  tcs_channel *channel = open_channel(&end);
+  end.room = 0;
+  for (int i = 0; i < 100000; i++) put(&end, 0x89, "");
+  for (int i = 0; i < 100; i++) assert_true(tcs_channel_read(channel));
+  /* What was in one read of the framing may all be answered, and no more. */
+  assert_true(tcs_channel_queued(channel) < 1000);
+  assert_true(end.read <= 8192);
+  assert_false(tcs_channel_wants_read(channel));
+  end.room = SIZE_MAX;
+  assert_true(tcs_channel_write(channel));
+  assert_true(tcs_channel_wants_read(channel));
+  close_channel(channel, &end);
+}
+
+static void test_one_turn_reads_a_bounded_amount(void **state) {
+  pipe_end end;
+  tcs_channel *channel = open_channel(&end);
+  for (int i = 0; i < 20000; i++) put(&end, 0x81, "12345678");
+  assert_true(tcs_channel_read(channel));
+  assert_true(end.read <= 65536);
+  assert_true(end.texts->len > 0);
+  close_channel(channel, &end);
+}
+
+static void expect_close(const uint8_t *bytes, size_t size, uint16_t code) {
+  pipe_end end;
+  tcs_channel *channel = open_channel(&end);
+  g_byte_array_append(end.in, bytes, (guint)size);
+  if (tcs_channel_read(channel)) tcs_channel_write(channel);
+  if (end.out->len < 4) fail_msg("no close frame with a reason after %02x %02x", bytes[0], bytes[1]);
+  assert_int_equal(end.out->data[0], 0x88);
+  assert_int_equal(end.out->data[2] << 8 | end.out->data[3], code);
+  assert_int_equal(end.texts->len, 0);
+  close_channel(channel, &end);
+}
+
+static void test_broken_frames_are_told_why(void **state) {
+  expect_close((const uint8_t *)"\x81\x01x", 3, 1002);                            /* not masked */
+  expect_close((const uint8_t *)"\xc1\x81\0\0\0\0x", 7, 1002);                    /* a reserved bit */
+  expect_close((const uint8_t *)"\x09\x80\0\0\0\0", 6, 1002);                     /* a fragmented ping */
+  expect_close((const uint8_t *)"\x82\x81\0\0\0\0x", 7, 1003);                    /* binary */
+  expect_close((const uint8_t *)"\x81\x81\0\0\0\0\xff", 7, 1007);                 /* not UTF-8 */
+  expect_close((const uint8_t *)"\x81\xff\0\0\0\0\0\1\0\1\0\0\0\0x", 15, 1009);   /* 65537 bytes */
+  expect_close((const uint8_t *)"\x81\xff\x7f\xff\xff\xff\xff\xff\xff\xff\0\0\0\0x", 15, 1009);
+}
+
+static void test_closing_shakes_hands(void **state) {
+  pipe_end end;
+  tcs_channel *channel = open_channel(&end);
+  tcs_channel_close(channel, 1001, "bye");
+  assert_true(tcs_channel_closing(channel));
+  assert_false(tcs_channel_send_text(channel, "late"));
+  assert_true(tcs_channel_write(channel));
+  assert_memory_equal(end.out->data, "\x88\x05\x03\xe9" "bye", 7);
+  assert_false(tcs_channel_done(channel));
+  put(&end, 0x88, "\x03\xe9");
+  assert_true(tcs_channel_read(channel));
+  assert_true(tcs_channel_done(channel));
+  close_channel(channel, &end);
+}
+
+static void test_the_end_of_the_pipe_is_noticed(void **state) {
+  pipe_end end;
+  tcs_channel *channel = open_channel(&end);
+  end.closed = true;
+  assert_false(tcs_channel_read(channel));
+  assert_int_equal(end.out->len, 0);
+  close_channel(channel, &end);
+}
+
+/* --- tasks ------------------------------------------------------------------------------------------ */
+
+typedef struct counted { tcs_task task; int number; GArray *order; } counted;
+
+static void run_counted(tcs_task *task) { ((counted *)task)->number *= 2; }
+
+static void done_counted(tcs_task *task) {
+  counted *c = (counted *)task;
+  g_array_append_val(c->order, c->number);
+}
+
+static void test_tasks_come_back_in_order(void **state) {
+  enum { N = 500 };
+  tcs_completions completions;
+  assert_true(tcs_completions_init(&completions, NULL));
+  tcs_worker *worker = tcs_worker_new("unit", 1, &completions, NULL);
+  GArray *order = g_array_new(FALSE, FALSE, sizeof(int));
+  counted tasks[N];
+  for (int i = 0; i < N; i++) {
+    tasks[i] = (counted){{run_counted, done_counted, NULL}, i, order};
+    tcs_worker_submit(worker, &tasks[i].task);
+  }
+  tcs_worker_free(worker); /* finishes what is queued */
+  tcs_completions_drain(&completions);
+  assert_int_equal(order->len, N);
+  for (int i = 0; i < N; i++) assert_int_equal(g_array_index(order, int, i), 2 * i);
+  g_array_unref(order);
+  tcs_completions_finish(&completions);
+}
+
+static void test_several_threads_share_a_queue(void **state) {
+  enum { N = 500 };
+  tcs_completions completions;
+  assert_true(tcs_completions_init(&completions, NULL));
+  tcs_worker *worker = tcs_worker_new("unit", 4, &completions, NULL);
+  GArray *order = g_array_new(FALSE, FALSE, sizeof(int));
+  counted tasks[N];
+  for (int i = 0; i < N; i++) {
+    tasks[i] = (counted){{run_counted, done_counted, NULL}, 1, order};
+    tcs_worker_submit(worker, &tasks[i].task);
+  }
+  while (order->len < N) tcs_completions_drain(&completions);
+  for (int i = 0; i < N; i++) assert_int_equal(g_array_index(order, int, i), 2); /* each ran once */
+  tcs_worker_free(worker);
+  g_array_unref(order);
+  tcs_completions_finish(&completions);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_messages_arrive_whole),
+      cmocka_unit_test(test_sent_messages_have_two_parts),
+      cmocka_unit_test(test_a_flood_of_pings_makes_no_queue),
+      cmocka_unit_test(test_one_turn_reads_a_bounded_amount),
+      cmocka_unit_test(test_broken_frames_are_told_why),
+      cmocka_unit_test(test_closing_shakes_hands),
+      cmocka_unit_test(test_the_end_of_the_pipe_is_noticed),
+      cmocka_unit_test(test_tasks_come_back_in_order),
+      cmocka_unit_test(test_several_threads_share_a_queue),
+  };
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}

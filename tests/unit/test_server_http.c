@@ -1,0 +1,235 @@
+/* Routes, the WebSocket handshake, metrics, configuration, paths: what of the HTTP side needs no socket. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "server/catalogue/beneath.h"
+#include "server/cli/config.h"
+#include "server/http/http.h"
+#include "server/observe/metrics.h"
+#include "server/ws/handshake.h"
+
+static void handler(tcs_request *request) {}
+
+static const tcs_route table[] = {
+    {"GET", "/", handler, TCS_COST_LOOKUP, TCS_BODY_NONE},
+    {"GET", "/a/{id}", handler, TCS_COST_LOOKUP, TCS_BODY_NONE},
+    {"DELETE", "/a/{id}", handler, TCS_COST_LOOKUP, TCS_BODY_NONE},
+    {"PUT", "/a/{id}/b/{other}", handler, TCS_COST_LOOKUP, TCS_BODY_NONE},
+    {"GET", "/{file}", handler, TCS_COST_LOOKUP, TCS_BODY_NONE},
+    {0},
+};
+
+static void test_route_finds_and_extracts(void **state) {
+  tcs_match match;
+  tcs_route_match(table, "GET", "/a/x.y-z", &match);
+  assert_ptr_equal(match.route, &table[1]);
+  assert_string_equal(match.params[0], "x.y-z");
+  tcs_route_match(table, "HEAD", "/", &match);
+  assert_ptr_equal(match.route, &table[0]);
+  tcs_route_match(table, "PUT", "/a/1/b/2", &match);
+  assert_ptr_equal(match.route, &table[3]);
+  assert_string_equal(match.params[0], "1");
+  assert_string_equal(match.params[1], "2");
+}
+
+static void test_route_tells_404_from_405(void **state) {
+  tcs_match match;
+  tcs_route_match(table, "POST", "/a/x", &match);
+  assert_null(match.route);
+  assert_true(match.path_known);
+  assert_string_equal(match.allow, "GET, HEAD, DELETE");
+  const char *const unknown[] = {"", "a", "/a/", "/a/x/", "/a//b", "/a/x/b", "/a/1/b/2/", "//", "/a/x/c/y"};
+  for (size_t i = 0; i < G_N_ELEMENTS(unknown); i++) {
+    tcs_route_match(table, "GET", unknown[i], &match);
+    assert_null(match.route);
+    assert_false(match.path_known);
+  }
+}
+
+static void test_route_refuses_overlong_params(void **state) {
+  tcs_match match;
+  char path[400] = "/a/";
+  memset(path + 3, 'x', TCS_PARAM_SIZE - 1);
+  tcs_route_match(table, "GET", path, &match);
+  assert_non_null(match.route);
+  path[3 + TCS_PARAM_SIZE - 1] = 'x';
+  tcs_route_match(table, "GET", path, &match);
+  assert_null(match.route);
+}
+
+static void test_every_route_of_the_daemon_is_reachable(void **state) {
+  for (const tcs_route *route = tcs_routes; route->method; route++) {
+    tcs_match match;
+    tcs_route_match(tcs_routes, route->method, route->pattern, &match); /* "{id}" is a segment as good as any */
+    assert_ptr_equal(match.route, route);
+  }
+}
+
+static void test_token_lists(void **state) {
+  assert_true(tcs_token_in("keep-alive, Upgrade", "upgrade", true));
+  assert_true(tcs_token_in("a ,\tb,c", "b", false));
+  assert_false(tcs_token_in("a, bc", "b", false));
+  assert_false(tcs_token_in("B", "b", false));
+  assert_false(tcs_token_in("", "b", false));
+  assert_false(tcs_token_in(NULL, "b", false));
+  assert_false(tcs_token_in(",,, ,", "b", false));
+  assert_true(tcs_etag_listed("\"1\", \"2\"", "\"2\""));
+  assert_true(tcs_etag_listed("*", "\"2\""));
+  assert_false(tcs_etag_listed("W/\"2\"", "\"2\"")); /* weak tags never match strongly */
+  assert_false(tcs_etag_listed(NULL, "\"2\""));
+}
+
+static void test_websocket_handshake(void **state) {
+  char *accept = tcs_websocket_accept("dGhlIHNhbXBsZSBub25jZQ=="); /* RFC 6455, section 1.3 */
+  assert_string_equal(accept, "s3pPLMBiTxaQ9kYGzzhZRbK+xOo=");
+  g_free(accept);
+  assert_true(tcs_websocket_key_valid("dGhlIHNhbXBsZSBub25jZQ=="));
+  assert_false(tcs_websocket_key_valid(""));
+  assert_false(tcs_websocket_key_valid("dGhlIHNhbXBsZSBub25jZQ="));
+  assert_false(tcs_websocket_key_valid("dGhlIHNhbXBsZSBub25jZQ=a"));
+  assert_false(tcs_websocket_key_valid("dGhl HNhbXBsZSBub25jZQ=="));
+}
+
+static void test_origins(void **state) {
+  assert_true(tcs_origin_allowed(NULL, "h:1"));
+  assert_true(tcs_origin_allowed("http://h:1", "h:1"));
+  assert_true(tcs_origin_allowed("https://H:1", "h:1"));
+  assert_false(tcs_origin_allowed("http://h:2", "h:1"));
+  assert_false(tcs_origin_allowed("http://evil.h:1", "h:1"));
+  assert_false(tcs_origin_allowed("null", "h:1"));
+  assert_false(tcs_origin_allowed("http://h:1", NULL));
+}
+
+static void test_histogram_buckets(void **state) {
+  tcs_metrics metrics;
+  tcs_gauges gauges = {.sessions = 3};
+  tcs_metrics_init(&metrics);
+  tcs_histogram_add(&metrics.render, 0.0005); /* a bound belongs to its bucket */
+  tcs_histogram_add(&metrics.render, 0.004);
+  tcs_histogram_add(&metrics.render, 99);
+  tcs_metrics_request(&metrics, "GET", "/x/{id}", 200, 0.1);
+  tcs_metrics_request(&metrics, "GET", "/x/{id}", 200, 0.1);
+  char *text = tcs_metrics_write(&metrics, &gauges, "cpu");
+  assert_non_null(strstr(text, "tomocast_render_seconds_bucket{le=\"0.0005\"} 1\n"));
+  assert_non_null(strstr(text, "tomocast_render_seconds_bucket{le=\"0.005\"} 2\n"));
+  assert_non_null(strstr(text, "tomocast_render_seconds_bucket{le=\"2.5\"} 2\n"));
+  assert_non_null(strstr(text, "tomocast_render_seconds_bucket{le=\"+Inf\"} 3\n"));
+  assert_non_null(strstr(text, "tomocast_render_seconds_count 3\n"));
+  assert_non_null(strstr(text, "{method=\"GET\",route=\"/x/{id}\",code=\"200\"} 2\n"));
+  assert_non_null(strstr(text, "tomocast_sessions 3\n"));
+  g_free(text);
+  tcs_metrics_clear(&metrics);
+}
+
+static void test_listen_addresses(void **state) {
+  tcs_config config;
+  tcs_config_init(&config);
+  assert_true(tcs_config_listen(&config, "10.0.0.1:99", NULL));
+  assert_string_equal(config.address, "10.0.0.1");
+  assert_int_equal(config.port, 99);
+  assert_true(tcs_config_listen(&config, "[::1]:0", NULL));
+  assert_string_equal(config.address, "::1");
+  assert_true(tcs_config_listen(&config, ":80", NULL));
+  assert_string_equal(config.address, "0.0.0.0");
+  const char *const wrong[] = {"", ":", "x", "x:", "x:y", "x:70000", "x:-1", "x:8o"};
+  for (size_t i = 0; i < G_N_ELEMENTS(wrong); i++) assert_false(tcs_config_listen(&config, wrong[i], NULL));
+  tcs_config_clear(&config);
+}
+
+static void test_ids(void **state) {
+  assert_true(tcs_id_valid("a"));
+  assert_true(tcs_id_valid("A.b_c-9"));
+  assert_true(tcs_id_valid("1234567890123456789012345678901234567890123456789012345678901234"));
+  assert_false(tcs_id_valid("12345678901234567890123456789012345678901234567890123456789012345"));
+  assert_false(tcs_id_valid(""));
+  assert_false(tcs_id_valid("a b"));
+  assert_false(tcs_id_valid("a/b"));
+  assert_false(tcs_id_valid("\xc3\xa9"));
+}
+
+static void write_file(const char *folder, const char *name, const char *text) {
+  char *path = g_build_filename(folder, name, NULL);
+  assert_true(g_file_set_contents(path, text, -1, NULL));
+  g_free(path);
+}
+
+static void test_paths_stay_beneath(void **state) {
+  char folder[] = "/tmp/tomocast-unit-XXXXXX";
+  assert_non_null(mkdtemp(folder));
+  char *inside = g_build_filename(folder, "in", NULL), *file = g_build_filename(folder, "in/f", NULL),
+       *out = g_build_filename(folder, "in/out", NULL), *up = g_build_filename(folder, "in/up", NULL);
+  mkdir(inside, 0700);
+  write_file(folder, "in/f", "x");
+  write_file(folder, "secret", "x");
+  assert_int_equal(symlink("/etc/passwd", out), 0);
+  assert_int_equal(symlink("../secret", up), 0);
+  char *found = tcs_beneath(inside, "f", NULL);
+  assert_string_equal(found, file);
+  g_free(found);
+  found = tcs_beneath(inside, "f#2", NULL);
+  assert_true(g_str_has_suffix(found, "in/f#2"));
+  g_free(found);
+  const char *const wrong[] = {"", "..", "../secret", "/etc/passwd", "out", "up", "nothing", "f/..", "./../secret", "up#1"};
+  for (size_t i = 0; i < G_N_ELEMENTS(wrong); i++) {
+    GError *error = NULL;
+    found = tcs_beneath(inside, wrong[i], &error);
+    if (found) fail_msg("%s gave %s", wrong[i], found);
+    assert_string_equal(tc_error_pointer(error), "/path");
+    g_clear_error(&error);
+  }
+  char *command[] = {"rm", "-r", folder, NULL};
+  g_spawn_sync(NULL, command, NULL, G_SPAWN_SEARCH_PATH, NULL, NULL, NULL, NULL, NULL, NULL);
+  g_free(inside);
+  g_free(file);
+  g_free(out);
+  g_free(up);
+}
+
+static bool contained(const void *bytes, size_t size) {
+  char path[] = "/tmp/tomocast-unit-XXXXXX";
+  const int fd = mkstemp(path);
+  assert_int_equal(write(fd, bytes, size), (ssize_t)size);
+  close(fd);
+  const bool result = tcs_self_contained(path, NULL);
+  unlink(path);
+  return result;
+}
+#define CONTAINED(text) contained(text, sizeof text - 1)
+
+static void test_uploads_that_name_files(void **state) {
+  assert_true(CONTAINED("NRRD0004\ntype: uint8\n\nvoxels"));
+  assert_true(CONTAINED("ObjectType = Image\nElementDataFile = LOCAL\nvoxels"));
+  assert_true(CONTAINED("\0\0\0\0data file: x\n")); /* binary from the start */
+  assert_false(CONTAINED("NRRD0004\ndata file: x\n\n"));
+  assert_false(CONTAINED("NRRD0004\nDATAFILE: x\n\n"));
+  assert_false(CONTAINED("NRRD0004\rdata file : LIST\r"));
+  assert_false(CONTAINED("NDims = 3\nElementDataFile=/etc/passwd"));
+  assert_false(CONTAINED("anything\n\n  ElementDataFile  =  x.raw\n"));
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_route_finds_and_extracts),
+      cmocka_unit_test(test_route_tells_404_from_405),
+      cmocka_unit_test(test_route_refuses_overlong_params),
+      cmocka_unit_test(test_every_route_of_the_daemon_is_reachable),
+      cmocka_unit_test(test_token_lists),
+      cmocka_unit_test(test_websocket_handshake),
+      cmocka_unit_test(test_origins),
+      cmocka_unit_test(test_histogram_buckets),
+      cmocka_unit_test(test_listen_addresses),
+      cmocka_unit_test(test_ids),
+      cmocka_unit_test(test_paths_stay_beneath),
+      cmocka_unit_test(test_uploads_that_name_files),
+  };
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
