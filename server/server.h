@@ -19,7 +19,8 @@ typedef struct tcs_server {
   tcs_completions completions;
   tcs_worker *render_worker; /* one thread: owns the renderer */
   tcs_worker *encode_worker; /* one thread: owns the encoder */
-  tcs_worker *load_worker;   /* imports, folder scans, histograms */
+  tcs_worker *load_worker;   /* imports */
+  tcs_worker *walk_worker;   /* folder scans, histograms: not behind a long import */
   tcs_catalogue *catalogue;
   tcs_scheduler *scheduler;
   tcs_sessions *sessions;

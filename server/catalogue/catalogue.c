@@ -286,11 +286,17 @@ void tcs_catalogue_report(tcs_catalogue *catalogue, void (*tell)(void *user, con
   g_hash_table_iter_init(&iterator, catalogue->entries);
   while (g_hash_table_iter_next(&iterator, NULL, &value)) {
     tcs_entry *entry = value;
+    char text[160];
+    if (entry->state != entry->told) {
+      entry->told = entry->state;
+      g_snprintf(text, sizeof text, "{\"type\":\"volume\",\"id\":\"%s\",\"state\":\"%s\",\"fraction\":1}", entry->id,
+                 state_names[entry->state]);
+      tell(user, text);
+    }
     if (!entry->load) continue;
     const int permille = atomic_load(&entry->load->permille);
     if (permille == entry->load->told) continue;
     entry->load->told = permille;
-    char text[160];
     g_snprintf(text, sizeof text, "{\"type\":\"volume\",\"id\":\"%s\",\"state\":\"loading\",\"fraction\":%d.%03d}",
                entry->id, permille / 1000, permille % 1000);
     tell(user, text);

@@ -16,6 +16,7 @@ typedef struct tcs_entry {
   tc_volume *volume; /* resident: one reference */
   char *reason;      /* failed: why, one line without server-side paths */
   tcs_load *load;    /* loading */
+  tcs_volume_state told; /* the state viewers were last told of */
   int users;         /* sessions that show it */
 } tcs_entry;
 
@@ -53,7 +54,7 @@ bool tcs_catalogue_starting(tcs_catalogue *catalogue);
 /* Stops every import under way: their errors say cancelled. */
 void tcs_catalogue_cancel_all(tcs_catalogue *catalogue);
 
-/* Tells viewers about loads that moved: {"type":"volume",...} to `tell`. Called a few times a second. */
+/* Tells viewers about loads that moved or ended: {"type":"volume",...} to `tell`. Called a few times a second. */
 void tcs_catalogue_report(tcs_catalogue *catalogue, void (*tell)(void *user, const char *json), void *user);
 
 #endif

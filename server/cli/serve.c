@@ -55,6 +55,7 @@ static void tick(serve_daemon *d, int64_t now_us) {
   tcs_http_tick(server->http, now_us);
   tcs_streams_tick(tcs_http_streams(server->http), now_us);
   tcs_sessions_expire(server->sessions, now_us);
+  tcs_scheduler_tick(server->scheduler, now_us);
 }
 
 /* Milliseconds to wait: until MHD, a session that comes to rest, or the next tick. */
@@ -132,7 +133,8 @@ static bool start_workers(tcs_server *server, GError **error) {
   tcs_completions *completions = &server->completions;
   return (server->render_worker = tcs_worker_new("tc-render", 1, completions, error)) &&
          (server->encode_worker = tcs_worker_new("tc-encode", 1, completions, error)) &&
-         (server->load_worker = tcs_worker_new("tc-load", LOAD_THREADS, completions, error));
+         (server->load_worker = tcs_worker_new("tc-load", LOAD_THREADS, completions, error)) &&
+         (server->walk_worker = tcs_worker_new("tc-walk", 1, completions, error));
 }
 
 static bool load_volumes(serve_daemon *d, GError **error) {
@@ -172,6 +174,7 @@ static void stop(serve_daemon *d) {
   }
   if (server->catalogue) tcs_catalogue_cancel_all(server->catalogue);
   tcs_worker_free(server->load_worker);
+  tcs_worker_free(server->walk_worker);
   tcs_sessions_free(server->sessions);
   while (server->scheduler && !tcs_scheduler_idle(server->scheduler)) {
     tcs_completions_drain(&server->completions);

@@ -153,6 +153,7 @@ static bool handshake_ok(tcs_request *request) {
     tcs_reply_header(request, "Upgrade", "websocket");
   } else if (!version || strcmp(version, "13") != 0) {
     tcs_reply_problem(request, 426, "upgrade", "Upgrade required", "only WebSocket version 13 is spoken");
+    tcs_reply_header(request, "Upgrade", "websocket");
     tcs_reply_header(request, "Sec-WebSocket-Version", "13");
   } else if (!key || !tcs_websocket_key_valid(key)) {
     tcs_reply_problem(request, 400, "handshake", "Bad handshake", "Sec-WebSocket-Key: 16 bytes in base64 are wanted");

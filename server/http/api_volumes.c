@@ -11,7 +11,7 @@
 #define MAX_AVAILABLE 2000
 #define MAX_BINS 65536
 
-/* Work on the load worker that ends in a reply. The request may leave before the work does. */
+/* Work on the walk worker that ends in a reply. The request may leave before the work does. */
 typedef struct walk {
   tcs_task task;
   tcs_request *request; /* NULL: the client has gone */
@@ -26,7 +26,7 @@ static void leave_walk(tcs_request *request) { ((walk *)request->owner)->request
 static void start_walk(tcs_request *request, walk *work) {
   work->request = request;
   tcs_defer(request, leave_walk, work);
-  tcs_worker_submit(request->server->load_worker, &work->task);
+  tcs_worker_submit(request->server->walk_worker, &work->task);
 }
 
 static tcs_entry *entry_of(tcs_request *request) {

@@ -13,7 +13,7 @@ typedef struct tcs_request tcs_request;
 /* What answering costs, and so what may be refused under load or while shutting down. */
 typedef enum tcs_cost {
   TCS_COST_LOOKUP, /* a few microseconds on the I/O thread */
-  TCS_COST_VOLUME, /* walks voxels or folders, on the load worker */
+  TCS_COST_VOLUME, /* walks voxels or folders, on a worker */
   TCS_COST_RENDER, /* waits for the renderer */
   TCS_COST_STREAM, /* stays open */
   TCS_COST_COUNT

@@ -15,7 +15,8 @@ struct tcs_scheduler {
   tcs_encoder *encoder; /* touched by the encode thread only */
   tcs_task_list singles;
   int n_singles;
-  bool rendering;
+  tcs_job *rendering;     /* on the render thread, or NULL */
+  int64_t rendering_us;   /* since when */
   int encoding;
   bool single_turn; /* whose turn it is when both kinds of work wait */
   tcs_job *(*next_stream)(void *user);
@@ -177,10 +178,19 @@ static void run_render(tcs_task *task) {
   job->out_height = job->frame.height;
 }
 
+/* "Cancelled" would be true and no help. */
+static void name_deadline(tcs_job *job) {
+  g_clear_error(&job->error);
+  tc_set_error(&job->error, TC_ERROR_LIMIT, NULL,
+               "the picture takes longer than %" PRId64 " seconds; make it smaller or its steps larger",
+               job->server->config->limits.render_seconds);
+}
+
 static void done_render(tcs_task *task) {
   tcs_job *job = (tcs_job *)task;
   tcs_scheduler *scheduler = job->server->scheduler;
-  scheduler->rendering = job->rendering = false;
+  scheduler->rendering = NULL;
+  if (job->error && job->overdue) name_deadline(job);
   if (job->error || job->plan_only) {
     return_frame(scheduler, job);
     finish(job);
@@ -221,7 +231,8 @@ void tcs_scheduler_pump(tcs_scheduler *scheduler) {
   if (scheduler->rendering || scheduler->encoding >= MAX_ENCODING) return;
   tcs_job *job = pick(scheduler);
   if (!job) return;
-  scheduler->rendering = job->rendering = true;
+  scheduler->rendering = job;
+  scheduler->rendering_us = g_get_monotonic_time();
   lend_frame(scheduler, job);
   job->task.run = run_render;
   job->task.done = done_render;
@@ -259,6 +270,13 @@ void tcs_scheduler_forget(tcs_scheduler *scheduler, tc_volume *volume) {
   forget_task *forget = g_new0(forget_task, 1);
   *forget = (forget_task){{.run = run_forget, .done = done_forget}, scheduler, tc_volume_ref(volume)};
   tcs_worker_submit(scheduler->server->render_worker, &forget->task);
+}
+
+void tcs_scheduler_tick(tcs_scheduler *scheduler, int64_t now_us) {
+  tcs_job *job = scheduler->rendering;
+  if (!job || now_us - scheduler->rendering_us < scheduler->server->config->limits.render_seconds * 1000000) return;
+  job->overdue = true;
+  tcs_job_cancel(job);
 }
 
 int tcs_scheduler_waiting(const tcs_scheduler *scheduler) { return scheduler->n_singles; }

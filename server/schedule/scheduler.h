@@ -33,7 +33,7 @@ struct tcs_job {
 
   /* the scheduler's */
   int64_t queued_us;
-  bool rendering;
+  bool overdue; /* cancelled because it took too long */
   tc_frame frame;
 };
 
@@ -56,6 +56,8 @@ void tcs_scheduler_pump(tcs_scheduler *scheduler);
 void tcs_job_cancel(tcs_job *job);
 /* Drops the renderer's resources of a volume that goes away. */
 void tcs_scheduler_forget(tcs_scheduler *scheduler, tc_volume *volume);
+/* Gives up a picture that takes longer than the configured time: others wait for the renderer. About once a second. */
+void tcs_scheduler_tick(tcs_scheduler *scheduler, int64_t now_us);
 int tcs_scheduler_waiting(const tcs_scheduler *scheduler);
 /* Nothing is queued, rendering or being encoded. */
 bool tcs_scheduler_idle(const tcs_scheduler *scheduler);

@@ -4,7 +4,7 @@ import { after, before, test } from 'node:test';
 import { Daemon, imageSize, problem } from '../support/daemon.mjs';
 
 let d;
-before(async () => { d = await Daemon.start({ config: '[limits]\nqueue=4\n' }); });
+before(async () => { d = await Daemon.start({ config: '[limits]\nqueue=4\nrender_seconds=2\n' }); });
 after(() => d.stop());
 
 const image = { width: 64, height: 48 };
@@ -56,4 +56,12 @@ test('a client that leaves while it waits costs nothing further', async () => {
   await d.raw(`POST /v1/render HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\nContent-Length: ${body.length}\r\n\r\n${body}`, 50);
   const { status } = await render({});
   assert.equal(status, 200);
+});
+
+test('a picture that takes too long is given up, and the next one is rendered', async () => {
+  const scene = { image: { width: 4000, height: 4000 }, sampling: { step: 0.002, termination: 0 },
+    transferFunction: { points: [{ value: 0, color: [1, 1, 1], opacity: 0.001 }] } };
+  const json = problem(await d.post('/v1/render', { volume: 'ball', scene }), 413);
+  assert.match(json.detail, /longer than 2 seconds/);
+  assert.equal((await render({})).status, 200);
 });

@@ -282,6 +282,7 @@ test('loading volumes are announced', async () => {
   const message = await ws.nextText('volume');
   assert.deepEqual([message.id, message.state], ['slow', 'loading']);
   assert.ok(message.fraction >= 0 && message.fraction <= 1);
-  await d.resident('slow');
+  await ws.next((m) => m.type === 'volume' && m.id === 'slow' && m.state === 'resident');
+  assert.equal((await d.get('/v1/volumes/slow')).json.state, 'resident');
   await ws.close();
 });
