@@ -1,8 +1,9 @@
 /* The parent's side of DICOM: starts the helper, feeds nothing but an open descriptor, believes nothing it answers, and
  * ends it when it is silent, when the caller cancels, or when it is done.
  *
- * The helper gets the input as descriptor 3 and the pipe as descriptor 4 and no path at all, so no message of its can hold
- * one. Voxels travel over the pipe straight into the volume's storage: the parent's peak is the volume and a buffer. */
+ * The helper gets the input as descriptor 3 and the pipe as descriptor 4 and no path at all, so no message of its can
+ * hold one. Voxels travel over the pipe straight into the volume's storage: the parent's peak is the volume and a
+ * buffer. */
 #include "renderer/import/dicom.h"
 
 #include <errno.h>
@@ -26,7 +27,7 @@ enum {
   SILENCE_MS = 60000, /* a helper that says nothing this long hangs: it reports after every file and slice */
   POLL_MS = 100,      /* how soon a cancel is seen */
   CPU_SECONDS = 1800,
-  HIGH_FD = 10,       /* descriptors are moved above those the helper expects before it is started */
+  HIGH_FD = 10, /* descriptors are moved above those the helper expects before it is started */
 };
 
 static const char helper_name[] = "tomocast-dicom";
@@ -72,7 +73,8 @@ static char *find_helper(const tc_import_options *options, GError **error) {
   char *path = beside_program();
   if (!path) path = g_find_program_in_path(helper_name);
   if (!path)
-    tc_set_error(error, TC_ERROR_IO, NULL, "the program %s was not found beside this one or in PATH; install it there", helper_name);
+    tc_set_error(error, TC_ERROR_IO, NULL, "the program %s was not found beside this one or in PATH; install it there",
+                 helper_name);
   return path;
 }
 
@@ -81,7 +83,8 @@ static int open_input(const char *path, GError **error) {
   struct stat st;
   int fd = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
   if (fd < 0) {
-    tc_set_error(error, errno == ENOENT || errno == ENOTDIR ? TC_ERROR_NOT_FOUND : TC_ERROR_IO, NULL, "%s", g_strerror(errno));
+    tc_set_error(error, errno == ENOENT || errno == ENOTDIR ? TC_ERROR_NOT_FOUND : TC_ERROR_IO, NULL, "%s",
+                 g_strerror(errno));
     return -1;
   }
   if (fstat(fd, &st) != 0 || !(S_ISREG(st.st_mode) || S_ISDIR(st.st_mode))) {
@@ -150,7 +153,8 @@ static bool start(session *s, const char *path, const char *mode, const char *se
   snprintf(numbers[0], sizeof numbers[0], "%" G_GUINT64_FORMAT, most);
   snprintf(numbers[1], sizeof numbers[1], "%" G_GUINT64_FORMAT, address);
   snprintf(numbers[2], sizeof numbers[2], "%d", CPU_SECONDS);
-  char *program = find_helper(s->options, error), *mode_copy = g_strdup(mode), *series_copy = g_strdup(series ? series : "");
+  char *program = find_helper(s->options, error), *mode_copy = g_strdup(mode),
+       *series_copy = g_strdup(series ? series : "");
   if (program && (input = open_input(path, error)) >= 0 && open_pipe(ends, error)) {
     char *argv[] = {program, mode_copy, series_copy, numbers[0], numbers[1], numbers[2], NULL};
     failed = spawn_with(&s->pid, program, argv, input, ends[1]);
@@ -223,11 +227,15 @@ static void stop(session *s) {
   if (s->pipe >= 0) close(s->pipe);
   if (s->pid <= 0) return;
   kill(s->pid, SIGKILL);
-  while (waitpid(s->pid, &s->status, 0) < 0 && errno == EINTR) continue;
+  while (waitpid(s->pid, &s->status, 0) < 0 && errno == EINTR)
+    continue;
 }
 
 static tc_dicom_wire_reader reader_for(session *s) {
-  return (tc_dicom_wire_reader){.read = read_pipe, .user = s, .tick = tell, .tick_user = s,
+  return (tc_dicom_wire_reader){.read = read_pipe,
+                                .user = s,
+                                .tick = tell,
+                                .tick_user = s,
                                 .max_voxel_bytes = s->options ? s->options->max_voxel_bytes : 0};
 }
 

@@ -1,20 +1,20 @@
 // tomocast-dicom: reads DICOM with GDCM in a process that can do nothing else, and answers over a pipe.
 //
 // The one C++ file: GDCM speaks C++. Files that come in are hostile, and so is, in the worst case, this process: the
-// parent checks every byte of the answer (dicom_wire.h). Two passes: headers of all files give the list of series and the
-// geometry of the chosen one (dicom_stack.h); then the pictures are decoded in order, one at a time.
-// Tags that identify a patient are never asked for; messages hold counts and names of attributes, no values.
+// parent checks every byte of the answer (dicom_wire.h). Two passes: headers of all files give the list of series and
+// the geometry of the chosen one (dicom_stack.h); then the pictures are decoded in order, one at a time. Tags that
+// identify a patient are never asked for; messages hold counts and names of attributes, no values.
 #include <sched.h>
 #include <sys/prctl.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <csetjmp>
 #include <csignal>
 #include <cstdarg>
 #include <cstdio>
 #include <cstdlib>
-#include <cmath>
 #include <cstring>
 #include <exception>
 #include <functional>
@@ -40,7 +40,8 @@
 #include "renderer/import/dicom_wire.h"
 
 // GDCM allocates what an element's length announces before it reads a byte of it. One allocation may therefore not be
-// larger than the bytes at hand can justify; the cap is set for each file. Codecs in C use malloc and the process limit.
+// larger than the bytes at hand can justify; the cap is set for each file. Codecs in C use malloc and the process
+// limit.
 static thread_local size_t allocation_cap = SIZE_MAX;
 
 [[gnu::noinline]] void *operator new(size_t size) {
@@ -55,9 +56,9 @@ static thread_local size_t allocation_cap = SIZE_MAX;
 extern "C" const char *__asan_default_options() { return "detect_leaks=0:allocator_may_return_null=1"; }
 #endif
 
-// Debian builds GDCM with its assertions on, and damaged files trip them. One bad file of a folder must not end the run, so
-// an assertion jumps out of GDCM (an exception cannot pass: its callers are compiled as if the call never returned). What
-// GDCM held is leaked, within the process limits.
+// Debian builds GDCM with its assertions on, and damaged files trip them. One bad file of a folder must not end the
+// run, so an assertion jumps out of GDCM (an exception cannot pass: its callers are compiled as if the call never
+// returned). What GDCM held is leaked, within the process limits.
 static thread_local jmp_buf assertion_exit;
 static thread_local bool assertion_armed = false;
 
@@ -98,16 +99,15 @@ struct Disarm {
 };
 
 // Runs a piece of GDCM; false when it says so itself or an assertion of its fails. Assertions are armed in here only.
-template <typename Call>
-bool guarded(Call call) {
+template <typename Call> bool guarded(Call call) {
   Disarm disarm;
   if (setjmp(assertion_exit) != 0) return false;
   assertion_armed = true;
   return call();
 }
 
-// A stream over bytes in memory, with seeking, as GDCM wants it. It remembers whether a read was cut by the end: GDCM takes
-// what there is and says nothing.
+// A stream over bytes in memory, with seeking, as GDCM wants it. It remembers whether a read was cut by the end: GDCM
+// takes what there is and says nothing.
 struct MemoryBuffer : std::streambuf {
   bool cut = false;
   std::streamsize xsgetn(char *out, std::streamsize wanted) override {
@@ -128,7 +128,9 @@ struct MemoryBuffer : std::streambuf {
     setg(eback(), eback() + to, egptr());
     return pos_type(to);
   }
-  pos_type seekpos(pos_type pos, std::ios_base::openmode mode) override { return seekoff(off_type(pos), std::ios_base::beg, mode); }
+  pos_type seekpos(pos_type pos, std::ios_base::openmode mode) override {
+    return seekoff(off_type(pos), std::ios_base::beg, mode);
+  }
 };
 
 // ---- values of a data set ----
@@ -157,7 +159,8 @@ std::vector<double> numbers_of(const DataSet &set, Tag tag) {
     double value = g_ascii_strtod(at, &end);
     if (end == at || !std::isfinite(value)) break;
     out.push_back(value);
-    while (*end == ' ') end++;
+    while (*end == ' ')
+      end++;
     if (*end != '\\') break;
     at = end + 1;
   }
@@ -175,8 +178,7 @@ long integer_of(const DataSet &set, Tag tag, long otherwise) {
 }
 
 // Binary values; GDCM has brought them to this machine's byte order.
-template <typename T>
-T binary_of(const DataSet &set, Tag tag, T otherwise) {
+template <typename T> T binary_of(const DataSet &set, Tag tag, T otherwise) {
   if (!set.FindDataElement(tag)) return otherwise;
   const gdcm::ByteValue *value = set.GetDataElement(tag).GetByteValue();
   if (!value || !value->GetPointer() || value->GetLength() < sizeof(T)) return otherwise;
@@ -198,7 +200,8 @@ struct Nested {
 Nested item_of(const DataSet &set, Tag tag, size_t number = 1) {
   Nested nested;
   nested.keep = items_of(set, tag);
-  if (nested.keep && nested.keep->GetNumberOfItems() >= number) nested.set = &nested.keep->GetItem(number).GetNestedDataSet();
+  if (nested.keep && nested.keep->GetNumberOfItems() >= number)
+    nested.set = &nested.keep->GetItem(number).GetNestedDataSet();
   return nested;
 }
 
@@ -217,11 +220,11 @@ struct Picture {
   tc_dicom_samples samples{};
   uint32_t frames = 1;
   Tag pixels{0x7fe0, 0x0010};
-  bool native = false;  // little-endian bytes as they are, no codec
+  bool native = false;    // little-endian bytes as they are, no codec
   size_t deflated_at = 0; // a deflated data set begins here; 0 otherwise
   bool palette = false, inverted = false, cine = false, mosaic = false, lookup = false;
   double window_center = 0, window_width = 0;
-  double segment_threshold = 1; // samples at or above it belong to the segment
+  double segment_threshold = 1;       // samples at or above it belong to the segment
   std::vector<tc_dicom_slice> slices; // [frames]
   std::vector<Scale> scales;          // [frames]
 };
@@ -262,7 +265,8 @@ void read_frames(const DataSet &set, const gdcm::TransferSyntax &syntax, size_t 
   if (p.samples.allocated == 12) least = 1; // packed by ancient writers; GDCM unpacks
   if (static_cast<uint64_t>(frames) > room / least)
     fail(TC_ERROR_FORMAT, "the header announces more pixels than the file holds; it is cut or damaged");
-  if (static_cast<uint64_t>(frames) > FRAMES_MAX) fail(TC_ERROR_LIMIT, "more than %llu frames", (unsigned long long)FRAMES_MAX);
+  if (static_cast<uint64_t>(frames) > FRAMES_MAX)
+    fail(TC_ERROR_LIMIT, "more than %llu frames", (unsigned long long)FRAMES_MAX);
   p.frames = static_cast<uint32_t>(frames);
 }
 
@@ -280,14 +284,19 @@ bool read_orientation(const DataSet &set, double *o) {
   double row = std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
   if (!(std::fabs(row - 1) < 0.05)) return false;
   double dot = 0, column = 0;
-  for (int i = 0; i < 3; i++) v[i] /= row;
-  for (int i = 0; i < 3; i++) dot += v[i] * v[3 + i];
+  for (int i = 0; i < 3; i++)
+    v[i] /= row;
+  for (int i = 0; i < 3; i++)
+    dot += v[i] * v[3 + i];
   if (!(std::fabs(dot) < 0.05)) return false;
-  for (int i = 0; i < 3; i++) v[3 + i] -= dot * v[i];
-  for (int i = 3; i < 6; i++) column += v[i] * v[i];
+  for (int i = 0; i < 3; i++)
+    v[3 + i] -= dot * v[i];
+  for (int i = 3; i < 6; i++)
+    column += v[i] * v[i];
   column = std::sqrt(column);
   if (!(std::fabs(column - 1) < 0.05)) return false;
-  for (int i = 3; i < 6; i++) v[i] /= column;
+  for (int i = 3; i < 6; i++)
+    v[i] /= column;
   std::copy(v, v + 6, o);
   return true;
 }
@@ -343,7 +352,8 @@ void read_groups(const DataSet &item, Picture &p, tc_dicom_slice &s, Scale &scal
   }
   if (window.set) read_window(*window.set, p);
   if (content.set) {
-    for (char c : text_of(*content.set, Tag(0x20, 0x9056))) s.group = mix(s.group, static_cast<uint8_t>(c));
+    for (char c : text_of(*content.set, Tag(0x20, 0x9056)))
+      s.group = mix(s.group, static_cast<uint8_t>(c));
     s.group = mix(s.group, binary_of<uint32_t>(*content.set, Tag(0x20, 0x9128), 0));
   }
   if (segment.set) s.segment = binary_of<uint16_t>(*segment.set, Tag(0x62, 0x0b), 0);
@@ -360,9 +370,11 @@ void spread_frames(const DataSet &set, Picture &p) {
   bool known = offsets.size() == p.frames;
   p.cine = !known && first.between == 0 && set.FindDataElement(Tag(0x18, 0x1063));
   if (!first.has_position && !p.cine) return; // a plain stack, in its turn
+  double step = p.cine ? 0 : first.between != 0 ? first.between : first.thickness;
   for (uint32_t f = 0; f < p.frames; f++) {
-    double along = known ? offsets[f] - (offsets[0] == 0 ? 0 : offsets[0]) : p.cine ? 0 : f * (first.between != 0 ? first.between : first.thickness);
-    for (int k = 0; k < 3; k++) p.slices[f].position[k] = first.position[k] + along * normal[k];
+    double along = known ? offsets[f] - offsets[0] : f * step;
+    for (int k = 0; k < 3; k++)
+      p.slices[f].position[k] = first.position[k] + along * normal[k];
     p.slices[f].has_position = true;
   }
 }
@@ -378,7 +390,8 @@ tc_dicom_slice common_slice(const DataSet &set, const Picture &p) {
   s.group = 2166136261u;
   for (Tag tag : {Tag(0x20, 0x12), Tag(0x18, 0x86), Tag(0x20, 0x100)}) // acquisition, echo, time
     s.group = mix(s.group, static_cast<uint32_t>(integer_of(set, tag, 0)));
-  for (char c : text_of(set, Tag(0x08, 0x08))) s.group = mix(s.group, static_cast<uint8_t>(c)); // image type
+  for (char c : text_of(set, Tag(0x08, 0x08)))
+    s.group = mix(s.group, static_cast<uint8_t>(c)); // image type
   read_geometry(set, s);
   Nested detector = item_of(set, Tag(0x54, 0x22)); // nuclear medicine keeps position and orientation here
   if (detector.set && !s.has_position) read_geometry(*detector.set, s);
@@ -427,12 +440,14 @@ Tag pixel_tag(const DataSet &set, const Picture &p) {
 }
 
 void cap_allocations(const tc_dicom_blob &blob, uint64_t factor) {
-  allocation_cap = std::max<uint64_t>(MiB, blob.size > SIZE_MAX / (2 * factor) ? SIZE_MAX : 2 * factor * blob.size + MiB);
+  allocation_cap =
+      std::max<uint64_t>(MiB, blob.size > SIZE_MAX / (2 * factor) ? SIZE_MAX : 2 * factor * blob.size + MiB);
 }
 
 [[noreturn]] void fail_header(const gdcm::FileMetaInformation &header) {
   std::string syntax = plain(text_of(header, Tag(0x0002, 0x0010)), 64);
-  bool standard = syntax.compare(0, 14, "1.2.840.10008.") == 0 && syntax.find_first_not_of("0123456789.") == std::string::npos;
+  bool standard =
+      syntax.compare(0, 14, "1.2.840.10008.") == 0 && syntax.find_first_not_of("0123456789.") == std::string::npos;
   if (!syntax.empty() && gdcm::TransferSyntax::GetTSType(syntax.c_str()) == gdcm::TransferSyntax::TS_END)
     fail(TC_ERROR_UNSUPPORTED, "transfer syntax %s is not read", standard ? syntax.c_str() : "of its own kind");
   fail(TC_ERROR_FORMAT, "the DICOM header is damaged or cut");
@@ -458,10 +473,12 @@ bool read_picture(const tc_dicom_blob &blob, size_t source, Picture &p) {
   if (p.samples.allocated != 12 && !tc_dicom_samples_valid(&p.samples) && !p.palette)
     fail(TC_ERROR_UNSUPPORTED, "samples of %d bits allocated, %d stored, %d a pixel are not read", p.samples.allocated,
          p.samples.stored, p.samples.per_pixel);
-  p.native = (syntax == gdcm::TransferSyntax::ImplicitVRLittleEndian || syntax == gdcm::TransferSyntax::ExplicitVRLittleEndian ||
+  p.native = (syntax == gdcm::TransferSyntax::ImplicitVRLittleEndian ||
+              syntax == gdcm::TransferSyntax::ExplicitVRLittleEndian ||
               syntax == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian) &&
              p.samples.allocated != 12 && !p.palette && text_of(set, Tag(0x28, 0x04)) != "YBR_FULL_422";
-  if (p.samples.is_float && !p.native) fail(TC_ERROR_UNSUPPORTED, "float pixels in a packed or big-endian file are not read");
+  if (p.samples.is_float && !p.native)
+    fail(TC_ERROR_UNSUPPORTED, "float pixels in a packed or big-endian file are not read");
   if (syntax == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian) {
     uint64_t at = uint64_t{144} + binary_of<uint32_t>(reader.GetFile().GetHeader(), Tag(0x0002, 0x0000), 0);
     if (at >= blob.size) fail(TC_ERROR_FORMAT, "the DICOM header is damaged or cut");
@@ -518,9 +535,12 @@ private:
     }
     uint64_t decoded = tc_dicom_frame_bytes(&p.samples) * p.frames;
     cap_allocations(blob_, 1);
-    cap_ = allocation_cap = std::max<uint64_t>(allocation_cap, std::min<uint64_t>(decoded, 4096 * uint64_t{blob_.size}) + MiB);
-    if (p.native) open_native(p);
-    else open_coded(p);
+    cap_ = allocation_cap =
+        std::max<uint64_t>(allocation_cap, std::min<uint64_t>(decoded, 4096 * uint64_t{blob_.size}) + MiB);
+    if (p.native)
+      open_native(p);
+    else
+      open_coded(p);
     open_ = &p;
   }
 
@@ -531,16 +551,21 @@ private:
     plain_reader_->SetStream(stream);
     if (!guarded([&] { return plain_reader_->Read(); })) fail(TC_ERROR_FORMAT, "a DICOM file is damaged or cut");
     const DataSet &set = plain_reader_->GetFile().GetDataSet();
-    const gdcm::ByteValue *value = set.FindDataElement(p.pixels) ? set.GetDataElement(p.pixels).GetByteValue() : nullptr;
+    const gdcm::ByteValue *value =
+        set.FindDataElement(p.pixels) ? set.GetDataElement(p.pixels).GetByteValue() : nullptr;
     if (!value || !value->GetPointer()) fail(TC_ERROR_FORMAT, "a DICOM file has no pixel data");
-    bool whole = p.deflated_at ? tc_dicom_deflate_is_whole(blob_.bytes + p.deflated_at, blob_.size - p.deflated_at) : !buffer.cut;
+    bool whole = p.deflated_at ? tc_dicom_deflate_is_whole(blob_.bytes + p.deflated_at, blob_.size - p.deflated_at)
+                               : !buffer.cut;
     if (!whole) fail(TC_ERROR_FORMAT, "pixel data is cut: the file ends before it does");
     bytes_ = reinterpret_cast<const uint8_t *>(value->GetPointer());
     size_ = value->GetLength();
-    if ((frame_bits(p.samples) * p.frames + 7) / 8 > size_) fail(TC_ERROR_FORMAT, "the header announces more pixels than there are");
+    if ((frame_bits(p.samples) * p.frames + 7) / 8 > size_)
+      fail(TC_ERROR_FORMAT, "the header announces more pixels than there are");
   }
 
-  static uint64_t frame_bits(const tc_dicom_samples &s) { return uint64_t(s.rows) * s.columns * s.per_pixel * s.allocated; }
+  static uint64_t frame_bits(const tc_dicom_samples &s) {
+    return uint64_t(s.rows) * s.columns * s.per_pixel * s.allocated;
+  }
 
   void open_coded(const Picture &p) {
     MemoryBuffer buffer(blob_.bytes, blob_.size);
@@ -553,13 +578,14 @@ private:
     if (p.frames > 1 && !p.palette) split_fragments(p);
   }
 
-  // Compressed frames come one at a time where the fragments say which belong to which frame: less memory, and of a time
-  // series only the frames that are shown get decoded.
+  // Compressed frames come one at a time where the fragments say which belong to which frame: less memory, and of a
+  // time series only the frames that are shown get decoded.
   void split_fragments(const Picture &p) {
     const gdcm::DataElement &element = reader_->GetImage().GetDataElement();
     const gdcm::SequenceOfFragments *all = element.GetSequenceOfFragments();
     if (!all) return;
-    if (all->GetNumberOfFragments() < p.frames) fail(TC_ERROR_FORMAT, "the file holds fewer compressed frames than it announces");
+    if (all->GetNumberOfFragments() < p.frames)
+      fail(TC_ERROR_FORMAT, "the file holds fewer compressed frames than it announces");
     if (all->GetNumberOfFragments() != p.frames) return;
     for (uint32_t f = 0; f < p.frames; f++) {
       gdcm::SmartPointer<gdcm::SequenceOfFragments> one = gdcm::SequenceOfFragments::New();
@@ -666,7 +692,8 @@ struct Run {
   std::vector<Picture *> pictures; // owned; pointers, so that a large folder is not moved about
   size_t unreadable = 0;
   ~Run() {
-    for (Picture *p : pictures) delete p;
+    for (Picture *p : pictures)
+      delete p;
     tc_dicom_sources_finish(&sources);
   }
 };
@@ -726,7 +753,8 @@ std::vector<Series> series_of(const Run &run) {
     s.frames += p->frames;
   }
   std::vector<Series> out;
-  for (auto &entry : sorted) out.push_back(entry.second);
+  for (auto &entry : sorted)
+    out.push_back(entry.second);
   return out;
 }
 
@@ -759,8 +787,8 @@ const Series &choose(const std::vector<Series> &all, const std::string &wanted) 
   }
   for (const Series &s : all)
     if (s.pictures[0]->series == wanted) return s;
-  fail(TC_ERROR_NOT_FOUND, "no such series; there %s %zu, choose by number (#1 ...) or UID", all.size() == 1 ? "is" : "are",
-       all.size());
+  fail(TC_ERROR_NOT_FOUND, "no such series; there %s %zu, choose by number (#1 ...) or UID",
+       all.size() == 1 ? "is" : "are", all.size());
 }
 
 // One frame of the series, and its scale.
@@ -775,7 +803,7 @@ struct Job {
   std::vector<Member> members; // of the series
   tc_dicom_stack stack{};      // its items count in members
   tc_volume_desc desc{};
-  bool rescale = false;        // scales differ: applied to every voxel
+  bool rescale = false; // scales differ: applied to every voxel
   ~Job() { tc_dicom_stack_finish(&stack); }
   const Member &at(size_t item) const { return members[stack.items[item].slice]; }
   const Picture &first() const { return *at(0).picture; }
@@ -823,11 +851,13 @@ tc_voxel_type common_type(const Job &job) {
 void choose_type(Job &job, const Run &run) {
   tc_volume_desc &d = job.desc;
   const Scale &scale = job.at(0).scale;
-  uint32_t label = 0;
+  std::set<uint32_t> labels = {0};
   for (size_t i = 0; i < job.stack.count; i++) {
     job.rescale |= job.at(i).scale != scale;
-    label = std::max(label, job.at(i).picture->slices[job.at(i).frame].segment);
+    labels.insert(job.at(i).picture->slices[job.at(i).frame].segment);
   }
+  uint32_t label = *labels.rbegin();
+  if (labels.size() > 2) tc_dicom_note(d.note, "%zu segments, the later is kept where they overlap", labels.size() - 1);
   d.slope = 1;
   if (label) {
     d.type = label > 255 ? TC_U16 : TC_U8;
@@ -880,8 +910,8 @@ size_t layer_bytes(const tc_volume_desc &d) {
 void check_size(const Job &job, uint64_t most) {
   uint64_t bytes = uint64_t{layer_bytes(job.desc)} * static_cast<uint64_t>(job.desc.dims[2]); // below 2^34 * 2^18
   if (most && bytes > most)
-    fail(TC_ERROR_LIMIT, "the series holds %llu bytes of voxels, more than the limit of %llu", (unsigned long long)bytes,
-         (unsigned long long)most);
+    fail(TC_ERROR_LIMIT, "the series holds %llu bytes of voxels, more than the limit of %llu",
+         (unsigned long long)bytes, (unsigned long long)most);
 }
 
 // Fills one layer from the items [from, to) of the stack; what no frame writes is empty (segmentations only).
@@ -929,17 +959,22 @@ size_t count_workers(const Job &job) {
 void send_voxels(const Run &run, const Job &job) {
   std::vector<std::unique_ptr<Worker>> workers;
   size_t layers = size_t(job.desc.dims[2]), count = count_workers(job), item = 0;
-  for (size_t i = 0; i < count; i++) workers.emplace_back(new Worker(run, layer_bytes(job.desc)));
+  for (size_t i = 0; i < count; i++)
+    workers.emplace_back(new Worker(run, layer_bytes(job.desc)));
   for (size_t z = 0; z < layers; z += count) {
     std::vector<std::thread> threads;
     size_t batch = std::min(count, layers - z);
     for (size_t i = 0; i < batch; i++) {
       size_t from = item;
-      while (item < job.stack.count && job.stack.items[item].layer == z + i) item++;
-      if (count == 1) workers[i]->run(job, from, item);
-      else threads.emplace_back(&Worker::run, workers[i].get(), std::cref(job), from, item);
+      while (item < job.stack.count && job.stack.items[item].layer == z + i)
+        item++;
+      if (count == 1)
+        workers[i]->run(job, from, item);
+      else
+        threads.emplace_back(&Worker::run, workers[i].get(), std::cref(job), from, item);
     }
-    for (std::thread &t : threads) t.join();
+    for (std::thread &t : threads)
+      t.join();
     for (size_t i = 0; i < batch; i++) {
       if (workers[i]->trouble) std::rethrow_exception(workers[i]->trouble);
       if (!tc_dicom_wire_send_voxels(TC_DICOM_OUTPUT_FD, workers[i]->layer.data(), workers[i]->layer.size())) _exit(1);
@@ -970,14 +1005,17 @@ int run_mode(const std::string &mode, const std::string &wanted, uint64_t most, 
     if (!tc_dicom_confine(TC_DICOM_INPUT_FD, address, cpu, &error)) fail_with(error);
     Run run;
     scan(run);
-    if (mode == "list") list(run);
-    else load(run, wanted, most);
+    if (mode == "list")
+      list(run);
+    else
+      load(run, wanted, most);
     tc_dicom_wire_send_end(TC_DICOM_OUTPUT_FD);
     return 0;
   } catch (const Failure &f) {
     failure = f;
   } catch (const std::bad_alloc &) {
-    failure = Failure{TC_ERROR_FORMAT, "the DICOM file announces more data than it can hold, or is too large to decode"};
+    failure =
+        Failure{TC_ERROR_FORMAT, "the DICOM file announces more data than it can hold, or is too large to decode"};
   } catch (...) { // GDCM's own; its text may quote the file
   }
   tc_dicom_wire_send_fail(TC_DICOM_OUTPUT_FD, failure.code, failure.text);
@@ -988,7 +1026,8 @@ int run_mode(const std::string &mode, const std::string &wanted, uint64_t most, 
 
 int main(int argc, char **argv) {
   if (argc != 6 || (strcmp(argv[1], "load") != 0 && strcmp(argv[1], "list") != 0)) {
-    fprintf(stderr, "%s decodes DICOM for tomocast; it is started by it and not by hand\n", argc > 0 ? argv[0] : "this");
+    fprintf(stderr, "%s decodes DICOM for tomocast; it is started by it and not by hand\n",
+            argc > 0 ? argv[0] : "this");
     return 2;
   }
   prctl(PR_SET_PDEATHSIG, SIGKILL);

@@ -1,5 +1,6 @@
-/* How the helper locks itself in before it looks at the first byte. Each layer stands alone: limits keep it from eating the
- * machine, Landlock from other files, seccomp from everything that is not reading, computing and answering. */
+/* How the helper locks itself in before it looks at the first byte. Each layer stands alone: limits keep it from
+ * eating the machine, Landlock from other files, seccomp from everything that is not reading, computing and
+ * answering. */
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/landlock.h>
@@ -51,10 +52,11 @@ static void restrict_files(int input_fd) {
   if (abi >= 3) rules.handled_access_fs |= TRUNCATE;
   int set = (int)syscall(SYS_landlock_create_ruleset, &rules, sizeof rules, 0);
   if (set < 0) return;
-  struct landlock_path_beneath_attr beneath = {.allowed_access = LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_READ_DIR,
-                                               .parent_fd = input_fd};
+  struct landlock_path_beneath_attr beneath = {
+      .allowed_access = LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_READ_DIR, .parent_fd = input_fd};
   if (syscall(SYS_landlock_add_rule, set, LANDLOCK_RULE_PATH_BENEATH, &beneath, 0) != 0) {
-    beneath.allowed_access = LANDLOCK_ACCESS_FS_READ_FILE; /* a file has no folder rights; its descriptor is open anyway */
+    beneath.allowed_access =
+        LANDLOCK_ACCESS_FS_READ_FILE; /* a file has no folder rights; its descriptor is open anyway */
     syscall(SYS_landlock_add_rule, set, LANDLOCK_RULE_PATH_BENEATH, &beneath, 0);
   }
   syscall(SYS_landlock_restrict_self, set, 0);
@@ -63,13 +65,43 @@ static void restrict_files(int input_fd) {
 
 /* What a decoder calls. openat, mmap, mprotect and clone have conditions below. */
 static const int allowed_calls[] = {
-    SCMP_SYS(read), SCMP_SYS(pread64), SCMP_SYS(readv), SCMP_SYS(write), SCMP_SYS(writev), SCMP_SYS(close), SCMP_SYS(fstat),
-    SCMP_SYS(newfstatat), SCMP_SYS(statx), SCMP_SYS(lseek), SCMP_SYS(getdents64), SCMP_SYS(munmap), SCMP_SYS(mremap),
-    SCMP_SYS(brk), SCMP_SYS(madvise), SCMP_SYS(futex), SCMP_SYS(exit), SCMP_SYS(exit_group), SCMP_SYS(rt_sigreturn),
-    SCMP_SYS(rt_sigprocmask), SCMP_SYS(rt_sigaction), SCMP_SYS(sigaltstack), SCMP_SYS(getrandom), SCMP_SYS(clock_gettime),
-    SCMP_SYS(clock_nanosleep), SCMP_SYS(gettimeofday), SCMP_SYS(getpid), SCMP_SYS(gettid), SCMP_SYS(tgkill),
-    SCMP_SYS(sched_yield), SCMP_SYS(sched_getaffinity), SCMP_SYS(sysinfo), SCMP_SYS(getrusage), SCMP_SYS(set_robust_list),
-    SCMP_SYS(rseq), SCMP_SYS(restart_syscall), SCMP_SYS(fcntl),
+    SCMP_SYS(read),
+    SCMP_SYS(pread64),
+    SCMP_SYS(readv),
+    SCMP_SYS(write),
+    SCMP_SYS(writev),
+    SCMP_SYS(close),
+    SCMP_SYS(fstat),
+    SCMP_SYS(newfstatat),
+    SCMP_SYS(statx),
+    SCMP_SYS(lseek),
+    SCMP_SYS(getdents64),
+    SCMP_SYS(munmap),
+    SCMP_SYS(mremap),
+    SCMP_SYS(brk),
+    SCMP_SYS(madvise),
+    SCMP_SYS(futex),
+    SCMP_SYS(exit),
+    SCMP_SYS(exit_group),
+    SCMP_SYS(rt_sigreturn),
+    SCMP_SYS(rt_sigprocmask),
+    SCMP_SYS(rt_sigaction),
+    SCMP_SYS(sigaltstack),
+    SCMP_SYS(getrandom),
+    SCMP_SYS(clock_gettime),
+    SCMP_SYS(clock_nanosleep),
+    SCMP_SYS(gettimeofday),
+    SCMP_SYS(getpid),
+    SCMP_SYS(gettid),
+    SCMP_SYS(tgkill),
+    SCMP_SYS(sched_yield),
+    SCMP_SYS(sched_getaffinity),
+    SCMP_SYS(sysinfo),
+    SCMP_SYS(getrusage),
+    SCMP_SYS(set_robust_list),
+    SCMP_SYS(rseq),
+    SCMP_SYS(restart_syscall),
+    SCMP_SYS(fcntl),
 };
 
 #if SANITIZED /* it probes memory by writing it into a pipe, and reads its own name */
@@ -106,7 +138,8 @@ static bool restrict_calls(GError **error) {
   if (filter && bad == 0) bad = seccomp_load(filter);
   if (filter) seccomp_release(filter);
   if (bad == 0) return true;
-  tc_set_error(error, TC_ERROR_IO, NULL, "DICOM is not decoded: this system lets the decoder not be confined (no seccomp)");
+  tc_set_error(error, TC_ERROR_IO, NULL,
+               "DICOM is not decoded: this system lets the decoder not be confined (no seccomp)");
   return false;
 }
 

@@ -1,5 +1,5 @@
-/* Where the helper's bytes come from. Files are opened relative to the one folder it was given; zip members are reached by
- * number; nothing is ever written. */
+/* Where the helper's bytes come from. Files are opened relative to the one folder it was given; zip members are
+ * reached by number; nothing is ever written. */
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -50,7 +50,8 @@ static bool open_folder(tc_dicom_sources *s, GError **error) {
   int fd = openat(s->root, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (fd < 0) return fail(error, TC_ERROR_IO, "the folder cannot be read");
   s->names = g_ptr_array_new_with_free_func(g_free);
-  if (!walk(fd, "", WALK_DEPTH, s->names)) return fail(error, TC_ERROR_LIMIT, "the folder holds more than 200000 files");
+  if (!walk(fd, "", WALK_DEPTH, s->names))
+    return fail(error, TC_ERROR_LIMIT, "the folder holds more than 200000 files");
   g_ptr_array_sort(s->names, by_name);
   s->count = s->names->len;
   return true;

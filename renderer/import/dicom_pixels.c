@@ -28,7 +28,8 @@ tc_voxel_type tc_dicom_natural_type(const tc_dicom_samples *s) {
 
 static uint64_t load(const uint8_t *at, int bytes) {
   uint64_t value = 0;
-  for (int i = 0; i < bytes; i++) value |= (uint64_t)at[i] << (8 * i);
+  for (int i = 0; i < bytes; i++)
+    value |= (uint64_t)at[i] << (8 * i);
   return value;
 }
 
@@ -77,19 +78,31 @@ static double clamp(double value, double lo, double hi) { return value < lo ? lo
 
 static void store(tc_voxel_type type, void *voxels, size_t i, double value) {
   switch (type) {
-    case TC_U8: ((uint8_t *)voxels)[i] = (uint8_t)clamp(value, 0, 255); break;
-    case TC_I8: ((int8_t *)voxels)[i] = (int8_t)clamp(value, -128, 127); break;
-    case TC_U16: ((uint16_t *)voxels)[i] = (uint16_t)clamp(value, 0, 65535); break;
-    case TC_I16: ((int16_t *)voxels)[i] = (int16_t)clamp(value, -32768, 32767); break;
-    case TC_F32: ((float *)voxels)[i] = (float)value; break;
-    case TC_VOXEL_TYPE_COUNT: break;
+  case TC_U8:
+    ((uint8_t *)voxels)[i] = (uint8_t)clamp(value, 0, 255);
+    break;
+  case TC_I8:
+    ((int8_t *)voxels)[i] = (int8_t)clamp(value, -128, 127);
+    break;
+  case TC_U16:
+    ((uint16_t *)voxels)[i] = (uint16_t)clamp(value, 0, 65535);
+    break;
+  case TC_I16:
+    ((int16_t *)voxels)[i] = (int16_t)clamp(value, -32768, 32767);
+    break;
+  case TC_F32:
+    ((float *)voxels)[i] = (float)value;
+    break;
+  case TC_VOXEL_TYPE_COUNT:
+    break;
   }
 }
 
 /* The usual picture, 8 or 16 bits into its natural type: no detour over doubles. True when it was one. */
 static bool convert_plain(const tc_dicom_samples *s, const uint8_t *bytes, size_t pixels, const tc_dicom_target *target,
                           void *voxels) {
-  if (s->is_float || s->colour != TC_DICOM_GREY || target->label || target->type != tc_dicom_natural_type(s)) return false;
+  if (s->is_float || s->colour != TC_DICOM_GREY || target->label || target->type != tc_dicom_natural_type(s))
+    return false;
   if (s->allocated != 8 && s->allocated != 16) return false;
   if (s->stored == s->allocated) { /* nothing to cut */
     memcpy(voxels, bytes, pixels * (size_t)s->allocated / 8);
@@ -98,8 +111,10 @@ static bool convert_plain(const tc_dicom_samples *s, const uint8_t *bytes, size_
   bool narrow = target->type == TC_U8 || target->type == TC_I8;
   for (size_t i = 0; i < pixels; i++) {
     int64_t value = integer_sample(s, bytes + i * (size_t)s->allocated / 8);
-    if (narrow) ((uint8_t *)voxels)[i] = (uint8_t)value;
-    else ((uint16_t *)voxels)[i] = (uint16_t)value;
+    if (narrow)
+      ((uint8_t *)voxels)[i] = (uint8_t)value;
+    else
+      ((uint16_t *)voxels)[i] = (uint16_t)value;
   }
   return true;
 }

@@ -18,20 +18,20 @@ typedef enum tc_dicom_colour {
 /* How the samples of one frame lie in memory; little-endian. */
 typedef struct tc_dicom_samples {
   int rows, columns;
-  int allocated;      /* 1, 8, 16, 32 or 64 bits a sample; 1: packed, least significant bit first */
-  int stored, high;   /* bits in use, and the number of the highest of them; bits above and below are not pixels */
+  int allocated;    /* 1, 8, 16, 32 or 64 bits a sample; 1: packed, least significant bit first */
+  int stored, high; /* bits in use, and the number of the highest of them; bits above and below are not pixels */
   bool is_signed, is_float;
-  int per_pixel;      /* 1, 3 or 4 */
-  bool planar;        /* all of one colour, then the next */
+  int per_pixel; /* 1, 3 or 4 */
+  bool planar;   /* all of one colour, then the next */
   tc_dicom_colour colour;
 } tc_dicom_samples;
 
 /* What becomes of them. */
 typedef struct tc_dicom_target {
   tc_voxel_type type;
-  bool rescale;            /* value = slope * sample + intercept, for TC_F32 only */
+  bool rescale; /* value = slope * sample + intercept, for TC_F32 only */
   double slope, intercept;
-  uint32_t label;          /* not 0: samples at or above `threshold` write this number, others leave the voxel alone */
+  uint32_t label; /* not 0: samples at or above `threshold` write this number, others leave the voxel alone */
   double threshold;
 } tc_dicom_target;
 

@@ -13,8 +13,9 @@ enum { PROBE_DEPTH = 4, PROBE_FILES = 256 };
 static unsigned u16(const uint8_t *at, bool big) { return big ? at[0] << 8 | at[1] : at[1] << 8 | at[0]; }
 
 static bool is_vr(const uint8_t *at) {
-  static const char known[] = "AE AS AT CS DA DS DT FD FL IS LO LT OB OD OF OL OV OW PN SH SL SQ SS ST SV TM UC UI UL UN UR US "
-                              "UT UV ";
+  static const char known[] =
+      "AE AS AT CS DA DS DT FD FL IS LO LT OB OD OF OL OV OW PN SH SL SQ SS ST SV TM UC UI UL UN UR US "
+      "UT UV ";
   if (at[0] < 'A' || at[0] > 'Z' || at[1] < 'A' || at[1] > 'Z') return false;
   for (const char *vr = known; *vr; vr += 3)
     if (vr[0] == (char)at[0] && vr[1] == (char)at[1]) return true;
@@ -41,7 +42,8 @@ static bool probe_file(int fd, bool zip_too) {
   uint8_t head[TC_DICOM_HEAD_BYTES_NEEDED];
   ssize_t n = pread(fd, head, sizeof head, 0);
   if (n < 4) return false;
-  if (zip_too && memcmp(head, "PK", 2) == 0 && (memcmp(head + 2, "\3\4", 2) == 0 || memcmp(head + 2, "\5\6", 2) == 0)) return true;
+  if (zip_too && memcmp(head, "PK", 2) == 0 && (memcmp(head + 2, "\3\4", 2) == 0 || memcmp(head + 2, "\5\6", 2) == 0))
+    return true;
   return tc_dicom_looks(head, (size_t)n);
 }
 
@@ -60,8 +62,10 @@ static bool probe_folder(int fd, int depth, int *budget) {
     if (child < 0) continue;
     --*budget;
     if (fstat(child, &st) == 0 && S_ISDIR(st.st_mode)) {
-      if (depth > 0) found = probe_folder(child, depth - 1, budget);
-      else close(child);
+      if (depth > 0)
+        found = probe_folder(child, depth - 1, budget);
+      else
+        close(child);
       continue;
     }
     found = S_ISREG(st.st_mode) && probe_file(child, false);

@@ -18,13 +18,15 @@ static bool write_all(int fd, const void *bytes, size_t size) {
 }
 
 static void put_u32(uint8_t **at, uint32_t value) {
-  for (int i = 0; i < 4; i++) *(*at)++ = (uint8_t)(value >> (8 * i));
+  for (int i = 0; i < 4; i++)
+    *(*at)++ = (uint8_t)(value >> (8 * i));
 }
 
 static void put_f64(uint8_t **at, double value) {
   uint64_t bits;
   memcpy(&bits, &value, 8);
-  for (int i = 0; i < 8; i++) *(*at)++ = (uint8_t)(bits >> (8 * i));
+  for (int i = 0; i < 8; i++)
+    *(*at)++ = (uint8_t)(bits >> (8 * i));
 }
 
 /* A fixed field: cut to fit, zero-filled, always ended. */
@@ -62,12 +64,16 @@ bool tc_dicom_wire_send_series(int fd, const tc_series *series) {
 
 bool tc_dicom_wire_send_head(int fd, const tc_volume_desc *desc) {
   uint8_t body[TC_DICOM_HEAD_BYTES], *at = body;
-  for (int i = 0; i < 3; i++) put_u32(&at, (uint32_t)desc->dims[i]);
+  for (int i = 0; i < 3; i++)
+    put_u32(&at, (uint32_t)desc->dims[i]);
   put_u32(&at, (uint32_t)desc->type);
   put_u32(&at, (uint32_t)desc->frames);
-  for (int i = 0; i < 3; i++) put_f64(&at, desc->spacing[i]);
-  for (int i = 0; i < 3; i++) put_f64(&at, desc->origin[i]);
-  for (int i = 0; i < 9; i++) put_f64(&at, desc->direction[i]);
+  for (int i = 0; i < 3; i++)
+    put_f64(&at, desc->spacing[i]);
+  for (int i = 0; i < 3; i++)
+    put_f64(&at, desc->origin[i]);
+  for (int i = 0; i < 9; i++)
+    put_f64(&at, desc->direction[i]);
   put_f64(&at, desc->slope);
   put_f64(&at, desc->intercept);
   put_f64(&at, desc->window_center);
@@ -97,4 +103,3 @@ bool tc_dicom_wire_send_fail(int fd, int code, const char *text) {
 }
 
 bool tc_dicom_wire_send_end(int fd) { return send_message(fd, TC_DICOM_END, "", 0); }
-

@@ -7,12 +7,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Cosine below which two pictures do not lie alike: about 0.8 degrees, over rounding in headers, under any real tilt. */
+/* Cosine below which two pictures do not lie alike: about 0.8 degrees, over rounding in headers, under any real tilt.
+ * */
 #define SAME_ORIENTATION 0.9999
-#define STEP_TOLERANCE 0.10  /* of the mean step */
-#define STEP_FLOOR_MM 0.02   /* positions are written with two or three decimals */
-#define MISSING_STEP 1.5     /* times the usual step */
-#define LEAST_LEAN 0.1       /* cosine between the slice normal and the stacking direction */
+#define STEP_TOLERANCE 0.10 /* of the mean step */
+#define STEP_FLOOR_MM 0.02  /* positions are written with two or three decimals */
+#define MISSING_STEP 1.5    /* times the usual step */
+#define LEAST_LEAN 0.1      /* cosine between the slice normal and the stacking direction */
 
 /* One picture on its way: index, distance along the normal, and what orders it among its like. */
 typedef struct entry {
@@ -76,13 +77,15 @@ static bool alike(const tc_dicom_slice *a, const tc_dicom_slice *b) {
                                  dot3(a->orientation + 3, b->orientation + 3) > SAME_ORIENTATION);
 }
 
-/* Classes of like pictures, first come first numbered; at most `most` classes (a radial series has one for each slice). */
+/* Classes of like pictures, first come first numbered; at most `most` classes (a radial series has one for each
+ * slice). */
 static size_t classify(const tc_dicom_slice *slices, size_t count, uint32_t *class_of, size_t most) {
   size_t classes = 0;
   uint32_t *first = g_new(uint32_t, most);
   for (size_t i = 0; i < count; i++) {
     size_t c = 0;
-    while (c < classes && !alike(&slices[first[c]], &slices[i])) c++;
+    while (c < classes && !alike(&slices[first[c]], &slices[i]))
+      c++;
     if (c == classes && classes < most) first[classes++] = (uint32_t)i;
     class_of[i] = (uint32_t)c; /* == most: in none */
   }
@@ -92,7 +95,8 @@ static size_t classify(const tc_dicom_slice *slices, size_t count, uint32_t *cla
 
 static uint32_t largest_class(const uint32_t *class_of, size_t count, size_t classes) {
   size_t *sizes = g_new0(size_t, classes + 1), best = 0;
-  for (size_t i = 0; i < count; i++) sizes[class_of[i]]++;
+  for (size_t i = 0; i < count; i++)
+    sizes[class_of[i]]++;
   for (size_t c = 1; c < classes; c++)
     if (sizes[c] > sizes[best]) best = c;
   g_free(sizes);
@@ -123,7 +127,8 @@ static void measure(work *w) {
   const double *o = first->has_orientation ? first->orientation : straight;
   cross3(o, o + 3, w->normal);
   double length = sqrt(dot3(w->normal, w->normal));
-  for (int i = 0; i < 3; i++) w->normal[i] /= length > 0 ? length : 1;
+  for (int i = 0; i < 3; i++)
+    w->normal[i] /= length > 0 ? length : 1;
   for (size_t i = 0; i < w->count; i++)
     w->entries[i].along = first->has_position ? dot3(slice_of(w, i)->position, w->normal) : 0;
 }
@@ -160,7 +165,8 @@ static int compare_doubles(const void *pa, const void *pb) {
 static bool check_steps(const double *at, size_t levels, char note[256], GError **error) {
   size_t n = levels - 1, bad = 0, gaps = 0, first_gap = 0;
   double *steps = g_new(double, n), mean = (at[levels - 1] - at[0]) / (double)n, drift = 0;
-  for (size_t i = 0; i < n; i++) steps[i] = at[i + 1] - at[i];
+  for (size_t i = 0; i < n; i++)
+    steps[i] = at[i + 1] - at[i];
   qsort(steps, n, sizeof *steps, compare_doubles);
   double usual = steps[n / 2], allowed = fmax(STEP_TOLERANCE * mean, STEP_FLOOR_MM), widest = 0;
   for (size_t i = 0; i < n; i++) {
@@ -172,12 +178,15 @@ static bool check_steps(const double *at, size_t levels, char note[256], GError 
   }
   g_free(steps);
   if (gaps)
-    return fail(error, "slices are missing at %zu place%s, the first after slice %zu of %zu (%.3g mm apart, usually %.3g mm);"
-                " send the whole series", gaps, gaps == 1 ? "" : "s", first_gap, levels, at[first_gap] - at[first_gap - 1],
-                usual);
+    return fail(error,
+                "slices are missing at %zu place%s, the first after slice %zu of %zu (%.3g mm apart, usually %.3g mm);"
+                " send the whole series",
+                gaps, gaps == 1 ? "" : "s", first_gap, levels, at[first_gap] - at[first_gap - 1], usual);
   if (bad || drift > 0.5 * mean)
-    return fail(error, "slice positions are not regular (steps differ by up to %.3g mm from %.4g mm); export the series on a"
-                " regular grid", widest, mean);
+    return fail(error,
+                "slice positions are not regular (steps differ by up to %.3g mm from %.4g mm); export the series on a"
+                " regular grid",
+                widest, mean);
   if (widest > 0.01 * mean) tc_dicom_note(note, "slice steps differ by up to %.2g mm, the mean is used", widest);
   return true;
 }
@@ -193,8 +202,10 @@ static bool check_line(const work *w, const tc_dicom_stack *s, GError **error) {
       off += d * d;
     }
     if (sqrt(off) > slack)
-      return fail(error, "slices do not lie on a straight line (slice %u is %.3g mm off); they may be several stacks, choose"
-                  " one", s->items[i].layer + 1, sqrt(off));
+      return fail(error,
+                  "slices do not lie on a straight line (slice %u is %.3g mm off); they may be several stacks, choose"
+                  " one",
+                  s->items[i].layer + 1, sqrt(off));
   }
   return true;
 }
@@ -203,7 +214,8 @@ static bool check_line(const work *w, const tc_dicom_stack *s, GError **error) {
 static bool place_stack(const work *w, const tc_dicom_slice *first, const tc_dicom_slice *last, int layers,
                         tc_dicom_stack *s, GError **error) {
   double across[3], length;
-  for (int k = 0; k < 3; k++) across[k] = last->position[k] - first->position[k];
+  for (int k = 0; k < 3; k++)
+    across[k] = last->position[k] - first->position[k];
   length = sqrt(dot3(across, across));
   if (layers > 1 && !(dot3(across, w->normal) > LEAST_LEAN * length))
     return fail(error, "slices are shifted along their own plane and make no volume");
@@ -232,7 +244,8 @@ static void set_plane(const tc_dicom_slice *first, tc_dicom_stack *s) {
   }
   s->dims[0] = first->columns;
   s->dims[1] = first->rows;
-  for (int i = 0; i < 2; i++) s->spacing[i] = first->has_spacing ? first->spacing[i] : 1;
+  for (int i = 0; i < 2; i++)
+    s->spacing[i] = first->has_spacing ? first->spacing[i] : 1;
   if (!first->has_spacing) tc_dicom_note(s->note, "pixel spacing unknown, 1 mm used");
   if (!first->has_orientation) tc_dicom_note(s->note, "orientation unknown, axial assumed");
   if (!first->has_position) tc_dicom_note(s->note, "slice positions unknown");
@@ -241,18 +254,22 @@ static void set_plane(const tc_dicom_slice *first, tc_dicom_stack *s) {
 /* No positions: every picture is a layer, in its turn. */
 static bool stack_by_turn(work *w, tc_dicom_stack *s) {
   qsort(w->entries, w->count, sizeof *w->entries, by_turn);
-  for (size_t i = 0; i < w->count; i++) s->items[i] = (tc_dicom_layer_item){w->entries[i].slice, (uint32_t)i};
+  for (size_t i = 0; i < w->count; i++)
+    s->items[i] = (tc_dicom_layer_item){w->entries[i].slice, (uint32_t)i};
   s->count = w->count;
   s->dims[2] = (int)w->count;
-  for (int k = 0; k < 3; k++) s->direction[3 * k + 2] = w->normal[k];
+  for (int k = 0; k < 3; k++)
+    s->direction[3 * k + 2] = w->normal[k];
   s->spacing[2] = spare_step(slice_of(w, 0), s->note);
   return true;
 }
 
-/* The distance of a segmentation's layers: the header's where all steps are whole multiples of it, else the least step. */
+/* The distance of a segmentation's layers: the header's where all steps are whole multiples of it, else the least
+ * step. */
 static bool segment_step(const double *at, size_t levels, double header, double *step, GError **error) {
   double least = at[1] - at[0];
-  for (size_t i = 1; i + 1 < levels; i++) least = fmin(least, at[i + 1] - at[i]);
+  for (size_t i = 1; i + 1 < levels; i++)
+    least = fmin(least, at[i + 1] - at[i]);
   double tries[2] = {header > 0 ? header : least, least};
   for (int t = 0; t < 2; t++) {
     bool fits = true;
@@ -277,7 +294,8 @@ static bool stack_segments(work *w, const double *at, tc_dicom_stack *s, GError 
   }
   for (size_t i = 0; i < w->count; i++) {
     size_t level = w->level[i];
-    s->items[i] = (tc_dicom_layer_item){w->entries[i].slice, step > 0 ? (uint32_t)lround((at[level] - at[0]) / step) : 0};
+    s->items[i] =
+        (tc_dicom_layer_item){w->entries[i].slice, step > 0 ? (uint32_t)lround((at[level] - at[0]) / step) : 0};
   }
   s->count = w->count;
   if ((size_t)s->dims[2] > w->levels)
@@ -299,8 +317,10 @@ static bool stack_levels(work *w, const double *at, tc_dicom_stack *s, GError **
   if (most > 1)
     tc_dicom_note(s->note, "%s %zu pictures at a position (time points, echoes or the like), the first was taken",
                   most * w->levels == w->count ? "each of" : "up to", most);
-  if (w->levels == 1) s->spacing[2] = spare_step(slice_of(w, 0), s->note);
-  else if (!check_steps(at, w->levels, s->note, error)) return false;
+  if (w->levels == 1)
+    s->spacing[2] = spare_step(slice_of(w, 0), s->note);
+  else if (!check_steps(at, w->levels, s->note, error))
+    return false;
   const tc_dicom_slice *first = &w->slices[s->items[0].slice], *last = &w->slices[s->items[s->count - 1].slice];
   return place_stack(w, first, last, s->dims[2], s, error) && check_line(w, s, error);
 }
@@ -315,7 +335,8 @@ static bool attempt(work *w, tc_dicom_stack *s, GError **error) {
   if (!slice_of(w, 0)->has_position) return stack_by_turn(w, s);
   find_levels(w);
   double *at = g_new0(double, w->levels);
-  for (size_t i = w->count; i-- > 0;) at[w->level[i]] = w->entries[i].along;
+  for (size_t i = w->count; i-- > 0;)
+    at[w->level[i]] = w->entries[i].along;
   /* The first in turn speaks for its level: the very picture that is taken. */
   bool ok = slice_of(w, 0)->sparse ? stack_segments(w, at, s, error) : stack_levels(w, at, s, error);
   g_free(at);
@@ -333,7 +354,8 @@ static void collect(work *w, size_t count, const uint32_t *class_of, uint32_t wa
   }
 }
 
-/* All together make no stack: tries each acquisition alone and keeps the one with most layers. Keeps *error otherwise. */
+/* All together make no stack: tries each acquisition alone and keeps the one with most layers. Keeps *error
+ * otherwise. */
 static bool by_acquisition(work *w, size_t count, const uint32_t *class_of, uint32_t wanted, tc_dicom_stack *best) {
   GHashTable *seen = g_hash_table_new(g_direct_hash, g_direct_equal);
   memset(best, 0, sizeof *best);

@@ -1,12 +1,14 @@
 /* From loose DICOM pictures with positions to one regular stack: which pictures, in which order, on which grid.
  *
  * Pure geometry, no DICOM: the helper reads headers into tc_dicom_slice records, this decides. Rules:
- * - The largest set of pictures of one size and one orientation is the stack; others are left out and counted in the note.
+ * - The largest set of pictures of one size and one orientation is the stack; others are left out and counted in the
+ * note.
  * - Order is the position along row x column, never file names. Pictures at one position are time points, echoes or the
  *   like: the first of each (by instance, then frame) is taken; frames tells how many there were.
  * - Spacing is measured from positions. Steps may differ by 10 %; a step of more than 1.5 times the usual one
  *   is a missing slice and an error: a picture with a wrong geometry is worse than none.
- * - Column 2 of direction points from first to last position, so a gantry tilt shears the grid and nothing is resampled.
+ * - Column 2 of direction points from first to last position, so a gantry tilt shears the grid and nothing is
+ * resampled.
  * - Segmentation frames (sparse) may share a position and may skip some: layers without a frame stay empty.
  * - Without positions the order is instance, then frame; spacing is the header's, else 1 mm, said in the note. */
 #ifndef TC_IMPORT_DICOM_STACK_H
@@ -24,18 +26,18 @@ extern "C" {
 
 /* One 2-D picture: where it is and how it lies. Lengths in mm, LPS. */
 typedef struct tc_dicom_slice {
-  uint32_t source, frame;  /* file, and frame in it from 0 */
-  int32_t instance;        /* acquisition order across files */
-  uint32_t group;          /* acquisition, stack, echo ... mixed into one key; splits a series that makes no one stack */
-  uint32_t segment;        /* segmentation: number from 1; else 0 */
-  bool sparse;             /* a segmentation: frames may share positions and may be missing */
+  uint32_t source, frame; /* file, and frame in it from 0 */
+  int32_t instance;       /* acquisition order across files */
+  uint32_t group;         /* acquisition, stack, echo ... mixed into one key; splits a series that makes no one stack */
+  uint32_t segment;       /* segmentation: number from 1; else 0 */
+  bool sparse;            /* a segmentation: frames may share positions and may be missing */
   int rows, columns;
   bool has_position, has_orientation, has_spacing;
-  double position[3];      /* centre of the first voxel */
-  double orientation[6];   /* unit vectors along a row, along a column */
-  double spacing[2];       /* between columns (x), between rows (y) */
-  double between;          /* header's distance between slices, 0 unknown */
-  double thickness;        /* 0 unknown */
+  double position[3];    /* centre of the first voxel */
+  double orientation[6]; /* unit vectors along a row, along a column */
+  double spacing[2];     /* between columns (x), between rows (y) */
+  double between;        /* header's distance between slices, 0 unknown */
+  double thickness;      /* 0 unknown */
 } tc_dicom_slice;
 
 typedef struct tc_dicom_layer_item {

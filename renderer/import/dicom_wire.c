@@ -11,21 +11,28 @@ typedef struct message {
 } message;
 
 static bool broken(GError **error, const char *what) {
-  tc_set_error(error, TC_ERROR_FORMAT, NULL, "the DICOM decoder's answer makes no sense (%s); the file is probably damaged",
-               what);
+  tc_set_error(error, TC_ERROR_FORMAT, NULL,
+               "the DICOM decoder's answer makes no sense (%s); the file is probably damaged", what);
   return false;
 }
 
 /* The longest body of a kind; a kind not known has none. */
 static bool length_fits(const message *m) {
   switch (m->kind) {
-    case TC_DICOM_PROGRESS: return m->length == 8;
-    case TC_DICOM_SERIES: return m->length == TC_DICOM_SERIES_BYTES;
-    case TC_DICOM_HEAD: return m->length == TC_DICOM_HEAD_BYTES;
-    case TC_DICOM_VOXELS: return m->length > 0 && m->length <= TC_DICOM_CHUNK_BYTES;
-    case TC_DICOM_FAIL: return m->length == 4 + TC_DICOM_FAIL_TEXT;
-    case TC_DICOM_END: return m->length == 0;
-    default: return false;
+  case TC_DICOM_PROGRESS:
+    return m->length == 8;
+  case TC_DICOM_SERIES:
+    return m->length == TC_DICOM_SERIES_BYTES;
+  case TC_DICOM_HEAD:
+    return m->length == TC_DICOM_HEAD_BYTES;
+  case TC_DICOM_VOXELS:
+    return m->length > 0 && m->length <= TC_DICOM_CHUNK_BYTES;
+  case TC_DICOM_FAIL:
+    return m->length == 4 + TC_DICOM_FAIL_TEXT;
+  case TC_DICOM_END:
+    return m->length == 0;
+  default:
+    return false;
   }
 }
 
@@ -59,7 +66,8 @@ static bool take_fail(const tc_dicom_wire_reader *in, GError **error) {
   uint32_t code = tc_reader_u32(&r);
   take_text(&r, text, sizeof text);
   bool allowed = code == TC_ERROR_FORMAT || code == TC_ERROR_LIMIT || code == TC_ERROR_UNSUPPORTED ||
-                 code == TC_ERROR_NOT_FOUND || code == TC_ERROR_IO || code == TC_ERROR_MEMORY || code == TC_ERROR_INVALID;
+                 code == TC_ERROR_NOT_FOUND || code == TC_ERROR_IO || code == TC_ERROR_MEMORY ||
+                 code == TC_ERROR_INVALID;
   tc_set_error(error, allowed ? (tc_error_code)code : TC_ERROR_FORMAT, NULL, "%s",
                text[0] ? text : "the DICOM decoder gave up without a reason");
   return false;
@@ -107,10 +115,12 @@ static bool take_head(const tc_dicom_wire_reader *in, tc_volume_desc *desc, GErr
   tc_reader r;
   tc_reader_init(&r, body, sizeof body, false);
   memset(desc, 0, sizeof *desc);
-  for (int i = 0; i < 3; i++) desc->dims[i] = tc_reader_i32(&r);
+  for (int i = 0; i < 3; i++)
+    desc->dims[i] = tc_reader_i32(&r);
   uint32_t type = tc_reader_u32(&r);
   desc->frames = tc_reader_i32(&r);
-  for (int i = 0; i < TC_DICOM_HEAD_NUMBERS; i++) numbers[i] = tc_reader_f64(&r);
+  for (int i = 0; i < TC_DICOM_HEAD_NUMBERS; i++)
+    numbers[i] = tc_reader_f64(&r);
   memcpy(desc->spacing, numbers, sizeof desc->spacing);
   memcpy(desc->origin, numbers + 3, sizeof desc->origin);
   memcpy(desc->direction, numbers + 6, sizeof desc->direction);
@@ -134,8 +144,9 @@ static tc_volume *volume_for(const tc_dicom_wire_reader *in, GError **error) {
   for (int i = 0; i < 3; i++)
     if (__builtin_mul_overflow(bytes, (uint64_t)desc.dims[i], &bytes)) bytes = UINT64_MAX;
   if (in->max_voxel_bytes && bytes > in->max_voxel_bytes) {
-    tc_set_error(error, TC_ERROR_LIMIT, NULL, "the series holds %" G_GUINT64_FORMAT " bytes of voxels, more than the limit of %"
-                 G_GUINT64_FORMAT, bytes, in->max_voxel_bytes);
+    tc_set_error(error, TC_ERROR_LIMIT, NULL,
+                 "the series holds %" G_GUINT64_FORMAT " bytes of voxels, more than the limit of %" G_GUINT64_FORMAT,
+                 bytes, in->max_voxel_bytes);
     return NULL;
   }
   return tc_volume_new(&desc, error);
@@ -147,35 +158,35 @@ tc_volume *tc_dicom_wire_load(const tc_dicom_wire_reader *in, GError **error) {
   message m;
   while (next_message(in, &m, error)) {
     switch (m.kind) {
-      case TC_DICOM_PROGRESS:
-        if (!take_progress(in, error)) goto fail;
-        break;
-      case TC_DICOM_HEAD:
-        if (volume) {
-          broken(error, "two volume headers");
-          goto fail;
-        }
-        if (!(volume = volume_for(in, error))) goto fail;
-        total = tc_volume_bytes(volume);
-        break;
-      case TC_DICOM_VOXELS:
-        if (!volume || m.length > total - done) {
-          broken(error, "more voxels than announced");
-          goto fail;
-        }
-        if (!in->read(in->user, (char *)tc_volume_voxels(volume) + done, m.length, error)) goto fail;
-        done += m.length;
-        break;
-      case TC_DICOM_FAIL:
-        take_fail(in, error);
+    case TC_DICOM_PROGRESS:
+      if (!take_progress(in, error)) goto fail;
+      break;
+    case TC_DICOM_HEAD:
+      if (volume) {
+        broken(error, "two volume headers");
         goto fail;
-      case TC_DICOM_END:
-        if (volume && done == total) return volume;
-        broken(error, "fewer voxels than announced");
+      }
+      if (!(volume = volume_for(in, error))) goto fail;
+      total = tc_volume_bytes(volume);
+      break;
+    case TC_DICOM_VOXELS:
+      if (!volume || m.length > total - done) {
+        broken(error, "more voxels than announced");
         goto fail;
-      default:
-        broken(error, "message out of place");
-        goto fail;
+      }
+      if (!in->read(in->user, (char *)tc_volume_voxels(volume) + done, m.length, error)) goto fail;
+      done += m.length;
+      break;
+    case TC_DICOM_FAIL:
+      take_fail(in, error);
+      goto fail;
+    case TC_DICOM_END:
+      if (volume && done == total) return volume;
+      broken(error, "fewer voxels than announced");
+      goto fail;
+    default:
+      broken(error, "message out of place");
+      goto fail;
     }
   }
 fail:
@@ -207,11 +218,16 @@ bool tc_dicom_wire_list(const tc_dicom_wire_reader *in, tc_series **series, size
   bool ok = true, ended = false;
   message m;
   while (ok && !ended && (ok = next_message(in, &m, error))) {
-    if (m.kind == TC_DICOM_PROGRESS) ok = take_progress(in, error);
-    else if (m.kind == TC_DICOM_SERIES) ok = take_series(in, list, error);
-    else if (m.kind == TC_DICOM_FAIL) ok = take_fail(in, error);
-    else if (m.kind == TC_DICOM_END) ended = true;
-    else ok = broken(error, "message out of place");
+    if (m.kind == TC_DICOM_PROGRESS)
+      ok = take_progress(in, error);
+    else if (m.kind == TC_DICOM_SERIES)
+      ok = take_series(in, list, error);
+    else if (m.kind == TC_DICOM_FAIL)
+      ok = take_fail(in, error);
+    else if (m.kind == TC_DICOM_END)
+      ended = true;
+    else
+      ok = broken(error, "message out of place");
   }
   if (ok) {
     *count = list->len;

@@ -5,10 +5,10 @@
  *   load:    PROGRESS* HEAD (VOXELS|PROGRESS)* END   or FAIL at any place
  *
  * Why a pipe and not a shared memory file: the parent reads the voxels straight into the volume's own storage, so they
- * are in its memory once (a mapped file would count against it a second time until copied), nothing the helper keeps can
- * change them afterwards, and a helper that dies half-way is an ordinary end of file.
- * The writer's side trusts the helper; the reader's side trusts nothing: every length has a cap by kind, every number a
- * range, text becomes printable ASCII, and voxels are counted against the volume that was announced. */
+ * are in its memory once (a mapped file would count against it a second time until copied), nothing the helper keeps
+ * can change them afterwards, and a helper that dies half-way is an ordinary end of file. The writer's side trusts the
+ * helper; the reader's side trusts nothing: every length has a cap by kind, every number a range, text becomes
+ * printable ASCII, and voxels are counted against the volume that was announced. */
 #ifndef TC_IMPORT_DICOM_WIRE_H
 #define TC_IMPORT_DICOM_WIRE_H
 
@@ -33,7 +33,6 @@ enum {
   TC_DICOM_HEAD_BYTES = 5 * 4 + (3 + 3 + 9 + 2 + 2) * 8 + 16 + 16 + 256,
   TC_DICOM_HEAD_NUMBERS = 3 + 3 + 9 + 2 + 2,
 };
-
 
 /* Moves exactly `size` bytes or fails with *error set. */
 typedef bool (*tc_dicom_read_fn)(void *user, void *bytes, size_t size, GError **error);

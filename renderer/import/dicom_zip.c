@@ -7,11 +7,19 @@
 #include "renderer/import/reader.h"
 
 enum {
-  END_MARK = 0x06054b50, END_BYTES = 22, COMMENT_MAX = 65535,
-  END64_MARK = 0x06064b50, END64_BYTES = 56, LOCATOR_MARK = 0x07064b50, LOCATOR_BYTES = 20,
-  ENTRY_MARK = 0x02014b50, ENTRY_BYTES = 46,
-  LOCAL_MARK = 0x04034b50, LOCAL_BYTES = 30,
-  STORED = 0, DEFLATED = 8,
+  END_MARK = 0x06054b50,
+  END_BYTES = 22,
+  COMMENT_MAX = 65535,
+  END64_MARK = 0x06064b50,
+  END64_BYTES = 56,
+  LOCATOR_MARK = 0x07064b50,
+  LOCATOR_BYTES = 20,
+  ENTRY_MARK = 0x02014b50,
+  ENTRY_BYTES = 46,
+  LOCAL_MARK = 0x04034b50,
+  LOCAL_BYTES = 30,
+  STORED = 0,
+  DEFLATED = 8,
   DEFLATE_RATIO = 1032, /* the most deflate can expand */
 };
 
@@ -109,8 +117,10 @@ static bool read_entry(const tc_dicom_zip *zip, tc_reader *r, tc_dicom_zip_membe
 bool tc_dicom_zip_open(tc_dicom_zip *zip, const void *bytes, size_t size, GError **error) {
   uint64_t entries, length, start;
   *zip = (tc_dicom_zip){.bytes = bytes, .size = size};
-  if (!read_end(zip, &entries, &length, &start)) return fail(error, "no directory at the end; the file is cut or no zip");
-  if (start > size || length > size - start || entries > length / ENTRY_BYTES) return fail(error, "directory outside the file");
+  if (!read_end(zip, &entries, &length, &start))
+    return fail(error, "no directory at the end; the file is cut or no zip");
+  if (start > size || length > size - start || entries > length / ENTRY_BYTES)
+    return fail(error, "directory outside the file");
   if (entries > TC_DICOM_ZIP_MEMBERS_MAX) {
     tc_set_error(error, TC_ERROR_LIMIT, NULL, "zip: more than %d members", TC_DICOM_ZIP_MEMBERS_MAX);
     return false;
@@ -135,7 +145,8 @@ void tc_dicom_zip_finish(tc_dicom_zip *zip) {
 }
 
 /* Inflates up to `want` bytes; fewer only where the stream ends. */
-static bool inflate_some(const uint8_t *packed, size_t packed_size, uint8_t *out, size_t want, size_t *got, GError **error) {
+static bool inflate_some(const uint8_t *packed, size_t packed_size, uint8_t *out, size_t want, size_t *got,
+                         GError **error) {
   z_stream z = {0};
   if (inflateInit2(&z, -MAX_WBITS) != Z_OK) return fail(error, "no memory to inflate");
   int state = Z_OK;
@@ -180,8 +191,9 @@ bool tc_dicom_deflate_is_whole(const uint8_t *bytes, size_t size) {
 
 bool tc_dicom_zip_read(const tc_dicom_zip *zip, size_t member, uint8_t *out, size_t want, size_t *got, GError **error) {
   *got = 0;
-  if (member >= zip->count || !zip->members[member].usable) return fail(error, "member cannot be read (encrypted or packed in"
-                                                                              " a way not known)");
+  if (member >= zip->count || !zip->members[member].usable)
+    return fail(error, "member cannot be read (encrypted or packed in"
+                       " a way not known)");
   const tc_dicom_zip_member *m = &zip->members[member];
   tc_reader r;
   tc_reader_init(&r, zip->bytes, zip->size, false);

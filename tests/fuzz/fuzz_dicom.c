@@ -1,5 +1,5 @@
-/* What a hostile DICOM helper could say to its parent, and the zip reader. The first byte chooses: 0 a load, 1 a listing,
- * anything else a zip. */
+/* What a hostile DICOM helper could say to its parent, and the zip reader. The first byte chooses: 0 a load, 1 a
+ * listing, anything else a zip. */
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -38,8 +38,10 @@ static void fuzz_load(memory *m) {
   tc_dicom_wire_reader reader = {.read = read_memory, .user = m, .max_voxel_bytes = MOST_VOXEL_BYTES};
   GError *error = NULL;
   tc_volume *v = tc_dicom_wire_load(&reader, &error);
-  if (!v) check_error(error);
-  else if (tc_volume_bytes(v) > MOST_VOXEL_BYTES || error) abort();
+  if (!v)
+    check_error(error);
+  else if (tc_volume_bytes(v) > MOST_VOXEL_BYTES || error)
+    abort();
   if (v) tc_volume_seal(v);
   tc_volume_unref(v);
 }
@@ -67,8 +69,10 @@ static void fuzz_zip(memory *m) {
   for (size_t i = 0; i < zip.count && i < 16; i++) {
     size_t got;
     error = NULL;
-    if (!tc_dicom_zip_read(&zip, i, out, MOST_MEMBER_BYTES, &got, &error)) check_error(error);
-    else if (got > MOST_MEMBER_BYTES) abort();
+    if (!tc_dicom_zip_read(&zip, i, out, MOST_MEMBER_BYTES, &got, &error))
+      check_error(error);
+    else if (got > MOST_MEMBER_BYTES)
+      abort();
   }
   tc_dicom_zip_finish(&zip);
   free(out);
@@ -77,8 +81,11 @@ static void fuzz_zip(memory *m) {
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
   if (size < 1) return 0;
   memory m = {data + 1, size - 1};
-  if (data[0] == 0) fuzz_load(&m);
-  else if (data[0] == 1) fuzz_list(&m);
-  else fuzz_zip(&m);
+  if (data[0] == 0)
+    fuzz_load(&m);
+  else if (data[0] == 1)
+    fuzz_list(&m);
+  else
+    fuzz_zip(&m);
   return 0;
 }

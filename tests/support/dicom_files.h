@@ -24,10 +24,26 @@ typedef struct dicom_spec {
 } dicom_spec;
 
 static inline void dicom_spec_init(dicom_spec *s, unsigned columns, unsigned rows, const void *pixels, size_t bytes) {
-  *s = (dicom_spec){.series = "1.2.3.1", .modality = "CT", .photometric = "MONOCHROME2", .slope = "1", .intercept = "-1024",
-                    .pixel_spacing = "0.5\\0.75", .orientation = "1\\0\\0\\0\\1\\0", .has_position = true, .instance = 1,
-                    .acquisition = 1, .series_number = 1, .rows = rows, .columns = columns, .allocated = 16, .stored = 16,
-                    .high = 15, .is_signed = 1, .samples = 1, .pixels = pixels, .pixel_bytes = bytes};
+  *s = (dicom_spec){.series = "1.2.3.1",
+                    .modality = "CT",
+                    .photometric = "MONOCHROME2",
+                    .slope = "1",
+                    .intercept = "-1024",
+                    .pixel_spacing = "0.5\\0.75",
+                    .orientation = "1\\0\\0\\0\\1\\0",
+                    .has_position = true,
+                    .instance = 1,
+                    .acquisition = 1,
+                    .series_number = 1,
+                    .rows = rows,
+                    .columns = columns,
+                    .allocated = 16,
+                    .stored = 16,
+                    .high = 15,
+                    .is_signed = 1,
+                    .samples = 1,
+                    .pixels = pixels,
+                    .pixel_bytes = bytes};
 }
 
 static inline void dicom_u16(GByteArray *b, unsigned v) {
@@ -41,7 +57,8 @@ static inline void dicom_u32(GByteArray *b, uint32_t v) {
 }
 
 /* One element with a value of any bytes; odd lengths are padded. */
-static inline void dicom_element(GByteArray *b, unsigned group, unsigned element, const char *vr, const void *value, size_t size) {
+static inline void dicom_element(GByteArray *b, unsigned group, unsigned element, const char *vr, const void *value,
+                                 size_t size) {
   bool wide = !strcmp(vr, "OB") || !strcmp(vr, "OW") || !strcmp(vr, "OF") || !strcmp(vr, "SQ") || !strcmp(vr, "UN");
   uint8_t pad = !strcmp(vr, "UI") || !strcmp(vr, "OB") ? 0 : ' ';
   size_t padded = size + (size & 1);
@@ -49,8 +66,10 @@ static inline void dicom_element(GByteArray *b, unsigned group, unsigned element
   dicom_u16(b, element);
   g_byte_array_append(b, (const uint8_t *)vr, 2);
   if (wide) dicom_u16(b, 0);
-  if (wide) dicom_u32(b, (uint32_t)padded);
-  else dicom_u16(b, (unsigned)padded);
+  if (wide)
+    dicom_u32(b, (uint32_t)padded);
+  else
+    dicom_u16(b, (unsigned)padded);
   if (size) g_byte_array_append(b, value, (guint)size);
   if (size & 1) g_byte_array_append(b, &pad, 1);
 }
@@ -136,7 +155,9 @@ static inline void zip_add(zip_writer *z, const char *name, const void *data, si
   size_t packed_size = size;
   uint32_t crc = (uint32_t)crc32(0, data, (uInt)size), at = z->bytes->len;
   if (method == 8) {
-    z_stream s = {.next_in = (Bytef *)(uintptr_t)data, .avail_in = (uInt)size, .next_out = packed,
+    z_stream s = {.next_in = (Bytef *)(uintptr_t)data,
+                  .avail_in = (uInt)size,
+                  .next_out = packed,
                   .avail_out = (uInt)compressBound(size) + 16};
     deflateInit2(&s, 6, Z_DEFLATED, -MAX_WBITS, 8, Z_DEFAULT_STRATEGY);
     deflate(&s, Z_FINISH);
@@ -195,8 +216,10 @@ static inline void remove_tree(const char *path) {
   GDir *dir = g_dir_open(path, 0, NULL);
   for (const char *name; dir && (name = g_dir_read_name(dir));) {
     char *child = g_build_filename(path, name, NULL);
-    if (g_file_test(child, G_FILE_TEST_IS_DIR) && !g_file_test(child, G_FILE_TEST_IS_SYMLINK)) remove_tree(child);
-    else g_unlink(child);
+    if (g_file_test(child, G_FILE_TEST_IS_DIR) && !g_file_test(child, G_FILE_TEST_IS_SYMLINK))
+      remove_tree(child);
+    else
+      g_unlink(child);
     g_free(child);
   }
   if (dir) g_dir_close(dir);

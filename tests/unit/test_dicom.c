@@ -1,9 +1,9 @@
 /* DICOM end to end: files made here, through the real helper process. */
+#include <fcntl.h>
 #include <math.h>
 #include <setjmp.h>
-#include <stdarg.h>
-#include <fcntl.h>
 #include <signal.h>
+#include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -27,7 +27,8 @@ static const tc_import_options with_helper = {.dicom_helper = helper};
 static int16_t value_of(int z, int i) { return (int16_t)(100 * z + i - 300); }
 
 static void fill(int16_t *pixels, int z) {
-  for (int i = 0; i < PIXELS; i++) pixels[i] = value_of(z, i);
+  for (int i = 0; i < PIXELS; i++)
+    pixels[i] = value_of(z, i);
 }
 
 static void init(dicom_spec *s, int16_t *pixels) { dicom_spec_init(s, COLUMNS, ROWS, pixels, PIXELS * sizeof *pixels); }
@@ -87,7 +88,8 @@ static void check_series(const tc_volume *v, int slices) {
   assert_string_equal(d->format, "dicom");
   const int16_t *voxels = tc_volume_data(v);
   for (int z = 0; z < slices; z++)
-    for (int i = 0; i < PIXELS; i++) assert_int_equal(voxels[z * PIXELS + i], value_of(z, i));
+    for (int i = 0; i < PIXELS; i++)
+      assert_int_equal(voxels[z * PIXELS + i], value_of(z, i));
 }
 
 static void a_shuffled_folder(void **state) {
@@ -127,7 +129,10 @@ static void two_series(void **state) {
   assert_int_equal(series[1].rows, ROWS);
   assert_int_equal(series[1].columns, COLUMNS);
   g_free(series);
-  static const struct { const char *suffix; int slices; } picks[] = {{NULL, SLICES}, {"1", 4}, {"2", SLICES}, {"1.2.3.10", 4}};
+  static const struct {
+    const char *suffix;
+    int slices;
+  } picks[] = {{NULL, SLICES}, {"1", 4}, {"2", SLICES}, {"1.2.3.10", 4}};
   for (size_t i = 0; i < G_N_ELEMENTS(picks); i++) {
     tc_volume *v = load(folder, picks[i].suffix);
     check_series(v, picks[i].slices);
@@ -141,7 +146,8 @@ static void two_series(void **state) {
 }
 
 static void a_zip(void **state) {
-  char *folder = temp_folder(), *path = g_build_filename(folder, "study.zip", NULL), *series = g_build_filename(folder, "s", NULL);
+  char *folder = temp_folder(), *path = g_build_filename(folder, "study.zip", NULL),
+       *series = g_build_filename(folder, "s", NULL);
   g_mkdir_with_parents(series, 0700);
   write_series(series, "1.2.3.1", 1, SLICES);
   zip_writer z = zip_start();
@@ -195,7 +201,8 @@ static void an_oblique_slice(void **state) {
   char *folder, *path = one_file(&folder, &s);
   tc_volume *v = load(path, NULL);
   static const double want[9] = {0.6, -0.48, 0.64, 0.8, 0.36, -0.48, 0, 0.8, 0.6};
-  for (int i = 0; i < 9; i++) assert_true(fabs(tc_volume_describe(v)->direction[i] - want[i]) < 1e-12);
+  for (int i = 0; i < 9; i++)
+    assert_true(fabs(tc_volume_describe(v)->direction[i] - want[i]) < 1e-12);
   tc_volume_unref(v);
   drop(folder, path);
 }
@@ -204,7 +211,8 @@ static void frames_of_one_file(void **state) {
   int16_t pixels[3 * PIXELS];
   dicom_spec s;
   init(&s, pixels);
-  for (int z = 0; z < 3; z++) fill(pixels + z * PIXELS, z);
+  for (int z = 0; z < 3; z++)
+    fill(pixels + z * PIXELS, z);
   s.pixel_bytes = sizeof pixels;
   s.frames = "3";
   s.position[2] = 5;
@@ -246,7 +254,8 @@ static void different_slopes_become_float(void **state) {
   assert_non_null(strstr(d->note, "rescale"));
   const float *f = tc_volume_data(v);
   for (int z = 0; z < 2; z++)
-    for (int i = 0; i < PIXELS; i++) assert_true(f[z * PIXELS + i] == (float)(value_of(z, i) * (z ? 2.0 : 0.5) + 1));
+    for (int i = 0; i < PIXELS; i++)
+      assert_true(f[z * PIXELS + i] == (float)(value_of(z, i) * (z ? 2.0 : 0.5) + 1));
   tc_volume_unref(v);
   remove_tree(folder);
   g_free(folder);
@@ -263,7 +272,8 @@ static void what_is_missing_is_said(void **state) {
   char *folder, *path = one_file(&folder, &s);
   tc_volume *v = load(path, NULL);
   const tc_volume_desc *d = tc_volume_describe(v);
-  for (int k = 0; k < 3; k++) assert_true(d->spacing[k] == 1);
+  for (int k = 0; k < 3; k++)
+    assert_true(d->spacing[k] == 1);
   assert_non_null(strstr(d->note, "pixel spacing unknown"));
   assert_non_null(strstr(d->note, "MONOCHROME1"));
   assert_int_equal(((const int16_t *)tc_volume_data(v))[0], value_of(0, 0)); /* not inverted */
@@ -275,13 +285,15 @@ static void wide_integers_are_narrowed(void **state) {
   int32_t pixels[PIXELS];
   dicom_spec s;
   dicom_spec_init(&s, COLUMNS, ROWS, pixels, sizeof pixels);
-  for (int i = 0; i < PIXELS; i++) pixels[i] = i * 1000 - 5;
+  for (int i = 0; i < PIXELS; i++)
+    pixels[i] = i * 1000 - 5;
   s.allocated = s.stored = 32;
   s.high = 31;
   char *folder, *path = one_file(&folder, &s);
   tc_volume *v = load(path, NULL);
   assert_int_equal(tc_volume_describe(v)->type, TC_I16);
-  for (int i = 0; i < PIXELS; i++) assert_int_equal(((const int16_t *)tc_volume_data(v))[i], pixels[i]);
+  for (int i = 0; i < PIXELS; i++)
+    assert_int_equal(((const int16_t *)tc_volume_data(v))[i], pixels[i]);
   tc_volume_unref(v);
   pixels[3] = 70000;
   assert_true(dicom_write(folder, "one", &s));
@@ -296,7 +308,8 @@ static void colour_becomes_luma(void **state) {
   uint8_t pixels[PIXELS * 3];
   dicom_spec s;
   dicom_spec_init(&s, COLUMNS, ROWS, pixels, sizeof pixels);
-  for (int i = 0; i < PIXELS * 3; i++) pixels[i] = i % 3 == 1 ? 200 : 0;
+  for (int i = 0; i < PIXELS * 3; i++)
+    pixels[i] = i % 3 == 1 ? 200 : 0;
   s.allocated = s.stored = 8;
   s.high = 7;
   s.is_signed = 0;
@@ -305,7 +318,8 @@ static void colour_becomes_luma(void **state) {
   char *folder, *path = one_file(&folder, &s);
   tc_volume *v = load(path, NULL);
   assert_int_equal(tc_volume_describe(v)->type, TC_U8);
-  for (int i = 0; i < PIXELS; i++) assert_int_equal(((const uint8_t *)tc_volume_data(v))[i], 143); /* 0.7152 * 200 */
+  for (int i = 0; i < PIXELS; i++)
+    assert_int_equal(((const uint8_t *)tc_volume_data(v))[i], 143); /* 0.7152 * 200 */
   tc_volume_unref(v);
   drop(folder, path);
 }
@@ -318,10 +332,14 @@ static void hostile_headers(void **state) {
   for (size_t i = 0; i < G_N_ELEMENTS(frames) + 3; i++) {
     dicom_spec s;
     init(&s, pixels);
-    if (i < G_N_ELEMENTS(frames)) s.frames = frames[i];
-    else if (i == G_N_ELEMENTS(frames)) s.rows = s.columns = 65535;
-    else if (i == G_N_ELEMENTS(frames) + 1) s.allocated = s.stored = 24;
-    else s.pixels = NULL;
+    if (i < G_N_ELEMENTS(frames))
+      s.frames = frames[i];
+    else if (i == G_N_ELEMENTS(frames))
+      s.rows = s.columns = 65535;
+    else if (i == G_N_ELEMENTS(frames) + 1)
+      s.allocated = s.stored = 24;
+    else
+      s.pixels = NULL;
     char *folder, *path = one_file(&folder, &s);
     int code = refused(path, NULL);
     assert_true(code == TC_ERROR_FORMAT || code == TC_ERROR_UNSUPPORTED);
@@ -457,7 +475,8 @@ static void the_helper_is_confined(void **state) {
     _exit(99);
   }
   assert_true(pid > 0);
-  for (int wait = 0; wait < 500 && status_field(pid, "\nSeccomp:") != 2; wait++) g_usleep(20000);
+  for (int wait = 0; wait < 500 && status_field(pid, "\nSeccomp:") != 2; wait++)
+    g_usleep(20000);
   int seccomp = status_field(pid, "\nSeccomp:"), privileges = status_field(pid, "\nNoNewPrivs:");
   kill(pid, SIGKILL);
   waitpid(pid, NULL, 0);

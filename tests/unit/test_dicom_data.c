@@ -1,5 +1,5 @@
-/* DICOM of the real world: the sets of the data folder (TC_DATA), what each odd file must do, and geometry against dcm2niix
- * where it is installed. Everything here is skipped, with a line, without the data. */
+/* DICOM of the real world: the sets of the data folder (TC_DATA), what each odd file must do, and geometry against
+ * dcm2niix where it is installed. Everything here is skipped, with a line, without the data. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -22,8 +22,10 @@ static char *unpacked; /* where the archives are; NULL: no data */
 /* Runs a program quietly; true when it ends with 0. */
 static bool run(const char *const argv[]) {
   int status = -1;
-  return g_spawn_sync(NULL, (char **)(uintptr_t)argv, NULL, G_SPAWN_SEARCH_PATH | G_SPAWN_STDOUT_TO_DEV_NULL | G_SPAWN_STDERR_TO_DEV_NULL,
-                      NULL, NULL, NULL, NULL, &status, NULL) && status == 0;
+  return g_spawn_sync(NULL, (char **)(uintptr_t)argv, NULL,
+                      G_SPAWN_SEARCH_PATH | G_SPAWN_STDOUT_TO_DEV_NULL | G_SPAWN_STDERR_TO_DEV_NULL, NULL, NULL, NULL,
+                      NULL, &status, NULL) &&
+         status == 0;
 }
 
 static bool unpack(const char *data, const char *archive) {
@@ -35,9 +37,13 @@ static bool unpack(const char *data, const char *archive) {
 }
 
 static int set_up(void **state) {
-  static const char *const archives[] = {"dicom/ct_abdomen_dicom_24.tar.gz", "dicom/ct_head_dicom93.tar.gz", "dicom/dcmqi_data.tar.gz",
-                                         "dicom/fnndsc_rsna2_pet_seg.tar.gz", "dicom/mr_datalad_t1_dicom384.tar.gz",
-                                         "dicom/mr_decubitus_dicom4x35.tar.gz", "odd/odd.tar.gz"};
+  static const char *const archives[] = {"dicom/ct_abdomen_dicom_24.tar.gz",
+                                         "dicom/ct_head_dicom93.tar.gz",
+                                         "dicom/dcmqi_data.tar.gz",
+                                         "dicom/fnndsc_rsna2_pet_seg.tar.gz",
+                                         "dicom/mr_datalad_t1_dicom384.tar.gz",
+                                         "dicom/mr_decubitus_dicom4x35.tar.gz",
+                                         "odd/odd.tar.gz"};
   const char *data = getenv("TC_DATA");
   if (!data || !g_file_test(data, G_FILE_TEST_IS_DIR)) {
     print_message("TC_DATA names no folder: skipped\n");
@@ -85,14 +91,30 @@ static const expectation sets[] = {
     {"dcmqi/segmentations/24x38x3/multiframe/mf.dcm", NULL, {24, 38, 3}, 1, TC_U16, {0.7, 0.7, 2.5}, "CT", 1, 0},
     {"dcmqi/segmentations/sparse-labelmap-ppv5.dcm", NULL, {24, 38, 3}, 1, TC_U8, {0.7, 0.7, 2.5}, "SEG", 1, 0},
     {"dcmqi/paramaps/pm-example-dcm.zip", NULL, {256, 256, 20}, 1, TC_I16, {0.703, 0.703, 3}, "MR", 1, 0},
-    {"/dicom/enh_multiframe/eCT_Supplemental.dcm", NULL, {512, 512, 2}, 1, TC_U16, {0.3887, 0.3887, 10}, "CT", 1, -1024},
+    {"/dicom/enh_multiframe/eCT_Supplemental.dcm",
+     NULL,
+     {512, 512, 2},
+     1,
+     TC_U16,
+     {0.3887, 0.3887, 10},
+     "CT",
+     1,
+     -1024},
     {"/dicom/enh_multiframe/emri_small.dcm", NULL, {64, 64, 10}, 1, TC_U16, {1, 1, 1.2}, "MR", 1, 0},
     {"/dicom/enh_multiframe/MOVEKNEE.dcm", NULL, {256, 256, 1}, 19, TC_U16, {0.625, 0.625, 6}, "MR", 1, 0},
     {"/dicom/enh_multiframe/mr_brucker.dcm", NULL, {256, 128, 4}, 1, TC_I16, {0.1, 0.2, 1}, "MR", 1, 0},
     {"/dicom/enh_multiframe/Philips", NULL, {64, 64, 32}, 2, TC_U16, {4, 4, 4}, "MR", 1.2799, 0},
     {"/dicom/enh_multiframe/Siemens", NULL, {64, 64, 6}, 4, TC_U16, {3.375, 3.375, 2.4}, "MR", 1, 0},
     {"/dicom/enh_multiframe/Siemens/XA10/6_1.dcm", NULL, {64, 64, 6}, 1, TC_U16, {3.375, 3.375, 2.4}, "MR", 1, 0},
-    {"/dicom/enh_multiframe/liver_nonbyte_aligned.dcm", NULL, {510, 510, 3}, 1, TC_U8, {0.8105, 0.8105, 1}, "SEG", 1, 0},
+    {"/dicom/enh_multiframe/liver_nonbyte_aligned.dcm",
+     NULL,
+     {510, 510, 3},
+     1,
+     TC_U8,
+     {0.8105, 0.8105, 1},
+     "SEG",
+     1,
+     0},
     {"/dicom/enh_multiframe/parametric_map_float.dcm", NULL, {128, 128, 1}, 1, TC_F32, {0.6615, 0.6615, 5}, "OT", 1, 0},
 };
 
@@ -113,8 +135,8 @@ static void check_set(const expectation *want) {
       fail_msg("%s: axis %d is %d x %g mm", want->path, k, d->dims[k], d->spacing[k]);
   if (d->frames != want->frames || d->type != want->type || strcmp(d->modality, want->modality) != 0 ||
       fabs(d->slope - want->slope) > 1e-4 || d->intercept != want->intercept)
-    fail_msg("%s: %d frames, %s, %s, slope %g %g", want->path, d->frames, tc_voxel_type_name(d->type), d->modality, d->slope,
-             d->intercept);
+    fail_msg("%s: %d frames, %s, %s, slope %g %g", want->path, d->frames, tc_voxel_type_name(d->type), d->modality,
+             d->slope, d->intercept);
   assert_true(tc_volume_statistics(v)->max > tc_volume_statistics(v)->min);
   tc_volume_unref(v);
   g_free(path);
@@ -122,7 +144,8 @@ static void check_set(const expectation *want) {
 
 static void sets_open_as_described(void **state) {
   if (!unpacked) skip();
-  for (size_t i = 0; i < G_N_ELEMENTS(sets); i++) check_set(&sets[i]);
+  for (size_t i = 0; i < G_N_ELEMENTS(sets); i++)
+    check_set(&sets[i]);
   struct rusage usage; /* the largest set is 77 MiB of voxels: 1.3 times that and 64 MiB */
   getrusage(RUSAGE_SELF, &usage);
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
@@ -158,10 +181,21 @@ static double largest_difference(const tc_volume *a, const tc_volume *b) {
 }
 
 static void transfer_syntaxes(void **state) {
-  static const packing packings[] = {
-      {"BigEndian", 0}, {"Deflated", 0}, {"JPEG2000Lossless", 0}, {"JPEG2000Transfer", 5}, {"JPEGLSLossless", 0},
-      {"JPEGLSLossy", 1}, {"JPEGProcess14SV1", 0}, {"JPEGProcess14T", 0}, {"LittleEndianExplicit", 0}, {"LittleEndianImplicit", 0},
-      {"RLE", 0}, {"JPEGProcess10_12", -1}, {"JPEGProcess2_4", -1}, {"JPEGProcess6_8", -1}, {"JPEGProcess1T", -1}};
+  static const packing packings[] = {{"BigEndian", 0},
+                                     {"Deflated", 0},
+                                     {"JPEG2000Lossless", 0},
+                                     {"JPEG2000Transfer", 5},
+                                     {"JPEGLSLossless", 0},
+                                     {"JPEGLSLossy", 1},
+                                     {"JPEGProcess14SV1", 0},
+                                     {"JPEGProcess14T", 0},
+                                     {"LittleEndianExplicit", 0},
+                                     {"LittleEndianImplicit", 0},
+                                     {"RLE", 0},
+                                     {"JPEGProcess10_12", -1},
+                                     {"JPEGProcess2_4", -1},
+                                     {"JPEGProcess6_8", -1},
+                                     {"JPEGProcess1T", -1}};
   if (!unpacked) skip();
   char *folder = find("/dicom/dicom_syntaxes"), *plain = g_build_filename(folder, "CTImage.dcm", NULL);
   tc_volume *reference = open_or_fail(plain);
@@ -187,7 +221,8 @@ static void transfer_syntaxes(void **state) {
 }
 
 static void frames_in_five_syntaxes(void **state) {
-  static const char *const same[] = {"emri_small_big_endian", "emri_small_RLE", "emri_small_jpeg_2k_lossless", "emri_small_jpeg_ls_lossless"};
+  static const char *const same[] = {"emri_small_big_endian", "emri_small_RLE", "emri_small_jpeg_2k_lossless",
+                                     "emri_small_jpeg_ls_lossless"};
   if (!unpacked) skip();
   char *plain = find("/dicom/enh_multiframe/emri_small.dcm");
   tc_volume *reference = open_or_fail(plain);
@@ -207,14 +242,28 @@ static void frames_in_five_syntaxes(void **state) {
 /* ---- odd files ---- */
 
 static void odd_files(void **state) {
-  static const char *const must_load[] = {"MR_small_padded.dcm", "fodicom_CT-MONO2-16-ankle", "decimal_rescale.dcm", "MR_small.dcm",
-                                          "MR_small_implicit.dcm", "MR_small_bigendian.dcm", "MR_small_RLE.dcm",
-                                          "MR_small_jp2klossless.dcm", "MR_small_jpeg_ls_lossless.dcm", "CT_small.dcm"};
-  static const char *const must_not[] = {"MR_truncated.dcm", "rtplan_truncated.dcm", "ExplVR_LitEndNoMeta.dcm", "ExplVR_BigEndNoMeta.dcm",
-                                         "meta_missing_tsyntax.dcm", "no_meta_group_length.dcm", "empty_charset_LEI.dcm",
-                                         "UN_sequence.dcm", "badVR.dcm", "emri_small_jpeg_2k_lossless_too_short.dcm",
-                                         "fodicom_GH1146.dcm", "fodicom_GH220.dcm", "fodicom_GH223.dcm", "fodicom_GH487.dcm",
-                                         "fodicom_Issue1097_FailToOpenDeflatedFileWithSQ.dcm", "no-pixel-data.dcm", "DICOMDIR-empty.dcm",
+  static const char *const must_load[] = {
+      "MR_small_padded.dcm", "fodicom_CT-MONO2-16-ankle", "decimal_rescale.dcm",
+      "MR_small.dcm",        "MR_small_implicit.dcm",     "MR_small_bigendian.dcm",
+      "MR_small_RLE.dcm",    "MR_small_jp2klossless.dcm", "MR_small_jpeg_ls_lossless.dcm",
+      "CT_small.dcm"};
+  static const char *const must_not[] = {"MR_truncated.dcm",
+                                         "rtplan_truncated.dcm",
+                                         "ExplVR_LitEndNoMeta.dcm",
+                                         "ExplVR_BigEndNoMeta.dcm",
+                                         "meta_missing_tsyntax.dcm",
+                                         "no_meta_group_length.dcm",
+                                         "empty_charset_LEI.dcm",
+                                         "UN_sequence.dcm",
+                                         "badVR.dcm",
+                                         "emri_small_jpeg_2k_lossless_too_short.dcm",
+                                         "fodicom_GH1146.dcm",
+                                         "fodicom_GH220.dcm",
+                                         "fodicom_GH223.dcm",
+                                         "fodicom_GH487.dcm",
+                                         "fodicom_Issue1097_FailToOpenDeflatedFileWithSQ.dcm",
+                                         "no-pixel-data.dcm",
+                                         "DICOMDIR-empty.dcm",
                                          "DICOMDIR-nooffset"};
   if (!unpacked) skip();
   char *folder = find("odd/dicom");
@@ -290,17 +339,20 @@ static bool read_sform(const char *folder, double m[12], int dims[3]) {
 /* Their voxel of our corner must be a corner of theirs, the same on the x axis, mirrored or not on the others. */
 static void compare_corners(const tc_volume *v, const double m[12], const int dims[3]) {
   const tc_volume_desc *d = tc_volume_describe(v);
-  for (int k = 0; k < 3; k++) assert_int_equal(d->dims[k], dims[k]);
+  for (int k = 0; k < 3; k++)
+    assert_int_equal(d->dims[k], dims[k]);
   for (int corner = 0; corner < 8; corner++) {
     double at[3], lps[3], least = INFINITY;
-    for (int k = 0; k < 3; k++) at[k] = corner >> k & 1 ? dims[k] - 1 : 0;
+    for (int k = 0; k < 3; k++)
+      at[k] = corner >> k & 1 ? dims[k] - 1 : 0;
     tc_volume_index_to_lps(v, at, lps);
     for (int theirs = 0; theirs < 8; theirs++) { /* the nearest of their corners */
       double off = 0;
       if ((theirs & 1) != (corner & 1)) continue;
       for (int r = 0; r < 3; r++) {
         double world = m[4 * r + 3];
-        for (int k = 0; k < 3; k++) world += m[4 * r + k] * (theirs >> k & 1 ? dims[k] - 1 : 0);
+        for (int k = 0; k < 3; k++)
+          world += m[4 * r + k] * (theirs >> k & 1 ? dims[k] - 1 : 0);
         off += pow(world - (r < 2 ? -lps[r] : lps[r]), 2);
       }
       least = fmin(least, sqrt(off));
@@ -310,8 +362,9 @@ static void compare_corners(const tc_volume *v, const double m[12], const int di
 }
 
 static void geometry_of_dcm2niix(void **state) {
-  static const char *const folders[] = {"ct_abdomen_dicom_24", "mr_datalad_t1", "mr_decubitus/HFDR", "mr_decubitus/HFDL",
-                                        "mr_decubitus/HFP", "mr_decubitus/HFS", "fnndsc_rsna2/PET", "dcmqi/segmentations/ct-3slice"};
+  static const char *const folders[] = {
+      "ct_abdomen_dicom_24", "mr_datalad_t1",    "mr_decubitus/HFDR", "mr_decubitus/HFDL",
+      "mr_decubitus/HFP",    "mr_decubitus/HFS", "fnndsc_rsna2/PET",  "dcmqi/segmentations/ct-3slice"};
   char *program = g_find_program_in_path("dcm2niix");
   if (!unpacked || !program) {
     print_message("no data or no dcm2niix: skipped\n");
@@ -339,8 +392,9 @@ static void geometry_of_dcm2niix(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(sets_open_as_described), cmocka_unit_test(transfer_syntaxes),     cmocka_unit_test(frames_in_five_syntaxes),
-      cmocka_unit_test(odd_files),              cmocka_unit_test(a_folder_of_odd_files), cmocka_unit_test(geometry_of_dcm2niix),
+      cmocka_unit_test(sets_open_as_described),  cmocka_unit_test(transfer_syntaxes),
+      cmocka_unit_test(frames_in_five_syntaxes), cmocka_unit_test(odd_files),
+      cmocka_unit_test(a_folder_of_odd_files),   cmocka_unit_test(geometry_of_dcm2niix),
   };
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

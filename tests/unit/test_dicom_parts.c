@@ -17,8 +17,13 @@
 /* ---- samples ---- */
 
 static tc_dicom_samples grey(int allocated, int stored, int high, bool is_signed) {
-  return (tc_dicom_samples){.rows = 1, .columns = 4, .allocated = allocated, .stored = stored, .high = high,
-                            .is_signed = is_signed, .per_pixel = 1};
+  return (tc_dicom_samples){.rows = 1,
+                            .columns = 4,
+                            .allocated = allocated,
+                            .stored = stored,
+                            .high = high,
+                            .is_signed = is_signed,
+                            .per_pixel = 1};
 }
 
 static void bits_outside_the_pixel_are_cut(void **state) {
@@ -52,7 +57,8 @@ static void every_width_converts(void **state) {
   tc_dicom_target target = {.type = TC_F32, .rescale = true, .slope = 2, .intercept = 1};
   float out[4];
   assert_true(tc_dicom_convert(&s, bytes, sizeof bytes, 0, &target, out));
-  for (int i = 0; i < 4; i++) assert_true(out[i] == (float)(2 * want[i] + 1));
+  for (int i = 0; i < 4; i++)
+    assert_true(out[i] == (float)(2 * want[i] + 1));
   double lo = INFINITY, hi = -INFINITY;
   assert_true(tc_dicom_range(&s, bytes, sizeof bytes, &lo, &hi));
   assert_true(lo == -2 && hi == 5);
@@ -209,16 +215,27 @@ static bool read_memory(void *user, void *bytes, size_t size, GError **error) {
 }
 
 static tc_volume_desc small_desc(void) {
-  return (tc_volume_desc){.dims = {3, 2, 2}, .type = TC_I16, .spacing = {1, 2, 3}, .origin = {4, 5, 6},
-                          .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 2, .intercept = -3, .frames = 4,
-                          .modality = "CT", .unit = "HU", .note = "a note", .window_center = 40, .window_width = 400};
+  return (tc_volume_desc){.dims = {3, 2, 2},
+                          .type = TC_I16,
+                          .spacing = {1, 2, 3},
+                          .origin = {4, 5, 6},
+                          .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1},
+                          .slope = 2,
+                          .intercept = -3,
+                          .frames = 4,
+                          .modality = "CT",
+                          .unit = "HU",
+                          .note = "a note",
+                          .window_center = 40,
+                          .window_width = 400};
 }
 
 /* What a good helper says about a small volume; the bytes end up in a buffer by way of a pipe. */
 static size_t say(uint8_t *out, size_t room, const tc_volume_desc *desc, size_t voxel_bytes) {
   int fd[2];
   int16_t voxels[64];
-  for (int i = 0; i < 64; i++) voxels[i] = (int16_t)(i - 5);
+  for (int i = 0; i < 64; i++)
+    voxels[i] = (int16_t)(i - 5);
   assert_int_equal(pipe(fd), 0);
   assert_true(tc_dicom_wire_send_progress(fd[1], 0.5));
   assert_true(tc_dicom_wire_send_head(fd[1], desc));
@@ -248,12 +265,14 @@ static void a_volume_crosses_the_wire(void **state) {
   assert_memory_equal(d->spacing, desc.spacing, sizeof desc.spacing);
   assert_memory_equal(d->origin, desc.origin, sizeof desc.origin);
   assert_memory_equal(d->direction, desc.direction, sizeof desc.direction);
-  assert_true(d->slope == 2 && d->intercept == -3 && d->frames == 4 && d->window_center == 40 && d->window_width == 400);
+  assert_true(d->slope == 2 && d->intercept == -3 && d->frames == 4 && d->window_center == 40 &&
+              d->window_width == 400);
   assert_string_equal(d->modality, "CT");
   assert_string_equal(d->unit, "HU");
   assert_string_equal(d->note, "a note");
   assert_string_equal(d->format, "dicom");
-  for (int i = 0; i < 12; i++) assert_int_equal(((const int16_t *)tc_volume_data(v))[i], i - 5);
+  for (int i = 0; i < 12; i++)
+    assert_int_equal(((const int16_t *)tc_volume_data(v))[i], i - 5);
   tc_volume_unref(v);
   GError *error = NULL;
   assert_null(hear(bytes, n, 23, &error));
@@ -324,18 +343,12 @@ static void the_caller_can_cancel(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(bits_outside_the_pixel_are_cut),
-      cmocka_unit_test(every_width_converts),
-      cmocka_unit_test(single_bits_become_labels),
-      cmocka_unit_test(colours_become_luma),
-      cmocka_unit_test(odd_formats_are_not_valid),
-      cmocka_unit_test(zip_members_read_back),
-      cmocka_unit_test(damaged_zips_are_errors),
-      cmocka_unit_test(a_wrong_checksum_is_seen),
-      cmocka_unit_test(a_volume_crosses_the_wire),
-      cmocka_unit_test(lies_about_the_volume_are_refused),
-      cmocka_unit_test(text_from_the_helper_is_tamed),
-      cmocka_unit_test(the_caller_can_cancel),
+      cmocka_unit_test(bits_outside_the_pixel_are_cut), cmocka_unit_test(every_width_converts),
+      cmocka_unit_test(single_bits_become_labels),      cmocka_unit_test(colours_become_luma),
+      cmocka_unit_test(odd_formats_are_not_valid),      cmocka_unit_test(zip_members_read_back),
+      cmocka_unit_test(damaged_zips_are_errors),        cmocka_unit_test(a_wrong_checksum_is_seen),
+      cmocka_unit_test(a_volume_crosses_the_wire),      cmocka_unit_test(lies_about_the_volume_are_refused),
+      cmocka_unit_test(text_from_the_helper_is_tamed),  cmocka_unit_test(the_caller_can_cancel),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -16,9 +16,17 @@ enum { MOST = 64 };
 static void axial(tc_dicom_slice *s, int n, double step) {
   memset(s, 0, sizeof *s * (size_t)n);
   for (int i = 0; i < n; i++) {
-    s[i] = (tc_dicom_slice){.source = (uint32_t)i, .instance = i + 1, .rows = 4, .columns = 5, .has_position = true,
-                            .has_orientation = true, .has_spacing = true, .position = {-1, -2, 10 + step * i},
-                            .orientation = {1, 0, 0, 0, 1, 0}, .spacing = {0.5, 0.75}, .thickness = 9};
+    s[i] = (tc_dicom_slice){.source = (uint32_t)i,
+                            .instance = i + 1,
+                            .rows = 4,
+                            .columns = 5,
+                            .has_position = true,
+                            .has_orientation = true,
+                            .has_spacing = true,
+                            .position = {-1, -2, 10 + step * i},
+                            .orientation = {1, 0, 0, 0, 1, 0},
+                            .spacing = {0.5, 0.75},
+                            .thickness = 9};
   }
 }
 
@@ -31,7 +39,8 @@ static void sorts_by_position(void **state) {
   static const int order[7] = {3, 0, 6, 1, 5, 2, 4};
   tc_dicom_stack stack;
   axial(s, 7, 2.5);
-  for (int i = 0; i < 7; i++) shuffled[i] = s[order[i]];
+  for (int i = 0; i < 7; i++)
+    shuffled[i] = s[order[i]];
   assert_true(tc_dicom_stack_make(shuffled, 7, &stack, NULL));
   assert_int_equal(stack.count, 7);
   for (int i = 0; i < 7; i++) {
@@ -62,11 +71,13 @@ static void positions_come_back(void **state) {
     axial(s, 9, 1);
     for (int i = 0; i < 9; i++) {
       memcpy(s[i].orientation, o, sizeof s[i].orientation);
-      for (int k = 0; k < 3; k++) s[i].position[k] = 30 + k + n[k] * 1.5 * i + 0.4 * o[3 + k] * i; /* tilted: sheared */
+      for (int k = 0; k < 3; k++)
+        s[i].position[k] = 30 + k + n[k] * 1.5 * i + 0.4 * o[3 + k] * i; /* tilted: sheared */
     }
     assert_true(tc_dicom_stack_make(s, 9, &stack, NULL));
     double length = 0;
-    for (int k = 0; k < 3; k++) length += stack.direction[3 * k + 2] * stack.direction[3 * k + 2];
+    for (int k = 0; k < 3; k++)
+      length += stack.direction[3 * k + 2] * stack.direction[3 * k + 2];
     close_to(length, 1);
     close_to(stack.spacing[2], sqrt(1.5 * 1.5 + 0.4 * 0.4));
     for (size_t i = 0; i < stack.count; i++)
@@ -85,12 +96,14 @@ static void takes_the_first_of_duplicates(void **state) {
   tc_dicom_slice s[18];
   tc_dicom_stack stack;
   axial(s, 18, 0);
-  for (int i = 0; i < 18; i++) s[i].position[2] = 5 * (i % 6); /* three time points one after the other */
+  for (int i = 0; i < 18; i++)
+    s[i].position[2] = 5 * (i % 6); /* three time points one after the other */
   assert_true(tc_dicom_stack_make(s, 18, &stack, NULL));
   assert_int_equal(stack.dims[2], 6);
   assert_int_equal(stack.frames, 3);
   assert_int_equal(stack.count, 6);
-  for (int i = 0; i < 6; i++) assert_int_equal(s[stack.items[i].slice].instance, i + 1);
+  for (int i = 0; i < 6; i++)
+    assert_int_equal(s[stack.items[i].slice].instance, i + 1);
   close_to(stack.spacing[2], 5);
   assert_non_null(strstr(stack.note, "3 pictures at a position"));
   tc_dicom_stack_finish(&stack);
@@ -177,7 +190,8 @@ static void without_positions(void **state) {
   assert_true(tc_dicom_stack_make(s, 4, &stack, NULL));
   assert_int_equal(stack.dims[2], 4);
   assert_int_equal(s[stack.items[0].slice].instance, 1);
-  for (int k = 0; k < 3; k++) close_to(stack.spacing[k], 1);
+  for (int k = 0; k < 3; k++)
+    close_to(stack.spacing[k], 1);
   assert_non_null(strstr(stack.note, "1 mm"));
   tc_dicom_stack_finish(&stack);
 }
@@ -208,7 +222,8 @@ static void segmentations_may_have_gaps(void **state) {
   static const uint32_t layers[5] = {0, 1, 1, 3, 4};
   assert_int_equal(stack.dims[2], 5);
   assert_int_equal(stack.count, 5);
-  for (int i = 0; i < 5; i++) assert_int_equal(stack.items[i].layer, layers[i]);
+  for (int i = 0; i < 5; i++)
+    assert_int_equal(stack.items[i].layer, layers[i]);
   close_to(stack.spacing[2], 2.5);
   assert_non_null(strstr(stack.note, "1 slices"));
   tc_dicom_stack_finish(&stack);
@@ -230,7 +245,8 @@ static void nonsense_is_no_crash(void **state) {
     tc_dicom_stack stack;
     if (!tc_dicom_stack_make(s, (size_t)n, &stack, NULL)) continue;
     assert_true(stack.count >= 1);
-    for (size_t i = 0; i < stack.count; i++) assert_true(stack.items[i].layer < (uint32_t)stack.dims[2]);
+    for (size_t i = 0; i < stack.count; i++)
+      assert_true(stack.items[i].layer < (uint32_t)stack.dims[2]);
     tc_dicom_stack_finish(&stack);
   }
 }
