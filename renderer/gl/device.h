@@ -12,10 +12,10 @@
 
 /* What was found; strings as the driver gives them, cut to fit. */
 typedef struct tc_gl_report {
-  bool hardware;      /* false: a software rasteriser (llvmpipe, softpipe, swrast) */
-  char platform[16];  /* "device" or "surfaceless" */
+  bool hardware;     /* false: a software rasteriser (llvmpipe, softpipe, swrast) */
+  char platform[16]; /* "device" or "surfaceless" */
   char vendor[64], renderer[128], version[96];
-  int max_3d_side;    /* texels along one side of a 3-D texture, at least */
+  int max_3d_side; /* texels along one side of a 3-D texture, at least */
   int64_t max_ssbo_bytes;
   int timestamp_bits; /* 0: the driver has no GPU clock */
 } tc_gl_report;
@@ -25,6 +25,10 @@ typedef struct tc_gl_context tc_gl_context;
 /* Makes a context, reads the report and lets the context go. TC_ERROR_UNSUPPORTED says what was tried. The calling
  * thread has the context it had before. */
 bool tc_gl_report_read(tc_gl_report *report, GError **error);
+
+/* How many EGL devices do not call themselves software; -1 where EGL cannot list devices. Loads no driver: initialising
+ * llvmpipe alone costs some 55 MB of memory for the life of the process. */
+int tc_gl_count_hardware(void);
 
 /* A new context, current on the calling thread. */
 tc_gl_context *tc_gl_context_new(GError **error);

@@ -64,8 +64,7 @@ unsigned tc_gl_program_find(tc_gl_program_cache *cache, const void *key, size_t 
   pad_key(padded, key, size);
   cache->clock++;
   for (int i = 0; i < TC_GL_PROGRAMS; i++) {
-    if (!cache->entries[i].program || memcmp(cache->entries[i].key, padded, sizeof padded) != 0)
-      continue;
+    if (!cache->entries[i].program || memcmp(cache->entries[i].key, padded, sizeof padded) != 0) continue;
     cache->entries[i].used = cache->clock;
     return cache->entries[i].program;
   }
@@ -75,10 +74,8 @@ unsigned tc_gl_program_find(tc_gl_program_cache *cache, const void *key, size_t 
 void tc_gl_program_put(tc_gl_program_cache *cache, const void *key, size_t size, unsigned program) {
   int victim = 0; /* a free entry was never used: 0 */
   for (int i = 1; i < TC_GL_PROGRAMS; i++)
-    if (cache->entries[i].used < cache->entries[victim].used)
-      victim = i;
-  if (cache->entries[victim].program)
-    glDeleteProgram(cache->entries[victim].program);
+    if (cache->entries[i].used < cache->entries[victim].used) victim = i;
+  if (cache->entries[victim].program) glDeleteProgram(cache->entries[victim].program);
   pad_key(cache->entries[victim].key, key, size);
   cache->entries[victim].program = program;
   cache->entries[victim].used = ++cache->clock;
@@ -87,7 +84,6 @@ void tc_gl_program_put(tc_gl_program_cache *cache, const void *key, size_t size,
 
 void tc_gl_program_clear(tc_gl_program_cache *cache) {
   for (int i = 0; i < TC_GL_PROGRAMS; i++)
-    if (cache->entries[i].program)
-      glDeleteProgram(cache->entries[i].program);
+    if (cache->entries[i].program) glDeleteProgram(cache->entries[i].program);
   memset(cache, 0, sizeof *cache);
 }

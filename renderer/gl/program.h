@@ -16,7 +16,11 @@ unsigned tc_gl_program_compile(const char *const *pieces, size_t count, const ch
 #define TC_GL_PROGRAM_KEY 32 /* bytes of a key at most */
 
 typedef struct tc_gl_program_cache {
-  struct { uint8_t key[TC_GL_PROGRAM_KEY]; unsigned program; uint64_t used; } entries[TC_GL_PROGRAMS];
+  struct {
+    uint8_t key[TC_GL_PROGRAM_KEY];
+    unsigned program;
+    uint64_t used;
+  } entries[TC_GL_PROGRAMS];
   uint64_t clock;      /* counts look-ups */
   uint64_t n_compiled; /* how often put() was called, for tests and reports */
 } tc_gl_program_cache;

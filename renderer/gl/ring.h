@@ -14,18 +14,18 @@
 #define TC_GL_RING_SLOTS 3
 
 typedef struct tc_gl_slot {
-  unsigned device, host;   /* GL buffer names */
-  const void *mapped;      /* [capacity], valid to read between take and give */
-  void *fence;             /* GLsync of the copy */
-  unsigned clocks[2];      /* GL_TIMESTAMP queries around the work */
-  int tile[4];             /* the caller's note of what was dispatched: x, y, width, height in pixels */
+  unsigned device, host; /* GL buffer names */
+  const void *mapped;    /* [capacity], valid to read between take and give */
+  void *fence;           /* GLsync of the copy */
+  unsigned clocks[2];    /* GL_TIMESTAMP queries around the work */
+  int tile[4];           /* the caller's note of what was dispatched: x, y, width, height in pixels */
 } tc_gl_slot;
 
 typedef struct tc_gl_ring {
   tc_gl_slot slots[TC_GL_RING_SLOTS];
-  size_t capacity;         /* bytes of each slot's two buffers */
-  unsigned head, tail;     /* slots in flight: tail .. head - 1, modulo TC_GL_RING_SLOTS */
-  bool has_clock;          /* the driver has GL_TIMESTAMP */
+  size_t capacity;     /* bytes of each slot's two buffers */
+  unsigned head, tail; /* slots in flight: tail .. head - 1, modulo TC_GL_RING_SLOTS */
+  bool has_clock;      /* the driver has GL_TIMESTAMP */
 } tc_gl_ring;
 
 /* Grows every slot to at least `capacity` bytes; the ring must be idle. A zeroed ring is empty. TC_ERROR_MEMORY. */

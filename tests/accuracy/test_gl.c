@@ -1,7 +1,7 @@
 /* The gl back end's pictures against the cpu back end's: the same scenes on both, in the same run.
  *
- * The contract (NUMERICS section 5): equal within 1/255 at every pixel but for ties at edges, whose share is printed. Runs
- * on whatever OpenGL 4.5 EGL gives (llvmpipe without a GPU); without any it says so and passes nothing. */
+ * The contract (NUMERICS section 5): equal within 1/255 at every pixel but for ties at edges, whose share is printed.
+ * Runs on whatever OpenGL 4.5 EGL gives (llvmpipe without a GPU); without any it says so and passes nothing. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -20,10 +20,9 @@
 static tc_renderer *gl, *cpu;
 static GError *error;
 
-#define assert_made(what)                                                                                             \
-  do {                                                                                                                \
-    if (!(what))                                                                                                      \
-      fail_msg("%s", error ? error->message : #what);                                                                 \
+#define assert_made(what)                                                                                              \
+  do {                                                                                                                 \
+    if (!(what)) fail_msg("%s", error ? error->message : #what);                                                       \
   } while (0)
 
 static int set_up(void **state) {
@@ -46,10 +45,9 @@ static int tear_down(void **state) {
   return 0;
 }
 
-#define needs_gl()                                                                                                    \
-  do {                                                                                                                \
-    if (!gl)                                                                                                          \
-      skip();                                                                                                         \
+#define needs_gl()                                                                                                     \
+  do {                                                                                                                 \
+    if (!gl) skip();                                                                                                   \
   } while (0)
 
 /* ---- comparing ---- */
@@ -74,11 +72,9 @@ static void render_both(pair *p, tc_volume *volume, const tc_scene *scene) {
 static void check_sane(const tc_frame *frame) {
   for (size_t i = 0; i < (size_t)frame->width * frame->height; i++) {
     const float *c = frame->linear + 4 * i;
-    if (!(c[3] >= 0 && c[3] <= 1))
-      fail_msg("pixel %zu: opacity %g", i, c[3]);
+    if (!(c[3] >= 0 && c[3] <= 1)) fail_msg("pixel %zu: opacity %g", i, c[3]);
     for (int k = 0; k < 3; k++)
-      if (!(c[k] >= 0 && c[k] <= c[3] + 2e-6f))
-        fail_msg("pixel %zu: colour %g over opacity %g", i, c[k], c[3]);
+      if (!(c[k] >= 0 && c[k] <= c[3] + 2e-6f)) fail_msg("pixel %zu: colour %g over opacity %g", i, c[k], c[3]);
   }
 }
 
@@ -134,8 +130,8 @@ static void set_knots(tc_scene *scene, const tc_volume *volume, tc_knot_kind kin
 }
 
 static const tc_knot soft[] = {
-  {0, {0.1, 0.1, 0.6}, 0}, {0.35, {0.2, 0.8, 0.3}, 0.01}, {0.6, {0.9, 0.7, 0.2}, 0.08}, {1, {1, 0.95, 0.9}, 0.3}};
-static const tc_knot steep[] = {{0, {0, 0, 0}, 0},         {0.45, {0.9, 0.4, 0.2}, 0}, {0.45, {0.9, 0.4, 0.2}, 3},
+    {0, {0.1, 0.1, 0.6}, 0}, {0.35, {0.2, 0.8, 0.3}, 0.01}, {0.6, {0.9, 0.7, 0.2}, 0.08}, {1, {1, 0.95, 0.9}, 0.3}};
+static const tc_knot steep[] = {{0, {0, 0, 0}, 0},          {0.45, {0.9, 0.4, 0.2}, 0}, {0.45, {0.9, 0.4, 0.2}, 3},
                                 {0.55, {0.9, 0.9, 0.6}, 8}, {0.55, {0, 0, 1}, 0.02},    {1, {0.2, 0.3, 1}, 0.05}};
 
 static const double oblique[3] = {0.4, -1, 0.3};
@@ -145,11 +141,17 @@ static const double oblique[3] = {0.4, -1, 0.3};
 static void test_voxel_types(void **state) {
   needs_gl();
   const double wavelength = 23;
-  const struct { tc_voxel_type type; double slope, intercept; } kinds[] = {
-    {TC_U8, 1.0 / 255, 0}, {TC_I8, 1.0 / 255, 128.0 / 255}, {TC_U16, 1.0 / 65535, 0},
-    {TC_I16, -1.0 / 65535, 0.5}, {TC_F32, 1, 0}};
+  const struct {
+    tc_voxel_type type;
+    double slope, intercept;
+  } kinds[] = {{TC_U8, 1.0 / 255, 0},
+               {TC_I8, 1.0 / 255, 128.0 / 255},
+               {TC_U16, 1.0 / 65535, 0},
+               {TC_I16, -1.0 / 65535, 0.5},
+               {TC_F32, 1, 0}};
   for (size_t i = 0; i < G_N_ELEMENTS(kinds); i++) {
-    test_grid grid = {.dims = {48, 40, 44}, .type = kinds[i].type, .slope = kinds[i].slope, .intercept = kinds[i].intercept};
+    test_grid grid = {
+        .dims = {48, 40, 44}, .type = kinds[i].type, .slope = kinds[i].slope, .intercept = kinds[i].intercept};
     tc_volume *volume = test_volume(&grid, test_waves, &wavelength);
     tc_scene scene;
     char what[64];
@@ -185,8 +187,8 @@ static void test_noise_volume(void **state) {
 
 static void test_awkward_sizes(void **state) {
   needs_gl();
-  const int sizes[][3] = {{1, 1, 1}, {1, 17, 1}, {1, 1, 33}, {29, 1, 1}, {2, 2, 2}, {1, 20, 30}, {20, 1, 30}, {20, 30, 1},
-                          {256, 1, 7}, {3, 257, 2}, {2, 1, 2}};
+  const int sizes[][3] = {{1, 1, 1},   {1, 17, 1},  {1, 1, 33},  {29, 1, 1},  {2, 2, 2}, {1, 20, 30},
+                          {20, 1, 30}, {20, 30, 1}, {256, 1, 7}, {3, 257, 2}, {2, 1, 2}};
   const unsigned seed = 3;
   const double side[3] = {-0.7, -1, 0.5};
   for (size_t i = 0; i < G_N_ELEMENTS(sizes); i++)
@@ -210,8 +212,9 @@ static void test_awkward_sizes(void **state) {
     }
 }
 
-/* More slices than a texture has layers (2048 on most devices), and sides of 1:1000: a look across the middle of noise, where
- * each slice shows, and one down the long axis of waves (down noise, single precision's 1/4000 of a voxel there shows). */
+/* More slices than a texture has layers (2048 on most devices), and sides of 1:1000: a look across the middle of noise,
+ * where each slice shows, and one down the long axis of waves (down noise, single precision's 1/4000 of a voxel there
+ * shows). */
 static void look_at_long_volume(const char *what, const test_grid *grid, double height, bool along) {
   const unsigned seed = 3;
   const double wavelength = 40;
@@ -236,12 +239,16 @@ static void look_at_long_volume(const char *what, const test_grid *grid, double 
 
 static void test_long_volumes(void **state) {
   needs_gl();
-  const struct { const char *what; test_grid grid; double height; } cases[] = {
-    {"5x7x2100", {.dims = {5, 7, 2100}, .type = TC_U8, .slope = 1.0 / 255}, 57},
-    {"3x1x4099", {.dims = {3, 1, 4099}, .type = TC_U8, .slope = 1.0 / 255}, 57},
-    {"9x8x5000 i16", {.dims = {9, 8, 5000}, .type = TC_I16, .slope = 1.0 / 32767}, 57},
-    {"2100x5x4", {.dims = {2100, 5, 4}, .type = TC_F32}, 57},
-    {"spacing 1:1000", {.dims = {40, 40, 12}, .type = TC_U8, .spacing = {0.01, 0.01, 10}, .slope = 1.0 / 255}, 0.8}};
+  const struct {
+    const char *what;
+    test_grid grid;
+    double height;
+  } cases[] = {
+      {"5x7x2100", {.dims = {5, 7, 2100}, .type = TC_U8, .slope = 1.0 / 255}, 57},
+      {"3x1x4099", {.dims = {3, 1, 4099}, .type = TC_U8, .slope = 1.0 / 255}, 57},
+      {"9x8x5000 i16", {.dims = {9, 8, 5000}, .type = TC_I16, .slope = 1.0 / 32767}, 57},
+      {"2100x5x4", {.dims = {2100, 5, 4}, .type = TC_F32}, 57},
+      {"spacing 1:1000", {.dims = {40, 40, 12}, .type = TC_U8, .spacing = {0.01, 0.01, 10}, .slope = 1.0 / 255}, 0.8}};
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++)
     for (int along = 0; along < 2; along++) {
       char what[64];
@@ -254,11 +261,18 @@ static void test_geometry(void **state) {
   needs_gl();
   const double wavelength = 15;
   const double c = cos(0.35), s = sin(0.35);
-  const struct { const char *what; test_grid grid; } cases[] = {
-    {"spacing 0.3, 0.7, 5 mm", {.dims = {60, 50, 20}, .type = TC_I16, .spacing = {0.3, 0.7, 5}, .slope = 1e-4}},
-    {"sheared direction, far origin", {.dims = {40, 44, 30}, .type = TC_U8, .slope = 1.0 / 255,
-      .direction = {1, 0, 0, 0, c, s, 0, 0, 1}, .origin = {-1234.5, 987, 4321}}},
-    {"rotated and mirrored", {.dims = {40, 30, 35}, .type = TC_F32, .direction = {c, s, 0, s, -c, 0, 0, 0, -1}}}};
+  const struct {
+    const char *what;
+    test_grid grid;
+  } cases[] = {
+      {"spacing 0.3, 0.7, 5 mm", {.dims = {60, 50, 20}, .type = TC_I16, .spacing = {0.3, 0.7, 5}, .slope = 1e-4}},
+      {"sheared direction, far origin",
+       {.dims = {40, 44, 30},
+        .type = TC_U8,
+        .slope = 1.0 / 255,
+        .direction = {1, 0, 0, 0, c, s, 0, 0, 1},
+        .origin = {-1234.5, 987, 4321}}},
+      {"rotated and mirrored", {.dims = {40, 30, 35}, .type = TC_F32, .direction = {c, s, 0, s, -c, 0, 0, 0, -1}}}};
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
     tc_volume *volume = test_volume(&cases[i].grid, test_waves, &wavelength);
     tc_scene scene;
@@ -276,18 +290,21 @@ static void test_cameras(void **state) {
   const double wavelength = 19;
   test_grid grid = {.dims = {40, 40, 40}, .type = TC_U8, .slope = 1.0 / 255};
   tc_volume *volume = test_volume(&grid, test_waves, &wavelength);
-  const struct { const char *what; tc_projection projection; double from[3], to[3], size, ties; } cameras[] = {
-    {"inside", TC_PERSPECTIVE, {20, 20, 20}, {0, 3, 9}, 90, 0},
-    {"inside, orthographic", TC_ORTHOGRAPHIC, {20, 20, 20}, {39, 3, 9}, 50, 0},
-    {"on a face", TC_PERSPECTIVE, {20, 0, 20}, {20, 39, 20}, 60, 0},
-    {"on a corner", TC_PERSPECTIVE, {0, 0, 0}, {20, 20, 21}, 60, 0},
-    {"at 1e7 mm", TC_PERSPECTIVE, {1e7, -2e6, 3e6}, {20, 20, 20}, 4e-4, 0},
-    {"at 1e7 mm, orthographic", TC_ORTHOGRAPHIC, {1e7, -2e6, 3e6}, {20, 20, 20}, 80, 0},
-    {"along x", TC_ORTHOGRAPHIC, {-100, 19.5, 19.5}, {0, 19.5, 19.5}, 45, 0},
-    {"along -z, through the edges", TC_ORTHOGRAPHIC, {19.5, 19.5, 99}, {19.5, 19.5, 0}, 39, 0},
-    {"field of view 1e-3 degrees", TC_PERSPECTIVE, {1000, 0, 0}, {20, 20, 20}, 1e-3, 0},
-    {"field of view 179 degrees", TC_PERSPECTIVE, {20, -3, 20}, {20, 20, 20}, 179, 0},
-    {"behind the camera", TC_PERSPECTIVE, {20, 60, 20}, {20, 90, 20}, 60, 0}};
+  const struct {
+    const char *what;
+    tc_projection projection;
+    double from[3], to[3], size, ties;
+  } cameras[] = {{"inside", TC_PERSPECTIVE, {20, 20, 20}, {0, 3, 9}, 90, 0},
+                 {"inside, orthographic", TC_ORTHOGRAPHIC, {20, 20, 20}, {39, 3, 9}, 50, 0},
+                 {"on a face", TC_PERSPECTIVE, {20, 0, 20}, {20, 39, 20}, 60, 0},
+                 {"on a corner", TC_PERSPECTIVE, {0, 0, 0}, {20, 20, 21}, 60, 0},
+                 {"at 1e7 mm", TC_PERSPECTIVE, {1e7, -2e6, 3e6}, {20, 20, 20}, 4e-4, 0},
+                 {"at 1e7 mm, orthographic", TC_ORTHOGRAPHIC, {1e7, -2e6, 3e6}, {20, 20, 20}, 80, 0},
+                 {"along x", TC_ORTHOGRAPHIC, {-100, 19.5, 19.5}, {0, 19.5, 19.5}, 45, 0},
+                 {"along -z, through the edges", TC_ORTHOGRAPHIC, {19.5, 19.5, 99}, {19.5, 19.5, 0}, 39, 0},
+                 {"field of view 1e-3 degrees", TC_PERSPECTIVE, {1000, 0, 0}, {20, 20, 20}, 1e-3, 0},
+                 {"field of view 179 degrees", TC_PERSPECTIVE, {20, -3, 20}, {20, 20, 20}, 179, 0},
+                 {"behind the camera", TC_PERSPECTIVE, {20, 60, 20}, {20, 90, 20}, 60, 0}};
   for (size_t i = 0; i < G_N_ELEMENTS(cameras); i++) {
     tc_scene scene;
     test_scene(&scene, 180, 180);
@@ -334,7 +351,8 @@ static void test_extreme_extinction(void **state) {
     test_scene_frame(&scene, volume, TC_PERSPECTIVE, oblique);
     set_knots(&scene, volume, TC_KNOT_EXTINCTION, scaled, G_N_ELEMENTS(soft));
     snprintf(what, sizeof what, "extinction x %g", scales[i]);
-    /* A ray that cuts a corner has only a last, short segment: its opacity hangs on the last bit of a full segment's. */
+    /* A ray that cuts a corner has only a last, short segment: its opacity hangs on the last bit of a full segment's.
+     */
     expect_equal(what, volume, &scene, 2e-4);
     tc_scene_clear(&scene);
   }
@@ -424,7 +442,8 @@ static void test_resolve(void **state) {
 static void test_leaping(void **state) {
   needs_gl();
   const double wavelength = 40;
-  const tc_knot shell[] = {{0.0, {0.9, 0.6, 0.3}, 0}, {0.7, {0.9, 0.6, 0.3}, 0}, {0.75, {1, 0.9, 0.8}, 0.4}, {1, {1, 1, 1}, 0.5}};
+  const tc_knot shell[] = {
+      {0.0, {0.9, 0.6, 0.3}, 0}, {0.7, {0.9, 0.6, 0.3}, 0}, {0.75, {1, 0.9, 0.8}, 0.4}, {1, {1, 1, 1}, 0.5}};
   const int sizes[][3] = {{70, 64, 90}, {1, 50, 60}, {64, 3, 64}, {33, 31, 1}};
   const int blocks[] = {0, 2, 7, 16};
   for (size_t i = 0; i < G_N_ELEMENTS(sizes); i++) {
@@ -450,12 +469,11 @@ static void test_leaping(void **state) {
       scene.skipping.mode = TC_SKIPPING_OFF;
       assert_made(tc_render(gl, volume, &scene, &request, &whole, &plan, &error));
       assert_false(plan.key.skipping);
-      printf("    %s: %zu leaps, samples %zu of %zu\n", leaps ? "leapt" : "not worth leaping", (size_t)leapt.stats.leaps,
-             (size_t)leapt.stats.samples, (size_t)whole.stats.samples);
+      printf("    %s: %zu leaps, samples %zu of %zu\n", leaps ? "leapt" : "not worth leaping",
+             (size_t)leapt.stats.leaps, (size_t)leapt.stats.samples, (size_t)whole.stats.samples);
       assert_memory_equal(leapt.linear, whole.linear, 160 * 160 * 16);
       assert_memory_equal(leapt.rgba, whole.rgba, 160 * 160 * 4);
-      if (i == 0 && j == 0)
-        assert_true(leaps && leapt.stats.leaps > 0 && leapt.stats.samples < whole.stats.samples);
+      if (i == 0 && j == 0) assert_true(leaps && leapt.stats.leaps > 0 && leapt.stats.samples < whole.stats.samples);
       tc_frame_finish(&leapt);
       tc_frame_finish(&whole);
       tc_scene_clear(&scene);
@@ -492,11 +510,12 @@ static void test_picture_sizes(void **state) {
 
 int main(void) {
   setenv("MESA_SHADER_CACHE_DISABLE", "true", 1); /* its key misses some of Mesa's own settings */
-  const struct CMUnitTest tests[] = {
-    cmocka_unit_test(test_voxel_types),        cmocka_unit_test(test_noise_volume), cmocka_unit_test(test_awkward_sizes),
-    cmocka_unit_test(test_long_volumes),
-    cmocka_unit_test(test_geometry),           cmocka_unit_test(test_cameras),      cmocka_unit_test(test_steps),
-    cmocka_unit_test(test_extreme_extinction), cmocka_unit_test(test_opaque_block), cmocka_unit_test(test_termination),
-    cmocka_unit_test(test_resolve),            cmocka_unit_test(test_leaping),      cmocka_unit_test(test_picture_sizes)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_voxel_types),   cmocka_unit_test(test_noise_volume),
+                                     cmocka_unit_test(test_awkward_sizes), cmocka_unit_test(test_long_volumes),
+                                     cmocka_unit_test(test_geometry),      cmocka_unit_test(test_cameras),
+                                     cmocka_unit_test(test_steps),         cmocka_unit_test(test_extreme_extinction),
+                                     cmocka_unit_test(test_opaque_block),  cmocka_unit_test(test_termination),
+                                     cmocka_unit_test(test_resolve),       cmocka_unit_test(test_leaping),
+                                     cmocka_unit_test(test_picture_sizes)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -1,5 +1,6 @@
 /* The gl back end: a frame is cut into tiles; each is one dispatch whose result comes back through the ring while later
- * tiles run. Small tiles keep a GPU's watchdog quiet and a cancelled frame short; their size follows the GPU's clock. */
+ * tiles run. Small tiles keep a GPU's watchdog quiet and a cancelled frame short; their size follows the GPU's clock.
+ */
 #include "renderer/raycast/gl/backend.h"
 
 #include <epoxy/gl.h>
@@ -13,8 +14,8 @@
 #include "renderer/raycast/gl/job.h"
 #include "renderer/raycast/gl/textures.h"
 
-#define GROUP 8          /* local_size_x and _y of head.glsl */
-#define MIN_SIDE 64      /* pixels of a tile's side; all sides are multiples of GROUP */
+#define GROUP 8     /* local_size_x and _y of head.glsl */
+#define MIN_SIDE 64 /* pixels of a tile's side; all sides are multiples of GROUP */
 #define SOFTWARE_SIDE 256
 #define HARDWARE_SIDE 1024
 #define LONG_MS 40       /* a tile that takes longer makes the next ones smaller ... */
@@ -28,11 +29,12 @@ typedef struct gl_backend {
   tc_gl_program_cache programs;
   tc_gl_textures textures;
   tc_gl_ring ring;
-  unsigned job_buffer;  /* the uniform block Job */
-  tc_gl_field field;    /* TC_GL_FIELD_COUNT: as suits the device */
+  unsigned job_buffer; /* the uniform block Job */
+  tc_gl_field field;   /* TC_GL_FIELD_COUNT: as suits the device */
   int tile_side, max_side;
-  double gpu_ms;        /* of the last frame */
+  double gpu_ms; /* of the last frame */
   uint64_t compiled;
+  bool lost; /* the GPU stopped answering: nothing is asked of it any more, not even to finish */
   char device[256];
 } gl_backend;
 
@@ -42,22 +44,26 @@ bool tc_gl_probe(bool *hardware, char *why, size_t size) {
   tc_gl_report report;
   GError *error = NULL;
   *hardware = false;
+  if (tc_gl_count_hardware() == 0) { /* known without loading a driver */
+    snprintf(why, size, "no hardware GPU: EGL lists none");
+    return false;
+  }
   if (!tc_gl_report_read(&report, &error)) {
     snprintf(why, size, "%s", error->message);
     g_error_free(error);
     return false;
   }
   *hardware = report.hardware;
-  snprintf(why, size, report.hardware ? "hardware GPU with OpenGL 4.5: %s" : "no hardware GPU: OpenGL is %s, in software",
+  snprintf(why, size,
+           report.hardware ? "hardware GPU with OpenGL 4.5: %s" : "no hardware GPU: OpenGL is %s, in software",
            report.renderer);
   return true;
 }
 
 static void destroy(void *instance) {
   gl_backend *b = instance;
-  if (!b)
-    return;
-  if (tc_gl_context_use(b->context, NULL)) {
+  if (!b) return;
+  if (!b->lost && tc_gl_context_use(b->context, NULL)) {
     tc_gl_ring_clear(&b->ring);
     tc_gl_textures_clear(&b->textures);
     tc_gl_program_clear(&b->programs);
@@ -69,8 +75,7 @@ static void destroy(void *instance) {
 
 static void *create(const tc_renderer_options *options, tc_pool *pool, GError **error) {
   tc_gl_context *context = tc_gl_context_new(error);
-  if (!context)
-    return NULL;
+  if (!context) return NULL;
   const tc_gl_report *report = tc_gl_context_about(context);
   gl_backend *b = g_new0(gl_backend, 1);
   b->context = context;
@@ -90,18 +95,13 @@ static void *create(const tc_renderer_options *options, tc_pool *pool, GError **
   return b;
 }
 
-static const char *device(void *instance) {
-  return ((gl_backend *)instance)->device;
-}
+static const char *device(void *instance) { return ((gl_backend *)instance)->device; }
 
-static const char *isa(void *instance) {
-  return "opengl-4.5";
-}
+static const char *isa(void *instance) { return "opengl-4.5"; }
 
 static void forget(void *instance, uint64_t volume_serial) {
   gl_backend *b = instance;
-  if (tc_gl_context_use(b->context, NULL))
-    tc_gl_textures_forget(&b->textures, volume_serial);
+  if (!b->lost && tc_gl_context_use(b->context, NULL)) tc_gl_textures_forget(&b->textures, volume_serial);
 }
 
 static tc_gl_field field_for(const gl_backend *b, tc_voxel_type type) {
@@ -109,7 +109,8 @@ static tc_gl_field field_for(const gl_backend *b, tc_voxel_type type) {
 }
 
 static void name_kernel(void *instance, tc_plan *plan) {
-  tc_gl_variant variant = {.plan = plan->key, .field = (uint8_t)field_for(instance, (tc_voxel_type)plan->key.voxel_type)};
+  tc_gl_variant variant = {.plan = plan->key,
+                           .field = (uint8_t)field_for(instance, (tc_voxel_type)plan->key.voxel_type)};
   char name[sizeof plan->kernel - 4];
   tc_gl_variant_name(&variant, name, sizeof name);
   snprintf(plan->kernel, sizeof plan->kernel, "%s.gl", name);
@@ -127,8 +128,7 @@ static unsigned program_for(gl_backend *b, const tc_job *job, const tc_gl_volume
   v.transparent = job->scene->image.transparent;
   v.want_linear = job->want_linear;
   unsigned program = tc_gl_program_find(&b->programs, &v, sizeof v);
-  if (program)
-    return program;
+  if (program) return program;
   program = tc_gl_compose(&v, error);
   if (program) {
     tc_gl_program_put(&b->programs, &v, sizeof v, program);
@@ -137,10 +137,9 @@ static unsigned program_for(gl_backend *b, const tc_job *job, const tc_gl_volume
   return program;
 }
 
-/* Bytes of a slot: counters, picture, floats. Every part starts at a multiple of 1024, more than any driver's alignment. */
-static size_t picture_bytes(int width, int height) {
-  return (size_t)width * height * 4;
-}
+/* Bytes of a slot: counters, picture, floats. Every part starts at a multiple of 1024, more than any driver's
+ * alignment. */
+static size_t picture_bytes(int width, int height) { return (size_t)width * height * 4; }
 
 static size_t linear_offset(int width, int height) {
   return (COUNTER_BYTES + picture_bytes(width, height) + 1023) & ~(size_t)1023;
@@ -198,11 +197,10 @@ static void adapt(gl_backend *b, const int tile[4], double ms) {
     b->tile_side *= 2;
 }
 
-/* Fetches the oldest tile. False: the GPU is gone; the ring is given up. */
+/* Fetches the oldest tile. False: the GPU is gone. */
 static bool collect(gl_backend *b, const tc_job *job, double *last_ms, GError **error) {
   const tc_gl_slot *slot = tc_gl_ring_take(&b->ring, error);
-  if (!slot)
-    return false;
+  if (!slot) return false;
   double ms = tc_gl_ring_ms(&b->ring, slot), now = now_ms();
   if (ms >= 0)
     b->gpu_ms += ms;
@@ -237,34 +235,33 @@ static bool run_tiles(gl_backend *b, unsigned program, const tc_job *job, GError
   double last_ms = now_ms();
   while (more || !tc_gl_ring_is_idle(&b->ring)) {
     cancelled = cancelled || is_cancelled(job);
-    if (cancelled)
-      more = false; /* what is in flight ends by itself */
+    if (cancelled) more = false; /* what is in flight ends by itself */
     if (more && !tc_gl_ring_is_full(&b->ring)) {
       submit(b, program, job, tile);
       more = next_tile(b, job->frame, tile);
     } else if (!tc_gl_ring_is_idle(&b->ring) && !collect(b, job, &last_ms, error)) {
-      tc_gl_ring_clear(&b->ring);
+      b->lost = true;
       return false;
     }
   }
-  if (cancelled)
-    tc_set_error(error, TC_ERROR_CANCELLED, NULL, "rendering was cancelled");
+  if (cancelled) tc_set_error(error, TC_ERROR_CANCELLED, NULL, "rendering was cancelled");
   return !cancelled;
 }
 
 static bool render(void *instance, const tc_job *job, GError **error) {
   gl_backend *b = instance;
-  if (!tc_gl_context_use(b->context, error))
+  if (b->lost) {
+    tc_set_error(error, TC_ERROR_INTERNAL, NULL, "gl: the GPU stopped answering; restart the daemon");
     return false;
+  }
+  if (!tc_gl_context_use(b->context, error)) return false;
   const tc_gl_report *report = tc_gl_context_about(b->context);
   b->gpu_ms = 0;
-  const tc_gl_volume *volume = tc_gl_textures_volume(
-    &b->textures, job->volume, field_for(b, tc_volume_describe(job->volume)->type), error);
+  const tc_gl_volume *volume =
+      tc_gl_textures_volume(&b->textures, job->volume, field_for(b, tc_volume_describe(job->volume)->type), error);
   const tc_gl_lookup *table = volume ? tc_gl_textures_table(&b->textures, job->table, error) : NULL, *leap = NULL;
-  if (table && job->leap)
-    leap = tc_gl_textures_leap(&b->textures, job->volume, job->table, job->leap, error);
-  if (!table || (job->leap && !leap))
-    return false;
+  if (table && job->leap) leap = tc_gl_textures_leap(&b->textures, job->volume, job->table, job->leap, error);
+  if (!table || (job->leap && !leap)) return false;
   unsigned program = program_for(b, job, volume, error);
   if (!program || !tc_gl_ring_reserve(&b->ring, slot_bytes(b->max_side, b->max_side, job->want_linear),
                                       report->timestamp_bits > 0, error))
@@ -281,14 +278,14 @@ static bool render(void *instance, const tc_job *job, GError **error) {
 }
 
 const tc_backend_ops tc_gl_backend = {
-  .name = "gl",
-  .create = create,
-  .destroy = destroy,
-  .device = device,
-  .isa = isa,
-  .render = render,
-  .forget = forget,
-  .name_kernel = name_kernel,
+    .name = "gl",
+    .create = create,
+    .destroy = destroy,
+    .device = device,
+    .isa = isa,
+    .render = render,
+    .forget = forget,
+    .name_kernel = name_kernel,
 };
 
 /* ---- for measurements ---- */
@@ -297,14 +294,8 @@ const tc_gl_report *tc_gl_backend_report(const void *instance) {
   return tc_gl_context_about(((const gl_backend *)instance)->context);
 }
 
-void tc_gl_backend_set_field(void *instance, tc_gl_field field) {
-  ((gl_backend *)instance)->field = field;
-}
+void tc_gl_backend_set_field(void *instance, tc_gl_field field) { ((gl_backend *)instance)->field = field; }
 
-double tc_gl_backend_gpu_ms(const void *instance) {
-  return ((const gl_backend *)instance)->gpu_ms;
-}
+double tc_gl_backend_gpu_ms(const void *instance) { return ((const gl_backend *)instance)->gpu_ms; }
 
-uint64_t tc_gl_backend_compiled(const void *instance) {
-  return ((const gl_backend *)instance)->compiled;
-}
+uint64_t tc_gl_backend_compiled(const void *instance) { return ((const gl_backend *)instance)->compiled; }

@@ -1,4 +1,5 @@
-/* The gl back end's few handles beyond renderer/backend.h, for measurements and tests. Same thread rule as tc_render(). */
+/* The gl back end's few handles beyond renderer/backend.h, for measurements and tests. Same thread rule as tc_render().
+ */
 #ifndef TC_RAYCAST_GL_BACKEND_H
 #define TC_RAYCAST_GL_BACKEND_H
 

@@ -15,32 +15,31 @@ typedef struct composition {
   const char *missing; /* first piece that is not in the program */
 } composition;
 
-static void add_text(composition *c, const char *text) {
-  c->texts[c->count++] = text;
-}
+static void add_text(composition *c, const char *text) { c->texts[c->count++] = text; }
 
 static void add(composition *c, const char *name) {
   for (const struct tc_embedded_file *file = tc_shader_files; file->name; file++) {
-    if (strcmp(file->name, name) != 0)
-      continue;
+    if (strcmp(file->name, name) != 0) continue;
     add_text(c, (const char *)file->bytes);
     return;
   }
-  if (!c->missing)
-    c->missing = name;
+  if (!c->missing) c->missing = name;
 }
 
 /* Only what has pieces: a key from a newer plan must fail, not draw something else. */
 static bool is_built(const tc_plan_key *key) {
   return key->mode == TC_MODE_DVR && key->classification == TC_PREINTEGRATED && key->order == TC_FRONT_TO_BACK &&
-         key->filter == TC_FILTER_LINEAR && key->projection < TC_PROJECTION_COUNT && key->voxel_type < TC_VOXEL_TYPE_COUNT &&
-         key->shading == TC_SHADING_NONE && !key->clipping && !key->jitter && !key->labels;
+         key->filter == TC_FILTER_LINEAR && key->projection < TC_PROJECTION_COUNT &&
+         key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading == TC_SHADING_NONE && !key->clipping && !key->jitter &&
+         !key->labels;
 }
 
 static const char *sampler_type(const tc_gl_variant *v) {
-  static const char *const types[TC_VOXEL_TYPE_COUNT] = {
-    [TC_U8] = "usampler2DArray", [TC_U16] = "usampler2DArray", [TC_I8] = "isampler2DArray",
-    [TC_I16] = "isampler2DArray", [TC_F32] = "sampler2DArray"};
+  static const char *const types[TC_VOXEL_TYPE_COUNT] = {[TC_U8] = "usampler2DArray",
+                                                         [TC_U16] = "usampler2DArray",
+                                                         [TC_I8] = "isampler2DArray",
+                                                         [TC_I16] = "isampler2DArray",
+                                                         [TC_F32] = "sampler2DArray"};
   return types[v->plan.voxel_type];
 }
 
@@ -59,8 +58,7 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
   add(&c, v->plan.projection == TC_PERSPECTIVE ? "ray_perspective.glsl" : "ray_orthographic.glsl");
   add(&c, v->field == TC_GL_FIELD_GATHER ? "field_gather.glsl" : "field_filtered.glsl");
   add(&c, "table_2d.glsl");
-  if (v->plan.skipping)
-    add(&c, "leap.glsl");
+  if (v->plan.skipping) add(&c, "leap.glsl");
   add(&c, "march_dvr.glsl");
   add(&c, "bytes.glsl");
   add(&c, v->linear_light ? "encode_srgb.glsl" : "encode_display.glsl");
@@ -75,9 +73,10 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
 }
 
 void tc_gl_variant_name(const tc_gl_variant *v, char *name, size_t size) {
-  static const char *const modes[TC_MODE_COUNT] = {"dvr", "mip", "minip", "average", "isosurface", "mesh", "splat", "mpr"};
-  static const char *const ways[TC_CLASSIFICATION_COUNT] = {
-    "preintegrated", "preintegrated2", "approximate", "post", "linearized"};
+  static const char *const modes[TC_MODE_COUNT] = {"dvr",        "mip",  "minip", "average",
+                                                   "isosurface", "mesh", "splat", "mpr"};
+  static const char *const ways[TC_CLASSIFICATION_COUNT] = {"preintegrated", "preintegrated2", "approximate", "post",
+                                                            "linearized"};
   static const char *const filters[TC_FILTER_COUNT] = {"linear", "cubic", "nearest"};
   snprintf(name, size, "%s.%s.%s.%s.%s", v->plan.mode < TC_MODE_COUNT ? modes[v->plan.mode] : "?",
            v->plan.classification < TC_CLASSIFICATION_COUNT ? ways[v->plan.classification] : "?",

@@ -1,4 +1,5 @@
-/* From a plan to a compute program: pieces of GLSL put together so that a variant holds what its scene needs, no more. */
+/* From a plan to a compute program: pieces of GLSL put together so that a variant holds what its scene needs, no more.
+ */
 #ifndef TC_RAYCAST_GL_COMPOSE_H
 #define TC_RAYCAST_GL_COMPOSE_H
 
@@ -6,12 +7,12 @@
 
 #include "renderer/plan/plan.h"
 
-/* How voxels are read. Filtering by the texture unit has 8-bit weights on GPUs (an error of up to 1/512 of the difference
- * between neighbours), so that a steep transfer function shows it; gathering is exact. */
+/* How voxels are read. Filtering by the texture unit has 8-bit weights on GPUs (an error of up to 1/512 of the
+ * difference between neighbours), so that a steep transfer function shows it; gathering is exact. */
 typedef enum tc_gl_field { TC_GL_FIELD_GATHER, TC_GL_FIELD_FILTERED, TC_GL_FIELD_COUNT } tc_gl_field;
 
-/* Everything a program depends on: the plan's key and what only this back end decides. Zeroed before filling: compared as
- * bytes. What is not here (camera, table, background, sizes) is a run-time number and rebuilds nothing. */
+/* Everything a program depends on: the plan's key and what only this back end decides. Zeroed before filling: compared
+ * as bytes. What is not here (camera, table, background, sizes) is a run-time number and rebuilds nothing. */
 typedef struct tc_gl_variant {
   tc_plan_key plan;
   uint8_t field;        /* tc_gl_field */

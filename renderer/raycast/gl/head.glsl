@@ -13,7 +13,7 @@ layout(std140, binding = 0) uniform Job {
   vec4 unpack;                        // voxel = texel value * x + y
   vec4 nodes;                         // x: lo, y: nodes per voxel unit, z: n - 1
   ivec4 table;                        // x: columns, y: where k = 0 begins
-  ivec4 blocks;                       // distance map: x: voxels a block is wide, yz: entries to the next block along y, z
+  ivec4 blocks;                       // x: voxels a block is wide, yz: entries to the next block along y, z
   vec4 background;                    // compositing space; w: termination
   vec4 march;                         // x: step mm, y: eye mm (orthographic), z: 1 / step
 } job;

@@ -9,8 +9,8 @@ float sample_node(vec3 entry, vec3 direction, float t) {
   return node(field(p));
 }
 
-// Thin segments take nothing from a transparency of 1 in single precision, so that opacity has a sum of its own. What lies
-// behind a terminated ray is taken to look like what lies before: an opaque region keeps its colour exactly.
+// Thin segments take nothing from a transparency of 1 in single precision, so that opacity has a sum of its own. What
+// lies behind a terminated ray is taken to look like what lies before: an opaque region keeps its colour exactly.
 vec4 finish(vec4 sum, float clear) {
   bool full = sum.a > 1.0;
 #if TERMINATION
@@ -69,8 +69,8 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   if (fresh) // the leap led out
     return finish(sum, clear);
 #endif
-  // The last segment is shorter: the full one's transparency to the power of its share, and colour as opacity. It stands
-  // behind the loop because software rasterisers pay for both sides of a branch.
+  // The last segment is shorter: the full one's transparency to the power of its share, and colour as opacity. It
+  // stands behind the loop because software rasterisers pay for both sides of a branch.
   float share = (length_mm - before) / step_mm;
   if (share > 0.0) {
     vec4 segment = classify(front, sample_node(entry, direction, length_mm));

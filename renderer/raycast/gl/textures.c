@@ -7,26 +7,27 @@
 /* Uploads go in pieces of this size, so that a driver's staging copy stays small. */
 #define UPLOAD_BYTES ((size_t)32 << 20)
 
-typedef struct texel_format { GLenum internal, layout, type; } texel_format;
+typedef struct texel_format {
+  GLenum internal, layout, type;
+} texel_format;
 
 /* The voxels' own type: a gather returns them unchanged. (Signed normalised formats would map -32768 to -32767.) */
 static const texel_format gather_formats[TC_VOXEL_TYPE_COUNT] = {
-  [TC_U8] = {GL_R8UI, GL_RED_INTEGER, GL_UNSIGNED_BYTE},
-  [TC_I8] = {GL_R8I, GL_RED_INTEGER, GL_BYTE},
-  [TC_U16] = {GL_R16UI, GL_RED_INTEGER, GL_UNSIGNED_SHORT},
-  [TC_I16] = {GL_R16I, GL_RED_INTEGER, GL_SHORT},
-  [TC_F32] = {GL_R32F, GL_RED, GL_FLOAT}};
+    [TC_U8] = {GL_R8UI, GL_RED_INTEGER, GL_UNSIGNED_BYTE},
+    [TC_I8] = {GL_R8I, GL_RED_INTEGER, GL_BYTE},
+    [TC_U16] = {GL_R16UI, GL_RED_INTEGER, GL_UNSIGNED_SHORT},
+    [TC_I16] = {GL_R16I, GL_RED_INTEGER, GL_SHORT},
+    [TC_F32] = {GL_R32F, GL_RED, GL_FLOAT}};
 
 /* Texture units filter normalised formats only; signed voxels are stored with their sign bit turned (offset binary). */
-static const texel_format filtered_formats[TC_VOXEL_TYPE_COUNT] = {
-  [TC_U8] = {GL_R8, GL_RED, GL_UNSIGNED_BYTE},
-  [TC_I8] = {GL_R8, GL_RED, GL_UNSIGNED_BYTE},
-  [TC_U16] = {GL_R16, GL_RED, GL_UNSIGNED_SHORT},
-  [TC_I16] = {GL_R16, GL_RED, GL_UNSIGNED_SHORT},
-  [TC_F32] = {GL_R32F, GL_RED, GL_FLOAT}};
+static const texel_format filtered_formats[TC_VOXEL_TYPE_COUNT] = {[TC_U8] = {GL_R8, GL_RED, GL_UNSIGNED_BYTE},
+                                                                   [TC_I8] = {GL_R8, GL_RED, GL_UNSIGNED_BYTE},
+                                                                   [TC_U16] = {GL_R16, GL_RED, GL_UNSIGNED_SHORT},
+                                                                   [TC_I16] = {GL_R16, GL_RED, GL_UNSIGNED_SHORT},
+                                                                   [TC_F32] = {GL_R32F, GL_RED, GL_FLOAT}};
 
 static const float filtered_unpack[TC_VOXEL_TYPE_COUNT][2] = {
-  [TC_U8] = {255, 0}, [TC_I8] = {255, -128}, [TC_U16] = {65535, 0}, [TC_I16] = {65535, -32768}, [TC_F32] = {1, 0}};
+    [TC_U8] = {255, 0}, [TC_I8] = {255, -128}, [TC_U16] = {65535, 0}, [TC_I16] = {65535, -32768}, [TC_F32] = {1, 0}};
 
 tc_gl_field tc_gl_choose_field(const tc_gl_report *device, tc_voxel_type type) {
   /* llvmpipe filters 16-bit and float textures with float weights, twice as fast as gathers; 8-bit ones with 8 bits. */
@@ -59,18 +60,15 @@ static bool upload(const tc_gl_volume *copy, const tc_volume *volume, const texe
   const uint8_t *voxels = tc_volume_data(volume);
   size_t slice = (size_t)desc->dims[0] * desc->dims[1] * tc_voxel_size(desc->type);
   int slab = slice < UPLOAD_BYTES ? (int)(UPLOAD_BYTES / slice) : 1;
-  if (copy->slices_per_layer > 1)
-    slab = 1;
+  if (copy->slices_per_layer > 1) slab = 1;
   bool turn = copy->field == TC_GL_FIELD_FILTERED && (desc->type == TC_I8 || desc->type == TC_I16);
   uint8_t *staging = turn ? g_try_malloc(slice * MIN(slab, desc->dims[2])) : NULL;
-  if (turn && !staging)
-    return false;
+  if (turn && !staging) return false;
   glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
   for (int z = 0; z < desc->dims[2]; z += slab) {
     int depth = MIN(slab, desc->dims[2] - z);
     const void *from = voxels + (size_t)z * slice;
-    if (turn)
-      from = turn_signs(desc->type, from, slice * depth, staging);
+    if (turn) from = turn_signs(desc->type, from, slice * depth, staging);
     glTextureSubImage3D(copy->texture, 0, 0, z % copy->slices_per_layer * desc->dims[1], z / copy->slices_per_layer,
                         desc->dims[0], desc->dims[1], depth, format->layout, format->type, from);
   }
@@ -91,8 +89,7 @@ static bool texture_size(const tc_volume_desc *desc, tc_gl_field field, int size
   glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
   *slices_per_layer = (desc->dims[2] + layers - 1) / layers;
   size[2] = (desc->dims[2] + *slices_per_layer - 1) / *slices_per_layer;
-  if (size[0] > side || (int64_t)size[1] * *slices_per_layer > side)
-    return false;
+  if (size[0] > side || (int64_t)size[1] * *slices_per_layer > side) return false;
   size[1] *= *slices_per_layer;
   return true;
 }
@@ -114,7 +111,8 @@ static void drop_volume(tc_gl_textures *textures, tc_gl_volume *copy) {
 static bool make_volume(tc_gl_volume *copy, const tc_volume *volume, tc_gl_field field, const int size[3],
                         GError **error) {
   const tc_volume_desc *desc = tc_volume_describe(volume);
-  const texel_format *format = field == TC_GL_FIELD_GATHER ? &gather_formats[desc->type] : &filtered_formats[desc->type];
+  const texel_format *format =
+      field == TC_GL_FIELD_GATHER ? &gather_formats[desc->type] : &filtered_formats[desc->type];
   copy->field = field;
   for (int k = 0; k < 3; k++)
     copy->texel[k] = 1.0f / (float)size[k];
@@ -128,13 +126,11 @@ static bool make_volume(tc_gl_volume *copy, const tc_volume *volume, tc_gl_field
   if (good) {
     set_sampling(copy->texture, field == TC_GL_FIELD_GATHER ? GL_NEAREST : GL_LINEAR);
     good = upload(copy, volume, format);
-    if (!good)
-      tc_set_error(error, TC_ERROR_MEMORY, NULL, "gl: no memory to stage the volume");
+    if (!good) tc_set_error(error, TC_ERROR_MEMORY, NULL, "gl: no memory to stage the volume");
     /* Drivers may find the memory only when texels arrive. */
     good = good && tc_gl_check("volume upload", error);
   }
-  if (!good)
-    glDeleteTextures(1, &copy->texture);
+  if (!good) glDeleteTextures(1, &copy->texture);
   return good;
 }
 
@@ -157,15 +153,15 @@ static tc_gl_volume *make_room(tc_gl_textures *textures, size_t bytes) {
   }
 }
 
-static bool is_memory_error(const GError *error) {
-  return g_error_matches(error, TC_ERROR, TC_ERROR_MEMORY);
-}
+static bool is_memory_error(const GError *error) { return g_error_matches(error, TC_ERROR, TC_ERROR_MEMORY); }
 
 /* Says what no texture of this device holds, and the mend. */
 static void say_too_large(const tc_volume *volume, const char *why, GError **error) {
   const int *dims = tc_volume_describe(volume)->dims;
-  tc_set_error(error, TC_ERROR_LIMIT, NULL, "gl: a volume of %dx%dx%d (%zu MiB) does not fit one texture of this device (%s); "
-               "use --backend cpu", dims[0], dims[1], dims[2], tc_volume_bytes(volume) >> 20, why);
+  tc_set_error(error, TC_ERROR_LIMIT, NULL,
+               "gl: a volume of %dx%dx%d (%zu MiB) does not fit one texture of this device (%s); "
+               "use --backend cpu",
+               dims[0], dims[1], dims[2], tc_volume_bytes(volume) >> 20, why);
 }
 
 static const tc_gl_volume *upload_volume(tc_gl_textures *textures, const tc_volume *volume, tc_gl_field field,
@@ -187,13 +183,13 @@ static const tc_gl_volume *upload_volume(tc_gl_textures *textures, const tc_volu
       glFinish();
     }
     tc_gl_volume *place = make_room(textures, tc_volume_bytes(volume));
-    tc_gl_volume copy = {.serial = tc_volume_serial(volume), .slices_per_layer = slices_per_layer, .used = textures->frame};
+    tc_gl_volume copy = {
+        .serial = tc_volume_serial(volume), .slices_per_layer = slices_per_layer, .used = textures->frame};
     if (make_volume(&copy, volume, field, size, &failure)) {
       *place = copy;
       return place;
     }
-    if (!is_memory_error(failure))
-      break;
+    if (!is_memory_error(failure)) break;
   }
   if (is_memory_error(failure)) {
     g_clear_error(&failure);
@@ -209,8 +205,7 @@ const tc_gl_volume *tc_gl_textures_volume(tc_gl_textures *textures, const tc_vol
   textures->frame++;
   for (int i = 0; i < TC_GL_VOLUMES; i++) {
     tc_gl_volume *copy = &textures->volumes[i];
-    if (!copy->texture || copy->serial != tc_volume_serial(volume))
-      continue;
+    if (!copy->texture || copy->serial != tc_volume_serial(volume)) continue;
     if (copy->field != field && field == TC_GL_FIELD_GATHER) {
       drop_volume(textures, copy);
       break;
@@ -229,8 +224,8 @@ static void drop_lookup(tc_gl_lookup *copy) {
   memset(copy, 0, sizeof *copy);
 }
 
-/* A free place, after the oldest copies that this frame does not use went to keep the budget. A frame uses fewer lookups than
- * there are places. */
+/* A free place, after the oldest copies that this frame does not use went to keep the budget. A frame uses fewer
+ * lookups than there are places. */
 static tc_gl_lookup *make_lookup_room(tc_gl_textures *textures, size_t bytes) {
   for (;;) {
     tc_gl_lookup *unused = NULL, *oldest = NULL;
@@ -252,8 +247,7 @@ static tc_gl_lookup *make_lookup_room(tc_gl_textures *textures, size_t bytes) {
 static tc_gl_lookup *find_lookup(tc_gl_textures *textures, const uint64_t key[3]) {
   for (int i = 0; i < TC_GL_LOOKUPS; i++) {
     tc_gl_lookup *copy = &textures->lookups[i];
-    if (!copy->buffer || memcmp(copy->key, key, sizeof copy->key) != 0)
-      continue;
+    if (!copy->buffer || memcmp(copy->key, key, sizeof copy->key) != 0) continue;
     copy->used = textures->frame;
     return copy;
   }
@@ -271,13 +265,14 @@ typedef struct lookup_source {
 static const tc_gl_lookup *lookup(tc_gl_textures *textures, const uint64_t key[3], const lookup_source *from,
                                   GError **error) {
   tc_gl_lookup *copy = find_lookup(textures, key);
-  if (copy)
-    return copy;
+  if (copy) return copy;
   GLint most = 0;
   glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &most);
   if (from->count > (size_t)most) {
-    tc_set_error(error, TC_ERROR_LIMIT, NULL, "gl: %s of %zu entries does not fit a buffer texture of this device (%d); "
-                 "use --backend cpu", from->what, from->count, most);
+    tc_set_error(error, TC_ERROR_LIMIT, NULL,
+                 "gl: %s of %zu entries does not fit a buffer texture of this device (%d); "
+                 "use --backend cpu",
+                 from->what, from->count, most);
     return NULL;
   }
   copy = make_lookup_room(textures, from->count * from->entry_bytes);
@@ -298,15 +293,21 @@ static const tc_gl_lookup *lookup(tc_gl_textures *textures, const uint64_t key[3
 
 const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_table *table, GError **error) {
   const uint64_t key[3] = {table->serial};
-  const lookup_source from = {.what = "pre-integration table", .entries = table->entries, .entry_bytes = sizeof(float[4]),
-                              .count = (size_t)table->columns * (2 * ((size_t)table->n + 1) + 1), .format = GL_RGBA32F};
+  const lookup_source from = {.what = "pre-integration table",
+                              .entries = table->entries,
+                              .entry_bytes = sizeof(float[4]),
+                              .count = (size_t)table->columns * (2 * ((size_t)table->n + 1) + 1),
+                              .format = GL_RGBA32F};
   return lookup(textures, key, &from, error);
 }
 
 const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volume *volume, const tc_table *table,
                                         const tc_leap *leap, GError **error) {
   const uint64_t key[3] = {table->serial, tc_volume_serial(volume), (uint64_t)leap->block};
-  const lookup_source from = {.what = "distance map", .entries = leap->distance, .entry_bytes = 1, .format = GL_R8UI,
+  const lookup_source from = {.what = "distance map",
+                              .entries = leap->distance,
+                              .entry_bytes = 1,
+                              .format = GL_R8UI,
                               .count = (size_t)leap->blocks[0] * (size_t)leap->blocks[1] * (size_t)leap->blocks[2]};
   return lookup(textures, key, &from, error);
 }
@@ -316,8 +317,7 @@ void tc_gl_textures_forget(tc_gl_textures *textures, uint64_t volume_serial) {
     if (textures->volumes[i].texture && textures->volumes[i].serial == volume_serial)
       drop_volume(textures, &textures->volumes[i]);
   for (int i = 0; i < TC_GL_LOOKUPS; i++)
-    if (textures->lookups[i].buffer && textures->lookups[i].key[1] == volume_serial)
-      drop_lookup(&textures->lookups[i]);
+    if (textures->lookups[i].buffer && textures->lookups[i].key[1] == volume_serial) drop_lookup(&textures->lookups[i]);
 }
 
 void tc_gl_textures_clear(tc_gl_textures *textures) {

@@ -1,4 +1,5 @@
-/* Copies of volumes, pre-integration tables and distance maps on the GPU, kept while they are of use. Needs a current context. */
+/* Copies of volumes, pre-integration tables and distance maps on the GPU, kept while they are of use. Needs a current
+ * context. */
 #ifndef TC_RAYCAST_GL_TEXTURES_H
 #define TC_RAYCAST_GL_TEXTURES_H
 
@@ -39,8 +40,9 @@ typedef struct tc_gl_textures {
 /* How this device should read voxels of a type: filtered where its texture unit is as good as our own arithmetic. */
 tc_gl_field tc_gl_choose_field(const tc_gl_report *device, tc_voxel_type type);
 
-/* A frame asks for its volume first, then for its lookups; all live until the next frame asks for a volume. What is not there
- * is uploaded. Owned by *textures. TC_ERROR_LIMIT: the device has no texture that large; the message names the mend. */
+/* A frame asks for its volume first, then for its lookups; all live until the next frame asks for a volume. What is not
+ * there is uploaded. Owned by *textures. TC_ERROR_LIMIT: the device has no texture that large; the message names the
+ * mend. */
 const tc_gl_volume *tc_gl_textures_volume(tc_gl_textures *textures, const tc_volume *volume, tc_gl_field field,
                                           GError **error);
 const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_table *table, GError **error);
