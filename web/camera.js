@@ -84,8 +84,8 @@ export function withProjection(camera, projection) {
   return { ...camera, projection, position: sub(camera.target, scale(direction, away)) };
 }
 
-/** Standard views: the side of the patient that faces the viewer, and what is up. H and F have the front on top, so that
- * F looks as radiologists expect of axial slices: the patient's right on the left of the picture. */
+/** Standard views: the side of the patient that faces the viewer, and what is up. H and F have the front on top, so
+ * that F looks as radiologists expect of axial slices: the patient's right on the left of the picture. */
 export const STANDARD_VIEWS = {
   A: { from: [0, -1, 0], up: [0, 0, 1], title: 'Anterior' },
   P: { from: [0, 1, 0], up: [0, 0, 1], title: 'Posterior' },
@@ -137,7 +137,11 @@ export function fit(camera, box, aspect) {
   return { ...camera, target: [...box.center], position, height: Math.max(span, MIN_DISTANCE_MM) };
 }
 
-const LETTERS = [['L', 'R'], ['P', 'A'], ['H', 'F']];
+const LETTERS = [
+  ['L', 'R'],
+  ['P', 'A'],
+  ['H', 'F'],
+];
 
 /** Letters of a patient direction, strongest first: "A", "AL", "HAR". Components under `threshold` are left out. */
 export function letters(vector, threshold = 0.26) {
@@ -158,10 +162,14 @@ export function edgeLetters({ right, up }) {
 /** Axes of a slice: to its right, to its top, and into it. Axial is seen from the feet, sagittal from the left. */
 export function sliceBasis(mpr) {
   switch (mpr?.orientation) {
-    case 'coronal': return { right: [1, 0, 0], up: [0, 0, 1], direction: [0, 1, 0] };
-    case 'sagittal': return { right: [0, 1, 0], up: [0, 0, 1], direction: [-1, 0, 0] };
-    case 'oblique': return basis({ position: [0, 0, 0], target: scale(mpr.normal, -1), up: mpr.up });
-    default: return { right: [1, 0, 0], up: [0, -1, 0], direction: [0, 0, 1] };
+    case 'coronal':
+      return { right: [1, 0, 0], up: [0, 0, 1], direction: [0, 1, 0] };
+    case 'sagittal':
+      return { right: [0, 1, 0], up: [0, 0, 1], direction: [-1, 0, 0] };
+    case 'oblique':
+      return basis({ position: [0, 0, 0], target: scale(mpr.normal, -1), up: mpr.up });
+    default:
+      return { right: [1, 0, 0], up: [0, -1, 0], direction: [0, 0, 1] };
   }
 }
 

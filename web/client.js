@@ -237,6 +237,9 @@ export class Client {
       this.#refreshSoon(); // not under a moving finger
       return;
     }
-    this.#store.replace(scene, [...this.#sent.values()].map(({ patch }) => patch));
+    this.#store.replace(
+      scene,
+      [...this.#sent.values()].map(({ patch }) => patch),
+    );
   }
 }

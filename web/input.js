@@ -45,7 +45,7 @@ export class Input {
   #wheelTimer = 0;
   #sliceRest = 0;
 
-  /** mode() of the scene; wake() when drain() has something; active(bool) while a gesture lasts; click(x, y) in CSS px */
+  /** on: mode(); wake() when drain() has something; active(bool) around a gesture; click(x, y) in CSS px */
   constructor(element, on) {
     this.#element = element;
     this.#on = on;

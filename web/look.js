@@ -126,7 +126,8 @@ export class Look {
     this.#history.push(this.#store.scene.transferFunction);
     const [low, high] = this.#whole;
     const scaled = (preset.points ?? []).map((point) =>
-      preset.relative ? { ...point, value: low + point.value * (high - low) } : point);
+      preset.relative ? { ...point, value: low + point.value * (high - low) } : point,
+    );
     const transferFunction = { preset: name };
     if (scaled.length) transferFunction.points = scaled;
     if (preset.unitDistance) transferFunction.unitDistance = preset.unitDistance;
@@ -197,8 +198,16 @@ export class Look {
     };
     const span = () => this.#editor.range[1] - this.#editor.range[0];
     const offset = (x) => x * span() * 0.5;
-    bind('shift', (points, x) => shiftKnots(points, offset(x)), (x) => `${x > 0 ? '+' : ''}${formatValue(offset(x), span())}`);
-    bind('density', (points, x) => scaleAmounts(points, 10 ** x), (x) => `\u00d7${Number((10 ** x).toPrecision(2))}`);
+    bind(
+      'shift',
+      (points, x) => shiftKnots(points, offset(x)),
+      (x) => `${x > 0 ? '+' : ''}${formatValue(offset(x), span())}`,
+    );
+    bind(
+      'density',
+      (points, x) => scaleAmounts(points, 10 ** x),
+      (x) => `\u00d7${Number((10 ** x).toPrecision(2))}`,
+    );
   }
 
   #fields(force = false) {

@@ -27,7 +27,10 @@ const api = new Api();
 const volumes = new Volumes(api);
 const notices = new Notices(
   {
-    toasts: get('toasts'), banner: get('banner'), bannerText: get('banner-text'), bannerRetry: get('banner-retry'),
+    toasts: get('toasts'),
+    banner: get('banner'),
+    bannerText: get('banner-text'),
+    bannerRetry: get('banner-retry'),
     line: get('mode-line'),
   },
   () => client.retryNow(),
@@ -57,8 +60,13 @@ const panels = new Panels(document, store, { gesture, mode: chooseMode });
 const crop = new CropPanel(get('crop'), get('crop-reset'), store, gesture);
 const furniture = new Furniture(
   {
-    top: get('mark-top'), bottom: get('mark-bottom'), left: get('mark-left'), right: get('mark-right'),
-    cube: get('cube'), bar: get('scale-bar'), barLabel: get('scale-label'),
+    top: get('mark-top'),
+    bottom: get('mark-bottom'),
+    left: get('mark-left'),
+    right: get('mark-right'),
+    cube: get('cube'),
+    bar: get('scale-bar'),
+    barLabel: get('scale-label'),
   },
   (letter) => turnTo(letter),
 );
@@ -68,10 +76,14 @@ const input = new Input(stage, {
   active: gesture,
   click: probe,
 });
-const volumeDialog = new VolumeDialog(get('volume-dialog'), get('volume-list'), volumes, {
-  choose: (id) => opening.open(id),
-  problem: failed,
-});
+const volumeDialog = new VolumeDialog(
+  { dialog: get('volume-dialog'), list: get('volume-list'), filter: get('volume-filter') },
+  volumes,
+  {
+    choose: (id) => opening.open(id),
+    problem: failed,
+  },
+);
 const opening = new Opening({
   get,
   api,
@@ -169,6 +181,7 @@ function refused(error, patch) {
     return;
   }
   panels.withdraw(patch);
+  if (patch.errorMeter) get('meter').disabled = true;
   notices.line(error.message);
 }
 
@@ -339,9 +352,11 @@ function bindControls() {
     label.addEventListener('keydown', ({ key }) => (key === 'Enter' || key === ' ') && label.click());
   }
   get('projection').addEventListener('change', () =>
-    store.patch({ camera: withProjection(store.scene.camera, get('projection').value) }));
+    store.patch({ camera: withProjection(store.scene.camera, get('projection').value) }),
+  );
   get('background').addEventListener('change', () =>
-    store.patch({ image: { background: get('background').value.split(',').map(Number) } }));
+    store.patch({ image: { background: get('background').value.split(',').map(Number) } }),
+  );
   get('meter').addEventListener('change', () => store.patch({ errorMeter: { pixels: get('meter').checked ? 64 : 0 } }));
   get('max-pixels').value = String(maxPixels);
   get('max-pixels').addEventListener('change', () => {

@@ -27,7 +27,7 @@ export class Opening {
     this.#on = on;
   }
 
-  /** Opens what the address names: ?session=ID, #volume, or the only volume there is. @returns false to show the list */
+  /** Opens what the address names: ?session=ID, #volume, or the only volume. @returns false: let the user choose */
   async fromAddress({ search, hash }) {
     const session = new URLSearchParams(search).get('session');
     const id = decodeURIComponent(hash.slice(1));
@@ -42,7 +42,11 @@ export class Opening {
     const abort = (this.#abort = new AbortController());
     try {
       this.#progress(`Loading ${id}`);
-      const found = await this.#volumes.bring(id, (fraction) => this.#progress(`Loading ${id}`, fraction), abort.signal);
+      const found = await this.#volumes.bring(
+        id,
+        (fraction) => this.#progress(`Loading ${id}`, fraction),
+        abort.signal,
+      );
       const histogram = await this.#volumes.histogram(id).catch(() => null);
       if (abort.signal.aborted) return;
       const image = { ...(scene?.image ?? {}), ...this.#on.size() };
@@ -78,10 +82,13 @@ export class Opening {
     this.#get('loading-cancel').hidden = false;
     this.#get('loading-cancel').onclick = () => stop.abort();
     try {
-      const body = files.length === 1 ? files[0] : await zip(files, (part) => {
-        stop.signal.throwIfAborted();
-        this.#progress(`Packing ${files.length} files`, part);
-      });
+      const body =
+        files.length === 1
+          ? files[0]
+          : await zip(files, (part) => {
+              stop.signal.throwIfAborted();
+              this.#progress(`Packing ${files.length} files`, part);
+            });
       const id = await this.#send(body, stop.signal);
       this.#get('loading-cancel').hidden = true;
       await this.open(id);

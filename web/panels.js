@@ -11,7 +11,9 @@ import { fromHex, toHex } from './transfer_model.js';
 
 /** Value at a dotted path, or undefined. */
 export function valueAt(scene, path) {
-  return path.split('.').reduce((value, name) => (value === undefined || value === null ? undefined : value[name]), scene);
+  return path
+    .split('.')
+    .reduce((value, name) => (value === undefined || value === null ? undefined : value[name]), scene);
 }
 
 /** The merge patch that sets a dotted path. @param scene gives the rest of an array */
@@ -86,7 +88,7 @@ export class Panels {
     }
     for (const output of this.#root.querySelectorAll('[data-show]')) {
       const value = valueAt(scene, output.dataset.show);
-      output.textContent = typeof value === 'number' ? String(Number(value.toPrecision(4))) : value ?? '';
+      output.textContent = typeof value === 'number' ? String(Number(value.toPrecision(4))) : (value ?? '');
     }
     for (const element of this.#root.querySelectorAll('[data-modes]')) {
       element.hidden = !element.dataset.modes.split(' ').includes(scene.mode);
@@ -155,7 +157,12 @@ export function bindTabs(panel) {
 }
 
 const CROP_SIDES = [
-  ['Right', 0, 0], ['Left', 1, 0], ['Anterior', 0, 1], ['Posterior', 1, 1], ['Feet', 0, 2], ['Head', 1, 2],
+  ['Right', 0, 0],
+  ['Left', 1, 0],
+  ['Anterior', 0, 1],
+  ['Posterior', 1, 1],
+  ['Feet', 0, 2],
+  ['Head', 1, 2],
 ];
 const LEAST_LEFT = 0.005; // of the extent: crossed sliders would show nothing
 

@@ -59,7 +59,7 @@ export class SceneStore {
     return pending;
   }
 
-  /** Puts back a patch that was taken but may not have arrived; later edits win over it. Tells nobody: nothing changed. */
+  /** Puts back a patch that was taken but may not have arrived; later edits win over it. The scene has it already. */
   requeue(patch) {
     this.#pending = this.#pending ? joinPatches(patch, this.#pending) : patch;
   }

@@ -21,7 +21,8 @@ export function steer(scene, moved, stage, volume, box) {
 
 function steerCamera(scene, moved, stage) {
   let view = scene.camera;
-  if (moved.orbit[0] || moved.orbit[1]) view = camera.orbit(view, -moved.orbit[0] * ORBIT_DEGREES, -moved.orbit[1] * ORBIT_DEGREES);
+  if (moved.orbit[0] || moved.orbit[1])
+    view = camera.orbit(view, -moved.orbit[0] * ORBIT_DEGREES, -moved.orbit[1] * ORBIT_DEGREES);
   if (moved.roll) view = camera.roll(view, -moved.roll);
   if (moved.pan[0] || moved.pan[1]) view = camera.pan(view, moved.pan[0], moved.pan[1], stage.height);
   if (moved.factor !== 1) view = camera.zoom(view, moved.factor);
@@ -36,7 +37,10 @@ function steerSlice(scene, moved, stage, volume, box) {
   if (moved.slices) center = camera.add(center, camera.scale(axes.direction, moved.slices * sliceStep(volume)));
   if (moved.pan[0] || moved.pan[1]) {
     const mm = sliceHeight(scene, stage, box) / stage.height;
-    center = camera.add(center, camera.add(camera.scale(axes.right, -moved.pan[0] * mm), camera.scale(axes.up, moved.pan[1] * mm)));
+    center = camera.add(
+      center,
+      camera.add(camera.scale(axes.right, -moved.pan[0] * mm), camera.scale(axes.up, moved.pan[1] * mm)),
+    );
   }
   if (center !== mpr.center && (moved.slices || moved.pan[0] || moved.pan[1])) patch.center = center;
   if (moved.factor !== 1) patch.zoom = Math.min(100, Math.max(0.1, (mpr.zoom ?? 1) * moved.factor));
@@ -64,12 +68,21 @@ function steerWindow(scene, [dx, dy], stage, volume) {
 export function steerByKey(view, key, shiftKey) {
   const turn = shiftKey ? 1 : KEY_DEGREES;
   switch (key) {
-    case 'ArrowLeft': return camera.orbit(view, turn, 0);
-    case 'ArrowRight': return camera.orbit(view, -turn, 0);
-    case 'ArrowUp': return camera.orbit(view, 0, turn);
-    case 'ArrowDown': return camera.orbit(view, 0, -turn);
-    case '+': case '=': return camera.zoom(view, KEY_ZOOM);
-    case '-': case '_': return camera.zoom(view, 1 / KEY_ZOOM);
-    default: return null;
+    case 'ArrowLeft':
+      return camera.orbit(view, turn, 0);
+    case 'ArrowRight':
+      return camera.orbit(view, -turn, 0);
+    case 'ArrowUp':
+      return camera.orbit(view, 0, turn);
+    case 'ArrowDown':
+      return camera.orbit(view, 0, -turn);
+    case '+':
+    case '=':
+      return camera.zoom(view, KEY_ZOOM);
+    case '-':
+    case '_':
+      return camera.zoom(view, 1 / KEY_ZOOM);
+    default:
+      return null;
   }
 }

@@ -2,7 +2,17 @@
 // by dragging them out. Every knot is a focusable slider, so all of it works from the keyboard too.
 
 import {
-  addKnot, amountLimit, amountName, amountOf, colorKnot, formatValue, knotRange, moveKnot, removeKnot, sample, toHex,
+  addKnot,
+  amountLimit,
+  amountName,
+  amountOf,
+  colorKnot,
+  formatValue,
+  knotRange,
+  moveKnot,
+  removeKnot,
+  sample,
+  toHex,
 } from './transfer_model.js';
 import { svg } from './furniture.js';
 
@@ -187,7 +197,9 @@ export class TransferEditor {
     const { counts, edges } = this.#histogram;
     const size = this.#log ? (count) => Math.log1p(count) : (count) => count;
     // The largest of a few bins is often air; the second largest scale shows tissue in the linear view.
-    const shown = counts.filter((_, i) => edges[i + 1] > this.#range[0] && edges[i] < this.#range[1]).sort((a, b) => b - a);
+    const shown = counts
+      .filter((_, i) => edges[i + 1] > this.#range[0] && edges[i] < this.#range[1])
+      .sort((a, b) => b - a);
     const most = size(this.#log ? shown[0] || 1 : shown[Math.min(2, shown.length - 1)] || 1);
     let path = `M${x} ${y + height}`;
     counts.forEach((count, i) => {
@@ -241,8 +253,7 @@ export class TransferEditor {
   #drawRamp() {
     const { x, width } = this.#plot;
     const { gradient, ramp } = this.#parts;
-    const stop = (offset, color) =>
-      svg('stop', { offset: offset.toFixed(4), 'stop-color': toHex(color) }, gradient);
+    const stop = (offset, color) => svg('stop', { offset: offset.toFixed(4), 'stop-color': toHex(color) }, gradient);
     gradient.setAttribute('gradientUnits', 'userSpaceOnUse');
     gradient.setAttribute('x1', x);
     gradient.setAttribute('x2', x + width);
@@ -270,9 +281,9 @@ export class TransferEditor {
       knot.querySelector('.dot').setAttribute('fill', toHex(point.color));
       knot.setAttribute('class', `knot${i === this.selected ? ' selected' : ''}`);
       knot.setAttribute('tabindex', i === this.selected ? 0 : -1);
-      const text = `value ${formatValue(point.value, span)}, ${amountName(this.#points)} ${amountOf(point).toPrecision(3)}`;
+      const amount = `${amountName(this.#points)} ${amountOf(point).toPrecision(3)}`;
       knot.setAttribute('aria-label', `Knot ${i + 1} of ${this.#points.length}`);
-      knot.setAttribute('aria-valuetext', text);
+      knot.setAttribute('aria-valuetext', `value ${formatValue(point.value, span)}, ${amount}`);
       knot.setAttribute('aria-valuenow', point.value);
     });
   }

@@ -44,11 +44,15 @@ export function addKnot(points, value, amount) {
 export function moveKnot(points, index, value, amount) {
   const low = index > 0 ? points[index - 1].value : -Infinity;
   const high = index < points.length - 1 ? points[index + 1].value : Infinity;
-  const next = { value: Math.min(high, Math.max(low, value)), [amountName(points)]: clampAmount(amountName(points), amount) };
+  const next = {
+    value: Math.min(high, Math.max(low, value)),
+    [amountName(points)]: clampAmount(amountName(points), amount),
+  };
   return points.map((point, i) => (i === index ? { ...point, ...next } : point));
 }
 
-export const colorKnot = (points, index, color) => points.map((point, i) => (i === index ? { ...point, color } : point));
+export const colorKnot = (points, index, color) =>
+  points.map((point, i) => (i === index ? { ...point, color } : point));
 
 /** The last knot stays: a function needs one. */
 export const removeKnot = (points, index) => (points.length > 1 ? points.filter((_, i) => i !== index) : points);
@@ -72,7 +76,14 @@ export function knotRange(points, whole) {
 }
 
 export const toHex = (color) =>
-  '#' + color.map((c) => Math.round(Math.min(1, Math.max(0, c)) * 255).toString(16).padStart(2, '0')).join('');
+  '#' +
+  color
+    .map((c) =>
+      Math.round(Math.min(1, Math.max(0, c)) * 255)
+        .toString(16)
+        .padStart(2, '0'),
+    )
+    .join('');
 
 export const fromHex = (text) => [1, 3, 5].map((at) => Number.parseInt(text.slice(at, at + 2), 16) / 255);
 

@@ -3,27 +3,47 @@
 import { Problem } from './api.js';
 
 const POLL_MS = 400;
-const SUFFIXES = ['.nii.gz', '.nii', '.nrrd', '.mha', '.zip', '.dcm', '.vmd'];
+const SUFFIXES = ['.nii.gz', '.nii', '.nrrd', '.nhdr', '.mha', '.mhd', '.zip', '.dcm', '.vmd'];
+const FILTER_FROM = 9; // volumes: a shorter list needs no search field
 
-/** One list out of the reply of GET /v1/volumes, resident first. */
-export function volumeList(reply) {
-  const named = (state) => (item) => (typeof item === 'string' ? { id: item, path: item, state } : { state, ...item });
-  const resident = (reply.volumes ?? reply.resident ?? []).map(named('resident'));
-  const known = new Set(resident.map(({ id }) => id));
-  const available = (reply.available ?? [])
-    .map(named('available'))
-    .map((item) => ({ ...item, id: item.id ?? idFor(item.path) }))
-    .filter(({ id }) => !known.has(id));
-  return [...resident, ...available];
+/** One list out of the reply of GET /v1/volumes, resident first. Available files have a path and the id to load as. */
+export function volumeList({ volumes = [], available = [] }) {
+  const known = new Set(volumes.map(({ id }) => id));
+  const ids = idsFor(available.map(({ path }) => path));
+  const rest = available.map((item, i) => ({ ...item, id: ids[i], state: 'available' }));
+  return [...volumes, ...rest.filter(({ id }) => !known.has(id))];
 }
 
-/** An id for a path of the data folder: its last part without suffix, in the characters an id may have. */
-export function idFor(path) {
-  const name = path.replace(/^demo:/, '').split('/').filter(Boolean).at(-1) ?? 'volume';
-  const suffix = SUFFIXES.find((end) => name.toLowerCase().endsWith(end)) ?? '';
-  const id = name.slice(0, name.length - suffix.length).replace(/[^A-Za-z0-9_-]+/g, '-').replace(/^-+|-+$/g, '');
-  return id.slice(0, 60) || 'volume';
+/**
+ * Ids for paths of the data folder, in the characters an id may have: the file's name without suffix; where two files
+ * share that, with suffix; where they share even that, with their folders.
+ */
+export function idsFor(paths) {
+  const names = paths.map((path) =>
+    path
+      .replace(/^demo:/, '')
+      .split('/')
+      .filter(Boolean),
+  );
+  const choices = [
+    names.map((parts) => slug(withoutSuffix(parts.at(-1) ?? ''))),
+    names.map((parts) => slug(parts.at(-1) ?? '')),
+    names.map((parts) => slug(parts.join('-'))),
+  ];
+  const unique = (list, id) => list.indexOf(id) === list.lastIndexOf(id);
+  return paths.map((_, i) => (choices.find((list) => unique(list, list[i])) ?? choices[2])[i]);
 }
+
+function withoutSuffix(name) {
+  const suffix = SUFFIXES.find((end) => name.toLowerCase().endsWith(end) && name.length > end.length) ?? '';
+  return name.slice(0, name.length - suffix.length);
+}
+
+const slug = (text) =>
+  text
+    .replace(/[^A-Za-z0-9_-]+/g, '-')
+    .replace(/^-+|-+$/g, '')
+    .slice(-60) || 'volume';
 
 /** The next free upload id. Never the file's name: that often is the patient's, and ids go into addresses and logs. */
 export function uploadId(taken) {
@@ -68,7 +88,7 @@ export class Volumes {
     return this.#api.json('GET', `v1/volumes/${encodeURIComponent(id)}/histogram?bins=${bins}`);
   }
 
-  /** Has a volume loaded, whatever its state is now. @param onProgress fraction or undefined @returns its description */
+  /** Has a volume loaded, whatever its state is now. onProgress(fraction or undefined). @returns its description */
   async bring(id, onProgress, signal) {
     let volume;
     try {
@@ -104,70 +124,83 @@ export class Volumes {
   }
 }
 
-/** Shows the list; onChoose(id). */
+/** Shows the list, with a search field when it is long. on: choose(id), problem(error) */
 export class VolumeDialog {
   #dialog;
   #list;
+  #filter;
   #volumes;
-  #onChoose;
-  #onProblem;
+  #on;
+  #items = [];
+  #current = '';
   #timer = 0;
 
-  constructor(dialog, list, volumes, { choose, problem }) {
+  constructor({ dialog, list, filter }, volumes, on) {
     this.#dialog = dialog;
     this.#list = list;
+    this.#filter = filter;
     this.#volumes = volumes;
-    this.#onChoose = choose;
-    this.#onProblem = problem;
+    this.#on = on;
     dialog.addEventListener('close', () => clearTimeout(this.#timer));
+    filter.addEventListener('input', () => this.#show());
+    filter.addEventListener('keydown', ({ key }) => key === 'Enter' && list.querySelector('button')?.click());
   }
 
-  async open(current) {
+  async open(current = '') {
+    this.#current = current;
+    this.#filter.value = '';
     if (!this.#dialog.open) this.#dialog.showModal();
-    await this.#refresh(current);
+    await this.#refresh();
   }
 
   close() {
     this.#dialog.close();
   }
 
-  async #refresh(current) {
-    let items;
+  async #refresh() {
     try {
-      items = await this.#volumes.list();
+      this.#items = await this.#volumes.list();
     } catch (error) {
-      this.#onProblem(error);
+      this.#on.problem(error);
       return;
     }
-    const focused = document.activeElement?.dataset?.id;
-    this.#list.replaceChildren(...items.map((item) => this.#item(item, current)));
-    if (!items.length) this.#list.append('No volume yet. Upload one, or start the server with a data folder.');
-    [...this.#list.children].find((element) => focused && element.dataset?.id === focused)?.focus();
-    if (this.#dialog.open && items.some(({ state }) => state === 'loading')) {
-      this.#timer = setTimeout(() => this.#refresh(current), POLL_MS);
-    }
+    this.#filter.hidden = this.#items.length < FILTER_FROM;
+    this.#show();
+    const loading = this.#items.some(({ state }) => state === 'loading');
+    if (this.#dialog.open && loading) this.#timer = setTimeout(() => this.#refresh(), POLL_MS);
   }
 
-  #item(item, current) {
+  #show() {
+    const wanted = this.#filter.value.toLowerCase();
+    const fits = ({ id, path = '', modality = '' }) => `${id} ${path} ${modality}`.toLowerCase().includes(wanted);
+    const focused = document.activeElement?.dataset?.id;
+    this.#list.replaceChildren(...this.#items.filter(fits).map((item) => this.#item(item)));
+    if (!this.#items.length) this.#list.append('No volume yet. Upload one, or start the server with a data folder.');
+    [...this.#list.children].find((element) => focused && element.dataset?.id === focused)?.focus();
+  }
+
+  #item(item) {
     const button = document.createElement('button');
     button.className = 'volume-item';
     button.dataset.id = item.id;
-    if (item.id === current) button.setAttribute('aria-current', 'true');
+    if (item.id === this.#current) button.setAttribute('aria-current', 'true');
     const part = (name, text) => Object.assign(document.createElement('span'), { className: name, textContent: text });
-    const state = item.state === 'failed' ? 'failed' : item.state;
-    const line = item.state === 'failed' ? item.reason ?? '' : describe(item) || (item.path !== item.id && item.path) || '';
-    button.append(part('name', item.title ?? item.id), part('state', [item.modality, state].filter(Boolean).join(' \u00b7 ')));
+    const line =
+      item.state === 'failed' ? (item.reason ?? '') : [item.path, describe(item)].filter(Boolean).join(' \u00b7 ');
+    button.append(part('name', item.id), part('state', [item.modality, item.state].filter(Boolean).join(' \u00b7 ')));
     button.append(part('facts-line', line));
-    if (item.state === 'loading') {
-      const bar = document.createElement('progress');
-      bar.max = 1;
-      if (item.fraction !== undefined) bar.value = item.fraction;
-      button.append(bar);
-    }
+    if (item.state === 'loading') button.append(progressBar(item.fraction));
     button.addEventListener('click', () => {
       this.close();
-      this.#onChoose(item.id);
+      this.#on.choose(item.id);
     });
     return button;
   }
+}
+
+function progressBar(fraction) {
+  const bar = document.createElement('progress');
+  bar.max = 1;
+  if (fraction !== undefined) bar.value = fraction;
+  return bar;
 }

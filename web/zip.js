@@ -1,5 +1,5 @@
 // A zip of files as they are (method "stored"), so that a folder of DICOM files can be sent as one body. The bytes stay
-// on disk: the archive is a Blob that refers to the files. Names inside are numbers, since file names often name people.
+// on disk: the archive is a Blob that refers to the files. Names inside are numbers: file names often name people.
 
 const LOCAL = 0x04034b50;
 const CENTRAL = 0x02014b50;
@@ -24,7 +24,8 @@ export function crc32(bytes, before = 0) {
 function fields(...pairs) {
   const bytes = new Uint8Array(pairs.reduce((sum, [, size]) => sum + size, 0));
   let at = 0;
-  for (const [value, size] of pairs) for (let k = 0; k < size; k++) bytes[at++] = Math.floor(value / 2 ** (8 * k)) & 255;
+  for (const [value, size] of pairs)
+    for (let k = 0; k < size; k++) bytes[at++] = Math.floor(value / 2 ** (8 * k)) & 255;
   return bytes;
 }
 
@@ -35,7 +36,8 @@ function fields(...pairs) {
  */
 export async function zip(files, onProgress = () => {}) {
   const total = files.reduce((sum, { size }) => sum + size, 0);
-  if (files.length > MOST_FILES || total + files.length * 200 > MOST_BYTES) throw new Error('too much for one zip: at most 4 GB');
+  if (files.length > MOST_FILES || total + files.length * 200 > MOST_BYTES)
+    throw new Error('too much for one zip: at most 4 GB');
   const parts = [];
   const directory = [];
   let offset = 0;
@@ -44,7 +46,18 @@ export async function zip(files, onProgress = () => {}) {
     const name = new TextEncoder().encode(`${String(i + 1).padStart(6, '0')}.dcm`);
     const crc = crc32(new Uint8Array(await file.arrayBuffer()));
     // version 2.0, no flags, stored, 1980-01-01 00:00
-    const shared = fields([20, 2], [0, 2], [0, 2], [0, 2], [33, 2], [crc, 4], [file.size, 4], [file.size, 4], [name.length, 2], [0, 2]);
+    const shared = fields(
+      [20, 2],
+      [0, 2],
+      [0, 2],
+      [0, 2],
+      [33, 2],
+      [crc, 4],
+      [file.size, 4],
+      [file.size, 4],
+      [name.length, 2],
+      [0, 2],
+    );
     parts.push(fields([LOCAL, 4]), shared, name, file);
     directory.push(fields([CENTRAL, 4], [20, 2]), shared, fields([0, 2], [0, 2], [0, 2], [0, 4], [offset, 4]), name);
     offset += 4 + shared.length + name.length + file.size;
@@ -56,7 +69,7 @@ export async function zip(files, onProgress = () => {}) {
   return new Blob([...parts, ...directory, end], { type: 'application/zip' });
 }
 
-/** All files of a drop, folders walked. Call at once in the event: the list is empty afterwards. @returns {Promise<File[]>} */
+/** All files of a drop, folders walked. To be called within the event: the list is empty afterwards. */
 export async function droppedFiles(transfer) {
   const entries = [...transfer.items].map((item) => item.webkitGetAsEntry?.()).filter(Boolean);
   if (!entries.length) return [...transfer.files];
@@ -68,7 +81,8 @@ async function walk(entry) {
   if (entry.isFile) return [await new Promise((resolve, reject) => entry.file(resolve, reject))];
   const reader = entry.createReader();
   const found = [];
-  for (;;) { // gives at most a hundred at a time
+  for (;;) {
+    // gives at most a hundred at a time
     const some = await new Promise((resolve, reject) => reader.readEntries(resolve, reject));
     if (!some.length) break;
     found.push(...some);

@@ -4,7 +4,14 @@ import { test } from 'node:test';
 import * as camera from '../../web/camera.js';
 import { cubeFaces } from '../../web/furniture.js';
 
-const FRONT = { projection: 'perspective', position: [10, -200, 30], target: [10, 0, 30], up: [0, 0, 1], fovY: 30, height: 120 };
+const FRONT = {
+  projection: 'perspective',
+  position: [10, -200, 30],
+  target: [10, 0, 30],
+  up: [0, 0, 1],
+  fovY: 30,
+  height: 120,
+};
 
 function near(a, b, eps = 1e-9) {
   assert.equal(a.length, b.length);
@@ -18,7 +25,7 @@ function project(view, point) {
   return [camera.dot(offset, right), camera.dot(offset, up)];
 }
 
-test('basis is orthonormal and right-handed; from the front the patient\'s left is on the right', () => {
+test("basis is orthonormal and right-handed; from the front the patient's left is on the right", () => {
   const { direction, right, up } = camera.basis(FRONT);
   near(direction, [0, 1, 0]);
   near(right, [1, 0, 0]);
@@ -27,7 +34,11 @@ test('basis is orthonormal and right-handed; from the front the patient\'s left 
 });
 
 test('basis of a camera that looks along its up vector, or at itself, is finite and orthonormal', () => {
-  for (const position of [[0, 0, 100], [0, 0, -100], [0, 0, 0]]) {
+  for (const position of [
+    [0, 0, 100],
+    [0, 0, -100],
+    [0, 0, 0],
+  ]) {
     const { direction, right, up } = camera.basis({ ...FRONT, position, target: [0, 0, 0] });
     for (const v of [direction, right, up]) assert.ok(Math.abs(camera.length(v) - 1) < 1e-12);
     assert.ok(Math.abs(camera.dot(direction, right)) < 1e-12 && Math.abs(camera.dot(up, right)) < 1e-12);
@@ -81,9 +92,12 @@ test('changing the projection keeps the size at the target', () => {
 
 test('standard views show the side they are named after', () => {
   const edges = {
-    A: { right: 'L', left: 'R', top: 'H', bottom: 'F' }, P: { right: 'R', left: 'L', top: 'H', bottom: 'F' },
-    L: { right: 'P', left: 'A', top: 'H', bottom: 'F' }, R: { right: 'A', left: 'P', top: 'H', bottom: 'F' },
-    H: { right: 'R', left: 'L', top: 'A', bottom: 'P' }, F: { right: 'L', left: 'R', top: 'A', bottom: 'P' },
+    A: { right: 'L', left: 'R', top: 'H', bottom: 'F' },
+    P: { right: 'R', left: 'L', top: 'H', bottom: 'F' },
+    L: { right: 'P', left: 'A', top: 'H', bottom: 'F' },
+    R: { right: 'A', left: 'P', top: 'H', bottom: 'F' },
+    H: { right: 'R', left: 'L', top: 'A', bottom: 'P' },
+    F: { right: 'L', left: 'R', top: 'A', bottom: 'P' },
   };
   for (const [letter, expected] of Object.entries(edges)) {
     const view = camera.standardView(FRONT, letter);
@@ -103,9 +117,24 @@ test('letters of oblique directions are compound, strongest first', () => {
 });
 
 test('slices have radiological axes', () => {
-  assert.deepEqual(camera.edgeLetters(camera.sliceBasis({ orientation: 'axial' })), { right: 'L', left: 'R', top: 'A', bottom: 'P' });
-  assert.deepEqual(camera.edgeLetters(camera.sliceBasis({ orientation: 'coronal' })), { right: 'L', left: 'R', top: 'H', bottom: 'F' });
-  assert.deepEqual(camera.edgeLetters(camera.sliceBasis({ orientation: 'sagittal' })), { right: 'P', left: 'A', top: 'H', bottom: 'F' });
+  assert.deepEqual(camera.edgeLetters(camera.sliceBasis({ orientation: 'axial' })), {
+    right: 'L',
+    left: 'R',
+    top: 'A',
+    bottom: 'P',
+  });
+  assert.deepEqual(camera.edgeLetters(camera.sliceBasis({ orientation: 'coronal' })), {
+    right: 'L',
+    left: 'R',
+    top: 'H',
+    bottom: 'F',
+  });
+  assert.deepEqual(camera.edgeLetters(camera.sliceBasis({ orientation: 'sagittal' })), {
+    right: 'P',
+    left: 'A',
+    top: 'H',
+    bottom: 'F',
+  });
 });
 
 test('volume box: between voxel centres, whatever the direction; a single slice is one spacing thick', () => {
@@ -113,7 +142,14 @@ test('volume box: between voxel centres, whatever the direction; a single slice 
   near(plain.low, [5, 0, -1.5]);
   near(plain.high, [15, 40, 1.5]);
   // index x runs to the patient's right, y to the front: flat and nested rows say the same
-  for (const direction of [[-1, 0, 0, 0, -1, 0, 0, 0, 1], [[-1, 0, 0], [0, -1, 0], [0, 0, 1]]]) {
+  for (const direction of [
+    [-1, 0, 0, 0, -1, 0, 0, 0, 1],
+    [
+      [-1, 0, 0],
+      [0, -1, 0],
+      [0, 0, 1],
+    ],
+  ]) {
     const turned = camera.volumeBox({ dims: [11, 11, 11], spacing: [1, 1, 1], origin: [0, 0, 0], direction });
     near(turned.low, [-10, -10, 0]);
     near(turned.high, [0, 0, 10]);

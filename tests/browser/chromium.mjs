@@ -3,20 +3,29 @@ import { existsSync } from 'node:fs';
 
 const BINARY = process.env.TC_CHROMIUM ?? '/usr/bin/chromium';
 const FLAGS = [
-  '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-background-networking',
-  '--disable-component-update', '--disable-sync',
+  '--no-sandbox',
+  '--disable-gpu',
+  '--disable-quic',
+  '--no-first-run',
+  '--disable-background-networking',
+  '--disable-component-update',
+  '--disable-sync',
 ];
 
 /** Why browser tests cannot run here, or false. */
 export async function browserMissing() {
   if (!existsSync(BINARY)) return `no browser at ${BINARY}`;
-  return import('playwright-core').then(() => false, () => 'playwright-core is not installed: run npm ci in tests/');
+  return import('playwright-core').then(
+    () => false,
+    () => 'playwright-core is not installed: run npm ci in tests/',
+  );
 }
 
 /** @returns {{page(options): Promise<Page>, close(): Promise<void>}} */
 export async function launch() {
   const { chromium } = await import('playwright-core');
-  const browser = await chromium.launch({ executablePath: BINARY, headless: true, args: FLAGS }); // profile: new, temporary
+  // Each launch makes a temporary profile of its own.
+  const browser = await chromium.launch({ executablePath: BINARY, headless: true, args: FLAGS });
   return {
     async page(options = {}) {
       const context = await browser.newContext({ viewport: { width: 1280, height: 800 }, ...options });

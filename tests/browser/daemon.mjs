@@ -11,7 +11,9 @@ export function daemonMissing() {
 
 /** @returns {Promise<{url: string, port: number, kill(): Promise, stop(): Promise<number>}>} when it listens */
 export async function startDaemon(args, port = 0) {
-  const child = spawn(process.env.TC_BINARY, ['serve', '--listen', `127.0.0.1:${port}`, ...args], { stdio: ['ignore', 'pipe', 'pipe'] });
+  const child = spawn(process.env.TC_BINARY, ['serve', '--listen', `127.0.0.1:${port}`, ...args], {
+    stdio: ['ignore', 'pipe', 'pipe'],
+  });
   const ended = new Promise((resolve) => child.on('exit', (code) => resolve(code)));
   const url = await listening(child);
   const end = (signal) => {
@@ -38,7 +40,8 @@ function listening(child) {
 /** A small NRRD: a bright ball in air, 32 voxels a side. */
 export function smallNrrd() {
   const n = 32;
-  const header = `NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: ${n} ${n} ${n}\n` +
+  const header =
+    `NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: ${n} ${n} ${n}\n` +
     'space directions: (2,0,0) (0,2,0) (0,0,2)\nkinds: domain domain domain\nendian: little\nencoding: raw\n' +
     'space origin: (-31,-31,-31)\n\n';
   const voxels = Buffer.alloc(n ** 3 * 2);

@@ -46,9 +46,14 @@ describe('page and daemon', { skip }, () => {
 
   test('presets of the daemon change the picture and their points reach the editor', async () => {
     const { page, picture } = await open(browser, url);
-    const names = await page.evaluate(() => [...document.querySelectorAll('#preset option')].map((o) => o.value).filter(Boolean));
+    const names = await page.evaluate(() =>
+      [...document.querySelectorAll('#preset option')].map((o) => o.value).filter(Boolean),
+    );
     const now = await page.inputValue('#preset');
-    await page.selectOption('#preset', names.find((name) => name !== now));
+    await page.selectOption(
+      '#preset',
+      names.find((name) => name !== now),
+    );
     assert.ok(difference(picture, await settled(page)) > 1);
     const { session } = await stageData(page);
     const served = await (await fetch(`${daemon.url}v1/sessions/${session}/scene`)).json();
@@ -80,7 +85,11 @@ describe('page and daemon', { skip }, () => {
     await page.waitForFunction(() => location.hash === '#upload-1', null, { timeout: 60000 });
     await settled(page);
     assert.match(await page.textContent('#facts'), /32 × 32 × 32/);
-    await page.setInputFiles('#upload', { name: 'x.nrrd', mimeType: '', buffer: Buffer.from('NRRD0004\nnonsense\n\n') });
+    await page.setInputFiles('#upload', {
+      name: 'x.nrrd',
+      mimeType: '',
+      buffer: Buffer.from('NRRD0004\nnonsense\n\n'),
+    });
     await page.waitForSelector('.toast.bad', { timeout: 60000 });
     assert.equal(await page.textContent('#volume-name'), 'upload-1');
     await page.close();
@@ -93,7 +102,9 @@ describe('page and daemon', { skip }, () => {
     if (status === 501) return t.skip('this daemon does not answer pick');
     const box = await page.locator('#stage').boundingBox();
     await page.mouse.click(box.x + box.width / 2, box.y + box.height / 2);
-    await page.waitForFunction(() => /[LR] \d.*[AP] \d.*[HF] \d.* mm.*\d/.test(document.getElementById('probe').textContent));
+    await page.waitForFunction(() =>
+      /[LR] \d.*[AP] \d.*[HF] \d.* mm.*\d/.test(document.getElementById('probe').textContent),
+    );
     return page.close();
   });
 
@@ -123,7 +134,8 @@ describe('page and daemon', { skip }, () => {
     const { session } = await stageData(page);
     assert.ok((await list()).includes(session));
     await page.goto('about:blank');
-    for (let i = 0; i < 50 && (await list()).includes(session); i++) await new Promise((resolve) => setTimeout(resolve, 100));
+    for (let i = 0; i < 50 && (await list()).includes(session); i++)
+      await new Promise((resolve) => setTimeout(resolve, 100));
     assert.equal((await list()).includes(session), false);
     await page.close();
   });

@@ -40,7 +40,11 @@ describe('page and fake server', { skip }, () => {
     await drag(page, [cx, cy], [cx + 200, cy], { steps: 40 });
     await settled(page);
     const frames = [...server.acknowledged].sort((a, b) => a - b);
-    assert.deepEqual(frames, frames.map((_, i) => i + 1), 'each number once, none missing');
+    assert.deepEqual(
+      frames,
+      frames.map((_, i) => i + 1),
+      'each number once, none missing',
+    );
     assert.equal(Number((await stageData(page)).frame), frames.at(-1));
     assert.ok(server.mostUnacknowledged <= 2);
     await page.close();
@@ -52,9 +56,17 @@ describe('page and fake server', { skip }, () => {
     server.phases.length = 0;
     const beats = await page.evaluate(async () => {
       const stage = document.getElementById('stage');
-      const at = (type, x) => stage.dispatchEvent(new PointerEvent(type, {
-        pointerId: 1, pointerType: 'pen', clientX: 300 + x, clientY: 300, button: 0, bubbles: true,
-      }));
+      const at = (type, x) =>
+        stage.dispatchEvent(
+          new PointerEvent(type, {
+            pointerId: 1,
+            pointerType: 'pen',
+            clientX: 300 + x,
+            clientY: 300,
+            button: 0,
+            bubbles: true,
+          }),
+        );
       stage.setPointerCapture = () => {};
       at('pointerdown', 0);
       let count = 0;
@@ -77,7 +89,10 @@ describe('page and fake server', { skip }, () => {
     server.delayMs = 300;
     const { cx, cy } = await stageBox(page);
     await drag(page, [cx, cy], [cx + 150, cy + 30], { steps: 60 });
-    await page.waitForFunction((seq) => Number(document.getElementById('stage').dataset.seq) >= seq, server.patches.at(-1).seq);
+    await page.waitForFunction(
+      (seq) => Number(document.getElementById('stage').dataset.seq) >= seq,
+      server.patches.at(-1).seq,
+    );
     await settled(page);
     const { session } = await stageData(page);
     assert.deepEqual((await scene(page)).camera, server.scene(session).camera);
@@ -123,7 +138,7 @@ describe('page and fake server', { skip }, () => {
     await page.close();
   });
 
-  test('a refused patch is shown quietly and the daemon\'s scene comes back', async () => {
+  test("a refused patch is shown quietly and the daemon's scene comes back", async () => {
     const { page } = await open(browser, url);
     server.refuse = (patch) => patch.sampling && { title: 'Refused', status: 422, detail: 'step: too coarse today' };
     await page.evaluate(() => {
@@ -141,7 +156,8 @@ describe('page and fake server', { skip }, () => {
 
   test('a mode the server does not offer: one quiet line, back to the old mode, not offered again', async () => {
     const { page } = await open(browser, url);
-    server.refuse = (patch) => patch.mode === 'mesh' && { title: 'Not built in', status: 501, detail: 'mesh is not built in' };
+    server.refuse = (patch) =>
+      patch.mode === 'mesh' && { title: 'Not built in', status: 501, detail: 'mesh is not built in' };
     await page.selectOption('#mode', 'mesh');
     await page.waitForSelector('#mode-line:not([hidden])');
     assert.equal(await page.textContent('#mode-line'), 'mesh is not built in');
@@ -165,7 +181,7 @@ describe('page and fake server', { skip }, () => {
     await page.close();
   });
 
-  test('somebody else\'s edit reaches the controls', async () => {
+  test("somebody else's edit reaches the controls", async () => {
     const { page } = await open(browser, url);
     await page.waitForTimeout(1100);
     server.editFromOutside((await stageData(page)).session, { image: { background: [1, 1, 1] } });
@@ -214,12 +230,34 @@ describe('page and fake server', { skip }, () => {
 
   test('several files go as one zip without their names', async () => {
     const { page } = await open(browser, url);
-    const files = ['JANE_DOE_1.dcm', 'JANE_DOE_2.dcm'].map((name, i) => ({ name, mimeType: '', buffer: Buffer.alloc(5000, i + 65) }));
+    const files = ['JANE_DOE_1.dcm', 'JANE_DOE_2.dcm'].map((name, i) => ({
+      name,
+      mimeType: '',
+      buffer: Buffer.alloc(5000, i + 65),
+    }));
     await page.setInputFiles('#upload', files);
     await page.waitForFunction(() => location.hash === '#upload-1');
     const [body] = server.uploads;
     assert.equal(body.includes('JANE'), false);
     assert.ok(body.includes('A'.repeat(5000)) && body.includes('B'.repeat(5000)));
+    await page.close();
+  });
+
+  test('a dropped file is uploaded', async () => {
+    const { page } = await open(browser, url);
+    await page.evaluate(() => {
+      const data = new DataTransfer();
+      data.items.add(new File(['NRRD0004 and so on'], 'x.nrrd'));
+      const event = (type) => new DragEvent(type, { dataTransfer: data, bubbles: true, cancelable: true });
+      const stage = document.getElementById('stage');
+      stage.dispatchEvent(event('dragenter'));
+      window.hinted = !document.getElementById('drop').hidden;
+      window.allowed = !stage.dispatchEvent(event('dragover'));
+      stage.dispatchEvent(event('drop'));
+    });
+    await page.waitForFunction(() => location.hash === '#upload-1');
+    assert.deepEqual(await page.evaluate(() => [window.hinted, window.allowed]), [true, true]);
+    assert.ok(await page.isHidden('#drop'));
     await page.close();
   });
 
@@ -264,17 +302,31 @@ describe('page and fake server', { skip }, () => {
 
   test('every control has a name, and nothing sticks out of any window', async () => {
     const { page } = await open(browser, url);
-    const nameless = await page.evaluate(() => [...document.querySelectorAll('button, input, select, textarea, [role="slider"]')]
-      .filter((e) => !(e.getAttribute('aria-label') || e.labels?.length || e.textContent.trim() || e.ariaHidden === 'true'))
-      .map((e) => e.outerHTML));
+    const nameless = await page.evaluate(() =>
+      [...document.querySelectorAll('button, input, select, textarea, [role="slider"]')]
+        .filter(
+          (e) => !(e.getAttribute('aria-label') || e.labels?.length || e.textContent.trim() || e.ariaHidden === 'true'),
+        )
+        .map((e) => e.outerHTML),
+    );
     assert.deepEqual(nameless, []);
-    for (const [width, height] of [[1920, 1080], [1366, 768], [1180, 820], [1024, 768], [820, 1180], [768, 1024], [390, 844]]) {
+    for (const [width, height] of [
+      [1920, 1080],
+      [1366, 768],
+      [1180, 820],
+      [1024, 768],
+      [820, 1180],
+      [768, 1024],
+      [390, 844],
+    ]) {
       await page.setViewportSize({ width, height });
       await page.waitForTimeout(50);
-      const out = await page.evaluate(() => [...document.querySelectorAll('.bar *, #panel *:not(option, svg *), #stage, #stage .corner')]
-        .filter((e) => e.getClientRects().length && !e.classList.contains('unseen'))
-        .filter((e) => e.getBoundingClientRect().right > innerWidth + 1 || e.getBoundingClientRect().left < -1)
-        .map((e) => e.id || e.className || e.tagName));
+      const out = await page.evaluate(() =>
+        [...document.querySelectorAll('.bar *, #panel *:not(option, svg *), #stage, #stage .corner')]
+          .filter((e) => e.getClientRects().length && !e.classList.contains('unseen'))
+          .filter((e) => e.getBoundingClientRect().right > innerWidth + 1 || e.getBoundingClientRect().left < -1)
+          .map((e) => e.id || e.className || e.tagName),
+      );
       assert.deepEqual(out, [], `${width}x${height}`);
       const stage = await stageBox(page);
       assert.ok(stage.width * stage.height > 0.33 * width * height, `the picture has its share of ${width}x${height}`);
@@ -294,11 +346,15 @@ describe('page and fake server', { skip }, () => {
 
   test('crop sliders cut the box, never to nothing', async () => {
     const { page } = await open(browser, url);
-    const set = (index, value) => page.evaluate(([i, v]) => {
-      const slider = document.querySelectorAll('#crop input')[i];
-      slider.value = v;
-      slider.dispatchEvent(new Event('input'));
-    }, [index, value]);
+    const set = (index, value) =>
+      page.evaluate(
+        ([i, v]) => {
+          const slider = document.querySelectorAll('#crop input')[i];
+          slider.value = v;
+          slider.dispatchEvent(new Event('input'));
+        },
+        [index, value],
+      );
     await set(0, 0.9);
     await set(1, 0.1);
     await settled(page);

@@ -21,8 +21,16 @@ const WINDOW = 2;
 const RADIUS_MM = 40;
 
 const VOLUME = {
-  state: 'resident', dims: [64, 64, 48], spacing: [1, 1, 1.5], origin: [-31.5, -31.5, -35], type: 'int16',
-  direction: [1, 0, 0, 0, 1, 0, 0, 0, 1], range: [-1000, 2000], bytes: 393216, modality: 'CT', unit: 'HU',
+  state: 'resident',
+  dims: [64, 64, 48],
+  spacing: [1, 1, 1.5],
+  origin: [-31.5, -31.5, -35],
+  type: 'int16',
+  direction: [1, 0, 0, 0, 1, 0, 0, 0, 1],
+  range: [-1000, 2000],
+  bytes: 393216,
+  modality: 'CT',
+  unit: 'HU',
 };
 const RAMP = [
   { value: -200, color: [0, 0, 0], opacity: 0 },
@@ -32,9 +40,16 @@ const RAMP = [
 const PRESETS = {
   transferFunctions: [
     { name: 'fake-ramp', title: 'Ramp', modality: 'CT', unitDistance: 1, points: RAMP },
-    { name: 'fake-bone', title: 'Bone', modality: 'CT', unitDistance: 1, points: [
-      { value: 150, color: [0.7, 0.3, 0.3], opacity: 0 }, { value: 640, color: [0.9, 0.8, 0.55], opacity: 0.7 },
-    ] },
+    {
+      name: 'fake-bone',
+      title: 'Bone',
+      modality: 'CT',
+      unitDistance: 1,
+      points: [
+        { value: 150, color: [0.7, 0.3, 0.3], opacity: 0 },
+        { value: 640, color: [0.9, 0.8, 0.55], opacity: 0.7 },
+      ],
+    },
   ],
   windows: [{ name: 'soft', title: 'Soft tissue', modality: 'CT', center: 40, width: 400 }],
 };
@@ -43,10 +58,19 @@ function defaultScene() {
   return {
     mode: 'dvr',
     image: { width: 320, height: 240, background: [0, 0, 0], format: 'jpeg', quality: 85, subsampling: 'auto' },
-    camera: { projection: 'perspective', position: [0, -160, 0], target: [0, 0, 0], up: [0, 0, 1], fovY: 30, height: 90 },
+    camera: {
+      projection: 'perspective',
+      position: [0, -160, 0],
+      target: [0, 0, 0],
+      up: [0, 0, 1],
+      fovY: 30,
+      height: 90,
+    },
     transferFunction: { points: RAMP, unitDistance: 1, preset: 'fake-ramp' },
     window: { center: 40, width: 400 },
-    classification: 'preintegrated', filter: 'linear', sampling: { step: 0.5, raysPerPixel: 1 },
+    classification: 'preintegrated',
+    filter: 'linear',
+    sampling: { step: 0.5, raysPerPixel: 1 },
     shading: { model: 'none', ambient: 0.2, diffuse: 0.8, specular: 0.2, shininess: 20 },
     isosurface: { value: 300, color: [0.9, 0.85, 0.7] },
     mpr: { orientation: 'axial', thickness: 0, projection: 'mip', zoom: 1 },
@@ -62,7 +86,10 @@ function ball(scene, width, height) {
   const paint = ({ color, amount }, shade) => color.map((c) => Math.round(255 * c * (0.3 + 0.7 * amount) * shade));
   const scale = height / spanAtTarget(scene.camera);
   const radius = RADIUS_MM * scale;
-  const middle = [width / 2 - dot(scene.camera.target, right) * scale, height / 2 + dot(scene.camera.target, up) * scale];
+  const middle = [
+    width / 2 - dot(scene.camera.target, right) * scale,
+    height / 2 + dot(scene.camera.target, up) * scale,
+  ];
   const ground = (scene.image.background ?? [0, 0, 0]).map((c) => c * 255);
   return (x, y) => {
     const a = (x - middle[0]) / radius;
@@ -153,7 +180,9 @@ export class FakeServer {
     const { pathname } = new URL(request.url, 'http://x');
     const parts = pathname.split('/').filter(Boolean).map(decodeURIComponent);
     if (parts[0] !== 'v1') return file(response, parts[0] ?? 'index.html');
-    const handler = { about: this.#about, presets: this.#presets, volumes: this.#volume, sessions: this.#session }[parts[1]];
+    const handler = { about: this.#about, presets: this.#presets, volumes: this.#volume, sessions: this.#session }[
+      parts[1]
+    ];
     if (!handler) return problem(response, 404, 'no such call');
     return handler.call(this, request, response, parts.slice(2));
   }
@@ -181,7 +210,8 @@ export class FakeServer {
     if (request.method === 'PUT') {
       const bytes = await body(request);
       this.uploads.push(bytes);
-      if (!/^(NRRD|PK)/.test(bytes.toString('latin1', 0, 4))) return problem(response, 415, 'this is no volume file', '');
+      if (!/^(NRRD|PK)/.test(bytes.toString('latin1', 0, 4)))
+        return problem(response, 415, 'this is no volume file', '');
       this.#volumes.set(id, { ...VOLUME, id, modality: 'MR' });
       return json(response, 201, this.#volumes.get(id));
     }
@@ -213,7 +243,7 @@ export class FakeServer {
 
   async #putScene(request, response, session) {
     const scene = JSON.parse(await body(request));
-    if ('nonsense' in scene) return problem(response, 422, 'unknown member', '/nonsense');
+    if ('nonsense' in scene) return problem(response, 422, 'nonsense: unknown member', '/nonsense');
     this.edit(session, mergePatch(defaultScene(), scene));
     return json(response, 200, session.scene);
   }
@@ -319,10 +349,18 @@ class Viewer {
     const [width, height] = [image.width, image.height].map((n) => Math.max(8, Math.round(n * shrink)));
     const pixel = ball(this.session.scene, width, height);
     const bytes = image.format === 'png' ? png(width, height, pixel) : jpeg(width, height, pixel);
-    const header = Buffer.from(JSON.stringify({
-      frame: ++this.#frame, seq: this.#sequence, width, height, format: image.format, quality: image.quality, final,
-      timing: { queueMs: 0.1, tablesMs: 0, renderMs: 4.2, encodeMs: 0.8 },
-    }));
+    const header = Buffer.from(
+      JSON.stringify({
+        frame: ++this.#frame,
+        seq: this.#sequence,
+        width,
+        height,
+        format: image.format,
+        quality: image.quality,
+        final,
+        timing: { queueMs: 0.1, tablesMs: 0, renderMs: 4.2, encodeMs: 0.8 },
+      }),
+    );
     const size = Buffer.alloc(4);
     size.writeUInt32LE(header.length);
     this.#flying.add(this.#frame);
@@ -333,7 +371,9 @@ class Viewer {
 
 function histogram() {
   const edges = Array.from({ length: 65 }, (_, i) => -1000 + (i * 3000) / 64);
-  const counts = edges.slice(1).map((v) => Math.round(4e5 * Math.exp(-(((v + 950) / 60) ** 2)) + 9e3 * Math.exp(-(((v - 60) / 120) ** 2)) + 300));
+  const counts = edges
+    .slice(1)
+    .map((v) => Math.round(4e5 * Math.exp(-(((v + 950) / 60) ** 2)) + 9e3 * Math.exp(-(((v - 60) / 120) ** 2)) + 300));
   return { counts, edges };
 }
 

@@ -7,15 +7,24 @@ import { patchFor, valueAt } from '../../web/panels.js';
 import { compressionRatio, fidelity, frameRate } from '../../web/status.js';
 import { sliceHeight, steer, steerByKey } from '../../web/steer.js';
 import { pictureSize } from '../../web/view.js';
-import { describe, formatBytes, idFor, uploadId, volumeList } from '../../web/volumes.js';
+import { describe, formatBytes, idsFor, uploadId, volumeList } from '../../web/volumes.js';
 
 const STAGE = { width: 800, height: 600 };
 const VOLUME = { dims: [101, 101, 51], spacing: [1, 1, 2], origin: [-50, -50, -50], range: [-1000, 2000] };
 const BOX = volumeBox(VOLUME);
 const still = { orbit: [0, 0], pan: [0, 0], window: [0, 0], roll: 0, factor: 1, slices: 0 };
 const SCENE = {
-  mode: 'dvr', camera: { projection: 'perspective', position: [0, -300, 0], target: [0, 0, 0], up: [0, 0, 1], fovY: 30, height: 200 },
-  window: { center: 40, width: 400 }, mpr: { orientation: 'axial', zoom: 1 },
+  mode: 'dvr',
+  camera: {
+    projection: 'perspective',
+    position: [0, -300, 0],
+    target: [0, 0, 0],
+    up: [0, 0, 1],
+    fovY: 30,
+    height: 200,
+  },
+  window: { center: 40, width: 400 },
+  mpr: { orientation: 'axial', zoom: 1 },
 };
 
 test('drags mean what they mean in 3-D viewers and in slice viewers', () => {
@@ -33,13 +42,38 @@ test('drags mean what they mean in 3-D viewers and in slice viewers', () => {
 test('wheel units and pinches', () => {
   assert.equal(wheelPixels({ deltaY: 3, deltaMode: 1 }), 48);
   assert.equal(wheelPixels({ deltaY: -120, deltaMode: 0 }), -120);
-  assert.deepEqual(pinch([[0, 0], [10, 0]], [[0, 4], [20, 4]]), { pan: [5, 4], factor: 2 });
-  assert.equal(pinch([[5, 5], [5, 5]], [[0, 0], [90, 0]]).factor, 1, 'two fingers on one spot have no gap to scale');
+  assert.deepEqual(
+    pinch(
+      [
+        [0, 0],
+        [10, 0],
+      ],
+      [
+        [0, 4],
+        [20, 4],
+      ],
+    ),
+    { pan: [5, 4], factor: 2 },
+  );
+  assert.equal(
+    pinch(
+      [
+        [5, 5],
+        [5, 5],
+      ],
+      [
+        [0, 0],
+        [90, 0],
+      ],
+    ).factor,
+    1,
+    'two fingers on one spot have no gap to scale',
+  );
 });
 
-test('dragging to the right brings the patient\'s right side to the front', () => {
+test("dragging to the right brings the patient's right side to the front", () => {
   const patch = steer(SCENE, { ...still, orbit: [100, 0] }, STAGE, VOLUME, BOX);
-  assert.ok(patch.camera.position[0] < -1, 'the camera went to the patient\'s right');
+  assert.ok(patch.camera.position[0] < -1, "the camera went to the patient's right");
   const down = steer(SCENE, { ...still, orbit: [0, 100] }, STAGE, VOLUME, BOX);
   assert.ok(down.camera.position[2] > 1, 'dragging down shows the top');
 });
@@ -87,17 +121,38 @@ test('status words', () => {
   assert.equal(frameRate([0, 100, 200]), 10);
   assert.equal(frameRate([5]), 0);
   assert.equal(compressionRatio({ width: 100, height: 100 }, 1000), '30:1');
-  assert.deepEqual(fidelity({ format: 'jpeg', quality: 75, width: 100, height: 100 }, 1000), { text: 'LOSSY q75 \u00b7 30:1', lossy: true });
+  assert.deepEqual(fidelity({ format: 'jpeg', quality: 75, width: 100, height: 100 }, 1000), {
+    text: 'LOSSY q75 \u00b7 30:1',
+    lossy: true,
+  });
   assert.equal(fidelity({ format: 'png' }, 1).lossy, false);
 });
 
 test('volumes: one list, ids without file suffixes, uploads without file names', () => {
-  const list = volumeList({ volumes: [{ id: 'head', state: 'loading' }], available: [{ path: 'ct/Head.nii.gz' }, 'demo:bucky', { path: 'x/head.nrrd' }] });
-  assert.deepEqual(list.map(({ id, state }) => [id, state]), [['head', 'loading'], ['Head', 'available'], ['demo:bucky', 'available']]);
-  assert.equal(idFor('a/b c/My scan (1).nii.gz'), 'My-scan-1');
-  assert.equal(idFor('demo:vessels'), 'vessels');
-  assert.equal(idFor('///'), 'volume');
+  const list = volumeList({
+    volumes: [{ id: 'head', state: 'loading' }],
+    available: [{ path: 'ct/Knee.nii.gz' }, { path: 'demo:head' }, { path: 'x/head2.nrrd' }],
+  });
+  assert.deepEqual(
+    list.map(({ id, state }) => [id, state]),
+    [
+      ['head', 'loading'],
+      ['Knee', 'available'],
+      ['head2', 'available'],
+    ],
+  );
+  assert.deepEqual(idsFor(['a/b c/My scan (1).nii.gz', 'demo:vessels', '///', '.nii']), [
+    'My-scan-1',
+    'vessels',
+    'volume',
+    'nii',
+  ]);
+  assert.deepEqual(idsFor(['n/FLAIR.nii.gz', 'n/FLAIR.nrrd']), ['FLAIR-nii-gz', 'FLAIR-nrrd'], 'told apart by suffix');
+  assert.deepEqual(idsFor(['a/ct/1.dcm', 'b/ct/1.dcm', 'c']), ['a-ct-1-dcm', 'b-ct-1-dcm', 'c'], 'or by folder');
   assert.equal(uploadId(new Set(['upload-1', 'upload-2'])), 'upload-3');
   assert.equal(formatBytes(29491200), '29.5 MB');
-  assert.equal(describe({ dims: [2, 3, 4], spacing: [0.5, 0.5, 1.25], type: 'int16' }), '2 \u00d7 3 \u00d7 4 \u00b7 0.5 \u00d7 0.5 \u00d7 1.25 mm \u00b7 int16');
+  assert.equal(
+    describe({ dims: [2, 3, 4], spacing: [0.5, 0.5, 1.25], type: 'int16' }),
+    '2 \u00d7 3 \u00d7 4 \u00b7 0.5 \u00d7 0.5 \u00d7 1.25 mm \u00b7 int16',
+  );
 });

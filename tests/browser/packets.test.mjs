@@ -62,9 +62,11 @@ test('what no further byte can mend is an error at once', () => {
     new DataView(bytes.buffer).setUint32(0, n, true);
     return bytes;
   };
-  for (const size of [0, 1, MAX_HEADER_BYTES + 1, 0xffffffff]) assert.throws(() => readFrame(withSize(size)), PacketError);
+  for (const size of [0, 1, MAX_HEADER_BYTES + 1, 0xffffffff])
+    assert.throws(() => readFrame(withSize(size)), PacketError);
   assert.deepEqual(readFrame(withSize(MAX_HEADER_BYTES)), { need: 4 + MAX_HEADER_BYTES });
-  for (const text of ['{"frame":', '[]x', 'null', '7', '"x"']) assert.throws(() => readFrame(message(text)), PacketError, text);
+  for (const text of ['{"frame":', '[]x', 'null', '7', '"x"'])
+    assert.throws(() => readFrame(message(text)), PacketError, text);
   assert.throws(() => readFrame(message(Buffer.from([123, 34, 255, 34, 125]).toString('latin1'))), PacketError);
 });
 

@@ -64,7 +64,8 @@ class BitWriter {
 }
 
 // Twelve DC categories with 4-bit codes 0..11; one AC symbol (end of block) with the 1-bit code 0.
-const segment = (marker, ...bytes) => Buffer.from([255, marker, (bytes.length + 2) >> 8, (bytes.length + 2) & 255, ...bytes]);
+const segment = (marker, ...bytes) =>
+  Buffer.from([255, marker, (bytes.length + 2) >> 8, (bytes.length + 2) & 255, ...bytes]);
 const DC_TABLE = segment(0xc4, 0x00, 0, 0, 0, 12, ...Array(12).fill(0), 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11);
 const AC_TABLE = segment(0xc4, 0x10, 1, ...Array(15).fill(0), 0);
 

@@ -61,7 +61,12 @@ export async function keysWork(browser, url) {
   await page.focus('#stage');
   for (let i = 0; i < 4; i++) await page.keyboard.press('ArrowLeft');
   assert.ok(difference(picture, await settled(page)) > CHANGED / 2, 'arrows turn');
-  for (const [key, right, top] of [['p', 'R', 'H'], ['l', 'P', 'H'], ['f', 'L', 'A'], ['a', 'L', 'H']]) {
+  for (const [key, right, top] of [
+    ['p', 'R', 'H'],
+    ['l', 'P', 'H'],
+    ['f', 'L', 'A'],
+    ['a', 'L', 'H'],
+  ]) {
     await page.keyboard.press(key);
     assert.equal(await page.textContent('#mark-right'), right, key);
     assert.equal(await page.textContent('#mark-top'), top, key);
@@ -137,7 +142,10 @@ export async function knotsAreAddedAndRemoved(browser, url) {
   await page.fill('#knot-amount', '0.42');
   await page.keyboard.press('Enter');
   const { points } = (await scene(page)).transferFunction;
-  assert.ok(points.some(({ opacity }) => opacity === 0.42), 'numbers are taken as typed');
+  assert.ok(
+    points.some(({ opacity }) => opacity === 0.42),
+    'numbers are taken as typed',
+  );
   const [x, y] = await knotAt(page, await strongKnot(page));
   await drag(page, [x, y], [x, plot.y - 80]);
   assert.equal(await count(), before - 1, 'dragged out is removed');
@@ -146,7 +154,11 @@ export async function knotsAreAddedAndRemoved(browser, url) {
 }
 
 export async function touchTurnsAndPinches(browser, url) {
-  const { page, picture } = await open(browser, url, { viewport: { width: 820, height: 1180 }, hasTouch: true, isMobile: true });
+  const { page, picture } = await open(browser, url, {
+    viewport: { width: 820, height: 1180 },
+    hasTouch: true,
+    isMobile: true,
+  });
   const { cx, cy } = await stageBox(page);
   const session = await page.context().newCDPSession(page);
   const touch = (type, points) =>
@@ -156,8 +168,15 @@ export async function touchTurnsAndPinches(browser, url) {
   await touch('touchEnd', []);
   assert.ok(difference(picture, await settled(page)) > CHANGED, 'one finger turns');
   const before = (await scene(page)).camera;
-  await touch('touchStart', [[cx - 40, cy], [cx + 40, cy]]);
-  for (let i = 1; i <= 6; i++) await touch('touchMove', [[cx - 40 - i * 10, cy + i * 10], [cx + 40 + i * 10, cy + i * 10]]);
+  await touch('touchStart', [
+    [cx - 40, cy],
+    [cx + 40, cy],
+  ]);
+  for (let i = 1; i <= 6; i++)
+    await touch('touchMove', [
+      [cx - 40 - i * 10, cy + i * 10],
+      [cx + 40 + i * 10, cy + i * 10],
+    ]);
   await touch('touchEnd', []);
   await settled(page);
   const after = (await scene(page)).camera;
@@ -219,7 +238,9 @@ export async function joinedSessionsShareOneScene(browser, url) {
   assert.equal((await stageData(other.page)).session, session);
   await page.keyboard.press('p');
   await settled(page);
-  await other.page.waitForFunction(() => document.getElementById('mark-right').textContent === 'R', null, { timeout: 20000 });
+  await other.page.waitForFunction(() => document.getElementById('mark-right').textContent === 'R', null, {
+    timeout: 20000,
+  });
   await other.page.close();
   await page.close();
 }
@@ -235,7 +256,7 @@ export async function scene(page) {
 export const EVERYWHERE = {
   'orbit drag changes the picture, space brings it back': orbitChangesThePicture,
   'pan and zoom': panAndZoomDoWhatTheySay,
-  'keyboard': keysWork,
+  keyboard: keysWork,
   'transfer-function drag changes the picture; undo and redo': transferFunctionDragChangesThePicture,
   'knots are added and removed by pointer and keyboard': knotsAreAddedAndRemoved,
   'touch: one finger, two fingers, tabs': touchTurnsAndPinches,

@@ -13,7 +13,10 @@ test('sample interpolates, is constant beyond the ends, and takes the right side
   assert.deepEqual(tf.sample(POINTS, 50), { color: [0.5, 0, 0], amount: 0.25 });
   assert.deepEqual(tf.sample(POINTS, -1e9), { color: [0, 0, 0], amount: 0 });
   assert.deepEqual(tf.sample(POINTS, 1e9), { color: [1, 1, 1], amount: 1 });
-  const jump = [{ value: 0, color: [0, 0, 0], opacity: 0 }, { value: 0, color: [1, 1, 1], opacity: 1 }];
+  const jump = [
+    { value: 0, color: [0, 0, 0], opacity: 0 },
+    { value: 0, color: [1, 1, 1], opacity: 1 },
+  ];
   assert.equal(tf.sample(jump, -1e-9).amount, 0);
   assert.equal(tf.sample(jump, 0).amount, 1);
 });
@@ -36,12 +39,18 @@ test('a moved knot stops at its neighbours', () => {
   for (let i = 0; i < 500; i++) {
     const index = i % 3;
     const values = tf.moveKnot(POINTS, index, Math.sin(i) * 400, 0.5).map(({ value }) => value);
-    assert.deepEqual(values, [...values].sort((a, b) => a - b));
+    assert.deepEqual(
+      values,
+      [...values].sort((a, b) => a - b),
+    );
   }
 });
 
 test('knots by extinction stay so, without a ceiling', () => {
-  const points = [{ value: 0, color: [0, 0, 0], extinction: 0 }, { value: 10, color: [1, 1, 1], extinction: 4 }];
+  const points = [
+    { value: 0, color: [0, 0, 0], extinction: 0 },
+    { value: 10, color: [1, 1, 1], extinction: 4 },
+  ];
   assert.equal(tf.amountName(points), 'extinction');
   assert.equal(tf.amountLimit(points), 10);
   const moved = tf.moveKnot(points, 1, 12, 25);
@@ -57,8 +66,14 @@ test('the last knot cannot be removed', () => {
 });
 
 test('shift moves all, density multiplies and clamps', () => {
-  assert.deepEqual(tf.shiftKnots(POINTS, -30).map(({ value }) => value), [-30, 70, 170]);
-  assert.deepEqual(tf.scaleAmounts(POINTS, 1.5).map(({ opacity }) => opacity), [0, 0.75, 1]);
+  assert.deepEqual(
+    tf.shiftKnots(POINTS, -30).map(({ value }) => value),
+    [-30, 70, 170],
+  );
+  assert.deepEqual(
+    tf.scaleAmounts(POINTS, 1.5).map(({ opacity }) => opacity),
+    [0, 0.75, 1],
+  );
 });
 
 test('colours survive the trip through a colour field', () => {

@@ -29,13 +29,25 @@ async function withWire(locate, body) {
   const states = [];
   const texts = [];
   const bytes = [];
-  const wire = new Wire(locate, {
-    onState: (state) => states.push(state),
-    onText: (text) => texts.push(text),
-    onBytes: (piece) => bytes.push(piece),
-  }, FakeSocket);
+  const wire = new Wire(
+    locate,
+    {
+      onState: (state) => states.push(state),
+      onText: (text) => texts.push(text),
+      onBytes: (piece) => bytes.push(piece),
+    },
+    FakeSocket,
+  );
   try {
-    await body({ wire, states, texts, bytes, socket: () => FakeSocket.made.at(-1), settle, tick: (ms) => mock.timers.tick(ms) });
+    await body({
+      wire,
+      states,
+      texts,
+      bytes,
+      socket: () => FakeSocket.made.at(-1),
+      settle,
+      tick: (ms) => mock.timers.tick(ms),
+    });
   } finally {
     wire.close();
     mock.timers.reset();
@@ -60,7 +72,10 @@ test('opens with the subprotocol and delivers both kinds of message', () =>
     socket().onmessage({ data: new Uint8Array([1, 2]).buffer });
     assert.deepEqual(texts, [{ type: 'hello' }]);
     assert.deepEqual([...bytes[0]], [1, 2]);
-    assert.deepEqual(states.map(({ state }) => state), ['connecting', 'open']);
+    assert.deepEqual(
+      states.map(({ state }) => state),
+      ['connecting', 'open'],
+    );
   }));
 
 test('comes back after a loss, waiting longer each time, and at once after a success', () =>
@@ -86,14 +101,19 @@ test('comes back after a loss, waiting longer each time, and at once after a suc
 
 test('an address that cannot be found is a failed attempt; a fatal one ends them', async () => {
   let error = new Error('down');
-  await withWire(async () => { throw error; }, async ({ wire, states, tick }) => {
-    await wire.open();
-    assert.equal(states.at(-1).state, 'waiting');
-    error = Object.assign(new Error('gone'), { fatal: true });
-    tick(500);
-    await settle();
-    assert.deepEqual(states.at(-1), { state: 'closed', reason: 'gone' });
-  });
+  await withWire(
+    async () => {
+      throw error;
+    },
+    async ({ wire, states, tick }) => {
+      await wire.open();
+      assert.equal(states.at(-1).state, 'waiting');
+      error = Object.assign(new Error('gone'), { fatal: true });
+      tick(500);
+      await settle();
+      assert.deepEqual(states.at(-1), { state: 'closed', reason: 'gone' });
+    },
+  );
 });
 
 test('retryNow does not wait for the countdown, and leaves no second attempt behind', () =>

@@ -7,10 +7,12 @@ export const BINARY = 2;
 
 /** Answers the upgrade request. @returns {Connection} */
 export function accept(request, socket, protocol) {
-  const key = createHash('sha1').update(request.headers['sec-websocket-key'] + GUID).digest('base64');
+  const key = createHash('sha1')
+    .update(request.headers['sec-websocket-key'] + GUID)
+    .digest('base64');
   socket.write(
     'HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n' +
-    `Sec-WebSocket-Accept: ${key}\r\nSec-WebSocket-Protocol: ${protocol}\r\n\r\n`,
+      `Sec-WebSocket-Accept: ${key}\r\nSec-WebSocket-Protocol: ${protocol}\r\n\r\n`,
   );
   return new Connection(socket);
 }
