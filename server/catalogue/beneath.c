@@ -104,15 +104,23 @@ bool tcs_self_contained(const char *path, GError **error) {
    * their first bytes. */
   bool clean = true;
   char *rest = text, *line;
-  while (clean && (line = strsep(&rest, "\r\n"))) clean = !names_a_file(line);
+  while (clean && (line = strsep(&rest, "\r\n")))
+    clean = !names_a_file(line);
   g_free(text);
-  if (!clean) tc_set_error(error, TC_ERROR_FORMAT, NULL, "the header names another file; upload header and voxels as one");
+  if (!clean)
+    tc_set_error(error, TC_ERROR_FORMAT, NULL, "the header names another file; upload header and voxels as one");
   return clean;
 }
 
-typedef struct scan { GPtrArray *found; int limit, folders; } scan;
+typedef struct scan {
+  GPtrArray *found;
+  int limit, folders;
+} scan;
 
-typedef struct found_file { char *path; double bytes; } found_file;
+typedef struct found_file {
+  char *path;
+  double bytes;
+} found_file;
 
 static void free_found(void *item) {
   found_file *file = item;
@@ -124,7 +132,8 @@ static bool has_volume_name(const char *name) {
   static const char *const suffixes[] = {".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm", ".zip", ".vmd"};
   char *lower = g_ascii_strdown(name, -1);
   bool found = false;
-  for (size_t i = 0; i < G_N_ELEMENTS(suffixes) && !found; i++) found = g_str_has_suffix(lower, suffixes[i]);
+  for (size_t i = 0; i < G_N_ELEMENTS(suffixes) && !found; i++)
+    found = g_str_has_suffix(lower, suffixes[i]);
   g_free(lower);
   return found;
 }
@@ -136,7 +145,8 @@ static void add_found(scan *s, const char *path, double bytes) {
   g_ptr_array_add(s->found, file);
 }
 
-/* Bounds of a scan: folders entered, and their depth; a data folder with more than this needs a catalogue of its own. */
+/* Bounds of a scan: folders entered, and their depth; a data folder with more than this needs a catalogue of its own.
+ */
 #define MAX_FOLDERS 4096
 #define MAX_DEPTH 12
 
@@ -166,8 +176,10 @@ static void scan_folder(scan *s, int parent_fd, const char *name, const char *pa
     }
     g_free(child);
   }
-  if (slices == 1 || (slices > 1 && !*path)) add_found(s, slices == 1 ? first_slice : ".", slice_bytes);
-  else if (slices > 1) add_found(s, path, slice_bytes);
+  if (slices == 1 || (slices > 1 && !*path))
+    add_found(s, slices == 1 ? first_slice : ".", slice_bytes);
+  else if (slices > 1)
+    add_found(s, path, slice_bytes);
   g_free(first_slice);
   closedir(folder);
 }

@@ -8,7 +8,7 @@
 
 struct tcs_catalogue {
   tcs_server *server;
-  GHashTable *entries;    /* id (inside the entry) -> tcs_entry */
+  GHashTable *entries; /* id (inside the entry) -> tcs_entry */
   uint64_t resident_bytes;
 };
 
@@ -60,10 +60,12 @@ tcs_entry *tcs_catalogue_find(tcs_catalogue *catalogue, const char *id) {
 tcs_entry *tcs_catalogue_resident(tcs_catalogue *catalogue, const char *id, GError **error) {
   tcs_entry *entry = tcs_catalogue_find(catalogue, id);
   if (entry && entry->state == TCS_RESIDENT) return entry;
-  if (!entry) tc_set_error(error, TC_ERROR_NOT_FOUND, NULL, "there is no such volume; GET /v1/volumes lists them");
+  if (!entry)
+    tc_set_error(error, TC_ERROR_NOT_FOUND, NULL, "there is no such volume; GET /v1/volumes lists them");
   else if (entry->state == TCS_LOADING)
     tc_set_error(error, TC_ERROR_CONFLICT, NULL, "the volume is still loading; ask again when its state is resident");
-  else tc_set_error(error, TC_ERROR_CONFLICT, NULL, "the volume could not be loaded: %s", entry->reason);
+  else
+    tc_set_error(error, TC_ERROR_CONFLICT, NULL, "the volume could not be loaded: %s", entry->reason);
   return NULL;
 }
 
@@ -77,7 +79,8 @@ static void run_load(tcs_task *task) {
   tcs_load *load = (tcs_load *)task;
   const tc_import_options options = {.progress = on_progress, .user = load, .max_voxel_bytes = load->max_bytes};
   load->began_us = g_get_monotonic_time();
-  if (atomic_load(&load->cancel)) tc_set_error(&load->error, TC_ERROR_CANCELLED, NULL, "cancelled");
+  if (atomic_load(&load->cancel))
+    tc_set_error(&load->error, TC_ERROR_CANCELLED, NULL, "cancelled");
   else if (!load->source.temporary || tcs_self_contained(load->source.path, &load->error))
     load->volume = tc_import(load->source.path, &options, &load->error);
   if (load->source.temporary) unlink(load->source.path);
@@ -223,7 +226,8 @@ static void describe_volume(cJSON *json, const tc_volume *volume) {
   add_vector(json, "spacing", desc->spacing, 3);
   add_vector(json, "origin", desc->origin, 3);
   cJSON *direction = cJSON_AddArrayToObject(json, "direction");
-  for (int row = 0; row < 3; row++) cJSON_AddItemToArray(direction, cJSON_CreateDoubleArray(desc->direction + 3 * row, 3));
+  for (int row = 0; row < 3; row++)
+    cJSON_AddItemToArray(direction, cJSON_CreateDoubleArray(desc->direction + 3 * row, 3));
   cJSON_AddStringToObject(json, "type", tc_voxel_type_name(desc->type));
   add_vector(json, "range", (const double[2]){stats->min, stats->max}, 2);
   cJSON_AddNumberToObject(json, "bytes", (double)tc_volume_bytes(volume));

@@ -13,11 +13,11 @@ typedef struct tcs_load tcs_load;
 typedef struct tcs_entry {
   char id[65];
   tcs_volume_state state;
-  tc_volume *volume; /* resident: one reference */
-  char *reason;      /* failed: why, one line without server-side paths */
-  tcs_load *load;    /* loading */
+  tc_volume *volume;     /* resident: one reference */
+  char *reason;          /* failed: why, one line without server-side paths */
+  tcs_load *load;        /* loading */
   tcs_volume_state told; /* the state viewers were last told of */
-  int users;         /* sessions that show it */
+  int users;             /* sessions that show it */
 } tcs_entry;
 
 /* A file on its way in. */
@@ -34,8 +34,8 @@ tcs_entry *tcs_catalogue_find(tcs_catalogue *catalogue, const char *id);
 /* A resident volume; else TC_ERROR_NOT_FOUND, _BUSY (loading: ask again) or _CONFLICT (failed). */
 tcs_entry *tcs_catalogue_resident(tcs_catalogue *catalogue, const char *id, GError **error);
 
-/* Starts to load; TC_ERROR_INVALID (id), _CONFLICT (id in use) or _MEMORY (budget used up). Takes source->path and, where
- * it fails, removes a temporary file at once. A failed volume's id may be used again. */
+/* Starts to load; TC_ERROR_INVALID (id), _CONFLICT (id in use) or _MEMORY (budget used up). Takes source->path and,
+ * where it fails, removes a temporary file at once. A failed volume's id may be used again. */
 tcs_entry *tcs_catalogue_load(tcs_catalogue *catalogue, const char *id, tcs_source_file *source, GError **error);
 /* What tcs_catalogue_load() would say, without starting. */
 bool tcs_catalogue_may_load(tcs_catalogue *catalogue, const char *id, GError **error);

@@ -59,7 +59,8 @@ void tcs_config_init(tcs_config *config) {
   config->volumes = g_ptr_array_new_with_free_func(free_named_path);
   config->hosts = g_ptr_array_new_with_free_func(g_free);
   config->log_level = TCS_LOG_INFO;
-  for (size_t i = 0; i < G_N_ELEMENTS(fields); i++) *limit_at(&config->limits, &fields[i]) = fields[i].fallback;
+  for (size_t i = 0; i < G_N_ELEMENTS(fields); i++)
+    *limit_at(&config->limits, &fields[i]) = fields[i].fallback;
   config->limits.volume_bytes = default_volume_bytes();
 }
 
@@ -91,8 +92,10 @@ bool tcs_config_listen(tcs_config *config, const char *text, GError **error) {
   g_free(config->address);
   if (text[0] == '[' && colon > text + 1 && colon[-1] == ']')
     config->address = g_strndup(text + 1, (size_t)(colon - text) - 2);
-  else if (colon == text) config->address = g_strdup("0.0.0.0");
-  else config->address = g_strndup(text, (size_t)(colon - text));
+  else if (colon == text)
+    config->address = g_strdup("0.0.0.0");
+  else
+    config->address = g_strndup(text, (size_t)(colon - text));
   config->port = (int)port;
   return true;
 }
@@ -180,10 +183,14 @@ static bool read_server(tcs_config *config, GKeyFile *file, const char *key, GEr
   if (!value) return false;
   bool ok = true;
   int64_t number = 0;
-  if (strcmp(key, "listen") == 0) ok = tcs_config_listen(config, value, error);
-  else if (strcmp(key, "data") == 0) ok = tcs_config_data(config, value, error);
-  else if (strcmp(key, "backend") == 0) ok = tcs_config_backend(config, value, error);
-  else if (strcmp(key, "drain_seconds") == 0) ok = read_number(key, value, 3600, &config->drain_seconds, error);
+  if (strcmp(key, "listen") == 0)
+    ok = tcs_config_listen(config, value, error);
+  else if (strcmp(key, "data") == 0)
+    ok = tcs_config_data(config, value, error);
+  else if (strcmp(key, "backend") == 0)
+    ok = tcs_config_backend(config, value, error);
+  else if (strcmp(key, "drain_seconds") == 0)
+    ok = read_number(key, value, 3600, &config->drain_seconds, error);
   else if (strcmp(key, "threads") == 0) {
     ok = read_number(key, value, 1024, &number, error);
     config->threads = (int)number;

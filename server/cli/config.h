@@ -2,37 +2,39 @@
 #ifndef TCS_CLI_CONFIG_H
 #define TCS_CLI_CONFIG_H
 
-#include <stdbool.h>
 #include <inttypes.h>
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "renderer/tomocast.h"
 #include "server/observe/log.h"
 
-typedef struct tcs_named_path { char *id, *path; } tcs_named_path;
+typedef struct tcs_named_path {
+  char *id, *path;
+} tcs_named_path;
 
 /* Limits, all from the group [limits] of the file; the key is the member's name. */
 typedef struct tcs_limits {
-  int64_t image_side, image_area;     /* pixels; at most what a scene may hold at all */
-  int64_t rays_per_pixel, knots;      /* likewise */
-  int64_t body_bytes, upload_bytes;   /* of one request */
-  int64_t volume_bytes;               /* voxels resident, all volumes together */
-  int64_t sessions, clients;          /* clients: WebSocket and MJPEG viewers */
-  int64_t queue;                      /* stateless renders that may wait */
-  int64_t render_seconds;             /* a picture that takes longer is given up */
-  int64_t window;                     /* unacknowledged frames per viewer */
-  int64_t session_idle_seconds;       /* a session nobody watches ends after this */
+  int64_t image_side, image_area;   /* pixels; at most what a scene may hold at all */
+  int64_t rays_per_pixel, knots;    /* likewise */
+  int64_t body_bytes, upload_bytes; /* of one request */
+  int64_t volume_bytes;             /* voxels resident, all volumes together */
+  int64_t sessions, clients;        /* clients: WebSocket and MJPEG viewers */
+  int64_t queue;                    /* stateless renders that may wait */
+  int64_t render_seconds;           /* a picture that takes longer is given up */
+  int64_t window;                   /* unacknowledged frames per viewer */
+  int64_t session_idle_seconds;     /* a session nobody watches ends after this */
 } tcs_limits;
 
 typedef struct tcs_config {
-  char *address;        /* host part of --listen */
-  int port;             /* 0 = any */
-  char *data;           /* canonical folder of --data, or NULL */
-  char *spool;          /* folder for uploads under way */
+  char *address; /* host part of --listen */
+  int port;      /* 0 = any */
+  char *data;    /* canonical folder of --data, or NULL */
+  char *spool;   /* folder for uploads under way */
   tc_backend backend;
-  int threads;          /* of the renderer; 0 = all cores */
-  GPtrArray *volumes;   /* tcs_named_path: --volume */
-  GPtrArray *hosts;     /* char *: accepted Host names; empty = any */
+  int threads;           /* of the renderer; 0 = all cores */
+  GPtrArray *volumes;    /* tcs_named_path: --volume */
+  GPtrArray *hosts;      /* char *: accepted Host names; empty = any */
   int64_t drain_seconds; /* how long to go on answering (with readyz 503) after SIGTERM */
   tcs_log_level log_level;
   tcs_limits limits;
@@ -40,9 +42,9 @@ typedef struct tcs_config {
 
 /* One limit: its name in the file and in /v1/about, where it lives, and its bounds. */
 typedef struct tcs_limit_field {
-  const char *name;       /* in the configuration file */
-  const char *json;       /* in /v1/about */
-  size_t offset;          /* of an int64_t in tcs_limits */
+  const char *name; /* in the configuration file */
+  const char *json; /* in /v1/about */
+  size_t offset;    /* of an int64_t in tcs_limits */
   int64_t fallback, least, most;
 } tcs_limit_field;
 const tcs_limit_field *tcs_limit_fields(size_t *count);

@@ -28,14 +28,15 @@ typedef struct serve_daemon {
   int signal_count;
 } serve_daemon;
 
-#define OWNER(pointer, member) ((serve_daemon *)(void *)((char *)(pointer) - offsetof(serve_daemon, member)))
+#define OWNER(pointer, member) ((serve_daemon *)(void *)((char *)(pointer)-offsetof(serve_daemon, member)))
 
 /* --- the loop -------------------------------------------------------------------------------------- */
 
 static void on_signal(tcs_source *source, uint32_t events) {
   serve_daemon *d = OWNER(source, signals);
   struct signalfd_siginfo info;
-  while (read(source->fd, &info, sizeof info) == sizeof info) d->signal_count++;
+  while (read(source->fd, &info, sizeof info) == sizeof info)
+    d->signal_count++;
 }
 
 static void on_completion(tcs_source *source, uint32_t events) {
@@ -170,7 +171,8 @@ static void stop(serve_daemon *d) {
     tcs_streams_close_all(tcs_http_streams(server->http), true);
     tcs_mjpeg_end_all(server);
     tcs_http_abandon_all(server->http);
-    for (int i = 0; i < 4; i++) tcs_http_run(server->http);
+    for (int i = 0; i < 4; i++)
+      tcs_http_run(server->http);
   }
   if (server->catalogue) tcs_catalogue_cancel_all(server->catalogue);
   tcs_worker_free(server->load_worker);
@@ -201,14 +203,17 @@ static void announce(const serve_daemon *d) {
   tcs_log(TCS_LOG_INFO, "serve.start", "version=%s backend=%s simd=%s threads=%d address=%s", TC_VERSION, info->backend,
           info->isa ? info->isa : "none", info->threads, address);
   if (!g_str_has_prefix(address, "127.") && !g_str_has_prefix(address, "[::1]"))
-    tcs_log(TCS_LOG_WARN, "serve.open", "text=\"others on the network can reach this server; it asks nobody who they are\"");
+    tcs_log(TCS_LOG_WARN, "serve.open",
+            "text=\"others on the network can reach this server; it asks nobody who they are\"");
   printf("listening on http://%s\n", address);
   fflush(stdout);
 }
 
 /* --- the command line ------------------------------------------------------------------------------- */
 
-typedef struct serve_options { char *listen, *data, *backend, *config, **volumes; } serve_options;
+typedef struct serve_options {
+  char *listen, *data, *backend, *config, **volumes;
+} serve_options;
 
 static bool configure(tcs_config *config, const serve_options *options, GError **error) {
   if (options->config && !tcs_config_read(config, options->config, error)) return false;
@@ -255,8 +260,8 @@ int tcs_cli_serve(int argc, char **argv) {
     tc_set_error(&error, TC_ERROR_INVALID, NULL, "%s: no such argument; see tomocast serve --help", *rest);
     good = false;
   }
-  const int code = good && configure(&d.config, &options, &error) ? serve(&d)
-                                                                  : tcs_cli_fail("serve", TCS_EXIT_USAGE, error);
+  const int code =
+      good && configure(&d.config, &options, &error) ? serve(&d) : tcs_cli_fail("serve", TCS_EXIT_USAGE, error);
   tcs_config_clear(&d.config);
   g_free(options.listen);
   g_free(options.data);

@@ -32,9 +32,8 @@ static void finished_picture(tcs_job *job) {
     return;
   }
   char timing[200], size[32];
-  g_snprintf(timing, sizeof timing,
-             "queue;dur=%.2f, tables;dur=%.2f, skip;dur=%.2f, render;dur=%.2f, encode;dur=%.2f", job->queue_ms,
-             job->stats.tables_ms, job->stats.skip_ms, job->stats.render_ms, job->encode_ms);
+  g_snprintf(timing, sizeof timing, "queue;dur=%.2f, tables;dur=%.2f, skip;dur=%.2f, render;dur=%.2f, encode;dur=%.2f",
+             job->queue_ms, job->stats.tables_ms, job->stats.skip_ms, job->stats.render_ms, job->encode_ms);
   g_snprintf(size, sizeof size, "%dx%d", job->out_width, job->out_height);
   tcs_reply_bytes(request, 200, tcs_encode_content_type(job->scene.image.format), g_bytes_ref(job->image));
   tcs_reply_header(request, "Server-Timing", timing);
@@ -57,8 +56,10 @@ static void render(tcs_request *request, tc_volume *volume, const tc_scene *scen
 
 static bool set_format(tcs_request *request, const char *name, tc_scene *scene) {
   if (!name) return true;
-  if (strcmp(name, "jpeg") == 0 || strcmp(name, "jpg") == 0) scene->image.format = TC_FORMAT_JPEG;
-  else if (strcmp(name, "png") == 0) scene->image.format = TC_FORMAT_PNG;
+  if (strcmp(name, "jpeg") == 0 || strcmp(name, "jpg") == 0)
+    scene->image.format = TC_FORMAT_JPEG;
+  else if (strcmp(name, "png") == 0)
+    scene->image.format = TC_FORMAT_PNG;
   else {
     tcs_reply_problem(request, 422, "invalid", "Invalid value", "format: give \"jpeg\" or \"png\"");
     return false;
@@ -87,7 +88,8 @@ static void post_render(tcs_request *request, const cJSON *body) {
   if (!entry) return;
   GError *error = NULL;
   tc_scene scene;
-  if (!tcs_scene_make(request->server, entry->volume, cJSON_GetObjectItemCaseSensitive(body, "scene"), &scene, &error)) {
+  if (!tcs_scene_make(request->server, entry->volume, cJSON_GetObjectItemCaseSensitive(body, "scene"), &scene,
+                      &error)) {
     tcs_reply_error_in(request, error, "/scene");
     g_clear_error(&error);
     return;
@@ -145,8 +147,10 @@ static cJSON *write_plan(const tc_plan *plan) {
 static void finished_plan(tcs_job *job) {
   tcs_request *request = job->user;
   if (!request) return;
-  if (job->error) tcs_reply_error(request, job->error);
-  else tcs_reply_json(request, 200, write_plan(&job->plan));
+  if (job->error)
+    tcs_reply_error(request, job->error);
+  else
+    tcs_reply_json(request, 200, write_plan(&job->plan));
 }
 
 void tcs_get_plan(tcs_request *request) {

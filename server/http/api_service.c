@@ -91,8 +91,9 @@ static void reply_file(tcs_request *request, const struct tc_embedded_file *file
   if (tcs_etag_listed(tcs_header(request, "If-None-Match"), etag)) {
     tcs_reply_empty(request, 304);
   } else {
-    tcs_reply_response(request, 200, MHD_create_response_from_buffer(
-                                         file->size, (void *)(uintptr_t)file->bytes, MHD_RESPMEM_PERSISTENT));
+    tcs_reply_response(
+        request, 200,
+        MHD_create_response_from_buffer(file->size, (void *)(uintptr_t)file->bytes, MHD_RESPMEM_PERSISTENT));
     tcs_reply_header(request, "Content-Type", type_of(file->name));
   }
   tcs_reply_header(request, "ETag", etag);

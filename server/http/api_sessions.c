@@ -16,8 +16,8 @@ static void add_link(cJSON *links, const char *name, const char *id, const char 
 }
 
 static cJSON *describe(const tcs_session *session, bool with_scene) {
-  static const char *const names[][2] = {{"self", ""},          {"scene", "/scene"},   {"frame", "/frame"},
-                                         {"plan", "/plan"},     {"stream", "/stream"}, {"mjpeg", "/stream.mjpeg"}};
+  static const char *const names[][2] = {{"self", ""},      {"scene", "/scene"},   {"frame", "/frame"},
+                                         {"plan", "/plan"}, {"stream", "/stream"}, {"mjpeg", "/stream.mjpeg"}};
   char etag[32];
   etag_of(session, etag);
   cJSON *json = cJSON_CreateObject();
@@ -29,7 +29,8 @@ static cJSON *describe(const tcs_session *session, bool with_scene) {
   cJSON_AddNumberToObject(json, "idleSeconds", (double)(idle_us / 1000000));
   if (with_scene) cJSON_AddItemToObject(json, "scene", tcp_scene_write(&session->scene));
   cJSON *links = cJSON_AddObjectToObject(json, "links");
-  for (size_t i = 0; i < G_N_ELEMENTS(names); i++) add_link(links, names[i][0], session->id, names[i][1]);
+  for (size_t i = 0; i < G_N_ELEMENTS(names); i++)
+    add_link(links, names[i][0], session->id, names[i][1]);
   return json;
 }
 
@@ -124,8 +125,10 @@ static void change_scene(tcs_request *request, bool whole) {
   cJSON *patch = tcs_body_json(request);
   if (!patch) return;
   GError *error = NULL;
-  if (tcs_session_patch(session, patch, whole, &error)) reply_scene(request, session);
-  else tcs_reply_error(request, error);
+  if (tcs_session_patch(session, patch, whole, &error))
+    reply_scene(request, session);
+  else
+    tcs_reply_error(request, error);
   g_clear_error(&error);
   cJSON_Delete(patch);
 }

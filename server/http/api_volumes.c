@@ -32,7 +32,8 @@ static void start_walk(tcs_request *request, walk *work) {
 static tcs_entry *entry_of(tcs_request *request) {
   tcs_entry *entry = tcs_catalogue_find(request->server->catalogue, request->params[0]);
   if (!entry)
-    tcs_reply_problem(request, 404, "not-found", "No such thing", "there is no such volume; GET /v1/volumes lists them");
+    tcs_reply_problem(request, 404, "not-found", "No such thing",
+                      "there is no such volume; GET /v1/volumes lists them");
   return entry;
 }
 
@@ -94,8 +95,10 @@ static void post_volume(tcs_request *request, const cJSON *body) {
   tcs_entry *entry = NULL;
   if (tcs_catalogue_may_load(catalogue, id, &error) && tcs_catalogue_resolve(catalogue, path, &source, &error))
     entry = tcs_catalogue_load(catalogue, id, &source, &error);
-  if (entry) reply_loading(request, entry);
-  else reply_and_clear(request, error);
+  if (entry)
+    reply_loading(request, entry);
+  else
+    reply_and_clear(request, error);
 }
 
 void tcs_post_volumes(tcs_request *request) {
@@ -109,8 +112,10 @@ void tcs_put_volume(tcs_request *request) {
   tcs_source_file source = {.path = tcs_upload_finish(request), .name = "the upload", .temporary = true};
   if (!source.path) return;
   tcs_entry *entry = tcs_catalogue_load(request->server->catalogue, request->params[0], &source, &error);
-  if (entry) reply_loading(request, entry);
-  else reply_and_clear(request, error);
+  if (entry)
+    reply_loading(request, entry);
+  else
+    reply_and_clear(request, error);
 }
 
 void tcs_get_volume(tcs_request *request) {
@@ -141,7 +146,8 @@ static void run_histogram(tcs_task *task) {
   work->json = cJSON_CreateObject();
   cJSON_AddItemToObject(work->json, "edges", cJSON_CreateDoubleArray(edges, work->bins + 1));
   double *numbers = edges; /* one more than needed */
-  for (int i = 0; i < work->bins; i++) numbers[i] = (double)counts[i];
+  for (int i = 0; i < work->bins; i++)
+    numbers[i] = (double)counts[i];
   cJSON_AddItemToObject(work->json, "counts", cJSON_CreateDoubleArray(numbers, work->bins));
   g_free(edges);
   g_free(counts);
@@ -188,7 +194,9 @@ void tcs_get_value(tcs_request *request) {
   cJSON *json = cJSON_CreateObject();
   cJSON_AddItemToObject(json, "at", cJSON_CreateDoubleArray(position, 3));
   tc_volume_lps_to_index(entry->volume, position, index);
-  if (tc_volume_value_at(entry->volume, index, &value)) cJSON_AddNumberToObject(json, "value", value);
-  else cJSON_AddNullToObject(json, "value");
+  if (tc_volume_value_at(entry->volume, index, &value))
+    cJSON_AddNumberToObject(json, "value", value);
+  else
+    cJSON_AddNullToObject(json, "value");
   tcs_reply_json(request, 200, json);
 }

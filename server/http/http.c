@@ -11,12 +11,12 @@
 
 #include "server/http/mjpeg.h"
 
-#define IDLE_S 30                 /* a connection that sends nothing */
-#define HEADER_US 10000000        /* from connect to the end of the headers, however slowly they drip */
-#define NEXT_REQUEST_US 40000000  /* from one request's end to the end of the next one's headers */
-#define BODY_US 60000000          /* a JSON body */
-#define DROP_BYTES (4 << 20)      /* of a refused body that is read so that its sender gets to see the reply */
-#define EXTRA_CONNECTIONS 512     /* beside the viewers */
+#define IDLE_S 30                /* a connection that sends nothing */
+#define HEADER_US 10000000       /* from connect to the end of the headers, however slowly they drip */
+#define NEXT_REQUEST_US 40000000 /* from one request's end to the end of the next one's headers */
+#define BODY_US 60000000         /* a JSON body */
+#define DROP_BYTES (4 << 20)     /* of a refused body that is read so that its sender gets to see the reply */
+#define EXTRA_CONNECTIONS 512    /* beside the viewers */
 
 /* What is known of a connection, from accept to close. */
 typedef struct link {
@@ -70,7 +70,8 @@ static void on_connection(void *user, struct MHD_Connection *connection, void **
 static bool host_is(const char *host, const char *name) {
   const size_t length = strlen(name);
   return g_ascii_strncasecmp(host, name, length) == 0 &&
-         (host[length] == 0 || (host[length] == ':' && strspn(host + length + 1, "0123456789") == strlen(host + length + 1)));
+         (host[length] == 0 ||
+          (host[length] == ':' && strspn(host + length + 1, "0123456789") == strlen(host + length + 1)));
 }
 
 static bool host_allowed(const tcs_server *server, const char *host) {
@@ -222,8 +223,10 @@ void tcs_reply_response(tcs_request *request, int status, struct MHD_Response *r
   if (request->reply) MHD_destroy_response(request->reply);
   request->reply = response;
   request->status = status;
-  if (response) MHD_add_response_header(response, "X-Content-Type-Options", "nosniff");
-  else request->cut = true; /* no memory for a reply */
+  if (response)
+    MHD_add_response_header(response, "X-Content-Type-Options", "nosniff");
+  else
+    request->cut = true; /* no memory for a reply */
   if (request->deferred) wake(request);
 }
 
@@ -234,7 +237,8 @@ static void abandon(tcs_request *request) {
 }
 
 void tcs_http_abandon_all(tcs_http *http) {
-  while (http->deferred.head) abandon(http->deferred.head->data);
+  while (http->deferred.head)
+    abandon(http->deferred.head->data);
 }
 
 bool tcs_peer_gone(struct MHD_Connection *connection) {
@@ -270,7 +274,8 @@ static void on_log(void *user, const char *format, va_list arguments) {
   tcs_log(TCS_LOG_DEBUG, "http.library", NULL);
 }
 
-static void on_mhd_ready(tcs_source *source, uint32_t events) { /* only to wake the loop: it runs MHD each time round */ }
+static void on_mhd_ready(tcs_source *source, uint32_t events) { /* only to wake the loop: it runs MHD each time round */
+}
 
 static int listen_on(const tcs_config *config, GError **error) {
   char service[8];
@@ -314,8 +319,8 @@ tcs_http *tcs_http_new(tcs_server *server, GError **error) {
   http->streams = tcs_streams_new(server);
   name_address(http, fd);
   http->daemon = MHD_start_daemon(
-      MHD_USE_EPOLL | MHD_ALLOW_UPGRADE | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, NULL, NULL, on_request,
-      http, MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL, MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_CONNECTION_LIMIT,
+      MHD_USE_EPOLL | MHD_ALLOW_UPGRADE | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, NULL, NULL, on_request, http,
+      MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL, MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_CONNECTION_LIMIT,
       (unsigned)(server->config->limits.clients + EXTRA_CONNECTIONS), MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)IDLE_S,
       MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)65536, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_NOTIFY_COMPLETED,
       on_completed, http, MHD_OPTION_NOTIFY_CONNECTION, on_connection, http, MHD_OPTION_END);

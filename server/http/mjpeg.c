@@ -13,7 +13,7 @@ typedef struct tcs_mjpeg {
   tcs_server *server;
   struct MHD_Connection *connection;
   GList link;
-  GBytes *image;      /* being sent after `head`, before the next part's head */
+  GBytes *image; /* being sent after `head`, before the next part's head */
   GString *head, *tail;
   size_t sent;        /* of head + image + tail */
   char next_type[16]; /* what the open part is announced as */
@@ -166,5 +166,6 @@ void tcs_mjpeg_tick(tcs_server *server) {
 }
 
 void tcs_mjpeg_end_all(tcs_server *server) {
-  for (GList *item = server->mjpeg_viewers.head; item; item = item->next) on_end(&((tcs_mjpeg *)item->data)->watcher);
+  for (GList *item = server->mjpeg_viewers.head; item; item = item->next)
+    on_end(&((tcs_mjpeg *)item->data)->watcher);
 }

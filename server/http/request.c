@@ -136,8 +136,10 @@ struct tcs_entry *tcs_resident(tcs_request *request, const char *id) {
 
 tcs_session *tcs_session_of(tcs_request *request) {
   tcs_session *session = tcs_sessions_find(request->server->sessions, request->params[0]);
-  if (session) session->used_us = g_get_monotonic_time();
-  else tcs_reply_problem(request, 404, "not-found", "No such thing", "there is no such session; it may have ended");
+  if (session)
+    session->used_us = g_get_monotonic_time();
+  else
+    tcs_reply_problem(request, 404, "not-found", "No such thing", "there is no such session; it may have ended");
   return session;
 }
 
@@ -157,7 +159,8 @@ bool tcs_members_known(tcs_request *request, const cJSON *body, const char *cons
   }
   for (const cJSON *item = body->child; item; item = item->next) {
     bool known = false;
-    for (const char *const *name = names; *name && !known; name++) known = strcmp(*name, item->string) == 0;
+    for (const char *const *name = names; *name && !known; name++)
+      known = strcmp(*name, item->string) == 0;
     if (known) continue;
     refuse_member(request, item->string, "there is no such member");
     return false;

@@ -28,17 +28,17 @@ typedef enum tcs_body {
 } tcs_body;
 
 typedef struct tcs_route {
-  const char *method;  /* "GET", which answers HEAD too, "POST" ... */
-  const char *pattern; /* "/v1/volumes/{id}": a segment in braces matches one segment of any text */
+  const char *method;                    /* "GET", which answers HEAD too, "POST" ... */
+  const char *pattern;                   /* "/v1/volumes/{id}": a segment in braces matches one segment of any text */
   void (*handler)(tcs_request *request); /* NULL: understood, not built (501) */
   tcs_cost cost;
   tcs_body body;
 } tcs_route;
 
 typedef struct tcs_match {
-  const tcs_route *route; /* NULL: none */
-  bool path_known;        /* some route has this path, with another method */
-  char allow[64];         /* then: "GET, HEAD, PUT" */
+  const tcs_route *route;                      /* NULL: none */
+  bool path_known;                             /* some route has this path, with another method */
+  char allow[64];                              /* then: "GET, HEAD, PUT" */
   char params[TCS_MAX_PARAMS][TCS_PARAM_SIZE]; /* texts of the braces, in order; an overlong one does not match */
 } tcs_match;
 

@@ -6,7 +6,13 @@
 
 #include <glib.h>
 
-typedef enum tcs_log_level { TCS_LOG_DEBUG, TCS_LOG_INFO, TCS_LOG_WARN, TCS_LOG_ERROR, TCS_LOG_LEVEL_COUNT } tcs_log_level;
+typedef enum tcs_log_level {
+  TCS_LOG_DEBUG,
+  TCS_LOG_INFO,
+  TCS_LOG_WARN,
+  TCS_LOG_ERROR,
+  TCS_LOG_LEVEL_COUNT
+} tcs_log_level;
 
 /* Lines below `level` are dropped; set once, before threads start. The default is TCS_LOG_INFO. */
 void tcs_log_set_level(tcs_log_level level);

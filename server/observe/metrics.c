@@ -19,7 +19,8 @@ void tcs_metrics_clear(tcs_metrics *metrics) {
 
 void tcs_histogram_add(tcs_histogram *histogram, double seconds) {
   int bucket = 0;
-  while (bucket < TCS_HISTOGRAM_BUCKETS && seconds > bounds[bucket]) bucket++;
+  while (bucket < TCS_HISTOGRAM_BUCKETS && seconds > bounds[bucket])
+    bucket++;
   histogram->counts[bucket]++;
   histogram->sum += seconds;
 }

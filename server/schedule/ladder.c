@@ -14,8 +14,10 @@ static const double rungs[] = {1.0, 0.75, 0.5, 0.35, 0.25};
 void tcs_ladder_measure(tcs_ladder *ladder, double pixels, double render_ms) {
   if (!(pixels > 0) || !(render_ms >= 0)) return;
   const double now = render_ms / pixels;
-  if (ladder->ms_per_pixel <= 0 || now > ladder->ms_per_pixel) ladder->ms_per_pixel = now;
-  else ladder->ms_per_pixel += FASTER_WEIGHT * (now - ladder->ms_per_pixel);
+  if (ladder->ms_per_pixel <= 0 || now > ladder->ms_per_pixel)
+    ladder->ms_per_pixel = now;
+  else
+    ladder->ms_per_pixel += FASTER_WEIGHT * (now - ladder->ms_per_pixel);
 }
 
 double tcs_ladder_scale(tcs_ladder *ladder, double full_pixels) {

@@ -10,7 +10,7 @@
 typedef struct tcs_ladder {
   double ms_per_pixel; /* smoothed; 0 = nothing measured yet */
   int rung;            /* index of the last pick; 0 = full size */
-} tcs_ladder; /* zero-initialised = start at full size */
+} tcs_ladder;          /* zero-initialised = start at full size */
 
 /* Takes in a measured frame of `pixels` pixels that took `render_ms`. */
 void tcs_ladder_measure(tcs_ladder *ladder, double pixels, double render_ms);

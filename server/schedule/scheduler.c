@@ -15,8 +15,8 @@ struct tcs_scheduler {
   tcs_encoder *encoder; /* touched by the encode thread only */
   tcs_task_list singles;
   int n_singles;
-  tcs_job *rendering;     /* on the render thread, or NULL */
-  int64_t rendering_us;   /* since when */
+  tcs_job *rendering;   /* on the render thread, or NULL */
+  int64_t rendering_us; /* since when */
   int encoding;
   bool single_turn; /* whose turn it is when both kinds of work wait */
   tcs_job *(*next_stream)(void *user);
@@ -55,7 +55,8 @@ tcs_scheduler *tcs_scheduler_new(tcs_server *server, GError **error) {
   tcs_scheduler *scheduler = g_new0(tcs_scheduler, 1);
   scheduler->server = server;
   g_queue_init(&scheduler->frames);
-  owner_task owner = {.task.run = start_renderer, .scheduler = scheduler,
+  owner_task owner = {.task.run = start_renderer,
+                      .scheduler = scheduler,
                       .options = {.backend = server->config->backend, .threads = server->config->threads}};
   run_and_wait(&owner, server->render_worker);
   if (scheduler->renderer) scheduler->encoder = tcs_encoder_new(&owner.error);
@@ -144,7 +145,8 @@ static void run_encode(tcs_task *task) {
   const int64_t began = g_get_monotonic_time();
   if (tcs_encode(job->server->scheduler->encoder, &job->frame, &job->scene, 0, bytes, &job->error))
     job->image = g_byte_array_free_to_bytes(bytes);
-  else g_byte_array_unref(bytes);
+  else
+    g_byte_array_unref(bytes);
   job->encode_ms = (double)(g_get_monotonic_time() - began) / 1000;
 }
 

@@ -5,17 +5,18 @@
 
 #include "server/server.h"
 
-/* One picture (or plan) to make. Made by tcs_job_new(), filled by its owner, freed by the scheduler after `finished`. */
+/* One picture (or plan) to make. Made by tcs_job_new(), filled by its owner, freed by the scheduler after `finished`.
+ */
 typedef struct tcs_job tcs_job;
 struct tcs_job {
   tcs_task task;
   tcs_server *server;
-  bool plan_only;     /* a plan instead of a picture */
-  tc_volume *volume;  /* owned reference */
-  tc_volume *labels;  /* owned reference, or NULL */
-  tc_scene scene;     /* owned copy */
-  int width, height;  /* 0 = the scene's */
-  atomic_bool cancel; /* any thread */
+  bool plan_only;                 /* a plan instead of a picture */
+  tc_volume *volume;              /* owned reference */
+  tc_volume *labels;              /* owned reference, or NULL */
+  tc_scene scene;                 /* owned copy */
+  int width, height;              /* 0 = the scene's */
+  atomic_bool cancel;             /* any thread */
   void (*rendered)(tcs_job *job); /* I/O thread: its encoding begins; may be NULL */
   void (*finished)(tcs_job *job); /* I/O thread, once: the results below are set */
   void *user;                     /* the owner's; NULL when the owner has left */

@@ -19,8 +19,10 @@ struct tcs_worker {
 
 void tcs_task_list_push(tcs_task_list *list, tcs_task *task) {
   task->next = NULL;
-  if (list->tail) list->tail->next = task;
-  else list->head = task;
+  if (list->tail)
+    list->tail->next = task;
+  else
+    list->head = task;
   list->tail = task;
 }
 
@@ -55,18 +57,21 @@ void tcs_completions_post(tcs_completions *completions, tcs_task *task) {
   pthread_mutex_unlock(&completions->mutex);
   const uint64_t one = 1;
   /* Cannot block: the counter would need 2^64 - 2 posts that nobody read. */
-  while (write(completions->event_fd, &one, sizeof one) < 0 && errno == EINTR) {}
+  while (write(completions->event_fd, &one, sizeof one) < 0 && errno == EINTR) {
+  }
 }
 
 void tcs_completions_drain(tcs_completions *completions) {
   uint64_t count;
-  while (read(completions->event_fd, &count, sizeof count) < 0 && errno == EINTR) {}
+  while (read(completions->event_fd, &count, sizeof count) < 0 && errno == EINTR) {
+  }
   pthread_mutex_lock(&completions->mutex);
   tcs_task_list list = completions->list;
   completions->list = (tcs_task_list){0};
   pthread_mutex_unlock(&completions->mutex);
   tcs_task *task;
-  while ((task = tcs_task_list_pop(&list))) task->done(task);
+  while ((task = tcs_task_list_pop(&list)))
+    task->done(task);
 }
 
 static void *worker_main(void *user) {
@@ -121,7 +126,8 @@ void tcs_worker_free(tcs_worker *worker) {
   worker->stopping = true;
   pthread_cond_broadcast(&worker->wake);
   pthread_mutex_unlock(&worker->mutex);
-  for (int i = 0; i < worker->n_threads; i++) pthread_join(worker->threads[i], NULL);
+  for (int i = 0; i < worker->n_threads; i++)
+    pthread_join(worker->threads[i], NULL);
   pthread_cond_destroy(&worker->wake);
   pthread_mutex_destroy(&worker->mutex);
   g_free(worker);

@@ -18,7 +18,9 @@ struct tcs_task {
 };
 
 /* First in, first out; no lock of its own. Zero-initialised = empty. */
-typedef struct tcs_task_list { tcs_task *head, *tail; } tcs_task_list;
+typedef struct tcs_task_list {
+  tcs_task *head, *tail;
+} tcs_task_list;
 void tcs_task_list_push(tcs_task_list *list, tcs_task *task);
 tcs_task *tcs_task_list_pop(tcs_task_list *list);
 

@@ -12,8 +12,7 @@ bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene
     return false;
   }
   if ((int64_t)scene->image.width * scene->image.height > limits->image_area) {
-    tc_set_error(error, TC_ERROR_LIMIT, "/image/width", "image: at most %" PRId64 " pixels in all",
-                 limits->image_area);
+    tc_set_error(error, TC_ERROR_LIMIT, "/image/width", "image: at most %" PRId64 " pixels in all", limits->image_area);
     return false;
   }
   if (scene->sampling.rays_per_pixel > limits->rays_per_pixel) {

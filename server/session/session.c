@@ -26,7 +26,8 @@ tcs_sessions *tcs_sessions_new(tcs_server *server) {
 void tcs_sessions_free(tcs_sessions *sessions) {
   if (!sessions) return;
   tcs_scheduler_set_stream(sessions->server->scheduler, NULL, NULL);
-  while (sessions->order->len) tcs_session_end(g_ptr_array_index(sessions->order, 0));
+  while (sessions->order->len)
+    tcs_session_end(g_ptr_array_index(sessions->order, 0));
   g_ptr_array_unref(sessions->order);
   g_hash_table_destroy(sessions->by_id);
   g_free(sessions);
@@ -39,7 +40,8 @@ tcs_session *tcs_sessions_find(tcs_sessions *sessions, const char *id) {
 int tcs_sessions_count(const tcs_sessions *sessions) { return (int)sessions->order->len; }
 
 void tcs_sessions_each(tcs_sessions *sessions, void (*each)(tcs_session *session, void *user), void *user) {
-  for (guint i = 0; i < sessions->order->len; i++) each(g_ptr_array_index(sessions->order, i), user);
+  for (guint i = 0; i < sessions->order->len; i++)
+    each(g_ptr_array_index(sessions->order, i), user);
 }
 
 static bool random_id(char id[33], GError **error) {
@@ -48,7 +50,8 @@ static bool random_id(char id[33], GError **error) {
     tc_set_error(error, TC_ERROR_IO, NULL, "no random numbers to be had");
     return false;
   }
-  for (int i = 0; i < 16; i++) g_snprintf(id + 2 * i, 3, "%02x", bytes[i]);
+  for (int i = 0; i < 16; i++)
+    g_snprintf(id + 2 * i, 3, "%02x", bytes[i]);
   return true;
 }
 
@@ -204,7 +207,8 @@ static void finished(tcs_job *job) {
   tcs_picture_unref(session->latest);
   session->latest = make_picture(job);
   const int64_t now_us = g_get_monotonic_time();
-  for (guint i = session->watchers->len; i-- > 0;) deliver(session, g_ptr_array_index(session->watchers, i), now_us);
+  for (guint i = session->watchers->len; i-- > 0;)
+    deliver(session, g_ptr_array_index(session->watchers, i), now_us);
 }
 
 /* An interactive frame is smaller and coarser in its JPEG; the view is the same. */

@@ -16,7 +16,7 @@
 
 struct tcs_session {
   tcs_server *server;
-  char id[33]; /* 128 random bits, hexadecimal */
+  char id[33];      /* 128 random bits, hexadecimal */
   tcs_entry *entry; /* counted in entry->users */
   tc_scene scene, defaults;
   uint64_t revision; /* counts up from 1 with every change */
@@ -28,7 +28,7 @@ struct tcs_session {
   tcs_job *job;            /* rendering for the viewers, or NULL; jobs being encoded are no longer here */
   uint64_t begun_revision; /* of the newest picture begun */
   bool begun_final;
-  GPtrArray *jobs;         /* all under way, rendering or encoding: told when the session ends */
+  GPtrArray *jobs; /* all under way, rendering or encoding: told when the session ends */
 };
 
 tcs_sessions *tcs_sessions_new(tcs_server *server);
@@ -45,7 +45,8 @@ void tcs_session_end(tcs_session *session);
 /* Ends every session of a volume. */
 void tcs_sessions_end_of(tcs_sessions *sessions, const tcs_entry *entry);
 
-/* Checks a scene against the limits and what the renderer can do, and finds its label volume (NULL when it has none). */
+/* Checks a scene against the limits and what the renderer can do, and finds its label volume (NULL when it has none).
+ */
 bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, tc_volume **labels,
                      GError **error);
 /* The defaults for a volume, with `patch` (may be NULL) on top. *scene holds nothing before, nor after a failure. */

@@ -13,14 +13,16 @@
 /* A finished picture of a session, shared by its viewers. Reference counted, I/O thread. */
 typedef struct tcs_picture {
   int references;
-  uint64_t revision; /* of the scene it shows */
-  bool final;        /* full resolution and quality */
+  uint64_t revision;       /* of the scene it shows */
+  bool final;              /* full resolution and quality */
   tcp_frame_header header; /* frame and seq differ per viewer */
   GBytes *image;
   GArray *marks; /* tcs_mark: each viewer's newest patch it shows */
 } tcs_picture;
 
-typedef struct tcs_mark { uint64_t watcher, seq; } tcs_mark;
+typedef struct tcs_mark {
+  uint64_t watcher, seq;
+} tcs_mark;
 
 tcs_picture *tcs_picture_ref(tcs_picture *picture);
 void tcs_picture_unref(tcs_picture *picture); /* NULL is fine */
@@ -40,7 +42,7 @@ struct tcs_watcher {
   tcs_session *session; /* NULL once it has left */
   uint64_t id;          /* unique in the process */
   tcs_window window;
-  uint64_t seq;         /* newest patch of this viewer that is in the scene */
+  uint64_t seq;            /* newest patch of this viewer that is in the scene */
   uint64_t shown_revision; /* 0 = nothing yet */
   bool shown_final;
 };

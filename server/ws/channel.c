@@ -51,8 +51,11 @@ static void on_message(wslay_event_context_ptr wslay, const struct wslay_event_o
   case WSLAY_BINARY_FRAME:
     tcs_channel_close(channel, WSLAY_CODE_UNSUPPORTED_DATA, "messages are text");
     break;
-  case WSLAY_CONNECTION_CLOSE: channel->closing = true; break;
-  default: break; /* wslay answers pings; a pong is only a sign of life */
+  case WSLAY_CONNECTION_CLOSE:
+    channel->closing = true;
+    break;
+  default:
+    break; /* wslay answers pings; a pong is only a sign of life */
   }
 }
 

@@ -9,7 +9,8 @@
 #include <sys/types.h>
 
 #define TCS_MAX_MESSAGE 65536
-/* With more answers than this waiting to go out, nothing more is read: a peer that asks and never reads makes no queue. */
+/* With more answers than this waiting to go out, nothing more is read: a peer that asks and never reads makes no queue.
+ */
 #define TCS_MAX_QUEUED 16
 
 typedef struct tcs_channel tcs_channel;
@@ -34,7 +35,8 @@ bool tcs_channel_write(tcs_channel *channel);
 /* Queue a message; copies it. False: the channel is closing, or out of memory. */
 bool tcs_channel_send_text(tcs_channel *channel, const char *text);
 /* One binary message of two parts. */
-bool tcs_channel_send_binary(tcs_channel *channel, const void *head, size_t head_size, const void *body, size_t body_size);
+bool tcs_channel_send_binary(tcs_channel *channel, const void *head, size_t head_size, const void *body,
+                             size_t body_size);
 bool tcs_channel_ping(tcs_channel *channel);
 void tcs_channel_close(tcs_channel *channel, uint16_t code, const char *reason);
 

@@ -17,7 +17,7 @@
 #define BLOCKED_US 10000000 /* how long the socket may take no bytes */
 
 typedef struct tcs_stream {
-  tcs_source source;   /* first: the loop hands it back */
+  tcs_source source; /* first: the loop hands it back */
   tcs_watcher watcher;
   tcs_streams *streams;
   struct MHD_UpgradeResponseHandle *handle;
@@ -96,11 +96,20 @@ static void on_text(void *user, const char *bytes, size_t size) {
   bool ok = tcp_message_parse(bytes, size, &message, &error);
   if (ok) {
     switch (message.type) {
-    case TCP_PATCH: ok = tcs_watcher_patch(watcher, message.seq, message.scene, &error); break;
-    case TCP_ACK: ok = tcs_watcher_ack(watcher, message.frame, &error); break;
-    case TCP_POINTER: tcs_watcher_pointer(watcher, message.pointer_down); break;
-    case TCP_PING: send_pong(stream, message.t); break;
-    case TCP_MESSAGE_TYPE_COUNT: break;
+    case TCP_PATCH:
+      ok = tcs_watcher_patch(watcher, message.seq, message.scene, &error);
+      break;
+    case TCP_ACK:
+      ok = tcs_watcher_ack(watcher, message.frame, &error);
+      break;
+    case TCP_POINTER:
+      tcs_watcher_pointer(watcher, message.pointer_down);
+      break;
+    case TCP_PING:
+      send_pong(stream, message.t);
+      break;
+    case TCP_MESSAGE_TYPE_COUNT:
+      break;
     }
   }
   if (!ok) send_error(stream, message.seq, error);
@@ -199,8 +208,10 @@ static void read_some(tcs_stream *stream) {
   stream->inside = true;
   const bool alive = tcs_channel_read(stream->channel);
   stream->inside = false;
-  if (alive) settle(stream);
-  else die(stream);
+  if (alive)
+    settle(stream);
+  else
+    die(stream);
 }
 
 static void on_socket(tcs_source *source, uint32_t events) {
@@ -209,8 +220,10 @@ static void on_socket(tcs_source *source, uint32_t events) {
     die(stream);
     return;
   }
-  if (events & EPOLLIN) read_some(stream);
-  else settle(stream);
+  if (events & EPOLLIN)
+    read_some(stream);
+  else
+    settle(stream);
 }
 
 tcs_streams *tcs_streams_new(tcs_server *server) {

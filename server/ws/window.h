@@ -8,14 +8,15 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* A viewer that has not acknowledged anything for this long is taken for stalled: nothing more is sent until it does. */
+/* A viewer that has not acknowledged anything for this long is taken for stalled: nothing more is sent until it does.
+ */
 #define TCS_WINDOW_STALL_US 4000000
 
 typedef struct tcs_window {
-  unsigned limit;      /* frames that may be under way, >= 1 */
-  uint64_t sent;       /* number of the last frame sent; 0 = none */
-  uint64_t acked;      /* number of the last frame acknowledged */
-  int64_t waiting_us;  /* since when the oldest unacknowledged frame waits */
+  unsigned limit;     /* frames that may be under way, >= 1 */
+  uint64_t sent;      /* number of the last frame sent; 0 = none */
+  uint64_t acked;     /* number of the last frame acknowledged */
+  int64_t waiting_us; /* since when the oldest unacknowledged frame waits */
 } tcs_window;
 
 void tcs_window_init(tcs_window *window, unsigned limit);

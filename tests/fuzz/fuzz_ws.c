@@ -1,4 +1,5 @@
-/* WebSocket bytes as a peer might send them: framing, messages, patches onto a scene, answers. No socket, no renderer. */
+/* WebSocket bytes as a peer might send them: framing, messages, patches onto a scene, answers. No socket, no renderer.
+ */
 #include <errno.h>
 #include <string.h>
 
@@ -49,15 +50,18 @@ static void answer(peer *p, const GError *error) {
 static bool handle(peer *p, const tcp_message *message, GError **error) {
   static const tcp_scene_context context = {-1000, 3000};
   switch (message->type) {
-  case TCP_PATCH: return tcp_scene_patch(&p->scene, message->scene, &p->defaults, &context, error);
+  case TCP_PATCH:
+    return tcp_scene_patch(&p->scene, message->scene, &p->defaults, &context, error);
   case TCP_ACK:
     if (tcs_window_open(&p->window, 0)) tcs_window_send(&p->window, 0);
     tcs_window_ack(&p->window, message->frame, 0);
     if (tcs_window_pending(&p->window) > 2) __builtin_trap();
     return true;
   case TCP_POINTER:
-  case TCP_PING: return tcs_channel_send_text(p->channel, "{}") || true;
-  case TCP_MESSAGE_TYPE_COUNT: break;
+  case TCP_PING:
+    return tcs_channel_send_text(p->channel, "{}") || true;
+  case TCP_MESSAGE_TYPE_COUNT:
+    break;
   }
   __builtin_trap();
 }
@@ -89,7 +93,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size) {
   /* Each turn takes a byte at least, or ends; the bound is against a channel that does neither. */
   for (size_t turn = 0; !tcs_channel_done(p.channel); turn++) {
     const bool alive = tcs_channel_read(p.channel);
-    for (int i = 0; i < 4 && tcs_channel_wants_write(p.channel); i++) tcs_channel_write(p.channel);
+    for (int i = 0; i < 4 && tcs_channel_wants_write(p.channel); i++)
+      tcs_channel_write(p.channel);
     if (!alive) break;
     if (turn > 4 * size + 100) __builtin_trap();
   }

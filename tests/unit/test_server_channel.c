@@ -104,8 +104,10 @@ static void test_a_flood_of_pings_makes_no_queue(void **state) {
   pipe_end end;
   tcs_channel *channel = open_channel(&end);
   end.room = 0;
-  for (int i = 0; i < 100000; i++) put(&end, 0x89, "");
-  for (int i = 0; i < 100; i++) assert_true(tcs_channel_read(channel));
+  for (int i = 0; i < 100000; i++)
+    put(&end, 0x89, "");
+  for (int i = 0; i < 100; i++)
+    assert_true(tcs_channel_read(channel));
   /* What was in one read of the framing may all be answered, and no more. */
   assert_true(tcs_channel_queued(channel) < 1000);
   assert_true(end.read <= 8192);
@@ -119,7 +121,8 @@ static void test_a_flood_of_pings_makes_no_queue(void **state) {
 static void test_one_turn_reads_a_bounded_amount(void **state) {
   pipe_end end;
   tcs_channel *channel = open_channel(&end);
-  for (int i = 0; i < 20000; i++) put(&end, 0x81, "12345678");
+  for (int i = 0; i < 20000; i++)
+    put(&end, 0x81, "12345678");
   assert_true(tcs_channel_read(channel));
   assert_true(end.read <= 65536);
   assert_true(end.texts->len > 0);
@@ -139,12 +142,12 @@ static void expect_close(const uint8_t *bytes, size_t size, uint16_t code) {
 }
 
 static void test_broken_frames_are_told_why(void **state) {
-  expect_close((const uint8_t *)"\x81\x01x", 3, 1002);                            /* not masked */
-  expect_close((const uint8_t *)"\xc1\x81\0\0\0\0x", 7, 1002);                    /* a reserved bit */
-  expect_close((const uint8_t *)"\x09\x80\0\0\0\0", 6, 1002);                     /* a fragmented ping */
-  expect_close((const uint8_t *)"\x82\x81\0\0\0\0x", 7, 1003);                    /* binary */
-  expect_close((const uint8_t *)"\x81\x81\0\0\0\0\xff", 7, 1007);                 /* not UTF-8 */
-  expect_close((const uint8_t *)"\x81\xff\0\0\0\0\0\1\0\1\0\0\0\0x", 15, 1009);   /* 65537 bytes */
+  expect_close((const uint8_t *)"\x81\x01x", 3, 1002);                          /* not masked */
+  expect_close((const uint8_t *)"\xc1\x81\0\0\0\0x", 7, 1002);                  /* a reserved bit */
+  expect_close((const uint8_t *)"\x09\x80\0\0\0\0", 6, 1002);                   /* a fragmented ping */
+  expect_close((const uint8_t *)"\x82\x81\0\0\0\0x", 7, 1003);                  /* binary */
+  expect_close((const uint8_t *)"\x81\x81\0\0\0\0\xff", 7, 1007);               /* not UTF-8 */
+  expect_close((const uint8_t *)"\x81\xff\0\0\0\0\0\1\0\1\0\0\0\0x", 15, 1009); /* 65537 bytes */
   expect_close((const uint8_t *)"\x81\xff\x7f\xff\xff\xff\xff\xff\xff\xff\0\0\0\0x", 15, 1009);
 }
 
@@ -155,7 +158,10 @@ static void test_closing_shakes_hands(void **state) {
   assert_true(tcs_channel_closing(channel));
   assert_false(tcs_channel_send_text(channel, "late"));
   assert_true(tcs_channel_write(channel));
-  assert_memory_equal(end.out->data, "\x88\x05\x03\xe9" "bye", 7);
+  assert_memory_equal(end.out->data,
+                      "\x88\x05\x03\xe9"
+                      "bye",
+                      7);
   assert_false(tcs_channel_done(channel));
   put(&end, 0x88, "\x03\xe9");
   assert_true(tcs_channel_read(channel));
@@ -174,7 +180,11 @@ static void test_the_end_of_the_pipe_is_noticed(void **state) {
 
 /* --- tasks ------------------------------------------------------------------------------------------ */
 
-typedef struct counted { tcs_task task; int number; GArray *order; } counted;
+typedef struct counted {
+  tcs_task task;
+  int number;
+  GArray *order;
+} counted;
 
 static void run_counted(tcs_task *task) { ((counted *)task)->number *= 2; }
 
@@ -197,7 +207,8 @@ static void test_tasks_come_back_in_order(void **state) {
   tcs_worker_free(worker); /* finishes what is queued */
   tcs_completions_drain(&completions);
   assert_int_equal(order->len, N);
-  for (int i = 0; i < N; i++) assert_int_equal(g_array_index(order, int, i), 2 * i);
+  for (int i = 0; i < N; i++)
+    assert_int_equal(g_array_index(order, int, i), 2 * i);
   g_array_unref(order);
   tcs_completions_finish(&completions);
 }
@@ -213,8 +224,10 @@ static void test_several_threads_share_a_queue(void **state) {
     tasks[i] = (counted){{run_counted, done_counted, NULL}, 1, order};
     tcs_worker_submit(worker, &tasks[i].task);
   }
-  while (order->len < N) tcs_completions_drain(&completions);
-  for (int i = 0; i < N; i++) assert_int_equal(g_array_index(order, int, i), 2); /* each ran once */
+  while (order->len < N)
+    tcs_completions_drain(&completions);
+  for (int i = 0; i < N; i++)
+    assert_int_equal(g_array_index(order, int, i), 2); /* each ran once */
   tcs_worker_free(worker);
   g_array_unref(order);
   tcs_completions_finish(&completions);
@@ -222,14 +235,10 @@ static void test_several_threads_share_a_queue(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(test_messages_arrive_whole),
-      cmocka_unit_test(test_sent_messages_have_two_parts),
-      cmocka_unit_test(test_a_flood_of_pings_makes_no_queue),
-      cmocka_unit_test(test_one_turn_reads_a_bounded_amount),
-      cmocka_unit_test(test_broken_frames_are_told_why),
-      cmocka_unit_test(test_closing_shakes_hands),
-      cmocka_unit_test(test_the_end_of_the_pipe_is_noticed),
-      cmocka_unit_test(test_tasks_come_back_in_order),
+      cmocka_unit_test(test_messages_arrive_whole),           cmocka_unit_test(test_sent_messages_have_two_parts),
+      cmocka_unit_test(test_a_flood_of_pings_makes_no_queue), cmocka_unit_test(test_one_turn_reads_a_bounded_amount),
+      cmocka_unit_test(test_broken_frames_are_told_why),      cmocka_unit_test(test_closing_shakes_hands),
+      cmocka_unit_test(test_the_end_of_the_pipe_is_noticed),  cmocka_unit_test(test_tasks_come_back_in_order),
       cmocka_unit_test(test_several_threads_share_a_queue),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);

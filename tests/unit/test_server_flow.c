@@ -28,7 +28,8 @@ static void test_window_counts(void **state) {
 static void test_window_acks_are_cumulative_and_never_go_back(void **state) {
   tcs_window window;
   tcs_window_init(&window, 3);
-  for (int i = 0; i < 3; i++) tcs_window_send(&window, i);
+  for (int i = 0; i < 3; i++)
+    tcs_window_send(&window, i);
   assert_true(tcs_window_ack(&window, 3, 9));
   assert_true(tcs_window_ack(&window, 1, 9)); /* late */
   assert_true(tcs_window_ack(&window, 0, 9));
@@ -79,7 +80,8 @@ static void test_ladder_does_not_swing(void **state) {
     tcs_ladder_measure(&ladder, 1e6, 32);
     assert_true(tcs_ladder_scale(&ladder, 1e6) == 0.75);
   }
-  for (int i = 0; i < 50; i++) tcs_ladder_measure(&ladder, 1e6, 10);
+  for (int i = 0; i < 50; i++)
+    tcs_ladder_measure(&ladder, 1e6, 10);
   assert_true(tcs_ladder_scale(&ladder, 1e6) == 1.0);
 }
 

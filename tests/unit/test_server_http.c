@@ -141,7 +141,8 @@ static void test_listen_addresses(void **state) {
   assert_true(tcs_config_listen(&config, ":80", NULL));
   assert_string_equal(config.address, "0.0.0.0");
   const char *const wrong[] = {"", ":", "x", "x:", "x:y", "x:70000", "x:-1", "x:8o"};
-  for (size_t i = 0; i < G_N_ELEMENTS(wrong); i++) assert_false(tcs_config_listen(&config, wrong[i], NULL));
+  for (size_t i = 0; i < G_N_ELEMENTS(wrong); i++)
+    assert_false(tcs_config_listen(&config, wrong[i], NULL));
   tcs_config_clear(&config);
 }
 
@@ -178,7 +179,8 @@ static void test_paths_stay_beneath(void **state) {
   found = tcs_beneath(inside, "f#2", NULL);
   assert_true(g_str_has_suffix(found, "in/f#2"));
   g_free(found);
-  const char *const wrong[] = {"", "..", "../secret", "/etc/passwd", "out", "up", "nothing", "f/..", "./../secret", "up#1"};
+  const char *const wrong[] = {"",   "..",      "../secret", "/etc/passwd", "out",
+                               "up", "nothing", "f/..",      "./../secret", "up#1"};
   for (size_t i = 0; i < G_N_ELEMENTS(wrong); i++) {
     GError *error = NULL;
     found = tcs_beneath(inside, wrong[i], &error);
