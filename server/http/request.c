@@ -115,7 +115,8 @@ bool tcs_query_int(tcs_request *request, const char *name, int least, int most, 
 
 cJSON *tcs_body_json(tcs_request *request) {
   GError *error = NULL;
-  cJSON *json = tcp_json_parse((const char *)request->body->data, request->body->len, &error);
+  const char *text = request->body->data ? (const char *)request->body->data : ""; /* empty: no buffer yet */
+  cJSON *json = tcp_json_parse(text, request->body->len, &error);
   if (!json) {
     tcs_reply_error(request, error);
     g_clear_error(&error);

@@ -46,7 +46,9 @@ static void on_message(wslay_event_context_ptr wslay, const struct wslay_event_o
   tcs_channel *channel = user;
   switch (message->opcode) {
   case WSLAY_TEXT_FRAME:
-    if (!channel->closing) channel->callbacks.text(channel->user, (const char *)message->msg, message->msg_length);
+    if (channel->closing) break;
+    /* An empty message has no buffer. */
+    channel->callbacks.text(channel->user, message->msg ? (const char *)message->msg : "", message->msg_length);
     break;
   case WSLAY_BINARY_FRAME:
     tcs_channel_close(channel, WSLAY_CODE_UNSUPPORTED_DATA, "messages are text");
