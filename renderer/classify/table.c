@@ -85,6 +85,29 @@ static bool add_bent(builder *b, double width, double v0, double v1) {
   return true;
 }
 
+/* A node interval with very many knots in it: a few pieces with the exact mean extinction and the mean of the emitted colour
+ * each. What is between the nodes is then below what a lookup can resolve, and the time to build stays bounded. */
+enum { MOST_KNOTS = 8, MERGED_PIECES = 4, MERGE_PROBES = 32 };
+
+static bool merge_pieces(builder *b, uint32_t first, double v0, double v1) {
+  b->count = first;
+  for (int i = 0; i < MERGED_PIECES; i++) {
+    double from = v0 + (v1 - v0) * i / MERGED_PIECES, to = v0 + (v1 - v0) * (i + 1) / MERGED_PIECES, weight = 0, sum[3] = {0};
+    if (!add_piece(b, 1.0 / MERGED_PIECES, from, to)) return false;
+    for (int j = 0; j < MERGE_PROBES; j++) {
+      double v = from + (to - from) * (j + 0.5) / MERGE_PROBES, tau = tc_extinction(b->params->tf, v), rgb[3];
+      color_in(b->params, v, rgb);
+      for (int c = 0; c < 3; c++) sum[c] += tau * rgb[c];
+      weight += tau;
+    }
+    piece *q = &b->pieces[b->count - 1];
+    if (weight > 0)
+      for (int c = 0; c < 3; c++) q->from[c] = q->to[c] = sum[c] / weight;
+    q->graded = false;
+  }
+  return true;
+}
+
 static bool cut_into_pieces(builder *b) {
   const tc_transfer_function *tf = b->params->tf;
   bool rising = b->params->slope > 0;
@@ -93,6 +116,7 @@ static bool cut_into_pieces(builder *b) {
   for (int j = 0; j < b->intervals; j++) {
     b->first[j] = b->count;
     double v0 = node_value(b->table, b->params, j), v1 = node_value(b->table, b->params, j + 1), from = v0;
+    int knots = 0;
     while (next >= 0 && next < count && (rising ? tf->points[next].value <= v0 : tf->points[next].value >= v0))
       next += rising ? 1 : -1;
     for (; next >= 0 && next < count; next += rising ? 1 : -1) {
@@ -100,8 +124,10 @@ static bool cut_into_pieces(builder *b) {
       if (rising ? k >= v1 : k <= v1) break;
       if (k != from && !add_bent(b, (k - from) / (v1 - v0), from, k)) return false;
       from = k;
+      knots++;
     }
     if (!add_bent(b, (v1 - from) / (v1 - v0), from, v1)) return false;
+    if (knots > MOST_KNOTS && !merge_pieces(b, b->first[j], v0, v1)) return false;
   }
   b->first[b->intervals] = b->count;
   return true;

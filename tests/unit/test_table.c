@@ -139,6 +139,34 @@ static void closed_form(void **state) {
   }
 }
 
+/* As many knots as a scene may have: built in bounded time (a node interval is cut into few pieces whatever is in it), still the
+ * right mean extinction. */
+static void very_many_knots(void **state) {
+  tc_transfer_function tf;
+  size_t count = TC_MAX_KNOTS;
+  tc_knot *knots = malloc(count * sizeof *knots);
+  for (size_t i = 0; i < count; i++) {
+    double v = 255.0 * (double)i / (double)(count - 1);
+    knots[i] = (tc_knot){v, {0.5, i % 2, 0.25}, (0.4 + 0.3 * sin(v / 20)) * (i % 3 ? 1 : 0.2)};
+  }
+  tc_table_params p = params(&tf, knots, count, TC_KNOT_OPACITY, 1024, 1);
+  tc_pool *pool = tc_pool_new(2, NULL);
+  GError *error = NULL;
+  tc_table *t = tc_table_build(&p, pool, &error);
+  assert_non_null(t);
+  double most = 0, most_c = 0;
+  for (int i = 0; i < 1000; i++) {
+    double a = 255.0 * i / 1023, b = 255.0 * (i + 1) / 1023;
+    most = fmax(most, fabs((double)entry(t, i, i + 1)[3] + expm1(-tc_extinction_mean(&tf, a, b))));
+    most_c = fmax(most_c, fabs((double)entry(t, i, i + 1)[0] - 0.5 * (double)entry(t, i, i + 1)[3]));
+  }
+  printf("%zu knots: %.0f ms, opacity error %.1e, colour error %.1e\n", count, t->build_ms, most, most_c);
+  assert_true(most < 1e-6 && most_c < 1e-6);
+  tc_table_free(t);
+  tc_pool_free(pool);
+  free(knots);
+}
+
 /* Invariants of every entry: bounds, energy, and no difference between one thread and three. */
 static void invariants(void **state) {
   tc_transfer_function tf;
@@ -163,6 +191,6 @@ static void invariants(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(against_brute_force), cmocka_unit_test(stiff),
-                                     cmocka_unit_test(closed_form), cmocka_unit_test(invariants)};
+                                     cmocka_unit_test(closed_form), cmocka_unit_test(very_many_knots), cmocka_unit_test(invariants)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
