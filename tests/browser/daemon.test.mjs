@@ -1,5 +1,9 @@
 // The page in a real browser against the real daemon (TC_BINARY).
 import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
+import { existsSync, mkdtempSync, readdirSync, rmSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
 import { after, before, describe, test } from 'node:test';
 
 import { browserMissing, launch } from './chromium.mjs';
@@ -8,6 +12,7 @@ import { difference, settled, spread, stageData } from './picture.mjs';
 import { EVERYWHERE, open, scene } from './scenarios.mjs';
 
 const skip = daemonMissing() || (await browserMissing());
+const DATA = process.env.TC_DATA;
 const VOLUMES = ['--volume', 'head=demo:head', '--volume', 'bucky=demo:bucky'];
 
 describe('page and daemon', { skip }, () => {
@@ -140,3 +145,51 @@ describe('page and daemon', { skip }, () => {
     await page.close();
   });
 });
+
+describe(
+  'page, daemon and real data',
+  { skip: skip || (DATA && existsSync(DATA) ? false : 'TC_DATA is not set') },
+  () => {
+    let browser;
+    let daemon;
+    before(async () => {
+      browser = await launch();
+      daemon = await startDaemon(['--volume', 'head=demo:head', '--data', DATA]);
+    });
+    after(async () => {
+      await browser?.close();
+      await daemon?.stop();
+    });
+
+    test('a file of the data folder is searched for, loaded and shown', async () => {
+      const { page, picture } = await open(browser, `${daemon.url}#head`);
+      await page.click('#volume-open');
+      await page.fill('#volume-filter', 'abdomen_half');
+      await page.waitForFunction(() => document.querySelectorAll('.volume-item').length === 1);
+      await page.press('#volume-filter', 'Enter');
+      await page.waitForFunction(() => location.hash.includes('abdomen_half'), null, { timeout: 60000 });
+      const shown = await settled(page);
+      assert.ok(difference(picture, shown) > 1 && spread(shown) > 40);
+      assert.match(await page.textContent('#facts'), /256 × 256 × 137/);
+      await page.close();
+    });
+
+    test('a folder of DICOM files is packed, uploaded and shown', async (t) => {
+      const archive = join(DATA, 'dicom', 'ct_head_dicom93.tar.gz');
+      if (!existsSync(archive)) return t.skip('no DICOM series in TC_DATA');
+      const folder = mkdtempSync(join(tmpdir(), 'tomocast-dicom-'));
+      t.after(() => rmSync(folder, { recursive: true }));
+      execFileSync('tar', ['-xzf', archive, '-C', folder]);
+      const files = readdirSync(folder, { recursive: true, withFileTypes: true })
+        .filter((entry) => entry.isFile())
+        .map((entry) => join(entry.path, entry.name));
+      const { page } = await open(browser, `${daemon.url}#head`);
+      await page.setInputFiles('#upload', files);
+      await page.waitForFunction(() => location.hash === '#upload-1', null, { timeout: 60000 });
+      assert.ok(spread(await settled(page)) > 40);
+      assert.match(await page.textContent('#facts'), /64 × 64 × 93/);
+      assert.deepEqual(page.complaints, []);
+      return page.close();
+    });
+  },
+);
