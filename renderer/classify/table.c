@@ -135,39 +135,38 @@ static bool cut_into_pieces(builder *b) {
 
 /* ---- elementary segments ---- */
 
-/* Integral of exp(-a u - a b u (u - 1)) over u in [0,1], |a b| <= 0.05: expanded in a b, each term in closed form. */
-static double decay_integral(double a, double b) {
+/* Integral over u in [0,1] of exp(-a u - a b u (u - 1)), both for tilt b and for -b (the same stretch seen from its other
+ * end), |a b| <= 0.05: expanded in a b, each term in closed form. t = exp(-a). */
+typedef struct decay { double ahead, behind; } decay;
+
+static decay decay_integral(double a, double b, double t) {
   double x = a * b, i0, i1, i2;
   if (a < 0.05) {
     i0 = 1 - a * (1.0 / 2 - a * (1.0 / 6 - a * (1.0 / 24 - a / 120)));
     i1 = 1.0 / 6 - a * (1.0 / 12 - a * (1.0 / 40 - a / 180));
     i2 = 1.0 / 30 - a * (1.0 / 60 - a / 210);
   } else {
-    double t = exp(-a);
-    i0 = (1 - t) / a;
-    i1 = ((a - 2) + (a + 2) * t) / (a * a * a);
-    i2 = (2 * (a * a - 6 * a + 12) - 2 * (a * a + 6 * a + 12) * t) / (a * a * a * a * a);
+    double r = 1 / a, r3 = r * r * r;
+    i0 = (1 - t) * r;
+    i1 = ((a - 2) + (a + 2) * t) * r3;
+    i2 = (2 * (a * a - 6 * a + 12) - 2 * (a * a + 6 * a + 12) * t) * r3 * r * r;
   }
-  return i0 + x * (i1 + 0.5 * x * i2);
+  return (decay){i0 + x * (i1 + 0.5 * x * i2), i0 - x * (i1 - 0.5 * x * i2)};
 }
 
-/* Colour and opacity of a short piece from `from` to `to`, optical depth a, tilt b. */
-static v4 emit(double a, double b, const double from[3], const double to[3]) {
-  double w = -expm1(-a);
-  double q = decay_integral(a, b) - (1 - w); /* integral of u dW: how much of the light comes from the far end */
+/* Light and opacity where `near` is met first; q: how much of the light comes from the far end (the integral of u dW). */
+static v4 emit(double w, double q, const double near[3], const double far[3]) {
   q = fmin(fmax(q, 0), w);
-  return (v4){(float)(from[0] * (w - q) + to[0] * q), (float)(from[1] * (w - q) + to[1] * q),
-              (float)(from[2] * (w - q) + to[2] * q), (float)w};
+  return (v4){(float)(near[0] * (w - q) + far[0] * q), (float)(near[1] * (w - q) + far[1] * q),
+              (float)(near[2] * (w - q) + far[2] * q), (float)w};
 }
 
 static v4 over(v4 front, v4 back) { return front + (1 - front[3]) * back; }
 
-/* A piece whose colour changes: cut so that each part's a*b is small; parts behind an opaque front are not looked at. */
-static v4 graded_piece(const piece *p, double a, bool reverse) {
+/* A piece whose colour changes, cut so that each part's a*b is small; parts behind an opaque front are not looked at. */
+static v4 cut_piece(const piece *p, double a, bool reverse, int parts) {
   const double *from = reverse ? p->to : p->from, *to = reverse ? p->from : p->to;
   double tilt = reverse ? -p->tilt : p->tilt;
-  int parts = (int)fmin(ceil(sqrt(fabs(a * tilt) / 0.05)), 1e6);
-  if (parts <= 1) return emit(a, tilt, from, to);
   v4 sum = {0, 0, 0, 0};
   for (int i = 0; i < parts && sum[3] < 1 - 1e-7f; i++) {
     double u0 = (double)i / parts, u1 = (double)(i + 1) / parts, c0[3], c1[3];
@@ -176,10 +175,24 @@ static v4 graded_piece(const piece *p, double a, bool reverse) {
       c0[c] = from[c] + u0 * (to[c] - from[c]);
       c1[c] = from[c] + u1 * (to[c] - from[c]);
     }
-    double bent = mean > 0 ? fmin(fmax(tilt / parts / mean, -1), 1) : 0;
-    sum = over(sum, emit(a * mean / parts, bent, c0, c1));
+    double bent = mean > 0 ? fmin(fmax(tilt / parts / mean, -1), 1) : 0, part = a * mean / parts, w = -expm1(-part);
+    sum = over(sum, emit(w, decay_integral(part, bent, 1 - w).ahead - (1 - w), c0, c1));
   }
   return sum;
+}
+
+static void graded_piece(const piece *p, double a, v4 *forward, v4 *backward) {
+  double bend = fabs(a * p->tilt);
+  if (bend <= 0.05) {
+    double w = -expm1(-a);
+    decay d = decay_integral(a, p->tilt, 1 - w);
+    *forward = emit(w, d.ahead - (1 - w), p->from, p->to);
+    *backward = emit(w, d.behind - (1 - w), p->to, p->from);
+    return;
+  }
+  int parts = (int)fmin(ceil(sqrt(bend / 0.05)), 1e6);
+  *forward = cut_piece(p, a, false, parts);
+  *backward = cut_piece(p, a, true, parts);
 }
 
 static v4 flat_piece(const piece *p, double a) {
@@ -194,8 +207,11 @@ static void elementary(const builder *b, int j, double length_mm, v4 *forward, v
     const piece *p = &b->pieces[i];
     double a = p->mean * (double)p->width * length_mm;
     if (!(a > 0)) continue;
-    v4 pf = p->graded ? graded_piece(p, a, false) : flat_piece(p, a);
-    v4 pr = p->graded ? graded_piece(p, a, true) : pf;
+    v4 pf, pr;
+    if (p->graded)
+      graded_piece(p, a, &pf, &pr);
+    else
+      pf = pr = flat_piece(p, a);
     f = over(f, pf);
     r = over(pr, r);
   }
