@@ -40,10 +40,6 @@ export class Client {
     store.subscribe((_, how) => how === 'edit' && this.flushSoon());
   }
 
-  get volume() {
-    return this.#volume;
-  }
-
   get session() {
     return this.#session;
   }

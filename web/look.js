@@ -23,7 +23,8 @@ export class Look {
   #presets = [];
   #windows = [];
   #whole = [0, 1];
-  #base = null; // points when a shift or density slider was at rest
+  #base = null; // points when a drag began
+  #before = null; // transfer function then; remembered with the drag's first edit
   #modality = '';
 
   /** get(id); gesture(bool) */
@@ -94,13 +95,14 @@ export class Look {
   // Edited points are no preset any more. A preset set to null takes its unit distance with it, so that is sent along.
   #edit(points) {
     const { unitDistance = 1 } = this.#store.scene.transferFunction;
-    if (!this.#base) this.#history.push(this.#store.scene.transferFunction);
+    if (this.#before || !this.#base) this.#history.push(this.#before ?? this.#store.scene.transferFunction);
+    this.#before = null;
     this.#store.patch({ transferFunction: { preset: null, points, unitDistance } });
   }
 
   // A drag is one step of undo, however many patches it makes.
   #held(on) {
-    if (on) this.#history.push(this.#store.scene.transferFunction);
+    this.#before = on ? this.#store.scene.transferFunction : null;
     this.#base = on ? this.#editor.points : null;
     this.#gesture(on);
     if (!on) this.update();

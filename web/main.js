@@ -8,7 +8,7 @@ import { Input, NO_MOVEMENT } from './input.js';
 import { Keys } from './keys.js';
 import { Look } from './look.js';
 import { Notices } from './notices.js';
-import { Opening } from './opening.js';
+import { Opening, volumeInHash } from './opening.js';
 import { bindTabs, CropPanel, Panels } from './panels.js';
 import { saveFile, SceneDialog } from './scene_dialog.js';
 import { SceneStore } from './state.js';
@@ -375,7 +375,7 @@ function bindWindow() {
   }).observe(stage);
   window.addEventListener('online', () => client.retryNow());
   window.addEventListener('hashchange', () => {
-    const id = decodeURIComponent(location.hash.slice(1));
+    const id = volumeInHash(location.hash);
     if (id && id !== opening.volume?.id) opening.open(id);
   });
   window.addEventListener('pagehide', (event) => {

@@ -6,6 +6,15 @@ import { droppedFiles, zip } from './zip.js';
 
 const KEPT_SCENE = 'tomocast.scene'; // sessionStorage: survives a reload of this tab, nothing else
 
+/** The volume an address names after its #, or "". */
+export function volumeInHash(hash) {
+  try {
+    return decodeURIComponent(hash.slice(1));
+  } catch {
+    return ''; // a % that encodes nothing
+  }
+}
+
 export class Opening {
   volume = null; // description of the one that is shown
   box = null;
@@ -30,7 +39,7 @@ export class Opening {
   /** Opens what the address names: ?session=ID, #volume, or the only volume. @returns false: let the user choose */
   async fromAddress({ search, hash }) {
     const session = new URLSearchParams(search).get('session');
-    const id = decodeURIComponent(hash.slice(1));
+    const id = volumeInHash(hash);
     if (session) await this.join(session);
     else if (id) await this.open(id, this.#kept(id));
     else return this.#only();

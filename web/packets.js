@@ -41,30 +41,3 @@ function readHeader(bytes) {
   if (!Object.hasOwn(IMAGE_TYPES, header.format)) throw new PacketError(`frame: unknown format "${header.format}"`);
   return header;
 }
-
-/** Collects a message that arrives in pieces; add() answers with the frame's header as soon as it is complete. */
-export class FrameCollector {
-  #bytes = new Uint8Array(0);
-  #header = null;
-
-  /** @returns {object|null} the header, or null while more is needed */
-  add(piece) {
-    const joined = new Uint8Array(this.#bytes.length + piece.length);
-    joined.set(this.#bytes);
-    joined.set(piece, this.#bytes.length);
-    this.#bytes = joined;
-    if (this.#header) return this.#header;
-    const read = readFrame(joined);
-    this.#header = read.header ?? null;
-    return this.#header;
-  }
-
-  /** The message has ended. @throws {PacketError} when it ended inside its header */
-  finish() {
-    const read = readFrame(this.#bytes);
-    this.#bytes = new Uint8Array(0);
-    this.#header = null;
-    if (read.need) throw new PacketError(`frame: message ended inside its header (${read.need} bytes wanted)`);
-    return read;
-  }
-}
