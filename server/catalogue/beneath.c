@@ -150,6 +150,22 @@ static void add_found(scan *s, const char *path, double bytes) {
 #define MAX_FOLDERS 4096
 #define MAX_DEPTH 12
 
+static bool has_dicom_mark(int folder_fd, const char *name) {
+  char mark[4] = "";
+  const int fd = openat(folder_fd, name, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+  const bool found = fd >= 0 && pread(fd, mark, sizeof mark, 128) == sizeof mark && memcmp(mark, "DICM", 4) == 0;
+  if (fd >= 0) close(fd);
+  return found;
+}
+
+/* DICOM files are named *.dcm, or have no suffix at all; of those one is looked into, and stands for its folder.
+ * `nameless`: 0 = none seen yet, 1 = they are slices, -1 = they are not. */
+static bool is_slice(int folder_fd, const char *name, int *nameless) {
+  if (strchr(name, '.')) return g_str_has_suffix(name, ".dcm");
+  if (*nameless == 0) *nameless = has_dicom_mark(folder_fd, name) ? 1 : -1;
+  return *nameless > 0;
+}
+
 static void scan_folder(scan *s, int parent_fd, const char *name, const char *path, int depth) {
   if (depth > MAX_DEPTH || s->folders++ > MAX_FOLDERS) return;
   const int fd = openat(parent_fd, name, O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
@@ -158,7 +174,7 @@ static void scan_folder(scan *s, int parent_fd, const char *name, const char *pa
     if (fd >= 0) close(fd);
     return;
   }
-  int slices = 0;
+  int slices = 0, nameless = 0;
   double slice_bytes = 0;
   char *first_slice = NULL;
   for (struct dirent *item; (int)s->found->len < s->limit && (item = readdir(folder));) {
@@ -167,7 +183,7 @@ static void scan_folder(scan *s, int parent_fd, const char *name, const char *pa
     char *child = *path ? g_strconcat(path, "/", item->d_name, NULL) : g_strdup(item->d_name);
     if (S_ISDIR(status.st_mode)) {
       scan_folder(s, fd, item->d_name, child, depth + 1);
-    } else if (S_ISREG(status.st_mode) && g_str_has_suffix(item->d_name, ".dcm")) {
+    } else if (S_ISREG(status.st_mode) && is_slice(fd, item->d_name, &nameless)) {
       slices++;
       slice_bytes += (double)status.st_size;
       if (!first_slice) first_slice = g_strdup(child);

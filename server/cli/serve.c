@@ -228,6 +228,8 @@ static bool configure(tcs_config *config, const serve_options *options, GError *
 
 static int serve(serve_daemon *d) {
   GError *error = NULL;
+  /* The error domain registers itself at its first use; before any thread it needs no lock for that. */
+  (void)tc_error_quark();
   raise_descriptor_limit();
   tcs_encode_prepare_process();
   const bool ok = start(d, &error);

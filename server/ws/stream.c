@@ -13,7 +13,7 @@
 
 #define PING_US 15000000    /* a sign of life is asked for this often */
 #define SILENCE_US 30000000 /* and a peer without one for this long is gone */
-#define CLOSE_US 5000000    /* how long a closing handshake may take */
+#define CLOSE_US 2000000    /* how long a closing handshake may take */
 #define BLOCKED_US 10000000 /* how long the socket may take no bytes */
 
 typedef struct tcs_stream {

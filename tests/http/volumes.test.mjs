@@ -12,6 +12,12 @@ before(async () => {
   spool = () => readdirSync('/dev/shm').filter((name) => name.startsWith('tomocast-upload-'));
   mkdirSync(join(d.folder, 'deep'));
   writeFileSync(join(d.folder, 'deep', 'inner.nrrd'), ballNrrd(8));
+  mkdirSync(join(d.folder, 'series'));
+  const slice = Buffer.alloc(200);
+  slice.write('DICM', 128);
+  for (const name of ['IM1', 'IM2']) writeFileSync(join(d.folder, 'series', name), slice);
+  mkdirSync(join(d.folder, 'other'));
+  writeFileSync(join(d.folder, 'other', 'README'), 'no picture');
   symlinkSync('/etc/hostname', join(d.folder, 'out.nrrd'));
 });
 after(() => d.stop());
@@ -40,7 +46,7 @@ test('the list has resident and available volumes, and nothing else', async () =
   const { json } = await d.get('/v1/volumes');
   assert.deepEqual(json.volumes.map(({ id }) => id).includes('ball'), true);
   const paths = json.available.map(({ path }) => path);
-  assert.deepEqual(paths.filter((path) => !path.startsWith('demo:')), ['ball.nrrd', 'broken.nrrd', 'deep/inner.nrrd']);
+  assert.deepEqual(paths.filter((path) => !path.startsWith('demo:')), ['ball.nrrd', 'broken.nrrd', 'deep/inner.nrrd', 'series']);
   assert.ok(paths.includes('demo:head'));
 });
 
