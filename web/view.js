@@ -4,10 +4,10 @@ export class View {
   #canvas;
   #context;
   #on;
-  #newest = null; // not yet being decoded
+  #newest = null; // {frame, covers}: not yet being decoded
   #decoding = false;
-  #ready = null; // decoded, waits for the next beat
-  #superseded = []; // numbers of frames that will never be drawn; confirmed with the one that replaced them
+  #ready = null; // {header, bytes, bitmap, covers}: waits for the next beat
+  #epoch = 0; // a decode that began before forget() is dropped when it ends
 
   /** onDraw({header, bytes}) after a frame is on the canvas; onAck(frame number); onError(Error) */
   constructor(canvas, on) {
@@ -18,15 +18,14 @@ export class View {
 
   /** @param {{header: object, image: Uint8Array, type: string}} frame */
   receive(frame) {
-    if (this.#newest) this.#superseded.push(this.#newest.header.frame);
-    this.#newest = frame;
+    this.#newest = { frame, covers: numbersOf(this.#newest?.covers, this.#newest?.frame.header) };
     if (!this.#decoding) this.#decode();
   }
 
   /** Forgets what has not been drawn; the picture stays. For a new connection, whose frame numbers start again. */
   forget() {
+    this.#epoch += 1;
     this.#newest = null;
-    this.#superseded.length = 0;
     this.#ready?.bitmap.close();
     this.#ready = null;
   }
@@ -37,42 +36,41 @@ export class View {
   }
 
   async #decode() {
-    const frame = this.#newest;
+    const { frame, covers } = this.#newest;
+    const epoch = this.#epoch;
     this.#newest = null;
     this.#decoding = true;
-    try {
-      const bitmap = await createImageBitmap(new Blob([frame.image], { type: frame.type }));
-      this.#show(frame, bitmap);
-    } catch (cause) {
-      this.#superseded.push(frame.header.frame);
-      this.#confirm();
-      this.#on.onError(new Error('a frame could not be decoded', { cause }));
-    }
+    const bitmap = await createImageBitmap(new Blob([frame.image], { type: frame.type })).catch(() => null);
     this.#decoding = false;
+    if (epoch !== this.#epoch) bitmap?.close();
+    else if (bitmap) this.#show(frame, bitmap, covers);
+    else this.#broken(numbersOf(covers, frame.header));
     if (this.#newest) this.#decode();
   }
 
-  #show(frame, bitmap) {
-    const waiting = this.#ready !== null;
-    if (waiting) {
-      this.#superseded.push(this.#ready.header.frame);
-      this.#ready.bitmap.close(); // bitmaps hold graphics memory until closed
-    }
-    this.#ready = { header: frame.header, bytes: frame.image.length, bitmap };
-    if (!waiting) requestAnimationFrame(() => this.#draw());
+  #broken(numbers) {
+    this.#confirm(numbers);
+    this.#on.onError(new Error('a frame could not be decoded'));
+  }
+
+  #show({ header, image }, bitmap, covers) {
+    const before = this.#ready;
+    before?.bitmap.close(); // bitmaps hold graphics memory until closed
+    const all = [...numbersOf(before?.covers, before?.header), ...covers];
+    this.#ready = { header, bytes: image.length, bitmap, covers: all };
+    if (!before) requestAnimationFrame(() => this.#draw());
   }
 
   #draw() {
     if (!this.#ready) return; // forgotten meanwhile
-    const { header, bytes, bitmap } = this.#ready;
+    const { header, bytes, bitmap, covers } = this.#ready;
     this.#ready = null;
     this.#resize(header);
     this.#context.imageSmoothingQuality = 'high';
     this.#context.fillRect(0, 0, this.#canvas.width, this.#canvas.height);
     this.#context.drawImage(bitmap, 0, 0, this.#canvas.width, this.#canvas.height);
     bitmap.close();
-    this.#superseded.push(header.frame);
-    this.#confirm();
+    this.#confirm(numbersOf(covers, header));
     this.#on.onDraw({ header, bytes });
   }
 
@@ -87,10 +85,13 @@ export class View {
     }
   }
 
-  #confirm() {
-    for (const number of this.#superseded.splice(0)) this.#on.onAck(number);
+  #confirm(numbers) {
+    for (const number of numbers) this.#on.onAck(number);
   }
 }
+
+/** Numbers of frames that will never be drawn, and of the one that took their place; confirmed together. */
+const numbersOf = (covers = [], header = undefined) => (header ? [...covers, header.frame] : [...covers]);
 
 /**
  * Picture size for a stage of cssWidth x cssHeight.

@@ -4,7 +4,7 @@ import { after, afterEach, before, beforeEach, describe, test } from 'node:test'
 
 import { browserMissing, launch } from './chromium.mjs';
 import { FakeServer } from './fake_server.mjs';
-import { difference, drag, settled, spread, stageBox, stageData } from './picture.mjs';
+import { difference, drag, settled, spread, stageBox, stageData, thumbnail } from './picture.mjs';
 import { EVERYWHERE, open, scene } from './scenarios.mjs';
 
 const skip = await browserMissing();
@@ -114,6 +114,32 @@ describe('page and fake server', { skip }, () => {
     assert.ok(await page.isHidden('#banner'));
     assert.equal((await stageData(page)).session, session);
     assert.ok(server.scene(session).camera.position[1] > 0, 'the edit arrived');
+    await page.close();
+  });
+
+  test('patches that were lost with the connection are sent again', async () => {
+    const { page } = await open(browser, url);
+    server.deaf = true;
+    const arrived = server.patches.length;
+    await page.keyboard.press('p');
+    while (server.patches.length === arrived) await page.waitForTimeout(20);
+    server.deaf = false;
+    server.dropConnections();
+    await page.waitForSelector('#stat-link[data-state="waiting"]');
+    await page.waitForSelector('#stat-link[data-state="open"]');
+    await settled(page);
+    assert.ok(server.scene((await stageData(page)).session).camera.position[1] > 0);
+    await page.close();
+  });
+
+  test("the old volume is never seen under the new one's name", async () => {
+    const { page } = await open(browser, url);
+    server.mute = true;
+    await page.click('#volume-open');
+    await page.click('.volume-item[data-id="second"]');
+    await page.waitForFunction(() => document.getElementById('volume-name').textContent === 'second');
+    assert.equal(spread(await thumbnail(page)), 0, 'nothing is shown before the first frame');
+    assert.ok(await page.isHidden('#badge'));
     await page.close();
   });
 

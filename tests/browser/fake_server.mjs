@@ -107,6 +107,8 @@ export class FakeServer {
   /** Test knobs. */
   manner = 'whole'; // how frames are written, see ws_server.mjs
   delayMs = 0; // before each frame
+  deaf = false; // patches are lost
+  mute = false; // no frames
   refuse = null; // (patch) => problem or null
   acknowledged = []; // frame numbers
   patches = []; // every patch that arrived, with its time
@@ -313,6 +315,7 @@ class Viewer {
 
   #patch({ seq, scene }) {
     this.#server.patches.push({ seq, scene, at: performance.now() });
+    if (this.#server.deaf) return;
     const refused = this.#server.refuse?.(scene);
     if (refused) {
       this.connection.send(JSON.stringify({ type: 'error', seq, problem: refused }));
@@ -338,7 +341,7 @@ class Viewer {
   }
 
   #send(final) {
-    if (this.gone) return;
+    if (this.gone || this.#server.mute) return;
     if (this.#flying.size >= WINDOW) {
       if (final) this.#restSoon();
       return;
