@@ -99,8 +99,12 @@ export class Ws {
     if (at >= 0) return Promise.resolve(this.messages.splice(0, at + 1)[at]);
     this.messages = [];
     return new Promise((resolve, reject) => {
-      const timer = setTimeout(() => reject(new Error('no such message came')), patienceMs);
-      this.#waiting.push({ wanted, resolve: (message) => { clearTimeout(timer); resolve(message); }, reject });
+      const waiter = { wanted, reject, resolve: (message) => { clearTimeout(timer); resolve(message); } };
+      const timer = setTimeout(() => {
+        this.#waiting.splice(this.#waiting.indexOf(waiter), 1);
+        reject(new Error('no such message came'));
+      }, patienceMs);
+      this.#waiting.push(waiter);
     });
   }
 
