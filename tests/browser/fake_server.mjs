@@ -331,7 +331,7 @@ class Viewer {
   }
 
   #pump() {
-    if (!this.#dirty || this.#busy || this.#flying.size >= WINDOW) return;
+    if (this.gone || this.#server.mute || !this.#dirty || this.#busy || this.#flying.size >= WINDOW) return;
     this.#busy = true;
     setTimeout(() => {
       this.#busy = false;
