@@ -1,4 +1,4 @@
-/* The CPU ray caster's kernels: one algorithm (raycast_tmpl.h), instantiated per instruction set.
+/* The CPU ray caster's kernels: one algorithm (kernels_tmpl.h), instantiated per instruction set.
  *
  * Every instantiation is tolerant, not exact, against the scalar one: the vector ones fuse multiply and add. Within one
  * instruction set a pixel's bytes depend on nothing but the scene: not on tiles, threads or neighbours. */

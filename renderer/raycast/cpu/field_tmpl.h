@@ -1,0 +1,37 @@
+/* The field at a point of the packet's rays: cells, voxel pairs, trilinear interpolation. Part of the template. */
+
+V_INLINE void fetch_pair(int type, const void *voxels, vi off, vf *a, vf *b) {
+  switch (type) { /* a constant after inlining */
+  case TC_U8: v_pair_u8(voxels, off, a, b); return;
+  case TC_I8: v_pair_i8(voxels, off, a, b); return;
+  case TC_U16: v_pair_u16(voxels, off, a, b); return;
+  case TC_I16: v_pair_i16(voxels, off, a, b); return;
+  default: v_pair_f32(voxels, off, a, b); return;
+  }
+}
+
+/* Trilinear voxel value at mm t along the rays, as a table node. */
+V_INLINE vf sample_node(const tc_cpu_args *g, int type, const packet *p, vf t) {
+  vf f[3];
+  vi cell[3];
+  for (int k = 0; k < 3; k++) {
+    vf q = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(g->last[k]));
+    cell[k] = v_mini(v_trunc(q), v_seti(g->cell_last[k]));
+    f[k] = q - v_float(cell[k]);
+  }
+  vi off = v_addi(cell[0], v_addi(v_muli(cell[1], v_seti(g->row)), v_muli(cell[2], v_seti(g->slice))));
+  vi off_y = v_addi(off, v_seti(g->stride[1])), off_z = v_addi(off, v_seti(g->stride[2]));
+  vi off_yz = v_addi(off_y, v_seti(g->stride[2]));
+  vf a, b, c00, c10, c01, c11;
+  fetch_pair(type, g->voxels, off, &a, &b);
+  c00 = v_fma(f[0], b - a, a);
+  fetch_pair(type, g->voxels, off_y, &a, &b);
+  c10 = v_fma(f[0], b - a, a);
+  fetch_pair(type, g->voxels, off_z, &a, &b);
+  c01 = v_fma(f[0], b - a, a);
+  fetch_pair(type, g->voxels, off_yz, &a, &b);
+  c11 = v_fma(f[0], b - a, a);
+  vf c0 = v_fma(f[1], c10 - c00, c00), c1 = v_fma(f[1], c11 - c01, c01);
+  vf node = (v_fma(f[2], c1 - c0, c0) - v_set(g->value_lo)) * v_set(g->value_scale);
+  return v_min(v_max(node, v_set(0)), v_set(g->node_last));
+}

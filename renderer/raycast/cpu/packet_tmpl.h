@@ -1,0 +1,47 @@
+/* A packet of V_LANES neighbouring pixels: its rays from the camera to where they enter and leave the volume
+ * (raycast/rays.h). Part of the ray caster's template: included by kernels_tmpl.h after a simd_*.h. */
+
+typedef struct packet {
+  vf entry[3], dir[3]; /* index coordinates; voxels per mm */
+  vf inverse[3];       /* 1 / dir */
+  vf length;           /* mm inside the volume; 0 for a ray that misses */
+  vm live;
+} packet;
+
+/* Along one axis the ray is inside [lo, hi] for s in [*s0, *s1] (intersected with what is there). */
+V_INLINE void clip_axis(vf q, vf d, vf inverse, vf lo, vf hi, vf *s0, vf *s1) {
+  vm parallel = v_lt(v_abs(d), v_set(1e-12f));
+  vm inside = m_and(v_le(lo, q), v_le(q, hi));
+  vf big = v_set(1e30f);
+  vf a = (lo - q) * inverse, b = (hi - q) * inverse;
+  vf near = v_select(parallel, v_select(inside, v_set(0) - big, big), v_min(a, b));
+  vf far = v_select(parallel, v_select(inside, big, v_set(0) - big), v_max(a, b));
+  *s0 = v_max(*s0, near);
+  *s1 = v_min(*s1, far);
+}
+
+V_INLINE packet start_packet(const tc_cpu_args *g, int x, int y, int x1, int y1) {
+  packet p;
+  vf i = v_set((float)x + 0.5f) + v_lane_x(), j = v_set((float)y + 0.5f) + v_lane_y();
+  vf anchor[3], view[3], norm = v_set(0);
+  for (int k = 0; k < 3; k++) {
+    anchor[k] = v_fma(j, v_set(g->anchor_dv[k]), v_fma(i, v_set(g->anchor_du[k]), v_set(g->anchor0[k])));
+    view[k] = v_fma(j, v_set(g->view_dv[k]), v_fma(i, v_set(g->view_du[k]), v_set(g->view0[k])));
+    norm = v_fma(view[k], view[k], norm);
+  }
+  norm = v_sqrt(norm);
+  vf s0 = v_set(0) - (g->perspective ? norm : v_set(g->eye_mm)), s1 = v_set(1e30f);
+  for (int k = 0; k < 3; k++) {
+    vf d = view[0] * v_set(g->to_index[3 * k]);
+    d = v_fma(view[1], v_set(g->to_index[3 * k + 1]), d);
+    p.dir[k] = v_fma(view[2], v_set(g->to_index[3 * k + 2]), d) / norm;
+    p.inverse[k] = v_set(1) / v_select(v_lt(v_abs(p.dir[k]), v_set(1e-12f)), v_set(1), p.dir[k]);
+    clip_axis(anchor[k], p.dir[k], p.inverse[k], v_set(g->lo[k]), v_set(g->hi[k]), &s0, &s1);
+  }
+  vm inside = m_and(v_lt(i, v_set((float)x1)), v_lt(j, v_set((float)y1)));
+  p.live = m_and(inside, v_lt(s0, s1));
+  s0 = v_select(p.live, s0, v_set(0));
+  p.length = v_select(p.live, s1 - s0, v_set(0));
+  for (int k = 0; k < 3; k++) p.entry[k] = v_fma(s0, p.dir[k], anchor[k]);
+  return p;
+}
