@@ -1,0 +1,159 @@
+/* The render plan: what is refused and where it points, what is in and out and why, and what a change rebuilds. */
+#include <math.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <setjmp.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/tomocast.h"
+
+typedef struct fixture {
+  tc_volume *volume;
+  tc_scene scene;
+  tc_renderer *renderer;
+  tc_frame frame;
+  tc_plan plan;
+} fixture;
+
+static int set_up(void **state) {
+  fixture *f = g_new0(fixture, 1);
+  tc_renderer_options o = {.backend = TC_BACKEND_CPU, .threads = 2};
+  f->volume = tc_volume_demo("bucky", NULL);
+  f->renderer = tc_renderer_new(&o, NULL);
+  tc_scene_init(&f->scene);
+  tc_scene_fit(&f->scene, f->volume);
+  f->scene.image.width = f->scene.image.height = 48;
+  *state = f;
+  return f->volume && f->renderer ? 0 : -1;
+}
+
+static int tear_down(void **state) {
+  fixture *f = *state;
+  tc_frame_finish(&f->frame);
+  tc_scene_clear(&f->scene);
+  tc_renderer_free(f->renderer);
+  tc_volume_unref(f->volume);
+  g_free(f);
+  return 0;
+}
+
+static void expect(fixture *f, tc_error_code code, const char *pointer) {
+  GError *error = NULL;
+  bool good = tc_plan_make(f->volume, &f->scene, f->scene.image.width, f->scene.image.height, &f->plan, &error);
+  if (good) fail_msg("%s was accepted", pointer);
+  if (error->code != (int)code || !tc_error_pointer(error) || strcmp(tc_error_pointer(error), pointer))
+    fail_msg("wanted %d at %s, got %d at %s: %s", code, pointer, error->code, tc_error_pointer(error), error->message);
+  g_error_free(error);
+  /* The renderer refuses alike and goes on. */
+  assert_false(tc_render(f->renderer, f->volume, &f->scene, NULL, &f->frame, NULL, NULL));
+}
+
+static void nonsense_points_at_the_member(void **state) {
+  fixture *f = *state;
+  const tc_camera camera = f->scene.camera;
+  f->scene.camera.position[1] = NAN;
+  expect(f, TC_ERROR_INVALID, "/camera/position");
+  f->scene.camera = camera;
+  f->scene.camera.target[0] = INFINITY;
+  expect(f, TC_ERROR_INVALID, "/camera/target");
+  f->scene.camera = camera;
+  memcpy(f->scene.camera.position, camera.target, sizeof camera.target);
+  expect(f, TC_ERROR_INVALID, "/camera/target");
+  f->scene.camera = camera;
+  memset(f->scene.camera.up, 0, sizeof camera.up);
+  expect(f, TC_ERROR_INVALID, "/camera/up");
+  for (int k = 0; k < 3; k++) f->scene.camera.up[k] = 2 * (camera.target[k] - camera.position[k]);
+  expect(f, TC_ERROR_INVALID, "/camera/up");
+  f->scene.camera = camera;
+  f->scene.camera.fov_y_deg = 180;
+  expect(f, TC_ERROR_INVALID, "/camera/fovY");
+  f->scene.camera = camera;
+  f->scene.camera.projection = TC_ORTHOGRAPHIC;
+  f->scene.camera.height_mm = 0;
+  expect(f, TC_ERROR_INVALID, "/camera/height");
+  f->scene.camera = camera;
+  f->scene.sampling.step = 0;
+  expect(f, TC_ERROR_INVALID, "/sampling/step");
+  f->scene.sampling.step = 1e-7;
+  expect(f, TC_ERROR_LIMIT, "/sampling/step");
+  f->scene.sampling.step = 1;
+  f->scene.sampling.termination = 1;
+  expect(f, TC_ERROR_INVALID, "/sampling/termination");
+  f->scene.sampling.termination = 0;
+  f->scene.transfer_function.points[1].value = f->scene.transfer_function.points[0].value - 1;
+  expect(f, TC_ERROR_INVALID, "/transferFunction/points/1");
+}
+
+static void what_is_not_built_is_refused(void **state) {
+  fixture *f = *state;
+  f->scene.mode = TC_MODE_SPLAT;
+  expect(f, TC_ERROR_UNSUPPORTED, "/mode");
+  f->scene.mode = TC_MODE_DVR;
+  f->scene.classification = TC_PREINTEGRATED2;
+  expect(f, TC_ERROR_UNSUPPORTED, "/classification");
+}
+
+static void sizes_are_limited(void **state) {
+  fixture *f = *state;
+  f->scene.image.width = 8193;
+  expect(f, TC_ERROR_LIMIT, "/image/width");
+  f->scene.image.width = 0;
+  expect(f, TC_ERROR_INVALID, "/image/width");
+}
+
+static void render(fixture *f) {
+  GError *error = NULL;
+  if (!tc_render(f->renderer, f->volume, &f->scene, NULL, &f->frame, &f->plan, &error)) fail_msg("%s", error->message);
+}
+
+/* A stage costs time only when it is built: stats say so per frame. */
+static void a_change_rebuilds_what_depends_on_it(void **state) {
+  fixture *f = *state;
+  render(f);
+  assert_true(f->frame.stats.tables_ms > 0 && f->frame.stats.skip_ms > 0);
+  assert_true(f->plan.stages[TC_STAGE_TABLE_2D].included && f->plan.stages[TC_STAGE_TABLE_2D].bytes > 0);
+  f->scene.camera.position[0] += 40; /* the camera: nothing */
+  render(f);
+  assert_true(f->frame.stats.tables_ms == 0 && f->frame.stats.skip_ms == 0);
+  f->scene.image.background[2] = 0.5; /* the background: nothing */
+  f->scene.image.width = 61;
+  render(f);
+  assert_true(f->frame.stats.tables_ms == 0 && f->frame.stats.skip_ms == 0);
+  f->scene.transfer_function.points[1].color[0] *= 0.5; /* a colour: one table, and the map of what it leaves empty */
+  render(f);
+  assert_true(f->frame.stats.tables_ms > 0);
+  f->scene.transfer_function.points[1].color[0] *= 2; /* and back: the old table is still there */
+  render(f);
+  assert_true(f->frame.stats.tables_ms == 0 && f->frame.stats.skip_ms == 0);
+}
+
+static void every_stage_has_its_reason(void **state) {
+  fixture *f = *state;
+  render(f);
+  for (int i = 0; i < TC_STAGE_COUNT; i++) {
+    assert_true(strlen(f->plan.stages[i].reason) > 5);
+    if (!f->plan.stages[i].included) assert_int_equal(f->plan.stages[i].bytes, 0);
+  }
+  assert_true(f->plan.stages[TC_STAGE_TERMINATION].included && f->plan.key.termination);
+  assert_false(f->plan.stages[TC_STAGE_GRADIENT].included && f->scene.shading.model == TC_SHADING_NONE);
+  f->scene.sampling.termination = 0;
+  f->scene.image.linear_light = true;
+  render(f);
+  assert_false(f->plan.stages[TC_STAGE_TERMINATION].included || f->plan.key.termination);
+  assert_true(f->plan.stages[TC_STAGE_LINEAR_LIGHT].included);
+  assert_non_null(strstr(f->plan.kernel, "dvr.preintegrated.linear"));
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test_setup_teardown(nonsense_points_at_the_member, set_up, tear_down),
+      cmocka_unit_test_setup_teardown(what_is_not_built_is_refused, set_up, tear_down),
+      cmocka_unit_test_setup_teardown(sizes_are_limited, set_up, tear_down),
+      cmocka_unit_test_setup_teardown(a_change_rebuilds_what_depends_on_it, set_up, tear_down),
+      cmocka_unit_test_setup_teardown(every_stage_has_its_reason, set_up, tear_down)};
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
