@@ -95,6 +95,20 @@ static bool check_sampling(const tc_volume *volume, const tc_scene *scene, GErro
   return true;
 }
 
+static bool check_clipping(const tc_scene *scene, GError **error) {
+  for (int k = 0; k < 3 && scene->clip.has_box; k++)
+    if (!isfinite(scene->clip.box[0][k]) || !isfinite(scene->clip.box[1][k]) || scene->clip.box[0][k] > scene->clip.box[1][k])
+      return invalid(error, "/clip/box", "two corners wanted, finite, the lower one first");
+  for (int i = 0; i < scene->clip.n_planes; i++) {
+    const double *p = scene->clip.planes[i];
+    double n2 = p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
+    char pointer[32];
+    snprintf(pointer, sizeof pointer, "/clip/planes/%d", i);
+    if (!(n2 > 0) || !isfinite(n2) || !isfinite(p[3])) return invalid(error, pointer, "a normal that is not zero, and d, all finite");
+  }
+  return true;
+}
+
 static bool check_image(int width, int height, GError **error) {
   if (width < 1 || height < 1) return invalid(error, width < 1 ? "/image/width" : "/image/height", "at least 1 pixel wanted");
   if (width > TC_MAX_IMAGE_SIDE || height > TC_MAX_IMAGE_SIDE || (int64_t)width * height > TC_MAX_IMAGE_AREA) {
@@ -125,7 +139,6 @@ static bool check_built(const tc_scene *s, GError **error) {
   if (s->sampling.coherence) return unsupported(error, "/sampling/coherence", "sub-pixel coherence");
   if (s->sampling.jitter) return unsupported(error, "/sampling/jitter", "jitter");
   if (s->shading.model != TC_SHADING_NONE) return unsupported(error, "/shading/model", "shading");
-  if (s->clip.has_box || s->clip.n_planes) return unsupported(error, "/clip", "clipping");
   if (s->labels.volume[0]) return unsupported(error, "/labels", "a label volume");
   if (s->quality.max_error > 0 || s->quality.max_ms > 0) return unsupported(error, "/quality", "quality control");
   if (s->error_meter.pixels) return unsupported(error, "/errorMeter", "the error meter");
@@ -141,7 +154,11 @@ static void plan_stages(tc_plan *plan, const tc_scene *s) {
         s->skipping.mode == TC_SKIPPING_OFF ? "skipping.mode is off"
         : plan->key.skipping                ? "the transfer function is zero over part of the range"
                                             : "the transfer function is nowhere zero in the volume's range");
-  stage(plan, TC_STAGE_CLIPPING, false, "no clip box or plane");
+  if (plan->key.clipping)
+    stage(plan, TC_STAGE_CLIPPING, true, "%s%d clip planes; each ray is cut once, before its first sample",
+          s->clip.has_box ? "a clip box and " : "", s->clip.n_planes);
+  else
+    stage(plan, TC_STAGE_CLIPPING, false, "no clip box or plane");
   stage(plan, TC_STAGE_JITTER, false, "sampling.jitter is off");
   stage(plan, TC_STAGE_LABELS, false, "no label volume");
   if (plan->key.termination)
@@ -162,7 +179,8 @@ static void plan_stages(tc_plan *plan, const tc_scene *s) {
 bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_plan *plan, GError **error) {
   memset(plan, 0, sizeof *plan);
   if (!check_built(scene, error) || !check_image(width, height, error) || !check_camera(&scene->camera, error) ||
-      !check_transfer_function(&scene->transfer_function, error) || !check_sampling(volume, scene, error))
+      !check_transfer_function(&scene->transfer_function, error) || !check_sampling(volume, scene, error) ||
+      !check_clipping(scene, error))
     return false;
   const tc_volume_desc *d = tc_volume_describe(volume);
   plan->key = (tc_plan_key){.mode = (uint8_t)scene->mode,
@@ -172,7 +190,8 @@ bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int
                             .filter = (uint8_t)scene->filter,
                             .projection = (uint8_t)scene->camera.projection,
                             .shading = (uint8_t)scene->shading.model,
-                            .termination = scene->sampling.termination > 0};
+                            .termination = scene->sampling.termination > 0,
+                            .clipping = scene->clip.has_box || scene->clip.n_planes > 0};
   const tc_volume_stats *range = tc_volume_statistics(volume);
   plan->key.skipping = scene->skipping.mode == TC_SKIPPING_AUTO &&
                        tc_skip_possible(&scene->transfer_function, range->min, range->max);

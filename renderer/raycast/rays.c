@@ -32,6 +32,27 @@ static void bounding_sphere(const tc_volume *volume, double center[3], double *r
   }
 }
 
+/* An LPS plane n.p + d >= 0 in index coordinates, scaled so that its value is in mm. */
+static void add_plane(tc_rays *rays, const tc_volume *volume, const double plane[4]) {
+  const tc_volume_desc *desc = tc_volume_describe(volume);
+  double length = sqrt(dot3(plane, plane)), *p = rays->planes[rays->n_planes++];
+  for (int k = 0; k < 3; k++) {
+    p[k] = 0;
+    for (int r = 0; r < 3; r++) p[k] += plane[r] * desc->direction[3 * r + k] * desc->spacing[k] / length;
+  }
+  p[3] = (dot3(plane, desc->origin) + plane[3]) / length;
+}
+
+static void add_clipping(tc_rays *rays, const tc_volume *volume, const tc_scene *scene) {
+  for (int k = 0; k < 3 && scene->clip.has_box; k++) {
+    double low[4] = {0, 0, 0, -scene->clip.box[0][k]}, high[4] = {0, 0, 0, scene->clip.box[1][k]};
+    low[k] = 1, high[k] = -1;
+    add_plane(rays, volume, low);
+    add_plane(rays, volume, high);
+  }
+  for (int i = 0; i < scene->clip.n_planes; i++) add_plane(rays, volume, scene->clip.planes[i]);
+}
+
 void tc_rays_set_up(tc_rays *rays, const tc_volume *volume, const tc_scene *scene, int width, int height) {
   const tc_camera *camera = &scene->camera;
   double forward[3], right[3], up[3], center[3], radius;
@@ -48,6 +69,8 @@ void tc_rays_set_up(tc_rays *rays, const tc_volume *volume, const tc_scene *scen
   rays->perspective = camera->projection == TC_PERSPECTIVE;
   const double *spacing = tc_volume_describe(volume)->spacing;
   rays->step_mm = scene->sampling.step * fmin(spacing[0], fmin(spacing[1], spacing[2]));
+
+  add_clipping(rays, volume, scene);
 
   double to_center[3];
   for (int k = 0; k < 3; k++) to_center[k] = center[k] - camera->position[k];

@@ -7,12 +7,15 @@
  *   dir(i,j)    = to_index * view / |view|                                    voxels per mm
  * Pixel (0,0) is top left (NUMERICS section 0). The eye is at s = -|view| (perspective) or s = -eye_mm
  * (orthographic, where view is constant and of unit length): nothing in front of it is seen.
+ * Clip planes cut the ray's stay further; its first sample then lies exactly on the plane, so a cut face has no halo.
  * The field is sampled at t_i = t0 + i * step_mm from the ray's entry into the index box. */
 #ifndef TC_RAYCAST_RAYS_H
 #define TC_RAYCAST_RAYS_H
 
 #include "renderer/scene.h"
 #include "renderer/volume/volume.h"
+
+#define TC_MAX_CLIP_PLANES 12 /* a box's six faces and six planes of the scene's own */
 
 typedef struct tc_rays {
   double anchor0[3], anchor_du[3], anchor_dv[3];
@@ -22,6 +25,8 @@ typedef struct tc_rays {
   bool perspective;
   double lo[3], hi[3]; /* index box of the field */
   double step_mm;
+  double planes[TC_MAX_CLIP_PLANES][4]; /* what is drawn has planes[i] . (index position, 1) >= 0; mm from the plane */
+  int n_planes;
 } tc_rays;
 
 /* The camera was validated (tc_plan_make). width, height: pixels of the picture to make. Pure. */

@@ -24,9 +24,16 @@ typedef struct tc_ref_ray {
   double enter, leave;             /* mm; where the field's box is met, not before the eye */
 } tc_ref_ray;
 
+/* Half spaces n.p + d >= 0 in LPS, n of unit length: what is drawn. */
+typedef struct tc_ref_clip {
+  double planes[12][4];
+  int n;
+} tc_ref_clip;
+void tc_ref_clip_set_up(tc_ref_clip *clip, const tc_scene *scene);
+
 bool tc_ref_camera_set_up(tc_ref_camera *camera, const tc_camera *from, int width, int height);
-/* False when the ray misses the field's box. */
-bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_volume_desc *desc, double px, double py, tc_ref_ray *ray);
+/* False when the ray misses what is drawn of the field's box. */
+bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const tc_volume_desc *desc, double px, double py, tc_ref_ray *ray);
 
 /* field.c: the trilinear field along a ray, cell by cell. */
 typedef struct tc_ref_field {

@@ -13,6 +13,7 @@
 struct tc_reference {
   tc_volume *volume;
   tc_ref_camera camera;
+  tc_ref_clip clip;
   tc_ref_field field;
   tc_ref_transfer transfer;
   double tolerance;
@@ -22,7 +23,6 @@ static const char *unsupported_member(const tc_scene *scene) {
   if (scene->mode != TC_MODE_DVR) return "/mode";
   if (scene->filter != TC_FILTER_LINEAR) return "/filter";
   if (scene->shading.model != TC_SHADING_NONE) return "/shading/model";
-  if (scene->clip.has_box || scene->clip.n_planes) return "/clip";
   if (scene->labels.volume[0]) return "/labels/volume";
   return NULL;
 }
@@ -43,6 +43,7 @@ tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int wid
   tc_reference *r = g_new0(tc_reference, 1);
   r->volume = tc_volume_ref(volume);
   r->field = (tc_ref_field){.desc = tc_volume_describe(volume), .voxels = tc_volume_data(volume)};
+  tc_ref_clip_set_up(&r->clip, scene);
   /* Errors of pieces add up; each piece's estimate is itself pessimistic by many orders. */
   r->tolerance = (tolerance == 0 ? 1e-10 : tolerance) / 16;
   if (!tc_ref_camera_set_up(&r->camera, &scene->camera, width, height)) {
@@ -89,7 +90,7 @@ static void integrate_cell(const tc_reference *r, const tc_ref_cell *cell, tc_re
 void tc_reference_pixel(const tc_reference *r, double px, double py, double rgba[4]) {
   tc_ref_light light = {.transparency = 1};
   tc_ref_ray ray;
-  if (tc_ref_ray_cast(&r->camera, r->field.desc, px, py, &ray)) {
+  if (tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, &ray)) {
     tc_ref_walk walk;
     tc_ref_cell cell;
     tc_ref_walk_start(&walk, &r->field, &ray);
@@ -123,7 +124,7 @@ void tc_reference_ray(const tc_reference *r, double px, double py, tc_reference_
   GArray *list = g_array_new(FALSE, FALSE, sizeof(tc_reference_sample));
   tc_ref_light light = {.transparency = 1};
   tc_ref_ray ray;
-  if (tc_ref_ray_cast(&r->camera, r->field.desc, px, py, &ray)) {
+  if (tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, &ray)) {
     tc_ref_walk walk;
     tc_ref_cell cell;
     tc_ref_walk_start(&walk, &r->field, &ray);

@@ -21,7 +21,7 @@ typedef struct tc_reference tc_reference;
 
 /* Takes a reference on the sealed volume and copies what it needs of the scene. tolerance: absolute bound wanted on
  * each channel of a pixel, 1e-14 .. 0.1; 0 = 1e-10. Errors: TC_ERROR_UNSUPPORTED with a pointer to the member for what
- * has no reference (a mode other than dvr, a filter other than linear, shading, clipping, labels); TC_ERROR_INVALID for
+ * has no reference (a mode other than dvr, a filter other than linear, shading, labels); TC_ERROR_INVALID for
  * a camera or transfer function without meaning. */
 tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int width, int height, double tolerance,
                                GError **error);

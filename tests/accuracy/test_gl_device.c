@@ -218,8 +218,8 @@ static void test_unbuilt_keys(void **state) {
   const size_t first = offsetof(tc_gl_variant, plan);
   const size_t members[] = {offsetof(tc_plan_key, mode),    offsetof(tc_plan_key, classification),
                             offsetof(tc_plan_key, order),   offsetof(tc_plan_key, filter),
-                            offsetof(tc_plan_key, shading), offsetof(tc_plan_key, clipping),
-                            offsetof(tc_plan_key, jitter),  offsetof(tc_plan_key, labels)};
+                            offsetof(tc_plan_key, shading), offsetof(tc_plan_key, jitter),
+                            offsetof(tc_plan_key, labels)};
   for (size_t i = 0; i < G_N_ELEMENTS(members); i++) {
     tc_gl_variant variant;
     memset(&variant, 0, sizeof variant);
@@ -230,7 +230,7 @@ static void test_unbuilt_keys(void **state) {
   }
   /* Every variant that exists compiles. */
   int compiled = 0;
-  for (int bits = 0; bits < 64; bits++)
+  for (int bits = 0; bits < 128; bits++)
     for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
       if (bits & 2 && bits & 1) continue; /* an atlas is gathered */
       tc_gl_variant v;
@@ -238,6 +238,7 @@ static void test_unbuilt_keys(void **state) {
       v.plan.voxel_type = (uint8_t)type;
       v.plan.projection = (uint8_t)(type & 1);
       v.plan.termination = bits >> 5 & 1;
+      v.plan.clipping = bits >> 6 & 1;
       v.plan.skipping = (type ^ bits >> 2) & 1;
       v.field = (uint8_t)(bits & 1);
       v.atlas = bits >> 1 & 1;

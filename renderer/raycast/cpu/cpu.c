@@ -108,6 +108,8 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
   to_float(a->to_index, r->to_index, 9);
   to_float(a->lo, r->lo, 3);
   to_float(a->hi, r->hi, 3);
+  for (int i = 0; i < r->n_planes; i++) to_float(a->planes[i], r->planes[i], 4);
+  a->n_planes = r->n_planes;
   a->eye_mm = (float)r->eye_mm;
   a->perspective = r->perspective;
   a->step_mm = (float)r->step_mm;

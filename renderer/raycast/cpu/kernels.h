@@ -9,6 +9,7 @@
 #include <stdint.h>
 
 #include "renderer/plan/plan.h"
+#include "renderer/raycast/rays.h"
 
 /* A frame's constants in single precision (raycast/rays.h says what they mean). Read-only while kernels run. */
 typedef struct tc_cpu_args {
@@ -18,6 +19,8 @@ typedef struct tc_cpu_args {
   float eye_mm;
   int perspective;
   float lo[3], hi[3]; /* index box of the field */
+  float planes[TC_MAX_CLIP_PLANES][4];
+  int n_planes;
   float last[3];      /* n - 1: positions are clamped to [0, last] before a cell is found */
   int cell_last[3];   /* max(n - 2, 0) */
   int stride[3];      /* voxels from a cell corner to its neighbour; 0 where n = 1 */

@@ -20,6 +20,20 @@ V_INLINE void clip_axis(vf q, vf d, vf inverse, vf lo, vf hi, vf *s0, vf *s1) {
   *s1 = v_min(*s1, far);
 }
 
+/* The half space of one clip plane. Along the plane a ray is in or out as a whole. */
+V_INLINE void clip_plane(const float plane[4], const vf q[3], const vf d[3], vf *s0, vf *s1) {
+  vf at = v_set(plane[3]), rate = v_set(0), big = v_set(1e30f);
+  for (int k = 0; k < 3; k++) {
+    at = v_fma(v_set(plane[k]), q[k], at);
+    rate = v_fma(v_set(plane[k]), d[k], rate);
+  }
+  vm parallel = v_lt(v_abs(rate), v_set(1e-9f)), enters = v_lt(v_set(0), rate);
+  vf s = (v_set(0) - at) / v_select(parallel, v_set(1), rate);
+  vf outside = v_select(v_lt(at, v_set(0)), big, v_set(0) - big);
+  *s0 = v_max(*s0, v_select(parallel, outside, v_select(enters, s, v_set(0) - big)));
+  *s1 = v_min(*s1, v_select(m_or(parallel, enters), big, s));
+}
+
 V_INLINE packet start_packet(const tc_cpu_args *g, int x, int y, int x1, int y1) {
   packet p;
   vf i = v_set((float)x + 0.5f) + v_lane_x(), j = v_set((float)y + 0.5f) + v_lane_y();
@@ -38,6 +52,7 @@ V_INLINE packet start_packet(const tc_cpu_args *g, int x, int y, int x1, int y1)
     p.inverse[k] = v_set(1) / v_select(v_lt(v_abs(p.dir[k]), v_set(1e-12f)), v_set(1), p.dir[k]);
     clip_axis(anchor[k], p.dir[k], p.inverse[k], v_set(g->lo[k]), v_set(g->hi[k]), &s0, &s1);
   }
+  for (int c = 0; c < g->n_planes; c++) clip_plane(g->planes[c], anchor, p.dir, &s0, &s1); /* once a ray, not a sample */
   vm inside = m_and(v_lt(i, v_set((float)x1)), v_lt(j, v_set((float)y1)));
   p.live = m_and(inside, v_lt(s0, s1));
   s0 = v_select(p.live, s0, v_set(0));

@@ -30,7 +30,7 @@ static void add(composition *c, const char *name) {
 static bool is_built(const tc_plan_key *key) {
   return key->mode == TC_MODE_DVR && key->classification == TC_PREINTEGRATED && key->order == TC_FRONT_TO_BACK &&
          key->filter == TC_FILTER_LINEAR && key->projection < TC_PROJECTION_COUNT &&
-         key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading == TC_SHADING_NONE && !key->clipping && !key->jitter &&
+         key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading == TC_SHADING_NONE && !key->jitter &&
          !key->labels;
 }
 
@@ -44,7 +44,7 @@ static const char *sampler_type(const tc_gl_variant *v) {
 }
 
 unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
-  char name[96], literals[160];
+  char name[96], literals[192];
   tc_gl_variant_name(v, name, sizeof name);
   if (!is_built(&v->plan)) {
     tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "gl: no shader is built for %s; use --backend cpu", name);
@@ -52,13 +52,14 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
   }
   composition c = {0};
   add(&c, "head.glsl");
-  snprintf(literals, sizeof literals, "#define VOXELS %s\n#define ATLAS %d\n#define TERMINATION %d\n#define LEAP %d\n",
-           sampler_type(v), v->atlas, v->plan.termination, v->plan.skipping);
+  snprintf(literals, sizeof literals, "#define VOXELS %s\n#define ATLAS %d\n#define TERMINATION %d\n#define LEAP %d\n#define CLIP %d\n",
+           sampler_type(v), v->atlas, v->plan.termination, v->plan.skipping, v->plan.clipping);
   add_text(&c, literals);
   add(&c, v->plan.projection == TC_PERSPECTIVE ? "ray_perspective.glsl" : "ray_orthographic.glsl");
   add(&c, v->field == TC_GL_FIELD_GATHER ? "field_gather.glsl" : "field_filtered.glsl");
   add(&c, "table_2d.glsl");
   if (v->plan.skipping) add(&c, "leap.glsl");
+  if (v->plan.clipping) add(&c, "clip_planes.glsl");
   add(&c, "march_dvr.glsl");
   add(&c, "bytes.glsl");
   add(&c, v->linear_light ? "encode_srgb.glsl" : "encode_display.glsl");

@@ -16,6 +16,8 @@ layout(std140, binding = 0) uniform Job {
   ivec4 blocks;                       // x: voxels a block is wide, yz: entries to the next block along y, z
   vec4 background;                    // compositing space; w: termination
   vec4 march;                         // x: step mm, y: eye mm (orthographic), z: 1 / step
+  vec4 planes[12];                    // clip planes over index positions, mm
+  ivec4 clipping;                     // x: how many planes
 } job;
 
 // This dispatch's part of the picture: xy = first pixel, zw = size in pixels.

@@ -42,6 +42,10 @@ void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volum
   tc_resolve_init(&resolve, job->scene);
   memcpy(block->background, resolve.background, sizeof resolve.background);
   block->background[3] = (float)job->scene->sampling.termination;
+  block->clipping[0] = rays->n_planes;
+  for (int i = 0; i < rays->n_planes; i++)
+    for (int k = 0; k < 4; k++)
+      block->planes[i][k] = (float)rays->planes[i][k];
   block->march[0] = (float)rays->step_mm;
   block->march[1] = (float)rays->eye_mm;
   block->march[2] = (float)(1 / rays->step_mm);

@@ -16,6 +16,8 @@ typedef struct tc_gl_job_block {
   float texel[4], unpack[4], nodes[4];
   int32_t table[4], blocks[4];
   float background[4], march[4];
+  float planes[TC_MAX_CLIP_PLANES][4];
+  int32_t clipping[4];
 } tc_gl_job_block;
 
 /* Pure. */

@@ -35,6 +35,9 @@ void main() {
   float eye;
   set_ray(vec2(tile.xy + place) + 0.5, anchor, direction, eye);
   vec2 span = clip_to_box(anchor, direction, eye);
+#if CLIP
+  span = clip_to_planes(anchor, direction, span);
+#endif
   vec4 result = vec4(0.0);
   if (span.y > span.x) {
     Counts counts = Counts(0u, 0u);
