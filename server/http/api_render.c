@@ -1,4 +1,5 @@
 /* Single pictures: POST /v1/render, a session's frame, a session's plan. The request waits while its job runs. */
+#include <limits.h>
 #include <string.h>
 
 #include "server/encode/encode.h"
@@ -54,12 +55,13 @@ static void render(tcs_request *request, tc_volume *volume, const tc_scene *scen
   submit(request, job, finished_picture);
 }
 
-static bool set_format(tcs_request *request, const char *name, tc_scene *scene) {
+/* Leaves *format where no name is given. */
+static bool read_format(tcs_request *request, const char *name, tc_image_format *format) {
   if (!name) return true;
   if (strcmp(name, "jpeg") == 0 || strcmp(name, "jpg") == 0)
-    scene->image.format = TC_FORMAT_JPEG;
+    *format = TC_FORMAT_JPEG;
   else if (strcmp(name, "png") == 0)
-    scene->image.format = TC_FORMAT_PNG;
+    *format = TC_FORMAT_PNG;
   else {
     tcs_reply_problem(request, 422, "invalid", "Invalid value", "format: give \"jpeg\" or \"png\"");
     return false;
@@ -78,7 +80,25 @@ static bool set_quality(tcs_request *request, const cJSON *item, tc_scene *scene
   return true;
 }
 
-static void post_render(tcs_request *request, const cJSON *body) {
+/* The object under a name, made where it is absent or null; NULL where something else is there. */
+static cJSON *object_in(cJSON *parent, const char *name) {
+  cJSON *item = cJSON_GetObjectItemCaseSensitive(parent, name);
+  if (item && !cJSON_IsNull(item)) return cJSON_IsObject(item) ? item : NULL;
+  cJSON_DeleteItemFromObjectCaseSensitive(parent, name);
+  return cJSON_AddObjectToObject(parent, name);
+}
+
+/* The body's format goes into its scene before that is read, for "transparent" asks what the picture's format is.
+ * A scene or image that is no object is left for the scene's reader to refuse. */
+static void format_into_scene(cJSON *body, tc_image_format format) {
+  cJSON *scene = object_in(body, "scene");
+  cJSON *image = scene ? object_in(scene, "image") : NULL;
+  if (!image) return;
+  cJSON_DeleteItemFromObjectCaseSensitive(image, "format");
+  cJSON_AddStringToObject(image, "format", format == TC_FORMAT_PNG ? "png" : "jpeg");
+}
+
+static void post_render(tcs_request *request, cJSON *body) {
   static const char *const names[] = {"volume", "scene", "format", "quality", NULL};
   const char *volume, *format;
   if (!tcs_members_known(request, body, names) || !tcs_member_string(request, body, "volume", true, &volume) ||
@@ -86,6 +106,9 @@ static void post_render(tcs_request *request, const cJSON *body) {
     return;
   const tcs_entry *entry = tcs_resident(request, volume);
   if (!entry) return;
+  tc_image_format chosen = TC_FORMAT_JPEG;
+  if (!read_format(request, format, &chosen)) return;
+  if (format) format_into_scene(body, chosen);
   GError *error = NULL;
   tc_scene scene;
   if (!tcs_scene_make(request->server, entry->volume, cJSON_GetObjectItemCaseSensitive(body, "scene"), &scene,
@@ -94,8 +117,7 @@ static void post_render(tcs_request *request, const cJSON *body) {
     g_clear_error(&error);
     return;
   }
-  if (set_format(request, format, &scene) &&
-      set_quality(request, cJSON_GetObjectItemCaseSensitive(body, "quality"), &scene))
+  if (set_quality(request, cJSON_GetObjectItemCaseSensitive(body, "quality"), &scene))
     render(request, entry->volume, &scene, "/scene");
   tc_scene_clear(&scene);
 }
@@ -111,10 +133,10 @@ void tcs_get_frame(tcs_request *request) {
   if (!session) return;
   tc_scene scene;
   tc_scene_copy(&scene, &session->scene);
-  if (set_format(request, tcs_query(request, "format"), &scene) &&
+  if (read_format(request, tcs_query(request, "format"), &scene.image.format) &&
       tcs_query_int(request, "quality", 1, 100, &scene.image.quality) &&
-      tcs_query_int(request, "width", 1, TC_MAX_IMAGE_SIDE, &scene.image.width) &&
-      tcs_query_int(request, "height", 1, TC_MAX_IMAGE_SIDE, &scene.image.height))
+      tcs_query_int(request, "width", 1, INT_MAX, &scene.image.width) && /* over a limit: the scene's check says so */
+      tcs_query_int(request, "height", 1, INT_MAX, &scene.image.height))
     render(request, session->entry->volume, &scene, "");
   tc_scene_clear(&scene);
 }

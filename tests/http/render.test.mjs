@@ -19,6 +19,18 @@ test('a JPEG, a PNG', async () => {
   assert.match(png.headers.get('server-timing'), /render;dur=/);
 });
 
+test('a transparent PNG, asked for by the format of the body', async () => {
+  const clear = { image: { ...image, background: 'transparent' } };
+  const png = await render({ scene: clear, format: 'png' });
+  assert.deepEqual([png.status, png.headers.get('content-type')], [200, 'image/png']);
+  assert.equal(png.bytes[25], 6, 'RGB and alpha');
+  assert.equal((await render({ scene: { image: { ...clear.image, format: 'jpeg' } }, format: 'png' })).status, 200);
+  problem(await render({ scene: clear, format: 'jpeg' }), 422, '/scene/image/background');
+  problem(await render({ scene: clear }), 422, '/scene/image/background');
+  problem(await render({ scene: [], format: 'png' }), 422, '/scene');
+  problem(await render({ scene: { image: 7 }, format: 'png' }), 422, '/scene/image');
+});
+
 test('the same request gives the same picture, another scene another one', async () => {
   const one = await render({ format: 'png' }), two = await render({ format: 'png' });
   assert.ok(one.bytes.equals(two.bytes));

@@ -121,8 +121,9 @@ test('a frame is the finished picture, in the size and format asked for', async 
   assert.match(other.headers.get('server-timing'), /^queue;dur=[\d.]+, tables;dur=[\d.]+, skip;dur=[\d.]+, render;dur=[\d.]+, encode;dur=[\d.]+$/);
   const poor = await d.get(`${links.frame}?quality=5`), good = await d.get(`${links.frame}?quality=98`);
   assert.ok(poor.bytes.length < good.bytes.length);
-  for (const query of ['width=0', 'height=99999', 'quality=101', 'format=gif']) problem(await d.get(`${links.frame}?${query}`), 422);
+  for (const query of ['width=0', 'height=high', 'quality=101', 'format=gif']) problem(await d.get(`${links.frame}?${query}`), 422);
   problem(await d.get(`${links.frame}?width=2001`), 413);
+  problem(await d.get(`${links.frame}?width=100000`), 413, '/image/width');
   const { json } = await d.get(links.scene);
   assert.deepEqual([json.image.width, json.image.format], [96, 'jpeg'], 'the scene is not changed by it');
 });
