@@ -96,8 +96,6 @@ static void admit(tcs_request *request, const char *path) {
   } else if (!match.route) {
     tcs_reply_problem(request, 405, "method", "Method not allowed", "the Allow header lists the methods of this path");
     tcs_reply_header(request, "Allow", match.allow);
-  } else if (!match.route->handler) {
-    tcs_reply_problem(request, 501, "unsupported", "Not built", "this version of the server cannot answer this call");
   } else if (server->draining && match.route->cost != TCS_COST_LOOKUP) {
     tcs_reply_problem(request, 503, "draining", "Shutting down", "the server is shutting down; try another or wait");
     tcs_reply_header(request, "Retry-After", "2");

@@ -122,6 +122,8 @@ void tcs_put_scene(tcs_request *request);
 void tcs_patch_scene(tcs_request *request);
 void tcs_get_frame(tcs_request *request);
 void tcs_get_plan(tcs_request *request);
+void tcs_get_ray(tcs_request *request);
+void tcs_get_pick(tcs_request *request);
 void tcs_get_stream(tcs_request *request);
 void tcs_get_mjpeg(tcs_request *request);
 void tcs_get_static(tcs_request *request);

@@ -1,6 +1,6 @@
 #include "server/http/http.h"
 
-/* PROTOCOL.md's table of calls. A NULL handler is a call that is understood and not built. */
+/* Every call there is; protocol/openapi.json describes them. */
 const tcs_route tcs_routes[] = {
     {"GET", "/healthz", tcs_get_healthz, TCS_COST_LOOKUP, TCS_BODY_NONE},
     {"GET", "/readyz", tcs_get_readyz, TCS_COST_LOOKUP, TCS_BODY_NONE},
@@ -26,8 +26,8 @@ const tcs_route tcs_routes[] = {
     {"PATCH", "/v1/sessions/{id}/scene", tcs_patch_scene, TCS_COST_LOOKUP, TCS_BODY_PATCH},
     {"GET", "/v1/sessions/{id}/frame", tcs_get_frame, TCS_COST_RENDER, TCS_BODY_NONE},
     {"GET", "/v1/sessions/{id}/plan", tcs_get_plan, TCS_COST_RENDER, TCS_BODY_NONE},
-    {"GET", "/v1/sessions/{id}/ray", NULL, TCS_COST_RENDER, TCS_BODY_NONE},
-    {"GET", "/v1/sessions/{id}/pick", NULL, TCS_COST_RENDER, TCS_BODY_NONE},
+    {"GET", "/v1/sessions/{id}/ray", tcs_get_ray, TCS_COST_RENDER, TCS_BODY_NONE},
+    {"GET", "/v1/sessions/{id}/pick", tcs_get_pick, TCS_COST_RENDER, TCS_BODY_NONE},
     {"GET", "/v1/sessions/{id}/stream", tcs_get_stream, TCS_COST_STREAM, TCS_BODY_NONE},
     {"GET", "/v1/sessions/{id}/stream.mjpeg", tcs_get_mjpeg, TCS_COST_STREAM, TCS_BODY_NONE},
     {"GET", "/", tcs_get_static, TCS_COST_LOOKUP, TCS_BODY_NONE},

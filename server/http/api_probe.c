@@ -1,0 +1,124 @@
+/* Questions about one pixel: the verbose ray and the pick. Both ask the reference integrator, off the render thread. */
+#include "renderer/reference/reference.h"
+
+#include "server/http/http.h"
+#include "server/session/session.h"
+
+/* A ray shows something once this much of what lies behind it is hidden: thinner haze is looked through. */
+#define VISIBLE_OPACITY 0.05
+
+typedef struct probe {
+  tcs_task task;
+  tcs_request *request; /* NULL: the client has gone */
+  tc_volume *volume;
+  tc_scene scene;
+  int x, y;
+  cJSON *json;
+  GError *error;
+} probe;
+
+static void leave_probe(tcs_request *request) { ((probe *)request->owner)->request = NULL; }
+
+static void done_probe(tcs_task *task) {
+  probe *p = (probe *)task;
+  if (p->request && p->json)
+    tcs_reply_json(p->request, 200, g_steal_pointer(&p->json));
+  else if (p->request)
+    tcs_reply_error(p->request, p->error);
+  cJSON_Delete(p->json);
+  g_clear_error(&p->error);
+  tc_scene_clear(&p->scene);
+  tc_volume_unref(p->volume);
+  g_free(p);
+}
+
+static void start_probe(tcs_request *request, void (*run)(tcs_task *task)) {
+  tcs_session *session = tcs_session_of(request);
+  if (!session) return;
+  const tc_scene *scene = &session->scene;
+  int x = -1, y = -1;
+  if (!tcs_query(request, "x") || !tcs_query(request, "y")) {
+    tcs_reply_problem(request, 422, "invalid", "Invalid value", "query x and y: give a pixel, 0 at the left and at the top");
+    return;
+  }
+  if (!tcs_query_int(request, "x", 0, scene->image.width - 1, &x) ||
+      !tcs_query_int(request, "y", 0, scene->image.height - 1, &y))
+    return;
+  probe *p = g_new0(probe, 1);
+  *p = (probe){.task = {.run = run, .done = done_probe}, .request = request, .x = x, .y = y};
+  p->volume = tc_volume_ref(session->entry->volume);
+  tc_scene_copy(&p->scene, scene);
+  tcs_defer(request, leave_probe, p);
+  tcs_worker_submit(request->server->walk_worker, &p->task);
+}
+
+/* The ray through the pixel's centre; NULL with p->error set. */
+static tc_reference *trace(probe *p, tc_reference_sample **samples, size_t *count) {
+  tc_reference *r = tc_reference_new(p->volume, &p->scene, p->scene.image.width, p->scene.image.height, 0, &p->error);
+  if (r) tc_reference_ray(r, p->x + 0.5, p->y + 0.5, samples, count);
+  return r;
+}
+
+static cJSON *sample_json(const tc_reference_sample *s) {
+  cJSON *json = cJSON_CreateObject();
+  cJSON_AddItemToObject(json, "position", cJSON_CreateDoubleArray(s->position, 3));
+  cJSON_AddNumberToObject(json, "depth", s->distance_mm);
+  cJSON_AddNumberToObject(json, "length", s->length_mm);
+  cJSON_AddNumberToObject(json, "value", s->value);
+  cJSON_AddItemToObject(json, "color", cJSON_CreateDoubleArray(s->color, 3));
+  cJSON_AddNumberToObject(json, "extinction", s->extinction);
+  cJSON_AddNumberToObject(json, "transparency", s->transparency);
+  return json;
+}
+
+static void run_ray(tcs_task *task) {
+  probe *p = (probe *)task;
+  tc_reference_sample *samples = NULL;
+  size_t count = 0;
+  tc_reference *r = trace(p, &samples, &count);
+  if (!r) return;
+  double rgba[4];
+  tc_reference_pixel(r, p->x + 0.5, p->y + 0.5, rgba);
+  p->json = cJSON_CreateObject();
+  cJSON_AddItemToObject(p->json, "color", cJSON_CreateDoubleArray(rgba, 3));
+  cJSON_AddNumberToObject(p->json, "opacity", rgba[3]);
+  cJSON *list = cJSON_AddArrayToObject(p->json, "samples");
+  for (size_t i = 0; i < count; i++)
+    cJSON_AddItemToArray(list, sample_json(&samples[i]));
+  g_free(samples);
+  tc_reference_free(r);
+}
+
+/* The first piece behind which VISIBLE_OPACITY is reached; in thinner haze the first piece that shows at all. */
+static const tc_reference_sample *first_visible(const tc_reference_sample *samples, size_t count) {
+  const tc_reference_sample *haze = NULL;
+  for (size_t i = 0; i < count; i++) {
+    if (!haze && samples[i].extinction > 0) haze = &samples[i];
+    if (i + 1 < count && 1 - samples[i + 1].transparency >= VISIBLE_OPACITY) return &samples[i];
+  }
+  return haze;
+}
+
+static void run_pick(tcs_task *task) {
+  probe *p = (probe *)task;
+  tc_reference_sample *samples = NULL;
+  size_t count = 0;
+  tc_reference *r = trace(p, &samples, &count);
+  if (!r) return;
+  const tc_reference_sample *hit = first_visible(samples, count);
+  p->json = cJSON_CreateObject();
+  if (hit) {
+    cJSON_AddItemToObject(p->json, "position", cJSON_CreateDoubleArray(hit->position, 3));
+    cJSON_AddNumberToObject(p->json, "value", hit->value);
+    cJSON_AddNumberToObject(p->json, "depth", hit->distance_mm);
+  } else {
+    cJSON_AddNullToObject(p->json, "position");
+    cJSON_AddNullToObject(p->json, "value");
+    cJSON_AddNullToObject(p->json, "depth");
+  }
+  g_free(samples);
+  tc_reference_free(r);
+}
+
+void tcs_get_ray(tcs_request *request) { start_probe(request, run_ray); }
+void tcs_get_pick(tcs_request *request) { start_probe(request, run_pick); }

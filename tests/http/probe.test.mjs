@@ -1,0 +1,55 @@
+// The verbose ray and the pick of one pixel, on a ball of radius 24.8 mm about (41, 51, 61).
+import assert from 'node:assert/strict';
+import { after, before, test } from 'node:test';
+import { Daemon, problem } from '../support/daemon.mjs';
+
+let d;
+before(async () => { d = await Daemon.start(); });
+after(() => d.stop());
+
+const scene = {
+  image: { width: 41, height: 41 },
+  camera: { position: [41, -149, 61], target: [41, 51, 61], up: [0, 0, 1], fovY: 25 },
+  transferFunction: {
+    points: [{ value: 100, color: [1, 0.5, 0.25], extinction: 0 }, { value: 110, color: [1, 0.5, 0.25], extinction: 2 }],
+  },
+};
+
+test('a ray lists every sample from the eye to the far side', async () => {
+  const { links } = await d.session(scene);
+  const { status, json } = await d.get(`${links.self}/ray?x=20&y=20`);
+  assert.equal(status, 200);
+  assert.ok(json.opacity > 0.999 && Math.abs(json.color[1] - 0.5 * json.opacity) < 1e-9, JSON.stringify(json.color));
+  assert.ok(json.samples.length > 31); // the cells between 32 voxels
+  let clear = 1;
+  let depth = 169; // the box's front face
+  for (const sample of json.samples) {
+    assert.ok(Math.abs(sample.depth - depth) < 1e-6, `${sample.depth} after ${depth}`);
+    assert.ok(Math.abs(sample.position[1] - (sample.depth - 149)) < 1e-6);
+    assert.ok(sample.transparency <= clear && sample.transparency >= 0 && sample.extinction >= 0);
+    assert.equal(sample.extinction > 0, sample.value > 100 + 1e-9);
+    depth += sample.length;
+    clear = sample.transparency;
+  }
+  assert.ok(Math.abs(depth - 169 - 62) < 1e-6);
+});
+
+test('a pick is where the ball begins', async () => {
+  const { links } = await d.session(scene);
+  const { json } = await d.get(`${links.self}/pick?x=20&y=20`);
+  assert.ok(Math.hypot(json.position[0] - 41, json.position[2] - 61) < 0.01, JSON.stringify(json));
+  assert.ok(Math.abs(json.position[1] - (51 - 24.8)) < 2, JSON.stringify(json)); // a voxel
+  assert.ok(Math.abs(json.depth - (json.position[1] + 149)) < 1e-6 && json.value >= 100);
+  assert.deepEqual((await d.get(`${links.self}/pick?x=0&y=0`)).json, { position: null, value: null, depth: null });
+  assert.deepEqual((await d.get(`${links.self}/ray?x=0&y=0`)).json, { color: [0, 0, 0], opacity: 0, samples: [] });
+});
+
+test('pixels outside the picture and missing ones are refused', async () => {
+  const { links } = await d.session(scene);
+  for (const what of ['ray', 'pick']) {
+    for (const query of ['', '?x=1', '?x=41&y=0', '?x=-1&y=0', '?x=1.5&y=0', '?x=a&y=0']) {
+      problem(await d.get(`${links.self}/${what}${query}`), 422);
+    }
+    problem(await d.get(`/v1/sessions/00000000000000000000000000000000/${what}?x=1&y=1`), 404);
+  }
+});
