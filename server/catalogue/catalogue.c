@@ -89,6 +89,13 @@ static void run_load(tcs_task *task) {
 /* An importer names the file it was given; a client must see its own name for it instead. */
 static char *reason_for_client(const tcs_load *load) {
   GString *text = g_string_new(load->error ? load->error->message : "failed");
+  char *base = g_path_get_basename(load->source.path); /* tc_import() begins with "open BASE: ", as long as this */
+  const gsize length = strlen(base);
+  if (g_str_has_prefix(text->str, "open ") && text->len > 5 + length && text->str[5 + length] == ':') {
+    g_string_erase(text, 5, (gssize)length);
+    g_string_insert(text, 5, load->name);
+  }
+  g_free(base);
   g_string_replace(text, load->source.path, load->name, 0);
   const char *data = load->catalogue->server->config->data;
   if (data) g_string_replace(text, data, "DATA", 0);
@@ -123,7 +130,9 @@ static void done_load(tcs_task *task) {
     entry->state = TCS_FAILED;
     entry->reason = reason_for_client(load);
     server->metrics.volume_failures++;
-    tcs_log(TCS_LOG_WARN, "volume.failed", "code=%d", load->error ? load->error->code : -1);
+    const char *reason = load->source.operators ? entry->reason : NULL;
+    tcs_log(TCS_LOG_WARN, "volume.failed", "code=%d%s%s", load->error ? load->error->code : -1,
+            reason ? " reason=" : "", reason ? reason : "");
   }
   g_clear_error(&load->error);
   g_free(load->source.path);

@@ -25,6 +25,7 @@ typedef struct tcs_source_file {
   char *path;       /* what tc_import() opens; owned */
   const char *name; /* what a client may see in its place in messages */
   bool temporary;   /* delete it once it is loaded or has failed */
+  bool operators;   /* the operator named it: the log says why it failed. A client's file might name a patient */
 } tcs_source_file;
 
 tcs_catalogue *tcs_catalogue_new(tcs_server *server);

@@ -141,7 +141,7 @@ static bool start_workers(tcs_server *server, GError **error) {
 static bool load_volumes(serve_daemon *d, GError **error) {
   for (guint i = 0; i < d->config.volumes->len; i++) {
     const tcs_named_path *named = g_ptr_array_index(d->config.volumes, i);
-    tcs_source_file source = {.path = g_strdup(named->path), .name = named->id};
+    tcs_source_file source = {.path = g_strdup(named->path), .name = named->id, .operators = true};
     if (!tcs_catalogue_load(d->server.catalogue, named->id, &source, error)) return false;
   }
   return true;

@@ -33,6 +33,16 @@ test('an address that is taken exits 1', async () => {
   await d.stop();
 });
 
+test('a volume of the command line that does not load is told why, in one line', async () => {
+  const d = await Daemon.start({ ball: false, args: ['--volume', 'ct=/does/not/doe.nii', '--volume', 'sound=demo:bucky'] });
+  await d.resident('sound');
+  assert.equal((await d.get('/v1/volumes/ct')).json.reason, 'open ct: no such file or folder');
+  await d.stop();
+  const lines = d.stderr.split('\n').filter((line) => line.includes('volume.failed'));
+  assert.equal(lines.length, 1);
+  assert.match(lines[0], /warn volume\.failed code=\d+ reason=open ct: no such file or folder$/);
+});
+
 test('it serves with no volume at all', async () => {
   const d = await Daemon.start({ ball: false });
   assert.deepEqual((await d.get('/v1/volumes')).json.volumes, []);
