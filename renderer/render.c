@@ -151,7 +151,10 @@ static void finish_plan(tc_renderer *r, tc_plan *plan, const frame_resources *ha
   if (stats) {
     table->ms = stats->tables_ms;
     skipping->ms = stats->skip_ms;
+    return;
   }
+  table->ms = have->table ? have->table->build_ms : 0;
+  skipping->ms = (have->minmax ? have->minmax->build_ms : 0) + (have->leap ? have->leap->build_ms : 0);
 }
 
 bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_scene *scene, tc_plan *plan, GError **error) {

@@ -132,6 +132,16 @@ test('the plan lists its stages with reasons', async () => {
   const { json } = await d.get(links.plan);
   assert.ok(json.stages.length > 5);
   for (const stage of json.stages) assert.ok(stage.reason.length > 0, stage.name);
+  const table = async () => (await d.get(links.plan)).json.stages.find(({ name }) => name === 'table-2d');
+  const first = await table();
+  assert.ok(first.ms > 0 && first.bytes > 0, JSON.stringify(first));
+  await d.patch(links.scene, { camera: { fovY: 20 } });
+  await d.get(links.frame);
+  assert.deepEqual(await table(), first, 'a camera builds nothing');
+  await d.patch(links.scene, { transferFunction: { preset: 'ct-bone' } });
+  assert.deepEqual([(await table()).ms, (await table()).bytes], [0, 0], 'not built before it is needed');
+  await d.get(links.frame);
+  assert.notEqual((await table()).ms, first.ms, 'colours build a table');
   assert.ok(json.stages.some(({ included }) => included) && json.stages.some(({ included }) => !included));
 });
 
