@@ -174,6 +174,11 @@ function showFrame(drawn) {
   get('empty').hidden = true;
 }
 
+function withholdMeter() {
+  get('meter').disabled = true;
+  get('meter').labels[0].title = 'Not in this version of the daemon';
+}
+
 /** The daemon refused a patch. What it does not offer is said once and quietly, and not offered again. */
 function refused(error, patch) {
   if (error.status !== 501 || !patch) {
@@ -181,7 +186,7 @@ function refused(error, patch) {
     return;
   }
   panels.withdraw(patch);
-  if (patch.errorMeter) get('meter').disabled = true;
+  if (patch.errorMeter) withholdMeter();
   notices.line(error.message);
 }
 
@@ -390,6 +395,8 @@ async function start() {
     const [about, presets] = await Promise.all([api.json('GET', 'v1/about'), api.json('GET', 'v1/presets')]);
     status.server([about.name, about.version, about.backend, about.device].filter(Boolean).join(' \u00b7 '));
     look.setPresets(presets);
+    panels.withhold(about.unavailable);
+    if (about.unavailable?.['errorMeter.pixels']) withholdMeter();
     if (!(await opening.fromAddress(location))) volumeDialog.open();
   } catch (error) {
     failed(error);

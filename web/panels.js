@@ -75,9 +75,27 @@ export class Panels {
   withdraw(patch) {
     for (const menu of this.#root.querySelectorAll('select[data-path]')) {
       const value = valueAt(patch, menu.dataset.path);
-      const option = [...menu.options].find((candidate) => value !== undefined && candidate.value === String(value));
-      if (option) option.disabled = true;
+      this.#withhold(menu, value);
     }
+  }
+
+  /** What the daemon says that it does not offer. @param unavailable {dotted path: [values]} */
+  withhold(unavailable = {}) {
+    for (const [path, values] of Object.entries(unavailable)) {
+      for (const control of this.#root.querySelectorAll(`[data-path="${path}"]`)) {
+        if (control.type === 'checkbox') control.disabled = values.includes(true);
+        else if (control.options) for (const value of values) this.#withhold(control, value);
+      }
+    }
+  }
+
+  #withhold(menu, value) {
+    const option = [...menu.options].find((candidate) => value !== undefined && candidate.value === String(value));
+    if (!option || option.disabled) return;
+    option.disabled = true;
+    option.value = String(value); // else the text would be it
+    option.title = 'Not in this version of the daemon';
+    option.text += ' (not in this version)';
   }
 
   update() {

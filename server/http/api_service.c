@@ -4,6 +4,7 @@
 #include "renderer/embedded.h"
 #include "server/catalogue/catalogue.h"
 #include "server/http/http.h"
+#include "server/session/session.h"
 
 static void reply_status(tcs_request *request, int status, const char *text) {
   cJSON *json = cJSON_CreateObject();
@@ -60,6 +61,7 @@ void tcs_get_about(tcs_request *request) {
     memcpy(&value, (const char *)&server->config->limits + fields[i].offset, sizeof value);
     cJSON_AddNumberToObject(limits, fields[i].json, (double)value);
   }
+  cJSON_AddItemToObject(json, "unavailable", tcs_unavailable());
   tcs_reply_json(request, 200, json);
 }
 

@@ -50,6 +50,9 @@ void tcs_sessions_end_of(tcs_sessions *sessions, const tcs_entry *entry);
 bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, tc_volume **labels,
                      GError **error);
 /* The defaults for a volume, with `patch` (may be NULL) on top. *scene holds nothing before, nor after a failure. */
+/* What this version answers with TC_ERROR_UNSUPPORTED: values by the dotted path of their member. Any thread. */
+cJSON *tcs_unavailable(void);
+
 bool tcs_scene_make(tcs_server *server, const tc_volume *volume, const cJSON *patch, tc_scene *scene, GError **error);
 
 /* Merge patch onto the scene, or onto the defaults when `whole`. On failure the scene stays. */

@@ -31,21 +31,45 @@ describe('page and daemon', { skip }, () => {
 
   for (const [name, scenario] of Object.entries(EVERYWHERE)) test(name, () => scenario(browser, url));
 
-  test('every mode either shows a picture or is declined in one quiet line', async () => {
+  test('every mode either shows a picture or is not offered', async () => {
     const { page } = await open(browser, url);
-    const modes = await page.evaluate(() => [...document.getElementById('mode').options].map(({ value }) => value));
+    const { unavailable } = await (await fetch(`${daemon.url}v1/about`)).json();
+    const options = await page.evaluate(() =>
+      [...document.getElementById('mode').options].map(({ value, disabled, text }) => ({ value, disabled, text })),
+    );
+    for (const { value, disabled, text } of options) {
+      assert.equal(disabled, (unavailable.mode ?? []).includes(value), value);
+      if (disabled) assert.match(text, /not in this version/);
+    }
+    const modes = options.filter(({ disabled }) => !disabled).map(({ value }) => value);
     for (const mode of modes.filter((mode) => mode !== 'dvr')) {
       await page.selectOption('#mode', 'dvr');
       await settled(page);
       await page.selectOption('#mode', mode);
       const picture = await settled(page);
       await page.waitForTimeout(200);
-      const declined = await page.isVisible('#mode-line');
-      assert.equal(await page.inputValue('#mode'), declined ? 'dvr' : mode, mode);
+      assert.ok(await page.isHidden('#mode-line'), mode);
+      assert.equal(await page.inputValue('#mode'), mode);
       assert.ok(spread(picture) > 40, `${mode} shows something`);
       assert.equal(await page.locator('.toast').count(), 0, mode);
     }
     assert.deepEqual(page.complaints, []);
+    await page.close();
+  });
+
+  test('what the daemon does not offer cannot be chosen, all else can', async () => {
+    const { page } = await open(browser, url);
+    const { unavailable } = await (await fetch(`${daemon.url}v1/about`)).json();
+    for (const path of ['classification', 'filter', 'shading.model', 'sampling.raysPerPixel']) {
+      const options = await page.evaluate(
+        (name) =>
+          [...document.querySelector(`select[data-path="${name}"]`).options].map(({ value, disabled }) => [value, disabled]),
+        path,
+      );
+      const refused = (unavailable[path] ?? []).map(String);
+      for (const [value, disabled] of options) assert.equal(disabled, refused.includes(value), `${path} ${value}`);
+    }
+    assert.equal(await page.isDisabled('#meter'), 'errorMeter.pixels' in unavailable);
     await page.close();
   });
 

@@ -188,7 +188,7 @@ describe('page and fake server', { skip }, () => {
     await page.waitForSelector('#mode-line:not([hidden])');
     assert.equal(await page.textContent('#mode-line'), 'mesh is not built in');
     await page.waitForFunction(() => document.getElementById('mode').value === 'dvr');
-    assert.ok(await page.isDisabled('#mode option[value="mesh"]'));
+    assert.ok(await page.evaluate(() => document.querySelector('#mode option[value="mesh"]').disabled));
     assert.equal(await page.locator('.toast').count(), 0);
     await page.selectOption('#mode', 'mip');
     assert.ok(await page.isHidden('#mode-line'));

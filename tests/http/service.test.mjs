@@ -19,6 +19,14 @@ test('about names back end, reason and limits', async () => {
   assert.ok(json.why.length > 0 && json.device.length > 0);
   assert.deepEqual([json.limits.imageSide, json.limits.sessions, json.limits.clients, json.limits.bodyBytes, json.limits.window],
     [8192, 256, 1024, 1048576, 2]);
+  assert.ok(!JSON.stringify(json.unavailable).includes('"dvr"'));
+  const { links } = await d.session();
+  for (const [path, values] of Object.entries(json.unavailable)) {
+    for (const value of values) {
+      const patch = path.split('.').reduceRight((inner, name) => ({ [name]: inner }), value);
+      problem(await d.patch(links.scene, patch), 501);
+    }
+  }
 });
 
 test('replies fit the OpenAPI document', async () => {
