@@ -4,7 +4,9 @@
 
 #include "renderer/classify/classify.h"
 #include "renderer/pool.h"
+#include "renderer/raycast/grey.h"
 #include "renderer/raycast/rays.h"
+#include "renderer/skip/bounds.h"
 #include "renderer/skip/skip.h"
 #include "renderer/tomocast.h"
 
@@ -15,7 +17,9 @@ typedef struct tc_job {
   const tc_volume *volume;
   const tc_rays *rays;
   const tc_table *table; /* NULL when the plan has none */
-  const tc_leap *leap;   /* NULL unless plan->key.skipping */
+  const tc_leap *leap;   /* NULL unless plan->key.skipping in a mode that composites */
+  const tc_grey *grey;   /* NULL unless the mode projects */
+  const tc_bounds *bounds; /* NULL unless plan->key.skipping in mip and minip */
   const atomic_bool *cancel; /* may be NULL */
   bool want_linear;
   tc_frame *frame; /* width, height set; buffers allocated; stats.samples and .rays to be filled */
@@ -50,5 +54,7 @@ typedef struct tc_resolve {
 } tc_resolve;
 void tc_resolve_init(tc_resolve *resolve, const tc_scene *scene);
 void tc_resolve_row(const tc_resolve *resolve, const float *linear, uint8_t *rgba, int count);
+/* Greys of a projection are display values: to linear light, in place, for a scene that composites there. */
+void tc_resolve_decode_greys(float *linear, int count);
 
 #endif

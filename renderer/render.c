@@ -109,6 +109,8 @@ typedef struct frame_resources {
   const tc_table *table;
   const tc_minmax *minmax;
   const tc_leap *leap;
+  const tc_bounds *bounds;
+  tc_grey grey; /* of a projection */
 } frame_resources;
 
 /* Under this share of empty blocks the leaping loop costs more than it saves. */
@@ -121,8 +123,20 @@ static void drop_leaping(tc_plan *plan, const tc_leap *leap) {
   snprintf(stage->reason, sizeof stage->reason, "only %.1f %% of the blocks are empty", 100 * leap->empty_share);
 }
 
+static bool gather_projection(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, const tc_plan *plan,
+                              frame_resources *have, tc_frame_stats *stats, GError **error) {
+  have->grey = tc_grey_make(volume, scene);
+  if (!plan->key.skipping) return true;
+  int block = tc_skip_block(scene->skipping.block);
+  have->minmax = tc_resources_minmax(r->resources, volume, block, &stats->skip_ms, error);
+  if (have->minmax)
+    have->bounds = tc_resources_bounds(r->resources, volume, have->minmax, &have->grey, &stats->skip_ms, error);
+  return have->bounds != NULL;
+}
+
 static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, tc_plan *plan, frame_resources *have,
                    tc_frame_stats *stats, GError **error) {
+  if (tc_is_projection(scene->mode)) return gather_projection(r, volume, scene, plan, have, stats, error);
   tc_table_params params = tc_table_params_for(volume, scene, plan->step_mm);
   have->table = tc_resources_table(r->resources, &params, &stats->tables_ms, error);
   if (!have->table) return false;
@@ -143,6 +157,7 @@ static void finish_plan(tc_renderer *r, tc_plan *plan, const frame_resources *ha
   tc_plan_stage *table = &plan->stages[TC_STAGE_TABLE_2D], *skipping = &plan->stages[TC_STAGE_SKIPPING];
   if (have->table) table->bytes = have->table->bytes;
   if (have->minmax) skipping->bytes += have->minmax->bytes;
+  if (have->bounds) skipping->bytes += have->bounds->bytes;
   if (have->leap) {
     skipping->bytes += have->leap->bytes;
     snprintf(skipping->reason, sizeof skipping->reason, "%.1f %% of the blocks of %d voxels are empty",
@@ -154,13 +169,29 @@ static void finish_plan(tc_renderer *r, tc_plan *plan, const frame_resources *ha
     return;
   }
   table->ms = have->table ? have->table->build_ms : 0;
-  skipping->ms = (have->minmax ? have->minmax->build_ms : 0) + (have->leap ? have->leap->build_ms : 0);
+  skipping->ms = (have->minmax ? have->minmax->build_ms : 0) + (have->leap ? have->leap->build_ms : 0) +
+                 (have->bounds ? have->bounds->build_ms : 0);
+}
+
+static void find_projection(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, const tc_plan *plan,
+                            frame_resources *have) {
+  have->grey = tc_grey_make(volume, scene);
+  if (!plan->key.skipping) return;
+  int block = tc_skip_block(scene->skipping.block);
+  have->minmax = tc_resources_find_minmax(r->resources, volume, block);
+  have->bounds = tc_resources_find_bounds(r->resources, volume, block, &have->grey);
 }
 
 bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_scene *scene, tc_plan *plan, GError **error) {
   if (!tc_plan_make(volume, scene, scene->image.width, scene->image.height, plan, error)) return false;
+  frame_resources have = {0};
+  if (tc_is_projection(scene->mode)) {
+    find_projection(renderer, volume, scene, plan, &have);
+    finish_plan(renderer, plan, &have, NULL);
+    return true;
+  }
   tc_table_params params = tc_table_params_for(volume, scene, plan->step_mm);
-  frame_resources have = {.table = tc_resources_find_table(renderer->resources, &params)};
+  have.table = tc_resources_find_table(renderer->resources, &params);
   if (have.table && plan->key.skipping) {
     int block = tc_skip_block(scene->skipping.block);
     have.minmax = tc_resources_find_minmax(renderer->resources, volume, block);
@@ -190,7 +221,7 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   tc_rays rays;
   tc_rays_set_up(&rays, volume, scene, width, height);
   tc_job job = {.plan = plan, .scene = scene, .volume = volume, .rays = &rays, .table = have.table, .leap = have.leap,
-                .cancel = request->cancel, .want_linear = request->want_linear, .frame = frame};
+                .grey = tc_is_projection(scene->mode) ? &have.grey : NULL, .bounds = have.bounds, .cancel = request->cancel, .want_linear = request->want_linear, .frame = frame};
   double start = now_ms();
   if (!renderer->ops->render(renderer->instance, &job, error)) return false;
   frame->stats.render_ms = now_ms() - start;

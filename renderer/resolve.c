@@ -8,11 +8,14 @@
 /* Linear light -> sRGB by a table of 4096 steps with interpolation: within 0.1 of an 8-bit step everywhere but the toe, which
  * is the straight part of the curve and computed. */
 #define SRGB_STEPS 4096
-static float srgb_table[SRGB_STEPS + 2];
+static float srgb_table[SRGB_STEPS + 2], light_table[SRGB_STEPS + 2]; /* linear light -> sRGB, and back */
 static pthread_once_t srgb_once = PTHREAD_ONCE_INIT;
 
 static void fill_srgb(void) {
-  for (int i = 0; i < SRGB_STEPS + 2; i++) srgb_table[i] = (float)tc_linear_to_srgb((double)i / SRGB_STEPS);
+  for (int i = 0; i < SRGB_STEPS + 2; i++) {
+    srgb_table[i] = (float)tc_linear_to_srgb((double)i / SRGB_STEPS);
+    light_table[i] = (float)tc_srgb_to_linear((double)i / SRGB_STEPS);
+  }
 }
 
 static float encode_srgb(float c) {
@@ -73,5 +76,14 @@ void tc_resolve_row(const tc_resolve *r, const float *linear, uint8_t *rgba, int
       for (int k = 0; k < 3; k++) c[k] = encode_srgb(c[k] < 1 ? c[k] : 1);
     for (int k = 0; k < 3; k++) rgba[k] = to_byte(c[k]);
     rgba[3] = r->transparent ? to_byte(alpha) : 255;
+  }
+}
+
+void tc_resolve_decode_greys(float *linear, int count) {
+  pthread_once(&srgb_once, fill_srgb);
+  for (int k = 0; k < count; k++, linear += 4) {
+    float x = linear[0] * SRGB_STEPS;
+    int i = (int)x;
+    linear[0] = linear[1] = linear[2] = light_table[i] + (x - (float)i) * (light_table[i + 1] - light_table[i]);
   }
 }

@@ -4,11 +4,11 @@
 #include <string.h>
 
 /* One list holds all kinds, so that one budget and one rule of age serve them. */
-typedef enum item_kind { ITEM_TABLE, ITEM_MINMAX, ITEM_LEAP } item_kind;
+typedef enum item_kind { ITEM_TABLE, ITEM_MINMAX, ITEM_LEAP, ITEM_BOUNDS } item_kind;
 
 typedef struct item {
   item_kind kind;
-  void *thing; /* tc_table, tc_minmax or tc_leap; owned */
+  void *thing; /* tc_table, tc_minmax, tc_leap or tc_bounds; owned */
   size_t bytes;
   uint64_t last_use;
   uint64_t volume, table; /* serials it belongs to */
@@ -41,6 +41,7 @@ static void drop(tc_resources *r, int i) {
   case ITEM_TABLE: tc_table_free(it->thing); break;
   case ITEM_MINMAX: tc_minmax_free(it->thing); break;
   case ITEM_LEAP: tc_leap_free(it->thing); break;
+  case ITEM_BOUNDS: tc_bounds_free(it->thing); break;
   }
   if (it->tf) free(it->tf->points);
   free(it->tf);
@@ -204,6 +205,35 @@ const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const
   it->block = minmax->block;
   *ms += leap->build_ms;
   return leap;
+}
+
+const tc_bounds *tc_resources_find_bounds(tc_resources *r, const tc_volume *volume, int block, const tc_grey *grey) {
+  for (int i = 0; i < r->count; i++) {
+    item *it = &r->items[i];
+    if (it->kind != ITEM_BOUNDS || it->volume != tc_volume_serial(volume) || it->block != block) continue;
+    const tc_grey *have = &((const tc_bounds *)it->thing)->grey;
+    if (have->turn == grey->turn && have->floor == grey->floor && have->stop == grey->stop) return used(r, it);
+  }
+  return NULL;
+}
+
+const tc_bounds *tc_resources_bounds(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_grey *grey,
+                                     double *ms, GError **error) {
+  const tc_bounds *found = tc_resources_find_bounds(r, volume, minmax->block, grey);
+  if (found) return found;
+  tc_bounds *bounds = tc_bounds_build(minmax, grey, error);
+  if (!bounds) return NULL;
+  item *it = make_room(r, ITEM_BOUNDS, bounds->bytes);
+  if (!it) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "bounds of the blocks: out of memory");
+    tc_bounds_free(bounds);
+    return NULL;
+  }
+  it->thing = bounds;
+  it->volume = tc_volume_serial(volume);
+  it->block = minmax->block;
+  *ms += bounds->build_ms;
+  return bounds;
 }
 
 void tc_resources_forget(tc_resources *r, uint64_t volume_serial) {

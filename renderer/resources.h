@@ -5,6 +5,7 @@
 #define TC_RENDERER_RESOURCES_H
 
 #include "renderer/classify/classify.h"
+#include "renderer/skip/bounds.h"
 #include "renderer/skip/skip.h"
 
 typedef struct tc_resources tc_resources;
@@ -21,10 +22,14 @@ const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, i
 const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_table *table,
                                  double *ms, GError **error);
 
+const tc_bounds *tc_resources_bounds(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_grey *grey,
+                                     double *ms, GError **error);
+
 /* Find only: NULL when it is not there now. */
 const tc_table *tc_resources_find_table(tc_resources *r, const tc_table_params *params);
 const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int block);
 const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int block, const tc_table *table);
+const tc_bounds *tc_resources_find_bounds(tc_resources *r, const tc_volume *volume, int block, const tc_grey *grey);
 
 /* Drops what belongs to a volume. */
 void tc_resources_forget(tc_resources *r, uint64_t volume_serial);

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "renderer/classify/classify.h"
+#include "renderer/raycast/grey.h"
 #include "renderer/skip/skip.h"
 
 /* A ray takes at most this many samples: more is a mistake in the scene, and float positions end there. */
@@ -78,10 +79,23 @@ static bool check_transfer_function(const tc_transfer_function *tf, GError **err
   return true;
 }
 
+/* What a mode does not read is not checked. */
+static bool check_window(const tc_scene *scene, GError **error) {
+  if (!isfinite(scene->window.center)) return invalid(error, "/window/center", "a finite number wanted");
+  if (!(scene->window.width > 0) || !isfinite(scene->window.width))
+    return invalid(error, "/window/width", "a finite number above 0 wanted");
+  return true;
+}
+
+static bool check_look(const tc_scene *scene, GError **error) {
+  if (tc_is_projection(scene->mode)) return check_window(scene, error);
+  return check_transfer_function(&scene->transfer_function, error);
+}
+
 static bool check_sampling(const tc_volume *volume, const tc_scene *scene, GError **error) {
   double step = scene->sampling.step;
   if (!(step > 0) || !isfinite(step)) return invalid(error, "/sampling/step", "voxels above 0 wanted");
-  if (!(scene->sampling.termination >= 0 && scene->sampling.termination < 1))
+  if (!tc_is_projection(scene->mode) && !(scene->sampling.termination >= 0 && scene->sampling.termination < 1))
     return invalid(error, "/sampling/termination", "a transparency from 0 to below 1 wanted");
   const tc_volume_desc *d = tc_volume_describe(volume);
   double least = fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2])), diagonal = 0;
@@ -127,22 +141,47 @@ static bool unsupported(GError **error, const char *pointer, const char *what) {
   return false;
 }
 
-static bool check_built(const tc_scene *s, GError **error) {
-  static const char *const modes[TC_MODE_COUNT] = {"dvr", "mip", "minip", "average", "isosurface", "mesh", "splat", "mpr"};
-  if ((unsigned)s->mode >= TC_MODE_COUNT) return invalid(error, "/mode", "unknown");
-  if (s->mode != TC_MODE_DVR) return unsupported(error, "/mode", modes[s->mode]);
+static const char *const modes[TC_MODE_COUNT] = {"dvr",        "mip",  "minip", "average",
+                                                 "isosurface", "mesh", "splat", "mpr"};
+
+/* Only what compositing reads. */
+static bool check_compositing_built(const tc_scene *s, GError **error) {
   if (s->classification != TC_PREINTEGRATED)
     return unsupported(error, "/classification", "any classification but preintegrated");
   if (s->order != TC_FRONT_TO_BACK) return unsupported(error, "/order", "back-to-front");
+  if (s->shading.model != TC_SHADING_NONE) return unsupported(error, "/shading/model", "shading");
+  return true;
+}
+
+static bool check_built(const tc_scene *s, GError **error) {
+  if ((unsigned)s->mode >= TC_MODE_COUNT) return invalid(error, "/mode", "unknown");
+  bool projection = tc_is_projection(s->mode);
+  if (s->mode != TC_MODE_DVR && !projection) return unsupported(error, "/mode", modes[s->mode]);
+  if (!projection && !check_compositing_built(s, error)) return false;
   if (s->filter != TC_FILTER_LINEAR) return unsupported(error, "/filter", "any filter but linear");
   if (s->sampling.rays_per_pixel != 1) return unsupported(error, "/sampling/raysPerPixel", "more than one ray a pixel");
   if (s->sampling.coherence) return unsupported(error, "/sampling/coherence", "sub-pixel coherence");
   if (s->sampling.jitter) return unsupported(error, "/sampling/jitter", "jitter");
-  if (s->shading.model != TC_SHADING_NONE) return unsupported(error, "/shading/model", "shading");
   if (s->labels.volume[0]) return unsupported(error, "/labels", "a label volume");
   if (s->quality.max_error > 0 || s->quality.max_ms > 0) return unsupported(error, "/quality", "quality control");
   if (s->error_meter.pixels) return unsupported(error, "/errorMeter", "the error meter");
   return true;
+}
+
+/* The stages that a projection has in another way than dvr: everything about transfer functions is out. */
+static void plan_projection_stages(tc_plan *plan, const tc_scene *s) {
+  const char *mode = modes[s->mode];
+  stage(plan, TC_STAGE_TABLE_1D, false, "mode %s reads the window, not the transfer function", mode);
+  stage(plan, TC_STAGE_TABLE_2D, false, "mode %s reads the window, not the transfer function", mode);
+  stage(plan, TC_STAGE_GRADIENT, false, "mode %s is not shaded", mode);
+  stage(plan, TC_STAGE_SKIPPING, plan->key.skipping,
+        s->skipping.mode == TC_SKIPPING_OFF ? "skipping.mode is off"
+        : s->mode == TC_MODE_AVERAGE        ? "mode average counts every sample"
+        : s->mode == TC_MODE_MIP            ? "blocks whose maximum cannot raise a ray's are left out"
+                                            : "blocks whose minimum cannot lower a ray's are left out");
+  stage(plan, TC_STAGE_TERMINATION, false, "mode %s ends rays where no other grey can follow", mode);
+  stage(plan, TC_STAGE_RESOLVE, true, "window %.6g / %.6g to grey, background, 8 bits of %dx%d pixels", s->window.center,
+        s->window.width, plan->width, plan->height);
 }
 
 static void plan_stages(tc_plan *plan, const tc_scene *s) {
@@ -174,35 +213,44 @@ static void plan_stages(tc_plan *plan, const tc_scene *s) {
   stage(plan, TC_STAGE_ENCODE, true, s->image.format == TC_FORMAT_PNG ? "png, lossless" : "jpeg, quality %d",
         s->image.quality);
   stage(plan, TC_STAGE_ERROR_METER, false, "errorMeter is off");
+  if (tc_is_projection(s->mode)) plan_projection_stages(plan, s);
+}
+
+static void plan_compositing(tc_plan *plan, const tc_volume *volume, const tc_scene *scene) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  const tc_volume_stats *range = tc_volume_statistics(volume);
+  plan->key.classification = (uint8_t)scene->classification;
+  plan->key.order = (uint8_t)scene->order;
+  plan->key.shading = (uint8_t)scene->shading.model;
+  plan->key.termination = scene->sampling.termination > 0;
+  plan->key.skipping = scene->skipping.mode == TC_SKIPPING_AUTO &&
+                       tc_skip_possible(&scene->transfer_function, range->min, range->max);
+  double lo, hi;
+  tc_table_choose(volume, &scene->transfer_function, &plan->table_size, &lo, &hi);
+  plan->table_lo = d->slope * lo + d->intercept;
+  plan->table_hi = d->slope * hi + d->intercept;
 }
 
 bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_plan *plan, GError **error) {
   memset(plan, 0, sizeof *plan);
   if (!check_built(scene, error) || !check_image(width, height, error) || !check_camera(&scene->camera, error) ||
-      !check_transfer_function(&scene->transfer_function, error) || !check_sampling(volume, scene, error) ||
-      !check_clipping(scene, error))
+      !check_look(scene, error) || !check_sampling(volume, scene, error) || !check_clipping(scene, error))
     return false;
   const tc_volume_desc *d = tc_volume_describe(volume);
   plan->key = (tc_plan_key){.mode = (uint8_t)scene->mode,
                             .voxel_type = (uint8_t)d->type,
-                            .classification = (uint8_t)scene->classification,
-                            .order = (uint8_t)scene->order,
                             .filter = (uint8_t)scene->filter,
                             .projection = (uint8_t)scene->camera.projection,
-                            .shading = (uint8_t)scene->shading.model,
-                            .termination = scene->sampling.termination > 0,
                             .clipping = scene->clip.has_box || scene->clip.n_planes > 0};
-  const tc_volume_stats *range = tc_volume_statistics(volume);
-  plan->key.skipping = scene->skipping.mode == TC_SKIPPING_AUTO &&
-                       tc_skip_possible(&scene->transfer_function, range->min, range->max);
+  if (!tc_is_projection(scene->mode))
+    plan_compositing(plan, volume, scene);
+  else
+    plan->key.skipping = scene->skipping.mode == TC_SKIPPING_AUTO && scene->mode != TC_MODE_AVERAGE;
   plan->width = width;
   plan->height = height;
   plan->step_mm = scene->sampling.step * fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2]));
-  double lo, hi;
-  tc_table_choose(volume, &scene->transfer_function, &plan->table_size, &lo, &hi);
-  plan->table_lo = d->slope * lo + d->intercept;
-  plan->table_hi = d->slope * hi + d->intercept;
   plan_stages(plan, scene);
-  snprintf(plan->kernel, sizeof plan->kernel, "dvr.preintegrated.linear.%s", tc_voxel_type_name(d->type));
+  snprintf(plan->kernel, sizeof plan->kernel, "%s.linear.%s",
+           scene->mode == TC_MODE_DVR ? "dvr.preintegrated" : modes[scene->mode], tc_voxel_type_name(d->type));
   return true;
 }

@@ -1,6 +1,9 @@
 /* The render plan: the one place that decides what a frame needs, and the key of every kernel and shader variant.
  *
- * Plain values computed from scene + volume. Stages are listed with a reason whether in or out. */
+ * Plain values computed from scene + volume. Stages are listed with a reason whether in or out.
+ *
+ * The projections (mip, minip, average) see the field through the window alone: transferFunction, classification, order,
+ * shading and sampling.termination have no meaning for them; they are neither read nor refused, and are 0 in the key. */
 #ifndef TC_RENDERER_PLAN_H
 #define TC_RENDERER_PLAN_H
 
@@ -59,7 +62,7 @@ typedef struct tc_plan {
   tc_plan_stage stages[TC_STAGE_COUNT];
   int width, height;
   double step_mm;       /* world length of a full segment */
-  int table_size;       /* entries per side of the table; 0 = none */
+  int table_size;       /* entries per side of the table; 0 = none (projections) */
   double table_lo, table_hi; /* values (volume's unit) of the first and last entry */
   char kernel[64];      /* name of the variant that runs, e.g. "dvr.preintegrated.linear.u16.avx512" */
 } tc_plan;

@@ -111,6 +111,20 @@ bool tc_ref_transfer_empty(const tc_ref_transfer *transfer, double lo, double hi
 double tc_ref_span_extinction(const tc_ref_span *span, double fraction);
 void tc_ref_span_color(const tc_ref_span *span, double fraction, double rgb[3]);
 
+/* projection.c: what a ray met, by the field alone, and the window that makes it grey (compositing space). */
+typedef struct tc_ref_extent {
+  double lo, hi;           /* INFINITY and -INFINITY before the first cell */
+  double integral, length; /* over mm */
+} tc_ref_extent;
+
+typedef struct tc_ref_window {
+  double center, width;
+  bool linear_light;
+} tc_ref_window;
+
+void tc_ref_extent_add(tc_ref_extent *extent, const tc_ref_cell *cell);
+double tc_ref_window_grey(const tc_ref_window *window, double value);
+
 /* quadrature.c: adds one piece behind what was met so far. */
 typedef struct tc_ref_light {
   double color[3], transparency;

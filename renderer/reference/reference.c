@@ -15,16 +15,38 @@ struct tc_reference {
   tc_ref_camera camera;
   tc_ref_clip clip;
   tc_ref_field field;
-  tc_ref_transfer transfer;
+  tc_ref_transfer transfer; /* dvr */
+  tc_mode mode;
+  tc_ref_window window; /* projections */
   double tolerance;
 };
 
+static bool is_projection(tc_mode mode) {
+  return mode == TC_MODE_MIP || mode == TC_MODE_MINIP || mode == TC_MODE_AVERAGE;
+}
+
 static const char *unsupported_member(const tc_scene *scene) {
-  if (scene->mode != TC_MODE_DVR) return "/mode";
+  if (scene->mode != TC_MODE_DVR && !is_projection(scene->mode)) return "/mode";
   if (scene->filter != TC_FILTER_LINEAR) return "/filter";
-  if (scene->shading.model != TC_SHADING_NONE) return "/shading/model";
+  if (scene->shading.model != TC_SHADING_NONE && scene->mode == TC_MODE_DVR) return "/shading/model";
   if (scene->labels.volume[0]) return "/labels/volume";
   return NULL;
+}
+
+/* The transfer function, or the window: what the mode reads. */
+static bool set_up_look(tc_reference *r, const tc_scene *scene, GError **error) {
+  r->mode = scene->mode;
+  if (!is_projection(scene->mode)) {
+    if (tc_ref_transfer_set_up(&r->transfer, &scene->transfer_function, scene->image.linear_light)) return true;
+    tc_set_error(error, TC_ERROR_INVALID, "/transferFunction",
+                 "reference: transfer function: at least one knot wanted, all "
+                 "finite, values ascending");
+    return false;
+  }
+  r->window = (tc_ref_window){scene->window.center, scene->window.width, scene->image.linear_light};
+  if (isfinite(r->window.center) && isfinite(r->window.width) && r->window.width > 0) return true;
+  tc_set_error(error, TC_ERROR_INVALID, "/window", "reference: window: a finite center and a width above 0 wanted");
+  return false;
 }
 
 tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int width, int height, double tolerance,
@@ -32,7 +54,7 @@ tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int wid
   const char *member = unsupported_member(scene);
   if (member) {
     tc_set_error(error, TC_ERROR_UNSUPPORTED, member,
-                 "reference: %s: only dvr of the linear field, plain, is integrated", member);
+                 "reference: %s: only dvr, mip, minip and average of the linear field, plain, are integrated", member);
     return NULL;
   }
   if (width < 1 || height < 1 || !(tolerance == 0 || (tolerance >= 1e-14 && tolerance <= 0.1))) {
@@ -52,13 +74,7 @@ tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int wid
                  "view be wider than 0 and narrower than 180 degrees");
     goto fail;
   }
-  if (!tc_ref_transfer_set_up(&r->transfer, &scene->transfer_function, scene->image.linear_light)) {
-    tc_set_error(error, TC_ERROR_INVALID, "/transferFunction",
-                 "reference: transfer function: at least one knot wanted, all "
-                 "finite, values ascending");
-    goto fail;
-  }
-  return r;
+  if (set_up_look(r, scene, error)) return r;
 fail:
   tc_reference_free(r);
   return NULL;
@@ -87,10 +103,28 @@ static void integrate_cell(const tc_reference *r, const tc_ref_cell *cell, tc_re
   }
 }
 
+static void project(const tc_reference *r, const tc_ref_ray *ray, double rgba[4]) {
+  tc_ref_extent extent = {.lo = INFINITY, .hi = -INFINITY};
+  tc_ref_walk walk;
+  tc_ref_cell cell;
+  tc_ref_walk_start(&walk, &r->field, ray);
+  while (tc_ref_walk_next(&walk, &cell)) tc_ref_extent_add(&extent, &cell);
+  double value = r->mode == TC_MODE_MIP     ? extent.hi
+                 : r->mode == TC_MODE_MINIP ? extent.lo
+                                            : extent.integral / extent.length;
+  rgba[0] = rgba[1] = rgba[2] = tc_ref_window_grey(&r->window, value);
+  rgba[3] = 1;
+}
+
 void tc_reference_pixel(const tc_reference *r, double px, double py, double rgba[4]) {
   tc_ref_light light = {.transparency = 1};
   tc_ref_ray ray;
-  if (tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, &ray)) {
+  bool met = tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, &ray);
+  if (met && is_projection(r->mode)) {
+    project(r, &ray, rgba);
+    return;
+  }
+  if (met) {
     tc_ref_walk walk;
     tc_ref_cell cell;
     tc_ref_walk_start(&walk, &r->field, &ray);
@@ -104,17 +138,21 @@ void tc_reference_pixel(const tc_reference *r, double px, double py, double rgba
 
 static tc_reference_sample describe_piece(const tc_reference *r, const tc_ref_ray *ray, const tc_ref_cell *cell,
                                           const tc_ref_piece *piece, double transparency) {
-  tc_ref_span span;
-  span_of(r, piece, &span);
   double t = cell->from + piece->from * cell->length;
-  double f = fmin(fmax((piece->front - span.base) * span.inverse_width, 0), 1);
   tc_reference_sample s = {.distance_mm = t - ray->eye,
                            .length_mm = piece->width * cell->length,
                            .value = piece->front,
                            .value_back = piece->back,
-                           .extinction = tc_ref_span_extinction(&span, f),
                            .transparency = transparency};
-  tc_ref_span_color(&span, f, s.color);
+  if (is_projection(r->mode)) {
+    s.color[0] = s.color[1] = s.color[2] = tc_ref_window_grey(&r->window, piece->front);
+  } else {
+    tc_ref_span span;
+    span_of(r, piece, &span);
+    double f = fmin(fmax((piece->front - span.base) * span.inverse_width, 0), 1);
+    s.extinction = tc_ref_span_extinction(&span, f);
+    tc_ref_span_color(&span, f, s.color);
+  }
   for (int k = 0; k < 3; k++)
     s.position[k] = ray->lps[k] + t * ray->lps_direction[k];
   return s;
@@ -136,6 +174,7 @@ void tc_reference_ray(const tc_reference *r, double px, double py, tc_reference_
       while (tc_ref_cutter_next(&cutter, &piece)) {
         tc_reference_sample s = describe_piece(r, &ray, &cell, &piece, light.transparency);
         g_array_append_val(list, s);
+        if (is_projection(r->mode)) continue;
         span_of(r, &piece, &span);
         tc_ref_integrate(&piece, &span, r->tolerance, &light);
       }

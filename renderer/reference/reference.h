@@ -4,6 +4,8 @@
  * and integration (NUMERICS section 1). A ray is split at every cell face, at every extremum of the field along it and
  * at every crossing of a knot's value; what is left between two splits is smooth and is integrated adaptively.
  *
+ * For mip, minip and average it is the exact extremum or mean of the field along the ray, through the scene's window.
+ *
  * It stands for what dvr converges to as the step goes to 0: classification, order, sampling (step, jitter,
  * termination, rays per pixel) and skipping of the scene are therefore ignored. Immutable once made: any number of
  * threads may ask for pixels at once. */
@@ -21,15 +23,15 @@ typedef struct tc_reference tc_reference;
 
 /* Takes a reference on the sealed volume and copies what it needs of the scene. tolerance: absolute bound wanted on
  * each channel of a pixel, 1e-14 .. 0.1; 0 = 1e-10. Errors: TC_ERROR_UNSUPPORTED with a pointer to the member for what
- * has no reference (a mode other than dvr, a filter other than linear, shading, labels); TC_ERROR_INVALID for
- * a camera or transfer function without meaning. */
+ * has no reference (a mode other than dvr, mip, minip, average; a filter other than linear, shading in dvr, labels);
+ * TC_ERROR_INVALID for a camera, transfer function or window (whichever the mode reads) without meaning. */
 tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int width, int height, double tolerance,
                                GError **error);
 void tc_reference_free(tc_reference *reference); /* NULL is fine */
 
 /* One ray. px, py: pixels from the top left corner of the picture (pixel i's centre is i + 0.5; any real number is a
  * ray). rgba: premultiplied colour in the compositing space (display sRGB, or linear light where the scene asks), and
- * opacity. */
+ * opacity. A projection: grey, and 1 where the ray meets the volume. */
 void tc_reference_pixel(const tc_reference *reference, double px, double py, double rgba[4]);
 
 /* All pixel centres, rgba[height][width][4], on `threads` threads (0 = one per online core). */
@@ -43,7 +45,7 @@ typedef struct tc_reference_sample {
   double length_mm;         /* of the piece */
   double value, value_back; /* field at the front and back end, volume's unit */
   double color[3];          /* at the front end, compositing space */
-  double extinction;        /* at the front end, 1/mm; at a jump the limit from inside the piece */
+  double extinction;        /* at the front end, 1/mm; at a jump the limit from inside the piece; 0 in a projection */
   double transparency;      /* of all that lies before the piece, 1 at the first */
 } tc_reference_sample;
 

@@ -99,13 +99,32 @@ static const tc_reference_sample *first_visible(const tc_reference_sample *sampl
   return haze;
 }
 
+/* What a projection shows: the end of a piece (all are monotone) with the largest value in mip, the smallest in minip; the ray's
+ * entry in average, where all of the ray counts alike. */
+static const tc_reference_sample *shown(tc_mode mode, tc_reference_sample *samples, size_t count) {
+  if (count == 0 || mode == TC_MODE_AVERAGE) return samples;
+  double sign = mode == TC_MODE_MIP ? 1 : -1;
+  size_t best = 0;
+  for (size_t i = 1; i < count; i++)
+    if (sign * samples[i].value > sign * samples[best].value) best = i;
+  tc_reference_sample *first = samples, *last = samples + count - 1;
+  if (sign * last->value_back <= sign * samples[best].value || count == 1) return samples + best;
+  for (int k = 0; k < 3; k++) /* the ray's end: on by the last piece's length */
+    last->position[k] += (last->position[k] - first->position[k]) / (last->distance_mm - first->distance_mm) * last->length_mm;
+  last->distance_mm += last->length_mm;
+  last->value = last->value_back;
+  return last;
+}
+
 static void run_pick(tcs_task *task) {
   probe *p = (probe *)task;
   tc_reference_sample *samples = NULL;
   size_t count = 0;
   tc_reference *r = trace(p, &samples, &count);
   if (!r) return;
-  const tc_reference_sample *hit = first_visible(samples, count);
+  tc_mode mode = p->scene.mode;
+  bool projection = mode == TC_MODE_MIP || mode == TC_MODE_MINIP || mode == TC_MODE_AVERAGE;
+  const tc_reference_sample *hit = projection ? shown(mode, samples, count) : first_visible(samples, count);
   p->json = cJSON_CreateObject();
   if (hit) {
     cJSON_AddItemToObject(p->json, "position", cJSON_CreateDoubleArray(hit->position, 3));

@@ -645,8 +645,11 @@ static void refusals(void **state) {
   tc_volume *volume = slab(0, 1);
   tc_knot knot = {.value = 0, .amount = 1};
   tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, &knot, 1);
-  scene.mode = TC_MODE_MIP;
+  scene.mode = TC_MODE_SPLAT;
   expect_refused(volume, &scene, TC_ERROR_UNSUPPORTED, "/mode");
+  scene.mode = TC_MODE_MIP;
+  scene.window.width = 0;
+  expect_refused(volume, &scene, TC_ERROR_INVALID, "/window");
   scene.mode = TC_MODE_DVR;
   scene.filter = TC_FILTER_CUBIC;
   expect_refused(volume, &scene, TC_ERROR_UNSUPPORTED, "/filter");

@@ -44,6 +44,22 @@ test('a pick is where the ball begins', async () => {
   assert.deepEqual((await d.get(`${links.self}/ray?x=0&y=0`)).json, { color: [0, 0, 0], opacity: 0, samples: [] });
 });
 
+test('a pick in a projection is where its value is', async () => {
+  const { links } = await d.session({ ...scene, window: { center: 127, width: 255 } });
+  const pick = async (mode) => {
+    await d.patch(links.scene, { mode });
+    return (await d.get(`${links.self}/pick?x=20&y=20`)).json;
+  };
+  const mip = await pick('mip'), minip = await pick('minip'), average = await pick('average');
+  assert.ok(Math.abs(mip.position[1] - 51) < 2.1 && mip.value > 245, JSON.stringify(mip)); // the ball's middle
+  assert.ok(Math.abs(mip.depth - (mip.position[1] + 149)) < 1e-6);
+  assert.equal(minip.value, 0);
+  assert.ok(Math.abs(average.depth - 169) < 1e-6);
+  const { json } = await d.get(`${links.self}/ray?x=20&y=20`);
+  assert.equal(json.opacity, 1);
+  assert.ok(json.color[0] > 0.3 && json.color[0] < 0.9 && json.color[0] === json.color[2], JSON.stringify(json.color));
+});
+
 test('pixels outside the picture and missing ones are refused', async () => {
   const { links } = await d.session(scene);
   for (const what of ['ray', 'pick']) {

@@ -102,10 +102,38 @@ test('what is not built is refused as such and the scene stays', async () => {
     const reply = await d.patch(links.scene, { mode });
     if (reply.status === 501) refused++, problem(reply, 501, '/mode');
     else assert.equal(reply.status, 200);
+    assert.ok(!['dvr', 'mip', 'minip', 'average'].includes(mode) || reply.status === 200, mode);
     const picture = await d.get(`${links.frame}?width=16&height=16`);
     assert.equal(picture.status, 200, `${mode}: ${picture.bytes}`);
     await d.patch(links.scene, { mode: 'dvr' });
   }
+});
+
+test('a session goes from mode to mode and back', async () => {
+  const { links } = await d.session({ transferFunction: { points: [{ value: 0, color: [0, 0, 0], opacity: 0 },
+    { value: 255, color: [1, 0.5, 0.2], opacity: 0.5 }] }, window: { center: 150, width: 300 } });
+  const frame = async (mode) => {
+    assert.equal((await d.patch(links.scene, { mode })).status, 200);
+    const { status, bytes } = await d.get(`${links.frame}?format=png`);
+    assert.equal(status, 200);
+    return bytes.toString('base64');
+  };
+  const dvr = await frame('dvr'), mip = await frame('mip');
+  const { json } = await d.get(links.plan);
+  assert.match(json.kernel, /^mip\.linear\.u8\./);
+  const stages = Object.fromEntries(json.stages.map((stage) => [stage.name, stage]));
+  assert.equal(stages['table-2d'].included, false);
+  assert.match(stages['table-2d'].reason, /window/);
+  assert.match(stages.resolve.reason, /window 150 \/ 300/);
+  const average = await frame('average'), minip = await frame('minip');
+  assert.equal(new Set([dvr, mip, average, minip]).size, 4);
+  assert.equal(await frame('dvr'), dvr);
+  assert.equal(await frame('mip'), mip);
+  await d.patch(links.scene, { window: { center: 50, width: 20 } });
+  assert.notEqual(await frame('mip'), mip);
+  const wrong = await d.patch(links.scene, { window: { width: 0 } });
+  assert.ok(wrong.status >= 400, `${wrong.status}`);
+  problem(wrong, wrong.status, '/window/width');
 });
 
 test('a frame is the finished picture, in the size and format asked for', async () => {

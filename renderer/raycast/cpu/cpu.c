@@ -95,6 +95,22 @@ static void to_float(float *to, const double *from, int count) {
   for (int i = 0; i < count; i++) to[i] = (float)from[i];
 }
 
+static void fill_grey(tc_cpu_args *a, const tc_job *job) {
+  a->turn = job->grey->turn;
+  a->gain = job->grey->gain;
+  a->offset = job->grey->offset;
+  a->floor = job->grey->floor;
+  a->stop = job->grey->stop;
+  const tc_bounds *b = job->bounds;
+  if (!b) return;
+  a->levels = b->levels;
+  a->block_row = b->blocks[0];
+  a->block_slice = b->blocks[0] * b->blocks[1];
+  a->inverse_block = 1 / (float)b->block;
+  a->level_scale = b->scale;
+  a->interval = tc_bounds_interval(b, job->rays);
+}
+
 static void fill_args(tc_cpu_args *a, const tc_job *job) {
   const tc_rays *r = job->rays;
   const tc_volume_desc *d = tc_volume_describe(job->volume);
@@ -124,6 +140,8 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
     a->stride[k] = n > 1 ? strides[k] : 0;
   }
   a->voxels = tc_volume_data(job->volume);
+  if (job->grey) fill_grey(a, job);
+  if (!job->table) return;
   a->table = job->table->zero_row;
   a->table_stride = (float)job->table->columns;
   a->value_lo = (float)job->table->lo;
@@ -155,9 +173,11 @@ static void render_tile(void *context, int index, int worker) {
     stride = width;
   }
   f->kernel(&f->args, x0, y0, x1, y1, out, stride, &f->workers[worker].counts);
-  for (int y = y0; y < y1; y++)
-    tc_resolve_row(&f->resolve, out + (y - y0) * stride * 4,
-                   job->frame->rgba + ((size_t)y * (size_t)width + (size_t)x0) * 4, x1 - x0);
+  for (int y = y0; y < y1; y++) {
+    float *row = out + (y - y0) * stride * 4;
+    if (job->grey && f->resolve.linear_light) tc_resolve_decode_greys(row, x1 - x0);
+    tc_resolve_row(&f->resolve, row, job->frame->rgba + ((size_t)y * (size_t)width + (size_t)x0) * 4, x1 - x0);
+  }
 }
 
 static bool cpu_render(void *instance, const tc_job *job, GError **error) {

@@ -10,8 +10,8 @@ V_INLINE void fetch_pair(int type, const void *voxels, vi off, vf *a, vf *b) {
   }
 }
 
-/* Trilinear voxel value at mm t along the rays, as a table node. */
-V_INLINE vf sample_node(const tc_cpu_args *g, int type, const packet *p, vf t) {
+/* Trilinear voxel value (not rescaled) at mm t along the rays. */
+V_INLINE vf sample_voxel(const tc_cpu_args *g, int type, const packet *p, vf t) {
   vf f[3];
   vi cell[3];
   for (int k = 0; k < 3; k++) {
@@ -32,6 +32,11 @@ V_INLINE vf sample_node(const tc_cpu_args *g, int type, const packet *p, vf t) {
   fetch_pair(type, g->voxels, off_yz, &a, &b);
   c11 = v_fma(f[0], b - a, a);
   vf c0 = v_fma(f[1], c10 - c00, c00), c1 = v_fma(f[1], c11 - c01, c01);
-  vf node = (v_fma(f[2], c1 - c0, c0) - v_set(g->value_lo)) * v_set(g->value_scale);
+  return v_fma(f[2], c1 - c0, c0);
+}
+
+/* The same as a table node. */
+V_INLINE vf sample_node(const tc_cpu_args *g, int type, const packet *p, vf t) {
+  vf node = (sample_voxel(g, type, p, t) - v_set(g->value_lo)) * v_set(g->value_scale);
   return v_min(v_max(node, v_set(0)), v_set(g->node_last));
 }

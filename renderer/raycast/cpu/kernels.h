@@ -35,6 +35,10 @@ typedef struct tc_cpu_args {
   int block_row, block_slice;
   float block, inverse_block;  /* voxels */
   float zero_below, zero_above; /* nodes */
+  float turn, gain, offset, floor, stop; /* tc_grey, when the plan projects */
+  const uint8_t *levels; /* tc_bounds, when it skips too; block_row, block_slice and inverse_block are its own */
+  float level_scale;
+  int interval; /* samples that one level serves */
 } tc_cpu_args;
 
 typedef struct tc_cpu_counts {

@@ -104,13 +104,16 @@ static void forget(void *instance, uint64_t volume_serial) {
   if (!b->lost && tc_gl_context_use(b->context, NULL)) tc_gl_textures_forget(&b->textures, volume_serial);
 }
 
-static tc_gl_field field_for(const gl_backend *b, tc_voxel_type type) {
+static tc_gl_field field_for(const gl_backend *b, const tc_plan_key *key) {
+  /* Bounds of blocks hold for arithmetic that is known, and a maximum shows every rounding of a texture unit. */
+  if (tc_is_projection((tc_mode)key->mode)) return TC_GL_FIELD_GATHER;
+  tc_voxel_type type = (tc_voxel_type)key->voxel_type;
   return b->field < TC_GL_FIELD_COUNT ? b->field : tc_gl_choose_field(tc_gl_context_about(b->context), type);
 }
 
 static void name_kernel(void *instance, tc_plan *plan) {
   tc_gl_variant variant = {.plan = plan->key,
-                           .field = (uint8_t)field_for(instance, (tc_voxel_type)plan->key.voxel_type)};
+                           .field = (uint8_t)field_for(instance, &plan->key)};
   char name[sizeof plan->kernel - 4];
   tc_gl_variant_name(&variant, name, sizeof name);
   snprintf(plan->kernel, sizeof plan->kernel, "%s.gl", name);
@@ -248,6 +251,15 @@ static bool run_tiles(gl_backend *b, unsigned program, const tc_job *job, GError
   return !cancelled;
 }
 
+/* What the job names; the rest stays NULL. */
+static bool lookups_for(gl_backend *b, const tc_job *job, const tc_gl_lookup **table, const tc_gl_lookup **skip,
+                        GError **error) {
+  if (job->table && !(*table = tc_gl_textures_table(&b->textures, job->table, error))) return false;
+  if (job->leap && !(*skip = tc_gl_textures_leap(&b->textures, job->volume, job->table, job->leap, error)))
+    return false;
+  return !job->bounds || (*skip = tc_gl_textures_bounds(&b->textures, job->volume, job->bounds, error));
+}
+
 static bool render(void *instance, const tc_job *job, GError **error) {
   gl_backend *b = instance;
   if (b->lost) {
@@ -258,10 +270,9 @@ static bool render(void *instance, const tc_job *job, GError **error) {
   const tc_gl_report *report = tc_gl_context_about(b->context);
   b->gpu_ms = 0;
   const tc_gl_volume *volume =
-      tc_gl_textures_volume(&b->textures, job->volume, field_for(b, tc_volume_describe(job->volume)->type), error);
-  const tc_gl_lookup *table = volume ? tc_gl_textures_table(&b->textures, job->table, error) : NULL, *leap = NULL;
-  if (table && job->leap) leap = tc_gl_textures_leap(&b->textures, job->volume, job->table, job->leap, error);
-  if (!table || (job->leap && !leap)) return false;
+      tc_gl_textures_volume(&b->textures, job->volume, field_for(b, &job->plan->key), error);
+  const tc_gl_lookup *table = NULL, *skip = NULL;
+  if (!volume || !lookups_for(b, job, &table, &skip, error)) return false;
   unsigned program = program_for(b, job, volume, error);
   if (!program || !tc_gl_ring_reserve(&b->ring, slot_bytes(b->max_side, b->max_side, job->want_linear),
                                       report->timestamp_bits > 0, error))
@@ -271,8 +282,8 @@ static bool render(void *instance, const tc_job *job, GError **error) {
   glNamedBufferSubData(b->job_buffer, 0, sizeof block, &block);
   glBindBufferBase(GL_UNIFORM_BUFFER, 0, b->job_buffer);
   glBindTextureUnit(0, volume->texture);
-  glBindTextureUnit(1, table->texture);
-  glBindTextureUnit(2, leap ? leap->texture : 0);
+  glBindTextureUnit(1, table ? table->texture : 0);
+  glBindTextureUnit(2, skip ? skip->texture : 0);
   glUseProgram(program);
   return run_tiles(b, program, job, error) && tc_gl_check("frame", error);
 }

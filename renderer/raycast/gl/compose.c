@@ -6,6 +6,7 @@
 
 #include "renderer/embedded.h"
 #include "renderer/gl/program.h"
+#include "renderer/raycast/grey.h"
 
 #define MAX_PIECES 16
 
@@ -28,7 +29,8 @@ static void add(composition *c, const char *name) {
 
 /* Only what has pieces: a key from a newer plan must fail, not draw something else. */
 static bool is_built(const tc_plan_key *key) {
-  return key->mode == TC_MODE_DVR && key->classification == TC_PREINTEGRATED && key->order == TC_FRONT_TO_BACK &&
+  bool mode = key->mode == TC_MODE_DVR || tc_is_projection((tc_mode)key->mode);
+  return mode && key->classification == TC_PREINTEGRATED && key->order == TC_FRONT_TO_BACK &&
          key->filter == TC_FILTER_LINEAR && key->projection < TC_PROJECTION_COUNT &&
          key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading == TC_SHADING_NONE && !key->jitter &&
          !key->labels;
@@ -41,6 +43,19 @@ static const char *sampler_type(const tc_gl_variant *v) {
                                                          [TC_I16] = "isampler2DArray",
                                                          [TC_F32] = "sampler2DArray"};
   return types[v->plan.voxel_type];
+}
+
+static void add_dvr(composition *c, const tc_gl_variant *v) {
+  add(c, "table_2d.glsl");
+  if (v->plan.skipping) add(c, "leap.glsl");
+  add(c, "march_dvr.glsl");
+}
+
+static void add_projection(composition *c, const tc_gl_variant *v) {
+  add(c, v->linear_light ? "decode_srgb.glsl" : "decode_display.glsl");
+  add(c, "grey.glsl");
+  if (v->plan.skipping) add(c, "bounds.glsl");
+  add(c, v->plan.mode == TC_MODE_AVERAGE ? "march_average.glsl" : "march_extreme.glsl");
 }
 
 unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
@@ -57,10 +72,11 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
   add_text(&c, literals);
   add(&c, v->plan.projection == TC_PERSPECTIVE ? "ray_perspective.glsl" : "ray_orthographic.glsl");
   add(&c, v->field == TC_GL_FIELD_GATHER ? "field_gather.glsl" : "field_filtered.glsl");
-  add(&c, "table_2d.glsl");
-  if (v->plan.skipping) add(&c, "leap.glsl");
   if (v->plan.clipping) add(&c, "clip_planes.glsl");
-  add(&c, "march_dvr.glsl");
+  if (tc_is_projection((tc_mode)v->plan.mode))
+    add_projection(&c, v);
+  else
+    add_dvr(&c, v);
   add(&c, "bytes.glsl");
   add(&c, v->linear_light ? "encode_srgb.glsl" : "encode_display.glsl");
   add(&c, v->transparent ? "resolve_transparent.glsl" : "resolve_opaque.glsl");
@@ -79,8 +95,11 @@ void tc_gl_variant_name(const tc_gl_variant *v, char *name, size_t size) {
   static const char *const ways[TC_CLASSIFICATION_COUNT] = {"preintegrated", "preintegrated2", "approximate", "post",
                                                             "linearized"};
   static const char *const filters[TC_FILTER_COUNT] = {"linear", "cubic", "nearest"};
-  snprintf(name, size, "%s.%s.%s.%s.%s", v->plan.mode < TC_MODE_COUNT ? modes[v->plan.mode] : "?",
-           v->plan.classification < TC_CLASSIFICATION_COUNT ? ways[v->plan.classification] : "?",
+  bool composites = v->plan.mode == TC_MODE_DVR;
+  snprintf(name, size, "%s%s%s.%s.%s.%s", v->plan.mode < TC_MODE_COUNT ? modes[v->plan.mode] : "?", composites ? "." : "",
+           !composites                                         ? ""
+           : v->plan.classification < TC_CLASSIFICATION_COUNT ? ways[v->plan.classification]
+                                                               : "?",
            v->plan.filter < TC_FILTER_COUNT ? filters[v->plan.filter] : "?",
            v->plan.voxel_type < TC_VOXEL_TYPE_COUNT ? tc_voxel_type_name((tc_voxel_type)v->plan.voxel_type) : "?",
            v->field == TC_GL_FIELD_GATHER ? "gather" : "filtered");

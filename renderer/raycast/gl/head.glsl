@@ -13,11 +13,13 @@ layout(std140, binding = 0) uniform Job {
   vec4 unpack;                        // voxel = texel value * x + y
   vec4 nodes;                         // x: lo, y: nodes per voxel unit, z: n - 1
   ivec4 table;                        // x: columns, y: where k = 0 begins
-  ivec4 blocks;                       // x: voxels a block is wide, yz: entries to the next block along y, z
+  ivec4 blocks;                       // x: voxels a block is wide, yz: entries to the next block along y, z, w: interval
   vec4 background;                    // compositing space; w: termination
   vec4 march;                         // x: step mm, y: eye mm (orthographic), z: 1 / step
   vec4 planes[12];                    // clip planes over index positions, mm
   ivec4 clipping;                     // x: how many planes
+  vec4 grey;                          // projections: x: turn, y: gain, z: offset (raycast/grey.h)
+  vec4 reach;                         // x: floor, y: stop, z: levels per voxel unit
 } job;
 
 // This dispatch's part of the picture: xy = first pixel, zw = size in pixels.

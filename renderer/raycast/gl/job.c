@@ -9,9 +9,33 @@ static void put3(float to[4], const double from[3]) {
     to[k] = (float)from[k];
 }
 
+static void fill_table(tc_gl_job_block *block, const tc_table *table) {
+  block->nodes[0] = (float)table->lo;
+  /* A range of denormal width would make this infinite, and infinity times zero is no node. */
+  block->nodes[1] = (float)fmin((table->n - 1) / (table->hi - table->lo), 1e30);
+  block->nodes[2] = (float)(table->n - 1);
+  block->table[0] = table->columns;
+  block->table[1] = (int32_t)((table->zero_row - table->entries) / 4);
+}
+
+static void fill_blocks(tc_gl_job_block *block, int width, const int blocks[3]) {
+  block->blocks[0] = width; /* voxels a block is wide: any number, not a power of two */
+  block->blocks[1] = blocks[0];
+  block->blocks[2] = blocks[0] * blocks[1];
+}
+
+static void fill_projection(tc_gl_job_block *block, const tc_grey *grey, const tc_bounds *bounds, const tc_rays *rays) {
+  const float numbers[] = {grey->turn, grey->gain, grey->offset}, reach[] = {grey->floor, grey->stop};
+  memcpy(block->grey, numbers, sizeof numbers);
+  memcpy(block->reach, reach, sizeof reach);
+  if (!bounds) return;
+  block->reach[2] = bounds->scale;
+  fill_blocks(block, bounds->block, bounds->blocks);
+  block->blocks[3] = tc_bounds_interval(bounds, rays);
+}
+
 void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volume *volume) {
   const tc_rays *rays = job->rays;
-  const tc_table *table = job->table;
   memset(block, 0, sizeof *block);
   put3(block->anchor0, rays->anchor0);
   put3(block->anchor_du, rays->anchor_du);
@@ -27,17 +51,9 @@ void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volum
   block->dims[3] = volume->slices_per_layer;
   memcpy(block->texel, volume->texel, sizeof volume->texel);
   memcpy(block->unpack, volume->unpack, sizeof volume->unpack);
-  block->nodes[0] = (float)table->lo;
-  /* A range of denormal width would make this infinite, and infinity times zero is no node. */
-  block->nodes[1] = (float)fmin((table->n - 1) / (table->hi - table->lo), 1e30);
-  block->nodes[2] = (float)(table->n - 1);
-  block->table[0] = table->columns;
-  block->table[1] = (int32_t)((table->zero_row - table->entries) / 4);
-  if (job->leap) {
-    block->blocks[0] = job->leap->block; /* voxels a block is wide: any number, not a power of two */
-    block->blocks[1] = job->leap->blocks[0];
-    block->blocks[2] = job->leap->blocks[0] * job->leap->blocks[1];
-  }
+  if (job->table) fill_table(block, job->table);
+  if (job->leap) fill_blocks(block, job->leap->block, job->leap->blocks);
+  if (job->grey) fill_projection(block, job->grey, job->bounds, rays);
   tc_resolve resolve;
   tc_resolve_init(&resolve, job->scene);
   memcpy(block->background, resolve.background, sizeof resolve.background);

@@ -18,6 +18,7 @@ typedef struct tc_gl_job_block {
   float background[4], march[4];
   float planes[TC_MAX_CLIP_PLANES][4];
   int32_t clipping[4];
+  float grey[4], reach[4];
 } tc_gl_job_block;
 
 /* Pure. */

@@ -244,7 +244,7 @@ static tc_gl_lookup *make_lookup_room(tc_gl_textures *textures, size_t bytes) {
   }
 }
 
-static tc_gl_lookup *find_lookup(tc_gl_textures *textures, const uint64_t key[3]) {
+static tc_gl_lookup *find_lookup(tc_gl_textures *textures, const uint64_t key[4]) {
   for (int i = 0; i < TC_GL_LOOKUPS; i++) {
     tc_gl_lookup *copy = &textures->lookups[i];
     if (!copy->buffer || memcmp(copy->key, key, sizeof copy->key) != 0) continue;
@@ -262,7 +262,7 @@ typedef struct lookup_source {
   GLenum format;
 } lookup_source;
 
-static const tc_gl_lookup *lookup(tc_gl_textures *textures, const uint64_t key[3], const lookup_source *from,
+static const tc_gl_lookup *lookup(tc_gl_textures *textures, const uint64_t key[4], const lookup_source *from,
                                   GError **error) {
   tc_gl_lookup *copy = find_lookup(textures, key);
   if (copy) return copy;
@@ -292,7 +292,7 @@ static const tc_gl_lookup *lookup(tc_gl_textures *textures, const uint64_t key[3
 }
 
 const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_table *table, GError **error) {
-  const uint64_t key[3] = {table->serial};
+  const uint64_t key[4] = {table->serial};
   const lookup_source from = {.what = "pre-integration table",
                               .entries = table->entries,
                               .entry_bytes = sizeof(float[4]),
@@ -303,12 +303,23 @@ const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_tabl
 
 const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volume *volume, const tc_table *table,
                                         const tc_leap *leap, GError **error) {
-  const uint64_t key[3] = {table->serial, tc_volume_serial(volume), (uint64_t)leap->block};
+  const uint64_t key[4] = {table->serial, tc_volume_serial(volume), (uint64_t)leap->block};
   const lookup_source from = {.what = "distance map",
                               .entries = leap->distance,
                               .entry_bytes = 1,
                               .format = GL_R8UI,
                               .count = (size_t)leap->blocks[0] * (size_t)leap->blocks[1] * (size_t)leap->blocks[2]};
+  return lookup(textures, key, &from, error);
+}
+
+const tc_gl_lookup *tc_gl_textures_bounds(tc_gl_textures *textures, const tc_volume *volume, const tc_bounds *bounds,
+                                          GError **error) {
+  const uint64_t key[4] = {0, tc_volume_serial(volume), (uint64_t)bounds->block, bounds->serial};
+  const lookup_source from = {.what = "bounds of the blocks",
+                              .entries = bounds->levels,
+                              .entry_bytes = 1,
+                              .format = GL_R8UI,
+                              .count = bounds->bytes};
   return lookup(textures, key, &from, error);
 }
 

@@ -6,6 +6,7 @@
 #include "renderer/classify/classify.h"
 #include "renderer/gl/device.h"
 #include "renderer/raycast/gl/compose.h"
+#include "renderer/skip/bounds.h"
 #include "renderer/skip/skip.h"
 
 typedef struct tc_gl_volume {
@@ -19,9 +20,9 @@ typedef struct tc_gl_volume {
   uint64_t used;
 } tc_gl_volume;
 
-/* A buffer the shaders read as a buffer texture: a pre-integration table (RGBA32F) or a distance map (R8UI). */
+/* A buffer the shaders read as a buffer texture: a pre-integration table (RGBA32F), a distance map or bounds (R8UI). */
 typedef struct tc_gl_lookup {
-  uint64_t key[3]; /* serials of table and volume (0 for a table, which serves any volume), block width */
+  uint64_t key[4]; /* serials of table and volume (0 for a table, which serves any volume), block width; serial of bounds */
   unsigned buffer, texture;
   size_t bytes;
   uint64_t used;
@@ -48,6 +49,8 @@ const tc_gl_volume *tc_gl_textures_volume(tc_gl_textures *textures, const tc_vol
 const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_table *table, GError **error);
 const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volume *volume, const tc_table *table,
                                         const tc_leap *leap, GError **error);
+const tc_gl_lookup *tc_gl_textures_bounds(tc_gl_textures *textures, const tc_volume *volume, const tc_bounds *bounds,
+                                          GError **error);
 
 void tc_gl_textures_forget(tc_gl_textures *textures, uint64_t volume_serial);
 void tc_gl_textures_clear(tc_gl_textures *textures);

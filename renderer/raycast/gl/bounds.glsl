@@ -1,0 +1,25 @@
+// Skipping for mip and minip (skip/bounds.h): a level per block that bounds the field around it.
+layout(binding = 2) uniform usamplerBuffer levels;
+
+// The level that serves the interval of samples from i on: that of its middle's block.
+float level_of(vec3 entry, vec3 direction, int i) {
+  float t = (float(i) + 0.5 * float(job.blocks.w - 1)) * job.march.x;
+  vec3 p = clamp(fma(vec3(t), direction, entry), vec3(0.0), vec3(job.dims.xyz - 1));
+  // The half keeps rounding away from the blocks' edges.
+  ivec3 block = ivec3((floor(min(p, max(vec3(job.dims.xyz - 2), 0.0))) + 0.5) / float(job.blocks.x));
+  return float(texelFetch(levels, block.x + block.y * job.blocks.y + block.z * job.blocks.z).r);
+}
+
+// First sample of the interval with the highest level.
+int highest_interval(vec3 entry, vec3 direction, float length_mm) {
+  float highest = -1.0;
+  int at = 0;
+  for (int i = 0; float(i) * job.march.x < length_mm; i += job.blocks.w) {
+    float level = level_of(entry, direction, i);
+    if (level > highest) {
+      highest = level;
+      at = i;
+    }
+  }
+  return at;
+}

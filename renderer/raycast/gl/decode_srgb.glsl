@@ -1,0 +1,4 @@
+// A grey is a display value; compositing runs in linear light: the sRGB curve backwards (IEC 61966-2-1).
+float decode(float grey) {
+  return grey <= 0.04045 ? grey / 12.92 : pow((grey + 0.055) / 1.055, 2.4);
+}

@@ -1,0 +1,12 @@
+// What projections share: the field along the ray, and from a turned voxel to grey (raycast/grey.h).
+struct Counts { uint samples, leaps; };
+
+float sample_turned(vec3 entry, vec3 direction, float t) {
+  precise vec3 p = fma(vec3(t), direction, entry);
+  precise float w = field(p) * job.grey.x;
+  return w;
+}
+
+vec4 grey_of(float w) {
+  return vec4(vec3(decode(clamp(fma(w, job.grey.y, job.grey.z), 0.0, 1.0))), 1.0);
+}

@@ -1,0 +1,25 @@
+/* Projections of a ray: the exact maximum, minimum or mean of the field along it, then the scene's window. */
+#include <math.h>
+
+#include "renderer/reference/internal.h"
+
+void tc_ref_extent_add(tc_ref_extent *extent, const tc_ref_cell *cell) {
+  const double *c = cell->c;
+  extent->integral += cell->length * (c[0] + c[1] / 2 + c[2] / 3 + c[3] / 4);
+  extent->length += cell->length;
+  if (cell->lo >= extent->lo && cell->hi <= extent->hi) return; /* between the corners there is nothing beyond them */
+  /* Monotone between two extrema: the ends of the pieces hold the least and the largest value. */
+  tc_ref_cutter cutter;
+  tc_ref_piece piece;
+  tc_ref_cutter_start(&cutter, cell, NULL, 0);
+  while (tc_ref_cutter_next(&cutter, &piece)) {
+    extent->lo = fmin(extent->lo, fmin(piece.front, piece.back));
+    extent->hi = fmax(extent->hi, fmax(piece.front, piece.back));
+  }
+}
+
+double tc_ref_window_grey(const tc_ref_window *window, double value) {
+  double grey = fmin(fmax((value - window->center) / window->width + 0.5, 0), 1);
+  if (!window->linear_light) return grey;
+  return grey <= 0.04045 ? grey / 12.92 : pow((grey + 0.055) / 1.055, 2.4);
+}

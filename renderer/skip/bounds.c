@@ -1,0 +1,111 @@
+#include "renderer/skip/bounds.h"
+
+#include <math.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#define MOST_LEVEL 254
+
+static double now_ms(void) {
+  struct timespec t;
+  clock_gettime(CLOCK_MONOTONIC, &t);
+  return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
+}
+
+/* The eighth of a level covers the rounding of (best - floor) * scale in a kernel. */
+static uint8_t level_of(const tc_bounds *b, double lo, double hi) {
+  double most = b->grey.turn > 0 ? hi : -lo;
+  if (lo != hi) most += 1e-6 * fmax(fabs(lo), fabs(hi));
+  if (most <= (double)b->grey.floor) return 0;
+  double level = ceil((most - (double)b->grey.floor) * (double)b->scale + 0.125);
+  return level <= MOST_LEVEL ? (uint8_t)level : 255;
+}
+
+#define LEVELS(name, type)                                                                                           \
+  static void levels_##name(tc_bounds *b, const type *pairs, size_t count) {                                         \
+    for (size_t i = 0; i < count; i++)                                                                               \
+      b->levels[i] = level_of(b, (double)pairs[2 * i], (double)pairs[2 * i + 1]);                                    \
+  }
+LEVELS(u8, uint8_t)
+LEVELS(i8, int8_t)
+LEVELS(u16, uint16_t)
+LEVELS(i16, int16_t)
+LEVELS(f32, float)
+
+static void fill_levels(tc_bounds *b, const tc_minmax *m, size_t count) {
+  switch (m->type) {
+  case TC_U8: levels_u8(b, m->pairs, count); break;
+  case TC_I8: levels_i8(b, m->pairs, count); break;
+  case TC_U16: levels_u16(b, m->pairs, count); break;
+  case TC_I16: levels_i16(b, m->pairs, count); break;
+  case TC_F32: levels_f32(b, m->pairs, count); break;
+  case TC_VOXEL_TYPE_COUNT: break;
+  }
+}
+
+/* Every level becomes the largest of itself and its two neighbours in a line of n that lie `stride`
+ * apart. */
+static void widen(uint8_t *line, int n, size_t stride) {
+  uint8_t before = 0;
+  for (int i = 0; i < n; i++, line += stride) {
+    uint8_t here = *line, after = i + 1 < n ? line[stride] : 0;
+    uint8_t most = before > here ? before : here;
+    *line = most > after ? most : after;
+    before = here;
+  }
+}
+
+static void widen_all(tc_bounds *b) {
+  size_t nx = (size_t)b->blocks[0], ny = (size_t)b->blocks[1], nz = (size_t)b->blocks[2];
+  for (size_t i = 0; i < ny * nz; i++) widen(b->levels + i * nx, b->blocks[0], 1);
+  for (size_t z = 0; z < nz; z++)
+    for (size_t x = 0; x < nx; x++) widen(b->levels + z * nx * ny + x, b->blocks[1], nx);
+  for (size_t i = 0; i < nx * ny; i++) widen(b->levels + i, b->blocks[2], nx * ny);
+}
+
+int tc_bounds_interval(const tc_bounds *bounds, const tc_rays *rays) {
+  double fastest = 0; /* voxels per mm, along any axis in any direction */
+  for (int k = 0; k < 3; k++) {
+    const double *row = rays->to_index + 3 * k;
+    fastest = fmax(fastest, sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2]));
+  }
+  /* A fiftieth of a voxel is far above the rounding of positions. */
+  double each_side = (bounds->block - 0.02) / (fastest * rays->step_mm);
+  return each_side < 1e6 ? 1 + (int)(2 * each_side) : 2000000;
+}
+
+tc_bounds *tc_bounds_build(const tc_minmax *m, const tc_grey *grey, GError **error) {
+  static atomic_uint_fast64_t serials;
+  double start = now_ms();
+  size_t count = 1;
+  tc_bounds *b = calloc(1, sizeof *b);
+  if (b) {
+    *b = (tc_bounds){.block = m->block, .grey = *grey, .serial = atomic_fetch_add(&serials, 1) + 1};
+    for (int k = 0; k < 3; k++) {
+      b->blocks[k] = m->blocks[k];
+      count *= (size_t)b->blocks[k];
+    }
+    b->bytes = count + 8;
+    b->levels = calloc(b->bytes, 1);
+  }
+  if (!b || !b->levels) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "bounds of the blocks: out of memory");
+    tc_bounds_free(b);
+    return NULL;
+  }
+  /* With no room between floor and stop every ray is finished at its first look; a scale of 0 keeps levels at 1. */
+  double span = (double)grey->stop - (double)grey->floor;
+  b->scale = span > 0 ? (float)fmin(MOST_LEVEL / span, 1e30) : 0;
+  fill_levels(b, m, count);
+  widen_all(b);
+  b->build_ms = now_ms() - start;
+  return b;
+}
+
+void tc_bounds_free(tc_bounds *bounds) {
+  if (!bounds) return;
+  free(bounds->levels);
+  free(bounds);
+}

@@ -1,0 +1,479 @@
+/* mip, minip and average: every instruction set and gl against the exact extremum or mean along each ray, and skipping against none,
+ * bit for bit. Errors are of the linear frame and are printed as numbers. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/reference/reference.h"
+#include "renderer/tomocast.h"
+#include "tests/support/grid.h"
+#include "tests/support/image.h"
+
+static const tc_mode modes[] = {TC_MODE_MIP, TC_MODE_MINIP, TC_MODE_AVERAGE};
+static const char *const mode_names[] = {"mip", "minip", "average"};
+
+static tc_renderer *renderers[4];
+static tc_frame frames[4];
+static int n_renderers;
+
+static int set_up(void **state) {
+  static const tc_renderer_options options[] = {{.backend = TC_BACKEND_CPU, .threads = 2, .isa = "scalar"},
+                                                {.backend = TC_BACKEND_CPU, .threads = 2, .isa = "avx2"},
+                                                {.backend = TC_BACKEND_CPU, .threads = 2, .isa = "avx512"},
+                                                {.backend = TC_BACKEND_GL, .threads = 2}};
+  for (size_t i = 0; i < G_N_ELEMENTS(options); i++) {
+    GError *error = NULL;
+    tc_renderer *r = tc_renderer_new(&options[i], &error);
+    if (r)
+      renderers[n_renderers++] = r;
+    else
+      printf("  %s: not checked: %s\n", options[i].isa ? options[i].isa : "gl", error->message);
+    g_clear_error(&error);
+  }
+  return n_renderers == 0;
+}
+
+static int tear_down(void **state) {
+  for (int i = 0; i < n_renderers; i++) {
+    tc_frame_finish(&frames[i]);
+    tc_renderer_free(renderers[i]);
+  }
+  return 0;
+}
+
+static bool is_gl(int i) { return !strcmp(tc_renderer_about(renderers[i])->backend, "gl"); }
+static const char *name_of(int i) { return is_gl(i) ? "gl" : tc_renderer_about(renderers[i])->isa; }
+
+/* The frame stays valid until this renderer's next picture. */
+static const tc_frame *render(int i, tc_volume *volume, const tc_scene *scene, tc_plan *plan) {
+  GError *error = NULL;
+  tc_render_request request = {.want_linear = true};
+  if (!tc_render(renderers[i], volume, scene, &request, &frames[i], plan, &error))
+    fail_msg("%s: %s", name_of(i), error->message);
+  return &frames[i];
+}
+
+static float *reference_image(tc_volume *volume, const tc_scene *scene) {
+  GError *error = NULL;
+  int width = scene->image.width, height = scene->image.height;
+  tc_reference *reference = tc_reference_new(volume, scene, width, height, 0, &error);
+  float *rgba = calloc((size_t)width * (size_t)height, 4 * sizeof *rgba);
+  if (!reference || !rgba || !tc_reference_image(reference, 2, rgba, &error)) fail_msg("reference failed");
+  tc_reference_free(reference);
+  return rgba;
+}
+
+/* Grey and opacity 1, or nothing; never NaN. */
+static void check_sane(const char *what, const tc_frame *frame) {
+  for (size_t i = 0; i < (size_t)frame->width * (size_t)frame->height; i++) {
+    const float *c = frame->linear + 4 * i;
+    bool grey = c[0] == c[1] && c[1] == c[2], met = c[3] == 1 && c[0] >= 0 && c[0] <= 1, missed = c[3] == 0 && c[0] == 0;
+    if (!grey || (!met && !missed)) fail_msg("%s: pixel %zu is %g %g %g %g", what, i, c[0], c[1], c[2], c[3]);
+  }
+}
+
+static void set_window(tc_scene *scene, double lo, double hi) {
+  scene->window.center = 0.5 * (lo + hi);
+  scene->window.width = hi - lo;
+}
+
+static double waves(double x, double y, double z, const void *context) {
+  const double *c = context; /* amplitude, offset */
+  double wavelength = 11;
+  return c[0] * test_waves(x, y, z, &wavelength) + c[1];
+}
+
+static tc_volume *wave_volume(tc_voxel_type type, double slope) {
+  const double range[5][2] = {{250, 0}, {120, 0}, {40000, 100}, {3000, -1000}, {2, -0.5}};
+  test_grid grid = {.dims = {33, 27, 30}, .type = type, .spacing = {1, 0.8, 1.5}, .slope = slope};
+  if (slope < 0) grid.intercept = range[type][0] + 2 * range[type][1];
+  return test_volume(&grid, waves, range[type]);
+}
+
+/* ---- against the exact projections ---- */
+
+/* The field has kinks at cell faces, and extrema sit on them: a sampled one is off in proportion to the step. The trapezoids of the
+ * mean fall with its square. Bounds: 1.5 times what was measured. */
+static void close_to_reference(void **state) {
+  static const double steps[] = {1, 0.5, 0.25, 0.125};
+  static const double bounds[3][4] = {
+      {1.7e-2, 8.8e-3, 4.8e-3, 1.8e-3}, {1.7e-2, 8.8e-3, 4.8e-3, 1.8e-3}, {4.6e-3, 1e-3, 2.8e-4, 6e-5}};
+  for (int m = 0; m < 3; m++)
+    for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
+      tc_volume *volume = wave_volume((tc_voxel_type)type, 1);
+      const tc_volume_stats *range = tc_volume_statistics(volume);
+      tc_scene scene;
+      test_scene(&scene, 40, 36);
+      test_scene_frame(&scene, volume, type % 2 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE, (double[3]){0.5, -1, 0.3});
+      scene.mode = modes[m];
+      set_window(&scene, range->min, range->max);
+      float *want = reference_image(volume, &scene);
+      double rms[4][4];
+      for (int s = 0; s < 4; s++)
+        for (int i = 0; i < n_renderers; i++) {
+          scene.sampling.step = steps[s];
+          const tc_frame *frame = render(i, volume, &scene, NULL);
+          check_sane(name_of(i), frame);
+          size_t pixels = (size_t)frame->width * (size_t)frame->height, ties = 0;
+          double sum = 0, max = 0;
+          for (size_t p = 0; p < pixels; p++) {
+            if (frame->linear[4 * p + 3] != want[4 * p + 3]) { /* a ray that grazes an edge of the box */
+              ties++;
+              continue;
+            }
+            double d = (double)frame->linear[4 * p] - (double)want[4 * p];
+            sum += d * d;
+            max = fmax(max, fabs(d));
+            /* A sample is a value of the field: no maximum of them is above the exact one, no minimum below, but for the
+             * single precision of a sample's place. */
+            if (m < 2 && (m == 0 ? d : -d) > 1e-5) fail_msg("%s %s: beyond the exact one by %g", mode_names[m], name_of(i), d);
+          }
+          rms[s][i] = sqrt(sum / (double)pixels);
+          if (i == 0 || (is_gl(i) && type == TC_U16))
+            printf("  %-7s %-3s %-6s step %-5g rms %.2e max %.2e ties %zu\n", mode_names[m],
+                   tc_voxel_type_name((tc_voxel_type)type), name_of(i), steps[s], rms[s][i], max, ties);
+          if (max > bounds[m][s] || ties > 2)
+            fail_msg("%s, %s, step %g: max %g (bound %g), %zu ties", mode_names[m], name_of(i), steps[s], max, bounds[m][s], ties);
+        }
+      for (int i = 0; i < n_renderers; i++) { /* from step 1 to 1/8: order 1 is a factor of 8, order 2 one of 64 */
+        double gain = rms[0][i] / rms[3][i];
+        if (!(gain > (m < 2 ? 6 : 40))) fail_msg("%s, %s: the error falls by %g only", mode_names[m], name_of(i), gain);
+      }
+      free(want);
+      tc_scene_clear(&scene);
+      tc_volume_unref(volume);
+    }
+}
+
+/* Values stored upside down give the same picture as values stored upright: mip stays the maximum of values. */
+static void inverted_slope(void **state) {
+  for (int m = 0; m < 3; m++)
+    for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
+      tc_volume *upright = wave_volume((tc_voxel_type)type, 1), *inverted = wave_volume((tc_voxel_type)type, -1);
+      const tc_volume_stats *range = tc_volume_statistics(upright);
+      assert_true(tc_volume_describe(inverted)->slope < 0);
+      assert_float_equal(tc_volume_statistics(inverted)->max, range->max, 1e-6);
+      tc_scene scene;
+      test_scene(&scene, 30, 26);
+      test_scene_frame(&scene, upright, TC_PERSPECTIVE, (double[3]){-0.4, -1, 0.2});
+      scene.mode = modes[m];
+      set_window(&scene, range->min + 0.1 * (range->max - range->min), range->max);
+      for (int i = 0; i < n_renderers; i++) {
+        float want[30 * 26 * 4];
+        memcpy(want, render(i, upright, &scene, NULL)->linear, sizeof want);
+        test_difference d = test_compare(render(i, inverted, &scene, NULL)->linear, want, 30 * 26);
+        if (!(d.max < 2e-5))
+          fail_msg("%s %s %s: off by %g", mode_names[m], tc_voxel_type_name((tc_voxel_type)type), name_of(i), d.max);
+      }
+      tc_scene_clear(&scene);
+      tc_volume_unref(upright);
+      tc_volume_unref(inverted);
+    }
+}
+
+/* A ray straight through a ramp: extrema at its two ends, the last of which no whole step reaches; the mean in the middle. */
+static void closed_forms(void **state) {
+  tc_volume *volume = test_volume(&(test_grid){.dims = {12, 9, 9}, .type = TC_F32}, test_linear, (double[4]){10, 0, 0, -20});
+  tc_scene scene;
+  test_scene(&scene, 7, 5);
+  test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){-20, 4, 4}, (double[3]){0, 4, 4}, 6);
+  set_window(&scene, -100, 100); /* values run from -20 to 90 */
+  const double want[] = {0.95, 0.4, 0.675};
+  for (int m = 0; m < 3; m++)
+    for (int linear = 0; linear < 2; linear++)
+      for (double step = 0.3; step < 40; step *= 1.9)
+        for (int i = 0; i < n_renderers; i++) {
+          scene.mode = modes[m];
+          scene.sampling.step = step;
+          scene.image.linear_light = linear;
+          const tc_frame *frame = render(i, volume, &scene, NULL);
+          check_sane("ramp", frame);
+          double c = want[m], expected = linear ? pow((c + 0.055) / 1.055, 2.4) : c;
+          for (int p = 0; p < 35; p++) {
+            if (fabs((double)frame->linear[4 * p] - expected) > 2e-6)
+              fail_msg("%s %s step %g: %g, wanted %g", mode_names[m], name_of(i), step, (double)frame->linear[4 * p], expected);
+            /* Through linear light and back a grey is the display value that the window made. */
+            assert_true(abs(frame->rgba[4 * p] - (int)(c * 255 + 0.5)) <= linear);
+            assert_int_equal(frame->rgba[4 * p + 3], 255);
+          }
+        }
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+/* ---- shapes and numbers at the edge ---- */
+
+static void thin_volumes(void **state) {
+  static const int dims[][3] = {{1, 1, 1}, {1, 9, 1}, {7, 1, 1}, {1, 1, 12}, {5, 6, 1}, {1, 4, 3}, {2, 2, 2}, {3, 12, 2}};
+  unsigned seed = 3;
+  for (size_t d = 0; d < G_N_ELEMENTS(dims); d++)
+    for (int m = 0; m < 3; m++) {
+      test_grid grid = {.type = TC_F32, .spacing = {1, 2, 0.7}};
+      memcpy(grid.dims, dims[d], sizeof grid.dims);
+      tc_volume *volume = test_volume(&grid, test_noise, &seed);
+      tc_scene scene;
+      test_scene(&scene, 20, 20);
+      test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.3, -1, 0.2});
+      scene.mode = modes[m];
+      scene.sampling.step = 0.02;
+      set_window(&scene, 0, 1);
+      float *want = reference_image(volume, &scene);
+      for (int i = 0; i < n_renderers; i++) {
+        const tc_frame *frame = render(i, volume, &scene, NULL);
+        check_sane("thin", frame);
+        int off = 0, met = 0;
+        for (int p = 0; p < 400; p++) {
+          met += frame->linear[4 * p + 3] > 0;
+          off += frame->linear[4 * p + 3] != want[4 * p + 3] || fabsf(frame->linear[4 * p] - want[4 * p]) > 0.01f;
+        }
+        if (off > 2 || met == 0) fail_msg("%dx%dx%d %s %s: %d pixels off", dims[d][0], dims[d][1], dims[d][2], mode_names[m], name_of(i), off);
+      }
+      free(want);
+      tc_scene_clear(&scene);
+      tc_volume_unref(volume);
+    }
+}
+
+/* A constant field is exact, windows at either side of it black or white, and windows of any width finite. */
+static void constants_and_extreme_windows(void **state) {
+  const double value = 100;
+  tc_volume *volume = test_volume(&(test_grid){.dims = {20, 15, 300}, .type = TC_I16}, test_constant, &value);
+  tc_volume *huge = test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_F32, .slope = 1e-9}, test_constant, &value);
+  static const struct { double center, width, grey; } windows[] = {
+      {100, 50, 0.5}, {110, 40, 0.25}, {500, 100, 0}, {-500, 100, 1}, {99, 1e-9, 1},    {101, 1e-9, 0},  {99, 1e-320, 1},
+      {101, 1e-320, 0}, {0, 1e300, 0.5}, {1e300, 1, 0}, {-1e300, 1, 1}, {1e300, 1e-300, 0}, {-1e308, 1e308, 1}};
+  for (size_t w = 0; w < G_N_ELEMENTS(windows); w++)
+    for (int m = 0; m < 3; m++)
+      for (int i = 0; i < n_renderers; i++)
+        for (int k = 0; k < 2; k++) {
+          tc_scene scene;
+          test_scene(&scene, 9, 9);
+          test_scene_frame(&scene, k ? huge : volume, TC_PERSPECTIVE, (double[3]){0.1, 0.2, 1});
+          scene.mode = modes[m];
+          scene.sampling.step = 0.37;
+          scene.window.center = windows[w].center;
+          scene.window.width = windows[w].width;
+          const tc_frame *frame = render(i, k ? huge : volume, &scene, NULL);
+          check_sane("constant", frame);
+          const float *c = frame->linear + 4 * (4 * 9 + 4);
+          if (fabs((double)c[0] - windows[w].grey) > 2e-6)
+            fail_msg("window %g/%g %s %s: %g, wanted %g", windows[w].center, windows[w].width, mode_names[m], name_of(i),
+                     (double)c[0], windows[w].grey);
+          tc_scene_clear(&scene);
+        }
+  tc_volume_unref(volume);
+  tc_volume_unref(huge);
+}
+
+/* ---- skipping ---- */
+
+typedef struct blobs { uint64_t seed; int count; double noise; } blobs;
+
+static double blob_field(double x, double y, double z, const void *context) {
+  const blobs *b = context;
+  uint64_t state = b->seed;
+  double v = 0;
+  for (int i = 0; i < b->count; i++) {
+    double cx = 90 * test_random(&state), cy = 90 * test_random(&state), cz = 90 * test_random(&state);
+    double r = 1 + 9 * test_random(&state), d = sqrt((x - cx) * (x - cx) + (y - cy) * (y - cy) + (z - cz) * (z - cz));
+    v = fmax(v, 120 * fmax(0, 1 - d / r));
+  }
+  unsigned seed = (unsigned)b->seed;
+  return fmin(v, 110) + b->noise * test_noise(x, y, z, &seed);
+}
+
+static tc_volume *random_volume(uint64_t *state) {
+  blobs b = {*state, 1 + (int)(6 * test_random(state)), 15 * floor(2 * test_random(state))};
+  test_grid g = {.type = (tc_voxel_type)(5 * test_random(state))};
+  int least = test_random(state) < 0.2 ? 1 : 25;
+  for (int k = 0; k < 3; k++) g.dims[k] = least + (int)(70 * test_random(state)), g.spacing[k] = 0.4 + 2 * test_random(state);
+  if (test_random(state) < 0.3) g.slope = -0.9, g.intercept = g.type == TC_U8 || g.type == TC_U16 ? 130 : 20;
+  /* Sheared axes, as of a tilted gantry. */
+  if (test_random(state) < 0.3) memcpy(g.direction, (double[9]){1, 0.3, 0, 0, 0.95394, 0, 0, 0, 1}, sizeof g.direction);
+  return test_volume(&g, blob_field, &b);
+}
+
+static void random_scene(tc_scene *s, const tc_volume *v, int trial, uint64_t *state) {
+  test_scene(s, 41, 37);
+  double side[3] = {test_random(state) - 0.5, test_random(state) - 0.5, test_random(state) - 0.5};
+  if (trial % 5 == 0) side[1] = 0;
+  if (trial % 10 == 0) side[2] = 0; /* along an axis */
+  test_scene_frame(s, v, trial % 2 ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC, side);
+  if (trial % 7 == 3) /* from inside */
+    for (int k = 0; k < 3; k++) s->camera.position[k] = 0.9 * s->camera.target[k] + 0.1 * s->camera.position[k];
+  s->mode = modes[trial % 3 == 0];
+  s->sampling.step = 0.3 + (trial % 4 ? 2 : 12) * test_random(state);
+  s->skipping.block = trial % 3 ? 2 + (int)(6 * test_random(state)) : 0;
+  /* Now and then all of the volume is on one side of the window. */
+  double lo = -20 + (trial % 8 ? 60 : 160) * test_random(state);
+  set_window(s, lo, lo + (trial % 3 ? 150 : 10) * test_random(state) + 0.01);
+  s->image.linear_light = trial % 6 == 1;
+  s->image.transparent = trial % 4 == 2;
+}
+
+static void skipping_changes_no_bit(void **state) {
+  for (int r = 0; r < n_renderers; r++) {
+    uint64_t with = 0, without = 0, seeds = 7;
+    int skipped = 0, shown = 0, trials = is_gl(r) ? 60 : 150;
+    for (int trial = 0; trial < trials; trial++) {
+      uint64_t seed = seeds;
+      tc_volume *v = random_volume(&seeds);
+      tc_scene s;
+      tc_frame on = {0}, off = {0};
+      tc_render_request q = {.want_linear = true};
+      random_scene(&s, v, trial, &seeds);
+      assert_true(tc_render(renderers[r], v, &s, &q, &on, NULL, NULL));
+      s.skipping.mode = TC_SKIPPING_OFF;
+      assert_true(tc_render(renderers[r], v, &s, &q, &off, NULL, NULL));
+      check_sane(name_of(r), &on);
+      size_t pixels = (size_t)on.width * (size_t)on.height;
+      if (memcmp(on.linear, off.linear, pixels * 16) || memcmp(on.rgba, off.rgba, pixels * 4))
+        fail_msg("%s: trial %d (state %llu, block %d) differs", name_of(r), trial, (unsigned long long)seed, s.skipping.block);
+      assert_int_equal(off.stats.leaps, 0);
+      with += on.stats.samples, without += off.stats.samples;
+      skipped += on.stats.leaps > 0;
+      for (size_t i = 0; i < pixels; i++)
+        if (off.linear[4 * i] > 0 && off.linear[4 * i] < 1) {
+          shown++;
+          break;
+        }
+      tc_frame_finish(&on);
+      tc_frame_finish(&off);
+      tc_scene_clear(&s);
+      tc_volume_unref(v);
+    }
+    printf("%s: %d scenes, %d with greys, %d skipped in, %.2f of the samples taken\n", name_of(r), trials, shown, skipped,
+           (double)with / (double)without);
+    assert_true(shown > trials / 3 && skipped > trials / 5 && with < without); /* the trial is worth something */
+  }
+}
+
+/* On volumes with much between which little is bright it pays: samples as they were measured, with a margin. */
+static void skipping_pays(void **state) {
+  const char *data = getenv("TC_DATA");
+  char path[512];
+  tc_volume *v = NULL;
+  if (data) {
+    snprintf(path, sizeof path, "%s/nrrd/aneurism.nrrd", data);
+    v = tc_import(path, NULL, NULL);
+  }
+  if (!v) {
+    printf("  TC_DATA is not set: the generated vessels stand in\n");
+    v = tc_volume_demo("vessels", NULL);
+  }
+  tc_scene s;
+  tc_scene_init(&s);
+  tc_scene_fit(&s, v);
+  s.mode = TC_MODE_MIP;
+  s.image.width = s.image.height = 200;
+  s.skipping.mode = TC_SKIPPING_OFF;
+  uint64_t off = render(0, v, &s, NULL)->stats.samples;
+  s.skipping.mode = TC_SKIPPING_AUTO;
+  tc_plan plan;
+  uint64_t on = render(0, v, &s, &plan)->stats.samples;
+  double bytes = (double)plan.stages[TC_STAGE_SKIPPING].bytes / (double)tc_volume_bytes(v);
+  printf("  %.3f of the samples, structure %.2f %% of the voxel bytes\n", (double)on / (double)off, 100 * bytes);
+  assert_true((double)on < 0.6 * (double)off);
+  assert_true(bytes < 0.03);
+  assert_true(render(0, v, &s, NULL)->stats.skip_ms == 0); /* a second frame builds nothing */
+  tc_scene_clear(&s);
+  tc_volume_unref(v);
+}
+
+/* ---- the plan ---- */
+
+static void plan_leaves_out(void **state) {
+  tc_volume *volume = wave_volume(TC_U16, 1);
+  tc_scene scene;
+  test_scene(&scene, 16, 16);
+  test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0, -1, 0});
+  /* Without meaning in these modes, hence no reason to refuse. */
+  scene.classification = TC_POST;
+  scene.order = TC_BACK_TO_FRONT;
+  scene.shading.model = TC_SHADING_GOOCH;
+  scene.transfer_function.points[0].value = NAN;
+  for (int m = 0; m < 3; m++)
+    for (int i = 0; i < n_renderers; i++) {
+      tc_plan plan, before;
+      char name[64];
+      scene.mode = modes[m];
+      scene.window.center = 1234 + m; /* another window, other bounds: nothing of them is there before the first frame */
+      assert_true(tc_renderer_plan(renderers[i], volume, &scene, &before, NULL));
+      const tc_frame *frame = render(i, volume, &scene, &plan);
+      assert_memory_equal(&plan.key, &before.key, sizeof plan.key);
+      snprintf(name, sizeof name, "%s.linear.u16.%s", mode_names[m], is_gl(i) ? "gather.gl" : name_of(i));
+      assert_string_equal(plan.kernel, name);
+      assert_string_equal(before.kernel, name);
+      assert_false(plan.stages[TC_STAGE_TABLE_2D].included || plan.stages[TC_STAGE_TABLE_1D].included ||
+                   plan.stages[TC_STAGE_GRADIENT].included || plan.stages[TC_STAGE_TERMINATION].included);
+      assert_true(plan.table_size == 0 && plan.stages[TC_STAGE_TABLE_2D].bytes == 0 && frame->stats.tables_ms == 0);
+      assert_non_null(strstr(plan.stages[TC_STAGE_TABLE_2D].reason, "window"));
+      assert_non_null(strstr(plan.stages[TC_STAGE_RESOLVE].reason, "123"));
+      assert_int_equal(plan.stages[TC_STAGE_SKIPPING].included, modes[m] != TC_MODE_AVERAGE);
+      assert_int_equal(plan.stages[TC_STAGE_SKIPPING].bytes > 0, modes[m] != TC_MODE_AVERAGE);
+      assert_int_equal(frame->stats.leaps > 0 && modes[m] == TC_MODE_AVERAGE, 0);
+    }
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+static void expect_refused(const tc_volume *volume, const tc_scene *scene, int code, const char *pointer) {
+  GError *error = NULL;
+  tc_plan plan;
+  assert_false(tc_plan_make(volume, scene, 16, 16, &plan, &error));
+  assert_int_equal(error->code, code);
+  assert_string_equal(tc_error_pointer(error), pointer);
+  g_clear_error(&error);
+}
+
+static void refusals(void **state) {
+  tc_volume *volume = wave_volume(TC_U8, 1);
+  const double widths[] = {0, -1, NAN, INFINITY}, centers[] = {NAN, -INFINITY};
+  for (int m = 0; m < 3; m++) {
+    tc_scene scene;
+    test_scene(&scene, 16, 16);
+    test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0, -1, 0});
+    scene.mode = modes[m];
+    for (size_t k = 0; k < G_N_ELEMENTS(widths); k++) {
+      scene.window.width = widths[k];
+      expect_refused(volume, &scene, TC_ERROR_INVALID, "/window/width");
+    }
+    scene.window.width = 1;
+    for (size_t k = 0; k < G_N_ELEMENTS(centers); k++) {
+      scene.window.center = centers[k];
+      expect_refused(volume, &scene, TC_ERROR_INVALID, "/window/center");
+    }
+    scene.window.center = 0;
+    scene.filter = TC_FILTER_CUBIC;
+    expect_refused(volume, &scene, TC_ERROR_UNSUPPORTED, "/filter");
+    scene.filter = TC_FILTER_LINEAR;
+    scene.sampling.jitter = true;
+    expect_refused(volume, &scene, TC_ERROR_UNSUPPORTED, "/sampling/jitter");
+    scene.sampling.jitter = false;
+    scene.clip.has_box = true;
+    expect_refused(volume, &scene, TC_ERROR_UNSUPPORTED, "/clip");
+    scene.clip.has_box = false;
+    strcpy(scene.labels.volume, "liver");
+    expect_refused(volume, &scene, TC_ERROR_UNSUPPORTED, "/labels");
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(closed_forms),    cmocka_unit_test(close_to_reference),
+      cmocka_unit_test(inverted_slope),  cmocka_unit_test(thin_volumes),
+      cmocka_unit_test(constants_and_extreme_windows), cmocka_unit_test(skipping_changes_no_bit),
+      cmocka_unit_test(skipping_pays),   cmocka_unit_test(plan_leaves_out),
+      cmocka_unit_test(refusals),
+  };
+  return cmocka_run_group_tests(tests, set_up, tear_down);
+}
