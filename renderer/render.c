@@ -221,7 +221,8 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   tc_rays rays;
   tc_rays_set_up(&rays, volume, scene, width, height);
   tc_job job = {.plan = plan, .scene = scene, .volume = volume, .rays = &rays, .table = have.table, .leap = have.leap,
-                .grey = tc_is_projection(scene->mode) ? &have.grey : NULL, .bounds = have.bounds, .cancel = request->cancel, .want_linear = request->want_linear, .frame = frame};
+                .grey = tc_is_projection(scene->mode) ? &have.grey : NULL, .bounds = have.bounds,
+                .cancel = request->cancel, .want_linear = request->want_linear, .frame = frame};
   double start = now_ms();
   if (!renderer->ops->render(renderer->instance, &job, error)) return false;
   frame->stats.render_ms = now_ms() - start;

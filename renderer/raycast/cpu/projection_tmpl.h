@@ -79,7 +79,8 @@ V_INLINE void cast_extreme(const tc_cpu_args *g, int type, bool leap, int x, int
     counts->samples += (uint64_t)m_count(live);
     live = m_and(live, v_lt(best, stop));
   }
-  look = look && m_any(m_and(live, v_lt(v_set((float)(WORTH_A_GUESS * g->interval) * g->step_mm), p.length)));
+  float worth_mm = (float)(WORTH_A_GUESS * g->interval) * g->step_mm;
+  look = look && m_any(m_and(live, v_lt(v_set(worth_mm), p.length)));
   if (look) {
     best = best_guess(g, type, &p, best, counts);
     live = m_and(live, v_lt(best, stop));

@@ -96,7 +96,8 @@ void tc_gl_variant_name(const tc_gl_variant *v, char *name, size_t size) {
                                                             "linearized"};
   static const char *const filters[TC_FILTER_COUNT] = {"linear", "cubic", "nearest"};
   bool composites = v->plan.mode == TC_MODE_DVR;
-  snprintf(name, size, "%s%s%s.%s.%s.%s", v->plan.mode < TC_MODE_COUNT ? modes[v->plan.mode] : "?", composites ? "." : "",
+  snprintf(name, size, "%s%s%s.%s.%s.%s", v->plan.mode < TC_MODE_COUNT ? modes[v->plan.mode] : "?",
+           composites ? "." : "",
            !composites                                         ? ""
            : v->plan.classification < TC_CLASSIFICATION_COUNT ? ways[v->plan.classification]
                                                                : "?",
