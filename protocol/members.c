@@ -141,7 +141,7 @@ const tcp_member tcp_members[] = {
     {"mpr", "center", TCP_SPECIAL, AT(mpr.center), 3, COORDINATES, .unit = "LPS mm", .special = &tcp_special_mpr_center,
      .doc = "Point in the middle of the picture; the volume's centre when left out."},
     {"mpr", "normal", TCP_VECTOR, AT(mpr.normal), 3, COORDINATES, .unit = "LPS",
-     .doc = "Oblique: normal of the plane."},
+     .doc = "Oblique: normal of the plane, towards the viewer."},
     {"mpr", "up", TCP_VECTOR, AT(mpr.up), 3, COORDINATES, .unit = "LPS",
      .doc = "Oblique: direction that is up in the picture."},
     {"mpr", "thickness", TCP_NUMBER, AT(mpr.thickness_mm), RANGE(0, 1e6), .unit = "mm",

@@ -46,6 +46,14 @@ extern const tc_backend_ops tc_gl_backend;
  * the thread that will own it. */
 bool tc_gl_probe(bool *hardware, char *why, size_t size);
 
+/* From voxels to grey in single precision, for modes without a table: node = (voxel - lo) * sign, clamped to [0, last],
+ * grows with the value and loses nothing of a voxel; grey = (node - center) * gain + 0.5, clamped to [0, 1], is the
+ * scene's window. */
+typedef struct tc_slice_window {
+  float lo, sign, last, center, gain;
+} tc_slice_window;
+void tc_slice_window_init(tc_slice_window *window, const tc_volume *volume, const tc_scene *scene);
+
 /* Premultiplied colour in the compositing space + opacity -> background behind it, sRGB, 8 bits (round to nearest). Shared by
  * both back ends so that they agree: row of `count` pixels. lut: tc_resolve_init(). */
 typedef struct tc_resolve {

@@ -137,6 +137,7 @@ static bool gather_projection(tc_renderer *r, const tc_volume *volume, const tc_
 static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, tc_plan *plan, frame_resources *have,
                    tc_frame_stats *stats, GError **error) {
   if (tc_is_projection(scene->mode)) return gather_projection(r, volume, scene, plan, have, stats, error);
+  if (!plan->stages[TC_STAGE_TABLE_2D].included) return true; /* a slice: and nothing leaps without a table */
   tc_table_params params = tc_table_params_for(volume, scene, plan->step_mm);
   have->table = tc_resources_table(r->resources, &params, &stats->tables_ms, error);
   if (!have->table) return false;
@@ -190,8 +191,10 @@ bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_s
     finish_plan(renderer, plan, &have, NULL);
     return true;
   }
-  tc_table_params params = tc_table_params_for(volume, scene, plan->step_mm);
-  have.table = tc_resources_find_table(renderer->resources, &params);
+  if (plan->stages[TC_STAGE_TABLE_2D].included) {
+    tc_table_params params = tc_table_params_for(volume, scene, plan->step_mm);
+    have.table = tc_resources_find_table(renderer->resources, &params);
+  }
   if (have.table && plan->key.skipping) {
     int block = tc_skip_block(scene->skipping.block);
     have.minmax = tc_resources_find_minmax(renderer->resources, volume, block);
@@ -218,6 +221,12 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
       !reserve(frame, width, height, request->want_linear, error) ||
       !gather(renderer, volume, scene, plan, &have, &frame->stats, error))
     return false;
+  tc_scene windowed; /* greys are display values already: nothing is converted */
+  if (scene->mode == TC_MODE_MPR && scene->image.linear_light) {
+    windowed = *scene;
+    windowed.image.linear_light = false;
+    scene = &windowed;
+  }
   tc_rays rays;
   tc_rays_set_up(&rays, volume, scene, width, height);
   tc_job job = {.plan = plan, .scene = scene, .volume = volume, .rays = &rays, .table = have.table, .leap = have.leap,

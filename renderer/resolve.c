@@ -36,6 +36,20 @@ void tc_resolve_init(tc_resolve *resolve, const tc_scene *scene) {
   }
 }
 
+/* A window of next to no width must not become an infinity: infinity times zero is no grey. */
+static float bounded(double x) { return (float)fmin(fmax(x, -1e30), 1e30); }
+
+void tc_slice_window_init(tc_slice_window *grey, const tc_volume *volume, const tc_scene *scene) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  const tc_volume_stats *s = tc_volume_statistics(volume);
+  double lo = d->slope > 0 ? s->voxel_min : s->voxel_max, sign = d->slope > 0 ? 1 : -1;
+  grey->lo = (float)lo;
+  grey->sign = (float)sign;
+  grey->last = (float)(s->voxel_max - s->voxel_min);
+  grey->center = bounded(((scene->window.center - d->intercept) / d->slope - lo) * sign);
+  grey->gain = bounded(fabs(d->slope) / scene->window.width);
+}
+
 static uint8_t to_byte(float c) {
   c = c < 0 ? 0 : c > 1 ? 1 : c;
   return (uint8_t)(c * 255 + 0.5f);

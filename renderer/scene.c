@@ -43,7 +43,7 @@ static void init_surfaces(tc_scene *scene) {
 
 static void init_mpr(tc_scene *scene) {
   scene->mpr.orientation = TC_AXIAL;
-  set3(scene->mpr.normal, 0, 0, 1);
+  set3(scene->mpr.normal, 0, 0, -1); /* an axial picture is seen from the feet */
   set3(scene->mpr.up, 0, -1, 0); /* the front of the patient is on top of an axial picture */
   scene->mpr.projection = TC_SLAB_AVERAGE;
   scene->mpr.zoom = 1;

@@ -88,13 +88,22 @@ typedef struct tc_scene {
   struct { bool has_box; double box[2][3]; double planes[6][4]; int n_planes; } clip;
   struct { double value; double color[3]; } isosurface;
   struct { double threshold[2]; double kernel_radius; char attribute[32]; bool opaque, culling; } splat;
+  /* A planar reformat, with square pixels and as radiologists hold pictures: axial is seen from the feet (patient's
+   * right on the left of the picture, front on top), coronal from the front (right on the left, head on top), sagittal
+   * from the patient's left (front on the left, head on top). Voxels show the window's greys with opacity 1 (black at
+   * center - width/2, white at center + width/2, linear between); where there is no volume the background shows, with
+   * opacity 0. Only filter, sampling.step, clip, window and image mean something beside; the rest is ignored. */
   struct {
     tc_mpr_orientation orientation;
-    bool has_center;
-    double center[3], normal[3], up[3];
-    double thickness_mm;
-    tc_slab_projection projection;
-    double zoom;
+    bool has_center;        /* else the plane goes through the volume's centre */
+    double center[3];       /* LPS mm: on the plane, in the middle of the picture */
+    double normal[3];       /* oblique: normal of the plane, towards the viewer; any length but 0 */
+    double up[3];           /* oblique: up in the picture, need not lie in the plane, not parallel to the normal */
+    double thickness_mm;    /* >= 0; a slab lies half before and half behind the plane; 0 is one slice */
+    tc_slab_projection projection; /* of a slab: of samples on the plane, every sampling.step from it, and on both
+                                      faces (the volume's or a clip plane's where it ends there); average by the
+                                      trapezoidal rule */
+    double zoom;            /* > 0; at 1 the volume's extent across and up the picture just fits; 2 shows half of it */
   } mpr;
   struct {
     char volume[64]; /* id of a second volume; "" = none */

@@ -134,6 +134,40 @@ static bool check_image(int width, int height, GError **error) {
   return true;
 }
 
+static bool check_oblique(const double n[3], const double up[3], GError **error) {
+  double n2 = 0, up2 = 0, cross2 = 0;
+  for (int k = 0; k < 3; k++) {
+    int a = (k + 1) % 3, b = (k + 2) % 3;
+    double cross = n[a] * up[b] - n[b] * up[a];
+    n2 += n[k] * n[k], up2 += up[k] * up[k], cross2 += cross * cross;
+  }
+  if (!(n2 > 0) || !isfinite(n2)) return invalid(error, "/mpr/normal", "a vector that is not zero wanted");
+  if (!(up2 > 0) || !isfinite(up2)) return invalid(error, "/mpr/up", "a vector that is not zero wanted");
+  if (!(cross2 > 1e-18 * n2 * up2)) return invalid(error, "/mpr/up", "parallel to mpr.normal: choose another");
+  return true;
+}
+
+static bool check_mpr(const tc_volume *volume, const tc_scene *scene, GError **error) {
+  if ((unsigned)scene->mpr.orientation >= TC_MPR_ORIENTATION_COUNT)
+    return invalid(error, "/mpr/orientation", "unknown");
+  if ((unsigned)scene->mpr.projection >= TC_SLAB_PROJECTION_COUNT) return invalid(error, "/mpr/projection", "unknown");
+  if (scene->mpr.has_center && !finite3(scene->mpr.center))
+    return invalid(error, "/mpr/center", "three finite numbers wanted");
+  if (scene->mpr.orientation == TC_OBLIQUE && !check_oblique(scene->mpr.normal, scene->mpr.up, error)) return false;
+  double thickness = scene->mpr.thickness_mm, zoom = scene->mpr.zoom, step = scene->sampling.step;
+  if (!(thickness >= 0) || !isfinite(thickness)) return invalid(error, "/mpr/thickness", "mm of at least 0 wanted");
+  if (!(zoom > 0) || !isfinite(zoom)) return invalid(error, "/mpr/zoom", "a factor above 0 wanted");
+  if (!(step > 0) || !isfinite(step)) return invalid(error, "/sampling/step", "voxels above 0 wanted");
+  const double *spacing = tc_volume_describe(volume)->spacing;
+  if (thickness / (step * fmin(spacing[0], fmin(spacing[1], spacing[2]))) > MAX_SAMPLES_PER_RAY) {
+    tc_set_error(error, TC_ERROR_LIMIT, "/mpr/thickness",
+                 "mpr/thickness: %g mm make over %.0f samples a pixel: choose a thinner slab or a larger sampling.step",
+                 thickness, MAX_SAMPLES_PER_RAY);
+    return false;
+  }
+  return true;
+}
+
 /* ---- what is not built: refused, so that no picture is ever quietly another one ---- */
 
 static bool unsupported(GError **error, const char *pointer, const char *what) {
@@ -155,13 +189,14 @@ static bool check_compositing_built(const tc_scene *s, GError **error) {
 
 static bool check_built(const tc_scene *s, GError **error) {
   if ((unsigned)s->mode >= TC_MODE_COUNT) return invalid(error, "/mode", "unknown");
-  bool projection = tc_is_projection(s->mode);
-  if (s->mode != TC_MODE_DVR && !projection) return unsupported(error, "/mode", modes[s->mode]);
-  if (!projection && !check_compositing_built(s, error)) return false;
-  if (s->filter != TC_FILTER_LINEAR) return unsupported(error, "/filter", "any filter but linear");
+  bool projection = tc_is_projection(s->mode), slice = s->mode == TC_MODE_MPR;
+  if (s->mode != TC_MODE_DVR && !projection && !slice) return unsupported(error, "/mode", modes[s->mode]);
+  if (s->mode == TC_MODE_DVR && !check_compositing_built(s, error)) return false;
+  if (s->filter != TC_FILTER_LINEAR && !(slice && s->filter == TC_FILTER_NEAREST))
+    return unsupported(error, "/filter", slice ? "any filter of slices but linear and nearest" : "any filter but linear");
   if (s->sampling.rays_per_pixel != 1) return unsupported(error, "/sampling/raysPerPixel", "more than one ray a pixel");
-  if (s->sampling.coherence) return unsupported(error, "/sampling/coherence", "sub-pixel coherence");
-  if (s->sampling.jitter) return unsupported(error, "/sampling/jitter", "jitter");
+  if (!slice && s->sampling.coherence) return unsupported(error, "/sampling/coherence", "sub-pixel coherence");
+  if (!slice && s->sampling.jitter) return unsupported(error, "/sampling/jitter", "jitter");
   if (s->labels.volume[0]) return unsupported(error, "/labels", "a label volume");
   if (s->quality.max_error > 0 || s->quality.max_ms > 0) return unsupported(error, "/quality", "quality control");
   if (s->error_meter.pixels) return unsupported(error, "/errorMeter", "the error meter");
@@ -184,6 +219,14 @@ static void plan_projection_stages(tc_plan *plan, const tc_scene *s) {
         s->window.width, plan->width, plan->height);
 }
 
+static void plan_clipping(tc_plan *plan, const tc_scene *s) {
+  if (plan->key.clipping)
+    stage(plan, TC_STAGE_CLIPPING, true, "%s%d clip planes; each ray is cut once, before its first sample",
+          s->clip.has_box ? "a clip box and " : "", s->clip.n_planes);
+  else
+    stage(plan, TC_STAGE_CLIPPING, false, "no clip box or plane");
+}
+
 static void plan_stages(tc_plan *plan, const tc_scene *s) {
   stage(plan, TC_STAGE_TABLE_1D, false, "only approximate classification reads 1-D integrals");
   stage(plan, TC_STAGE_TABLE_2D, true, "classification is preintegrated: %d values a side, segments of %.4g mm",
@@ -193,11 +236,7 @@ static void plan_stages(tc_plan *plan, const tc_scene *s) {
         s->skipping.mode == TC_SKIPPING_OFF ? "skipping.mode is off"
         : plan->key.skipping                ? "the transfer function is zero over part of the range"
                                             : "the transfer function is nowhere zero in the volume's range");
-  if (plan->key.clipping)
-    stage(plan, TC_STAGE_CLIPPING, true, "%s%d clip planes; each ray is cut once, before its first sample",
-          s->clip.has_box ? "a clip box and " : "", s->clip.n_planes);
-  else
-    stage(plan, TC_STAGE_CLIPPING, false, "no clip box or plane");
+  plan_clipping(plan, s);
   stage(plan, TC_STAGE_JITTER, false, "sampling.jitter is off");
   stage(plan, TC_STAGE_LABELS, false, "no label volume");
   if (plan->key.termination)
@@ -231,10 +270,54 @@ static void plan_compositing(tc_plan *plan, const tc_volume *volume, const tc_sc
   plan->table_hi = d->slope * hi + d->intercept;
 }
 
+static void plan_slice_stages(tc_plan *plan, const tc_scene *s) {
+  static const struct { tc_stage stage; const char *reason; } out[] = {
+      {TC_STAGE_TABLE_1D, "a slice shows values through the window, not a transfer function"},
+      {TC_STAGE_TABLE_2D, "a slice shows values through the window, not a transfer function"},
+      {TC_STAGE_GRADIENT, "a slice has no shading"},
+      {TC_STAGE_SKIPPING, "a slice shows every voxel it meets"},
+      {TC_STAGE_JITTER, "a slice has no jitter"},
+      {TC_STAGE_LABELS, "no label volume"},
+      {TC_STAGE_TERMINATION, "a slab counts all of its samples"},
+      {TC_STAGE_DEPTH, "nothing asks for depth"},
+      {TC_STAGE_LINEAR_LIGHT, "the window gives display values: nothing composites"},
+      {TC_STAGE_ERROR_METER, "errorMeter is off"}};
+  for (size_t i = 0; i < sizeof out / sizeof *out; i++) stage(plan, out[i].stage, false, "%s", out[i].reason);
+  plan_clipping(plan, s);
+  stage(plan, TC_STAGE_ALPHA, s->image.transparent,
+        s->image.transparent ? "background is transparent" : "background is a colour");
+  stage(plan, TC_STAGE_RESOLVE, true, "background and 8-bit conversion of %dx%d pixels", plan->width, plan->height);
+  stage(plan, TC_STAGE_ENCODE, true, s->image.format == TC_FORMAT_PNG ? "png, lossless" : "jpeg, quality %d",
+        s->image.quality);
+}
+
+static bool plan_slice(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_plan *plan,
+                       GError **error) {
+  static const char *const slabs[] = {
+      "slice", [1 + TC_SLAB_MIP] = "mip", [1 + TC_SLAB_MINIP] = "minip", [1 + TC_SLAB_AVERAGE] = "average"};
+  if (!check_mpr(volume, scene, error) || !check_window(scene, error) || !check_clipping(scene, error)) return false;
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  plan->key.mode = TC_MODE_MPR;
+  plan->key.voxel_type = (uint8_t)d->type;
+  plan->key.filter = (uint8_t)scene->filter;
+  plan->key.projection = TC_ORTHOGRAPHIC;
+  plan->key.clipping = scene->clip.has_box || scene->clip.n_planes > 0;
+  if (scene->mpr.thickness_mm > 0) plan->key.slab = (uint8_t)(1 + scene->mpr.projection);
+  plan->width = width;
+  plan->height = height;
+  plan->step_mm = scene->sampling.step * fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2]));
+  plan_slice_stages(plan, scene);
+  snprintf(plan->kernel, sizeof plan->kernel, "mpr.%s.%s.%s", slabs[plan->key.slab],
+           scene->filter == TC_FILTER_NEAREST ? "nearest" : "linear", tc_voxel_type_name(d->type));
+  return true;
+}
+
 bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_plan *plan, GError **error) {
   memset(plan, 0, sizeof *plan);
-  if (!check_built(scene, error) || !check_image(width, height, error) || !check_camera(&scene->camera, error) ||
-      !check_look(scene, error) || !check_sampling(volume, scene, error) || !check_clipping(scene, error))
+  if (!check_built(scene, error) || !check_image(width, height, error)) return false;
+  if (scene->mode == TC_MODE_MPR) return plan_slice(volume, scene, width, height, plan, error);
+  if (!check_camera(&scene->camera, error) || !check_look(scene, error) || !check_sampling(volume, scene, error) ||
+      !check_clipping(scene, error))
     return false;
   const tc_volume_desc *d = tc_volume_describe(volume);
   plan->key = (tc_plan_key){.mode = (uint8_t)scene->mode,

@@ -55,6 +55,7 @@ typedef struct tc_plan_key {
   uint8_t clipping;       /* 0/1 */
   uint8_t jitter;         /* 0/1 */
   uint8_t labels;         /* 0/1 */
+  uint8_t slab;           /* mpr: 0 one slice, else 1 + tc_slab_projection */
 } tc_plan_key;
 
 typedef struct tc_plan {

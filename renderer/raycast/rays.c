@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "renderer/raycast/slice.h"
+
 static double dot3(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 static void cross3(const double a[3], const double b[3], double c[3]) {
@@ -43,7 +45,7 @@ static void add_plane(tc_rays *rays, const tc_volume *volume, const double plane
   p[3] = (dot3(plane, desc->origin) + plane[3]) / length;
 }
 
-static void add_clipping(tc_rays *rays, const tc_volume *volume, const tc_scene *scene) {
+void tc_rays_add_clipping(tc_rays *rays, const tc_volume *volume, const tc_scene *scene) {
   for (int k = 0; k < 3 && scene->clip.has_box; k++) {
     double low[4] = {0, 0, 0, -scene->clip.box[0][k]}, high[4] = {0, 0, 0, scene->clip.box[1][k]};
     low[k] = 1, high[k] = -1;
@@ -54,6 +56,10 @@ static void add_clipping(tc_rays *rays, const tc_volume *volume, const tc_scene 
 }
 
 void tc_rays_set_up(tc_rays *rays, const tc_volume *volume, const tc_scene *scene, int width, int height) {
+  if (scene->mode == TC_MODE_MPR) {
+    tc_slice_rays(rays, volume, scene, width, height);
+    return;
+  }
   const tc_camera *camera = &scene->camera;
   double forward[3], right[3], up[3], center[3], radius;
   for (int k = 0; k < 3; k++) forward[k] = camera->target[k] - camera->position[k];
@@ -67,10 +73,11 @@ void tc_rays_set_up(tc_rays *rays, const tc_volume *volume, const tc_scene *scen
   tc_volume_lps_to_index_matrix(volume, rays->to_index);
   tc_volume_index_box(volume, rays->lo, rays->hi);
   rays->perspective = camera->projection == TC_PERSPECTIVE;
+  rays->far_mm = TC_RAYS_FAR_MM;
   const double *spacing = tc_volume_describe(volume)->spacing;
   rays->step_mm = scene->sampling.step * fmin(spacing[0], fmin(spacing[1], spacing[2]));
 
-  add_clipping(rays, volume, scene);
+  tc_rays_add_clipping(rays, volume, scene);
 
   double to_center[3];
   for (int k = 0; k < 3; k++) to_center[k] = center[k] - camera->position[k];

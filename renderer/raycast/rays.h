@@ -6,7 +6,7 @@
  *   view(i,j)   = view0   + (i+0.5) * view_du   + (j+0.5) * view_dv           LPS mm, eye -> anchor (perspective)
  *   dir(i,j)    = to_index * view / |view|                                    voxels per mm
  * Pixel (0,0) is top left (NUMERICS section 0). The eye is at s = -|view| (perspective) or s = -eye_mm
- * (orthographic, where view is constant and of unit length): nothing in front of it is seen.
+ * (orthographic, where view is constant and of unit length): nothing in front of it is seen, and nothing beyond s = far_mm.
  * Clip planes cut the ray's stay further; its first sample then lies exactly on the plane, so a cut face has no halo.
  * The field is sampled at t_i = t0 + i * step_mm from the ray's entry into the index box. */
 #ifndef TC_RAYCAST_RAYS_H
@@ -22,6 +22,7 @@ typedef struct tc_rays {
   double view0[3], view_du[3], view_dv[3];
   double to_index[9]; /* row by row */
   double eye_mm;      /* orthographic only */
+  double far_mm;      /* where rays end at the latest; beyond any volume but for slices */
   bool perspective;
   double lo[3], hi[3]; /* index box of the field */
   double step_mm;
@@ -29,7 +30,12 @@ typedef struct tc_rays {
   int n_planes;
 } tc_rays;
 
-/* The camera was validated (tc_plan_make). width, height: pixels of the picture to make. Pure. */
+#define TC_RAYS_FAR_MM 1e30
+
+/* The camera, or the plane of mode mpr, was validated (tc_plan_make). width, height: pixels of the picture to make. Pure. */
 void tc_rays_set_up(tc_rays *rays, const tc_volume *volume, const tc_scene *scene, int width, int height);
+
+/* The scene's clip box and planes; part of setting up. */
+void tc_rays_add_clipping(tc_rays *rays, const tc_volume *volume, const tc_scene *scene);
 
 #endif

@@ -111,6 +111,16 @@ static void fill_grey(tc_cpu_args *a, const tc_job *job) {
   a->interval = tc_bounds_interval(b, job->rays);
 }
 
+static void fill_window(tc_cpu_args *a, const tc_job *job) {
+  tc_slice_window window;
+  tc_slice_window_init(&window, job->volume, job->scene);
+  a->value_lo = window.lo;
+  a->value_scale = window.sign;
+  a->node_last = window.last;
+  a->window_center = window.center;
+  a->window_gain = window.gain;
+}
+
 static void fill_args(tc_cpu_args *a, const tc_job *job) {
   const tc_rays *r = job->rays;
   const tc_volume_desc *d = tc_volume_describe(job->volume);
@@ -127,6 +137,7 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
   for (int i = 0; i < r->n_planes; i++) to_float(a->planes[i], r->planes[i], 4);
   a->n_planes = r->n_planes;
   a->eye_mm = (float)r->eye_mm;
+  a->far_mm = (float)r->far_mm;
   a->perspective = r->perspective;
   a->step_mm = (float)r->step_mm;
   a->inverse_step = (float)(1 / r->step_mm);
@@ -141,6 +152,7 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
   }
   a->voxels = tc_volume_data(job->volume);
   if (job->grey) fill_grey(a, job);
+  if (job->plan->key.mode == TC_MODE_MPR) fill_window(a, job);
   if (!job->table) return;
   a->table = job->table->zero_row;
   a->table_stride = (float)job->table->columns;

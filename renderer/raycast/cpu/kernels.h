@@ -16,7 +16,7 @@ typedef struct tc_cpu_args {
   float anchor0[3], anchor_du[3], anchor_dv[3];
   float view0[3], view_du[3], view_dv[3];
   float to_index[9];
-  float eye_mm;
+  float eye_mm, far_mm;
   int perspective;
   float lo[3], hi[3]; /* index box of the field */
   float planes[TC_MAX_CLIP_PLANES][4];
@@ -31,6 +31,7 @@ typedef struct tc_cpu_args {
   float table_stride; /* entries a row; offsets are computed in float, exact below 2^24 */
   float value_lo, value_scale, node_last; /* node = (voxel - value_lo) * value_scale, clamped to [0, node_last] */
   float termination;
+  float window_center, window_gain; /* grey = (node - center) * gain + 0.5; modes without a table */
   const uint8_t *distance; /* tc_leap's map, when the plan leaps */
   int block_row, block_slice;
   float block, inverse_block;  /* voxels */

@@ -12,6 +12,8 @@
 
 #include "renderer/raycast/cpu/projection_tmpl.h"
 
+#include "renderer/raycast/cpu/mpr_tmpl.h"
+
 /* mode, type, terminate and leap are constants of the variant. */
 V_INLINE void cast_tile(const tc_cpu_args *g, int mode, int type, bool terminate, bool leap, int x0, int y0, int x1, int y1,
                         float *out, ptrdiff_t stride, tc_cpu_counts *counts) {
@@ -25,17 +27,7 @@ V_INLINE void cast_tile(const tc_cpu_args *g, int mode, int type, bool terminate
         cast_average(g, type, x, y, x1, y1, &c, counts);
       else
         cast_extreme(g, type, leap, x, y, x1, y1, &mood, &c, counts);
-      float lanes[4][V_LANES];
-      v_store(lanes[0], c.r);
-      v_store(lanes[1], c.g);
-      v_store(lanes[2], c.b);
-      v_store(lanes[3], c.a);
-      for (int l = 0; l < V_LANES; l++) {
-        int px = x + l % V_PACKET_X, py = y + l / V_PACKET_X;
-        if (px >= x1 || py >= y1) continue;
-        float *pixel = out + ((py - y0) * stride + (px - x0)) * 4;
-        for (int k = 0; k < 4; k++) pixel[k] = lanes[k][l];
-      }
+      store_packet(c, x, y, x1, y1, out + ((y - y0) * stride + (x - x0)) * 4, stride);
     }
 }
 
@@ -64,6 +56,7 @@ static tc_cpu_kernel find_kernel(const tc_plan_key *key) {
 #define PROJECTIONS(name) {extreme_##name, extreme_##name##_leap, average_##name}
   static const tc_cpu_kernel projections[TC_VOXEL_TYPE_COUNT][3] = {PROJECTIONS(u8), PROJECTIONS(i8), PROJECTIONS(u16),
                                                                     PROJECTIONS(i16), PROJECTIONS(f32)};
+  if (key->mode == TC_MODE_MPR) return find_slice_kernel(key);
   if (key->voxel_type >= TC_VOXEL_TYPE_COUNT) return NULL;
   if (key->mode == TC_MODE_DVR) return dvr[key->voxel_type][key->termination != 0][key->skipping != 0];
   if (key->mode == TC_MODE_MIP || key->mode == TC_MODE_MINIP) return projections[key->voxel_type][key->skipping != 0];

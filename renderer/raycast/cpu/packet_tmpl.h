@@ -4,7 +4,7 @@
 typedef struct packet {
   vf entry[3], dir[3]; /* index coordinates; voxels per mm */
   vf inverse[3];       /* 1 / dir */
-  vf length;           /* mm inside the volume; 0 for a ray that misses */
+  vf start, length;    /* mm: of the entry from the anchor; inside the volume, 0 for a ray that misses */
   vm live;
 } packet;
 
@@ -44,7 +44,7 @@ V_INLINE packet start_packet(const tc_cpu_args *g, int x, int y, int x1, int y1)
     norm = v_fma(view[k], view[k], norm);
   }
   norm = v_sqrt(norm);
-  vf s0 = v_set(0) - (g->perspective ? norm : v_set(g->eye_mm)), s1 = v_set(1e30f);
+  vf s0 = v_set(0) - (g->perspective ? norm : v_set(g->eye_mm)), s1 = v_set(g->far_mm);
   for (int k = 0; k < 3; k++) {
     vf d = view[0] * v_set(g->to_index[3 * k]);
     d = v_fma(view[1], v_set(g->to_index[3 * k + 1]), d);
@@ -56,7 +56,23 @@ V_INLINE packet start_packet(const tc_cpu_args *g, int x, int y, int x1, int y1)
   vm inside = m_and(v_lt(i, v_set((float)x1)), v_lt(j, v_set((float)y1)));
   p.live = m_and(inside, v_lt(s0, s1));
   s0 = v_select(p.live, s0, v_set(0));
+  p.start = s0;
   p.length = v_select(p.live, s1 - s0, v_set(0));
   for (int k = 0; k < 3; k++) p.entry[k] = v_fma(s0, p.dir[k], anchor[k]);
   return p;
+}
+
+/* Writes a packet's pixels that lie before x1 and y1; `out` is its first one. */
+V_INLINE void store_packet(vf4 c, int x, int y, int x1, int y1, float *out, ptrdiff_t stride) {
+  float lanes[4][V_LANES];
+  v_store(lanes[0], c.r);
+  v_store(lanes[1], c.g);
+  v_store(lanes[2], c.b);
+  v_store(lanes[3], c.a);
+  for (int l = 0; l < V_LANES; l++) {
+    int px = l % V_PACKET_X, py = l / V_PACKET_X;
+    if (x + px >= x1 || y + py >= y1) continue;
+    float *pixel = out + (py * stride + px) * 4;
+    for (int k = 0; k < 4; k++) pixel[k] = lanes[k][l];
+  }
 }

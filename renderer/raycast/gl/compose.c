@@ -30,6 +30,9 @@ static void add(composition *c, const char *name) {
 /* Only what has pieces: a key from a newer plan must fail, not draw something else. */
 static bool is_built(const tc_plan_key *key) {
   bool mode = key->mode == TC_MODE_DVR || tc_is_projection((tc_mode)key->mode);
+  if (key->mode == TC_MODE_MPR)
+    return (key->filter == TC_FILTER_LINEAR || key->filter == TC_FILTER_NEAREST) &&
+           key->slab <= TC_SLAB_PROJECTION_COUNT && key->voxel_type < TC_VOXEL_TYPE_COUNT && !key->labels;
   return mode && key->classification == TC_PREINTEGRATED && key->order == TC_FRONT_TO_BACK &&
          key->filter == TC_FILTER_LINEAR && key->projection < TC_PROJECTION_COUNT &&
          key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading == TC_SHADING_NONE && !key->jitter &&
@@ -59,7 +62,7 @@ static void add_projection(composition *c, const tc_gl_variant *v) {
 }
 
 unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
-  char name[96], literals[192];
+  char name[96], literals[240];
   tc_gl_variant_name(v, name, sizeof name);
   if (!is_built(&v->plan)) {
     tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "gl: no shader is built for %s; use --backend cpu", name);
@@ -67,13 +70,18 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
   }
   composition c = {0};
   add(&c, "head.glsl");
-  snprintf(literals, sizeof literals, "#define VOXELS %s\n#define ATLAS %d\n#define TERMINATION %d\n#define LEAP %d\n#define CLIP %d\n",
-           sampler_type(v), v->atlas, v->plan.termination, v->plan.skipping, v->plan.clipping);
+  snprintf(literals, sizeof literals,
+           "#define VOXELS %s\n#define ATLAS %d\n#define TERMINATION %d\n#define LEAP %d\n#define SLAB %d\n"
+           "#define NEAREST %d\n#define CLIP %d\n",
+           sampler_type(v), v->atlas, v->plan.termination, v->plan.skipping, v->plan.slab,
+           v->plan.filter == TC_FILTER_NEAREST, v->plan.clipping);
   add_text(&c, literals);
   add(&c, v->plan.projection == TC_PERSPECTIVE ? "ray_perspective.glsl" : "ray_orthographic.glsl");
   add(&c, v->field == TC_GL_FIELD_GATHER ? "field_gather.glsl" : "field_filtered.glsl");
   if (v->plan.clipping) add(&c, "clip_planes.glsl");
-  if (tc_is_projection((tc_mode)v->plan.mode))
+  if (v->plan.mode == TC_MODE_MPR)
+    add(&c, "march_mpr.glsl");
+  else if (tc_is_projection((tc_mode)v->plan.mode))
     add_projection(&c, v);
   else
     add_dvr(&c, v);
@@ -95,12 +103,14 @@ void tc_gl_variant_name(const tc_gl_variant *v, char *name, size_t size) {
   static const char *const ways[TC_CLASSIFICATION_COUNT] = {"preintegrated", "preintegrated2", "approximate", "post",
                                                             "linearized"};
   static const char *const filters[TC_FILTER_COUNT] = {"linear", "cubic", "nearest"};
-  bool composites = v->plan.mode == TC_MODE_DVR;
-  snprintf(name, size, "%s%s%s.%s.%s.%s", v->plan.mode < TC_MODE_COUNT ? modes[v->plan.mode] : "?",
-           composites ? "." : "",
-           !composites                                         ? ""
-           : v->plan.classification < TC_CLASSIFICATION_COUNT ? ways[v->plan.classification]
-                                                               : "?",
+  static const char *const slabs[] = {
+      "slice", [1 + TC_SLAB_MIP] = "mip", [1 + TC_SLAB_MINIP] = "minip", [1 + TC_SLAB_AVERAGE] = "average"};
+  const char *way = "";
+  if (v->plan.mode == TC_MODE_MPR)
+    way = v->plan.slab < sizeof slabs / sizeof *slabs ? slabs[v->plan.slab] : "?";
+  else if (v->plan.mode == TC_MODE_DVR)
+    way = v->plan.classification < TC_CLASSIFICATION_COUNT ? ways[v->plan.classification] : "?";
+  snprintf(name, size, "%s%s%s.%s.%s.%s", v->plan.mode < TC_MODE_COUNT ? modes[v->plan.mode] : "?", *way ? "." : "", way,
            v->plan.filter < TC_FILTER_COUNT ? filters[v->plan.filter] : "?",
            v->plan.voxel_type < TC_VOXEL_TYPE_COUNT ? tc_voxel_type_name((tc_voxel_type)v->plan.voxel_type) : "?",
            v->field == TC_GL_FIELD_GATHER ? "gather" : "filtered");

@@ -15,11 +15,12 @@ layout(std140, binding = 0) uniform Job {
   ivec4 table;                        // x: columns, y: where k = 0 begins
   ivec4 blocks;                       // x: voxels a block is wide, yz: entries to the next block along y, z, w: interval
   vec4 background;                    // compositing space; w: termination
-  vec4 march;                         // x: step mm, y: eye mm (orthographic), z: 1 / step
+  vec4 march;                         // x: step mm, y: eye mm (orthographic), z: 1 / step, w: where rays end, mm
   vec4 planes[12];                    // clip planes over index positions, mm
   ivec4 clipping;                     // x: how many planes
   vec4 grey;                          // projections: x: turn, y: gain, z: offset (raycast/grey.h)
   vec4 reach;                         // x: floor, y: stop, z: levels per voxel unit
+  vec4 window;                        // x: centre in nodes, y: greys per node; modes without a table
 } job;
 
 // This dispatch's part of the picture: xy = first pixel, zw = size in pixels.
@@ -28,3 +29,5 @@ layout(location = 0) uniform ivec4 tile;
 // rays met, samples low and high word, leaps; spread over 64 cells so that few work-groups share one
 layout(std430, binding = 0) buffer Counters { uvec4 counters[64]; };
 layout(std430, binding = 1) writeonly buffer Picture { uint picture[]; }; // [h][w] RGBA8, R in the low byte
+
+struct Counts { uint samples, leaps; }; // of one ray

@@ -34,6 +34,16 @@ static void fill_projection(tc_gl_job_block *block, const tc_grey *grey, const t
   block->blocks[3] = tc_bounds_interval(bounds, rays);
 }
 
+static void fill_window(tc_gl_job_block *block, const tc_job *job) {
+  tc_slice_window window;
+  tc_slice_window_init(&window, job->volume, job->scene);
+  block->nodes[0] = window.lo;
+  block->nodes[1] = window.sign;
+  block->nodes[2] = window.last;
+  block->window[0] = window.center;
+  block->window[1] = window.gain;
+}
+
 void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volume *volume) {
   const tc_rays *rays = job->rays;
   memset(block, 0, sizeof *block);
@@ -54,6 +64,7 @@ void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volum
   if (job->table) fill_table(block, job->table);
   if (job->leap) fill_blocks(block, job->leap->block, job->leap->blocks);
   if (job->grey) fill_projection(block, job->grey, job->bounds, rays);
+  if (job->plan->key.mode == TC_MODE_MPR) fill_window(block, job);
   tc_resolve resolve;
   tc_resolve_init(&resolve, job->scene);
   memcpy(block->background, resolve.background, sizeof resolve.background);
@@ -65,4 +76,5 @@ void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volum
   block->march[0] = (float)rays->step_mm;
   block->march[1] = (float)rays->eye_mm;
   block->march[2] = (float)(1 / rays->step_mm);
+  block->march[3] = (float)rays->far_mm;
 }

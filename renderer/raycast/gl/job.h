@@ -19,6 +19,7 @@ typedef struct tc_gl_job_block {
   float planes[TC_MAX_CLIP_PLANES][4];
   int32_t clipping[4];
   float grey[4], reach[4];
+  float window[4];
 } tc_gl_job_block;
 
 /* Pure. */

@@ -1,6 +1,6 @@
 // The ray's stay in the index box, in mm from the anchor and not before the eye; empty when y <= x.
 vec2 clip_to_box(vec3 anchor, vec3 direction, float eye) {
-  vec2 span = vec2(eye, 3.4e38);
+  vec2 span = vec2(eye, job.march.w);
   for (int k = 0; k < 3; k++) {
     float lo = job.box_lo[k] - anchor[k];
     float hi = job.box_hi[k] - anchor[k];

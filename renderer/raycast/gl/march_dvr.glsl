@@ -2,8 +2,6 @@
 //
 // "precise" and fma() fix the rounding, so that variants of this text give the same bits: a leap changes nothing.
 
-struct Counts { uint samples, leaps; };
-
 float sample_node(vec3 entry, vec3 direction, float t) {
   precise vec3 p = fma(vec3(t), direction, entry);
   return node(field(p));

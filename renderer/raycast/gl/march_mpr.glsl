@@ -1,0 +1,47 @@
+// Planar reformats: one sample a pixel, or a slab's greatest, least or mean value, through the window to grey. SLAB: 0 one
+// slice, else 1 greatest, 2 least, 3 mean. Returns grey with opacity 1.
+
+float sample_slice(vec3 entry, vec3 direction, float t) {
+  vec3 p = clamp(fma(vec3(t), direction, entry), vec3(0.0), vec3(job.dims.xyz - 1));
+#if NEAREST
+  p = floor(p + 0.5);
+#endif
+  return clamp((field(p) - job.nodes.x) * job.nodes.y, 0.0, job.nodes.z);
+}
+
+#if SLAB
+// Samples lie on the plane, in whole steps from it, and at both ends of the ray.
+float cast_slab(vec3 entry, vec3 direction, vec2 span, float front, inout Counts counts) {
+  float length_mm = span.y - span.x;
+  float first = floor(span.x * job.march.z) + 1.0;
+  float value = front, sum = 0.0, before = 0.0;
+  for (int i = 0; before < length_mm; i++) {
+    float t = clamp((first + float(i)) * job.march.x - span.x, 0.0, length_mm);
+    float back = sample_slice(entry, direction, t);
+    counts.samples++;
+#if SLAB == 1
+    value = max(value, back);
+#elif SLAB == 2
+    value = min(value, back);
+#else
+    sum += (t - before) * 0.5 * (front + back);
+#endif
+    front = back;
+    before = t;
+  }
+#if SLAB == 3
+  value = length_mm > 1e-30 ? sum / length_mm : value;
+#endif
+  return value;
+}
+#endif
+
+vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
+  vec3 entry = fma(vec3(span.x), direction, anchor);
+  float value = sample_slice(entry, direction, 0.0);
+  counts.samples++;
+#if SLAB
+  value = cast_slab(entry, direction, span, value, counts);
+#endif
+  return vec4(vec3(clamp((value - job.window.x) * job.window.y + 0.5, 0.0, 1.0)), 1.0);
+}

@@ -1,0 +1,76 @@
+#include "renderer/raycast/slice.h"
+
+#include <math.h>
+#include <string.h>
+
+#define SLACK 1e-3 /* voxels */
+
+static double dot3(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+static void cross3(const double a[3], const double b[3], double c[3]) {
+  c[0] = a[1] * b[2] - a[2] * b[1];
+  c[1] = a[2] * b[0] - a[0] * b[2];
+  c[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static void normalise3(double v[3]) {
+  double length = sqrt(dot3(v, v));
+  for (int k = 0; k < 3; k++) v[k] /= length;
+}
+
+void tc_slice_basis(const tc_scene *scene, double right[3], double up[3], double into[3]) {
+  /* view, up: axial from the feet, coronal from the front, sagittal from the patient's left */
+  static const double planes[TC_MPR_ORIENTATION_COUNT][2][3] = {[TC_AXIAL] = {{0, 0, 1}, {0, -1, 0}},
+                                                                [TC_CORONAL] = {{0, 1, 0}, {0, 0, 1}},
+                                                                [TC_SAGITTAL] = {{-1, 0, 0}, {0, 0, 1}}};
+  bool oblique = scene->mpr.orientation == TC_OBLIQUE;
+  const double *wanted_up = oblique ? scene->mpr.up : planes[scene->mpr.orientation][1];
+  for (int k = 0; k < 3; k++) into[k] = oblique ? -scene->mpr.normal[k] : planes[scene->mpr.orientation][0][k];
+  normalise3(into);
+  cross3(into, wanted_up, right);
+  normalise3(right);
+  cross3(right, into, up);
+}
+
+/* mm that the field spans along a unit vector: a parallelepiped's sides add up. */
+static double extent(const tc_volume *volume, const double lo[3], const double hi[3], const double v[3]) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  double sum = 0;
+  for (int k = 0; k < 3; k++) {
+    double along = v[0] * d->direction[k] + v[1] * d->direction[3 + k] + v[2] * d->direction[6 + k];
+    sum += fabs(along) * d->spacing[k] * (hi[k] - lo[k]);
+  }
+  return sum;
+}
+
+void tc_slice_rays(tc_rays *rays, const tc_volume *volume, const tc_scene *scene, int width, int height) {
+  double right[3], up[3], center[3], mid[3], du[3], dv[3], corner[3];
+  const double *spacing = tc_volume_describe(volume)->spacing;
+  double least = fmin(spacing[0], fmin(spacing[1], spacing[2]));
+  memset(rays, 0, sizeof *rays);
+  tc_slice_basis(scene, right, up, rays->view0);
+  tc_volume_lps_to_index_matrix(volume, rays->to_index);
+  tc_volume_index_box(volume, rays->lo, rays->hi);
+  double across = extent(volume, rays->lo, rays->hi, right), upward = extent(volume, rays->lo, rays->hi, up);
+  double pixel = fmax(across / width, upward / height) / scene->mpr.zoom;
+  for (int k = 0; k < 3; k++) mid[k] = 0.5 * (rays->lo[k] + rays->hi[k]);
+  tc_volume_index_to_lps(volume, mid, center);
+  if (scene->mpr.has_center) memcpy(center, scene->mpr.center, sizeof center);
+  for (int k = 0; k < 3; k++) {
+    du[k] = pixel * right[k];
+    dv[k] = -pixel * up[k];
+    corner[k] = center[k] - 0.5 * width * du[k] - 0.5 * height * dv[k];
+    rays->lo[k] -= SLACK;
+    rays->hi[k] += SLACK;
+  }
+  tc_volume_lps_to_index(volume, corner, rays->anchor0);
+  for (int r = 0; r < 3; r++) {
+    rays->anchor_du[r] = dot3(rays->to_index + 3 * r, du);
+    rays->anchor_dv[r] = dot3(rays->to_index + 3 * r, dv);
+  }
+  tc_rays_add_clipping(rays, volume, scene);
+  for (int i = 0; i < rays->n_planes; i++) rays->planes[i][3] += SLACK * least;
+  rays->step_mm = scene->sampling.step * least;
+  rays->eye_mm = 0.5 * scene->mpr.thickness_mm;
+  rays->far_mm = scene->mpr.thickness_mm > 0 ? rays->eye_mm : SLACK * least;
+}
