@@ -102,27 +102,35 @@ export function standardView(camera, letter) {
   return { ...camera, position: add(camera.target, scale(view.from, away)), up: [...view.up] };
 }
 
+/** Unit vectors of a volume's index axes in LPS. */
+export function columns({ direction = [1, 0, 0, 0, 1, 0, 0, 0, 1] }) {
+  const m = direction.flat();
+  return [0, 1, 2].map((k) => [m[k], m[3 + k], m[6 + k]]);
+}
+
 /**
  * Box of a volume in LPS, from the description the daemon gives. Voxel centres span [0, n-1]; an axis with one voxel is
- * one spacing thick. @returns {{center: number[], radius: number, low: number[], high: number[]}} mm
+ * one spacing thick. `edges` are the volume's own three, which low and high just hold.
+ * @returns {{center: number[], radius: number, low: number[], high: number[], edges: number[][]}} mm
  */
-export function volumeBox({ dims, spacing, origin = [0, 0, 0], direction = [1, 0, 0, 0, 1, 0, 0, 0, 1] }) {
-  const m = direction.flat();
-  const column = (k) => [m[k], m[3 + k], m[6 + k]];
+export function volumeBox(volume) {
+  const { dims, spacing, origin = [0, 0, 0] } = volume;
+  const axes = columns(volume);
   const low = [Infinity, Infinity, Infinity];
   const high = [-Infinity, -Infinity, -Infinity];
   for (let corner = 0; corner < 8; corner++) {
     let p = [...origin];
     for (let k = 0; k < 3; k++) {
       const span = dims[k] > 1 ? [0, dims[k] - 1] : [-0.5, 0.5];
-      p = add(p, scale(column(k), span[(corner >> k) & 1] * spacing[k]));
+      p = add(p, scale(axes[k], span[(corner >> k) & 1] * spacing[k]));
     }
     for (let k = 0; k < 3; k++) {
       low[k] = Math.min(low[k], p[k]);
       high[k] = Math.max(high[k], p[k]);
     }
   }
-  return { low, high, center: scale(add(low, high), 0.5), radius: length(sub(high, low)) / 2 };
+  const edges = axes.map((axis, k) => scale(axis, Math.max(1, dims[k] - 1) * spacing[k]));
+  return { low, high, edges, center: scale(add(low, high), 0.5), radius: length(sub(high, low)) / 2 };
 }
 
 /** Moves the camera along its direction until the whole box shows in a picture of aspect width/height. */

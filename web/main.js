@@ -13,7 +13,7 @@ import { bindTabs, CropPanel, Panels } from './panels.js';
 import { saveFile, SceneDialog } from './scene_dialog.js';
 import { SceneStore } from './state.js';
 import { Status } from './status.js';
-import { sliceHeight, steer } from './steer.js';
+import { sliceHeight, slicePlace, steer } from './steer.js';
 import { formatBytes, VolumeDialog, Volumes } from './volumes.js';
 import { pictureSize, View } from './view.js';
 
@@ -299,7 +299,7 @@ async function probe(x, y) {
   const px = Math.min(width - 1, Math.max(0, Math.floor((x / stage.clientWidth) * width)));
   const py = Math.min(height - 1, Math.max(0, Math.floor((y / stage.clientHeight) * height)));
   try {
-    const found = await api.json('GET', `v1/sessions/${encodeURIComponent(client.session)}/pick?x=${px}&y=${py}`);
+    const found = await api.json('GET', probeAddress(px, py));
     get('probe').textContent = probeText(found);
   } catch (error) {
     get('probe').textContent = '';
@@ -307,9 +307,18 @@ async function probe(x, y) {
   }
 }
 
+/** A slice shows one point a pixel, so that its place is known here; in 3-D the daemon says what a ray meets first. */
+function probeAddress(px, py) {
+  const { scene } = store;
+  if (scene.mode !== 'mpr') return `v1/sessions/${encodeURIComponent(client.session)}/pick?x=${px}&y=${py}`;
+  const place = slicePlace(scene, [px + 0.5, py + 0.5], scene.image, opening.box);
+  return `v1/volumes/${encodeURIComponent(opening.volume.id)}/value?at=${place.map((mm) => mm.toFixed(4)).join(',')}`;
+}
+
 function probeText(found) {
-  if (!found?.position) return '';
-  const [x, y, z] = found.position;
+  const place = found?.position ?? found?.at;
+  if (!place) return '';
+  const [x, y, z] = place;
   const side = (value, plus, minus) => `${value >= 0 ? plus : minus} ${Math.abs(value).toFixed(1)}`;
   const unit = unitOf(opening.volume);
   const value = (found.value ?? null) === null ? '' : `  \u00b7  ${Number(found.value.toPrecision(5))}${unit}`;

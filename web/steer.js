@@ -6,8 +6,12 @@ const ORBIT_DEGREES = 0.45; // per CSS pixel
 const KEY_DEGREES = 5;
 const KEY_ZOOM = 1.15;
 
-/** How much the current slice moves for one step of the wheel, mm. */
-export const sliceStep = (volume) => Math.min(...(volume?.spacing ?? [1]));
+/** How much a slice moves along `normal` (a unit vector) for one step of the wheel, mm: to the next layer of voxels. */
+export function sliceStep(volume, normal) {
+  if (!volume?.spacing) return 1;
+  const along = camera.columns(volume).map((column) => Math.abs(camera.dot(column, normal)));
+  return Math.min(...volume.spacing.map((mm, k) => mm / Math.max(along[k], 1e-6)));
+}
 
 /**
  * The patch for one display frame's movement (Input.drain), or null.
@@ -34,7 +38,8 @@ function steerSlice(scene, moved, stage, volume, box) {
   const patch = {};
   const axes = camera.sliceBasis(mpr);
   let center = mpr.center ?? box?.center ?? [0, 0, 0];
-  if (moved.slices) center = camera.add(center, camera.scale(axes.direction, moved.slices * sliceStep(volume)));
+  const layers = moved.slices * sliceStep(volume, axes.direction);
+  if (moved.slices) center = camera.add(center, camera.scale(axes.direction, layers));
   if (moved.pan[0] || moved.pan[1]) {
     const mm = sliceHeight(scene, stage, box) / stage.height;
     center = camera.add(
@@ -51,9 +56,16 @@ function steerSlice(scene, moved, stage, volume, box) {
 export function sliceHeight(scene, stage, box) {
   if (!box) return stage.height;
   const { right, up } = camera.sliceBasis(scene.mpr);
-  const size = camera.sub(box.high, box.low);
-  const extent = (v) => Math.abs(v[0]) * size[0] + Math.abs(v[1]) * size[1] + Math.abs(v[2]) * size[2];
+  const extent = (v) => box.edges.reduce((sum, edge) => sum + Math.abs(camera.dot(edge, v)), 0);
   return Math.max(extent(up), (extent(right) * stage.height) / stage.width) / (scene.mpr?.zoom ?? 1);
+}
+
+/** Where in the patient a point of a slice picture of size {width, height} lies, LPS mm; y down. */
+export function slicePlace(scene, [x, y], size, box) {
+  const { right, up } = camera.sliceBasis(scene.mpr);
+  const mm = sliceHeight(scene, size, box) / size.height;
+  const across = camera.scale(right, (x - size.width / 2) * mm);
+  return camera.add(scene.mpr.center ?? box.center, camera.add(across, camera.scale(up, (size.height / 2 - y) * mm)));
 }
 
 // The whole width of the stage is about the whole range of values, finer for narrow windows.

@@ -137,6 +137,30 @@ describe('page and daemon', { skip }, () => {
     return page.close();
   });
 
+  test('slices are drawn, and the wheel goes through them', async () => {
+    const { page, picture } = await open(browser, url);
+    await page.selectOption('#mode', 'mpr');
+    const slice = await settled(page);
+    assert.ok(await page.isHidden('#mode-line'), 'the daemon has slices');
+    assert.ok(difference(picture, slice) > 1 && spread(slice) > 40);
+    const grey = slice.every((v, i) => Math.abs(v - slice[i - (i % 3)]) <= 4);
+    assert.ok(grey, 'a slice is grey');
+    const box = await page.locator('#stage').boundingBox();
+    await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
+    await page.mouse.wheel(0, 1500);
+    assert.ok(difference(slice, await settled(page)) > 1, 'another slice');
+    await page.mouse.wheel(0, -1500);
+    assert.ok(difference(slice, await settled(page)) < 1, 'and back');
+    const { session } = await stageData(page);
+    const { mpr } = await (await fetch(`${daemon.url}v1/sessions/${session}/scene`)).json();
+    await page.mouse.click(box.x + box.width / 2, box.y + box.height / 2);
+    await page.waitForFunction(() => document.getElementById('probe').textContent.includes(' mm'));
+    const text = await page.textContent('#probe');
+    assert.ok(text.includes(`${Math.abs(mpr.center[2]).toFixed(1)} mm`), `${text} lies in the plane ${mpr.center}`);
+    assert.deepEqual(page.complaints, []);
+    await page.close();
+  });
+
   test('the daemon is killed and restarted: the page comes back with its own scene', async () => {
     const { page } = await open(browser, url);
     await page.keyboard.press('l');

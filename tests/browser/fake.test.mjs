@@ -316,6 +316,44 @@ describe('page and fake server', { skip }, () => {
     await page.close();
   });
 
+  test('slices: wheel, drags, keys, plane buttons and clicks', async () => {
+    const { page } = await open(browser, url);
+    await page.selectOption('#mode', 'mpr');
+    await settled(page);
+    const letters = async () => [await page.textContent('#mark-left'), await page.textContent('#mark-top')];
+    assert.deepEqual(await letters(), ['R', 'A'], "axial: the patient's right on the left, the front on top");
+    const { cx, cy } = await stageBox(page);
+    await page.mouse.move(cx, cy);
+    await page.mouse.wheel(0, 150);
+    await settled(page);
+    const [x, y, z] = (await scene(page)).mpr.center;
+    assert.ok(Math.abs(z - (0.25 + 3 * 1.5)) < 1e-6, `three layers of voxels towards the head, not ${z}`);
+    const { camera } = await scene(page);
+    await drag(page, [cx, cy], [cx + 60, cy + 30]);
+    await settled(page);
+    const after = await scene(page);
+    assert.ok(after.window.width > 400 && after.window.center > 40, 'a drag sets the window');
+    assert.deepEqual(after.camera, camera, 'and turns nothing');
+    await drag(page, [cx, cy], [cx + 60, cy], { button: 'middle' });
+    await settled(page);
+    const { center } = (await scene(page)).mpr;
+    assert.ok(center[0] < x - 1 && Math.abs(center[1] - y) < 1e-6 && center[2] === z, 'the middle drag pans in the plane');
+    await drag(page, [cx, cy], [cx, cy - 80], { button: 'right' });
+    await settled(page);
+    assert.ok((await scene(page)).mpr.zoom > 1.2, 'the right drag zooms');
+    await page.mouse.click(cx, cy);
+    await page.waitForFunction(() => document.getElementById('probe').textContent.includes('17 HU'));
+    await page.click('button[data-view="A"]');
+    await settled(page);
+    assert.deepEqual(await letters(), ['R', 'H'], 'coronal');
+    await page.click('button[data-view="L"]');
+    await settled(page);
+    assert.deepEqual(await letters(), ['A', 'H'], 'sagittal');
+    assert.equal((await scene(page)).mpr.orientation, 'sagittal');
+    assert.deepEqual(page.complaints, []);
+    await page.close();
+  });
+
   test('PNG frames are drawn and called lossless, JPEG frames lossy', async () => {
     const { page } = await open(browser, url);
     assert.match(await page.textContent('#badge'), /LOSSY q85 \u00b7 \d+:1/);

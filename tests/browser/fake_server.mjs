@@ -219,6 +219,10 @@ export class FakeServer {
     }
     if (!this.#volumes.has(id)) return problem(response, 404, `no volume "${id}"`);
     if (part === 'histogram') return json(response, 200, histogram());
+    if (part === 'value') {
+      const at = new URL(request.url, 'http://x').searchParams.get('at').split(',').map(Number);
+      return json(response, 200, { at, value: 17 });
+    }
     return json(response, 200, this.#volumes.get(id));
   }
 

@@ -5,7 +5,7 @@ import { volumeBox } from '../../web/camera.js';
 import { dragAction, pinch, wheelPixels } from '../../web/input.js';
 import { patchFor, valueAt } from '../../web/panels.js';
 import { compressionRatio, fidelity, frameRate } from '../../web/status.js';
-import { sliceHeight, steer, steerByKey } from '../../web/steer.js';
+import { sliceHeight, slicePlace, sliceStep, steer, steerByKey } from '../../web/steer.js';
 import { pictureSize } from '../../web/view.js';
 import { describe, formatBytes, idsFor, uploadId, volumeList } from '../../web/volumes.js';
 
@@ -83,7 +83,7 @@ test('no movement is no patch', () => assert.equal(steer(SCENE, still, STAGE, VO
 test('slices: the wheel moves along the normal, the drag sets the window, pan and zoom stay in the plane', () => {
   const scene = { ...SCENE, mode: 'mpr' };
   const next = steer(scene, { ...still, slices: 3 }, STAGE, VOLUME, BOX).mpr.center;
-  assert.deepEqual(next, [0, 0, 3]);
+  assert.deepEqual(next, [0, 0, 6], 'layers of voxels are 2 mm apart');
   const moved = steer(scene, { ...still, pan: [10, 0] }, STAGE, VOLUME, BOX).mpr.center;
   assert.ok(moved[0] < 0 && Math.abs(moved[2]) < 1e-9);
   assert.equal(steer(scene, { ...still, factor: 2 }, STAGE, VOLUME, BOX).mpr.zoom, 2);
@@ -91,6 +91,22 @@ test('slices: the wheel moves along the normal, the drag sets the window, pan an
   assert.ok(window.width > 400 && window.center > 40);
   assert.ok(steer(scene, { ...still, window: [-1e6, 0] }, STAGE, VOLUME, BOX).window.width > 0);
   assert.ok(Math.abs(sliceHeight({ ...scene, mpr: { orientation: 'axial', zoom: 2 } }, STAGE, BOX) - 50) < 1e-9);
+});
+
+test('slices of a volume that lies across the patient: its own edges fit, its own voxels are steps and places', () => {
+  const c = Math.SQRT1_2;
+  const direction = [c, -c, 0, c, c, 0, 0, 0, 1];
+  const volume = { dims: [101, 101, 11], spacing: [1, 1, 4], direction, origin: [0, 0, 0] };
+  const box = volumeBox(volume);
+  const mpr = { orientation: 'oblique', normal: [c, c, 0], up: [0, 0, 1], zoom: 1 };
+  const square = { width: 200, height: 200 };
+  assert.ok(Math.abs(sliceHeight({ mpr }, square, box) - 100) < 1e-9, 'one edge, not the diagonal of its box');
+  assert.ok(Math.abs(sliceStep(volume, [0, 0, 1]) - 4) < 1e-9);
+  assert.ok(Math.abs(sliceStep(volume, [c, c, 0]) - 1) < 1e-9);
+  const axial = { mpr: { orientation: 'axial', center: [5, 6, 7], zoom: 1 } };
+  const [x, y, z] = slicePlace(axial, [0, 100], square, box);
+  assert.ok(x < 5 - 50 && Math.abs(y - 6) < 1e-9 && z === 7, "the patient's right is on the left");
+  assert.ok(slicePlace(axial, [100, 0], square, box)[1] < 6 - 50, 'the front is on top');
 });
 
 test('keys turn and zoom; other keys are not ours', () => {
