@@ -216,14 +216,15 @@ static void test_unbuilt_keys(void **state) {
   tc_gl_context *context = tc_gl_context_new(&error);
   assert_made(context);
   const size_t first = offsetof(tc_gl_variant, plan);
-  const size_t members[] = {offsetof(tc_plan_key, mode),    offsetof(tc_plan_key, classification),
-                            offsetof(tc_plan_key, order),   offsetof(tc_plan_key, filter),
-                            offsetof(tc_plan_key, shading), offsetof(tc_plan_key, jitter),
-                            offsetof(tc_plan_key, labels)};
+  const struct { size_t offset; uint8_t value; } members[] = {
+      {offsetof(tc_plan_key, mode), TC_MODE_SPLAT},          {offsetof(tc_plan_key, classification), TC_POST},
+      {offsetof(tc_plan_key, order), TC_BACK_TO_FRONT},      {offsetof(tc_plan_key, filter), TC_FILTER_CUBIC},
+      {offsetof(tc_plan_key, shading), TC_SHADING_COUNT},    {offsetof(tc_plan_key, jitter), 1},
+      {offsetof(tc_plan_key, labels), 1}};
   for (size_t i = 0; i < G_N_ELEMENTS(members); i++) {
     tc_gl_variant variant;
     memset(&variant, 0, sizeof variant);
-    ((uint8_t *)&variant)[first + members[i]] = 1;
+    ((uint8_t *)&variant)[first + members[i].offset] = members[i].value;
     assert_int_equal(tc_gl_compose(&variant, &error), 0);
     assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_UNSUPPORTED));
     g_clear_error(&error);
