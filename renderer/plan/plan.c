@@ -123,6 +123,22 @@ static bool check_clipping(const tc_scene *scene, GError **error) {
   return true;
 }
 
+static bool check_shading(const tc_scene *scene, GError **error) {
+  if (tc_is_projection(scene->mode) || scene->shading.model == TC_SHADING_NONE) return true;
+  if ((unsigned)scene->shading.model >= TC_SHADING_COUNT) return invalid(error, "/shading/model", "unknown");
+  const struct { const char *pointer; double value; } shares[] = {{"/shading/ambient", scene->shading.ambient},
+                                                                  {"/shading/diffuse", scene->shading.diffuse},
+                                                                  {"/shading/specular", scene->shading.specular}};
+  for (int i = 0; i < 3; i++)
+    if (!(shares[i].value >= 0 && shares[i].value <= 1)) return invalid(error, shares[i].pointer, "a share from 0 to 1 wanted");
+  if (!(scene->shading.shininess >= 0 && scene->shading.shininess <= 1024))
+    return invalid(error, "/shading/shininess", "0 to 1024 wanted");
+  const double *l = scene->shading.light;
+  if (!scene->shading.light_at_camera && (!finite3(l) || !(l[0] != 0 || l[1] != 0 || l[2] != 0)))
+    return invalid(error, "/shading/light", "a direction wanted: three finite numbers that are not all zero");
+  return true;
+}
+
 static bool check_image(int width, int height, GError **error) {
   if (width < 1 || height < 1) return invalid(error, width < 1 ? "/image/width" : "/image/height", "at least 1 pixel wanted");
   if (width > TC_MAX_IMAGE_SIDE || height > TC_MAX_IMAGE_SIDE || (int64_t)width * height > TC_MAX_IMAGE_AREA) {
@@ -183,7 +199,6 @@ static bool check_compositing_built(const tc_scene *s, GError **error) {
   if (s->classification != TC_PREINTEGRATED)
     return unsupported(error, "/classification", "any classification but preintegrated");
   if (s->order != TC_FRONT_TO_BACK) return unsupported(error, "/order", "back-to-front");
-  if (s->shading.model != TC_SHADING_NONE) return unsupported(error, "/shading/model", "shading");
   return true;
 }
 
@@ -231,7 +246,10 @@ static void plan_stages(tc_plan *plan, const tc_scene *s) {
   stage(plan, TC_STAGE_TABLE_1D, false, "only approximate classification reads 1-D integrals");
   stage(plan, TC_STAGE_TABLE_2D, true, "classification is preintegrated: %d values a side, segments of %.4g mm",
         plan->table_size, plan->step_mm);
-  stage(plan, TC_STAGE_GRADIENT, false, "shading.model is none");
+  static const char *const models[TC_SHADING_COUNT] = {"none", "lambert", "blinn-phong", "gooch"};
+  stage(plan, TC_STAGE_GRADIENT, plan->key.shading,
+        plan->key.shading ? "shading.model is %s: gradients from the corners that interpolation fetches" : "shading.model is %s",
+        models[s->shading.model]);
   stage(plan, TC_STAGE_SKIPPING, plan->key.skipping,
         s->skipping.mode == TC_SKIPPING_OFF ? "skipping.mode is off"
         : plan->key.skipping                ? "the transfer function is zero over part of the range"
@@ -317,7 +335,7 @@ bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int
   if (!check_built(scene, error) || !check_image(width, height, error)) return false;
   if (scene->mode == TC_MODE_MPR) return plan_slice(volume, scene, width, height, plan, error);
   if (!check_camera(&scene->camera, error) || !check_look(scene, error) || !check_sampling(volume, scene, error) ||
-      !check_clipping(scene, error))
+      !check_clipping(scene, error) || !check_shading(scene, error))
     return false;
   const tc_volume_desc *d = tc_volume_describe(volume);
   plan->key = (tc_plan_key){.mode = (uint8_t)scene->mode,
@@ -333,7 +351,10 @@ bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int
   plan->height = height;
   plan->step_mm = scene->sampling.step * fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2]));
   plan_stages(plan, scene);
-  snprintf(plan->kernel, sizeof plan->kernel, "%s.linear.%s",
-           scene->mode == TC_MODE_DVR ? "dvr.preintegrated" : modes[scene->mode], tc_voxel_type_name(d->type));
+  if (scene->mode == TC_MODE_DVR)
+    snprintf(plan->kernel, sizeof plan->kernel, "dvr.preintegrated.linear%s.%s", plan->key.shading ? ".shaded" : "",
+             tc_voxel_type_name(d->type));
+  else
+    snprintf(plan->kernel, sizeof plan->kernel, "%s.linear.%s", modes[scene->mode], tc_voxel_type_name(d->type));
   return true;
 }

@@ -80,7 +80,7 @@ static void locate(const tc_ref_walk *walk, double to, size_t low[3], size_t hig
 
 bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell) {
   if (!(walk->t < walk->ray->leave)) return false;
-  double to = next_face(walk), start[3], delta[3];
+  double to = next_face(walk), *start = cell->start, *delta = cell->delta;
   size_t low[3], high[3];
   locate(walk, to, low, high, start, delta);
   cell->from = walk->t;
@@ -97,6 +97,8 @@ bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell) {
     double a = voxel(walk->field, (size_t[3]){low[0], y, z}), b = voxel(walk->field, (size_t[3]){high[0], y, z});
     cell->lo = fmin(cell->lo, fmin(a, b));
     cell->hi = fmax(cell->hi, fmax(a, b));
+    cell->corner[2 * zy] = a;
+    cell->corner[2 * zy + 1] = b;
     p[zy][0] = a + (b - a) * start[0];
     p[zy][1] = (b - a) * delta[0];
   }

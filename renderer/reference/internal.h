@@ -53,6 +53,8 @@ typedef struct tc_ref_cell {
   double from, length; /* mm along the ray */
   double c[4];
   double lo, hi; /* of the cell's eight corners */
+  double corner[8];          /* values at +x (bit 0), +y (bit 1), +z (bit 2) */
+  double start[3], delta[3]; /* place within the cell, 0..1: start + u * delta */
 } tc_ref_cell;
 
 void tc_ref_walk_start(tc_ref_walk *walk, const tc_ref_field *field, const tc_ref_ray *ray);
@@ -60,6 +62,7 @@ bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell);
 
 /* pieces.c: a cell's stretch -> monotone pieces between values where the transfer function bends. */
 typedef struct tc_ref_piece {
+  const tc_ref_cell *cell;
   double from;        /* u of the front end, for reporting */
   double width;       /* in u */
   double mm;          /* length of u = 1 */
@@ -68,6 +71,7 @@ typedef struct tc_ref_piece {
 } tc_ref_piece;
 
 typedef struct tc_ref_cutter {
+  const tc_ref_cell *cell;
   const double *breaks;
   size_t n_breaks;
   double c[4], mm;
@@ -125,12 +129,29 @@ typedef struct tc_ref_window {
 void tc_ref_extent_add(tc_ref_extent *extent, const tc_ref_cell *cell);
 double tc_ref_window_grey(const tc_ref_window *window, double value);
 
+/* shading.c: colour under light. model TC_SHADING_NONE: the rest is without meaning and nothing is shaded. */
+typedef struct tc_ref_shading {
+  tc_shading_model model;
+  double dual[3][3]; /* [k]: LPS gradient of index coordinate k, 1/mm */
+  double per_range;  /* least spacing / value range */
+  double ambient, diffuse, specular, shininess;
+  bool head_light;
+  double light[3]; /* unit, LPS */
+  double view[3];  /* unit, LPS: along the ray; set for each ray */
+} tc_ref_shading;
+
+void tc_ref_shading_set_up(tc_ref_shading *shading, const tc_volume *volume, const tc_scene *scene);
+/* Replaces the transfer function's colour by the shaded one at u of the cell. */
+void tc_ref_shade(const tc_ref_shading *shading, const tc_ref_cell *cell, double u, double rgb[3]);
+
 /* quadrature.c: adds one piece behind what was met so far. */
 typedef struct tc_ref_light {
   double color[3], transparency;
   double opacity; /* summed for itself: keeps its digits where 1 - transparency has none */
 } tc_ref_light;
 
-void tc_ref_integrate(const tc_ref_piece *piece, const tc_ref_span *span, double tolerance, tc_ref_light *light);
+/* shading: NULL for none. */
+void tc_ref_integrate(const tc_ref_piece *piece, const tc_ref_span *span, const tc_ref_shading *shading, double tolerance,
+                      tc_ref_light *light);
 
 #endif

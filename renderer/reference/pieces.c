@@ -25,7 +25,7 @@ static int extrema(const double c[4], double roots[2]) {
 }
 
 void tc_ref_cutter_start(tc_ref_cutter *cutter, const tc_ref_cell *cell, const double *breaks, size_t n_breaks) {
-  *cutter = (tc_ref_cutter){.breaks = breaks, .n_breaks = n_breaks, .mm = cell->length, .fresh = true};
+  *cutter = (tc_ref_cutter){.cell = cell, .breaks = breaks, .n_breaks = n_breaks, .mm = cell->length, .fresh = true};
   for (int i = 0; i < 4; i++)
     cutter->c[i] = cell->c[i];
   cutter->n_bends = extrema(cell->c, cutter->bend);
@@ -102,6 +102,7 @@ bool tc_ref_cutter_next(tc_ref_cutter *cutter, tc_ref_piece *piece) {
       cutter->fresh = true;
       continue;
     }
+    piece->cell = cutter->cell;
     piece->from = cutter->u;
     piece->mm = cutter->mm;
     piece->front = cutter->value;

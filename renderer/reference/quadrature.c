@@ -56,6 +56,7 @@ static void make_rule(void) {
 typedef struct job {
   const tc_ref_piece *piece;
   const tc_ref_span *span;
+  const tc_ref_shading *shading; /* or NULL */
   double tolerance;
   bool one_color;
   double color[3]; /* the one colour */
@@ -73,15 +74,19 @@ static double fraction_at(const job *j, double x) {
   return fmin(fmax(f, 0), 1);
 }
 
+static void color_at(const job *j, double x, double rgb[3]) {
+  tc_ref_span_color(j->span, fraction_at(j, x), rgb);
+  if (j->shading) tc_ref_shade(j->shading, j->piece->cell, j->piece->from + x, rgb);
+}
+
 /* One panel [x0, x0 + width] by the rule. Colour is split into its value at the front, whose integral is exact, and the
  * rest: a constant colour comes out as colour * opacity to the last bit. */
 static panel estimate(const job *j, double x0, double width) {
   double tau[POINTS], rgb[POINTS][3], front[3], mm = width * j->piece->mm;
   panel r = {0};
   for (int i = 0; i < POINTS; i++) {
-    double f = fraction_at(j, x0 + width * node[i]);
-    tau[i] = tc_ref_span_extinction(j->span, f);
-    if (!j->one_color) tc_ref_span_color(j->span, f, rgb[i]);
+    tau[i] = tc_ref_span_extinction(j->span, fraction_at(j, x0 + width * node[i]));
+    if (!j->one_color) color_at(j, x0 + width * node[i], rgb[i]);
     r.depth += weight[i] * tau[i] * mm;
   }
   r.clear = exp(-r.depth);
@@ -91,7 +96,7 @@ static panel estimate(const job *j, double x0, double width) {
       r.color[c] = j->color[c] * opacity;
     return r;
   }
-  tc_ref_span_color(j->span, fraction_at(j, x0), front);
+  color_at(j, x0, front);
   for (int c = 0; c < 3; c++)
     r.color[c] = front[c] * opacity;
   for (int i = 0; i < POINTS; i++) {
@@ -140,12 +145,13 @@ static double cubic_depth(const tc_ref_piece *p, const tc_ref_span *span) {
   return tc_ref_span_extinction(span, fmin(fmax(f, 0), 1)) * x * p->mm;
 }
 
-void tc_ref_integrate(const tc_ref_piece *piece, const tc_ref_span *span, double tolerance, tc_ref_light *light) {
+void tc_ref_integrate(const tc_ref_piece *piece, const tc_ref_span *span, const tc_ref_shading *shading, double tolerance,
+                      tc_ref_light *light) {
   if (span->no_extinction || !(piece->width > 0) || light->transparency < NOTHING_LEFT) return;
   pthread_once(&made, make_rule);
-  job j = {.piece = piece, .span = span, .tolerance = tolerance, .one_color = span->one_color, .light = light};
+  job j = {.piece = piece, .span = span, .shading = shading, .tolerance = tolerance, .light = light};
   bool flat = piece->front == piece->back && piece->d[0] == 0 && piece->d[1] == 0 && piece->d[2] == 0;
-  j.one_color = span->one_color || flat;
+  j.one_color = !shading && (span->one_color || flat);
   tc_ref_span_color(span, fraction_at(&j, 0), j.color);
   if (j.one_color && (flat || span->one_extinction || !span->opacity)) {
     panel whole = {.depth = cubic_depth(piece, span)};

@@ -16,6 +16,7 @@ struct tc_reference {
   tc_ref_clip clip;
   tc_ref_field field;
   tc_ref_transfer transfer; /* dvr */
+  tc_ref_shading shading;   /* dvr */
   tc_mode mode;
   tc_ref_window window; /* projections */
   double tolerance;
@@ -28,7 +29,6 @@ static bool is_projection(tc_mode mode) {
 static const char *unsupported_member(const tc_scene *scene) {
   if (scene->mode != TC_MODE_DVR && !is_projection(scene->mode)) return "/mode";
   if (scene->filter != TC_FILTER_LINEAR) return "/filter";
-  if (scene->shading.model != TC_SHADING_NONE && scene->mode == TC_MODE_DVR) return "/shading/model";
   if (scene->labels.volume[0]) return "/labels/volume";
   return NULL;
 }
@@ -68,6 +68,8 @@ tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int wid
   tc_ref_clip_set_up(&r->clip, scene);
   /* Errors of pieces add up; each piece's estimate is itself pessimistic by many orders. */
   r->tolerance = (tolerance == 0 ? 1e-10 : tolerance) / 16;
+  if (scene->mode == TC_MODE_DVR && scene->shading.model != TC_SHADING_NONE)
+    tc_ref_shading_set_up(&r->shading, volume, scene);
   if (!tc_ref_camera_set_up(&r->camera, &scene->camera, width, height)) {
     tc_set_error(error, TC_ERROR_INVALID, "/camera",
                  "reference: camera: position, target and up must span a plane and the "
@@ -92,14 +94,22 @@ static void span_of(const tc_reference *r, const tc_ref_piece *piece, tc_ref_spa
   tc_ref_span_above(&r->transfer, fmin(piece->front, piece->back), span);
 }
 
-static void integrate_cell(const tc_reference *r, const tc_ref_cell *cell, tc_ref_light *light) {
+/* The scene's shading as one ray sees it. NULL: none. */
+static const tc_ref_shading *shading_of(const tc_reference *r, const tc_ref_ray *ray, tc_ref_shading *shading) {
+  if (r->shading.model == TC_SHADING_NONE) return NULL;
+  *shading = r->shading;
+  memcpy(shading->view, ray->lps_direction, sizeof shading->view);
+  return shading;
+}
+
+static void integrate_cell(const tc_reference *r, const tc_ref_cell *cell, const tc_ref_shading *shading, tc_ref_light *light) {
   tc_ref_cutter cutter;
   tc_ref_piece piece;
   tc_ref_span span;
   tc_ref_cutter_start(&cutter, cell, r->transfer.breaks, r->transfer.n_breaks);
   while (tc_ref_cutter_next(&cutter, &piece)) {
     span_of(r, &piece, &span);
-    tc_ref_integrate(&piece, &span, r->tolerance, light);
+    tc_ref_integrate(&piece, &span, shading, r->tolerance, light);
   }
 }
 
@@ -127,9 +137,11 @@ void tc_reference_pixel(const tc_reference *r, double px, double py, double rgba
   if (met) {
     tc_ref_walk walk;
     tc_ref_cell cell;
+    tc_ref_shading own;
+    const tc_ref_shading *shading = shading_of(r, &ray, &own);
     tc_ref_walk_start(&walk, &r->field, &ray);
     while (tc_ref_walk_next(&walk, &cell))
-      if (!tc_ref_transfer_empty(&r->transfer, cell.lo, cell.hi)) integrate_cell(r, &cell, &light);
+      if (!tc_ref_transfer_empty(&r->transfer, cell.lo, cell.hi)) integrate_cell(r, &cell, shading, &light);
   }
   for (int c = 0; c < 3; c++)
     rgba[c] = light.color[c];
@@ -137,7 +149,8 @@ void tc_reference_pixel(const tc_reference *r, double px, double py, double rgba
 }
 
 static tc_reference_sample describe_piece(const tc_reference *r, const tc_ref_ray *ray, const tc_ref_cell *cell,
-                                          const tc_ref_piece *piece, double transparency) {
+                                          const tc_ref_piece *piece, const tc_ref_shading *shading,
+                                          double transparency) {
   double t = cell->from + piece->from * cell->length;
   tc_reference_sample s = {.distance_mm = t - ray->eye,
                            .length_mm = piece->width * cell->length,
@@ -152,6 +165,7 @@ static tc_reference_sample describe_piece(const tc_reference *r, const tc_ref_ra
     double f = fmin(fmax((piece->front - span.base) * span.inverse_width, 0), 1);
     s.extinction = tc_ref_span_extinction(&span, f);
     tc_ref_span_color(&span, f, s.color);
+    if (shading) tc_ref_shade(shading, cell, piece->from, s.color);
   }
   for (int k = 0; k < 3; k++)
     s.position[k] = ray->lps[k] + t * ray->lps_direction[k];
@@ -165,6 +179,8 @@ void tc_reference_ray(const tc_reference *r, double px, double py, tc_reference_
   if (tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, &ray)) {
     tc_ref_walk walk;
     tc_ref_cell cell;
+    tc_ref_shading own;
+    const tc_ref_shading *shading = shading_of(r, &ray, &own);
     tc_ref_walk_start(&walk, &r->field, &ray);
     while (tc_ref_walk_next(&walk, &cell)) {
       tc_ref_cutter cutter;
@@ -172,11 +188,11 @@ void tc_reference_ray(const tc_reference *r, double px, double py, tc_reference_
       tc_ref_span span;
       tc_ref_cutter_start(&cutter, &cell, r->transfer.breaks, r->transfer.n_breaks);
       while (tc_ref_cutter_next(&cutter, &piece)) {
-        tc_reference_sample s = describe_piece(r, &ray, &cell, &piece, light.transparency);
+        tc_reference_sample s = describe_piece(r, &ray, &cell, &piece, shading, light.transparency);
         g_array_append_val(list, s);
         if (is_projection(r->mode)) continue;
         span_of(r, &piece, &span);
-        tc_ref_integrate(&piece, &span, r->tolerance, &light);
+        tc_ref_integrate(&piece, &span, shading, r->tolerance, &light);
       }
     }
   }

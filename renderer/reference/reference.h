@@ -5,6 +5,7 @@
  * at every crossing of a knot's value; what is left between two splits is smooth and is integrated adaptively.
  *
  * For mip, minip and average it is the exact extremum or mean of the field along the ray, through the scene's window.
+ * Shading (raycast/shade.h) acts on the colour at each point of the ray, with the field's own gradient there.
  *
  * It stands for what dvr converges to as the step goes to 0: classification, order, sampling (step, jitter,
  * termination, rays per pixel) and skipping of the scene are therefore ignored. Immutable once made: any number of
@@ -23,7 +24,7 @@ typedef struct tc_reference tc_reference;
 
 /* Takes a reference on the sealed volume and copies what it needs of the scene. tolerance: absolute bound wanted on
  * each channel of a pixel, 1e-14 .. 0.1; 0 = 1e-10. Errors: TC_ERROR_UNSUPPORTED with a pointer to the member for what
- * has no reference (a mode other than dvr, mip, minip, average; a filter other than linear, shading in dvr, labels);
+ * has no reference (a mode other than dvr, mip, minip, average; a filter other than linear, labels);
  * TC_ERROR_INVALID for a camera, transfer function or window (whichever the mode reads) without meaning. */
 tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int width, int height, double tolerance,
                                GError **error);
@@ -44,7 +45,7 @@ typedef struct tc_reference_sample {
   double distance_mm;       /* from the eye */
   double length_mm;         /* of the piece */
   double value, value_back; /* field at the front and back end, volume's unit */
-  double color[3];          /* at the front end, compositing space */
+  double color[3];          /* at the front end, shaded, compositing space */
   double extinction;        /* at the front end, 1/mm; at a jump the limit from inside the piece; 0 in a projection */
   double transparency;      /* of all that lies before the piece, 1 at the first */
 } tc_reference_sample;

@@ -5,6 +5,7 @@
 
 #include "renderer/backend.h"
 #include "renderer/raycast/cpu/kernels.h"
+#include "renderer/raycast/shade.h"
 
 #define TILE 32
 
@@ -121,6 +122,22 @@ static void fill_window(tc_cpu_args *a, const tc_job *job) {
   a->window_gain = window.gain;
 }
 
+static void fill_shading(tc_cpu_args *a, const tc_job *job) {
+  tc_shade s;
+  tc_shade_set_up(&s, job->volume, job->scene);
+  to_float(a->gradient, s.gradient, 9);
+  to_float(a->factor, s.factor, 2);
+  to_float(a->glow[0], s.glow[0], 3);
+  to_float(a->glow[1], s.glow[1], 3);
+  to_float(a->light, s.light, 3);
+  a->flat = (float)s.flat;
+  a->inverse_steep = (float)(1 / (1 - s.flat));
+  a->least_lit = (float)s.least;
+  a->specular = (float)s.specular;
+  a->shininess = (float)s.shininess;
+  a->head_light = s.head_light;
+}
+
 static void fill_args(tc_cpu_args *a, const tc_job *job) {
   const tc_rays *r = job->rays;
   const tc_volume_desc *d = tc_volume_describe(job->volume);
@@ -160,6 +177,7 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
   a->value_scale = (float)((job->table->n - 1) / (job->table->hi - job->table->lo));
   a->node_last = (float)(job->table->n - 1);
   a->termination = (float)job->scene->sampling.termination;
+  if (job->plan->key.shading) fill_shading(a, job);
   if (job->leap) {
     a->distance = job->leap->distance;
     a->block = (float)job->leap->block;

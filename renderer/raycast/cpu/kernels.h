@@ -40,6 +40,10 @@ typedef struct tc_cpu_args {
   const uint8_t *levels; /* tc_bounds, when it skips too; block_row, block_slice and inverse_block are its own */
   float level_scale;
   int interval; /* samples that one level serves */
+  /* Of shaded variants (raycast/shade.h). */
+  float gradient[9], flat, inverse_steep; /* inverse_steep: 1 / (1 - flat) */
+  float factor[2], glow[2][3], least_lit, specular, shininess, light[3];
+  int head_light;
 } tc_cpu_args;
 
 typedef struct tc_cpu_counts {

@@ -16,7 +16,7 @@ V_INLINE vf sample_nearest(const tc_cpu_args *g, int type, const packet *p, vf t
 }
 
 V_INLINE vf sample_slice(const tc_cpu_args *g, int type, bool nearest, const packet *p, vf t) {
-  return nearest ? sample_nearest(g, type, p, t) : sample_node(g, type, p, t);
+  return nearest ? sample_nearest(g, type, p, t) : sample_node(g, type, p, t, NULL);
 }
 
 /* From the value at the rays' entries to that of the slab. Samples lie on the plane, in whole steps from it, and at both

@@ -107,13 +107,13 @@ static void forget(void *instance, uint64_t volume_serial) {
 static tc_gl_field field_for(const gl_backend *b, const tc_plan_key *key) {
   /* Bounds of blocks hold for arithmetic that is known, and a maximum shows every rounding of a texture unit. */
   if (tc_is_projection((tc_mode)key->mode)) return TC_GL_FIELD_GATHER;
+  if (key->shading) return TC_GL_FIELD_GATHER; /* a gradient needs a cell's corners */
   tc_voxel_type type = (tc_voxel_type)key->voxel_type;
   return b->field < TC_GL_FIELD_COUNT ? b->field : tc_gl_choose_field(tc_gl_context_about(b->context), type);
 }
 
 static void name_kernel(void *instance, tc_plan *plan) {
-  tc_gl_variant variant = {.plan = plan->key,
-                           .field = (uint8_t)field_for(instance, &plan->key)};
+  tc_gl_variant variant = {.plan = plan->key, .field = (uint8_t)field_for(instance, &plan->key)};
   char name[sizeof plan->kernel - 4];
   tc_gl_variant_name(&variant, name, sizeof name);
   snprintf(plan->kernel, sizeof plan->kernel, "%s.gl", name);
@@ -125,6 +125,7 @@ static unsigned program_for(gl_backend *b, const tc_job *job, const tc_gl_volume
   tc_gl_variant v;
   memset(&v, 0, sizeof v);
   v.plan = job->plan->key;
+  v.plan.shading = v.plan.shading != TC_SHADING_NONE; /* models differ in numbers only: one program for all */
   v.field = (uint8_t)volume->field;
   v.atlas = volume->slices_per_layer > 1;
   v.linear_light = job->scene->image.linear_light;

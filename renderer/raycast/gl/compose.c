@@ -35,7 +35,7 @@ static bool is_built(const tc_plan_key *key) {
            key->slab <= TC_SLAB_PROJECTION_COUNT && key->voxel_type < TC_VOXEL_TYPE_COUNT && !key->labels;
   return mode && key->classification == TC_PREINTEGRATED && key->order == TC_FRONT_TO_BACK &&
          key->filter == TC_FILTER_LINEAR && key->projection < TC_PROJECTION_COUNT &&
-         key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading == TC_SHADING_NONE && !key->jitter &&
+         key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading < TC_SHADING_COUNT && !key->jitter &&
          !key->labels;
 }
 
@@ -51,6 +51,7 @@ static const char *sampler_type(const tc_gl_variant *v) {
 static void add_dvr(composition *c, const tc_gl_variant *v) {
   add(c, "table_2d.glsl");
   if (v->plan.skipping) add(c, "leap.glsl");
+  if (v->plan.shading) add(c, "shade.glsl");
   add(c, "march_dvr.glsl");
 }
 
@@ -62,9 +63,10 @@ static void add_projection(composition *c, const tc_gl_variant *v) {
 }
 
 unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
-  char name[96], literals[240];
+  char name[96], literals[280];
   tc_gl_variant_name(v, name, sizeof name);
-  if (!is_built(&v->plan)) {
+  /* A texture unit's own interpolation shows no corners to take a gradient from. */
+  if (!is_built(&v->plan) || (v->plan.shading && v->field != TC_GL_FIELD_GATHER)) {
     tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "gl: no shader is built for %s; use --backend cpu", name);
     return 0;
   }
@@ -72,9 +74,9 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
   add(&c, "head.glsl");
   snprintf(literals, sizeof literals,
            "#define VOXELS %s\n#define ATLAS %d\n#define TERMINATION %d\n#define LEAP %d\n#define SLAB %d\n"
-           "#define NEAREST %d\n#define CLIP %d\n",
+           "#define NEAREST %d\n#define CLIP %d\n#define SHADED %d\n",
            sampler_type(v), v->atlas, v->plan.termination, v->plan.skipping, v->plan.slab,
-           v->plan.filter == TC_FILTER_NEAREST, v->plan.clipping);
+           v->plan.filter == TC_FILTER_NEAREST, v->plan.clipping, v->plan.shading != TC_SHADING_NONE);
   add_text(&c, literals);
   add(&c, v->plan.projection == TC_PERSPECTIVE ? "ray_perspective.glsl" : "ray_orthographic.glsl");
   add(&c, v->field == TC_GL_FIELD_GATHER ? "field_gather.glsl" : "field_filtered.glsl");
@@ -110,8 +112,9 @@ void tc_gl_variant_name(const tc_gl_variant *v, char *name, size_t size) {
     way = v->plan.slab < sizeof slabs / sizeof *slabs ? slabs[v->plan.slab] : "?";
   else if (v->plan.mode == TC_MODE_DVR)
     way = v->plan.classification < TC_CLASSIFICATION_COUNT ? ways[v->plan.classification] : "?";
-  snprintf(name, size, "%s%s%s.%s.%s.%s", v->plan.mode < TC_MODE_COUNT ? modes[v->plan.mode] : "?", *way ? "." : "", way,
+  snprintf(name, size, "%s%s%s.%s%s.%s.%s", v->plan.mode < TC_MODE_COUNT ? modes[v->plan.mode] : "?", *way ? "." : "", way,
            v->plan.filter < TC_FILTER_COUNT ? filters[v->plan.filter] : "?",
+           v->plan.shading ? ".shaded" : "",
            v->plan.voxel_type < TC_VOXEL_TYPE_COUNT ? tc_voxel_type_name((tc_voxel_type)v->plan.voxel_type) : "?",
            v->field == TC_GL_FIELD_GATHER ? "gather" : "filtered");
 }

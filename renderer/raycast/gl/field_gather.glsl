@@ -13,6 +13,10 @@ vec4 corners(ivec2 cell, int z) {
   return vec4(textureGather(voxels, vec3(vec2(cell + 1) * job.texel.xy, float(layer))));
 }
 
+#if SHADED
+vec3 slope; // of the last field(): its exact derivative over index coordinates, from the same corners
+#endif
+
 // Voxel value (not rescaled) at an index position; what lies outside takes the value of the nearest face.
 // On a flat axis (n = 1) the position is 0, and what the gather finds beyond counts nothing.
 float field(vec3 p) {
@@ -26,5 +30,11 @@ float field(vec3 p) {
   precise vec4 c = a + (b - a) * f.z;
   precise vec2 d = c.wx + (c.zy - c.wx) * f.x;
   precise float e = d.x + (d.y - d.x) * f.y;
+#if SHADED
+  precise vec2 rise_x = c.zy - c.wx;
+  precise vec4 rise_z = b - a;
+  precise vec2 rise = rise_z.wx + (rise_z.zy - rise_z.wx) * f.x;
+  slope = vec3(rise_x.x + (rise_x.y - rise_x.x) * f.y, d.y - d.x, rise.x + (rise.y - rise.x) * f.y);
+#endif
   return e;
 }

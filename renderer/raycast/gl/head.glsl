@@ -21,6 +21,10 @@ layout(std140, binding = 0) uniform Job {
   vec4 grey;                          // projections: x: turn, y: gain, z: offset (raycast/grey.h)
   vec4 reach;                         // x: floor, y: stop, z: levels per voxel unit
   vec4 window;                        // x: centre in nodes, y: greys per node; modes without a table
+  vec4 gradient[3];                   // rows: from two samples' gradients to their scaled mean in LPS (shade.h)
+  vec4 light;                         // xyz: to a fixed light; w: 1 for a head light
+  vec4 reflection;                    // x: F0, y: F1, z: least q, w: flat
+  vec4 glow[2];                       // xyz: G0, G1; w: specular, shininess
 } job;
 
 // This dispatch's part of the picture: xy = first pixel, zw = size in pixels.

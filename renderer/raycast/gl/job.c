@@ -4,6 +4,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "renderer/raycast/shade.h"
+
 static void put3(float to[4], const double from[3]) {
   for (int k = 0; k < 3; k++)
     to[k] = (float)from[k];
@@ -44,6 +46,23 @@ static void fill_window(tc_gl_job_block *block, const tc_job *job) {
   block->window[1] = window.gain;
 }
 
+static void put_shading(tc_gl_job_block *block, const tc_job *job) {
+  tc_shade s;
+  tc_shade_set_up(&s, job->volume, job->scene);
+  for (int r = 0; r < 3; r++)
+    put3(block->gradient[r], s.gradient + 3 * r);
+  put3(block->light, s.light);
+  block->light[3] = s.head_light;
+  block->reflection[0] = (float)s.factor[0];
+  block->reflection[1] = (float)s.factor[1];
+  block->reflection[2] = (float)s.least;
+  block->reflection[3] = (float)s.flat;
+  put3(block->glow[0], s.glow[0]);
+  put3(block->glow[1], s.glow[1]);
+  block->glow[0][3] = (float)s.specular;
+  block->glow[1][3] = (float)s.shininess;
+}
+
 void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volume *volume) {
   const tc_rays *rays = job->rays;
   memset(block, 0, sizeof *block);
@@ -73,6 +92,7 @@ void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volum
   for (int i = 0; i < rays->n_planes; i++)
     for (int k = 0; k < 4; k++)
       block->planes[i][k] = (float)rays->planes[i][k];
+  if (job->plan->key.shading) put_shading(block, job);
   block->march[0] = (float)rays->step_mm;
   block->march[1] = (float)rays->eye_mm;
   block->march[2] = (float)(1 / rays->step_mm);

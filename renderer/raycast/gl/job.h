@@ -20,6 +20,7 @@ typedef struct tc_gl_job_block {
   int32_t clipping[4];
   float grey[4], reach[4];
   float window[4];
+  float gradient[3][4], light[4], reflection[4], glow[2][4];
 } tc_gl_job_block;
 
 /* Pure. */

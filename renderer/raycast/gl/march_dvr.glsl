@@ -24,6 +24,9 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   precise vec4 sum = vec4(0.0);
   precise float clear = 1.0;
   float front = sample_node(entry, direction, 0.0);
+#if SHADED
+  vec3 front_slope = slope;
+#endif
   float before = 0.0; // where front was sampled, mm
   counts.samples++;
 #if LEAP
@@ -37,6 +40,11 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
     float back = sample_node(entry, direction, t);
     counts.samples++;
     vec4 segment = classify(front, back);
+#if SHADED
+    if (segment.a > 0.0)
+      segment = shade(segment, front_slope, slope, to_eye);
+    front_slope = slope;
+#endif
 #if LEAP
     if (fresh)
       segment = vec4(0.0);
@@ -73,6 +81,9 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   if (share > 0.0) {
     vec4 segment = classify(front, sample_node(entry, direction, length_mm));
     counts.samples++;
+#if SHADED
+    segment = shade(segment, front_slope, slope, to_eye);
+#endif
     float opacity = 1.0 - exp2(share * log2(max(1.0 - segment.a, 1e-30)));
     float scale = segment.a < 1e-4 ? share : opacity / segment.a;
     sum = fma(vec4(clear), scale * segment, sum);

@@ -1,0 +1,48 @@
+/* Shading of direct volume rendering: what a point's gradient does to its colour. The same for every back end.
+ *
+ * At each point of a ray the transfer function's colour L (compositing space) becomes, per channel c,
+ *   shade(L) = min(1, L * (1 + w (F0 + F1 q - 1)) + w (specular * s + G0[c] + G1[c] q))
+ * where
+ *   g   gradient of the field in value units per mm: slope * to_index^T * (gradient over index coordinates), which is right for
+ *       any spacing and for sheared axes, because a gradient is covariant;
+ *   w   weight, 0 where the field is flat (noise has no surface: L stays as it is) and 1 where it is steep:
+ *       smooth step of |g| * least spacing / value range, from TC_SHADE_FLAT to TC_SHADE_STEEP;
+ *   n   g / |g|, flipped where it looks away from the eye: surfaces are lit on the side that is seen, whichever side is
+ *       dense (as VTK does), so that the sign of the slope does not matter either;
+ *   l   unit direction to the light: to the eye (head light), or fixed in LPS;
+ *   q   max(n.l, least), s = max(n.h, 0)^shininess where n.l > 0, else 0; h halfway between l and the direction to the eye.
+ * Models are numbers of this one form:
+ *   Lambert, Blinn-Phong   F0 ambient, F1 diffuse, G 0, least 0; Lambert has no specular;
+ *   Gooch                  from cool (n.l = -1) to warm (n.l = 1): F = mix(ambient, diffuse), G = mix(blue, yellow), hence
+ *                          F0, F1 = (diffuse +- ambient) / 2 and G0, G1 = (yellow +- blue) / 2, least -1.
+ *                          Gooch, Gooch, Shirley and Cohen, A non-photorealistic lighting model, SIGGRAPH 1998.
+ *
+ * A segment is shaded once, with the mean of the gradients of its two samples, both of which come from the corners that
+ * interpolation has fetched anyway. shade() is affine in L before the clamp, so that it applies to the segment's premultiplied
+ * colour C and opacity a as they come from the table: C' = min(a, C f + a e). As the step goes to 0 this is the integral of
+ * the shaded colour, and C' <= a holds for each segment, hence for the picture. */
+#ifndef TC_RAYCAST_SHADE_H
+#define TC_RAYCAST_SHADE_H
+
+#include "renderer/scene.h"
+#include "renderer/volume/volume.h"
+
+#define TC_SHADE_FLAT 0.005 /* of the value range per least spacing: below it nothing is shaded */
+#define TC_SHADE_STEEP 0.02 /* above it shading is full */
+
+typedef struct tc_shade {
+  double gradient[9];  /* rows give LPS x, y, z: from the sum of two samples' gradients (voxel units per index step) to
+                          their mean as |g| * least spacing / (value range * TC_SHADE_STEEP); 0 for flat axes */
+  double flat;         /* TC_SHADE_FLAT in the same unit: full weight is at 1 */
+  double factor[2];    /* F0, F1 */
+  double glow[2][3];   /* G0, G1 */
+  double least;        /* of q */
+  double specular, shininess;
+  bool head_light;
+  double light[3];     /* unit, LPS; to the light */
+} tc_shade;
+
+/* The scene's shading was validated (tc_plan_make) and its model is not none. Pure. */
+void tc_shade_set_up(tc_shade *shade, const tc_volume *volume, const tc_scene *scene);
+
+#endif

@@ -1,0 +1,82 @@
+/* Shading at a point of the exact field: colour becomes what light and the field's gradient there make of it.
+ *
+ * The same model as raycast/shade.h describes, written from the textbook forms and evaluated wherever the integrator asks. */
+#include <math.h>
+
+#include "renderer/reference/internal.h"
+
+#define FLAT 0.005 /* of the value range per least spacing: nothing is shaded below */
+#define STEEP 0.02 /* shaded in full above */
+
+static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+static void cross(const double a[3], const double b[3], double c[3]) {
+  for (int k = 0; k < 3; k++) c[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
+}
+
+void tc_ref_shading_set_up(tc_ref_shading *shading, const tc_volume *volume, const tc_scene *scene) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  const tc_volume_stats *stats = tc_volume_statistics(volume);
+  double axis[3][3], least = fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2]));
+  for (int k = 0; k < 3; k++)
+    for (int r = 0; r < 3; r++) axis[k][r] = d->direction[3 * r + k] * d->spacing[k];
+  for (int k = 0; k < 3; k++) {
+    cross(axis[(k + 1) % 3], axis[(k + 2) % 3], shading->dual[k]);
+    double volume_mm3 = dot(shading->dual[k], axis[k]);
+    for (int r = 0; r < 3; r++) shading->dual[k][r] /= volume_mm3;
+  }
+  shading->model = scene->shading.model;
+  shading->per_range = stats->max > stats->min ? least / (stats->max - stats->min) : 0;
+  shading->ambient = scene->shading.ambient;
+  shading->diffuse = scene->shading.diffuse;
+  shading->specular = shading->model == TC_SHADING_LAMBERT ? 0 : scene->shading.specular;
+  shading->shininess = scene->shading.shininess;
+  shading->head_light = scene->shading.light_at_camera;
+  double length = sqrt(dot(scene->shading.light, scene->shading.light));
+  for (int k = 0; k < 3; k++) shading->light[k] = scene->shading.light[k] / length;
+}
+
+/* d value / d LPS at u of the cell: the trilinear form, differentiated. */
+static void gradient_at(const tc_ref_shading *s, const tc_ref_cell *cell, double u, double gradient[3]) {
+  double x[3], g[3] = {0, 0, 0};
+  for (int k = 0; k < 3; k++) x[k] = cell->start[k] + u * cell->delta[k];
+  for (int corner = 0; corner < 8; corner++)
+    for (int k = 0; k < 3; k++) {
+      int a = (k + 1) % 3, b = (k + 2) % 3;
+      double weight = (corner >> a & 1 ? x[a] : 1 - x[a]) * (corner >> b & 1 ? x[b] : 1 - x[b]);
+      g[k] += (corner >> k & 1 ? weight : -weight) * cell->corner[corner];
+    }
+  for (int r = 0; r < 3; r++) gradient[r] = g[0] * s->dual[0][r] + g[1] * s->dual[1][r] + g[2] * s->dual[2][r];
+}
+
+static double smooth_step(double from, double to, double x) {
+  double f = fmin(fmax((x - from) / (to - from), 0), 1);
+  return f * f * (3 - 2 * f);
+}
+
+/* The colour of a fully shaded surface with unit normal n. */
+static void reflect(const tc_ref_shading *s, const double n[3], const double eye[3], const double light[3], const double color[3],
+                    double out[3]) {
+  double half[3], nl = dot(n, light), glint = 0;
+  for (int k = 0; k < 3; k++) half[k] = eye[k] + light[k];
+  double length = sqrt(dot(half, half));
+  if (nl > 0 && s->specular > 0 && length > 0) glint = s->specular * pow(fmax(dot(n, half) / length, 0), s->shininess);
+  for (int c = 0; c < 3; c++) {
+    double cool = (c == 2 ? 0.4 : 0) + s->ambient * color[c], warm = (c < 2 ? 0.4 : 0) + s->diffuse * color[c];
+    double lit = s->model == TC_SHADING_GOOCH ? cool + (warm - cool) * (1 + nl) / 2
+                                              : (s->ambient + s->diffuse * fmax(nl, 0)) * color[c];
+    out[c] = lit + glint;
+  }
+}
+
+void tc_ref_shade(const tc_ref_shading *s, const tc_ref_cell *cell, double u, double rgb[3]) {
+  double n[3], eye[3], lit[3];
+  gradient_at(s, cell, u, n);
+  double size = sqrt(dot(n, n)), weight = smooth_step(FLAT, STEEP, size * s->per_range);
+  if (!(weight > 0)) return;
+  for (int k = 0; k < 3; k++) eye[k] = -s->view[k];
+  double side = dot(n, eye) < 0 ? -size : size;
+  for (int k = 0; k < 3; k++) n[k] /= side;
+  reflect(s, n, eye, s->head_light ? eye : s->light, rgb, lit);
+  for (int c = 0; c < 3; c++) rgb[c] = fmin((1 - weight) * rgb[c] + weight * lit[c], 1);
+}
