@@ -1,0 +1,453 @@
+/* Shading on every instruction set and on OpenGL, against closed forms and against the reference integrator. Errors are
+ * of the linear frame (premultiplied colour, opacity) and are printed as numbers. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/gl/device.h"
+#include "renderer/reference/reference.h"
+#include "renderer/tomocast.h"
+#include "tests/support/grid.h"
+#include "tests/support/image.h"
+
+enum { SCALAR, AVX2, AVX512, GL, RENDERERS, SIDE = 64, PIXELS = SIDE * SIDE };
+static const char *const names[RENDERERS] = {"scalar", "avx2", "avx512", "gl"};
+static tc_renderer *renderers[RENDERERS];
+static tc_frame frames[RENDERERS];
+
+static int set_up(void **state) {
+  tc_gl_report report;
+  for (int i = 0; i < RENDERERS; i++) {
+    GError *error = NULL;
+    tc_renderer_options options = {.backend = i == GL ? TC_BACKEND_GL : TC_BACKEND_CPU, .threads = 2};
+    if (i != GL) options.isa = names[i];
+    if (i != GL || tc_gl_report_read(&report, &error)) renderers[i] = tc_renderer_new(&options, &error);
+    if (!renderers[i]) printf("  %s: not checked: %s\n", names[i], error->message);
+    g_clear_error(&error);
+  }
+  return !renderers[SCALAR];
+}
+
+static int tear_down(void **state) {
+  for (int i = 0; i < RENDERERS; i++) {
+    tc_frame_finish(&frames[i]);
+    tc_renderer_free(renderers[i]);
+  }
+  return 0;
+}
+
+static const float *render(int which, tc_volume *volume, const tc_scene *scene, tc_plan *plan) {
+  GError *error = NULL;
+  if (!tc_render(renderers[which], volume, scene, &(tc_render_request){.want_linear = true}, &frames[which], plan, &error))
+    fail_msg("%s: %s", names[which], error->message);
+  return frames[which].linear;
+}
+
+#define EACH_RENDERER(i) for (int i = 0; i < RENDERERS; i++) if (renderers[i])
+
+/* ---- scenes ---- */
+
+static const tc_knot soft[] = {{.value = 0, .color = {0.1, 0.2, 1}, .amount = 0},
+                               {.value = 0.4, .color = {0.3, 0.9, 0.4}, .amount = 0.05},
+                               {.value = 1, .color = {1, 0.6, 0.2}, .amount = 0.4}};
+
+static void shaded_scene(tc_scene *scene, const tc_volume *volume, tc_shading_model model, const tc_knot *knots, size_t count) {
+  test_scene(scene, SIDE, SIDE);
+  test_scene_knots(scene, TC_KNOT_EXTINCTION, knots, count);
+  if (volume) test_scene_frame(scene, volume, TC_PERSPECTIVE, (double[3]){1, -0.6, 0.4});
+  scene->shading.model = model;
+  scene->shading.ambient = 0.25;
+  scene->shading.diffuse = 0.7;
+  scene->shading.specular = 0.3;
+  scene->shading.shininess = 20;
+}
+
+static void light_from(tc_scene *scene, double x, double y, double z) {
+  scene->shading.light_at_camera = false;
+  scene->shading.light[0] = x, scene->shading.light[1] = y, scene->shading.light[2] = z;
+}
+
+static tc_volume *waves(tc_voxel_type type, double slope) {
+  /* integer voxels store 0..1 in steps of 1/100, so that coarse voxels are checked too */
+  return test_volume(&(test_grid){.dims = {24, 20, 22}, .type = type, .slope = type == TC_F32 ? slope : slope / 100},
+                     test_waves, &(double){14});
+}
+
+static void pixel_at(const float *image, double x, double y, double rgba[4]) {
+  for (int c = 0; c < 4; c++) rgba[c] = (double)image[((int)y * SIDE + (int)x) * 4 + c];
+}
+
+/* ---- agreement ---- */
+
+static void everyone_agrees(void **state) {
+  double worst[RENDERERS] = {0}, sum[RENDERERS] = {0};
+  size_t ties = 0, compared = 0;
+  for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++)
+    for (int model = TC_SHADING_LAMBERT; model < TC_SHADING_COUNT; model++)
+      for (int bits = 0; bits < 8; bits++) {
+        tc_volume *volume = waves((tc_voxel_type)type, 1);
+        tc_scene scene;
+        shaded_scene(&scene, volume, (tc_shading_model)model, soft, 3);
+        if (bits & 1) light_from(&scene, 0.3, -1, 2);
+        if (bits & 2) scene.camera.projection = TC_ORTHOGRAPHIC, scene.camera.height_mm = 30;
+        if (bits & 4) scene.sampling.termination = 0.01;
+        scene.image.linear_light = bits == 5;
+        render(SCALAR, volume, &scene, NULL);
+        EACH_RENDERER(i) {
+          if (i == SCALAR) continue;
+          const float *a = render(i, volume, &scene, NULL), *b = frames[SCALAR].linear;
+          assert_true(test_compare(a, b, PIXELS).finite);
+          for (size_t p = 0; p < PIXELS; p++) {
+            double d = 0;
+            for (size_t c = 4 * p; c < 4 * p + 4; c++) d = fmax(d, fabs((double)a[c] - (double)b[c]));
+            compared++;
+            /* Gradients jump at cell faces, and normals edge-on to the view turn over: rounding decides. */
+            if (d > 1.0 / 255) ties++;
+            else worst[i] = fmax(worst[i], d), sum[i] += d * d;
+          }
+        }
+        tc_scene_clear(&scene);
+        tc_volume_unref(volume);
+      }
+  EACH_RENDERER(i) {
+    double rms = sqrt(sum[i] / (PIXELS * TC_VOXEL_TYPE_COUNT * 3 * 8));
+    printf("  %s against scalar: max %.2e rms %.2e but for ties\n", names[i], worst[i], rms);
+    assert_true(rms < 1e-4);
+  }
+  printf("  over 1/255: %zu of %zu pixels\n", ties, compared);
+  assert_true((double)ties <= 1e-3 * (double)compared);
+}
+
+static void energy_is_bounded(void **state) {
+  tc_volume *volume = waves(TC_F32, 1);
+  for (int model = TC_SHADING_LAMBERT; model < TC_SHADING_COUNT; model++) {
+    tc_scene scene;
+    shaded_scene(&scene, volume, (tc_shading_model)model, soft, 3);
+    scene.shading.ambient = scene.shading.diffuse = scene.shading.specular = 1;
+    scene.shading.shininess = model == TC_SHADING_GOOCH ? 0 : 2;
+    EACH_RENDERER(i) {
+      const float *c = render(i, volume, &scene, NULL);
+      for (size_t p = 0; p < PIXELS; p++, c += 4)
+        for (int k = 0; k < 3; k++)
+          if (!(c[3] <= 1 && c[k] >= 0 && c[k] <= c[3] + 2e-6f)) fail_msg("%s: pixel %zu: %g of %g", names[i], p, c[k], c[3]);
+    }
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+}
+
+/* ---- the reference is the limit ---- */
+
+static float *reference_image(tc_volume *volume, const tc_scene *scene) {
+  GError *error = NULL;
+  tc_reference *reference = tc_reference_new(volume, scene, SIDE, SIDE, 1e-6, &error);
+  float *rgba = calloc(PIXELS, 4 * sizeof *rgba);
+  if (!reference || !tc_reference_image(reference, 2, rgba, &error)) fail_msg("%s", error->message);
+  tc_reference_free(reference);
+  return rgba;
+}
+
+static void converges(void **state) {
+  tc_volume *volume = waves(TC_F32, 1);
+  for (int model = TC_SHADING_LAMBERT; model < TC_SHADING_COUNT; model++)
+    for (int fixed = 0; fixed < 2; fixed++) {
+      tc_scene scene;
+      shaded_scene(&scene, volume, (tc_shading_model)model, soft, 3);
+      if (fixed) light_from(&scene, 1, -1, 1);
+      float *want = reference_image(volume, &scene);
+      EACH_RENDERER(i) {
+        double rms[3];
+        for (int s = 0; s < 3; s++) {
+          scene.sampling.step = 1 / pow(4, s);
+          test_difference d = test_compare(render(i, volume, &scene, NULL), want, PIXELS);
+          assert_true(d.finite);
+          rms[s] = d.rms;
+        }
+        printf("  model %d, %s, %s: rms %.2e %.2e %.2e at steps 1 1/4 1/16\n", model, fixed ? "fixed light" : "head light",
+               names[i], rms[0], rms[1], rms[2]);
+        assert_true(rms[1] < 0.4 * rms[0] && rms[2] < 0.4 * rms[1]); /* an order of at least 0.66: gradients jump at cell faces */
+        assert_true(rms[0] < 1.2e-2 && rms[2] < 8e-4);
+      }
+      free(want);
+      tc_scene_clear(&scene);
+    }
+  tc_volume_unref(volume);
+}
+
+/* ---- a ball ---- */
+
+/* Distance to a centre, in mm, from index coordinates of a grid with the given axes. */
+typedef struct ball { const test_grid *grid; double center[3]; } ball;
+
+static double to_lps(const test_grid *g, const double index[3], int r) {
+  double lps = g->origin[r];
+  for (int k = 0; k < 3; k++) lps += g->direction[3 * r + k] * g->spacing[k] * index[k];
+  return lps;
+}
+
+static double distance_field(double x, double y, double z, const void *context) {
+  const ball *b = context;
+  double d2 = 0;
+  for (int r = 0; r < 3; r++) {
+    double d = to_lps(b->grid, (double[3]){x, y, z}, r) - b->center[r];
+    d2 += d * d;
+  }
+  return 40 - fmin(fmax(sqrt(d2), 10), 14); /* steep enough to be shaded in full */
+}
+
+/* Opaque where the distance to the centre is under 12. */
+static const tc_knot hard[] = {{.value = 28, .color = {0.8, 0.8, 0.8}, .amount = 0},
+                               {.value = 28, .color = {0.8, 0.8, 0.8}, .amount = 1000}};
+
+static tc_volume *ball_on(test_grid *grid, const double center[3]) {
+  ball b = {.grid = grid, .center = {center[0], center[1], center[2]}};
+  return test_volume(grid, distance_field, &b);
+}
+
+/* Trilinear gradients are off by up to half a voxel over the radius: 48 voxels are enough for one part in a hundred. */
+static const test_grid even = {.dims = {129, 129, 129}, .type = TC_F32, .spacing = {0.25, 0.25, 0.25},
+                               .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+
+static void look_at_ball(tc_scene *scene, const double center[3]) {
+  test_scene_look(scene, TC_ORTHOGRAPHIC, (double[3]){center[0] + 60, center[1], center[2]}, center, 30);
+}
+
+/* The ball's colour at offsets (y, z) mm from the centre, seen along -x: 0.8 * (ambient + diffuse * n.l) + glint. */
+static double lit_ball(const tc_scene *s, double y, double z, double l[3]) {
+  double n[3] = {sqrt(144 - y * y - z * z) / 12, y / 12, z / 12}, h[3] = {l[0] + 1, l[1], l[2]}, nl = 0, nh = 0, hh = 0;
+  for (int k = 0; k < 3; k++) nl += n[k] * l[k], nh += n[k] * h[k], hh += h[k] * h[k];
+  double glint = s->shading.model == TC_SHADING_LAMBERT || nl <= 0 ? 0 : s->shading.specular * pow(nh / sqrt(hh), s->shading.shininess);
+  return fmin(1, 0.8 * (s->shading.ambient + s->shading.diffuse * fmax(nl, 0)) + glint);
+}
+
+static void check_ball(const char *what, tc_volume *volume, const double center[3]) {
+  for (int model = TC_SHADING_LAMBERT; model <= TC_SHADING_BLINN_PHONG; model++)
+    for (int fixed = 0; fixed < 2; fixed++) {
+      tc_scene scene;
+      shaded_scene(&scene, NULL, (tc_shading_model)model, hard, 2);
+      look_at_ball(&scene, center);
+      scene.sampling.step = 0.25;
+      double l[3] = {fixed ? 0.6 : 1, fixed ? 0.64 : 0, fixed ? 0.48 : 0};
+      if (fixed) light_from(&scene, 3 * l[0], 3 * l[1], 3 * l[2]);
+      EACH_RENDERER(i) {
+        const float *image = render(i, volume, &scene, NULL);
+        double worst = 0, rgba[4];
+        for (int p = 0; p < PIXELS; p++) {
+          /* seen from +x with z up, y grows to the right */
+          double y = (p % SIDE + 0.5 - SIDE / 2) * 30.0 / SIDE, z = -(p / SIDE + 0.5 - SIDE / 2) * 30.0 / SIDE;
+          if (y * y + z * z > 100) continue;
+          pixel_at(image, p % SIDE, p / SIDE, rgba);
+          worst = fmax(worst, fabs(rgba[0] - lit_ball(&scene, y, z, l)));
+        }
+        printf("  %s, model %d, %s light, %s: max %.2e\n", what, model, fixed ? "fixed" : "head", names[i], worst);
+        assert_true(worst < (model == TC_SHADING_LAMBERT ? 1e-2 : 2e-2)); /* a highlight changes faster than its normal */
+      }
+      tc_scene_clear(&scene);
+    }
+}
+
+static void analytic_ball(void **state) {
+  test_grid grid = even;
+  const double center[3] = {16, 16, 16};
+  tc_volume *volume = ball_on(&grid, center);
+  check_ball("ball", volume, center);
+  tc_volume_unref(volume);
+  grid.slope = -0.5; /* stored upside down */
+  volume = ball_on(&grid, center);
+  check_ball("ball, negative slope", volume, center);
+  tc_volume_unref(volume);
+}
+
+/* The same ball on grids with other spacings and axes: the same picture. */
+static void spacing_and_shear(void **state) {
+  const double center[3] = {16, 16, 16}, c = cos(0.3), s = sin(0.3);
+  test_grid tall = even, sheared = even, turned = even;
+  tall.dims[0] = 257, tall.dims[2] = 161;
+  tall.spacing[0] = 0.125, tall.spacing[2] = 0.2;
+  tc_volume *volume = ball_on(&tall, center);
+  check_ball("spacing 0.125, 0.25, 0.2", volume, center);
+  tc_volume_unref(volume);
+  /* the z axis leans over by 0.3 rad, as a gantry tilt does */
+  memcpy(sheared.direction, (double[9]){1, 0, 0, 0, 1, s, 0, 0, c}, sizeof sheared.direction);
+  sheared.origin[1] = -s * 16;
+  sheared.dims[2] = 141;
+  volume = ball_on(&sheared, center);
+  check_ball("sheared", volume, center);
+  tc_volume_unref(volume);
+  memcpy(turned.direction, (double[9]){0, -1, 0, 0, 0, 1, 1, 0, 0}, sizeof turned.direction);
+  turned.origin[0] = 32;
+  volume = ball_on(&turned, center);
+  check_ball("turned", volume, center);
+  tc_volume_unref(volume);
+}
+
+static void light_turns_the_bright_side(void **state) {
+  test_grid grid = even;
+  const double center[3] = {16, 16, 16};
+  tc_volume *volume = ball_on(&grid, center);
+  for (int model = TC_SHADING_LAMBERT; model < TC_SHADING_COUNT; model++)
+    for (int sign = -1; sign <= 1; sign += 2) {
+      tc_scene scene;
+      shaded_scene(&scene, NULL, (tc_shading_model)model, hard, 2);
+      look_at_ball(&scene, center);
+      light_from(&scene, 0.2, sign, 0);
+      EACH_RENDERER(i) {
+        const float *image = render(i, volume, &scene, NULL);
+        double left[4], right[4];
+        pixel_at(image, SIDE / 2 - 16, SIDE / 2, left);
+        pixel_at(image, SIDE / 2 + 16, SIDE / 2, right);
+        assert_true(sign * (right[0] - left[0]) > 0.2); /* y grows to the right */
+      }
+      tc_scene_clear(&scene);
+    }
+  tc_volume_unref(volume);
+}
+
+/* ---- leaving out ---- */
+
+static void leaping_changes_no_bit(void **state) {
+  static const tc_knot sparse[] = {{.value = 0.7, .color = {0.1, 0.2, 1}, .amount = 0},
+                                   {.value = 0.8, .color = {1, 0.9, 0.4}, .amount = 0.5}};
+  float *whole = calloc(PIXELS, 16);
+  for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++)
+    for (int model = TC_SHADING_LAMBERT; model < TC_SHADING_COUNT; model++)
+      for (int bits = 0; bits < 4; bits++) {
+        tc_volume *volume = test_volume(&(test_grid){.dims = {60, 50, 55}, .type = (tc_voxel_type)type, .slope = type == TC_F32 ? 1 : 0.01},
+                                        test_waves, &(double){40});
+        tc_scene scene;
+        shaded_scene(&scene, volume, (tc_shading_model)model, sparse, 2);
+        scene.sampling.step = 0.7;
+        if (bits & 1) light_from(&scene, 1, 2, -1);
+        if (bits & 2) scene.sampling.termination = 0.02;
+        EACH_RENDERER(i) {
+          scene.skipping.mode = TC_SKIPPING_OFF;
+          memcpy(whole, render(i, volume, &scene, NULL), PIXELS * 16);
+          scene.skipping.mode = TC_SKIPPING_AUTO;
+          const float *leapt = render(i, volume, &scene, NULL);
+          assert_true(frames[i].stats.leaps > 0);
+          if (memcmp(whole, leapt, PIXELS * 16)) fail_msg("%s: model %d, type %d, case %d: leaping shows", names[i], model, type, bits);
+        }
+        tc_scene_clear(&scene);
+        tc_volume_unref(volume);
+      }
+  free(whole);
+}
+
+/* A field without slope, and one with less slope than the threshold of noise: as if unshaded. */
+static void flat_is_unshaded(void **state) {
+  for (int noisy = 0; noisy < 2; noisy++) {
+    tc_volume *volume = test_volume(&(test_grid){.dims = {256, 9, 9}, .type = TC_F32}, noisy ? test_linear : test_constant,
+                                    noisy ? (const void *)(const double[4]){1 / 255.0, 0, 0, 0} : &(double){0.5});
+    float *plain = calloc(PIXELS, 16);
+    for (int model = TC_SHADING_LAMBERT; model < TC_SHADING_COUNT; model++) {
+      tc_scene scene;
+      shaded_scene(&scene, volume, (tc_shading_model)model, soft, 3);
+      EACH_RENDERER(i) {
+        scene.shading.model = TC_SHADING_NONE;
+        memcpy(plain, render(i, volume, &scene, NULL), PIXELS * 16);
+        scene.shading.model = (tc_shading_model)model;
+        test_difference d = test_compare(render(i, volume, &scene, NULL), plain, PIXELS);
+        if (!d.finite || !(d.max <= 2e-7)) fail_msg("%s: flat field differs by %g", names[i], d.max);
+      }
+      tc_scene_clear(&scene);
+    }
+    free(plain);
+    tc_volume_unref(volume);
+  }
+}
+
+static void plan_says_what_is_in(void **state) {
+  tc_volume *volume = waves(TC_U16, 1);
+  tc_plan plan;
+  for (int model = TC_SHADING_NONE; model < TC_SHADING_COUNT; model++) {
+    tc_scene scene;
+    shaded_scene(&scene, volume, (tc_shading_model)model, soft, 3);
+    EACH_RENDERER(i) {
+      render(i, volume, &scene, &plan);
+      bool shaded = model != TC_SHADING_NONE;
+      assert_int_equal(plan.stages[TC_STAGE_GRADIENT].included, shaded);
+      assert_int_equal(plan.key.shading, model);
+      assert_int_equal(strstr(plan.kernel, ".shaded.") != NULL, shaded);
+    }
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+}
+
+static void refused(tc_volume *volume, const tc_scene *scene, const char *pointer) {
+  GError *error = NULL;
+  tc_plan plan;
+  assert_false(tc_plan_make(volume, scene, SIDE, SIDE, &plan, &error));
+  assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_INVALID));
+  assert_string_equal(tc_error_pointer(error), pointer);
+  g_clear_error(&error);
+}
+
+static void nonsense_is_refused(void **state) {
+  tc_volume *volume = waves(TC_U8, 1);
+  tc_scene scene;
+  shaded_scene(&scene, volume, TC_SHADING_BLINN_PHONG, soft, 3);
+  const tc_scene good = scene;
+  const double shares[] = {-0.1, 1.1, NAN, INFINITY};
+  for (size_t i = 0; i < G_N_ELEMENTS(shares); i++) {
+    scene.shading.ambient = shares[i], refused(volume, &scene, "/shading/ambient"), scene = good;
+    scene.shading.diffuse = shares[i], refused(volume, &scene, "/shading/diffuse"), scene = good;
+    scene.shading.specular = shares[i], refused(volume, &scene, "/shading/specular"), scene = good;
+    scene.shading.shininess = i == 1 ? 1025 : shares[i], refused(volume, &scene, "/shading/shininess"), scene = good;
+  }
+  light_from(&scene, 0, 0, 0), refused(volume, &scene, "/shading/light"), scene = good;
+  light_from(&scene, 0, NAN, 1), refused(volume, &scene, "/shading/light"), scene = good;
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+/* One voxel along an axis, values near the ends of single precision, light straight from behind: finite everywhere. */
+static void odd_volumes(void **state) {
+  const int dims[][3] = {{1, 1, 1}, {1, 9, 9}, {9, 1, 9}, {9, 9, 1}, {2, 2, 2}};
+  for (size_t d = 0; d < G_N_ELEMENTS(dims); d++)
+    for (int e = -28; e <= 28; e += 28) {
+      test_grid grid = {.dims = {dims[d][0], dims[d][1], dims[d][2]}, .type = TC_F32, .slope = d & 1 ? -1 : 1};
+      double scale = pow(10, e);
+      tc_volume *volume = test_volume(&grid, test_linear, (double[4]){scale, 2 * scale, -scale, 0});
+      tc_knot knot = {.value = 0, .color = {1, 0.5, 0}, .amount = 0.2};
+      tc_scene scene;
+      shaded_scene(&scene, volume, TC_SHADING_BLINN_PHONG, &knot, 1);
+      for (int behind = 0; behind < 2; behind++) {
+        double *from = scene.camera.position, *to = scene.camera.target;
+        if (behind) light_from(&scene, to[0] - from[0], to[1] - from[1], to[2] - from[2]);
+        float *want = reference_image(volume, &scene);
+        EACH_RENDERER(i) {
+          test_difference diff = test_compare(render(i, volume, &scene, NULL), want, PIXELS);
+          if (!diff.finite || !(diff.rms < 2e-3))
+            fail_msg("%s: dims %d %d %d, scale %g: rms %g", names[i], dims[d][0], dims[d][1], dims[d][2], scale, diff.rms);
+        }
+        free(want);
+      }
+      tc_scene_clear(&scene);
+      tc_volume_unref(volume);
+    }
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(everyone_agrees),
+      cmocka_unit_test(energy_is_bounded),
+      cmocka_unit_test(converges),
+      cmocka_unit_test(analytic_ball),
+      cmocka_unit_test(spacing_and_shear),
+      cmocka_unit_test(light_turns_the_bright_side),
+      cmocka_unit_test(leaping_changes_no_bit),
+      cmocka_unit_test(flat_is_unshaded),
+      cmocka_unit_test(plan_says_what_is_in),
+      cmocka_unit_test(nonsense_is_refused),
+      cmocka_unit_test(odd_volumes),
+  };
+  return cmocka_run_group_tests(tests, set_up, tear_down);
+}
