@@ -55,8 +55,8 @@ static double smooth_step(double from, double to, double x) {
 }
 
 /* The colour of a fully shaded surface with unit normal n. */
-static void reflect(const tc_ref_shading *s, const double n[3], const double eye[3], const double light[3], const double color[3],
-                    double out[3]) {
+static void reflect(const tc_ref_shading *s, const double n[3], const double eye[3], const double light[3],
+                    const double color[3], double out[3]) {
   double half[3], nl = dot(n, light), glint = 0;
   for (int k = 0; k < 3; k++) half[k] = eye[k] + light[k];
   double length = sqrt(dot(half, half));
