@@ -242,6 +242,7 @@ static void test_unbuilt_keys(void **state) {
       v.plan.clipping = bits >> 6 & 1;
       v.plan.skipping = (type ^ bits >> 2) & 1;
       v.field = (uint8_t)(bits & 1);
+      v.plan.shading = v.field == TC_GL_FIELD_GATHER && (type ^ bits >> 3) & 1;
       v.atlas = bits >> 1 & 1;
       v.linear_light = bits >> 2 & 1;
       v.transparent = bits >> 3 & 1;

@@ -50,7 +50,8 @@ describe('page and daemon', { skip }, () => {
       await page.waitForTimeout(200);
       assert.ok(await page.isHidden('#mode-line'), mode);
       assert.equal(await page.inputValue('#mode'), mode);
-      assert.ok(spread(picture) > 40, `${mode} shows something`);
+      // The least value along every ray is the air around the head: minip is rightly black.
+      if (mode !== 'minip') assert.ok(spread(picture) > 40, `${mode} shows something`);
       assert.equal(await page.locator('.toast').count(), 0, mode);
     }
     assert.deepEqual(page.complaints, []);
