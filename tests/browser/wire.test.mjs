@@ -22,9 +22,35 @@ class FakeSocket {
   }
 }
 
+/** Fake time: `tick` and `reset`. Node 18 mocks timers, not yet Date. */
+function fakeTime() {
+  try {
+    mock.timers.enable({ apis: ['setTimeout', 'Date'] });
+    return { tick: (ms) => mock.timers.tick(ms), reset: () => mock.timers.reset() };
+  } catch {
+    const { now } = Date;
+    let time = now();
+    mock.timers.enable(['setTimeout']);
+    Date.now = () => time;
+    return {
+      tick(ms) {
+        for (let left = ms; left > 0; left -= 10) {
+          const step = Math.min(10, left);
+          time += step;
+          mock.timers.tick(step);
+        }
+      },
+      reset() {
+        Date.now = now;
+        mock.timers.reset();
+      },
+    };
+  }
+}
+
 /** A wire on fake sockets and fake time. @param body receives {wire, states, next} */
 async function withWire(locate, body) {
-  mock.timers.enable({ apis: ['setTimeout', 'Date'] });
+  const time = fakeTime();
   FakeSocket.made = [];
   const states = [];
   const texts = [];
@@ -46,11 +72,11 @@ async function withWire(locate, body) {
       bytes,
       socket: () => FakeSocket.made.at(-1),
       settle,
-      tick: (ms) => mock.timers.tick(ms),
+      tick: time.tick,
     });
   } finally {
     wire.close();
-    mock.timers.reset();
+    time.reset();
   }
 }
 
