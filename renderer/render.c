@@ -3,10 +3,10 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "renderer/backend.h"
 #include "renderer/resources.h"
+#include "renderer/clock.h"
 
 #define DEFAULT_CACHE_BYTES (256u << 20)
 
@@ -18,12 +18,6 @@ struct tc_renderer {
   char why[200];
   tc_resources *resources;
 };
-
-static double now_ms(void) {
-  struct timespec t;
-  clock_gettime(CLOCK_MONOTONIC, &t);
-  return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
-}
 
 /* ---- life ---- */
 
@@ -232,9 +226,9 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   tc_job job = {.plan = plan, .scene = scene, .volume = volume, .rays = &rays, .table = have.table, .leap = have.leap,
                 .grey = tc_is_projection(scene->mode) ? &have.grey : NULL, .bounds = have.bounds,
                 .cancel = request->cancel, .want_linear = request->want_linear, .frame = frame};
-  double start = now_ms();
+  double start = tc_now_ms();
   if (!renderer->ops->render(renderer->instance, &job, error)) return false;
-  frame->stats.render_ms = now_ms() - start;
+  frame->stats.render_ms = tc_now_ms() - start;
   finish_plan(renderer, plan, &have, &frame->stats);
   return true;
 }

@@ -9,9 +9,9 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
-#include <time.h>
 
 #include "renderer/classify/classify.h"
+#include "renderer/clock.h"
 
 typedef float v4 __attribute__((vector_size(16)));
 
@@ -268,12 +268,6 @@ static void build_diagonal(void *context, int index, int worker) {
 
 /* ---- life ---- */
 
-static double now_ms(void) {
-  struct timespec t;
-  clock_gettime(CLOCK_MONOTONIC, &t);
-  return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
-}
-
 static tc_table *table_new(const tc_table_params *p) {
   static atomic_uint_fast64_t next_serial = 1;
   tc_table *t = calloc(1, sizeof *t);
@@ -304,7 +298,7 @@ void tc_table_free(tc_table *table) {
 }
 
 tc_table *tc_table_build(const tc_table_params *params, tc_pool *pool, GError **error) {
-  double start = now_ms();
+  double start = tc_now_ms();
   tc_table *t = table_new(params);
   builder b = {.params = params, .table = t, .intervals = params->n};
   if (t) {
@@ -318,7 +312,7 @@ tc_table *tc_table_build(const tc_table_params *params, tc_pool *pool, GError **
   } else {
     diagonal_zero(&b);
     tc_pool_run(pool, b.intervals, build_diagonal, &b);
-    t->build_ms = now_ms() - start;
+    t->build_ms = tc_now_ms() - start;
   }
   free(b.pieces);
   free(b.first);

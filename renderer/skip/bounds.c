@@ -1,18 +1,12 @@
 #include "renderer/skip/bounds.h"
+#include "renderer/clock.h"
 
 #include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #define MOST_LEVEL 254
-
-static double now_ms(void) {
-  struct timespec t;
-  clock_gettime(CLOCK_MONOTONIC, &t);
-  return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
-}
 
 /* The eighth of a level covers the rounding of (best - floor) * scale in a kernel. */
 static uint8_t level_of(const tc_bounds *b, double lo, double hi) {
@@ -78,7 +72,7 @@ int tc_bounds_interval(const tc_bounds *bounds, const tc_rays *rays) {
 
 tc_bounds *tc_bounds_build(const tc_minmax *m, const tc_grey *grey, GError **error) {
   static atomic_uint_fast64_t serials;
-  double start = now_ms();
+  double start = tc_now_ms();
   size_t count = 1;
   tc_bounds *b = calloc(1, sizeof *b);
   if (b) {
@@ -100,7 +94,7 @@ tc_bounds *tc_bounds_build(const tc_minmax *m, const tc_grey *grey, GError **err
   b->scale = span > 0 ? (float)fmin(MOST_LEVEL / span, 1e30) : 0;
   fill_levels(b, m, count);
   widen_all(b);
-  b->build_ms = now_ms() - start;
+  b->build_ms = tc_now_ms() - start;
   return b;
 }
 

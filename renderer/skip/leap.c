@@ -1,17 +1,11 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "renderer/skip/skip.h"
+#include "renderer/clock.h"
 
 #define FAR 254 /* a u8 distance with room for +1 */
-
-static double now_ms(void) {
-  struct timespec t;
-  clock_gettime(CLOCK_MONOTONIC, &t);
-  return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
-}
 
 int tc_skip_block(int block) {
   if (block <= 0) return TC_SKIP_BLOCK;
@@ -113,7 +107,7 @@ static void sweep(uint8_t *distance, const int n[3], int dir) {
 }
 
 tc_leap *tc_leap_build(const tc_minmax *m, const tc_table *table, GError **error) {
-  double start = now_ms();
+  double start = tc_now_ms();
   size_t count = (size_t)m->blocks[0] * (size_t)m->blocks[1] * (size_t)m->blocks[2], empty = 0;
   tc_leap *leap = calloc(1, sizeof *leap);
   uint32_t *used = count_used(table);
@@ -140,7 +134,7 @@ tc_leap *tc_leap_build(const tc_minmax *m, const tc_table *table, GError **error
                     .empty_share = (double)empty / (double)count, .bytes = count + 8};
   zero_zones(leap, used, table->n);
   free(used);
-  leap->build_ms = now_ms() - start;
+  leap->build_ms = tc_now_ms() - start;
   return leap;
 }
 

@@ -1,7 +1,7 @@
 #include <stdlib.h>
-#include <time.h>
 
 #include "renderer/skip/skip.h"
+#include "renderer/clock.h"
 
 typedef struct minmax_job {
   const tc_volume *volume;
@@ -67,14 +67,8 @@ static void minmax_task(void *context, int index, int worker) {
   }
 }
 
-static double now_ms(void) {
-  struct timespec t;
-  clock_gettime(CLOCK_MONOTONIC, &t);
-  return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
-}
-
 tc_minmax *tc_minmax_build(const tc_volume *volume, int block, tc_pool *pool, GError **error) {
-  double start = now_ms();
+  double start = tc_now_ms();
   const tc_volume_desc *d = tc_volume_describe(volume);
   tc_minmax *m = calloc(1, sizeof *m);
   minmax_job job = {.volume = volume, .m = m, .dims = d->dims, .voxel_bytes = tc_voxel_size(d->type)};
@@ -96,7 +90,7 @@ tc_minmax *tc_minmax_build(const tc_volume *volume, int block, tc_pool *pool, GE
     m = NULL;
   } else {
     tc_pool_run(pool, m->blocks[1] * m->blocks[2], minmax_task, &job);
-    m->build_ms = now_ms() - start;
+    m->build_ms = tc_now_ms() - start;
   }
   free(job.rows);
   return m;

@@ -6,13 +6,13 @@
 #include <epoxy/gl.h>
 #include <stdio.h>
 #include <string.h>
-#include <time.h>
 
 #include "renderer/backend.h"
 #include "renderer/gl/program.h"
 #include "renderer/gl/ring.h"
 #include "renderer/raycast/gl/job.h"
 #include "renderer/raycast/gl/textures.h"
+#include "renderer/clock.h"
 
 #define GROUP 8     /* local_size_x and _y of head.glsl */
 #define MIN_SIDE 64 /* pixels of a tile's side; all sides are multiples of GROUP */
@@ -187,12 +187,6 @@ static void copy_out(const tc_gl_slot *slot, const tc_job *job) {
   }
 }
 
-static double now_ms(void) {
-  struct timespec t;
-  clock_gettime(CLOCK_MONOTONIC, &t);
-  return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
-}
-
 /* Follows the time a full tile took. */
 static void adapt(gl_backend *b, const int tile[4], double ms) {
   if (ms > LONG_MS && b->tile_side > MIN_SIDE)
@@ -205,7 +199,7 @@ static void adapt(gl_backend *b, const int tile[4], double ms) {
 static bool collect(gl_backend *b, const tc_job *job, double *last_ms, GError **error) {
   const tc_gl_slot *slot = tc_gl_ring_take(&b->ring, error);
   if (!slot) return false;
-  double ms = tc_gl_ring_ms(&b->ring, slot), now = now_ms();
+  double ms = tc_gl_ring_ms(&b->ring, slot), now = tc_now_ms();
   if (ms >= 0)
     b->gpu_ms += ms;
   else
@@ -236,7 +230,7 @@ static bool is_cancelled(const tc_job *job) {
 static bool run_tiles(gl_backend *b, unsigned program, const tc_job *job, GError **error) {
   int tile[4] = {0};
   bool more = next_tile(b, job->frame, tile), cancelled = false;
-  double last_ms = now_ms();
+  double last_ms = tc_now_ms();
   while (more || !tc_gl_ring_is_idle(&b->ring)) {
     cancelled = cancelled || is_cancelled(job);
     if (cancelled) more = false; /* what is in flight ends by itself */
