@@ -141,7 +141,7 @@ static void fill_shading(tc_cpu_args *a, const tc_job *job) {
 static void fill_args(tc_cpu_args *a, const tc_job *job) {
   const tc_rays *r = job->rays;
   const tc_volume_desc *d = tc_volume_describe(job->volume);
-  *a = (tc_cpu_args){0};
+  *a = (tc_cpu_args){.key = job->plan->key};
   to_float(a->anchor0, r->anchor0, 3);
   to_float(a->anchor_du, r->anchor_du, 3);
   to_float(a->anchor_dv, r->anchor_dv, 3);

@@ -9,25 +9,24 @@ V_INLINE void shift_slopes(vf slopes[3][3]) {
   for (int k = 0; k < 3; k++) slopes[0][k] = slopes[1][k], slopes[1][k] = slopes[2][k];
 }
 
-/* One packet from its rays' entries to their ends. `shaded`, `leap` and `terminate` are constants of the variant. */
-V_INLINE void cast_packet(const tc_cpu_args *g, int type, bool shaded, bool terminate, bool leap, int x, int y, int x1, int y1, vf4 *out,
-                          tc_cpu_counts *counts) {
+/* One packet from its rays' entries to their ends. */
+V_INLINE void cast_packet(const tc_cpu_args *g, variant v, int x, int y, int x1, int y1, vf4 *out, tc_cpu_counts *counts) {
   packet p = start_packet(g, x, y, x1, y1);
   vf clear = v_set(1), front = v_set(0), back = v_set(0);
   vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
   vm live = p.live;
   bool fresh = true, ahead = false; /* no front sample yet; back was sampled an iteration ahead */
-  bool empty = leap;                /* nothing seen in the last segment */
+  bool empty = v.leap;                /* nothing seen in the last segment */
   int look_at = 0;                 /* first step at which looking around may pay */
   lighting light;
   vf slopes[3][3];                                          /* index gradients at front, back, next */
-  vf *const at_front = shaded ? slopes[0] : NULL, *const at_back = shaded ? slopes[1] : NULL;
-  vf *const at_next = shaded ? slopes[2] : NULL;
-  if (shaded) light = start_lighting(g, x, y);
+  vf *const at_front = v.shaded ? slopes[0] : NULL, *const at_back = v.shaded ? slopes[1] : NULL;
+  vf *const at_next = v.shaded ? slopes[2] : NULL;
+  if (v.shaded) light = start_lighting(g, x, y);
   counts->rays += (uint64_t)m_count(live);
   for (int i = 0; m_any(live); i++) {
     float t0 = (float)i * g->step_mm, t1 = (float)(i + 1) * g->step_mm;
-    if (leap && empty && i >= look_at) {
+    if (v.leap && empty && i >= look_at) {
       int n;
       if (!look_around(g, &p, v_set(t0), live, &n)) {
         look_at = i + n + 1;
@@ -41,44 +40,44 @@ V_INLINE void cast_packet(const tc_cpu_args *g, int type, bool shaded, bool term
       }
     }
     if (fresh) {
-      front = sample_node(g, type, &p, v_set(t0), at_front);
+      front = sample_node(g, v, &p, v_set(t0), at_front);
       counts->samples += (uint64_t)m_count(live);
       fresh = ahead = false;
     }
-    if (!ahead) back = sample_node(g, type, &p, v_min(v_set(t1), p.length), at_back);
+    if (!ahead) back = sample_node(g, v, &p, v_min(v_set(t1), p.length), at_back);
     counts->samples += (uint64_t)m_count(live);
     /* The next sample does not wait for this segment's look-up: begun now, the two chains of loads overlap. A third less
      * time a sample; in empty stretches, where the sample would often be thrown away, it does not pay. */
     vf next = front;
-    ahead = !leap || !empty;
-    if (ahead) next = sample_node(g, type, &p, v_min(v_set((float)(i + 2) * g->step_mm), p.length), at_next);
-    if (leap && all_zero(g, front, back, live)) {
+    ahead = !v.leap || !empty;
+    if (ahead) next = sample_node(g, v, &p, v_min(v_set((float)(i + 2) * g->step_mm), p.length), at_next);
+    if (v.leap && all_zero(g, front, back, live)) {
       empty = true;
       live = m_and(live, v_lt(v_set(t1), p.length));
       front = back, back = next;
-      if (shaded) shift_slopes(slopes);
+      if (v.shaded) shift_slopes(slopes);
       continue;
     }
     vf4 c = classify(g, front, back);
     vm ends = v_lt(p.length, v_set(t1));
     if (m_any(ends)) c = shorten(c, v_max(p.length - v_set(t0), v_set(0)) / v_set(g->step_mm), ends);
-    if (shaded && m_any(v_lt(v_set(0), c.a))) c = shade(g, &light, at_front, at_back, c);
+    if (v.shaded && m_any(v_lt(v_set(0), c.a))) c = shade(g, &light, at_front, at_back, c);
     vf weight = v_select(live, clear, v_set(0));
     sum.r = v_fma(weight, c.r, sum.r);
     sum.g = v_fma(weight, c.g, sum.g);
     sum.b = v_fma(weight, c.b, sum.b);
     sum.a = v_fma(weight, c.a, sum.a); /* not 1 - clear: thin segments take nothing from a clear of 1 in single precision */
     clear = v_fnma(weight, c.a, clear);
-    if (leap) empty = !m_any(m_and(live, v_lt(v_set(0), c.a)));
+    if (v.leap) empty = !m_any(m_and(live, v_lt(v_set(0), c.a)));
     live = m_and(live, v_lt(v_set(t1), p.length));
-    if (terminate) live = m_and(live, v_le(v_set(g->termination), clear));
+    if (v.terminate) live = m_and(live, v_le(v_set(g->termination), clear));
     front = back, back = next;
-    if (shaded) shift_slopes(slopes);
+    if (v.shaded) shift_slopes(slopes);
   }
   /* What lies behind a terminated ray is taken to look like what lies before: the background shows through neither, and an
    * opaque region keeps its colour exactly. Off by at most the threshold, like leaving it out. */
   vm full = v_lt(v_set(1), sum.a);
-  if (terminate) full = m_or(full, v_lt(clear, v_set(g->termination)));
+  if (v.terminate) full = m_or(full, v_lt(clear, v_set(g->termination)));
   vf whole = v_select(full, sum.a, v_set(1));
   *out = (vf4){sum.r / whole, sum.g / whole, sum.b / whole, sum.a / whole};
 }

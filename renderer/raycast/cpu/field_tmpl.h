@@ -12,7 +12,7 @@ V_INLINE void fetch_pair(int type, const void *voxels, vi off, vf *a, vf *b) {
 
 /* Trilinear voxel value (not rescaled) at mm t along the rays. gradient, unless NULL: its exact derivative over index
  * coordinates, from the same eight corners; meaningless along an axis of one voxel. */
-V_INLINE vf sample_field(const tc_cpu_args *g, int type, const packet *p, vf t, vf *gradient) {
+V_INLINE vf sample_field(const tc_cpu_args *g, variant v, const packet *p, vf t, vf *gradient) {
   vf f[3];
   vi cell[3];
   for (int k = 0; k < 3; k++) {
@@ -24,16 +24,16 @@ V_INLINE vf sample_field(const tc_cpu_args *g, int type, const packet *p, vf t, 
   vi off_y = v_addi(off, v_seti(g->stride[1])), off_z = v_addi(off, v_seti(g->stride[2]));
   vi off_yz = v_addi(off_y, v_seti(g->stride[2]));
   vf a, b, c00, c10, c01, c11, d00, d10, d01, d11;
-  fetch_pair(type, g->voxels, off, &a, &b);
+  fetch_pair(v.type, g->voxels, off, &a, &b);
   d00 = b - a;
   c00 = v_fma(f[0], d00, a);
-  fetch_pair(type, g->voxels, off_y, &a, &b);
+  fetch_pair(v.type, g->voxels, off_y, &a, &b);
   d10 = b - a;
   c10 = v_fma(f[0], d10, a);
-  fetch_pair(type, g->voxels, off_z, &a, &b);
+  fetch_pair(v.type, g->voxels, off_z, &a, &b);
   d01 = b - a;
   c01 = v_fma(f[0], d01, a);
-  fetch_pair(type, g->voxels, off_yz, &a, &b);
+  fetch_pair(v.type, g->voxels, off_yz, &a, &b);
   d11 = b - a;
   c11 = v_fma(f[0], d11, a);
   vf c0 = v_fma(f[1], c10 - c00, c00), c1 = v_fma(f[1], c11 - c01, c01);
@@ -46,10 +46,10 @@ V_INLINE vf sample_field(const tc_cpu_args *g, int type, const packet *p, vf t, 
   return v_fma(f[2], c1 - c0, c0);
 }
 
-V_INLINE vf sample_voxel(const tc_cpu_args *g, int type, const packet *p, vf t) { return sample_field(g, type, p, t, NULL); }
+V_INLINE vf sample_voxel(const tc_cpu_args *g, variant v, const packet *p, vf t) { return sample_field(g, v, p, t, NULL); }
 
 /* The same as a table node, and the gradient where it is wanted. */
-V_INLINE vf sample_node(const tc_cpu_args *g, int type, const packet *p, vf t, vf *gradient) {
-  vf node = (sample_field(g, type, p, t, gradient) - v_set(g->value_lo)) * v_set(g->value_scale);
+V_INLINE vf sample_node(const tc_cpu_args *g, variant v, const packet *p, vf t, vf *gradient) {
+  vf node = (sample_field(g, v, p, t, gradient) - v_set(g->value_lo)) * v_set(g->value_scale);
   return v_min(v_max(node, v_set(0)), v_set(g->node_last));
 }

@@ -13,6 +13,7 @@
 
 /* A frame's constants in single precision (raycast/rays.h says what they mean). Read-only while kernels run. */
 typedef struct tc_cpu_args {
+  tc_plan_key key;
   float anchor0[3], anchor_du[3], anchor_dv[3];
   float view0[3], view_du[3], view_dv[3];
   float to_index[9];

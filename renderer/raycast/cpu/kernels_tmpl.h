@@ -16,59 +16,83 @@
 
 #include "renderer/raycast/cpu/mpr_tmpl.h"
 
-/* mode, type, shaded, terminate and leap are constants of the variant. */
-V_INLINE void cast_tile(const tc_cpu_args *g, int mode, int type, bool shaded, bool terminate, bool leap, int x0, int y0,
-                        int x1, int y1, float *out, ptrdiff_t stride, tc_cpu_counts *counts) {
+V_INLINE void cast_tile(const tc_cpu_args *g, variant v, int x0, int y0, int x1, int y1, float *out, ptrdiff_t stride,
+                        tc_cpu_counts *counts) {
   skip_mood mood = {0};
   for (int y = y0; y < y1; y += V_PACKET_Y)
     for (int x = x0; x < x1; x += V_PACKET_X) {
       vf4 c;
-      if (mode == TC_MODE_DVR)
-        cast_packet(g, type, shaded, terminate, leap, x, y, x1, y1, &c, counts);
-      else if (mode == TC_MODE_AVERAGE)
-        cast_average(g, type, x, y, x1, y1, &c, counts);
+      if (v.mode == TC_MODE_DVR)
+        cast_packet(g, v, x, y, x1, y1, &c, counts);
+      else if (v.mode == TC_MODE_AVERAGE)
+        cast_average(g, v, x, y, x1, y1, &c, counts);
+      else if (v.mode == TC_MODE_MPR)
+        cast_slice(g, v, x, y, x1, y1, &c, counts);
       else
-        cast_extreme(g, type, leap, x, y, x1, y1, &mood, &c, counts);
+        cast_extreme(g, v, x, y, x1, y1, &mood, &c, counts);
       store_packet(c, x, y, x1, y1, out + ((y - y0) * stride + (x - x0)) * 4, stride);
     }
 }
 
-#define KERNEL(mode, type, shaded, terminate, leap, name)                                                                    \
+#define KERNEL(name, ...)                                                                                            \
   static void name(const tc_cpu_args *g, int x0, int y0, int x1, int y1, float *out, ptrdiff_t stride,               \
                    tc_cpu_counts *counts) {                                                                          \
-    cast_tile(g, mode, type, shaded, terminate, leap, x0, y0, x1, y1, out, stride, counts);                          \
+    cast_tile(g, (variant){__VA_ARGS__}, x0, y0, x1, y1, out, stride, counts);                                       \
   }
-/* One shaded kernel serves every model: they differ in numbers (raycast/shade.h). */
+#define DVR(name, voxels, ...) KERNEL(name, .mode = TC_MODE_DVR, .type = voxels, __VA_ARGS__)
+#define SLICE(name, voxels, ...) KERNEL(name, .mode = TC_MODE_MPR, .type = voxels, .slab = __VA_ARGS__)
+/* What most pictures are made with. One shaded kernel serves every model: they differ in numbers (raycast/shade.h). */
 #define KERNELS(type, name)                                                                                          \
-  KERNEL(TC_MODE_DVR, type, false, false, false, dvr_##name##_whole)                                                        \
-  KERNEL(TC_MODE_DVR, type, false, true, false, dvr_##name##_early)                                                         \
-  KERNEL(TC_MODE_DVR, type, false, false, true, dvr_##name##_whole_leap)                                                    \
-  KERNEL(TC_MODE_DVR, type, false, true, true, dvr_##name##_early_leap)                                                     \
-  KERNEL(TC_MODE_DVR, type, true, false, false, lit_##name##_whole)                                                  \
-  KERNEL(TC_MODE_DVR, type, true, true, false, lit_##name##_early)                                                   \
-  KERNEL(TC_MODE_DVR, type, true, false, true, lit_##name##_whole_leap)                                              \
-  KERNEL(TC_MODE_DVR, type, true, true, true, lit_##name##_early_leap)                                               \
-  KERNEL(TC_MODE_MIP, type, false, false, false, extreme_##name)                                                            \
-  KERNEL(TC_MODE_MIP, type, false, false, true, extreme_##name##_leap)                                                      \
-  KERNEL(TC_MODE_AVERAGE, type, false, false, false, average_##name)
+  DVR(dvr_##name##_whole, type)                                                                                      \
+  DVR(dvr_##name##_early, type, .terminate = true)                                                                   \
+  DVR(dvr_##name##_whole_leap, type, .leap = true)                                                                   \
+  DVR(dvr_##name##_early_leap, type, .terminate = true, .leap = true)                                                \
+  DVR(lit_##name##_whole, type, .shaded = true)                                                                      \
+  DVR(lit_##name##_early, type, .shaded = true, .terminate = true)                                                   \
+  DVR(lit_##name##_whole_leap, type, .shaded = true, .leap = true)                                                   \
+  DVR(lit_##name##_early_leap, type, .shaded = true, .terminate = true, .leap = true)                                \
+  KERNEL(extreme_##name, TC_MODE_MIP, type)                                                                          \
+  KERNEL(extreme_##name##_leap, TC_MODE_MIP, type, .leap = true)                                                     \
+  KERNEL(average_##name, TC_MODE_AVERAGE, type)                                                                      \
+  SLICE(mpr_##name##_one, type, 0)                                                                                   \
+  SLICE(mpr_##name##_mip, type, 1 + TC_SLAB_MIP)                                                                     \
+  SLICE(mpr_##name##_minip, type, 1 + TC_SLAB_MINIP)                                                                 \
+  SLICE(mpr_##name##_average, type, 1 + TC_SLAB_AVERAGE)                                                             \
+  KERNEL(any_##name, g->key.mode, type, g->key.filter, g->key.slab, g->key.shading != TC_SHADING_NONE,               \
+         g->key.termination, g->key.skipping)
 KERNELS(TC_U8, u8)
 KERNELS(TC_I8, i8)
 KERNELS(TC_U16, u16)
 KERNELS(TC_I16, i16)
 KERNELS(TC_F32, f32)
 
+/* The kernels of one voxel type. */
+typedef struct kernel_set {
+  tc_cpu_kernel dvr[2][2][2]; /* shaded, early termination, leaping */
+  tc_cpu_kernel extreme[2];   /* skipping */
+  tc_cpu_kernel average, slices[1 + TC_SLAB_PROJECTION_COUNT];
+  tc_cpu_kernel any; /* the rest */
+} kernel_set;
+
 static tc_cpu_kernel find_kernel(const tc_plan_key *key) {
 #define ROW(name) {{name##_whole, name##_whole_leap}, {name##_early, name##_early_leap}}
-  static const tc_cpu_kernel dvr[2][TC_VOXEL_TYPE_COUNT][2][2] = {
-      {ROW(dvr_u8), ROW(dvr_i8), ROW(dvr_u16), ROW(dvr_i16), ROW(dvr_f32)},
-      {ROW(lit_u8), ROW(lit_i8), ROW(lit_u16), ROW(lit_i16), ROW(lit_f32)}};
-#define PROJECTIONS(name) {extreme_##name, extreme_##name##_leap, average_##name}
-  static const tc_cpu_kernel projections[TC_VOXEL_TYPE_COUNT][3] = {PROJECTIONS(u8), PROJECTIONS(i8), PROJECTIONS(u16),
-                                                                    PROJECTIONS(i16), PROJECTIONS(f32)};
-  if (key->mode == TC_MODE_MPR) return find_slice_kernel(key);
-  if (key->voxel_type >= TC_VOXEL_TYPE_COUNT) return NULL;
-  if (key->mode == TC_MODE_DVR)
-    return dvr[key->shading != TC_SHADING_NONE][key->voxel_type][key->termination != 0][key->skipping != 0];
-  if (key->mode == TC_MODE_MIP || key->mode == TC_MODE_MINIP) return projections[key->voxel_type][key->skipping != 0];
-  return key->mode == TC_MODE_AVERAGE ? projections[key->voxel_type][2] : NULL;
+#define SET(name)                                                                                                    \
+  {.dvr = {ROW(dvr_##name), ROW(lit_##name)},                                                                        \
+   .extreme = {extreme_##name, extreme_##name##_leap},                                                               \
+   .average = average_##name,                                                                                        \
+   .slices = {mpr_##name##_one, [1 + TC_SLAB_MIP] = mpr_##name##_mip, [1 + TC_SLAB_MINIP] = mpr_##name##_minip,      \
+              [1 + TC_SLAB_AVERAGE] = mpr_##name##_average},                                                         \
+   .any = any_##name}
+  static const kernel_set sets[TC_VOXEL_TYPE_COUNT] = {SET(u8), SET(i8), SET(u16), SET(i16), SET(f32)};
+  if (key->voxel_type >= TC_VOXEL_TYPE_COUNT || key->slab > TC_SLAB_PROJECTION_COUNT) return NULL;
+  const kernel_set *set = &sets[key->voxel_type];
+  if (key->filter != TC_FILTER_LINEAR) return set->any;
+  switch (key->mode) {
+  case TC_MODE_DVR: return set->dvr[key->shading != TC_SHADING_NONE][key->termination != 0][key->skipping != 0];
+  case TC_MODE_MIP:
+  case TC_MODE_MINIP: return set->extreme[key->skipping != 0];
+  case TC_MODE_AVERAGE: return set->average;
+  case TC_MODE_MPR: return set->slices[key->slab];
+  default: return NULL;
+  }
 }

@@ -1,6 +1,14 @@
 /* A packet of V_LANES neighbouring pixels: its rays from the camera to where they enter and leave the volume
  * (raycast/rays.h). Part of the ray caster's template: included by kernels_tmpl.h after a simd_*.h. */
 
+/* What a kernel does. In the kernels that most pictures use all of it is constant, and nothing else is compiled in; the kernel
+ * for the rest (kernels_tmpl.h) has it from the plan's key. */
+typedef struct variant {
+  int mode, type, filter; /* tc_mode, tc_voxel_type, tc_filter */
+  int slab;               /* mpr: as in tc_plan_key */
+  bool shaded, terminate, leap;
+} variant;
+
 typedef struct packet {
   vf entry[3], dir[3]; /* index coordinates; voxels per mm */
   vf inverse[3];       /* 1 / dir */

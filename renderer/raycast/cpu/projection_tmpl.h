@@ -46,7 +46,7 @@ V_INLINE vf middle_of(const tc_cpu_args *g, int i) {
 
 /* A maximum to begin with: every ray is sampled in the interval with the highest level, and nearly all of the others are then
  * below what it has. The samples are some of those that the march takes. */
-V_INLINE vf best_guess(const tc_cpu_args *g, int type, const packet *p, vf best, tc_cpu_counts *counts) {
+V_INLINE vf best_guess(const tc_cpu_args *g, variant v, const packet *p, vf best, tc_cpu_counts *counts) {
   vf highest = v_set(-1), at = v_set(0);
   for (int i = 0;; i += g->interval) {
     vm inside = m_and(p->live, v_lt(v_set((float)i * g->step_mm), p->length));
@@ -58,31 +58,31 @@ V_INLINE vf best_guess(const tc_cpu_args *g, int type, const packet *p, vf best,
   }
   for (int j = 0; j < g->interval; j++) {
     vf t = v_min((at + v_set((float)j)) * v_set(g->step_mm), p->length);
-    best = v_max(best, sample_voxel(g, type, p, t) * v_set(g->turn));
+    best = v_max(best, sample_voxel(g, v, p, t) * v_set(g->turn));
   }
   counts->samples += (uint64_t)m_count(p->live) * (uint64_t)g->interval;
   return best;
 }
 
-/* `leap` is a constant of the variant: whole intervals are then left out in which no live ray's maximum may rise. Short rays have
+/* With v.leap whole intervals are left out in which no live ray's maximum may rise. Short rays have
  * nothing to gain and do not look. */
-V_INLINE void cast_extreme(const tc_cpu_args *g, int type, bool leap, int x, int y, int x1, int y1, skip_mood *mood, vf4 *out,
+V_INLINE void cast_extreme(const tc_cpu_args *g, variant v, int x, int y, int x1, int y1, skip_mood *mood, vf4 *out,
                            tc_cpu_counts *counts) {
   packet p = start_packet(g, x, y, x1, y1);
   vf best = v_set(g->floor), stop = v_set(g->stop), turn = v_set(g->turn), floor = v_set(g->floor);
   vm live = p.live;
   counts->rays += (uint64_t)m_count(live);
-  bool look = leap && mood->rest == 0;
-  if (leap && mood->rest) mood->rest--;
+  bool look = v.leap && mood->rest == 0;
+  if (v.leap && mood->rest) mood->rest--;
   if (look && m_any(live)) { /* minip through air is finished by the first sample: no guess is worth its price there */
-    best = v_max(best, sample_voxel(g, type, &p, v_set(0)) * turn);
+    best = v_max(best, sample_voxel(g, v, &p, v_set(0)) * turn);
     counts->samples += (uint64_t)m_count(live);
     live = m_and(live, v_lt(best, stop));
   }
   float worth_mm = (float)(WORTH_A_GUESS * g->interval) * g->step_mm;
   look = look && m_any(m_and(live, v_lt(v_set(worth_mm), p.length)));
   if (look) {
-    best = best_guess(g, type, &p, best, counts);
+    best = best_guess(g, v, &p, best, counts);
     live = m_and(live, v_lt(best, stop));
   }
   int i = 0, end = 0, left_out = 0;
@@ -97,7 +97,7 @@ V_INLINE void cast_extreme(const tc_cpu_args *g, int type, bool leap, int x, int
         continue;
       }
     }
-    best = v_max(best, sample_voxel(g, type, &p, v_min(v_set((float)i * g->step_mm), p.length)) * turn);
+    best = v_max(best, sample_voxel(g, v, &p, v_min(v_set((float)i * g->step_mm), p.length)) * turn);
     counts->samples += (uint64_t)m_count(live);
     live = m_and(live, m_and(v_lt(v_set((float)i * g->step_mm), p.length), v_lt(best, stop)));
   }
@@ -109,15 +109,15 @@ V_INLINE void cast_extreme(const tc_cpu_args *g, int type, bool leap, int x, int
 
 /* Trapezoids between samples, the last one shorter, over the ray's length in steps. Summed as differences to the first sample, with
  * what rounding takes off put back: a constant field is exact, and a million samples are as good as ten. */
-V_INLINE void cast_average(const tc_cpu_args *g, int type, int x, int y, int x1, int y1, vf4 *out, tc_cpu_counts *counts) {
+V_INLINE void cast_average(const tc_cpu_args *g, variant v, int x, int y, int x1, int y1, vf4 *out, tc_cpu_counts *counts) {
   packet p = start_packet(g, x, y, x1, y1);
   vm live = p.live;
   vf steps = p.length * v_set(g->inverse_step), base = v_set(0), front = v_set(0), sum = v_set(0), lost = v_set(0);
-  if (m_any(live)) base = front = sample_voxel(g, type, &p, v_set(0));
+  if (m_any(live)) base = front = sample_voxel(g, v, &p, v_set(0));
   counts->rays += (uint64_t)m_count(live);
   counts->samples += (uint64_t)m_count(live);
   for (int i = 0; m_any(live); i++) {
-    vf back = sample_voxel(g, type, &p, v_min(v_set((float)(i + 1) * g->step_mm), p.length));
+    vf back = sample_voxel(g, v, &p, v_min(v_set((float)(i + 1) * g->step_mm), p.length));
     counts->samples += (uint64_t)m_count(live);
     vf share = v_min(v_max(steps - v_set((float)i), v_set(0)), v_set(1));
     vf add = v_fnma(v_set(1), lost, share * (v_set(0.5f) * (front - base) + v_set(0.5f) * (back - base)));
