@@ -16,7 +16,6 @@
 #include "server/encode/encode.h"
 
 #define MAX_RUNS 1000
-#define MAX_SCENE_BYTES (32u << 20)
 
 typedef struct arguments {
   char *scene, *json, **set, **rest;
@@ -75,52 +74,13 @@ static double median(double *ms, int count) {
 
 /* ---- scene ---- */
 
-/* The bounding sphere fills the picture's height times zoom; azimuth turns about +z from the front, elevation lifts. */
-static void place_camera(bench *b) {
-  tc_camera *c = &b->scene.camera;
-  double lo[3], hi[3], at[3], p[3], radius = 0, a = b->args.azimuth * M_PI / 180, e = b->args.elevation * M_PI / 180;
-  tc_volume_index_box(b->volume, lo, hi);
-  for (int corner = 0; corner < 8; corner++) {
-    double d2 = 0;
-    for (int k = 0; k < 3; k++) at[k] = corner >> k & 1 ? hi[k] : lo[k];
-    tc_volume_index_to_lps(b->volume, at, p);
-    for (int k = 0; k < 3; k++) d2 += (p[k] - c->target[k]) * (p[k] - c->target[k]);
-    radius = fmax(radius, sqrt(d2));
-  }
-  double distance = radius / sin(M_PI / 12);
-  const double back[3] = {cos(e) * sin(a), -cos(e) * cos(a), sin(e)};
-  for (int k = 0; k < 3; k++) c->position[k] = c->target[k] + distance * back[k];
-  c->projection = TC_PERSPECTIVE;
-  c->fov_y_deg = 30 / b->args.zoom;
-}
-
-static bool patch_scene(bench *b, cJSON *patch, const tc_scene *defaults, GError **error) {
-  const tc_volume_stats *s = tc_volume_statistics(b->volume);
-  const tcp_scene_context context = {s->min, s->max};
-  bool good = patch && tcp_scene_patch(&b->scene, patch, defaults, &context, error);
-  cJSON_Delete(patch);
-  return good;
-}
-
 static bool make_scene(bench *b, GError **error) {
-  tc_scene defaults;
+  const tcs_cli_scene from = {.file = b->args.scene, .set = b->args.set, .width = b->args.size, .height = b->args.size};
+  int exit_code;
   tc_scene_init(&b->scene);
   tc_scene_fit(&b->scene, b->volume);
-  b->scene.image.width = b->scene.image.height = b->args.size;
-  place_camera(b);
-  tc_scene_copy(&defaults, &b->scene);
-  bool good = true;
-  if (b->args.scene) {
-    char *text = NULL;
-    size_t size;
-    good = tcs_cli_read_text(b->args.scene, MAX_SCENE_BYTES, &text, &size, error) &&
-           patch_scene(b, tcp_json_parse(text, size, error), &defaults, error);
-    g_free(text);
-  }
-  for (char **set = b->args.set; good && set && *set; set++)
-    good = patch_scene(b, tcp_scene_set_expression(*set, error), &defaults, error);
-  tc_scene_clear(&defaults);
-  return good;
+  tcs_cli_place_camera(b->volume, b->args.azimuth, b->args.elevation, b->args.zoom, &b->scene.camera);
+  return tcs_cli_lay_scene(&from, b->volume, &b->scene, &exit_code, error);
 }
 
 /* ---- measuring ---- */

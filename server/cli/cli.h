@@ -7,6 +7,9 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "renderer/scene.h"
+#include "renderer/volume/volume.h"
+
 enum { TCS_EXIT_DONE = 0, TCS_EXIT_FAILED = 1, TCS_EXIT_USAGE = 2 };
 
 int tcs_cli_serve(int argc, char **argv);  /* the daemon, until SIGTERM */
@@ -31,5 +34,22 @@ int tcs_cli_fail(const char *command, int code, GError *error);
 
 /* The whole of a file, or of stdin for "-", at most `limit` bytes; freed by the caller. */
 bool tcs_cli_read_text(const char *path, size_t limit, char **text, size_t *size, GError **error);
+
+/* What the sub-commands render (scene.c) ----------------------------------------------------------- */
+
+typedef struct tcs_cli_scene {
+  const char *file;   /* scene document, "-" for stdin; NULL: none */
+  char **set;         /* "key=value", NULL-ended; NULL: none */
+  const char *format; /* "png", "jpeg": of the picture, whatever the document says; NULL: as it says */
+  int width, height;  /* of the picture; 0: as it is */
+} tcs_cli_scene;
+
+/* Lays these over *scene, which holds the defaults; null in a document goes back to them. *exit_code: for the error. */
+bool tcs_cli_lay_scene(const tcs_cli_scene *from, const tc_volume *volume, tc_scene *scene, int *exit_code,
+                       GError **error);
+
+/* Perspective from `azimuth` degrees about +z off the front and `elevation` upwards; at zoom 1 the volume's bounding
+ * sphere just fills the picture's height. The target stays. */
+void tcs_cli_place_camera(const tc_volume *volume, double azimuth_deg, double elevation_deg, double zoom, tc_camera *c);
 
 #endif

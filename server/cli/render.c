@@ -8,12 +8,10 @@
 #include "renderer/tomocast.h"
 #include "server/cli/cli.h"
 #include "server/encode/encode.h"
-
-/* A scene with the most knots there may be is some 8 MiB of text. */
-#define MAX_SCENE_BYTES (32u << 20)
+#include "server/session/ray_json.h"
 
 typedef struct arguments {
-  char *scene, *output, *backend, *isa, **set;
+  char *scene, *output, *backend, *isa, *ray, **set;
   int threads, width, height;
   gboolean timing;
   char **rest; /* VOLUME */
@@ -66,6 +64,8 @@ static bool parse_arguments(job *j, int argc, char **argv, GError **error) {
       {"backend", 0, 0, G_OPTION_ARG_FILENAME, &a->backend, "auto, cpu or gl (auto)", "B"},
       {"threads", 0, 0, G_OPTION_ARG_INT, &a->threads, "CPU workers (one per core)", "N"},
       {"isa", 0, 0, G_OPTION_ARG_FILENAME, &a->isa, "scalar, avx2 or avx512 (the best there is)", "NAME"},
+      {"ray", 0, 0, G_OPTION_ARG_FILENAME, &a->ray, "no picture: print the ray of this pixel, sample by sample, as JSON",
+       "X,Y"},
       {"timing", 0, 0, G_OPTION_ARG_NONE, &a->timing, "print the time of each stage", NULL},
       {0}};
   const tcs_cli_usage usage = {"render", "VOLUME", "Renders one picture of a volume: a file, a folder or demo:NAME.",
@@ -113,69 +113,13 @@ static bool check_arguments(job *j, GError **error) {
 
 /* --- scene -------------------------------------------------------------------------------------- */
 
-/* The patch with the picture's own format put in; the scene file's is overruled by the output's name. */
-static void force_format(job *j, cJSON *patch) {
-  cJSON *image = cJSON_GetObjectItemCaseSensitive(patch, "image");
-  if (!image && cJSON_IsObject(patch)) image = cJSON_AddObjectToObject(patch, "image");
-  if (!cJSON_IsObject(image)) return;
-  cJSON_DeleteItemFromObjectCaseSensitive(image, "format");
-  cJSON_AddStringToObject(image, "format", tcs_encode_format_name(j->format));
-}
-
-/* Takes the patch. */
-static bool apply(job *j, cJSON *patch, const tc_scene *defaults, const char *where, GError **error) {
-  const tc_volume_stats *stats = tc_volume_statistics(j->volume);
-  const tcp_scene_context context = {stats->min, stats->max};
-  if (!patch) return false;
-  force_format(j, patch);
-  bool good = tcp_scene_patch(&j->scene, patch, defaults, &context, error);
-  if (!good) g_prefix_error(error, "%s: ", where);
-  cJSON_Delete(patch);
-  return good;
-}
-
-static bool apply_file(job *j, const tc_scene *defaults, GError **error) {
-  char *text = NULL;
-  size_t size;
-  if (!j->args.scene) return true;
-  if (!tcs_cli_read_text(j->args.scene, MAX_SCENE_BYTES, &text, &size, error)) return false;
-  cJSON *patch = tcp_json_parse(text, size, error);
-  if (!patch) g_prefix_error(error, "%s: ", j->args.scene);
-  g_free(text);
-  return apply(j, patch, defaults, j->args.scene, error);
-}
-
-static bool apply_expressions(job *j, const tc_scene *defaults, GError **error) {
-  for (char **set = j->args.set; set && *set; set++) {
-    cJSON *patch = tcp_scene_set_expression(*set, error);
-    if (!patch) g_prefix_error(error, "--set: ");
-    if (!apply(j, patch, defaults, "--set", error)) {
-      j->exit_code = TCS_EXIT_USAGE;
-      return false;
-    }
-  }
-  return true;
-}
-
-static bool apply_size(job *j, const tc_scene *defaults, GError **error) {
-  cJSON *patch = cJSON_CreateObject(), *image = cJSON_AddObjectToObject(patch, "image");
-  if (j->args.width) cJSON_AddNumberToObject(image, "width", j->args.width);
-  if (j->args.height) cJSON_AddNumberToObject(image, "height", j->args.height);
-  if (apply(j, patch, defaults, "--width, --height", error)) return true;
-  j->exit_code = TCS_EXIT_USAGE;
-  return false;
-}
-
 static bool make_scene(job *j, GError **error) {
-  tc_scene defaults;
-  tc_scene_init(&defaults);
-  tc_scene_fit(&defaults, j->volume);
-  defaults.image.format = j->format;
-  tc_scene_copy(&j->scene, &defaults);
-  bool good =
-      apply_file(j, &defaults, error) && apply_expressions(j, &defaults, error) && apply_size(j, &defaults, error);
-  tc_scene_clear(&defaults);
-  return good;
+  const tcs_cli_scene from = {.file = j->args.scene, .set = j->args.set, .width = j->args.width, .height = j->args.height,
+                              .format = tcs_encode_format_name(j->format)};
+  tc_scene_init(&j->scene);
+  tc_scene_fit(&j->scene, j->volume);
+  j->scene.image.format = j->format;
+  return tcs_cli_lay_scene(&from, j->volume, &j->scene, &j->exit_code, error);
 }
 
 /* --- picture ------------------------------------------------------------------------------------ */
@@ -202,6 +146,23 @@ static bool make_renderer(job *j, GError **error) {
   if (g_error_matches(own, TC_ERROR, TC_ERROR_INVALID)) j->exit_code = TCS_EXIT_USAGE;
   g_propagate_error(error, own);
   return false;
+}
+
+/* The verbose ray of --ray, to stdout. */
+static bool print_ray(job *j, GError **error) {
+  int x, y, end = 0;
+  const tc_scene *s = &j->scene;
+  if (sscanf(j->args.ray, "%d,%d%n", &x, &y, &end) != 2 || j->args.ray[end] || x < 0 || y < 0 ||
+      x >= s->image.width || y >= s->image.height)
+    return usage_error(j, error, "--ray %s: X,Y wanted, a pixel of the picture of %dx%d, 0,0 at the top left",
+                       j->args.ray, s->image.width, s->image.height);
+  cJSON *json = tcs_ray_json(j->volume, s, x, y, error);
+  if (!json) return false;
+  char *text = cJSON_Print(json);
+  puts(text);
+  cJSON_free(text);
+  cJSON_Delete(json);
+  return true;
 }
 
 static bool encode(job *j, GError **error) {
@@ -231,7 +192,9 @@ static void print_timing(const job *j) {
 
 static bool run(job *j, int argc, char **argv, GError **error) {
   if (!parse_arguments(j, argc, argv, error) || !check_arguments(j, error)) return false;
-  if (!load(j, error) || !make_scene(j, error) || !load_labels(j, error) || !make_renderer(j, error)) return false;
+  if (!load(j, error) || !make_scene(j, error)) return false;
+  if (j->args.ray) return print_ray(j, error);
+  if (!load_labels(j, error) || !make_renderer(j, error)) return false;
   const tc_render_request request = {.labels = j->labels};
   if (!tc_render(j->renderer, j->volume, &j->scene, &request, &j->frame, &j->plan, error)) return false;
   if (!encode(j, error) || !write_file(j, error)) return false;
@@ -244,6 +207,7 @@ static void finish(job *j) {
   g_free(j->args.output);
   g_free(j->args.backend);
   g_free(j->args.isa);
+  g_free(j->args.ray);
   g_strfreev(j->args.set);
   g_strfreev(j->args.rest);
   tc_scene_clear(&j->scene);

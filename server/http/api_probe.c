@@ -2,6 +2,7 @@
 #include "renderer/reference/reference.h"
 
 #include "server/http/http.h"
+#include "server/session/ray_json.h"
 #include "server/session/session.h"
 
 /* A ray shows something once this much of what lies behind it is hidden: thinner haze is looked through. */
@@ -59,34 +60,9 @@ static tc_reference *trace(probe *p, tc_reference_sample **samples, size_t *coun
   return r;
 }
 
-static cJSON *sample_json(const tc_reference_sample *s) {
-  cJSON *json = cJSON_CreateObject();
-  cJSON_AddItemToObject(json, "position", cJSON_CreateDoubleArray(s->position, 3));
-  cJSON_AddNumberToObject(json, "depth", s->distance_mm);
-  cJSON_AddNumberToObject(json, "length", s->length_mm);
-  cJSON_AddNumberToObject(json, "value", s->value);
-  cJSON_AddItemToObject(json, "color", cJSON_CreateDoubleArray(s->color, 3));
-  cJSON_AddNumberToObject(json, "extinction", s->extinction);
-  cJSON_AddNumberToObject(json, "transparency", s->transparency);
-  return json;
-}
-
 static void run_ray(tcs_task *task) {
   probe *p = (probe *)task;
-  tc_reference_sample *samples = NULL;
-  size_t count = 0;
-  tc_reference *r = trace(p, &samples, &count);
-  if (!r) return;
-  double rgba[4];
-  tc_reference_pixel(r, p->x + 0.5, p->y + 0.5, rgba);
-  p->json = cJSON_CreateObject();
-  cJSON_AddItemToObject(p->json, "color", cJSON_CreateDoubleArray(rgba, 3));
-  cJSON_AddNumberToObject(p->json, "opacity", rgba[3]);
-  cJSON *list = cJSON_AddArrayToObject(p->json, "samples");
-  for (size_t i = 0; i < count; i++)
-    cJSON_AddItemToArray(list, sample_json(&samples[i]));
-  g_free(samples);
-  tc_reference_free(r);
+  p->json = tcs_ray_json(p->volume, &p->scene, p->x, p->y, &p->error);
 }
 
 /* The first piece behind which VISIBLE_OPACITY is reached; in thinner haze the first piece that shows at all. */

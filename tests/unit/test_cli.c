@@ -191,6 +191,29 @@ static void info_for_people_and_programs(void **state) {
   accept(o);
 }
 
+/* The same words as the HTTP service's: each sample where the last one ended. */
+static void a_ray_sample_by_sample(void **state) {
+  outcome o = RUN("render", "demo:bucky", "--width", "40", "--height", "40", "--ray", "20,20");
+  cJSON *json = tcp_json_parse(o.out, strlen(o.out), NULL), *sample;
+  assert_int_equal(cJSON_GetArraySize(cJSON_GetObjectItem(json, "color")), 3);
+  assert_true(cJSON_IsNumber(cJSON_GetObjectItem(json, "opacity")));
+  double end = -1, clear = 1;
+  cJSON_ArrayForEach(sample, cJSON_GetObjectItem(json, "samples")) {
+    double depth = cJSON_GetObjectItem(sample, "depth")->valuedouble;
+    if (end >= 0 && !(depth - end < 1e-6 && end - depth < 1e-6)) fail_msg("depth %g after %g", depth, end);
+    end = depth + cJSON_GetObjectItem(sample, "length")->valuedouble;
+    double transparency = cJSON_GetObjectItem(sample, "transparency")->valuedouble;
+    assert_true(transparency <= clear && transparency >= 0);
+    clear = transparency;
+  }
+  assert_true(cJSON_GetArraySize(cJSON_GetObjectItem(json, "samples")) > 127); /* the cells between 128 voxels */
+  cJSON_Delete(json);
+  accept(o);
+  refuse(RUN("render", "demo:bucky", "--width", "40", "--height", "40", "--ray", "40,0"), 2, "40x40");
+  refuse(RUN("render", "demo:bucky", "--ray", "3"), 2, "X,Y wanted");
+  refuse(RUN("render", "demo:bucky", "--ray", "1,2", "--set", "mode=mpr"), 1, "mode");
+}
+
 static int set_up(void **state) {
   folder = g_dir_make_tmp("tomocast-cli-XXXXXX", NULL);
   return folder ? 0 : 1;
@@ -215,6 +238,7 @@ int main(void) {
       cmocka_unit_test(version_and_help),  cmocka_unit_test(bad_usage),
       cmocka_unit_test(failures),          cmocka_unit_test(renders_demo_head),
       cmocka_unit_test(scene_and_set),     cmocka_unit_test(same_picture_twice),
-      cmocka_unit_test(timing_is_printed), cmocka_unit_test(info_for_people_and_programs)};
+      cmocka_unit_test(timing_is_printed), cmocka_unit_test(info_for_people_and_programs),
+      cmocka_unit_test(a_ray_sample_by_sample)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

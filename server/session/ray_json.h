@@ -1,0 +1,13 @@
+/* The verbose ray, as the HTTP service and the command line give it. */
+#ifndef TCS_SESSION_RAY_JSON_H
+#define TCS_SESSION_RAY_JSON_H
+
+#include "protocol/protocol.h"
+#include "renderer/volume/volume.h"
+
+/* What the reference integrator makes of the ray through the centre of pixel (x, y): {"color", "opacity", "samples":
+ * [{"position", "depth", "length", "value", "color", "extinction", "transparency"}]}, front to back. Errors: those of the
+ * reference, for what it does not know. Any thread; costs a millisecond or so. */
+cJSON *tcs_ray_json(tc_volume *volume, const tc_scene *scene, int x, int y, GError **error);
+
+#endif
