@@ -128,11 +128,12 @@ static bool gather_projection(tc_renderer *r, const tc_volume *volume, const tc_
   return have->bounds != NULL;
 }
 
-static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, tc_plan *plan, frame_resources *have,
-                   tc_frame_stats *stats, GError **error) {
+static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
+                   tc_plan *plan, frame_resources *have, tc_frame_stats *stats, GError **error) {
   if (tc_is_projection(scene->mode)) return gather_projection(r, volume, scene, plan, have, stats, error);
   if (!plan->stages[TC_STAGE_TABLE_2D].included) return true; /* a slice: and nothing leaps without a table */
-  tc_table_params params = tc_table_params_for(volume, scene, plan->step_mm);
+  tc_table_params params = tc_table_params_for(volume, scene, request, plan->step_mm);
+  plan->table_size = params.n;
   have->table = tc_resources_table(r->resources, &params, &stats->tables_ms, error);
   if (!have->table) return false;
   if (!plan->key.skipping) return true;
@@ -186,7 +187,7 @@ bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_s
     return true;
   }
   if (plan->stages[TC_STAGE_TABLE_2D].included) {
-    tc_table_params params = tc_table_params_for(volume, scene, plan->step_mm);
+    tc_table_params params = tc_table_params_for(volume, scene, &(tc_render_request){0}, plan->step_mm);
     have.table = tc_resources_find_table(renderer->resources, &params);
   }
   if (have.table && plan->key.skipping) {
@@ -202,6 +203,15 @@ bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_s
   return true;
 }
 
+static bool check_table(const tc_render_request *q, GError **error) {
+  if ((q->table_size == 0 || (q->table_size >= 2 && q->table_size <= TC_MAX_TABLE_SIZE)) &&
+      (q->table_bits == 0 || q->table_bits == 8 || q->table_bits == 16))
+    return true;
+  tc_set_error(error, TC_ERROR_INVALID, NULL, "table of %d entries a side and %d bits: 2 to %d and 8 or 16 wanted, or 0",
+               q->table_size, q->table_bits, TC_MAX_TABLE_SIZE);
+  return false;
+}
+
 bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
                tc_frame *frame, tc_plan *plan, GError **error) {
   tc_render_request none = {0};
@@ -211,9 +221,10 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   tc_plan local;
   frame_resources have = {0};
   if (!plan) plan = &local;
+  if (!check_table(request, error)) return false;
   if (!tc_plan_make(volume, scene, width, height, plan, error) ||
       !reserve(frame, width, height, request->want_linear, error) ||
-      !gather(renderer, volume, scene, plan, &have, &frame->stats, error))
+      !gather(renderer, volume, scene, request, plan, &have, &frame->stats, error))
     return false;
   tc_scene windowed; /* greys are display values already: nothing is converted */
   if (scene->mode == TC_MODE_MPR && scene->image.linear_light) {

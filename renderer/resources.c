@@ -94,18 +94,21 @@ static bool same_transfer_function(const tc_transfer_function *a, const tc_trans
 
 static bool same_table(const tc_table_params *a, const tc_table_params *b) {
   return a->n == b->n && a->voxel_lo == b->voxel_lo && a->voxel_hi == b->voxel_hi && a->slope == b->slope &&
-         a->intercept == b->intercept && a->step_mm == b->step_mm && a->linear_light == b->linear_light &&
+         a->intercept == b->intercept && a->step_mm == b->step_mm && a->linear_light == b->linear_light && a->bits == b->bits &&
          same_transfer_function(a->tf, b->tf);
 }
 
-tc_table_params tc_table_params_for(const tc_volume *volume, const tc_scene *scene, double step_mm) {
+tc_table_params tc_table_params_for(const tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
+                                    double step_mm) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   tc_table_params p = {.tf = &scene->transfer_function,
                        .slope = d->slope,
                        .intercept = d->intercept,
                        .step_mm = step_mm,
-                       .linear_light = scene->image.linear_light};
+                       .linear_light = scene->image.linear_light,
+                       .bits = request->table_bits};
   tc_table_choose(volume, p.tf, &p.n, &p.voxel_lo, &p.voxel_hi);
+  if (request->table_size) p.n = request->table_size;
   return p;
 }
 

@@ -7,14 +7,16 @@
 #include "renderer/classify/classify.h"
 #include "renderer/skip/bounds.h"
 #include "renderer/skip/skip.h"
+#include "renderer/tomocast.h"
 
 typedef struct tc_resources tc_resources;
 
 tc_resources *tc_resources_new(tc_pool *pool, uint64_t budget_bytes, GError **error);
 void tc_resources_free(tc_resources *resources); /* NULL is fine */
 
-/* The table parameters of a scene over a volume; .tf points into the scene. */
-tc_table_params tc_table_params_for(const tc_volume *volume, const tc_scene *scene, double step_mm);
+/* The table parameters of a scene over a volume; .tf points into the scene. The request may ask for another size. */
+tc_table_params tc_table_params_for(const tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
+                                    double step_mm);
 
 /* Find or build; *ms grows by what building took. */
 const tc_table *tc_resources_table(tc_resources *r, const tc_table_params *params, double *ms, GError **error);

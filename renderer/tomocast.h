@@ -59,11 +59,15 @@ typedef struct tc_frame {
 
 void tc_frame_finish(tc_frame *frame); /* frees the buffers; a zeroed frame is fine */
 
+#define TC_MAX_TABLE_SIZE 4096
+
 typedef struct tc_render_request {
   int width, height;          /* 0 = the scene's own; smaller while a user drags (the camera's view stays the same) */
   bool want_linear;           /* fill frame->linear too */
   const atomic_bool *cancel;  /* set to true from any thread: tc_render() returns TC_ERROR_CANCELLED soon; may be NULL */
   const tc_volume *labels;    /* resolved scene.labels.volume, or NULL */
+  int table_size, table_bits; /* for measurements: entries per side (2 to TC_MAX_TABLE_SIZE) and bits of an entry (8, or 16
+                                 for half floats) of the pre-integration table; 0 = as the plan chooses, single precision */
 } tc_render_request;
 
 /* Renders one frame. request may be NULL. On failure the frame is left without meaning, the renderer is fine. A scene

@@ -35,6 +35,7 @@ typedef struct tc_table_params {
   int n;
   double step_mm;
   bool linear_light;
+  int bits; /* entries rounded to this: 8 (of 1), 16 (half floats); 0 = single precision as they are. For measurements */
 } tc_table_params;
 
 /* How many nodes a scene's transfer function wants over a volume, and the voxel range they span: 256 over the whole type for
@@ -44,6 +45,9 @@ void tc_table_choose(const tc_volume *volume, const tc_transfer_function *tf, in
 /* Builds the table on the pool (NULL: on the caller). Out of memory gives NULL with TC_ERROR_MEMORY. */
 tc_table *tc_table_build(const tc_table_params *params, tc_pool *pool, GError **error);
 void tc_table_free(tc_table *table); /* NULL is fine */
+
+/* What storing a table entry (0..1) in 8-bit fixed point or in half floats would leave of it. */
+float tc_table_round(float entry, int bits);
 
 /* Extinction (1/mm) at a value, and its mean over [a, b] (exact per knot interval; a == b gives tau(a)). */
 double tc_extinction(const tc_transfer_function *tf, double value);

@@ -312,6 +312,8 @@ tc_table *tc_table_build(const tc_table_params *params, tc_pool *pool, GError **
   } else {
     diagonal_zero(&b);
     tc_pool_run(pool, b.intervals, build_diagonal, &b);
+    for (size_t i = 0; params->bits && i < t->bytes / sizeof(float); i++)
+      if (t->entries[i] != 0) t->entries[i] = tc_table_round(t->entries[i], params->bits);
     t->build_ms = tc_now_ms() - start;
   }
   free(b.pieces);

@@ -189,8 +189,19 @@ static void invariants(void **state) {
   }
 }
 
+/* Half floats of IEEE 754 and fixed point of 8 bits, at values whose neighbours are known. */
+static void narrower_formats(void **state) {
+  assert_true(tc_table_round(1.0f / 3, 16) == 0.333251953125f);
+  assert_true(tc_table_round(0.99999f, 16) == 1);
+  assert_true(tc_table_round(6.1e-5f, 16) == 1023 * 0x1p-24f); /* the largest subnormal half */
+  assert_true(tc_table_round(1e-7f, 16) == 0x1p-23f && tc_table_round(2e-8f, 16) == 0);
+  assert_true(tc_table_round(0.5f, 16) == 0.5f && tc_table_round(0.1f, 0) == 0.1f);
+  assert_true(tc_table_round(0.1f, 8) == 26.0f / 255 && tc_table_round(1, 8) == 1);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(against_brute_force), cmocka_unit_test(stiff),
-                                     cmocka_unit_test(closed_form), cmocka_unit_test(very_many_knots), cmocka_unit_test(invariants)};
+                                     cmocka_unit_test(closed_form), cmocka_unit_test(very_many_knots), cmocka_unit_test(invariants),
+                                     cmocka_unit_test(narrower_formats)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
