@@ -101,6 +101,7 @@ static bool reserve(tc_frame *f, int width, int height, bool want_linear, GError
 /* What a frame reads beside the volume. */
 typedef struct frame_resources {
   const tc_table *table;
+  const tc_support *support;
   const tc_minmax *minmax;
   const tc_leap *leap;
   const tc_bounds *bounds;
@@ -139,7 +140,9 @@ static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scen
   if (!plan->key.skipping) return true;
   int block = tc_skip_block(scene->skipping.block);
   have->minmax = tc_resources_minmax(r->resources, volume, block, &stats->skip_ms, error);
-  have->leap = have->minmax ? tc_resources_leap(r->resources, volume, have->minmax, have->table, &stats->skip_ms, error) : NULL;
+  have->support = have->minmax ? tc_resources_support(r->resources, &params, &stats->skip_ms, error) : NULL;
+  if (have->support)
+    have->leap = tc_resources_leap(r->resources, volume, have->minmax, have->support, &stats->skip_ms, error);
   if (!have->leap) return false;
   if (have->leap->empty_share < LEAST_EMPTY) {
     drop_leaping(plan, have->leap);
@@ -153,6 +156,7 @@ static void finish_plan(tc_renderer *r, tc_plan *plan, const frame_resources *ha
   tc_plan_stage *table = &plan->stages[TC_STAGE_TABLE_2D], *skipping = &plan->stages[TC_STAGE_SKIPPING];
   if (have->table) table->bytes = have->table->bytes;
   if (have->minmax) skipping->bytes += have->minmax->bytes;
+  if (have->support) skipping->bytes += have->support->bytes;
   if (have->bounds) skipping->bytes += have->bounds->bytes;
   if (have->leap) {
     skipping->bytes += have->leap->bytes;
@@ -165,7 +169,8 @@ static void finish_plan(tc_renderer *r, tc_plan *plan, const frame_resources *ha
     return;
   }
   table->ms = have->table ? have->table->build_ms : 0;
-  skipping->ms = (have->minmax ? have->minmax->build_ms : 0) + (have->leap ? have->leap->build_ms : 0) +
+  skipping->ms = (have->minmax ? have->minmax->build_ms : 0) +
+                 (have->support ? have->support->build_ms : 0) + (have->leap ? have->leap->build_ms : 0) +
                  (have->bounds ? have->bounds->build_ms : 0);
 }
 
@@ -178,6 +183,20 @@ static void find_projection(tc_renderer *r, const tc_volume *volume, const tc_sc
   have->bounds = tc_resources_find_bounds(r->resources, volume, block, &have->grey);
 }
 
+static void find(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, tc_plan *plan, frame_resources *have) {
+  tc_table_params params = tc_table_params_for(volume, scene, &(tc_render_request){0}, plan->step_mm);
+  have->table = tc_resources_find_table(r->resources, &params);
+  if (!plan->key.skipping) return;
+  int block = tc_skip_block(scene->skipping.block);
+  have->minmax = tc_resources_find_minmax(r->resources, volume, block);
+  have->support = tc_resources_find_support(r->resources, &params);
+  if (have->support) have->leap = tc_resources_find_leap(r->resources, volume, block, have->support);
+  if (have->leap && have->leap->empty_share < LEAST_EMPTY) {
+    drop_leaping(plan, have->leap);
+    have->leap = NULL;
+  }
+}
+
 bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_scene *scene, tc_plan *plan, GError **error) {
   if (!tc_plan_make(volume, scene, scene->image.width, scene->image.height, plan, error)) return false;
   frame_resources have = {0};
@@ -186,19 +205,7 @@ bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_s
     finish_plan(renderer, plan, &have, NULL);
     return true;
   }
-  if (plan->stages[TC_STAGE_TABLE_2D].included) {
-    tc_table_params params = tc_table_params_for(volume, scene, &(tc_render_request){0}, plan->step_mm);
-    have.table = tc_resources_find_table(renderer->resources, &params);
-  }
-  if (have.table && plan->key.skipping) {
-    int block = tc_skip_block(scene->skipping.block);
-    have.minmax = tc_resources_find_minmax(renderer->resources, volume, block);
-    have.leap = tc_resources_find_leap(renderer->resources, volume, block, have.table);
-    if (have.leap && have.leap->empty_share < LEAST_EMPTY) {
-      drop_leaping(plan, have.leap);
-      have.leap = NULL;
-    }
-  }
+  if (plan->stages[TC_STAGE_TABLE_2D].included) find(renderer, volume, scene, plan, &have);
   finish_plan(renderer, plan, &have, NULL);
   return true;
 }

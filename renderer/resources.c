@@ -4,16 +4,16 @@
 #include <string.h>
 
 /* One list holds all kinds, so that one budget and one rule of age serve them. */
-typedef enum item_kind { ITEM_TABLE, ITEM_MINMAX, ITEM_LEAP, ITEM_BOUNDS } item_kind;
+typedef enum item_kind { ITEM_TABLE, ITEM_SUPPORT, ITEM_MINMAX, ITEM_LEAP, ITEM_BOUNDS } item_kind;
 
 typedef struct item {
   item_kind kind;
-  void *thing; /* tc_table, tc_minmax, tc_leap or tc_bounds; owned */
+  void *thing; /* tc_table, tc_support, tc_minmax, tc_leap or tc_bounds; owned */
   size_t bytes;
   uint64_t last_use;
-  uint64_t volume, table; /* serials it belongs to */
+  uint64_t volume; /* serial it belongs to */
   int block;
-  tc_table_params params; /* table: .tf points to tf below */
+  tc_table_params params; /* table, support: .tf points to tf below */
   tc_transfer_function *tf; /* its own copy, at a fixed place */
 } item;
 
@@ -39,6 +39,7 @@ static void drop(tc_resources *r, int i) {
   item *it = &r->items[i];
   switch (it->kind) {
   case ITEM_TABLE: tc_table_free(it->thing); break;
+  case ITEM_SUPPORT: tc_support_free(it->thing); break;
   case ITEM_MINMAX: tc_minmax_free(it->thing); break;
   case ITEM_LEAP: tc_leap_free(it->thing); break;
   case ITEM_BOUNDS: tc_bounds_free(it->thing); break;
@@ -131,29 +132,66 @@ static tc_transfer_function *copy_transfer_function(const tc_transfer_function *
   return tf;
 }
 
+/* Keeps what was built with these parameters; false: out of memory, and it is still the caller's. */
+static bool keep(tc_resources *r, item_kind kind, void *thing, size_t bytes, const tc_table_params *params, GError **error) {
+  tc_transfer_function *tf = copy_transfer_function(params->tf);
+  item *it = tf ? make_room(r, kind, bytes) : NULL;
+  if (!it) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "transfer function: out of memory");
+    if (tf) free(tf->points);
+    free(tf);
+    return false;
+  }
+  it->thing = thing;
+  it->params = *params;
+  it->params.tf = it->tf = tf;
+  return true;
+}
+
 const tc_table *tc_resources_table(tc_resources *r, const tc_table_params *params, double *ms, GError **error) {
   const tc_table *found = tc_resources_find_table(r, params);
   if (found) return found;
   tc_table *table = tc_table_build(params, r->pool, error);
   if (!table) return NULL;
-  tc_transfer_function *tf = copy_transfer_function(params->tf);
-  item *it = tf ? make_room(r, ITEM_TABLE, table->bytes) : NULL;
-  if (!it) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "transfer function: out of memory");
-    if (tf) free(tf->points);
-    free(tf);
+  if (!keep(r, ITEM_TABLE, table, table->bytes, params, error)) {
     tc_table_free(table);
     return NULL;
   }
-  it->thing = table;
-  it->table = table->serial;
-  it->params = *params;
-  it->params.tf = it->tf = tf;
   *ms += table->build_ms;
   return table;
 }
 
 /* ---- leaping ---- */
+
+/* Colours, the step and the compositing space change nothing about where something is seen. */
+static bool same_support(const tc_table_params *a, const tc_table_params *b) {
+  const tc_transfer_function *p = a->tf, *q = b->tf;
+  if (a->n != b->n || a->voxel_lo != b->voxel_lo || a->voxel_hi != b->voxel_hi || a->slope != b->slope ||
+      a->intercept != b->intercept || p->count != q->count)
+    return false;
+  for (size_t i = 0; i < p->count; i++)
+    if (p->points[i].value != q->points[i].value || (p->points[i].amount > 0) != (q->points[i].amount > 0)) return false;
+  return true;
+}
+
+const tc_support *tc_resources_find_support(tc_resources *r, const tc_table_params *params) {
+  for (int i = 0; i < r->count; i++)
+    if (r->items[i].kind == ITEM_SUPPORT && same_support(&r->items[i].params, params)) return used(r, &r->items[i]);
+  return NULL;
+}
+
+const tc_support *tc_resources_support(tc_resources *r, const tc_table_params *params, double *ms, GError **error) {
+  const tc_support *found = tc_resources_find_support(r, params);
+  if (found) return found;
+  tc_support *support = tc_support_build(params, error);
+  if (!support) return NULL;
+  if (!keep(r, ITEM_SUPPORT, support, support->bytes, params, error)) {
+    tc_support_free(support);
+    return NULL;
+  }
+  *ms += support->build_ms;
+  return support;
+}
 
 const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int block) {
   for (int i = 0; i < r->count; i++) {
@@ -181,20 +219,21 @@ const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, i
   return m;
 }
 
-const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int block, const tc_table *table) {
+const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int block, const tc_support *support) {
   for (int i = 0; i < r->count; i++) {
     item *it = &r->items[i];
-    if (it->kind == ITEM_LEAP && it->volume == tc_volume_serial(volume) && it->block == block && it->table == table->serial)
+    if (it->kind == ITEM_LEAP && it->volume == tc_volume_serial(volume) && it->block == block &&
+        ((const tc_leap *)it->thing)->support == support->serial)
       return used(r, it);
   }
   return NULL;
 }
 
-const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_table *table,
+const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_support *support,
                                  double *ms, GError **error) {
-  const tc_leap *found = tc_resources_find_leap(r, volume, minmax->block, table);
+  const tc_leap *found = tc_resources_find_leap(r, volume, minmax->block, support);
   if (found) return found;
-  tc_leap *leap = tc_leap_build(minmax, table, error);
+  tc_leap *leap = tc_leap_build(minmax, support, error);
   if (!leap) return NULL;
   item *it = make_room(r, ITEM_LEAP, leap->bytes);
   if (!it) {
@@ -204,7 +243,6 @@ const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const
   }
   it->thing = leap;
   it->volume = tc_volume_serial(volume);
-  it->table = table->serial;
   it->block = minmax->block;
   *ms += leap->build_ms;
   return leap;

@@ -20,8 +20,9 @@ tc_table_params tc_table_params_for(const tc_volume *volume, const tc_scene *sce
 
 /* Find or build; *ms grows by what building took. */
 const tc_table *tc_resources_table(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
+const tc_support *tc_resources_support(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
 const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, int block, double *ms, GError **error);
-const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_table *table,
+const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_support *support,
                                  double *ms, GError **error);
 
 const tc_bounds *tc_resources_bounds(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_grey *grey,
@@ -29,8 +30,9 @@ const tc_bounds *tc_resources_bounds(tc_resources *r, const tc_volume *volume, c
 
 /* Find only: NULL when it is not there now. */
 const tc_table *tc_resources_find_table(tc_resources *r, const tc_table_params *params);
+const tc_support *tc_resources_find_support(tc_resources *r, const tc_table_params *params);
 const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int block);
-const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int block, const tc_table *table);
+const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int block, const tc_support *support);
 const tc_bounds *tc_resources_find_bounds(tc_resources *r, const tc_volume *volume, int block, const tc_grey *grey);
 
 /* Drops what belongs to a volume. */

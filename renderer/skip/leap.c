@@ -22,26 +22,13 @@ bool tc_skip_possible(const tc_transfer_function *tf, double value_min, double v
   return false;
 }
 
-/* used[j]: how many of the node intervals before j hold something. Row k = 1 of the table is the node intervals themselves, row 0
- * the nodes: an interval counts when it or either end is other than zero. */
-static uint32_t *count_used(const tc_table *t) {
-  uint32_t *used = calloc((size_t)t->n + 4, sizeof *used);
-  if (!used) return NULL;
-  const float *nodes = t->zero_row, *steps = t->zero_row + (size_t)t->columns * 4;
-  for (int j = 0; j < t->n + 3; j++) {
-    bool some = j < t->n && (steps[4 * j + 3] > 0 || nodes[4 * j + 3] > 0 || nodes[4 * (j + 1) + 3] > 0);
-    used[j + 1] = used[j] + some;
-  }
-  return used;
-}
-
-/* A bilinear lookup at nodes (a, b) reads entries that span nodes floor(min) to floor(max) + 2 (classify.h); a node more on
- * each side covers the rounding of the kernels' single precision. */
-static bool is_empty(const uint32_t *used, const tc_table *t, double scale, double lo, double hi) {
-  int first = (int)floor((lo - t->lo) * scale) - 1, last = (int)floor((hi - t->lo) * scale) + 3;
+/* A bilinear lookup at nodes (a, b) reads entries that span nodes floor(min) to floor(max) + 2 (classify.h), and no other
+ * classification reads more; a node more on each side covers the rounding of the kernels' single precision. */
+static bool is_empty(const tc_support *s, double scale, double lo, double hi) {
+  int first = (int)floor((lo - s->lo) * scale) - 1, last = (int)floor((hi - s->lo) * scale) + 3;
   if (first < 0) first = 0;
-  if (last > t->n + 2) last = t->n + 2;
-  return used[last] == used[first];
+  if (last > s->n + 2) last = s->n + 2;
+  return s->used[last] == s->used[first];
 }
 
 /* The same reach as is_empty's, for the two ends of the value axis. */
@@ -106,22 +93,20 @@ static void sweep(uint8_t *distance, const int n[3], int dir) {
   }
 }
 
-tc_leap *tc_leap_build(const tc_minmax *m, const tc_table *table, GError **error) {
+tc_leap *tc_leap_build(const tc_minmax *m, const tc_support *support, GError **error) {
   double start = tc_now_ms();
   size_t count = (size_t)m->blocks[0] * (size_t)m->blocks[1] * (size_t)m->blocks[2], empty = 0;
   tc_leap *leap = calloc(1, sizeof *leap);
-  uint32_t *used = count_used(table);
   uint8_t *distance = malloc(count + 8);
-  if (!leap || !used || !distance) {
+  if (!leap || !distance) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "distance map: out of memory");
     free(leap);
     free(distance);
-    free(used);
     return NULL;
   }
-  double scale = (table->n - 1) / (table->hi - table->lo);
+  double scale = (support->n - 1) / (support->hi - support->lo);
   for (size_t i = 0; i < count; i++) {
-    bool e = is_empty(used, table, scale, voxel_at(m, 2 * i), voxel_at(m, 2 * i + 1));
+    bool e = is_empty(support, scale, voxel_at(m, 2 * i), voxel_at(m, 2 * i + 1));
     distance[i] = e ? FAR : 0;
     empty += e;
   }
@@ -131,9 +116,8 @@ tc_leap *tc_leap_build(const tc_minmax *m, const tc_table *table, GError **error
     sweep(distance, m->blocks, -1);
   }
   *leap = (tc_leap){.block = m->block, .blocks = {m->blocks[0], m->blocks[1], m->blocks[2]}, .distance = distance,
-                    .empty_share = (double)empty / (double)count, .bytes = count + 8};
-  zero_zones(leap, used, table->n);
-  free(used);
+                    .empty_share = (double)empty / (double)count, .support = support->serial, .bytes = count + 8};
+  zero_zones(leap, support->used, support->n);
   leap->build_ms = tc_now_ms() - start;
   return leap;
 }

@@ -2,9 +2,9 @@
  *
  * The volume's cells are grouped into cubic blocks. A block's minimum and maximum are over its cells' corners, so
  * one voxel of skirt on its far sides is included: every interpolated value inside lies between them. A block is empty when no
- * table entry that a lookup between two such values can touch is other than zero; since neighbouring blocks share their
- * face's voxels, the union of connected empty blocks is one value interval, and segments between samples in it are
- * zero too. The distance map holds, per block, the Chebyshev distance in blocks to the nearest block that is not empty (0 in such
+ * entry that a lookup between two such values can touch, in any classification's table, is other than zero; since neighbouring
+ * blocks share their face's voxels, the union of connected empty blocks is one value interval, and segments between samples in
+ * it are zero too. The distance map holds, per block, the Chebyshev distance in blocks to the nearest block that is not empty (0 in such
  * a block itself; the outside counts as empty): a ray in a block of distance D may pass the cube of blocks D-1 around it
  * (Deakin and Knackstedt, Efficient ray casting of volumetric images using distance maps for empty space skipping,
  * Computational Visual Media 6, 2020). What is leapt contributes exactly zero, so leaping changes no bit of the picture. */
@@ -35,18 +35,34 @@ typedef struct tc_minmax {
 tc_minmax *tc_minmax_build(const tc_volume *volume, int block, tc_pool *pool, GError **error);
 void tc_minmax_free(tc_minmax *minmax); /* NULL is fine */
 
-/* Distances under one table. */
+/* Where along a table's nodes a transfer function shows something at all: its extinction alone decides, so that neither
+ * colours nor the length of a segment matter. */
+typedef struct tc_support {
+  int n;          /* nodes, as the table's */
+  double lo, hi;  /* voxel values of nodes 0 and n-1 */
+  uint32_t *used; /* [n + 4]: how many of the node intervals before node j hold something, within or at an end */
+  uint64_t serial; /* unique in the process */
+  size_t bytes;
+  double build_ms;
+} tc_support;
+
+/* For the nodes of a table with these parameters; its step and its colours are not read. */
+tc_support *tc_support_build(const tc_table_params *params, GError **error);
+void tc_support_free(tc_support *support); /* NULL is fine */
+
+/* Distances under one support. */
 typedef struct tc_leap {
   int block, blocks[3];
   uint8_t *distance;  /* [blocks z][blocks y][blocks x], then at least 4 readable bytes */
   double empty_share; /* of the blocks */
   /* A lookup between two nodes that are both below, or both above, is exactly zero. */
   double zero_below, zero_above;
+  uint64_t support; /* serial of what it was built with */
   size_t bytes;
   double build_ms;
 } tc_leap;
 
-tc_leap *tc_leap_build(const tc_minmax *minmax, const tc_table *table, GError **error);
+tc_leap *tc_leap_build(const tc_minmax *minmax, const tc_support *support, GError **error);
 void tc_leap_free(tc_leap *leap); /* NULL is fine */
 
 /* False when the transfer function is nowhere zero between two values: then nothing can be empty and no structure is built. */

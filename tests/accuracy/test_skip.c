@@ -121,9 +121,9 @@ static void map_is_right(void **unused) {
     const tc_volume_desc *d = tc_volume_describe(v);
     tc_table_params p = {.tf = &s.transfer_function, .slope = d->slope, .intercept = d->intercept, .step_mm = 1};
     tc_table_choose(v, p.tf, &p.n, &p.voxel_lo, &p.voxel_hi);
-    tc_table *t = tc_table_build(&p, NULL, NULL);
+    tc_support *support = tc_support_build(&p, NULL);
     tc_minmax *m = tc_minmax_build(v, 2 + trial % 7, NULL, NULL);
-    tc_leap *leap = tc_leap_build(m, t, NULL);
+    tc_leap *leap = tc_leap_build(m, support, NULL);
     for (int k = 0; k < 3; k++) {
       int cells = d->dims[k] > 1 ? d->dims[k] - 1 : 1;
       assert_true(m->blocks[k] * m->block >= cells && (m->blocks[k] - 1) * m->block < cells);
@@ -153,7 +153,7 @@ static void map_is_right(void **unused) {
     }
     tc_leap_free(leap);
     tc_minmax_free(m);
-    tc_table_free(t);
+    tc_support_free(support);
     tc_scene_clear(&s);
     tc_volume_unref(v);
   }

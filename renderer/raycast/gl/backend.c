@@ -250,8 +250,7 @@ static bool run_tiles(gl_backend *b, unsigned program, const tc_job *job, GError
 static bool lookups_for(gl_backend *b, const tc_job *job, const tc_gl_lookup **table, const tc_gl_lookup **skip,
                         GError **error) {
   if (job->table && !(*table = tc_gl_textures_table(&b->textures, job->table, error))) return false;
-  if (job->leap && !(*skip = tc_gl_textures_leap(&b->textures, job->volume, job->table, job->leap, error)))
-    return false;
+  if (job->leap && !(*skip = tc_gl_textures_leap(&b->textures, job->volume, job->leap, error))) return false;
   return !job->bounds || (*skip = tc_gl_textures_bounds(&b->textures, job->volume, job->bounds, error));
 }
 

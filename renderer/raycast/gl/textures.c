@@ -301,9 +301,9 @@ const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_tabl
   return lookup(textures, key, &from, error);
 }
 
-const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volume *volume, const tc_table *table,
-                                        const tc_leap *leap, GError **error) {
-  const uint64_t key[4] = {table->serial, tc_volume_serial(volume), (uint64_t)leap->block};
+const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volume *volume, const tc_leap *leap,
+                                        GError **error) {
+  const uint64_t key[4] = {leap->support, tc_volume_serial(volume), (uint64_t)leap->block};
   const lookup_source from = {.what = "distance map",
                               .entries = leap->distance,
                               .entry_bytes = 1,

@@ -22,7 +22,7 @@ typedef struct tc_gl_volume {
 
 /* A buffer the shaders read as a buffer texture: a pre-integration table (RGBA32F), a distance map or bounds (R8UI). */
 typedef struct tc_gl_lookup {
-  uint64_t key[4]; /* serials of table and volume (0 for a table, which serves any volume), block width; serial of bounds */
+  uint64_t key[4]; /* serials of table or support, and of the volume (0 for a table: it serves any); block width; serial of bounds */
   unsigned buffer, texture;
   size_t bytes;
   uint64_t used;
@@ -47,8 +47,8 @@ tc_gl_field tc_gl_choose_field(const tc_gl_report *device, tc_voxel_type type);
 const tc_gl_volume *tc_gl_textures_volume(tc_gl_textures *textures, const tc_volume *volume, tc_gl_field field,
                                           GError **error);
 const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_table *table, GError **error);
-const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volume *volume, const tc_table *table,
-                                        const tc_leap *leap, GError **error);
+const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volume *volume, const tc_leap *leap,
+                                        GError **error);
 const tc_gl_lookup *tc_gl_textures_bounds(tc_gl_textures *textures, const tc_volume *volume, const tc_bounds *bounds,
                                           GError **error);
 

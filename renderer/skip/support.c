@@ -1,0 +1,38 @@
+#include <stdatomic.h>
+#include <stdlib.h>
+
+#include "renderer/clock.h"
+#include "renderer/skip/skip.h"
+
+tc_support *tc_support_build(const tc_table_params *p, GError **error) {
+  static atomic_uint_fast64_t next_serial = 1;
+  double start = tc_now_ms();
+  tc_support *s = calloc(1, sizeof *s);
+  uint32_t *used = calloc((size_t)p->n + 4, sizeof *used);
+  if (!s || !used) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "support of %d values: out of memory", p->n);
+    free(s);
+    free(used);
+    return NULL;
+  }
+  double width = p->voxel_hi - p->voxel_lo, before = 0;
+  bool some_before = false;
+  for (int j = 0; j <= p->n; j++) {
+    double value = p->slope * (p->voxel_lo + width * j / (p->n - 1)) + p->intercept;
+    bool some = tc_extinction(p->tf, value) > 0;
+    if (j > 0) used[j] = used[j - 1] + (some_before || some || tc_extinction_mean(p->tf, before, value) > 0);
+    before = value;
+    some_before = some;
+  }
+  for (int j = p->n + 1; j < p->n + 4; j++) used[j] = used[p->n];
+  *s = (tc_support){.n = p->n, .lo = p->voxel_lo, .hi = p->voxel_hi, .used = used,
+                    .serial = atomic_fetch_add(&next_serial, 1), .bytes = ((size_t)p->n + 4) * sizeof *used};
+  s->build_ms = tc_now_ms() - start;
+  return s;
+}
+
+void tc_support_free(tc_support *support) {
+  if (!support) return;
+  free(support->used);
+  free(support);
+}
