@@ -191,6 +191,8 @@ static bool unsupported(GError **error, const char *pointer, const char *what) {
   return false;
 }
 
+static const char *const filters[TC_FILTER_COUNT] = {"linear", "cubic", "nearest"};
+
 static const char *const modes[TC_MODE_COUNT] = {"dvr",        "mip",  "minip", "average",
                                                  "isosurface", "mesh", "splat", "mpr"};
 
@@ -207,8 +209,8 @@ static bool check_built(const tc_scene *s, GError **error) {
   bool projection = tc_is_projection(s->mode), slice = s->mode == TC_MODE_MPR;
   if (s->mode != TC_MODE_DVR && !projection && !slice) return unsupported(error, "/mode", modes[s->mode]);
   if (s->mode == TC_MODE_DVR && !check_compositing_built(s, error)) return false;
-  if (s->filter != TC_FILTER_LINEAR && !(slice && s->filter == TC_FILTER_NEAREST))
-    return unsupported(error, "/filter", slice ? "any filter of slices but linear and nearest" : "any filter but linear");
+  if (s->filter != TC_FILTER_LINEAR && s->filter != TC_FILTER_NEAREST)
+    return unsupported(error, "/filter", "any filter but linear and nearest");
   if (s->sampling.rays_per_pixel != 1) return unsupported(error, "/sampling/raysPerPixel", "more than one ray a pixel");
   if (!slice && s->sampling.coherence) return unsupported(error, "/sampling/coherence", "sub-pixel coherence");
   if (!slice && s->sampling.jitter) return unsupported(error, "/sampling/jitter", "jitter");
@@ -326,7 +328,7 @@ static bool plan_slice(const tc_volume *volume, const tc_scene *scene, int width
   plan->step_mm = scene->sampling.step * fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2]));
   plan_slice_stages(plan, scene);
   snprintf(plan->kernel, sizeof plan->kernel, "mpr.%s.%s.%s", slabs[plan->key.slab],
-           scene->filter == TC_FILTER_NEAREST ? "nearest" : "linear", tc_voxel_type_name(d->type));
+           filters[scene->filter], tc_voxel_type_name(d->type));
   return true;
 }
 
@@ -352,9 +354,10 @@ bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int
   plan->step_mm = scene->sampling.step * fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2]));
   plan_stages(plan, scene);
   if (scene->mode == TC_MODE_DVR)
-    snprintf(plan->kernel, sizeof plan->kernel, "dvr.preintegrated.linear%s.%s", plan->key.shading ? ".shaded" : "",
-             tc_voxel_type_name(d->type));
+    snprintf(plan->kernel, sizeof plan->kernel, "dvr.preintegrated.%s%s.%s", filters[scene->filter],
+             plan->key.shading ? ".shaded" : "", tc_voxel_type_name(d->type));
   else
-    snprintf(plan->kernel, sizeof plan->kernel, "%s.linear.%s", modes[scene->mode], tc_voxel_type_name(d->type));
+    snprintf(plan->kernel, sizeof plan->kernel, "%s.%s.%s", modes[scene->mode], filters[scene->filter],
+             tc_voxel_type_name(d->type));
   return true;
 }

@@ -1,6 +1,7 @@
-/* The trilinear field along a ray: in each cell an exact cubic. */
+/* The field along a ray: an exact cubic in each cell where it is trilinear, constant where it is the nearest voxel. */
 #include <math.h>
 #include <stdint.h>
+#include <string.h>
 
 #include "renderer/reference/internal.h"
 
@@ -30,14 +31,15 @@ static double voxel(const tc_ref_field *field, const size_t at[3]) {
   return desc->slope * v + desc->intercept;
 }
 
+/* Distance of the planes that a walk stops at. */
+static double plane_distance(const tc_ref_field *field) { return field->filter == TC_FILTER_NEAREST ? 0.5 : 1; }
+
 void tc_ref_walk_start(tc_ref_walk *walk, const tc_ref_field *field, const tc_ref_ray *ray) {
   walk->field = field;
   walk->ray = ray;
   walk->t = ray->enter;
   for (int k = 0; k < 3; k++)
-    walk->plane[k] = floor(ray->origin[k] + ray->enter * ray->direction[k]);
-  for (int k = 0; k < 3; k++)
-    if (ray->direction[k] < 0) walk->plane[k] += 1;
+    walk->plane[k] = floor(ray->origin[k] + ray->enter * ray->direction[k]) + (ray->direction[k] < 0);
 }
 
 /* Where the ray meets the next face of any axis behind walk->t. Planes are counted and each is met at a parameter of
@@ -50,7 +52,7 @@ static double next_face(tc_ref_walk *walk) {
     if (d == 0 || walk->field->desc->dims[k] == 1) continue;
     double at = (walk->plane[k] - ray->origin[k]) / d;
     while (at <= walk->t) {
-      walk->plane[k] += d > 0 ? 1 : -1;
+      walk->plane[k] += copysign(plane_distance(walk->field), d);
       double then = (walk->plane[k] - ray->origin[k]) / d;
       if (!(then > at)) return next; /* planes no longer apart in double: the axis is as good as parallel */
       at = then;
@@ -76,6 +78,15 @@ static void locate(const tc_ref_walk *walk, double to, size_t low[3], size_t hig
     start[k] = ray->origin[k] - i + walk->t * ray->direction[k];
     delta[k] = (to - walk->t) * ray->direction[k];
   }
+}
+
+/* The voxel nearest to the stretch's middle. */
+static void make_nearest(tc_ref_cell *cell) {
+  int nearest = 0;
+  for (int k = 0; k < 3; k++)
+    if (cell->start[k] + 0.5 * cell->delta[k] >= 0.5) nearest |= 1 << k;
+  memset(cell->c, 0, sizeof cell->c);
+  cell->c[0] = cell->lo = cell->hi = cell->corner[nearest];
 }
 
 bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell) {
@@ -113,5 +124,6 @@ bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell) {
   cell->c[1] = q[0][1] + d1 * start[2] + d0 * delta[2];
   cell->c[2] = q[0][2] + d2 * start[2] + d1 * delta[2];
   cell->c[3] = d2 * delta[2];
+  if (walk->field->filter == TC_FILTER_NEAREST) make_nearest(cell);
   return true;
 }

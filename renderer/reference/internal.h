@@ -35,8 +35,9 @@ bool tc_ref_camera_set_up(tc_ref_camera *camera, const tc_camera *from, int widt
 /* False when the ray misses what is drawn of the field's box. */
 bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const tc_volume_desc *desc, double px, double py, tc_ref_ray *ray);
 
-/* field.c: the trilinear field along a ray, cell by cell. */
+/* field.c: the field along a ray, stretch by stretch: each lies in one cell, and for nearest next to one voxel. */
 typedef struct tc_ref_field {
+  tc_filter filter;
   const tc_volume_desc *desc;
   const void *voxels;
 } tc_ref_field;
@@ -45,7 +46,7 @@ typedef struct tc_ref_walk {
   const tc_ref_field *field;
   const tc_ref_ray *ray;
   double t;        /* where the next cell begins */
-  double plane[3]; /* next integer plane of each axis */
+  double plane[3]; /* next plane of each axis: integers, and halves between them for nearest */
 } tc_ref_walk;
 
 /* One cell's stretch of the ray: value(u) = c[0] + c[1] u + c[2] u^2 + c[3] u^3 for u in [0, 1]. */

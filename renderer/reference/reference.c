@@ -28,7 +28,7 @@ static bool is_projection(tc_mode mode) {
 
 static const char *unsupported_member(const tc_scene *scene) {
   if (scene->mode != TC_MODE_DVR && !is_projection(scene->mode)) return "/mode";
-  if (scene->filter != TC_FILTER_LINEAR) return "/filter";
+  if (scene->filter == TC_FILTER_CUBIC) return "/filter";
   if (scene->labels.volume[0]) return "/labels/volume";
   return NULL;
 }
@@ -54,7 +54,7 @@ tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int wid
   const char *member = unsupported_member(scene);
   if (member) {
     tc_set_error(error, TC_ERROR_UNSUPPORTED, member,
-                 "reference: %s: only dvr, mip, minip and average of the linear field, plain, are integrated", member);
+                 "reference: %s: only dvr, mip, minip and average of the linear or nearest field, plain, are integrated", member);
     return NULL;
   }
   if (width < 1 || height < 1 || !(tolerance == 0 || (tolerance >= 1e-14 && tolerance <= 0.1))) {
@@ -64,7 +64,7 @@ tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int wid
   }
   tc_reference *r = g_new0(tc_reference, 1);
   r->volume = tc_volume_ref(volume);
-  r->field = (tc_ref_field){.desc = tc_volume_describe(volume), .voxels = tc_volume_data(volume)};
+  r->field = (tc_ref_field){.filter = scene->filter, .desc = tc_volume_describe(volume), .voxels = tc_volume_data(volume)};
   tc_ref_clip_set_up(&r->clip, scene);
   /* Errors of pieces add up; each piece's estimate is itself pessimistic by many orders. */
   r->tolerance = (tolerance == 0 ? 1e-10 : tolerance) / 16;

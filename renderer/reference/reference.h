@@ -1,6 +1,6 @@
 /* The reference integrator: the rendering integral of one ray in double precision, without a step.
  *
- * It judges every other renderer, so it shares nothing with them: its own camera, trilinear field, transfer function
+ * It judges every other renderer, so it shares nothing with them: its own camera, field, transfer function
  * and integration (NUMERICS section 1). A ray is split at every cell face, at every extremum of the field along it and
  * at every crossing of a knot's value; what is left between two splits is smooth and is integrated adaptively.
  *
@@ -24,7 +24,7 @@ typedef struct tc_reference tc_reference;
 
 /* Takes a reference on the sealed volume and copies what it needs of the scene. tolerance: absolute bound wanted on
  * each channel of a pixel, 1e-14 .. 0.1; 0 = 1e-10. Errors: TC_ERROR_UNSUPPORTED with a pointer to the member for what
- * has no reference (a mode other than dvr, mip, minip, average; a filter other than linear, labels);
+ * has no reference (a mode other than dvr, mip, minip, average; filter cubic, labels);
  * TC_ERROR_INVALID for a camera, transfer function or window (whichever the mode reads) without meaning. */
 tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int width, int height, double tolerance,
                                GError **error);

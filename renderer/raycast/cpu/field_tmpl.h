@@ -10,9 +10,13 @@ V_INLINE void fetch_pair(int type, const void *voxels, vi off, vf *a, vf *b) {
   }
 }
 
-/* Trilinear voxel value (not rescaled) at mm t along the rays. gradient, unless NULL: its exact derivative over index
- * coordinates, from the same eight corners; meaningless along an axis of one voxel. */
+/* Voxel value (not rescaled) at mm t along the rays by a filter other than linear: filter_tmpl.h. */
+V_INLINE vf sample_filtered(const tc_cpu_args *g, variant v, const packet *p, vf t);
+
+/* The same by any filter. gradient, unless NULL: the exact derivative of the trilinear field over index coordinates, from
+ * its eight corners; meaningless along an axis of one voxel. */
 V_INLINE vf sample_field(const tc_cpu_args *g, variant v, const packet *p, vf t, vf *gradient) {
+  if (v.filter != TC_FILTER_LINEAR && !gradient) return sample_filtered(g, v, p, t);
   vf f[3];
   vi cell[3];
   for (int k = 0; k < 3; k++) {
@@ -43,6 +47,7 @@ V_INLINE vf sample_field(const tc_cpu_args *g, variant v, const packet *p, vf t,
     gradient[1] = v_fma(f[2], (c11 - c01) - (c10 - c00), c10 - c00);
     gradient[2] = c1 - c0;
   }
+  if (v.filter != TC_FILTER_LINEAR) return sample_filtered(g, v, p, t);
   return v_fma(f[2], c1 - c0, c0);
 }
 

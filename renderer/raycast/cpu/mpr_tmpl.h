@@ -1,24 +1,6 @@
 /* Planar reformats of a packet: one sample a pixel, or a slab's greatest, least or mean value, through the window to
  * grey (raycast/slice.h; tc_slice_window in backend.h says what a node is here). Part of the template. */
 
-/* The voxel nearest to mm t along the rays, as a node. */
-V_INLINE vf sample_nearest(const tc_cpu_args *g, variant v, const packet *p, vf t) {
-  vi cell[3];
-  for (int k = 0; k < 3; k++) {
-    vf q = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(g->last[k]));
-    cell[k] = v_trunc(q + v_set(0.5f));
-  }
-  vf voxel, neighbour;
-  vi off = v_addi(cell[0], v_addi(v_muli(cell[1], v_seti(g->row)), v_muli(cell[2], v_seti(g->slice))));
-  fetch_pair(v.type, g->voxels, off, &voxel, &neighbour);
-  vf node = (voxel - v_set(g->value_lo)) * v_set(g->value_scale);
-  return v_min(v_max(node, v_set(0)), v_set(g->node_last));
-}
-
-V_INLINE vf sample_slice(const tc_cpu_args *g, variant v, const packet *p, vf t) {
-  return v.filter == TC_FILTER_NEAREST ? sample_nearest(g, v, p, t) : sample_node(g, v, p, t, NULL);
-}
-
 /* From the value at the rays' entries to that of the slab. Samples lie on the plane, in whole steps from it, and at both
  * ends: a ray that has arrived there samples its end again, which changes nothing and needs no mask. The plane is always
  * among them, so that a slab around a voxel never misses its peak. */
@@ -31,7 +13,7 @@ V_INLINE vf cast_slab(const tc_cpu_args *g, variant v, int slab, const packet *p
   for (int i = 0; m_any(live); i++) {
     vf at = (first + v_set((float)i)) * v_set(g->step_mm) - p->start;
     vf t = v_min(v_max(at, v_set(0)), p->length);
-    vf back = sample_slice(g, v, p, t);
+    vf back = sample_node(g, v, p, t, NULL);
     counts->samples += (uint64_t)m_count(live);
     if (slab == TC_SLAB_MIP) value = v_max(value, back);
     if (slab == TC_SLAB_MINIP) value = v_min(value, back);
@@ -49,7 +31,7 @@ V_INLINE void cast_slice(const tc_cpu_args *g, variant v, int x, int y, int x1, 
   packet p = start_packet(g, x, y, x1, y1);
   *out = (vf4){v_set(0), v_set(0), v_set(0), v_set(0)};
   if (!m_any(p.live)) return;
-  vf value = sample_slice(g, v, &p, v_set(0));
+  vf value = sample_node(g, v, &p, v_set(0), NULL);
   counts->rays += (uint64_t)m_count(p.live);
   counts->samples += (uint64_t)m_count(p.live);
   if (v.slab) value = cast_slab(g, v, v.slab - 1, &p, value, counts);

@@ -30,11 +30,11 @@ static void add(composition *c, const char *name) {
 /* Only what has pieces: a key from a newer plan must fail, not draw something else. */
 static bool is_built(const tc_plan_key *key) {
   bool mode = key->mode == TC_MODE_DVR || tc_is_projection((tc_mode)key->mode);
+  bool filter = key->filter == TC_FILTER_LINEAR || key->filter == TC_FILTER_NEAREST;
   if (key->mode == TC_MODE_MPR)
-    return (key->filter == TC_FILTER_LINEAR || key->filter == TC_FILTER_NEAREST) &&
-           key->slab <= TC_SLAB_PROJECTION_COUNT && key->voxel_type < TC_VOXEL_TYPE_COUNT && !key->labels;
+    return filter && key->slab <= TC_SLAB_PROJECTION_COUNT && key->voxel_type < TC_VOXEL_TYPE_COUNT && !key->labels;
   return mode && key->classification == TC_PREINTEGRATED && key->order == TC_FRONT_TO_BACK &&
-         key->filter == TC_FILTER_LINEAR && key->projection < TC_PROJECTION_COUNT &&
+         filter && key->projection < TC_PROJECTION_COUNT &&
          key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading < TC_SHADING_COUNT && !key->jitter &&
          !key->labels;
 }
@@ -74,12 +74,13 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
   add(&c, "head.glsl");
   snprintf(literals, sizeof literals,
            "#define VOXELS %s\n#define ATLAS %d\n#define TERMINATION %d\n#define LEAP %d\n#define SLAB %d\n"
-           "#define NEAREST %d\n#define CLIP %d\n#define SHADED %d\n",
+           "#define CLIP %d\n#define SHADED %d\n",
            sampler_type(v), v->atlas, v->plan.termination, v->plan.skipping, v->plan.slab,
-           v->plan.filter == TC_FILTER_NEAREST, v->plan.clipping, v->plan.shading != TC_SHADING_NONE);
+           v->plan.clipping, v->plan.shading != TC_SHADING_NONE);
   add_text(&c, literals);
   add(&c, v->plan.projection == TC_PERSPECTIVE ? "ray_perspective.glsl" : "ray_orthographic.glsl");
   add(&c, v->field == TC_GL_FIELD_GATHER ? "field_gather.glsl" : "field_filtered.glsl");
+  add(&c, v->plan.filter == TC_FILTER_NEAREST ? "field_nearest.glsl" : "field_linear.glsl");
   if (v->plan.clipping) add(&c, "clip_planes.glsl");
   if (v->plan.mode == TC_MODE_MPR)
     add(&c, "march_mpr.glsl");

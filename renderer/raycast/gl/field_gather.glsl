@@ -13,16 +13,16 @@ vec4 corners(ivec2 cell, int z) {
   return vec4(textureGather(voxels, vec3(vec2(cell + 1) * job.texel.xy, float(layer))));
 }
 
+float voxel_at(ivec3 at) {
+  return corners(at.xy, at.z).w;
+}
+
 #if SHADED
-vec3 slope; // of the last field(): its exact derivative over index coordinates, from the same corners
+vec3 slope; // of the last interpolate(): its exact derivative over index coordinates, from the same corners
 #endif
 
-// Voxel value (not rescaled) at an index position; what lies outside takes the value of the nearest face.
-// On a flat axis (n = 1) the position is 0, and what the gather finds beyond counts nothing.
-float field(vec3 p) {
-  p = clamp(p, vec3(0.0), vec3(job.dims.xyz - 1));
-  ivec3 cell = min(ivec3(p), max(job.dims.xyz - 2, 0));
-  vec3 f = p - vec3(cell);
+// Trilinear between a cell's corners. Along a flat axis (n = 1) f is 0, and what the gather finds beyond counts nothing.
+float interpolate(ivec3 cell, vec3 f) {
   vec4 a = corners(cell.xy, cell.z); // a gather's order in (x, y): (0,1) (1,1) (1,0) (0,0)
   vec4 b = corners(cell.xy, cell.z + 1);
   // Neither mix() nor what a compiler may make of this: x * (1 - f) + y * f does not return x where both are x, and a

@@ -2,10 +2,7 @@
 // slice, else 1 greatest, 2 least, 3 mean. Returns grey with opacity 1.
 
 float sample_slice(vec3 entry, vec3 direction, float t) {
-  vec3 p = clamp(fma(vec3(t), direction, entry), vec3(0.0), vec3(job.dims.xyz - 1));
-#if NEAREST
-  p = floor(p + 0.5);
-#endif
+  vec3 p = fma(vec3(t), direction, entry);
   return clamp((field(p) - job.nodes.x) * job.nodes.y, 0.0, job.nodes.z);
 }
 
