@@ -138,9 +138,11 @@ static cJSON *timing(const tcp_frame_header *header) {
   return object;
 }
 
-static cJSON *measured_error(const tcp_frame_header *header) {
+cJSON *tcp_measured_error(const tcp_frame_header *header) {
   cJSON *object = cJSON_CreateObject();
   tcp_add(object, "rms", cJSON_CreateNumber(header->rms));
+  tcp_add(object, "low", cJSON_CreateNumber(header->low));
+  tcp_add(object, "high", cJSON_CreateNumber(header->high));
   tcp_add(object, "max", cJSON_CreateNumber(header->max));
   tcp_add(object, "pixels", cJSON_CreateNumber(header->pixels));
   return object;
@@ -156,7 +158,8 @@ static cJSON *header_json(const tcp_frame_header *header) {
   tcp_add(object, "quality", cJSON_CreateNumber(header->quality));
   tcp_add(object, "final", cJSON_CreateBool(header->final));
   tcp_add(object, "timing", timing(header));
-  if (header->has_error) tcp_add(object, "error", measured_error(header));
+  if (header->has_error) tcp_add(object, "error", tcp_measured_error(header));
+  if (header->unmeasured) tcp_add(object, "unmeasured", cJSON_CreateString(header->unmeasured));
   return object;
 }
 

@@ -77,8 +77,12 @@ typedef struct tcp_frame_header {
   int quality;
   bool final;
   double queue_ms, tables_ms, render_ms, encode_ms;
-  bool has_error; double rms, max; int pixels;
+  /* What the error meter found of this picture: known when it is sent again. low, high: 95 % interval of rms. */
+  bool has_error; double rms, low, high, max; int pixels;
+  const char *unmeasured; /* why the meter that was asked for cannot measure this picture; NULL */
 } tcp_frame_header;
+/* {"rms","low","high","max","pixels"} of a header that has an error. */
+cJSON *tcp_measured_error(const tcp_frame_header *header);
 /* 4-byte little-endian length + JSON text; g_malloc'ed, *size bytes; the image bytes follow it on the wire. */
 uint8_t *tcp_frame_header_write(const tcp_frame_header *header, size_t *size);
 

@@ -21,6 +21,7 @@ typedef struct tcs_server {
   tcs_worker *encode_worker; /* one thread: owns the encoder */
   tcs_worker *load_worker;   /* imports */
   tcs_worker *walk_worker;   /* folder scans, histograms: not behind a long import */
+  tcs_worker *meter_worker;  /* one thread, of low priority: the error meter */
   tcs_catalogue *catalogue;
   tcs_scheduler *scheduler;
   tcs_sessions *sessions;

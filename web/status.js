@@ -22,6 +22,17 @@ export function fidelity(header, bytes) {
 
 const number = (value) => (value === undefined ? '\u2013' : value >= 100 ? value.toFixed(0) : value.toFixed(1));
 
+const in255 = (value) => (value * 255).toPrecision(2).replace(/e.*/, (power) => power.replace('+', ''));
+
+/** What the error meter found, with half of its 95 % interval: "error 0.40/255 \u00b1 0.10 (64 px) at 17 ms". */
+export function errorText({ error, unmeasured, timing = {} }) {
+  if (unmeasured) return `error not measured: ${unmeasured}`;
+  if (!error) return '';
+  const spread = (error.high - error.low) / 2;
+  const time = timing.renderMs === undefined ? '' : ` at ${timing.renderMs.toFixed(timing.renderMs < 10 ? 1 : 0)} ms`;
+  return `error ${in255(error.rms)}/255 \u00b1 ${in255(spread)} (${error.pixels} px)${time}`;
+}
+
 export class Status {
   #get;
   #times = [];
@@ -41,7 +52,7 @@ export class Status {
 
   frame({ header, bytes, roundTripMs }) {
     const now = performance.now();
-    this.#times.push(now);
+    if (!header.error) this.#times.push(now); // a picture that comes again with its error is no new one
     while (now - this.#times[0] > FPS_WINDOW_MS) this.#times.shift();
     const { timing = {} } = header;
     this.#set('fps', number(frameRate(this.#times) || undefined));
@@ -51,7 +62,7 @@ export class Status {
     this.#set('size', `${header.width} \u00d7 ${header.height}`);
     this.#set('phase', header.final ? 'final' : 'interactive');
     this.#set('quality', header.format === 'png' ? 'PNG' : `JPEG q${header.quality}`);
-    this.#meter(header.error);
+    this.#meter(header);
     const { text, lossy } = fidelity(header, bytes);
     this.badge.hidden = false;
     this.badge.textContent = header.final ? text : `${text} \u00b7 refining`;
@@ -64,10 +75,13 @@ export class Status {
     this.#set('server', text);
   }
 
-  #meter(error) {
+  #meter(header) {
     const element = this.#get('error');
-    element.hidden = !error;
-    if (error) element.textContent = `error rms ${error.rms.toExponential(1)}, max ${error.max.toExponential(1)}`;
+    element.textContent = errorText(header);
+    element.hidden = !element.textContent;
+    element.title = header.error
+      ? `largest of ${header.error.pixels} random pixels: ${in255(header.error.max)}/255, before rounding to 8 bits`
+      : '';
   }
 
   #rest() {

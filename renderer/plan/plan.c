@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "renderer/classify/classify.h"
+#include "renderer/quality/meter.h"
 #include "renderer/raycast/grey.h"
 #include "renderer/skip/skip.h"
 
@@ -216,7 +217,6 @@ static bool check_built(const tc_scene *s, GError **error) {
   if (!slice && s->sampling.jitter) return unsupported(error, "/sampling/jitter", "jitter");
   if (s->labels.volume[0]) return unsupported(error, "/labels", "a label volume");
   if (s->quality.max_error > 0 || s->quality.max_ms > 0) return unsupported(error, "/quality", "quality control");
-  if (s->error_meter.pixels) return unsupported(error, "/errorMeter", "the error meter");
   return true;
 }
 
@@ -242,6 +242,17 @@ static void plan_clipping(tc_plan *plan, const tc_scene *s) {
           s->clip.has_box ? "a clip box and " : "", s->clip.n_planes);
   else
     stage(plan, TC_STAGE_CLIPPING, false, "no clip box or plane");
+}
+
+static void plan_meter(tc_plan *plan, const tc_scene *s) {
+  char reason[96];
+  if (!s->error_meter.pixels)
+    stage(plan, TC_STAGE_ERROR_METER, false, "errorMeter is off");
+  else if (tc_meter_refuses(s, reason, sizeof reason))
+    stage(plan, TC_STAGE_ERROR_METER, false, "%s", reason);
+  else
+    stage(plan, TC_STAGE_ERROR_METER, true, "%d pixels of each final frame against the reference, beside the rendering",
+          s->error_meter.pixels);
 }
 
 static void plan_stages(tc_plan *plan, const tc_scene *s) {
@@ -271,7 +282,7 @@ static void plan_stages(tc_plan *plan, const tc_scene *s) {
   stage(plan, TC_STAGE_RESOLVE, true, "background and 8-bit conversion of %dx%d pixels", plan->width, plan->height);
   stage(plan, TC_STAGE_ENCODE, true, s->image.format == TC_FORMAT_PNG ? "png, lossless" : "jpeg, quality %d",
         s->image.quality);
-  stage(plan, TC_STAGE_ERROR_METER, false, "errorMeter is off");
+  plan_meter(plan, s);
   if (tc_is_projection(s->mode)) plan_projection_stages(plan, s);
 }
 
@@ -300,10 +311,10 @@ static void plan_slice_stages(tc_plan *plan, const tc_scene *s) {
       {TC_STAGE_LABELS, "no label volume"},
       {TC_STAGE_TERMINATION, "a slab counts all of its samples"},
       {TC_STAGE_DEPTH, "nothing asks for depth"},
-      {TC_STAGE_LINEAR_LIGHT, "the window gives display values: nothing composites"},
-      {TC_STAGE_ERROR_METER, "errorMeter is off"}};
+      {TC_STAGE_LINEAR_LIGHT, "the window gives display values: nothing composites"}};
   for (size_t i = 0; i < sizeof out / sizeof *out; i++) stage(plan, out[i].stage, false, "%s", out[i].reason);
   plan_clipping(plan, s);
+  plan_meter(plan, s);
   stage(plan, TC_STAGE_ALPHA, s->image.transparent,
         s->image.transparent ? "background is transparent" : "background is a colour");
   stage(plan, TC_STAGE_RESOLVE, true, "background and 8-bit conversion of %dx%d pixels", plan->width, plan->height);

@@ -26,7 +26,7 @@ static bool is_projection(tc_mode mode) {
   return mode == TC_MODE_MIP || mode == TC_MODE_MINIP || mode == TC_MODE_AVERAGE;
 }
 
-static const char *unsupported_member(const tc_scene *scene) {
+const char *tc_reference_missing(const tc_scene *scene) {
   if (scene->mode != TC_MODE_DVR && !is_projection(scene->mode)) return "/mode";
   if (scene->filter == TC_FILTER_CUBIC) return "/filter";
   if (scene->labels.volume[0]) return "/labels/volume";
@@ -51,7 +51,7 @@ static bool set_up_look(tc_reference *r, const tc_scene *scene, GError **error) 
 
 tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int width, int height, double tolerance,
                                GError **error) {
-  const char *member = unsupported_member(scene);
+  const char *member = tc_reference_missing(scene);
   if (member) {
     tc_set_error(error, TC_ERROR_UNSUPPORTED, member,
                  "reference: %s: only dvr, mip, minip and average of the linear or nearest field, plain, are integrated", member);

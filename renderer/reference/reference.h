@@ -22,6 +22,9 @@
 
 typedef struct tc_reference tc_reference;
 
+/* Pointer to the member for which this scene has no reference, NULL where it has one. Pure. */
+const char *tc_reference_missing(const tc_scene *scene);
+
 /* Takes a reference on the sealed volume and copies what it needs of the scene. tolerance: absolute bound wanted on
  * each channel of a pixel, 1e-14 .. 0.1; 0 = 1e-10. Errors: TC_ERROR_UNSUPPORTED with a pointer to the member for what
  * has no reference (a mode other than dvr, mip, minip, average; filter cubic, labels);

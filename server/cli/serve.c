@@ -135,7 +135,8 @@ static bool start_workers(tcs_server *server, GError **error) {
   return (server->render_worker = tcs_worker_new("tc-render", 1, completions, error)) &&
          (server->encode_worker = tcs_worker_new("tc-encode", 1, completions, error)) &&
          (server->load_worker = tcs_worker_new("tc-load", LOAD_THREADS, completions, error)) &&
-         (server->walk_worker = tcs_worker_new("tc-walk", 1, completions, error));
+         (server->walk_worker = tcs_worker_new("tc-walk", 1, completions, error)) &&
+         (server->meter_worker = tcs_worker_new("tc-meter", 1, completions, error));
 }
 
 static bool load_volumes(serve_daemon *d, GError **error) {
@@ -187,6 +188,7 @@ static void stop(serve_daemon *d) {
   tcs_scheduler_free(server->scheduler);
   tcs_worker_free(server->render_worker);
   tcs_worker_free(server->encode_worker);
+  tcs_worker_free(server->meter_worker);
   if (server->completions.event_fd > 0) {
     tcs_completions_drain(&server->completions);
     tcs_completions_finish(&server->completions);

@@ -28,6 +28,9 @@ static cJSON *describe(const tcs_session *session, bool with_scene) {
   const int64_t idle_us = session->watchers->len ? 0 : g_get_monotonic_time() - session->used_us;
   cJSON_AddNumberToObject(json, "idleSeconds", (double)(idle_us / 1000000));
   if (with_scene) cJSON_AddItemToObject(json, "scene", tcp_scene_write(&session->scene));
+  const tcs_picture *latest = session->latest;
+  if (latest && latest->revision == session->revision && latest->header.has_error)
+    cJSON_AddItemToObject(json, "error", tcp_measured_error(&latest->header));
   cJSON *links = cJSON_AddObjectToObject(json, "links");
   for (size_t i = 0; i < G_N_ELEMENTS(names); i++)
     add_link(links, names[i][0], session->id, names[i][1]);

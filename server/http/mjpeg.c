@@ -68,7 +68,7 @@ static void on_end(tcs_watcher *watcher) {
   resume(mjpeg);
 }
 
-static const tcs_watcher_ops mjpeg_ops = {on_ready, on_frame, on_text, on_end};
+static const tcs_watcher_ops mjpeg_ops = {on_ready, on_frame, on_text, on_end, false};
 
 /* --- the response ------------------------------------------------------------------------------------ */
 

@@ -6,6 +6,8 @@
 
 static const double bounds[TCS_HISTOGRAM_BUCKETS] = {0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025,
                                                      0.05,   0.1,   0.25,   0.5,   1.0,  2.5};
+static const double error_bounds[TCS_HISTOGRAM_BUCKETS] = {1e-6, 1e-5,  1e-4, 2.5e-4, 5e-4, 1e-3,
+                                                           2e-3, 4e-3, 8e-3, 1.6e-2, 6e-2, 0.25};
 
 void tcs_metrics_init(tcs_metrics *metrics) {
   memset(metrics, 0, sizeof *metrics);
@@ -17,13 +19,16 @@ void tcs_metrics_clear(tcs_metrics *metrics) {
   memset(metrics, 0, sizeof *metrics);
 }
 
-void tcs_histogram_add(tcs_histogram *histogram, double seconds) {
+static void add_to(tcs_histogram *histogram, const double *edges, double amount) {
   int bucket = 0;
-  while (bucket < TCS_HISTOGRAM_BUCKETS && seconds > bounds[bucket])
+  while (bucket < TCS_HISTOGRAM_BUCKETS && amount > edges[bucket])
     bucket++;
   histogram->counts[bucket]++;
-  histogram->sum += seconds;
+  histogram->sum += amount;
 }
+
+void tcs_histogram_add(tcs_histogram *histogram, double seconds) { add_to(histogram, bounds, seconds); }
+void tcs_histogram_add_error(tcs_histogram *histogram, double rms) { add_to(histogram, error_bounds, rms); }
 
 void tcs_metrics_request(tcs_metrics *metrics, const char *method, const char *route, int status, double seconds) {
   char key[160];
@@ -51,17 +56,21 @@ static void gauge(GString *out, const char *name, const char *help, double value
   g_string_append_printf(out, "tomocast_%s %.17g\n", name, value);
 }
 
-static void histogram(GString *out, const char *name, const char *help, const tcs_histogram *h) {
+static void histogram_of(GString *out, const char *name, const char *help, const tcs_histogram *h, const double *edges) {
   head(out, name, "histogram", help);
   uint64_t total = 0;
   for (int i = 0; i < TCS_HISTOGRAM_BUCKETS; i++) {
     total += h->counts[i];
-    g_string_append_printf(out, "tomocast_%s_bucket{le=\"%g\"} %" G_GUINT64_FORMAT "\n", name, bounds[i], total);
+    g_string_append_printf(out, "tomocast_%s_bucket{le=\"%g\"} %" G_GUINT64_FORMAT "\n", name, edges[i], total);
   }
   total += h->counts[TCS_HISTOGRAM_BUCKETS];
   g_string_append_printf(out, "tomocast_%s_bucket{le=\"+Inf\"} %" G_GUINT64_FORMAT "\n", name, total);
   g_string_append_printf(out, "tomocast_%s_sum %.9g\ntomocast_%s_count %" G_GUINT64_FORMAT "\n", name, h->sum, name,
                          total);
+}
+
+static void histogram(GString *out, const char *name, const char *help, const tcs_histogram *h) {
+  histogram_of(out, name, help, h, bounds);
 }
 
 static double resident_bytes(void) {
@@ -94,6 +103,12 @@ char *tcs_metrics_write(const tcs_metrics *m, const tcs_gauges *gauges, const ch
   histogram(out, "skip_seconds", "Building of the skipping structure, per frame.", &m->skip);
   histogram(out, "render_seconds", "Rendering, per frame.", &m->render);
   histogram(out, "encode_seconds", "Encoding, per frame.", &m->encode);
+  histogram_of(out, "frame_error_rms", "Error of measured frames against the reference, colour 0..1.", &m->error,
+               error_bounds);
+  counter(out, "meter_pixels_total", "Pixels that the error meter integrated anew.", m->meter_pixels);
+  counter(out, "meter_cancelled_total", "Measurements that a newer frame ended.", m->meter_cancelled);
+  head(out, "meter_seconds_total", "counter", "Time that the error meter took, off the render path.");
+  g_string_append_printf(out, "tomocast_meter_seconds_total %.9g\n", m->meter_seconds);
   counter(out, "frames_sent_total", "Frames sent to viewers.", m->frames_sent);
   head(out, "frames_dropped_total", "counter", "Scenes that were never shown, by reason.");
   g_string_append_printf(out,

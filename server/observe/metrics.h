@@ -7,7 +7,7 @@
 
 #define TCS_HISTOGRAM_BUCKETS 12
 
-/* Seconds, in buckets from 0.5 ms to 2.5 s. */
+/* Seconds, in buckets from 0.5 ms to 2.5 s; of `error`: differences of colour 0..1, from 1e-6 to 0.25. */
 typedef struct tcs_histogram {
   uint64_t counts[TCS_HISTOGRAM_BUCKETS + 1]; /* per bucket, the last one is +Inf; not cumulative */
   double sum;
@@ -18,6 +18,9 @@ typedef struct tcs_metrics {
   tcs_histogram request, render, tables, skip, encode, queue;
   uint64_t frames_sent, frames_superseded, frames_cancelled, render_failures;
   uint64_t ws_sent_bytes, ws_messages, ws_errors, ws_connections;
+  tcs_histogram error; /* rms of frames, as the error meter found it */
+  double meter_seconds;
+  uint64_t meter_pixels, meter_cancelled;
   uint64_t uploads, upload_bytes, volume_loads, volume_failures;
 } tcs_metrics;
 
@@ -32,6 +35,7 @@ void tcs_metrics_clear(tcs_metrics *metrics);
 /* `route` is a pattern of the route table, never a path. Static string. */
 void tcs_metrics_request(tcs_metrics *metrics, const char *method, const char *route, int status, double seconds);
 void tcs_histogram_add(tcs_histogram *histogram, double seconds);
+void tcs_histogram_add_error(tcs_histogram *histogram, double rms);
 /* g_malloc'ed text, format version 0.0.4. */
 char *tcs_metrics_write(const tcs_metrics *metrics, const tcs_gauges *gauges, const char *backend);
 

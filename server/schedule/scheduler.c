@@ -1,5 +1,6 @@
 #include "server/schedule/scheduler.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 #include "server/encode/encode.h"
@@ -110,6 +111,7 @@ void tcs_job_free(tcs_job *job) {
   g_clear_error(&job->error);
   if (job->image) g_bytes_unref(job->image);
   if (job->marks) g_array_unref(job->marks);
+  tc_meter_free(job->meter);
   g_free(job);
 }
 
@@ -173,11 +175,17 @@ static void run_render(tcs_task *task) {
     return;
   }
   const tc_render_request request = {
-      .width = job->width, .height = job->height, .cancel = &job->cancel, .labels = job->labels};
+      .width = job->width, .height = job->height, .cancel = &job->cancel, .labels = job->labels,
+      .want_linear = job->meter_pixels > 0};
   if (!tc_render(renderer, job->volume, &job->scene, &request, &job->frame, NULL, &job->error)) return;
   job->stats = job->frame.stats;
   job->out_width = job->frame.width;
   job->out_height = job->frame.height;
+  if (!job->meter_pixels) return;
+  job->meter = tc_meter_new(&job->frame, job->meter_pixels, job->revision);
+  /* Four times the picture's bytes: not kept for frames that do not ask. */
+  g_clear_pointer(&job->frame.linear, free);
+  job->frame.linear_capacity = 0;
 }
 
 /* "Cancelled" would be true and no help. */

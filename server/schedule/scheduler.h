@@ -3,6 +3,8 @@
 #ifndef TCS_SCHEDULE_SCHEDULER_H
 #define TCS_SCHEDULE_SCHEDULER_H
 
+#include "renderer/quality/meter.h"
+
 #include "server/server.h"
 
 /* One picture (or plan) to make. Made by tcs_job_new(), filled by its owner, freed by the scheduler after `finished`.
@@ -23,12 +25,14 @@ struct tcs_job {
   uint64_t revision;              /* the owner's */
   bool final;                     /* the owner's */
   GArray *marks;                  /* the owner's; freed with the job; may be NULL */
+  int meter_pixels;               /* to be kept for the error meter; 0 = none */
 
   /* results */
   GError *error;
   GBytes *image;
   tc_plan plan;
   tc_frame_stats stats;
+  tc_meter *meter; /* the meter_pixels of the frame; NULL for none */
   int out_width, out_height;
   double queue_ms, encode_ms;
 

@@ -4,6 +4,7 @@
 #include <stdint.h>
 #include <string.h>
 #include <sys/eventfd.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 struct tcs_worker {
@@ -119,6 +120,9 @@ void tcs_worker_submit(tcs_worker *worker, tcs_task *task) {
   pthread_cond_signal(&worker->wake);
   pthread_mutex_unlock(&worker->mutex);
 }
+
+/* On Linux a thread has its own nice value, and 0 names the caller. Nothing is lost where it is refused. */
+void tcs_thread_set_low(void) { (void)setpriority(PRIO_PROCESS, 0, 19); }
 
 void tcs_worker_free(tcs_worker *worker) {
   if (!worker) return;

@@ -40,6 +40,8 @@ void tcs_completions_drain(tcs_completions *completions);                /* I/O 
 typedef struct tcs_worker tcs_worker;
 tcs_worker *tcs_worker_new(const char *name, int threads, tcs_completions *completions, GError **error);
 void tcs_worker_submit(tcs_worker *worker, tcs_task *task);
+/* The calling thread gives way to all others: for work that nobody waits for. Call from a task. */
+void tcs_thread_set_low(void);
 /* Runs what is queued, then ends and joins the threads. Their completions are posted, not drained. NULL is fine. */
 void tcs_worker_free(tcs_worker *worker);
 

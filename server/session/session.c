@@ -4,6 +4,8 @@
 #include <string.h>
 #include <sys/random.h>
 
+#include "server/session/measure.h"
+
 struct tcs_sessions {
   tcs_server *server;
   GHashTable *by_id;
@@ -96,6 +98,7 @@ void tcs_session_end(tcs_session *session) {
     job->user = NULL;
     tcs_job_cancel(job);
   }
+  tcs_measure_cancel(session);
   session->entry->users--;
   tcs_picture_unref(session->latest);
   g_ptr_array_unref(session->watchers);
@@ -120,15 +123,25 @@ static bool at_rest(const tcs_session *session, int64_t now_us) { return now_us 
  * while input flows every picture is one behind, and each is newer than the last. */
 static void deliver(tcs_session *session, tcs_watcher *watcher, int64_t now_us) {
   const tcs_picture *picture = session->latest;
-  if (!picture || !tcs_watcher_wants(watcher, picture->revision, picture->final)) return;
+  if (!picture || (!tcs_watcher_wants(watcher, picture->revision, picture->final) &&
+                   !tcs_watcher_wants_error(watcher, picture)))
+    return;
   if (!tcs_window_open(&watcher->window, now_us) || !watcher->ops->ready(watcher)) return;
   tcp_frame_header header = picture->header;
   header.frame = tcs_window_send(&watcher->window, now_us);
   header.seq = tcs_watcher_seq_in(watcher, picture, session->revision);
   watcher->shown_revision = picture->revision;
   watcher->shown_final = picture->final;
+  watcher->shown_error = picture->header.has_error;
   session->server->metrics.frames_sent++;
   watcher->ops->frame(watcher, picture, &header);
+}
+
+void tcs_session_deliver(tcs_session *session) {
+  const int64_t now_us = g_get_monotonic_time();
+  /* Downwards: a viewer whose socket breaks here leaves the list. */
+  for (guint i = session->watchers->len; i-- > 0;)
+    deliver(session, g_ptr_array_index(session->watchers, i), now_us);
 }
 
 /* Whether some viewer waits for a picture that is not under way; `final` tells which kind. */
@@ -186,6 +199,8 @@ static tcs_picture *make_picture(tcs_job *job) {
       .render_ms = job->stats.render_ms,
       .encode_ms = job->encode_ms,
   };
+  if (job->scene.error_meter.pixels && tc_meter_refuses(&job->scene, picture->unmeasured, sizeof picture->unmeasured))
+    picture->header.unmeasured = picture->unmeasured;
   return picture;
 }
 
@@ -206,9 +221,8 @@ static void finished(tcs_job *job) {
   tcs_ladder_measure(&session->ladder, (double)job->out_width * job->out_height, job->stats.render_ms);
   tcs_picture_unref(session->latest);
   session->latest = make_picture(job);
-  const int64_t now_us = g_get_monotonic_time();
-  for (guint i = session->watchers->len; i-- > 0;)
-    deliver(session, g_ptr_array_index(session->watchers, i), now_us);
+  if (job->meter && job->revision == session->revision) tcs_measure_begin(session, job);
+  tcs_session_deliver(session);
 }
 
 /* An interactive frame is smaller and coarser in its JPEG; the view is the same. */
@@ -240,6 +254,8 @@ static tcs_job *begin_job(tcs_session *session, bool final) {
   job->revision = session->revision;
   job->final = final;
   if (!final) make_interactive(session, job);
+  char reason[96];
+  if (final && !tc_meter_refuses(&job->scene, reason, sizeof reason)) job->meter_pixels = job->scene.error_meter.pixels;
   job->marks = g_array_sized_new(FALSE, FALSE, sizeof(tcs_mark), session->watchers->len);
   for (guint i = 0; i < session->watchers->len; i++) {
     const tcs_watcher *watcher = g_ptr_array_index(session->watchers, i);
@@ -274,6 +290,7 @@ void tcs_session_changed(tcs_session *session) {
   if (session->watchers->len && session->begun_revision < session->revision)
     session->server->metrics.frames_superseded++;
   session->revision++;
+  tcs_measure_cancel(session);
   session->used_us = now_us;
   session->active_until_us = now_us + TCS_REST_US;
   /* A refinement of the old scene would hold up the first frame of the new one. */

@@ -14,6 +14,8 @@
 /* JPEG quality of interactive frames, at most. */
 #define TCS_INTERACTIVE_QUALITY 75
 
+typedef struct tcs_measure tcs_measure;
+
 struct tcs_session {
   tcs_server *server;
   char id[33];      /* 128 random bits, hexadecimal */
@@ -28,6 +30,7 @@ struct tcs_session {
   tcs_job *job;            /* rendering for the viewers, or NULL; jobs being encoded are no longer here */
   uint64_t begun_revision; /* of the newest picture begun */
   bool begun_final;
+  tcs_measure *measure; /* of `latest`, or NULL */
   GPtrArray *jobs; /* all under way, rendering or encoding: told when the session ends */
 };
 
@@ -60,6 +63,9 @@ bool tcs_session_patch(tcs_session *session, const cJSON *patch, bool whole, GEr
 
 /* After session->scene was changed: counts the revision, cancels a refinement of the old scene, wakes the viewers. */
 void tcs_session_changed(tcs_session *session);
+
+/* The newest picture to every viewer that has something to learn from it. */
+void tcs_session_deliver(tcs_session *session);
 
 /* Viewers. */
 void tcs_session_join(tcs_session *session, tcs_watcher *watcher, unsigned window);

@@ -17,6 +17,11 @@ bool tcs_watcher_wants(const tcs_watcher *watcher, uint64_t revision, bool final
   return final && !watcher->shown_final;
 }
 
+bool tcs_watcher_wants_error(const tcs_watcher *watcher, const tcs_picture *picture) {
+  return watcher->ops->headers && picture->header.has_error && watcher->shown_revision == picture->revision &&
+         !watcher->shown_error;
+}
+
 uint64_t tcs_watcher_seq_in(const tcs_watcher *watcher, const tcs_picture *picture, uint64_t current_revision) {
   if (picture->revision == current_revision) return watcher->seq; /* every patch so far */
   for (guint i = 0; picture->marks && i < picture->marks->len; i++) {

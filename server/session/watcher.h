@@ -17,6 +17,7 @@ typedef struct tcs_picture {
   bool final;              /* full resolution and quality */
   tcp_frame_header header; /* frame and seq differ per viewer */
   GBytes *image;
+  char unmeasured[96]; /* header.unmeasured points here, or is NULL */
   GArray *marks; /* tcs_mark: each viewer's newest patch it shows */
 } tcs_picture;
 
@@ -35,6 +36,7 @@ typedef struct tcs_watcher_ops {
   void (*frame)(tcs_watcher *watcher, const tcs_picture *picture, const tcp_frame_header *header);
   void (*text)(tcs_watcher *watcher, const char *json);
   void (*end)(tcs_watcher *watcher); /* the session is over: close; comes back through tcs_session_leave() */
+  bool headers; /* headers reach the viewer: a picture goes out again when its error is known */
 } tcs_watcher_ops;
 
 struct tcs_watcher {
@@ -44,11 +46,13 @@ struct tcs_watcher {
   tcs_window window;
   uint64_t seq;            /* newest patch of this viewer that is in the scene */
   uint64_t shown_revision; /* 0 = nothing yet */
-  bool shown_final;
+  bool shown_final, shown_error;
 };
 
 /* Whether a picture of (`revision`, `final`) would tell the viewer something new. */
 bool tcs_watcher_wants(const tcs_watcher *watcher, uint64_t revision, bool final);
+/* Whether the viewer has seen the picture but not its error, which is known. */
+bool tcs_watcher_wants_error(const tcs_watcher *watcher, const tcs_picture *picture);
 /* The viewer's newest patch in the picture; 0 = none. */
 uint64_t tcs_watcher_seq_in(const tcs_watcher *watcher, const tcs_picture *picture, uint64_t current_revision);
 

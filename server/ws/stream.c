@@ -161,7 +161,7 @@ static void on_end(tcs_watcher *watcher) {
   settle(stream);
 }
 
-static const tcs_watcher_ops stream_ops = {on_ready, on_frame, on_watcher_text, on_end};
+static const tcs_watcher_ops stream_ops = {on_ready, on_frame, on_watcher_text, on_end, true};
 
 /* --- life ----------------------------------------------------------------------------------------- */
 

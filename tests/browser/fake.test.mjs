@@ -84,6 +84,21 @@ describe('page and fake server', { skip }, () => {
     await page.close();
   });
 
+  test("the status line shows the picture's error beside its time, or why there is none", async () => {
+    const { page } = await open(browser, url);
+    assert.ok(await page.isHidden('#stat-error'));
+    await page.evaluate(() => document.getElementById('meter').click());
+    await page.waitForSelector('#stat-error:not([hidden])');
+    assert.equal(await page.textContent('#stat-error'), 'error 0.41/255 \u00b1 0.10 (64 px) at 4.2 ms');
+    assert.deepEqual((await scene(page)).errorMeter, { pixels: 64 });
+    await page.selectOption('#mode', 'mip');
+    await page.waitForFunction(() => /not measured: no ref/.test(document.getElementById('stat-error').textContent));
+    await page.evaluate(() => document.getElementById('meter').click());
+    await page.waitForSelector('#stat-error', { state: 'hidden' });
+    assert.deepEqual(page.complaints, []);
+    await page.close();
+  });
+
   test('a slow server gets the newest scene in the end', async () => {
     const { page } = await open(browser, url);
     server.delayMs = 300;

@@ -356,6 +356,16 @@ class Viewer {
     const [width, height] = [image.width, image.height].map((n) => Math.max(8, Math.round(n * shrink)));
     const pixel = ball(this.session.scene, width, height);
     const bytes = image.format === 'png' ? png(width, height, pixel) : jpeg(width, height, pixel);
+    this.#picture(width, height, bytes, final, {});
+    const { pixels } = this.session.scene.errorMeter ?? {};
+    if (!final || !pixels || this.#flying.size >= WINDOW) return;
+    const { mode } = this.session.scene;
+    const found = { error: { rms: 0.0016, low: 0.0012, high: 0.002, max: 0.011, pixels } };
+    this.#picture(width, height, bytes, final, mode === 'dvr' ? found : { unmeasured: 'no reference for this mode' });
+  }
+
+  #picture(width, height, bytes, final, measured) {
+    const { image } = this.session.scene;
     const header = Buffer.from(
       JSON.stringify({
         frame: ++this.#frame,
@@ -366,6 +376,7 @@ class Viewer {
         quality: image.quality,
         final,
         timing: { queueMs: 0.1, tablesMs: 0, renderMs: 4.2, encodeMs: 0.8 },
+        ...measured,
       }),
     );
     const size = Buffer.alloc(4);

@@ -97,13 +97,16 @@ static void frame_header(void **state) {
   g_free(bytes);
   h.has_error = true;
   h.rms = 0.001;
+  h.low = 0.0005;
   h.max = 0.01;
   h.pixels = 64;
   bytes = tcp_frame_header_write(&h, &size);
   json = tcp_json_parse((char *)bytes + 4, size - 4, NULL);
   cJSON *error = cJSON_GetObjectItem(json, "error");
   assert_float_equal(cJSON_GetObjectItem(error, "rms")->valuedouble, 0.001, 0);
+  assert_float_equal(cJSON_GetObjectItem(error, "low")->valuedouble, 0.0005, 0);
   assert_int_equal(cJSON_GetObjectItem(error, "pixels")->valueint, 64);
+  assert_null(cJSON_GetObjectItem(json, "unmeasured"));
   cJSON_Delete(json);
   g_free(bytes);
 }

@@ -116,6 +116,23 @@ static void test_watcher_seq_is_what_the_picture_shows(void **state) {
   g_array_unref(picture.marks);
 }
 
+static void test_watcher_wants_an_error_once(void **state) {
+  const tcs_watcher_ops stream = {.headers = true}, mjpeg = {.headers = false};
+  tcs_watcher watcher = {.ops = &stream, .shown_revision = 5, .shown_final = true};
+  tcs_picture picture = {.revision = 5, .final = true};
+  assert_false(tcs_watcher_wants_error(&watcher, &picture)); /* not known */
+  picture.header.has_error = true;
+  assert_true(tcs_watcher_wants_error(&watcher, &picture));
+  watcher.ops = &mjpeg;
+  assert_false(tcs_watcher_wants_error(&watcher, &picture)); /* nobody would read it */
+  watcher.ops = &stream;
+  watcher.shown_error = true;
+  assert_false(tcs_watcher_wants_error(&watcher, &picture));
+  watcher.shown_error = false;
+  watcher.shown_revision = 4;
+  assert_false(tcs_watcher_wants_error(&watcher, &picture)); /* wants the picture first */
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_window_counts),
@@ -127,6 +144,7 @@ int main(void) {
       cmocka_unit_test(test_ladder_does_not_swing),
       cmocka_unit_test(test_ladder_ignores_nonsense),
       cmocka_unit_test(test_watcher_wants_what_is_new),
+      cmocka_unit_test(test_watcher_wants_an_error_once),
       cmocka_unit_test(test_watcher_seq_is_what_the_picture_shows),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,0 +1,168 @@
+#include "renderer/quality/meter.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "renderer/classify/classify.h"
+#include "renderer/clock.h"
+#include "renderer/reference/reference.h"
+
+/* Far below what any frame is asked to hold, and quick. */
+#define TOLERANCE 1e-7
+#define Z95 1.959964
+
+typedef struct meter_pixel {
+  int x, y;
+  float rgba[4];
+} meter_pixel;
+
+struct tc_meter {
+  int width, height, count;
+  meter_pixel pixels[];
+};
+
+bool tc_meter_refuses(const tc_scene *scene, char *reason, size_t size) {
+  const char *member = tc_reference_missing(scene);
+  if (member)
+    snprintf(reason, size, "the reference has nothing for this %s", member + 1);
+  else if (scene->sampling.rays_per_pixel > 1)
+    snprintf(reason, size, "%d rays a pixel make a mean, the reference has the ray of its centre",
+             scene->sampling.rays_per_pixel);
+  return member || scene->sampling.rays_per_pixel > 1;
+}
+
+/* ---- which pixels ---- */
+
+/* splitmix64 (Steele, Lea, Flood 2014). */
+static double uniform(uint64_t *state) {
+  uint64_t z = *state += 0x9e3779b97f4a7c15u;
+  z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+  z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+  return (double)((z ^ (z >> 31)) >> 11) * 0x1p-53;
+}
+
+static int within(double x, int n) {
+  int i = (int)(x * n);
+  return i < n ? i : n - 1;
+}
+
+static void pick_all(tc_meter *m) {
+  for (int i = 0; i < m->count; i++) m->pixels[i] = (meter_pixel){.x = i % m->width, .y = i / m->width};
+}
+
+/* Bands as high as the pixels they hold are many, each cut into that many cells: all cells have one area. */
+static void pick_cells(tc_meter *m, uint64_t *state) {
+  int bands = (int)lround(sqrt((double)m->count * m->height / m->width));
+  bands = bands < 1 ? 1 : bands > m->count ? m->count : bands;
+  for (int b = 0, done = 0; b < bands; b++) {
+    int cells = (int)((int64_t)m->count * (b + 1) / bands) - done;
+    for (int c = 0; c < cells; c++) {
+      double y = (done + cells * uniform(state)) / m->count, x = (c + uniform(state)) / cells;
+      m->pixels[done + c] = (meter_pixel){.x = within(x, m->width), .y = within(y, m->height)};
+    }
+    done += cells;
+  }
+}
+
+/* Fisher and Yates: whoever stops early has a fair sample. */
+static void shuffle(tc_meter *m, uint64_t *state) {
+  for (int i = m->count - 1; i > 0; i--) {
+    int j = within(uniform(state), i + 1);
+    meter_pixel p = m->pixels[i];
+    m->pixels[i] = m->pixels[j];
+    m->pixels[j] = p;
+  }
+}
+
+tc_meter *tc_meter_new(const tc_frame *frame, int count, uint64_t seed) {
+  int64_t all = (int64_t)frame->width * frame->height;
+  bool whole = count >= all;
+  if (whole) count = (int)all;
+  tc_meter *m = malloc(sizeof *m + (size_t)count * sizeof *m->pixels);
+  if (!m) return NULL;
+  m->width = frame->width, m->height = frame->height, m->count = count;
+  if (whole)
+    pick_all(m);
+  else
+    pick_cells(m, &seed);
+  shuffle(m, &seed);
+  for (int i = 0; i < count; i++) {
+    meter_pixel *p = &m->pixels[i];
+    const float *from = frame->linear + 4 * ((size_t)p->y * (size_t)frame->width + (size_t)p->x);
+    for (int c = 0; c < 4; c++) p->rgba[c] = from[c];
+  }
+  return m;
+}
+
+void tc_meter_free(tc_meter *meter) { free(meter); }
+int tc_meter_pixels(const tc_meter *meter) { return meter->count; }
+
+/* ---- how far ---- */
+
+static double shown(const tc_scene *s, const double rgba[4], int c) {
+  double v = rgba[c];
+  if (s->image.transparent) return fmin(fmax(v, 0), 1);
+  double behind = s->image.background[c];
+  v += (1 - rgba[3]) * (s->image.linear_light ? tc_srgb_to_linear(behind) : behind);
+  v = fmin(fmax(v, 0), 1);
+  return s->image.linear_light ? tc_linear_to_srgb(v) : v;
+}
+
+double tc_meter_square(const tc_scene *scene, const double a[4], const double b[4], double *max) {
+  int channels = scene->image.transparent ? 4 : 3;
+  double sum = 0;
+  for (int c = 0; c < channels; c++) {
+    double d = shown(scene, a, c) - shown(scene, b, c);
+    sum += d * d;
+    *max = fmax(*max, fabs(d));
+  }
+  return sum / channels;
+}
+
+void tc_meter_estimate(const double *squares, int n, tc_meter_result *result) {
+  double sum = 0, spread = 0;
+  for (int i = 0; i < n; i++) sum += squares[i];
+  double mean = n ? sum / n : 0;
+  for (int i = 0; i < n; i++) spread += (squares[i] - mean) * (squares[i] - mean);
+  result->pixels = n;
+  result->rms = result->low = result->high = sqrt(mean);
+  if (!(mean > 0)) return;
+  if (n < 2) { /* one pixel says nothing of the others */
+    result->low = 0;
+    result->high = 1;
+    return;
+  }
+  /* Student's quantile by its first term beyond the normal one; half of the logarithm's, for rms is the root. */
+  double t = Z95 + (Z95 * Z95 * Z95 + Z95) / (4.0 * (n - 1));
+  double factor = exp(0.5 * t * sqrt(spread / (n - 1) / n) / mean);
+  result->low /= factor;
+  result->high = fmin(result->high * factor, 1);
+}
+
+bool tc_meter_measure(const tc_meter *meter, tc_volume *volume, const tc_scene *scene, const atomic_bool *cancel,
+                      double most_ms, tc_meter_result *result, GError **error) {
+  double start = tc_now_ms();
+  *result = (tc_meter_result){0};
+  tc_reference *reference = tc_reference_new(volume, scene, meter->width, meter->height, TOLERANCE, error);
+  double *squares = reference ? malloc((size_t)meter->count * sizeof *squares) : NULL;
+  if (reference && !squares) tc_set_error(error, TC_ERROR_MEMORY, NULL, "error meter: out of memory");
+  bool stopped = false;
+  int n = 0;
+  while (squares && n < meter->count) {
+    const meter_pixel *p = &meter->pixels[n];
+    double wanted[4], got[4];
+    tc_reference_pixel(reference, p->x + 0.5, p->y + 0.5, wanted);
+    for (int c = 0; c < 4; c++) got[c] = (double)p->rgba[c];
+    squares[n++] = tc_meter_square(scene, got, wanted, &result->max);
+    stopped = cancel && atomic_load_explicit(cancel, memory_order_relaxed);
+    if (stopped || (most_ms > 0 && tc_now_ms() - start > most_ms)) break;
+  }
+  if (squares) tc_meter_estimate(squares, n, result);
+  if (stopped) tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
+  result->ms = tc_now_ms() - start;
+  bool good = squares && !stopped;
+  free(squares);
+  tc_reference_free(reference);
+  return good;
+}

@@ -1,0 +1,50 @@
+/* The error meter: how far a finished frame is from the rendering integral, by random pixels of it.
+ *
+ * Pixels are drawn one from each of `count` cells of equal area (stratified), seeded, and integrated anew by the
+ * reference. What is compared is the colour that the frame shows before it is rounded to 8 bits and encoded: with the
+ * background behind it, in sRGB, 0..1, three channels; over a transparent background the premultiplied colour and the
+ * opacity, four channels, in the compositing space. Errors are in units of 1.0: 1/255 is one step of a picture. */
+#ifndef TC_QUALITY_METER_H
+#define TC_QUALITY_METER_H
+
+#include <stdatomic.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "renderer/tomocast.h"
+
+typedef struct tc_meter tc_meter;
+
+/* Estimates for the whole frame from the pixels that were measured. */
+typedef struct tc_meter_result {
+  double rms;       /* root of the mean squared difference over channels and pixels */
+  double low, high; /* 95 % confidence interval of rms: Student's t on the mean of the pixels' squared differences,
+                       taken in its logarithm (squares are skewed and never below 0); both 0 where every pixel is exact */
+  double max;       /* largest difference of a channel among these pixels: the frame's own is at least this */
+  int pixels;       /* measured */
+  double ms;        /* what it took */
+} tc_meter_result;
+
+/* Why a scene's frames cannot be measured, one phrase in `size` bytes; false: they can be. Pure. */
+bool tc_meter_refuses(const tc_scene *scene, char *reason, size_t size);
+
+/* Picks the pixels and keeps what the frame has there; `frame` was rendered with want_linear. All pixels, once each,
+ * when `count` is at least as many. NULL when memory is short. Quick: for the render thread. */
+tc_meter *tc_meter_new(const tc_frame *frame, int count, uint64_t seed);
+void tc_meter_free(tc_meter *meter); /* NULL is fine */
+int tc_meter_pixels(const tc_meter *meter);
+
+/* Measures against the scene and volume that the frame was rendered from. Any thread. After most_ms (0 = no limit) it
+ * stops with the pixels it has: they are taken in random order. TC_ERROR_CANCELLED when *cancel (may be NULL) is set;
+ * TC_ERROR_UNSUPPORTED where the scene has no reference. */
+bool tc_meter_measure(const tc_meter *meter, tc_volume *volume, const tc_scene *scene, const atomic_bool *cancel,
+                      double most_ms, tc_meter_result *result, GError **error);
+
+/* The estimate from n squared differences of pixels (mean over channels). */
+void tc_meter_estimate(const double *squares, int n, tc_meter_result *result);
+
+/* The difference of two pixels (as tc_frame.linear has them) under a scene's background: mean square over channels;
+ * *max grows to the largest. */
+double tc_meter_square(const tc_scene *scene, const double a[4], const double b[4], double *max);
+
+#endif

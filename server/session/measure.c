@@ -1,0 +1,73 @@
+#include "server/session/measure.h"
+
+/* Then the pixels measured so far are the sample. */
+#define MOST_MS 5000
+
+struct tcs_measure {
+  tcs_task task;
+  tcs_server *server;
+  tcs_session *session; /* NULL: nobody wants it any more */
+  tc_volume *volume;
+  tc_scene scene;
+  tc_meter *meter;
+  atomic_bool cancel;
+  tc_meter_result result;
+  GError *error;
+};
+
+static void run(tcs_task *task) {
+  tcs_measure *m = (tcs_measure *)task;
+  tcs_thread_set_low();
+  tc_meter_measure(m->meter, m->volume, &m->scene, &m->cancel, MOST_MS, &m->result, &m->error);
+}
+
+static void tell(const tcs_measure *m) {
+  tcp_frame_header *header = &m->session->latest->header;
+  header->has_error = true;
+  header->rms = m->result.rms;
+  header->low = m->result.low;
+  header->high = m->result.high;
+  header->max = m->result.max;
+  header->pixels = m->result.pixels;
+  tcs_session_deliver(m->session);
+}
+
+static void done(tcs_task *task) {
+  tcs_measure *m = (tcs_measure *)task;
+  tcs_metrics *metrics = &m->server->metrics;
+  metrics->meter_seconds += m->result.ms / 1000;
+  metrics->meter_pixels += (uint64_t)m->result.pixels;
+  if (m->session) m->session->measure = NULL;
+  if (g_error_matches(m->error, TC_ERROR, TC_ERROR_CANCELLED) || !m->session) {
+    metrics->meter_cancelled++;
+  } else if (m->error) {
+    tcs_log(TCS_LOG_WARN, "meter.failed", "code=%d", m->error->code);
+  } else {
+    tcs_histogram_add_error(&metrics->error, m->result.rms);
+    tell(m);
+  }
+  tc_meter_free(m->meter);
+  tc_volume_unref(m->volume);
+  tc_scene_clear(&m->scene);
+  g_clear_error(&m->error);
+  g_free(m);
+}
+
+void tcs_measure_begin(tcs_session *session, tcs_job *job) {
+  tcs_measure_cancel(session);
+  tcs_measure *m = g_new0(tcs_measure, 1);
+  *m = (tcs_measure){.task = {.run = run, .done = done}, .server = session->server, .session = session};
+  m->volume = tc_volume_ref(job->volume);
+  tc_scene_copy(&m->scene, &job->scene);
+  m->meter = g_steal_pointer(&job->meter);
+  atomic_init(&m->cancel, false);
+  session->measure = m;
+  tcs_worker_submit(session->server->meter_worker, &m->task);
+}
+
+void tcs_measure_cancel(tcs_session *session) {
+  if (!session->measure) return;
+  atomic_store(&session->measure->cancel, true);
+  session->measure->session = NULL;
+  session->measure = NULL;
+}

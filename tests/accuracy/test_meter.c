@@ -1,0 +1,159 @@
+/* The error meter: which pixels it takes, what it finds, how often its interval holds. Errors are printed as numbers. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/quality/meter.h"
+#include "renderer/reference/reference.h"
+
+enum { WIDTH = 72, HEIGHT = 48, PIXELS = WIDTH * HEIGHT };
+
+static tc_volume *volume;
+static tc_renderer *renderer;
+static tc_scene scene;
+static tc_frame frame;
+static double squares[PIXELS], frame_rms, frame_max; /* of `frame`, from every pixel */
+
+static void render(void) {
+  GError *error = NULL;
+  if (!tc_render(renderer, volume, &scene, &(tc_render_request){.want_linear = true}, &frame, NULL, &error))
+    fail_msg("%s", error->message);
+}
+
+static int set_up(void **state) {
+  GError *error = NULL;
+  volume = tc_import("demo:bucky", NULL, &error);
+  renderer = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 2}, &error);
+  if (!volume || !renderer) return 1;
+  tc_scene_init(&scene);
+  tc_scene_fit(&scene, volume);
+  scene.image.width = WIDTH, scene.image.height = HEIGHT;
+  scene.image.background[1] = 0.5;
+  scene.sampling.step = 1;
+  render();
+  tc_reference *reference = tc_reference_new(volume, &scene, WIDTH, HEIGHT, 1e-8, &error);
+  if (!reference) return 1;
+  double sum = 0;
+  for (int i = 0; i < PIXELS; i++) {
+    double wanted[4], got[4];
+    tc_reference_pixel(reference, i % WIDTH + 0.5, i / WIDTH + 0.5, wanted);
+    for (int c = 0; c < 4; c++) got[c] = (double)frame.linear[4 * i + c];
+    sum += squares[i] = tc_meter_square(&scene, got, wanted, &frame_max);
+  }
+  frame_rms = sqrt(sum / PIXELS);
+  tc_reference_free(reference);
+  return 0;
+}
+
+static int tear_down(void **state) {
+  tc_frame_finish(&frame);
+  tc_scene_clear(&scene);
+  tc_renderer_free(renderer);
+  tc_volume_unref(volume);
+  return 0;
+}
+
+static tc_meter_result measure(int count, uint64_t seed) {
+  GError *error = NULL;
+  tc_meter_result result;
+  tc_meter *meter = tc_meter_new(&frame, count, seed);
+  assert_non_null(meter);
+  if (!tc_meter_measure(meter, volume, &scene, NULL, 0, &result, &error)) fail_msg("%s", error->message);
+  tc_meter_free(meter);
+  return result;
+}
+
+static void all_pixels_give_the_frame_itself(void **state) {
+  tc_meter_result all = measure(PIXELS + 5, 1);
+  assert_int_equal(all.pixels, PIXELS);
+  assert_true(frame_rms > 1e-5);
+  assert_float_equal(all.rms, frame_rms, 1e-6 * frame_rms + 1e-9);
+  assert_float_equal(all.max, frame_max, 1e-6);
+  assert_true(all.low < all.rms && all.rms < all.high);
+}
+
+/* 95 % nominal; squares are skewed, and a sample that missed the worst pixels is too sure: 88 % is asked here. */
+static void the_interval_holds_the_truth(void **state) {
+  enum { SEEDS = 60, COUNT = 256 };
+  int held = 0, below = 0;
+  double mean = 0;
+  for (int i = 0; i < SEEDS; i++) {
+    tc_meter_result r = measure(COUNT, (uint64_t)i);
+    assert_int_equal(r.pixels, COUNT);
+    assert_true(r.max <= frame_max * 1.000001);
+    held += r.low <= frame_rms && frame_rms <= r.high;
+    below += r.rms < frame_rms;
+    mean += r.rms * r.rms / SEEDS;
+  }
+  printf("  frame rms %.3g, mean of %d meters %.3g; the interval held it %d times, %d were below\n", frame_rms, SEEDS,
+         sqrt(mean), held, below);
+  assert_true(held >= SEEDS * 88 / 100);
+  assert_float_equal(sqrt(mean), frame_rms, 0.1 * frame_rms); /* unbiased */
+}
+
+static void one_seed_one_answer(void **state) {
+  tc_meter_result a = measure(64, 7), b = measure(64, 7), c = measure(64, 8);
+  assert_true(a.rms == b.rms && a.max == b.max && a.low == b.low);
+  assert_true(a.rms != c.rms);
+}
+
+/* What the estimator makes of squares that are known: one in four pixels wrong by 0.1. */
+static void the_estimate_is_the_textbooks(void **state) {
+  enum { COUNT = 48 };
+  double known[COUNT];
+  for (int i = 0; i < COUNT; i++) known[i] = i % 4 ? 0 : 0.01;
+  tc_meter_result r;
+  tc_meter_estimate(known, COUNT, &r);
+  assert_float_equal(r.rms, 0.05, 1e-12);
+  assert_true(r.low > 0.03 && r.low < 0.045 && r.high > 0.055 && r.high < 0.08);
+  tc_meter_estimate((double[]){0, 0, 0}, 3, &r);
+  assert_true(r.rms == 0 && r.low == 0 && r.high == 0);
+  tc_meter_estimate((double[]){0.04}, 1, &r);
+  assert_true(r.low == 0 && r.high == 1 && fabs(r.rms - 0.2) < 1e-12);
+}
+
+static void ends_when_told(void **state) {
+  atomic_bool cancel = true;
+  GError *error = NULL;
+  tc_meter_result r;
+  tc_meter *meter = tc_meter_new(&frame, 64, 1);
+  assert_false(tc_meter_measure(meter, volume, &scene, &cancel, 0, &r, &error));
+  assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_CANCELLED));
+  g_clear_error(&error);
+  assert_true(tc_meter_measure(meter, volume, &scene, NULL, 1e-9, &r, &error)); /* out of time: what there is */
+  assert_true(r.pixels >= 1 && r.pixels < 64);
+  tc_meter_free(meter);
+}
+
+static void what_has_no_reference_is_said(void **state) {
+  char reason[96];
+  tc_plan plan;
+  scene.error_meter.pixels = 64;
+  assert_false(tc_meter_refuses(&scene, reason, sizeof reason));
+  assert_true(tc_plan_make(volume, &scene, WIDTH, HEIGHT, &plan, NULL));
+  assert_true(plan.stages[TC_STAGE_ERROR_METER].included);
+  scene.mode = TC_MODE_MPR;
+  assert_true(tc_meter_refuses(&scene, reason, sizeof reason));
+  assert_true(tc_plan_make(volume, &scene, WIDTH, HEIGHT, &plan, NULL));
+  assert_false(plan.stages[TC_STAGE_ERROR_METER].included);
+  assert_string_equal(plan.stages[TC_STAGE_ERROR_METER].reason, reason);
+  scene.mode = TC_MODE_DVR;
+  scene.error_meter.pixels = 0;
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(all_pixels_give_the_frame_itself),
+                                     cmocka_unit_test(the_interval_holds_the_truth),
+                                     cmocka_unit_test(one_seed_one_answer),
+                                     cmocka_unit_test(the_estimate_is_the_textbooks),
+                                     cmocka_unit_test(ends_when_told),
+                                     cmocka_unit_test(what_has_no_reference_is_said)};
+  return cmocka_run_group_tests(tests, set_up, tear_down);
+}

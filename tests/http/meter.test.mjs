@@ -1,0 +1,101 @@
+// The error meter of a session: figures beside a final frame, none when off, a reason where there is no reference.
+import assert from 'node:assert/strict';
+import { after, before, test } from 'node:test';
+import { Daemon, sleep } from '../support/daemon.mjs';
+import { validate } from '../support/schema.mjs';
+import { Ws } from '../support/ws.mjs';
+
+let d, api;
+before(async () => {
+  d = await Daemon.start();
+  api = (await d.get('/v1/openapi.json')).json;
+});
+after(() => d.stop());
+
+const open = async (scene) => {
+  const session = await d.session(scene);
+  return { session, ws: await Ws.open(d, session.id) };
+};
+const measured = (ws, seq) => ws.nextFrame((header) => header.final && header.seq === seq && header.error);
+const stageOf = async (session, name) =>
+  (await d.get(session.links.plan)).json.stages.find((stage) => stage.name === name);
+const metric = async (name) => {
+  const text = (await d.get('/metrics')).bytes.toString();
+  return Number(new RegExp(`^tomocast_${name} (.*)$`, 'm').exec(text)[1]);
+};
+
+test('a final frame comes once more with its error, and the session has it', async () => {
+  const { session, ws } = await open({ errorMeter: { pixels: 64 } });
+  const first = await ws.nextFrame(({ final }) => final);
+  const { header, image } = first.header.error ? first : await measured(ws, 0);
+  assert.deepEqual(validate(header, api.components.schemas.FrameHeader, api), []);
+  const { rms, low, high, max, pixels } = header.error;
+  assert.equal(pixels, 64);
+  assert.ok(low <= rms && rms <= high && rms <= max && max < 0.2, JSON.stringify(header.error));
+  assert.ok(image.equals(first.image), 'the same picture');
+  assert.equal(header.timing.renderMs, first.header.timing.renderMs, 'beside its own run time');
+  await sleep(300);
+  assert.deepEqual(ws.frames(), [], 'once');
+  const { json } = await d.get(session.links.self);
+  assert.deepEqual(validate(json, api.components.schemas.Session, api), []);
+  assert.deepEqual(json.error, header.error);
+  assert.ok((await stageOf(session, 'error-meter')).included);
+  const late = await Ws.open(d, session.id);
+  assert.deepEqual((await late.nextFrame()).header.error, header.error, 'a later viewer gets it at once');
+  await late.close();
+  await ws.close();
+});
+
+test('a smaller step has a smaller error', async () => {
+  const { ws } = await open({ errorMeter: { pixels: 512 }, sampling: { step: 4, termination: 0 } });
+  const coarse = (await measured(ws, 0)).header.error;
+  ws.patch(1, { sampling: { step: 0.25 } });
+  const fine = (await measured(ws, 1)).header.error;
+  assert.ok(fine.high < coarse.low / 4, `${JSON.stringify(coarse)} ${JSON.stringify(fine)}`);
+  await ws.close();
+});
+
+test('no figures when off, and nothing is measured', async () => {
+  const before = await metric('meter_pixels_total');
+  const { session, ws } = await open();
+  const { header } = await ws.nextFrame(({ final }) => final);
+  await sleep(300);
+  assert.equal(header.error, undefined);
+  assert.deepEqual(ws.frames(), []);
+  const stage = await stageOf(session, 'error-meter');
+  assert.deepEqual([stage.included, stage.reason, stage.bytes], [false, 'errorMeter is off', 0]);
+  assert.equal(await metric('meter_pixels_total'), before);
+  await ws.close();
+});
+
+test('a scene without a reference is rendered, and says why it has no figures', async () => {
+  const { session, ws } = await open({ errorMeter: { pixels: 64 }, mode: 'mpr' });
+  const { header } = await ws.nextFrame(({ final }) => final);
+  assert.deepEqual(validate(header, api.components.schemas.FrameHeader, api), []);
+  assert.equal(header.error, undefined);
+  assert.match(header.unmeasured, /mode/);
+  const stage = await stageOf(session, 'error-meter');
+  assert.deepEqual([stage.included, stage.reason], [false, header.unmeasured]);
+  await ws.close();
+});
+
+test('scenes that change at once are not held up; the last one is measured', async () => {
+  const { ws } = await open({ errorMeter: { pixels: 20000 } });
+  for (let seq = 1; seq <= 15; seq++) {
+    ws.patch(seq, { camera: { fovY: 20 + seq } });
+    await sleep(10);
+  }
+  const { header } = await measured(ws, 15);
+  assert.equal(header.error.pixels, 96 * 64, 'every pixel, once');
+  await ws.close();
+});
+
+test('a session that ends, or a viewer that goes, while its frame is measured', async () => {
+  for (let i = 0; i < 4; i++) {
+    const { session, ws } = await open({ errorMeter: { pixels: 65536 } });
+    await ws.nextFrame(({ final }) => final);
+    if (i % 2) ws.cut();
+    assert.equal((await d.delete(session.links.self)).status, 204);
+  }
+  assert.equal((await d.get('/healthz')).status, 200);
+});
