@@ -135,6 +135,7 @@ static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scen
   if (!plan->stages[TC_STAGE_TABLE_2D].included) return true; /* a slice: and nothing leaps without a table */
   tc_table_params params = tc_table_params_for(volume, scene, request, plan->step_mm);
   plan->table_size = params.n;
+  plan->table_zooms = params.n_zooms;
   have->table = tc_resources_table(r->resources, &params, &stats->tables_ms, error);
   if (!have->table) return false;
   if (!plan->key.skipping) return true;

@@ -96,6 +96,7 @@ static bool same_transfer_function(const tc_transfer_function *a, const tc_trans
 static bool same_table(const tc_table_params *a, const tc_table_params *b) {
   return a->n == b->n && a->voxel_lo == b->voxel_lo && a->voxel_hi == b->voxel_hi && a->slope == b->slope &&
          a->intercept == b->intercept && a->step_mm == b->step_mm && a->linear_light == b->linear_light && a->bits == b->bits &&
+         a->n_zooms == b->n_zooms && !memcmp(a->zooms, b->zooms, (size_t)a->n_zooms * sizeof *a->zooms) &&
          same_transfer_function(a->tf, b->tf);
 }
 
@@ -109,7 +110,10 @@ tc_table_params tc_table_params_for(const tc_volume *volume, const tc_scene *sce
                        .linear_light = scene->image.linear_light,
                        .bits = request->table_bits};
   tc_table_choose(volume, p.tf, &p.n, &p.voxel_lo, &p.voxel_hi);
-  if (request->table_size) p.n = request->table_size;
+  if (request->table_size)
+    p.n = request->table_size; /* and nothing but it: without zooms */
+  else
+    p.n_zooms = tc_table_zooms(volume, p.tf, p.n, p.voxel_lo, p.voxel_hi, p.zooms, NULL);
   return p;
 }
 

@@ -8,13 +8,26 @@
  *   row(k), k = node(sb) - node(sf) signed, holds at column i = min(node(sf), node(sb))
  *   (R, G, B, alpha): colour with self-attenuation (premultiplied) and opacity of the segment.
  * A lookup at real (ef, eb) = (node(sf), node(sb)): i = min(ef, eb), k = |eb - ef|, bilinear over (k, i) within the
- * half table of eb - ef's sign. Colours are in the compositing space (display sRGB, or linear light). */
+ * half table of eb - ef's sign. Colours are in the compositing space (display sRGB, or linear light).
+ *
+ * Zooms: where knots stand closer than nodes can tell apart, further tables of the same kind stand on ever narrower
+ * windows of the value axis (at most 16 times each). A segment is looked up in the last zoom that holds both of its ends, else
+ * in the table itself. A window reaches 8 of its parent's nodes beyond the knots it is for: a segment that meets those knots
+ * and leaves the window is then at least 8 nodes long in the parent, where a lookup is as good as elsewhere. */
 #ifndef TC_CLASSIFY_H
 #define TC_CLASSIFY_H
 
 #include "renderer/pool.h"
 #include "renderer/scene.h"
 #include "renderer/volume/volume.h"
+
+#define TC_MAX_ZOOMS 7
+#define TC_ZOOM_NODES 256
+
+/* A window of the value axis: voxel values (not rescaled) of its nodes 0 and TC_ZOOM_NODES - 1. */
+typedef struct tc_zoom {
+  double lo, hi;
+} tc_zoom;
 
 typedef struct tc_table {
   int n;             /* nodes that data reach */
@@ -23,7 +36,10 @@ typedef struct tc_table {
   double step_mm;    /* segment length */
   float *entries;    /* [2*(n+1)+1][columns][4]; outside i + |k| <= n it is zero */
   float *zero_row;   /* entries + (n+1)*columns*4: row of k = 0 */
-  size_t bytes;
+  int n_zooms;       /* coarse before fine */
+  tc_zoom zooms[TC_MAX_ZOOMS];
+  float *zoom_rows[TC_MAX_ZOOMS]; /* their rows of k = 0, in rows of TC_ZOOM_NODES + 2 columns, behind the table's own */
+  size_t bytes;      /* of it all */
   uint64_t serial;   /* unique in the process; keys copies on a GPU */
   double build_ms;
 } tc_table;
@@ -36,11 +52,17 @@ typedef struct tc_table_params {
   double step_mm;
   bool linear_light;
   int bits; /* entries rounded to this: 8 (of 1), 16 (half floats); 0 = single precision as they are. For measurements */
+  int n_zooms;
+  tc_zoom zooms[TC_MAX_ZOOMS];
 } tc_table_params;
 
 /* How many nodes a scene's transfer function wants over a volume, and the voxel range they span: 256 over the whole type for
- * 8-bit data; else 256 to 1024 over the data's range by the distance of the knots. */
+ * 8-bit data; else 256 to 1024 over the data's range by the distance of the knots, less where zooms serve. */
 void tc_table_choose(const tc_volume *volume, const tc_transfer_function *tf, int *n, double *voxel_lo, double *voxel_hi);
+
+/* The zooms such a table wants; returns how many. *complete, unless NULL: whether they and the nodes resolve every knot. */
+int tc_table_zooms(const tc_volume *volume, const tc_transfer_function *tf, int n, double voxel_lo, double voxel_hi,
+                   tc_zoom zooms[TC_MAX_ZOOMS], bool *complete);
 
 /* Builds the table on the pool (NULL: on the caller). Out of memory gives NULL with TC_ERROR_MEMORY. */
 tc_table *tc_table_build(const tc_table_params *params, tc_pool *pool, GError **error);

@@ -26,7 +26,10 @@ typedef struct piece {
 
 typedef struct builder {
   const tc_table_params *params;
-  tc_table *table;
+  double lo, hi; /* of the table or zoom at hand */
+  double step_mm;
+  int columns;
+  float *zero_row;
   piece *pieces;
   uint32_t *first; /* [intervals + 1] into pieces */
   uint32_t count, capacity;
@@ -36,8 +39,8 @@ typedef struct builder {
 
 /* ---- pieces ---- */
 
-static double node_value(const tc_table *t, const tc_table_params *p, double node) {
-  return p->slope * (t->lo + (t->hi - t->lo) * node / (t->n - 1)) + p->intercept;
+static double node_value(const builder *b, double node) {
+  return b->params->slope * (b->lo + (b->hi - b->lo) * node / (b->intervals - 1)) + b->params->intercept;
 }
 
 static void color_in(const tc_table_params *p, double value, double rgb[3]) {
@@ -115,7 +118,7 @@ static bool cut_into_pieces(builder *b) {
   ptrdiff_t count = (ptrdiff_t)tf->count, next = rising ? 0 : count - 1;
   for (int j = 0; j < b->intervals; j++) {
     b->first[j] = b->count;
-    double v0 = node_value(b->table, b->params, j), v1 = node_value(b->table, b->params, j + 1), from = v0;
+    double v0 = node_value(b, j), v1 = node_value(b, j + 1), from = v0;
     int knots = 0;
     while (next >= 0 && next < count && (rising ? tf->points[next].value <= v0 : tf->points[next].value >= v0))
       next += rising ? 1 : -1;
@@ -222,10 +225,9 @@ static void elementary(const builder *b, int j, double length_mm, v4 *forward, v
 /* ---- diagonals ---- */
 
 static void diagonal_zero(builder *b) {
-  const tc_table *t = b->table;
-  v4 *row = (v4 *)t->zero_row;
-  for (int i = 0; i <= t->n; i++) {
-    double v = node_value(t, b->params, i), w = -expm1(-tc_extinction(b->params->tf, v) * t->step_mm), rgb[3];
+  v4 *row = (v4 *)b->zero_row;
+  for (int i = 0; i <= b->intervals; i++) {
+    double v = node_value(b, i), w = -expm1(-tc_extinction(b->params->tf, v) * b->step_mm), rgb[3];
     color_in(b->params, v, rgb);
     row[i] = (v4){(float)(rgb[0] * w), (float)(rgb[1] * w), (float)(rgb[2] * w), (float)w};
   }
@@ -256,17 +258,18 @@ static void sliding_windows(const v4 *ef, const v4 *eb, v4 *sf, v4 *sb, int m, i
 
 static void build_diagonal(void *context, int index, int worker) {
   builder *b = context;
-  const tc_table *t = b->table;
   /* Long and short diagonals in turn, so that workers finish together. */
   int m = b->intervals, k = index % 2 ? m - index / 2 : 1 + index / 2;
   v4 *ef = b->scratch + (size_t)worker * 4 * (size_t)m, *eb = ef + m, *sf = eb + m, *sb = sf + m;
-  for (int j = 0; j < m; j++) elementary(b, j, t->step_mm / k, &ef[j], &eb[j]);
-  ptrdiff_t stride = t->columns;
-  v4 *zero = (v4 *)t->zero_row;
+  for (int j = 0; j < m; j++) elementary(b, j, b->step_mm / k, &ef[j], &eb[j]);
+  ptrdiff_t stride = b->columns;
+  v4 *zero = (v4 *)b->zero_row;
   sliding_windows(ef, eb, sf, sb, m, k, zero + k * stride, zero - k * stride);
 }
 
 /* ---- life ---- */
+
+static size_t table_entries(int n) { return (2 * ((size_t)n + 1) + 1) * ((size_t)n + 2); }
 
 static tc_table *table_new(const tc_table_params *p) {
   static atomic_uint_fast64_t next_serial = 1;
@@ -276,18 +279,24 @@ static tc_table *table_new(const tc_table_params *p) {
   t->columns = p->n + 2;
   t->lo = p->voxel_lo, t->hi = p->voxel_hi;
   t->step_mm = p->step_mm;
+  t->n_zooms = p->n_zooms;
   t->serial = atomic_fetch_add(&next_serial, 1);
-  size_t rows = 2 * (size_t)(p->n + 1) + 1, row_bytes = (size_t)t->columns * sizeof(v4);
-  t->bytes = rows * row_bytes;
+  size_t own = table_entries(p->n), each = table_entries(TC_ZOOM_NODES);
+  t->bytes = (own + (size_t)p->n_zooms * each) * sizeof(v4);
   /* mmap: zeroed, and the half that no lookup reaches is never touched. The pad lets a lookup at the last row read its
    * (zero-weighted) neighbour. */
-  void *memory = mmap(NULL, t->bytes + row_bytes + 64, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  void *memory = mmap(NULL, t->bytes + (size_t)t->columns * sizeof(v4) + 64, PROT_READ | PROT_WRITE,
+                      MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (memory == MAP_FAILED) {
     free(t);
     return NULL;
   }
   t->entries = memory;
   t->zero_row = t->entries + (size_t)(p->n + 1) * (size_t)t->columns * 4;
+  for (int i = 0; i < p->n_zooms; i++) {
+    t->zooms[i] = p->zooms[i];
+    t->zoom_rows[i] = t->entries + 4 * (own + (size_t)i * each + (TC_ZOOM_NODES + 1) * (TC_ZOOM_NODES + 2));
+  }
   return t;
 }
 
@@ -297,55 +306,39 @@ void tc_table_free(tc_table *table) {
   free(table);
 }
 
+/* The table itself, or one of its zooms. */
+static bool build_window(builder *b, tc_pool *pool, tc_zoom window, int n, float *zero_row) {
+  b->lo = window.lo, b->hi = window.hi;
+  b->intervals = n;
+  b->columns = n + 2;
+  b->zero_row = zero_row;
+  b->count = 0;
+  if (!cut_into_pieces(b)) return false;
+  diagonal_zero(b);
+  tc_pool_run(pool, n, build_diagonal, b);
+  return true;
+}
+
 tc_table *tc_table_build(const tc_table_params *params, tc_pool *pool, GError **error) {
   double start = tc_now_ms();
   tc_table *t = table_new(params);
-  builder b = {.params = params, .table = t, .intervals = params->n};
-  if (t) {
-    b.first = calloc((size_t)b.intervals + 1, sizeof *b.first);
-    b.scratch = aligned_alloc(16, (size_t)tc_pool_threads(pool) * 4 * (size_t)b.intervals * sizeof(v4));
-  }
-  if (!t || !b.first || !b.scratch || !cut_into_pieces(&b)) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "pre-integration table of %d values a side: out of memory", params->n);
-    tc_table_free(t);
-    t = NULL;
-  } else {
-    diagonal_zero(&b);
-    tc_pool_run(pool, b.intervals, build_diagonal, &b);
+  builder b = {.params = params, .step_mm = params->step_mm};
+  size_t most = params->n_zooms && params->n < TC_ZOOM_NODES ? TC_ZOOM_NODES : (size_t)params->n;
+  b.first = calloc(most + 1, sizeof *b.first);
+  b.scratch = aligned_alloc(16, (size_t)tc_pool_threads(pool) * 4 * most * sizeof(v4));
+  bool ok = t && b.first && b.scratch && build_window(&b, pool, (tc_zoom){t->lo, t->hi}, t->n, t->zero_row);
+  for (int i = 0; ok && i < t->n_zooms; i++) ok = build_window(&b, pool, t->zooms[i], TC_ZOOM_NODES, t->zoom_rows[i]);
+  if (ok) {
     for (size_t i = 0; params->bits && i < t->bytes / sizeof(float); i++)
       if (t->entries[i] != 0) t->entries[i] = tc_table_round(t->entries[i], params->bits);
     t->build_ms = tc_now_ms() - start;
+  } else {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "pre-integration table of %d values a side: out of memory", params->n);
+    tc_table_free(t);
+    t = NULL;
   }
   free(b.pieces);
   free(b.first);
   free(b.scratch);
   return t;
-}
-
-/* The smallest distance of two knots that differ, in the volume's unit. */
-static double knot_distance(const tc_transfer_function *tf) {
-  double least = INFINITY;
-  for (size_t i = 1; i < tf->count; i++) {
-    double d = tf->points[i].value - tf->points[i - 1].value;
-    if (d > 0) least = fmin(least, d);
-    else return 0; /* a jump */
-  }
-  return least;
-}
-
-void tc_table_choose(const tc_volume *volume, const tc_transfer_function *tf, int *n, double *voxel_lo, double *voxel_hi) {
-  const tc_volume_desc *d = tc_volume_describe(volume);
-  const tc_volume_stats *s = tc_volume_statistics(volume);
-  if (d->type == TC_U8 || d->type == TC_I8) { /* nodes on the values themselves */
-    *voxel_lo = d->type == TC_U8 ? 0 : -128;
-    *voxel_hi = *voxel_lo + 255;
-    *n = 256;
-    return;
-  }
-  *voxel_lo = s->voxel_min;
-  *voxel_hi = s->voxel_max > s->voxel_min ? s->voxel_max : s->voxel_min + fmax(1, fabs(s->voxel_min) * 1e-6);
-  /* Four nodes between the nearest knots, so that interpolating the table rounds no corner of it much. */
-  double wanted = 4 * fabs(d->slope) * (*voxel_hi - *voxel_lo) / knot_distance(tf);
-  *n = 256;
-  while (*n < 1024 && *n < wanted) *n *= 2;
 }

@@ -257,8 +257,11 @@ static void plan_meter(tc_plan *plan, const tc_scene *s) {
 
 static void plan_stages(tc_plan *plan, const tc_scene *s) {
   stage(plan, TC_STAGE_TABLE_1D, false, "only approximate classification reads 1-D integrals");
-  stage(plan, TC_STAGE_TABLE_2D, true, "classification is preintegrated: %d values a side, segments of %.4g mm",
-        plan->table_size, plan->step_mm);
+  char zooms[48] = "";
+  if (plan->table_zooms)
+    snprintf(zooms, sizeof zooms, ", %d zoom%s for close knots", plan->table_zooms, plan->table_zooms > 1 ? "s" : "");
+  stage(plan, TC_STAGE_TABLE_2D, true, "classification is preintegrated: %d values a side%s, segments of %.4g mm",
+        plan->table_size, zooms, plan->step_mm);
   static const char *const models[TC_SHADING_COUNT] = {"none", "lambert", "blinn-phong", "gooch"};
   stage(plan, TC_STAGE_GRADIENT, plan->key.shading,
         plan->key.shading ? "shading.model is %s: gradients from the corners that interpolation fetches" : "shading.model is %s",
@@ -297,6 +300,9 @@ static void plan_compositing(tc_plan *plan, const tc_volume *volume, const tc_sc
                        tc_skip_possible(&scene->transfer_function, range->min, range->max);
   double lo, hi;
   tc_table_choose(volume, &scene->transfer_function, &plan->table_size, &lo, &hi);
+  tc_zoom zooms[TC_MAX_ZOOMS];
+  plan->table_zooms = tc_table_zooms(volume, &scene->transfer_function, plan->table_size, lo, hi, zooms, NULL);
+  plan->key.zoomed = plan->table_zooms > 0;
   plan->table_lo = d->slope * lo + d->intercept;
   plan->table_hi = d->slope * hi + d->intercept;
 }

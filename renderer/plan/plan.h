@@ -55,6 +55,7 @@ typedef struct tc_plan_key {
   uint8_t clipping;       /* 0/1 */
   uint8_t jitter;         /* 0/1 */
   uint8_t labels;         /* 0/1 */
+  uint8_t zoomed;         /* 0/1: the pre-integration table has zooms (classify/classify.h) */
   uint8_t slab;           /* mpr: 0 one slice, else 1 + tc_slab_projection */
 } tc_plan_key;
 
@@ -64,6 +65,7 @@ typedef struct tc_plan {
   int width, height;
   double step_mm;       /* world length of a full segment */
   int table_size;       /* entries per side of the table; 0 = none (projections) */
+  int table_zooms;      /* narrower tables that resolve knots which stand too close for it */
   double table_lo, table_hi; /* values (volume's unit) of the first and last entry */
   char kernel[64];      /* name of the variant that runs, e.g. "dvr.preintegrated.linear.u16.avx512" */
 } tc_plan;

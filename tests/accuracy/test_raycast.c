@@ -583,6 +583,44 @@ static void one_value_peak(void **state) {
   tc_volume_unref(volume);
 }
 
+/* The same where the data's range is wide and the field slow: the peak is a small part of what lies between two nodes of a
+ * table over the range. The ramp meets it at x = 5.37; two corner voxels, out of sight, make the range. */
+static double ramp_in_wide_range(double x, double y, double z, const void *slope) {
+  if (x + y + z == 0) return 0;
+  return x + y + z == 27 ? 65535 : 20000 + *(const double *)slope * (x - 5.37);
+}
+
+static void peak_in_wide_range(void **state) {
+  static const double slopes[] = {2, 10, 64, 900};
+  static const double most[3][4] = {{5e-3, 4e-5, 1e-5, 1e-6}, {1.2e-4, 1.5e-5, 2e-5, 2e-5}, {1.5e-5, 6e-5, 1.6e-4, 1.5e-5}};
+  for (int type = TC_U16; type <= TC_F32; type++)
+    for (size_t i = 0; i < G_N_ELEMENTS(slopes); i++) {
+      test_grid grid = {.dims = {12, 9, 9}, .type = (tc_voxel_type)type, .intercept = type == TC_I16 ? 32768 : 0};
+      tc_volume *volume = test_volume(&grid, ramp_in_wide_range, &slopes[i]);
+      double tau = slopes[i]; /* optical depth 1/2 */
+      tc_knot peak[] = {{.value = 19999.5, .color = {1, 1, 0}, .amount = 0},
+                        {.value = 20000, .color = {1, 0, 0.5}, .amount = tau},
+                        {.value = 20000.5, .color = {0, 1, 0}, .amount = 0}};
+      tc_knot box[] = {{.value = 19999.5, .color = {1, 1, 0}, .amount = 0},
+                       {.value = 19999.5, .color = {1, 1, 0}, .amount = 0.5 * tau},
+                       {.value = 20000.5, .color = {0, 1, 0}, .amount = 0.5 * tau},
+                       {.value = 20000.5, .color = {0, 1, 0}, .amount = 0}};
+      for (int boxed = 0; boxed < 2; boxed++) {
+        tc_scene scene = knots_scene(9, 6, TC_KNOT_EXTINCTION, boxed ? box : peak, boxed ? 4 : 3);
+        look_through(&scene);
+        for (size_t s = 0; s < G_N_ELEMENTS(steps); s++) {
+          char what[96];
+          snprintf(what, sizeof what, "%s %s in a range of 65536, %g a voxel", tc_voxel_type_name((tc_voxel_type)type),
+                   boxed ? "box" : "peak", slopes[i]);
+          scene.sampling.step = steps[s];
+          measure(what, volume, &scene, most[s][i], most[s][i]);
+        }
+        tc_scene_clear(&scene);
+      }
+      tc_volume_unref(volume);
+    }
+}
+
 static void shapes_and_sizes(void **state) {
   static const int shapes[][3] = {{1, 1, 1}, {1, 9, 1}, {7, 1, 5}, {2, 2, 2}, {2048, 2, 1}, {1, 1, 2048}};
   static const int pictures[][2] = {{1, 1}, {8192, 1}, {1, 300}, {33, 17}};
@@ -718,6 +756,7 @@ int main(void) {
       cmocka_unit_test(not_finite_voxels),
       cmocka_unit_test(ranges_and_slopes),
       cmocka_unit_test(one_value_peak),
+      cmocka_unit_test(peak_in_wide_range),
       cmocka_unit_test(shapes_and_sizes),
       cmocka_unit_test(odd_transfer_functions),
       cmocka_unit_test(random_scenes),

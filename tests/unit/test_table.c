@@ -199,9 +199,64 @@ static void narrower_formats(void **state) {
   assert_true(tc_table_round(0.1f, 8) == 26.0f / 255 && tc_table_round(1, 8) == 1);
 }
 
+static tc_volume *range_of(tc_voxel_type type, double lo, double hi) {
+  tc_volume_desc desc = {.dims = {2, 1, 1}, .type = type, .spacing = {1, 1, 1}, .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 1};
+  tc_volume *volume = tc_volume_new(&desc, NULL);
+  for (int i = 0; i < 2; i++) {
+    double v = i ? hi : lo;
+    if (type == TC_U8) ((uint8_t *)tc_volume_voxels(volume))[i] = (uint8_t)v;
+    else if (type == TC_I16) ((int16_t *)tc_volume_voxels(volume))[i] = (int16_t)v;
+    else ((float *)tc_volume_voxels(volume))[i] = (float)v;
+  }
+  tc_volume_seal(volume);
+  return volume;
+}
+
+/* Zooms only where knots want them, each narrower than the one before, around the knots and as fine as they want. */
+static void zooms_where_knots_are_close(void **state) {
+  static tc_knot peaks[] = {{-20000.5, {1, 1, 1}, 0}, {-20000, {1, 1, 1}, 1}, {-19999.5, {1, 1, 1}, 0},
+                            {11999.5, {1, 1, 1}, 0},  {12000, {1, 1, 1}, 1},  {12000.5, {1, 1, 1}, 0}};
+  static tc_knot step[] = {{300, {1, 1, 1}, 0}, {300, {1, 1, 1}, 0.5}};
+  static tc_knot far[] = {{40000, {1, 1, 1}, 0}, {40000.5, {1, 1, 1}, 0.5}};
+  static const struct {
+    const char *what;
+    tc_knot *knots;
+    size_t count;
+    tc_voxel_type type;
+    double lo, hi;
+    int n, zooms;
+  } cases[] = {
+      {"two peaks, 16 bits", peaks, 6, TC_I16, -32768, 32767, 256, 6}, {"one of them", peaks, 3, TC_I16, -32768, 32767, 256, 3},
+      {"peaks as floats", peaks, 6, TC_F32, -32768, 32767, 256, 6},    {"a step in 12 bits", step, 2, TC_I16, -1024, 3071, 1024, 0},
+      {"a step in 16 bits", step, 2, TC_I16, -32768, 32767, 256, 2},   {"bytes", smooth, 4, TC_U8, 0, 255, 256, 0},
+      {"out of range", far, 2, TC_I16, -1024, 3071, 1024, 0}};
+  for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    tc_transfer_function tf = {.points = cases[i].knots, .count = cases[i].count, .kind = TC_KNOT_OPACITY, .unit_distance_mm = 1};
+    tc_volume *volume = range_of(cases[i].type, cases[i].lo, cases[i].hi);
+    tc_table_params p = {.tf = &tf, .slope = 1, .step_mm = 1};
+    bool complete;
+    tc_table_choose(volume, &tf, &p.n, &p.voxel_lo, &p.voxel_hi);
+    p.n_zooms = tc_table_zooms(volume, &tf, p.n, p.voxel_lo, p.voxel_hi, p.zooms, &complete);
+    tc_table *t = tc_table_build(&p, NULL, NULL);
+    printf("%-20s n=%4d, %d zooms, %.2f ms on one thread\n", cases[i].what, p.n, p.n_zooms, t->build_ms);
+    assert_int_equal(p.n, cases[i].n);
+    assert_int_equal(p.n_zooms, cases[i].zooms);
+    assert_true(complete);
+    for (int z = 0; z < p.n_zooms; z++) {
+      double node = (p.zooms[z].hi - p.zooms[z].lo) / (TC_ZOOM_NODES - 1);
+      /* an entry of the zoom is what brute force gives, at the peak in its middle */
+      const float *e = t->zoom_rows[z] + (51 * (TC_ZOOM_NODES + 2) + 107) * 4;
+      light near = brute(&tf, p.zooms[z].lo + 107 * node, p.zooms[z].lo + 158 * node, 1, 4000, false);
+      assert_true(fabs((double)e[3] - (1 - near.t)) < 3e-6 && fabs((double)e[0] - near.c[0]) < 3e-6);
+    }
+    tc_table_free(t);
+    tc_volume_unref(volume);
+  }
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(against_brute_force), cmocka_unit_test(stiff),
                                      cmocka_unit_test(closed_form), cmocka_unit_test(very_many_knots), cmocka_unit_test(invariants),
-                                     cmocka_unit_test(narrower_formats)};
+                                     cmocka_unit_test(narrower_formats), cmocka_unit_test(zooms_where_knots_are_close)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

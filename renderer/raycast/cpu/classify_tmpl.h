@@ -9,6 +9,25 @@ V_INLINE vf4 classify(const tc_cpu_args *g, vf front, vf back) {
   return v_bilinear(g->table, v_trunc(row0), v_trunc(row0 + stride), low - i, k - kk);
 }
 
+/* The same where the table has zooms: each lane in the finest window that holds both of its ends. */
+V_INLINE vf4 classify_zoomed(const tc_cpu_args *g, vf front, vf back) {
+  vf f = front, b = back, stride = v_set(g->table_stride), start = v_set(0);
+  for (int z = 0; z < g->n_zooms; z++) {
+    const tc_cpu_zoom *zoom = &g->zooms[z];
+    vf zf = (front - v_set(zoom->lo)) * v_set(zoom->scale), zb = (back - v_set(zoom->lo)) * v_set(zoom->scale);
+    vm inside = m_and(v_le(v_set(0), v_min(zf, zb)), v_le(v_max(zf, zb), v_set(TC_ZOOM_NODES - 1)));
+    f = v_select(inside, zf, f);
+    b = v_select(inside, zb, b);
+    stride = v_select(inside, v_set(TC_ZOOM_NODES + 2), stride);
+    start = v_select(inside, v_set(zoom->start), start);
+  }
+  vf low = v_min(f, b), diff = b - f, k = v_abs(diff);
+  vf i = v_float(v_trunc(low)), kk = v_float(v_trunc(k));
+  stride = v_select(v_lt(diff, v_set(0)), v_set(0) - stride, stride);
+  vf row0 = v_fma(kk, stride, i) + start;
+  return v_bilinear(g->table, v_trunc(row0), v_trunc(row0 + stride), low - i, k - kk);
+}
+
 /* log2 and exp2 for the last segments only; relative error about 1e-6. */
 V_INLINE vf log2_approx(vf x) {
   vi bits = v_bits(x), e = v_subi(v_sra(bits, 23), v_seti(127));

@@ -138,6 +138,15 @@ static void fill_shading(tc_cpu_args *a, const tc_job *job) {
   a->head_light = s.head_light;
 }
 
+static void fill_zooms(tc_cpu_args *a, const tc_table *t) {
+  double nodes = (t->n - 1) / (t->hi - t->lo);
+  a->n_zooms = t->n_zooms;
+  for (int z = 0; z < t->n_zooms; z++)
+    a->zooms[z] = (tc_cpu_zoom){.lo = (float)((t->zooms[z].lo - t->lo) * nodes),
+                                .scale = (float)((TC_ZOOM_NODES - 1) / ((t->zooms[z].hi - t->zooms[z].lo) * nodes)),
+                                .start = (float)((t->zoom_rows[z] - t->zero_row) / 4)};
+}
+
 static void fill_args(tc_cpu_args *a, const tc_job *job) {
   const tc_rays *r = job->rays;
   const tc_volume_desc *d = tc_volume_describe(job->volume);
@@ -176,6 +185,7 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
   a->value_lo = (float)job->table->lo;
   a->value_scale = (float)((job->table->n - 1) / (job->table->hi - job->table->lo));
   a->node_last = (float)(job->table->n - 1);
+  fill_zooms(a, job->table);
   a->termination = (float)job->scene->sampling.termination;
   if (job->plan->key.shading) fill_shading(a, job);
   if (job->leap) {

@@ -58,7 +58,7 @@ V_INLINE void cast_packet(const tc_cpu_args *g, variant v, int x, int y, int x1,
       if (v.shaded) shift_slopes(slopes);
       continue;
     }
-    vf4 c = classify(g, front, back);
+    vf4 c = v.zoomed ? classify_zoomed(g, front, back) : classify(g, front, back);
     vm ends = v_lt(p.length, v_set(t1));
     if (m_any(ends)) c = shorten(c, v_max(p.length - v_set(t0), v_set(0)) / v_set(g->step_mm), ends);
     if (v.shaded && m_any(v_lt(v_set(0), c.a))) c = shade(g, &light, at_front, at_back, c);

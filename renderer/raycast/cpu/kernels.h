@@ -8,8 +8,15 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "renderer/classify/classify.h"
 #include "renderer/plan/plan.h"
 #include "renderer/raycast/rays.h"
+
+/* A zoom of the table, in nodes of the table itself. */
+typedef struct tc_cpu_zoom {
+  float lo, scale; /* its node = (node - lo) * scale */
+  float start;     /* entries from the table's row k = 0 to its own; exact below 2^24 */
+} tc_cpu_zoom;
 
 /* A frame's constants in single precision (raycast/rays.h says what they mean). Read-only while kernels run. */
 typedef struct tc_cpu_args {
@@ -31,6 +38,8 @@ typedef struct tc_cpu_args {
   const float *table; /* row k = 0 of tc_table */
   float table_stride; /* entries a row; offsets are computed in float, exact below 2^24 */
   float value_lo, value_scale, node_last; /* node = (voxel - value_lo) * value_scale, clamped to [0, node_last] */
+  int n_zooms;
+  tc_cpu_zoom zooms[TC_MAX_ZOOMS];
   float termination;
   float window_center, window_gain; /* grey = (node - center) * gain + 0.5; modes without a table */
   const uint8_t *distance; /* tc_leap's map, when the plan leaps */

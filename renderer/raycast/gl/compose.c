@@ -74,9 +74,9 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
   add(&c, "head.glsl");
   snprintf(literals, sizeof literals,
            "#define VOXELS %s\n#define ATLAS %d\n#define TERMINATION %d\n#define LEAP %d\n#define SLAB %d\n"
-           "#define CLIP %d\n#define SHADED %d\n",
+           "#define CLIP %d\n#define SHADED %d\n#define ZOOMED %d\n",
            sampler_type(v), v->atlas, v->plan.termination, v->plan.skipping, v->plan.slab,
-           v->plan.clipping, v->plan.shading != TC_SHADING_NONE);
+           v->plan.clipping, v->plan.shading != TC_SHADING_NONE, v->plan.zoomed);
   add_text(&c, literals);
   add(&c, v->plan.projection == TC_PERSPECTIVE ? "ray_perspective.glsl" : "ray_orthographic.glsl");
   add(&c, v->field == TC_GL_FIELD_GATHER ? "field_gather.glsl" : "field_filtered.glsl");

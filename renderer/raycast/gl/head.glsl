@@ -12,7 +12,7 @@ layout(std140, binding = 0) uniform Job {
   vec4 texel;                         // xyz: 1 / texture size
   vec4 unpack;                        // voxel = texel value * x + y
   vec4 nodes;                         // x: lo, y: nodes per voxel unit, z: n - 1
-  ivec4 table;                        // x: columns, y: where k = 0 begins
+  ivec4 table;                        // x: columns, y: where k = 0 begins, z: how many zooms, w: their columns
   ivec4 blocks;                       // x: voxels a block is wide, yz: entries to the next block along y, z, w: interval
   vec4 background;                    // compositing space; w: termination
   vec4 march;                         // x: step mm, y: eye mm (orthographic), z: 1 / step, w: where rays end, mm
@@ -25,6 +25,7 @@ layout(std140, binding = 0) uniform Job {
   vec4 light;                         // xyz: to a fixed light; w: 1 for a head light
   vec4 reflection;                    // x: F0, y: F1, z: least q, w: flat
   vec4 glow[2];                       // xyz: G0, G1; w: specular, shininess
+  vec4 zooms[7];                      // node of the zoom = (node - x) * y; z: where its k = 0 begins (classify.h)
 } job;
 
 // This dispatch's part of the picture: xy = first pixel, zw = size in pixels.

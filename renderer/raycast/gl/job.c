@@ -18,6 +18,15 @@ static void fill_table(tc_gl_job_block *block, const tc_table *table) {
   block->nodes[2] = (float)(table->n - 1);
   block->table[0] = table->columns;
   block->table[1] = (int32_t)((table->zero_row - table->entries) / 4);
+  block->table[2] = table->n_zooms;
+  block->table[3] = TC_ZOOM_NODES + 2;
+  double nodes = (table->n - 1) / (table->hi - table->lo);
+  for (int z = 0; z < table->n_zooms; z++) {
+    const tc_zoom *zoom = &table->zooms[z];
+    block->zooms[z][0] = (float)((zoom->lo - table->lo) * nodes);
+    block->zooms[z][1] = (float)((TC_ZOOM_NODES - 1) / ((zoom->hi - zoom->lo) * nodes));
+    block->zooms[z][2] = (float)((table->zoom_rows[z] - table->entries) / 4);
+  }
 }
 
 static void fill_blocks(tc_gl_job_block *block, int width, const int blocks[3]) {

@@ -21,6 +21,7 @@ typedef struct tc_gl_job_block {
   float grey[4], reach[4];
   float window[4];
   float gradient[3][4], light[4], reflection[4], glow[2][4];
+  float zooms[TC_MAX_ZOOMS][4];
 } tc_gl_job_block;
 
 /* Pure. */

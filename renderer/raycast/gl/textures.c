@@ -296,7 +296,7 @@ const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_tabl
   const lookup_source from = {.what = "pre-integration table",
                               .entries = table->entries,
                               .entry_bytes = sizeof(float[4]),
-                              .count = (size_t)table->columns * (2 * ((size_t)table->n + 1) + 1),
+                              .count = table->bytes / sizeof(float[4]),
                               .format = GL_RGBA32F};
   return lookup(textures, key, &from, error);
 }

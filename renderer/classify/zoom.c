@@ -1,0 +1,145 @@
+/* How finely the value axis must be cut for a transfer function, and where (classify.h). */
+#include <math.h>
+#include <stdlib.h>
+
+#include "renderer/classify/classify.h"
+
+/* The coarsest node distance at which a change between two knots is still told from none, in voxel values: a quarter of its
+ * own width, or, for a steep one, a quarter of the way to the next change back of the same channel (the width of a peak). A
+ * steep change with nothing near may be off by a few integer values, or by a thousandth of a range of floats. */
+typedef struct edge {
+  double at, node;
+} edge;
+
+#define NODES_PER_WIDTH 4
+#define EDGE_UNITS 8
+#define EDGE_SHARE 0.001
+#define MARGIN 8 /* parent nodes that a zoom reaches beyond its edges */
+#define LEAST_GAIN 3
+
+typedef struct edges {
+  edge *list;
+  size_t count;
+} edges;
+
+static double channel(const tc_knot *k, int c) { return c < 3 ? k->color[c] : k->amount; }
+
+/* Narrows both edges of a peak: `other` is the last change of this channel in the other direction, or NULL. */
+static void pair_edges(edge *here, edge *other) {
+  double node = other ? (here->at - other->at) / NODES_PER_WIDTH : 0;
+  if (!(node > 0)) return; /* up and down at one value shows nothing */
+  here->node = fmin(here->node, node);
+  other->node = fmin(other->node, node);
+}
+
+/* Ascending in voxel value, whatever the sign of the slope. */
+static bool find_edges(const tc_transfer_function *tf, const tc_volume_desc *d, double steep, edges *found) {
+  edge *last[4][2] = {{NULL}};
+  found->list = calloc(tf->count, sizeof *found->list);
+  double *width = calloc(tf->count, sizeof *width);
+  if (!found->list || !width) {
+    free(width);
+    free(found->list);
+    return false;
+  }
+  for (size_t i = 0; i + 1 < tf->count; i++) {
+    const tc_knot *a = &tf->points[d->slope > 0 ? i : tf->count - 1 - i], *b = d->slope > 0 ? a + 1 : a - 1;
+    edge *e = &found->list[found->count];
+    double lo = (a->value - d->intercept) / d->slope, hi = (b->value - d->intercept) / d->slope;
+    *e = (edge){.at = 0.5 * (lo + hi), .node = steep};
+    bool changes = false;
+    for (int c = 0; c < 4; c++) {
+      double rise = channel(b, c) - channel(a, c);
+      if (rise == 0 || (c < 3 && a->amount <= 0 && b->amount <= 0)) continue; /* a colour that nothing shows */
+      pair_edges(e, last[c][rise < 0]);
+      last[c][rise > 0] = e;
+      changes = true;
+    }
+    if (changes) width[found->count++] = hi - lo;
+  }
+  for (size_t i = 0; i < found->count; i++) found->list[i].node = fmax(found->list[i].node, width[i] / NODES_PER_WIDTH);
+  free(width);
+  return true;
+}
+
+typedef struct zooming {
+  edges edges;
+  tc_zoom *zooms;
+  int count;
+  bool complete;
+} zooming;
+
+/* Zooms on what nodes `node` apart in [lo, hi] do not resolve: edges nearer than two margins share one. */
+static void zoom_in(zooming *z, double lo, double hi, double node) {
+  const edge *e = z->edges.list;
+  for (size_t i = 0; i < z->edges.count;) {
+    if (e[i].at < lo || e[i].at > hi || !(e[i].node < node)) {
+      i++;
+      continue;
+    }
+    size_t end = i;
+    double first = e[i].at, last = first;
+    for (; end < z->edges.count && e[end].at <= fmin(last + 2 * MARGIN * node, hi); end++)
+      if (e[end].node < node) last = e[end].at;
+    i = end;
+    tc_zoom window = {first - MARGIN * node, last + MARGIN * node};
+    double finer = (window.hi - window.lo) / (TC_ZOOM_NODES - 1);
+    /* Below this a node is less than what single precision tells apart in a voxel value. */
+    bool sharp = finer > 4e-7 * fmax(fabs(window.lo), fabs(window.hi));
+    if (finer * LEAST_GAIN > node || !sharp || z->count == TC_MAX_ZOOMS) {
+      z->complete = false;
+      continue;
+    }
+    z->zooms[z->count++] = window;
+    zoom_in(z, window.lo, window.hi, finer);
+  }
+}
+
+int tc_table_zooms(const tc_volume *volume, const tc_transfer_function *tf, int n, double voxel_lo, double voxel_hi,
+                   tc_zoom zooms[TC_MAX_ZOOMS], bool *complete) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  double range = voxel_hi - voxel_lo;
+  zooming z = {.zooms = zooms, .complete = true};
+  /* A range that single precision cannot halve a few times has nothing to zoom into. */
+  if (range > 1e-4 * fmax(fabs(voxel_lo), fabs(voxel_hi)) && range < 1e30 && range > 1e-30 &&
+      find_edges(tf, d, d->type == TC_F32 ? EDGE_SHARE * range : EDGE_UNITS, &z.edges)) {
+    zoom_in(&z, voxel_lo, voxel_hi, range / (n - 1));
+    free(z.edges.list);
+  }
+  if (complete) *complete = z.complete;
+  return z.count;
+}
+
+/* The smallest distance of two knots that differ, in the volume's unit. */
+static double knot_distance(const tc_transfer_function *tf) {
+  double least = INFINITY;
+  for (size_t i = 1; i < tf->count; i++) {
+    double d = tf->points[i].value - tf->points[i - 1].value;
+    if (d > 0) least = fmin(least, d);
+    else return 0; /* a jump */
+  }
+  return least;
+}
+
+void tc_table_choose(const tc_volume *volume, const tc_transfer_function *tf, int *n, double *voxel_lo, double *voxel_hi) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  const tc_volume_stats *s = tc_volume_statistics(volume);
+  if (d->type == TC_U8 || d->type == TC_I8) { /* nodes on the values themselves */
+    *voxel_lo = d->type == TC_U8 ? 0 : -128;
+    *voxel_hi = *voxel_lo + 255;
+    *n = 256;
+    return;
+  }
+  *voxel_lo = s->voxel_min;
+  *voxel_hi = s->voxel_max > s->voxel_min ? s->voxel_max : s->voxel_min + fmax(1, fabs(s->voxel_min) * 1e-6);
+  /* Four nodes between the nearest knots, so that interpolating the table rounds no corner of it much. */
+  double wanted = 4 * fabs(d->slope) * (*voxel_hi - *voxel_lo) / knot_distance(tf);
+  *n = 256;
+  while (*n < 1024 && *n < wanted) *n *= 2;
+  /* Where it takes zooms all the same, they may serve a smaller table just as well. */
+  tc_zoom zooms[TC_MAX_ZOOMS];
+  bool complete;
+  if (*n == 256 || !tc_table_zooms(volume, tf, *n, *voxel_lo, *voxel_hi, zooms, &complete)) return;
+  for (int less = 256; less < *n; less *= 2)
+    if (tc_table_zooms(volume, tf, less, *voxel_lo, *voxel_hi, zooms, &complete) && complete) *n = less;
+}
