@@ -17,6 +17,7 @@ static const command commands[] = {
     {"render", tcs_cli_render, "VOLUME [OPTION...]", "one picture, no server"},
     {"info", tcs_cli_info, "VOLUME [--json]", "what a volume file holds"},
     {"bench", tcs_cli_bench, "[VOLUME...]", "frame times and errors of every kernel variant"},
+    {"report", tcs_cli_report, "--output DIR", "error against run time, over scenes and settings"},
 };
 
 static void print_help(void) {

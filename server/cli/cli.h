@@ -16,6 +16,7 @@ int tcs_cli_serve(int argc, char **argv);  /* the daemon, until SIGTERM */
 int tcs_cli_render(int argc, char **argv); /* one picture */
 int tcs_cli_info(int argc, char **argv);   /* what a file holds */
 int tcs_cli_bench(int argc, char **argv);  /* how fast, and how far from the reference */
+int tcs_cli_report(int argc, char **argv); /* error against run time, over scenes and settings */
 
 /* What the sub-commands share (options.c) ---------------------------------------------------------- */
 

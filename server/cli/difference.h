@@ -9,15 +9,18 @@
 #include <stddef.h>
 
 /* How a picture is looked at: over which background (sRGB 0..1), and whether its colours are linear light. */
-typedef struct tcs_look { double background[3]; bool linear_light; } tcs_look;
+typedef struct tcs_look {
+  double background[3];
+  bool linear_light;
+} tcs_look;
 
 typedef struct tcs_difference {
   size_t pixels;
-  double rms;             /* over the four channels of all pixels */
-  double rms_lo, rms_hi;  /* 95 % interval of it, the pixels being a sample of the picture plane */
-  double p999, max;       /* of a pixel's largest channel difference: 99.9th percentile and largest */
+  double rms;              /* over the four channels of all pixels */
+  double rms_lo, rms_hi;   /* 95 % interval of it, the pixels being a sample of the picture plane */
+  double p999, max;        /* of a pixel's largest channel difference: 99.9th percentile and largest */
   double ciede, ciede_max; /* CIEDE2000 of the pixels as shown: mean and largest */
-  double ssim;            /* of the luma as shown, 1 = alike */
+  double ssim;             /* of the luma as shown, 1 = alike */
 } tcs_difference;
 
 /* a against b. False: out of memory. */
@@ -32,9 +35,9 @@ void tcs_lab(const double srgb[3], double lab[3]);
 /* CIEDE2000 with kL = kC = kH = 1 (CIE 142; Sharma, Wu, Dalal, Color Res. Appl. 30(1), 2005). */
 double tcs_ciede2000(const double lab1[3], const double lab2[3]);
 
-/* Mean structural similarity of two grey pictures, 0..1 (Wang, Bovik, Sheikh, Simoncelli, IEEE TIP 13(4), 2004): Gaussian
- * window of 11 x 11 with sigma 1.5, smaller where the picture is, K1 = 0.01, K2 = 0.03, windows that lie inside. NAN: out
- * of memory. */
+/* Mean structural similarity of two grey pictures, 0..1 (Wang, Bovik, Sheikh, Simoncelli, IEEE TIP 13(4), 2004):
+ * Gaussian window of 11 x 11 with sigma 1.5, smaller where the picture is, K1 = 0.01, K2 = 0.03, windows that lie
+ * inside. NAN: out of memory. */
 double tcs_ssim(const float *a, const float *b, int width, int height);
 
 #endif

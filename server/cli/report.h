@@ -1,0 +1,134 @@
+/* tomocast report, inside: scenes, settings, rows of results, what is made of them. All of it belongs to one thread. */
+#ifndef TC_SERVER_REPORT_H
+#define TC_SERVER_REPORT_H
+
+#include <cjson/cJSON.h>
+
+#include "renderer/tomocast.h"
+#include "server/cli/cli.h"
+
+/* ---- scenes (report_scenes.c) ---- */
+
+typedef struct tcs_report_scene {
+  char name[48], title[96];
+  char why[400]; /* what it tries, and what orders of convergence to expect of it */
+  bool smooth;   /* field and transfer function smooth along every ray: expected orders hold */
+  tc_volume *volume;
+  tc_scene scene; /* dvr, filter linear, front to back, one ray, no termination */
+} tcs_report_scene;
+
+/* How many there are built in. */
+int tcs_report_scene_count(void);
+/* Makes the built-in scene `index`; *made holds nothing before. */
+bool tcs_report_scene_make(int index, tcs_report_scene *made, GError **error);
+/* The user's own: VOLUME and a scene document (NULL: the fitted defaults). */
+bool tcs_report_scene_load(const char *volume, const char *document, tcs_report_scene *made, GError **error);
+void tcs_report_scene_clear(tcs_report_scene *scene);
+
+/* ---- settings (report_sweep.c) ---- */
+
+typedef struct tcs_setting {
+  tc_backend backend;
+  tc_classification classification;
+  tc_order order;
+  tc_filter filter;
+  double step, termination;
+  int rays;
+  bool coherence, jitter;
+  int table_size, table_bits; /* 0 = chosen, single precision */
+} tcs_setting;
+
+/* Every setting to measure of a scene that the plan accepts: all classifications at all steps, and one other member at
+ * a time away from its usual value. What the plan refuses is said in `left_out`: {"what", "why"}, each once.
+ * Order is the same every time. Array of tcs_setting. */
+GArray *tcs_report_settings(const tcs_report_scene *scene, bool quick, bool gl, cJSON *left_out);
+void tcs_setting_apply(const tcs_setting *setting, tc_scene *scene);
+/* Adds {"what", "why"} unless it is there. */
+void tcs_report_leave_out(cJSON *left_out, const char *what, const char *why);
+
+/* ---- rows (report_rows.c) ---- */
+
+/* One line of results.jsonl and of the CSV. Errors: units of 1 (full scale). */
+typedef struct tcs_report_row {
+  char key[160], scene[48], backend[8], classification[24], order[20], filter[12], kernel[64];
+  double step, rays, coherence, jitter, termination;
+  double table_size, table_bits;                                         /* asked for; 0 = chosen, single precision */
+  double table_nodes;                                                    /* used; 0 = the variant has no such table */
+  double pixels, rms, rms_lo, rms_hi, p999, max, ciede, ciede_max, ssim; /* against rays through pixel centres */
+  double area_pixels, area_rms, area_rms_lo, area_rms_hi, area_max;      /* against the mean over the pixel's area */
+  double render_ms, render_ms_least;                                     /* median and least of the runs, as measured */
+  double anchor_ms;                                                      /* the anchor's median in the same batch */
+  double time_ms;            /* render_ms times the scene's usual anchor / anchor_ms: drift taken out */
+  double tables_ms, skip_ms; /* building, in the first frame */
+  double runs, samples;
+} tcs_report_row;
+
+cJSON *tcs_report_row_write(const tcs_report_row *row);
+bool tcs_report_row_read(const cJSON *json, tcs_report_row *row); /* false: not a row */
+/* All rows with a line of names above: RFC 4180. */
+char *tcs_report_csv(const GArray *rows);
+/* What a setting is called in a line for people: "post, step 0.5, 4 rays, cpu". */
+char *tcs_report_row_title(const tcs_report_row *row);
+
+/* ---- measuring (report_measure.c) ---- */
+
+typedef struct tcs_report_options {
+  bool quick, gl;
+  int size;    /* side of timed pictures, pixels */
+  int side;    /* side of the pictures that are compared; 0 = as many pixels as the reference can do in its time */
+  int threads; /* 0 = one per core */
+} tcs_report_options;
+
+typedef struct tcs_report_bench tcs_report_bench; /* renderers and references */
+
+tcs_report_bench *tcs_report_bench_new(const tcs_report_options *options, const atomic_bool *stop, cJSON *left_out,
+                                       GError **error);
+void tcs_report_bench_free(tcs_report_bench *bench);
+bool tcs_report_bench_has_gl(const tcs_report_bench *bench);
+/* {"cpu": device, "gl": device, "threads"}. */
+cJSON *tcs_report_bench_about(const tcs_report_bench *bench);
+
+/* Starts a scene: forgets the last one. *side: of compared pictures; chosen when 0. */
+bool tcs_report_bench_scene(tcs_report_bench *bench, tcs_report_scene *scene, int *side, GError **error);
+
+/* Measures settings[count] side by side: their frames take turns. A setting that a back end refuses leaves its row with
+ * no runs and is said in left_out. rows[i] come with key, scene and members of the setting already in. False: a true
+ * failure, or TC_ERROR_CANCELLED. */
+bool tcs_report_measure(tcs_report_bench *bench, const tcs_setting *settings, int count, tcs_report_row *rows,
+                        GError **error);
+
+/* ---- what follows from the rows (report_summary.c) ---- */
+
+/* Fills time_ms of rows[first..], all of one scene. */
+void tcs_report_steady(GArray *rows, guint first);
+
+enum { TCS_REPORT_BOUNDS = 3 };
+extern const double tcs_report_bounds[TCS_REPORT_BOUNDS]; /* 1/255, 1/1000, 1e-4 */
+extern const char *const tcs_report_bound_names[TCS_REPORT_BOUNDS];
+
+/* The rms by which a row competes: of one ray a pixel against pixel centres, of more against the pixel's area. */
+double tcs_report_error(const tcs_report_row *row);
+double tcs_report_error_max(const tcs_report_row *row);
+/* Only step, classification and back end differ from the usual. */
+bool tcs_report_plain(const tcs_report_row *row);
+
+/* Indices of the scene's rows that nothing beats in both error and time, fastest first. */
+GArray *tcs_report_front(const GArray *rows, const char *scene);
+/* Index of the fastest row under the bound (of the maximum, or of the rms); -1 = none. */
+int tcs_report_cheapest(const GArray *rows, const char *scene, double bound, bool maximum);
+
+/* Observed order of a classification on a scene and back end: slope of log(rms) over log(step) over the finest three
+ * octaves whose rms is above single precision. False: fewer than three steps left. */
+bool tcs_report_slope(const GArray *rows, const char *scene, const char *backend, const char *classification,
+                      double *slope);
+/* Expected on smooth scenes (NUMERICS section 4), as text; "" for a name that is not known. */
+const char *tcs_report_expected(const char *classification);
+
+cJSON *tcs_report_summary(const GArray *rows, const char *scene);
+
+/* ---- the page (report_html.c, over report_svg.c) ---- */
+
+/* about: report.json's head; scenes: report.json's list, in order. */
+char *tcs_report_html(const cJSON *about, const cJSON *scenes, const cJSON *left_out, const GArray *rows);
+
+#endif

@@ -1,0 +1,319 @@
+/* Frames against the reference, and their time, in one run.
+ *
+ * Errors are of a small whole picture: its rays are a regular sample of the picture plane, and a whole picture is what
+ * structural similarity needs. Times are of a larger one, frames of a batch's settings taken in turn, so that a drift
+ * of the machine's speed falls on all alike; the first of every batch is the same setting, the anchor, which shows
+ * drift between batches. */
+#include <math.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "renderer/reference/reference.h"
+#include "server/cli/difference.h"
+#include "server/cli/report.h"
+
+enum { AREA_SIDE = 4, MOST_RUNS = 5, LEAST_SIDE = 24 };
+static const int sides[] = {LEAST_SIDE, 32, 48, 64, 96, 128, 192, 256};
+
+/* What one filter's field truly looks like. */
+typedef struct truth {
+  bool asked;
+  float *centres; /* [side][side][4]; NULL: the reference does not know this filter */
+  float *areas;   /* [n_area][4], mean over the pixel */
+} truth;
+
+struct tcs_report_bench {
+  tcs_report_options options;
+  const atomic_bool *stop;
+  cJSON *left_out;
+  tc_renderer *renderers[TC_BACKEND_COUNT];
+  tcs_report_scene *scene; /* the caller's, while it is measured */
+  tc_volume *volume;       /* its volume, held until it is forgotten */
+  int side;
+  int *area_pixels, n_area;
+  truth truths[TC_FILTER_COUNT];
+  tc_frame small, large;
+};
+
+static double now_ms(void) { return (double)g_get_monotonic_time() / 1e3; }
+
+static bool stopped(const tcs_report_bench *b, GError **error) {
+  if (!atomic_load(b->stop)) return false;
+  tc_set_error(error, TC_ERROR_CANCELLED, NULL, "interrupted");
+  return true;
+}
+
+/* ---- life ---- */
+
+tcs_report_bench *tcs_report_bench_new(const tcs_report_options *options, const atomic_bool *stop, cJSON *left_out,
+                                       GError **error) {
+  tcs_report_bench *b = g_new0(tcs_report_bench, 1);
+  *b = (tcs_report_bench){.options = *options, .stop = stop, .left_out = left_out};
+  for (int i = TC_BACKEND_CPU; i <= TC_BACKEND_GL; i++) {
+    const tc_renderer_options wanted = {.backend = (tc_backend)i, .threads = options->threads};
+    GError *own = NULL;
+    if (i == TC_BACKEND_GL && !options->gl) continue;
+    b->renderers[i] = tc_renderer_new(&wanted, &own);
+    if (b->renderers[i]) continue;
+    if (i == TC_BACKEND_CPU) {
+      g_propagate_error(error, own);
+      tcs_report_bench_free(b);
+      return NULL;
+    }
+    tcs_report_leave_out(left_out, "gl back end", own->message);
+    g_error_free(own);
+  }
+  return b;
+}
+
+static void forget(tcs_report_bench *b) {
+  for (int i = 0; i < TC_BACKEND_COUNT && b->volume; i++)
+    if (b->renderers[i]) tc_renderer_forget(b->renderers[i], b->volume);
+  tc_volume_unref(b->volume);
+  for (int f = 0; f < TC_FILTER_COUNT; f++) {
+    free(b->truths[f].centres);
+    free(b->truths[f].areas);
+  }
+  memset(b->truths, 0, sizeof b->truths);
+  g_clear_pointer(&b->area_pixels, g_free);
+  b->n_area = 0;
+  b->volume = NULL;
+}
+
+void tcs_report_bench_free(tcs_report_bench *b) {
+  if (!b) return;
+  forget(b);
+  for (int i = 0; i < TC_BACKEND_COUNT; i++)
+    tc_renderer_free(b->renderers[i]);
+  tc_frame_finish(&b->small);
+  tc_frame_finish(&b->large);
+  g_free(b);
+}
+
+bool tcs_report_bench_has_gl(const tcs_report_bench *b) { return b->renderers[TC_BACKEND_GL] != NULL; }
+
+cJSON *tcs_report_bench_about(const tcs_report_bench *b) {
+  cJSON *json = cJSON_CreateObject();
+  for (int i = TC_BACKEND_CPU; i <= TC_BACKEND_GL; i++) {
+    if (!b->renderers[i]) continue;
+    const tc_renderer_info *info = tc_renderer_about(b->renderers[i]);
+    cJSON_AddStringToObject(json, info->backend, info->device);
+    if (i != TC_BACKEND_CPU) continue;
+    cJSON_AddStringToObject(json, "isa", info->isa);
+    cJSON_AddNumberToObject(json, "threads", info->threads);
+  }
+  return json;
+}
+
+/* ---- the truth ---- */
+
+static uint64_t next_random(uint64_t *state) {
+  *state = *state * 6364136223846793005u + 1442695040888963407u;
+  return *state >> 33;
+}
+
+/* The mean over a pixel's area by a 4 x 4 grid of rays. */
+static void area_mean(const tc_reference *r, int x, int y, float mean[4]) {
+  double sum[4] = {0}, rgba[4];
+  for (int i = 0; i < AREA_SIDE * AREA_SIDE; i++) {
+    tc_reference_pixel(r, x + (i % AREA_SIDE + 0.5) / AREA_SIDE, y + (i / AREA_SIDE + 0.5) / AREA_SIDE, rgba);
+    for (int c = 0; c < 4; c++)
+      sum[c] += rgba[c] / (AREA_SIDE * AREA_SIDE);
+  }
+  for (int c = 0; c < 4; c++)
+    mean[c] = (float)sum[c];
+}
+
+typedef struct truth_job {
+  const tcs_report_bench *bench;
+  const tc_reference *reference;
+  truth *truth;
+  atomic_int next;
+} truth_job;
+
+/* Rows of the picture, then pixels whose area is integrated. */
+static void *find_truth(void *data) {
+  truth_job *job = data;
+  const tcs_report_bench *b = job->bench;
+  for (int i; (i = atomic_fetch_add(&job->next, 1)) < b->side + b->n_area && !atomic_load(b->stop);) {
+    if (i >= b->side) {
+      int pixel = b->area_pixels[i - b->side];
+      area_mean(job->reference, pixel % b->side, pixel / b->side, job->truth->areas + 4 * (i - b->side));
+      continue;
+    }
+    for (int x = 0; x < b->side; x++) {
+      double rgba[4];
+      tc_reference_pixel(job->reference, x + 0.5, i + 0.5, rgba);
+      for (int c = 0; c < 4; c++)
+        job->truth->centres[4 * (i * b->side + x) + c] = (float)rgba[c];
+    }
+  }
+  return NULL;
+}
+
+static tc_reference *reference_of(tcs_report_bench *b, tc_filter filter, int side, GError **error) {
+  tc_scene scene;
+  tc_scene_copy(&scene, &b->scene->scene);
+  scene.filter = filter;
+  tc_reference *r = tc_reference_new(b->scene->volume, &scene, side, side, 0, error);
+  tc_scene_clear(&scene);
+  return r;
+}
+
+/* NULL centres where the reference does not know the filter: said once. */
+static const truth *truth_of(tcs_report_bench *b, tc_filter filter) {
+  truth *t = &b->truths[filter];
+  if (t->asked) return t;
+  t->asked = true;
+  GError *error = NULL;
+  truth_job job = {.bench = b, .truth = t, .reference = reference_of(b, filter, b->side, &error)};
+  if (!job.reference) {
+    tcs_report_leave_out(b->left_out, "reference", error->message);
+    g_error_free(error);
+    return t;
+  }
+  t->centres = g_malloc((size_t)b->side * (size_t)b->side * 4 * sizeof(float));
+  t->areas = g_malloc((size_t)b->n_area * 4 * sizeof(float));
+  pthread_t helpers[64];
+  int started = 0, wanted = tc_renderer_about(b->renderers[TC_BACKEND_CPU])->threads;
+  while (started < wanted - 1 && started < 64 && pthread_create(&helpers[started], NULL, find_truth, &job) == 0)
+    started++;
+  find_truth(&job);
+  for (int i = 0; i < started; i++)
+    pthread_join(helpers[i], NULL);
+  tc_reference_free((tc_reference *)job.reference);
+  return t;
+}
+
+/* The largest picture whose reference fits the time, from the time of a few of its rays. Half of it is for the areas.
+ */
+static bool choose_side(tcs_report_bench *b, int *side, GError **error) {
+  enum { PROBES = 128 };
+  double budget_ms = (b->options.quick ? 500 : 10000) * tc_renderer_about(b->renderers[TC_BACKEND_CPU])->threads;
+  tc_reference *r = reference_of(b, TC_FILTER_LINEAR, 256, error);
+  if (!r) return false;
+  double rgba[4], start = now_ms();
+  uint64_t state = 1;
+  for (int i = 0; i < PROBES; i++)
+    tc_reference_pixel(r, (double)(next_random(&state) % 256) + 0.5, (double)(next_random(&state) % 256) + 0.5, rgba);
+  double ray_ms = (now_ms() - start) / PROBES;
+  tc_reference_free(r);
+  *side = LEAST_SIDE;
+  for (size_t i = 0; i < G_N_ELEMENTS(sides); i++)
+    if (2 * ray_ms * sides[i] * sides[i] <= budget_ms && sides[i] <= b->options.size) *side = sides[i];
+  return true;
+}
+
+bool tcs_report_bench_scene(tcs_report_bench *b, tcs_report_scene *scene, int *side, GError **error) {
+  forget(b);
+  b->scene = scene;
+  b->volume = tc_volume_ref(scene->volume);
+  if (*side == 0 && !choose_side(b, side, error)) return false;
+  b->side = *side;
+  int pixels = b->side * b->side;
+  b->n_area = (pixels + AREA_SIDE * AREA_SIDE - 1) / (AREA_SIDE * AREA_SIDE);
+  b->area_pixels = g_new(int, (size_t)b->n_area);
+  uint64_t state = 1;
+  for (int i = 0; i < b->n_area; i++)
+    b->area_pixels[i] = (int)(next_random(&state) % (uint64_t)pixels);
+  return true;
+}
+
+/* ---- one batch ---- */
+
+static bool render(tcs_report_bench *b, const tcs_setting *s, int side, bool compare, tc_plan *plan, GError **error) {
+  const tc_render_request request = {.width = side,
+                                     .height = side,
+                                     .want_linear = compare,
+                                     .cancel = b->stop,
+                                     .table_size = s->table_size,
+                                     .table_bits = s->table_bits};
+  tcs_setting_apply(s, &b->scene->scene);
+  return tc_render(b->renderers[s->backend], b->scene->volume, &b->scene->scene, &request,
+                   compare ? &b->small : &b->large, plan, error);
+}
+
+static bool judge(tcs_report_bench *b, const truth *t, tcs_report_row *row) {
+  tcs_difference d;
+  tcs_look look = {.linear_light = b->scene->scene.image.linear_light};
+  memcpy(look.background, b->scene->scene.image.background, sizeof look.background);
+  if (!tcs_compare(b->small.linear, t->centres, b->side, b->side, &look, &d)) return false;
+  row->pixels = (double)d.pixels;
+  row->rms = d.rms, row->rms_lo = d.rms_lo, row->rms_hi = d.rms_hi, row->p999 = d.p999, row->max = d.max;
+  row->ciede = d.ciede, row->ciede_max = d.ciede_max, row->ssim = d.ssim;
+  float *taken = g_new(float, 4 * (size_t)b->n_area);
+  for (int i = 0; i < b->n_area; i++)
+    memcpy(taken + 4 * i, b->small.linear + 4 * b->area_pixels[i], 4 * sizeof *taken);
+  bool good = tcs_compare_pixels(taken, t->areas, (size_t)b->n_area, &d);
+  row->area_pixels = (double)d.pixels;
+  row->area_rms = d.rms, row->area_rms_lo = d.rms_lo, row->area_rms_hi = d.rms_hi, row->area_max = d.max;
+  g_free(taken);
+  return good;
+}
+
+/* The compared picture; it also builds what timed frames will find ready. */
+static bool compare_one(tcs_report_bench *b, const tcs_setting *s, tcs_report_row *row, GError **error) {
+  tc_plan plan;
+  const truth *t = truth_of(b, s->filter);
+  if (stopped(b, error)) return false;
+  if (!t->centres) return true;
+  if (!render(b, s, b->side, true, &plan, error)) return false;
+  row->tables_ms = b->small.stats.tables_ms;
+  row->skip_ms = b->small.stats.skip_ms;
+  row->table_nodes = plan.stages[TC_STAGE_TABLE_2D].included ? plan.table_size : 0;
+  g_strlcpy(row->kernel, plan.kernel, sizeof row->kernel);
+  if (!judge(b, t, row)) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "comparing pictures: out of memory");
+    return false;
+  }
+  row->runs = 1; /* to be timed */
+  return true;
+}
+
+static int ascending(const void *a, const void *b) {
+  double x = *(const double *)a, y = *(const double *)b;
+  return (x > y) - (x < y);
+}
+
+static bool time_batch(tcs_report_bench *b, const tcs_setting *settings, int count, tcs_report_row *rows,
+                       GError **error) {
+  int runs = b->options.quick ? 3 : MOST_RUNS;
+  double(*ms)[MOST_RUNS] = g_malloc0((size_t)count * sizeof *ms);
+  bool good = true;
+  /* Round 0 warms caches and programs up and is not counted. */
+  for (int run = 0; run <= runs && good; run++)
+    for (int i = 0; i < count && good; i++) {
+      if (rows[i].runs == 0) continue;
+      good = render(b, &settings[i], b->options.size, false, NULL, error);
+      if (run > 0) ms[i][run - 1] = b->large.stats.render_ms;
+      rows[i].samples = (double)b->large.stats.samples;
+    }
+  for (int i = 0; i < count && good; i++) {
+    if (rows[i].runs == 0) continue;
+    qsort(ms[i], (size_t)runs, sizeof **ms, ascending);
+    rows[i].runs = runs;
+    rows[i].render_ms = ms[i][runs / 2];
+    rows[i].render_ms_least = ms[i][0];
+    rows[i].anchor_ms = rows[0].render_ms;
+  }
+  g_free(ms);
+  return good;
+}
+
+bool tcs_report_measure(tcs_report_bench *b, const tcs_setting *settings, int count, tcs_report_row *rows,
+                        GError **error) {
+  for (int i = 0; i < count; i++) {
+    GError *own = NULL;
+    if (compare_one(b, &settings[i], &rows[i], &own)) continue;
+    if (!g_error_matches(own, TC_ERROR, TC_ERROR_UNSUPPORTED)) {
+      g_propagate_error(error, own);
+      return false;
+    }
+    char *what = g_strconcat(tc_renderer_about(b->renderers[settings[i].backend])->backend, " back end", NULL);
+    tcs_report_leave_out(b->left_out, what, own->message);
+    g_free(what);
+    g_error_free(own);
+  }
+  return time_batch(b, settings, count, rows, error);
+}

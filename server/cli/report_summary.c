@@ -1,0 +1,181 @@
+/* What the rows say: fronts, cheapest settings under a bound, observed orders. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "server/cli/report.h"
+
+const double tcs_report_bounds[TCS_REPORT_BOUNDS] = {1.0 / 255, 1e-3, 1e-4};
+const char *const tcs_report_bound_names[TCS_REPORT_BOUNDS] = {"1/255", "1/1000", "1e-4"};
+
+/* Under this a picture's rms is single precision's, not the method's. */
+#define FLOOR 1e-6
+
+static const tcs_report_row *row_at(const GArray *rows, guint i) { return &g_array_index(rows, tcs_report_row, i); }
+
+double tcs_report_error(const tcs_report_row *r) { return r->rays > 1 ? r->area_rms : r->rms; }
+double tcs_report_error_max(const tcs_report_row *r) { return r->rays > 1 ? r->area_max : r->max; }
+
+bool tcs_report_plain(const tcs_report_row *r) {
+  return r->rays == 1 && !r->coherence && !r->jitter && r->termination == 0 && r->table_size == 0 &&
+         r->table_bits == 0 && !strcmp(r->filter, "linear") && !strcmp(r->order, "front-to-back");
+}
+
+static int ascending(const void *a, const void *b) {
+  double x = *(const double *)a, y = *(const double *)b;
+  return (x > y) - (x < y);
+}
+
+void tcs_report_steady(GArray *rows, guint first) {
+  guint count = rows->len - first;
+  if (count == 0) return;
+  double *anchors = g_new(double, count);
+  for (guint i = 0; i < count; i++)
+    anchors[i] = row_at(rows, first + i)->anchor_ms;
+  qsort(anchors, count, sizeof *anchors, ascending);
+  for (guint i = first; i < rows->len; i++) {
+    tcs_report_row *r = &g_array_index(rows, tcs_report_row, i);
+    r->time_ms = r->render_ms * (r->anchor_ms > 0 ? anchors[count / 2] / r->anchor_ms : 1);
+  }
+  g_free(anchors);
+}
+
+static bool measured(const tcs_report_row *r, const char *scene) { return r->runs > 0 && !strcmp(r->scene, scene); }
+
+/* Another field is another truth: only the usual filter's rows compete. */
+static bool competes(const tcs_report_row *r, const char *scene) {
+  return measured(r, scene) && !strcmp(r->filter, "linear") && isfinite(tcs_report_error(r));
+}
+
+static int faster(const void *a, const void *b, void *data) {
+  const tcs_report_row *x = row_at(data, *(const guint *)a), *y = row_at(data, *(const guint *)b);
+  return (x->time_ms > y->time_ms) - (x->time_ms < y->time_ms);
+}
+
+static GArray *by_time(const GArray *rows, const char *scene) {
+  GArray *order = g_array_new(FALSE, FALSE, sizeof(guint));
+  for (guint i = 0; i < rows->len; i++)
+    if (competes(row_at(rows, i), scene)) g_array_append_val(order, i);
+  g_array_sort_with_data(order, faster, (gpointer)rows);
+  return order;
+}
+
+GArray *tcs_report_front(const GArray *rows, const char *scene) {
+  GArray *order = by_time(rows, scene), *front = g_array_new(FALSE, FALSE, sizeof(guint));
+  double best = INFINITY;
+  for (guint i = 0; i < order->len; i++) {
+    guint row = g_array_index(order, guint, i);
+    double e = tcs_report_error(row_at(rows, row));
+    if (e < best) g_array_append_val(front, row), best = e;
+  }
+  g_array_free(order, TRUE);
+  return front;
+}
+
+int tcs_report_cheapest(const GArray *rows, const char *scene, double bound, bool maximum) {
+  GArray *order = by_time(rows, scene);
+  int found = -1;
+  for (guint i = 0; found < 0 && i < order->len; i++) {
+    guint row = g_array_index(order, guint, i);
+    if ((maximum ? tcs_report_error_max : tcs_report_error)(row_at(rows, row)) < bound) found = (int)row;
+  }
+  g_array_free(order, TRUE);
+  return found;
+}
+
+static int finer(const void *a, const void *b) {
+  const double *x = a, *y = b;
+  return (x[0] > y[0]) - (x[0] < y[0]);
+}
+
+bool tcs_report_slope(const GArray *rows, const char *scene, const char *backend, const char *classification,
+                      double *slope) {
+  double points[32][2];
+  int n = 0;
+  for (guint i = 0; i < rows->len && n < 32; i++) {
+    const tcs_report_row *r = row_at(rows, i);
+    if (!measured(r, scene) || !tcs_report_plain(r) || strcmp(r->backend, backend) ||
+        strcmp(r->classification, classification) || !(r->rms > FLOOR))
+      continue;
+    points[n][0] = log2(r->step), points[n++][1] = log2(r->rms);
+  }
+  qsort(points, (size_t)n, sizeof *points, finer);
+  while (n > 0 && points[n - 1][0] > points[0][0] + 3.01)
+    n--;
+  if (n < 3) return false;
+  double sx = 0, sy = 0, sxx = 0, sxy = 0;
+  for (int i = 0; i < n; i++) {
+    sx += points[i][0], sy += points[i][1];
+    sxx += points[i][0] * points[i][0], sxy += points[i][0] * points[i][1];
+  }
+  *slope = (n * sxy - sx * sy) / (n * sxx - sx * sx);
+  return true;
+}
+
+const char *tcs_report_expected(const char *classification) {
+  static const struct {
+    const char *name, *order;
+  } expected[] = {{"preintegrated", "2"},
+                  {"preintegrated2", "3"},
+                  {"approximate", "1"},
+                  {"post", "1 (midpoint 2)"},
+                  {"linearized", "1"}};
+  for (size_t i = 0; i < G_N_ELEMENTS(expected); i++)
+    if (!strcmp(expected[i].name, classification)) return expected[i].order;
+  return "";
+}
+
+static cJSON *cheapest_json(const GArray *rows, const char *scene) {
+  cJSON *list = cJSON_CreateArray();
+  for (int maximum = 0; maximum < 2; maximum++)
+    for (int b = 0; b < TCS_REPORT_BOUNDS; b++) {
+      cJSON *entry = cJSON_CreateObject();
+      int row = tcs_report_cheapest(rows, scene, tcs_report_bounds[b], maximum);
+      cJSON_AddStringToObject(entry, "measure", maximum ? "max" : "rms");
+      cJSON_AddStringToObject(entry, "bound", tcs_report_bound_names[b]);
+      if (row < 0)
+        cJSON_AddNullToObject(entry, "key");
+      else
+        cJSON_AddStringToObject(entry, "key", row_at(rows, (guint)row)->key);
+      cJSON_AddItemToArray(list, entry);
+    }
+  return list;
+}
+
+static bool listed(const cJSON *list, const tcs_report_row *r) {
+  const cJSON *entry;
+  cJSON_ArrayForEach(entry, list) if (!strcmp(cJSON_GetObjectItem(entry, "backend")->valuestring, r->backend) &&
+                                      !strcmp(cJSON_GetObjectItem(entry, "classification")->valuestring,
+                                              r->classification)) return true;
+  return false;
+}
+
+static cJSON *slopes_json(const GArray *rows, const char *scene) {
+  cJSON *list = cJSON_CreateArray();
+  for (guint i = 0; i < rows->len; i++) {
+    const tcs_report_row *r = row_at(rows, i);
+    double slope;
+    if (!measured(r, scene) || listed(list, r)) continue;
+    cJSON *entry = cJSON_CreateObject();
+    cJSON_AddStringToObject(entry, "backend", r->backend);
+    cJSON_AddStringToObject(entry, "classification", r->classification);
+    if (tcs_report_slope(rows, scene, r->backend, r->classification, &slope))
+      cJSON_AddNumberToObject(entry, "observed", slope);
+    else
+      cJSON_AddNullToObject(entry, "observed");
+    cJSON_AddStringToObject(entry, "expected", tcs_report_expected(r->classification));
+    cJSON_AddItemToArray(list, entry);
+  }
+  return list;
+}
+
+cJSON *tcs_report_summary(const GArray *rows, const char *scene) {
+  cJSON *json = cJSON_CreateObject(), *keys = cJSON_AddArrayToObject(json, "front");
+  GArray *front = tcs_report_front(rows, scene);
+  for (guint i = 0; i < front->len; i++)
+    cJSON_AddItemToArray(keys, cJSON_CreateString(row_at(rows, g_array_index(front, guint, i))->key));
+  g_array_free(front, TRUE);
+  cJSON_AddItemToObject(json, "cheapest", cheapest_json(rows, scene));
+  cJSON_AddItemToObject(json, "orders", slopes_json(rows, scene));
+  return json;
+}

@@ -1,0 +1,413 @@
+/* The report from outside (files, resuming, interruption, the page) and what it concludes from rows. */
+#include <math.h>
+#include <setjmp.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+#include <sys/wait.h>
+
+#include <cmocka.h>
+#include <glib/gstdio.h>
+
+#include "protocol/protocol.h"
+#include "server/cli/report.h"
+
+static char *folder;
+
+static char *path_of(const char *name) { return g_build_filename(folder, "out", name, NULL); }
+
+static char *read_out(const char *name) {
+  char *path = path_of(name), *text = NULL;
+  if (!g_file_get_contents(path, &text, NULL, NULL)) fail_msg("%s was not written", name);
+  g_free(path);
+  return text;
+}
+
+static cJSON *json_out(const char *name) {
+  char *text = read_out(name);
+  GError *error = NULL;
+  cJSON *json = tcp_json_parse(text, strlen(text), &error);
+  if (!json) fail_msg("%s: %s", name, error->message);
+  g_free(text);
+  return json;
+}
+
+static const char *const quick[] = {TC_BINARY_DIR "/tomocast",
+                                    "report",
+                                    "--quick",
+                                    "--output",
+                                    "out",
+                                    "--volume",
+                                    "a<b&c.nrrd",
+                                    "--scene",
+                                    "scene.json",
+                                    "--size",
+                                    "24",
+                                    "--side",
+                                    "24",
+                                    "--threads",
+                                    "2",
+                                    "--no-gl",
+                                    NULL};
+
+/* Exit code; *out receives stdout. */
+static int run(const char *const *argv, char **out, char **err) {
+  int status;
+  GError *error = NULL;
+  if (!g_spawn_sync(folder, (char **)argv, NULL, G_SPAWN_DEFAULT, NULL, NULL, out, err, &status, &error))
+    fail_msg("%s", error->message);
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+static void run_quick(int measured) {
+  char *out, *err, words[64];
+  int code = run(quick, &out, &err);
+  if (code != 0) fail_msg("exit code %d: %s", code, err);
+  g_snprintf(words, sizeof words, " %d of them measured now", measured);
+  if (measured >= 0 && !strstr(out, words)) fail_msg("\"%s\" lacks \"%s\"", out, words);
+  g_free(out);
+  g_free(err);
+}
+
+static int lines_of(const char *text) {
+  int n = 0;
+  for (; *text; text++)
+    n += *text == '\n';
+  return n;
+}
+
+/* ---- the page ---- */
+
+static void attributes_inside(GMarkupParseContext *context, const char *element, const char **names,
+                              const char **values, gpointer user, GError **error) {
+  if (!strcmp(element, "script") || !strcmp(element, "img") || !strcmp(element, "link") || !strcmp(element, "iframe"))
+    fail_msg("<%s> in a page that needs nothing", element);
+  for (; *names; names++, values++) {
+    bool link = !strcmp(*names, "href") || !strcmp(*names, "src");
+    if (link && **values != '#') fail_msg("%s=\"%s\" leads out of the page", *names, *values);
+  }
+  if (!strcmp(element, "svg")) ++*(int *)user;
+}
+
+static void page_is_whole(void) {
+  static const GMarkupParser parser = {.start_element = attributes_inside};
+  char *html = read_out("report.html");
+  GError *error = NULL;
+  int charts = 0;
+  GMarkupParseContext *context = g_markup_parse_context_new(&parser, 0, &charts, NULL);
+  if (!g_markup_parse_context_parse(context, html, -1, &error) || !g_markup_parse_context_end_parse(context, &error))
+    fail_msg("report.html: %s", error->message);
+  g_markup_parse_context_free(context);
+  assert_true(charts >= 4);
+  const char *const outside[] = {"http:", "https:", "url(", "@import", "nan", "inf "};
+  for (size_t i = 0; i < G_N_ELEMENTS(outside); i++)
+    if (strstr(html, outside[i])) fail_msg("report.html holds \"%s\"", outside[i]);
+  assert_non_null(strstr(html, "a&lt;b&amp;c.nrrd"));
+  g_free(html);
+}
+
+/* ---- files ---- */
+
+static const tcs_report_row *row_where(const GArray *rows, double bits, double termination, double step) {
+  for (guint i = 0; i < rows->len; i++) {
+    const tcs_report_row *r = &g_array_index(rows, tcs_report_row, i);
+    if (r->table_bits == bits && r->termination == termination && r->step == step && r->rays == 1 && !r->jitter &&
+        !r->table_size && !strcmp(r->classification, "preintegrated") && !strcmp(r->filter, "linear") &&
+        !strcmp(r->order, "front-to-back"))
+      return r;
+  }
+  fail_msg("no row of %g bits, termination %g, step %g", bits, termination, step);
+  return NULL;
+}
+
+static GArray *rows_of(const cJSON *report) {
+  GArray *rows = g_array_new(FALSE, FALSE, sizeof(tcs_report_row));
+  const cJSON *json;
+  cJSON_ArrayForEach(json, cJSON_GetObjectItem(report, "results")) {
+    tcs_report_row row;
+    assert_true(tcs_report_row_read(json, &row));
+    g_array_append_val(rows, row);
+  }
+  return rows;
+}
+
+static void reports_a_volume(void **state) {
+  run_quick(-1);
+  cJSON *report = json_out("report.json");
+  GArray *rows = rows_of(report);
+  assert_true(rows->len >= 8);
+  assert_true(cJSON_IsTrue(cJSON_GetObjectItem(cJSON_GetObjectItem(report, "about"), "complete")));
+  for (guint i = 0; i < rows->len; i++) {
+    const tcs_report_row *r = &g_array_index(rows, tcs_report_row, i);
+    assert_true(r->pixels == 24 * 24 && r->runs == 3 && r->render_ms > 0 && r->time_ms > 0);
+    assert_true(r->rms >= r->rms_lo && r->rms <= r->rms_hi && r->rms <= r->max && r->p999 <= r->max);
+    assert_true(r->max <= 1 && r->ssim <= 1 && r->ciede <= r->ciede_max && isfinite(r->area_rms));
+  }
+  /* Halving the step quarters the error; narrow tables and an early end cost what they must. */
+  const tcs_report_row *usual = row_where(rows, 0, 0, 1);
+  double ratio = row_where(rows, 0, 0, 2)->rms / usual->rms, half = row_where(rows, 16, 0, 1)->rms,
+         byte = row_where(rows, 8, 0, 1)->rms;
+  print_message("step 2 over step 1: %.2f; rms %.2g, half floats %.2g, 8 bit %.2g\n", ratio, usual->rms, half, byte);
+  assert_true(ratio > 3 && ratio < 5);
+  assert_true(byte > 4 * usual->rms && half < byte);
+  assert_true(row_where(rows, 0, 0.02, 1)->max <= usual->max + 0.02 + 1e-6);
+  char *csv = read_out("report.csv");
+  assert_int_equal(lines_of(csv), (int)rows->len + 1);
+  assert_true(g_str_has_prefix(csv, "key,scene,backend,classification,"));
+  g_free(csv);
+  g_array_free(rows, TRUE);
+  cJSON_Delete(report);
+  page_is_whole();
+}
+
+/* What is there is not measured again; a torn line is; nothing is lost. */
+static void goes_on_where_it_ended(void **state) {
+  run_quick(0);
+  char *text = read_out("results.jsonl"), *path = path_of("results.jsonl");
+  int before = lines_of(text);
+  char *cut = text + strlen(text) - 1;
+  for (int i = 0; i < 3; i++)
+    cut = g_strrstr_len(text, cut - text, "\n");
+  assert_true(g_file_set_contents(path, text, cut - text - 20, NULL)); /* three lines gone, a fourth torn */
+  run_quick(4);
+  char *again = read_out("results.jsonl");
+  assert_int_equal(lines_of(again), before + 1); /* the torn one stays, ended */
+  assert_memory_equal(again, text, (size_t)(cut - text - 20));
+  run_quick(0);
+  g_free(again);
+  g_free(path);
+  g_free(text);
+}
+
+static void an_interrupt_leaves_a_report(void **state) {
+  const char *const argv[] = {TC_BINARY_DIR "/tomocast",
+                              "report",
+                              "--output",
+                              "out",
+                              "--volume",
+                              "a<b&c.nrrd",
+                              "--size",
+                              "400",
+                              "--side",
+                              "24",
+                              "--no-gl",
+                              NULL};
+  GPid pid;
+  char *path = path_of("results.jsonl"), *text = NULL;
+  g_remove(path);
+  assert_true(g_spawn_async(folder, (char **)argv, NULL,
+                            G_SPAWN_DO_NOT_REAP_CHILD | G_SPAWN_STDOUT_TO_DEV_NULL | G_SPAWN_STDERR_TO_DEV_NULL, NULL,
+                            NULL, &pid, NULL));
+  for (int i = 0; i < 3000; i++) { /* until two rows are there: at most a minute */
+    g_usleep(20000);
+    g_clear_pointer(&text, g_free);
+    if (g_file_get_contents(path, &text, NULL, NULL) && lines_of(text) >= 3) break;
+  }
+  kill(pid, SIGINT);
+  int status;
+  waitpid(pid, &status, 0);
+  assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 1);
+  cJSON *report = json_out("report.json");
+  assert_true(cJSON_IsFalse(cJSON_GetObjectItem(cJSON_GetObjectItem(report, "about"), "complete")));
+  assert_true(cJSON_GetArraySize(cJSON_GetObjectItem(report, "results")) >= 2);
+  cJSON_Delete(report);
+  page_is_whole();
+  g_free(text);
+  text = read_out("results.jsonl");
+  char **lines = g_strsplit(text, "\n", -1);
+  for (char **line = lines; **line; line++) {
+    cJSON *json = tcp_json_parse(*line, strlen(*line), NULL);
+    assert_non_null(json);
+    cJSON_Delete(json);
+  }
+  g_strfreev(lines);
+  g_free(text);
+  g_free(path);
+}
+
+static void bad_usage(void **state) {
+  const struct {
+    const char *words, *argument, *value;
+  } cases[] = {
+      {"--output DIR", NULL, NULL}, {"--scene S goes with", "--scene", "scene.json"}, {"--size", "--size", "3"}};
+  for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
+    const char *argv[] = {
+        TC_BINARY_DIR "/tomocast", "report", i ? "--output" : NULL, "unused", cases[i].argument, cases[i].value, NULL};
+    char *out, *err;
+    assert_int_equal(run(argv, &out, &err), 2);
+    if (!strstr(err, cases[i].words)) fail_msg("\"%s\" lacks \"%s\"", err, cases[i].words);
+    g_free(out);
+    g_free(err);
+  }
+}
+
+/* ---- scenes and settings ---- */
+
+static void scenes_can_be_rendered(void **state) {
+  int smooth = 0, stiff = 0;
+  assert_true(tcs_report_scene_count() >= 8);
+  for (int i = 0; i < tcs_report_scene_count(); i++) {
+    tcs_report_scene scene;
+    tc_plan plan;
+    GError *error = NULL;
+    if (!tcs_report_scene_make(i, &scene, &error) || !tc_plan_make(scene.volume, &scene.scene, 64, 64, &plan, &error))
+      fail_msg("%s: %s", scene.name, error->message);
+    smooth += scene.smooth;
+    stiff += g_str_has_prefix(scene.title, "Stiff");
+    tcs_report_scene_clear(&scene);
+  }
+  assert_true(smooth >= 1 && stiff >= 3);
+}
+
+/* A classification is swept exactly when the plan takes it; what is refused is said. */
+static void settings_follow_the_plan(void **state) {
+  tcs_report_scene scene;
+  cJSON *left_out = cJSON_CreateArray();
+  assert_true(tcs_report_scene_make(0, &scene, NULL));
+  GArray *settings = tcs_report_settings(&scene, false, true, left_out);
+  for (int c = 0; c < TC_CLASSIFICATION_COUNT; c++) {
+    tc_scene asked;
+    tc_plan plan;
+    int found = 0;
+    tc_scene_copy(&asked, &scene.scene);
+    asked.classification = (tc_classification)c;
+    bool taken = tc_plan_make(scene.volume, &asked, 64, 64, &plan, NULL);
+    for (guint i = 0; i < settings->len; i++)
+      found += g_array_index(settings, tcs_setting, i).classification == (tc_classification)c;
+    if (taken != (found > 0)) fail_msg("classification %d: %d settings, plan says %d", c, found, taken);
+    if (!taken) assert_true(cJSON_GetArraySize(left_out) > 0);
+    tc_scene_clear(&asked);
+  }
+  g_array_free(settings, TRUE);
+  cJSON_Delete(left_out);
+  tcs_report_scene_clear(&scene);
+}
+
+/* ---- conclusions ---- */
+
+static void add(GArray *rows, double step, double ms, double rms, double anchor) {
+  tcs_report_row r = {.scene = "s",
+                      .backend = "cpu",
+                      .classification = "preintegrated",
+                      .order = "front-to-back",
+                      .filter = "linear",
+                      .step = step,
+                      .rays = 1,
+                      .runs = 3,
+                      .render_ms = ms,
+                      .time_ms = ms,
+                      .rms = rms,
+                      .max = 10 * rms,
+                      .anchor_ms = anchor};
+  g_snprintf(r.key, sizeof r.key, "%g-%g", step, ms);
+  g_array_append_val(rows, r);
+}
+
+static void fronts_slopes_and_cheapest(void **state) {
+  GArray *rows = g_array_new(FALSE, FALSE, sizeof(tcs_report_row));
+  double slope;
+  assert_false(tcs_report_slope(rows, "s", "cpu", "preintegrated", &slope));
+  for (int i = 0; i < 5; i++)
+    add(rows, ldexp(4, -i), 1 << i, 0.016 * pow(0.25, i), 2);
+  assert_true(tcs_report_slope(rows, "s", "cpu", "preintegrated", &slope));
+  assert_true(fabs(slope - 2) < 1e-9);
+  add(rows, 0.125, 40, 5e-7, 2); /* single precision's end: not part of the slope */
+  assert_true(tcs_report_slope(rows, "s", "cpu", "preintegrated", &slope) && fabs(slope - 2) < 1e-9);
+  add(rows, 3, 3, 0.016, 2); /* slower than step 4 and no better: not on the front */
+  GArray *front = tcs_report_front(rows, "s");
+  assert_int_equal(front->len, 6);
+  for (guint i = 0; i < front->len; i++)
+    assert_int_equal(g_array_index(front, guint, i), i);
+  assert_int_equal(tcs_report_cheapest(rows, "s", 1.0 / 255, false), 2);
+  assert_int_equal(tcs_report_cheapest(rows, "s", 1.0 / 255, true), 3);
+  assert_int_equal(tcs_report_cheapest(rows, "s", 1e-8, false), -1);
+  assert_int_equal(tcs_report_cheapest(rows, "other", 1, false), -1);
+  g_array_free(front, TRUE);
+  /* A batch on a machine at half its speed. */
+  g_array_set_size(rows, 0);
+  add(rows, 1, 5, 0.1, 2), add(rows, 1, 5, 0.1, 2), add(rows, 1, 10, 0.1, 4);
+  tcs_report_steady(rows, 0);
+  for (guint i = 0; i < 3; i++)
+    assert_true(fabs(g_array_index(rows, tcs_report_row, i).time_ms - 5) < 1e-12);
+  g_array_free(rows, TRUE);
+}
+
+static void rows_survive_json(void **state) {
+  tcs_report_row row = {.key = "a \"b\",c", .scene = "s", .step = 0.5, .jitter = 1, .rms = 1.0 / 3, .ssim = NAN}, back;
+  cJSON *json = tcs_report_row_write(&row);
+  char *text = cJSON_PrintUnformatted(json);
+  cJSON *read = tcp_json_parse(text, strlen(text), NULL);
+  assert_true(tcs_report_row_read(read, &back));
+  assert_string_equal(back.key, row.key);
+  assert_true(back.rms == row.rms && back.jitter == 1 && isnan(back.ssim));
+  GArray *rows = g_array_new(FALSE, FALSE, sizeof row);
+  g_array_append_val(rows, row);
+  char *csv = tcs_report_csv(rows);
+  assert_non_null(strstr(csv, "\r\n\"a \"\"b\"\",c\",s,"));
+  cJSON_DeleteItemFromObject(read, "rms");
+  assert_false(tcs_report_row_read(read, &back));
+  g_array_free(rows, TRUE);
+  g_free(csv);
+  cJSON_Delete(read);
+  cJSON_Delete(json);
+  cJSON_free(text);
+}
+
+/* ---- set-up ---- */
+
+static int set_up(void **state) {
+  enum { SIDE = 20 };
+  folder = g_dir_make_tmp("tomocast-report-XXXXXX", NULL);
+  if (!folder) return 1;
+  GString *nrrd =
+      g_string_new("NRRD0004\ntype: uchar\ndimension: 3\nsizes: 20 20 20\nspacings: 1 1 1\nencoding: raw\n\n");
+  for (int z = 0; z < SIDE; z++)
+    for (int y = 0; y < SIDE; y++)
+      for (int x = 0; x < SIDE; x++) {
+        double r2 = ((x - 9.5) * (x - 9.5) + (y - 9.5) * (y - 9.5) + (z - 9.5) * (z - 9.5)) / 60;
+        g_string_append_c(nrrd, (char)(250 * exp(-r2)));
+      }
+  char *path = g_build_filename(folder, "a<b&c.nrrd", NULL);
+  g_file_set_contents(path, nrrd->str, (gssize)nrrd->len, NULL);
+  g_free(path);
+  g_string_free(nrrd, TRUE);
+  path = g_build_filename(folder, "scene.json", NULL);
+  g_file_set_contents(path,
+                      "{\"transferFunction\":{\"points\":[{\"value\":0,\"color\":[0.2,0.4,0.9],\"extinction\":0},"
+                      "{\"value\":255,\"color\":[0.9,0.6,0.3],\"extinction\":0.3}]}}",
+                      -1, NULL);
+  g_free(path);
+  return 0;
+}
+
+static int tear_down(void **state) {
+  const char *const names[] = {"out/results.jsonl",
+                               "out/report.json",
+                               "out/report.csv",
+                               "out/report.html",
+                               "out",
+                               "a<b&c.nrrd",
+                               "scene.json",
+                               ""};
+  for (size_t i = 0; i < G_N_ELEMENTS(names); i++) {
+    char *path = g_build_filename(folder, names[i], NULL);
+    g_remove(path);
+    g_free(path);
+  }
+  g_free(folder);
+  return 0;
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(scenes_can_be_rendered),
+                                     cmocka_unit_test(settings_follow_the_plan),
+                                     cmocka_unit_test(fronts_slopes_and_cheapest),
+                                     cmocka_unit_test(rows_survive_json),
+                                     cmocka_unit_test(reports_a_volume),
+                                     cmocka_unit_test(goes_on_where_it_ended),
+                                     cmocka_unit_test(an_interrupt_leaves_a_report),
+                                     cmocka_unit_test(bad_usage)};
+  return cmocka_run_group_tests(tests, set_up, tear_down);
+}
