@@ -682,63 +682,6 @@ static void odd_transfer_functions(void **state) {
   tc_volume_unref(volume);
 }
 
-/* Scenes drawn from a seed. On failure the message names the seed: random_scene(seed) alone makes it again. */
-static void random_scene(uint64_t seed) {
-  uint64_t state = seed;
-  unsigned noise_seed = (unsigned)seed;
-  test_grid grid = {.type = (tc_voxel_type)(seed % TC_VOXEL_TYPE_COUNT), .slope = 0.01};
-  for (int k = 0; k < 3; k++) {
-    grid.dims[k] = 1 + (int)(test_random(&state) * 12);
-    grid.spacing[k] = pow(10, 3 * test_random(&state) - 1.5);
-    grid.origin[k] = 1000 * (test_random(&state) - 0.5);
-  }
-  if (test_random(&state) < 0.3) memcpy(grid.direction, sheared, sizeof sheared);
-  tc_volume *volume = test_volume(&grid, test_noise, &noise_seed);
-  tc_knot knots[8];
-  size_t n = 1 + (size_t)(test_random(&state) * 8);
-  tc_knot_kind kind = test_random(&state) < 0.5 ? TC_KNOT_OPACITY : TC_KNOT_EXTINCTION;
-  double scale = kind == TC_KNOT_OPACITY ? 1 : pow(10, 16 * test_random(&state) - 6),
-         value = 1.2 * test_random(&state) - 0.1;
-  for (size_t i = 0; i < n; i++) {
-    knots[i].value = value;
-    knots[i].amount = test_random(&state) < 0.3 ? 0 : scale * test_random(&state);
-    for (int c = 0; c < 3; c++)
-      knots[i].color[c] = test_random(&state);
-    if (test_random(&state) < 0.7) value += pow(10, -6 * test_random(&state));
-  }
-  tc_scene scene = knots_scene(13, 9, kind, knots, n);
-  scene.transfer_function.unit_distance_mm = pow(10, 6 * test_random(&state) - 3);
-  scene.image.linear_light = test_random(&state) < 0.3;
-  scene.sampling.step = pow(10, 4 * test_random(&state) - 2);
-  scene.sampling.termination = test_random(&state) < 0.5 ? 0 : 0.01;
-  double side[3];
-  for (int k = 0; k < 3; k++)
-    side[k] = test_random(&state) < 0.2 ? 0 : test_random(&state) - 0.5;
-  if (side[0] == 0 && side[1] == 0 && side[2] == 0) side[1] = -1;
-  test_scene_frame(&scene, volume, test_random(&state) < 0.5 ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC, side);
-  if (test_random(&state) < 0.2) /* the eye inside */
-    for (int k = 0; k < 3; k++)
-      scene.camera.position[k] +=
-          (0.9 + 0.2 * test_random(&state)) * (scene.camera.target[k] - scene.camera.position[k]);
-  char what[64];
-  snprintf(what, sizeof what, "random scene %llu", (unsigned long long)seed);
-  check_invariants(what, volume, &scene, 0);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
-}
-
-static void random_scenes(void **state) {
-  const char *count = getenv("TC_RANDOM_SCENES"), *only = getenv("TC_RANDOM_SEED");
-  uint64_t n = count ? strtoull(count, NULL, 10) : 200;
-  if (only) {
-    random_scene(strtoull(only, NULL, 10));
-    return;
-  }
-  for (uint64_t seed = 1; seed <= n; seed++)
-    random_scene(seed);
-  printf("  %llu random scenes\n", (unsigned long long)n);
-}
-
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(homogeneous_slab),
@@ -759,7 +702,6 @@ int main(void) {
       cmocka_unit_test(peak_in_wide_range),
       cmocka_unit_test(shapes_and_sizes),
       cmocka_unit_test(odd_transfer_functions),
-      cmocka_unit_test(random_scenes),
   };
   return cmocka_run_group_tests_name("raycast", tests, set_up, tear_down);
 }
