@@ -12,13 +12,14 @@
 #include "protocol/protocol.h"
 #include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
+#include "server/cli/bench_papers.h"
 #include "server/cli/cli.h"
 #include "server/encode/encode.h"
 
 #define MAX_RUNS 1000
 
 typedef struct arguments {
-  char *scene, *json, **set, **rest;
+  char *scene, *json, *paper, **set, **rest;
   int size, runs, threads, pixels;
   double azimuth, elevation, zoom;
   gboolean gl;
@@ -229,17 +230,28 @@ static void release(bench *b) {
   b->volume = NULL;
 }
 
+/* stdout is the JSON's where it is asked for there. */
+static bool prints(const bench *b) { return !b->args.json || strcmp(b->args.json, "-") != 0; }
+
+static tcs_paper_run paper_run(const bench *b) {
+  return (tcs_paper_run){b->args.paper, b->args.size, b->args.runs, b->args.threads, b->args.gl, prints(b)};
+}
+
 static bool bench_volume(bench *b, const char *path, cJSON *report, GError **error) {
   const char *slash = strrchr(path, '/');
   b->name = slash ? slash + 1 : path;
   double start = now_ms();
   b->volume = tc_import(path, NULL, error);
   b->load_ms = now_ms() - start;
-  bool good = b->volume && make_scene(b, error) && measure(b, error);
-  if (good) {
-    if (!b->args.json || strcmp(b->args.json, "-")) print_rows(b);
+  bool good = b->volume && make_scene(b, error);
+  if (good && b->args.paper) {
+    const tcs_paper_run run = paper_run(b);
+    good = tcs_paper_volume(&run, b->volume, b->name, &b->scene, report, error);
+  } else if (good && (good = measure(b, error))) {
+    if (prints(b)) print_rows(b);
     cJSON_AddItemToArray(report, rows_as_json(b));
-  } else {
+  }
+  if (!good) {
     g_prefix_error(error, "%s: ", b->name);
   }
   release(b);
@@ -269,6 +281,7 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
       {"gl", 0, 0, G_OPTION_ARG_NONE, &a->gl, "measure the gl back end too", NULL},
       {"scene", 0, 0, G_OPTION_ARG_FILENAME, &a->scene, "scene document laid over the fitted one", "FILE"},
       {"set", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &a->set, "change one member of the scene; may be repeated", "KEY=VALUE"},
+      {"paper", 0, 0, G_OPTION_ARG_FILENAME, &a->paper, "the tables of paper 000 or 001 instead, beside the published", "ID"},
       {"json", 0, 0, G_OPTION_ARG_FILENAME, &a->json, "write all figures as JSON; - is stdout", "FILE"},
       {0}};
   const tcs_cli_usage usage = {"bench", "[VOLUME...]", "Times frames of each kernel variant and their error against the reference.",
@@ -276,6 +289,10 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
   if (!tcs_cli_parse(&usage, argc, argv, &a->rest, error)) return false;
   if (a->size < 1 || a->size > 4096 || a->runs < 1 || a->runs > MAX_RUNS || a->pixels < 0 || a->pixels > 1000000 || !(a->zoom > 0)) {
     tc_set_error(error, TC_ERROR_INVALID, NULL, "--size 1..4096, --runs 1..1000, --error 0..1000000 and --zoom above 0 are wanted");
+    return false;
+  }
+  if (a->paper && !tcs_paper_known(a->paper)) {
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "--paper %s: 000 or 001 is wanted", a->paper);
     return false;
   }
   return true;
@@ -295,6 +312,8 @@ int tcs_cli_bench(int argc, char **argv) {
     b->encoder = tcs_encoder_new(&error);
     static char *demos[] = {"demo:head", "demo:vessels", "demo:bucky", "demo:marschner-lobb", NULL};
     bool good = b->encoder != NULL;
+    const tcs_paper_run run = paper_run(b);
+    if (b->args.paper) tcs_paper_begin(&run, report);
     for (char **path = b->args.rest ? b->args.rest : demos; good && *path; path++) good = bench_volume(b, *path, report, &error);
     if (good && b->args.json) good = write_report(b->args.json, report, &error);
     if (good) code = TCS_EXIT_DONE;
@@ -307,6 +326,7 @@ int tcs_cli_bench(int argc, char **argv) {
   g_free(b->reference);
   g_free(b->args.scene);
   g_free(b->args.json);
+  g_free(b->args.paper);
   g_strfreev(b->args.set);
   g_strfreev(b->args.rest);
   g_free(b);

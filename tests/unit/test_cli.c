@@ -214,6 +214,33 @@ static void a_ray_sample_by_sample(void **state) {
   refuse(RUN("render", "demo:bucky", "--ray", "1,2", "--set", "mode=mpr"), 1, "mode");
 }
 
+/* Both papers' tables on a demo, as text and as JSON: cells of every column, numbers or a reason. */
+static void tables_of_the_papers(void **state) {
+  static const struct { const char *paper, *heads[2], *published; int cells; } cases[] = {
+      {"000", {"post b-to-f", "pre f-to-b"}, "71 / 118", 8}, {"001", {"+leaping", "16^3"}, "31.6", 9}};
+  for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
+    outcome o = RUN("bench", "--paper", cases[i].paper, "--size", "32", "--runs", "2", "demo:bucky");
+    for (int k = 0; k < 2; k++) assert_non_null(strstr(o.out, cases[i].heads[k]));
+    assert_non_null(strstr(o.out, cases[i].published));
+    assert_non_null(strstr(o.out, "demo:bucky"));
+    accept(o);
+    o = RUN("bench", "--paper", cases[i].paper, "--size", "32", "--runs", "2", "--json", "-", "demo:bucky");
+    cJSON *json = tcp_json_parse(o.out, strlen(o.out), NULL), *cell;
+    assert_int_equal(cJSON_GetArraySize(json), 2);
+    assert_int_equal(cJSON_GetArraySize(cJSON_GetObjectItem(cJSON_GetArrayItem(json, 0), "published")), 6);
+    cJSON *cells = cJSON_GetObjectItem(cJSON_GetArrayItem(json, 1), "cells");
+    assert_int_equal(cJSON_GetArraySize(cells), cases[i].cells);
+    cJSON_ArrayForEach(cell, cells) {
+      cJSON *fps = cJSON_GetObjectItem(cell, "framesPerSecond"), *why = cJSON_GetObjectItem(cell, "why");
+      assert_true(why ? cJSON_IsNull(fps) : fps->valuedouble > 0);
+      if (i == 1) assert_null(why); /* nothing of paper 001 is refused */
+    }
+    cJSON_Delete(json);
+    accept(o);
+  }
+  refuse(RUN("bench", "--paper", "002"), 2, "000 or 001");
+}
+
 static int set_up(void **state) {
   folder = g_dir_make_tmp("tomocast-cli-XXXXXX", NULL);
   return folder ? 0 : 1;
@@ -239,6 +266,6 @@ int main(void) {
       cmocka_unit_test(failures),          cmocka_unit_test(renders_demo_head),
       cmocka_unit_test(scene_and_set),     cmocka_unit_test(same_picture_twice),
       cmocka_unit_test(timing_is_printed), cmocka_unit_test(info_for_people_and_programs),
-      cmocka_unit_test(a_ray_sample_by_sample)};
+      cmocka_unit_test(a_ray_sample_by_sample), cmocka_unit_test(tables_of_the_papers)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }
