@@ -229,6 +229,10 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   tc_plan local;
   frame_resources have = {0};
   if (!plan) plan = &local;
+  if (scene->quality.max_error > 0 || scene->quality.max_ms > 0) {
+    tc_set_error(error, TC_ERROR_INVALID, "/quality", "quality: a frame has one sampling; choose it first (quality.h)");
+    return false;
+  }
   if (!check_table(request, error)) return false;
   if (!tc_plan_make(volume, scene, width, height, plan, error) ||
       !reserve(frame, width, height, request->want_linear, error) ||

@@ -71,7 +71,8 @@ typedef struct tc_render_request {
 } tc_render_request;
 
 /* Renders one frame. request may be NULL. On failure the frame is left without meaning, the renderer is fine. A scene
- * that asks for something not built is TC_ERROR_UNSUPPORTED with a pointer to the member: never a wrong picture.
+ * that asks for something not built is TC_ERROR_UNSUPPORTED with a pointer to the member: never a wrong picture. One that still
+ * asks for a bound on error or time is refused: quality/quality.h and quality/cost.h turn that into sampling.
  * *plan, when not NULL, receives the plan with the milliseconds and bytes of its stages. */
 bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
                tc_frame *frame, tc_plan *plan, GError **error);

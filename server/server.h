@@ -3,6 +3,7 @@
 #ifndef TCS_SERVER_H
 #define TCS_SERVER_H
 
+#include "renderer/quality/cost.h"
 #include "server/cli/config.h"
 #include "server/http/loop.h"
 #include "server/observe/metrics.h"
@@ -12,6 +13,7 @@ typedef struct tcs_catalogue tcs_catalogue;
 typedef struct tcs_scheduler tcs_scheduler;
 typedef struct tcs_sessions tcs_sessions;
 typedef struct tcs_http tcs_http;
+typedef struct tcs_quality tcs_quality;
 
 typedef struct tcs_server {
   const tcs_config *config;
@@ -22,9 +24,12 @@ typedef struct tcs_server {
   tcs_worker *load_worker;   /* imports */
   tcs_worker *walk_worker;   /* folder scans, histograms: not behind a long import */
   tcs_worker *meter_worker;  /* one thread, of low priority: the error meter */
+  tcs_worker *quality_worker; /* likewise: models for quality control */
   tcs_catalogue *catalogue;
   tcs_scheduler *scheduler;
   tcs_sessions *sessions;
+  tcs_quality *quality;
+  tc_quality_cost cost; /* of all frames: for single pictures, and where a session begins */
   tcs_http *http;
   tcs_metrics metrics;
   GQueue mjpeg_viewers; /* tcs_mjpeg */

@@ -216,7 +216,6 @@ static bool check_built(const tc_scene *s, GError **error) {
   if (!slice && s->sampling.coherence) return unsupported(error, "/sampling/coherence", "sub-pixel coherence");
   if (!slice && s->sampling.jitter) return unsupported(error, "/sampling/jitter", "jitter");
   if (s->labels.volume[0]) return unsupported(error, "/labels", "a label volume");
-  if (s->quality.max_error > 0 || s->quality.max_ms > 0) return unsupported(error, "/quality", "quality control");
   return true;
 }
 

@@ -5,6 +5,8 @@
 #include <string.h>
 
 #include "protocol/protocol.h"
+#include "renderer/quality/cost.h"
+#include "renderer/quality/quality.h"
 #include "renderer/tomocast.h"
 #include "server/cli/cli.h"
 #include "server/encode/encode.h"
@@ -165,6 +167,38 @@ static bool print_ray(job *j, GError **error) {
   return true;
 }
 
+/* quality.maxError by one measurement of this view, maxMilliseconds by two small frames of it. */
+static bool choose_sampling(job *j, GError **error) {
+  tc_scene *s = &j->scene;
+  const double bound = s->quality.max_error, budget = s->quality.max_ms;
+  char reason[96];
+  if (bound > 0 && !tc_quality_refuses(s, reason, sizeof reason)) {
+    tc_quality_model model = {0};
+    tc_quality_choice choice;
+    tc_quality_view view;
+    if (!tc_quality_measure(j->renderer, j->volume, s, &s->camera, &model, NULL, &view, error)) return false;
+    tc_quality_add(&model, &view);
+    tc_quality_choose(&model, s, &choice);
+    tc_quality_apply(&choice, s);
+    fprintf(stderr, "tomocast render: quality: %s\n", choice.reason);
+    return true;
+  }
+  s->quality.max_error = s->quality.max_ms = 0;
+  if (bound > 0) fprintf(stderr, "tomocast render: quality: %s; the scene's own sampling is taken\n", reason);
+  if (!(budget > 0)) return true;
+  tc_quality_cost cost = {0};
+  const tc_render_request small = {.width = MAX(1, s->image.width / 2), .height = MAX(1, s->image.height / 2), .labels = j->labels};
+  for (s->sampling.step = 4; s->sampling.step >= 1; s->sampling.step /= 4) {
+    if (!tc_render(j->renderer, j->volume, s, &small, &j->frame, NULL, error)) return false;
+    tc_quality_cost_add(&cost, (double)small.width * small.height, s->sampling.step, j->frame.stats.render_ms);
+  }
+  const double pixels = (double)s->image.width * s->image.height;
+  s->sampling.step = tc_quality_cost_step(&cost, pixels, budget);
+  fprintf(stderr, "tomocast render: quality: step %.3g, %.3g ms expected\n", s->sampling.step,
+          tc_quality_cost_ms(&cost, pixels, s->sampling.step));
+  return true;
+}
+
 static bool encode(job *j, GError **error) {
   double start = now_ms();
   j->image = g_byte_array_new();
@@ -195,6 +229,7 @@ static bool run(job *j, int argc, char **argv, GError **error) {
   if (!load(j, error) || !make_scene(j, error)) return false;
   if (j->args.ray) return print_ray(j, error);
   if (!load_labels(j, error) || !make_renderer(j, error)) return false;
+  if (!choose_sampling(j, error)) return false;
   const tc_render_request request = {.labels = j->labels};
   if (!tc_render(j->renderer, j->volume, &j->scene, &request, &j->frame, &j->plan, error)) return false;
   if (!encode(j, error) || !write_file(j, error)) return false;

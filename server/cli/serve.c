@@ -13,6 +13,7 @@
 #include "server/encode/encode.h"
 #include "server/http/http.h"
 #include "server/http/mjpeg.h"
+#include "server/session/quality.h"
 #include "server/session/session.h"
 
 #define LOAD_THREADS 2
@@ -136,7 +137,8 @@ static bool start_workers(tcs_server *server, GError **error) {
          (server->encode_worker = tcs_worker_new("tc-encode", 1, completions, error)) &&
          (server->load_worker = tcs_worker_new("tc-load", LOAD_THREADS, completions, error)) &&
          (server->walk_worker = tcs_worker_new("tc-walk", 1, completions, error)) &&
-         (server->meter_worker = tcs_worker_new("tc-meter", 1, completions, error));
+         (server->meter_worker = tcs_worker_new("tc-meter", 1, completions, error)) &&
+         (server->quality_worker = tcs_worker_new("tc-quality", 1, completions, error));
 }
 
 static bool load_volumes(serve_daemon *d, GError **error) {
@@ -160,6 +162,7 @@ static bool start(serve_daemon *d, GError **error) {
     return false;
   server->catalogue = tcs_catalogue_new(server);
   if (!(server->scheduler = tcs_scheduler_new(server, error))) return false;
+  server->quality = tcs_quality_new(server);
   server->sessions = tcs_sessions_new(server);
   if (!(server->http = tcs_http_new(server, error))) return false;
   return load_volumes(d, error);
@@ -178,6 +181,11 @@ static void stop(serve_daemon *d) {
   if (server->catalogue) tcs_catalogue_cancel_all(server->catalogue);
   tcs_worker_free(server->load_worker);
   tcs_worker_free(server->walk_worker);
+  server->draining = true;
+  tcs_quality_cancel_all(server->quality);
+  tcs_worker_free(server->quality_worker);
+  tcs_completions_drain(&server->completions);
+  tcs_quality_free(g_steal_pointer(&server->quality));
   tcs_sessions_free(server->sessions);
   while (server->scheduler && !tcs_scheduler_idle(server->scheduler)) {
     tcs_completions_drain(&server->completions);

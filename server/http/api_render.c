@@ -4,7 +4,7 @@
 
 #include "server/encode/encode.h"
 #include "server/http/http.h"
-#include "server/session/session.h"
+#include "server/session/quality.h"
 
 static void leave_job(tcs_request *request) {
   tcs_job *job = request->owner;
@@ -12,10 +12,16 @@ static void leave_job(tcs_request *request) {
   tcs_job_cancel(job);
 }
 
-static void submit(tcs_request *request, tcs_job *job, void (*finished)(tcs_job *job)) {
+/* cost: of the frames that this one is like. */
+static void submit(tcs_request *request, tcs_job *job, const tc_quality_cost *cost, void (*finished)(tcs_job *job)) {
   GError *error = NULL;
   job->finished = finished;
   job->user = request;
+  if (!job->plan_only && tcs_quality_prepare(request->server->quality, job)) {
+    tcs_defer(request, leave_job, job);
+    return;
+  }
+  tcs_quality_resolve(request->server->quality, job, cost, false);
   if (tcs_scheduler_submit(request->server->scheduler, job, &error)) {
     tcs_defer(request, leave_job, job);
     return;
@@ -52,7 +58,7 @@ static void render(tcs_request *request, tc_volume *volume, const tc_scene *scen
   }
   tcs_job *job = tcs_job_new(request->server, volume, scene);
   if (labels) job->labels = tc_volume_ref(labels);
-  submit(request, job, finished_picture);
+  submit(request, job, &request->server->cost, finished_picture);
 }
 
 /* Leaves *format where no name is given. */
@@ -143,7 +149,8 @@ void tcs_get_frame(tcs_request *request) {
 
 /* --- the plan -------------------------------------------------------------------------------------- */
 
-static cJSON *write_plan(const tc_plan *plan) {
+static cJSON *write_plan(const tcs_job *job) {
+  const tc_plan *plan = &job->plan;
   cJSON *json = cJSON_CreateObject();
   cJSON_AddStringToObject(json, "kernel", plan->kernel);
   cJSON_AddNumberToObject(json, "width", plan->width);
@@ -152,6 +159,8 @@ static cJSON *write_plan(const tc_plan *plan) {
   cJSON_AddNumberToObject(json, "tableSize", plan->table_size);
   const double range[2] = {plan->table_lo, plan->table_hi};
   cJSON_AddItemToObject(json, "tableRange", cJSON_CreateDoubleArray(range, 2));
+  cJSON *quality = tcs_quality_json(job);
+  if (quality) cJSON_AddItemToObject(json, "quality", quality);
   cJSON *stages = cJSON_AddArrayToObject(json, "stages");
   for (int i = 0; i < TC_STAGE_COUNT; i++) {
     const tc_plan_stage *stage = &plan->stages[i];
@@ -172,7 +181,7 @@ static void finished_plan(tcs_job *job) {
   if (job->error)
     tcs_reply_error(request, job->error);
   else
-    tcs_reply_json(request, 200, write_plan(&job->plan));
+    tcs_reply_json(request, 200, write_plan(job));
 }
 
 void tcs_get_plan(tcs_request *request) {
@@ -180,5 +189,5 @@ void tcs_get_plan(tcs_request *request) {
   if (!session) return;
   tcs_job *job = tcs_job_new(request->server, session->entry->volume, &session->scene);
   job->plan_only = true;
-  submit(request, job, finished_plan);
+  submit(request, job, session->cost.w > 0 ? &session->cost : &request->server->cost, finished_plan);
 }

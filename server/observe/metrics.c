@@ -107,6 +107,7 @@ char *tcs_metrics_write(const tcs_metrics *m, const tcs_gauges *gauges, const ch
                error_bounds);
   counter(out, "meter_pixels_total", "Pixels that the error meter integrated anew.", m->meter_pixels);
   counter(out, "meter_cancelled_total", "Measurements that a newer frame ended.", m->meter_cancelled);
+  counter(out, "quality_measurements_total", "Views measured for models of the error.", m->quality_measurements);
   head(out, "meter_seconds_total", "counter", "Time that the error meter took, off the render path.");
   g_string_append_printf(out, "tomocast_meter_seconds_total %.9g\n", m->meter_seconds);
   counter(out, "frames_sent_total", "Frames sent to viewers.", m->frames_sent);

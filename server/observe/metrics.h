@@ -20,7 +20,7 @@ typedef struct tcs_metrics {
   uint64_t ws_sent_bytes, ws_messages, ws_errors, ws_connections;
   tcs_histogram error; /* rms of frames, as the error meter found it */
   double meter_seconds;
-  uint64_t meter_pixels, meter_cancelled;
+  uint64_t meter_pixels, meter_cancelled, quality_measurements;
   uint64_t uploads, upload_bytes, volume_loads, volume_failures;
 } tcs_metrics;
 

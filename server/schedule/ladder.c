@@ -20,12 +20,12 @@ void tcs_ladder_measure(tcs_ladder *ladder, double pixels, double render_ms) {
     ladder->ms_per_pixel += FASTER_WEIGHT * (now - ladder->ms_per_pixel);
 }
 
-double tcs_ladder_scale(tcs_ladder *ladder, double full_pixels) {
+double tcs_ladder_scale(tcs_ladder *ladder, double full_pixels, double target_ms) {
   int fits = N_RUNGS - 1;
   for (int i = 0; i < N_RUNGS; i++) {
     const double ms = ladder->ms_per_pixel * full_pixels * rungs[i] * rungs[i];
     const bool up = i < ladder->rung;
-    if (ms <= TCS_LADDER_TARGET_MS * (up ? UP_MARGIN : 1.0)) {
+    if (ms <= target_ms * (up ? UP_MARGIN : 1.0)) {
       fits = i;
       break;
     }

@@ -7,6 +7,17 @@
 
 #include "server/server.h"
 
+/* What quality control made of a scene's bound; all 0 where none was asked. */
+typedef struct tcs_quality_used {
+  bool for_time;   /* the bound is milliseconds, else an error */
+  double asked;    /* the bound */
+  double expected; /* what the model expects; 0 before anything was measured */
+  double step;     /* chosen */
+  bool holds;      /* the model expects the bound to hold */
+  int views;       /* measured for the model of the error */
+  char reason[160];
+} tcs_quality_used;
+
 /* One picture (or plan) to make. Made by tcs_job_new(), filled by its owner, freed by the scheduler after `finished`.
  */
 typedef struct tcs_job tcs_job;
@@ -25,6 +36,7 @@ struct tcs_job {
   uint64_t revision;              /* the owner's */
   bool final;                     /* the owner's */
   GArray *marks;                  /* the owner's; freed with the job; may be NULL */
+  tcs_quality_used quality;       /* the owner's: the scene asks no more */
   int meter_pixels;               /* to be kept for the error meter; 0 = none */
 
   /* results */

@@ -5,6 +5,7 @@
 #include <sys/random.h>
 
 #include "server/session/measure.h"
+#include "server/session/quality.h"
 
 struct tcs_sessions {
   tcs_server *server;
@@ -185,6 +186,7 @@ static tcs_picture *make_picture(tcs_job *job) {
   picture->references = 1;
   picture->revision = job->revision;
   picture->final = job->final;
+  picture->step = job->scene.sampling.step;
   picture->image = g_bytes_ref(job->image);
   picture->marks = job->marks;
   job->marks = NULL;
@@ -218,17 +220,30 @@ static void finished(tcs_job *job) {
     if (!cancelled) fail_revision(session, job);
     return;
   }
-  tcs_ladder_measure(&session->ladder, (double)job->out_width * job->out_height, job->stats.render_ms);
+  const double pixels = (double)job->out_width * job->out_height;
+  tcs_ladder_measure(&session->ladder, pixels, job->stats.render_ms);
+  tc_quality_cost_add(&session->cost, pixels, job->scene.sampling.step, job->stats.render_ms);
   tcs_picture_unref(session->latest);
   session->latest = make_picture(job);
   if (job->meter && job->revision == session->revision) tcs_measure_begin(session, job);
   tcs_session_deliver(session);
+  if (job->final) tcs_quality_pump(session->server->quality);
+}
+
+void tcs_session_refine(tcs_session *session) {
+  session->begun_final = false;
+  if (session->latest) session->latest->final = false; /* its header said so; it is not sent again */
+  for (guint i = 0; i < session->watchers->len; i++)
+    ((tcs_watcher *)g_ptr_array_index(session->watchers, i))->shown_final = false;
+  tcs_scheduler_pump(session->server->scheduler);
 }
 
 /* An interactive frame is smaller and coarser in its JPEG; the view is the same. */
 static void make_interactive(tcs_session *session, tcs_job *job) {
   const int width = job->scene.image.width, height = job->scene.image.height;
-  const double scale = tcs_ladder_scale(&session->ladder, (double)width * height);
+  const tcs_quality_used *quality = &job->quality;
+  const double budget = quality->for_time ? MIN(quality->asked, TCS_LADDER_TARGET_MS) : TCS_LADDER_TARGET_MS;
+  const double scale = tcs_ladder_scale(&session->ladder, (double)width * height, budget);
   job->width = MAX(1, (int)lround(width * scale));
   job->height = MAX(1, (int)lround(height * scale));
   if (!job->scene.image.transparent) job->scene.image.format = TC_FORMAT_JPEG;
@@ -253,6 +268,7 @@ static tcs_job *begin_job(tcs_session *session, bool final) {
   job->user = session;
   job->revision = session->revision;
   job->final = final;
+  tcs_quality_resolve(session->server->quality, job, session->cost.w > 0 ? &session->cost : &session->server->cost, !final);
   if (!final) make_interactive(session, job);
   char reason[96];
   if (final && !tc_meter_refuses(&job->scene, reason, sizeof reason)) job->meter_pixels = job->scene.error_meter.pixels;
@@ -291,6 +307,7 @@ void tcs_session_changed(tcs_session *session) {
     session->server->metrics.frames_superseded++;
   session->revision++;
   tcs_measure_cancel(session);
+  tcs_quality_changed(session->server->quality, session);
   session->used_us = now_us;
   session->active_until_us = now_us + TCS_REST_US;
   /* A refinement of the old scene would hold up the first frame of the new one. */
@@ -315,7 +332,9 @@ void tcs_session_leave(tcs_watcher *watcher) {
   watcher->session = NULL;
   g_ptr_array_remove(session->watchers, watcher);
   session->used_us = g_get_monotonic_time();
-  if (session->watchers->len == 0 && session->job) tcs_job_cancel(session->job);
+  if (session->watchers->len > 0) return;
+  if (session->job) tcs_job_cancel(session->job);
+  if (session->server->quality) tcs_quality_changed(session->server->quality, session);
 }
 
 void tcs_watcher_pump(tcs_watcher *watcher) {

@@ -24,6 +24,7 @@ struct tcs_session {
   uint64_t revision; /* counts up from 1 with every change */
   GPtrArray *watchers;
   tcs_ladder ladder;
+  tc_quality_cost cost; /* of its frames */
   int64_t active_until_us; /* input flows until then */
   int64_t created_us, used_us;
   tcs_picture *latest;     /* newest finished picture, or NULL */
@@ -64,6 +65,8 @@ bool tcs_session_patch(tcs_session *session, const cJSON *patch, bool whole, GEr
 /* After session->scene was changed: counts the revision, cancels a refinement of the old scene, wakes the viewers. */
 void tcs_session_changed(tcs_session *session);
 
+/* Makes the final picture of the scene as it is once more: more is known of its quality. */
+void tcs_session_refine(tcs_session *session);
 /* The newest picture to every viewer that has something to learn from it. */
 void tcs_session_deliver(tcs_session *session);
 

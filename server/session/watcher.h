@@ -16,6 +16,7 @@ typedef struct tcs_picture {
   uint64_t revision;       /* of the scene it shows */
   bool final;              /* full resolution and quality */
   tcp_frame_header header; /* frame and seq differ per viewer */
+  double step;             /* it was rendered with */
   GBytes *image;
   char unmeasured[96]; /* header.unmeasured points here, or is NULL */
   GArray *marks; /* tcs_mark: each viewer's newest patch it shows */

@@ -59,30 +59,30 @@ static void test_window_of_zero_is_one(void **state) {
 
 static void test_ladder_keeps_full_size_when_it_fits(void **state) {
   tcs_ladder ladder = {0};
-  assert_true(tcs_ladder_scale(&ladder, 1e6) == 1.0); /* nothing measured yet */
+  assert_true(tcs_ladder_scale(&ladder, 1e6, TCS_LADDER_TARGET_MS) == 1.0); /* nothing measured yet */
   tcs_ladder_measure(&ladder, 1e6, 20);
-  assert_true(tcs_ladder_scale(&ladder, 1e6) == 1.0);
+  assert_true(tcs_ladder_scale(&ladder, 1e6, TCS_LADDER_TARGET_MS) == 1.0);
 }
 
 static void test_ladder_steps_down_at_once_and_has_a_floor(void **state) {
   tcs_ladder ladder = {0};
   tcs_ladder_measure(&ladder, 1e6, 100); /* at half the sides: 25 ms */
-  assert_true(tcs_ladder_scale(&ladder, 1e6) == 0.5);
+  assert_true(tcs_ladder_scale(&ladder, 1e6, TCS_LADDER_TARGET_MS) == 0.5);
   tcs_ladder_measure(&ladder, 2.5e5, 60000);
-  assert_true(tcs_ladder_scale(&ladder, 1e6) == 0.25);
+  assert_true(tcs_ladder_scale(&ladder, 1e6, TCS_LADDER_TARGET_MS) == 0.25);
 }
 
 static void test_ladder_does_not_swing(void **state) {
   tcs_ladder ladder = {0};
   tcs_ladder_measure(&ladder, 1e6, 34); /* just too slow */
-  assert_true(tcs_ladder_scale(&ladder, 1e6) == 0.75);
+  assert_true(tcs_ladder_scale(&ladder, 1e6, TCS_LADDER_TARGET_MS) == 0.75);
   for (int i = 0; i < 50; i++) { /* just fast enough: not with a margin */
     tcs_ladder_measure(&ladder, 1e6, 32);
-    assert_true(tcs_ladder_scale(&ladder, 1e6) == 0.75);
+    assert_true(tcs_ladder_scale(&ladder, 1e6, TCS_LADDER_TARGET_MS) == 0.75);
   }
   for (int i = 0; i < 50; i++)
     tcs_ladder_measure(&ladder, 1e6, 10);
-  assert_true(tcs_ladder_scale(&ladder, 1e6) == 1.0);
+  assert_true(tcs_ladder_scale(&ladder, 1e6, TCS_LADDER_TARGET_MS) == 1.0);
 }
 
 static void test_ladder_ignores_nonsense(void **state) {

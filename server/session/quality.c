@@ -1,0 +1,269 @@
+#include "server/session/quality.h"
+
+#include <string.h>
+
+/* Looks remembered; beyond that all are forgotten: they come back in less than a second each. */
+#define MOST_LOOKS 64
+#define CACHE_BYTES (96u << 20)
+/* The share of a time budget that is planned with: frames differ. */
+#define BUDGET_SHARE 0.9
+
+/* One measurement: for a session (whoever has the look profits), or for a single picture that waits. */
+typedef struct measurement {
+  tcs_task task;
+  tcs_quality *quality;
+  tcs_job *waiting; /* or NULL */
+  char *look, *session;
+  tc_volume *volume;
+  tc_scene scene;
+  tc_camera camera;
+  tc_quality_model model; /* what is known: where to begin */
+  tc_quality_view view;
+  atomic_bool cancel;
+  GError *error;
+} measurement;
+
+struct tcs_quality {
+  tcs_server *server;
+  GHashTable *models;     /* look -> tc_quality_model */
+  tc_renderer *renderer;  /* the quality worker's */
+  GPtrArray *under_way;   /* measurement */
+  measurement *for_session;
+};
+
+tcs_quality *tcs_quality_new(tcs_server *server) {
+  tcs_quality *q = g_new0(tcs_quality, 1);
+  q->server = server;
+  q->models = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
+  q->under_way = g_ptr_array_new();
+  return q;
+}
+
+void tcs_quality_cancel_all(tcs_quality *q) {
+  for (guint i = 0; q && i < q->under_way->len; i++)
+    atomic_store(&((measurement *)g_ptr_array_index(q->under_way, i))->cancel, true);
+}
+
+void tcs_quality_free(tcs_quality *q) {
+  if (!q) return;
+  tc_renderer_free(q->renderer);
+  g_hash_table_destroy(q->models);
+  g_ptr_array_unref(q->under_way);
+  g_free(q);
+}
+
+/* ---- looks ---- */
+
+/* Everything of a scene that its error depends on beside camera and sampling: the scene's own words, less those. */
+static char *look_of(const tc_volume *volume, const tc_scene *scene) {
+  static const char *const out[] = {"camera", "errorMeter", "skipping", "splat", "mpr", "isosurface"};
+  static const char *const out_of[][2] = {{"image", "width"},   {"image", "height"},      {"image", "format"},
+                                          {"image", "quality"}, {"image", "subsampling"}, {"sampling", "step"},
+                                          {"sampling", "termination"}};
+  cJSON *json = tcp_scene_write(scene);
+  for (size_t i = 0; i < G_N_ELEMENTS(out); i++) cJSON_DeleteItemFromObjectCaseSensitive(json, out[i]);
+  for (size_t i = 0; i < G_N_ELEMENTS(out_of); i++)
+    cJSON_DeleteItemFromObjectCaseSensitive(cJSON_GetObjectItemCaseSensitive(json, out_of[i][0]), out_of[i][1]);
+  char *text = cJSON_PrintUnformatted(json);
+  char *hash = g_compute_checksum_for_string(G_CHECKSUM_SHA256, text, -1);
+  char *look = g_strdup_printf("%" PRIu64 " %s", tc_volume_serial(volume), hash);
+  g_free(hash);
+  cJSON_free(text);
+  cJSON_Delete(json);
+  return look;
+}
+
+static tc_quality_model *model_of(tcs_quality *q, const char *look) {
+  tc_quality_model *model = g_hash_table_lookup(q->models, look);
+  if (model) return model;
+  if (g_hash_table_size(q->models) >= MOST_LOOKS) g_hash_table_remove_all(q->models);
+  model = g_new0(tc_quality_model, 1);
+  g_hash_table_insert(q->models, g_strdup(look), model);
+  return model;
+}
+
+static bool asks_for_error(const tc_scene *scene) {
+  char reason[96];
+  return scene->quality.max_error > 0 && !tc_quality_refuses(scene, reason, sizeof reason);
+}
+
+/* ---- choosing ---- */
+
+static void choose_for_time(tcs_job *job, const tc_quality_cost *cost, bool moving) {
+  tcs_quality_used *used = &job->quality;
+  tc_scene *s = &job->scene;
+  double pixels = (double)s->image.width * s->image.height, budget = used->asked;
+  if (moving) budget = MIN(budget, TCS_LADDER_TARGET_MS);
+  s->sampling.step = tc_quality_cost_step(cost, pixels, budget * BUDGET_SHARE);
+  used->expected = tc_quality_cost_ms(cost, pixels, s->sampling.step);
+  used->holds = used->expected > 0 && used->expected <= budget;
+  const char *form = used->expected <= 0 ? "no frame was timed yet: a step of %.3g voxel"
+                     : used->holds       ? "step %.3g is the finest that is expected in time: %.3g of %.3g ms"
+                                         : "step %.3g is the coarsest there is: %.3g ms are expected, not %.3g";
+  g_snprintf(used->reason, sizeof used->reason, form, s->sampling.step, used->expected, budget);
+}
+
+static void choose_for_error(tcs_quality *q, tcs_job *job, bool moving) {
+  tcs_quality_used *used = &job->quality;
+  tc_scene *s = &job->scene;
+  tc_quality_choice choice;
+  if (tc_quality_refuses(s, used->reason, sizeof used->reason)) return; /* the scene's own sampling */
+  char *look = look_of(job->volume, s);
+  const tc_quality_model *model = model_of(q, look);
+  g_free(look);
+  const double own = s->sampling.step;
+  tc_quality_choose(model, s, &choice);
+  tc_quality_apply(&choice, s);
+  if (moving) s->sampling.step = MAX(own, choice.step);
+  used->expected = choice.rms;
+  used->holds = choice.holds;
+  used->views = model->n;
+  g_strlcpy(used->reason, choice.reason, sizeof used->reason);
+}
+
+void tcs_quality_resolve(tcs_quality *q, tcs_job *job, const tc_quality_cost *cost, bool moving) {
+  tc_scene *s = &job->scene;
+  tcs_quality_used *used = &job->quality;
+  if (!(s->quality.max_error > 0) && !(s->quality.max_ms > 0)) return;
+  used->for_time = s->quality.max_ms > 0;
+  used->asked = used->for_time ? s->quality.max_ms : s->quality.max_error;
+  if (used->for_time)
+    choose_for_time(job, cost, moving);
+  else
+    choose_for_error(q, job, moving);
+  s->quality.max_error = s->quality.max_ms = 0;
+  used->step = s->sampling.step;
+}
+
+cJSON *tcs_quality_json(const tcs_job *job) {
+  const tcs_quality_used *used = &job->quality;
+  if (!(used->asked > 0)) return NULL;
+  cJSON *json = cJSON_CreateObject();
+  cJSON_AddNumberToObject(json, used->for_time ? "maxMilliseconds" : "maxError", used->asked);
+  cJSON_AddNumberToObject(json, "step", job->scene.sampling.step);
+  cJSON_AddNumberToObject(json, "termination", job->scene.sampling.termination);
+  if (used->expected > 0) cJSON_AddNumberToObject(json, "expected", used->expected);
+  cJSON_AddBoolToObject(json, "holds", used->holds);
+  if (!used->for_time) cJSON_AddNumberToObject(json, "views", used->views);
+  cJSON_AddStringToObject(json, "reason", used->reason);
+  return json;
+}
+
+/* ---- measuring ---- */
+
+static void run(tcs_task *task) {
+  measurement *m = (measurement *)task;
+  tcs_quality *q = m->quality;
+  tcs_thread_set_low();
+  if (atomic_load(&m->cancel)) {
+    tc_set_error(&m->error, TC_ERROR_CANCELLED, NULL, "cancelled");
+    return;
+  }
+  const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = 1, .cache_bytes = CACHE_BYTES};
+  if (!q->renderer) q->renderer = tc_renderer_new(&options, &m->error);
+  if (q->renderer)
+    tc_quality_measure(q->renderer, m->volume, &m->scene, &m->camera, &m->model, &m->cancel, &m->view, &m->error);
+}
+
+static void submit_waiting(tcs_quality *q, tcs_job *job) {
+  GError *error = NULL;
+  if (!job->user) { /* the client has gone */
+    tcs_job_free(job);
+    return;
+  }
+  tcs_quality_resolve(q, job, &q->server->cost, false);
+  if (tcs_scheduler_submit(q->server->scheduler, job, &error)) return;
+  job->error = error;
+  job->finished(job);
+  tcs_job_free(job);
+}
+
+/* Final pictures that were made with a coarser step than is now known to be needed are made again. */
+static void refine(tcs_session *session, void *user) {
+  const measurement *m = user;
+  const tcs_picture *latest = session->latest;
+  if (!latest || !latest->final || latest->revision != session->revision || !asks_for_error(&session->scene)) return;
+  char *look = look_of(session->entry->volume, &session->scene);
+  if (strcmp(look, m->look) == 0) {
+    tc_quality_choice choice;
+    tc_quality_choose(model_of(m->quality, look), &session->scene, &choice);
+    if (choice.step < latest->step * 0.99) tcs_session_refine(session);
+  }
+  g_free(look);
+}
+
+static void done(tcs_task *task) {
+  measurement *m = (measurement *)task;
+  tcs_quality *q = m->quality;
+  g_ptr_array_remove_fast(q->under_way, m);
+  if (q->for_session == m) q->for_session = NULL;
+  if (!m->error) {
+    q->server->metrics.quality_measurements++;
+    tc_quality_add(model_of(q, m->look), &m->view);
+    tcs_sessions_each(q->server->sessions, refine, m);
+  } else if (!g_error_matches(m->error, TC_ERROR, TC_ERROR_CANCELLED)) {
+    tcs_log(TCS_LOG_WARN, "quality.failed", "code=%d", m->error->code);
+  }
+  if (m->waiting) submit_waiting(q, m->waiting);
+  const bool again = !m->error;
+  tc_volume_unref(m->volume);
+  tc_scene_clear(&m->scene);
+  g_clear_error(&m->error);
+  g_free(m->look);
+  g_free(m->session);
+  g_free(m);
+  if (again) tcs_quality_pump(q);
+}
+
+/* Takes `look`. */
+static measurement *begin(tcs_quality *q, tc_volume *volume, const tc_scene *scene, const tc_camera *camera, char *look) {
+  measurement *m = g_new0(measurement, 1);
+  *m = (measurement){.task = {.run = run, .done = done}, .quality = q, .look = look, .camera = *camera};
+  m->volume = tc_volume_ref(volume);
+  tc_scene_copy(&m->scene, scene);
+  m->model = *model_of(q, look);
+  atomic_init(&m->cancel, false);
+  g_ptr_array_add(q->under_way, m);
+  tcs_worker_submit(q->server->quality_worker, &m->task);
+  return m;
+}
+
+bool tcs_quality_prepare(tcs_quality *q, tcs_job *job) {
+  if (!asks_for_error(&job->scene) || (int64_t)q->under_way->len >= q->server->config->limits.queue) return false;
+  tc_quality_choice choice;
+  char *look = look_of(job->volume, &job->scene);
+  tc_quality_choose(model_of(q, look), &job->scene, &choice);
+  if (choice.near) {
+    g_free(look);
+    return false;
+  }
+  begin(q, job->volume, &job->scene, &job->scene.camera, look)->waiting = job;
+  return true;
+}
+
+static void measure_for(tcs_session *session, void *user) {
+  tcs_quality *q = user;
+  tc_camera camera;
+  const bool settled = session->begun_final && session->begun_revision == session->revision;
+  if (q->for_session || !session->watchers->len || !settled || !asks_for_error(&session->scene)) return;
+  char *look = look_of(session->entry->volume, &session->scene);
+  if (!tc_quality_wants(model_of(q, look), &session->scene, &camera)) {
+    g_free(look);
+    return;
+  }
+  q->for_session = begin(q, session->entry->volume, &session->scene, &camera, look);
+  q->for_session->session = g_strdup(session->id);
+}
+
+void tcs_quality_pump(tcs_quality *q) {
+  if (!q->for_session && !q->server->draining && q->server->sessions) tcs_sessions_each(q->server->sessions, measure_for, q);
+}
+
+void tcs_quality_changed(tcs_quality *q, const tcs_session *session) {
+  measurement *m = q->for_session;
+  if (!m || strcmp(m->session, session->id) != 0) return;
+  const bool wanted = session->watchers->len && asks_for_error(&session->scene);
+  char *look = wanted ? look_of(session->entry->volume, &session->scene) : NULL;
+  if (!look || strcmp(look, m->look) != 0) atomic_store(&m->cancel, true);
+  g_free(look);
+}

@@ -1,0 +1,112 @@
+// Quality control: a bound on error or time chooses the sampling; the plan says what and why, the error meter agrees.
+import assert from 'node:assert/strict';
+import { after, before, test } from 'node:test';
+import { Daemon, sleep } from '../support/daemon.mjs';
+import { validate } from '../support/schema.mjs';
+import { Ws } from '../support/ws.mjs';
+
+let d, api;
+before(async () => {
+  d = await Daemon.start();
+  api = (await d.get('/v1/openapi.json')).json;
+});
+after(() => d.stop());
+
+const open = async (scene) => {
+  const session = await d.session(scene);
+  return { session, ws: await Ws.open(d, session.id) };
+};
+const planOf = async (session) => (await d.get(session.links.plan)).json;
+const measurements = async () =>
+  Number(/^tomocast_quality_measurements_total (.*)$/m.exec((await d.get('/metrics')).bytes.toString())[1]);
+
+/** The plan once the views that this session wants are measured. */
+async function known(session) {
+  for (let last = -1, end = Date.now() + 60000; Date.now() < end; await sleep(400)) {
+    const now = await measurements();
+    const plan = await planOf(session);
+    if (plan.quality.views > 0 && now === last) return plan;
+    last = now;
+  }
+  throw new Error('measurements do not come to an end');
+}
+
+for (const maxError of [0.01, 0.001]) {
+  test(`an error of ${maxError} is held, the plan says how`, async () => {
+    const { session, ws } = await open({ quality: { maxError }, errorMeter: { pixels: 4096 } });
+    await ws.nextFrame(({ final }) => final);
+    const plan = await known(session);
+    assert.deepEqual(validate(plan, api.components.schemas.Plan, api), []);
+    const { quality } = plan;
+    assert.deepEqual([quality.maxError, quality.holds], [maxError, true]);
+    assert.ok(quality.expected > maxError / 10 && quality.expected <= maxError, JSON.stringify(quality));
+    assert.match(quality.reason, /step .* measured views/);
+    assert.ok(Math.abs(plan.stepMm - 2 * quality.step) < 1e-9, 'the plan is of what was chosen');
+    ws.patch(1, { camera: { fovY: 31 } }); // the frame below is made with what is known now
+    const { header } = await ws.nextFrame((h) => h.seq === 1 && h.final && h.error);
+    assert.ok(header.error.rms <= maxError, JSON.stringify(header.error));
+    await ws.close();
+  });
+}
+
+test('a tighter bound has a smaller step, and the scene keeps what was asked', async () => {
+  const loose = await open({ quality: { maxError: 0.01 } }), tight = await open({ quality: { maxError: 0.0005 } });
+  const [a, b] = [(await known(loose.session)).quality, (await known(tight.session)).quality];
+  assert.ok(b.step < a.step && b.termination < a.termination, JSON.stringify([a, b]));
+  const { json } = await d.get(tight.session.links.scene);
+  assert.deepEqual([json.quality.maxError, json.sampling.step], [0.0005, tight.session.scene.sampling.step]);
+  await loose.ws.close();
+  await tight.ws.close();
+});
+
+test('single pictures are measured before they are made', async () => {
+  const before = await measurements();
+  const scene = { image: { width: 64, height: 64 }, quality: { maxError: 0.004 }, sampling: { step: 5 } };
+  const asked = { volume: 'ball', format: 'png', scene };
+  const first = await d.post('/v1/render', asked);
+  assert.equal(first.status, 200);
+  assert.equal(await measurements(), before + 1);
+  const coarse = await d.post('/v1/render', { ...asked, scene: { ...scene, quality: {} } });
+  assert.ok(!coarse.bytes.equals(first.bytes), 'its own step is another');
+  const again = await d.post('/v1/render', asked);
+  assert.ok(again.bytes.equals(first.bytes));
+  assert.equal(await measurements(), before + 1, 'once');
+});
+
+test('a time budget: the step follows, said in the plan', async () => {
+  const { session, ws } = await open({ quality: { maxMilliseconds: 1000 } });
+  await ws.nextFrame(({ final }) => final);
+  const { quality: rich } = await planOf(session);
+  assert.deepEqual([rich.maxMilliseconds, rich.holds], [1000, true]);
+  assert.ok(rich.step < 1 && rich.expected <= 1000, JSON.stringify(rich));
+  ws.patch(1, { quality: { maxMilliseconds: 0.001 } });
+  await ws.nextFrame((h) => h.seq === 1 && h.final);
+  const { quality: poor } = await planOf(session);
+  assert.deepEqual([poor.holds, poor.step], [false, 4]);
+  assert.match(poor.reason, /coarsest/);
+  ws.patch(2, { quality: { maxMilliseconds: null } });
+  await ws.nextFrame((h) => h.seq === 2 && h.final);
+  assert.equal((await planOf(session)).quality, undefined);
+  await ws.close();
+});
+
+test('a scene without a reference keeps its own sampling, and the plan says so', async () => {
+  const { session, ws } = await open({ quality: { maxError: 0.01 }, mode: 'mpr' });
+  await ws.nextFrame(({ final }) => final);
+  const { quality } = await planOf(session);
+  assert.deepEqual([quality.holds, quality.step], [false, session.scene.sampling.step]);
+  assert.match(quality.reason, /mode/);
+  await ws.close();
+});
+
+test('looks that change while they are measured, and sessions that end then', async () => {
+  for (let i = 0; i < 5; i++) {
+    const { session, ws } = await open({ quality: { maxError: 0.002 + i * 1e-4 } });
+    await ws.nextFrame(({ final }) => final);
+    ws.patch(1, { transferFunction: { unitDistance: 1 + i / 10 } });
+    await ws.nextFrame((h) => h.seq === 1 && h.final);
+    if (i % 2) ws.cut();
+    assert.equal((await d.delete(session.links.self)).status, 204);
+  }
+  assert.equal((await d.get('/healthz')).status, 200);
+});
