@@ -33,7 +33,7 @@ static const look looks[] = {{"demo:head", TC_MODE_DVR, TC_SHADING_NONE},
                              {"demo:head", TC_MODE_DVR, TC_SHADING_LAMBERT},
                              {"demo:vessels", TC_MODE_MIP, TC_SHADING_NONE},
                              {"demo:head", TC_MODE_AVERAGE, TC_SHADING_NONE}};
-enum { LOOKS = sizeof looks / sizeof *looks, SHORT_LOOKS = 1, SHORT_FRAMES = 4 };
+enum { LOOKS = sizeof looks / sizeof *looks, SHORT_LOOKS = 1, SHORT_FRAMES = 3 };
 
 static tc_renderer *renderer;
 static tc_frame frame;
@@ -188,7 +188,7 @@ static void bounds_hold_at_little_cost(void **state) {
     path p;
     open_path(&p, &looks[l], all ? FRAMES : SHORT_FRAMES);
     printf("  %s, mode %d, shading %d\n", looks[l].volume, looks[l].mode, looks[l].shading);
-    for (int b = 0; b < 2; b++) follow(&p, bounds[b], &t);
+    for (int b = 0; b < (all ? 2 : 1); b++) follow(&p, bounds[b], &t);
     close_path(&p);
   }
   printf("  held on %d of %d frames (%.1f %%); at once, before a view was measured, on %d of %d; cost at most %.2f of the "
