@@ -40,5 +40,10 @@ cJSON *tcp_presets(void) {
     cJSON_AddItemToArray(windows, write_window(&window_presets[i]));
   tcp_add(document, "transferFunctions", functions);
   tcp_add(document, "windows", windows);
+  cJSON *colors = cJSON_CreateArray();
+  const double (*palette)[3] = tc_label_palette(&count);
+  for (size_t i = 0; i < count; i++)
+    cJSON_AddItemToArray(colors, tcp_vector_write(palette[i], 3));
+  tcp_add(document, "labelColors", colors);
   return document;
 }

@@ -3,6 +3,7 @@
 #define TC_RENDERER_BACKEND_H
 
 #include "renderer/classify/classify.h"
+#include "renderer/classify/labels.h"
 #include "renderer/pool.h"
 #include "renderer/raycast/grey.h"
 #include "renderer/raycast/rays.h"
@@ -20,6 +21,8 @@ typedef struct tc_job {
   const tc_leap *leap;   /* NULL unless plan->key.skipping in a mode that composites */
   const tc_grey *grey;   /* NULL unless the mode projects */
   const tc_bounds *bounds; /* NULL unless plan->key.skipping in mip and minip */
+  const tc_volume *label_volume; /* NULL unless plan->key.labels; checked */
+  const tc_labels *labels;       /* what its voxels look like; NULL with it */
   const atomic_bool *cancel; /* may be NULL */
   bool want_linear;
   tc_frame *frame; /* width, height set; buffers allocated; stats.samples and .rays to be filled */

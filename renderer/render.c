@@ -105,6 +105,8 @@ typedef struct frame_resources {
   const tc_minmax *minmax;
   const tc_leap *leap;
   const tc_bounds *bounds;
+  const tc_labels *labels;
+  double labels_ms; /* what building them took in this frame */
   tc_grey grey; /* of a projection */
 } frame_resources;
 
@@ -154,6 +156,9 @@ static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scen
 
 static void finish_plan(tc_renderer *r, tc_plan *plan, const frame_resources *have, const tc_frame_stats *stats) {
   r->ops->name_kernel(r->instance, plan);
+  tc_plan_stage *labels = &plan->stages[TC_STAGE_LABELS];
+  if (have->labels) labels->bytes = have->labels->bytes;
+  if (have->labels) labels->ms = stats ? have->labels_ms : have->labels->build_ms;
   tc_plan_stage *table = &plan->stages[TC_STAGE_TABLE_2D], *skipping = &plan->stages[TC_STAGE_SKIPPING];
   if (have->table) table->bytes = have->table->bytes;
   if (have->minmax) skipping->bytes += have->minmax->bytes;
@@ -165,7 +170,7 @@ static void finish_plan(tc_renderer *r, tc_plan *plan, const frame_resources *ha
              100 * have->leap->empty_share, have->leap->block);
   }
   if (stats) {
-    table->ms = stats->tables_ms;
+    table->ms = stats->tables_ms - have->labels_ms;
     skipping->ms = stats->skip_ms;
     return;
   }
@@ -198,9 +203,13 @@ static void find(tc_renderer *r, const tc_volume *volume, const tc_scene *scene,
   }
 }
 
-bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_scene *scene, tc_plan *plan, GError **error) {
-  if (!tc_plan_make(volume, scene, scene->image.width, scene->image.height, plan, error)) return false;
+bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_volume *labels, const tc_scene *scene,
+                      tc_plan *plan, GError **error) {
+  if (!tc_plan_make(volume, scene, scene->image.width, scene->image.height, plan, error) ||
+      !tc_labels_check(volume, labels, scene, error))
+    return false;
   frame_resources have = {0};
+  if (plan->key.labels) have.labels = tc_resources_find_labels(renderer->resources, labels, scene);
   if (tc_is_projection(scene->mode)) {
     find_projection(renderer, volume, scene, plan, &have);
     finish_plan(renderer, plan, &have, NULL);
@@ -235,9 +244,15 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   }
   if (!check_table(request, error)) return false;
   if (!tc_plan_make(volume, scene, width, height, plan, error) ||
+      !tc_labels_check(volume, request->labels, scene, error) ||
       !reserve(frame, width, height, request->want_linear, error) ||
       !gather(renderer, volume, scene, request, plan, &have, &frame->stats, error))
     return false;
+  if (plan->key.labels) {
+    have.labels = tc_resources_labels(renderer->resources, request->labels, scene, &have.labels_ms, error);
+    if (!have.labels) return false;
+    frame->stats.tables_ms += have.labels_ms;
+  }
   tc_scene windowed; /* greys are display values already: nothing is converted */
   if (scene->mode == TC_MODE_MPR && scene->image.linear_light) {
     windowed = *scene;
@@ -248,6 +263,7 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   tc_rays_set_up(&rays, volume, scene, width, height);
   tc_job job = {.plan = plan, .scene = scene, .volume = volume, .rays = &rays, .table = have.table, .leap = have.leap,
                 .grey = tc_is_projection(scene->mode) ? &have.grey : NULL, .bounds = have.bounds,
+                .label_volume = have.labels ? request->labels : NULL, .labels = have.labels,
                 .cancel = request->cancel, .want_linear = request->want_linear, .frame = frame};
   double start = tc_now_ms();
   if (!renderer->ops->render(renderer->instance, &job, error)) return false;

@@ -4,11 +4,11 @@
 #include <string.h>
 
 /* One list holds all kinds, so that one budget and one rule of age serve them. */
-typedef enum item_kind { ITEM_TABLE, ITEM_SUPPORT, ITEM_MINMAX, ITEM_LEAP, ITEM_BOUNDS } item_kind;
+typedef enum item_kind { ITEM_TABLE, ITEM_SUPPORT, ITEM_MINMAX, ITEM_LEAP, ITEM_BOUNDS, ITEM_LABELS } item_kind;
 
 typedef struct item {
   item_kind kind;
-  void *thing; /* tc_table, tc_support, tc_minmax, tc_leap or tc_bounds; owned */
+  void *thing; /* tc_table, tc_support, tc_minmax, tc_leap, tc_bounds or tc_labels; owned */
   size_t bytes;
   uint64_t last_use;
   uint64_t volume; /* serial it belongs to */
@@ -43,6 +43,7 @@ static void drop(tc_resources *r, int i) {
   case ITEM_MINMAX: tc_minmax_free(it->thing); break;
   case ITEM_LEAP: tc_leap_free(it->thing); break;
   case ITEM_BOUNDS: tc_bounds_free(it->thing); break;
+  case ITEM_LABELS: tc_labels_free(it->thing); break;
   }
   if (it->tf) free(it->tf->points);
   free(it->tf);
@@ -279,6 +280,45 @@ const tc_bounds *tc_resources_bounds(tc_resources *r, const tc_volume *volume, c
   it->block = minmax->block;
   *ms += bounds->build_ms;
   return bounds;
+}
+
+/* ---- labels ---- */
+
+static const tc_labels *find_labels(tc_resources *r, const GBytes *key) {
+  for (int i = 0; i < r->count; i++) {
+    item *it = &r->items[i];
+    if (it->kind == ITEM_LABELS && g_bytes_equal(((const tc_labels *)it->thing)->key, key)) return used(r, it);
+  }
+  return NULL;
+}
+
+const tc_labels *tc_resources_find_labels(tc_resources *r, const tc_volume *labels, const tc_scene *scene) {
+  GBytes *key = tc_labels_key(labels, scene);
+  const tc_labels *found = find_labels(r, key);
+  g_bytes_unref(key);
+  return found;
+}
+
+const tc_labels *tc_resources_labels(tc_resources *r, const tc_volume *labels, const tc_scene *scene, double *ms,
+                                     GError **error) {
+  GBytes *key = tc_labels_key(labels, scene);
+  const tc_labels *found = find_labels(r, key);
+  if (found) {
+    g_bytes_unref(key);
+    return found;
+  }
+  tc_labels *l = tc_labels_build(labels, scene, key, error);
+  if (!l) return NULL;
+  item *it = make_room(r, ITEM_LABELS, l->bytes);
+  if (!it) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "labels: out of memory");
+    tc_labels_free(l);
+    return NULL;
+  }
+  it->thing = l;
+  it->volume = tc_volume_serial(labels);
+  *ms += l->build_ms;
+  return l;
 }
 
 void tc_resources_forget(tc_resources *r, uint64_t volume_serial) {

@@ -5,6 +5,7 @@
 #define TC_RENDERER_RESOURCES_H
 
 #include "renderer/classify/classify.h"
+#include "renderer/classify/labels.h"
 #include "renderer/skip/bounds.h"
 #include "renderer/skip/skip.h"
 #include "renderer/tomocast.h"
@@ -28,12 +29,17 @@ const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const
 const tc_bounds *tc_resources_bounds(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_grey *grey,
                                      double *ms, GError **error);
 
+const tc_labels *tc_resources_labels(tc_resources *r, const tc_volume *labels, const tc_scene *scene, double *ms,
+                                     GError **error);
+
 /* Find only: NULL when it is not there now. */
 const tc_table *tc_resources_find_table(tc_resources *r, const tc_table_params *params);
 const tc_support *tc_resources_find_support(tc_resources *r, const tc_table_params *params);
 const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int block);
 const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int block, const tc_support *support);
 const tc_bounds *tc_resources_find_bounds(tc_resources *r, const tc_volume *volume, int block, const tc_grey *grey);
+
+const tc_labels *tc_resources_find_labels(tc_resources *r, const tc_volume *labels, const tc_scene *scene);
 
 /* Drops what belongs to a volume. */
 void tc_resources_forget(tc_resources *r, uint64_t volume_serial);

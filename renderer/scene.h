@@ -105,11 +105,12 @@ typedef struct tc_scene {
                                       trapezoidal rule */
     double zoom;            /* > 0; at 1 the volume's extent across and up the picture just fits; 2 shows half of it */
   } mpr;
+  /* A second volume of labels (classify/labels.h) that tints in dvr and mpr, and hides in dvr; other modes ignore it. */
   struct {
     char volume[64]; /* id of a second volume; "" = none */
-    double opacity;
-    tc_label_color *colors; size_t n_colors;  /* owned */
-    uint32_t *visible; size_t n_visible;      /* owned; NULL = all */
+    double opacity;  /* 0..1; a tint's share is this times its colour's own */
+    tc_label_color *colors; size_t n_colors;  /* owned; ascending labels; one without is of the palette, 0 is clear */
+    uint32_t *visible; size_t n_visible;      /* owned; NULL = all; 0, what has no label, is one of them */
   } labels;
   struct { double max_error, max_ms; } quality; /* 0 = not asked */
   struct { int pixels; } error_meter;           /* 0 = off */
@@ -129,6 +130,10 @@ void tc_scene_copy(tc_scene *to, const tc_scene *from);
 
 /* Releases heap members and zeroes *scene. A cleared or zeroed scene may be cleared again. */
 void tc_scene_clear(tc_scene *scene);
+
+/* Colours of labels that have none of their own: label n > 0 takes number (n - 1) % count. sRGB; static. */
+#define TC_LABEL_PALETTE 21
+const double (*tc_label_palette(size_t *count))[3];
 
 /* A named transfer function. `modality` is "CT", "MR" or "" (any; values 0..1 of the range when
  * `relative`). `center`/`width` is a window that goes with it. */

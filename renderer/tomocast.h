@@ -10,6 +10,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "renderer/classify/labels.h"
 #include "renderer/error.h"
 #include "renderer/import/import.h"
 #include "renderer/plan/plan.h"
@@ -65,7 +66,8 @@ typedef struct tc_render_request {
   int width, height;          /* 0 = the scene's own; smaller while a user drags (the camera's view stays the same) */
   bool want_linear;           /* fill frame->linear too */
   const atomic_bool *cancel;  /* set to true from any thread: tc_render() returns TC_ERROR_CANCELLED soon; may be NULL */
-  const tc_volume *labels;    /* resolved scene.labels.volume, or NULL */
+  const tc_volume *labels;    /* what scene.labels.volume names, borrowed until tc_render() returns; NULL where it names none.
+                                 Which volume an id means is the caller's; it is tc_labels_check()ed here */
   int table_size, table_bits; /* for measurements: entries per side (2 to TC_MAX_TABLE_SIZE) and bits of an entry (8, or 16
                                  for half floats) of the pre-integration table; 0 = as the plan chooses, single precision */
 } tc_render_request;
@@ -77,14 +79,16 @@ typedef struct tc_render_request {
 bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
                tc_frame *frame, tc_plan *plan, GError **error);
 
-/* The plan this renderer would follow, with what is resident now; renders nothing. Same thread rule as tc_render(). */
-bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_scene *scene, tc_plan *plan, GError **error);
+/* The plan this renderer would follow, with what is resident now; renders nothing. labels: as in tc_render_request. Same
+ * thread rule as tc_render(). */
+bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_volume *labels, const tc_scene *scene,
+                      tc_plan *plan, GError **error);
 
 /* Defaults that fit a volume: camera that shows all of it from the front (patient's anterior, head up), transfer function
  * preset and window for its modality and range. *scene was initialised (tc_scene_init) before. */
 void tc_scene_fit(tc_scene *scene, const tc_volume *volume);
 
-/* Drops cached resources of a volume that is going away. */
+/* Drops cached resources of a volume (or label volume) that is going away. */
 void tc_renderer_forget(tc_renderer *renderer, const tc_volume *volume);
 
 #endif

@@ -6,6 +6,7 @@ import { fit, spanAtTarget, standardView, withProjection } from './camera.js';
 import { Furniture } from './furniture.js';
 import { Input, NO_MOVEMENT } from './input.js';
 import { Keys } from './keys.js';
+import { Labels } from './labels.js';
 import { Look } from './look.js';
 import { Notices } from './notices.js';
 import { Opening, volumeInHash } from './opening.js';
@@ -58,6 +59,7 @@ const gesture = (on) => client.active(on);
 const look = new Look(get, store, gesture);
 const panels = new Panels(document, store, { gesture, mode: chooseMode });
 const crop = new CropPanel(get('crop'), get('crop-reset'), store, gesture);
+const labels = new Labels(get, store, volumes, { failed });
 const furniture = new Furniture(
   {
     top: get('mark-top'),
@@ -126,6 +128,7 @@ function showVolume(volume, box, histogram) {
   look.setVolume(histogram, range, volume.modality ?? '');
   panels.setVolume(range);
   crop.setBox(box);
+  labels.setVolume(volume.id);
   get('volume-name').textContent = volume.id;
   get('volume-meta').textContent = volume.dims.join(' \u00d7 ');
   get('probe').textContent = '';
@@ -404,6 +407,7 @@ async function start() {
     const [about, presets] = await Promise.all([api.json('GET', 'v1/about'), api.json('GET', 'v1/presets')]);
     status.server([about.name, about.version, about.backend, about.device].filter(Boolean).join(' \u00b7 '));
     look.setPresets(presets);
+    labels.setPalette(presets.labelColors);
     panels.withhold(about.unavailable);
     if (about.unavailable?.['errorMeter.pixels']) withholdMeter();
     if (!(await opening.fromAddress(location))) volumeDialog.open();

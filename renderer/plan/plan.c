@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "renderer/classify/classify.h"
+#include "renderer/classify/labels.h"
 #include "renderer/quality/meter.h"
 #include "renderer/raycast/grey.h"
 #include "renderer/skip/skip.h"
@@ -140,6 +141,21 @@ static bool check_shading(const tc_scene *scene, GError **error) {
   return true;
 }
 
+/* The label volume itself is tc_labels_check()'s. */
+static bool check_labels(const tc_scene *scene, GError **error) {
+  if (!scene->labels.volume[0] || !tc_mode_has_labels(scene->mode)) return true;
+  if (!(scene->labels.opacity >= 0 && scene->labels.opacity <= 1))
+    return invalid(error, "/labels/opacity", "a share from 0 to 1 wanted");
+  for (size_t i = 0; i < scene->labels.n_colors; i++) {
+    const tc_label_color *color = &scene->labels.colors[i];
+    for (int c = 0; c < 4; c++)
+      if (!(color->rgba[c] >= 0 && color->rgba[c] <= 1)) return invalid(error, "/labels/colors", "numbers from 0 to 1 wanted");
+    if (i > 0 && color->label <= color[-1].label)
+      return invalid(error, "/labels/colors", "labels in ascending order wanted");
+  }
+  return true;
+}
+
 static bool check_image(int width, int height, GError **error) {
   if (width < 1 || height < 1) return invalid(error, width < 1 ? "/image/width" : "/image/height", "at least 1 pixel wanted");
   if (width > TC_MAX_IMAGE_SIDE || height > TC_MAX_IMAGE_SIDE || (int64_t)width * height > TC_MAX_IMAGE_AREA) {
@@ -215,7 +231,6 @@ static bool check_built(const tc_scene *s, GError **error) {
   if (s->sampling.rays_per_pixel != 1) return unsupported(error, "/sampling/raysPerPixel", "more than one ray a pixel");
   if (!slice && s->sampling.coherence) return unsupported(error, "/sampling/coherence", "sub-pixel coherence");
   if (!slice && s->sampling.jitter) return unsupported(error, "/sampling/jitter", "jitter");
-  if (s->labels.volume[0]) return unsupported(error, "/labels", "a label volume");
   return true;
 }
 
@@ -254,6 +269,17 @@ static void plan_meter(tc_plan *plan, const tc_scene *s) {
           s->error_meter.pixels);
 }
 
+static void plan_labels(tc_plan *plan, const tc_scene *s) {
+  char shown[48] = "all show";
+  if (s->labels.visible) snprintf(shown, sizeof shown, "%zu show", s->labels.n_visible);
+  if (plan->key.labels)
+    stage(plan, TC_STAGE_LABELS, true, "labels of volume %.40s: %s, tint %.3g", s->labels.volume, shown, s->labels.opacity);
+  else if (s->labels.volume[0])
+    stage(plan, TC_STAGE_LABELS, false, "mode %s shows values: labels colour dvr and mpr only", modes[s->mode]);
+  else
+    stage(plan, TC_STAGE_LABELS, false, "no label volume");
+}
+
 static void plan_stages(tc_plan *plan, const tc_scene *s) {
   stage(plan, TC_STAGE_TABLE_1D, false, "only approximate classification reads 1-D integrals");
   char zooms[48] = "";
@@ -271,7 +297,7 @@ static void plan_stages(tc_plan *plan, const tc_scene *s) {
                                             : "the transfer function is nowhere zero in the volume's range");
   plan_clipping(plan, s);
   stage(plan, TC_STAGE_JITTER, false, "sampling.jitter is off");
-  stage(plan, TC_STAGE_LABELS, false, "no label volume");
+  plan_labels(plan, s);
   if (plan->key.termination)
     stage(plan, TC_STAGE_TERMINATION, true, "rays end under a transparency of %.3g", s->sampling.termination);
   else
@@ -313,13 +339,13 @@ static void plan_slice_stages(tc_plan *plan, const tc_scene *s) {
       {TC_STAGE_GRADIENT, "a slice has no shading"},
       {TC_STAGE_SKIPPING, "a slice shows every voxel it meets"},
       {TC_STAGE_JITTER, "a slice has no jitter"},
-      {TC_STAGE_LABELS, "no label volume"},
       {TC_STAGE_TERMINATION, "a slab counts all of its samples"},
       {TC_STAGE_DEPTH, "nothing asks for depth"},
       {TC_STAGE_LINEAR_LIGHT, "the window gives display values: nothing composites"}};
   for (size_t i = 0; i < sizeof out / sizeof *out; i++) stage(plan, out[i].stage, false, "%s", out[i].reason);
   plan_clipping(plan, s);
   plan_meter(plan, s);
+  plan_labels(plan, s);
   stage(plan, TC_STAGE_ALPHA, s->image.transparent,
         s->image.transparent ? "background is transparent" : "background is a colour");
   stage(plan, TC_STAGE_RESOLVE, true, "background and 8-bit conversion of %dx%d pixels", plan->width, plan->height);
@@ -338,19 +364,20 @@ static bool plan_slice(const tc_volume *volume, const tc_scene *scene, int width
   plan->key.filter = (uint8_t)scene->filter;
   plan->key.projection = TC_ORTHOGRAPHIC;
   plan->key.clipping = scene->clip.has_box || scene->clip.n_planes > 0;
+  plan->key.labels = scene->labels.volume[0] != 0;
   if (scene->mpr.thickness_mm > 0) plan->key.slab = (uint8_t)(1 + scene->mpr.projection);
   plan->width = width;
   plan->height = height;
   plan->step_mm = scene->sampling.step * fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2]));
   plan_slice_stages(plan, scene);
-  snprintf(plan->kernel, sizeof plan->kernel, "mpr.%s.%s.%s", slabs[plan->key.slab],
-           filters[scene->filter], tc_voxel_type_name(d->type));
+  snprintf(plan->kernel, sizeof plan->kernel, "mpr.%s.%s%s.%s", slabs[plan->key.slab], filters[scene->filter],
+           plan->key.labels ? ".labels" : "", tc_voxel_type_name(d->type));
   return true;
 }
 
 bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_plan *plan, GError **error) {
   memset(plan, 0, sizeof *plan);
-  if (!check_built(scene, error) || !check_image(width, height, error)) return false;
+  if (!check_built(scene, error) || !check_image(width, height, error) || !check_labels(scene, error)) return false;
   if (scene->mode == TC_MODE_MPR) return plan_slice(volume, scene, width, height, plan, error);
   if (!check_camera(&scene->camera, error) || !check_look(scene, error) || !check_sampling(volume, scene, error) ||
       !check_clipping(scene, error) || !check_shading(scene, error))
@@ -360,7 +387,8 @@ bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int
                             .voxel_type = (uint8_t)d->type,
                             .filter = (uint8_t)scene->filter,
                             .projection = (uint8_t)scene->camera.projection,
-                            .clipping = scene->clip.has_box || scene->clip.n_planes > 0};
+                            .clipping = scene->clip.has_box || scene->clip.n_planes > 0,
+                            .labels = scene->labels.volume[0] && tc_mode_has_labels(scene->mode)};
   if (!tc_is_projection(scene->mode))
     plan_compositing(plan, volume, scene);
   else
@@ -370,8 +398,8 @@ bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int
   plan->step_mm = scene->sampling.step * fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2]));
   plan_stages(plan, scene);
   if (scene->mode == TC_MODE_DVR)
-    snprintf(plan->kernel, sizeof plan->kernel, "dvr.preintegrated.%s%s.%s", filters[scene->filter],
-             plan->key.shading ? ".shaded" : "", tc_voxel_type_name(d->type));
+    snprintf(plan->kernel, sizeof plan->kernel, "dvr.preintegrated.%s%s%s.%s", filters[scene->filter],
+             plan->key.shading ? ".shaded" : "", plan->key.labels ? ".labels" : "", tc_voxel_type_name(d->type));
   else
     snprintf(plan->kernel, sizeof plan->kernel, "%s.%s.%s", modes[scene->mode], filters[scene->filter],
              tc_voxel_type_name(d->type));

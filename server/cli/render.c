@@ -13,7 +13,7 @@
 #include "server/session/ray_json.h"
 
 typedef struct arguments {
-  char *scene, *output, *backend, *isa, *ray, **set;
+  char *scene, *output, *labels, *backend, *isa, *ray, **set;
   int threads, width, height;
   gboolean timing;
   char **rest; /* VOLUME */
@@ -59,6 +59,8 @@ static bool parse_arguments(job *j, int argc, char **argv, GError **error) {
       {"scene", 0, 0, G_OPTION_ARG_FILENAME, &a->scene, "scene document; - is stdin; without it the fitted defaults",
        "FILE"},
       {"output", 'o', 0, G_OPTION_ARG_FILENAME, &a->output, "picture to write, .png or .jpg (render.png)", "OUT"},
+      {"labels", 0, 0, G_OPTION_ARG_FILENAME, &a->labels,
+       "volume of labels to tint and hide by; else the scene's labels.volume, which is a path here", "VOLUME"},
       {"set", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &a->set, "change one member, as camera.fovY=40; may be repeated",
        "KEY=VALUE"},
       {"width", 0, 0, G_OPTION_ARG_INT, &a->width, "width of the picture", "PIXELS"},
@@ -133,11 +135,13 @@ static bool load(job *j, GError **error) {
   return j->volume != NULL;
 }
 
-/* Without a server a label volume's id is a path. */
+/* Without a server a label volume's id is a path; --labels takes longer ones and needs no scene. */
 static bool load_labels(job *j, GError **error) {
-  if (!*j->scene.labels.volume) return true;
-  j->labels = tc_import(j->scene.labels.volume, NULL, error);
-  if (!j->labels) g_prefix_error(error, "labels.volume: ");
+  const char *path = j->args.labels ? j->args.labels : j->scene.labels.volume;
+  if (!*path) return true;
+  j->labels = tc_import(path, NULL, error);
+  if (!j->labels) g_prefix_error(error, j->args.labels ? "--labels: " : "labels.volume: ");
+  if (j->args.labels) g_strlcpy(j->scene.labels.volume, "labels", sizeof j->scene.labels.volume);
   return j->labels != NULL;
 }
 
@@ -240,6 +244,7 @@ static bool run(job *j, int argc, char **argv, GError **error) {
 static void finish(job *j) {
   g_free(j->args.scene);
   g_free(j->args.output);
+  g_free(j->args.labels);
   g_free(j->args.backend);
   g_free(j->args.isa);
   g_free(j->args.ray);

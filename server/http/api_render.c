@@ -188,6 +188,7 @@ void tcs_get_plan(tcs_request *request) {
   const tcs_session *session = tcs_session_of(request);
   if (!session) return;
   tcs_job *job = tcs_job_new(request->server, session->entry->volume, &session->scene);
+  if (session->labels) job->labels = tc_volume_ref(tcs_session_labels(session));
   job->plan_only = true;
   submit(request, job, session->cost.w > 0 ? &session->cost : &request->server->cost, finished_plan);
 }

@@ -46,7 +46,8 @@ static void run_list(tcs_task *task) {
 
 static void done_list(tcs_task *task) {
   walk *work = (walk *)task;
-  static const char *const demos[] = {"demo:head", "demo:vessels", "demo:marschner-lobb", "demo:bucky"};
+  static const char *const demos[] = {"demo:head", "demo:head-labels", "demo:vessels", "demo:marschner-lobb",
+                                      "demo:bucky"};
   if (work->request) {
     for (size_t i = 0; i < G_N_ELEMENTS(demos); i++) {
       cJSON *demo = cJSON_CreateObject();

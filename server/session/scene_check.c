@@ -25,15 +25,18 @@ bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene
     return false;
   }
   if (scene->labels.volume[0]) {
-    tcs_entry *entry = tcs_catalogue_find(server->catalogue, scene->labels.volume);
-    if (!entry || entry->state != TCS_RESIDENT) {
-      tc_set_error(error, TC_ERROR_INVALID, "/labels/volume", "labels.volume: no such volume is resident");
+    GError *why = NULL;
+    tcs_entry *entry = tcs_catalogue_resident(server->catalogue, scene->labels.volume, &why);
+    if (!entry) {
+      tc_set_error(error, TC_ERROR_INVALID, "/labels/volume", "labels/volume: %s", why->message);
+      g_error_free(why);
       return false;
     }
     *labels = entry->volume;
   }
   tc_plan plan;
-  return tc_plan_make(volume, scene, scene->image.width, scene->image.height, &plan, error);
+  return tc_plan_make(volume, scene, scene->image.width, scene->image.height, &plan, error) &&
+         tc_labels_check(volume, *labels, scene, error);
 }
 
 static bool apply(tc_scene *scene, const tc_scene *defaults, const tc_volume *volume, const cJSON *patch,
@@ -67,6 +70,7 @@ bool tcs_session_patch(tcs_session *session, const cJSON *patch, bool whole, GEr
   }
   tc_scene_clear(&session->scene);
   session->scene = next; /* moves the heap members */
+  tcs_session_pin(session);
   tcs_session_changed(session);
   return true;
 }

@@ -74,6 +74,7 @@ tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const
   session->entry = entry;
   entry->users++;
   session->scene = scene;
+  tcs_session_pin(session);
   tc_scene_init(&session->defaults);
   tc_scene_fit(&session->defaults, entry->volume);
   session->revision = 1;
@@ -83,6 +84,19 @@ tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const
   g_hash_table_insert(sessions->by_id, session->id, session);
   g_ptr_array_add(sessions->order, session);
   return session;
+}
+
+tc_volume *tcs_session_labels(const tcs_session *session) { return session->labels ? session->labels->volume : NULL; }
+
+static void set_labels(tcs_session *session, tcs_entry *labels) {
+  if (session->labels && session->labels != session->entry) session->labels->users--;
+  if (labels && labels != session->entry) labels->users++;
+  session->labels = labels;
+}
+
+void tcs_session_pin(tcs_session *session) {
+  const char *id = session->scene.labels.volume;
+  set_labels(session, *id ? tcs_catalogue_find(session->server->catalogue, id) : NULL);
 }
 
 void tcs_session_end(tcs_session *session) {
@@ -100,6 +114,7 @@ void tcs_session_end(tcs_session *session) {
     tcs_job_cancel(job);
   }
   tcs_measure_cancel(session);
+  set_labels(session, NULL);
   session->entry->users--;
   tcs_picture_unref(session->latest);
   g_ptr_array_unref(session->watchers);
@@ -112,7 +127,7 @@ void tcs_session_end(tcs_session *session) {
 void tcs_sessions_end_of(tcs_sessions *sessions, const tcs_entry *entry) {
   for (guint i = sessions->order->len; i-- > 0;) {
     tcs_session *session = g_ptr_array_index(sessions->order, i);
-    if (session->entry == entry) tcs_session_end(session);
+    if (session->entry == entry || session->labels == entry) tcs_session_end(session);
   }
 }
 
@@ -259,10 +274,7 @@ static void rendered(tcs_job *job) {
 
 static tcs_job *begin_job(tcs_session *session, bool final) {
   tcs_job *job = tcs_job_new(session->server, session->entry->volume, &session->scene);
-  if (session->scene.labels.volume[0]) {
-    const tcs_entry *entry = tcs_catalogue_find(session->server->catalogue, session->scene.labels.volume);
-    if (entry && entry->volume) job->labels = tc_volume_ref(entry->volume);
-  }
+  if (session->labels) job->labels = tc_volume_ref(tcs_session_labels(session));
   job->rendered = rendered;
   job->finished = finished;
   job->user = session;

@@ -20,6 +20,7 @@ struct tcs_session {
   tcs_server *server;
   char id[33];      /* 128 random bits, hexadecimal */
   tcs_entry *entry; /* counted in entry->users */
+  tcs_entry *labels; /* of the scene's label volume, or NULL; counted too, unless it is `entry` itself */
   tc_scene scene, defaults;
   uint64_t revision; /* counts up from 1 with every change */
   GPtrArray *watchers;
@@ -46,11 +47,15 @@ void tcs_sessions_each(tcs_sessions *sessions, void (*each)(tcs_session *session
  * there are too many; else the errors of a scene. */
 tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const cJSON *patch, GError **error);
 void tcs_session_end(tcs_session *session);
-/* Ends every session of a volume. */
+/* The scene's label volume, or NULL; the session's. */
+tc_volume *tcs_session_labels(const tcs_session *session);
+/* After session->scene was set or changed: its label volume cannot be deleted any more, the one before can. */
+void tcs_session_pin(tcs_session *session);
+/* Ends every session that shows a volume, be it as labels. */
 void tcs_sessions_end_of(tcs_sessions *sessions, const tcs_entry *entry);
 
-/* Checks a scene against the limits and what the renderer can do, and finds its label volume (NULL when it has none).
- */
+/* Checks a scene against the limits and what the renderer can do, and finds its label volume (NULL when it has none; the
+ * catalogue's). */
 bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, tc_volume **labels,
                      GError **error);
 /* The defaults for a volume, with `patch` (may be NULL) on top. *scene holds nothing before, nor after a failure. */

@@ -672,7 +672,7 @@ static void plan_names_what_runs(void **state) {
       }
       assert_true(frame.stats.tables_ms == 0 && frame.stats.skip_ms == 0);
       if (!slab) assert_int_equal(frame.stats.samples, frame.stats.rays); /* one sample a pixel */
-      assert_true(tc_renderer_plan(machines[m].renderer, volume, &scene, &plan, &error));
+      assert_true(tc_renderer_plan(machines[m].renderer, volume, NULL, &scene, &plan, &error));
       tc_scene_clear(&scene);
     }
   tc_volume_unref(volume);
@@ -707,7 +707,7 @@ static void refusals_point_at_members(void **state) {
   REFUSED(s.filter = TC_FILTER_CUBIC, TC_ERROR_UNSUPPORTED, "/filter");
   REFUSED(s.sampling.rays_per_pixel = 4, TC_ERROR_UNSUPPORTED, "/sampling/raysPerPixel");
   REFUSED((s.clip.has_box = true, s.clip.box[0][1] = 1), TC_ERROR_INVALID, "/clip/box");
-  REFUSED(strcpy(s.labels.volume, "x"), TC_ERROR_UNSUPPORTED, "/labels");
+  REFUSED((strcpy(s.labels.volume, "x"), s.labels.opacity = 2), TC_ERROR_INVALID, "/labels/opacity");
   tc_plan plan;
   s = good, s.mpr.orientation = TC_AXIAL; /* only oblique planes have a normal of their own */
   memset(s.mpr.normal, 0, sizeof s.mpr.normal);

@@ -451,7 +451,7 @@ static void plan_leaves_out(void **state) {
       char name[64];
       scene.mode = modes[m];
       scene.window.center = 1234 + m; /* another window, other bounds: nothing of them is there before the first frame */
-      assert_true(tc_renderer_plan(renderers[i], volume, &scene, &before, NULL));
+      assert_true(tc_renderer_plan(renderers[i], volume, NULL, &scene, &before, NULL));
       const tc_frame *frame = render(i, volume, &scene, &plan);
       assert_memory_equal(&plan.key, &before.key, sizeof plan.key);
       snprintf(name, sizeof name, "%s.linear.u16.%s", mode_names[m], is_gl(i) ? "gather.gl" : name_of(i));
@@ -506,8 +506,6 @@ static void refusals(void **state) {
     scene.clip.n_planes = 1; /* a normal of zero */
     expect_refused(volume, &scene, TC_ERROR_INVALID, "/clip/planes/0");
     scene.clip.n_planes = 0;
-    strcpy(scene.labels.volume, "liver");
-    expect_refused(volume, &scene, TC_ERROR_UNSUPPORTED, "/labels");
     tc_scene_clear(&scene);
   }
   tc_volume_unref(volume);

@@ -34,6 +34,38 @@ describe('page and fake server', { skip }, () => {
     });
   }
 
+  test('labels are chosen, shown, hidden and coloured from their panel, by keyboard too', async () => {
+    const { page } = await open(browser, url);
+    const labels = () => scene(page).then((now) => now.labels ?? {});
+    const tab = page.locator('[role="tab"][data-tab="labels"]');
+    if (await tab.isVisible()) await tab.click();
+    await page.selectOption('#labels-volume', 'parts');
+    await page.locator('#labels-list li').nth(2).waitFor();
+    assert.deepEqual(await page.locator('#labels-list li > span:nth-child(2)').allTextContents(), [
+      'No label',
+      'Label 1',
+      'Label 3',
+    ]);
+    assert.equal((await labels()).volume, 'parts');
+    const eye = page.getByRole('button', { name: 'Show label 3' });
+    await eye.focus();
+    await page.keyboard.press('Enter');
+    assert.equal(await eye.getAttribute('aria-pressed'), 'false');
+    assert.deepEqual((await labels()).visible, [0, 1]);
+    await eye.click();
+    assert.equal((await labels()).visible ?? null, null, 'all shown is no list');
+    await page.getByLabel('Colour of label 1').fill('#ff0000');
+    assert.deepEqual((await labels()).colors, { 1: [1, 0, 0, 1] });
+    await page.click('#labels-none');
+    assert.deepEqual((await labels()).visible, []);
+    await page.selectOption('#labels-volume', '');
+    assert.equal(await page.locator('#labels-body').isVisible(), false);
+    assert.equal((await labels()).volume ?? '', '');
+    await settled(page);
+    assert.deepEqual(page.complaints, []);
+    await page.close();
+  });
+
   test('every frame is confirmed, and not before it is drawn', async () => {
     const { page } = await open(browser, url);
     const { cx, cy } = await stageBox(page);

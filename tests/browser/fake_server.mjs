@@ -103,6 +103,9 @@ function ball(scene, width, height) {
   };
 }
 
+/** Labels 0, 1 and 3 occur. */
+const PARTS = { edges: [0, 0.75, 1.5, 2.25, 3], counts: [9000, 500, 0, 70] };
+
 export class FakeServer {
   /** Test knobs. */
   manner = 'whole'; // how frames are written, see ws_server.mjs
@@ -119,7 +122,10 @@ export class FakeServer {
   #server;
   #sessions = new Map();
   #viewers = new Set();
-  #volumes = new Map([['ball', { id: 'ball', ...VOLUME }]]);
+  #volumes = new Map([
+    ['ball', { id: 'ball', ...VOLUME }],
+    ['parts', { ...VOLUME, id: 'parts', type: 'u8', range: [0, 3] }],
+  ]);
   #next = 1;
 
   async start(port = 0) {
@@ -218,7 +224,7 @@ export class FakeServer {
       return json(response, 201, this.#volumes.get(id));
     }
     if (!this.#volumes.has(id)) return problem(response, 404, `no volume "${id}"`);
-    if (part === 'histogram') return json(response, 200, histogram());
+    if (part === 'histogram') return json(response, 200, id === 'parts' ? PARTS : histogram());
     if (part === 'value') {
       const at = new URL(request.url, 'http://x').searchParams.get('at').split(',').map(Number);
       return json(response, 200, { at, value: 17 });

@@ -88,6 +88,23 @@ static void nonsense_points_at_the_member(void **state) {
   expect(f, TC_ERROR_INVALID, "/transferFunction/points/1");
 }
 
+static void labels_are_checked_where_they_are_read(void **state) {
+  fixture *f = *state;
+  strcpy(f->scene.labels.volume, "segments");
+  f->scene.labels.opacity = 1.5;
+  expect(f, TC_ERROR_INVALID, "/labels/opacity");
+  f->scene.labels.opacity = 1;
+  f->scene.labels.colors = g_new0(tc_label_color, 2);
+  f->scene.labels.n_colors = 2; /* twice label 0 */
+  expect(f, TC_ERROR_INVALID, "/labels/colors");
+  f->scene.labels.n_colors = 1;
+  f->scene.labels.colors[0].rgba[2] = NAN;
+  expect(f, TC_ERROR_INVALID, "/labels/colors");
+  f->scene.mode = TC_MODE_AVERAGE;
+  assert_true(tc_plan_make(f->volume, &f->scene, 48, 48, &f->plan, NULL));
+  assert_false(f->plan.key.labels);
+}
+
 static void what_is_not_built_is_refused(void **state) {
   fixture *f = *state;
   f->scene.mode = TC_MODE_SPLAT;
@@ -155,6 +172,7 @@ static void every_stage_has_its_reason(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test_setup_teardown(nonsense_points_at_the_member, set_up, tear_down),
+      cmocka_unit_test_setup_teardown(labels_are_checked_where_they_are_read, set_up, tear_down),
       cmocka_unit_test_setup_teardown(what_is_not_built_is_refused, set_up, tear_down),
       cmocka_unit_test_setup_teardown(sizes_are_limited, set_up, tear_down),
       cmocka_unit_test_setup_teardown(a_change_rebuilds_what_depends_on_it, set_up, tear_down),

@@ -130,6 +130,19 @@ static void demos_are_made(void **state) {
     tc_volume_unref(b);
   }
   GError *error = NULL;
+  tc_volume *head = tc_volume_demo("head", NULL), *labels = tc_volume_demo("head-labels", NULL);
+  const tc_volume_desc *of_head = tc_volume_describe(head), *of_labels = tc_volume_describe(labels);
+  assert_memory_equal(of_labels->dims, of_head->dims, sizeof of_head->dims);
+  assert_memory_equal(of_labels->origin, of_head->origin, sizeof of_head->origin);
+  assert_true(tc_volume_statistics(labels)->min == 0 && tc_volume_statistics(labels)->max == 6);
+  size_t voxels = (size_t)of_head->dims[0] * (size_t)of_head->dims[1] * (size_t)of_head->dims[2], bone = 0, dense = 0;
+  for (size_t i = 0; i < voxels; i++) {
+    bone += ((const uint8_t *)tc_volume_data(labels))[i] == 2;
+    dense += ((const uint8_t *)tc_volume_data(labels))[i] == 2 && ((const int16_t *)tc_volume_data(head))[i] > 300;
+  }
+  assert_true(bone > 200000 && dense > bone * 9 / 10); /* the rest are soft edges */
+  tc_volume_unref(head);
+  tc_volume_unref(labels);
   assert_null(tc_volume_demo("foot", &error));
   assert_int_equal(error->code, TC_ERROR_NOT_FOUND);
   assert_non_null(strstr(error->message, "demo:head"));

@@ -147,6 +147,27 @@ static void fill_zooms(tc_cpu_args *a, const tc_table *t) {
                                 .start = (float)((t->zoom_rows[z] - t->zero_row) / 4)};
 }
 
+static void fill_labels(tc_cpu_labels *l, const tc_job *job) {
+  const tc_volume_desc *d = tc_volume_describe(job->label_volume);
+  const int strides[3] = {1, d->dims[0], d->dims[0] * d->dims[1]};
+  double matrix[3][4];
+  tc_labels_matrix(job->volume, job->label_volume, matrix);
+  for (int k = 0; k < 3; k++) {
+    to_float(l->matrix[k], matrix[k], 4);
+    l->last[k] = (float)(d->dims[k] - 1);
+    l->cell_last[k] = d->dims[k] > 2 ? d->dims[k] - 2 : 0;
+    l->stride[k] = d->dims[k] > 1 ? strides[k] : 0;
+  }
+  l->row = strides[1];
+  l->slice = strides[2];
+  l->type = d->type;
+  l->nearest = job->plan->key.filter == TC_FILTER_NEAREST;
+  l->voxels = tc_volume_data(job->label_volume);
+  l->base = (float)job->labels->base;
+  l->entries = job->labels->entries[0];
+  l->outside = job->labels->entries[job->labels->n];
+}
+
 static void fill_args(tc_cpu_args *a, const tc_job *job) {
   const tc_rays *r = job->rays;
   const tc_volume_desc *d = tc_volume_describe(job->volume);
@@ -177,6 +198,7 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
     a->stride[k] = n > 1 ? strides[k] : 0;
   }
   a->voxels = tc_volume_data(job->volume);
+  if (job->labels) fill_labels(&a->labels, job);
   if (job->grey) fill_grey(a, job);
   if (job->plan->key.mode == TC_MODE_MPR) fill_window(a, job);
   if (!job->table) return;

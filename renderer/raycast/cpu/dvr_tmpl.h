@@ -61,6 +61,8 @@ V_INLINE void cast_packet(const tc_cpu_args *g, variant v, int x, int y, int x1,
     vf4 c = v.zoomed ? classify_zoomed(g, front, back) : classify(g, front, back);
     vm ends = v_lt(p.length, v_set(t1));
     if (m_any(ends)) c = shorten(c, v_max(p.length - v_set(t0), v_set(0)) / v_set(g->step_mm), ends);
+    if (v.labels && m_any(v_lt(v_set(0), c.a)))
+      c = label_segment(g, &p, v_set(0.5f) * (v_set(t0) + v_min(v_set(t1), p.length)), c);
     if (v.shaded && m_any(v_lt(v_set(0), c.a))) c = shade(g, &light, at_front, at_back, c);
     vf weight = v_select(live, clear, v_set(0));
     sum.r = v_fma(weight, c.r, sum.r);

@@ -18,6 +18,18 @@ typedef struct tc_cpu_zoom {
   float start;     /* entries from the table's row k = 0 to its own; exact below 2^24 */
 } tc_cpu_zoom;
 
+/* Of a picture with labels (classify/labels.h). */
+typedef struct tc_cpu_labels {
+  float matrix[3][4]; /* tc_labels_matrix() */
+  float last[3];      /* as below, of the label volume */
+  int cell_last[3], stride[3], row, slice;
+  int type, nearest;
+  const void *voxels;
+  float base;
+  const float *entries; /* [n][8] */
+  const float *outside; /* [5] */
+} tc_cpu_labels;
+
 /* A frame's constants in single precision (raycast/rays.h says what they mean). Read-only while kernels run. */
 typedef struct tc_cpu_args {
   tc_plan_key key;
@@ -54,6 +66,7 @@ typedef struct tc_cpu_args {
   float gradient[9], flat, inverse_steep; /* inverse_steep: 1 / (1 - flat) */
   float factor[2], glow[2][3], least_lit, specular, shininess, light[3];
   int head_light;
+  tc_cpu_labels labels;
 } tc_cpu_args;
 
 typedef struct tc_cpu_counts {

@@ -10,6 +10,8 @@
 
 #include "renderer/raycast/cpu/shade_tmpl.h"
 
+#include "renderer/raycast/cpu/labels_tmpl.h"
+
 #include "renderer/raycast/cpu/leap_tmpl.h"
 
 #include "renderer/raycast/cpu/dvr_tmpl.h"
@@ -61,7 +63,7 @@ V_INLINE void cast_tile(const tc_cpu_args *g, variant v, int x0, int y0, int x1,
   SLICE(mpr_##name##_minip, type, 1 + TC_SLAB_MINIP)                                                                 \
   SLICE(mpr_##name##_average, type, 1 + TC_SLAB_AVERAGE)                                                             \
   KERNEL(any_##name, g->key.mode, type, g->key.filter, g->key.slab, g->key.shading != TC_SHADING_NONE,               \
-         g->key.termination, g->key.skipping, .zoomed = g->key.zoomed)
+         g->key.termination, g->key.skipping, .zoomed = g->key.zoomed, .labels = g->key.labels)
 KERNELS(TC_U8, u8)
 KERNELS(TC_I8, i8)
 KERNELS(TC_U16, u16)
@@ -88,7 +90,7 @@ static tc_cpu_kernel find_kernel(const tc_plan_key *key) {
   static const kernel_set sets[TC_VOXEL_TYPE_COUNT] = {SET(u8), SET(i8), SET(u16), SET(i16), SET(f32)};
   if (key->voxel_type >= TC_VOXEL_TYPE_COUNT || key->slab > TC_SLAB_PROJECTION_COUNT) return NULL;
   const kernel_set *set = &sets[key->voxel_type];
-  if (key->filter != TC_FILTER_LINEAR || key->zoomed) return set->any;
+  if (key->filter != TC_FILTER_LINEAR || key->zoomed || key->labels) return set->any;
   switch (key->mode) {
   case TC_MODE_DVR: return set->dvr[key->shading != TC_SHADING_NONE][key->termination != 0][key->skipping != 0];
   case TC_MODE_MIP:

@@ -38,4 +38,5 @@ V_INLINE void cast_slice(const tc_cpu_args *g, variant v, int x, int y, int x1, 
   vf grey = v_fma(value - v_set(g->window_center), v_set(g->window_gain), v_set(0.5f));
   grey = v_select(p.live, v_min(v_max(grey, v_set(0)), v_set(1)), v_set(0));
   *out = (vf4){grey, grey, grey, v_select(p.live, v_set(1), v_set(0))};
+  if (v.labels) *out = label_slice(g, &p, *out);
 }

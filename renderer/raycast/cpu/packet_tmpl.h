@@ -6,7 +6,7 @@
 typedef struct variant {
   int mode, type, filter; /* tc_mode, tc_voxel_type, tc_filter */
   int slab;               /* mpr: as in tc_plan_key */
-  bool shaded, terminate, leap;
+  bool shaded, terminate, leap, labels;
   bool zoomed; /* the table has zooms (classify/classify.h) */
 } variant;
 

@@ -108,6 +108,7 @@ static tc_gl_field field_for(const gl_backend *b, const tc_plan_key *key) {
   /* Bounds of blocks hold for arithmetic that is known, and a maximum shows every rounding of a texture unit. */
   if (tc_is_projection((tc_mode)key->mode)) return TC_GL_FIELD_GATHER;
   if (key->shading) return TC_GL_FIELD_GATHER; /* a gradient needs a cell's corners */
+  if (key->labels) return TC_GL_FIELD_GATHER;  /* as label volumes are: the two may be one */
   tc_voxel_type type = (tc_voxel_type)key->voxel_type;
   return b->field < TC_GL_FIELD_COUNT ? b->field : tc_gl_choose_field(tc_gl_context_about(b->context), type);
 }
@@ -131,6 +132,10 @@ static unsigned program_for(gl_backend *b, const tc_job *job, const tc_gl_volume
   v.linear_light = job->scene->image.linear_light;
   v.transparent = job->scene->image.transparent;
   v.want_linear = job->want_linear;
+  if (job->labels) {
+    tc_voxel_type type = tc_volume_describe(job->label_volume)->type;
+    v.label_signed = type == TC_I8 || type == TC_I16;
+  }
   unsigned program = tc_gl_program_find(&b->programs, &v, sizeof v);
   if (program) return program;
   program = tc_gl_compose(&v, error);
@@ -246,6 +251,19 @@ static bool run_tiles(gl_backend *b, unsigned program, const tc_job *job, GError
   return !cancelled;
 }
 
+/* Label volumes and what their voxels stand for: texture units 3 and 4. False with *error set. */
+static bool bind_labels(gl_backend *b, const tc_job *job, const tc_gl_volume **labels, GError **error) {
+  *labels = NULL;
+  if (!job->labels) return true;
+  *labels = tc_gl_textures_volume(&b->textures, job->label_volume, TC_GL_FIELD_GATHER, error);
+  const tc_gl_lookup *entries =
+      *labels ? tc_gl_textures_labels(&b->textures, job->label_volume, job->labels, error) : NULL;
+  if (!entries) return false;
+  glBindTextureUnit(3, (*labels)->texture);
+  glBindTextureUnit(4, entries->texture);
+  return true;
+}
+
 /* What the job names; the rest stays NULL. */
 static bool lookups_for(gl_backend *b, const tc_job *job, const tc_gl_lookup **table, const tc_gl_lookup **skip,
                         GError **error) {
@@ -263,16 +281,17 @@ static bool render(void *instance, const tc_job *job, GError **error) {
   if (!tc_gl_context_use(b->context, error)) return false;
   const tc_gl_report *report = tc_gl_context_about(b->context);
   b->gpu_ms = 0;
-  const tc_gl_volume *volume =
+  tc_gl_textures_begin(&b->textures);
+  const tc_gl_volume *labels, *volume =
       tc_gl_textures_volume(&b->textures, job->volume, field_for(b, &job->plan->key), error);
   const tc_gl_lookup *table = NULL, *skip = NULL;
-  if (!volume || !lookups_for(b, job, &table, &skip, error)) return false;
+  if (!volume || !lookups_for(b, job, &table, &skip, error) || !bind_labels(b, job, &labels, error)) return false;
   unsigned program = program_for(b, job, volume, error);
   if (!program || !tc_gl_ring_reserve(&b->ring, slot_bytes(b->max_side, b->max_side, job->want_linear),
                                       report->timestamp_bits > 0, error))
     return false;
   tc_gl_job_block block;
-  tc_gl_job_fill(&block, job, volume);
+  tc_gl_job_fill(&block, job, volume, labels);
   glNamedBufferSubData(b->job_buffer, 0, sizeof block, &block);
   glBindBufferBase(GL_UNIFORM_BUFFER, 0, b->job_buffer);
   glBindTextureUnit(0, volume->texture);

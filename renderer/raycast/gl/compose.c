@@ -32,11 +32,10 @@ static bool is_built(const tc_plan_key *key) {
   bool mode = key->mode == TC_MODE_DVR || tc_is_projection((tc_mode)key->mode);
   bool filter = key->filter == TC_FILTER_LINEAR || key->filter == TC_FILTER_NEAREST;
   if (key->mode == TC_MODE_MPR)
-    return filter && key->slab <= TC_SLAB_PROJECTION_COUNT && key->voxel_type < TC_VOXEL_TYPE_COUNT && !key->labels;
+    return filter && key->slab <= TC_SLAB_PROJECTION_COUNT && key->voxel_type < TC_VOXEL_TYPE_COUNT;
   return mode && key->classification == TC_PREINTEGRATED && key->order == TC_FRONT_TO_BACK &&
          filter && key->projection < TC_PROJECTION_COUNT &&
-         key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading < TC_SHADING_COUNT && !key->jitter &&
-         !key->labels;
+         key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading < TC_SHADING_COUNT && !key->jitter;
 }
 
 static const char *sampler_type(const tc_gl_variant *v) {
@@ -63,7 +62,7 @@ static void add_projection(composition *c, const tc_gl_variant *v) {
 }
 
 unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
-  char name[96], literals[280];
+  char name[96], literals[360];
   tc_gl_variant_name(v, name, sizeof name);
   /* A texture unit's own interpolation shows no corners to take a gradient from. */
   if (!is_built(&v->plan) || (v->plan.shading && v->field != TC_GL_FIELD_GATHER)) {
@@ -74,14 +73,17 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
   add(&c, "head.glsl");
   snprintf(literals, sizeof literals,
            "#define VOXELS %s\n#define ATLAS %d\n#define TERMINATION %d\n#define LEAP %d\n#define SLAB %d\n"
-           "#define CLIP %d\n#define SHADED %d\n#define ZOOMED %d\n",
-           sampler_type(v), v->atlas, v->plan.termination, v->plan.skipping, v->plan.slab,
-           v->plan.clipping, v->plan.shading != TC_SHADING_NONE, v->plan.zoomed);
+           "#define CLIP %d\n#define SHADED %d\n#define ZOOMED %d\n#define LABELLED %d\n#define LABELS %s\n"
+           "#define NEAREST %d\n",
+           sampler_type(v), v->atlas, v->plan.termination, v->plan.skipping, v->plan.slab, v->plan.clipping,
+           v->plan.shading != TC_SHADING_NONE, v->plan.zoomed, v->plan.labels,
+           v->label_signed ? "isampler2DArray" : "usampler2DArray", v->plan.filter == TC_FILTER_NEAREST);
   add_text(&c, literals);
   add(&c, v->plan.projection == TC_PERSPECTIVE ? "ray_perspective.glsl" : "ray_orthographic.glsl");
   add(&c, v->field == TC_GL_FIELD_GATHER ? "field_gather.glsl" : "field_filtered.glsl");
   add(&c, v->plan.filter == TC_FILTER_NEAREST ? "field_nearest.glsl" : "field_linear.glsl");
   if (v->plan.clipping) add(&c, "clip_planes.glsl");
+  if (v->plan.labels) add(&c, "labels.glsl");
   if (v->plan.mode == TC_MODE_MPR)
     add(&c, "march_mpr.glsl");
   else if (tc_is_projection((tc_mode)v->plan.mode))
@@ -113,9 +115,9 @@ void tc_gl_variant_name(const tc_gl_variant *v, char *name, size_t size) {
     way = v->plan.slab < sizeof slabs / sizeof *slabs ? slabs[v->plan.slab] : "?";
   else if (v->plan.mode == TC_MODE_DVR)
     way = v->plan.classification < TC_CLASSIFICATION_COUNT ? ways[v->plan.classification] : "?";
-  snprintf(name, size, "%s%s%s.%s%s.%s.%s", v->plan.mode < TC_MODE_COUNT ? modes[v->plan.mode] : "?", *way ? "." : "", way,
+  snprintf(name, size, "%s%s%s.%s%s%s.%s.%s", v->plan.mode < TC_MODE_COUNT ? modes[v->plan.mode] : "?", *way ? "." : "", way,
            v->plan.filter < TC_FILTER_COUNT ? filters[v->plan.filter] : "?",
-           v->plan.shading ? ".shaded" : "",
+           v->plan.shading ? ".shaded" : "", v->plan.labels ? ".labels" : "",
            v->plan.voxel_type < TC_VOXEL_TYPE_COUNT ? tc_voxel_type_name((tc_voxel_type)v->plan.voxel_type) : "?",
            v->field == TC_GL_FIELD_GATHER ? "gather" : "filtered");
 }

@@ -72,7 +72,20 @@ static void put_shading(tc_gl_job_block *block, const tc_job *job) {
   block->glow[1][3] = (float)s.shininess;
 }
 
-void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volume *volume) {
+static void put_labels(tc_gl_job_block *block, const tc_job *job, const tc_gl_volume *labels) {
+  double matrix[3][4];
+  tc_labels_matrix(job->volume, job->label_volume, matrix);
+  for (int r = 0; r < 3; r++)
+    for (int k = 0; k < 4; k++)
+      block->label_matrix[r][k] = (float)matrix[r][k];
+  memcpy(block->label_dims, tc_volume_describe(job->label_volume)->dims, 3 * sizeof *block->label_dims);
+  block->label_dims[3] = labels->slices_per_layer;
+  block->label_numbers[0] = job->labels->base;
+  block->label_numbers[1] = job->labels->base + job->labels->n;
+  memcpy(block->label_texel, labels->texel, 2 * sizeof *block->label_texel);
+}
+
+void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volume *volume, const tc_gl_volume *labels) {
   const tc_rays *rays = job->rays;
   memset(block, 0, sizeof *block);
   put3(block->anchor0, rays->anchor0);
@@ -102,6 +115,7 @@ void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volum
     for (int k = 0; k < 4; k++)
       block->planes[i][k] = (float)rays->planes[i][k];
   if (job->plan->key.shading) put_shading(block, job);
+  if (labels) put_labels(block, job, labels);
   block->march[0] = (float)rays->step_mm;
   block->march[1] = (float)rays->eye_mm;
   block->march[2] = (float)(1 / rays->step_mm);

@@ -22,9 +22,12 @@ typedef struct tc_gl_job_block {
   float window[4];
   float gradient[3][4], light[4], reflection[4], glow[2][4];
   float zooms[TC_MAX_ZOOMS][4];
+  float label_matrix[3][4];
+  int32_t label_dims[4], label_numbers[4];
+  float label_texel[4];
 } tc_gl_job_block;
 
-/* Pure. */
-void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volume *volume);
+/* labels: the copy of job->label_volume, or NULL with it. Pure. */
+void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volume *volume, const tc_gl_volume *labels);
 
 #endif

@@ -40,6 +40,12 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
     float back = sample_node(entry, direction, t);
     counts.samples++;
     vec4 segment = classify(front, back);
+#if LABELLED
+    if (segment.a > 0.0) {
+      precise vec3 middle = fma(vec3((float(i) - 0.5) * step_mm), direction, entry);
+      segment = label_segment(segment, middle);
+    }
+#endif
 #if SHADED
     if (segment.a > 0.0)
       segment = shade(segment, front_slope, slope, to_eye);
@@ -81,6 +87,9 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   if (share > 0.0) {
     vec4 segment = classify(front, sample_node(entry, direction, length_mm));
     counts.samples++;
+#if LABELLED
+    segment = label_segment(segment, fma(vec3(0.5 * (before + length_mm)), direction, entry));
+#endif
 #if SHADED
     segment = shade(segment, front_slope, slope, to_eye);
 #endif

@@ -40,5 +40,10 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
 #if SLAB
   value = cast_slab(entry, direction, span, value, counts);
 #endif
-  return vec4(vec3(clamp((value - job.window.x) * job.window.y + 0.5, 0.0, 1.0)), 1.0);
+  float grey = clamp((value - job.window.x) * job.window.y + 0.5, 0.0, 1.0);
+#if LABELLED // on the plane: at the ray's place nearest to it
+  return vec4(label_slice(grey, fma(vec3(clamp(-span.x, 0.0, span.y - span.x)), direction, entry)), 1.0);
+#else
+  return vec4(vec3(grey), 1.0);
+#endif
 }

@@ -134,7 +134,7 @@ static bool make_volume(tc_gl_volume *copy, const tc_volume *volume, tc_gl_field
   return good;
 }
 
-/* Frees least recently used volumes until `bytes` more fit the budget and a place is free. */
+/* Frees least recently used volumes that this frame does not use until `bytes` more fit the budget and a place is free. */
 static tc_gl_volume *make_room(tc_gl_textures *textures, size_t bytes) {
   for (;;) {
     tc_gl_volume *unused = NULL, *oldest = NULL;
@@ -144,7 +144,7 @@ static tc_gl_volume *make_room(tc_gl_textures *textures, size_t bytes) {
       held += copy->bytes;
       if (!copy->texture)
         unused = copy;
-      else if (!oldest || copy->used < oldest->used)
+      else if (copy->used < textures->frame && (!oldest || copy->used < oldest->used))
         oldest = copy;
     }
     if (unused && (!oldest || (bytes <= textures->volume_budget && held <= textures->volume_budget - bytes)))
@@ -179,7 +179,7 @@ static const tc_gl_volume *upload_volume(tc_gl_textures *textures, const tc_volu
     if (attempt > 0) { /* the second time with nothing else resident */
       g_clear_error(&failure);
       for (int i = 0; i < TC_GL_VOLUMES; i++)
-        drop_volume(textures, &textures->volumes[i]);
+        if (textures->volumes[i].used < textures->frame) drop_volume(textures, &textures->volumes[i]);
       glFinish();
     }
     tc_gl_volume *place = make_room(textures, tc_volume_bytes(volume));
@@ -200,9 +200,10 @@ static const tc_gl_volume *upload_volume(tc_gl_textures *textures, const tc_volu
   return NULL;
 }
 
+void tc_gl_textures_begin(tc_gl_textures *textures) { textures->frame++; }
+
 const tc_gl_volume *tc_gl_textures_volume(tc_gl_textures *textures, const tc_volume *volume, tc_gl_field field,
                                           GError **error) {
-  textures->frame++;
   for (int i = 0; i < TC_GL_VOLUMES; i++) {
     tc_gl_volume *copy = &textures->volumes[i];
     if (!copy->texture || copy->serial != tc_volume_serial(volume)) continue;
@@ -244,7 +245,7 @@ static tc_gl_lookup *make_lookup_room(tc_gl_textures *textures, size_t bytes) {
   }
 }
 
-static tc_gl_lookup *find_lookup(tc_gl_textures *textures, const uint64_t key[4]) {
+static tc_gl_lookup *find_lookup(tc_gl_textures *textures, const uint64_t key[5]) {
   for (int i = 0; i < TC_GL_LOOKUPS; i++) {
     tc_gl_lookup *copy = &textures->lookups[i];
     if (!copy->buffer || memcmp(copy->key, key, sizeof copy->key) != 0) continue;
@@ -262,7 +263,7 @@ typedef struct lookup_source {
   GLenum format;
 } lookup_source;
 
-static const tc_gl_lookup *lookup(tc_gl_textures *textures, const uint64_t key[4], const lookup_source *from,
+static const tc_gl_lookup *lookup(tc_gl_textures *textures, const uint64_t key[5], const lookup_source *from,
                                   GError **error) {
   tc_gl_lookup *copy = find_lookup(textures, key);
   if (copy) return copy;
@@ -292,7 +293,7 @@ static const tc_gl_lookup *lookup(tc_gl_textures *textures, const uint64_t key[4
 }
 
 const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_table *table, GError **error) {
-  const uint64_t key[4] = {table->serial};
+  const uint64_t key[5] = {table->serial};
   const lookup_source from = {.what = "pre-integration table",
                               .entries = table->entries,
                               .entry_bytes = sizeof(float[4]),
@@ -303,7 +304,7 @@ const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_tabl
 
 const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volume *volume, const tc_leap *leap,
                                         GError **error) {
-  const uint64_t key[4] = {leap->support, tc_volume_serial(volume), (uint64_t)leap->block};
+  const uint64_t key[5] = {leap->support, tc_volume_serial(volume), (uint64_t)leap->block};
   const lookup_source from = {.what = "distance map",
                               .entries = leap->distance,
                               .entry_bytes = 1,
@@ -314,12 +315,23 @@ const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volum
 
 const tc_gl_lookup *tc_gl_textures_bounds(tc_gl_textures *textures, const tc_volume *volume, const tc_bounds *bounds,
                                           GError **error) {
-  const uint64_t key[4] = {0, tc_volume_serial(volume), (uint64_t)bounds->block, bounds->serial};
+  const uint64_t key[5] = {0, tc_volume_serial(volume), (uint64_t)bounds->block, bounds->serial};
   const lookup_source from = {.what = "bounds of the blocks",
                               .entries = bounds->levels,
                               .entry_bytes = 1,
                               .format = GL_R8UI,
                               .count = bounds->bytes};
+  return lookup(textures, key, &from, error);
+}
+
+const tc_gl_lookup *tc_gl_textures_labels(tc_gl_textures *textures, const tc_volume *label_volume,
+                                          const tc_labels *labels, GError **error) {
+  const uint64_t key[5] = {0, tc_volume_serial(label_volume), 0, 0, labels->serial};
+  const lookup_source from = {.what = "labels",
+                              .entries = labels->entries,
+                              .count = 2 * ((size_t)labels->n + 1),
+                              .entry_bytes = sizeof(float[4]),
+                              .format = GL_RGBA32F};
   return lookup(textures, key, &from, error);
 }
 

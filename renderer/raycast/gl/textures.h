@@ -4,6 +4,7 @@
 #define TC_RAYCAST_GL_TEXTURES_H
 
 #include "renderer/classify/classify.h"
+#include "renderer/classify/labels.h"
 #include "renderer/gl/device.h"
 #include "renderer/raycast/gl/compose.h"
 #include "renderer/skip/bounds.h"
@@ -22,7 +23,8 @@ typedef struct tc_gl_volume {
 
 /* A buffer the shaders read as a buffer texture: a pre-integration table (RGBA32F), a distance map or bounds (R8UI). */
 typedef struct tc_gl_lookup {
-  uint64_t key[4]; /* serials of table or support, and of the volume (0 for a table: it serves any); block width; serial of bounds */
+  uint64_t key[5]; /* serials of table or support, and of the volume (0 for a table: it serves any); block width; serial of
+                      bounds; serial of labels */
   unsigned buffer, texture;
   size_t bytes;
   uint64_t used;
@@ -41,9 +43,11 @@ typedef struct tc_gl_textures {
 /* How this device should read voxels of a type: filtered where its texture unit is as good as our own arithmetic. */
 tc_gl_field tc_gl_choose_field(const tc_gl_report *device, tc_voxel_type type);
 
-/* A frame asks for its volume first, then for its lookups; all live until the next frame asks for a volume. What is not
+/* A frame begins, then asks for its volume and that of its labels (both the same: with one field), then for its
+ * lookups; all live until the next frame begins. What is not
  * there is uploaded. Owned by *textures. TC_ERROR_LIMIT: the device has no texture that large; the message names the
  * mend. */
+void tc_gl_textures_begin(tc_gl_textures *textures);
 const tc_gl_volume *tc_gl_textures_volume(tc_gl_textures *textures, const tc_volume *volume, tc_gl_field field,
                                           GError **error);
 const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_table *table, GError **error);
@@ -51,6 +55,9 @@ const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volum
                                         GError **error);
 const tc_gl_lookup *tc_gl_textures_bounds(tc_gl_textures *textures, const tc_volume *volume, const tc_bounds *bounds,
                                           GError **error);
+
+const tc_gl_lookup *tc_gl_textures_labels(tc_gl_textures *textures, const tc_volume *label_volume,
+                                          const tc_labels *labels, GError **error);
 
 void tc_gl_textures_forget(tc_gl_textures *textures, uint64_t volume_serial);
 void tc_gl_textures_clear(tc_gl_textures *textures);

@@ -1,0 +1,110 @@
+// Labels over HTTP: a second volume tints and hides, is held while it is used, and is refused by name where it cannot be.
+import assert from 'node:assert/strict';
+import { after, before, test } from 'node:test';
+import { Daemon, problem } from '../support/daemon.mjs';
+import { readPng } from '../support/png.mjs';
+
+const N = 16;
+
+function nrrd(type, voxel, origin = 0) {
+  const head = `NRRD0004\ntype: ${type}\ndimension: 3\nspace: left-posterior-superior\nsizes: ${N} ${N} ${N}\n` +
+    `space directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: (0,0,${origin})\nendian: little\nencoding: raw\n\n`;
+  const size = type === 'float' ? 4 : 1, voxels = Buffer.alloc(N ** 3 * size);
+  for (let i = 0; i < N ** 3; i++) {
+    const x = i % N;
+    if (type === 'float') voxels.writeFloatLE(x / 7, 4 * i);
+    else voxels[i] = voxel(x);
+  }
+  return Buffer.concat([Buffer.from(head), voxels]);
+}
+
+const parts = (x) => (x < N / 2 ? 1 : 2);
+const files = { 'grey.nrrd': nrrd('uint8', (x) => 100 + x), 'parts.nrrd': nrrd('uint8', parts),
+  'floats.nrrd': nrrd('float'), 'far.nrrd': nrrd('uint8', parts, 900) };
+
+let d;
+before(async () => {
+  d = await Daemon.start({ files });
+  for (const name of Object.keys(files)) await bring(name.split('.')[0]);
+});
+after(() => d.stop());
+
+async function bring(id) {
+  assert.ok([201, 202].includes((await d.post('/v1/volumes', { id, path: `${id}.nrrd` })).status));
+  await d.resident(id);
+}
+
+const scene = (labels) => ({
+  mode: 'mpr', window: { center: 100, width: 200 }, image: { width: N, height: N, format: 'png' },
+  labels: { volume: 'parts', opacity: 1, colors: { 1: [1, 0, 0, 1], 2: [0, 0, 1, 0.5] }, ...labels },
+});
+
+async function open(labels) {
+  const reply = await d.post('/v1/sessions', { volume: 'grey', scene: scene(labels) });
+  assert.equal(reply.status, 201, JSON.stringify(reply.json));
+  return reply.json;
+}
+
+async function pixels({ links }) {
+  const reply = await d.get(`${links.frame}?format=png`);
+  assert.equal(reply.status, 200, String(reply.bytes));
+  const picture = readPng(reply.bytes);
+  return [picture.at(1, N / 2), picture.at(N - 2, N / 2)].map((rgb) => [...rgb].slice(0, 3));
+}
+
+test('labels tint a slice, one by one', async () => {
+  const session = await open();
+  const [[r, g], [r2, , b2]] = await pixels(session);
+  assert.ok(r === 255 && g === 0, `label 1 is red: ${r} ${g}`);
+  assert.ok(b2 > r2 + 80, `label 2 is bluish: ${r2} ${b2}`);
+  assert.equal((await d.patch(session.links.scene, { labels: { visible: [2] } })).status, 200);
+  const [[hr, hg, hb]] = await pixels(session);
+  assert.ok(hr === hg && hg === hb && hr > 100, 'a label that is not visible has no tint; the slice stays');
+  const { json } = await d.get(session.links.plan);
+  const stage = json.stages.find(({ name }) => name === 'labels');
+  assert.ok(stage.included && stage.bytes > 0, JSON.stringify(stage));
+  assert.match(stage.reason, /parts: 1 show/);
+  await d.patch(session.links.scene, { mode: 'mip' });
+  const other = (await d.get(session.links.plan)).json.stages.find(({ name }) => name === 'labels');
+  assert.ok(!other.included && /mode mip/.test(other.reason));
+  await d.delete(session.links.self);
+});
+
+test('labels hide in a rendering', async () => {
+  const body = { volume: 'grey', format: 'png', scene: { ...scene({ visible: [] }), mode: 'dvr' } };
+  const dark = readPng((await d.post('/v1/render', body)).bytes), shown = { ...body, scene: { ...body.scene, labels: {} } };
+  const bright = readPng((await d.post('/v1/render', shown)).bytes);
+  assert.deepEqual([...dark.at(N / 2, N / 2)].slice(0, 3), [0, 0, 0]);
+  assert.ok(Math.max(...[...bright.at(N / 2, N / 2)].slice(0, 3)) > 0);
+});
+
+test('what is no label volume is refused by name', async () => {
+  for (const volume of ['floats', 'far', 'nobody'])
+    problem(await d.post('/v1/sessions', { volume: 'grey', scene: scene({ volume }) }), 422, '/scene/labels/volume');
+  const session = await open();
+  problem(await d.patch(session.links.scene, { labels: { volume: 'floats' } }), 422, '/labels/volume');
+  assert.equal((await d.get(session.links.scene)).json.labels.volume, 'parts', 'the old scene stays');
+  await d.delete(session.links.self);
+});
+
+test('a label volume in use is held like any other', async () => {
+  const session = await open();
+  problem(await d.delete('/v1/volumes/parts'), 409);
+  await d.patch(session.links.scene, { labels: { volume: null } });
+  assert.equal((await d.delete('/v1/volumes/parts')).status, 204);
+  await bring('parts');
+  await d.patch(session.links.scene, { labels: { volume: 'parts' } });
+  assert.equal((await d.get('/v1/volumes/parts')).json.sessions, 1);
+  assert.equal((await d.delete('/v1/volumes/parts?force=true')).status, 204);
+  problem(await d.get(session.links.self), 404);
+  await bring('parts');
+  const other = await open();
+  await d.delete(other.links.self);
+  assert.equal((await d.get('/v1/volumes/parts')).json.sessions, 0);
+});
+
+test('the daemon offers labels, and colours for those without', async () => {
+  assert.ok(!Object.keys((await d.get('/v1/about')).json.unavailable).some((name) => name.startsWith('labels')));
+  const { labelColors } = (await d.get('/v1/presets')).json;
+  assert.equal(new Set(labelColors.map(String)).size, labelColors.length);
+});

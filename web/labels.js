@@ -1,0 +1,139 @@
+// Labels: a second volume that colours and hides parts of the first. Edits scene.labels.
+
+import { fromHex, toHex } from './transfer_model.js';
+
+const MOST = 256; // labels listed
+
+/** Labels that occur, by number: [{label, count}]. One bin per whole number of the range is one label each. */
+export function labelsIn({ counts }, [low]) {
+  return counts.map((count, i) => ({ label: low + i, count })).filter(({ label, count }) => count > 0 && label >= 0);
+}
+
+/** scene.labels.visible after label n was shown or hidden; null where that is all. @param all numbers that occur */
+export function toggled(visible, all, n, show) {
+  const now = new Set(visible ?? all);
+  if (show) now.add(n);
+  else now.delete(n);
+  return all.every((label) => now.has(label)) ? null : [...now].sort((a, b) => a - b);
+}
+
+export class Labels {
+  #get;
+  #store;
+  #volumes;
+  #on;
+  #main = ''; // id of the volume that is shown
+  #listed = ''; // id of the label volume whose labels are listed
+  #all = [];
+  #rows = new Map(); // label -> {eye, swatch}
+  #palette = [[1, 1, 1]];
+
+  /** get(id); on: failed(error) */
+  constructor(get, store, volumes, on) {
+    this.#get = get;
+    this.#store = store;
+    this.#volumes = volumes;
+    this.#on = on;
+    const menu = get('labels-volume');
+    menu.addEventListener('change', () => this.#choose(menu.value));
+    menu.addEventListener('focus', () => this.#refresh());
+    get('labels-all').addEventListener('click', () => this.#store.patch({ labels: { visible: null } }));
+    get('labels-none').addEventListener('click', () => this.#store.patch({ labels: { visible: [] } }));
+    store.subscribe(() => this.update());
+  }
+
+  /** Colours that the daemon gives to labels without one. */
+  setPalette(palette) {
+    if (palette?.length) this.#palette = palette;
+  }
+
+  setVolume(id) {
+    this.#main = id;
+    this.#refresh();
+  }
+
+  update() {
+    const chosen = this.#store.scene?.labels?.volume ?? '';
+    if (chosen !== this.#listed) this.#list(chosen);
+    const menu = this.#get('labels-volume');
+    if (chosen && ![...menu.options].some(({ value }) => value === chosen)) menu.add(new Option(chosen));
+    menu.value = chosen;
+    this.#get('labels-body').hidden = !chosen;
+    for (const [label, { eye, swatch }] of this.#rows) {
+      const shown = this.#shown(label);
+      eye.setAttribute('aria-pressed', shown);
+      eye.textContent = shown ? 'Shown' : 'Hidden';
+      if (swatch && document.activeElement !== swatch) swatch.value = toHex(this.#color(label));
+    }
+  }
+
+  #shown(label) {
+    const visible = this.#store.scene?.labels?.visible;
+    return !visible || visible.includes(label);
+  }
+
+  #color(label) {
+    return this.#store.scene?.labels?.colors?.[label] ?? this.#palette[(label - 1) % this.#palette.length];
+  }
+
+  async #refresh() {
+    try {
+      const list = await this.#volumes.list();
+      const fit = list.filter(({ id, type, state }) => id !== this.#main && type !== 'f32' && state !== 'failed');
+      this.#get('labels-volume').replaceChildren(new Option('None', ''), ...fit.map(({ id }) => new Option(id)));
+      this.update();
+    } catch (error) {
+      this.#on.failed(error);
+    }
+  }
+
+  async #choose(id) {
+    try {
+      if (id) await this.#volumes.bring(id, () => {});
+      this.#store.patch({ labels: { volume: id || null, visible: null } });
+    } catch (error) {
+      this.#on.failed(error);
+      this.update();
+    }
+  }
+
+  async #list(id) {
+    this.#listed = id;
+    this.#rows.clear();
+    this.#get('labels-list').replaceChildren();
+    if (!id) return;
+    try {
+      const volume = await this.#volumes.get(id);
+      const [low, high] = volume.range;
+      const found = labelsIn(await this.#volumes.histogram(id, high - low + 1), volume.range);
+      if (this.#listed !== id) return;
+      const voxel = volume.spacing.reduce((a, b) => a * b, 0.001); // ml
+      this.#all = found.map(({ label }) => label);
+      this.#get('labels-list').replaceChildren(...found.slice(0, MOST).map((item) => this.#row(item, voxel)));
+      this.update();
+    } catch (error) {
+      this.#on.failed(error);
+    }
+  }
+
+  #row({ label, count }, voxel) {
+    const element = (name, properties) => Object.assign(document.createElement(name), properties);
+    const name = label ? `Label ${label}` : 'No label';
+    const eye = element('button', { ariaLabel: `Show ${name.toLowerCase()}` });
+    eye.addEventListener('click', () => {
+      const visible = toggled(this.#store.scene.labels?.visible, this.#all, label, !this.#shown(label));
+      this.#store.patch({ labels: { visible } });
+    });
+    const swatch = label ? element('input', { type: 'color', ariaLabel: `Colour of ${name.toLowerCase()}` }) : null;
+    swatch?.addEventListener('input', () => {
+      const alpha = this.#color(label)[3] ?? 1;
+      this.#store.patch({ labels: { colors: { [label]: [...fromHex(swatch.value), alpha] } } });
+    });
+    const ml = count * voxel;
+    const size = element('output', { textContent: `${ml >= 100 ? ml.toFixed(0) : Number(ml.toPrecision(2))} ml` });
+    const row = element('li', {});
+    row.append(swatch ?? element('span', {}), element('span', { textContent: name }), size, eye);
+    this.#rows.set(label, { eye, swatch });
+    return row;
+  }
+}
