@@ -11,6 +11,7 @@ import { Look } from './look.js';
 import { Notices } from './notices.js';
 import { Opening, volumeInHash } from './opening.js';
 import { bindTabs, CropPanel, Panels } from './panels.js';
+import { QualityPanel } from './quality.js';
 import { saveFile, SceneDialog } from './scene_dialog.js';
 import { SceneStore } from './state.js';
 import { Status } from './status.js';
@@ -58,6 +59,10 @@ const client = new Client({
 const gesture = (on) => client.active(on);
 const look = new Look(get, store, gesture);
 const panels = new Panels(document, store, { gesture, mode: chooseMode });
+const quality = new QualityPanel(get, store, {
+  gesture,
+  plan: () => api.json('GET', `v1/sessions/${encodeURIComponent(client.session)}/plan`).catch(() => ({})),
+});
 const crop = new CropPanel(get('crop'), get('crop-reset'), store, gesture);
 const labels = new Labels(get, store, volumes, { failed });
 const furniture = new Furniture(
@@ -171,6 +176,7 @@ function showConnection(state) {
 
 function showFrame(drawn) {
   status.frame(drawn);
+  quality.frame(drawn.header);
   stage.dataset.frame = drawn.header.frame;
   stage.dataset.seq = drawn.header.seq;
   stage.dataset.final = drawn.header.final;

@@ -131,6 +131,41 @@ describe('page and fake server', { skip }, () => {
     await page.close();
   });
 
+  test('quality: a step, a bound on the error or a budget of time, and why', async () => {
+    const { page } = await open(browser, url);
+    const asked = async () => (await scene(page)).quality ?? {};
+    const seen = (id) => page.evaluate((name) => !document.getElementById(name).hidden, id);
+    const choose = async (kind) => {
+      await page.evaluate((value) => {
+        const menu = document.getElementById('quality');
+        menu.value = value;
+        menu.dispatchEvent(new Event('change'));
+      }, kind);
+      await settled(page);
+    };
+    assert.ok((await seen('quality-step-field')) && !(await seen('quality-why')));
+    await choose('error');
+    assert.deepEqual(await asked(), { maxError: 1 / 255 });
+    assert.ok((await seen('quality-error-field')) && !(await seen('quality-step-field')));
+    assert.equal(await page.textContent('#quality-error-shown'), '1/255');
+    await page.waitForFunction(() => /for the test/.test(document.getElementById('quality-why').textContent));
+    await page.evaluate(() => {
+      const slider = document.getElementById('quality-error');
+      slider.value = -1;
+      slider.dispatchEvent(new Event('input'));
+    });
+    await settled(page);
+    assert.deepEqual(await asked(), { maxError: 0.5 / 255 });
+    await choose('time');
+    assert.deepEqual(await asked(), { maxMilliseconds: 32 });
+    assert.ok((await seen('quality-time-field')) && !(await seen('quality-error-field')));
+    await choose('step');
+    assert.deepEqual(await asked(), {});
+    assert.ok((await seen('quality-step-field')) && !(await seen('quality-why')));
+    assert.deepEqual(page.complaints, []);
+    await page.close();
+  });
+
   test('a slow server gets the newest scene in the end', async () => {
     const { page } = await open(browser, url);
     server.delayMs = 300;

@@ -249,8 +249,15 @@ export class FakeServer {
     if (part === 'scene' && request.method === 'PUT') return this.#putScene(request, response, session);
     if (part === 'scene') return json(response, 200, session.scene);
     if (part === 'pick') return json(response, 200, { position: [1.25, -20, 3], value: 321, depth: 100 });
+    if (part === 'plan') return json(response, 200, { stages: [], quality: this.#quality(session) });
     if (part === 'frame') return picture(response, session.scene);
     return json(response, 200, session);
+  }
+
+  /** The first answer is as of a daemon that has not measured the look yet. */
+  #quality(session) {
+    session.asked = (session.asked ?? 0) + 1;
+    return session.asked > 1 ? { views: 3, reason: 'step 1.3: for the test' } : { views: 0, reason: 'careful' };
   }
 
   async #putScene(request, response, session) {
