@@ -1,7 +1,7 @@
 /* tomocast report: error against run time, over scenes and settings (NUMERICS section 6).
  *
  * Results are appended to DIR/results.jsonl as they come, each under a key of everything it depends on: volume, scene,
- * sizes, threads, version, setting. What is there already is not measured again, so a run that was interrupted goes on.
+ * sizes, threads, program, setting. What is there already is not measured again, so a run that was interrupted goes on.
  */
 #include <errno.h>
 #include <math.h>
@@ -18,6 +18,7 @@ enum { BATCH = 8 };
 
 typedef struct report {
   char *volume, *document, *output, **rest;
+  char *program; /* what tells this build from others: rows of another are measured anew */
   gboolean quick, no_gl;
   tcs_report_options options;
   tcs_report_bench *bench;
@@ -107,11 +108,20 @@ static bool append(report *r, cJSON *json, GError **error) {
 
 /* ---- keys ---- */
 
+static char *identify_program(void) {
+  char *bytes = NULL, *sum = NULL;
+  gsize size;
+  if (g_file_get_contents("/proc/self/exe", &bytes, &size, NULL))
+    sum = g_compute_checksum_for_data(G_CHECKSUM_SHA256, (const guchar *)bytes, size);
+  g_free(bytes);
+  return sum ? sum : g_strdup(TC_VERSION);
+}
+
 static char *scene_key(const report *r, const tcs_report_scene *scene, char **fingerprint) {
   const tc_volume_desc *d = tc_volume_describe(scene->volume);
   cJSON *json = tcp_scene_write(&scene->scene);
   char *text = cJSON_PrintUnformatted(json);
-  char *conditions = g_strdup_printf("%s %d %d %d %d %d %s", TC_VERSION, r->options.size, r->options.side,
+  char *conditions = g_strdup_printf("%s %d %d %d %d %d %s", r->program, r->options.size, r->options.side,
                                      r->options.threads, r->options.quick, d->type, text);
   GChecksum *sum = g_checksum_new(G_CHECKSUM_SHA256), *all = g_checksum_new(G_CHECKSUM_SHA256);
   g_checksum_update(sum, (const guchar *)d->dims, sizeof d->dims);
@@ -366,6 +376,7 @@ static bool run(report *r, GError **error) {
   sigaction(SIGINT, &act, NULL);
   sigaction(SIGTERM, &act, NULL);
   r->start_ms = now_ms();
+  r->program = identify_program();
   if (!open_log(r, error)) return false;
   r->bench = tcs_report_bench_new(&r->options, &stop, r->left_out, error);
   if (!r->bench) return false;
@@ -401,6 +412,7 @@ int tcs_cli_report(int argc, char **argv) {
   cJSON_Delete(r.scenes);
   cJSON_Delete(r.left_out);
   g_free(r.volume);
+  g_free(r.program);
   g_free(r.document);
   g_free(r.output);
   g_strfreev(r.rest);
