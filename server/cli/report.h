@@ -57,7 +57,7 @@ typedef struct tcs_report_row {
   double pixels, rms, rms_lo, rms_hi, p999, max, ciede, ciede_max, ssim; /* against rays through pixel centres */
   double area_pixels, area_rms, area_rms_lo, area_rms_hi, area_max;      /* against the mean over the pixel's area */
   double render_ms, render_ms_least;                                     /* median and least of the runs, as measured */
-  double anchor_ms;                                                      /* the anchor's median in the same batch */
+  double anchor_ms;                                                      /* the anchor's least in the same batch */
   double time_ms;            /* render_ms times the scene's usual anchor / anchor_ms: drift taken out */
   double tables_ms, skip_ms; /* building, in the first frame */
   double runs, samples;
