@@ -19,8 +19,10 @@ static const int sides[] = {LEAST_SIDE, 32, 48, 64, 96, 128, 192, 256};
 /* What one filter's field truly looks like. */
 typedef struct truth {
   bool asked;
-  float *centres; /* [side][side][4]; NULL: the reference does not know this filter */
-  float *areas;   /* [n_area][4], mean over the pixel */
+  int side, n_area;
+  int *area_pixels; /* [n_area] */
+  float *centres;   /* [side][side][4]; NULL: the reference does not know this filter */
+  float *areas;     /* [n_area][4], mean over the pixel */
 } truth;
 
 struct tcs_report_bench {
@@ -30,8 +32,7 @@ struct tcs_report_bench {
   tc_renderer *renderers[TC_BACKEND_COUNT];
   tcs_report_scene *scene; /* the caller's, while it is measured */
   tc_volume *volume;       /* its volume, held until it is forgotten */
-  int side;
-  int *area_pixels, n_area;
+  int side;                /* of the usual filter's compared pictures; dearer references take smaller ones */
   truth truths[TC_FILTER_COUNT];
   tc_frame small, large;
 };
@@ -72,12 +73,11 @@ static void forget(tcs_report_bench *b) {
     if (b->renderers[i]) tc_renderer_forget(b->renderers[i], b->volume);
   tc_volume_unref(b->volume);
   for (int f = 0; f < TC_FILTER_COUNT; f++) {
-    free(b->truths[f].centres);
-    free(b->truths[f].areas);
+    g_free(b->truths[f].centres);
+    g_free(b->truths[f].areas);
+    g_free(b->truths[f].area_pixels);
   }
   memset(b->truths, 0, sizeof b->truths);
-  g_clear_pointer(&b->area_pixels, g_free);
-  b->n_area = 0;
   b->volume = NULL;
 }
 
@@ -135,18 +135,18 @@ typedef struct truth_job {
 /* Rows of the picture, then pixels whose area is integrated. */
 static void *find_truth(void *data) {
   truth_job *job = data;
-  const tcs_report_bench *b = job->bench;
-  for (int i; (i = atomic_fetch_add(&job->next, 1)) < b->side + b->n_area && !atomic_load(b->stop);) {
-    if (i >= b->side) {
-      int pixel = b->area_pixels[i - b->side];
-      area_mean(job->reference, pixel % b->side, pixel / b->side, job->truth->areas + 4 * (i - b->side));
+  truth *t = job->truth;
+  for (int i; (i = atomic_fetch_add(&job->next, 1)) < t->side + t->n_area && !atomic_load(job->bench->stop);) {
+    if (i >= t->side) {
+      int pixel = t->area_pixels[i - t->side];
+      area_mean(job->reference, pixel % t->side, pixel / t->side, t->areas + 4 * (i - t->side));
       continue;
     }
-    for (int x = 0; x < b->side; x++) {
+    for (int x = 0; x < t->side; x++) {
       double rgba[4];
       tc_reference_pixel(job->reference, x + 0.5, i + 0.5, rgba);
       for (int c = 0; c < 4; c++)
-        job->truth->centres[4 * (i * b->side + x) + c] = (float)rgba[c];
+        t->centres[4 * (i * t->side + x) + c] = (float)rgba[c];
     }
   }
   return NULL;
@@ -161,20 +161,53 @@ static tc_reference *reference_of(tcs_report_bench *b, tc_filter filter, int sid
   return r;
 }
 
+/* The largest picture whose reference fits the time, from the time of a few of its rays. Half of it is for the areas.
+ */
+static bool choose_side(tcs_report_bench *b, tc_filter filter, int most, int *side, GError **error) {
+  enum { PROBES = 128 };
+  double budget_ms = (b->options.quick ? 500 : 10000) * tc_renderer_about(b->renderers[TC_BACKEND_CPU])->threads;
+  tc_reference *r = reference_of(b, filter, 256, error);
+  if (!r) return false;
+  double rgba[4], start = now_ms();
+  uint64_t state = 1;
+  for (int i = 0; i < PROBES; i++)
+    tc_reference_pixel(r, (double)(next_random(&state) % 256) + 0.5, (double)(next_random(&state) % 256) + 0.5, rgba);
+  double ray_ms = (now_ms() - start) / PROBES;
+  tc_reference_free(r);
+  *side = most < LEAST_SIDE ? most : LEAST_SIDE;
+  for (size_t i = 0; i < G_N_ELEMENTS(sides); i++)
+    if (2 * ray_ms * sides[i] * sides[i] <= budget_ms && sides[i] <= most) *side = sides[i];
+  return true;
+}
+
+static void lay_out(truth *t, int side) {
+  int pixels = side * side;
+  uint64_t state = 1;
+  t->side = side;
+  t->n_area = (pixels + AREA_SIDE * AREA_SIDE - 1) / (AREA_SIDE * AREA_SIDE);
+  t->centres = g_new(float, 4 * (size_t)pixels);
+  t->areas = g_new(float, 4 * (size_t)t->n_area);
+  t->area_pixels = g_new(int, (size_t)t->n_area);
+  for (int i = 0; i < t->n_area; i++)
+    t->area_pixels[i] = (int)(next_random(&state) % (uint64_t)pixels);
+}
+
 /* NULL centres where the reference does not know the filter: said once. */
 static const truth *truth_of(tcs_report_bench *b, tc_filter filter) {
   truth *t = &b->truths[filter];
   if (t->asked) return t;
   t->asked = true;
   GError *error = NULL;
-  truth_job job = {.bench = b, .truth = t, .reference = reference_of(b, filter, b->side, &error)};
+  truth_job job = {.bench = b, .truth = t};
+  int side = b->side;
+  if (filter == TC_FILTER_LINEAR || b->options.side || choose_side(b, filter, b->side, &side, &error))
+    job.reference = reference_of(b, filter, side, &error);
   if (!job.reference) {
     tcs_report_leave_out(b->left_out, "reference", error->message);
     g_error_free(error);
     return t;
   }
-  t->centres = g_malloc((size_t)b->side * (size_t)b->side * 4 * sizeof(float));
-  t->areas = g_malloc((size_t)b->n_area * 4 * sizeof(float));
+  lay_out(t, side);
   pthread_t helpers[64];
   int started = 0, wanted = tc_renderer_about(b->renderers[TC_BACKEND_CPU])->threads;
   while (started < wanted - 1 && started < 64 && pthread_create(&helpers[started], NULL, find_truth, &job) == 0)
@@ -186,37 +219,12 @@ static const truth *truth_of(tcs_report_bench *b, tc_filter filter) {
   return t;
 }
 
-/* The largest picture whose reference fits the time, from the time of a few of its rays. Half of it is for the areas.
- */
-static bool choose_side(tcs_report_bench *b, int *side, GError **error) {
-  enum { PROBES = 128 };
-  double budget_ms = (b->options.quick ? 500 : 10000) * tc_renderer_about(b->renderers[TC_BACKEND_CPU])->threads;
-  tc_reference *r = reference_of(b, TC_FILTER_LINEAR, 256, error);
-  if (!r) return false;
-  double rgba[4], start = now_ms();
-  uint64_t state = 1;
-  for (int i = 0; i < PROBES; i++)
-    tc_reference_pixel(r, (double)(next_random(&state) % 256) + 0.5, (double)(next_random(&state) % 256) + 0.5, rgba);
-  double ray_ms = (now_ms() - start) / PROBES;
-  tc_reference_free(r);
-  *side = LEAST_SIDE;
-  for (size_t i = 0; i < G_N_ELEMENTS(sides); i++)
-    if (2 * ray_ms * sides[i] * sides[i] <= budget_ms && sides[i] <= b->options.size) *side = sides[i];
-  return true;
-}
-
 bool tcs_report_bench_scene(tcs_report_bench *b, tcs_report_scene *scene, int *side, GError **error) {
   forget(b);
   b->scene = scene;
   b->volume = tc_volume_ref(scene->volume);
-  if (*side == 0 && !choose_side(b, side, error)) return false;
+  if (*side == 0 && !choose_side(b, TC_FILTER_LINEAR, b->options.size, side, error)) return false;
   b->side = *side;
-  int pixels = b->side * b->side;
-  b->n_area = (pixels + AREA_SIDE * AREA_SIDE - 1) / (AREA_SIDE * AREA_SIDE);
-  b->area_pixels = g_new(int, (size_t)b->n_area);
-  uint64_t state = 1;
-  for (int i = 0; i < b->n_area; i++)
-    b->area_pixels[i] = (int)(next_random(&state) % (uint64_t)pixels);
   return true;
 }
 
@@ -238,14 +246,14 @@ static bool judge(tcs_report_bench *b, const truth *t, tcs_report_row *row) {
   tcs_difference d;
   tcs_look look = {.linear_light = b->scene->scene.image.linear_light};
   memcpy(look.background, b->scene->scene.image.background, sizeof look.background);
-  if (!tcs_compare(b->small.linear, t->centres, b->side, b->side, &look, &d)) return false;
+  if (!tcs_compare(b->small.linear, t->centres, t->side, t->side, &look, &d)) return false;
   row->pixels = (double)d.pixels;
   row->rms = d.rms, row->rms_lo = d.rms_lo, row->rms_hi = d.rms_hi, row->p999 = d.p999, row->max = d.max;
   row->ciede = d.ciede, row->ciede_max = d.ciede_max, row->ssim = d.ssim;
-  float *taken = g_new(float, 4 * (size_t)b->n_area);
-  for (int i = 0; i < b->n_area; i++)
-    memcpy(taken + 4 * i, b->small.linear + 4 * b->area_pixels[i], 4 * sizeof *taken);
-  bool good = tcs_compare_pixels(taken, t->areas, (size_t)b->n_area, &d);
+  float *taken = g_new(float, 4 * (size_t)t->n_area);
+  for (int i = 0; i < t->n_area; i++)
+    memcpy(taken + 4 * i, b->small.linear + 4 * t->area_pixels[i], 4 * sizeof *taken);
+  bool good = tcs_compare_pixels(taken, t->areas, (size_t)t->n_area, &d);
   row->area_pixels = (double)d.pixels;
   row->area_rms = d.rms, row->area_rms_lo = d.rms_lo, row->area_rms_hi = d.rms_hi, row->area_max = d.max;
   g_free(taken);
@@ -258,7 +266,7 @@ static bool compare_one(tcs_report_bench *b, const tcs_setting *s, tcs_report_ro
   const truth *t = truth_of(b, s->filter);
   if (stopped(b, error)) return false;
   if (!t->centres) return true;
-  if (!render(b, s, b->side, true, &plan, error)) return false;
+  if (!render(b, s, t->side, true, &plan, error)) return false;
   row->tables_ms = b->small.stats.tables_ms;
   row->skip_ms = b->small.stats.skip_ms;
   row->table_nodes = plan.stages[TC_STAGE_TABLE_2D].included ? plan.table_size : 0;
