@@ -14,6 +14,7 @@
 #include "renderer/clock.h"
 
 typedef float v4 __attribute__((vector_size(16)));
+typedef int32_t i4 __attribute__((vector_size(16)));
 
 /* A stretch of the value axis inside one node interval with linear colour and (nearly) linear extinction. */
 typedef struct piece {
@@ -24,6 +25,14 @@ typedef struct piece {
   double from[3], to[3]; /* colour, compositing space */
 } piece;
 
+/* Four node intervals of one piece each, side by side, for segments short enough that a series serves them. */
+typedef struct quad {
+  v4 depth, tilt;    /* extinction times share of the interval */
+  i4 graded;         /* all bits or none */
+  v4 from[4], to[4];      /* colour, with 1 for opacity */
+  float longest_mm;       /* of an interval; 0 where not all four have one piece */
+} quad;
+
 typedef struct builder {
   const tc_table_params *params;
   double lo, hi; /* of the table or zoom at hand */
@@ -33,6 +42,8 @@ typedef struct builder {
   piece *pieces;
   uint32_t *first; /* [intervals + 1] into pieces */
   uint32_t count, capacity;
+  quad *quads; /* [intervals / 4] */
+  v4 peak;     /* the brightest of each colour, and 1 */
   v4 *scratch; /* per worker: 4 arrays of `intervals` */
   int intervals;
 } builder;
@@ -222,19 +233,94 @@ static void elementary(const builder *b, int j, double length_mm, v4 *forward, v
   *backward = r;
 }
 
+/* ---- elementary segments, four at a time: most are one piece and thin ---- */
+
+#define SERIES_DEPTH 0.5 /* what the series below are good for, to single precision */
+
+static void fill_quads(builder *b) {
+  for (int i = 0; i < b->intervals / 4; i++) {
+    quad *q = &b->quads[i];
+    double longest = INFINITY;
+    for (int k = 0; k < 4; k++) {
+      int j = 4 * i + k;
+      const piece *p = &b->pieces[b->first[j]];
+      double depth = fmin(p->mean * (double)p->width, 1e30);
+      q->depth[k] = (float)depth;
+      q->tilt[k] = (float)p->tilt;
+      q->graded[k] = -p->graded;
+      for (int c = 0; c < 4; c++) {
+        q->from[k][c] = c < 3 ? (float)p->from[c] : 1;
+        q->to[k][c] = c == 3 ? 1 : p->graded ? (float)p->to[c] : q->from[k][c];
+      }
+      if (b->first[j + 1] - b->first[j] != 1) longest = 0;
+      if (p->graded && depth > 0) longest = fmin(longest, fmin(SERIES_DEPTH, 0.05 / fabs(p->tilt)) / depth);
+    }
+    q->longest_mm = (float)longest;
+  }
+}
+
+static v4 lesser(v4 a, v4 b) {
+  i4 less = a < b;
+  return (v4)((less & (i4)a) | (~less & (i4)b));
+}
+
+/* 1 - exp(-a), a >= 0, with small relative error for small a too. */
+static v4 one_minus_exp(v4 a) {
+  a = lesser(a, (v4){87, 87, 87, 87});
+  v4 shift = a * -1.44269504f + 12582912.0f, n = shift - 12582912.0f; /* rounds to an integer */
+  v4 f = (-a - n * 0.693359375f) + n * 2.12194440e-4f, p = f * (1.0f / 720 + f * (1.0f / 5040));
+  p = f * (1 + f * (0.5f + f * (1.0f / 6 + f * (1.0f / 24 + f * (1.0f / 120 + p)))));
+  v4 scale = (v4)(((i4)shift - 0x4b400000 + 127) << 23);
+  return -(scale * p) - (scale - 1);
+}
+
+/* As elementary(), for a length of at most longest_mm. The series are decay_integral()'s, with the opacity already taken
+ * off i0: nothing cancels. */
+static void elementary_four(const quad *q, float length_mm, v4 forward[4], v4 backward[4]) {
+  v4 a = q->depth * length_mm, w = one_minus_exp(a), x = a * q->tilt;
+  v4 mean = a * (1.0f / 144 - a * (1.0f / 840 - a * (1.0f / 5760 - a * (1.0f / 45360))));
+  mean = a * (0.5f - a * (1.0f / 3 - a * (1.0f / 8 - a * (1.0f / 30 - mean))));
+  v4 i1 = 1.0f / 40 - a * (1.0f / 180 - a * (1.0f / 1008 - a * (1.0f / 6720)));
+  i1 = 1.0f / 6 - a * (1.0f / 12 - a * i1);
+  v4 i2 = 1.0f / 30 - a * (1.0f / 60 - a * (1.0f / 210 - a * (1.0f / 1008)));
+  v4 even = mean + 0.5f * x * x * i2, odd = x * i1;
+  /* A deep series may be no number, but then no colour changes and the mask takes it away. */
+  v4 ahead = (v4)((i4)lesser(even + odd, w) & q->graded), behind = (v4)((i4)lesser(even - odd, w) & q->graded);
+  for (int k = 0; k < 4; k++) {
+    forward[k] = q->from[k] * (w[k] - ahead[k]) + q->to[k] * ahead[k];
+    backward[k] = q->to[k] * (w[k] - behind[k]) + q->from[k] * behind[k];
+  }
+}
+
+static void elementary_all(const builder *b, double length_mm, v4 *forward, v4 *backward) {
+  int j = 0;
+  for (; j + 4 <= b->intervals; j += 4)
+    if ((float)length_mm <= b->quads[j / 4].longest_mm)
+      elementary_four(&b->quads[j / 4], (float)length_mm, forward + j, backward + j);
+    else
+      for (int k = 0; k < 4; k++) elementary(b, j + k, length_mm, &forward[j + k], &backward[j + k]);
+  for (; j < b->intervals; j++) elementary(b, j, length_mm, &forward[j], &backward[j]);
+}
+
 /* ---- diagonals ---- */
+
+/* Light sums and opacity round apart: what shines is held to the opacity times the brightest there is, to the last bit. */
+static v4 held(v4 entry, v4 peak) {
+  v4 most = entry[3] * peak;
+  return lesser(entry, most);
+}
 
 static void diagonal_zero(builder *b) {
   v4 *row = (v4 *)b->zero_row;
   for (int i = 0; i <= b->intervals; i++) {
     double v = node_value(b, i), w = -expm1(-tc_extinction(b->params->tf, v) * b->step_mm), rgb[3];
     color_in(b->params, v, rgb);
-    row[i] = (v4){(float)(rgb[0] * w), (float)(rgb[1] * w), (float)(rgb[2] * w), (float)w};
+    row[i] = held((v4){(float)(rgb[0] * w), (float)(rgb[1] * w), (float)(rgb[2] * w), (float)w}, b->peak);
   }
 }
 
 /* Windows of width k over m elementary segments, towards higher nodes (out_f) and towards lower ones (out_b). */
-static void sliding_windows(const v4 *ef, const v4 *eb, v4 *sf, v4 *sb, int m, int k, v4 *out_f, v4 *out_b) {
+static void sliding_windows(const v4 *ef, const v4 *eb, v4 *sf, v4 *sb, int m, int k, v4 peak, v4 *out_f, v4 *out_b) {
   for (int start = 0; start + k <= m; start += k) {
     v4 f = ef[start + k - 1], r = eb[start + k - 1];
     sf[k - 1] = f, sb[k - 1] = r;
@@ -242,7 +328,7 @@ static void sliding_windows(const v4 *ef, const v4 *eb, v4 *sf, v4 *sb, int m, i
       sf[j] = f = over(ef[start + j], f);
       sb[j] = r = over(r, eb[start + j]);
     }
-    out_f[start] = f, out_b[start] = r;
+    out_f[start] = held(f, peak), out_b[start] = held(r, peak);
     if (start + k >= m) break;
     v4 pf = ef[start + k], pb = eb[start + k];
     for (int j = 1; j < k && start + j + k <= m; j++) {
@@ -250,8 +336,8 @@ static void sliding_windows(const v4 *ef, const v4 *eb, v4 *sf, v4 *sb, int m, i
         pf = over(pf, ef[start + k + j - 1]);
         pb = over(eb[start + k + j - 1], pb);
       }
-      out_f[start + j] = over(sf[j], pf);
-      out_b[start + j] = over(pb, sb[j]);
+      out_f[start + j] = held(over(sf[j], pf), peak);
+      out_b[start + j] = held(over(pb, sb[j]), peak);
     }
   }
 }
@@ -261,10 +347,10 @@ static void build_diagonal(void *context, int index, int worker) {
   /* Long and short diagonals in turn, so that workers finish together. */
   int m = b->intervals, k = index % 2 ? m - index / 2 : 1 + index / 2;
   v4 *ef = b->scratch + (size_t)worker * 4 * (size_t)m, *eb = ef + m, *sf = eb + m, *sb = sf + m;
-  for (int j = 0; j < m; j++) elementary(b, j, b->step_mm / k, &ef[j], &eb[j]);
+  elementary_all(b, b->step_mm / k, ef, eb);
   ptrdiff_t stride = b->columns;
   v4 *zero = (v4 *)b->zero_row;
-  sliding_windows(ef, eb, sf, sb, m, k, zero + k * stride, zero - k * stride);
+  sliding_windows(ef, eb, sf, sb, m, k, b->peak, zero + k * stride, zero - k * stride);
 }
 
 /* ---- life ---- */
@@ -306,6 +392,16 @@ void tc_table_free(tc_table *table) {
   free(table);
 }
 
+static v4 brightest(const tc_table_params *p) {
+  v4 peak = {0, 0, 0, 1};
+  for (size_t i = 0; i < p->tf->count; i++) {
+    double rgb[3];
+    memcpy(rgb, p->tf->points[i].color, sizeof rgb);
+    for (int c = 0; c < 3; c++) peak[c] = fmaxf(peak[c], (float)(p->linear_light ? tc_srgb_to_linear(rgb[c]) : rgb[c]));
+  }
+  return peak;
+}
+
 /* The table itself, or one of its zooms. */
 static bool build_window(builder *b, tc_pool *pool, tc_zoom window, int n, float *zero_row) {
   b->lo = window.lo, b->hi = window.hi;
@@ -314,6 +410,7 @@ static bool build_window(builder *b, tc_pool *pool, tc_zoom window, int n, float
   b->zero_row = zero_row;
   b->count = 0;
   if (!cut_into_pieces(b)) return false;
+  fill_quads(b);
   diagonal_zero(b);
   tc_pool_run(pool, n, build_diagonal, b);
   return true;
@@ -325,8 +422,10 @@ tc_table *tc_table_build(const tc_table_params *params, tc_pool *pool, GError **
   builder b = {.params = params, .step_mm = params->step_mm};
   size_t most = params->n_zooms && params->n < TC_ZOOM_NODES ? TC_ZOOM_NODES : (size_t)params->n;
   b.first = calloc(most + 1, sizeof *b.first);
+  b.quads = aligned_alloc(16, (most / 4 + 1) * sizeof *b.quads);
+  b.peak = brightest(params);
   b.scratch = aligned_alloc(16, (size_t)tc_pool_threads(pool) * 4 * most * sizeof(v4));
-  bool ok = t && b.first && b.scratch && build_window(&b, pool, (tc_zoom){t->lo, t->hi}, t->n, t->zero_row);
+  bool ok = t && b.first && b.quads && b.scratch && build_window(&b, pool, (tc_zoom){t->lo, t->hi}, t->n, t->zero_row);
   for (int i = 0; ok && i < t->n_zooms; i++) ok = build_window(&b, pool, t->zooms[i], TC_ZOOM_NODES, t->zoom_rows[i]);
   if (ok) {
     for (size_t i = 0; params->bits && i < t->bytes / sizeof(float); i++)
@@ -339,6 +438,7 @@ tc_table *tc_table_build(const tc_table_params *params, tc_pool *pool, GError **
   }
   free(b.pieces);
   free(b.first);
+  free(b.quads);
   free(b.scratch);
   return t;
 }
