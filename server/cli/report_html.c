@@ -248,7 +248,8 @@ static void matrices(page *p) {
          "size the plan chooses, "
          "single precision.");
   matrix(p, RAYS, "Rays per pixel",
-         "Against the mean over the pixel's area, the truth that more rays go to; edges weigh most.");
+         "Against the mean over the pixel's area, the truth that more rays go to; edges weigh most. "
+         "The compared picture has fewer, larger pixels than the timed one: the more there is to gain.");
   matrix(p, FILTER, "Filter",
          "Each against the reference of its own field: what the method adds, not which field is nicer.");
   matrix(p, ORDER, "Order of compositing", "Rays that end nowhere: both orders must agree.");
