@@ -196,7 +196,7 @@ static void an_interrupt_leaves_a_report(void **state) {
                               "--volume",
                               "a<b&c.nrrd",
                               "--size",
-                              "400",
+                              "256",
                               "--side",
                               "24",
                               "--no-gl",
@@ -207,7 +207,7 @@ static void an_interrupt_leaves_a_report(void **state) {
   assert_true(g_spawn_async(folder, (char **)argv, NULL,
                             G_SPAWN_DO_NOT_REAP_CHILD | G_SPAWN_STDOUT_TO_DEV_NULL | G_SPAWN_STDERR_TO_DEV_NULL, NULL,
                             NULL, &pid, NULL));
-  for (int i = 0; i < 3000; i++) { /* until two rows are there: at most a minute */
+  for (int i = 0; i < 9000; i++) { /* until two rows are there: at most three minutes */
     g_usleep(20000);
     g_clear_pointer(&text, g_free);
     if (g_file_get_contents(path, &text, NULL, NULL) && lines_of(text) >= 3) break;
