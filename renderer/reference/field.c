@@ -125,5 +125,6 @@ bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell) {
   cell->c[2] = q[0][2] + d2 * start[2] + d1 * delta[2];
   cell->c[3] = d2 * delta[2];
   if (walk->field->filter == TC_FILTER_NEAREST) make_nearest(cell);
+  cell->label = NULL;
   return true;
 }

@@ -49,6 +49,12 @@ typedef struct tc_ref_walk {
   double plane[3]; /* next plane of each axis: integers, and halves between them for nearest */
 } tc_ref_walk;
 
+/* One cell's stretch of the labels' grid: tint r, g, b, its opacity and visibility at the corners, as in tc_ref_cell. */
+typedef struct tc_ref_label_cell {
+  double corner[8][5];
+  double start[3], delta[3];
+} tc_ref_label_cell;
+
 /* One cell's stretch of the ray: value(u) = c[0] + c[1] u + c[2] u^2 + c[3] u^3 for u in [0, 1]. */
 typedef struct tc_ref_cell {
   double from, length; /* mm along the ray */
@@ -56,10 +62,34 @@ typedef struct tc_ref_cell {
   double lo, hi; /* of the cell's eight corners */
   double corner[8];          /* values at +x (bit 0), +y (bit 1), +z (bit 2) */
   double start[3], delta[3]; /* place within the cell, 0..1: start + u * delta */
+  const tc_ref_label_cell *label; /* all of the stretch is in it; NULL without labels */
 } tc_ref_cell;
 
 void tc_ref_walk_start(tc_ref_walk *walk, const tc_ref_field *field, const tc_ref_ray *ray);
 bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell);
+
+/* labels.c: a label volume and the scene that says what its labels look like; both live as long. */
+typedef struct tc_ref_labels {
+  const tc_volume_desc *desc; /* NULL: none */
+  const void *voxels;
+  const tc_scene *scene;
+  bool nearest;
+  double dual[3][3]; /* [k]: LPS gradient of index coordinate k, 1/mm */
+} tc_ref_labels;
+
+typedef struct tc_ref_label_walk { /* starts as {.u = 1} */
+  tc_ref_cell whole;
+  tc_ref_label_cell cell;
+  double u; /* of `whole`: what was returned */
+} tc_ref_label_walk;
+
+void tc_ref_labels_set_up(tc_ref_labels *labels, const tc_volume *volume, const tc_scene *scene);
+/* tc_ref_walk_next(), cut at the faces of the labels' grid; cell->label lives until the next call. */
+bool tc_ref_labels_next(const tc_ref_labels *labels, tc_ref_walk *walk, tc_ref_label_walk *at, tc_ref_cell *cell);
+/* Visibility at u; the mean tint beside it. */
+double tc_ref_label_mean(const tc_ref_label_cell *cell, double u, double tint[4]);
+void tc_ref_label_tint(const tc_ref_label_cell *cell, double u, double rgb[3]);
+double tc_ref_to_linear(double srgb);
 
 /* pieces.c: a cell's stretch -> monotone pieces between values where the transfer function bends. */
 typedef struct tc_ref_piece {

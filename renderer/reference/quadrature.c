@@ -76,7 +76,14 @@ static double fraction_at(const job *j, double x) {
 
 static void color_at(const job *j, double x, double rgb[3]) {
   tc_ref_span_color(j->span, fraction_at(j, x), rgb);
+  if (j->piece->cell->label) tc_ref_label_tint(j->piece->cell->label, j->piece->from + x, rgb);
   if (j->shading) tc_ref_shade(j->shading, j->piece->cell, j->piece->from + x, rgb);
+}
+
+static double extinction_at(const job *j, double x) {
+  double tint[4], extinction = tc_ref_span_extinction(j->span, fraction_at(j, x));
+  const tc_ref_label_cell *label = j->piece->cell->label;
+  return label ? extinction * tc_ref_label_mean(label, j->piece->from + x, tint) : extinction;
 }
 
 /* One panel [x0, x0 + width] by the rule. Colour is split into its value at the front, whose integral is exact, and the
@@ -85,7 +92,7 @@ static panel estimate(const job *j, double x0, double width) {
   double tau[POINTS], rgb[POINTS][3], front[3], mm = width * j->piece->mm;
   panel r = {0};
   for (int i = 0; i < POINTS; i++) {
-    tau[i] = tc_ref_span_extinction(j->span, fraction_at(j, x0 + width * node[i]));
+    tau[i] = extinction_at(j, x0 + width * node[i]);
     if (!j->one_color) color_at(j, x0 + width * node[i], rgb[i]);
     r.depth += weight[i] * tau[i] * mm;
   }
@@ -151,7 +158,7 @@ void tc_ref_integrate(const tc_ref_piece *piece, const tc_ref_span *span, const 
   pthread_once(&made, make_rule);
   job j = {.piece = piece, .span = span, .shading = shading, .tolerance = tolerance, .light = light};
   bool flat = piece->front == piece->back && piece->d[0] == 0 && piece->d[1] == 0 && piece->d[2] == 0;
-  j.one_color = !shading && (span->one_color || flat);
+  j.one_color = !shading && !piece->cell->label && (span->one_color || flat);
   tc_ref_span_color(span, fraction_at(&j, 0), j.color);
   if (j.one_color && (flat || span->one_extinction || !span->opacity)) {
     panel whole = {.depth = cubic_depth(piece, span)};

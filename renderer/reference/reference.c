@@ -19,6 +19,9 @@ struct tc_reference {
   tc_ref_shading shading;   /* dvr */
   tc_mode mode;
   tc_ref_window window; /* projections */
+  tc_volume *label_volume; /* or NULL */
+  tc_scene scene;          /* labels' own copy; zeros without */
+  tc_ref_labels labels;
   double tolerance;
 };
 
@@ -29,7 +32,7 @@ static bool is_projection(tc_mode mode) {
 const char *tc_reference_missing(const tc_scene *scene) {
   if (scene->mode != TC_MODE_DVR && !is_projection(scene->mode)) return "/mode";
   if (scene->filter == TC_FILTER_CUBIC) return "/filter";
-  if (scene->labels.volume[0]) return "/labels/volume";
+  if (scene->labels.volume[0] && scene->mode == TC_MODE_DVR) return "/labels/volume";
   return NULL;
 }
 
@@ -51,8 +54,13 @@ static bool set_up_look(tc_reference *r, const tc_scene *scene, GError **error) 
 
 tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int width, int height, double tolerance,
                                GError **error) {
+  return tc_reference_new_labelled(volume, NULL, scene, width, height, tolerance, error);
+}
+
+tc_reference *tc_reference_new_labelled(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int width, int height,
+                                        double tolerance, GError **error) {
   const char *member = tc_reference_missing(scene);
-  if (member) {
+  if (member && !(labels && !strcmp(member, "/labels/volume"))) {
     tc_set_error(error, TC_ERROR_UNSUPPORTED, member,
                  "reference: %s: only dvr, mip, minip and average of the linear or nearest field, plain, are integrated", member);
     return NULL;
@@ -65,6 +73,11 @@ tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int wid
   tc_reference *r = g_new0(tc_reference, 1);
   r->volume = tc_volume_ref(volume);
   r->field = (tc_ref_field){.filter = scene->filter, .desc = tc_volume_describe(volume), .voxels = tc_volume_data(volume)};
+  if (labels && scene->labels.volume[0] && scene->mode == TC_MODE_DVR) {
+    r->label_volume = tc_volume_ref(labels);
+    tc_scene_copy(&r->scene, scene);
+    tc_ref_labels_set_up(&r->labels, labels, &r->scene);
+  }
   tc_ref_clip_set_up(&r->clip, scene);
   /* Errors of pieces add up; each piece's estimate is itself pessimistic by many orders. */
   r->tolerance = (tolerance == 0 ? 1e-10 : tolerance) / 16;
@@ -86,6 +99,8 @@ void tc_reference_free(tc_reference *reference) {
   if (!reference) return;
   tc_ref_transfer_clear(&reference->transfer);
   tc_volume_unref(reference->volume);
+  tc_volume_unref(reference->label_volume);
+  tc_scene_clear(&reference->scene);
   g_free(reference);
 }
 
@@ -100,6 +115,10 @@ static const tc_ref_shading *shading_of(const tc_reference *r, const tc_ref_ray 
   *shading = r->shading;
   memcpy(shading->view, ray->lps_direction, sizeof shading->view);
   return shading;
+}
+
+static bool next_cell(const tc_reference *r, tc_ref_walk *walk, tc_ref_label_walk *labels, tc_ref_cell *cell) {
+  return r->labels.desc ? tc_ref_labels_next(&r->labels, walk, labels, cell) : tc_ref_walk_next(walk, cell);
 }
 
 static void integrate_cell(const tc_reference *r, const tc_ref_cell *cell, const tc_ref_shading *shading, tc_ref_light *light) {
@@ -139,8 +158,9 @@ void tc_reference_pixel(const tc_reference *r, double px, double py, double rgba
     tc_ref_cell cell;
     tc_ref_shading own;
     const tc_ref_shading *shading = shading_of(r, &ray, &own);
+    tc_ref_label_walk labels = {.u = 1};
     tc_ref_walk_start(&walk, &r->field, &ray);
-    while (tc_ref_walk_next(&walk, &cell))
+    while (next_cell(r, &walk, &labels, &cell))
       if (!tc_ref_transfer_empty(&r->transfer, cell.lo, cell.hi)) integrate_cell(r, &cell, shading, &light);
   }
   for (int c = 0; c < 3; c++)
@@ -165,6 +185,11 @@ static tc_reference_sample describe_piece(const tc_reference *r, const tc_ref_ra
     double f = fmin(fmax((piece->front - span.base) * span.inverse_width, 0), 1);
     s.extinction = tc_ref_span_extinction(&span, f);
     tc_ref_span_color(&span, f, s.color);
+    if (cell->label) {
+      double tint[4];
+      s.extinction *= tc_ref_label_mean(cell->label, piece->from, tint);
+      tc_ref_label_tint(cell->label, piece->from, s.color);
+    }
     if (shading) tc_ref_shade(shading, cell, piece->from, s.color);
   }
   for (int k = 0; k < 3; k++)
@@ -181,8 +206,9 @@ void tc_reference_ray(const tc_reference *r, double px, double py, tc_reference_
     tc_ref_cell cell;
     tc_ref_shading own;
     const tc_ref_shading *shading = shading_of(r, &ray, &own);
+    tc_ref_label_walk labels = {.u = 1};
     tc_ref_walk_start(&walk, &r->field, &ray);
-    while (tc_ref_walk_next(&walk, &cell)) {
+    while (next_cell(r, &walk, &labels, &cell)) {
       tc_ref_cutter cutter;
       tc_ref_piece piece;
       tc_ref_span span;

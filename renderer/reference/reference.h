@@ -22,15 +22,20 @@
 
 typedef struct tc_reference tc_reference;
 
-/* Pointer to the member for which this scene has no reference, NULL where it has one. Pure. */
+/* Pointer to the member for which this scene has no reference, NULL where it has one. "/labels/volume": none without the
+ * label volume itself (tc_reference_new_labelled). Pure. */
 const char *tc_reference_missing(const tc_scene *scene);
 
 /* Takes a reference on the sealed volume and copies what it needs of the scene. tolerance: absolute bound wanted on
  * each channel of a pixel, 1e-14 .. 0.1; 0 = 1e-10. Errors: TC_ERROR_UNSUPPORTED with a pointer to the member for what
- * has no reference (a mode other than dvr, mip, minip, average; filter cubic, labels);
+ * has no reference (a mode other than dvr, mip, minip, average; filter cubic, labels without their volume);
  * TC_ERROR_INVALID for a camera, transfer function or window (whichever the mode reads) without meaning. */
 tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int width, int height, double tolerance,
                                GError **error);
+/* With the volume that scene->labels.volume names (classify/labels.h says what it does; checked by the caller as
+ * tc_labels_check does), another reference of which is taken; NULL: as above. */
+tc_reference *tc_reference_new_labelled(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int width, int height,
+                                        double tolerance, GError **error);
 void tc_reference_free(tc_reference *reference); /* NULL is fine */
 
 /* One ray. px, py: pixels from the top left corner of the picture (pixel i's centre is i + 0.5; any real number is a

@@ -8,7 +8,7 @@
 #define SRGB_CORNER 0.04045     /* sRGB's straight part ends here */
 #define LARGEST_EXTINCTION 1e30 /* keeps products finite; a path of 1e-28 mm of it is opaque */
 
-static double to_linear(double c) { return c <= SRGB_CORNER ? c / 12.92 : pow((c + 0.055) / 1.055, 2.4); }
+double tc_ref_to_linear(double c) { return c <= SRGB_CORNER ? c / 12.92 : pow((c + 0.055) / 1.055, 2.4); }
 
 static bool knot_is_sane(const tc_knot *k) {
   return isfinite(k->value) && isfinite(k->color[0]) && isfinite(k->color[1]) && isfinite(k->color[2]) &&
@@ -111,6 +111,6 @@ double tc_ref_span_extinction(const tc_ref_span *span, double f) {
 void tc_ref_span_color(const tc_ref_span *span, double f, double rgb[3]) {
   for (int c = 0; c < 3; c++) {
     rgb[c] = span->color[0][c] + f * (span->color[1][c] - span->color[0][c]);
-    if (span->linear_light) rgb[c] = to_linear(rgb[c]);
+    if (span->linear_light) rgb[c] = tc_ref_to_linear(rgb[c]);
   }
 }

@@ -162,7 +162,7 @@ static bool print_ray(job *j, GError **error) {
       x >= s->image.width || y >= s->image.height)
     return usage_error(j, error, "--ray %s: X,Y wanted, a pixel of the picture of %dx%d, 0,0 at the top left",
                        j->args.ray, s->image.width, s->image.height);
-  cJSON *json = tcs_ray_json(j->volume, s, x, y, error);
+  cJSON *json = tcs_ray_json(j->volume, j->labels, s, x, y, error);
   if (!json) return false;
   char *text = cJSON_Print(json);
   puts(text);
@@ -230,9 +230,9 @@ static void print_timing(const job *j) {
 
 static bool run(job *j, int argc, char **argv, GError **error) {
   if (!parse_arguments(j, argc, argv, error) || !check_arguments(j, error)) return false;
-  if (!load(j, error) || !make_scene(j, error)) return false;
-  if (j->args.ray) return print_ray(j, error);
-  if (!load_labels(j, error) || !make_renderer(j, error)) return false;
+  if (!load(j, error) || !make_scene(j, error) || !load_labels(j, error)) return false;
+  if (j->args.ray) return tc_labels_check(j->volume, j->labels, &j->scene, error) && print_ray(j, error);
+  if (!make_renderer(j, error)) return false;
   if (!choose_sampling(j, error)) return false;
   const tc_render_request request = {.labels = j->labels};
   if (!tc_render(j->renderer, j->volume, &j->scene, &request, &j->frame, &j->plan, error)) return false;

@@ -11,7 +11,7 @@
 typedef struct probe {
   tcs_task task;
   tcs_request *request; /* NULL: the client has gone */
-  tc_volume *volume;
+  tc_volume *volume, *labels; /* labels: or NULL */
   tc_scene scene;
   int x, y;
   cJSON *json;
@@ -30,6 +30,7 @@ static void done_probe(tcs_task *task) {
   g_clear_error(&p->error);
   tc_scene_clear(&p->scene);
   tc_volume_unref(p->volume);
+  tc_volume_unref(p->labels);
   g_free(p);
 }
 
@@ -48,6 +49,7 @@ static void start_probe(tcs_request *request, void (*run)(tcs_task *task)) {
   probe *p = g_new0(probe, 1);
   *p = (probe){.task = {.run = run, .done = done_probe}, .request = request, .x = x, .y = y};
   p->volume = tc_volume_ref(session->entry->volume);
+  if (session->labels) p->labels = tc_volume_ref(tcs_session_labels(session));
   tc_scene_copy(&p->scene, scene);
   tcs_defer(request, leave_probe, p);
   tcs_worker_submit(request->server->walk_worker, &p->task);
@@ -55,14 +57,15 @@ static void start_probe(tcs_request *request, void (*run)(tcs_task *task)) {
 
 /* The ray through the pixel's centre; NULL with p->error set. */
 static tc_reference *trace(probe *p, tc_reference_sample **samples, size_t *count) {
-  tc_reference *r = tc_reference_new(p->volume, &p->scene, p->scene.image.width, p->scene.image.height, 0, &p->error);
+  tc_reference *r = tc_reference_new_labelled(p->volume, p->labels, &p->scene, p->scene.image.width, p->scene.image.height, 0,
+                                              &p->error);
   if (r) tc_reference_ray(r, p->x + 0.5, p->y + 0.5, samples, count);
   return r;
 }
 
 static void run_ray(tcs_task *task) {
   probe *p = (probe *)task;
-  p->json = tcs_ray_json(p->volume, &p->scene, p->x, p->y, &p->error);
+  p->json = tcs_ray_json(p->volume, p->labels, &p->scene, p->x, p->y, &p->error);
 }
 
 /* The first piece behind which VISIBLE_OPACITY is reached; in thinner haze the first piece that shows at all. */

@@ -14,8 +14,8 @@ static cJSON *sample_json(const tc_reference_sample *s) {
   return json;
 }
 
-cJSON *tcs_ray_json(tc_volume *volume, const tc_scene *scene, int x, int y, GError **error) {
-  tc_reference *r = tc_reference_new(volume, scene, scene->image.width, scene->image.height, 0, error);
+cJSON *tcs_ray_json(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int x, int y, GError **error) {
+  tc_reference *r = tc_reference_new_labelled(volume, labels, scene, scene->image.width, scene->image.height, 0, error);
   if (!r) return NULL;
   tc_reference_sample *samples = NULL;
   size_t count = 0;

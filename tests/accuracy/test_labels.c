@@ -12,6 +12,7 @@
 #include <cmocka.h>
 
 #include "renderer/gl/device.h"
+#include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
 #include "tests/support/image.h"
@@ -336,6 +337,34 @@ static void everyone_agrees(void **state) {
   assert_true((double)ties < 1e-4 * (double)compared);
 }
 
+/* With smaller steps pictures go to the integral of what is visible; errors fall with the step's square, or nearly. */
+static void small_steps_converge_to_the_reference(void **state) {
+  tc_volume *volume = waves(TC_F32), *labels = slanted_labels(TC_U8, (const int[3]){9, 8, 14}, 3);
+  float *wanted = g_new(float, PIXELS * 4);
+  for (unsigned bits = 1; bits < 7; bits += 5) { /* plain; shaded, some hidden, parallel */
+    tc_scene scene;
+    busy_scene(&scene, volume, bits);
+    scene.image.width = scene.image.height = SIDE / 2;
+    tc_reference *reference = tc_reference_new_labelled(volume, labels, &scene, SIDE / 2, SIDE / 2, 1e-7, NULL);
+    assert_null(tc_reference_new(volume, &scene, SIDE / 2, SIDE / 2, 1e-7, NULL));
+    assert_true(tc_reference_image(reference, 2, wanted, NULL));
+    tc_reference_free(reference);
+    EACH_RENDERER(i) {
+      double rms[2];
+      for (int fine = 0; fine < 2; fine++) {
+        scene.sampling.step = fine ? 0.05 : 0.2;
+        rms[fine] = test_compare(render(i, volume, labels, &scene, NULL), wanted, PIXELS / 4).rms;
+      }
+      printf("  %-7s %s: rms %.1e at a step of 0.2, %.1e at 0.05\n", names[i], bits > 1 ? "shaded, hidden" : "plain", rms[0], rms[1]);
+      if (!(rms[1] < 5e-4 && rms[1] < 0.5 * rms[0])) fail_msg("%s does not converge", names[i]);
+    }
+    tc_scene_clear(&scene);
+  }
+  g_free(wanted);
+  tc_volume_unref(labels);
+  tc_volume_unref(volume);
+}
+
 static void leaping_changes_no_bit_and_threads_none(void **state) {
   static float before[PIXELS * 4];
   tc_renderer *one = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 1, .isa = "scalar"}, NULL);
@@ -448,6 +477,7 @@ int main(void) {
                                      cmocka_unit_test(hiding_thins_the_medium_and_tint_colours_it),
                                      cmocka_unit_test(full_and_empty_tints_are_exact),
                                      cmocka_unit_test(everyone_agrees),
+                                     cmocka_unit_test(small_steps_converge_to_the_reference),
                                      cmocka_unit_test(leaping_changes_no_bit_and_threads_none),
                                      cmocka_unit_test(what_is_no_label_volume_is_refused),
                                      cmocka_unit_test(the_plan_names_labels_where_they_are_read),

@@ -78,6 +78,19 @@ test('labels hide in a rendering', async () => {
   assert.ok(Math.max(...[...bright.at(N / 2, N / 2)].slice(0, 3)) > 0);
 });
 
+test('a pick looks through what is hidden', async () => {
+  const session = await open();
+  const fog = { points: [{ value: 100, color: [1, 1, 1], opacity: 0.5 }] };
+  const camera = { position: [-100, 7, 7], target: [7, 7, 7], up: [0, 0, 1] };
+  assert.equal((await d.patch(session.links.scene, { mode: 'dvr', transferFunction: fog, camera })).status, 200);
+  const pick = async () => (await d.get(`${session.links.self}/pick?x=${N / 2}&y=${N / 2}`)).json.position[0];
+  const whole = await pick();
+  await d.patch(session.links.scene, { labels: { visible: [2] } });
+  const half = await pick();
+  assert.ok(whole < 1 && half >= N / 2 - 1 && half <= N / 2, `${whole} ${half}`);
+  await d.delete(session.links.self);
+});
+
 test('what is no label volume is refused by name', async () => {
   for (const volume of ['floats', 'far', 'nobody'])
     problem(await d.post('/v1/sessions', { volume: 'grey', scene: scene({ volume }) }), 422, '/scene/labels/volume');
