@@ -3,7 +3,13 @@
  * Entry (i, k) is the composite of the k elementary segments i .. i+k-1, each of length d/k. A segment is (R, G, B, alpha)
  * and two of them compose with "over", which is associative, so the entries of one diagonal k are products over sliding
  * windows of width k: block suffix times block prefix (van Herk, Gil-Werman) gives each in a constant number of
- * compositions, with no subtraction and hence no cancellation however stiff the extinction is. */
+ * compositions, with no subtraction and hence no cancellation however stiff the extinction is.
+ *
+ * What single precision leaves: entries hold opacity, not depth, and from an optical depth of 16.7 a segment on 1 - opacity
+ * is 0. Only the last, shorter segment of a ray asks for the depth back, and takes it for 69 then (a transparency of
+ * 1e-30): over a share s of a segment of depth D >= 16.7 its transparency is off by |exp(-D s) - exp(-69 s)|. For D up to 69
+ * that is at most 0.48 (D = 16.7, s = 0.03) and under 0.01 from s = 0.28 on; beyond, at most exp(-69 s), under 0.01 from
+ * s = 0.07 on. It stays within 0..1. */
 #include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
