@@ -205,7 +205,8 @@ static void done(tcs_task *task) {
     tcs_log(TCS_LOG_WARN, "quality.failed", "code=%d", m->error->code);
   }
   if (m->waiting) submit_waiting(q, m->waiting);
-  const bool again = !m->error;
+  /* What failed once fails again: it waits for the next final frame. */
+  const bool again = !m->error || g_error_matches(m->error, TC_ERROR, TC_ERROR_CANCELLED);
   tc_volume_unref(m->volume);
   tc_scene_clear(&m->scene);
   g_clear_error(&m->error);

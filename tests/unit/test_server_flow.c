@@ -85,6 +85,14 @@ static void test_ladder_does_not_swing(void **state) {
   assert_true(tcs_ladder_scale(&ladder, 1e6, TCS_LADDER_TARGET_MS) == 1.0);
 }
 
+static void test_ladder_keeps_the_time_it_is_given(void **state) {
+  tcs_ladder ladder = {0};
+  tcs_ladder_measure(&ladder, 1e6, 20);
+  assert_true(tcs_ladder_scale(&ladder, 1e6, TCS_LADDER_TARGET_MS) == 1.0);
+  assert_true(tcs_ladder_scale(&ladder, 1e6, 12) == 0.75); /* 11.25 ms */
+  assert_true(tcs_ladder_scale(&ladder, 1e6, 2) == 0.25);
+}
+
 static void test_ladder_ignores_nonsense(void **state) {
   tcs_ladder ladder = {0};
   tcs_ladder_measure(&ladder, 0, 5);
@@ -142,6 +150,7 @@ int main(void) {
       cmocka_unit_test(test_ladder_keeps_full_size_when_it_fits),
       cmocka_unit_test(test_ladder_steps_down_at_once_and_has_a_floor),
       cmocka_unit_test(test_ladder_does_not_swing),
+      cmocka_unit_test(test_ladder_keeps_the_time_it_is_given),
       cmocka_unit_test(test_ladder_ignores_nonsense),
       cmocka_unit_test(test_watcher_wants_what_is_new),
       cmocka_unit_test(test_watcher_wants_an_error_once),
