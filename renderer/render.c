@@ -114,10 +114,9 @@ typedef struct frame_resources {
 #define LEAST_EMPTY 0.02
 
 static void drop_leaping(tc_plan *plan, const tc_leap *leap) {
-  plan->key.skipping = 0;
-  tc_plan_stage *stage = &plan->stages[TC_STAGE_SKIPPING];
-  stage->included = false;
-  snprintf(stage->reason, sizeof stage->reason, "only %.1f %% of the blocks are empty", 100 * leap->empty_share);
+  char reason[64];
+  snprintf(reason, sizeof reason, "only %.1f %% of the blocks are empty", 100 * leap->empty_share);
+  tc_plan_drop_skipping(plan, reason);
 }
 
 static bool gather_projection(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, const tc_plan *plan,

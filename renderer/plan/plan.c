@@ -9,6 +9,7 @@
 #include "renderer/classify/labels.h"
 #include "renderer/quality/meter.h"
 #include "renderer/raycast/grey.h"
+#include "renderer/raycast/rays.h"
 #include "renderer/skip/skip.h"
 
 /* A ray takes at most this many samples: more is a mistake in the scene, and float positions end there. */
@@ -16,8 +17,8 @@
 
 const char *tc_stage_name(tc_stage stage) {
   static const char *const names[TC_STAGE_COUNT] = {
-      "table-1d", "table-2d",     "gradient", "skipping", "clipping", "jitter",     "labels", "termination",
-      "alpha",    "depth-output", "linear-light", "resolve", "encode",   "error-meter"};
+      "table-1d", "table-2d",    "gradient", "skipping",     "clipping",     "rays-per-pixel", "coherence", "jitter",
+      "labels",   "termination", "alpha",    "depth-output", "linear-light", "resolve",        "encode",    "error-meter"};
   return (unsigned)stage < TC_STAGE_COUNT ? names[stage] : "?";
 }
 
@@ -97,6 +98,8 @@ static bool check_look(const tc_scene *scene, GError **error) {
 static bool check_sampling(const tc_volume *volume, const tc_scene *scene, GError **error) {
   double step = scene->sampling.step;
   if (!(step > 0) || !isfinite(step)) return invalid(error, "/sampling/step", "voxels above 0 wanted");
+  if (scene->sampling.rays_per_pixel < 1 || scene->sampling.rays_per_pixel > TC_MAX_RAYS_PER_PIXEL)
+    return invalid(error, "/sampling/raysPerPixel", "1 to 64 wanted");
   if (!tc_is_projection(scene->mode) && !(scene->sampling.termination >= 0 && scene->sampling.termination < 1))
     return invalid(error, "/sampling/termination", "a transparency from 0 to below 1 wanted");
   const tc_volume_desc *d = tc_volume_describe(volume);
@@ -228,9 +231,8 @@ static bool check_built(const tc_scene *s, GError **error) {
   if (s->mode == TC_MODE_DVR && !check_compositing_built(s, error)) return false;
   if (s->filter != TC_FILTER_LINEAR && s->filter != TC_FILTER_NEAREST)
     return unsupported(error, "/filter", "any filter but linear and nearest");
-  if (s->sampling.rays_per_pixel != 1) return unsupported(error, "/sampling/raysPerPixel", "more than one ray a pixel");
-  if (!slice && s->sampling.coherence) return unsupported(error, "/sampling/coherence", "sub-pixel coherence");
-  if (!slice && s->sampling.jitter) return unsupported(error, "/sampling/jitter", "jitter");
+  if (slice && s->sampling.rays_per_pixel != 1)
+    return unsupported(error, "/sampling/raysPerPixel", "more than one ray for a pixel of a slice");
   return true;
 }
 
@@ -280,6 +282,53 @@ static void plan_labels(tc_plan *plan, const tc_scene *s) {
     stage(plan, TC_STAGE_LABELS, false, "no label volume");
 }
 
+static void plan_rays(tc_plan *plan, const tc_scene *s) {
+  int count = s->sampling.rays_per_pixel;
+  bool dvr = s->mode == TC_MODE_DVR;
+  if (count == 1)
+    stage(plan, TC_STAGE_RAYS, false, "one ray a pixel");
+  else if (dvr)
+    stage(plan, TC_STAGE_RAYS, true, "%d rays a pixel share its samples: segments of %.4g mm", count, plan->step_mm);
+  else
+    stage(plan, TC_STAGE_RAYS, true, "%d rays a pixel, each with all samples: mode %s sees nothing between them", count,
+          modes[s->mode]);
+  stage(plan, TC_STAGE_JITTER, plan->key.jitter,
+        !s->sampling.jitter ? "sampling.jitter is off"
+        : dvr               ? "the first segment's length follows interleaved gradient noise over the pixels"
+                            : "mode %s has no segments to shift",
+        modes[s->mode]);
+}
+
+/* Rays can start where another ray was when all that lies between the two is known to be empty as well. */
+static void plan_coherence(tc_plan *plan, const tc_volume *volume, const tc_scene *s) {
+  tc_rays rays;
+  double block = tc_skip_block(s->skipping.block);
+  if (!s->sampling.coherence) {
+    stage(plan, TC_STAGE_COHERENCE, false, "sampling.coherence is off");
+  } else if (s->sampling.rays_per_pixel == 1) {
+    stage(plan, TC_STAGE_COHERENCE, false, "one ray a pixel: there is none to share with");
+  } else if (tc_is_projection(s->mode)) {
+    stage(plan, TC_STAGE_COHERENCE, false, "mode %s has no empty space", modes[s->mode]);
+  } else if (!plan->key.skipping) {
+    stage(plan, TC_STAGE_COHERENCE, false, "nothing is known to be empty: stage skipping is out");
+  } else {
+    tc_rays_set_up(&rays, volume, s, plan->width, plan->height);
+    plan->key.coherence = rays.footprint < block;
+    stage(plan, TC_STAGE_COHERENCE, plan->key.coherence,
+          plan->key.coherence ? "rays begin where their pixel's middle is clear for %.3g voxels around, blocks are %.0f wide"
+                              : "rays of a pixel may be %.3g voxels apart, more than the %.0f of a block",
+          rays.footprint, block);
+  }
+}
+
+void tc_plan_drop_skipping(tc_plan *plan, const char *reason) {
+  plan->key.skipping = 0;
+  stage(plan, TC_STAGE_SKIPPING, false, "%s", reason);
+  if (!plan->key.coherence) return;
+  plan->key.coherence = 0;
+  stage(plan, TC_STAGE_COHERENCE, false, "nothing is known to be empty: stage skipping is out");
+}
+
 static void plan_stages(tc_plan *plan, const tc_scene *s) {
   stage(plan, TC_STAGE_TABLE_1D, false, "only approximate classification reads 1-D integrals");
   char zooms[48] = "";
@@ -296,7 +345,7 @@ static void plan_stages(tc_plan *plan, const tc_scene *s) {
         : plan->key.skipping                ? "the transfer function is zero over part of the range"
                                             : "the transfer function is nowhere zero in the volume's range");
   plan_clipping(plan, s);
-  stage(plan, TC_STAGE_JITTER, false, "sampling.jitter is off");
+  plan_rays(plan, s);
   plan_labels(plan, s);
   if (plan->key.termination)
     stage(plan, TC_STAGE_TERMINATION, true, "rays end under a transparency of %.3g", s->sampling.termination);
@@ -338,6 +387,8 @@ static void plan_slice_stages(tc_plan *plan, const tc_scene *s) {
       {TC_STAGE_TABLE_2D, "a slice shows values through the window, not a transfer function"},
       {TC_STAGE_GRADIENT, "a slice has no shading"},
       {TC_STAGE_SKIPPING, "a slice shows every voxel it meets"},
+      {TC_STAGE_RAYS, "one ray a pixel"},
+      {TC_STAGE_COHERENCE, "one ray a pixel: there is none to share with"},
       {TC_STAGE_JITTER, "a slice has no jitter"},
       {TC_STAGE_TERMINATION, "a slab counts all of its samples"},
       {TC_STAGE_DEPTH, "nothing asks for depth"},
@@ -387,6 +438,8 @@ bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int
                             .voxel_type = (uint8_t)d->type,
                             .filter = (uint8_t)scene->filter,
                             .projection = (uint8_t)scene->camera.projection,
+                            .rays = scene->sampling.rays_per_pixel > 1,
+                            .jitter = scene->sampling.jitter && scene->mode == TC_MODE_DVR,
                             .clipping = scene->clip.has_box || scene->clip.n_planes > 0,
                             .labels = scene->labels.volume[0] && tc_mode_has_labels(scene->mode)};
   if (!tc_is_projection(scene->mode))
@@ -395,13 +448,12 @@ bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int
     plan->key.skipping = scene->skipping.mode == TC_SKIPPING_AUTO && scene->mode != TC_MODE_AVERAGE;
   plan->width = width;
   plan->height = height;
-  plan->step_mm = scene->sampling.step * fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2]));
+  plan->step_mm = tc_rays_step_mm(volume, scene);
+  plan_coherence(plan, volume, scene);
   plan_stages(plan, scene);
-  if (scene->mode == TC_MODE_DVR)
-    snprintf(plan->kernel, sizeof plan->kernel, "dvr.preintegrated.%s%s%s.%s", filters[scene->filter],
-             plan->key.shading ? ".shaded" : "", plan->key.labels ? ".labels" : "", tc_voxel_type_name(d->type));
-  else
-    snprintf(plan->kernel, sizeof plan->kernel, "%s.%s.%s", modes[scene->mode], filters[scene->filter],
-             tc_voxel_type_name(d->type));
+  snprintf(plan->kernel, sizeof plan->kernel, "%s%s.%s%s%s%s%s.%s", modes[scene->mode],
+           scene->mode == TC_MODE_DVR ? ".preintegrated" : "", filters[scene->filter], plan->key.shading ? ".shaded" : "",
+           plan->key.labels ? ".labels" : "", plan->key.rays ? ".rays" : "", plan->key.jitter ? ".jitter" : "",
+           tc_voxel_type_name(d->type));
   return true;
 }

@@ -20,7 +20,9 @@ typedef enum tc_stage {
   TC_STAGE_GRADIENT,     /* only if shaded */
   TC_STAGE_SKIPPING,     /* occupancy and distance map, only if something is empty */
   TC_STAGE_CLIPPING,
-  TC_STAGE_JITTER,
+  TC_STAGE_RAYS,         /* several rays a pixel */
+  TC_STAGE_COHERENCE,    /* rays of a pixel share what is known of the empty space before them */
+  TC_STAGE_JITTER,       /* the first segment's length differs from pixel to pixel */
   TC_STAGE_LABELS,
   TC_STAGE_TERMINATION,  /* early ray termination test in the loop */
   TC_STAGE_ALPHA,        /* alpha channel of the picture */
@@ -53,6 +55,8 @@ typedef struct tc_plan_key {
   uint8_t termination;    /* 0/1 */
   uint8_t skipping;       /* 0/1 */
   uint8_t clipping;       /* 0/1 */
+  uint8_t rays;           /* 0/1: several a pixel */
+  uint8_t coherence;      /* 0/1 */
   uint8_t jitter;         /* 0/1 */
   uint8_t labels;         /* 0/1: of a label volume, in a mode that shows it */
   uint8_t zoomed;         /* 0/1: the pre-integration table has zooms (classify/classify.h) */
@@ -69,6 +73,9 @@ typedef struct tc_plan {
   double table_lo, table_hi; /* values (volume's unit) of the first and last entry */
   char kernel[64];      /* name of the variant that runs, e.g. "dvr.preintegrated.linear.u16.avx512" */
 } tc_plan;
+
+/* Takes leaping out, and what depends on it; reason: of the skipping stage. */
+void tc_plan_drop_skipping(tc_plan *plan, const char *reason);
 
 /* Computes the plan, or says (TC_ERROR_UNSUPPORTED / TC_ERROR_INVALID with a pointer) what cannot be rendered. Pure. */
 bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_plan *plan, GError **error);

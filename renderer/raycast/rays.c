@@ -55,9 +55,36 @@ void tc_rays_add_clipping(tc_rays *rays, const tc_volume *volume, const tc_scene
   for (int i = 0; i < scene->clip.n_planes; i++) add_plane(rays, volume, scene->clip.planes[i]);
 }
 
+double tc_rays_step_mm(const tc_volume *volume, const tc_scene *scene) {
+  const double *spacing = tc_volume_describe(volume)->spacing;
+  int share = scene->mode == TC_MODE_DVR ? scene->sampling.rays_per_pixel : 1;
+  return scene->sampling.step * share * fmin(spacing[0], fmin(spacing[1], spacing[2]));
+}
+
+/* On the anchor plane, `depth` from the eye, two rays of a pixel are at most d apart; s mm from there, p(s) = anchor + s * dir differs
+ * by at most d * (1 + |s| / |view|), and |s| / |view| is the relative difference of the point's depth from the anchor plane's. */
+static double footprint(const tc_rays *rays, const tc_volume *volume, const tc_camera *camera, const double forward[3],
+                        double depth, double pixel_mm) {
+  double apart = 0, spread = 0, fastest = 0;
+  for (int r = 0; r < rays->count; r++) apart = fmax(apart, hypot(rays->of_pixel[r].x, rays->of_pixel[r].y) * pixel_mm);
+  for (int c = 0; c < 8; c++) {
+    double index[3], p[3];
+    for (int k = 0; k < 3; k++) index[k] = c >> k & 1 ? rays->hi[k] : rays->lo[k];
+    tc_volume_index_to_lps(volume, index, p);
+    for (int k = 0; k < 3; k++) p[k] -= camera->position[k];
+    spread = fmax(spread, fabs(fmax(dot3(p, forward), 0) / depth - 1));
+  }
+  for (int k = 0; k < 3; k++) fastest = fmax(fastest, sqrt(dot3(rays->to_index + 3 * k, rays->to_index + 3 * k)));
+  if (!rays->perspective) return apart * fastest;
+  /* The tenth covers that |view| differs between the two. */
+  return apart <= 0.1 * depth ? apart * (1 + 1.1 * spread) * fastest : INFINITY;
+}
+
 void tc_rays_set_up(tc_rays *rays, const tc_volume *volume, const tc_scene *scene, int width, int height) {
   if (scene->mode == TC_MODE_MPR) {
     tc_slice_rays(rays, volume, scene, width, height);
+    rays->count = 1;
+    tc_subpixel_rays(1, rays->of_pixel);
     return;
   }
   const tc_camera *camera = &scene->camera;
@@ -74,8 +101,9 @@ void tc_rays_set_up(tc_rays *rays, const tc_volume *volume, const tc_scene *scen
   tc_volume_index_box(volume, rays->lo, rays->hi);
   rays->perspective = camera->projection == TC_PERSPECTIVE;
   rays->far_mm = TC_RAYS_FAR_MM;
-  const double *spacing = tc_volume_describe(volume)->spacing;
-  rays->step_mm = scene->sampling.step * fmin(spacing[0], fmin(spacing[1], spacing[2]));
+  rays->step_mm = tc_rays_step_mm(volume, scene);
+  rays->count = scene->sampling.rays_per_pixel;
+  tc_subpixel_rays(rays->count, rays->of_pixel);
 
   tc_rays_add_clipping(rays, volume, scene);
 
@@ -94,6 +122,7 @@ void tc_rays_set_up(tc_rays *rays, const tc_volume *volume, const tc_scene *scen
     dv[k] = -pixel * up[k];
     anchor[k] = camera->position[k] + depth * forward[k] - 0.5 * width * du[k] - 0.5 * height * dv[k];
   }
+  rays->footprint = footprint(rays, volume, camera, forward, depth, pixel);
   tc_volume_lps_to_index(volume, anchor, rays->anchor0);
   for (int r = 0; r < 3; r++) {
     rays->anchor_du[r] = dot3(rays->to_index + 3 * r, du);

@@ -8,10 +8,12 @@
  * Pixel (0,0) is top left (NUMERICS section 0). The eye is at s = -|view| (perspective) or s = -eye_mm
  * (orthographic, where view is constant and of unit length): nothing in front of it is seen, and nothing beyond s = far_mm.
  * Clip planes cut the ray's stay further; its first sample then lies exactly on the plane, so a cut face has no halo.
- * The field is sampled at t_i = t0 + i * step_mm from the ray's entry into the index box. */
+ * The field is sampled at t0 + i * step_mm from the ray's entry t0 into the index box; a ray whose phase (subpixel.h) is under 1
+ * has its sample i earlier by (1 - phase) * step_mm, but none before the entry. */
 #ifndef TC_RAYCAST_RAYS_H
 #define TC_RAYCAST_RAYS_H
 
+#include "renderer/raycast/subpixel.h"
 #include "renderer/scene.h"
 #include "renderer/volume/volume.h"
 
@@ -25,12 +27,20 @@ typedef struct tc_rays {
   double far_mm;      /* where rays end at the latest; beyond any volume but for slices */
   bool perspective;
   double lo[3], hi[3]; /* index box of the field */
-  double step_mm;
+  double step_mm;      /* length of a full segment: tc_rays_step_mm() */
+  int count;           /* rays a pixel */
+  tc_subpixel of_pixel[TC_MAX_RAYS_PER_PIXEL]; /* the first `count` */
+  double footprint;    /* no ray is further than this from its pixel's centre ray at the same s inside the volume, along any axis;
+                          voxels. Infinite where pixels are too wide to say */
   double planes[TC_MAX_CLIP_PLANES][4]; /* what is drawn has planes[i] . (index position, 1) >= 0; mm from the plane */
   int n_planes;
 } tc_rays;
 
 #define TC_RAYS_FAR_MM 1e30
+
+/* Length of a full segment of a ray: where rays composite, those of one pixel share the samples between them. Projections
+ * would miss extremes between fewer samples: there every ray takes all. */
+double tc_rays_step_mm(const tc_volume *volume, const tc_scene *scene);
 
 /* The camera, or the plane of mode mpr, was validated (tc_plan_make). width, height: pixels of the picture to make. Pure. */
 void tc_rays_set_up(tc_rays *rays, const tc_volume *volume, const tc_scene *scene, int width, int height);

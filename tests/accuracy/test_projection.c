@@ -500,9 +500,9 @@ static void refusals(void **state) {
     scene.filter = TC_FILTER_CUBIC;
     expect_refused(volume, &scene, TC_ERROR_UNSUPPORTED, "/filter");
     scene.filter = TC_FILTER_LINEAR;
-    scene.sampling.jitter = true;
-    expect_refused(volume, &scene, TC_ERROR_UNSUPPORTED, "/sampling/jitter");
-    scene.sampling.jitter = false;
+    scene.sampling.rays_per_pixel = 65;
+    expect_refused(volume, &scene, TC_ERROR_INVALID, "/sampling/raysPerPixel");
+    scene.sampling.rays_per_pixel = 1;
     scene.clip.n_planes = 1; /* a normal of zero */
     expect_refused(volume, &scene, TC_ERROR_INVALID, "/clip/planes/0");
     scene.clip.n_planes = 0;

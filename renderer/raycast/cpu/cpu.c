@@ -188,6 +188,10 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
   a->perspective = r->perspective;
   a->step_mm = (float)r->step_mm;
   a->inverse_step = (float)(1 / r->step_mm);
+  for (int i = 0; i < r->count; i++)
+    a->of_pixel[i] = (struct tc_cpu_ray){(float)r->of_pixel[i].x, (float)r->of_pixel[i].y, (float)r->of_pixel[i].phase};
+  a->count = r->count;
+  a->footprint = (float)r->footprint;
   a->row = d->dims[0];
   a->slice = d->dims[0] * d->dims[1];
   const int strides[3] = {1, a->row, a->slice};

@@ -2,7 +2,8 @@
  *
  * The rays walk in lockstep: sample i of every ray is at entry + i*step*dir, computed and not accumulated, so that no
  * ray depends on what its neighbours do. Segment i spans samples i and i+1 and is looked up by the field at its two ends (paper
- * 000, eq. 7 and 8); the last segment of a ray is shorter and scaled to its length. */
+ * 000, eq. 7 and 8); the last segment of a ray is shorter and scaled to its length, and so is the first where the
+ * ray has a phase (subpixel_tmpl.h). */
 
 /* Back becomes front and next becomes back. */
 V_INLINE void shift_slopes(vf slopes[3][3]) {
@@ -10,8 +11,9 @@ V_INLINE void shift_slopes(vf slopes[3][3]) {
 }
 
 /* One packet from its rays' entries to their ends. */
-V_INLINE void cast_packet(const tc_cpu_args *g, variant v, int x, int y, int x1, int y1, vf4 *out, tc_cpu_counts *counts) {
-  packet p = start_packet(g, x, y, x1, y1);
+V_INLINE void cast_packet(const tc_cpu_args *g, variant v, const place *at, const lead *lead, vf4 *out,
+                          tc_cpu_counts *counts) {
+  packet p = start_packet(g, v, at);
   vf clear = v_set(1), front = v_set(0), back = v_set(0);
   vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
   vm live = p.live;
@@ -22,47 +24,50 @@ V_INLINE void cast_packet(const tc_cpu_args *g, variant v, int x, int y, int x1,
   vf slopes[3][3];                                          /* index gradients at front, back, next */
   vf *const at_front = v.shaded ? slopes[0] : NULL, *const at_back = v.shaded ? slopes[1] : NULL;
   vf *const at_next = v.shaded ? slopes[2] : NULL;
-  if (v.shaded) light = start_lighting(g, x, y);
+  if (v.shaded) light = start_lighting(g, v, at);
   counts->rays += (uint64_t)m_count(live);
-  for (int i = 0; m_any(live); i++) {
-    float t0 = (float)i * g->step_mm, t1 = (float)(i + 1) * g->step_mm;
+  if (phased(v)) p.lag = lag_of(g, v, at);
+  for (int i = v.coherent ? start_at(g, lead, &p, &live) : 0; m_any(live); i++) {
+    vf t0 = sample_mm(g, v, &p, i), t1 = sample_mm(g, v, &p, i + 1);
     if (v.leap && empty && i >= look_at) {
       int n;
-      if (!look_around(g, &p, v_set(t0), live, &n)) {
+      if (!look_around(g, &p, t0, live, &n)) {
         look_at = i + n + 1;
       } else if (n) {
         i += n;
-        t0 = (float)i * g->step_mm, t1 = (float)(i + 1) * g->step_mm;
-        live = m_and(live, v_lt(v_set(t0), p.length));
+        t0 = sample_mm(g, v, &p, i), t1 = sample_mm(g, v, &p, i + 1);
+        live = m_and(live, v_lt(t0, p.length));
         counts->leaps++;
         fresh = true;
         if (!m_any(live)) break;
       }
     }
     if (fresh) {
-      front = sample_node(g, v, &p, v_set(t0), at_front);
+      front = sample_node(g, v, &p, t0, at_front);
       counts->samples += (uint64_t)m_count(live);
       fresh = ahead = false;
     }
-    if (!ahead) back = sample_node(g, v, &p, v_min(v_set(t1), p.length), at_back);
+    if (!ahead) back = sample_node(g, v, &p, v_min(t1, p.length), at_back);
     counts->samples += (uint64_t)m_count(live);
     /* The next sample does not wait for this segment's look-up: begun now, the two chains of loads overlap. A third less
      * time a sample; in empty stretches, where the sample would often be thrown away, it does not pay. */
     vf next = front;
     ahead = !v.leap || !empty;
-    if (ahead) next = sample_node(g, v, &p, v_min(v_set((float)(i + 2) * g->step_mm), p.length), at_next);
+    if (ahead) next = sample_node(g, v, &p, v_min(sample_mm(g, v, &p, i + 2), p.length), at_next);
     if (v.leap && all_zero(g, front, back, live)) {
       empty = true;
-      live = m_and(live, v_lt(v_set(t1), p.length));
+      live = m_and(live, v_lt(t1, p.length));
       front = back, back = next;
       if (v.shaded) shift_slopes(slopes);
       continue;
     }
     vf4 c = v.zoomed ? classify_zoomed(g, front, back) : classify(g, front, back);
-    vm ends = v_lt(p.length, v_set(t1));
-    if (m_any(ends)) c = shorten(c, v_max(p.length - v_set(t0), v_set(0)) / v_set(g->step_mm), ends);
-    if (v.labels && m_any(v_lt(v_set(0), c.a)))
-      c = label_segment(g, &p, v_set(0.5f) * (v_set(t0) + v_min(v_set(t1), p.length)), c);
+    vm ends = v_lt(p.length, t1);
+    if (phased(v) && i == 0)
+      c = shorten(c, v_min(t1, p.length) / v_set(g->step_mm), live);
+    else if (m_any(ends))
+      c = shorten(c, v_max(p.length - t0, v_set(0)) / v_set(g->step_mm), ends);
+    if (v.labels && m_any(v_lt(v_set(0), c.a))) c = label_segment(g, &p, v_set(0.5f) * (t0 + v_min(t1, p.length)), c);
     if (v.shaded && m_any(v_lt(v_set(0), c.a))) c = shade(g, &light, at_front, at_back, c);
     vf weight = v_select(live, clear, v_set(0));
     sum.r = v_fma(weight, c.r, sum.r);
@@ -71,7 +76,7 @@ V_INLINE void cast_packet(const tc_cpu_args *g, variant v, int x, int y, int x1,
     sum.a = v_fma(weight, c.a, sum.a); /* not 1 - clear: thin segments take nothing from a clear of 1 in single precision */
     clear = v_fnma(weight, c.a, clear);
     if (v.leap) empty = !m_any(m_and(live, v_lt(v_set(0), c.a)));
-    live = m_and(live, v_lt(v_set(t1), p.length));
+    live = m_and(live, v_lt(t1, p.length));
     if (v.terminate) live = m_and(live, v_le(v_set(g->termination), clear));
     front = back, back = next;
     if (v.shaded) shift_slopes(slopes);

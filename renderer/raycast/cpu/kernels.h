@@ -46,6 +46,9 @@ typedef struct tc_cpu_args {
   int stride[3];      /* voxels from a cell corner to its neighbour; 0 where n = 1 */
   int row, slice;     /* voxels from one y, one z to the next */
   float step_mm, inverse_step;
+  struct tc_cpu_ray { float x, y, phase; } of_pixel[TC_MAX_RAYS_PER_PIXEL]; /* subpixel.h */
+  int count;       /* of them */
+  float footprint; /* voxels; only where the plan has coherence */
   const void *voxels;
   const float *table; /* row k = 0 of tc_table */
   float table_stride; /* entries a row; offsets are computed in float, exact below 2^24 */

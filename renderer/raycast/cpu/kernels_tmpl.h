@@ -14,27 +14,52 @@
 
 #include "renderer/raycast/cpu/leap_tmpl.h"
 
+#include "renderer/raycast/cpu/subpixel_tmpl.h"
+
 #include "renderer/raycast/cpu/dvr_tmpl.h"
 
 #include "renderer/raycast/cpu/projection_tmpl.h"
 
 #include "renderer/raycast/cpu/mpr_tmpl.h"
 
+/* One ray a pixel. */
+V_INLINE vf4 cast_rays(const tc_cpu_args *g, variant v, const place *at, const lead *lead, skip_mood *mood,
+                       tc_cpu_counts *counts) {
+  vf4 c;
+  if (v.mode == TC_MODE_DVR)
+    cast_packet(g, v, at, lead, &c, counts);
+  else if (v.mode == TC_MODE_AVERAGE)
+    cast_average(g, v, at, &c, counts);
+  else if (v.mode == TC_MODE_MPR)
+    cast_slice(g, v, at, &c, counts);
+  else
+    cast_extreme(g, v, at, mood, &c, counts);
+  return c;
+}
+
+/* The mean of all rays of each pixel. Colour stays under opacity, and that under 1: sums are rounded alike. */
+V_INLINE vf4 cast_pixels(const tc_cpu_args *g, variant v, const place *first, skip_mood *mood, tc_cpu_counts *counts) {
+  place at = *first;
+  lead lead;
+  if (v.coherent) lead = look_ahead(g, v, &at);
+  vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
+  for (int r = 0; r == 0 || r < g->count; r++, at.ray++) {
+    vf4 c = cast_rays(g, v, &at, &lead, mood, counts);
+    if (!v.several) return c;
+    sum = (vf4){sum.r + c.r, sum.g + c.g, sum.b + c.b, sum.a + c.a};
+  }
+  vf n = v_set((float)g->count);
+  return (vf4){sum.r / n, sum.g / n, sum.b / n, sum.a / n};
+}
+
 V_INLINE void cast_tile(const tc_cpu_args *g, variant v, int x0, int y0, int x1, int y1, float *out, ptrdiff_t stride,
                         tc_cpu_counts *counts) {
   skip_mood mood = {0};
   for (int y = y0; y < y1; y += V_PACKET_Y)
     for (int x = x0; x < x1; x += V_PACKET_X) {
-      vf4 c;
-      if (v.mode == TC_MODE_DVR)
-        cast_packet(g, v, x, y, x1, y1, &c, counts);
-      else if (v.mode == TC_MODE_AVERAGE)
-        cast_average(g, v, x, y, x1, y1, &c, counts);
-      else if (v.mode == TC_MODE_MPR)
-        cast_slice(g, v, x, y, x1, y1, &c, counts);
-      else
-        cast_extreme(g, v, x, y, x1, y1, &mood, &c, counts);
-      store_packet(c, x, y, x1, y1, out + ((y - y0) * stride + (x - x0)) * 4, stride);
+      place at = {x, y, x1, y1, g->of_pixel};
+      vf4 c = cast_pixels(g, v, &at, &mood, counts);
+      store_packet(c, &at, out + ((y - y0) * stride + (x - x0)) * 4, stride);
     }
 }
 
@@ -63,7 +88,7 @@ V_INLINE void cast_tile(const tc_cpu_args *g, variant v, int x0, int y0, int x1,
   SLICE(mpr_##name##_minip, type, 1 + TC_SLAB_MINIP)                                                                 \
   SLICE(mpr_##name##_average, type, 1 + TC_SLAB_AVERAGE)                                                             \
   KERNEL(any_##name, g->key.mode, type, g->key.filter, g->key.slab, g->key.shading != TC_SHADING_NONE,               \
-         g->key.termination, g->key.skipping, .zoomed = g->key.zoomed, .labels = g->key.labels)
+         g->key.termination, g->key.skipping, g->key.labels, g->key.rays, g->key.coherence, g->key.jitter, g->key.zoomed)
 KERNELS(TC_U8, u8)
 KERNELS(TC_I8, i8)
 KERNELS(TC_U16, u16)
@@ -90,7 +115,7 @@ static tc_cpu_kernel find_kernel(const tc_plan_key *key) {
   static const kernel_set sets[TC_VOXEL_TYPE_COUNT] = {SET(u8), SET(i8), SET(u16), SET(i16), SET(f32)};
   if (key->voxel_type >= TC_VOXEL_TYPE_COUNT || key->slab > TC_SLAB_PROJECTION_COUNT) return NULL;
   const kernel_set *set = &sets[key->voxel_type];
-  if (key->filter != TC_FILTER_LINEAR || key->zoomed || key->labels) return set->any;
+  if (key->filter != TC_FILTER_LINEAR || key->zoomed || key->labels || key->rays || key->jitter) return set->any;
   switch (key->mode) {
   case TC_MODE_DVR: return set->dvr[key->shading != TC_SHADING_NONE][key->termination != 0][key->skipping != 0];
   case TC_MODE_MIP:

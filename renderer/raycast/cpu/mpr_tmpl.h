@@ -26,9 +26,8 @@ V_INLINE vf cast_slab(const tc_cpu_args *g, variant v, int slab, const packet *p
   return v_select(some, sum / v_select(some, p->length, v_set(1)), value);
 }
 
-V_INLINE void cast_slice(const tc_cpu_args *g, variant v, int x, int y, int x1, int y1, vf4 *out,
-                         tc_cpu_counts *counts) {
-  packet p = start_packet(g, x, y, x1, y1);
+V_INLINE void cast_slice(const tc_cpu_args *g, variant v, const place *at_pixels, vf4 *out, tc_cpu_counts *counts) {
+  packet p = start_packet(g, v, at_pixels);
   *out = (vf4){v_set(0), v_set(0), v_set(0), v_set(0)};
   if (!m_any(p.live)) return;
   vf value = sample_node(g, v, &p, v_set(0), NULL);

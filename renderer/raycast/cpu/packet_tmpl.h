@@ -7,6 +7,8 @@ typedef struct variant {
   int mode, type, filter; /* tc_mode, tc_voxel_type, tc_filter */
   int slab;               /* mpr: as in tc_plan_key */
   bool shaded, terminate, leap, labels;
+  bool several, coherent; /* rays a pixel; they share what the pixel's middle knows of empty space (subpixel_tmpl.h) */
+  bool jitter;
   bool zoomed; /* the table has zooms (classify/classify.h) */
 } variant;
 
@@ -15,7 +17,23 @@ typedef struct packet {
   vf inverse[3];       /* 1 / dir */
   vf start, length;    /* mm: of the entry from the anchor; inside the volume, 0 for a ray that misses */
   vm live;
+  vf lag; /* mm by which samples lie before whole steps from the entry; only in dvr of several rays or with jitter */
 } packet;
+
+typedef struct tc_cpu_ray sub_ray;
+
+/* Which pixels: V_PACKET_X by V_PACKET_Y from (x, y), those before (x1, y1), and which of their rays. */
+typedef struct place {
+  int x, y, x1, y1;
+  const sub_ray *ray;
+} place;
+
+/* The places of the rays on the picture, in pixels. */
+V_INLINE void ray_places(variant v, const place *at, vf *i, vf *j) {
+  *i = v_set((float)at->x + 0.5f) + v_lane_x();
+  *j = v_set((float)at->y + 0.5f) + v_lane_y();
+  if (v.several) *i = *i + v_set(at->ray->x), *j = *j + v_set(at->ray->y);
+}
 
 /* Along one axis the ray is inside [lo, hi] for s in [*s0, *s1] (intersected with what is there). */
 V_INLINE void clip_axis(vf q, vf d, vf inverse, vf lo, vf hi, vf *s0, vf *s1) {
@@ -43,10 +61,10 @@ V_INLINE void clip_plane(const float plane[4], const vf q[3], const vf d[3], vf 
   *s1 = v_min(*s1, v_select(m_or(parallel, enters), big, s));
 }
 
-V_INLINE packet start_packet(const tc_cpu_args *g, int x, int y, int x1, int y1) {
+V_INLINE packet start_packet(const tc_cpu_args *g, variant v, const place *at) {
   packet p;
-  vf i = v_set((float)x + 0.5f) + v_lane_x(), j = v_set((float)y + 0.5f) + v_lane_y();
-  vf anchor[3], view[3], norm = v_set(0);
+  vf i, j, anchor[3], view[3], norm = v_set(0);
+  ray_places(v, at, &i, &j);
   for (int k = 0; k < 3; k++) {
     anchor[k] = v_fma(j, v_set(g->anchor_dv[k]), v_fma(i, v_set(g->anchor_du[k]), v_set(g->anchor0[k])));
     view[k] = v_fma(j, v_set(g->view_dv[k]), v_fma(i, v_set(g->view_du[k]), v_set(g->view0[k])));
@@ -62,7 +80,7 @@ V_INLINE packet start_packet(const tc_cpu_args *g, int x, int y, int x1, int y1)
     clip_axis(anchor[k], p.dir[k], p.inverse[k], v_set(g->lo[k]), v_set(g->hi[k]), &s0, &s1);
   }
   for (int c = 0; c < g->n_planes; c++) clip_plane(g->planes[c], anchor, p.dir, &s0, &s1); /* once a ray, not a sample */
-  vm inside = m_and(v_lt(i, v_set((float)x1)), v_lt(j, v_set((float)y1)));
+  vm inside = m_and(v_lt(i, v_set((float)at->x1)), v_lt(j, v_set((float)at->y1)));
   p.live = m_and(inside, v_lt(s0, s1));
   s0 = v_select(p.live, s0, v_set(0));
   p.start = s0;
@@ -72,7 +90,7 @@ V_INLINE packet start_packet(const tc_cpu_args *g, int x, int y, int x1, int y1)
 }
 
 /* Writes a packet's pixels that lie before x1 and y1; `out` is its first one. */
-V_INLINE void store_packet(vf4 c, int x, int y, int x1, int y1, float *out, ptrdiff_t stride) {
+V_INLINE void store_packet(vf4 c, const place *at, float *out, ptrdiff_t stride) {
   float lanes[4][V_LANES];
   v_store(lanes[0], c.r);
   v_store(lanes[1], c.g);
@@ -80,7 +98,7 @@ V_INLINE void store_packet(vf4 c, int x, int y, int x1, int y1, float *out, ptrd
   v_store(lanes[3], c.a);
   for (int l = 0; l < V_LANES; l++) {
     int px = l % V_PACKET_X, py = l / V_PACKET_X;
-    if (x + px >= x1 || y + py >= y1) continue;
+    if (at->x + px >= at->x1 || at->y + py >= at->y1) continue;
     float *pixel = out + (py * stride + px) * 4;
     for (int k = 0; k < 4; k++) pixel[k] = lanes[k][l];
   }

@@ -66,9 +66,9 @@ V_INLINE vf best_guess(const tc_cpu_args *g, variant v, const packet *p, vf best
 
 /* With v.leap whole intervals are left out in which no live ray's maximum may rise. Short rays have
  * nothing to gain and do not look. */
-V_INLINE void cast_extreme(const tc_cpu_args *g, variant v, int x, int y, int x1, int y1, skip_mood *mood, vf4 *out,
+V_INLINE void cast_extreme(const tc_cpu_args *g, variant v, const place *at_pixels, skip_mood *mood, vf4 *out,
                            tc_cpu_counts *counts) {
-  packet p = start_packet(g, x, y, x1, y1);
+  packet p = start_packet(g, v, at_pixels);
   vf best = v_set(g->floor), stop = v_set(g->stop), turn = v_set(g->turn), floor = v_set(g->floor);
   vm live = p.live;
   counts->rays += (uint64_t)m_count(live);
@@ -109,8 +109,8 @@ V_INLINE void cast_extreme(const tc_cpu_args *g, variant v, int x, int y, int x1
 
 /* Trapezoids between samples, the last one shorter, over the ray's length in steps. Summed as differences to the first sample, with
  * what rounding takes off put back: a constant field is exact, and a million samples are as good as ten. */
-V_INLINE void cast_average(const tc_cpu_args *g, variant v, int x, int y, int x1, int y1, vf4 *out, tc_cpu_counts *counts) {
-  packet p = start_packet(g, x, y, x1, y1);
+V_INLINE void cast_average(const tc_cpu_args *g, variant v, const place *at_pixels, vf4 *out, tc_cpu_counts *counts) {
+  packet p = start_packet(g, v, at_pixels);
   vm live = p.live;
   vf steps = p.length * v_set(g->inverse_step), base = v_set(0), front = v_set(0), sum = v_set(0), lost = v_set(0);
   if (m_any(live)) base = front = sample_voxel(g, v, &p, v_set(0));

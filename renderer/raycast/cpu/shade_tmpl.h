@@ -6,9 +6,10 @@ typedef struct lighting {
 
 V_INLINE vf dot(const vf a[3], const vf b[3]) { return v_fma(a[2], b[2], v_fma(a[1], b[1], a[0] * b[0])); }
 
-V_INLINE lighting start_lighting(const tc_cpu_args *g, int x, int y) {
+V_INLINE lighting start_lighting(const tc_cpu_args *g, variant v, const place *at) {
   lighting l;
-  vf i = v_set((float)x + 0.5f) + v_lane_x(), j = v_set((float)y + 0.5f) + v_lane_y();
+  vf i, j;
+  ray_places(v, at, &i, &j);
   for (int k = 0; k < 3; k++)
     l.eye[k] = v_set(0) - v_fma(j, v_set(g->view_dv[k]), v_fma(i, v_set(g->view_du[k]), v_set(g->view0[k])));
   vf norm = v_sqrt(dot(l.eye, l.eye));

@@ -29,9 +29,9 @@ V_INLINE vf v_abs(vf a) { return fabsf(a); }
 V_INLINE vf v_sqrt(vf a) { return sqrtf(a); }
 V_INLINE vi v_trunc(vf a) { return (vi)a; }
 V_INLINE vf v_float(vi a) { return (vf)a; }
-V_INLINE vi v_addi(vi a, vi b) { return a + b; }
-V_INLINE vi v_subi(vi a, vi b) { return a - b; }
-V_INLINE vi v_muli(vi a, vi b) { return a * b; }
+V_INLINE vi v_addi(vi a, vi b) { return (vi)((uint32_t)a + (uint32_t)b); } /* whole numbers wrap round */
+V_INLINE vi v_subi(vi a, vi b) { return (vi)((uint32_t)a - (uint32_t)b); }
+V_INLINE vi v_muli(vi a, vi b) { return (vi)((uint32_t)a * (uint32_t)b); }
 V_INLINE vi v_mini(vi a, vi b) { return a < b ? a : b; }
 V_INLINE vi v_shl(vi a, int n) { return (vi)((uint32_t)a << n); }
 V_INLINE vi v_sra(vi a, int n) { return a >> n; }

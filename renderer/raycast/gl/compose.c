@@ -32,10 +32,12 @@ static bool is_built(const tc_plan_key *key) {
   bool mode = key->mode == TC_MODE_DVR || tc_is_projection((tc_mode)key->mode);
   bool filter = key->filter == TC_FILTER_LINEAR || key->filter == TC_FILTER_NEAREST;
   if (key->mode == TC_MODE_MPR)
-    return filter && key->slab <= TC_SLAB_PROJECTION_COUNT && key->voxel_type < TC_VOXEL_TYPE_COUNT;
+    return filter && key->slab <= TC_SLAB_PROJECTION_COUNT && key->voxel_type < TC_VOXEL_TYPE_COUNT && !key->rays &&
+           !key->jitter;
   return mode && key->classification == TC_PREINTEGRATED && key->order == TC_FRONT_TO_BACK &&
          filter && key->projection < TC_PROJECTION_COUNT &&
-         key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading < TC_SHADING_COUNT && !key->jitter;
+         key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading < TC_SHADING_COUNT && key->rays <= 1 &&
+         key->jitter <= (key->mode == TC_MODE_DVR) && key->coherence <= (key->rays && key->skipping);
 }
 
 static const char *sampler_type(const tc_gl_variant *v) {
@@ -51,6 +53,8 @@ static void add_dvr(composition *c, const tc_gl_variant *v) {
   add(c, "table_2d.glsl");
   if (v->plan.skipping) add(c, "leap.glsl");
   if (v->plan.shading) add(c, "shade.glsl");
+  if (v->plan.rays || v->plan.jitter) add(c, "phase.glsl");
+  if (v->plan.coherence) add(c, "coherence.glsl");
   add(c, "march_dvr.glsl");
 }
 
@@ -62,7 +66,7 @@ static void add_projection(composition *c, const tc_gl_variant *v) {
 }
 
 unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
-  char name[96], literals[360];
+  char name[96], literals[480];
   tc_gl_variant_name(v, name, sizeof name);
   /* A texture unit's own interpolation shows no corners to take a gradient from. */
   if (!is_built(&v->plan) || (v->plan.shading && v->field != TC_GL_FIELD_GATHER)) {
@@ -74,10 +78,12 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
   snprintf(literals, sizeof literals,
            "#define VOXELS %s\n#define ATLAS %d\n#define TERMINATION %d\n#define LEAP %d\n#define SLAB %d\n"
            "#define CLIP %d\n#define SHADED %d\n#define ZOOMED %d\n#define LABELLED %d\n#define LABELS %s\n"
-           "#define NEAREST %d\n",
+           "#define NEAREST %d\n#define SEVERAL %d\n#define JITTER %d\n#define PHASE %d\n#define COHERENT %d\n",
            sampler_type(v), v->atlas, v->plan.termination, v->plan.skipping, v->plan.slab, v->plan.clipping,
            v->plan.shading != TC_SHADING_NONE, v->plan.zoomed, v->plan.labels,
-           v->label_signed ? "isampler2DArray" : "usampler2DArray", v->plan.filter == TC_FILTER_NEAREST);
+           v->label_signed ? "isampler2DArray" : "usampler2DArray", v->plan.filter == TC_FILTER_NEAREST,
+           v->plan.rays, v->plan.jitter, v->plan.mode == TC_MODE_DVR && (v->plan.rays || v->plan.jitter),
+           v->plan.coherence);
   add_text(&c, literals);
   add(&c, v->plan.projection == TC_PERSPECTIVE ? "ray_perspective.glsl" : "ray_orthographic.glsl");
   add(&c, v->field == TC_GL_FIELD_GATHER ? "field_gather.glsl" : "field_filtered.glsl");
@@ -115,9 +121,10 @@ void tc_gl_variant_name(const tc_gl_variant *v, char *name, size_t size) {
     way = v->plan.slab < sizeof slabs / sizeof *slabs ? slabs[v->plan.slab] : "?";
   else if (v->plan.mode == TC_MODE_DVR)
     way = v->plan.classification < TC_CLASSIFICATION_COUNT ? ways[v->plan.classification] : "?";
-  snprintf(name, size, "%s%s%s.%s%s%s.%s.%s", v->plan.mode < TC_MODE_COUNT ? modes[v->plan.mode] : "?", *way ? "." : "", way,
-           v->plan.filter < TC_FILTER_COUNT ? filters[v->plan.filter] : "?",
-           v->plan.shading ? ".shaded" : "", v->plan.labels ? ".labels" : "",
+  snprintf(name, size, "%s%s%s.%s%s%s%s%s.%s.%s", v->plan.mode < TC_MODE_COUNT ? modes[v->plan.mode] : "?",
+           *way ? "." : "", way, v->plan.filter < TC_FILTER_COUNT ? filters[v->plan.filter] : "?",
+           v->plan.shading ? ".shaded" : "", v->plan.labels ? ".labels" : "", v->plan.rays ? ".rays" : "",
+           v->plan.jitter ? ".jitter" : "",
            v->plan.voxel_type < TC_VOXEL_TYPE_COUNT ? tc_voxel_type_name((tc_voxel_type)v->plan.voxel_type) : "?",
            v->field == TC_GL_FIELD_GATHER ? "gather" : "filtered");
 }

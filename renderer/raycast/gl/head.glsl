@@ -30,6 +30,8 @@ layout(std140, binding = 0) uniform Job {
   ivec4 label_dims;                   // xyz: voxels; w: slices per texture layer
   ivec4 label_numbers;                // x: voxel of the first entry; y: a voxel value that stands for what lies outside
   vec4 label_texel;                   // xy: 1 / texture size
+  vec4 rays;                          // x: how many a pixel, y: footprint in voxels (rays.h)
+  vec4 of_pixel[64];                  // subpixel.h: x, y, phase
 } job;
 
 // This dispatch's part of the picture: xy = first pixel, zw = size in pixels.

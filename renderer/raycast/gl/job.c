@@ -72,6 +72,15 @@ static void put_shading(tc_gl_job_block *block, const tc_job *job) {
   block->glow[1][3] = (float)s.shininess;
 }
 
+static void put_rays(tc_gl_job_block *block, const tc_rays *rays) {
+  block->rays[0] = (float)rays->count;
+  block->rays[1] = (float)fmin(rays->footprint, 1e9);
+  for (int i = 0; i < rays->count; i++) {
+    const float ray[] = {(float)rays->of_pixel[i].x, (float)rays->of_pixel[i].y, (float)rays->of_pixel[i].phase};
+    memcpy(block->of_pixel[i], ray, sizeof ray);
+  }
+}
+
 static void put_labels(tc_gl_job_block *block, const tc_job *job, const tc_gl_volume *labels) {
   double matrix[3][4];
   tc_labels_matrix(job->volume, job->label_volume, matrix);
@@ -116,6 +125,7 @@ void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volum
       block->planes[i][k] = (float)rays->planes[i][k];
   if (job->plan->key.shading) put_shading(block, job);
   if (labels) put_labels(block, job, labels);
+  put_rays(block, rays);
   block->march[0] = (float)rays->step_mm;
   block->march[1] = (float)rays->eye_mm;
   block->march[2] = (float)(1 / rays->step_mm);

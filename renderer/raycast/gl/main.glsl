@@ -27,22 +27,57 @@ void count(Counts of) {
 #endif
 }
 
-void main() {
-  ivec2 place = ivec2(gl_GlobalInvocationID.xy);
-  if (any(greaterThanEqual(place, tile.zw)))
-    return;
-  vec3 anchor, direction;
+// The ray through a place on the picture, and its stay.
+vec2 start_ray(vec2 at, out vec3 anchor, out vec3 direction) {
   float eye;
-  set_ray(vec2(tile.xy + place) + 0.5, anchor, direction, eye);
+  set_ray(at, anchor, direction, eye);
   vec2 span = clip_to_box(anchor, direction, eye);
 #if CLIP
   span = clip_to_planes(anchor, direction, span);
 #endif
-  vec4 result = vec4(0.0);
-  if (span.y > span.x) {
-    Counts counts = Counts(0u, 0u);
-    result = march(anchor, direction, span, counts);
-    count(counts);
-  }
+  return span;
+}
+
+vec4 trace(ivec2 pixel, int ray) {
+  vec3 anchor, direction;
+  vec2 at = vec2(pixel) + 0.5;
+#if SEVERAL
+  at += job.of_pixel[ray].xy;
+#endif
+  vec2 span = start_ray(at, anchor, direction);
+  if (span.y <= span.x)
+    return vec4(0.0);
+#if PHASE
+  lag = lag_of(pixel, job.of_pixel[ray].z);
+#endif
+#if COHERENT
+  head = head_of(direction, span);
+#endif
+  Counts counts = Counts(0u, 0u);
+  vec4 result = march(anchor, direction, span, counts);
+  count(counts);
+  return result;
+}
+
+void main() {
+  ivec2 place = ivec2(gl_GlobalInvocationID.xy);
+  if (any(greaterThanEqual(place, tile.zw)))
+    return;
+  ivec2 pixel = tile.xy + place;
+#if COHERENT
+  vec3 anchor, direction;
+  vec2 span = start_ray(vec2(pixel) + 0.5, anchor, direction);
+  way = vec2(0.0, -1.0);
+  if (span.y > span.x)
+    look_ahead(anchor, direction, span);
+#endif
+#if SEVERAL
+  precise vec4 result = vec4(0.0);
+  for (int ray = 0; ray < int(job.rays.x); ray++)
+    result += trace(pixel, ray);
+  result /= job.rays.x;
+#else
+  vec4 result = trace(pixel, 0);
+#endif
   write_result(uint(place.y * tile.z + place.x), result);
 }

@@ -17,32 +17,58 @@ vec4 finish(vec4 sum, float clear) {
   return full ? sum / sum.a : sum;
 }
 
+// The same medium over a share of a segment: the full one's transparency to the power of it, and colour as opacity.
+vec4 shorten(vec4 segment, float share) {
+  float opacity = 1.0 - exp2(share * log2(max(1.0 - segment.a, 1e-30)));
+  return (segment.a < 1e-4 ? share : opacity / segment.a) * segment;
+}
+
+// Mm from the entry to sample i.
+float sample_mm(int i) {
+#if PHASE
+  precise float t = max(float(i) * job.march.x - lag, 0.0);
+  return t;
+#else
+  return float(i) * job.march.x;
+#endif
+}
+
 vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   precise vec3 entry = fma(vec3(span.x), direction, anchor);
   float length_mm = span.y - span.x;
   float step_mm = job.march.x;
   precise vec4 sum = vec4(0.0);
   precise float clear = 1.0;
-  float front = sample_node(entry, direction, 0.0);
+  int first = 0; // sample at which the ray begins
+#if COHERENT
+  if (head >= length_mm)
+    return vec4(0.0);
+  first = int(clamp(head * job.march.z, 0.0, 1e6));
+#endif
+  float before = sample_mm(first); // where front was sampled, mm
+  float front = sample_node(entry, direction, before);
 #if SHADED
   vec3 front_slope = slope;
 #endif
-  float before = 0.0; // where front was sampled, mm
   counts.samples++;
 #if LEAP
   bool fresh = false; // after a leap there is no segment in front of the next sample
   int look_at = 0;    // first step at which looking around may pay
 #endif
-  for (int i = 1;; i++) {
-    float t = float(i) * step_mm;
+  for (int i = first + 1;; i++) {
+    float t = sample_mm(i);
     if (t > length_mm)
       break;
     float back = sample_node(entry, direction, t);
     counts.samples++;
     vec4 segment = classify(front, back);
+#if PHASE
+    if (i == 1)
+      segment = shorten(segment, t / step_mm);
+#endif
 #if LABELLED
     if (segment.a > 0.0) {
-      precise vec3 middle = fma(vec3((float(i) - 0.5) * step_mm), direction, entry);
+      precise vec3 middle = fma(vec3(0.5 * (sample_mm(i - 1) + t)), direction, entry);
       segment = label_segment(segment, middle);
     }
 #endif
@@ -81,8 +107,7 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   if (fresh) // the leap led out
     return finish(sum, clear);
 #endif
-  // The last segment is shorter: the full one's transparency to the power of its share, and colour as opacity. It
-  // stands behind the loop because software rasterisers pay for both sides of a branch.
+  // The last segment is shorter. It stands behind the loop because software rasterisers pay for both sides of a branch.
   float share = (length_mm - before) / step_mm;
   if (share > 0.0) {
     vec4 segment = classify(front, sample_node(entry, direction, length_mm));
@@ -93,10 +118,9 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
 #if SHADED
     segment = shade(segment, front_slope, slope, to_eye);
 #endif
-    float opacity = 1.0 - exp2(share * log2(max(1.0 - segment.a, 1e-30)));
-    float scale = segment.a < 1e-4 ? share : opacity / segment.a;
-    sum = fma(vec4(clear), scale * segment, sum);
-    clear = fma(-clear, scale * segment.a, clear);
+    segment = shorten(segment, share);
+    sum = fma(vec4(clear), segment, sum);
+    clear = fma(-clear, segment.a, clear);
   }
   return finish(sum, clear);
 }
