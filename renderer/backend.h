@@ -8,6 +8,7 @@
 #include "renderer/raycast/grey.h"
 #include "renderer/raycast/rays.h"
 #include "renderer/skip/bounds.h"
+#include "renderer/skip/boxes.h"
 #include "renderer/skip/skip.h"
 #include "renderer/tomocast.h"
 
@@ -19,6 +20,7 @@ typedef struct tc_job {
   const tc_rays *rays;
   const tc_table *table; /* NULL when the plan has none */
   const tc_leap *leap;   /* NULL unless plan->key.skipping in a mode that composites */
+  const tc_boxes *boxes; /* the same for a back end that leaps_over_boxes */
   const tc_grey *grey;   /* NULL unless the mode projects */
   const tc_bounds *bounds; /* NULL unless plan->key.skipping in mip and minip */
   const tc_volume *label_volume; /* NULL unless plan->key.labels; checked */
@@ -30,6 +32,7 @@ typedef struct tc_job {
 
 typedef struct tc_backend_ops {
   const char *name;
+  bool leaps_over_boxes; /* takes job.boxes instead of job.leap */
   /* device: static or owned by the instance. */
   void *(*create)(const tc_renderer_options *options, tc_pool *pool, GError **error);
   void (*destroy)(void *instance);

@@ -104,6 +104,7 @@ typedef struct frame_resources {
   const tc_support *support;
   const tc_minmax *minmax;
   const tc_leap *leap;
+  const tc_boxes *boxes;
   const tc_bounds *bounds;
   const tc_labels *labels;
   double labels_ms; /* what building them took in this frame */
@@ -113,10 +114,17 @@ typedef struct frame_resources {
 /* Under this share of empty blocks the leaping loop costs more than it saves. */
 #define LEAST_EMPTY 0.02
 
-static void drop_leaping(tc_plan *plan, const tc_leap *leap) {
+/* Leaping pays: either structure says how much of the volume is empty. */
+static bool leaping_pays(frame_resources *have, tc_plan *plan) {
+  if (!have->leap && !have->boxes) return true; /* not there yet */
+  double empty_share = have->leap ? have->leap->empty_share : have->boxes->empty_share;
+  if (empty_share >= LEAST_EMPTY) return true;
   char reason[64];
-  snprintf(reason, sizeof reason, "only %.1f %% of the blocks are empty", 100 * leap->empty_share);
+  snprintf(reason, sizeof reason, "only %.1f %% of the blocks are empty", 100 * empty_share);
   tc_plan_drop_skipping(plan, reason);
+  have->leap = NULL;
+  have->boxes = NULL;
+  return false;
 }
 
 static bool gather_projection(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, const tc_plan *plan,
@@ -143,13 +151,13 @@ static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scen
   int block = tc_skip_block(scene->skipping.block);
   have->minmax = tc_resources_minmax(r->resources, volume, block, &stats->skip_ms, error);
   have->support = have->minmax ? tc_resources_support(r->resources, &params, &stats->skip_ms, error) : NULL;
-  if (have->support)
+  if (!have->support) return false;
+  if (r->ops->leaps_over_boxes)
+    have->boxes = tc_resources_boxes(r->resources, volume, have->minmax, have->support, &stats->skip_ms, error);
+  else
     have->leap = tc_resources_leap(r->resources, volume, have->minmax, have->support, &stats->skip_ms, error);
-  if (!have->leap) return false;
-  if (have->leap->empty_share < LEAST_EMPTY) {
-    drop_leaping(plan, have->leap);
-    have->leap = NULL;
-  }
+  if (!have->leap && !have->boxes) return false;
+  leaping_pays(have, plan);
   return true;
 }
 
@@ -163,11 +171,14 @@ static void finish_plan(tc_renderer *r, tc_plan *plan, const frame_resources *ha
   if (have->minmax) skipping->bytes += have->minmax->bytes;
   if (have->support) skipping->bytes += have->support->bytes;
   if (have->bounds) skipping->bytes += have->bounds->bytes;
-  if (have->leap) {
-    skipping->bytes += have->leap->bytes;
+  if (have->leap || have->boxes) {
+    skipping->bytes += have->leap ? have->leap->bytes : have->boxes->bytes;
     snprintf(skipping->reason, sizeof skipping->reason, "%.1f %% of the blocks of %d voxels are empty",
-             100 * have->leap->empty_share, have->leap->block);
+             100 * (have->leap ? have->leap->empty_share : have->boxes->empty_share), have->minmax->block);
   }
+  if (have->boxes && plan->key.coherence)
+    snprintf(plan->stages[TC_STAGE_COHERENCE].reason, sizeof plan->stages[TC_STAGE_COHERENCE].reason,
+             "all rays of a pixel share the runs of what shows");
   if (stats) {
     table->ms = stats->tables_ms - have->labels_ms;
     skipping->ms = stats->skip_ms;
@@ -176,6 +187,7 @@ static void finish_plan(tc_renderer *r, tc_plan *plan, const frame_resources *ha
   table->ms = have->table ? have->table->build_ms : 0;
   skipping->ms = (have->minmax ? have->minmax->build_ms : 0) +
                  (have->support ? have->support->build_ms : 0) + (have->leap ? have->leap->build_ms : 0) +
+                 (have->boxes ? have->boxes->build_ms : 0) +
                  (have->bounds ? have->bounds->build_ms : 0);
 }
 
@@ -195,11 +207,11 @@ static void find(tc_renderer *r, const tc_volume *volume, const tc_scene *scene,
   int block = tc_skip_block(scene->skipping.block);
   have->minmax = tc_resources_find_minmax(r->resources, volume, block);
   have->support = tc_resources_find_support(r->resources, &params);
-  if (have->support) have->leap = tc_resources_find_leap(r->resources, volume, block, have->support);
-  if (have->leap && have->leap->empty_share < LEAST_EMPTY) {
-    drop_leaping(plan, have->leap);
-    have->leap = NULL;
-  }
+  if (have->support && r->ops->leaps_over_boxes)
+    have->boxes = tc_resources_find_boxes(r->resources, volume, block, have->support);
+  else if (have->support)
+    have->leap = tc_resources_find_leap(r->resources, volume, block, have->support);
+  leaping_pays(have, plan);
 }
 
 bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_volume *labels, const tc_scene *scene,
@@ -260,7 +272,7 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   }
   tc_rays rays;
   tc_rays_set_up(&rays, volume, scene, width, height);
-  tc_job job = {.plan = plan, .scene = scene, .volume = volume, .rays = &rays, .table = have.table, .leap = have.leap,
+  tc_job job = {.plan = plan, .scene = scene, .volume = volume, .rays = &rays, .table = have.table, .leap = have.leap, .boxes = have.boxes,
                 .grey = tc_is_projection(scene->mode) ? &have.grey : NULL, .bounds = have.bounds,
                 .label_volume = have.labels ? request->labels : NULL, .labels = have.labels,
                 .cancel = request->cancel, .want_linear = request->want_linear, .frame = frame};

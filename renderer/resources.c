@@ -4,11 +4,11 @@
 #include <string.h>
 
 /* One list holds all kinds, so that one budget and one rule of age serve them. */
-typedef enum item_kind { ITEM_TABLE, ITEM_SUPPORT, ITEM_MINMAX, ITEM_LEAP, ITEM_BOUNDS, ITEM_LABELS } item_kind;
+typedef enum item_kind { ITEM_TABLE, ITEM_SUPPORT, ITEM_MINMAX, ITEM_LEAP, ITEM_BOXES, ITEM_BOUNDS, ITEM_LABELS } item_kind;
 
 typedef struct item {
   item_kind kind;
-  void *thing; /* tc_table, tc_support, tc_minmax, tc_leap, tc_bounds or tc_labels; owned */
+  void *thing; /* tc_table, tc_support, tc_minmax, tc_leap, tc_boxes, tc_bounds or tc_labels; owned */
   size_t bytes;
   uint64_t last_use;
   uint64_t volume; /* serial it belongs to */
@@ -42,6 +42,7 @@ static void drop(tc_resources *r, int i) {
   case ITEM_SUPPORT: tc_support_free(it->thing); break;
   case ITEM_MINMAX: tc_minmax_free(it->thing); break;
   case ITEM_LEAP: tc_leap_free(it->thing); break;
+  case ITEM_BOXES: tc_boxes_free(it->thing); break;
   case ITEM_BOUNDS: tc_bounds_free(it->thing); break;
   case ITEM_LABELS: tc_labels_free(it->thing); break;
   }
@@ -251,6 +252,35 @@ const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const
   it->block = minmax->block;
   *ms += leap->build_ms;
   return leap;
+}
+
+const tc_boxes *tc_resources_find_boxes(tc_resources *r, const tc_volume *volume, int block, const tc_support *support) {
+  for (int i = 0; i < r->count; i++) {
+    item *it = &r->items[i];
+    if (it->kind == ITEM_BOXES && it->volume == tc_volume_serial(volume) && it->block == block &&
+        ((const tc_boxes *)it->thing)->support == support->serial)
+      return used(r, it);
+  }
+  return NULL;
+}
+
+const tc_boxes *tc_resources_boxes(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax,
+                                   const tc_support *support, double *ms, GError **error) {
+  const tc_boxes *found = tc_resources_find_boxes(r, volume, minmax->block, support);
+  if (found) return found;
+  tc_boxes *boxes = tc_boxes_build(volume, minmax, support, r->pool, error);
+  if (!boxes) return NULL;
+  item *it = make_room(r, ITEM_BOXES, boxes->bytes);
+  if (!it) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "boxes of what shows: out of memory");
+    tc_boxes_free(boxes);
+    return NULL;
+  }
+  it->thing = boxes;
+  it->volume = tc_volume_serial(volume);
+  it->block = minmax->block;
+  *ms += boxes->build_ms;
+  return boxes;
 }
 
 const tc_bounds *tc_resources_find_bounds(tc_resources *r, const tc_volume *volume, int block, const tc_grey *grey) {

@@ -7,6 +7,7 @@
 #include "renderer/classify/classify.h"
 #include "renderer/classify/labels.h"
 #include "renderer/skip/bounds.h"
+#include "renderer/skip/boxes.h"
 #include "renderer/skip/skip.h"
 #include "renderer/tomocast.h"
 
@@ -26,6 +27,8 @@ const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, i
 const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_support *support,
                                  double *ms, GError **error);
 
+const tc_boxes *tc_resources_boxes(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax,
+                                   const tc_support *support, double *ms, GError **error);
 const tc_bounds *tc_resources_bounds(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_grey *grey,
                                      double *ms, GError **error);
 
@@ -37,6 +40,7 @@ const tc_table *tc_resources_find_table(tc_resources *r, const tc_table_params *
 const tc_support *tc_resources_find_support(tc_resources *r, const tc_table_params *params);
 const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int block);
 const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int block, const tc_support *support);
+const tc_boxes *tc_resources_find_boxes(tc_resources *r, const tc_volume *volume, int block, const tc_support *support);
 const tc_bounds *tc_resources_find_bounds(tc_resources *r, const tc_volume *volume, int block, const tc_grey *grey);
 
 const tc_labels *tc_resources_find_labels(tc_resources *r, const tc_volume *labels, const tc_scene *scene);

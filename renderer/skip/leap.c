@@ -31,27 +31,6 @@ static bool is_empty(const tc_support *s, double scale, double lo, double hi) {
   return s->used[last] == s->used[first];
 }
 
-/* The same reach as is_empty's, for the two ends of the value axis. */
-static void zero_zones(tc_leap *leap, const uint32_t *used, int n) {
-  int first = 0, last = n + 2;
-  while (first < n + 2 && used[first + 1] == 0) first++;
-  while (last > 0 && used[last - 1] == used[n + 2]) last--;
-  leap->zero_below = first - 3;
-  leap->zero_above = last + 1;
-}
-
-static double voxel_at(const tc_minmax *m, size_t i) {
-  switch (m->type) {
-  case TC_U8: return ((const uint8_t *)m->pairs)[i];
-  case TC_I8: return ((const int8_t *)m->pairs)[i];
-  case TC_U16: return ((const uint16_t *)m->pairs)[i];
-  case TC_I16: return ((const int16_t *)m->pairs)[i];
-  case TC_F32: return (double)((const float *)m->pairs)[i];
-  case TC_VOXEL_TYPE_COUNT: break;
-  }
-  return 0;
-}
-
 static uint8_t least(const uint8_t *row, int x, int nx) {
   uint8_t d = row[x];
   if (x > 0 && row[x - 1] < d) d = row[x - 1];
@@ -106,7 +85,7 @@ tc_leap *tc_leap_build(const tc_minmax *m, const tc_support *support, GError **e
   }
   double scale = (support->n - 1) / (support->hi - support->lo);
   for (size_t i = 0; i < count; i++) {
-    bool e = is_empty(support, scale, voxel_at(m, 2 * i), voxel_at(m, 2 * i + 1));
+    bool e = is_empty(support, scale, tc_minmax_value(m, 2 * i), tc_minmax_value(m, 2 * i + 1));
     distance[i] = e ? FAR : 0;
     empty += e;
   }
@@ -117,7 +96,7 @@ tc_leap *tc_leap_build(const tc_minmax *m, const tc_support *support, GError **e
   }
   *leap = (tc_leap){.block = m->block, .blocks = {m->blocks[0], m->blocks[1], m->blocks[2]}, .distance = distance,
                     .empty_share = (double)empty / (double)count, .support = support->serial, .bytes = count + 8};
-  zero_zones(leap, support->used, support->n);
+  tc_support_zones(support, &leap->zero_below, &leap->zero_above);
   leap->build_ms = tc_now_ms() - start;
   return leap;
 }

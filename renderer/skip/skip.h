@@ -34,6 +34,7 @@ typedef struct tc_minmax {
 
 tc_minmax *tc_minmax_build(const tc_volume *volume, int block, tc_pool *pool, GError **error);
 void tc_minmax_free(tc_minmax *minmax); /* NULL is fine */
+double tc_minmax_value(const tc_minmax *minmax, size_t i); /* pairs[i] */
 
 /* Where along a table's nodes a transfer function shows something at all: its extinction alone decides, so that neither
  * colours nor the length of a segment matter. */
@@ -49,6 +50,9 @@ typedef struct tc_support {
 /* For the nodes of a table with these parameters; its step and its colours are not read. */
 tc_support *tc_support_build(const tc_table_params *params, GError **error);
 void tc_support_free(tc_support *support); /* NULL is fine */
+
+/* A lookup between two nodes that are both below *below, or both above *above, is exactly zero. */
+void tc_support_zones(const tc_support *support, double *below, double *above);
 
 /* Distances under one support. */
 typedef struct tc_leap {

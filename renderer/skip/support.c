@@ -36,3 +36,12 @@ void tc_support_free(tc_support *support) {
   free(support->used);
   free(support);
 }
+
+/* With the reach of a lookup, and a node for rounding, as in leap.c. */
+void tc_support_zones(const tc_support *s, double *below, double *above) {
+  int first = 0, last = s->n + 2;
+  while (first < s->n + 2 && s->used[first + 1] == 0) first++;
+  while (last > 0 && s->used[last - 1] == s->used[s->n + 2]) last--;
+  *below = first - 3;
+  *above = last + 1;
+}

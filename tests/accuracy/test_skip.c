@@ -14,7 +14,7 @@
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
 
-typedef struct blobs { uint64_t seed; int count; double noise; } blobs;
+typedef struct blobs { uint64_t seed; int count; double noise, weight[3]; } blobs;
 
 /* A few soft balls in a noisy ground: some blocks empty, some nearly, some full. */
 static double blob_field(double x, double y, double z, const void *context) {
@@ -23,7 +23,7 @@ static double blob_field(double x, double y, double z, const void *context) {
   double v = 0;
   for (int i = 0; i < b->count; i++) {
     double cx = 60 * test_random(&state), cy = 60 * test_random(&state), cz = 60 * test_random(&state);
-    double r = 1 + 9 * test_random(&state), d = sqrt((x - cx) * (x - cx) + (y - cy) * (y - cy) + (z - cz) * (z - cz));
+    double r = 1 + 9 * test_random(&state), d = sqrt(b->weight[0] * (x - cx) * (x - cx) + b->weight[1] * (y - cy) * (y - cy) + b->weight[2] * (z - cz) * (z - cz));
     v += 200 * fmax(0, 1 - d / r);
   }
   unsigned seed = (unsigned)b->seed;
@@ -31,9 +31,14 @@ static double blob_field(double x, double y, double z, const void *context) {
 }
 
 static tc_volume *random_volume(uint64_t *state) {
-  blobs b = {*state, 1 + (int)(6 * test_random(state)), 12 * test_random(state)};
+  blobs b = {*state, 1 + (int)(6 * test_random(state)), 12 * test_random(state), {1, 1, 1}};
   test_grid g = {.dims = {1 + (int)(60 * test_random(state)), 1 + (int)(60 * test_random(state)), 1 + (int)(60 * test_random(state))},
                  .type = (tc_voxel_type)(5 * test_random(state))};
+  if (test_random(state) < 0.25) { /* a picture: half a voxel thick to both sides */
+    int k = (int)(3 * test_random(state));
+    g.dims[k] = 1;
+    b.weight[k] = 0;
+  }
   for (int k = 0; k < 3; k++) g.spacing[k] = 0.4 + 2 * test_random(state);
   if (g.type == TC_I8) g.slope = 2, g.intercept = 0;
   if (test_random(state) < 0.2 && g.type != TC_U8 && g.type != TC_U16) g.slope = g.type == TC_I8 ? -2 : -1;

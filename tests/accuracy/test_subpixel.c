@@ -439,7 +439,11 @@ static void coherence_loses_nothing(void **state) {
     }
     printf("  %s: %d scenes shared, %d not; %.2f of the samples and %.2f of the leaps left\n", name_of(m), sum.shared,
            sum.plain, (double)sum.with / (double)sum.without, (double)sum.leaps_with / (double)sum.leaps_without);
-    assert_true(sum.shared > trials / 3 && sum.plain > 0 && sum.with < sum.without && sum.leaps_with < sum.leaps_without);
+    assert_true(sum.shared > trials / 3 && sum.plain > 0);
+    if (m < n_isas) /* rays of a pixel always share the runs of what shows (skip/cover.h) */
+      assert_true(sum.with == sum.without && sum.leaps_with == sum.leaps_without);
+    else
+      assert_true(sum.with < sum.without && sum.leaps_with < sum.leaps_without);
   }
 }
 

@@ -6,6 +6,7 @@
 #include "renderer/backend.h"
 #include "renderer/raycast/cpu/kernels.h"
 #include "renderer/raycast/shade.h"
+#include "renderer/skip/cover.h"
 
 #define TILE 32
 
@@ -17,6 +18,7 @@ typedef struct cpu_isa {
 typedef struct cpu_backend {
   tc_pool *pool;
   const cpu_isa *isa;
+  tc_cover cover;
   char device[80];
 } cpu_backend;
 
@@ -82,7 +84,10 @@ static void *cpu_create(const tc_renderer_options *options, tc_pool *pool, GErro
   return b;
 }
 
-static void cpu_destroy(void *instance) { free(instance); }
+static void cpu_destroy(void *instance) {
+  tc_cover_finish(&((cpu_backend *)instance)->cover);
+  free(instance);
+}
 static const char *cpu_device(void *instance) { return ((cpu_backend *)instance)->device; }
 static const char *cpu_isa_name(void *instance) { return ((cpu_backend *)instance)->isa->name; }
 static void cpu_forget(void *instance, uint64_t volume_serial) {}
@@ -191,7 +196,6 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
   for (int i = 0; i < r->count; i++)
     a->of_pixel[i] = (struct tc_cpu_ray){(float)r->of_pixel[i].x, (float)r->of_pixel[i].y, (float)r->of_pixel[i].phase};
   a->count = r->count;
-  a->footprint = (float)r->footprint;
   a->row = d->dims[0];
   a->slice = d->dims[0] * d->dims[1];
   const int strides[3] = {1, a->row, a->slice};
@@ -214,15 +218,21 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
   fill_zooms(a, job->table);
   a->termination = (float)job->scene->sampling.termination;
   if (job->plan->key.shading) fill_shading(a, job);
-  if (job->leap) {
-    a->distance = job->leap->distance;
-    a->block = (float)job->leap->block;
-    a->inverse_block = 1 / a->block;
-    a->zero_below = (float)job->leap->zero_below;
-    a->zero_above = (float)job->leap->zero_above;
-    a->block_row = job->leap->blocks[0];
-    a->block_slice = job->leap->blocks[0] * job->leap->blocks[1];
-  }
+}
+
+static bool fill_cover(cpu_backend *b, const tc_job *job, tc_cpu_args *a, GError **error) {
+  tc_cover *c = &b->cover;
+  if (!tc_cover_fill(c, job->boxes, job->volume, job->rays, job->frame->width, job->frame->height, b->pool, error)) return false;
+  a->zero_below = (float)job->boxes->zero_below;
+  a->zero_above = (float)job->boxes->zero_above;
+  a->cover = c->bits;
+  a->cover_shift = c->shift;
+  a->cover_words = c->words;
+  a->cover_row = c->words * c->cells[0];
+  a->cover_near = (float)c->near_mm;
+  a->cover_slot = (float)c->slot_mm;
+  a->cover_depth = (float)c->view_depth;
+  return true;
 }
 
 static void render_tile(void *context, int index, int worker) {
@@ -259,6 +269,10 @@ static bool cpu_render(void *instance, const tc_job *job, GError **error) {
     return false;
   }
   fill_args(&f.args, job);
+  if (job->boxes && !fill_cover(b, job, &f.args, error)) {
+    free(f.workers);
+    return false;
+  }
   tc_resolve_init(&f.resolve, job->scene);
   f.tiles_x = (job->frame->width + TILE - 1) / TILE;
   tc_pool_run(b->pool, f.tiles_x * ((job->frame->height + TILE - 1) / TILE), render_tile, &f);
@@ -276,6 +290,7 @@ static bool cpu_render(void *instance, const tc_job *job, GError **error) {
 }
 
 const tc_backend_ops tc_cpu_backend = {.name = "cpu",
+                                       .leaps_over_boxes = true,
                                        .create = cpu_create,
                                        .destroy = cpu_destroy,
                                        .device = cpu_device,

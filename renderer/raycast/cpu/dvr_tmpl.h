@@ -11,15 +11,14 @@ V_INLINE void shift_slopes(vf slopes[3][3]) {
 }
 
 /* One packet from its rays' entries to their ends. */
-V_INLINE void cast_packet(const tc_cpu_args *g, variant v, const place *at, const lead *lead, vf4 *out,
-                          tc_cpu_counts *counts) {
+V_INLINE void cast_packet(const tc_cpu_args *g, variant v, const place *at, vf4 *out, tc_cpu_counts *counts) {
   packet p = start_packet(g, v, at);
   vf clear = v_set(1), front = v_set(0), back = v_set(0);
   vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
   vm live = p.live;
   bool fresh = true, ahead = false; /* no front sample yet; back was sampled an iteration ahead */
-  bool empty = v.leap;                /* nothing seen in the last segment */
-  int look_at = 0;                 /* first step at which looking around may pay */
+  runs r;
+  int run_end = 0; /* first step that is not in the run */
   lighting light;
   vf slopes[3][3];                                          /* index gradients at front, back, next */
   vf *const at_front = v.shaded ? slopes[0] : NULL, *const at_back = v.shaded ? slopes[1] : NULL;
@@ -27,14 +26,17 @@ V_INLINE void cast_packet(const tc_cpu_args *g, variant v, const place *at, cons
   if (v.shaded) light = start_lighting(g, v, at);
   counts->rays += (uint64_t)m_count(live);
   if (phased(v)) p.lag = lag_of(g, v, at);
-  for (int i = v.coherent ? start_at(g, lead, &p, &live) : 0; m_any(live); i++) {
+  if (v.leap) r = start_runs(g, v, &p, at);
+  for (int i = 0; m_any(live); i++) {
     vf t0 = sample_mm(g, v, &p, i), t1 = sample_mm(g, v, &p, i + 1);
-    if (v.leap && empty && i >= look_at) {
-      int n;
-      if (!look_around(g, &p, t0, live, &n)) {
-        look_at = i + n + 1;
-      } else if (n) {
-        i += n;
+    if (v.leap && i >= run_end) {
+      int from;
+      if (!next_run(&r, live, i, &from, &run_end)) {
+        counts->leaps++;
+        break;
+      }
+      if (from > i) {
+        i = from;
         t0 = sample_mm(g, v, &p, i), t1 = sample_mm(g, v, &p, i + 1);
         live = m_and(live, v_lt(t0, p.length));
         counts->leaps++;
@@ -50,12 +52,11 @@ V_INLINE void cast_packet(const tc_cpu_args *g, variant v, const place *at, cons
     if (!ahead) back = sample_node(g, v, &p, v_min(t1, p.length), at_back);
     counts->samples += (uint64_t)m_count(live);
     /* The next sample does not wait for this segment's look-up: begun now, the two chains of loads overlap. A third less
-     * time a sample; in empty stretches, where the sample would often be thrown away, it does not pay. */
+     * time a sample. */
     vf next = front;
-    ahead = !v.leap || !empty;
+    ahead = !v.leap || i + 1 < run_end;
     if (ahead) next = sample_node(g, v, &p, v_min(sample_mm(g, v, &p, i + 2), p.length), at_next);
     if (v.leap && all_zero(g, front, back, live)) {
-      empty = true;
       live = m_and(live, v_lt(t1, p.length));
       front = back, back = next;
       if (v.shaded) shift_slopes(slopes);
@@ -75,7 +76,6 @@ V_INLINE void cast_packet(const tc_cpu_args *g, variant v, const place *at, cons
     sum.b = v_fma(weight, c.b, sum.b);
     sum.a = v_fma(weight, c.a, sum.a); /* not 1 - clear: thin segments take nothing from a clear of 1 in single precision */
     clear = v_fnma(weight, c.a, clear);
-    if (v.leap) empty = !m_any(m_and(live, v_lt(v_set(0), c.a)));
     live = m_and(live, v_lt(t1, p.length));
     if (v.terminate) live = m_and(live, v_le(v_set(g->termination), clear));
     front = back, back = next;

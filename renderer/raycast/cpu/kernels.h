@@ -48,7 +48,6 @@ typedef struct tc_cpu_args {
   float step_mm, inverse_step;
   struct tc_cpu_ray { float x, y, phase; } of_pixel[TC_MAX_RAYS_PER_PIXEL]; /* subpixel.h */
   int count;       /* of them */
-  float footprint; /* voxels; only where the plan has coherence */
   const void *voxels;
   const float *table; /* row k = 0 of tc_table */
   float table_stride; /* entries a row; offsets are computed in float, exact below 2^24 */
@@ -57,12 +56,14 @@ typedef struct tc_cpu_args {
   tc_cpu_zoom zooms[TC_MAX_ZOOMS];
   float termination;
   float window_center, window_gain; /* grey = (node - center) * gain + 0.5; modes without a table */
-  const uint8_t *distance; /* tc_leap's map, when the plan leaps */
   int block_row, block_slice;
-  float block, inverse_block;  /* voxels */
   float zero_below, zero_above; /* nodes */
+  const uint64_t *cover; /* tc_cover, when the plan leaps */
+  int cover_shift, cover_row, cover_words; /* cover_row: words from one row of cells to the next */
+  float cover_near, cover_slot, cover_depth; /* mm */
   float turn, gain, offset, floor, stop; /* tc_grey, when the plan projects */
-  const uint8_t *levels; /* tc_bounds, when it skips too; block_row, block_slice and inverse_block are its own */
+  const uint8_t *levels; /* tc_bounds, when it skips too */
+  float inverse_block;   /* of its blocks, voxels */
   float level_scale;
   int interval; /* samples that one level serves */
   /* Of shaded variants (raycast/shade.h). */

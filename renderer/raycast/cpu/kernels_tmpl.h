@@ -12,9 +12,9 @@
 
 #include "renderer/raycast/cpu/labels_tmpl.h"
 
-#include "renderer/raycast/cpu/leap_tmpl.h"
-
 #include "renderer/raycast/cpu/subpixel_tmpl.h"
+
+#include "renderer/raycast/cpu/cover_tmpl.h"
 
 #include "renderer/raycast/cpu/dvr_tmpl.h"
 
@@ -23,11 +23,10 @@
 #include "renderer/raycast/cpu/mpr_tmpl.h"
 
 /* One ray a pixel. */
-V_INLINE vf4 cast_rays(const tc_cpu_args *g, variant v, const place *at, const lead *lead, skip_mood *mood,
-                       tc_cpu_counts *counts) {
+V_INLINE vf4 cast_rays(const tc_cpu_args *g, variant v, const place *at, skip_mood *mood, tc_cpu_counts *counts) {
   vf4 c;
   if (v.mode == TC_MODE_DVR)
-    cast_packet(g, v, at, lead, &c, counts);
+    cast_packet(g, v, at, &c, counts);
   else if (v.mode == TC_MODE_AVERAGE)
     cast_average(g, v, at, &c, counts);
   else if (v.mode == TC_MODE_MPR)
@@ -40,11 +39,9 @@ V_INLINE vf4 cast_rays(const tc_cpu_args *g, variant v, const place *at, const l
 /* The mean of all rays of each pixel. Colour stays under opacity, and that under 1: sums are rounded alike. */
 V_INLINE vf4 cast_pixels(const tc_cpu_args *g, variant v, const place *first, skip_mood *mood, tc_cpu_counts *counts) {
   place at = *first;
-  lead lead;
-  if (v.coherent) lead = look_ahead(g, v, &at);
   vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
   for (int r = 0; r == 0 || r < g->count; r++, at.ray++) {
-    vf4 c = cast_rays(g, v, &at, &lead, mood, counts);
+    vf4 c = cast_rays(g, v, &at, mood, counts);
     if (!v.several) return c;
     sum = (vf4){sum.r + c.r, sum.g + c.g, sum.b + c.b, sum.a + c.a};
   }
@@ -88,7 +85,7 @@ V_INLINE void cast_tile(const tc_cpu_args *g, variant v, int x0, int y0, int x1,
   SLICE(mpr_##name##_minip, type, 1 + TC_SLAB_MINIP)                                                                 \
   SLICE(mpr_##name##_average, type, 1 + TC_SLAB_AVERAGE)                                                             \
   KERNEL(any_##name, g->key.mode, type, g->key.filter, g->key.slab, g->key.shading != TC_SHADING_NONE,               \
-         g->key.termination, g->key.skipping, g->key.labels, g->key.rays, g->key.coherence, g->key.jitter, g->key.zoomed)
+         g->key.termination, g->key.skipping, g->key.labels, g->key.rays, g->key.jitter, g->key.zoomed)
 KERNELS(TC_U8, u8)
 KERNELS(TC_I8, i8)
 KERNELS(TC_U16, u16)

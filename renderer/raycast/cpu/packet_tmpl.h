@@ -7,8 +7,7 @@ typedef struct variant {
   int mode, type, filter; /* tc_mode, tc_voxel_type, tc_filter */
   int slab;               /* mpr: as in tc_plan_key */
   bool shaded, terminate, leap, labels;
-  bool several, coherent; /* rays a pixel; they share what the pixel's middle knows of empty space (subpixel_tmpl.h) */
-  bool jitter;
+  bool several, jitter; /* rays a pixel (subpixel_tmpl.h) */
   bool zoomed; /* the table has zooms (classify/classify.h) */
 } variant;
 
@@ -16,6 +15,7 @@ typedef struct packet {
   vf entry[3], dir[3]; /* index coordinates; voxels per mm */
   vf inverse[3];       /* 1 / dir */
   vf start, length;    /* mm: of the entry from the anchor; inside the volume, 0 for a ray that misses */
+  vf forward;          /* mm of depth for a mm of the ray (skip/cover.h) */
   vm live;
   vf lag; /* mm by which samples lie before whole steps from the entry; only in dvr of several rays or with jitter */
 } packet;
@@ -84,6 +84,8 @@ V_INLINE packet start_packet(const tc_cpu_args *g, variant v, const place *at) {
   p.live = m_and(inside, v_lt(s0, s1));
   s0 = v_select(p.live, s0, v_set(0));
   p.start = s0;
+  p.forward = v_set(1);
+  if (g->perspective) p.forward = v_set(g->cover_depth) / norm;
   p.length = v_select(p.live, s1 - s0, v_set(0));
   for (int k = 0; k < 3; k++) p.entry[k] = v_fma(s0, p.dir[k], anchor[k]);
   return p;

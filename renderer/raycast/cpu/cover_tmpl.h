@@ -1,0 +1,49 @@
+/* The stretches of a packet's rays that may show something (skip/cover.h), as runs of whole steps. Part of the template. */
+
+typedef struct runs {
+  const uint64_t *bits; /* of the packet's cell of pixels */
+  int words, slot;      /* slot: the next one to look at */
+  vf start, steps;      /* steps from a ray's first sample to slot 0; that a slot has */
+} runs;
+
+V_INLINE runs start_runs(const tc_cpu_args *g, variant v, const packet *p, const place *at) {
+  vf steps_per_mm = v_set(g->inverse_step) / p->forward; /* of depth */
+  vf begin = p->start;
+  if (phased(v)) begin = begin - p->lag;
+  return (runs){.bits = g->cover + (at->y >> g->cover_shift) * g->cover_row + (at->x >> g->cover_shift) * g->cover_words,
+                .words = g->cover_words,
+                .start = v_fma(v_set(g->cover_near), steps_per_mm, v_set(0) - begin * v_set(g->inverse_step)),
+                .steps = v_set(g->cover_slot) * steps_per_mm};
+}
+
+/* First slot from `slot` on whose bit is `set`; words * 64 where there is none. */
+static inline int find_slot(const uint64_t *bits, int words, int slot, bool set) {
+  for (int w = slot >> 6; w < words; w++) {
+    uint64_t word = (set ? bits[w] : ~bits[w]) & (w == slot >> 6 ? ~(uint64_t)0 << (slot & 63) : ~(uint64_t)0);
+    if (word) return w * 64 + __builtin_ctzll(word);
+  }
+  return words * 64;
+}
+
+/* The next segments [*from, *to) after `least` that any live ray needs; false: none. Margins of a hundredth of a step are far
+ * above the rounding of single precision. */
+V_INLINE bool next_run(runs *r, vm live, int least, int *from, int *to) {
+  vf far = v_set(1e9f);
+  do {
+    int a = find_slot(r->bits, r->words, r->slot, true);
+    if (a >= r->words * 64) return false;
+    r->slot = find_slot(r->bits, r->words, a, false);
+    vf first = v_fma(v_set((float)a), r->steps, r->start), last = v_fma(v_set((float)r->slot), r->steps, r->start);
+    float begin = v_least(v_select(live, first, far)) - 1.01f, end = 1.01f - v_least(v_select(live, v_set(0) - last, far));
+    *from = begin > (float)least ? begin < 1e9f ? (int)begin : 1000000000 : least;
+    *to = end < 1e9f ? (int)end : 1000000000;
+  } while (*to <= least);
+  return true;
+}
+
+/* All live rays' segments lie in a stretch of values at either end of the axis that shows nothing. */
+V_INLINE bool all_zero(const tc_cpu_args *g, vf front, vf back, vm live) {
+  vm below = m_and(v_lt(front, v_set(g->zero_below)), v_lt(back, v_set(g->zero_below)));
+  vm above = m_and(v_lt(v_set(g->zero_above), front), v_lt(v_set(g->zero_above), back));
+  return !m_any(m_andnot(live, m_or(below, above)));
+}

@@ -1,0 +1,206 @@
+#include "renderer/skip/boxes.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "renderer/clock.h"
+#include "renderer/skip/runs.h"
+
+#define FINE TC_BOX_FINE
+#define PIECE 5 /* cells that are cut at once: a row of their voxels, one byte each, is one 64-bit word */
+
+/* The boxes that one worker found. */
+typedef struct found {
+  tc_box *items;
+  size_t count, capacity, empty; /* empty: blocks */
+  bool failed;
+} found;
+
+typedef struct boxes_job {
+  const void *voxels;
+  const tc_minmax *minmax;
+  const tc_runs *runs;
+  int dims[3], cells[3];
+  bool *full; /* blocks that nothing is empty in */
+  found *workers;
+} boxes_job;
+
+static void emit(found *f, const int at[3], int size, uint32_t fine) {
+  if (f->count == f->capacity) {
+    size_t capacity = f->capacity ? 2 * f->capacity : 4096;
+    tc_box *items = realloc(f->items, capacity * sizeof *items);
+    if (!items) {
+      f->failed = true;
+      return;
+    }
+    f->items = items;
+    f->capacity = capacity;
+  }
+  f->items[f->count++] = (tc_box){{(uint16_t)at[0], (uint16_t)at[1], (uint16_t)at[2]}, (uint16_t)size, fine};
+}
+
+static int least(int a, int b) { return a < b ? a : b; }
+
+/* rows[z][y]: the sets of the voxels of `cells` cells along x, from at[0] on, a byte each; bytes beyond have all bits. Two more
+ * rows and layers than cells, the outer ones of all bits too. */
+static void read_rows(const boxes_job *job, const int at[3], const int cells[3], uint64_t rows[PIECE + 3][PIECE + 3]) {
+  int n[3];
+  for (int k = 0; k < 3; k++) n[k] = least(cells[k] + 1, job->dims[k] - at[k]);
+  for (int z = 0; z < PIECE + 3; z++)
+    for (int y = 0; y < PIECE + 3; y++) {
+      rows[z][y] = ~(uint64_t)0;
+      if (z >= n[2] || y >= n[1]) continue;
+      size_t first = ((size_t)(at[2] + z) * (size_t)job->dims[1] + (size_t)(at[1] + y)) * (size_t)job->dims[0] + (size_t)at[0];
+      tc_runs_read(job->runs, job->voxels, first, n[0], (uint8_t *)&rows[z][y]);
+    }
+}
+
+/* The fine boxes of a piece that are not empty: whose voxels' sets have no bit in common. *all: none is empty. */
+static uint32_t cut_piece(const boxes_job *job, const int at[3], const int cells[3], bool *all) {
+  uint64_t rows[PIECE + 3][PIECE + 3];
+  uint32_t fine = 0;
+  int n[3];
+  for (int k = 0; k < 3; k++) n[k] = (cells[k] + FINE - 1) / FINE;
+  read_rows(job, at, cells, rows);
+  for (int z = 0; z < PIECE + 3; z++)
+    for (int y = 0; y < PIECE + 3; y++) rows[z][y] &= rows[z][y] >> 8 & rows[z][y] >> 16;
+  *all = true;
+  for (int z = 0; z < n[2]; z++)
+    for (int y = 0; y < n[1]; y++) {
+      uint64_t common = ~(uint64_t)0;
+      for (int k = 0; k <= FINE; k++)
+        for (int j = 0; j <= FINE; j++) common &= rows[FINE * z + k][FINE * y + j];
+      for (int x = 0; x < n[0]; x++) {
+        bool some = !(common >> (8 * FINE * x) & 255);
+        fine |= (uint32_t)some << ((z * TC_BOX_FINES + y) * TC_BOX_FINES + x);
+        *all = *all && some;
+      }
+    }
+  return fine;
+}
+
+/* Whether nothing in the block is empty: it is not emitted then. */
+static bool cut_block(const boxes_job *job, const int at[3], found *out) {
+  int b = job->minmax->block, end[3], p[3], cells[3];
+  bool single = b <= PIECE;
+  for (int k = 0; k < 3; k++) end[k] = least(at[k] + b, job->cells[k]);
+  for (p[2] = at[2]; p[2] < end[2]; p[2] += PIECE)
+    for (p[1] = at[1]; p[1] < end[1]; p[1] += PIECE)
+      for (p[0] = at[0]; p[0] < end[0]; p[0] += PIECE) {
+        for (int k = 0; k < 3; k++) cells[k] = least(PIECE, end[k] - p[k]);
+        bool all;
+        uint32_t fine = cut_piece(job, p, cells, &all);
+        if (single && all) return true;
+        if (fine) emit(out, p, PIECE, all ? 0 : fine);
+      }
+  return false;
+}
+
+static size_t block_index(const tc_minmax *m, int x, int y, int z) {
+  return ((size_t)z * (size_t)m->blocks[1] + (size_t)y) * (size_t)m->blocks[0] + (size_t)x;
+}
+
+static void sort_layer(boxes_job *job, int z, found *out) {
+  const tc_minmax *m = job->minmax;
+  for (int y = 0; y < m->blocks[1]; y++)
+    for (int x = 0; x < m->blocks[0]; x++) {
+      size_t i = block_index(m, x, y, z);
+      double lo = tc_minmax_value(m, 2 * i), hi = tc_minmax_value(m, 2 * i + 1);
+      const int at[3] = {x * m->block, y * m->block, z * m->block};
+      if (tc_runs_set(job->runs, lo) & tc_runs_set(job->runs, hi))
+        out->empty++;
+      else
+        job->full[i] = tc_runs_miss(job->runs, lo, hi) || cut_block(job, at, out);
+    }
+}
+
+/* Two layers of blocks. Eight full blocks around a corner become one box. */
+static void boxes_task(void *context, int index, int worker) {
+  boxes_job *job = context;
+  const tc_minmax *m = job->minmax;
+  found *out = &job->workers[worker];
+  int z0 = 2 * index, z1 = least(z0 + 2, m->blocks[2]);
+  for (int z = z0; z < z1; z++) sort_layer(job, z, out);
+  for (int y0 = 0; y0 < m->blocks[1]; y0 += 2)
+    for (int x0 = 0; x0 < m->blocks[0]; x0 += 2) {
+      int count = 0, corner[8][3];
+      for (int c = 0; c < 8; c++) {
+        int x = x0 + (c & 1), y = y0 + (c >> 1 & 1), z = z0 + (c >> 2);
+        if (x >= m->blocks[0] || y >= m->blocks[1] || z >= z1 || !job->full[block_index(m, x, y, z)]) continue;
+        corner[count][0] = x * m->block, corner[count][1] = y * m->block, corner[count++][2] = z * m->block;
+      }
+      if (count == 8)
+        emit(out, corner[0], 2 * m->block, 0);
+      else
+        for (int c = 0; c < count; c++) emit(out, corner[c], m->block, 0);
+    }
+}
+
+static bool join(tc_boxes *boxes, boxes_job *job, int workers, size_t blocks) {
+  size_t empty = 0;
+  bool failed = false;
+  for (int i = 0; i < workers; i++) {
+    boxes->count += job->workers[i].count;
+    empty += job->workers[i].empty;
+    failed = failed || job->workers[i].failed;
+  }
+  boxes->empty_share = (double)empty / (double)blocks;
+  boxes->bytes = boxes->count * sizeof *boxes->items;
+  boxes->items = failed ? NULL : malloc(boxes->bytes + 1);
+  tc_box *to = boxes->items;
+  for (int i = 0; i < workers && to; i++) {
+    size_t count = job->workers[i].count;
+    if (count) memcpy(to, job->workers[i].items, count * sizeof *to);
+    to += count;
+  }
+  return boxes->items != NULL;
+}
+
+tc_boxes *tc_boxes_build(const tc_volume *volume, const tc_minmax *minmax, const tc_support *support, tc_pool *pool,
+                         GError **error) {
+  double start = tc_now_ms();
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  int workers = pool ? tc_pool_threads(pool) : 1;
+  size_t blocks = (size_t)minmax->blocks[0] * (size_t)minmax->blocks[1] * (size_t)minmax->blocks[2];
+  tc_runs runs;
+  for (int k = 0; k < 3; k++)
+    if (d->dims[k] > 65536) {
+      tc_set_error(error, TC_ERROR_LIMIT, "/skipping/mode",
+                   "skipping/mode: an axis of %d voxels is over the 65536 that leaping can name: set it to off", d->dims[k]);
+      return NULL;
+    }
+  if (!tc_runs_init(&runs, support, d->type, error)) return NULL;
+  boxes_job job = {.voxels = tc_volume_data(volume), .minmax = minmax, .runs = &runs, .full = calloc(blocks, sizeof *job.full),
+                   .workers = calloc((size_t)workers, sizeof *job.workers)};
+  for (int k = 0; k < 3; k++) {
+    job.dims[k] = d->dims[k];
+    job.cells[k] = d->dims[k] > 1 ? d->dims[k] - 1 : 1;
+  }
+  tc_boxes *boxes = calloc(1, sizeof *boxes);
+  bool built = boxes && job.full && job.workers;
+  if (built) {
+    tc_pool_run(pool, (minmax->blocks[2] + 1) / 2, boxes_task, &job);
+    built = join(boxes, &job, workers, blocks);
+    boxes->block = minmax->block;
+    boxes->support = support->serial;
+    boxes->zero_below = runs.zero_below;
+    boxes->zero_above = runs.zero_above;
+  }
+  for (int i = 0; i < workers && job.workers; i++) free(job.workers[i].items);
+  free(job.workers);
+  free(job.full);
+  tc_runs_finish(&runs);
+  if (!built) {
+    tc_boxes_free(boxes);
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "boxes of what shows: out of memory");
+    return NULL;
+  }
+  boxes->build_ms = tc_now_ms() - start;
+  return boxes;
+}
+
+void tc_boxes_free(tc_boxes *boxes) {
+  if (!boxes) return;
+  free(boxes->items);
+  free(boxes);
+}

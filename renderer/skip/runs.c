@@ -1,0 +1,74 @@
+#include "renderer/skip/runs.h"
+
+#include <stdlib.h>
+
+static const int least_value[] = {[TC_U8] = 0, [TC_I8] = -128, [TC_U16] = 0, [TC_I16] = -32768};
+
+static int node_of(const tc_runs *r, double voxel) {
+  double node = (voxel - r->lo) * r->scale;
+  return node > 0 ? node < r->last_node ? (int)node : r->last_node : 0;
+}
+
+uint8_t tc_runs_set(const tc_runs *runs, double voxel) { return runs->nodes[node_of(runs, voxel)]; }
+
+bool tc_runs_miss(const tc_runs *runs, double lo, double hi) {
+  return runs->before[node_of(runs, hi) + 1] == runs->before[node_of(runs, lo)];
+}
+
+/* A lookup reads entries that span nodes floor(min) to floor(max) + 2; a node more on each side covers the rounding of the kernels'
+ * single precision (leap.c's is_empty, value by value). */
+static void find_runs(tc_runs *r, const tc_support *s) {
+  int run = -1, end = s->n + 2;
+  bool inside = false;
+  for (int j = 0; j <= s->n; j++) {
+    int first = j > 0 ? j - 1 : 0, last = j + 3 < end ? j + 3 : end;
+    bool zero = s->used[first] == s->used[last];
+    if (zero && !inside) run++;
+    inside = zero;
+    r->nodes[j] = zero && run < 8 ? (uint8_t)(1 << run) : 0;
+    r->before[j + 1] = r->before[j] + (r->nodes[j] != 0);
+  }
+}
+
+bool tc_runs_init(tc_runs *runs, const tc_support *s, tc_voxel_type type, GError **error) {
+  size_t nodes = (size_t)s->n + 1, values = type == TC_F32 ? 0 : tc_voxel_size(type) == 1 ? 256 : 65536;
+  *runs = (tc_runs){.type = type, .last_node = s->n, .lo = s->lo, .scale = (s->n - 1) / (s->hi - s->lo)};
+  runs->nodes = malloc(nodes);
+  runs->before = calloc(nodes + 1, sizeof *runs->before);
+  runs->voxels = values ? malloc(values) : NULL;
+  if (!runs->nodes || !runs->before || (values && !runs->voxels)) {
+    tc_runs_finish(runs);
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "runs of values that show nothing: out of memory");
+    return false;
+  }
+  find_runs(runs, s);
+  tc_support_zones(s, &runs->zero_below, &runs->zero_above);
+  for (size_t i = 0; i < values; i++) runs->voxels[i] = tc_runs_set(runs, (double)i + least_value[type]);
+  return true;
+}
+
+void tc_runs_finish(tc_runs *runs) {
+  free(runs->voxels);
+  free(runs->nodes);
+  free(runs->before);
+  *runs = (tc_runs){0};
+}
+
+#define READ(type, bias)                                                                                             \
+  {                                                                                                                  \
+    const type *v = (const type *)voxels + first;                                                                    \
+    for (int i = 0; i < count; i++) sets[i] = runs->voxels[v[i] + (bias)];                                           \
+    return;                                                                                                          \
+  }
+void tc_runs_read(const tc_runs *runs, const void *voxels, size_t first, int count, uint8_t *sets) {
+  switch (runs->type) {
+  case TC_U8: READ(uint8_t, 0)
+  case TC_I8: READ(int8_t, 128)
+  case TC_U16: READ(uint16_t, 0)
+  case TC_I16: READ(int16_t, 32768)
+  case TC_F32:
+    for (int i = 0; i < count; i++) sets[i] = tc_runs_set(runs, (double)((const float *)voxels)[first + (size_t)i]);
+    return;
+  case TC_VOXEL_TYPE_COUNT: break;
+  }
+}
