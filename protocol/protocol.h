@@ -38,6 +38,10 @@ typedef struct tcp_scene_context { double value_min, value_max; } tcp_scene_cont
 bool tcp_scene_patch(tc_scene *scene, const cJSON *patch, const tc_scene *defaults, const tcp_scene_context *context,
                      GError **error);
 
+/* Lights the defaults in *scene that a document is laid on, if it asks for mode isosurface: unlit it is a mere outline, and shows
+ * so only where shading.model is none in so many words. Before tcp_scene_patch(); not for a change of a client's own scene. */
+void tcp_scene_light(tc_scene *scene, const cJSON *document);
+
 /* One "--set key=value": key is a dotted path ("camera.fovY"), value is JSON or, failing that, a string. Gives a patch. */
 cJSON *tcp_scene_set_expression(const char *expression, GError **error);
 

@@ -123,6 +123,12 @@ bool tcp_scene_patch(tc_scene *scene, const cJSON *patch, const tc_scene *defaul
   return good;
 }
 
+void tcp_scene_light(tc_scene *scene, const cJSON *document) {
+  const char *mode = cJSON_GetStringValue(cJSON_GetObjectItemCaseSensitive(document, "mode"));
+  if (mode && !strcmp(mode, "isosurface") && scene->shading.model == TC_SHADING_NONE)
+    scene->shading.model = TC_SHADING_BLINN_PHONG;
+}
+
 /* --- "--set key=value" -------------------------------------------------------------------------- */
 
 #define MAX_KEY_SEGMENTS 8

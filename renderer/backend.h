@@ -7,6 +7,7 @@
 #include "renderer/pool.h"
 #include "renderer/raycast/grey.h"
 #include "renderer/raycast/rays.h"
+#include "renderer/raycast/surface.h"
 #include "renderer/skip/bounds.h"
 #include "renderer/skip/boxes.h"
 #include "renderer/skip/skip.h"
@@ -19,14 +20,15 @@ typedef struct tc_job {
   const tc_volume *volume;
   const tc_rays *rays;
   const tc_table *table; /* NULL when the plan has none */
-  const tc_leap *leap;   /* NULL unless plan->key.skipping in a mode that composites */
-  const tc_boxes *boxes; /* the same for a back end that leaps_over_boxes */
+  const tc_leap *leap;   /* NULL unless plan->key.skipping in a mode that composites or shows a surface */
+  const tc_boxes *boxes; /* dvr, instead of leap, for a back end that leaps_over_boxes */
+  const tc_surface *surface; /* NULL unless the mode is isosurface */
   const tc_grey *grey;   /* NULL unless the mode projects */
   const tc_bounds *bounds; /* NULL unless plan->key.skipping in mip and minip */
   const tc_volume *label_volume; /* NULL unless plan->key.labels; checked */
   const tc_labels *labels;       /* what its voxels look like; NULL with it */
   const atomic_bool *cancel; /* may be NULL */
-  bool want_linear;
+  bool want_linear, want_depth;
   tc_frame *frame; /* width, height set; buffers allocated; stats.samples and .rays to be filled */
 } tc_job;
 

@@ -46,13 +46,40 @@ static void fit_camera(tc_camera *camera, const tc_volume *volume) {
   camera->height_mm = 2 * radius;
 }
 
-static const char *preset_for(const tc_volume *volume) {
+/* Values in Hounsfield units; a CT that was never rescaled has no use for them. */
+static bool is_hounsfield(const tc_volume *volume) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_volume_stats *s = tc_volume_statistics(volume);
+  return (!strcmp(d->modality, "CT") || !strcmp(d->unit, "HU") || s->min < -500) && s->min < -100 && s->max > 300;
+}
+
+#define BONE_HU 300
+
+/* Bone in a CT; else what parts the histogram best: the largest variance between the two sides (Otsu, A threshold selection
+ * method from gray-level histograms, IEEE Trans. SMC 9(1), 1979). */
+static double surface_value(const tc_volume *volume) {
+  enum { BINS = 256 };
+  uint64_t counts[BINS];
+  double edges[BINS + 1], all = 0, total = 0, below = 0, sum = 0, most = -1;
+  int best = BINS / 2;
+  if (is_hounsfield(volume)) return BONE_HU;
+  tc_volume_histogram(volume, BINS, counts, edges);
+  for (int i = 0; i < BINS; i++) all += (double)counts[i], total += (double)counts[i] * i;
+  for (int i = 1; i < BINS; i++) {
+    below += (double)counts[i - 1];
+    sum += (double)counts[i - 1] * (i - 1);
+    if (!(below > 0 && below < all)) continue;
+    double apart = sum / below - (total - sum) / (all - below), variance = below * (all - below) * apart * apart;
+    if (variance > most) most = variance, best = i;
+  }
+  return edges[best];
+}
+
+static const char *preset_for(const tc_volume *volume) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
   if (!strcmp(d->modality, "XA")) return "vessels";
   if (!strcmp(d->format, "demo") && !strcmp(d->modality, "CT")) return "ct-head";
-  bool hounsfield = s->min < -100 && s->max > 300; /* a CT that was never rescaled has no use for Hounsfield values */
-  if ((!strcmp(d->modality, "CT") || !strcmp(d->unit, "HU") || s->min < -500) && hounsfield) return "ct-bone";
+  if (is_hounsfield(volume)) return "ct-bone";
   if (!strcmp(d->modality, "MR")) return "mr-default";
   return "surface";
 }
@@ -71,7 +98,7 @@ void tc_scene_fit(tc_scene *scene, const tc_volume *volume) {
     scene->window.center = 0.5 * (lo + hi);
     scene->window.width = hi - lo;
   }
-  scene->isosurface.value = 0.5 * (lo + hi);
+  scene->isosurface.value = surface_value(volume);
   memcpy(scene->mpr.center, scene->camera.target, sizeof scene->mpr.center);
   if (!tc_transfer_function_set_preset(&scene->transfer_function, preset_for(volume), s->min, s->max))
     tc_transfer_function_set_preset(&scene->transfer_function, "grey-ramp", s->min, s->max);

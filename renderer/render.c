@@ -73,10 +73,11 @@ const tc_renderer_info *tc_renderer_about(const tc_renderer *renderer) { return 
 void tc_frame_finish(tc_frame *frame) {
   free(frame->rgba);
   free(frame->linear);
+  free(frame->depth);
   *frame = (tc_frame){0};
 }
 
-static bool reserve(tc_frame *f, int width, int height, bool want_linear, GError **error) {
+static bool reserve(tc_frame *f, int width, int height, bool want_linear, bool want_depth, GError **error) {
   size_t pixels = (size_t)width * (size_t)height;
   if (f->capacity < pixels) {
     free(f->rgba);
@@ -88,7 +89,12 @@ static bool reserve(tc_frame *f, int width, int height, bool want_linear, GError
     f->linear = malloc(pixels * 4 * sizeof(float));
     f->linear_capacity = f->linear ? pixels : 0;
   }
-  if (!f->rgba || (want_linear && !f->linear)) {
+  if (want_depth && f->depth_capacity < pixels) {
+    free(f->depth);
+    f->depth = malloc(pixels * sizeof(float));
+    f->depth_capacity = f->depth ? pixels : 0;
+  }
+  if (!f->rgba || (want_linear && !f->linear) || (want_depth && !f->depth)) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "frame of %dx%d pixels: out of memory", width, height);
     return false;
   }
@@ -109,6 +115,7 @@ typedef struct frame_resources {
   const tc_labels *labels;
   double labels_ms; /* what building them took in this frame */
   tc_grey grey; /* of a projection */
+  tc_surface surface; /* of an isosurface */
 } frame_resources;
 
 /* Under this share of empty blocks the leaping loop costs more than it saves. */
@@ -138,9 +145,24 @@ static bool gather_projection(tc_renderer *r, const tc_volume *volume, const tc_
   return have->bounds != NULL;
 }
 
+static bool gather_surface(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, tc_plan *plan,
+                           frame_resources *have, tc_frame_stats *stats, GError **error) {
+  have->surface = tc_surface_make(volume, scene);
+  if (!plan->key.skipping) return true;
+  have->support = tc_resources_surface(r->resources, have->surface.below, have->surface.above, error);
+  if (!have->support) return false;
+  have->minmax = tc_resources_minmax(r->resources, volume, tc_skip_block(scene->skipping.block), &stats->skip_ms, error);
+  if (have->minmax)
+    have->leap = tc_resources_leap(r->resources, volume, have->minmax, have->support, &stats->skip_ms, error);
+  if (!have->leap) return false;
+  leaping_pays(have, plan);
+  return true;
+}
+
 static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
                    tc_plan *plan, frame_resources *have, tc_frame_stats *stats, GError **error) {
   if (tc_is_projection(scene->mode)) return gather_projection(r, volume, scene, plan, have, stats, error);
+  if (scene->mode == TC_MODE_ISOSURFACE) return gather_surface(r, volume, scene, plan, have, stats, error);
   if (!plan->stages[TC_STAGE_TABLE_2D].included) return true; /* a slice: and nothing leaps without a table */
   tc_table_params params = tc_table_params_for(volume, scene, request, plan->step_mm);
   plan->table_size = params.n;
@@ -191,7 +213,7 @@ static void finish_plan(tc_renderer *r, tc_plan *plan, const frame_resources *ha
                  (have->bounds ? have->bounds->build_ms : 0);
 }
 
-static void find_projection(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, const tc_plan *plan,
+static void find_projection(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, tc_plan *plan,
                             frame_resources *have) {
   have->grey = tc_grey_make(volume, scene);
   if (!plan->key.skipping) return;
@@ -214,6 +236,17 @@ static void find(tc_renderer *r, const tc_volume *volume, const tc_scene *scene,
   leaping_pays(have, plan);
 }
 
+static void find_surface(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, tc_plan *plan,
+                         frame_resources *have) {
+  if (!plan->key.skipping) return;
+  int block = tc_skip_block(scene->skipping.block);
+  tc_surface surface = tc_surface_make(volume, scene);
+  have->minmax = tc_resources_find_minmax(r->resources, volume, block);
+  have->support = tc_resources_find_surface(r->resources, surface.below, surface.above);
+  if (have->support) have->leap = tc_resources_find_leap(r->resources, volume, block, have->support);
+  leaping_pays(have, plan);
+}
+
 bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_volume *labels, const tc_scene *scene,
                       tc_plan *plan, GError **error) {
   if (!tc_plan_make(volume, scene, scene->image.width, scene->image.height, plan, error) ||
@@ -221,8 +254,9 @@ bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_v
     return false;
   frame_resources have = {0};
   if (plan->key.labels) have.labels = tc_resources_find_labels(renderer->resources, labels, scene);
-  if (tc_is_projection(scene->mode)) {
-    find_projection(renderer, volume, scene, plan, &have);
+  bool projection = tc_is_projection(scene->mode);
+  if (projection || scene->mode == TC_MODE_ISOSURFACE) {
+    (projection ? find_projection : find_surface)(renderer, volume, scene, plan, &have);
     finish_plan(renderer, plan, &have, NULL);
     return true;
   }
@@ -256,7 +290,7 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   if (!check_table(request, error)) return false;
   if (!tc_plan_make(volume, scene, width, height, plan, error) ||
       !tc_labels_check(volume, request->labels, scene, error) ||
-      !reserve(frame, width, height, request->want_linear, error) ||
+      !reserve(frame, width, height, request->want_linear, request->want_depth, error) ||
       !gather(renderer, volume, scene, request, plan, &have, &frame->stats, error))
     return false;
   if (plan->key.labels) {
@@ -275,7 +309,12 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   tc_job job = {.plan = plan, .scene = scene, .volume = volume, .rays = &rays, .table = have.table, .leap = have.leap, .boxes = have.boxes,
                 .grey = tc_is_projection(scene->mode) ? &have.grey : NULL, .bounds = have.bounds,
                 .label_volume = have.labels ? request->labels : NULL, .labels = have.labels,
+                .surface = scene->mode == TC_MODE_ISOSURFACE ? &have.surface : NULL, .want_depth = request->want_depth,
                 .cancel = request->cancel, .want_linear = request->want_linear, .frame = frame};
+  if (job.surface && job.want_depth) {
+    plan->stages[TC_STAGE_DEPTH].included = true;
+    snprintf(plan->stages[TC_STAGE_DEPTH].reason, sizeof plan->stages->reason, "asked for with the frame");
+  }
   double start = tc_now_ms();
   if (!renderer->ops->render(renderer->instance, &job, error)) return false;
   frame->stats.render_ms = tc_now_ms() - start;

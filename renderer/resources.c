@@ -182,7 +182,30 @@ static bool same_support(const tc_table_params *a, const tc_table_params *b) {
 
 const tc_support *tc_resources_find_support(tc_resources *r, const tc_table_params *params) {
   for (int i = 0; i < r->count; i++)
-    if (r->items[i].kind == ITEM_SUPPORT && same_support(&r->items[i].params, params)) return used(r, &r->items[i]);
+    if (r->items[i].kind == ITEM_SUPPORT && r->items[i].tf && same_support(&r->items[i].params, params))
+      return used(r, &r->items[i]);
+  return NULL;
+}
+
+const tc_support *tc_resources_find_surface(tc_resources *r, double lo, double hi) {
+  for (int i = 0; i < r->count; i++) {
+    const tc_support *have = r->items[i].thing;
+    if (r->items[i].kind == ITEM_SUPPORT && !r->items[i].tf && have->lo == lo && have->hi == hi) return used(r, &r->items[i]);
+  }
+  return NULL;
+}
+
+const tc_support *tc_resources_surface(tc_resources *r, double lo, double hi, GError **error) {
+  const tc_support *found = tc_resources_find_surface(r, lo, hi);
+  if (found) return found;
+  tc_support *support = tc_support_surface(lo, hi, error);
+  item *it = support ? make_room(r, ITEM_SUPPORT, support->bytes) : NULL;
+  if (it) {
+    it->thing = support;
+    return support;
+  }
+  if (support) tc_set_error(error, TC_ERROR_MEMORY, NULL, "isosurface: out of memory");
+  tc_support_free(support);
   return NULL;
 }
 

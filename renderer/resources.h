@@ -23,6 +23,7 @@ tc_table_params tc_table_params_for(const tc_volume *volume, const tc_scene *sce
 /* Find or build; *ms grows by what building took. */
 const tc_table *tc_resources_table(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
 const tc_support *tc_resources_support(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
+const tc_support *tc_resources_surface(tc_resources *r, double lo, double hi, GError **error); /* tc_support_surface() */
 const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, int block, double *ms, GError **error);
 const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_support *support,
                                  double *ms, GError **error);
@@ -38,6 +39,7 @@ const tc_labels *tc_resources_labels(tc_resources *r, const tc_volume *labels, c
 /* Find only: NULL when it is not there now. */
 const tc_table *tc_resources_find_table(tc_resources *r, const tc_table_params *params);
 const tc_support *tc_resources_find_support(tc_resources *r, const tc_table_params *params);
+const tc_support *tc_resources_find_surface(tc_resources *r, double lo, double hi);
 const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int block);
 const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int block, const tc_support *support);
 const tc_boxes *tc_resources_find_boxes(tc_resources *r, const tc_volume *volume, int block, const tc_support *support);

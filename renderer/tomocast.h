@@ -53,8 +53,10 @@ typedef struct tc_frame {
   uint8_t *rgba;     /* [height][width][4], row 0 on top, sRGB; alpha straight (255 unless background is transparent) */
   float *linear;     /* [height][width][4], only when asked: premultiplied colour in the compositing space, and opacity,
                         before the background is put behind it; for measurements */
+  float *depth;      /* [height][width], only when asked and in mode isosurface: mm from the eye to the surface along the
+                        pixel's ray, infinite where it meets none; single precision */
   size_t capacity;   /* pixels allocated in rgba */
-  size_t linear_capacity;
+  size_t linear_capacity, depth_capacity;
   tc_frame_stats stats;
 } tc_frame;
 
@@ -65,6 +67,7 @@ void tc_frame_finish(tc_frame *frame); /* frees the buffers; a zeroed frame is f
 typedef struct tc_render_request {
   int width, height;          /* 0 = the scene's own; smaller while a user drags (the camera's view stays the same) */
   bool want_linear;           /* fill frame->linear too */
+  bool want_depth;            /* and frame->depth, in mode isosurface; the gl back end refuses (TC_ERROR_UNSUPPORTED) */
   const atomic_bool *cancel;  /* set to true from any thread: tc_render() returns TC_ERROR_CANCELLED soon; may be NULL */
   const tc_volume *labels;    /* what scene.labels.volume names, borrowed until tc_render() returns; NULL where it names none.
                                  Which volume an id means is the caller's; it is tc_labels_check()ed here */

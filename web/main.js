@@ -225,7 +225,13 @@ function takeToken() {
 
 function chooseMode(mode) {
   notices.line('');
-  store.patch({ mode });
+  const surface = mode === 'isosurface';
+  store.patch({
+    mode,
+    ...(surface && store.scene.shading?.model === 'none' && { shading: { model: 'blinn-phong' } }), // unlit it is an outline
+    ...(surface && store.scene.filter !== 'linear' && { filter: 'linear' }),
+    ...(surface && store.scene.sampling?.raysPerPixel > 1 && { sampling: { raysPerPixel: 1 } }),
+  });
 }
 
 /* --- view --------------------------------------------------------------------------------------- */

@@ -10,6 +10,7 @@
 #include "renderer/quality/meter.h"
 #include "renderer/raycast/grey.h"
 #include "renderer/raycast/rays.h"
+#include "renderer/raycast/surface.h"
 #include "renderer/skip/skip.h"
 
 /* A ray takes at most this many samples: more is a mistake in the scene, and float positions end there. */
@@ -226,13 +227,15 @@ static bool check_compositing_built(const tc_scene *s, GError **error) {
 
 static bool check_built(const tc_scene *s, GError **error) {
   if ((unsigned)s->mode >= TC_MODE_COUNT) return invalid(error, "/mode", "unknown");
-  bool projection = tc_is_projection(s->mode), slice = s->mode == TC_MODE_MPR;
-  if (s->mode != TC_MODE_DVR && !projection && !slice) return unsupported(error, "/mode", modes[s->mode]);
+  bool projection = tc_is_projection(s->mode), slice = s->mode == TC_MODE_MPR, surface = s->mode == TC_MODE_ISOSURFACE;
+  if (s->mode != TC_MODE_DVR && !projection && !slice && !surface) return unsupported(error, "/mode", modes[s->mode]);
   if (s->mode == TC_MODE_DVR && !check_compositing_built(s, error)) return false;
+  if (surface && s->filter != TC_FILTER_LINEAR) return unsupported(error, "/filter", "any filter of isosurfaces but linear");
   if (s->filter != TC_FILTER_LINEAR && s->filter != TC_FILTER_NEAREST)
     return unsupported(error, "/filter", "any filter but linear and nearest");
-  if (slice && s->sampling.rays_per_pixel != 1)
-    return unsupported(error, "/sampling/raysPerPixel", "more than one ray for a pixel of a slice");
+  if ((slice || surface) && s->sampling.rays_per_pixel != 1)
+    return unsupported(error, "/sampling/raysPerPixel",
+                       slice ? "more than one ray for a pixel of a slice" : "more than one ray for a pixel of an isosurface");
   return true;
 }
 
@@ -404,6 +407,43 @@ static void plan_slice_stages(tc_plan *plan, const tc_scene *s) {
         s->image.quality);
 }
 
+static bool check_surface(const tc_scene *s, GError **error) {
+  if (!isfinite(s->isosurface.value)) return invalid(error, "/isosurface/value", "a finite number wanted");
+  for (int c = 0; c < 3; c++)
+    if (!(s->isosurface.color[c] >= 0 && s->isosurface.color[c] <= 1))
+      return invalid(error, "/isosurface/color", "three numbers from 0 to 1 wanted");
+  return true;
+}
+
+static void plan_surface_stages(tc_plan *plan, const tc_volume *volume, const tc_scene *s) {
+  static const struct { tc_stage stage; const char *reason; } out[] = {
+      {TC_STAGE_TABLE_1D, "an isosurface reads its value, not a transfer function"},
+      {TC_STAGE_TABLE_2D, "an isosurface reads its value, not a transfer function"},
+      {TC_STAGE_TERMINATION, "rays end where they hit"}};
+  for (size_t i = 0; i < sizeof out / sizeof *out; i++) stage(plan, out[i].stage, false, "%s", out[i].reason);
+  const tc_volume_stats *range = tc_volume_statistics(volume);
+  if (!tc_surface_exists(volume, s))
+    stage(plan, TC_STAGE_GRADIENT, false, "empty picture: isosurface.value %.6g is not between the volume's %.6g and %.6g",
+          s->isosurface.value, range->min, range->max);
+  else if (plan->key.shading)
+    stage(plan, TC_STAGE_GRADIENT, true, "from eight samples around the hit, once a ray");
+  stage(plan, TC_STAGE_SKIPPING, plan->key.skipping,
+        plan->key.skipping ? "blocks whose values are all on one side of %.6g are left out" : "skipping.mode is off",
+        s->isosurface.value);
+}
+
+static bool plan_surface(const tc_volume *volume, const tc_scene *scene, tc_plan *plan, GError **error) {
+  if (!check_surface(scene, error) || !check_clipping(scene, error) || !check_shading(scene, error)) return false;
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  plan->key.shading = tc_surface_exists(volume, scene) ? (uint8_t)scene->shading.model : TC_SHADING_NONE;
+  plan->key.skipping = scene->skipping.mode == TC_SKIPPING_AUTO;
+  plan_stages(plan, scene);
+  plan_surface_stages(plan, volume, scene);
+  snprintf(plan->kernel, sizeof plan->kernel, "isosurface.linear%s.%s", plan->key.shading ? ".shaded" : "",
+           tc_voxel_type_name(d->type));
+  return true;
+}
+
 static bool plan_slice(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_plan *plan,
                        GError **error) {
   static const char *const slabs[] = {
@@ -430,8 +470,10 @@ bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int
   memset(plan, 0, sizeof *plan);
   if (!check_built(scene, error) || !check_image(width, height, error) || !check_labels(scene, error)) return false;
   if (scene->mode == TC_MODE_MPR) return plan_slice(volume, scene, width, height, plan, error);
-  if (!check_camera(&scene->camera, error) || !check_look(scene, error) || !check_sampling(volume, scene, error) ||
-      !check_clipping(scene, error) || !check_shading(scene, error))
+  bool surface = scene->mode == TC_MODE_ISOSURFACE;
+  if (!check_camera(&scene->camera, error)) return false;
+  if (!surface && (!check_look(scene, error) || !check_sampling(volume, scene, error) || !check_clipping(scene, error) ||
+                   !check_shading(scene, error)))
     return false;
   const tc_volume_desc *d = tc_volume_describe(volume);
   plan->key = (tc_plan_key){.mode = (uint8_t)scene->mode,
@@ -442,14 +484,15 @@ bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int
                             .jitter = scene->sampling.jitter && scene->mode == TC_MODE_DVR,
                             .clipping = scene->clip.has_box || scene->clip.n_planes > 0,
                             .labels = scene->labels.volume[0] && tc_mode_has_labels(scene->mode)};
-  if (!tc_is_projection(scene->mode))
+  if (scene->mode == TC_MODE_DVR)
     plan_compositing(plan, volume, scene);
-  else
+  else if (!surface)
     plan->key.skipping = scene->skipping.mode == TC_SKIPPING_AUTO && scene->mode != TC_MODE_AVERAGE;
   plan->width = width;
   plan->height = height;
   plan->step_mm = tc_rays_step_mm(volume, scene);
   plan_coherence(plan, volume, scene);
+  if (surface) return plan_surface(volume, scene, plan, error);
   plan_stages(plan, scene);
   snprintf(plan->kernel, sizeof plan->kernel, "%s%s.%s%s%s%s%s.%s", modes[scene->mode],
            scene->mode == TC_MODE_DVR ? ".preintegrated" : "", filters[scene->filter], plan->key.shading ? ".shaded" : "",

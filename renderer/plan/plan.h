@@ -3,7 +3,10 @@
  * Plain values computed from scene + volume. Stages are listed with a reason whether in or out.
  *
  * The projections (mip, minip, average) see the field through the window alone: transferFunction, classification, order,
- * shading and sampling.termination have no meaning for them; they are neither read nor refused, and are 0 in the key. */
+ * shading and sampling.termination have no meaning for them; they are neither read nor refused, and are 0 in the key.
+ *
+ * An isosurface (raycast/surface.h) reads isosurface and shading: it has no transfer function, no window and no steps. A value that
+ * no place of the volume has is an empty picture, and the gradient stage says so. */
 #ifndef TC_RENDERER_PLAN_H
 #define TC_RENDERER_PLAN_H
 

@@ -34,7 +34,11 @@ static double rung_step(int rung) { return exp2((double)rung / RUNGS_PER_OCTAVE)
 static int rung_below(double step) { return (int)floor(log2(step) * RUNGS_PER_OCTAVE + 1e-6); }
 static int clamp_rung(int rung) { return rung < LEAST_RUNG ? LEAST_RUNG : rung > MOST_RUNG ? MOST_RUNG : rung; }
 
-bool tc_quality_refuses(const tc_scene *scene, char *reason, size_t size) { return tc_meter_refuses(scene, reason, size); }
+bool tc_quality_refuses(const tc_scene *scene, char *reason, size_t size) {
+  if (scene->mode != TC_MODE_ISOSURFACE) return tc_meter_refuses(scene, reason, size);
+  snprintf(reason, size, "an isosurface has no steps to choose");
+  return true;
+}
 
 /* ---- cameras ---- */
 

@@ -1,4 +1,4 @@
-/* Shading of direct volume rendering: what a point's gradient does to its colour. The same for every back end.
+/* Shading of direct volume rendering and of isosurfaces: what a point's gradient does to its colour. The same for every back end.
  *
  * At each point of a ray the transfer function's colour L (compositing space) becomes, per channel c,
  *   shade(L) = min(1, L * (1 + w (F0 + F1 q - 1)) + w (specular * s + G0[c] + G1[c] q))
@@ -29,6 +29,7 @@
 
 #define TC_SHADE_FLAT 0.005 /* of the value range per least spacing: below it nothing is shaded */
 #define TC_SHADE_STEEP 0.02 /* above it shading is full */
+#define TC_SHADE_FAINT 1e6  /* of an isosurface: shading is full from this part of it on, and begins at 0 */
 
 typedef struct tc_shade {
   double gradient[9];  /* rows give LPS x, y, z: from the sum of two samples' gradients (voxel units per index step) to

@@ -5,7 +5,7 @@
 
 #include "renderer/reference/internal.h"
 
-static double voxel(const tc_ref_field *field, const size_t at[3]) {
+double tc_ref_voxel(const tc_ref_field *field, const size_t at[3]) {
   const tc_volume_desc *desc = field->desc;
   size_t i = (at[2] * (size_t)desc->dims[1] + at[1]) * (size_t)desc->dims[0] + at[0];
   double v = 0;
@@ -105,7 +105,8 @@ bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell) {
   cell->hi = -INFINITY;
   for (int zy = 0; zy < 4; zy++) {
     size_t y = zy & 1 ? high[1] : low[1], z = zy & 2 ? high[2] : low[2];
-    double a = voxel(walk->field, (size_t[3]){low[0], y, z}), b = voxel(walk->field, (size_t[3]){high[0], y, z});
+    double a = tc_ref_voxel(walk->field, (size_t[3]){low[0], y, z});
+    double b = tc_ref_voxel(walk->field, (size_t[3]){high[0], y, z});
     cell->lo = fmin(cell->lo, fmin(a, b));
     cell->hi = fmax(cell->hi, fmax(a, b));
     cell->corner[2 * zy] = a;

@@ -42,6 +42,8 @@ typedef struct tc_ref_field {
   const void *voxels;
 } tc_ref_field;
 
+double tc_ref_voxel(const tc_ref_field *field, const size_t at[3]); /* volume's unit */
+
 typedef struct tc_ref_walk {
   const tc_ref_field *field;
   const tc_ref_ray *ray;
@@ -144,6 +146,7 @@ void tc_ref_span_above(const tc_ref_transfer *transfer, double value, tc_ref_spa
 /* Is extinction 0 all over [lo, hi]? May say no where it is. */
 bool tc_ref_transfer_empty(const tc_ref_transfer *transfer, double lo, double hi);
 double tc_ref_span_extinction(const tc_ref_span *span, double fraction);
+double tc_ref_to_linear(double srgb);
 void tc_ref_span_color(const tc_ref_span *span, double fraction, double rgb[3]);
 
 /* projection.c: what a ray met, by the field alone, and the window that makes it grey (compositing space). */
@@ -174,6 +177,16 @@ typedef struct tc_ref_shading {
 void tc_ref_shading_set_up(tc_ref_shading *shading, const tc_volume *volume, const tc_scene *scene);
 /* Replaces the transfer function's colour by the shaded one at u of the cell. */
 void tc_ref_shade(const tc_ref_shading *shading, const tc_ref_cell *cell, double u, double rgb[3]);
+
+/* The same with a surface's gradient over index coordinates: shaded in full however faint. *normal: unit, LPS, on the eye's side; 0
+ * where the field is flat. */
+void tc_ref_shade_surface(const tc_ref_shading *shading, const double gradient[3], double normal[3], double rgb[3]);
+
+/* surface.c: where the field along the ray is first on the other side of the value than at its entry (inside: >= value). False
+ * when it never is. */
+bool tc_ref_surface_hit(const tc_ref_field *field, const tc_ref_ray *ray, double value, double *t);
+/* Over index coordinates, from the corners of the cube of two voxels around a place, held within the volume. */
+void tc_ref_surface_gradient(const tc_ref_field *field, const double at[3], double gradient[3]);
 
 /* quadrature.c: adds one piece behind what was met so far. */
 typedef struct tc_ref_light {

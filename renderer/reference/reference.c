@@ -16,12 +16,13 @@ struct tc_reference {
   tc_ref_clip clip;
   tc_ref_field field;
   tc_ref_transfer transfer; /* dvr */
-  tc_ref_shading shading;   /* dvr */
+  tc_ref_shading shading;   /* dvr, isosurface */
   tc_mode mode;
   tc_ref_window window; /* projections */
   tc_volume *label_volume; /* or NULL */
   tc_scene scene;          /* labels' own copy; zeros without */
   tc_ref_labels labels;
+  double iso, color[3]; /* isosurface: value, colour in the compositing space */
   double tolerance;
 };
 
@@ -30,15 +31,29 @@ static bool is_projection(tc_mode mode) {
 }
 
 const char *tc_reference_missing(const tc_scene *scene) {
-  if (scene->mode != TC_MODE_DVR && !is_projection(scene->mode)) return "/mode";
-  if (scene->filter == TC_FILTER_CUBIC) return "/filter";
+  bool surface = scene->mode == TC_MODE_ISOSURFACE;
+  if (scene->mode != TC_MODE_DVR && !surface && !is_projection(scene->mode)) return "/mode";
+  if (scene->filter == TC_FILTER_CUBIC || (surface && scene->filter != TC_FILTER_LINEAR)) return "/filter";
   if (scene->labels.volume[0] && scene->mode == TC_MODE_DVR) return "/labels/volume";
   return NULL;
 }
 
-/* The transfer function, or the window: what the mode reads. */
+static bool set_up_surface(tc_reference *r, const tc_scene *scene, GError **error) {
+  r->iso = scene->isosurface.value;
+  for (int c = 0; c < 3; c++) {
+    double srgb = scene->isosurface.color[c];
+    r->color[c] = scene->image.linear_light ? tc_ref_to_linear(srgb) : srgb;
+  }
+  tc_ref_shading_set_up(&r->shading, r->volume, scene);
+  if (isfinite(r->iso)) return true;
+  tc_set_error(error, TC_ERROR_INVALID, "/isosurface/value", "reference: isosurface: a finite value wanted");
+  return false;
+}
+
+/* The transfer function, the window or the value: what the mode reads. */
 static bool set_up_look(tc_reference *r, const tc_scene *scene, GError **error) {
   r->mode = scene->mode;
+  if (scene->mode == TC_MODE_ISOSURFACE) return set_up_surface(r, scene, error);
   if (!is_projection(scene->mode)) {
     if (tc_ref_transfer_set_up(&r->transfer, &scene->transfer_function, scene->image.linear_light)) return true;
     tc_set_error(error, TC_ERROR_INVALID, "/transferFunction",
@@ -62,7 +77,8 @@ tc_reference *tc_reference_new_labelled(tc_volume *volume, tc_volume *labels, co
   const char *member = tc_reference_missing(scene);
   if (member && !(labels && !strcmp(member, "/labels/volume"))) {
     tc_set_error(error, TC_ERROR_UNSUPPORTED, member,
-                 "reference: %s: only dvr, mip, minip and average of the linear or nearest field, plain, are integrated", member);
+                 "reference: %s: only dvr, mip, minip and average of the linear or nearest field and isosurfaces of the linear "
+                 "one, plain, are integrated", member);
     return NULL;
   }
   if (width < 1 || height < 1 || !(tolerance == 0 || (tolerance >= 1e-14 && tolerance <= 0.1))) {
@@ -145,7 +161,35 @@ static void project(const tc_reference *r, const tc_ref_ray *ray, double rgba[4]
   rgba[3] = 1;
 }
 
+static bool hit_surface(const tc_reference *r, const tc_ref_ray *ray, tc_reference_hit *hit) {
+  double t, at[3], gradient[3];
+  if (!tc_ref_surface_hit(&r->field, ray, r->iso, &t)) return false;
+  tc_ref_shading shading = r->shading;
+  memcpy(shading.view, ray->lps_direction, sizeof shading.view);
+  for (int k = 0; k < 3; k++) {
+    at[k] = ray->origin[k] + t * ray->direction[k];
+    hit->position[k] = ray->lps[k] + t * ray->lps_direction[k];
+  }
+  hit->distance_mm = t - ray->eye;
+  memcpy(hit->color, r->color, sizeof hit->color);
+  tc_ref_surface_gradient(&r->field, at, gradient);
+  tc_ref_shade_surface(&shading, gradient, hit->normal, hit->color);
+  return true;
+}
+
+bool tc_reference_surface(const tc_reference *r, double px, double py, tc_reference_hit *hit) {
+  tc_ref_ray ray;
+  return r->mode == TC_MODE_ISOSURFACE && tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, &ray) &&
+         hit_surface(r, &ray, hit);
+}
+
 void tc_reference_pixel(const tc_reference *r, double px, double py, double rgba[4]) {
+  if (r->mode == TC_MODE_ISOSURFACE) {
+    tc_reference_hit hit = {.color = {0}};
+    rgba[3] = tc_reference_surface(r, px, py, &hit);
+    memcpy(rgba, hit.color, sizeof hit.color);
+    return;
+  }
   tc_ref_light light = {.transparency = 1};
   tc_ref_ray ray;
   bool met = tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, &ray);
@@ -197,11 +241,43 @@ static tc_reference_sample describe_piece(const tc_reference *r, const tc_ref_ra
   return s;
 }
 
+/* The pieces up to the hit, which look like nothing, and the hit. */
+static void list_surface(const tc_reference *r, const tc_ref_ray *ray, GArray *list) {
+  tc_reference_hit hit;
+  bool met = hit_surface(r, ray, &hit);
+  tc_ref_walk walk;
+  tc_ref_cell cell;
+  tc_ref_walk_start(&walk, &r->field, ray);
+  while (tc_ref_walk_next(&walk, &cell)) {
+    tc_ref_cutter cutter;
+    tc_ref_piece piece;
+    tc_ref_cutter_start(&cutter, &cell, &r->iso, 1);
+    while (tc_ref_cutter_next(&cutter, &piece)) {
+      tc_reference_sample s = {.distance_mm = cell.from + piece.from * cell.length - ray->eye,
+                               .length_mm = piece.width * cell.length,
+                               .value = piece.front,
+                               .value_back = piece.back,
+                               .transparency = 1};
+      for (int k = 0; k < 3; k++) s.position[k] = ray->lps[k] + (s.distance_mm + ray->eye) * ray->lps_direction[k];
+      if (met && s.distance_mm >= hit.distance_mm) {
+        s.length_mm = 0;
+        s.value_back = s.value;
+        memcpy(s.color, hit.color, sizeof s.color);
+      }
+      g_array_append_val(list, s);
+      if (met && s.distance_mm >= hit.distance_mm) return;
+    }
+  }
+}
+
 void tc_reference_ray(const tc_reference *r, double px, double py, tc_reference_sample **samples, size_t *count) {
   GArray *list = g_array_new(FALSE, FALSE, sizeof(tc_reference_sample));
   tc_ref_light light = {.transparency = 1};
   tc_ref_ray ray;
-  if (tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, &ray)) {
+  bool met = tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, &ray);
+  if (met && r->mode == TC_MODE_ISOSURFACE) {
+    list_surface(r, &ray, list);
+  } else if (met) {
     tc_ref_walk walk;
     tc_ref_cell cell;
     tc_ref_shading own;

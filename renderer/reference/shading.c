@@ -36,6 +36,11 @@ void tc_ref_shading_set_up(tc_ref_shading *shading, const tc_volume *volume, con
   for (int k = 0; k < 3; k++) shading->light[k] = scene->shading.light[k] / length;
 }
 
+/* From index coordinates to LPS: a gradient is covariant. */
+static void to_lps(const tc_ref_shading *s, const double g[3], double gradient[3]) {
+  for (int r = 0; r < 3; r++) gradient[r] = g[0] * s->dual[0][r] + g[1] * s->dual[1][r] + g[2] * s->dual[2][r];
+}
+
 /* d value / d LPS at u of the cell: the trilinear form, differentiated. */
 static void gradient_at(const tc_ref_shading *s, const tc_ref_cell *cell, double u, double gradient[3]) {
   double x[3], g[3] = {0, 0, 0};
@@ -46,7 +51,7 @@ static void gradient_at(const tc_ref_shading *s, const tc_ref_cell *cell, double
       double weight = (corner >> a & 1 ? x[a] : 1 - x[a]) * (corner >> b & 1 ? x[b] : 1 - x[b]);
       g[k] += (corner >> k & 1 ? weight : -weight) * cell->corner[corner];
     }
-  for (int r = 0; r < 3; r++) gradient[r] = g[0] * s->dual[0][r] + g[1] * s->dual[1][r] + g[2] * s->dual[2][r];
+  to_lps(s, g, gradient);
 }
 
 static double smooth_step(double from, double to, double x) {
@@ -69,14 +74,25 @@ static void reflect(const tc_ref_shading *s, const double n[3], const double eye
   }
 }
 
-void tc_ref_shade(const tc_ref_shading *s, const tc_ref_cell *cell, double u, double rgb[3]) {
-  double n[3], eye[3], lit[3];
-  gradient_at(s, cell, u, n);
-  double size = sqrt(dot(n, n)), weight = smooth_step(FLAT, STEEP, size * s->per_range);
-  if (!(weight > 0)) return;
+/* n: a gradient that is not 0; becomes the unit normal on the eye's side. */
+static void shade(const tc_ref_shading *s, double n[3], double weight, double rgb[3]) {
+  double eye[3], lit[3], size = sqrt(dot(n, n));
   for (int k = 0; k < 3; k++) eye[k] = -s->view[k];
   double side = dot(n, eye) < 0 ? -size : size;
   for (int k = 0; k < 3; k++) n[k] /= side;
+  if (s->model == TC_SHADING_NONE) return;
   reflect(s, n, eye, s->head_light ? eye : s->light, rgb, lit);
   for (int c = 0; c < 3; c++) rgb[c] = fmin((1 - weight) * rgb[c] + weight * lit[c], 1);
+}
+
+void tc_ref_shade(const tc_ref_shading *s, const tc_ref_cell *cell, double u, double rgb[3]) {
+  double n[3];
+  gradient_at(s, cell, u, n);
+  double weight = smooth_step(FLAT, STEEP, sqrt(dot(n, n)) * s->per_range);
+  if (weight > 0) shade(s, n, weight, rgb);
+}
+
+void tc_ref_shade_surface(const tc_ref_shading *s, const double gradient[3], double normal[3], double rgb[3]) {
+  to_lps(s, gradient, normal);
+  if (dot(normal, normal) > 0) shade(s, normal, 1, rgb);
 }

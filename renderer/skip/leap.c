@@ -25,6 +25,7 @@ bool tc_skip_possible(const tc_transfer_function *tf, double value_min, double v
 /* A bilinear lookup at nodes (a, b) reads entries that span nodes floor(min) to floor(max) + 2 (classify.h), and no other
  * classification reads more; a node more on each side covers the rounding of the kernels' single precision. */
 static bool is_empty(const tc_support *s, double scale, double lo, double hi) {
+  if (!s->used) return hi < s->lo || lo > s->hi;
   int first = (int)floor((lo - s->lo) * scale) - 1, last = (int)floor((hi - s->lo) * scale) + 3;
   if (first < 0) first = 0;
   if (last > s->n + 2) last = s->n + 2;
@@ -96,7 +97,7 @@ tc_leap *tc_leap_build(const tc_minmax *m, const tc_support *support, GError **e
   }
   *leap = (tc_leap){.block = m->block, .blocks = {m->blocks[0], m->blocks[1], m->blocks[2]}, .distance = distance,
                     .empty_share = (double)empty / (double)count, .support = support->serial, .bytes = count + 8};
-  tc_support_zones(support, &leap->zero_below, &leap->zero_above);
+  if (support->used) tc_support_zones(support, &leap->zero_below, &leap->zero_above);
   leap->build_ms = tc_now_ms() - start;
   return leap;
 }

@@ -41,7 +41,8 @@ double tc_minmax_value(const tc_minmax *minmax, size_t i); /* pairs[i] */
 typedef struct tc_support {
   int n;          /* nodes, as the table's */
   double lo, hi;  /* voxel values of nodes 0 and n-1 */
-  uint32_t *used; /* [n + 4]: how many of the node intervals before node j hold something, within or at an end */
+  uint32_t *used; /* [n + 4]: how many of the node intervals before node j hold something, within or at an end; NULL for a
+                     surface: what shows lies between lo and hi */
   uint64_t serial; /* unique in the process */
   size_t bytes;
   double build_ms;
@@ -49,6 +50,8 @@ typedef struct tc_support {
 
 /* For the nodes of a table with these parameters; its step and its colours are not read. */
 tc_support *tc_support_build(const tc_table_params *params, GError **error);
+/* Of an isosurface: blocks with all voxels below lo, or all above hi, are empty (raycast/surface.h). */
+tc_support *tc_support_surface(double lo, double hi, GError **error);
 void tc_support_free(tc_support *support); /* NULL is fine */
 
 /* A lookup between two nodes that are both below *below, or both above *above, is exactly zero. */

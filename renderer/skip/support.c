@@ -4,8 +4,21 @@
 #include "renderer/clock.h"
 #include "renderer/skip/skip.h"
 
-tc_support *tc_support_build(const tc_table_params *p, GError **error) {
+static uint64_t take_serial(void) {
   static atomic_uint_fast64_t next_serial = 1;
+  return atomic_fetch_add(&next_serial, 1);
+}
+
+tc_support *tc_support_surface(double lo, double hi, GError **error) {
+  tc_support *s = calloc(1, sizeof *s);
+  if (s)
+    *s = (tc_support){.lo = lo, .hi = hi, .serial = take_serial(), .bytes = sizeof *s};
+  else
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "isosurface: out of memory");
+  return s;
+}
+
+tc_support *tc_support_build(const tc_table_params *p, GError **error) {
   double start = tc_now_ms();
   tc_support *s = calloc(1, sizeof *s);
   uint32_t *used = calloc((size_t)p->n + 4, sizeof *used);
@@ -26,7 +39,7 @@ tc_support *tc_support_build(const tc_table_params *p, GError **error) {
   }
   for (int j = p->n + 1; j < p->n + 4; j++) used[j] = used[p->n];
   *s = (tc_support){.n = p->n, .lo = p->voxel_lo, .hi = p->voxel_hi, .used = used,
-                    .serial = atomic_fetch_add(&next_serial, 1), .bytes = ((size_t)p->n + 4) * sizeof *used};
+                    .serial = take_serial(), .bytes = ((size_t)p->n + 4) * sizeof *used};
   s->build_ms = tc_now_ms() - start;
   return s;
 }

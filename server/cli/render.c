@@ -188,8 +188,9 @@ static bool choose_sampling(job *j, GError **error) {
     return true;
   }
   s->quality.max_error = s->quality.max_ms = 0;
-  if (bound > 0) fprintf(stderr, "tomocast render: quality: %s; the scene's own sampling is taken\n", reason);
-  if (!(budget > 0)) return true;
+  bool stepless = s->mode == TC_MODE_ISOSURFACE && budget > 0 && tc_quality_refuses(s, reason, sizeof reason);
+  if (bound > 0 || stepless) fprintf(stderr, "tomocast render: quality: %s; the scene's own sampling is taken\n", reason);
+  if (!(budget > 0) || stepless) return true;
   tc_quality_cost cost = {0};
   const tc_render_request small = {.width = MAX(1, s->image.width / 2), .height = MAX(1, s->image.height / 2), .labels = j->labels};
   for (s->sampling.step = 4; s->sampling.step >= 1; s->sampling.step /= 4) {

@@ -27,6 +27,7 @@ static bool lay(layer *l, cJSON *patch, const char *where, GError **error) {
   const tc_volume_stats *stats = tc_volume_statistics(l->volume);
   const tcp_scene_context context = {stats->min, stats->max};
   if (patch && l->from->format) force_format(l->from->format, patch);
+  if (patch) tcp_scene_light(l->scene, patch);
   bool good = patch && tcp_scene_patch(l->scene, patch, &l->defaults, &context, error);
   if (!good) g_prefix_error(error, "%s: ", where);
   cJSON_Delete(patch);

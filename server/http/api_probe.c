@@ -1,4 +1,6 @@
 /* Questions about one pixel: the verbose ray and the pick. Both ask the reference integrator, off the render thread. */
+#include <string.h>
+
 #include "renderer/reference/reference.h"
 
 #include "server/http/http.h"
@@ -95,6 +97,15 @@ static const tc_reference_sample *shown(tc_mode mode, tc_reference_sample *sampl
   return last;
 }
 
+/* The surface's first hit, as the piece that begins there. */
+static const tc_reference_sample *surface_of(const probe *p, const tc_reference *r, tc_reference_sample *at) {
+  tc_reference_hit hit;
+  if (!tc_reference_surface(r, p->x + 0.5, p->y + 0.5, &hit)) return NULL;
+  *at = (tc_reference_sample){.distance_mm = hit.distance_mm, .value = p->scene.isosurface.value};
+  memcpy(at->position, hit.position, sizeof at->position);
+  return at;
+}
+
 static void run_pick(tcs_task *task) {
   probe *p = (probe *)task;
   tc_reference_sample *samples = NULL;
@@ -103,7 +114,10 @@ static void run_pick(tcs_task *task) {
   if (!r) return;
   tc_mode mode = p->scene.mode;
   bool projection = mode == TC_MODE_MIP || mode == TC_MODE_MINIP || mode == TC_MODE_AVERAGE;
-  const tc_reference_sample *hit = projection ? shown(mode, samples, count) : first_visible(samples, count);
+  tc_reference_sample surface;
+  const tc_reference_sample *hit = projection                   ? shown(mode, samples, count)
+                                   : mode == TC_MODE_ISOSURFACE ? surface_of(p, r, &surface)
+                                                                : first_visible(samples, count);
   p->json = cJSON_CreateObject();
   if (hit) {
     cJSON_AddItemToObject(p->json, "position", cJSON_CreateDoubleArray(hit->position, 3));

@@ -93,6 +93,7 @@ static void choose_for_time(tcs_job *job, const tc_quality_cost *cost, bool movi
   tcs_quality_used *used = &job->quality;
   tc_scene *s = &job->scene;
   double pixels = (double)s->image.width * s->image.height, budget = used->asked;
+  if (s->mode == TC_MODE_ISOSURFACE && tc_quality_refuses(s, used->reason, sizeof used->reason)) return;
   if (moving) budget = MIN(budget, TCS_LADDER_TARGET_MS);
   s->sampling.step = tc_quality_cost_step(cost, pixels, budget * BUDGET_SHARE);
   used->expected = tc_quality_cost_ms(cost, pixels, s->sampling.step);

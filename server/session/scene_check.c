@@ -52,6 +52,7 @@ bool tcs_scene_make(tcs_server *server, const tc_volume *volume, const cJSON *pa
   tc_scene_init(&defaults);
   tc_scene_fit(&defaults, volume);
   tc_scene_copy(scene, &defaults);
+  tcp_scene_light(scene, patch);
   const bool ok = (!patch || apply(scene, &defaults, volume, patch, error)) &&
                   tcs_scene_check(server, volume, scene, &labels, error);
   if (!ok) tc_scene_clear(scene);

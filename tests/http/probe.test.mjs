@@ -69,3 +69,25 @@ test('pixels outside the picture and missing ones are refused', async () => {
     problem(await d.get(`/v1/sessions/00000000000000000000000000000000/${what}?x=1&y=1`), 404);
   }
 });
+
+test('a session in mode isosurface shows the surface, lit, and picks it', async () => {
+  const { links } = await d.session({ ...scene, mode: 'isosurface', isosurface: { value: 100, color: [0.2, 0.9, 0.4] } });
+  const { json: made } = await d.get(links.scene);
+  assert.equal(made.shading.model, 'blinn-phong'); // none only where it is asked for
+  const { json: pick } = await d.get(`${links.self}/pick?x=20&y=20`);
+  assert.ok(Math.abs(pick.position[1] - (51 - 24.8)) < 2 && pick.value === 100, JSON.stringify(pick));
+  const { json: ray } = await d.get(`${links.self}/ray?x=20&y=20`);
+  const hit = ray.samples.at(-1);
+  assert.ok(hit.length === 0 && Math.abs(hit.depth - pick.depth) < 1e-9 && ray.opacity === 1, JSON.stringify(hit));
+  assert.deepEqual(hit.color, ray.color);
+  assert.deepEqual((await d.get(`${links.self}/pick?x=0&y=0`)).json, { position: null, value: null, depth: null });
+  const { json: plan } = await d.get(links.plan);
+  assert.match(plan.kernel, /^isosurface\.linear\.shaded\.u8\./);
+  const lit = await d.get(`${links.frame}?format=png`);
+  assert.equal((await d.patch(links.scene, { shading: { model: 'none' } })).status, 200);
+  const flat = await d.get(`${links.frame}?format=png`);
+  assert.ok(lit.status === 200 && flat.status === 200 && !lit.bytes.equals(flat.bytes));
+  await d.patch(links.scene, { isosurface: { value: 1000 } }); // nowhere
+  const gradient = (await d.get(links.plan)).json.stages.find((stage) => stage.name === 'gradient');
+  assert.match(gradient.reason, /empty picture: isosurface.value 1000/);
+});

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "renderer/backend.h"
-#include "renderer/raycast/cpu/kernels.h"
+#include "renderer/raycast/cpu/surface_kernels.h"
 #include "renderer/raycast/shade.h"
 #include "renderer/skip/cover.h"
 
@@ -12,7 +12,7 @@
 
 typedef struct cpu_isa {
   const char *name;
-  tc_cpu_kernel (*find)(const tc_plan_key *key);
+  tc_cpu_kernel (*find)(const tc_plan_key *key), (*find_surface)(const tc_plan_key *key);
 } cpu_isa;
 
 typedef struct cpu_backend {
@@ -25,14 +25,16 @@ typedef struct cpu_backend {
 /* One frame as its tiles see it. */
 typedef struct cpu_frame {
   const tc_job *job;
-  tc_cpu_args args;
+  tc_cpu_surface args; /* other modes' are args.common */
   tc_cpu_kernel kernel;
   tc_resolve resolve;
   int tiles_x;
   struct { tc_cpu_counts counts; char pad[40]; } *workers; /* a cache line each */
 } cpu_frame;
 
-static const cpu_isa isas[] = {{"scalar", tc_kernel_scalar}, {"avx2", tc_kernel_avx2}, {"avx512", tc_kernel_avx512}};
+static const cpu_isa isas[] = {{"scalar", tc_kernel_scalar, tc_surface_kernel_scalar},
+                               {"avx2", tc_kernel_avx2, tc_surface_kernel_avx2},
+                               {"avx512", tc_kernel_avx512, tc_surface_kernel_avx512}};
 enum { N_ISAS = sizeof isas / sizeof *isas };
 
 static bool isa_runs(int i) {
@@ -115,6 +117,22 @@ static void fill_grey(tc_cpu_args *a, const tc_job *job) {
   a->inverse_block = 1 / (float)b->block;
   a->level_scale = b->scale;
   a->interval = tc_bounds_interval(b, job->rays);
+}
+
+static void fill_leap(tc_cpu_args *a, const tc_leap *leap) {
+  a->distance = leap->distance;
+  a->block = (float)leap->block;
+  a->inverse_block = 1 / a->block;
+  a->block_row = leap->blocks[0];
+  a->block_slice = leap->blocks[0] * leap->blocks[1];
+}
+
+static void fill_surface(tc_cpu_surface *a, const tc_job *job) {
+  a->iso = job->surface->iso;
+  a->scale = job->surface->scale;
+  memcpy(a->color, job->surface->color, sizeof a->color);
+  a->depth = job->want_depth ? job->frame->depth : NULL;
+  a->width = job->frame->width;
 }
 
 static void fill_window(tc_cpu_args *a, const tc_job *job) {
@@ -209,6 +227,8 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
   if (job->labels) fill_labels(&a->labels, job);
   if (job->grey) fill_grey(a, job);
   if (job->plan->key.mode == TC_MODE_MPR) fill_window(a, job);
+  if (job->leap) fill_leap(a, job->leap);
+  if (job->plan->key.shading) fill_shading(a, job);
   if (!job->table) return;
   a->table = job->table->zero_row;
   a->table_stride = (float)job->table->columns;
@@ -217,7 +237,6 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
   a->node_last = (float)(job->table->n - 1);
   fill_zooms(a, job->table);
   a->termination = (float)job->scene->sampling.termination;
-  if (job->plan->key.shading) fill_shading(a, job);
 }
 
 static bool fill_cover(cpu_backend *b, const tc_job *job, tc_cpu_args *a, GError **error) {
@@ -248,7 +267,7 @@ static void render_tile(void *context, int index, int worker) {
     out = job->frame->linear + ((size_t)y0 * (size_t)width + (size_t)x0) * 4;
     stride = width;
   }
-  f->kernel(&f->args, x0, y0, x1, y1, out, stride, &f->workers[worker].counts);
+  f->kernel(&f->args.common, x0, y0, x1, y1, out, stride, &f->workers[worker].counts);
   for (int y = y0; y < y1; y++) {
     float *row = out + (y - y0) * stride * 4;
     if (job->grey && f->resolve.linear_light) tc_resolve_decode_greys(row, x1 - x0);
@@ -258,7 +277,7 @@ static void render_tile(void *context, int index, int worker) {
 
 static bool cpu_render(void *instance, const tc_job *job, GError **error) {
   cpu_backend *b = instance;
-  cpu_frame f = {.job = job, .kernel = b->isa->find(&job->plan->key)};
+  cpu_frame f = {.job = job, .kernel = (job->surface ? b->isa->find_surface : b->isa->find)(&job->plan->key)};
   if (!f.kernel) {
     tc_set_error(error, TC_ERROR_UNSUPPORTED, "/mode", "the cpu back end has no kernel %s", job->plan->kernel);
     return false;
@@ -268,8 +287,9 @@ static bool cpu_render(void *instance, const tc_job *job, GError **error) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "cpu back end: out of memory");
     return false;
   }
-  fill_args(&f.args, job);
-  if (job->boxes && !fill_cover(b, job, &f.args, error)) {
+  fill_args(&f.args.common, job);
+  if (job->surface) fill_surface(&f.args, job);
+  if (job->boxes && !fill_cover(b, job, &f.args.common, error)) {
     free(f.workers);
     return false;
   }

@@ -58,12 +58,14 @@ typedef struct tc_cpu_args {
   float window_center, window_gain; /* grey = (node - center) * gain + 0.5; modes without a table */
   int block_row, block_slice;
   float zero_below, zero_above; /* nodes */
-  const uint64_t *cover; /* tc_cover, when the plan leaps */
+  const uint8_t *distance; /* tc_leap, when an isosurface leaps */
+  float block;             /* voxels its blocks are wide */
+  const uint64_t *cover; /* tc_cover, when dvr leaps */
   int cover_shift, cover_row, cover_words; /* cover_row: words from one row of cells to the next */
   float cover_near, cover_slot, cover_depth; /* mm */
   float turn, gain, offset, floor, stop; /* tc_grey, when the plan projects */
   const uint8_t *levels; /* tc_bounds, when it skips too */
-  float inverse_block;   /* of its blocks, voxels */
+  float inverse_block;   /* of its blocks, or the tc_leap's, voxels */
   float level_scale;
   int interval; /* samples that one level serves */
   /* Of shaded variants (raycast/shade.h). */

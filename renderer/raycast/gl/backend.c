@@ -107,8 +107,9 @@ static void forget(void *instance, uint64_t volume_serial) {
 static tc_gl_field field_for(const gl_backend *b, const tc_plan_key *key) {
   /* Bounds of blocks hold for arithmetic that is known, and a maximum shows every rounding of a texture unit. */
   if (tc_is_projection((tc_mode)key->mode)) return TC_GL_FIELD_GATHER;
-  if (key->shading) return TC_GL_FIELD_GATHER; /* a gradient needs a cell's corners */
-  if (key->labels) return TC_GL_FIELD_GATHER;  /* as label volumes are: the two may be one */
+  /* A gradient, and the root within a cell, need the cell's corners. */
+  if (key->shading || key->mode == TC_MODE_ISOSURFACE) return TC_GL_FIELD_GATHER;
+  if (key->labels) return TC_GL_FIELD_GATHER; /* as label volumes are: the two may be one */
   tc_voxel_type type = (tc_voxel_type)key->voxel_type;
   return b->field < TC_GL_FIELD_COUNT ? b->field : tc_gl_choose_field(tc_gl_context_about(b->context), type);
 }
@@ -276,6 +277,10 @@ static bool render(void *instance, const tc_job *job, GError **error) {
   gl_backend *b = instance;
   if (b->lost) {
     tc_set_error(error, TC_ERROR_INTERNAL, NULL, "gl: the GPU stopped answering; restart the daemon");
+    return false;
+  }
+  if (job->want_depth) {
+    tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "gl: depths are not read back; use --backend cpu");
     return false;
   }
   if (!tc_gl_context_use(b->context, error)) return false;

@@ -34,6 +34,10 @@ static bool is_built(const tc_plan_key *key) {
   if (key->mode == TC_MODE_MPR)
     return filter && key->slab <= TC_SLAB_PROJECTION_COUNT && key->voxel_type < TC_VOXEL_TYPE_COUNT && !key->rays &&
            !key->jitter;
+  if (key->mode == TC_MODE_ISOSURFACE) {
+    mode = !key->rays && !key->labels;
+    filter = key->filter == TC_FILTER_LINEAR;
+  }
   return mode && key->classification == TC_PREINTEGRATED && key->order == TC_FRONT_TO_BACK &&
          filter && key->projection < TC_PROJECTION_COUNT &&
          key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading < TC_SHADING_COUNT && key->rays <= 1 &&
@@ -65,6 +69,11 @@ static void add_projection(composition *c, const tc_gl_variant *v) {
   add(c, v->plan.mode == TC_MODE_AVERAGE ? "march_average.glsl" : "march_extreme.glsl");
 }
 
+static void add_isosurface(composition *c, const tc_gl_variant *v) {
+  if (v->plan.shading) add(c, "shade.glsl");
+  add(c, "march_isosurface.glsl");
+}
+
 unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
   char name[96], literals[480];
   tc_gl_variant_name(v, name, sizeof name);
@@ -94,6 +103,8 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
     add(&c, "march_mpr.glsl");
   else if (tc_is_projection((tc_mode)v->plan.mode))
     add_projection(&c, v);
+  else if (v->plan.mode == TC_MODE_ISOSURFACE)
+    add_isosurface(&c, v);
   else
     add_dvr(&c, v);
   add(&c, "bytes.glsl");

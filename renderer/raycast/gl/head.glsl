@@ -32,6 +32,7 @@ layout(std140, binding = 0) uniform Job {
   vec4 label_texel;                   // xy: 1 / texture size
   vec4 rays;                          // x: how many a pixel, y: footprint in voxels (rays.h)
   vec4 of_pixel[64];                  // subpixel.h: x, y, phase
+  vec4 surface, surface_color;        // x: isosurface as a voxel, y: to w (surface.h); compositing space
 } job;
 
 // This dispatch's part of the picture: xy = first pixel, zw = size in pixels.

@@ -115,6 +115,11 @@ void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volum
   if (job->leap) fill_blocks(block, job->leap->block, job->leap->blocks);
   if (job->grey) fill_projection(block, job->grey, job->bounds, rays);
   if (job->plan->key.mode == TC_MODE_MPR) fill_window(block, job);
+  if (job->surface) {
+    block->surface[0] = job->surface->iso;
+    block->surface[1] = job->surface->scale;
+    memcpy(block->surface_color, job->surface->color, sizeof job->surface->color);
+  }
   tc_resolve resolve;
   tc_resolve_init(&resolve, job->scene);
   memcpy(block->background, resolve.background, sizeof resolve.background);

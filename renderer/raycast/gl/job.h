@@ -26,6 +26,7 @@ typedef struct tc_gl_job_block {
   int32_t label_dims[4], label_numbers[4];
   float label_texel[4];
   float rays[4], of_pixel[TC_MAX_RAYS_PER_PIXEL][4];
+  float surface[4], surface_color[4];
 } tc_gl_job_block;
 
 /* labels: the copy of job->label_volume, or NULL with it. Pure. */

@@ -1,0 +1,292 @@
+/* The first hit of a packet's rays with an isosurface (raycast/surface.h). Part of the template.
+ *
+ * Every ray walks its own cells. Where it is follows from time alone: along each axis the wall w is passed at (w - entry) / dir,
+ * computed and not accumulated, and a ray has passed all walls of times up to now. A leap ends at a wall's time too, so
+ * that a ray that leapt is exactly where it had been had it walked, and no bit depends on leaping. */
+
+#include <math.h>
+
+#define NEVER 1e30f
+#define MOST_REFINEMENTS 32 /* a monotone cubic takes four or five, one with a flat bend more */
+
+/* One cell of each ray. */
+typedef struct iso_cell {
+  vf at[3];       /* corner of least index; may be beyond the last one, then the ray has left */
+  vf w[8];        /* at the corners: +x bit 0, +y bit 1, +z bit 2 */
+  vf from, until; /* mm: the ray's stay */
+  vf start[3], delta[3]; /* place within the cell, 0..1 */
+} iso_cell;
+
+V_INLINE vm m_pick(vm m, vm a, vm b) { return m_or(m_and(m, a), m_andnot(b, m)); }
+V_INLINE vm flip(vm a, vm b) { return m_or(m_andnot(a, b), m_andnot(b, a)); }
+V_INLINE vm is_inside(vf w) { return v_le(v_set(0), w); }
+
+/* When the walls at index position `wall` along axis k are passed; `never` along an axis that the ray keeps to. */
+V_INLINE vf wall_time(const packet *p, int k, vf wall, float never) {
+  vm across = v_le(v_set(1e-12f), v_abs(p->dir[k]));
+  return v_select(across, (wall - p->entry[k]) * p->inverse[k], v_set(never));
+}
+
+V_INLINE vf ahead(const packet *p, int k) { return v_select(v_lt(v_set(0), p->dir[k]), v_set(1), v_set(0)); }
+
+/* The cells that the rays are in once all walls of times up to t are passed. */
+V_INLINE void find_cells(const tc_cpu_args *g, const packet *p, vf t, vf at[3]) {
+  for (int k = 0; k < 3; k++) {
+    vf q = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(g->last[k]));
+    vf c = v_float(v_trunc(q)), front = ahead(p, k), step = front + front - v_set(1);
+    vm early = v_lt(t, wall_time(p, k, c + v_set(1) - front, -NEVER)); /* rounding: not yet beyond the wall it came through */
+    c = v_select(early, c - step, c);
+    vm late = m_andnot(v_le(wall_time(p, k, c + front, NEVER), t), early);
+    at[k] = v_select(late, c + step, c);
+  }
+}
+
+V_INLINE vm within(const tc_cpu_args *g, const vf at[3]) {
+  vm in = v_le(v_set(0), at[0]);
+  for (int k = 0; k < 3; k++)
+    in = m_and(in, m_and(v_le(v_set(0), at[k]), v_le(at[k], v_set((float)g->cell_last[k]))));
+  return in;
+}
+
+V_INLINE void fetch_corners(const tc_cpu_surface *s, variant v, iso_cell *c) {
+  const tc_cpu_args *g = &s->common;
+  vi at[3];
+  for (int k = 0; k < 3; k++)
+    at[k] = v_trunc(v_min(v_max(c->at[k], v_set(0)), v_set((float)g->cell_last[k])));
+  vi off = v_addi(at[0], v_addi(v_muli(at[1], v_seti(g->row)), v_muli(at[2], v_seti(g->slice))));
+  for (int zy = 0; zy < 4; zy++) {
+    vf a, b;
+    fetch_pair(v.type, g->voxels, v_addi(off, v_seti((zy & 1) * g->stride[1] + (zy >> 1) * g->stride[2])), &a, &b);
+    if (!g->stride[0]) b = a;
+    c->w[2 * zy] = (a - v_set(s->iso)) * v_set(s->scale);
+    c->w[2 * zy + 1] = (b - v_set(s->iso)) * v_set(s->scale);
+  }
+}
+
+/* The field at share u of the stay. Corners of one value give that value exactly. */
+V_INLINE vf field_in(const iso_cell *c, vf u) {
+  vf f[3], x[4], y[2];
+  for (int k = 0; k < 3; k++) f[k] = v_fma(u, c->delta[k], c->start[k]);
+  for (int i = 0; i < 4; i++) x[i] = v_fma(f[0], c->w[2 * i + 1] - c->w[2 * i], c->w[2 * i]);
+  for (int i = 0; i < 2; i++) y[i] = v_fma(f[1], x[2 * i + 1] - x[2 * i], x[2 * i]);
+  return v_fma(f[2], y[1] - y[0], y[0]);
+}
+
+/* Places where the ray comes and goes, exactly on the faces that it comes and goes through: what two cells share is the same in
+ * both. */
+V_INLINE void place_in_cell(const tc_cpu_args *g, const packet *p, iso_cell *c) {
+  for (int k = 0; k < 3; k++) {
+    vf front = ahead(p, k), back = v_set(1) - front, ends[2] = {c->from, c->until}, f[2];
+    for (int i = 0; i < 2; i++) {
+      vf q = v_min(v_max(v_fma(ends[i], p->dir[k], p->entry[k]), v_set(0)), v_set(g->last[k]));
+      f[i] = v_min(v_max(q - c->at[k], v_set(0)), v_set(1));
+    }
+    f[0] = v_select(v_le(c->from, wall_time(p, k, c->at[k] + back, -NEVER)), back, f[0]);
+    f[1] = v_select(v_le(wall_time(p, k, c->at[k] + front, NEVER), c->until), front, f[1]);
+    if (g->last[k] == 0) f[0] = f[1] = v_set(0);
+    c->start[k] = f[0];
+    c->delta[k] = f[1] - f[0];
+  }
+}
+
+/* d0 + d1 u + d2 u^2: the derivative of the cubic that the field is along the ray. */
+V_INLINE void derive(const iso_cell *c, vf d[3]) {
+  vf a[4], b[4], e[2], h[2], i[2]; /* a + b u along x; e + h u + i u^2 along y as well */
+  for (int k = 0; k < 4; k++) {
+    vf rise = c->w[2 * k + 1] - c->w[2 * k];
+    a[k] = v_fma(rise, c->start[0], c->w[2 * k]);
+    b[k] = rise * c->delta[0];
+  }
+  for (int k = 0; k < 2; k++) {
+    vf da = a[2 * k + 1] - a[2 * k], db = b[2 * k + 1] - b[2 * k];
+    e[k] = v_fma(da, c->start[1], a[2 * k]);
+    h[k] = v_fma(db, c->start[1], v_fma(da, c->delta[1], b[2 * k]));
+    i[k] = db * c->delta[1];
+  }
+  vf de = e[1] - e[0], dh = h[1] - h[0], di = i[1] - i[0];
+  d[0] = v_fma(dh, c->start[2], v_fma(de, c->delta[2], h[0]));
+  d[1] = v_set(2) * v_fma(di, c->start[2], v_fma(dh, c->delta[2], i[0]));
+  d[2] = v_set(3) * di * c->delta[2];
+}
+
+/* Where the field bends, ascending; 1 where it does not. */
+V_INLINE void find_bends(const vf d[3], vf *first, vf *second) {
+  vf half = v_set(0.5f) * d[1], disc = v_fma(half, half, v_set(0) - d[0] * d[2]);
+  vf root = v_sqrt(v_max(disc, v_set(0)));
+  vf q = v_set(0) - (half + v_select(v_lt(half, v_set(0)), v_set(0) - root, root));
+  vf r[2] = {q / d[2], d[0] / q}; /* no number where it divides by 0: fails the comparisons */
+  for (int i = 0; i < 2; i++) {
+    vm met = m_and(v_le(v_set(0), disc), m_and(v_lt(v_set(0), r[i]), v_lt(r[i], v_set(1))));
+    r[i] = v_select(met, r[i], v_set(1));
+  }
+  *first = v_min(r[0], r[1]);
+  *second = v_max(r[0], r[1]);
+}
+
+/* The share of the stay at which the field first leaves the side `side`; *hit: the rays of `live` for which it does. */
+V_INLINE vf first_change(const iso_cell *c, vm side, vm live, vm *hit) {
+  vf d[3], end[4] = {v_set(0), v_set(1), v_set(1), v_set(1)}, a = v_set(0), b = v_set(0), fa = v_set(0), fb = v_set(0);
+  derive(c, d);
+  find_bends(d, &end[1], &end[2]);
+  vm open = live; /* not changed so far */
+  for (int i = 0; i < 4; i++) {
+    vf f = field_in(c, end[i]);
+    vm changes = m_and(open, flip(is_inside(f), side));
+    b = v_select(changes, end[i], b);
+    fb = v_select(changes, f, fb);
+    open = m_andnot(open, changes);
+    a = v_select(open, end[i], a);
+    fa = v_select(open, f, fa);
+  }
+  *hit = m_andnot(live, open);
+  /* Newton's steps from the chord's root, kept within the bracket by halving it. At its front end already: a = b = 0. */
+  vm busy = m_and(*hit, v_lt(a, b));
+  vf x = v_select(busy, v_fma(b - a, fa / (fa - fb), a), b);
+  for (int n = 0; n < MOST_REFINEMENTS && m_any(busy); n++) {
+    vf f = field_in(c, x);
+    vm beyond = flip(is_inside(f), side);
+    b = v_select(m_and(busy, beyond), x, b);
+    a = v_select(m_andnot(busy, beyond), x, a);
+    vf next = x - f / v_fma(x, v_fma(x, d[2], d[1]), d[0]);
+    next = v_select(m_and(v_lt(a, next), v_lt(next, b)), next, v_set(0.5f) * (a + b));
+    vm moves = v_lt(v_set(2e-7f), v_abs(next - x));
+    x = v_select(busy, next, x);
+    busy = m_and(busy, moves);
+  }
+  return x;
+}
+
+/* Rays in empty blocks go on to where what is known to be empty around them ends. True for those: they are in other cells now. */
+V_INLINE vm leap_ahead(const tc_cpu_args *g, const packet *p, vf at[3], vf *t, vm live) {
+  vf block[3], far = v_set(NEVER);
+  for (int k = 0; k < 3; k++) {
+    vf held = v_min(v_max(at[k], v_set(0)), v_set((float)g->cell_last[k]));
+    block[k] = v_float(v_trunc((held + v_set(0.5f)) * v_set(g->inverse_block))); /* as look_around */
+  }
+  vi off = v_addi(v_muli(v_trunc(block[2]), v_seti(g->block_slice)), v_muli(v_trunc(block[1]), v_seti(g->block_row)));
+  vf distance = v_float(v_bytes(g->distance, v_addi(off, v_trunc(block[0]))));
+  vm empty = m_and(live, v_lt(v_set(0), distance));
+  if (!m_any(empty)) return empty;
+  for (int k = 0; k < 3; k++) {
+    vf front = ahead(p, k);
+    vf reach = v_select(v_lt(v_set(0), front), distance, v_set(1) - distance) * v_set(g->block);
+    far = v_min(far, wall_time(p, k, v_fma(block[k], v_set(g->block), reach), NEVER));
+  }
+  *t = v_select(empty, v_max(*t, far), *t);
+  vf there[3];
+  find_cells(g, p, *t, there);
+  for (int k = 0; k < 3; k++) at[k] = v_select(empty, there[k], at[k]);
+  return empty;
+}
+
+/* Mm of the hits from the rays' entries; *hit: which rays have one. */
+V_INLINE vf find_hits(const tc_cpu_surface *s, variant v, const packet *p, vm *hit, tc_cpu_counts *counts) {
+  const tc_cpu_args *g = &s->common;
+  iso_cell c;
+  vf t = v_set(0), at_hit = v_set(0);
+  vm live = p->live, side = v_lt(v_set(1), v_set(0)), fresh = live; /* fresh: the side is not known yet */
+  *hit = side;
+  find_cells(g, p, t, c.at);
+  for (int k = 0; k < 3; k++) /* the entry may be a rounding outside */
+    c.at[k] = v_min(v_max(c.at[k], v_set(0)), v_set((float)g->cell_last[k]));
+  while (m_any(live)) {
+    vm look = live;
+    if (v.leap) {
+      vm leapt = leap_ahead(g, p, c.at, &t, m_andnot(live, fresh));
+      counts->leaps += m_any(leapt);
+      live = m_and(live, m_and(within(g, c.at), v_lt(t, p->length)));
+      look = m_andnot(live, leapt); /* the block that a leap ends in may be empty too */
+      if (!m_any(look)) continue;
+    }
+    vf passed[3], until = v_set(NEVER);
+    for (int k = 0; k < 3; k++) {
+      passed[k] = wall_time(p, k, c.at[k] + ahead(p, k), NEVER);
+      until = v_min(until, passed[k]);
+    }
+    c.from = t;
+    c.until = v_min(v_max(until, t), p->length);
+    fetch_corners(s, v, &c);
+    counts->samples += (uint64_t)m_count(look);
+    vm any = is_inside(c.w[0]), all = any;
+    for (int i = 1; i < 8; i++) any = m_or(any, is_inside(c.w[i])), all = m_and(all, is_inside(c.w[i]));
+    vm mixed = m_andnot(any, all);
+    vm may = m_and(look, m_or(m_or(mixed, fresh), flip(all, side)));
+    if (m_any(may)) {
+      place_in_cell(g, p, &c);
+      vm begins = m_pick(mixed, is_inside(field_in(&c, v_set(0))), all);
+      side = m_pick(m_and(fresh, look), begins, side);
+      fresh = m_andnot(fresh, look);
+      may = m_and(may, m_or(mixed, flip(all, side)));
+    }
+    if (m_any(may)) {
+      vm changed;
+      vf u = first_change(&c, side, may, &changed);
+      at_hit = v_select(changed, v_fma(u, c.until - c.from, c.from), at_hit);
+      *hit = m_or(*hit, changed);
+      live = m_andnot(live, changed);
+    }
+    for (int k = 0; k < 3; k++) {
+      vf front = ahead(p, k), step = front + front - v_set(1);
+      vm goes = m_and(look, v_le(passed[k], v_max(until, t)));
+      c.at[k] = v_select(goes, c.at[k] + step, c.at[k]);
+    }
+    t = v_select(look, v_max(until, t), t);
+    live = m_and(live, m_or(m_andnot(live, look), m_and(within(g, c.at), v_lt(t, p->length))));
+  }
+  return at_hit;
+}
+
+/* The field's slope over index coordinates at mm t: differences between the faces of the cube of two voxels around it, each face by
+ * its four corners. */
+V_INLINE void surface_gradient(const tc_cpu_args *g, variant v, const packet *p, vf t, vf gradient[3]) {
+  packet probe = *p; /* rays of length 0 from the places themselves */
+  vf side[3][2];
+  for (int k = 0; k < 3; k++) {
+    vf q = v_fma(t, p->dir[k], p->entry[k]);
+    for (int i = 0; i < 2; i++)
+      side[k][i] = v_min(v_max(q + v_set(i ? 1.f : -1.f), v_set(0)), v_set(g->last[k]));
+    probe.dir[k] = gradient[k] = v_set(0);
+  }
+  for (int corner = 0; corner < 8; corner++) {
+    for (int k = 0; k < 3; k++) probe.entry[k] = side[k][corner >> k & 1];
+    vf value = sample_voxel(g, v, &probe, v_set(0));
+    for (int k = 0; k < 3; k++)
+      gradient[k] = corner >> k & 1 ? gradient[k] + value : gradient[k] - value;
+  }
+  for (int k = 0; k < 3; k++)
+    gradient[k] = v_set(0.25f) * gradient[k] / v_max(side[k][1] - side[k][0], v_set(1e-20f));
+}
+
+/* Mm from the eye to every hit, infinite without one, for a frame that wants them. */
+V_INLINE void store_depths(const tc_cpu_surface *s, const packet *p, variant v, const place *at, vf t, vm hit) {
+  const tc_cpu_args *g = &s->common;
+  vf i, j, view[3];
+  ray_places(v, at, &i, &j);
+  for (int k = 0; k < 3; k++)
+    view[k] = v_fma(j, v_set(g->view_dv[k]), v_fma(i, v_set(g->view_du[k]), v_set(g->view0[k])));
+  vf eye = g->perspective ? v_sqrt(dot(view, view)) : v_set(g->eye_mm);
+  float lanes[V_LANES];
+  v_store(lanes, v_select(hit, p->start + t + eye, v_set(INFINITY)));
+  for (int l = 0; l < V_LANES; l++) {
+    int px = at->x + l % V_PACKET_X, py = at->y + l / V_PACKET_X;
+    if (px < at->x1 && py < at->y1) s->depth[(size_t)py * (size_t)s->width + (size_t)px] = lanes[l];
+  }
+}
+
+V_INLINE void cast_surface(const tc_cpu_surface *s, variant v, const place *at, vf4 *out, tc_cpu_counts *counts) {
+  const tc_cpu_args *g = &s->common;
+  packet p = start_packet(g, v, at);
+  vm hit;
+  counts->rays += (uint64_t)m_count(p.live);
+  vf t = find_hits(s, v, &p, &hit, counts), zero = v_set(0);
+  if (s->depth) store_depths(s, &p, v, at, t, hit);
+  vf4 c = {v_set(s->color[0]), v_set(s->color[1]), v_set(s->color[2]), v_set(1)};
+  if (v.shaded && m_any(hit)) {
+    vf gradient[3];
+    lighting light = start_lighting(g, v, at);
+    surface_gradient(g, v, &p, t, gradient);
+    counts->samples += 8 * (uint64_t)m_count(hit);
+    c = shade(g, &light, gradient, gradient, c);
+  }
+  *out = (vf4){v_select(hit, c.r, zero), v_select(hit, c.g, zero), v_select(hit, c.b, zero), v_select(hit, c.a, zero)};
+}

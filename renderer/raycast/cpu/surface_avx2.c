@@ -1,0 +1,6 @@
+#include "renderer/raycast/cpu/surface_kernels.h"
+#include "renderer/raycast/cpu/simd_avx2.h"
+
+#include "renderer/raycast/cpu/surface_tmpl.h"
+
+tc_cpu_kernel tc_surface_kernel_avx2(const tc_plan_key *key) { return find_kernel(key); }

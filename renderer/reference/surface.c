@@ -1,0 +1,67 @@
+/* An isosurface along a ray: where the field first changes sides, and its normal there. */
+#include <math.h>
+#include <string.h>
+
+#include "renderer/reference/internal.h"
+
+/* Pieces are monotone and meet the value at their ends only: the change lies at the front end of one. */
+static bool changes_at(const tc_ref_piece *piece, double value, bool inside) {
+  return (piece->front >= value) != inside || (inside && piece->back < value);
+}
+
+bool tc_ref_surface_hit(const tc_ref_field *field, const tc_ref_ray *ray, double value, double *t) {
+  tc_ref_walk walk;
+  tc_ref_cell cell;
+  bool inside = false, known = false;
+  tc_ref_walk_start(&walk, field, ray);
+  while (tc_ref_walk_next(&walk, &cell)) {
+    if (known && (inside ? cell.lo >= value : cell.hi < value)) continue;
+    tc_ref_cutter cutter;
+    tc_ref_piece piece;
+    tc_ref_cutter_start(&cutter, &cell, &value, 1);
+    while (tc_ref_cutter_next(&cutter, &piece)) {
+      if (!known) inside = piece.front >= value, known = true;
+      if (!changes_at(&piece, value, inside)) continue;
+      *t = cell.from + piece.from * cell.length;
+      return true;
+    }
+  }
+  return false;
+}
+
+static double value_at(const tc_ref_field *field, const double at[3]) {
+  double sum = 0, f[3];
+  size_t low[3];
+  for (int k = 0; k < 3; k++) {
+    low[k] = (size_t)fmax(fmin(floor(at[k]), field->desc->dims[k] - 2), 0);
+    f[k] = at[k] - (double)low[k];
+  }
+  for (int corner = 0; corner < 8; corner++) {
+    double weight = 1;
+    size_t index[3];
+    for (int k = 0; k < 3; k++) {
+      bool high = corner >> k & 1;
+      weight *= high ? f[k] : 1 - f[k];
+      index[k] = low[k] + high;
+    }
+    if (weight != 0) sum += weight * tc_ref_voxel(field, index);
+  }
+  return sum;
+}
+
+void tc_ref_surface_gradient(const tc_ref_field *field, const double at[3], double gradient[3]) {
+  double apart[3];
+  for (int k = 0; k < 3; k++) {
+    double last = field->desc->dims[k] - 1;
+    apart[k] = fmin(at[k] + 1, last) - fmax(at[k] - 1, 0);
+    gradient[k] = 0;
+  }
+  for (int corner = 0; corner < 8; corner++) {
+    double place[3];
+    for (int k = 0; k < 3; k++)
+      place[k] = fmin(fmax(at[k] + (corner >> k & 1 ? 1 : -1), 0), field->desc->dims[k] - 1);
+    double value = value_at(field, place);
+    for (int k = 0; k < 3; k++)
+      if (apart[k] > 0) gradient[k] += (corner >> k & 1 ? value : -value) / (4 * apart[k]);
+  }
+}
