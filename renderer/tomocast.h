@@ -54,7 +54,7 @@ typedef struct tc_frame {
   float *linear;     /* [height][width][4], only when asked: premultiplied colour in the compositing space, and opacity,
                         before the background is put behind it; for measurements */
   float *depth;      /* [height][width], only when asked and in mode isosurface: mm from the eye to the surface along the
-                        pixel's ray, infinite where it meets none; single precision */
+                        pixel's ray, of several the nearest, infinite where it meets none; single precision */
   size_t capacity;   /* pixels allocated in rgba */
   size_t linear_capacity, depth_capacity;
   tc_frame_stats stats;

@@ -230,7 +230,6 @@ function chooseMode(mode) {
     mode,
     ...(surface && store.scene.shading?.model === 'none' && { shading: { model: 'blinn-phong' } }), // unlit it is an outline
     ...(surface && store.scene.filter !== 'linear' && { filter: 'linear' }),
-    ...(surface && store.scene.sampling?.raysPerPixel > 1 && { sampling: { raysPerPixel: 1 } }),
   });
 }
 

@@ -96,11 +96,15 @@ static bool check_look(const tc_scene *scene, GError **error) {
   return check_transfer_function(&scene->transfer_function, error);
 }
 
+static bool check_rays(const tc_scene *scene, GError **error) {
+  if (scene->sampling.rays_per_pixel >= 1 && scene->sampling.rays_per_pixel <= TC_MAX_RAYS_PER_PIXEL) return true;
+  return invalid(error, "/sampling/raysPerPixel", "1 to 64 wanted");
+}
+
 static bool check_sampling(const tc_volume *volume, const tc_scene *scene, GError **error) {
   double step = scene->sampling.step;
   if (!(step > 0) || !isfinite(step)) return invalid(error, "/sampling/step", "voxels above 0 wanted");
-  if (scene->sampling.rays_per_pixel < 1 || scene->sampling.rays_per_pixel > TC_MAX_RAYS_PER_PIXEL)
-    return invalid(error, "/sampling/raysPerPixel", "1 to 64 wanted");
+  if (!check_rays(scene, error)) return false;
   if (!tc_is_projection(scene->mode) && !(scene->sampling.termination >= 0 && scene->sampling.termination < 1))
     return invalid(error, "/sampling/termination", "a transparency from 0 to below 1 wanted");
   const tc_volume_desc *d = tc_volume_describe(volume);
@@ -233,9 +237,8 @@ static bool check_built(const tc_scene *s, GError **error) {
   if (surface && s->filter != TC_FILTER_LINEAR) return unsupported(error, "/filter", "any filter of isosurfaces but linear");
   if (s->filter != TC_FILTER_LINEAR && s->filter != TC_FILTER_NEAREST)
     return unsupported(error, "/filter", "any filter but linear and nearest");
-  if ((slice || surface) && s->sampling.rays_per_pixel != 1)
-    return unsupported(error, "/sampling/raysPerPixel",
-                       slice ? "more than one ray for a pixel of a slice" : "more than one ray for a pixel of an isosurface");
+  if (slice && s->sampling.rays_per_pixel != 1)
+    return unsupported(error, "/sampling/raysPerPixel", "more than one ray for a pixel of a slice");
   return true;
 }
 
@@ -292,6 +295,8 @@ static void plan_rays(tc_plan *plan, const tc_scene *s) {
     stage(plan, TC_STAGE_RAYS, false, "one ray a pixel");
   else if (dvr)
     stage(plan, TC_STAGE_RAYS, true, "%d rays a pixel share its samples: segments of %.4g mm", count, plan->step_mm);
+  else if (s->mode == TC_MODE_ISOSURFACE)
+    stage(plan, TC_STAGE_RAYS, true, "%d rays a pixel, each with a hit of its own: the mean smooths edges", count);
   else
     stage(plan, TC_STAGE_RAYS, true, "%d rays a pixel, each with all samples: mode %s sees nothing between them", count,
           modes[s->mode]);
@@ -312,6 +317,8 @@ static void plan_coherence(tc_plan *plan, const tc_volume *volume, const tc_scen
     stage(plan, TC_STAGE_COHERENCE, false, "one ray a pixel: there is none to share with");
   } else if (tc_is_projection(s->mode)) {
     stage(plan, TC_STAGE_COHERENCE, false, "mode %s has no empty space", modes[s->mode]);
+  } else if (s->mode == TC_MODE_ISOSURFACE) {
+    stage(plan, TC_STAGE_COHERENCE, false, "each ray leaps from cells of its own");
   } else if (!plan->key.skipping) {
     stage(plan, TC_STAGE_COHERENCE, false, "nothing is known to be empty: stage skipping is out");
   } else {
@@ -433,14 +440,14 @@ static void plan_surface_stages(tc_plan *plan, const tc_volume *volume, const tc
 }
 
 static bool plan_surface(const tc_volume *volume, const tc_scene *scene, tc_plan *plan, GError **error) {
-  if (!check_surface(scene, error) || !check_clipping(scene, error) || !check_shading(scene, error)) return false;
+  if (!check_surface(scene, error) || !check_rays(scene, error) || !check_clipping(scene, error) || !check_shading(scene, error)) return false;
   const tc_volume_desc *d = tc_volume_describe(volume);
   plan->key.shading = tc_surface_exists(volume, scene) ? (uint8_t)scene->shading.model : TC_SHADING_NONE;
   plan->key.skipping = scene->skipping.mode == TC_SKIPPING_AUTO;
   plan_stages(plan, scene);
   plan_surface_stages(plan, volume, scene);
-  snprintf(plan->kernel, sizeof plan->kernel, "isosurface.linear%s.%s", plan->key.shading ? ".shaded" : "",
-           tc_voxel_type_name(d->type));
+  snprintf(plan->kernel, sizeof plan->kernel, "isosurface.linear%s%s.%s", plan->key.shading ? ".shaded" : "",
+           plan->key.rays ? ".rays" : "", tc_voxel_type_name(d->type));
   return true;
 }
 

@@ -13,6 +13,7 @@
 
 #include "renderer/gl/device.h"
 #include "renderer/quality/quality.h"
+#include "renderer/raycast/rays.h"
 #include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
@@ -289,6 +290,45 @@ static void extremes_are_empty_or_right(void **state) {
     }
 }
 
+/* Each pixel is the mean of the reference's hits at its rays' places, and its depth the least of them. */
+static void several_rays_are_their_mean(void **state) {
+  enum { COUNT = 8 };
+  tc_volume *volume = waves(TC_I16);
+  tc_scene scene;
+  tc_plan plan;
+  tc_rays rays;
+  surface_scene(&scene, volume, 0.683);
+  scene.sampling.rays_per_pixel = COUNT;
+  scene.sampling.coherence = true;
+  tc_rays_set_up(&rays, volume, &scene, SIDE, SIDE);
+  tc_reference *r = reference(volume, &scene);
+  EACH_RENDERER(i) {
+    tc_frame *f = render(i, volume, &scene, &plan);
+    size_t ties = 0, edges = 0;
+    assert_true(plan.stages[TC_STAGE_RAYS].included && !plan.stages[TC_STAGE_COHERENCE].included);
+    for (int p = 0; p < PIXELS; p++) {
+      double mean[4] = {0}, nearest = INFINITY, off = 0;
+      for (int n = 0; n < COUNT; n++) {
+        tc_reference_hit hit;
+        double x = p % SIDE + 0.5 + rays.of_pixel[n].x, y = p / SIDE + 0.5 + rays.of_pixel[n].y;
+        if (!tc_reference_surface(r, x, y, &hit)) continue;
+        for (int k = 0; k < 3; k++) mean[k] += hit.color[k] / COUNT;
+        mean[3] += 1.0 / COUNT;
+        nearest = fmin(nearest, hit.distance_mm);
+      }
+      for (int k = 0; k < 4; k++) off = fmax(off, fabs((double)f->linear[4 * p + k] - mean[k]));
+      bool near = i == GL || isinf(nearest) ? i == GL || isinf(f->depth[p]) : fabs((double)f->depth[p] - nearest) < 2e-3;
+      ties += off > 1e-4 || !near;
+      edges += mean[3] > 0 && mean[3] < 1;
+    }
+    printf("  %s: %zu ties, %zu edges\n", names[i], ties, edges);
+    assert_true(ties <= 4 && edges > 50);
+  }
+  tc_reference_free(r);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
 static void plans_say_what_is_read(void **state) {
   tc_volume *volume = waves(TC_U8);
   tc_scene scene;
@@ -317,7 +357,7 @@ static void plans_say_what_is_read(void **state) {
   char reason[96];
   assert_true(tc_quality_refuses(&scene, reason, sizeof reason) && strstr(reason, "no steps"));
   scene.quality.max_error = 0;
-  scene.sampling.rays_per_pixel = 4;
+  scene.sampling.rays_per_pixel = 65;
   assert_false(tc_plan_make(volume, &scene, SIDE, SIDE, &plan, &error));
   assert_string_equal(tc_error_pointer(error), "/sampling/raysPerPixel");
   g_clear_error(&error);
@@ -339,6 +379,7 @@ int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(reference_meets_closed_forms), cmocka_unit_test(everyone_meets_the_reference),
       cmocka_unit_test(skipping_changes_no_bit),      cmocka_unit_test(nothing_thin_is_missed),
-      cmocka_unit_test(extremes_are_empty_or_right),  cmocka_unit_test(plans_say_what_is_read)};
+      cmocka_unit_test(extremes_are_empty_or_right),  cmocka_unit_test(several_rays_are_their_mean),
+      cmocka_unit_test(plans_say_what_is_read)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

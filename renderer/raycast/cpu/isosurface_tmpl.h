@@ -257,7 +257,7 @@ V_INLINE void surface_gradient(const tc_cpu_args *g, variant v, const packet *p,
     gradient[k] = v_set(0.25f) * gradient[k] / v_max(side[k][1] - side[k][0], v_set(1e-20f));
 }
 
-/* Mm from the eye to every hit, infinite without one, for a frame that wants them. */
+/* Mm from the eye to every hit, infinite without one, for a frame that wants them; of several rays the least. */
 V_INLINE void store_depths(const tc_cpu_surface *s, const packet *p, variant v, const place *at, vf t, vm hit) {
   const tc_cpu_args *g = &s->common;
   vf i, j, view[3];
@@ -269,11 +269,13 @@ V_INLINE void store_depths(const tc_cpu_surface *s, const packet *p, variant v, 
   v_store(lanes, v_select(hit, p->start + t + eye, v_set(INFINITY)));
   for (int l = 0; l < V_LANES; l++) {
     int px = at->x + l % V_PACKET_X, py = at->y + l / V_PACKET_X;
-    if (px < at->x1 && py < at->y1) s->depth[(size_t)py * (size_t)s->width + (size_t)px] = lanes[l];
+    if (px >= at->x1 || py >= at->y1) continue;
+    float *pixel = &s->depth[(size_t)py * (size_t)s->width + (size_t)px];
+    *pixel = at->ray == g->of_pixel ? lanes[l] : fminf(*pixel, lanes[l]);
   }
 }
 
-V_INLINE void cast_surface(const tc_cpu_surface *s, variant v, const place *at, vf4 *out, tc_cpu_counts *counts) {
+V_INLINE vf4 cast_surface(const tc_cpu_surface *s, variant v, const place *at, tc_cpu_counts *counts) {
   const tc_cpu_args *g = &s->common;
   packet p = start_packet(g, v, at);
   vm hit;
@@ -288,5 +290,5 @@ V_INLINE void cast_surface(const tc_cpu_surface *s, variant v, const place *at, 
     counts->samples += 8 * (uint64_t)m_count(hit);
     c = shade(g, &light, gradient, gradient, c);
   }
-  *out = (vf4){v_select(hit, c.r, zero), v_select(hit, c.g, zero), v_select(hit, c.b, zero), v_select(hit, c.a, zero)};
+  return (vf4){v_select(hit, c.r, zero), v_select(hit, c.g, zero), v_select(hit, c.b, zero), v_select(hit, c.a, zero)};
 }

@@ -11,16 +11,26 @@
 
 #include "renderer/raycast/cpu/isosurface_tmpl.h"
 
+/* The mean of all rays of each pixel. */
+V_INLINE vf4 cast_surfaces(const tc_cpu_surface *s, variant v, place at, tc_cpu_counts *counts) {
+  vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
+  for (int r = 0; r < s->common.count; r++, at.ray++) {
+    vf4 c = cast_surface(s, v, &at, counts);
+    sum = (vf4){sum.r + c.r, sum.g + c.g, sum.b + c.b, sum.a + c.a};
+  }
+  vf n = v_set((float)s->common.count);
+  return (vf4){sum.r / n, sum.g / n, sum.b / n, sum.a / n};
+}
+
 #define KERNEL(name, voxels)                                                                                         \
   static void name(const tc_cpu_args *g, int x0, int y0, int x1, int y1, float *out, ptrdiff_t stride,               \
                    tc_cpu_counts *counts) {                                                                          \
     variant v = {.mode = TC_MODE_ISOSURFACE, .type = voxels, .shaded = g->key.shading != TC_SHADING_NONE,            \
-                 .leap = g->key.skipping};                                                                           \
+                 .leap = g->key.skipping, .several = g->key.rays};                                                   \
     for (int y = y0; y < y1; y += V_PACKET_Y)                                                                        \
       for (int x = x0; x < x1; x += V_PACKET_X) {                                                                    \
-        vf4 c;                                                                                                       \
         place at = {x, y, x1, y1, g->of_pixel};                                                                      \
-        cast_surface((const tc_cpu_surface *)(const void *)g, v, &at, &c, counts);                                   \
+        vf4 c = cast_surfaces((const tc_cpu_surface *)(const void *)g, v, at, counts);                               \
         store_packet(c, &at, out + ((y - y0) * stride + (x - x0)) * 4, stride);                                      \
       }                                                                                                              \
   }

@@ -35,7 +35,7 @@ static bool is_built(const tc_plan_key *key) {
     return filter && key->slab <= TC_SLAB_PROJECTION_COUNT && key->voxel_type < TC_VOXEL_TYPE_COUNT && !key->rays &&
            !key->jitter;
   if (key->mode == TC_MODE_ISOSURFACE) {
-    mode = !key->rays && !key->labels;
+    mode = !key->labels;
     filter = key->filter == TC_FILTER_LINEAR;
   }
   return mode && key->classification == TC_PREINTEGRATED && key->order == TC_FRONT_TO_BACK &&
