@@ -6,9 +6,11 @@
 #include <string.h>
 
 #define CHUNK 512             /* boxes that are projected at once */
-#define TASK 256              /* records that a task takes */
+#define SHARE 256             /* records that a worker takes at once */
 #define SMALL_CELL 2          /* shift: cells of 4x4 pixels, as wide as packets */
 #define MOST_WORDS (4u << 20) /* 32 MiB of bits; larger pictures take larger cells */
+#define MOST_PLANES 16        /* workers that mark bits, each its own: no two meet in a word */
+#define JOINED 4096           /* words that a task joins */
 #define LEAST_WORDS 4         /* slots are a voxel long, but within these bounds */
 #define LONGEST 16
 #define NEAR_EYE 0.02f        /* of a box's far side: nearer ones cover all of the picture */
@@ -29,6 +31,9 @@ typedef struct cover_job {
   tc_cover *cover;
   const tc_boxes *boxes;
   projection p;
+  size_t words; /* of a plane */
+  int planes;
+  atomic_size_t next; /* record that no worker has taken */
 } cover_job;
 
 /* Cells and slots of a chunk's boxes, first and last; not yet clamped. */
@@ -94,20 +99,23 @@ typedef struct chunk {
   int count;
 } chunk;
 
-static void add_box(const projection *p, const uint16_t at[3], const int off[3], int size, chunk *c) {
-  for (int k = 0; k < 3; k++) c->at[k][c->count] = (float)(at[k] + off[k] + 0.5 * size - p->flat[k] - p->origin[k]);
-  c->size[c->count++] = (float)size;
+static void add_box(const float low[3], float x, float y, float z, float size, chunk *c) {
+  float half = 0.5f * size;
+  int i = c->count++;
+  c->at[0][i] = low[0] + x + half;
+  c->at[1][i] = low[1] + y + half;
+  c->at[2][i] = low[2] + z + half;
+  c->size[i] = size;
 }
 
 static void add_record(const projection *p, const tc_box *b, chunk *c) {
-  if (!b->fine) {
-    add_box(p, b->at, (int[3]){0}, b->size, c);
-    return;
-  }
-  for (uint32_t left = b->fine; left; left &= left - 1) {
-    int i = __builtin_ctz(left);
-    add_box(p, b->at, (int[3]){i % 3 * TC_BOX_FINE, i / 3 % 3 * TC_BOX_FINE, i / 9 * TC_BOX_FINE}, TC_BOX_FINE, c);
-  }
+  float low[3];
+  for (int k = 0; k < 3; k++) low[k] = (float)(b->at[k] - p->flat[k] - p->origin[k]);
+  if (!b->fine) add_box(low, 0, 0, 0, b->size, c);
+  for (int z = 0; z < TC_BOX_FINES; z++)
+    for (int y = 0; y < TC_BOX_FINES; y++)
+      for (uint32_t row = b->fine >> (TC_BOX_FINES * (TC_BOX_FINES * z + y)) & 7; row; row &= row - 1)
+        add_box(low, (float)(TC_BOX_FINE * __builtin_ctz(row)), (float)(TC_BOX_FINE * y), (float)(TC_BOX_FINE * z), TC_BOX_FINE, c);
 }
 
 /* Plain loops over arrays, for the compiler to make vectors of. */
@@ -144,24 +152,26 @@ static void project_chunk(const cover_job *job, const chunk *boxes, spans *s) {
   }
 }
 
-static void mark(tc_cover *c, const int lo[2], const int hi[2], int first, int last) {
-  int w0 = first >> 6, w1 = last >> 6;
-  for (int w = w0; w <= w1; w++) {
+/* Slots first to last of the cells of a rectangle. */
+static void mark(const tc_cover *c, uint64_t *plane, const int lo[2], const int hi[2], int first, int last) {
+  ptrdiff_t words = c->words, row = words * c->cells[0];
+  uint64_t *corner = plane + lo[1] * row + lo[0] * words;
+  int wide = hi[0] - lo[0] + 1, high = hi[1] - lo[1] + 1, end = last >> 6;
+  for (int w = first >> 6; w <= end; w++) {
     uint64_t bits = ~(uint64_t)0;
-    if (w == w0) bits &= ~(uint64_t)0 << (first & 63);
-    if (w == w1) bits &= ~(uint64_t)0 >> (63 - (last & 63));
-    for (int y = lo[1]; y <= hi[1]; y++) {
-      _Atomic uint64_t *word = (_Atomic uint64_t *)c->bits + ((size_t)y * (size_t)c->cells[0] + (size_t)lo[0]) * (size_t)c->words + w;
-      for (int x = lo[0]; x <= hi[0]; x++, word += c->words)
-        if (bits & ~atomic_load_explicit(word, memory_order_relaxed)) atomic_fetch_or_explicit(word, bits, memory_order_relaxed);
+    if (w == first >> 6) bits &= ~(uint64_t)0 << (first & 63);
+    if (w == end) bits &= ~(uint64_t)0 >> (63 - (last & 63));
+    for (int y = 0; y < high; y++) {
+      uint64_t *word = corner + y * row + w;
+      for (int x = 0; x < wide; x++) word[x * words] |= bits;
     }
   }
 }
 
 static int clamp_to(float x, int last) { return x > 0 ? x < (float)last ? (int)x : last : 0; }
 
-static void mark_chunk(const cover_job *job, chunk *boxes) {
-  tc_cover *c = job->cover;
+static void mark_chunk(const cover_job *job, uint64_t *plane, chunk *boxes) {
+  const tc_cover *c = job->cover;
   int last = c->words * 64 - 1;
   spans s;
   project_chunk(job, boxes, &s);
@@ -169,21 +179,38 @@ static void mark_chunk(const cover_job *job, chunk *boxes) {
     if (s.x[1][i] < 0 || s.y[1][i] < 0 || s.x[0][i] >= (float)c->cells[0] || s.y[0][i] >= (float)c->cells[1]) continue;
     const int lo[2] = {clamp_to(s.x[0][i], c->cells[0] - 1), clamp_to(s.y[0][i], c->cells[1] - 1)};
     const int hi[2] = {clamp_to(s.x[1][i], c->cells[0] - 1), clamp_to(s.y[1][i], c->cells[1] - 1)};
-    mark(c, lo, hi, clamp_to(s.slot[0][i], last), clamp_to(s.slot[1][i], last));
+    mark(c, plane, lo, hi, clamp_to(s.slot[0][i], last), clamp_to(s.slot[1][i], last));
   }
   boxes->count = 0;
 }
 
+/* One worker's plane: of the records that it can get. */
 static void cover_task(void *context, int index, int worker) {
-  const cover_job *job = context;
-  size_t begin = (size_t)index * TASK, end = begin + TASK < job->boxes->count ? begin + TASK : job->boxes->count;
+  cover_job *job = context;
+  uint64_t *plane = job->cover->bits + (size_t)index * job->words;
   chunk boxes;
   boxes.count = 0;
-  for (size_t i = begin; i < end; i++) {
-    if (boxes.count + 27 > CHUNK) mark_chunk(job, &boxes);
-    add_record(&job->p, &job->boxes->items[i], &boxes);
+  memset(plane, 0, job->words * sizeof *plane);
+  for (;;) {
+    size_t begin = atomic_fetch_add_explicit(&job->next, SHARE, memory_order_relaxed);
+    size_t end = begin + SHARE < job->boxes->count ? begin + SHARE : job->boxes->count;
+    for (size_t i = begin; i < end; i++) {
+      if (boxes.count + 27 > CHUNK) mark_chunk(job, plane, &boxes);
+      add_record(&job->p, &job->boxes->items[i], &boxes);
+    }
+    if (begin >= end) break;
   }
-  mark_chunk(job, &boxes);
+  mark_chunk(job, plane, &boxes);
+}
+
+static void join_task(void *context, int index, int worker) {
+  const cover_job *job = context;
+  size_t begin = (size_t)index * JOINED, end = begin + JOINED < job->words ? begin + JOINED : job->words;
+  uint64_t *to = job->cover->bits;
+  for (int p = 1; p < job->planes; p++) {
+    const uint64_t *from = to + (size_t)p * job->words;
+    for (size_t i = begin; i < end; i++) to[i] |= from[i];
+  }
 }
 
 /* Slots over the depth of the volume's index box. */
@@ -217,17 +244,22 @@ bool tc_cover_fill(tc_cover *c, const tc_boxes *boxes, const tc_volume *volume, 
     words = (size_t)c->cells[0] * (size_t)c->cells[1] * (size_t)c->words;
     if (words <= MOST_WORDS) break;
   }
-  if (words > c->capacity) {
+  job.words = words;
+  job.planes = pool ? tc_pool_threads(pool) : 1;
+  if (job.planes > MOST_PLANES) job.planes = MOST_PLANES;
+  while (job.planes > 1 && words * (size_t)job.planes > 2 * MOST_WORDS) job.planes--;
+  if (words * (size_t)job.planes > c->capacity) {
     free(c->bits);
-    c->bits = malloc(words * sizeof *c->bits);
-    c->capacity = c->bits ? words : 0;
+    c->capacity = words * (size_t)job.planes;
+    c->bits = malloc(c->capacity * sizeof *c->bits);
     if (!c->bits) {
+      c->capacity = 0;
       tc_set_error(error, TC_ERROR_MEMORY, NULL, "cover of %dx%d pixels: out of memory", width, height);
       return false;
     }
   }
-  memset(c->bits, 0, words * sizeof *c->bits);
-  tc_pool_run(pool, (int)((boxes->count + TASK - 1) / TASK), cover_task, &job);
+  tc_pool_run(pool, job.planes, cover_task, &job);
+  if (job.planes > 1) tc_pool_run(pool, (int)((words + JOINED - 1) / JOINED), join_task, &job);
   return true;
 }
 

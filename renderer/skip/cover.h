@@ -20,7 +20,7 @@ typedef struct tc_cover {
   int cells[2], words; /* words: of 64 slots */
   double near_mm, slot_mm; /* depth where slot 0 begins; of a slot */
   double view_depth;   /* mm from the eye to the anchor's plane; perspective only */
-  size_t capacity;     /* of bits, in words */
+  size_t capacity;     /* of bits, in words; workers fill planes of their own that are joined into the first */
 } tc_cover;
 
 /* Fills *cover, whose bits are kept from frame to frame and grow as needed; zeroed before its first use. */

@@ -10,6 +10,27 @@ V_INLINE void fetch_pair(int type, const void *voxels, vi off, vf *a, vf *b) {
   }
 }
 
+/* The same, each value plus bias_of() the type. */
+V_INLINE void fetch_corner(int type, const void *voxels, vi off, vf *a, vf *b) {
+  switch (type) {
+  case TC_U8: v_corner_u8(voxels, off, a, b); return;
+  case TC_I8: v_corner_i8(voxels, off, a, b); return;
+  case TC_U16: v_corner_u16(voxels, off, a, b); return;
+  case TC_I16: v_corner_i16(voxels, off, a, b); return;
+  default: v_pair_f32(voxels, off, a, b); return;
+  }
+}
+
+V_INLINE float bias_of(int type) {
+  switch (type) {
+  case TC_U8: return V_BIAS_U8;
+  case TC_I8: return V_BIAS_I8;
+  case TC_U16: return V_BIAS_U16;
+  case TC_I16: return V_BIAS_I16;
+  default: return 0;
+  }
+}
+
 /* Voxel value (not rescaled) at mm t along the rays by a filter other than linear: filter_tmpl.h. */
 V_INLINE vf sample_filtered(const tc_cpu_args *g, variant v, const packet *p, vf t);
 
@@ -27,28 +48,24 @@ V_INLINE vf sample_field(const tc_cpu_args *g, variant v, const packet *p, vf t,
   vi off = v_addi(cell[0], v_addi(v_muli(cell[1], v_seti(g->row)), v_muli(cell[2], v_seti(g->slice))));
   vi off_y = v_addi(off, v_seti(g->stride[1])), off_z = v_addi(off, v_seti(g->stride[2]));
   vi off_yz = v_addi(off_y, v_seti(g->stride[2]));
-  vf a, b, c00, c10, c01, c11, d00, d10, d01, d11;
-  fetch_pair(v.type, g->voxels, off, &a, &b);
-  d00 = b - a;
-  c00 = v_fma(f[0], d00, a);
-  fetch_pair(v.type, g->voxels, off_y, &a, &b);
-  d10 = b - a;
-  c10 = v_fma(f[0], d10, a);
-  fetch_pair(v.type, g->voxels, off_z, &a, &b);
-  d01 = b - a;
-  c01 = v_fma(f[0], d01, a);
-  fetch_pair(v.type, g->voxels, off_yz, &a, &b);
-  d11 = b - a;
-  c11 = v_fma(f[0], d11, a);
-  vf c0 = v_fma(f[1], c10 - c00, c00), c1 = v_fma(f[1], c11 - c01, c01);
+  vf a00, a10, a01, a11, b00, b10, b01, b11;
+  fetch_corner(v.type, g->voxels, off, &a00, &b00);
+  fetch_corner(v.type, g->voxels, off_y, &a10, &b10);
+  fetch_corner(v.type, g->voxels, off_z, &a01, &b01);
+  fetch_corner(v.type, g->voxels, off_yz, &a11, &b11);
+  /* All relative to the first corner: a constant field is exact, and a bias of the corners falls out. */
+  vf d00 = b00 - a00, d10 = b10 - a10, d01 = b01 - a01, d11 = b11 - a11;
+  vf s00 = f[0] * d00, s10 = v_fma(f[0], d10, a10 - a00);
+  vf s01 = v_fma(f[0], d01, a01 - a00), s11 = v_fma(f[0], d11, a11 - a00);
+  vf s0 = v_fma(f[1], s10 - s00, s00), s1 = v_fma(f[1], s11 - s01, s01);
   if (gradient) {
     vf x0 = v_fma(f[1], d10 - d00, d00), x1 = v_fma(f[1], d11 - d01, d01);
     gradient[0] = v_fma(f[2], x1 - x0, x0);
-    gradient[1] = v_fma(f[2], (c11 - c01) - (c10 - c00), c10 - c00);
-    gradient[2] = c1 - c0;
+    gradient[1] = v_fma(f[2], (s11 - s01) - (s10 - s00), s10 - s00);
+    gradient[2] = s1 - s0;
   }
   if (v.filter != TC_FILTER_LINEAR) return sample_filtered(g, v, p, t);
-  return v_fma(f[2], c1 - c0, c0);
+  return (a00 - v_set(bias_of(v.type))) + v_fma(f[2], s1 - s0, s0);
 }
 
 V_INLINE vf sample_voxel(const tc_cpu_args *g, variant v, const packet *p, vf t) { return sample_field(g, v, p, t, NULL); }

@@ -81,18 +81,48 @@ V_INLINE void v_pair_f32(const void *base, vi off, vf *a, vf *b) {
   *b = _mm512_i32gather_ps(off, (const float *)base + 1, 4);
 }
 
+/* The same pairs as floats above a bias of their type: put into the mantissa of 2^23, an integer is a float in one instruction, and
+ * of differences the bias falls out exactly. */
+V_INLINE vf v_biased(vi bits, __mmask64 bytes, vi order) {
+  return v_from_bits(_mm512_mask_shuffle_epi8(v_seti(0x4b000000), bytes, bits, order));
+}
+V_INLINE void v_biased_bytes(vi p, vf *a, vf *b) {
+  const __mmask64 low = 0x1111111111111111;
+  *a = v_from_bits(_mm512_mask_blend_epi8(low, v_seti(0x4b000000), p));
+  *b = v_biased(p, low, _mm512_set4_epi32(13, 9, 5, 1));
+}
+V_INLINE void v_biased_words(vi p, vf *a, vf *b) {
+  *a = v_from_bits(_mm512_mask_blend_epi16(0x55555555, v_seti(0x4b000000), p));
+  *b = v_biased(p, 0x3333333333333333, _mm512_set4_epi32(0x0f0e, 0x0b0a, 0x0706, 0x0302));
+}
+V_INLINE void v_corner_u8(const void *base, vi off, vf *a, vf *b) { v_biased_bytes(v_gather_bytes(base, off), a, b); }
+V_INLINE void v_corner_i8(const void *base, vi off, vf *a, vf *b) {
+  v_biased_bytes(_mm512_xor_si512(v_gather_bytes(base, off), v_seti((int)0x80808080)), a, b);
+}
+V_INLINE void v_corner_u16(const void *base, vi off, vf *a, vf *b) { v_biased_words(v_gather_words(base, off), a, b); }
+V_INLINE void v_corner_i16(const void *base, vi off, vf *a, vf *b) {
+  v_biased_words(_mm512_xor_si512(v_gather_words(base, off), v_seti((int)0x80008000)), a, b);
+}
+#define V_BIAS_U8 0x1p23f
+#define V_BIAS_I8 (0x1p23f + 128)
+#define V_BIAS_U16 0x1p23f
+#define V_BIAS_I16 (0x1p23f + 32768)
+
 /* Two neighbouring entries (32 bytes) are one load. Group g holds lanes g, 4+g, 8+g and 12+g, entry by entry in 128-bit slots,
  * so that a 4x4 transpose inside the slots ends in lane order: far fewer loads than sixteen gathers. */
 V_INLINE vf v_entry_pairs(const double *base, const int32_t *off, int a, int b) {
   vf v = _mm512_castps256_ps512(_mm256_castpd_ps(_mm256_loadu_pd(base + off[a])));
   return _mm512_castpd_ps(_mm512_insertf64x4(_mm512_castps_pd(v), _mm256_loadu_pd(base + off[b]), 1));
 }
+V_INLINE vf v_pair_weights(vf f, int a, int b) {
+  return _mm512_permutexvar_ps(_mm512_setr_epi32(a, a, a, a, a, a, a, a, b, b, b, b, b, b, b, b), f);
+}
 #define V_BILINEAR_GROUP(g)                                                                                          \
   ({                                                                                                                 \
-    vf y_ = _mm512_permute_ps(fy, (g) * 0x55), x_ = _mm512_permute_ps(fx, (g) * 0x55);                               \
+    vf x_ = _mm512_permute_ps(fx, (g) * 0x55);                                                                       \
     vf a_ = v_entry_pairs(halves, p, g, 4 + (g)), b_ = v_entry_pairs(halves, p, 8 + (g), 12 + (g));                  \
-    a_ = v_fma(_mm512_shuffle_f32x4(y_, y_, 0x50), v_entry_pairs(halves, q, g, 4 + (g)) - a_, a_);                   \
-    b_ = v_fma(_mm512_shuffle_f32x4(y_, y_, 0xfa), v_entry_pairs(halves, q, 8 + (g), 12 + (g)) - b_, b_);            \
+    a_ = v_fma(v_pair_weights(fy, g, 4 + (g)), v_entry_pairs(halves, q, g, 4 + (g)) - a_, a_);                   \
+    b_ = v_fma(v_pair_weights(fy, 8 + (g), 12 + (g)), v_entry_pairs(halves, q, 8 + (g), 12 + (g)) - b_, b_);            \
     vf low_ = _mm512_shuffle_f32x4(a_, b_, 0x88);                                                                    \
     v_fma(x_, _mm512_shuffle_f32x4(a_, b_, 0xdd) - low_, low_);                                                      \
   })
