@@ -2,7 +2,7 @@
 #ifndef TC_RENDERER_BACKEND_H
 #define TC_RENDERER_BACKEND_H
 
-#include "renderer/classify/classify.h"
+#include "renderer/classify/integrals.h"
 #include "renderer/classify/labels.h"
 #include "renderer/pool.h"
 #include "renderer/raycast/grey.h"
@@ -20,6 +20,7 @@ typedef struct tc_job {
   const tc_volume *volume;
   const tc_rays *rays;
   const tc_table *table; /* NULL when the plan has none */
+  const tc_integrals *integrals; /* NULL likewise; never beside a table */
   const tc_leap *leap;   /* NULL unless plan->key.skipping in a mode that composites or shows a surface */
   const tc_boxes *boxes; /* dvr, instead of leap, for a back end that leaps_over_boxes */
   const tc_surface *surface; /* NULL unless the mode is isosurface */

@@ -107,6 +107,7 @@ static bool reserve(tc_frame *f, int width, int height, bool want_linear, bool w
 /* What a frame reads beside the volume. */
 typedef struct frame_resources {
   const tc_table *table;
+  const tc_integrals *integrals;
   const tc_support *support;
   const tc_minmax *minmax;
   const tc_leap *leap;
@@ -163,12 +164,15 @@ static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scen
                    tc_plan *plan, frame_resources *have, tc_frame_stats *stats, GError **error) {
   if (tc_is_projection(scene->mode)) return gather_projection(r, volume, scene, plan, have, stats, error);
   if (scene->mode == TC_MODE_ISOSURFACE) return gather_surface(r, volume, scene, plan, have, stats, error);
-  if (!plan->stages[TC_STAGE_TABLE_2D].included) return true; /* a slice: and nothing leaps without a table */
+  if (scene->mode == TC_MODE_MPR) return true;
   tc_table_params params = tc_table_params_for(volume, scene, request, plan->step_mm);
   plan->table_size = params.n;
   plan->table_zooms = params.n_zooms;
-  have->table = tc_resources_table(r->resources, &params, &stats->tables_ms, error);
-  if (!have->table) return false;
+  if (plan->stages[TC_STAGE_TABLE_2D].included)
+    have->table = tc_resources_table(r->resources, &params, &stats->tables_ms, error);
+  else
+    have->integrals = tc_resources_integrals(r->resources, &params, &stats->tables_ms, error);
+  if (!have->table && !have->integrals) return false;
   if (!plan->key.skipping) return true;
   int block = tc_skip_block(scene->skipping.block);
   have->minmax = tc_resources_minmax(r->resources, volume, block, &stats->skip_ms, error);
@@ -188,8 +192,10 @@ static void finish_plan(tc_renderer *r, tc_plan *plan, const frame_resources *ha
   tc_plan_stage *labels = &plan->stages[TC_STAGE_LABELS];
   if (have->labels) labels->bytes = have->labels->bytes;
   if (have->labels) labels->ms = stats ? have->labels_ms : have->labels->build_ms;
-  tc_plan_stage *table = &plan->stages[TC_STAGE_TABLE_2D], *skipping = &plan->stages[TC_STAGE_SKIPPING];
+  tc_plan_stage *skipping = &plan->stages[TC_STAGE_SKIPPING];
+  tc_plan_stage *table = &plan->stages[plan->stages[TC_STAGE_TABLE_1D].included ? TC_STAGE_TABLE_1D : TC_STAGE_TABLE_2D];
   if (have->table) table->bytes = have->table->bytes;
+  if (have->integrals) table->bytes = have->integrals->bytes;
   if (have->minmax) skipping->bytes += have->minmax->bytes;
   if (have->support) skipping->bytes += have->support->bytes;
   if (have->bounds) skipping->bytes += have->bounds->bytes;
@@ -206,7 +212,7 @@ static void finish_plan(tc_renderer *r, tc_plan *plan, const frame_resources *ha
     skipping->ms = stats->skip_ms;
     return;
   }
-  table->ms = have->table ? have->table->build_ms : 0;
+  table->ms = have->table ? have->table->build_ms : have->integrals ? have->integrals->build_ms : 0;
   skipping->ms = (have->minmax ? have->minmax->build_ms : 0) +
                  (have->support ? have->support->build_ms : 0) + (have->leap ? have->leap->build_ms : 0) +
                  (have->boxes ? have->boxes->build_ms : 0) +
@@ -224,7 +230,10 @@ static void find_projection(tc_renderer *r, const tc_volume *volume, const tc_sc
 
 static void find(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, tc_plan *plan, frame_resources *have) {
   tc_table_params params = tc_table_params_for(volume, scene, &(tc_render_request){0}, plan->step_mm);
-  have->table = tc_resources_find_table(r->resources, &params);
+  if (plan->stages[TC_STAGE_TABLE_2D].included)
+    have->table = tc_resources_find_table(r->resources, &params);
+  else
+    have->integrals = tc_resources_find_integrals(r->resources, &params);
   if (!plan->key.skipping) return;
   int block = tc_skip_block(scene->skipping.block);
   have->minmax = tc_resources_find_minmax(r->resources, volume, block);
@@ -260,7 +269,7 @@ bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_v
     finish_plan(renderer, plan, &have, NULL);
     return true;
   }
-  if (plan->stages[TC_STAGE_TABLE_2D].included) find(renderer, volume, scene, plan, &have);
+  if (scene->mode != TC_MODE_MPR) find(renderer, volume, scene, plan, &have);
   finish_plan(renderer, plan, &have, NULL);
   return true;
 }
@@ -306,7 +315,8 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   }
   tc_rays rays;
   tc_rays_set_up(&rays, volume, scene, width, height);
-  tc_job job = {.plan = plan, .scene = scene, .volume = volume, .rays = &rays, .table = have.table, .leap = have.leap, .boxes = have.boxes,
+  tc_job job = {.plan = plan, .scene = scene, .volume = volume, .rays = &rays, .table = have.table,
+                .integrals = have.integrals, .leap = have.leap, .boxes = have.boxes,
                 .grey = tc_is_projection(scene->mode) ? &have.grey : NULL, .bounds = have.bounds,
                 .label_volume = have.labels ? request->labels : NULL, .labels = have.labels,
                 .surface = scene->mode == TC_MODE_ISOSURFACE ? &have.surface : NULL, .want_depth = request->want_depth,

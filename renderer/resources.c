@@ -4,16 +4,16 @@
 #include <string.h>
 
 /* One list holds all kinds, so that one budget and one rule of age serve them. */
-typedef enum item_kind { ITEM_TABLE, ITEM_SUPPORT, ITEM_MINMAX, ITEM_LEAP, ITEM_BOXES, ITEM_BOUNDS, ITEM_LABELS } item_kind;
+typedef enum item_kind { ITEM_TABLE, ITEM_INTEGRALS, ITEM_SUPPORT, ITEM_MINMAX, ITEM_LEAP, ITEM_BOXES, ITEM_BOUNDS, ITEM_LABELS } item_kind;
 
 typedef struct item {
   item_kind kind;
-  void *thing; /* tc_table, tc_support, tc_minmax, tc_leap, tc_boxes, tc_bounds or tc_labels; owned */
+  void *thing; /* tc_table, tc_integrals, tc_support, tc_minmax, tc_leap, tc_boxes, tc_bounds or tc_labels; owned */
   size_t bytes;
   uint64_t last_use;
   uint64_t volume; /* serial it belongs to */
   int block;
-  tc_table_params params; /* table, support: .tf points to tf below */
+  tc_table_params params; /* table, integrals, support: .tf points to tf below */
   tc_transfer_function *tf; /* its own copy, at a fixed place */
 } item;
 
@@ -39,6 +39,7 @@ static void drop(tc_resources *r, int i) {
   item *it = &r->items[i];
   switch (it->kind) {
   case ITEM_TABLE: tc_table_free(it->thing); break;
+  case ITEM_INTEGRALS: tc_integrals_free(it->thing); break;
   case ITEM_SUPPORT: tc_support_free(it->thing); break;
   case ITEM_MINMAX: tc_minmax_free(it->thing); break;
   case ITEM_LEAP: tc_leap_free(it->thing); break;
@@ -111,18 +112,28 @@ tc_table_params tc_table_params_for(const tc_volume *volume, const tc_scene *sce
                        .step_mm = step_mm,
                        .linear_light = scene->image.linear_light,
                        .bits = request->table_bits};
-  tc_table_choose(volume, p.tf, &p.n, &p.voxel_lo, &p.voxel_hi);
+  bool integrals = tc_integrals_serve(scene->classification);
+  if (integrals) p.step_mm = p.bits = 0; /* they serve every length, in single precision */
+  (integrals ? tc_integrals_choose : tc_table_choose)(volume, p.tf, &p.n, &p.voxel_lo, &p.voxel_hi);
   if (request->table_size)
     p.n = request->table_size; /* and nothing but it: without zooms */
-  else
+  else if (!integrals)
     p.n_zooms = tc_table_zooms(volume, p.tf, p.n, p.voxel_lo, p.voxel_hi, p.zooms, NULL);
   return p;
 }
 
-const tc_table *tc_resources_find_table(tc_resources *r, const tc_table_params *params) {
+static const void *find_made(tc_resources *r, item_kind kind, const tc_table_params *params) {
   for (int i = 0; i < r->count; i++)
-    if (r->items[i].kind == ITEM_TABLE && same_table(&r->items[i].params, params)) return used(r, &r->items[i]);
+    if (r->items[i].kind == kind && same_table(&r->items[i].params, params)) return used(r, &r->items[i]);
   return NULL;
+}
+
+const tc_table *tc_resources_find_table(tc_resources *r, const tc_table_params *params) {
+  return find_made(r, ITEM_TABLE, params);
+}
+
+const tc_integrals *tc_resources_find_integrals(tc_resources *r, const tc_table_params *params) {
+  return find_made(r, ITEM_INTEGRALS, params);
 }
 
 static tc_transfer_function *copy_transfer_function(const tc_transfer_function *from) {
@@ -165,6 +176,19 @@ const tc_table *tc_resources_table(tc_resources *r, const tc_table_params *param
   }
   *ms += table->build_ms;
   return table;
+}
+
+const tc_integrals *tc_resources_integrals(tc_resources *r, const tc_table_params *params, double *ms, GError **error) {
+  const tc_integrals *found = tc_resources_find_integrals(r, params);
+  if (found) return found;
+  tc_integrals *integrals = tc_integrals_build(params, error);
+  if (!integrals) return NULL;
+  if (!keep(r, ITEM_INTEGRALS, integrals, integrals->bytes, params, error)) {
+    tc_integrals_free(integrals);
+    return NULL;
+  }
+  *ms += integrals->build_ms;
+  return integrals;
 }
 
 /* ---- leaping ---- */

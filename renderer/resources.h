@@ -4,7 +4,7 @@
 #ifndef TC_RENDERER_RESOURCES_H
 #define TC_RENDERER_RESOURCES_H
 
-#include "renderer/classify/classify.h"
+#include "renderer/classify/integrals.h"
 #include "renderer/classify/labels.h"
 #include "renderer/skip/bounds.h"
 #include "renderer/skip/boxes.h"
@@ -16,12 +16,13 @@ typedef struct tc_resources tc_resources;
 tc_resources *tc_resources_new(tc_pool *pool, uint64_t budget_bytes, GError **error);
 void tc_resources_free(tc_resources *resources); /* NULL is fine */
 
-/* The table parameters of a scene over a volume; .tf points into the scene. The request may ask for another size. */
+/* The parameters of the table, or of the integrals, that a scene over a volume reads; .tf points into the scene. The request may ask for another size. */
 tc_table_params tc_table_params_for(const tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
                                     double step_mm);
 
 /* Find or build; *ms grows by what building took. */
 const tc_table *tc_resources_table(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
+const tc_integrals *tc_resources_integrals(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
 const tc_support *tc_resources_support(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
 const tc_support *tc_resources_surface(tc_resources *r, double lo, double hi, GError **error); /* tc_support_surface() */
 const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, int block, double *ms, GError **error);
@@ -38,6 +39,7 @@ const tc_labels *tc_resources_labels(tc_resources *r, const tc_volume *labels, c
 
 /* Find only: NULL when it is not there now. */
 const tc_table *tc_resources_find_table(tc_resources *r, const tc_table_params *params);
+const tc_integrals *tc_resources_find_integrals(tc_resources *r, const tc_table_params *params);
 const tc_support *tc_resources_find_support(tc_resources *r, const tc_table_params *params);
 const tc_support *tc_resources_find_surface(tc_resources *r, double lo, double hi);
 const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int block);

@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "renderer/classify/classify.h"
+#include "renderer/classify/integrals.h"
 #include "renderer/classify/labels.h"
 #include "renderer/quality/meter.h"
 #include "renderer/raycast/grey.h"
@@ -218,22 +218,19 @@ static bool unsupported(GError **error, const char *pointer, const char *what) {
 
 static const char *const filters[TC_FILTER_COUNT] = {"linear", "cubic", "nearest"};
 
+static const char *const classifications[TC_CLASSIFICATION_COUNT] = {"preintegrated", "preintegrated2", "approximate",
+                                                                     "post", "linearized"};
+
 static const char *const modes[TC_MODE_COUNT] = {"dvr",        "mip",  "minip", "average",
                                                  "isosurface", "mesh", "splat", "mpr"};
-
-/* Only what compositing reads. */
-static bool check_compositing_built(const tc_scene *s, GError **error) {
-  if (s->classification != TC_PREINTEGRATED)
-    return unsupported(error, "/classification", "any classification but preintegrated");
-  if (s->order != TC_FRONT_TO_BACK) return unsupported(error, "/order", "back-to-front");
-  return true;
-}
 
 static bool check_built(const tc_scene *s, GError **error) {
   if ((unsigned)s->mode >= TC_MODE_COUNT) return invalid(error, "/mode", "unknown");
   bool projection = tc_is_projection(s->mode), slice = s->mode == TC_MODE_MPR, surface = s->mode == TC_MODE_ISOSURFACE;
   if (s->mode != TC_MODE_DVR && !projection && !slice && !surface) return unsupported(error, "/mode", modes[s->mode]);
-  if (s->mode == TC_MODE_DVR && !check_compositing_built(s, error)) return false;
+  if (s->mode == TC_MODE_DVR && (unsigned)s->classification >= TC_CLASSIFICATION_COUNT)
+    return invalid(error, "/classification", "unknown");
+  if (s->mode == TC_MODE_DVR && (unsigned)s->order >= TC_ORDER_COUNT) return invalid(error, "/order", "unknown");
   if (surface && s->filter != TC_FILTER_LINEAR) return unsupported(error, "/filter", "any filter of isosurfaces but linear");
   if (s->filter != TC_FILTER_LINEAR && s->filter != TC_FILTER_NEAREST)
     return unsupported(error, "/filter", "any filter but linear and nearest");
@@ -339,13 +336,34 @@ void tc_plan_drop_skipping(tc_plan *plan, const char *reason) {
   stage(plan, TC_STAGE_COHERENCE, false, "nothing is known to be empty: stage skipping is out");
 }
 
+static void plan_tables(tc_plan *plan, const tc_scene *s) {
+  const char *name = classifications[s->classification];
+  bool integrals = tc_integrals_serve(s->classification);
+  if (integrals) {
+    stage(plan, TC_STAGE_TABLE_1D, true, "classification is %s: %s at %d values, for segments of any length", name,
+          s->classification == TC_POST ? "extinction and colour" : "integrals of extinction and colour", plan->table_size);
+    stage(plan, TC_STAGE_TABLE_2D, false, "classification is %s: no segment is looked up as a whole", name);
+  } else {
+    stage(plan, TC_STAGE_TABLE_1D, false, "classification is %s: segments are integrated beforehand", name);
+    char zooms[48] = "";
+    if (plan->table_zooms)
+      snprintf(zooms, sizeof zooms, ", %d zoom%s for close knots", plan->table_zooms, plan->table_zooms > 1 ? "s" : "");
+    stage(plan, TC_STAGE_TABLE_2D, true, "classification is %s: %d values a side%s, segments of %.4g mm", name,
+          plan->table_size, zooms, plan->step_mm);
+  }
+}
+
+static void plan_termination(tc_plan *plan, const tc_scene *s) {
+  if (plan->key.termination)
+    stage(plan, TC_STAGE_TERMINATION, true, "rays end under a transparency of %.3g", s->sampling.termination);
+  else if (s->sampling.termination > 0)
+    stage(plan, TC_STAGE_TERMINATION, false, "order is back-to-front: what is in front comes last");
+  else
+    stage(plan, TC_STAGE_TERMINATION, false, "sampling.termination is 0");
+}
+
 static void plan_stages(tc_plan *plan, const tc_scene *s) {
-  stage(plan, TC_STAGE_TABLE_1D, false, "only approximate classification reads 1-D integrals");
-  char zooms[48] = "";
-  if (plan->table_zooms)
-    snprintf(zooms, sizeof zooms, ", %d zoom%s for close knots", plan->table_zooms, plan->table_zooms > 1 ? "s" : "");
-  stage(plan, TC_STAGE_TABLE_2D, true, "classification is preintegrated: %d values a side%s, segments of %.4g mm",
-        plan->table_size, zooms, plan->step_mm);
+  plan_tables(plan, s);
   static const char *const models[TC_SHADING_COUNT] = {"none", "lambert", "blinn-phong", "gooch"};
   stage(plan, TC_STAGE_GRADIENT, plan->key.shading,
         plan->key.shading ? "shading.model is %s: gradients from the corners that interpolation fetches" : "shading.model is %s",
@@ -357,10 +375,7 @@ static void plan_stages(tc_plan *plan, const tc_scene *s) {
   plan_clipping(plan, s);
   plan_rays(plan, s);
   plan_labels(plan, s);
-  if (plan->key.termination)
-    stage(plan, TC_STAGE_TERMINATION, true, "rays end under a transparency of %.3g", s->sampling.termination);
-  else
-    stage(plan, TC_STAGE_TERMINATION, false, "sampling.termination is 0");
+  plan_termination(plan, s);
   stage(plan, TC_STAGE_ALPHA, s->image.transparent,
         s->image.transparent ? "background is transparent" : "background is a colour");
   stage(plan, TC_STAGE_DEPTH, false, "nothing asks for depth");
@@ -379,13 +394,15 @@ static void plan_compositing(tc_plan *plan, const tc_volume *volume, const tc_sc
   plan->key.classification = (uint8_t)scene->classification;
   plan->key.order = (uint8_t)scene->order;
   plan->key.shading = (uint8_t)scene->shading.model;
-  plan->key.termination = scene->sampling.termination > 0;
+  plan->key.termination = scene->sampling.termination > 0 && scene->order == TC_FRONT_TO_BACK;
   plan->key.skipping = scene->skipping.mode == TC_SKIPPING_AUTO &&
                        tc_skip_possible(&scene->transfer_function, range->min, range->max);
   double lo, hi;
-  tc_table_choose(volume, &scene->transfer_function, &plan->table_size, &lo, &hi);
+  bool integrals = tc_integrals_serve(scene->classification);
+  (integrals ? tc_integrals_choose : tc_table_choose)(volume, &scene->transfer_function, &plan->table_size, &lo, &hi);
   tc_zoom zooms[TC_MAX_ZOOMS];
-  plan->table_zooms = tc_table_zooms(volume, &scene->transfer_function, plan->table_size, lo, hi, zooms, NULL);
+  if (!integrals)
+    plan->table_zooms = tc_table_zooms(volume, &scene->transfer_function, plan->table_size, lo, hi, zooms, NULL);
   plan->key.zoomed = plan->table_zooms > 0;
   plan->table_lo = d->slope * lo + d->intercept;
   plan->table_hi = d->slope * hi + d->intercept;
@@ -501,9 +518,11 @@ bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int
   plan_coherence(plan, volume, scene);
   if (surface) return plan_surface(volume, scene, plan, error);
   plan_stages(plan, scene);
-  snprintf(plan->kernel, sizeof plan->kernel, "%s%s.%s%s%s%s%s.%s", modes[scene->mode],
-           scene->mode == TC_MODE_DVR ? ".preintegrated" : "", filters[scene->filter], plan->key.shading ? ".shaded" : "",
-           plan->key.labels ? ".labels" : "", plan->key.rays ? ".rays" : "", plan->key.jitter ? ".jitter" : "",
-           tc_voxel_type_name(d->type));
+  bool dvr = scene->mode == TC_MODE_DVR;
+  snprintf(plan->kernel, sizeof plan->kernel, "%s%s%s%s.%s%s%s%s%s.%s", modes[scene->mode], dvr ? "." : "",
+           dvr ? classifications[scene->classification] : "",
+           dvr && scene->order == TC_BACK_TO_FRONT ? ".back-to-front" : "", filters[scene->filter],
+           plan->key.shading ? ".shaded" : "", plan->key.labels ? ".labels" : "", plan->key.rays ? ".rays" : "",
+           plan->key.jitter ? ".jitter" : "", tc_voxel_type_name(d->type));
   return true;
 }

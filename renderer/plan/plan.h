@@ -71,7 +71,7 @@ typedef struct tc_plan {
   tc_plan_stage stages[TC_STAGE_COUNT];
   int width, height;
   double step_mm;       /* world length of a full segment */
-  int table_size;       /* entries per side of the table; 0 = none (projections) */
+  int table_size;       /* entries per side of the table, or nodes of the 1-D tables; 0 = none (projections) */
   int table_zooms;      /* narrower tables that resolve knots which stand too close for it */
   double table_lo, table_hi; /* values (volume's unit) of the first and last entry */
   char kernel[64];      /* name of the variant that runs, e.g. "dvr.preintegrated.linear.u16.avx512" */

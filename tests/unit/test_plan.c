@@ -110,8 +110,6 @@ static void what_is_not_built_is_refused(void **state) {
   f->scene.mode = TC_MODE_SPLAT;
   expect(f, TC_ERROR_UNSUPPORTED, "/mode");
   f->scene.mode = TC_MODE_DVR;
-  f->scene.classification = TC_PREINTEGRATED2;
-  expect(f, TC_ERROR_UNSUPPORTED, "/classification");
 }
 
 static void sizes_are_limited(void **state) {

@@ -191,6 +191,12 @@ static void fill_labels(tc_cpu_labels *l, const tc_job *job) {
   l->outside = job->labels->entries[job->labels->n];
 }
 
+static void fill_nodes(tc_cpu_args *a, int n, double lo, double hi) {
+  a->value_lo = (float)lo;
+  a->value_scale = (float)((n - 1) / (hi - lo));
+  a->node_last = (float)(n - 1);
+}
+
 static void fill_args(tc_cpu_args *a, const tc_job *job) {
   const tc_rays *r = job->rays;
   const tc_volume_desc *d = tc_volume_describe(job->volume);
@@ -229,13 +235,19 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
   if (job->plan->key.mode == TC_MODE_MPR) fill_window(a, job);
   if (job->leap) fill_leap(a, job->leap);
   if (job->plan->key.shading) fill_shading(a, job);
-  if (!job->table) return;
-  a->table = job->table->zero_row;
-  a->table_stride = (float)job->table->columns;
-  a->value_lo = (float)job->table->lo;
-  a->value_scale = (float)((job->table->n - 1) / (job->table->hi - job->table->lo));
-  a->node_last = (float)(job->table->n - 1);
-  fill_zooms(a, job->table);
+  if (job->table) {
+    a->table = job->table->zero_row;
+    a->table_stride = (float)job->table->columns;
+    fill_nodes(a, job->table->n, job->table->lo, job->table->hi);
+    fill_zooms(a, job->table);
+  } else if (job->integrals) {
+    a->integrals = job->integrals->entries;
+    a->levels_start = job->integrals->levels_start;
+    a->level_row = job->integrals->n + 1;
+    fill_nodes(a, job->integrals->n, job->integrals->lo, job->integrals->hi);
+  } else {
+    return;
+  }
   a->termination = (float)job->scene->sampling.termination;
 }
 

@@ -56,18 +56,13 @@ V_INLINE void cast_packet(const tc_cpu_args *g, variant v, const place *at, vf4 
     vf next = front;
     ahead = !v.leap || i + 1 < run_end;
     if (ahead) next = sample_node(g, v, &p, v_min(sample_mm(g, v, &p, i + 2), p.length), at_next);
-    if (v.leap && all_zero(g, front, back, live)) {
+    if (v.leap && v.classification != TC_PREINTEGRATED2 && all_zero(g, front, back, live)) {
       live = m_and(live, v_lt(t1, p.length));
       front = back, back = next;
       if (v.shaded) shift_slopes(slopes);
       continue;
     }
-    vf4 c = v.zoomed ? classify_zoomed(g, front, back) : classify(g, front, back);
-    vm ends = v_lt(p.length, t1);
-    if (phased(v) && i == 0)
-      c = shorten(c, v_min(t1, p.length) / v_set(g->step_mm), live);
-    else if (m_any(ends))
-      c = shorten(c, v_max(p.length - t0, v_set(0)) / v_set(g->step_mm), ends);
+    vf4 c = segment(g, v, &p, front, back, i, t0, t1, live, counts);
     if (v.labels && m_any(v_lt(v_set(0), c.a))) c = label_segment(g, &p, v_set(0.5f) * (t0 + v_min(t1, p.length)), c);
     if (v.shaded && m_any(v_lt(v_set(0), c.a))) c = shade(g, &light, at_front, at_back, c);
     vf weight = v_select(live, clear, v_set(0));

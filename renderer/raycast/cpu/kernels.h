@@ -51,6 +51,8 @@ typedef struct tc_cpu_args {
   const void *voxels;
   const float *table; /* row k = 0 of tc_table */
   float table_stride; /* entries a row; offsets are computed in float, exact below 2^24 */
+  const float *integrals;        /* tc_integrals' entries */
+  int levels_start, level_row;   /* entries before the levels; of one level */
   float value_lo, value_scale, node_last; /* node = (voxel - value_lo) * value_scale, clamped to [0, node_last] */
   int n_zooms;
   tc_cpu_zoom zooms[TC_MAX_ZOOMS];

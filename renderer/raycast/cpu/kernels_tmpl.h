@@ -8,15 +8,21 @@
 
 #include "renderer/raycast/cpu/classify_tmpl.h"
 
+#include "renderer/raycast/cpu/integrals_tmpl.h"
+
+#include "renderer/raycast/cpu/subpixel_tmpl.h"
+
+#include "renderer/raycast/cpu/segment_tmpl.h"
+
 #include "renderer/raycast/cpu/shade_tmpl.h"
 
 #include "renderer/raycast/cpu/labels_tmpl.h"
 
-#include "renderer/raycast/cpu/subpixel_tmpl.h"
-
 #include "renderer/raycast/cpu/cover_tmpl.h"
 
 #include "renderer/raycast/cpu/dvr_tmpl.h"
+
+#include "renderer/raycast/cpu/back_tmpl.h"
 
 #include "renderer/raycast/cpu/projection_tmpl.h"
 
@@ -25,7 +31,9 @@
 /* One ray a pixel. */
 V_INLINE vf4 cast_rays(const tc_cpu_args *g, variant v, const place *at, skip_mood *mood, tc_cpu_counts *counts) {
   vf4 c;
-  if (v.mode == TC_MODE_DVR)
+  if (v.mode == TC_MODE_DVR && v.back_to_front)
+    cast_back_to_front(g, v, at, &c, counts);
+  else if (v.mode == TC_MODE_DVR)
     cast_packet(g, v, at, &c, counts);
   else if (v.mode == TC_MODE_AVERAGE)
     cast_average(g, v, at, &c, counts);
@@ -83,21 +91,23 @@ V_INLINE void cast_tile(const tc_cpu_args *g, variant v, int x0, int y0, int x1,
   SLICE(mpr_##name##_one, type, 0)                                                                                   \
   SLICE(mpr_##name##_mip, type, 1 + TC_SLAB_MIP)                                                                     \
   SLICE(mpr_##name##_minip, type, 1 + TC_SLAB_MINIP)                                                                 \
-  SLICE(mpr_##name##_average, type, 1 + TC_SLAB_AVERAGE)                                                             \
-  KERNEL(any_##name, g->key.mode, type, g->key.filter, g->key.slab, g->key.shading != TC_SHADING_NONE,               \
-         g->key.termination, g->key.skipping, g->key.labels, g->key.rays, g->key.jitter, g->key.zoomed)
+  SLICE(mpr_##name##_average, type, 1 + TC_SLAB_AVERAGE)
 KERNELS(TC_U8, u8)
 KERNELS(TC_I8, i8)
 KERNELS(TC_U16, u16)
 KERNELS(TC_I16, i16)
 KERNELS(TC_F32, f32)
 
+/* Everything else, for all voxel types: once, because kernels are what compiling takes long for. */
+KERNEL(any, g->key.mode, g->key.voxel_type, g->key.filter, g->key.slab, g->key.shading != TC_SHADING_NONE, g->key.termination,
+       g->key.skipping, .labels = g->key.labels, .several = g->key.rays, .jitter = g->key.jitter, .zoomed = g->key.zoomed, .classification = g->key.classification,
+       .back_to_front = g->key.order == TC_BACK_TO_FRONT)
+
 /* The kernels of one voxel type. */
 typedef struct kernel_set {
   tc_cpu_kernel dvr[2][2][2]; /* shaded, early termination, leaping */
   tc_cpu_kernel extreme[2];   /* skipping */
   tc_cpu_kernel average, slices[1 + TC_SLAB_PROJECTION_COUNT];
-  tc_cpu_kernel any; /* the rest */
 } kernel_set;
 
 static tc_cpu_kernel find_kernel(const tc_plan_key *key) {
@@ -107,12 +117,13 @@ static tc_cpu_kernel find_kernel(const tc_plan_key *key) {
    .extreme = {extreme_##name, extreme_##name##_leap},                                                               \
    .average = average_##name,                                                                                        \
    .slices = {mpr_##name##_one, [1 + TC_SLAB_MIP] = mpr_##name##_mip, [1 + TC_SLAB_MINIP] = mpr_##name##_minip,      \
-              [1 + TC_SLAB_AVERAGE] = mpr_##name##_average},                                                         \
-   .any = any_##name}
+              [1 + TC_SLAB_AVERAGE] = mpr_##name##_average}}
   static const kernel_set sets[TC_VOXEL_TYPE_COUNT] = {SET(u8), SET(i8), SET(u16), SET(i16), SET(f32)};
   if (key->voxel_type >= TC_VOXEL_TYPE_COUNT || key->slab > TC_SLAB_PROJECTION_COUNT) return NULL;
   const kernel_set *set = &sets[key->voxel_type];
-  if (key->filter != TC_FILTER_LINEAR || key->zoomed || key->labels || key->rays || key->jitter) return set->any;
+  if (key->filter != TC_FILTER_LINEAR || key->zoomed || key->labels || key->rays || key->jitter ||
+      key->classification != TC_PREINTEGRATED || key->order != TC_FRONT_TO_BACK)
+    return any;
   switch (key->mode) {
   case TC_MODE_DVR: return set->dvr[key->shading != TC_SHADING_NONE][key->termination != 0][key->skipping != 0];
   case TC_MODE_MIP:

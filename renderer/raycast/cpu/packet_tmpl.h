@@ -1,6 +1,9 @@
 /* A packet of V_LANES neighbouring pixels: its rays from the camera to where they enter and leave the volume
  * (raycast/rays.h). Part of the ray caster's template: included by kernels_tmpl.h after a simd_*.h. */
 
+/* Not part of every kernel, but called by those that need it. */
+#define V_ONCE static __attribute__((noinline))
+
 /* What a kernel does. In the kernels that most pictures use all of it is constant, and nothing else is compiled in; the kernel
  * for the rest (kernels_tmpl.h) has it from the plan's key. */
 typedef struct variant {
@@ -9,6 +12,8 @@ typedef struct variant {
   bool shaded, terminate, leap, labels;
   bool several, jitter; /* rays a pixel (subpixel_tmpl.h) */
   bool zoomed; /* the table has zooms (classify/classify.h) */
+  int classification;     /* tc_classification */
+  bool back_to_front;
 } variant;
 
 typedef struct packet {

@@ -79,7 +79,9 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
   tc_gl_variant_name(v, name, sizeof name);
   /* A texture unit's own interpolation shows no corners to take a gradient from. */
   if (!is_built(&v->plan) || (v->plan.shading && v->field != TC_GL_FIELD_GATHER)) {
-    tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "gl: no shader is built for %s; use --backend cpu", name);
+    bool other_way = v->plan.mode == TC_MODE_DVR && v->plan.classification != TC_PREINTEGRATED;
+    const char *pointer = other_way ? "/classification" : v->plan.order != TC_FRONT_TO_BACK ? "/order" : NULL;
+    tc_set_error(error, TC_ERROR_UNSUPPORTED, pointer, "gl: no shader is built for %s; use --backend cpu", name);
     return 0;
   }
   composition c = {0};

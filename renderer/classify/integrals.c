@@ -1,0 +1,170 @@
+#include "renderer/classify/integrals.h"
+
+#include <math.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "renderer/clock.h"
+
+#define MOST_TAU 1e30 /* 1/mm: opaque at any length, and sums of it stay numbers */
+
+/* One node interval: means of (L tau, tau), and how far each end is from them: from = mean - tilt, to = mean + tilt. */
+typedef struct interval {
+  double mean[4], tilt[4];
+} interval;
+
+typedef struct walker {
+  const tc_table_params *params;
+  ptrdiff_t next; /* the first knot ahead in the direction the value moves along the nodes */
+  int way;        /* of the knots' index: 1 or -1 */
+} walker;
+
+static double extinction(const tc_table_params *p, double value) { return fmin(tc_extinction(p->tf, value), MOST_TAU); }
+
+static void color(const tc_table_params *p, double value, double rgb[3]) {
+  tc_color(p->tf, value, rgb);
+  for (int c = 0; c < 3 && p->linear_light; c++) rgb[c] = tc_srgb_to_linear(rgb[c]);
+}
+
+/* A stretch without a knot inside: the exact mean extinction, and the colour that three Gauss points see on average. */
+static void add_stretch(interval *into, const tc_table_params *p, double from, double to, double share) {
+  static const double place[3] = {-0.774596669241483377, 0, 0.774596669241483377}, weight[3] = {5, 8, 5};
+  double mean = share * fmin(tc_extinction_mean(p->tf, from, to), MOST_TAU), sum[4] = {0}, rgb[3];
+  if (!(mean > 0)) return;
+  for (int i = 0; i < 3; i++) {
+    double value = 0.5 * (from + to) + 0.5 * (to - from) * place[i], w = weight[i] * extinction(p, value);
+    color(p, value, rgb);
+    for (int c = 0; c < 3; c++) sum[c] += w * rgb[c];
+    sum[3] += w;
+  }
+  for (int c = 0; c < 3; c++) into->mean[c] += sum[3] > 0 ? mean * (sum[c] / sum[3]) : 0;
+  into->mean[3] += mean;
+}
+
+/* The ends, as far as they leave tau and L tau at least 0 and L at most the brighter end's. */
+static void add_tilt(interval *into, const tc_table_params *p, double v0, double v1) {
+  double in[2] = {v0 + (v1 - v0) * 1e-9, v1 - (v1 - v0) * 1e-9}, rgb[2][3], tau[2], *mean = into->mean;
+  for (int e = 0; e < 2; e++) {
+    tau[e] = extinction(p, in[e]);
+    color(p, in[e], rgb[e]);
+  }
+  into->tilt[3] = fmin(fmax(0.5 * (tau[1] - tau[0]), -mean[3]), mean[3]);
+  for (int c = 0; c < 3; c++) {
+    double most = mean[3] > 0 ? fmax(mean[c] / mean[3], fmax(rgb[0][c], rgb[1][c])) : 0, wanted, low, high;
+    wanted = 0.5 * (rgb[1][c] * tau[1] - rgb[0][c] * tau[0]);
+    low = fmax(-mean[c], mean[c] - most * (mean[3] - into->tilt[3]));
+    high = fmin(mean[c], most * (mean[3] + into->tilt[3]) - mean[c]);
+    into->tilt[c] = fmin(fmax(wanted, low), high);
+  }
+}
+
+/* Walks on from value v0 to v1. */
+static interval walk(walker *w, double v0, double v1) {
+  const tc_transfer_function *tf = w->params->tf;
+  interval into = {0};
+  double from = v0, width = v1 - v0;
+  for (; w->next >= 0 && w->next < (ptrdiff_t)tf->count; w->next += w->way) {
+    double knot = tf->points[w->next].value;
+    if (w->way * (knot - v1) >= 0) break;
+    if (!(w->way * (knot - from) > 0)) continue;
+    add_stretch(&into, w->params, from, knot, (knot - from) / width);
+    from = knot;
+  }
+  add_stretch(&into, w->params, from, v1, width != 0 ? (v1 - from) / width : 1);
+  add_tilt(&into, w->params, v0, v1);
+  return into;
+}
+
+static void store(float entry[4], const double value[4]) {
+  for (int c = 0; c < 4; c++) entry[c] = (float)value[c];
+}
+
+/* One level: sums from each block's middle to its nodes, outwards. means: [n][4] of the node intervals. */
+static void fill_level(float (*level)[4], const double (*means)[4], int n, int half) {
+  for (int middle = half; middle - half <= n; middle += 2 * half) {
+    double down[4] = {0}, up[4] = {0};
+    for (int p = middle - 1; p >= middle - half; p--) {
+      if (p >= n) continue; /* the last block may end before its middle: no pair of nodes asks for that */
+      for (int c = 0; c < 4; c++) down[c] += means[p][c];
+      store(level[p], down);
+    }
+    for (int q = middle + 1; q < middle + half && q <= n; q++) {
+      for (int c = 0; c < 4; c++) up[c] += means[q - 1][c];
+      store(level[q], up);
+    }
+  }
+}
+
+static int level_count(int n) {
+  int levels = 1;
+  while (n >> (levels - 1)) levels++;
+  return levels;
+}
+
+static tc_integrals *integrals_new(const tc_table_params *p) {
+  static atomic_uint_fast64_t next_serial = 1;
+  tc_integrals *t = calloc(1, sizeof *t);
+  if (!t) return NULL;
+  size_t nodes = (size_t)p->n + 1;
+  *t = (tc_integrals){.n = p->n, .lo = p->voxel_lo, .hi = p->voxel_hi, .levels_start = (int)(2 * nodes),
+                      .count = 2 * nodes + (size_t)level_count(p->n) * nodes + 1};
+  t->bytes = t->count * 4 * sizeof(float);
+  t->serial = atomic_fetch_add(&next_serial, 1);
+  t->entries = calloc(t->count, 4 * sizeof(float));
+  if (t->entries) return t;
+  free(t);
+  return NULL;
+}
+
+tc_integrals *tc_integrals_build(const tc_table_params *params, GError **error) {
+  double start = tc_now_ms();
+  tc_integrals *t = integrals_new(params);
+  double(*means)[4] = calloc((size_t)params->n + 1, sizeof *means);
+  if (!t || !means) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "integrals of %d values: out of memory", params->n);
+    tc_integrals_free(t);
+    free(means);
+    return NULL;
+  }
+  int way = params->slope > 0 ? 1 : -1;
+  walker w = {.params = params, .next = way > 0 ? 0 : (ptrdiff_t)params->tf->count - 1, .way = way};
+  double scale = params->slope * (params->voxel_hi - params->voxel_lo) / (params->n - 1);
+  double base = params->slope * params->voxel_lo + params->intercept;
+  for (int j = 0; j <= params->n; j++) {
+    interval it = walk(&w, base + scale * j, base + scale * (j + 1));
+    double ends[2][4];
+    for (int c = 0; c < 4; c++) {
+      means[j][c] = it.mean[c];
+      ends[0][c] = it.mean[c] - it.tilt[c];
+      ends[1][c] = it.mean[c] + it.tilt[c];
+    }
+    store(t->entries + 8 * (size_t)j, ends[0]);
+    store(t->entries + 8 * (size_t)j + 4, ends[1]);
+  }
+  float(*level)[4] = (float(*)[4])(t->entries + 4 * (size_t)t->levels_start) + params->n + 1;
+  for (int half = 1; half <= params->n; half *= 2, level += params->n + 1)
+    fill_level(level, (const double(*)[4])means, params->n, half);
+  free(means);
+  t->build_ms = tc_now_ms() - start;
+  return t;
+}
+
+void tc_integrals_free(tc_integrals *integrals) {
+  if (!integrals) return;
+  free(integrals->entries);
+  free(integrals);
+}
+
+bool tc_integrals_serve(tc_classification classification) {
+  return classification == TC_APPROXIMATE || classification == TC_POST || classification == TC_LINEARIZED;
+}
+
+void tc_integrals_choose(const tc_volume *volume, const tc_transfer_function *tf, int *n, double *voxel_lo, double *voxel_hi) {
+  tc_table_choose(volume, tf, n, voxel_lo, voxel_hi);
+  tc_voxel_type type = tc_volume_describe(volume)->type;
+  if (type == TC_U8 || type == TC_I8) return;
+  double least = INFINITY, range = fabs(tc_volume_describe(volume)->slope) * (*voxel_hi - *voxel_lo);
+  for (size_t i = 1; i < tf->count; i++) least = fmin(least, tf->points[i].value - tf->points[i - 1].value);
+  *n = 1024 * least > 4 * range ? 1024 : 4096;
+}

@@ -1,0 +1,73 @@
+/* Direct volume rendering of a packet, back to front. Part of the template, only in the kernel for rare variants.
+ *
+ * The same samples and segments as front to back (dvr_tmpl.h), met from each ray's end: what is nearest comes last, so that no ray
+ * ends early. A ray joins when the walk reaches its last segment. Once an instruction set, for
+ * all voxel types. */
+
+/* Written as a sum of differences, like the front's: thin segments of a long ray lose no more here than there. */
+V_INLINE void put_in_front(vf4 c, vm live, vf4 *sum) {
+  vf none = v_set(0), a = v_select(live, c.a, none);
+  sum->r = sum->r + v_fnma(a, sum->r, v_select(live, c.r, none));
+  sum->g = sum->g + v_fnma(a, sum->g, v_select(live, c.g, none));
+  sum->b = sum->b + v_fnma(a, sum->b, v_select(live, c.b, none));
+  sum->a = sum->a + v_fnma(a, sum->a, a);
+}
+
+#define MOST_RUNS 32 /* of a packet; the last one holds what is behind it too */
+
+/* The runs of segments to walk, first to last; returns how many. */
+V_INLINE int find_runs(const tc_cpu_args *g, variant v, const packet *p, const place *at, int steps, int from[MOST_RUNS],
+                       int to[MOST_RUNS]) {
+  int n = 0;
+  from[0] = 0, to[0] = steps;
+  if (!v.leap) return 1;
+  runs r = start_runs(g, v, p, at);
+  for (int least = 0; next_run(&r, p->live, least, &from[n], &to[n]); least = to[n++]) {
+    if (to[n] > steps) to[n] = steps;
+    if (n == MOST_RUNS - 1) {
+      to[n++] = steps;
+      break;
+    }
+  }
+  return n;
+}
+
+V_ONCE void cast_back_to_front(const tc_cpu_args *g, variant v, const place *at, vf4 *out, tc_cpu_counts *counts) {
+  packet p = start_packet(g, v, at);
+  vf front = v_set(0), back = v_set(0);
+  vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
+  vf slopes[3][3];
+  vf *const at_front = v.shaded ? slopes[0] : NULL, *const at_back = v.shaded ? slopes[1] : NULL;
+  int from[MOST_RUNS], to[MOST_RUNS], before = -1;
+  lighting light;
+  if (v.shaded) light = start_lighting(g, v, at);
+  if (phased(v)) p.lag = lag_of(g, v, at);
+  counts->rays += (uint64_t)m_count(p.live);
+  float longest = 0 - v_least(v_select(p.live, v_set(0) - p.length, v_set(0)));
+  for (int n = find_runs(g, v, &p, at, (int)(longest * g->inverse_step) + 2, from, to); n-- > 0;) {
+    counts->leaps += v.leap;
+    for (int i = to[n] - 1; i >= from[n]; i--) {
+      vf t0 = sample_mm(g, v, &p, i), t1 = sample_mm(g, v, &p, i + 1);
+      vm live = m_and(p.live, v_lt(t0, p.length));
+      if (!m_any(live)) continue;
+      if (before != i + 1) {
+        back = sample_node(g, v, &p, v_min(t1, p.length), at_back);
+        counts->samples += (uint64_t)m_count(live);
+      }
+      before = i;
+      /* Of a ray that joins next this is its end, where its last segment's back is wanted. */
+      front = sample_node(g, v, &p, v_min(t0, p.length), at_front);
+      counts->samples += (uint64_t)m_count(live);
+      if (!v.leap || v.classification == TC_PREINTEGRATED2 || !all_zero(g, front, back, live)) {
+        vf4 c = segment(g, v, &p, front, back, i, t0, t1, live, counts);
+        if (v.labels && m_any(v_lt(v_set(0), c.a))) c = label_segment(g, &p, v_set(0.5f) * (t0 + v_min(t1, p.length)), c);
+        if (v.shaded && m_any(v_lt(v_set(0), c.a))) c = shade(g, &light, at_front, at_back, c);
+        put_in_front(c, live, &sum);
+      }
+      back = front;
+      for (int k = 0; v.shaded && k < 3; k++) slopes[1][k] = slopes[0][k];
+    }
+  }
+  vf whole = v_max(sum.a, v_set(1));
+  *out = (vf4){sum.r / whole, sum.g / whole, sum.b / whole, sum.a / whole};
+}

@@ -1,0 +1,46 @@
+/* From two samples to the colour and opacity of the segment between them, in every classification. Part of the template. */
+
+/* Second order (El Hajjar, Marchesin, Dischler and Mongenet, 2008, take the field as quadratic along a segment): of the
+ * quadratic through front, middle and back the linear field with the same mean, and its slope as far as that leaves both ends
+ * among the three samples. What follows is then an entry of the same table: opacity and energy stay in bounds, and where the
+ * samples show nothing neither does the segment. A mean that is right leaves an error of the fourth order in a segment and of
+ * the third along a ray, against a linear field's second. */
+V_INLINE void straighten(vf *front, vf middle, vf *back) {
+  vf mean = v_fma((*front - middle) + (*back - middle), v_set(1 / 6.0f), middle); /* Simpson; exact where all are equal */
+  vf least = v_min(middle, v_min(*front, *back)), most = v_max(middle, v_max(*front, *back));
+  vf room = v_max(v_min(mean - least, most - mean), v_set(0)), half = v_set(0.5f) * (*back - *front);
+  half = v_min(v_max(half, v_set(0) - room), room);
+  *front = mean - half;
+  *back = mean + half;
+}
+
+/* Segment i: of full length or, where the ray ends or begins with a phase, shorter. */
+V_INLINE vf4 classify_part(const tc_cpu_args *g, variant v, const packet *p, vf front, vf back, int i, vf t0, vf t1) {
+  vm ends = v_lt(p->length, t1);
+  vf4 c = v.zoomed ? classify_zoomed(g, front, back) : classify(g, front, back);
+  if (phased(v) && i == 0)
+    c = shorten(c, v_min(t1, p->length) / v_set(g->step_mm), p->live);
+  else if (m_any(ends))
+    c = shorten(c, v_max(p->length - t0, v_set(0)) / v_set(g->step_mm), ends);
+  return c;
+}
+
+/* Every classification but preintegrated. Once an instruction set, for all voxel types: kernels are large enough. */
+V_ONCE vf4 classify_otherwise(const tc_cpu_args *g, variant v, const packet *p, vf front, vf back, int i, vf t0, vf t1) {
+  vf end = v_min(t1, p->length);
+  if (v.classification == TC_PREINTEGRATED2) {
+    straighten(&front, sample_node(g, v, p, v_set(0.5f) * (t0 + end), NULL), &back);
+    return classify_part(g, v, p, front, back, i, t0, t1);
+  }
+  vf rest = v_max(end - t0, v_set(0)), length_mm = v_select(v_lt(p->length, t1), rest, v_set(g->step_mm));
+  if (phased(v) && i == 0) length_mm = rest;
+  return classify_by_integrals(g, v, front, back, length_mm);
+}
+
+/* front, back: nodes at t0 and t1 mm, or at the ray's end where that comes before t1. */
+V_INLINE vf4 segment(const tc_cpu_args *g, variant v, const packet *p, vf front, vf back, int i, vf t0, vf t1, vm live,
+                     tc_cpu_counts *counts) {
+  if (v.classification == TC_PREINTEGRATED) return classify_part(g, v, p, front, back, i, t0, t1);
+  if (v.classification == TC_PREINTEGRATED2) counts->samples += (uint64_t)m_count(live); /* the middle */
+  return classify_otherwise(g, v, p, front, back, i, t0, t1);
+}

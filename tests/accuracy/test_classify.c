@@ -1,0 +1,233 @@
+/* Every classification and both orders on every instruction set of this machine, against the reference and each other. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/reference/reference.h"
+#include "renderer/tomocast.h"
+#include "tests/support/grid.h"
+#include "tests/support/image.h"
+
+static const char *const names[TC_CLASSIFICATION_COUNT] = {"preintegrated", "preintegrated2", "approximate", "post",
+                                                           "linearized"};
+static const char *const isas[] = {"scalar", "avx2", "avx512"};
+static tc_renderer *renderers[3];
+static tc_frame frames[3];
+static tc_plan plan;
+static int n_isas;
+static int table_size; /* 0: as the plan chooses */
+
+static int set_up(void **state) {
+  for (size_t i = 0; i < G_N_ELEMENTS(isas); i++) {
+    tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = 2, .isa = isas[i]};
+    tc_renderer *r = tc_renderer_new(&options, NULL);
+    if (r)
+      renderers[n_isas++] = r;
+    else
+      printf("  %s: not checked: not on this machine\n", isas[i]);
+  }
+  return n_isas == 0;
+}
+
+static int tear_down(void **state) {
+  for (int i = 0; i < n_isas; i++) {
+    tc_frame_finish(&frames[i]);
+    tc_renderer_free(renderers[i]);
+  }
+  return 0;
+}
+
+static const float *render(int isa, tc_volume *volume, const tc_scene *scene) {
+  GError *error = NULL;
+  tc_render_request request = {.want_linear = true, .table_size = table_size};
+  if (!tc_render(renderers[isa], volume, scene, &request, &frames[isa], &plan, &error))
+    fail_msg("%s: %s", isas[isa], error->message);
+  return frames[isa].linear;
+}
+
+static size_t pixels_of(const tc_scene *s) { return (size_t)s->image.width * (size_t)s->image.height; }
+
+static float *reference(tc_volume *volume, const tc_scene *scene) {
+  tc_reference *r = tc_reference_new(volume, scene, scene->image.width, scene->image.height, 0, NULL);
+  float *rgba = calloc(pixels_of(scene), 4 * sizeof *rgba);
+  if (!r || !rgba || !tc_reference_image(r, 2, rgba, NULL)) fail_msg("reference failed");
+  tc_reference_free(r);
+  return rgba;
+}
+
+/* One cell: the field along a ray is one cubic, smooth from end to end. */
+static double corner(double x, double y, double z, const void *unused) {
+  return 0.1 + 0.25 * x + 0.2 * y + 0.15 * z + 0.3 * x * y * z - 0.2 * x * (1 - y) * z;
+}
+
+static void observed_orders(void **state) {
+  /* above: where the quadratic's slope survives, a segment's error is of the fifth order and not of the fourth. */
+  static const struct { tc_classification way; double order, above; } wanted[] = {{TC_POST, 1, 0.15},
+                                                                                   {TC_APPROXIMATE, 2, 0.15},
+                                                                                   {TC_LINEARIZED, 1, 0.15},
+                                                                                   {TC_PREINTEGRATED, 2, 0.15},
+                                                                                   {TC_PREINTEGRATED2, 3, 1}};
+  const test_grid grid = {.dims = {2, 2, 2}, .type = TC_F32, .spacing = {40, 40, 40}};
+  tc_volume *volume = test_volume(&grid, corner, NULL);
+  const tc_knot knots[] = {{.value = 0, .color = {0, 0.3, 1}, .amount = 0}, {.value = 1, .color = {1, 0.6, 0}, .amount = 0.08}};
+  tc_scene scene;
+  test_scene(&scene, 24, 24);
+  test_scene_knots(&scene, TC_KNOT_EXTINCTION, knots, 2);
+  test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){-60, -55, -50}, (double[3]){20, 20, 20}, 8);
+  float *want = reference(volume, &scene);
+  table_size = 1024; /* so that its own error stays below the finest step's */
+  for (size_t i = 0; i < G_N_ELEMENTS(wanted); i++) {
+    double error[4];
+    scene.classification = wanted[i].way;
+    for (int s = 0; s < 4; s++) {
+      scene.sampling.step = 0.32 / (1 << s);
+      error[s] = test_compare(render(0, volume, &scene), want, pixels_of(&scene)).rms;
+    }
+    double order = log2(error[0] / error[3]) / 3;
+    printf("  %-14s order %.3f (%.2f %.2f %.2f), rms %.1e .. %.1e\n", names[wanted[i].way], order, log2(error[0] / error[1]),
+           log2(error[1] / error[2]), log2(error[2] / error[3]), error[0], error[3]);
+    if (!(order - wanted[i].order >= -0.15 && order - wanted[i].order <= wanted[i].above)) fail_msg("%s: order %g", names[wanted[i].way], order);
+  }
+  table_size = 0;
+  free(want);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+static const tc_knot soft[] = {{.value = 0, .color = {0.1, 0.2, 1}, .amount = 0},
+                               {.value = 0.45, .color = {1, 0.9, 0.2}, .amount = 0.02},
+                               {.value = 0.8, .color = {1, 0.1, 0}, .amount = 0.2},
+                               {.value = 1, .color = {1, 1, 1}, .amount = 0.05}};
+
+static void all_converge(void **state) {
+  static const tc_voxel_type types[] = {TC_U8, TC_U16, TC_F32};
+  for (size_t t = 0; t < G_N_ELEMENTS(types); t++) {
+    const double slopes[TC_VOXEL_TYPE_COUNT] = {[TC_U8] = 1.0 / 255, [TC_U16] = 1.0 / 65535};
+    test_grid grid = {.dims = {24, 22, 20}, .type = types[t], .slope = slopes[types[t]]};
+    tc_volume *volume = test_volume(&grid, test_waves, &(double){20});
+    tc_scene scene;
+    test_scene(&scene, 32, 24);
+    test_scene_knots(&scene, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
+    scene.image.linear_light = t == 1;
+    test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
+    float *want = reference(volume, &scene);
+    for (int way = 0; way < TC_CLASSIFICATION_COUNT; way++) {
+      scene.classification = (tc_classification)way;
+      scene.sampling.step = 1.0 / 32;
+      for (int isa = 0; isa < n_isas; isa++) {
+        test_difference d = test_compare(render(isa, volume, &scene), want, pixels_of(&scene));
+        if (isa == 0) printf("  %s %-14s rms %.1e max %.1e\n", tc_voxel_type_name(types[t]), names[way], d.rms, d.max);
+        if (!d.finite || !(d.max <= (way <= TC_APPROXIMATE ? 5e-4 : 3e-3)))
+          fail_msg("%s, %s: off by %g", names[way], isas[isa], d.max);
+      }
+    }
+    free(want);
+    tc_scene_clear(&scene);
+    tc_volume_unref(volume);
+  }
+}
+
+/* Scenes from a seed over classification and order: bounds, orders equal, leaps without a trace, instruction sets alike. */
+static void random_scene(uint64_t seed) {
+  uint64_t s = seed;
+  unsigned noise = (unsigned)seed;
+  test_grid grid = {.type = (tc_voxel_type)(seed % TC_VOXEL_TYPE_COUNT), .slope = 0.01};
+  for (int k = 0; k < 3; k++) {
+    grid.dims[k] = 1 + (int)(test_random(&s) * 14);
+    grid.spacing[k] = pow(10, 2 * test_random(&s) - 1);
+  }
+  tc_volume *volume = test_volume(&grid, test_noise, &noise);
+  tc_knot knots[7];
+  size_t n = 1 + (size_t)(test_random(&s) * 7);
+  tc_knot_kind kind = test_random(&s) < 0.5 ? TC_KNOT_OPACITY : TC_KNOT_EXTINCTION;
+  double scale = kind == TC_KNOT_OPACITY ? 1 : pow(10, 16 * test_random(&s) - 6), value = test_random(&s) - 0.1;
+  double most[3] = {0};
+  for (size_t i = 0; i < n; i++) {
+    knots[i].value = value;
+    knots[i].amount = test_random(&s) < 0.4 ? 0 : scale * test_random(&s);
+    for (int c = 0; c < 3; c++) most[c] = fmax(most[c], knots[i].color[c] = test_random(&s));
+    if (test_random(&s) < 0.7) value += pow(10, -5 * test_random(&s));
+  }
+  tc_scene scene;
+  test_scene(&scene, 13, 9);
+  test_scene_knots(&scene, kind, knots, n);
+  scene.transfer_function.unit_distance_mm = pow(10, 4 * test_random(&s) - 2);
+  scene.classification = (tc_classification)(test_random(&s) * TC_CLASSIFICATION_COUNT);
+  scene.sampling.step = pow(10, 1.5 * test_random(&s) - 0.8);
+  scene.shading.model = test_random(&s) < 0.3 ? TC_SHADING_LAMBERT : TC_SHADING_NONE;
+  test_scene_frame(&scene, volume, seed & 1 ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC,
+                   (double[3]){test_random(&s) - 0.5, test_random(&s) - 0.5, test_random(&s) + 0.01});
+  float kept[2][13 * 9 * 4];
+  for (int isa = 0; isa < n_isas; isa++)
+    for (int order = 0; order < TC_ORDER_COUNT; order++) {
+      scene.order = (tc_order)order;
+      memcpy(kept[order], render(isa, volume, &scene), sizeof kept[order]);
+      for (size_t i = 0; i < pixels_of(&scene); i++) {
+        const float *p = kept[order] + 4 * i;
+        bool sane = p[3] >= 0 && p[3] <= 1;
+        for (int c = 0; c < 3; c++) sane = sane && p[c] >= 0 && p[c] <= p[3] * most[c] + 5e-6;
+        if (!sane)
+          fail_msg("seed %llu, %s, %s, order %d: pixel %zu is %g %g %g, opacity %.9g", (unsigned long long)seed,
+                   names[scene.classification], isas[isa], order, i, p[0], p[1], p[2], p[3]);
+      }
+      scene.skipping.mode = TC_SKIPPING_OFF;
+      if (memcmp(render(isa, volume, &scene), kept[order], sizeof kept[order]))
+        fail_msg("seed %llu, %s, %s, order %d: leaping shows", (unsigned long long)seed, names[scene.classification],
+                 isas[isa], order);
+      scene.skipping.mode = TC_SKIPPING_AUTO;
+      if (order == 0) continue;
+      test_difference d = test_compare(kept[0], kept[1], pixels_of(&scene));
+      if (!(d.max <= 2e-6))
+        fail_msg("seed %llu, %s, %s: orders differ by %g", (unsigned long long)seed, names[scene.classification], isas[isa],
+                 d.max);
+    }
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+static void random_scenes(void **state) {
+  const char *count = getenv("TC_RANDOM_SCENES"), *only = getenv("TC_RANDOM_SEED");
+  uint64_t n = count ? strtoull(count, NULL, 10) : 300;
+  if (only) {
+    random_scene(strtoull(only, NULL, 10));
+    return;
+  }
+  for (uint64_t seed = 1; seed <= n; seed++) random_scene(seed);
+  printf("  %llu random scenes\n", (unsigned long long)n);
+}
+
+static void the_plan_says_so(void **state) {
+  tc_volume *volume = tc_volume_demo("bucky", NULL);
+  tc_scene scene;
+  test_scene(&scene, 16, 16);
+  test_scene_knots(&scene, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
+  test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
+  scene.sampling.termination = 0.01;
+  scene.order = TC_BACK_TO_FRONT;
+  for (int way = 0; way < TC_CLASSIFICATION_COUNT; way++) {
+    scene.classification = (tc_classification)way;
+    render(0, volume, &scene);
+    bool one = way >= TC_APPROXIMATE;
+    assert_true(plan.stages[TC_STAGE_TABLE_1D].included == one && (plan.stages[TC_STAGE_TABLE_1D].bytes > 0) == one);
+    assert_true(plan.stages[TC_STAGE_TABLE_2D].included == !one && (plan.stages[TC_STAGE_TABLE_2D].bytes > 0) == !one);
+    assert_false(plan.stages[TC_STAGE_TERMINATION].included || plan.key.termination);
+    assert_non_null(strstr(plan.stages[TC_STAGE_TERMINATION].reason, "back-to-front"));
+    assert_non_null(strstr(plan.kernel, names[way]));
+    if (one) assert_true(frames[0].stats.tables_ms == 0 || way == TC_APPROXIMATE); /* one set of integrals for all three */
+  }
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(observed_orders), cmocka_unit_test(all_converge),
+                                     cmocka_unit_test(random_scenes), cmocka_unit_test(the_plan_says_so)};
+  return cmocka_run_group_tests_name("classify", tests, set_up, tear_down);
+}
