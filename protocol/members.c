@@ -103,6 +103,8 @@ const tcp_member tcp_members[] = {
     {"sampling", "coherence", TCP_BOOLEAN, AT(sampling.coherence),
      .doc = "Share work between neighbouring rays where they agree."},
     {"sampling", "jitter", TCP_BOOLEAN, AT(sampling.jitter), .doc = "Shift each ray's first sample at random."},
+    {"sampling", "prefilter", TCP_BOOLEAN, AT(sampling.prefilter),
+     .doc = "Cubic filter: pass through the voxels (sharp) instead of smoothing them; takes four bytes a voxel."},
     {"sampling", "termination", TCP_NUMBER, AT(sampling.termination), UNIT, .unit = "transparency",
      .doc = "A ray ends when less than this shines through; 0 never ends it."},
 

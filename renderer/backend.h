@@ -17,7 +17,8 @@
 typedef struct tc_job {
   const tc_plan *plan;
   const tc_scene *scene;
-  const tc_volume *volume;
+  const tc_volume *volume; /* what is sampled: the scene's volume, or its B-spline coefficients in its place */
+  const tc_volume *source; /* the scene's volume */
   const tc_rays *rays;
   const tc_table *table; /* NULL when the plan has none */
   const tc_integrals *integrals; /* NULL likewise; never beside a table */

@@ -106,6 +106,8 @@ static bool reserve(tc_frame *f, int width, int height, bool want_linear, bool w
 
 /* What a frame reads beside the volume. */
 typedef struct frame_resources {
+  const tc_volume *field; /* what is sampled: the volume, or its B-spline coefficients */
+  double field_ms;
   const tc_table *table;
   const tc_integrals *integrals;
   const tc_support *support;
@@ -140,7 +142,7 @@ static bool gather_projection(tc_renderer *r, const tc_volume *volume, const tc_
   have->grey = tc_grey_make(volume, scene);
   if (!plan->key.skipping) return true;
   int block = tc_skip_block(scene->skipping.block);
-  have->minmax = tc_resources_minmax(r->resources, volume, block, &stats->skip_ms, error);
+  have->minmax = tc_resources_minmax(r->resources, volume, block, tc_skip_reach(scene->filter), &stats->skip_ms, error);
   if (have->minmax)
     have->bounds = tc_resources_bounds(r->resources, volume, have->minmax, &have->grey, &stats->skip_ms, error);
   return have->bounds != NULL;
@@ -152,7 +154,8 @@ static bool gather_surface(tc_renderer *r, const tc_volume *volume, const tc_sce
   if (!plan->key.skipping) return true;
   have->support = tc_resources_surface(r->resources, have->surface.below, have->surface.above, error);
   if (!have->support) return false;
-  have->minmax = tc_resources_minmax(r->resources, volume, tc_skip_block(scene->skipping.block), &stats->skip_ms, error);
+  int block = tc_skip_block(scene->skipping.block), reach = tc_skip_reach(scene->filter);
+  have->minmax = tc_resources_minmax(r->resources, volume, block, reach, &stats->skip_ms, error);
   if (have->minmax)
     have->leap = tc_resources_leap(r->resources, volume, have->minmax, have->support, &stats->skip_ms, error);
   if (!have->leap) return false;
@@ -168,6 +171,9 @@ static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scen
   tc_table_params params = tc_table_params_for(volume, scene, request, plan->step_mm);
   plan->table_size = params.n;
   plan->table_zooms = params.n_zooms;
+  plan->key.zoomed = plan->stages[TC_STAGE_TABLE_2D].included && params.n_zooms > 0; /* of what is sampled: coefficients reach further */
+  plan->table_lo = params.slope * params.voxel_lo + params.intercept;
+  plan->table_hi = params.slope * params.voxel_hi + params.intercept;
   if (plan->stages[TC_STAGE_TABLE_2D].included)
     have->table = tc_resources_table(r->resources, &params, &stats->tables_ms, error);
   else
@@ -175,7 +181,7 @@ static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scen
   if (!have->table && !have->integrals) return false;
   if (!plan->key.skipping) return true;
   int block = tc_skip_block(scene->skipping.block);
-  have->minmax = tc_resources_minmax(r->resources, volume, block, &stats->skip_ms, error);
+  have->minmax = tc_resources_minmax(r->resources, volume, block, tc_skip_reach(scene->filter), &stats->skip_ms, error);
   have->support = have->minmax ? tc_resources_support(r->resources, &params, &stats->skip_ms, error) : NULL;
   if (!have->support) return false;
   if (r->ops->leaps_over_boxes)
@@ -194,6 +200,9 @@ static void finish_plan(tc_renderer *r, tc_plan *plan, const frame_resources *ha
   if (have->labels) labels->ms = stats ? have->labels_ms : have->labels->build_ms;
   tc_plan_stage *skipping = &plan->stages[TC_STAGE_SKIPPING];
   tc_plan_stage *table = &plan->stages[plan->stages[TC_STAGE_TABLE_1D].included ? TC_STAGE_TABLE_1D : TC_STAGE_TABLE_2D];
+  tc_plan_stage *coefficients = &plan->stages[TC_STAGE_COEFFICIENTS];
+  coefficients->ms = have->field_ms;
+  if (coefficients->included && have->field) coefficients->bytes = tc_volume_bytes(have->field);
   if (have->table) table->bytes = have->table->bytes;
   if (have->integrals) table->bytes = have->integrals->bytes;
   if (have->minmax) skipping->bytes += have->minmax->bytes;
@@ -223,9 +232,9 @@ static void find_projection(tc_renderer *r, const tc_volume *volume, const tc_sc
                             frame_resources *have) {
   have->grey = tc_grey_make(volume, scene);
   if (!plan->key.skipping) return;
-  int block = tc_skip_block(scene->skipping.block);
-  have->minmax = tc_resources_find_minmax(r->resources, volume, block);
-  have->bounds = tc_resources_find_bounds(r->resources, volume, block, &have->grey);
+  int block = tc_skip_block(scene->skipping.block), reach = tc_skip_reach(scene->filter);
+  have->minmax = tc_resources_find_minmax(r->resources, volume, block, reach);
+  have->bounds = tc_resources_find_bounds(r->resources, volume, block, reach, &have->grey);
 }
 
 static void find(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, tc_plan *plan, frame_resources *have) {
@@ -235,24 +244,24 @@ static void find(tc_renderer *r, const tc_volume *volume, const tc_scene *scene,
   else
     have->integrals = tc_resources_find_integrals(r->resources, &params);
   if (!plan->key.skipping) return;
-  int block = tc_skip_block(scene->skipping.block);
-  have->minmax = tc_resources_find_minmax(r->resources, volume, block);
+  int block = tc_skip_block(scene->skipping.block), reach = tc_skip_reach(scene->filter);
+  have->minmax = tc_resources_find_minmax(r->resources, volume, block, reach);
   have->support = tc_resources_find_support(r->resources, &params);
   if (have->support && r->ops->leaps_over_boxes)
-    have->boxes = tc_resources_find_boxes(r->resources, volume, block, have->support);
+    have->boxes = tc_resources_find_boxes(r->resources, volume, block, reach, have->support);
   else if (have->support)
-    have->leap = tc_resources_find_leap(r->resources, volume, block, have->support);
+    have->leap = tc_resources_find_leap(r->resources, volume, block, reach, have->support);
   leaping_pays(have, plan);
 }
 
 static void find_surface(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, tc_plan *plan,
                          frame_resources *have) {
   if (!plan->key.skipping) return;
-  int block = tc_skip_block(scene->skipping.block);
+  int block = tc_skip_block(scene->skipping.block), reach = tc_skip_reach(scene->filter);
   tc_surface surface = tc_surface_make(volume, scene);
-  have->minmax = tc_resources_find_minmax(r->resources, volume, block);
+  have->minmax = tc_resources_find_minmax(r->resources, volume, block, reach);
   have->support = tc_resources_find_surface(r->resources, surface.below, surface.above);
-  if (have->support) have->leap = tc_resources_find_leap(r->resources, volume, block, have->support);
+  if (have->support) have->leap = tc_resources_find_leap(r->resources, volume, block, reach, have->support);
   leaping_pays(have, plan);
 }
 
@@ -261,17 +270,27 @@ bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_v
   if (!tc_plan_make(volume, scene, scene->image.width, scene->image.height, plan, error) ||
       !tc_labels_check(volume, labels, scene, error))
     return false;
-  frame_resources have = {0};
+  frame_resources have = {.field = volume};
   if (plan->key.labels) have.labels = tc_resources_find_labels(renderer->resources, labels, scene);
-  bool projection = tc_is_projection(scene->mode);
-  if (projection || scene->mode == TC_MODE_ISOSURFACE) {
-    (projection ? find_projection : find_surface)(renderer, volume, scene, plan, &have);
-    finish_plan(renderer, plan, &have, NULL);
-    return true;
-  }
-  if (scene->mode != TC_MODE_MPR) find(renderer, volume, scene, plan, &have);
+  if (plan->stages[TC_STAGE_COEFFICIENTS].included)
+    have.field = tc_resources_find_coefficients(renderer->resources, tc_volume_serial(volume));
+  if (have.field && tc_is_projection(scene->mode))
+    find_projection(renderer, have.field, scene, plan, &have);
+  else if (have.field && scene->mode == TC_MODE_ISOSURFACE)
+    find_surface(renderer, have.field, scene, plan, &have);
+  else if (have.field && scene->mode != TC_MODE_MPR)
+    find(renderer, have.field, scene, plan, &have);
   finish_plan(renderer, plan, &have, NULL);
   return true;
+}
+
+/* What is to be sampled; true when it is there. */
+static bool gather_field(tc_renderer *r, const tc_volume *volume, const tc_plan *plan, frame_resources *have,
+                         GError **error) {
+  have->field = volume;
+  if (plan->stages[TC_STAGE_COEFFICIENTS].included)
+    have->field = tc_resources_coefficients(r->resources, volume, &have->field_ms, error);
+  return have->field != NULL;
 }
 
 static bool check_table(const tc_render_request *q, GError **error) {
@@ -300,7 +319,8 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   if (!tc_plan_make(volume, scene, width, height, plan, error) ||
       !tc_labels_check(volume, request->labels, scene, error) ||
       !reserve(frame, width, height, request->want_linear, request->want_depth, error) ||
-      !gather(renderer, volume, scene, request, plan, &have, &frame->stats, error))
+      !gather_field(renderer, volume, plan, &have, error) ||
+      !gather(renderer, have.field, scene, request, plan, &have, &frame->stats, error))
     return false;
   if (plan->key.labels) {
     have.labels = tc_resources_labels(renderer->resources, request->labels, scene, &have.labels_ms, error);
@@ -315,8 +335,8 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   }
   tc_rays rays;
   tc_rays_set_up(&rays, volume, scene, width, height);
-  tc_job job = {.plan = plan, .scene = scene, .volume = volume, .rays = &rays, .table = have.table,
-                .integrals = have.integrals, .leap = have.leap, .boxes = have.boxes,
+  tc_job job = {.plan = plan, .scene = scene, .volume = have.field, .source = volume, .rays = &rays,
+                .table = have.table, .integrals = have.integrals, .leap = have.leap, .boxes = have.boxes,
                 .grey = tc_is_projection(scene->mode) ? &have.grey : NULL, .bounds = have.bounds,
                 .label_volume = have.labels ? request->labels : NULL, .labels = have.labels,
                 .surface = scene->mode == TC_MODE_ISOSURFACE ? &have.surface : NULL, .want_depth = request->want_depth,
@@ -328,11 +348,14 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   double start = tc_now_ms();
   if (!renderer->ops->render(renderer->instance, &job, error)) return false;
   frame->stats.render_ms = tc_now_ms() - start;
+  frame->stats.coefficients_ms = have.field_ms;
   finish_plan(renderer, plan, &have, &frame->stats);
   return true;
 }
 
 void tc_renderer_forget(tc_renderer *renderer, const tc_volume *volume) {
+  const tc_volume *coefficients = tc_resources_find_coefficients(renderer->resources, tc_volume_serial(volume));
+  if (coefficients) renderer->ops->forget(renderer->instance, tc_volume_serial(coefficients));
   tc_resources_forget(renderer->resources, tc_volume_serial(volume));
   renderer->ops->forget(renderer->instance, tc_volume_serial(volume));
 }

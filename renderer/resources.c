@@ -3,16 +3,21 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "renderer/clock.h"
+#include "renderer/volume/coefficients.h"
+
 /* One list holds all kinds, so that one budget and one rule of age serve them. */
-typedef enum item_kind { ITEM_TABLE, ITEM_INTEGRALS, ITEM_SUPPORT, ITEM_MINMAX, ITEM_LEAP, ITEM_BOXES, ITEM_BOUNDS, ITEM_LABELS } item_kind;
+typedef enum item_kind {
+  ITEM_COEFFICIENTS, ITEM_TABLE, ITEM_INTEGRALS, ITEM_SUPPORT, ITEM_MINMAX, ITEM_LEAP, ITEM_BOXES, ITEM_BOUNDS, ITEM_LABELS
+} item_kind;
 
 typedef struct item {
   item_kind kind;
-  void *thing; /* tc_table, tc_integrals, tc_support, tc_minmax, tc_leap, tc_boxes, tc_bounds or tc_labels; owned */
+  void *thing; /* tc_volume, tc_table, tc_integrals, tc_support, tc_minmax, tc_leap, tc_boxes, tc_bounds or tc_labels; owned */
   size_t bytes;
   uint64_t last_use;
   uint64_t volume; /* serial it belongs to */
-  int block;
+  int block, reach;
   tc_table_params params; /* table, integrals, support: .tf points to tf below */
   tc_transfer_function *tf; /* its own copy, at a fixed place */
 } item;
@@ -38,6 +43,7 @@ tc_resources *tc_resources_new(tc_pool *pool, uint64_t budget_bytes, GError **er
 static void drop(tc_resources *r, int i) {
   item *it = &r->items[i];
   switch (it->kind) {
+  case ITEM_COEFFICIENTS: tc_volume_unref(it->thing); break;
   case ITEM_TABLE: tc_table_free(it->thing); break;
   case ITEM_INTEGRALS: tc_integrals_free(it->thing); break;
   case ITEM_SUPPORT: tc_support_free(it->thing); break;
@@ -61,12 +67,14 @@ void tc_resources_free(tc_resources *resources) {
 }
 
 /* Room for one more of `bytes`, by dropping the oldest of the same kind first: what the current frame already asked for is
- * of another kind and stays. */
+ * of another kind and stays. Coefficients are what a frame asks for first, and large: for them anything may go. */
 static item *make_room(tc_resources *r, item_kind kind, size_t bytes) {
   while (r->held + bytes > r->budget) {
     int oldest = -1;
     for (int i = 0; i < r->count; i++)
-      if (r->items[i].kind == kind && (oldest < 0 || r->items[i].last_use < r->items[oldest].last_use)) oldest = i;
+      if ((r->items[i].kind == kind || kind == ITEM_COEFFICIENTS) &&
+          (oldest < 0 || r->items[i].last_use < r->items[oldest].last_use))
+        oldest = i;
     if (oldest < 0) break;
     drop(r, oldest);
   }
@@ -86,6 +94,40 @@ static item *make_room(tc_resources *r, item_kind kind, size_t bytes) {
 static const void *used(tc_resources *r, item *it) {
   it->last_use = ++r->clock;
   return it->thing;
+}
+
+/* ---- coefficients ---- */
+
+const tc_volume *tc_resources_find_coefficients(tc_resources *r, uint64_t volume_serial) {
+  for (int i = 0; i < r->count; i++)
+    if (r->items[i].kind == ITEM_COEFFICIENTS && r->items[i].volume == volume_serial) return used(r, &r->items[i]);
+  return NULL;
+}
+
+const tc_volume *tc_resources_coefficients(tc_resources *r, const tc_volume *volume, double *ms, GError **error) {
+  const tc_volume *found = tc_resources_find_coefficients(r, tc_volume_serial(volume));
+  if (found) return found;
+  uint64_t bytes = tc_coefficients_bytes(volume);
+  if (bytes > r->budget) {
+    tc_set_error(error, TC_ERROR_LIMIT, "/sampling/prefilter",
+                 "sampling/prefilter: the coefficients take %.0f MiB, the renderer's cache holds %.0f: turn it off or "
+                 "raise the cache",
+                 (double)bytes / 0x1p20, (double)r->budget / 0x1p20);
+    return NULL;
+  }
+  double start = tc_now_ms();
+  tc_volume *coefficients = tc_coefficients_make(volume, r->pool, error);
+  if (!coefficients) return NULL;
+  item *it = make_room(r, ITEM_COEFFICIENTS, (size_t)bytes);
+  if (!it) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "coefficients: out of memory");
+    tc_volume_unref(coefficients);
+    return NULL;
+  }
+  it->thing = coefficients;
+  it->volume = tc_volume_serial(volume);
+  *ms += tc_now_ms() - start;
+  return coefficients;
 }
 
 /* ---- tables ---- */
@@ -246,18 +288,23 @@ const tc_support *tc_resources_support(tc_resources *r, const tc_table_params *p
   return support;
 }
 
-const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int block) {
+static bool in_blocks(const item *it, const tc_volume *volume, int block, int reach) {
+  return it->volume == tc_volume_serial(volume) && it->block == block && it->reach == reach;
+}
+
+const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int block, int reach) {
   for (int i = 0; i < r->count; i++) {
     item *it = &r->items[i];
-    if (it->kind == ITEM_MINMAX && it->volume == tc_volume_serial(volume) && it->block == block) return used(r, it);
+    if (it->kind == ITEM_MINMAX && in_blocks(it, volume, block, reach)) return used(r, it);
   }
   return NULL;
 }
 
-const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, int block, double *ms, GError **error) {
-  const tc_minmax *found = tc_resources_find_minmax(r, volume, block);
+const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, int block, int reach, double *ms,
+                                     GError **error) {
+  const tc_minmax *found = tc_resources_find_minmax(r, volume, block, reach);
   if (found) return found;
-  tc_minmax *m = tc_minmax_build(volume, block, r->pool, error);
+  tc_minmax *m = tc_minmax_build(volume, block, reach, r->pool, error);
   if (!m) return NULL;
   item *it = make_room(r, ITEM_MINMAX, m->bytes);
   if (!it) {
@@ -268,14 +315,16 @@ const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, i
   it->thing = m;
   it->volume = tc_volume_serial(volume);
   it->block = block;
+  it->reach = reach;
   *ms += m->build_ms;
   return m;
 }
 
-const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int block, const tc_support *support) {
+const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int block, int reach,
+                                      const tc_support *support) {
   for (int i = 0; i < r->count; i++) {
     item *it = &r->items[i];
-    if (it->kind == ITEM_LEAP && it->volume == tc_volume_serial(volume) && it->block == block &&
+    if (it->kind == ITEM_LEAP && in_blocks(it, volume, block, reach) &&
         ((const tc_leap *)it->thing)->support == support->serial)
       return used(r, it);
   }
@@ -284,7 +333,7 @@ const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, 
 
 const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_support *support,
                                  double *ms, GError **error) {
-  const tc_leap *found = tc_resources_find_leap(r, volume, minmax->block, support);
+  const tc_leap *found = tc_resources_find_leap(r, volume, minmax->block, minmax->reach, support);
   if (found) return found;
   tc_leap *leap = tc_leap_build(minmax, support, error);
   if (!leap) return NULL;
@@ -297,14 +346,16 @@ const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const
   it->thing = leap;
   it->volume = tc_volume_serial(volume);
   it->block = minmax->block;
+  it->reach = minmax->reach;
   *ms += leap->build_ms;
   return leap;
 }
 
-const tc_boxes *tc_resources_find_boxes(tc_resources *r, const tc_volume *volume, int block, const tc_support *support) {
+const tc_boxes *tc_resources_find_boxes(tc_resources *r, const tc_volume *volume, int block, int reach,
+                                        const tc_support *support) {
   for (int i = 0; i < r->count; i++) {
     item *it = &r->items[i];
-    if (it->kind == ITEM_BOXES && it->volume == tc_volume_serial(volume) && it->block == block &&
+    if (it->kind == ITEM_BOXES && in_blocks(it, volume, block, reach) &&
         ((const tc_boxes *)it->thing)->support == support->serial)
       return used(r, it);
   }
@@ -313,7 +364,7 @@ const tc_boxes *tc_resources_find_boxes(tc_resources *r, const tc_volume *volume
 
 const tc_boxes *tc_resources_boxes(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax,
                                    const tc_support *support, double *ms, GError **error) {
-  const tc_boxes *found = tc_resources_find_boxes(r, volume, minmax->block, support);
+  const tc_boxes *found = tc_resources_find_boxes(r, volume, minmax->block, minmax->reach, support);
   if (found) return found;
   tc_boxes *boxes = tc_boxes_build(volume, minmax, support, r->pool, error);
   if (!boxes) return NULL;
@@ -326,14 +377,16 @@ const tc_boxes *tc_resources_boxes(tc_resources *r, const tc_volume *volume, con
   it->thing = boxes;
   it->volume = tc_volume_serial(volume);
   it->block = minmax->block;
+  it->reach = minmax->reach;
   *ms += boxes->build_ms;
   return boxes;
 }
 
-const tc_bounds *tc_resources_find_bounds(tc_resources *r, const tc_volume *volume, int block, const tc_grey *grey) {
+const tc_bounds *tc_resources_find_bounds(tc_resources *r, const tc_volume *volume, int block, int reach,
+                                          const tc_grey *grey) {
   for (int i = 0; i < r->count; i++) {
     item *it = &r->items[i];
-    if (it->kind != ITEM_BOUNDS || it->volume != tc_volume_serial(volume) || it->block != block) continue;
+    if (it->kind != ITEM_BOUNDS || !in_blocks(it, volume, block, reach)) continue;
     const tc_grey *have = &((const tc_bounds *)it->thing)->grey;
     if (have->turn == grey->turn && have->floor == grey->floor && have->stop == grey->stop) return used(r, it);
   }
@@ -342,7 +395,7 @@ const tc_bounds *tc_resources_find_bounds(tc_resources *r, const tc_volume *volu
 
 const tc_bounds *tc_resources_bounds(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_grey *grey,
                                      double *ms, GError **error) {
-  const tc_bounds *found = tc_resources_find_bounds(r, volume, minmax->block, grey);
+  const tc_bounds *found = tc_resources_find_bounds(r, volume, minmax->block, minmax->reach, grey);
   if (found) return found;
   tc_bounds *bounds = tc_bounds_build(minmax, grey, error);
   if (!bounds) return NULL;
@@ -355,6 +408,7 @@ const tc_bounds *tc_resources_bounds(tc_resources *r, const tc_volume *volume, c
   it->thing = bounds;
   it->volume = tc_volume_serial(volume);
   it->block = minmax->block;
+  it->reach = minmax->reach;
   *ms += bounds->build_ms;
   return bounds;
 }
@@ -399,6 +453,8 @@ const tc_labels *tc_resources_labels(tc_resources *r, const tc_volume *labels, c
 }
 
 void tc_resources_forget(tc_resources *r, uint64_t volume_serial) {
+  const tc_volume *coefficients = tc_resources_find_coefficients(r, volume_serial);
+  if (coefficients) tc_resources_forget(r, tc_volume_serial(coefficients));
   for (int i = r->count - 1; i >= 0; i--)
     if (r->items[i].volume == volume_serial) drop(r, i);
 }

@@ -21,11 +21,15 @@ tc_table_params tc_table_params_for(const tc_volume *volume, const tc_scene *sce
                                     double step_mm);
 
 /* Find or build; *ms grows by what building took. */
+/* The volume's B-spline coefficients (volume/coefficients.h): a volume in its place, asked for before anything else of a
+ * frame. TC_ERROR_LIMIT when they alone are over the budget. */
+const tc_volume *tc_resources_coefficients(tc_resources *r, const tc_volume *volume, double *ms, GError **error);
 const tc_table *tc_resources_table(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
 const tc_integrals *tc_resources_integrals(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
 const tc_support *tc_resources_support(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
 const tc_support *tc_resources_surface(tc_resources *r, double lo, double hi, GError **error); /* tc_support_surface() */
-const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, int block, double *ms, GError **error);
+const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, int block, int reach, double *ms,
+                                     GError **error);
 const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_support *support,
                                  double *ms, GError **error);
 
@@ -38,18 +42,22 @@ const tc_labels *tc_resources_labels(tc_resources *r, const tc_volume *labels, c
                                      GError **error);
 
 /* Find only: NULL when it is not there now. */
+const tc_volume *tc_resources_find_coefficients(tc_resources *r, uint64_t volume_serial);
 const tc_table *tc_resources_find_table(tc_resources *r, const tc_table_params *params);
 const tc_integrals *tc_resources_find_integrals(tc_resources *r, const tc_table_params *params);
 const tc_support *tc_resources_find_support(tc_resources *r, const tc_table_params *params);
 const tc_support *tc_resources_find_surface(tc_resources *r, double lo, double hi);
-const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int block);
-const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int block, const tc_support *support);
-const tc_boxes *tc_resources_find_boxes(tc_resources *r, const tc_volume *volume, int block, const tc_support *support);
-const tc_bounds *tc_resources_find_bounds(tc_resources *r, const tc_volume *volume, int block, const tc_grey *grey);
+const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int block, int reach);
+const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int block, int reach,
+                                      const tc_support *support);
+const tc_boxes *tc_resources_find_boxes(tc_resources *r, const tc_volume *volume, int block, int reach,
+                                        const tc_support *support);
+const tc_bounds *tc_resources_find_bounds(tc_resources *r, const tc_volume *volume, int block, int reach,
+                                          const tc_grey *grey);
 
 const tc_labels *tc_resources_find_labels(tc_resources *r, const tc_volume *labels, const tc_scene *scene);
 
-/* Drops what belongs to a volume. */
+/* Drops what belongs to a volume, and to its coefficients. */
 void tc_resources_forget(tc_resources *r, uint64_t volume_serial);
 
 #endif

@@ -76,6 +76,7 @@ typedef struct tc_scene {
     double step; /* voxels of the smallest spacing, > 0 */
     int rays_per_pixel;
     bool coherence, jitter;
+    bool prefilter;     /* cubic: through the voxels, by their B-spline coefficients, instead of smoothing them */
     double termination; /* a ray ends when its transparency is below this; 0 never ends it */
   } sampling;
   struct { tc_skipping_mode mode; int block; /* voxels, 0 = chosen */ } skipping;

@@ -41,7 +41,7 @@ void tc_renderer_free(tc_renderer *renderer); /* NULL is fine */
 const tc_renderer_info *tc_renderer_about(const tc_renderer *renderer);
 
 typedef struct tc_frame_stats {
-  double tables_ms, skip_ms, render_ms; /* wall time of the stages */
+  double coefficients_ms, tables_ms, skip_ms, render_ms; /* wall time of the stages */
   uint64_t samples;                     /* field samples taken */
   uint64_t rays;                        /* rays that met the volume */
   uint64_t leaps;                       /* jumps over empty space, counted as the back end makes them (packets or rays) */

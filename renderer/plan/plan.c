@@ -18,8 +18,9 @@
 
 const char *tc_stage_name(tc_stage stage) {
   static const char *const names[TC_STAGE_COUNT] = {
-      "table-1d", "table-2d",    "gradient", "skipping",     "clipping",     "rays-per-pixel", "coherence", "jitter",
-      "labels",   "termination", "alpha",    "depth-output", "linear-light", "resolve",        "encode",    "error-meter"};
+      "coefficients", "table-1d",    "table-2d", "gradient",     "skipping",     "clipping", "rays-per-pixel", "coherence",
+      "jitter",       "labels",      "termination", "alpha",     "depth-output", "linear-light", "resolve",     "encode",
+      "error-meter"};
   return (unsigned)stage < TC_STAGE_COUNT ? names[stage] : "?";
 }
 
@@ -231,9 +232,8 @@ static bool check_built(const tc_scene *s, GError **error) {
   if (s->mode == TC_MODE_DVR && (unsigned)s->classification >= TC_CLASSIFICATION_COUNT)
     return invalid(error, "/classification", "unknown");
   if (s->mode == TC_MODE_DVR && (unsigned)s->order >= TC_ORDER_COUNT) return invalid(error, "/order", "unknown");
+  if ((unsigned)s->filter >= TC_FILTER_COUNT) return invalid(error, "/filter", "unknown");
   if (surface && s->filter != TC_FILTER_LINEAR) return unsupported(error, "/filter", "any filter of isosurfaces but linear");
-  if (s->filter != TC_FILTER_LINEAR && s->filter != TC_FILTER_NEAREST)
-    return unsupported(error, "/filter", "any filter but linear and nearest");
   if (slice && s->sampling.rays_per_pixel != 1)
     return unsupported(error, "/sampling/raysPerPixel", "more than one ray for a pixel of a slice");
   return true;
@@ -253,6 +253,17 @@ static void plan_projection_stages(tc_plan *plan, const tc_scene *s) {
   stage(plan, TC_STAGE_TERMINATION, false, "mode %s ends rays where no other grey can follow", mode);
   stage(plan, TC_STAGE_RESOLVE, true, "window %.6g / %.6g to grey, background, 8 bits of %dx%d pixels", s->window.center,
         s->window.width, plan->width, plan->height);
+}
+
+/* What is sampled, and by which filter. */
+static void plan_field(tc_plan *plan, const tc_volume *volume, const tc_scene *s) {
+  bool cubic = s->filter == TC_FILTER_CUBIC, prefilter = cubic && s->sampling.prefilter;
+  plan->key.filter = (uint8_t)s->filter;
+  plan->key.voxel_type = (uint8_t)(prefilter ? TC_F32 : tc_volume_describe(volume)->type);
+  stage(plan, TC_STAGE_COEFFICIENTS, prefilter,
+        prefilter ? "sampling.prefilter: the cubic filter passes through the voxels"
+        : cubic   ? "sampling.prefilter is off: the cubic filter smooths"
+                  : "filter is %s", filters[s->filter]);
 }
 
 static void plan_clipping(tc_plan *plan, const tc_scene *s) {
@@ -475,8 +486,6 @@ static bool plan_slice(const tc_volume *volume, const tc_scene *scene, int width
   if (!check_mpr(volume, scene, error) || !check_window(scene, error) || !check_clipping(scene, error)) return false;
   const tc_volume_desc *d = tc_volume_describe(volume);
   plan->key.mode = TC_MODE_MPR;
-  plan->key.voxel_type = (uint8_t)d->type;
-  plan->key.filter = (uint8_t)scene->filter;
   plan->key.projection = TC_ORTHOGRAPHIC;
   plan->key.clipping = scene->clip.has_box || scene->clip.n_planes > 0;
   plan->key.labels = scene->labels.volume[0] != 0;
@@ -484,9 +493,10 @@ static bool plan_slice(const tc_volume *volume, const tc_scene *scene, int width
   plan->width = width;
   plan->height = height;
   plan->step_mm = scene->sampling.step * fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2]));
+  plan_field(plan, volume, scene);
   plan_slice_stages(plan, scene);
   snprintf(plan->kernel, sizeof plan->kernel, "mpr.%s.%s%s.%s", slabs[plan->key.slab], filters[scene->filter],
-           plan->key.labels ? ".labels" : "", tc_voxel_type_name(d->type));
+           plan->key.labels ? ".labels" : "", tc_voxel_type_name((tc_voxel_type)plan->key.voxel_type));
   return true;
 }
 
@@ -499,10 +509,7 @@ bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int
   if (!surface && (!check_look(scene, error) || !check_sampling(volume, scene, error) || !check_clipping(scene, error) ||
                    !check_shading(scene, error)))
     return false;
-  const tc_volume_desc *d = tc_volume_describe(volume);
   plan->key = (tc_plan_key){.mode = (uint8_t)scene->mode,
-                            .voxel_type = (uint8_t)d->type,
-                            .filter = (uint8_t)scene->filter,
                             .projection = (uint8_t)scene->camera.projection,
                             .rays = scene->sampling.rays_per_pixel > 1,
                             .jitter = scene->sampling.jitter && scene->mode == TC_MODE_DVR,
@@ -515,6 +522,7 @@ bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int
   plan->width = width;
   plan->height = height;
   plan->step_mm = tc_rays_step_mm(volume, scene);
+  plan_field(plan, volume, scene);
   plan_coherence(plan, volume, scene);
   if (surface) return plan_surface(volume, scene, plan, error);
   plan_stages(plan, scene);
@@ -523,6 +531,6 @@ bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int
            dvr ? classifications[scene->classification] : "",
            dvr && scene->order == TC_BACK_TO_FRONT ? ".back-to-front" : "", filters[scene->filter],
            plan->key.shading ? ".shaded" : "", plan->key.labels ? ".labels" : "", plan->key.rays ? ".rays" : "",
-           plan->key.jitter ? ".jitter" : "", tc_voxel_type_name(d->type));
+           plan->key.jitter ? ".jitter" : "", tc_voxel_type_name((tc_voxel_type)plan->key.voxel_type));
   return true;
 }

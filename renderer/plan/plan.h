@@ -18,6 +18,7 @@
 #include "renderer/volume/volume.h"
 
 typedef enum tc_stage {
+  TC_STAGE_COEFFICIENTS, /* B-spline coefficients in the voxels' place */
   TC_STAGE_TABLE_1D,     /* integrals T, K for approximate classification */
   TC_STAGE_TABLE_2D,     /* full pre-integration table */
   TC_STAGE_GRADIENT,     /* only if shaded */
@@ -49,7 +50,7 @@ typedef struct tc_plan_stage {
 /* What kernels are specialised on. Two plans with equal keys run the same code. Zeroed before filling: compare with memcmp. */
 typedef struct tc_plan_key {
   uint8_t mode;           /* tc_mode */
-  uint8_t voxel_type;     /* tc_voxel_type */
+  uint8_t voxel_type;     /* tc_voxel_type of what is sampled: coefficients are f32 */
   uint8_t classification; /* tc_classification */
   uint8_t order;          /* tc_order */
   uint8_t filter;         /* tc_filter */

@@ -5,13 +5,14 @@
 
 static const double cool[3] = {0, 0, 0.4}, warm[3] = {0.4, 0.4, 0};
 
-static void set_gradient(tc_shade *shade, const tc_volume *volume, tc_mode mode) {
+static void set_gradient(tc_shade *shade, const tc_volume *volume, const tc_volume *field, tc_mode mode) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_volume_stats *s = tc_volume_statistics(volume);
-  double to_index[9], range = s->voxel_max - s->voxel_min;
+  double slope = tc_volume_describe(field)->slope; /* may differ from the volume's by a power of two */
+  double to_index[9], range = (s->voxel_max - s->voxel_min) * fabs(d->slope / slope);
   double least = fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2]));
   /* A range of values is slope times a range of voxels: only the slope's sign is left. */
-  double scale = range > 0 ? copysign(0.5 * least / (range * TC_SHADE_STEEP), d->slope) : 0;
+  double scale = range > 0 ? copysign(0.5 * least / (range * TC_SHADE_STEEP), slope) : 0;
   if (mode == TC_MODE_ISOSURFACE) scale *= TC_SHADE_FAINT;
   tc_volume_lps_to_index_matrix(volume, to_index);
   for (int r = 0; r < 3; r++)
@@ -19,9 +20,9 @@ static void set_gradient(tc_shade *shade, const tc_volume *volume, tc_mode mode)
   shade->flat = mode == TC_MODE_ISOSURFACE ? 0 : TC_SHADE_FLAT / TC_SHADE_STEEP;
 }
 
-void tc_shade_set_up(tc_shade *shade, const tc_volume *volume, const tc_scene *scene) {
+void tc_shade_set_up(tc_shade *shade, const tc_volume *volume, const tc_volume *field, const tc_scene *scene) {
   memset(shade, 0, sizeof *shade);
-  set_gradient(shade, volume, scene->mode);
+  set_gradient(shade, volume, field, scene->mode);
   double ambient = scene->shading.ambient, diffuse = scene->shading.diffuse;
   shade->shininess = scene->shading.shininess;
   shade->specular = scene->shading.model == TC_SHADING_LAMBERT ? 0 : scene->shading.specular;

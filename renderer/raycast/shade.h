@@ -43,7 +43,8 @@ typedef struct tc_shade {
   double light[3];     /* unit, LPS; to the light */
 } tc_shade;
 
-/* The scene's shading was validated (tc_plan_make) and its model is not none. Pure. */
-void tc_shade_set_up(tc_shade *shade, const tc_volume *volume, const tc_scene *scene);
+/* volume: the scene's, whose range counts; field: what is sampled, in the same place. The scene's shading was validated
+ * (tc_plan_make) and its model is not none. Pure. */
+void tc_shade_set_up(tc_shade *shade, const tc_volume *volume, const tc_volume *field, const tc_scene *scene);
 
 #endif

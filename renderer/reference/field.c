@@ -1,4 +1,5 @@
-/* The field along a ray: an exact cubic in each cell where it is trilinear, constant where it is the nearest voxel. */
+/* The field along a ray: in each cell an exact polynomial, of degree 3 where it is trilinear and 9 where it is a tricubic
+ * B-spline; constant where it is the nearest voxel. */
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
@@ -9,6 +10,7 @@ double tc_ref_voxel(const tc_ref_field *field, const size_t at[3]) {
   const tc_volume_desc *desc = field->desc;
   size_t i = (at[2] * (size_t)desc->dims[1] + at[1]) * (size_t)desc->dims[0] + at[0];
   double v = 0;
+  if (field->coefficients) return field->coefficients[i];
   switch (desc->type) {
   case TC_U8:
     v = ((const uint8_t *)field->voxels)[i];
@@ -85,8 +87,53 @@ static void make_nearest(tc_ref_cell *cell) {
   int nearest = 0;
   for (int k = 0; k < 3; k++)
     if (cell->start[k] + 0.5 * cell->delta[k] >= 0.5) nearest |= 1 << k;
-  memset(cell->c, 0, sizeof cell->c);
+  cell->degree = 0;
   cell->c[0] = cell->lo = cell->hi = cell->corner[nearest];
+}
+
+/* The four weights of the cubic B-spline at start + u * delta as polynomials in u: Taylor's. */
+static void spline_weights(double start, double delta, double w[4][4]) {
+  static const double basis[4][4] = {{1, -3, 3, -1}, {4, 0, -6, 3}, {1, 3, 3, -3}, {0, 0, 0, 1}}; /* sixths */
+  for (int i = 0; i < 4; i++) {
+    const double *b = basis[i];
+    w[i][0] = (b[0] + start * (b[1] + start * (b[2] + start * b[3]))) / 6;
+    w[i][1] = delta * (b[1] + start * (2 * b[2] + start * 3 * b[3])) / 6;
+    w[i][2] = delta * delta * (b[2] + 3 * start * b[3]) / 6;
+    w[i][3] = delta * delta * delta * b[3] / 6;
+  }
+}
+
+/* to[] += a * b, of degrees n and 3. */
+static void add_product(double *to, const double *a, int n, const double b[4]) {
+  for (int i = 0; i <= n; i++)
+    for (int j = 0; j < 4; j++) to[i + j] += a[i] * b[j];
+}
+
+/* Differences to one voxel are summed, so that equal voxels give an exactly constant field. */
+static void make_cubic(const tc_ref_field *field, const size_t low[3], tc_ref_cell *cell) {
+  double w[3][4][4], base = tc_ref_voxel(field, low), cube[TC_REF_DEGREE + 1] = {0};
+  for (int k = 0; k < 3; k++) spline_weights(cell->start[k], cell->delta[k], w[k]);
+  for (int z = 0; z < 4; z++) {
+    double plane[7] = {0};
+    for (int y = 0; y < 4; y++) {
+      double row[4] = {0};
+      for (int x = 0; x < 4; x++) {
+        const int tap[3] = {x, y, z};
+        size_t at[3];
+        for (int k = 0; k < 3; k++)
+          at[k] = (size_t)fmin(fmax((double)low[k] + tap[k] - 1, 0), field->desc->dims[k] - 1);
+        double v = tc_ref_voxel(field, at);
+        cell->lo = fmin(cell->lo, v);
+        cell->hi = fmax(cell->hi, v);
+        for (int i = 0; i < 4; i++) row[i] += (v - base) * w[0][x][i];
+      }
+      add_product(plane, row, 3, w[1][y]);
+    }
+    add_product(cube, plane, 6, w[2][z]);
+  }
+  memcpy(cell->c, cube, sizeof cube);
+  cell->c[0] += base;
+  cell->degree = TC_REF_DEGREE;
 }
 
 bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell) {
@@ -125,7 +172,9 @@ bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell) {
   cell->c[1] = q[0][1] + d1 * start[2] + d0 * delta[2];
   cell->c[2] = q[0][2] + d2 * start[2] + d1 * delta[2];
   cell->c[3] = d2 * delta[2];
+  cell->degree = 3;
   if (walk->field->filter == TC_FILTER_NEAREST) make_nearest(cell);
+  if (walk->field->filter == TC_FILTER_CUBIC) make_cubic(walk->field, low, cell);
   cell->label = NULL;
   return true;
 }

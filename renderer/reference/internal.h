@@ -38,6 +38,7 @@ bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const
 /* field.c: the field along a ray, stretch by stretch: each lies in one cell, and for nearest next to one voxel. */
 typedef struct tc_ref_field {
   tc_filter filter;
+  double *coefficients; /* of a prefiltered cubic, in the volume's unit; NULL: voxels are */
   const tc_volume_desc *desc;
   const void *voxels;
 } tc_ref_field;
@@ -57,15 +58,21 @@ typedef struct tc_ref_label_cell {
   double start[3], delta[3];
 } tc_ref_label_cell;
 
-/* One cell's stretch of the ray: value(u) = c[0] + c[1] u + c[2] u^2 + c[3] u^3 for u in [0, 1]. */
+/* One cell's stretch of the ray: value(u) = c[0] + c[1] u + ... + c[degree] u^degree for u in [0, 1]. */
+#define TC_REF_DEGREE 9
 typedef struct tc_ref_cell {
   double from, length; /* mm along the ray */
-  double c[4];
-  double lo, hi; /* of the cell's eight corners */
+  double c[TC_REF_DEGREE + 1];
+  int degree;    /* nearest 0, linear 3, cubic 9 */
+  double lo, hi; /* the value stays between */
   double corner[8];          /* values at +x (bit 0), +y (bit 1), +z (bit 2) */
   double start[3], delta[3]; /* place within the cell, 0..1: start + u * delta */
   const tc_ref_label_cell *label; /* all of the stretch is in it; NULL without labels */
 } tc_ref_cell;
+
+/* Solves for the coefficients (g_free them); NULL: out of memory. */
+double *tc_ref_coefficients(const tc_ref_field *field);
+double tc_ref_voxel(const tc_ref_field *field, const size_t at[3]); /* in the volume's unit */
 
 void tc_ref_walk_start(tc_ref_walk *walk, const tc_ref_field *field, const tc_ref_ray *ray);
 bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell);
@@ -100,23 +107,25 @@ typedef struct tc_ref_piece {
   double width;       /* in u */
   double mm;          /* length of u = 1 */
   double front, back; /* field values at the ends */
-  double d[3];        /* value(from + x) = front + d[0] x + d[1] x^2 + d[2] x^3 */
+  double d[TC_REF_DEGREE]; /* value(from + x) = front + d[0] x + d[1] x^2 + ... for the cell's degree */
 } tc_ref_piece;
 
 typedef struct tc_ref_cutter {
   const tc_ref_cell *cell;
   const double *breaks;
   size_t n_breaks;
-  double c[4], mm;
-  double bend[4]; /* u where monotone stretches end; the last is 1 */
+  double mm;
+  double bend[TC_REF_DEGREE + 1]; /* u where monotone stretches end; the last is 1 */
   int n_bends, stretch;
   double u;          /* front end of what is left of this stretch */
   double value, end; /* field there and at the stretch's end */
-  double d[3];
+  double d[TC_REF_DEGREE];
   bool fresh; /* a new stretch is to be opened */
 } tc_ref_cutter;
 
 void tc_ref_cutter_start(tc_ref_cutter *cutter, const tc_ref_cell *cell, const double *breaks, size_t n_breaks);
+/* c[0] + c[1] u + ... about u instead of 0. */
+void tc_ref_shift(double *c, int degree, double u);
 bool tc_ref_cutter_next(tc_ref_cutter *cutter, tc_ref_piece *piece);
 
 /* transfer.c: extinction and colour. */

@@ -90,14 +90,13 @@ bool tc_ref_labels_next(const tc_ref_labels *l, tc_ref_walk *walk, tc_ref_label_
     labels->u = 0;
   }
   const tc_ref_cell *whole = &labels->whole;
-  const double *c = whole->c, u = labels->u, to = find_cell(l, walk->ray, whole, u, &labels->cell), w = to - u;
+  const double u = labels->u, to = find_cell(l, walk->ray, whole, u, &labels->cell), w = to - u;
   *cell = *whole;
   cell->from = whole->from + u * whole->length;
   cell->length = w * whole->length;
-  cell->c[0] = c[0] + u * (c[1] + u * (c[2] + u * c[3]));
-  cell->c[1] = w * (c[1] + u * (2 * c[2] + u * 3 * c[3]));
-  cell->c[2] = w * w * (c[2] + 3 * u * c[3]);
-  cell->c[3] = w * w * w * c[3];
+  tc_ref_shift(cell->c, cell->degree, u);
+  double scale = w;
+  for (int i = 1; i <= cell->degree; i++, scale *= w) cell->c[i] *= scale;
   for (int k = 0; k < 3; k++) {
     cell->start[k] = whole->start[k] + u * whole->delta[k];
     cell->delta[k] = w * whole->delta[k];

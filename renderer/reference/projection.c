@@ -4,10 +4,9 @@
 #include "renderer/reference/internal.h"
 
 void tc_ref_extent_add(tc_ref_extent *extent, const tc_ref_cell *cell) {
-  const double *c = cell->c;
-  extent->integral += cell->length * (c[0] + c[1] / 2 + c[2] / 3 + c[3] / 4);
+  for (int i = 0; i <= cell->degree; i++) extent->integral += cell->length * cell->c[i] / (i + 1);
   extent->length += cell->length;
-  if (cell->lo >= extent->lo && cell->hi <= extent->hi) return; /* between the corners there is nothing beyond them */
+  if (cell->lo >= extent->lo && cell->hi <= extent->hi) return; /* nothing lies beyond */
   /* Monotone between two extrema: the ends of the pieces hold the least and the largest value. */
   tc_ref_cutter cutter;
   tc_ref_piece piece;

@@ -70,7 +70,9 @@ typedef struct panel {
 
 static double fraction_at(const job *j, double x) {
   const tc_ref_piece *p = j->piece;
-  double f = ((p->front - j->span->base) + x * (p->d[0] + x * (p->d[1] + x * p->d[2]))) * j->span->inverse_width;
+  double rise = 0;
+  for (int i = p->cell->degree; i-- > 0;) rise = x * (p->d[i] + rise);
+  double f = ((p->front - j->span->base) + rise) * j->span->inverse_width;
   return fmin(fmax(f, 0), 1);
 }
 
@@ -145,10 +147,12 @@ static void refine(const job *j, double x0, double width, const panel *whole, in
   refine(j, x0 + half, half, &b, level - 1);
 }
 
-/* Extinction that is a cubic along the piece has its depth in closed form. */
-static double cubic_depth(const tc_ref_piece *p, const tc_ref_span *span) {
+/* Extinction that is a polynomial along the piece has its depth in closed form. */
+static double polynomial_depth(const tc_ref_piece *p, const tc_ref_span *span) {
   double x = p->width, f0 = (p->front - span->base) * span->inverse_width;
-  double f = f0 + span->inverse_width * x * (p->d[0] / 2 + x * (p->d[1] / 3 + x * p->d[2] / 4));
+  double mean = 0;
+  for (int i = p->cell->degree; i-- > 0;) mean = x * (p->d[i] / (i + 2) + mean);
+  double f = f0 + span->inverse_width * mean;
   return tc_ref_span_extinction(span, fmin(fmax(f, 0), 1)) * x * p->mm;
 }
 
@@ -157,11 +161,12 @@ void tc_ref_integrate(const tc_ref_piece *piece, const tc_ref_span *span, const 
   if (span->no_extinction || !(piece->width > 0) || light->transparency < NOTHING_LEFT) return;
   pthread_once(&made, make_rule);
   job j = {.piece = piece, .span = span, .shading = shading, .tolerance = tolerance, .light = light};
-  bool flat = piece->front == piece->back && piece->d[0] == 0 && piece->d[1] == 0 && piece->d[2] == 0;
+  bool flat = piece->front == piece->back;
+  for (int i = 0; i < piece->cell->degree; i++) flat = flat && piece->d[i] == 0;
   j.one_color = !shading && !piece->cell->label && (span->one_color || flat);
   tc_ref_span_color(span, fraction_at(&j, 0), j.color);
   if (j.one_color && (flat || span->one_extinction || !span->opacity)) {
-    panel whole = {.depth = cubic_depth(piece, span)};
+    panel whole = {.depth = polynomial_depth(piece, span)};
     whole.clear = exp(-whole.depth);
     for (int c = 0; c < 3; c++)
       whole.color[c] = -expm1(-whole.depth) * j.color[c];

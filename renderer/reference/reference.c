@@ -33,7 +33,7 @@ static bool is_projection(tc_mode mode) {
 const char *tc_reference_missing(const tc_scene *scene) {
   bool surface = scene->mode == TC_MODE_ISOSURFACE;
   if (scene->mode != TC_MODE_DVR && !surface && !is_projection(scene->mode)) return "/mode";
-  if (scene->filter == TC_FILTER_CUBIC || (surface && scene->filter != TC_FILTER_LINEAR)) return "/filter";
+  if ((unsigned)scene->filter >= TC_FILTER_COUNT || (surface && scene->filter != TC_FILTER_LINEAR)) return "/filter";
   if (scene->labels.volume[0] && scene->mode == TC_MODE_DVR) return "/labels/volume";
   return NULL;
 }
@@ -77,8 +77,8 @@ tc_reference *tc_reference_new_labelled(tc_volume *volume, tc_volume *labels, co
   const char *member = tc_reference_missing(scene);
   if (member && !(labels && !strcmp(member, "/labels/volume"))) {
     tc_set_error(error, TC_ERROR_UNSUPPORTED, member,
-                 "reference: %s: only dvr, mip, minip and average of the linear or nearest field and isosurfaces of the linear "
-                 "one, plain, are integrated", member);
+                 "reference: %s: only dvr, mip, minip and average of any field and isosurfaces of the linear one, plain, are "
+                 "integrated", member);
     return NULL;
   }
   if (width < 1 || height < 1 || !(tolerance == 0 || (tolerance >= 1e-14 && tolerance <= 0.1))) {
@@ -93,6 +93,13 @@ tc_reference *tc_reference_new_labelled(tc_volume *volume, tc_volume *labels, co
     r->label_volume = tc_volume_ref(labels);
     tc_scene_copy(&r->scene, scene);
     tc_ref_labels_set_up(&r->labels, labels, &r->scene);
+  }
+  if (scene->filter == TC_FILTER_CUBIC && scene->sampling.prefilter) {
+    r->field.coefficients = tc_ref_coefficients(&r->field);
+    if (!r->field.coefficients) {
+      tc_set_error(error, TC_ERROR_MEMORY, "/sampling/prefilter", "reference: no memory for the coefficients");
+      goto fail;
+    }
   }
   tc_ref_clip_set_up(&r->clip, scene);
   /* Errors of pieces add up; each piece's estimate is itself pessimistic by many orders. */
@@ -117,6 +124,7 @@ void tc_reference_free(tc_reference *reference) {
   tc_volume_unref(reference->volume);
   tc_volume_unref(reference->label_volume);
   tc_scene_clear(&reference->scene);
+  g_free(reference->field.coefficients);
   g_free(reference);
 }
 

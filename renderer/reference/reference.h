@@ -10,7 +10,7 @@
  * For isosurface it is the first place where the ray changes sides (raycast/surface.h), the exact root of the cubic, with
  * the normal that surface.h gives it there.
  *
- * It stands for what dvr converges to as the step goes to 0: classification, order, sampling (step, jitter,
+ * It stands for what dvr converges to as the step goes to 0, by the scene's filter: classification, order, sampling (step, jitter,
  * termination, rays per pixel) and skipping of the scene are therefore ignored. Immutable once made: any number of
  * threads may ask for pixels at once. */
 #ifndef TC_REFERENCE_H
@@ -30,8 +30,9 @@ typedef struct tc_reference tc_reference;
 const char *tc_reference_missing(const tc_scene *scene);
 
 /* Takes a reference on the sealed volume and copies what it needs of the scene. tolerance: absolute bound wanted on
- * each channel of a pixel, 1e-14 .. 0.1; 0 = 1e-10. Errors: TC_ERROR_UNSUPPORTED with a pointer to the member for what
- * has no reference (a mode other than dvr, mip, minip, average, isosurface; filter cubic, labels without their volume);
+ * each channel of a pixel, 1e-14 .. 0.1; 0 = 1e-10. A prefiltered cubic takes eight bytes a voxel.
+ * Errors: TC_ERROR_UNSUPPORTED with a pointer to the member for what has no reference (a mode other than dvr, mip, minip,
+ * average, isosurface; a filter of isosurfaces but linear, labels without their volume);
  * TC_ERROR_INVALID for a camera, transfer function or window (whichever the mode reads) without meaning. */
 tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int width, int height, double tolerance,
                                GError **error);
@@ -61,8 +62,8 @@ typedef struct tc_reference_hit {
 bool tc_reference_surface(const tc_reference *reference, double px, double py, tc_reference_hit *hit);
 
 /* The verbose pixel: one entry per smooth piece of a ray, front to back. Between the entries' positions the field is a
- * cubic that meets no knot. Pieces in which nothing is emitted or absorbed are listed too. Of an isosurface: the pieces in front of
- * it, then, of length 0 and in its colour, the hit. */
+ * polynomial that meets no knot. Pieces in which nothing is emitted or absorbed are listed too. Of an isosurface: the pieces in
+ * front of it, then, of length 0 and in its colour, the hit. */
 typedef struct tc_reference_sample {
   double position[3];       /* LPS mm of the piece's front end */
   double distance_mm;       /* from the eye */

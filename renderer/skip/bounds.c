@@ -76,7 +76,7 @@ tc_bounds *tc_bounds_build(const tc_minmax *m, const tc_grey *grey, GError **err
   size_t count = 1;
   tc_bounds *b = calloc(1, sizeof *b);
   if (b) {
-    *b = (tc_bounds){.block = m->block, .grey = *grey, .serial = atomic_fetch_add(&serials, 1) + 1};
+    *b = (tc_bounds){.block = m->block, .reach = m->reach, .grey = *grey, .serial = atomic_fetch_add(&serials, 1) + 1};
     for (int k = 0; k < 3; k++) {
       b->blocks[k] = m->blocks[k];
       count *= (size_t)b->blocks[k];

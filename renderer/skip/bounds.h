@@ -15,7 +15,7 @@
 #include "renderer/skip/skip.h"
 
 typedef struct tc_bounds {
-  int block, blocks[3];
+  int block, reach, blocks[3];
   uint8_t *levels; /* [blocks z][blocks y][blocks x], then at least 4 readable bytes */
   float scale;     /* levels per unit of w */
   tc_grey grey;    /* what it was built for */

@@ -7,7 +7,9 @@
 #include "renderer/skip/runs.h"
 
 #define FINE TC_BOX_FINE
-#define PIECE 5 /* cells that are cut at once: a row of their voxels, one byte each, is one 64-bit word */
+#define PIECE 5 /* cells that are cut at once: a row of their voxels, one byte each, is one 64-bit word, even with a reach of 1 */
+#define ROWS (PIECE + 4)
+#define INLINE static inline __attribute__((always_inline)) /* `reach` is a constant in it */
 
 /* The boxes that one worker found. */
 typedef struct found {
@@ -41,35 +43,42 @@ static void emit(found *f, const int at[3], int size, uint32_t fine) {
 
 static int least(int a, int b) { return a < b ? a : b; }
 
-/* rows[z][y]: the sets of the voxels of `cells` cells along x, from at[0] on, a byte each; bytes beyond have all bits. Two more
- * rows and layers than cells, the outer ones of all bits too. */
-static void read_rows(const boxes_job *job, const int at[3], const int cells[3], uint64_t rows[PIECE + 3][PIECE + 3]) {
-  int n[3];
-  for (int k = 0; k < 3; k++) n[k] = least(cells[k] + 1, job->dims[k] - at[k]);
-  for (int z = 0; z < PIECE + 3; z++)
-    for (int y = 0; y < PIECE + 3; y++) {
+/* rows[z][y]: the sets of the voxels of `cells` cells along x and of `reach` more on both sides, from at[0] - reach on, a byte
+ * each; bytes beyond, and before the first voxel, have all bits, and so have the outer rows and layers that no voxel is in. */
+INLINE void read_rows(const boxes_job *job, const int at[3], const int cells[3], int reach, uint64_t rows[ROWS][ROWS]) {
+  int from[3], to[3]; /* in rows */
+  for (int k = 0; k < 3; k++) {
+    from[k] = at[k] < reach ? reach - at[k] : 0;
+    to[k] = least(cells[k] + 1 + 2 * reach, job->dims[k] - at[k] + reach);
+  }
+  for (int z = 0; z < PIECE + 3 + reach; z++)
+    for (int y = 0; y < PIECE + 3 + reach; y++) {
       rows[z][y] = ~(uint64_t)0;
-      if (z >= n[2] || y >= n[1]) continue;
-      size_t first = ((size_t)(at[2] + z) * (size_t)job->dims[1] + (size_t)(at[1] + y)) * (size_t)job->dims[0] + (size_t)at[0];
-      tc_runs_read(job->runs, job->voxels, first, n[0], (uint8_t *)&rows[z][y]);
+      if (z < from[2] || z >= to[2] || y < from[1] || y >= to[1]) continue;
+      size_t row = (size_t)(at[2] + z - reach) * (size_t)job->dims[1] + (size_t)(at[1] + y - reach);
+      size_t first = row * (size_t)job->dims[0] + (size_t)(at[0] + from[0] - reach);
+      tc_runs_read(job->runs, job->voxels, first, to[0] - from[0], (uint8_t *)&rows[z][y] + from[0]);
     }
 }
 
 /* The fine boxes of a piece that are not empty: whose voxels' sets have no bit in common. *all: none is empty. */
-static uint32_t cut_piece(const boxes_job *job, const int at[3], const int cells[3], bool *all) {
-  uint64_t rows[PIECE + 3][PIECE + 3];
+INLINE uint32_t cut_piece(const boxes_job *job, const int at[3], const int cells[3], int reach, bool *all) {
+  uint64_t rows[ROWS][ROWS];
   uint32_t fine = 0;
-  int n[3];
+  int n[3], last = FINE + 2 * reach; /* voxels of a fine box, less one */
   for (int k = 0; k < 3; k++) n[k] = (cells[k] + FINE - 1) / FINE;
-  read_rows(job, at, cells, rows);
-  for (int z = 0; z < PIECE + 3; z++)
-    for (int y = 0; y < PIECE + 3; y++) rows[z][y] &= rows[z][y] >> 8 & rows[z][y] >> 16;
+  read_rows(job, at, cells, reach, rows);
+  for (int z = 0; z < PIECE + 3 + reach; z++)
+    for (int y = 0; y < PIECE + 3 + reach; y++) {
+      uint64_t missing = ~rows[z][y];
+      for (int k = 1; k <= last; k++) rows[z][y] &= ~(missing >> 8 * k);
+    }
   *all = true;
   for (int z = 0; z < n[2]; z++)
     for (int y = 0; y < n[1]; y++) {
       uint64_t common = ~(uint64_t)0;
-      for (int k = 0; k <= FINE; k++)
-        for (int j = 0; j <= FINE; j++) common &= rows[FINE * z + k][FINE * y + j];
+      for (int k = 0; k <= last; k++)
+        for (int j = 0; j <= last; j++) common &= rows[FINE * z + k][FINE * y + j];
       for (int x = 0; x < n[0]; x++) {
         bool some = !(common >> (8 * FINE * x) & 255);
         fine |= (uint32_t)some << ((z * TC_BOX_FINES + y) * TC_BOX_FINES + x);
@@ -89,7 +98,7 @@ static bool cut_block(const boxes_job *job, const int at[3], found *out) {
       for (p[0] = at[0]; p[0] < end[0]; p[0] += PIECE) {
         for (int k = 0; k < 3; k++) cells[k] = least(PIECE, end[k] - p[k]);
         bool all;
-        uint32_t fine = cut_piece(job, p, cells, &all);
+        uint32_t fine = job->minmax->reach ? cut_piece(job, p, cells, 1, &all) : cut_piece(job, p, cells, 0, &all);
         if (single && all) return true;
         if (fine) emit(out, p, PIECE, all ? 0 : fine);
       }

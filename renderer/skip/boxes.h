@@ -30,7 +30,8 @@ typedef struct tc_boxes {
   double build_ms;
 } tc_boxes;
 
-/* Built on the pool. NULL with TC_ERROR_MEMORY. */
+/* Built on the pool, of the volume that is sampled, and `minmax` of the same: the filter reaches as far as it says. NULL with
+ * TC_ERROR_MEMORY. */
 tc_boxes *tc_boxes_build(const tc_volume *volume, const tc_minmax *minmax, const tc_support *support, tc_pool *pool,
                          GError **error);
 void tc_boxes_free(tc_boxes *boxes); /* NULL is fine */

@@ -12,6 +12,8 @@ int tc_skip_block(int block) {
   return block < 2 ? 2 : block > 128 ? 128 : block;
 }
 
+int tc_skip_reach(tc_filter filter) { return filter == TC_FILTER_CUBIC; }
+
 bool tc_skip_possible(const tc_transfer_function *tf, double value_min, double value_max) {
   const tc_knot *p = tf->points;
   size_t last = tf->count - 1;
@@ -95,8 +97,9 @@ tc_leap *tc_leap_build(const tc_minmax *m, const tc_support *support, GError **e
     sweep(distance, m->blocks, 1);
     sweep(distance, m->blocks, -1);
   }
-  *leap = (tc_leap){.block = m->block, .blocks = {m->blocks[0], m->blocks[1], m->blocks[2]}, .distance = distance,
-                    .empty_share = (double)empty / (double)count, .support = support->serial, .bytes = count + 8};
+  *leap = (tc_leap){.block = m->block, .reach = m->reach, .blocks = {m->blocks[0], m->blocks[1], m->blocks[2]},
+                    .distance = distance, .empty_share = (double)empty / (double)count, .support = support->serial,
+                    .bytes = count + 8};
   if (support->used) tc_support_zones(support, &leap->zero_below, &leap->zero_above);
   leap->build_ms = tc_now_ms() - start;
   return leap;

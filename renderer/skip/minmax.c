@@ -11,8 +11,14 @@ typedef struct minmax_job {
   void *rows; /* per worker: a row of minima and one of maxima */
 } minmax_job;
 
-static int last_voxel(int index, int block, int n) {
-  int last = (index + 1) * block;
+/* The voxels along one axis that count for a block, the last one included. */
+static int first_voxel(const tc_minmax *m, int index) {
+  int first = index * m->block - m->reach;
+  return first > 0 ? first : 0;
+}
+
+static int last_voxel(const tc_minmax *m, int index, int n) {
+  int last = (index + 1) * m->block + m->reach;
   return last < n - 1 ? last : n - 1;
 }
 
@@ -22,8 +28,8 @@ static int last_voxel(int index, int block, int n) {
   static void row_##name(const minmax_job *job, int by, int bz, type *lo, type *hi) {                                \
     const type *voxels = tc_volume_data(job->volume);                                                                \
     const tc_minmax *m = job->m;                                                                                     \
-    int nx = job->dims[0], y0 = by * m->block, y1 = last_voxel(by, m->block, job->dims[1]);                           \
-    int z0 = bz * m->block, z1 = last_voxel(bz, m->block, job->dims[2]);                                              \
+    int nx = job->dims[0], y0 = first_voxel(m, by), y1 = last_voxel(m, by, job->dims[1]);                           \
+    int z0 = first_voxel(m, bz), z1 = last_voxel(m, bz, job->dims[2]);                                              \
     for (int z = z0; z <= z1; z++)                                                                                   \
       for (int y = y0; y <= y1; y++) {                                                                               \
         const type *p = voxels + ((size_t)z * (size_t)job->dims[1] + (size_t)y) * (size_t)nx;                        \
@@ -37,9 +43,9 @@ static int last_voxel(int index, int block, int n) {
       }                                                                                                              \
     type *pair = (type *)m->pairs + 2 * ((size_t)bz * (size_t)m->blocks[1] + (size_t)by) * (size_t)m->blocks[0];     \
     for (int bx = 0; bx < m->blocks[0]; bx++, pair += 2) {                                                           \
-      int x1 = last_voxel(bx, m->block, nx);                                                                          \
-      type a = lo[bx * m->block], b = hi[bx * m->block];                                                             \
-      for (int x = bx * m->block + 1; x <= x1; x++) {                                                              \
+      int x0 = first_voxel(m, bx), x1 = last_voxel(m, bx, nx);                                                       \
+      type a = lo[x0], b = hi[x0];                                                                                   \
+      for (int x = x0 + 1; x <= x1; x++) {                                                                           \
         a = lo[x] < a ? lo[x] : a;                                                                                   \
         b = hi[x] > b ? hi[x] : b;                                                                                   \
       }                                                                                                              \
@@ -67,13 +73,13 @@ static void minmax_task(void *context, int index, int worker) {
   }
 }
 
-tc_minmax *tc_minmax_build(const tc_volume *volume, int block, tc_pool *pool, GError **error) {
+tc_minmax *tc_minmax_build(const tc_volume *volume, int block, int reach, tc_pool *pool, GError **error) {
   double start = tc_now_ms();
   const tc_volume_desc *d = tc_volume_describe(volume);
   tc_minmax *m = calloc(1, sizeof *m);
   minmax_job job = {.volume = volume, .m = m, .dims = d->dims, .voxel_bytes = tc_voxel_size(d->type)};
   if (m) {
-    *m = (tc_minmax){.block = block, .type = d->type};
+    *m = (tc_minmax){.block = block, .reach = reach, .type = d->type};
     size_t count = 1;
     for (int k = 0; k < 3; k++) {
       int cells = d->dims[k] > 1 ? d->dims[k] - 1 : 1;

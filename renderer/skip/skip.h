@@ -1,7 +1,8 @@
 /* Space leaping (paper 001): what is empty under the current transfer function, and how far a ray may go.
  *
  * The volume's cells are grouped into cubic blocks. A block's minimum and maximum are over its cells' corners, so
- * one voxel of skirt on its far sides is included: every interpolated value inside lies between them. A block is empty when no
+ * one voxel of skirt on its far sides is included: every interpolated value inside lies between them (a cubic filter reaches a
+ * voxel further on every side). A block is empty when no
  * entry that a lookup between two such values can touch, in any classification's table, is other than zero; since neighbouring
  * blocks share their face's voxels, the union of connected empty blocks is one value interval, and segments between samples in
  * it are zero too. The distance map holds, per block, the Chebyshev distance in blocks to the nearest block that is not empty (0 in such
@@ -22,9 +23,13 @@
 /* The block width for a scene's skipping.block: 0 takes the default, others are clamped to 2..128. */
 int tc_skip_block(int block);
 
+/* How many voxels beyond a cell's corners a filter reaches. */
+int tc_skip_reach(tc_filter filter);
+
 /* Minima and maxima per block, in the volume's voxel type. */
 typedef struct tc_minmax {
   int block;      /* voxels a block is wide */
+  int reach;      /* voxels beyond the cells' corners that are counted too */
   int blocks[3];
   void *pairs;    /* [blocks z][blocks y][blocks x][2]: minimum, maximum */
   tc_voxel_type type;
@@ -32,7 +37,7 @@ typedef struct tc_minmax {
   double build_ms;
 } tc_minmax;
 
-tc_minmax *tc_minmax_build(const tc_volume *volume, int block, tc_pool *pool, GError **error);
+tc_minmax *tc_minmax_build(const tc_volume *volume, int block, int reach, tc_pool *pool, GError **error);
 void tc_minmax_free(tc_minmax *minmax); /* NULL is fine */
 double tc_minmax_value(const tc_minmax *minmax, size_t i); /* pairs[i] */
 
@@ -59,7 +64,7 @@ void tc_support_zones(const tc_support *support, double *below, double *above);
 
 /* Distances under one support. */
 typedef struct tc_leap {
-  int block, blocks[3];
+  int block, reach, blocks[3];
   uint8_t *distance;  /* [blocks z][blocks y][blocks x], then at least 4 readable bytes */
   double empty_share; /* of the blocks */
   /* A lookup between two nodes that are both below, or both above, is exactly zero. */

@@ -704,7 +704,7 @@ static void refusals_point_at_members(void **state) {
   REFUSED(s.window.width = 0, TC_ERROR_INVALID, "/window/width");
   REFUSED(s.window.center = NAN, TC_ERROR_INVALID, "/window/center");
   REFUSED(s.sampling.step = 0, TC_ERROR_INVALID, "/sampling/step");
-  REFUSED(s.filter = TC_FILTER_CUBIC, TC_ERROR_UNSUPPORTED, "/filter");
+  REFUSED(s.filter = TC_FILTER_COUNT, TC_ERROR_INVALID, "/filter");
   REFUSED(s.sampling.rays_per_pixel = 4, TC_ERROR_UNSUPPORTED, "/sampling/raysPerPixel");
   REFUSED((s.clip.has_box = true, s.clip.box[0][1] = 1), TC_ERROR_INVALID, "/clip/box");
   REFUSED((strcpy(s.labels.volume, "x"), s.labels.opacity = 2), TC_ERROR_INVALID, "/labels/opacity");

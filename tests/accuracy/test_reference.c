@@ -651,7 +651,7 @@ static void refusals(void **state) {
   scene.window.width = 0;
   expect_refused(volume, &scene, TC_ERROR_INVALID, "/window");
   scene.mode = TC_MODE_DVR;
-  scene.filter = TC_FILTER_CUBIC;
+  scene.filter = TC_FILTER_COUNT;
   expect_refused(volume, &scene, TC_ERROR_UNSUPPORTED, "/filter");
   scene.filter = TC_FILTER_LINEAR;
   scene.camera.up[0] = scene.camera.target[0] - scene.camera.position[0];

@@ -127,7 +127,7 @@ static void map_is_right(void **unused) {
     tc_table_params p = {.tf = &s.transfer_function, .slope = d->slope, .intercept = d->intercept, .step_mm = 1};
     tc_table_choose(v, p.tf, &p.n, &p.voxel_lo, &p.voxel_hi);
     tc_support *support = tc_support_build(&p, NULL);
-    tc_minmax *m = tc_minmax_build(v, 2 + trial % 7, NULL, NULL);
+    tc_minmax *m = tc_minmax_build(v, 2 + trial % 7, 0, NULL, NULL);
     tc_leap *leap = tc_leap_build(m, support, NULL);
     for (int k = 0; k < 3; k++) {
       int cells = d->dims[k] > 1 ? d->dims[k] - 1 : 1;

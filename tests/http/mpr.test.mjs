@@ -97,7 +97,6 @@ test('the plan builds no table; what cannot be a slice is refused by name and th
     [{ mpr: { orientation: 'oblique', normal: [0, 0, 0] } }, 422, '/mpr/normal'],
     [{ mpr: { orientation: 'oblique', normal: [0, 1, 0], up: [0, 3, 0] } }, 422, '/mpr/up'],
     [{ window: { width: 0 } }, 422, '/window/width'],
-    [{ filter: 'cubic' }, 501, '/filter'],
   ]) problem(await d.patch(session.links.scene, patch), status, pointer);
   assert.deepEqual((await d.get(session.links.scene)).json, before.json);
   const ignored = { classification: 'post', shading: { model: 'gooch' } };

@@ -64,7 +64,7 @@ static const char everything[] =
     "{\"value\":7,\"color\":[1,0.25,0],\"extinction\":12.5}],\"unitDistance\":2},\"window\":{\"center\":-600,\"width\":"
     "1500},"
     "\"classification\":\"linearized\",\"order\":\"back-to-front\",\"filter\":\"cubic\",\"sampling\":{\"step\":0.25,"
-    "\"raysPerPixel\":4,\"coherence\":true,\"jitter\":true,\"termination\":0},\"skipping\":{\"mode\":\"off\",\"block\":"
+    "\"raysPerPixel\":4,\"coherence\":true,\"jitter\":true,\"prefilter\":true,\"termination\":0},\"skipping\":{\"mode\":\"off\",\"block\":"
     "8},"
     "\"shading\":{\"model\":\"gooch\",\"ambient\":0.1,\"diffuse\":0.9,\"specular\":0.3,\"shininess\":10,"
     "\"light\":[0,0,1]},\"clip\":{\"box\":[[-1,-2,-3],[1,2,3]],\"planes\":[[1,0,0,5],[0,1,0,-5]]},"

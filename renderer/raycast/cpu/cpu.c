@@ -147,7 +147,7 @@ static void fill_window(tc_cpu_args *a, const tc_job *job) {
 
 static void fill_shading(tc_cpu_args *a, const tc_job *job) {
   tc_shade s;
-  tc_shade_set_up(&s, job->volume, job->scene);
+  tc_shade_set_up(&s, job->source, job->volume, job->scene);
   to_float(a->gradient, s.gradient, 9);
   to_float(a->factor, s.factor, 2);
   to_float(a->glow[0], s.glow[0], 3);

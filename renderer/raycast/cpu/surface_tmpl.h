@@ -3,6 +3,8 @@
 
 #include "renderer/raycast/cpu/field_tmpl.h"
 
+#include "renderer/raycast/cpu/cubic_tmpl.h"
+
 #include "renderer/raycast/cpu/filter_tmpl.h"
 
 #include "renderer/raycast/cpu/classify_tmpl.h"

@@ -30,7 +30,7 @@ static void add(composition *c, const char *name) {
 /* Only what has pieces: a key from a newer plan must fail, not draw something else. */
 static bool is_built(const tc_plan_key *key) {
   bool mode = key->mode == TC_MODE_DVR || tc_is_projection((tc_mode)key->mode);
-  bool filter = key->filter == TC_FILTER_LINEAR || key->filter == TC_FILTER_NEAREST;
+  bool filter = key->filter < TC_FILTER_COUNT;
   if (key->mode == TC_MODE_MPR)
     return filter && key->slab <= TC_SLAB_PROJECTION_COUNT && key->voxel_type < TC_VOXEL_TYPE_COUNT && !key->rays &&
            !key->jitter;
@@ -75,6 +75,7 @@ static void add_isosurface(composition *c, const tc_gl_variant *v) {
 }
 
 unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
+  static const char *const fields[TC_FILTER_COUNT] = {"field_linear.glsl", "field_cubic.glsl", "field_nearest.glsl"};
   char name[96], literals[480];
   tc_gl_variant_name(v, name, sizeof name);
   /* A texture unit's own interpolation shows no corners to take a gradient from. */
@@ -98,7 +99,7 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
   add_text(&c, literals);
   add(&c, v->plan.projection == TC_PERSPECTIVE ? "ray_perspective.glsl" : "ray_orthographic.glsl");
   add(&c, v->field == TC_GL_FIELD_GATHER ? "field_gather.glsl" : "field_filtered.glsl");
-  add(&c, v->plan.filter == TC_FILTER_NEAREST ? "field_nearest.glsl" : "field_linear.glsl");
+  add(&c, fields[v->plan.filter]);
   if (v->plan.clipping) add(&c, "clip_planes.glsl");
   if (v->plan.labels) add(&c, "labels.glsl");
   if (v->plan.mode == TC_MODE_MPR)

@@ -57,7 +57,7 @@ static void fill_window(tc_gl_job_block *block, const tc_job *job) {
 
 static void put_shading(tc_gl_job_block *block, const tc_job *job) {
   tc_shade s;
-  tc_shade_set_up(&s, job->volume, job->scene);
+  tc_shade_set_up(&s, job->source, job->volume, job->scene);
   for (int r = 0; r < 3; r++)
     put3(block->gradient[r], s.gradient + 3 * r);
   put3(block->light, s.light);

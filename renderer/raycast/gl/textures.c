@@ -304,7 +304,8 @@ const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_tabl
 
 const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volume *volume, const tc_leap *leap,
                                         GError **error) {
-  const uint64_t key[5] = {leap->support, tc_volume_serial(volume), (uint64_t)leap->block};
+  const uint64_t key[5] = {leap->support, tc_volume_serial(volume), (uint64_t)leap->block,
+                           (uint64_t)leap->reach};
   const lookup_source from = {.what = "distance map",
                               .entries = leap->distance,
                               .entry_bytes = 1,

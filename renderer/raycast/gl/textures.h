@@ -24,7 +24,7 @@ typedef struct tc_gl_volume {
 /* A buffer the shaders read as a buffer texture: a pre-integration table (RGBA32F), a distance map or bounds (R8UI). */
 typedef struct tc_gl_lookup {
   uint64_t key[5]; /* serials of table or support, and of the volume (0 for a table: it serves any); block width; serial of
-                      bounds; serial of labels */
+                      bounds, or a leap's reach; serial of labels */
   unsigned buffer, texture;
   size_t bytes;
   uint64_t used;
