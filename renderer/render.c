@@ -180,6 +180,11 @@ static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scen
     have->integrals = tc_resources_integrals(r->resources, &params, &stats->tables_ms, error);
   if (!have->table && !have->integrals) return false;
   if (!plan->key.skipping) return true;
+  const int *dims = tc_volume_describe(volume)->dims;
+  if (r->ops->leaps_over_boxes && (dims[0] > TC_BOX_REACH || dims[1] > TC_BOX_REACH || dims[2] > TC_BOX_REACH)) {
+    tc_plan_drop_skipping(plan, "an axis is longer than boxes can name");
+    return true;
+  }
   int block = tc_skip_block(scene->skipping.block);
   have->minmax = tc_resources_minmax(r->resources, volume, block, tc_skip_reach(scene->filter), &stats->skip_ms, error);
   have->support = have->minmax ? tc_resources_support(r->resources, &params, &stats->skip_ms, error) : NULL;

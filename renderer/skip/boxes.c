@@ -172,12 +172,6 @@ tc_boxes *tc_boxes_build(const tc_volume *volume, const tc_minmax *minmax, const
   int workers = pool ? tc_pool_threads(pool) : 1;
   size_t blocks = (size_t)minmax->blocks[0] * (size_t)minmax->blocks[1] * (size_t)minmax->blocks[2];
   tc_runs runs;
-  for (int k = 0; k < 3; k++)
-    if (d->dims[k] > 65536) {
-      tc_set_error(error, TC_ERROR_LIMIT, "/skipping/mode",
-                   "skipping/mode: an axis of %d voxels is over the 65536 that leaping can name: set it to off", d->dims[k]);
-      return NULL;
-    }
   if (!tc_runs_init(&runs, support, d->type, error)) return NULL;
   boxes_job job = {.voxels = tc_volume_data(volume), .minmax = minmax, .runs = &runs, .full = calloc(blocks, sizeof *job.full),
                    .workers = calloc((size_t)workers, sizeof *job.workers)};

@@ -9,6 +9,7 @@
 
 #include "renderer/skip/skip.h"
 
+#define TC_BOX_REACH 65536 /* voxels that an axis may have */
 #define TC_BOX_FINE 2  /* cells a fine box is wide */
 #define TC_BOX_FINES 3 /* fine boxes along a cut one */
 

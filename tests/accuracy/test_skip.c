@@ -194,8 +194,33 @@ static void built_only_when_it_can_help(void **unused) {
   tc_renderer_free(r);
 }
 
+static double ramp(double x, double y, double z, const void *context) { return x > 69000 ? 200 : 0; }
+
+/* An axis longer than boxes can name: nothing is leapt, and all is drawn. */
+static void long_axes_are_drawn(void **unused) {
+  tc_renderer_options o = {.backend = TC_BACKEND_CPU};
+  tc_renderer *r = tc_renderer_new(&o, NULL);
+  test_grid g = {.dims = {70000, 2, 2}, .type = TC_U8, .spacing = {0.01, 300, 300}};
+  tc_volume *v = test_volume(&g, ramp, NULL);
+  const tc_knot part[] = {{80, {1, 1, 1}, 0}, {255, {1, 1, 1}, 0.5}};
+  tc_scene s;
+  tc_plan plan;
+  tc_frame f = {0};
+  test_scene(&s, 32, 32);
+  test_scene_frame(&s, v, TC_PERSPECTIVE, (double[3]){0, -1, 0});
+  test_scene_knots(&s, TC_KNOT_OPACITY, part, 2);
+  s.sampling.step = 50;
+  assert_true(tc_render(r, v, &s, NULL, &f, &plan, NULL));
+  assert_false(plan.stages[TC_STAGE_SKIPPING].included);
+  assert_true(f.stats.samples > 0 && f.stats.leaps == 0);
+  tc_frame_finish(&f);
+  tc_scene_clear(&s);
+  tc_volume_unref(v);
+  tc_renderer_free(r);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(leaping_changes_no_bit), cmocka_unit_test(map_is_right),
-                                     cmocka_unit_test(built_only_when_it_can_help)};
+                                     cmocka_unit_test(built_only_when_it_can_help), cmocka_unit_test(long_axes_are_drawn)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
