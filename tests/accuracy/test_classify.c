@@ -10,57 +10,22 @@
 
 #include <cmocka.h>
 
-#include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
 #include "tests/support/image.h"
+#include "tests/support/renderers.h"
 
 static const char *const names[TC_CLASSIFICATION_COUNT] = {"preintegrated", "preintegrated2", "approximate", "post",
                                                            "linearized"};
-static const char *const isas[] = {"scalar", "avx2", "avx512"};
-static tc_renderer *renderers[3];
-static tc_frame frames[3];
 static tc_plan plan;
-static int n_isas;
 static int table_size; /* 0: as the plan chooses */
 
-static int set_up(void **state) {
-  for (size_t i = 0; i < G_N_ELEMENTS(isas); i++) {
-    tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = 2, .isa = isas[i]};
-    tc_renderer *r = tc_renderer_new(&options, NULL);
-    if (r)
-      renderers[n_isas++] = r;
-    else
-      printf("  %s: not checked: not on this machine\n", isas[i]);
-  }
-  return n_isas == 0;
-}
-
-static int tear_down(void **state) {
-  for (int i = 0; i < n_isas; i++) {
-    tc_frame_finish(&frames[i]);
-    tc_renderer_free(renderers[i]);
-  }
-  return 0;
-}
-
 static const float *render(int isa, tc_volume *volume, const tc_scene *scene) {
-  GError *error = NULL;
-  tc_render_request request = {.want_linear = true, .table_size = table_size};
-  if (!tc_render(renderers[isa], volume, scene, &request, &frames[isa], &plan, &error))
-    fail_msg("%s: %s", isas[isa], error->message);
-  return frames[isa].linear;
+  const tc_render_request request = {.want_linear = true, .table_size = table_size};
+  return test_draw(isa, volume, scene, &request, &plan)->linear;
 }
 
 static size_t pixels_of(const tc_scene *s) { return (size_t)s->image.width * (size_t)s->image.height; }
-
-static float *reference(tc_volume *volume, const tc_scene *scene) {
-  tc_reference *r = tc_reference_new(volume, scene, scene->image.width, scene->image.height, 0, NULL);
-  float *rgba = calloc(pixels_of(scene), 4 * sizeof *rgba);
-  if (!r || !rgba || !tc_reference_image(r, 2, rgba, NULL)) fail_msg("reference failed");
-  tc_reference_free(r);
-  return rgba;
-}
 
 /* One cell: the field along a ray is one cubic, smooth from end to end. */
 static double corner(double x, double y, double z, const void *unused) {
@@ -81,7 +46,7 @@ static void observed_orders(void **state) {
   test_scene(&scene, 24, 24);
   test_scene_knots(&scene, TC_KNOT_EXTINCTION, knots, 2);
   test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){-60, -55, -50}, (double[3]){20, 20, 20}, 8);
-  float *want = reference(volume, &scene);
+  float *want = test_reference(volume, &scene, 0);
   table_size = 1024; /* so that its own error stays below the finest step's */
   for (size_t i = 0; i < G_N_ELEMENTS(wanted); i++) {
     double error[4];
@@ -117,15 +82,15 @@ static void all_converge(void **state) {
     test_scene_knots(&scene, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
     scene.image.linear_light = t == 1;
     test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
-    float *want = reference(volume, &scene);
+    float *want = test_reference(volume, &scene, 0);
     for (int way = 0; way < TC_CLASSIFICATION_COUNT; way++) {
       scene.classification = (tc_classification)way;
       scene.sampling.step = 1.0 / 32;
-      for (int isa = 0; isa < n_isas; isa++) {
+      EACH_CPU(isa) {
         test_difference d = test_compare(render(isa, volume, &scene), want, pixels_of(&scene));
         if (isa == 0) printf("  %s %-14s rms %.1e max %.1e\n", tc_voxel_type_name(types[t]), names[way], d.rms, d.max);
         if (!d.finite || !(d.max <= (way <= TC_APPROXIMATE ? 5e-4 : 3e-3)))
-          fail_msg("%s, %s: off by %g", names[way], isas[isa], d.max);
+          fail_msg("%s, %s: off by %g", names[way], test_names[isa], d.max);
       }
     }
     free(want);
@@ -165,7 +130,7 @@ static void random_scene(uint64_t seed) {
   test_scene_frame(&scene, volume, seed & 1 ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC,
                    (double[3]){test_random(&s) - 0.5, test_random(&s) - 0.5, test_random(&s) + 0.01});
   float kept[2][13 * 9 * 4];
-  for (int isa = 0; isa < n_isas; isa++)
+  EACH_CPU(isa)
     for (int order = 0; order < TC_ORDER_COUNT; order++) {
       scene.order = (tc_order)order;
       memcpy(kept[order], render(isa, volume, &scene), sizeof kept[order]);
@@ -175,17 +140,17 @@ static void random_scene(uint64_t seed) {
         for (int c = 0; c < 3; c++) sane = sane && p[c] >= 0 && p[c] <= p[3] * most[c] + 5e-6;
         if (!sane)
           fail_msg("seed %llu, %s, %s, order %d: pixel %zu is %g %g %g, opacity %.9g", (unsigned long long)seed,
-                   names[scene.classification], isas[isa], order, i, p[0], p[1], p[2], p[3]);
+                   names[scene.classification], test_names[isa], order, i, p[0], p[1], p[2], p[3]);
       }
       scene.skipping.mode = TC_SKIPPING_OFF;
       if (memcmp(render(isa, volume, &scene), kept[order], sizeof kept[order]))
         fail_msg("seed %llu, %s, %s, order %d: leaping shows", (unsigned long long)seed, names[scene.classification],
-                 isas[isa], order);
+                 test_names[isa], order);
       scene.skipping.mode = TC_SKIPPING_AUTO;
       if (order == 0) continue;
       test_difference d = test_compare(kept[0], kept[1], pixels_of(&scene));
       if (!(d.max <= 2e-6))
-        fail_msg("seed %llu, %s, %s: orders differ by %g", (unsigned long long)seed, names[scene.classification], isas[isa],
+        fail_msg("seed %llu, %s, %s: orders differ by %g", (unsigned long long)seed, names[scene.classification], test_names[isa],
                  d.max);
     }
   tc_scene_clear(&scene);
@@ -220,7 +185,7 @@ static void the_plan_says_so(void **state) {
     assert_false(plan.stages[TC_STAGE_TERMINATION].included || plan.key.termination);
     assert_non_null(strstr(plan.stages[TC_STAGE_TERMINATION].reason, "back-to-front"));
     assert_non_null(strstr(plan.kernel, names[way]));
-    if (one) assert_true(frames[0].stats.tables_ms == 0 || way == TC_APPROXIMATE); /* one set of integrals for all three */
+    if (one) assert_true(test_frames[0].stats.tables_ms == 0 || way == TC_APPROXIMATE); /* one set of integrals for all three */
   }
   tc_scene_clear(&scene);
   tc_volume_unref(volume);
@@ -229,5 +194,5 @@ static void the_plan_says_so(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(observed_orders), cmocka_unit_test(all_converge),
                                      cmocka_unit_test(random_scenes), cmocka_unit_test(the_plan_says_so)};
-  return cmocka_run_group_tests_name("classify", tests, set_up, tear_down);
+  return cmocka_run_group_tests_name("classify", tests, test_renderers_open, test_renderers_close);
 }

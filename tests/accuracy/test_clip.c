@@ -9,40 +9,12 @@
 
 #include <cmocka.h>
 
-#include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
 #include "tests/support/image.h"
+#include "tests/support/renderers.h"
 
 enum { SIDE = 40, PIXELS = SIDE * SIDE };
-
-static const struct { const char *name; tc_renderer_options options; } backends[] = {
-    {"scalar", {.backend = TC_BACKEND_CPU, .isa = "scalar"}},
-    {"avx2", {.backend = TC_BACKEND_CPU, .isa = "avx2"}},
-    {"avx512", {.backend = TC_BACKEND_CPU, .isa = "avx512"}},
-    {"gl", {.backend = TC_BACKEND_GL}}};
-enum { N_BACKENDS = sizeof backends / sizeof *backends };
-
-static tc_renderer *renderers[N_BACKENDS];
-
-static int start(void **state) {
-  for (int i = 0; i < N_BACKENDS; i++) {
-    renderers[i] = tc_renderer_new(&backends[i].options, NULL);
-    if (!renderers[i]) printf("skipped: no %s here\n", backends[i].name);
-  }
-  return 0;
-}
-
-static int stop(void **state) {
-  for (int i = 0; i < N_BACKENDS; i++) tc_renderer_free(renderers[i]);
-  return 0;
-}
-
-static void render(int backend, tc_volume *v, const tc_scene *s, tc_frame *f, tc_plan *plan) {
-  GError *error = NULL;
-  const tc_render_request q = {.want_linear = true};
-  if (!tc_render(renderers[backend], v, s, &q, f, plan, &error)) fail_msg("%s: %s", backends[backend].name, error->message);
-}
 
 /* A homogeneous block cut at fractional places: opacity is 1 - exp(-tau * what is left), and nothing beside it. */
 static void a_cut_block_is_exact(void **state) {
@@ -61,27 +33,24 @@ static void a_cut_block_is_exact(void **state) {
     from[axis] = -50;
     test_scene_look(&s, TC_ORTHOGRAPHIC, from, to, 32);
     double depth = keep[1][axis] - keep[0][axis], want = -expm1(-0.05 * depth);
-    for (int b = 0; b < N_BACKENDS; b++) {
-      if (!renderers[b]) continue;
-      tc_frame f = {0};
+    EACH_RENDERER(b) {
       tc_plan plan;
-      render(b, v, &s, &f, &plan);
+      const tc_frame *f = test_draw(b, v, &s, NULL, &plan);
       int inside = 0;
       double worst = 0;
       for (int i = 0; i < PIXELS; i++) {
-        double a = (double)f.linear[4 * i + 3];
+        double a = (double)f->linear[4 * i + 3];
         if (a == 0) continue;
         inside++;
         worst = fmax(worst, fabs(a - want));
-        assert_true(fabs((double)f.linear[4 * i] - a) < 1e-6 && fabs((double)f.linear[4 * i + 1] - 0.5 * a) < 1e-6);
+        assert_true(fabs((double)f->linear[4 * i] - a) < 1e-6 && fabs((double)f->linear[4 * i + 1] - 0.5 * a) < 1e-6);
       }
       double area = 1;
       for (int k = 0; k < 3; k++) area *= k == axis ? 1 : keep[1][k] - keep[0][k];
       double pixels = area / ((32.0 / SIDE) * (32.0 / SIDE));
-      printf("axis %d %-6s: opacity off by %.1e, %d pixels for %.1f\n", axis, backends[b].name, worst, inside, pixels);
+      printf("axis %d %-6s: opacity off by %.1e, %d pixels for %.1f\n", axis, test_names[b], worst, inside, pixels);
       assert_true(worst < 2e-6 && fabs(inside - pixels) < 45); /* an edge may take or leave half a row of 22 on each side */
       assert_true(plan.stages[TC_STAGE_CLIPPING].included && plan.key.clipping);
-      tc_frame_finish(&f);
     }
   }
   tc_scene_clear(&s);
@@ -115,7 +84,7 @@ static void random_clip(tc_scene *s, const tc_volume *v, uint64_t *state) {
 /* Random boxes and planes over oblique, anisotropic volumes: the step goes to the reference, leaping changes nothing. */
 static void random_cuts_agree_with_the_reference(void **state) {
   uint64_t seed = 31;
-  double worst_rms[N_BACKENDS] = {0};
+  double worst_rms[RENDERERS] = {0};
   int shown = 0;
   for (int trial = 0; trial < 24; trial++) {
     double wavelength = 9;
@@ -132,32 +101,24 @@ static void random_cuts_agree_with_the_reference(void **state) {
     test_scene_frame(&s, v, trial % 2 ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC, side);
     random_clip(&s, v, &seed);
     s.sampling.step = 0.2;
-    float truth[PIXELS * 4];
-    tc_reference *r = tc_reference_new(v, &s, SIDE, SIDE, 0, NULL);
-    assert_non_null(r);
-    assert_true(tc_reference_image(r, 2, truth, NULL));
-    tc_reference_free(r);
+    float *truth = test_reference(v, &s, 0);
     for (int i = 0; i < PIXELS; i++)
       if (truth[4 * i + 3] > 0.01f) { shown++; break; }
-    for (int b = 0; b < N_BACKENDS; b++) {
-      if (!renderers[b]) continue;
-      tc_frame f = {0}, off = {0};
-      render(b, v, &s, &f, NULL);
-      test_difference d = test_compare(f.linear, truth, PIXELS);
-      if (!d.finite || d.rms > 1.5e-3) fail_msg("%s: trial %d: rms %.2e max %.2e", backends[b].name, trial, d.rms, d.max);
+    EACH_RENDERER(b) {
+      float *leapt = g_memdup2(test_draw(b, v, &s, NULL, NULL)->linear, PIXELS * 16);
+      test_difference d = test_compare(leapt, truth, PIXELS);
+      if (!d.finite || d.rms > 1.5e-3) fail_msg("%s: trial %d: rms %.2e max %.2e", test_names[b], trial, d.rms, d.max);
       worst_rms[b] = fmax(worst_rms[b], d.rms);
       s.skipping.mode = TC_SKIPPING_OFF;
-      render(b, v, &s, &off, NULL);
-      assert_memory_equal(f.linear, off.linear, PIXELS * 16);
+      assert_memory_equal(leapt, test_draw(b, v, &s, NULL, NULL)->linear, PIXELS * 16);
       s.skipping.mode = TC_SKIPPING_AUTO;
-      tc_frame_finish(&f);
-      tc_frame_finish(&off);
+      g_free(leapt);
     }
+    g_free(truth);
     tc_scene_clear(&s);
     tc_volume_unref(v);
   }
-  for (int b = 0; b < N_BACKENDS; b++)
-    if (renderers[b]) printf("%-6s: worst rms against the reference %.2e over 24 cuts\n", backends[b].name, worst_rms[b]);
+  EACH_RENDERER(b) printf("%-6s: worst rms against the reference %.2e over 24 cuts\n", test_names[b], worst_rms[b]);
   assert_true(shown > 12);
 }
 
@@ -176,20 +137,17 @@ static void corner_cases(void **state) {
   const int count[] = {0, 26 * 26, 13 * 26, 26 * 26};
   const double depth[] = {0, 1, 1, 0.5};
   for (int c = 0; c < 4; c++)
-    for (int b = 0; b < N_BACKENDS; b++) {
-      if (!renderers[b]) continue;
-      tc_frame f = {0};
+    EACH_RENDERER(b) {
       s.clip.n_planes = 1;
       memcpy(s.clip.planes[0], planes[c], sizeof planes[c]);
-      render(b, v, &s, &f, NULL);
+      const tc_frame *f = test_draw(b, v, &s, NULL, NULL);
       int inside = 0;
       for (int i = 0; i < PIXELS; i++) {
-        if (f.linear[4 * i + 3] == 0) continue;
+        if (f->linear[4 * i + 3] == 0) continue;
         inside++;
-        assert_true(fabs((double)f.linear[4 * i + 3] + expm1(-0.3 * depth[c])) < 2e-6);
+        assert_true(fabs((double)f->linear[4 * i + 3] + expm1(-0.3 * depth[c])) < 2e-6);
       }
       assert_int_equal(inside, count[c]);
-      tc_frame_finish(&f);
     }
   GError *error = NULL;
   tc_plan plan;
@@ -210,5 +168,5 @@ static void corner_cases(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(a_cut_block_is_exact), cmocka_unit_test(random_cuts_agree_with_the_reference),
                                      cmocka_unit_test(corner_cases)};
-  return cmocka_run_group_tests(tests, start, stop);
+  return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

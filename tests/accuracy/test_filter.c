@@ -10,48 +10,18 @@
 
 #include <cmocka.h>
 
-#include "renderer/gl/device.h"
 #include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
 #include "renderer/volume/coefficients.h"
 #include "tests/support/grid.h"
 #include "tests/support/image.h"
+#include "tests/support/renderers.h"
 
-enum { SCALAR, AVX2, AVX512, GL, RENDERERS, SIDE = 32, PIXELS = SIDE * SIDE };
-static const char *const names[RENDERERS] = {"scalar", "avx2", "avx512", "gl"};
-static tc_renderer *renderers[RENDERERS];
-static tc_frame frames[RENDERERS];
-
-static int set_up(void **state) {
-  tc_gl_report report;
-  for (int i = 0; i < RENDERERS; i++) {
-    GError *error = NULL;
-    tc_renderer_options options = {.backend = i == GL ? TC_BACKEND_GL : TC_BACKEND_CPU, .threads = 2};
-    if (i != GL) options.isa = names[i];
-    if (i != GL || tc_gl_report_read(&report, &error)) renderers[i] = tc_renderer_new(&options, &error);
-    if (!renderers[i]) printf("  %s: not checked: %s\n", names[i], error->message);
-    g_clear_error(&error);
-  }
-  return !renderers[SCALAR];
-}
-
-static int tear_down(void **state) {
-  for (int i = 0; i < RENDERERS; i++) {
-    tc_frame_finish(&frames[i]);
-    tc_renderer_free(renderers[i]);
-  }
-  return 0;
-}
+enum { SIDE = 32, PIXELS = SIDE * SIDE };
 
 static const float *render(int which, tc_volume *volume, const tc_scene *scene, tc_plan *plan) {
-  GError *error = NULL;
-  const tc_render_request request = {.want_linear = true};
-  if (!tc_render(renderers[which], volume, scene, &request, &frames[which], plan, &error))
-    fail_msg("%s: %s", names[which], error->message);
-  return frames[which].linear;
+  return test_draw(which, volume, scene, NULL, plan)->linear;
 }
-
-#define EACH_RENDERER(i) for (int i = 0; i < RENDERERS; i++) if (renderers[i])
 
 /* ---- scenes ---- */
 
@@ -94,16 +64,6 @@ static tc_volume *waves(tc_voxel_type type) {
 }
 
 /* ---- truth ---- */
-
-static float *truth(tc_volume *volume, const tc_scene *scene) {
-  GError *error = NULL;
-  tc_reference *reference = tc_reference_new(volume, scene, SIDE, SIDE, 1e-7, &error);
-  if (!reference) fail_msg("%s", error->message);
-  float *image = g_new(float, 4 * PIXELS);
-  if (!tc_reference_image(reference, 2, image, &error)) fail_msg("%s", error->message);
-  tc_reference_free(reference);
-  return image;
-}
 
 /* The cubic field at an index position by its textbook formula, from numbers in the voxels' place. */
 static double spline(double x) {
@@ -192,7 +152,7 @@ static void close_to_reference(void **state) {
     for (int m = 0; m < RAY_MODES; m++) {
       tc_scene scene;
       scene_of(&scene, volume, &kinds[k], modes[m], 1);
-      float *want = truth(volume, &scene);
+      float *want = test_reference(volume, &scene, 1e-7);
       EACH_RENDERER(i) {
         double rms[2];
         test_difference d;
@@ -202,7 +162,7 @@ static void close_to_reference(void **state) {
           assert_true(d.finite);
           rms[fine] = d.rms;
         }
-        printf("  %s %s %s: rms %.1e at step 0.2, %.1e at 0.04 (max %.1e)\n", kinds[k].name, mode_names[m], names[i], rms[0],
+        printf("  %s %s %s: rms %.1e at step 0.2, %.1e at 0.04 (max %.1e)\n", kinds[k].name, mode_names[m], test_names[i], rms[0],
                rms[1], d.max);
         /* A peak of the nearest voxel's is missed where a ray cuts less than a step off its corner: half an order. */
         bool jumps = k == 0 && (modes[m] == TC_MODE_MIP || modes[m] == TC_MODE_MINIP);
@@ -231,7 +191,7 @@ static void everyone_agrees(void **state) {
         render(SCALAR, volume, &scene, NULL);
         EACH_RENDERER(i) {
           if (i == SCALAR) continue;
-          const float *a = render(i, volume, &scene, NULL), *b = frames[SCALAR].linear;
+          const float *a = render(i, volume, &scene, NULL), *b = test_frames[SCALAR].linear;
           assert_true(test_compare(a, b, PIXELS).finite);
           for (size_t p = 0; p < PIXELS; p++) {
             double d = 0;
@@ -245,7 +205,7 @@ static void everyone_agrees(void **state) {
       }
     tc_volume_unref(volume);
   }
-  EACH_RENDERER(i) if (i != SCALAR) printf("  %s against scalar: max %.2e but for ties\n", names[i], worst[i]);
+  EACH_RENDERER(i) if (i != SCALAR) printf("  %s against scalar: max %.2e but for ties\n", test_names[i], worst[i]);
   printf("  over 1/255: %zu of %zu pixels\n", ties, compared);
   assert_true((double)ties <= 1e-3 * (double)compared);
 }
@@ -288,18 +248,18 @@ static void skipping_changes_no_bit(void **state) {
     EACH_RENDERER(i) {
       scene.skipping.mode = TC_SKIPPING_OFF;
       float *off = g_memdup2(render(i, volume, &scene, NULL), sizeof(float[4]) * PIXELS);
-      uint64_t samples = frames[i].stats.samples;
+      uint64_t samples = test_frames[i].stats.samples;
       scene.skipping.mode = TC_SKIPPING_AUTO;
       if (memcmp(render(i, volume, &scene, NULL), off, sizeof(float[4]) * PIXELS))
-        fail_msg("%s %s: trial %d (state %llu) differs", names[i], k->name, trial, (unsigned long long)seed);
-      skipped[i] += frames[i].stats.samples < samples;
+        fail_msg("%s %s: trial %d (state %llu) differs", test_names[i], k->name, trial, (unsigned long long)seed);
+      skipped[i] += test_frames[i].stats.samples < samples;
       g_free(off);
     }
     tc_scene_clear(&scene);
     tc_volume_unref(volume);
   }
   EACH_RENDERER(i) {
-    printf("  %s: %d of %d scenes took fewer samples\n", names[i], skipped[i], 40 * KINDS);
+    printf("  %s: %d of %d scenes took fewer samples\n", test_names[i], skipped[i], 40 * KINDS);
     assert_true(skipped[i] > 10 * KINDS);
   }
 }
@@ -323,7 +283,7 @@ static void constants_stay(void **state) {
             scene.filter = kinds[k].filter;
             scene.sampling.prefilter = kinds[k].prefilter;
             if (memcmp(render(i, volume, &scene, NULL), linear, sizeof(float[4]) * PIXELS))
-              fail_msg("%s %s %s: shape %d differs from linear", names[i], kinds[k].name, mode_names[m], shape);
+              fail_msg("%s %s %s: shape %d differs from linear", test_names[i], kinds[k].name, mode_names[m], shape);
           }
           tc_scene_clear(&scene);
           g_free(linear);
@@ -361,7 +321,7 @@ static void prefilter_passes_through_voxels(void **state) {
           }
           tc_scene_clear(&scene);
         }
-        if (type == TC_F32 && z == 0) printf("  %s: off by %.1e, smoothed %.1e\n", names[i], worst[1], worst[0]);
+        if (type == TC_F32 && z == 0) printf("  %s: off by %.1e, smoothed %.1e\n", test_names[i], worst[1], worst[0]);
         assert_true(worst[1] < 2e-5 && worst[0] > 0.05);
       }
     tc_volume_unref(volume);
@@ -375,27 +335,27 @@ static void coefficients_are_a_resource(void **state) {
   tc_plan plan;
   scene_of(&scene, volume, &kinds[2], TC_MODE_DVR, 1);
   EACH_RENDERER(i) {
-    tc_renderer_forget(renderers[i], volume);
+    tc_renderer_forget(test_renderers[i], volume);
     render(i, volume, &scene, &plan);
     const tc_plan_stage *stage = &plan.stages[TC_STAGE_COEFFICIENTS];
-    assert_true(stage->included && frames[i].stats.coefficients_ms > 0);
+    assert_true(stage->included && test_frames[i].stats.coefficients_ms > 0);
     assert_int_equal(stage->bytes, 4 * tc_volume_bytes(volume));
     scene.mode = TC_MODE_MIP;
     render(i, volume, &scene, NULL);
-    assert_true(frames[i].stats.coefficients_ms == 0);
-    tc_renderer_forget(renderers[i], volume);
+    assert_true(test_frames[i].stats.coefficients_ms == 0);
+    tc_renderer_forget(test_renderers[i], volume);
     render(i, volume, &scene, NULL);
-    assert_true(frames[i].stats.coefficients_ms > 0);
+    assert_true(test_frames[i].stats.coefficients_ms > 0);
     scene.sampling.prefilter = false;
     scene.mode = TC_MODE_DVR;
     render(i, volume, &scene, &plan);
-    assert_true(!stage->included && stage->bytes == 0 && frames[i].stats.coefficients_ms == 0);
+    assert_true(!stage->included && stage->bytes == 0 && test_frames[i].stats.coefficients_ms == 0);
     scene.sampling.prefilter = true;
   }
   tc_renderer_options small = {.backend = TC_BACKEND_CPU, .cache_bytes = 4 * tc_volume_bytes(volume) - 1};
   tc_renderer *r = tc_renderer_new(&small, NULL);
   GError *error = NULL;
-  assert_false(tc_render(r, volume, &scene, NULL, &frames[SCALAR], NULL, &error));
+  assert_false(tc_render(r, volume, &scene, NULL, &test_frames[SCALAR], NULL, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_LIMIT));
   assert_string_equal(tc_error_pointer(error), "/sampling/prefilter");
   g_clear_error(&error);
@@ -410,5 +370,5 @@ int main(void) {
                                      cmocka_unit_test(coefficients_are_a_resource),
                                      cmocka_unit_test(close_to_reference), cmocka_unit_test(everyone_agrees),
                                      cmocka_unit_test(skipping_changes_no_bit), cmocka_unit_test(constants_stay)};
-  return cmocka_run_group_tests(tests, set_up, tear_down);
+  return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

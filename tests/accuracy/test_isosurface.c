@@ -11,49 +11,19 @@
 
 #include <cmocka.h>
 
-#include "renderer/gl/device.h"
 #include "renderer/quality/quality.h"
 #include "renderer/raycast/rays.h"
 #include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
 #include "tests/support/image.h"
+#include "tests/support/renderers.h"
 
-enum { SCALAR, AVX2, AVX512, GL, RENDERERS, SIDE = 48, PIXELS = SIDE * SIDE };
-static const char *const names[RENDERERS] = {"scalar", "avx2", "avx512", "gl"};
-static tc_renderer *renderers[RENDERERS];
-static tc_frame frames[RENDERERS];
-
-static int set_up(void **state) {
-  tc_gl_report report;
-  for (int i = 0; i < RENDERERS; i++) {
-    GError *error = NULL;
-    tc_renderer_options options = {.backend = i == GL ? TC_BACKEND_GL : TC_BACKEND_CPU, .threads = 2};
-    if (i != GL) options.isa = names[i];
-    if (i != GL || tc_gl_report_read(&report, &error)) renderers[i] = tc_renderer_new(&options, &error);
-    if (!renderers[i]) printf("  %s: not checked: %s\n", names[i], error->message);
-    g_clear_error(&error);
-  }
-  return !renderers[SCALAR];
-}
-
-static int tear_down(void **state) {
-  for (int i = 0; i < RENDERERS; i++) {
-    tc_frame_finish(&frames[i]);
-    tc_renderer_free(renderers[i]);
-  }
-  return 0;
-}
-
-#define EACH_RENDERER(i) for (int i = 0; i < RENDERERS; i++) if (renderers[i])
-#define EACH_CPU(i) for (int i = 0; i < GL; i++) if (renderers[i])
+enum { SIDE = 48, PIXELS = SIDE * SIDE };
 
 static tc_frame *render(int which, tc_volume *volume, const tc_scene *scene, tc_plan *plan) {
-  GError *error = NULL;
-  tc_render_request request = {.want_linear = true, .want_depth = which != GL};
-  if (!tc_render(renderers[which], volume, scene, &request, &frames[which], plan, &error))
-    fail_msg("%s: %s", names[which], error->message);
-  return &frames[which];
+  const tc_render_request request = {.want_linear = true, .want_depth = which != GL};
+  return test_draw(which, volume, scene, &request, plan);
 }
 
 static tc_reference *reference(tc_volume *volume, const tc_scene *scene) {
@@ -193,7 +163,7 @@ static void everyone_meets_the_reference(void **state) {
       tc_volume_unref(volume);
     }
   EACH_RENDERER(i) {
-    printf("  %s: depth within %.1e mm, colour within %.1e, %zu ties of %zu hits\n", names[i], v[i].depth, v[i].color,
+    printf("  %s: depth within %.1e mm, colour within %.1e, %zu ties of %zu hits\n", test_names[i], v[i].depth, v[i].color,
            v[i].ties, v[i].seen);
     assert_true(v[i].depth < 2e-3 && v[i].seen > 10000 && (double)v[i].ties < 2e-3 * (double)v[i].seen);
   }
@@ -226,8 +196,8 @@ static void skipping_changes_no_bit(void **state) {
       leaps += f->stats.leaps;
       scene.skipping.mode = TC_SKIPPING_OFF;
       render(i, volume, &scene, NULL);
-      assert_memory_equal(linear, frames[i].linear, sizeof(float) * 4 * PIXELS);
-      if (depth) assert_memory_equal(depth, frames[i].depth, sizeof(float) * PIXELS);
+      assert_memory_equal(linear, test_frames[i].linear, sizeof(float) * 4 * PIXELS);
+      if (depth) assert_memory_equal(depth, test_frames[i].depth, sizeof(float) * PIXELS);
       g_free(linear);
       g_free(depth);
     }
@@ -321,7 +291,7 @@ static void several_rays_are_their_mean(void **state) {
       ties += off > 1e-4 || !near;
       edges += mean[3] > 0 && mean[3] < 1;
     }
-    printf("  %s: %zu ties, %zu edges\n", names[i], ties, edges);
+    printf("  %s: %zu ties, %zu edges\n", test_names[i], ties, edges);
     assert_true(ties <= 4 && edges > 50);
   }
   tc_reference_free(r);
@@ -341,10 +311,10 @@ static void plans_say_what_is_read(void **state) {
   assert_string_equal(plan.kernel, "isosurface.linear.shaded.u8.scalar");
   assert_false(plan.stages[TC_STAGE_TABLE_2D].included || plan.stages[TC_STAGE_TERMINATION].included);
   assert_true(plan.stages[TC_STAGE_SKIPPING].included && plan.stages[TC_STAGE_SKIPPING].bytes > 0);
-  assert_true(plan.stages[TC_STAGE_DEPTH].included && frames[SCALAR].stats.tables_ms == 0);
+  assert_true(plan.stages[TC_STAGE_DEPTH].included && test_frames[SCALAR].stats.tables_ms == 0);
   scene.camera.position[0] += 3; /* the camera rebuilds nothing */
   render(SCALAR, volume, &scene, &plan);
-  assert_true(frames[SCALAR].stats.skip_ms == 0);
+  assert_true(test_frames[SCALAR].stats.skip_ms == 0);
   scene.shading.model = TC_SHADING_NONE;
   render(SCALAR, volume, &scene, &plan);
   assert_false(plan.stages[TC_STAGE_GRADIENT].included);
@@ -381,5 +351,5 @@ int main(void) {
       cmocka_unit_test(skipping_changes_no_bit),      cmocka_unit_test(nothing_thin_is_missed),
       cmocka_unit_test(extremes_are_empty_or_right),  cmocka_unit_test(several_rays_are_their_mean),
       cmocka_unit_test(plans_say_what_is_read)};
-  return cmocka_run_group_tests(tests, set_up, tear_down);
+  return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

@@ -11,46 +11,17 @@
 
 #include <cmocka.h>
 
-#include "renderer/gl/device.h"
 #include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
 #include "tests/support/image.h"
+#include "tests/support/renderers.h"
 
-enum { SCALAR, AVX2, AVX512, GL, RENDERERS, SIDE = 48, PIXELS = SIDE * SIDE };
-static const char *const names[RENDERERS] = {"scalar", "avx2", "avx512", "gl"};
-static tc_renderer *renderers[RENDERERS];
-static tc_frame frames[RENDERERS];
-
-static int set_up(void **state) {
-  tc_gl_report report;
-  for (int i = 0; i < RENDERERS; i++) {
-    GError *error = NULL;
-    tc_renderer_options options = {.backend = i == GL ? TC_BACKEND_GL : TC_BACKEND_CPU, .threads = 2};
-    if (i != GL) options.isa = names[i];
-    if (i != GL || tc_gl_report_read(&report, &error)) renderers[i] = tc_renderer_new(&options, &error);
-    if (!renderers[i]) printf("  %s: not checked: %s\n", names[i], error->message);
-    g_clear_error(&error);
-  }
-  return !renderers[SCALAR];
-}
-
-static int tear_down(void **state) {
-  for (int i = 0; i < RENDERERS; i++) {
-    tc_frame_finish(&frames[i]);
-    tc_renderer_free(renderers[i]);
-  }
-  return 0;
-}
-
-#define EACH_RENDERER(i) for (int i = 0; i < RENDERERS; i++) if (renderers[i])
+enum { SIDE = 48, PIXELS = SIDE * SIDE };
 
 static const float *render(int which, tc_volume *volume, const tc_volume *labels, const tc_scene *scene, tc_plan *plan) {
-  GError *error = NULL;
-  tc_render_request request = {.want_linear = true, .labels = labels};
-  if (!tc_render(renderers[which], volume, scene, &request, &frames[which], plan, &error))
-    fail_msg("%s: %s", names[which], error->message);
-  return frames[which].linear;
+  const tc_render_request request = {.want_linear = true, .labels = labels};
+  return test_draw(which, volume, scene, &request, plan)->linear;
 }
 
 /* ---- scenes ---- */
@@ -178,12 +149,12 @@ static void every_place_has_the_mean_of_its_eight_labels(void **state) {
           if (error <= 2e-5) worst[i] = fmax(worst[i], error);
           assert_true(image[4 * p + 3] == 1);
         }
-        if (off > 4) fail_msg("%s: %zu pixels are off", names[i], off);
+        if (off > 4) fail_msg("%s: %zu pixels are off", test_names[i], off);
       }
       tc_scene_clear(&scene);
       tc_volume_unref(labels);
     }
-  EACH_RENDERER(i) printf("  %-7s overlay of slanted labels: max %.1e\n", names[i], worst[i]);
+  EACH_RENDERER(i) printf("  %-7s overlay of slanted labels: max %.1e\n", test_names[i], worst[i]);
   assert_true(tinted > PIXELS);
   tc_volume_unref(volume);
 }
@@ -200,10 +171,10 @@ static void faces_are_smooth(void **state) {
     double largest = 0;
     for (int x = 0; x < SIDE; x++) {
       double want = fmin(fmax(((x + 0.5) * 0.5 - 8) / 4, 0), 1); /* voxel centres at 8 and 12 mm */
-      if (fabs((double)row[4 * x] - want) > 1e-6) fail_msg("%s: %g at %d, not %g", names[i], (double)row[4 * x], x, want);
+      if (fabs((double)row[4 * x] - want) > 1e-6) fail_msg("%s: %g at %d, not %g", test_names[i], (double)row[4 * x], x, want);
       if (x > 0) largest = fmax(largest, (double)row[4 * x] - (double)row[4 * x - 4]);
     }
-    if (fabs(largest - 0.125) > 1e-5) fail_msg("%s: a step of %g", names[i], largest);
+    if (fabs(largest - 0.125) > 1e-5) fail_msg("%s: a step of %g", test_names[i], largest);
   }
   tc_scene_clear(&scene);
   tc_volume_unref(labels);
@@ -238,7 +209,7 @@ static void hiding_thins_the_medium_and_tint_colours_it(void **state) {
           for (int c = 0; c < 4; c++) {
             double want = c == 3 ? alpha : alpha * (base[c] * (1 - red - green) + tint[c]);
             if (fabs((double)row[4 * x + c] - want) > 1e-5)
-              fail_msg("%s, hidden %d: channel %d at %g mm is %g, not %g", names[i], hidden, c, mm, (double)row[4 * x + c], want);
+              fail_msg("%s, hidden %d: channel %d at %g mm is %g, not %g", test_names[i], hidden, c, mm, (double)row[4 * x + c], want);
           }
           if (hidden && second == 0) assert_true(row[4 * x + 3] == 0); /* nothing at all is left */
         }
@@ -270,7 +241,7 @@ static void full_and_empty_tints_are_exact(void **state) {
     scene.labels.opacity = 0;
     p = render(i, volume, labels, &scene, NULL);
     for (int k = 0; k < PIXELS * 4; k++)
-      if (fabsf(p[k] - plain[k]) > (i == GL ? 1e-6f : 0)) fail_msg("%s: %g became %g", names[i], (double)plain[k], (double)p[k]);
+      if (fabsf(p[k] - plain[k]) > (i == GL ? 1e-6f : 0)) fail_msg("%s: %g became %g", test_names[i], (double)plain[k], (double)p[k]);
   }
   assert_int_equal(count, TC_LABEL_PALETTE);
   tc_scene_clear(&scene);
@@ -315,7 +286,7 @@ static void everyone_agrees(void **state) {
     render(SCALAR, volume, labels, &scene, NULL);
     EACH_RENDERER(i) {
       if (i == SCALAR) continue;
-      const float *a = render(i, volume, labels, &scene, NULL), *b = frames[SCALAR].linear;
+      const float *a = render(i, volume, labels, &scene, NULL), *b = test_frames[SCALAR].linear;
       assert_true(test_compare(a, b, PIXELS).finite);
       for (int p = 0; p < PIXELS; p++) {
         double d = 0;
@@ -332,7 +303,7 @@ static void everyone_agrees(void **state) {
     tc_volume_unref(labels);
     tc_volume_unref(volume);
   }
-  EACH_RENDERER(i) printf("  %-7s against scalar: max %.1e\n", names[i], worst[i]);
+  EACH_RENDERER(i) printf("  %-7s against scalar: max %.1e\n", test_names[i], worst[i]);
   printf("  %zu of %zu pixels are ties\n", ties, compared);
   assert_true((double)ties < 1e-4 * (double)compared);
 }
@@ -355,8 +326,8 @@ static void small_steps_converge_to_the_reference(void **state) {
         scene.sampling.step = fine ? 0.05 : 0.2;
         rms[fine] = test_compare(render(i, volume, labels, &scene, NULL), wanted, PIXELS / 4).rms;
       }
-      printf("  %-7s %s: rms %.1e at a step of 0.2, %.1e at 0.05\n", names[i], bits > 1 ? "shaded, hidden" : "plain", rms[0], rms[1]);
-      if (!(rms[1] < 5e-4 && rms[1] < 0.5 * rms[0])) fail_msg("%s does not converge", names[i]);
+      printf("  %-7s %s: rms %.1e at a step of 0.2, %.1e at 0.05\n", test_names[i], bits > 1 ? "shaded, hidden" : "plain", rms[0], rms[1]);
+      if (!(rms[1] < 5e-4 && rms[1] < 0.5 * rms[0])) fail_msg("%s does not converge", test_names[i]);
     }
     tc_scene_clear(&scene);
   }
@@ -381,11 +352,11 @@ static void leaping_changes_no_bit_and_threads_none(void **state) {
       memcpy(before, render(i, volume, labels, &scene, NULL), sizeof before);
       scene.skipping.mode = TC_SKIPPING_AUTO;
       assert_memory_equal(before, render(i, volume, labels, &scene, NULL), sizeof before);
-      leaps += frames[i].stats.leaps;
+      leaps += test_frames[i].stats.leaps;
     }
     tc_frame frame = {0};
     assert_true(tc_render(one, volume, &scene, &(tc_render_request){.labels = labels}, &frame, NULL, NULL));
-    assert_memory_equal(frame.rgba, frames[SCALAR].rgba, PIXELS * 4);
+    assert_memory_equal(frame.rgba, test_frames[SCALAR].rgba, PIXELS * 4);
     tc_frame_finish(&frame);
     tc_scene_clear(&scene);
     tc_volume_unref(labels);
@@ -402,12 +373,12 @@ static void refused(tc_volume *volume, const tc_volume *labels, const tc_scene *
     GError *error = NULL;
     tc_plan plan;
     tc_render_request request = {.labels = labels};
-    assert_false(tc_render(renderers[i], volume, scene, &request, &frames[i], NULL, &error));
+    assert_false(tc_render(test_renderers[i], volume, scene, &request, &test_frames[i], NULL, &error));
     assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_INVALID));
     assert_string_equal(tc_error_pointer(error), "/labels/volume");
     if (!strstr(error->message, word)) fail_msg("\"%s\" does not say \"%s\"", error->message, word);
     g_clear_error(&error);
-    assert_false(tc_renderer_plan(renderers[i], volume, labels, scene, &plan, NULL));
+    assert_false(tc_renderer_plan(test_renderers[i], volume, labels, scene, &plan, NULL));
   }
 }
 
@@ -441,12 +412,12 @@ static void the_plan_names_labels_where_they_are_read(void **state) {
     assert_non_null(strstr(plan.kernel, ".labels"));
     scene.camera.fov_y_deg -= 1; /* a camera builds nothing */
     render(i, volume, labels, &scene, &plan);
-    assert_true(plan.stages[TC_STAGE_LABELS].ms == 0 && frames[i].stats.tables_ms == 0);
+    assert_true(plan.stages[TC_STAGE_LABELS].ms == 0 && test_frames[i].stats.tables_ms == 0);
     scene.mode = TC_MODE_MIP; /* needs neither the labels nor their volume */
     render(i, volume, NULL, &scene, &plan);
     assert_false(plan.stages[TC_STAGE_LABELS].included || plan.key.labels);
     assert_non_null(strstr(plan.stages[TC_STAGE_LABELS].reason, "mode mip"));
-    tc_renderer_forget(renderers[i], labels);
+    tc_renderer_forget(test_renderers[i], labels);
   }
   tc_scene_clear(&scene);
   tc_volume_unref(labels);
@@ -464,7 +435,7 @@ static void a_volume_may_be_its_own_labels(void **state) {
   render(SCALAR, volume, volume, &scene, NULL);
   EACH_RENDERER(i) {
     test_difference d;
-    for (int twice = 0; twice < 2; twice++) d = test_compare(render(i, volume, volume, &scene, NULL), frames[SCALAR].linear, PIXELS);
+    for (int twice = 0; twice < 2; twice++) d = test_compare(render(i, volume, volume, &scene, NULL), test_frames[SCALAR].linear, PIXELS);
     assert_true(d.finite && d.p999 < 1.0 / 255);
   }
   tc_scene_clear(&scene);
@@ -482,5 +453,5 @@ int main(void) {
                                      cmocka_unit_test(what_is_no_label_volume_is_refused),
                                      cmocka_unit_test(the_plan_names_labels_where_they_are_read),
                                      cmocka_unit_test(a_volume_may_be_its_own_labels)};
-  return cmocka_run_group_tests(tests, set_up, tear_down);
+  return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

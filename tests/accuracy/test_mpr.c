@@ -12,57 +12,22 @@
 
 #include <cmocka.h>
 
-#include "renderer/gl/device.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
+#include "tests/support/renderers.h"
 
 #define WIDTH 61
 #define HEIGHT 47
 #define SLACK 1e-3 /* voxels around the field that count to it (raycast/slice.h) */
 
-typedef struct machine {
-  tc_renderer *renderer;
-  const char *name;
-  double allowed; /* greys */
-} machine;
+/* How far a grey may be off. */
+static double allowed(int which) { return which == GL ? 1.0 / 255 : 1e-4; }
 
-static machine machines[4];
-static tc_frame frame;
-static int n_machines;
-
-static void add_machine(const tc_renderer_options *options, const char *name, double allowed) {
-  GError *error = NULL;
-  tc_renderer *r = tc_renderer_new(options, &error);
-  if (r) {
-    machines[n_machines++] = (machine){r, name, allowed};
-    return;
-  }
-  printf("  %s: not checked: %s\n", name, error->message);
-  g_error_free(error);
-}
-
-static int set_up(void **state) {
-  static const char *const isas[] = {"scalar", "avx2", "avx512"};
-  for (size_t i = 0; i < G_N_ELEMENTS(isas); i++)
-    add_machine(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 2, .isa = isas[i]}, isas[i], 1e-4);
-  add_machine(&(tc_renderer_options){.backend = TC_BACKEND_GL, .threads = 1}, "gl", 1.0 / 255);
-  return n_machines < 1;
-}
-
-static int tear_down(void **state) {
-  tc_frame_finish(&frame);
-  for (int i = 0; i < n_machines; i++) tc_renderer_free(machines[i].renderer);
-  return 0;
-}
-
-static const float *render(const machine *m, tc_volume *volume, const tc_scene *scene) {
-  GError *error = NULL;
-  tc_render_request request = {.want_linear = true};
-  if (!tc_render(m->renderer, volume, scene, &request, &frame, NULL, &error))
-    fail_msg("%s: %s", m->name, error->message);
-  for (size_t i = 0; i < (size_t)frame.width * (size_t)frame.height * 4; i++)
-    if (!(frame.linear[i] >= 0 && frame.linear[i] <= 1)) fail_msg("%s: %g at float %zu", m->name, frame.linear[i], i);
-  return frame.linear;
+static const float *render(int which, tc_volume *volume, const tc_scene *scene) {
+  const tc_frame *f = test_draw(which, volume, scene, NULL, NULL);
+  for (size_t i = 0; i < (size_t)f->width * (size_t)f->height * 4; i++)
+    if (!(f->linear[i] >= 0 && f->linear[i] <= 1)) fail_msg("%s: %g at float %zu", test_names[which], f->linear[i], i);
+  return f->linear;
 }
 
 /* ---- volumes ---- */
@@ -249,15 +214,15 @@ static void known_voxel_on_known_pixel(void **state) {
           pixel_lps(&wanted, &scene, WIDTH - 1 - pixels[p][0], HEIGHT - 1 - pixels[p][1], 0, lps);
           memcpy(scene.mpr.center, lps, sizeof lps);
           size_t pixel = (size_t)pixels[p][1] * WIDTH + (size_t)pixels[p][0];
-          for (int m = 0; m < n_machines; m++) {
-            const float *got = render(&machines[m], volume, &scene);
-            if (fabs(got[4 * pixel] - 0.5) > machines[m].allowed || got[4 * pixel + 3] != 1)
+          EACH_RENDERER(m) {
+            const float *got = render(m, volume, &scene);
+            if (fabs(got[4 * pixel] - 0.5) > allowed(m) || got[4 * pixel + 3] != 1)
               fail_msg("%s, voxel %zu, plane %d, %s: pixel %d,%d shows %g, opacity %g", placings[at].name, v, o,
-                       machines[m].name, pixels[p][0], pixels[p][1], got[4 * pixel], got[4 * pixel + 3]);
+                       test_names[m], pixels[p][0], pixels[p][1], got[4 * pixel], got[4 * pixel + 3]);
             size_t best = brightest(got, WIDTH * HEIGHT);
             if (scene.filter == TC_FILTER_LINEAR && best != pixel)
               fail_msg("%s, voxel %zu, plane %d, %s: brightest at %zu,%zu and not %d,%d", placings[at].name, v, o,
-                       machines[m].name, best % WIDTH, best / WIDTH, pixels[p][0], pixels[p][1]);
+                       test_names[m], best % WIDTH, best / WIDTH, pixels[p][0], pixels[p][1]);
           }
           tc_scene_clear(&scene);
         }
@@ -276,8 +241,8 @@ static void whole_volume_fits(void **state) {
       scene_of(&scene, (tc_mpr_orientation)o, 0, 400);
       scene.mpr.thickness_mm = 1000;
       scene.mpr.projection = TC_SLAB_MIP;
-      for (int m = 0; m < n_machines; m++) {
-        const float *got = render(&machines[m], volume, &scene);
+      EACH_RENDERER(m) {
+        const float *got = render(m, volume, &scene);
         size_t middle = HEIGHT / 2 * WIDTH + WIDTH / 2;
         assert_int_equal(brightest(got, WIDTH * HEIGHT), middle);
         bool left = false, right = false, top = false, bottom = false;
@@ -309,7 +274,7 @@ typedef struct tally {
   double worst;
 } tally;
 
-static void check_slice(const machine *m, tc_volume *volume, const tc_scene *scene, tally *t) {
+static void check_slice(int m, tc_volume *volume, const tc_scene *scene, tally *t) {
   const float *got = render(m, volume, scene);
   plane p = plane_of(scene, volume);
   for (int i = 0; i < WIDTH * HEIGHT; i++) {
@@ -326,8 +291,8 @@ static void check_slice(const machine *m, tc_volume *volume, const tc_scene *sce
       for (int k = 0; k < 3; k++) index[k] = floor(index[k] + 0.5);
     double want = where ? grey_of(scene, value_at(volume, index)) : 0, off = 0;
     for (int c = 0; c < 3; c++) off = fmax(off, fabs(got[4 * i + c] - want));
-    if (off > m->allowed || got[4 * i + 3] != where)
-      fail_msg("%s: pixel %d,%d: %g (opacity %g), wanted %g (%d)", m->name, i % WIDTH, i / WIDTH, got[4 * i],
+    if (off > allowed(m) || got[4 * i + 3] != where)
+      fail_msg("%s: pixel %d,%d: %g (opacity %g), wanted %g (%d)", test_names[m], i % WIDTH, i / WIDTH, got[4 * i],
                got[4 * i + 3], want, where);
     t->worst = fmax(t->worst, off);
     t->seen += where == 1, t->empty += where == 0;
@@ -336,7 +301,7 @@ static void check_slice(const machine *m, tc_volume *volume, const tc_scene *sce
 
 static void slice_is_the_field(void **state) {
   for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++)
-    for (int m = 0; m < n_machines; m++) {
+    EACH_RENDERER(m) {
       tally t = {0};
       uint64_t random = 5;
       for (int at = 0; at < N_PLACINGS; at++) {
@@ -351,13 +316,13 @@ static void slice_is_the_field(void **state) {
             scene.mpr.has_center = true;
             double index[3] = {18 * test_random(&random), 14 * test_random(&random), 10 * test_random(&random)};
             tc_volume_index_to_lps(volume, index, scene.mpr.center);
-            check_slice(&machines[m], volume, &scene, &t);
+            check_slice(m, volume, &scene, &t);
             tc_scene_clear(&scene);
           }
         tc_volume_unref(volume);
       }
       printf("  %s %-6s: %zu pixels of the field, %zu beside it, %zu in faces and ties, worst %.1e\n",
-             tc_voxel_type_name((tc_voxel_type)type), machines[m].name, t.seen, t.empty, t.skipped, t.worst);
+             tc_voxel_type_name((tc_voxel_type)type), test_names[m], t.seen, t.empty, t.skipped, t.worst);
       assert_true(t.seen > 20000 && t.empty > 5000);
     }
 }
@@ -379,11 +344,11 @@ static void outermost_slices_show(void **state) {
         scene.mpr.has_center = true;
         scene.mpr.zoom = 6;
         tc_volume_index_to_lps(volume, index, scene.mpr.center);
-        for (int m = 0; m < n_machines; m++) {
-          const float *got = render(&machines[m], volume, &scene);
+        EACH_RENDERER(m) {
+          const float *got = render(m, volume, &scene);
           for (int i = 0; i < WIDTH * HEIGHT; i++)
             if (got[4 * i + 3] != 1)
-              fail_msg("%s, axis %d, %s: pixel %d is empty", placings[at].name, axis, machines[m].name, i);
+              fail_msg("%s, axis %d, %s: pixel %d is empty", placings[at].name, axis, test_names[m], i);
         }
         tc_scene_clear(&scene);
       }
@@ -443,7 +408,7 @@ static double slab_value(const tc_volume *volume, const tc_scene *scene, const p
 }
 
 /* `step_mm`: of the expected samples; `slack`: of the expected ends, voxels; `allowed`: greys. Returns the worst. */
-static double check_slab(const machine *m, tc_volume *volume, const tc_scene *scene, double step_mm, double slack,
+static double check_slab(int m, tc_volume *volume, const tc_scene *scene, double step_mm, double slack,
                          double allowed) {
   const float *got = render(m, volume, scene);
   plane p = plane_of(scene, volume);
@@ -457,7 +422,7 @@ static double check_slab(const machine *m, tc_volume *volume, const tc_scene *sc
     worst = fmax(worst, off);
     seen++;
     if (off > allowed || got[4 * i + 3] != 1)
-      fail_msg("%s: pixel %d,%d: %g (opacity %g), wanted %g over %g..%g mm", m->name, i % WIDTH, i / WIDTH, got[4 * i],
+      fail_msg("%s: pixel %d,%d: %g (opacity %g), wanted %g over %g..%g mm", test_names[m], i % WIDTH, i / WIDTH, got[4 * i],
                got[4 * i + 3], want, span[0], span[1]);
   }
   if (seen < 20) fail_msg("only %zu pixels of the slab seen", seen);
@@ -466,7 +431,7 @@ static double check_slab(const machine *m, tc_volume *volume, const tc_scene *sc
 
 static void slabs_take_their_samples(void **state) {
   static const double thick[] = {0.6, 4, 7.3, 500};
-  for (int m = 0; m < n_machines; m++) {
+  EACH_RENDERER(m) {
     double worst = 0;
     for (int at = 0; at < N_PLACINGS; at++) {
       tc_volume *volume = noise_volume(&placings[at], at % 2 ? TC_U16 : TC_F32, at % 3 ? -0.5 : 2);
@@ -479,19 +444,19 @@ static void slabs_take_their_samples(void **state) {
           whole_window(&scene, volume);
           scene.mpr.projection = (tc_slab_projection)projection;
           scene.mpr.thickness_mm = thick[(at + o) % 4];
-          worst = fmax(worst, check_slab(&machines[m], volume, &scene, least, SLACK, machines[m].allowed));
+          worst = fmax(worst, check_slab(m, volume, &scene, least, SLACK, allowed(m)));
           tc_scene_clear(&scene);
         }
       tc_volume_unref(volume);
     }
-    printf("  %-6s: worst %.1e of the range\n", machines[m].name, worst);
+    printf("  %-6s: worst %.1e of the range\n", test_names[m], worst);
   }
 }
 
 /* Fine steps come to the slab's true extremes and mean. */
 static void slabs_come_to_the_truth(void **state) {
   const double wavelength = 9;
-  for (int m = 0; m < n_machines; m++)
+  EACH_RENDERER(m)
     for (int at = 0; at < N_PLACINGS; at++) {
       test_grid grid = grid_of(&placings[at], 19, 15, 11, TC_F32);
       tc_volume *volume = test_volume(&grid, test_waves, &wavelength);
@@ -501,7 +466,7 @@ static void slabs_come_to_the_truth(void **state) {
         scene.sampling.step = 0.03;
         scene.mpr.projection = (tc_slab_projection)projection;
         scene.mpr.thickness_mm = 6;
-        check_slab(&machines[m], volume, &scene, 0.01, SLACK, fmax(machines[m].allowed, 2e-3));
+        check_slab(m, volume, &scene, 0.01, SLACK, fmax(allowed(m), 2e-3));
         tc_scene_clear(&scene);
       }
       tc_volume_unref(volume);
@@ -512,7 +477,7 @@ static void slabs_come_to_the_truth(void **state) {
 static void columns_of_voxels(void **state) {
   tc_volume *volume = noise_volume(&placings[0], TC_U8, 1);
   const uint8_t *voxels = tc_volume_data(volume);
-  for (int m = 0; m < n_machines; m++)
+  EACH_RENDERER(m)
     for (int projection = 0; projection < TC_SLAB_PROJECTION_COUNT; projection++) {
       tc_scene scene;
       scene_of(&scene, TC_AXIAL, 0, 255);
@@ -520,7 +485,7 @@ static void columns_of_voxels(void **state) {
       scene.mpr.zoom = 18.0 / 19; /* a voxel a pixel; the rest is a row of pixels beside the field */
       scene.mpr.thickness_mm = 400;
       scene.mpr.projection = (tc_slab_projection)projection;
-      const float *got = render(&machines[m], volume, &scene);
+      const float *got = render(m, volume, &scene);
       for (int y = 0; y < 15; y++)
         for (int x = 0; x < 19; x++) {
           double most = 0, least = 255, sum = 0;
@@ -530,8 +495,8 @@ static void columns_of_voxels(void **state) {
           }
           double want = projection == TC_SLAB_MIP ? most : projection == TC_SLAB_MINIP ? least : sum / 10;
           double grey = got[4 * (y * 19 + x)];
-          if (fabs(grey - want / 255) > fmax(machines[m].allowed, 1e-3))
-            fail_msg("%s: column %d,%d shows %g, wanted %g", machines[m].name, x, y, grey * 255, want);
+          if (fabs(grey - want / 255) > fmax(allowed(m), 1e-3))
+            fail_msg("%s: column %d,%d shows %g, wanted %g", test_names[m], x, y, grey * 255, want);
         }
       tc_scene_clear(&scene);
     }
@@ -544,19 +509,19 @@ static void window_maps_to_grey(void **state) {
   static const double windows[][2] = {{50, 100}, {30, 10}, {30, 1e-12}, {1e6, 1}, {-1e6, 1}, {50, 1e9}, {0, 1e-300}};
   tc_volume *volume = test_volume(&(test_grid){.dims = {101, 3, 3}, .type = TC_I16, .slope = 0.5, .intercept = -7},
                                   test_linear, (double[4]){1, 0, 0, 0});
-  for (int m = 0; m < n_machines; m++)
+  EACH_RENDERER(m)
     for (size_t w = 0; w < G_N_ELEMENTS(windows); w++) {
       tc_scene scene;
       scene_of(&scene, TC_AXIAL, 0, 1);
       scene.image.width = 101, scene.image.height = 3;
       scene.mpr.zoom = 100.0 / 101; /* pixel x is voxel x */
       scene.window.center = windows[w][0], scene.window.width = windows[w][1];
-      const float *got = render(&machines[m], volume, &scene);
+      const float *got = render(m, volume, &scene);
       for (int x = 0; x < 101; x++) {
         double off = fabs(got[4 * (101 + x)] - grey_of(&scene, x));
         bool in_doubt = windows[w][1] < 1e-6 && x == windows[w][0]; /* between black and white in one value */
         if (off > 1e-3 && !in_doubt)
-          fail_msg("%s: window %g, %g: value %d shows %g", machines[m].name, windows[w][0], windows[w][1], x,
+          fail_msg("%s: window %g, %g: value %d shows %g", test_names[m], windows[w][0], windows[w][1], x,
                    got[4 * (101 + x)]);
       }
       tc_scene_clear(&scene);
@@ -570,7 +535,7 @@ static void thin_volumes(void **state) {
   for (size_t i = 0; i < G_N_ELEMENTS(dims); i++) {
     test_grid grid = {.dims = {dims[i][0], dims[i][1], dims[i][2]}, .type = TC_F32, .spacing = {1, 2, 5}};
     tc_volume *volume = test_volume(&grid, test_noise, &seed);
-    for (int m = 0; m < n_machines; m++)
+    EACH_RENDERER(m)
       for (int o = 0; o < TC_MPR_ORIENTATION_COUNT; o++)
         for (int slab = 0; slab <= TC_SLAB_PROJECTION_COUNT; slab++) {
           tc_scene scene;
@@ -578,11 +543,11 @@ static void thin_volumes(void **state) {
           if (slab) scene.mpr.thickness_mm = 3, scene.mpr.projection = (tc_slab_projection)(slab - 1);
           tally t = {0};
           if (slab)
-            check_slab(&machines[m], volume, &scene, 1, SLACK, machines[m].allowed);
+            check_slab(m, volume, &scene, 1, SLACK, allowed(m));
           else
-            check_slice(&machines[m], volume, &scene, &t);
+            check_slice(m, volume, &scene, &t);
           size_t middle = HEIGHT / 2 * WIDTH + WIDTH / 2;
-          assert_true(frame.linear[4 * middle + 3] == 1);
+          assert_true(test_frames[m].linear[4 * middle + 3] == 1);
           tc_scene_clear(&scene);
         }
     tc_volume_unref(volume);
@@ -592,25 +557,25 @@ static void thin_volumes(void **state) {
 /* What means nothing to a slice changes nothing, and is not looked at. */
 static void other_members_are_ignored(void **state) {
   tc_volume *volume = noise_volume(&placings[4], TC_U16, 1);
-  for (int m = 0; m < n_machines; m++) {
+  EACH_RENDERER(m) {
     tc_scene scene;
     scene_of(&scene, TC_CORONAL, 20000, 50000);
     scene.image.background[2] = 0.4;
-    render(&machines[m], volume, &scene);
-    uint8_t *plain = g_memdup2(frame.rgba, WIDTH * HEIGHT * 4);
+    render(m, volume, &scene);
+    uint8_t *plain = g_memdup2(test_frames[m].rgba, WIDTH * HEIGHT * 4);
     scene.classification = TC_POST, scene.order = TC_BACK_TO_FRONT, scene.shading.model = TC_SHADING_GOOCH;
     scene.image.linear_light = scene.sampling.coherence = scene.sampling.jitter = true;
     scene.sampling.termination = 0.5;
     scene.transfer_function.points[0].value = NAN;
     scene.camera.fov_y_deg = 0;
     memcpy(scene.camera.target, scene.camera.position, sizeof scene.camera.target);
-    render(&machines[m], volume, &scene);
-    assert_memory_equal(frame.rgba, plain, WIDTH * HEIGHT * 4);
-    assert_int_equal(frame.rgba[2], 102); /* the background, in a corner beside the field */
+    render(m, volume, &scene);
+    assert_memory_equal(test_frames[m].rgba, plain, WIDTH * HEIGHT * 4);
+    assert_int_equal(test_frames[m].rgba[2], 102); /* the background, in a corner beside the field */
     scene.image.transparent = true;
-    render(&machines[m], volume, &scene);
-    assert_int_equal(frame.rgba[3], 0);
-    assert_int_equal(frame.rgba[4 * (HEIGHT / 2 * WIDTH + WIDTH / 2) + 3], 255);
+    render(m, volume, &scene);
+    assert_int_equal(test_frames[m].rgba[3], 0);
+    assert_int_equal(test_frames[m].rgba[4 * (HEIGHT / 2 * WIDTH + WIDTH / 2) + 3], 255);
     g_free(plain);
     tc_scene_clear(&scene);
   }
@@ -620,7 +585,7 @@ static void other_members_are_ignored(void **state) {
 /* A clip box and plane cut slices where they lie, and a slab's column to what is left: its ends are sampled there. */
 static void clipping_cuts_slices(void **state) {
   tc_volume *volume = noise_volume(&placings[0], TC_U8, 1); /* 19x15x11 mm from the origin */
-  for (int m = 0; m < n_machines; m++) {
+  EACH_RENDERER(m) {
     tc_scene scene;
     scene_of(&scene, TC_AXIAL, 0, 255);
     scene.clip.has_box = true;
@@ -629,7 +594,7 @@ static void clipping_cuts_slices(void **state) {
     memcpy(scene.clip.planes[0], (double[4]){0, -1, 0, 9.5}, sizeof scene.clip.planes[0]); /* y <= 9.5 */
     for (int slab = 0; slab < 2; slab++) {
       scene.mpr.thickness_mm = slab ? 4 : 0; /* z from 3 to 7, of which 5 to 7 is left */
-      const float *got = render(&machines[m], volume, &scene);
+      const float *got = render(m, volume, &scene);
       plane p = plane_of(&scene, volume);
       size_t seen = 0;
       for (int i = 0; i < WIDTH * HEIGHT; i++) {
@@ -639,8 +604,8 @@ static void clipping_cuts_slices(void **state) {
         if (fabs(rim) < 2e-3) continue;
         for (int z = 0; z < 3 && rim > 0; z++) /* straight volume: LPS is index */
           sum += (z == 1 ? 0.5 : 0.25) * value_at(volume, (double[3]){lps[0], lps[1], slab ? 5 + z : 5});
-        if (got[4 * i + 3] != (rim > 0) || fabs(got[4 * i] - sum / 255) > fmax(machines[m].allowed, 1e-3))
-          fail_msg("%s, slab %d: pixel %d,%d: %g (opacity %g), wanted %g", machines[m].name, slab, i % WIDTH, i / WIDTH,
+        if (got[4 * i + 3] != (rim > 0) || fabs(got[4 * i] - sum / 255) > fmax(allowed(m), 1e-3))
+          fail_msg("%s, slab %d: pixel %d,%d: %g (opacity %g), wanted %g", test_names[m], slab, i % WIDTH, i / WIDTH,
                    got[4 * i], got[4 * i + 3], sum / 255);
         seen += rim > 0;
       }
@@ -655,7 +620,7 @@ static void plan_names_what_runs(void **state) {
   tc_volume *volume = noise_volume(&placings[0], TC_U16, 1);
   static const char *const names[] = {"mpr.slice.linear.u16.", "mpr.mip.nearest.u16.", "mpr.minip.linear.u16.",
                                       "mpr.average.nearest.u16."};
-  for (int m = 0; m < n_machines; m++)
+  EACH_RENDERER(m)
     for (int slab = 0; slab < 4; slab++) {
       tc_scene scene;
       tc_plan plan;
@@ -663,16 +628,16 @@ static void plan_names_what_runs(void **state) {
       scene_of(&scene, TC_AXIAL, 0, 1);
       scene.filter = slab % 2 ? TC_FILTER_NEAREST : TC_FILTER_LINEAR;
       if (slab) scene.mpr.thickness_mm = 5, scene.mpr.projection = (tc_slab_projection)(slab - 1);
-      assert_true(tc_render(machines[m].renderer, volume, &scene, NULL, &frame, &plan, &error));
+      const tc_frame *frame = test_draw(m, volume, &scene, NULL, &plan);
       assert_int_equal(strncmp(plan.kernel, names[slab], strlen(names[slab])), 0);
       static const tc_stage out[] = {TC_STAGE_TABLE_1D, TC_STAGE_TABLE_2D, TC_STAGE_GRADIENT, TC_STAGE_SKIPPING};
       for (size_t i = 0; i < G_N_ELEMENTS(out); i++) {
         assert_false(plan.stages[out[i]].included);
         assert_true(plan.stages[out[i]].reason[0] && plan.stages[out[i]].bytes == 0);
       }
-      assert_true(frame.stats.tables_ms == 0 && frame.stats.skip_ms == 0);
-      if (!slab) assert_int_equal(frame.stats.samples, frame.stats.rays); /* one sample a pixel */
-      assert_true(tc_renderer_plan(machines[m].renderer, volume, NULL, &scene, &plan, &error));
+      assert_true(frame->stats.tables_ms == 0 && frame->stats.skip_ms == 0);
+      if (!slab) assert_int_equal(frame->stats.samples, frame->stats.rays); /* one sample a pixel */
+      assert_true(tc_renderer_plan(test_renderers[m], volume, NULL, &scene, &plan, &error));
       tc_scene_clear(&scene);
     }
   tc_volume_unref(volume);
@@ -723,11 +688,11 @@ static void default_oblique_is_axial(void **state) {
   test_scene(&scene, WIDTH, HEIGHT);
   scene.mode = TC_MODE_MPR;
   whole_window(&scene, volume);
-  render(&machines[0], volume, &scene);
-  uint8_t *axial = g_memdup2(frame.rgba, WIDTH * HEIGHT * 4);
+  render(SCALAR, volume, &scene);
+  uint8_t *axial = g_memdup2(test_frames[SCALAR].rgba, WIDTH * HEIGHT * 4);
   scene.mpr.orientation = TC_OBLIQUE;
-  render(&machines[0], volume, &scene);
-  assert_memory_equal(frame.rgba, axial, WIDTH * HEIGHT * 4);
+  render(SCALAR, volume, &scene);
+  assert_memory_equal(test_frames[SCALAR].rgba, axial, WIDTH * HEIGHT * 4);
   g_free(axial);
   tc_scene_clear(&scene);
   tc_volume_unref(volume);
@@ -762,5 +727,5 @@ int main(void) {
       cmocka_unit_test(other_members_are_ignored),
       cmocka_unit_test(plan_names_what_runs),       cmocka_unit_test(refusals_point_at_members),
       cmocka_unit_test(default_oblique_is_axial),   cmocka_unit_test(threads_change_nothing)};
-  return cmocka_run_group_tests(tests, set_up, tear_down);
+  return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

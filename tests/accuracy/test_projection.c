@@ -11,63 +11,16 @@
 
 #include <cmocka.h>
 
-#include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
 #include "tests/support/image.h"
+#include "tests/support/renderers.h"
 
 static const tc_mode modes[] = {TC_MODE_MIP, TC_MODE_MINIP, TC_MODE_AVERAGE};
 static const char *const mode_names[] = {"mip", "minip", "average"};
 
-static tc_renderer *renderers[4];
-static tc_frame frames[4];
-static int n_renderers;
-
-static int set_up(void **state) {
-  static const tc_renderer_options options[] = {{.backend = TC_BACKEND_CPU, .threads = 2, .isa = "scalar"},
-                                                {.backend = TC_BACKEND_CPU, .threads = 2, .isa = "avx2"},
-                                                {.backend = TC_BACKEND_CPU, .threads = 2, .isa = "avx512"},
-                                                {.backend = TC_BACKEND_GL, .threads = 2}};
-  for (size_t i = 0; i < G_N_ELEMENTS(options); i++) {
-    GError *error = NULL;
-    tc_renderer *r = tc_renderer_new(&options[i], &error);
-    if (r)
-      renderers[n_renderers++] = r;
-    else
-      printf("  %s: not checked: %s\n", options[i].isa ? options[i].isa : "gl", error->message);
-    g_clear_error(&error);
-  }
-  return n_renderers == 0;
-}
-
-static int tear_down(void **state) {
-  for (int i = 0; i < n_renderers; i++) {
-    tc_frame_finish(&frames[i]);
-    tc_renderer_free(renderers[i]);
-  }
-  return 0;
-}
-
-static bool is_gl(int i) { return !strcmp(tc_renderer_about(renderers[i])->backend, "gl"); }
-static const char *name_of(int i) { return is_gl(i) ? "gl" : tc_renderer_about(renderers[i])->isa; }
-
-/* The frame stays valid until this renderer's next picture. */
 static const tc_frame *render(int i, tc_volume *volume, const tc_scene *scene, tc_plan *plan) {
-  GError *error = NULL;
-  tc_render_request request = {.want_linear = true};
-  if (!tc_render(renderers[i], volume, scene, &request, &frames[i], plan, &error))
-    fail_msg("%s: %s", name_of(i), error->message);
-  return &frames[i];
-}
-
-static float *reference_image(tc_volume *volume, const tc_scene *scene) {
-  GError *error = NULL;
-  int width = scene->image.width, height = scene->image.height;
-  tc_reference *reference = tc_reference_new(volume, scene, width, height, 0, &error);
-  float *rgba = calloc((size_t)width * (size_t)height, 4 * sizeof *rgba);
-  if (!reference || !rgba || !tc_reference_image(reference, 2, rgba, &error)) fail_msg("reference failed");
-  tc_reference_free(reference);
-  return rgba;
+  return test_draw(i, volume, scene, NULL, plan);
 }
 
 /* Grey and opacity 1, or nothing; never NaN. */
@@ -114,13 +67,13 @@ static void close_to_reference(void **state) {
       test_scene_frame(&scene, volume, type % 2 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE, (double[3]){0.5, -1, 0.3});
       scene.mode = modes[m];
       set_window(&scene, range->min, range->max);
-      float *want = reference_image(volume, &scene);
+      float *want = test_reference(volume, &scene, 0);
       double rms[4][4];
       for (int s = 0; s < 4; s++)
-        for (int i = 0; i < n_renderers; i++) {
+        EACH_RENDERER(i) {
           scene.sampling.step = steps[s];
           const tc_frame *frame = render(i, volume, &scene, NULL);
-          check_sane(name_of(i), frame);
+          check_sane(test_names[i], frame);
           size_t pixels = (size_t)frame->width * (size_t)frame->height, ties = 0;
           double sum = 0, max = 0;
           for (size_t p = 0; p < pixels; p++) {
@@ -133,18 +86,18 @@ static void close_to_reference(void **state) {
             max = fmax(max, fabs(d));
             /* A sample is a value of the field: no maximum of them is above the exact one, no minimum below, but for the
              * single precision of a sample's place. */
-            if (m < 2 && (m == 0 ? d : -d) > 1e-5) fail_msg("%s %s: beyond the exact one by %g", mode_names[m], name_of(i), d);
+            if (m < 2 && (m == 0 ? d : -d) > 1e-5) fail_msg("%s %s: beyond the exact one by %g", mode_names[m], test_names[i], d);
           }
           rms[s][i] = sqrt(sum / (double)pixels);
-          if (i == 0 || (is_gl(i) && type == TC_U16))
+          if (i == 0 || (i == GL && type == TC_U16))
             printf("  %-7s %-3s %-6s step %-5g rms %.2e max %.2e ties %zu\n", mode_names[m],
-                   tc_voxel_type_name((tc_voxel_type)type), name_of(i), steps[s], rms[s][i], max, ties);
+                   tc_voxel_type_name((tc_voxel_type)type), test_names[i], steps[s], rms[s][i], max, ties);
           if (max > bounds[m][s] || ties > 2)
-            fail_msg("%s, %s, step %g: max %g (bound %g), %zu ties", mode_names[m], name_of(i), steps[s], max, bounds[m][s], ties);
+            fail_msg("%s, %s, step %g: max %g (bound %g), %zu ties", mode_names[m], test_names[i], steps[s], max, bounds[m][s], ties);
         }
-      for (int i = 0; i < n_renderers; i++) { /* from step 1 to 1/8: order 1 is a factor of 8, order 2 one of 64 */
+      EACH_RENDERER(i) { /* from step 1 to 1/8: order 1 is a factor of 8, order 2 one of 64 */
         double gain = rms[0][i] / rms[3][i];
-        if (!(gain > (m < 2 ? 6 : 40))) fail_msg("%s, %s: the error falls by %g only", mode_names[m], name_of(i), gain);
+        if (!(gain > (m < 2 ? 6 : 40))) fail_msg("%s, %s: the error falls by %g only", mode_names[m], test_names[i], gain);
       }
       free(want);
       tc_scene_clear(&scene);
@@ -165,12 +118,12 @@ static void inverted_slope(void **state) {
       test_scene_frame(&scene, upright, TC_PERSPECTIVE, (double[3]){-0.4, -1, 0.2});
       scene.mode = modes[m];
       set_window(&scene, range->min + 0.1 * (range->max - range->min), range->max);
-      for (int i = 0; i < n_renderers; i++) {
+      EACH_RENDERER(i) {
         float want[30 * 26 * 4];
         memcpy(want, render(i, upright, &scene, NULL)->linear, sizeof want);
         test_difference d = test_compare(render(i, inverted, &scene, NULL)->linear, want, 30 * 26);
         if (!(d.max < 2e-5))
-          fail_msg("%s %s %s: off by %g", mode_names[m], tc_voxel_type_name((tc_voxel_type)type), name_of(i), d.max);
+          fail_msg("%s %s %s: off by %g", mode_names[m], tc_voxel_type_name((tc_voxel_type)type), test_names[i], d.max);
       }
       tc_scene_clear(&scene);
       tc_volume_unref(upright);
@@ -189,7 +142,7 @@ static void closed_forms(void **state) {
   for (int m = 0; m < 3; m++)
     for (int linear = 0; linear < 2; linear++)
       for (double step = 0.3; step < 40; step *= 1.9)
-        for (int i = 0; i < n_renderers; i++) {
+        EACH_RENDERER(i) {
           scene.mode = modes[m];
           scene.sampling.step = step;
           scene.image.linear_light = linear;
@@ -198,7 +151,7 @@ static void closed_forms(void **state) {
           double c = want[m], expected = linear ? pow((c + 0.055) / 1.055, 2.4) : c;
           for (int p = 0; p < 35; p++) {
             if (fabs((double)frame->linear[4 * p] - expected) > 2e-6)
-              fail_msg("%s %s step %g: %g, wanted %g", mode_names[m], name_of(i), step, (double)frame->linear[4 * p], expected);
+              fail_msg("%s %s step %g: %g, wanted %g", mode_names[m], test_names[i], step, (double)frame->linear[4 * p], expected);
             /* Through linear light and back a grey is the display value that the window made. */
             assert_true(abs(frame->rgba[4 * p] - (int)(c * 255 + 0.5)) <= linear);
             assert_int_equal(frame->rgba[4 * p + 3], 255);
@@ -224,8 +177,8 @@ static void thin_volumes(void **state) {
       scene.mode = modes[m];
       scene.sampling.step = 0.02;
       set_window(&scene, 0, 1);
-      float *want = reference_image(volume, &scene);
-      for (int i = 0; i < n_renderers; i++) {
+      float *want = test_reference(volume, &scene, 0);
+      EACH_RENDERER(i) {
         const tc_frame *frame = render(i, volume, &scene, NULL);
         check_sane("thin", frame);
         int off = 0, met = 0;
@@ -233,7 +186,7 @@ static void thin_volumes(void **state) {
           met += frame->linear[4 * p + 3] > 0;
           off += frame->linear[4 * p + 3] != want[4 * p + 3] || fabsf(frame->linear[4 * p] - want[4 * p]) > 0.01f;
         }
-        if (off > 2 || met == 0) fail_msg("%dx%dx%d %s %s: %d pixels off", dims[d][0], dims[d][1], dims[d][2], mode_names[m], name_of(i), off);
+        if (off > 2 || met == 0) fail_msg("%dx%dx%d %s %s: %d pixels off", dims[d][0], dims[d][1], dims[d][2], mode_names[m], test_names[i], off);
       }
       free(want);
       tc_scene_clear(&scene);
@@ -251,7 +204,7 @@ static void constants_and_extreme_windows(void **state) {
       {101, 1e-320, 0}, {0, 1e300, 0.5}, {1e300, 1, 0}, {-1e300, 1, 1}, {1e300, 1e-300, 0}, {-1e308, 1e308, 1}};
   for (size_t w = 0; w < G_N_ELEMENTS(windows); w++)
     for (int m = 0; m < 3; m++)
-      for (int i = 0; i < n_renderers; i++)
+      EACH_RENDERER(i)
         for (int k = 0; k < 2; k++) {
           tc_scene scene;
           test_scene(&scene, 9, 9);
@@ -264,7 +217,7 @@ static void constants_and_extreme_windows(void **state) {
           check_sane("constant", frame);
           const float *c = frame->linear + 4 * (4 * 9 + 4);
           if (fabs((double)c[0] - windows[w].grey) > 2e-6)
-            fail_msg("window %g/%g %s %s: %g, wanted %g", windows[w].center, windows[w].width, mode_names[m], name_of(i),
+            fail_msg("window %g/%g %s %s: %g, wanted %g", windows[w].center, windows[w].width, mode_names[m], test_names[i],
                      (double)c[0], windows[w].grey);
           tc_scene_clear(&scene);
         }
@@ -286,11 +239,11 @@ static void clipped(void **state) {
     memcpy(scene.clip.box, (double[2][3]){{3.3, 2.2, 5.1}, {28, 17, 33}}, sizeof scene.clip.box);
     scene.clip.n_planes = 1;
     memcpy(scene.clip.planes[0], (double[4]){1, 1, -0.5, -6}, sizeof scene.clip.planes[0]);
-    float *want = reference_image(volume, &scene);
-    for (int i = 0; i < n_renderers; i++) {
+    float *want = test_reference(volume, &scene, 0);
+    EACH_RENDERER(i) {
       tc_plan plan;
       const tc_frame *frame = render(i, volume, &scene, &plan);
-      check_sane(name_of(i), frame);
+      check_sane(test_names[i], frame);
       assert_true(plan.stages[TC_STAGE_CLIPPING].included);
       int off = 0, met = 0;
       double max = 0;
@@ -301,8 +254,8 @@ static void clipped(void **state) {
         else
           max = fmax(max, fabs((double)frame->linear[4 * p] - (double)want[4 * p]));
       }
-      printf("  clipped %s %s: max %.1e, %d of %d pixels at an edge\n", mode_names[m], name_of(i), max, off, met);
-      if (off > 2 || met < 200 || max > 4e-3) fail_msg("%s %s: %d of %d pixels off, max %g", mode_names[m], name_of(i), off, met, max);
+      printf("  clipped %s %s: max %.1e, %d of %d pixels at an edge\n", mode_names[m], test_names[i], max, off, met);
+      if (off > 2 || met < 200 || max > 4e-3) fail_msg("%s %s: %d of %d pixels off, max %g", mode_names[m], test_names[i], off, met, max);
     }
     free(want);
     tc_scene_clear(&scene);
@@ -364,9 +317,9 @@ static void random_scene(tc_scene *s, const tc_volume *v, int trial, uint64_t *s
 }
 
 static void skipping_changes_no_bit(void **state) {
-  for (int r = 0; r < n_renderers; r++) {
+  EACH_RENDERER(r) {
     uint64_t with = 0, without = 0, seeds = 7;
-    int skipped = 0, shown = 0, trials = is_gl(r) ? 60 : 150;
+    int skipped = 0, shown = 0, trials = r == GL ? 60 : 150;
     for (int trial = 0; trial < trials; trial++) {
       uint64_t seed = seeds;
       tc_volume *v = random_volume(&seeds);
@@ -374,13 +327,13 @@ static void skipping_changes_no_bit(void **state) {
       tc_frame on = {0}, off = {0};
       tc_render_request q = {.want_linear = true};
       random_scene(&s, v, trial, &seeds);
-      assert_true(tc_render(renderers[r], v, &s, &q, &on, NULL, NULL));
+      assert_true(tc_render(test_renderers[r], v, &s, &q, &on, NULL, NULL));
       s.skipping.mode = TC_SKIPPING_OFF;
-      assert_true(tc_render(renderers[r], v, &s, &q, &off, NULL, NULL));
-      check_sane(name_of(r), &on);
+      assert_true(tc_render(test_renderers[r], v, &s, &q, &off, NULL, NULL));
+      check_sane(test_names[r], &on);
       size_t pixels = (size_t)on.width * (size_t)on.height;
       if (memcmp(on.linear, off.linear, pixels * 16) || memcmp(on.rgba, off.rgba, pixels * 4))
-        fail_msg("%s: trial %d (state %llu, block %d) differs", name_of(r), trial, (unsigned long long)seed, s.skipping.block);
+        fail_msg("%s: trial %d (state %llu, block %d) differs", test_names[r], trial, (unsigned long long)seed, s.skipping.block);
       assert_int_equal(off.stats.leaps, 0);
       with += on.stats.samples, without += off.stats.samples;
       skipped += on.stats.leaps > 0;
@@ -394,7 +347,7 @@ static void skipping_changes_no_bit(void **state) {
       tc_scene_clear(&s);
       tc_volume_unref(v);
     }
-    printf("%s: %d scenes, %d with greys, %d skipped in, %.2f of the samples taken\n", name_of(r), trials, shown, skipped,
+    printf("%s: %d scenes, %d with greys, %d skipped in, %.2f of the samples taken\n", test_names[r], trials, shown, skipped,
            (double)with / (double)without);
     assert_true(shown > trials / 3 && skipped > trials / 6 && with < without); /* the trial is worth something */
   }
@@ -446,15 +399,15 @@ static void plan_leaves_out(void **state) {
   scene.shading.model = TC_SHADING_GOOCH;
   scene.transfer_function.points[0].value = NAN;
   for (int m = 0; m < 3; m++)
-    for (int i = 0; i < n_renderers; i++) {
+    EACH_RENDERER(i) {
       tc_plan plan, before;
       char name[64];
       scene.mode = modes[m];
       scene.window.center = 1234 + m; /* another window, other bounds: nothing of them is there before the first frame */
-      assert_true(tc_renderer_plan(renderers[i], volume, NULL, &scene, &before, NULL));
+      assert_true(tc_renderer_plan(test_renderers[i], volume, NULL, &scene, &before, NULL));
       const tc_frame *frame = render(i, volume, &scene, &plan);
       assert_memory_equal(&plan.key, &before.key, sizeof plan.key);
-      snprintf(name, sizeof name, "%s.linear.u16.%s", mode_names[m], is_gl(i) ? "gather.gl" : name_of(i));
+      snprintf(name, sizeof name, "%s.linear.u16.%s", mode_names[m], i == GL ? "gather.gl" : test_names[i]);
       assert_string_equal(plan.kernel, name);
       assert_string_equal(before.kernel, name);
       assert_false(plan.stages[TC_STAGE_TABLE_2D].included || plan.stages[TC_STAGE_TABLE_1D].included ||
@@ -519,5 +472,5 @@ int main(void) {
       cmocka_unit_test(clipped),         cmocka_unit_test(skipping_pays),   cmocka_unit_test(plan_leaves_out),
       cmocka_unit_test(refusals),
   };
-  return cmocka_run_group_tests(tests, set_up, tear_down);
+  return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

@@ -12,48 +12,13 @@
 
 #include <cmocka.h>
 
-#include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
 #include "tests/support/image.h"
+#include "tests/support/renderers.h"
 
-static const char *const all_isas[] = {"scalar", "avx2", "avx512"};
-static tc_renderer *renderers[3];
-static tc_frame frames[3];
-static int n_isas;
-
-static int set_up(void **state) {
-  for (size_t i = 0; i < G_N_ELEMENTS(all_isas); i++) {
-    GError *error = NULL;
-    tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = 2, .isa = all_isas[i]};
-    tc_renderer *r = tc_renderer_new(&options, &error);
-    if (!r) {
-      printf("  %s: not checked: %s\n", all_isas[i], error->message);
-      g_clear_error(&error);
-      continue;
-    }
-    renderers[n_isas++] = r;
-  }
-  return n_isas == 0;
-}
-
-static int tear_down(void **state) {
-  for (int i = 0; i < n_isas; i++) {
-    tc_frame_finish(&frames[i]);
-    tc_renderer_free(renderers[i]);
-  }
-  return 0;
-}
-
-static const char *isa_name(int i) { return tc_renderer_about(renderers[i])->isa; }
-
-/* The frame stays valid until this instruction set's next picture. */
 static const tc_frame *render(int isa, tc_volume *volume, const tc_scene *scene) {
-  GError *error = NULL;
-  tc_render_request request = {.want_linear = true};
-  if (!tc_render(renderers[isa], volume, scene, &request, &frames[isa], NULL, &error))
-    fail_msg("%s: %s", isa_name(isa), error->message);
-  return &frames[isa];
+  return test_draw(isa, volume, scene, NULL, NULL);
 }
 
 static tc_scene knots_scene(int width, int height, tc_knot_kind kind, const tc_knot *knots, size_t count) {
@@ -63,26 +28,16 @@ static tc_scene knots_scene(int width, int height, tc_knot_kind kind, const tc_k
   return scene;
 }
 
-static float *reference_image(tc_volume *volume, const tc_scene *scene) {
-  GError *error = NULL;
-  int width = scene->image.width, height = scene->image.height;
-  tc_reference *reference = tc_reference_new(volume, scene, width, height, 0, &error);
-  float *rgba = calloc((size_t)width * (size_t)height, 4 * sizeof *rgba);
-  if (!reference || !rgba || !tc_reference_image(reference, 2, rgba, &error)) fail_msg("reference failed");
-  tc_reference_free(reference);
-  return rgba;
-}
-
 /* All instruction sets against `want`, and the wide ones against the scalar one. Bounds: of every channel. */
 static double measure_against(const char *what, const float *want, tc_volume *volume, const tc_scene *scene, double rms,
                               double max) {
   size_t pixels = (size_t)scene->image.width * (size_t)scene->image.height;
   double first = 0;
-  for (int isa = 0; isa < n_isas; isa++) {
+  EACH_CPU(isa) {
     const tc_frame *frame = render(isa, volume, scene);
     test_difference d = test_compare(frame->linear, want, pixels);
     char line[128];
-    snprintf(line, sizeof line, "%s, step %g, %s", what, scene->sampling.step, isa_name(isa));
+    snprintf(line, sizeof line, "%s, step %g, %s", what, scene->sampling.step, test_names[isa]);
     if (isa == 0) {
       test_print_difference(line, &d, scene->image.width);
       first = d.rms;
@@ -90,7 +45,7 @@ static double measure_against(const char *what, const float *want, tc_volume *vo
     if (!d.finite || !(d.rms <= rms) || !(d.max <= max))
       fail_msg("%s: rms %g (bound %g), max %g (bound %g)", line, d.rms, rms, d.max, max);
     if (isa > 0) {
-      d = test_compare(frame->linear, frames[0].linear, pixels);
+      d = test_compare(frame->linear, test_frames[0].linear, pixels);
       if (!(d.max <= 1e-4)) fail_msg("%s: differs from scalar by %g at pixel %zu", line, d.max, d.worst);
     }
   }
@@ -98,7 +53,7 @@ static double measure_against(const char *what, const float *want, tc_volume *vo
 }
 
 static double measure(const char *what, tc_volume *volume, const tc_scene *scene, double rms, double max) {
-  float *want = reference_image(volume, scene);
+  float *want = test_reference(volume, scene, 0);
   double error = measure_against(what, want, volume, scene, rms, max);
   free(want);
   return error;
@@ -217,7 +172,7 @@ static void voxel_types(void **state) {
     tc_volume *volume = waves((tc_voxel_type)type, NULL, NULL);
     tc_scene scene = knots_scene(40, 32, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
     test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
-    float *want = reference_image(volume, &scene);
+    float *want = test_reference(volume, &scene, 0);
     for (size_t s = 0; s < G_N_ELEMENTS(steps); s++) {
       char what[64];
       snprintf(what, sizeof what, "waves %s", tc_voxel_type_name((tc_voxel_type)type));
@@ -288,7 +243,7 @@ static void demo(const char *name, const tc_knot *knots, size_t n_knots, const d
   if (!volume) fail_msg("%s", error->message);
   tc_scene scene = knots_scene(48, 40, TC_KNOT_OPACITY, knots, n_knots);
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, side);
-  float *want = reference_image(volume, &scene);
+  float *want = test_reference(volume, &scene, 0);
   for (size_t s = 0; s < G_N_ELEMENTS(steps); s++) {
     scene.sampling.step = steps[s];
     measure_against(name, want, volume, &scene, allowed->rms[s], allowed->max[s]);
@@ -347,7 +302,7 @@ static void observed_order(void **state) {
   tc_scene scene = knots_scene(40, 40, TC_KNOT_EXTINCTION, knots, 2);
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.5, -1, 0.3});
   scene.camera.fov_y_deg = 12;
-  float *want = reference_image(volume, &scene);
+  float *want = test_reference(volume, &scene, 0);
   double error[4];
   for (int i = 0; i < 4; i++) {
     scene.sampling.step = 8 >> i;
@@ -372,7 +327,7 @@ static void early_termination(void **state) {
   tc_scene scene = knots_scene(40, 32, TC_KNOT_EXTINCTION, knots, 2);
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
   size_t pixels = 40 * 32;
-  for (int isa = 0; isa < n_isas; isa++) {
+  EACH_CPU(isa) {
     scene.sampling.termination = 0;
     const tc_frame *frame = render(isa, volume, &scene);
     uint64_t samples = frame->stats.samples;
@@ -381,7 +336,7 @@ static void early_termination(void **state) {
       scene.sampling.termination = thresholds[i];
       frame = render(isa, volume, &scene);
       test_difference d = test_compare(frame->linear, whole, pixels);
-      printf("  %s: threshold %g changes a pixel by at most %.2e; %.0f %% of the samples\n", isa_name(isa),
+      printf("  %s: threshold %g changes a pixel by at most %.2e; %.0f %% of the samples\n", test_names[isa],
              thresholds[i], d.max, 100.0 * (double)frame->stats.samples / (double)samples);
       assert_true(d.max > 0 && d.max <= thresholds[i] + 1e-6);
       assert_true(frame->stats.samples < samples);
@@ -408,13 +363,13 @@ static void opaque_colour_is_exact(void **state) {
     scene.image.background[2] = 1;
     scene.sampling.termination = variant & 8 ? 0.001 : 0;
     test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.2, -1, 0.1});
-    for (int isa = 0; isa < n_isas; isa++) {
+    EACH_CPU(isa) {
       const tc_frame *frame = render(isa, volume, &scene);
       for (int y = 30; y < 34; y++)
         for (int x = 30; x < 34; x++) {
           const uint8_t *p = frame->rgba + 4 * (64 * y + x);
           if (p[0] != 255 || p[1] != 0 || p[2] != 0 || p[3] != 255)
-            fail_msg("%s, variant %d: pixel %d,%d is %d %d %d %d, not 255 0 0 255", isa_name(isa), variant, x, y, p[0],
+            fail_msg("%s, variant %d: pixel %d,%d is %d %d %d %d, not 255 0 0 255", test_names[isa], variant, x, y, p[0],
                      p[1], p[2], p[3]);
         }
       const uint8_t *corner = frame->rgba;
@@ -434,12 +389,12 @@ static void threads_make_no_difference(void **state) {
   scene.sampling.termination = 0.01;
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
   size_t bytes = 131 * 97 * 4;
-  for (int isa = 0; isa < n_isas; isa++) {
+  EACH_CPU(isa) {
     uint8_t *rgba = NULL;
     float *linear = NULL;
     for (size_t i = 0; i < G_N_ELEMENTS(counts); i++) {
       tc_frame frame = {0};
-      tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = counts[i], .isa = isa_name(isa)};
+      tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = counts[i], .isa = test_names[isa]};
       tc_renderer *renderer = tc_renderer_new(&options, NULL);
       assert_true(tc_render(renderer, volume, &scene, &(tc_render_request){.want_linear = true}, &frame, NULL, NULL));
       if (i == 0) {
@@ -464,11 +419,11 @@ static void threads_make_no_difference(void **state) {
 static void check_skipping(const char *what, int isa, tc_volume *volume, const tc_scene *scene, size_t pixels) {
   tc_scene plain_scene = *scene; /* shares the knots */
   plain_scene.skipping.mode = TC_SKIPPING_OFF;
-  float *leapt = g_memdup2(frames[isa].linear, pixels * 4 * sizeof(float));
+  float *leapt = g_memdup2(test_frames[isa].linear, pixels * 4 * sizeof(float));
   const float *all = render(isa, volume, &plain_scene)->linear;
   for (size_t i = 0; i < 4 * pixels; i++)
     if (memcmp(&leapt[i], &all[i], sizeof(float)))
-      fail_msg("%s, %s: channel %zu of pixel %zu is %.9g with leaps, %.9g without", what, isa_name(isa), i % 4, i / 4,
+      fail_msg("%s, %s: channel %zu of pixel %zu is %.9g with leaps, %.9g without", what, test_names[isa], i % 4, i / 4,
                (double)leapt[i], (double)all[i]);
   g_free(leapt);
 }
@@ -482,7 +437,7 @@ static void check_invariants(const char *what, tc_volume *volume, const tc_scene
     for (int c = 0; c < 3; c++)
       brightest[c] = fmax(brightest[c], tf->points[i].color[c]);
   size_t pixels = (size_t)scene->image.width * (size_t)scene->image.height;
-  for (int isa = 0; isa < n_isas; isa++) {
+  EACH_CPU(isa) {
     const tc_frame *frame = render(isa, volume, scene);
     /* Colour and opacity are two sums in single precision: of up to 1024 segments in a table entry, of n along the ray.
      */
@@ -494,14 +449,14 @@ static void check_invariants(const char *what, tc_volume *volume, const tc_scene
         sane = sane && p[c] >= 0 && p[c] <= p[3] * brightest[c] + slack;
       if (!sane)
         fail_msg("%s, %s: pixel %zu of %dx%d is %.9g %.9g %.9g, opacity %.9g; colour may be at most %.9g %.9g %.9g",
-                 what, isa_name(isa), i, scene->image.width, scene->image.height, p[0], p[1], p[2], p[3],
+                 what, test_names[isa], i, scene->image.width, scene->image.height, p[0], p[1], p[2], p[3],
                  p[3] * brightest[0], p[3] * brightest[1], p[3] * brightest[2]);
     }
     check_skipping(what, isa, volume, scene, pixels);
     if (isa > 0 && agree > 0) {
-      test_difference d = test_compare(frame->linear, frames[0].linear, pixels);
+      test_difference d = test_compare(frame->linear, test_frames[0].linear, pixels);
       if (!(d.max <= agree))
-        fail_msg("%s: %s differs from scalar by %g at pixel %zu", what, isa_name(isa), d.max, d.worst);
+        fail_msg("%s: %s differs from scalar by %g at pixel %zu", what, test_names[isa], d.max, d.worst);
     }
   }
 }
@@ -675,7 +630,7 @@ static void odd_transfer_functions(void **state) {
         check_invariants(what, volume, &scene, 1e-3);
         if (which == 1)
           for (int i = 0; i < 4 * 12 * 7; i++)
-            assert_true(frames[0].linear[i] == 0);
+            assert_true(test_frames[0].linear[i] == 0);
         tc_scene_clear(&scene);
       }
   free(many);
@@ -703,5 +658,5 @@ int main(void) {
       cmocka_unit_test(shapes_and_sizes),
       cmocka_unit_test(odd_transfer_functions),
   };
-  return cmocka_run_group_tests_name("raycast", tests, set_up, tear_down);
+  return cmocka_run_group_tests_name("raycast", tests, test_renderers_open, test_renderers_close);
 }

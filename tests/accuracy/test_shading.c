@@ -11,46 +11,16 @@
 
 #include <cmocka.h>
 
-#include "renderer/gl/device.h"
-#include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
 #include "tests/support/image.h"
+#include "tests/support/renderers.h"
 
-enum { SCALAR, AVX2, AVX512, GL, RENDERERS, SIDE = 64, PIXELS = SIDE * SIDE };
-static const char *const names[RENDERERS] = {"scalar", "avx2", "avx512", "gl"};
-static tc_renderer *renderers[RENDERERS];
-static tc_frame frames[RENDERERS];
-
-static int set_up(void **state) {
-  tc_gl_report report;
-  for (int i = 0; i < RENDERERS; i++) {
-    GError *error = NULL;
-    tc_renderer_options options = {.backend = i == GL ? TC_BACKEND_GL : TC_BACKEND_CPU, .threads = 2};
-    if (i != GL) options.isa = names[i];
-    if (i != GL || tc_gl_report_read(&report, &error)) renderers[i] = tc_renderer_new(&options, &error);
-    if (!renderers[i]) printf("  %s: not checked: %s\n", names[i], error->message);
-    g_clear_error(&error);
-  }
-  return !renderers[SCALAR];
-}
-
-static int tear_down(void **state) {
-  for (int i = 0; i < RENDERERS; i++) {
-    tc_frame_finish(&frames[i]);
-    tc_renderer_free(renderers[i]);
-  }
-  return 0;
-}
+enum { SIDE = 64, PIXELS = SIDE * SIDE };
 
 static const float *render(int which, tc_volume *volume, const tc_scene *scene, tc_plan *plan) {
-  GError *error = NULL;
-  if (!tc_render(renderers[which], volume, scene, &(tc_render_request){.want_linear = true}, &frames[which], plan, &error))
-    fail_msg("%s: %s", names[which], error->message);
-  return frames[which].linear;
+  return test_draw(which, volume, scene, NULL, plan)->linear;
 }
-
-#define EACH_RENDERER(i) for (int i = 0; i < RENDERERS; i++) if (renderers[i])
 
 /* ---- scenes ---- */
 
@@ -102,7 +72,7 @@ static void everyone_agrees(void **state) {
         render(SCALAR, volume, &scene, NULL);
         EACH_RENDERER(i) {
           if (i == SCALAR) continue;
-          const float *a = render(i, volume, &scene, NULL), *b = frames[SCALAR].linear;
+          const float *a = render(i, volume, &scene, NULL), *b = test_frames[SCALAR].linear;
           assert_true(test_compare(a, b, PIXELS).finite);
           for (size_t p = 0; p < PIXELS; p++) {
             double d = 0;
@@ -119,7 +89,7 @@ static void everyone_agrees(void **state) {
   EACH_RENDERER(i) {
     if (i == SCALAR) continue;
     double rms = sqrt(sum[i] / (PIXELS * TC_VOXEL_TYPE_COUNT * 3 * 8));
-    printf("  %s against scalar: max %.2e rms %.2e but for ties\n", names[i], worst[i], rms);
+    printf("  %s against scalar: max %.2e rms %.2e but for ties\n", test_names[i], worst[i], rms);
     assert_true(rms < 1e-4);
   }
   printf("  over 1/255: %zu of %zu pixels\n", ties, compared);
@@ -138,7 +108,7 @@ static void energy_is_bounded(void **state) {
       for (size_t p = 0; p < PIXELS; p++, c += 4)
         for (int k = 0; k < 3; k++)
           if (!(c[3] <= 1 && c[k] >= 0 && c[k] <= c[3] + 2e-6f))
-            fail_msg("%s: pixel %zu: %g of %g", names[i], p, c[k], c[3]);
+            fail_msg("%s: pixel %zu: %g of %g", test_names[i], p, c[k], c[3]);
     }
     tc_scene_clear(&scene);
   }
@@ -147,15 +117,6 @@ static void energy_is_bounded(void **state) {
 
 /* ---- the reference is the limit ---- */
 
-static float *reference_image(tc_volume *volume, const tc_scene *scene) {
-  GError *error = NULL;
-  tc_reference *reference = tc_reference_new(volume, scene, SIDE, SIDE, 1e-6, &error);
-  float *rgba = calloc(PIXELS, 4 * sizeof *rgba);
-  if (!reference || !tc_reference_image(reference, 2, rgba, &error)) fail_msg("%s", error->message);
-  tc_reference_free(reference);
-  return rgba;
-}
-
 static void converges(void **state) {
   tc_volume *volume = waves(TC_F32, 1);
   for (int model = TC_SHADING_LAMBERT; model < TC_SHADING_COUNT; model++)
@@ -163,7 +124,7 @@ static void converges(void **state) {
       tc_scene scene;
       shaded_scene(&scene, volume, (tc_shading_model)model, soft, 3);
       if (fixed) light_from(&scene, 1, -1, 1);
-      float *want = reference_image(volume, &scene);
+      float *want = test_reference(volume, &scene, 1e-6);
       EACH_RENDERER(i) {
         double rms[3];
         for (int s = 0; s < 3; s++) {
@@ -173,7 +134,7 @@ static void converges(void **state) {
           rms[s] = d.rms;
         }
         printf("  model %d, %s, %s: rms %.2e %.2e %.2e at steps 1 1/4 1/16\n", model, fixed ? "fixed light" : "head light",
-               names[i], rms[0], rms[1], rms[2]);
+               test_names[i], rms[0], rms[1], rms[2]);
         assert_true(rms[1] < 0.4 * rms[0] && rms[2] < 0.4 * rms[1]); /* first order: gradients jump at cell faces */
         assert_true(rms[0] < 1.2e-2 && rms[2] < 8e-4);
       }
@@ -249,7 +210,7 @@ static void check_ball(const char *what, tc_volume *volume, const double center[
           pixel_at(image, p % SIDE, p / SIDE, rgba);
           worst = fmax(worst, fabs(rgba[0] - lit_ball(&scene, y, z, l)));
         }
-        printf("  %s, model %d, %s light, %s: max %.2e\n", what, model, fixed ? "fixed" : "head", names[i], worst);
+        printf("  %s, model %d, %s light, %s: max %.2e\n", what, model, fixed ? "fixed" : "head", test_names[i], worst);
         /* a highlight changes faster than its normal */
         assert_true(worst < (model == TC_SHADING_LAMBERT ? 1e-2 : 2e-2));
       }
@@ -335,9 +296,9 @@ static void leaping_changes_no_bit(void **state) {
           memcpy(whole, render(i, volume, &scene, NULL), PIXELS * 16);
           scene.skipping.mode = TC_SKIPPING_AUTO;
           const float *leapt = render(i, volume, &scene, NULL);
-          assert_true(frames[i].stats.leaps > 0);
+          assert_true(test_frames[i].stats.leaps > 0);
           if (memcmp(whole, leapt, PIXELS * 16))
-            fail_msg("%s: model %d, type %d, case %d: leaping shows", names[i], model, type, bits);
+            fail_msg("%s: model %d, type %d, case %d: leaping shows", test_names[i], model, type, bits);
         }
         tc_scene_clear(&scene);
         tc_volume_unref(volume);
@@ -359,7 +320,7 @@ static void flat_is_unshaded(void **state) {
         memcpy(plain, render(i, volume, &scene, NULL), PIXELS * 16);
         scene.shading.model = (tc_shading_model)model;
         test_difference d = test_compare(render(i, volume, &scene, NULL), plain, PIXELS);
-        if (!d.finite || !(d.max <= 2e-7)) fail_msg("%s: flat field differs by %g", names[i], d.max);
+        if (!d.finite || !(d.max <= 2e-7)) fail_msg("%s: flat field differs by %g", test_names[i], d.max);
       }
       tc_scene_clear(&scene);
     }
@@ -427,11 +388,11 @@ static void odd_volumes(void **state) {
       for (int behind = 0; behind < 2; behind++) {
         double *from = scene.camera.position, *to = scene.camera.target;
         if (behind) light_from(&scene, to[0] - from[0], to[1] - from[1], to[2] - from[2]);
-        float *want = reference_image(volume, &scene);
+        float *want = test_reference(volume, &scene, 1e-6);
         EACH_RENDERER(i) {
           test_difference diff = test_compare(render(i, volume, &scene, NULL), want, PIXELS);
           if (!diff.finite || !(diff.rms < 2e-3))
-            fail_msg("%s: dims %d %d %d, scale %g: rms %g", names[i], dims[d][0], dims[d][1], dims[d][2], scale, diff.rms);
+            fail_msg("%s: dims %d %d %d, scale %g: rms %g", test_names[i], dims[d][0], dims[d][1], dims[d][2], scale, diff.rms);
         }
         free(want);
       }
@@ -454,5 +415,5 @@ int main(void) {
       cmocka_unit_test(nonsense_is_refused),
       cmocka_unit_test(odd_volumes),
   };
-  return cmocka_run_group_tests(tests, set_up, tear_down);
+  return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

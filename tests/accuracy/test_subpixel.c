@@ -11,43 +11,14 @@
 
 #include <cmocka.h>
 
-#include "renderer/gl/device.h"
 #include "renderer/raycast/subpixel.h"
 #include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
 #include "tests/support/image.h"
+#include "tests/support/renderers.h"
 
 static const int counts[] = {1, 2, 4, 5, 8, 16};
-static tc_renderer *machines[4]; /* the cpu's instruction sets, then gl where there is one */
-static int n_machines, n_isas;
-static tc_frame frames[4];
-
-static int set_up(void **state) {
-  static const char *const isas[] = {"scalar", "avx2", "avx512"};
-  for (size_t i = 0; i < G_N_ELEMENTS(isas); i++) {
-    tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = 2, .isa = isas[i]};
-    tc_renderer *r = tc_renderer_new(&options, NULL);
-    if (r) machines[n_machines++] = r;
-  }
-  n_isas = n_machines;
-  tc_gl_report report;
-  GError *error = NULL;
-  if (tc_gl_report_read(&report, &error)) machines[n_machines++] = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_GL}, NULL);
-  else printf("  gl: not checked: %s\n", error->message);
-  g_clear_error(&error);
-  return n_isas == 0 || !machines[n_machines - 1];
-}
-
-static int tear_down(void **state) {
-  for (int m = 0; m < n_machines; m++) {
-    tc_frame_finish(&frames[m]);
-    tc_renderer_free(machines[m]);
-  }
-  return 0;
-}
-
-static const char *name_of(int m) { return m < n_isas ? tc_renderer_about(machines[m])->isa : "gl"; }
 
 static void draw(tc_renderer *r, tc_volume *volume, const tc_scene *scene, tc_frame *frame, tc_plan *plan) {
   GError *error = NULL;
@@ -56,8 +27,7 @@ static void draw(tc_renderer *r, tc_volume *volume, const tc_scene *scene, tc_fr
 }
 
 static const tc_frame *render(int m, tc_volume *volume, const tc_scene *scene) {
-  draw(machines[m], volume, scene, &frames[m], NULL);
-  return &frames[m];
+  return test_draw(m, volume, scene, NULL, NULL);
 }
 
 static size_t pixels_of(const tc_scene *scene) { return (size_t)scene->image.width * (size_t)scene->image.height; }
@@ -151,13 +121,13 @@ static void homogeneous_slab(void **state) {
           double alpha = -expm1(-11 * tau), off = 0;
           /* Shorter than one segment, a medium is known by the segment's opacity alone, in single precision. */
           double bound = step * counts[c] <= 11 ? 3e-6 : 1e-5;
-          for (int m = 0; m < n_machines; m++) {
+          EACH_RENDERER(m) {
             const tc_frame *f = render(m, volume, &scene);
             for (size_t i = 0; i < pixels_of(&scene); i++) {
               const float *p = f->linear + 4 * i;
               off = fmax(fmax(fabs(p[3] - alpha), fabs(p[0] - alpha)), fabs(p[1] - 0.25 * alpha));
               if (!(off <= bound))
-                fail_msg("%s: %d rays, jitter %d, step %g, tau*d %g: off by %g", name_of(m), counts[c], jitter, step,
+                fail_msg("%s: %d rays, jitter %d, step %g, tau*d %g: off by %g", test_names[m], counts[c], jitter, step,
                          11 * tau, off);
               worst = fmax(worst, off);
             }
@@ -183,12 +153,12 @@ static void against_the_same_rays(void **state) {
       tc_subpixel_rays(counts[c], rays);
       float *want = reference_mean(volume, &scene, rays, counts[c]);
       for (int jitter = 0; jitter < 2; jitter++)
-        for (int m = 0; m < n_machines; m++) {
+        EACH_RENDERER(m) {
           scene.sampling.jitter = jitter;
           test_difference d = test_compare(render(m, volume, &scene)->linear, want, pixels_of(&scene));
           char line[80];
           snprintf(line, sizeof line, "%s, %d rays%s, %s", tc_voxel_type_name((tc_voxel_type)type), counts[c],
-                   jitter ? ", jitter" : "", name_of(m));
+                   jitter ? ", jitter" : "", test_names[m]);
           if (m == 0) test_print_difference(line, &d, scene.image.width);
           if (!d.finite || !(d.rms <= 1.1e-4) || !(d.max <= 2.5e-3) || !(fabs(d.mean) <= 3e-5))
             fail_msg("%s: rms %g, max %g, mean %g", line, d.rms, d.max, d.mean);
@@ -245,9 +215,9 @@ static void projections_average_whole_rays(void **state) {
       scene.sampling.step = 0.1;
       tc_subpixel_rays(count, rays);
       float *want = reference_mean(volume, &scene, rays, count);
-      for (int m = 0; m < n_machines; m++) {
+      EACH_RENDERER(m) {
         test_difference d = test_compare(render(m, volume, &scene)->linear, want, pixels_of(&scene));
-        if (!(d.max <= 6e-4)) fail_msg("%s, mode %d, %d rays: max %g at %zu", name_of(m), modes[i], count, d.max, d.worst);
+        if (!(d.max <= 6e-4)) fail_msg("%s, mode %d, %d rays: max %g at %zu", test_names[m], modes[i], count, d.max, d.worst);
         if (m == 0) printf("  mode %d, %d rays: max %.1e\n", modes[i], count, d.max);
       }
       free(want);
@@ -286,7 +256,7 @@ static void rings_at(double step, tc_volume *volume, tc_scene *scene, const floa
   scene->sampling.step = step;
   for (int jitter = 0; jitter < 2; jitter++) {
     scene->sampling.jitter = jitter;
-    const tc_frame *f = render(n_isas - 1, volume, scene);
+    const tc_frame *f = render(test_widest(), volume, scene);
     rings[jitter] = rings_of(f->linear, want, scene->image.width, scene->image.height);
     mean[jitter] = test_compare(f->linear, want, pixels_of(scene)).mean;
   }
@@ -338,12 +308,12 @@ static void jitter_takes_rings_away(void **state) {
     memset(mean, 0, 16 * pixels_of(&scene));
     for (int phase = PHASES; phase-- > 0;) {
       scene.clip.planes[0][3] = -1 - scene.sampling.step * phase / PHASES;
-      const tc_frame *f = render(n_isas - 1, volume, &scene);
+      const tc_frame *f = render(test_widest(), volume, &scene);
       for (size_t i = 0; i < 4 * pixels_of(&scene); i++) mean[i] += f->linear[i] / PHASES;
     }
     for (int jitter = 0; jitter < 2; jitter++) {
       scene.sampling.jitter = jitter;
-      rings[jitter] = rings_of(render(n_isas - 1, volume, &scene)->linear, mean, SIDE, SIDE);
+      rings[jitter] = rings_of(render(test_widest(), volume, &scene)->linear, mean, SIDE, SIDE);
     }
     scene.sampling.jitter = false;
     printf("  shell, step %g: rings %.3f/255, with jitter %.3f/255\n", scene.sampling.step, 255 * rings[0], 255 * rings[1]);
@@ -403,17 +373,17 @@ static void check_trial(int m, int trial, tc_volume *volume, tc_scene *scene, sa
   tc_plan plan;
   tc_frame shared = {0}, alone = {0};
   scene->sampling.coherence = true;
-  draw(machines[m], volume, scene, &shared, &plan);
+  draw(test_renderers[m], volume, scene, &shared, &plan);
   sum->shared += plan.stages[TC_STAGE_COHERENCE].included;
   sum->plain += !plan.stages[TC_STAGE_COHERENCE].included;
   assert_int_equal(plan.stages[TC_STAGE_COHERENCE].included, plan.key.coherence);
   scene->sampling.coherence = false;
   for (int off = 0; off < 2; off++) {
     scene->skipping.mode = off ? TC_SKIPPING_OFF : TC_SKIPPING_AUTO;
-    draw(machines[m], volume, scene, &alone, NULL);
+    draw(test_renderers[m], volume, scene, &alone, NULL);
     for (size_t i = 0; i < 4 * pixels_of(scene); i++)
       if (shared.linear[i] != alone.linear[i])
-        fail_msg("%s, trial %d: pixel %zu is %g with coherence and %g without%s (%s)", name_of(m), trial, i / 4,
+        fail_msg("%s, trial %d: pixel %zu is %g with coherence and %g without%s (%s)", test_names[m], trial, i / 4,
                  shared.linear[i], alone.linear[i], off ? " leaping" : "", plan.stages[TC_STAGE_COHERENCE].reason);
     if (off || !plan.key.coherence) continue;
     sum->with += shared.stats.samples, sum->without += alone.stats.samples;
@@ -425,8 +395,8 @@ static void check_trial(int m, int trial, tc_volume *volume, tc_scene *scene, sa
 }
 
 static void coherence_loses_nothing(void **state) {
-  for (int m = 0; m < n_machines; m++) {
-    int trials = m < n_isas ? 80 : 12;
+  EACH_RENDERER(m) {
+    int trials = m < GL ? 80 : 12;
     uint64_t random = 2024;
     saving sum = {0};
     for (int trial = 0; trial < trials; trial++) {
@@ -437,10 +407,10 @@ static void coherence_loses_nothing(void **state) {
       tc_scene_clear(&scene);
       tc_volume_unref(volume);
     }
-    printf("  %s: %d scenes shared, %d not; %.2f of the samples and %.2f of the leaps left\n", name_of(m), sum.shared,
+    printf("  %s: %d scenes shared, %d not; %.2f of the samples and %.2f of the leaps left\n", test_names[m], sum.shared,
            sum.plain, (double)sum.with / (double)sum.without, (double)sum.leaps_with / (double)sum.leaps_without);
     assert_true(sum.shared > trials / 3 && sum.plain > 0);
-    if (m < n_isas) /* rays of a pixel always share the runs of what shows (skip/cover.h) */
+    if (m < GL) /* rays of a pixel always share the runs of what shows (skip/cover.h) */
       assert_true(sum.with == sum.without && sum.leaps_with == sum.leaps_without);
     else
       assert_true(sum.with < sum.without && sum.leaps_with < sum.leaps_without);
@@ -502,13 +472,13 @@ static void back_ends_agree(void **state) {
       scene.sampling.coherence = bits & 1;
       scene.sampling.termination = bits & 4 ? 0.01 : 0;
       scene.shading.model = bits & 4 ? TC_SHADING_BLINN_PHONG : TC_SHADING_NONE;
-      for (int m = 0; m < n_machines; m++) {
+      EACH_RENDERER(m) {
         const tc_frame *f = render(m, volume, &scene);
-        test_difference d = test_compare(f->linear, frames[0].linear, pixels_of(&scene));
-        double allowed = m >= n_isas ? 1.0 / 255 : scene.shading.model ? 1e-3 : 1e-4;
-        if (!d.finite || d.max > allowed || f->stats.rays != frames[0].stats.rays)
-          fail_msg("%s, %d rays, case %d: off by %g at %zu; %llu rays and %llu", name_of(m), counts[c], bits, d.max,
-                   d.worst, (unsigned long long)f->stats.rays, (unsigned long long)frames[0].stats.rays);
+        test_difference d = test_compare(f->linear, test_frames[0].linear, pixels_of(&scene));
+        double allowed = m == GL ? 1.0 / 255 : scene.shading.model ? 1e-3 : 1e-4;
+        if (!d.finite || d.max > allowed || f->stats.rays != test_frames[0].stats.rays)
+          fail_msg("%s, %d rays, case %d: off by %g at %zu; %llu rays and %llu", test_names[m], counts[c], bits, d.max,
+                   d.worst, (unsigned long long)f->stats.rays, (unsigned long long)test_frames[0].stats.rays);
       }
       tc_scene_clear(&scene);
       tc_volume_unref(volume);
@@ -562,5 +532,5 @@ int main(void) {
       cmocka_unit_test(back_ends_agree),
       cmocka_unit_test(threads_make_no_difference),
   };
-  return cmocka_run_group_tests_name("subpixel", tests, set_up, tear_down);
+  return cmocka_run_group_tests_name("subpixel", tests, test_renderers_open, test_renderers_close);
 }
