@@ -331,11 +331,22 @@ const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, 
   return NULL;
 }
 
+/* The map of these blocks that was in use last: most transfer functions are an earlier one, changed a little. */
+static const tc_leap *latest_leap(const tc_resources *r, const tc_volume *volume, const tc_minmax *m) {
+  const item *latest = NULL;
+  for (int i = 0; i < r->count; i++) {
+    const item *it = &r->items[i];
+    if (it->kind == ITEM_LEAP && in_blocks(it, volume, m->block, m->reach) && (!latest || it->last_use > latest->last_use))
+      latest = it;
+  }
+  return latest ? latest->thing : NULL;
+}
+
 const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_support *support,
                                  double *ms, GError **error) {
   const tc_leap *found = tc_resources_find_leap(r, volume, minmax->block, minmax->reach, support);
   if (found) return found;
-  tc_leap *leap = tc_leap_build(minmax, support, error);
+  tc_leap *leap = tc_leap_build(minmax, support, latest_leap(r, volume, minmax), r->pool, error);
   if (!leap) return NULL;
   item *it = make_room(r, ITEM_LEAP, leap->bytes);
   if (!it) {

@@ -1,9 +1,8 @@
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "renderer/skip/skip.h"
 #include "renderer/clock.h"
+#include "renderer/skip/runs.h"
 
 #define FAR 254 /* a u8 distance with room for +1 */
 
@@ -24,84 +23,151 @@ bool tc_skip_possible(const tc_transfer_function *tf, double value_min, double v
   return false;
 }
 
-/* A bilinear lookup at nodes (a, b) reads entries that span nodes floor(min) to floor(max) + 2 (classify.h), and no other
- * classification reads more; a node more on each side covers the rounding of the kernels' single precision. */
-static bool is_empty(const tc_support *s, double scale, double lo, double hi) {
-  if (!s->used) return hi < s->lo || lo > s->hi;
-  int first = (int)floor((lo - s->lo) * scale) - 1, last = (int)floor((hi - s->lo) * scale) + 3;
-  if (first < 0) first = 0;
-  if (last > s->n + 2) last = s->n + 2;
-  return s->used[last] == s->used[first];
-}
+typedef struct leap_job {
+  const tc_minmax *minmax;
+  const tc_runs *runs;
+  const tc_leap *before; /* NULL, or of the same blocks */
+  uint8_t *distance;
+  uint32_t *empty; /* [layers] */
+  bool *changed;   /* [layers] */
+} leap_job;
 
-static uint8_t least(const uint8_t *row, int x, int nx) {
-  uint8_t d = row[x];
-  if (x > 0 && row[x - 1] < d) d = row[x - 1];
-  if (x + 1 < nx && row[x + 1] < d) d = row[x + 1];
-  return d;
-}
+static size_t layer_size(const int blocks[3]) { return (size_t)blocks[0] * (size_t)blocks[1]; }
 
-/* Chessboard distance by two sweeps over half of the 26 neighbours each: exact for this metric. Row by row the three or
- * nine neighbours that are whole rows away come first, then the one in the row itself. */
-static void sweep(uint8_t *distance, const int n[3], int dir) {
-  ptrdiff_t sy = n[0], sz = (ptrdiff_t)n[0] * n[1];
-  for (int iz = 0; iz < n[2]; iz++) {
-    int z = dir > 0 ? iz : n[2] - 1 - iz;
-    for (int iy = 0; iy < n[1]; iy++) {
-      int y = dir > 0 ? iy : n[1] - 1 - iy;
-      uint8_t *row = distance + z * sz + y * sy;
-      for (int dy = -1; dy <= 1; dy++) {
-        int yy = y + dy, zz = z - dir;
-        if (yy < 0 || yy >= n[1] || zz < 0 || zz >= n[2]) continue;
-        const uint8_t *other = row + dy * sy - dir * sz;
-        for (int x = 0; x < n[0]; x++) {
-          uint8_t d = (uint8_t)(least(other, x, n[0]) + 1);
-          if (d < row[x]) row[x] = d;
-        }
-      }
-      if (y - dir >= 0 && y - dir < n[1]) {
-        const uint8_t *other = row - dir * sy;
-        for (int x = 0; x < n[0]; x++) {
-          uint8_t d = (uint8_t)(least(other, x, n[0]) + 1);
-          if (d < row[x]) row[x] = d;
-        }
-      }
-      for (int ix = 1; ix < n[0]; ix++) {
-        int x = dir > 0 ? ix : n[0] - 1 - ix;
-        uint8_t d = (uint8_t)(row[x - dir] + 1);
-        if (d < row[x]) row[x] = d;
-      }
+/* Distance 0 or FAR for one layer of blocks. */
+static void mark_layer(void *context, int z, int worker) {
+  (void)worker;
+  leap_job *job = context;
+  uint8_t sets[512];
+  size_t count = layer_size(job->minmax->blocks), end = ((size_t)z + 1) * count;
+  bool changed = false;
+  for (size_t i = (size_t)z * count; i < end;) {
+    int n = end - i < sizeof sets / 2 ? (int)(end - i) : (int)sizeof sets / 2;
+    tc_runs_read(job->runs, job->minmax->pairs, 2 * i, 2 * n, sets);
+    for (int k = 0; k < n; k++, i++) {
+      bool empty = sets[2 * k] & sets[2 * k + 1];
+      job->distance[i] = empty ? FAR : 0;
+      job->empty[z] += empty;
+      if (job->before) changed |= empty != (job->before->distance[i] != 0);
     }
   }
+  job->changed[z] = changed;
 }
 
-tc_leap *tc_leap_build(const tc_minmax *m, const tc_support *support, GError **error) {
+/* One half of the chessboard distance by two sweeps over half of the 26 neighbours each, which is exact for this metric:
+ * layers from..to, counting on what lies before `from` in the sweep's direction. The rows next to a row are joined first and
+ * then sideways, so that all but the neighbour in the row itself are vectors. joined: [blocks x + 2]. */
+static void join_row(const uint8_t *restrict other, uint8_t *restrict near, int nx) {
+  for (int x = 0; x < nx; x++) near[x] = other[x] < near[x] ? other[x] : near[x];
+}
+
+static void lower_row(const uint8_t *restrict joined, uint8_t *restrict row, int nx) {
+  for (int x = 0; x < nx; x++) {
+    uint8_t d = joined[x] < joined[x + 1] ? joined[x] : joined[x + 1];
+    d = d < joined[x + 2] ? d : joined[x + 2];
+    d = (uint8_t)(d + 1);
+    row[x] = d < row[x] ? d : row[x];
+  }
+}
+
+static void follow_row(uint8_t *p, int nx, int dir) {
+  unsigned least = *p;
+  for (int x = 1; x < nx; x++) {
+    p += dir;
+    unsigned next = least + 1, here = *p;
+    least = here < next ? here : next;
+    *p = (uint8_t)least;
+  }
+}
+
+static void sweep(uint8_t *distance, const int blocks[3], int from, int to, int dir, uint8_t *joined) {
+  int nx = blocks[0], ny = blocks[1], nz = blocks[2];
+  for (int z = dir > 0 ? from : to; z >= from && z <= to; z += dir)
+    for (int iy = 0; iy < ny; iy++) {
+      int y = dir > 0 ? iy : ny - 1 - iy;
+      uint8_t *row = distance + ((size_t)z * (size_t)ny + (size_t)y) * (size_t)nx;
+      memset(joined, FAR, (size_t)nx + 2);
+      for (int k = 0; k < 4; k++) { /* the row before in its layer, then three of the layer before */
+        int yy = k ? y + k - 2 : y - dir, zz = k ? z - dir : z;
+        if (yy < 0 || yy >= ny || zz < 0 || zz >= nz) continue;
+        join_row(distance + ((size_t)zz * (size_t)ny + (size_t)yy) * (size_t)nx, joined + 1, nx);
+      }
+      lower_row(joined, row, nx);
+      follow_row(dir > 0 ? row : row + nx - 1, nx, dir);
+    }
+}
+
+/* A block's distance can have changed only if a block that changed is no farther than its distance was: if it is smaller now,
+ * the nearest one is new, and if it is greater, the nearest one is gone. Layers that none of their blocks can have changed in
+ * are copied. False: nothing changed. */
+static bool find_affected(const leap_job *job, int *from, int *to) {
+  int layers = job->minmax->blocks[2], first = layers, last = -1;
+  *from = 0, *to = layers - 1;
+  if (!job->before) return true;
+  for (int z = 0; z < layers; z++)
+    if (job->changed[z]) {
+      if (first == layers) first = z;
+      last = z;
+    }
+  const uint8_t *farthest = job->before->farthest;
+  *from = first, *to = last;
+  for (int z = first - 1; z >= 0; z--)
+    if (farthest[z] == FAR || farthest[z] >= first - z) *from = z;
+  for (int z = last + 1; z < layers; z++)
+    if (farthest[z] == FAR || farthest[z] >= z - last) *to = z;
+  return last >= 0;
+}
+
+static void fill_distances(const leap_job *job, tc_leap *leap, uint8_t *joined) {
+  const int *n = leap->blocks;
+  size_t layer = layer_size(n);
+  int from, to;
+  bool some = find_affected(job, &from, &to);
+  for (int z = 0; z < n[2]; z++) {
+    if (some && z >= from && z <= to) continue;
+    memcpy(leap->distance + (size_t)z * layer, job->before->distance + (size_t)z * layer, layer);
+  }
+  leap->swept = some && leap->empty_share > 0 ? to - from + 1 : 0;
+  for (int dir = 1; leap->swept && dir >= -1; dir -= 2) sweep(leap->distance, n, from, to, dir, joined);
+  for (int z = 0; z < n[2]; z++) {
+    const uint8_t *d = leap->distance + (size_t)z * layer;
+    uint8_t most = 0;
+    for (size_t i = 0; i < layer; i++) most = d[i] > most ? d[i] : most;
+    leap->farthest[z] = most;
+  }
+}
+
+tc_leap *tc_leap_build(const tc_minmax *m, const tc_support *support, const tc_leap *before, tc_pool *pool, GError **error) {
   double start = tc_now_ms();
-  size_t count = (size_t)m->blocks[0] * (size_t)m->blocks[1] * (size_t)m->blocks[2], empty = 0;
+  size_t layers = (size_t)m->blocks[2], count = layer_size(m->blocks) * layers;
   tc_leap *leap = calloc(1, sizeof *leap);
-  uint8_t *distance = malloc(count + 8);
-  if (!leap || !distance) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "distance map: out of memory");
+  leap_job job = {.minmax = m, .before = before, .distance = calloc(count + 8 + layers, 1),
+                  .empty = calloc(layers, sizeof *job.empty), .changed = calloc(layers, sizeof *job.changed)};
+  uint8_t *joined = malloc((size_t)m->blocks[0] + 2);
+  tc_runs runs = {0};
+  bool ok = leap && job.distance && job.empty && job.changed && joined;
+  if (!ok) tc_set_error(error, TC_ERROR_MEMORY, NULL, "distance map: out of memory");
+  ok = ok && tc_runs_init(&runs, support, m->type, error);
+  if (ok) {
+    job.runs = &runs;
+    tc_pool_run(pool, m->blocks[2], mark_layer, &job);
+    size_t empty = 0;
+    for (size_t z = 0; z < layers; z++) empty += job.empty[z];
+    *leap = (tc_leap){.block = m->block, .reach = m->reach, .blocks = {m->blocks[0], m->blocks[1], m->blocks[2]},
+                      .distance = job.distance, .farthest = job.distance + count + 8,
+                      .empty_share = (double)empty / (double)count, .support = support->serial,
+                      .bytes = count + 8 + layers};
+    fill_distances(&job, leap, joined);
+    leap->build_ms = tc_now_ms() - start;
+  } else {
+    free(job.distance);
     free(leap);
-    free(distance);
-    return NULL;
+    leap = NULL;
   }
-  double scale = (support->n - 1) / (support->hi - support->lo);
-  for (size_t i = 0; i < count; i++) {
-    bool e = is_empty(support, scale, tc_minmax_value(m, 2 * i), tc_minmax_value(m, 2 * i + 1));
-    distance[i] = e ? FAR : 0;
-    empty += e;
-  }
-  memset(distance + count, 0, 8);
-  if (empty) {
-    sweep(distance, m->blocks, 1);
-    sweep(distance, m->blocks, -1);
-  }
-  *leap = (tc_leap){.block = m->block, .reach = m->reach, .blocks = {m->blocks[0], m->blocks[1], m->blocks[2]},
-                    .distance = distance, .empty_share = (double)empty / (double)count, .support = support->serial,
-                    .bytes = count + 8};
-  if (support->used) tc_support_zones(support, &leap->zero_below, &leap->zero_above);
-  leap->build_ms = tc_now_ms() - start;
+  tc_runs_finish(&runs);
+  free(job.empty);
+  free(job.changed);
+  free(joined);
   return leap;
 }
 

@@ -9,14 +9,17 @@ static int node_of(const tc_runs *r, double voxel) {
   return node > 0 ? node < r->last_node ? (int)node : r->last_node : 0;
 }
 
-uint8_t tc_runs_set(const tc_runs *runs, double voxel) { return runs->nodes[node_of(runs, voxel)]; }
+uint8_t tc_runs_set(const tc_runs *runs, double voxel) {
+  if (!runs->nodes) return (uint8_t)((voxel < runs->lo) | (voxel > runs->hi) << 1);
+  return runs->nodes[node_of(runs, voxel)];
+}
 
 bool tc_runs_miss(const tc_runs *runs, double lo, double hi) {
   return runs->before[node_of(runs, hi) + 1] == runs->before[node_of(runs, lo)];
 }
 
 /* A lookup reads entries that span nodes floor(min) to floor(max) + 2; a node more on each side covers the rounding of the kernels'
- * single precision (leap.c's is_empty, value by value). */
+ * single precision. */
 static void find_runs(tc_runs *r, const tc_support *s) {
   int run = -1, end = s->n + 2;
   bool inside = false;
@@ -31,18 +34,21 @@ static void find_runs(tc_runs *r, const tc_support *s) {
 }
 
 bool tc_runs_init(tc_runs *runs, const tc_support *s, tc_voxel_type type, GError **error) {
+  bool surface = !s->used;
   size_t nodes = (size_t)s->n + 1, values = type == TC_F32 ? 0 : tc_voxel_size(type) == 1 ? 256 : 65536;
-  *runs = (tc_runs){.type = type, .last_node = s->n, .lo = s->lo, .scale = (s->n - 1) / (s->hi - s->lo)};
-  runs->nodes = malloc(nodes);
-  runs->before = calloc(nodes + 1, sizeof *runs->before);
+  *runs = (tc_runs){.type = type, .last_node = s->n, .lo = s->lo, .hi = s->hi, .scale = (s->n - 1) / (s->hi - s->lo)};
+  runs->nodes = surface ? NULL : malloc(nodes);
+  runs->before = surface ? NULL : calloc(nodes + 1, sizeof *runs->before);
   runs->voxels = values ? malloc(values) : NULL;
-  if (!runs->nodes || !runs->before || (values && !runs->voxels)) {
+  if ((!surface && (!runs->nodes || !runs->before)) || (values && !runs->voxels)) {
     tc_runs_finish(runs);
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "runs of values that show nothing: out of memory");
     return false;
   }
-  find_runs(runs, s);
-  tc_support_zones(s, &runs->zero_below, &runs->zero_above);
+  if (!surface) {
+    find_runs(runs, s);
+    tc_support_zones(s, &runs->zero_below, &runs->zero_above);
+  }
   for (size_t i = 0; i < values; i++) runs->voxels[i] = tc_runs_set(runs, (double)i + least_value[type]);
   return true;
 }

@@ -65,16 +65,19 @@ void tc_support_zones(const tc_support *support, double *below, double *above);
 /* Distances under one support. */
 typedef struct tc_leap {
   int block, reach, blocks[3];
-  uint8_t *distance;  /* [blocks z][blocks y][blocks x], then at least 4 readable bytes */
+  uint8_t *distance;  /* [blocks z][blocks y][blocks x], then at least 4 readable bytes; 254 stands for that and more */
+  uint8_t *farthest;  /* [blocks z]: the greatest distance in a layer */
+  int swept;          /* layers of blocks whose distances were worked out and not copied */
   double empty_share; /* of the blocks */
-  /* A lookup between two nodes that are both below, or both above, is exactly zero. */
-  double zero_below, zero_above;
   uint64_t support; /* serial of what it was built with */
   size_t bytes;
   double build_ms;
 } tc_leap;
 
-tc_leap *tc_leap_build(const tc_minmax *minmax, const tc_support *support, GError **error);
+/* before: NULL, or an earlier map of the same blocks: only the layers that what changed since can reach are worked out again,
+ * and the result is the same. */
+tc_leap *tc_leap_build(const tc_minmax *minmax, const tc_support *support, const tc_leap *before, tc_pool *pool,
+                       GError **error);
 void tc_leap_free(tc_leap *leap); /* NULL is fine */
 
 /* False when the transfer function is nowhere zero between two values: then nothing can be empty and no structure is built. */

@@ -115,6 +115,13 @@ static void leaping_changes_no_bit(void **unused) {
   }
 }
 
+static tc_support *support_of(const tc_volume *v, const tc_transfer_function *tf) {
+  const tc_volume_desc *d = tc_volume_describe(v);
+  tc_table_params p = {.tf = tf, .slope = d->slope, .intercept = d->intercept, .step_mm = 1};
+  tc_table_choose(v, p.tf, &p.n, &p.voxel_lo, &p.voxel_hi);
+  return tc_support_build(&p, NULL);
+}
+
 /* Every block's pair against its voxels; every distance against all blocks. */
 static void map_is_right(void **unused) {
   uint64_t state = 5;
@@ -124,11 +131,9 @@ static void map_is_right(void **unused) {
     test_scene(&s, 8, 8);
     random_knots(&s, &state);
     const tc_volume_desc *d = tc_volume_describe(v);
-    tc_table_params p = {.tf = &s.transfer_function, .slope = d->slope, .intercept = d->intercept, .step_mm = 1};
-    tc_table_choose(v, p.tf, &p.n, &p.voxel_lo, &p.voxel_hi);
-    tc_support *support = tc_support_build(&p, NULL);
+    tc_support *support = support_of(v, &s.transfer_function);
     tc_minmax *m = tc_minmax_build(v, 2 + trial % 7, 0, NULL, NULL);
-    tc_leap *leap = tc_leap_build(m, support, NULL);
+    tc_leap *leap = tc_leap_build(m, support, NULL, NULL, NULL);
     for (int k = 0; k < 3; k++) {
       int cells = d->dims[k] > 1 ? d->dims[k] - 1 : 1;
       assert_true(m->blocks[k] * m->block >= cells && (m->blocks[k] - 1) * m->block < cells);
@@ -162,6 +167,42 @@ static void map_is_right(void **unused) {
     tc_scene_clear(&s);
     tc_volume_unref(v);
   }
+}
+
+/* A map made from the one before is the map made from nothing, and a small change goes over a part of it. */
+static void map_is_mended(void **unused) {
+  uint64_t state = 11;
+  int swept = 0, layers = 0, untouched = 0;
+  for (int trial = 0; trial < 40; trial++) {
+    tc_volume *v = random_volume(&state);
+    tc_minmax *m = tc_minmax_build(v, 2 + trial % 3, 0, NULL, NULL);
+    tc_scene s;
+    test_scene(&s, 8, 8);
+    random_knots(&s, &state);
+    tc_leap *before = NULL;
+    for (int edit = 0; edit < 6; edit++) {
+      tc_support *support = edit == 5 ? tc_support_surface(80, 81, NULL) : support_of(v, &s.transfer_function);
+      tc_leap *leap = tc_leap_build(m, support, before, NULL, NULL), *alone = tc_leap_build(m, support, NULL, NULL, NULL);
+      size_t blocks = (size_t)m->blocks[0] * (size_t)m->blocks[1] * (size_t)m->blocks[2];
+      assert_memory_equal(leap->distance, alone->distance, blocks);
+      assert_memory_equal(leap->farthest, alone->farthest, (size_t)m->blocks[2]);
+      if (before) swept += leap->swept, layers += m->blocks[2], untouched += !leap->swept && alone->swept;
+      tc_leap_free(before);
+      tc_leap_free(alone);
+      before = leap;
+      tc_support_free(support);
+      size_t k = (size_t)(s.transfer_function.count * test_random(&state));
+      double *value = &s.transfer_function.points[k].value, next = *value + 9;
+      if (k + 1 < s.transfer_function.count) next = s.transfer_function.points[k + 1].value;
+      *value += 0.3 * test_random(&state) * (next - *value);
+    }
+    tc_leap_free(before);
+    tc_minmax_free(m);
+    tc_scene_clear(&s);
+    tc_volume_unref(v);
+  }
+  printf("%d of %d layers gone over again, %d maps copied\n", swept, layers, untouched);
+  assert_true(swept < 0.9 * layers && swept > 0.05 * layers && untouched > 10);
 }
 
 /* The plan leaves the structure out where nothing can be empty, and it costs little where it is in. */
@@ -220,7 +261,7 @@ static void long_axes_are_drawn(void **unused) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(leaping_changes_no_bit), cmocka_unit_test(map_is_right),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(leaping_changes_no_bit), cmocka_unit_test(map_is_right), cmocka_unit_test(map_is_mended),
                                      cmocka_unit_test(built_only_when_it_can_help), cmocka_unit_test(long_axes_are_drawn)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
