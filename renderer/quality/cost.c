@@ -5,7 +5,7 @@
 #define KEPT 0.85       /* of the older frames' weight, at each new one */
 #define RAY_SHARE 0.25  /* a / b while nothing tells them apart */
 #define PRIOR 0.02      /* weight of that, against the frames' */
-#define SURPRISE 1.5    /* a frame this many times as slow: the older ones tell little any more */
+#define SURPRISE 2      /* a frame this many times as slow or quick: the older ones tell little any more */
 #define FINEST_RUNG (-24)
 #define COARSEST_RUNG 16
 
@@ -19,17 +19,26 @@ static void solve(const tc_quality_cost *c, double *a, double *b) {
   if (*b < 0) *b = 0, *a = c->y / c->w;
 }
 
-double tc_quality_cost_ms(const tc_quality_cost *cost, double pixels, double step) {
+double tc_quality_stretch(const tc_scene *scene) {
+  return scene->mode == TC_MODE_DVR ? scene->sampling.rays_per_pixel : 1;
+}
+
+static double expected(const tc_quality_cost *cost, double rays, double spacing) {
   double a, b;
   if (!(cost->w > 0)) return 0;
   solve(cost, &a, &b);
-  return pixels * (a + b / step);
+  return rays * (a + b / spacing);
 }
 
-void tc_quality_cost_add(tc_quality_cost *c, double pixels, double step, double ms) {
-  if (!(pixels > 0) || !(step > 0) || !(ms > 0)) return;
-  double expected = tc_quality_cost_ms(c, pixels, step), kept = expected > 0 && ms > SURPRISE * expected ? 0 : KEPT;
-  double x = 1 / step, y = ms / pixels, w = 1 / (y * y);
+double tc_quality_cost_ms(const tc_quality_cost *cost, const tc_scene *scene, double pixels) {
+  return expected(cost, pixels * scene->sampling.rays_per_pixel, scene->sampling.step * tc_quality_stretch(scene));
+}
+
+void tc_quality_cost_add(tc_quality_cost *c, const tc_scene *scene, double pixels, double ms) {
+  double rays = pixels * scene->sampling.rays_per_pixel, spacing = scene->sampling.step * tc_quality_stretch(scene);
+  if (!(rays > 0) || !(spacing > 0) || !(ms > 0) || scene->mode == TC_MODE_ISOSURFACE) return;
+  double was = expected(c, rays, spacing), kept = was > 0 && fmax(ms / was, was / ms) > SURPRISE ? 0 : KEPT;
+  double x = 1 / spacing, y = ms / rays, w = 1 / (y * y);
   c->w = c->w * kept + w;
   c->x = c->x * kept + w * x;
   c->xx = c->xx * kept + w * x * x;
@@ -37,9 +46,9 @@ void tc_quality_cost_add(tc_quality_cost *c, double pixels, double step, double 
   c->xy = c->xy * kept + w * x * y;
 }
 
-double tc_quality_cost_step(const tc_quality_cost *cost, double pixels, double ms) {
-  if (!(cost->w > 0)) return 1;
-  for (int rung = FINEST_RUNG; rung < COARSEST_RUNG; rung++)
-    if (tc_quality_cost_ms(cost, pixels, exp2(rung / 8.0)) <= ms) return exp2(rung / 8.0);
-  return exp2(COARSEST_RUNG / 8.0);
+double tc_quality_cost_step(const tc_quality_cost *cost, const tc_scene *scene, double pixels, double ms) {
+  double rays = pixels * scene->sampling.rays_per_pixel, stretch = tc_quality_stretch(scene);
+  int rung = cost->w > 0 ? FINEST_RUNG : 0;
+  while (rung < COARSEST_RUNG && expected(cost, rays, exp2(rung / 8.0)) > ms) rung++;
+  return exp2(rung / 8.0) / stretch;
 }

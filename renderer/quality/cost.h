@@ -1,19 +1,28 @@
-/* What a frame costs: milliseconds per pixel = a + b / step, fitted to frames that were rendered, later ones counting
- * more. a is what a ray costs before its first sample; while all frames had one step it is taken as a fixed share.
- * Belongs to one look on one machine. Plain data: zero-initialise; any thread, one at a time. */
+/* What a frame costs: milliseconds per ray = a + b / spacing, fitted to frames that were rendered, later ones counting
+ * more. a is what a ray costs before its first sample; while all frames had one spacing it is taken as a fixed share. spacing
+ * is that of a ray's own samples, in voxels: R rays of a pixel that composite share its samples and have them R steps apart
+ * (raycast/subpixel.h), so they cost R a + b / step; the rays of a projection share none.
+ *
+ * Belongs to one look on one machine; a frame that took half or twice what was expected is taken for another look, and the older
+ * ones are forgotten. Plain data: zero-initialise; any thread, one at a time. */
 #ifndef TC_QUALITY_COST_H
 #define TC_QUALITY_COST_H
 
+#include "renderer/scene.h"
+
 typedef struct tc_quality_cost {
-  double w, x, xx, y, xy; /* weighted sums; x = 1 / step, y = ms per pixel, weights relative to y */
+  double w, x, xx, y, xy; /* weighted sums; x = 1 / spacing, y = ms per ray, weights relative to y */
 } tc_quality_cost;
 
-/* Takes in a frame. */
-void tc_quality_cost_add(tc_quality_cost *cost, double pixels, double step, double ms);
+/* The voxels between a ray's samples at a step of 1: what sampling.step is multiplied by. */
+double tc_quality_stretch(const tc_scene *scene);
+
+/* Takes in a frame of `pixels` pixels of the scene. An isosurface has no steps: it is not taken in. */
+void tc_quality_cost_add(tc_quality_cost *cost, const tc_scene *scene, double pixels, double ms);
 /* Expected milliseconds; 0 while nothing is known. */
-double tc_quality_cost_ms(const tc_quality_cost *cost, double pixels, double step);
-/* The finest step (a rung of 2^(1/8) voxels, 1/8 .. 4) expected to take at most `ms`; the coarsest where none does, 1
- * while nothing is known. */
-double tc_quality_cost_step(const tc_quality_cost *cost, double pixels, double ms);
+double tc_quality_cost_ms(const tc_quality_cost *cost, const tc_scene *scene, double pixels);
+/* The finest step (of a spacing of 1/8 .. 4 voxels in rungs of 2^(1/8)) expected to take at most `ms`; the coarsest where none
+ * does, a spacing of 1 while nothing is known. The scene's own step is not read. */
+double tc_quality_cost_step(const tc_quality_cost *cost, const tc_scene *scene, double pixels, double ms);
 
 #endif

@@ -3,9 +3,11 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "renderer/classify/classify.h"
 #include "renderer/clock.h"
+#include "renderer/raycast/subpixel.h"
 #include "renderer/reference/reference.h"
 
 /* Far below what any frame is asked to hold, and quick. */
@@ -24,12 +26,9 @@ struct tc_meter {
 
 bool tc_meter_refuses(const tc_scene *scene, char *reason, size_t size) {
   const char *member = tc_reference_missing(scene);
-  if (member)
-    snprintf(reason, size, "the reference has nothing for this %s", member + 1);
-  else if (scene->sampling.rays_per_pixel > 1)
-    snprintf(reason, size, "%d rays a pixel make a mean, the reference has the ray of its centre",
-             scene->sampling.rays_per_pixel);
-  return member || scene->sampling.rays_per_pixel > 1;
+  if (!member || !strcmp(member, "/labels/volume")) return false; /* tc_meter_measure() is given the labels */
+  snprintf(reason, size, "the reference has nothing for this %s", member + 1);
+  return true;
 }
 
 /* ---- which pixels ---- */
@@ -140,11 +139,24 @@ void tc_meter_estimate(const double *squares, int n, tc_meter_result *result) {
   result->high = fmin(result->high * factor, 1);
 }
 
-bool tc_meter_measure(const tc_meter *meter, tc_volume *volume, const tc_scene *scene, const atomic_bool *cancel,
-                      double most_ms, tc_meter_result *result, GError **error) {
+void tc_meter_truth(const tc_reference *reference, const tc_scene *scene, int x, int y, double rgba[4]) {
+  tc_subpixel rays[TC_MAX_RAYS_PER_PIXEL];
+  int count = scene->sampling.rays_per_pixel;
+  tc_subpixel_rays(count, rays);
+  for (int c = 0; c < 4; c++) rgba[c] = 0;
+  for (int r = 0; r < count; r++) {
+    double one[4];
+    tc_reference_pixel(reference, x + 0.5 + rays[r].x, y + 0.5 + rays[r].y, one);
+    for (int c = 0; c < 4; c++) rgba[c] += one[c] / count;
+  }
+}
+
+bool tc_meter_measure(const tc_meter *meter, tc_volume *volume, tc_volume *labels, const tc_scene *scene,
+                      const atomic_bool *cancel, double most_ms, tc_meter_result *result, GError **error) {
   double start = tc_now_ms();
   *result = (tc_meter_result){0};
-  tc_reference *reference = tc_reference_new(volume, scene, meter->width, meter->height, TOLERANCE, error);
+  tc_reference *reference =
+      tc_reference_new_labelled(volume, labels, scene, meter->width, meter->height, TOLERANCE, error);
   double *squares = reference ? malloc((size_t)meter->count * sizeof *squares) : NULL;
   if (reference && !squares) tc_set_error(error, TC_ERROR_MEMORY, NULL, "error meter: out of memory");
   bool stopped = false;
@@ -152,7 +164,7 @@ bool tc_meter_measure(const tc_meter *meter, tc_volume *volume, const tc_scene *
   while (squares && n < meter->count) {
     const meter_pixel *p = &meter->pixels[n];
     double wanted[4], got[4];
-    tc_reference_pixel(reference, p->x + 0.5, p->y + 0.5, wanted);
+    tc_meter_truth(reference, scene, p->x, p->y, wanted);
     for (int c = 0; c < 4; c++) got[c] = (double)p->rgba[c];
     squares[n++] = tc_meter_square(scene, got, wanted, &result->max);
     stopped = cancel && atomic_load_explicit(cancel, memory_order_relaxed);

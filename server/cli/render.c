@@ -180,7 +180,7 @@ static bool choose_sampling(job *j, GError **error) {
     tc_quality_model model = {0};
     tc_quality_choice choice;
     tc_quality_view view;
-    if (!tc_quality_measure(j->renderer, j->volume, s, &s->camera, &model, NULL, &view, error)) return false;
+    if (!tc_quality_measure(j->renderer, j->volume, j->labels, s, &s->camera, &model, NULL, &view, error)) return false;
     tc_quality_add(&model, &view);
     tc_quality_choose(&model, s, &choice);
     tc_quality_apply(&choice, s);
@@ -193,14 +193,15 @@ static bool choose_sampling(job *j, GError **error) {
   if (!(budget > 0) || stepless) return true;
   tc_quality_cost cost = {0};
   const tc_render_request small = {.width = MAX(1, s->image.width / 2), .height = MAX(1, s->image.height / 2), .labels = j->labels};
-  for (s->sampling.step = 4; s->sampling.step >= 1; s->sampling.step /= 4) {
+  for (int spacing = 4; spacing >= 1; spacing -= 3) {
+    s->sampling.step = spacing / tc_quality_stretch(s);
     if (!tc_render(j->renderer, j->volume, s, &small, &j->frame, NULL, error)) return false;
-    tc_quality_cost_add(&cost, (double)small.width * small.height, s->sampling.step, j->frame.stats.render_ms);
+    tc_quality_cost_add(&cost, s, (double)small.width * small.height, j->frame.stats.render_ms);
   }
   const double pixels = (double)s->image.width * s->image.height;
-  s->sampling.step = tc_quality_cost_step(&cost, pixels, budget);
+  s->sampling.step = tc_quality_cost_step(&cost, s, pixels, budget);
   fprintf(stderr, "tomocast render: quality: step %.3g, %.3g ms expected\n", s->sampling.step,
-          tc_quality_cost_ms(&cost, pixels, s->sampling.step));
+          tc_quality_cost_ms(&cost, s, pixels));
   return true;
 }
 

@@ -210,7 +210,7 @@ static void done_render(tcs_task *task) {
     tcs_histogram_add(&metrics->tables, job->stats.tables_ms / 1000);
     tcs_histogram_add(&metrics->skip, job->stats.skip_ms / 1000);
     tcs_histogram_add(&metrics->render, job->stats.render_ms / 1000);
-    tc_quality_cost_add(&job->server->cost, (double)job->out_width * job->out_height, job->scene.sampling.step,
+    tc_quality_cost_add(&job->server->cost, &job->scene, (double)job->out_width * job->out_height,
                         job->stats.render_ms);
     if (job->rendered) job->rendered(job);
     job->task.run = run_encode;

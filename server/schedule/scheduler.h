@@ -15,7 +15,7 @@ typedef struct tcs_quality_used {
   double step;     /* chosen */
   bool holds;      /* the model expects the bound to hold */
   int views;       /* measured for the model of the error */
-  char reason[160];
+  char reason[200];
 } tcs_quality_used;
 
 /* One picture (or plan) to make. Made by tcs_job_new(), filled by its owner, freed by the scheduler after `finished`.

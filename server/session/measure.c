@@ -7,7 +7,7 @@ struct tcs_measure {
   tcs_task task;
   tcs_server *server;
   tcs_session *session; /* NULL: nobody wants it any more */
-  tc_volume *volume;
+  tc_volume *volume, *labels; /* owned references; no labels: NULL */
   tc_scene scene;
   tc_meter *meter;
   atomic_bool cancel;
@@ -18,18 +18,26 @@ struct tcs_measure {
 static void run(tcs_task *task) {
   tcs_measure *m = (tcs_measure *)task;
   tcs_thread_set_low();
-  tc_meter_measure(m->meter, m->volume, &m->scene, &m->cancel, MOST_MS, &m->result, &m->error);
+  tc_meter_measure(m->meter, m->volume, m->labels, &m->scene, &m->cancel, MOST_MS, &m->result, &m->error);
+}
+
+/* The reason instead of figures. */
+static void tell_failure(const tcs_measure *m) {
+  tcs_log(TCS_LOG_WARN, "meter.failed", "code=%d", m->error->code);
+  tcs_picture *picture = m->session->latest;
+  g_strlcpy(picture->unmeasured, m->error->message, sizeof picture->unmeasured);
+  picture->header.unmeasured = picture->unmeasured;
 }
 
 static void tell(const tcs_measure *m) {
   tcp_frame_header *header = &m->session->latest->header;
+  tcs_histogram_add_error(&m->server->metrics.error, m->result.rms);
   header->has_error = true;
   header->rms = m->result.rms;
   header->low = m->result.low;
   header->high = m->result.high;
   header->max = m->result.max;
   header->pixels = m->result.pixels;
-  tcs_session_deliver(m->session);
 }
 
 static void done(tcs_task *task) {
@@ -37,17 +45,17 @@ static void done(tcs_task *task) {
   tcs_metrics *metrics = &m->server->metrics;
   metrics->meter_seconds += m->result.ms / 1000;
   metrics->meter_pixels += (uint64_t)m->result.pixels;
-  if (m->session) m->session->measure = NULL;
-  if (g_error_matches(m->error, TC_ERROR, TC_ERROR_CANCELLED) || !m->session) {
+  tcs_session *session = m->session;
+  if (session) session->measure = NULL;
+  if (!session) {
     metrics->meter_cancelled++;
-  } else if (m->error) {
-    tcs_log(TCS_LOG_WARN, "meter.failed", "code=%d", m->error->code);
   } else {
-    tcs_histogram_add_error(&metrics->error, m->result.rms);
-    tell(m);
+    (m->error ? tell_failure : tell)(m);
+    tcs_session_deliver(session);
   }
   tc_meter_free(m->meter);
   tc_volume_unref(m->volume);
+  tc_volume_unref(m->labels);
   tc_scene_clear(&m->scene);
   g_clear_error(&m->error);
   g_free(m);
@@ -58,6 +66,7 @@ void tcs_measure_begin(tcs_session *session, tcs_job *job) {
   tcs_measure *m = g_new0(tcs_measure, 1);
   *m = (tcs_measure){.task = {.run = run, .done = done}, .server = session->server, .session = session};
   m->volume = tc_volume_ref(job->volume);
+  if (job->labels) m->labels = tc_volume_ref(job->labels);
   tc_scene_copy(&m->scene, &job->scene);
   m->meter = g_steal_pointer(&job->meter);
   atomic_init(&m->cancel, false);

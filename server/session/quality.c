@@ -14,7 +14,7 @@ typedef struct measurement {
   tcs_quality *quality;
   tcs_job *waiting; /* or NULL */
   char *look, *session;
-  tc_volume *volume;
+  tc_volume *volume, *labels; /* owned references; no labels: NULL */
   tc_scene scene;
   tc_camera camera;
   tc_quality_model model; /* what is known: where to begin */
@@ -55,7 +55,7 @@ void tcs_quality_free(tcs_quality *q) {
 /* ---- looks ---- */
 
 /* Everything of a scene that its error depends on beside camera and sampling: the scene's own words, less those. */
-static char *look_of(const tc_volume *volume, const tc_scene *scene) {
+static char *look_of(const tc_volume *volume, const tc_volume *labels, const tc_scene *scene) {
   static const char *const out[] = {"camera", "errorMeter", "skipping", "splat", "mpr", "isosurface"};
   static const char *const out_of[][2] = {{"image", "width"},   {"image", "height"},      {"image", "format"},
                                           {"image", "quality"}, {"image", "subsampling"}, {"sampling", "step"},
@@ -66,11 +66,15 @@ static char *look_of(const tc_volume *volume, const tc_scene *scene) {
     cJSON_DeleteItemFromObjectCaseSensitive(cJSON_GetObjectItemCaseSensitive(json, out_of[i][0]), out_of[i][1]);
   char *text = cJSON_PrintUnformatted(json);
   char *hash = g_compute_checksum_for_string(G_CHECKSUM_SHA256, text, -1);
-  char *look = g_strdup_printf("%" PRIu64 " %s", tc_volume_serial(volume), hash);
+  char *look = g_strdup_printf("%" PRIu64 " %" PRIu64 " %s", tc_volume_serial(volume), labels ? tc_volume_serial(labels) : 0, hash);
   g_free(hash);
   cJSON_free(text);
   cJSON_Delete(json);
   return look;
+}
+
+static char *look_of_session(const tcs_session *session) {
+  return look_of(session->entry->volume, tcs_session_labels(session), &session->scene);
 }
 
 static tc_quality_model *model_of(tcs_quality *q, const char *look) {
@@ -78,6 +82,7 @@ static tc_quality_model *model_of(tcs_quality *q, const char *look) {
   if (model) return model;
   if (g_hash_table_size(q->models) >= MOST_LOOKS) g_hash_table_remove_all(q->models);
   model = g_new0(tc_quality_model, 1);
+  model->first_only = strcmp(tcs_scheduler_about(q->server->scheduler)->backend, "cpu") != 0;
   g_hash_table_insert(q->models, g_strdup(look), model);
   return model;
 }
@@ -92,11 +97,12 @@ static bool asks_for_error(const tc_scene *scene) {
 static void choose_for_time(tcs_job *job, const tc_quality_cost *cost, bool moving) {
   tcs_quality_used *used = &job->quality;
   tc_scene *s = &job->scene;
-  double pixels = (double)s->image.width * s->image.height, budget = used->asked;
+  const double pixels = (double)s->image.width * s->image.height;
+  double budget = used->asked;
   if (s->mode == TC_MODE_ISOSURFACE && tc_quality_refuses(s, used->reason, sizeof used->reason)) return;
   if (moving) budget = MIN(budget, TCS_LADDER_TARGET_MS);
-  s->sampling.step = tc_quality_cost_step(cost, pixels, budget * BUDGET_SHARE);
-  used->expected = tc_quality_cost_ms(cost, pixels, s->sampling.step);
+  s->sampling.step = tc_quality_cost_step(cost, s, pixels, budget * BUDGET_SHARE);
+  used->expected = tc_quality_cost_ms(cost, s, pixels);
   used->holds = used->expected > 0 && used->expected <= budget;
   const char *form = used->expected <= 0 ? "no frame was timed yet: a step of %.3g voxel"
                      : used->holds       ? "step %.3g is the finest that is expected in time: %.3g of %.3g ms"
@@ -109,13 +115,17 @@ static void choose_for_error(tcs_quality *q, tcs_job *job, bool moving) {
   tc_scene *s = &job->scene;
   tc_quality_choice choice;
   if (tc_quality_refuses(s, used->reason, sizeof used->reason)) return; /* the scene's own sampling */
-  char *look = look_of(job->volume, s);
+  char *look = look_of(job->volume, job->labels, s);
   const tc_quality_model *model = model_of(q, look);
   g_free(look);
   const double own = s->sampling.step;
+  const tc_classification method = s->classification;
   tc_quality_choose(model, s, &choice);
   tc_quality_apply(&choice, s);
-  if (moving) s->sampling.step = MAX(own, choice.step);
+  if (moving && choice.step < own) { /* no dearer than the scene's own */
+    s->sampling.step = own;
+    s->classification = method;
+  }
   used->expected = choice.rms;
   used->holds = choice.holds;
   used->views = model->n;
@@ -141,6 +151,11 @@ cJSON *tcs_quality_json(const tcs_job *job) {
   if (!(used->asked > 0)) return NULL;
   cJSON *json = cJSON_CreateObject();
   cJSON_AddNumberToObject(json, used->for_time ? "maxMilliseconds" : "maxError", used->asked);
+  if (job->scene.mode == TC_MODE_DVR) {
+    cJSON *scene = tcp_scene_write(&job->scene);
+    cJSON_AddItemToObject(json, "classification", cJSON_DetachItemFromObjectCaseSensitive(scene, "classification"));
+    cJSON_Delete(scene);
+  }
   cJSON_AddNumberToObject(json, "step", job->scene.sampling.step);
   cJSON_AddNumberToObject(json, "termination", job->scene.sampling.termination);
   if (used->expected > 0) cJSON_AddNumberToObject(json, "expected", used->expected);
@@ -163,7 +178,7 @@ static void run(tcs_task *task) {
   const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = 1, .cache_bytes = CACHE_BYTES};
   if (!q->renderer) q->renderer = tc_renderer_new(&options, &m->error);
   if (q->renderer)
-    tc_quality_measure(q->renderer, m->volume, &m->scene, &m->camera, &m->model, &m->cancel, &m->view, &m->error);
+    tc_quality_measure(q->renderer, m->volume, m->labels, &m->scene, &m->camera, &m->model, &m->cancel, &m->view, &m->error);
 }
 
 static void submit_waiting(tcs_quality *q, tcs_job *job) {
@@ -179,16 +194,18 @@ static void submit_waiting(tcs_quality *q, tcs_job *job) {
   tcs_job_free(job);
 }
 
-/* Final pictures that were made with a coarser step than is now known to be needed are made again. */
+/* Final pictures that are now known not to hold their bound are made again, where that helps. */
 static void refine(tcs_session *session, void *user) {
   const measurement *m = user;
   const tcs_picture *latest = session->latest;
   if (!latest || !latest->final || latest->revision != session->revision || !asks_for_error(&session->scene)) return;
-  char *look = look_of(session->entry->volume, &session->scene);
+  char *look = look_of_session(session);
   if (strcmp(look, m->look) == 0) {
+    const tc_quality_model *model = model_of(m->quality, look);
+    const double now = tc_quality_expects(model, &session->scene, latest->classification, latest->step);
     tc_quality_choice choice;
-    tc_quality_choose(model_of(m->quality, look), &session->scene, &choice);
-    if (choice.step < latest->step * 0.99) tcs_session_refine(session);
+    tc_quality_choose(model, &session->scene, &choice);
+    if (now > session->scene.quality.max_error && choice.rms < now * 0.99) tcs_session_refine(session);
   }
   g_free(look);
 }
@@ -209,6 +226,7 @@ static void done(tcs_task *task) {
   /* What failed once fails again: it waits for the next final frame. */
   const bool again = !m->error || g_error_matches(m->error, TC_ERROR, TC_ERROR_CANCELLED);
   tc_volume_unref(m->volume);
+  tc_volume_unref(m->labels);
   tc_scene_clear(&m->scene);
   g_clear_error(&m->error);
   g_free(m->look);
@@ -218,10 +236,12 @@ static void done(tcs_task *task) {
 }
 
 /* Takes `look`. */
-static measurement *begin(tcs_quality *q, tc_volume *volume, const tc_scene *scene, const tc_camera *camera, char *look) {
+static measurement *begin(tcs_quality *q, tc_volume *volume, tc_volume *labels, const tc_scene *scene, const tc_camera *camera,
+                          char *look) {
   measurement *m = g_new0(measurement, 1);
   *m = (measurement){.task = {.run = run, .done = done}, .quality = q, .look = look, .camera = *camera};
   m->volume = tc_volume_ref(volume);
+  if (labels) m->labels = tc_volume_ref(labels);
   tc_scene_copy(&m->scene, scene);
   m->model = *model_of(q, look);
   atomic_init(&m->cancel, false);
@@ -233,13 +253,13 @@ static measurement *begin(tcs_quality *q, tc_volume *volume, const tc_scene *sce
 bool tcs_quality_prepare(tcs_quality *q, tcs_job *job) {
   if (!asks_for_error(&job->scene) || (int64_t)q->under_way->len >= q->server->config->limits.queue) return false;
   tc_quality_choice choice;
-  char *look = look_of(job->volume, &job->scene);
+  char *look = look_of(job->volume, job->labels, &job->scene);
   tc_quality_choose(model_of(q, look), &job->scene, &choice);
   if (choice.near) {
     g_free(look);
     return false;
   }
-  begin(q, job->volume, &job->scene, &job->scene.camera, look)->waiting = job;
+  begin(q, job->volume, job->labels, &job->scene, &job->scene.camera, look)->waiting = job;
   return true;
 }
 
@@ -248,12 +268,12 @@ static void measure_for(tcs_session *session, void *user) {
   tc_camera camera;
   const bool settled = session->begun_final && session->begun_revision == session->revision;
   if (q->for_session || !session->watchers->len || !settled || !asks_for_error(&session->scene)) return;
-  char *look = look_of(session->entry->volume, &session->scene);
+  char *look = look_of_session(session);
   if (!tc_quality_wants(model_of(q, look), &session->scene, &camera)) {
     g_free(look);
     return;
   }
-  q->for_session = begin(q, session->entry->volume, &session->scene, &camera, look);
+  q->for_session = begin(q, session->entry->volume, tcs_session_labels(session), &session->scene, &camera, look);
   q->for_session->session = g_strdup(session->id);
 }
 
@@ -265,7 +285,7 @@ void tcs_quality_changed(tcs_quality *q, const tcs_session *session) {
   measurement *m = q->for_session;
   if (!m || strcmp(m->session, session->id) != 0) return;
   const bool wanted = session->watchers->len && asks_for_error(&session->scene);
-  char *look = wanted ? look_of(session->entry->volume, &session->scene) : NULL;
+  char *look = wanted ? look_of_session(session) : NULL;
   if (!look || strcmp(look, m->look) != 0) atomic_store(&m->cancel, true);
   g_free(look);
 }

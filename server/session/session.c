@@ -148,7 +148,7 @@ static void deliver(tcs_session *session, tcs_watcher *watcher, int64_t now_us) 
   header.seq = tcs_watcher_seq_in(watcher, picture, session->revision);
   watcher->shown_revision = picture->revision;
   watcher->shown_final = picture->final;
-  watcher->shown_error = picture->header.has_error;
+  watcher->shown_error = tcs_picture_is_judged(picture);
   session->server->metrics.frames_sent++;
   watcher->ops->frame(watcher, picture, &header);
 }
@@ -201,6 +201,7 @@ static tcs_picture *make_picture(tcs_job *job) {
   picture->references = 1;
   picture->revision = job->revision;
   picture->final = job->final;
+  picture->classification = job->scene.classification;
   picture->step = job->scene.sampling.step;
   picture->image = g_bytes_ref(job->image);
   picture->marks = job->marks;
@@ -237,9 +238,10 @@ static void finished(tcs_job *job) {
   }
   const double pixels = (double)job->out_width * job->out_height;
   tcs_ladder_measure(&session->ladder, pixels, job->stats.render_ms);
-  tc_quality_cost_add(&session->cost, pixels, job->scene.sampling.step, job->stats.render_ms);
+  tc_quality_cost_add(&session->cost, &job->scene, pixels, job->stats.render_ms);
   tcs_picture_unref(session->latest);
   session->latest = make_picture(job);
+  tcs_measure_cancel(session); /* of another picture */
   if (job->meter && job->revision == session->revision) tcs_measure_begin(session, job);
   tcs_session_deliver(session);
   if (job->final) tcs_quality_pump(session->server->quality);

@@ -12,13 +12,15 @@ void tcs_picture_unref(tcs_picture *picture) {
   g_free(picture);
 }
 
+bool tcs_picture_is_judged(const tcs_picture *picture) { return picture->header.has_error || picture->header.unmeasured; }
+
 bool tcs_watcher_wants(const tcs_watcher *watcher, uint64_t revision, bool final) {
   if (revision != watcher->shown_revision) return revision > watcher->shown_revision;
   return final && !watcher->shown_final;
 }
 
 bool tcs_watcher_wants_error(const tcs_watcher *watcher, const tcs_picture *picture) {
-  return watcher->ops->headers && picture->header.has_error && watcher->shown_revision == picture->revision &&
+  return watcher->ops->headers && tcs_picture_is_judged(picture) && watcher->shown_revision == picture->revision &&
          !watcher->shown_error;
 }
 

@@ -16,7 +16,8 @@ typedef struct tcs_picture {
   uint64_t revision;       /* of the scene it shows */
   bool final;              /* full resolution and quality */
   tcp_frame_header header; /* frame and seq differ per viewer */
-  double step;             /* it was rendered with */
+  tc_classification classification; /* it was rendered with, and at */
+  double step;
   GBytes *image;
   char unmeasured[96]; /* header.unmeasured points here, or is NULL */
   GArray *marks; /* tcs_mark: each viewer's newest patch it shows */
@@ -28,6 +29,8 @@ typedef struct tcs_mark {
 
 tcs_picture *tcs_picture_ref(tcs_picture *picture);
 void tcs_picture_unref(tcs_picture *picture); /* NULL is fine */
+/* Its header has what the error meter found, or why that found nothing. */
+bool tcs_picture_is_judged(const tcs_picture *picture);
 
 typedef struct tcs_session tcs_session;
 typedef struct tcs_watcher tcs_watcher;
@@ -52,7 +55,7 @@ struct tcs_watcher {
 
 /* Whether a picture of (`revision`, `final`) would tell the viewer something new. */
 bool tcs_watcher_wants(const tcs_watcher *watcher, uint64_t revision, bool final);
-/* Whether the viewer has seen the picture but not its error, which is known. */
+/* Whether the viewer has seen the picture but not what the error meter made of it. */
 bool tcs_watcher_wants_error(const tcs_watcher *watcher, const tcs_picture *picture);
 /* The viewer's newest patch in the picture; 0 = none. */
 uint64_t tcs_watcher_seq_in(const tcs_watcher *watcher, const tcs_picture *picture, uint64_t current_revision);

@@ -11,7 +11,9 @@
 #include <cmocka.h>
 
 #include "renderer/quality/meter.h"
+#include "renderer/raycast/subpixel.h"
 #include "renderer/reference/reference.h"
+#include "tests/support/grid.h"
 
 enum { WIDTH = 72, HEIGHT = 48, PIXELS = WIDTH * HEIGHT };
 
@@ -65,7 +67,7 @@ static tc_meter_result measure(int count, uint64_t seed) {
   tc_meter_result result;
   tc_meter *meter = tc_meter_new(&frame, count, seed);
   assert_non_null(meter);
-  if (!tc_meter_measure(meter, volume, &scene, NULL, 0, &result, &error)) fail_msg("%s", error->message);
+  if (!tc_meter_measure(meter, volume, NULL, &scene, NULL, 0, &result, &error)) fail_msg("%s", error->message);
   tc_meter_free(meter);
   return result;
 }
@@ -124,10 +126,10 @@ static void ends_when_told(void **state) {
   GError *error = NULL;
   tc_meter_result r;
   tc_meter *meter = tc_meter_new(&frame, 64, 1);
-  assert_false(tc_meter_measure(meter, volume, &scene, &cancel, 0, &r, &error));
+  assert_false(tc_meter_measure(meter, volume, NULL, &scene, &cancel, 0, &r, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_CANCELLED));
   g_clear_error(&error);
-  assert_true(tc_meter_measure(meter, volume, &scene, NULL, 1e-9, &r, &error)); /* out of time: what there is */
+  assert_true(tc_meter_measure(meter, volume, NULL, &scene, NULL, 1e-9, &r, &error)); /* out of time: what there is */
   assert_true(r.pixels >= 1 && r.pixels < 64);
   tc_meter_free(meter);
 }
@@ -148,12 +150,88 @@ static void what_has_no_reference_is_said(void **state) {
   scene.error_meter.pixels = 0;
 }
 
+/* ---- several rays a pixel, labels ---- */
+
+/* What the meter says of the scene in all modes that it can measure is what it said of coarse steps, and of fine ones little:
+ * another truth, such as the ray of the centre, would be as far from both. */
+static void assert_step_alone_counts(tc_scene *s, tc_volume *labels, const char *what) {
+  static const double steps[] = {2, 0.125};
+  tc_meter_result found[2];
+  for (int i = 0; i < 2; i++) {
+    GError *error = NULL;
+    tc_frame drawn = {0};
+    s->sampling.step = steps[i] / s->sampling.rays_per_pixel;
+    if (!tc_render(renderer, volume, s, &(tc_render_request){.want_linear = true, .labels = labels}, &drawn, NULL, &error))
+      fail_msg("%s: %s", what, error->message);
+    tc_meter *meter = tc_meter_new(&drawn, 300, 1);
+    if (!tc_meter_measure(meter, volume, labels, s, NULL, 0, &found[i], &error)) fail_msg("%s: %s", what, error->message);
+    tc_meter_free(meter);
+    tc_frame_finish(&drawn);
+  }
+  printf("  %s: rms %.2e at a spacing of 2 voxels, %.2e at 1/8\n", what, found[0].rms, found[1].rms);
+  assert_true(found[1].rms < 8e-4);
+  assert_true(s->mode == TC_MODE_ISOSURFACE || found[0].rms >= 4 * found[1].rms);
+}
+
+static void the_truth_of_many_rays_is_their_mean(void **state) {
+  static const struct { tc_mode mode; const char *name; } modes[] = {{TC_MODE_DVR, "dvr"}, {TC_MODE_MIP, "mip"},
+      {TC_MODE_MINIP, "minip"}, {TC_MODE_AVERAGE, "average"}, {TC_MODE_ISOSURFACE, "isosurface"}};
+  tc_scene s = scene; /* borrows */
+  tc_subpixel rays[5];
+  tc_subpixel_rays(5, rays);
+  GError *error = NULL;
+  tc_reference *reference = tc_reference_new(volume, &s, WIDTH, HEIGHT, 1e-8, &error);
+  double mean[4] = {0}, middle[4], said[4];
+  s.sampling.rays_per_pixel = 5;
+  for (int r = 0; r < 5; r++) {
+    double one[4];
+    tc_reference_pixel(reference, 30.5 + rays[r].x, 20.5 + rays[r].y, one);
+    for (int c = 0; c < 4; c++) mean[c] += one[c] / 5;
+  }
+  tc_reference_pixel(reference, 30.5, 20.5, middle);
+  tc_meter_truth(reference, &s, 30, 20, said);
+  for (int c = 0; c < 4; c++) assert_float_equal(said[c], mean[c], 1e-15);
+  assert_true(fabs(said[0] - middle[0]) > 1e-4); /* and it is no other's */
+  s.sampling.rays_per_pixel = 1;
+  tc_meter_truth(reference, &s, 30, 20, said);
+  assert_memory_equal(said, middle, sizeof said);
+  tc_reference_free(reference);
+  s.sampling.rays_per_pixel = 4;
+  s.isosurface.value = s.window.center;
+  for (size_t m = 0; m < sizeof modes / sizeof *modes; m++) {
+    s.mode = modes[m].mode;
+    assert_step_alone_counts(&s, NULL, modes[m].name);
+  }
+}
+
+static double stripes(double x, double y, double z, const void *context) { return (int)(x / 5) % 3; }
+
+static void labels_are_measured_too(void **state) {
+  char reason[96];
+  tc_scene s;
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  test_grid grid = {.dims = {d->dims[0], d->dims[1], d->dims[2]}, .type = TC_U8};
+  memcpy(grid.spacing, d->spacing, sizeof grid.spacing);
+  memcpy(grid.origin, d->origin, sizeof grid.origin);
+  tc_volume *labels = test_volume(&grid, stripes, NULL);
+  tc_scene_copy(&s, &scene);
+  strcpy(s.labels.volume, "stripes");
+  s.labels.opacity = 0.8;
+  assert_false(tc_meter_refuses(&s, reason, sizeof reason));
+  for (s.sampling.rays_per_pixel = 1; s.sampling.rays_per_pixel <= 3; s.sampling.rays_per_pixel += 2)
+    assert_step_alone_counts(&s, labels, s.sampling.rays_per_pixel == 1 ? "labels" : "labels, three rays a pixel");
+  tc_scene_clear(&s);
+  tc_volume_unref(labels);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(all_pixels_give_the_frame_itself),
                                      cmocka_unit_test(the_interval_holds_the_truth),
                                      cmocka_unit_test(one_seed_one_answer),
                                      cmocka_unit_test(the_estimate_is_the_textbooks),
                                      cmocka_unit_test(ends_when_told),
+                                     cmocka_unit_test(the_truth_of_many_rays_is_their_mean),
+                                     cmocka_unit_test(labels_are_measured_too),
                                      cmocka_unit_test(what_has_no_reference_is_said)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

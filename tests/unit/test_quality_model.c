@@ -4,6 +4,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -29,7 +30,7 @@ static int tear_down(void **state) {
 
 /* error = level * step^2 */
 static tc_quality_view second_order(double level) {
-  return (tc_quality_view){scene.camera, 1, level, 2, 0, 0.25, 2};
+  return (tc_quality_view){scene.camera, {{1, level, 2, 0, 0.25, 2}}};
 }
 
 static void look_from(double azimuth, double distance) {
@@ -60,7 +61,7 @@ static void the_step_follows_bound_and_order(void **state) {
   assert_float_equal(choice.step, near / 2, 1e-9); /* second order */
   assert_float_equal(choice.termination, 0.0025 / 16, 1e-12);
   scene.quality.max_error = 0.01;
-  view.spread = 0.2; /* trials that scatter: more margin */
+  view.of[0].spread = 0.2; /* trials that scatter: more margin */
   model.views[0] = view;
   tc_quality_choose(&model, &scene, &choice);
   assert_true(choice.step < near);
@@ -93,7 +94,7 @@ static void far_views_are_taken_at_their_worst(void **state) {
 
 static void a_floor_is_said(void **state) {
   tc_quality_model model = {0};
-  tc_quality_view view = {scene.camera, 0.0625, 0.02, 0, 0, 0.0625, 0.1};
+  tc_quality_view view = {scene.camera, {{0.0625, 0.02, 0, 0, 0.0625, 0.1}}};
   tc_quality_add(&model, &view);
   tc_quality_choose(&model, &scene, &choice);
   assert_false(choice.holds);
@@ -116,34 +117,129 @@ static void the_oldest_view_makes_room(void **state) {
   tc_quality_model model = {0};
   tc_quality_view view = second_order(0.01);
   for (int i = 0; i <= TC_QUALITY_VIEWS + 2; i++) {
-    view.rms = i;
+    view.of[0].rms = i;
     tc_quality_add(&model, &view);
   }
   assert_int_equal(model.n, TC_QUALITY_VIEWS);
-  assert_true(model.views[2].rms == TC_QUALITY_VIEWS + 2 && model.views[3].rms == 3);
+  assert_true(model.views[2].of[0].rms == TC_QUALITY_VIEWS + 2 && model.views[3].of[0].rms == 3);
 }
 
-static double truth(double pixels, double step) { return pixels * (2e-5 + 6e-5 / step); }
+/* What each method's curve says of a look: first order 2, level 0.01 at a step of 1; second order 3, finer by `gain`. */
+static tc_quality_choice choose_method(double gain, bool first_only) {
+  tc_quality_model model = {.first_only = first_only};
+  tc_quality_view view = second_order(0.01);
+  view.of[TC_QUALITY_SECOND] = (tc_quality_curve){gain, 0.01, 3, 0, gain / 8, gain * 2};
+  tc_quality_add(&model, &view);
+  tc_quality_choose(&model, &scene, &choice);
+  return choice;
+}
+
+static void the_method_is_the_cheaper_one(void **state) {
+  scene.quality.max_error = 1e-3;
+  assert_int_equal(choose_method(3, false).classification, TC_PREINTEGRATED2); /* 1.39 beside 0.32 voxels */
+  assert_true(choice.holds && choice.step > 1.2 && strstr(choice.reason, "preintegrated would need 0.2"));
+  assert_int_equal(choose_method(1.2, false).classification, TC_PREINTEGRATED); /* 0.56 beside 0.32: dearer */
+  assert_int_equal(choose_method(3, true).classification, TC_PREINTEGRATED);
+  assert_true(choice.step < 0.35);
+  scene.classification = TC_PREINTEGRATED2; /* either name leaves the choice between the two */
+  assert_int_equal(choose_method(1.2, false).classification, TC_PREINTEGRATED);
+  scene.classification = TC_POST;
+  assert_int_equal(choose_method(3, false).classification, TC_POST);
+  tc_quality_apply(&choice, &scene);
+  assert_true(scene.classification == TC_POST && scene.sampling.step == choice.step && scene.quality.max_error == 0);
+}
+
+/* Rays of a pixel share its samples, so one curve over a ray's own spacing serves every number of them. */
+static void many_rays_share_the_steps(void **state) {
+  tc_quality_model model = {0};
+  tc_quality_view view = second_order(0.01);
+  tc_quality_add(&model, &view);
+  tc_quality_choose(&model, &scene, &choice);
+  double one = choice.step;
+  scene.sampling.rays_per_pixel = 4;
+  tc_quality_choose(&model, &scene, &choice);
+  assert_float_equal(choice.step, one / 4, 1e-12);
+  assert_float_equal(tc_quality_expects(&model, &scene, TC_PREINTEGRATED, choice.step), choice.rms, 1e-9);
+  scene.mode = TC_MODE_MIP; /* here each takes all */
+  tc_quality_choose(&model, &scene, &choice);
+  assert_float_equal(choice.step, one, 1e-12);
+}
+
+/* Frames of the scene at its step, of a machine whose rays and samples cost this. */
+static double truth(double pixels) {
+  double rays = pixels * scene.sampling.rays_per_pixel;
+  return rays * (2e-5 + 6e-5 / (scene.sampling.step * tc_quality_stretch(&scene)));
+}
+
+static double at(double step, double pixels) {
+  scene.sampling.step = step;
+  return truth(pixels);
+}
+
+static void add(tc_quality_cost *cost, double pixels, double step, double times) {
+  double ms = at(step, pixels);
+  tc_quality_cost_add(cost, &scene, pixels, times * ms);
+}
+
+static double said(const tc_quality_cost *cost, double pixels, double step) {
+  scene.sampling.step = step;
+  return tc_quality_cost_ms(cost, &scene, pixels);
+}
 
 static void cost_is_learnt(void **state) {
   tc_quality_cost cost = {0};
-  assert_true(tc_quality_cost_ms(&cost, 1e5, 1) == 0 && tc_quality_cost_step(&cost, 1e5, 10) == 1);
-  tc_quality_cost_add(&cost, 1e5, 1, truth(1e5, 1));
-  assert_float_equal(tc_quality_cost_ms(&cost, 2e5, 1), truth(2e5, 1), 1e-9); /* one frame is believed where it was */
-  tc_quality_cost_add(&cost, 2e5, 0.5, truth(2e5, 0.5));
-  for (int i = 0; i < 20; i++) tc_quality_cost_add(&cost, 1e5, i % 2 ? 0.5 : 2, truth(1e5, i % 2 ? 0.5 : 2));
-  assert_float_equal(tc_quality_cost_ms(&cost, 3e5, 0.25), truth(3e5, 0.25), 0.05 * truth(3e5, 0.25));
-  double step = tc_quality_cost_step(&cost, 1e5, 10);
-  assert_true(truth(1e5, step) <= 10.3 && truth(1e5, step / 1.2) > 10); /* the finest in time */
-  assert_true(tc_quality_cost_step(&cost, 1e5, 1e-3) == 4);
-  assert_true(tc_quality_cost_step(&cost, 1e5, 1e6) == 0.125);
-  for (int i = 0; i < 2; i++) tc_quality_cost_add(&cost, 1e5, 1, 5 * truth(1e5, 1)); /* the machine is busy now */
-  assert_true(tc_quality_cost_ms(&cost, 1e5, 1) > 4 * truth(1e5, 1));
+  assert_true(said(&cost, 1e5, 1) == 0 && tc_quality_cost_step(&cost, &scene, 1e5, 10) == 1);
+  add(&cost, 1e5, 1, 1);
+  assert_float_equal(said(&cost, 2e5, 1), at(1, 2e5), 1e-9); /* one frame is believed where it was */
+  add(&cost, 2e5, 0.5, 1);
+  for (int i = 0; i < 20; i++) add(&cost, 1e5, i % 2 ? 0.5 : 2, 1);
+  assert_float_equal(said(&cost, 3e5, 0.25), at(0.25, 3e5), 0.05 * at(0.25, 3e5));
+  double step = tc_quality_cost_step(&cost, &scene, 1e5, 10);
+  assert_true(at(step, 1e5) <= 10.3 && at(step / 1.2, 1e5) > 10); /* the finest in time */
+  assert_true(tc_quality_cost_step(&cost, &scene, 1e5, 1e-3) == 4);
+  assert_true(tc_quality_cost_step(&cost, &scene, 1e5, 1e6) == 0.125);
+  scene.sampling.rays_per_pixel = 4; /* four rays at a step of 1/4 each: a spacing of 1 */
+  assert_float_equal(said(&cost, 1e5, 0.25), 4e5 * 8e-5, 0.05 * 4e5 * 8e-5);
+  assert_true(tc_quality_cost_step(&cost, &scene, 1e5, 1e-3) == 1);
+  scene.sampling.rays_per_pixel = 1;
+  for (int i = 0; i < 2; i++) add(&cost, 1e5, 1, 5); /* the machine is busy now */
+  assert_true(said(&cost, 1e5, 1) > 4 * at(1, 1e5));
+  add(&cost, 1e5, 1, 1); /* and no more */
+  assert_true(said(&cost, 1e5, 1) < 1.1 * at(1, 1e5));
   tc_quality_cost before = cost;
-  tc_quality_cost_add(&cost, 0, 1, 5);
-  tc_quality_cost_add(&cost, 100, 0, 5);
-  tc_quality_cost_add(&cost, 100, 1, NAN);
+  tc_quality_cost_add(&cost, &scene, 0, 5);
+  tc_quality_cost_add(&cost, &scene, 100, NAN);
+  scene.mode = TC_MODE_ISOSURFACE;
+  tc_quality_cost_add(&cost, &scene, 100, 5);
   assert_memory_equal(&before, &cost, sizeof cost);
+}
+
+/* A session under a budget, on machines and looks of all kinds whose frames' times scatter: after a few frames each takes
+ * no more than the budget and not much less, unless steps end there. */
+static void a_budget_is_met_within_a_few_frames(void **state) {
+  enum { FEW = 4, FRAMES = 16, LOOKS = 300 };
+  uint64_t noise = 1;
+  int settled = 0, over = 0, under = 0;
+  for (int look = 0; look < LOOKS; look++) {
+    tc_quality_cost cost = {0};
+    double ray = 2e-6 * exp2(look % 7), sample = 1e-5 * exp2(look % 11 - 3), pixels = 1e5;
+    scene.sampling.rays_per_pixel = look % 3 ? 1 : 4;
+    double stretch = tc_quality_stretch(&scene), rays = pixels * scene.sampling.rays_per_pixel;
+    double budget = rays * (ray + sample / exp2((look % 13) / 4.0 - 1.5));
+    for (int i = 0; i < FRAMES; i++) {
+      noise = noise * 6364136223846793005u + 1442695040888963407u;
+      double scatter = 1 + 0.06 * ((double)(noise >> 33) * 0x1p-30 - 1); /* 6 % to either side */
+      scene.sampling.step = tc_quality_cost_step(&cost, &scene, pixels, 0.9 * budget);
+      double ms = rays * (ray + sample / (scene.sampling.step * stretch));
+      tc_quality_cost_add(&cost, &scene, pixels, ms * scatter);
+      if (i < FEW) continue;
+      settled++;
+      over += ms > budget;
+      under += ms < 0.75 * budget && scene.sampling.step * stretch > 0.125;
+    }
+  }
+  printf("  of %d frames %d took over the budget, %d under three quarters of it\n", settled, over, under);
+  assert_true(over <= settled / 100 && under <= settled / 100);
 }
 
 int main(void) {
@@ -154,6 +250,9 @@ int main(void) {
       cmocka_unit_test_setup_teardown(a_floor_is_said, set_up, tear_down),
       cmocka_unit_test_setup_teardown(cameras_differ_by_turn_scale_and_shift, set_up, tear_down),
       cmocka_unit_test_setup_teardown(the_oldest_view_makes_room, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(cost_is_learnt, set_up, tear_down)};
+      cmocka_unit_test_setup_teardown(the_method_is_the_cheaper_one, set_up, tear_down),
+      cmocka_unit_test_setup_teardown(many_rays_share_the_steps, set_up, tear_down),
+      cmocka_unit_test_setup_teardown(cost_is_learnt, set_up, tear_down),
+      cmocka_unit_test_setup_teardown(a_budget_is_met_within_a_few_frames, set_up, tear_down)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
