@@ -1,31 +1,18 @@
 /* The one table of scene members. A member is added here (and its field in renderer/scene.h), nowhere else. */
 #include "protocol/internal.h"
 
-static const char *const modes[] = {"dvr", "mip", "minip", "average", "isosurface", "mesh", "splat", "mpr", NULL};
 static const char *const formats[] = {"jpeg", "png", NULL};
 static const char *const subsamplings[] = {"auto", "4:4:4", "4:2:2", "4:2:0", NULL};
 static const char *const projections[] = {"perspective", "orthographic", NULL};
-static const char *const classifications[] = {"preintegrated", "preintegrated2", "approximate",
-                                              "post",          "linearized",     NULL};
-static const char *const orders[] = {"front-to-back", "back-to-front", NULL};
-static const char *const filters[] = {"linear", "cubic", "nearest", NULL};
 static const char *const skipping_modes[] = {"auto", "off", NULL};
-static const char *const shading_models[] = {"none", "lambert", "blinn-phong", "gooch", NULL};
 static const char *const orientations[] = {"axial", "coronal", "sagittal", "oblique", NULL};
-static const char *const slab_projections[] = {"mip", "minip", "average", NULL};
 
 #define SAME_COUNT(names, count) G_STATIC_ASSERT(G_N_ELEMENTS(names) == (count) + 1)
-SAME_COUNT(modes, TC_MODE_COUNT);
 SAME_COUNT(formats, TC_FORMAT_COUNT);
 SAME_COUNT(subsamplings, TC_SUBSAMPLING_COUNT);
 SAME_COUNT(projections, TC_PROJECTION_COUNT);
-SAME_COUNT(classifications, TC_CLASSIFICATION_COUNT);
-SAME_COUNT(orders, TC_ORDER_COUNT);
-SAME_COUNT(filters, TC_FILTER_COUNT);
 SAME_COUNT(skipping_modes, TC_SKIPPING_COUNT);
-SAME_COUNT(shading_models, TC_SHADING_COUNT);
 SAME_COUNT(orientations, TC_MPR_ORIENTATION_COUNT);
-SAME_COUNT(slab_projections, TC_SLAB_PROJECTION_COUNT);
 
 #define AT(field) .offset = offsetof(tc_scene, field)
 #define RANGE(lo, hi) .min = (lo), .max = (hi)
@@ -52,7 +39,7 @@ const tcp_group tcp_groups[] = {
 const size_t tcp_group_count = G_N_ELEMENTS(tcp_groups);
 
 const tcp_member tcp_members[] = {
-    {"", "mode", TCP_NAME, AT(mode), .names = modes, .doc = "How the volume becomes a picture."},
+    {"", "mode", TCP_NAME, AT(mode), .names = tc_mode_names, .doc = "How the volume becomes a picture."},
 
     {"image", "width", TCP_INTEGER, AT(image.width), RANGE(1, TC_MAX_IMAGE_SIDE), .flags = TCP_LIMIT, .unit = "pixels",
      .doc = "Width of the picture."},
@@ -91,10 +78,10 @@ const tcp_member tcp_members[] = {
     {"window", "width", TCP_NUMBER, AT(window.width), RANGE(0, TCP_MAX_VALUE), .flags = TCP_ABOVE | TCP_FITTED,
      .unit = "value", .doc = "Values from black to white."},
 
-    {"", "classification", TCP_NAME, AT(classification), .names = classifications,
+    {"", "classification", TCP_NAME, AT(classification), .names = tc_classification_names,
      .doc = "How colour and opacity are integrated between samples."},
-    {"", "order", TCP_NAME, AT(order), .names = orders, .doc = "Order of compositing."},
-    {"", "filter", TCP_NAME, AT(filter), .names = filters, .doc = "Interpolation between voxels."},
+    {"", "order", TCP_NAME, AT(order), .names = tc_order_names, .doc = "Order of compositing."},
+    {"", "filter", TCP_NAME, AT(filter), .names = tc_filter_names, .doc = "Interpolation between voxels."},
 
     {"sampling", "step", TCP_NUMBER, AT(sampling.step), RANGE(1e-4, 1e6), .unit = "voxels of the smallest spacing",
      .doc = "Distance of samples along a ray."},
@@ -112,7 +99,7 @@ const tcp_member tcp_members[] = {
     {"skipping", "block", TCP_INTEGER, AT(skipping.block), RANGE(0, 256), .unit = "voxels",
      .doc = "Side of a block; 0 lets the renderer choose."},
 
-    {"shading", "model", TCP_NAME, AT(shading.model), .names = shading_models, .doc = "Reflection model."},
+    {"shading", "model", TCP_NAME, AT(shading.model), .names = tc_shading_names, .doc = "Reflection model."},
     {"shading", "ambient", TCP_NUMBER, AT(shading.ambient), UNIT, .doc = "Share of light from everywhere."},
     {"shading", "diffuse", TCP_NUMBER, AT(shading.diffuse), UNIT, .doc = "Share of matt reflection."},
     {"shading", "specular", TCP_NUMBER, AT(shading.specular), UNIT, .doc = "Share of mirroring reflection."},
@@ -148,7 +135,7 @@ const tcp_member tcp_members[] = {
      .doc = "Oblique: direction that is up in the picture."},
     {"mpr", "thickness", TCP_NUMBER, AT(mpr.thickness_mm), RANGE(0, 1e6), .unit = "mm",
      .doc = "Thickness of the slab; 0 is one slice."},
-    {"mpr", "projection", TCP_NAME, AT(mpr.projection), .names = slab_projections,
+    {"mpr", "projection", TCP_NAME, AT(mpr.projection), .names = tc_slab_projection_names,
      .doc = "How a slab becomes a slice."},
     {"mpr", "zoom", TCP_NUMBER, AT(mpr.zoom), RANGE(1e-3, 1e3), .doc = "1 shows the whole plane; 2 half of it."},
 

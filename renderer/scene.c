@@ -3,6 +3,22 @@
 #include <glib.h>
 #include <string.h>
 
+const char *const tc_mode_names[] = {"dvr", "mip", "minip", "average", "isosurface", "mesh", "splat", "mpr", NULL};
+const char *const tc_classification_names[] = {"preintegrated", "preintegrated2", "approximate",
+                                               "post",          "linearized",     NULL};
+const char *const tc_order_names[] = {"front-to-back", "back-to-front", NULL};
+const char *const tc_filter_names[] = {"linear", "cubic", "nearest", NULL};
+const char *const tc_shading_names[] = {"none", "lambert", "blinn-phong", "gooch", NULL};
+const char *const tc_slab_projection_names[] = {"mip", "minip", "average", NULL};
+
+#define SAME_COUNT(names, count) G_STATIC_ASSERT(G_N_ELEMENTS(names) == (count) + 1)
+SAME_COUNT(tc_mode_names, TC_MODE_COUNT);
+SAME_COUNT(tc_classification_names, TC_CLASSIFICATION_COUNT);
+SAME_COUNT(tc_order_names, TC_ORDER_COUNT);
+SAME_COUNT(tc_filter_names, TC_FILTER_COUNT);
+SAME_COUNT(tc_shading_names, TC_SHADING_COUNT);
+SAME_COUNT(tc_slab_projection_names, TC_SLAB_PROJECTION_COUNT);
+
 static void set3(double to[3], double x, double y, double z) {
   to[0] = x;
   to[1] = y;

@@ -28,6 +28,10 @@ typedef enum tc_shading_model { TC_SHADING_NONE, TC_SHADING_LAMBERT, TC_SHADING_
 typedef enum tc_mpr_orientation { TC_AXIAL, TC_CORONAL, TC_SAGITTAL, TC_OBLIQUE, TC_MPR_ORIENTATION_COUNT } tc_mpr_orientation;
 typedef enum tc_slab_projection { TC_SLAB_MIP, TC_SLAB_MINIP, TC_SLAB_AVERAGE, TC_SLAB_PROJECTION_COUNT } tc_slab_projection;
 
+/* The words for these in documents, kernels and plans; after the last comes NULL. */
+extern const char *const tc_mode_names[], *const tc_classification_names[], *const tc_order_names[],
+    *const tc_filter_names[], *const tc_shading_names[], *const tc_slab_projection_names[];
+
 /* How a transfer function's knots give extinction (NUMERICS: opacity is linear between knots and
  * tau = -log1p(-opacity)/unit_distance; extinction is linear between knots, 1/mm). */
 typedef enum tc_knot_kind { TC_KNOT_OPACITY, TC_KNOT_EXTINCTION, TC_KNOT_KIND_COUNT } tc_knot_kind;

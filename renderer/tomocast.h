@@ -67,7 +67,7 @@ void tc_frame_finish(tc_frame *frame); /* frees the buffers; a zeroed frame is f
 typedef struct tc_render_request {
   int width, height;          /* 0 = the scene's own; smaller while a user drags (the camera's view stays the same) */
   bool want_linear;           /* fill frame->linear too */
-  bool want_depth;            /* and frame->depth, in mode isosurface; the gl back end refuses (TC_ERROR_UNSUPPORTED) */
+  bool want_depth;            /* and frame->depth, in mode isosurface */
   const atomic_bool *cancel;  /* set to true from any thread: tc_render() returns TC_ERROR_CANCELLED soon; may be NULL */
   const tc_volume *labels;    /* what scene.labels.volume names, borrowed until tc_render() returns; NULL where it names none.
                                  Which volume an id means is the caller's; it is tc_labels_check()ed here */

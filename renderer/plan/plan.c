@@ -24,6 +24,16 @@ const char *tc_stage_name(tc_stage stage) {
   return (unsigned)stage < TC_STAGE_COUNT ? names[stage] : "?";
 }
 
+void tc_plan_key_name(const tc_plan_key *key, char *name, size_t size) {
+  bool dvr = key->mode == TC_MODE_DVR, slice = key->mode == TC_MODE_MPR;
+  const char *way = !slice && !dvr ? "" : dvr ? tc_classification_names[key->classification]
+                                   : key->slab ? tc_slab_projection_names[key->slab - 1] : "slice";
+  snprintf(name, size, "%s%s%s%s.%s%s%s%s%s.%s", tc_mode_names[key->mode], *way ? "." : "", way,
+           key->order == TC_BACK_TO_FRONT ? ".back-to-front" : "", tc_filter_names[key->filter],
+           key->shading ? ".shaded" : "", key->labels ? ".labels" : "", key->rays ? ".rays" : "",
+           key->jitter ? ".jitter" : "", tc_voxel_type_name((tc_voxel_type)key->voxel_type));
+}
+
 static void stage(tc_plan *plan, tc_stage which, bool included, const char *format, ...) G_GNUC_PRINTF(4, 5);
 static void stage(tc_plan *plan, tc_stage which, bool included, const char *format, ...) {
   plan->stages[which].included = included;
@@ -217,18 +227,10 @@ static bool unsupported(GError **error, const char *pointer, const char *what) {
   return false;
 }
 
-static const char *const filters[TC_FILTER_COUNT] = {"linear", "cubic", "nearest"};
-
-static const char *const classifications[TC_CLASSIFICATION_COUNT] = {"preintegrated", "preintegrated2", "approximate",
-                                                                     "post", "linearized"};
-
-static const char *const modes[TC_MODE_COUNT] = {"dvr",        "mip",  "minip", "average",
-                                                 "isosurface", "mesh", "splat", "mpr"};
-
 static bool check_built(const tc_scene *s, GError **error) {
   if ((unsigned)s->mode >= TC_MODE_COUNT) return invalid(error, "/mode", "unknown");
   bool projection = tc_is_projection(s->mode), slice = s->mode == TC_MODE_MPR, surface = s->mode == TC_MODE_ISOSURFACE;
-  if (s->mode != TC_MODE_DVR && !projection && !slice && !surface) return unsupported(error, "/mode", modes[s->mode]);
+  if (s->mode != TC_MODE_DVR && !projection && !slice && !surface) return unsupported(error, "/mode", tc_mode_names[s->mode]);
   if (s->mode == TC_MODE_DVR && (unsigned)s->classification >= TC_CLASSIFICATION_COUNT)
     return invalid(error, "/classification", "unknown");
   if (s->mode == TC_MODE_DVR && (unsigned)s->order >= TC_ORDER_COUNT) return invalid(error, "/order", "unknown");
@@ -241,7 +243,7 @@ static bool check_built(const tc_scene *s, GError **error) {
 
 /* The stages that a projection has in another way than dvr: everything about transfer functions is out. */
 static void plan_projection_stages(tc_plan *plan, const tc_scene *s) {
-  const char *mode = modes[s->mode];
+  const char *mode = tc_mode_names[s->mode];
   stage(plan, TC_STAGE_TABLE_1D, false, "mode %s reads the window, not the transfer function", mode);
   stage(plan, TC_STAGE_TABLE_2D, false, "mode %s reads the window, not the transfer function", mode);
   stage(plan, TC_STAGE_GRADIENT, false, "mode %s is not shaded", mode);
@@ -263,7 +265,7 @@ static void plan_field(tc_plan *plan, const tc_volume *volume, const tc_scene *s
   stage(plan, TC_STAGE_COEFFICIENTS, prefilter,
         prefilter ? "sampling.prefilter: the cubic filter passes through the voxels"
         : cubic   ? "sampling.prefilter is off: the cubic filter smooths"
-                  : "filter is %s", filters[s->filter]);
+                  : "filter is %s", tc_filter_names[s->filter]);
 }
 
 static void plan_clipping(tc_plan *plan, const tc_scene *s) {
@@ -291,7 +293,7 @@ static void plan_labels(tc_plan *plan, const tc_scene *s) {
   if (plan->key.labels)
     stage(plan, TC_STAGE_LABELS, true, "labels of volume %.40s: %s, tint %.3g", s->labels.volume, shown, s->labels.opacity);
   else if (s->labels.volume[0])
-    stage(plan, TC_STAGE_LABELS, false, "mode %s shows values: labels colour dvr and mpr only", modes[s->mode]);
+    stage(plan, TC_STAGE_LABELS, false, "mode %s shows values: labels colour dvr and mpr only", tc_mode_names[s->mode]);
   else
     stage(plan, TC_STAGE_LABELS, false, "no label volume");
 }
@@ -307,12 +309,12 @@ static void plan_rays(tc_plan *plan, const tc_scene *s) {
     stage(plan, TC_STAGE_RAYS, true, "%d rays a pixel, each with a hit of its own: the mean smooths edges", count);
   else
     stage(plan, TC_STAGE_RAYS, true, "%d rays a pixel, each with all samples: mode %s sees nothing between them", count,
-          modes[s->mode]);
+          tc_mode_names[s->mode]);
   stage(plan, TC_STAGE_JITTER, plan->key.jitter,
         !s->sampling.jitter ? "sampling.jitter is off"
         : dvr               ? "the first segment's length follows interleaved gradient noise over the pixels"
                             : "mode %s has no segments to shift",
-        modes[s->mode]);
+        tc_mode_names[s->mode]);
 }
 
 /* Rays can start where another ray was when all that lies between the two is known to be empty as well. */
@@ -324,7 +326,7 @@ static void plan_coherence(tc_plan *plan, const tc_volume *volume, const tc_scen
   } else if (s->sampling.rays_per_pixel == 1) {
     stage(plan, TC_STAGE_COHERENCE, false, "one ray a pixel: there is none to share with");
   } else if (tc_is_projection(s->mode)) {
-    stage(plan, TC_STAGE_COHERENCE, false, "mode %s has no empty space", modes[s->mode]);
+    stage(plan, TC_STAGE_COHERENCE, false, "mode %s has no empty space", tc_mode_names[s->mode]);
   } else if (s->mode == TC_MODE_ISOSURFACE) {
     stage(plan, TC_STAGE_COHERENCE, false, "each ray leaps from cells of its own");
   } else if (!plan->key.skipping) {
@@ -348,7 +350,7 @@ void tc_plan_drop_skipping(tc_plan *plan, const char *reason) {
 }
 
 static void plan_tables(tc_plan *plan, const tc_scene *s) {
-  const char *name = classifications[s->classification];
+  const char *name = tc_classification_names[s->classification];
   bool integrals = tc_integrals_serve(s->classification);
   if (integrals) {
     stage(plan, TC_STAGE_TABLE_1D, true, "classification is %s: %s at %d values, for segments of any length", name,
@@ -375,10 +377,9 @@ static void plan_termination(tc_plan *plan, const tc_scene *s) {
 
 static void plan_stages(tc_plan *plan, const tc_scene *s) {
   plan_tables(plan, s);
-  static const char *const models[TC_SHADING_COUNT] = {"none", "lambert", "blinn-phong", "gooch"};
   stage(plan, TC_STAGE_GRADIENT, plan->key.shading,
         plan->key.shading ? "shading.model is %s: gradients from the corners that interpolation fetches" : "shading.model is %s",
-        models[s->shading.model]);
+        tc_shading_names[s->shading.model]);
   stage(plan, TC_STAGE_SKIPPING, plan->key.skipping,
         s->skipping.mode == TC_SKIPPING_OFF ? "skipping.mode is off"
         : plan->key.skipping                ? "the transfer function is zero over part of the range"
@@ -469,20 +470,16 @@ static void plan_surface_stages(tc_plan *plan, const tc_volume *volume, const tc
 
 static bool plan_surface(const tc_volume *volume, const tc_scene *scene, tc_plan *plan, GError **error) {
   if (!check_surface(scene, error) || !check_rays(scene, error) || !check_clipping(scene, error) || !check_shading(scene, error)) return false;
-  const tc_volume_desc *d = tc_volume_describe(volume);
   plan->key.shading = tc_surface_exists(volume, scene) ? (uint8_t)scene->shading.model : TC_SHADING_NONE;
   plan->key.skipping = scene->skipping.mode == TC_SKIPPING_AUTO;
   plan_stages(plan, scene);
   plan_surface_stages(plan, volume, scene);
-  snprintf(plan->kernel, sizeof plan->kernel, "isosurface.linear%s%s.%s", plan->key.shading ? ".shaded" : "",
-           plan->key.rays ? ".rays" : "", tc_voxel_type_name(d->type));
+  tc_plan_key_name(&plan->key, plan->kernel, sizeof plan->kernel);
   return true;
 }
 
 static bool plan_slice(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_plan *plan,
                        GError **error) {
-  static const char *const slabs[] = {
-      "slice", [1 + TC_SLAB_MIP] = "mip", [1 + TC_SLAB_MINIP] = "minip", [1 + TC_SLAB_AVERAGE] = "average"};
   if (!check_mpr(volume, scene, error) || !check_window(scene, error) || !check_clipping(scene, error)) return false;
   const tc_volume_desc *d = tc_volume_describe(volume);
   plan->key.mode = TC_MODE_MPR;
@@ -495,8 +492,7 @@ static bool plan_slice(const tc_volume *volume, const tc_scene *scene, int width
   plan->step_mm = scene->sampling.step * fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2]));
   plan_field(plan, volume, scene);
   plan_slice_stages(plan, scene);
-  snprintf(plan->kernel, sizeof plan->kernel, "mpr.%s.%s%s.%s", slabs[plan->key.slab], filters[scene->filter],
-           plan->key.labels ? ".labels" : "", tc_voxel_type_name((tc_voxel_type)plan->key.voxel_type));
+  tc_plan_key_name(&plan->key, plan->kernel, sizeof plan->kernel);
   return true;
 }
 
@@ -526,11 +522,6 @@ bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int
   plan_coherence(plan, volume, scene);
   if (surface) return plan_surface(volume, scene, plan, error);
   plan_stages(plan, scene);
-  bool dvr = scene->mode == TC_MODE_DVR;
-  snprintf(plan->kernel, sizeof plan->kernel, "%s%s%s%s.%s%s%s%s%s.%s", modes[scene->mode], dvr ? "." : "",
-           dvr ? classifications[scene->classification] : "",
-           dvr && scene->order == TC_BACK_TO_FRONT ? ".back-to-front" : "", filters[scene->filter],
-           plan->key.shading ? ".shaded" : "", plan->key.labels ? ".labels" : "", plan->key.rays ? ".rays" : "",
-           plan->key.jitter ? ".jitter" : "", tc_voxel_type_name((tc_voxel_type)plan->key.voxel_type));
+  tc_plan_key_name(&plan->key, plan->kernel, sizeof plan->kernel);
   return true;
 }

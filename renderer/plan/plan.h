@@ -78,6 +78,9 @@ typedef struct tc_plan {
   char kernel[64];      /* name of the variant that runs, e.g. "dvr.preintegrated.linear.u16.avx512" */
 } tc_plan;
 
+/* What a key's variants are called: "dvr.preintegrated.linear.shaded.u16"; back ends add their own words. */
+void tc_plan_key_name(const tc_plan_key *key, char *name, size_t size);
+
 /* Takes leaping out, and what depends on it; reason: of the skipping stage. */
 void tc_plan_drop_skipping(tc_plan *plan, const char *reason);
 

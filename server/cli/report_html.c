@@ -15,8 +15,6 @@ typedef struct page {
 /* The one member in which a row differs from the usual. */
 typedef enum away { PLAIN, TERMINATION, TABLE, RAYS, FILTER, ORDER, JITTER, SEVERAL } away;
 
-static const char *const classifications[] = {"preintegrated", "preintegrated2", "approximate", "post", "linearized"};
-
 static const tcs_report_row *row_at(const page *p, guint i) { return &g_array_index(p->rows, tcs_report_row, i); }
 static const char *text_of(const cJSON *json, const char *name) {
   const cJSON *item = cJSON_GetObjectItemCaseSensitive(json, name);
@@ -24,8 +22,8 @@ static const char *text_of(const cJSON *json, const char *name) {
 }
 
 static int color_of(const char *classification) {
-  for (size_t i = 0; i < G_N_ELEMENTS(classifications); i++)
-    if (!strcmp(classifications[i], classification)) return (int)i;
+  for (size_t i = 0; i < TC_CLASSIFICATION_COUNT; i++)
+    if (!strcmp(tc_classification_names[i], classification)) return (int)i;
   return TCS_CHART_COLORS - 1;
 }
 
@@ -75,7 +73,7 @@ static void away_label(const tcs_report_row *r, char *label, gulong size) {
 
 /* The usual strategy at one voxel's step, where single members are varied. */
 static bool at_base(const tcs_report_row *r, const char *scene) {
-  return !strcmp(r->scene, scene) && !strcmp(r->backend, "cpu") && !strcmp(r->classification, classifications[0]) &&
+  return !strcmp(r->scene, scene) && !strcmp(r->backend, "cpu") && !strcmp(r->classification, tc_classification_names[0]) &&
          r->step == 1;
 }
 
@@ -163,15 +161,15 @@ static bool any_row(const page *p, const char *classification) {
 }
 
 static void orders(page *p) {
-  const char *heads[1 + G_N_ELEMENTS(classifications)] = {"scene"}, *names[G_N_ELEMENTS(classifications)];
-  char labels[G_N_ELEMENTS(classifications)][64];
+  const char *heads[1 + TC_CLASSIFICATION_COUNT] = {"scene"}, *names[TC_CLASSIFICATION_COUNT];
+  char labels[TC_CLASSIFICATION_COUNT][64];
   guint count = 0;
-  for (size_t i = 0; i < G_N_ELEMENTS(classifications); i++) {
-    if (!any_row(p, classifications[i])) continue;
-    g_snprintf(labels[count], sizeof *labels, "%s, expected %s", classifications[i],
-               tcs_report_expected(classifications[i]));
+  for (size_t i = 0; i < TC_CLASSIFICATION_COUNT; i++) {
+    if (!any_row(p, tc_classification_names[i])) continue;
+    g_snprintf(labels[count], sizeof *labels, "%s, expected %s", tc_classification_names[i],
+               tcs_report_expected(tc_classification_names[i]));
     heads[1 + count] = labels[count];
-    names[count++] = classifications[i];
+    names[count++] = tc_classification_names[i];
   }
   g_string_append(
       p->out,
@@ -324,7 +322,7 @@ static void away_chart(page *p, const char *scene, away which, tcs_chart *chart)
   for (guint i = 0; i < p->rows->len; i++) {
     const tcs_report_row *r = row_at(p, i);
     if (strcmp(r->scene, scene) || away_of(r) != which || strcmp(r->backend, "cpu") ||
-        strcmp(r->classification, classifications[0]))
+        strcmp(r->classification, tc_classification_names[0]))
       continue;
     char name[64], tip[96];
     if (which == TABLE && r->table_bits)

@@ -1,4 +1,5 @@
-/* Every classification and both orders on every instruction set of this machine, against the reference and each other. */
+/* Every classification and both orders on every instruction set of this machine and on OpenGL, against the reference and each
+ * other. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -15,8 +16,7 @@
 #include "tests/support/image.h"
 #include "tests/support/renderers.h"
 
-static const char *const names[TC_CLASSIFICATION_COUNT] = {"preintegrated", "preintegrated2", "approximate", "post",
-                                                           "linearized"};
+static const char *const *const names = tc_classification_names;
 static tc_plan plan;
 static int table_size; /* 0: as the plan chooses */
 
@@ -86,7 +86,7 @@ static void all_converge(void **state) {
     for (int way = 0; way < TC_CLASSIFICATION_COUNT; way++) {
       scene.classification = (tc_classification)way;
       scene.sampling.step = 1.0 / 32;
-      EACH_CPU(isa) {
+      EACH_RENDERER(isa) {
         test_difference d = test_compare(render(isa, volume, &scene), want, pixels_of(&scene));
         if (isa == 0) printf("  %s %-14s rms %.1e max %.1e\n", tc_voxel_type_name(types[t]), names[way], d.rms, d.max);
         if (!d.finite || !(d.max <= (way <= TC_APPROXIMATE ? 5e-4 : 3e-3)))
@@ -130,8 +130,8 @@ static void random_scene(uint64_t seed) {
   test_scene_frame(&scene, volume, seed & 1 ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC,
                    (double[3]){test_random(&s) - 0.5, test_random(&s) - 0.5, test_random(&s) + 0.01});
   float kept[2][13 * 9 * 4];
-  EACH_CPU(isa)
-    for (int order = 0; order < TC_ORDER_COUNT; order++) {
+  EACH_RENDERER(isa)
+    for (int order = isa == GL && seed % 13 ? TC_ORDER_COUNT : 0; order < TC_ORDER_COUNT; order++) { /* programs take a while */
       scene.order = (tc_order)order;
       memcpy(kept[order], render(isa, volume, &scene), sizeof kept[order]);
       for (size_t i = 0; i < pixels_of(&scene); i++) {
@@ -168,6 +168,70 @@ static void random_scenes(void **state) {
   printf("  %llu random scenes\n", (unsigned long long)n);
 }
 
+/* What goes with a classification, two sets for each: cpu and gl draw the same, both orders agree, and a leap shows nowhere. */
+static void dress(tc_scene *scene, int set) {
+  static const tc_filter filters[] = {TC_FILTER_CUBIC, TC_FILTER_NEAREST, TC_FILTER_LINEAR, TC_FILTER_LINEAR};
+  scene->filter = filters[set];
+  scene->shading.model = set % 2 ? TC_SHADING_NONE : TC_SHADING_BLINN_PHONG;
+  scene->sampling.rays_per_pixel = set == 2 ? 1 : 4;
+  scene->sampling.coherence = set != 1;
+  scene->sampling.jitter = set == 1 || set == 2;
+  scene->sampling.termination = set == 3 ? 0.01 : 0;
+  scene->clip.n_planes = set == 1 || set == 2;
+  memcpy(scene->clip.planes[0], (double[4]){-1, 0.3, 0.2, 9}, sizeof scene->clip.planes[0]);
+  scene->labels.volume[0] = 0;
+  if (set == 0 || set == 2) strcpy(scene->labels.volume, "labels");
+}
+
+static double quarters(double x, double y, double z, const void *unused) { return floor(x / 6) + 2 * floor(y / 9); }
+
+static float *picture(int which, tc_volume *volume, tc_volume *labels, const tc_scene *scene) {
+  const tc_render_request request = {.want_linear = true, .labels = scene->labels.volume[0] ? labels : NULL};
+  return g_memdup2(test_draw(which, volume, scene, &request, &plan)->linear, 16 * pixels_of(scene));
+}
+
+static void expect_close(const char *what, const float *a, const float *b, const tc_scene *scene, double most) {
+  test_difference d = test_compare(a, b, pixels_of(scene));
+  if (!d.finite || !(d.max <= most)) fail_msg("%s, %s: %g", plan.kernel, what, d.max);
+}
+
+static void combinations(void **state) {
+  static const tc_knot core[] = {{.value = 0.55, .color = {0.1, 0.5, 1}}, {.value = 0.6, .color = {1, 0.9, 0.2}, .amount = 0.3},
+                                 {.value = 0.9, .color = {1, 0.2, 0.1}, .amount = 2}};
+  tc_volume *volume = test_volume(&(test_grid){.dims = {24, 30, 26}, .type = TC_I16, .slope = 1.0 / 32767}, test_waves, &(double){26});
+  tc_volume *labels = test_volume(&(test_grid){.dims = {20, 30, 26}, .type = TC_U8}, quarters, NULL);
+  tc_scene scene;
+  test_scene(&scene, 40, 32);
+  test_scene_knots(&scene, TC_KNOT_EXTINCTION, core, G_N_ELEMENTS(core));
+  test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
+  uint64_t leaps = 0;
+  for (int n = 0; n < 2 * TC_CLASSIFICATION_COUNT && test_renderers[GL]; n++) {
+    float *drawn[TC_ORDER_COUNT];
+    scene.classification = (tc_classification)(n / 2);
+    dress(&scene, (n + n / 2) % 4);
+    for (int order = 0; order < TC_ORDER_COUNT; order++) {
+      scene.order = (tc_order)order;
+      scene.skipping.mode = TC_SKIPPING_AUTO;
+      float *cpu = picture(test_widest(), volume, labels, &scene);
+      drawn[order] = picture(GL, volume, labels, &scene);
+      leaps += test_frames[GL].stats.leaps;
+      expect_close("cpu and gl", drawn[order], cpu, &scene, 1.0 / 255);
+      scene.skipping.mode = TC_SKIPPING_OFF;
+      float *whole = (n + order) % 2 ? picture(GL, volume, labels, &scene) : NULL;
+      if (whole && memcmp(whole, drawn[order], 16 * pixels_of(&scene))) fail_msg("%s: leaping shows", plan.kernel);
+      g_free(cpu);
+      g_free(whole);
+    }
+    if (scene.sampling.termination == 0) expect_close("both orders", drawn[0], drawn[1], &scene, 2e-6);
+    g_free(drawn[0]);
+    g_free(drawn[1]);
+  }
+  assert_true(!test_renderers[GL] || leaps > 300);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+  tc_volume_unref(labels);
+}
+
 static void the_plan_says_so(void **state) {
   tc_volume *volume = tc_volume_demo("bucky", NULL);
   tc_scene scene;
@@ -193,6 +257,7 @@ static void the_plan_says_so(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(observed_orders), cmocka_unit_test(all_converge),
-                                     cmocka_unit_test(random_scenes), cmocka_unit_test(the_plan_says_so)};
+                                     cmocka_unit_test(random_scenes), cmocka_unit_test(combinations),
+                                     cmocka_unit_test(the_plan_says_so)};
   return cmocka_run_group_tests_name("classify", tests, test_renderers_open, test_renderers_close);
 }

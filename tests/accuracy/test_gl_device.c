@@ -217,9 +217,9 @@ static void test_unbuilt_keys(void **state) {
   assert_made(context);
   const size_t first = offsetof(tc_gl_variant, plan);
   const struct { size_t offset; uint8_t value; } members[] = {
-      {offsetof(tc_plan_key, mode), TC_MODE_SPLAT},          {offsetof(tc_plan_key, classification), TC_POST},
-      {offsetof(tc_plan_key, order), TC_BACK_TO_FRONT},      {offsetof(tc_plan_key, filter), TC_FILTER_COUNT},
-      {offsetof(tc_plan_key, shading), TC_SHADING_COUNT},    {offsetof(tc_plan_key, coherence), 1}};
+      {offsetof(tc_plan_key, mode), TC_MODE_SPLAT},       {offsetof(tc_plan_key, classification), TC_CLASSIFICATION_COUNT},
+      {offsetof(tc_plan_key, order), TC_ORDER_COUNT},     {offsetof(tc_plan_key, filter), TC_FILTER_COUNT},
+      {offsetof(tc_plan_key, shading), TC_SHADING_COUNT}, {offsetof(tc_plan_key, coherence), 1}};
   for (size_t i = 0; i < G_N_ELEMENTS(members); i++) {
     tc_gl_variant variant;
     memset(&variant, 0, sizeof variant);

@@ -1,5 +1,5 @@
-/* Isosurfaces: the reference against closed forms, every instruction set's depths against the reference, OpenGL's pictures
- * against them, and what must not matter. */
+/* Isosurfaces: the reference against closed forms, every instruction set's and OpenGL's pictures and depths against
+ * the reference, and what must not matter. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -22,7 +22,7 @@
 enum { SIDE = 48, PIXELS = SIDE * SIDE };
 
 static tc_frame *render(int which, tc_volume *volume, const tc_scene *scene, tc_plan *plan) {
-  const tc_render_request request = {.want_linear = true, .want_depth = which != GL};
+  const tc_render_request request = {.want_linear = true, .want_depth = true};
   return test_draw(which, volume, scene, &request, plan);
 }
 
@@ -128,13 +128,11 @@ static void judge(int which, tc_volume *volume, const tc_scene *scene, verdict *
       assert_true(isfinite(c[k]) && c[k] >= 0 && c[k] <= c[3] && (c[3] == 0 || c[3] == 1));
       off = fmax(off, fabs((double)c[k] - rgba[k]));
     }
-    if (which != GL) {
-      assert_true(isinf(f->depth[p]) == (c[3] == 0));
-      if (!tie && met) {
-        double apart = fabs((double)f->depth[p] - hit.distance_mm);
-        tie = apart > 0.01;
-        if (!tie) v->depth = fmax(v->depth, apart);
-      }
+    assert_true(isinf(f->depth[p]) == (c[3] == 0));
+    if (!tie && met) {
+      double apart = fabs((double)f->depth[p] - hit.distance_mm);
+      tie = apart > 0.01;
+      if (!tie) v->depth = fmax(v->depth, apart);
     }
     tie = tie || off > 1.0 / 255;
     v->ties += tie;
@@ -192,12 +190,12 @@ static void skipping_changes_no_bit(void **state) {
       scene.skipping.mode = TC_SKIPPING_AUTO;
       tc_frame *f = render(i, volume, &scene, NULL);
       float *linear = g_memdup2(f->linear, sizeof(float) * 4 * PIXELS);
-      float *depth = i == GL ? NULL : g_memdup2(f->depth, sizeof(float) * PIXELS);
+      float *depth = g_memdup2(f->depth, sizeof(float) * PIXELS);
       leaps += f->stats.leaps;
       scene.skipping.mode = TC_SKIPPING_OFF;
       render(i, volume, &scene, NULL);
       assert_memory_equal(linear, test_frames[i].linear, sizeof(float) * 4 * PIXELS);
-      if (depth) assert_memory_equal(depth, test_frames[i].depth, sizeof(float) * PIXELS);
+      assert_memory_equal(depth, test_frames[i].depth, sizeof(float) * PIXELS);
       g_free(linear);
       g_free(depth);
     }
@@ -219,7 +217,7 @@ static void nothing_thin_is_missed(void **state) {
   EACH_RENDERER(i) {
     tc_frame *f = render(i, volume, &scene, NULL);
     for (int p = 0; p < PIXELS; p++) assert_true(f->linear[4 * p + 3] == 1);
-    if (i != GL) assert_true(fabs((double)f->depth[PIXELS / 2 + SIDE / 2] - (40.3 + 10.999)) < 0.01);
+    assert_true(fabs((double)f->depth[PIXELS / 2 + SIDE / 2] - (40.3 + 10.999)) < 0.01);
   }
   tc_scene_clear(&scene);
   tc_volume_unref(volume);
@@ -287,7 +285,7 @@ static void several_rays_are_their_mean(void **state) {
         nearest = fmin(nearest, hit.distance_mm);
       }
       for (int k = 0; k < 4; k++) off = fmax(off, fabs((double)f->linear[4 * p + k] - mean[k]));
-      bool near = i == GL || isinf(nearest) ? i == GL || isinf(f->depth[p]) : fabs((double)f->depth[p] - nearest) < 2e-3;
+      bool near = isinf(nearest) ? isinf(f->depth[p]) : fabs((double)f->depth[p] - nearest) < 2e-3;
       ties += off > 1e-4 || !near;
       edges += mean[3] > 0 && mean[3] < 1;
     }

@@ -123,6 +123,8 @@ static void name_kernel(void *instance, tc_plan *plan) {
 
 /* ---- one frame ---- */
 
+static bool wants_depth(const tc_job *job) { return job->surface && job->want_depth; }
+
 static unsigned program_for(gl_backend *b, const tc_job *job, const tc_gl_volume *volume, GError **error) {
   tc_gl_variant v;
   memset(&v, 0, sizeof v);
@@ -133,6 +135,7 @@ static unsigned program_for(gl_backend *b, const tc_job *job, const tc_gl_volume
   v.linear_light = job->scene->image.linear_light;
   v.transparent = job->scene->image.transparent;
   v.want_linear = job->want_linear;
+  v.want_depth = wants_depth(job);
   if (job->labels) {
     tc_voxel_type type = tc_volume_describe(job->label_volume)->type;
     v.label_signed = type == TC_I8 || type == TC_I16;
@@ -147,31 +150,36 @@ static unsigned program_for(gl_backend *b, const tc_job *job, const tc_gl_volume
   return program;
 }
 
-/* Bytes of a slot: counters, picture, floats. Every part starts at a multiple of 1024, more than any driver's
- * alignment. */
-static size_t picture_bytes(int width, int height) { return (size_t)width * height * 4; }
+/* A slot: counters, picture, floats, depths. Every part starts at a multiple of 1024, more than any driver's alignment. */
+typedef struct slot_layout {
+  size_t picture_bytes, linear, linear_bytes, depth, depth_bytes, bytes;
+} slot_layout;
 
-static size_t linear_offset(int width, int height) {
-  return (COUNTER_BYTES + picture_bytes(width, height) + 1023) & ~(size_t)1023;
-}
-
-static size_t slot_bytes(int width, int height, bool want_linear) {
-  return linear_offset(width, height) + (want_linear ? 4 * picture_bytes(width, height) : 0);
+static slot_layout lay_out(const tc_job *job, int width, int height) {
+  slot_layout l = {.picture_bytes = (size_t)width * height * 4};
+  if (job->want_linear) l.linear_bytes = 4 * l.picture_bytes;
+  if (wants_depth(job)) l.depth_bytes = l.picture_bytes;
+  l.linear = (COUNTER_BYTES + l.picture_bytes + 1023) & ~(size_t)1023;
+  l.depth = (l.linear + l.linear_bytes + 1023) & ~(size_t)1023;
+  l.bytes = l.depth + l.depth_bytes;
+  return l;
 }
 
 static void submit(gl_backend *b, unsigned program, const tc_job *job, const int tile[4]) {
   tc_gl_slot *slot = tc_gl_ring_begin(&b->ring);
   int width = tile[2], height = tile[3];
+  slot_layout l = lay_out(job, width, height);
   memcpy(slot->tile, tile, sizeof slot->tile);
   glClearNamedBufferSubData(slot->device, GL_R32UI, 0, COUNTER_BYTES, GL_RED_INTEGER, GL_UNSIGNED_INT, NULL);
   glBindBufferRange(GL_SHADER_STORAGE_BUFFER, 0, slot->device, 0, COUNTER_BYTES);
-  glBindBufferRange(GL_SHADER_STORAGE_BUFFER, 1, slot->device, COUNTER_BYTES, (GLsizeiptr)picture_bytes(width, height));
-  if (job->want_linear)
-    glBindBufferRange(GL_SHADER_STORAGE_BUFFER, 2, slot->device, (GLintptr)linear_offset(width, height),
-                      (GLsizeiptr)(4 * picture_bytes(width, height)));
+  glBindBufferRange(GL_SHADER_STORAGE_BUFFER, 1, slot->device, COUNTER_BYTES, (GLsizeiptr)l.picture_bytes);
+  if (l.linear_bytes)
+    glBindBufferRange(GL_SHADER_STORAGE_BUFFER, 2, slot->device, (GLintptr)l.linear, (GLsizeiptr)l.linear_bytes);
+  if (l.depth_bytes)
+    glBindBufferRange(GL_SHADER_STORAGE_BUFFER, 3, slot->device, (GLintptr)l.depth, (GLsizeiptr)l.depth_bytes);
   glProgramUniform4i(program, 0, tile[0], tile[1], width, height);
   glDispatchCompute((GLuint)(width + GROUP - 1) / GROUP, (GLuint)(height + GROUP - 1) / GROUP, 1);
-  tc_gl_ring_end(&b->ring, slot_bytes(width, height, job->want_linear));
+  tc_gl_ring_end(&b->ring, l.bytes);
 }
 
 static void copy_out(const tc_gl_slot *slot, const tc_job *job) {
@@ -179,17 +187,17 @@ static void copy_out(const tc_gl_slot *slot, const tc_job *job) {
   const uint8_t *bytes = slot->mapped;
   const uint32_t *counters = slot->mapped;
   int x = slot->tile[0], y = slot->tile[1], width = slot->tile[2], height = slot->tile[3];
+  slot_layout l = lay_out(job, width, height);
   for (int i = 0; i < COUNTER_CELLS; i++, counters += 4) {
     frame->stats.rays += counters[0];
     frame->stats.samples += counters[1] | (uint64_t)counters[2] << 32;
     frame->stats.leaps += counters[3];
   }
   for (int row = 0; row < height; row++) {
-    size_t to = ((size_t)(y + row) * frame->width + x) * 4, from = (size_t)row * width * 4;
-    memcpy(frame->rgba + to, bytes + COUNTER_BYTES + from, (size_t)width * 4);
-    if (job->want_linear)
-      memcpy(frame->linear + to, bytes + linear_offset(width, height) + from * sizeof(float),
-             (size_t)width * 4 * sizeof(float));
+    size_t to = (size_t)(y + row) * frame->width + x, from = (size_t)row * width, pixel = 4 * sizeof(float);
+    memcpy(frame->rgba + 4 * to, bytes + COUNTER_BYTES + 4 * from, (size_t)width * 4);
+    if (l.linear_bytes) memcpy(frame->linear + 4 * to, bytes + l.linear + from * pixel, (size_t)width * pixel);
+    if (l.depth_bytes) memcpy(frame->depth + to, bytes + l.depth + from * sizeof(float), (size_t)width * sizeof(float));
   }
 }
 
@@ -269,6 +277,7 @@ static bool bind_labels(gl_backend *b, const tc_job *job, const tc_gl_volume **l
 static bool lookups_for(gl_backend *b, const tc_job *job, const tc_gl_lookup **table, const tc_gl_lookup **skip,
                         GError **error) {
   if (job->table && !(*table = tc_gl_textures_table(&b->textures, job->table, error))) return false;
+  if (job->integrals && !(*table = tc_gl_textures_integrals(&b->textures, job->integrals, error))) return false;
   if (job->leap && !(*skip = tc_gl_textures_leap(&b->textures, job->volume, job->leap, error))) return false;
   return !job->bounds || (*skip = tc_gl_textures_bounds(&b->textures, job->volume, job->bounds, error));
 }
@@ -277,10 +286,6 @@ static bool render(void *instance, const tc_job *job, GError **error) {
   gl_backend *b = instance;
   if (b->lost) {
     tc_set_error(error, TC_ERROR_INTERNAL, NULL, "gl: the GPU stopped answering; restart the daemon");
-    return false;
-  }
-  if (job->want_depth) {
-    tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "gl: depths are not read back; use --backend cpu");
     return false;
   }
   if (!tc_gl_context_use(b->context, error)) return false;
@@ -292,7 +297,7 @@ static bool render(void *instance, const tc_job *job, GError **error) {
   const tc_gl_lookup *table = NULL, *skip = NULL;
   if (!volume || !lookups_for(b, job, &table, &skip, error) || !bind_labels(b, job, &labels, error)) return false;
   unsigned program = program_for(b, job, volume, error);
-  if (!program || !tc_gl_ring_reserve(&b->ring, slot_bytes(b->max_side, b->max_side, job->want_linear),
+  if (!program || !tc_gl_ring_reserve(&b->ring, lay_out(job, b->max_side, b->max_side).bytes,
                                       report->timestamp_bits > 0, error))
     return false;
   tc_gl_job_block block;

@@ -4,11 +4,12 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "renderer/classify/integrals.h"
 #include "renderer/embedded.h"
 #include "renderer/gl/program.h"
 #include "renderer/raycast/grey.h"
 
-#define MAX_PIECES 16
+#define MAX_PIECES 24
 
 typedef struct composition {
   const char *texts[MAX_PIECES];
@@ -27,21 +28,21 @@ static void add(composition *c, const char *name) {
   if (!c->missing) c->missing = name;
 }
 
-/* Only what has pieces: a key from a newer plan must fail, not draw something else. */
-static bool is_built(const tc_plan_key *key) {
-  bool mode = key->mode == TC_MODE_DVR || tc_is_projection((tc_mode)key->mode);
-  bool filter = key->filter < TC_FILTER_COUNT;
-  if (key->mode == TC_MODE_MPR)
-    return filter && key->slab <= TC_SLAB_PROJECTION_COUNT && key->voxel_type < TC_VOXEL_TYPE_COUNT && !key->rays &&
-           !key->jitter;
-  if (key->mode == TC_MODE_ISOSURFACE) {
-    mode = !key->labels;
-    filter = key->filter == TC_FILTER_LINEAR;
-  }
-  return mode && key->classification == TC_PREINTEGRATED && key->order == TC_FRONT_TO_BACK &&
-         filter && key->projection < TC_PROJECTION_COUNT &&
-         key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading < TC_SHADING_COUNT && key->rays <= 1 &&
-         key->jitter <= (key->mode == TC_MODE_DVR) && key->coherence <= (key->rays && key->skipping);
+/* Every key of today's plans. One from a newer plan must fail, not draw something else. */
+static bool is_built(const tc_gl_variant *v) {
+  const tc_plan_key *key = &v->plan;
+  bool dvr = key->mode == TC_MODE_DVR, surface = key->mode == TC_MODE_ISOSURFACE, slice = key->mode == TC_MODE_MPR;
+  bool mode = dvr || surface || slice || tc_is_projection((tc_mode)key->mode);
+  /* A texture unit's own interpolation shows no corners to take a gradient or a cell from. */
+  bool field = v->field == TC_GL_FIELD_GATHER || !(key->shading || surface);
+  bool names = key->classification < TC_CLASSIFICATION_COUNT && key->order < TC_ORDER_COUNT &&
+               key->filter < TC_FILTER_COUNT && key->projection < TC_PROJECTION_COUNT &&
+               key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading < TC_SHADING_COUNT &&
+               key->slab <= TC_SLAB_PROJECTION_COUNT;
+  bool filter = !surface || key->filter == TC_FILTER_LINEAR;
+  bool labels = key->labels <= (dvr || slice), rays = key->rays <= !slice;
+  return mode && field && names && filter && labels && rays && key->jitter <= dvr &&
+         key->coherence <= (key->rays && key->skipping) && v->want_depth <= surface;
 }
 
 static const char *sampler_type(const tc_gl_variant *v) {
@@ -54,12 +55,15 @@ static const char *sampler_type(const tc_gl_variant *v) {
 }
 
 static void add_dvr(composition *c, const tc_gl_variant *v) {
-  add(c, "table_2d.glsl");
+  bool integrals = tc_integrals_serve((tc_classification)v->plan.classification);
+  add(c, "node.glsl");
+  add(c, integrals ? "integrals.glsl" : "table_2d.glsl");
   if (v->plan.skipping) add(c, "leap.glsl");
   if (v->plan.shading) add(c, "shade.glsl");
   if (v->plan.rays || v->plan.jitter) add(c, "phase.glsl");
   if (v->plan.coherence) add(c, "coherence.glsl");
-  add(c, "march_dvr.glsl");
+  add(c, "segment.glsl");
+  add(c, v->plan.order == TC_FRONT_TO_BACK ? "march_dvr.glsl" : "march_back.glsl");
 }
 
 static void add_projection(composition *c, const tc_gl_variant *v) {
@@ -76,31 +80,31 @@ static void add_isosurface(composition *c, const tc_gl_variant *v) {
 
 unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
   static const char *const fields[TC_FILTER_COUNT] = {"field_linear.glsl", "field_cubic.glsl", "field_nearest.glsl"};
-  char name[96], literals[480];
-  tc_gl_variant_name(v, name, sizeof name);
-  /* A texture unit's own interpolation shows no corners to take a gradient from. */
-  if (!is_built(&v->plan) || (v->plan.shading && v->field != TC_GL_FIELD_GATHER)) {
-    bool other_way = v->plan.mode == TC_MODE_DVR && v->plan.classification != TC_PREINTEGRATED;
-    const char *pointer = other_way ? "/classification" : v->plan.order != TC_FRONT_TO_BACK ? "/order" : NULL;
-    tc_set_error(error, TC_ERROR_UNSUPPORTED, pointer, "gl: no shader is built for %s; use --backend cpu", name);
+  char name[96], literals[640];
+  if (!is_built(v)) {
+    tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "gl: no shader is built for mode %d; use --backend cpu", v->plan.mode);
     return 0;
   }
+  tc_gl_variant_name(v, name, sizeof name);
   composition c = {0};
   add(&c, "head.glsl");
   snprintf(literals, sizeof literals,
            "#define VOXELS %s\n#define ATLAS %d\n#define TERMINATION %d\n#define LEAP %d\n#define SLAB %d\n"
            "#define CLIP %d\n#define SHADED %d\n#define ZOOMED %d\n#define LABELLED %d\n#define LABELS %s\n"
-           "#define NEAREST %d\n#define SEVERAL %d\n#define JITTER %d\n#define PHASE %d\n#define COHERENT %d\n",
+           "#define NEAREST %d\n#define SEVERAL %d\n#define JITTER %d\n#define PHASE %d\n#define COHERENT %d\n"
+           "#define POST %d\n#define LINEARIZED %d\n#define SECOND_ORDER %d\n#define DEPTH %d\n",
            sampler_type(v), v->atlas, v->plan.termination, v->plan.skipping, v->plan.slab, v->plan.clipping,
            v->plan.shading != TC_SHADING_NONE, v->plan.zoomed, v->plan.labels,
            v->label_signed ? "isampler2DArray" : "usampler2DArray", v->plan.filter == TC_FILTER_NEAREST,
            v->plan.rays, v->plan.jitter, v->plan.mode == TC_MODE_DVR && (v->plan.rays || v->plan.jitter),
-           v->plan.coherence);
+           v->plan.coherence, v->plan.classification == TC_POST, v->plan.classification == TC_LINEARIZED,
+           v->plan.classification == TC_PREINTEGRATED2, v->want_depth);
   add_text(&c, literals);
   add(&c, v->plan.projection == TC_PERSPECTIVE ? "ray_perspective.glsl" : "ray_orthographic.glsl");
   add(&c, v->field == TC_GL_FIELD_GATHER ? "field_gather.glsl" : "field_filtered.glsl");
   add(&c, fields[v->plan.filter]);
   if (v->plan.clipping) add(&c, "clip_planes.glsl");
+  if (v->plan.labels || v->plan.mode == TC_MODE_DVR) add(&c, "shorten.glsl");
   if (v->plan.labels) add(&c, "labels.glsl");
   if (v->plan.mode == TC_MODE_MPR)
     add(&c, "march_mpr.glsl");
@@ -123,22 +127,7 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
 }
 
 void tc_gl_variant_name(const tc_gl_variant *v, char *name, size_t size) {
-  static const char *const modes[TC_MODE_COUNT] = {"dvr",        "mip",  "minip", "average",
-                                                   "isosurface", "mesh", "splat", "mpr"};
-  static const char *const ways[TC_CLASSIFICATION_COUNT] = {"preintegrated", "preintegrated2", "approximate", "post",
-                                                            "linearized"};
-  static const char *const filters[TC_FILTER_COUNT] = {"linear", "cubic", "nearest"};
-  static const char *const slabs[] = {
-      "slice", [1 + TC_SLAB_MIP] = "mip", [1 + TC_SLAB_MINIP] = "minip", [1 + TC_SLAB_AVERAGE] = "average"};
-  const char *way = "";
-  if (v->plan.mode == TC_MODE_MPR)
-    way = v->plan.slab < sizeof slabs / sizeof *slabs ? slabs[v->plan.slab] : "?";
-  else if (v->plan.mode == TC_MODE_DVR)
-    way = v->plan.classification < TC_CLASSIFICATION_COUNT ? ways[v->plan.classification] : "?";
-  snprintf(name, size, "%s%s%s.%s%s%s%s%s.%s.%s", v->plan.mode < TC_MODE_COUNT ? modes[v->plan.mode] : "?",
-           *way ? "." : "", way, v->plan.filter < TC_FILTER_COUNT ? filters[v->plan.filter] : "?",
-           v->plan.shading ? ".shaded" : "", v->plan.labels ? ".labels" : "", v->plan.rays ? ".rays" : "",
-           v->plan.jitter ? ".jitter" : "",
-           v->plan.voxel_type < TC_VOXEL_TYPE_COUNT ? tc_voxel_type_name((tc_voxel_type)v->plan.voxel_type) : "?",
-           v->field == TC_GL_FIELD_GATHER ? "gather" : "filtered");
+  tc_plan_key_name(&v->plan, name, size);
+  size_t n = strlen(name);
+  snprintf(name + n, size - n, ".%s", v->field == TC_GL_FIELD_GATHER ? "gather" : "filtered");
 }

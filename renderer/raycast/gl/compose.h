@@ -20,6 +20,7 @@ typedef struct tc_gl_variant {
   uint8_t linear_light; /* 0/1: encode to sRGB */
   uint8_t transparent;  /* 0/1: straight alpha instead of a background */
   uint8_t want_linear;  /* 0/1: floats are written too */
+  uint8_t want_depth;   /* 0/1: and depths, of an isosurface */
   uint8_t label_signed; /* 0/1: the label volume's voxels are */
 } tc_gl_variant;
 

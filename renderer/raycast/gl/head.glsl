@@ -12,7 +12,8 @@ layout(std140, binding = 0) uniform Job {
   vec4 texel;                         // xyz: 1 / texture size
   vec4 unpack;                        // voxel = texel value * x + y
   vec4 nodes;                         // x: lo, y: nodes per voxel unit, z: n - 1
-  ivec4 table;                        // x: columns, y: where k = 0 begins, z: how many zooms, w: their columns
+  ivec4 table;                        // x: columns, y: where k = 0 begins, z: how many zooms, w: their columns;
+                                      // of integrals x: entries of a level, y: where levels begin
   ivec4 blocks;                       // x: voxels a block is wide, yz: entries to the next block along y, z, w: interval
   vec4 background;                    // compositing space; w: termination
   vec4 march;                         // x: step mm, y: eye mm (orthographic), z: 1 / step, w: where rays end, mm

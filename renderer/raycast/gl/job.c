@@ -11,11 +11,21 @@ static void put3(float to[4], const double from[3]) {
     to[k] = (float)from[k];
 }
 
-static void fill_table(tc_gl_job_block *block, const tc_table *table) {
-  block->nodes[0] = (float)table->lo;
+static void fill_nodes(tc_gl_job_block *block, int n, double lo, double hi) {
+  block->nodes[0] = (float)lo;
   /* A range of denormal width would make this infinite, and infinity times zero is no node. */
-  block->nodes[1] = (float)fmin((table->n - 1) / (table->hi - table->lo), 1e30);
-  block->nodes[2] = (float)(table->n - 1);
+  block->nodes[1] = (float)fmin((n - 1) / (hi - lo), 1e30);
+  block->nodes[2] = (float)(n - 1);
+}
+
+static void fill_integrals(tc_gl_job_block *block, const tc_integrals *integrals) {
+  fill_nodes(block, integrals->n, integrals->lo, integrals->hi);
+  block->table[0] = integrals->n + 1;
+  block->table[1] = integrals->levels_start;
+}
+
+static void fill_table(tc_gl_job_block *block, const tc_table *table) {
+  fill_nodes(block, table->n, table->lo, table->hi);
   block->table[0] = table->columns;
   block->table[1] = (int32_t)((table->zero_row - table->entries) / 4);
   block->table[2] = table->n_zooms;
@@ -112,6 +122,7 @@ void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volum
   memcpy(block->texel, volume->texel, sizeof volume->texel);
   memcpy(block->unpack, volume->unpack, sizeof volume->unpack);
   if (job->table) fill_table(block, job->table);
+  if (job->integrals) fill_integrals(block, job->integrals);
   if (job->leap) fill_blocks(block, job->leap->block, job->leap->blocks);
   if (job->grey) fill_projection(block, job->grey, job->bounds, rays);
   if (job->plan->key.mode == TC_MODE_MPR) fill_window(block, job);

@@ -58,9 +58,7 @@ vec4 label_segment(vec4 segment, vec3 p) {
   Label m = label_at(p);
   float seen = max(m.visible, 1e-6);
   segment.rgb = min(segment.rgb * max(1.0 - m.tint.a / seen, 0.0) + segment.a / seen * m.tint.rgb, vec3(segment.a));
-  if (m.visible >= 1.0) return segment;
-  float opacity = 1.0 - exp2(m.visible * log2(max(1.0 - segment.a, 1e-30)));
-  return segment * (segment.a < 1e-4 ? m.visible : opacity / segment.a);
+  return m.visible < 1.0 ? shorten(segment, m.visible) : segment;
 }
 
 // The labels' tint over a slice's grey.

@@ -27,9 +27,13 @@ void count(Counts of) {
 #endif
 }
 
-// The ray through a place on the picture, and its stay.
-vec2 start_ray(vec2 at, out vec3 anchor, out vec3 direction) {
-  float eye;
+#if DEPTH
+layout(std430, binding = 3) writeonly buffer Depth { float depths[]; }; // [h][w] mm from the eye
+float nearest; // of the pixel's hits
+#endif
+
+// The ray through a place on the picture, and its stay; eye: mm from the anchor.
+vec2 start_ray(vec2 at, out vec3 anchor, out vec3 direction, out float eye) {
   set_ray(at, anchor, direction, eye);
   vec2 span = clip_to_box(anchor, direction, eye);
 #if CLIP
@@ -40,11 +44,12 @@ vec2 start_ray(vec2 at, out vec3 anchor, out vec3 direction) {
 
 vec4 trace(ivec2 pixel, int ray) {
   vec3 anchor, direction;
+  float eye;
   vec2 at = vec2(pixel) + 0.5;
 #if SEVERAL
   at += job.of_pixel[ray].xy;
 #endif
-  vec2 span = start_ray(at, anchor, direction);
+  vec2 span = start_ray(at, anchor, direction, eye);
   if (span.y <= span.x)
     return vec4(0.0);
 #if PHASE
@@ -56,6 +61,10 @@ vec4 trace(ivec2 pixel, int ray) {
   Counts counts = Counts(0u, 0u);
   vec4 result = march(anchor, direction, span, counts);
   count(counts);
+#if DEPTH
+  if (result.a > 0.0)
+    nearest = min(nearest, span.x + hit_mm - eye);
+#endif
   return result;
 }
 
@@ -66,10 +75,14 @@ void main() {
   ivec2 pixel = tile.xy + place;
 #if COHERENT
   vec3 anchor, direction;
-  vec2 span = start_ray(vec2(pixel) + 0.5, anchor, direction);
+  float eye;
+  vec2 span = start_ray(vec2(pixel) + 0.5, anchor, direction, eye);
   way = vec2(0.0, -1.0);
   if (span.y > span.x)
     look_ahead(anchor, direction, span);
+#endif
+#if DEPTH
+  nearest = uintBitsToFloat(0x7f800000u); // infinite
 #endif
 #if SEVERAL
   precise vec4 result = vec4(0.0);
@@ -79,5 +92,9 @@ void main() {
 #else
   vec4 result = trace(pixel, 0);
 #endif
-  write_result(uint(place.y * tile.z + place.x), result);
+  uint at = uint(place.y * tile.z + place.x);
+  write_result(at, result);
+#if DEPTH
+  depths[at] = nearest;
+#endif
 }

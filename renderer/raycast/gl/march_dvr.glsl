@@ -1,11 +1,4 @@
-// Front-to-back compositing of pre-integrated segments. Returns premultiplied colour and opacity.
-//
-// "precise" and fma() fix the rounding, so that variants of this text give the same bits: a leap changes nothing.
-
-float sample_node(vec3 entry, vec3 direction, float t) {
-  precise vec3 p = fma(vec3(t), direction, entry);
-  return node(field(p));
-}
+// Front-to-back compositing of segments. Returns premultiplied colour and opacity.
 
 // Thin segments take nothing from a transparency of 1 in single precision, so that opacity has a sum of its own. What
 // lies behind a terminated ray is taken to look like what lies before: an opaque region keeps its colour exactly.
@@ -17,40 +10,15 @@ vec4 finish(vec4 sum, float clear) {
   return full ? sum / sum.a : sum;
 }
 
-// The same medium over a share of a segment: the full one's transparency to the power of it, and colour as opacity.
-vec4 shorten(vec4 segment, float share) {
-  float opacity = 1.0 - exp2(share * log2(max(1.0 - segment.a, 1e-30)));
-  return (segment.a < 1e-4 ? share : opacity / segment.a) * segment;
-}
-
-// Mm from the entry to sample i.
-float sample_mm(int i) {
-#if PHASE
-  precise float t = max(float(i) * job.march.x - lag, 0.0);
-  return t;
-#else
-  return float(i) * job.march.x;
-#endif
-}
-
 vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   precise vec3 entry = fma(vec3(span.x), direction, anchor);
   float length_mm = span.y - span.x;
-  float step_mm = job.march.x;
   precise vec4 sum = vec4(0.0);
   precise float clear = 1.0;
-  int first = 0; // sample at which the ray begins
-#if COHERENT
-  if (head >= length_mm)
+  int first = first_sample();
+  if (sample_mm(first) >= length_mm)
     return vec4(0.0);
-  first = int(clamp(head * job.march.z, 0.0, 1e6));
-#endif
-  float before = sample_mm(first); // where front was sampled, mm
-  float front = sample_node(entry, direction, before);
-#if SHADED
-  vec3 front_slope = slope;
-#endif
-  counts.samples++;
+  Sample front = sample_at(entry, direction, sample_mm(first), counts);
 #if LEAP
   bool fresh = false; // after a leap there is no segment in front of the next sample
   int look_at = 0;    // first step at which looking around may pay
@@ -59,24 +27,8 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
     float t = sample_mm(i);
     if (t > length_mm)
       break;
-    float back = sample_node(entry, direction, t);
-    counts.samples++;
-    vec4 segment = classify(front, back);
-#if PHASE
-    if (i == 1)
-      segment = shorten(segment, t / step_mm);
-#endif
-#if LABELLED
-    if (segment.a > 0.0) {
-      precise vec3 middle = fma(vec3(0.5 * (sample_mm(i - 1) + t)), direction, entry);
-      segment = label_segment(segment, middle);
-    }
-#endif
-#if SHADED
-    if (segment.a > 0.0)
-      segment = shade(segment, front_slope, slope, to_eye);
-    front_slope = slope;
-#endif
+    Sample back = sample_at(entry, direction, t, counts);
+    vec4 segment = segment_between(entry, direction, front, back, PHASE == 1 && i == 1, counts);
 #if LEAP
     if (fresh)
       segment = vec4(0.0);
@@ -85,7 +37,6 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
     sum = fma(vec4(clear), segment, sum);
     clear = fma(-clear, segment.a, clear);
     front = back;
-    before = t;
 #if TERMINATION
     if (clear < job.background.w)
       return finish(sum, clear);
@@ -108,17 +59,9 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
     return finish(sum, clear);
 #endif
   // The last segment is shorter. It stands behind the loop because software rasterisers pay for both sides of a branch.
-  float share = (length_mm - before) / step_mm;
-  if (share > 0.0) {
-    vec4 segment = classify(front, sample_node(entry, direction, length_mm));
-    counts.samples++;
-#if LABELLED
-    segment = label_segment(segment, fma(vec3(0.5 * (before + length_mm)), direction, entry));
-#endif
-#if SHADED
-    segment = shade(segment, front_slope, slope, to_eye);
-#endif
-    segment = shorten(segment, share);
+  if (front.t < length_mm) {
+    Sample back = sample_at(entry, direction, length_mm, counts);
+    vec4 segment = segment_between(entry, direction, front, back, true, counts);
     sum = fma(vec4(clear), segment, sum);
     clear = fma(-clear, segment.a, clear);
   }

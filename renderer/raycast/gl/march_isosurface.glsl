@@ -196,6 +196,10 @@ vec3 surface_gradient(vec3 p) {
   return 0.25 * sum / max(high - low, vec3(1e-20));
 }
 
+#if DEPTH
+float hit_mm; // from the entry, of the ray that was marched, where it met the surface
+#endif
+
 vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   precise vec3 entry = fma(vec3(span.x), direction, anchor);
   vec3 divisor = mix(direction, vec3(1.0), lessThan(abs(direction), vec3(1e-12)));
@@ -203,6 +207,9 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   float t = find_hit(r, span.y - span.x, counts);
   if (t < 0.0)
     return vec4(0.0);
+#if DEPTH
+  hit_mm = t;
+#endif
   vec4 color = vec4(job.surface_color.rgb, 1.0);
 #if SHADED
   precise vec3 p = fma(vec3(t), direction, entry);

@@ -1,13 +1,8 @@
 // The full pre-integration table (classify.h): rows are differences, columns the smaller end; both read linearly.
 layout(binding = 1) uniform samplerBuffer table;
 
-float node(float voxel) {
-  float at = (voxel - job.nodes.x) * job.nodes.y;
-  return at > 0.0 ? min(at, job.nodes.z) : 0.0; // what is no number goes to node 0
-}
-
 // (premultiplied colour, opacity) of a full segment between two nodes.
-vec4 classify(float front, float back) {
+vec4 look_up(float front, float back) {
   int start = job.table.y;
   int columns = job.table.x;
 #if ZOOMED // in the finest window that holds both ends
@@ -37,4 +32,9 @@ vec4 classify(float front, float back) {
   precise vec4 far = a + (b - a) * (column - float(c));
   precise vec4 segment = near + (far - near) * (row - float(r));
   return segment;
+}
+
+vec4 classify(float front, float back, float length_mm, bool is_part) {
+  vec4 segment = look_up(front, back);
+  return is_part ? shorten(segment, length_mm / job.march.x) : segment;
 }

@@ -302,6 +302,16 @@ const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_tabl
   return lookup(textures, key, &from, error);
 }
 
+const tc_gl_lookup *tc_gl_textures_integrals(tc_gl_textures *textures, const tc_integrals *integrals, GError **error) {
+  const uint64_t key[5] = {0, 0, 0, 0, integrals->serial};
+  const lookup_source from = {.what = "integrals",
+                              .entries = integrals->entries,
+                              .entry_bytes = sizeof(float[4]),
+                              .count = integrals->count,
+                              .format = GL_RGBA32F};
+  return lookup(textures, key, &from, error);
+}
+
 const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volume *volume, const tc_leap *leap,
                                         GError **error) {
   const uint64_t key[5] = {leap->support, tc_volume_serial(volume), (uint64_t)leap->block,

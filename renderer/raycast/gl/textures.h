@@ -4,6 +4,7 @@
 #define TC_RAYCAST_GL_TEXTURES_H
 
 #include "renderer/classify/classify.h"
+#include "renderer/classify/integrals.h"
 #include "renderer/classify/labels.h"
 #include "renderer/gl/device.h"
 #include "renderer/raycast/gl/compose.h"
@@ -21,10 +22,10 @@ typedef struct tc_gl_volume {
   uint64_t used;
 } tc_gl_volume;
 
-/* A buffer the shaders read as a buffer texture: a pre-integration table (RGBA32F), a distance map or bounds (R8UI). */
+/* A buffer the shaders read as a buffer texture: a table or integrals (RGBA32F), a distance map or bounds (R8UI). */
 typedef struct tc_gl_lookup {
   uint64_t key[5]; /* serials of table or support, and of the volume (0 for a table: it serves any); block width; serial of
-                      bounds, or a leap's reach; serial of labels */
+                      bounds, or a leap's reach; serial of labels, or of integrals, which serve any volume */
   unsigned buffer, texture;
   size_t bytes;
   uint64_t used;
@@ -51,6 +52,7 @@ void tc_gl_textures_begin(tc_gl_textures *textures);
 const tc_gl_volume *tc_gl_textures_volume(tc_gl_textures *textures, const tc_volume *volume, tc_gl_field field,
                                           GError **error);
 const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_table *table, GError **error);
+const tc_gl_lookup *tc_gl_textures_integrals(tc_gl_textures *textures, const tc_integrals *integrals, GError **error);
 const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volume *volume, const tc_leap *leap,
                                         GError **error);
 const tc_gl_lookup *tc_gl_textures_bounds(tc_gl_textures *textures, const tc_volume *volume, const tc_bounds *bounds,

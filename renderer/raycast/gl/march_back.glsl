@@ -1,0 +1,62 @@
+// Back-to-front compositing: the samples and segments of march_dvr.glsl, met from the ray's end. What is nearest comes last, so
+// that no ray ends early.
+
+// The last sample before a ray's end. The estimate may be off by what its rounding is.
+int last_sample(float length_mm) {
+#if PHASE
+  int i = int((length_mm + lag) * job.march.z);
+#else
+  int i = int(length_mm * job.march.z);
+#endif
+  while (i > 0 && sample_mm(i) >= length_mm)
+    i--;
+  while (sample_mm(i + 1) < length_mm)
+    i++;
+  return i;
+}
+
+// Written as a sum of differences, like the front's: thin segments of a long ray lose no more here than there.
+vec4 put_in_front(vec4 segment, vec4 sum) {
+  precise vec4 both = sum + fma(vec4(-segment.a), sum, segment);
+  return both;
+}
+
+vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
+  precise vec3 entry = fma(vec3(span.x), direction, anchor);
+  float length_mm = span.y - span.x;
+  int first = first_sample(), i = last_sample(length_mm);
+  if (first > i)
+    return vec4(0.0);
+  Sample back = sample_at(entry, direction, length_mm, counts);
+  Sample front = sample_at(entry, direction, sample_mm(i), counts);
+  bool is_part = length_mm < sample_mm(i + 1) || PHASE == 1 && i == 0;
+  vec4 sum = put_in_front(segment_between(entry, direction, front, back, is_part, counts), vec4(0.0));
+#if LEAP
+  bool fresh = false; // after a leap there is no segment behind the next sample
+  int look_at = i;    // first step, downwards, at which looking around may pay
+#endif
+  while (--i >= first) {
+    back = front;
+    front = sample_at(entry, direction, sample_mm(i), counts);
+    vec4 segment = segment_between(entry, direction, front, back, PHASE == 1 && i == 0, counts);
+#if LEAP
+    if (fresh)
+      segment = vec4(0.0);
+    fresh = false;
+#endif
+    sum = put_in_front(segment, sum);
+#if LEAP
+    int steps;
+    if (segment.a > 0.0 || i > look_at)
+      continue;
+    if (!look_around(fma(vec3(front.t), direction, entry), -direction, steps)) {
+      look_at = i - steps - 1;
+    } else if (steps > 1) { // the loop goes on by one itself
+      i -= steps - 1;
+      fresh = true;
+      counts.leaps++;
+    }
+#endif
+  }
+  return sum / max(sum.a, 1.0);
+}

@@ -1,0 +1,5 @@
+// From voxels to nodes of the table that the segments are looked up in.
+float node(float voxel) {
+  float at = (voxel - job.nodes.x) * job.nodes.y;
+  return at > 0.0 ? min(at, job.nodes.z) : 0.0; // what is no number goes to node 0
+}

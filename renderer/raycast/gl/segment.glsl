@@ -1,0 +1,79 @@
+// A ray's samples and what lies between two of them: what both orders of compositing walk through.
+//
+// "precise" and fma() fix the rounding, so that variants of this text give the same bits: a leap changes nothing.
+struct Sample {
+  float t, node; // mm from the entry
+#if SHADED
+  vec3 slope;
+#endif
+};
+
+float node_at(vec3 entry, vec3 direction, float t) {
+  precise vec3 p = fma(vec3(t), direction, entry);
+  return node(field(p));
+}
+
+Sample sample_at(vec3 entry, vec3 direction, float t, inout Counts counts) {
+  Sample s;
+  s.t = t;
+  s.node = node_at(entry, direction, t);
+#if SHADED
+  s.slope = slope;
+#endif
+  counts.samples++;
+  return s;
+}
+
+// Mm from the entry to sample i.
+float sample_mm(int i) {
+#if PHASE
+  precise float t = max(float(i) * job.march.x - lag, 0.0);
+  return t;
+#else
+  return float(i) * job.march.x;
+#endif
+}
+
+// The sample at which a ray begins: what lies before is known to be empty.
+int first_sample() {
+#if COHERENT
+  return int(clamp(head * job.march.z, 0.0, 1e9));
+#else
+  return 0;
+#endif
+}
+
+#if SECOND_ORDER
+// Of the quadratic through three samples the linear field with the same mean, and its slope as far as that leaves both ends among
+// the samples (segment_tmpl.h has the sources).
+vec2 straighten(float front, float middle, float back) {
+  precise float mean = fma((front - middle) + (back - middle), 1.0 / 6.0, middle); // Simpson; exact where all are equal
+  float least = min(middle, min(front, back)), most = max(middle, max(front, back));
+  precise float room = max(min(mean - least, most - mean), 0.0);
+  precise float rise = clamp(0.5 * (back - front), -room, room);
+  precise vec2 ends = vec2(mean - rise, mean + rise);
+  return ends;
+}
+#endif
+
+// Colour and opacity of a full segment, or of one that is as long as its samples are apart.
+vec4 segment_between(vec3 entry, vec3 direction, Sample front, Sample back, bool is_part, inout Counts counts) {
+  precise float middle = 0.5 * (front.t + back.t);
+  vec2 ends = vec2(front.node, back.node);
+#if SECOND_ORDER
+  ends = straighten(ends.x, node_at(entry, direction, middle), ends.y);
+  counts.samples++;
+#endif
+  vec4 segment = classify(ends.x, ends.y, back.t - front.t, is_part);
+#if LABELLED
+  if (segment.a > 0.0) {
+    precise vec3 p = fma(vec3(middle), direction, entry);
+    segment = label_segment(segment, p);
+  }
+#endif
+#if SHADED
+  if (segment.a > 0.0)
+    segment = shade(segment, front.slope, back.slope, to_eye);
+#endif
+  return segment;
+}
