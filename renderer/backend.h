@@ -43,6 +43,9 @@ typedef struct tc_backend_ops {
   const char *(*device)(void *instance);
   const char *(*isa)(void *instance);
   bool (*render)(void *instance, const tc_job *job, GError **error);
+  /* False: this job would wait for a program to be compiled. That has begun beside, and what must not wait is drawn by the cpu
+   * back end meanwhile. NULL: nothing ever waits. */
+  bool (*ready)(void *instance, const tc_job *job);
   /* Drops copies of a volume (by serial). */
   void (*forget)(void *instance, uint64_t volume_serial);
   /* Completes plan->kernel with the variant's name. */

@@ -12,7 +12,7 @@
 
 struct tc_renderer {
   const tc_backend_ops *ops;
-  void *instance;
+  void *instance, *stand_in; /* stand_in: the cpu back end, for frames that cannot wait; NULL until there was one */
   tc_pool *pool;
   tc_renderer_info info;
   char why[200];
@@ -62,6 +62,7 @@ void tc_renderer_free(tc_renderer *renderer) {
   if (!renderer) return;
   tc_resources_free(renderer->resources);
   if (renderer->instance) renderer->ops->destroy(renderer->instance);
+  if (renderer->stand_in) tc_cpu_backend.destroy(renderer->stand_in);
   tc_pool_free(renderer->pool);
   free(renderer);
 }
@@ -199,7 +200,8 @@ static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scen
 }
 
 static void finish_plan(tc_renderer *r, tc_plan *plan, const frame_resources *have, const tc_frame_stats *stats) {
-  r->ops->name_kernel(r->instance, plan);
+  bool stand_in = stats && stats->stand_in;
+  (stand_in ? &tc_cpu_backend : r->ops)->name_kernel(stand_in ? r->stand_in : r->instance, plan);
   tc_plan_stage *labels = &plan->stages[TC_STAGE_LABELS];
   if (have->labels) labels->bytes = have->labels->bytes;
   if (have->labels) labels->ms = stats ? have->labels_ms : have->labels->build_ms;
@@ -307,6 +309,22 @@ static bool check_table(const tc_render_request *q, GError **error) {
   return false;
 }
 
+/* Draws by the cpu back end, every sample: what leaps is not the same there, and the picture is. */
+static bool draw_by_stand_in(tc_renderer *r, tc_job *job, tc_plan *plan, frame_resources *have, GError **error) {
+  if (!r->stand_in) r->stand_in = tc_cpu_backend.create(&(tc_renderer_options){0}, r->pool, error);
+  if (!r->stand_in) return false;
+  if (plan->key.skipping) tc_plan_drop_skipping(plan, "the cpu draws every sample while a program is compiled");
+  job->leap = have->leap = NULL;
+  job->bounds = have->bounds = NULL;
+  job->frame->stats.stand_in = true;
+  return tc_cpu_backend.render(r->stand_in, job, error);
+}
+
+static bool draw(tc_renderer *r, tc_job *job, tc_plan *plan, bool hurry, frame_resources *have, GError **error) {
+  if (hurry && r->ops->ready && !r->ops->ready(r->instance, job)) return draw_by_stand_in(r, job, plan, have, error);
+  return r->ops->render(r->instance, job, error);
+}
+
 bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
                tc_frame *frame, tc_plan *plan, GError **error) {
   tc_render_request none = {0};
@@ -351,7 +369,7 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
     snprintf(plan->stages[TC_STAGE_DEPTH].reason, sizeof plan->stages->reason, "asked for with the frame");
   }
   double start = tc_now_ms();
-  if (!renderer->ops->render(renderer->instance, &job, error)) return false;
+  if (!draw(renderer, &job, plan, request->hurry, &have, error)) return false;
   frame->stats.render_ms = tc_now_ms() - start;
   frame->stats.coefficients_ms = have.field_ms;
   finish_plan(renderer, plan, &have, &frame->stats);

@@ -45,6 +45,7 @@ typedef struct tc_frame_stats {
   uint64_t samples;                     /* field samples taken */
   uint64_t rays;                        /* rays that met the volume */
   uint64_t leaps;                       /* jumps over empty space, counted as the back end makes them (packets or rays) */
+  bool stand_in; /* drawn by the cpu back end in the gl back end's place: its time tells nothing of the next frame's */
 } tc_frame_stats;
 
 /* A finished picture. Zero-initialise before first use; buffers are reused by the next tc_render(). */
@@ -71,6 +72,8 @@ typedef struct tc_render_request {
   const atomic_bool *cancel;  /* set to true from any thread: tc_render() returns TC_ERROR_CANCELLED soon; may be NULL */
   const tc_volume *labels;    /* what scene.labels.volume names, borrowed until tc_render() returns; NULL where it names none.
                                  Which volume an id means is the caller's; it is tc_labels_check()ed here */
+  bool hurry;                 /* never wait for the gl back end to compile a program: while it does, beside, the cpu back end draws,
+                                 the same within 1/255 (stats.stand_in) */
   int table_size, table_bits; /* for measurements: entries per side (2 to TC_MAX_TABLE_SIZE) and bits of an entry (8, or 16
                                  for half floats) of the pre-integration table; 0 = as the plan chooses, single precision */
 } tc_render_request;

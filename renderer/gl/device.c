@@ -227,6 +227,8 @@ bool tc_gl_context_use(tc_gl_context *context, GError **error) {
   return false;
 }
 
+void tc_gl_context_release(void) { eglReleaseThread(); }
+
 const tc_gl_report *tc_gl_context_about(const tc_gl_context *context) { return &context->report; }
 
 bool tc_gl_report_read(tc_gl_report *report, GError **error) {

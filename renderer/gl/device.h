@@ -1,7 +1,7 @@
 /* EGL: find a device that gives OpenGL 4.5 core without a window, and hold one context on it.
  *
  * Hardware first (EGL device platform), else Mesa's surfaceless platform, which ends in llvmpipe where there is no GPU.
- * A context belongs to the thread that made it: create, use and free it there. Probing may be done on any thread. */
+ * A context is used by one thread at a time: by the one that made it, unless released for another. Probing may be done on any thread. */
 #ifndef TC_GL_DEVICE_H
 #define TC_GL_DEVICE_H
 
@@ -36,6 +36,9 @@ void tc_gl_context_free(tc_gl_context *context); /* same thread; NULL is fine */
 
 /* Makes the context current on the calling thread unless it already is (several may share a thread). */
 bool tc_gl_context_use(tc_gl_context *context, GError **error);
+
+/* Lets go of what is current on the calling thread: a context may then be used on another one. */
+void tc_gl_context_release(void);
 
 const tc_gl_report *tc_gl_context_about(const tc_gl_context *context);
 

@@ -43,7 +43,7 @@ typedef struct tc_quality_view {
 } tc_quality_view;
 
 typedef struct tc_quality_model {
-  bool first_only; /* the frames' back end lacks preintegrated2, or is another than the one that it was timed on, the cpu's */
+  bool first_only; /* the frames' back end is another than the one that both methods were timed on, the cpu's */
   int n, next; /* views there are; the one a new view replaces when all are taken */
   tc_quality_view views[TC_QUALITY_VIEWS];
 } tc_quality_model;

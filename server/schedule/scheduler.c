@@ -176,7 +176,7 @@ static void run_render(tcs_task *task) {
   }
   const tc_render_request request = {
       .width = job->width, .height = job->height, .cancel = &job->cancel, .labels = job->labels,
-      .want_linear = job->meter_pixels > 0};
+      .want_linear = job->meter_pixels > 0, .hurry = job->hurry};
   if (!tc_render(renderer, job->volume, &job->scene, &request, &job->frame, NULL, &job->error)) return;
   job->stats = job->frame.stats;
   job->out_width = job->frame.width;
@@ -210,7 +210,8 @@ static void done_render(tcs_task *task) {
     tcs_histogram_add(&metrics->tables, job->stats.tables_ms / 1000);
     tcs_histogram_add(&metrics->skip, job->stats.skip_ms / 1000);
     tcs_histogram_add(&metrics->render, job->stats.render_ms / 1000);
-    tc_quality_cost_add(&job->server->cost, &job->scene, (double)job->out_width * job->out_height,
+    if (!job->stats.stand_in)
+      tc_quality_cost_add(&job->server->cost, &job->scene, (double)job->out_width * job->out_height,
                         job->stats.render_ms);
     if (job->rendered) job->rendered(job);
     job->task.run = run_encode;

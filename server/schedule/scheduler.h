@@ -35,6 +35,7 @@ struct tcs_job {
   void *user;                     /* the owner's; NULL when the owner has left */
   uint64_t revision;              /* the owner's */
   bool final;                     /* the owner's */
+  bool hurry;                     /* the owner's: as in tc_render_request */
   GArray *marks;                  /* the owner's; freed with the job; may be NULL */
   tcs_quality_used quality;       /* the owner's: the scene asks no more */
   int meter_pixels;               /* to be kept for the error meter; 0 = none */

@@ -237,8 +237,10 @@ static void finished(tcs_job *job) {
     return;
   }
   const double pixels = (double)job->out_width * job->out_height;
-  tcs_ladder_measure(&session->ladder, pixels, job->stats.render_ms);
-  tc_quality_cost_add(&session->cost, &job->scene, pixels, job->stats.render_ms);
+  if (!job->stats.stand_in) {
+    tcs_ladder_measure(&session->ladder, pixels, job->stats.render_ms);
+    tc_quality_cost_add(&session->cost, &job->scene, pixels, job->stats.render_ms);
+  }
   tcs_picture_unref(session->latest);
   session->latest = make_picture(job);
   tcs_measure_cancel(session); /* of another picture */
@@ -282,6 +284,7 @@ static tcs_job *begin_job(tcs_session *session, bool final) {
   job->user = session;
   job->revision = session->revision;
   job->final = final;
+  job->hurry = true;
   tcs_quality_resolve(session->server->quality, job, session->cost.w > 0 ? &session->cost : &session->server->cost, !final);
   if (!final) make_interactive(session, job);
   char reason[96];

@@ -406,6 +406,71 @@ static void test_cancel(void **state) {
   tc_volume_unref(volume);
 }
 
+/* ---- frames that do not wait ---- */
+
+static bool draws_itself(tc_renderer *r, tc_volume *volume, const tc_scene *scene, bool hurry, tc_frame *frame) {
+  tc_plan plan;
+  const tc_render_request request = {.want_linear = true, .hurry = hurry};
+  assert_made(tc_render(r, volume, scene, &request, frame, &plan, &error));
+  bool itself = g_str_has_suffix(plan.kernel, ".gl");
+  assert_int_equal(itself, !frame->stats.stand_in);
+  assert_true(itself || !plan.key.skipping);
+  return itself;
+}
+
+/* A program that is not there costs a frame that hurries no time: the cpu draws it, and opengl the next ones. */
+static void test_hurry(void **state) {
+  needs_gl();
+  enum { SIDE = 64 };
+  static const tc_mode modes[] = {TC_MODE_DVR, TC_MODE_MIP, TC_MODE_ISOSURFACE, TC_MODE_MPR};
+  tc_volume *volume = waves(TC_U16, 32, 17);
+  tc_renderer *r = new_gl(0), *patient = new_gl(0);
+  tc_scene scene;
+  set_scene(&scene, volume, SIDE);
+  scene.skipping.mode = TC_SKIPPING_AUTO;
+  scene.shading.model = TC_SHADING_LAMBERT;
+  scene.isosurface.value = scene.window.center = 0.5;
+  scene.window.width = 1;
+  for (size_t m = 0; m < G_N_ELEMENTS(modes); m++) {
+    tc_frame wanted = {0}, frame = {0};
+    double worst = 0, start = now_ms();
+    scene.mode = modes[m];
+    assert_true(draws_itself(patient, volume, &scene, false, &wanted));
+    double waited = now_ms();
+    assert_false(draws_itself(r, volume, &scene, true, &frame));
+    double hurried = now_ms();
+    for (int i = 0; i < SIDE * SIDE * 4; i++) worst = fmax(worst, fabs((double)frame.linear[i] - wanted.linear[i]));
+    assert_true(worst <= 1.0 / 255);
+    while (!draws_itself(r, volume, &scene, true, &frame) && now_ms() < hurried + 60000)
+      nanosleep(&(struct timespec){.tv_nsec = 2000000}, NULL);
+    assert_false(frame.stats.stand_in);
+    printf("  %s: waits %.0f ms, stands in %.0f ms, off by %.1e; then %.0f ms\n", tc_mode_names[modes[m]], waited - start,
+           hurried - waited, worst, frame.stats.render_ms);
+    assert_memory_equal(frame.linear, wanted.linear, SIDE * SIDE * 16);
+    scene.camera.position[0] += 1;
+    assert_true(draws_itself(r, volume, &scene, true, &frame));
+    tc_frame_finish(&wanted);
+    tc_frame_finish(&frame);
+  }
+  /* One that waits takes what is being compiled; a renderer may end, and a volume go, in the middle of it. */
+  tc_frame frame = {0};
+  scene.mode = TC_MODE_AVERAGE;
+  assert_false(draws_itself(r, volume, &scene, true, &frame));
+  assert_true(draws_itself(r, volume, &scene, false, &frame));
+  scene.mode = TC_MODE_MINIP;
+  assert_false(draws_itself(r, volume, &scene, true, &frame));
+  tc_renderer_forget(r, volume);
+  assert_true(draws_itself(r, volume, &scene, true, &frame));
+  scene.filter = TC_FILTER_NEAREST;
+  assert_false(draws_itself(r, volume, &scene, true, &frame));
+  tc_renderer_free(r);
+  assert_true(draws_itself(patient, volume, &scene, false, &frame));
+  tc_renderer_free(patient);
+  tc_frame_finish(&frame);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
 /* ---- memory ---- */
 
 static void test_limits(void **state) {
@@ -469,6 +534,7 @@ int main(void) {
                                      cmocka_unit_test(test_other_thread),    cmocka_unit_test(test_program_cache),
                                      cmocka_unit_test(test_unbuilt_keys),    cmocka_unit_test(test_nothing_is_rebuilt),
                                      cmocka_unit_test(test_ways_of_reading), cmocka_unit_test(test_cancel),
-                                     cmocka_unit_test(test_limits),          cmocka_unit_test(test_eviction)};
+                                     cmocka_unit_test(test_hurry),           cmocka_unit_test(test_limits),
+                                     cmocka_unit_test(test_eviction)};
   return cmocka_run_group_tests(tests, set_up, NULL);
 }

@@ -12,6 +12,7 @@
 #include "renderer/gl/ring.h"
 #include "renderer/raycast/gl/job.h"
 #include "renderer/raycast/gl/textures.h"
+#include "renderer/raycast/gl/warm.h"
 #include "renderer/clock.h"
 
 #define GROUP 8     /* local_size_x and _y of head.glsl */
@@ -27,6 +28,7 @@
 typedef struct gl_backend {
   tc_gl_context *context;
   tc_gl_program_cache programs;
+  tc_gl_warm warm;
   tc_gl_textures textures;
   tc_gl_ring ring;
   unsigned job_buffer; /* the uniform block Job */
@@ -60,9 +62,18 @@ bool tc_gl_probe(bool *hardware, char *why, size_t size) {
   return true;
 }
 
+/* Keeps what was compiled beside. */
+static void settle(gl_backend *b) {
+  if (!tc_gl_warm_take(&b->warm) || !b->warm.program) return;
+  if (tc_gl_context_use(b->context, NULL))
+    tc_gl_program_put(&b->programs, &b->warm.variant, sizeof b->warm.variant, b->warm.program);
+  b->compiled++;
+}
+
 static void destroy(void *instance) {
   gl_backend *b = instance;
   if (!b) return;
+  settle(b);
   if (!b->lost && tc_gl_context_use(b->context, NULL)) {
     tc_gl_ring_clear(&b->ring);
     tc_gl_textures_clear(&b->textures);
@@ -101,6 +112,7 @@ static const char *isa(void *instance) { return "opengl-4.5"; }
 
 static void forget(void *instance, uint64_t volume_serial) {
   gl_backend *b = instance;
+  settle(b);
   if (!b->lost && tc_gl_context_use(b->context, NULL)) tc_gl_textures_forget(&b->textures, volume_serial);
 }
 
@@ -125,7 +137,7 @@ static void name_kernel(void *instance, tc_plan *plan) {
 
 static bool wants_depth(const tc_job *job) { return job->surface && job->want_depth; }
 
-static unsigned program_for(gl_backend *b, const tc_job *job, const tc_gl_volume *volume, GError **error) {
+static tc_gl_variant variant_for(const tc_job *job, const tc_gl_volume *volume) {
   tc_gl_variant v;
   memset(&v, 0, sizeof v);
   v.plan = job->plan->key;
@@ -140,6 +152,11 @@ static unsigned program_for(gl_backend *b, const tc_job *job, const tc_gl_volume
     tc_voxel_type type = tc_volume_describe(job->label_volume)->type;
     v.label_signed = type == TC_I8 || type == TC_I16;
   }
+  return v;
+}
+
+static unsigned program_for(gl_backend *b, const tc_job *job, const tc_gl_volume *volume, GError **error) {
+  tc_gl_variant v = variant_for(job, volume);
   unsigned program = tc_gl_program_find(&b->programs, &v, sizeof v);
   if (program) return program;
   program = tc_gl_compose(&v, error);
@@ -282,24 +299,14 @@ static bool lookups_for(gl_backend *b, const tc_job *job, const tc_gl_lookup **t
   return !job->bounds || (*skip = tc_gl_textures_bounds(&b->textures, job->volume, job->bounds, error));
 }
 
-static bool render(void *instance, const tc_job *job, GError **error) {
-  gl_backend *b = instance;
-  if (b->lost) {
-    tc_set_error(error, TC_ERROR_INTERNAL, NULL, "gl: the GPU stopped answering; restart the daemon");
-    return false;
-  }
-  if (!tc_gl_context_use(b->context, error)) return false;
-  const tc_gl_report *report = tc_gl_context_about(b->context);
-  b->gpu_ms = 0;
+/* Uploads what the job reads and is not there, and binds it. The volume's copy, or NULL with *error set. */
+static const tc_gl_volume *bind(gl_backend *b, const tc_job *job, GError **error) {
+  if (!tc_gl_context_use(b->context, error)) return NULL;
   tc_gl_textures_begin(&b->textures);
   const tc_gl_volume *labels, *volume =
       tc_gl_textures_volume(&b->textures, job->volume, field_for(b, &job->plan->key), error);
   const tc_gl_lookup *table = NULL, *skip = NULL;
-  if (!volume || !lookups_for(b, job, &table, &skip, error) || !bind_labels(b, job, &labels, error)) return false;
-  unsigned program = program_for(b, job, volume, error);
-  if (!program || !tc_gl_ring_reserve(&b->ring, lay_out(job, b->max_side, b->max_side).bytes,
-                                      report->timestamp_bits > 0, error))
-    return false;
+  if (!volume || !lookups_for(b, job, &table, &skip, error) || !bind_labels(b, job, &labels, error)) return NULL;
   tc_gl_job_block block;
   tc_gl_job_fill(&block, job, volume, labels);
   glNamedBufferSubData(b->job_buffer, 0, sizeof block, &block);
@@ -307,8 +314,37 @@ static bool render(void *instance, const tc_job *job, GError **error) {
   glBindTextureUnit(0, volume->texture);
   glBindTextureUnit(1, table ? table->texture : 0);
   glBindTextureUnit(2, skip ? skip->texture : 0);
+  return volume;
+}
+
+static bool render(void *instance, const tc_job *job, GError **error) {
+  gl_backend *b = instance;
+  if (b->lost) {
+    tc_set_error(error, TC_ERROR_INTERNAL, NULL, "gl: the GPU stopped answering; restart the daemon");
+    return false;
+  }
+  settle(b);
+  b->gpu_ms = 0;
+  const tc_gl_volume *volume = bind(b, job, error);
+  unsigned program = volume ? program_for(b, job, volume, error) : 0;
+  bool has_clock = tc_gl_context_about(b->context)->timestamp_bits > 0;
+  if (!program || !tc_gl_ring_reserve(&b->ring, lay_out(job, b->max_side, b->max_side).bytes, has_clock, error))
+    return false;
   glUseProgram(program);
   return run_tiles(b, program, job, error) && tc_gl_check("frame", error);
+}
+
+/* What fails here fails in render() too, which says why. */
+static bool ready(void *instance, const tc_job *job) {
+  gl_backend *b = instance;
+  if (b->lost) return true;
+  if (tc_gl_warm_is_busy(&b->warm)) return false;
+  settle(b);
+  const tc_gl_volume *volume = bind(b, job, NULL);
+  if (!volume) return true;
+  tc_gl_variant v = variant_for(job, volume);
+  bool failed = b->warm.context && !b->warm.program && memcmp(&v, &b->warm.variant, sizeof v) == 0;
+  return failed || tc_gl_program_find(&b->programs, &v, sizeof v) || !tc_gl_warm_start(&b->warm, b->context, &v);
 }
 
 const tc_backend_ops tc_gl_backend = {
@@ -318,6 +354,7 @@ const tc_backend_ops tc_gl_backend = {
     .device = device,
     .isa = isa,
     .render = render,
+    .ready = ready,
     .forget = forget,
     .name_kernel = name_kernel,
 };

@@ -16,8 +16,10 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   precise vec4 sum = vec4(0.0);
   precise float clear = 1.0;
   int first = first_sample();
+#if COHERENT
   if (sample_mm(first) >= length_mm)
     return vec4(0.0);
+#endif
   Sample front = sample_at(entry, direction, sample_mm(first), counts);
 #if LEAP
   bool fresh = false; // after a leap there is no segment in front of the next sample

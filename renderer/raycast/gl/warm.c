@@ -1,0 +1,39 @@
+/* Compiling beside the frames. See warm.h. */
+#include "renderer/raycast/gl/warm.h"
+
+#include <epoxy/gl.h>
+
+static void *compile(void *argument) {
+  tc_gl_warm *warm = argument;
+  if (tc_gl_context_use(warm->context, NULL)) {
+    warm->program = tc_gl_compose(&warm->variant, NULL);
+    if (warm->program) { /* its tile is of no pixel until one is set */
+      glUseProgram(warm->program);
+      glDispatchCompute(1, 1, 1);
+      glFinish();
+    }
+  }
+  tc_gl_context_release();
+  atomic_store(&warm->done, true);
+  return NULL;
+}
+
+bool tc_gl_warm_start(tc_gl_warm *warm, tc_gl_context *context, const tc_gl_variant *variant) {
+  warm->context = context;
+  warm->variant = *variant;
+  warm->program = 0;
+  atomic_store(&warm->done, false);
+  tc_gl_context_release();
+  warm->running = pthread_create(&warm->thread, NULL, compile, warm) == 0;
+  if (!warm->running) tc_gl_context_use(context, NULL);
+  return warm->running;
+}
+
+bool tc_gl_warm_is_busy(const tc_gl_warm *warm) { return warm->running && !atomic_load(&warm->done); }
+
+bool tc_gl_warm_take(tc_gl_warm *warm) {
+  if (!warm->running) return false;
+  pthread_join(warm->thread, NULL);
+  warm->running = false;
+  return true;
+}
