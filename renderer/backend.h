@@ -75,7 +75,8 @@ typedef struct tc_resolve {
 } tc_resolve;
 void tc_resolve_init(tc_resolve *resolve, const tc_scene *scene);
 void tc_resolve_row(const tc_resolve *resolve, const float *linear, uint8_t *rgba, int count);
-/* Greys of a projection are display values: to linear light, in place, for a scene that composites there. */
-void tc_resolve_decode_greys(float *linear, int count);
+/* Greys of a projection are display values; a scene that composites in linear light has each ray's decoded, before the mean of
+ * several. sRGB i / TC_LIGHT_STEPS -> linear light, [TC_LIGHT_STEPS + 2]; static. */
+const float *tc_resolve_light(void);
 
 #endif

@@ -7,7 +7,7 @@
 
 /* Linear light -> sRGB by a table of 4096 steps with interpolation: within 0.1 of an 8-bit step everywhere but the toe, which
  * is the straight part of the curve and computed. */
-#define SRGB_STEPS 4096
+#define SRGB_STEPS TC_LIGHT_STEPS
 static float srgb_table[SRGB_STEPS + 2], light_table[SRGB_STEPS + 2]; /* linear light -> sRGB, and back */
 static pthread_once_t srgb_once = PTHREAD_ONCE_INIT;
 
@@ -93,11 +93,7 @@ void tc_resolve_row(const tc_resolve *r, const float *linear, uint8_t *rgba, int
   }
 }
 
-void tc_resolve_decode_greys(float *linear, int count) {
+const float *tc_resolve_light(void) {
   pthread_once(&srgb_once, fill_srgb);
-  for (int k = 0; k < count; k++, linear += 4) {
-    float x = linear[0] * SRGB_STEPS;
-    int i = (int)x;
-    linear[0] = linear[1] = linear[2] = light_table[i] + (x - (float)i) * (light_table[i + 1] - light_table[i]);
-  }
+  return light_table;
 }

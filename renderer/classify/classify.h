@@ -77,6 +77,7 @@ double tc_extinction_mean(const tc_transfer_function *tf, double a, double b);
 /* Colour at a value, sRGB 0..1. */
 void tc_color(const tc_transfer_function *tf, double value, double rgb[3]);
 
+#define TC_LIGHT_STEPS 4096 /* of tables of these */
 double tc_srgb_to_linear(double c);
 double tc_linear_to_srgb(double c);
 

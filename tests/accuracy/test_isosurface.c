@@ -259,6 +259,26 @@ static void extremes_are_empty_or_right(void **state) {
 }
 
 /* Each pixel is the mean of the reference's hits at its rays' places, and its depth the least of them. */
+/* Along an axis of one voxel nothing changes and no wall is passed, wherever a ray crosses it. */
+static void single_voxels_are_thick(void **state) {
+  const double rise[4] = {0.1, 0, 0, 0};
+  tc_volume *volume = test_volume(&(test_grid){.dims = {8, 1, 1}, .type = TC_F32, .spacing = {1, 20, 20}}, test_linear, rise);
+  for (int bits = 0; bits < 8; bits++) {
+    tc_scene scene;
+    surface_scene(&scene, volume, 0.03);
+    scene.skipping.mode = bits & 1 ? TC_SKIPPING_OFF : TC_SKIPPING_AUTO;
+    scene.skipping.block = 2;
+    test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){60, bits & 2 ? 70 : -70, bits & 4 ? 80 : -80}, (double[3]){3.5, 0, 0}, 40);
+    EACH_RENDERER(i) {
+      verdict v = {0};
+      judge(i, volume, &scene, &v);
+      if (v.seen < 100 || v.ties > 8) fail_msg("%s, %d: %zu of %zu hits are missed", test_names[i], bits, v.ties, v.seen);
+    }
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+}
+
 static void several_rays_are_their_mean(void **state) {
   enum { COUNT = 8 };
   tc_volume *volume = waves(TC_I16);
@@ -348,6 +368,6 @@ int main(void) {
       cmocka_unit_test(reference_meets_closed_forms), cmocka_unit_test(everyone_meets_the_reference),
       cmocka_unit_test(skipping_changes_no_bit),      cmocka_unit_test(nothing_thin_is_missed),
       cmocka_unit_test(extremes_are_empty_or_right),  cmocka_unit_test(several_rays_are_their_mean),
-      cmocka_unit_test(plans_say_what_is_read)};
+      cmocka_unit_test(single_voxels_are_thick),      cmocka_unit_test(plans_say_what_is_read)};
   return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

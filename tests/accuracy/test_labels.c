@@ -266,6 +266,12 @@ static void busy_scene(tc_scene *scene, const tc_volume *volume, unsigned bits) 
   if (bits & 8) scene->sampling.termination = 0.01;
   if (bits & 16) scene->skipping.mode = TC_SKIPPING_OFF;
   scene->image.linear_light = bits % 3 == 1;
+  if (bits & 32) { /* with the rest of what a ray may have */
+    scene->clip.n_planes = 1;
+    scene->clip.planes[0][0] = 1;
+    scene->sampling.rays_per_pixel = 2;
+    scene->sampling.jitter = scene->sampling.coherence = true;
+  }
   if (bits % 4 != 3) return;
   scene->mode = TC_MODE_MPR;
   scene->mpr.orientation = TC_OBLIQUE;
@@ -278,7 +284,8 @@ static void busy_scene(tc_scene *scene, const tc_volume *volume, unsigned bits) 
 static void everyone_agrees(void **state) {
   double worst[RENDERERS] = {0};
   size_t ties = 0, compared = 0;
-  for (unsigned bits = 0; bits < 32; bits++) {
+  for (unsigned number = 0; number < 33; number++) {
+    unsigned bits = number < 32 ? number : 32 + 8 + 4;
     tc_volume *volume = waves((tc_voxel_type)(bits * 7 / 3 % TC_VOXEL_TYPE_COUNT));
     tc_volume *labels = slanted_labels((tc_voxel_type)(bits % TC_F32), (const int[3]){9, 8, 14}, bits);
     tc_scene scene;

@@ -12,6 +12,7 @@
 #include <cmocka.h>
 
 #include "renderer/tomocast.h"
+#include "renderer/classify/classify.h"
 #include "tests/support/grid.h"
 #include "tests/support/image.h"
 #include "tests/support/renderers.h"
@@ -226,6 +227,31 @@ static void constants_and_extreme_windows(void **state) {
 }
 
 /* Clipped, a projection is that of what is left of each ray. */
+/* In linear light each ray's grey is decoded before the mean of a pixel's rays: at an edge too, colour is opacity times the light. */
+static void edges_in_linear_light(void **state) {
+  tc_volume *volume = test_volume(&(test_grid){.dims = {9, 8, 7}, .type = TC_F32}, test_constant, &(double){0.5});
+  for (int m = 0; m < 3; m++)
+    EACH_RENDERER(i) {
+      tc_scene scene;
+      test_scene(&scene, 24, 24);
+      test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.5, -1, 0.3});
+      scene.mode = modes[m];
+      set_window(&scene, 0, 1);
+      scene.image.linear_light = true;
+      scene.sampling.rays_per_pixel = 4;
+      const tc_frame *frame = render(i, volume, &scene, NULL);
+      int edges = 0;
+      for (int p = 0; p < 24 * 24; p++) {
+        const float *c = frame->linear + 4 * p;
+        edges += c[3] > 0 && c[3] < 1;
+        if (!(fabs(c[0] - c[3] * tc_srgb_to_linear(0.5)) < 1e-5)) fail_msg("%s, %s: %g at %g", test_names[i], mode_names[m], c[0], c[3]);
+      }
+      assert_true(edges > 20);
+      tc_scene_clear(&scene);
+    }
+  tc_volume_unref(volume);
+}
+
 static void clipped(void **state) {
   tc_volume *volume = wave_volume(TC_F32, 1);
   for (int m = 0; m < 3; m++) {
@@ -469,6 +495,7 @@ int main(void) {
       cmocka_unit_test(closed_forms),    cmocka_unit_test(close_to_reference),
       cmocka_unit_test(inverted_slope),  cmocka_unit_test(thin_volumes),
       cmocka_unit_test(constants_and_extreme_windows), cmocka_unit_test(skipping_changes_no_bit),
+      cmocka_unit_test(edges_in_linear_light),
       cmocka_unit_test(clipped),         cmocka_unit_test(skipping_pays),   cmocka_unit_test(plan_leaves_out),
       cmocka_unit_test(refusals),
   };

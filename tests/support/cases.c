@@ -28,7 +28,6 @@ static void draw_volume(test_case *c, uint64_t *s) {
   }
   if (shape == 3) c->dims[pick(s, 3)] = 200 + pick(s, 1849);
   c->sheared = chance(s, 0.3);
-  c->type = (tc_voxel_type)pick(s, TC_VOXEL_TYPE_COUNT);
   c->pattern = (test_pattern)(chance(s, 0.5) ? TEST_NOISE : pick(s, TEST_PATTERN_COUNT));
   if (c->type == TC_F32) {
     int range = pick(s, G_N_ELEMENTS(ranges));
@@ -59,59 +58,103 @@ static void draw_knots(test_case *c, uint64_t *s) {
 }
 
 static void draw_clip(test_case *c, uint64_t *s) {
-  c->scene.clip.has_box = chance(s, 0.15);
+  bool box = chance(s, 0.5);
+  c->scene.clip.n_planes = c->scene.clip.has_box && (!box || chance(s, 0.3)) ? 1 + pick(s, 6) : 0;
+  c->scene.clip.has_box = c->scene.clip.has_box && box;
   for (int k = 0; k < 3; k++) {
     double a = test_random(s), b = test_random(s);
     c->scene.clip.box[0][k] = fmin(a, b), c->scene.clip.box[1][k] = fmax(a, b); /* shares of the volume's extent */
   }
-  c->scene.clip.n_planes = chance(s, 0.15) ? 1 + pick(s, 6) : 0;
   for (int i = 0; i < c->scene.clip.n_planes; i++)
     for (int k = 0; k < 4; k++) c->scene.clip.planes[i][k] = between(s, -1, 1); /* d: of the extent, from the centre */
 }
 
-static void draw_scene(tc_scene *scene, uint64_t *s) {
-  static const tc_mode modes[] = {TC_MODE_DVR, TC_MODE_DVR, TC_MODE_DVR, TC_MODE_DVR, TC_MODE_MIP, TC_MODE_MINIP, TC_MODE_AVERAGE,
-                                  TC_MODE_MPR, TC_MODE_ISOSURFACE};
-  static const int rays[] = {1, 1, 1, 2, 4, 5, 8, 16};
+/* What a program is specialised on. Members that a number goes with (rays, termination, thickness, clip) only say: more than none. */
+static void draw_style(test_case *c, uint64_t *s) {
+  static const tc_mode modes[] = {TC_MODE_DVR, TC_MODE_DVR, TC_MODE_DVR, TC_MODE_DVR, TC_MODE_DVR, TC_MODE_MIP, TC_MODE_MINIP,
+                                  TC_MODE_AVERAGE, TC_MODE_MPR, TC_MODE_ISOSURFACE};
+  tc_scene *scene = &c->scene;
+  c->type = (tc_voxel_type)pick(s, TC_VOXEL_TYPE_COUNT);
+  c->projection = chance(s, 0.5) ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC;
   scene->mode = modes[pick(s, G_N_ELEMENTS(modes))];
-  scene->image.width = chance(s, 0.1) ? 1 : 1 + pick(s, 17);
-  scene->image.height = chance(s, 0.1) ? 1 : 1 + pick(s, 13);
   scene->image.linear_light = chance(s, 0.3);
   scene->image.transparent = chance(s, 0.3);
+  scene->classification = chance(s, 0.4) ? TC_PREINTEGRATED : (tc_classification)pick(s, TC_CLASSIFICATION_COUNT);
+  scene->order = chance(s, 0.7) ? TC_FRONT_TO_BACK : TC_BACK_TO_FRONT;
+  scene->filter = (tc_filter)(chance(s, 0.5) ? TC_FILTER_LINEAR : pick(s, TC_FILTER_COUNT));
+  scene->shading.model = (tc_shading_model)(chance(s, 0.6) ? TC_SHADING_NONE : pick(s, TC_SHADING_COUNT));
+  scene->sampling.prefilter = chance(s, 0.5);
+  scene->sampling.rays_per_pixel = chance(s, 0.4) ? 2 : 1;
+  scene->sampling.jitter = chance(s, 0.3);
+  scene->sampling.coherence = chance(s, 0.3);
+  scene->sampling.termination = chance(s, 0.5);
+  scene->mpr.thickness_mm = chance(s, 0.5);
+  scene->mpr.projection = (tc_slab_projection)pick(s, TC_SLAB_PROJECTION_COUNT);
+  scene->clip.has_box = chance(s, 0.25);
+  c->labels.on = chance(s, 0.25);
+  c->labels.type = (tc_voxel_type)pick(s, TC_F32);
+}
+
+static void draw_scene(tc_scene *scene, uint64_t *s) {
+  static const int rays[] = {2, 3, 4, 5, 8, 16};
+  scene->image.width = chance(s, 0.1) ? 1 : 1 + pick(s, 13);
+  scene->image.height = chance(s, 0.1) ? 1 : 1 + pick(s, 11);
   scene->window.center = test_random(s), scene->window.width = decades(s, -6, 2); /* of the value range */
-  scene->classification = chance(s, 0.6) ? TC_PREINTEGRATED : (tc_classification)pick(s, TC_LINEARIZED);
-  scene->order = chance(s, 0.8) ? TC_FRONT_TO_BACK : TC_BACK_TO_FRONT;
-  scene->filter = (tc_filter)(chance(s, 0.7) ? TC_FILTER_LINEAR : pick(s, TC_FILTER_COUNT));
   scene->sampling.step = decades(s, -2, 2);
-  scene->sampling.rays_per_pixel = rays[pick(s, G_N_ELEMENTS(rays))];
-  scene->sampling.jitter = chance(s, 0.2);
-  scene->sampling.coherence = chance(s, 0.2);
-  scene->sampling.termination = chance(s, 0.5) ? 0 : decades(s, -4, -1);
+  if (scene->sampling.rays_per_pixel > 1) scene->sampling.rays_per_pixel = rays[pick(s, G_N_ELEMENTS(rays))];
+  if (scene->sampling.termination > 0) scene->sampling.termination = decades(s, -4, -0.3);
   scene->skipping.block = chance(s, 0.5) ? 0 : 2 + pick(s, 8);
-  scene->shading.model = (tc_shading_model)(chance(s, 0.7) ? TC_SHADING_NONE : pick(s, TC_SHADING_COUNT));
   scene->shading.light_at_camera = chance(s, 0.5);
   for (int k = 0; k < 3; k++) scene->shading.light[k] = between(s, -1, 1);
   scene->shading.ambient = test_random(s), scene->shading.diffuse = test_random(s);
   scene->shading.specular = test_random(s), scene->shading.shininess = between(s, 0, 100);
   scene->isosurface.value = test_random(s); /* of the value range */
+  for (int c = 0; c < 3; c++) scene->isosurface.color[c] = test_random(s);
   scene->mpr.orientation = (tc_mpr_orientation)pick(s, TC_MPR_ORIENTATION_COUNT);
   for (int k = 0; k < 3; k++) scene->mpr.normal[k] = between(s, -1, 1), scene->mpr.up[k] = between(s, -1, 1);
-  scene->mpr.thickness_mm = chance(s, 0.5) ? 0 : decades(s, -2, 2);
-  scene->mpr.projection = (tc_slab_projection)pick(s, TC_SLAB_PROJECTION_COUNT);
+  if (scene->mpr.thickness_mm > 0) scene->mpr.thickness_mm = decades(s, -2, 2);
   scene->mpr.zoom = decades(s, -1, 2);
 }
 
+static void draw_labels(test_case *c, uint64_t *s) {
+  test_label_recipe *l = &c->labels;
+  bool negative = l->type == TC_I8 || l->type == TC_I16, wide = l->type == TC_U16 && chance(s, 0.3);
+  for (int k = 0; k < 3; k++) {
+    l->dims[k] = chance(s, 0.2) ? 1 : 1 + pick(s, 9);
+    l->size[k] = decades(s, -0.5, 0.5);
+    l->shift[k] = between(s, -0.4, 0.4);
+  }
+  l->turned = chance(s, 0.4);
+  l->count = 1 + pick(s, 5);
+  l->first = wide ? 65530 : negative ? -2 : 0;
+  l->slope = chance(s, 0.8) ? 1 : 2;
+  l->intercept = chance(s, 0.8) ? 0 : -1;
+  l->some_visible = chance(s, 0.4);
+  c->scene.labels.opacity = chance(s, 0.2) ? 1 : test_random(s);
+  c->scene.labels.n_colors = (size_t)pick(s, 5);
+  c->scene.labels.n_visible = l->some_visible ? (size_t)pick(s, 5) : 0;
+  for (uint32_t i = 0; i < 4; i++) {
+    l->colors[i].label = i + (i > 1 && wide ? 65528 : 0);
+    l->visible[i] = l->colors[(i * 3 + 1) % 4].label;
+    for (int k = 0; k < 4; k++) l->colors[i].rgba[k] = chance(s, 0.3) ? pick(s, 2) : test_random(s);
+  }
+}
+
 test_case test_case_random(uint64_t seed) {
+  static const int tables[] = {0, 2, 3, 16, 33, 64, 100, 128, 200};
   uint64_t state = seed * 0x2545f4914f6cdd1du, *s = &state;
+  uint64_t style = (seed / TEST_STYLE_SEEDS + 1) * 0x9e6c63d0876a9a47u;
   test_case c = {.seed = seed};
   test_scene(&c.scene, 1, 1);
   g_free(c.scene.transfer_function.points);
   c.scene.transfer_function.points = NULL;
+  draw_style(&c, &style);
   draw_volume(&c, s);
   draw_scene(&c.scene, s);
   draw_knots(&c, s);
   draw_clip(&c, s);
-  c.projection = chance(s, 0.5) ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC;
+  draw_labels(&c, s);
+  c.table_size = tables[pick(s, G_N_ELEMENTS(tables))];
   for (int k = 0; k < 3; k++) c.side[k] = chance(s, 0.25) ? 0 : between(s, -0.5, 0.5);
   if (c.side[0] == 0 && c.side[1] == 0 && c.side[2] == 0) c.side[1] = -1;
   c.inside = chance(s, 0.8) ? 0 : between(s, 0.5, 0.99);
@@ -159,16 +202,56 @@ static int by_value(const void *a, const void *b) {
 
 /* The renderers see the completed scene; *c keeps shares, so that it may be completed again over another volume. */
 static struct {
-  tc_knot knots[TEST_MAX_KNOTS];
+  tc_knot knots[TC_MAX_KNOTS];
   tc_scene shares;
 } made;
+
+static void complete_knots(const test_case *c) {
+  for (size_t i = 0; i < c->n_knots; i++) {
+    made.knots[i] = c->knots[i % TEST_MAX_KNOTS];
+    if (c->n_knots > TEST_MAX_KNOTS) made.knots[i].value = (double)i / (double)(c->n_knots - 1);
+    made.knots[i].value = value_at(c, made.knots[i].value);
+  }
+  qsort(made.knots, c->n_knots, sizeof *made.knots, by_value);
+}
+
+static void complete_labels(test_case *c) {
+  if (!c->labels.on) {
+    c->scene.labels.n_colors = c->scene.labels.n_visible = 0;
+    return;
+  }
+  strcpy(c->scene.labels.volume, "labels");
+  c->scene.labels.colors = c->labels.colors;
+  c->scene.labels.visible = c->labels.some_visible ? c->labels.visible : NULL;
+}
+
+static void place_eye(test_case *c, const double lo[3], const double hi[3], const tc_volume *volume) {
+  tc_camera *camera = &c->scene.camera;
+  double at[3], eye[3], distance = 0;
+  test_scene_frame(&c->scene, volume, c->projection, c->side);
+  if (c->at_eye) {
+    double target[3];
+    for (int k = 0; k < 3; k++) at[k] = lo[k] + c->eye[k] * (hi[k] - lo[k]), target[k] = camera->target[k];
+    tc_volume_index_to_lps(volume, at, eye);
+    test_scene_look(&c->scene, c->projection, eye, target, c->projection == TC_PERSPECTIVE ? 60 : camera->height_mm);
+  }
+  camera->fov_y_deg *= c->zoom;
+  camera->height_mm *= c->zoom;
+  if (c->fov_deg > 0) camera->fov_y_deg = c->fov_deg;
+  for (int k = 0; k < 3; k++) {
+    camera->position[k] += c->inside * (camera->target[k] - camera->position[k]);
+    distance = hypot(distance, camera->position[k] - camera->target[k]);
+  }
+  double further = c->far_mm > 0 ? c->far_mm / distance : 1;
+  for (int k = 0; k < 3; k++) camera->position[k] = camera->target[k] + further * (camera->position[k] - camera->target[k]);
+  if (c->far_mm > 0) camera->fov_y_deg = atan(tan(camera->fov_y_deg * M_PI / 360) / further) * 360 / M_PI;
+}
 
 static void complete_scene(test_case *c, const tc_volume *volume) {
   tc_scene *scene = &c->scene;
   made.shares = *scene;
-  memcpy(made.knots, c->knots, sizeof made.knots);
-  for (size_t i = 0; i < c->n_knots; i++) made.knots[i].value = value_at(c, c->knots[i].value);
-  qsort(made.knots, c->n_knots, sizeof *made.knots, by_value);
+  complete_knots(c);
+  complete_labels(c);
   scene->transfer_function.points = made.knots;
   scene->transfer_function.count = c->n_knots;
   double width = fabs(value_at(c, 1) - value_at(c, 0));
@@ -187,15 +270,12 @@ static void complete_scene(test_case *c, const tc_volume *volume) {
     double *p = scene->clip.planes[i];
     p[3] = p[3] * extent - (p[0] * center[0] + p[1] * center[1] + p[2] * center[2]);
   }
-  test_scene_frame(scene, volume, c->projection, c->side);
-  scene->camera.fov_y_deg *= c->zoom;
-  scene->camera.height_mm *= c->zoom;
-  for (int k = 0; k < 3; k++)
-    scene->camera.position[k] += c->inside * (scene->camera.target[k] - scene->camera.position[k]);
-  /* At most some thousand samples a ray. */
+  place_eye(c, lo, hi, volume);
+  /* At most some thousand samples a pixel, fewer of those that fetch 64 voxels. */
   double least = fmin(c->spacing[0], fmin(c->spacing[1], c->spacing[2])), diagonal = 0;
   for (int k = 0; k < 3; k++) diagonal += c->dims[k] * c->spacing[k];
-  scene->sampling.step = fmax(scene->sampling.step, diagonal / least / 3000);
+  double most = (scene->filter == TC_FILTER_CUBIC ? 600 : 3000) / (1 + 0.2 * scene->sampling.rays_per_pixel);
+  scene->sampling.step = fmax(scene->sampling.step, diagonal / least / most);
 }
 
 tc_volume *test_case_volume(test_case *c) {
@@ -226,6 +306,35 @@ tc_volume *test_case_volume(test_case *c) {
   tc_volume_seal(volume);
   complete_scene(c, volume);
   return volume;
+}
+
+tc_volume *test_case_labels(const test_case *c, const tc_volume *volume) {
+  static const double turned[9] = {0.6, 0.8, 0, -0.8, 0.6, 0, 0, 0, 1};
+  const test_label_recipe *l = &c->labels;
+  tc_volume_desc desc = {.type = l->type, .slope = l->slope, .intercept = l->intercept, .frames = 1};
+  double lo[3], hi[3], middle[3], corner[3], center[3];
+  if (!l->on) return NULL;
+  tc_volume_index_box(volume, lo, hi);
+  for (int k = 0; k < 3; k++) middle[k] = 0.5 * (lo[k] + hi[k]);
+  tc_volume_index_to_lps(volume, middle, center);
+  tc_volume_index_to_lps(volume, hi, corner);
+  for (int i = 0; i < 9; i++) desc.direction[i] = l->turned ? turned[i] : i % 4 == 0;
+  for (int k = 0; k < 3; k++) {
+    double extent = fmax(2 * fabs(corner[k] - center[k]), 1e-3) * l->size[k];
+    desc.dims[k] = l->dims[k];
+    desc.spacing[k] = extent / l->dims[k];
+    desc.origin[k] = center[k];
+  }
+  for (int k = 0; k < 3; k++)
+    for (int r = 0; r < 3; r++) desc.origin[r] -= (0.5 * (l->dims[k] - 1) + l->shift[k] * (l->dims[k] > 1 ? l->dims[k] - 1 : 1)) * desc.spacing[k] * desc.direction[3 * r + k];
+  strcpy(desc.format, "demo");
+  tc_volume *labels = tc_volume_new(&desc, NULL);
+  if (!labels) exit(99);
+  uint64_t state = c->seed + 77;
+  for (size_t i = 0; i < (size_t)l->dims[0] * (size_t)l->dims[1] * (size_t)l->dims[2]; i++)
+    put_voxel(tc_volume_voxels(labels), l->type, i, l->first + pick(&state, l->count));
+  tc_volume_seal(labels);
+  return labels;
 }
 
 /* The default of the member that a pointer names. */
@@ -267,7 +376,7 @@ bool test_case_fit(test_case *c, char **refusal) {
 
 /* ---- shrinking ---- */
 
-enum { STEP_COUNT = 34 };
+enum { STEP_COUNT = 37 };
 
 /* One way of making a case simpler; changing nothing means that it does not apply. */
 static void simplify(test_case *c, int step) {
@@ -303,6 +412,9 @@ static void simplify(test_case *c, int step) {
   case 30: if (c->n_knots > 1) c->n_knots--; break;
   case 31: if (c->n_knots > 1) memmove(c->knots, c->knots + 1, --c->n_knots * sizeof *c->knots); break;
   case 32: if (c->n_knots > 2) memmove(c->knots + 1, c->knots + 2, (--c->n_knots - 1) * sizeof *c->knots); break;
+  case 34: c->labels.on = false; break;
+  case 35: c->labels.dims[0] = c->labels.dims[1] = c->labels.dims[2] = 1; break;
+  case 36: c->table_size = 0; break;
   case 33: for (size_t i = 0; i < c->n_knots; i++) c->knots[i].color[0] = c->knots[i].color[1] = c->knots[i].color[2] = 1; break;
   }
 }
@@ -334,10 +446,14 @@ void test_case_print(test_case *c) {
   cJSON *scene = tcp_scene_write(&shown.scene);
   char *text = cJSON_PrintUnformatted(scene);
   printf("  volume: seed %llu, %dx%dx%d %s, spacing %.9g %.9g %.9g, origin %.9g %.9g %.9g%s, slope %.9g, intercept %.9g, "
-         "%s of %.9g..%.9g\n  scene: %s\n",
+         "%s of %.9g..%.9g, table of %d\n  scene: %s\n",
          (unsigned long long)c->seed, c->dims[0], c->dims[1], c->dims[2], tc_voxel_type_name(c->type), c->spacing[0],
          c->spacing[1], c->spacing[2], c->origin[0], c->origin[1], c->origin[2], c->sheared ? ", sheared" : "", c->slope,
-         c->intercept, patterns[c->pattern], c->lo, c->hi, text);
+         c->intercept, patterns[c->pattern], c->lo, c->hi, c->table_size, text);
+  if (c->labels.on)
+    printf("  labels: %dx%dx%d %s%s, %d..%d, %g of them each and %g more\n", c->labels.dims[0], c->labels.dims[1], c->labels.dims[2],
+           tc_voxel_type_name(c->labels.type), c->labels.turned ? ", turned" : "", c->labels.first,
+           c->labels.first + c->labels.count - 1, c->labels.slope, c->labels.intercept);
   cJSON_free(text);
   cJSON_Delete(scene);
   tc_volume_unref(volume);

@@ -109,6 +109,7 @@ static void fill_grey(tc_cpu_args *a, const tc_job *job) {
   a->offset = job->grey->offset;
   a->floor = job->grey->floor;
   a->stop = job->grey->stop;
+  if (job->scene->image.linear_light) a->to_light = tc_resolve_light();
   const tc_bounds *b = job->bounds;
   if (!b) return;
   a->levels = b->levels;
@@ -282,7 +283,6 @@ static void render_tile(void *context, int index, int worker) {
   f->kernel(&f->args.common, x0, y0, x1, y1, out, stride, &f->workers[worker].counts);
   for (int y = y0; y < y1; y++) {
     float *row = out + (y - y0) * stride * 4;
-    if (job->grey && f->resolve.linear_light) tc_resolve_decode_greys(row, x1 - x0);
     tc_resolve_row(&f->resolve, row, job->frame->rgba + ((size_t)y * (size_t)width + (size_t)x0) * 4, x1 - x0);
   }
 }

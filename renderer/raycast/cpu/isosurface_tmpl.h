@@ -279,6 +279,8 @@ V_INLINE vf4 cast_surface(const tc_cpu_surface *s, variant v, const place *at, t
   const tc_cpu_args *g = &s->common;
   packet p = start_packet(g, v, at);
   vm hit;
+  for (int k = 0; k < 3; k++) /* an axis of one voxel has no walls to pass */
+    if (g->last[k] == 0) p.entry[k] = p.dir[k] = v_set(0);
   counts->rays += (uint64_t)m_count(p.live);
   vf t = find_hits(s, v, &p, &hit, counts), zero = v_set(0);
   if (s->depth) store_depths(s, &p, v, at, t, hit);

@@ -66,6 +66,7 @@ typedef struct tc_cpu_args {
   int cover_shift, cover_row, cover_words; /* cover_row: words from one row of cells to the next */
   float cover_near, cover_slot, cover_depth; /* mm */
   float turn, gain, offset, floor, stop; /* tc_grey, when the plan projects */
+  const float *to_light; /* tc_resolve_light(), when it does in linear light */
   const uint8_t *levels; /* tc_bounds, when it skips too */
   float inverse_block;   /* of its blocks, or the tc_leap's, voxels */
   float level_scale;

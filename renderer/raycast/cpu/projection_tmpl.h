@@ -24,6 +24,12 @@ V_INLINE void learn(skip_mood *mood, int interval, int left_out, int steps) {
 V_INLINE vf4 grey_of(const tc_cpu_args *g, vf w, vm met) {
   vf grey = v_min(v_max(v_fma(w, v_set(g->gain), v_set(g->offset)), v_set(0)), v_set(1));
   grey = v_select(met, grey, v_set(0));
+  if (g->to_light) {
+    vf x = grey * v_set(TC_LIGHT_STEPS), low, high;
+    vi i = v_trunc(x);
+    v_pair_f32(g->to_light, i, &low, &high);
+    grey = v_fma(x - v_float(i), high - low, low);
+  }
   return (vf4){grey, grey, grey, v_select(met, v_set(1), v_set(0))};
 }
 

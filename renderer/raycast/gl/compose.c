@@ -9,7 +9,7 @@
 #include "renderer/gl/program.h"
 #include "renderer/raycast/grey.h"
 
-#define MAX_PIECES 24
+#define MAX_PIECES 24 /* a program of every stage has about 20 */
 
 typedef struct composition {
   const char *texts[MAX_PIECES];
@@ -17,7 +17,12 @@ typedef struct composition {
   const char *missing; /* first piece that is not in the program */
 } composition;
 
-static void add_text(composition *c, const char *text) { c->texts[c->count++] = text; }
+static void add_text(composition *c, const char *text) {
+  if (c->count < MAX_PIECES)
+    c->texts[c->count++] = text;
+  else
+    c->missing = "for which there is room";
+}
 
 static void add(composition *c, const char *name) {
   for (const struct tc_embedded_file *file = tc_shader_files; file->name; file++) {

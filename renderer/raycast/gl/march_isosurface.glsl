@@ -202,6 +202,9 @@ float hit_mm; // from the entry, of the ray that was marched, where it met the s
 
 vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   precise vec3 entry = fma(vec3(span.x), direction, anchor);
+  bvec3 single = equal(job.dims.xyz, ivec3(1)); // an axis of one voxel has no walls to pass
+  entry = mix(entry, vec3(0.0), single);
+  direction = mix(direction, vec3(0.0), single);
   vec3 divisor = mix(direction, vec3(1.0), lessThan(abs(direction), vec3(1e-12)));
   Ray r = Ray(entry, direction, 1.0 / divisor, vec3(greaterThan(direction, vec3(0.0))));
   float t = find_hit(r, span.y - span.x, counts);

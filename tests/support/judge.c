@@ -1,0 +1,212 @@
+#include "tests/support/judge.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "renderer/classify/classify.h"
+#include "renderer/reference/reference.h"
+
+test_tally test_judged;
+char test_judged_why[600];
+
+static tc_renderer *one_thread;
+static tc_frame plain, other, scalar;
+
+int test_judge_open(void **state) {
+  const tc_renderer_options one = {.backend = TC_BACKEND_CPU, .threads = 1};
+  one_thread = tc_renderer_new(&one, NULL);
+  return test_renderers_open(state) || !one_thread;
+}
+
+int test_judge_close(void **state) {
+  tc_renderer_free(one_thread);
+  tc_frame_finish(&plain);
+  tc_frame_finish(&other);
+  tc_frame_finish(&scalar);
+  return test_renderers_close(state);
+}
+
+static bool broken(const char *format, ...) G_GNUC_PRINTF(1, 2);
+static bool broken(const char *format, ...) {
+  va_list args;
+  va_start(args, format);
+  vsnprintf(test_judged_why, sizeof test_judged_why, format, args);
+  va_end(args);
+  return false;
+}
+
+/* ---- one picture ---- */
+
+/* A case as it is drawn. */
+typedef struct subject {
+  tc_volume *volume, *labels;
+  const tc_scene *scene;
+  int table_size;
+} subject;
+
+typedef enum outcome { DRAWN, REFUSED, FAILED } outcome;
+
+static outcome draw(const char *name, tc_renderer *renderer, const subject *s, const tc_scene *scene, tc_frame *frame) {
+  GError *error = NULL;
+  const tc_render_request request = {.want_linear = true, .labels = s->labels, .table_size = s->table_size};
+  if (tc_render(renderer, s->volume, scene, &request, frame, NULL, &error)) return DRAWN;
+  broken("%s: %d %s: %s", name, error->code, tc_error_pointer(error), error->message);
+  bool refused = error->code == TC_ERROR_UNSUPPORTED; /* a back end may do less than the plan allows, but says so */
+  g_clear_error(&error);
+  return refused ? REFUSED : FAILED;
+}
+
+static size_t count_pixels(const tc_frame *f) { return (size_t)f->width * (size_t)f->height; }
+
+/* Colour and opacity are two sums in single precision: of up to 1024 segments in a table entry, of n along the ray. */
+static double slack_of(const tc_frame *f) {
+  return 4e-6 + 2e-9 * (double)f->stats.samples / fmax(1, (double)f->stats.rays);
+}
+
+/* Of what is composited: a tint may be any colour, a highlight is white. */
+static void find_brightest(const tc_scene *scene, double brightest[3]) {
+  bool knots_alone = scene->mode == TC_MODE_DVR && scene->shading.model == TC_SHADING_NONE && !scene->labels.volume[0];
+  for (int c = 0; c < 3; c++) {
+    brightest[c] = !knots_alone;
+    for (size_t i = 0; knots_alone && i < scene->transfer_function.count; i++) {
+      double color = scene->transfer_function.points[i].color[c];
+      brightest[c] = fmax(brightest[c], scene->image.linear_light ? tc_srgb_to_linear(color) : color);
+    }
+  }
+}
+
+bool test_judge_picture(int which, const tc_scene *scene, const tc_frame *f) {
+  double brightest[3], slack = slack_of(f);
+  find_brightest(scene, brightest);
+  for (size_t i = 0; i < count_pixels(f); i++) {
+    const float *p = f->linear + 4 * i;
+    bool sane = p[3] >= 0 && p[3] <= 1;
+    for (int c = 0; c < 3; c++) sane = sane && p[c] >= 0 && p[c] <= p[3] * brightest[c] + slack;
+    test_judged.pixels++;
+    test_judged.shown += p[3] > 0;
+    if (!sane) return broken("%s: pixel %zu is %.9g %.9g %.9g, opacity %.9g", test_names[which], i, p[0], p[1], p[2], p[3]);
+  }
+  return true;
+}
+
+/* Bits where most is 0, else absolute differences. */
+static bool check_same(const char *what, int which, const tc_frame *a, const tc_frame *b, double most) {
+  for (size_t i = 0; i < 4 * count_pixels(a); i++)
+    if (most > 0 ? !(fabs((double)a->linear[i] - (double)b->linear[i]) <= most) : memcmp(&a->linear[i], &b->linear[i], 4) != 0)
+      return broken("%s: %s: channel %zu of pixel %zu is %.9g, not %.9g", test_names[which], what, i % 4, i / 4, a->linear[i],
+                    b->linear[i]);
+  if (most == 0 && memcmp(a->rgba, b->rgba, 4 * count_pixels(a)) != 0)
+    return broken("%s: %s: bytes differ though floats do not", test_names[which], what);
+  return true;
+}
+
+static void count_ties(int which, uint64_t seed, const tc_frame *a, const tc_frame *b) {
+  size_t ties = 0, pixels = count_pixels(a);
+  for (size_t i = 0; i < pixels; i++) {
+    double off = 0;
+    for (size_t c = 4 * i; c < 4 * i + 4; c++) off = fmax(off, fabs((double)a->linear[c] - (double)b->linear[c]));
+    ties += off > 1.0 / 255;
+  }
+  test_judged.ties[which] += ties;
+  test_judged.compared[which] += pixels;
+  double share = (double)ties / (double)pixels;
+  if (pixels < 12 || share <= test_judged.most_ties[which]) return;
+  test_judged.most_ties[which] = share;
+  test_judged.worst[which] = seed;
+}
+
+/* ---- one case on one renderer ---- */
+
+/* A picture of a scene that differs from the subject's in what may not show, within `most`. */
+static bool check_variant(const char *what, int which, tc_renderer *on, const subject *s, const tc_scene *varied,
+                          const tc_frame *usual, double most) {
+  outcome drawn = draw(test_names[which], on, s, varied, &other);
+  if (drawn != DRAWN) return drawn == REFUSED;
+  return test_judge_picture(which, varied, &other) && check_same(what, which, usual, &other, most);
+}
+
+static bool check_renderer(int which, const subject *s, const tc_frame *usual) {
+  const tc_scene *scene = s->scene;
+  tc_renderer *own = test_renderers[which];
+  tc_scene varied = *scene;
+  bool composites = scene->mode == TC_MODE_DVR, terminates = composites && scene->sampling.termination > 0;
+  if (!test_judge_picture(which, scene, usual)) return false;
+  varied.skipping.mode = TC_SKIPPING_OFF;
+  if (!check_variant("without leaps", which, own, s, &varied, usual, 0)) return false;
+  varied = *scene;
+  varied.sampling.termination = 0;
+  double slack = slack_of(usual);
+  if (terminates && !check_variant("not terminated", which, own, s, &varied, usual, scene->sampling.termination + slack)) return false;
+  varied.order = scene->order == TC_FRONT_TO_BACK ? TC_BACK_TO_FRONT : TC_FRONT_TO_BACK;
+  if (composites && !terminates && !check_variant("the other order", which, own, s, &varied, usual, slack)) return false;
+  return which != test_widest() || check_variant("on one thread", which, one_thread, s, scene, usual, 0);
+}
+
+static bool check_reference(const subject *s) {
+  int width = s->scene->image.width, height = s->scene->image.height;
+  GError *error = NULL;
+  tc_reference *r = tc_reference_new_labelled(s->volume, s->labels, s->scene, width, height, 1e-6, &error);
+  bool ok = r || error->code == TC_ERROR_UNSUPPORTED || broken("reference: %s", error->message);
+  g_clear_error(&error);
+  if (!r) return ok;
+  test_judged.referenced++;
+  for (int i = 0; ok && i < 2; i++) {
+    double p[4], brightest[3];
+    find_brightest(s->scene, brightest);
+    tc_reference_pixel(r, (0.35 + 0.3 * i) * width, (0.6 - 0.2 * i) * height, p);
+    for (int k = 0; ok && k < 3; k++)
+      ok = (p[3] >= 0 && p[3] <= 1 && p[k] >= 0 && p[k] <= p[3] * brightest[k] + 1e-6) ||
+           broken("reference: pixel %d is %.9g %.9g %.9g, opacity %.9g", i, p[0], p[1], p[2], p[3]);
+  }
+  tc_reference_sample *samples;
+  size_t count;
+  tc_reference_ray(r, 0.5 * width, 0.5 * height, &samples, &count);
+  for (size_t i = 0; ok && i < count; i++)
+    ok = (samples[i].transparency >= 0 && samples[i].transparency <= (i ? samples[i - 1].transparency : 1)) ||
+         broken("reference: transparency %.17g at piece %zu of %zu", samples[i].transparency, i, count);
+  g_free(samples);
+  tc_reference_free(r);
+  return ok;
+}
+
+bool test_judge(const test_case *c, unsigned on) {
+  test_case completed = *c;
+  tc_volume *volume = test_case_volume(&completed), *labels = test_case_labels(&completed, volume);
+  const subject s = {volume, labels, &completed.scene, c->table_size};
+  bool ok = !(on & TEST_ON_REFERENCE) || check_reference(&s);
+  EACH_RENDERER(i) {
+    if (!ok || (!(on >> i & 1) && i != SCALAR)) continue; /* the scalar one is drawn for the others to be compared with */
+    tc_frame *frame = i == SCALAR ? &scalar : &plain;
+    outcome drawn = draw(test_names[i], test_renderers[i], &s, s.scene, frame);
+    test_judged.cases[i] += drawn == DRAWN;
+    test_judged.refused[i] += drawn == REFUSED;
+    ok = drawn != FAILED;
+    if (drawn != DRAWN) continue;
+    if (i != SCALAR) count_ties(i, c->seed, frame, &scalar);
+    if (on >> i & 1) ok = check_renderer(i, &s, frame);
+  }
+  for (int i = 0; i <= RENDERERS; i++) {
+    tc_renderer *renderer = i < RENDERERS ? test_renderers[i] : one_thread;
+    if (renderer) tc_renderer_forget(renderer, volume);
+    if (renderer && labels) tc_renderer_forget(renderer, labels);
+  }
+  tc_volume_unref(labels);
+  tc_volume_unref(volume);
+  return ok;
+}
+
+void test_judge_print(void) {
+  const test_tally *t = &test_judged;
+  EACH_RENDERER(i) {
+    printf("  %-6s %zu cases", test_names[i], t->cases[i]);
+    if (t->refused[i]) printf(", %zu more refused as unsupported", t->refused[i]);
+    if (t->compared[i])
+      printf("; %zu of %zu pixels differ from scalar by over 1/255 (%.3f %%), at most %.0f %% of one picture (seed %llu)",
+             t->ties[i], t->compared[i], 100.0 * (double)t->ties[i] / (double)t->compared[i], 100 * t->most_ties[i],
+             (unsigned long long)t->worst[i]);
+    printf("\n");
+  }
+  printf("  reference %zu cases; %zu of %zu pixels show something\n", t->referenced, t->shown, t->pixels);
+}
