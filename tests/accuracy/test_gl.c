@@ -192,7 +192,7 @@ static void test_awkward_sizes(void **state) {
   const unsigned seed = 3;
   const double side[3] = {-0.7, -1, 0.5};
   for (size_t i = 0; i < G_N_ELEMENTS(sizes); i++)
-    for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type += 3) { /* u8: gathered; i16: filtered where that is exact */
+    for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type += 3) {
       test_grid grid = {.type = (tc_voxel_type)type, .slope = type == TC_U8 ? 1.0 / 255 : 1.0 / 32767};
       memcpy(grid.dims, sizes[i], sizeof grid.dims);
       tc_volume *volume = test_volume(&grid, test_noise, &seed);

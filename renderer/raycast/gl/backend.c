@@ -32,7 +32,6 @@ typedef struct gl_backend {
   tc_gl_textures textures;
   tc_gl_ring ring;
   unsigned job_buffer; /* the uniform block Job */
-  tc_gl_field field;   /* TC_GL_FIELD_COUNT: as suits the device */
   int tile_side, max_side;
   double gpu_ms; /* of the last frame */
   uint64_t compiled;
@@ -90,7 +89,6 @@ static void *create(const tc_renderer_options *options, tc_pool *pool, GError **
   const tc_gl_report *report = tc_gl_context_about(context);
   gl_backend *b = g_new0(gl_backend, 1);
   b->context = context;
-  b->field = TC_GL_FIELD_COUNT;
   b->max_side = report->hardware ? HARDWARE_SIDE : SOFTWARE_SIDE;
   b->tile_side = b->max_side / 2;
   uint64_t cache_bytes = options->cache_bytes ? options->cache_bytes : DEFAULT_CACHE_BYTES;
@@ -116,21 +114,9 @@ static void forget(void *instance, uint64_t volume_serial) {
   if (!b->lost && tc_gl_context_use(b->context, NULL)) tc_gl_textures_forget(&b->textures, volume_serial);
 }
 
-static tc_gl_field field_for(const gl_backend *b, const tc_plan_key *key) {
-  /* Bounds of blocks hold for arithmetic that is known, and a maximum shows every rounding of a texture unit. */
-  if (tc_is_projection((tc_mode)key->mode)) return TC_GL_FIELD_GATHER;
-  /* A gradient, and the root within a cell, need the cell's corners. */
-  if (key->shading || key->mode == TC_MODE_ISOSURFACE) return TC_GL_FIELD_GATHER;
-  if (key->labels) return TC_GL_FIELD_GATHER; /* as label volumes are: the two may be one */
-  tc_voxel_type type = (tc_voxel_type)key->voxel_type;
-  return b->field < TC_GL_FIELD_COUNT ? b->field : tc_gl_choose_field(tc_gl_context_about(b->context), type);
-}
-
 static void name_kernel(void *instance, tc_plan *plan) {
-  tc_gl_variant variant = {.plan = plan->key, .field = (uint8_t)field_for(instance, &plan->key)};
-  char name[sizeof plan->kernel - 4];
-  tc_gl_variant_name(&variant, name, sizeof name);
-  snprintf(plan->kernel, sizeof plan->kernel, "%s.gl", name);
+  tc_plan_key_name(&plan->key, plan->kernel, sizeof plan->kernel);
+  g_strlcat(plan->kernel, ".gl", sizeof plan->kernel);
 }
 
 /* ---- one frame ---- */
@@ -142,7 +128,6 @@ static tc_gl_variant variant_for(const tc_job *job, const tc_gl_volume *volume) 
   memset(&v, 0, sizeof v);
   v.plan = job->plan->key;
   v.plan.shading = v.plan.shading != TC_SHADING_NONE; /* models differ in numbers only: one program for all */
-  v.field = (uint8_t)volume->field;
   v.atlas = volume->slices_per_layer > 1;
   v.linear_light = job->scene->image.linear_light;
   v.transparent = job->scene->image.transparent;
@@ -281,7 +266,7 @@ static bool run_tiles(gl_backend *b, unsigned program, const tc_job *job, GError
 static bool bind_labels(gl_backend *b, const tc_job *job, const tc_gl_volume **labels, GError **error) {
   *labels = NULL;
   if (!job->labels) return true;
-  *labels = tc_gl_textures_volume(&b->textures, job->label_volume, TC_GL_FIELD_GATHER, error);
+  *labels = tc_gl_textures_volume(&b->textures, job->label_volume, error);
   const tc_gl_lookup *entries =
       *labels ? tc_gl_textures_labels(&b->textures, job->label_volume, job->labels, error) : NULL;
   if (!entries) return false;
@@ -303,8 +288,7 @@ static bool lookups_for(gl_backend *b, const tc_job *job, const tc_gl_lookup **t
 static const tc_gl_volume *bind(gl_backend *b, const tc_job *job, GError **error) {
   if (!tc_gl_context_use(b->context, error)) return NULL;
   tc_gl_textures_begin(&b->textures);
-  const tc_gl_volume *labels, *volume =
-      tc_gl_textures_volume(&b->textures, job->volume, field_for(b, &job->plan->key), error);
+  const tc_gl_volume *labels, *volume = tc_gl_textures_volume(&b->textures, job->volume, error);
   const tc_gl_lookup *table = NULL, *skip = NULL;
   if (!volume || !lookups_for(b, job, &table, &skip, error) || !bind_labels(b, job, &labels, error)) return NULL;
   tc_gl_job_block block;
@@ -364,8 +348,6 @@ const tc_backend_ops tc_gl_backend = {
 const tc_gl_report *tc_gl_backend_report(const void *instance) {
   return tc_gl_context_about(((const gl_backend *)instance)->context);
 }
-
-void tc_gl_backend_set_field(void *instance, tc_gl_field field) { ((gl_backend *)instance)->field = field; }
 
 double tc_gl_backend_gpu_ms(const void *instance) { return ((const gl_backend *)instance)->gpu_ms; }
 

@@ -9,9 +9,6 @@
 /* `instance` is what tc_gl_backend.create() returned. */
 const tc_gl_report *tc_gl_backend_report(const void *instance);
 
-/* Reads voxels this way from the next frame on, or as suits the device (TC_GL_FIELD_COUNT, the default). */
-void tc_gl_backend_set_field(void *instance, tc_gl_field field);
-
 /* GPU time of the last frame's dispatches, read-back not counted; 0 where the driver has no clock. */
 double tc_gl_backend_gpu_ms(const void *instance);
 

@@ -38,15 +38,13 @@ static bool is_built(const tc_gl_variant *v) {
   const tc_plan_key *key = &v->plan;
   bool dvr = key->mode == TC_MODE_DVR, surface = key->mode == TC_MODE_ISOSURFACE, slice = key->mode == TC_MODE_MPR;
   bool mode = dvr || surface || slice || tc_is_projection((tc_mode)key->mode);
-  /* A texture unit's own interpolation shows no corners to take a gradient or a cell from. */
-  bool field = v->field == TC_GL_FIELD_GATHER || !(key->shading || surface);
   bool names = key->classification < TC_CLASSIFICATION_COUNT && key->order < TC_ORDER_COUNT &&
                key->filter < TC_FILTER_COUNT && key->projection < TC_PROJECTION_COUNT &&
                key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading < TC_SHADING_COUNT &&
                key->slab <= TC_SLAB_PROJECTION_COUNT;
   bool filter = !surface || key->filter == TC_FILTER_LINEAR;
   bool labels = key->labels <= (dvr || slice), rays = key->rays <= !slice;
-  return mode && field && names && filter && labels && rays && key->jitter <= dvr &&
+  return mode && names && filter && labels && rays && key->jitter <= dvr &&
          key->coherence <= (key->rays && key->skipping) && v->want_depth <= surface;
 }
 
@@ -90,7 +88,7 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
     tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "gl: no shader is built for mode %d; use --backend cpu", v->plan.mode);
     return 0;
   }
-  tc_gl_variant_name(v, name, sizeof name);
+  tc_plan_key_name(&v->plan, name, sizeof name);
   composition c = {0};
   add(&c, "head.glsl");
   snprintf(literals, sizeof literals,
@@ -106,7 +104,7 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
            v->plan.classification == TC_PREINTEGRATED2, v->want_depth);
   add_text(&c, literals);
   add(&c, v->plan.projection == TC_PERSPECTIVE ? "ray_perspective.glsl" : "ray_orthographic.glsl");
-  add(&c, v->field == TC_GL_FIELD_GATHER ? "field_gather.glsl" : "field_filtered.glsl");
+  add(&c, "field_gather.glsl");
   add(&c, fields[v->plan.filter]);
   if (v->plan.clipping) add(&c, "clip_planes.glsl");
   if (v->plan.labels || v->plan.mode == TC_MODE_DVR) add(&c, "shorten.glsl");
@@ -129,10 +127,4 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
     return 0;
   }
   return tc_gl_program_compile(c.texts, c.count, name, error);
-}
-
-void tc_gl_variant_name(const tc_gl_variant *v, char *name, size_t size) {
-  tc_plan_key_name(&v->plan, name, size);
-  size_t n = strlen(name);
-  snprintf(name + n, size - n, ".%s", v->field == TC_GL_FIELD_GATHER ? "gather" : "filtered");
 }

@@ -7,15 +7,10 @@
 
 #include "renderer/plan/plan.h"
 
-/* How voxels are read. Filtering by the texture unit has 8-bit weights on GPUs (an error of up to 1/512 of the
- * difference between neighbours), so that a steep transfer function shows it; gathering is exact. */
-typedef enum tc_gl_field { TC_GL_FIELD_GATHER, TC_GL_FIELD_FILTERED, TC_GL_FIELD_COUNT } tc_gl_field;
-
 /* Everything a program depends on: the plan's key and what only this back end decides. Zeroed before filling: compared
  * as bytes. What is not here (camera, table, background, sizes) is a run-time number and rebuilds nothing. */
 typedef struct tc_gl_variant {
   tc_plan_key plan;
-  uint8_t field;        /* tc_gl_field */
   uint8_t atlas;        /* 0/1: several slices per texture layer */
   uint8_t linear_light; /* 0/1: encode to sRGB */
   uint8_t transparent;  /* 0/1: straight alpha instead of a background */
@@ -27,8 +22,5 @@ typedef struct tc_gl_variant {
 /* Compiles the variant; needs a current context. 0 with TC_ERROR_UNSUPPORTED for a key nothing is built for, or
  * TC_ERROR_INTERNAL where the driver refuses. */
 unsigned tc_gl_compose(const tc_gl_variant *variant, GError **error);
-
-/* "dvr.preintegrated.linear.u16.gather": the same words as the cpu back end's kernels, then how voxels are read. */
-void tc_gl_variant_name(const tc_gl_variant *variant, char *name, size_t size);
 
 #endif

@@ -10,7 +10,6 @@ layout(std140, binding = 0) uniform Job {
   vec4 box_lo, box_hi;                // index box of the field
   ivec4 dims;                         // xyz: voxels; w: slices per texture layer
   vec4 texel;                         // xyz: 1 / texture size
-  vec4 unpack;                        // voxel = texel value * x + y
   vec4 nodes;                         // x: lo, y: nodes per voxel unit, z: n - 1
   ivec4 table;                        // x: columns, y: where k = 0 begins, z: how many zooms, w: their columns;
                                       // of integrals x: entries of a level, y: where levels begin

@@ -120,7 +120,6 @@ void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volum
   memcpy(block->dims, tc_volume_describe(job->volume)->dims, 3 * sizeof *block->dims);
   block->dims[3] = volume->slices_per_layer;
   memcpy(block->texel, volume->texel, sizeof volume->texel);
-  memcpy(block->unpack, volume->unpack, sizeof volume->unpack);
   if (job->table) fill_table(block, job->table);
   if (job->integrals) fill_integrals(block, job->integrals);
   if (job->leap) fill_blocks(block, job->leap->block, job->leap->blocks);

@@ -13,7 +13,7 @@ typedef struct tc_gl_job_block {
   float to_index[3][4];
   float box_lo[4], box_hi[4];
   int32_t dims[4];
-  float texel[4], unpack[4], nodes[4];
+  float texel[4], nodes[4];
   int32_t table[4], blocks[4];
   float background[4], march[4];
   float planes[TC_MAX_CLIP_PLANES][4];

@@ -12,79 +12,35 @@ typedef struct texel_format {
 } texel_format;
 
 /* The voxels' own type: a gather returns them unchanged. (Signed normalised formats would map -32768 to -32767.) */
-static const texel_format gather_formats[TC_VOXEL_TYPE_COUNT] = {
+static const texel_format formats[TC_VOXEL_TYPE_COUNT] = {
     [TC_U8] = {GL_R8UI, GL_RED_INTEGER, GL_UNSIGNED_BYTE},
     [TC_I8] = {GL_R8I, GL_RED_INTEGER, GL_BYTE},
     [TC_U16] = {GL_R16UI, GL_RED_INTEGER, GL_UNSIGNED_SHORT},
     [TC_I16] = {GL_R16I, GL_RED_INTEGER, GL_SHORT},
     [TC_F32] = {GL_R32F, GL_RED, GL_FLOAT}};
 
-/* Texture units filter normalised formats only; signed voxels are stored with their sign bit turned (offset binary). */
-static const texel_format filtered_formats[TC_VOXEL_TYPE_COUNT] = {[TC_U8] = {GL_R8, GL_RED, GL_UNSIGNED_BYTE},
-                                                                   [TC_I8] = {GL_R8, GL_RED, GL_UNSIGNED_BYTE},
-                                                                   [TC_U16] = {GL_R16, GL_RED, GL_UNSIGNED_SHORT},
-                                                                   [TC_I16] = {GL_R16, GL_RED, GL_UNSIGNED_SHORT},
-                                                                   [TC_F32] = {GL_R32F, GL_RED, GL_FLOAT}};
-
-static const float filtered_unpack[TC_VOXEL_TYPE_COUNT][2] = {
-    [TC_U8] = {255, 0}, [TC_I8] = {255, -128}, [TC_U16] = {65535, 0}, [TC_I16] = {65535, -32768}, [TC_F32] = {1, 0}};
-
-tc_gl_field tc_gl_choose_field(const tc_gl_report *device, tc_voxel_type type) {
-  /* llvmpipe filters 16-bit and float textures with float weights, twice as fast as gathers; 8-bit ones with 8 bits. */
-  bool wide = type == TC_U16 || type == TC_I16 || type == TC_F32;
-  return !device->hardware && strstr(device->renderer, "llvmpipe") && wide ? TC_GL_FIELD_FILTERED : TC_GL_FIELD_GATHER;
-}
-
 /* ---- volumes ---- */
 
-/* The voxels themselves, or a copy in `staging` with every sign bit turned where the type has one. */
-static const void *turn_signs(tc_voxel_type type, const uint8_t *voxels, size_t bytes, uint8_t *staging) {
-  if (type == TC_I8) {
-    for (size_t i = 0; i < bytes; i++)
-      staging[i] = voxels[i] ^ 0x80;
-    return staging;
-  }
-  if (type == TC_I16) {
-    const uint16_t *from = (const uint16_t *)(const void *)voxels;
-    uint16_t *to = (uint16_t *)(void *)staging;
-    for (size_t i = 0; i < bytes / 2; i++)
-      to[i] = from[i] ^ 0x8000;
-    return staging;
-  }
-  return voxels;
-}
-
-/* Slab by slab into the texture; a slab ends where a layer of an atlas does. False: no staging memory. */
-static bool upload(const tc_gl_volume *copy, const tc_volume *volume, const texel_format *format) {
+/* Slab by slab into the texture; a slab ends where a layer of an atlas does. */
+static void upload(const tc_gl_volume *copy, const tc_volume *volume, const texel_format *format) {
   const tc_volume_desc *desc = tc_volume_describe(volume);
   const uint8_t *voxels = tc_volume_data(volume);
   size_t slice = (size_t)desc->dims[0] * desc->dims[1] * tc_voxel_size(desc->type);
   int slab = slice < UPLOAD_BYTES ? (int)(UPLOAD_BYTES / slice) : 1;
   if (copy->slices_per_layer > 1) slab = 1;
-  bool turn = copy->field == TC_GL_FIELD_FILTERED && (desc->type == TC_I8 || desc->type == TC_I16);
-  uint8_t *staging = turn ? g_try_malloc(slice * MIN(slab, desc->dims[2])) : NULL;
-  if (turn && !staging) return false;
   glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
   for (int z = 0; z < desc->dims[2]; z += slab) {
     int depth = MIN(slab, desc->dims[2] - z);
     const void *from = voxels + (size_t)z * slice;
-    if (turn) from = turn_signs(desc->type, from, slice * depth, staging);
     glTextureSubImage3D(copy->texture, 0, 0, z % copy->slices_per_layer * desc->dims[1], z / copy->slices_per_layer,
                         desc->dims[0], desc->dims[1], depth, format->layout, format->type, from);
   }
-  g_free(staging);
-  return true;
 }
 
-/* Texture size for a way of reading; false: over the device's side limits. */
-static bool texture_size(const tc_volume_desc *desc, tc_gl_field field, int size[3], int *slices_per_layer) {
+/* False: over the device's side limits. */
+static bool texture_size(const tc_volume_desc *desc, int size[3], int *slices_per_layer) {
   GLint side = 0, layers = 0;
-  *slices_per_layer = 1;
   memcpy(size, desc->dims, 3 * sizeof *size);
-  if (field == TC_GL_FIELD_FILTERED) {
-    glGetIntegerv(GL_MAX_3D_TEXTURE_SIZE, &side);
-    return size[0] <= side && size[1] <= side && size[2] <= side;
-  }
   glGetIntegerv(GL_MAX_TEXTURE_SIZE, &side);
   glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
   *slices_per_layer = (desc->dims[2] + layers - 1) / layers;
@@ -94,9 +50,9 @@ static bool texture_size(const tc_volume_desc *desc, tc_gl_field field, int size
   return true;
 }
 
-static void set_sampling(unsigned texture, GLint filter) {
-  glTextureParameteri(texture, GL_TEXTURE_MIN_FILTER, filter);
-  glTextureParameteri(texture, GL_TEXTURE_MAG_FILTER, filter);
+static void set_sampling(unsigned texture) {
+  glTextureParameteri(texture, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+  glTextureParameteri(texture, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
   glTextureParameteri(texture, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
   glTextureParameteri(texture, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
   glTextureParameteri(texture, GL_TEXTURE_WRAP_R, GL_CLAMP_TO_EDGE);
@@ -108,27 +64,20 @@ static void drop_volume(tc_gl_textures *textures, tc_gl_volume *copy) {
 }
 
 /* Makes *copy; on failure it is empty and *error says what the driver said. */
-static bool make_volume(tc_gl_volume *copy, const tc_volume *volume, tc_gl_field field, const int size[3],
-                        GError **error) {
+static bool make_volume(tc_gl_volume *copy, const tc_volume *volume, const int size[3], GError **error) {
   const tc_volume_desc *desc = tc_volume_describe(volume);
-  const texel_format *format =
-      field == TC_GL_FIELD_GATHER ? &gather_formats[desc->type] : &filtered_formats[desc->type];
-  copy->field = field;
+  const texel_format *format = &formats[desc->type];
   for (int k = 0; k < 3; k++)
     copy->texel[k] = 1.0f / (float)size[k];
-  copy->unpack[0] = field == TC_GL_FIELD_GATHER ? 1 : filtered_unpack[desc->type][0];
-  copy->unpack[1] = field == TC_GL_FIELD_GATHER ? 0 : filtered_unpack[desc->type][1];
   copy->bytes = tc_volume_bytes(volume);
   tc_gl_forget_errors();
-  glCreateTextures(field == TC_GL_FIELD_GATHER ? GL_TEXTURE_2D_ARRAY : GL_TEXTURE_3D, 1, &copy->texture);
+  glCreateTextures(GL_TEXTURE_2D_ARRAY, 1, &copy->texture);
   glTextureStorage3D(copy->texture, 1, format->internal, size[0], size[1], size[2]);
   bool good = tc_gl_check("volume texture", error);
   if (good) {
-    set_sampling(copy->texture, field == TC_GL_FIELD_GATHER ? GL_NEAREST : GL_LINEAR);
-    good = upload(copy, volume, format);
-    if (!good) tc_set_error(error, TC_ERROR_MEMORY, NULL, "gl: no memory to stage the volume");
-    /* Drivers may find the memory only when texels arrive. */
-    good = good && tc_gl_check("volume upload", error);
+    set_sampling(copy->texture);
+    upload(copy, volume, format);
+    good = tc_gl_check("volume upload", error); /* drivers may find the memory only when texels arrive */
   }
   if (!good) glDeleteTextures(1, &copy->texture);
   return good;
@@ -164,13 +113,10 @@ static void say_too_large(const tc_volume *volume, const char *why, GError **err
                dims[0], dims[1], dims[2], tc_volume_bytes(volume) >> 20, why);
 }
 
-static const tc_gl_volume *upload_volume(tc_gl_textures *textures, const tc_volume *volume, tc_gl_field field,
-                                         GError **error) {
+static const tc_gl_volume *upload_volume(tc_gl_textures *textures, const tc_volume *volume, GError **error) {
   const tc_volume_desc *desc = tc_volume_describe(volume);
   int size[3], slices_per_layer;
-  if (field == TC_GL_FIELD_FILTERED && !texture_size(desc, field, size, &slices_per_layer))
-    field = TC_GL_FIELD_GATHER; /* larger sides */
-  if (!texture_size(desc, field, size, &slices_per_layer)) {
+  if (!texture_size(desc, size, &slices_per_layer)) {
     say_too_large(volume, "sides", error);
     return NULL;
   }
@@ -185,7 +131,7 @@ static const tc_gl_volume *upload_volume(tc_gl_textures *textures, const tc_volu
     tc_gl_volume *place = make_room(textures, tc_volume_bytes(volume));
     tc_gl_volume copy = {
         .serial = tc_volume_serial(volume), .slices_per_layer = slices_per_layer, .used = textures->frame};
-    if (make_volume(&copy, volume, field, size, &failure)) {
+    if (make_volume(&copy, volume, size, &failure)) {
       *place = copy;
       return place;
     }
@@ -202,19 +148,14 @@ static const tc_gl_volume *upload_volume(tc_gl_textures *textures, const tc_volu
 
 void tc_gl_textures_begin(tc_gl_textures *textures) { textures->frame++; }
 
-const tc_gl_volume *tc_gl_textures_volume(tc_gl_textures *textures, const tc_volume *volume, tc_gl_field field,
-                                          GError **error) {
+const tc_gl_volume *tc_gl_textures_volume(tc_gl_textures *textures, const tc_volume *volume, GError **error) {
   for (int i = 0; i < TC_GL_VOLUMES; i++) {
     tc_gl_volume *copy = &textures->volumes[i];
     if (!copy->texture || copy->serial != tc_volume_serial(volume)) continue;
-    if (copy->field != field && field == TC_GL_FIELD_GATHER) {
-      drop_volume(textures, copy);
-      break;
-    }
     copy->used = textures->frame;
     return copy;
   }
-  return upload_volume(textures, volume, field, error);
+  return upload_volume(textures, volume, error);
 }
 
 /* ---- lookups ---- */

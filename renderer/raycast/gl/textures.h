@@ -14,10 +14,8 @@
 typedef struct tc_gl_volume {
   uint64_t serial; /* of the volume */
   unsigned texture;
-  tc_gl_field field;
   int slices_per_layer; /* 1 unless the volume has more slices than a texture has layers */
   float texel[3];       /* 1 / texture size */
-  float unpack[2];      /* voxel = texel value * [0] + [1] */
   size_t bytes;
   uint64_t used;
 } tc_gl_volume;
@@ -41,16 +39,12 @@ typedef struct tc_gl_textures {
   uint64_t frame;                      /* counts frames; copies used in this one stay */
 } tc_gl_textures;
 
-/* How this device should read voxels of a type: filtered where its texture unit is as good as our own arithmetic. */
-tc_gl_field tc_gl_choose_field(const tc_gl_report *device, tc_voxel_type type);
-
-/* A frame begins, then asks for its volume and that of its labels (both the same: with one field), then for its
+/* A frame begins, then asks for its volume and that of its labels, then for its
  * lookups; all live until the next frame begins. What is not
  * there is uploaded. Owned by *textures. TC_ERROR_LIMIT: the device has no texture that large; the message names the
  * mend. */
 void tc_gl_textures_begin(tc_gl_textures *textures);
-const tc_gl_volume *tc_gl_textures_volume(tc_gl_textures *textures, const tc_volume *volume, tc_gl_field field,
-                                          GError **error);
+const tc_gl_volume *tc_gl_textures_volume(tc_gl_textures *textures, const tc_volume *volume, GError **error);
 const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_table *table, GError **error);
 const tc_gl_lookup *tc_gl_textures_integrals(tc_gl_textures *textures, const tc_integrals *integrals, GError **error);
 const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volume *volume, const tc_leap *leap,
