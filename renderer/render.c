@@ -358,6 +358,8 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   }
   tc_rays rays;
   tc_rays_set_up(&rays, volume, scene, width, height);
+  for (int i = 0; request->pixel_share > 0 && i < rays.count; i++)
+    rays.of_pixel[i].x *= request->pixel_share, rays.of_pixel[i].y *= request->pixel_share;
   tc_job job = {.plan = plan, .scene = scene, .volume = have.field, .source = volume, .rays = &rays,
                 .table = have.table, .integrals = have.integrals, .leap = have.leap, .boxes = have.boxes,
                 .grey = tc_is_projection(scene->mode) ? &have.grey : NULL, .bounds = have.bounds,

@@ -24,13 +24,12 @@ const number = (value) => (value === undefined ? '\u2013' : value >= 100 ? value
 
 const in255 = (value) => (value * 255).toPrecision(2).replace(/e.*/, (power) => power.replace('+', ''));
 
-/** What the error meter found, with half of its 95 % interval: "error 0.40/255 \u00b1 0.10 (64 px) at 17 ms". */
-export function errorText({ error, unmeasured, timing = {} }) {
+/** What the error meter found, with half of its 95 % interval: "error 0.40/255 \u00b1 0.10, max 3.1 (64 px)"; its time is beside it. */
+export function errorText({ error, unmeasured }) {
   if (unmeasured) return `error not measured: ${unmeasured}`;
   if (!error) return '';
   const spread = (error.high - error.low) / 2;
-  const time = timing.renderMs === undefined ? '' : ` at ${timing.renderMs.toFixed(timing.renderMs < 10 ? 1 : 0)} ms`;
-  return `error ${in255(error.rms)}/255 \u00b1 ${in255(spread)} (${error.pixels} px)${time}`;
+  return `error ${in255(error.rms)}/255 \u00b1 ${in255(spread)}, max ${in255(error.max)} (${error.pixels} px)`;
 }
 
 export class Status {

@@ -139,14 +139,14 @@ void tc_meter_estimate(const double *squares, int n, tc_meter_result *result) {
   result->high = fmin(result->high * factor, 1);
 }
 
-void tc_meter_truth(const tc_reference *reference, const tc_scene *scene, int x, int y, double rgba[4]) {
+void tc_meter_truth(const tc_reference *reference, const tc_scene *scene, int x, int y, double share, double rgba[4]) {
   tc_subpixel rays[TC_MAX_RAYS_PER_PIXEL];
   int count = scene->sampling.rays_per_pixel;
   tc_subpixel_rays(count, rays);
   for (int c = 0; c < 4; c++) rgba[c] = 0;
   for (int r = 0; r < count; r++) {
     double one[4];
-    tc_reference_pixel(reference, x + 0.5 + rays[r].x, y + 0.5 + rays[r].y, one);
+    tc_reference_pixel(reference, x + 0.5 + share * rays[r].x, y + 0.5 + share * rays[r].y, one);
     for (int c = 0; c < 4; c++) rgba[c] += one[c] / count;
   }
 }
@@ -164,7 +164,7 @@ bool tc_meter_measure(const tc_meter *meter, tc_volume *volume, tc_volume *label
   while (squares && n < meter->count) {
     const meter_pixel *p = &meter->pixels[n];
     double wanted[4], got[4];
-    tc_meter_truth(reference, scene, p->x, p->y, wanted);
+    tc_meter_truth(reference, scene, p->x, p->y, 1, wanted);
     for (int c = 0; c < 4; c++) got[c] = (double)p->rgba[c];
     squares[n++] = tc_meter_square(scene, got, wanted, &result->max);
     stopped = cancel && atomic_load_explicit(cancel, memory_order_relaxed);

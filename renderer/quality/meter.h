@@ -45,8 +45,9 @@ int tc_meter_pixels(const tc_meter *meter);
 bool tc_meter_measure(const tc_meter *meter, tc_volume *volume, tc_volume *labels, const tc_scene *scene,
                       const atomic_bool *cancel, double most_ms, tc_meter_result *result, GError **error);
 
-/* What a pixel of the frame goes to as the step goes to 0; rgba as tc_frame.linear has it. */
-void tc_meter_truth(const tc_reference *reference, const tc_scene *scene, int x, int y, double rgba[4]);
+/* What a pixel of the frame goes to as the step goes to 0; rgba as tc_frame.linear has it. share: tc_render_request's
+ * pixel_share, 1 where none was given. */
+void tc_meter_truth(const tc_reference *reference, const tc_scene *scene, int x, int y, double share, double rgba[4]);
 
 /* The estimate from n squared differences of pixels (mean over channels). */
 void tc_meter_estimate(const double *squares, int n, tc_meter_result *result);

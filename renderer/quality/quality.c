@@ -34,7 +34,7 @@
 #define ORDER_DOWN 1.0
 /* Rays of a measured picture, and its pixels at least. */
 #define RAYS 4000
-#define LEAST_PIXELS 1000
+#define LEAST_PIXELS 2500
 /* Trials of a measurement: at most so many on the way to the goal, so many about it, and how far off one still counts. */
 #define LOCATING 5
 #define AROUND 7
@@ -242,6 +242,7 @@ typedef struct bench {
   tc_volume *volume, *labels;
   tc_scene scene; /* borrows heap members */
   int width, height;
+  double share; /* of its pixels' width: the frame's */
   const atomic_bool *cancel;
   double *wanted;  /* [height][width][4] */
   double *squares; /* [height][width] */
@@ -260,7 +261,7 @@ static bool integrate(bench *b, GError **error) {
   if (!reference) return false;
   bool good = true;
   for (int y = 0; y < b->height && good; y++) {
-    for (int x = 0; x < b->width; x++) tc_meter_truth(reference, &b->scene, x, y, b->wanted + 4 * (y * b->width + x));
+    for (int x = 0; x < b->width; x++) tc_meter_truth(reference, &b->scene, x, y, b->share, b->wanted + 4 * (y * b->width + x));
     good = !cancelled(b, error);
   }
   tc_reference_free(reference);
@@ -269,8 +270,8 @@ static bool integrate(bench *b, GError **error) {
 
 static bool error_at(bench *b, double spacing, double *rms, GError **error) {
   b->scene.sampling.step = spacing / tc_quality_stretch(&b->scene);
-  tc_render_request request = {
-      .width = b->width, .height = b->height, .want_linear = true, .cancel = b->cancel, .labels = b->labels};
+  tc_render_request request = {.width = b->width, .height = b->height, .want_linear = true, .cancel = b->cancel,
+                               .labels = b->labels, .pixel_share = b->share};
   if (!tc_render(b->renderer, b->volume, &b->scene, &request, &b->frame, NULL, error)) return false;
   double max = 0;
   int pixels = b->width * b->height;
@@ -366,12 +367,14 @@ static bool find_curves(bench *b, const tc_scene *scene, const tc_quality_model 
   return close_in(b, goal, clamp_rung(rung_below(first.spacing * SECOND_COST)), &view->of[TC_QUALITY_SECOND], error);
 }
 
-/* A picture as the scene's, of as many pixels as its rays allow. */
+/* A picture as the scene's, of as many pixels as its rays allow. Rays of a pixel keep as close as in a frame: what their errors
+ * have in common does not average out. */
 static void size_bench(bench *b, const tc_scene *scene) {
   double pixels = fmax(RAYS / scene->sampling.rays_per_pixel, LEAST_PIXELS);
   double aspect = fmin(fmax((double)scene->image.width / scene->image.height, 1 / pixels), pixels);
   b->width = (int)fmax(1, sqrt(pixels * aspect));
   b->height = (int)fmax(1, b->width / aspect);
+  b->share = fmin(1, (double)b->height / scene->image.height);
 }
 
 bool tc_quality_measure(tc_renderer *renderer, tc_volume *volume, tc_volume *labels, const tc_scene *scene,

@@ -13,8 +13,8 @@
  * against the error of sampling: with R of them `spacing` below, that of one ray's samples, is R steps (raycast/subpixel.h).
  * The table's size follows from the knots (classify/classify.h) and is part of what is measured.
  *
- * A model belongs to one look (everything of a scene but the camera, the image's size and sampling.step/termination)
- * and one bound. Plain data: zero-initialise; any thread, one at a time. */
+ * A model belongs to one look (everything of a scene but the camera, sampling.step/termination and, with one ray a pixel, the
+ * image's size: how far apart a pixel's rays are counts) and one bound. Plain data: zero-initialise; any thread, one at a time. */
 #ifndef TC_QUALITY_QUALITY_H
 #define TC_QUALITY_QUALITY_H
 

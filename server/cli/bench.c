@@ -133,7 +133,7 @@ static bool integrate_reference(bench *b, GError **error) {
   for (int i = 0; i < b->args.pixels; i++) {
     state = state * 6364136223846793005u + 1442695040888963407u;
     b->pixels[i] = (int)((state >> 33) % (uint64_t)(size * size));
-    tc_meter_truth(reference, &b->scene, b->pixels[i] % size, b->pixels[i] / size, b->reference + 4 * i);
+    tc_meter_truth(reference, &b->scene, b->pixels[i] % size, b->pixels[i] / size, 1, b->reference + 4 * i);
     if (i % 64 == 0 && isatty(2)) fprintf(stderr, "\r%s: reference %d/%d ", b->name, i, b->args.pixels);
   }
   if (isatty(2)) fprintf(stderr, "\r\033[K");

@@ -57,12 +57,13 @@ void tcs_quality_free(tcs_quality *q) {
 /* Everything of a scene that its error depends on beside camera and sampling: the scene's own words, less those. */
 static char *look_of(const tc_volume *volume, const tc_volume *labels, const tc_scene *scene) {
   static const char *const out[] = {"camera", "errorMeter", "skipping", "splat", "mpr", "isosurface"};
-  static const char *const out_of[][2] = {{"image", "width"},   {"image", "height"},      {"image", "format"},
-                                          {"image", "quality"}, {"image", "subsampling"}, {"sampling", "step"},
-                                          {"sampling", "termination"}};
+  static const char *const out_of[][2] = {{"image", "format"},  {"image", "quality"},        {"image", "subsampling"},
+                                          {"sampling", "step"}, {"sampling", "termination"}, {"image", "width"},
+                                          {"image", "height"}};
+  const size_t n_out_of = G_N_ELEMENTS(out_of) - (scene->sampling.rays_per_pixel > 1 ? 2 : 0);
   cJSON *json = tcp_scene_write(scene);
   for (size_t i = 0; i < G_N_ELEMENTS(out); i++) cJSON_DeleteItemFromObjectCaseSensitive(json, out[i]);
-  for (size_t i = 0; i < G_N_ELEMENTS(out_of); i++)
+  for (size_t i = 0; i < n_out_of; i++)
     cJSON_DeleteItemFromObjectCaseSensitive(cJSON_GetObjectItemCaseSensitive(json, out_of[i][0]), out_of[i][1]);
   char *text = cJSON_PrintUnformatted(json);
   char *hash = g_compute_checksum_for_string(G_CHECKSUM_SHA256, text, -1);

@@ -189,11 +189,11 @@ static void the_truth_of_many_rays_is_their_mean(void **state) {
     for (int c = 0; c < 4; c++) mean[c] += one[c] / 5;
   }
   tc_reference_pixel(reference, 30.5, 20.5, middle);
-  tc_meter_truth(reference, &s, 30, 20, said);
+  tc_meter_truth(reference, &s, 30, 20, 1, said);
   for (int c = 0; c < 4; c++) assert_float_equal(said[c], mean[c], 1e-15);
   assert_true(fabs(said[0] - middle[0]) > 1e-4); /* and it is no other's */
   s.sampling.rays_per_pixel = 1;
-  tc_meter_truth(reference, &s, 30, 20, said);
+  tc_meter_truth(reference, &s, 30, 20, 1, said);
   assert_memory_equal(said, middle, sizeof said);
   tc_reference_free(reference);
   s.sampling.rays_per_pixel = 4;

@@ -1,7 +1,8 @@
-/* Quality control: does the bound hold, and at what cost beside the best fixed step there is? Built-in volumes, a path
- * around each of them that also rises, dips and comes nearer. What every pixel of every frame is compared with is the
- * reference; cost is counted in field samples, which no other load of the machine disturbs. TC_LONG=1 takes all scenes and
- * frames, else a few of each. */
+/* Quality control: does the bound hold, and at what cost beside the best fixed setting there is? Built-in volumes, a path
+ * around each of them that also rises, dips and comes nearer. What pixels of every frame are compared with is the
+ * reference; cost is counted in field samples, which no other load of the machine disturbs; times are printed. Frames of several
+ * rays a pixel are larger, and a regular grid of their pixels is compared: how far apart a pixel's rays are counts there.
+ * TC_LONG=1 takes all scenes and frames, else a few of each. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -13,37 +14,46 @@
 
 #include <cmocka.h>
 
+#include "renderer/quality/cost.h"
 #include "renderer/quality/meter.h"
 #include "renderer/quality/quality.h"
 #include "renderer/reference/reference.h"
+#include "tests/support/grid.h"
 
-enum { WIDTH = 96, HEIGHT = 72, PIXELS = WIDTH * HEIGHT, FRAMES = 18 };
+enum { WIDTH = 96, HEIGHT = 72, PIXELS = WIDTH * HEIGHT, FRAMES = 18, LARGER = 2 };
 
 typedef struct look {
   const char *volume;
   tc_mode mode;
   tc_shading_model shading;
+  double bounds[2];
+  int rays; /* a pixel; 0 as 1 */
+  bool labels;
 } look;
 
-static const look looks[] = {{"demo:head", TC_MODE_DVR, TC_SHADING_NONE},
-                             {"demo:bucky", TC_MODE_DVR, TC_SHADING_BLINN_PHONG},
-                             {"demo:vessels", TC_MODE_DVR, TC_SHADING_NONE},
-                             {"demo:marschner-lobb", TC_MODE_DVR, TC_SHADING_NONE},
-                             {"demo:bucky", TC_MODE_DVR, TC_SHADING_NONE},
-                             {"demo:head", TC_MODE_DVR, TC_SHADING_LAMBERT},
-                             {"demo:vessels", TC_MODE_MIP, TC_SHADING_NONE},
-                             {"demo:head", TC_MODE_AVERAGE, TC_SHADING_NONE}};
-enum { LOOKS = sizeof looks / sizeof *looks, SHORT_LOOKS = 1, SHORT_FRAMES = 3 };
+static const look looks[] = {{"demo:head", TC_MODE_DVR, TC_SHADING_NONE, {1.0 / 255, 1e-3}},
+                             {"demo:marschner-lobb", TC_MODE_DVR, TC_SHADING_NONE, {2e-4, 1e-3}},
+                             {"demo:head", TC_MODE_DVR, TC_SHADING_NONE, {1.0 / 255, 1e-3}, 4},
+                             {"demo:vessels", TC_MODE_DVR, TC_SHADING_NONE, {1.0 / 255, 1e-3}, 0, true},
+                             {"demo:vessels", TC_MODE_MIP, TC_SHADING_NONE, {1.0 / 255, 1e-3}},
+                             {"demo:bucky", TC_MODE_DVR, TC_SHADING_BLINN_PHONG, {1.0 / 255, 1e-3}},
+                             {"demo:vessels", TC_MODE_DVR, TC_SHADING_NONE, {1.0 / 255, 1e-3}},
+                             {"demo:bucky", TC_MODE_DVR, TC_SHADING_NONE, {1.0 / 255, 1e-3}},
+                             {"demo:head", TC_MODE_DVR, TC_SHADING_LAMBERT, {1.0 / 255, 1e-3}},
+                             {"demo:head", TC_MODE_DVR, TC_SHADING_NONE, {1.0 / 255, 1e-3}, 9},
+                             {"demo:bucky", TC_MODE_DVR, TC_SHADING_NONE, {1e-3, 1.0 / 255}, 4},
+                             {"demo:head", TC_MODE_AVERAGE, TC_SHADING_NONE, {1.0 / 255, 1e-3}}};
+enum { LOOKS = sizeof looks / sizeof *looks, SHORT_LOOKS = 5, SHORT_FRAMES = 3 };
 
 static tc_renderer *renderer;
 static tc_frame frame;
 
 typedef struct path {
-  tc_volume *volume;
+  tc_volume *volume, *labels;
   tc_scene scene;
   tc_camera cameras[FRAMES];
   float *wanted[FRAMES]; /* [PIXELS][4] */
-  int n;
+  int n, every; /* frames; one pixel in so many along each axis is compared */
 } path;
 
 static int set_up(void **state) {
@@ -69,24 +79,56 @@ static void place(path *p, const tc_camera *from, int i) {
   }
 }
 
+static double thirds(double x, double y, double z, const void *context) { return (int)(z / 12) % 3; }
+
+static void add_labels(path *p) {
+  const tc_volume_desc *d = tc_volume_describe(p->volume);
+  test_grid grid = {.dims = {d->dims[0], d->dims[1], d->dims[2]}, .type = TC_U8};
+  memcpy(grid.spacing, d->spacing, sizeof grid.spacing);
+  memcpy(grid.origin, d->origin, sizeof grid.origin);
+  memcpy(grid.direction, d->direction, sizeof grid.direction);
+  p->labels = test_volume(&grid, thirds, NULL);
+  strcpy(p->scene.labels.volume, "thirds");
+}
+
+static void compared(const path *p, int k, int *x, int *y) {
+  *x = k % WIDTH * p->every + p->every / 2;
+  *y = k / WIDTH * p->every + p->every / 2;
+}
+
+static void integrate(path *p, int i) {
+  GError *error = NULL;
+  const tc_scene *s = &p->scene;
+  tc_reference *reference =
+      tc_reference_new_labelled(p->volume, p->labels, s, s->image.width, s->image.height, 1e-7, &error);
+  if (!reference) fail_msg("%s", error->message);
+  p->wanted[i] = malloc(PIXELS * 4 * sizeof(float));
+  for (int k = 0; k < PIXELS; k++) {
+    int x, y;
+    double rgba[4];
+    compared(p, k, &x, &y);
+    tc_meter_truth(reference, s, x, y, 1, rgba);
+    for (int c = 0; c < 4; c++) p->wanted[i][4 * k + c] = (float)rgba[c];
+  }
+  tc_reference_free(reference);
+}
+
 static void open_path(path *p, const look *l, int n) {
   GError *error = NULL;
-  *p = (path){.volume = tc_import(l->volume, NULL, &error), .n = n};
+  *p = (path){.volume = tc_import(l->volume, NULL, &error), .n = n, .every = l->rays > 1 ? LARGER : 1};
   if (!p->volume) fail_msg("%s", error->message);
   tc_scene_init(&p->scene);
   tc_scene_fit(&p->scene, p->volume);
-  p->scene.image.width = WIDTH, p->scene.image.height = HEIGHT;
+  p->scene.image.width = WIDTH * p->every, p->scene.image.height = HEIGHT * p->every;
   p->scene.mode = l->mode;
   p->scene.shading.model = l->shading;
+  p->scene.sampling.rays_per_pixel = l->rays > 1 ? l->rays : 1;
+  if (l->labels) add_labels(p);
   tc_camera from = p->scene.camera;
   for (int i = 0; i < n; i++) {
     place(p, &from, i);
     p->scene.camera = p->cameras[i];
-    p->wanted[i] = malloc(PIXELS * 4 * sizeof(float));
-    tc_reference *reference = tc_reference_new(p->volume, &p->scene, WIDTH, HEIGHT, 1e-7, &error);
-    if (!reference) fail_msg("%s", error->message);
-    assert_true(tc_reference_image(reference, 0, p->wanted[i], &error));
-    tc_reference_free(reference);
+    integrate(p, i);
   }
 }
 
@@ -94,51 +136,75 @@ static void close_path(path *p) {
   for (int i = 0; i < p->n; i++) free(p->wanted[i]);
   tc_scene_clear(&p->scene);
   tc_volume_unref(p->volume);
+  tc_volume_unref(p->labels);
 }
 
 /* A sample of preintegrated2 and what is looked up for it beside one of preintegrated, in time. */
 #define SECOND_SAMPLE 1.35
 
+typedef struct setting {
+  tc_classification method;
+  double step, termination;
+} setting;
+
+typedef struct spent {
+  double samples, ms;
+} spent;
+
 /* Error of frame i in a setting; its cost is added. */
-static double render(path *p, int i, tc_classification method, double step, double termination, double *cost) {
+static double render(path *p, int i, setting with, spent *cost) {
   GError *error = NULL;
   tc_scene s = p->scene; /* borrows */
   s.camera = p->cameras[i];
-  s.classification = method;
-  s.sampling.step = step, s.sampling.termination = termination;
+  s.classification = with.method;
+  s.sampling.step = with.step, s.sampling.termination = with.termination;
   s.quality.max_error = 0;
-  if (!tc_render(renderer, p->volume, &s, &(tc_render_request){.want_linear = true}, &frame, NULL, &error))
-    fail_msg("%s", error->message);
+  tc_render_request request = {.want_linear = true, .labels = p->labels};
+  if (!tc_render(renderer, p->volume, &s, &request, &frame, NULL, &error)) fail_msg("%s", error->message);
   double sum = 0, max = 0;
   for (int k = 0; k < PIXELS; k++) {
+    int x, y;
     double got[4], wanted[4];
-    for (int c = 0; c < 4; c++) got[c] = (double)frame.linear[4 * k + c], wanted[c] = (double)p->wanted[i][4 * k + c];
+    compared(p, k, &x, &y);
+    const float *at = frame.linear + 4 * (y * frame.width + x);
+    for (int c = 0; c < 4; c++) got[c] = (double)at[c], wanted[c] = (double)p->wanted[i][4 * k + c];
     sum += tc_meter_square(&s, got, wanted, &max);
   }
-  *cost += (double)frame.stats.samples * (method == TC_PREINTEGRATED2 ? SECOND_SAMPLE : 1);
+  cost->samples += (double)frame.stats.samples * (with.method == TC_PREINTEGRATED2 ? SECOND_SAMPLE : 1);
+  cost->ms += frame.stats.render_ms;
   return sqrt(sum / PIXELS);
 }
 
-/* The cheapest fixed setting that holds the bound on all of the path; INFINITY where none does. */
-static double best_fixed(path *p, double bound, double *best_step) {
-  static const double shares[] = {0, 1.0 / 64, 1.0 / 16, 1.0 / 4, 1};
-  double best = INFINITY;
-  for (int t = 0; t < 5; t++)
-    for (int rung = 24; rung >= -32; rung--) {
-      double cost = 0, step = exp2(rung / 8.0);
-      int i = 0;
-      while (i < p->n && cost < best && render(p, i, p->scene.classification, step, fmin(shares[t] * bound, 0.5), &cost) <= bound) i++;
-      if (i < p->n && cost < best) continue;
-      if (cost < best) best = cost, *best_step = step;
-      break; /* finer steps only cost more */
+static double chosen(path *p, int i, const tc_quality_choice *choice, spent *cost) {
+  return render(p, i, (setting){choice->classification, choice->step, choice->termination}, cost);
+}
+
+/* The cheapest fixed setting that holds the bound on all of the path; infinite cost where none does. */
+static spent best_fixed(path *p, double bound, setting *best_setting) {
+  static const double shares[] = {0, 1.0 / 16, 1.0 / 4, 1};
+  spent best = {INFINITY, INFINITY};
+  for (int method = TC_PREINTEGRATED; method <= (p->scene.mode == TC_MODE_DVR ? TC_PREINTEGRATED2 : TC_PREINTEGRATED); method++) {
+    int t = 0; /* finer steps only cost more, unless with rays that end earlier */
+    for (int rung = 24; rung >= -32 && t < 4; rung--) {
+      setting with = {(tc_classification)method, exp2(rung / 8.0) / tc_quality_stretch(&p->scene)};
+      for (bool held = true; held && t < 4;) {
+        spent cost = {0};
+        int i = 0;
+        with.termination = fmin(shares[t] * bound, 0.5);
+        while (i < p->n && cost.samples < best.samples && render(p, i, with, &cost) <= bound) i++;
+        held = i == p->n || cost.samples >= best.samples;
+        if (held) t++;
+        if (i == p->n && cost.samples < best.samples) best = cost, *best_setting = with;
+      }
     }
+  }
   return best;
 }
 
 static void measure(path *p, tc_quality_model *m, const tc_camera *camera) {
   GError *error = NULL;
   tc_quality_view view;
-  if (!tc_quality_measure(renderer, p->volume, NULL, &p->scene, camera, m, NULL, &view, &error)) fail_msg("%s", error->message);
+  if (!tc_quality_measure(renderer, p->volume, p->labels, &p->scene, camera, m, NULL, &view, &error)) fail_msg("%s", error->message);
   tc_quality_add(m, &view);
 }
 
@@ -151,8 +217,10 @@ typedef struct tally {
 static void follow(path *p, double bound, tally *t) {
   tc_quality_model m = {0};
   tc_quality_choice choice;
-  double cost = 0, worst = 0, unused = 0, step = 0, finest = 100, coarsest = 0;
-  int held = 0, promised = 0;
+  double worst = 0, finest = 100, coarsest = 0;
+  int held = 0, promised = 0, second = 0;
+  spent cost = {0}, unused;
+  setting with = {0};
   p->scene.quality.max_error = bound;
   for (int i = 0; i < p->n; i++) {
     tc_camera wanted;
@@ -160,43 +228,46 @@ static void follow(path *p, double bound, tally *t) {
     tc_quality_choose(&m, &p->scene, &choice);
     if (choice.holds) {
       t->at_once++;
-      t->at_once_held += render(p, i, choice.classification, choice.step, choice.termination, &unused) <= bound;
+      t->at_once_held += chosen(p, i, &choice, &unused) <= bound;
     }
     if (tc_quality_wants(&m, &p->scene, &wanted)) measure(p, &m, &wanted);
     tc_quality_choose(&m, &p->scene, &choice);
-    double rms = render(p, i, choice.classification, choice.step, choice.termination, &cost);
+    double rms = chosen(p, i, &choice, &cost);
+    second += choice.classification == TC_PREINTEGRATED2;
     finest = fmin(finest, choice.step), coarsest = fmax(coarsest, choice.step);
     worst = fmax(worst, rms);
     promised += choice.holds;
     held += choice.holds && rms <= bound;
   }
-  double best = best_fixed(p, bound, &step);
-  printf("  bound %.2g: promised %d of %d, held %d, worst %.2e; steps %.3g to %.3g, %d views; ", bound, promised, p->n,
-         held, worst, finest, coarsest, m.n);
-  if (isfinite(best))
-    printf("%.2f of the cost of the best fixed step %.3g\n", cost / best, step);
+  spent best = best_fixed(p, bound, &with);
+  bool there_is = isfinite(best.samples);
+  printf("  bound %.2g: promised %d of %d, held %d, worst %.2e; steps %.3g to %.3g, second order %d times, %d views; ", bound,
+         promised, p->n, held, worst, finest, coarsest, second, m.n);
+  if (there_is)
+    printf("%.2f of the samples and %.2f of the time of the best fixed step %.3g, %s order\n", cost.samples / best.samples,
+           cost.ms / best.ms, with.step, with.method == TC_PREINTEGRATED2 ? "second" : "first");
   else
     printf("no fixed step holds it\n");
   fflush(stdout);
-  if (promised == p->n && isfinite(best)) t->worst_cost = fmax(t->worst_cost, cost / best);
+  if (promised == p->n && there_is) t->worst_cost = fmax(t->worst_cost, cost.samples / best.samples);
   t->frames += promised;
   t->held += held;
-  if (isfinite(best)) assert_true(promised == p->n || step < 0.1); /* what can be held is promised */
+  if (there_is) assert_true(promised == p->n || with.step < 0.1); /* what can be held is promised */
 }
 
 static void bounds_hold_at_little_cost(void **state) {
-  static const double bounds[] = {1.0 / 255, 1e-3};
   bool all = getenv("TC_LONG") != NULL;
   tally t = {0};
   for (int l = 0; l < (all ? LOOKS : SHORT_LOOKS); l++) {
     path p;
-    open_path(&p, &looks[l], all ? FRAMES : SHORT_FRAMES);
-    printf("  %s, mode %d, shading %d\n", looks[l].volume, looks[l].mode, looks[l].shading);
-    for (int b = 0; b < (all ? 2 : 1); b++) follow(&p, bounds[b], &t);
+    open_path(&p, &looks[l], all ? FRAMES : looks[l].rays > 1 ? SHORT_FRAMES - 1 : SHORT_FRAMES); /* the dear ones less */
+    printf("  %s, mode %d, shading %d, %d rays%s\n", looks[l].volume, looks[l].mode, looks[l].shading,
+           p.scene.sampling.rays_per_pixel, p.labels ? ", labels" : "");
+    for (int b = 0; b < (all ? 2 : 1); b++) follow(&p, looks[l].bounds[b], &t);
     close_path(&p);
   }
   printf("  held on %d of %d frames (%.1f %%); at once, before a view was measured, on %d of %d; cost at most %.2f of the "
-         "best fixed step's\n", t.held, t.frames, 100.0 * t.held / t.frames, t.at_once_held, t.at_once, t.worst_cost);
+         "best fixed setting's\n", t.held, t.frames, 100.0 * t.held / t.frames, t.at_once_held, t.at_once, t.worst_cost);
   assert_true(t.frames > 0 && t.held >= 0.99 * t.frames);
   assert_true(t.at_once_held >= 0.9 * t.at_once);
   assert_true(t.worst_cost <= 1.25);

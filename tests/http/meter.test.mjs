@@ -55,6 +55,22 @@ test('a smaller step has a smaller error', async () => {
   await ws.close();
 });
 
+test('several rays a pixel and labels are measured', async () => {
+  const meter = { errorMeter: { pixels: 200 }, image: { width: 64, height: 64 } };
+  const scenes = [{ sampling: { raysPerPixel: 4, step: 0.05 } },
+    { labels: { volume: 'ball', opacity: 0.5 }, sampling: { step: 0.2 } }, { mode: 'isosurface', isosurface: { value: 150 } },
+    { mode: 'isosurface', isosurface: { value: 150 }, sampling: { raysPerPixel: 8 } }];
+  for (const scene of scenes) {
+    const { session, ws } = await open({ ...meter, ...scene });
+    const { header } = await measured(ws, 0);
+    assert.equal(header.unmeasured, undefined);
+    assert.equal(header.error.pixels, 200);
+    assert.ok(header.error.rms < 4e-3, JSON.stringify([scene, header.error])); // fine steps: of any other truth it were not
+    assert.ok((await stageOf(session, 'error-meter')).included);
+    await ws.close();
+  }
+});
+
 test('no figures when off, and nothing is measured', async () => {
   const before = await metric('meter_pixels_total');
   const { session, ws } = await open();

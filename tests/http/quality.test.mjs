@@ -38,6 +38,7 @@ for (const maxError of [0.01, 0.001]) {
     const plan = await known(session);
     assert.deepEqual(validate(plan, api.components.schemas.Plan, api), []);
     const { quality } = plan;
+    assert.equal(quality.classification, 'preintegrated');
     assert.deepEqual([quality.maxError, quality.holds], [maxError, true]);
     assert.ok(quality.expected > maxError / 10 && quality.expected <= maxError, JSON.stringify(quality));
     assert.match(quality.reason, /step .* measured views/);
@@ -48,6 +49,22 @@ for (const maxError of [0.01, 0.001]) {
     await ws.close();
   });
 }
+
+test('several rays a pixel stay, share the steps and hold the bound; so do labels', async () => {
+  const asked = { quality: { maxError: 0.004 }, errorMeter: { pixels: 2000 }, image: { width: 128, height: 128 } };
+  for (const scene of [{ sampling: { raysPerPixel: 4 } }, { labels: { volume: 'ball', opacity: 0.5 } }]) {
+    const { session, ws } = await open({ ...asked, ...scene });
+    await ws.nextFrame(({ final }) => final);
+    const { quality } = await known(session);
+    assert.ok(quality.holds && quality.expected > 0.0004, JSON.stringify(quality));
+    ws.patch(1, { camera: { fovY: 31 } });
+    const { header } = await ws.nextFrame((h) => h.seq === 1 && h.final && h.error);
+    assert.ok(header.error.rms <= 0.004, JSON.stringify([scene, header.error]));
+    const { json } = await d.get(session.links.scene);
+    assert.equal(json.sampling.raysPerPixel, scene.sampling?.raysPerPixel ?? 1);
+    await ws.close();
+  }
+});
 
 test('a tighter bound has a smaller step, and the scene keeps what was asked', async () => {
   const loose = await open({ quality: { maxError: 0.01 } }), tight = await open({ quality: { maxError: 0.0005 } });
