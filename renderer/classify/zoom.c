@@ -6,7 +6,9 @@
 
 /* The coarsest node distance at which a change between two knots is still told from none, in voxel values: a quarter of its
  * own width, or, for a steep one, a quarter of the way to the next change back of the same channel (the width of a peak). A
- * steep change with nothing near may be off by a few integer values, or by a thousandth of a range of floats. */
+ * steep change with nothing near may be off by a few integer values, or by a thousandth of a range of floats. A long rise of
+ * extinction that is stiff over a voxel's length is only as wide as the part that turns a voxel from clear to opaque, at its thin
+ * end. */
 typedef struct edge {
   double at, node;
 } edge;
@@ -14,6 +16,8 @@ typedef struct edge {
 #define NODES_PER_WIDTH 4
 #define EDGE_UNITS 8
 #define EDGE_SHARE 0.001
+#define STIFF (1.0 / 16) /* of a rise's width: narrower is stiff */
+#define CLEAR 3          /* depth of a voxel from which on nothing more is seen of a rise */
 #define MARGIN 8 /* parent nodes that a zoom reaches beyond its edges */
 #define LEAST_GAIN 3
 
@@ -32,6 +36,19 @@ static void pair_edges(edge *here, edge *other) {
   other->node = fmin(other->node, node);
 }
 
+static double extinction(const tc_transfer_function *tf, double amount) {
+  return tf->kind == TC_KNOT_EXTINCTION ? amount : -log1p(-fmin(amount, 1 - 0x1p-24)) / tf->unit_distance_mm;
+}
+
+/* The share of the way from knot `thin` to knot `thick` on which a voxel becomes opaque: at most 1. */
+static double seen_share(const tc_transfer_function *tf, const tc_knot *thin, const tc_knot *thick, double voxel_mm) {
+  double least = extinction(tf, thin->amount);
+  if (least * voxel_mm > CLEAR) return 1;
+  double rise = tf->kind == TC_KNOT_EXTINCTION ? thick->amount - least
+                                               : (thick->amount - thin->amount) / (1 - thin->amount) / tf->unit_distance_mm;
+  return 1 / fmax(1, rise * voxel_mm);
+}
+
 /* Ascending in voxel value, whatever the sign of the slope. */
 static bool find_edges(const tc_transfer_function *tf, const tc_volume_desc *d, double steep, edges *found) {
   edge *last[4][2] = {{NULL}};
@@ -42,6 +59,7 @@ static bool find_edges(const tc_transfer_function *tf, const tc_volume_desc *d, 
     free(found->list);
     return false;
   }
+  double voxel_mm = fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2]));
   for (size_t i = 0; i + 1 < tf->count; i++) {
     const tc_knot *a = &tf->points[d->slope > 0 ? i : tf->count - 1 - i], *b = d->slope > 0 ? a + 1 : a - 1;
     edge *e = &found->list[found->count];
@@ -55,7 +73,14 @@ static bool find_edges(const tc_transfer_function *tf, const tc_volume_desc *d, 
       last[c][rise > 0] = e;
       changes = true;
     }
-    if (changes) width[found->count++] = hi - lo;
+    if (!changes) continue;
+    width[found->count] = hi - lo;
+    double share = a->amount < b->amount ? seen_share(tf, a, b, voxel_mm) : seen_share(tf, b, a, voxel_mm);
+    if (share < STIFF && hi - lo > steep / STIFF) { /* a narrower one is an edge as it is */
+      *e = (edge){.at = a->amount < b->amount ? lo : hi};
+      width[found->count] *= share;
+    }
+    found->count++;
   }
   for (size_t i = 0; i < found->count; i++) found->list[i].node = fmax(found->list[i].node, width[i] / NODES_PER_WIDTH);
   free(width);

@@ -216,6 +216,7 @@ static cJSON *scene_json(const tcs_report_scene *scene, const char *fingerprint,
   cJSON_AddItemToObject(volume, "dims", cJSON_CreateIntArray(d->dims, 3));
   cJSON_AddStringToObject(volume, "type", tc_voxel_type_name(d->type));
   cJSON_AddStringToObject(volume, "fingerprint", fingerprint);
+  cJSON_AddItemToObject(json, "roughness", tcs_report_roughness(scene));
   cJSON_AddItemToObject(json, "scene", tcp_scene_write(&scene->scene));
   return json;
 }

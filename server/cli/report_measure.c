@@ -165,7 +165,7 @@ static tc_reference *reference_of(tcs_report_bench *b, tc_filter filter, int sid
  */
 static bool choose_side(tcs_report_bench *b, tc_filter filter, int most, int *side, GError **error) {
   enum { PROBES = 128 };
-  double budget_ms = (b->options.quick ? 500 : 10000) * tc_renderer_about(b->renderers[TC_BACKEND_CPU])->threads;
+  double budget_ms = (b->options.quick ? 350 : 10000) * tc_renderer_about(b->renderers[TC_BACKEND_CPU])->threads;
   tc_reference *r = reference_of(b, filter, 256, error);
   if (!r) return false;
   double rgba[4], start = now_ms();

@@ -255,9 +255,36 @@ static void the_plan_says_so(void **state) {
   tc_volume_unref(volume);
 }
 
+/* A long rise to an extinction of 1e5/mm is opaque within a hundred-thousandth of its way: rays that graze its foot are clear or
+ * opaque, and no smaller step makes that worse. */
+static void the_foot_of_a_stiff_rise(void **state) {
+  const tc_knot knots[] = {{.value = 0, .color = {0.2, 0.4, 0.9}}, {.value = 0.4, .color = {0.2, 0.4, 0.9}},
+                           {.value = 1, .color = {0.9, 0.6, 0.3}, .amount = 1e5}};
+  tc_volume *volume = test_volume(&(test_grid){.dims = {24, 20, 22}, .type = TC_F32}, test_waves, &(double){14});
+  tc_scene scene;
+  test_scene(&scene, 40, 40);
+  test_scene_knots(&scene, TC_KNOT_EXTINCTION, knots, 3);
+  test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){1, -0.6, 0.4});
+  float *want = test_reference(volume, &scene, 1e-8);
+  for (int way = TC_PREINTEGRATED; way <= TC_PREINTEGRATED2; way++)
+    EACH_RENDERER(i) {
+      double rms[2];
+      scene.classification = (tc_classification)way;
+      for (int fine = 0; fine < 2; fine++) {
+        scene.sampling.step = fine ? 0.25 : 0.5;
+        rms[fine] = test_compare(render(i, volume, &scene), want, pixels_of(&scene)).rms;
+      }
+      printf("  %-14s %-7s rms %.1e at a step of 0.5, %.1e at 0.25\n", names[way], test_names[i], rms[0], rms[1]);
+      assert_true(rms[1] < 1.05 * rms[0] && rms[1] < 1e-3);
+    }
+  g_free(want);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(observed_orders), cmocka_unit_test(all_converge),
-                                     cmocka_unit_test(random_scenes), cmocka_unit_test(combinations),
+                                     cmocka_unit_test(random_scenes), cmocka_unit_test(combinations), cmocka_unit_test(the_foot_of_a_stiff_rise),
                                      cmocka_unit_test(the_plan_says_so)};
   return cmocka_run_group_tests_name("classify", tests, test_renderers_open, test_renderers_close);
 }

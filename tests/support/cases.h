@@ -12,7 +12,7 @@
 #include "renderer/volume/volume.h"
 
 #define TEST_MAX_KNOTS 12
-#define TEST_STYLE_SEEDS 5
+#define TEST_STYLE_SEEDS 10
 
 typedef enum test_pattern {
   TEST_NOISE,    /* uniform, independent per voxel */
