@@ -166,5 +166,5 @@ void tc_integrals_choose(const tc_volume *volume, const tc_transfer_function *tf
   if (type == TC_U8 || type == TC_I8) return;
   double least = INFINITY, range = fabs(tc_volume_describe(volume)->slope) * (*voxel_hi - *voxel_lo);
   for (size_t i = 1; i < tf->count; i++) least = fmin(least, tf->points[i].value - tf->points[i - 1].value);
-  *n = 1024 * least > 4 * range ? 1024 : 4096;
+  *n = 1024 * least > 16 * range ? 1024 : 4096; /* sixteen nodes between the nearest knots, where they can be */
 }

@@ -64,7 +64,7 @@ static void say_what_is_rough(GString *out, const cJSON *rough) {
   g_string_append(out, "Orders fall short where a ray is not smooth within a step: the interpolated field bends at every cell face");
   if (knots > 0) g_string_append_printf(out, ", the transfer function at %.0f knot%s", knots, knots > 1 ? "s" : "");
   if (jumps > 0) g_string_append_printf(out, ", where it jumps %.0f time%s", jumps, jumps > 1 ? "s" : "");
-  g_string_append(out, ". What classifies samples then has errors of the first order.");
+  g_string_append(out, ". Such a step's error is of the second order however exact the method, and of the first where samples are classified.");
   if (depth > 20)
     g_string_append_printf(out, " A voxel of the densest value has an optical depth of %.2g: where a ray first touches it is all that is "
                                 "seen, sampled to within a step.",

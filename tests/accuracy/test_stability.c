@@ -1,7 +1,7 @@
 /* Random scenes on every back end and instruction set against the invariants of every picture (tests/support/judge.h).
  *
- * TC_RANDOM_SCENES: how many (500; fewer under a sanitizer); TC_RANDOM_SEED: only this one. A scene that fails is made smaller
- * and printed. */
+ * TC_RANDOM_SCENES: how many (500; fewer under a sanitizer); TC_RANDOM_SEED: only this one, or the first
+ * of TC_RANDOM_SCENES. A scene that fails is made smaller and printed. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -39,10 +39,10 @@ static bool judge(uint64_t seed, bool show) {
 
 static void random_scenes(void **state) {
   const char *count = getenv("TC_RANDOM_SCENES"), *only = getenv("TC_RANDOM_SEED");
-  uint64_t n = only ? 1 : count ? strtoull(count, NULL, 10) : USUAL_SCENES, first = only ? strtoull(only, NULL, 10) : 1;
+  uint64_t n = count ? strtoull(count, NULL, 10) : only ? 1 : USUAL_SCENES, first = only ? strtoull(only, NULL, 10) : 1;
   int failed = 0;
   for (uint64_t seed = first; seed < first + n && failed < 10; seed++) {
-    failed += !judge(seed, only);
+    failed += !judge(seed, n == 1);
     if ((seed - first + 1) % 1000 == 0 && printf("  %llu of %llu\n", (unsigned long long)(seed - first + 1), (unsigned long long)n))
       fflush(stdout);
   }
