@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "renderer/classify/rebuild.h"
 #include "renderer/clock.h"
 #include "renderer/volume/coefficients.h"
 
@@ -207,10 +208,22 @@ static bool keep(tc_resources *r, item_kind kind, void *thing, size_t bytes, con
   return true;
 }
 
+/* The last used table over the same nodes, or NULL. */
+static const tc_table *like_table(const tc_resources *r, const tc_table_params *params) {
+  const item *last = NULL;
+  for (int i = 0; i < r->count; i++) {
+    const tc_table_params *p = &r->items[i].params;
+    if (r->items[i].kind == ITEM_TABLE && p->n == params->n && p->step_mm == params->step_mm &&
+        p->voxel_lo == params->voxel_lo && p->voxel_hi == params->voxel_hi && (!last || r->items[i].last_use > last->last_use))
+      last = &r->items[i];
+  }
+  return last ? last->thing : NULL;
+}
+
 const tc_table *tc_resources_table(tc_resources *r, const tc_table_params *params, double *ms, GError **error) {
   const tc_table *found = tc_resources_find_table(r, params);
   if (found) return found;
-  tc_table *table = tc_table_build(params, r->pool, error);
+  tc_table *table = tc_table_rebuild(params, like_table(r, params), r->pool, error);
   if (!table) return NULL;
   if (!keep(r, ITEM_TABLE, table, table->bytes, params, error)) {
     tc_table_free(table);

@@ -31,7 +31,7 @@ typedef struct tc_zoom {
 
 typedef struct tc_table {
   int n;             /* nodes that data reach */
-  int columns;       /* n + 2: floats per row / 4 */
+  int columns;       /* n + 1: floats per row / 4 */
   double lo, hi;     /* voxel values (not rescaled) of nodes 0 and n-1; lo < hi */
   double step_mm;    /* segment length */
   float *entries;    /* [2*(n+1)+1][columns][4]; outside i + |k| <= n it is zero */
@@ -57,7 +57,7 @@ typedef struct tc_table_params {
 } tc_table_params;
 
 /* How many nodes a scene's transfer function wants over a volume, and the voxel range they span: 256 over the whole type for
- * 8-bit data; else 256 to 1024 over the data's range by the distance of the knots, less where zooms serve. */
+ * 8-bit data; else 256 to 2048 over the data's range by the distance of the knots, less where zooms serve. */
 void tc_table_choose(const tc_volume *volume, const tc_transfer_function *tf, int *n, double *voxel_lo, double *voxel_hi);
 
 /* The zooms such a table wants; returns how many. *complete, unless NULL: whether they and the nodes resolve every knot. */

@@ -161,10 +161,15 @@ void tc_table_choose(const tc_volume *volume, const tc_transfer_function *tf, in
   double wanted = 4 * fabs(d->slope) * (*voxel_hi - *voxel_lo) / knot_distance(tf);
   *n = 256;
   while (*n < 1024 && *n < wanted) *n *= 2;
-  /* Where it takes zooms all the same, they may serve a smaller table just as well. */
+  /* Where it takes zooms all the same, they may serve a smaller table just as well; more of them than there may be, a larger
+   * one: of 134 MB, and some 40 ms to build. */
   tc_zoom zooms[TC_MAX_ZOOMS];
   bool complete;
-  if (*n == 256 || !tc_table_zooms(volume, tf, *n, *voxel_lo, *voxel_hi, zooms, &complete)) return;
-  for (int less = 256; less < *n; less *= 2)
-    if (tc_table_zooms(volume, tf, less, *voxel_lo, *voxel_hi, zooms, &complete) && complete) *n = less;
+  if (*n == 256 || (!tc_table_zooms(volume, tf, *n, *voxel_lo, *voxel_hi, zooms, &complete) && complete)) return;
+  for (int size = 256; size <= 2048; size *= 2) {
+    tc_table_zooms(volume, tf, size, *voxel_lo, *voxel_hi, zooms, &complete);
+    if (!complete) continue;
+    *n = size;
+    return;
+  }
 }

@@ -99,6 +99,35 @@ static void all_converge(void **state) {
   }
 }
 
+/* Every size there may be, with segments across the whole range both ways: an entry read from a wrong place shows. */
+static void every_size_of_table(void **state) {
+  const test_grid grid = {.dims = {9, 9, 9}, .type = TC_U16, .slope = 1.0 / 65535};
+  tc_volume *volume = test_volume(&grid, test_noise, &(unsigned){5});
+  tc_scene scene;
+  test_scene(&scene, 32, 24);
+  test_scene_knots(&scene, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
+  test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
+  scene.sampling.step = 1.5;
+  table_size = 2048;
+  size_t bytes = pixels_of(&scene) * sizeof(float[4]);
+  float *want = malloc(bytes);
+  memcpy(want, render(SCALAR, volume, &scene), bytes);
+  for (table_size = 256; table_size <= TC_MAX_TABLE_SIZE; table_size *= 2) {
+    double most = 0;
+    EACH_RENDERER(isa) {
+      test_difference d = test_compare(render(isa, volume, &scene), want, pixels_of(&scene));
+      most = fmax(most, d.max);
+      if (!d.finite || !(d.max <= 1e-5 + 0.4 / table_size / table_size * 256))
+        fail_msg("%d, %s: off by %g", table_size, test_names[isa], d.max);
+    }
+    printf("  %4d values a side: off by %.1e, %.1f MB\n", table_size, most, (double)plan.stages[TC_STAGE_TABLE_2D].bytes / 1e6);
+  }
+  table_size = 0;
+  free(want);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
 /* Scenes from a seed over classification and order: bounds, orders equal, leaps without a trace, instruction sets alike. */
 static void random_scene(uint64_t seed) {
   uint64_t s = seed;
@@ -284,7 +313,8 @@ static void the_foot_of_a_stiff_rise(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(observed_orders), cmocka_unit_test(all_converge),
-                                     cmocka_unit_test(random_scenes), cmocka_unit_test(combinations), cmocka_unit_test(the_foot_of_a_stiff_rise),
+                                     cmocka_unit_test(every_size_of_table), cmocka_unit_test(random_scenes),
+                                     cmocka_unit_test(combinations), cmocka_unit_test(the_foot_of_a_stiff_rise),
                                      cmocka_unit_test(the_plan_says_so)};
   return cmocka_run_group_tests_name("classify", tests, test_renderers_open, test_renderers_close);
 }

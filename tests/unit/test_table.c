@@ -6,10 +6,11 @@
 #include <setjmp.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include <cmocka.h>
 
-#include "renderer/classify/classify.h"
+#include "renderer/classify/rebuild.h"
 
 typedef struct { double c[3], t; } light;
 
@@ -214,6 +215,41 @@ static void invariants(void **state) {
   }
 }
 
+/* Built after a like table, whatever moved: to the last bit what is built from nothing. */
+static void after_an_edit(void **state) {
+  static const struct { const char *what; int knot; double value, amount, red; } edits[] = {
+      {"nothing", 1, 0, 0, 0}, {"a knot's amount", 2, 0, 0.04, 0}, {"a knot's place", 1, 3.3, 0, 0}, {"the first knot", 0, -2, 0.1, 0},
+      {"a colour", 2, 0, 0, 0.05}, {"the brightest colour", 3, 0, 0, -0.5}};
+  tc_pool *pool = tc_pool_new(2, NULL);
+  for (size_t i = 0; i < sizeof edits / sizeof *edits; i++)
+    for (int n = 61; n <= 256; n += 195) {
+      tc_knot before[4], after[4];
+      memcpy(before, smooth, sizeof before);
+      before[3].color[0] = 1;
+      memcpy(after, before, sizeof after);
+      after[edits[i].knot].value += edits[i].value;
+      after[edits[i].knot].amount += edits[i].amount;
+      after[edits[i].knot].color[0] += edits[i].red;
+      tc_transfer_function tf, edited;
+      tc_table_params p = params(&tf, before, 4, TC_KNOT_OPACITY, n, 0.7);
+      params(&edited, after, 4, TC_KNOT_OPACITY, n, 0.7);
+      p.n_zooms = 1, p.zooms[0] = (tc_zoom){60, 100};
+      tc_table *like = tc_table_build(&p, pool, NULL), *other;
+      p.tf = &edited;
+      tc_table *a = tc_table_rebuild(&p, like, pool, NULL), *b = tc_table_build(&p, NULL, NULL);
+      if (memcmp(a->entries, b->entries, a->bytes))
+        fail_msg("%s moved, n = %d: entries differ", edits[i].what, n);
+      assert_true(i == 0 || memcmp(a->entries, like->entries, a->bytes));
+      p.step_mm = 0.8, p.n_zooms = 0; /* a like table of no use */
+      other = tc_table_rebuild(&p, like, pool, NULL);
+      tc_table_free(b);
+      b = tc_table_build(&p, NULL, NULL);
+      assert_memory_equal(other->entries, b->entries, b->bytes);
+      tc_table_free(like), tc_table_free(a), tc_table_free(b), tc_table_free(other);
+    }
+  tc_pool_free(pool);
+}
+
 /* Half floats of IEEE 754 and fixed point of 8 bits, at values whose neighbours are known. */
 static void narrower_formats(void **state) {
   assert_true(tc_table_round(1.0f / 3, 16) == 0.333251953125f);
@@ -242,6 +278,7 @@ static void zooms_where_knots_are_close(void **state) {
   static tc_knot peaks[] = {{-20000.5, {1, 1, 1}, 0}, {-20000, {1, 1, 1}, 1}, {-19999.5, {1, 1, 1}, 0},
                             {11999.5, {1, 1, 1}, 0},  {12000, {1, 1, 1}, 1},  {12000.5, {1, 1, 1}, 0}};
   static tc_knot step[] = {{300, {1, 1, 1}, 0}, {300, {1, 1, 1}, 0.5}};
+  static tc_knot many[60];
   static tc_knot far[] = {{40000, {1, 1, 1}, 0}, {40000.5, {1, 1, 1}, 0.5}};
   static const struct {
     const char *what;
@@ -254,7 +291,9 @@ static void zooms_where_knots_are_close(void **state) {
       {"two peaks, 16 bits", peaks, 6, TC_I16, -32768, 32767, 256, 6}, {"one of them", peaks, 3, TC_I16, -32768, 32767, 256, 3},
       {"peaks as floats", peaks, 6, TC_F32, -32768, 32767, 256, 6},    {"a step in 12 bits", step, 2, TC_I16, -1024, 3071, 1024, 0},
       {"a step in 16 bits", step, 2, TC_I16, -32768, 32767, 256, 2},   {"bytes", smooth, 4, TC_U8, 0, 255, 256, 0},
-      {"out of range", far, 2, TC_I16, -1024, 3071, 1024, 0}};
+      {"out of range", far, 2, TC_I16, -1024, 3071, 1024, 0},
+      {"twenty peaks", many, 60, TC_I16, -1024, 1000, 2048, 0}};
+  for (int i = 0; i < 60; i++) many[i] = (tc_knot){-900 + 60 * (i / 3) + 4 * (i % 3), {1, 1, 1}, i % 3 == 1};
   for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
     tc_transfer_function tf = {.points = cases[i].knots, .count = cases[i].count, .kind = TC_KNOT_OPACITY, .unit_distance_mm = 1};
     tc_volume *volume = range_of(cases[i].type, cases[i].lo, cases[i].hi);
@@ -282,6 +321,7 @@ static void zooms_where_knots_are_close(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(against_brute_force), cmocka_unit_test(stiff),
                                      cmocka_unit_test(closed_form), cmocka_unit_test(very_many_knots), cmocka_unit_test(elementary_segments), cmocka_unit_test(invariants),
+                                     cmocka_unit_test(after_an_edit),
                                      cmocka_unit_test(narrower_formats), cmocka_unit_test(zooms_where_knots_are_close)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

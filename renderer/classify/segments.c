@@ -1,0 +1,308 @@
+/* See segments.h. */
+#include "renderer/classify/segments.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* A stretch of the value axis inside one node interval with linear colour and (nearly) linear extinction. */
+struct tc_piece {
+  float width; /* share of the node interval */
+  uint32_t graded; /* 1: colour changes along it; no padding, so that pieces compare as bytes */
+  double mean; /* of the extinction, 1/mm, exact */
+  double tilt; /* extinction = mean * (1 + tilt * (2u - 1)), |tilt| <= 1 */
+  double from[3], to[3]; /* colour, compositing space */
+};
+
+/* Four node intervals of one piece each, side by side, for segments short enough that a series serves them. */
+struct tc_quad {
+  tc_v4 depth, tilt; /* extinction times share of the interval */
+  tc_i4 graded;      /* all bits or none */
+  tc_v4 from[4], to[4]; /* colour, with 1 for opacity */
+  float longest_mm;     /* of an interval; 0 where not all four have one piece */
+};
+
+/* ---- pieces ---- */
+
+double tc_segments_value(const tc_segments *s, int node) {
+  return s->params->slope * (s->lo + (s->hi - s->lo) * node / (s->count - 1)) + s->params->intercept;
+}
+
+void tc_segments_color(const tc_table_params *p, double value, double rgb[3]) {
+  tc_color(p->tf, value, rgb);
+  if (p->linear_light)
+    for (int c = 0; c < 3; c++) rgb[c] = tc_srgb_to_linear(rgb[c]);
+}
+
+static bool add_piece(tc_segments *s, double width, double v0, double v1) {
+  if (s->n_pieces == s->capacity) {
+    uint32_t capacity = s->capacity ? 2 * s->capacity : 1024;
+    tc_piece *grown = realloc(s->pieces, capacity * sizeof *grown);
+    if (!grown) return false;
+    s->pieces = grown;
+    s->capacity = capacity;
+  }
+  tc_piece *q = &s->pieces[s->n_pieces++];
+  /* One-sided limits: a jump may lie at either end, so the ends are looked up a hair inside. */
+  double in0 = v0 + (v1 - v0) * 1e-9, in1 = v1 - (v1 - v0) * 1e-9;
+  q->width = (float)width;
+  q->mean = tc_extinction_mean(s->params->tf, v0, v1);
+  double tau0 = tc_extinction(s->params->tf, in0), tau1 = tc_extinction(s->params->tf, in1);
+  q->tilt = q->mean > 0 ? fmin(fmax((tau1 - tau0) / (2 * q->mean), -1), 1) : 0;
+  tc_segments_color(s->params, in0, q->from);
+  tc_segments_color(s->params, in1, q->to);
+  q->graded = fabs(q->to[0] - q->from[0]) + fabs(q->to[1] - q->from[1]) + fabs(q->to[2] - q->from[2]) > 1e-7;
+  return true;
+}
+
+/* Opacity knots make extinction logarithmic in the value: cut where it bends (only matters where colour changes too). */
+static bool add_bent(tc_segments *s, double width, double v0, double v1) {
+  double c0[3], c1[3], in0 = v0 + (v1 - v0) * 1e-9, in1 = v1 - (v1 - v0) * 1e-9;
+  double bend = 0;
+  if (s->params->tf->kind == TC_KNOT_OPACITY) {
+    tc_color(s->params->tf, in0, c0);
+    tc_color(s->params->tf, in1, c1);
+    if (c0[0] != c1[0] || c0[1] != c1[1] || c0[2] != c1[2])
+      bend = fabs(tc_extinction(s->params->tf, in1) - tc_extinction(s->params->tf, in0)) *
+             s->params->tf->unit_distance_mm; /* = |ln((1-a1)/(1-a0))| */
+  }
+  int cuts = (int)fmin(ceil(bend / 0.25), 64);
+  if (cuts < 1) cuts = 1;
+  for (int i = 0; i < cuts; i++)
+    if (!add_piece(s, width / cuts, v0 + (v1 - v0) * i / cuts, v0 + (v1 - v0) * (i + 1) / cuts)) return false;
+  return true;
+}
+
+/* A node interval with very many knots in it: a few pieces with the exact mean extinction and the mean of the emitted colour
+ * each. What is between the nodes is then below what a lookup can resolve, and the time to build stays bounded. */
+enum { MOST_KNOTS = 8, MERGED_PIECES = 4, MERGE_PROBES = 32 };
+
+static bool merge_pieces(tc_segments *s, uint32_t first, double v0, double v1) {
+  s->n_pieces = first;
+  for (int i = 0; i < MERGED_PIECES; i++) {
+    double from = v0 + (v1 - v0) * i / MERGED_PIECES, to = v0 + (v1 - v0) * (i + 1) / MERGED_PIECES, weight = 0, sum[3] = {0};
+    if (!add_piece(s, 1.0 / MERGED_PIECES, from, to)) return false;
+    for (int j = 0; j < MERGE_PROBES; j++) {
+      double v = from + (to - from) * (j + 0.5) / MERGE_PROBES, tau = tc_extinction(s->params->tf, v), rgb[3];
+      tc_segments_color(s->params, v, rgb);
+      for (int c = 0; c < 3; c++) sum[c] += tau * rgb[c];
+      weight += tau;
+    }
+    tc_piece *q = &s->pieces[s->n_pieces - 1];
+    if (weight > 0)
+      for (int c = 0; c < 3; c++) q->from[c] = q->to[c] = sum[c] / weight;
+    q->graded = false;
+  }
+  return true;
+}
+
+static bool cut_into_pieces(tc_segments *s) {
+  const tc_transfer_function *tf = s->params->tf;
+  bool rising = s->params->slope > 0;
+  /* next: the first knot ahead in the direction the value moves along the nodes. */
+  ptrdiff_t count = (ptrdiff_t)tf->count, next = rising ? 0 : count - 1;
+  for (int j = 0; j < s->count; j++) {
+    s->first[j] = s->n_pieces;
+    double v0 = tc_segments_value(s, j), v1 = tc_segments_value(s, j + 1), from = v0;
+    int knots = 0;
+    while (next >= 0 && next < count && (rising ? tf->points[next].value <= v0 : tf->points[next].value >= v0))
+      next += rising ? 1 : -1;
+    for (; next >= 0 && next < count; next += rising ? 1 : -1) {
+      double k = tf->points[next].value;
+      if (rising ? k >= v1 : k <= v1) break;
+      if (k != from && !add_bent(s, (k - from) / (v1 - v0), from, k)) return false;
+      from = k;
+      knots++;
+    }
+    if (!add_bent(s, (v1 - from) / (v1 - v0), from, v1)) return false;
+    if (knots > MOST_KNOTS && !merge_pieces(s, s->first[j], v0, v1)) return false;
+  }
+  s->first[s->count] = s->n_pieces;
+  return true;
+}
+
+/* ---- elementary segments ---- */
+
+/* Integral over u in [0,1] of exp(-a u - a b u (u - 1)), both for tilt b and for -b (the same stretch seen from its other
+ * end), |a b| <= 0.05: expanded in a b, each term in closed form. t = exp(-a). */
+typedef struct decay { double ahead, behind; } decay;
+
+static decay decay_integral(double a, double b, double t) {
+  double x = a * b, i0, i1, i2;
+  if (a < 0.05) {
+    i0 = 1 - a * (1.0 / 2 - a * (1.0 / 6 - a * (1.0 / 24 - a / 120)));
+    i1 = 1.0 / 6 - a * (1.0 / 12 - a * (1.0 / 40 - a / 180));
+    i2 = 1.0 / 30 - a * (1.0 / 60 - a / 210);
+  } else {
+    double r = 1 / a, r3 = r * r * r;
+    i0 = (1 - t) * r;
+    i1 = ((a - 2) + (a + 2) * t) * r3;
+    i2 = (2 * (a * a - 6 * a + 12) - 2 * (a * a + 6 * a + 12) * t) * r3 * r * r;
+  }
+  return (decay){i0 + x * (i1 + 0.5 * x * i2), i0 - x * (i1 - 0.5 * x * i2)};
+}
+
+/* Light and opacity where `near` is met first; q: how much of the light comes from the far end (the integral of u dW). */
+static tc_v4 emit(double w, double q, const double near[3], const double far[3]) {
+  q = fmin(fmax(q, 0), w);
+  return (tc_v4){(float)(near[0] * (w - q) + far[0] * q), (float)(near[1] * (w - q) + far[1] * q),
+              (float)(near[2] * (w - q) + far[2] * q), (float)w};
+}
+
+/* A piece whose colour changes, cut so that each part's a*b is small; parts behind an opaque front are not looked at. */
+static tc_v4 cut_piece(const tc_piece *p, double a, bool reverse, int parts) {
+  const double *from = reverse ? p->to : p->from, *to = reverse ? p->from : p->to;
+  double tilt = reverse ? -p->tilt : p->tilt;
+  tc_v4 sum = {0, 0, 0, 0};
+  for (int i = 0; i < parts && sum[3] < 1 - 1e-7f; i++) {
+    double u0 = (double)i / parts, u1 = (double)(i + 1) / parts, c0[3], c1[3];
+    double mean = 1 + tilt * (u0 + u1 - 1); /* relative extinction of this part; 0 at a tip with |tilt| = 1 */
+    for (int c = 0; c < 3; c++) {
+      c0[c] = from[c] + u0 * (to[c] - from[c]);
+      c1[c] = from[c] + u1 * (to[c] - from[c]);
+    }
+    double bent = mean > 0 ? fmin(fmax(tilt / parts / mean, -1), 1) : 0, part = a * mean / parts, w = -expm1(-part);
+    sum = tc_v4_over(sum, emit(w, decay_integral(part, bent, 1 - w).ahead - (1 - w), c0, c1));
+  }
+  return sum;
+}
+
+static void graded_piece(const tc_piece *p, double a, tc_v4 *forward, tc_v4 *backward) {
+  double bend = fabs(a * p->tilt);
+  if (bend <= 0.05) {
+    double w = -expm1(-a);
+    decay d = decay_integral(a, p->tilt, 1 - w);
+    *forward = emit(w, d.ahead - (1 - w), p->from, p->to);
+    *backward = emit(w, d.behind - (1 - w), p->to, p->from);
+    return;
+  }
+  int parts = (int)fmin(ceil(sqrt(bend / 0.05)), 1e6);
+  *forward = cut_piece(p, a, false, parts);
+  *backward = cut_piece(p, a, true, parts);
+}
+
+static tc_v4 flat_piece(const tc_piece *p, double a) {
+  double w = -expm1(-a);
+  return (tc_v4){(float)(p->from[0] * w), (float)(p->from[1] * w), (float)(p->from[2] * w), (float)w};
+}
+
+/* The node interval j as one segment of length `length_mm`, both ways. */
+static void elementary(const tc_segments *s, int j, double length_mm, tc_v4 *forward, tc_v4 *backward) {
+  tc_v4 f = {0, 0, 0, 0}, r = {0, 0, 0, 0};
+  for (uint32_t i = s->first[j]; i < s->first[j + 1]; i++) {
+    const tc_piece *p = &s->pieces[i];
+    double a = p->mean * (double)p->width * length_mm;
+    if (!(a > 0)) continue;
+    tc_v4 pf, pr;
+    if (p->graded)
+      graded_piece(p, a, &pf, &pr);
+    else
+      pf = pr = flat_piece(p, a);
+    f = tc_v4_over(f, pf);
+    r = tc_v4_over(pr, r);
+  }
+  *forward = f;
+  *backward = r;
+}
+
+/* ---- elementary segments, four at a time: most are one piece and thin ---- */
+
+#define SERIES_DEPTH 0.5 /* what the series below are good for, to single precision */
+
+static void fill_quads(tc_segments *s) {
+  for (int i = 0; i < s->count / 4; i++) {
+    tc_quad *q = &s->quads[i];
+    double longest = INFINITY;
+    for (int k = 0; k < 4; k++) {
+      int j = 4 * i + k;
+      const tc_piece *p = &s->pieces[s->first[j]];
+      double depth = fmin(p->mean * (double)p->width, 1e30);
+      q->depth[k] = (float)depth;
+      q->tilt[k] = (float)p->tilt;
+      q->graded[k] = -p->graded;
+      for (int c = 0; c < 4; c++) {
+        q->from[k][c] = c < 3 ? (float)p->from[c] : 1;
+        q->to[k][c] = c == 3 ? 1 : p->graded ? (float)p->to[c] : q->from[k][c];
+      }
+      if (s->first[j + 1] - s->first[j] != 1) longest = 0;
+      if (p->graded && depth > 0) longest = fmin(longest, fmin(SERIES_DEPTH, 0.05 / fabs(p->tilt)) / depth);
+    }
+    q->longest_mm = (float)longest;
+  }
+}
+
+/* 1 - exp(-a), a >= 0, with small relative error for small a too. */
+static tc_v4 one_minus_exp(tc_v4 a) {
+  a = tc_v4_lesser(a, (tc_v4){87, 87, 87, 87});
+  tc_v4 shift = a * -1.44269504f + 12582912.0f, n = shift - 12582912.0f; /* rounds to an integer */
+  tc_v4 f = (-a - n * 0.693359375f) + n * 2.12194440e-4f, p = f * (1.0f / 720 + f * (1.0f / 5040));
+  p = f * (1 + f * (0.5f + f * (1.0f / 6 + f * (1.0f / 24 + f * (1.0f / 120 + p)))));
+  tc_v4 scale = (tc_v4)(((tc_i4)shift - 0x4b400000 + 127) << 23);
+  return -(scale * p) - (scale - 1);
+}
+
+/* As elementary(), for a length of at most longest_mm. The series are decay_integral()'s, with the opacity already taken
+ * off i0: nothing cancels. */
+static void elementary_four(const tc_quad *q, float length_mm, tc_v4 forward[4], tc_v4 backward[4]) {
+  tc_v4 a = q->depth * length_mm, w = one_minus_exp(a), x = a * q->tilt;
+  tc_v4 mean = a * (1.0f / 144 - a * (1.0f / 840 - a * (1.0f / 5760 - a * (1.0f / 45360))));
+  mean = a * (0.5f - a * (1.0f / 3 - a * (1.0f / 8 - a * (1.0f / 30 - mean))));
+  tc_v4 i1 = 1.0f / 40 - a * (1.0f / 180 - a * (1.0f / 1008 - a * (1.0f / 6720)));
+  i1 = 1.0f / 6 - a * (1.0f / 12 - a * i1);
+  tc_v4 i2 = 1.0f / 30 - a * (1.0f / 60 - a * (1.0f / 210 - a * (1.0f / 1008)));
+  tc_v4 even = mean + 0.5f * x * x * i2, odd = x * i1;
+  /* A deep series may be no number, but then no colour changes and the mask takes it away. */
+  tc_v4 ahead = (tc_v4)((tc_i4)tc_v4_lesser(even + odd, w) & q->graded);
+  tc_v4 behind = (tc_v4)((tc_i4)tc_v4_lesser(even - odd, w) & q->graded);
+  for (int k = 0; k < 4; k++) {
+    forward[k] = q->from[k] * (w[k] - ahead[k]) + q->to[k] * ahead[k];
+    backward[k] = q->to[k] * (w[k] - behind[k]) + q->from[k] * behind[k];
+  }
+}
+
+void tc_segments_integrate(const tc_segments *s, double length_mm, int from, int to, tc_v4 *forward, tc_v4 *backward) {
+  int j = from & ~3; /* by whole quads: what an interval is does not depend on which are asked for */
+  for (; j < to && j + 4 <= s->count; j += 4)
+    if ((float)length_mm <= s->quads[j / 4].longest_mm)
+      elementary_four(&s->quads[j / 4], (float)length_mm, forward + j, backward + j);
+    else
+      for (int k = 0; k < 4; k++) elementary(s, j + k, length_mm, &forward[j + k], &backward[j + k]);
+  for (; j < to; j++) elementary(s, j, length_mm, &forward[j], &backward[j]);
+}
+
+/* ---- life ---- */
+
+bool tc_segments_make(tc_segments *s, const tc_table_params *params, double lo, double hi, int count) {
+  *s = (tc_segments){.params = params, .lo = lo, .hi = hi, .count = count};
+  s->first = calloc((size_t)count + 1, sizeof *s->first);
+  s->quads = aligned_alloc(16, ((size_t)count / 4 + 1) * sizeof *s->quads);
+  if (!s->first || !s->quads || !cut_into_pieces(s)) return false;
+  fill_quads(s);
+  return true;
+}
+
+void tc_segments_finish(tc_segments *s) {
+  free(s->pieces);
+  free(s->first);
+  free(s->quads);
+  *s = (tc_segments){0};
+}
+
+size_t tc_segments_bytes(const tc_segments *s) {
+  return s->capacity * sizeof *s->pieces + (size_t)s->count * (sizeof *s->first + sizeof *s->quads / 4);
+}
+
+static bool same_interval(const tc_segments *a, const tc_segments *b, int j) {
+  uint32_t n = a->first[j + 1] - a->first[j];
+  return n == b->first[j + 1] - b->first[j] &&
+         !memcmp(a->pieces + a->first[j], b->pieces + b->first[j], n * sizeof *a->pieces);
+}
+
+bool tc_segments_compare(const tc_segments *a, const tc_segments *b, int *first, int *last) {
+  int from = 0, to = a->count - 1;
+  while (from <= to && same_interval(a, b, from)) from++;
+  while (to > from && same_interval(a, b, to)) to--;
+  *first = from & ~3;
+  *last = (to | 3) < a->count ? to | 3 : a->count - 1;
+  return from <= to;
+}

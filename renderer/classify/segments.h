@@ -1,0 +1,50 @@
+/* Elementary segments: one node interval of the value axis each, as colour and opacity. Inside classify/ only.
+ *
+ * An axis is cut into pieces with linear colour and (nearly) linear extinction, at the knots and finer where opacity bends it.
+ * What a segment between two neighbouring nodes shows then has a closed form, or a series where it is thin. */
+#ifndef TC_CLASSIFY_SEGMENTS_H
+#define TC_CLASSIFY_SEGMENTS_H
+
+#include "renderer/classify/classify.h"
+
+typedef float tc_v4 __attribute__((vector_size(16)));
+typedef int32_t tc_i4 __attribute__((vector_size(16)));
+
+typedef struct tc_piece tc_piece;
+typedef struct tc_quad tc_quad;
+
+/* The axis [lo, hi] in voxel values over nodes 0 .. count - 1, and one interval more. A zeroed one is empty. */
+typedef struct tc_segments {
+  const tc_table_params *params; /* read by tc_segments_make() alone */
+  double lo, hi;
+  int count; /* node intervals */
+  tc_piece *pieces;
+  uint32_t *first; /* [count + 1] into pieces */
+  uint32_t n_pieces, capacity;
+  tc_quad *quads; /* [count / 4] */
+} tc_segments;
+
+/* Cuts the axis; false: out of memory, and what is there is still to be finished. */
+bool tc_segments_make(tc_segments *s, const tc_table_params *params, double lo, double hi, int count);
+void tc_segments_finish(tc_segments *s);
+size_t tc_segments_bytes(const tc_segments *s);
+
+/* The first and last interval over which two axes of the same nodes differ, in whole quads; false: none does. */
+bool tc_segments_compare(const tc_segments *a, const tc_segments *b, int *first, int *last);
+
+/* Intervals from <= j < to as segments of length_mm, towards higher nodes and towards lower ones: premultiplied colour
+ * and opacity at forward[j] and backward[j], and at their quads' other members. */
+void tc_segments_integrate(const tc_segments *s, double length_mm, int from, int to, tc_v4 *forward, tc_v4 *backward);
+
+/* The value (rescaled) at a node, and colour in the compositing space at a value. */
+double tc_segments_value(const tc_segments *s, int node);
+void tc_segments_color(const tc_table_params *params, double value, double rgb[3]);
+
+static inline tc_v4 tc_v4_over(tc_v4 front, tc_v4 back) { return front + (1 - front[3]) * back; }
+
+static inline tc_v4 tc_v4_lesser(tc_v4 a, tc_v4 b) {
+  tc_i4 less = a < b;
+  return (tc_v4)((less & (tc_i4)a) | (~less & (tc_i4)b));
+}
+
+#endif
