@@ -22,6 +22,7 @@ typedef struct projection {
   double flat[3];   /* how far before its voxel an axis of one voxel begins; 0 along others */
   float rows[3][3];
   float extent[3];  /* half extents of a box of one cell in the rows */
+  float longer[3];  /* what a cell more along x adds to them */
   float margin;     /* pixels: above the rounding of single precision */
   double depth_mm;  /* depth = (w - 1) * depth_mm */
   bool perspective;
@@ -36,9 +37,9 @@ typedef struct cover_job {
   atomic_size_t next; /* record that no worker has taken */
 } cover_job;
 
-/* Cells and slots of a chunk's boxes, first and last; not yet clamped. */
+/* First and last cell and slot of a chunk's boxes; none where the last is before the first. */
 typedef struct spans {
-  float x[2][CHUNK], y[2][CHUNK], slot[2][CHUNK];
+  int lo[3][CHUNK], hi[3][CHUNK]; /* x, y, slot */
 } spans;
 
 static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
@@ -90,96 +91,104 @@ static bool project(projection *p, const tc_rays *r, const int dims[3]) {
     if (i > 0) most = fmax(most, size);
   }
   p->margin = (float)(0.01 + 1e-6 * most);
+  for (int i = 0; i < 3; i++) p->longer[i] = (float)(0.5 * fabs(rows[3 * i]));
   return true;
 }
 
-/* Middles of boxes, relative to the anchor of the picture's corner, and their sizes: index units. */
+/* Middles of boxes, relative to the anchor of the picture's corner, their widths, and how much longer they are along x: index
+ * units. */
 typedef struct chunk {
-  float at[3][CHUNK], size[CHUNK];
+  float at[3][CHUNK], size[CHUNK], more[CHUNK];
   int count;
 } chunk;
 
-static void add_box(const float low[3], float x, float y, float z, float size, chunk *c) {
+static void add_box(const float low[3], float x, float y, float z, float size, float more, chunk *c) {
   float half = 0.5f * size;
   int i = c->count++;
-  c->at[0][i] = low[0] + x + half;
+  c->at[0][i] = low[0] + x + half + 0.5f * more;
   c->at[1][i] = low[1] + y + half;
   c->at[2][i] = low[2] + z + half;
   c->size[i] = size;
+  c->more[i] = more;
 }
 
+/* Neighbours in a row of fine boxes go as one: many fewer to project, and hardly more is covered. */
 static void add_record(const projection *p, const tc_box *b, chunk *c) {
+  static const struct { uint8_t first, more; } runs[8] = {[2] = {1, 0}, [3] = {0, 1}, [4] = {2, 0}, [6] = {1, 1}, [7] = {0, 2}};
+  const float fine = TC_BOX_FINE;
   float low[3];
   for (int k = 0; k < 3; k++) low[k] = (float)(b->at[k] - p->flat[k] - p->origin[k]);
-  if (!b->fine) add_box(low, 0, 0, 0, b->size, c);
-  for (int z = 0; z < TC_BOX_FINES; z++)
-    for (int y = 0; y < TC_BOX_FINES; y++)
-      for (uint32_t row = b->fine >> (TC_BOX_FINES * (TC_BOX_FINES * z + y)) & 7; row; row &= row - 1)
-        add_box(low, (float)(TC_BOX_FINE * __builtin_ctz(row)), (float)(TC_BOX_FINE * y), (float)(TC_BOX_FINE * z), TC_BOX_FINE, c);
+  if (!b->fine) add_box(low, 0, 0, 0, b->size, 0, c);
+  for (int j = 0; j < TC_BOX_FINES * TC_BOX_FINES; j++) {
+    uint32_t row = b->fine >> (TC_BOX_FINES * j) & 7;
+    if (!row) continue;
+    float y = fine * (float)(j % TC_BOX_FINES), z = fine * (float)(j / TC_BOX_FINES);
+    add_box(low, fine * runs[row].first, y, z, fine, fine * runs[row].more, c);
+    if (row == 5) add_box(low, 2 * fine, y, z, fine, 0, c); /* both ends, without the middle */
+  }
 }
 
-/* Plain loops over arrays, for the compiler to make vectors of. */
-static void project_chunk(const cover_job *job, const chunk *boxes, spans *s) {
-  const projection *p = &job->p;
-  const tc_cover *c = job->cover;
-  const float(*at)[CHUNK] = boxes->at, *size = boxes->size;
-  int count = boxes->count;
-  float per_cell = 1 / (float)(1 << c->shift);
-  float per_slot = (float)(p->depth_mm / c->slot_mm), near = (float)((p->depth_mm + c->near_mm) / c->slot_mm);
+static inline float least_of(float a, float b) { return a < b ? a : b; }
+static inline float most_of(float a, float b) { return a > b ? a : b; }
+
+/* A plain loop over arrays, for the compiler to make vectors of. */
+static void project_boxes(const projection p, const tc_cover *c, bool perspective, const chunk *restrict boxes,
+                          spans *restrict s) {
+  const float per_cell = 1 / (float)(1 << c->shift), per_slot = (float)(p.depth_mm / c->slot_mm);
+  const float near = (float)((p.depth_mm + c->near_mm) / c->slot_mm), last_slot = (float)(c->words * 64 - 1);
+  const float last_x = (float)(c->cells[0] - 1), last_y = (float)(c->cells[1] - 1);
+  const int count = boxes->count;
   for (int i = 0; i < count; i++) {
-    float w = 1 + p->rows[0][0] * at[0][i] + p->rows[0][1] * at[1][i] + p->rows[0][2] * at[2][i];
-    float x = p->rows[1][0] * at[0][i] + p->rows[1][1] * at[1][i] + p->rows[1][2] * at[2][i];
-    float y = p->rows[2][0] * at[0][i] + p->rows[2][1] * at[1][i] + p->rows[2][2] * at[2][i];
-    float dw = p->extent[0] * size[i], dx = p->extent[1] * size[i], dy = p->extent[2] * size[i];
-    s->slot[0][i] = (w - dw) * per_slot - near - 0.01f;
-    s->slot[1][i] = (w + dw) * per_slot - near + 0.01f;
-    if (p->perspective) {
-      float inverse = 1 / w, least = 1 / (w - dw);
+    const float ax = boxes->at[0][i], ay = boxes->at[1][i], az = boxes->at[2][i];
+    const float size = boxes->size[i], more = boxes->more[i];
+    float w = 1 + p.rows[0][0] * ax + p.rows[0][1] * ay + p.rows[0][2] * az;
+    float x = p.rows[1][0] * ax + p.rows[1][1] * ay + p.rows[1][2] * az;
+    float y = p.rows[2][0] * ax + p.rows[2][1] * ay + p.rows[2][2] * az;
+    float dw = p.extent[0] * size + p.longer[0] * more, dx = p.extent[1] * size + p.longer[1] * more;
+    float dy = p.extent[2] * size + p.longer[2] * more;
+    float near_w = w - dw, far_w = w + dw;
+    if (perspective) {
+      float inverse = 1 / w, least = 1 / near_w;
       x *= inverse, y *= inverse;
       dx = (dx + fabsf(x) * dw) * least;
       dy = (dy + fabsf(y) * dw) * least;
     }
-    s->x[0][i] = (x - dx - p->margin) * per_cell, s->x[1][i] = (x + dx + p->margin) * per_cell;
-    s->y[0][i] = (y - dy - p->margin) * per_cell, s->y[1][i] = (y + dy + p->margin) * per_cell;
-  }
-  if (!p->perspective) return;
-  for (int i = 0; i < count; i++) {
-    float near_w = (s->slot[0][i] + near) / per_slot, far_w = (s->slot[1][i] + near) / per_slot;
-    if (near_w > NEAR_EYE * fabsf(far_w)) continue;
-    bool behind = far_w < 0;
-    s->x[0][i] = s->y[0][i] = behind ? 1e9f : 0;
-    s->x[1][i] = s->y[1][i] = 1e9f;
-  }
-}
-
-/* Slots first to last of the cells of a rectangle. */
-static void mark(const tc_cover *c, uint64_t *plane, const int lo[2], const int hi[2], int first, int last) {
-  ptrdiff_t words = c->words, row = words * c->cells[0];
-  uint64_t *corner = plane + lo[1] * row + lo[0] * words;
-  int wide = hi[0] - lo[0] + 1, high = hi[1] - lo[1] + 1, end = last >> 6;
-  for (int w = first >> 6; w <= end; w++) {
-    uint64_t bits = ~(uint64_t)0;
-    if (w == first >> 6) bits &= ~(uint64_t)0 << (first & 63);
-    if (w == end) bits &= ~(uint64_t)0 >> (63 - (last & 63));
-    for (int y = 0; y < high; y++) {
-      uint64_t *word = corner + y * row + w;
-      for (int x = 0; x < wide; x++) word[x * words] |= bits;
+    float x0 = (x - dx - p.margin) * per_cell, x1 = (x + dx + p.margin) * per_cell;
+    float y0 = (y - dy - p.margin) * per_cell, y1 = (y + dy + p.margin) * per_cell;
+    if (perspective) {
+      bool close = near_w <= NEAR_EYE * fabsf(far_w);
+      float from = far_w < 0 ? 1e9f : 0;
+      x0 = close ? from : x0, y0 = close ? from : y0;
+      x1 = close ? 1e9f : x1, y1 = close ? 1e9f : y1;
     }
+    s->lo[0][i] = (int)least_of(most_of(x0, 0), 1e9f), s->hi[0][i] = (int)least_of(most_of(x1, -1), last_x);
+    s->lo[1][i] = (int)least_of(most_of(y0, 0), 1e9f), s->hi[1][i] = (int)least_of(most_of(y1, -1), last_y);
+    s->lo[2][i] = (int)least_of(most_of(near_w * per_slot - near - 0.01f, 0), last_slot);
+    s->hi[2][i] = (int)least_of(most_of(far_w * per_slot - near + 0.01f, 0), last_slot);
   }
 }
 
-static int clamp_to(float x, int last) { return x > 0 ? x < (float)last ? (int)x : last : 0; }
+/* The slots of a word in the cells of a rectangle. */
+static inline void mark(uint64_t *corner, ptrdiff_t row, int wide, int high, uint64_t bits) {
+  for (int y = 0; y < high; y++, corner += row)
+    for (int x = 0; x < wide; x++) corner[x] |= bits;
+}
 
 static void mark_chunk(const cover_job *job, uint64_t *plane, chunk *boxes) {
   const tc_cover *c = job->cover;
-  int last = c->words * 64 - 1;
+  ptrdiff_t words = c->cells[0], row = words * c->words; /* from word to word of a cell, from cell to cell down */
   spans s;
-  project_chunk(job, boxes, &s);
+  if (job->p.perspective)
+    project_boxes(job->p, c, true, boxes, &s);
+  else
+    project_boxes(job->p, c, false, boxes, &s);
   for (int i = 0; i < boxes->count; i++) {
-    if (s.x[1][i] < 0 || s.y[1][i] < 0 || s.x[0][i] >= (float)c->cells[0] || s.y[0][i] >= (float)c->cells[1]) continue;
-    const int lo[2] = {clamp_to(s.x[0][i], c->cells[0] - 1), clamp_to(s.y[0][i], c->cells[1] - 1)};
-    const int hi[2] = {clamp_to(s.x[1][i], c->cells[0] - 1), clamp_to(s.y[1][i], c->cells[1] - 1)};
-    mark(c, plane, lo, hi, clamp_to(s.slot[0][i], last), clamp_to(s.slot[1][i], last));
+    int wide = s.hi[0][i] - s.lo[0][i] + 1, high = s.hi[1][i] - s.lo[1][i] + 1;
+    if (wide <= 0 || high <= 0) continue;
+    int first = s.lo[2][i], last = s.hi[2][i], w = first >> 6, end = last >> 6;
+    uint64_t *corner = plane + s.lo[1][i] * row + w * words + s.lo[0][i], from = ~(uint64_t)0 << (first & 63);
+    for (; w < end; w++, corner += words, from = ~(uint64_t)0) mark(corner, row, wide, high, from);
+    mark(corner, row, wide, high, from & ~(uint64_t)0 >> (63 - (last & 63)));
   }
   boxes->count = 0;
 }

@@ -15,7 +15,7 @@
 #include "renderer/skip/boxes.h"
 
 typedef struct tc_cover {
-  uint64_t *bits;      /* [cells y][cells x][words]; bit b of a cell: slot b is not empty */
+  uint64_t *bits;      /* [cells y][words][cells x]; bit b of word w of a cell: slot 64 w + b is not empty */
   int shift;           /* a cell is 1 << shift pixels wide and high */
   int cells[2], words; /* words: of 64 slots */
   double near_mm, slot_mm; /* depth where slot 0 begins; of a slot */

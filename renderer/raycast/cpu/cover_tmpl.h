@@ -2,6 +2,7 @@
 
 typedef struct runs {
   const uint64_t *bits; /* of the packet's cell of pixels */
+  ptrdiff_t next_word;
   int words, slot;      /* slot: the next one to look at */
   vf start, steps;      /* steps from a ray's first sample to slot 0; that a slot has */
 } runs;
@@ -10,19 +11,21 @@ V_INLINE runs start_runs(const tc_cpu_args *g, variant v, const packet *p, const
   vf steps_per_mm = v_set(g->inverse_step) / p->forward; /* of depth */
   vf begin = p->start;
   if (phased(v)) begin = begin - p->lag;
-  return (runs){.bits = g->cover + (at->y >> g->cover_shift) * g->cover_row + (at->x >> g->cover_shift) * g->cover_words,
+  return (runs){.bits = g->cover + (at->y >> g->cover_shift) * g->cover_row + (at->x >> g->cover_shift),
+                .next_word = g->cover_cells,
                 .words = g->cover_words,
                 .start = v_fma(v_set(g->cover_near), steps_per_mm, v_set(0) - begin * v_set(g->inverse_step)),
                 .steps = v_set(g->cover_slot) * steps_per_mm};
 }
 
 /* First slot from `slot` on whose bit is `set`; words * 64 where there is none. */
-static inline int find_slot(const uint64_t *bits, int words, int slot, bool set) {
-  for (int w = slot >> 6; w < words; w++) {
-    uint64_t word = (set ? bits[w] : ~bits[w]) & (w == slot >> 6 ? ~(uint64_t)0 << (slot & 63) : ~(uint64_t)0);
+static inline int find_slot(const runs *r, int slot, bool set) {
+  uint64_t seen = ~(uint64_t)0 << (slot & 63);
+  for (int w = slot >> 6; w < r->words; w++, seen = ~(uint64_t)0) {
+    uint64_t bits = r->bits[w * r->next_word], word = (set ? bits : ~bits) & seen;
     if (word) return w * 64 + __builtin_ctzll(word);
   }
-  return words * 64;
+  return r->words * 64;
 }
 
 /* The next segments [*from, *to) after `least` that any live ray needs; false: none. Margins of a hundredth of a step are far
@@ -30,9 +33,9 @@ static inline int find_slot(const uint64_t *bits, int words, int slot, bool set)
 V_INLINE bool next_run(runs *r, vm live, int least, int *from, int *to) {
   vf far = v_set(1e9f);
   do {
-    int a = find_slot(r->bits, r->words, r->slot, true);
+    int a = find_slot(r, r->slot, true);
     if (a >= r->words * 64) return false;
-    r->slot = find_slot(r->bits, r->words, a, false);
+    r->slot = find_slot(r, a, false);
     vf first = v_fma(v_set((float)a), r->steps, r->start), last = v_fma(v_set((float)r->slot), r->steps, r->start);
     float begin = v_least(v_select(live, first, far)) - 1.01f, end = 1.01f - v_least(v_select(live, v_set(0) - last, far));
     *from = begin > (float)least ? begin < 1e9f ? (int)begin : 1000000000 : least;

@@ -260,6 +260,7 @@ static bool fill_cover(cpu_backend *b, const tc_job *job, tc_cpu_args *a, GError
   a->cover = c->bits;
   a->cover_shift = c->shift;
   a->cover_words = c->words;
+  a->cover_cells = c->cells[0];
   a->cover_row = c->words * c->cells[0];
   a->cover_near = (float)c->near_mm;
   a->cover_slot = (float)c->slot_mm;

@@ -63,7 +63,7 @@ typedef struct tc_cpu_args {
   const uint8_t *distance; /* tc_leap, when an isosurface leaps */
   float block;             /* voxels its blocks are wide */
   const uint64_t *cover; /* tc_cover, when dvr leaps */
-  int cover_shift, cover_row, cover_words; /* cover_row: words from one row of cells to the next */
+  int cover_shift, cover_cells, cover_row, cover_words; /* _cells: along x; _row: words from one row of cells to the next */
   float cover_near, cover_slot, cover_depth; /* mm */
   float turn, gain, offset, floor, stop; /* tc_grey, when the plan projects */
   const float *to_light; /* tc_resolve_light(), when it does in linear light */
