@@ -100,6 +100,8 @@ const tcp_member tcp_members[] = {
      .doc = "Side of a block; 0 lets the renderer choose."},
 
     {"shading", "model", TCP_NAME, AT(shading.model), .names = tc_shading_names, .doc = "Reflection model."},
+    {"shading", "gradient", TCP_NAME, AT(shading.gradient), .names = tc_gradient_names,
+     .doc = "Normals: of each cell, fastest; of central differences, smooth; of the cubic B-spline, smoothest."},
     {"shading", "ambient", TCP_NUMBER, AT(shading.ambient), UNIT, .doc = "Share of light from everywhere."},
     {"shading", "diffuse", TCP_NUMBER, AT(shading.diffuse), UNIT, .doc = "Share of matt reflection."},
     {"shading", "specular", TCP_NUMBER, AT(shading.specular), UNIT, .doc = "Share of mirroring reflection."},

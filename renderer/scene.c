@@ -9,6 +9,7 @@ const char *const tc_classification_names[] = {"preintegrated", "preintegrated2"
 const char *const tc_order_names[] = {"front-to-back", "back-to-front", NULL};
 const char *const tc_filter_names[] = {"linear", "cubic", "nearest", NULL};
 const char *const tc_shading_names[] = {"none", "lambert", "blinn-phong", "gooch", NULL};
+const char *const tc_gradient_names[] = {"cell", "central", "cubic", NULL};
 const char *const tc_slab_projection_names[] = {"mip", "minip", "average", NULL};
 
 #define SAME_COUNT(names, count) G_STATIC_ASSERT(G_N_ELEMENTS(names) == (count) + 1)
@@ -17,6 +18,7 @@ SAME_COUNT(tc_classification_names, TC_CLASSIFICATION_COUNT);
 SAME_COUNT(tc_order_names, TC_ORDER_COUNT);
 SAME_COUNT(tc_filter_names, TC_FILTER_COUNT);
 SAME_COUNT(tc_shading_names, TC_SHADING_COUNT);
+SAME_COUNT(tc_gradient_names, TC_GRADIENT_COUNT);
 SAME_COUNT(tc_slab_projection_names, TC_SLAB_PROJECTION_COUNT);
 
 static void set3(double to[3], double x, double y, double z) {
@@ -43,6 +45,7 @@ static void init_image(tc_scene *scene) {
 
 static void init_surfaces(tc_scene *scene) {
   scene->shading.model = TC_SHADING_NONE;
+  scene->shading.gradient = TC_GRADIENT_CELL;
   scene->shading.ambient = 0.2;
   scene->shading.diffuse = 0.7;
   scene->shading.specular = 0.2;

@@ -25,12 +25,16 @@ typedef enum tc_order { TC_FRONT_TO_BACK, TC_BACK_TO_FRONT, TC_ORDER_COUNT } tc_
 typedef enum tc_filter { TC_FILTER_LINEAR, TC_FILTER_CUBIC, TC_FILTER_NEAREST, TC_FILTER_COUNT } tc_filter;
 typedef enum tc_skipping_mode { TC_SKIPPING_AUTO, TC_SKIPPING_OFF, TC_SKIPPING_COUNT } tc_skipping_mode;
 typedef enum tc_shading_model { TC_SHADING_NONE, TC_SHADING_LAMBERT, TC_SHADING_BLINN_PHONG, TC_SHADING_GOOCH, TC_SHADING_COUNT } tc_shading_model;
+/* Where shading's normals come from: the derivative of the trilinear field within a cell, which costs least and jumps at cell
+ * faces (of an isosurface: the cube of two voxels around the hit); central differences at voxels (one-sided in a face),
+ * interpolated; the derivative of the cubic B-spline of the voxels, which smooths noise too. */
+typedef enum tc_gradient { TC_GRADIENT_CELL, TC_GRADIENT_CENTRAL, TC_GRADIENT_CUBIC, TC_GRADIENT_COUNT } tc_gradient;
 typedef enum tc_mpr_orientation { TC_AXIAL, TC_CORONAL, TC_SAGITTAL, TC_OBLIQUE, TC_MPR_ORIENTATION_COUNT } tc_mpr_orientation;
 typedef enum tc_slab_projection { TC_SLAB_MIP, TC_SLAB_MINIP, TC_SLAB_AVERAGE, TC_SLAB_PROJECTION_COUNT } tc_slab_projection;
 
 /* The words for these in documents, kernels and plans; after the last comes NULL. */
 extern const char *const tc_mode_names[], *const tc_classification_names[], *const tc_order_names[],
-    *const tc_filter_names[], *const tc_shading_names[], *const tc_slab_projection_names[];
+    *const tc_filter_names[], *const tc_shading_names[], *const tc_gradient_names[], *const tc_slab_projection_names[];
 
 /* How a transfer function's knots give extinction (NUMERICS: opacity is linear between knots and
  * tau = -log1p(-opacity)/unit_distance; extinction is linear between knots, 1/mm). */
@@ -86,6 +90,7 @@ typedef struct tc_scene {
   struct { tc_skipping_mode mode; int block; /* voxels, 0 = chosen */ } skipping;
   struct {
     tc_shading_model model;
+    tc_gradient gradient; /* with filter cubic always cubic: the derivative of what is seen */
     double ambient, diffuse, specular, shininess;
     bool light_at_camera;
     double light[3]; /* direction to the light, LPS, when not at the camera */

@@ -43,6 +43,7 @@ const tc_renderer_info *tc_renderer_about(const tc_renderer *renderer);
 typedef struct tc_frame_stats {
   double coefficients_ms, tables_ms, skip_ms, render_ms; /* wall time of the stages */
   uint64_t samples;                     /* field samples taken */
+  uint64_t gradients;                   /* taken to shade a segment or a hit; what they fetch themselves is no sample */
   uint64_t rays;                        /* rays that met the volume */
   uint64_t leaps;                       /* jumps over empty space, counted as the back end makes them (packets or rays) */
   bool stand_in; /* drawn by the cpu back end in the gl back end's place: its time tells nothing of the next frame's */

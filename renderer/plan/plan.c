@@ -147,6 +147,7 @@ static bool check_clipping(const tc_scene *scene, GError **error) {
 static bool check_shading(const tc_scene *scene, GError **error) {
   if (tc_is_projection(scene->mode) || scene->shading.model == TC_SHADING_NONE) return true;
   if ((unsigned)scene->shading.model >= TC_SHADING_COUNT) return invalid(error, "/shading/model", "unknown");
+  if ((unsigned)scene->shading.gradient >= TC_GRADIENT_COUNT) return invalid(error, "/shading/gradient", "unknown");
   const struct { const char *pointer; double value; } shares[] = {{"/shading/ambient", scene->shading.ambient},
                                                                   {"/shading/diffuse", scene->shading.diffuse},
                                                                   {"/shading/specular", scene->shading.specular}};
@@ -375,11 +376,27 @@ static void plan_termination(tc_plan *plan, const tc_scene *s) {
     stage(plan, TC_STAGE_TERMINATION, false, "sampling.termination is 0");
 }
 
+/* Where gradients come from. */
+static void plan_gradient(tc_plan *plan, const tc_scene *s) {
+  static const char *const ways[2][TC_GRADIENT_COUNT] = {
+      {"gradients from the corners that interpolation fetches", "central differences, once a visible segment",
+       "the cubic b-spline's derivative, once a visible segment"},
+      {"from eight samples around the hit, once a ray", "central differences at the hit, once a ray",
+       "the cubic b-spline's derivative at the hit, once a ray"}};
+  const char *model = tc_shading_names[s->shading.model];
+  if (plan->key.shading) {
+    bool own = s->filter == TC_FILTER_CUBIC;
+    plan->key.gradient = (uint8_t)(own ? TC_GRADIENT_CUBIC : s->shading.gradient);
+    stage(plan, TC_STAGE_GRADIENT, true, "shading.model is %s: %s%s", model,
+          ways[s->mode == TC_MODE_ISOSURFACE][plan->key.gradient], own ? " (the filter's own)" : "");
+  } else {
+    stage(plan, TC_STAGE_GRADIENT, false, "shading.model is %s", model);
+  }
+}
+
 static void plan_stages(tc_plan *plan, const tc_scene *s) {
   plan_tables(plan, s);
-  stage(plan, TC_STAGE_GRADIENT, plan->key.shading,
-        plan->key.shading ? "shading.model is %s: gradients from the corners that interpolation fetches" : "shading.model is %s",
-        tc_shading_names[s->shading.model]);
+  plan_gradient(plan, s);
   stage(plan, TC_STAGE_SKIPPING, plan->key.skipping,
         s->skipping.mode == TC_SKIPPING_OFF ? "skipping.mode is off"
         : plan->key.skipping                ? "the transfer function is zero over part of the range"
@@ -461,8 +478,6 @@ static void plan_surface_stages(tc_plan *plan, const tc_volume *volume, const tc
   if (!tc_surface_exists(volume, s))
     stage(plan, TC_STAGE_GRADIENT, false, "empty picture: isosurface.value %.6g is not between the volume's %.6g and %.6g",
           s->isosurface.value, range->min, range->max);
-  else if (plan->key.shading)
-    stage(plan, TC_STAGE_GRADIENT, true, "from eight samples around the hit, once a ray");
   stage(plan, TC_STAGE_SKIPPING, plan->key.skipping,
         plan->key.skipping ? "blocks whose values are all on one side of %.6g are left out" : "skipping.mode is off",
         s->isosurface.value);

@@ -56,6 +56,7 @@ typedef struct tc_plan_key {
   uint8_t filter;         /* tc_filter */
   uint8_t projection;     /* tc_projection */
   uint8_t shading;        /* tc_shading_model */
+  uint8_t gradient;       /* tc_gradient; 0 unless shaded */
   uint8_t termination;    /* 0/1 */
   uint8_t skipping;       /* 0/1 */
   uint8_t clipping;       /* 0/1 */

@@ -17,10 +17,11 @@
  *                          F0, F1 = (diffuse +- ambient) / 2 and G0, G1 = (yellow +- blue) / 2, least -1.
  *                          Gooch, Gooch, Shirley and Cohen, A non-photorealistic lighting model, SIGGRAPH 1998.
  *
- * A segment is shaded once, with the mean of the gradients of its two samples, both of which come from the corners that
- * interpolation has fetched anyway. shade() is affine in L before the clamp, so that it applies to the segment's premultiplied
- * colour C and opacity a as they come from the table: C' = min(a, C f + a e). As the step goes to 0 this is the integral of
- * the shaded colour, and C' <= a holds for each segment, hence for the picture. */
+ * A segment is shaded once: with the mean of the gradients of its two samples where those come from the corners that
+ * interpolation has fetched anyway (gradient "cell"), else with the gradient in its middle. shade() is affine in L before the
+ * clamp, so that it applies to the segment's premultiplied colour C and opacity a as they come from the table:
+ * C' = min(a, C f + a e). As the step goes to 0 this is the integral of the shaded colour, and C' <= a holds for each segment,
+ * hence for the picture. */
 #ifndef TC_RAYCAST_SHADE_H
 #define TC_RAYCAST_SHADE_H
 

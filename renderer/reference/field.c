@@ -139,8 +139,9 @@ static void make_cubic(const tc_ref_field *field, const size_t low[3], tc_ref_ce
 bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell) {
   if (!(walk->t < walk->ray->leave)) return false;
   double to = next_face(walk), *start = cell->start, *delta = cell->delta;
-  size_t low[3], high[3];
+  size_t *low = cell->low, high[3];
   locate(walk, to, low, high, start, delta);
+  cell->field = walk->field;
   cell->from = walk->t;
   cell->length = to - walk->t;
   walk->t = to;

@@ -65,6 +65,8 @@ typedef struct tc_ref_cell {
   double c[TC_REF_DEGREE + 1];
   int degree;    /* nearest 0, linear 3, cubic 9 */
   double lo, hi; /* the value stays between */
+  const tc_ref_field *field;
+  size_t low[3];             /* the cell's corner of least index */
   double corner[8];          /* values at +x (bit 0), +y (bit 1), +z (bit 2) */
   double start[3], delta[3]; /* place within the cell, 0..1: start + u * delta */
   const tc_ref_label_cell *label; /* all of the stretch is in it; NULL without labels */
@@ -172,9 +174,13 @@ typedef struct tc_ref_window {
 void tc_ref_extent_add(tc_ref_extent *extent, const tc_ref_cell *cell);
 double tc_ref_window_grey(const tc_ref_window *window, double value);
 
+/* gradient.c: over index coordinates, at place x (0..1) of the cell above `low`. 0 along an axis of one voxel. */
+void tc_ref_gradient(const tc_ref_field *field, tc_gradient kind, const size_t low[3], const double x[3], double g[3]);
+
 /* shading.c: colour under light. model TC_SHADING_NONE: the rest is without meaning and nothing is shaded. */
 typedef struct tc_ref_shading {
   tc_shading_model model;
+  tc_gradient gradient;
   double dual[3][3]; /* [k]: LPS gradient of index coordinate k, 1/mm */
   double per_range;  /* least spacing / value range */
   double ambient, diffuse, specular, shininess;
@@ -194,8 +200,8 @@ void tc_ref_shade_surface(const tc_ref_shading *shading, const double gradient[3
 /* surface.c: where the field along the ray is first on the other side of the value than at its entry (inside: >= value). False
  * when it never is. */
 bool tc_ref_surface_hit(const tc_ref_field *field, const tc_ref_ray *ray, double value, double *t);
-/* Over index coordinates, from the corners of the cube of two voxels around a place, held within the volume. */
-void tc_ref_surface_gradient(const tc_ref_field *field, const double at[3], double gradient[3]);
+/* Over index coordinates. TC_GRADIENT_CELL: from the corners of the cube of two voxels around the place, held within the volume. */
+void tc_ref_surface_gradient(const tc_ref_field *field, tc_gradient kind, const double at[3], double gradient[3]);
 
 /* quadrature.c: adds one piece behind what was met so far. */
 typedef struct tc_ref_light {

@@ -180,7 +180,7 @@ static bool hit_surface(const tc_reference *r, const tc_ref_ray *ray, tc_referen
   }
   hit->distance_mm = t - ray->eye;
   memcpy(hit->color, r->color, sizeof hit->color);
-  tc_ref_surface_gradient(&r->field, at, gradient);
+  tc_ref_surface_gradient(&r->field, shading.gradient, at, gradient);
   tc_ref_shade_surface(&shading, gradient, hit->normal, hit->color);
   return true;
 }

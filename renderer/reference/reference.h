@@ -5,7 +5,7 @@
  * at every crossing of a knot's value; what is left between two splits is smooth and is integrated adaptively.
  *
  * For mip, minip and average it is the exact extremum or mean of the field along the ray, through the scene's window.
- * Shading (raycast/shade.h) acts on the colour at each point of the ray, with the field's own gradient there.
+ * Shading (raycast/shade.h) acts on the colour at each point of the ray, with the scene's gradient there.
  *
  * For isosurface it is the first place where the ray changes sides (raycast/surface.h), the exact root of the cubic, with
  * the normal that surface.h gives it there.

@@ -26,6 +26,7 @@ void tc_ref_shading_set_up(tc_ref_shading *shading, const tc_volume *volume, con
     for (int r = 0; r < 3; r++) shading->dual[k][r] /= volume_mm3;
   }
   shading->model = scene->shading.model;
+  shading->gradient = scene->filter == TC_FILTER_CUBIC ? TC_GRADIENT_CUBIC : scene->shading.gradient; /* the field's own */
   shading->per_range = stats->max > stats->min ? least / (stats->max - stats->min) : 0;
   shading->ambient = scene->shading.ambient;
   shading->diffuse = scene->shading.diffuse;
@@ -41,16 +42,11 @@ static void to_lps(const tc_ref_shading *s, const double g[3], double gradient[3
   for (int r = 0; r < 3; r++) gradient[r] = g[0] * s->dual[0][r] + g[1] * s->dual[1][r] + g[2] * s->dual[2][r];
 }
 
-/* d value / d LPS at u of the cell: the trilinear form, differentiated. */
+/* d value / d LPS at u of the cell. */
 static void gradient_at(const tc_ref_shading *s, const tc_ref_cell *cell, double u, double gradient[3]) {
-  double x[3], g[3] = {0, 0, 0};
-  for (int k = 0; k < 3; k++) x[k] = cell->start[k] + u * cell->delta[k];
-  for (int corner = 0; corner < 8; corner++)
-    for (int k = 0; k < 3; k++) {
-      int a = (k + 1) % 3, b = (k + 2) % 3;
-      double weight = (corner >> a & 1 ? x[a] : 1 - x[a]) * (corner >> b & 1 ? x[b] : 1 - x[b]);
-      g[k] += (corner >> k & 1 ? weight : -weight) * cell->corner[corner];
-    }
+  double x[3], g[3];
+  for (int k = 0; k < 3; k++) x[k] = fmin(fmax(cell->start[k] + u * cell->delta[k], 0), 1);
+  tc_ref_gradient(cell->field, s->gradient, cell->low, x, g);
   to_lps(s, g, gradient);
 }
 

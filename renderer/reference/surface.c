@@ -29,13 +29,17 @@ bool tc_ref_surface_hit(const tc_ref_field *field, const tc_ref_ray *ray, double
   return false;
 }
 
-static double value_at(const tc_ref_field *field, const double at[3]) {
-  double sum = 0, f[3];
-  size_t low[3];
+static void find_cell(const tc_ref_field *field, const double at[3], size_t low[3], double f[3]) {
   for (int k = 0; k < 3; k++) {
     low[k] = (size_t)fmax(fmin(floor(at[k]), field->desc->dims[k] - 2), 0);
     f[k] = at[k] - (double)low[k];
   }
+}
+
+static double value_at(const tc_ref_field *field, const double at[3]) {
+  double sum = 0, f[3];
+  size_t low[3];
+  find_cell(field, at, low, f);
   for (int corner = 0; corner < 8; corner++) {
     double weight = 1;
     size_t index[3];
@@ -49,8 +53,16 @@ static double value_at(const tc_ref_field *field, const double at[3]) {
   return sum;
 }
 
-void tc_ref_surface_gradient(const tc_ref_field *field, const double at[3], double gradient[3]) {
+void tc_ref_surface_gradient(const tc_ref_field *field, tc_gradient kind, const double at[3], double gradient[3]) {
   double apart[3];
+  if (kind != TC_GRADIENT_CELL) {
+    double held[3], f[3];
+    size_t low[3];
+    for (int k = 0; k < 3; k++) held[k] = fmin(fmax(at[k], 0), field->desc->dims[k] - 1);
+    find_cell(field, held, low, f);
+    tc_ref_gradient(field, kind, low, f, gradient);
+    return;
+  }
   for (int k = 0; k < 3; k++) {
     double last = field->desc->dims[k] - 1;
     apart[k] = fmin(at[k] + 1, last) - fmax(at[k] - 1, 0);

@@ -209,6 +209,7 @@ static cJSON *rows_as_json(bench *b) {
     cJSON_AddItemToObject(v, "renderMsRuns", cJSON_CreateDoubleArray(r->ms, b->args.runs));
     cJSON_AddNumberToObject(v, "encodeMs", r->encode_ms);
     cJSON_AddNumberToObject(v, "samples", (double)r->frame.stats.samples);
+    cJSON_AddNumberToObject(v, "gradients", (double)r->frame.stats.gradients);
     cJSON_AddNumberToObject(v, "rays", (double)r->frame.stats.rays);
     cJSON_AddNumberToObject(v, "leaps", (double)r->frame.stats.leaps);
     if (b->args.pixels) {

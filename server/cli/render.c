@@ -225,9 +225,10 @@ static bool write_file(job *j, GError **error) {
 static void print_timing(const job *j) {
   const tc_frame_stats *s = &j->frame.stats;
   printf("%s: %d x %d, %s %s, import %.1f ms, tables %.1f ms, skip %.1f ms, render %.1f ms, encode %.1f ms, "
-         "%.2f Msamples\n",
+         "%.2f Msamples, %.2f Mgradients\n",
          j->output, j->frame.width, j->frame.height, tc_renderer_about(j->renderer)->backend, j->plan.kernel,
-         j->import_ms, s->tables_ms, s->skip_ms, s->render_ms, j->encode_ms, (double)s->samples / 1e6);
+         j->import_ms, s->tables_ms, s->skip_ms, s->render_ms, j->encode_ms, (double)s->samples / 1e6,
+         (double)s->gradients / 1e6);
 }
 
 static bool run(job *j, int argc, char **argv, GError **error) {

@@ -241,6 +241,7 @@ static void test_unbuilt_keys(void **state) {
       v.plan.clipping = bits >> 5 & 1;
       v.plan.skipping = (type ^ bits >> 1) & 1;
       v.plan.shading = (type ^ bits >> 2) & 1;
+      v.plan.gradient = v.plan.shading ? (uint8_t)((type + bits) % TC_GRADIENT_COUNT) : 0;
       v.atlas = bits & 1;
       v.linear_light = bits >> 1 & 1;
       v.transparent = bits >> 2 & 1;

@@ -149,6 +149,7 @@ static void everyone_meets_the_reference(void **state) {
       tc_scene scene;
       surface_scene(&scene, volume, bits & 1 ? 0.5 : 0.683);
       scene.shading.model = (tc_shading_model)(bits % TC_SHADING_COUNT);
+      scene.shading.gradient = (tc_gradient)((bits + type) % TC_GRADIENT_COUNT);
       if (bits & 2) scene.camera.projection = TC_ORTHOGRAPHIC, scene.camera.height_mm = 40;
       if (bits & 4) {
         scene.clip.n_planes = 1;

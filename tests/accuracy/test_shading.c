@@ -68,6 +68,7 @@ static void everyone_agrees(void **state) {
         if (bits & 1) light_from(&scene, 0.3, -1, 2);
         if (bits & 2) scene.camera.projection = TC_ORTHOGRAPHIC, scene.camera.height_mm = 30;
         if (bits & 4) scene.sampling.termination = 0.01;
+        scene.shading.gradient = (tc_gradient)((bits + model) % TC_GRADIENT_COUNT);
         scene.image.linear_light = bits == 5;
         render(SCALAR, volume, &scene, NULL);
         EACH_RENDERER(i) {
@@ -124,6 +125,7 @@ static void converges(void **state) {
       tc_scene scene;
       shaded_scene(&scene, volume, (tc_shading_model)model, soft, 3);
       if (fixed) light_from(&scene, 1, -1, 1);
+      scene.shading.gradient = (tc_gradient)((model + 2 * fixed) % TC_GRADIENT_COUNT);
       float *want = test_reference(volume, &scene, 1e-6);
       EACH_RENDERER(i) {
         double rms[3];
@@ -135,7 +137,7 @@ static void converges(void **state) {
         }
         printf("  model %d, %s, %s: rms %.2e %.2e %.2e at steps 1 1/4 1/16\n", model, fixed ? "fixed light" : "head light",
                test_names[i], rms[0], rms[1], rms[2]);
-        assert_true(rms[1] < 0.4 * rms[0] && rms[2] < 0.4 * rms[1]); /* first order: gradients jump at cell faces */
+        assert_true(rms[1] < 0.4 * rms[0] && rms[2] < 0.4 * rms[1]); /* first order: a cell's gradients jump at its faces */
         assert_true(rms[0] < 1.2e-2 && rms[2] < 8e-4);
       }
       free(want);
@@ -191,12 +193,13 @@ static double lit_ball(const tc_scene *s, double y, double z, double l[3]) {
   return fmin(1, 0.8 * (s->shading.ambient + s->shading.diffuse * fmax(nl, 0)) + glint);
 }
 
-static void check_ball(const char *what, tc_volume *volume, const double center[3]) {
+static void check_ball(const char *what, tc_volume *volume, const double center[3], tc_gradient gradient) {
   for (int model = TC_SHADING_LAMBERT; model <= TC_SHADING_BLINN_PHONG; model++)
     for (int fixed = 0; fixed < 2; fixed++) {
       tc_scene scene;
       shaded_scene(&scene, NULL, (tc_shading_model)model, hard, 2);
       look_at_ball(&scene, center);
+      scene.shading.gradient = gradient;
       scene.sampling.step = 0.25;
       double l[3] = {fixed ? 0.6 : 1, fixed ? 0.64 : 0, fixed ? 0.48 : 0};
       if (fixed) light_from(&scene, 3 * l[0], 3 * l[1], 3 * l[2]);
@@ -210,7 +213,8 @@ static void check_ball(const char *what, tc_volume *volume, const double center[
           pixel_at(image, p % SIDE, p / SIDE, rgba);
           worst = fmax(worst, fabs(rgba[0] - lit_ball(&scene, y, z, l)));
         }
-        printf("  %s, model %d, %s light, %s: max %.2e\n", what, model, fixed ? "fixed" : "head", test_names[i], worst);
+        printf("  %s, model %d, gradient %d, %s light, %s: max %.2e\n", what, model, gradient, fixed ? "fixed" : "head",
+               test_names[i], worst);
         /* a highlight changes faster than its normal */
         assert_true(worst < (model == TC_SHADING_LAMBERT ? 1e-2 : 2e-2));
       }
@@ -222,11 +226,11 @@ static void analytic_ball(void **state) {
   test_grid grid = even;
   const double center[3] = {16, 16, 16};
   tc_volume *volume = ball_on(&grid, center);
-  check_ball("ball", volume, center);
+  check_ball("ball", volume, center, TC_GRADIENT_CELL);
   tc_volume_unref(volume);
   grid.slope = -0.5; /* stored upside down */
   volume = ball_on(&grid, center);
-  check_ball("ball, negative slope", volume, center);
+  check_ball("ball, negative slope", volume, center, TC_GRADIENT_CENTRAL);
   tc_volume_unref(volume);
 }
 
@@ -237,19 +241,66 @@ static void spacing_and_shear(void **state) {
   tall.dims[0] = 257, tall.dims[2] = 161;
   tall.spacing[0] = 0.125, tall.spacing[2] = 0.2;
   tc_volume *volume = ball_on(&tall, center);
-  check_ball("spacing 0.125, 0.25, 0.2", volume, center);
+  for (int gradient = 0; gradient < TC_GRADIENT_COUNT; gradient++)
+    check_ball("spacing 0.125, 0.25, 0.2", volume, center, (tc_gradient)gradient);
   tc_volume_unref(volume);
   /* the z axis leans over by 0.3 rad, as a gantry tilt does */
   memcpy(sheared.direction, (double[9]){1, 0, 0, 0, 1, s, 0, 0, c}, sizeof sheared.direction);
   sheared.origin[1] = -s * 16;
   sheared.dims[2] = 141;
   volume = ball_on(&sheared, center);
-  check_ball("sheared", volume, center);
+  for (int gradient = 0; gradient < TC_GRADIENT_COUNT; gradient++)
+    check_ball("sheared", volume, center, (tc_gradient)gradient);
   tc_volume_unref(volume);
   memcpy(turned.direction, (double[9]){0, -1, 0, 0, 0, 1, 1, 0, 0}, sizeof turned.direction);
   turned.origin[0] = 32;
   volume = ball_on(&turned, center);
-  check_ball("turned", volume, center);
+  check_ball("turned", volume, center, TC_GRADIENT_CUBIC);
+  tc_volume_unref(volume);
+}
+
+/* On voxels of a twelfth of the radius a ball shows its cells, unless gradients are continuous; and what is shaded is
+ * counted, nothing where shading is off. */
+static void smooth_gradients_show_no_cells(void **state) {
+  test_grid grid = {.dims = {33, 33, 33}, .type = TC_F32, .spacing = {1, 1, 1}, .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+  const double center[3] = {16, 16, 16};
+  double light[3] = {1, 0, 0};
+  tc_volume *volume = test_volume(&grid, test_radius2, center);
+  const tc_knot inside[] = {{144, {0.8, 0.8, 0.8}, 1000}, {144, {0.8, 0.8, 0.8}, 0}};
+  uint64_t counted[RENDERERS][TC_GRADIENT_COUNT] = {{0}};
+  EACH_RENDERER(i) {
+    double rms[TC_GRADIENT_COUNT];
+    for (int gradient = 0; gradient < TC_GRADIENT_COUNT; gradient++) {
+      tc_scene scene;
+      shaded_scene(&scene, NULL, TC_SHADING_LAMBERT, inside, 2);
+      look_at_ball(&scene, center);
+      scene.sampling.step = 0.1;
+      scene.shading.gradient = (tc_gradient)gradient;
+      const float *image = render(i, volume, &scene, NULL);
+      double sum = 0;
+      int n = 0;
+      for (int p = 0; p < PIXELS; p++) {
+        double y = (p % SIDE + 0.5 - SIDE / 2) * 30.0 / SIDE, z = -(p / SIDE + 0.5 - SIDE / 2) * 30.0 / SIDE;
+        if (y * y + z * z > 100) continue;
+        double off = (double)image[4 * p] - lit_ball(&scene, y, z, light);
+        sum += off * off, n++;
+      }
+      rms[gradient] = sqrt(sum / n);
+      counted[i][gradient] = test_frames[i].stats.gradients;
+      assert_true(test_frames[i].stats.gradients > 0 && test_frames[i].stats.gradients <= test_frames[i].stats.samples);
+      scene.shading.model = TC_SHADING_NONE;
+      render(i, volume, &scene, NULL);
+      assert_int_equal(test_frames[i].stats.gradients, 0);
+      tc_scene_clear(&scene);
+    }
+    printf("  %s: rms %.1e of cells, %.1e of central differences, %.1e of the cubic\n", test_names[i], rms[0], rms[1], rms[2]);
+    assert_true(rms[TC_GRADIENT_CENTRAL] < 0.5 * rms[TC_GRADIENT_CELL]);
+    assert_true(rms[TC_GRADIENT_CUBIC] < 0.5 * rms[TC_GRADIENT_CELL]);
+    for (int gradient = 0; gradient < TC_GRADIENT_COUNT; gradient++) {
+      double share = (double)counted[i][gradient] / (double)counted[SCALAR][gradient];
+      assert_true(fabs(share - 1) < 1e-2);
+    }
+  }
   tc_volume_unref(volume);
 }
 
@@ -289,6 +340,7 @@ static void leaping_changes_no_bit(void **state) {
         tc_scene scene;
         shaded_scene(&scene, volume, (tc_shading_model)model, sparse, 2);
         scene.sampling.step = 0.7;
+        scene.shading.gradient = (tc_gradient)((bits + type) % TC_GRADIENT_COUNT);
         if (bits & 1) light_from(&scene, 1, 2, -1);
         if (bits & 2) scene.sampling.termination = 0.02;
         EACH_RENDERER(i) {
@@ -306,27 +358,93 @@ static void leaping_changes_no_bit(void **state) {
   free(whole);
 }
 
-/* A field without slope, and one with less slope than the threshold of noise: as if unshaded. */
-static void flat_is_unshaded(void **state) {
-  for (int noisy = 0; noisy < 2; noisy++) {
-    tc_volume *volume = test_volume(&(test_grid){.dims = {256, 9, 9}, .type = TC_F32}, noisy ? test_linear : test_constant,
-                                    noisy ? (const void *)(const double[4]){1 / 255.0, 0, 0, 0} : &(double){0.5});
-    float *plain = calloc(PIXELS, 16);
-    for (int model = TC_SHADING_LAMBERT; model < TC_SHADING_COUNT; model++) {
-      tc_scene scene;
-      shaded_scene(&scene, volume, (tc_shading_model)model, soft, 3);
-      EACH_RENDERER(i) {
-        scene.shading.model = TC_SHADING_NONE;
-        memcpy(plain, render(i, volume, &scene, NULL), PIXELS * 16);
+/* A ramp over the value range with noise of +- grain on it. */
+static double grainy(double x, double y, double z, const void *grain) {
+  return x / 1023 + *(const double *)grain * (2 * test_noise(x, y, z, &(unsigned){7}) - 1);
+}
+
+/* The largest difference that light makes, under every light and gradient. */
+static double light_shows(int which, tc_volume *volume, double *least) {
+  float *plain = g_malloc(PIXELS * 16);
+  double most = 0;
+  *least = INFINITY;
+  for (int model = TC_SHADING_LAMBERT; model < TC_SHADING_COUNT; model++)
+    for (int fixed = 0; fixed < 2; fixed++)
+      for (int gradient = 0; gradient < TC_GRADIENT_COUNT; gradient++) {
+        tc_scene scene;
+        shaded_scene(&scene, volume, TC_SHADING_NONE, soft, 3);
+        memcpy(plain, render(which, volume, &scene, NULL), PIXELS * 16);
         scene.shading.model = (tc_shading_model)model;
-        test_difference d = test_compare(render(i, volume, &scene, NULL), plain, PIXELS);
-        if (!d.finite || !(d.max <= 2e-7)) fail_msg("%s: flat field differs by %g", test_names[i], d.max);
+        scene.shading.gradient = (tc_gradient)gradient;
+        if (fixed) light_from(&scene, 0, -1, 1);
+        test_difference d = test_compare(render(which, volume, &scene, NULL), plain, PIXELS);
+        assert_true(d.finite);
+        most = fmax(most, d.max), *least = fmin(*least, d.max);
+        tc_scene_clear(&scene);
       }
-      tc_scene_clear(&scene);
+  g_free(plain);
+  return most;
+}
+
+/* A field without slope, and one whose noise has less slope than the threshold, are as if unshaded; more noise is not. */
+static void flat_is_unshaded(void **state) {
+  const double quiet = 1e-3, loud = 0.05;
+  tc_volume *volumes[] = {test_volume(&(test_grid){.dims = {256, 9, 9}, .type = TC_F32}, test_constant, &(double){0.5}),
+                          test_volume(&(test_grid){.dims = {1024, 9, 9}, .type = TC_F32}, grainy, &quiet),
+                          test_volume(&(test_grid){.dims = {1024, 9, 9}, .type = TC_F32}, grainy, &loud)};
+  for (int v = 0; v < 3; v++) {
+    EACH_RENDERER(i) {
+      double least, most = light_shows(i, volumes[v], &least);
+      printf("  volume %d, %s: light shows by %.1e to %.1e\n", v, test_names[i], least, most);
+      assert_true(v == 2 ? least > 1e-3 : most <= 2e-7);
     }
-    free(plain);
-    tc_volume_unref(volume);
+    tc_volume_unref(volumes[v]);
   }
+}
+
+/* The order that segments are met in does not matter to their light. */
+static void back_to_front_is_lit_alike(void **state) {
+  tc_volume *volume = waves(TC_U16, 1);
+  for (int gradient = 0; gradient < TC_GRADIENT_COUNT; gradient++) {
+    tc_scene scene;
+    shaded_scene(&scene, volume, TC_SHADING_BLINN_PHONG, soft, 3);
+    scene.shading.gradient = (tc_gradient)gradient;
+    EACH_CPU(i) {
+      scene.order = TC_FRONT_TO_BACK;
+      float *front = g_memdup2(render(i, volume, &scene, NULL), PIXELS * 16);
+      uint64_t counted = test_frames[i].stats.gradients;
+      scene.order = TC_BACK_TO_FRONT;
+      test_difference d = test_compare(render(i, volume, &scene, NULL), front, PIXELS);
+      assert_true(d.finite && d.max < 1e-5);
+      assert_true(counted > 0 && test_frames[i].stats.gradients == counted);
+      g_free(front);
+    }
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+}
+
+/* The cubic filter is lit by its own derivative, whatever gradient is asked for; with coefficients by that of what they make. */
+static void cubic_filter_has_its_own(void **state) {
+  tc_volume *volume = waves(TC_U16, 1);
+  for (int prefilter = 0; prefilter < 2; prefilter++) {
+    tc_scene scene;
+    tc_plan plan;
+    shaded_scene(&scene, volume, TC_SHADING_BLINN_PHONG, soft, 3);
+    scene.filter = TC_FILTER_CUBIC;
+    scene.sampling.prefilter = prefilter;
+    scene.sampling.step = 0.25;
+    float *want = test_reference(volume, &scene, 1e-5);
+    EACH_RENDERER(i) {
+      test_difference d = test_compare(render(i, volume, &scene, &plan), want, PIXELS);
+      assert_int_equal(plan.key.gradient, TC_GRADIENT_CUBIC);
+      printf("  %s, prefilter %d: rms %.1e\n", test_names[i], prefilter, d.rms);
+      assert_true(d.finite && d.rms < 5e-4);
+    }
+    g_free(want);
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
 }
 
 static void plan_says_what_is_in(void **state) {
@@ -335,11 +453,14 @@ static void plan_says_what_is_in(void **state) {
   for (int model = TC_SHADING_NONE; model < TC_SHADING_COUNT; model++) {
     tc_scene scene;
     shaded_scene(&scene, volume, (tc_shading_model)model, soft, 3);
+    scene.shading.gradient = TC_GRADIENT_CENTRAL;
     EACH_RENDERER(i) {
       render(i, volume, &scene, &plan);
       bool shaded = model != TC_SHADING_NONE;
       assert_int_equal(plan.stages[TC_STAGE_GRADIENT].included, shaded);
       assert_int_equal(plan.key.shading, model);
+      assert_int_equal(plan.key.gradient, shaded ? TC_GRADIENT_CENTRAL : 0);
+      assert_int_equal(strstr(plan.stages[TC_STAGE_GRADIENT].reason, "central differences") != NULL, shaded);
       assert_int_equal(strstr(plan.kernel, ".shaded.") != NULL, shaded);
     }
     tc_scene_clear(&scene);
@@ -368,6 +489,7 @@ static void nonsense_is_refused(void **state) {
     scene.shading.specular = shares[i], refused(volume, &scene, "/shading/specular"), scene = good;
     scene.shading.shininess = i == 1 ? 1025 : shares[i], refused(volume, &scene, "/shading/shininess"), scene = good;
   }
+  scene.shading.gradient = TC_GRADIENT_COUNT, refused(volume, &scene, "/shading/gradient"), scene = good;
   light_from(&scene, 0, 0, 0), refused(volume, &scene, "/shading/light"), scene = good;
   light_from(&scene, 0, NAN, 1), refused(volume, &scene, "/shading/light"), scene = good;
   tc_scene_clear(&scene);
@@ -408,9 +530,12 @@ int main(void) {
       cmocka_unit_test(converges),
       cmocka_unit_test(analytic_ball),
       cmocka_unit_test(spacing_and_shear),
+      cmocka_unit_test(smooth_gradients_show_no_cells),
       cmocka_unit_test(light_turns_the_bright_side),
       cmocka_unit_test(leaping_changes_no_bit),
       cmocka_unit_test(flat_is_unshaded),
+      cmocka_unit_test(back_to_front_is_lit_alike),
+      cmocka_unit_test(cubic_filter_has_its_own),
       cmocka_unit_test(plan_says_what_is_in),
       cmocka_unit_test(nonsense_is_refused),
       cmocka_unit_test(odd_volumes),

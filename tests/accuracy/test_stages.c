@@ -18,6 +18,8 @@ static const struct { const char *scene, *in; } scenes[] = {
     {"{\"shading\":{\"model\":\"lambert\"}}", "table-2d gradient skipping termination"},
     {"{\"shading\":{\"model\":\"blinn-phong\"}}", "table-2d gradient skipping termination"},
     {"{\"shading\":{\"model\":\"gooch\"}}", "table-2d gradient skipping termination"},
+    {"{\"shading\":{\"model\":\"lambert\",\"gradient\":\"central\"}}", "table-2d gradient skipping termination"},
+    {"{\"shading\":{\"gradient\":\"cubic\"}}", "table-2d skipping termination"},
     {"{\"skipping\":{\"mode\":\"off\"}}", "table-2d termination"},
     {"{\"sampling\":{\"termination\":0}}", "table-2d skipping"},
     {"{\"sampling\":{\"termination\":0},\"skipping\":{\"mode\":\"off\"}}", "table-2d"},
@@ -117,6 +119,7 @@ static void stages_are_what_the_scene_needs(void **state) {
     char in[300];
     draw(b, scenes[i].scene, &plan);
     list(&plan, in, sizeof in);
+    assert_true((b->frame.stats.gradients > 0) == plan.stages[TC_STAGE_GRADIENT].included);
     if (!strcmp(in, scenes[i].in)) continue;
     printf("    {\"%s\", \"%s\"},\n      wanted \"%s\"\n", scenes[i].scene, in, scenes[i].in);
     wrong++;

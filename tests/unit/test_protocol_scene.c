@@ -66,7 +66,7 @@ static const char everything[] =
     "\"classification\":\"linearized\",\"order\":\"back-to-front\",\"filter\":\"cubic\",\"sampling\":{\"step\":0.25,"
     "\"raysPerPixel\":4,\"coherence\":true,\"jitter\":true,\"prefilter\":true,\"termination\":0},\"skipping\":{\"mode\":\"off\",\"block\":"
     "8},"
-    "\"shading\":{\"model\":\"gooch\",\"ambient\":0.1,\"diffuse\":0.9,\"specular\":0.3,\"shininess\":10,"
+    "\"shading\":{\"model\":\"gooch\",\"gradient\":\"cubic\",\"ambient\":0.1,\"diffuse\":0.9,\"specular\":0.3,\"shininess\":10,"
     "\"light\":[0,0,1]},\"clip\":{\"box\":[[-1,-2,-3],[1,2,3]],\"planes\":[[1,0,0,5],[0,1,0,-5]]},"
     "\"isosurface\":{\"value\":200,\"color\":[0.1,0.2,0.3]},\"splat\":{\"threshold\":[10,20],\"kernelRadius\":2,"
     "\"attribute\":\"density\",\"opaque\":true,\"culling\":false},\"mpr\":{\"orientation\":\"oblique\","

@@ -37,7 +37,8 @@ V_ONCE void cast_back_to_front(const tc_cpu_args *g, variant v, const place *at,
   vf front = v_set(0), back = v_set(0);
   vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
   vf slopes[3][3];
-  vf *const at_front = v.shaded ? slopes[0] : NULL, *const at_back = v.shaded ? slopes[1] : NULL;
+  const bool cell = v.shaded && v.gradient == TC_GRADIENT_CELL;
+  vf *const at_front = cell ? slopes[0] : NULL, *const at_back = cell ? slopes[1] : NULL;
   int from[MOST_RUNS], to[MOST_RUNS], before = -1;
   lighting light;
   if (v.shaded) light = start_lighting(g, v, at);
@@ -61,11 +62,12 @@ V_ONCE void cast_back_to_front(const tc_cpu_args *g, variant v, const place *at,
       if (!v.leap || v.classification == TC_PREINTEGRATED2 || !all_zero(g, front, back, live)) {
         vf4 c = segment(g, v, &p, front, back, i, t0, t1, live, counts);
         if (v.labels && m_any(v_lt(v_set(0), c.a))) c = label_segment(g, &p, v_set(0.5f) * (t0 + v_min(t1, p.length)), c);
-        if (v.shaded && m_any(v_lt(v_set(0), c.a))) c = shade(g, &light, at_front, at_back, c);
+        if (v.shaded && m_any(v_lt(v_set(0), c.a)))
+          c = shade_segment(g, v, &p, &light, at_front, at_back, t0, t1, live, c, counts);
         put_in_front(c, live, &sum);
       }
       back = front;
-      for (int k = 0; v.shaded && k < 3; k++) slopes[1][k] = slopes[0][k];
+      for (int k = 0; cell && k < 3; k++) slopes[1][k] = slopes[0][k];
     }
   }
   vf whole = v_max(sum.a, v_set(1));

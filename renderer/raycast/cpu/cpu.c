@@ -29,7 +29,7 @@ typedef struct cpu_frame {
   tc_cpu_kernel kernel;
   tc_resolve resolve;
   int tiles_x;
-  struct { tc_cpu_counts counts; char pad[40]; } *workers; /* a cache line each */
+  struct { tc_cpu_counts counts; char pad[32]; } *workers; /* a cache line each */
 } cpu_frame;
 
 static const cpu_isa isas[] = {{"scalar", tc_kernel_scalar, tc_surface_kernel_scalar},
@@ -312,6 +312,7 @@ static bool cpu_render(void *instance, const tc_job *job, GError **error) {
   for (int i = 0; i < tc_pool_threads(b->pool); i++) {
     job->frame->stats.samples += f.workers[i].counts.samples;
     job->frame->stats.rays += f.workers[i].counts.rays;
+    job->frame->stats.gradients += f.workers[i].counts.gradients;
     job->frame->stats.leaps += f.workers[i].counts.leaps;
   }
   free(f.workers);

@@ -5,55 +5,92 @@
  * and f^3/6. They are summed as means of two, then of the two means, which is exact where all are equal and stays between the
  * least and the greatest. Taps beyond a face are the face's voxel. */
 
-typedef struct cubic_axis {
-  vi tap[4];       /* voxels along the axis */
-  vm first, last;  /* taps 0 and 1, or 2 and 3, are the same voxel */
-  vf near, far;    /* of taps 0 and 1 the share of 1, of 2 and 3 that of 3 */
-  vf share;        /* of taps 2 and 3 */
-} cubic_axis;
+/* The four voxels along an axis around a place, and what is needed to weigh them. */
+typedef struct taps {
+  vi at[4];       /* voxels along the axis, those beyond a face moved to it */
+  vm first, last; /* taps 0 and 1, or 2 and 3, are the same voxel */
+  vf f;           /* the place between taps 1 and 2 */
+} taps;
 
-V_INLINE cubic_axis cubic_weights(const tc_cpu_args *g, int k, vf q) {
-  cubic_axis a;
+V_INLINE taps taps_at(const tc_cpu_args *g, int k, vf q) {
+  taps t;
   vf cell = v_float(v_mini(v_trunc(q), v_seti(g->cell_last[k]))), end = v_set(g->last[k]);
-  vf f = q - cell, h = v_set(1) - f, third = v_set(2.0f / 3), sixth = v_set(1.0f / 6);
-  vf w1 = v_fnma(f * f, v_fnma(v_set(0.5f), f, v_set(1)), third), w3 = f * f * f * sixth;
-  a.share = v_fnma(h * h, v_fnma(v_set(0.5f), h, v_set(1)), third) + w3;
-  a.near = w1 / (v_set(1) - a.share);
-  a.far = w3 / a.share;
-  a.tap[0] = v_trunc(v_max(cell - v_set(1), v_set(0)));
-  a.tap[1] = v_trunc(cell);
-  a.tap[2] = v_trunc(v_min(cell + v_set(1), end));
-  a.tap[3] = v_trunc(v_min(cell + v_set(2), end));
-  a.first = v_lt(cell, v_set(1));
-  a.last = v_lt(end, cell + v_set(2));
-  return a;
+  t.f = q - cell;
+  t.at[0] = v_trunc(v_max(cell - v_set(1), v_set(0)));
+  t.at[1] = v_trunc(cell);
+  t.at[2] = v_trunc(v_min(cell + v_set(1), end));
+  t.at[3] = v_trunc(v_min(cell + v_set(2), end));
+  t.first = v_lt(cell, v_set(1));
+  t.last = v_lt(end, cell + v_set(2));
+  return t;
 }
 
-V_INLINE vf cubic_mean(const cubic_axis *a, vf t0, vf t1, vf t2, vf t3) {
-  vf low = v_fma(a->near, t1 - t0, t0), high = v_fma(a->far, t3 - t2, t2);
-  return v_fma(a->share, high - low, low);
+/* The four voxels of the row at `off`. */
+V_INLINE void fetch_row(const tc_cpu_args *g, int type, const taps *x, vi off, vf t[4]) {
+  fetch_pair(type, g->voxels, v_addi(off, x->at[0]), &t[0], &t[1]);
+  fetch_pair(type, g->voxels, v_addi(off, x->at[2]), &t[2], &t[3]);
+  t[1] = v_select(x->first, t[0], t[1]);
+  t[3] = v_select(x->last, t[2], t[3]);
 }
 
-V_INLINE vf cubic(const tc_cpu_args *g, int type, vf x, vf y, vf z) {
-  cubic_axis ax = cubic_weights(g, 0, x), ay = cubic_weights(g, 1, y), az = cubic_weights(g, 2, z);
-  vf slice[4];
-  for (int k = 0; k < 4; k++) {
-    vf row[4];
-    for (int j = 0; j < 4; j++) {
-      vi off = v_addi(v_muli(ay.tap[j], v_seti(g->row)), v_muli(az.tap[k], v_seti(g->slice)));
-      vf t[4];
-      fetch_pair(type, g->voxels, v_addi(off, ax.tap[0]), &t[0], &t[1]);
-      fetch_pair(type, g->voxels, v_addi(off, ax.tap[2]), &t[2], &t[3]);
-      row[j] = cubic_mean(&ax, t[0], v_select(ax.first, t[0], t[1]), t[2], v_select(ax.last, t[2], t[3]));
-    }
-    slice[k] = cubic_mean(&ay, row[0], row[1], row[2], row[3]);
+typedef struct cubic_weights {
+  vf near, far, share; /* of taps 0 and 1 the share of 1, of 2 and 3 that of 3; of the latter two together */
+  vf rise[3];          /* what differences of neighbouring taps count in the derivative */
+} cubic_weights;
+
+V_INLINE cubic_weights weigh(vf f) {
+  cubic_weights w;
+  vf h = v_set(1) - f, third = v_set(2.0f / 3);
+  vf w1 = v_fnma(f * f, v_fnma(v_set(0.5f), f, v_set(1)), third), w3 = f * f * f * v_set(1.0f / 6);
+  w.share = v_fnma(h * h, v_fnma(v_set(0.5f), h, v_set(1)), third) + w3;
+  w.near = w1 / (v_set(1) - w.share);
+  w.far = w3 / w.share;
+  w.rise[0] = v_set(0.5f) * h * h;
+  w.rise[2] = v_set(0.5f) * f * f;
+  w.rise[1] = v_set(1) - w.rise[0] - w.rise[2];
+  return w;
+}
+
+V_INLINE vf mean4(const cubic_weights *w, const vf t[4]) {
+  vf low = v_fma(w->near, t[1] - t[0], t[0]), high = v_fma(w->far, t[3] - t[2], t[2]);
+  return v_fma(w->share, high - low, low);
+}
+
+V_INLINE vf rise4(const cubic_weights *w, const vf t[4]) {
+  return v_fma(w->rise[2], t[3] - t[2], v_fma(w->rise[1], t[2] - t[1], w->rise[0] * (t[1] - t[0])));
+}
+
+/* gradient, unless NULL: the derivative over index coordinates. */
+V_INLINE vf cubic(const tc_cpu_args *g, int type, const vf q[3], vf *gradient) {
+  taps t[3];
+  cubic_weights w[3];
+  vf value[4], along_x[4], along_y[4];
+  for (int k = 0; k < 3; k++) {
+    t[k] = taps_at(g, k, q[k]);
+    w[k] = weigh(t[k].f);
   }
-  return cubic_mean(&az, slice[0], slice[1], slice[2], slice[3]);
+  for (int k = 0; k < 4; k++) {
+    vf row[4], slope[4];
+    for (int j = 0; j < 4; j++) {
+      vf voxels[4];
+      fetch_row(g, type, &t[0], v_addi(v_muli(t[1].at[j], v_seti(g->row)), v_muli(t[2].at[k], v_seti(g->slice))), voxels);
+      row[j] = mean4(&w[0], voxels);
+      if (gradient) slope[j] = rise4(&w[0], voxels);
+    }
+    value[k] = mean4(&w[1], row);
+    if (gradient) along_x[k] = mean4(&w[1], slope), along_y[k] = rise4(&w[1], row);
+  }
+  if (gradient) {
+    gradient[0] = mean4(&w[2], along_x);
+    gradient[1] = mean4(&w[2], along_y);
+    gradient[2] = rise4(&w[2], value);
+  }
+  return mean4(&w[2], value);
 }
 
 #define CUBIC(name, type)                                                                                            \
-  static __attribute__((noinline)) vf cubic_##name(const tc_cpu_args *g, vf x, vf y, vf z) {                         \
-    return cubic(g, type, x, y, z);                                                                                  \
+  static __attribute__((noinline)) vf cubic_##name(const tc_cpu_args *g, const vf q[3], vf *gradient) {              \
+    return cubic(g, type, q, gradient);                                                                              \
   }
 CUBIC(u8, TC_U8)
 CUBIC(i8, TC_I8)
@@ -61,14 +98,18 @@ CUBIC(u16, TC_U16)
 CUBIC(i16, TC_I16)
 CUBIC(f32, TC_F32)
 
-V_INLINE vf sample_cubic(const tc_cpu_args *g, variant v, const packet *p, vf t) {
-  vf q[3];
+V_INLINE void place_at(const tc_cpu_args *g, const packet *p, vf t, vf q[3]) {
   for (int k = 0; k < 3; k++) q[k] = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(g->last[k]));
+}
+
+V_INLINE vf sample_cubic(const tc_cpu_args *g, variant v, const packet *p, vf t, vf *gradient) {
+  vf q[3];
+  place_at(g, p, t, q);
   switch (v.type) { /* a constant after inlining */
-  case TC_U8: return cubic_u8(g, q[0], q[1], q[2]);
-  case TC_I8: return cubic_i8(g, q[0], q[1], q[2]);
-  case TC_U16: return cubic_u16(g, q[0], q[1], q[2]);
-  case TC_I16: return cubic_i16(g, q[0], q[1], q[2]);
-  default: return cubic_f32(g, q[0], q[1], q[2]);
+  case TC_U8: return cubic_u8(g, q, gradient);
+  case TC_I8: return cubic_i8(g, q, gradient);
+  case TC_U16: return cubic_u16(g, q, gradient);
+  case TC_I16: return cubic_i16(g, q, gradient);
+  default: return cubic_f32(g, q, gradient);
   }
 }

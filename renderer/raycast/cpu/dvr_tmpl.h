@@ -20,9 +20,10 @@ V_INLINE void cast_packet(const tc_cpu_args *g, variant v, const place *at, vf4 
   runs r;
   int run_end = 0; /* first step that is not in the run */
   lighting light;
+  const bool cell = v.shaded && v.gradient == TC_GRADIENT_CELL;
   vf slopes[3][3];                                          /* index gradients at front, back, next */
-  vf *const at_front = v.shaded ? slopes[0] : NULL, *const at_back = v.shaded ? slopes[1] : NULL;
-  vf *const at_next = v.shaded ? slopes[2] : NULL;
+  vf *const at_front = cell ? slopes[0] : NULL, *const at_back = cell ? slopes[1] : NULL;
+  vf *const at_next = cell ? slopes[2] : NULL;
   if (v.shaded) light = start_lighting(g, v, at);
   counts->rays += (uint64_t)m_count(live);
   if (phased(v)) p.lag = lag_of(g, v, at);
@@ -59,12 +60,13 @@ V_INLINE void cast_packet(const tc_cpu_args *g, variant v, const place *at, vf4 
     if (v.leap && v.classification != TC_PREINTEGRATED2 && all_zero(g, front, back, live)) {
       live = m_and(live, v_lt(t1, p.length));
       front = back, back = next;
-      if (v.shaded) shift_slopes(slopes);
+      if (cell) shift_slopes(slopes);
       continue;
     }
     vf4 c = segment(g, v, &p, front, back, i, t0, t1, live, counts);
     if (v.labels && m_any(v_lt(v_set(0), c.a))) c = label_segment(g, &p, v_set(0.5f) * (t0 + v_min(t1, p.length)), c);
-    if (v.shaded && m_any(v_lt(v_set(0), c.a))) c = shade(g, &light, at_front, at_back, c);
+    if (v.shaded && m_any(v_lt(v_set(0), c.a)))
+      c = shade_segment(g, v, &p, &light, at_front, at_back, t0, t1, live, c, counts);
     vf weight = v_select(live, clear, v_set(0));
     sum.r = v_fma(weight, c.r, sum.r);
     sum.g = v_fma(weight, c.g, sum.g);
@@ -74,7 +76,7 @@ V_INLINE void cast_packet(const tc_cpu_args *g, variant v, const place *at, vf4 
     live = m_and(live, v_lt(t1, p.length));
     if (v.terminate) live = m_and(live, v_le(v_set(g->termination), clear));
     front = back, back = next;
-    if (v.shaded) shift_slopes(slopes);
+    if (cell) shift_slopes(slopes);
   }
   /* What lies behind a terminated ray is taken to look like what lies before: the background shows through neither, and an
    * opaque region keeps its colour exactly. Off by at most the threshold, like leaving it out. */

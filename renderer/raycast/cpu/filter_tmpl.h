@@ -15,5 +15,5 @@ V_INLINE vf sample_nearest(const tc_cpu_args *g, variant v, const packet *p, vf 
 }
 
 V_INLINE vf sample_filtered(const tc_cpu_args *g, variant v, const packet *p, vf t) {
-  return v.filter == TC_FILTER_CUBIC ? sample_cubic(g, v, p, t) : sample_nearest(g, v, p, t);
+  return v.filter == TC_FILTER_CUBIC ? sample_cubic(g, v, p, t, NULL) : sample_nearest(g, v, p, t);
 }

@@ -288,8 +288,11 @@ V_INLINE vf4 cast_surface(const tc_cpu_surface *s, variant v, const place *at, t
   if (v.shaded && m_any(hit)) {
     vf gradient[3];
     lighting light = start_lighting(g, v, at);
-    surface_gradient(g, v, &p, t, gradient);
-    counts->samples += 8 * (uint64_t)m_count(hit);
+    if (v.gradient == TC_GRADIENT_CELL)
+      surface_gradient(g, v, &p, t, gradient);
+    else
+      gradient_at(g, v, &p, t, gradient);
+    counts->gradients += (uint64_t)m_count(hit);
     c = shade(g, &light, gradient, gradient, c);
   }
   return (vf4){v_select(hit, c.r, zero), v_select(hit, c.g, zero), v_select(hit, c.b, zero), v_select(hit, c.a, zero)};

@@ -79,7 +79,7 @@ typedef struct tc_cpu_args {
 } tc_cpu_args;
 
 typedef struct tc_cpu_counts {
-  uint64_t samples, rays, leaps; /* leaps: of whole packets */
+  uint64_t samples, rays, gradients, leaps; /* leaps: of whole packets */
 } tc_cpu_counts;
 
 /* Renders pixels [x0, x1) x [y0, y1) to out, [y1-y0][stride][4] floats: premultiplied colour and opacity. Lanes of a packet

@@ -18,6 +18,8 @@
 
 #include "renderer/raycast/cpu/shade_tmpl.h"
 
+#include "renderer/raycast/cpu/gradient_tmpl.h"
+
 #include "renderer/raycast/cpu/labels_tmpl.h"
 
 #include "renderer/raycast/cpu/cover_tmpl.h"
@@ -79,7 +81,8 @@ V_INLINE void cast_tile(const tc_cpu_args *g, variant v, int x0, int y0, int x1,
 #define SLICE(name, voxels, ...) KERNEL(name, .mode = TC_MODE_MPR, .type = voxels, .slab = __VA_ARGS__)
 #define OF_KEY                                                                                                       \
   .shaded = g->key.shading != TC_SHADING_NONE, .terminate = g->key.termination, .leap = g->key.skipping,             \
-  .labels = g->key.labels, .several = g->key.rays, .jitter = g->key.jitter, .zoomed = g->key.zoomed
+  .labels = g->key.labels, .several = g->key.rays, .jitter = g->key.jitter, .zoomed = g->key.zoomed,      \
+  .gradient = g->key.gradient
 /* What most pictures are made with. One shaded kernel serves every model: they differ in numbers (raycast/shade.h). special:
  * what seldom joins the usual filter and classification is asked of the key, outside the innermost steps where it can be. */
 #define KERNELS(type, name)                                                                                          \
@@ -131,7 +134,7 @@ static tc_cpu_kernel find_kernel(const tc_plan_key *key) {
   const kernel_set *set = &sets[key->voxel_type];
   bool usual = key->filter == TC_FILTER_LINEAR && key->classification == TC_PREINTEGRATED &&
                key->order == TC_FRONT_TO_BACK;
-  bool special = key->zoomed || key->labels || key->rays || key->jitter;
+  bool special = key->zoomed || key->labels || key->rays || key->jitter || key->gradient;
   if (!usual || (special && key->mode != TC_MODE_DVR)) return any;
   if (special) return set->special;
   switch (key->mode) {

@@ -14,6 +14,7 @@ typedef struct variant {
   bool zoomed; /* the table has zooms (classify/classify.h) */
   int classification;     /* tc_classification */
   bool back_to_front;
+  int gradient;           /* tc_gradient */
 } variant;
 
 typedef struct packet {

@@ -11,6 +11,8 @@
 
 #include "renderer/raycast/cpu/shade_tmpl.h"
 
+#include "renderer/raycast/cpu/gradient_tmpl.h"
+
 #include "renderer/raycast/cpu/isosurface_tmpl.h"
 
 /* The mean of all rays of each pixel. */
@@ -28,7 +30,7 @@ V_INLINE vf4 cast_surfaces(const tc_cpu_surface *s, variant v, place at, tc_cpu_
   static void name(const tc_cpu_args *g, int x0, int y0, int x1, int y1, float *out, ptrdiff_t stride,               \
                    tc_cpu_counts *counts) {                                                                          \
     variant v = {.mode = TC_MODE_ISOSURFACE, .type = voxels, .shaded = g->key.shading != TC_SHADING_NONE,            \
-                 .leap = g->key.skipping, .several = g->key.rays};                                                   \
+                 .leap = g->key.skipping, .several = g->key.rays, .gradient = g->key.gradient};                     \
     for (int y = y0; y < y1; y += V_PACKET_Y)                                                                        \
       for (int x = x0; x < x1; x += V_PACKET_X) {                                                                    \
         place at = {x, y, x1, y1, g->of_pixel};                                                                      \

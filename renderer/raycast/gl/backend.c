@@ -22,7 +22,7 @@
 #define LONG_MS 40       /* a tile that takes longer makes the next ones smaller ... */
 #define SHORT_MS 8       /* ... and one that takes less makes them larger */
 #define COUNTER_CELLS 64 /* head.glsl */
-#define COUNTER_BYTES (COUNTER_CELLS * 16)
+#define COUNTER_BYTES (COUNTER_CELLS * 32)
 #define DEFAULT_CACHE_BYTES ((uint64_t)256 << 20)
 
 typedef struct gl_backend {
@@ -190,10 +190,11 @@ static void copy_out(const tc_gl_slot *slot, const tc_job *job) {
   const uint32_t *counters = slot->mapped;
   int x = slot->tile[0], y = slot->tile[1], width = slot->tile[2], height = slot->tile[3];
   slot_layout l = lay_out(job, width, height);
-  for (int i = 0; i < COUNTER_CELLS; i++, counters += 4) {
+  for (int i = 0; i < COUNTER_CELLS; i++, counters += 8) {
     frame->stats.rays += counters[0];
     frame->stats.samples += counters[1] | (uint64_t)counters[2] << 32;
     frame->stats.leaps += counters[3];
+    frame->stats.gradients += counters[4] | (uint64_t)counters[5] << 32;
   }
   for (int row = 0; row < height; row++) {
     size_t to = (size_t)(y + row) * frame->width + x, from = (size_t)row * width, pixel = 4 * sizeof(float);

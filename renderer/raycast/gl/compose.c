@@ -40,7 +40,7 @@ static bool is_built(const tc_gl_variant *v) {
   bool mode = dvr || surface || slice || tc_is_projection((tc_mode)key->mode);
   bool names = key->classification < TC_CLASSIFICATION_COUNT && key->order < TC_ORDER_COUNT &&
                key->filter < TC_FILTER_COUNT && key->projection < TC_PROJECTION_COUNT &&
-               key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading < TC_SHADING_COUNT &&
+               key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading < TC_SHADING_COUNT && key->gradient < TC_GRADIENT_COUNT &&
                key->slab <= TC_SLAB_PROJECTION_COUNT;
   bool filter = !surface || key->filter == TC_FILTER_LINEAR;
   bool labels = key->labels <= (dvr || slice), rays = key->rays <= !slice;
@@ -57,12 +57,24 @@ static const char *sampler_type(const tc_gl_variant *v) {
   return types[v->plan.voxel_type];
 }
 
+static bool has_slopes(const tc_gl_variant *v) {
+  return v->plan.shading && v->plan.gradient == TC_GRADIENT_CELL && v->plan.mode == TC_MODE_DVR;
+}
+
+static void add_shading(composition *c, const tc_gl_variant *v) {
+  static const char *const gradients[TC_GRADIENT_COUNT] = {"gradient_around.glsl", "gradient_central.glsl",
+                                                           "gradient_cubic.glsl"};
+  if (!v->plan.shading) return;
+  if (!has_slopes(v)) add(c, gradients[v->plan.gradient]);
+  add(c, "shade.glsl");
+}
+
 static void add_dvr(composition *c, const tc_gl_variant *v) {
   bool integrals = tc_integrals_serve((tc_classification)v->plan.classification);
   add(c, "node.glsl");
   add(c, integrals ? "integrals.glsl" : "table_2d.glsl");
   if (v->plan.skipping) add(c, "leap.glsl");
-  if (v->plan.shading) add(c, "shade.glsl");
+  add_shading(c, v);
   if (v->plan.rays || v->plan.jitter) add(c, "phase.glsl");
   if (v->plan.coherence) add(c, "coherence.glsl");
   add(c, "segment.glsl");
@@ -77,7 +89,7 @@ static void add_projection(composition *c, const tc_gl_variant *v) {
 }
 
 static void add_isosurface(composition *c, const tc_gl_variant *v) {
-  if (v->plan.shading) add(c, "shade.glsl");
+  add_shading(c, v);
   add(c, "march_isosurface.glsl");
 }
 
@@ -93,11 +105,11 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
   add(&c, "head.glsl");
   snprintf(literals, sizeof literals,
            "#define VOXELS %s\n#define ATLAS %d\n#define TERMINATION %d\n#define LEAP %d\n#define SLAB %d\n"
-           "#define CLIP %d\n#define SHADED %d\n#define ZOOMED %d\n#define LABELLED %d\n#define LABELS %s\n"
+           "#define CLIP %d\n#define SHADED %d\n#define SLOPE %d\n#define ZOOMED %d\n#define LABELLED %d\n#define LABELS %s\n"
            "#define NEAREST %d\n#define SEVERAL %d\n#define JITTER %d\n#define PHASE %d\n#define COHERENT %d\n"
            "#define POST %d\n#define LINEARIZED %d\n#define SECOND_ORDER %d\n#define DEPTH %d\n",
            sampler_type(v), v->atlas, v->plan.termination, v->plan.skipping, v->plan.slab, v->plan.clipping,
-           v->plan.shading != TC_SHADING_NONE, v->plan.zoomed, v->plan.labels,
+           v->plan.shading != TC_SHADING_NONE, has_slopes(v), v->plan.zoomed, v->plan.labels,
            v->label_signed ? "isampler2DArray" : "usampler2DArray", v->plan.filter == TC_FILTER_NEAREST,
            v->plan.rays, v->plan.jitter, v->plan.mode == TC_MODE_DVR && (v->plan.rays || v->plan.jitter),
            v->plan.coherence, v->plan.classification == TC_POST, v->plan.classification == TC_LINEARIZED,

@@ -6,10 +6,6 @@ float field(vec3 p) {
   ivec3 last = max(job.dims.xyz - 2, 0);
   ivec3 cell = min(ivec3(p), last);
   vec3 f = p - vec3(cell);
-#if SHADED
-  interpolate(cell, f); // for the slope
-  vec3 at_place = slope;
-#endif
   vec3 g = 1.0 - f;
   precise vec3 w1 = 2.0 / 3.0 - f * f * (1.0 - 0.5 * f);
   precise vec3 w3 = f * f * f * (1.0 / 6.0);
@@ -34,9 +30,6 @@ float field(vec3 p) {
     }
     z[k] = y[0] + (y[1] - y[0]) * share.y;
   }
-#if SHADED
-  slope = at_place;
-#endif
   precise float value = z[0] + (z[1] - z[0]) * share.z;
   return value;
 }

@@ -14,10 +14,14 @@ vec4 corners(ivec2 cell, int z) {
 }
 
 float voxel_at(ivec3 at) {
-  return corners(at.xy, at.z).w;
+#if ATLAS
+  int layer = at.z / job.dims.w;
+  at = ivec3(at.x, at.y + (at.z - layer * job.dims.w) * job.dims.y, layer);
+#endif
+  return float(texelFetch(voxels, at, 0).r);
 }
 
-#if SHADED
+#if SLOPE
 vec3 slope; // of the last interpolate(): its exact derivative over index coordinates, from the same corners
 #endif
 
@@ -30,7 +34,7 @@ float interpolate(ivec3 cell, vec3 f) {
   precise vec4 c = a + (b - a) * f.z;
   precise vec2 d = c.wx + (c.zy - c.wx) * f.x;
   precise float e = d.x + (d.y - d.x) * f.y;
-#if SHADED
+#if SLOPE
   precise vec2 rise_x = c.zy - c.wx;
   precise vec4 rise_z = b - a;
   precise vec2 rise = rise_z.wx + (rise_z.zy - rise_z.wx) * f.x;

@@ -1,7 +1,7 @@
 // The voxel nearest to an index position, the upper one where two are.
 float field(vec3 p) {
   p = clamp(p, vec3(0.0), vec3(job.dims.xyz - 1));
-#if SHADED
+#if SLOPE
   ivec3 cell = min(ivec3(p), max(job.dims.xyz - 2, 0));
   interpolate(cell, p - vec3(cell)); // for the slope
 #endif

@@ -1,5 +1,4 @@
 // What projections share: the field along the ray, and from a turned voxel to grey (raycast/grey.h).
-struct Counts { uint samples, leaps; };
 
 float sample_turned(vec3 entry, vec3 direction, float t) {
   precise vec3 p = fma(vec3(t), direction, entry);

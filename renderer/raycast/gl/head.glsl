@@ -38,8 +38,9 @@ layout(std140, binding = 0) uniform Job {
 // This dispatch's part of the picture: xy = first pixel, zw = size in pixels.
 layout(location = 0) uniform ivec4 tile;
 
-// rays met, samples low and high word, leaps; spread over 64 cells so that few work-groups share one
-layout(std430, binding = 0) buffer Counters { uvec4 counters[64]; };
+// Per cell: rays met, samples low and high word, leaps; gradients low and high word. Spread over 64 cells so that few
+// work-groups share one.
+layout(std430, binding = 0) buffer Counters { uvec4 counters[128]; };
 layout(std430, binding = 1) writeonly buffer Picture { uint picture[]; }; // [h][w] RGBA8, R in the low byte
 
-struct Counts { uint samples, leaps; }; // of one ray
+struct Counts { uint samples, leaps, gradients; }; // of one ray

@@ -17,13 +17,18 @@ vec2 clip_to_box(vec3 anchor, vec3 direction, float eye) {
 }
 
 void count(Counts of) {
-  uint cell = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) & 63u;
+  uint cell = 2u * ((gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) & 63u);
   atomicAdd(counters[cell].x, 1u);
   uint before = atomicAdd(counters[cell].y, of.samples);
   if (before + of.samples < before)
     atomicAdd(counters[cell].z, 1u);
 #if LEAP
   atomicAdd(counters[cell].w, of.leaps);
+#endif
+#if SHADED
+  before = atomicAdd(counters[cell + 1u].x, of.gradients);
+  if (before + of.gradients < before)
+    atomicAdd(counters[cell + 1u].y, 1u);
 #endif
 }
 
@@ -58,7 +63,7 @@ vec4 trace(ivec2 pixel, int ray) {
 #if COHERENT
   head = head_of(direction, span);
 #endif
-  Counts counts = Counts(0u, 0u);
+  Counts counts = Counts(0u, 0u, 0u);
   vec4 result = march(anchor, direction, span, counts);
   count(counts);
 #if DEPTH

@@ -185,17 +185,6 @@ float find_hit(Ray r, float length_mm, inout Counts counts) {
   return -1.0;
 }
 
-// Differences between the faces of the cube of two voxels around a place, each face by its four corners.
-vec3 surface_gradient(vec3 p) {
-  vec3 last = vec3(job.dims.xyz - 1), low = clamp(p - 1.0, vec3(0.0), last), high = clamp(p + 1.0, vec3(0.0), last);
-  precise vec3 sum = vec3(0.0);
-  for (int i = 0; i < 8; i++) {
-    vec3 up = vec3(i & 1, i >> 1 & 1, i >> 2);
-    sum += (2.0 * up - 1.0) * field(mix(low, high, up));
-  }
-  return 0.25 * sum / max(high - low, vec3(1e-20));
-}
-
 #if DEPTH
 float hit_mm; // from the entry, of the ray that was marched, where it met the surface
 #endif
@@ -216,8 +205,8 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   vec4 color = vec4(job.surface_color.rgb, 1.0);
 #if SHADED
   precise vec3 p = fma(vec3(t), direction, entry);
-  vec3 gradient = surface_gradient(p);
-  counts.samples += 8;
+  vec3 gradient = gradient_at(p);
+  counts.gradients++;
   color = shade(color, gradient, gradient, to_eye);
 #endif
   return color;

@@ -3,7 +3,7 @@
 // "precise" and fma() fix the rounding, so that variants of this text give the same bits: a leap changes nothing.
 struct Sample {
   float t, node; // mm from the entry
-#if SHADED
+#if SLOPE
   vec3 slope;
 #endif
 };
@@ -17,7 +17,7 @@ Sample sample_at(vec3 entry, vec3 direction, float t, inout Counts counts) {
   Sample s;
   s.t = t;
   s.node = node_at(entry, direction, t);
-#if SHADED
+#if SLOPE
   s.slope = slope;
 #endif
   counts.samples++;
@@ -72,8 +72,16 @@ vec4 segment_between(vec3 entry, vec3 direction, Sample front, Sample back, bool
   }
 #endif
 #if SHADED
-  if (segment.a > 0.0)
+  if (segment.a > 0.0) {
+#if SLOPE
     segment = shade(segment, front.slope, back.slope, to_eye);
+#else
+    precise vec3 place = fma(vec3(middle), direction, entry);
+    vec3 gradient = gradient_at(place);
+    segment = shade(segment, gradient, gradient, to_eye);
+#endif
+    counts.gradients++;
+  }
 #endif
   return segment;
 }

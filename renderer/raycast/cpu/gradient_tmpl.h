@@ -1,0 +1,75 @@
+/* Gradients over index coordinates at places of their own, and what they do to a segment. Part of the template; one function a
+ * voxel type, called, so that the kernels of rare keys stay small. */
+
+/* Central differences at the voxels around mm t, one-sided in a face, interpolated: what shows no cell's edge. */
+V_INLINE void central(const tc_cpu_args *g, int type, const vf q[3], vf gradient[3]) {
+  taps t[3];
+  vf scale[3][2], row[4][4], along_x[4][4];
+  for (int k = 0; k < 3; k++) {
+    t[k] = taps_at(g, k, q[k]);
+    scale[k][0] = v_select(t[k].first, v_set(1), v_set(0.5f));
+    scale[k][1] = v_select(t[k].last, v_set(1), v_set(0.5f));
+  }
+#define BETWEEN(k, a, b) v_fma(t[k].f, (b) - (a), a)
+#define RISE(k, t0, t1, t2, t3) BETWEEN(k, ((t2) - (t0)) * scale[k][0], ((t3) - (t1)) * scale[k][1])
+  for (int z = 0; z < 4; z++)
+    for (int y = 0; y < 4; y++) {
+      bool near_y = y == 1 || y == 2, near_z = z == 1 || z == 2;
+      vi off = v_addi(v_muli(t[1].at[y], v_seti(g->row)), v_muli(t[2].at[z], v_seti(g->slice)));
+      vf x[4];
+      if (near_y && near_z) {
+        fetch_row(g, type, &t[0], off, x);
+        along_x[z][y] = RISE(0, x[0], x[1], x[2], x[3]);
+        row[z][y] = BETWEEN(0, x[1], x[2]);
+      } else if (near_y || near_z) {
+        fetch_pair(type, g->voxels, v_addi(off, t[0].at[1]), &x[1], &x[2]);
+        row[z][y] = BETWEEN(0, x[1], x[2]);
+      }
+    }
+  vf low = BETWEEN(1, along_x[1][1], along_x[1][2]), high = BETWEEN(1, along_x[2][1], along_x[2][2]);
+  gradient[0] = BETWEEN(2, low, high);
+  low = RISE(1, row[1][0], row[1][1], row[1][2], row[1][3]);
+  high = RISE(1, row[2][0], row[2][1], row[2][2], row[2][3]);
+  gradient[1] = BETWEEN(2, low, high);
+  low = RISE(2, row[0][1], row[1][1], row[2][1], row[3][1]);
+  high = RISE(2, row[0][2], row[1][2], row[2][2], row[3][2]);
+  gradient[2] = BETWEEN(1, low, high);
+#undef BETWEEN
+#undef RISE
+}
+
+#define CENTRAL(name, type)                                                                                          \
+  V_ONCE void central_##name(const tc_cpu_args *g, const vf q[3], vf gradient[3]) { central(g, type, q, gradient); }
+
+CENTRAL(u8, TC_U8)
+CENTRAL(i8, TC_I8)
+CENTRAL(u16, TC_U16)
+CENTRAL(i16, TC_I16)
+CENTRAL(f32, TC_F32)
+
+/* At mm t of the rays, for any gradient but a cell's. */
+V_INLINE void gradient_at(const tc_cpu_args *g, variant v, const packet *p, vf t, vf gradient[3]) {
+  vf q[3];
+  if (v.gradient == TC_GRADIENT_CUBIC) {
+    sample_cubic(g, v, p, t, gradient);
+    return;
+  }
+  place_at(g, p, t, q);
+  switch (v.type) { /* a constant after inlining */
+  case TC_U8: central_u8(g, q, gradient); return;
+  case TC_I8: central_i8(g, q, gradient); return;
+  case TC_U16: central_u16(g, q, gradient); return;
+  case TC_I16: central_i16(g, q, gradient); return;
+  default: central_f32(g, q, gradient); return;
+  }
+}
+
+/* Light on the segment from mm t0 to t1. front, back: a cell's gradients at its ends, not read for another. */
+V_INLINE vf4 shade_segment(const tc_cpu_args *g, variant v, const packet *p, const lighting *l, const vf *front, const vf *back,
+                           vf t0, vf t1, vm live, vf4 c, tc_cpu_counts *counts) {
+  vf middle[3];
+  counts->gradients += (uint64_t)m_count(m_and(live, v_lt(v_set(0), c.a)));
+  if (v.gradient == TC_GRADIENT_CELL) return shade(g, l, front, back, c);
+  gradient_at(g, v, p, v_set(0.5f) * (t0 + v_min(t1, p->length)), middle);
+  return shade(g, l, middle, middle, c);
+}
