@@ -28,21 +28,23 @@ cJSON *tcp_scene_write(const tc_scene *scene);
 /* What a document may need to know of the volume it is for. Values in the volume's unit. */
 typedef struct tcp_scene_context { double value_min, value_max; } tcp_scene_context;
 
-/* Merge patch (RFC 7396) onto *scene: members in `patch` replace, null returns a member to what `defaults` holds.
- * A patch with transferFunction.preset and no points takes the preset's points; one with points and no preset clears the
- * preset's name; points replace points whole; quality.maxError and maxMilliseconds exclude each other.
- * Unknown members, wrong types, values out of range, non-finite numbers, unsorted/duplicate rules etc. are errors
- * (TC_ERROR_INVALID, with an RFC 6901 pointer into the patch and a message that names the mend); *scene is then unchanged.
- * Unsorted knots are sorted stably (equal values keep their order: a jump). Also used for whole documents (PUT, POST):
- * start from a copy of the defaults. */
+/* Merge patch (RFC 7396) onto *scene: members in `patch` replace, null returns a member to what `defaults` holds. A
+ * patch with transferFunction.preset and no points takes the preset's points; one with points and no preset clears the
+ * preset's name; points replace points whole; quality.maxError and maxMilliseconds exclude each other. Unknown members,
+ * wrong types, values out of range, non-finite numbers, unsorted/duplicate rules etc. are errors (TC_ERROR_INVALID,
+ * with an RFC 6901 pointer into the patch and a message that names the mend); *scene is then unchanged. Unsorted knots
+ * are sorted stably (equal values keep their order: a jump). Also used for whole documents (PUT, POST): start from a
+ * copy of the defaults. */
 bool tcp_scene_patch(tc_scene *scene, const cJSON *patch, const tc_scene *defaults, const tcp_scene_context *context,
                      GError **error);
 
-/* Lights the defaults in *scene that a document is laid on, if it asks for mode isosurface: unlit it is a mere outline, and shows
- * so only where shading.model is none in so many words. Before tcp_scene_patch(); not for a change of a client's own scene. */
+/* Lights the defaults in *scene that a document is laid on, if it asks for mode isosurface: unlit it is a mere outline,
+ * and shows so only where shading.model is none in so many words. Before tcp_scene_patch(); not for a change of a
+ * client's own scene. */
 void tcp_scene_light(tc_scene *scene, const cJSON *document);
 
-/* One "--set key=value": key is a dotted path ("camera.fovY"), value is JSON or, failing that, a string. Gives a patch. */
+/* One "--set key=value": key is a dotted path ("camera.fovY"), value is JSON or, failing that, a string. Gives a
+ * patch. */
 cJSON *tcp_scene_set_expression(const char *expression, GError **error);
 
 /* JSON Schema 2020-12 of a scene, made from the same table the parser uses; and the OpenAPI 3.1 document. */

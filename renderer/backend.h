@@ -43,8 +43,8 @@ typedef struct tc_backend_ops {
   const char *(*device)(void *instance);
   const char *(*isa)(void *instance);
   bool (*render)(void *instance, const tc_job *job, GError **error);
-  /* False: this job would wait for a program to be compiled. That has begun beside, and what must not wait is drawn by the cpu
-   * back end meanwhile. NULL: nothing ever waits. */
+  /* False: this job would wait for a program to be compiled. That has begun beside, and what must not wait is drawn by
+   * the cpu back end meanwhile. NULL: nothing ever waits. */
   bool (*ready)(void *instance, const tc_job *job);
   /* Drops copies of a volume (by serial). */
   void (*forget)(void *instance, uint64_t volume_serial);
@@ -55,8 +55,8 @@ typedef struct tc_backend_ops {
 extern const tc_backend_ops tc_cpu_backend;
 extern const tc_backend_ops tc_gl_backend;
 
-/* Is there a GL device worth taking on "auto"? *why: one sentence in `size` bytes. Callable before any context exists, on
- * the thread that will own it. */
+/* Is there a GL device worth taking on "auto"? *why: one sentence in `size` bytes. Callable before any context exists,
+ * on the thread that will own it. */
 bool tc_gl_probe(bool *hardware, char *why, size_t size);
 
 /* From voxels to grey in single precision, for modes without a table: node = (voxel - lo) * sign, clamped to [0, last],
@@ -67,16 +67,16 @@ typedef struct tc_slice_window {
 } tc_slice_window;
 void tc_slice_window_init(tc_slice_window *window, const tc_volume *volume, const tc_scene *scene);
 
-/* Premultiplied colour in the compositing space + opacity -> background behind it, sRGB, 8 bits (round to nearest). Shared by
- * both back ends so that they agree: row of `count` pixels. lut: tc_resolve_init(). */
+/* Premultiplied colour in the compositing space + opacity -> background behind it, sRGB, 8 bits (round to nearest).
+ * Shared by both back ends so that they agree: row of `count` pixels. lut: tc_resolve_init(). */
 typedef struct tc_resolve {
   float background[3]; /* in the compositing space */
   bool transparent, linear_light;
 } tc_resolve;
 void tc_resolve_init(tc_resolve *resolve, const tc_scene *scene);
 void tc_resolve_row(const tc_resolve *resolve, const float *linear, uint8_t *rgba, int count);
-/* Greys of a projection are display values; a scene that composites in linear light has each ray's decoded, before the mean of
- * several. sRGB i / TC_LIGHT_STEPS -> linear light, [TC_LIGHT_STEPS + 2]; static. */
+/* Greys of a projection are display values; a scene that composites in linear light has each ray's decoded, before the
+ * mean of several. sRGB i / TC_LIGHT_STEPS -> linear light, [TC_LIGHT_STEPS + 2]; static. */
 const float *tc_resolve_light(void);
 
 #endif

@@ -55,8 +55,8 @@ static bool is_hounsfield(const tc_volume *volume) {
 
 #define BONE_HU 300
 
-/* Bone in a CT; else what parts the histogram best: the largest variance between the two sides (Otsu, A threshold selection
- * method from gray-level histograms, IEEE Trans. SMC 9(1), 1979). */
+/* Bone in a CT; else what parts the histogram best: the largest variance between the two sides (Otsu, A threshold
+ * selection method from gray-level histograms, IEEE Trans. SMC 9(1), 1979). */
 static double surface_value(const tc_volume *volume) {
   enum { BINS = 256 };
   uint64_t counts[BINS];

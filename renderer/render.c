@@ -41,7 +41,8 @@ tc_renderer *tc_renderer_new(const tc_renderer_options *options, GError **error)
     return NULL;
   }
   r->pool = tc_pool_new(options->threads, error);
-  if (r->pool) r->resources = tc_resources_new(r->pool, options->cache_bytes ? options->cache_bytes : DEFAULT_CACHE_BYTES, error);
+  if (r->pool)
+    r->resources = tc_resources_new(r->pool, options->cache_bytes ? options->cache_bytes : DEFAULT_CACHE_BYTES, error);
   if (r->resources) {
     r->ops = choose_backend(options->backend, r->why, sizeof r->why);
     r->instance = r->ops->create(options, r->pool, error);
@@ -172,7 +173,8 @@ static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scen
   tc_table_params params = tc_table_params_for(volume, scene, request, plan->step_mm);
   plan->table_size = params.n;
   plan->table_zooms = params.n_zooms;
-  plan->key.zoomed = plan->stages[TC_STAGE_TABLE_2D].included && params.n_zooms > 0; /* of what is sampled: coefficients reach further */
+  /* of what is sampled: coefficients reach further */
+  plan->key.zoomed = plan->stages[TC_STAGE_TABLE_2D].included && params.n_zooms > 0;
   plan->table_lo = params.slope * params.voxel_lo + params.intercept;
   plan->table_hi = params.slope * params.voxel_hi + params.intercept;
   if (plan->stages[TC_STAGE_TABLE_2D].included)
@@ -206,7 +208,8 @@ static void finish_plan(tc_renderer *r, tc_plan *plan, const frame_resources *ha
   if (have->labels) labels->bytes = have->labels->bytes;
   if (have->labels) labels->ms = stats ? have->labels_ms : have->labels->build_ms;
   tc_plan_stage *skipping = &plan->stages[TC_STAGE_SKIPPING];
-  tc_plan_stage *table = &plan->stages[plan->stages[TC_STAGE_TABLE_1D].included ? TC_STAGE_TABLE_1D : TC_STAGE_TABLE_2D];
+  tc_plan_stage *table =
+      &plan->stages[plan->stages[TC_STAGE_TABLE_1D].included ? TC_STAGE_TABLE_1D : TC_STAGE_TABLE_2D];
   tc_plan_stage *coefficients = &plan->stages[TC_STAGE_COEFFICIENTS];
   coefficients->ms = have->field_ms;
   if (coefficients->included && have->field) coefficients->bytes = tc_volume_bytes(have->field);
@@ -304,8 +307,9 @@ static bool check_table(const tc_render_request *q, GError **error) {
   if ((q->table_size == 0 || (q->table_size >= 2 && q->table_size <= TC_MAX_TABLE_SIZE)) &&
       (q->table_bits == 0 || q->table_bits == 8 || q->table_bits == 16))
     return true;
-  tc_set_error(error, TC_ERROR_INVALID, NULL, "table of %d entries a side and %d bits: 2 to %d and 8 or 16 wanted, or 0",
-               q->table_size, q->table_bits, TC_MAX_TABLE_SIZE);
+  tc_set_error(error, TC_ERROR_INVALID, NULL,
+               "table of %d entries a side and %d bits: 2 to %d and 8 or 16 wanted, or 0", q->table_size, q->table_bits,
+               TC_MAX_TABLE_SIZE);
   return false;
 }
 

@@ -5,8 +5,8 @@
 
 #include "renderer/backend.h"
 
-/* Linear light -> sRGB by a table of 4096 steps with interpolation: within 0.1 of an 8-bit step everywhere but the toe, which
- * is the straight part of the curve and computed. */
+/* Linear light -> sRGB by a table of 4096 steps with interpolation: within 0.1 of an 8-bit step everywhere but the toe,
+ * which is the straight part of the curve and computed. */
 #define SRGB_STEPS TC_LIGHT_STEPS
 static float srgb_table[SRGB_STEPS + 2], light_table[SRGB_STEPS + 2]; /* linear light -> sRGB, and back */
 static pthread_once_t srgb_once = PTHREAD_ONCE_INIT;
@@ -55,7 +55,8 @@ static uint8_t to_byte(float c) {
   return (uint8_t)(c * 255 + 0.5f);
 }
 
-/* Display space over a colour, the usual case: four pixels at a time, the same arithmetic as below. Returns how many it did. */
+/* Display space over a colour, the usual case: four pixels at a time, the same arithmetic as below. Returns how many it
+ * did. */
 static int resolve_opaque(const tc_resolve *r, const float *linear, uint8_t *rgba, int count) {
   const __m128 zero = _mm_setzero_ps(), one = _mm_set1_ps(1), scale = _mm_set1_ps(255), half = _mm_set1_ps(0.5f);
   const __m128 behind = _mm_setr_ps(r->background[0], r->background[1], r->background[2], 1); /* opacity ends as 1 */

@@ -9,12 +9,21 @@
 
 /* One list holds all kinds, so that one budget and one rule of age serve them. */
 typedef enum item_kind {
-  ITEM_COEFFICIENTS, ITEM_TABLE, ITEM_INTEGRALS, ITEM_SUPPORT, ITEM_MINMAX, ITEM_LEAP, ITEM_BOXES, ITEM_BOUNDS, ITEM_LABELS
+  ITEM_COEFFICIENTS,
+  ITEM_TABLE,
+  ITEM_INTEGRALS,
+  ITEM_SUPPORT,
+  ITEM_MINMAX,
+  ITEM_LEAP,
+  ITEM_BOXES,
+  ITEM_BOUNDS,
+  ITEM_LABELS
 } item_kind;
 
 typedef struct item {
   item_kind kind;
-  void *thing; /* tc_volume, tc_table, tc_integrals, tc_support, tc_minmax, tc_leap, tc_boxes, tc_bounds or tc_labels; owned */
+  /* tc_volume, tc_table, tc_integrals, tc_support, tc_minmax, tc_leap, tc_boxes, tc_bounds or tc_labels; owned */
+  void *thing;
   size_t bytes;
   uint64_t last_use;
   uint64_t volume; /* serial it belongs to */
@@ -67,8 +76,8 @@ void tc_resources_free(tc_resources *resources) {
   free(resources);
 }
 
-/* Room for one more of `bytes`, by dropping the oldest of the same kind first: what the current frame already asked for is
- * of another kind and stays. Coefficients are what a frame asks for first, and large: for them anything may go. */
+/* Room for one more of `bytes`, by dropping the oldest of the same kind first: what the current frame already asked for
+ * is of another kind and stays. Coefficients are what a frame asks for first, and large: for them anything may go. */
 static item *make_room(tc_resources *r, item_kind kind, size_t bytes) {
   while (r->held + bytes > r->budget) {
     int oldest = -1;
@@ -141,9 +150,9 @@ static bool same_transfer_function(const tc_transfer_function *a, const tc_trans
 
 static bool same_table(const tc_table_params *a, const tc_table_params *b) {
   return a->n == b->n && a->voxel_lo == b->voxel_lo && a->voxel_hi == b->voxel_hi && a->slope == b->slope &&
-         a->intercept == b->intercept && a->step_mm == b->step_mm && a->linear_light == b->linear_light && a->bits == b->bits &&
-         a->n_zooms == b->n_zooms && !memcmp(a->zooms, b->zooms, (size_t)a->n_zooms * sizeof *a->zooms) &&
-         same_transfer_function(a->tf, b->tf);
+         a->intercept == b->intercept && a->step_mm == b->step_mm && a->linear_light == b->linear_light &&
+         a->bits == b->bits && a->n_zooms == b->n_zooms &&
+         !memcmp(a->zooms, b->zooms, (size_t)a->n_zooms * sizeof *a->zooms) && same_transfer_function(a->tf, b->tf);
 }
 
 tc_table_params tc_table_params_for(const tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
@@ -193,7 +202,8 @@ static tc_transfer_function *copy_transfer_function(const tc_transfer_function *
 }
 
 /* Keeps what was built with these parameters; false: out of memory, and it is still the caller's. */
-static bool keep(tc_resources *r, item_kind kind, void *thing, size_t bytes, const tc_table_params *params, GError **error) {
+static bool keep(tc_resources *r, item_kind kind, void *thing, size_t bytes, const tc_table_params *params,
+                 GError **error) {
   tc_transfer_function *tf = copy_transfer_function(params->tf);
   item *it = tf ? make_room(r, kind, bytes) : NULL;
   if (!it) {
@@ -214,7 +224,8 @@ static const tc_table *like_table(const tc_resources *r, const tc_table_params *
   for (int i = 0; i < r->count; i++) {
     const tc_table_params *p = &r->items[i].params;
     if (r->items[i].kind == ITEM_TABLE && p->n == params->n && p->step_mm == params->step_mm &&
-        p->voxel_lo == params->voxel_lo && p->voxel_hi == params->voxel_hi && (!last || r->items[i].last_use > last->last_use))
+        p->voxel_lo == params->voxel_lo && p->voxel_hi == params->voxel_hi &&
+        (!last || r->items[i].last_use > last->last_use))
       last = &r->items[i];
   }
   return last ? last->thing : NULL;
@@ -255,7 +266,8 @@ static bool same_support(const tc_table_params *a, const tc_table_params *b) {
       a->intercept != b->intercept || p->count != q->count)
     return false;
   for (size_t i = 0; i < p->count; i++)
-    if (p->points[i].value != q->points[i].value || (p->points[i].amount > 0) != (q->points[i].amount > 0)) return false;
+    if (p->points[i].value != q->points[i].value || (p->points[i].amount > 0) != (q->points[i].amount > 0))
+      return false;
   return true;
 }
 
@@ -269,7 +281,8 @@ const tc_support *tc_resources_find_support(tc_resources *r, const tc_table_para
 const tc_support *tc_resources_find_surface(tc_resources *r, double lo, double hi) {
   for (int i = 0; i < r->count; i++) {
     const tc_support *have = r->items[i].thing;
-    if (r->items[i].kind == ITEM_SUPPORT && !r->items[i].tf && have->lo == lo && have->hi == hi) return used(r, &r->items[i]);
+    if (r->items[i].kind == ITEM_SUPPORT && !r->items[i].tf && have->lo == lo && have->hi == hi)
+      return used(r, &r->items[i]);
   }
   return NULL;
 }
@@ -349,14 +362,15 @@ static const tc_leap *latest_leap(const tc_resources *r, const tc_volume *volume
   const item *latest = NULL;
   for (int i = 0; i < r->count; i++) {
     const item *it = &r->items[i];
-    if (it->kind == ITEM_LEAP && in_blocks(it, volume, m->block, m->reach) && (!latest || it->last_use > latest->last_use))
+    if (it->kind == ITEM_LEAP && in_blocks(it, volume, m->block, m->reach) &&
+        (!latest || it->last_use > latest->last_use))
       latest = it;
   }
   return latest ? latest->thing : NULL;
 }
 
-const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_support *support,
-                                 double *ms, GError **error) {
+const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax,
+                                 const tc_support *support, double *ms, GError **error) {
   const tc_leap *found = tc_resources_find_leap(r, volume, minmax->block, minmax->reach, support);
   if (found) return found;
   tc_leap *leap = tc_leap_build(minmax, support, latest_leap(r, volume, minmax), r->pool, error);
@@ -417,8 +431,8 @@ const tc_bounds *tc_resources_find_bounds(tc_resources *r, const tc_volume *volu
   return NULL;
 }
 
-const tc_bounds *tc_resources_bounds(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_grey *grey,
-                                     double *ms, GError **error) {
+const tc_bounds *tc_resources_bounds(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax,
+                                     const tc_grey *grey, double *ms, GError **error) {
   const tc_bounds *found = tc_resources_find_bounds(r, volume, minmax->block, minmax->reach, grey);
   if (found) return found;
   tc_bounds *bounds = tc_bounds_build(minmax, grey, error);

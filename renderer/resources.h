@@ -1,6 +1,6 @@
-/* Tables and leaping structures: built on first need, shared by every scene that needs the same, dropped least recently used
- * first when they outgrow the budget. One thread at a time (the render thread). What a call returns lives until the next
- * call that builds something of the same kind; a frame asks for all it needs once. */
+/* Tables and leaping structures: built on first need, shared by every scene that needs the same, dropped least recently
+ * used first when they outgrow the budget. One thread at a time (the render thread). What a call returns lives until
+ * the next call that builds something of the same kind; a frame asks for all it needs once. */
 #ifndef TC_RENDERER_RESOURCES_H
 #define TC_RENDERER_RESOURCES_H
 
@@ -16,27 +16,29 @@ typedef struct tc_resources tc_resources;
 tc_resources *tc_resources_new(tc_pool *pool, uint64_t budget_bytes, GError **error);
 void tc_resources_free(tc_resources *resources); /* NULL is fine */
 
-/* The parameters of the table, or of the integrals, that a scene over a volume reads; .tf points into the scene. The request may ask for another size. */
+/* The parameters of the table, or of the integrals, that a scene over a volume reads; .tf points into the scene. The
+ * request may ask for another size. */
 tc_table_params tc_table_params_for(const tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
                                     double step_mm);
 
 /* Find or build; *ms grows by what building took. */
-/* The volume's B-spline coefficients (volume/coefficients.h): a volume in its place, asked for before anything else of a
- * frame. TC_ERROR_LIMIT when they alone are over the budget. */
+/* The volume's B-spline coefficients (volume/coefficients.h): a volume in its place, asked for before anything else of
+ * a frame. TC_ERROR_LIMIT when they alone are over the budget. */
 const tc_volume *tc_resources_coefficients(tc_resources *r, const tc_volume *volume, double *ms, GError **error);
 const tc_table *tc_resources_table(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
 const tc_integrals *tc_resources_integrals(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
 const tc_support *tc_resources_support(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
-const tc_support *tc_resources_surface(tc_resources *r, double lo, double hi, GError **error); /* tc_support_surface() */
+/* tc_support_surface() */
+const tc_support *tc_resources_surface(tc_resources *r, double lo, double hi, GError **error);
 const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, int block, int reach, double *ms,
                                      GError **error);
-const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_support *support,
-                                 double *ms, GError **error);
+const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax,
+                                 const tc_support *support, double *ms, GError **error);
 
 const tc_boxes *tc_resources_boxes(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax,
                                    const tc_support *support, double *ms, GError **error);
-const tc_bounds *tc_resources_bounds(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_grey *grey,
-                                     double *ms, GError **error);
+const tc_bounds *tc_resources_bounds(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax,
+                                     const tc_grey *grey, double *ms, GError **error);
 
 const tc_labels *tc_resources_labels(tc_resources *r, const tc_volume *labels, const tc_scene *scene, double *ms,
                                      GError **error);

@@ -16,7 +16,13 @@ typedef enum tc_mode {
   TC_MODE_MPR, TC_MODE_COUNT
 } tc_mode;
 typedef enum tc_image_format { TC_FORMAT_JPEG, TC_FORMAT_PNG, TC_FORMAT_COUNT } tc_image_format;
-typedef enum tc_subsampling { TC_SUBSAMPLING_AUTO, TC_SUBSAMPLING_444, TC_SUBSAMPLING_422, TC_SUBSAMPLING_420, TC_SUBSAMPLING_COUNT } tc_subsampling;
+typedef enum tc_subsampling {
+  TC_SUBSAMPLING_AUTO,
+  TC_SUBSAMPLING_444,
+  TC_SUBSAMPLING_422,
+  TC_SUBSAMPLING_420,
+  TC_SUBSAMPLING_COUNT
+} tc_subsampling;
 typedef enum tc_projection { TC_PERSPECTIVE, TC_ORTHOGRAPHIC, TC_PROJECTION_COUNT } tc_projection;
 typedef enum tc_classification {
   TC_PREINTEGRATED, TC_PREINTEGRATED2, TC_APPROXIMATE, TC_POST, TC_LINEARIZED, TC_CLASSIFICATION_COUNT
@@ -24,13 +30,30 @@ typedef enum tc_classification {
 typedef enum tc_order { TC_FRONT_TO_BACK, TC_BACK_TO_FRONT, TC_ORDER_COUNT } tc_order;
 typedef enum tc_filter { TC_FILTER_LINEAR, TC_FILTER_CUBIC, TC_FILTER_NEAREST, TC_FILTER_COUNT } tc_filter;
 typedef enum tc_skipping_mode { TC_SKIPPING_AUTO, TC_SKIPPING_OFF, TC_SKIPPING_COUNT } tc_skipping_mode;
-typedef enum tc_shading_model { TC_SHADING_NONE, TC_SHADING_LAMBERT, TC_SHADING_BLINN_PHONG, TC_SHADING_GOOCH, TC_SHADING_COUNT } tc_shading_model;
-/* Where shading's normals come from: the derivative of the trilinear field within a cell, which costs least and jumps at cell
- * faces (of an isosurface: the cube of two voxels around the hit); central differences at voxels (one-sided in a face),
- * interpolated; the derivative of the cubic B-spline of the voxels, which smooths noise too. */
+typedef enum tc_shading_model {
+  TC_SHADING_NONE,
+  TC_SHADING_LAMBERT,
+  TC_SHADING_BLINN_PHONG,
+  TC_SHADING_GOOCH,
+  TC_SHADING_COUNT
+} tc_shading_model;
+/* Where shading's normals come from: the derivative of the trilinear field within a cell, which costs least and jumps
+ * at cell faces (of an isosurface: the cube of two voxels around the hit); central differences at voxels (one-sided in
+ * a face), interpolated; the derivative of the cubic B-spline of the voxels, which smooths noise too. */
 typedef enum tc_gradient { TC_GRADIENT_CELL, TC_GRADIENT_CENTRAL, TC_GRADIENT_CUBIC, TC_GRADIENT_COUNT } tc_gradient;
-typedef enum tc_mpr_orientation { TC_AXIAL, TC_CORONAL, TC_SAGITTAL, TC_OBLIQUE, TC_MPR_ORIENTATION_COUNT } tc_mpr_orientation;
-typedef enum tc_slab_projection { TC_SLAB_MIP, TC_SLAB_MINIP, TC_SLAB_AVERAGE, TC_SLAB_PROJECTION_COUNT } tc_slab_projection;
+typedef enum tc_mpr_orientation {
+  TC_AXIAL,
+  TC_CORONAL,
+  TC_SAGITTAL,
+  TC_OBLIQUE,
+  TC_MPR_ORIENTATION_COUNT
+} tc_mpr_orientation;
+typedef enum tc_slab_projection {
+  TC_SLAB_MIP,
+  TC_SLAB_MINIP,
+  TC_SLAB_AVERAGE,
+  TC_SLAB_PROJECTION_COUNT
+} tc_slab_projection;
 
 /* The words for these in documents, kernels and plans; after the last comes NULL. */
 extern const char *const tc_mode_names[], *const tc_classification_names[], *const tc_order_names[],
@@ -115,7 +138,8 @@ typedef struct tc_scene {
                                       trapezoidal rule */
     double zoom;            /* > 0; at 1 the volume's extent across and up the picture just fits; 2 shows half of it */
   } mpr;
-  /* A second volume of labels (classify/labels.h) that tints in dvr and mpr, and hides in dvr; other modes ignore it. */
+  /* A second volume of labels (classify/labels.h) that tints in dvr and mpr, and hides in dvr; other modes ignore
+   * it. */
   struct {
     char volume[64]; /* id of a second volume; "" = none */
     double opacity;  /* 0..1; a tint's share is this times its colour's own */

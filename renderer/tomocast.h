@@ -45,7 +45,8 @@ typedef struct tc_frame_stats {
   uint64_t samples;                     /* field samples taken */
   uint64_t gradients;                   /* taken to shade a segment or a hit; what they fetch themselves is no sample */
   uint64_t rays;                        /* rays that met the volume */
-  uint64_t leaps;                       /* jumps over empty space, counted as the back end makes them (packets or rays) */
+  /* jumps over empty space, counted as the back end makes them (packets or rays) */
+  uint64_t leaps;
   bool stand_in; /* drawn by the cpu back end in the gl back end's place: its time tells nothing of the next frame's */
 } tc_frame_stats;
 
@@ -70,31 +71,33 @@ typedef struct tc_render_request {
   int width, height;          /* 0 = the scene's own; smaller while a user drags (the camera's view stays the same) */
   bool want_linear;           /* fill frame->linear too */
   bool want_depth;            /* and frame->depth, in mode isosurface */
-  const atomic_bool *cancel;  /* set to true from any thread: tc_render() returns TC_ERROR_CANCELLED soon; may be NULL */
+  /* set to true from any thread: tc_render() returns TC_ERROR_CANCELLED soon; may be NULL */
+  const atomic_bool *cancel;
   const tc_volume *labels;    /* what scene.labels.volume names, borrowed until tc_render() returns; NULL where it names none.
                                  Which volume an id means is the caller's; it is tc_labels_check()ed here */
   bool hurry;                 /* never wait for the gl back end to compile a program: while it does, beside, the cpu back end draws,
                                  the same within 1/255 (stats.stand_in) */
-  int table_size, table_bits; /* for measurements: entries per side (2 to TC_MAX_TABLE_SIZE) and bits of an entry (8, or 16
+  int table_size,
+      table_bits; /* for measurements: entries per side (2 to TC_MAX_TABLE_SIZE) and bits of an entry (8, or 16
                                  for half floats) of the pre-integration table; 0 = as the plan chooses, single precision */
   double pixel_share;         /* for measurements: the rays of a pixel spread over this much of its width, so that a small picture
                                  samples the pixels of a large one; 0 = 1, all of it */
 } tc_render_request;
 
 /* Renders one frame. request may be NULL. On failure the frame is left without meaning, the renderer is fine. A scene
- * that asks for something not built is TC_ERROR_UNSUPPORTED with a pointer to the member: never a wrong picture. One that still
- * asks for a bound on error or time is refused: quality/quality.h and quality/cost.h turn that into sampling.
- * *plan, when not NULL, receives the plan with the milliseconds and bytes of its stages. */
+ * that asks for something not built is TC_ERROR_UNSUPPORTED with a pointer to the member: never a wrong picture. One
+ * that still asks for a bound on error or time is refused: quality/quality.h and quality/cost.h turn that into
+ * sampling. *plan, when not NULL, receives the plan with the milliseconds and bytes of its stages. */
 bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
                tc_frame *frame, tc_plan *plan, GError **error);
 
-/* The plan this renderer would follow, with what is resident now; renders nothing. labels: as in tc_render_request. Same
- * thread rule as tc_render(). */
+/* The plan this renderer would follow, with what is resident now; renders nothing. labels: as in tc_render_request.
+ * Same thread rule as tc_render(). */
 bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_volume *labels, const tc_scene *scene,
                       tc_plan *plan, GError **error);
 
-/* Defaults that fit a volume: camera that shows all of it from the front (patient's anterior, head up), transfer function
- * preset and window for its modality and range. *scene was initialised (tc_scene_init) before. */
+/* Defaults that fit a volume: camera that shows all of it from the front (patient's anterior, head up), transfer
+ * function preset and window for its modality and range. *scene was initialised (tc_scene_init) before. */
 void tc_scene_fit(tc_scene *scene, const tc_volume *volume);
 
 /* Drops cached resources of a volume (or label volume) that is going away. */

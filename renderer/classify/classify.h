@@ -1,19 +1,20 @@
 /* Classification: from a transfer function to what kernels look up.
  *
- * The full pre-integration table (paper 000, eq. 7 and 8; NUMERICS sections 2 and 3) for one segment length d.
- * Node j of the value axis is the voxel value lo + j * (hi - lo) / (n - 1), so data span nodes 0 .. n-1; one more
- * node beyond lets a bilinear lookup at the end read without a test.
- * The table is stored along its diagonals, because a diagonal is what is built at once and because the
- * differences that occur in data are small, so the rows in use are few and near each other:
+ * The full pre-integration table (paper 000, eq. 7 and 8; NUMERICS sections 2 and 3) for one segment length d. Node j
+ * of the value axis is the voxel value lo + j * (hi - lo) / (n - 1), so data span nodes 0 .. n-1; one more node beyond
+ * lets a bilinear lookup at the end read without a test. The table is stored along its diagonals, because a diagonal is
+ * what is built at once and because the differences that occur in data are small, so the rows in use are few and near
+ * each other:
  *   row(k), k = node(sb) - node(sf) signed, holds at column i = min(node(sf), node(sb))
  *   (R, G, B, alpha): colour with self-attenuation (premultiplied) and opacity of the segment.
  * A lookup at real (ef, eb) = (node(sf), node(sb)): i = min(ef, eb), k = |eb - ef|, bilinear over (k, i) within the
  * half table of eb - ef's sign. Colours are in the compositing space (display sRGB, or linear light).
  *
  * Zooms: where knots stand closer than nodes can tell apart, further tables of the same kind stand on ever narrower
- * windows of the value axis (at most 16 times each). A segment is looked up in the last zoom that holds both of its ends, else
- * in the table itself. A window reaches 8 of its parent's nodes beyond the knots it is for: a segment that meets those knots
- * and leaves the window is then at least 8 nodes long in the parent, where a lookup is as good as elsewhere. */
+ * windows of the value axis (at most 16 times each). A segment is looked up in the last zoom that holds both of its
+ * ends, else in the table itself. A window reaches 8 of its parent's nodes beyond the knots it is for: a segment that
+ * meets those knots and leaves the window is then at least 8 nodes long in the parent, where a lookup is as good as
+ * elsewhere. */
 #ifndef TC_CLASSIFY_H
 #define TC_CLASSIFY_H
 
@@ -38,7 +39,8 @@ typedef struct tc_table {
   float *zero_row;   /* entries + (n+1)*columns*4: row of k = 0 */
   int n_zooms;       /* coarse before fine */
   tc_zoom zooms[TC_MAX_ZOOMS];
-  float *zoom_rows[TC_MAX_ZOOMS]; /* their rows of k = 0, in rows of TC_ZOOM_NODES + 2 columns, behind the table's own */
+  /* their rows of k = 0, in rows of TC_ZOOM_NODES + 2 columns, behind the table's own */
+  float *zoom_rows[TC_MAX_ZOOMS];
   size_t bytes;      /* of it all */
   uint64_t serial;   /* unique in the process; keys copies on a GPU */
   double build_ms;
@@ -51,16 +53,19 @@ typedef struct tc_table_params {
   int n;
   double step_mm;
   bool linear_light;
-  int bits; /* entries rounded to this: 8 (of 1), 16 (half floats); 0 = single precision as they are. For measurements */
+  /* entries rounded to this: 8 (of 1), 16 (half floats); 0 = single precision as they are. For measurements */
+  int bits;
   int n_zooms;
   tc_zoom zooms[TC_MAX_ZOOMS];
 } tc_table_params;
 
-/* How many nodes a scene's transfer function wants over a volume, and the voxel range they span: 256 over the whole type for
- * 8-bit data; else 256 to 2048 over the data's range by the distance of the knots, less where zooms serve. */
-void tc_table_choose(const tc_volume *volume, const tc_transfer_function *tf, int *n, double *voxel_lo, double *voxel_hi);
+/* How many nodes a scene's transfer function wants over a volume, and the voxel range they span: 256 over the whole
+ * type for 8-bit data; else 256 to 2048 over the data's range by the distance of the knots, less where zooms serve. */
+void tc_table_choose(const tc_volume *volume, const tc_transfer_function *tf, int *n, double *voxel_lo,
+                     double *voxel_hi);
 
-/* The zooms such a table wants; returns how many. *complete, unless NULL: whether they and the nodes resolve every knot. */
+/* The zooms such a table wants; returns how many. *complete, unless NULL: whether they and the nodes resolve every
+ * knot. */
 int tc_table_zooms(const tc_volume *volume, const tc_transfer_function *tf, int n, double voxel_lo, double voxel_hi,
                    tc_zoom zooms[TC_MAX_ZOOMS], bool *complete);
 

@@ -160,7 +160,8 @@ bool tc_integrals_serve(tc_classification classification) {
   return classification == TC_APPROXIMATE || classification == TC_POST || classification == TC_LINEARIZED;
 }
 
-void tc_integrals_choose(const tc_volume *volume, const tc_transfer_function *tf, int *n, double *voxel_lo, double *voxel_hi) {
+void tc_integrals_choose(const tc_volume *volume, const tc_transfer_function *tf, int *n, double *voxel_lo,
+                         double *voxel_hi) {
   tc_table_choose(volume, tf, n, voxel_lo, voxel_hi);
   tc_voxel_type type = tc_volume_describe(volume)->type;
   if (type == TC_U8 || type == TC_I8) return;

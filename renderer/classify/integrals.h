@@ -1,7 +1,7 @@
 /* The 1-D tables of the classifications that need no table of segments (paper 000, eq. 9 to 12; NUMERICS section 2).
  *
- * tau is the extinction (1/mm), L the colour in the compositing space, x a value in nodes (classify.h); entries are
- * (L tau, tau), 1/mm, and do not depend on the length of a segment. Of a segment from x_f to x_b kernels take
+ * tau is the extinction (1/mm), L the colour in the compositing space, x a value in nodes (classify.h); entries are (L
+ * tau, tau), 1/mm, and do not depend on the length of a segment. Of a segment from x_f to x_b kernels take
  *   post          tau and L tau at its front sample: a rectangle rule, first order;
  *   approximate   their means over [x_f, x_b], which are eq. 11 and 12 without d;
  *   linearized    the same means.
@@ -10,10 +10,11 @@
  * Eq. 12 alone, k d, emits more than is visible, and is of the first order; scaled by a / (m d) the colour stays within
  * a max(L), is exact where L is constant, and of the second order.
  *
- * A mean is a sum over whole node intervals and two ends. The ends are linear models of tau and L tau within an interval, with
- * its exact means. A difference of prefix sums would lose a thin stretch behind a stiff one; here nothing is ever subtracted:
- * level l cuts the nodes into blocks of 2^(l+1) and holds at each node the sum between it and its block's middle. Nodes p < q
- * are on both sides of a middle of level msb(p xor q), and the two entries there add up to the sum between them. */
+ * A mean is a sum over whole node intervals and two ends. The ends are linear models of tau and L tau within an
+ * interval, with its exact means. A difference of prefix sums would lose a thin stretch behind a stiff one; here
+ * nothing is ever subtracted: level l cuts the nodes into blocks of 2^(l+1) and holds at each node the sum between it
+ * and its block's middle. Nodes p < q are on both sides of a middle of level msb(p xor q), and the two entries there
+ * add up to the sum between them. */
 #ifndef TC_INTEGRALS_H
 #define TC_INTEGRALS_H
 
@@ -34,7 +35,8 @@ typedef struct tc_integrals {
 bool tc_integrals_serve(tc_classification classification);
 
 /* Nodes and voxel range that suit: 256 over the type for 8-bit data, else 1024, or 4096 where knots stand close. */
-void tc_integrals_choose(const tc_volume *volume, const tc_transfer_function *tf, int *n, double *voxel_lo, double *voxel_hi);
+void tc_integrals_choose(const tc_volume *volume, const tc_transfer_function *tf, int *n, double *voxel_lo,
+                         double *voxel_hi);
 
 /* params->step_mm and ->bits are not read. Out of memory gives NULL with TC_ERROR_MEMORY. */
 tc_integrals *tc_integrals_build(const tc_table_params *params, GError **error);

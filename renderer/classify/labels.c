@@ -65,7 +65,8 @@ GBytes *tc_labels_key(const tc_volume *labels, const tc_scene *scene) {
     g_byte_array_append(key, (const guint8 *)scene->labels.colors[i].rgba, sizeof scene->labels.colors[i].rgba);
   }
   if (scene->labels.n_visible)
-    g_byte_array_append(key, (const guint8 *)scene->labels.visible, (guint)(scene->labels.n_visible * sizeof(uint32_t)));
+    g_byte_array_append(key, (const guint8 *)scene->labels.visible,
+                        (guint)(scene->labels.n_visible * sizeof(uint32_t)));
   return g_byte_array_free_to_bytes(key);
 }
 

@@ -38,9 +38,9 @@ void tc_labels_matrix(const tc_volume *volume, const tc_volume *labels, double m
 /* Do scenes of this mode read labels? The others leave scene.labels alone: values and their extremes have no colour. */
 bool tc_mode_has_labels(tc_mode mode);
 
-/* Can the scene's labels be drawn from `labels` (NULL: there is no such volume) over `volume`? True for a scene without any.
- * TC_ERROR_INVALID with the pointer /labels/volume: there is none, its voxels are not whole numbers (f32, or a slope or
- * intercept with a fraction), or the two lie apart in patient space. Pure. */
+/* Can the scene's labels be drawn from `labels` (NULL: there is no such volume) over `volume`? True for a scene without
+ * any. TC_ERROR_INVALID with the pointer /labels/volume: there is none, its voxels are not whole numbers (f32, or a
+ * slope or intercept with a fraction), or the two lie apart in patient space. Pure. */
 bool tc_labels_check(const tc_volume *volume, const tc_volume *labels, const tc_scene *scene, GError **error);
 
 #endif

@@ -55,7 +55,8 @@ static bool add_piece(tc_segments *s, double width, double v0, double v1) {
   return true;
 }
 
-/* Opacity knots make extinction logarithmic in the value: cut where it bends (only matters where colour changes too). */
+/* Opacity knots make extinction logarithmic in the value: cut where it bends (only matters where colour changes
+ * too). */
 static bool add_bent(tc_segments *s, double width, double v0, double v1) {
   double c0[3], c1[3], in0 = v0 + (v1 - v0) * 1e-9, in1 = v1 - (v1 - v0) * 1e-9;
   double bend = 0;
@@ -73,14 +74,16 @@ static bool add_bent(tc_segments *s, double width, double v0, double v1) {
   return true;
 }
 
-/* A node interval with very many knots in it: a few pieces with the exact mean extinction and the mean of the emitted colour
- * each. What is between the nodes is then below what a lookup can resolve, and the time to build stays bounded. */
+/* A node interval with very many knots in it: a few pieces with the exact mean extinction and the mean of the emitted
+ * colour each. What is between the nodes is then below what a lookup can resolve, and the time to build stays
+ * bounded. */
 enum { MOST_KNOTS = 8, MERGED_PIECES = 4, MERGE_PROBES = 32 };
 
 static bool merge_pieces(tc_segments *s, uint32_t first, double v0, double v1) {
   s->n_pieces = first;
   for (int i = 0; i < MERGED_PIECES; i++) {
-    double from = v0 + (v1 - v0) * i / MERGED_PIECES, to = v0 + (v1 - v0) * (i + 1) / MERGED_PIECES, weight = 0, sum[3] = {0};
+    double from = v0 + (v1 - v0) * i / MERGED_PIECES, to = v0 + (v1 - v0) * (i + 1) / MERGED_PIECES, weight = 0,
+           sum[3] = {0};
     if (!add_piece(s, 1.0 / MERGED_PIECES, from, to)) return false;
     for (int j = 0; j < MERGE_PROBES; j++) {
       double v = from + (to - from) * (j + 0.5) / MERGE_PROBES, tau = tc_extinction(s->params->tf, v), rgb[3];
@@ -123,8 +126,8 @@ static bool cut_into_pieces(tc_segments *s) {
 
 /* ---- elementary segments ---- */
 
-/* Integral over u in [0,1] of exp(-a u - a b u (u - 1)), both for tilt b and for -b (the same stretch seen from its other
- * end), |a b| <= 0.05: expanded in a b, each term in closed form. t = exp(-a). */
+/* Integral over u in [0,1] of exp(-a u - a b u (u - 1)), both for tilt b and for -b (the same stretch seen from its
+ * other end), |a b| <= 0.05: expanded in a b, each term in closed form. t = exp(-a). */
 typedef struct decay { double ahead, behind; } decay;
 
 static decay decay_integral(double a, double b, double t) {
@@ -142,14 +145,16 @@ static decay decay_integral(double a, double b, double t) {
   return (decay){i0 + x * (i1 + 0.5 * x * i2), i0 - x * (i1 - 0.5 * x * i2)};
 }
 
-/* Light and opacity where `near` is met first; q: how much of the light comes from the far end (the integral of u dW). */
+/* Light and opacity where `near` is met first; q: how much of the light comes from the far end (the integral of u
+ * dW). */
 static tc_v4 emit(double w, double q, const double near[3], const double far[3]) {
   q = fmin(fmax(q, 0), w);
   return (tc_v4){(float)(near[0] * (w - q) + far[0] * q), (float)(near[1] * (w - q) + far[1] * q),
               (float)(near[2] * (w - q) + far[2] * q), (float)w};
 }
 
-/* A piece whose colour changes, cut so that each part's a*b is small; parts behind an opaque front are not looked at. */
+/* A piece whose colour changes, cut so that each part's a*b is small; parts behind an opaque front are not looked
+ * at. */
 static tc_v4 cut_piece(const tc_piece *p, double a, bool reverse, int parts) {
   const double *from = reverse ? p->to : p->from, *to = reverse ? p->from : p->to;
   double tilt = reverse ? -p->tilt : p->tilt;
@@ -241,8 +246,8 @@ static tc_v4 one_minus_exp(tc_v4 a) {
   return -(scale * p) - (scale - 1);
 }
 
-/* As elementary(), for a length of at most longest_mm. The series are decay_integral()'s, with the opacity already taken
- * off i0: nothing cancels. */
+/* As elementary(), for a length of at most longest_mm. The series are decay_integral()'s, with the opacity already
+ * taken off i0: nothing cancels. */
 static void elementary_four(const tc_quad *q, float length_mm, tc_v4 forward[4], tc_v4 backward[4]) {
   tc_v4 a = q->depth * length_mm, w = one_minus_exp(a), x = a * q->tilt;
   tc_v4 mean = a * (1.0f / 144 - a * (1.0f / 840 - a * (1.0f / 5760 - a * (1.0f / 45360))));

@@ -1,7 +1,8 @@
 /* Elementary segments: one node interval of the value axis each, as colour and opacity. Inside classify/ only.
  *
- * An axis is cut into pieces with linear colour and (nearly) linear extinction, at the knots and finer where opacity bends it.
- * What a segment between two neighbouring nodes shows then has a closed form, or a series where it is thin. */
+ * An axis is cut into pieces with linear colour and (nearly) linear extinction, at the knots and finer where opacity
+ * bends it. What a segment between two neighbouring nodes shows then has a closed form, or a series where it is
+ * thin. */
 #ifndef TC_CLASSIFY_SEGMENTS_H
 #define TC_CLASSIFY_SEGMENTS_H
 

@@ -1,15 +1,15 @@
 /* The full pre-integration table in O(n^2) (NUMERICS section 3).
  *
- * Entry (i, k) is the composite of the k elementary segments i .. i+k-1, each of length d/k. A segment is (R, G, B, alpha)
- * and two of them compose with "over", which is associative, so the entries of one diagonal k are products over sliding
- * windows of width k: block suffix times block prefix (van Herk, Gil-Werman) gives each in a constant number of
+ * Entry (i, k) is the composite of the k elementary segments i .. i+k-1, each of length d/k. A segment is (R, G, B,
+ * alpha) and two of them compose with "over", which is associative, so the entries of one diagonal k are products over
+ * sliding windows of width k: block suffix times block prefix (van Herk, Gil-Werman) gives each in a constant number of
  * compositions, with no subtraction and hence no cancellation however stiff the extinction is.
  *
- * What single precision leaves: entries hold opacity, not depth, and from an optical depth of 16.7 a segment on 1 - opacity
- * is 0. Only the last, shorter segment of a ray asks for the depth back, and takes it for 69 then (a transparency of
- * 1e-30): over a share s of a segment of depth D >= 16.7 its transparency is off by |exp(-D s) - exp(-69 s)|. For D up to 69
- * that is at most 0.48 (D = 16.7, s = 0.03) and under 0.01 from s = 0.28 on; beyond, at most exp(-69 s), under 0.01 from
- * s = 0.07 on. It stays within 0..1. */
+ * What single precision leaves: entries hold opacity, not depth, and from an optical depth of 16.7 a segment on 1 -
+ * opacity is 0. Only the last, shorter segment of a ray asks for the depth back, and takes it for 69 then (a
+ * transparency of 1e-30): over a share s of a segment of depth D >= 16.7 its transparency is off by |exp(-D s) -
+ * exp(-69 s)|. For D up to 69 that is at most 0.48 (D = 16.7, s = 0.03) and under 0.01 from s = 0.28 on; beyond, at
+ * most exp(-69 s), under 0.01 from s = 0.07 on. It stays within 0..1. */
 #include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
@@ -43,7 +43,8 @@ typedef struct builder {
 
 /* ---- diagonals ---- */
 
-/* Light sums and opacity round apart: what shines is held to the opacity times the brightest there is, to the last bit. */
+/* Light sums and opacity round apart: what shines is held to the opacity times the brightest there is, to the last
+ * bit. */
 static tc_v4 held(tc_v4 entry, tc_v4 peak) {
   tc_v4 most = entry[3] * peak;
   return tc_v4_lesser(entry, most);
@@ -63,8 +64,8 @@ typedef struct lanes {
   tc_v4 *ef, *eb, *sf, *sb;
 } lanes;
 
-/* Windows `from` to `to` of width k, towards higher nodes (out_f) and towards lower ones (out_b). Blocks begin at multiples of
- * k whatever is asked for, so that a window is the same product in any range. */
+/* Windows `from` to `to` of width k, towards higher nodes (out_f) and towards lower ones (out_b). Blocks begin at
+ * multiples of k whatever is asked for, so that a window is the same product in any range. */
 static void sliding_windows(const lanes *l, int k, int from, int to, tc_v4 peak, tc_v4 *out_f, tc_v4 *out_b) {
   for (int start = from - from % k; start <= to; start += k) {
     const tc_v4 *ef = l->ef + start, *eb = l->eb + start;
@@ -120,8 +121,8 @@ static void build_diagonal(void *context, int index, int worker) {
 
 /* ---- life ---- */
 
-/* Zeroed. Large pages where the system has them: to be given one page after another costs more than to fill them. Of the
- * largest tables, half of which no lookup reaches, that half is rather never touched. */
+/* Zeroed. Large pages where the system has them: to be given one page after another costs more than to fill them. Of
+ * the largest tables, half of which no lookup reaches, that half is rather never touched. */
 static void *reserve(size_t *bytes) {
   const size_t page = (size_t)2 << 20;
   bool large = *bytes >= page / 2 && *bytes <= 32 * page;
@@ -185,7 +186,8 @@ static tc_v4 brightest(const tc_table_params *p) {
 }
 
 /* The table itself (0), or one of its zooms. */
-static bool build_window(made *m, int w, const tc_table_params *params, const made *like, tc_v4 *scratch, tc_pool *pool) {
+static bool build_window(made *m, int w, const tc_table_params *params, const made *like, tc_v4 *scratch,
+                         tc_pool *pool) {
   tc_segments *axis = &m->axes[w];
   tc_table *t = &m->table;
   tc_zoom range = w ? t->zooms[w - 1] : (tc_zoom){t->lo, t->hi};

@@ -48,7 +48,8 @@ void tc_color(const tc_transfer_function *tf, double value, double rgb[3]) {
   for (int c = 0; c < 3; c++) rgb[c] = a->color[c] + u * (b->color[c] - a->color[c]);
 }
 
-/* Mean of -ln(x) for x linear from x0 to x1: the antiderivative x - x ln x, written in r = (x1-x0)/x0 so that nothing cancels. */
+/* Mean of -ln(x) for x linear from x0 to x1: the antiderivative x - x ln x, written in r = (x1-x0)/x0 so that nothing
+ * cancels. */
 static double mean_minus_log(double x0, double x1) {
   double r = (x1 - x0) / x0, tail;
   if (fabs(r) < 1e-2) /* (1+r) ln(1+r)/r - 1 as a series; next term r^6/42 */

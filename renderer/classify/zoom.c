@@ -4,11 +4,11 @@
 
 #include "renderer/classify/classify.h"
 
-/* The coarsest node distance at which a change between two knots is still told from none, in voxel values: a quarter of its
- * own width, or, for a steep one, a quarter of the way to the next change back of the same channel (the width of a peak). A
- * steep change with nothing near may be off by a few integer values, or by a thousandth of a range of floats. A long rise of
- * extinction that is stiff over a voxel's length is only as wide as the part that turns a voxel from clear to opaque, at its thin
- * end. */
+/* The coarsest node distance at which a change between two knots is still told from none, in voxel values: a quarter of
+ * its own width, or, for a steep one, a quarter of the way to the next change back of the same channel (the width of a
+ * peak). A steep change with nothing near may be off by a few integer values, or by a thousandth of a range of floats.
+ * A long rise of extinction that is stiff over a voxel's length is only as wide as the part that turns a voxel from
+ * clear to opaque, at its thin end. */
 typedef struct edge {
   double at, node;
 } edge;
@@ -44,8 +44,9 @@ static double extinction(const tc_transfer_function *tf, double amount) {
 static double seen_share(const tc_transfer_function *tf, const tc_knot *thin, const tc_knot *thick, double voxel_mm) {
   double least = extinction(tf, thin->amount);
   if (least * voxel_mm > CLEAR) return 1;
-  double rise = tf->kind == TC_KNOT_EXTINCTION ? thick->amount - least
-                                               : (thick->amount - thin->amount) / (1 - thin->amount) / tf->unit_distance_mm;
+  double rise = tf->kind == TC_KNOT_EXTINCTION
+                    ? thick->amount - least
+                    : (thick->amount - thin->amount) / (1 - thin->amount) / tf->unit_distance_mm;
   return 1 / fmax(1, rise * voxel_mm);
 }
 
@@ -146,7 +147,8 @@ static double knot_distance(const tc_transfer_function *tf) {
   return least;
 }
 
-void tc_table_choose(const tc_volume *volume, const tc_transfer_function *tf, int *n, double *voxel_lo, double *voxel_hi) {
+void tc_table_choose(const tc_volume *volume, const tc_transfer_function *tf, int *n, double *voxel_lo,
+                     double *voxel_hi) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_volume_stats *s = tc_volume_statistics(volume);
   if (d->type == TC_U8 || d->type == TC_I8) { /* nodes on the values themselves */
@@ -161,8 +163,8 @@ void tc_table_choose(const tc_volume *volume, const tc_transfer_function *tf, in
   double wanted = 4 * fabs(d->slope) * (*voxel_hi - *voxel_lo) / knot_distance(tf);
   *n = 256;
   while (*n < 1024 && *n < wanted) *n *= 2;
-  /* Where it takes zooms all the same, they may serve a smaller table just as well; more of them than there may be, a larger
-   * one: of 134 MB, and some 40 ms to build. */
+  /* Where it takes zooms all the same, they may serve a smaller table just as well; more of them than there may be, a
+   * larger one: of 134 MB, and some 50 ms to build. */
   tc_zoom zooms[TC_MAX_ZOOMS];
   bool complete;
   if (*n == 256 || (!tc_table_zooms(volume, tf, *n, *voxel_lo, *voxel_hi, zooms, &complete) && complete)) return;

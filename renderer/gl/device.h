@@ -1,7 +1,8 @@
 /* EGL: find a device that gives OpenGL 4.5 core without a window, and hold one context on it.
  *
  * Hardware first (EGL device platform), else Mesa's surfaceless platform, which ends in llvmpipe where there is no GPU.
- * A context is used by one thread at a time: by the one that made it, unless released for another. Probing may be done on any thread. */
+ * A context is used by one thread at a time: by the one that made it, unless released for another. Probing may be done
+ * on any thread. */
 #ifndef TC_GL_DEVICE_H
 #define TC_GL_DEVICE_H
 

@@ -31,11 +31,14 @@ tc_volume *tc_import(const char *path, const tc_import_options *options, GError 
 
 /* One DICOM series found under a path (tc_import_list). Strings are non-identifying. */
 typedef struct tc_series {
-  char uid[72], modality[16], label[64]; /* label: series number and, where present, protocol-free description-free text such as "series 3" */
+  /* label: series number and, where present, protocol-free description-free text such as "series 3" */
+  char uid[72], modality[16], label[64];
   int files, frames, rows, columns;
 } tc_series;
 
-/* Lists DICOM series of a folder, file or zip; *series is g_malloc'ed, caller frees with g_free(). Other formats give 0. */
-bool tc_import_list(const char *path, const tc_import_options *options, tc_series **series, size_t *count, GError **error);
+/* Lists DICOM series of a folder, file or zip; *series is g_malloc'ed, caller frees with g_free(). Other formats give
+ * 0. */
+bool tc_import_list(const char *path, const tc_import_options *options, tc_series **series, size_t *count,
+                    GError **error);
 
 #endif

@@ -18,9 +18,9 @@
 
 const char *tc_stage_name(tc_stage stage) {
   static const char *const names[TC_STAGE_COUNT] = {
-      "coefficients", "table-1d",    "table-2d", "gradient",     "skipping",     "clipping", "rays-per-pixel", "coherence",
-      "jitter",       "labels",      "termination", "alpha",     "depth-output", "linear-light", "resolve",     "encode",
-      "error-meter"};
+      "coefficients",   "table-1d",     "table-2d", "gradient", "skipping",    "clipping",
+      "rays-per-pixel", "coherence",    "jitter",   "labels",   "termination", "alpha",
+      "depth-output",   "linear-light", "resolve",  "encode",   "error-meter"};
   return (unsigned)stage < TC_STAGE_COUNT ? names[stage] : "?";
 }
 
@@ -69,7 +69,8 @@ static bool check_camera(const tc_camera *c, GError **error) {
   }
   if (!(d2 > 0)) return invalid(error, "/camera/target", "the target is the position: nothing to look along");
   if (!(up2 > 0)) return invalid(error, "/camera/up", "a vector that is not zero wanted");
-  if (!(cross2 > 1e-18 * d2 * up2)) return invalid(error, "/camera/up", "parallel to the view direction: choose another");
+  if (!(cross2 > 1e-18 * d2 * up2))
+    return invalid(error, "/camera/up", "parallel to the view direction: choose another");
   if (c->projection == TC_PERSPECTIVE && !(c->fov_y_deg > 0 && c->fov_y_deg < 180))
     return invalid(error, "/camera/fovY", "degrees above 0 and below 180 wanted");
   if (c->projection == TC_ORTHOGRAPHIC && !(c->height_mm > 0 && isfinite(c->height_mm)))
@@ -132,14 +133,16 @@ static bool check_sampling(const tc_volume *volume, const tc_scene *scene, GErro
 
 static bool check_clipping(const tc_scene *scene, GError **error) {
   for (int k = 0; k < 3 && scene->clip.has_box; k++)
-    if (!isfinite(scene->clip.box[0][k]) || !isfinite(scene->clip.box[1][k]) || scene->clip.box[0][k] > scene->clip.box[1][k])
+    if (!isfinite(scene->clip.box[0][k]) || !isfinite(scene->clip.box[1][k]) ||
+        scene->clip.box[0][k] > scene->clip.box[1][k])
       return invalid(error, "/clip/box", "two corners wanted, finite, the lower one first");
   for (int i = 0; i < scene->clip.n_planes; i++) {
     const double *p = scene->clip.planes[i];
     double n2 = p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
     char pointer[32];
     snprintf(pointer, sizeof pointer, "/clip/planes/%d", i);
-    if (!(n2 > 0) || !isfinite(n2) || !isfinite(p[3])) return invalid(error, pointer, "a normal that is not zero, and d, all finite");
+    if (!(n2 > 0) || !isfinite(n2) || !isfinite(p[3]))
+      return invalid(error, pointer, "a normal that is not zero, and d, all finite");
   }
   return true;
 }
@@ -152,7 +155,8 @@ static bool check_shading(const tc_scene *scene, GError **error) {
                                                                   {"/shading/diffuse", scene->shading.diffuse},
                                                                   {"/shading/specular", scene->shading.specular}};
   for (int i = 0; i < 3; i++)
-    if (!(shares[i].value >= 0 && shares[i].value <= 1)) return invalid(error, shares[i].pointer, "a share from 0 to 1 wanted");
+    if (!(shares[i].value >= 0 && shares[i].value <= 1))
+      return invalid(error, shares[i].pointer, "a share from 0 to 1 wanted");
   if (!(scene->shading.shininess >= 0 && scene->shading.shininess <= 1024))
     return invalid(error, "/shading/shininess", "0 to 1024 wanted");
   const double *l = scene->shading.light;
@@ -169,7 +173,8 @@ static bool check_labels(const tc_scene *scene, GError **error) {
   for (size_t i = 0; i < scene->labels.n_colors; i++) {
     const tc_label_color *color = &scene->labels.colors[i];
     for (int c = 0; c < 4; c++)
-      if (!(color->rgba[c] >= 0 && color->rgba[c] <= 1)) return invalid(error, "/labels/colors", "numbers from 0 to 1 wanted");
+      if (!(color->rgba[c] >= 0 && color->rgba[c] <= 1))
+        return invalid(error, "/labels/colors", "numbers from 0 to 1 wanted");
     if (i > 0 && color->label <= color[-1].label)
       return invalid(error, "/labels/colors", "labels in ascending order wanted");
   }
@@ -177,7 +182,8 @@ static bool check_labels(const tc_scene *scene, GError **error) {
 }
 
 static bool check_image(int width, int height, GError **error) {
-  if (width < 1 || height < 1) return invalid(error, width < 1 ? "/image/width" : "/image/height", "at least 1 pixel wanted");
+  if (width < 1 || height < 1)
+    return invalid(error, width < 1 ? "/image/width" : "/image/height", "at least 1 pixel wanted");
   if (width > TC_MAX_IMAGE_SIDE || height > TC_MAX_IMAGE_SIDE || (int64_t)width * height > TC_MAX_IMAGE_AREA) {
     tc_set_error(error, TC_ERROR_LIMIT, width > TC_MAX_IMAGE_SIDE ? "/image/width" : "/image/height",
                  "image: %dx%d is over the limit of %d a side and %d pixels", width, height, TC_MAX_IMAGE_SIDE,
@@ -231,12 +237,14 @@ static bool unsupported(GError **error, const char *pointer, const char *what) {
 static bool check_built(const tc_scene *s, GError **error) {
   if ((unsigned)s->mode >= TC_MODE_COUNT) return invalid(error, "/mode", "unknown");
   bool projection = tc_is_projection(s->mode), slice = s->mode == TC_MODE_MPR, surface = s->mode == TC_MODE_ISOSURFACE;
-  if (s->mode != TC_MODE_DVR && !projection && !slice && !surface) return unsupported(error, "/mode", tc_mode_names[s->mode]);
+  if (s->mode != TC_MODE_DVR && !projection && !slice && !surface)
+    return unsupported(error, "/mode", tc_mode_names[s->mode]);
   if (s->mode == TC_MODE_DVR && (unsigned)s->classification >= TC_CLASSIFICATION_COUNT)
     return invalid(error, "/classification", "unknown");
   if (s->mode == TC_MODE_DVR && (unsigned)s->order >= TC_ORDER_COUNT) return invalid(error, "/order", "unknown");
   if ((unsigned)s->filter >= TC_FILTER_COUNT) return invalid(error, "/filter", "unknown");
-  if (surface && s->filter != TC_FILTER_LINEAR) return unsupported(error, "/filter", "any filter of isosurfaces but linear");
+  if (surface && s->filter != TC_FILTER_LINEAR)
+    return unsupported(error, "/filter", "any filter of isosurfaces but linear");
   if (slice && s->sampling.rays_per_pixel != 1)
     return unsupported(error, "/sampling/raysPerPixel", "more than one ray for a pixel of a slice");
   return true;
@@ -254,8 +262,8 @@ static void plan_projection_stages(tc_plan *plan, const tc_scene *s) {
         : s->mode == TC_MODE_MIP            ? "blocks whose maximum cannot raise a ray's are left out"
                                             : "blocks whose minimum cannot lower a ray's are left out");
   stage(plan, TC_STAGE_TERMINATION, false, "mode %s ends rays where no other grey can follow", mode);
-  stage(plan, TC_STAGE_RESOLVE, true, "window %.6g / %.6g to grey, background, 8 bits of %dx%d pixels", s->window.center,
-        s->window.width, plan->width, plan->height);
+  stage(plan, TC_STAGE_RESOLVE, true, "window %.6g / %.6g to grey, background, 8 bits of %dx%d pixels",
+        s->window.center, s->window.width, plan->width, plan->height);
 }
 
 /* What is sampled, and by which filter. */
@@ -292,7 +300,8 @@ static void plan_labels(tc_plan *plan, const tc_scene *s) {
   char shown[48] = "all show";
   if (s->labels.visible) snprintf(shown, sizeof shown, "%zu show", s->labels.n_visible);
   if (plan->key.labels)
-    stage(plan, TC_STAGE_LABELS, true, "labels of volume %.40s: %s, tint %.3g", s->labels.volume, shown, s->labels.opacity);
+    stage(plan, TC_STAGE_LABELS, true, "labels of volume %.40s: %s, tint %.3g", s->labels.volume, shown,
+          s->labels.opacity);
   else if (s->labels.volume[0])
     stage(plan, TC_STAGE_LABELS, false, "mode %s shows values: labels colour dvr and mpr only", tc_mode_names[s->mode]);
   else
@@ -336,8 +345,9 @@ static void plan_coherence(tc_plan *plan, const tc_volume *volume, const tc_scen
     tc_rays_set_up(&rays, volume, s, plan->width, plan->height);
     plan->key.coherence = rays.footprint < block;
     stage(plan, TC_STAGE_COHERENCE, plan->key.coherence,
-          plan->key.coherence ? "rays begin where their pixel's middle is clear for %.3g voxels around, blocks are %.0f wide"
-                              : "rays of a pixel may be %.3g voxels apart, more than the %.0f of a block",
+          plan->key.coherence
+              ? "rays begin where their pixel's middle is clear for %.3g voxels around, blocks are %.0f wide"
+              : "rays of a pixel may be %.3g voxels apart, more than the %.0f of a block",
           rays.footprint, block);
   }
 }
@@ -355,7 +365,8 @@ static void plan_tables(tc_plan *plan, const tc_scene *s) {
   bool integrals = tc_integrals_serve(s->classification);
   if (integrals) {
     stage(plan, TC_STAGE_TABLE_1D, true, "classification is %s: %s at %d values, for segments of any length", name,
-          s->classification == TC_POST ? "extinction and colour" : "integrals of extinction and colour", plan->table_size);
+          s->classification == TC_POST ? "extinction and colour" : "integrals of extinction and colour",
+          plan->table_size);
     stage(plan, TC_STAGE_TABLE_2D, false, "classification is %s: no segment is looked up as a whole", name);
   } else {
     stage(plan, TC_STAGE_TABLE_1D, false, "classification is %s: segments are integrated beforehand", name);
@@ -476,15 +487,18 @@ static void plan_surface_stages(tc_plan *plan, const tc_volume *volume, const tc
   for (size_t i = 0; i < sizeof out / sizeof *out; i++) stage(plan, out[i].stage, false, "%s", out[i].reason);
   const tc_volume_stats *range = tc_volume_statistics(volume);
   if (!tc_surface_exists(volume, s))
-    stage(plan, TC_STAGE_GRADIENT, false, "empty picture: isosurface.value %.6g is not between the volume's %.6g and %.6g",
-          s->isosurface.value, range->min, range->max);
+    stage(plan, TC_STAGE_GRADIENT, false,
+          "empty picture: isosurface.value %.6g is not between the volume's %.6g and %.6g", s->isosurface.value,
+          range->min, range->max);
   stage(plan, TC_STAGE_SKIPPING, plan->key.skipping,
         plan->key.skipping ? "blocks whose values are all on one side of %.6g are left out" : "skipping.mode is off",
         s->isosurface.value);
 }
 
 static bool plan_surface(const tc_volume *volume, const tc_scene *scene, tc_plan *plan, GError **error) {
-  if (!check_surface(scene, error) || !check_rays(scene, error) || !check_clipping(scene, error) || !check_shading(scene, error)) return false;
+  if (!check_surface(scene, error) || !check_rays(scene, error) || !check_clipping(scene, error) ||
+      !check_shading(scene, error))
+    return false;
   plan->key.shading = tc_surface_exists(volume, scene) ? (uint8_t)scene->shading.model : TC_SHADING_NONE;
   plan->key.skipping = scene->skipping.mode == TC_SKIPPING_AUTO;
   plan_stages(plan, scene);
@@ -511,14 +525,15 @@ static bool plan_slice(const tc_volume *volume, const tc_scene *scene, int width
   return true;
 }
 
-bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_plan *plan, GError **error) {
+bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_plan *plan,
+                  GError **error) {
   memset(plan, 0, sizeof *plan);
   if (!check_built(scene, error) || !check_image(width, height, error) || !check_labels(scene, error)) return false;
   if (scene->mode == TC_MODE_MPR) return plan_slice(volume, scene, width, height, plan, error);
   bool surface = scene->mode == TC_MODE_ISOSURFACE;
   if (!check_camera(&scene->camera, error)) return false;
-  if (!surface && (!check_look(scene, error) || !check_sampling(volume, scene, error) || !check_clipping(scene, error) ||
-                   !check_shading(scene, error)))
+  if (!surface && (!check_look(scene, error) || !check_sampling(volume, scene, error) ||
+                   !check_clipping(scene, error) || !check_shading(scene, error)))
     return false;
   plan->key = (tc_plan_key){.mode = (uint8_t)scene->mode,
                             .projection = (uint8_t)scene->camera.projection,

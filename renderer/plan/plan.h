@@ -2,11 +2,12 @@
  *
  * Plain values computed from scene + volume. Stages are listed with a reason whether in or out.
  *
- * The projections (mip, minip, average) see the field through the window alone: transferFunction, classification, order,
- * shading and sampling.termination have no meaning for them; they are neither read nor refused, and are 0 in the key.
+ * The projections (mip, minip, average) see the field through the window alone: transferFunction, classification,
+ * order, shading and sampling.termination have no meaning for them; they are neither read nor refused, and are 0 in the
+ * key.
  *
- * An isosurface (raycast/surface.h) reads isosurface and shading: it has no transfer function, no window and no steps. A value that
- * no place of the volume has is an empty picture, and the gradient stage says so. */
+ * An isosurface (raycast/surface.h) reads isosurface and shading: it has no transfer function, no window and no steps.
+ * A value that no place of the volume has is an empty picture, and the gradient stage says so. */
 #ifndef TC_RENDERER_PLAN_H
 #define TC_RENDERER_PLAN_H
 
@@ -47,7 +48,8 @@ typedef struct tc_plan_stage {
   uint64_t bytes; /* memory held for it */
 } tc_plan_stage;
 
-/* What kernels are specialised on. Two plans with equal keys run the same code. Zeroed before filling: compare with memcmp. */
+/* What kernels are specialised on. Two plans with equal keys run the same code. Zeroed before filling: compare with
+ * memcmp. */
 typedef struct tc_plan_key {
   uint8_t mode;           /* tc_mode */
   uint8_t voxel_type;     /* tc_voxel_type of what is sampled: coefficients are f32 */

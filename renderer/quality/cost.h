@@ -1,10 +1,10 @@
 /* What a frame costs: milliseconds per ray = a + b / spacing, fitted to frames that were rendered, later ones counting
- * more. a is what a ray costs before its first sample; while all frames had one spacing it is taken as a fixed share. spacing
- * is that of a ray's own samples, in voxels: R rays of a pixel that composite share its samples and have them R steps apart
- * (raycast/subpixel.h), so they cost R a + b / step; the rays of a projection share none.
+ * more. a is what a ray costs before its first sample; while all frames had one spacing it is taken as a fixed share.
+ * spacing is that of a ray's own samples, in voxels: R rays of a pixel that composite share its samples and have them R
+ * steps apart (raycast/subpixel.h), so they cost R a + b / step; the rays of a projection share none.
  *
- * Belongs to one look on one machine; a frame that took half or twice what was expected is taken for another look, and the older
- * ones are forgotten. Plain data: zero-initialise; any thread, one at a time. */
+ * Belongs to one look on one machine; a frame that took half or twice what was expected is taken for another look, and
+ * the older ones are forgotten. Plain data: zero-initialise; any thread, one at a time. */
 #ifndef TC_QUALITY_COST_H
 #define TC_QUALITY_COST_H
 
@@ -21,8 +21,8 @@ double tc_quality_stretch(const tc_scene *scene);
 void tc_quality_cost_add(tc_quality_cost *cost, const tc_scene *scene, double pixels, double ms);
 /* Expected milliseconds; 0 while nothing is known. */
 double tc_quality_cost_ms(const tc_quality_cost *cost, const tc_scene *scene, double pixels);
-/* The finest step (of a spacing of 1/8 .. 4 voxels in rungs of 2^(1/8)) expected to take at most `ms`; the coarsest where none
- * does, a spacing of 1 while nothing is known. The scene's own step is not read. */
+/* The finest step (of a spacing of 1/8 .. 4 voxels in rungs of 2^(1/8)) expected to take at most `ms`; the coarsest
+ * where none does, a spacing of 1 while nothing is known. The scene's own step is not read. */
 double tc_quality_cost_step(const tc_quality_cost *cost, const tc_scene *scene, double pixels, double ms);
 
 #endif

@@ -1,12 +1,13 @@
 /* The error meter: how far a finished frame is from the rendering integral, by random pixels of it.
  *
  * Pixels are drawn one from each of `count` cells of equal area (stratified), seeded, and integrated anew by the
- * reference. The truth of a pixel of several rays is the mean of the integrals of those very rays (raycast/subpixel.h), to
- * which the frame converges as the step goes to 0: the error is that of sampling a ray, for any number of them. How far a
- * few rays are from the mean over the pixel's area is another question, one of smooth edges, and no step mends it;
- * tomocast report has it too (areaRms, beside rms against the ray of the centre). What is compared is the colour that the frame shows before it is rounded to 8 bits and encoded: with the
- * background behind it, in sRGB, 0..1, three channels; over a transparent background the premultiplied colour and the
- * opacity, four channels, in the compositing space. Errors are in units of 1.0: 1/255 is one step of a picture. */
+ * reference. The truth of a pixel of several rays is the mean of the integrals of those very rays (raycast/subpixel.h),
+ * to which the frame converges as the step goes to 0: the error is that of sampling a ray, for any number of them. How
+ * far a few rays are from the mean over the pixel's area is another question, one of smooth edges, and no step mends
+ * it; tomocast report has it too (areaRms, beside rms against the ray of the centre). What is compared is the colour
+ * that the frame shows before it is rounded to 8 bits and encoded: with the background behind it, in sRGB, 0..1, three
+ * channels; over a transparent background the premultiplied colour and the opacity, four channels, in the compositing
+ * space. Errors are in units of 1.0: 1/255 is one step of a picture. */
 #ifndef TC_QUALITY_METER_H
 #define TC_QUALITY_METER_H
 
@@ -38,10 +39,10 @@ tc_meter *tc_meter_new(const tc_frame *frame, int count, uint64_t seed);
 void tc_meter_free(tc_meter *meter); /* NULL is fine */
 int tc_meter_pixels(const tc_meter *meter);
 
-/* Measures against the scene and volumes that the frame was rendered from; labels: what scene->labels.volume names, NULL where
- * it names none. Any thread. After most_ms (0 = no limit) it
- * stops with the pixels it has: they are taken in random order. TC_ERROR_CANCELLED when *cancel (may be NULL) is set;
- * TC_ERROR_UNSUPPORTED where the scene has no reference. */
+/* Measures against the scene and volumes that the frame was rendered from; labels: what scene->labels.volume names,
+ * NULL where it names none. Any thread. After most_ms (0 = no limit) it stops with the pixels it has: they are taken in
+ * random order. TC_ERROR_CANCELLED when *cancel (may be NULL) is set; TC_ERROR_UNSUPPORTED where the scene has no
+ * reference. */
 bool tc_meter_measure(const tc_meter *meter, tc_volume *volume, tc_volume *labels, const tc_scene *scene,
                       const atomic_bool *cancel, double most_ms, tc_meter_result *result, GError **error);
 

@@ -16,16 +16,16 @@
 /* Views nearer than this share their curves. */
 #define NEAR 0.5
 /* What the error may be above a measured one: sampling of rays and the turn of the view; then, views from elsewhere. */
-#define NEAR_MARGIN 1.12
+#define NEAR_MARGIN 1.13
 #define FAR_MARGIN 1.4
 /* Spacing before anything is measured, for a single ray and for as many as like. */
 #define CAREFUL 0.25
 #define CAREFUL_OF_MANY 1.0
-/* What a segment of preintegrated2 costs beside one of preintegrated: the time of its two samples and three look-ups, as tomocast
- * report has them on the cpu. A constant, not a clock: one scene has one picture. */
+/* What a segment of preintegrated2 costs beside one of preintegrated: the time of its two samples and three look-ups,
+ * as tomocast report has them on the cpu. A constant, not a clock: one scene has one picture. */
 #define SECOND_COST 2.7
-/* Where preintegrated does with such a spacing, preintegrated2 would need segments over several cells to pay, along which no
- * field is quadratic: it is not measured there. */
+/* Where preintegrated does with such a spacing, preintegrated2 would need segments over several cells to pay, along
+ * which no field is quadratic: it is not measured there. */
 #define SECOND_BELOW 1.0
 /* The share of the bound that termination may use of an opaque pixel; it is part of what is measured. */
 #define TERMINATION_SHARE (1.0 / 16)
@@ -35,7 +35,8 @@
 /* Rays of a measured picture, and its pixels at least. */
 #define RAYS 4000
 #define LEAST_PIXELS 2500
-/* Trials of a measurement: at most so many on the way to the goal, so many about it, and how far off one still counts. */
+/* Trials of a measurement: at most so many on the way to the goal, so many about it, and how far off one still
+ * counts. */
 #define LOCATING 5
 #define AROUND 7
 #define REACH 7
@@ -75,7 +76,9 @@ double tc_quality_distance(const tc_camera *a, const tc_camera *b) {
     double d = a->target[k] - b->target[k] - along * da[k];
     shift += d * d;
   }
-  double lens = a->projection != b->projection ? 1 : a->projection == TC_PERSPECTIVE ? fabs(a->fov_y_deg - b->fov_y_deg) / 60 : 0;
+  double lens = a->projection != b->projection    ? 1
+                : a->projection == TC_PERSPECTIVE ? fabs(a->fov_y_deg - b->fov_y_deg) / 60
+                                                  : 0;
   return acos(fmin(fmax(dot, -1), 1)) + fabs(log(ha / hb)) + sqrt(shift) / fmin(ha, hb) + lens;
 }
 
@@ -153,7 +156,8 @@ static double curve(const tc_quality_curve *v, double spacing) {
 }
 
 /* Of the views that count for this camera, the worst. */
-static double expected(const tc_quality_model *m, const tc_camera *camera, bool near, tc_quality_method method, double spacing) {
+static double expected(const tc_quality_model *m, const tc_camera *camera, bool near, tc_quality_method method,
+                       double spacing) {
   double worst = 0;
   for (int i = 0; i < m->n; i++)
     if (!near || tc_quality_distance(&m->views[i].camera, camera) < NEAR)
@@ -161,7 +165,8 @@ static double expected(const tc_quality_model *m, const tc_camera *camera, bool 
   return worst * (near ? NEAR_MARGIN : FAR_MARGIN);
 }
 
-double tc_quality_expects(const tc_quality_model *m, const tc_scene *scene, tc_classification classification, double step) {
+double tc_quality_expects(const tc_quality_model *m, const tc_scene *scene, tc_classification classification,
+                          double step) {
   tc_quality_method method =
       has_methods(scene) && classification == TC_PREINTEGRATED2 ? TC_QUALITY_SECOND : TC_QUALITY_FIRST;
   if (m->n == 0) return INFINITY;
@@ -196,9 +201,10 @@ static void explain(const tc_quality_model *m, const tc_scene *scene, const opti
   bool named = has_methods(scene), second = named && choice->classification == TC_PREINTEGRATED2;
   const char *method = !named ? "" : second ? "preintegrated2, " : "preintegrated, ";
   int n = snprintf(choice->reason, sizeof choice->reason,
-                   choice->holds ? "%sstep %.3g: an rms error up to %.2g is expected, %s of %d measured views; the next "
-                                   "coarser is over %.2g"
-                                 : "%sstep %.3g: the least error to be had is %.2g, %s of %d measured views; no step holds %.2g",
+                   choice->holds
+                       ? "%sstep %.3g: an rms error up to %.2g is expected, %s of %d measured views; the next "
+                         "coarser is over %.2g"
+                       : "%sstep %.3g: the least error to be had is %.2g, %s of %d measured views; no step holds %.2g",
                    method, choice->step, choice->rms, choice->near ? "by those near" : "by the worst", m->n,
                    scene->quality.max_error);
   if (choice->holds && isfinite(other->rms) && other->holds)
@@ -261,7 +267,8 @@ static bool integrate(bench *b, GError **error) {
   if (!reference) return false;
   bool good = true;
   for (int y = 0; y < b->height && good; y++) {
-    for (int x = 0; x < b->width; x++) tc_meter_truth(reference, &b->scene, x, y, b->share, b->wanted + 4 * (y * b->width + x));
+    for (int x = 0; x < b->width; x++)
+      tc_meter_truth(reference, &b->scene, x, y, b->share, b->wanted + 4 * (y * b->width + x));
     good = !cancelled(b, error);
   }
   tc_reference_free(reference);
@@ -303,7 +310,8 @@ static bool try_rung(bench *b, int rung, trials *t, GError **error) {
   return true;
 }
 
-/* From rung to rung by second order until the error is about the goal. Returns the rung; MOST_RUNG + 1 after a failure. */
+/* From rung to rung by second order until the error is about the goal. Returns the rung; MOST_RUNG + 1 after a
+ * failure. */
 static int locate(bench *b, double goal, int rung, trials *t, GError **error) {
   for (int i = 0; i < LOCATING; i++) {
     if (!try_rung(b, rung, t, error)) return MOST_RUNG + 1;
@@ -351,7 +359,8 @@ static bool close_in(bench *b, double goal, int rung, tc_quality_curve *found, G
   return true;
 }
 
-static bool find_curves(bench *b, const tc_scene *scene, const tc_quality_model *model, tc_quality_view *view, GError **error) {
+static bool find_curves(bench *b, const tc_scene *scene, const tc_quality_model *model, tc_quality_view *view,
+                        GError **error) {
   double goal = scene->quality.max_error / NEAR_MARGIN;
   tc_quality_model own = {.n = 1};
   tc_quality_choice start = {.step = 1 / tc_quality_stretch(scene)};
@@ -367,8 +376,8 @@ static bool find_curves(bench *b, const tc_scene *scene, const tc_quality_model 
   return close_in(b, goal, clamp_rung(rung_below(first.spacing * SECOND_COST)), &view->of[TC_QUALITY_SECOND], error);
 }
 
-/* A picture as the scene's, of as many pixels as its rays allow. Rays of a pixel keep as close as in a frame: what their errors
- * have in common does not average out. */
+/* A picture as the scene's, of as many pixels as its rays allow. Rays of a pixel keep as close as in a frame: what
+ * their errors have in common does not average out. */
 static void size_bench(bench *b, const tc_scene *scene) {
   double pixels = fmax(RAYS / scene->sampling.rays_per_pixel, LEAST_PIXELS);
   double aspect = fmin(fmax((double)scene->image.width / scene->image.height, 1 / pixels), pixels);

@@ -1,20 +1,22 @@
 /* Quality control: the cheapest sampling whose error stays under a bound.
  *
  * The error of a frame (root mean square over pixels and channels, colour 0..1, see meter.h) falls with the step by a
- * power that depends on the look: 3 or 2 where all is smooth, less at jumps, 0 where a table or single precision is the limit.
- * No formula knows which, so it is measured: a picture of some hundred rays of this scene is rendered at a few
+ * power that depends on the look: 3 or 2 where all is smooth, less at jumps, 0 where a table or single precision is the
+ * limit. No formula knows which, so it is measured: a picture of some hundred rays of this scene is rendered at a few
  * steps around the one that just holds the bound and compared with the reference; a power of the step is fitted to what
- * is found. A camera near a measured one shares its curve, one far from all takes the worst of them and a margin. Steps are
- * rungs of 2^(1/8), so that neighbouring cameras share their tables.
+ * is found. A camera near a measured one shares its curve, one far from all takes the worst of them and a margin. Steps
+ * are rungs of 2^(1/8), so that neighbouring cameras share their tables.
  *
- * What is chosen: the step; the termination, whose error is kept far under the bound; and, where the scene's classification is
- * preintegrated or preintegrated2, the one of these two that needs fewer field samples, weighed by their time. The other
- * classifications were asked for by name and stay. So do the scene's rays per pixel, which smooth edges and are no means
- * against the error of sampling: with R of them `spacing` below, that of one ray's samples, is R steps (raycast/subpixel.h).
- * The table's size follows from the knots (classify/classify.h) and is part of what is measured.
+ * What is chosen: the step; the termination, whose error is kept far under the bound; and, where the scene's
+ * classification is preintegrated or preintegrated2, the one of these two that needs fewer field samples, weighed by
+ * their time. The other classifications were asked for by name and stay. So do the scene's rays per pixel, which smooth
+ * edges and are no means against the error of sampling: with R of them `spacing` below, that of one ray's samples, is R
+ * steps (raycast/subpixel.h). The table's size follows from the knots (classify/classify.h) and is part of what is
+ * measured.
  *
- * A model belongs to one look (everything of a scene but the camera, sampling.step/termination and, with one ray a pixel, the
- * image's size: how far apart a pixel's rays are counts) and one bound. Plain data: zero-initialise; any thread, one at a time. */
+ * A model belongs to one look (everything of a scene but the camera, sampling.step/termination and, with one ray a
+ * pixel, the image's size: how far apart a pixel's rays are counts) and one bound. Plain data: zero-initialise; any
+ * thread, one at a time. */
 #ifndef TC_QUALITY_QUALITY_H
 #define TC_QUALITY_QUALITY_H
 
@@ -25,8 +27,8 @@
 
 #define TC_QUALITY_VIEWS 24
 
-/* error(spacing) = rms * (spacing / .spacing)^order between finest and coarsest, voxels; measured errors lie off it by a factor
- * of about exp(spread), which is added to what is expected. rms 0: not measured. */
+/* error(spacing) = rms * (spacing / .spacing)^order between finest and coarsest, voxels; measured errors lie off it by
+ * a factor of about exp(spread), which is added to what is expected. rms 0: not measured. */
 typedef struct tc_quality_curve {
   double spacing, rms, order, spread, finest, coarsest;
 } tc_quality_curve;
@@ -61,20 +63,22 @@ typedef struct tc_quality_choice {
 /* Why a scene has no error model, one phrase in `size` bytes; false: it can have one. Pure. */
 bool tc_quality_refuses(const tc_scene *scene, char *reason, size_t size);
 
-/* The error that the model expects of a sampling of the scene as its camera sees it; INFINITY where it cannot say. Pure. */
-double tc_quality_expects(const tc_quality_model *model, const tc_scene *scene, tc_classification classification, double step);
+/* The error that the model expects of a sampling of the scene as its camera sees it; INFINITY where it cannot say.
+ * Pure. */
+double tc_quality_expects(const tc_quality_model *model, const tc_scene *scene, tc_classification classification,
+                          double step);
 /* The choice for scene->camera under scene->quality.max_error. Pure. */
 void tc_quality_choose(const tc_quality_model *model, const tc_scene *scene, tc_quality_choice *choice);
 /* Puts it into the scene, and clears what asked for it. */
 void tc_quality_apply(const tc_quality_choice *choice, tc_scene *scene);
 
-/* The camera whose measurement would help most: the scene's own, then those around its target. False: enough is known. */
+/* The camera whose measurement would help most: the scene's own, then those around its target. False: enough is
+ * known. */
 bool tc_quality_wants(const tc_quality_model *model, const tc_scene *scene, tc_camera *camera);
 
 /* Measures one view of the scene as seen by `camera`, rendering with `renderer` (not the one that serves frames: this
- * takes tens to hundreds of milliseconds, on one thread). labels: as in tc_meter_measure(). `model` says where to begin.
- * TC_ERROR_CANCELLED when *cancel
- * (may be NULL) is set. */
+ * takes tens to hundreds of milliseconds, on one thread). labels: as in tc_meter_measure(). `model` says where to
+ * begin. TC_ERROR_CANCELLED when *cancel (may be NULL) is set. */
 bool tc_quality_measure(tc_renderer *renderer, tc_volume *volume, tc_volume *labels, const tc_scene *scene,
                         const tc_camera *camera, const tc_quality_model *model, const atomic_bool *cancel,
                         tc_quality_view *view, GError **error);

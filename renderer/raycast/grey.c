@@ -23,8 +23,8 @@ tc_grey tc_grey_make(const tc_volume *volume, const tc_scene *scene) {
     gain = copysign(LARGEST / fmax(1, fabs(middle)), gain);
     offset = isfinite(middle) ? 0.5 - gain * middle : copysign(LARGEST, signbit(gain) ? middle : -middle);
   }
-  /* w at grey 0 and at grey 1; a finished ray is to be 0 or 1 in the single precision of gain * w + offset too. The start is not
-   * moved: in many volumes it is the value of what is empty, and blocks of that are to be below it. */
+  /* w at grey 0 and at grey 1; a finished ray is to be 0 or 1 in the single precision of gain * w + offset too. The
+   * start is not moved: in many volumes it is the value of what is empty, and blocks of that are to be below it. */
   double black = -offset / gain, white = (1 - offset) / gain;
   double ease = 1e-6 * (fabs(black) + fabs(white));
   double most = turn > 0 ? s->voxel_max : -s->voxel_min;

@@ -1,10 +1,10 @@
-/* From the field to grey for the projections (mip, minip, average): the scene's window, folded with the volume's rescale into one
- * line, the same numbers for every back end.
+/* From the field to grey for the projections (mip, minip, average): the scene's window, folded with the volume's
+ * rescale into one line, the same numbers for every back end.
  *
- * Voxels are turned so that mip and minip are both a maximum: w = turn * voxel, with turn = -1 for minip, and the other way round
- * in a volume of negative slope. grey = clamp(gain * w + offset, 0, 1).
- * No w below `floor` or above `stop` makes another grey than these ends do: a maximum starts at floor, and a ray that has
- * reached stop (which is at most the largest w of the volume) is finished. */
+ * Voxels are turned so that mip and minip are both a maximum: w = turn * voxel, with turn = -1 for minip, and the other
+ * way round in a volume of negative slope. grey = clamp(gain * w + offset, 0, 1). No w below `floor` or above `stop`
+ * makes another grey than these ends do: a maximum starts at floor, and a ray that has reached stop (which is at most
+ * the largest w of the volume) is finished. */
 #ifndef TC_RAYCAST_GREY_H
 #define TC_RAYCAST_GREY_H
 

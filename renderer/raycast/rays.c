@@ -61,8 +61,9 @@ double tc_rays_step_mm(const tc_volume *volume, const tc_scene *scene) {
   return scene->sampling.step * share * fmin(spacing[0], fmin(spacing[1], spacing[2]));
 }
 
-/* On the anchor plane, `depth` from the eye, two rays of a pixel are at most d apart; s mm from there, p(s) = anchor + s * dir differs
- * by at most d * (1 + |s| / |view|), and |s| / |view| is the relative difference of the point's depth from the anchor plane's. */
+/* On the anchor plane, `depth` from the eye, two rays of a pixel are at most d apart; s mm from there, p(s) = anchor +
+ * s * dir differs by at most d * (1 + |s| / |view|), and |s| / |view| is the relative difference of the point's depth
+ * from the anchor plane's. */
 static double footprint(const tc_rays *rays, const tc_volume *volume, const tc_camera *camera, const double forward[3],
                         double depth, double pixel_mm) {
   double apart = 0, spread = 0, fastest = 0;

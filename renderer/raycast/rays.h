@@ -1,15 +1,15 @@
 /* From a camera to rays through a volume, the same for every back end.
  *
- * A ray is written around an anchor near the volume instead of around the eye, so that single precision
- * holds for a camera far away: p(s) = anchor(i,j) + s * dir(i,j), s in mm from the anchor.
+ * A ray is written around an anchor near the volume instead of around the eye, so that single precision holds for a
+ * camera far away: p(s) = anchor(i,j) + s * dir(i,j), s in mm from the anchor.
  *   anchor(i,j) = anchor0 + (i+0.5) * anchor_du + (j+0.5) * anchor_dv         index (voxel) coordinates
  *   view(i,j)   = view0   + (i+0.5) * view_du   + (j+0.5) * view_dv           LPS mm, eye -> anchor (perspective)
  *   dir(i,j)    = to_index * view / |view|                                    voxels per mm
- * Pixel (0,0) is top left (NUMERICS section 0). The eye is at s = -|view| (perspective) or s = -eye_mm
- * (orthographic, where view is constant and of unit length): nothing in front of it is seen, and nothing beyond s = far_mm.
- * Clip planes cut the ray's stay further; its first sample then lies exactly on the plane, so a cut face has no halo.
- * The field is sampled at t0 + i * step_mm from the ray's entry t0 into the index box; a ray whose phase (subpixel.h) is under 1
- * has its sample i earlier by (1 - phase) * step_mm, but none before the entry. */
+ * Pixel (0,0) is top left (NUMERICS section 0). The eye is at s = -|view| (perspective) or s = -eye_mm (orthographic,
+ * where view is constant and of unit length): nothing in front of it is seen, and nothing beyond s = far_mm. Clip
+ * planes cut the ray's stay further; its first sample then lies exactly on the plane, so a cut face has no halo. The
+ * field is sampled at t0 + i * step_mm from the ray's entry t0 into the index box; a ray whose phase (subpixel.h) is
+ * under 1 has its sample i earlier by (1 - phase) * step_mm, but none before the entry. */
 #ifndef TC_RAYCAST_RAYS_H
 #define TC_RAYCAST_RAYS_H
 
@@ -38,11 +38,12 @@ typedef struct tc_rays {
 
 #define TC_RAYS_FAR_MM 1e30
 
-/* Length of a full segment of a ray: where rays composite, those of one pixel share the samples between them. Projections
- * would miss extremes between fewer samples: there every ray takes all. */
+/* Length of a full segment of a ray: where rays composite, those of one pixel share the samples between them.
+ * Projections would miss extremes between fewer samples: there every ray takes all. */
 double tc_rays_step_mm(const tc_volume *volume, const tc_scene *scene);
 
-/* The camera, or the plane of mode mpr, was validated (tc_plan_make). width, height: pixels of the picture to make. Pure. */
+/* The camera, or the plane of mode mpr, was validated (tc_plan_make). width, height: pixels of the picture to make.
+ * Pure. */
 void tc_rays_set_up(tc_rays *rays, const tc_volume *volume, const tc_scene *scene, int width, int height);
 
 /* The scene's clip box and planes; part of setting up. */

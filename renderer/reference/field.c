@@ -1,5 +1,5 @@
-/* The field along a ray: in each cell an exact polynomial, of degree 3 where it is trilinear and 9 where it is a tricubic
- * B-spline; constant where it is the nearest voxel. */
+/* The field along a ray: in each cell an exact polynomial, of degree 3 where it is trilinear and 9 where it is a
+ * tricubic B-spline; constant where it is the nearest voxel. */
 #include <math.h>
 #include <stdint.h>
 #include <string.h>

@@ -33,7 +33,8 @@ void tc_ref_clip_set_up(tc_ref_clip *clip, const tc_scene *scene);
 
 bool tc_ref_camera_set_up(tc_ref_camera *camera, const tc_camera *from, int width, int height);
 /* False when the ray misses what is drawn of the field's box. */
-bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const tc_volume_desc *desc, double px, double py, tc_ref_ray *ray);
+bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const tc_volume_desc *desc, double px,
+                     double py, tc_ref_ray *ray);
 
 /* field.c: the field along a ray, stretch by stretch: each lies in one cell, and for nearest next to one voxel. */
 typedef struct tc_ref_field {
@@ -52,7 +53,8 @@ typedef struct tc_ref_walk {
   double plane[3]; /* next plane of each axis: integers, and halves between them for nearest */
 } tc_ref_walk;
 
-/* One cell's stretch of the labels' grid: tint r, g, b, its opacity and visibility at the corners, as in tc_ref_cell. */
+/* One cell's stretch of the labels' grid: tint r, g, b, its opacity and visibility at the corners, as in
+ * tc_ref_cell. */
 typedef struct tc_ref_label_cell {
   double corner[8][5];
   double start[3], delta[3];
@@ -193,14 +195,15 @@ void tc_ref_shading_set_up(tc_ref_shading *shading, const tc_volume *volume, con
 /* Replaces the transfer function's colour by the shaded one at u of the cell. */
 void tc_ref_shade(const tc_ref_shading *shading, const tc_ref_cell *cell, double u, double rgb[3]);
 
-/* The same with a surface's gradient over index coordinates: shaded in full however faint. *normal: unit, LPS, on the eye's side; 0
- * where the field is flat. */
+/* The same with a surface's gradient over index coordinates: shaded in full however faint. *normal: unit, LPS, on the
+ * eye's side; 0 where the field is flat. */
 void tc_ref_shade_surface(const tc_ref_shading *shading, const double gradient[3], double normal[3], double rgb[3]);
 
-/* surface.c: where the field along the ray is first on the other side of the value than at its entry (inside: >= value). False
- * when it never is. */
+/* surface.c: where the field along the ray is first on the other side of the value than at its entry (inside: >=
+ * value). False when it never is. */
 bool tc_ref_surface_hit(const tc_ref_field *field, const tc_ref_ray *ray, double value, double *t);
-/* Over index coordinates. TC_GRADIENT_CELL: from the corners of the cube of two voxels around the place, held within the volume. */
+/* Over index coordinates. TC_GRADIENT_CELL: from the corners of the cube of two voxels around the place, held within
+ * the volume. */
 void tc_ref_surface_gradient(const tc_ref_field *field, tc_gradient kind, const double at[3], double gradient[3]);
 
 /* quadrature.c: adds one piece behind what was met so far. */
@@ -210,7 +213,7 @@ typedef struct tc_ref_light {
 } tc_ref_light;
 
 /* shading: NULL for none. */
-void tc_ref_integrate(const tc_ref_piece *piece, const tc_ref_span *span, const tc_ref_shading *shading, double tolerance,
-                      tc_ref_light *light);
+void tc_ref_integrate(const tc_ref_piece *piece, const tc_ref_span *span, const tc_ref_shading *shading,
+                      double tolerance, tc_ref_light *light);
 
 #endif

@@ -54,7 +54,8 @@ static void look_up(const tc_ref_labels *l, double label, double out[5]) {
 }
 
 /* The end, in u, of the stretch of `whole` from u = from in one cell of the labels' grid; *cell is that cell. */
-static double find_cell(const tc_ref_labels *l, const tc_ref_ray *ray, const tc_ref_cell *whole, double from, tc_ref_label_cell *cell) {
+static double find_cell(const tc_ref_labels *l, const tc_ref_ray *ray, const tc_ref_cell *whole, double from,
+                        tc_ref_label_cell *cell) {
   double at[3], rate[3], to = 1;
   int low[3], step[3];
   for (int k = 0; k < 3; k++) {

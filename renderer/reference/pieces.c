@@ -36,8 +36,8 @@ static double solve(const double *d, int degree, double lo, double hi, double wa
   return x;
 }
 
-/* Where c[0] + c[1] u + ... changes its sign inside (0, 1), ascending. Between two sign changes of its derivative a polynomial is
- * monotone: degree by degree. */
+/* Where c[0] + c[1] u + ... changes its sign inside (0, 1), ascending. Between two sign changes of its derivative a
+ * polynomial is monotone: degree by degree. */
 static int sign_changes(const double *c, int degree, double *roots) {
   while (degree > 0 && c[degree] == 0) degree--;
   if (degree == 0) return 0;

@@ -156,8 +156,8 @@ static double polynomial_depth(const tc_ref_piece *p, const tc_ref_span *span) {
   return tc_ref_span_extinction(span, fmin(fmax(f, 0), 1)) * x * p->mm;
 }
 
-void tc_ref_integrate(const tc_ref_piece *piece, const tc_ref_span *span, const tc_ref_shading *shading, double tolerance,
-                      tc_ref_light *light) {
+void tc_ref_integrate(const tc_ref_piece *piece, const tc_ref_span *span, const tc_ref_shading *shading,
+                      double tolerance, tc_ref_light *light) {
   if (span->no_extinction || !(piece->width > 0) || light->transparency < NOTHING_LEFT) return;
   pthread_once(&made, make_rule);
   job j = {.piece = piece, .span = span, .shading = shading, .tolerance = tolerance, .light = light};

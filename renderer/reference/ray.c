@@ -124,7 +124,8 @@ static bool clip_to_half_spaces(tc_ref_ray *ray, const tc_ref_clip *clip) {
   return ray->enter < ray->leave;
 }
 
-bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const tc_volume_desc *desc, double px, double py, tc_ref_ray *ray) {
+bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const tc_volume_desc *desc, double px,
+                     double py, tc_ref_ray *ray) {
   long double eye[3], direction[3], axis[3][3], inverse[3][3], to_center[3], point[3];
   eye_ray(camera, px, py, eye, direction);
   axes(desc, axis, inverse);

@@ -72,13 +72,15 @@ tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int wid
   return tc_reference_new_labelled(volume, NULL, scene, width, height, tolerance, error);
 }
 
-tc_reference *tc_reference_new_labelled(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int width, int height,
-                                        double tolerance, GError **error) {
+tc_reference *tc_reference_new_labelled(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int width,
+                                        int height, double tolerance, GError **error) {
   const char *member = tc_reference_missing(scene);
   if (member && !(labels && !strcmp(member, "/labels/volume"))) {
-    tc_set_error(error, TC_ERROR_UNSUPPORTED, member,
-                 "reference: %s: only dvr, mip, minip and average of any field and isosurfaces of the linear one, plain, are "
-                 "integrated", member);
+    tc_set_error(
+        error, TC_ERROR_UNSUPPORTED, member,
+        "reference: %s: only dvr, mip, minip and average of any field and isosurfaces of the linear one, plain, are "
+        "integrated",
+        member);
     return NULL;
   }
   if (width < 1 || height < 1 || !(tolerance == 0 || (tolerance >= 1e-14 && tolerance <= 0.1))) {
@@ -88,7 +90,8 @@ tc_reference *tc_reference_new_labelled(tc_volume *volume, tc_volume *labels, co
   }
   tc_reference *r = g_new0(tc_reference, 1);
   r->volume = tc_volume_ref(volume);
-  r->field = (tc_ref_field){.filter = scene->filter, .desc = tc_volume_describe(volume), .voxels = tc_volume_data(volume)};
+  r->field =
+      (tc_ref_field){.filter = scene->filter, .desc = tc_volume_describe(volume), .voxels = tc_volume_data(volume)};
   if (labels && scene->labels.volume[0] && scene->mode == TC_MODE_DVR) {
     r->label_volume = tc_volume_ref(labels);
     tc_scene_copy(&r->scene, scene);
@@ -145,7 +148,8 @@ static bool next_cell(const tc_reference *r, tc_ref_walk *walk, tc_ref_label_wal
   return r->labels.desc ? tc_ref_labels_next(&r->labels, walk, labels, cell) : tc_ref_walk_next(walk, cell);
 }
 
-static void integrate_cell(const tc_reference *r, const tc_ref_cell *cell, const tc_ref_shading *shading, tc_ref_light *light) {
+static void integrate_cell(const tc_reference *r, const tc_ref_cell *cell, const tc_ref_shading *shading,
+                           tc_ref_light *light) {
   tc_ref_cutter cutter;
   tc_ref_piece piece;
   tc_ref_span span;

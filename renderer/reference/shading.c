@@ -1,6 +1,7 @@
 /* Shading at a point of the exact field: colour becomes what light and the field's gradient there make of it.
  *
- * The same model as raycast/shade.h describes, written from the textbook forms and evaluated wherever the integrator asks. */
+ * The same model as raycast/shade.h describes, written from the textbook forms and evaluated wherever the integrator
+ * asks. */
 #include <math.h>
 
 #include "renderer/reference/internal.h"
@@ -26,7 +27,8 @@ void tc_ref_shading_set_up(tc_ref_shading *shading, const tc_volume *volume, con
     for (int r = 0; r < 3; r++) shading->dual[k][r] /= volume_mm3;
   }
   shading->model = scene->shading.model;
-  shading->gradient = scene->filter == TC_FILTER_CUBIC ? TC_GRADIENT_CUBIC : scene->shading.gradient; /* the field's own */
+  /* the field's own */
+  shading->gradient = scene->filter == TC_FILTER_CUBIC ? TC_GRADIENT_CUBIC : scene->shading.gradient;
   shading->per_range = stats->max > stats->min ? least / (stats->max - stats->min) : 0;
   shading->ambient = scene->shading.ambient;
   shading->diffuse = scene->shading.diffuse;

@@ -1,12 +1,12 @@
-/* Skipping for the projections: how large the field may be around each block, so that a ray leaves out what cannot raise its
- * maximum.
+/* Skipping for the projections: how large the field may be around each block, so that a ray leaves out what cannot
+ * raise its maximum.
  *
- * A bound is a level of one byte: 0 at grey's floor or below, 254 at its stop, linear between, rounded up; 255 above. Blocks are
- * those of tc_minmax; the level of a block is over it and its 26 neighbours, so that it holds for every place within a block's
- * width of any place in it: one look in the middle serves a whole interval of samples, and no look waits for another. A
- * sample is at most floor + level / scale, rounding of the interpolation included (a block all of one value is interpolated
- * exactly), so that what is skipped changes no bit. For minip the voxels are turned (raycast/grey.h) and bounds come from
- * the blocks' minima. */
+ * A bound is a level of one byte: 0 at grey's floor or below, 254 at its stop, linear between, rounded up; 255 above.
+ * Blocks are those of tc_minmax; the level of a block is over it and its 26 neighbours, so that it holds for every
+ * place within a block's width of any place in it: one look in the middle serves a whole interval of samples, and no
+ * look waits for another. A sample is at most floor + level / scale, rounding of the interpolation included (a block
+ * all of one value is interpolated exactly), so that what is skipped changes no bit. For minip the voxels are turned
+ * (raycast/grey.h) and bounds come from the blocks' minima. */
 #ifndef TC_BOUNDS_H
 #define TC_BOUNDS_H
 

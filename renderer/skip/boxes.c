@@ -43,8 +43,9 @@ static void emit(found *f, const int at[3], int size, uint32_t fine) {
 
 static int least(int a, int b) { return a < b ? a : b; }
 
-/* rows[z][y]: the sets of the voxels of `cells` cells along x and of `reach` more on both sides, from at[0] - reach on, a byte
- * each; bytes beyond, and before the first voxel, have all bits, and so have the outer rows and layers that no voxel is in. */
+/* rows[z][y]: the sets of the voxels of `cells` cells along x and of `reach` more on both sides, from at[0] - reach on,
+ * a byte each; bytes beyond, and before the first voxel, have all bits, and so have the outer rows and layers that no
+ * voxel is in. */
 INLINE void read_rows(const boxes_job *job, const int at[3], const int cells[3], int reach, uint64_t rows[ROWS][ROWS]) {
   int from[3], to[3]; /* in rows */
   for (int k = 0; k < 3; k++) {
@@ -173,7 +174,10 @@ tc_boxes *tc_boxes_build(const tc_volume *volume, const tc_minmax *minmax, const
   size_t blocks = (size_t)minmax->blocks[0] * (size_t)minmax->blocks[1] * (size_t)minmax->blocks[2];
   tc_runs runs;
   if (!tc_runs_init(&runs, support, d->type, error)) return NULL;
-  boxes_job job = {.voxels = tc_volume_data(volume), .minmax = minmax, .runs = &runs, .full = calloc(blocks, sizeof *job.full),
+  boxes_job job = {.voxels = tc_volume_data(volume),
+                   .minmax = minmax,
+                   .runs = &runs,
+                   .full = calloc(blocks, sizeof *job.full),
                    .workers = calloc((size_t)workers, sizeof *job.workers)};
   for (int k = 0; k < 3; k++) {
     job.dims[k] = d->dims[k];

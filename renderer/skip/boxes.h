@@ -1,9 +1,10 @@
-/* What shows something, as a list of boxes: the form in which empty space is left out by projecting what is not empty (skip/cover.h)
- * instead of asking on every ray (skip/skip.h). Depends on the volume and on what shows, not on the camera.
+/* What shows something, as a list of boxes: the form in which empty space is left out by projecting what is not empty
+ * (skip/cover.h) instead of asking on every ray (skip/skip.h). Depends on the volume and on what shows, not on the
+ * camera.
  *
- * The blocks that are not empty are cut into boxes two cells wide, each tested by its own voxels: a vessel two voxels thick then
- * has around it a third of the space that whole blocks have. Where nothing is empty boxes are as large as can be. Every cell
- * outside all boxes is empty in the sense of skip/skip.h. */
+ * The blocks that are not empty are cut into boxes two cells wide, each tested by its own voxels: a vessel two voxels
+ * thick then has around it a third of the space that whole blocks have. Where nothing is empty boxes are as large as
+ * can be. Every cell outside all boxes is empty in the sense of skip/skip.h. */
 #ifndef TC_SKIP_BOXES_H
 #define TC_SKIP_BOXES_H
 
@@ -13,8 +14,9 @@
 #define TC_BOX_FINE 2  /* cells a fine box is wide */
 #define TC_BOX_FINES 3 /* fine boxes along a cut one */
 
-/* Cells [at, at + size) along each axis; or of them the fine boxes whose bits are set: bit (z * 3 + y) * 3 + x for the one that begins
- * 2x, 2y, 2z cells further. One record instead of up to 27 keeps the list under two hundredths of the voxels. */
+/* Cells [at, at + size) along each axis; or of them the fine boxes whose bits are set: bit (z * 3 + y) * 3 + x for the
+ * one that begins 2x, 2y, 2z cells further. One record instead of up to 27 keeps the list under two hundredths of the
+ * voxels. */
 typedef struct tc_box {
   uint16_t at[3], size;
   uint32_t fine; /* 0: the whole box */
@@ -31,8 +33,8 @@ typedef struct tc_boxes {
   double build_ms;
 } tc_boxes;
 
-/* Built on the pool, of the volume that is sampled, and `minmax` of the same: the filter reaches as far as it says. NULL with
- * TC_ERROR_MEMORY. */
+/* Built on the pool, of the volume that is sampled, and `minmax` of the same: the filter reaches as far as it says.
+ * NULL with TC_ERROR_MEMORY. */
 tc_boxes *tc_boxes_build(const tc_volume *volume, const tc_minmax *minmax, const tc_support *support, tc_pool *pool,
                          GError **error);
 void tc_boxes_free(tc_boxes *boxes); /* NULL is fine */

@@ -15,8 +15,8 @@
 #define LONGEST 16
 #define NEAR_EYE 0.02f        /* of a box's far side: nearer ones cover all of the picture */
 
-/* From index positions, relative to the anchor of the picture's corner, to (w, x * w, y * w): x, y in pixels and w = 1 on the
- * anchor's plane, 0 at the eye. Orthographic: (1 + depth in mm, x, y). */
+/* From index positions, relative to the anchor of the picture's corner, to (w, x * w, y * w): x, y in pixels and w = 1
+ * on the anchor's plane, 0 at the eye. Orthographic: (1 + depth in mm, x, y). */
 typedef struct projection {
   double origin[3]; /* index */
   double flat[3];   /* how far before its voxel an axis of one voxel begins; 0 along others */
@@ -56,8 +56,8 @@ static bool invert(const double m[9], double out[9]) {
   return isfinite(1 / det);
 }
 
-/* A position is anchor0 + (w-1) * eye + w * (x * du + y * dv), all in index coordinates, with eye = to_index * view0; orthographic
- * without the w, and with the view's direction for the eye. */
+/* A position is anchor0 + (w-1) * eye + w * (x * du + y * dv), all in index coordinates, with eye = to_index * view0;
+ * orthographic without the w, and with the view's direction for the eye. */
 static bool project(projection *p, const tc_rays *r, const int dims[3]) {
   double basis[9], rows[9], most = 0;
   for (int k = 0; k < 3; k++) {
@@ -95,8 +95,8 @@ static bool project(projection *p, const tc_rays *r, const int dims[3]) {
   return true;
 }
 
-/* Middles of boxes, relative to the anchor of the picture's corner, their widths, and how much longer they are along x: index
- * units. */
+/* Middles of boxes, relative to the anchor of the picture's corner, their widths, and how much longer they are along x:
+ * index units. */
 typedef struct chunk {
   float at[3][CHUNK], size[CHUNK], more[CHUNK];
   int count;
@@ -114,7 +114,9 @@ static void add_box(const float low[3], float x, float y, float z, float size, f
 
 /* Neighbours in a row of fine boxes go as one: many fewer to project, and hardly more is covered. */
 static void add_record(const projection *p, const tc_box *b, chunk *c) {
-  static const struct { uint8_t first, more; } runs[8] = {[2] = {1, 0}, [3] = {0, 1}, [4] = {2, 0}, [6] = {1, 1}, [7] = {0, 2}};
+  static const struct {
+    uint8_t first, more;
+  } runs[8] = {[2] = {1, 0}, [3] = {0, 1}, [4] = {2, 0}, [6] = {1, 1}, [7] = {0, 2}};
   const float fine = TC_BOX_FINE;
   float low[3];
   for (int k = 0; k < 3; k++) low[k] = (float)(b->at[k] - p->flat[k] - p->origin[k]);
@@ -238,11 +240,12 @@ static void choose_slots(tc_cover *c, const projection *p, const tc_rays *r, con
   c->view_depth = p->depth_mm;
 }
 
-bool tc_cover_fill(tc_cover *c, const tc_boxes *boxes, const tc_volume *volume, const tc_rays *rays, int width, int height,
-                   tc_pool *pool, GError **error) {
+bool tc_cover_fill(tc_cover *c, const tc_boxes *boxes, const tc_volume *volume, const tc_rays *rays, int width,
+                   int height, tc_pool *pool, GError **error) {
   cover_job job = {.cover = c, .boxes = boxes};
   if (!project(&job.p, rays, tc_volume_describe(volume)->dims)) {
-    tc_set_error(error, TC_ERROR_INVALID, "/camera", "camera: its rays cannot be told apart; move it nearer or widen its view");
+    tc_set_error(error, TC_ERROR_INVALID, "/camera",
+                 "camera: its rays cannot be told apart; move it nearer or widen its view");
     return false;
   }
   choose_slots(c, &job.p, rays, volume);

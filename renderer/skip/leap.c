@@ -54,9 +54,10 @@ static void mark_layer(void *context, int z, int worker) {
   job->changed[z] = changed;
 }
 
-/* One half of the chessboard distance by two sweeps over half of the 26 neighbours each, which is exact for this metric:
- * layers from..to, counting on what lies before `from` in the sweep's direction. The rows next to a row are joined first and
- * then sideways, so that all but the neighbour in the row itself are vectors. joined: [blocks x + 2]. */
+/* One half of the chessboard distance by two sweeps over half of the 26 neighbours each, which is exact for this
+ * metric: layers from..to, counting on what lies before `from` in the sweep's direction. The rows next to a row are
+ * joined first and then sideways, so that all but the neighbour in the row itself are vectors. joined: [blocks x +
+ * 2]. */
 static void join_row(const uint8_t *restrict other, uint8_t *restrict near, int nx) {
   for (int x = 0; x < nx; x++) near[x] = other[x] < near[x] ? other[x] : near[x];
 }
@@ -97,9 +98,9 @@ static void sweep(uint8_t *distance, const int blocks[3], int from, int to, int 
     }
 }
 
-/* A block's distance can have changed only if a block that changed is no farther than its distance was: if it is smaller now,
- * the nearest one is new, and if it is greater, the nearest one is gone. Layers that none of their blocks can have changed in
- * are copied. False: nothing changed. */
+/* A block's distance can have changed only if a block that changed is no farther than its distance was: if it is
+ * smaller now, the nearest one is new, and if it is greater, the nearest one is gone. Layers that none of their blocks
+ * can have changed in are copied. False: nothing changed. */
 static bool find_affected(const leap_job *job, int *from, int *to) {
   int layers = job->minmax->blocks[2], first = layers, last = -1;
   *from = 0, *to = layers - 1;
@@ -137,7 +138,8 @@ static void fill_distances(const leap_job *job, tc_leap *leap, uint8_t *joined) 
   }
 }
 
-tc_leap *tc_leap_build(const tc_minmax *m, const tc_support *support, const tc_leap *before, tc_pool *pool, GError **error) {
+tc_leap *tc_leap_build(const tc_minmax *m, const tc_support *support, const tc_leap *before, tc_pool *pool,
+                       GError **error) {
   double start = tc_now_ms();
   size_t layers = (size_t)m->blocks[2], count = layer_size(m->blocks) * layers;
   tc_leap *leap = calloc(1, sizeof *leap);

@@ -1,6 +1,7 @@
-/* Which values show nothing: the runs of values between which no classification finds anything (tc_support), as sets with one bit a
- * run. Voxels are all in one run, so that nothing interpolated between them shows, when their sets have a bit in common. The
- * ninth run and further ones are taken to show something. Of a surface the runs are what is below it and what is above. */
+/* Which values show nothing: the runs of values between which no classification finds anything (tc_support), as sets
+ * with one bit a run. Voxels are all in one run, so that nothing interpolated between them shows, when their sets have
+ * a bit in common. The ninth run and further ones are taken to show something. Of a surface the runs are what is below
+ * it and what is above. */
 #ifndef TC_SKIP_RUNS_H
 #define TC_SKIP_RUNS_H
 

@@ -1,14 +1,15 @@
 /* Space leaping (paper 001): what is empty under the current transfer function, and how far a ray may go.
  *
- * The volume's cells are grouped into cubic blocks. A block's minimum and maximum are over its cells' corners, so
- * one voxel of skirt on its far sides is included: every interpolated value inside lies between them (a cubic filter reaches a
- * voxel further on every side). A block is empty when no
- * entry that a lookup between two such values can touch, in any classification's table, is other than zero; since neighbouring
- * blocks share their face's voxels, the union of connected empty blocks is one value interval, and segments between samples in
- * it are zero too. The distance map holds, per block, the Chebyshev distance in blocks to the nearest block that is not empty (0 in such
- * a block itself; the outside counts as empty): a ray in a block of distance D may pass the cube of blocks D-1 around it
+ * The volume's cells are grouped into cubic blocks. A block's minimum and maximum are over its cells' corners, so one
+ * voxel of skirt on its far sides is included: every interpolated value inside lies between them (a cubic filter
+ * reaches a voxel further on every side). A block is empty when no entry that a lookup between two such values can
+ * touch, in any classification's table, is other than zero; since neighbouring blocks share their face's voxels, the
+ * union of connected empty blocks is one value interval, and segments between samples in it are zero too. The distance
+ * map holds, per block, the Chebyshev distance in blocks to the nearest block that is not empty (0 in such a block
+ * itself; the outside counts as empty): a ray in a block of distance D may pass the cube of blocks D-1 around it
  * (Deakin and Knackstedt, Efficient ray casting of volumetric images using distance maps for empty space skipping,
- * Computational Visual Media 6, 2020). What is leapt contributes exactly zero, so leaping changes no bit of the picture. */
+ * Computational Visual Media 6, 2020). What is leapt contributes exactly zero, so leaping changes no bit of the
+ * picture. */
 #ifndef TC_SKIP_H
 #define TC_SKIP_H
 
@@ -16,8 +17,8 @@
 #include "renderer/pool.h"
 #include "renderer/volume/volume.h"
 
-/* Voxels a block is wide unless a scene says otherwise: small blocks fit better around what is there, and at 5 the structure
- * (minimum, maximum, distance) still stays under 3 % of the voxel bytes. */
+/* Voxels a block is wide unless a scene says otherwise: small blocks fit better around what is there, and at 5 the
+ * structure (minimum, maximum, distance) still stays under 3 % of the voxel bytes. */
 #define TC_SKIP_BLOCK 5
 
 /* The block width for a scene's skipping.block: 0 takes the default, others are clamped to 2..128. */
@@ -74,13 +75,14 @@ typedef struct tc_leap {
   double build_ms;
 } tc_leap;
 
-/* before: NULL, or an earlier map of the same blocks: only the layers that what changed since can reach are worked out again,
- * and the result is the same. */
+/* before: NULL, or an earlier map of the same blocks: only the layers that what changed since can reach are worked out
+ * again, and the result is the same. */
 tc_leap *tc_leap_build(const tc_minmax *minmax, const tc_support *support, const tc_leap *before, tc_pool *pool,
                        GError **error);
 void tc_leap_free(tc_leap *leap); /* NULL is fine */
 
-/* False when the transfer function is nowhere zero between two values: then nothing can be empty and no structure is built. */
+/* False when the transfer function is nowhere zero between two values: then nothing can be empty and no structure is
+ * built. */
 bool tc_skip_possible(const tc_transfer_function *tf, double value_min, double value_max);
 
 #endif

@@ -12,8 +12,8 @@ uint64_t tc_coefficients_bytes(const tc_volume *volume) {
   return (uint64_t)n[0] * (uint64_t)n[1] * (uint64_t)n[2] * sizeof(float);
 }
 
-/* Solves for `width` <= COLUMNS neighbouring columns of n samples, `stride` floats apart: a causal filter down, its mirror up.
- * What lies before the first sample is the column mirrored, over and over, each end sample twice. */
+/* Solves for `width` <= COLUMNS neighbouring columns of n samples, `stride` floats apart: a causal filter down, its
+ * mirror up. What lies before the first sample is the column mirrored, over and over, each end sample twice. */
 static void filter_columns(float *p, int n, ptrdiff_t stride, int width) {
   double sum[COLUMNS] = {0}, weight = 1, z = POLE;
   int reach = 2 * n < HORIZON ? 2 * n : HORIZON;

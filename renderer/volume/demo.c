@@ -101,7 +101,9 @@ static tc_volume *demo_head(GError **error) {
 /* From what a shape of the head is painted with to its tissue: 0 air, 1 soft tissue, 2 bone, 3 brain, 4 fluid, 5 eyes,
  * 6 teeth. */
 static float head_label(float value) {
-  static const struct { float below, label; } tissues[] = {{-500, 0}, {0, 1}, {10, 4}, {20, 5}, {44, 3}, {400, 1}, {1500, 2}};
+  static const struct {
+    float below, label;
+  } tissues[] = {{-500, 0}, {0, 1}, {10, 4}, {20, 5}, {44, 3}, {400, 1}, {1500, 2}};
   for (size_t i = 0; i < sizeof tissues / sizeof *tissues; i++)
     if (value < tissues[i].below) return tissues[i].label;
   return 6;
@@ -199,10 +201,15 @@ tc_volume *tc_volume_demo(const char *name, GError **error) {
   static const struct {
     const char *name;
     tc_volume *(*make)(GError **error);
-  } demos[] = {{"head", demo_head}, {"head-labels", demo_head_labels}, {"vessels", demo_vessels}, {"marschner-lobb", demo_marschner_lobb}, {"bucky", demo_bucky}};
+  } demos[] = {{"head", demo_head},
+               {"head-labels", demo_head_labels},
+               {"vessels", demo_vessels},
+               {"marschner-lobb", demo_marschner_lobb},
+               {"bucky", demo_bucky}};
   for (size_t i = 0; i < sizeof demos / sizeof *demos; i++)
     if (!strcmp(name, demos[i].name)) return demos[i].make(error);
-  tc_set_error(error, TC_ERROR_NOT_FOUND, NULL,
-               "demo \"%.40s\" is unknown: demo:head, demo:head-labels, demo:vessels, demo:marschner-lobb or demo:bucky", name);
+  tc_set_error(
+      error, TC_ERROR_NOT_FOUND, NULL,
+      "demo \"%.40s\" is unknown: demo:head, demo:head-labels, demo:vessels, demo:marschner-lobb or demo:bucky", name);
   return NULL;
 }

@@ -47,9 +47,11 @@ void tc_shape_paint(const tc_shape *s, const int dims[3], const double origin[3]
   bounds(s, 2, &lo, &hi);
   if (pz < lo || pz > hi) return;
   bounds(s, 0, &lo, &hi);
-  int x0 = clamp_index(floor((lo - origin[0]) / spacing), dims[0]), x1 = clamp_index(ceil((hi - origin[0]) / spacing) + 1, dims[0]);
+  int x0 = clamp_index(floor((lo - origin[0]) / spacing), dims[0]),
+      x1 = clamp_index(ceil((hi - origin[0]) / spacing) + 1, dims[0]);
   bounds(s, 1, &lo, &hi);
-  int y0 = clamp_index(floor((lo - origin[1]) / spacing), dims[1]), y1 = clamp_index(ceil((hi - origin[1]) / spacing) + 1, dims[1]);
+  int y0 = clamp_index(floor((lo - origin[1]) / spacing), dims[1]),
+      y1 = clamp_index(ceil((hi - origin[1]) / spacing) + 1, dims[1]);
   for (int y = y0; y < y1; y++) {
     float py = (float)(origin[1] + y * spacing);
     for (int x = x0; x < x1; x++) {
@@ -82,7 +84,9 @@ static void ball(list *l, float value, float x, float y, float z, float rx, floa
 }
 
 static void rod(list *l, float value, float x0, float y0, float z0, float r0, float x1, float y1, float z1, float r1) {
-  add(l, (tc_shape){.kind = TC_CAPSULE, .a = {x0, y0, z0}, .b = {x1, y1, z1}, .ra = r0, .rb = r1, .value = value, .edge = 2.2f});
+  add(l,
+      (tc_shape){
+          .kind = TC_CAPSULE, .a = {x0, y0, z0}, .b = {x1, y1, z1}, .ra = r0, .rb = r1, .value = value, .edge = 2.2f});
 }
 
 /* Both sides of the midline. */
@@ -95,7 +99,18 @@ static void rods(list *l, float value, float x0, float y0, float z0, float r0, f
   rod(l, value, -x0, y0, z0, r0, -x1, y1, z1, r1);
 }
 
-enum { SKIN = 45, FAT = -90, MUSCLE = 58, BONE = 1150, SPONGY = 480, BRAIN = 36, WHITE = 28, FLUID = 6, AIR = -1000, TOOTH = 2100 };
+enum {
+  SKIN = 45,
+  FAT = -90,
+  MUSCLE = 58,
+  BONE = 1150,
+  SPONGY = 480,
+  BRAIN = 36,
+  WHITE = 28,
+  FLUID = 6,
+  AIR = -1000,
+  TOOTH = 2100
+};
 
 static void head_soft_tissue(list *l) {
   rod(l, SKIN, 0, 30, -125, 47, 0, 26, -60, 50); /* neck */
@@ -108,7 +123,8 @@ static void head_soft_tissue(list *l) {
   rods(l, SKIN, 15, -86, -70, 5, 6, -89, -71, 6);
   for (int i = 0; i < 14; i++) { /* ears: a rim of rods */
     float u0 = -1.2f + 0.28f * (float)i, u1 = u0 + 0.28f;
-    rods(l, SKIN, 79 + 2 * sinf(u0), 14 - 14 * cosf(u0), -8 + 24 * sinf(u0), 4, 79 + 2 * sinf(u1), 14 - 14 * cosf(u1), -8 + 24 * sinf(u1), 4);
+    rods(l, SKIN, 79 + 2 * sinf(u0), 14 - 14 * cosf(u0), -8 + 24 * sinf(u0), 4, 79 + 2 * sinf(u1), 14 - 14 * cosf(u1),
+         -8 + 24 * sinf(u1), 4);
   }
   balls(l, SKIN, 77, 12, -12, 5, 11, 16);
   rods(l, MUSCLE, 60, -12, -8, 9, 54, -34, -66, 8); /* masseter and temporal muscle */
@@ -131,8 +147,8 @@ static void head_skull(list *l) {
   balls(l, BONE, 43, -60, -26, 12, 13, 10); /* cheekbones and their arches */
   for (int i = 0; i < 12; i++) {
     float u0 = (float)i / 12, u1 = (float)(i + 1) / 12;
-    rods(l, BONE, 47 + 17 * sinf(2.2f * u0), -62 + 60 * u0, -26 + 6 * u0, 5 - 1.6f * u0, 47 + 17 * sinf(2.2f * u1), -62 + 60 * u1,
-         -26 + 6 * u1, 5 - 1.6f * u1);
+    rods(l, BONE, 47 + 17 * sinf(2.2f * u0), -62 + 60 * u0, -26 + 6 * u0, 5 - 1.6f * u0, 47 + 17 * sinf(2.2f * u1),
+         -62 + 60 * u1, -26 + 6 * u1, 5 - 1.6f * u1);
   }
   rod(l, BONE, 0, -78, 4, 7, 0, -92, -10, 3); /* nose bridge */
 }
@@ -187,8 +203,14 @@ static void head_spine(list *l) {
 static void head_brain(list *l) {
   for (int side = -1; side <= 1; side += 2) {
     float s = (float)side;
-    add(l, (tc_shape){.kind = TC_ELLIPSOID, .a = {s * 28, 8, 34}, .b = {26, 70, 56}, .value = BRAIN + 6, .edge = 1.6f, .wave = 3.0f});
-    add(l, (tc_shape){.kind = TC_ELLIPSOID, .a = {s * 28, 8, 34}, .b = {20, 62, 46}, .value = WHITE, .edge = 2, .wave = 4.0f});
+    add(l, (tc_shape){.kind = TC_ELLIPSOID,
+                      .a = {s * 28, 8, 34},
+                      .b = {26, 70, 56},
+                      .value = BRAIN + 6,
+                      .edge = 1.6f,
+                      .wave = 3.0f});
+    add(l, (tc_shape){
+               .kind = TC_ELLIPSOID, .a = {s * 28, 8, 34}, .b = {20, 62, 46}, .value = WHITE, .edge = 2, .wave = 4.0f});
     rod(l, FLUID, s * 7, -22, 44, 5, s * 10, 12, 48, 6); /* ventricles */
     rod(l, FLUID, s * 10, 12, 48, 6, s * 22, 44, 34, 5);
     rod(l, FLUID, s * 22, 44, 34, 4, s * 30, 8, 18, 2.5f);
@@ -218,7 +240,8 @@ static float random_unit(uint32_t *state) {
   return (float)(*state >> 8) / 16777216.0f;
 }
 
-static void branch(list *l, const float from[3], const float direction[3], float radius, float length, int depth, uint32_t *state) {
+static void branch(list *l, const float from[3], const float direction[3], float radius, float length, int depth,
+                   uint32_t *state) {
   float p[3] = {from[0], from[1], from[2]}, d[3] = {direction[0], direction[1], direction[2]};
   int pieces = 5;
   for (int i = 0; i < pieces; i++) {
@@ -227,7 +250,8 @@ static void branch(list *l, const float from[3], const float direction[3], float
     for (int k = 0; k < 3; k++) norm += d[k] * d[k];
     norm = 1 / sqrtf(norm);
     for (int k = 0; k < 3; k++) d[k] *= norm, q[k] = p[k] + d[k] * length / (float)pieces;
-    float r0 = radius * (1 - 0.16f * (float)i / (float)pieces), r1 = radius * (1 - 0.16f * (float)(i + 1) / (float)pieces);
+    float r0 = radius * (1 - 0.16f * (float)i / (float)pieces),
+          r1 = radius * (1 - 0.16f * (float)(i + 1) / (float)pieces);
     add(l, (tc_shape){.kind = TC_CAPSULE, .a = {p[0], p[1], p[2]}, .b = {q[0], q[1], q[2]}, .ra = r0, .rb = r1,
                       .value = 150 + 90 * fminf(radius / 3, 1), .edge = 0.9f});
     for (int k = 0; k < 3; k++) p[k] = q[k];
@@ -248,7 +272,8 @@ static void branch(list *l, const float from[3], const float direction[3], float
 tc_shape *tc_shapes_vessels(int *count) {
   list l = {.shapes = malloc(MAX_SHAPES * sizeof *l.shapes)};
   uint32_t state = 20240607;
-  const float roots[4][6] = {{-14, 4, -62, 0.1f, 0, 1}, {14, 4, -62, -0.1f, 0, 1}, {-6, 26, -62, 0.2f, 0.2f, 1}, {6, 26, -62, -0.2f, 0.2f, 1}};
+  const float roots[4][6] = {
+      {-14, 4, -62, 0.1f, 0, 1}, {14, 4, -62, -0.1f, 0, 1}, {-6, 26, -62, 0.2f, 0.2f, 1}, {6, 26, -62, -0.2f, 0.2f, 1}};
   for (int i = 0; i < 4; i++) branch(&l, roots[i], roots[i] + 3, i < 2 ? 3.2f : 2.2f, i < 2 ? 34 : 30, 6, &state);
   ball(&l, 235, -20, -10, 12, 5.5f, 5, 6); /* an aneurysm to find */
   *count = l.count;

@@ -14,7 +14,8 @@ typedef struct tc_shape {
 } tc_shape;
 
 /* Paints slice z of a cubic-voxel grid: slice[y * dims[0] + x] mixes towards value by the shape's coverage. */
-void tc_shape_paint(const tc_shape *shape, const int dims[3], const double origin[3], double spacing, int z, float *slice);
+void tc_shape_paint(const tc_shape *shape, const int dims[3], const double origin[3], double spacing, int z,
+                    float *slice);
 
 /* malloc'ed lists. */
 tc_shape *tc_shapes_head(int *count);

@@ -57,8 +57,9 @@ static bool check_grid(const tc_volume_desc *d, GError **error) {
     }
     voxels *= (uint64_t)d->dims[k]; /* two factors under 2^31 fit; the third is checked before it multiplies */
     if (voxels > INT32_MAX) {
-      tc_set_error(error, TC_ERROR_LIMIT, NULL, "volume: %dx%dx%d is more than 2^31-1 voxels: crop or resample it first",
-                   d->dims[0], d->dims[1], d->dims[2]);
+      tc_set_error(error, TC_ERROR_LIMIT, NULL,
+                   "volume: %dx%dx%d is more than 2^31-1 voxels: crop or resample it first", d->dims[0], d->dims[1],
+                   d->dims[2]);
       return false;
     }
     if (!(d->spacing[k] > 0) || !isfinite(d->spacing[k])) {
@@ -72,8 +73,8 @@ static bool check_grid(const tc_volume_desc *d, GError **error) {
     }
   }
   if (!isfinite(d->slope) || d->slope == 0 || !isfinite(d->intercept)) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "volume: slope %g and intercept %g must be finite, slope not 0", d->slope,
-                 d->intercept);
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "volume: slope %g and intercept %g must be finite, slope not 0",
+                 d->slope, d->intercept);
     return false;
   }
   if ((unsigned)d->type >= TC_VOXEL_TYPE_COUNT) {
@@ -176,8 +177,8 @@ static void mend_f32(float *p, size_t n, float lo, float hi) {
     if (!isfinite(p[i])) p[i] = p[i] > 0 ? hi : lo;
 }
 
-/* Differences of voxels near the ends of float's range would overflow (or vanish): such volumes are scaled by a power of
- * two, which is exact, and the slope takes it back. */
+/* Differences of voxels near the ends of float's range would overflow (or vanish): such volumes are scaled by a power
+ * of two, which is exact, and the slope takes it back. */
 static void rescale_f32(tc_volume *v, double *lo, double *hi) {
   double largest = fmax(fabs(*lo), fabs(*hi));
   if (largest == 0 || (largest < 1e30 && largest > 1e-30)) return;

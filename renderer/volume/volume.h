@@ -78,7 +78,8 @@ bool tc_volume_value_at(const tc_volume *volume, const double index[3], double *
 /* Counts of voxels in `bins` equal bins over [stats.min, stats.max]; edges[bins + 1] in the volume's unit. */
 void tc_volume_histogram(const tc_volume *volume, int bins, uint64_t *counts, double *edges);
 
-/* A generated demo: "head" "head-labels" (its segmentation) "vessels" "marschner-lobb" "bucky" (without "demo:"). TC_ERROR_NOT_FOUND names the known ones. */
+/* A generated demo: "head" "head-labels" (its segmentation) "vessels" "marschner-lobb" "bucky" (without "demo:").
+ * TC_ERROR_NOT_FOUND names the known ones. */
 tc_volume *tc_volume_demo(const char *name, GError **error);
 
 #endif

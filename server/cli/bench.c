@@ -1,8 +1,8 @@
 /* tomocast bench: how fast a frame is made here, stage by stage, beside how far it is from the reference.
  *
- * Every row of one volume renders the same scene with one kernel variant; frames of the variants are taken in turn, so that a
- * drift of the machine's speed falls on all alike. The error is over a random sample of the picture's rays, integrated
- * by the reference once per volume. */
+ * Every row of one volume renders the same scene with one kernel variant; frames of the variants are taken in turn, so
+ * that a drift of the machine's speed falls on all alike. The error is over a random sample of the picture's rays,
+ * integrated by the reference once per volume. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -93,7 +93,8 @@ static bool render(bench *b, row *r, const variant *v, bool want_linear, GError 
   return tc_render(r->renderer, b->volume, &b->scene, &request, &r->frame, &r->plan, error);
 }
 
-/* A new transfer function each time (its last knot moves by a hair): tables, leaping and encoding are measured apart. */
+/* A new transfer function each time (its last knot moves by a hair): tables, leaping and encoding are measured
+ * apart. */
 static bool measure_changes(bench *b, row *r, const variant *v, GError **error) {
   enum { CHANGES = 5 };
   double tables[CHANGES], skips[CHANGES], encodes[CHANGES];
@@ -168,8 +169,8 @@ static void print_rows(bench *b) {
   const tc_volume_desc *d = tc_volume_describe(b->volume);
   printf("%s  %dx%dx%d %s, %dx%d pixels, step %g, loaded in %.0f ms\n", b->name, d->dims[0], d->dims[1], d->dims[2],
          tc_voxel_type_name(d->type), b->args.size, b->args.size, b->scene.sampling.step, b->load_ms);
-  printf("  %-20s %9s %9s %9s %9s %9s %10s %9s %9s\n", "variant", "table ms", "skip ms", "render ms", "(least)", "encode ms",
-         "Msamples", "rms/255", "max/255");
+  printf("  %-20s %9s %9s %9s %9s %9s %10s %9s %9s\n", "variant", "table ms", "skip ms", "render ms", "(least)",
+         "encode ms", "Msamples", "rms/255", "max/255");
   for (int i = 0; i < N_VARIANTS; i++) {
     row *r = &b->rows[i];
     if (!r->renderer) continue;
@@ -282,15 +283,19 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
       {"zoom", 0, 0, G_OPTION_ARG_DOUBLE, &a->zoom, "1 fits the bounding sphere (1.3)", "FACTOR"},
       {"gl", 0, 0, G_OPTION_ARG_NONE, &a->gl, "measure the gl back end too", NULL},
       {"scene", 0, 0, G_OPTION_ARG_FILENAME, &a->scene, "scene document laid over the fitted one", "FILE"},
-      {"set", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &a->set, "change one member of the scene; may be repeated", "KEY=VALUE"},
-      {"paper", 0, 0, G_OPTION_ARG_FILENAME, &a->paper, "the tables of paper 000 or 001 instead, beside the published", "ID"},
+      {"set", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &a->set, "change one member of the scene; may be repeated",
+       "KEY=VALUE"},
+      {"paper", 0, 0, G_OPTION_ARG_FILENAME, &a->paper, "the tables of paper 000 or 001 instead, beside the published",
+       "ID"},
       {"json", 0, 0, G_OPTION_ARG_FILENAME, &a->json, "write all figures as JSON; - is stdout", "FILE"},
       {0}};
-  const tcs_cli_usage usage = {"bench", "[VOLUME...]", "Times frames of each kernel variant and their error against the reference.",
-                               entries};
+  const tcs_cli_usage usage = {"bench", "[VOLUME...]",
+                               "Times frames of each kernel variant and their error against the reference.", entries};
   if (!tcs_cli_parse(&usage, argc, argv, &a->rest, error)) return false;
-  if (a->size < 1 || a->size > 4096 || a->runs < 1 || a->runs > MAX_RUNS || a->pixels < 0 || a->pixels > 1000000 || !(a->zoom > 0)) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "--size 1..4096, --runs 1..1000, --error 0..1000000 and --zoom above 0 are wanted");
+  if (a->size < 1 || a->size > 4096 || a->runs < 1 || a->runs > MAX_RUNS || a->pixels < 0 || a->pixels > 1000000 ||
+      !(a->zoom > 0)) {
+    tc_set_error(error, TC_ERROR_INVALID, NULL,
+                 "--size 1..4096, --runs 1..1000, --error 0..1000000 and --zoom above 0 are wanted");
     return false;
   }
   if (a->paper && !tcs_paper_known(a->paper)) {
@@ -316,7 +321,8 @@ int tcs_cli_bench(int argc, char **argv) {
     bool good = b->encoder != NULL;
     const tcs_paper_run run = paper_run(b);
     if (b->args.paper) tcs_paper_begin(&run, report);
-    for (char **path = b->args.rest ? b->args.rest : demos; good && *path; path++) good = bench_volume(b, *path, report, &error);
+    for (char **path = b->args.rest ? b->args.rest : demos; good && *path; path++)
+      good = bench_volume(b, *path, report, &error);
     if (good && b->args.json) good = write_report(b->args.json, report, &error);
     if (good) code = TCS_EXIT_DONE;
   }

@@ -68,8 +68,8 @@ static bool parse_arguments(job *j, int argc, char **argv, GError **error) {
       {"backend", 0, 0, G_OPTION_ARG_FILENAME, &a->backend, "auto, cpu or gl (auto)", "B"},
       {"threads", 0, 0, G_OPTION_ARG_INT, &a->threads, "CPU workers (one per core)", "N"},
       {"isa", 0, 0, G_OPTION_ARG_FILENAME, &a->isa, "scalar, avx2 or avx512 (the best there is)", "NAME"},
-      {"ray", 0, 0, G_OPTION_ARG_FILENAME, &a->ray, "no picture: print the ray of this pixel, sample by sample, as JSON",
-       "X,Y"},
+      {"ray", 0, 0, G_OPTION_ARG_FILENAME, &a->ray,
+       "no picture: print the ray of this pixel, sample by sample, as JSON", "X,Y"},
       {"timing", 0, 0, G_OPTION_ARG_NONE, &a->timing, "print the time of each stage", NULL},
       {0}};
   const tcs_cli_usage usage = {"render", "VOLUME", "Renders one picture of a volume: a file, a folder or demo:NAME.",
@@ -118,7 +118,10 @@ static bool check_arguments(job *j, GError **error) {
 /* --- scene -------------------------------------------------------------------------------------- */
 
 static bool make_scene(job *j, GError **error) {
-  const tcs_cli_scene from = {.file = j->args.scene, .set = j->args.set, .width = j->args.width, .height = j->args.height,
+  const tcs_cli_scene from = {.file = j->args.scene,
+                              .set = j->args.set,
+                              .width = j->args.width,
+                              .height = j->args.height,
                               .format = tcs_encode_format_name(j->format)};
   tc_scene_init(&j->scene);
   tc_scene_fit(&j->scene, j->volume);
@@ -189,10 +192,12 @@ static bool choose_sampling(job *j, GError **error) {
   }
   s->quality.max_error = s->quality.max_ms = 0;
   bool stepless = s->mode == TC_MODE_ISOSURFACE && budget > 0 && tc_quality_refuses(s, reason, sizeof reason);
-  if (bound > 0 || stepless) fprintf(stderr, "tomocast render: quality: %s; the scene's own sampling is taken\n", reason);
+  if (bound > 0 || stepless)
+    fprintf(stderr, "tomocast render: quality: %s; the scene's own sampling is taken\n", reason);
   if (!(budget > 0) || stepless) return true;
   tc_quality_cost cost = {0};
-  const tc_render_request small = {.width = MAX(1, s->image.width / 2), .height = MAX(1, s->image.height / 2), .labels = j->labels};
+  const tc_render_request small = {
+      .width = MAX(1, s->image.width / 2), .height = MAX(1, s->image.height / 2), .labels = j->labels};
   for (int spacing = 4; spacing >= 1; spacing -= 3) {
     s->sampling.step = spacing / tc_quality_stretch(s);
     if (!tc_render(j->renderer, j->volume, s, &small, &j->frame, NULL, error)) return false;

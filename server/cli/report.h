@@ -38,10 +38,10 @@ typedef struct tcs_setting {
   int table_size, table_bits; /* 0 = chosen, single precision */
 } tcs_setting;
 
-/* Every setting to measure of a scene that the plan accepts: all classifications at all steps with all numbers of rays (quick:
- * one ray), and of the pre-integrated ones, at three steps (quick: one), one other member at a time away from its usual value:
- * order, filter, jitter, coherence, termination, size and precision of the table. What the plan refuses is said in `left_out`: {"what", "why"}, each once.
- * Order is the same every time. Array of tcs_setting. */
+/* Every setting to measure of a scene that the plan accepts: all classifications at all steps with all numbers of rays
+ * (quick: one ray), and of the pre-integrated ones, at three steps (quick: one), one other member at a time away from
+ * its usual value: order, filter, jitter, coherence, termination, size and precision of the table. What the plan
+ * refuses is said in `left_out`: {"what", "why"}, each once. Order is the same every time. Array of tcs_setting. */
 GArray *tcs_report_settings(const tcs_report_scene *scene, bool quick, bool gl, cJSON *left_out);
 void tcs_setting_apply(const tcs_setting *setting, tc_scene *scene);
 /* Adds {"what", "why"} unless it is there. */
@@ -129,8 +129,8 @@ const char *tcs_report_expected(const char *classification);
 
 /* What in a scene is not smooth: {"knots", "jumps", "depth": of the densest value, over the smallest spacing}. */
 cJSON *tcs_report_roughness(const tcs_report_scene *scene);
-/* Why the errors of a scene (of report.json's list) fall more slowly than expected, or not at all: sentences for people, "" where
- * they do not. g_free it. */
+/* Why the errors of a scene (of report.json's list) fall more slowly than expected, or not at all: sentences for
+ * people, "" where they do not. g_free it. */
 char *tcs_report_loss(const GArray *rows, const cJSON *scene);
 
 cJSON *tcs_report_summary(const GArray *rows, const char *scene);

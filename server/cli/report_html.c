@@ -73,8 +73,8 @@ static void away_label(const tcs_report_row *r, char *label, gulong size) {
 
 /* The usual strategy at one voxel's step, where single members are varied. */
 static bool at_base(const tcs_report_row *r, const char *scene) {
-  return !strcmp(r->scene, scene) && !strcmp(r->backend, "cpu") && !strcmp(r->classification, tc_classification_names[0]) &&
-         r->step == 1;
+  return !strcmp(r->scene, scene) && !strcmp(r->backend, "cpu") &&
+         !strcmp(r->classification, tc_classification_names[0]) && r->step == 1;
 }
 
 static const tcs_report_row *find_away(const page *p, const char *scene, const char *label) {
@@ -414,12 +414,14 @@ static void foot(page *p, bool quick, const cJSON *left_out) {
       "anchor; times are scaled by it, so that a machine that slows down does not bend the front. report.json and "
       "report.csv hold every figure.</p>\n");
   g_string_append(
-      p->out, quick ? "<p>Swept: every classification at steps of 2 to 0.25 voxels on the cpu, pre-integrated on gl; at a step of 1, "
-                      "pre-integrated on the cpu, one other choice at a time. Without --quick much more is.</p>\n"
-                    : "<p>Swept, on both back ends: every classification at steps of 4 to 0.125 voxels with 1 to 16 rays a pixel, all "
-                      "combined; and of the pre-integrated ones, at steps of 2, 1 and 0.5, one other choice at a time: order, filter, "
-                      "jitter, coherence of four rays, termination, size and precision of the table. Not combined: several of "
-                      "these.</p>\n");
+      p->out,
+      quick
+          ? "<p>Swept: every classification at steps of 2 to 0.25 voxels on the cpu, pre-integrated on gl; at a step of 1, "
+            "pre-integrated on the cpu, one other choice at a time. Without --quick much more is.</p>\n"
+          : "<p>Swept, on both back ends: every classification at steps of 4 to 0.125 voxels with 1 to 16 rays a pixel, all "
+            "combined; and of the pre-integrated ones, at steps of 2, 1 and 0.5, one other choice at a time: order, filter, "
+            "jitter, coherence of four rays, termination, size and precision of the table. Not combined: several of "
+            "these.</p>\n");
   if (cJSON_GetArraySize(left_out)) g_string_append(p->out, "<h3>Left out</h3>\n<ul>\n");
   cJSON_ArrayForEach(entry, left_out) {
     g_string_append(p->out, "<li>");

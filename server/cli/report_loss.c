@@ -43,8 +43,9 @@ static const tcs_report_row *find(const GArray *rows, const char *scene, double 
     const tcs_report_row *r = &g_array_index(rows, tcs_report_row, i);
     tcs_report_row plain = *r;
     plain.table_size = 0;
-    if (r->runs > 0 && !strcmp(r->scene, scene) && !strcmp(r->backend, "cpu") && !strcmp(r->classification, "preintegrated") &&
-        tcs_report_plain(&plain) && r->step == step && r->table_size == table_size)
+    if (r->runs > 0 && !strcmp(r->scene, scene) && !strcmp(r->backend, "cpu") &&
+        !strcmp(r->classification, "preintegrated") && tcs_report_plain(&plain) && r->step == step &&
+        r->table_size == table_size)
       return r;
   }
   return NULL;
@@ -61,14 +62,20 @@ static bool falls_short(const GArray *rows, const char *scene) {
 
 static void say_what_is_rough(GString *out, const cJSON *rough) {
   double knots = number_of(rough, "knots"), jumps = number_of(rough, "jumps"), depth = number_of(rough, "depth");
-  g_string_append(out, "Orders fall short where a ray is not smooth within a step: the interpolated field bends at every cell face");
+  g_string_append(
+      out,
+      "Orders fall short where a ray is not smooth within a step: the interpolated field bends at every cell face");
   if (knots > 0) g_string_append_printf(out, ", the transfer function at %.0f knot%s", knots, knots > 1 ? "s" : "");
   if (jumps > 0) g_string_append_printf(out, ", where it jumps %.0f time%s", jumps, jumps > 1 ? "s" : "");
-  g_string_append(out, ". Such a step's error is of the second order however exact the method, and of the first where samples are classified.");
+  g_string_append(
+      out,
+      ". Such a step's error is of the second order however exact the method, and of the first where samples are classified.");
   if (depth > 20)
-    g_string_append_printf(out, " A voxel of the densest value has an optical depth of %.2g: where a ray first touches it is all that is "
-                                "seen, sampled to within a step.",
-                           depth);
+    g_string_append_printf(
+        out,
+        " A voxel of the densest value has an optical depth of %.2g: where a ray first touches it is all that is "
+        "seen, sampled to within a step.",
+        depth);
 }
 
 /* Where smaller steps no longer help: is it the table? */
@@ -78,12 +85,14 @@ static void say_what_is_left(GString *out, const GArray *rows, const char *scene
     const tcs_report_row *fine = find(rows, scene, steps[i], 0), *coarse = find(rows, scene, steps[i + 1], 0);
     if (!fine || !coarse) continue;
     if (!(fine->rms > EXACT) || fine->rms < STALLED * coarse->rms) return;
-    g_string_append_printf(out, " Below a step of %g the pre-integrated error stays at an rms of %.2g", steps[i + 1], fine->rms);
+    g_string_append_printf(out, " Below a step of %g the pre-integrated error stays at an rms of %.2g", steps[i + 1],
+                           fine->rms);
     const tcs_report_row *half = find(rows, scene, 0.5, 512), *whole = find(rows, scene, 0.5, 1024);
     if (!half || !whole) half = find(rows, scene, 1, 64), whole = find(rows, scene, 1, 256);
     if (half && whole && whole->rms < BY_TABLE * half->rms)
-      g_string_append_printf(out, ": the table's own, which has %.0f entries a side (at a step of %g, %.0f leave %.2g, %.0f leave %.2g)",
-                             fine->table_nodes, half->step, half->table_size, half->rms, whole->table_size, whole->rms);
+      g_string_append_printf(
+          out, ": the table's own, which has %.0f entries a side (at a step of %g, %.0f leave %.2g, %.0f leave %.2g)",
+          fine->table_nodes, half->step, half->table_size, half->rms, whole->table_size, whole->rms);
     g_string_append(out, ".");
     return;
   }

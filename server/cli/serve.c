@@ -260,7 +260,8 @@ int tcs_cli_serve(int argc, char **argv) {
       {"backend", 0, 0, G_OPTION_ARG_STRING, &options.backend, "auto, cpu or gl", "NAME"},
       {"volume", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &options.volumes, "a volume to load at once; may be repeated",
        "ID=PATH"},
-      {"config", 0, 0, G_OPTION_ARG_FILENAME, &options.config, "settings and limits; options given here win over it", "FILE"},
+      {"config", 0, 0, G_OPTION_ARG_FILENAME, &options.config, "settings and limits; options given here win over it",
+       "FILE"},
       {0}};
   const tcs_cli_usage usage = {"serve", NULL, "Serves volumes as pictures over HTTP and WebSocket.", entries};
   serve_daemon d = {.signals.fd = -1};

@@ -42,7 +42,8 @@ static void start_probe(tcs_request *request, void (*run)(tcs_task *task)) {
   const tc_scene *scene = &session->scene;
   int x = -1, y = -1;
   if (!tcs_query(request, "x") || !tcs_query(request, "y")) {
-    tcs_reply_problem(request, 422, "invalid", "Invalid value", "query x and y: give a pixel, 0 at the left and at the top");
+    tcs_reply_problem(request, 422, "invalid", "Invalid value",
+                      "query x and y: give a pixel, 0 at the left and at the top");
     return;
   }
   if (!tcs_query_int(request, "x", 0, scene->image.width - 1, &x) ||
@@ -59,8 +60,8 @@ static void start_probe(tcs_request *request, void (*run)(tcs_task *task)) {
 
 /* The ray through the pixel's centre; NULL with p->error set. */
 static tc_reference *trace(probe *p, tc_reference_sample **samples, size_t *count) {
-  tc_reference *r = tc_reference_new_labelled(p->volume, p->labels, &p->scene, p->scene.image.width, p->scene.image.height, 0,
-                                              &p->error);
+  tc_reference *r = tc_reference_new_labelled(p->volume, p->labels, &p->scene, p->scene.image.width,
+                                              p->scene.image.height, 0, &p->error);
   if (r) tc_reference_ray(r, p->x + 0.5, p->y + 0.5, samples, count);
   return r;
 }
@@ -80,8 +81,8 @@ static const tc_reference_sample *first_visible(const tc_reference_sample *sampl
   return haze;
 }
 
-/* What a projection shows: the end of a piece (all are monotone) with the largest value in mip, the smallest in minip; the ray's
- * entry in average, where all of the ray counts alike. */
+/* What a projection shows: the end of a piece (all are monotone) with the largest value in mip, the smallest in minip;
+ * the ray's entry in average, where all of the ray counts alike. */
 static const tc_reference_sample *shown(tc_mode mode, tc_reference_sample *samples, size_t count) {
   if (count == 0 || mode == TC_MODE_AVERAGE) return samples;
   double sign = mode == TC_MODE_MIP ? 1 : -1;
@@ -91,7 +92,8 @@ static const tc_reference_sample *shown(tc_mode mode, tc_reference_sample *sampl
   tc_reference_sample *first = samples, *last = samples + count - 1;
   if (sign * last->value_back <= sign * samples[best].value || count == 1) return samples + best;
   for (int k = 0; k < 3; k++) /* the ray's end: on by the last piece's length */
-    last->position[k] += (last->position[k] - first->position[k]) / (last->distance_mm - first->distance_mm) * last->length_mm;
+    last->position[k] +=
+        (last->position[k] - first->position[k]) / (last->distance_mm - first->distance_mm) * last->length_mm;
   last->distance_mm += last->length_mm;
   last->value = last->value_back;
   return last;

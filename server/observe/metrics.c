@@ -56,7 +56,8 @@ static void gauge(GString *out, const char *name, const char *help, double value
   g_string_append_printf(out, "tomocast_%s %.17g\n", name, value);
 }
 
-static void histogram_of(GString *out, const char *name, const char *help, const tcs_histogram *h, const double *edges) {
+static void histogram_of(GString *out, const char *name, const char *help, const tcs_histogram *h,
+                         const double *edges) {
   head(out, name, "histogram", help);
   uint64_t total = 0;
   for (int i = 0; i < TCS_HISTOGRAM_BUCKETS; i++) {

@@ -15,8 +15,9 @@ typedef struct tcs_ladder {
 /* Takes in a measured frame of `pixels` pixels that took `render_ms`. */
 void tcs_ladder_measure(tcs_ladder *ladder, double pixels, double render_ms);
 
-/* The scale of each side (1, 0.75, 0.5, 0.35 or 0.25) at which a frame comes within target_ms, for a picture that has `full_pixels` at scale 1. Steps down at
- * once, steps up only with a margin, so that it does not swing between two rungs. */
+/* The scale of each side (1, 0.75, 0.5, 0.35 or 0.25) at which a frame comes within target_ms, for a picture that has
+ * `full_pixels` at scale 1. Steps down at once, steps up only with a margin, so that it does not swing between two
+ * rungs. */
 double tcs_ladder_scale(tcs_ladder *ladder, double full_pixels, double target_ms);
 
 #endif

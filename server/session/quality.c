@@ -67,7 +67,8 @@ static char *look_of(const tc_volume *volume, const tc_volume *labels, const tc_
     cJSON_DeleteItemFromObjectCaseSensitive(cJSON_GetObjectItemCaseSensitive(json, out_of[i][0]), out_of[i][1]);
   char *text = cJSON_PrintUnformatted(json);
   char *hash = g_compute_checksum_for_string(G_CHECKSUM_SHA256, text, -1);
-  char *look = g_strdup_printf("%" PRIu64 " %" PRIu64 " %s", tc_volume_serial(volume), labels ? tc_volume_serial(labels) : 0, hash);
+  char *look = g_strdup_printf("%" PRIu64 " %" PRIu64 " %s", tc_volume_serial(volume),
+                               labels ? tc_volume_serial(labels) : 0, hash);
   g_free(hash);
   cJSON_free(text);
   cJSON_Delete(json);
@@ -179,7 +180,8 @@ static void run(tcs_task *task) {
   const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = 1, .cache_bytes = CACHE_BYTES};
   if (!q->renderer) q->renderer = tc_renderer_new(&options, &m->error);
   if (q->renderer)
-    tc_quality_measure(q->renderer, m->volume, m->labels, &m->scene, &m->camera, &m->model, &m->cancel, &m->view, &m->error);
+    tc_quality_measure(q->renderer, m->volume, m->labels, &m->scene, &m->camera, &m->model, &m->cancel, &m->view,
+                       &m->error);
 }
 
 static void submit_waiting(tcs_quality *q, tcs_job *job) {
@@ -237,8 +239,8 @@ static void done(tcs_task *task) {
 }
 
 /* Takes `look`. */
-static measurement *begin(tcs_quality *q, tc_volume *volume, tc_volume *labels, const tc_scene *scene, const tc_camera *camera,
-                          char *look) {
+static measurement *begin(tcs_quality *q, tc_volume *volume, tc_volume *labels, const tc_scene *scene,
+                          const tc_camera *camera, char *look) {
   measurement *m = g_new0(measurement, 1);
   *m = (measurement){.task = {.run = run, .done = done}, .quality = q, .look = look, .camera = *camera};
   m->volume = tc_volume_ref(volume);
@@ -279,7 +281,8 @@ static void measure_for(tcs_session *session, void *user) {
 }
 
 void tcs_quality_pump(tcs_quality *q) {
-  if (!q->for_session && !q->server->draining && q->server->sessions) tcs_sessions_each(q->server->sessions, measure_for, q);
+  if (!q->for_session && !q->server->draining && q->server->sessions)
+    tcs_sessions_each(q->server->sessions, measure_for, q);
 }
 
 void tcs_quality_changed(tcs_quality *q, const tcs_session *session) {

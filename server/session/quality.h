@@ -13,11 +13,11 @@ tcs_quality *tcs_quality_new(tcs_server *server);
 void tcs_quality_cancel_all(tcs_quality *quality);
 void tcs_quality_free(tcs_quality *quality); /* NULL is fine */
 
-/* Puts step and termination into the job's scene and the why into job->quality, where the scene asks for either bound. `cost`
- * is of the frames so far. A moving frame never takes finer steps than its scene has. */
+/* Puts step and termination into the job's scene and the why into job->quality, where the scene asks for either bound.
+ * `cost` is of the frames so far. A moving frame never takes finer steps than its scene has. */
 void tcs_quality_resolve(tcs_quality *quality, tcs_job *job, const tc_quality_cost *cost, bool moving);
-/* A single picture whose look was never measured near its camera: measures it, then queues the job. False: nothing to wait for,
- * the job is still the caller's. */
+/* A single picture whose look was never measured near its camera: measures it, then queues the job. False: nothing to
+ * wait for, the job is still the caller's. */
 bool tcs_quality_prepare(tcs_quality *quality, tcs_job *job);
 /* Measures what would help the sessions at rest, one view at a time. Call after a final frame. */
 void tcs_quality_pump(tcs_quality *quality);

@@ -6,8 +6,9 @@
 #include "renderer/volume/volume.h"
 
 /* What the reference integrator makes of the ray through the centre of pixel (x, y): {"color", "opacity", "samples":
- * [{"position", "depth", "length", "value", "color", "extinction", "transparency"}]}, front to back. Errors: those of the
- * reference, for what it does not know. labels: what the scene names, or NULL. Any thread; costs a millisecond or so. */
+ * [{"position", "depth", "length", "value", "color", "extinction", "transparency"}]}, front to back. Errors: those of
+ * the reference, for what it does not know. labels: what the scene names, or NULL. Any thread; costs a millisecond or
+ * so. */
 cJSON *tcs_ray_json(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int x, int y, GError **error);
 
 #endif

@@ -285,7 +285,8 @@ static tcs_job *begin_job(tcs_session *session, bool final) {
   job->revision = session->revision;
   job->final = final;
   job->hurry = true;
-  tcs_quality_resolve(session->server->quality, job, session->cost.w > 0 ? &session->cost : &session->server->cost, !final);
+  tcs_quality_resolve(session->server->quality, job, session->cost.w > 0 ? &session->cost : &session->server->cost,
+                      !final);
   if (!final) make_interactive(session, job);
   char reason[96];
   if (final && !tc_meter_refuses(&job->scene, reason, sizeof reason)) job->meter_pixels = job->scene.error_meter.pixels;

@@ -54,8 +54,8 @@ void tcs_session_pin(tcs_session *session);
 /* Ends every session that shows a volume, be it as labels. */
 void tcs_sessions_end_of(tcs_sessions *sessions, const tcs_entry *entry);
 
-/* Checks a scene against the limits and what the renderer can do, and finds its label volume (NULL when it has none; the
- * catalogue's). */
+/* Checks a scene against the limits and what the renderer can do, and finds its label volume (NULL when it has none;
+ * the catalogue's). */
 bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, tc_volume **labels,
                      GError **error);
 /* The defaults for a volume, with `patch` (may be NULL) on top. *scene holds nothing before, nor after a failure. */

@@ -12,7 +12,9 @@ void tcs_picture_unref(tcs_picture *picture) {
   g_free(picture);
 }
 
-bool tcs_picture_is_judged(const tcs_picture *picture) { return picture->header.has_error || picture->header.unmeasured; }
+bool tcs_picture_is_judged(const tcs_picture *picture) {
+  return picture->header.has_error || picture->header.unmeasured;
+}
 
 bool tcs_watcher_wants(const tcs_watcher *watcher, uint64_t revision, bool final) {
   if (revision != watcher->shown_revision) return revision > watcher->shown_revision;

@@ -1,5 +1,5 @@
-/* Every classification and both orders on every instruction set of this machine and on OpenGL, against the reference and each
- * other. */
+/* Every classification and both orders on every instruction set of this machine and on OpenGL, against the reference
+ * and each other. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -33,9 +33,9 @@ static double corner(double x, double y, double z, const void *unused) {
 }
 
 static void observed_orders(void **state) {
-  /* Approximate is of the second order for the energy scale (integrals.h): the first is eq. 12's without it. Above: where the
-   * quadratic's slope survives, a segment's error is of the fifth order and not of the fourth; preintegrated2 measures 3.1 over the
-   * two coarser pairs of steps and near 4 over the last. */
+  /* Approximate is of the second order for the energy scale (integrals.h): the first is eq. 12's without it. Above:
+   * where the quadratic's slope survives, a segment's error is of the fifth order and not of the fourth; preintegrated2
+   * measures 3.1 over the two coarser pairs of steps and near 4 over the last. */
   static const struct { tc_classification way; double order, above; } wanted[] = {{TC_POST, 1, 0.15},
                                                                                    {TC_APPROXIMATE, 2, 0.15},
                                                                                    {TC_LINEARIZED, 1, 0.15},
@@ -43,7 +43,8 @@ static void observed_orders(void **state) {
                                                                                    {TC_PREINTEGRATED2, 3, 1}};
   const test_grid grid = {.dims = {2, 2, 2}, .type = TC_F32, .spacing = {40, 40, 40}};
   tc_volume *volume = test_volume(&grid, corner, NULL);
-  const tc_knot knots[] = {{.value = 0, .color = {0, 0.3, 1}, .amount = 0}, {.value = 1, .color = {1, 0.6, 0}, .amount = 0.08}};
+  const tc_knot knots[] = {{.value = 0, .color = {0, 0.3, 1}, .amount = 0},
+                           {.value = 1, .color = {1, 0.6, 0}, .amount = 0.08}};
   tc_scene scene;
   test_scene(&scene, 24, 24);
   test_scene_knots(&scene, TC_KNOT_EXTINCTION, knots, 2);
@@ -58,9 +59,10 @@ static void observed_orders(void **state) {
       error[s] = test_compare(render(0, volume, &scene), want, pixels_of(&scene)).rms;
     }
     double order = log2(error[0] / error[3]) / 3;
-    printf("  %-14s order %.3f (%.2f %.2f %.2f), rms %.1e .. %.1e\n", names[wanted[i].way], order, log2(error[0] / error[1]),
-           log2(error[1] / error[2]), log2(error[2] / error[3]), error[0], error[3]);
-    if (!(order - wanted[i].order >= -0.15 && order - wanted[i].order <= wanted[i].above)) fail_msg("%s: order %g", names[wanted[i].way], order);
+    printf("  %-14s order %.3f (%.2f %.2f %.2f), rms %.1e .. %.1e\n", names[wanted[i].way], order,
+           log2(error[0] / error[1]), log2(error[1] / error[2]), log2(error[2] / error[3]), error[0], error[3]);
+    if (!(order - wanted[i].order >= -0.15 && order - wanted[i].order <= wanted[i].above))
+      fail_msg("%s: order %g", names[wanted[i].way], order);
   }
   table_size = 0;
   free(want);
@@ -122,7 +124,8 @@ static void every_size_of_table(void **state) {
       if (!d.finite || !(d.max <= 1e-5 + 0.4 / table_size / table_size * 256))
         fail_msg("%d, %s: off by %g", table_size, test_names[isa], d.max);
     }
-    printf("  %4d values a side: off by %.1e, %.1f MB\n", table_size, most, (double)plan.stages[TC_STAGE_TABLE_2D].bytes / 1e6);
+    printf("  %4d values a side: off by %.1e, %.1f MB\n", table_size, most,
+           (double)plan.stages[TC_STAGE_TABLE_2D].bytes / 1e6);
   }
   table_size = 0;
   free(want);
@@ -130,7 +133,8 @@ static void every_size_of_table(void **state) {
   tc_volume_unref(volume);
 }
 
-/* Scenes from a seed over classification and order: bounds, orders equal, leaps without a trace, instruction sets alike. */
+/* Scenes from a seed over classification and order: bounds, orders equal, leaps without a trace, instruction sets
+ * alike. */
 static void random_scene(uint64_t seed) {
   uint64_t s = seed;
   unsigned noise = (unsigned)seed;
@@ -162,7 +166,8 @@ static void random_scene(uint64_t seed) {
                    (double[3]){test_random(&s) - 0.5, test_random(&s) - 0.5, test_random(&s) + 0.01});
   float kept[2][13 * 9 * 4];
   EACH_RENDERER(isa)
-    for (int order = isa == GL && seed % 13 ? TC_ORDER_COUNT : 0; order < TC_ORDER_COUNT; order++) { /* programs take a while */
+    /* programs take a while */
+    for (int order = isa == GL && seed % 13 ? TC_ORDER_COUNT : 0; order < TC_ORDER_COUNT; order++) {
       scene.order = (tc_order)order;
       memcpy(kept[order], render(isa, volume, &scene), sizeof kept[order]);
       for (size_t i = 0; i < pixels_of(&scene); i++) {
@@ -181,8 +186,8 @@ static void random_scene(uint64_t seed) {
       if (order == 0) continue;
       test_difference d = test_compare(kept[0], kept[1], pixels_of(&scene));
       if (!(d.max <= 2e-6))
-        fail_msg("seed %llu, %s, %s: orders differ by %g", (unsigned long long)seed, names[scene.classification], test_names[isa],
-                 d.max);
+        fail_msg("seed %llu, %s, %s: orders differ by %g", (unsigned long long)seed, names[scene.classification],
+                 test_names[isa], d.max);
     }
   tc_scene_clear(&scene);
   tc_volume_unref(volume);
@@ -199,7 +204,8 @@ static void random_scenes(void **state) {
   printf("  %llu random scenes\n", (unsigned long long)n);
 }
 
-/* What goes with a classification, two sets for each: cpu and gl draw the same, both orders agree, and a leap shows nowhere. */
+/* What goes with a classification, two sets for each: cpu and gl draw the same, both orders agree, and a leap shows
+ * nowhere. */
 static void dress(tc_scene *scene, int set) {
   static const tc_filter filters[] = {TC_FILTER_CUBIC, TC_FILTER_NEAREST, TC_FILTER_LINEAR, TC_FILTER_LINEAR};
   scene->filter = filters[set];
@@ -227,9 +233,11 @@ static void expect_close(const char *what, const float *a, const float *b, const
 }
 
 static void combinations(void **state) {
-  static const tc_knot core[] = {{.value = 0.55, .color = {0.1, 0.5, 1}}, {.value = 0.6, .color = {1, 0.9, 0.2}, .amount = 0.3},
+  static const tc_knot core[] = {{.value = 0.55, .color = {0.1, 0.5, 1}},
+                                 {.value = 0.6, .color = {1, 0.9, 0.2}, .amount = 0.3},
                                  {.value = 0.9, .color = {1, 0.2, 0.1}, .amount = 2}};
-  tc_volume *volume = test_volume(&(test_grid){.dims = {24, 30, 26}, .type = TC_I16, .slope = 1.0 / 32767}, test_waves, &(double){26});
+  tc_volume *volume =
+      test_volume(&(test_grid){.dims = {24, 30, 26}, .type = TC_I16, .slope = 1.0 / 32767}, test_waves, &(double){26});
   tc_volume *labels = test_volume(&(test_grid){.dims = {20, 30, 26}, .type = TC_U8}, quarters, NULL);
   tc_scene scene;
   test_scene(&scene, 40, 32);
@@ -280,14 +288,15 @@ static void the_plan_says_so(void **state) {
     assert_false(plan.stages[TC_STAGE_TERMINATION].included || plan.key.termination);
     assert_non_null(strstr(plan.stages[TC_STAGE_TERMINATION].reason, "back-to-front"));
     assert_non_null(strstr(plan.kernel, names[way]));
-    if (one) assert_true(test_frames[0].stats.tables_ms == 0 || way == TC_APPROXIMATE); /* one set of integrals for all three */
+    /* one set of integrals for all three */
+    if (one) assert_true(test_frames[0].stats.tables_ms == 0 || way == TC_APPROXIMATE);
   }
   tc_scene_clear(&scene);
   tc_volume_unref(volume);
 }
 
-/* A long rise to an extinction of 1e5/mm is opaque within a hundred-thousandth of its way: rays that graze its foot are clear or
- * opaque, and no smaller step makes that worse. */
+/* A long rise to an extinction of 1e5/mm is opaque within a hundred-thousandth of its way: rays that graze its foot are
+ * clear or opaque, and no smaller step makes that worse. */
 static void the_foot_of_a_stiff_rise(void **state) {
   const tc_knot knots[] = {{.value = 0, .color = {0.2, 0.4, 0.9}}, {.value = 0.4, .color = {0.2, 0.4, 0.9}},
                            {.value = 1, .color = {0.9, 0.6, 0.3}, .amount = 1e5}};

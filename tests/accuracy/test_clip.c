@@ -49,7 +49,8 @@ static void a_cut_block_is_exact(void **state) {
       for (int k = 0; k < 3; k++) area *= k == axis ? 1 : keep[1][k] - keep[0][k];
       double pixels = area / ((32.0 / SIDE) * (32.0 / SIDE));
       printf("axis %d %-6s: opacity off by %.1e, %d pixels for %.1f\n", axis, test_names[b], worst, inside, pixels);
-      assert_true(worst < 2e-6 && fabs(inside - pixels) < 45); /* an edge may take or leave half a row of 22 on each side */
+      /* an edge may take or leave half a row of 22 on each side */
+      assert_true(worst < 2e-6 && fabs(inside - pixels) < 45);
       assert_true(plan.stages[TC_STAGE_CLIPPING].included && plan.key.clipping);
     }
   }
@@ -62,7 +63,8 @@ static void random_clip(tc_scene *s, const tc_volume *v, uint64_t *state) {
   tc_volume_index_box(v, lo, hi);
   s->clip.has_box = test_random(state) < 0.6;
   for (int c = 0; c < 2; c++) {
-    for (int k = 0; k < 3; k++) index[k] = lo[k] + (hi[k] - lo[k]) * (c ? 0.5 + 0.6 * test_random(state) : 0.45 * test_random(state) - 0.1);
+    for (int k = 0; k < 3; k++)
+      index[k] = lo[k] + (hi[k] - lo[k]) * (c ? 0.5 + 0.6 * test_random(state) : 0.45 * test_random(state) - 0.1);
     tc_volume_index_to_lps(v, index, corner[c]);
   }
   for (int k = 0; k < 3; k++) {
@@ -81,7 +83,8 @@ static void random_clip(tc_scene *s, const tc_volume *v, uint64_t *state) {
   }
 }
 
-/* Random boxes and planes over oblique, anisotropic volumes: the step goes to the reference, leaping changes nothing. */
+/* Random boxes and planes over oblique, anisotropic volumes: the step goes to the reference, leaping changes
+ * nothing. */
 static void random_cuts_agree_with_the_reference(void **state) {
   uint64_t seed = 31;
   double worst_rms[RENDERERS] = {0};
@@ -166,7 +169,8 @@ static void corner_cases(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(a_cut_block_is_exact), cmocka_unit_test(random_cuts_agree_with_the_reference),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(a_cut_block_is_exact),
+                                     cmocka_unit_test(random_cuts_agree_with_the_reference),
                                      cmocka_unit_test(corner_cases)};
   return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

@@ -1,5 +1,6 @@
-/* Stiff and extreme cases (NUMERICS section 5), each in every way of rendering on every back end and instruction set, against
- * the invariants of every picture (tests/support/judge.h). What has no meaning is refused, and the member named. */
+/* Stiff and extreme cases (NUMERICS section 5), each in every way of rendering on every back end and instruction set,
+ * against the invariants of every picture (tests/support/judge.h). What has no meaning is refused, and the member
+ * named. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -50,9 +51,10 @@ static void opacity_to_one(test_case *c, int i) {
 }
 
 static void span(test_case *c, int i) {
-  static const double spans[][4] = {{5, 5, 1, 0},          {1, 1.00000012, 1, 0},    {-0x1p31, 0x1p31, 1, 0}, {0, 1000, 1e-9, 0},
-                                    {0, 1000, 1e9, -5e11}, {0, 1000, -2, 1000},      {1e5, 1e5 + 1, 1, 0},    {0, 0x1p-149, 1, 0},
-                                    {-3e38, 3e38, 1, 0},   {0, 1e-30, 1e-9, 1e-20}};
+  static const double spans[][4] = {{5, 5, 1, 0},           {1, 1.00000012, 1, 0}, {-0x1p31, 0x1p31, 1, 0},
+                                    {0, 1000, 1e-9, 0},     {0, 1000, 1e9, -5e11}, {0, 1000, -2, 1000},
+                                    {1e5, 1e5 + 1, 1, 0},   {0, 0x1p-149, 1, 0},   {-3e38, 3e38, 1, 0},
+                                    {0, 1e-30, 1e-9, 1e-20}};
   c->lo = spans[i][0], c->hi = spans[i][1], c->slope = spans[i][2], c->intercept = spans[i][3];
 }
 
@@ -80,7 +82,11 @@ static void knots(test_case *c, int i) {
   static const size_t counts[] = {1, TEST_MAX_KNOTS, TEST_MAX_KNOTS, TC_MAX_KNOTS};
   c->n_knots = counts[i];
   for (size_t k = 0; k < TEST_MAX_KNOTS; k++) /* one; clear; opaque from the first sample; as many as there may be */
-    c->knots[k] = (tc_knot){i == 0 ? 0.5 : (double)k / TEST_MAX_KNOTS, {k % 3, 0.5, 1}, i == 1 ? 0 : i == 2 ? 1e9 : k % 2};
+    c->knots[k] = (tc_knot){i == 0 ? 0.5 : (double)k / TEST_MAX_KNOTS,
+                            {k % 3, 0.5, 1},
+                            i == 1   ? 0
+                            : i == 2 ? 1e9
+                                     : k % 2};
   for (size_t k = 0; k < TEST_MAX_KNOTS; k++) c->knots[k].color[0] *= 0.5;
 }
 
@@ -102,7 +108,8 @@ static void picture(test_case *c, int i) {
   if (i == 1) c->scene.sampling.step = 4;
 }
 
-/* Outside along an axis, along diagonals through edges and corners; inside; on a face, on an edge, on a corner; far away. */
+/* Outside along an axis, along diagonals through edges and corners; inside; on a face, on an edge, on a corner; far
+ * away. */
 static void eye(test_case *c, int i) {
   static const double sides[][3] = {{0, -1, 0}, {0, 0, 1}, {1, 0, 0}, {1, 1, 0}, {1, 1, 1}};
   static const double places[][3] = {{0.6, 0.3, 0.4}, {0, 0.5, 0.5}, {0.3, 1, 0.6}, {1, 1, 0.5}, {0, 0, 1}, {1, 0, 0}};
@@ -123,12 +130,18 @@ static const struct row {
   const char *name;
   int count;
   void (*bend)(test_case *c, int i);
-} rows[] = {{"optical depths of 1e-12 to 1e12", 9, optical_depth}, {"opacity 1 over 1e-6 to 1e6 mm", 5, opacity_to_one},
-            {"spans of 0, 1 ulp, 2^32, 6e38", 10, span},           {"slopes of whole numbers", 4, slope_of_whole_numbers},
-            {"constant, equal, NaN, infinite", TEST_PATTERN_COUNT, pattern}, {"steps and peaks one value wide", 4, narrow_knots},
-            {"one knot, 65536, clear, opaque", 4, knots},          {"axes of 1 to 2048, spacings 1:1000", 12, shape},
-            {"steps of 1e-3 to 1e3 voxels", 3, step},              {"pictures 1x1, 8192x1, 1x300", 3, picture},
-            {"eyes in, on and far from the box", 26, eye},         {"fields of view of 1e-3 to 179", 3, field_of_view}};
+} rows[] = {{"optical depths of 1e-12 to 1e12", 9, optical_depth},
+            {"opacity 1 over 1e-6 to 1e6 mm", 5, opacity_to_one},
+            {"spans of 0, 1 ulp, 2^32, 6e38", 10, span},
+            {"slopes of whole numbers", 4, slope_of_whole_numbers},
+            {"constant, equal, NaN, infinite", TEST_PATTERN_COUNT, pattern},
+            {"steps and peaks one value wide", 4, narrow_knots},
+            {"one knot, 65536, clear, opaque", 4, knots},
+            {"axes of 1 to 2048, spacings 1:1000", 12, shape},
+            {"steps of 1e-3 to 1e3 voxels", 3, step},
+            {"pictures 1x1, 8192x1, 1x300", 3, picture},
+            {"eyes in, on and far from the box", 26, eye},
+            {"fields of view of 1e-3 to 179", 3, field_of_view}};
 
 /* ---- the ways: every classification with every filter; the other modes with every filter ---- */
 
@@ -214,9 +227,11 @@ static void meaningless(void **state) {
     REFUSED("/mpr/zoom", s.mode = TC_MODE_MPR; s.mpr.zoom = bad[i]);
     REFUSED("/clip/box", s.clip.has_box = true; s.clip.box[0][1] = bad[i]);
     REFUSED("/clip/planes/0", s.clip.n_planes = 1; s.clip.planes[0][0] = 1; s.clip.planes[0][3] = bad[i]);
-    REFUSED("/shading/light", s.shading.model = TC_SHADING_LAMBERT; s.shading.light_at_camera = false; s.shading.light[0] = bad[i]);
+    REFUSED("/shading/light", s.shading.model = TC_SHADING_LAMBERT; s.shading.light_at_camera = false;
+            s.shading.light[0] = bad[i]);
     REFUSED("/shading/shininess", s.shading.model = TC_SHADING_BLINN_PHONG; s.shading.shininess = bad[i]);
-    REFUSED("/transferFunction/unitDistance", s.transfer_function.kind = TC_KNOT_OPACITY; s.transfer_function.unit_distance_mm = bad[i]);
+    REFUSED("/transferFunction/unitDistance", s.transfer_function.kind = TC_KNOT_OPACITY;
+            s.transfer_function.unit_distance_mm = bad[i]);
     tc_knot knots[2] = {{.value = 0, .amount = 1}, {.value = bad[i], .amount = 1}};
     REFUSED("/transferFunction/points/1", s.transfer_function.points = knots; s.transfer_function.count = 2);
     knots[1] = (tc_knot){.value = 1, .amount = bad[i]};
@@ -236,7 +251,8 @@ static void meaningless(void **state) {
   tc_volume_unref(volume);
 }
 
-/* Numbers that are finite but whose squares, or distances, are not: either a sane picture or a refusal that names a member. */
+/* Numbers that are finite but whose squares, or distances, are not: either a sane picture or a refusal that names a
+ * member. */
 static void far_away(void **state) {
   static const double sizes[] = {1e7, 1e12, 1e30, 1e155, 1e300, 1e-300};
   test_case c = plain_case(0, TC_I16);
@@ -258,7 +274,8 @@ static void far_away(void **state) {
         GError *error = NULL;
         tc_render_request request = {.want_linear = true};
         if (!tc_render(test_renderers[on], volume, &s, &request, &test_frames[on], NULL, &error)) {
-          if (!tc_error_pointer(error)) fail_msg("%s, member %d at %g: %s", test_names[on], member, sizes[i], error->message);
+          if (!tc_error_pointer(error))
+            fail_msg("%s, member %d at %g: %s", test_names[on], member, sizes[i], error->message);
           g_clear_error(&error);
         } else if (!test_judge_picture(on, &s, &test_frames[on])) {
           fail_msg("member %d at %g: %s", member, sizes[i], test_judged_why);
@@ -268,6 +285,7 @@ static void far_away(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(meaningless), cmocka_unit_test(far_away), cmocka_unit_test(every_way)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(meaningless), cmocka_unit_test(far_away),
+                                     cmocka_unit_test(every_way)};
   return cmocka_run_group_tests_name("extremes", tests, test_judge_open, test_judge_close);
 }

@@ -1,5 +1,5 @@
-/* Filters of the field on every instruction set and OpenGL: against the reference integrator, against each other, with and
- * without skipping. Errors are of the linear frame and are printed as numbers. */
+/* Filters of the field on every instruction set and OpenGL: against the reference integrator, against each other, with
+ * and without skipping. Errors are of the linear frame and are printed as numbers. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -77,7 +77,8 @@ static double cubic_at(const int dims[3], const float *c, const double at[3]) {
     for (int y = (int)floor(at[1]) - 1; y < floor(at[1]) + 3; y++)
       for (int x = (int)floor(at[0]) - 1; x < floor(at[0]) + 3; x++) {
         int cx = CLAMP(x, 0, dims[0] - 1), cy = CLAMP(y, 0, dims[1] - 1), cz = CLAMP(z, 0, dims[2] - 1);
-        sum += spline(at[0] - x) * spline(at[1] - y) * spline(at[2] - z) * (double)c[(cz * dims[1] + cy) * dims[0] + cx];
+        sum +=
+            spline(at[0] - x) * spline(at[1] - y) * spline(at[2] - z) * (double)c[(cz * dims[1] + cy) * dims[0] + cx];
       }
   return sum;
 }
@@ -99,7 +100,8 @@ static void reference_is_cubic(void **state) {
     double worst = 0, worst_mean = 0, worst_peak = 0;
     size_t cuts = 0;
     for (int ray = 0; ray < 60; ray++) {
-      double x = SIDE / 2 + ray % 8 - 3.5, y = SIDE / 2 + ray / 8 - 3.5, mean[4], peak[4], most = -9, sum = 0, length = 0;
+      double x = SIDE / 2 + ray % 8 - 3.5, y = SIDE / 2 + ray / 8 - 3.5, mean[4], peak[4], most = -9, sum = 0,
+             length = 0;
       tc_reference_sample *samples;
       size_t count;
       scene.mode = TC_MODE_DVR;
@@ -136,8 +138,8 @@ static void reference_is_cubic(void **state) {
       worst_peak = fmax(worst_peak, fabs((peak[0] - 0.5) * 4 + 0.5 - most));
       g_free(samples);
     }
-    printf("  %s: %zu cuts off by up to %.1e; means %.1e, maxima %.1e\n", kinds[1 + prefilter].name, cuts, worst, worst_mean,
-           worst_peak);
+    printf("  %s: %zu cuts off by up to %.1e; means %.1e, maxima %.1e\n", kinds[1 + prefilter].name, cuts, worst,
+           worst_mean, worst_peak);
     assert_true(worst < 5e-6 && worst_mean < 1e-4 && worst_peak < 2e-3);
     tc_scene_clear(&scene);
     tc_volume_unref(coefficients);
@@ -162,8 +164,8 @@ static void close_to_reference(void **state) {
           assert_true(d.finite);
           rms[fine] = d.rms;
         }
-        printf("  %s %s %s: rms %.1e at step 0.2, %.1e at 0.04 (max %.1e)\n", kinds[k].name, mode_names[m], test_names[i], rms[0],
-               rms[1], d.max);
+        printf("  %s %s %s: rms %.1e at step 0.2, %.1e at 0.04 (max %.1e)\n", kinds[k].name, mode_names[m],
+               test_names[i], rms[0], rms[1], d.max);
         /* A peak of the nearest voxel's is missed where a ray cuts less than a step off its corner: half an order. */
         bool jumps = k == 0 && (modes[m] == TC_MODE_MIP || modes[m] == TC_MODE_MINIP);
         assert_true(rms[1] < 5e-3 && rms[1] < fmax((jumps ? 0.75 : 0.5) * rms[0], 3e-5) && fabs(d.mean) < 1e-3);
@@ -294,12 +296,14 @@ static void constants_stay(void **state) {
 
 /* ---- prefiltering ---- */
 
-/* Pixels at voxel centres show the voxels themselves, also in the outermost layers; without prefiltering they do not. */
+/* Pixels at voxel centres show the voxels themselves, also in the outermost layers; without prefiltering they do
+ * not. */
 static void prefilter_passes_through_voxels(void **state) {
   enum { N = 11 };
   unsigned seed = 8;
   for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
-    tc_volume *volume = test_volume(&(test_grid){.dims = {N, N, 4}, .type = (tc_voxel_type)type, .slope = 0.01}, test_noise, &seed);
+    tc_volume *volume =
+        test_volume(&(test_grid){.dims = {N, N, 4}, .type = (tc_voxel_type)type, .slope = 0.01}, test_noise, &seed);
     for (int z = 0; z < 4; z++)
       EACH_RENDERER(i) {
         double worst[2] = {0};

@@ -1,4 +1,5 @@
-/* The gl back end as a citizen: contexts, caches, limits, cancelling, compiling beside. Skips where EGL gives no OpenGL 4.5. */
+/* The gl back end as a citizen: contexts, caches, limits, cancelling, compiling beside. Skips where EGL gives no OpenGL
+ * 4.5. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -215,10 +216,13 @@ static void test_unbuilt_keys(void **state) {
   tc_gl_context *context = tc_gl_context_new(&error);
   assert_made(context);
   const size_t first = offsetof(tc_gl_variant, plan);
-  const struct { size_t offset; uint8_t value; } members[] = {
-      {offsetof(tc_plan_key, mode), TC_MODE_SPLAT},       {offsetof(tc_plan_key, classification), TC_CLASSIFICATION_COUNT},
-      {offsetof(tc_plan_key, order), TC_ORDER_COUNT},     {offsetof(tc_plan_key, filter), TC_FILTER_COUNT},
-      {offsetof(tc_plan_key, shading), TC_SHADING_COUNT}, {offsetof(tc_plan_key, coherence), 1}};
+  const struct { size_t offset; uint8_t value;
+  } members[] = {{offsetof(tc_plan_key, mode), TC_MODE_SPLAT},
+                 {offsetof(tc_plan_key, classification), TC_CLASSIFICATION_COUNT},
+                 {offsetof(tc_plan_key, order), TC_ORDER_COUNT},
+                 {offsetof(tc_plan_key, filter), TC_FILTER_COUNT},
+                 {offsetof(tc_plan_key, shading), TC_SHADING_COUNT},
+                 {offsetof(tc_plan_key, coherence), 1}};
   for (size_t i = 0; i < G_N_ELEMENTS(members); i++) {
     tc_gl_variant variant;
     memset(&variant, 0, sizeof variant);
@@ -412,8 +416,8 @@ static void test_hurry(void **state) {
     while (!draws_itself(r, volume, &scene, true, &frame) && now_ms() < hurried + 60000)
       nanosleep(&(struct timespec){.tv_nsec = 2000000}, NULL);
     assert_false(frame.stats.stand_in);
-    printf("  %s: waits %.0f ms, stands in %.0f ms, off by %.1e; then %.0f ms\n", tc_mode_names[modes[m]], waited - start,
-           hurried - waited, worst, frame.stats.render_ms);
+    printf("  %s: waits %.0f ms, stands in %.0f ms, off by %.1e; then %.0f ms\n", tc_mode_names[modes[m]],
+           waited - start, hurried - waited, worst, frame.stats.render_ms);
     assert_memory_equal(frame.linear, wanted.linear, SIDE * SIDE * 16);
     scene.camera.position[0] += 1;
     assert_true(draws_itself(r, volume, &scene, true, &frame));

@@ -98,7 +98,8 @@ static void reference_meets_closed_forms(void **state) {
       before = f;
       distance = i * 2e-4;
     }
-    if (met != crossed || (met && !(fabs(hit.distance_mm - distance) < 2.1e-4))) grazed++; /* in and out within a step */
+    /* in and out within a step */
+    if (met != crossed || (met && !(fabs(hit.distance_mm - distance) < 2.1e-4))) grazed++;
   }
   assert_true(grazed <= 2);
   tc_volume_unref(cell);
@@ -156,14 +157,15 @@ static void everyone_meets_the_reference(void **state) {
         memcpy(scene.clip.planes[0], (double[4]){-1, 0.3, 0, 11}, sizeof scene.clip.planes[0]);
         scene.image.linear_light = bits & 1;
       }
-      if (bits == 3) memcpy(scene.camera.position, (double[3]){12, 14, 8}, sizeof scene.camera.position); /* in the midst */
+      /* in the midst */
+      if (bits == 3) memcpy(scene.camera.position, (double[3]){12, 14, 8}, sizeof scene.camera.position);
       EACH_RENDERER(i) judge(i, volume, &scene, &v[i]);
       tc_scene_clear(&scene);
       tc_volume_unref(volume);
     }
   EACH_RENDERER(i) {
-    printf("  %s: depth within %.1e mm, colour within %.1e, %zu ties of %zu hits\n", test_names[i], v[i].depth, v[i].color,
-           v[i].ties, v[i].seen);
+    printf("  %s: depth within %.1e mm, colour within %.1e, %zu ties of %zu hits\n", test_names[i], v[i].depth,
+           v[i].color, v[i].ties, v[i].seen);
     assert_true(v[i].depth < 2e-3 && v[i].seen > 10000 && (double)v[i].ties < 2e-3 * (double)v[i].seen);
   }
 }
@@ -227,7 +229,8 @@ static void nothing_thin_is_missed(void **state) {
 /* Everything of one side, or a value that the volume does not have, is an empty picture. */
 static void extremes_are_empty_or_right(void **state) {
   const int sizes[][3] = {{1, 1, 1}, {1, 9, 1}, {9, 1, 5}, {2, 2, 2}, {1, 1, 300}};
-  const double along[4] = {0.1, 0.1, 0.1, 0}, whole = 5, tiny[4] = {1e-30, 1e-30, 0, 0}, huge[4] = {1e29, 3e28, 0, -1e29};
+  const double along[4] = {0.1, 0.1, 0.1, 0}, whole = 5, tiny[4] = {1e-30, 1e-30, 0, 0},
+               huge[4] = {1e29, 3e28, 0, -1e29};
   const struct { test_field field; const void *context; double value; int empty; } cases[] = {
       {test_constant, &whole, 5, 1}, {test_constant, &whole, 6, 1}, {test_linear, along, 1e9, 1},
       {test_linear, along, -1, 1},   {test_linear, along, 0, 1},    {test_linear, along, 0.25, 0},
@@ -263,17 +266,20 @@ static void extremes_are_empty_or_right(void **state) {
 /* Along an axis of one voxel nothing changes and no wall is passed, wherever a ray crosses it. */
 static void single_voxels_are_thick(void **state) {
   const double rise[4] = {0.1, 0, 0, 0};
-  tc_volume *volume = test_volume(&(test_grid){.dims = {8, 1, 1}, .type = TC_F32, .spacing = {1, 20, 20}}, test_linear, rise);
+  tc_volume *volume =
+      test_volume(&(test_grid){.dims = {8, 1, 1}, .type = TC_F32, .spacing = {1, 20, 20}}, test_linear, rise);
   for (int bits = 0; bits < 8; bits++) {
     tc_scene scene;
     surface_scene(&scene, volume, 0.03);
     scene.skipping.mode = bits & 1 ? TC_SKIPPING_OFF : TC_SKIPPING_AUTO;
     scene.skipping.block = 2;
-    test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){60, bits & 2 ? 70 : -70, bits & 4 ? 80 : -80}, (double[3]){3.5, 0, 0}, 40);
+    test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){60, bits & 2 ? 70 : -70, bits & 4 ? 80 : -80},
+                    (double[3]){3.5, 0, 0}, 40);
     EACH_RENDERER(i) {
       verdict v = {0};
       judge(i, volume, &scene, &v);
-      if (v.seen < 100 || v.ties > 8) fail_msg("%s, %d: %zu of %zu hits are missed", test_names[i], bits, v.ties, v.seen);
+      if (v.seen < 100 || v.ties > 8)
+        fail_msg("%s, %d: %zu of %zu hits are missed", test_names[i], bits, v.ties, v.seen);
     }
     tc_scene_clear(&scene);
   }

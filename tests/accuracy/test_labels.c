@@ -1,5 +1,5 @@
-/* Labels that tint and hide, on every instruction set and on OpenGL: against closed forms and against the trilinear mean
- * written out in double precision. */
+/* Labels that tint and hide, on every instruction set and on OpenGL: against closed forms and against the trilinear
+ * mean written out in double precision. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -19,7 +19,8 @@
 
 enum { SIDE = 48, PIXELS = SIDE * SIDE };
 
-static const float *render(int which, tc_volume *volume, const tc_volume *labels, const tc_scene *scene, tc_plan *plan) {
+static const float *render(int which, tc_volume *volume, const tc_volume *labels, const tc_scene *scene,
+                           tc_plan *plan) {
   const tc_render_request request = {.want_linear = true, .labels = labels};
   return test_draw(which, volume, scene, &request, plan)->linear;
 }
@@ -74,7 +75,8 @@ static double specks(double x, double y, double z, const void *seed) { return fl
 /* A grid of its own: turned about a slanted axis, other spacings, not all of the volume inside. */
 static tc_volume *slanted_labels(tc_voxel_type type, const int dims[3], unsigned seed) {
   double axis[3] = {0.48, 0.6, 0.64}, angle = 0.7, c = cos(angle), s = sin(angle);
-  test_grid grid = {.dims = {dims[0], dims[1], dims[2]}, .type = type, .spacing = {1.7, 2.3, 1.1}, .origin = {4, 3, 5.5}};
+  test_grid grid = {
+      .dims = {dims[0], dims[1], dims[2]}, .type = type, .spacing = {1.7, 2.3, 1.1}, .origin = {4, 3, 5.5}};
   for (int r = 0; r < 3; r++)
     for (int k = 0; k < 3; k++) {
       double cross = r == k ? 0 : (k - r + 3) % 3 == 1 ? -axis[3 - r - k] : axis[3 - r - k];
@@ -162,7 +164,8 @@ static void every_place_has_the_mean_of_its_eight_labels(void **state) {
 /* Along a face the overlay rises linearly from one voxel centre to the next: no step is larger than a pixel's share. */
 static void faces_are_smooth(void **state) {
   tc_volume *volume = seven();
-  tc_volume *labels = test_volume(&(test_grid){.dims = {7, 7, 7}, .type = TC_U8, .spacing = {4, 4, 4}}, halves, &(double){3});
+  tc_volume *labels =
+      test_volume(&(test_grid){.dims = {7, 7, 7}, .type = TC_U8, .spacing = {4, 4, 4}}, halves, &(double){3});
   tc_scene scene;
   slice_scene(&scene, 12);
   with_labels(&scene, 1, (const double[2][4]){{0, 0, 0, 1}, {1, 1, 1, 1}}, 2);
@@ -171,7 +174,8 @@ static void faces_are_smooth(void **state) {
     double largest = 0;
     for (int x = 0; x < SIDE; x++) {
       double want = fmin(fmax(((x + 0.5) * 0.5 - 8) / 4, 0), 1); /* voxel centres at 8 and 12 mm */
-      if (fabs((double)row[4 * x] - want) > 1e-6) fail_msg("%s: %g at %d, not %g", test_names[i], (double)row[4 * x], x, want);
+      if (fabs((double)row[4 * x] - want) > 1e-6)
+        fail_msg("%s: %g at %d, not %g", test_names[i], (double)row[4 * x], x, want);
       if (x > 0) largest = fmax(largest, (double)row[4 * x] - (double)row[4 * x - 4]);
     }
     if (fabs(largest - 0.125) > 1e-5) fail_msg("%s: a step of %g", test_names[i], largest);
@@ -184,7 +188,8 @@ static void faces_are_smooth(void **state) {
 /* A medium of one extinction through which rays run along z, 24 mm long; labels change along x between 8 and 12 mm. */
 static void medium_scene(tc_scene *scene, double extinction) {
   test_scene(scene, SIDE, SIDE);
-  test_scene_knots(scene, TC_KNOT_EXTINCTION, &(tc_knot){.value = 7, .color = {0.2, 0.4, 0.6}, .amount = extinction}, 1);
+  test_scene_knots(scene, TC_KNOT_EXTINCTION, &(tc_knot){.value = 7, .color = {0.2, 0.4, 0.6}, .amount = extinction},
+                   1);
   test_scene_look(scene, TC_ORTHOGRAPHIC, (double[3]){12, 12, -50}, (double[3]){12, 12, 12}, 20);
   scene->camera.up[0] = scene->camera.up[2] = 0;
   scene->camera.up[1] = -1;
@@ -192,7 +197,8 @@ static void medium_scene(tc_scene *scene, double extinction) {
 
 static void hiding_thins_the_medium_and_tint_colours_it(void **state) {
   tc_volume *volume = seven();
-  tc_volume *labels = test_volume(&(test_grid){.dims = {7, 7, 7}, .type = TC_I8, .spacing = {4, 4, 4}}, halves, &(double){3});
+  tc_volume *labels =
+      test_volume(&(test_grid){.dims = {7, 7, 7}, .type = TC_I8, .spacing = {4, 4, 4}}, halves, &(double){3});
   tc_scene scene;
   medium_scene(&scene, 0.1);
   with_labels(&scene, 0.5, (const double[2][4]){{1, 0, 0, 0.5}, {0, 1, 0, 1}}, 2);
@@ -204,12 +210,14 @@ static void hiding_thins_the_medium_and_tint_colours_it(void **state) {
         const float *row = render(i, volume, labels, &scene, NULL) + SIDE / 2 * SIDE * 4;
         for (int x = 0; x < SIDE; x++) {
           double mm = 2 + (x + 0.5) * 20 / SIDE, second = fmin(fmax((mm - 8) / 4, 0), 1), seen = hidden ? second : 1;
-          double alpha = -expm1(-2.4 * seen), red = hidden ? 0 : 0.25 * (1 - second), green = hidden ? 0.5 : 0.5 * second;
+          double alpha = -expm1(-2.4 * seen), red = hidden ? 0 : 0.25 * (1 - second),
+                 green = hidden ? 0.5 : 0.5 * second;
           const double base[3] = {0.2, 0.4, 0.6}, tint[3] = {red, green, 0};
           for (int c = 0; c < 4; c++) {
             double want = c == 3 ? alpha : alpha * (base[c] * (1 - red - green) + tint[c]);
             if (fabs((double)row[4 * x + c] - want) > 1e-5)
-              fail_msg("%s, hidden %d: channel %d at %g mm is %g, not %g", test_names[i], hidden, c, mm, (double)row[4 * x + c], want);
+              fail_msg("%s, hidden %d: channel %d at %g mm is %g, not %g", test_names[i], hidden, c, mm,
+                       (double)row[4 * x + c], want);
           }
           if (hidden && second == 0) assert_true(row[4 * x + 3] == 0); /* nothing at all is left */
         }
@@ -241,7 +249,8 @@ static void full_and_empty_tints_are_exact(void **state) {
     scene.labels.opacity = 0;
     p = render(i, volume, labels, &scene, NULL);
     for (int k = 0; k < PIXELS * 4; k++)
-      if (fabsf(p[k] - plain[k]) > (i == GL ? 1e-6f : 0)) fail_msg("%s: %g became %g", test_names[i], (double)plain[k], (double)p[k]);
+      if (fabsf(p[k] - plain[k]) > (i == GL ? 1e-6f : 0))
+        fail_msg("%s: %g became %g", test_names[i], (double)plain[k], (double)p[k]);
   }
   assert_int_equal(count, TC_LABEL_PALETTE);
   tc_scene_clear(&scene);
@@ -333,7 +342,8 @@ static void small_steps_converge_to_the_reference(void **state) {
         scene.sampling.step = fine ? 0.05 : 0.2;
         rms[fine] = test_compare(render(i, volume, labels, &scene, NULL), wanted, PIXELS / 4).rms;
       }
-      printf("  %-7s %s: rms %.1e at a step of 0.2, %.1e at 0.05\n", test_names[i], bits > 1 ? "shaded, hidden" : "plain", rms[0], rms[1]);
+      printf("  %-7s %s: rms %.1e at a step of 0.2, %.1e at 0.05\n", test_names[i],
+             bits > 1 ? "shaded, hidden" : "plain", rms[0], rms[1]);
       if (!(rms[1] < 5e-4 && rms[1] < 0.5 * rms[0])) fail_msg("%s does not converge", test_names[i]);
     }
     tc_scene_clear(&scene);
@@ -345,7 +355,8 @@ static void small_steps_converge_to_the_reference(void **state) {
 
 static void leaping_changes_no_bit_and_threads_none(void **state) {
   static float before[PIXELS * 4];
-  tc_renderer *one = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 1, .isa = "scalar"}, NULL);
+  tc_renderer *one =
+      tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 1, .isa = "scalar"}, NULL);
   uint64_t leaps = 0;
   for (unsigned bits = 0; bits < 16; bits++) {
     if (bits % 4 == 3) continue;
@@ -392,8 +403,10 @@ static void refused(tc_volume *volume, const tc_volume *labels, const tc_scene *
 static void what_is_no_label_volume_is_refused(void **state) {
   tc_volume *volume = waves(TC_U8);
   tc_volume *floats = waves(TC_F32);
-  tc_volume *far = test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_U8, .origin = {0, 0, 500}}, test_constant, &(double){1});
-  tc_volume *halved = test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_U8, .slope = 0.5}, test_constant, &(double){1});
+  tc_volume *far =
+      test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_U8, .origin = {0, 0, 500}}, test_constant, &(double){1});
+  tc_volume *halved =
+      test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_U8, .slope = 0.5}, test_constant, &(double){1});
   tc_scene scene;
   busy_scene(&scene, volume, 0);
   refused(volume, NULL, &scene, "no such volume");
@@ -442,7 +455,8 @@ static void a_volume_may_be_its_own_labels(void **state) {
   render(SCALAR, volume, volume, &scene, NULL);
   EACH_RENDERER(i) {
     test_difference d;
-    for (int twice = 0; twice < 2; twice++) d = test_compare(render(i, volume, volume, &scene, NULL), test_frames[SCALAR].linear, PIXELS);
+    for (int twice = 0; twice < 2; twice++)
+      d = test_compare(render(i, volume, volume, &scene, NULL), test_frames[SCALAR].linear, PIXELS);
     assert_true(d.finite && d.p999 < 1.0 / 255);
   }
   tc_scene_clear(&scene);

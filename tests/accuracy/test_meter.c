@@ -1,4 +1,5 @@
-/* The error meter: which pixels it takes, what it finds, how often its interval holds. Errors are printed as numbers. */
+/* The error meter: which pixels it takes, what it finds, how often its interval holds. Errors are printed as
+ * numbers. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -152,8 +153,8 @@ static void what_has_no_reference_is_said(void **state) {
 
 /* ---- several rays a pixel, labels ---- */
 
-/* What the meter says of the scene in all modes that it can measure is what it said of coarse steps, and of fine ones little:
- * another truth, such as the ray of the centre, would be as far from both. */
+/* What the meter says of the scene in all modes that it can measure is what it said of coarse steps, and of fine ones
+ * little: another truth, such as the ray of the centre, would be as far from both. */
 static void assert_step_alone_counts(tc_scene *s, tc_volume *labels, const char *what) {
   static const double steps[] = {2, 0.125};
   tc_meter_result found[2];
@@ -161,10 +162,12 @@ static void assert_step_alone_counts(tc_scene *s, tc_volume *labels, const char 
     GError *error = NULL;
     tc_frame drawn = {0};
     s->sampling.step = steps[i] / s->sampling.rays_per_pixel;
-    if (!tc_render(renderer, volume, s, &(tc_render_request){.want_linear = true, .labels = labels}, &drawn, NULL, &error))
+    if (!tc_render(renderer, volume, s, &(tc_render_request){.want_linear = true, .labels = labels}, &drawn, NULL,
+                   &error))
       fail_msg("%s: %s", what, error->message);
     tc_meter *meter = tc_meter_new(&drawn, 300, 1);
-    if (!tc_meter_measure(meter, volume, labels, s, NULL, 0, &found[i], &error)) fail_msg("%s: %s", what, error->message);
+    if (!tc_meter_measure(meter, volume, labels, s, NULL, 0, &found[i], &error))
+      fail_msg("%s: %s", what, error->message);
     tc_meter_free(meter);
     tc_frame_finish(&drawn);
   }

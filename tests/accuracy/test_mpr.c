@@ -339,7 +339,8 @@ static void outermost_slices_show(void **state) {
         double index[3] = {9, 7, 5}, matrix[9];
         index[axis] = end ? (double[]){18, 14, 10}[axis] : 0;
         tc_volume_lps_to_index_matrix(volume, matrix);
-        memcpy(scene.mpr.normal, matrix + 3 * axis, sizeof scene.mpr.normal); /* across the voxels' layers, even sheared */
+        /* across the voxels' layers, even sheared */
+        memcpy(scene.mpr.normal, matrix + 3 * axis, sizeof scene.mpr.normal);
         memcpy(scene.mpr.up, matrix + 3 * ((axis + 1) % 3), sizeof scene.mpr.up);
         scene.mpr.has_center = true;
         scene.mpr.zoom = 6;
@@ -422,8 +423,8 @@ static double check_slab(int m, tc_volume *volume, const tc_scene *scene, double
     worst = fmax(worst, off);
     seen++;
     if (off > allowed || got[4 * i + 3] != 1)
-      fail_msg("%s: pixel %d,%d: %g (opacity %g), wanted %g over %g..%g mm", test_names[m], i % WIDTH, i / WIDTH, got[4 * i],
-               got[4 * i + 3], want, span[0], span[1]);
+      fail_msg("%s: pixel %d,%d: %g (opacity %g), wanted %g over %g..%g mm", test_names[m], i % WIDTH, i / WIDTH,
+               got[4 * i], got[4 * i + 3], want, span[0], span[1]);
   }
   if (seen < 20) fail_msg("only %zu pixels of the slab seen", seen);
   return worst;
@@ -589,7 +590,8 @@ static void clipping_cuts_slices(void **state) {
     tc_scene scene;
     scene_of(&scene, TC_AXIAL, 0, 255);
     scene.clip.has_box = true;
-    memcpy(scene.clip.box, (double[2][3]){{3, 2, 5}, {12, 40, 40}}, sizeof scene.clip.box); /* z = 5: the plane itself */
+    /* z = 5: the plane itself */
+    memcpy(scene.clip.box, (double[2][3]){{3, 2, 5}, {12, 40, 40}}, sizeof scene.clip.box);
     scene.clip.n_planes = 1;
     memcpy(scene.clip.planes[0], (double[4]){0, -1, 0, 9.5}, sizeof scene.clip.planes[0]); /* y <= 9.5 */
     for (int slab = 0; slab < 2; slab++) {

@@ -1,5 +1,5 @@
-/* mip, minip and average: every instruction set and gl against the exact extremum or mean along each ray, and skipping against none,
- * bit for bit. Errors are of the linear frame and are printed as numbers. */
+/* mip, minip and average: every instruction set and gl against the exact extremum or mean along each ray, and skipping
+ * against none, bit for bit. Errors are of the linear frame and are printed as numbers. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -28,7 +28,8 @@ static const tc_frame *render(int i, tc_volume *volume, const tc_scene *scene, t
 static void check_sane(const char *what, const tc_frame *frame) {
   for (size_t i = 0; i < (size_t)frame->width * (size_t)frame->height; i++) {
     const float *c = frame->linear + 4 * i;
-    bool grey = c[0] == c[1] && c[1] == c[2], met = c[3] == 1 && c[0] >= 0 && c[0] <= 1, missed = c[3] == 0 && c[0] == 0;
+    bool grey = c[0] == c[1] && c[1] == c[2], met = c[3] == 1 && c[0] >= 0 && c[0] <= 1,
+         missed = c[3] == 0 && c[0] == 0;
     if (!grey || (!met && !missed)) fail_msg("%s: pixel %zu is %g %g %g %g", what, i, c[0], c[1], c[2], c[3]);
   }
 }
@@ -53,8 +54,8 @@ static tc_volume *wave_volume(tc_voxel_type type, double slope) {
 
 /* ---- against the exact projections ---- */
 
-/* The field has kinks at cell faces, and extrema sit on them: a sampled one is off in proportion to the step. The trapezoids of the
- * mean fall with its square. Bounds: 1.5 times what was measured. */
+/* The field has kinks at cell faces, and extrema sit on them: a sampled one is off in proportion to the step. The
+ * trapezoids of the mean fall with its square. Bounds: 1.5 times what was measured. */
 static void close_to_reference(void **state) {
   static const double steps[] = {1, 0.5, 0.25, 0.125};
   static const double bounds[3][4] = {
@@ -85,20 +86,23 @@ static void close_to_reference(void **state) {
             double d = (double)frame->linear[4 * p] - (double)want[4 * p];
             sum += d * d;
             max = fmax(max, fabs(d));
-            /* A sample is a value of the field: no maximum of them is above the exact one, no minimum below, but for the
-             * single precision of a sample's place. */
-            if (m < 2 && (m == 0 ? d : -d) > 1e-5) fail_msg("%s %s: beyond the exact one by %g", mode_names[m], test_names[i], d);
+            /* A sample is a value of the field: no maximum of them is above the exact one, no minimum below, but for
+             * the single precision of a sample's place. */
+            if (m < 2 && (m == 0 ? d : -d) > 1e-5)
+              fail_msg("%s %s: beyond the exact one by %g", mode_names[m], test_names[i], d);
           }
           rms[s][i] = sqrt(sum / (double)pixels);
           if (i == 0 || (i == GL && type == TC_U16))
             printf("  %-7s %-3s %-6s step %-5g rms %.2e max %.2e ties %zu\n", mode_names[m],
                    tc_voxel_type_name((tc_voxel_type)type), test_names[i], steps[s], rms[s][i], max, ties);
           if (max > bounds[m][s] || ties > 2)
-            fail_msg("%s, %s, step %g: max %g (bound %g), %zu ties", mode_names[m], test_names[i], steps[s], max, bounds[m][s], ties);
+            fail_msg("%s, %s, step %g: max %g (bound %g), %zu ties", mode_names[m], test_names[i], steps[s], max,
+                     bounds[m][s], ties);
         }
       EACH_RENDERER(i) { /* from step 1 to 1/8: order 1 is a factor of 8, order 2 one of 64 */
         double gain = rms[0][i] / rms[3][i];
-        if (!(gain > (m < 2 ? 6 : 40))) fail_msg("%s, %s: the error falls by %g only", mode_names[m], test_names[i], gain);
+        if (!(gain > (m < 2 ? 6 : 40)))
+          fail_msg("%s, %s: the error falls by %g only", mode_names[m], test_names[i], gain);
       }
       free(want);
       tc_scene_clear(&scene);
@@ -132,9 +136,11 @@ static void inverted_slope(void **state) {
     }
 }
 
-/* A ray straight through a ramp: extrema at its two ends, the last of which no whole step reaches; the mean in the middle. */
+/* A ray straight through a ramp: extrema at its two ends, the last of which no whole step reaches; the mean in the
+ * middle. */
 static void closed_forms(void **state) {
-  tc_volume *volume = test_volume(&(test_grid){.dims = {12, 9, 9}, .type = TC_F32}, test_linear, (double[4]){10, 0, 0, -20});
+  tc_volume *volume =
+      test_volume(&(test_grid){.dims = {12, 9, 9}, .type = TC_F32}, test_linear, (double[4]){10, 0, 0, -20});
   tc_scene scene;
   test_scene(&scene, 7, 5);
   test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){-20, 4, 4}, (double[3]){0, 4, 4}, 6);
@@ -152,7 +158,8 @@ static void closed_forms(void **state) {
           double c = want[m], expected = linear ? pow((c + 0.055) / 1.055, 2.4) : c;
           for (int p = 0; p < 35; p++) {
             if (fabs((double)frame->linear[4 * p] - expected) > 2e-6)
-              fail_msg("%s %s step %g: %g, wanted %g", mode_names[m], test_names[i], step, (double)frame->linear[4 * p], expected);
+              fail_msg("%s %s step %g: %g, wanted %g", mode_names[m], test_names[i], step, (double)frame->linear[4 * p],
+                       expected);
             /* Through linear light and back a grey is the display value that the window made. */
             assert_true(abs(frame->rgba[4 * p] - (int)(c * 255 + 0.5)) <= linear);
             assert_int_equal(frame->rgba[4 * p + 3], 255);
@@ -165,7 +172,8 @@ static void closed_forms(void **state) {
 /* ---- shapes and numbers at the edge ---- */
 
 static void thin_volumes(void **state) {
-  static const int dims[][3] = {{1, 1, 1}, {1, 9, 1}, {7, 1, 1}, {1, 1, 12}, {5, 6, 1}, {1, 4, 3}, {2, 2, 2}, {3, 12, 2}};
+  static const int dims[][3] = {{1, 1, 1}, {1, 9, 1}, {7, 1, 1}, {1, 1, 12},
+                                {5, 6, 1}, {1, 4, 3}, {2, 2, 2}, {3, 12, 2}};
   unsigned seed = 3;
   for (size_t d = 0; d < G_N_ELEMENTS(dims); d++)
     for (int m = 0; m < 3; m++) {
@@ -187,7 +195,9 @@ static void thin_volumes(void **state) {
           met += frame->linear[4 * p + 3] > 0;
           off += frame->linear[4 * p + 3] != want[4 * p + 3] || fabsf(frame->linear[4 * p] - want[4 * p]) > 0.01f;
         }
-        if (off > 2 || met == 0) fail_msg("%dx%dx%d %s %s: %d pixels off", dims[d][0], dims[d][1], dims[d][2], mode_names[m], test_names[i], off);
+        if (off > 2 || met == 0)
+          fail_msg("%dx%dx%d %s %s: %d pixels off", dims[d][0], dims[d][1], dims[d][2], mode_names[m], test_names[i],
+                   off);
       }
       free(want);
       tc_scene_clear(&scene);
@@ -200,9 +210,10 @@ static void constants_and_extreme_windows(void **state) {
   const double value = 100;
   tc_volume *volume = test_volume(&(test_grid){.dims = {20, 15, 300}, .type = TC_I16}, test_constant, &value);
   tc_volume *huge = test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_F32, .slope = 1e-9}, test_constant, &value);
-  static const struct { double center, width, grey; } windows[] = {
-      {100, 50, 0.5}, {110, 40, 0.25}, {500, 100, 0}, {-500, 100, 1}, {99, 1e-9, 1},    {101, 1e-9, 0},  {99, 1e-320, 1},
-      {101, 1e-320, 0}, {0, 1e300, 0.5}, {1e300, 1, 0}, {-1e300, 1, 1}, {1e300, 1e-300, 0}, {-1e308, 1e308, 1}};
+  static const struct { double center, width, grey;
+  } windows[] = {{100, 50, 0.5}, {110, 40, 0.25},    {500, 100, 0},     {-500, 100, 1},  {99, 1e-9, 1},
+                 {101, 1e-9, 0}, {99, 1e-320, 1},    {101, 1e-320, 0},  {0, 1e300, 0.5}, {1e300, 1, 0},
+                 {-1e300, 1, 1}, {1e300, 1e-300, 0}, {-1e308, 1e308, 1}};
   for (size_t w = 0; w < G_N_ELEMENTS(windows); w++)
     for (int m = 0; m < 3; m++)
       EACH_RENDERER(i)
@@ -218,8 +229,8 @@ static void constants_and_extreme_windows(void **state) {
           check_sane("constant", frame);
           const float *c = frame->linear + 4 * (4 * 9 + 4);
           if (fabs((double)c[0] - windows[w].grey) > 2e-6)
-            fail_msg("window %g/%g %s %s: %g, wanted %g", windows[w].center, windows[w].width, mode_names[m], test_names[i],
-                     (double)c[0], windows[w].grey);
+            fail_msg("window %g/%g %s %s: %g, wanted %g", windows[w].center, windows[w].width, mode_names[m],
+                     test_names[i], (double)c[0], windows[w].grey);
           tc_scene_clear(&scene);
         }
   tc_volume_unref(volume);
@@ -227,7 +238,8 @@ static void constants_and_extreme_windows(void **state) {
 }
 
 /* Clipped, a projection is that of what is left of each ray. */
-/* In linear light each ray's grey is decoded before the mean of a pixel's rays: at an edge too, colour is opacity times the light. */
+/* In linear light each ray's grey is decoded before the mean of a pixel's rays: at an edge too, colour is opacity times
+ * the light. */
 static void edges_in_linear_light(void **state) {
   tc_volume *volume = test_volume(&(test_grid){.dims = {9, 8, 7}, .type = TC_F32}, test_constant, &(double){0.5});
   for (int m = 0; m < 3; m++)
@@ -244,7 +256,8 @@ static void edges_in_linear_light(void **state) {
       for (int p = 0; p < 24 * 24; p++) {
         const float *c = frame->linear + 4 * p;
         edges += c[3] > 0 && c[3] < 1;
-        if (!(fabs(c[0] - c[3] * tc_srgb_to_linear(0.5)) < 1e-5)) fail_msg("%s, %s: %g at %g", test_names[i], mode_names[m], c[0], c[3]);
+        if (!(fabs(c[0] - c[3] * tc_srgb_to_linear(0.5)) < 1e-5))
+          fail_msg("%s, %s: %g at %g", test_names[i], mode_names[m], c[0], c[3]);
       }
       assert_true(edges > 20);
       tc_scene_clear(&scene);
@@ -281,7 +294,8 @@ static void clipped(void **state) {
           max = fmax(max, fabs((double)frame->linear[4 * p] - (double)want[4 * p]));
       }
       printf("  clipped %s %s: max %.1e, %d of %d pixels at an edge\n", mode_names[m], test_names[i], max, off, met);
-      if (off > 2 || met < 200 || max > 4e-3) fail_msg("%s %s: %d of %d pixels off, max %g", mode_names[m], test_names[i], off, met, max);
+      if (off > 2 || met < 200 || max > 4e-3)
+        fail_msg("%s %s: %d of %d pixels off, max %g", mode_names[m], test_names[i], off, met, max);
     }
     free(want);
     tc_scene_clear(&scene);
@@ -310,7 +324,8 @@ static tc_volume *random_volume(uint64_t *state) {
   blobs b = {*state, 1 + (int)(6 * test_random(state)), 15 * floor(2 * test_random(state))};
   test_grid g = {.type = (tc_voxel_type)(5 * test_random(state))};
   int least = test_random(state) < 0.2 ? 1 : 25;
-  for (int k = 0; k < 3; k++) g.dims[k] = least + (int)(70 * test_random(state)), g.spacing[k] = 0.4 + 2 * test_random(state);
+  for (int k = 0; k < 3; k++)
+    g.dims[k] = least + (int)(70 * test_random(state)), g.spacing[k] = 0.4 + 2 * test_random(state);
   if (test_random(state) < 0.3) g.slope = -0.9, g.intercept = g.type == TC_U8 || g.type == TC_U16 ? 130 : 20;
   /* Sheared axes, as of a tilted gantry. */
   if (test_random(state) < 0.3) memcpy(g.direction, (double[9]){1, 0.3, 0, 0, 0.95394, 0, 0, 0, 1}, sizeof g.direction);
@@ -359,7 +374,8 @@ static void skipping_changes_no_bit(void **state) {
       check_sane(test_names[r], &on);
       size_t pixels = (size_t)on.width * (size_t)on.height;
       if (memcmp(on.linear, off.linear, pixels * 16) || memcmp(on.rgba, off.rgba, pixels * 4))
-        fail_msg("%s: trial %d (state %llu, block %d) differs", test_names[r], trial, (unsigned long long)seed, s.skipping.block);
+        fail_msg("%s: trial %d (state %llu, block %d) differs", test_names[r], trial, (unsigned long long)seed,
+                 s.skipping.block);
       assert_int_equal(off.stats.leaps, 0);
       with += on.stats.samples, without += off.stats.samples;
       skipped += on.stats.leaps > 0;
@@ -373,8 +389,8 @@ static void skipping_changes_no_bit(void **state) {
       tc_scene_clear(&s);
       tc_volume_unref(v);
     }
-    printf("%s: %d scenes, %d with greys, %d skipped in, %.2f of the samples taken\n", test_names[r], trials, shown, skipped,
-           (double)with / (double)without);
+    printf("%s: %d scenes, %d with greys, %d skipped in, %.2f of the samples taken\n", test_names[r], trials, shown,
+           skipped, (double)with / (double)without);
     assert_true(shown > trials / 3 && skipped > trials / 6 && with < without); /* the trial is worth something */
   }
 }
@@ -429,7 +445,8 @@ static void plan_leaves_out(void **state) {
       tc_plan plan, before;
       char name[64];
       scene.mode = modes[m];
-      scene.window.center = 1234 + m; /* another window, other bounds: nothing of them is there before the first frame */
+      /* another window, other bounds: nothing of them is there before the first frame */
+      scene.window.center = 1234 + m;
       assert_true(tc_renderer_plan(test_renderers[i], volume, NULL, &scene, &before, NULL));
       const tc_frame *frame = render(i, volume, &scene, &plan);
       assert_memory_equal(&plan.key, &before.key, sizeof plan.key);

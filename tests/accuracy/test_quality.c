@@ -1,8 +1,8 @@
-/* Quality control: does the bound hold, and at what cost beside the best fixed setting there is? Built-in volumes, a path
- * around each of them that also rises, dips and comes nearer. What pixels of every frame are compared with is the
- * reference; cost is counted in field samples, which no other load of the machine disturbs; times are printed. Frames of several
- * rays a pixel are larger, and a regular grid of their pixels is compared: how far apart a pixel's rays are counts there.
- * TC_LONG=1 takes all scenes and frames, else a few of each. */
+/* Quality control: does the bound hold, and at what cost beside the best fixed setting there is? Built-in volumes, a
+ * path around each of them that also rises, dips and comes nearer. What pixels of every frame are compared with is the
+ * reference; cost is counted in field samples, which no other load of the machine disturbs; times are printed. Frames
+ * of several rays a pixel are larger, and a regular grid of their pixels is compared: how far apart a pixel's rays are
+ * counts there. TC_LONG=1 takes all scenes and frames, else a few of each. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -183,7 +183,8 @@ static double chosen(path *p, int i, const tc_quality_choice *choice, spent *cos
 static spent best_fixed(path *p, double bound, setting *best_setting) {
   static const double shares[] = {0, 1.0 / 16, 1.0 / 4, 1};
   spent best = {INFINITY, INFINITY};
-  for (int method = TC_PREINTEGRATED; method <= (p->scene.mode == TC_MODE_DVR ? TC_PREINTEGRATED2 : TC_PREINTEGRATED); method++) {
+  for (int method = TC_PREINTEGRATED; method <= (p->scene.mode == TC_MODE_DVR ? TC_PREINTEGRATED2 : TC_PREINTEGRATED);
+       method++) {
     int t = 0; /* finer steps only cost more, unless with rays that end earlier */
     for (int rung = 24; rung >= -32 && t < 4; rung--) {
       setting with = {(tc_classification)method, exp2(rung / 8.0) / tc_quality_stretch(&p->scene)};
@@ -204,7 +205,8 @@ static spent best_fixed(path *p, double bound, setting *best_setting) {
 static void measure(path *p, tc_quality_model *m, const tc_camera *camera) {
   GError *error = NULL;
   tc_quality_view view;
-  if (!tc_quality_measure(renderer, p->volume, p->labels, &p->scene, camera, m, NULL, &view, &error)) fail_msg("%s", error->message);
+  if (!tc_quality_measure(renderer, p->volume, p->labels, &p->scene, camera, m, NULL, &view, &error))
+    fail_msg("%s", error->message);
   tc_quality_add(m, &view);
 }
 
@@ -213,7 +215,8 @@ typedef struct tally {
   double worst_cost;
 } tally;
 
-/* Along the path as a session goes: a frame at once with what is known, one measurement if it helps, the settled frame. */
+/* Along the path as a session goes: a frame at once with what is known, one measurement if it helps, the settled
+ * frame. */
 static void follow(path *p, double bound, tally *t) {
   tc_quality_model m = {0};
   tc_quality_choice choice;
@@ -241,11 +244,12 @@ static void follow(path *p, double bound, tally *t) {
   }
   spent best = best_fixed(p, bound, &with);
   bool there_is = isfinite(best.samples);
-  printf("  bound %.2g: promised %d of %d, held %d, worst %.2e; steps %.3g to %.3g, second order %d times, %d views; ", bound,
-         promised, p->n, held, worst, finest, coarsest, second, m.n);
+  printf("  bound %.2g: promised %d of %d, held %d, worst %.2e; steps %.3g to %.3g, second order %d times, %d views; ",
+         bound, promised, p->n, held, worst, finest, coarsest, second, m.n);
   if (there_is)
-    printf("%.2f of the samples and %.2f of the time of the best fixed step %.3g, %s order\n", cost.samples / best.samples,
-           cost.ms / best.ms, with.step, with.method == TC_PREINTEGRATED2 ? "second" : "first");
+    printf("%.2f of the samples and %.2f of the time of the best fixed step %.3g, %s order\n",
+           cost.samples / best.samples, cost.ms / best.ms, with.step,
+           with.method == TC_PREINTEGRATED2 ? "second" : "first");
   else
     printf("no fixed step holds it\n");
   fflush(stdout);
@@ -260,14 +264,17 @@ static void bounds_hold_at_little_cost(void **state) {
   tally t = {0};
   for (int l = 0; l < (all ? LOOKS : SHORT_LOOKS); l++) {
     path p;
-    open_path(&p, &looks[l], all ? FRAMES : looks[l].rays > 1 ? SHORT_FRAMES - 1 : SHORT_FRAMES); /* the dear ones less */
+    /* the dear ones less */
+    open_path(&p, &looks[l], all ? FRAMES : looks[l].rays > 1 ? SHORT_FRAMES - 1 : SHORT_FRAMES);
     printf("  %s, mode %d, shading %d, %d rays%s\n", looks[l].volume, looks[l].mode, looks[l].shading,
            p.scene.sampling.rays_per_pixel, p.labels ? ", labels" : "");
     for (int b = 0; b < (all ? 2 : 1); b++) follow(&p, looks[l].bounds[b], &t);
     close_path(&p);
   }
-  printf("  held on %d of %d frames (%.1f %%); at once, before a view was measured, on %d of %d; cost at most %.2f of the "
-         "best fixed setting's\n", t.held, t.frames, 100.0 * t.held / t.frames, t.at_once_held, t.at_once, t.worst_cost);
+  printf(
+      "  held on %d of %d frames (%.1f %%); at once, before a view was measured, on %d of %d; cost at most %.2f of the "
+      "best fixed setting's\n",
+      t.held, t.frames, 100.0 * t.held / t.frames, t.at_once_held, t.at_once, t.worst_cost);
   assert_true(t.frames > 0 && t.held >= 0.99 * t.frames);
   assert_true(t.at_once_held >= 0.9 * t.at_once);
   assert_true(t.worst_cost <= 1.25);

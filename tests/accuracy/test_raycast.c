@@ -369,8 +369,8 @@ static void opaque_colour_is_exact(void **state) {
         for (int x = 30; x < 34; x++) {
           const uint8_t *p = frame->rgba + 4 * (64 * y + x);
           if (p[0] != 255 || p[1] != 0 || p[2] != 0 || p[3] != 255)
-            fail_msg("%s, variant %d: pixel %d,%d is %d %d %d %d, not 255 0 0 255", test_names[isa], variant, x, y, p[0],
-                     p[1], p[2], p[3]);
+            fail_msg("%s, variant %d: pixel %d,%d is %d %d %d %d, not 255 0 0 255", test_names[isa], variant, x, y,
+                     p[0], p[1], p[2], p[3]);
         }
       const uint8_t *corner = frame->rgba;
       assert_int_equal(corner[0], 0);
@@ -538,8 +538,8 @@ static void one_value_peak(void **state) {
   tc_volume_unref(volume);
 }
 
-/* The same where the data's range is wide and the field slow: the peak is a small part of what lies between two nodes of a
- * table over the range. The ramp meets it at x = 5.37; two corner voxels, out of sight, make the range. */
+/* The same where the data's range is wide and the field slow: the peak is a small part of what lies between two nodes
+ * of a table over the range. The ramp meets it at x = 5.37; two corner voxels, out of sight, make the range. */
 static double ramp_in_wide_range(double x, double y, double z, const void *slope) {
   if (x + y + z == 0) return 0;
   return x + y + z == 27 ? 65535 : 20000 + *(const double *)slope * (x - 5.37);
@@ -547,7 +547,8 @@ static double ramp_in_wide_range(double x, double y, double z, const void *slope
 
 static void peak_in_wide_range(void **state) {
   static const double slopes[] = {2, 10, 64, 900};
-  static const double most[3][4] = {{5e-3, 4e-5, 1e-5, 1e-6}, {1.2e-4, 1.5e-5, 2e-5, 2e-5}, {1.5e-5, 6e-5, 1.6e-4, 1.5e-5}};
+  static const double most[3][4] = {
+      {5e-3, 4e-5, 1e-5, 1e-6}, {1.2e-4, 1.5e-5, 2e-5, 2e-5}, {1.5e-5, 6e-5, 1.6e-4, 1.5e-5}};
   for (int type = TC_U16; type <= TC_F32; type++)
     for (size_t i = 0; i < G_N_ELEMENTS(slopes); i++) {
       test_grid grid = {.dims = {12, 9, 9}, .type = (tc_voxel_type)type, .intercept = type == TC_I16 ? 32768 : 0};

@@ -28,7 +28,8 @@ static const tc_knot soft[] = {{.value = 0, .color = {0.1, 0.2, 1}, .amount = 0}
                                {.value = 0.4, .color = {0.3, 0.9, 0.4}, .amount = 0.05},
                                {.value = 1, .color = {1, 0.6, 0.2}, .amount = 0.4}};
 
-static void shaded_scene(tc_scene *scene, const tc_volume *volume, tc_shading_model model, const tc_knot *knots, size_t count) {
+static void shaded_scene(tc_scene *scene, const tc_volume *volume, tc_shading_model model, const tc_knot *knots,
+                         size_t count) {
   test_scene(scene, SIDE, SIDE);
   test_scene_knots(scene, TC_KNOT_EXTINCTION, knots, count);
   if (volume) test_scene_frame(scene, volume, TC_PERSPECTIVE, (double[3]){1, -0.6, 0.4});
@@ -135,9 +136,10 @@ static void converges(void **state) {
           assert_true(d.finite);
           rms[s] = d.rms;
         }
-        printf("  model %d, %s, %s: rms %.2e %.2e %.2e at steps 1 1/4 1/16\n", model, fixed ? "fixed light" : "head light",
-               test_names[i], rms[0], rms[1], rms[2]);
-        assert_true(rms[1] < 0.4 * rms[0] && rms[2] < 0.4 * rms[1]); /* first order: a cell's gradients jump at its faces */
+        printf("  model %d, %s, %s: rms %.2e %.2e %.2e at steps 1 1/4 1/16\n", model,
+               fixed ? "fixed light" : "head light", test_names[i], rms[0], rms[1], rms[2]);
+        /* first order: a cell's gradients jump at its faces */
+        assert_true(rms[1] < 0.4 * rms[0] && rms[2] < 0.4 * rms[1]);
         assert_true(rms[0] < 1.2e-2 && rms[2] < 8e-4);
       }
       free(want);
@@ -262,7 +264,8 @@ static void spacing_and_shear(void **state) {
 /* On voxels of a twelfth of the radius a ball shows its cells, unless gradients are continuous; and what is shaded is
  * counted, nothing where shading is off. */
 static void smooth_gradients_show_no_cells(void **state) {
-  test_grid grid = {.dims = {33, 33, 33}, .type = TC_F32, .spacing = {1, 1, 1}, .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+  test_grid grid = {
+      .dims = {33, 33, 33}, .type = TC_F32, .spacing = {1, 1, 1}, .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
   const double center[3] = {16, 16, 16};
   double light[3] = {1, 0, 0};
   tc_volume *volume = test_volume(&grid, test_radius2, center);
@@ -293,7 +296,8 @@ static void smooth_gradients_show_no_cells(void **state) {
       assert_int_equal(test_frames[i].stats.gradients, 0);
       tc_scene_clear(&scene);
     }
-    printf("  %s: rms %.1e of cells, %.1e of central differences, %.1e of the cubic\n", test_names[i], rms[0], rms[1], rms[2]);
+    printf("  %s: rms %.1e of cells, %.1e of central differences, %.1e of the cubic\n", test_names[i], rms[0], rms[1],
+           rms[2]);
     assert_true(rms[TC_GRADIENT_CENTRAL] < 0.5 * rms[TC_GRADIENT_CELL]);
     assert_true(rms[TC_GRADIENT_CUBIC] < 0.5 * rms[TC_GRADIENT_CELL]);
     for (int gradient = 0; gradient < TC_GRADIENT_COUNT; gradient++) {
@@ -386,7 +390,8 @@ static double light_shows(int which, tc_volume *volume, double *least) {
   return most;
 }
 
-/* A field without slope, and one whose noise has less slope than the threshold, are as if unshaded; more noise is not. */
+/* A field without slope, and one whose noise has less slope than the threshold, are as if unshaded; more noise is
+ * not. */
 static void flat_is_unshaded(void **state) {
   const double quiet = 1e-3, loud = 0.05;
   tc_volume *volumes[] = {test_volume(&(test_grid){.dims = {256, 9, 9}, .type = TC_F32}, test_constant, &(double){0.5}),
@@ -424,7 +429,8 @@ static void back_to_front_is_lit_alike(void **state) {
   tc_volume_unref(volume);
 }
 
-/* The cubic filter is lit by its own derivative, whatever gradient is asked for; with coefficients by that of what they make. */
+/* The cubic filter is lit by its own derivative, whatever gradient is asked for; with coefficients by that of what they
+ * make. */
 static void cubic_filter_has_its_own(void **state) {
   tc_volume *volume = waves(TC_U16, 1);
   for (int prefilter = 0; prefilter < 2; prefilter++) {
@@ -514,7 +520,8 @@ static void odd_volumes(void **state) {
         EACH_RENDERER(i) {
           test_difference diff = test_compare(render(i, volume, &scene, NULL), want, PIXELS);
           if (!diff.finite || !(diff.rms < 2e-3))
-            fail_msg("%s: dims %d %d %d, scale %g: rms %g", test_names[i], dims[d][0], dims[d][1], dims[d][2], scale, diff.rms);
+            fail_msg("%s: dims %d %d %d, scale %g: rms %g", test_names[i], dims[d][0], dims[d][1], dims[d][2], scale,
+                     diff.rms);
         }
         free(want);
       }

@@ -23,7 +23,9 @@ static double blob_field(double x, double y, double z, const void *context) {
   double v = 0;
   for (int i = 0; i < b->count; i++) {
     double cx = 60 * test_random(&state), cy = 60 * test_random(&state), cz = 60 * test_random(&state);
-    double r = 1 + 9 * test_random(&state), d = sqrt(b->weight[0] * (x - cx) * (x - cx) + b->weight[1] * (y - cy) * (y - cy) + b->weight[2] * (z - cz) * (z - cz));
+    double r = 1 + 9 * test_random(&state),
+           d = sqrt(b->weight[0] * (x - cx) * (x - cx) + b->weight[1] * (y - cy) * (y - cy) +
+                    b->weight[2] * (z - cz) * (z - cz));
     v += 200 * fmax(0, 1 - d / r);
   }
   unsigned seed = (unsigned)b->seed;
@@ -32,7 +34,8 @@ static double blob_field(double x, double y, double z, const void *context) {
 
 static tc_volume *random_volume(uint64_t *state) {
   blobs b = {*state, 1 + (int)(6 * test_random(state)), 12 * test_random(state), {1, 1, 1}};
-  test_grid g = {.dims = {1 + (int)(60 * test_random(state)), 1 + (int)(60 * test_random(state)), 1 + (int)(60 * test_random(state))},
+  test_grid g = {.dims = {1 + (int)(60 * test_random(state)), 1 + (int)(60 * test_random(state)),
+                          1 + (int)(60 * test_random(state))},
                  .type = (tc_voxel_type)(5 * test_random(state))};
   if (test_random(state) < 0.25) { /* a picture: half a voxel thick to both sides */
     int k = (int)(3 * test_random(state));
@@ -94,7 +97,9 @@ static void leaping_changes_no_bit(void **unused) {
       render(r, v, &s, &off);
       size_t pixels = (size_t)on.width * (size_t)on.height;
       bool same = !memcmp(on.linear, off.linear, pixels * 16) && !memcmp(on.rgba, off.rgba, pixels * 4);
-      if (!same) fail_msg("%s: trial %d (state %llu, block %d) differs", isas[isa], trial, (unsigned long long)seed, s.skipping.block);
+      if (!same)
+        fail_msg("%s: trial %d (state %llu, block %d) differs", isas[isa], trial, (unsigned long long)seed,
+                 s.skipping.block);
       assert_int_equal(off.stats.leaps, 0);
       with += on.stats.samples, without += off.stats.samples;
       leapt += on.stats.leaps > 0;
@@ -108,8 +113,8 @@ static void leaping_changes_no_bit(void **unused) {
       tc_scene_clear(&s);
       tc_volume_unref(v);
     }
-    printf("%s: 120 scenes, %d with something in them, %d leapt in, %.2f of the samples taken\n", isas[isa], shown, leapt,
-           (double)with / (double)without);
+    printf("%s: 120 scenes, %d with something in them, %d leapt in, %.2f of the samples taken\n", isas[isa], shown,
+           leapt, (double)with / (double)without);
     assert_true(shown > 40 && leapt > 40 && with < without); /* the trial is worth something */
     tc_renderer_free(r);
   }
@@ -182,7 +187,8 @@ static void map_is_mended(void **unused) {
     tc_leap *before = NULL;
     for (int edit = 0; edit < 6; edit++) {
       tc_support *support = edit == 5 ? tc_support_surface(80, 81, NULL) : support_of(v, &s.transfer_function);
-      tc_leap *leap = tc_leap_build(m, support, before, NULL, NULL), *alone = tc_leap_build(m, support, NULL, NULL, NULL);
+      tc_leap *leap = tc_leap_build(m, support, before, NULL, NULL),
+              *alone = tc_leap_build(m, support, NULL, NULL, NULL);
       size_t blocks = (size_t)m->blocks[0] * (size_t)m->blocks[1] * (size_t)m->blocks[2];
       assert_memory_equal(leap->distance, alone->distance, blocks);
       assert_memory_equal(leap->farthest, alone->farthest, (size_t)m->blocks[2]);
@@ -213,7 +219,8 @@ static void built_only_when_it_can_help(void **unused) {
   tc_scene s;
   test_scene(&s, 32, 32);
   test_scene_frame(&s, v, TC_PERSPECTIVE, (double[3]){0, -1, 0});
-  const tc_knot full[] = {{0, {1, 1, 1}, 0.001}, {255, {1, 1, 1}, 0.1}}, part[] = {{80, {1, 1, 1}, 0}, {255, {1, 1, 1}, 0.5}};
+  const tc_knot full[] = {{0, {1, 1, 1}, 0.001}, {255, {1, 1, 1}, 0.1}},
+                part[] = {{80, {1, 1, 1}, 0}, {255, {1, 1, 1}, 0.5}};
   tc_plan plan;
   tc_frame f = {0};
   test_scene_knots(&s, TC_KNOT_OPACITY, full, 2);
@@ -261,7 +268,8 @@ static void long_axes_are_drawn(void **unused) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(leaping_changes_no_bit), cmocka_unit_test(map_is_right), cmocka_unit_test(map_is_mended),
-                                     cmocka_unit_test(built_only_when_it_can_help), cmocka_unit_test(long_axes_are_drawn)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(leaping_changes_no_bit), cmocka_unit_test(map_is_right),
+                                     cmocka_unit_test(map_is_mended), cmocka_unit_test(built_only_when_it_can_help),
+                                     cmocka_unit_test(long_axes_are_drawn)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -43,7 +43,8 @@ static void random_scenes(void **state) {
   int failed = 0;
   for (uint64_t seed = first; seed < first + n && failed < 10; seed++) {
     failed += !judge(seed, n == 1);
-    if ((seed - first + 1) % 1000 == 0 && printf("  %llu of %llu\n", (unsigned long long)(seed - first + 1), (unsigned long long)n))
+    if ((seed - first + 1) % 1000 == 0 &&
+        printf("  %llu of %llu\n", (unsigned long long)(seed - first + 1), (unsigned long long)n))
       fflush(stdout);
   }
   test_judge_print();

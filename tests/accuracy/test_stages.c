@@ -1,4 +1,5 @@
-/* What thirty scenes take and what they leave out: the plan's stages as rendered, and counts that say the plan is kept. */
+/* What thirty scenes take and what they leave out: the plan's stages as rendered, and counts that say the plan is
+ * kept. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -13,7 +14,8 @@
 #include "renderer/tomocast.h"
 
 /* Stages that are in, in the plan's order; resolve and encode are always and not named. */
-static const struct { const char *scene, *in; } scenes[] = {
+static const struct { const char *scene, *in;
+} scenes[] = {
     {"{}", "table-2d skipping termination"},
     {"{\"shading\":{\"model\":\"lambert\"}}", "table-2d gradient skipping termination"},
     {"{\"shading\":{\"model\":\"blinn-phong\"}}", "table-2d gradient skipping termination"},
@@ -95,7 +97,8 @@ static void draw(bench *b, const char *patch, tc_plan *plan) {
   tcp_scene_context context = {.value_min = range->min, .value_max = range->max};
   if (!document) fail_msg("no JSON: %s", patch);
   if (!tcp_scene_patch(&scene, document, &b->start, &context, &error)) fail_msg("%s: %s", patch, error->message);
-  if (!tc_render(b->renderer, b->volume, &scene, NULL, &b->frame, plan, &error)) fail_msg("%s: %s", patch, error->message);
+  if (!tc_render(b->renderer, b->volume, &scene, NULL, &b->frame, plan, &error))
+    fail_msg("%s: %s", patch, error->message);
   cJSON_Delete(document);
   tc_scene_clear(&scene);
 }
@@ -141,6 +144,7 @@ static void out_means_out(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(stages_are_what_the_scene_needs), cmocka_unit_test(out_means_out)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(stages_are_what_the_scene_needs),
+                                     cmocka_unit_test(out_means_out)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -1,5 +1,5 @@
-/* Several rays a pixel, sub-pixel coherence and jitter, on every back end: against closed forms, against the reference averaged over
- * the same rays, and against themselves bit for bit. */
+/* Several rays a pixel, sub-pixel coherence and jitter, on every back end: against closed forms, against the reference
+ * averaged over the same rays, and against themselves bit for bit. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -138,7 +138,8 @@ static void homogeneous_slab(void **state) {
   tc_volume_unref(volume);
 }
 
-/* As dense as a quarter of a voxel along every ray: what is left is the error of one such ray (accuracy/test_raycast). */
+/* As dense as a quarter of a voxel along every ray: what is left is the error of one such ray
+ * (accuracy/test_raycast). */
 static void against_the_same_rays(void **state) {
   for (int type = TC_U8; type <= TC_U16; type += TC_U16 - TC_U8) {
     tc_volume *volume = waves((tc_voxel_type)type);
@@ -172,8 +173,10 @@ static void against_the_same_rays(void **state) {
 
 /* One ray's samples, shared by more: the edges inside a pixel are seen for about the same number of samples. */
 static void smooth_edges_cost_nothing(void **state) {
-  tc_volume *volume = test_volume(&(test_grid){.dims = {33, 33, 33}, .type = TC_F32}, test_radius2, (double[3]){16, 16, 16});
-  tc_knot knots[] = {{.value = 121, .color = {1, 0.6, 0.1}, .amount = 1}, {.value = 121, .color = {1, 0.6, 0.1}, .amount = 0}};
+  tc_volume *volume =
+      test_volume(&(test_grid){.dims = {33, 33, 33}, .type = TC_F32}, test_radius2, (double[3]){16, 16, 16});
+  tc_knot knots[] = {{.value = 121, .color = {1, 0.6, 0.1}, .amount = 1},
+                     {.value = 121, .color = {1, 0.6, 0.1}, .amount = 0}};
   tc_subpixel fine[TC_MAX_RAYS_PER_PIXEL];
   tc_scene scene;
   test_scene(&scene, 26, 26);
@@ -217,7 +220,8 @@ static void projections_average_whole_rays(void **state) {
       float *want = reference_mean(volume, &scene, rays, count);
       EACH_RENDERER(m) {
         test_difference d = test_compare(render(m, volume, &scene)->linear, want, pixels_of(&scene));
-        if (!(d.max <= 6e-4)) fail_msg("%s, mode %d, %d rays: max %g at %zu", test_names[m], modes[i], count, d.max, d.worst);
+        if (!(d.max <= 6e-4))
+          fail_msg("%s, mode %d, %d rays: max %g at %zu", test_names[m], modes[i], count, d.max, d.worst);
         if (m == 0) printf("  mode %d, %d rays: max %.1e\n", modes[i], count, d.max);
       }
       free(want);
@@ -239,8 +243,8 @@ static double mean_around(const float *a, const float *b, int width, int x, int 
   return sum / ((2 * r + 1) * (2 * r + 1));
 }
 
-/* Rings in an error: root mean square of what means over 3x3 pixels keep and means over 15x15 do not. Noise that is even among
- * neighbours is gone from the first, a smooth error is in both. */
+/* Rings in an error: root mean square of what means over 3x3 pixels keep and means over 15x15 do not. Noise that is
+ * even among neighbours is gone from the first, a smooth error is in both. */
 static double rings_of(const float *a, const float *b, int width, int height) {
   double sum = 0;
   for (int y = 7; y < height - 7; y++)
@@ -252,7 +256,8 @@ static double rings_of(const float *a, const float *b, int width, int height) {
   return sqrt(sum / (3.0 * (width - 14) * (height - 14)));
 }
 
-static void rings_at(double step, tc_volume *volume, tc_scene *scene, const float *want, double rings[2], double mean[2]) {
+static void rings_at(double step, tc_volume *volume, tc_scene *scene, const float *want, double rings[2],
+                     double mean[2]) {
   scene->sampling.step = step;
   for (int jitter = 0; jitter < 2; jitter++) {
     scene->sampling.jitter = jitter;
@@ -263,8 +268,8 @@ static void rings_at(double step, tc_volume *volume, tc_scene *scene, const floa
   scene->sampling.jitter = false;
 }
 
-/* A demo as it is first shown, but seen obliquely: along an axis, steps of a voxel are cells of the grid and too good an example.
- * No rings at the default of a voxel (bound, of 1/255, without jitter), and jitter moves no light. */
+/* A demo as it is first shown, but seen obliquely: along an axis, steps of a voxel are cells of the grid and too good
+ * an example. No rings at the default of a voxel (bound, of 1/255, without jitter), and jitter moves no light. */
 static void no_rings_by_default(void **state) {
   static const struct { const char *name; double bound; } demos[] = {
       {"bucky", 0.05}, {"marschner-lobb", 0.4}, {"head", 0.2}, {"vessels", 0.8}};
@@ -290,11 +295,13 @@ static void no_rings_by_default(void **state) {
   }
 }
 
-/* The classical case, long steps from a plane through a shell that the transfer function cuts out of a smooth field. Rings are what
- * depends on where the steps begin: the difference to the mean over planes that lie fractions of a step apart, in empty space. */
+/* The classical case, long steps from a plane through a shell that the transfer function cuts out of a smooth field.
+ * Rings are what depends on where the steps begin: the difference to the mean over planes that lie fractions of a step
+ * apart, in empty space. */
 static void jitter_takes_rings_away(void **state) {
   enum { PHASES = 16, SIDE = 128 };
-  tc_volume *volume = test_volume(&(test_grid){.dims = {65, 65, 65}, .type = TC_F32}, test_radius2, (double[3]){32, 32, 32});
+  tc_volume *volume =
+      test_volume(&(test_grid){.dims = {65, 65, 65}, .type = TC_F32}, test_radius2, (double[3]){32, 32, 32});
   tc_knot knots[] = {{400, {1, 0.6, 0.1}, 0}, {425, {1, 0.9, 0.3}, 0.1}, {450, {0.2, 0.3, 1}, 0}};
   tc_scene scene;
   test_scene(&scene, SIDE, SIDE);
@@ -316,7 +323,8 @@ static void jitter_takes_rings_away(void **state) {
       rings[jitter] = rings_of(render(test_widest(), volume, &scene)->linear, mean, SIDE, SIDE);
     }
     scene.sampling.jitter = false;
-    printf("  shell, step %g: rings %.3f/255, with jitter %.3f/255\n", scene.sampling.step, 255 * rings[0], 255 * rings[1]);
+    printf("  shell, step %g: rings %.3f/255, with jitter %.3f/255\n", scene.sampling.step, 255 * rings[0],
+           255 * rings[1]);
     /* nine pixels hold nine phases: of the longer steps' larger differences they leave more */
     assert_true(rings[0] > 0.1 / 255 && rings[1] < (scene.sampling.step > 2 ? 0.8 : 0.4) * rings[0]);
   }
@@ -327,7 +335,8 @@ static void jitter_takes_rings_away(void **state) {
 
 /* ---- coherence ---- */
 
-/* Single bright voxels far apart, some balls: features that rays beside a pixel's middle meet and the middle does not. */
+/* Single bright voxels far apart, some balls: features that rays beside a pixel's middle meet and the middle does
+ * not. */
 typedef struct specks { unsigned seed; double share; } specks;
 static double speck_field(double x, double y, double z, const void *context) {
   const specks *s = context;
@@ -354,7 +363,8 @@ static void random_specks(tc_scene *scene, uint64_t *state, int trial, tc_volume
   test_scene_frame(scene, *volume, trial % 2 ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC, side);
   if (trial % 5 == 0) /* the eye near or inside */
     for (int k = 0; k < 3; k++)
-      scene->camera.position[k] += (0.5 + 0.6 * test_random(state)) * (scene->camera.target[k] - scene->camera.position[k]);
+      scene->camera.position[k] +=
+          (0.5 + 0.6 * test_random(state)) * (scene->camera.target[k] - scene->camera.position[k]);
   if (trial % 3 == 0) {
     double *p = scene->clip.planes[scene->clip.n_planes++];
     for (int k = 0; k < 3; k++) p[k] = test_random(state) - 0.5;
@@ -407,8 +417,9 @@ static void coherence_loses_nothing(void **state) {
       tc_scene_clear(&scene);
       tc_volume_unref(volume);
     }
-    printf("  %s: %d scenes shared, %d not; %.2f of the samples and %.2f of the leaps left\n", test_names[m], sum.shared,
-           sum.plain, (double)sum.with / (double)sum.without, (double)sum.leaps_with / (double)sum.leaps_without);
+    printf("  %s: %d scenes shared, %d not; %.2f of the samples and %.2f of the leaps left\n", test_names[m],
+           sum.shared, sum.plain, (double)sum.with / (double)sum.without,
+           (double)sum.leaps_with / (double)sum.leaps_without);
     assert_true(sum.shared > trials / 3 && sum.plain > 0);
     if (m < GL) /* rays of a pixel always share the runs of what shows (skip/cover.h) */
       assert_true(sum.with == sum.without && sum.leaps_with == sum.leaps_without);

@@ -18,12 +18,15 @@ static bool chance(uint64_t *state, double share) { return test_random(state) < 
 static int pick(uint64_t *state, int count) { return (int)(test_random(state) * count); }
 
 static void draw_volume(test_case *c, uint64_t *s) {
-  static const double ranges[][2] = {{0, 1}, {-0x1p31, 0x1p31}, {0, 1e-30}, {-1e30, 1e30}, {1, 1.00000012}, {-1000, 3000}};
+  static const double ranges[][2] = {{0, 1},        {-0x1p31, 0x1p31}, {0, 1e-30},
+                                     {-1e30, 1e30}, {1, 1.00000012},   {-1000, 3000}};
   static const double least[] = {0, -128, 0, -32768}, most[] = {255, 127, 65535, 32767};
   int shape = pick(s, 10);
   for (int k = 0; k < 3; k++) {
     c->dims[k] = shape == 0 ? 1 : shape == 1 ? 2 : chance(s, 0.15) ? 1 : 1 + pick(s, 12);
-    c->spacing[k] = shape == 2 ? (k == pick(s, 3) ? 1000 : 1) : chance(s, 0.7) ? decades(s, -0.3, 0.3) : decades(s, -1.5, 1.5);
+    c->spacing[k] = shape == 2       ? (k == pick(s, 3) ? 1000 : 1)
+                    : chance(s, 0.7) ? decades(s, -0.3, 0.3)
+                                     : decades(s, -1.5, 1.5);
     c->origin[k] = chance(s, 0.3) ? 0 : between(s, -500, 500);
   }
   if (shape == 3) c->dims[pick(s, 3)] = 200 + pick(s, 1849);
@@ -33,7 +36,8 @@ static void draw_volume(test_case *c, uint64_t *s) {
     int range = pick(s, G_N_ELEMENTS(ranges));
     c->lo = ranges[range][0], c->hi = ranges[range][1];
   } else {
-    double a = between(s, least[c->type], most[c->type]), b = chance(s, 0.3) ? a + 1 : between(s, least[c->type], most[c->type]);
+    double a = between(s, least[c->type], most[c->type]),
+           b = chance(s, 0.3) ? a + 1 : between(s, least[c->type], most[c->type]);
     bool whole = chance(s, 0.5);
     c->lo = whole ? least[c->type] : floor(fmin(a, b));
     c->hi = whole ? most[c->type] : floor(fmax(a, b));
@@ -46,7 +50,10 @@ static void draw_knots(test_case *c, uint64_t *s) {
   tc_transfer_function *tf = &c->scene.transfer_function;
   tf->kind = chance(s, 0.5) ? TC_KNOT_OPACITY : TC_KNOT_EXTINCTION;
   tf->unit_distance_mm = chance(s, 0.7) ? decades(s, -1, 1) : decades(s, -3, 3);
-  double scale = tf->kind == TC_KNOT_OPACITY ? 1 : chance(s, 0.6) ? decades(s, -2, 2) : decades(s, -12, 12), at = between(s, -0.1, 1.1);
+  double scale = tf->kind == TC_KNOT_OPACITY ? 1
+                 : chance(s, 0.6)            ? decades(s, -2, 2)
+                                             : decades(s, -12, 12),
+         at = between(s, -0.1, 1.1);
   c->n_knots = 1 + (size_t)pick(s, TEST_MAX_KNOTS);
   for (size_t i = 0; i < c->n_knots; i++) {
     tc_knot *k = &c->knots[i];
@@ -69,10 +76,11 @@ static void draw_clip(test_case *c, uint64_t *s) {
     for (int k = 0; k < 4; k++) c->scene.clip.planes[i][k] = between(s, -1, 1); /* d: of the extent, from the centre */
 }
 
-/* What a program is specialised on. Members that a number goes with (rays, termination, thickness, clip) only say: more than none. */
+/* What a program is specialised on. Members that a number goes with (rays, termination, thickness, clip) only say: more
+ * than none. */
 static void draw_style(test_case *c, uint64_t *s) {
-  static const tc_mode modes[] = {TC_MODE_DVR, TC_MODE_DVR, TC_MODE_DVR, TC_MODE_DVR, TC_MODE_DVR, TC_MODE_MIP, TC_MODE_MINIP,
-                                  TC_MODE_AVERAGE, TC_MODE_MPR, TC_MODE_ISOSURFACE};
+  static const tc_mode modes[] = {TC_MODE_DVR, TC_MODE_DVR,   TC_MODE_DVR,     TC_MODE_DVR, TC_MODE_DVR,
+                                  TC_MODE_MIP, TC_MODE_MINIP, TC_MODE_AVERAGE, TC_MODE_MPR, TC_MODE_ISOSURFACE};
   tc_scene *scene = &c->scene;
   c->type = (tc_voxel_type)pick(s, TC_VOXEL_TYPE_COUNT);
   c->projection = chance(s, 0.5) ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC;
@@ -193,7 +201,9 @@ static void put_voxel(void *voxels, tc_voxel_type type, size_t i, double v) {
   }
 }
 
-static double value_at(const test_case *c, double share) { return c->slope * (c->lo + share * (c->hi - c->lo)) + c->intercept; }
+static double value_at(const test_case *c, double share) {
+  return c->slope * (c->lo + share * (c->hi - c->lo)) + c->intercept;
+}
 
 static int by_value(const void *a, const void *b) {
   double x = ((const tc_knot *)a)->value, y = ((const tc_knot *)b)->value;
@@ -243,7 +253,8 @@ static void place_eye(test_case *c, const double lo[3], const double hi[3], cons
     distance = hypot(distance, camera->position[k] - camera->target[k]);
   }
   double further = c->far_mm > 0 ? c->far_mm / distance : 1;
-  for (int k = 0; k < 3; k++) camera->position[k] = camera->target[k] + further * (camera->position[k] - camera->target[k]);
+  for (int k = 0; k < 3; k++)
+    camera->position[k] = camera->target[k] + further * (camera->position[k] - camera->target[k]);
   if (c->far_mm > 0) camera->fov_y_deg = atan(tan(camera->fov_y_deg * M_PI / 360) / further) * 360 / M_PI;
 }
 
@@ -326,7 +337,9 @@ tc_volume *test_case_labels(const test_case *c, const tc_volume *volume) {
     desc.origin[k] = center[k];
   }
   for (int k = 0; k < 3; k++)
-    for (int r = 0; r < 3; r++) desc.origin[r] -= (0.5 * (l->dims[k] - 1) + l->shift[k] * (l->dims[k] > 1 ? l->dims[k] - 1 : 1)) * desc.spacing[k] * desc.direction[3 * r + k];
+    for (int r = 0; r < 3; r++)
+      desc.origin[r] -= (0.5 * (l->dims[k] - 1) + l->shift[k] * (l->dims[k] > 1 ? l->dims[k] - 1 : 1)) *
+                        desc.spacing[k] * desc.direction[3 * r + k];
   strcpy(desc.format, "demo");
   tc_volume *labels = tc_volume_new(&desc, NULL);
   if (!labels) exit(99);
@@ -415,7 +428,9 @@ static void simplify(test_case *c, int step) {
   case 34: c->labels.on = false; break;
   case 35: c->labels.dims[0] = c->labels.dims[1] = c->labels.dims[2] = 1; break;
   case 36: c->table_size = 0; break;
-  case 33: for (size_t i = 0; i < c->n_knots; i++) c->knots[i].color[0] = c->knots[i].color[1] = c->knots[i].color[2] = 1; break;
+  case 33:
+    for (size_t i = 0; i < c->n_knots; i++) c->knots[i].color[0] = c->knots[i].color[1] = c->knots[i].color[2] = 1;
+    break;
   }
 }
 
@@ -445,14 +460,15 @@ void test_case_print(test_case *c) {
   tc_volume *volume = test_case_volume(&shown);
   cJSON *scene = tcp_scene_write(&shown.scene);
   char *text = cJSON_PrintUnformatted(scene);
-  printf("  volume: seed %llu, %dx%dx%d %s, spacing %.9g %.9g %.9g, origin %.9g %.9g %.9g%s, slope %.9g, intercept %.9g, "
-         "%s of %.9g..%.9g, table of %d\n  scene: %s\n",
-         (unsigned long long)c->seed, c->dims[0], c->dims[1], c->dims[2], tc_voxel_type_name(c->type), c->spacing[0],
-         c->spacing[1], c->spacing[2], c->origin[0], c->origin[1], c->origin[2], c->sheared ? ", sheared" : "", c->slope,
-         c->intercept, patterns[c->pattern], c->lo, c->hi, c->table_size, text);
+  printf(
+      "  volume: seed %llu, %dx%dx%d %s, spacing %.9g %.9g %.9g, origin %.9g %.9g %.9g%s, slope %.9g, intercept %.9g, "
+      "%s of %.9g..%.9g, table of %d\n  scene: %s\n",
+      (unsigned long long)c->seed, c->dims[0], c->dims[1], c->dims[2], tc_voxel_type_name(c->type), c->spacing[0],
+      c->spacing[1], c->spacing[2], c->origin[0], c->origin[1], c->origin[2], c->sheared ? ", sheared" : "", c->slope,
+      c->intercept, patterns[c->pattern], c->lo, c->hi, c->table_size, text);
   if (c->labels.on)
-    printf("  labels: %dx%dx%d %s%s, %d..%d, %g of them each and %g more\n", c->labels.dims[0], c->labels.dims[1], c->labels.dims[2],
-           tc_voxel_type_name(c->labels.type), c->labels.turned ? ", turned" : "", c->labels.first,
+    printf("  labels: %dx%dx%d %s%s, %d..%d, %g of them each and %g more\n", c->labels.dims[0], c->labels.dims[1],
+           c->labels.dims[2], tc_voxel_type_name(c->labels.type), c->labels.turned ? ", turned" : "", c->labels.first,
            c->labels.first + c->labels.count - 1, c->labels.slope, c->labels.intercept);
   cJSON_free(text);
   cJSON_Delete(scene);

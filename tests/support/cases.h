@@ -1,10 +1,10 @@
 /* Random scenes over tiny volumes: drawn from a seed, judged (judge.h), and made smaller while they still fail.
  *
- * What chooses a kernel or a shader program (mode, voxel type, filter ...) is the same for TEST_STYLE_SEEDS seeds in a row: compiling
- * one takes longer than drawing many small pictures with it.
+ * What chooses a kernel or a shader program (mode, voxel type, filter ...) is the same for TEST_STYLE_SEEDS seeds in a
+ * row: compiling one takes longer than drawing many small pictures with it.
  *
- * A case is plain data: copying it copies the scene. What a version does not build is replaced by its default before a case
- * is judged (test_case_fit), so that new abilities are drawn as soon as the plan takes them. */
+ * A case is plain data: copying it copies the scene. What a version does not build is replaced by its default before a
+ * case is judged (test_case_fit), so that new abilities are drawn as soon as the plan takes them. */
 #ifndef TC_TEST_CASES_H
 #define TC_TEST_CASES_H
 
@@ -29,7 +29,8 @@ typedef struct test_label_recipe {
   bool on, turned, some_visible; /* some_visible: only those listed */
   int dims[3];
   tc_voxel_type type;
-  double size[3], shift[3]; /* extents, of the volume's; where the volume's centre is, from the grid's, of the grid's extents */
+  /* extents, of the volume's; where the volume's centre is, from the grid's, of the grid's extents */
+  double size[3], shift[3];
   int first, count;         /* voxels hold first .. first + count - 1, drawn one by one */
   double slope, intercept;
   tc_label_color colors[4];
@@ -60,8 +61,8 @@ typedef struct test_case {
 
 test_case test_case_random(uint64_t seed);
 
-/* The volume (the caller's), after c->scene is completed: it points into *c and to knots that the next call writes anew, and
- * is not to be cleared. */
+/* The volume (the caller's), after c->scene is completed: it points into *c and to knots that the next call writes
+ * anew, and is not to be cleared. */
 tc_volume *test_case_volume(test_case *c);
 
 /* The label volume (the caller's) of a case without labels is NULL. */

@@ -86,7 +86,8 @@ bool test_judge_picture(int which, const tc_scene *scene, const tc_frame *f) {
     for (int c = 0; c < 3; c++) sane = sane && p[c] >= 0 && p[c] <= p[3] * brightest[c] + slack;
     test_judged.pixels++;
     test_judged.shown += p[3] > 0;
-    if (!sane) return broken("%s: pixel %zu is %.9g %.9g %.9g, opacity %.9g", test_names[which], i, p[0], p[1], p[2], p[3]);
+    if (!sane)
+      return broken("%s: pixel %zu is %.9g %.9g %.9g, opacity %.9g", test_names[which], i, p[0], p[1], p[2], p[3]);
   }
   return true;
 }
@@ -94,9 +95,10 @@ bool test_judge_picture(int which, const tc_scene *scene, const tc_frame *f) {
 /* Bits where most is 0, else absolute differences. */
 static bool check_same(const char *what, int which, const tc_frame *a, const tc_frame *b, double most) {
   for (size_t i = 0; i < 4 * count_pixels(a); i++)
-    if (most > 0 ? !(fabs((double)a->linear[i] - (double)b->linear[i]) <= most) : memcmp(&a->linear[i], &b->linear[i], 4) != 0)
-      return broken("%s: %s: channel %zu of pixel %zu is %.9g, not %.9g", test_names[which], what, i % 4, i / 4, a->linear[i],
-                    b->linear[i]);
+    if (most > 0 ? !(fabs((double)a->linear[i] - (double)b->linear[i]) <= most)
+                 : memcmp(&a->linear[i], &b->linear[i], 4) != 0)
+      return broken("%s: %s: channel %zu of pixel %zu is %.9g, not %.9g", test_names[which], what, i % 4, i / 4,
+                    a->linear[i], b->linear[i]);
   if (most == 0 && memcmp(a->rgba, b->rgba, 4 * count_pixels(a)) != 0)
     return broken("%s: %s: bytes differ though floats do not", test_names[which], what);
   return true;
@@ -138,9 +140,12 @@ static bool check_renderer(int which, const subject *s, const tc_frame *usual) {
   varied = *scene;
   varied.sampling.termination = 0;
   double slack = slack_of(usual);
-  if (terminates && !check_variant("not terminated", which, own, s, &varied, usual, scene->sampling.termination + slack)) return false;
+  if (terminates &&
+      !check_variant("not terminated", which, own, s, &varied, usual, scene->sampling.termination + slack))
+    return false;
   varied.order = scene->order == TC_FRONT_TO_BACK ? TC_BACK_TO_FRONT : TC_FRONT_TO_BACK;
-  if (composites && !terminates && !check_variant("the other order", which, own, s, &varied, usual, slack)) return false;
+  if (composites && !terminates && !check_variant("the other order", which, own, s, &varied, usual, slack))
+    return false;
   return which != test_widest() || check_variant("on one thread", which, one_thread, s, scene, usual, 0);
 }
 
@@ -177,7 +182,8 @@ bool test_judge(const test_case *c, unsigned on) {
   const subject s = {volume, labels, &completed.scene, c->table_size};
   bool ok = !(on & TEST_ON_REFERENCE) || check_reference(&s);
   EACH_RENDERER(i) {
-    if (!ok || (!(on >> i & 1) && i != SCALAR)) continue; /* the scalar one is drawn for the others to be compared with */
+    /* the scalar one is drawn for the others to be compared with */
+    if (!ok || (!(on >> i & 1) && i != SCALAR)) continue;
     tc_frame *frame = i == SCALAR ? &scalar : &plain;
     outcome drawn = draw(test_names[i], test_renderers[i], &s, s.scene, frame);
     test_judged.cases[i] += drawn == DRAWN;
@@ -203,9 +209,10 @@ void test_judge_print(void) {
     printf("  %-6s %zu cases", test_names[i], t->cases[i]);
     if (t->refused[i]) printf(", %zu more refused as unsupported", t->refused[i]);
     if (t->compared[i])
-      printf("; %zu of %zu pixels differ from scalar by over 1/255 (%.3f %%), at most %.0f %% of one picture (seed %llu)",
-             t->ties[i], t->compared[i], 100.0 * (double)t->ties[i] / (double)t->compared[i], 100 * t->most_ties[i],
-             (unsigned long long)t->worst[i]);
+      printf(
+          "; %zu of %zu pixels differ from scalar by over 1/255 (%.3f %%), at most %.0f %% of one picture (seed %llu)",
+          t->ties[i], t->compared[i], 100.0 * (double)t->ties[i] / (double)t->compared[i], 100 * t->most_ties[i],
+          (unsigned long long)t->worst[i]);
     printf("\n");
   }
   printf("  reference %zu cases; %zu of %zu pixels show something\n", t->referenced, t->shown, t->pixels);

@@ -11,9 +11,11 @@
 enum { TEST_ON_REFERENCE = 1 << RENDERERS, TEST_ON_ALL = (2 << RENDERERS) - 1 }; /* beside 1 << SCALAR ... 1 << GL */
 
 typedef struct test_tally {
-  size_t cases[RENDERERS], refused[RENDERERS], referenced; /* drawn; left out as unsupported by the back end; by the reference */
+  /* drawn; left out as unsupported by the back end; by the reference */
+  size_t cases[RENDERERS], refused[RENDERERS], referenced;
   size_t pixels, shown;                                    /* a suite of empty pictures would judge nothing */
-  size_t compared[RENDERERS], ties[RENDERERS];             /* pixels beside the scalar ones; those further off than 1/255 */
+  /* pixels beside the scalar ones; those further off than 1/255 */
+  size_t compared[RENDERERS], ties[RENDERERS];
   double most_ties[RENDERERS];                             /* the largest share in one picture of at least 12 pixels */
   uint64_t worst[RENDERERS];                               /* its seed */
 } test_tally;
@@ -23,8 +25,8 @@ extern char test_judged_why[600]; /* what was broken */
 int test_judge_open(void **state); /* test_renderers_open, and one with a single thread */
 int test_judge_close(void **state);
 
-/* False: test_judged_why says what is broken. *c is fitted (test_case_fit). on: which renderers, by their bits. A renderer
- * that refuses the case as unsupported is left out. */
+/* False: test_judged_why says what is broken. *c is fitted (test_case_fit). on: which renderers, by their bits. A
+ * renderer that refuses the case as unsupported is left out. */
 bool test_judge(const test_case *c, unsigned on);
 
 /* A picture's bounds alone. which: a renderer's number, for the words. */

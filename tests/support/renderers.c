@@ -45,7 +45,8 @@ int test_widest(void) {
   return i;
 }
 
-tc_frame *test_draw(int which, tc_volume *volume, const tc_scene *scene, const tc_render_request *request, tc_plan *plan) {
+tc_frame *test_draw(int which, tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
+                    tc_plan *plan) {
   static const tc_render_request linear = {.want_linear = true};
   GError *error = NULL;
   if (!tc_render(test_renderers[which], volume, scene, request ? request : &linear, &test_frames[which], plan, &error))

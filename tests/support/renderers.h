@@ -1,5 +1,5 @@
-/* One renderer of each kind that this machine has, for the tests that ask all of them the same: the instruction sets of the
- * cpu back end and OpenGL. A test program hands test_renderers_open and test_renderers_close to cmocka. */
+/* One renderer of each kind that this machine has, for the tests that ask all of them the same: the instruction sets of
+ * the cpu back end and OpenGL. A test program hands test_renderers_open and test_renderers_close to cmocka. */
 #ifndef TC_TEST_RENDERERS_H
 #define TC_TEST_RENDERERS_H
 
@@ -19,7 +19,8 @@ int test_renderers_close(void **state);
 int test_widest(void); /* the widest instruction set that is here */
 
 /* Draws, or fails the test. The frame stays valid until this renderer's next picture. request NULL: linear only. */
-tc_frame *test_draw(int which, tc_volume *volume, const tc_scene *scene, const tc_render_request *request, tc_plan *plan);
+tc_frame *test_draw(int which, tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
+                    tc_plan *plan);
 
 /* The reference integrator's picture [4 * width * height] of the scene at a tolerance (0: the tightest); g_free it. */
 float *test_reference(tc_volume *volume, const tc_scene *scene, double tolerance);

@@ -124,7 +124,8 @@ static void the_oldest_view_makes_room(void **state) {
   assert_true(model.views[2].of[0].rms == TC_QUALITY_VIEWS + 2 && model.views[3].of[0].rms == 3);
 }
 
-/* What each method's curve says of a look: first order 2, level 0.01 at a step of 1; second order 3, finer by `gain`. */
+/* What each method's curve says of a look: first order 2, level 0.01 at a step of 1; second order 3, finer by
+ * `gain`. */
 static tc_quality_choice choose_method(double gain, bool first_only) {
   tc_quality_model model = {.first_only = first_only};
   tc_quality_view view = second_order(0.01);
@@ -214,8 +215,8 @@ static void cost_is_learnt(void **state) {
   assert_memory_equal(&before, &cost, sizeof cost);
 }
 
-/* A session under a budget, on machines and looks of all kinds whose frames' times scatter: after a few frames each takes
- * no more than the budget and not much less, unless steps end there. */
+/* A session under a budget, on machines and looks of all kinds whose frames' times scatter: after a few frames each
+ * takes no more than the budget and not much less, unless steps end there. */
 static void a_budget_is_met_within_a_few_frames(void **state) {
   enum { FEW = 4, FRAMES = 16, LOOKS = 300 };
   uint64_t noise = 1;

@@ -77,13 +77,16 @@ static double worst(const tc_table_params *p, tc_pool *pool, int samples, const 
   return most;
 }
 
-static tc_knot smooth[] = {{0, {0.1, 0.2, 0.9}, 0}, {80, {0.9, 0.4, 0.1}, 0.02}, {170, {0.2, 0.9, 0.3}, 0.3}, {255, {1, 1, 1}, 0.6}};
+static tc_knot smooth[] = {
+    {0, {0.1, 0.2, 0.9}, 0}, {80, {0.9, 0.4, 0.1}, 0.02}, {170, {0.2, 0.9, 0.3}, 0.3}, {255, {1, 1, 1}, 0.6}};
 static tc_knot jumping[] = {{0, {0, 0, 1}, 0}, {90, {0, 0, 1}, 0}, {90, {1, 0.5, 0}, 1e4}, {92.5, {0.2, 0.5, 1}, 1e4},
                             {92.5, {0, 1, 0}, 0}, {200, {1, 0, 0}, 0.01}, {200, {0, 1, 1}, 1e6}, {255, {1, 1, 0}, 1e6}};
 static tc_knot ramp[] = {{0, {1, 0, 0}, 0}, {255, {0, 1, 1}, 1e6}};
-static tc_knot opaque[] = {{0, {0, 0, 0}, 0}, {100.3, {0.2, 0.4, 0.8}, 0.2}, {101.9, {1, 1, 0.2}, 1}, {255, {0.5, 0.1, 1}, 0.9}};
+static tc_knot opaque[] = {
+    {0, {0, 0, 0}, 0}, {100.3, {0.2, 0.4, 0.8}, 0.2}, {101.9, {1, 1, 0.2}, 1}, {255, {0.5, 0.1, 1}, 0.9}};
 
-static tc_table_params params(tc_transfer_function *tf, tc_knot *points, size_t count, tc_knot_kind kind, int n, double step) {
+static tc_table_params params(tc_transfer_function *tf, tc_knot *points, size_t count, tc_knot_kind kind, int n,
+                              double step) {
   *tf = (tc_transfer_function){.points = points, .count = count, .kind = kind, .unit_distance_mm = 1};
   return (tc_table_params){.tf = tf, .slope = 1, .voxel_lo = 0, .voxel_hi = 255, .n = n, .step_mm = step};
 }
@@ -130,18 +133,20 @@ static void closed_form(void **state) {
     GError *error = NULL;
     tc_table *t = tc_table_build(&p, NULL, &error);
     assert_non_null(t);
-    /* tau(u) = top*u, L = u: C = integral u * top*u * exp(-top u^2/2) = sqrt(pi/(2 top)) erf(sqrt(top/2)) - exp(-top/2) */
+    /* tau(u) = top*u, L = u: C = integral u * top*u * exp(-top u^2/2) = sqrt(pi/(2 top)) erf(sqrt(top/2)) -
+     * exp(-top/2) */
     double exact = sqrt(M_PI / (2 * top)) * erf(sqrt(top / 2)) - exp(-top / 2);
     if (top < 0.05) exact = top / 3 - top * top / 10; /* the difference cancels */
-    double error_c = fabs((double)entry(t, 0, 256)[0] - exact), error_a = fabs((double)entry(t, 0, 256)[3] + expm1(-top / 2));
+    double error_c = fabs((double)entry(t, 0, 256)[0] - exact),
+           error_a = fabs((double)entry(t, 0, 256)[3] + expm1(-top / 2));
     printf("ramp to %8.0e: colour error %.1e, opacity error %.1e\n", top, error_c, error_a);
     assert_true(error_c < 3e-6 && error_a < 3e-6);
     tc_table_free(t);
   }
 }
 
-/* As many knots as a scene may have: built in bounded time (a node interval is cut into few pieces whatever is in it), still the
- * right mean extinction. */
+/* As many knots as a scene may have: built in bounded time (a node interval is cut into few pieces whatever is in it),
+ * still the right mean extinction. */
 static void very_many_knots(void **state) {
   tc_transfer_function tf;
   size_t count = TC_MAX_KNOTS;
@@ -168,7 +173,8 @@ static void very_many_knots(void **state) {
   free(knots);
 }
 
-/* Elementary segments are series where thin and closed forms where not: depths on both sides of every bound, tilted or not. */
+/* Elementary segments are series where thin and closed forms where not: depths on both sides of every bound, tilted or
+ * not. */
 static void elementary_segments(void **state) {
   for (double depth = 1e-5; depth < 20; depth *= 1.4)
     for (double tilt = 0; tilt <= 1; tilt += 0.25) {
@@ -185,8 +191,8 @@ static void elementary_segments(void **state) {
           if (abs(pairs[i][0] - pairs[i][1]) > 1) bound += 8e-7; /* rounding of compositions */
           if (c < 3) bound += 4e-7 * depth;                      /* brute force's own */
           if (!(fabs((double)e[c] - want) <= bound))
-            fail_msg("depth %g, tilt %g, %d to %d, channel %d: %.9g, not %.9g", depth, tilt, pairs[i][0], pairs[i][1], c,
-                     (double)e[c], want);
+            fail_msg("depth %g, tilt %g, %d to %d, channel %d: %.9g, not %.9g", depth, tilt, pairs[i][0], pairs[i][1],
+                     c, (double)e[c], want);
         }
       }
       tc_table_free(t);
@@ -217,9 +223,10 @@ static void invariants(void **state) {
 
 /* Built after a like table, whatever moved: to the last bit what is built from nothing. */
 static void after_an_edit(void **state) {
-  static const struct { const char *what; int knot; double value, amount, red; } edits[] = {
-      {"nothing", 1, 0, 0, 0}, {"a knot's amount", 2, 0, 0.04, 0}, {"a knot's place", 1, 3.3, 0, 0}, {"the first knot", 0, -2, 0.1, 0},
-      {"a colour", 2, 0, 0, 0.05}, {"the brightest colour", 3, 0, 0, -0.5}};
+  static const struct { const char *what; int knot; double value, amount, red;
+  } edits[] = {{"nothing", 1, 0, 0, 0},          {"a knot's amount", 2, 0, 0.04, 0},
+               {"a knot's place", 1, 3.3, 0, 0}, {"the first knot", 0, -2, 0.1, 0},
+               {"a colour", 2, 0, 0, 0.05},      {"the brightest colour", 3, 0, 0, -0.5}};
   tc_pool *pool = tc_pool_new(2, NULL);
   for (size_t i = 0; i < sizeof edits / sizeof *edits; i++)
     for (int n = 61; n <= 256; n += 195) {
@@ -261,7 +268,8 @@ static void narrower_formats(void **state) {
 }
 
 static tc_volume *range_of(tc_voxel_type type, double lo, double hi) {
-  tc_volume_desc desc = {.dims = {2, 1, 1}, .type = type, .spacing = {1, 1, 1}, .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 1};
+  tc_volume_desc desc = {
+      .dims = {2, 1, 1}, .type = type, .spacing = {1, 1, 1}, .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 1};
   tc_volume *volume = tc_volume_new(&desc, NULL);
   for (int i = 0; i < 2; i++) {
     double v = i ? hi : lo;
@@ -287,15 +295,18 @@ static void zooms_where_knots_are_close(void **state) {
     tc_voxel_type type;
     double lo, hi;
     int n, zooms;
-  } cases[] = {
-      {"two peaks, 16 bits", peaks, 6, TC_I16, -32768, 32767, 256, 6}, {"one of them", peaks, 3, TC_I16, -32768, 32767, 256, 3},
-      {"peaks as floats", peaks, 6, TC_F32, -32768, 32767, 256, 6},    {"a step in 12 bits", step, 2, TC_I16, -1024, 3071, 1024, 0},
-      {"a step in 16 bits", step, 2, TC_I16, -32768, 32767, 256, 2},   {"bytes", smooth, 4, TC_U8, 0, 255, 256, 0},
-      {"out of range", far, 2, TC_I16, -1024, 3071, 1024, 0},
-      {"twenty peaks", many, 60, TC_I16, -1024, 1000, 2048, 0}};
+  } cases[] = {{"two peaks, 16 bits", peaks, 6, TC_I16, -32768, 32767, 256, 6},
+               {"one of them", peaks, 3, TC_I16, -32768, 32767, 256, 3},
+               {"peaks as floats", peaks, 6, TC_F32, -32768, 32767, 256, 6},
+               {"a step in 12 bits", step, 2, TC_I16, -1024, 3071, 1024, 0},
+               {"a step in 16 bits", step, 2, TC_I16, -32768, 32767, 256, 2},
+               {"bytes", smooth, 4, TC_U8, 0, 255, 256, 0},
+               {"out of range", far, 2, TC_I16, -1024, 3071, 1024, 0},
+               {"twenty peaks", many, 60, TC_I16, -1024, 1000, 2048, 0}};
   for (int i = 0; i < 60; i++) many[i] = (tc_knot){-900 + 60 * (i / 3) + 4 * (i % 3), {1, 1, 1}, i % 3 == 1};
   for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-    tc_transfer_function tf = {.points = cases[i].knots, .count = cases[i].count, .kind = TC_KNOT_OPACITY, .unit_distance_mm = 1};
+    tc_transfer_function tf = {
+        .points = cases[i].knots, .count = cases[i].count, .kind = TC_KNOT_OPACITY, .unit_distance_mm = 1};
     tc_volume *volume = range_of(cases[i].type, cases[i].lo, cases[i].hi);
     tc_table_params p = {.tf = &tf, .slope = 1, .step_mm = 1};
     bool complete;
@@ -319,9 +330,14 @@ static void zooms_where_knots_are_close(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(against_brute_force), cmocka_unit_test(stiff),
-                                     cmocka_unit_test(closed_form), cmocka_unit_test(very_many_knots), cmocka_unit_test(elementary_segments), cmocka_unit_test(invariants),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(against_brute_force),
+                                     cmocka_unit_test(stiff),
+                                     cmocka_unit_test(closed_form),
+                                     cmocka_unit_test(very_many_knots),
+                                     cmocka_unit_test(elementary_segments),
+                                     cmocka_unit_test(invariants),
                                      cmocka_unit_test(after_an_edit),
-                                     cmocka_unit_test(narrower_formats), cmocka_unit_test(zooms_where_knots_are_close)};
+                                     cmocka_unit_test(narrower_formats),
+                                     cmocka_unit_test(zooms_where_knots_are_close)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

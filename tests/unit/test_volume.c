@@ -11,7 +11,8 @@
 #include "renderer/volume/volume.h"
 
 static tc_volume_desc desc(int x, int y, int z, tc_voxel_type type) {
-  return (tc_volume_desc){.dims = {x, y, z}, .type = type, .spacing = {1, 1, 1}, .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 1};
+  return (tc_volume_desc){
+      .dims = {x, y, z}, .type = type, .spacing = {1, 1, 1}, .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 1};
 }
 
 static void refused(tc_volume_desc d, tc_error_code code) {

@@ -1,8 +1,8 @@
 /* Direct volume rendering of a packet, back to front. Part of the template, only in the kernel for rare variants.
  *
- * The same samples and segments as front to back (dvr_tmpl.h), met from each ray's end: what is nearest comes last, so that no ray
- * ends early. A ray joins when the walk reaches its last segment. Once an instruction set, for
- * all voxel types. */
+ * The same samples and segments as front to back (dvr_tmpl.h), met from each ray's end: what is nearest comes last, so
+ * that no ray ends early. A ray joins when the walk reaches its last segment. Once an instruction set, for all voxel
+ * types. */
 
 /* Written as a sum of differences, like the front's: thin segments of a long ray lose no more here than there. */
 V_INLINE void put_in_front(vf4 c, vm live, vf4 *sum) {
@@ -16,8 +16,8 @@ V_INLINE void put_in_front(vf4 c, vm live, vf4 *sum) {
 #define MOST_RUNS 32 /* of a packet; the last one holds what is behind it too */
 
 /* The runs of segments to walk, first to last; returns how many. */
-V_INLINE int find_runs(const tc_cpu_args *g, variant v, const packet *p, const place *at, int steps, int from[MOST_RUNS],
-                       int to[MOST_RUNS]) {
+V_INLINE int find_runs(const tc_cpu_args *g, variant v, const packet *p, const place *at, int steps,
+                       int from[MOST_RUNS], int to[MOST_RUNS]) {
   int n = 0;
   from[0] = 0, to[0] = steps;
   if (!v.leap) return 1;
@@ -61,7 +61,8 @@ V_ONCE void cast_back_to_front(const tc_cpu_args *g, variant v, const place *at,
       counts->samples += (uint64_t)m_count(live);
       if (!v.leap || v.classification == TC_PREINTEGRATED2 || !all_zero(g, front, back, live)) {
         vf4 c = segment(g, v, &p, front, back, i, t0, t1, live, counts);
-        if (v.labels && m_any(v_lt(v_set(0), c.a))) c = label_segment(g, &p, v_set(0.5f) * (t0 + v_min(t1, p.length)), c);
+        if (v.labels && m_any(v_lt(v_set(0), c.a)))
+          c = label_segment(g, &p, v_set(0.5f) * (t0 + v_min(t1, p.length)), c);
         if (v.shaded && m_any(v_lt(v_set(0), c.a)))
           c = shade_segment(g, v, &p, &light, at_front, at_back, t0, t1, live, c, counts);
         put_in_front(c, live, &sum);

@@ -36,7 +36,8 @@ V_INLINE vf log2_approx(vf x) {
   m = v_select(high, m * v_set(0.5f), m);
   vf ef = v_float(e) + v_select(high, v_set(1), v_set(0));
   vf s = (m - v_set(1)) / (m + v_set(1)), s2 = s * s; /* ln m = 2 atanh(s) */
-  vf series = v_fma(s2, v_fma(s2, v_fma(s2, v_set(0.41219858f), v_set(0.57707802f)), v_set(0.96179669f)), v_set(2.88539008f));
+  vf series =
+      v_fma(s2, v_fma(s2, v_fma(s2, v_set(0.41219858f), v_set(0.57707802f)), v_set(0.96179669f)), v_set(2.88539008f));
   return v_fma(s, series, ef);
 }
 
@@ -44,8 +45,12 @@ V_INLINE vf exp2_approx(vf x) { /* x <= 0 */
   x = v_max(x, v_set(-126));
   vi n = v_trunc(x - v_set(0.5f));
   vf f = x - v_float(n);
-  vf p = v_fma(f, v_fma(f, v_fma(f, v_fma(f, v_fma(f, v_set(0.00133335581f), v_set(0.00961812911f)), v_set(0.0555041087f)),
-                                 v_set(0.240226507f)), v_set(0.693147181f)), v_set(1));
+  vf p = v_fma(f,
+               v_fma(f,
+                     v_fma(f, v_fma(f, v_fma(f, v_set(0.00133335581f), v_set(0.00961812911f)), v_set(0.0555041087f)),
+                           v_set(0.240226507f)),
+                     v_set(0.693147181f)),
+               v_set(1));
   return v_from_bits(v_addi(v_bits(p), v_shl(n, 23)));
 }
 

@@ -1,4 +1,5 @@
-/* The stretches of a packet's rays that may show something (skip/cover.h), as runs of whole steps. Part of the template. */
+/* The stretches of a packet's rays that may show something (skip/cover.h), as runs of whole steps. Part of the
+ * template. */
 
 typedef struct runs {
   const uint64_t *bits; /* of the packet's cell of pixels */
@@ -28,8 +29,8 @@ static inline int find_slot(const runs *r, int slot, bool set) {
   return r->words * 64;
 }
 
-/* The next segments [*from, *to) after `least` that any live ray needs; false: none. Margins of a hundredth of a step are far
- * above the rounding of single precision. */
+/* The next segments [*from, *to) after `least` that any live ray needs; false: none. Margins of a hundredth of a step
+ * are far above the rounding of single precision. */
 V_INLINE bool next_run(runs *r, vm live, int least, int *from, int *to) {
   vf far = v_set(1e9f);
   do {
@@ -37,7 +38,8 @@ V_INLINE bool next_run(runs *r, vm live, int least, int *from, int *to) {
     if (a >= r->words * 64) return false;
     r->slot = find_slot(r, a, false);
     vf first = v_fma(v_set((float)a), r->steps, r->start), last = v_fma(v_set((float)r->slot), r->steps, r->start);
-    float begin = v_least(v_select(live, first, far)) - 1.01f, end = 1.01f - v_least(v_select(live, v_set(0) - last, far));
+    float begin = v_least(v_select(live, first, far)) - 1.01f,
+          end = 1.01f - v_least(v_select(live, v_set(0) - last, far));
     *from = begin > (float)least ? begin < 1e9f ? (int)begin : 1000000000 : least;
     *to = end < 1e9f ? (int)end : 1000000000;
   } while (*to <= least);

@@ -54,7 +54,8 @@ static const cpu_isa *choose_isa(const char *wanted, GError **error) {
       return NULL;
     }
   }
-  tc_set_error(error, TC_ERROR_INVALID, NULL, "instruction set \"%s\" is unknown: scalar, avx2 or avx512 wanted", wanted);
+  tc_set_error(error, TC_ERROR_INVALID, NULL, "instruction set \"%s\" is unknown: scalar, avx2 or avx512 wanted",
+               wanted);
   return NULL;
 }
 
@@ -254,7 +255,8 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
 
 static bool fill_cover(cpu_backend *b, const tc_job *job, tc_cpu_args *a, GError **error) {
   tc_cover *c = &b->cover;
-  if (!tc_cover_fill(c, job->boxes, job->volume, job->rays, job->frame->width, job->frame->height, b->pool, error)) return false;
+  if (!tc_cover_fill(c, job->boxes, job->volume, job->rays, job->frame->width, job->frame->height, b->pool, error))
+    return false;
   a->zero_below = (float)job->boxes->zero_below;
   a->zero_above = (float)job->boxes->zero_above;
   a->cover = c->bits;

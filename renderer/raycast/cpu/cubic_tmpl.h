@@ -1,9 +1,9 @@
-/* The tricubic B-spline of the voxels around a place. Part of the template; one function a voxel type, called, so that the
- * kernels of rare keys stay small.
+/* The tricubic B-spline of the voxels around a place. Part of the template; one function a voxel type, called, so that
+ * the kernels of rare keys stay small.
  *
- * Along one axis, with f the place between taps 1 and 2, taps 0 to 3 weigh (1-f)^3/6, 2/3 - f^2 (1 - f/2), 2/3 - (1-f)^2 (1+f)/2
- * and f^3/6. They are summed as means of two, then of the two means, which is exact where all are equal and stays between the
- * least and the greatest. Taps beyond a face are the face's voxel. */
+ * Along one axis, with f the place between taps 1 and 2, taps 0 to 3 weigh (1-f)^3/6, 2/3 - f^2 (1 - f/2), 2/3 -
+ * (1-f)^2 (1+f)/2 and f^3/6. They are summed as means of two, then of the two means, which is exact where all are equal
+ * and stays between the least and the greatest. Taps beyond a face are the face's voxel. */
 
 /* The four voxels along an axis around a place, and what is needed to weigh them. */
 typedef struct taps {
@@ -73,7 +73,8 @@ V_INLINE vf cubic(const tc_cpu_args *g, int type, const vf q[3], vf *gradient) {
     vf row[4], slope[4];
     for (int j = 0; j < 4; j++) {
       vf voxels[4];
-      fetch_row(g, type, &t[0], v_addi(v_muli(t[1].at[j], v_seti(g->row)), v_muli(t[2].at[k], v_seti(g->slice))), voxels);
+      fetch_row(g, type, &t[0], v_addi(v_muli(t[1].at[j], v_seti(g->row)), v_muli(t[2].at[k], v_seti(g->slice))),
+                voxels);
       row[j] = mean4(&w[0], voxels);
       if (gradient) slope[j] = rise4(&w[0], voxels);
     }

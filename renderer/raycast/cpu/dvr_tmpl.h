@@ -1,9 +1,9 @@
 /* Direct volume rendering of a packet, front to back. Part of the template.
  *
  * The rays walk in lockstep: sample i of every ray is at entry + i*step*dir, computed and not accumulated, so that no
- * ray depends on what its neighbours do. Segment i spans samples i and i+1 and is looked up by the field at its two ends (paper
- * 000, eq. 7 and 8); the last segment of a ray is shorter and scaled to its length, and so is the first where the
- * ray has a phase (subpixel_tmpl.h). */
+ * ray depends on what its neighbours do. Segment i spans samples i and i+1 and is looked up by the field at its two
+ * ends (paper 000, eq. 7 and 8); the last segment of a ray is shorter and scaled to its length, and so is the first
+ * where the ray has a phase (subpixel_tmpl.h). */
 
 /* Back becomes front and next becomes back. */
 V_INLINE void shift_slopes(vf slopes[3][3]) {
@@ -52,8 +52,8 @@ V_INLINE void cast_packet(const tc_cpu_args *g, variant v, const place *at, vf4 
     }
     if (!ahead) back = sample_node(g, v, &p, v_min(t1, p.length), at_back);
     counts->samples += (uint64_t)m_count(live);
-    /* The next sample does not wait for this segment's look-up: begun now, the two chains of loads overlap. A third less
-     * time a sample. */
+    /* The next sample does not wait for this segment's look-up: begun now, the two chains of loads overlap. A third
+     * less time a sample. */
     vf next = front;
     ahead = !v.leap || i + 1 < run_end;
     if (ahead) next = sample_node(g, v, &p, v_min(sample_mm(g, v, &p, i + 2), p.length), at_next);
@@ -71,15 +71,16 @@ V_INLINE void cast_packet(const tc_cpu_args *g, variant v, const place *at, vf4 
     sum.r = v_fma(weight, c.r, sum.r);
     sum.g = v_fma(weight, c.g, sum.g);
     sum.b = v_fma(weight, c.b, sum.b);
-    sum.a = v_fma(weight, c.a, sum.a); /* not 1 - clear: thin segments take nothing from a clear of 1 in single precision */
+    /* not 1 - clear: thin segments take nothing from a clear of 1 in single precision */
+    sum.a = v_fma(weight, c.a, sum.a);
     clear = v_fnma(weight, c.a, clear);
     live = m_and(live, v_lt(t1, p.length));
     if (v.terminate) live = m_and(live, v_le(v_set(g->termination), clear));
     front = back, back = next;
     if (cell) shift_slopes(slopes);
   }
-  /* What lies behind a terminated ray is taken to look like what lies before: the background shows through neither, and an
-   * opaque region keeps its colour exactly. Off by at most the threshold, like leaving it out. */
+  /* What lies behind a terminated ray is taken to look like what lies before: the background shows through neither, and
+   * an opaque region keeps its colour exactly. Off by at most the threshold, like leaving it out. */
   vm full = v_lt(v_set(1), sum.a);
   if (v.terminate) full = m_or(full, v_lt(clear, v_set(g->termination)));
   vf whole = v_select(full, sum.a, v_set(1));

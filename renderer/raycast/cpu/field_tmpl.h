@@ -34,8 +34,8 @@ V_INLINE float bias_of(int type) {
 /* Voxel value (not rescaled) at mm t along the rays by a filter other than linear: filter_tmpl.h. */
 V_INLINE vf sample_filtered(const tc_cpu_args *g, variant v, const packet *p, vf t);
 
-/* The same by any filter. gradient, unless NULL: the exact derivative of the trilinear field over index coordinates, from
- * its eight corners; meaningless along an axis of one voxel. */
+/* The same by any filter. gradient, unless NULL: the exact derivative of the trilinear field over index coordinates,
+ * from its eight corners; meaningless along an axis of one voxel. */
 V_INLINE vf sample_field(const tc_cpu_args *g, variant v, const packet *p, vf t, vf *gradient) {
   if (v.filter != TC_FILTER_LINEAR && !gradient) return sample_filtered(g, v, p, t);
   vf f[3];
@@ -68,7 +68,9 @@ V_INLINE vf sample_field(const tc_cpu_args *g, variant v, const packet *p, vf t,
   return (a00 - v_set(bias_of(v.type))) + v_fma(f[2], s1 - s0, s0);
 }
 
-V_INLINE vf sample_voxel(const tc_cpu_args *g, variant v, const packet *p, vf t) { return sample_field(g, v, p, t, NULL); }
+V_INLINE vf sample_voxel(const tc_cpu_args *g, variant v, const packet *p, vf t) {
+  return sample_field(g, v, p, t, NULL);
+}
 
 /* The same as a table node, and the gradient where it is wanted. */
 V_INLINE vf sample_node(const tc_cpu_args *g, variant v, const packet *p, vf t, vf *gradient) {

@@ -1,5 +1,5 @@
-/* Gradients over index coordinates at places of their own, and what they do to a segment. Part of the template; one function a
- * voxel type, called, so that the kernels of rare keys stay small. */
+/* Gradients over index coordinates at places of their own, and what they do to a segment. Part of the template; one
+ * function a voxel type, called, so that the kernels of rare keys stay small. */
 
 /* Central differences at the voxels around mm t, one-sided in a face, interpolated: what shows no cell's edge. */
 V_INLINE void central(const tc_cpu_args *g, int type, const vf q[3], vf gradient[3]) {
@@ -65,8 +65,8 @@ V_INLINE void gradient_at(const tc_cpu_args *g, variant v, const packet *p, vf t
 }
 
 /* Light on the segment from mm t0 to t1. front, back: a cell's gradients at its ends, not read for another. */
-V_INLINE vf4 shade_segment(const tc_cpu_args *g, variant v, const packet *p, const lighting *l, const vf *front, const vf *back,
-                           vf t0, vf t1, vm live, vf4 c, tc_cpu_counts *counts) {
+V_INLINE vf4 shade_segment(const tc_cpu_args *g, variant v, const packet *p, const lighting *l, const vf *front,
+                           const vf *back, vf t0, vf t1, vm live, vf4 c, tc_cpu_counts *counts) {
   vf middle[3];
   counts->gradients += (uint64_t)m_count(m_and(live, v_lt(v_set(0), c.a)));
   if (v.gradient == TC_GRADIENT_CELL) return shade(g, l, front, back, c);

@@ -1,5 +1,5 @@
-/* Segments of the classifications that read 1-D tables (classify/integrals.h has the equations). Part of the template, only in
- * the kernel for rare variants. */
+/* Segments of the classifications that read 1-D tables (classify/integrals.h has the equations). Part of the template,
+ * only in the kernel for rare variants. */
 
 /* Two entries of a node interval, read at x in [0, 1]. */
 V_INLINE vf4 interval_at(const tc_cpu_args *g, vi interval, vf x) {
@@ -15,15 +15,18 @@ V_INLINE vf4 mean_between(const tc_cpu_args *g, vf front, vf back) {
   vm within = v_lt(v_float(v_subi(j, i)), v_set(0.5f));
   vf4 a = interval_at(g, i, v_select(within, v_set(0.5f) * (f + e), v_set(0.5f) * (v_set(1) + f)));
   vf4 b = interval_at(g, j, v_set(0.5f) * e);
-  /* Level 1 + msb(p xor j), 0 where they are equal: the exponent of an odd number that single precision holds exactly. */
+  /* Level 1 + msb(p xor j), 0 where they are equal: the exponent of an odd number that single precision holds
+   * exactly. */
   vi differing = v_subi(v_ori(p, j), v_andi(p, j));
   vi level = v_subi(v_sra(v_bits(v_float(v_addi(v_addi(differing, differing), v_seti(1)))), 23), v_seti(127));
   vi row = v_addi(v_seti(g->levels_start), v_muli(level, v_seti(g->level_row)));
-  vf4 s = v_bilinear(g->integrals, v_addi(row, p), v_addi(row, j), v_set(0), v_set(0.5f)); /* half of the two entries' sum */
+  /* half of the two entries' sum */
+  vf4 s = v_bilinear(g->integrals, v_addi(row, p), v_addi(row, j), v_set(0), v_set(0.5f));
   vf wa = v_select(within, v_set(1), v_set(1) - f), wb = v_select(within, v_set(0), e), two = v_set(2);
   vf inverse = v_set(1) / (wa + wb + v_select(within, v_set(0), v_float(v_subi(j, p))));
   return (vf4){v_fma(wa, a.r, v_fma(wb, b.r, two * s.r)) * inverse, v_fma(wa, a.g, v_fma(wb, b.g, two * s.g)) * inverse,
-               v_fma(wa, a.b, v_fma(wb, b.b, two * s.b)) * inverse, v_fma(wa, a.a, v_fma(wb, b.a, two * s.a)) * inverse};
+               v_fma(wa, a.b, v_fma(wb, b.b, two * s.b)) * inverse,
+               v_fma(wa, a.a, v_fma(wb, b.a, two * s.a)) * inverse};
 }
 
 /* 1 - exp(-x), x >= 0, with a relative error of about 1e-6 however small x is. */

@@ -1,8 +1,9 @@
 /* The first hit of a packet's rays with an isosurface (raycast/surface.h). Part of the template.
  *
- * Every ray walks its own cells. Where it is follows from time alone: along each axis the wall w is passed at (w - entry) / dir,
- * computed and not accumulated, and a ray has passed all walls of times up to now. A leap ends at a wall's time too, so
- * that a ray that leapt is exactly where it had been had it walked, and no bit depends on leaping. */
+ * Every ray walks its own cells. Where it is follows from time alone: along each axis the wall w is passed at (w -
+ * entry) / dir, computed and not accumulated, and a ray has passed all walls of times up to now. A leap ends at a
+ * wall's time too, so that a ray that leapt is exactly where it had been had it walked, and no bit depends on
+ * leaping. */
 
 #include <math.h>
 
@@ -34,7 +35,8 @@ V_INLINE void find_cells(const tc_cpu_args *g, const packet *p, vf t, vf at[3]) 
   for (int k = 0; k < 3; k++) {
     vf q = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(g->last[k]));
     vf c = v_float(v_trunc(q)), front = ahead(p, k), step = front + front - v_set(1);
-    vm early = v_lt(t, wall_time(p, k, c + v_set(1) - front, -NEVER)); /* rounding: not yet beyond the wall it came through */
+    /* rounding: not yet beyond the wall it came through */
+    vm early = v_lt(t, wall_time(p, k, c + v_set(1) - front, -NEVER));
     c = v_select(early, c - step, c);
     vm late = m_andnot(v_le(wall_time(p, k, c + front, NEVER), t), early);
     at[k] = v_select(late, c + step, c);
@@ -72,8 +74,8 @@ V_INLINE vf field_in(const iso_cell *c, vf u) {
   return v_fma(f[2], y[1] - y[0], y[0]);
 }
 
-/* Places where the ray comes and goes, exactly on the faces that it comes and goes through: what two cells share is the same in
- * both. */
+/* Places where the ray comes and goes, exactly on the faces that it comes and goes through: what two cells share is the
+ * same in both. */
 V_INLINE void place_in_cell(const tc_cpu_args *g, const packet *p, iso_cell *c) {
   for (int k = 0; k < 3; k++) {
     vf front = ahead(p, k), back = v_set(1) - front, ends[2] = {c->from, c->until}, f[2];
@@ -139,7 +141,8 @@ V_INLINE vf first_change(const iso_cell *c, vm side, vm live, vm *hit) {
     fa = v_select(open, f, fa);
   }
   *hit = m_andnot(live, open);
-  /* Newton's steps from the chord's root, kept within the bracket by halving it. At its front end already: a = b = 0. */
+  /* Newton's steps from the chord's root, kept within the bracket by halving it. At its front end already: a = b =
+   * 0. */
   vm busy = m_and(*hit, v_lt(a, b));
   vf x = v_select(busy, v_fma(b - a, fa / (fa - fb), a), b);
   for (int n = 0; n < MOST_REFINEMENTS && m_any(busy); n++) {
@@ -156,7 +159,8 @@ V_INLINE vf first_change(const iso_cell *c, vm side, vm live, vm *hit) {
   return x;
 }
 
-/* Rays in empty blocks go on to where what is known to be empty around them ends. True for those: they are in other cells now. */
+/* Rays in empty blocks go on to where what is known to be empty around them ends. True for those: they are in other
+ * cells now. */
 V_INLINE vm leap_ahead(const tc_cpu_args *g, const packet *p, vf at[3], vf *t, vm live) {
   vf block[3], far = v_set(NEVER);
   for (int k = 0; k < 3; k++) {
@@ -236,8 +240,8 @@ V_INLINE vf find_hits(const tc_cpu_surface *s, variant v, const packet *p, vm *h
   return at_hit;
 }
 
-/* The field's slope over index coordinates at mm t: differences between the faces of the cube of two voxels around it, each face by
- * its four corners. */
+/* The field's slope over index coordinates at mm t: differences between the faces of the cube of two voxels around it,
+ * each face by its four corners. */
 V_INLINE void surface_gradient(const tc_cpu_args *g, variant v, const packet *p, vf t, vf gradient[3]) {
   packet probe = *p; /* rays of length 0 from the places themselves */
   vf side[3][2];

@@ -63,7 +63,8 @@ typedef struct tc_cpu_args {
   const uint8_t *distance; /* tc_leap, when an isosurface leaps */
   float block;             /* voxels its blocks are wide */
   const uint64_t *cover; /* tc_cover, when dvr leaps */
-  int cover_shift, cover_cells, cover_row, cover_words; /* _cells: along x; _row: words from one row of cells to the next */
+  /* _cells: along x; _row: words from one row of cells to the next */
+  int cover_shift, cover_cells, cover_row, cover_words;
   float cover_near, cover_slot, cover_depth; /* mm */
   float turn, gain, offset, floor, stop; /* tc_grey, when the plan projects */
   const float *to_light; /* tc_resolve_light(), when it does in linear light */
@@ -82,8 +83,8 @@ typedef struct tc_cpu_counts {
   uint64_t samples, rays, gradients, leaps; /* leaps: of whole packets */
 } tc_cpu_counts;
 
-/* Renders pixels [x0, x1) x [y0, y1) to out, [y1-y0][stride][4] floats: premultiplied colour and opacity. Lanes of a packet
- * beyond x1 or y1 are masked. */
+/* Renders pixels [x0, x1) x [y0, y1) to out, [y1-y0][stride][4] floats: premultiplied colour and opacity. Lanes of a
+ * packet beyond x1 or y1 are masked. */
 typedef void (*tc_cpu_kernel)(const tc_cpu_args *args, int x0, int y0, int x1, int y1, float *out, ptrdiff_t stride,
                               tc_cpu_counts *counts);
 

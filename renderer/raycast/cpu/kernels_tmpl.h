@@ -1,5 +1,5 @@
-/* The ray caster, once, over the vector vocabulary: included by kernels_*.c after a simd_*.h. Each piece is a header of its own;
- * here they become kernels, one per variant that plans may name. */
+/* The ray caster, once, over the vector vocabulary: included by kernels_*.c after a simd_*.h. Each piece is a header of
+ * its own; here they become kernels, one per variant that plans may name. */
 #include "renderer/raycast/cpu/packet_tmpl.h"
 
 #include "renderer/raycast/cpu/field_tmpl.h"
@@ -83,8 +83,9 @@ V_INLINE void cast_tile(const tc_cpu_args *g, variant v, int x0, int y0, int x1,
   .shaded = g->key.shading != TC_SHADING_NONE, .terminate = g->key.termination, .leap = g->key.skipping,             \
   .labels = g->key.labels, .several = g->key.rays, .jitter = g->key.jitter, .zoomed = g->key.zoomed,      \
   .gradient = g->key.gradient
-/* What most pictures are made with. One shaded kernel serves every model: they differ in numbers (raycast/shade.h). special:
- * what seldom joins the usual filter and classification is asked of the key, outside the innermost steps where it can be. */
+/* What most pictures are made with. One shaded kernel serves every model: they differ in numbers (raycast/shade.h).
+ * special: what seldom joins the usual filter and classification is asked of the key, outside the innermost steps where
+ * it can be. */
 #define KERNELS(type, name)                                                                                          \
   DVR(dvr_##name##_whole, type)                                                                                      \
   DVR(dvr_##name##_early, type, .terminate = true)                                                                   \

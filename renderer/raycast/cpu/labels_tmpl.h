@@ -1,12 +1,13 @@
-/* Labels along the packet's rays (classify/labels.h has the equations). Part of the template, and a function of its own in
- * each instruction set: only the kernels for rare pictures call it. */
+/* Labels along the packet's rays (classify/labels.h has the equations). Part of the template, and a function of its own
+ * in each instruction set: only the kernels for rare pictures call it. */
 
 typedef struct label_mix {
   vf tint[4], visible; /* premultiplied colour and its opacity */
 } label_mix;
 
 V_INLINE label_mix mix_labels(label_mix a, label_mix b, vf f) {
-  for (int c = 0; c < 4; c++) a.tint[c] = v_fma(f, b.tint[c] - a.tint[c], a.tint[c]); /* of equals exactly what they are */
+  /* of equals exactly what they are */
+  for (int c = 0; c < 4; c++) a.tint[c] = v_fma(f, b.tint[c] - a.tint[c], a.tint[c]);
   a.visible = v_fma(f, b.visible - a.visible, a.visible);
   return a;
 }
@@ -31,7 +32,8 @@ V_INLINE vf find_label_cell(const tc_cpu_labels *l, const packet *p, vf t, vi ce
     vf near = v_min(v_max(at, v_set(0)), v_set(l->last[k])), beyond = v_abs(at - near);
     bool hard = l->nearest || l->last[k] < 1;
     if (l->nearest) near = v_float(v_trunc(near + v_set(0.5f)));
-    inside = inside * (hard ? v_select(v_le(beyond, v_set(0.5f)), v_set(1), v_set(0)) : v_max(v_set(1) - beyond, v_set(0)));
+    inside =
+        inside * (hard ? v_select(v_le(beyond, v_set(0.5f)), v_set(1), v_set(0)) : v_max(v_set(1) - beyond, v_set(0)));
     cell[k] = v_mini(v_trunc(near), v_seti(l->cell_last[k]));
     f[k] = near - v_float(cell[k]);
   }
@@ -74,7 +76,8 @@ static __attribute__((noinline)) label_mix labels_at(const tc_cpu_args *g, const
 /* A segment around mm t: tinted, and as thin as what is visible there. */
 V_INLINE vf4 label_segment(const tc_cpu_args *g, const packet *p, vf t, vf4 c) {
   label_mix m = labels_at(g, p, t);
-  vf share = c.a / v_max(m.visible, v_set(1e-6f)), keep = v_max(v_set(1) - m.tint[3] / v_max(m.visible, v_set(1e-6f)), v_set(0));
+  vf share = c.a / v_max(m.visible, v_set(1e-6f)),
+     keep = v_max(v_set(1) - m.tint[3] / v_max(m.visible, v_set(1e-6f)), v_set(0));
   vf *channels[3] = {&c.r, &c.g, &c.b};
   for (int k = 0; k < 3; k++) *channels[k] = v_min(v_fma(share, m.tint[k], *channels[k] * keep), c.a);
   return shorten(c, m.visible, v_lt(m.visible, v_set(1)));

@@ -1,9 +1,9 @@
 /* Planar reformats of a packet: one sample a pixel, or a slab's greatest, least or mean value, through the window to
  * grey (raycast/slice.h; tc_slice_window in backend.h says what a node is here). Part of the template. */
 
-/* From the value at the rays' entries to that of the slab. Samples lie on the plane, in whole steps from it, and at both
- * ends: a ray that has arrived there samples its end again, which changes nothing and needs no mask. The plane is always
- * among them, so that a slab around a voxel never misses its peak. */
+/* From the value at the rays' entries to that of the slab. Samples lie on the plane, in whole steps from it, and at
+ * both ends: a ray that has arrived there samples its end again, which changes nothing and needs no mask. The plane is
+ * always among them, so that a slab around a voxel never misses its peak. */
 V_INLINE vf cast_slab(const tc_cpu_args *g, variant v, int slab, const packet *p, vf front,
                       tc_cpu_counts *counts) {
   vf steps = p->start * v_set(g->inverse_step), first = v_float(v_trunc(steps)); /* before the plane that is the next */

@@ -4,8 +4,8 @@
 /* Not part of every kernel, but called by those that need it. */
 #define V_ONCE static __attribute__((noinline))
 
-/* What a kernel does. In the kernels that most pictures use all of it is constant, and nothing else is compiled in; the kernel
- * for the rest (kernels_tmpl.h) has it from the plan's key. */
+/* What a kernel does. In the kernels that most pictures use all of it is constant, and nothing else is compiled in; the
+ * kernel for the rest (kernels_tmpl.h) has it from the plan's key. */
 typedef struct variant {
   int mode, type, filter; /* tc_mode, tc_voxel_type, tc_filter */
   int slab;               /* mpr: as in tc_plan_key */
@@ -85,7 +85,8 @@ V_INLINE packet start_packet(const tc_cpu_args *g, variant v, const place *at) {
     p.inverse[k] = v_set(1) / v_select(v_lt(v_abs(p.dir[k]), v_set(1e-12f)), v_set(1), p.dir[k]);
     clip_axis(anchor[k], p.dir[k], p.inverse[k], v_set(g->lo[k]), v_set(g->hi[k]), &s0, &s1);
   }
-  for (int c = 0; c < g->n_planes; c++) clip_plane(g->planes[c], anchor, p.dir, &s0, &s1); /* once a ray, not a sample */
+  /* once a ray, not a sample */
+  for (int c = 0; c < g->n_planes; c++) clip_plane(g->planes[c], anchor, p.dir, &s0, &s1);
   vm inside = m_and(v_lt(i, v_set((float)at->x1)), v_lt(j, v_set((float)at->y1)));
   p.live = m_and(inside, v_lt(s0, s1));
   s0 = v_select(p.live, s0, v_set(0));

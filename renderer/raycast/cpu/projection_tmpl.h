@@ -1,14 +1,14 @@
 /* Projections of a packet: the maximum, or the mean, of the field along each ray. Part of the template.
  *
- * Sample i of a ray is at entry + i*step*dir, and the ray's end is sampled too, so that all of the ray is covered. mip and minip
- * are one kernel (raycast/grey.h turns the voxels). A ray past its end samples its end again, which raises no maximum: no
- * lane needs a mask, and no pixel depends on its neighbours. */
+ * Sample i of a ray is at entry + i*step*dir, and the ray's end is sampled too, so that all of the ray is covered. mip
+ * and minip are one kernel (raycast/grey.h turns the voxels). A ray past its end samples its end again, which raises no
+ * maximum: no lane needs a mask, and no pixel depends on its neighbours. */
 
 #define WORTH_A_GUESS 4 /* intervals that a ray must be long, at least */
 #define LONGEST_REST 31 /* packets */
 
-/* Where little can be left out, looking costs more than it saves: a packet that gained nothing lets the next ones of its tile march
- * straight, more of them each time. No bit of the picture depends on it. */
+/* Where little can be left out, looking costs more than it saves: a packet that gained nothing lets the next ones of
+ * its tile march straight, more of them each time. No bit of the picture depends on it. */
 typedef struct skip_mood {
   int rest;  /* packets that do not look */
   int pause; /* how many they were last time */
@@ -50,8 +50,8 @@ V_INLINE vf middle_of(const tc_cpu_args *g, int i) {
   return v_set(((float)i + 0.5f * (float)(g->interval - 1)) * g->step_mm);
 }
 
-/* A maximum to begin with: every ray is sampled in the interval with the highest level, and nearly all of the others are then
- * below what it has. The samples are some of those that the march takes. */
+/* A maximum to begin with: every ray is sampled in the interval with the highest level, and nearly all of the others
+ * are then below what it has. The samples are some of those that the march takes. */
 V_INLINE vf best_guess(const tc_cpu_args *g, variant v, const packet *p, vf best, tc_cpu_counts *counts) {
   vf highest = v_set(-1), at = v_set(0);
   for (int i = 0;; i += g->interval) {
@@ -113,8 +113,9 @@ V_INLINE void cast_extreme(const tc_cpu_args *g, variant v, const place *at_pixe
   *out = grey_of(g, v_min(best, stop), p.live);
 }
 
-/* Trapezoids between samples, the last one shorter, over the ray's length in steps. Summed as differences to the first sample, with
- * what rounding takes off put back: a constant field is exact, and a million samples are as good as ten. */
+/* Trapezoids between samples, the last one shorter, over the ray's length in steps. Summed as differences to the first
+ * sample, with what rounding takes off put back: a constant field is exact, and a million samples are as good as
+ * ten. */
 V_INLINE void cast_average(const tc_cpu_args *g, variant v, const place *at_pixels, vf4 *out, tc_cpu_counts *counts) {
   packet p = start_packet(g, v, at_pixels);
   vm live = p.live;

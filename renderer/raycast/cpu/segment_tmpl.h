@@ -1,12 +1,14 @@
-/* From two samples to the colour and opacity of the segment between them, in every classification. Part of the template. */
+/* From two samples to the colour and opacity of the segment between them, in every classification. Part of the
+ * template. */
 
 /* Second order (El Hajjar, Marchesin, Dischler and Mongenet, 2008, take the field as quadratic along a segment): of the
- * quadratic through front, middle and back the linear field with the same mean, and its slope as far as that leaves both ends
- * among the three samples. What follows is then an entry of the same table: opacity and energy stay in bounds, and where the
- * samples show nothing neither does the segment. A mean that is right leaves an error of the fourth order in a segment and of
- * the third along a ray, against a linear field's second. */
+ * quadratic through front, middle and back the linear field with the same mean, and its slope as far as that leaves
+ * both ends among the three samples. What follows is then an entry of the same table: opacity and energy stay in
+ * bounds, and where the samples show nothing neither does the segment. A mean that is right leaves an error of the
+ * fourth order in a segment and of the third along a ray, against a linear field's second. */
 V_INLINE void straighten(vf *front, vf middle, vf *back) {
-  vf mean = v_fma((*front - middle) + (*back - middle), v_set(1 / 6.0f), middle); /* Simpson; exact where all are equal */
+  /* Simpson; exact where all are equal */
+  vf mean = v_fma((*front - middle) + (*back - middle), v_set(1 / 6.0f), middle);
   vf least = v_min(middle, v_min(*front, *back)), most = v_max(middle, v_max(*front, *back));
   vf room = v_max(v_min(mean - least, most - mean), v_set(0)), half = v_set(0.5f) * (*back - *front);
   half = v_min(v_max(half, v_set(0) - room), room);
@@ -26,7 +28,8 @@ V_INLINE vf4 classify_part(const tc_cpu_args *g, variant v, const packet *p, vf 
 }
 
 /* Every classification but preintegrated. Once an instruction set, for all voxel types: kernels are large enough. */
-V_ONCE vf4 classify_otherwise(const tc_cpu_args *g, variant v, const packet *p, vf front, vf back, int i, vf t0, vf t1) {
+V_ONCE vf4 classify_otherwise(const tc_cpu_args *g, variant v, const packet *p, vf front, vf back, int i, vf t0,
+                              vf t1) {
   vf end = v_min(t1, p->length);
   if (v.classification == TC_PREINTEGRATED2) {
     straighten(&front, sample_node(g, v, p, v_set(0.5f) * (t0 + end), NULL), &back);

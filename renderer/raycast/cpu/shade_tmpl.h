@@ -17,7 +17,8 @@ V_INLINE lighting start_lighting(const tc_cpu_args *g, variant v, const place *a
     l.eye[k] = l.eye[k] / norm;
     l.half[k] = l.eye[k] + v_set(g->light[k]);
   }
-  norm = v_max(v_sqrt(dot(l.half, l.half)), v_set(1e-20f)); /* a light straight behind has no half way: nothing shines */
+  /* a light straight behind has no half way: nothing shines */
+  norm = v_max(v_sqrt(dot(l.half, l.half)), v_set(1e-20f));
   for (int k = 0; k < 3; k++) l.half[k] = l.half[k] / norm;
   return l;
 }
@@ -40,7 +41,8 @@ V_INLINE vf4 shade(const tc_cpu_args *g, const lighting *l, const vf front[3], c
   }
   vf glint = v_set(0), q = v_max(lit, v_set(g->least_lit));
   if (g->specular > 0) {
-    glint = v_set(g->specular) * exp2_approx(v_set(g->shininess) * log2_approx(v_min(v_max(mirror, v_set(1e-30f)), v_set(1))));
+    glint = v_set(g->specular) *
+            exp2_approx(v_set(g->shininess) * log2_approx(v_min(v_max(mirror, v_set(1e-30f)), v_set(1))));
     glint = v_select(v_lt(v_set(0), lit), glint, v_set(0));
   }
   vf factor = v_fma(w, v_fma(v_set(g->factor[1]), q, v_set(g->factor[0])) - v_set(1), v_set(1));

@@ -85,8 +85,8 @@ V_INLINE void v_pair_f32(const void *base, vi off, vf *a, vf *b) {
   *b = _mm256_i32gather_ps((const float *)base + 1, off, 4);
 }
 
-/* Whole entries are loaded per lane (they are 16 bytes), lane 4s+g into 128-bit slot s of group g, so that a 4x4 transpose
- * inside the slots ends in lane order: far fewer loads than sixteen gathers. */
+/* Whole entries are loaded per lane (they are 16 bytes), lane 4s+g into 128-bit slot s of group g, so that a 4x4
+ * transpose inside the slots ends in lane order: far fewer loads than sixteen gathers. */
 V_INLINE vf v_slot_pair(const double *base, const int32_t *off, int g) {
   return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_castpd_ps(_mm_loadu_pd(base + off[g]))),
                               _mm_castpd_ps(_mm_loadu_pd(base + off[4 + g])), 1);

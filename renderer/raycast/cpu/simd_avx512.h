@@ -81,8 +81,8 @@ V_INLINE void v_pair_f32(const void *base, vi off, vf *a, vf *b) {
   *b = _mm512_i32gather_ps(off, (const float *)base + 1, 4);
 }
 
-/* The same pairs as floats above a bias of their type: put into the mantissa of 2^23, an integer is a float in one instruction, and
- * of differences the bias falls out exactly. */
+/* The same pairs as floats above a bias of their type: put into the mantissa of 2^23, an integer is a float in one
+ * instruction, and of differences the bias falls out exactly. */
 V_INLINE vf v_biased(vi bits, __mmask64 bytes, vi order) {
   return v_from_bits(_mm512_mask_shuffle_epi8(v_seti(0x4b000000), bytes, bits, order));
 }
@@ -108,8 +108,8 @@ V_INLINE void v_corner_i16(const void *base, vi off, vf *a, vf *b) {
 #define V_BIAS_U16 0x1p23f
 #define V_BIAS_I16 (0x1p23f + 32768)
 
-/* Two neighbouring entries (32 bytes) are one load. Group g holds lanes g, 4+g, 8+g and 12+g, entry by entry in 128-bit slots,
- * so that a 4x4 transpose inside the slots ends in lane order: far fewer loads than sixteen gathers. */
+/* Two neighbouring entries (32 bytes) are one load. Group g holds lanes g, 4+g, 8+g and 12+g, entry by entry in 128-bit
+ * slots, so that a 4x4 transpose inside the slots ends in lane order: far fewer loads than sixteen gathers. */
 V_INLINE vf v_entry_pairs(const double *base, const int32_t *off, int a, int b) {
   vf v = _mm512_castps256_ps512(_mm256_castpd_ps(_mm256_loadu_pd(base + off[a])));
   return _mm512_castpd_ps(_mm512_insertf64x4(_mm512_castps_pd(v), _mm256_loadu_pd(base + off[b]), 1));

@@ -73,7 +73,8 @@ V_INLINE void v_pair_f32(const void *base, vi off, vf *a, vf *b) {
   *a = p[0], *b = p[1];
 }
 
-/* Bilinear lookup of 4-float entries: row0, row1 are entry offsets of two rows, entries off and off + 1 are read in each. */
+/* Bilinear lookup of 4-float entries: row0, row1 are entry offsets of two rows, entries off and off + 1 are read in
+ * each. */
 V_INLINE vf4 v_bilinear(const float *base, vi row0, vi row1, vf fx, vf fy) {
   const float *p = base + (ptrdiff_t)row0 * 4, *q = base + (ptrdiff_t)row1 * 4;
   float out[4];

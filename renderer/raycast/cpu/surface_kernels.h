@@ -1,5 +1,5 @@
-/* The kernels of isosurfaces (isosurface_tmpl.h), one per voxel type and instruction set, apart from the ray caster's others: they share
- * its rays, its field and its light, and no loop. */
+/* The kernels of isosurfaces (isosurface_tmpl.h), one per voxel type and instruction set, apart from the ray caster's
+ * others: they share its rays, its field and its light, and no loop. */
 #ifndef TC_CPU_SURFACE_KERNELS_H
 #define TC_CPU_SURFACE_KERNELS_H
 

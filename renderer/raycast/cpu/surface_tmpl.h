@@ -45,6 +45,7 @@ KERNEL(surface_i16, TC_I16)
 KERNEL(surface_f32, TC_F32)
 
 static tc_cpu_kernel find_kernel(const tc_plan_key *key) {
-  static const tc_cpu_kernel kernels[TC_VOXEL_TYPE_COUNT] = {surface_u8, surface_i8, surface_u16, surface_i16, surface_f32};
+  static const tc_cpu_kernel kernels[TC_VOXEL_TYPE_COUNT] = {surface_u8, surface_i8, surface_u16, surface_i16,
+                                                             surface_f32};
   return key->voxel_type < TC_VOXEL_TYPE_COUNT ? kernels[key->voxel_type] : NULL;
 }

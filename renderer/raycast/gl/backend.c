@@ -152,7 +152,8 @@ static unsigned program_for(gl_backend *b, const tc_job *job, const tc_gl_volume
   return program;
 }
 
-/* A slot: counters, picture, floats, depths. Every part starts at a multiple of 1024, more than any driver's alignment. */
+/* A slot: counters, picture, floats, depths. Every part starts at a multiple of 1024, more than any driver's
+ * alignment. */
 typedef struct slot_layout {
   size_t picture_bytes, linear, linear_bytes, depth, depth_bytes, bytes;
 } slot_layout;

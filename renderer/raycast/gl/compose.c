@@ -40,8 +40,8 @@ static bool is_built(const tc_gl_variant *v) {
   bool mode = dvr || surface || slice || tc_is_projection((tc_mode)key->mode);
   bool names = key->classification < TC_CLASSIFICATION_COUNT && key->order < TC_ORDER_COUNT &&
                key->filter < TC_FILTER_COUNT && key->projection < TC_PROJECTION_COUNT &&
-               key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading < TC_SHADING_COUNT && key->gradient < TC_GRADIENT_COUNT &&
-               key->slab <= TC_SLAB_PROJECTION_COUNT;
+               key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading < TC_SHADING_COUNT &&
+               key->gradient < TC_GRADIENT_COUNT && key->slab <= TC_SLAB_PROJECTION_COUNT;
   bool filter = !surface || key->filter == TC_FILTER_LINEAR;
   bool labels = key->labels <= (dvr || slice), rays = key->rays <= !slice;
   return mode && names && filter && labels && rays && key->jitter <= dvr &&
@@ -97,7 +97,8 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
   static const char *const fields[TC_FILTER_COUNT] = {"field_linear.glsl", "field_cubic.glsl", "field_nearest.glsl"};
   char name[96], literals[640];
   if (!is_built(v)) {
-    tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "gl: no shader is built for mode %d; use --backend cpu", v->plan.mode);
+    tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "gl: no shader is built for mode %d; use --backend cpu",
+                 v->plan.mode);
     return 0;
   }
   tc_plan_key_name(&v->plan, name, sizeof name);

@@ -83,7 +83,8 @@ static bool make_volume(tc_gl_volume *copy, const tc_volume *volume, const int s
   return good;
 }
 
-/* Frees least recently used volumes that this frame does not use until `bytes` more fit the budget and a place is free. */
+/* Frees least recently used volumes that this frame does not use until `bytes` more fit the budget and a place is
+ * free. */
 static tc_gl_volume *make_room(tc_gl_textures *textures, size_t bytes) {
   for (;;) {
     tc_gl_volume *unused = NULL, *oldest = NULL;
