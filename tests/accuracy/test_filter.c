@@ -36,7 +36,6 @@ static const kind kinds[] = {{"nearest", TC_FILTER_NEAREST, false},
 enum { KINDS = sizeof kinds / sizeof *kinds };
 
 static const tc_mode modes[] = {TC_MODE_DVR, TC_MODE_MIP, TC_MODE_MINIP, TC_MODE_AVERAGE, TC_MODE_MPR};
-static const char *const mode_names[] = {"dvr", "mip", "minip", "average", "mpr"};
 enum { MODES = 5, RAY_MODES = 4 };
 
 static const tc_knot soft[] = {{.value = 0.2, .color = {0.1, 0.2, 1}, .amount = 0},
@@ -164,7 +163,7 @@ static void close_to_reference(void **state) {
           assert_true(d.finite);
           rms[fine] = d.rms;
         }
-        printf("  %s %s %s: rms %.1e at step 0.2, %.1e at 0.04 (max %.1e)\n", kinds[k].name, mode_names[m],
+        printf("  %s %s %s: rms %.1e at step 0.2, %.1e at 0.04 (max %.1e)\n", kinds[k].name, tc_mode_names[modes[m]],
                test_names[i], rms[0], rms[1], d.max);
         /* A peak of the nearest voxel's is missed where a ray cuts less than a step off its corner: half an order. */
         bool jumps = k == 0 && (modes[m] == TC_MODE_MIP || modes[m] == TC_MODE_MINIP);
@@ -285,7 +284,8 @@ static void constants_stay(void **state) {
             scene.filter = kinds[k].filter;
             scene.sampling.prefilter = kinds[k].prefilter;
             if (memcmp(render(i, volume, &scene, NULL), linear, sizeof(float[4]) * PIXELS))
-              fail_msg("%s %s %s: shape %d differs from linear", test_names[i], kinds[k].name, mode_names[m], shape);
+              fail_msg("%s %s %s: shape %d differs from linear", test_names[i], kinds[k].name, tc_mode_names[modes[m]],
+                       shape);
           }
           tc_scene_clear(&scene);
           g_free(linear);

@@ -18,7 +18,6 @@
 #include "tests/support/renderers.h"
 
 static const tc_mode modes[] = {TC_MODE_MIP, TC_MODE_MINIP, TC_MODE_AVERAGE};
-static const char *const mode_names[] = {"mip", "minip", "average"};
 
 static const tc_frame *render(int i, tc_volume *volume, const tc_scene *scene, tc_plan *plan) {
   return test_draw(i, volume, scene, NULL, plan);
@@ -89,20 +88,20 @@ static void close_to_reference(void **state) {
             /* A sample is a value of the field: no maximum of them is above the exact one, no minimum below, but for
              * the single precision of a sample's place. */
             if (m < 2 && (m == 0 ? d : -d) > 1e-5)
-              fail_msg("%s %s: beyond the exact one by %g", mode_names[m], test_names[i], d);
+              fail_msg("%s %s: beyond the exact one by %g", tc_mode_names[modes[m]], test_names[i], d);
           }
           rms[s][i] = sqrt(sum / (double)pixels);
           if (i == 0 || (i == GL && type == TC_U16))
-            printf("  %-7s %-3s %-6s step %-5g rms %.2e max %.2e ties %zu\n", mode_names[m],
+            printf("  %-7s %-3s %-6s step %-5g rms %.2e max %.2e ties %zu\n", tc_mode_names[modes[m]],
                    tc_voxel_type_name((tc_voxel_type)type), test_names[i], steps[s], rms[s][i], max, ties);
           if (max > bounds[m][s] || ties > 2)
-            fail_msg("%s, %s, step %g: max %g (bound %g), %zu ties", mode_names[m], test_names[i], steps[s], max,
-                     bounds[m][s], ties);
+            fail_msg("%s, %s, step %g: max %g (bound %g), %zu ties", tc_mode_names[modes[m]], test_names[i], steps[s],
+                     max, bounds[m][s], ties);
         }
       EACH_RENDERER(i) { /* from step 1 to 1/8: order 1 is a factor of 8, order 2 one of 64 */
         double gain = rms[0][i] / rms[3][i];
         if (!(gain > (m < 2 ? 6 : 40)))
-          fail_msg("%s, %s: the error falls by %g only", mode_names[m], test_names[i], gain);
+          fail_msg("%s, %s: the error falls by %g only", tc_mode_names[modes[m]], test_names[i], gain);
       }
       free(want);
       tc_scene_clear(&scene);
@@ -128,7 +127,8 @@ static void inverted_slope(void **state) {
         memcpy(want, render(i, upright, &scene, NULL)->linear, sizeof want);
         test_difference d = test_compare(render(i, inverted, &scene, NULL)->linear, want, 30 * 26);
         if (!(d.max < 2e-5))
-          fail_msg("%s %s %s: off by %g", mode_names[m], tc_voxel_type_name((tc_voxel_type)type), test_names[i], d.max);
+          fail_msg("%s %s %s: off by %g", tc_mode_names[modes[m]], tc_voxel_type_name((tc_voxel_type)type),
+                   test_names[i], d.max);
       }
       tc_scene_clear(&scene);
       tc_volume_unref(upright);
@@ -158,8 +158,8 @@ static void closed_forms(void **state) {
           double c = want[m], expected = linear ? pow((c + 0.055) / 1.055, 2.4) : c;
           for (int p = 0; p < 35; p++) {
             if (fabs((double)frame->linear[4 * p] - expected) > 2e-6)
-              fail_msg("%s %s step %g: %g, wanted %g", mode_names[m], test_names[i], step, (double)frame->linear[4 * p],
-                       expected);
+              fail_msg("%s %s step %g: %g, wanted %g", tc_mode_names[modes[m]], test_names[i], step,
+                       (double)frame->linear[4 * p], expected);
             /* Through linear light and back a grey is the display value that the window made. */
             assert_true(abs(frame->rgba[4 * p] - (int)(c * 255 + 0.5)) <= linear);
             assert_int_equal(frame->rgba[4 * p + 3], 255);
@@ -196,8 +196,8 @@ static void thin_volumes(void **state) {
           off += frame->linear[4 * p + 3] != want[4 * p + 3] || fabsf(frame->linear[4 * p] - want[4 * p]) > 0.01f;
         }
         if (off > 2 || met == 0)
-          fail_msg("%dx%dx%d %s %s: %d pixels off", dims[d][0], dims[d][1], dims[d][2], mode_names[m], test_names[i],
-                   off);
+          fail_msg("%dx%dx%d %s %s: %d pixels off", dims[d][0], dims[d][1], dims[d][2], tc_mode_names[modes[m]],
+                   test_names[i], off);
       }
       free(want);
       tc_scene_clear(&scene);
@@ -229,7 +229,7 @@ static void constants_and_extreme_windows(void **state) {
           check_sane("constant", frame);
           const float *c = frame->linear + 4 * (4 * 9 + 4);
           if (fabs((double)c[0] - windows[w].grey) > 2e-6)
-            fail_msg("window %g/%g %s %s: %g, wanted %g", windows[w].center, windows[w].width, mode_names[m],
+            fail_msg("window %g/%g %s %s: %g, wanted %g", windows[w].center, windows[w].width, tc_mode_names[modes[m]],
                      test_names[i], (double)c[0], windows[w].grey);
           tc_scene_clear(&scene);
         }
@@ -257,7 +257,7 @@ static void edges_in_linear_light(void **state) {
         const float *c = frame->linear + 4 * p;
         edges += c[3] > 0 && c[3] < 1;
         if (!(fabs(c[0] - c[3] * tc_srgb_to_linear(0.5)) < 1e-5))
-          fail_msg("%s, %s: %g at %g", test_names[i], mode_names[m], c[0], c[3]);
+          fail_msg("%s, %s: %g at %g", test_names[i], tc_mode_names[modes[m]], c[0], c[3]);
       }
       assert_true(edges > 20);
       tc_scene_clear(&scene);
@@ -293,9 +293,10 @@ static void clipped(void **state) {
         else
           max = fmax(max, fabs((double)frame->linear[4 * p] - (double)want[4 * p]));
       }
-      printf("  clipped %s %s: max %.1e, %d of %d pixels at an edge\n", mode_names[m], test_names[i], max, off, met);
+      printf("  clipped %s %s: max %.1e, %d of %d pixels at an edge\n", tc_mode_names[modes[m]], test_names[i], max,
+             off, met);
       if (off > 2 || met < 200 || max > 4e-3)
-        fail_msg("%s %s: %d of %d pixels off, max %g", mode_names[m], test_names[i], off, met, max);
+        fail_msg("%s %s: %d of %d pixels off, max %g", tc_mode_names[modes[m]], test_names[i], off, met, max);
     }
     free(want);
     tc_scene_clear(&scene);
@@ -450,7 +451,7 @@ static void plan_leaves_out(void **state) {
       assert_true(tc_renderer_plan(test_renderers[i], volume, NULL, &scene, &before, NULL));
       const tc_frame *frame = render(i, volume, &scene, &plan);
       assert_memory_equal(&plan.key, &before.key, sizeof plan.key);
-      snprintf(name, sizeof name, "%s.linear.u16.%s", mode_names[m], test_names[i]);
+      snprintf(name, sizeof name, "%s.linear.u16.%s", tc_mode_names[modes[m]], test_names[i]);
       assert_string_equal(plan.kernel, name);
       assert_string_equal(before.kernel, name);
       assert_false(plan.stages[TC_STAGE_TABLE_2D].included || plan.stages[TC_STAGE_TABLE_1D].included ||

@@ -10,6 +10,17 @@ V_INLINE void fetch_pair(int type, const void *voxels, vi off, vf *a, vf *b) {
   }
 }
 
+#ifndef V_BIAS_U8 /* where conversion costs no more than a bias (simd_avx512.h) */
+#define v_corner_u8 v_pair_u8
+#define v_corner_i8 v_pair_i8
+#define v_corner_u16 v_pair_u16
+#define v_corner_i16 v_pair_i16
+#define V_BIAS_U8 0
+#define V_BIAS_I8 0
+#define V_BIAS_U16 0
+#define V_BIAS_I16 0
+#endif
+
 /* The same, each value plus bias_of() the type. */
 V_INLINE void fetch_corner(int type, const void *voxels, vi off, vf *a, vf *b) {
   switch (type) {

@@ -85,14 +85,4 @@ V_INLINE vf4 v_bilinear(const float *base, vi row0, vi row1, vf fx, vf fy) {
   return (vf4){out[0], out[1], out[2], out[3]};
 }
 
-/* Conversion costs no more than a bias here (simd_avx512.h). */
-#define v_corner_u8 v_pair_u8
-#define v_corner_i8 v_pair_i8
-#define v_corner_u16 v_pair_u16
-#define v_corner_i16 v_pair_i16
-#define V_BIAS_U8 0
-#define V_BIAS_I8 0
-#define V_BIAS_U16 0
-#define V_BIAS_I16 0
-
 #endif
