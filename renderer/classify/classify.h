@@ -10,6 +10,10 @@
  * A lookup at real (ef, eb) = (node(sf), node(sb)): i = min(ef, eb), k = |eb - ef|, bilinear over (k, i) within the
  * half table of eb - ef's sign. Colours are in the compositing space (display sRGB, or linear light).
  *
+ * Row k = n + 2 holds depths, for what opacity in single precision does not tell of a stiff segment: of a segment of
+ * length d from ef to eb the optical depth is the mean over that span of a function that is linear in each node
+ * interval. Entry j: (H, L, a, b) with a and b its ends in the interval j, H + L its integral from node 0 to j.
+ *
  * Zooms: where knots stand closer than nodes can tell apart, further tables of the same kind stand on ever narrower
  * windows of the value axis (at most 16 times each). A segment is looked up in the last zoom that holds both of its
  * ends, else in the table itself. A window reaches 8 of its parent's nodes beyond the knots it is for: a segment that
@@ -24,6 +28,9 @@
 
 #define TC_MAX_ZOOMS 7
 #define TC_ZOOM_NODES 256
+/* Depth of a full segment from which on part of it is cut by the row of depths: below, an opacity in single precision
+ * gives the transparency of any share of the segment to 1.3e-4. */
+#define TC_STIFF_DEPTH 11.0
 
 /* A window of the value axis: voxel values (not rescaled) of its nodes 0 and TC_ZOOM_NODES - 1. */
 typedef struct tc_zoom {
@@ -35,7 +42,7 @@ typedef struct tc_table {
   int columns;       /* n + 1: floats per row / 4 */
   double lo, hi;     /* voxel values (not rescaled) of nodes 0 and n-1; lo < hi */
   double step_mm;    /* segment length */
-  float *entries;    /* [2*(n+1)+1][columns][4]; outside i + |k| <= n it is zero */
+  float *entries;    /* [2*(n+1)+2][columns][4]; outside i + |k| <= n it is zero, but for the row of depths */
   float *zero_row;   /* entries + (n+1)*columns*4: row of k = 0 */
   int n_zooms;       /* coarse before fine */
   tc_zoom zooms[TC_MAX_ZOOMS];
@@ -79,6 +86,7 @@ float tc_table_round(float entry, int bits);
 /* Extinction (1/mm) at a value, and its mean over [a, b] (exact per knot interval; a == b gives tau(a)). */
 double tc_extinction(const tc_transfer_function *tf, double value);
 double tc_extinction_mean(const tc_transfer_function *tf, double a, double b);
+double tc_extinction_most(const tc_transfer_function *tf);
 /* Colour at a value, sRGB 0..1. */
 void tc_color(const tc_transfer_function *tf, double value, double rgb[3]);
 

@@ -126,6 +126,8 @@ static bool cut_into_pieces(tc_segments *s) {
 
 /* ---- elementary segments ---- */
 
+#define MOST_DEPTH 1e30 /* sums stay numbers */
+
 /* Integral over u in [0,1] of exp(-a u - a b u (u - 1)), both for tilt b and for -b (the same stretch seen from its
  * other end), |a b| <= 0.05: expanded in a b, each term in closed form. t = exp(-a). */
 typedef struct decay { double ahead, behind; } decay;
@@ -221,7 +223,7 @@ static void fill_quads(tc_segments *s) {
     for (int k = 0; k < 4; k++) {
       int j = 4 * i + k;
       const tc_piece *p = &s->pieces[s->first[j]];
-      double depth = fmin(p->mean * (double)p->width, 1e30);
+      double depth = fmin(p->mean * (double)p->width, MOST_DEPTH);
       q->depth[k] = (float)depth;
       q->tilt[k] = (float)p->tilt;
       q->graded[k] = -p->graded;
@@ -273,6 +275,23 @@ void tc_segments_integrate(const tc_segments *s, double length_mm, int from, int
     else
       for (int k = 0; k < 4; k++) elementary(s, j + k, length_mm, &forward[j + k], &backward[j + k]);
   for (; j < to; j++) elementary(s, j, length_mm, &forward[j], &backward[j]);
+}
+
+void tc_segments_depths(const tc_segments *s, double length_mm, tc_v4 *depths) {
+  double sum = 0;
+  for (int j = 0; j <= s->count; j++) {
+    double mean = 0, tilt = 0;
+    if (j < s->count) {
+      const tc_piece *first = &s->pieces[s->first[j]], *last = &s->pieces[s->first[j + 1] - 1];
+      for (const tc_piece *p = first; p <= last; p++) mean += p->mean * (double)p->width;
+      tilt = 0.5 * (last->mean * (1 + last->tilt) - first->mean * (1 - first->tilt));
+      mean = fmin(mean * length_mm, MOST_DEPTH);
+      tilt = fmin(fmax(tilt * length_mm, -mean), mean);
+    }
+    float high = (float)sum;
+    depths[j] = (tc_v4){high, (float)(sum - (double)high), (float)(mean - tilt), (float)(mean + tilt)};
+    sum += mean;
+  }
 }
 
 /* ---- life ---- */

@@ -37,6 +37,11 @@ bool tc_segments_compare(const tc_segments *a, const tc_segments *b, int *first,
  * and opacity at forward[j] and backward[j], and at their quads' other members. */
 void tc_segments_integrate(const tc_segments *s, double length_mm, int from, int to, tc_v4 *forward, tc_v4 *backward);
 
+/* [count + 1]: at a node the depth of a segment of length_mm per node it spans, summed up to that node (in two parts,
+ * high and low, so that differences are exact), and at both ends of the interval that begins there, as far as a line
+ * can have its exact mean. */
+void tc_segments_depths(const tc_segments *s, double length_mm, tc_v4 *depths);
+
 /* The value (rescaled) at a node, and colour in the compositing space at a value. */
 double tc_segments_value(const tc_segments *s, int node);
 void tc_segments_color(const tc_table_params *params, double value, double rgb[3]);

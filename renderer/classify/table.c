@@ -6,10 +6,7 @@
  * compositions, with no subtraction and hence no cancellation however stiff the extinction is.
  *
  * What single precision leaves: entries hold opacity, not depth, and from an optical depth of 16.7 a segment on 1 -
- * opacity is 0. Only the last, shorter segment of a ray asks for the depth back, and takes it for 69 then (a
- * transparency of 1e-30): over a share s of a segment of depth D >= 16.7 its transparency is off by |exp(-D s) -
- * exp(-69 s)|. For D up to 69 that is at most 0.48 (D = 16.7, s = 0.03) and under 0.01 from s = 0.28 on; beyond, at
- * most exp(-69 s), under 0.01 from s = 0.07 on. It stays within 0..1. */
+ * opacity is 0. Only a ray's last, shorter segment asks for the depth back: it is in the row of depths. */
 #include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
@@ -137,7 +134,8 @@ static void *reserve(size_t *bytes) {
   return from + before;
 }
 
-static size_t table_entries(int n, int columns) { return (2 * ((size_t)n + 1) + 1) * (size_t)columns; }
+/* With the row of depths, which is k = n + 2. */
+static size_t table_entries(int n, int columns) { return (2 * ((size_t)n + 1) + 2) * (size_t)columns; }
 
 static made *table_new(const tc_table_params *p) {
   static atomic_uint_fast64_t next_serial = 1;
@@ -185,6 +183,13 @@ static tc_v4 brightest(const tc_table_params *p) {
   return peak;
 }
 
+static void round_entries(const builder *b, int bits) {
+  ptrdiff_t reach = 4 * (b->axis->count + 1) * (ptrdiff_t)b->columns;
+  float *entry = (float *)b->zero - reach;
+  for (ptrdiff_t i = 0; i < 2 * reach + 4 * b->columns; i++)
+    if (entry[i] != 0) entry[i] = tc_table_round(entry[i], bits);
+}
+
 /* The table itself (0), or one of its zooms. */
 static bool build_window(made *m, int w, const tc_table_params *params, const made *like, tc_v4 *scratch,
                          tc_pool *pool) {
@@ -201,6 +206,8 @@ static bool build_window(made *m, int w, const tc_table_params *params, const ma
   }
   diagonal_zero(&b);
   tc_pool_run(pool, axis->count, build_diagonal, &b);
+  if (params->bits) round_entries(&b, params->bits);
+  tc_segments_depths(axis, params->step_mm, b.zero + (axis->count + 2) * (ptrdiff_t)b.columns);
   axis->params = NULL;
   return true;
 }
@@ -226,8 +233,6 @@ tc_table *tc_table_rebuild(const tc_table_params *params, const tc_table *old, t
     return NULL;
   }
   tc_table *t = &m->table;
-  for (size_t i = 0; params->bits && i < t->bytes / sizeof(float); i++)
-    if (t->entries[i] != 0) t->entries[i] = tc_table_round(t->entries[i], params->bits);
   t->build_ms = tc_now_ms() - start;
   return t;
 }

@@ -48,6 +48,12 @@ void tc_color(const tc_transfer_function *tf, double value, double rgb[3]) {
   for (int c = 0; c < 3; c++) rgb[c] = a->color[c] + u * (b->color[c] - a->color[c]);
 }
 
+double tc_extinction_most(const tc_transfer_function *tf) {
+  double most = 0;
+  for (size_t i = 0; i < tf->count; i++) most = fmax(most, tf->points[i].amount);
+  return tf->kind == TC_KNOT_OPACITY ? -log1p(-clamp_opacity(most)) / tf->unit_distance_mm : most;
+}
+
 /* Mean of -ln(x) for x linear from x0 to x1: the antiderivative x - x ln x, written in r = (x1-x0)/x0 so that nothing
  * cancels. */
 static double mean_minus_log(double x0, double x1) {

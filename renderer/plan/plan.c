@@ -373,8 +373,8 @@ static void plan_tables(tc_plan *plan, const tc_scene *s) {
     char zooms[48] = "";
     if (plan->table_zooms)
       snprintf(zooms, sizeof zooms, ", %d zoom%s for close knots", plan->table_zooms, plan->table_zooms > 1 ? "s" : "");
-    stage(plan, TC_STAGE_TABLE_2D, true, "classification is %s: %d values a side%s, segments of %.4g mm", name,
-          plan->table_size, zooms, plan->step_mm);
+    stage(plan, TC_STAGE_TABLE_2D, true, "classification is %s: %d values a side%s%s, segments of %.4g mm", name,
+          plan->table_size, zooms, plan->key.stiff ? ", depths" : "", plan->step_mm);
   }
 }
 
@@ -444,6 +444,7 @@ static void plan_compositing(tc_plan *plan, const tc_volume *volume, const tc_sc
   if (!integrals)
     plan->table_zooms = tc_table_zooms(volume, &scene->transfer_function, plan->table_size, lo, hi, zooms, NULL);
   plan->key.zoomed = plan->table_zooms > 0;
+  plan->key.stiff = !integrals && tc_extinction_most(&scene->transfer_function) * plan->step_mm > TC_STIFF_DEPTH;
   plan->table_lo = d->slope * lo + d->intercept;
   plan->table_hi = d->slope * hi + d->intercept;
 }
@@ -541,13 +542,13 @@ bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int
                             .jitter = scene->sampling.jitter && scene->mode == TC_MODE_DVR,
                             .clipping = scene->clip.has_box || scene->clip.n_planes > 0,
                             .labels = scene->labels.volume[0] && tc_mode_has_labels(scene->mode)};
+  plan->width = width;
+  plan->height = height;
+  plan->step_mm = tc_rays_step_mm(volume, scene);
   if (scene->mode == TC_MODE_DVR)
     plan_compositing(plan, volume, scene);
   else if (!surface)
     plan->key.skipping = scene->skipping.mode == TC_SKIPPING_AUTO && scene->mode != TC_MODE_AVERAGE;
-  plan->width = width;
-  plan->height = height;
-  plan->step_mm = tc_rays_step_mm(volume, scene);
   plan_field(plan, volume, scene);
   plan_coherence(plan, volume, scene);
   if (surface) return plan_surface(volume, scene, plan, error);

@@ -67,6 +67,7 @@ typedef struct tc_plan_key {
   uint8_t jitter;         /* 0/1 */
   uint8_t labels;         /* 0/1: of a label volume, in a mode that shows it */
   uint8_t zoomed;         /* 0/1: the pre-integration table has zooms (classify/classify.h) */
+  uint8_t stiff;          /* 0/1: a ray's short last segment needs the table's row of depths (classify/classify.h) */
   uint8_t slab;           /* mpr: 0 one slice, else 1 + tc_slab_projection */
 } tc_plan_key;
 

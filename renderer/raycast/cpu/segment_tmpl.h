@@ -20,11 +20,11 @@ V_INLINE void straighten(vf *front, vf middle, vf *back) {
 V_INLINE vf4 classify_part(const tc_cpu_args *g, variant v, const packet *p, vf front, vf back, int i, vf t0, vf t1) {
   vm ends = v_lt(p->length, t1);
   vf4 c = v.zoomed ? classify_zoomed(g, front, back) : classify(g, front, back);
-  if (phased(v) && i == 0)
-    c = shorten(c, v_min(t1, p->length) / v_set(g->step_mm), p->live);
-  else if (m_any(ends))
-    c = shorten(c, v_max(p->length - t0, v_set(0)) / v_set(g->step_mm), ends);
-  return c;
+  bool starts = phased(v) && i == 0;
+  if (!starts && !m_any(ends)) return c;
+  vf share = (starts ? v_min(t1, p->length) : v_max(p->length - t0, v_set(0))) / v_set(g->step_mm);
+  vm which = starts ? p->live : ends;
+  return g->key.stiff ? shorten_stiff(g, front, back, c, share, which) : shorten(c, share, which);
 }
 
 /* Every classification but preintegrated. Once an instruction set, for all voxel types: kernels are large enough. */

@@ -32,14 +32,6 @@ vec4 mean_of(float front, float back) {
 }
 #endif
 
-// 1 - exp(-x), x >= 0, however small x is.
-float opacity_of_depth(float x) {
-  precise float thin = 1.0;
-  for (int n = 7; n > 1; n--)
-    thin = 1.0 - min(x, 0.5) / float(n) * thin; // (1 - exp(-x)) / x
-  return x < 0.35 ? x * thin : 1.0 - exp2(max(x * -1.44269504, -126.0));
-}
-
 vec4 classify(float front, float back, float length_mm, bool is_part) {
   vec4 mean = mean_of(front, back);
   precise float depth = mean.a * (is_part ? length_mm : job.march.x);

@@ -1,0 +1,50 @@
+/* Part of a segment of a medium so dense that the opacity of the whole no longer tells its depth: a ray's last segment,
+ * or one begun with a phase. Part of the template, once an instruction set: no other scene comes here. */
+
+V_INLINE vf4 entry_at(const tc_cpu_args *g, vi at) { return v_bilinear(g->table, at, at, v_set(0), v_set(0)); }
+
+/* The depth of a whole segment from the row of depths (classify/classify.h); nothing cancels in it. */
+V_INLINE vf depth_between(const tc_cpu_args *g, vf front, vf back) {
+  /* (n + 1) (n + 2) is even: exact up to 2^25 */
+  vf row = v_set((g->node_last + 3) * g->table_stride), f = front, b = back, half = v_set(0.5f), one = v_set(1);
+  for (int z = 0; z < g->n_zooms; z++) {
+    const tc_cpu_zoom *zoom = &g->zooms[z];
+    vf zf = (front - v_set(zoom->lo)) * v_set(zoom->scale), zb = (back - v_set(zoom->lo)) * v_set(zoom->scale);
+    vm inside = m_and(v_le(v_set(0), v_min(zf, zb)), v_le(v_max(zf, zb), v_set(TC_ZOOM_NODES - 1)));
+    f = v_select(inside, zf, f);
+    b = v_select(inside, zb, b);
+    row = v_select(inside, v_set(zoom->start + (TC_ZOOM_NODES + 2) * (TC_ZOOM_NODES + 2)), row);
+  }
+  vf low = v_min(f, b), high = v_max(f, b);
+  vi i = v_trunc(low), j = v_trunc(high), start = v_trunc(row);
+  vf x = low - v_float(i), y = high - v_float(j);
+  vf4 first = entry_at(g, v_addi(start, i)), last = entry_at(g, v_addi(start, j));
+  vf4 next = entry_at(g, v_addi(v_addi(start, i), v_seti(1)));
+  vf within = v_fma(half * (x + y), first.a - first.b, first.b);
+  vf rest = half * (one - x) * (v_fma(x, first.a - first.b, first.b) + first.a);
+  vf part = half * y * (v_fma(y, last.a - last.b, last.b) + last.b);
+  vf whole = (rest + part + ((last.r - next.r) + (last.g - next.g))) / v_max(high - low, v_set(1e-30f));
+  return v_select(v_lt(v_float(j) - v_float(i), half), within, whole);
+}
+
+/* How much more of a segment's light comes from its nearer half, in a medium of this depth whose colour changes evenly:
+ * 1/2 - 1/x + 1/(exp(x) - 1). */
+V_INLINE vf nearer(vf x) {
+  vf clear = v_set(1) - opacity_of_depth(x), deep = v_max(x, v_set(0.5f));
+  vf thin = x * v_fnma(x * x, v_set(1 / 720.0f), v_set(1 / 12.0f));
+  return v_select(v_lt(x, v_set(0.5f)), thin, v_set(0.5f) - v_set(1) / deep + clear / (v_set(1) - clear));
+}
+
+/* c: the whole segment. Its opacity over the share is exact. Its colour passes from what a thin segment shows, which
+ * has as much of its ends seen from both sides, to the whole one's: exact where colour is linear and extinction
+ * constant. */
+V_ONCE vf4 shorten_stiff(const tc_cpu_args *g, vf front, vf back, vf4 c, vf share, vm which) {
+  vf4 reverse = classify_zoomed(g, back, front);
+  vf depth = depth_between(g, front, back), tiny = v_set(1e-30f), half = v_set(0.5f);
+  vf alpha = v_select(v_lt(v_set(0), c.a), opacity_of_depth(share * depth), v_set(0));
+  vf along = half * v_min(nearer(share * depth) / v_max(nearer(depth), tiny), v_set(1));
+  vf ahead = alpha * (half + along) / v_max(c.a, tiny), behind = alpha * (half - along) / v_max(reverse.a, tiny);
+  return (vf4){v_select(which, v_fma(behind, reverse.r, ahead * c.r), c.r),
+               v_select(which, v_fma(behind, reverse.g, ahead * c.g), c.g),
+               v_select(which, v_fma(behind, reverse.b, ahead * c.b), c.b), v_select(which, alpha, c.a)};
+}

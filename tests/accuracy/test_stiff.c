@@ -1,0 +1,126 @@
+/* Rays that end a little way into a segment of a medium so dense that single precision calls the whole segment opaque:
+ * every instruction set of this machine and OpenGL against the reference. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/classify/classify.h"
+#include "renderer/tomocast.h"
+#include "tests/support/grid.h"
+#include "tests/support/image.h"
+#include "tests/support/renderers.h"
+
+static const double depths[] = {1, 3, 10, 12, 30, 100, 1e3, 1e5}; /* of a whole segment where it is densest */
+static const double shares[] = {0.01, 0.03, 0.1, 0.5};
+
+/* The largest error of opacity and of colour over all renderers, in one picture. */
+static void measure(tc_volume *volume, const tc_scene *scene, double most[2]) {
+  size_t pixels = (size_t)scene->image.width * (size_t)scene->image.height;
+  float *want = test_reference(volume, scene, 0);
+  tc_plan plan;
+  EACH_RENDERER(i) {
+    const float *got = test_draw(i, volume, scene, NULL, &plan)->linear;
+    for (size_t k = 0; k < 4 * pixels; k++) {
+      double off = fabs((double)got[k] - (double)want[k]);
+      if (!(off <= 1)) fail_msg("%s: %g", test_names[i], (double)got[k]);
+      most[k % 4 != 3] = fmax(most[k % 4 != 3], off);
+    }
+  }
+  g_free(want);
+}
+
+typedef struct medium {
+  const char *name;
+  double low, high;      /* of the field, at the ray's two ends */
+  double least;          /* extinction where the field is 0, of that where it is 1 */
+  double from[3], to[3]; /* colour */
+  double thin, stiff;    /* bounds of the colour's error below and above TC_STIFF_DEPTH */
+} medium;
+
+static tc_scene look_along_x(tc_knot *knots, size_t count) {
+  tc_scene scene;
+  test_scene(&scene, 4, 3);
+  test_scene_knots(&scene, TC_KNOT_EXTINCTION, knots, count);
+  test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){-20, 4, 4}, (double[3]){0, 4, 4}, 6);
+  return scene;
+}
+
+/* One segment, of which the volume holds a share. Opacity is right for any depth; colour where it is linear in depth,
+ * and else within a fifth of its change along the segment. */
+static void a_short_segment(void **state) {
+  static const medium media[] = {
+      {"slab", 1, 1, 0, {0.9, 0.5, 0}, {0.9, 0.5, 0}, 1e-4, 1e-5},
+      {"ramp", 0, 1, 0, {0.9, 0.5, 0}, {0.9, 0.5, 0}, 1e-4, 1e-5},
+      {"slab, colours", 0, 1, 1, {0, 0.2, 1}, {1, 0.8, 0}, 0.25, 1e-5},
+      {"ramp, colours", 0, 1, 0, {0, 0.2, 1}, {1, 0.8, 0}, 0.25, 0.2},
+  };
+  for (size_t m = 0; m < G_N_ELEMENTS(media); m++) {
+    const medium *it = &media[m];
+    tc_volume *volume = test_volume(&(test_grid){.dims = {12, 9, 9}, .type = TC_F32}, test_linear,
+                                    (double[4]){(it->high - it->low) / 11, 0, 0, it->low});
+    for (size_t s = 0; s < G_N_ELEMENTS(shares); s++) {
+      double step = 11 / shares[s], most[2][2] = {{0}};
+      for (size_t i = 0; i < G_N_ELEMENTS(depths); i++) {
+        double depth = depths[i];
+        tc_knot knots[2] = {{.value = 0, .amount = it->least * depth / step}, {.value = 1, .amount = depth / step}};
+        memcpy(knots[0].color, it->from, sizeof it->from);
+        memcpy(knots[1].color, it->to, sizeof it->to);
+        tc_scene scene = look_along_x(knots, 2);
+        scene.sampling.step = step;
+        measure(volume, &scene, most[depth > TC_STIFF_DEPTH]);
+        tc_scene_clear(&scene);
+      }
+      printf("  %-14s %2.0f %% of a segment: opacity %.0e, stiff %.0e; colour %.0e, stiff %.0e\n", it->name,
+             100 * shares[s], most[0][0], most[1][0], most[0][1], most[1][1]);
+      if (!(most[0][0] <= 1e-4 && most[1][0] <= 1e-5 && most[0][1] <= it->thin && most[1][1] <= it->stiff))
+        fail_msg("%s, %g of a segment: opacity off by %g, %g, colour by %g, %g", it->name, shares[s], most[0][0],
+                 most[1][0], most[0][1], most[1][1]);
+    }
+    tc_volume_unref(volume);
+  }
+}
+
+/* Two values a voxel, and a corner with both ends of the range: what the rays see is inside a zoom of the table. */
+static double narrow(double x, double y, double z, const void *unused) {
+  return y == 0 && z == 0 ? 65535 * (x > 5) : 30000 + 2 * x;
+}
+
+/* Rays that meet a wall only just before their end, after clear segments, in every way in which segments are short. */
+static void a_wall_at_the_end(void **state) {
+  tc_volume *volume = test_volume(&(test_grid){.dims = {12, 9, 9}, .type = TC_U16}, narrow, NULL);
+  for (int n = 0; n < 12; n++) {
+    double most[2][2] = {{0}};
+    for (size_t i = 0; i < G_N_ELEMENTS(depths); i++) {
+      double depth = depths[i];
+      tc_knot knots[] = {{.value = 30021.7, .color = {0.9, 0.5, 0}, .amount = 0},
+                         {.value = 30021.85, .color = {0.9, 0.5, 0}, .amount = depth / 1.08},
+                         {.value = 30022, .color = {0.9, 0.5, 0}, .amount = 0}};
+      tc_scene scene = look_along_x(knots, 3);
+      scene.sampling.step = n / 4 == 2 ? 0.54 : 1.08;
+      scene.classification = n % 2 ? TC_PREINTEGRATED2 : TC_PREINTEGRATED;
+      scene.order = n / 2 % 2 ? TC_BACK_TO_FRONT : TC_FRONT_TO_BACK;
+      scene.sampling.jitter = n / 4 == 1;
+      scene.sampling.rays_per_pixel = n / 4 == 2 ? 2 : 1;
+      measure(volume, &scene, most[depth >= 100]);
+      tc_scene_clear(&scene);
+    }
+    printf("  %-14s %s, %s: opacity off by %.0e, from a depth of 100 on %.0e\n",
+           n % 2 ? "preintegrated2" : "preintegrated", n / 2 % 2 ? "back to front" : "front to back",
+           n / 4 == 0 ? "one ray" : n / 4 == 1 ? "jitter" : "two rays", most[0][0], most[1][0]);
+    for (int k = 0; k < 2; k++)
+      if (!(most[0][k] <= 0.03 && most[1][k] <= 1e-3)) fail_msg("%d: off by %g, %g", n, most[0][k], most[1][k]);
+  }
+  tc_volume_unref(volume);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(a_short_segment), cmocka_unit_test(a_wall_at_the_end)};
+  return cmocka_run_group_tests_name("stiff", tests, test_renderers_open, test_renderers_close);
+}
