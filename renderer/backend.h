@@ -20,7 +20,7 @@ typedef struct tc_job {
   const tc_volume *volume; /* what is sampled: the scene's volume, or its B-spline coefficients in its place */
   const tc_volume *source; /* the scene's volume */
   const tc_rays *rays;
-  const tc_table *table; /* NULL when the plan has none */
+  const tc_table *table; /* NULL when the plan has none; without entries for a back end that builds_table() */
   const tc_integrals *integrals; /* NULL likewise; never beside a table */
   const tc_leap *leap;   /* NULL unless plan->key.skipping in a mode that composites or shows a surface */
   const tc_boxes *boxes; /* dvr, instead of leap, for a back end that leaps_over_boxes */
@@ -31,7 +31,7 @@ typedef struct tc_job {
   const tc_labels *labels;       /* what its voxels look like; NULL with it */
   const atomic_bool *cancel; /* may be NULL */
   bool want_linear, want_depth;
-  tc_frame *frame; /* width, height set; buffers allocated; stats.samples and .rays to be filled */
+  tc_frame *frame; /* width, height set; buffers allocated; stats.samples and .rays to be filled, .tables_ms to be added to */
 } tc_job;
 
 typedef struct tc_backend_ops {
@@ -46,6 +46,10 @@ typedef struct tc_backend_ops {
   /* False: this job would wait for a program to be compiled. That has begun beside, and what must not wait is drawn by
    * the cpu back end meanwhile. NULL: nothing ever waits. */
   bool (*ready)(void *instance, const tc_job *job);
+  /* Whether the back end makes the entries of such a table itself, from its outline (classify/outline.h), adding the
+   * time it takes to stats.tables_ms. *why: who builds it and the reason, for the plan. NULL: the cpu builds all, and
+   * the plan has nothing to say about it. */
+  bool (*builds_table)(void *instance, const tc_table_params *params, const char **why);
   /* Drops copies of a volume (by serial). */
   void (*forget)(void *instance, uint64_t volume_serial);
   /* Completes plan->kernel with the variant's name. */

@@ -111,6 +111,7 @@ typedef struct frame_resources {
   const tc_volume *field; /* what is sampled: the volume, or its B-spline coefficients */
   double field_ms;
   const tc_table *table;
+  const char *builder; /* who makes the table's entries and why, where that is a choice; else NULL */
   const tc_integrals *integrals;
   const tc_support *support;
   const tc_minmax *minmax;
@@ -165,6 +166,18 @@ static bool gather_surface(tc_renderer *r, const tc_volume *volume, const tc_sce
   return true;
 }
 
+/* True: the back end makes the table's entries itself. */
+static bool builds_table(tc_renderer *r, const tc_table_params *params, frame_resources *have) {
+  return r->ops->builds_table && r->ops->builds_table(r->instance, params, &have->builder);
+}
+
+static bool gather_table(tc_renderer *r, const tc_table_params *params, frame_resources *have, tc_frame_stats *stats,
+                         GError **error) {
+  have->table = tc_resources_table(r->resources, params, &stats->tables_ms, error);
+  return have->table && (builds_table(r, params, have) ||
+                         tc_resources_fill(r->resources, have->table, &stats->tables_ms, error));
+}
+
 static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
                    tc_plan *plan, frame_resources *have, tc_frame_stats *stats, GError **error) {
   if (tc_is_projection(scene->mode)) return gather_projection(r, volume, scene, plan, have, stats, error);
@@ -177,10 +190,10 @@ static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scen
   plan->key.zoomed = plan->stages[TC_STAGE_TABLE_2D].included && params.n_zooms > 0;
   plan->table_lo = params.slope * params.voxel_lo + params.intercept;
   plan->table_hi = params.slope * params.voxel_hi + params.intercept;
-  if (plan->stages[TC_STAGE_TABLE_2D].included)
-    have->table = tc_resources_table(r->resources, &params, &stats->tables_ms, error);
-  else
+  if (!plan->stages[TC_STAGE_TABLE_2D].included)
     have->integrals = tc_resources_integrals(r->resources, &params, &stats->tables_ms, error);
+  else if (!gather_table(r, &params, have, stats, error))
+    return false;
   if (!have->table && !have->integrals) return false;
   if (!plan->key.skipping) return true;
   const int *dims = tc_volume_describe(volume)->dims;
@@ -214,6 +227,10 @@ static void finish_plan(tc_renderer *r, tc_plan *plan, const frame_resources *ha
   coefficients->ms = have->field_ms;
   if (coefficients->included && have->field) coefficients->bytes = tc_volume_bytes(have->field);
   if (have->table) table->bytes = have->table->bytes;
+  if (have->builder) {
+    size_t used = strlen(table->reason);
+    snprintf(table->reason + used, sizeof table->reason - used, "; %s", have->builder);
+  }
   if (have->integrals) table->bytes = have->integrals->bytes;
   if (have->minmax) skipping->bytes += have->minmax->bytes;
   if (have->support) skipping->bytes += have->support->bytes;
@@ -249,10 +266,12 @@ static void find_projection(tc_renderer *r, const tc_volume *volume, const tc_sc
 
 static void find(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, tc_plan *plan, frame_resources *have) {
   tc_table_params params = tc_table_params_for(volume, scene, &(tc_render_request){0}, plan->step_mm);
-  if (plan->stages[TC_STAGE_TABLE_2D].included)
+  if (plan->stages[TC_STAGE_TABLE_2D].included) {
     have->table = tc_resources_find_table(r->resources, &params);
-  else
+    builds_table(r, &params, have);
+  } else {
     have->integrals = tc_resources_find_integrals(r->resources, &params);
+  }
   if (!plan->key.skipping) return;
   int block = tc_skip_block(scene->skipping.block), reach = tc_skip_reach(scene->filter);
   have->minmax = tc_resources_find_minmax(r->resources, volume, block, reach);
@@ -317,6 +336,10 @@ static bool check_table(const tc_render_request *q, GError **error) {
 static bool draw_by_stand_in(tc_renderer *r, tc_job *job, tc_plan *plan, frame_resources *have, GError **error) {
   if (!r->stand_in) r->stand_in = tc_cpu_backend.create(&(tc_renderer_options){0}, r->pool, error);
   if (!r->stand_in) return false;
+  if (job->table) {
+    if (!tc_resources_fill(r->resources, job->table, &job->frame->stats.tables_ms, error)) return false;
+    if (have->builder) have->builder = "built by the cpu, which draws while a program is compiled";
+  }
   if (plan->key.skipping) tc_plan_drop_skipping(plan, "the cpu draws every sample while a program is compiled");
   job->leap = have->leap = NULL;
   job->bounds = have->bounds = NULL;
@@ -325,8 +348,11 @@ static bool draw_by_stand_in(tc_renderer *r, tc_job *job, tc_plan *plan, frame_r
 }
 
 static bool draw(tc_renderer *r, tc_job *job, tc_plan *plan, bool hurry, frame_resources *have, GError **error) {
-  if (hurry && r->ops->ready && !r->ops->ready(r->instance, job)) return draw_by_stand_in(r, job, plan, have, error);
-  return r->ops->render(r->instance, job, error);
+  const double *tables_ms = &job->frame->stats.tables_ms, before = *tables_ms;
+  bool ready = !hurry || !r->ops->ready || r->ops->ready(r->instance, job), drawn = false;
+  if (ready) drawn = r->ops->render(r->instance, job, error);
+  if (*tables_ms > before) tc_resources_table_took(r->resources, job->table, *tables_ms - before);
+  return ready ? drawn : draw_by_stand_in(r, job, plan, have, error);
 }
 
 bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
@@ -374,9 +400,10 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
     plan->stages[TC_STAGE_DEPTH].included = true;
     snprintf(plan->stages[TC_STAGE_DEPTH].reason, sizeof plan->stages->reason, "asked for with the frame");
   }
-  double start = tc_now_ms();
+  double start = tc_now_ms(), tables_ms = frame->stats.tables_ms;
   if (!draw(renderer, &job, plan, request->hurry, &have, error)) return false;
-  frame->stats.render_ms = tc_now_ms() - start;
+  tables_ms = frame->stats.tables_ms - tables_ms; /* what the back end built */
+  frame->stats.render_ms = tc_now_ms() - start - tables_ms;
   frame->stats.coefficients_ms = have.field_ms;
   finish_plan(renderer, plan, &have, &frame->stats);
   return true;

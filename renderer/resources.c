@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "renderer/classify/rebuild.h"
+#include "renderer/classify/outline.h"
 #include "renderer/clock.h"
 #include "renderer/volume/coefficients.h"
 
@@ -76,18 +76,24 @@ void tc_resources_free(tc_resources *resources) {
   free(resources);
 }
 
-/* Room for one more of `bytes`, by dropping the oldest of the same kind first: what the current frame already asked for
- * is of another kind and stays. Coefficients are what a frame asks for first, and large: for them anything may go. */
-static item *make_room(tc_resources *r, item_kind kind, size_t bytes) {
+/* Makes the budget hold `bytes` more, by dropping the oldest of the same kind first: what the current frame already
+ * asked for is of another kind and stays, as does `keep`. Coefficients are what a frame asks for first, and large: for
+ * them anything may go. */
+static void drop_oldest(tc_resources *r, item_kind kind, size_t bytes, const void *keep) {
   while (r->held + bytes > r->budget) {
     int oldest = -1;
     for (int i = 0; i < r->count; i++)
-      if ((r->items[i].kind == kind || kind == ITEM_COEFFICIENTS) &&
+      if ((r->items[i].kind == kind || kind == ITEM_COEFFICIENTS) && r->items[i].thing != keep &&
           (oldest < 0 || r->items[i].last_use < r->items[oldest].last_use))
         oldest = i;
     if (oldest < 0) break;
     drop(r, oldest);
   }
+}
+
+/* A place for one more of `bytes`; NULL: out of memory. */
+static item *make_room(tc_resources *r, item_kind kind, size_t bytes) {
+  drop_oldest(r, kind, bytes, NULL);
   if (r->count == r->capacity) {
     int capacity = r->capacity ? 2 * r->capacity : 32;
     item *grown = realloc(r->items, (size_t)capacity * sizeof *grown);
@@ -218,13 +224,13 @@ static bool keep(tc_resources *r, item_kind kind, void *thing, size_t bytes, con
   return true;
 }
 
-/* The last used table over the same nodes, or NULL. */
-static const tc_table *like_table(const tc_resources *r, const tc_table_params *params) {
+/* The last used table over the same nodes as `table`, with entries, or NULL. */
+static const tc_table *like_table(const tc_resources *r, const tc_table *table) {
   const item *last = NULL;
   for (int i = 0; i < r->count; i++) {
-    const tc_table_params *p = &r->items[i].params;
-    if (r->items[i].kind == ITEM_TABLE && p->n == params->n && p->step_mm == params->step_mm &&
-        p->voxel_lo == params->voxel_lo && p->voxel_hi == params->voxel_hi &&
+    if (r->items[i].kind != ITEM_TABLE) continue;
+    const tc_table *t = r->items[i].thing;
+    if (t->entries && t->n == table->n && t->step_mm == table->step_mm && t->lo == table->lo && t->hi == table->hi &&
         (!last || r->items[i].last_use > last->last_use))
       last = &r->items[i];
   }
@@ -234,14 +240,35 @@ static const tc_table *like_table(const tc_resources *r, const tc_table_params *
 const tc_table *tc_resources_table(tc_resources *r, const tc_table_params *params, double *ms, GError **error) {
   const tc_table *found = tc_resources_find_table(r, params);
   if (found) return found;
-  tc_table *table = tc_table_rebuild(params, like_table(r, params), r->pool, error);
-  if (!table) return NULL;
-  if (!keep(r, ITEM_TABLE, table, table->bytes, params, error)) {
+  tc_table *table = tc_table_outline(params, error);
+  if (!table || !keep(r, ITEM_TABLE, table, tc_table_held(table), params, error)) {
     tc_table_free(table);
     return NULL;
   }
   *ms += table->build_ms;
   return table;
+}
+
+static item *item_of(tc_resources *r, const tc_table *table) {
+  int i = 0;
+  while (r->items[i].thing != table) i++;
+  return &r->items[i];
+}
+
+bool tc_resources_fill(tc_resources *r, const tc_table *table, double *ms, GError **error) {
+  if (table->entries) return true;
+  tc_table *own = item_of(r, table)->thing;
+  double before = own->build_ms;
+  if (!tc_table_fill(own, like_table(r, own), r->pool, error)) return false;
+  *ms += own->build_ms - before;
+  drop_oldest(r, ITEM_TABLE, own->bytes, own);
+  r->held += own->bytes;
+  item_of(r, own)->bytes += own->bytes;
+  return true;
+}
+
+void tc_resources_table_took(tc_resources *r, const tc_table *table, double ms) {
+  ((tc_table *)item_of(r, table)->thing)->build_ms += ms;
 }
 
 const tc_integrals *tc_resources_integrals(tc_resources *r, const tc_table_params *params, double *ms, GError **error) {

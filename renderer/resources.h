@@ -25,7 +25,12 @@ tc_table_params tc_table_params_for(const tc_volume *volume, const tc_scene *sce
 /* The volume's B-spline coefficients (volume/coefficients.h): a volume in its place, asked for before anything else of
  * a frame. TC_ERROR_LIMIT when they alone are over the budget. */
 const tc_volume *tc_resources_coefficients(tc_resources *r, const tc_volume *volume, double *ms, GError **error);
+/* May be an outline still (classify/outline.h), for a back end that makes the entries itself; the other call makes them
+ * here, unless they are there. */
 const tc_table *tc_resources_table(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
+bool tc_resources_fill(tc_resources *r, const tc_table *table, double *ms, GError **error);
+/* A back end took this long over a table of r. */
+void tc_resources_table_took(tc_resources *r, const tc_table *table, double ms);
 const tc_integrals *tc_resources_integrals(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
 const tc_support *tc_resources_support(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
 /* tc_support_surface() */

@@ -19,11 +19,16 @@
 
 typedef enum tc_backend { TC_BACKEND_AUTO, TC_BACKEND_CPU, TC_BACKEND_GL, TC_BACKEND_COUNT } tc_backend;
 
+/* Who makes the entries of pre-integration tables for the gl back end: the same within 1e-6. auto: a GPU its own; the cpu
+ * where OpenGL is software, as for the cpu back end, which takes no other. */
+typedef enum tc_table_builder { TC_TABLES_AUTO, TC_TABLES_CPU, TC_TABLES_GL } tc_table_builder;
+
 typedef struct tc_renderer_options {
   tc_backend backend;
   int threads;          /* CPU workers; 0 = one per online core */
   const char *isa;      /* "scalar" "avx2" "avx512"; NULL = the best this machine has */
   uint64_t cache_bytes; /* budget of tables and other shared resources; 0 = 256 MiB */
+  tc_table_builder tables; /* for tests and measurements */
 } tc_renderer_options;
 
 typedef struct tc_renderer_info {

@@ -42,15 +42,19 @@ typedef struct tc_table {
   int columns;       /* n + 1: floats per row / 4 */
   double lo, hi;     /* voxel values (not rescaled) of nodes 0 and n-1; lo < hi */
   double step_mm;    /* segment length */
-  float *entries;    /* [2*(n+1)+2][columns][4]; outside i + |k| <= n it is zero, but for the row of depths */
-  float *zero_row;   /* entries + (n+1)*columns*4: row of k = 0 */
+  int bits;          /* entries are rounded to this; 0: not at all */
   int n_zooms;       /* coarse before fine */
   tc_zoom zooms[TC_MAX_ZOOMS];
-  /* their rows of k = 0, in rows of TC_ZOOM_NODES + 2 columns, behind the table's own */
+  /* how many entries lie before the row of k = 0: the table's own, and its zooms', which lie behind the table, in rows
+   * of TC_ZOOM_NODES + 2 columns */
+  size_t starts[1 + TC_MAX_ZOOMS];
+  size_t bytes;      /* of all entries, wherever they are */
+  float *entries;    /* [2*(n+1)+2][columns][4], then the zooms; outside i + |k| <= n zero, but for
+                        the row of depths. NULL in an outline */
+  float *zero_row;   /* row of k = 0, and the zooms': NULL likewise */
   float *zoom_rows[TC_MAX_ZOOMS];
-  size_t bytes;      /* of it all */
   uint64_t serial;   /* unique in the process; keys copies on a GPU */
-  double build_ms;
+  double build_ms;   /* what it took so far */
 } tc_table;
 
 typedef struct tc_table_params {

@@ -294,6 +294,19 @@ void tc_segments_depths(const tc_segments *s, double length_mm, tc_v4 *depths) {
   }
 }
 
+void tc_segments_ends(const tc_segments *s, double length_mm, float (*ends)[8]) {
+  for (uint32_t i = 0; i < s->n_pieces; i++) {
+    const tc_piece *p = &s->pieces[i];
+    double depth = p->mean * (double)p->width * length_mm; /* either end by itself: a thin one keeps its digits */
+    for (int c = 0; c < 3; c++) {
+      ends[i][c] = (float)p->from[c];
+      ends[i][4 + c] = (float)(p->graded ? p->to[c] : p->from[c]);
+    }
+    ends[i][3] = (float)fmin(depth * (1 - p->tilt), MOST_DEPTH);
+    ends[i][7] = (float)fmin(depth * (1 + p->tilt), MOST_DEPTH);
+  }
+}
+
 /* ---- life ---- */
 
 bool tc_segments_make(tc_segments *s, const tc_table_params *params, double lo, double hi, int count) {

@@ -6,6 +6,8 @@
 #ifndef TC_CLASSIFY_SEGMENTS_H
 #define TC_CLASSIFY_SEGMENTS_H
 
+#include <xmmintrin.h>
+
 #include "renderer/classify/classify.h"
 
 typedef float tc_v4 __attribute__((vector_size(16)));
@@ -28,7 +30,7 @@ typedef struct tc_segments {
 /* Cuts the axis; false: out of memory, and what is there is still to be finished. */
 bool tc_segments_make(tc_segments *s, const tc_table_params *params, double lo, double hi, int count);
 void tc_segments_finish(tc_segments *s);
-size_t tc_segments_bytes(const tc_segments *s);
+size_t tc_segments_bytes(const tc_segments *s); /* memory held */
 
 /* The first and last interval over which two axes of the same nodes differ, in whole quads; false: none does. */
 bool tc_segments_compare(const tc_segments *a, const tc_segments *b, int *first, int *last);
@@ -42,15 +44,19 @@ void tc_segments_integrate(const tc_segments *s, double length_mm, int from, int
  * can have its exact mean. */
 void tc_segments_depths(const tc_segments *s, double length_mm, tc_v4 *depths);
 
+/* Each piece as its two ends, for other builders: colour and optical depth of length_mm at that end's extinction, in
+ * shares of the node interval that the piece takes, so that depth is linear in between; in single precision. */
+void tc_segments_ends(const tc_segments *s, double length_mm, float (*ends)[8]);
+
 /* The value (rescaled) at a node, and colour in the compositing space at a value. */
 double tc_segments_value(const tc_segments *s, int node);
 void tc_segments_color(const tc_table_params *params, double value, double rgb[3]);
 
-static inline tc_v4 tc_v4_over(tc_v4 front, tc_v4 back) { return front + (1 - front[3]) * back; }
+/* Not front + (1 - opacity) back: one less a small opacity rounds, and the same way in thousands of like segments. */
+static inline tc_v4 tc_v4_over(tc_v4 front, tc_v4 back) { return (front - front[3] * back) + back; }
 
-static inline tc_v4 tc_v4_lesser(tc_v4 a, tc_v4 b) {
-  tc_i4 less = a < b;
-  return (tc_v4)((less & (tc_i4)a) | (~less & (tc_i4)b));
-}
+/* One instruction each, which the comparison written out does not become. The second one where either is no number. */
+static inline tc_v4 tc_v4_lesser(tc_v4 a, tc_v4 b) { return (tc_v4)_mm_min_ps((__m128)a, (__m128)b); }
+static inline tc_v4 tc_v4_greater(tc_v4 a, tc_v4 b) { return (tc_v4)_mm_max_ps((__m128)a, (__m128)b); }
 
 #endif

@@ -43,7 +43,7 @@ const char *tc_stage_name(tc_stage stage); /* "table-2d" ... */
 
 typedef struct tc_plan_stage {
   bool included;
-  char reason[120];
+  char reason[200];
   double ms;      /* tc_render(): wall time in that frame; tc_renderer_plan(): what building its parts took, 0 before */
   uint64_t bytes; /* memory held for it */
 } tc_plan_stage;

@@ -13,7 +13,7 @@
 #include "server/session/ray_json.h"
 
 typedef struct arguments {
-  char *scene, *output, *labels, *backend, *isa, *ray, **set;
+  char *scene, *output, *labels, *backend, *tables, *isa, *ray, **set;
   int threads, width, height;
   gboolean timing;
   char **rest; /* VOLUME */
@@ -66,6 +66,8 @@ static bool parse_arguments(job *j, int argc, char **argv, GError **error) {
       {"width", 0, 0, G_OPTION_ARG_INT, &a->width, "width of the picture", "PIXELS"},
       {"height", 0, 0, G_OPTION_ARG_INT, &a->height, "height of the picture", "PIXELS"},
       {"backend", 0, 0, G_OPTION_ARG_FILENAME, &a->backend, "auto, cpu or gl (auto)", "B"},
+      {"tables", 0, 0, G_OPTION_ARG_FILENAME, &a->tables,
+       "who builds pre-integration tables for gl: cpu or gl; auto leaves them to gl on a GPU (auto)", "B"},
       {"threads", 0, 0, G_OPTION_ARG_INT, &a->threads, "CPU workers (one per core)", "N"},
       {"isa", 0, 0, G_OPTION_ARG_FILENAME, &a->isa, "scalar, avx2 or avx512 (the best there is)", "NAME"},
       {"ray", 0, 0, G_OPTION_ARG_FILENAME, &a->ray,
@@ -82,16 +84,14 @@ static bool parse_arguments(job *j, int argc, char **argv, GError **error) {
   return good;
 }
 
-static bool read_backend(job *j, GError **error) {
+/* One of auto, cpu and gl, which tc_backend and tc_table_builder have in the same places. */
+static bool read_backend(job *j, const char *option, const char *name, int *which, GError **error) {
   static const char *const names[] = {[TC_BACKEND_AUTO] = "auto", [TC_BACKEND_CPU] = "cpu", [TC_BACKEND_GL] = "gl"};
-  G_STATIC_ASSERT(G_N_ELEMENTS(names) == TC_BACKEND_COUNT);
-  const char *name = j->args.backend ? j->args.backend : "auto";
-  for (int i = 0; i < TC_BACKEND_COUNT; i++)
-    if (strcmp(names[i], name) == 0) {
-      j->options.backend = (tc_backend)i;
-      return true;
-    }
-  return usage_error(j, error, "--backend %s: auto, cpu or gl is wanted", name);
+  G_STATIC_ASSERT(G_N_ELEMENTS(names) == TC_BACKEND_COUNT && TC_TABLES_CPU == (int)TC_BACKEND_CPU &&
+                  TC_TABLES_GL == (int)TC_BACKEND_GL);
+  for (*which = 0; *which < TC_BACKEND_COUNT; ++*which)
+    if (strcmp(names[*which], name ? name : "auto") == 0) return true;
+  return usage_error(j, error, "--%s %s: auto, cpu or gl is wanted", option, name);
 }
 
 /* The name's ending decides, whatever the scene says: the file is what it is called. */
@@ -107,7 +107,12 @@ static bool read_output(job *j, GError **error) {
 
 static bool check_arguments(job *j, GError **error) {
   const arguments *a = &j->args;
-  if (!read_backend(j, error) || !read_output(j, error)) return false;
+  int backend, tables;
+  if (!read_backend(j, "backend", a->backend, &backend, error) ||
+      !read_backend(j, "tables", a->tables, &tables, error) || !read_output(j, error))
+    return false;
+  j->options.backend = (tc_backend)backend;
+  j->options.tables = (tc_table_builder)tables;
   if (a->threads < 0 || a->threads > 1024) return usage_error(j, error, "--threads: 0 to 1024 is wanted");
   if (a->width < 0 || a->height < 0) return usage_error(j, error, "--width, --height: more than 0 is wanted");
   j->options.threads = a->threads;
@@ -254,6 +259,7 @@ static void finish(job *j) {
   g_free(j->args.output);
   g_free(j->args.labels);
   g_free(j->args.backend);
+  g_free(j->args.tables);
   g_free(j->args.isa);
   g_free(j->args.ray);
   g_strfreev(j->args.set);

@@ -30,6 +30,7 @@ typedef struct gl_backend {
   tc_gl_program_cache programs;
   tc_gl_warm warm;
   tc_gl_textures textures;
+  tc_gl_builder builder;
   tc_gl_ring ring;
   unsigned job_buffer; /* the uniform block Job */
   int tile_side, max_side;
@@ -76,6 +77,7 @@ static void destroy(void *instance) {
   if (!b->lost && tc_gl_context_use(b->context, NULL)) {
     tc_gl_ring_clear(&b->ring);
     tc_gl_textures_clear(&b->textures);
+    tc_gl_builder_clear(&b->builder);
     tc_gl_program_clear(&b->programs);
     glDeleteBuffers(1, &b->job_buffer);
   }
@@ -97,6 +99,7 @@ static void *create(const tc_renderer_options *options, tc_pool *pool, GError **
   snprintf(b->device, sizeof b->device, "%s, OpenGL %s", report->renderer, report->version);
   glCreateBuffers(1, &b->job_buffer);
   glNamedBufferStorage(b->job_buffer, sizeof(tc_gl_job_block), NULL, GL_DYNAMIC_STORAGE_BIT);
+  tc_gl_builder_make(&b->builder, options->tables, report);
   if (!tc_gl_check("set-up", error)) {
     destroy(b);
     return NULL;
@@ -112,6 +115,10 @@ static void forget(void *instance, uint64_t volume_serial) {
   gl_backend *b = instance;
   settle(b);
   if (!b->lost && tc_gl_context_use(b->context, NULL)) tc_gl_textures_forget(&b->textures, volume_serial);
+}
+
+static bool builds_table(void *instance, const tc_table_params *params, const char **why) {
+  return tc_gl_builder_serves(&((gl_backend *)instance)->builder, params->n, params->n_zooms, params->bits, why);
 }
 
 static void name_kernel(void *instance, tc_plan *plan) {
@@ -280,7 +287,9 @@ static bool bind_labels(gl_backend *b, const tc_job *job, const tc_gl_volume **l
 /* What the job names; the rest stays NULL. */
 static bool lookups_for(gl_backend *b, const tc_job *job, const tc_gl_lookup **table, const tc_gl_lookup **skip,
                         GError **error) {
-  if (job->table && !(*table = tc_gl_textures_table(&b->textures, job->table, error))) return false;
+  double *tables_ms = &job->frame->stats.tables_ms;
+  if (job->table && !(*table = tc_gl_textures_table(&b->textures, &b->builder, job->table, tables_ms, error)))
+    return false;
   if (job->integrals && !(*table = tc_gl_textures_integrals(&b->textures, job->integrals, error))) return false;
   if (job->leap && !(*skip = tc_gl_textures_leap(&b->textures, job->volume, job->leap, error))) return false;
   return !job->bounds || (*skip = tc_gl_textures_bounds(&b->textures, job->volume, job->bounds, error));
@@ -341,6 +350,7 @@ const tc_backend_ops tc_gl_backend = {
     .isa = isa,
     .render = render,
     .ready = ready,
+    .builds_table = builds_table,
     .forget = forget,
     .name_kernel = name_kernel,
 };

@@ -24,13 +24,18 @@ static void add_text(composition *c, const char *text) {
     c->missing = "for which there is room";
 }
 
+const char *tc_gl_piece(const char *name) {
+  const struct tc_embedded_file *file = tc_shader_files;
+  while (file->name && strcmp(file->name, name) != 0) file++;
+  return file->name ? (const char *)file->bytes : NULL;
+}
+
 static void add(composition *c, const char *name) {
-  for (const struct tc_embedded_file *file = tc_shader_files; file->name; file++) {
-    if (strcmp(file->name, name) != 0) continue;
-    add_text(c, (const char *)file->bytes);
-    return;
-  }
-  if (!c->missing) c->missing = name;
+  const char *text = tc_gl_piece(name);
+  if (text)
+    add_text(c, text);
+  else if (!c->missing)
+    c->missing = name;
 }
 
 /* Every key of today's plans. One from a newer plan must fail, not draw something else. */

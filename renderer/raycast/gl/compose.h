@@ -19,6 +19,9 @@ typedef struct tc_gl_variant {
   uint8_t label_signed; /* 0/1: the label volume's voxels are */
 } tc_gl_variant;
 
+/* A piece by its file's name; NULL: not in this build. */
+const char *tc_gl_piece(const char *name);
+
 /* Compiles the variant; needs a current context. 0 with TC_ERROR_UNSUPPORTED for a key nothing is built for, or
  * TC_ERROR_INTERNAL where the driver refuses. */
 unsigned tc_gl_compose(const tc_gl_variant *variant, GError **error);

@@ -27,7 +27,7 @@ static void fill_integrals(tc_gl_job_block *block, const tc_integrals *integrals
 static void fill_table(tc_gl_job_block *block, const tc_table *table) {
   fill_nodes(block, table->n, table->lo, table->hi);
   block->table[0] = table->columns;
-  block->table[1] = (int32_t)((table->zero_row - table->entries) / 4);
+  block->table[1] = (int32_t)table->starts[0];
   block->table[2] = table->n_zooms;
   block->table[3] = TC_ZOOM_NODES + 2;
   double nodes = (table->n - 1) / (table->hi - table->lo);
@@ -35,7 +35,7 @@ static void fill_table(tc_gl_job_block *block, const tc_table *table) {
     const tc_zoom *zoom = &table->zooms[z];
     block->zooms[z][0] = (float)((zoom->lo - table->lo) * nodes);
     block->zooms[z][1] = (float)((TC_ZOOM_NODES - 1) / ((zoom->hi - zoom->lo) * nodes));
-    block->zooms[z][2] = (float)((table->zoom_rows[z] - table->entries) / 4);
+    block->zooms[z][2] = (float)table->starts[1 + z];
   }
 }
 

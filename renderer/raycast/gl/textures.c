@@ -4,6 +4,8 @@
 #include <epoxy/gl.h>
 #include <string.h>
 
+#include "renderer/clock.h"
+
 /* Uploads go in pieces of this size, so that a driver's staging copy stays small. */
 #define UPLOAD_BYTES ((size_t)32 << 20)
 
@@ -200,12 +202,12 @@ static tc_gl_lookup *find_lookup(tc_gl_textures *textures, const uint64_t key[5]
 /* What an upload needs to know. */
 typedef struct lookup_source {
   const char *what;
-  const void *entries;
+  const void *entries; /* NULL: to be written here */
   size_t count, entry_bytes;
   GLenum format;
 } lookup_source;
 
-static const tc_gl_lookup *lookup(tc_gl_textures *textures, const uint64_t key[5], const lookup_source *from,
+static tc_gl_lookup *lookup(tc_gl_textures *textures, const uint64_t key[5], const lookup_source *from,
                                   GError **error) {
   tc_gl_lookup *copy = find_lookup(textures, key);
   if (copy) return copy;
@@ -221,7 +223,8 @@ static const tc_gl_lookup *lookup(tc_gl_textures *textures, const uint64_t key[5
   copy = make_lookup_room(textures, from->count * from->entry_bytes);
   tc_gl_forget_errors();
   glCreateBuffers(1, &copy->buffer);
-  glNamedBufferStorage(copy->buffer, (GLsizeiptr)(from->count * from->entry_bytes), from->entries, 0);
+  glNamedBufferStorage(copy->buffer, (GLsizeiptr)(from->count * from->entry_bytes), from->entries,
+                       from->entries ? 0 : GL_DYNAMIC_STORAGE_BIT);
   glCreateTextures(GL_TEXTURE_BUFFER, 1, &copy->texture);
   glTextureBuffer(copy->texture, from->format, copy->buffer);
   if (!tc_gl_check(from->what, error)) {
@@ -234,14 +237,26 @@ static const tc_gl_lookup *lookup(tc_gl_textures *textures, const uint64_t key[5
   return copy;
 }
 
-const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_table *table, GError **error) {
+const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_gl_builder *builder, const tc_table *table,
+                                         double *ms, GError **error) {
   const uint64_t key[5] = {table->serial};
+  const char *why;
+  const bool own = tc_gl_builder_serves(builder, table->n, table->n_zooms, table->bits, &why);
   const lookup_source from = {.what = "pre-integration table",
-                              .entries = table->entries,
+                              .entries = own ? NULL : table->entries,
                               .entry_bytes = sizeof(float[4]),
                               .count = table->bytes / sizeof(float[4]),
                               .format = GL_RGBA32F};
-  return lookup(textures, key, &from, error);
+  tc_gl_lookup *copy = find_lookup(textures, key);
+  if (copy) return copy;
+  const double start = tc_now_ms();
+  copy = lookup(textures, key, &from, error);
+  if (!copy || !own) return copy;
+  const bool built = tc_gl_builder_run(builder, table, copy->buffer, copy->texture, error);
+  *ms += tc_now_ms() - start;
+  if (built) return copy;
+  drop_lookup(copy);
+  return NULL;
 }
 
 const tc_gl_lookup *tc_gl_textures_integrals(tc_gl_textures *textures, const tc_integrals *integrals, GError **error) {

@@ -7,6 +7,7 @@
 #include "renderer/classify/integrals.h"
 #include "renderer/classify/labels.h"
 #include "renderer/gl/device.h"
+#include "renderer/raycast/gl/builder.h"
 #include "renderer/raycast/gl/compose.h"
 #include "renderer/skip/bounds.h"
 #include "renderer/skip/skip.h"
@@ -45,7 +46,10 @@ typedef struct tc_gl_textures {
  * mend. */
 void tc_gl_textures_begin(tc_gl_textures *textures);
 const tc_gl_volume *tc_gl_textures_volume(tc_gl_textures *textures, const tc_volume *volume, GError **error);
-const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_table *table, GError **error);
+/* Built by the builder where it serves, *ms growing by what that took; else the table has entries, which are
+ * uploaded. */
+const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_gl_builder *builder, const tc_table *table,
+                                         double *ms, GError **error);
 const tc_gl_lookup *tc_gl_textures_integrals(tc_gl_textures *textures, const tc_integrals *integrals, GError **error);
 const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volume *volume, const tc_leap *leap,
                                         GError **error);

@@ -1,0 +1,78 @@
+// A node interval as one segment, in single precision: what segments.c works out for the cpu's tables, from the same pieces.
+struct Piece { vec4 low, high; }; // at either end: colour, and depth of the table's whole length at this end's extinction
+layout(std430, binding = 0) readonly buffer Pieces { Piece pieces[]; };
+layout(std430, binding = 1) readonly buffer Firsts { uint first[]; };
+
+// 1 - exp(-a), a >= 0, with small relative error for small a too, whatever exp() is here.
+float one_minus_exp(float a) {
+  a = min(a, 87.0);
+  precise float n = floor(0.5 - a * 1.44269504);
+  precise float f = (-a - n * 0.693359375) + n * 2.12194440e-4;
+  precise float p = f * (1.0 / 720.0 + f * (1.0 / 5040.0));
+  p = f * (1.0 + f * (0.5 + f * (1.0 / 6.0 + f * (1.0 / 24.0 + f * (1.0 / 120.0 + p)))));
+  float scale = intBitsToFloat((int(n) + 127) << 23);
+  precise float w = -(scale * p) - (scale - 1.0);
+  return w;
+}
+
+// Of the opacity w of a stretch of depth a, how much shows its far end's colour: met from the low end (x) and from the
+// high one (y). Extinction is a (1 + tilt (2u - 1)), |a tilt| <= 0.05: the integral of u over the opacity, expanded in that.
+vec2 far_share(float a, float tilt, float w) {
+  float x = a * tilt, even, i1, i2;
+  if (a < 0.5) { // the opacity already taken off: nothing cancels
+    float mean = a * (1.0 / 144.0 - a * (1.0 / 840.0 - a * (1.0 / 5760.0 - a * (1.0 / 45360.0))));
+    even = a * (0.5 - a * (1.0 / 3.0 - a * (1.0 / 8.0 - a * (1.0 / 30.0 - mean))));
+    i1 = 1.0 / 40.0 - a * (1.0 / 180.0 - a * (1.0 / 1008.0 - a * (1.0 / 6720.0)));
+    i1 = 1.0 / 6.0 - a * (1.0 / 12.0 - a * i1);
+    i2 = 1.0 / 30.0 - a * (1.0 / 60.0 - a * (1.0 / 210.0 - a * (1.0 / 1008.0)));
+  } else {
+    a = min(a, 1e7); // its powers stay numbers
+    x = a * tilt;
+    float t = 1.0 - w, r = 1.0 / a, r3 = r * r * r;
+    even = w * r - t;
+    i1 = ((a - 2.0) + (a + 2.0) * t) * r3;
+    i2 = 2.0 * ((a * (a - 6.0) + 12.0) - (a * (a + 6.0) + 12.0) * t) * r3 * r * r;
+  }
+  even += 0.5 * x * x * i2;
+  return clamp(vec2(even + x * i1, even - x * i1), 0.0, w);
+}
+
+// A stretch between two ends with little change of extinction over its depth; share: of the ends' length.
+Both stretch(vec4 low, vec4 high, float share) {
+  float sum = low.a + high.a, a = 0.5 * sum * share, w = one_minus_exp(a);
+  if (low.rgb == high.rgb)
+    return Both(vec4(low.rgb * w, w), vec4(low.rgb * w, w));
+  vec2 far = far_share(a, sum > 0.0 ? (high.a - low.a) / sum : 0.0, w);
+  return Both(vec4(low.rgb * (w - far.x) + high.rgb * far.x, w), vec4(high.rgb * (w - far.y) + low.rgb * far.y, w));
+}
+
+// A steep one, cut into parts until its front is opaque, met from `near`.
+vec4 parts_of(vec4 near, vec4 far, float share, float parts) {
+  vec4 sum = vec4(0.0);
+  for (float i = 0.0; i < parts && sum.a < 1.0 - 1e-7; i += 1.0) {
+    vec4 from = mix(near, far, i / parts), to = mix(near, far, (i + 1.0) / parts);
+    sum = over(sum, stretch(from, to, share / parts).up);
+  }
+  return sum;
+}
+
+// Node interval j as a segment of 1 / k of the table's length.
+Both elementary(int j, int k) {
+  float share = 1.0 / float(k);
+  Both sum = Both(vec4(0.0), vec4(0.0));
+  for (uint i = first[j]; i < first[j + 1]; i++) {
+    vec4 low = pieces[i].low, high = pieces[i].high;
+    if (low.a + high.a <= 0.0)
+      continue;
+    float bend = 0.5 * abs(high.a - low.a) * share;
+    Both piece;
+    if (bend <= 0.05 || low.rgb == high.rgb) {
+      piece = stretch(low, high, share);
+    } else {
+      float parts = min(ceil(sqrt(bend * 20.0)), 1e6);
+      piece = Both(parts_of(low, high, share, parts), parts_of(high, low, share, parts));
+    }
+    sum = join(sum, piece);
+  }
+  return sum;
+}

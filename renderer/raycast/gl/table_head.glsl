@@ -1,0 +1,54 @@
+#version 450 core
+// Building a window of the pre-integration table (classify/outline.h): an invocation for one k and some places along its
+// diagonal. Neighbours take neighbouring k and the same places, so that they meet the same pieces.
+layout(local_size_x = 64) in;
+
+layout(location = 0) uniform ivec4 axis;  // x: node intervals, y: columns of a row, z: where k = 0 begins, w: intervals of a block
+layout(location = 1) uniform vec4 peak;   // the brightest of each colour, and 1
+
+// A stretch of the value axis towards higher nodes and towards lower ones: premultiplied colour and opacity.
+struct Both { vec4 up, down; };
+
+// Not front + (1 - opacity) back: one less a small opacity rounds, and the same way in many like segments.
+vec4 over(vec4 front, vec4 back) {
+  precise vec4 sum = (front - front.a * back) + back;
+  return sum;
+}
+
+Both join(Both low, Both high) { return Both(over(low.up, high.up), over(high.down, low.down)); }
+
+// A product that grows: a composite and what its roundings lost (Kahan; table.c says why).
+struct Product { vec4 sum, lost; };
+struct Products { Product up, down; };
+
+void grow(inout Product p, vec4 by) {
+  precise vec4 add = by + p.lost;
+  precise vec4 sum = p.sum + add;
+  precise vec4 lost = add - (sum - p.sum);
+  p = Product(sum, lost);
+}
+
+void put_before(inout Product p, vec4 front) {
+  precise vec4 by = front - front.a * p.sum;
+  grow(p, by);
+}
+
+void put_behind(inout Product p, vec4 back) {
+  precise vec4 by = back - p.sum.a * back;
+  grow(p, by);
+}
+
+void add_below(inout Products p, Both low) {
+  put_before(p.up, low.up);
+  put_behind(p.down, low.down);
+}
+
+void add_above(inout Products p, Both high) {
+  put_behind(p.up, high.up);
+  put_before(p.down, high.down);
+}
+
+Products nothing() { return Products(Product(vec4(0.0), vec4(0.0)), Product(vec4(0.0), vec4(0.0))); }
+
+// Composites of whole blocks: [block][k - 1].
+layout(std430, binding = 2) buffer Totals { Both totals[]; };
