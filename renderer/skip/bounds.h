@@ -4,8 +4,8 @@
  * A bound is a level of one byte: 0 at grey's floor or below, 254 at its stop, linear between, rounded up; 255 above.
  * Blocks are those of tc_minmax; the level of a block is over it and its 26 neighbours, so that it holds for every
  * place within a block's width of any place in it: one look in the middle serves a whole interval of samples, and no
- * look waits for another. A sample is at most floor + level / scale, rounding of the interpolation included (a block
- * all of one value is interpolated exactly), so that what is skipped changes no bit. For minip the voxels are turned
+ * look waits for another. A sample is less than floor + level / scale, rounding of the interpolation included (a
+ * block all of one value is interpolated exactly), so that what is skipped changes no bit, and holds no equal either. For minip the voxels are turned
  * (raycast/grey.h) and bounds come from the blocks' minima. */
 #ifndef TC_BOUNDS_H
 #define TC_BOUNDS_H
@@ -27,7 +27,8 @@ typedef struct tc_bounds {
 tc_bounds *tc_bounds_build(const tc_minmax *minmax, const tc_grey *grey, GError **error);
 void tc_bounds_free(tc_bounds *bounds); /* NULL is fine */
 
-/* How many samples, a step apart, lie within a block's width of the middle one's place along every axis; at least 1. */
+/* How many samples, a step apart, lie with all of TC_PEAK_REACH around them within a block's width of the middle one's
+ * place along every axis; 0: not one, and nothing can be left out. */
 int tc_bounds_interval(const tc_bounds *bounds, const tc_rays *rays);
 
 #endif

@@ -10,6 +10,7 @@
 
 #include "renderer/classify/classify.h"
 #include "renderer/plan/plan.h"
+#include "renderer/raycast/grey.h"
 #include "renderer/raycast/rays.h"
 
 /* A zoom of the table, in nodes of the table itself. */

@@ -2,7 +2,7 @@
  *
  * Sample i of a ray is at entry + i*step*dir, and the ray's end is sampled too, so that all of the ray is covered. mip
  * and minip are one kernel (raycast/grey.h turns the voxels). A ray past its end samples its end again, which raises no
- * maximum: no lane needs a mask, and no pixel depends on its neighbours. */
+ * maximum. */
 
 #define WORTH_A_GUESS 4 /* intervals that a ray must be long, at least */
 #define LONGEST_REST 31 /* packets */
@@ -50,12 +50,41 @@ V_INLINE vf middle_of(const tc_cpu_args *g, int i) {
   return v_set(((float)i + 0.5f * (float)(g->interval - 1)) * g->step_mm);
 }
 
+/* A ray's greatest sample, and where that is, mm: the first place of several. */
+typedef struct peak { vf best, at; } peak;
+
+/* The greatest value of the field close to the greatest sample (raycast/grey.h). Seldom, hence once for all kernels. */
+V_ONCE vf climb(const tc_cpu_args *g, const packet *p, const peak *from) {
+  const variant v = {.type = g->key.voxel_type, .filter = g->key.filter};
+  vf best = from->best, at = from->at;
+  float away = 0.5f * g->step_mm;
+  for (int round = 0; round < TC_PEAK_ROUNDS; round++, away *= 0.5f) {
+    vf middle = at;
+    for (int side = 0; side < 2; side++, away = -away) {
+      vf t = v_min(v_max(middle - v_set(away), v_set(0)), p->length);
+      vf w = sample_voxel(g, v, p, t) * v_set(g->turn);
+      at = v_select(v_lt(best, w), t, at);
+      best = v_max(best, w);
+    }
+  }
+  return best;
+}
+
+/* A sample of the rays; of those that are finished it changes nothing. Blocks that hold an equal to the greatest sample
+ * are never left out (skip/bounds.h), and so the first one is the first with and without. */
+V_INLINE void take_sample(const tc_cpu_args *g, variant v, const packet *p, vf t, peak *have) {
+  vf w = sample_voxel(g, v, p, t) * v_set(g->turn);
+  vm sooner = m_and(v_eq(w, have->best), v_lt(t, have->at));
+  have->at = v_select(m_or(v_lt(have->best, w), sooner), t, have->at);
+  have->best = v_max(have->best, w);
+}
+
 /* A maximum to begin with: every ray is sampled in the interval with the highest level, and nearly all of the others
  * are then below what it has. The samples are some of those that the march takes. */
-V_INLINE vf best_guess(const tc_cpu_args *g, variant v, const packet *p, vf best, tc_cpu_counts *counts) {
+V_INLINE void guess_peak(const tc_cpu_args *g, variant v, const packet *p, vm live, peak *have, tc_cpu_counts *counts) {
   vf highest = v_set(-1), at = v_set(0);
   for (int i = 0;; i += g->interval) {
-    vm inside = m_and(p->live, v_lt(v_set((float)i * g->step_mm), p->length));
+    vm inside = m_and(live, v_lt(v_set((float)i * g->step_mm), p->length));
     if (!m_any(inside)) break;
     vf level = level_at(g, p, middle_of(g, i));
     vm higher = m_and(inside, v_lt(highest, level));
@@ -64,10 +93,9 @@ V_INLINE vf best_guess(const tc_cpu_args *g, variant v, const packet *p, vf best
   }
   for (int j = 0; j < g->interval; j++) {
     vf t = v_min((at + v_set((float)j)) * v_set(g->step_mm), p->length);
-    best = v_max(best, sample_voxel(g, v, p, t) * v_set(g->turn));
+    take_sample(g, v, p, t, have);
   }
-  counts->samples += (uint64_t)m_count(p->live) * (uint64_t)g->interval;
-  return best;
+  counts->samples += (uint64_t)m_count(live) * (uint64_t)g->interval;
 }
 
 /* With v.leap whole intervals are left out in which no live ray's maximum may rise. Short rays have
@@ -75,42 +103,48 @@ V_INLINE vf best_guess(const tc_cpu_args *g, variant v, const packet *p, vf best
 V_INLINE void cast_extreme(const tc_cpu_args *g, variant v, const place *at_pixels, skip_mood *mood, vf4 *out,
                            tc_cpu_counts *counts) {
   packet p = start_packet(g, v, at_pixels);
-  vf best = v_set(g->floor), stop = v_set(g->stop), turn = v_set(g->turn), floor = v_set(g->floor);
+  vf stop = v_set(g->stop), floor = v_set(g->floor);
+  peak have = {floor, v_set(-1)};
   vm live = p.live;
   counts->rays += (uint64_t)m_count(live);
-  bool look = v.leap && mood->rest == 0;
+  bool look = v.leap && g->interval > 0 && mood->rest == 0;
   if (v.leap && mood->rest) mood->rest--;
   if (look && m_any(live)) { /* minip through air is finished by the first sample: no guess is worth its price there */
-    best = v_max(best, sample_voxel(g, v, &p, v_set(0)) * turn);
+    take_sample(g, v, &p, v_set(0), &have);
     counts->samples += (uint64_t)m_count(live);
-    live = m_and(live, v_lt(best, stop));
+    live = m_and(live, v_lt(have.best, stop));
   }
   float worth_mm = (float)(WORTH_A_GUESS * g->interval) * g->step_mm;
   look = look && m_any(m_and(live, v_lt(v_set(worth_mm), p.length)));
   if (look) {
-    best = best_guess(g, v, &p, best, counts);
-    live = m_and(live, v_lt(best, stop));
+    guess_peak(g, v, &p, live, &have, counts);
+    live = m_and(live, v_lt(have.best, stop));
   }
   int i = 0, end = 0, left_out = 0;
   for (; m_any(live); i++) {
     if (look && i == end) {
       end = i + g->interval;
-      vf have = (best - floor) * v_set(g->level_scale);
-      if (!m_any(m_and(live, v_lt(have, level_at(g, &p, middle_of(g, i)))))) {
+      vf most = (have.best - floor) * v_set(g->level_scale);
+      if (!m_any(m_and(live, v_lt(most, level_at(g, &p, middle_of(g, i)))))) {
         left_out++;
         i = end - 1;
         live = m_and(live, v_lt(v_set((float)i * g->step_mm), p.length));
         continue;
       }
     }
-    best = v_max(best, sample_voxel(g, v, &p, v_min(v_set((float)i * g->step_mm), p.length)) * turn);
+    take_sample(g, v, &p, v_min(v_set((float)i * g->step_mm), p.length), &have);
     counts->samples += (uint64_t)m_count(live);
-    live = m_and(live, m_and(v_lt(v_set((float)i * g->step_mm), p.length), v_lt(best, stop)));
+    live = m_and(live, m_and(v_lt(v_set((float)i * g->step_mm), p.length), v_lt(have.best, stop)));
   }
   if (look) learn(mood, g->interval, left_out, i);
   counts->leaps += (uint64_t)left_out;
-  /* What was sampled beyond stop, for the sake of other lanes or by rounding, is not told from stop. */
-  *out = grey_of(g, v_min(best, stop), p.live);
+  vm between = m_and(p.live, m_and(v_lt(floor, have.best), v_lt(have.best, stop)));
+  if (m_any(between)) {
+    have.best = v_select(between, climb(g, &p, &have), have.best);
+    counts->samples += (uint64_t)m_count(between) * 2 * TC_PEAK_ROUNDS;
+  }
+  /* What was sampled beyond stop, by rounding, is not told from stop. */
+  *out = grey_of(g, v_min(have.best, stop), p.live);
 }
 
 /* Trapezoids between samples, the last one shorter, over the ray's length in steps. Summed as differences to the first

@@ -41,6 +41,7 @@ V_INLINE vi v_bits(vf a) { vi i; memcpy(&i, &a, 4); return i; }
 V_INLINE vf v_from_bits(vi a) { vf f; memcpy(&f, &a, 4); return f; }
 V_INLINE vm v_lt(vf a, vf b) { return a < b; }
 V_INLINE vm v_le(vf a, vf b) { return a <= b; }
+V_INLINE vm v_eq(vf a, vf b) { return a == b; }
 V_INLINE vf v_select(vm m, vf a, vf b) { return m ? a : b; }
 V_INLINE vm m_and(vm a, vm b) { return a && b; }
 V_INLINE vm m_or(vm a, vm b) { return a || b; }

@@ -1,22 +1,51 @@
-// The maximum of the turned field along a ray: samples a step apart, and the ray's end. With LEAP whole intervals are left
-// out in which the maximum cannot rise; it starts from the interval that promises most, some of the samples to come.
+// The maximum of the turned field along a ray: samples a step apart, the ray's end, and what lies close to the greatest
+// of them (grey.h). With LEAP whole intervals are left out in which the maximum cannot rise; it starts from the interval
+// that promises most, some of the samples to come.
 //
 // "precise" and fma() fix the rounding, so that variants of this text give the same bits: skipping changes nothing.
+float best, at; // the greatest sample, and where that is, mm: the first place of several
+
+float climb(vec3 entry, vec3 direction, float length_mm) {
+  float value = best, middle = at, away = 0.5 * job.march.x;
+  for (int round = 0; round < PEAK_ROUNDS; round++, away *= 0.5) {
+    float from = middle;
+    for (int side = 0; side < 2; side++, away = -away) {
+      float t = clamp(from - away, 0.0, length_mm), w = sample_turned(entry, direction, t);
+      if (w > value) {
+        value = w;
+        middle = t;
+      }
+    }
+  }
+  return value;
+}
+
+// Blocks that hold an equal to the greatest sample are never left out (skip/bounds.h), and so the first one is the first
+// with and without.
+void take_sample(vec3 entry, vec3 direction, float t, inout Counts counts) {
+  float w = sample_turned(entry, direction, t);
+  counts.samples++;
+  if (w > best || (w == best && t < at)) {
+    best = w;
+    at = t;
+  }
+}
+
 vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   precise vec3 entry = fma(vec3(span.x), direction, anchor);
   float length_mm = span.y - span.x;
-  float best = job.reach.x;
+  best = job.reach.x;
+  at = -1.0;
 #if LEAP
-  best = max(best, sample_turned(entry, direction, 0.0));
-  counts.samples++;
+  bool look = job.blocks.w > 0;
+  if (look)
+    take_sample(entry, direction, 0.0, counts);
   // A short ray has nothing to gain from a guess.
-  bool guess = best < job.reach.y && 4.0 * float(job.blocks.w) * job.march.x < length_mm;
+  bool guess = look && best < job.reach.y && 4.0 * float(job.blocks.w) * job.march.x < length_mm;
   int first = guess ? highest_interval(entry, direction, length_mm) : 0;
-  for (int i = first; guess && i < first + job.blocks.w; i++) {
-    best = max(best, sample_turned(entry, direction, min(float(i) * job.march.x, length_mm)));
-    counts.samples++;
-  }
-  int look_at = 0;
+  for (int i = first; guess && i < first + job.blocks.w; i++)
+    take_sample(entry, direction, min(float(i) * job.march.x, length_mm), counts);
+  int look_at = look ? 0 : -1;
 #endif
   for (int i = 0; best < job.reach.y; i++) {
 #if LEAP
@@ -32,10 +61,13 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
     }
 #endif
     float t = min(float(i) * job.march.x, length_mm);
-    best = max(best, sample_turned(entry, direction, t));
-    counts.samples++;
+    take_sample(entry, direction, t, counts);
     if (t >= length_mm)
       break;
+  }
+  if (best > job.reach.x && best < job.reach.y) {
+    best = climb(entry, direction, length_mm);
+    counts.samples += 2 * PEAK_ROUNDS;
   }
   return grey_of(min(best, job.reach.y)); // rounding beyond stop is not told from it
 }
