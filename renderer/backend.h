@@ -31,7 +31,7 @@ typedef struct tc_job {
   const tc_labels *labels;       /* what its voxels look like; NULL with it */
   const atomic_bool *cancel; /* may be NULL */
   bool want_linear, want_depth;
-  tc_frame *frame; /* width, height set; buffers allocated; stats.samples and .rays to be filled, .tables_ms to be added to */
+  tc_frame *frame; /* width, height set; buffers allocated; stats.samples, .rays to be filled, .tables_ms added to */
 } tc_job;
 
 typedef struct tc_backend_ops {
@@ -43,8 +43,8 @@ typedef struct tc_backend_ops {
   const char *(*device)(void *instance);
   const char *(*isa)(void *instance);
   bool (*render)(void *instance, const tc_job *job, GError **error);
-  /* False: this job would wait for a program to be compiled. That has begun beside, and what must not wait is drawn by
-   * the cpu back end meanwhile. NULL: nothing ever waits. */
+  /* False: this job would wait for a program to be compiled or a volume to be uploaded. That has begun beside, and what
+   * must not wait is drawn by the cpu back end meanwhile. NULL: nothing ever waits. */
   bool (*ready)(void *instance, const tc_job *job);
   /* Whether the back end makes the entries of such a table itself, from its outline (classify/outline.h), adding the
    * time it takes to stats.tables_ms. *why: who builds it and the reason, for the plan. NULL: the cpu builds all, and

@@ -338,9 +338,9 @@ static bool draw_by_stand_in(tc_renderer *r, tc_job *job, tc_plan *plan, frame_r
   if (!r->stand_in) return false;
   if (job->table) {
     if (!tc_resources_fill(r->resources, job->table, &job->frame->stats.tables_ms, error)) return false;
-    if (have->builder) have->builder = "built by the cpu, which draws while a program is compiled";
+    if (have->builder) have->builder = "built by the cpu, which draws while opengl gets ready";
   }
-  if (plan->key.skipping) tc_plan_drop_skipping(plan, "the cpu draws every sample while a program is compiled");
+  if (plan->key.skipping) tc_plan_drop_skipping(plan, "the cpu draws every sample while opengl gets ready");
   job->leap = have->leap = NULL;
   job->bounds = have->bounds = NULL;
   job->frame->stats.stand_in = true;

@@ -80,8 +80,8 @@ typedef struct tc_render_request {
   const atomic_bool *cancel;
   const tc_volume *labels;    /* what scene.labels.volume names, borrowed until tc_render() returns; NULL where it names none.
                                  Which volume an id means is the caller's; it is tc_labels_check()ed here */
-  bool hurry;                 /* never wait for the gl back end to compile a program: while it does, beside, the cpu back end draws,
-                                 the same within 1/255 (stats.stand_in) */
+  bool hurry;                 /* never wait for the gl back end to compile a program or upload a large volume: the cpu
+                                 back end draws meanwhile, the same within 1/255 (stats.stand_in) */
   int table_size,
       table_bits; /* for measurements: entries per side (2 to TC_MAX_TABLE_SIZE) and bits of an entry (8, or 16
                                  for half floats) of the pre-integration table; 0 = as the plan chooses, single precision */

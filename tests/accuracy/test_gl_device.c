@@ -443,6 +443,48 @@ static void test_hurry(void **state) {
   tc_volume_unref(volume);
 }
 
+/* Neither does the first upload of a large volume; one that cannot be uploaded is refused at once. */
+static void test_hurried_upload(void **state) {
+  needs_gl();
+  enum { SIDE = 64 };
+  tc_volume *small = waves(TC_U16, 32, 17), *large = waves(TC_U16, 170, 50), *other = waves(TC_U16, 170, 40);
+  const test_grid too_long = {.dims = {70000, 70, 2}, .type = TC_U16, .slope = 1};
+  const double zero = 0;
+  tc_volume *impossible = test_volume(&too_long, test_constant, &zero);
+  tc_renderer *r = new_gl(0), *patient = new_gl(0);
+  tc_frame wanted = {0}, frame = {0};
+  tc_scene scene;
+  set_scene(&scene, small, SIDE);
+  assert_true(draws_itself(r, small, &scene, false, &frame)); /* the program is there from now on */
+  test_scene_frame(&scene, large, TC_PERSPECTIVE, oblique);
+  assert_true(draws_itself(patient, large, &scene, false, &wanted));
+  double worst = 0, start = now_ms();
+  assert_false(draws_itself(r, large, &scene, true, &frame));
+  double hurried = now_ms();
+  for (int i = 0; i < SIDE * SIDE * 4; i++) worst = fmax(worst, fabs((double)frame.linear[i] - wanted.linear[i]));
+  while (!draws_itself(r, large, &scene, true, &frame) && now_ms() < hurried + 60000)
+    nanosleep(&(struct timespec){.tv_nsec = 2000000}, NULL);
+  printf("  stands in %.0f ms, off by %.1e; the volume is there after %.0f ms\n", hurried - start, worst,
+         now_ms() - hurried - frame.stats.render_ms);
+  assert_true(worst <= 1.0 / 255 && !frame.stats.stand_in);
+  assert_memory_equal(frame.linear, wanted.linear, SIDE * SIDE * 16);
+  assert_true(draws_itself(r, large, &scene, true, &frame));
+  const tc_render_request request = {.hurry = true};
+  assert_false(tc_render(r, impossible, &scene, &request, &frame, NULL, &error));
+  expect_error(TC_ERROR_LIMIT, "--backend cpu");
+  /* A volume may go, and a renderer end, in the middle of it. */
+  assert_false(draws_itself(r, other, &scene, true, &frame));
+  tc_renderer_forget(r, other);
+  assert_false(draws_itself(r, other, &scene, true, &frame));
+  tc_volume_unref(other);
+  tc_renderer_free(r);
+  tc_renderer_free(patient);
+  tc_frame_finish(&wanted);
+  tc_frame_finish(&frame);
+  tc_scene_clear(&scene);
+  tc_volume_unref(small), tc_volume_unref(large), tc_volume_unref(impossible);
+}
+
 /* ---- memory ---- */
 
 static void test_limits(void **state) {
@@ -506,6 +548,7 @@ int main(void) {
                                      cmocka_unit_test(test_other_thread),    cmocka_unit_test(test_program_cache),
                                      cmocka_unit_test(test_unbuilt_keys),    cmocka_unit_test(test_nothing_is_rebuilt),
                                      cmocka_unit_test(test_cancel),          cmocka_unit_test(test_hurry),
+                                     cmocka_unit_test(test_hurried_upload),
                                      cmocka_unit_test(test_limits),          cmocka_unit_test(test_eviction)};
   return cmocka_run_group_tests(tests, set_up, NULL);
 }

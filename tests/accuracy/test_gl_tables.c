@@ -292,7 +292,7 @@ static void pictures(void **state) {
   for (int k = 0; k < 2; k++) tc_renderer_free(r[k]);
 }
 
-/* Where the cpu stands in for a program that is being compiled, it has a table of its own; rounded tables are the cpu's. */
+/* The cpu has a table of its own where it stands in for a program that is being compiled; rounded tables are its. */
 static void tables_of_the_cpu(void **state) {
   needs_gl();
   static const double front[3] = {0, -1, 0};

@@ -21,14 +21,25 @@
 #define HARDWARE_SIDE 1024
 #define LONG_MS 40       /* a tile that takes longer makes the next ones smaller ... */
 #define SHORT_MS 8       /* ... and one that takes less makes them larger */
+#define UPLOAD_BESIDE ((size_t)8 << 20) /* bytes of volumes whose upload would hold up a frame that hurries */
 #define COUNTER_CELLS 64 /* head.glsl */
 #define COUNTER_BYTES (COUNTER_CELLS * 32)
 #define DEFAULT_CACHE_BYTES ((uint64_t)256 << 20)
+
+/* What is done beside frames: a program compiled, or volumes uploaded. */
+typedef struct errand {
+  tc_gl_variant variant;
+  unsigned program;       /* 0: it does not compile */
+  bool compiles;          /* variant and program mean something */
+  tc_volume *volumes[2];  /* references, or NULL, while it runs */
+  uint64_t serials[2];    /* theirs, or 0; afterwards of those that could not be uploaded */
+} errand;
 
 typedef struct gl_backend {
   tc_gl_context *context;
   tc_gl_program_cache programs;
   tc_gl_warm warm;
+  errand errand; /* the latest: what warm works on, or did */
   tc_gl_textures textures;
   tc_gl_builder builder;
   tc_gl_ring ring;
@@ -62,11 +73,18 @@ bool tc_gl_probe(bool *hardware, char *why, size_t size) {
   return true;
 }
 
-/* Keeps what was compiled beside. */
+/* Keeps what was made beside. */
 static void settle(gl_backend *b) {
-  if (!tc_gl_warm_take(&b->warm) || !b->warm.program) return;
-  if (tc_gl_context_use(b->context, NULL))
-    tc_gl_program_put(&b->programs, &b->warm.variant, sizeof b->warm.variant, b->warm.program);
+  errand *e = &b->errand;
+  if (!tc_gl_warm_take(&b->warm)) return;
+  bool current = tc_gl_context_use(b->context, NULL);
+  for (int i = 0; i < 2; i++) {
+    if (e->volumes[i] && current && !tc_gl_textures_want(&b->textures, e->volumes[i])) e->serials[i] = 0;
+    tc_volume_unref(e->volumes[i]);
+    e->volumes[i] = NULL;
+  }
+  if (!e->compiles || !e->program) return;
+  if (current) tc_gl_program_put(&b->programs, &e->variant, sizeof e->variant, e->program);
   b->compiled++;
 }
 
@@ -329,17 +347,63 @@ static bool render(void *instance, const tc_job *job, GError **error) {
   return run_tiles(b, program, job, error) && tc_gl_check("frame", error);
 }
 
+/* ---- beside frames ---- */
+
+/* Compiles the errand's program and runs it once on no pixel: drivers put off part of their work until then, and it
+ * depends on the textures that are bound. */
+static void compile_beside(void *argument) {
+  gl_backend *b = argument;
+  b->errand.program = tc_gl_compose(&b->errand.variant, NULL);
+  if (!b->errand.program) return;
+  glUseProgram(b->errand.program);
+  glDispatchCompute(1, 1, 1); /* its tile is of no pixel until one is set */
+  glFinish();
+}
+
+static void upload_beside(void *argument) {
+  gl_backend *b = argument;
+  tc_gl_textures_begin(&b->textures);
+  for (int i = 0; i < 2; i++)
+    if (b->errand.volumes[i]) tc_gl_textures_volume(&b->textures, b->errand.volumes[i], NULL);
+  glFinish();
+}
+
+/* True: large volumes of the job are being uploaded. Not again what failed: that is for render() to say. */
+static bool uploads(gl_backend *b, const tc_job *job) {
+  errand next = {0};
+  const tc_volume *volumes[2] = {job->volume, job->label_volume};
+  size_t bytes = 0;
+  if (!tc_gl_context_use(b->context, NULL)) return false;
+  for (int i = 0; i < 2; i++) {
+    if (!volumes[i] || !tc_gl_textures_want(&b->textures, volumes[i])) continue;
+    next.serials[i] = tc_volume_serial(volumes[i]);
+    bytes += tc_volume_bytes(volumes[i]);
+  }
+  if (bytes < UPLOAD_BESIDE || memcmp(next.serials, b->errand.serials, sizeof next.serials) == 0) return false;
+  for (int i = 0; i < 2; i++)
+    if (next.serials[i]) next.volumes[i] = tc_volume_ref((tc_volume *)volumes[i]);
+  b->errand = next;
+  if (tc_gl_warm_start(&b->warm, b->context, upload_beside, b)) return true;
+  for (int i = 0; i < 2; i++) tc_volume_unref(next.volumes[i]);
+  b->errand = (errand){0};
+  return false;
+}
+
 /* What fails here fails in render() too, which says why. */
 static bool ready(void *instance, const tc_job *job) {
   gl_backend *b = instance;
   if (b->lost) return true;
   if (tc_gl_warm_is_busy(&b->warm)) return false;
   settle(b);
+  if (uploads(b, job)) return false;
   const tc_gl_volume *volume = bind(b, job, NULL);
   if (!volume) return true;
   tc_gl_variant v = variant_for(job, volume);
-  bool failed = b->warm.context && !b->warm.program && memcmp(&v, &b->warm.variant, sizeof v) == 0;
-  return failed || tc_gl_program_find(&b->programs, &v, sizeof v) || !tc_gl_warm_start(&b->warm, b->context, &v);
+  const errand *last = &b->errand;
+  bool failed = last->compiles && !last->program && memcmp(&v, &last->variant, sizeof v) == 0;
+  if (failed || tc_gl_program_find(&b->programs, &v, sizeof v)) return true;
+  b->errand = (errand){.variant = v, .compiles = true};
+  return !tc_gl_warm_start(&b->warm, b->context, compile_beside, b);
 }
 
 const tc_backend_ops tc_gl_backend = {

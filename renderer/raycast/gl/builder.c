@@ -27,7 +27,7 @@ void tc_gl_builder_make(tc_gl_builder *builder, tc_table_builder wanted, const t
     builder->why = "built by the cpu: opengl is software here, and slower at it";
     return;
   }
-  builder->why = wanted == TC_TABLES_GL ? "built by opengl: asked for" : "built by opengl: nothing but a GPU has to read it";
+  builder->why = wanted == TC_TABLES_GL ? "built by opengl: asked for" : "built by opengl: nothing is uploaded to the GPU";
   builder->blocks = compile("table_blocks.glsl");
   builder->windows = compile("table_windows.glsl");
   glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &builder->most_entries);
@@ -62,7 +62,7 @@ static int block_for(int intervals) {
 static unsigned bind_storage(int binding, size_t bytes, const void *data) {
   unsigned buffer;
   glCreateBuffers(1, &buffer);
-  glNamedBufferStorage(buffer, (GLsizeiptr)MAX(bytes, 16), data, 0);
+  glNamedBufferStorage(buffer, (GLsizeiptr)bytes, data, 0);
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, (GLuint)binding, buffer);
   return buffer;
 }
@@ -75,12 +75,12 @@ static void put_row(unsigned target, const tc_table_window *window, int k, const
 static void build_window(const tc_gl_builder *b, const tc_table *table, int w, unsigned target) {
   const tc_table_window window = tc_table_window_of(table, w);
   const int n = window.intervals, block = block_for(n), blocks = n / block;
-  float(*pieces)[8] = g_malloc(MAX(window.n_pieces, 1) * sizeof *pieces);
+  float(*pieces)[8] = g_malloc(window.n_pieces * sizeof *pieces);
   tc_table_window_pieces(table, w, pieces);
   const unsigned buffers[] = {
       bind_storage(0, window.n_pieces * sizeof *pieces, pieces),
       bind_storage(1, ((size_t)n + 1) * sizeof *window.first, window.first),
-      bind_storage(2, (size_t)blocks * (size_t)n * 2 * sizeof(float[4]), NULL)};
+      bind_storage(2, (size_t)MAX(blocks, 1) * (size_t)n * 2 * sizeof(float[4]), NULL)};
   g_free(pieces);
   put_row(target, &window, 0, window.diagonal);
   put_row(target, &window, n + 2, window.depths);

@@ -1,5 +1,5 @@
-// A node interval as one segment, in single precision: what segments.c works out for the cpu's tables, from the same pieces.
-struct Piece { vec4 low, high; }; // at either end: colour, and depth of the table's whole length at this end's extinction
+// A node interval as one segment, in single precision, from the pieces that segments.c works with for the cpu's tables.
+struct Piece { vec4 low, high; }; // either end: colour, and depth of the table's whole length at its extinction
 layout(std430, binding = 0) readonly buffer Pieces { Piece pieces[]; };
 layout(std430, binding = 1) readonly buffer Firsts { uint first[]; };
 
@@ -16,7 +16,8 @@ float one_minus_exp(float a) {
 }
 
 // Of the opacity w of a stretch of depth a, how much shows its far end's colour: met from the low end (x) and from the
-// high one (y). Extinction is a (1 + tilt (2u - 1)), |a tilt| <= 0.05: the integral of u over the opacity, expanded in that.
+// high one (y). Extinction is a (1 + tilt (2u - 1)), |a tilt| <= 0.05: the integral of u over the opacity, expanded in
+// that.
 vec2 far_share(float a, float tilt, float w) {
   float x = a * tilt, even, i1, i2;
   if (a < 0.5) { // the opacity already taken off: nothing cancels

@@ -3,8 +3,9 @@
 // diagonal. Neighbours take neighbouring k and the same places, so that they meet the same pieces.
 layout(local_size_x = 64) in;
 
-layout(location = 0) uniform ivec4 axis;  // x: node intervals, y: columns of a row, z: where k = 0 begins, w: intervals of a block
-layout(location = 1) uniform vec4 peak;   // the brightest of each colour, and 1
+// x: node intervals, y: columns of a row, z: where k = 0 begins, w: intervals of a block
+layout(location = 0) uniform ivec4 axis;
+layout(location = 1) uniform vec4 peak; // the brightest of each colour, and 1
 
 // A stretch of the value axis towards higher nodes and towards lower ones: premultiplied colour and opacity.
 struct Both { vec4 up, down; };

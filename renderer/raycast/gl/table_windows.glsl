@@ -3,7 +3,8 @@
 // root of the table's side a constant number of compositions an entry.
 layout(rgba32f, binding = 0) uniform imageBuffer table;
 
-// Light sums and opacity round apart: what shines is held to the opacity times the brightest there is, and both to their bounds.
+// Light sums and opacity round apart: what shines is held to the opacity times the brightest there is, and both to
+// their bounds.
 vec4 held(vec4 entry) {
   entry = clamp(entry, vec4(0.0), peak);
   return min(entry, entry.a * peak);

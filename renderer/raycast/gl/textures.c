@@ -151,6 +151,13 @@ static const tc_gl_volume *upload_volume(tc_gl_textures *textures, const tc_volu
 
 void tc_gl_textures_begin(tc_gl_textures *textures) { textures->frame++; }
 
+bool tc_gl_textures_want(const tc_gl_textures *textures, const tc_volume *volume) {
+  int size[3], slices_per_layer;
+  for (int i = 0; i < TC_GL_VOLUMES; i++)
+    if (textures->volumes[i].texture && textures->volumes[i].serial == tc_volume_serial(volume)) return false;
+  return texture_size(tc_volume_describe(volume), size, &slices_per_layer);
+}
+
 const tc_gl_volume *tc_gl_textures_volume(tc_gl_textures *textures, const tc_volume *volume, GError **error) {
   for (int i = 0; i < TC_GL_VOLUMES; i++) {
     tc_gl_volume *copy = &textures->volumes[i];

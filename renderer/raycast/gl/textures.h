@@ -45,6 +45,8 @@ typedef struct tc_gl_textures {
  * there is uploaded. Owned by *textures. TC_ERROR_LIMIT: the device has no texture that large; the message names the
  * mend. */
 void tc_gl_textures_begin(tc_gl_textures *textures);
+/* True: the volume is not there, and the device has textures that large. */
+bool tc_gl_textures_want(const tc_gl_textures *textures, const tc_volume *volume);
 const tc_gl_volume *tc_gl_textures_volume(tc_gl_textures *textures, const tc_volume *volume, GError **error);
 /* Built by the builder where it serves, *ms growing by what that took; else the table has entries, which are
  * uploaded. */

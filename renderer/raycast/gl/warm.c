@@ -1,30 +1,21 @@
-/* Compiling beside the frames. See warm.h. */
+/* Work beside the frames. See warm.h. */
 #include "renderer/raycast/gl/warm.h"
 
-#include <epoxy/gl.h>
-
-static void *compile(void *argument) {
+static void *run(void *argument) {
   tc_gl_warm *warm = argument;
-  if (tc_gl_context_use(warm->context, NULL)) {
-    warm->program = tc_gl_compose(&warm->variant, NULL);
-    if (warm->program) { /* its tile is of no pixel until one is set */
-      glUseProgram(warm->program);
-      glDispatchCompute(1, 1, 1);
-      glFinish();
-    }
-  }
+  if (tc_gl_context_use(warm->context, NULL)) warm->work(warm->argument);
   tc_gl_context_release();
   atomic_store(&warm->done, true);
   return NULL;
 }
 
-bool tc_gl_warm_start(tc_gl_warm *warm, tc_gl_context *context, const tc_gl_variant *variant) {
+bool tc_gl_warm_start(tc_gl_warm *warm, tc_gl_context *context, void (*work)(void *), void *argument) {
   warm->context = context;
-  warm->variant = *variant;
-  warm->program = 0;
+  warm->work = work;
+  warm->argument = argument;
   atomic_store(&warm->done, false);
   tc_gl_context_release();
-  warm->running = pthread_create(&warm->thread, NULL, compile, warm) == 0;
+  warm->running = pthread_create(&warm->thread, NULL, run, warm) == 0;
   if (!warm->running) tc_gl_context_use(context, NULL);
   return warm->running;
 }
