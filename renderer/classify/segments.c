@@ -314,6 +314,8 @@ bool tc_segments_make(tc_segments *s, const tc_table_params *params, double lo, 
   s->first = calloc((size_t)count + 1, sizeof *s->first);
   s->quads = aligned_alloc(16, ((size_t)count / 4 + 1) * sizeof *s->quads);
   if (!s->first || !s->quads || !cut_into_pieces(s)) return false;
+  tc_piece *fitting = realloc(s->pieces, s->n_pieces * sizeof *fitting);
+  if (fitting) s->pieces = fitting, s->capacity = s->n_pieces;
   fill_quads(s);
   return true;
 }

@@ -15,7 +15,7 @@
 #include "renderer/classify/outline.h"
 #include "renderer/clock.h"
 #include "renderer/raycast/gl/builder.h"
-#include "renderer/resources.h"
+#include "renderer/tomocast.h"
 #include "tests/support/grid.h"
 
 #define BOUND 1e-6 /* of colours and opacities in 0..1 */

@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "renderer/classify/outline.h"
+#include "renderer/resources.h"
 
 typedef struct { double c[3], t; } light;
 
@@ -287,6 +288,41 @@ static void after_an_edit(void **state) {
   tc_pool_free(pool);
 }
 
+/* Entries that an outline gets later count in the cache like any, and what is older goes for them. */
+static void entries_count(void **state) {
+  enum { TABLES = 20 };
+  tc_transfer_function tf;
+  double ms = 0;
+  tc_resources *r = tc_resources_new(NULL, 6 << 20, NULL); /* a table of 256 takes 2.1 MB */
+  const tc_table *tables[TABLES];
+  for (int i = 0; i < TABLES; i++) {
+    tc_table_params p = params(&tf, smooth, 4, TC_KNOT_OPACITY, 256, 1 + i);
+    tables[i] = tc_resources_table(r, &p, &ms, NULL);
+    assert_true(tables[i] && !tables[i]->entries && ms == tables[i]->build_ms);
+    assert_ptr_equal(tc_resources_table(r, &p, &ms, NULL), tables[i]);
+    ms = 0;
+  }
+  for (int i = 0; i < 3; i++) {
+    tc_table_params p = params(&tf, smooth, 4, TC_KNOT_OPACITY, 256, 1 + i);
+    const tc_table *t = tc_resources_table(r, &p, &ms, NULL);
+    assert_true(tc_resources_fill(r, t, &ms, NULL) && t->entries && ms > 0 && ms <= t->build_ms);
+    double took = ms;
+    assert_true(tc_resources_fill(r, t, &ms, NULL) && ms == took); /* they are there */
+    assert_ptr_equal(tc_resources_find_table(r, &p), t);
+    ms = 0;
+  }
+  int left = 0, filled = 0;
+  for (int i = 0; i < TABLES; i++) {
+    tc_table_params p = params(&tf, smooth, 4, TC_KNOT_OPACITY, 256, 1 + i);
+    const tc_table *t = tc_resources_find_table(r, &p);
+    left += t != NULL;
+    filled += t && t->entries;
+  }
+  printf("of %d outlines %d are left beside the entries of %d\n", TABLES - 3, left - filled, filled);
+  assert_true(filled == 2 && left < TABLES);
+  tc_resources_free(r);
+}
+
 /* Half floats of IEEE 754 and fixed point of 8 bits, at values whose neighbours are known. */
 static void narrower_formats(void **state) {
   assert_true(tc_table_round(1.0f / 3, 16) == 0.333251953125f);
@@ -368,6 +404,7 @@ int main(void) {
                                      cmocka_unit_test(elementary_segments),
                                      cmocka_unit_test(invariants),
                                      cmocka_unit_test(after_an_edit),
+                                     cmocka_unit_test(entries_count),
                                      cmocka_unit_test(narrower_formats),
                                      cmocka_unit_test(zooms_where_knots_are_close)};
   return cmocka_run_group_tests(tests, NULL, NULL);
