@@ -101,6 +101,7 @@ static void draw_style(test_case *c, uint64_t *s) {
   scene->clip.has_box = chance(s, 0.25);
   c->labels.on = chance(s, 0.25);
   c->labels.type = (tc_voxel_type)pick(s, TC_F32);
+  scene->shading.gradient = (tc_gradient)pick(s, TC_GRADIENT_COUNT);
 }
 
 static void draw_scene(tc_scene *scene, uint64_t *s) {
@@ -389,7 +390,7 @@ bool test_case_fit(test_case *c, char **refusal) {
 
 /* ---- shrinking ---- */
 
-enum { STEP_COUNT = 37 };
+enum { STEP_COUNT = 38 };
 
 /* One way of making a case simpler; changing nothing means that it does not apply. */
 static void simplify(test_case *c, int step) {
@@ -428,6 +429,7 @@ static void simplify(test_case *c, int step) {
   case 34: c->labels.on = false; break;
   case 35: c->labels.dims[0] = c->labels.dims[1] = c->labels.dims[2] = 1; break;
   case 36: c->table_size = 0; break;
+  case 37: s->shading.gradient = TC_GRADIENT_CELL; break;
   case 33:
     for (size_t i = 0; i < c->n_knots; i++) c->knots[i].color[0] = c->knots[i].color[1] = c->knots[i].color[2] = 1;
     break;
