@@ -7,18 +7,17 @@
 /* The coarsest node distance at which a change between two knots is still told from none, in voxel values: a quarter of
  * its own width, or, for a steep one, a quarter of the way to the next change back of the same channel (the width of a
  * peak). A steep change with nothing near may be off by a few integer values, or by a thousandth of a range of floats.
- * A long rise of extinction that is stiff over a voxel's length is only as wide as the part that turns a voxel from
+ * A long rise of extinction that makes a voxel opaque is only as wide as the part that turns a voxel from
  * clear to opaque, at its thin end. */
 typedef struct edge {
   double at, node;
 } edge;
 
 #define NODES_PER_WIDTH 4
-#define EDGE_UNITS 8
-#define EDGE_SHARE 0.001
-#define STIFF (1.0 / 16) /* of a rise's width: narrower is stiff */
-#define CLEAR 3          /* depth of a voxel from which on nothing more is seen of a rise */
-#define MARGIN 8 /* parent nodes that a zoom reaches beyond its edges */
+#define LEAST_RISE 16 /* steep edges that a rise is long: a shorter one is an edge as it is */
+#define CLEAR 3       /* depth of a voxel from which on nothing more is seen of a rise */
+#define MOST_MARGIN 24 /* parent nodes that a zoom reaches beyond its edges, where there may be as many zooms */
+#define LEAST_MARGIN 8
 #define LEAST_GAIN 3
 
 typedef struct edges {
@@ -77,7 +76,7 @@ static bool find_edges(const tc_transfer_function *tf, const tc_volume_desc *d, 
     if (!changes) continue;
     width[found->count] = hi - lo;
     double share = a->amount < b->amount ? seen_share(tf, a, b, voxel_mm) : seen_share(tf, b, a, voxel_mm);
-    if (share < STIFF && hi - lo > steep / STIFF) { /* a narrower one is an edge as it is */
+    if (share < 1 && hi - lo > steep * LEAST_RISE) { /* a narrower one is an edge as it is */
       *e = (edge){.at = a->amount < b->amount ? lo : hi};
       width[found->count] *= share;
     }
@@ -91,7 +90,7 @@ static bool find_edges(const tc_transfer_function *tf, const tc_volume_desc *d, 
 typedef struct zooming {
   edges edges;
   tc_zoom *zooms;
-  int count;
+  int count, margin;
   bool complete;
 } zooming;
 
@@ -105,10 +104,10 @@ static void zoom_in(zooming *z, double lo, double hi, double node) {
     }
     size_t end = i;
     double first = e[i].at, last = first;
-    for (; end < z->edges.count && e[end].at <= fmin(last + 2 * MARGIN * node, hi); end++)
+    for (; end < z->edges.count && e[end].at <= fmin(last + 2 * z->margin * node, hi); end++)
       if (e[end].node < node) last = e[end].at;
     i = end;
-    tc_zoom window = {first - MARGIN * node, last + MARGIN * node};
+    tc_zoom window = {first - z->margin * node, last + z->margin * node};
     double finer = (window.hi - window.lo) / (TC_ZOOM_NODES - 1);
     /* Below this a node is less than what single precision tells apart in a voxel value. */
     bool sharp = finer > 4e-7 * fmax(fabs(window.lo), fabs(window.hi));
@@ -128,8 +127,13 @@ int tc_table_zooms(const tc_volume *volume, const tc_transfer_function *tf, int 
   zooming z = {.zooms = zooms, .complete = true};
   /* A range that single precision cannot halve a few times has nothing to zoom into. */
   if (range > 1e-4 * fmax(fabs(voxel_lo), fabs(voxel_hi)) && range < 1e30 && range > 1e-30 &&
-      find_edges(tf, d, d->type == TC_F32 ? EDGE_SHARE * range : EDGE_UNITS, &z.edges)) {
-    zoom_in(&z, voxel_lo, voxel_hi, range / (n - 1));
+      find_edges(tf, d, d->type == TC_F32 ? TC_EDGE_SHARE * range : TC_EDGE_UNITS, &z.edges)) {
+    for (z.margin = MOST_MARGIN; z.margin >= LEAST_MARGIN; z.margin -= LEAST_MARGIN) {
+      z.count = 0;
+      z.complete = true;
+      zoom_in(&z, voxel_lo, voxel_hi, range / (n - 1));
+      if (z.complete) break;
+    }
     free(z.edges.list);
   }
   if (complete) *complete = z.complete;

@@ -1,0 +1,269 @@
+/* What the choice of a table's size and zooms promises (classify/classify.h), over the built-in scenes and over random
+ * transfer functions. Rays through linear fields stand for all: along those the table is all that is wrong. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/classify/classify.h"
+#include "server/cli/report.h"
+
+/* ---- a ray of segments looked up, and the same integrated ---- */
+
+/* As kernels do (classify_tmpl.h), in double precision. */
+static void look_up(const tc_table *t, double front, double back, double out[4]) {
+  double nodes = (t->n - 1) / (t->hi - t->lo), f = (front - t->lo) * nodes, b = (back - t->lo) * nodes;
+  const float *zero = t->zero_row;
+  int columns = t->columns;
+  for (int z = 0; z < t->n_zooms; z++) {
+    double scale = (TC_ZOOM_NODES - 1) / (t->zooms[z].hi - t->zooms[z].lo);
+    double zf = (front - t->zooms[z].lo) * scale, zb = (back - t->zooms[z].lo) * scale;
+    if (fmin(zf, zb) < 0 || fmax(zf, zb) > TC_ZOOM_NODES - 1) continue;
+    f = zf, b = zb;
+    zero = t->zoom_rows[z];
+    columns = TC_ZOOM_NODES + 2;
+  }
+  double low = fmin(f, b), k = fabs(b - f), x = low - floor(low), y = k - floor(k);
+  ptrdiff_t stride = 4 * (b < f ? -columns : columns);
+  const float *p = zero + (ptrdiff_t)k * stride + 4 * (ptrdiff_t)low, *q = p + stride;
+  for (int c = 0; c < 4; c++)
+    out[c] = (1 - y) * ((1 - x) * (double)p[c] + x * (double)p[c + 4]) +
+             y * ((1 - x) * (double)q[c] + x * (double)q[c + 4]);
+}
+
+/* Between two knots: opacity is exact, colour needs small steps where it changes. */
+static void march(double sum[4], const tc_transfer_function *tf, double a, double b, double mm) {
+  double from[3], to[3], inside = 1e-9 * (b - a), clear = 1 - sum[3];
+  tc_color(tf, a + inside, from);
+  tc_color(tf, b - inside, to);
+  int n = memcmp(from, to, sizeof from) ? 60 : 1;
+  for (int i = 0; i < n && clear > 1e-7; i++) {
+    double v0 = a + (b - a) * i / n, v1 = a + (b - a) * (i + 1) / n;
+    double w = clear * -expm1(-tc_extinction_mean(tf, v0, v1) * mm / n);
+    for (int c = 0; c < 3; c++) sum[c] += w * (from[c] + (to[c] - from[c]) * (i + 0.5) / n);
+    clear -= w;
+  }
+  sum[3] = 1 - clear;
+}
+
+static void integrate(double sum[4], const tc_transfer_function *tf, double a, double b, double mm) {
+  double from = a;
+  memset(sum, 0, 4 * sizeof *sum);
+  for (size_t i = 0; i <= tf->count; i++) {
+    size_t k = b > a ? i : tf->count - 1 - i;
+    double to = i == tf->count ? b : tf->points[k].value;
+    if (i < tf->count && (b > a ? to <= from || to >= b : to >= from || to <= b)) continue;
+    march(sum, tf, from, to, mm * fabs((to - from) / (b - a)));
+    from = to;
+  }
+}
+
+/* A volume's range, transfer function and step; values and voxels are the same. */
+typedef struct medium {
+  const tc_transfer_function *tf;
+  tc_table *table;
+  double lo, hi, step_mm;
+  double blur; /* how far from its place the choice may show an edge */
+} medium;
+
+/* Segments of `delta` each from `at` on, either way; what the looked-up ray has too much or too little. With the edges
+ * anywhere within `blur`: of what integrals from as far before and behind leave. */
+static double ray_error(const medium *m, double at, double delta, int count, bool blurred) {
+  double sum[4] = {0}, most[4] = {0}, least[4] = {1, 1, 1, 1}, worst = 0, far = m->hi - m->lo;
+  for (int i = 0; i < count; i++) {
+    double c[4], clear = 1 - sum[3];
+    look_up(m->table, fmin(fmax(at + i * delta, m->lo), m->hi), fmin(fmax(at + (i + 1) * delta, m->lo), m->hi), c);
+    for (int k = 0; k < 4; k++) sum[k] += clear * c[k];
+  }
+  for (int shift = blurred ? -4 : 0; shift <= (blurred ? 4 : 0); shift++) {
+    double exact[4], start = at + shift * m->blur / 4;
+    integrate(exact, m->tf, start, start + count * delta, count * m->step_mm);
+    for (int k = 0; k < 4; k++) most[k] = fmax(most[k], exact[k]), least[k] = fmin(least[k], exact[k]);
+  }
+  for (int k = 0; k < 4; k++) worst = fmax(worst, fmax(sum[k] - most[k], least[k] - sum[k]));
+  return !blurred && worst > 1e-3 && m->blur > 0 && far > 0 ? ray_error(m, at, delta, count, true) : worst;
+}
+
+/* The mean over phases of rays about a value. */
+static double mean_error(const medium *m, double value, double delta, int phases, uint64_t *seed) {
+  double sum = 0;
+  for (int i = 0; i < phases; i++) {
+    *seed = *seed * 6364136223846793005u + 1442695040888963407u;
+    int count = 2 + (int)((*seed >> 33) % 6);
+    double place = (i + 0.5) / phases * count, first = value - delta * place;
+    while (count > 0 && (fmax(first, first + count * delta) > m->hi)) delta > 0 ? count-- : (first += delta, count--);
+    while (count > 0 && (fmin(first, first + count * delta) < m->lo)) delta < 0 ? count-- : (first += delta, count--);
+    if (count > 0) sum += ray_error(m, first, delta, count, false);
+  }
+  return sum / phases;
+}
+
+/* ---- random transfer functions ---- */
+
+static double draw(uint64_t *s) {
+  *s = *s * 6364136223846793005u + 1442695040888963407u;
+  return (double)(*s >> 11) * 0x1p-53;
+}
+
+typedef enum family { WIDE, NARROW, PEAKS, STEPS, RISE, JUMPS, FAMILIES } family;
+static const char *const families[] = {"wide", "a narrow window", "peaks of one value", "steep steps", "a stiff rise",
+                                       "jumps"};
+
+static void put(tc_knot *knots, size_t *n, double value, double amount, uint64_t *s) {
+  knots[(*n)++] = (tc_knot){.value = value, .color = {draw(s), draw(s), draw(s)}, .amount = amount};
+}
+
+static size_t draw_knots(family of, tc_knot *knots, double lo, double hi, double unit, uint64_t *s) {
+  double range = hi - lo, top = pow(10, draw(s) * (of == RISE ? 5 : 3) - 1), at = lo + 0.1 * range;
+  size_t n = 0, groups = 1 + (size_t)(3 * draw(s)), many = 2 + (size_t)(8 * draw(s));
+  double width = of == NARROW ? unit * (20 + 300 * draw(s)) : range;
+  double start = of == NARROW ? lo + draw(s) * (range - width) : lo;
+  if (of == WIDE || of == NARROW)
+    for (size_t i = 0; i < many; i++)
+      put(knots, &n, start + width * ((double)i + 0.8 * draw(s)) / (double)many, draw(s) < 0.3 ? 0 : top * draw(s), s);
+  if (of == RISE) put(knots, &n, lo + range * (0.1 + 0.5 * draw(s)), 0, s), put(knots, &n, hi, top, s);
+  for (size_t i = 0; i < groups && of != WIDE && of != NARROW && of != RISE; i++) {
+    at += range * (0.03 + 0.2 * draw(s));
+    double w = of == JUMPS ? 0 : unit * (0.5 + draw(s)), before = n ? knots[n - 1].amount : 0;
+    put(knots, &n, at - w, of == PEAKS ? 0 : before, s);
+    put(knots, &n, at, of == PEAKS ? top * pow(10, 3 * draw(s)) : draw(s) < 0.3 ? 0 : top * draw(s), s);
+    if (of == PEAKS) put(knots, &n, at + w, 0, s);
+    /* a step's clear end has no colour of its own: within an edge that is widened it would be seen */
+    tc_knot *low = &knots[n - 2], *high = &knots[n - 1];
+    if (of == STEPS && low->amount <= 0) memcpy(low->color, high->color, sizeof low->color);
+    if (of == STEPS && high->amount <= 0) memcpy(high->color, low->color, sizeof low->color);
+  }
+  return n;
+}
+
+static tc_volume *range_of(tc_voxel_type type, double lo, double hi) {
+  tc_volume_desc desc = {
+      .dims = {2, 1, 1}, .type = type, .spacing = {1, 1, 1}, .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 1};
+  tc_volume *volume = tc_volume_new(&desc, NULL);
+  for (int i = 0; i < 2; i++) {
+    double v = i ? hi : lo;
+    if (type == TC_I16) ((int16_t *)tc_volume_voxels(volume))[i] = (int16_t)v;
+    else if (type == TC_U16) ((uint16_t *)tc_volume_voxels(volume))[i] = (uint16_t)v;
+    else ((float *)tc_volume_voxels(volume))[i] = (float)v;
+  }
+  tc_volume_seal(volume);
+  return volume;
+}
+
+/* The worst of a few rates of change of the mean over phases. *complete: as the choice says. */
+static double judge(family of, uint64_t seed, bool *complete) {
+  uint64_t s = seed * 0x9e6c63d0876a9a47u;
+  for (int i = 0; i < 4; i++) draw(&s);
+  tc_voxel_type type = (const tc_voxel_type[]){TC_I16, TC_U16, TC_F32}[seed % 3];
+  double lo = type == TC_I16 ? -1024 - floor(31000 * draw(&s)) : 0, worst = 0;
+  double hi = type == TC_F32 ? 1 : type == TC_U16 ? 65535 : 3000 + floor(29000 * draw(&s));
+  double unit = type == TC_F32 ? 1.0 / 65535 : 1;
+  tc_knot knots[16];
+  tc_transfer_function tf = {.points = knots, .kind = TC_KNOT_EXTINCTION, .unit_distance_mm = 1};
+  tf.count = draw_knots(of, knots, lo, hi, unit, &s);
+  tc_volume *volume = range_of(type, lo, hi);
+  tc_table_params p = {.tf = &tf, .slope = 1, .step_mm = 0.5};
+  tc_table_choose(volume, &tf, &p.n, &p.voxel_lo, &p.voxel_hi);
+  p.n_zooms = tc_table_zooms(volume, &tf, p.n, p.voxel_lo, p.voxel_hi, p.zooms, complete);
+  medium m = {&tf, tc_table_build(&p, NULL, NULL), p.voxel_lo, p.voxel_hi, p.step_mm, TC_EDGE_UNITS * unit};
+  if (type == TC_F32) m.blur = TC_EDGE_SHARE;
+  for (int i = 0; i < 4; i++) {
+    double delta = (draw(&s) < 0.5 ? -1 : 1) * (hi - lo) * pow(10, -4.5 * draw(&s) - 0.3);
+    double about = knots[(size_t)(draw(&s) * (double)tf.count)].value;
+    worst = fmax(worst, mean_error(&m, about, delta, 24, &s));
+  }
+  tc_table_free(m.table);
+  tc_volume_unref(volume);
+  return worst;
+}
+
+static int ascending(const void *a, const void *b) {
+  double x = *(const double *)a, y = *(const double *)b;
+  return (x > y) - (x < y);
+}
+
+static void random_transfer_functions(void **state) {
+  enum { EACH = 50 };
+  double all[FAMILIES * EACH];
+  size_t n = 0, incomplete = 0;
+  for (int of = 0; of < FAMILIES; of++) {
+    size_t first = n;
+    for (uint64_t seed = 1; seed <= EACH; seed++) {
+      bool complete;
+      double error = judge((family)of, seed, &complete);
+      incomplete += !complete;
+      if (complete) all[n++] = error;
+      if (complete && !(error <= 1.0 / 20)) fail_msg("%s, seed %d: %g", families[of], (int)seed, error);
+    }
+    qsort(all + first, n - first, sizeof *all, ascending);
+    printf("  %-18s median %.1e, 90 %% %.1e, worst %.1e\n", families[of], all[first + (n - first) / 2],
+           all[first + (n - first) * 9 / 10], all[n - 1]);
+  }
+  qsort(all, n, sizeof *all, ascending);
+  printf("  all: median %.1e, 95 %% %.1e, worst %.1e; %zu not complete\n", all[n / 2], all[n * 19 / 20], all[n - 1],
+         incomplete);
+  assert_true(all[n / 2] <= 1.0 / 1000 && all[n * 19 / 20] <= 1.0 / 100 && incomplete <= n / 20);
+}
+
+/* ---- the built-in scenes ---- */
+
+/* At every rate of change, of which one size may suit one better: the rms of all. */
+static double scene_error(const tcs_report_scene *s, int n, double lo, double hi, int *zooms,
+                          bool *complete) {
+  const tc_volume_desc *d = tc_volume_describe(s->volume);
+  tc_transfer_function tf = s->scene.transfer_function;
+  tc_table_params p = {.tf = &tf, .slope = d->slope, .intercept = d->intercept, .voxel_lo = lo, .voxel_hi = hi, .n = n};
+  p.step_mm = s->scene.sampling.step * fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2]));
+  *zooms = p.n_zooms = tc_table_zooms(s->volume, &tf, n, lo, hi, p.zooms, complete);
+  assert_true(d->slope == 1 && d->intercept == 0);
+  medium m = {&tf, tc_table_build(&p, NULL, NULL), lo, hi, p.step_mm, TC_EDGE_UNITS};
+  if (d->type == TC_F32) m.blur = TC_EDGE_SHARE * (hi - lo);
+  double sum = 0;
+  int count = 0;
+  uint64_t seed = 5;
+  for (size_t i = 0; i < tf.count + 4; i += i < tf.count ? 1 + tf.count / 8 : 1)
+    for (double delta = (hi - lo) / 1000; delta < (hi - lo) / 4; delta *= 1.9) {
+      double about = i < tf.count ? tf.points[i].value : lo + (hi - lo) * (double)(i - tf.count + 1) / 5;
+      if (about < lo || about > hi) continue;
+      sum += pow(mean_error(&m, about, count % 2 ? delta : -delta, 24, &seed), 2);
+      count++;
+    }
+  tc_table_free(m.table);
+  return sqrt(sum / count);
+}
+
+static void more_nodes_are_not_worse(void **state) {
+  for (int i = 0; i < tcs_report_scene_count(); i++) {
+    tcs_report_scene s;
+    GError *error = NULL;
+    int chosen, zooms;
+    double lo, hi, before = INFINITY, own = 0;
+    if (!tcs_report_scene_make(i, &s, &error)) fail_msg("%s", error->message);
+    tc_table_choose(s.volume, &s.scene.transfer_function, &chosen, &lo, &hi);
+    printf("  %-16s %4d:", s.name, chosen);
+    for (int n = 256; n <= 2048; n *= 2) {
+      bool complete;
+      double e = scene_error(&s, n, lo, hi, &zooms, &complete);
+      printf(" %.1e (%d)", e, zooms);
+      if (n == chosen) own = e;
+      if (!(e <= 1.3 * before + 2e-3)) fail_msg("%d nodes: %g, half as many: %g", n, e, before);
+      if (complete && !(e <= 1.0 / 400)) fail_msg("%d nodes: %g", n, e);
+      before = e;
+    }
+    printf("\n");
+    if (!(own <= 1.0 / 400)) fail_msg("off by %g", own);
+    tcs_report_scene_clear(&s);
+  }
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(random_transfer_functions),
+                                     cmocka_unit_test(more_nodes_are_not_worse)};
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
