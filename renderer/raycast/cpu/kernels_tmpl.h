@@ -87,7 +87,7 @@ V_INLINE void cast_tile(const tc_cpu_args *g, variant v, int x0, int y0, int x1,
   .gradient = g->key.gradient
 /* What most pictures are made with. One shaded kernel serves every model: they differ in numbers (raycast/shade.h).
  * special: what seldom joins the usual filter and classification is asked of the key, outside the innermost steps where
- * it can be. */
+ * it can be. second: the same by preintegrated2. */
 #define KERNELS(type, name)                                                                                          \
   DVR(dvr_##name##_whole, type)                                                                                      \
   DVR(dvr_##name##_early, type, .terminate = true)                                                                   \
@@ -98,6 +98,7 @@ V_INLINE void cast_tile(const tc_cpu_args *g, variant v, int x0, int y0, int x1,
   DVR(lit_##name##_whole_leap, type, .shaded = true, .leap = true)                                                   \
   DVR(lit_##name##_early_leap, type, .shaded = true, .terminate = true, .leap = true)                                \
   DVR(special_##name, type, OF_KEY)                                                                                  \
+  DVR(second_##name, type, OF_KEY, .classification = TC_PREINTEGRATED2)                                              \
   KERNEL(extreme_##name, TC_MODE_MIP, type)                                                                          \
   KERNEL(extreme_##name##_leap, TC_MODE_MIP, type, .leap = true)                                                     \
   KERNEL(average_##name, TC_MODE_AVERAGE, type)                                                                      \
@@ -111,14 +112,15 @@ KERNELS(TC_U16, u16)
 KERNELS(TC_I16, i16)
 KERNELS(TC_F32, f32)
 
-/* Everything else, for all voxel types: once, because kernels are what compiling takes long for. */
+/* The rest (back to front, other filters, the classifications to compare with), for all voxel types: once, because
+ * kernels are what compiling takes long for. */
 KERNEL(any, g->key.mode, g->key.voxel_type, g->key.filter, g->key.slab, OF_KEY,
        .classification = g->key.classification, .back_to_front = g->key.order == TC_BACK_TO_FRONT)
 
 /* The kernels of one voxel type. */
 typedef struct kernel_set {
   tc_cpu_kernel dvr[2][2][2]; /* shaded, early termination, leaping */
-  tc_cpu_kernel special;
+  tc_cpu_kernel special, second;
   tc_cpu_kernel extreme[2];   /* skipping */
   tc_cpu_kernel average, slices[1 + TC_SLAB_PROJECTION_COUNT];
 } kernel_set;
@@ -128,6 +130,7 @@ static tc_cpu_kernel find_kernel(const tc_plan_key *key) {
 #define SET(name)                                                                                                    \
   {.dvr = {ROW(dvr_##name), ROW(lit_##name)},                                                                        \
    .special = special_##name,                                                                                        \
+   .second = second_##name,                                                                                          \
    .extreme = {extreme_##name, extreme_##name##_leap},                                                               \
    .average = average_##name,                                                                                        \
    .slices = {mpr_##name##_one, [1 + TC_SLAB_MIP] = mpr_##name##_mip, [1 + TC_SLAB_MINIP] = mpr_##name##_minip,      \
@@ -135,10 +138,11 @@ static tc_cpu_kernel find_kernel(const tc_plan_key *key) {
   static const kernel_set sets[TC_VOXEL_TYPE_COUNT] = {SET(u8), SET(i8), SET(u16), SET(i16), SET(f32)};
   if (key->voxel_type >= TC_VOXEL_TYPE_COUNT || key->slab > TC_SLAB_PROJECTION_COUNT) return NULL;
   const kernel_set *set = &sets[key->voxel_type];
-  bool usual = key->filter == TC_FILTER_LINEAR && key->classification == TC_PREINTEGRATED &&
-               key->order == TC_FRONT_TO_BACK;
+  bool dvr = key->mode == TC_MODE_DVR, forward = key->order == TC_FRONT_TO_BACK;
+  bool linear = key->filter == TC_FILTER_LINEAR, first = key->classification == TC_PREINTEGRATED;
   bool special = key->zoomed || key->labels || key->rays || key->jitter || key->gradient;
-  if (!usual || (special && key->mode != TC_MODE_DVR)) return any;
+  if (dvr && forward && linear && key->classification == TC_PREINTEGRATED2) return set->second;
+  if (!forward || !linear || !first || (special && !dvr)) return any;
   if (special) return set->special;
   switch (key->mode) {
   case TC_MODE_DVR: return set->dvr[key->shading != TC_SHADING_NONE][key->termination != 0][key->skipping != 0];

@@ -27,15 +27,11 @@ V_INLINE vf4 classify_part(const tc_cpu_args *g, variant v, const packet *p, vf 
   return g->key.stiff ? shorten_stiff(g, front, back, c, share, which) : shorten(c, share, which);
 }
 
-/* Every classification but preintegrated. Once an instruction set, for all voxel types: kernels are large enough. */
+/* By 1-D integrals. Once an instruction set, for all voxel types: kernels are large enough. */
 V_ONCE vf4 classify_otherwise(const tc_cpu_args *g, variant v, const packet *p, vf front, vf back, int i, vf t0,
                               vf t1) {
-  vf end = v_min(t1, p->length);
-  if (v.classification == TC_PREINTEGRATED2) {
-    straighten(&front, sample_node(g, v, p, v_set(0.5f) * (t0 + end), NULL), &back);
-    return classify_part(g, v, p, front, back, i, t0, t1);
-  }
-  vf rest = v_max(end - t0, v_set(0)), length_mm = v_select(v_lt(p->length, t1), rest, v_set(g->step_mm));
+  vf rest = v_max(v_min(t1, p->length) - t0, v_set(0));
+  vf length_mm = v_select(v_lt(p->length, t1), rest, v_set(g->step_mm));
   if (phased(v) && i == 0) length_mm = rest;
   return classify_by_integrals(g, v, front, back, length_mm);
 }
@@ -44,6 +40,10 @@ V_ONCE vf4 classify_otherwise(const tc_cpu_args *g, variant v, const packet *p, 
 V_INLINE vf4 segment(const tc_cpu_args *g, variant v, const packet *p, vf front, vf back, int i, vf t0, vf t1, vm live,
                      tc_cpu_counts *counts) {
   if (v.classification == TC_PREINTEGRATED) return classify_part(g, v, p, front, back, i, t0, t1);
-  if (v.classification == TC_PREINTEGRATED2) counts->samples += (uint64_t)m_count(live); /* the middle */
+  if (v.classification == TC_PREINTEGRATED2) {
+    straighten(&front, sample_node(g, v, p, v_set(0.5f) * (t0 + v_min(t1, p->length)), NULL), &back);
+    counts->samples += (uint64_t)m_count(live); /* the middle */
+    return classify_part(g, v, p, front, back, i, t0, t1);
+  }
   return classify_otherwise(g, v, p, front, back, i, t0, t1);
 }
