@@ -106,17 +106,25 @@ V_INLINE void cast_tile(const tc_cpu_args *g, variant v, int x0, int y0, int x1,
   SLICE(mpr_##name##_mip, type, 1 + TC_SLAB_MIP)                                                                     \
   SLICE(mpr_##name##_minip, type, 1 + TC_SLAB_MINIP)                                                                 \
   SLICE(mpr_##name##_average, type, 1 + TC_SLAB_AVERAGE)
+#ifndef TC_ONE_KERNEL
 KERNELS(TC_U8, u8)
 KERNELS(TC_I8, i8)
 KERNELS(TC_U16, u16)
 KERNELS(TC_I16, i16)
 KERNELS(TC_F32, f32)
+#endif
 
 /* The rest (back to front, other filters, the classifications to compare with), for all voxel types: once, because
  * kernels are what compiling takes long for. */
 KERNEL(any, g->key.mode, g->key.voxel_type, g->key.filter, g->key.slab, OF_KEY,
        .classification = g->key.classification, .back_to_front = g->key.order == TC_BACK_TO_FRONT)
 
+/* TC_ONE_KERNEL: builds with checks make do with it, for it is all of the text. */
+#ifdef TC_ONE_KERNEL
+static tc_cpu_kernel find_kernel(const tc_plan_key *key) {
+  return key->voxel_type < TC_VOXEL_TYPE_COUNT && key->slab <= TC_SLAB_PROJECTION_COUNT ? any : NULL;
+}
+#else
 /* The kernels of one voxel type. */
 typedef struct kernel_set {
   tc_cpu_kernel dvr[2][2][2]; /* shaded, early termination, leaping */
@@ -153,3 +161,4 @@ static tc_cpu_kernel find_kernel(const tc_plan_key *key) {
   default: return NULL;
   }
 }
+#endif
