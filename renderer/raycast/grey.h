@@ -21,7 +21,6 @@ typedef struct tc_grey {
  * one to both sides of its greatest sample, or of what it has found by then. Values of the field all of them, so that no
  * ray shows what is not there. A ray has found either end of grey, or its samples show no more than floor: no look. */
 enum { TC_PEAK_ROUNDS = 2 };
-#define TC_PEAK_REACH 0.75 /* steps, of all rounds */
 
 /* True for the modes that project through the window. */
 bool tc_is_projection(tc_mode mode);

@@ -66,8 +66,7 @@ int tc_bounds_interval(const tc_bounds *bounds, const tc_rays *rays) {
     fastest = fmax(fastest, sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2]));
   }
   /* A fiftieth of a voxel is far above the rounding of positions. */
-  double each_side = (bounds->block - 0.02) / (fastest * rays->step_mm) - TC_PEAK_REACH;
-  if (each_side < 0) return 0;
+  double each_side = (bounds->block - 0.02) / (fastest * rays->step_mm);
   return each_side < 1e6 ? 1 + (int)(2 * each_side) : 2000000;
 }
 

@@ -27,8 +27,7 @@ typedef struct tc_bounds {
 tc_bounds *tc_bounds_build(const tc_minmax *minmax, const tc_grey *grey, GError **error);
 void tc_bounds_free(tc_bounds *bounds); /* NULL is fine */
 
-/* How many samples, a step apart, lie with all of TC_PEAK_REACH around them within a block's width of the middle one's
- * place along every axis; 0: not one, and nothing can be left out. */
+/* How many samples, a step apart, lie within a block's width of the middle one's place along every axis; at least 1. */
 int tc_bounds_interval(const tc_bounds *bounds, const tc_rays *rays);
 
 #endif

@@ -2,7 +2,7 @@
  *
  * Sample i of a ray is at entry + i*step*dir, and the ray's end is sampled too, so that all of the ray is covered. mip
  * and minip are one kernel (raycast/grey.h turns the voxels). A ray past its end samples its end again, which raises no
- * maximum. */
+ * maximum: no lane needs a mask, and no pixel depends on its neighbours. */
 
 #define WORTH_A_GUESS 4 /* intervals that a ray must be long, at least */
 #define LONGEST_REST 31 /* packets */
@@ -107,7 +107,7 @@ V_INLINE void cast_extreme(const tc_cpu_args *g, variant v, const place *at_pixe
   peak have = {floor, v_set(-1)};
   vm live = p.live;
   counts->rays += (uint64_t)m_count(live);
-  bool look = v.leap && g->interval > 0 && mood->rest == 0;
+  bool look = v.leap && mood->rest == 0;
   if (v.leap && mood->rest) mood->rest--;
   if (look && m_any(live)) { /* minip through air is finished by the first sample: no guess is worth its price there */
     take_sample(g, v, &p, v_set(0), &have);
@@ -143,7 +143,7 @@ V_INLINE void cast_extreme(const tc_cpu_args *g, variant v, const place *at_pixe
     have.best = v_select(between, climb(g, &p, &have), have.best);
     counts->samples += (uint64_t)m_count(between) * 2 * TC_PEAK_ROUNDS;
   }
-  /* What was sampled beyond stop, by rounding, is not told from stop. */
+  /* What was sampled beyond stop, for the sake of other lanes or by rounding, is not told from stop. */
   *out = grey_of(g, v_min(have.best, stop), p.live);
 }
 

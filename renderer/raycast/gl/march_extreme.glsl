@@ -37,15 +37,13 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   best = job.reach.x;
   at = -1.0;
 #if LEAP
-  bool look = job.blocks.w > 0;
-  if (look)
-    take_sample(entry, direction, 0.0, counts);
+  take_sample(entry, direction, 0.0, counts);
   // A short ray has nothing to gain from a guess.
-  bool guess = look && best < job.reach.y && 4.0 * float(job.blocks.w) * job.march.x < length_mm;
+  bool guess = best < job.reach.y && 4.0 * float(job.blocks.w) * job.march.x < length_mm;
   int first = guess ? highest_interval(entry, direction, length_mm) : 0;
   for (int i = first; guess && i < first + job.blocks.w; i++)
     take_sample(entry, direction, min(float(i) * job.march.x, length_mm), counts);
-  int look_at = look ? 0 : -1;
+  int look_at = 0;
 #endif
   for (int i = 0; best < job.reach.y; i++) {
 #if LEAP
