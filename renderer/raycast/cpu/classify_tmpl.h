@@ -9,22 +9,31 @@ V_INLINE vf4 classify(const tc_cpu_args *g, vf front, vf back) {
   return v_bilinear(g->table, v_trunc(row0), v_trunc(row0 + stride), low - i, k - kk);
 }
 
-/* The same where the table has zooms: each lane in the finest window that holds both of its ends. */
-V_INLINE vf4 classify_zoomed(const tc_cpu_args *g, vf front, vf back) {
-  vf f = front, b = back, stride = v_set(g->table_stride), start = v_set(0);
+/* The finest of the table and its zooms that holds both ends of a segment: the ends in its nodes, entries a row, and
+ * those before its row k = 0 (0: the table itself). */
+typedef struct window { vf front, back, stride, start; } window;
+
+V_INLINE window enter_window(const tc_cpu_args *g, vf front, vf back) {
+  window w = {front, back, v_set(g->table_stride), v_set(0)};
   for (int z = 0; z < g->n_zooms; z++) {
     const tc_cpu_zoom *zoom = &g->zooms[z];
     vf zf = (front - v_set(zoom->lo)) * v_set(zoom->scale), zb = (back - v_set(zoom->lo)) * v_set(zoom->scale);
     vm inside = m_and(v_le(v_set(0), v_min(zf, zb)), v_le(v_max(zf, zb), v_set(TC_ZOOM_NODES - 1)));
-    f = v_select(inside, zf, f);
-    b = v_select(inside, zb, b);
-    stride = v_select(inside, v_set(TC_ZOOM_NODES + 2), stride);
-    start = v_select(inside, v_set(zoom->start), start);
+    w.front = v_select(inside, zf, w.front);
+    w.back = v_select(inside, zb, w.back);
+    w.stride = v_select(inside, v_set(TC_ZOOM_NODES + 2), w.stride);
+    w.start = v_select(inside, v_set(zoom->start), w.start);
   }
-  vf low = v_min(f, b), diff = b - f, k = v_abs(diff);
+  return w;
+}
+
+/* The same where the table has zooms. */
+V_INLINE vf4 classify_zoomed(const tc_cpu_args *g, vf front, vf back) {
+  window w = enter_window(g, front, back);
+  vf low = v_min(w.front, w.back), diff = w.back - w.front, k = v_abs(diff);
   vf i = v_float(v_trunc(low)), kk = v_float(v_trunc(k));
-  stride = v_select(v_lt(diff, v_set(0)), v_set(0) - stride, stride);
-  vf row0 = v_fma(kk, stride, i) + start;
+  vf stride = v_select(v_lt(diff, v_set(0)), v_set(0) - w.stride, w.stride);
+  vf row0 = v_fma(kk, stride, i) + w.start;
   return v_bilinear(g->table, v_trunc(row0), v_trunc(row0 + stride), low - i, k - kk);
 }
 

@@ -5,17 +5,10 @@ V_INLINE vf4 entry_at(const tc_cpu_args *g, vi at) { return v_bilinear(g->table,
 
 /* The depth of a whole segment from the row of depths (classify/classify.h); nothing cancels in it. */
 V_INLINE vf depth_between(const tc_cpu_args *g, vf front, vf back) {
-  /* (n + 1) (n + 2) is even: exact up to 2^25 */
-  vf row = v_set((g->node_last + 3) * g->table_stride), f = front, b = back, half = v_set(0.5f), one = v_set(1);
-  for (int z = 0; z < g->n_zooms; z++) {
-    const tc_cpu_zoom *zoom = &g->zooms[z];
-    vf zf = (front - v_set(zoom->lo)) * v_set(zoom->scale), zb = (back - v_set(zoom->lo)) * v_set(zoom->scale);
-    vm inside = m_and(v_le(v_set(0), v_min(zf, zb)), v_le(v_max(zf, zb), v_set(TC_ZOOM_NODES - 1)));
-    f = v_select(inside, zf, f);
-    b = v_select(inside, zb, b);
-    row = v_select(inside, v_set(zoom->start + (TC_ZOOM_NODES + 2) * (TC_ZOOM_NODES + 2)), row);
-  }
-  vf low = v_min(f, b), high = v_max(f, b);
+  window w = enter_window(g, front, back);
+  vf half = v_set(0.5f), one = v_set(1), low = v_min(w.front, w.back), high = v_max(w.front, w.back);
+  /* row n + 2, of n + 1 entries in the table and of n + 2 in a zoom; (n + 1) (n + 2) is even: exact up to 2^25 */
+  vf row = v_fma(v_select(v_lt(v_set(0), w.start), w.stride, w.stride + one), w.stride, w.start);
   vi i = v_trunc(low), j = v_trunc(high), start = v_trunc(row);
   vf x = low - v_float(i), y = high - v_float(j);
   vf4 first = entry_at(g, v_addi(start, i)), last = entry_at(g, v_addi(start, j));

@@ -46,7 +46,7 @@ float depth_between(float front, float back) {
   int start = job.table.y, columns = job.table.x, n = int(job.nodes.z) + 1;
 #if ZOOMED
   enter_window(front, back, start, columns);
-  n = columns == job.table.x ? n : columns - 2;
+  n = start == job.table.y ? n : columns - 2;
 #endif
   float low = min(front, back), high = max(front, back);
   int i = int(low), j = int(high), row = start + (n + 2) * columns;
