@@ -276,21 +276,25 @@ static void rings_at(double step, tc_volume *volume, tc_scene *scene, const floa
 }
 
 /* A demo as it is first shown, but seen obliquely: along an axis, steps of a voxel are cells of the grid and too good
- * an example. No rings at the default of a voxel (bound, of 1/255, without jitter), and jitter moves no light. */
+ * an example. */
+static tc_volume *show_demo(const char *name, int side, tc_scene *scene) {
+  tc_volume *volume = tc_volume_demo(name, NULL);
+  tc_scene_init(scene);
+  tc_scene_fit(scene, volume);
+  scene->image.width = scene->image.height = side;
+  test_scene_frame(scene, volume, TC_PERSPECTIVE, (double[3]){0.5, -1, 0.4});
+  return volume;
+}
+
+/* No rings at the default of a voxel (bound, of 1/255, without jitter), and jitter moves no light. */
 static void no_rings_by_default(void **state) {
   static const struct { const char *name; double bound; } demos[] = {
       {"bucky", 0.05}, {"marschner-lobb", 0.4}, {"head", 0.2}, {"vessels", 0.8}};
   for (size_t i = 0; i < G_N_ELEMENTS(demos) && i < MOST_DEMOS; i++) {
-    tc_volume *volume = tc_volume_demo(demos[i].name, NULL);
     tc_scene scene;
-    tc_subpixel middle;
+    tc_volume *volume = show_demo(demos[i].name, 128, &scene);
     double rings[2], mean[2];
-    tc_subpixel_rays(1, &middle);
-    tc_scene_init(&scene);
-    tc_scene_fit(&scene, volume);
-    scene.image.width = scene.image.height = 128;
-    test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.5, -1, 0.4});
-    float *want = reference_mean(volume, &scene, &middle, 1);
+    float *want = reference_mean(volume, &scene, &(tc_subpixel){0}, 1);
     rings_at(1, volume, &scene, want, rings, mean);
     printf("  %-15s rings %.3f/255, with jitter %.3f/255; mean error %.3f/255 and %.3f/255\n", demos[i].name,
            255 * rings[0], 255 * rings[1], 255 * mean[0], 255 * mean[1]);
@@ -308,19 +312,13 @@ static void no_rings_on_lit_surfaces(void **state) {
   static const struct { const char *name; double bounds[TC_GRADIENT_COUNT]; } demos[] = {
       {"bucky", {0.3, 0.05, 0.05}}, {"marschner-lobb", {5.4, 4.1, 3.8}}, {"head", {1.2, 0.35, 0.31}}};
   for (size_t i = 0; i < G_N_ELEMENTS(demos) && i < MOST_DEMOS; i++) {
-    tc_volume *volume = tc_volume_demo(demos[i].name, NULL);
     tc_scene scene;
-    tc_subpixel middle;
+    tc_volume *volume = show_demo(demos[i].name, 80, &scene);
     double rings[2], mean[2];
-    tc_subpixel_rays(1, &middle);
-    tc_scene_init(&scene);
-    tc_scene_fit(&scene, volume);
-    scene.image.width = scene.image.height = 80;
     scene.shading.model = TC_SHADING_BLINN_PHONG;
-    test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.5, -1, 0.4});
     for (int gradient = 0; gradient < TC_GRADIENT_COUNT; gradient++) {
       scene.shading.gradient = (tc_gradient)gradient;
-      float *want = reference_mean(volume, &scene, &middle, 1);
+      float *want = reference_mean(volume, &scene, &(tc_subpixel){0}, 1);
       rings_at(1, volume, &scene, want, rings, mean);
       printf("  %-15s %-8s rings %.3f/255, with jitter %.3f/255; mean error %.3f/255\n", demos[i].name,
              tc_gradient_names[gradient], 255 * rings[0], 255 * rings[1], 255 * mean[0]);
