@@ -3,16 +3,23 @@
  * spacing is that of a ray's own samples, in voxels: R rays of a pixel that composite share its samples and have them R
  * steps apart (raycast/subpixel.h), so they cost R a + b / step; the rays of a projection share none.
  *
+ * A segment of preintegrated2 takes `second` times as long as one of preintegrated, and counts as so many: frames of
+ * either method tell of both.
+ *
  * Belongs to one look on one machine; a frame that took half or twice what was expected is taken for another look, and
- * the older ones are forgotten. Plain data: zero-initialise; any thread, one at a time. */
+ * the older ones are forgotten. Plain data, from tc_quality_cost_of(); any thread, one at a time. */
 #ifndef TC_QUALITY_COST_H
 #define TC_QUALITY_COST_H
 
 #include "renderer/scene.h"
 
 typedef struct tc_quality_cost {
-  double w, x, xx, y, xy; /* weighted sums; x = 1 / spacing, y = ms per ray, weights relative to y */
+  double second;          /* a segment of preintegrated2 beside one of preintegrated, in time */
+  double w, x, xx, y, xy; /* weighted sums; x = segments a voxel, y = ms per ray, weights relative to y */
 } tc_quality_cost;
+
+/* Nothing known yet, of frames of this back end (tc_renderer_info.backend). */
+tc_quality_cost tc_quality_cost_of(const char *backend);
 
 /* The voxels between a ray's samples at a step of 1: what sampling.step is multiplied by. */
 double tc_quality_stretch(const tc_scene *scene);
@@ -21,8 +28,9 @@ double tc_quality_stretch(const tc_scene *scene);
 void tc_quality_cost_add(tc_quality_cost *cost, const tc_scene *scene, double pixels, double ms);
 /* Expected milliseconds; 0 while nothing is known. */
 double tc_quality_cost_ms(const tc_quality_cost *cost, const tc_scene *scene, double pixels);
-/* The finest step (of a spacing of 1/8 .. 4 voxels in rungs of 2^(1/8)) expected to take at most `ms`; the coarsest
- * where none does, a spacing of 1 while nothing is known. The scene's own step is not read. */
+/* The finest step (of a spacing of 1/8 .. 4 voxels in rungs of 2^(1/8)) expected to take at most `ms` with the
+ * scene's classification; the coarsest where none does, a spacing of 1 while nothing is known. The scene's own step is
+ * not read. */
 double tc_quality_cost_step(const tc_quality_cost *cost, const tc_scene *scene, double pixels, double ms);
 
 #endif

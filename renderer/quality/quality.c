@@ -1,11 +1,11 @@
 #include "renderer/quality/quality.h"
 
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "renderer/quality/cost.h"
 #include "renderer/quality/meter.h"
 #include "renderer/reference/reference.h"
 
@@ -21,13 +21,17 @@
 /* Spacing before anything is measured, for a single ray and for as many as like. */
 #define CAREFUL 0.25
 #define CAREFUL_OF_MANY 1.0
-/* What a segment of preintegrated2 costs beside one of preintegrated: the time of its two samples and three look-ups,
- * as tomocast report has them on the cpu. A constant, not a clock: one scene has one picture. */
-#define SECOND_COST 2.7
-/* Where preintegrated does with such a spacing, preintegrated2 would need segments over several cells to pay, along
- * which no field is quadratic: it is not measured there. */
-#define SECOND_BELOW 1.0
-/* The share of the bound that termination may use of an opaque pixel; it is part of what is measured. */
+/* Where preintegrated does with segments that are as dear as one of preintegrated2 over so many cells, the latter is
+ * not measured: along several cells no field is quadratic. */
+#define SECOND_CELLS 2.7
+/* What the other method's error has to be of the one in use's; and what a picture's error has to come down to for it to
+ * be made again in its time, which is more than a rung of the step does. */
+#define CLEARLY 0.9
+#define WORTH_IT 0.75
+/* The share of a time that is planned with: frames differ. */
+#define PLANNED_SHARE 0.9
+/* The share of the bound on the error, or under one on time of the error that is expected, that termination may use of
+ * an opaque pixel. Under the former it is part of what is measured. */
 #define TERMINATION_SHARE (1.0 / 16)
 /* Powers by which the error is taken to grow or fall beyond the measured steps: each the careful one. */
 #define ORDER_UP 3.5
@@ -45,10 +49,26 @@ static double rung_step(int rung) { return exp2((double)rung / RUNGS_PER_OCTAVE)
 static int rung_below(double step) { return (int)floor(log2(step) * RUNGS_PER_OCTAVE + 1e-6); }
 static int clamp_rung(int rung) { return rung < LEAST_RUNG ? LEAST_RUNG : rung > MOST_RUNG ? MOST_RUNG : rung; }
 
+static bool has_methods(const tc_scene *s) {
+  return s->mode == TC_MODE_DVR && (s->classification == TC_PREINTEGRATED || s->classification == TC_PREINTEGRATED2);
+}
+
+static tc_quality_method method_of(const tc_scene *s, tc_classification classification) {
+  return has_methods(s) && classification == TC_PREINTEGRATED2 ? TC_QUALITY_SECOND : TC_QUALITY_FIRST;
+}
+
+static bool is_timed(const tc_scene *s) { return s->quality.max_ms > 0; }
+
 bool tc_quality_refuses(const tc_scene *scene, char *reason, size_t size) {
-  if (scene->mode != TC_MODE_ISOSURFACE) return tc_meter_refuses(scene, reason, size);
+  if (scene->mode != TC_MODE_ISOSURFACE) return !is_timed(scene) && tc_meter_refuses(scene, reason, size);
   snprintf(reason, size, "an isosurface has no steps to choose");
   return true;
+}
+
+bool tc_quality_measures(const tc_scene *scene) {
+  char reason[96];
+  if (is_timed(scene)) return has_methods(scene) && !tc_meter_refuses(scene, reason, sizeof reason);
+  return scene->quality.max_error > 0 && !tc_quality_refuses(scene, reason, sizeof reason);
 }
 
 /* ---- cameras ---- */
@@ -144,10 +164,6 @@ void tc_quality_add(tc_quality_model *m, const tc_quality_view *view) {
 
 /* ---- the curves ---- */
 
-static bool has_methods(const tc_scene *s) {
-  return s->mode == TC_MODE_DVR && (s->classification == TC_PREINTEGRATED || s->classification == TC_PREINTEGRATED2);
-}
-
 static double curve(const tc_quality_curve *v, double spacing) {
   if (!(v->rms > 0)) return INFINITY;
   double inside = fmin(fmax(spacing, v->finest), v->coarsest);
@@ -167,10 +183,9 @@ static double expected(const tc_quality_model *m, const tc_camera *camera, bool 
 
 double tc_quality_expects(const tc_quality_model *m, const tc_scene *scene, tc_classification classification,
                           double step) {
-  tc_quality_method method =
-      has_methods(scene) && classification == TC_PREINTEGRATED2 ? TC_QUALITY_SECOND : TC_QUALITY_FIRST;
   if (m->n == 0) return INFINITY;
-  return expected(m, &scene->camera, any_near(m, &scene->camera), method, step * tc_quality_stretch(scene));
+  return expected(m, &scene->camera, any_near(m, &scene->camera), method_of(scene, classification),
+                  step * tc_quality_stretch(scene));
 }
 
 /* ---- choosing ---- */
@@ -180,7 +195,29 @@ typedef struct option {
   bool holds;
 } option;
 
-/* The coarsest spacing that holds the bound; else the one of the least error. */
+static double pixels_of(const tc_scene *s) { return (double)s->image.width * s->image.height; }
+
+/* The scene, which keeps its parts, with another method. */
+static tc_scene with_method(const tc_scene *scene, tc_quality_method method) {
+  tc_scene s = *scene;
+  if (has_methods(scene)) s.classification = method == TC_QUALITY_SECOND ? TC_PREINTEGRATED2 : TC_PREINTEGRATED;
+  return s;
+}
+
+/* The finest spacing that comes in time, for no error grows with a finer one; else the coarsest. The method in use may
+ * take all of the time, the other has to come with the margin that is planned. */
+static option finest(const tc_quality_model *m, const tc_quality_cost *cost, const tc_scene *scene, bool near,
+                     tc_quality_method method) {
+  tc_scene s = with_method(scene, method);
+  double pixels = pixels_of(scene);
+  s.sampling.step = tc_quality_cost_step(cost, &s, pixels, PLANNED_SHARE * scene->quality.max_ms);
+  double spacing = s.sampling.step * tc_quality_stretch(&s), ms = tc_quality_cost_ms(cost, &s, pixels);
+  double share = s.classification == scene->classification ? 1 : PLANNED_SHARE * (1 + 1e-9);
+  return (option){spacing, m->n ? expected(m, &scene->camera, near, method, spacing) : 0,
+                  ms > 0 && ms <= share * scene->quality.max_ms};
+}
+
+/* The coarsest spacing that holds the bound on the error; else the one of the least error. */
 static option coarsest(const tc_quality_model *m, const tc_scene *scene, bool near, tc_quality_method method) {
   option best = {rung_step(LEAST_RUNG), INFINITY, false};
   for (int rung = MOST_RUNG; rung >= LEAST_RUNG && !best.holds; rung--) {
@@ -190,48 +227,119 @@ static option coarsest(const tc_quality_model *m, const tc_scene *scene, bool ne
   return best;
 }
 
-static bool second_is_better(const option *first, const option *second) {
+static option best_of(const tc_quality_model *m, const tc_quality_cost *cost, const tc_scene *scene, bool near,
+                      tc_quality_method method) {
+  return is_timed(scene) ? finest(m, cost, scene, near, method) : coarsest(m, scene, near, method);
+}
+
+static bool second_is_better(const tc_quality_cost *cost, const tc_scene *scene, const option *first,
+                             const option *second) {
+  bool timed = is_timed(scene);
   if (first->holds != second->holds) return second->holds;
-  return first->holds ? second->spacing > first->spacing * SECOND_COST : second->rms < 0.9 * first->rms;
+  if (first->holds && !timed) return second->spacing > first->spacing * cost->second;
+  if (timed && !first->holds) return false; /* of two that take too long the quicker */
+  bool in_use = timed && scene->classification == TC_PREINTEGRATED2;
+  return in_use ? first->rms >= CLEARLY * second->rms : second->rms < CLEARLY * first->rms;
 }
 
-static double termination_for(double bound) { return fmin(bound * TERMINATION_SHARE, 0.05); }
+static double termination_for(double error) { return fmin(error * TERMINATION_SHARE, 0.05); }
 
-static void explain(const tc_quality_model *m, const tc_scene *scene, const option *other, tc_quality_choice *choice) {
-  bool named = has_methods(scene), second = named && choice->classification == TC_PREINTEGRATED2;
-  const char *method = !named ? "" : second ? "preintegrated2, " : "preintegrated, ";
-  int n = snprintf(choice->reason, sizeof choice->reason,
-                   choice->holds
-                       ? "%sstep %.3g: an rms error up to %.2g is expected, %s of %d measured views; the next "
-                         "coarser is over %.2g"
-                       : "%sstep %.3g: the least error to be had is %.2g, %s of %d measured views; no step holds %.2g",
-                   method, choice->step, choice->rms, choice->near ? "by those near" : "by the worst", m->n,
-                   scene->quality.max_error);
-  if (choice->holds && isfinite(other->rms) && other->holds)
-    snprintf(choice->reason + n, sizeof choice->reason - (size_t)n, "; %s would need %.3g",
-             second ? "preintegrated" : "preintegrated2", other->spacing / tc_quality_stretch(scene));
+/* ---- saying why ---- */
+
+G_GNUC_PRINTF(2, 3) static void say(tc_quality_choice *choice, const char *form, ...) {
+  size_t said = strlen(choice->reason);
+  va_list values;
+  va_start(values, form);
+  vsnprintf(choice->reason + said, sizeof choice->reason - said, form, values);
+  va_end(values);
 }
 
-void tc_quality_choose(const tc_quality_model *m, const tc_scene *scene, tc_quality_choice *choice) {
-  double stretch = tc_quality_stretch(scene), careful = fmin(CAREFUL * stretch, CAREFUL_OF_MANY) / stretch;
-  *choice = (tc_quality_choice){.classification = scene->classification,
-                                .step = careful,
-                                .termination = termination_for(scene->quality.max_error)};
-  if (m->n == 0) {
-    snprintf(choice->reason, sizeof choice->reason, "nothing is measured of this look yet: a careful step of %g voxels",
-             choice->step);
+static const char *name_of(bool second) { return second ? "preintegrated2" : "preintegrated"; }
+
+static void explain_error(const tc_quality_model *m, const tc_scene *scene, const option *other,
+                          tc_quality_choice *choice) {
+  say(choice,
+      choice->holds ? "step %.3g: an rms error up to %.2g is expected, %s of %d measured views; the next coarser is "
+                      "over %.2g"
+                    : "step %.3g: the least error to be had is %.2g, %s of %d measured views; no step holds %.2g",
+      choice->step, choice->rms, choice->near ? "by those near" : "by the worst", m->n, scene->quality.max_error);
+  if (choice->holds && other->holds)
+    say(choice, "; %s would need %.3g", name_of(choice->classification != TC_PREINTEGRATED2),
+        other->spacing / tc_quality_stretch(scene));
+}
+
+/* other: NULL before anything is measured. */
+static void explain_time(const tc_quality_model *m, const tc_scene *scene, const option *other,
+                         tc_quality_choice *choice) {
+  say(choice,
+      choice->ms <= 0 ? "no frame was timed yet: a step of %.3g voxel"
+      : choice->holds ? "step %.3g is the finest that is expected in time: %.3g of %.3g ms"
+                      : "step %.3g is the coarsest there is: %.3g ms are expected, not %.3g",
+      choice->step, choice->ms, scene->quality.max_ms);
+  if (!other) return;
+  say(choice, "; an rms error up to %.2g, %s of %d measured views", choice->rms,
+      choice->near ? "by those near" : "by the worst", m->n);
+  if (isfinite(other->rms))
+    say(choice, "; %s with %.3g would have %.2g", name_of(choice->classification != TC_PREINTEGRATED2),
+        other->spacing / tc_quality_stretch(scene), other->rms);
+}
+
+/* Before anything is measured, or where nothing is. */
+static void choose_blindly(const tc_quality_model *m, const tc_quality_cost *cost, const tc_scene *scene,
+                           tc_quality_choice *choice) {
+  double stretch = tc_quality_stretch(scene);
+  if (is_timed(scene)) {
+    choice->step = finest(m, cost, scene, false, method_of(scene, scene->classification)).spacing / stretch;
     return;
   }
+  choice->step = fmin(CAREFUL * stretch, CAREFUL_OF_MANY) / stretch;
+  choice->termination = termination_for(scene->quality.max_error);
+  snprintf(choice->reason, sizeof choice->reason, "nothing is measured of this look yet: a careful step of %g voxels",
+           choice->step);
+}
+
+static void choose_measured(const tc_quality_model *m, const tc_quality_cost *cost, const tc_scene *scene,
+                            tc_quality_choice *choice, option *other) {
+  option of[TC_QUALITY_METHODS] = {{0}, {.rms = INFINITY}};
   choice->near = any_near(m, &scene->camera);
-  option first = coarsest(m, scene, choice->near, TC_QUALITY_FIRST), second = {.rms = INFINITY};
-  if (has_methods(scene) && !m->first_only) second = coarsest(m, scene, choice->near, TC_QUALITY_SECOND);
-  bool better = second_is_better(&first, &second);
-  const option *best = better ? &second : &first;
-  if (has_methods(scene)) choice->classification = better ? TC_PREINTEGRATED2 : TC_PREINTEGRATED;
-  choice->step = best->spacing / stretch;
+  for (int k = 0; k < (has_methods(scene) ? TC_QUALITY_METHODS : 1); k++)
+    of[k] = best_of(m, cost, scene, choice->near, (tc_quality_method)k);
+  bool second = second_is_better(cost, scene, &of[TC_QUALITY_FIRST], &of[TC_QUALITY_SECOND]);
+  const option *best = &of[second];
+  *other = of[!second];
+  choice->classification = with_method(scene, (tc_quality_method)second).classification;
+  choice->step = best->spacing / tc_quality_stretch(scene);
   choice->rms = best->rms;
   choice->holds = best->holds;
-  explain(m, scene, better ? &first : &second, choice);
+  choice->termination = termination_for(is_timed(scene) ? best->rms : scene->quality.max_error);
+}
+
+void tc_quality_choose(const tc_quality_model *m, const tc_quality_cost *cost, const tc_scene *scene,
+                       tc_quality_choice *choice) {
+  bool measured = m->n > 0 && tc_quality_measures(scene);
+  option other;
+  *choice = (tc_quality_choice){.classification = scene->classification, .termination = scene->sampling.termination};
+  if (measured)
+    choose_measured(m, cost, scene, choice, &other);
+  else
+    choose_blindly(m, cost, scene, choice);
+  tc_scene chosen = *scene; /* borrows */
+  chosen.classification = choice->classification;
+  chosen.sampling.step = choice->step;
+  if (measured && has_methods(scene)) say(choice, "%s, ", name_of(choice->classification == TC_PREINTEGRATED2));
+  choice->ms = tc_quality_cost_ms(cost, &chosen, pixels_of(scene));
+  if (is_timed(scene)) choice->holds = choice->ms > 0 && choice->ms <= scene->quality.max_ms;
+  if (is_timed(scene))
+    explain_time(m, scene, measured ? &other : NULL, choice);
+  else if (measured)
+    explain_error(m, scene, &other, choice);
+}
+
+bool tc_quality_betters(const tc_quality_model *m, const tc_scene *scene, const tc_quality_choice *choice,
+                        tc_classification classification, double step) {
+  double now = tc_quality_expects(m, scene, classification, step);
+  if (is_timed(scene)) return choice->holds && choice->rms < WORTH_IT * now;
+  return now > scene->quality.max_error && choice->rms < 0.99 * now;
 }
 
 void tc_quality_apply(const tc_quality_choice *choice, tc_scene *scene) {
@@ -349,31 +457,32 @@ static void fit(const trials *t, int rung, tc_quality_curve *view) {
   view->spread = sqrt(left / fmax(n - 2, 1));
 }
 
+/* About the goal, or about the rung itself where there is none. */
 static bool close_in(bench *b, double goal, int rung, tc_quality_curve *found, GError **error) {
   static const int around[AROUND] = {-6, -4, -2, 0, 2, 4, 6};
   trials t = {0};
-  rung = locate(b, goal, rung, &t, error);
+  if (goal > 0) rung = locate(b, goal, rung, &t, error);
   for (int i = 0; i < AROUND; i++)
     if (rung > MOST_RUNG || !try_rung(b, clamp_rung(rung + around[i]), &t, error)) return false;
   fit(&t, rung, found);
   return true;
 }
 
-static bool find_curves(bench *b, const tc_scene *scene, const tc_quality_model *model, tc_quality_view *view,
-                        GError **error) {
-  double goal = scene->quality.max_error / NEAR_MARGIN;
+static bool find_curves(bench *b, const tc_scene *scene, const tc_quality_model *model, const tc_quality_cost *cost,
+                        tc_quality_view *view, GError **error) {
+  bool timed = is_timed(scene);
+  double goal = timed ? 0 : scene->quality.max_error / NEAR_MARGIN, spacing = 1;
   tc_quality_model own = {.n = 1};
-  tc_quality_choice start = {.step = 1 / tc_quality_stretch(scene)};
-  if (model->n) tc_quality_choose(model, scene, &start);
-  int rung = clamp_rung(rung_below(start.step * tc_quality_stretch(scene)));
-  if (has_methods(scene)) b->scene.classification = TC_PREINTEGRATED;
-  if (!close_in(b, goal, rung, &view->of[TC_QUALITY_FIRST], error)) return false;
-  if (!has_methods(scene) || model->first_only) return true;
+  bool near = any_near(model, &scene->camera);
+  if (model->n || timed) spacing = best_of(model, cost, scene, near, TC_QUALITY_FIRST).spacing;
+  b->scene.classification = with_method(scene, TC_QUALITY_FIRST).classification;
+  if (!close_in(b, goal, clamp_rung(rung_below(spacing)), &view->of[TC_QUALITY_FIRST], error)) return false;
+  if (!has_methods(scene)) return true;
   own.views[0] = *view;
-  option first = coarsest(&own, scene, false, TC_QUALITY_FIRST);
-  if (first.holds && first.spacing >= SECOND_BELOW) return true;
+  option first = best_of(&own, cost, scene, false, TC_QUALITY_FIRST);
+  if (first.holds && first.spacing * cost->second >= SECOND_CELLS) return true;
   b->scene.classification = TC_PREINTEGRATED2;
-  return close_in(b, goal, clamp_rung(rung_below(first.spacing * SECOND_COST)), &view->of[TC_QUALITY_SECOND], error);
+  return close_in(b, goal, clamp_rung(rung_below(first.spacing * cost->second)), &view->of[TC_QUALITY_SECOND], error);
 }
 
 /* A picture as the scene's, of as many pixels as its rays allow. Rays of a pixel keep as close as in a frame: what
@@ -387,8 +496,8 @@ static void size_bench(bench *b, const tc_scene *scene) {
 }
 
 bool tc_quality_measure(tc_renderer *renderer, tc_volume *volume, tc_volume *labels, const tc_scene *scene,
-                        const tc_camera *camera, const tc_quality_model *model, const atomic_bool *cancel,
-                        tc_quality_view *view, GError **error) {
+                        const tc_camera *camera, const tc_quality_model *model, const tc_quality_cost *cost,
+                        const atomic_bool *cancel, tc_quality_view *view, GError **error) {
   bench b = {.renderer = renderer, .volume = volume, .labels = labels, .scene = *scene, .cancel = cancel};
   size_bench(&b, scene);
   b.scene.camera = *camera;
@@ -401,7 +510,7 @@ bool tc_quality_measure(tc_renderer *renderer, tc_volume *volume, tc_volume *lab
   b.squares = malloc(pixels * sizeof *b.squares);
   bool good = b.wanted && b.squares;
   if (!good) tc_set_error(error, TC_ERROR_MEMORY, NULL, "quality: out of memory");
-  good = good && integrate(&b, error) && find_curves(&b, scene, model, view, error);
+  good = good && integrate(&b, error) && find_curves(&b, scene, model, cost, view, error);
   free(b.wanted);
   free(b.squares);
   tc_frame_finish(&b.frame);

@@ -1,18 +1,21 @@
-/* Quality control: the cheapest sampling whose error stays under a bound.
+/* Quality control: the cheapest sampling whose error stays under a bound, and its dual, the one of the least error that
+ * comes in time.
  *
  * The error of a frame (root mean square over pixels and channels, colour 0..1, see meter.h) falls with the step by a
  * power that depends on the look: 3 or 2 where all is smooth, less at jumps, 0 where a table or single precision is the
- * limit. No formula knows which, so it is measured: a picture of some hundred rays of this scene is rendered at a few
- * steps around the one that just holds the bound and compared with the reference; a power of the step is fitted to what
- * is found. A camera near a measured one shares its curve, one far from all takes the worst of them and a margin. Steps
- * are rungs of 2^(1/8), so that neighbouring cameras share their tables.
+ * limit. No formula knows which, so it is measured: a picture of some thousand rays of this scene is rendered at a few
+ * steps around the one that just holds the bound, or just comes in time, and compared with the reference; a power of
+ * the step is fitted to what is found. A camera near a measured one shares its curve, one far from all takes the worst
+ * of them and a margin. Steps are rungs of 2^(1/8), so that neighbouring cameras share their tables.
  *
- * What is chosen: the step; the termination, whose error is kept far under the bound; and, where the scene's
- * classification is preintegrated or preintegrated2, the one of these two that needs fewer field samples, weighed by
- * their time. The other classifications were asked for by name and stay. So do the scene's rays per pixel, which smooth
- * edges and are no means against the error of sampling: with R of them `spacing` below, that of one ray's samples, is R
- * steps (raycast/subpixel.h). The table's size follows from the knots (classify/classify.h) and is part of what is
- * measured.
+ * What is chosen: the step; the termination, whose error is kept far under the bound or the error expected; and, where
+ * the scene's classification is preintegrated or preintegrated2, one of these two. Under a bound on the error it is the
+ * one whose segments take less, weighed by their time (cost.h): no clock has a say, one scene has one picture. Under a
+ * bound on time each has the finest step that comes in time, and the method in use stays unless the other's error is
+ * clearly less: a camera in motion does not swing between the two. The other classifications were asked for by name and
+ * stay. So do the scene's rays per pixel, which smooth edges and are no means against the error of sampling: with R of
+ * them `spacing` below, that of one ray's samples, is R steps (raycast/subpixel.h). The table's size follows from the
+ * knots (classify/classify.h) and is part of what is measured.
  *
  * A model belongs to one look (everything of a scene but the camera, sampling.step/termination and, with one ray a
  * pixel, the image's size: how far apart a pixel's rays are counts) and one bound. Plain data: zero-initialise; any
@@ -23,9 +26,11 @@
 #include <stdatomic.h>
 #include <stdbool.h>
 
+#include "renderer/quality/cost.h"
 #include "renderer/tomocast.h"
 
 #define TC_QUALITY_VIEWS 24
+#define TC_QUALITY_REASON 240 /* bytes */
 
 /* error(spacing) = rms * (spacing / .spacing)^order between finest and coarsest, voxels; measured errors lie off it by
  * a factor of about exp(spread), which is added to what is expected. rms 0: not measured. */
@@ -45,7 +50,6 @@ typedef struct tc_quality_view {
 } tc_quality_view;
 
 typedef struct tc_quality_model {
-  bool first_only; /* the frames' back end is another than the one that both methods were timed on, the cpu's */
   int n, next; /* views there are; the one a new view replaces when all are taken */
   tc_quality_view views[TC_QUALITY_VIEWS];
 } tc_quality_model;
@@ -53,22 +57,34 @@ typedef struct tc_quality_model {
 typedef struct tc_quality_choice {
   tc_classification classification;
   double step;        /* voxels, for sampling.step */
-  double termination; /* for sampling.termination: its error is far under the bound */
-  double rms;         /* what the model expects; 0 before any measurement */
-  bool holds;         /* the model expects the bound to hold */
+  double termination; /* for sampling.termination */
+  double rms;         /* the error that the model expects; 0 before any measurement */
+  double ms;          /* the time; 0 before any frame was timed */
+  bool holds;         /* the bound is expected to hold */
   bool near;          /* by a view near this one */
-  char reason[200];   /* one sentence */
+  char reason[TC_QUALITY_REASON]; /* one sentence */
 } tc_quality_choice;
 
-/* Why a scene has no error model, one phrase in `size` bytes; false: it can have one. Pure. */
+/* Why there is nothing to choose for the bound that the scene asks for, one phrase in `size` bytes; false: there is.
+ * Pure. */
 bool tc_quality_refuses(const tc_scene *scene, char *reason, size_t size);
+/* The choice for the scene's bound rests on measured views: always under max_error; under max_ms between the methods,
+ * while without them, and before any, the step alone follows the time. Pure. */
+bool tc_quality_measures(const tc_scene *scene);
 
 /* The error that the model expects of a sampling of the scene as its camera sees it; INFINITY where it cannot say.
  * Pure. */
 double tc_quality_expects(const tc_quality_model *model, const tc_scene *scene, tc_classification classification,
                           double step);
-/* The choice for scene->camera under scene->quality.max_error. Pure. */
-void tc_quality_choose(const tc_quality_model *model, const tc_scene *scene, tc_quality_choice *choice);
+/* The choice for scene->camera under scene->quality, max_error or max_ms for a frame of scene->image. cost: of such
+ * frames; max_error asks it for the weight of the methods only. Under max_ms scene->classification is the method in
+ * use. Pure. */
+void tc_quality_choose(const tc_quality_model *model, const tc_quality_cost *cost, const tc_scene *scene,
+                       tc_quality_choice *choice);
+/* Whether a finished picture, made with `classification` and `step`, is worth making again as chosen: its bound does
+ * not hold, or its time would do for a clearly smaller error. Pure. */
+bool tc_quality_betters(const tc_quality_model *model, const tc_scene *scene, const tc_quality_choice *choice,
+                        tc_classification classification, double step);
 /* Puts it into the scene, and clears what asked for it. */
 void tc_quality_apply(const tc_quality_choice *choice, tc_scene *scene);
 
@@ -77,11 +93,11 @@ void tc_quality_apply(const tc_quality_choice *choice, tc_scene *scene);
 bool tc_quality_wants(const tc_quality_model *model, const tc_scene *scene, tc_camera *camera);
 
 /* Measures one view of the scene as seen by `camera`, rendering with `renderer` (not the one that serves frames: this
- * takes tens to hundreds of milliseconds, on one thread). labels: as in tc_meter_measure(). `model` says where to
- * begin. TC_ERROR_CANCELLED when *cancel (may be NULL) is set. */
+ * takes tens to hundreds of milliseconds, on one thread). labels: as in tc_meter_measure(). `model` and
+ * `cost` say where to begin. TC_ERROR_CANCELLED when *cancel (may be NULL) is set. */
 bool tc_quality_measure(tc_renderer *renderer, tc_volume *volume, tc_volume *labels, const tc_scene *scene,
-                        const tc_camera *camera, const tc_quality_model *model, const atomic_bool *cancel,
-                        tc_quality_view *view, GError **error);
+                        const tc_camera *camera, const tc_quality_model *model, const tc_quality_cost *cost,
+                        const atomic_bool *cancel, tc_quality_view *view, GError **error);
 void tc_quality_add(tc_quality_model *model, const tc_quality_view *view);
 
 /* How unlike two cameras are: radians of the view, logarithm of the scale, shift in half heights, all added. */

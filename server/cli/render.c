@@ -179,39 +179,44 @@ static bool print_ray(job *j, GError **error) {
   return true;
 }
 
-/* quality.maxError by one measurement of this view, maxMilliseconds by two small frames of it. */
+/* Two small frames tell what the picture costs. */
+static bool time_frames(job *j, tc_quality_cost *cost, GError **error) {
+  tc_scene s = j->scene; /* borrows */
+  const tc_render_request small = {
+      .width = MAX(1, s.image.width / 2), .height = MAX(1, s.image.height / 2), .labels = j->labels};
+  s.quality.max_ms = 0;
+  for (int spacing = 4; spacing >= 1; spacing -= 3) {
+    s.sampling.step = spacing / tc_quality_stretch(&s);
+    if (!tc_render(j->renderer, j->volume, &s, &small, &j->frame, NULL, error)) return false;
+    tc_quality_cost_add(cost, &s, (double)small.width * small.height, j->frame.stats.render_ms);
+  }
+  return true;
+}
+
+/* quality.maxError by one measurement of this view, maxMilliseconds by the times of two small frames too. */
 static bool choose_sampling(job *j, GError **error) {
   tc_scene *s = &j->scene;
-  const double bound = s->quality.max_error, budget = s->quality.max_ms;
+  const bool timed = s->quality.max_ms > 0;
+  tc_quality_cost cost = tc_quality_cost_of(tc_renderer_about(j->renderer)->backend);
+  tc_quality_model model = {0};
+  tc_quality_choice choice;
+  tc_quality_view view;
   char reason[96];
-  if (bound > 0 && !tc_quality_refuses(s, reason, sizeof reason)) {
-    tc_quality_model model = {0};
-    tc_quality_choice choice;
-    tc_quality_view view;
-    if (!tc_quality_measure(j->renderer, j->volume, j->labels, s, &s->camera, &model, NULL, &view, error)) return false;
-    tc_quality_add(&model, &view);
-    tc_quality_choose(&model, s, &choice);
-    tc_quality_apply(&choice, s);
-    fprintf(stderr, "tomocast render: quality: %s\n", choice.reason);
+  if (!timed && !(s->quality.max_error > 0)) return true;
+  if (tc_quality_refuses(s, reason, sizeof reason)) {
+    s->quality.max_error = s->quality.max_ms = 0;
+    fprintf(stderr, "tomocast render: quality: %s; the scene's own sampling is taken\n", reason);
     return true;
   }
-  s->quality.max_error = s->quality.max_ms = 0;
-  bool stepless = s->mode == TC_MODE_ISOSURFACE && budget > 0 && tc_quality_refuses(s, reason, sizeof reason);
-  if (bound > 0 || stepless)
-    fprintf(stderr, "tomocast render: quality: %s; the scene's own sampling is taken\n", reason);
-  if (!(budget > 0) || stepless) return true;
-  tc_quality_cost cost = {0};
-  const tc_render_request small = {
-      .width = MAX(1, s->image.width / 2), .height = MAX(1, s->image.height / 2), .labels = j->labels};
-  for (int spacing = 4; spacing >= 1; spacing -= 3) {
-    s->sampling.step = spacing / tc_quality_stretch(s);
-    if (!tc_render(j->renderer, j->volume, s, &small, &j->frame, NULL, error)) return false;
-    tc_quality_cost_add(&cost, s, (double)small.width * small.height, j->frame.stats.render_ms);
+  if (timed && !time_frames(j, &cost, error)) return false;
+  if (tc_quality_measures(s)) {
+    if (!tc_quality_measure(j->renderer, j->volume, j->labels, s, &s->camera, &model, &cost, NULL, &view, error))
+      return false;
+    tc_quality_add(&model, &view);
   }
-  const double pixels = (double)s->image.width * s->image.height;
-  s->sampling.step = tc_quality_cost_step(&cost, s, pixels, budget);
-  fprintf(stderr, "tomocast render: quality: step %.3g, %.3g ms expected\n", s->sampling.step,
-          tc_quality_cost_ms(&cost, s, pixels));
+  tc_quality_choose(&model, &cost, s, &choice);
+  tc_quality_apply(&choice, s);
+  fprintf(stderr, "tomocast render: quality: %s\n", choice.reason);
   return true;
 }
 

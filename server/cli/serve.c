@@ -162,6 +162,7 @@ static bool start(serve_daemon *d, GError **error) {
     return false;
   server->catalogue = tcs_catalogue_new(server);
   if (!(server->scheduler = tcs_scheduler_new(server, error))) return false;
+  server->cost = tc_quality_cost_of(tcs_scheduler_about(server->scheduler)->backend);
   server->quality = tcs_quality_new(server);
   server->sessions = tcs_sessions_new(server);
   if (!(server->http = tcs_http_new(server, error))) return false;

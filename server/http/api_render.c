@@ -12,8 +12,8 @@ static void leave_job(tcs_request *request) {
   tcs_job_cancel(job);
 }
 
-/* cost: of the frames that this one is like. */
-static void submit(tcs_request *request, tcs_job *job, const tc_quality_cost *cost, void (*finished)(tcs_job *job)) {
+/* session: whose frame or plan it is, or NULL. */
+static void submit(tcs_request *request, tcs_job *job, const tcs_session *session, void (*finished)(tcs_job *job)) {
   GError *error = NULL;
   job->finished = finished;
   job->user = request;
@@ -21,7 +21,7 @@ static void submit(tcs_request *request, tcs_job *job, const tc_quality_cost *co
     tcs_defer(request, leave_job, job);
     return;
   }
-  tcs_quality_resolve(request->server->quality, job, cost, false);
+  tcs_quality_resolve(request->server->quality, job, session, false);
   if (tcs_scheduler_submit(request->server->scheduler, job, &error)) {
     tcs_defer(request, leave_job, job);
     return;
@@ -58,7 +58,7 @@ static void render(tcs_request *request, tc_volume *volume, const tc_scene *scen
   }
   tcs_job *job = tcs_job_new(request->server, volume, scene);
   if (labels) job->labels = tc_volume_ref(labels);
-  submit(request, job, &request->server->cost, finished_picture);
+  submit(request, job, NULL, finished_picture);
 }
 
 /* Leaves *format where no name is given. */
@@ -190,5 +190,5 @@ void tcs_get_plan(tcs_request *request) {
   tcs_job *job = tcs_job_new(request->server, session->entry->volume, &session->scene);
   if (session->labels) job->labels = tc_volume_ref(tcs_session_labels(session));
   job->plan_only = true;
-  submit(request, job, session->cost.w > 0 ? &session->cost : &request->server->cost, finished_plan);
+  submit(request, job, session, finished_plan);
 }

@@ -4,6 +4,7 @@
 #define TCS_SCHEDULE_SCHEDULER_H
 
 #include "renderer/quality/meter.h"
+#include "renderer/quality/quality.h"
 
 #include "server/server.h"
 
@@ -11,11 +12,11 @@
 typedef struct tcs_quality_used {
   bool for_time;   /* the bound is milliseconds, else an error */
   double asked;    /* the bound */
-  double expected; /* what the model expects; 0 before anything was measured */
+  double expected; /* error or ms, as the bound; 0 before anything was measured */
   double step;     /* chosen */
-  bool holds;      /* the model expects the bound to hold */
-  int views;       /* measured for the model of the error */
-  char reason[200];
+  bool holds;      /* the bound is expected to hold */
+  int views;       /* measured for the model of the error; -1: the choice needs none */
+  char reason[TC_QUALITY_REASON];
 } tcs_quality_used;
 
 /* One picture (or plan) to make. Made by tcs_job_new(), filled by its owner, freed by the scheduler after `finished`.

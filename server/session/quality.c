@@ -5,8 +5,6 @@
 /* Looks remembered; beyond that all are forgotten: they come back in less than a second each. */
 #define MOST_LOOKS 64
 #define CACHE_BYTES (96u << 20)
-/* The share of a time budget that is planned with: frames differ. */
-#define BUDGET_SHARE 0.9
 
 /* One measurement: for a session (whoever has the look profits), or for a single picture that waits. */
 typedef struct measurement {
@@ -17,7 +15,8 @@ typedef struct measurement {
   tc_volume *volume, *labels; /* owned references; no labels: NULL */
   tc_scene scene;
   tc_camera camera;
-  tc_quality_model model; /* what is known: where to begin */
+  tc_quality_model model; /* what is known of errors and times: where to begin */
+  tc_quality_cost cost;
   tc_quality_view view;
   atomic_bool cancel;
   GError *error;
@@ -79,71 +78,62 @@ static char *look_of_session(const tcs_session *session) {
   return look_of(session->entry->volume, tcs_session_labels(session), &session->scene);
 }
 
-static tc_quality_model *model_of(tcs_quality *q, const char *look) {
-  tc_quality_model *model = g_hash_table_lookup(q->models, look);
-  if (model) return model;
-  if (g_hash_table_size(q->models) >= MOST_LOOKS) g_hash_table_remove_all(q->models);
-  model = g_new0(tc_quality_model, 1);
-  model->first_only = strcmp(tcs_scheduler_about(q->server->scheduler)->backend, "cpu") != 0;
-  g_hash_table_insert(q->models, g_strdup(look), model);
-  return model;
+static const tc_quality_model *model_of(const tcs_quality *q, const char *look) {
+  static const tc_quality_model none;
+  const tc_quality_model *model = g_hash_table_lookup(q->models, look);
+  return model ? model : &none;
 }
 
-static bool asks_for_error(const tc_scene *scene) {
-  char reason[96];
-  return scene->quality.max_error > 0 && !tc_quality_refuses(scene, reason, sizeof reason);
+static void add_view(tcs_quality *q, const char *look, const tc_quality_view *view) {
+  tc_quality_model *model = g_hash_table_lookup(q->models, look);
+  if (!model) {
+    if (g_hash_table_size(q->models) >= MOST_LOOKS) g_hash_table_remove_all(q->models);
+    model = g_new0(tc_quality_model, 1);
+    g_hash_table_insert(q->models, g_strdup(look), model);
+  }
+  tc_quality_add(model, view);
 }
 
 /* ---- choosing ---- */
 
-static void choose_for_time(tcs_job *job, const tc_quality_cost *cost, bool moving) {
-  tcs_quality_used *used = &job->quality;
-  tc_scene *s = &job->scene;
-  const double pixels = (double)s->image.width * s->image.height;
-  double budget = used->asked;
-  if (s->mode == TC_MODE_ISOSURFACE && tc_quality_refuses(s, used->reason, sizeof used->reason)) return;
-  if (moving) budget = MIN(budget, TCS_LADDER_TARGET_MS);
-  s->sampling.step = tc_quality_cost_step(cost, s, pixels, budget * BUDGET_SHARE);
-  used->expected = tc_quality_cost_ms(cost, s, pixels);
-  used->holds = used->expected > 0 && used->expected <= budget;
-  const char *form = used->expected <= 0 ? "no frame was timed yet: a step of %.3g voxel"
-                     : used->holds       ? "step %.3g is the finest that is expected in time: %.3g of %.3g ms"
-                                         : "step %.3g is the coarsest there is: %.3g ms are expected, not %.3g";
-  g_snprintf(used->reason, sizeof used->reason, form, s->sampling.step, used->expected, budget);
+/* Of frames like the session's, or of all for want of such. */
+static const tc_quality_cost *cost_of(const tcs_quality *q, const tcs_session *session) {
+  return session && session->cost.w > 0 ? &session->cost : &q->server->cost;
 }
 
-static void choose_for_error(tcs_quality *q, tcs_job *job, bool moving) {
-  tcs_quality_used *used = &job->quality;
-  tc_scene *s = &job->scene;
-  tc_quality_choice choice;
-  if (tc_quality_refuses(s, used->reason, sizeof used->reason)) return; /* the scene's own sampling */
-  char *look = look_of(job->volume, job->labels, s);
-  const tc_quality_model *model = model_of(q, look);
-  g_free(look);
-  const double own = s->sampling.step;
-  const tc_classification method = s->classification;
-  tc_quality_choose(model, s, &choice);
-  tc_quality_apply(&choice, s);
-  if (moving && choice.step < own) { /* no dearer than the scene's own */
-    s->sampling.step = own;
-    s->classification = method;
-  }
-  used->expected = choice.rms;
-  used->holds = choice.holds;
-  used->views = model->n;
-  g_strlcpy(used->reason, choice.reason, sizeof used->reason);
+/* Of the two that a bound on time chooses from, the session's newest picture tells the one in use. */
+static void take_method_in_use(tc_scene *s, const tcs_session *session) {
+  if (!(s->quality.max_ms > 0) || !session || !session->latest) return;
+  const tc_classification method = session->latest->classification;
+  if (method == TC_PREINTEGRATED || method == TC_PREINTEGRATED2) s->classification = method;
 }
 
-void tcs_quality_resolve(tcs_quality *q, tcs_job *job, const tc_quality_cost *cost, bool moving) {
+void tcs_quality_resolve(tcs_quality *q, tcs_job *job, const tcs_session *session, bool moving) {
   tc_scene *s = &job->scene;
   tcs_quality_used *used = &job->quality;
   if (!(s->quality.max_error > 0) && !(s->quality.max_ms > 0)) return;
   used->for_time = s->quality.max_ms > 0;
   used->asked = used->for_time ? s->quality.max_ms : s->quality.max_error;
-  if (used->for_time)
-    choose_for_time(job, cost, moving);
-  else
-    choose_for_error(q, job, moving);
+  used->views = -1;
+  if (!tc_quality_refuses(s, used->reason, sizeof used->reason)) {
+    char *look = look_of(job->volume, job->labels, s);
+    const tc_quality_model *model = model_of(q, look);
+    const tc_scene own = *s; /* borrows */
+    tc_quality_choice choice;
+    g_free(look);
+    if (tc_quality_measures(s)) used->views = model->n;
+    if (model->n) take_method_in_use(s, session);
+    if (moving && used->for_time) s->quality.max_ms = MIN(s->quality.max_ms, TCS_LADDER_TARGET_MS);
+    tc_quality_choose(model, cost_of(q, session), s, &choice);
+    tc_quality_apply(&choice, s);
+    if (moving && !used->for_time && choice.step < own.sampling.step) { /* no dearer than the scene's own */
+      s->sampling.step = own.sampling.step;
+      s->classification = own.classification;
+    }
+    used->expected = used->for_time ? choice.ms : choice.rms;
+    used->holds = choice.holds;
+    g_strlcpy(used->reason, choice.reason, sizeof used->reason);
+  }
   s->quality.max_error = s->quality.max_ms = 0;
   used->step = s->sampling.step;
 }
@@ -162,7 +152,7 @@ cJSON *tcs_quality_json(const tcs_job *job) {
   cJSON_AddNumberToObject(json, "termination", job->scene.sampling.termination);
   if (used->expected > 0) cJSON_AddNumberToObject(json, "expected", used->expected);
   cJSON_AddBoolToObject(json, "holds", used->holds);
-  if (!used->for_time) cJSON_AddNumberToObject(json, "views", used->views);
+  if (used->views >= 0) cJSON_AddNumberToObject(json, "views", used->views);
   cJSON_AddStringToObject(json, "reason", used->reason);
   return json;
 }
@@ -180,8 +170,8 @@ static void run(tcs_task *task) {
   const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = 1, .cache_bytes = CACHE_BYTES};
   if (!q->renderer) q->renderer = tc_renderer_new(&options, &m->error);
   if (q->renderer)
-    tc_quality_measure(q->renderer, m->volume, m->labels, &m->scene, &m->camera, &m->model, &m->cancel, &m->view,
-                       &m->error);
+    tc_quality_measure(q->renderer, m->volume, m->labels, &m->scene, &m->camera, &m->model, &m->cost, &m->cancel,
+                       &m->view, &m->error);
 }
 
 static void submit_waiting(tcs_quality *q, tcs_job *job) {
@@ -190,25 +180,27 @@ static void submit_waiting(tcs_quality *q, tcs_job *job) {
     tcs_job_free(job);
     return;
   }
-  tcs_quality_resolve(q, job, &q->server->cost, false);
+  tcs_quality_resolve(q, job, NULL, false);
   if (tcs_scheduler_submit(q->server->scheduler, job, &error)) return;
   job->error = error;
   job->finished(job);
   tcs_job_free(job);
 }
 
-/* Final pictures that are now known not to hold their bound are made again, where that helps. */
+/* Final pictures that are now known to fall short of what their bound allows are made again. */
 static void refine(tcs_session *session, void *user) {
   const measurement *m = user;
   const tcs_picture *latest = session->latest;
-  if (!latest || !latest->final || latest->revision != session->revision || !asks_for_error(&session->scene)) return;
+  if (!latest || !latest->final || latest->revision != session->revision || !tc_quality_measures(&session->scene))
+    return;
   char *look = look_of_session(session);
   if (strcmp(look, m->look) == 0) {
     const tc_quality_model *model = model_of(m->quality, look);
-    const double now = tc_quality_expects(model, &session->scene, latest->classification, latest->step);
+    tc_scene scene = session->scene; /* borrows */
     tc_quality_choice choice;
-    tc_quality_choose(model, &session->scene, &choice);
-    if (now > session->scene.quality.max_error && choice.rms < now * 0.99) tcs_session_refine(session);
+    take_method_in_use(&scene, session);
+    tc_quality_choose(model, cost_of(m->quality, session), &scene, &choice);
+    if (tc_quality_betters(model, &scene, &choice, latest->classification, latest->step)) tcs_session_refine(session);
   }
   g_free(look);
 }
@@ -220,7 +212,7 @@ static void done(tcs_task *task) {
   if (q->for_session == m) q->for_session = NULL;
   if (!m->error) {
     q->server->metrics.quality_measurements++;
-    tc_quality_add(model_of(q, m->look), &m->view);
+    add_view(q, m->look, &m->view);
     tcs_sessions_each(q->server->sessions, refine, m);
   } else if (!g_error_matches(m->error, TC_ERROR, TC_ERROR_CANCELLED)) {
     tcs_log(TCS_LOG_WARN, "quality.failed", "code=%d", m->error->code);
@@ -238,15 +230,16 @@ static void done(tcs_task *task) {
   if (again) tcs_quality_pump(q);
 }
 
-/* Takes `look`. */
+/* Takes `look`. cost: of frames like those it is for. */
 static measurement *begin(tcs_quality *q, tc_volume *volume, tc_volume *labels, const tc_scene *scene,
-                          const tc_camera *camera, char *look) {
+                          const tc_camera *camera, const tc_quality_cost *cost, char *look) {
   measurement *m = g_new0(measurement, 1);
   *m = (measurement){.task = {.run = run, .done = done}, .quality = q, .look = look, .camera = *camera};
   m->volume = tc_volume_ref(volume);
   if (labels) m->labels = tc_volume_ref(labels);
   tc_scene_copy(&m->scene, scene);
   m->model = *model_of(q, look);
+  m->cost = *cost;
   atomic_init(&m->cancel, false);
   g_ptr_array_add(q->under_way, m);
   tcs_worker_submit(q->server->quality_worker, &m->task);
@@ -254,15 +247,16 @@ static measurement *begin(tcs_quality *q, tc_volume *volume, tc_volume *labels, 
 }
 
 bool tcs_quality_prepare(tcs_quality *q, tcs_job *job) {
-  if (!asks_for_error(&job->scene) || (int64_t)q->under_way->len >= q->server->config->limits.queue) return false;
+  const bool waits = job->scene.quality.max_error > 0 && tc_quality_measures(&job->scene);
+  if (!waits || (int64_t)q->under_way->len >= q->server->config->limits.queue) return false;
   tc_quality_choice choice;
   char *look = look_of(job->volume, job->labels, &job->scene);
-  tc_quality_choose(model_of(q, look), &job->scene, &choice);
+  tc_quality_choose(model_of(q, look), &q->server->cost, &job->scene, &choice);
   if (choice.near) {
     g_free(look);
     return false;
   }
-  begin(q, job->volume, job->labels, &job->scene, &job->scene.camera, look)->waiting = job;
+  begin(q, job->volume, job->labels, &job->scene, &job->scene.camera, &q->server->cost, look)->waiting = job;
   return true;
 }
 
@@ -270,13 +264,14 @@ static void measure_for(tcs_session *session, void *user) {
   tcs_quality *q = user;
   tc_camera camera;
   const bool settled = session->begun_final && session->begun_revision == session->revision;
-  if (q->for_session || !session->watchers->len || !settled || !asks_for_error(&session->scene)) return;
+  if (q->for_session || !session->watchers->len || !settled || !tc_quality_measures(&session->scene)) return;
   char *look = look_of_session(session);
   if (!tc_quality_wants(model_of(q, look), &session->scene, &camera)) {
     g_free(look);
     return;
   }
-  q->for_session = begin(q, session->entry->volume, tcs_session_labels(session), &session->scene, &camera, look);
+  q->for_session = begin(q, session->entry->volume, tcs_session_labels(session), &session->scene, &camera,
+                         cost_of(q, session), look);
   q->for_session->session = g_strdup(session->id);
 }
 
@@ -288,7 +283,7 @@ void tcs_quality_pump(tcs_quality *q) {
 void tcs_quality_changed(tcs_quality *q, const tcs_session *session) {
   measurement *m = q->for_session;
   if (!m || strcmp(m->session, session->id) != 0) return;
-  const bool wanted = session->watchers->len && asks_for_error(&session->scene);
+  const bool wanted = session->watchers->len && tc_quality_measures(&session->scene);
   char *look = wanted ? look_of_session(session) : NULL;
   if (!look || strcmp(look, m->look) != 0) atomic_store(&m->cancel, true);
   g_free(look);

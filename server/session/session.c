@@ -80,6 +80,7 @@ tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const
   session->revision = 1;
   session->watchers = g_ptr_array_new();
   session->jobs = g_ptr_array_new();
+  session->cost = tc_quality_cost_of(tcs_scheduler_about(server->scheduler)->backend);
   session->created_us = session->used_us = g_get_monotonic_time();
   g_hash_table_insert(sessions->by_id, session->id, session);
   g_ptr_array_add(sessions->order, session);
@@ -285,8 +286,7 @@ static tcs_job *begin_job(tcs_session *session, bool final) {
   job->revision = session->revision;
   job->final = final;
   job->hurry = true;
-  tcs_quality_resolve(session->server->quality, job, session->cost.w > 0 ? &session->cost : &session->server->cost,
-                      !final);
+  tcs_quality_resolve(session->server->quality, job, session, !final);
   if (!final) make_interactive(session, job);
   char reason[96];
   if (final && !tc_meter_refuses(&job->scene, reason, sizeof reason)) job->meter_pixels = job->scene.error_meter.pixels;

@@ -16,15 +16,15 @@ const open = async (scene) => {
   const session = await d.session(scene);
   return { session, ws: await Ws.open(d, session.id) };
 };
-const planOf = async (session) => (await d.get(session.links.plan)).json;
-const measurements = async () =>
-  Number(/^tomocast_quality_measurements_total (.*)$/m.exec((await d.get('/metrics')).bytes.toString())[1]);
+const planOf = async (session, of = d) => (await of.get(session.links.plan)).json;
+const measurements = async (of = d) =>
+  Number(/^tomocast_quality_measurements_total (.*)$/m.exec((await of.get('/metrics')).bytes.toString())[1]);
 
 /** The plan once the views that this session wants are measured. */
-async function known(session) {
+async function known(session, of = d) {
   for (let last = -1, end = Date.now() + 60000; Date.now() < end; await sleep(400)) {
-    const now = await measurements();
-    const plan = await planOf(session);
+    const now = await measurements(of);
+    const plan = await planOf(session, of);
     if (plan.quality.views > 0 && now === last) return plan;
     last = now;
   }
@@ -88,6 +88,38 @@ test('single pictures are measured before they are made', async () => {
   const again = await d.post('/v1/render', asked);
   assert.ok(again.bytes.equals(first.bytes));
   assert.equal(await measurements(), before + 1, 'once');
+});
+
+test('a time budget chooses the method too, and says so', async () => {
+  const { session, ws } = await open({ quality: { maxMilliseconds: 1000 } });
+  await ws.nextFrame(({ final }) => final);
+  const { quality } = await known(session);
+  assert.match(quality.reason, /^preintegrated2?, step .*finest.*in time.* rms error .* measured views/);
+  assert.equal(quality.classification, quality.reason.split(',')[0]);
+  assert.match(quality.reason, /; preintegrated2? with \S+ would have/);
+  assert.ok(quality.holds && quality.expected <= 1000 && quality.termination < 1e-3, JSON.stringify(quality));
+  ws.patch(1, { classification: 'post' }); // asked for by name
+  await ws.nextFrame((h) => h.seq === 1 && h.final);
+  const { quality: post } = await planOf(session);
+  assert.deepEqual([post.classification, post.views], ['post', undefined]);
+  assert.match(post.reason, /^step .*finest/);
+  await ws.close();
+});
+
+test('on gl both methods are weighed', async () => {
+  const gl = await Daemon.start({ args: ['--backend', 'gl'] });
+  const of = { maxError: /; preintegrated2? would need/, maxMilliseconds: /; preintegrated2? with \S+ would have/ };
+  for (const [bound, other] of Object.entries(of)) {
+    const quality = { [bound]: bound === 'maxError' ? 5e-4 : 2000 };
+    const session = await gl.session({ quality, image: { width: 160, height: 120 } });
+    const ws = await Ws.open(gl, session.id);
+    await ws.nextFrame(({ final }) => final);
+    const { quality: chosen } = await known(session, gl);
+    assert.match(chosen.reason, other);
+    assert.match(chosen.classification, /^preintegrated2?$/);
+    await ws.close();
+  }
+  await gl.stop();
 });
 
 test('a time budget: the step follows, said in the plan', async () => {
