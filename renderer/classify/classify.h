@@ -16,9 +16,10 @@
  *
  * Zooms: where knots stand closer than nodes can tell apart, further tables of the same kind stand on ever narrower
  * windows of the value axis (at most 16 times each). A segment is looked up in the last zoom that holds both of its
- * ends, else in the table itself. A window reaches 24 of its parent's nodes beyond the knots it is for, or 16 or 8
- * where that would take more zooms than there may be: a segment that meets those knots and leaves the window is that
- * many nodes long in the parent, so that few end beside a peak that the parent cannot place. */
+ * ends, else in the table itself; where a finer one holds but one of them, inside its rims, the opacity is that of the
+ * parts inside and outside of it, by their depths. A window reaches 24 of its parent's nodes beyond the knots it is
+ * for, or 16 or 8 where that would take more zooms than there may be.
+ */
 #ifndef TC_CLASSIFY_H
 #define TC_CLASSIFY_H
 
@@ -37,6 +38,7 @@
 /* A window of the value axis: voxel values (not rescaled) of its nodes 0 and TC_ZOOM_NODES - 1. */
 typedef struct tc_zoom {
   double lo, hi;
+  double rim; /* of its nodes, at either end: these are more than two of its parent's away from the knots it is for */
 } tc_zoom;
 
 typedef struct tc_table {
@@ -80,10 +82,9 @@ typedef struct tc_table_params {
  * rise of extinction that turns a voxel from clear to opaque. One that is steeper than that, with nothing near, is
  * seen up to TC_EDGE_UNITS or TC_EDGE_SHARE from its place, and colours inside it as wide. But for that, rays of up to
  * seven segments of half a voxel through a field that is linear along them, about any knot and at any rate of change,
- * are off in opacity and colours, as a mean over where samples fall, by at most 1/20, in 19 of 20 transfer functions
- * by at most 1/100, in half of them by at most 1/1000 (measured, tests/unit/test_table_choice.c; the worst dwell in
- * the bend at the foot of a dense rise). No bound holds for one ray by itself: where a segment that is longer than a
- * peak's zoom ends right beside the peak, up to a quarter of the peak's opacity may be missing. */
+ * are off in opacity and colours by at most 1/15, as a mean over where samples fall by at most 1/30, in 19 of 20
+ * transfer functions by 1/100, in half of them by 1/2500 (measured, tests/unit/test_table_choice.c; the worst dwell in
+ * the bend at the foot of a dense rise, or end inside a peak of several colours). */
 void tc_table_choose(const tc_volume *volume, const tc_transfer_function *tf, int *n, double *voxel_lo,
                      double *voxel_hi);
 

@@ -207,7 +207,7 @@ tc_table *tc_table_outline(const tc_table_params *params, GError **error) {
   bool ok = m && m->rows;
   if (ok) m->peak = brightest(params);
   for (int w = 0; ok && w <= params->n_zooms; w++) { /* the table itself, then its zooms */
-    tc_zoom range = w ? params->zooms[w - 1] : (tc_zoom){params->voxel_lo, params->voxel_hi};
+    tc_zoom range = w ? params->zooms[w - 1] : (tc_zoom){.lo = params->voxel_lo, .hi = params->voxel_hi};
     tc_segments *axis = &m->axes[w];
     ok = tc_segments_make(axis, params, range.lo, range.hi, w ? TC_ZOOM_NODES : params->n);
     tc_v4 *rows = m->rows + rows_start(&m->table, w);

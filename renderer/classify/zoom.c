@@ -19,6 +19,7 @@ typedef struct edge {
 #define MOST_MARGIN 24 /* parent nodes that a zoom reaches beyond its edges, where there may be as many zooms */
 #define LEAST_MARGIN 8
 #define LEAST_GAIN 3
+#define BLURRED 2 /* parent nodes over which a look-up mixes what lies to either side of a segment's end */
 
 typedef struct edges {
   edge *list;
@@ -107,8 +108,9 @@ static void zoom_in(zooming *z, double lo, double hi, double node) {
     for (; end < z->edges.count && e[end].at <= fmin(last + 2 * z->margin * node, hi); end++)
       if (e[end].node < node) last = e[end].at;
     i = end;
-    tc_zoom window = {first - z->margin * node, last + z->margin * node};
+    tc_zoom window = {.lo = first - z->margin * node, .hi = last + z->margin * node};
     double finer = (window.hi - window.lo) / (TC_ZOOM_NODES - 1);
+    window.rim = (z->margin - BLURRED) * node / finer;
     /* Below this a node is less than what single precision tells apart in a voxel value. */
     bool sharp = finer > 4e-7 * fmax(fabs(window.lo), fabs(window.hi));
     if (finer * LEAST_GAIN > node || !sharp || z->count == TC_MAX_ZOOMS) {

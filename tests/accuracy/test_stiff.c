@@ -1,5 +1,6 @@
-/* Rays that end a little way into a segment of a medium so dense that single precision calls the whole segment opaque:
- * every instruction set of this machine and OpenGL against the reference. */
+/* Media so dense that single precision calls a segment opaque of which a ray sees but a little: rays that end inside of
+ * one, and segments that end beside a narrow peak. Every instruction set of this machine and OpenGL against the
+ * reference. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -120,7 +121,48 @@ static void a_wall_at_the_end(void **state) {
   tc_volume_unref(volume);
 }
 
+/* A peak one of 65536 values wide: segments reach from beside it, inside its zoom, to far outside of it. */
+static double across_the_range(double x, double y, double z, const void *unused) {
+  return 65535 * (0.1 + 0.9 * (6 * y + 2 * x + z) / 279);
+}
+
+static void a_peak_at_any_step(void **state) {
+  static const double cool[3] = {0.2, 0.45, 0.95}, bases[] = {0, 0.002, 0.1};
+  tc_volume *volume = test_volume(&(test_grid){.dims = {32, 32, 32}, .type = TC_U16}, across_the_range, NULL);
+  for (size_t b = 0; b < G_N_ELEMENTS(bases); b++) {
+    tc_knot knots[] = {{.value = 39999, .amount = bases[b]},
+                       {.value = 40000, .color = {1, 0.55, 0.2}, .amount = 1000},
+                       {.value = 40001, .amount = bases[b]}};
+    memcpy(knots[0].color, cool, sizeof cool);
+    memcpy(knots[2].color, cool, sizeof cool);
+    tc_scene scene;
+    test_scene(&scene, 40, 30);
+    test_scene_knots(&scene, TC_KNOT_EXTINCTION, knots, 3);
+    test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){-1, -2, -0.7});
+    float *want = test_reference(volume, &scene, 1e-9);
+    for (double step = 4; step >= 1.0 / 16; step /= 2) {
+      scene.sampling.step = step;
+      EACH_RENDERER(i) {
+        tc_plan plan;
+        const float *got = test_draw(i, volume, &scene, NULL, &plan)->linear;
+        double off = 0, color = 0;
+        for (int k = 0; k < 40 * 30; k++) off = fmax(off, fabs((double)got[4 * k + 3] - (double)want[4 * k + 3]));
+        color = test_compare(got, want, 40 * 30).rms;
+        if (i == test_widest())
+          printf("  base %-5g step %-6g opacity off by %.0e, rms %.1e\n", bases[b], step, off, color);
+        assert_true(plan.table_zooms > 0);
+        if (!(off <= 5e-4 && color <= 1.5e-3))
+          fail_msg("%s, step %g: opacity off by %g, rms %g", test_names[i], step, off, color);
+      }
+    }
+    g_free(want);
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+}
+
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(a_short_segment), cmocka_unit_test(a_wall_at_the_end)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(a_short_segment), cmocka_unit_test(a_wall_at_the_end),
+                                     cmocka_unit_test(a_peak_at_any_step)};
   return cmocka_run_group_tests_name("stiff", tests, test_renderers_open, test_renderers_close);
 }

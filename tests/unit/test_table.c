@@ -271,7 +271,7 @@ static void after_an_edit(void **state) {
       tc_transfer_function tf, edited;
       tc_table_params p = params(&tf, before, 4, TC_KNOT_OPACITY, n, 0.7);
       params(&edited, after, 4, TC_KNOT_OPACITY, n, 0.7);
-      p.n_zooms = 1, p.zooms[0] = (tc_zoom){60, 100};
+      p.n_zooms = 1, p.zooms[0] = (tc_zoom){.lo = 60, .hi = 100};
       tc_table *like = tc_table_build(&p, pool, NULL), *other;
       p.tf = &edited;
       tc_table *a = rebuild(&p, like, pool), *b = tc_table_build(&p, NULL, NULL);

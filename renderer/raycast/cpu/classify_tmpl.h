@@ -9,34 +9,6 @@ V_INLINE vf4 classify(const tc_cpu_args *g, vf front, vf back) {
   return v_bilinear(g->table, v_trunc(row0), v_trunc(row0 + stride), low - i, k - kk);
 }
 
-/* The finest of the table and its zooms that holds both ends of a segment: the ends in its nodes, entries a row, and
- * those before its row k = 0 (0: the table itself). */
-typedef struct window { vf front, back, stride, start; } window;
-
-V_INLINE window enter_window(const tc_cpu_args *g, vf front, vf back) {
-  window w = {front, back, v_set(g->table_stride), v_set(0)};
-  for (int z = 0; z < g->n_zooms; z++) {
-    const tc_cpu_zoom *zoom = &g->zooms[z];
-    vf zf = (front - v_set(zoom->lo)) * v_set(zoom->scale), zb = (back - v_set(zoom->lo)) * v_set(zoom->scale);
-    vm inside = m_and(v_le(v_set(0), v_min(zf, zb)), v_le(v_max(zf, zb), v_set(TC_ZOOM_NODES - 1)));
-    w.front = v_select(inside, zf, w.front);
-    w.back = v_select(inside, zb, w.back);
-    w.stride = v_select(inside, v_set(TC_ZOOM_NODES + 2), w.stride);
-    w.start = v_select(inside, v_set(zoom->start), w.start);
-  }
-  return w;
-}
-
-/* The same where the table has zooms. */
-V_INLINE vf4 classify_zoomed(const tc_cpu_args *g, vf front, vf back) {
-  window w = enter_window(g, front, back);
-  vf low = v_min(w.front, w.back), diff = w.back - w.front, k = v_abs(diff);
-  vf i = v_float(v_trunc(low)), kk = v_float(v_trunc(k));
-  vf stride = v_select(v_lt(diff, v_set(0)), v_set(0) - w.stride, w.stride);
-  vf row0 = v_fma(kk, stride, i) + w.start;
-  return v_bilinear(g->table, v_trunc(row0), v_trunc(row0 + stride), low - i, k - kk);
-}
-
 /* log2 and exp2 for the last segments only; relative error about 1e-6. */
 V_INLINE vf log2_approx(vf x) {
   vi bits = v_bits(x), e = v_subi(v_sra(bits, 23), v_seti(127));

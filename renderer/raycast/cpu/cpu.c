@@ -169,7 +169,8 @@ static void fill_zooms(tc_cpu_args *a, const tc_table *t) {
   for (int z = 0; z < t->n_zooms; z++)
     a->zooms[z] = (tc_cpu_zoom){.lo = (float)((t->zooms[z].lo - t->lo) * nodes),
                                 .scale = (float)((TC_ZOOM_NODES - 1) / ((t->zooms[z].hi - t->zooms[z].lo) * nodes)),
-                                .start = (float)((t->zoom_rows[z] - t->zero_row) / 4)};
+                                .start = (float)((t->zoom_rows[z] - t->zero_row) / 4),
+                                .rim = (float)t->zooms[z].rim};
 }
 
 static void fill_labels(tc_cpu_labels *l, const tc_job *job) {

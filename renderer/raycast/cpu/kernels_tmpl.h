@@ -12,6 +12,8 @@
 
 #include "renderer/raycast/cpu/integrals_tmpl.h"
 
+#include "renderer/raycast/cpu/zoom_tmpl.h"
+
 #include "renderer/raycast/cpu/stiff_tmpl.h"
 
 #include "renderer/raycast/cpu/subpixel_tmpl.h"

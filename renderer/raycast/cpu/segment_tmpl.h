@@ -17,9 +17,10 @@ V_INLINE void straighten(vf *front, vf middle, vf *back) {
 }
 
 /* Segment i: of full length or, where the ray ends or begins with a phase, shorter. */
-V_INLINE vf4 classify_part(const tc_cpu_args *g, variant v, const packet *p, vf front, vf back, int i, vf t0, vf t1) {
+V_INLINE vf4 classify_part(const tc_cpu_args *g, variant v, const packet *p, vf front, vf back, int i, vf t0, vf t1,
+                             vm live) {
   vm ends = v_lt(p->length, t1);
-  vf4 c = v.zoomed ? classify_zoomed(g, front, back) : classify(g, front, back);
+  vf4 c = v.zoomed ? classify_zoomed(g, front, back, live) : classify(g, front, back);
   bool starts = phased(v) && i == 0;
   if (!starts && !m_any(ends)) return c;
   vf share = (starts ? v_min(t1, p->length) : v_max(p->length - t0, v_set(0))) / v_set(g->step_mm);
@@ -39,11 +40,11 @@ V_ONCE vf4 classify_otherwise(const tc_cpu_args *g, variant v, const packet *p, 
 /* front, back: nodes at t0 and t1 mm, or at the ray's end where that comes before t1. */
 V_INLINE vf4 segment(const tc_cpu_args *g, variant v, const packet *p, vf front, vf back, int i, vf t0, vf t1, vm live,
                      tc_cpu_counts *counts) {
-  if (v.classification == TC_PREINTEGRATED) return classify_part(g, v, p, front, back, i, t0, t1);
+  if (v.classification == TC_PREINTEGRATED) return classify_part(g, v, p, front, back, i, t0, t1, live);
   if (v.classification == TC_PREINTEGRATED2) {
     straighten(&front, sample_node(g, v, p, v_set(0.5f) * (t0 + v_min(t1, p->length)), NULL), &back);
     counts->samples += (uint64_t)m_count(live); /* the middle */
-    return classify_part(g, v, p, front, back, i, t0, t1);
+    return classify_part(g, v, p, front, back, i, t0, t1, live);
   }
   return classify_otherwise(g, v, p, front, back, i, t0, t1);
 }

@@ -1,25 +1,6 @@
 /* Part of a segment of a medium so dense that the opacity of the whole no longer tells its depth: a ray's last segment,
  * or one begun with a phase. Part of the template, once an instruction set: no other scene comes here. */
 
-V_INLINE vf4 entry_at(const tc_cpu_args *g, vi at) { return v_bilinear(g->table, at, at, v_set(0), v_set(0)); }
-
-/* The depth of a whole segment from the row of depths (classify/classify.h); nothing cancels in it. */
-V_INLINE vf depth_between(const tc_cpu_args *g, vf front, vf back) {
-  window w = enter_window(g, front, back);
-  vf half = v_set(0.5f), one = v_set(1), low = v_min(w.front, w.back), high = v_max(w.front, w.back);
-  /* row n + 2, of n + 1 entries in the table and of n + 2 in a zoom; (n + 1) (n + 2) is even: exact up to 2^25 */
-  vf row = v_fma(v_select(v_lt(v_set(0), w.start), w.stride, w.stride + one), w.stride, w.start);
-  vi i = v_trunc(low), j = v_trunc(high), start = v_trunc(row);
-  vf x = low - v_float(i), y = high - v_float(j);
-  vf4 first = entry_at(g, v_addi(start, i)), last = entry_at(g, v_addi(start, j));
-  vf4 next = entry_at(g, v_addi(v_addi(start, i), v_seti(1)));
-  vf within = v_fma(half * (x + y), first.a - first.b, first.b);
-  vf rest = half * (one - x) * (v_fma(x, first.a - first.b, first.b) + first.a);
-  vf part = half * y * (v_fma(y, last.a - last.b, last.b) + last.b);
-  vf whole = (rest + part + ((last.r - next.r) + (last.g - next.g))) / v_max(high - low, v_set(1e-30f));
-  return v_select(v_lt(v_float(j) - v_float(i), half), within, whole);
-}
-
 /* How much more of a segment's light comes from its nearer half, in a medium of this depth whose colour changes evenly:
  * 1/2 - 1/x + 1/(exp(x) - 1). */
 V_INLINE vf nearer(vf x) {
@@ -32,8 +13,8 @@ V_INLINE vf nearer(vf x) {
  * has as much of its ends seen from both sides, to the whole one's: exact where colour is linear and extinction
  * constant. */
 V_ONCE vf4 shorten_stiff(const tc_cpu_args *g, vf front, vf back, vf4 c, vf share, vm which) {
-  vf4 reverse = classify_zoomed(g, back, front);
-  vf depth = depth_between(g, front, back), tiny = v_set(1e-30f), half = v_set(0.5f);
+  vf4 reverse = classify_zoomed(g, back, front, which);
+  vf depth = depth_between(g, front, back, which), tiny = v_set(1e-30f), half = v_set(0.5f);
   vf alpha = v_select(v_lt(v_set(0), c.a), opacity_of_depth(share * depth), v_set(0));
   vf along = half * v_min(nearer(share * depth) / v_max(nearer(depth), tiny), v_set(1));
   vf ahead = alpha * (half + along) / v_max(c.a, tiny), behind = alpha * (half - along) / v_max(reverse.a, tiny);

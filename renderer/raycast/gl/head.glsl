@@ -25,7 +25,7 @@ layout(std140, binding = 0) uniform Job {
   vec4 light;                         // xyz: to a fixed light; w: 1 for a head light
   vec4 reflection;                    // x: F0, y: F1, z: least q, w: flat
   vec4 glow[2];                       // xyz: G0, G1; w: specular, shininess
-  vec4 zooms[7];                      // node of the zoom = (node - x) * y; z: where its k = 0 begins (classify.h)
+  vec4 zooms[7];                      // node of the zoom = (node - x) * y; z: where its k = 0 begins, w: its rim (classify.h)
   vec4 label_matrix[3];               // rows: index positions of the label volume from the volume's
   ivec4 label_dims;                   // xyz: voxels; w: slices per texture layer
   ivec4 label_numbers;                // x: voxel of the first entry; y: a voxel value that stands for what lies outside

@@ -36,6 +36,7 @@ static void fill_table(tc_gl_job_block *block, const tc_table *table) {
     block->zooms[z][0] = (float)((zoom->lo - table->lo) * nodes);
     block->zooms[z][1] = (float)((TC_ZOOM_NODES - 1) / ((zoom->hi - zoom->lo) * nodes));
     block->zooms[z][2] = (float)table->starts[1 + z];
+    block->zooms[z][3] = (float)zoom->rim;
   }
 }
 

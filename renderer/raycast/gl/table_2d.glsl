@@ -1,34 +1,39 @@
 // The full pre-integration table (classify.h): rows are differences, columns the smaller end; both read linearly.
 layout(binding = 1) uniform samplerBuffer table;
 
-#if ZOOMED // to the finest window that holds both ends
-void enter_window(inout float front, inout float back, inout int start, inout int columns) {
+// Ends of a segment in a window's nodes, where its row k = 0 begins, entries a row, and the row of depths.
+struct Window {
+  float front, back;
+  int start, columns, depths;
+};
+
+// The finest of the table and its zooms that holds both ends; cut: an end is near the knots of a finer one,
+// by itself.
+Window enter_window(float front, float back, out bool cut) {
+  Window w = Window(front, back, job.table.y, job.table.x, int(job.nodes.z) + 3);
+  cut = false;
+#if ZOOMED
   vec2 ends = vec2(front, back);
   for (int z = 0; z < job.table.z; z++) {
     vec2 at = (ends - job.zooms[z].x) * job.zooms[z].y;
-    if (min(at.x, at.y) >= 0.0 && max(at.x, at.y) <= float(job.table.w - 3)) {
-      front = at.x;
-      back = at.y;
-      start = int(job.zooms[z].z);
-      columns = job.table.w;
-    }
+    float last = float(job.table.w - 3), rim = job.zooms[z].w;
+    bvec2 inside = equal(at, clamp(at, 0.0, last)), close = equal(at, clamp(at, rim, last - rim));
+    cut = cut || any(close) && inside.x != inside.y;
+    if (all(inside))
+      w = Window(at.x, at.y, int(job.zooms[z].z), job.table.w, job.table.w);
   }
+#endif
+  return w;
 }
-#endif
 
-// (premultiplied colour, opacity) of a full segment between two nodes.
-vec4 look_up(float front, float back) {
-  int start = job.table.y;
-  int columns = job.table.x;
-#if ZOOMED
-  enter_window(front, back, start, columns);
-#endif
-  float row = abs(back - front);
-  float column = min(front, back);
+// (premultiplied colour, opacity) of a full segment.
+vec4 look_up(Window w) {
+  float row = abs(w.back - w.front);
+  float column = min(w.front, w.back);
   int r = int(row);
   int c = int(column);
-  int stride = back < front ? -columns : columns;
-  int at = start + r * stride + c;
+  int stride = w.back < w.front ? -w.columns : w.columns;
+  int at = w.start + r * stride + c;
   // "precise": rewritten as a mix() this would take the last bit off an opacity of 1.
   vec4 a = texelFetch(table, at), b = texelFetch(table, at + 1);
   precise vec4 near = a + (b - a) * (column - float(c));
@@ -40,16 +45,11 @@ vec4 look_up(float front, float back) {
   return segment;
 }
 
-#if STIFF
+#if STIFF || ZOOMED
 // The depth of a whole segment, from the row of depths; nothing cancels in it.
-float depth_between(float front, float back) {
-  int start = job.table.y, columns = job.table.x, n = int(job.nodes.z) + 1;
-#if ZOOMED
-  enter_window(front, back, start, columns);
-  n = start == job.table.y ? n : columns - 2;
-#endif
-  float low = min(front, back), high = max(front, back);
-  int i = int(low), j = int(high), row = start + (n + 2) * columns;
+float depth_in(Window w) {
+  float low = min(w.front, w.back), high = max(w.front, w.back);
+  int i = int(low), j = int(high), row = w.start + w.depths * w.columns;
   float x = low - float(i), y = high - float(j);
   vec4 first = texelFetch(table, row + i), next = texelFetch(table, row + i + 1), last = texelFetch(table, row + j);
   if (i == j)
@@ -60,6 +60,45 @@ float depth_between(float front, float back) {
   return (rest + part + whole) / (high - low);
 }
 
+// Cut at the edges of zooms in which but one end lies (zoom_tmpl.h has the words).
+float depth_between(float front, float back) {
+  float parts = 0.0, rest = 1.0;
+#if ZOOMED
+  float span = max(abs(back - front), 1e-30);
+  for (int z = job.table.z - 1; z >= 0; z--) {
+    vec4 zoom = job.zooms[z];
+    vec2 at = (vec2(front, back) - zoom.x) * zoom.y, held = clamp(at, 0.0, float(job.table.w - 3));
+    bvec2 inside = equal(at, held);
+    if (inside.x == inside.y)
+      continue;
+    float edge = (inside.x ? held.y : held.x) / zoom.y + zoom.x, length_nodes = abs(edge - (inside.x ? front : back));
+    parts += min(length_nodes / span, 1.0) * depth_in(Window(held.x, held.y, int(zoom.z), job.table.w, job.table.w));
+    if (inside.x)
+      front = edge;
+    else
+      back = edge;
+  }
+  if (parts > 0.0)
+    rest = abs(back - front) / span;
+#endif
+  bool cut;
+  return parts + rest * depth_in(enter_window(front, back, cut));
+}
+#endif
+
+vec4 classify_full(float front, float back) {
+  bool cut;
+  vec4 segment = look_up(enter_window(front, back, cut));
+#if ZOOMED
+  if (cut && segment.a > 0.0) {
+    float opacity = opacity_of_depth(depth_between(front, back));
+    return vec4(opacity / segment.a * segment.rgb, opacity);
+  }
+#endif
+  return segment;
+}
+
+#if STIFF
 // 1/2 - 1/x + 1/(exp(x) - 1), and what it serves: stiff_tmpl.h has the words.
 float nearer(float x) {
   float clear = 1.0 - opacity_of_depth(x);
@@ -69,7 +108,7 @@ float nearer(float x) {
 vec4 shorten_stiff(float front, float back, vec4 segment, float share) {
   if (segment.a <= 0.0)
     return segment;
-  vec4 reverse = look_up(back, front);
+  vec4 reverse = classify_full(back, front);
   float depth = depth_between(front, back), opacity = opacity_of_depth(share * depth);
   float along = 0.5 * min(nearer(share * depth) / max(nearer(depth), 1e-30), 1.0);
   vec3 color = (0.5 + along) / segment.a * segment.rgb + (0.5 - along) / max(reverse.a, 1e-30) * reverse.rgb;
@@ -78,7 +117,7 @@ vec4 shorten_stiff(float front, float back, vec4 segment, float share) {
 #endif
 
 vec4 classify(float front, float back, float length_mm, bool is_part) {
-  vec4 segment = look_up(front, back);
+  vec4 segment = classify_full(front, back);
 #if STIFF
   return is_part ? shorten_stiff(front, back, segment, length_mm / job.march.x) : segment;
 #else
