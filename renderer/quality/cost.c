@@ -10,10 +10,10 @@
 #define FINEST_RUNG (-24)
 #define COARSEST_RUNG 16
 /* What a segment of preintegrated2, its two samples and three look-ups, costs beside one of preintegrated: constants,
- * not a clock, for one scene has one picture under a bound on the error. By the growth of the time from steps of 1 to
- * 0.25, median frames of both methods in turn, over built-in volumes without shading: on the cpu 2.3 to 2.7 where most
- * is seen, more where little is; on gl, measured in software (llvmpipe), 1.4 to 1.5. A GPU, which has to fetch twice
- * and look up thrice too, was not at hand. */
+ * not a clock, for one scene has one picture under a bound on the error. By how the time of the quickest of several
+ * frames, of both methods in turn, grows from a step of 1 to 0.25, over built-in volumes without shading: on the cpu
+ * 2.4 to 2.7, more where little is seen; on gl 1.4 to 1.5, measured in software (llvmpipe) for want of a GPU, which has
+ * to fetch and look up as often. Shading lowers it, for either method has one gradient a segment: to 2 and 1.3. */
 #define SECOND_ON_CPU 2.7
 #define SECOND_ON_GL 1.5
 

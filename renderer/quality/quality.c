@@ -65,9 +65,9 @@ bool tc_quality_refuses(const tc_scene *scene, char *reason, size_t size) {
   return true;
 }
 
-bool tc_quality_measures(const tc_scene *scene) {
+bool tc_quality_measures(const tc_quality_cost *cost, const tc_scene *scene) {
   char reason[96];
-  if (is_timed(scene)) return has_methods(scene) && !tc_meter_refuses(scene, reason, sizeof reason);
+  if (is_timed(scene)) return cost->w > 0 && has_methods(scene) && !tc_meter_refuses(scene, reason, sizeof reason);
   return scene->quality.max_error > 0 && !tc_quality_refuses(scene, reason, sizeof reason);
 }
 
@@ -316,7 +316,7 @@ static void choose_measured(const tc_quality_model *m, const tc_quality_cost *co
 
 void tc_quality_choose(const tc_quality_model *m, const tc_quality_cost *cost, const tc_scene *scene,
                        tc_quality_choice *choice) {
-  bool measured = m->n > 0 && tc_quality_measures(scene);
+  bool measured = m->n > 0 && tc_quality_measures(cost, scene);
   option other;
   *choice = (tc_quality_choice){.classification = scene->classification, .termination = scene->sampling.termination};
   if (measured)

@@ -68,9 +68,9 @@ typedef struct tc_quality_choice {
 /* Why there is nothing to choose for the bound that the scene asks for, one phrase in `size` bytes; false: there is.
  * Pure. */
 bool tc_quality_refuses(const tc_scene *scene, char *reason, size_t size);
-/* The choice for the scene's bound rests on measured views: always under max_error; under max_ms between the methods,
- * while without them, and before any, the step alone follows the time. Pure. */
-bool tc_quality_measures(const tc_scene *scene);
+/* The choice for the scene's bound rests on measured views: always under max_error; under max_ms between the methods
+ * and once a frame was timed, for that tells the step to measure about; else the step alone follows the time. Pure. */
+bool tc_quality_measures(const tc_quality_cost *cost, const tc_scene *scene);
 
 /* The error that the model expects of a sampling of the scene as its camera sees it; INFINITY where it cannot say.
  * Pure. */

@@ -209,7 +209,7 @@ static bool choose_sampling(job *j, GError **error) {
     return true;
   }
   if (timed && !time_frames(j, &cost, error)) return false;
-  if (tc_quality_measures(s)) {
+  if (tc_quality_measures(&cost, s)) {
     if (!tc_quality_measure(j->renderer, j->volume, j->labels, s, &s->camera, &model, &cost, NULL, &view, error))
       return false;
     tc_quality_add(&model, &view);

@@ -111,6 +111,7 @@ static void take_method_in_use(tc_scene *s, const tcs_session *session) {
 void tcs_quality_resolve(tcs_quality *q, tcs_job *job, const tcs_session *session, bool moving) {
   tc_scene *s = &job->scene;
   tcs_quality_used *used = &job->quality;
+  const tc_quality_cost *cost = cost_of(q, session);
   if (!(s->quality.max_error > 0) && !(s->quality.max_ms > 0)) return;
   used->for_time = s->quality.max_ms > 0;
   used->asked = used->for_time ? s->quality.max_ms : s->quality.max_error;
@@ -121,10 +122,10 @@ void tcs_quality_resolve(tcs_quality *q, tcs_job *job, const tcs_session *sessio
     const tc_scene own = *s; /* borrows */
     tc_quality_choice choice;
     g_free(look);
-    if (tc_quality_measures(s)) used->views = model->n;
+    if (tc_quality_measures(cost, s)) used->views = model->n;
     if (model->n) take_method_in_use(s, session);
     if (moving && used->for_time) s->quality.max_ms = MIN(s->quality.max_ms, TCS_LADDER_TARGET_MS);
-    tc_quality_choose(model, cost_of(q, session), s, &choice);
+    tc_quality_choose(model, cost, s, &choice);
     tc_quality_apply(&choice, s);
     if (moving && !used->for_time && choice.step < own.sampling.step) { /* no dearer than the scene's own */
       s->sampling.step = own.sampling.step;
@@ -191,15 +192,16 @@ static void submit_waiting(tcs_quality *q, tcs_job *job) {
 static void refine(tcs_session *session, void *user) {
   const measurement *m = user;
   const tcs_picture *latest = session->latest;
-  if (!latest || !latest->final || latest->revision != session->revision || !tc_quality_measures(&session->scene))
-    return;
+  const tc_quality_cost *cost = cost_of(m->quality, session);
+  if (!latest || !latest->final || latest->revision != session->revision) return;
+  if (!tc_quality_measures(cost, &session->scene)) return;
   char *look = look_of_session(session);
   if (strcmp(look, m->look) == 0) {
     const tc_quality_model *model = model_of(m->quality, look);
     tc_scene scene = session->scene; /* borrows */
     tc_quality_choice choice;
     take_method_in_use(&scene, session);
-    tc_quality_choose(model, cost_of(m->quality, session), &scene, &choice);
+    tc_quality_choose(model, cost, &scene, &choice);
     if (tc_quality_betters(model, &scene, &choice, latest->classification, latest->step)) tcs_session_refine(session);
   }
   g_free(look);
@@ -247,7 +249,7 @@ static measurement *begin(tcs_quality *q, tc_volume *volume, tc_volume *labels, 
 }
 
 bool tcs_quality_prepare(tcs_quality *q, tcs_job *job) {
-  const bool waits = job->scene.quality.max_error > 0 && tc_quality_measures(&job->scene);
+  const bool waits = job->scene.quality.max_error > 0 && tc_quality_measures(&q->server->cost, &job->scene);
   if (!waits || (int64_t)q->under_way->len >= q->server->config->limits.queue) return false;
   tc_quality_choice choice;
   char *look = look_of(job->volume, job->labels, &job->scene);
@@ -264,7 +266,8 @@ static void measure_for(tcs_session *session, void *user) {
   tcs_quality *q = user;
   tc_camera camera;
   const bool settled = session->begun_final && session->begun_revision == session->revision;
-  if (q->for_session || !session->watchers->len || !settled || !tc_quality_measures(&session->scene)) return;
+  if (q->for_session || !session->watchers->len || !settled) return;
+  if (!tc_quality_measures(cost_of(q, session), &session->scene)) return;
   char *look = look_of_session(session);
   if (!tc_quality_wants(model_of(q, look), &session->scene, &camera)) {
     g_free(look);
@@ -283,7 +286,7 @@ void tcs_quality_pump(tcs_quality *q) {
 void tcs_quality_changed(tcs_quality *q, const tcs_session *session) {
   measurement *m = q->for_session;
   if (!m || strcmp(m->session, session->id) != 0) return;
-  const bool wanted = session->watchers->len && tc_quality_measures(&session->scene);
+  const bool wanted = session->watchers->len && tc_quality_measures(cost_of(q, session), &session->scene);
   char *look = wanted ? look_of_session(session) : NULL;
   if (!look || strcmp(look, m->look) != 0) atomic_store(&m->cancel, true);
   g_free(look);

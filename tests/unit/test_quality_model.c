@@ -243,6 +243,8 @@ static void choose_in(const tc_quality_model *model, tc_quality_cost cost, doubl
 
 static void a_time_gets_the_least_error(void **state) {
   tc_quality_model sharp = both_methods(3), level = both_methods(1.2), none = {0};
+  tc_quality_cost gl_known = gl;
+  add(&gl_known, 9e4, 1, 1);
   double ms = at(0.5, 9e4); /* in nine tenths of it: preintegrated at 0.59, preintegrated2 at 1.54 on cpu, 0.84 on gl */
   choose_in(&sharp, cpu, ms);
   assert_int_equal(choice.classification, TC_PREINTEGRATED2);
@@ -265,9 +267,10 @@ static void a_time_gets_the_least_error(void **state) {
   choose_in(&none, cpu, ms); /* the step alone, before anything is measured */
   assert_true(choice.holds && choice.classification == TC_PREINTEGRATED && choice.step < 0.7 && choice.rms == 0);
   assert_float_equal(choice.termination, scene.sampling.termination, 0);
-  assert_true(tc_quality_measures(&scene));
+  assert_true(tc_quality_measures(&gl_known, &scene));
+  assert_false(tc_quality_measures(&gl, &scene)); /* nothing timed: no step to measure about */
   scene.classification = TC_POST; /* by name */
-  assert_false(tc_quality_measures(&scene));
+  assert_false(tc_quality_measures(&gl_known, &scene));
   tc_quality_choose(&sharp, &cpu, &scene, &choice);
   assert_true(choice.classification == TC_POST && choice.ms == 0 && strstr(choice.reason, "no frame was timed"));
 }
