@@ -204,8 +204,8 @@ static tc_scene with_method(const tc_scene *scene, tc_quality_method method) {
   return s;
 }
 
-/* The finest spacing that comes in time, for no error grows with a finer one; else the coarsest. The method in use may
- * take all of the time, the other has to come with the margin that is planned. */
+/* The finest spacing that comes in time, for by a curve no finer one has a larger error; else the coarsest. The method
+ * in use may take all of the time, the other has to come with the margin that is planned. */
 static option finest(const tc_quality_model *m, const tc_quality_cost *cost, const tc_scene *scene, bool near,
                      tc_quality_method method) {
   tc_scene s = with_method(scene, method);

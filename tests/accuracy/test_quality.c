@@ -346,22 +346,33 @@ static void a_time_gets_about_the_least_error(void **state) {
   static const look of[] = {{.volume = "demo:bucky"},
                             {.volume = "demo:head", .thin = 0.2},
                             {.volume = "demo:marschner-lobb"},
-                            {.volume = "demo:vessels"}};
-  static const double steps[] = {1, 0.4};
+                            {.volume = "demo:vessels"},
+                            {.volume = "demo:head"},
+                            {.volume = "demo:head", .shading = TC_SHADING_LAMBERT},
+                            {.volume = "demo:bucky", .shading = TC_SHADING_BLINN_PHONG},
+                            {.volume = "demo:vessels", .labels = true}};
+  static const double steps[] = {1, 0.4, 0.2, 1.7};
+  const bool many = getenv("TC_LONG") != NULL;
   double worst = 0;
-  int second = 0, all = 0;
-  for (size_t l = 0; l < sizeof of / sizeof *of; l++) {
+  int second = 0, all = 0, within = 0;
+  for (int l = 0; l < (many ? 8 : 4); l++) {
     path p;
     open_path(&p, &of[l], 1);
     for (int gl = 0; gl < 2; gl++) {
       know_cost(&p, gl ? "gl" : "cpu");
       printf("  %s, as on %s\n", of[l].volume, gl ? "gl" : "cpu");
-      for (int b = 0; b < 2; b++, all++) worst = fmax(worst, choose_in_time(&p, steps[b], &second));
+      for (int b = 0; b < (many ? 4 : 2); b++, all++) {
+        double beside = choose_in_time(&p, steps[b], &second);
+        worst = fmax(worst, beside);
+        within += beside <= 1.25;
+      }
     }
     close_path(&p);
   }
-  printf("  second order in %d of %d; the error at most %.2f times the least at equal cost\n", second, all, worst);
-  assert_true(worst <= 1.25);
+  printf("  second order in %d of %d; the error within 1.25 of the least at equal cost in %d, at most %.2f of it\n",
+         second, all, within, worst);
+  /* Not all of many: along an axis, steps of a whole voxel meet all cells alike, and a coarser one can do better. */
+  assert_true(within >= 0.95 * all);
   assert_true(second > 0 && second < all);
 }
 
