@@ -299,8 +299,13 @@ static bool write_reports(report *r, bool complete, GError **error) {
   cJSON_AddItemToObject(about, "machine", tcs_report_bench_about(r->bench));
   cJSON_AddItemToObject(json, "leftOut", r->left_out);
   cJSON_AddItemToObject(json, "scenes", r->scenes);
-  cJSON_ArrayForEach(scene, r->scenes) cJSON_AddItemToObject(
-      scene, "summary", tcs_report_summary(r->rows, cJSON_GetObjectItem(scene, "name")->valuestring));
+  cJSON_ArrayForEach(scene, r->scenes) {
+    char *loss = tcs_report_loss(r->rows, scene);
+    cJSON_AddStringToObject(scene, "loss", loss);
+    g_free(loss);
+    cJSON_AddItemToObject(scene, "summary",
+                          tcs_report_summary(r->rows, cJSON_GetObjectItem(scene, "name")->valuestring));
+  }
   cJSON *results = cJSON_AddArrayToObject(json, "results");
   for (guint i = 0; i < r->rows->len; i++)
     cJSON_AddItemToArray(results, tcs_report_row_write(&g_array_index(r->rows, tcs_report_row, i)));

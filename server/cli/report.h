@@ -40,8 +40,8 @@ typedef struct tcs_setting {
 
 /* Every setting to measure of a scene that the plan accepts: all classifications at all steps with all numbers of rays
  * (quick: one ray), and of the pre-integrated ones, at three steps (quick: one), one other member at a time away from
- * its usual value: order, filter, jitter, coherence, termination, size and precision of the table. What the plan
- * refuses is said in `left_out`: {"what", "why"}, each once. Order is the same every time. Array of tcs_setting. */
+ * its usual value: order, filter, jitter, coherence, termination, size and precision of the table; and the finest step
+ * with a large table, which shows how much of the error there is the table's. What the plan refuses is said in `left_out`: {"what", "why"}, each once. Order is the same every time. Array of tcs_setting. */
 GArray *tcs_report_settings(const tcs_report_scene *scene, bool quick, bool gl, cJSON *left_out);
 void tcs_setting_apply(const tcs_setting *setting, tc_scene *scene);
 /* Adds {"what", "why"} unless it is there. */
@@ -118,19 +118,31 @@ GArray *tcs_report_front(const GArray *rows, const char *scene);
 /* Index of the fastest row under the bound (of the maximum, or of the rms); -1 = none. */
 int tcs_report_cheapest(const GArray *rows, const char *scene, double bound, bool maximum);
 
-/* Observed order of a classification on a scene and back end: slope of log(rms) over log(step) over the finest three
- * octaves whose rms is above single precision. False: fewer than three steps left. */
+enum { TCS_REPORT_STEPS = 16 };
+/* Under this a picture's rms is single precision's, not the method's. */
+#define TCS_REPORT_FLOOR 1e-6
+
+/* The plain rows of a classification on a scene and back end by ascending step; how many. */
+int tcs_report_line(const GArray *rows, const char *scene, const char *backend, const char *classification,
+                    const tcs_report_row *line[TCS_REPORT_STEPS]);
+/* Observed order of theirs: slope of log(rms) over log(step) over the finest three octaves whose rms is above single
+ * precision. False: fewer than three steps left. */
 bool tcs_report_slope(const GArray *rows, const char *scene, const char *backend, const char *classification,
                       double *slope);
-/* Expected on smooth scenes (NUMERICS section 4), as text; "" for a name that is not known. */
+/* Of rows that are plain but for their filter. */
+bool tcs_report_slope_of(const GArray *rows, const char *scene, const char *backend, const char *classification,
+                         const char *filter, double *slope);
+/* Expected on smooth scenes (NUMERICS section 4; of approximate 2, for what a segment emits is scaled to what it
+ * absorbs), as text; "" for a name that is not known. */
 const char *tcs_report_expected(const char *classification);
 
 /* ---- words (report_loss.c) ---- */
 
 /* What in a scene is not smooth: {"knots", "jumps", "depth": of the densest value, over the smallest spacing}. */
 cJSON *tcs_report_roughness(const tcs_report_scene *scene);
-/* Why the errors of a scene (of report.json's list) fall more slowly than expected, or not at all: sentences for
- * people, "" where they do not. g_free it. */
+/* Why the errors of a scene (of report.json's list) fall more slowly than expected, or not at all, classification by
+ * classification: still rising orders, a floor and whose it is, what is rough in the scene. Lines for people, from
+ * measured rows; "" where all orders are as expected. g_free it. */
 char *tcs_report_loss(const GArray *rows, const cJSON *scene);
 
 cJSON *tcs_report_summary(const GArray *rows, const char *scene);

@@ -293,12 +293,11 @@ static void cloud(page *p, const char *scene) {
 
 static void convergence(page *p, const cJSON *json) {
   const char *scene = text_of(json, "name");
-  char *loss = tcs_report_loss(p->rows, json), *caption = g_strconcat("Slope: observed (expected). ", loss, NULL);
   tcs_chart chart = {.title = "Convergence",
                      .x_label = "step, voxels",
                      .octaves = true,
                      .y_label = "rms error",
-                     .caption = caption};
+                     .caption = "Slope: observed (expected)."};
   for (guint i = 0; i < p->rows->len; i++) {
     const tcs_report_row *r = row_at(p, i);
     if (strcmp(r->scene, scene) || !tcs_report_plain(r)) continue;
@@ -317,8 +316,18 @@ static void convergence(page *p, const cJSON *json) {
     tcs_series_add(s, r->step, r->rms, r->rms_lo, r->rms_hi, tip);
   }
   tcs_chart_write(&chart, p->out);
-  g_free(caption);
-  g_free(loss);
+}
+
+static void losses(page *p, const cJSON *scene) {
+  char **lines = g_strsplit(text_of(scene, "loss"), "\n", -1);
+  if (*lines) g_string_append(p->out, "<h3>Orders short of the expected, and why</h3>\n<ul>\n");
+  for (char **line = lines; *line && **line; line++) {
+    g_string_append(p->out, "<li>");
+    tcs_html_text(p->out, *line);
+    g_string_append(p->out, "</li>\n");
+  }
+  if (*lines) g_string_append(p->out, "</ul>\n");
+  g_strfreev(lines);
 }
 
 /* Series by step of the rows that vary one member. */
@@ -368,7 +377,9 @@ static void scene_section(page *p, const cJSON *scene, int number) {
   convergence(p, scene);
   away_chart(p, name, TERMINATION, &termination);
   away_chart(p, name, TABLE, &table);
-  g_string_append(p->out, "</div></section>\n");
+  g_string_append(p->out, "</div>\n");
+  losses(p, scene);
+  g_string_append(p->out, "</section>\n");
 }
 
 /* ---- head and foot ---- */
@@ -415,13 +426,15 @@ static void foot(page *p, bool quick, const cJSON *left_out) {
       "report.csv hold every figure.</p>\n");
   g_string_append(
       p->out,
-      quick
-          ? "<p>Swept: every classification at steps of 2 to 0.25 voxels on the cpu, pre-integrated on gl; at a step of 1, "
-            "pre-integrated on the cpu, one other choice at a time. Without --quick much more is.</p>\n"
-          : "<p>Swept, on both back ends: every classification at steps of 4 to 0.125 voxels with 1 to 16 rays a pixel, all "
-            "combined; and of the pre-integrated ones, at steps of 2, 1 and 0.5, one other choice at a time: order, filter, "
-            "jitter, coherence of four rays, termination, size and precision of the table. Not combined: several of "
-            "these.</p>\n");
+      quick ? "<p>Swept: every classification at steps of 2 to 0.25 voxels on the cpu, pre-integrated on gl; at a step "
+              "of 1, "
+              "pre-integrated on the cpu, one other choice at a time. Without --quick much more is.</p>\n"
+            : "<p>Swept, on both back ends: every classification at steps of 4 to 0.125 voxels with 1 to 16 rays a "
+              "pixel, all "
+              "combined; and of the pre-integrated ones, at steps of 2, 1 and 0.5, one other choice at a time: order, "
+              "filter, "
+              "jitter, coherence of four rays, termination, size and precision of the table. Not combined: several of "
+              "these.</p>\n");
   if (cJSON_GetArraySize(left_out)) g_string_append(p->out, "<h3>Left out</h3>\n<ul>\n");
   cJSON_ArrayForEach(entry, left_out) {
     g_string_append(p->out, "<li>");

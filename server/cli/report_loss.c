@@ -4,10 +4,13 @@
 
 #include "server/cli/report.h"
 
-#define SHORT 0.15     /* of the expected order, before words are due */
-#define STALLED 0.75   /* an octave of the step leaves more of the error than this */
-#define BY_TABLE 0.7   /* a doubled table leaves less of it than this */
-#define EXACT 2e-5     /* rms under which nothing is worth a word */
+#define SHORT 0.15   /* of the expected order, before words are due */
+#define STALLED 0.75 /* the finest octave leaves more of the error than this: a floor */
+#define LESS 0.7     /* another row counts as better under this share of the error */
+#define RISING 0.1   /* an octave is of so much higher order than the one before */
+#define SINGLE 1e-5  /* rms that sums in single precision can make */
+#define DEEP 2       /* optical depth of a step that is beyond all orders */
+#define DIFFER 0.15  /* orders of the cpu and gl, before both are told of */
 
 static double extinction(const tc_transfer_function *tf, double amount) {
   return tf->kind == TC_KNOT_EXTINCTION ? amount : -log1p(-fmin(amount, 1 - 0x1p-24)) / tf->unit_distance_mm;
@@ -37,74 +40,142 @@ static double number_of(const cJSON *json, const char *name) {
   return cJSON_IsNumber(item) ? item->valuedouble : 0;
 }
 
-/* The cpu back end's row of the usual classification that is plain but for the table asked for; NULL: not measured. */
-static const tcs_report_row *find(const GArray *rows, const char *scene, double step, double table_size) {
+/* One classification on one back end, its errors by ascending step. */
+typedef struct line {
+  const tcs_report_row *at[TCS_REPORT_STEPS];
+  int n;         /* all plain rows */
+  int low, high; /* those that make the slope: above single precision, within three octaves */
+  double slope;  /* NAN: too few */
+} line;
+
+static line line_of(const GArray *rows, const char *scene, const char *backend, const char *classification) {
+  line l = {.slope = NAN};
+  l.n = tcs_report_line(rows, scene, backend, classification, l.at);
+  tcs_report_slope(rows, scene, backend, classification, &l.slope);
+  while (l.low < l.n && !(l.at[l.low]->rms > TCS_REPORT_FLOOR))
+    l.low++;
+  for (l.high = l.low; l.high + 1 < l.n && l.at[l.high + 1]->step <= 8.02 * l.at[l.low]->step; l.high++)
+    ;
+  return l;
+}
+
+/* The order of the octave, or more, above row i. */
+static double order_above(const line *l, int i) {
+  return log2(l->at[i + 1]->rms / l->at[i]->rms) / log2(l->at[i + 1]->step / l->at[i]->step);
+}
+
+/* The row that is `like` but for its table, which is the largest of those that have more entries; NULL: none. */
+static const tcs_report_row *larger_table(const GArray *rows, const tcs_report_row *like) {
+  const tcs_report_row *best = NULL;
   for (guint i = 0; i < rows->len; i++) {
     const tcs_report_row *r = &g_array_index(rows, tcs_report_row, i);
     tcs_report_row plain = *r;
     plain.table_size = 0;
-    if (r->runs > 0 && !strcmp(r->scene, scene) && !strcmp(r->backend, "cpu") &&
-        !strcmp(r->classification, "preintegrated") && tcs_report_plain(&plain) && r->step == step &&
-        r->table_size == table_size)
-      return r;
+    if (r->runs > 0 && r->step == like->step && r->table_size > (best ? best->table_size : like->table_nodes) &&
+        !strcmp(r->scene, like->scene) && !strcmp(r->backend, like->backend) &&
+        !strcmp(r->classification, like->classification) && tcs_report_plain(&plain))
+      best = r;
   }
-  return NULL;
+  return best;
 }
 
-static bool falls_short(const GArray *rows, const char *scene) {
-  static const char *const names[] = {"preintegrated", "preintegrated2", "approximate", "post"};
-  for (size_t i = 0; i < G_N_ELEMENTS(names); i++) {
-    double slope, expected = g_ascii_strtod(tcs_report_expected(names[i]), NULL);
-    if (tcs_report_slope(rows, scene, "cpu", names[i], &slope) && slope < expected - SHORT) return true;
+/* Whether it is the table that holds the finest steps up; says so, or what was tried. */
+static bool say_table(GString *out, const GArray *rows, const line *l) {
+  const tcs_report_row *finest = l->at[l->low], *own = NULL, *large = NULL;
+  for (int i = l->low; i <= l->high && !large; i++)
+    own = l->at[i], large = larger_table(rows, own);
+  if (large && large->rms < LESS * own->rms) {
+    g_string_append_printf(out, ". The table's: at a step of %g, %.0f entries a side leave %.2g, the usual %.0f %.2g",
+                           own->step, large->table_nodes, large->rms, own->table_nodes, own->rms);
+    return true;
   }
+  const line none = line_of(rows, finest->scene, finest->backend, "approximate");
+  for (int i = 0; i < none.n; i++)
+    if (none.at[i]->step == finest->step && none.at[i]->rms < LESS * finest->rms) {
+      g_string_append_printf(out, ". The table's: approximate, which has none, leaves %.2g at a step of %g, this %.2g",
+                             none.at[i]->rms, finest->step, finest->rms);
+      return true;
+    }
+  if (large)
+    g_string_append_printf(out, ". Not for want of entries: at a step of %g, %.0f a side%s leave %.2g", own->step,
+                           large->table_nodes, large->rms * LESS > own->rms ? ", but without the plan's zooms," : "",
+                           large->rms);
   return false;
 }
 
-static void say_what_is_rough(GString *out, const cJSON *rough) {
+/* The finest octave is of a higher order than all before it. */
+static bool rises(const line *l) {
+  for (int i = l->low + 1; i < l->high; i++)
+    if (order_above(l, l->low) < order_above(l, i) + RISING) return false;
+  return true;
+}
+
+/* What holds one classification up, as a line. True: it is what is rough in the scene, which is said once for all. */
+static bool say_line(GString *out, const GArray *rows, const line *l, double depth) {
+  const tcs_report_row *finest = l->at[l->low];
+  const char *on = strcmp(l->at[0]->backend, "cpu") ? " on gl" : "";
+  if (isnan(l->slope)) {
+    g_string_append_printf(out, "%s%s: fewer than three steps leave more than single precision's rms of %g.\n",
+                           l->at[0]->classification, on, TCS_REPORT_FLOOR);
+    return false;
+  }
+  g_string_append_printf(out, "%s%s: ", finest->classification, on);
+  for (int i = l->high - 1; i >= l->low; i--)
+    g_string_append_printf(out, "%s%.2f", i < l->high - 1 ? ", " : "", order_above(l, i));
+  g_string_append_printf(out, " an octave, from a step of %g to %g", l->at[l->high]->step, finest->step);
+  bool floor = finest->rms > STALLED * l->at[l->low + 1]->rms, rough = true;
+  double deep = depth * finest->step;
+  if (floor) g_string_append_printf(out, ": a floor of %.2g", finest->rms);
+  if (finest->table_nodes > 0)
+    rough = !say_table(out, rows, l);
+  else if (deep > DEEP)
+    g_string_append_printf(out, ". A step of %g is up to %.2g deep; orders show where it is under 1", finest->step,
+                           deep),
+        rough = false;
+  if (rough && !floor && rises(l)) g_string_append(out, ". Still rising");
+  if (rough && floor && finest->rms < SINGLE)
+    g_string_append(out, ". Sums in single precision come to that"), rough = false;
+  g_string_append(out, ".\n");
+  return rough;
+}
+
+static void say_what_is_rough(GString *out, const GArray *rows, const cJSON *scene) {
+  const cJSON *rough = cJSON_GetObjectItemCaseSensitive(scene, "roughness");
   double knots = number_of(rough, "knots"), jumps = number_of(rough, "jumps"), depth = number_of(rough, "depth");
-  g_string_append(
-      out,
-      "Orders fall short where a ray is not smooth within a step: the interpolated field bends at every cell face");
-  if (knots > 0) g_string_append_printf(out, ", the transfer function at %.0f knot%s", knots, knots > 1 ? "s" : "");
+  g_string_append(out, "Not smooth along a ray: the interpolated field, at every cell face");
+  if (knots > 0)
+    g_string_append_printf(out, "; the transfer function, at %.0f knot%s between faces", knots, knots > 1 ? "s" : "");
   if (jumps > 0) g_string_append_printf(out, ", where it jumps %.0f time%s", jumps, jumps > 1 ? "s" : "");
   g_string_append(
       out,
-      ". Such a step's error is of the second order however exact the method, and of the first where samples are classified.");
+      ". A step across a bend is of the second order at best however exact the method, across a jump of the first, "
+      "and of none where a ray grazes it.");
+  const char *name = cJSON_GetObjectItemCaseSensitive(scene, "name")->valuestring;
+  double linear, cubic;
+  if (tcs_report_slope_of(rows, name, "cpu", "preintegrated2", "cubic", &cubic) &&
+      tcs_report_slope(rows, name, "cpu", "preintegrated2", &linear))
+    g_string_append_printf(out,
+                           " Under the cubic filter, whose field bends nowhere, preintegrated2 is of order %.2f at "
+                           "steps of 2 to 0.5%s.",
+                           cubic, cubic > linear + 0.3 ? ": the faces are what is lost" : "");
   if (depth > 20)
     g_string_append_printf(
-        out,
-        " A voxel of the densest value has an optical depth of %.2g: where a ray first touches it is all that is "
-        "seen, sampled to within a step.",
-        depth);
-}
-
-/* Where smaller steps no longer help: is it the table? */
-static void say_what_is_left(GString *out, const GArray *rows, const char *scene) {
-  static const double steps[] = {0.125, 0.25, 0.5, 1, 2};
-  for (size_t i = 0; i + 1 < G_N_ELEMENTS(steps); i++) {
-    const tcs_report_row *fine = find(rows, scene, steps[i], 0), *coarse = find(rows, scene, steps[i + 1], 0);
-    if (!fine || !coarse) continue;
-    if (!(fine->rms > EXACT) || fine->rms < STALLED * coarse->rms) return;
-    g_string_append_printf(out, " Below a step of %g the pre-integrated error stays at an rms of %.2g", steps[i + 1],
-                           fine->rms);
-    const tcs_report_row *half = find(rows, scene, 0.5, 512), *whole = find(rows, scene, 0.5, 1024);
-    if (!half || !whole) half = find(rows, scene, 1, 64), whole = find(rows, scene, 1, 256);
-    if (half && whole && whole->rms < BY_TABLE * half->rms)
-      g_string_append_printf(
-          out, ": the table's own, which has %.0f entries a side (at a step of %g, %.0f leave %.2g, %.0f leave %.2g)",
-          fine->table_nodes, half->step, half->table_size, half->rms, whole->table_size, whole->rms);
-    g_string_append(out, ".");
-    return;
-  }
+        out, " A voxel of the densest value is %.2g deep: where a ray first touches it is all that is seen.", depth);
 }
 
 char *tcs_report_loss(const GArray *rows, const cJSON *scene) {
   const char *name = cJSON_GetObjectItemCaseSensitive(scene, "name")->valuestring;
+  double depth = number_of(cJSON_GetObjectItemCaseSensitive(scene, "roughness"), "depth");
+  bool rough = false;
   GString *out = g_string_new(NULL);
-  if (falls_short(rows, name)) {
-    if (!cJSON_IsTrue(cJSON_GetObjectItemCaseSensitive(scene, "smooth")))
-      say_what_is_rough(out, cJSON_GetObjectItemCaseSensitive(scene, "roughness"));
-    say_what_is_left(out, rows, name);
+  for (size_t c = 0; c < TC_CLASSIFICATION_COUNT; c++) {
+    const char *classification = tc_classification_names[c];
+    double expected = g_ascii_strtod(tcs_report_expected(classification), NULL);
+    const line cpu = line_of(rows, name, "cpu", classification), gl = line_of(rows, name, "gl", classification);
+    bool differ = gl.n >= 3 && !(fabs(gl.slope - cpu.slope) < DIFFER);
+    if (cpu.n >= 3 && !(cpu.slope >= expected - SHORT)) rough = say_line(out, rows, &cpu, depth) || rough;
+    if (differ && !(gl.slope >= expected - SHORT)) rough = say_line(out, rows, &gl, depth) || rough;
   }
+  if (rough && !cJSON_IsTrue(cJSON_GetObjectItemCaseSensitive(scene, "smooth"))) say_what_is_rough(out, rows, scene);
   return g_string_free(out, FALSE);
 }

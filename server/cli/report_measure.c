@@ -314,7 +314,7 @@ bool tcs_report_measure(tcs_report_bench *b, const tcs_setting *settings, int co
   for (int i = 0; i < count; i++) {
     GError *own = NULL;
     if (compare_one(b, &settings[i], &rows[i], &own)) continue;
-    if (!g_error_matches(own, TC_ERROR, TC_ERROR_UNSUPPORTED)) {
+    if (!g_error_matches(own, TC_ERROR, TC_ERROR_UNSUPPORTED) && !g_error_matches(own, TC_ERROR, TC_ERROR_MEMORY)) {
       g_propagate_error(error, own);
       return false;
     }

@@ -8,9 +8,6 @@
 const double tcs_report_bounds[TCS_REPORT_BOUNDS] = {1.0 / 255, 1e-3, 1e-4};
 const char *const tcs_report_bound_names[TCS_REPORT_BOUNDS] = {"1/255", "1/1000", "1e-4"};
 
-/* Under this a picture's rms is single precision's, not the method's. */
-#define FLOOR 1e-6
-
 static const tcs_report_row *row_at(const GArray *rows, guint i) { return &g_array_index(rows, tcs_report_row, i); }
 
 double tcs_report_error(const tcs_report_row *r) { return r->rays > 1 ? r->area_rms : r->rms; }
@@ -84,42 +81,58 @@ int tcs_report_cheapest(const GArray *rows, const char *scene, double bound, boo
 }
 
 static int finer(const void *a, const void *b) {
-  const double *x = a, *y = b;
-  return (x[0] > y[0]) - (x[0] < y[0]);
+  double x = (*(const tcs_report_row *const *)a)->step, y = (*(const tcs_report_row *const *)b)->step;
+  return (x > y) - (x < y);
+}
+
+/* Rows of a filter that are plain but for it. */
+static int line_of(const GArray *rows, const char *scene, const char *backend, const char *classification,
+                   const char *filter, const tcs_report_row *line[TCS_REPORT_STEPS]) {
+  int n = 0;
+  for (guint i = 0; i < rows->len && n < TCS_REPORT_STEPS; i++) {
+    tcs_report_row plain = *row_at(rows, i);
+    if (!measured(&plain, scene) || strcmp(plain.backend, backend) || strcmp(plain.classification, classification) ||
+        strcmp(plain.filter, filter))
+      continue;
+    g_strlcpy(plain.filter, "linear", sizeof plain.filter);
+    if (tcs_report_plain(&plain) && isfinite(plain.rms)) line[n++] = row_at(rows, i);
+  }
+  qsort(line, (size_t)n, sizeof *line, finer);
+  return n;
+}
+
+int tcs_report_line(const GArray *rows, const char *scene, const char *backend, const char *classification,
+                    const tcs_report_row *line[TCS_REPORT_STEPS]) {
+  return line_of(rows, scene, backend, classification, "linear", line);
+}
+
+bool tcs_report_slope_of(const GArray *rows, const char *scene, const char *backend, const char *classification,
+                         const char *filter, double *slope) {
+  const tcs_report_row *line[TCS_REPORT_STEPS];
+  double sx = 0, sy = 0, sxx = 0, sxy = 0, first = 0;
+  int all = line_of(rows, scene, backend, classification, filter, line), n = 0;
+  for (int i = 0; i < all; i++) {
+    double x = log2(line[i]->step), y = log2(line[i]->rms);
+    if (!(line[i]->rms > TCS_REPORT_FLOOR)) continue;
+    if (n == 0) first = x;
+    if (x > first + 3.01) break;
+    n++, sx += x, sy += y, sxx += x * x, sxy += x * y;
+  }
+  if (n < 3) return false;
+  *slope = (n * sxy - sx * sy) / (n * sxx - sx * sx);
+  return true;
 }
 
 bool tcs_report_slope(const GArray *rows, const char *scene, const char *backend, const char *classification,
                       double *slope) {
-  double points[32][2];
-  int n = 0;
-  for (guint i = 0; i < rows->len && n < 32; i++) {
-    const tcs_report_row *r = row_at(rows, i);
-    if (!measured(r, scene) || !tcs_report_plain(r) || strcmp(r->backend, backend) ||
-        strcmp(r->classification, classification) || !(r->rms > FLOOR))
-      continue;
-    points[n][0] = log2(r->step), points[n++][1] = log2(r->rms);
-  }
-  qsort(points, (size_t)n, sizeof *points, finer);
-  while (n > 0 && points[n - 1][0] > points[0][0] + 3.01)
-    n--;
-  if (n < 3) return false;
-  double sx = 0, sy = 0, sxx = 0, sxy = 0;
-  for (int i = 0; i < n; i++) {
-    sx += points[i][0], sy += points[i][1];
-    sxx += points[i][0] * points[i][0], sxy += points[i][0] * points[i][1];
-  }
-  *slope = (n * sxy - sx * sy) / (n * sxx - sx * sx);
-  return true;
+  return tcs_report_slope_of(rows, scene, backend, classification, "linear", slope);
 }
 
 const char *tcs_report_expected(const char *classification) {
   static const struct {
     const char *name, *order;
-  } expected[] = {{"preintegrated", "2"},
-                  {"preintegrated2", "3"},
-                  {"approximate", "1"},
-                  {"post", "1 (midpoint 2)"},
-                  {"linearized", "1"}};
+  } expected[] = {
+      {"preintegrated", "2"}, {"preintegrated2", "3"}, {"approximate", "2"}, {"post", "1"}, {"linearized", "1"}};
   for (size_t i = 0; i < G_N_ELEMENTS(expected); i++)
     if (!strcmp(expected[i].name, classification)) return expected[i].order;
   return "";

@@ -7,7 +7,7 @@
 static const double full_steps[] = {4, 2, 1, 0.5, 0.25, 0.125}, quick_steps[] = {2, 1, 0.5, 0.25};
 static const double away_steps[] = {2, 1, 0.5}; /* where one other member is varied */
 static const int full_rays[] = {1, 2, 4, 5, 8, 16}, quick_rays[] = {1};
-static const int full_tables[] = {64, 128, 256, 512, 1024}, quick_tables[] = {64, 256};
+static const int full_tables[] = {64, 128, 256, 512, 1024, 2048}, quick_tables[] = {64, 256};
 static const double full_terminations[] = {1e-4, 1e-3, 1.0 / 255, 0.01, 0.02, 0.05};
 static const double quick_terminations[] = {1e-3, 0.02};
 
@@ -74,7 +74,8 @@ static void vary(sweep *w, tcs_setting usual) {
   EACH(i, quick_terminations, full_terminations)
   s.termination = PICK(i, quick_terminations, full_terminations), add(w, &s), s = usual;
   EACH(i, quick_tables, full_tables) s.table_size = PICK(i, quick_tables, full_tables), add(w, &s), s = usual;
-  for (int bits = 8; bits <= 16; bits += 8) s.table_bits = bits, add(w, &s), s = usual;
+  for (int bits = 8; bits <= 16; bits += 8)
+    s.table_bits = bits, add(w, &s), s = usual;
 }
 
 GArray *tcs_report_settings(const tcs_report_scene *scene, bool quick, bool gl, cJSON *left_out) {
@@ -90,6 +91,12 @@ GArray *tcs_report_settings(const tcs_report_scene *scene, bool quick, bool gl, 
       }
       bool tables = c == TC_PREINTEGRATED || c == TC_PREINTEGRATED2;
       s.rays = 1;
+      if (quick && c == TC_PREINTEGRATED2) s.step = 4, add(w, &s); /* of order 3: finer ones soon leave nothing */
+      if (tables && b == TC_BACKEND_CPU) {                         /* what of the finest step's error is the table's */
+        s.step = quick ? 0.25 : 0.125, s.table_size = quick ? 1024 : 2048;
+        add(w, &s);
+        s.table_size = 0;
+      }
       for (size_t i = 0; i < G_N_ELEMENTS(away_steps); i++) {
         s.step = away_steps[i];
         if (quick ? s.step == 1 && c == TC_PREINTEGRATED && b == TC_BACKEND_CPU : tables) vary(w, s);

@@ -341,6 +341,71 @@ static void fronts_slopes_and_cheapest(void **state) {
   g_array_free(rows, TRUE);
 }
 
+/* Rows of a classification at steps 2, 1, 0.5, 0.25, and with a larger table at the finest (0: none). */
+static void add_line(GArray *rows, const char *classification, const double rms[4], double nodes, double larger) {
+  for (int i = 0; i < 5; i++) {
+    if (i == 4 && larger == 0) continue;
+    add(rows, ldexp(2, -MIN(i, 3)), 1, i < 4 ? rms[i] : larger, 1);
+    tcs_report_row *r = &g_array_index(rows, tcs_report_row, rows->len - 1);
+    g_strlcpy(r->classification, classification, sizeof r->classification);
+    r->table_size = i < 4 ? 0 : 4 * nodes;
+    r->table_nodes = i < 4 ? nodes : 4 * nodes;
+  }
+}
+
+/* Each cause of a lost order is told from the others by the rows, and nothing is said where nothing is lost. */
+static void losses_are_explained(void **state) {
+  const struct {
+    const char *classification;
+    double rms[4], nodes, larger, depth;
+    const char *says, *says_not; /* NULL: nothing at all */
+  } cases[] = {
+      {"preintegrated2", {1e-2, 1.25e-3, 1.6e-4, 2e-5}, 256, 2e-5, 0.1, NULL, NULL},
+      {"approximate", {1e-2, 5e-3, 2.5e-3, 1.25e-3}, 0, 0, 0.1, "1.00, 1.00, 1.00 an octave", "floor"},
+      {"approximate", {1.6e-1, 4e-2, 1e-2, 2.5e-3}, 0, 0, 0.1, NULL, NULL},
+      {"preintegrated2",
+       {1e-2, 1.25e-3, 1e-3, 9.9e-4},
+       256,
+       1e-4,
+       0.1,
+       "a floor of 0.00099. The table's: at a step of 0.25, 1024 entries a side leave 0.0001, the usual 256 0.00099",
+       "Not smooth"},
+      {"preintegrated2", {1e-2, 1.25e-3, 1e-3, 9.9e-4}, 256, 9.8e-4, 0.1, "Not for want of entries: ", "table's"},
+      {"preintegrated2",
+       {1e-2, 1.25e-3, 1e-3, 9.9e-4},
+       256,
+       5e-3,
+       0.1,
+       "without the plan's zooms, leave 0.005",
+       "table's"},
+      {"preintegrated2", {1e-4, 1.25e-5, 5e-6, 4.9e-6}, 256, 4.9e-6, 0.1, "Sums in single precision", "Not smooth"},
+      {"preintegrated2",
+       {1e-2, 2.5e-3, 6.3e-4, 1.6e-4},
+       256,
+       1.6e-4,
+       0.1,
+       "Not smooth along a ray: the interpolated field, at every cell face; the transfer function, at 3 knots",
+       "floor"},
+      {"preintegrated", {4e-2, 3e-2, 1.5e-2, 4e-3}, 256, 4e-3, 0.1, "Still rising", "floor"},
+      {"post", {1.1e-2, 1.1e-2, 1e-2, 1e-2}, 0, 0, 1e4, "A step of 0.25 is up to 2.5e+03 deep", "Not smooth"},
+      {"preintegrated2", {1e-5, 1.2e-6, 5e-7, 6e-7}, 256, 0, 0.1, "fewer than three steps", "Not smooth"},
+  };
+  for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
+    GArray *rows = g_array_new(FALSE, FALSE, sizeof(tcs_report_row));
+    add_line(rows, cases[i].classification, cases[i].rms, cases[i].nodes, cases[i].larger);
+    cJSON *scene = cJSON_CreateObject(), *rough = cJSON_AddObjectToObject(scene, "roughness");
+    cJSON_AddStringToObject(scene, "name", "s");
+    cJSON_AddNumberToObject(rough, "knots", 3);
+    cJSON_AddNumberToObject(rough, "depth", cases[i].depth);
+    char *loss = tcs_report_loss(rows, scene);
+    if (cases[i].says ? !strstr(loss, cases[i].says) || strstr(loss, cases[i].says_not) : *loss != 0)
+      fail_msg("case %zu: \"%s\"", i, loss);
+    g_free(loss);
+    cJSON_Delete(scene);
+    g_array_free(rows, TRUE);
+  }
+}
+
 static void rows_survive_json(void **state) {
   tcs_report_row row = {.key = "a \"b\",c", .scene = "s", .step = 0.5, .jitter = 1, .rms = 1.0 / 3, .ssim = NAN}, back;
   cJSON *json = tcs_report_row_write(&row);
@@ -411,6 +476,7 @@ int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(scenes_can_be_rendered),
                                      cmocka_unit_test(settings_follow_the_plan),
                                      cmocka_unit_test(fronts_slopes_and_cheapest),
+                                     cmocka_unit_test(losses_are_explained),
                                      cmocka_unit_test(rows_survive_json),
                                      cmocka_unit_test(reports_a_volume),
                                      cmocka_unit_test(goes_on_where_it_ended),
