@@ -19,8 +19,10 @@ struct tc_quad {
   tc_v4 depth, tilt; /* extinction times share of the interval */
   tc_i4 graded;      /* all bits or none */
   tc_v4 from[4], to[4]; /* colour, with 1 for opacity */
-  float longest_mm;     /* of an interval; 0 where not all four have one piece */
+  float longest_mm;     /* of an interval; 0 where one of the four has a knot inside */
 };
+
+#define MOST_DEPTH 1e30 /* sums stay numbers */
 
 /* ---- pieces ---- */
 
@@ -34,15 +36,7 @@ void tc_segments_color(const tc_table_params *p, double value, double rgb[3]) {
     for (int c = 0; c < 3; c++) rgb[c] = tc_srgb_to_linear(rgb[c]);
 }
 
-static bool add_piece(tc_segments *s, double width, double v0, double v1) {
-  if (s->n_pieces == s->capacity) {
-    uint32_t capacity = s->capacity ? 2 * s->capacity : 1024;
-    tc_piece *grown = realloc(s->pieces, capacity * sizeof *grown);
-    if (!grown) return false;
-    s->pieces = grown;
-    s->capacity = capacity;
-  }
-  tc_piece *q = &s->pieces[s->n_pieces++];
+static void make_piece(const tc_segments *s, double width, double v0, double v1, tc_piece *q) {
   /* One-sided limits: a jump may lie at either end, so the ends are looked up a hair inside. */
   double in0 = v0 + (v1 - v0) * 1e-9, in1 = v1 - (v1 - v0) * 1e-9;
   q->width = (float)width;
@@ -51,27 +45,96 @@ static bool add_piece(tc_segments *s, double width, double v0, double v1) {
   q->tilt = q->mean > 0 ? fmin(fmax((tau1 - tau0) / (2 * q->mean), -1), 1) : 0;
   tc_segments_color(s->params, in0, q->from);
   tc_segments_color(s->params, in1, q->to);
+  if (s->params->linear_light) { /* the mean exact */
+    double middle[3];
+    tc_segments_color(s->params, 0.5 * (v0 + v1), middle);
+    for (int c = 0; c < 3; c++) {
+      double more = (middle[c] - 0.5 * (q->from[c] + q->to[c])) * (2.0 / 3);
+      q->from[c] = fmax(q->from[c] + more, 0);
+      q->to[c] = fmax(q->to[c] + more, 0);
+    }
+  }
   q->graded = fabs(q->to[0] - q->from[0]) + fabs(q->to[1] - q->from[1]) + fabs(q->to[2] - q->from[2]) > 1e-7;
+}
+
+static bool add_piece(tc_segments *s, double width, double v0, double v1) {
+  if (s->n_pieces == s->capacity) {
+    uint32_t capacity = s->capacity ? 2 * s->capacity : 1024;
+    tc_piece *grown = realloc(s->pieces, capacity * sizeof *grown);
+    if (!grown) return false;
+    s->pieces = grown;
+    s->capacity = capacity;
+  }
+  make_piece(s, width, v0, v1, &s->pieces[s->n_pieces++]);
   return true;
 }
 
-/* Opacity knots make extinction logarithmic in the value: cut where it bends (only matters where colour changes
- * too). */
-static bool add_bent(tc_segments *s, double width, double v0, double v1) {
-  double c0[3], c1[3], in0 = v0 + (v1 - v0) * 1e-9, in1 = v1 - (v1 - v0) * 1e-9;
-  double bend = 0;
-  if (s->params->tf->kind == TC_KNOT_OPACITY) {
-    tc_color(s->params->tf, in0, c0);
-    tc_color(s->params->tf, in1, c1);
-    if (c0[0] != c1[0] || c0[1] != c1[1] || c0[2] != c1[2])
-      bend = fabs(tc_extinction(s->params->tf, in1) - tc_extinction(s->params->tf, in0)) *
-             s->params->tf->unit_distance_mm; /* = |ln((1-a1)/(1-a0))| */
-  }
-  int cuts = (int)fmin(ceil(bend / 0.25), 64);
-  if (cuts < 1) cuts = 1;
-  for (int i = 0; i < cuts; i++)
-    if (!add_piece(s, width / cuts, v0 + (v1 - v0) * i / cuts, v0 + (v1 - v0) * (i + 1) / cuts)) return false;
+#define ERROR 5e-7 /* of a piece's colour, from what is taken for linear in it */
+#define MOST_PARTS 512
+
+/* What a piece leaves out: the error of its colour where it is not clear; in a clear one, all of which shines and whose
+ * means are exact, that times its depth squared, or so much of it as is uneven times its depth. */
+typedef struct doubt {
+  double error, uneven;
+} doubt;
+
+/* In linear light colour is a curve. */
+static doubt doubt_of_curve(const tc_segments *s, double v0, double v1) {
+  double from[3], middle[3], to[3], bend = 0, inside = (v1 - v0) * 1e-9;
+  if (!s->params->linear_light) return (doubt){0, 0};
+  tc_segments_color(s->params, v0 + inside, from);
+  tc_segments_color(s->params, 0.5 * (v0 + v1), middle);
+  tc_segments_color(s->params, v1 - inside, to);
+  for (int c = 0; c < 3; c++) bend = fmax(bend, fabs(middle[c] - 0.5 * (from[c] + to[c])));
+  return (doubt){bend, 0};
+}
+
+/* Opacity knots make extinction the logarithm of clearness, which is linear in the value. A line in its place is seen
+ * only where colour changes too, by about the change of either along a piece: the product is the same for all where
+ * pieces are equal steps of clearness' root. */
+static doubt doubt_of_bend(const tc_segments *s, double v0, double v1, double roots[2]) {
+  const tc_transfer_function *tf = s->params->tf;
+  double from[3], to[3], change = 0, inside = (v1 - v0) * 1e-9;
+  if (tf->kind != TC_KNOT_OPACITY) return (doubt){0, 0};
+  tc_color(tf, v0 + inside, from);
+  tc_color(tf, v1 - inside, to);
+  for (int c = 0; c < 3; c++) change = fmax(change, fabs(to[c] - from[c]));
+  roots[0] = exp(-0.5 * tc_extinction(tf, v0 + inside) * tf->unit_distance_mm);
+  roots[1] = exp(-0.5 * tc_extinction(tf, v1 - inside) * tf->unit_distance_mm);
+  double bend = fabs(roots[0] - roots[1]) / (roots[0] + roots[1]);
+  return (doubt){0.12 * change * bend, bend};
+}
+
+/* Errors fall with the square of the number of parts. */
+static int parts_for(const tc_segments *s, doubt d, double width, double v0, double v1) {
+  if (d.error <= ERROR) return 1;
+  double depth = tc_extinction_mean(s->params->tf, v0, v1) * width * s->params->step_mm;
+  return (int)fmax(fmin(ceil(sqrt(d.error * fmin(depth * fmax(depth, d.uneven), 1) / ERROR)), MOST_PARTS), 1);
+}
+
+/* The depth up to which one part will do. */
+static double depth_of_one(doubt d) {
+  double most = ERROR / d.error;
+  return d.error <= ERROR ? INFINITY : d.uneven * d.uneven > most ? most / d.uneven : sqrt(most);
+}
+
+static bool add_curved(tc_segments *s, double width, double v0, double v1) {
+  int parts = parts_for(s, doubt_of_curve(s, v0, v1), width, v0, v1);
+  for (int i = 0; i < parts; i++)
+    if (!add_piece(s, width / parts, v0 + (v1 - v0) * i / parts, v0 + (v1 - v0) * (i + 1) / parts)) return false;
   return true;
+}
+
+static bool add_bent(tc_segments *s, double width, double v0, double v1) {
+  double roots[2], from = 0;
+  int parts = parts_for(s, doubt_of_bend(s, v0, v1, roots), width, v0, v1);
+  for (int i = 1; i < parts; i++) {
+    double r0 = roots[0], r1 = roots[1], r = r0 + (r1 - r0) * i / parts;
+    double to = (r0 - r) * (r0 + r) / ((r0 - r1) * (r0 + r1));
+    if (!add_curved(s, width * (to - from), v0 + (v1 - v0) * from, v0 + (v1 - v0) * to)) return false;
+    from = to;
+  }
+  return add_curved(s, width * (1 - from), v0 + (v1 - v0) * from, v1);
 }
 
 /* A node interval with very many knots in it: a few pieces with the exact mean extinction and the mean of the emitted
@@ -99,6 +162,30 @@ static bool merge_pieces(tc_segments *s, uint32_t first, double v0, double v1) {
   return true;
 }
 
+#define SERIES_DEPTH 0.5 /* what the series of elementary_four() are good for, to single precision */
+
+/* Interval j as one piece, for segments so short that no more of it is seen. */
+static void fill_quad(tc_segments *s, int j, bool knots_inside, double v0, double v1) {
+  tc_quad *q = &s->quads[j / 4];
+  int k = j % 4;
+  tc_piece p;
+  double roots[2];
+  make_piece(s, 1, v0, v1, &p);
+  double depth = fmin(p.mean, MOST_DEPTH), longest = knots_inside ? 0 : INFINITY;
+  q->depth[k] = (float)depth;
+  q->tilt[k] = (float)p.tilt;
+  q->graded[k] = -p.graded;
+  for (int c = 0; c < 4; c++) {
+    q->from[k][c] = c < 3 ? (float)p.from[c] : 1;
+    q->to[k][c] = c == 3 ? 1 : p.graded ? (float)p.to[c] : q->from[k][c];
+  }
+  if (p.graded && depth > 0 && !knots_inside) {
+    double most = fmin(depth_of_one(doubt_of_bend(s, v0, v1, roots)), depth_of_one(doubt_of_curve(s, v0, v1)));
+    longest = fmin(most, fmin(SERIES_DEPTH, 0.05 / fabs(p.tilt))) / depth;
+  }
+  q->longest_mm = k ? fminf(q->longest_mm, (float)longest) : (float)longest;
+}
+
 static bool cut_into_pieces(tc_segments *s) {
   const tc_transfer_function *tf = s->params->tf;
   bool rising = s->params->slope > 0;
@@ -119,14 +206,13 @@ static bool cut_into_pieces(tc_segments *s) {
     }
     if (!add_bent(s, (v1 - from) / (v1 - v0), from, v1)) return false;
     if (knots > MOST_KNOTS && !merge_pieces(s, s->first[j], v0, v1)) return false;
+    if (j / 4 < s->count / 4) fill_quad(s, j, knots > 0, v0, v1);
   }
   s->first[s->count] = s->n_pieces;
   return true;
 }
 
 /* ---- elementary segments ---- */
-
-#define MOST_DEPTH 1e30 /* sums stay numbers */
 
 /* Integral over u in [0,1] of exp(-a u - a b u (u - 1)), both for tilt b and for -b (the same stretch seen from its
  * other end), |a b| <= 0.05: expanded in a b, each term in closed form. t = exp(-a). */
@@ -160,8 +246,8 @@ static tc_v4 emit(double w, double q, const double near[3], const double far[3])
 static tc_v4 cut_piece(const tc_piece *p, double a, bool reverse, int parts) {
   const double *from = reverse ? p->to : p->from, *to = reverse ? p->from : p->to;
   double tilt = reverse ? -p->tilt : p->tilt;
-  tc_v4 sum = {0, 0, 0, 0};
-  for (int i = 0; i < parts && sum[3] < 1 - 1e-7f; i++) {
+  tc_product all = {{0}, {0}};
+  for (int i = 0; i < parts && all.sum[3] < 1 - 1e-7f; i++) {
     double u0 = (double)i / parts, u1 = (double)(i + 1) / parts, c0[3], c1[3];
     double mean = 1 + tilt * (u0 + u1 - 1); /* relative extinction of this part; 0 at a tip with |tilt| = 1 */
     for (int c = 0; c < 3; c++) {
@@ -169,9 +255,9 @@ static tc_v4 cut_piece(const tc_piece *p, double a, bool reverse, int parts) {
       c1[c] = from[c] + u1 * (to[c] - from[c]);
     }
     double bent = mean > 0 ? fmin(fmax(tilt / parts / mean, -1), 1) : 0, part = a * mean / parts, w = -expm1(-part);
-    sum = tc_v4_over(sum, emit(w, decay_integral(part, bent, 1 - w).ahead - (1 - w), c0, c1));
+    tc_put_behind(&all, emit(w, decay_integral(part, bent, 1 - w).ahead - (1 - w), c0, c1));
   }
-  return sum;
+  return all.sum;
 }
 
 static void graded_piece(const tc_piece *p, double a, tc_v4 *forward, tc_v4 *backward) {
@@ -195,7 +281,7 @@ static tc_v4 flat_piece(const tc_piece *p, double a) {
 
 /* The node interval j as one segment of length `length_mm`, both ways. */
 static void elementary(const tc_segments *s, int j, double length_mm, tc_v4 *forward, tc_v4 *backward) {
-  tc_v4 f = {0, 0, 0, 0}, r = {0, 0, 0, 0};
+  tc_product f = {{0}, {0}}, r = {{0}, {0}};
   for (uint32_t i = s->first[j]; i < s->first[j + 1]; i++) {
     const tc_piece *p = &s->pieces[i];
     double a = p->mean * (double)p->width * length_mm;
@@ -205,38 +291,14 @@ static void elementary(const tc_segments *s, int j, double length_mm, tc_v4 *for
       graded_piece(p, a, &pf, &pr);
     else
       pf = pr = flat_piece(p, a);
-    f = tc_v4_over(f, pf);
-    r = tc_v4_over(pr, r);
+    tc_put_behind(&f, pf);
+    tc_put_before(&r, pr);
   }
-  *forward = f;
-  *backward = r;
+  *forward = f.sum;
+  *backward = r.sum;
 }
 
 /* ---- elementary segments, four at a time: most are one piece and thin ---- */
-
-#define SERIES_DEPTH 0.5 /* what the series below are good for, to single precision */
-
-static void fill_quads(tc_segments *s) {
-  for (int i = 0; i < s->count / 4; i++) {
-    tc_quad *q = &s->quads[i];
-    double longest = INFINITY;
-    for (int k = 0; k < 4; k++) {
-      int j = 4 * i + k;
-      const tc_piece *p = &s->pieces[s->first[j]];
-      double depth = fmin(p->mean * (double)p->width, MOST_DEPTH);
-      q->depth[k] = (float)depth;
-      q->tilt[k] = (float)p->tilt;
-      q->graded[k] = -p->graded;
-      for (int c = 0; c < 4; c++) {
-        q->from[k][c] = c < 3 ? (float)p->from[c] : 1;
-        q->to[k][c] = c == 3 ? 1 : p->graded ? (float)p->to[c] : q->from[k][c];
-      }
-      if (s->first[j + 1] - s->first[j] != 1) longest = 0;
-      if (p->graded && depth > 0) longest = fmin(longest, fmin(SERIES_DEPTH, 0.05 / fabs(p->tilt)) / depth);
-    }
-    q->longest_mm = (float)longest;
-  }
-}
 
 /* 1 - exp(-a), a >= 0, with small relative error for small a too. */
 static tc_v4 one_minus_exp(tc_v4 a) {
@@ -316,7 +378,6 @@ bool tc_segments_make(tc_segments *s, const tc_table_params *params, double lo, 
   if (!s->first || !s->quads || !cut_into_pieces(s)) return false;
   tc_piece *fitting = realloc(s->pieces, s->n_pieces * sizeof *fitting);
   if (fitting) s->pieces = fitting, s->capacity = s->n_pieces;
-  fill_quads(s);
   return true;
 }
 

@@ -61,41 +61,26 @@ typedef struct lanes {
   tc_v4 *ef, *eb, *sf, *sb;
 } lanes;
 
-/* A product that grows: a composite and what its roundings lost (Kahan). Without that thousands of like segments would
- * round the same way: 2e-5 off at 2048 of them, which this keeps under 4e-7 at any number. */
-typedef struct product {
-  tc_v4 sum, lost;
-} product;
-
-static inline void grow(product *p, tc_v4 by) {
-  by += p->lost;
-  tc_v4 sum = p->sum + by;
-  p->lost = by - (sum - p->sum);
-  p->sum = sum;
-}
-static inline void put_before(product *p, tc_v4 front) { grow(p, front - front[3] * p->sum); }
-static inline void put_behind(product *p, tc_v4 back) { grow(p, back - p->sum[3] * back); }
-
 /* Windows `from` to `to` of width k, towards higher nodes (out_f) and towards lower ones (out_b). Blocks begin at
  * multiples of k whatever is asked for, so that a window is the same product in any range. */
 static void sliding_windows(const lanes *l, int k, int from, int to, tc_v4 peak, tc_v4 *out_f, tc_v4 *out_b) {
   for (int start = from - from % k; start <= to; start += k) {
     const tc_v4 *ef = l->ef + start, *eb = l->eb + start;
     int first = from > start ? from - start : 0, last = to - start < k ? to - start : k - 1;
-    product f = {ef[k - 1], {0}}, r = {eb[k - 1], {0}};
+    tc_product f = {ef[k - 1], {0}}, r = {eb[k - 1], {0}};
     l->sf[k - 1] = f.sum, l->sb[k - 1] = r.sum;
     for (int j = k - 2; j >= first; j--) {
-      put_before(&f, ef[j]);
-      put_behind(&r, eb[j]);
+      tc_put_before(&f, ef[j]);
+      tc_put_behind(&r, eb[j]);
       l->sf[j] = f.sum, l->sb[j] = r.sum;
     }
     if (first == 0) out_f[start] = held(f.sum, peak), out_b[start] = held(r.sum, peak);
     if (last == 0) continue;
-    product pf = {ef[k], {0}}, pb = {eb[k], {0}};
+    tc_product pf = {ef[k], {0}}, pb = {eb[k], {0}};
     for (int j = 1; j <= last; j++) {
       if (j > 1) {
-        put_behind(&pf, ef[k + j - 1]);
-        put_before(&pb, eb[k + j - 1]);
+        tc_put_behind(&pf, ef[k + j - 1]);
+        tc_put_before(&pb, eb[k + j - 1]);
       }
       if (j < first) continue;
       out_f[start + j] = held(tc_v4_over(l->sf[j], pf.sum), peak);

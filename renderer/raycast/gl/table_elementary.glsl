@@ -49,18 +49,18 @@ Both stretch(vec4 low, vec4 high, float share) {
 
 // A steep one, cut into parts until its front is opaque, met from `near`.
 vec4 parts_of(vec4 near, vec4 far, float share, float parts) {
-  vec4 sum = vec4(0.0);
-  for (float i = 0.0; i < parts && sum.a < 1.0 - 1e-7; i += 1.0) {
+  Product all = Product(vec4(0.0), vec4(0.0));
+  for (float i = 0.0; i < parts && all.sum.a < 1.0 - 1e-7; i += 1.0) {
     vec4 from = mix(near, far, i / parts), to = mix(near, far, (i + 1.0) / parts);
-    sum = over(sum, stretch(from, to, share / parts).up);
+    put_behind(all, stretch(from, to, share / parts).up);
   }
-  return sum;
+  return all.sum;
 }
 
 // Node interval j as a segment of 1 / k of the table's length.
 Both elementary(int j, int k) {
   float share = 1.0 / float(k);
-  Both sum = Both(vec4(0.0), vec4(0.0));
+  Products all = nothing();
   for (uint i = first[j]; i < first[j + 1]; i++) {
     vec4 low = pieces[i].low, high = pieces[i].high;
     if (low.a + high.a <= 0.0)
@@ -73,7 +73,7 @@ Both elementary(int j, int k) {
       float parts = min(ceil(sqrt(bend * 20.0)), 1e6);
       piece = Both(parts_of(low, high, share, parts), parts_of(high, low, share, parts));
     }
-    sum = join(sum, piece);
+    add_above(all, piece);
   }
-  return sum;
+  return Both(all.up.sum, all.down.sum);
 }
