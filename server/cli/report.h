@@ -41,7 +41,8 @@ typedef struct tcs_setting {
 /* Every setting to measure of a scene that the plan accepts: all classifications at all steps with all numbers of rays
  * (quick: one ray), and of the pre-integrated ones, at three steps (quick: one), one other member at a time away from
  * its usual value: order, filter, jitter, coherence, termination, size and precision of the table; and the finest step
- * with a large table, which shows how much of the error there is the table's. What the plan refuses is said in `left_out`: {"what", "why"}, each once. Order is the same every time. Array of tcs_setting. */
+ * with a large table, which shows how much of the error there is the table's. What the plan refuses is said in
+ * `left_out`: {"what", "why"}, each once. Order is the same every time. Array of tcs_setting. */
 GArray *tcs_report_settings(const tcs_report_scene *scene, bool quick, bool gl, cJSON *left_out);
 void tcs_setting_apply(const tcs_setting *setting, tc_scene *scene);
 /* Adds {"what", "why"} unless it is there. */
@@ -56,11 +57,13 @@ typedef struct tcs_report_row {
   double table_size, table_bits;                                         /* asked for; 0 = chosen, single precision */
   double table_nodes;                                                    /* used; 0 = the variant has no such table */
   double pixels, rms, rms_lo, rms_hi, p999, max, ciede, ciede_max, ssim; /* against rays through pixel centres */
-  double area_pixels, area_rms, area_rms_lo, area_rms_hi, area_max;      /* against the mean over the pixel's area */
-  double render_ms, render_ms_least;                                     /* median and least of the runs, as measured */
-  double anchor_ms;                                                      /* the anchor's least in the same batch */
-  double time_ms;            /* render_ms times the scene's usual anchor / anchor_ms: drift taken out */
-  double tables_ms, skip_ms; /* building, in the first frame */
+  double area_pixels, area_rms, area_rms_lo, area_rms_hi, area_p999,
+      area_max;                /* against the mean over the pixel's area */
+  double ended_rms, ended_max; /* from the same setting with termination 0: what ending rays early costs by itself */
+  double render_ms, render_ms_least; /* median and least of the runs, as measured */
+  double anchor_ms;                  /* the anchor's least in the same batch */
+  double time_ms;                    /* render_ms times the scene's usual anchor / anchor_ms: drift taken out */
+  double tables_ms, skip_ms;         /* building, in the first frame */
   double runs, samples;
 } tcs_report_row;
 
@@ -109,6 +112,7 @@ extern const char *const tcs_report_bound_names[TCS_REPORT_BOUNDS];
 
 /* The rms by which a row competes: of one ray a pixel against pixel centres, of more against the pixel's area. */
 double tcs_report_error(const tcs_report_row *row);
+double tcs_report_error_p999(const tcs_report_row *row);
 double tcs_report_error_max(const tcs_report_row *row);
 /* Only step, classification and back end differ from the usual. */
 bool tcs_report_plain(const tcs_report_row *row);

@@ -135,8 +135,10 @@ static void cheapest_table(page *p, bool maximum) {
       }
       const tcs_report_row *r = row_at(p, (guint)best);
       char *title = tcs_report_row_title(r);
-      g_string_append_printf(p->out, "<b>%.3g ms</b> %s<small>rms %.2g, max %.2g, &#916;E %.2g, SSIM %.4f</small></td>",
-                             r->time_ms, title, tcs_report_error(r), tcs_report_error_max(r), r->ciede, r->ssim);
+      g_string_append_printf(
+          p->out,
+          "<b>%.3g ms</b> %s<small>rms %.2g, 99.9 %% under %.2g, max %.2g, &#916;E %.2g, SSIM %.4f</small></td>",
+          r->time_ms, title, tcs_report_error(r), tcs_report_error_p999(r), tcs_report_error_max(r), r->ciede, r->ssim);
       g_free(title);
     }
     g_string_append(p->out, "</tr>\n");
@@ -222,7 +224,12 @@ static void matrix(page *p, away which, const char *title, const char *words) {
       const tcs_report_row *r = find_away(p, text_of(scene, "name"), heads[1 + i]);
       open_cell(p, heads[1 + i]);
       if (r && usual) {
-        double e = which == RAYS ? r->area_rms : r->rms, most = which == RAYS ? r->area_max : r->max;
+        double e = which == RAYS          ? r->area_rms
+                   : which == TERMINATION ? r->ended_rms
+                                          : r->rms,
+               most = which == RAYS          ? r->area_max
+                      : which == TERMINATION ? r->ended_max
+                                             : r->max;
         g_string_append_printf(p->out, "%.2g<small>max %.2g</small><small>time %.2f</small></td>", e, most,
                                r->time_ms / usual->time_ms);
       } else {
@@ -239,8 +246,9 @@ static void matrices(page *p) {
                           "away from the usual. Each "
                           "cell: rms, largest error, and time as a multiple of the usual's.</p>\n");
   matrix(p, TERMINATION, "Early termination",
-         "A ray ends once less than this share of what lies behind it would be seen; usual: never. It may change a "
-         "pixel by no more.");
+         "A ray ends once less than this share of what lies behind it would be seen; usual: never. What that alone "
+         "changes: differences from the usual's picture, not from the reference. No pixel's may be more than the "
+         "threshold.");
   matrix(p, TABLE, "Size and precision of the table",
          "Entries a side of the pre-integration table, and entries rounded to half floats and to 8 bits; usual: the "
          "size the plan chooses, "
@@ -330,28 +338,58 @@ static void losses(page *p, const cJSON *scene) {
   g_strfreev(lines);
 }
 
-/* Series by step of the rows that vary one member. */
-static void away_chart(page *p, const char *scene, away which, tcs_chart *chart) {
+static int step_look(double step) { return step == 1 ? 0 : step < 1 ? 2 : 1; }
+
+static bool varies(const tcs_report_row *r, const char *scene, away which) {
+  return !strcmp(r->scene, scene) && away_of(r) == which && !strcmp(r->backend, "cpu") &&
+         !strcmp(r->classification, tc_classification_names[0]);
+}
+
+/* Series by step of the table's sizes; its precisions are one point each. */
+static void table_chart(page *p, const char *scene) {
+  tcs_chart chart = {
+      .title = "Table: size and precision", .x_label = "entries a side", .octaves = true, .y_label = "rms error"};
   for (guint i = 0; i < p->rows->len; i++) {
     const tcs_report_row *r = row_at(p, i);
-    if (strcmp(r->scene, scene) || away_of(r) != which || strcmp(r->backend, "cpu") ||
-        strcmp(r->classification, tc_classification_names[0]))
-      continue;
+    if (!varies(r, scene, TABLE)) continue;
     char name[64], tip[96];
-    if (which == TABLE && r->table_bits)
+    if (r->table_bits)
       g_snprintf(name, sizeof name, "%s, step %g", r->table_bits == 8 ? "8 bit" : "half floats", r->step);
     else
       g_snprintf(name, sizeof name, "step %g", r->step);
     g_snprintf(tip, sizeof tip, "%s: rms %.3g, max %.3g, %.3g ms", name, r->rms, r->max, r->time_ms);
-    tcs_series *s = tcs_chart_series(chart, name);
+    tcs_series *s = tcs_chart_series(&chart, name);
     if (s) {
-      s->color = r->table_bits == 8 ? 4 : r->table_bits == 16 ? 3 : r->step == 1 ? 0 : r->step < 1 ? 2 : 1;
-      s->shape = r->table_bits == 8 ? 4 : r->table_bits == 16 ? 3 : r->step == 1 ? 0 : r->step < 1 ? 2 : 1;
+      s->color = s->shape = r->table_bits == 8 ? 4 : r->table_bits == 16 ? 3 : step_look(r->step);
       s->line = r->table_bits == 0;
     }
-    tcs_series_add(s, which == TABLE ? r->table_nodes : r->termination, which == TABLE ? r->rms : r->max, 0, 0, tip);
+    tcs_series_add(s, r->table_nodes, r->rms, 0, 0, tip);
   }
-  tcs_chart_write(chart, p->out);
+  tcs_chart_write(&chart, p->out);
+}
+
+/* Both of the same setting without the threshold: how far a pixel is from it, and the share of its time. */
+static void termination_chart(page *p, const char *scene) {
+  tcs_chart chart = {.title = "Early termination: cost and gain",
+                     .x_label = "threshold of transparency",
+                     .y_label = "largest difference; share of time",
+                     .caption = "Beside the same setting that ends no ray."};
+  for (int times = 0; times < 2; times++)
+    for (guint i = 0; i < p->rows->len; i++) {
+      const tcs_report_row *r = row_at(p, i), *line[TCS_REPORT_STEPS];
+      if (!varies(r, scene, TERMINATION)) continue;
+      double share = 0;
+      for (int n = tcs_report_line(p->rows, scene, r->backend, r->classification, line); n-- > 0;)
+        if (line[n]->step == r->step) share = r->time_ms / line[n]->time_ms;
+      char name[64], tip[96];
+      g_snprintf(name, sizeof name, "%s, step %g", times ? "time" : "difference", r->step);
+      g_snprintf(tip, sizeof tip, "step %g, threshold %.2g: %.2g at most, rms %.2g, time %.2f", r->step, r->termination,
+                 r->ended_max, r->ended_rms, share);
+      tcs_series *s = tcs_chart_series(&chart, name);
+      if (s) s->color = s->shape = step_look(r->step), s->line = true, s->dashed = s->hollow = times;
+      tcs_series_add(s, r->termination, times ? share : r->ended_max, 0, 0, tip);
+    }
+  tcs_chart_write(&chart, p->out);
 }
 
 static void scene_section(page *p, const cJSON *scene, int number) {
@@ -369,14 +407,10 @@ static void scene_section(page *p, const cJSON *scene, int number) {
                          "interval of the rms.</p>\n<div class=\"charts\">\n",
                          cJSON_GetArrayItem(dims, 0)->valueint, cJSON_GetArrayItem(dims, 1)->valueint,
                          cJSON_GetArrayItem(dims, 2)->valueint, text_of(volume, "type"), side, side, side * side);
-  tcs_chart termination = {
-      .title = "Early termination", .x_label = "threshold of transparency", .y_label = "largest error"};
-  tcs_chart table = {
-      .title = "Table: size and precision", .x_label = "entries a side", .octaves = true, .y_label = "rms error"};
   cloud(p, name);
   convergence(p, scene);
-  away_chart(p, name, TERMINATION, &termination);
-  away_chart(p, name, TABLE, &table);
+  termination_chart(p, name);
+  table_chart(p, name);
   g_string_append(p->out, "</div>\n");
   losses(p, scene);
   g_string_append(p->out, "</section>\n");

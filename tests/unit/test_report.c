@@ -142,7 +142,8 @@ static void reports_a_volume(void **state) {
   for (guint i = 0; i < rows->len; i++) {
     const tcs_report_row *r = &g_array_index(rows, tcs_report_row, i);
     assert_true(r->pixels == 24 * 24 && r->runs == 3 && r->render_ms > 0 && r->time_ms > 0);
-    assert_true(r->rms >= r->rms_lo && r->rms <= r->rms_hi && r->rms <= r->max && r->p999 <= r->max);
+    assert_true(r->rms >= r->rms_lo && r->rms <= r->rms_hi && r->rms <= r->max && r->p999 <= r->max &&
+                r->area_p999 <= r->area_max);
     assert_true(isfinite(r->max) && r->ssim <= 1 && r->ciede <= r->ciede_max && isfinite(r->area_rms));
   }
   /* Both back ends, or the reason why not. */
@@ -159,7 +160,10 @@ static void reports_a_volume(void **state) {
   print_message("step 2 over step 1: %.2f; rms %.2g, half floats %.2g, 8 bit %.2g\n", ratio, usual->rms, half, byte);
   assert_true(ratio > 3 && ratio < 5);
   assert_true(byte > 4 * usual->rms && half < byte);
-  assert_true(row_where(rows, 0, 0.02, 1)->max <= usual->max + 0.02 + 1e-6);
+  const tcs_report_row *ended = row_where(rows, 0, 0.02, 1);
+  assert_true(ended->max <= usual->max + 0.02 + 1e-6);
+  assert_true(ended->ended_rms > 0 && ended->ended_rms < ended->ended_max && ended->ended_max <= 0.02 + 1e-6);
+  assert_true(row_where(rows, 0, 1e-3, 1)->ended_max <= 1e-3 + 1e-6 && usual->ended_max == 0);
   char *csv = read_out("report.csv");
   assert_int_equal(lines_of(csv), (int)rows->len + 1);
   assert_true(g_str_has_prefix(csv, "key,scene,backend,classification,"));
@@ -448,7 +452,7 @@ static int set_up(void **state) {
   path = g_build_filename(folder, "scene.json", NULL);
   g_file_set_contents(path,
                       "{\"transferFunction\":{\"points\":[{\"value\":0,\"color\":[0.2,0.4,0.9],\"extinction\":0},"
-                      "{\"value\":255,\"color\":[0.9,0.6,0.3],\"extinction\":0.3}]}}",
+                      "{\"value\":255,\"color\":[0.9,0.6,0.3],\"extinction\":0.5}]}}",
                       -1, NULL);
   g_free(path);
   return 0;

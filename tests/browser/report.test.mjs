@@ -1,0 +1,71 @@
+// The page of `tomocast report`, as a phone and as paper show it.
+import assert from 'node:assert/strict';
+import { execFile } from 'node:child_process';
+import { mkdtemp, rm } from 'node:fs/promises';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { after, before, test } from 'node:test';
+import { promisify } from 'node:util';
+
+import { browserMissing, launch } from './chromium.mjs';
+import { daemonMissing } from './daemon.mjs';
+
+const PHONE = 390;
+const PAPER = Math.floor(((210 - 2 * 14) / 25.4) * 96); // A4 between the page's margins
+const skip = daemonMissing() || (await browserMissing());
+let browser, folder, address;
+
+before(async () => {
+  if (skip) return;
+  folder = await mkdtemp(join(tmpdir(), 'tomocast-report-page-'));
+  const small = ['--quick', '--no-gl', '--size', '16', '--side', '24'];
+  await promisify(execFile)(process.env.TC_BINARY, ['report', '--volume', 'demo:bucky', ...small, '--output', folder]);
+  address = `file://${folder}/report.html`;
+  browser = await launch();
+});
+after(async () => {
+  await browser?.close();
+  if (folder) await rm(folder, { recursive: true });
+});
+
+const overflowing = () =>
+  [...document.querySelectorAll('.wide')].map((box) => ({
+    over: box.scrollWidth - box.clientWidth,
+    shade: getComputedStyle(box).backgroundImage,
+  }));
+
+for (const colorScheme of ['light', 'dark']) {
+  test(`no wider than a phone; a table that is, is shaded where it goes on (${colorScheme})`, { skip }, async () => {
+    const page = await browser.page({ viewport: { width: PHONE, height: 844 }, colorScheme });
+    await page.goto(address);
+    assert.equal(await page.evaluate(() => document.documentElement.scrollWidth), PHONE);
+    const wide = (await page.evaluate(overflowing)).filter(({ over }) => over > 0);
+    assert.ok(wide.length > 0, 'the tables of single choices scroll');
+    for (const { shade } of wide) assert.equal(shade.match(/linear-gradient/g)?.length, 2, shade);
+    // The shade is seen before the table is scrolled to its end, and gone there: pixels at the right edge.
+    const box = (await page.$$('.wide'))[(await page.evaluate(overflowing)).findIndex(({ over }) => over > 0)];
+    const edge = async () => {
+      const { x, y, width } = await box.boundingBox();
+      const clip = { x: x + width - 3, y: y + 2, width: 2, height: 4 };
+      return (await page.screenshot({ clip, fullPage: true })).toString('base64');
+    };
+    const before = await edge();
+    await box.evaluate((element) => (element.scrollLeft = element.scrollWidth));
+    assert.notEqual(await edge(), before);
+    await page.context().close();
+  });
+}
+
+test('all of every table is on the paper', { skip }, async () => {
+  const page = await browser.page({ viewport: { width: PAPER, height: 1000 } });
+  await page.goto(address);
+  await page.emulateMedia({ media: 'print' });
+  assert.equal(await page.evaluate(() => document.documentElement.scrollWidth), PAPER);
+  const right = await page.$$eval('table', (tables) => tables.map((table) => table.getBoundingClientRect().right));
+  assert.ok(right.length > 5 && Math.max(...right) <= PAPER, `${right}`);
+  const text = await page.innerText('body');
+  for (const words of ['preintegrated2, expected 3', 'approximate, expected 2', '99.9 % under']) {
+    assert.ok(text.includes(words), words);
+  }
+  await page.context().close();
+});
