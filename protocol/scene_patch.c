@@ -1,4 +1,5 @@
 /* Documents into scenes: walks the table of members, reading what a patch holds. */
+#include <math.h>
 #include <string.h>
 
 #include "protocol/internal.h"
@@ -134,7 +135,13 @@ void tcp_scene_light(tc_scene *scene, const cJSON *document) {
 #define MAX_KEY_SEGMENTS 8
 
 /* JSON where the text is JSON, else the text itself: mode=mip needs no quotes. */
-static cJSON *parse_value(const char *text, GError **error) {
+static cJSON *parse_value(const char *key, const char *text, GError **error) {
+  char *end;
+  const char *digits = text + (*text == '-');
+  if (g_ascii_isdigit(*digits) && isinf(g_ascii_strtod(text, &end)) && !*end) {
+    tc_set_error(error, TC_ERROR_SYNTAX, NULL, "%s: %s is too large for a double", key, text);
+    return NULL;
+  }
   cJSON *value = tcp_json_parse(text, strlen(text), NULL);
   if (value) return value;
   /* what starts like JSON was meant as JSON: say what is wrong instead of taking "[1,2" for a word */
@@ -165,7 +172,7 @@ cJSON *tcp_scene_set_expression(const char *expression, GError **error) {
   }
   char *key = g_strndup(expression, (gsize)(equals - expression));
   char **segments = g_strsplit(key, ".", -1);
-  cJSON *value = check_key(segments, error) ? parse_value(equals + 1, error) : NULL;
+  cJSON *value = check_key(segments, error) ? parse_value(key, equals + 1, error) : NULL;
   for (guint i = g_strv_length(segments); value && i > 0; i--) {
     cJSON *outer = cJSON_CreateObject();
     cJSON_AddItemToObject(outer, segments[i - 1], value);

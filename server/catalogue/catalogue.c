@@ -57,15 +57,15 @@ tcs_entry *tcs_catalogue_find(tcs_catalogue *catalogue, const char *id) {
   return g_hash_table_lookup(catalogue->entries, id);
 }
 
-tcs_entry *tcs_catalogue_resident(tcs_catalogue *catalogue, const char *id, GError **error) {
+tcs_entry *tcs_catalogue_resident(tcs_catalogue *catalogue, const char *id, const char *member, GError **error) {
   tcs_entry *entry = tcs_catalogue_find(catalogue, id);
   if (entry && entry->state == TCS_RESIDENT) return entry;
   if (!entry)
-    tc_set_error(error, TC_ERROR_NOT_FOUND, NULL, "there is no such volume; GET /v1/volumes lists them");
+    tc_set_error(error, TC_ERROR_NOT_FOUND, member, "there is no such volume; GET /v1/volumes lists them");
   else if (entry->state == TCS_LOADING)
-    tc_set_error(error, TC_ERROR_CONFLICT, NULL, "the volume is still loading; ask again when its state is resident");
+    tc_set_error(error, TC_ERROR_CONFLICT, member, "the volume is still loading; ask again when its state is resident");
   else
-    tc_set_error(error, TC_ERROR_CONFLICT, NULL, "the volume could not be loaded: %s", entry->reason);
+    tc_set_error(error, TC_ERROR_CONFLICT, member, "the volume could not be loaded: %s", entry->reason);
   return NULL;
 }
 

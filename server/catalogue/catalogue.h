@@ -32,8 +32,9 @@ tcs_catalogue *tcs_catalogue_new(tcs_server *server);
 void tcs_catalogue_free(tcs_catalogue *catalogue); /* after the load worker has ended and completions were drained */
 
 tcs_entry *tcs_catalogue_find(tcs_catalogue *catalogue, const char *id);
-/* A resident volume; else TC_ERROR_NOT_FOUND, _BUSY (loading: ask again) or _CONFLICT (failed). */
-tcs_entry *tcs_catalogue_resident(tcs_catalogue *catalogue, const char *id, GError **error);
+/* A resident volume; else TC_ERROR_NOT_FOUND or _CONFLICT (loading or failed), which points at `member`, the JSON
+ * pointer to what named it; NULL: none did. */
+tcs_entry *tcs_catalogue_resident(tcs_catalogue *catalogue, const char *id, const char *member, GError **error);
 
 /* Starts to load; TC_ERROR_INVALID (id), _CONFLICT (id in use) or _MEMORY (budget used up). Takes source->path and,
  * where it fails, removes a temporary file at once. A failed volume's id may be used again. */

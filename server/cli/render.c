@@ -1,5 +1,6 @@
 /* tomocast render: one picture, no server. */
 #include <errno.h>
+#include <limits.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -11,6 +12,8 @@
 #include "server/cli/cli.h"
 #include "server/encode/encode.h"
 #include "server/session/ray_json.h"
+
+#define UNSET INT_MIN /* a size that is not on the command line */
 
 typedef struct arguments {
   char *scene, *output, *labels, *backend, *tables, *isa, *ray, **set;
@@ -114,7 +117,9 @@ static bool check_arguments(job *j, GError **error) {
   j->options.backend = (tc_backend)backend;
   j->options.tables = (tc_table_builder)tables;
   if (a->threads < 0 || a->threads > 1024) return usage_error(j, error, "--threads: 0 to 1024 is wanted");
-  if (a->width < 0 || a->height < 0) return usage_error(j, error, "--width, --height: more than 0 is wanted");
+  if (a->width != UNSET && a->width <= 0) return usage_error(j, error, "--width %d: more than 0 is wanted", a->width);
+  if (a->height != UNSET && a->height <= 0)
+    return usage_error(j, error, "--height %d: more than 0 is wanted", a->height);
   j->options.threads = a->threads;
   j->options.isa = a->isa;
   return true;
@@ -125,8 +130,8 @@ static bool check_arguments(job *j, GError **error) {
 static bool make_scene(job *j, GError **error) {
   const tcs_cli_scene from = {.file = j->args.scene,
                               .set = j->args.set,
-                              .width = j->args.width,
-                              .height = j->args.height,
+                              .width = MAX(0, j->args.width),
+                              .height = MAX(0, j->args.height),
                               .format = tcs_encode_format_name(j->format)};
   tc_scene_init(&j->scene);
   tc_scene_fit(&j->scene, j->volume);
@@ -166,8 +171,8 @@ static bool make_renderer(job *j, GError **error) {
 static bool print_ray(job *j, GError **error) {
   int x, y, end = 0;
   const tc_scene *s = &j->scene;
-  if (sscanf(j->args.ray, "%d,%d%n", &x, &y, &end) != 2 || j->args.ray[end] || x < 0 || y < 0 ||
-      x >= s->image.width || y >= s->image.height)
+  if (sscanf(j->args.ray, "%d,%d%n", &x, &y, &end) != 2 || j->args.ray[end] || x < 0 || y < 0 || x >= s->image.width ||
+      y >= s->image.height)
     return usage_error(j, error, "--ray %s: X,Y wanted, a pixel of the picture of %dx%d, 0,0 at the top left",
                        j->args.ray, s->image.width, s->image.height);
   cJSON *json = tcs_ray_json(j->volume, j->labels, s, x, y, error);
@@ -279,7 +284,7 @@ static void finish(job *j) {
 }
 
 int tcs_cli_render(int argc, char **argv) {
-  job j = {.exit_code = TCS_EXIT_FAILED};
+  job j = {.args = {.width = UNSET, .height = UNSET}, .exit_code = TCS_EXIT_FAILED};
   GError *error = NULL;
   int code = TCS_EXIT_DONE;
   if (!run(&j, argc, argv, &error)) code = tcs_cli_fail("render", j.exit_code, error);

@@ -45,18 +45,25 @@ static void finished_picture(tcs_job *job) {
   tcs_reply_bytes(request, 200, tcs_encode_content_type(job->scene.image.format), g_bytes_ref(job->image));
   tcs_reply_header(request, "Server-Timing", timing);
   tcs_reply_header(request, "Tomocast-Size", size);
+  tcs_session *session = job->revision ? tcs_sessions_find(request->server->sessions, request->params[0]) : NULL;
+  if (session) tcs_session_still(session, job);
 }
 
-/* Checks the scene as it will be rendered, then queues it. */
-static void render(tcs_request *request, tc_volume *volume, const tc_scene *scene, const char *prefix) {
+/* Checks the scene as it will be rendered, then queues it. session: whose it is, or NULL; others have no meter. */
+static void render(tcs_request *request, tc_volume *volume, const tc_scene *scene, const tcs_session *session) {
   GError *error = NULL;
   tc_volume *labels;
   if (!tcs_scene_check(request->server, volume, scene, &labels, &error)) {
-    tcs_reply_error_in(request, error, prefix);
+    tcs_reply_error_in(request, error, session ? "" : "/scene");
     g_clear_error(&error);
     return;
   }
   tcs_job *job = tcs_job_new(request->server, volume, scene);
+  if (session) {
+    job->revision = session->revision;
+    job->final = true;
+    job->meter_pixels = session->watchers->len ? 0 : tcs_meter_pixels(job);
+  }
   if (labels) job->labels = tc_volume_ref(labels);
   submit(request, job, NULL, finished_picture);
 }
@@ -110,7 +117,7 @@ static void post_render(tcs_request *request, cJSON *body) {
   if (!tcs_members_known(request, body, names) || !tcs_member_string(request, body, "volume", true, &volume) ||
       !tcs_member_string(request, body, "format", false, &format))
     return;
-  const tcs_entry *entry = tcs_resident(request, volume);
+  const tcs_entry *entry = tcs_resident(request, volume, "/volume");
   if (!entry) return;
   tc_image_format chosen = TC_FORMAT_JPEG;
   if (!read_format(request, format, &chosen)) return;
@@ -124,7 +131,7 @@ static void post_render(tcs_request *request, cJSON *body) {
     return;
   }
   if (set_quality(request, cJSON_GetObjectItemCaseSensitive(body, "quality"), &scene))
-    render(request, entry->volume, &scene, "/scene");
+    render(request, entry->volume, &scene, NULL);
   tc_scene_clear(&scene);
 }
 
@@ -143,7 +150,7 @@ void tcs_get_frame(tcs_request *request) {
       tcs_query_int(request, "quality", 1, 100, &scene.image.quality) &&
       tcs_query_int(request, "width", 1, INT_MAX, &scene.image.width) && /* over a limit: the scene's check says so */
       tcs_query_int(request, "height", 1, INT_MAX, &scene.image.height))
-    render(request, session->entry->volume, &scene, "");
+    render(request, session->entry->volume, &scene, session);
   tc_scene_clear(&scene);
 }
 

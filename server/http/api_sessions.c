@@ -28,9 +28,11 @@ static cJSON *describe(const tcs_session *session, bool with_scene) {
   const int64_t idle_us = session->watchers->len ? 0 : g_get_monotonic_time() - session->used_us;
   cJSON_AddNumberToObject(json, "idleSeconds", (double)(idle_us / 1000000));
   if (with_scene) cJSON_AddItemToObject(json, "scene", tcp_scene_write(&session->scene));
-  const tcs_picture *latest = session->latest;
-  if (latest && latest->revision == session->revision && latest->header.has_error)
-    cJSON_AddItemToObject(json, "error", tcp_measured_error(&latest->header));
+  const tcs_picture *judged = tcs_session_judged(session);
+  if (judged && judged->header.has_error)
+    cJSON_AddItemToObject(json, "error", tcp_measured_error(&judged->header));
+  else if (judged)
+    cJSON_AddStringToObject(json, "unmeasured", judged->header.unmeasured);
   cJSON *links = cJSON_AddObjectToObject(json, "links");
   for (size_t i = 0; i < G_N_ELEMENTS(names); i++)
     add_link(links, names[i][0], session->id, names[i][1]);
@@ -49,7 +51,7 @@ static void post_session(tcs_request *request, const cJSON *body) {
   static const char *const names[] = {"volume", "scene", NULL};
   const char *volume;
   if (!tcs_members_known(request, body, names) || !tcs_member_string(request, body, "volume", true, &volume)) return;
-  tcs_entry *entry = tcs_resident(request, volume);
+  tcs_entry *entry = tcs_resident(request, volume, "/volume");
   if (!entry) return;
   GError *error = NULL;
   const cJSON *scene = cJSON_GetObjectItemCaseSensitive(body, "scene");

@@ -164,7 +164,7 @@ static void done_histogram(tcs_task *task) {
 
 void tcs_get_histogram(tcs_request *request) {
   int bins = 256;
-  const tcs_entry *entry = tcs_resident(request, request->params[0]);
+  const tcs_entry *entry = tcs_resident(request, request->params[0], NULL);
   if (!entry || !tcs_query_int(request, "bins", 1, MAX_BINS, &bins)) return;
   walk *work = g_new0(walk, 1);
   work->task = (tcs_task){.run = run_histogram, .done = done_histogram};
@@ -184,7 +184,7 @@ static bool parse_position(const char *text, double position[3]) {
 }
 
 void tcs_get_value(tcs_request *request) {
-  const tcs_entry *entry = tcs_resident(request, request->params[0]);
+  const tcs_entry *entry = tcs_resident(request, request->params[0], NULL);
   if (!entry) return;
   const char *at = tcs_query(request, "at");
   double position[3], index[3], value;

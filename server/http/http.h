@@ -81,8 +81,8 @@ cJSON *tcs_body_json(tcs_request *request);
 /* True when `etag` (with its quotes) is in a header's list, or the header is "*". */
 bool tcs_etag_listed(const char *header, const char *etag);
 
-/* The resident volume `id`, or NULL: replied 404 or 409. */
-struct tcs_entry *tcs_resident(tcs_request *request, const char *id);
+/* The resident volume `id`, or NULL: replied 404 or 409. member: pointer to who named it in the body, or NULL. */
+struct tcs_entry *tcs_resident(tcs_request *request, const char *id, const char *member);
 /* The session of the first parameter, or NULL: replied 404. */
 tcs_session *tcs_session_of(tcs_request *request);
 /* False: replied 422, naming a member that is not in the NULL-ended list `names`. Also wants an object. */

@@ -124,9 +124,9 @@ cJSON *tcs_body_json(tcs_request *request) {
   return json;
 }
 
-struct tcs_entry *tcs_resident(tcs_request *request, const char *id) {
+struct tcs_entry *tcs_resident(tcs_request *request, const char *id, const char *member) {
   GError *error = NULL;
-  tcs_entry *entry = tcs_catalogue_resident(request->server->catalogue, id, &error);
+  tcs_entry *entry = tcs_catalogue_resident(request->server->catalogue, id, member, &error);
   if (entry) return entry;
   tcs_reply_error(request, error);
   const tcs_entry *other = tcs_catalogue_find(request->server->catalogue, id);

@@ -6,7 +6,8 @@
 struct tcs_measure {
   tcs_task task;
   tcs_server *server;
-  tcs_session *session; /* NULL: nobody wants it any more */
+  tcs_session *session;       /* NULL: nobody wants it any more */
+  tcs_picture *picture;       /* owned reference */
   tc_volume *volume, *labels; /* owned references; no labels: NULL */
   tc_scene scene;
   tc_meter *meter;
@@ -24,13 +25,13 @@ static void run(tcs_task *task) {
 /* The reason instead of figures. */
 static void tell_failure(const tcs_measure *m) {
   tcs_log(TCS_LOG_WARN, "meter.failed", "code=%d", m->error->code);
-  tcs_picture *picture = m->session->latest;
+  tcs_picture *picture = m->picture;
   g_strlcpy(picture->unmeasured, m->error->message, sizeof picture->unmeasured);
   picture->header.unmeasured = picture->unmeasured;
 }
 
 static void tell(const tcs_measure *m) {
-  tcp_frame_header *header = &m->session->latest->header;
+  tcp_frame_header *header = &m->picture->header;
   tcs_histogram_add_error(&m->server->metrics.error, m->result.rms);
   header->has_error = true;
   header->rms = m->result.rms;
@@ -53,6 +54,7 @@ static void done(tcs_task *task) {
     (m->error ? tell_failure : tell)(m);
     tcs_session_deliver(session);
   }
+  tcs_picture_unref(m->picture);
   tc_meter_free(m->meter);
   tc_volume_unref(m->volume);
   tc_volume_unref(m->labels);
@@ -61,10 +63,11 @@ static void done(tcs_task *task) {
   g_free(m);
 }
 
-void tcs_measure_begin(tcs_session *session, tcs_job *job) {
+void tcs_measure_begin(tcs_session *session, tcs_job *job, tcs_picture *picture) {
   tcs_measure_cancel(session);
   tcs_measure *m = g_new0(tcs_measure, 1);
   *m = (tcs_measure){.task = {.run = run, .done = done}, .server = session->server, .session = session};
+  m->picture = tcs_picture_ref(picture);
   m->volume = tc_volume_ref(job->volume);
   if (job->labels) m->labels = tc_volume_ref(job->labels);
   tc_scene_copy(&m->scene, &job->scene);

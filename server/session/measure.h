@@ -7,8 +7,8 @@
 
 #include "server/session/session.h"
 
-/* Takes the job's meter, volume and scene for the picture that it made: session->latest. */
-void tcs_measure_begin(tcs_session *session, tcs_job *job);
+/* Takes the job's meter, volume and scene for the picture that it made, one of the session's. */
+void tcs_measure_begin(tcs_session *session, tcs_job *job, tcs_picture *picture);
 /* NULL session->measure is fine. */
 void tcs_measure_cancel(tcs_session *session);
 

@@ -118,6 +118,7 @@ void tcs_session_end(tcs_session *session) {
   set_labels(session, NULL);
   session->entry->users--;
   tcs_picture_unref(session->latest);
+  tcs_picture_unref(session->still);
   g_ptr_array_unref(session->watchers);
   g_ptr_array_unref(session->jobs);
   tc_scene_clear(&session->scene);
@@ -140,8 +141,8 @@ static bool at_rest(const tcs_session *session, int64_t now_us) { return now_us 
  * while input flows every picture is one behind, and each is newer than the last. */
 static void deliver(tcs_session *session, tcs_watcher *watcher, int64_t now_us) {
   const tcs_picture *picture = session->latest;
-  if (!picture || (!tcs_watcher_wants(watcher, picture->revision, picture->final) &&
-                   !tcs_watcher_wants_error(watcher, picture)))
+  if (!picture ||
+      (!tcs_watcher_wants(watcher, picture->revision, picture->final) && !tcs_watcher_wants_error(watcher, picture)))
     return;
   if (!tcs_window_open(&watcher->window, now_us) || !watcher->ops->ready(watcher)) return;
   tcp_frame_header header = picture->header;
@@ -223,6 +224,32 @@ static tcs_picture *make_picture(tcs_job *job) {
   return picture;
 }
 
+int tcs_meter_pixels(const tcs_job *job) {
+  char reason[96];
+  return tc_meter_refuses(&job->scene, reason, sizeof reason) ? 0 : job->scene.error_meter.pixels;
+}
+
+void tcs_session_still(tcs_session *session, tcs_job *job) {
+  if (job->revision != session->revision || session->watchers->len || !job->scene.error_meter.pixels) return;
+  const tcs_picture *last = session->still;
+  if (last && last->revision == job->revision && last->header.width == job->out_width &&
+      last->header.height == job->out_height && (session->measure || tcs_picture_is_judged(last)))
+    return;                    /* asked for again and again, it would never be done */
+  tcs_measure_cancel(session); /* of another picture */
+  tcs_picture_unref(session->still);
+  session->still = make_picture(job);
+  g_clear_pointer(&session->still->image, g_bytes_unref);
+  if (job->meter) tcs_measure_begin(session, job, session->still);
+}
+
+const tcs_picture *tcs_session_judged(const tcs_session *session) {
+  const tcs_picture *pictures[] = {session->still, session->latest};
+  for (int i = 0; i < 2; i++)
+    if (pictures[i] && pictures[i]->revision == session->revision && tcs_picture_is_judged(pictures[i]))
+      return pictures[i];
+  return NULL;
+}
+
 static void finished(tcs_job *job) {
   tcs_session *session = job->user;
   if (!session) return;
@@ -244,8 +271,9 @@ static void finished(tcs_job *job) {
   }
   tcs_picture_unref(session->latest);
   session->latest = make_picture(job);
+  g_clear_pointer(&session->still, tcs_picture_unref);
   tcs_measure_cancel(session); /* of another picture */
-  if (job->meter && job->revision == session->revision) tcs_measure_begin(session, job);
+  if (job->meter && job->revision == session->revision) tcs_measure_begin(session, job, session->latest);
   tcs_session_deliver(session);
   if (job->final) tcs_quality_pump(session->server->quality);
 }
@@ -288,8 +316,7 @@ static tcs_job *begin_job(tcs_session *session, bool final) {
   job->hurry = true;
   tcs_quality_resolve(session->server->quality, job, session, !final);
   if (!final) make_interactive(session, job);
-  char reason[96];
-  if (final && !tc_meter_refuses(&job->scene, reason, sizeof reason)) job->meter_pixels = job->scene.error_meter.pixels;
+  if (final) job->meter_pixels = tcs_meter_pixels(job);
   job->marks = g_array_sized_new(FALSE, FALSE, sizeof(tcs_mark), session->watchers->len);
   for (guint i = 0; i < session->watchers->len; i++) {
     const tcs_watcher *watcher = g_ptr_array_index(session->watchers, i);

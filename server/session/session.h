@@ -29,10 +29,11 @@ struct tcs_session {
   int64_t active_until_us; /* input flows until then */
   int64_t created_us, used_us;
   tcs_picture *latest;     /* newest finished picture, or NULL */
+  tcs_picture *still;      /* newest one that was asked for by itself, without its image: what the meter says of it */
   tcs_job *job;            /* rendering for the viewers, or NULL; jobs being encoded are no longer here */
   uint64_t begun_revision; /* of the newest picture begun */
   bool begun_final;
-  tcs_measure *measure; /* of `latest`, or NULL */
+  tcs_measure *measure; /* of `latest` or `still`, or NULL */
   GPtrArray *jobs; /* all under way, rendering or encoding: told when the session ends */
 };
 
@@ -72,6 +73,12 @@ void tcs_session_changed(tcs_session *session);
 
 /* Makes the final picture of the scene as it is once more: more is known of its quality. */
 void tcs_session_refine(tcs_session *session);
+/* How many pixels of a job's picture the meter is to have: the scene's wish, 0 where there is no reference. */
+int tcs_meter_pixels(const tcs_job *job);
+/* A final picture was made for one who asked for it alone: it is measured where no viewer's picture is. */
+void tcs_session_still(tcs_session *session, tcs_job *job);
+/* What the meter found of the scene as it is, or why nothing; NULL: not known, or not asked. The session's. */
+const tcs_picture *tcs_session_judged(const tcs_session *session);
 /* The newest picture to every viewer that has something to learn from it. */
 void tcs_session_deliver(tcs_session *session);
 

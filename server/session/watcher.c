@@ -7,7 +7,7 @@ tcs_picture *tcs_picture_ref(tcs_picture *picture) {
 
 void tcs_picture_unref(tcs_picture *picture) {
   if (!picture || --picture->references > 0) return;
-  g_bytes_unref(picture->image);
+  if (picture->image) g_bytes_unref(picture->image);
   if (picture->marks) g_array_unref(picture->marks);
   g_free(picture);
 }

@@ -18,7 +18,7 @@ typedef struct tcs_picture {
   tcp_frame_header header; /* frame and seq differ per viewer */
   tc_classification classification; /* it was rendered with, and at */
   double step;
-  GBytes *image;
+  GBytes *image; /* NULL in a session's `still` */
   char unmeasured[96]; /* header.unmeasured points here, or is NULL */
   GArray *marks; /* tcs_mark: each viewer's newest patch it shows */
 } tcs_picture;

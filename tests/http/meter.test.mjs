@@ -46,6 +46,61 @@ test('a final frame comes once more with its error, and the session has it', asy
   await ws.close();
 });
 
+test('a frame that is asked for by itself is measured where nobody looks on', async () => {
+  const session = await d.session({ errorMeter: { pixels: 64 }, image: { width: 64, height: 64 } });
+  const frame = (query = '') => d.get(`${session.links.frame}${query}`);
+  const known = async () => {
+    for (let i = 0; i < 200; i++, await sleep(50)) {
+      const { json } = await d.get(session.links.self);
+      if (json.error || json.unmeasured) return json;
+    }
+    return assert.fail('never measured');
+  };
+  assert.equal((await d.get(session.links.self)).json.error, undefined);
+  assert.equal((await frame()).status, 200);
+  const first = await known();
+  assert.deepEqual(validate(first, api.components.schemas.Session, api), []);
+  assert.ok(first.error.pixels === 64 && first.error.rms > 0 && first.error.rms <= first.error.max, JSON.stringify(first));
+  const pixels = await metric('meter_pixels_total');
+  assert.equal((await frame('?format=png')).status, 200);
+  await sleep(200);
+  assert.equal(await metric('meter_pixels_total'), pixels, 'the same picture again is known');
+  assert.equal((await frame('?width=8&height=5')).status, 200);
+  let small;
+  do small = await known(); while (small.error.pixels === 64);
+  assert.equal(small.error.pixels, 40, 'another size is another picture');
+  // A change makes what was found history; what has no reference says so.
+  await d.patch(session.links.scene, { sampling: { step: 0.1 } });
+  assert.equal((await d.get(session.links.self)).json.error, undefined);
+  await frame();
+  assert.ok((await known()).error.rms < first.error.rms);
+  await d.patch(session.links.scene, { mode: 'mpr' });
+  await frame();
+  const without = await known();
+  assert.deepEqual(validate(without, api.components.schemas.Session, api), []);
+  assert.match(without.unmeasured, /mode/);
+  // A viewer's picture has the meter.
+  await d.patch(session.links.scene, { mode: 'dvr' });
+  const ws = await Ws.open(d, session.id);
+  const { header } = await measured(ws, 0);
+  await frame('?width=8&height=5');
+  await sleep(200);
+  assert.deepEqual((await d.get(session.links.self)).json.error, header.error);
+  await ws.close();
+});
+
+test('a session that ends, or changes, while a frame of its own is measured', async () => {
+  for (let i = 0; i < 6; i++) {
+    const session = await d.session({ errorMeter: { pixels: 65536 } });
+    const pending = d.get(session.links.frame);
+    if (i % 2) await pending;
+    if (i % 3) await d.patch(session.links.scene, { sampling: { step: 2 } });
+    assert.equal((await d.delete(session.links.self)).status, 204);
+    await pending;
+  }
+  assert.equal((await d.get('/healthz')).status, 200);
+});
+
 test('a smaller step has a smaller error', async () => {
   const { ws } = await open({ errorMeter: { pixels: 512 }, sampling: { step: 4, termination: 0 } });
   const coarse = (await measured(ws, 0)).header.error;

@@ -67,7 +67,8 @@ test('a broken file fails with a reason that holds no server path, and its id ma
   assert.ok(failed.reason.length > 5);
   assert.ok(!failed.reason.includes(d.folder), failed.reason);
   assert.match(failed.reason, /^open broken\.nrrd: /);
-  problem(await d.post('/v1/sessions', { volume: 'again' }), 409);
+  problem(await d.post('/v1/sessions', { volume: 'again' }), 409, '/volume');
+  problem(await d.post('/v1/render', { volume: 'none' }), 404, '/volume');
   assert.equal((await d.post('/v1/volumes', { id: 'again', path: 'ball.nrrd' })).status, 202);
   assert.equal((await settled('again')).state, 'resident');
   await d.delete('/v1/volumes/again');

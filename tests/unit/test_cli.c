@@ -113,7 +113,11 @@ static void bad_usage(void **state) {
   refuse(RUN("render", "demo:bucky", "--backend", "cuda"), 2, "auto, cpu or gl");
   refuse(RUN("render", "demo:bucky", "-o", "picture.bmp"), 2, ".png or .jpg");
   refuse(RUN("render", "demo:bucky", "--width", "-5"), 2, "more than 0");
+  refuse(RUN("render", "demo:bucky", "--width", "0"), 2, "--width 0: more than 0 is wanted");
+  refuse(RUN("render", "demo:bucky", "--height", "0"), 2, "--height 0: more than 0 is wanted");
   refuse(RUN("render", "demo:bucky", "--width", "9000"), 2, "at most 8192");
+  refuse(RUN("render", "demo:bucky", "--set", "camera.fovY=1e999"), 2, "camera.fovY: 1e999 is too large");
+  refuse(RUN("render", "demo:bucky", "--set", "camera.fovY=-1e999"), 2, "camera.fovY: -1e999 is too large");
   refuse(RUN("render", "demo:bucky", "--isa", "mmx"), 2, "mmx");
   refuse(RUN("render", "demo:bucky", "--set", "camera.fovY"), 2, "key=value");
   refuse(RUN("render", "demo:bucky", "--set", "camera.fov=3"), 2, "did you mean \"fovY\"?");
