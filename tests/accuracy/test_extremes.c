@@ -98,8 +98,11 @@ static void shape(test_case *c, int i) {
 
 static void step(test_case *c, int i) {
   static const double steps[] = {1e-3, 17, 1e3};
-  c->scene.sampling.step = steps[i]; /* the smallest is held at some thousand samples a ray */
-  if (i == 0) c->scene.image.width = c->scene.image.height = 2;
+  c->scene.sampling.step = steps[i];
+  if (i > 0) return;
+  c->fine = true; /* some thousand samples a ray of so small a volume */
+  c->dims[0] = c->dims[1] = c->dims[2] = 3;
+  c->scene.image.width = c->scene.image.height = 2;
 }
 
 static void picture(test_case *c, int i) {
@@ -108,8 +111,7 @@ static void picture(test_case *c, int i) {
   if (i == 1) c->scene.sampling.step = 4;
 }
 
-/* Outside along an axis, along diagonals through edges and corners; inside; on a face, on an edge, on a corner; far
- * away. */
+/* Outside along an axis and along diagonals; inside; on a face, on an edge, on a corner; far away. */
 static void eye(test_case *c, int i) {
   static const double sides[][3] = {{0, -1, 0}, {0, 0, 1}, {1, 0, 0}, {1, 1, 0}, {1, 1, 1}};
   static const double places[][3] = {{0.6, 0.3, 0.4}, {0, 0.5, 0.5}, {0.3, 1, 0.6}, {1, 1, 0.5}, {0, 0, 1}, {1, 0, 0}};
@@ -118,6 +120,33 @@ static void eye(test_case *c, int i) {
   if (i < 5) memcpy(c->side, sides[i], sizeof c->side);
   else if (i < 11) c->at_eye = true, memcpy(c->eye, places[i - 5], sizeof c->eye);
   else c->far_mm = i == 11 ? 1e5 : 1e7;
+}
+
+/* The ray of the middle pixel meets the box where its sides meet, or lies in one. */
+static void edge(test_case *c, int i) {
+  static const struct { double eye[3], place[3]; } views[] = {
+      {{2, 2, 0.5}, {1, 1, 0.5}},         /* from outside in through an edge, and out through the opposite one */
+      {{2, 2, 2}, {1, 1, 1}},             /* through a corner */
+      {{0, 2, 0.5}, {1, 1, 0.5}},         /* past an edge, touching it; past a corner */
+      {{0, 2, 1.5}, {1, 1, 1}},
+      {{-1, 0.5, 1}, {0.5, 0.5, 1}},      /* along a face; across it from corner to corner; along an edge */
+      {{-1, -1, 1}, {0.5, 0.5, 1}},
+      {{-1, 1, 1}, {0.5, 1, 1}},
+      {{0.5, 0.5, 0.5}, {1, 1, 0.5}},     /* from within out through an edge, through a corner */
+      {{0.5, 0.5, 0.5}, {0, 0, 0}},
+      {{0.25, 0.5, 1}, {1, 0.5, 1}},      /* on a face along it, on an edge along it */
+      {{0.25, 1, 1}, {1, 1, 1}},
+      {{0, 0, 0}, {1, 1, 1}},             /* from corner to corner; away from one */
+      {{1, 1, 1}, {2, 2, 2}}};
+  c->dims[0] = c->dims[1] = c->dims[2] = 9;
+  c->projection = i % 2 ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC;
+  c->at_eye = c->at_place = true;
+  memcpy(c->eye, views[i / 2].eye, sizeof c->eye);
+  memcpy(c->place, views[i / 2].place, sizeof c->place);
+  for (int k = 0; k < 3; k++) {
+    double at = views[i / 2].eye[k];
+    c->along_face |= at == views[i / 2].place[k] && (at == 0 || at == 1);
+  }
 }
 
 static void field_of_view(test_case *c, int i) {
@@ -141,6 +170,7 @@ static const struct row {
             {"steps of 1e-3 to 1e3 voxels", 3, step},
             {"pictures 1x1, 8192x1, 1x300", 3, picture},
             {"eyes in, on and far from the box", 26, eye},
+            {"rays in at edges, corners, faces", 26, edge},
             {"fields of view of 1e-3 to 179", 3, field_of_view}};
 
 /* ---- the ways: every classification with every filter; the other modes with every filter ---- */
@@ -156,6 +186,8 @@ static void take_way(test_case *c, int way) {
   if (way == WAYS - 1) s->mode = TC_MODE_ISOSURFACE;
   else if (look < TC_CLASSIFICATION_COUNT) s->classification = (tc_classification)look;
   else s->mode = modes[look - TC_CLASSIFICATION_COUNT];
+  /* Half of the ways, of each filter and each classification some. */
+  if ((look + filter) % 2) s->sampling.termination = pow(10, -1 - look % 3);
   if (way != 0) c->table_size = 64; /* the plan's own choice is what the first way is for */
 }
 

@@ -244,6 +244,8 @@ static void place_eye(test_case *c, const double lo[3], const double hi[3], cons
     double target[3];
     for (int k = 0; k < 3; k++) at[k] = lo[k] + c->eye[k] * (hi[k] - lo[k]), target[k] = camera->target[k];
     tc_volume_index_to_lps(volume, at, eye);
+    for (int k = 0; k < 3; k++) at[k] = lo[k] + c->place[k] * (hi[k] - lo[k]);
+    if (c->at_place) tc_volume_index_to_lps(volume, at, target);
     test_scene_look(&c->scene, c->projection, eye, target, c->projection == TC_PERSPECTIVE ? 60 : camera->height_mm);
   }
   camera->fov_y_deg *= c->zoom;
@@ -283,6 +285,7 @@ static void complete_scene(test_case *c, const tc_volume *volume) {
     p[3] = p[3] * extent - (p[0] * center[0] + p[1] * center[1] + p[2] * center[2]);
   }
   place_eye(c, lo, hi, volume);
+  if (c->fine) return;
   /* At most some thousand samples a pixel, fewer of those that fetch 64 voxels. */
   double least = fmin(c->spacing[0], fmin(c->spacing[1], c->spacing[2])), diagonal = 0;
   for (int k = 0; k < 3; k++) diagonal += c->dims[k] * c->spacing[k];

@@ -49,6 +49,10 @@ typedef struct test_case {
   double side[3], inside; /* inside: how far from outside to the volume's centre the eye has gone, 0..1 */
   bool at_eye;   /* the eye is at a place of the volume's box instead, each of 0..1 across it */
   double eye[3];
+  bool at_place; /* the view's centre is at such a place too, not at the box's */
+  double place[3];
+  bool along_face; /* rays of a whole line of pixels lie in the plane of a face */
+  bool fine;     /* the step is as asked, however many samples a ray has */
   double far_mm; /* not 0: the eye goes that far, the view staying as wide */
   double fov_deg; /* not 0: of a perspective view */
   double zoom; /* of the field of view that shows all of the volume, 0..1 */

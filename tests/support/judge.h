@@ -1,7 +1,8 @@
 /* The invariants of every picture (NUMERICS section 5), asked of one case on every renderer:
- *   no NaN, opacity within 0..1, colour within opacity times the brightest there is; leaping changes no bit, threads change no
- *   bit; early termination changes at most its threshold; both orders agree; renderers agree but for ties (counted);
- *   the reference keeps the same bounds, and the transparency along its rays never grows. */
+ *   no NaN, opacity within 0..1, colour within opacity times the brightest there is; leaping changes no bit, threads
+ *   change no bit; early termination changes at most its threshold; both orders agree; renderers agree but for ties,
+ *   which are few in every case (judge.c: ties_allowed); the reference keeps the same bounds, and the transparency along
+ *   its rays never grows. */
 #ifndef TC_TEST_JUDGE_H
 #define TC_TEST_JUDGE_H
 
@@ -18,6 +19,8 @@ typedef struct test_tally {
   size_t compared[RENDERERS], ties[RENDERERS];
   double most_ties[RENDERERS];                             /* the largest share in one picture of at least 12 pixels */
   uint64_t worst[RENDERERS];                               /* its seed */
+  /* the same of pictures of the voxels' last bits (judge.c: shows_last_bits), which are in none of the above */
+  size_t last_compared[RENDERERS], last_ties[RENDERERS];
 } test_tally;
 extern test_tally test_judged;
 extern char test_judged_why[600]; /* what was broken */

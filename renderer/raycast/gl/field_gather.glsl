@@ -31,12 +31,13 @@ float interpolate(ivec3 cell, vec3 f) {
   vec4 b = corners(cell.xy, cell.z + 1);
   // Neither mix() nor what a compiler may make of this: x * (1 - f) + y * f does not return x where both are x, and a
   // constant field must stay constant. Hence "precise".
-  precise vec4 c = a + (b - a) * f.z;
+  // All relative to the first corner, whose last bits would be lost three times otherwise.
+  precise vec4 rise_z = b - a;
+  precise vec4 c = (a - a.w) + rise_z * f.z;
   precise vec2 d = c.wx + (c.zy - c.wx) * f.x;
-  precise float e = d.x + (d.y - d.x) * f.y;
+  precise float e = a.w + (d.x + (d.y - d.x) * f.y);
 #if SLOPE
   precise vec2 rise_x = c.zy - c.wx;
-  precise vec4 rise_z = b - a;
   precise vec2 rise = rise_z.wx + (rise_z.zy - rise_z.wx) * f.x;
   slope = vec3(rise_x.x + (rise_x.y - rise_x.x) * f.y, d.y - d.x, rise.x + (rise.y - rise.x) * f.y);
 #endif

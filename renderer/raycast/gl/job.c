@@ -1,6 +1,7 @@
 /* From a job to the uniform block. See job.h. */
 #include "renderer/raycast/gl/job.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -14,7 +15,7 @@ static void put3(float to[4], const double from[3]) {
 static void fill_nodes(tc_gl_job_block *block, int n, double lo, double hi) {
   block->nodes[0] = (float)lo;
   /* A range of denormal width would make this infinite, and infinity times zero is no node. */
-  block->nodes[1] = (float)fmin((n - 1) / (hi - lo), 1e30);
+  block->nodes[1] = (float)fmin((n - 1) / (hi - lo), FLT_MAX);
   block->nodes[2] = (float)(n - 1);
 }
 
