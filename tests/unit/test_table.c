@@ -255,10 +255,11 @@ static tc_table *rebuild(const tc_table_params *p, const tc_table *like, tc_pool
 
 /* Built after a like table, whatever moved: to the last bit what is built from nothing. */
 static void after_an_edit(void **state) {
-  static const struct { const char *what; int knot; double value, amount, red;
-  } edits[] = {{"nothing", 1, 0, 0, 0},          {"a knot's amount", 2, 0, 0.04, 0},
-               {"a knot's place", 1, 3.3, 0, 0}, {"the first knot", 0, -2, 0.1, 0},
-               {"a colour", 2, 0, 0, 0.05},      {"the brightest colour", 3, 0, 0, -0.5}};
+  enum { LOW, HIGH, NONE }; /* which end of the axis no edit touches: entries there are copied, not made anew */
+  static const struct { const char *what; int knot; double value, amount, red; int kept;
+  } edits[] = {{"nothing", 1, 0, 0, 0, LOW},           {"a knot's amount", 2, 0, 0.04, 0, LOW},
+               {"a knot's place", 1, 3.3, 0, 0, HIGH}, {"the first knot", 0, -2, 0.1, 0, HIGH},
+               {"a colour", 2, 0, 0, 0.05, LOW},       {"the brightest colour", 3, 0, 0, -0.5, NONE}};
   tc_pool *pool = tc_pool_new(2, NULL);
   for (size_t i = 0; i < sizeof edits / sizeof *edits; i++)
     for (int n = 61; n <= 256; n += 195) {
@@ -279,6 +280,16 @@ static void after_an_edit(void **state) {
       if (memcmp(a->entries, b->entries, a->bytes))
         fail_msg("%s moved, n = %d: entries differ", edits[i].what, n);
       assert_true(i == 0 || memcmp(a->entries, like->entries, a->bytes));
+      for (int end = LOW; end <= HIGH; end++) { /* found by a mark that only a copy can have */
+        float *mark = like->zero_row + 4 * (2 * like->columns + (end == LOW ? 3 : n - 9)), was = *mark;
+        *mark = 0.123f;
+        tc_table *copy = rebuild(&p, like, pool);
+        bool copied = copy->zero_row[mark - like->zero_row] == 0.123f;
+        if (copied != (i == 0 || edits[i].kept == end))
+          fail_msg("%s moved, n = %d, end %d: copied %d", edits[i].what, n, end, copied);
+        *mark = was;
+        tc_table_free(copy);
+      }
       p.step_mm = 0.8, p.n_zooms = 0; /* a like table of no use */
       other = rebuild(&p, like, pool);
       tc_table_free(b);
