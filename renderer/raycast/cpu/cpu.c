@@ -166,11 +166,16 @@ static void fill_shading(tc_cpu_args *a, const tc_job *job) {
 static void fill_zooms(tc_cpu_args *a, const tc_table *t) {
   double nodes = (t->n - 1) / (t->hi - t->lo);
   a->n_zooms = t->n_zooms;
-  for (int z = 0; z < t->n_zooms; z++)
-    a->zooms[z] = (tc_cpu_zoom){.lo = (float)((t->zooms[z].lo - t->lo) * nodes),
-                                .scale = (float)((TC_ZOOM_NODES - 1) / ((t->zooms[z].hi - t->zooms[z].lo) * nodes)),
+  for (int z = 0; z < t->n_zooms; z++) {
+    const tc_zoom *zoom = &t->zooms[z];
+    double lo = (zoom->lo - t->lo) * nodes, width = (zoom->hi - zoom->lo) * nodes;
+    double rim = zoom->rim * width / (TC_ZOOM_NODES - 1);
+    a->zooms[z] = (tc_cpu_zoom){.lo = (float)lo,
+                                .scale = (float)((TC_ZOOM_NODES - 1) / width),
                                 .start = (float)((t->zoom_rows[z] - t->zero_row) / 4),
-                                .rim = (float)t->zooms[z].rim};
+                                .rim = (float)zoom->rim,
+                                .inner = {(float)(lo + rim), (float)(lo + width - rim)}};
+  }
 }
 
 static void fill_labels(tc_cpu_labels *l, const tc_job *job) {

@@ -18,6 +18,7 @@ typedef struct tc_cpu_zoom {
   float lo, scale; /* its node = (node - lo) * scale */
   float start;     /* entries from the table's row k = 0 to its own; exact below 2^24 */
   float rim;       /* of its nodes, at either end */
+  float inner[2];  /* between the rims, in nodes of the table */
 } tc_cpu_zoom;
 
 /* Of a picture with labels (classify/labels.h). */

@@ -16,6 +16,23 @@ V_INLINE void straighten(vf *front, vf middle, vf *back) {
   *back = mean + half;
 }
 
+/* Segments that are straightened need not meet: where that would jump over most of what a zoom is for, a peak could be
+ * missed, and plain ends stay. */
+V_INLINE void straighten_zoomed(const tc_cpu_args *g, vf *front, vf middle, vf *back) {
+  vf near = *front, far = *back;
+  straighten(&near, middle, &far);
+  vm jumps = v_lt(v_set(1), v_set(0));
+  for (int z = 0; z < g->n_zooms; z++) {
+    vf lo = v_set(g->zooms[z].inner[0]), hi = v_set(g->zooms[z].inner[1]), most = hi - lo;
+    vm skips = m_and(v_lt(most, v_abs(near - *front)),
+                     m_and(v_lt(v_min(near, *front), hi), v_lt(lo, v_max(near, *front))));
+    vm leaves = m_and(v_lt(most, v_abs(far - *back)), m_and(v_lt(v_min(far, *back), hi), v_lt(lo, v_max(far, *back))));
+    jumps = m_or(jumps, m_or(skips, leaves));
+  }
+  *front = v_select(jumps, *front, near);
+  *back = v_select(jumps, *back, far);
+}
+
 /* Segment i: of full length or, where the ray ends or begins with a phase, shorter. */
 V_INLINE vf4 classify_part(const tc_cpu_args *g, variant v, const packet *p, vf front, vf back, int i, vf t0, vf t1,
                              vm live) {
@@ -42,7 +59,9 @@ V_INLINE vf4 segment(const tc_cpu_args *g, variant v, const packet *p, vf front,
                      tc_cpu_counts *counts) {
   if (v.classification == TC_PREINTEGRATED) return classify_part(g, v, p, front, back, i, t0, t1, live);
   if (v.classification == TC_PREINTEGRATED2) {
-    straighten(&front, sample_node(g, v, p, v_set(0.5f) * (t0 + v_min(t1, p->length)), NULL), &back);
+    vf middle = sample_node(g, v, p, v_set(0.5f) * (t0 + v_min(t1, p->length)), NULL);
+    if (v.zoomed) straighten_zoomed(g, &front, middle, &back);
+    else straighten(&front, middle, &back);
     counts->samples += (uint64_t)m_count(live); /* the middle */
     return classify_part(g, v, p, front, back, i, t0, t1, live);
   }
