@@ -55,7 +55,7 @@ typedef struct tcs_report_row {
   char key[160], scene[48], backend[8], classification[24], order[20], filter[12], kernel[64];
   double step, rays, coherence, jitter, termination;
   double table_size, table_bits;                                         /* asked for; 0 = chosen, single precision */
-  double table_nodes;                                                    /* used; 0 = the variant has no such table */
+  double table_nodes;                                                    /* used, a side or of a table of one argument */
   double pixels, rms, rms_lo, rms_hi, p999, max, ciede, ciede_max, ssim; /* against rays through pixel centres */
   double area_pixels, area_rms, area_rms_lo, area_rms_hi, area_p999,
       area_max;                /* against the mean over the pixel's area */
@@ -126,16 +126,14 @@ enum { TCS_REPORT_STEPS = 16 };
 /* Under this a picture's rms is single precision's, not the method's. */
 #define TCS_REPORT_FLOOR 1e-6
 
-/* The plain rows of a classification on a scene and back end by ascending step; how many. */
+/* The rows of a classification on a scene and back end that are plain but for the filter, by ascending step; how many.
+ */
 int tcs_report_line(const GArray *rows, const char *scene, const char *backend, const char *classification,
-                    const tcs_report_row *line[TCS_REPORT_STEPS]);
-/* Observed order of theirs: slope of log(rms) over log(step) over the finest three octaves whose rms is above single
- * precision. False: fewer than three steps left. */
+                    const char *filter, const tcs_report_row *line[TCS_REPORT_STEPS]);
+/* Observed order of the linear filter's: slope of log(rms) over log(step) over the finest three octaves whose rms is
+ * above single precision. False: fewer than three steps left. */
 bool tcs_report_slope(const GArray *rows, const char *scene, const char *backend, const char *classification,
                       double *slope);
-/* Of rows that are plain but for their filter. */
-bool tcs_report_slope_of(const GArray *rows, const char *scene, const char *backend, const char *classification,
-                         const char *filter, double *slope);
 /* Expected on smooth scenes (NUMERICS section 4; of approximate 2, for what a segment emits is scaled to what it
  * absorbs), as text; "" for a name that is not known. */
 const char *tcs_report_expected(const char *classification);

@@ -379,7 +379,7 @@ static void termination_chart(page *p, const char *scene) {
       const tcs_report_row *r = row_at(p, i), *line[TCS_REPORT_STEPS];
       if (!varies(r, scene, TERMINATION)) continue;
       double share = 0;
-      for (int n = tcs_report_line(p->rows, scene, r->backend, r->classification, line); n-- > 0;)
+      for (int n = tcs_report_line(p->rows, scene, r->backend, r->classification, "linear", line); n-- > 0;)
         if (line[n]->step == r->step) share = r->time_ms / line[n]->time_ms;
       char name[64], tip[96];
       g_snprintf(name, sizeof name, "%s, step %g", times ? "time" : "difference", r->step);
@@ -460,15 +460,13 @@ static void foot(page *p, bool quick, const cJSON *left_out) {
       "report.csv hold every figure.</p>\n");
   g_string_append(
       p->out,
-      quick ? "<p>Swept: every classification at steps of 2 to 0.25 voxels on the cpu, pre-integrated on gl; at a step "
-              "of 1, "
-              "pre-integrated on the cpu, one other choice at a time. Without --quick much more is.</p>\n"
+      quick ? "<p>Swept: every classification at steps of 2 to 0.25 voxels on the cpu, preintegrated2 from 4, and "
+              "pre-integrated on gl; at a step of 1, pre-integrated on the cpu, one other choice at a time; at 0.25, "
+              "tables of 1024 entries a side. Without --quick much more is.</p>\n"
             : "<p>Swept, on both back ends: every classification at steps of 4 to 0.125 voxels with 1 to 16 rays a "
-              "pixel, all "
-              "combined; and of the pre-integrated ones, at steps of 2, 1 and 0.5, one other choice at a time: order, "
-              "filter, "
-              "jitter, coherence of four rays, termination, size and precision of the table. Not combined: several of "
-              "these.</p>\n");
+              "pixel, all combined; and of the pre-integrated ones, at steps of 2, 1 and 0.5, one other choice at a "
+              "time: order, filter, jitter, coherence of four rays, termination, size and precision of the table; at "
+              "0.125, the largest table. Not combined: several of these.</p>\n");
   if (cJSON_GetArraySize(left_out)) g_string_append(p->out, "<h3>Left out</h3>\n<ul>\n");
   cJSON_ArrayForEach(entry, left_out) {
     g_string_append(p->out, "<li>");

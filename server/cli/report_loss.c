@@ -48,9 +48,10 @@ typedef struct line {
   double slope;  /* NAN: too few */
 } line;
 
-static line line_of(const GArray *rows, const char *scene, const char *backend, const char *classification) {
+static line line_of(const GArray *rows, const char *scene, const char *backend, const char *classification,
+                    const char *filter) {
   line l = {.slope = NAN};
-  l.n = tcs_report_line(rows, scene, backend, classification, l.at);
+  l.n = tcs_report_line(rows, scene, backend, classification, filter, l.at);
   tcs_report_slope(rows, scene, backend, classification, &l.slope);
   while (l.low < l.n && !(l.at[l.low]->rms > TCS_REPORT_FLOOR))
     l.low++;
@@ -79,25 +80,30 @@ static const tcs_report_row *larger_table(const GArray *rows, const tcs_report_r
   return best;
 }
 
+/* Reads a table of segments, two values each; others one of a single value. */
+static bool of_segments(const tcs_report_row *row) { return g_str_has_prefix(row->classification, "preintegrated"); }
+
 /* Whether it is the table that holds the finest steps up; says so, or what was tried. */
 static bool say_table(GString *out, const GArray *rows, const line *l) {
   const tcs_report_row *finest = l->at[l->low], *own = NULL, *large = NULL;
   for (int i = l->low; i <= l->high && !large; i++)
     own = l->at[i], large = larger_table(rows, own);
   if (large && large->rms < LESS * own->rms) {
-    g_string_append_printf(out, ". The table's: at a step of %g, %.0f entries a side leave %.2g, the usual %.0f %.2g",
-                           own->step, large->table_nodes, large->rms, own->table_nodes, own->rms);
+    g_string_append_printf(out, ". The table's: at a step of %g, %.0f entries%s leave %.2g, the usual %.0f %.2g",
+                           own->step, large->table_nodes, of_segments(own) ? " a side" : "", large->rms,
+                           own->table_nodes, own->rms);
     return true;
   }
-  const line none = line_of(rows, finest->scene, finest->backend, "approximate");
-  for (int i = 0; i < none.n; i++)
+  const line none = line_of(rows, finest->scene, finest->backend, "approximate", "linear");
+  for (int i = 0; i < none.n && of_segments(finest); i++)
     if (none.at[i]->step == finest->step && none.at[i]->rms < LESS * finest->rms) {
-      g_string_append_printf(out, ". The table's: approximate, which has none, leaves %.2g at a step of %g, this %.2g",
-                             none.at[i]->rms, finest->step, finest->rms);
+      g_string_append_printf(
+          out, ". The table's: approximate, without one of segments, leaves %.2g at a step of %g, this %.2g",
+          none.at[i]->rms, finest->step, finest->rms);
       return true;
     }
   if (large)
-    g_string_append_printf(out, ". Not for want of entries: at a step of %g, %.0f a side%s leave %.2g", own->step,
+    g_string_append_printf(out, ". Not for want of entries: at a step of %g, %.0f%s leave %.2g", own->step,
                            large->table_nodes, large->rms * LESS > own->rms ? ", but without the plan's zooms," : "",
                            large->rms);
   return false;
@@ -126,9 +132,9 @@ static bool say_line(GString *out, const GArray *rows, const line *l, double dep
   bool floor = finest->rms > STALLED * l->at[l->low + 1]->rms, rough = true;
   double deep = depth * finest->step;
   if (floor) g_string_append_printf(out, ": a floor of %.2g", finest->rms);
-  if (finest->table_nodes > 0)
-    rough = !say_table(out, rows, l);
-  else if (deep > DEEP)
+  if (say_table(out, rows, l))
+    rough = false;
+  else if (deep > DEEP && !of_segments(finest))
     g_string_append_printf(out, ". A step of %g is up to %.2g deep; orders show where it is under 1", finest->step,
                            deep),
         rough = false;
@@ -151,13 +157,17 @@ static void say_what_is_rough(GString *out, const GArray *rows, const cJSON *sce
       ". A step across a bend is of the second order at best however exact the method, across a jump of the first, "
       "and of none where a ray grazes it.");
   const char *name = cJSON_GetObjectItemCaseSensitive(scene, "name")->valuestring;
-  double linear, cubic;
-  if (tcs_report_slope_of(rows, name, "cpu", "preintegrated2", "cubic", &cubic) &&
-      tcs_report_slope(rows, name, "cpu", "preintegrated2", &linear))
-    g_string_append_printf(out,
-                           " Under the cubic filter, whose field bends nowhere, preintegrated2 is of order %.2f at "
-                           "steps of 2 to 0.5%s.",
-                           cubic, cubic > linear + 0.3 ? ": the faces are what is lost" : "");
+  const line linear = line_of(rows, name, "cpu", "preintegrated2", "linear"),
+             cubic = line_of(rows, name, "cpu", "preintegrated2", "cubic");
+  for (int i = linear.low; i < linear.high && cubic.high > cubic.low; i++) {
+    const tcs_report_row *fine = cubic.at[cubic.low], *coarse = cubic.at[cubic.low + 1];
+    double bent = order_above(&linear, i), free = order_above(&cubic, cubic.low);
+    if (linear.at[i]->step == fine->step && linear.at[i + 1]->step == coarse->step && free > bent + 0.3)
+      g_string_append_printf(out,
+                             " The faces are much of it: under the cubic filter, whose field bends nowhere, "
+                             "preintegrated2 is of order %.2f from a step of %g to %g, under the linear one of %.2f.",
+                             free, coarse->step, fine->step, bent);
+  }
   if (depth > 20)
     g_string_append_printf(
         out, " A voxel of the densest value is %.2g deep: where a ray first touches it is all that is seen.", depth);
@@ -171,7 +181,8 @@ char *tcs_report_loss(const GArray *rows, const cJSON *scene) {
   for (size_t c = 0; c < TC_CLASSIFICATION_COUNT; c++) {
     const char *classification = tc_classification_names[c];
     double expected = g_ascii_strtod(tcs_report_expected(classification), NULL);
-    const line cpu = line_of(rows, name, "cpu", classification), gl = line_of(rows, name, "gl", classification);
+    const line cpu = line_of(rows, name, "cpu", classification, "linear"),
+               gl = line_of(rows, name, "gl", classification, "linear");
     bool differ = gl.n >= 3 && !(fabs(gl.slope - cpu.slope) < DIFFER);
     if (cpu.n >= 3 && !(cpu.slope >= expected - SHORT)) rough = say_line(out, rows, &cpu, depth) || rough;
     if (differ && !(gl.slope >= expected - SHORT)) rough = say_line(out, rows, &gl, depth) || rough;

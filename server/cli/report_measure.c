@@ -284,7 +284,7 @@ static bool compare_one(tcs_report_bench *b, const tcs_setting *s, tcs_report_ro
   if (!render(b, s, t->side, true, &plan, error)) return false;
   row->tables_ms = b->small.stats.tables_ms;
   row->skip_ms = b->small.stats.skip_ms;
-  row->table_nodes = plan.stages[TC_STAGE_TABLE_2D].included ? plan.table_size : 0;
+  row->table_nodes = plan.table_size;
   g_strlcpy(row->kernel, plan.kernel, sizeof row->kernel);
   if (!judge(b, t, row)) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "comparing pictures: out of memory");

@@ -86,9 +86,8 @@ static int finer(const void *a, const void *b) {
   return (x > y) - (x < y);
 }
 
-/* Rows of a filter that are plain but for it. */
-static int line_of(const GArray *rows, const char *scene, const char *backend, const char *classification,
-                   const char *filter, const tcs_report_row *line[TCS_REPORT_STEPS]) {
+int tcs_report_line(const GArray *rows, const char *scene, const char *backend, const char *classification,
+                    const char *filter, const tcs_report_row *line[TCS_REPORT_STEPS]) {
   int n = 0;
   for (guint i = 0; i < rows->len && n < TCS_REPORT_STEPS; i++) {
     tcs_report_row plain = *row_at(rows, i);
@@ -102,16 +101,11 @@ static int line_of(const GArray *rows, const char *scene, const char *backend, c
   return n;
 }
 
-int tcs_report_line(const GArray *rows, const char *scene, const char *backend, const char *classification,
-                    const tcs_report_row *line[TCS_REPORT_STEPS]) {
-  return line_of(rows, scene, backend, classification, "linear", line);
-}
-
-bool tcs_report_slope_of(const GArray *rows, const char *scene, const char *backend, const char *classification,
-                         const char *filter, double *slope) {
+bool tcs_report_slope(const GArray *rows, const char *scene, const char *backend, const char *classification,
+                      double *slope) {
   const tcs_report_row *line[TCS_REPORT_STEPS];
   double sx = 0, sy = 0, sxx = 0, sxy = 0, first = 0;
-  int all = line_of(rows, scene, backend, classification, filter, line), n = 0;
+  int all = tcs_report_line(rows, scene, backend, classification, "linear", line), n = 0;
   for (int i = 0; i < all; i++) {
     double x = log2(line[i]->step), y = log2(line[i]->rms);
     if (!(line[i]->rms > TCS_REPORT_FLOOR)) continue;
@@ -122,11 +116,6 @@ bool tcs_report_slope_of(const GArray *rows, const char *scene, const char *back
   if (n < 3) return false;
   *slope = (n * sxy - sx * sy) / (n * sxx - sx * sx);
   return true;
-}
-
-bool tcs_report_slope(const GArray *rows, const char *scene, const char *backend, const char *classification,
-                      double *slope) {
-  return tcs_report_slope_of(rows, scene, backend, classification, "linear", slope);
 }
 
 const char *tcs_report_expected(const char *classification) {

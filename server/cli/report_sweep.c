@@ -92,8 +92,8 @@ GArray *tcs_report_settings(const tcs_report_scene *scene, bool quick, bool gl, 
       bool tables = c == TC_PREINTEGRATED || c == TC_PREINTEGRATED2;
       s.rays = 1;
       if (quick && c == TC_PREINTEGRATED2) s.step = 4, add(w, &s); /* of order 3: finer ones soon leave nothing */
-      if (tables && b == TC_BACKEND_CPU) {                         /* what of the finest step's error is the table's */
-        s.step = quick ? 0.25 : 0.125, s.table_size = quick ? 1024 : 2048;
+      if (b == TC_BACKEND_CPU && (tables || !quick)) {             /* what of the finest step's error is the table's */
+        s.step = quick ? 0.25 : 0.125, s.table_size = quick ? 1024 : tables ? 2048 : 4096;
         add(w, &s);
         s.table_size = 0;
       }
