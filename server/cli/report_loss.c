@@ -89,16 +89,16 @@ static bool say_table(GString *out, const GArray *rows, const line *l) {
   for (int i = l->low; i <= l->high && !large; i++)
     own = l->at[i], large = larger_table(rows, own);
   if (large && large->rms < LESS * own->rms) {
-    g_string_append_printf(out, ". The table's: at a step of %g, %.0f entries%s leave %.2g, the usual %.0f %.2g",
-                           own->step, large->table_nodes, of_segments(own) ? " a side" : "", large->rms,
-                           own->table_nodes, own->rms);
+    g_string_append_printf(
+        out, ". It is the table's: at a step of %g, %.0f entries%s leave %.2g, the usual %.0f leave %.2g", own->step,
+        large->table_nodes, of_segments(own) ? " a side" : "", large->rms, own->table_nodes, own->rms);
     return true;
   }
   const line none = line_of(rows, finest->scene, finest->backend, "approximate", "linear");
   for (int i = 0; i < none.n && of_segments(finest); i++)
     if (none.at[i]->step == finest->step && none.at[i]->rms < LESS * finest->rms) {
       g_string_append_printf(
-          out, ". The table's: approximate, without one of segments, leaves %.2g at a step of %g, this %.2g",
+          out, ". It is the table's: approximate, without one of segments, leaves %.2g at a step of %g, this %.2g",
           none.at[i]->rms, finest->step, finest->rms);
       return true;
     }
@@ -125,10 +125,10 @@ static bool say_line(GString *out, const GArray *rows, const line *l, double dep
                            l->at[0]->classification, on, TCS_REPORT_FLOOR);
     return false;
   }
-  g_string_append_printf(out, "%s%s: ", finest->classification, on);
+  g_string_append_printf(out, "%s%s: order ", finest->classification, on);
   for (int i = l->high - 1; i >= l->low; i--)
     g_string_append_printf(out, "%s%.2f", i < l->high - 1 ? ", " : "", order_above(l, i));
-  g_string_append_printf(out, " an octave, from a step of %g to %g", l->at[l->high]->step, finest->step);
+  g_string_append_printf(out, " from octave to octave, steps of %g to %g", l->at[l->high]->step, finest->step);
   bool floor = finest->rms > STALLED * l->at[l->low + 1]->rms, rough = true;
   double deep = depth * finest->step;
   if (floor) g_string_append_printf(out, ": a floor of %.2g", finest->rms);

@@ -84,6 +84,8 @@ GArray *tcs_report_settings(const tcs_report_scene *scene, bool quick, bool gl, 
     for (int c = 0; c < TC_CLASSIFICATION_COUNT; c++) {
       tcs_setting s = {.backend = (tc_backend)b, .classification = (tc_classification)c};
       if (quick && b == TC_BACKEND_GL && c != TC_PREINTEGRATED) continue; /* in software it takes half of the minute */
+      s.rays = 1;
+      if (quick && c == TC_PREINTEGRATED2) s.step = 4, add(w, &s); /* of order 3: finer ones soon leave nothing */
       EACH(i, quick_steps, full_steps)
       EACH(k, quick_rays, full_rays) {
         s.step = PICK(i, quick_steps, full_steps), s.rays = PICK(k, quick_rays, full_rays);
@@ -91,8 +93,7 @@ GArray *tcs_report_settings(const tcs_report_scene *scene, bool quick, bool gl, 
       }
       bool tables = c == TC_PREINTEGRATED || c == TC_PREINTEGRATED2;
       s.rays = 1;
-      if (quick && c == TC_PREINTEGRATED2) s.step = 4, add(w, &s); /* of order 3: finer ones soon leave nothing */
-      if (b == TC_BACKEND_CPU && (tables || !quick)) {             /* what of the finest step's error is the table's */
+      if (b == TC_BACKEND_CPU && (tables || !quick)) { /* what of the finest step's error is the table's */
         s.step = quick ? 0.25 : 0.125, s.table_size = quick ? 1024 : tables ? 2048 : 4096;
         add(w, &s);
         s.table_size = 0;

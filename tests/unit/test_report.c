@@ -365,14 +365,22 @@ static void losses_are_explained(void **state) {
     const char *says, *says_not; /* NULL: nothing at all */
   } cases[] = {
       {"preintegrated2", {1e-2, 1.25e-3, 1.6e-4, 2e-5}, 256, 2e-5, 0.1, NULL, NULL},
-      {"approximate", {1e-2, 5e-3, 2.5e-3, 1.25e-3}, 0, 0, 0.1, "1.00, 1.00, 1.00 an octave", "floor"},
+      {"approximate",
+       {1e-2, 5e-3, 2.5e-3, 1.25e-3},
+       0,
+       0,
+       0.1,
+       "order 1.00, 1.00, 1.00 from octave to octave",
+       "floor"},
       {"approximate", {1.6e-1, 4e-2, 1e-2, 2.5e-3}, 0, 0, 0.1, NULL, NULL},
       {"preintegrated2",
        {1e-2, 1.25e-3, 1e-3, 9.9e-4},
        256,
        1e-4,
        0.1,
-       "a floor of 0.00099. The table's: at a step of 0.25, 1024 entries a side leave 0.0001, the usual 256 0.00099",
+       "a floor of 0.00099. It is the table's: at a step of 0.25, 1024 entries a side leave 0.0001, the usual 256 "
+       "leave "
+       "0.00099",
        "Not smooth"},
       {"preintegrated2", {1e-2, 1.25e-3, 1e-3, 9.9e-4}, 256, 9.8e-4, 0.1, "Not for want of entries: ", "table's"},
       {"preintegrated2",
@@ -397,7 +405,7 @@ static void losses_are_explained(void **state) {
        1024,
        1e-3,
        0.1,
-       "4096 entries leave 0.001, the usual 1024 0.019",
+       "4096 entries leave 0.001, the usual 1024 leave 0.019",
        "Not smooth"},
       {"preintegrated2", {1e-5, 1.2e-6, 5e-7, 6e-7}, 256, 0, 0.1, "fewer than three steps", "Not smooth"},
   };
