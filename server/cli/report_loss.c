@@ -102,10 +102,12 @@ static bool say_table(GString *out, const GArray *rows, const line *l) {
           none.at[i]->rms, finest->step, finest->rms);
       return true;
     }
-  if (large)
-    g_string_append_printf(out, ". Not for want of entries: at a step of %g, %.0f%s leave %.2g", own->step,
-                           large->table_nodes, large->rms * LESS > own->rms ? ", but without the plan's zooms," : "",
-                           large->rms);
+  if (large && large->rms * LESS > own->rms)
+    g_string_append_printf(out, ". At a step of %g, %.0f entries without the plan's zooms leave more, %.2g", own->step,
+                           large->table_nodes, large->rms);
+  else if (large)
+    g_string_append_printf(out, ". Not for want of entries: at a step of %g, %.0f leave %.2g", own->step,
+                           large->table_nodes, large->rms);
   return false;
 }
 
