@@ -29,7 +29,7 @@
 
 #define TC_MAX_ZOOMS 7
 #define TC_EDGE_UNITS 8     /* voxel values, or */
-#define TC_EDGE_SHARE 0.001 /* of the range of floats: how far off a steep change is still where it should be */
+#define TC_EDGE_SHARE 1e-4 /* of the range of floats: how far off a steep change is still where it should be */
 #define TC_ZOOM_NODES 256
 /* Depth of a full segment from which on part of it is cut by the row of depths: below, an opacity in single precision
  * gives the transparency of any share of the segment to 1.3e-4. */

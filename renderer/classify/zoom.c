@@ -6,7 +6,7 @@
 
 /* The coarsest node distance at which a change between two knots is still told from none, in voxel values: a quarter of
  * its own width, or, for a steep one, a quarter of the way to the next change back of the same channel (the width of a
- * peak). A steep change with nothing near may be off by a few integer values, or by a thousandth of a range of floats.
+ * peak). A steep change with nothing near may be off by a few integer values, or by 1e-4 of a range of floats.
  * A long rise of extinction that makes a voxel opaque is only as wide as the part that turns a voxel from
  * clear to opaque, at its thin end. */
 typedef struct edge {
@@ -125,10 +125,12 @@ static void zoom_in(zooming *z, double lo, double hi, double node) {
 int tc_table_zooms(const tc_volume *volume, const tc_transfer_function *tf, int n, double voxel_lo, double voxel_hi,
                    tc_zoom zooms[TC_MAX_ZOOMS], bool *complete) {
   const tc_volume_desc *d = tc_volume_describe(volume);
+  const tc_volume_stats *s = tc_volume_statistics(volume);
   double range = voxel_hi - voxel_lo;
   zooming z = {.zooms = zooms, .complete = true};
-  /* A range that single precision cannot halve a few times has nothing to zoom into. */
-  if (range > 1e-4 * fmax(fabs(voxel_lo), fabs(voxel_hi)) && range < 1e30 && range > 1e-30 &&
+  /* Data of one value are a node. A range that single precision cannot halve a few times has nothing to zoom into. */
+  bool wide = s->voxel_max > s->voxel_min && range > 1e-4 * fmax(fabs(voxel_lo), fabs(voxel_hi));
+  if (wide && range < 1e30 && range > 1e-30 &&
       find_edges(tf, d, d->type == TC_F32 ? TC_EDGE_SHARE * range : TC_EDGE_UNITS, &z.edges)) {
     for (z.margin = MOST_MARGIN; z.margin >= LEAST_MARGIN; z.margin -= LEAST_MARGIN) {
       z.count = 0;
