@@ -31,7 +31,8 @@ typedef struct tc_ref_clip {
 } tc_ref_clip;
 void tc_ref_clip_set_up(tc_ref_clip *clip, const tc_scene *scene);
 
-bool tc_ref_camera_set_up(tc_ref_camera *camera, const tc_camera *from, int width, int height);
+/* NULL, or the member that has no meaning. */
+const char *tc_ref_camera_set_up(tc_ref_camera *camera, const tc_camera *from, int width, int height);
 /* False when the ray misses what is drawn of the field's box. */
 bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const tc_volume_desc *desc, double px,
                      double py, tc_ref_ray *ray);

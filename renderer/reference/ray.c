@@ -20,29 +20,32 @@ static bool normalise(long double v[3]) {
   return true;
 }
 
-bool tc_ref_camera_set_up(tc_ref_camera *camera, const tc_camera *from, int width, int height) {
+const char *tc_ref_camera_set_up(tc_ref_camera *camera, const tc_camera *from, int width, int height) {
   long double up[3];
   for (int k = 0; k < 3; k++) {
     camera->position[k] = from->position[k];
     camera->forward[k] = (long double)from->target[k] - from->position[k];
     up[k] = from->up[k];
   }
-  if (!normalise(camera->forward) || !normalise(up)) return false;
+  for (int k = 0; k < 3; k++)
+    if (!isfinite(from->position[k])) return "/camera/position";
+  if (!normalise(camera->forward)) return "/camera/target";
+  if (!normalise(up)) return "/camera/up";
   cross(camera->forward, up, camera->right);
-  if (sqrtl(dot(camera->right, camera->right)) < 1e-12L || !normalise(camera->right)) return false;
+  if (sqrtl(dot(camera->right, camera->right)) < 1e-12L || !normalise(camera->right)) return "/camera/up";
   cross(camera->right, camera->forward, camera->up);
   camera->perspective = from->projection == TC_PERSPECTIVE;
   if (camera->perspective) {
-    if (!(from->fov_y_deg > 0 && from->fov_y_deg < 180)) return false;
+    if (!(from->fov_y_deg > 0 && from->fov_y_deg < 180)) return "/camera/fovY";
     camera->half_height = tanl(from->fov_y_deg * (3.141592653589793238462643L / 360));
   } else {
-    if (!(from->height_mm > 0) || !isfinite(from->height_mm)) return false;
+    if (!(from->height_mm > 0) || !isfinite(from->height_mm)) return "/camera/height";
     camera->half_height = from->height_mm / 2.0L;
   }
   camera->half_width = camera->half_height * width / height;
   camera->width = width;
   camera->height = height;
-  return true;
+  return NULL;
 }
 
 static void eye_ray(const tc_ref_camera *camera, double px, double py, long double eye[3], long double direction[3]) {

@@ -109,8 +109,9 @@ tc_reference *tc_reference_new_labelled(tc_volume *volume, tc_volume *labels, co
   r->tolerance = (tolerance == 0 ? 1e-10 : tolerance) / 16;
   if (scene->mode == TC_MODE_DVR && scene->shading.model != TC_SHADING_NONE)
     tc_ref_shading_set_up(&r->shading, volume, scene);
-  if (!tc_ref_camera_set_up(&r->camera, &scene->camera, width, height)) {
-    tc_set_error(error, TC_ERROR_INVALID, "/camera",
+  member = tc_ref_camera_set_up(&r->camera, &scene->camera, width, height);
+  if (member) {
+    tc_set_error(error, TC_ERROR_INVALID, member,
                  "reference: camera: position, target and up must span a plane and the "
                  "view be wider than 0 and narrower than 180 degrees");
     goto fail;

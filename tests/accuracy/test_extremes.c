@@ -40,6 +40,7 @@ static test_case plain_case(uint64_t seed, tc_voxel_type type) {
 /* ---- the cases: each bends number i of its `count` ---- */
 
 static void optical_depth(test_case *c, int i) {
+  c->scene.transfer_function.kind = TC_KNOT_EXTINCTION;
   for (int k = 0; k < 3; k++) c->knots[k].amount *= pow(10, 3 * i - 12);
   c->pattern = TEST_LEVELS;
 }
@@ -47,7 +48,8 @@ static void optical_depth(test_case *c, int i) {
 static void opacity_to_one(test_case *c, int i) {
   c->scene.transfer_function.kind = TC_KNOT_OPACITY;
   c->scene.transfer_function.unit_distance_mm = pow(10, 3 * i - 6);
-  c->knots[1].amount = 1;
+  for (size_t k = 0; k < c->n_knots; k++) c->knots[k].amount = fmin(c->knots[k].amount, 1);
+  c->knots[1 % c->n_knots].amount = 1;
 }
 
 static void span(test_case *c, int i) {
@@ -69,7 +71,9 @@ static void pattern(test_case *c, int i) { c->pattern = (test_pattern)i; }
 
 static void narrow_knots(test_case *c, int i) {
   c->type = TC_U16;
-  c->hi = 65535;
+  c->lo = 0, c->hi = 65535;
+  c->zoomed = true;
+  c->scene.transfer_function.kind = TC_KNOT_EXTINCTION;
   c->pattern = i == 3 ? TEST_RAMP : TEST_NOISE;
   c->n_knots = TEST_MAX_KNOTS;
   for (size_t k = 0; k < c->n_knots; k++) { /* a step; pairs at one value; values one wide, one after another */
@@ -81,10 +85,12 @@ static void narrow_knots(test_case *c, int i) {
 static void knots(test_case *c, int i) {
   static const size_t counts[] = {1, TEST_MAX_KNOTS, TEST_MAX_KNOTS, TC_MAX_KNOTS};
   c->n_knots = counts[i];
+  c->scene.transfer_function.kind = TC_KNOT_EXTINCTION;
   for (size_t k = 0; k < TEST_MAX_KNOTS; k++) /* one; clear; opaque from the first sample; as many as there may be */
     c->knots[k] = (tc_knot){i == 0 ? 0.5 : (double)k / TEST_MAX_KNOTS,
                             {k % 3, 0.5, 1},
-                            i == 1   ? 0
+                            i == 0   ? 0.5
+                            : i == 1 ? 0
                             : i == 2 ? 1e9
                                      : k % 2};
   for (size_t k = 0; k < TEST_MAX_KNOTS; k++) c->knots[k].color[0] *= 0.5;
@@ -102,13 +108,17 @@ static void step(test_case *c, int i) {
   if (i > 0) return;
   c->fine = true; /* some thousand samples a ray of so small a volume */
   c->dims[0] = c->dims[1] = c->dims[2] = 3;
+  c->spacing[0] = c->spacing[1] = c->spacing[2] = 1;
   c->scene.image.width = c->scene.image.height = 2;
 }
 
 static void picture(test_case *c, int i) {
   static const int sizes[][2] = {{1, 1}, {8192, 1}, {1, 300}};
   c->scene.image.width = sizes[i][0], c->scene.image.height = sizes[i][1];
-  if (i == 1) c->scene.sampling.step = 4;
+  if (i != 1) return;
+  c->scene.sampling.step = 4;
+  c->scene.sampling.rays_per_pixel = 1;
+  c->zoom = 5e-4; /* so that a quarter of the pixels meets the volume */
 }
 
 /* Outside along an axis and along diagonals; inside; on a face, on an edge, on a corner; far away. */
@@ -188,7 +198,15 @@ static void take_way(test_case *c, int way) {
   else s->mode = modes[look - TC_CLASSIFICATION_COUNT];
   /* Half of the ways, of each filter and each classification some. */
   if ((look + filter) % 2) s->sampling.termination = pow(10, -1 - look % 3);
-  if (way != 0) c->table_size = 64; /* the plan's own choice is what the first way is for */
+  if (way != 0 && !c->zoomed) c->table_size = 64; /* the plan's own choice is what the first way is for */
+}
+
+enum { MOST_CASES = 26 };
+static size_t shown[G_N_ELEMENTS(rows)][MOST_CASES]; /* pixels that show something, of all ways of dvr */
+
+/* Without extinction, and with the box behind the eye. */
+static bool shows_nothing(const struct row *row, int i) {
+  return (row->bend == knots && i == 1) || (row->bend == edge && i == 25);
 }
 
 static void judge_row(const struct row *row, int way, size_t judged[RENDERERS + 1]) {
@@ -199,7 +217,10 @@ static void judge_row(const struct row *row, int way, size_t judged[RENDERERS + 
     row->bend(&c, i);
     take_way(&c, way);
     if (!test_case_fit(&c, &refusal)) fail_msg("%s, %d, way %d is refused: %s", row->name, i, way, refusal);
-    if (test_judge(&c, TEST_ON_ALL)) continue;
+    size_t was = test_judged.shown;
+    bool sane = test_judge(&c, TEST_ON_ALL);
+    if (c.scene.mode == TC_MODE_DVR) shown[row - rows][i] += test_judged.shown - was;
+    if (sane) continue;
     test_case_print(&c);
     fail_msg("%s, %d, way %d: %s", row->name, i, way, test_judged_why);
   }
@@ -209,6 +230,7 @@ static void judge_row(const struct row *row, int way, size_t judged[RENDERERS + 
 
 /* Way by way, so that shader programs are compiled once. */
 static void every_way(void **state) {
+  memset(&test_judged, 0, sizeof test_judged);
   size_t judged[G_N_ELEMENTS(rows)][RENDERERS + 1] = {{0}};
   for (int way = 0; way < WAYS; way++)
     for (size_t i = 0; i < G_N_ELEMENTS(rows); i++) judge_row(&rows[i], way, judged[i]);
@@ -216,9 +238,126 @@ static void every_way(void **state) {
     printf("  %-35s %2d cases, %d ways: reference %zu", rows[i].name, rows[i].count, WAYS, judged[i][RENDERERS]);
     EACH_RENDERER(r) printf(", %s %zu", test_names[r], judged[i][r]);
     printf("\n");
+    EACH_RENDERER(r) assert_true(SPARSE || judged[i][r] == (size_t)rows[i].count * WAYS);
+    for (int k = 0; k < rows[i].count; k++)
+      if ((shown[i][k] > 0) == shows_nothing(&rows[i], k)) fail_msg("%s, %d shows %zu", rows[i].name, k, shown[i][k]);
   }
   test_judge_print();
   EACH_RENDERER(i) assert_true((double)test_judged.ties[i] <= 0.01 * (double)test_judged.compared[i]);
+}
+
+/* The same bends of random scenes: shaded, labelled, clipped, several rays a pixel, turned grids. TC_RANDOM_SCENES and
+ * TC_RANDOM_SEED are those of test_stability, of which this draws one in twenty. */
+static void bent_random_scenes(void **state) {
+  enum { SCENES = SPARSE ? 20 : 100, ONE_IN = 20, WITH_GL = 30 }; /* of GL the compiling takes the time */
+  const char *count = getenv("TC_RANDOM_SCENES"), *only = getenv("TC_RANDOM_SEED");
+  uint64_t n = count ? strtoull(count, NULL, 10) / ONE_IN : only ? 1 : SCENES,
+           first = only ? strtoull(only, NULL, 10) : 1;
+  memset(&test_judged, 0, sizeof test_judged);
+  for (uint64_t seed = first; seed < first + n; seed++) {
+    uint64_t draw = seed;
+    const struct row *row = &rows[(size_t)(test_random(&draw) * G_N_ELEMENTS(rows))];
+    int i = (int)(test_random(&draw) * row->count);
+    test_case c = test_case_random(seed);
+    char *refusal = NULL;
+    if (c.type != TC_F32) c.lo = 0, c.hi = 100;
+    if (row->bend == span || row->bend == pattern) c.type = TC_F32;
+    row->bend(&c, i);
+    if (!test_case_fit(&c, &refusal))
+      fail_msg("%s, %d of seed %zu is refused: %s", row->name, i, (size_t)seed, refusal);
+    if (test_judge(&c, seed - first < WITH_GL ? TEST_ON_ALL : TEST_ON_ALL & ~(1u << GL))) continue;
+    test_case_print(&c);
+    fail_msg("%s, %d of seed %zu (TC_RANDOM_SEED repeats it): %s", row->name, i, (size_t)seed, test_judged_why);
+  }
+  test_judge_print();
+  assert_true(n < 100 || test_judged.shown > test_judged.pixels / 20);
+}
+
+/* ---- the longer a ray, the less light comes through ---- */
+
+/* Rays along y, cut by a plane at each of their samples: what is summed up to there is the sum up to the one before and
+ * a segment more. */
+static void opacity_grows(void **state) {
+  enum { SIDE = 8, CUTS = 8 };
+  unsigned seed = 7;
+  tc_volume *volume = test_volume(&(test_grid){.dims = {SIDE, SIDE, SIDE}, .type = TC_F32}, test_noise, &seed);
+  const tc_knot knots[] = {{.value = 0.3, .amount = 0}, {.value = 0.3, .color = {1, 1, 1}, .amount = 0.02},
+                           {.value = 0.8, .color = {1, 0.5, 0}, .amount = 0.3}, {.value = 0.9, .amount = 1e4}};
+  double worst = 0, end[2], lo[3], hi[3];
+  tc_volume_index_box(volume, lo, hi);
+  for (int way = 0; way < 2 * FILTERS * TC_CLASSIFICATION_COUNT; way++) {
+    if (way % 2 && way / 2 % FILTERS != TC_FILTER_LINEAR) continue; /* back to front, one filter is enough */
+    test_case c = {0};
+    tc_scene *s = &c.scene;
+    test_scene(s, 9, 7);
+    take_way(&c, way / 2);
+    s->sampling.termination = 0;
+    s->order = way % 2 ? TC_BACK_TO_FRONT : TC_FRONT_TO_BACK;
+    s->sampling.step = 0.5;
+    test_scene_knots(s, TC_KNOT_EXTINCTION, knots, G_N_ELEMENTS(knots));
+    test_scene_look(s, TC_ORTHOGRAPHIC, (double[3]){3.5, -20, 3.5}, (double[3]){3.5, 3.5, 3.5}, 6);
+    s->clip.n_planes = 1;
+    s->clip.planes[0][1] = -1;
+    EACH_RENDERER(r) {
+      float before[9 * 7] = {0};
+      for (int cut = 1; cut <= CUTS; cut++) {
+        s->clip.planes[0][3] = lo[1] + 0.5 * cut;
+        const tc_render_request request = {.want_linear = true, .table_size = c.table_size};
+        const float *p = test_draw(r, volume, s, &request, NULL)->linear;
+        double sum = 0;
+        for (int i = 0; i < 9 * 7; i++) {
+          worst = fmax(worst, before[i] - p[4 * i + 3]);
+          before[i] = p[4 * i + 3];
+          sum += before[i];
+        }
+        if (cut == 1 || cut == CUTS) end[cut > 1] = sum;
+      }
+      if (!(worst <= 2e-6)) fail_msg("%s, way %d: opacity falls by %g", test_names[r], way, worst);
+      if (!(end[1] > end[0] + 5)) fail_msg("%s, way %d: opacity %g, then %g", test_names[r], way, end[0], end[1]);
+    }
+    tc_scene_clear(s);
+  }
+  printf("  opacity falls by %.1e at most\n", worst);
+  tc_volume_unref(volume);
+}
+
+/* ---- neighbours one last bit apart within a wide range ---- */
+
+static double last_bits(double x, double y, double z, const void *unused) {
+  if (x == 0) return y < 4 ? 0 : 65536; /* out of view */
+  double steps = fmod(x + y + z, 4);
+  return 40000 + steps * 0x1p-8; /* 40000 has bits of 2^-8 */
+}
+
+static void one_last_bit_apart(void **state) {
+  tc_volume *volume = test_volume(&(test_grid){.dims = {16, 8, 8}, .type = TC_F32}, last_bits, NULL);
+  const tc_knot knots[] = {{.value = 0, .color = {0, 0.1, 1}, .amount = 0.02},
+                           {.value = 65536, .color = {1, 0.6, 0}, .amount = 0.3}};
+  double worst[TC_CLASSIFICATION_COUNT] = {0};
+  for (int way = 0; way < TC_CLASSIFICATION_COUNT * TC_FILTER_COUNT; way++) {
+    tc_scene s;
+    test_scene(&s, 5, 5);
+    test_scene_knots(&s, TC_KNOT_EXTINCTION, knots, 2);
+    test_scene_look(&s, TC_ORTHOGRAPHIC, (double[3]){9, -20, 3.4}, (double[3]){9.3, 4, 3.6}, 4);
+    s.filter = (tc_filter)(way % TC_FILTER_COUNT);
+    s.classification = (tc_classification)(way / TC_FILTER_COUNT);
+    s.sampling.step = 0.01;
+    float *want = test_reference(volume, &s, 0);
+    EACH_RENDERER(r) {
+      const float *p = test_draw(r, volume, &s, NULL, NULL)->linear;
+      double off = 0;
+      for (int i = 0; i < 4 * 25; i++) off = fmax(off, fabs(p[i] - want[i]));
+      worst[s.classification] = fmax(worst[s.classification], off);
+    }
+    assert_true(want[3] > 0.5);
+    g_free(want);
+    tc_scene_clear(&s);
+  }
+  for (int i = 0; i < TC_CLASSIFICATION_COUNT; i++) { /* linearized: half an opacity's square of each segment */
+    printf("  %-14s %.1e\n", tc_classification_names[i], worst[i]);
+    assert_true(worst[i] <= (i == TC_LINEARIZED ? 5e-4 : 1e-5));
+  }
+  tc_volume_unref(volume);
 }
 
 /* ---- what has no meaning is refused, and the member is named ---- */
@@ -318,6 +457,7 @@ static void far_away(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(meaningless), cmocka_unit_test(far_away),
-                                     cmocka_unit_test(every_way)};
+                                     cmocka_unit_test(opacity_grows), cmocka_unit_test(one_last_bit_apart),
+                                     cmocka_unit_test(bent_random_scenes), cmocka_unit_test(every_way)};
   return cmocka_run_group_tests_name("extremes", tests, test_judge_open, test_judge_close);
 }

@@ -657,7 +657,22 @@ static void refusals(void **state) {
   scene.camera.up[0] = scene.camera.target[0] - scene.camera.position[0];
   scene.camera.up[1] = scene.camera.target[1] - scene.camera.position[1];
   scene.camera.up[2] = scene.camera.target[2] - scene.camera.position[2];
-  expect_refused(volume, &scene, TC_ERROR_INVALID, "/camera");
+  expect_refused(volume, &scene, TC_ERROR_INVALID, "/camera/up");
+  const double bad[] = {NAN, INFINITY, -INFINITY};
+  for (size_t i = 0; i < G_N_ELEMENTS(bad); i++) {
+    test_scene_look(&scene, TC_PERSPECTIVE, slab_from, slab_to, bad[i]);
+    expect_refused(volume, &scene, TC_ERROR_INVALID, "/camera/fovY");
+    test_scene_look(&scene, TC_ORTHOGRAPHIC, slab_from, slab_to, bad[i]);
+    expect_refused(volume, &scene, TC_ERROR_INVALID, "/camera/height");
+    test_scene_look(&scene, TC_PERSPECTIVE, slab_from, slab_to, 30);
+    const tc_camera good = scene.camera;
+    scene.camera.position[i] = bad[i];
+    expect_refused(volume, &scene, TC_ERROR_INVALID, "/camera/position");
+    scene.camera = good, scene.camera.target[i] = bad[i];
+    expect_refused(volume, &scene, TC_ERROR_INVALID, "/camera/target");
+    scene.camera = good, scene.camera.up[i] = bad[i];
+    expect_refused(volume, &scene, TC_ERROR_INVALID, "/camera/up");
+  }
   test_scene_look(&scene, TC_PERSPECTIVE, slab_from, slab_to, 30);
   scene.transfer_function.points[0].amount = NAN;
   expect_refused(volume, &scene, TC_ERROR_INVALID, "/transferFunction");
