@@ -504,6 +504,46 @@ static void tolerance_sweep(void **state) {
   tc_volume_unref(volume);
 }
 
+/* The same of what else there is along a ray: each a field, a light or an end of its own. */
+static void tolerance_sweep_of_kinds(void **state) {
+  static const char *const kinds[] = {"cubic", "prefiltered", "shaded", "clipped"};
+  enum { RAYS = 8, EXPONENTS = 8 };
+  unsigned noise_seed = 3;
+  tc_volume *volume = test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_F32}, test_noise, &noise_seed);
+  tc_knot knots[] = {{.value = 0, .color = {0, 0, 0}, .amount = 0},
+                     {.value = 0.7, .color = {1, 0, 1}, .amount = 0.999},
+                     {.value = 1, .color = {0, 1, 1}, .amount = 0}};
+  for (size_t kind = 0; kind < G_N_ELEMENTS(kinds); kind++) {
+    tc_scene scene = knots_scene(TC_KNOT_OPACITY, knots, 3);
+    scene.image.linear_light = true;
+    uint64_t seed = 2;
+    double worst[EXPONENTS + 1] = {0}, seen = 0;
+    scene.filter = kind < 2 ? TC_FILTER_CUBIC : TC_FILTER_LINEAR;
+    scene.sampling.prefilter = kind == 1;
+    if (kind == 2) scene.shading.model = TC_SHADING_BLINN_PHONG;
+    scene.clip.n_planes = kind == 3;
+    memcpy(scene.clip.planes[0], (double[4]){0.6, -0.3, 0.2, -1.7}, sizeof scene.clip.planes[0]);
+    for (int i = 0; i < RAYS; i++) {
+      double from[3], to[3], best[4], rgba[4];
+      for (int k = 0; k < 3; k++) {
+        from[k] = 4 + 40 * (test_random(&seed) - 0.5);
+        to[k] = 4 + 3 * (test_random(&seed) - 0.5);
+      }
+      one_ray(volume, &scene, from, to, 1e-11, best);
+      seen += best[3] > 0.1;
+      for (int e = 1; e <= EXPONENTS; e++) {
+        one_ray(volume, &scene, from, to, pow(10, -e), rgba);
+        for (int c = 0; c < 4; c++) worst[e] = fmax(worst[e], bad(rgba[c], best[c]));
+      }
+    }
+    printf("  %-11s 1e-2: %.1e, 1e-5: %.1e, 1e-8: %.1e\n", kinds[kind], worst[2], worst[5], worst[8]);
+    assert_true(seen > RAYS / 2);
+    for (int e = 1; e <= EXPONENTS; e++) assert_true(worst[e] <= pow(10, -e));
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+}
+
 /* A pixel's ray by the camera's definition, written out: the same pixel as a picture of its own. */
 static void camera_rays(void **state) {
   unsigned noise_seed = 4;
@@ -687,6 +727,7 @@ int main(void) {
       cmocka_unit_test(ball_chord),       cmocka_unit_test(stiff_random_rays), cmocka_unit_test(thin_volumes),
       cmocka_unit_test(tolerance_sweep),  cmocka_unit_test(camera_rays),       cmocka_unit_test(far_eye),
       cmocka_unit_test(verbose_pixel),    cmocka_unit_test(image_by_threads),  cmocka_unit_test(refusals),
+      cmocka_unit_test(tolerance_sweep_of_kinds),
   };
   return cmocka_run_group_tests_name("reference", tests, NULL, NULL);
 }
