@@ -153,10 +153,6 @@ static void edge(test_case *c, int i) {
   c->at_eye = c->at_place = true;
   memcpy(c->eye, views[i / 2].eye, sizeof c->eye);
   memcpy(c->place, views[i / 2].place, sizeof c->place);
-  for (int k = 0; k < 3; k++) {
-    double at = views[i / 2].eye[k];
-    c->along_face |= at == views[i / 2].place[k] && (at == 0 || at == 1);
-  }
 }
 
 static void field_of_view(test_case *c, int i) {

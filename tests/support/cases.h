@@ -51,7 +51,6 @@ typedef struct test_case {
   double eye[3];
   bool at_place; /* the view's centre is at such a place too, not at the box's */
   double place[3];
-  bool along_face; /* rays of a whole line of pixels lie in the plane of a face */
   bool fine;     /* the step is as asked, however many samples a ray has */
   double far_mm; /* not 0: the eye goes that far, the view staying as wide */
   double fov_deg; /* not 0: of a perspective view */

@@ -1,8 +1,8 @@
 /* The invariants of every picture (NUMERICS section 5), asked of one case on every renderer:
  *   no NaN, opacity within 0..1, colour within opacity times the brightest there is; leaping changes no bit, threads
  *   change no bit; early termination changes at most its threshold; both orders agree; renderers agree but for ties,
- *   which are few in every case (judge.c: ties_allowed); the reference keeps the same bounds, and the transparency along
- *   its rays never grows. */
+ *   which the scalar renderer shows too when the view moves by a hair; the reference keeps the same bounds, and the
+ *   transparency along its rays never grows. */
 #ifndef TC_TEST_JUDGE_H
 #define TC_TEST_JUDGE_H
 
@@ -16,7 +16,7 @@ typedef struct test_tally {
   size_t cases[RENDERERS], refused[RENDERERS], referenced;
   size_t pixels, shown;                                    /* a suite of empty pictures would judge nothing */
   /* pixels beside the scalar ones; those further off than 1/255 */
-  size_t compared[RENDERERS], ties[RENDERERS];
+  size_t compared[RENDERERS], ties[RENDERERS], faults[RENDERERS];
   double most_ties[RENDERERS];                             /* the largest share in one picture of at least 12 pixels */
   uint64_t worst[RENDERERS];                               /* its seed */
   /* the same of pictures of the voxels' last bits (judge.c: shows_last_bits), which are in none of the above */
