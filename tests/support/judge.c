@@ -118,7 +118,7 @@ static bool shows_last_bits(const test_case *c) {
   bool odd = c->pattern == TEST_ODD && c->type == TC_F32 && windowed; /* among them 1e30, as large as voxels may be */
   float largest = odd ? 1e30f : (float)fmax(fabs(c->lo), fabs(c->hi));
   double span = (c->hi - c->lo) * (windowed ? fmin(c->scene.window.width, 1) : 1);
-  return (c->type == TC_F32 || windowed) && span < LAST_BITS * (double)(nextafterf(largest, INFINITY) - largest);
+  return span < LAST_BITS * (double)(nextafterf(largest, INFINITY) - largest);
 }
 
 /* The scene moved by a few of the last bits that single precision has of it: its view, and the values of its knots and
