@@ -87,6 +87,42 @@ static void observed_orders(void **state) {
   table_size = 0;
 }
 
+/* Clear where rays leave, dense where they enter. */
+static double fading(double x, double y, double z, const void *unused) { return (1 - x) * (0.5 + 0.4 * y * z); }
+
+/* Post-classification takes a segment for what its front is. Entered half a step further in, behind a clip plane, the
+ * same samples are the middles of the segments of the whole ray: the second order, where the ends take the first. What
+ * is then missing at the other end is clear. */
+static void post_at_midpoints(void **state) {
+  const tc_knot knots[] = {{.value = 0, .color = {0, 0.3, 1}, .amount = 0},
+                           {.value = 1, .color = {1, 0.6, 0}, .amount = 0.08}};
+  const test_grid grid = {.dims = {2, 2, 2}, .type = TC_F32, .spacing = {40, 40, 40}};
+  tc_volume *volume = test_volume(&grid, fading, NULL);
+  tc_scene scene;
+  test_scene(&scene, 16, 16);
+  test_scene_knots(&scene, TC_KNOT_EXTINCTION, knots, 2);
+  test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){-60, 20, 20}, (double[3]){20, 20, 20}, 30);
+  float *want = test_reference(volume, &scene, 0);
+  scene.classification = TC_POST;
+  EACH_RENDERER(r)
+    for (int middle = 0; middle < 2; middle++) {
+      double error[4];
+      for (int k = 0; k < 4; k++) {
+        scene.sampling.step = 0.125 / (1 << k);
+        memcpy(scene.clip.planes[0], (double[4]){1, 0, 0, -0.5 * 40 * scene.sampling.step}, 4 * sizeof(double));
+        scene.clip.n_planes = middle;
+        error[k] = test_compare(render(r, volume, &scene), want, pixels_of(&scene)).rms;
+      }
+      double order = log2(error[0] / error[3]) / 3;
+      printf("  %-6s %s order %.3f, rms %.1e .. %.1e\n", test_names[r], middle ? "middles" : "fronts", order, error[0],
+             error[3]);
+      if (!(fabs(order - 1 - middle) <= 0.15)) fail_msg("%s: order %g", test_names[r], order);
+    }
+  free(want);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
 static const tc_knot soft[] = {{.value = 0, .color = {0.1, 0.2, 1}, .amount = 0},
                                {.value = 0.45, .color = {1, 0.9, 0.2}, .amount = 0.02},
                                {.value = 0.8, .color = {1, 0.1, 0}, .amount = 0.2},
@@ -340,7 +376,8 @@ static void the_foot_of_a_stiff_rise(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(observed_orders), cmocka_unit_test(all_converge),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(observed_orders), cmocka_unit_test(post_at_midpoints),
+                                     cmocka_unit_test(all_converge),
                                      cmocka_unit_test(every_size_of_table), cmocka_unit_test(random_scenes),
                                      cmocka_unit_test(combinations), cmocka_unit_test(the_foot_of_a_stiff_rise),
                                      cmocka_unit_test(the_plan_says_so)};
