@@ -18,8 +18,7 @@
  * windows of the value axis (at most 16 times each). A segment is looked up in the last zoom that holds both of its
  * ends, else in the table itself; where a finer one holds but one of them, inside its rims, the opacity is that of the
  * parts inside and outside of it, by their depths. A window reaches 24 of its parent's nodes beyond the knots it is
- * for, or 16 or 8 where that would take more zooms than there may be.
- */
+ * for, or 16 or 8 where that would take more zooms than there may be. */
 #ifndef TC_CLASSIFY_H
 #define TC_CLASSIFY_H
 

@@ -16,8 +16,8 @@ V_INLINE void straighten(vf *front, vf middle, vf *back) {
   *back = mean + half;
 }
 
-/* Segments that are straightened need not meet: where that would jump over most of what a zoom is for, a peak could be
- * missed, and plain ends stay. */
+/* Segments that are straightened need not meet: where that would jump over more than what a zoom is for, a peak could
+ * be missed, and plain ends stay. */
 V_INLINE void straighten_zoomed(const tc_cpu_args *g, vf *front, vf middle, vf *back) {
   vf near = *front, far = *back;
   straighten(&near, middle, &far);
@@ -35,7 +35,7 @@ V_INLINE void straighten_zoomed(const tc_cpu_args *g, vf *front, vf middle, vf *
 
 /* Segment i: of full length or, where the ray ends or begins with a phase, shorter. */
 V_INLINE vf4 classify_part(const tc_cpu_args *g, variant v, const packet *p, vf front, vf back, int i, vf t0, vf t1,
-                             vm live) {
+                           vm live) {
   vm ends = v_lt(p->length, t1);
   vf4 c = v.zoomed ? classify_zoomed(g, front, back, live) : classify(g, front, back);
   bool starts = phased(v) && i == 0;

@@ -52,7 +52,7 @@ vec2 straighten(float front, float middle, float back) {
   precise float room = max(min(mean - least, most - mean), 0.0);
   precise float rise = clamp(0.5 * (back - front), -room, room);
   precise vec2 ends = vec2(mean - rise, mean + rise);
-#if ZOOMED // where that would jump over most of what a zoom is for, plain ends stay (segment_tmpl.h)
+#if ZOOMED // where that would jump over more than what a zoom is for, plain ends stay (segment_tmpl.h)
   vec2 plain = vec2(front, back), gap = abs(ends - plain), low = min(ends, plain), high = max(ends, plain);
   for (int z = 0; z < job.table.z; z++) {
     vec4 zoom = job.zooms[z];
