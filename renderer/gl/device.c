@@ -1,8 +1,10 @@
 /* Which EGL display, which context. See device.h. */
 #include "renderer/gl/device.h"
 
+#include <dlfcn.h>
 #include <epoxy/egl.h>
 #include <epoxy/gl.h>
+#include <link.h>
 #include <pthread.h>
 #include <string.h>
 
@@ -47,6 +49,31 @@ static void find_entry_points(void) {
   }
 }
 
+#define MAX_DRIVERS 8
+typedef struct drivers {
+  int count;
+  char paths[MAX_DRIVERS][512];
+} drivers;
+
+static int note_driver(struct dl_phdr_info *object, size_t size, void *user) {
+  drivers *found = user;
+  if (g_str_has_suffix(object->dlpi_name, "_dri.so") && found->count < MAX_DRIVERS)
+    g_strlcpy(found->paths[found->count++], object->dlpi_name, sizeof found->paths[0]);
+  return 0;
+}
+
+/* Keeps Mesa's drivers loaded when the last display ends. A driver allocates a few tables once per load of its library
+ * (on AMD processors the topology of the caches) and never frees them; libEGL unloads it with the last display, so that
+ * a program that opens displays in turn would lose those bytes, and pay for the loading, each time. */
+static void keep_drivers(void) {
+  drivers found = {0};
+  dl_iterate_phdr(note_driver, &found);
+  for (int i = 0; i < found.count; i++) { /* not in the walk above, which holds a lock of the loader */
+    void *driver = dlopen(found.paths[i], RTLD_LAZY | RTLD_NOLOAD | RTLD_NODELETE);
+    if (driver) dlclose(driver);
+  }
+}
+
 /* Initialises the display or joins its users. */
 static bool acquire_display(EGLDisplay display) {
   bool good = false;
@@ -60,6 +87,7 @@ static bool acquire_display(EGLDisplay display) {
     if (displays[i].users == 0 && slot < 0) slot = i;
   }
   if (slot >= 0 && (displays[slot].users > 0 || eglInitialize(display, NULL, NULL))) {
+    if (displays[slot].users == 0) keep_drivers();
     displays[slot].display = display;
     displays[slot].users++;
     good = true;
