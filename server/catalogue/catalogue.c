@@ -4,6 +4,9 @@
 #include <unistd.h>
 
 #include "server/catalogue/beneath.h"
+#include "server/config/config.h"
+#include "server/loop/worker.h"
+#include "server/observe/log.h"
 #include "server/schedule/scheduler.h"
 
 struct tcs_catalogue {
@@ -120,7 +123,7 @@ static void done_load(tcs_task *task) {
     entry->state = TCS_RESIDENT;
     entry->volume = load->volume;
     catalogue->resident_bytes += bytes;
-    server->metrics.volume_loads++;
+    server->metrics->volume_loads++;
     const tc_volume_desc *desc = tc_volume_describe(load->volume);
     tcs_log(TCS_LOG_INFO, "volume.loaded", "dims=%dx%dx%d type=%s format=%s bytes=%zu ms=%.0f", desc->dims[0],
             desc->dims[1], desc->dims[2], tc_voxel_type_name(desc->type), desc->format, bytes,
@@ -129,7 +132,7 @@ static void done_load(tcs_task *task) {
     entry->load = NULL;
     entry->state = TCS_FAILED;
     entry->reason = reason_for_client(load);
-    server->metrics.volume_failures++;
+    server->metrics->volume_failures++;
     const char *reason = load->source.operators ? entry->reason : NULL;
     tcs_log(TCS_LOG_WARN, "volume.failed", "code=%d%s%s", load->error ? load->error->code : -1,
             reason ? " reason=" : "", reason ? reason : "");

@@ -5,6 +5,8 @@
 
 #include <cjson/cJSON.h>
 
+#include "renderer/tomocast.h"
+#include "server/observe/metrics.h"
 #include "server/server.h"
 
 typedef enum tcs_volume_state { TCS_LOADING, TCS_RESIDENT, TCS_FAILED, TCS_VOLUME_STATE_COUNT } tcs_volume_state;

@@ -10,9 +10,14 @@
 
 #include "server/catalogue/catalogue.h"
 #include "server/cli/cli.h"
+#include "server/config/config.h"
 #include "server/encode/encode.h"
 #include "server/http/http.h"
 #include "server/http/mjpeg.h"
+#include "server/loop/loop.h"
+#include "server/loop/worker.h"
+#include "server/observe/log.h"
+#include "server/observe/metrics.h"
 #include "server/session/quality.h"
 #include "server/session/session.h"
 
@@ -24,6 +29,8 @@
 typedef struct serve_daemon {
   tcs_config config;
   tcs_server server;
+  tcs_metrics metrics;
+  tcs_completions all_completions;
   tcs_source signals, completions;
   int64_t ticked_us, reported_us, drain_us;
   int signal_count;
@@ -41,7 +48,7 @@ static void on_signal(tcs_source *source, uint32_t events) {
 }
 
 static void on_completion(tcs_source *source, uint32_t events) {
-  tcs_completions_drain(&OWNER(source, completions)->server.completions);
+  tcs_completions_drain(OWNER(source, completions)->server.completions);
 }
 
 static void tell_streams(void *streams, const char *json) { tcs_streams_tell(streams, json); }
@@ -132,7 +139,7 @@ static void raise_descriptor_limit(void) {
 }
 
 static bool start_workers(tcs_server *server, GError **error) {
-  tcs_completions *completions = &server->completions;
+  tcs_completions *completions = server->completions;
   return (server->render_worker = tcs_worker_new("tc-render", 1, completions, error)) &&
          (server->encode_worker = tcs_worker_new("tc-encode", 1, completions, error)) &&
          (server->load_worker = tcs_worker_new("tc-load", LOAD_THREADS, completions, error)) &&
@@ -153,16 +160,16 @@ static bool load_volumes(serve_daemon *d, GError **error) {
 static bool start(serve_daemon *d, GError **error) {
   tcs_server *server = &d->server;
   server->config = &d->config;
-  tcs_metrics_init(&server->metrics);
-  g_queue_init(&server->mjpeg_viewers);
-  if (!watch_signals(d, error) || !tcs_completions_init(&server->completions, error)) return false;
-  d->completions = (tcs_source){on_completion, server->completions.event_fd};
+  server->metrics = &d->metrics;
+  server->completions = &d->all_completions;
+  tcs_metrics_init(server->metrics);
+  if (!watch_signals(d, error) || !tcs_completions_init(server->completions, error)) return false;
+  d->completions = (tcs_source){on_completion, server->completions->event_fd};
   if (!(server->loop = tcs_loop_new(error)) || !tcs_loop_add(server->loop, &d->signals, EPOLLIN, error) ||
       !tcs_loop_add(server->loop, &d->completions, EPOLLIN, error) || !start_workers(server, error))
     return false;
   server->catalogue = tcs_catalogue_new(server);
   if (!(server->scheduler = tcs_scheduler_new(server, error))) return false;
-  server->cost = tc_quality_cost_of(tcs_scheduler_about(server->scheduler)->backend);
   server->quality = tcs_quality_new(server);
   server->sessions = tcs_sessions_new(server);
   if (!(server->http = tcs_http_new(server, error))) return false;
@@ -185,27 +192,27 @@ static void stop(serve_daemon *d) {
   server->draining = true;
   tcs_quality_cancel_all(server->quality);
   tcs_worker_free(server->quality_worker);
-  tcs_completions_drain(&server->completions);
+  tcs_completions_drain(server->completions);
   tcs_quality_free(g_steal_pointer(&server->quality));
   tcs_sessions_free(server->sessions);
   while (server->scheduler && !tcs_scheduler_idle(server->scheduler)) {
-    tcs_completions_drain(&server->completions);
+    tcs_completions_drain(server->completions);
     g_usleep(1000);
   }
-  tcs_completions_drain(&server->completions);
+  tcs_completions_drain(server->completions);
   tcs_http_free(server->http);
   tcs_scheduler_free(server->scheduler);
   tcs_worker_free(server->render_worker);
   tcs_worker_free(server->encode_worker);
   tcs_worker_free(server->meter_worker);
-  if (server->completions.event_fd > 0) {
-    tcs_completions_drain(&server->completions);
-    tcs_completions_finish(&server->completions);
+  if (server->completions->event_fd > 0) {
+    tcs_completions_drain(server->completions);
+    tcs_completions_finish(server->completions);
   }
   tcs_catalogue_free(server->catalogue);
   tcs_loop_free(server->loop);
   if (d->signals.fd > 0) close(d->signals.fd);
-  tcs_metrics_clear(&server->metrics);
+  tcs_metrics_clear(server->metrics);
 }
 
 static void announce(const serve_daemon *d) {

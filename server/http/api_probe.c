@@ -5,6 +5,7 @@
 
 #include "server/http/http.h"
 #include "server/session/ray_json.h"
+#include "server/loop/worker.h"
 #include "server/session/session.h"
 
 /* A ray shows something once this much of what lies behind it is hidden: thinner haze is looked through. */

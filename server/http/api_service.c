@@ -35,7 +35,7 @@ void tcs_get_metrics(tcs_request *request) {
                        .queued = tcs_scheduler_waiting(server->scheduler)};
   tcs_catalogue_gauges(server->catalogue, &gauges);
   tcs_reply_text(request, 200, "text/plain; version=0.0.4; charset=utf-8",
-                 tcs_metrics_write(&server->metrics, &gauges, tcs_scheduler_about(server->scheduler)->backend));
+                 tcs_metrics_write(server->metrics, &gauges, tcs_scheduler_about(server->scheduler)->backend));
 }
 
 static void add_text(cJSON *json, const char *name, const char *text) {

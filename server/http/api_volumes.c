@@ -6,6 +6,7 @@
 #include "server/catalogue/beneath.h"
 #include "server/catalogue/catalogue.h"
 #include "server/http/http.h"
+#include "server/loop/worker.h"
 #include "server/session/session.h"
 
 #define MAX_AVAILABLE 2000

@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "server/http/mjpeg.h"
+#include "server/loop/loop.h"
 
 #define IDLE_S 30                /* a connection that sends nothing */
 #define HEADER_US 10000000       /* from connect to the end of the headers, however slowly they drip */
@@ -31,12 +32,14 @@ struct tcs_http {
   tcs_streams *streams;
   GHashTable *links; /* link_state * as a set */
   GQueue deferred;   /* tcs_request *, by deferred_link */
+  GQueue mjpeg_viewers;
   int open_requests;
   char address[INET6_ADDRSTRLEN + 16];
 };
 
 const char *tcs_http_address(const tcs_http *http) { return http->address; }
 tcs_streams *tcs_http_streams(tcs_http *http) { return http->streams; }
+GQueue *tcs_http_mjpeg_viewers(tcs_http *http) { return &http->mjpeg_viewers; }
 
 static link_state *link_of(struct MHD_Connection *connection) {
   const union MHD_ConnectionInfo *info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT);
@@ -130,7 +133,7 @@ static void take_body(tcs_request *request, const void *bytes, size_t size) {
 static enum MHD_Result hand_over(tcs_request *request) {
   const double seconds = (double)(g_get_monotonic_time() - request->began_us) / 1e6;
   const char *pattern = request->route ? request->route->pattern : "none";
-  tcs_metrics_request(&request->server->metrics, request->route ? request->method : "other", pattern, request->status,
+  tcs_metrics_request(request->server->metrics, request->route ? request->method : "other", pattern, request->status,
                       seconds);
   tcs_log(request->status >= 500 && request->status != 503 && request->status != 501 ? TCS_LOG_WARN : TCS_LOG_DEBUG,
           "http.reply", "method=%s route=%s status=%d ms=%.1f", request->method, pattern, request->status,
@@ -314,6 +317,7 @@ tcs_http *tcs_http_new(tcs_server *server, GError **error) {
   http->server = server;
   http->links = g_hash_table_new(NULL, NULL);
   g_queue_init(&http->deferred);
+  g_queue_init(&http->mjpeg_viewers);
   http->streams = tcs_streams_new(server);
   name_address(http, fd);
   http->daemon = MHD_start_daemon(

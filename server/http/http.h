@@ -5,8 +5,10 @@
 #include <cjson/cJSON.h>
 #include <microhttpd.h>
 
+#include "server/config/config.h"
 #include "server/http/route.h"
-#include "server/server.h"
+#include "server/observe/log.h"
+#include "server/observe/metrics.h"
 #include "server/ws/stream.h"
 
 typedef struct tcs_upload tcs_upload;
@@ -41,6 +43,7 @@ void tcs_http_free(tcs_http *http); /* every deferred request was answered */
 /* "127.0.0.1:8080": where it really listens. */
 const char *tcs_http_address(const tcs_http *http);
 tcs_streams *tcs_http_streams(tcs_http *http);
+GQueue *tcs_http_mjpeg_viewers(tcs_http *http); /* tcs_mjpeg */
 /* Lets MHD work; milliseconds until it wants to again, -1 = no hurry. */
 int tcs_http_run(tcs_http *http);
 /* Once a second: deadlines, clients that left while waiting. */

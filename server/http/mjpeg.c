@@ -110,7 +110,7 @@ static ssize_t read_stream(void *user, uint64_t position, char *bytes, size_t ro
 static void free_stream(void *user) {
   tcs_mjpeg *mjpeg = user;
   tcs_session_leave(&mjpeg->watcher);
-  g_queue_unlink(&mjpeg->server->mjpeg_viewers, &mjpeg->link);
+  g_queue_unlink(tcs_http_mjpeg_viewers(mjpeg->server->http), &mjpeg->link);
   mjpeg->server->mjpeg_clients--;
   if (mjpeg->image) g_bytes_unref(mjpeg->image);
   g_string_free(mjpeg->head, TRUE);
@@ -127,7 +127,7 @@ static void open_stream(tcs_request *request, tcs_session *session) {
   mjpeg->head = g_string_new(NULL);
   mjpeg->tail = g_string_new(NULL);
   mjpeg->link.data = mjpeg;
-  g_queue_push_tail_link(&server->mjpeg_viewers, &mjpeg->link);
+  g_queue_push_tail_link(tcs_http_mjpeg_viewers(server->http), &mjpeg->link);
   server->mjpeg_clients++;
   open_part(mjpeg->head, mjpeg, session->scene.image.format == TC_FORMAT_PNG ? "png" : "jpeg");
   struct MHD_Response *response =
@@ -159,13 +159,13 @@ void tcs_get_mjpeg(tcs_request *request) {
 }
 
 void tcs_mjpeg_tick(tcs_server *server) {
-  for (GList *item = server->mjpeg_viewers.head; item; item = item->next) {
+  for (GList *item = tcs_http_mjpeg_viewers(server->http)->head; item; item = item->next) {
     tcs_mjpeg *mjpeg = item->data;
     if (mjpeg->suspended && tcs_peer_gone(mjpeg->connection)) on_end(&mjpeg->watcher);
   }
 }
 
 void tcs_mjpeg_end_all(tcs_server *server) {
-  for (GList *item = server->mjpeg_viewers.head; item; item = item->next)
+  for (GList *item = tcs_http_mjpeg_viewers(server->http)->head; item; item = item->next)
     on_end(&((tcs_mjpeg *)item->data)->watcher);
 }

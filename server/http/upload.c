@@ -68,7 +68,7 @@ bool tcs_upload_write(tcs_request *request, const void *bytes, size_t size) {
     at += wrote;
     size -= (size_t)wrote;
     upload->size += wrote;
-    request->server->metrics.upload_bytes += (uint64_t)wrote;
+    request->server->metrics->upload_bytes += (uint64_t)wrote;
   }
   return true;
 }
@@ -84,6 +84,6 @@ char *tcs_upload_finish(tcs_request *request) {
   }
   char *path = g_steal_pointer(&upload->path);
   drop(request);
-  request->server->metrics.uploads++;
+  request->server->metrics->uploads++;
   return path;
 }

@@ -3,7 +3,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "server/config/config.h"
 #include "server/encode/encode.h"
+#include "server/observe/log.h"
+#include "server/observe/metrics.h"
 
 /* Pictures being encoded or waiting for it. One more than the encoder works on, so that it never waits for the
  * renderer; more would only age. */
@@ -23,6 +26,7 @@ struct tcs_scheduler {
   tcs_job *(*next_stream)(void *user);
   void *stream_user;
   GQueue frames; /* tc_frame * with buffers to use again */
+  tc_quality_cost cost;
 };
 
 /* A task that the starting thread waits for: only at start and end, when there is no loop yet or any more. */
@@ -41,7 +45,7 @@ static void run_and_wait(owner_task *owner, tcs_worker *worker) {
   tcs_worker_submit(worker, &owner->task);
   while (!owner->finished) {
     g_usleep(500);
-    tcs_completions_drain(&owner->scheduler->server->completions);
+    tcs_completions_drain(owner->scheduler->server->completions);
   }
 }
 
@@ -67,6 +71,7 @@ tcs_scheduler *tcs_scheduler_new(tcs_server *server, GError **error) {
     return NULL;
   }
   scheduler->about = tc_renderer_about(scheduler->renderer);
+  scheduler->cost = tc_quality_cost_of(scheduler->about->backend);
   return scheduler;
 }
 
@@ -87,6 +92,7 @@ void tcs_scheduler_free(tcs_scheduler *scheduler) {
 }
 
 const tc_renderer_info *tcs_scheduler_about(const tcs_scheduler *scheduler) { return scheduler->about; }
+tc_quality_cost *tcs_scheduler_cost(tcs_scheduler *scheduler) { return &scheduler->cost; }
 
 void tcs_scheduler_set_stream(tcs_scheduler *scheduler, tcs_job *(*next)(void *user), void *user) {
   scheduler->next_stream = next;
@@ -119,7 +125,7 @@ void tcs_job_cancel(tcs_job *job) { atomic_store(&job->cancel, true); }
 
 static void finish(tcs_job *job) {
   if (job->error && !g_error_matches(job->error, TC_ERROR, TC_ERROR_CANCELLED)) {
-    job->server->metrics.render_failures++;
+    job->server->metrics->render_failures++;
     tcs_log(TCS_LOG_WARN, "render.failed", "code=%d", job->error->code);
   }
   job->finished(job);
@@ -157,7 +163,7 @@ static void done_encode(tcs_task *task) {
   tcs_scheduler *scheduler = job->server->scheduler;
   scheduler->encoding--;
   return_frame(scheduler, job);
-  tcs_histogram_add(&job->server->metrics.encode, job->encode_ms / 1000);
+  tcs_histogram_add(&job->server->metrics->encode, job->encode_ms / 1000);
   finish(job);
   tcs_scheduler_pump(scheduler);
 }
@@ -205,13 +211,13 @@ static void done_render(tcs_task *task) {
     return_frame(scheduler, job);
     finish(job);
   } else {
-    tcs_metrics *metrics = &job->server->metrics;
+    tcs_metrics *metrics = job->server->metrics;
     tcs_histogram_add(&metrics->queue, job->queue_ms / 1000);
     tcs_histogram_add(&metrics->tables, job->stats.tables_ms / 1000);
     tcs_histogram_add(&metrics->skip, job->stats.skip_ms / 1000);
     tcs_histogram_add(&metrics->render, job->stats.render_ms / 1000);
     if (!job->stats.stand_in)
-      tc_quality_cost_add(&job->server->cost, &job->scene, (double)job->out_width * job->out_height,
+      tc_quality_cost_add(&scheduler->cost, &job->scene, (double)job->out_width * job->out_height,
                         job->stats.render_ms);
     if (job->rendered) job->rendered(job);
     job->task.run = run_encode;

@@ -3,9 +3,10 @@
 #ifndef TCS_SCHEDULE_SCHEDULER_H
 #define TCS_SCHEDULE_SCHEDULER_H
 
+#include "renderer/quality/cost.h"
 #include "renderer/quality/meter.h"
 #include "renderer/quality/quality.h"
-
+#include "server/loop/worker.h"
 #include "server/server.h"
 
 /* What quality control made of a scene's bound; all 0 where none was asked. */
@@ -64,6 +65,8 @@ tcs_scheduler *tcs_scheduler_new(tcs_server *server, GError **error);
 /* Frees the renderer on its thread. Nothing may be queued or under way any more. */
 void tcs_scheduler_free(tcs_scheduler *scheduler);
 const tc_renderer_info *tcs_scheduler_about(const tcs_scheduler *scheduler);
+/* Of all frames so far: for single pictures, and where a session begins. The scheduler's. */
+tc_quality_cost *tcs_scheduler_cost(tcs_scheduler *scheduler);
 
 /* Queues a single request. TC_ERROR_BUSY when too many wait: the job stays the caller's. */
 bool tcs_scheduler_submit(tcs_scheduler *scheduler, tcs_job *job, GError **error);

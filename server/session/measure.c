@@ -1,5 +1,8 @@
 #include "server/session/measure.h"
 
+#include "server/observe/log.h"
+#include "server/observe/metrics.h"
+
 /* Then the pixels measured so far are the sample. */
 #define MOST_MS 5000
 
@@ -32,7 +35,7 @@ static void tell_failure(const tcs_measure *m) {
 
 static void tell(const tcs_measure *m) {
   tcp_frame_header *header = &m->picture->header;
-  tcs_histogram_add_error(&m->server->metrics.error, m->result.rms);
+  tcs_histogram_add_error(&m->server->metrics->error, m->result.rms);
   header->has_error = true;
   header->rms = m->result.rms;
   header->low = m->result.low;
@@ -43,7 +46,7 @@ static void tell(const tcs_measure *m) {
 
 static void done(tcs_task *task) {
   tcs_measure *m = (tcs_measure *)task;
-  tcs_metrics *metrics = &m->server->metrics;
+  tcs_metrics *metrics = m->server->metrics;
   metrics->meter_seconds += m->result.ms / 1000;
   metrics->meter_pixels += (uint64_t)m->result.pixels;
   tcs_session *session = m->session;

@@ -1,6 +1,11 @@
 #include "server/session/quality.h"
 
+#include <inttypes.h>
 #include <string.h>
+
+#include "server/config/config.h"
+#include "server/observe/log.h"
+#include "server/observe/metrics.h"
 
 /* Looks remembered; beyond that all are forgotten: they come back in less than a second each. */
 #define MOST_LOOKS 64
@@ -98,7 +103,7 @@ static void add_view(tcs_quality *q, const char *look, const tc_quality_view *vi
 
 /* Of frames like the session's, or of all for want of such. */
 static const tc_quality_cost *cost_of(const tcs_quality *q, const tcs_session *session) {
-  return session && session->cost.w > 0 ? &session->cost : &q->server->cost;
+  return session && session->cost.w > 0 ? &session->cost : tcs_scheduler_cost(q->server->scheduler);
 }
 
 /* Of the two that a bound on time chooses from, the session's newest picture tells the one in use. */
@@ -213,7 +218,7 @@ static void done(tcs_task *task) {
   g_ptr_array_remove_fast(q->under_way, m);
   if (q->for_session == m) q->for_session = NULL;
   if (!m->error) {
-    q->server->metrics.quality_measurements++;
+    q->server->metrics->quality_measurements++;
     add_view(q, m->look, &m->view);
     tcs_sessions_each(q->server->sessions, refine, m);
   } else if (!g_error_matches(m->error, TC_ERROR, TC_ERROR_CANCELLED)) {
@@ -249,16 +254,16 @@ static measurement *begin(tcs_quality *q, tc_volume *volume, tc_volume *labels, 
 }
 
 bool tcs_quality_prepare(tcs_quality *q, tcs_job *job) {
-  const bool waits = job->scene.quality.max_error > 0 && tc_quality_measures(&q->server->cost, &job->scene);
+  const bool waits = job->scene.quality.max_error > 0 && tc_quality_measures(tcs_scheduler_cost(q->server->scheduler), &job->scene);
   if (!waits || (int64_t)q->under_way->len >= q->server->config->limits.queue) return false;
   tc_quality_choice choice;
   char *look = look_of(job->volume, job->labels, &job->scene);
-  tc_quality_choose(model_of(q, look), &q->server->cost, &job->scene, &choice);
+  tc_quality_choose(model_of(q, look), tcs_scheduler_cost(q->server->scheduler), &job->scene, &choice);
   if (choice.near) {
     g_free(look);
     return false;
   }
-  begin(q, job->volume, job->labels, &job->scene, &job->scene.camera, &q->server->cost, look)->waiting = job;
+  begin(q, job->volume, job->labels, &job->scene, &job->scene.camera, tcs_scheduler_cost(q->server->scheduler), look)->waiting = job;
   return true;
 }
 

@@ -1,4 +1,7 @@
 /* Scenes against limits, the renderer and other volumes: what the parser of the wire cannot know. */
+#include <inttypes.h>
+
+#include "server/config/config.h"
 #include "server/session/session.h"
 
 bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, tc_volume **labels,

@@ -1,9 +1,12 @@
 #include "server/session/session.h"
 
+#include <inttypes.h>
 #include <math.h>
 #include <string.h>
 #include <sys/random.h>
 
+#include "server/config/config.h"
+#include "server/observe/metrics.h"
 #include "server/session/measure.h"
 #include "server/session/quality.h"
 
@@ -151,7 +154,7 @@ static void deliver(tcs_session *session, tcs_watcher *watcher, int64_t now_us) 
   watcher->shown_revision = picture->revision;
   watcher->shown_final = picture->final;
   watcher->shown_error = tcs_picture_is_judged(picture);
-  session->server->metrics.frames_sent++;
+  session->server->metrics->frames_sent++;
   watcher->ops->frame(watcher, picture, &header);
 }
 
@@ -257,7 +260,7 @@ static void finished(tcs_job *job) {
   if (session->job == job) session->job = NULL;
   if (job->error) {
     const bool cancelled = g_error_matches(job->error, TC_ERROR, TC_ERROR_CANCELLED);
-    if (cancelled) session->server->metrics.frames_cancelled++;
+    if (cancelled) session->server->metrics->frames_cancelled++;
     /* What was begun did not come: the newest picture that did is the last one begun. */
     session->begun_revision = session->latest ? session->latest->revision : 0;
     session->begun_final = session->latest && session->latest->final;
@@ -349,7 +352,7 @@ static tcs_job *next_job(void *user) {
 void tcs_session_changed(tcs_session *session) {
   const int64_t now_us = g_get_monotonic_time();
   if (session->watchers->len && session->begun_revision < session->revision)
-    session->server->metrics.frames_superseded++;
+    session->server->metrics->frames_superseded++;
   session->revision++;
   tcs_measure_cancel(session);
   tcs_quality_changed(session->server->quality, session);

@@ -8,7 +8,7 @@
 #include <stdint.h>
 
 #include "protocol/protocol.h"
-#include "server/ws/window.h"
+#include "server/session/window.h"
 
 /* A finished picture of a session, shared by its viewers. Reference counted, I/O thread. */
 typedef struct tcs_picture {

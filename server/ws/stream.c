@@ -8,6 +8,9 @@
 #include <sys/epoll.h>
 #include <sys/socket.h>
 
+#include "server/config/config.h"
+#include "server/loop/loop.h"
+#include "server/observe/metrics.h"
 #include "server/ws/channel.h"
 #include "server/ws/handshake.h"
 
@@ -76,7 +79,7 @@ static void send_error(tcs_stream *stream, uint64_t seq, const GError *error) {
   cJSON_AddNumberToObject(json, "seq", (double)seq);
   cJSON_AddItemToObject(json, "problem", tcp_problem(error));
   send_json(stream, json);
-  stream->streams->server->metrics.ws_errors++;
+  stream->streams->server->metrics->ws_errors++;
 }
 
 static void send_pong(tcs_stream *stream, double t) {
@@ -91,7 +94,7 @@ static void on_text(void *user, const char *bytes, size_t size) {
   tcs_watcher *watcher = &stream->watcher;
   GError *error = NULL;
   tcp_message message = {0};
-  stream->streams->server->metrics.ws_messages++;
+  stream->streams->server->metrics->ws_messages++;
   if (!watcher->session) return;
   bool ok = tcp_message_parse(bytes, size, &message, &error);
   if (ok) {
@@ -142,7 +145,7 @@ static void on_frame(tcs_watcher *watcher, const tcs_picture *picture, const tcp
   uint8_t *head = tcp_frame_header_write(header, &head_size);
   const void *bytes = g_bytes_get_data(picture->image, &size);
   if (tcs_channel_send_binary(stream->channel, head, head_size, bytes, size))
-    stream->streams->server->metrics.ws_sent_bytes += head_size + size;
+    stream->streams->server->metrics->ws_sent_bytes += head_size + size;
   g_free(head);
   settle(stream);
 }
@@ -266,7 +269,7 @@ void tcs_streams_open(tcs_streams *streams, tcs_session *session, int fd, struct
   stream->channel = tcs_channel_new(&callbacks, stream);
   set_socket_options(fd);
   server->ws_clients++;
-  server->metrics.ws_connections++;
+  server->metrics->ws_connections++;
   g_ptr_array_add(streams->live, stream);
   if (!session || !stream->channel || !tcs_loop_add(server->loop, &stream->source, EPOLLIN, NULL)) {
     die(stream);

@@ -5,7 +5,7 @@
 
 #include "protocol/protocol.h"
 #include "server/ws/channel.h"
-#include "server/ws/window.h"
+#include "server/session/window.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
 

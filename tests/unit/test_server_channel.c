@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "server/schedule/worker.h"
+#include "server/loop/worker.h"
 #include "server/ws/channel.h"
 
 typedef struct pipe_end {

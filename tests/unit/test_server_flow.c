@@ -8,7 +8,7 @@
 
 #include "server/schedule/ladder.h"
 #include "server/session/watcher.h"
-#include "server/ws/window.h"
+#include "server/session/window.h"
 
 static void test_window_counts(void **state) {
   tcs_window window;

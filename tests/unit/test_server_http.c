@@ -12,7 +12,7 @@
 #include <cmocka.h>
 
 #include "server/catalogue/beneath.h"
-#include "server/cli/config.h"
+#include "server/config/config.h"
 #include "server/http/http.h"
 #include "server/observe/metrics.h"
 #include "server/ws/handshake.h"

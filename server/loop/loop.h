@@ -1,8 +1,8 @@
 /* The I/O thread's event loop: epoll, a completion queue, signals and time.
  *
  * Everything registered is a tcs_source, embedded in what it belongs to. */
-#ifndef TCS_HTTP_LOOP_H
-#define TCS_HTTP_LOOP_H
+#ifndef TCS_LOOP_LOOP_H
+#define TCS_LOOP_LOOP_H
 
 #include <stdbool.h>
 #include <stdint.h>

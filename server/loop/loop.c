@@ -1,4 +1,4 @@
-#include "server/http/loop.h"
+#include "server/loop/loop.h"
 
 #include <errno.h>
 #include <sys/epoll.h>

@@ -1,4 +1,4 @@
-#include "server/cli/config.h"
+#include "server/config/config.h"
 
 #include <errno.h>
 #include <stddef.h>

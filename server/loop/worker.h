@@ -2,8 +2,8 @@
  *
  * All state of the daemon belongs to the I/O thread; a task is the only thing that travels. Whoever submits a task
  * hands it over until `done` is called, so tasks need no locks of their own. */
-#ifndef TCS_SCHEDULE_WORKER_H
-#define TCS_SCHEDULE_WORKER_H
+#ifndef TCS_LOOP_WORKER_H
+#define TCS_LOOP_WORKER_H
 
 #include <pthread.h>
 #include <stdbool.h>

@@ -1,6 +1,6 @@
 /* What `tomocast serve` was told: command line, configuration file, defaults. Read-only once the daemon runs. */
-#ifndef TCS_CLI_CONFIG_H
-#define TCS_CLI_CONFIG_H
+#ifndef TCS_CONFIG_CONFIG_H
+#define TCS_CONFIG_CONFIG_H
 
 #include <inttypes.h>
 #include <stdbool.h>

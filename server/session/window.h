@@ -2,8 +2,8 @@
  *
  * Frames of a viewer are numbered 1, 2, 3 ... without gaps, so two numbers say everything. Plain data, one thread;
  * times are microseconds of one monotonic clock. */
-#ifndef TCS_WS_WINDOW_H
-#define TCS_WS_WINDOW_H
+#ifndef TCS_SESSION_WINDOW_H
+#define TCS_SESSION_WINDOW_H
 
 #include <stdbool.h>
 #include <stdint.h>

@@ -1,4 +1,4 @@
-#include "server/ws/window.h"
+#include "server/session/window.h"
 
 void tcs_window_init(tcs_window *window, unsigned limit) { *window = (tcs_window){.limit = limit ? limit : 1}; }
 

@@ -1,4 +1,4 @@
-#include "server/schedule/worker.h"
+#include "server/loop/worker.h"
 
 #include <errno.h>
 #include <stdint.h>
