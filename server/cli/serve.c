@@ -19,7 +19,7 @@
 #include "server/observe/log.h"
 #include "server/observe/metrics.h"
 #include "server/session/quality.h"
-#include "server/session/session.h"
+#include "server/session/store.h"
 
 #define LOAD_THREADS 2
 #define TICK_US 1000000

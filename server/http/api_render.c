@@ -4,7 +4,10 @@
 
 #include "server/encode/encode.h"
 #include "server/http/http.h"
+#include "server/session/measure.h"
 #include "server/session/quality.h"
+#include "server/session/scene.h"
+#include "server/session/store.h"
 
 static void leave_job(tcs_request *request) {
   tcs_job *job = request->owner;

@@ -4,7 +4,7 @@
 #include "renderer/embedded.h"
 #include "server/catalogue/catalogue.h"
 #include "server/http/http.h"
-#include "server/session/session.h"
+#include "server/session/store.h"
 
 static void reply_status(tcs_request *request, int status, const char *text) {
   cJSON *json = cJSON_CreateObject();

@@ -2,7 +2,9 @@
 #include <string.h>
 
 #include "server/http/http.h"
-#include "server/session/session.h"
+#include "server/session/change.h"
+#include "server/session/measure.h"
+#include "server/session/store.h"
 #include "server/ws/handshake.h"
 
 static void etag_of(const tcs_session *session, char etag[32]) {

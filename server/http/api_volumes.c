@@ -7,7 +7,7 @@
 #include "server/catalogue/catalogue.h"
 #include "server/http/http.h"
 #include "server/loop/worker.h"
-#include "server/session/session.h"
+#include "server/session/store.h"
 
 #define MAX_AVAILABLE 2000
 #define MAX_BINS 65536

@@ -100,6 +100,9 @@ bool tcs_body_acceptable(tcs_request *request);
 
 extern const tcs_route tcs_routes[];
 
+/* What this version answers with TC_ERROR_UNSUPPORTED: values by the dotted path of their member. Any thread. */
+cJSON *tcs_unavailable(void);
+
 /* Handlers, by file. */
 void tcs_get_healthz(tcs_request *request);
 void tcs_get_readyz(tcs_request *request);

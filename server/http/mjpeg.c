@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "server/http/http.h"
-#include "server/session/session.h"
+#include "server/session/viewers.h"
 
 #define BLOCK 65536
 

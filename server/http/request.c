@@ -4,7 +4,7 @@
 #include "protocol/protocol.h"
 #include "server/catalogue/catalogue.h"
 #include "server/http/http.h"
-#include "server/session/session.h"
+#include "server/session/store.h"
 #include "server/ws/handshake.h"
 
 /* --- replies --------------------------------------------------------------------------------------- */

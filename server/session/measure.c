@@ -2,6 +2,7 @@
 
 #include "server/observe/log.h"
 #include "server/observe/metrics.h"
+#include "server/session/deliver.h"
 
 /* Then the pixels measured so far are the sample. */
 #define MOST_MS 5000
@@ -85,4 +86,30 @@ void tcs_measure_cancel(tcs_session *session) {
   atomic_store(&session->measure->cancel, true);
   session->measure->session = NULL;
   session->measure = NULL;
+}
+
+int tcs_meter_pixels(const tcs_job *job) {
+  char reason[96];
+  return tc_meter_refuses(&job->scene, reason, sizeof reason) ? 0 : job->scene.error_meter.pixels;
+}
+
+void tcs_session_still(tcs_session *session, tcs_job *job) {
+  if (job->revision != session->revision || session->watchers->len || !job->scene.error_meter.pixels) return;
+  const tcs_picture *last = session->still;
+  if (last && last->revision == job->revision && last->header.width == job->out_width &&
+      last->header.height == job->out_height && (session->measure || tcs_picture_is_judged(last)))
+    return;                    /* asked for again and again, it would never be done */
+  tcs_measure_cancel(session); /* of another picture */
+  tcs_picture_unref(session->still);
+  session->still = tcs_picture_new(job);
+  g_clear_pointer(&session->still->image, g_bytes_unref);
+  if (job->meter) tcs_measure_begin(session, job, session->still);
+}
+
+const tcs_picture *tcs_session_judged(const tcs_session *session) {
+  const tcs_picture *pictures[] = {session->still, session->latest};
+  for (int i = 0; i < 2; i++)
+    if (pictures[i] && pictures[i]->revision == session->revision && tcs_picture_is_judged(pictures[i]))
+      return pictures[i];
+  return NULL;
 }

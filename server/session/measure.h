@@ -11,5 +11,11 @@
 void tcs_measure_begin(tcs_session *session, tcs_job *job, tcs_picture *picture);
 /* NULL session->measure is fine. */
 void tcs_measure_cancel(tcs_session *session);
+/* How many pixels of a job's picture the meter is to have: the scene's wish, 0 where there is no reference. */
+int tcs_meter_pixels(const tcs_job *job);
+/* A final picture was made for one who asked for it alone: it is measured where no viewer's picture is. */
+void tcs_session_still(tcs_session *session, tcs_job *job);
+/* What the meter found of the scene as it is, or why nothing; NULL: not known, or not asked. The session's. */
+const tcs_picture *tcs_session_judged(const tcs_session *session);
 
 #endif

@@ -6,6 +6,8 @@
 #include "server/config/config.h"
 #include "server/observe/log.h"
 #include "server/observe/metrics.h"
+#include "server/session/deliver.h"
+#include "server/session/store.h"
 
 /* Looks remembered; beyond that all are forgotten: they come back in less than a second each. */
 #define MOST_LOOKS 64

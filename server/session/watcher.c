@@ -1,21 +1,5 @@
 #include "server/session/watcher.h"
 
-tcs_picture *tcs_picture_ref(tcs_picture *picture) {
-  picture->references++;
-  return picture;
-}
-
-void tcs_picture_unref(tcs_picture *picture) {
-  if (!picture || --picture->references > 0) return;
-  if (picture->image) g_bytes_unref(picture->image);
-  if (picture->marks) g_array_unref(picture->marks);
-  g_free(picture);
-}
-
-bool tcs_picture_is_judged(const tcs_picture *picture) {
-  return picture->header.has_error || picture->header.unmeasured;
-}
-
 bool tcs_watcher_wants(const tcs_watcher *watcher, uint64_t revision, bool final) {
   if (revision != watcher->shown_revision) return revision > watcher->shown_revision;
   return final && !watcher->shown_final;

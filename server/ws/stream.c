@@ -11,6 +11,7 @@
 #include "server/config/config.h"
 #include "server/loop/loop.h"
 #include "server/observe/metrics.h"
+#include "server/session/viewers.h"
 #include "server/ws/channel.h"
 #include "server/ws/handshake.h"
 

@@ -1,8 +1,9 @@
-/* Scenes against limits, the renderer and other volumes: what the parser of the wire cannot know. */
+#include "server/session/scene.h"
+
 #include <inttypes.h>
 
+#include "server/catalogue/catalogue.h"
 #include "server/config/config.h"
-#include "server/session/session.h"
 
 bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, tc_volume **labels,
                      GError **error) {
@@ -42,8 +43,8 @@ bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene
          tc_labels_check(volume, *labels, scene, error);
 }
 
-static bool apply(tc_scene *scene, const tc_scene *defaults, const tc_volume *volume, const cJSON *patch,
-                  GError **error) {
+bool tcs_scene_patch(tc_scene *scene, const tc_scene *defaults, const tc_volume *volume, const cJSON *patch,
+                     GError **error) {
   const tc_volume_stats *stats = tc_volume_statistics(volume);
   const tcp_scene_context context = {stats->min, stats->max};
   return tcp_scene_patch(scene, patch, defaults, &context, error);
@@ -56,25 +57,9 @@ bool tcs_scene_make(tcs_server *server, const tc_volume *volume, const cJSON *pa
   tc_scene_fit(&defaults, volume);
   tc_scene_copy(scene, &defaults);
   tcp_scene_light(scene, patch);
-  const bool ok = (!patch || apply(scene, &defaults, volume, patch, error)) &&
+  const bool ok = (!patch || tcs_scene_patch(scene, &defaults, volume, patch, error)) &&
                   tcs_scene_check(server, volume, scene, &labels, error);
   if (!ok) tc_scene_clear(scene);
   tc_scene_clear(&defaults);
   return ok;
-}
-
-bool tcs_session_patch(tcs_session *session, const cJSON *patch, bool whole, GError **error) {
-  tc_volume *labels;
-  tc_scene next;
-  tc_scene_copy(&next, whole ? &session->defaults : &session->scene);
-  if (!apply(&next, &session->defaults, session->entry->volume, patch, error) ||
-      !tcs_scene_check(session->server, session->entry->volume, &next, &labels, error)) {
-    tc_scene_clear(&next);
-    return false;
-  }
-  tc_scene_clear(&session->scene);
-  session->scene = next; /* moves the heap members */
-  tcs_session_pin(session);
-  tcs_session_changed(session);
-  return true;
 }

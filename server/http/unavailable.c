@@ -2,7 +2,7 @@
  * scene's schema knows is put to it, and those it refuses as not built are listed. */
 #include <string.h>
 
-#include "server/session/session.h"
+#include "server/http/http.h"
 
 typedef struct asker {
   tc_volume *volume; /* any will do */

@@ -1,0 +1,67 @@
+#include "server/session/deliver.h"
+
+#include "server/observe/metrics.h"
+
+/* Sends the newest picture to a viewer that can take it and has not seen it. A picture of an older scene is sent too:
+ * while input flows every picture is one behind, and each is newer than the last. */
+void tcs_session_deliver_to(tcs_session *session, tcs_watcher *watcher, int64_t now_us) {
+  const tcs_picture *picture = session->latest;
+  if (!picture ||
+      (!tcs_watcher_wants(watcher, picture->revision, picture->final) && !tcs_watcher_wants_error(watcher, picture)))
+    return;
+  if (!tcs_window_open(&watcher->window, now_us) || !watcher->ops->ready(watcher)) return;
+  tcp_frame_header header = picture->header;
+  header.frame = tcs_window_send(&watcher->window, now_us);
+  header.seq = tcs_watcher_seq_in(watcher, picture, session->revision);
+  watcher->shown_revision = picture->revision;
+  watcher->shown_final = picture->final;
+  watcher->shown_error = tcs_picture_is_judged(picture);
+  session->server->metrics->frames_sent++;
+  watcher->ops->frame(watcher, picture, &header);
+}
+
+void tcs_session_deliver(tcs_session *session) {
+  const int64_t now_us = g_get_monotonic_time();
+  /* Downwards: a viewer whose socket breaks here leaves the list. */
+  for (guint i = session->watchers->len; i-- > 0;)
+    tcs_session_deliver_to(session, g_ptr_array_index(session->watchers, i), now_us);
+}
+
+void tcs_session_fail(tcs_session *session, const tcs_job *job) {
+  cJSON *problem = tcp_problem(job->error);
+  /* Downwards: a viewer whose socket breaks here leaves the list. */
+  for (guint i = session->watchers->len; i-- > 0;) {
+    tcs_watcher *watcher = g_ptr_array_index(session->watchers, i);
+    cJSON *message = cJSON_CreateObject();
+    cJSON_AddStringToObject(message, "type", "error");
+    cJSON_AddNumberToObject(message, "seq", (double)watcher->seq);
+    cJSON_AddItemReferenceToObject(message, "problem", problem);
+    char *text = cJSON_PrintUnformatted(message);
+    watcher->ops->text(watcher, text);
+    cJSON_free(text);
+    cJSON_Delete(message);
+    if (watcher->shown_revision <= job->revision) { /* trying again would fail again */
+      watcher->shown_revision = job->revision;
+      watcher->shown_final = true;
+    }
+  }
+  cJSON_Delete(problem);
+}
+
+GArray *tcs_session_marks(const tcs_session *session) {
+  GArray *marks = g_array_sized_new(FALSE, FALSE, sizeof(tcs_mark), session->watchers->len);
+  for (guint i = 0; i < session->watchers->len; i++) {
+    const tcs_watcher *watcher = g_ptr_array_index(session->watchers, i);
+    const tcs_mark mark = {watcher->id, watcher->seq};
+    g_array_append_val(marks, mark);
+  }
+  return marks;
+}
+
+void tcs_session_refine(tcs_session *session) {
+  session->begun_final = false;
+  if (session->latest) session->latest->final = false; /* its header said so; it is not sent again */
+  for (guint i = 0; i < session->watchers->len; i++)
+    ((tcs_watcher *)g_ptr_array_index(session->watchers, i))->shown_final = false;
+  tcs_scheduler_pump(session->server->scheduler);
+}

@@ -1,0 +1,19 @@
+/* Scenes against limits, the renderer and other volumes: what the parser of the wire cannot know. I/O thread only. */
+#ifndef TCS_SESSION_SCENE_H
+#define TCS_SESSION_SCENE_H
+
+#include "protocol/protocol.h"
+#include "renderer/tomocast.h"
+#include "server/server.h"
+
+/* Checks a scene against the limits and what the renderer can do, and finds its label volume (NULL when it has none;
+ * the catalogue's). */
+bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, tc_volume **labels,
+                     GError **error);
+/* The defaults for a volume, with `patch` (may be NULL) on top. *scene holds nothing before, nor after a failure. */
+bool tcs_scene_make(tcs_server *server, const tc_volume *volume, const cJSON *patch, tc_scene *scene, GError **error);
+/* A merge patch onto a scene of the volume; not checked. */
+bool tcs_scene_patch(tc_scene *scene, const tc_scene *defaults, const tc_volume *volume, const cJSON *patch,
+                     GError **error);
+
+#endif

@@ -1,0 +1,154 @@
+#include "server/session/store.h"
+
+#include <inttypes.h>
+#include <string.h>
+#include <sys/random.h>
+
+#include "server/config/config.h"
+#include "server/session/jobs.h"
+#include "server/session/measure.h"
+#include "server/session/scene.h"
+#include "server/session/viewers.h"
+
+struct tcs_sessions {
+  tcs_server *server;
+  GHashTable *by_id;
+  GPtrArray *order; /* oldest first */
+  guint turn;       /* index in `order` of the session that is served next */
+};
+
+/* Sessions are asked in turn. */
+static tcs_job *next_job(void *user) {
+  tcs_sessions *sessions = user;
+  const int64_t now_us = g_get_monotonic_time();
+  for (guint i = 0; i < sessions->order->len; i++) {
+    const guint index = (sessions->turn + i) % sessions->order->len;
+    tcs_job *job = tcs_session_next_job(g_ptr_array_index(sessions->order, index), now_us);
+    if (!job) continue;
+    sessions->turn = index + 1;
+    return job;
+  }
+  return NULL;
+}
+
+tcs_sessions *tcs_sessions_new(tcs_server *server) {
+  tcs_sessions *sessions = g_new0(tcs_sessions, 1);
+  sessions->server = server;
+  sessions->by_id = g_hash_table_new(g_str_hash, g_str_equal);
+  sessions->order = g_ptr_array_new();
+  tcs_scheduler_set_stream(server->scheduler, next_job, sessions);
+  return sessions;
+}
+
+void tcs_sessions_free(tcs_sessions *sessions) {
+  if (!sessions) return;
+  tcs_scheduler_set_stream(sessions->server->scheduler, NULL, NULL);
+  while (sessions->order->len)
+    tcs_session_end(g_ptr_array_index(sessions->order, 0));
+  g_ptr_array_unref(sessions->order);
+  g_hash_table_destroy(sessions->by_id);
+  g_free(sessions);
+}
+
+tcs_session *tcs_sessions_find(tcs_sessions *sessions, const char *id) {
+  return g_hash_table_lookup(sessions->by_id, id);
+}
+
+int tcs_sessions_count(const tcs_sessions *sessions) { return (int)sessions->order->len; }
+
+void tcs_sessions_each(tcs_sessions *sessions, void (*each)(tcs_session *session, void *user), void *user) {
+  for (guint i = 0; i < sessions->order->len; i++)
+    each(g_ptr_array_index(sessions->order, i), user);
+}
+
+static bool random_id(char id[33], GError **error) {
+  uint8_t bytes[16];
+  if (getrandom(bytes, sizeof bytes, 0) != sizeof bytes) {
+    tc_set_error(error, TC_ERROR_IO, NULL, "no random numbers to be had");
+    return false;
+  }
+  for (int i = 0; i < 16; i++)
+    g_snprintf(id + 2 * i, 3, "%02x", bytes[i]);
+  return true;
+}
+
+tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const cJSON *patch, GError **error) {
+  tcs_server *server = sessions->server;
+  tc_scene scene;
+  char id[33];
+  if (sessions->order->len >= server->config->limits.sessions) {
+    tc_set_error(error, TC_ERROR_BUSY, NULL, "%" PRId64 " sessions are open, which is the limit; end one and try again",
+                 server->config->limits.sessions);
+    return NULL;
+  }
+  if (!random_id(id, error) || !tcs_scene_make(server, entry->volume, patch, &scene, error)) return NULL;
+  tcs_session *session = g_new0(tcs_session, 1);
+  session->server = server;
+  memcpy(session->id, id, sizeof id);
+  session->entry = entry;
+  entry->users++;
+  session->scene = scene;
+  tcs_session_pin(session);
+  tc_scene_init(&session->defaults);
+  tc_scene_fit(&session->defaults, entry->volume);
+  session->revision = 1;
+  session->watchers = g_ptr_array_new();
+  session->jobs = g_ptr_array_new();
+  session->cost = tc_quality_cost_of(tcs_scheduler_about(server->scheduler)->backend);
+  session->created_us = session->used_us = g_get_monotonic_time();
+  g_hash_table_insert(sessions->by_id, session->id, session);
+  g_ptr_array_add(sessions->order, session);
+  return session;
+}
+
+void tcs_session_end(tcs_session *session) {
+  tcs_sessions *sessions = session->server->sessions;
+  g_hash_table_remove(sessions->by_id, session->id);
+  g_ptr_array_remove(sessions->order, session);
+  while (session->watchers->len) {
+    tcs_watcher *watcher = g_ptr_array_index(session->watchers, session->watchers->len - 1);
+    tcs_session_leave(watcher);
+    watcher->ops->end(watcher);
+  }
+  for (guint i = 0; i < session->jobs->len; i++) {
+    tcs_job *job = g_ptr_array_index(session->jobs, i);
+    job->user = NULL;
+    tcs_job_cancel(job);
+  }
+  tcs_measure_cancel(session);
+  tcs_session_unpin(session);
+  session->entry->users--;
+  tcs_picture_unref(session->latest);
+  tcs_picture_unref(session->still);
+  g_ptr_array_unref(session->watchers);
+  g_ptr_array_unref(session->jobs);
+  tc_scene_clear(&session->scene);
+  tc_scene_clear(&session->defaults);
+  g_free(session);
+}
+
+void tcs_sessions_end_of(tcs_sessions *sessions, const tcs_entry *entry) {
+  for (guint i = sessions->order->len; i-- > 0;) {
+    tcs_session *session = g_ptr_array_index(sessions->order, i);
+    if (session->entry == entry || session->labels == entry) tcs_session_end(session);
+  }
+}
+
+int64_t tcs_sessions_next_us(const tcs_sessions *sessions, int64_t now_us) {
+  int64_t next = -1;
+  for (guint i = 0; i < sessions->order->len; i++) {
+    const tcs_session *session = g_ptr_array_index(sessions->order, i);
+    if (session->watchers->len == 0 || tcs_session_at_rest(session, now_us)) continue;
+    const int64_t left = session->active_until_us - now_us;
+    if (next < 0 || left < next) next = left;
+  }
+  return next;
+}
+
+void tcs_sessions_expire(tcs_sessions *sessions, int64_t now_us) {
+  const int64_t idle_us = sessions->server->config->limits.session_idle_seconds * 1000000;
+  for (guint i = sessions->order->len; i-- > 0;) {
+    tcs_session *session = g_ptr_array_index(sessions->order, i);
+    if (session->watchers->len == 0 && now_us - session->used_us >= idle_us) tcs_session_end(session);
+  }
+}

@@ -1,0 +1,64 @@
+#include "server/session/viewers.h"
+
+#include <inttypes.h>
+
+#include "server/session/change.h"
+#include "server/session/deliver.h"
+#include "server/session/quality.h"
+
+void tcs_session_join(tcs_session *session, tcs_watcher *watcher, unsigned window) {
+  static uint64_t last;
+  watcher->session = session;
+  watcher->id = ++last;
+  watcher->seq = watcher->shown_revision = 0;
+  watcher->shown_final = false;
+  tcs_window_init(&watcher->window, window);
+  session->used_us = g_get_monotonic_time();
+  g_ptr_array_add(session->watchers, watcher);
+  tcs_watcher_pump(watcher);
+}
+
+void tcs_session_leave(tcs_watcher *watcher) {
+  tcs_session *session = watcher->session;
+  if (!session) return;
+  watcher->session = NULL;
+  g_ptr_array_remove(session->watchers, watcher);
+  session->used_us = g_get_monotonic_time();
+  if (session->watchers->len > 0) return;
+  if (session->job) tcs_job_cancel(session->job);
+  if (session->server->quality) tcs_quality_changed(session->server->quality, session);
+}
+
+void tcs_watcher_pump(tcs_watcher *watcher) {
+  tcs_session *session = watcher->session;
+  if (!session) return;
+  /* A picture that is out of date only goes out as it is finished; here a newer one is on its way. */
+  if (session->latest && session->latest->revision == session->revision)
+    tcs_session_deliver_to(session, watcher, g_get_monotonic_time());
+  tcs_scheduler_pump(session->server->scheduler);
+}
+
+bool tcs_watcher_patch(tcs_watcher *watcher, uint64_t seq, const cJSON *patch, GError **error) {
+  const uint64_t before = watcher->seq;
+  watcher->seq = MAX(before, seq); /* the change may begin a render at once, and that shows this patch */
+  if (tcs_session_patch(watcher->session, patch, false, error)) return true;
+  watcher->seq = before;
+  return false;
+}
+
+bool tcs_watcher_ack(tcs_watcher *watcher, uint64_t frame, GError **error) {
+  if (!tcs_window_ack(&watcher->window, frame, g_get_monotonic_time())) {
+    tc_set_error(error, TC_ERROR_INVALID, "/frame", "frame %" PRIu64 " was not sent; the last one was %" PRIu64, frame,
+                 watcher->window.sent);
+    return false;
+  }
+  tcs_watcher_pump(watcher);
+  return true;
+}
+
+void tcs_watcher_pointer(tcs_watcher *watcher, bool down) {
+  tcs_session *session = watcher->session;
+  session->used_us = g_get_monotonic_time();
+  session->active_until_us = down ? session->used_us + TCS_REST_US : 0;
+  tcs_scheduler_pump(session->server->scheduler);
+}

@@ -1,0 +1,16 @@
+/* Viewers of a session come, speak and go. I/O thread only. */
+#ifndef TCS_SESSION_VIEWERS_H
+#define TCS_SESSION_VIEWERS_H
+
+#include "server/session/session.h"
+
+void tcs_session_join(tcs_session *session, tcs_watcher *watcher, unsigned window);
+void tcs_session_leave(tcs_watcher *watcher);
+/* A patch, an acknowledgement, a pointer of a viewer. */
+bool tcs_watcher_patch(tcs_watcher *watcher, uint64_t seq, const cJSON *patch, GError **error);
+bool tcs_watcher_ack(tcs_watcher *watcher, uint64_t frame, GError **error);
+void tcs_watcher_pointer(tcs_watcher *watcher, bool down);
+/* The transport can take frames again. */
+void tcs_watcher_pump(tcs_watcher *watcher);
+
+#endif
