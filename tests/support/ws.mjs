@@ -27,8 +27,8 @@ export function frameBytes(payload, { opcode = OP.text, fin = true, rsv = 0, mas
   return Buffer.concat([Buffer.from(head), key, body]);
 }
 
-/** The opening handshake alone. @returns {{status, headers, socket, rest}} */
-export function handshake(port, path, { headers = {}, without = [], extra = Buffer.alloc(0) } = {}) {
+/** The opening handshake alone, over what connect() gives. @returns {{status, headers, socket, rest}} */
+export function handshake(port, path, { headers = {}, without = [], extra = Buffer.alloc(0), connect } = {}) {
   const key = randomBytes(16).toString('base64');
   const all = {
     Host: `127.0.0.1:${port}`, Upgrade: 'websocket', Connection: 'Upgrade', 'Sec-WebSocket-Key': key,
@@ -37,7 +37,7 @@ export function handshake(port, path, { headers = {}, without = [], extra = Buff
   for (const name of without) delete all[name];
   const lines = Object.entries(all).map(([name, value]) => `${name}: ${value}\r\n`).join('');
   return new Promise((resolve, reject) => {
-    const socket = net.connect(port, '127.0.0.1');
+    const socket = connect ? connect() : net.connect(port, '127.0.0.1');
     let bytes = Buffer.alloc(0);
     const listen = (piece) => {
       bytes = Buffer.concat([bytes, piece]);
@@ -73,8 +73,10 @@ export class Ws {
     return new Ws(reply.socket, reply.rest, options);
   }
 
-  constructor(socket, rest, { autoAck = true } = {}) {
+  /** onMessage takes every message as it comes; without it they wait for next(). */
+  constructor(socket, rest, { autoAck = true, onMessage } = {}) {
     this.socket = socket;
+    this.onMessage = onMessage;
     this.autoAck = autoAck;
     this.pongs = 0;
     this.ended = new Promise((resolve) => (this.finish = resolve));
@@ -171,6 +173,10 @@ export class Ws {
   }
 
   #message(message) {
+    if (this.onMessage) {
+      this.onMessage(message);
+      return;
+    }
     const at = this.#waiting.findIndex(({ wanted }) => wanted(message));
     if (at >= 0) this.#waiting.splice(at, 1)[0].resolve(message);
     else this.messages.push(message);
