@@ -24,6 +24,7 @@
 #define LOAD_THREADS 2
 #define TICK_US 1000000
 #define REPORT_US 200000 /* between messages about loading volumes */
+#define LOG_MOST_MS 500    /* how long the end waits for a log that nobody reads */
 #define DRAIN_MOST_S 10  /* what is not finished this long after the drain began is cut */
 
 typedef struct serve_daemon {
@@ -108,6 +109,7 @@ static void run(serve_daemon *d) {
       if (drained(d, now_us)) return;
     }
     tick(d, now_us);
+    tcs_completions_drain(server->completions); /* every turn, however many sockets are ready */
     tcs_scheduler_pump(server->scheduler);
     const int http_ms = tcs_http_run(server->http);
     int wait_ms = timeout_ms(d, http_ms, g_get_monotonic_time());
@@ -163,11 +165,14 @@ static bool start(serve_daemon *d, GError **error) {
   server->metrics = &d->metrics;
   server->completions = &d->all_completions;
   tcs_metrics_init(server->metrics);
-  if (!watch_signals(d, error) || !tcs_completions_init(server->completions, error)) return false;
+  if (!watch_signals(d, error)) return false;
+  tcs_log_start();
+  if (!tcs_completions_init(server->completions, error)) return false;
   d->completions = (tcs_source){on_completion, server->completions->event_fd};
   if (!(server->loop = tcs_loop_new(error)) || !tcs_loop_add(server->loop, &d->signals, EPOLLIN, error) ||
       !tcs_loop_add(server->loop, &d->completions, EPOLLIN, error) || !start_workers(server, error))
     return false;
+  tcs_loop_set_metrics(server->loop, server->metrics);
   server->catalogue = tcs_catalogue_new(server);
   if (!(server->scheduler = tcs_scheduler_new(server, error))) return false;
   server->quality = tcs_quality_new(server);
@@ -213,6 +218,7 @@ static void stop(serve_daemon *d) {
   tcs_loop_free(server->loop);
   if (d->signals.fd > 0) close(d->signals.fd);
   tcs_metrics_clear(server->metrics);
+  tcs_log_stop(LOG_MOST_MS);
 }
 
 static void announce(const serve_daemon *d) {
@@ -230,7 +236,7 @@ static void announce(const serve_daemon *d) {
 /* --- the command line ------------------------------------------------------------------------------- */
 
 typedef struct serve_options {
-  char *listen, *data, *backend, *config, **volumes;
+  char *listen, *data, *backend, *config, *log, **volumes;
 } serve_options;
 
 static bool configure(tcs_config *config, const serve_options *options, GError **error) {
@@ -241,7 +247,7 @@ static bool configure(tcs_config *config, const serve_options *options, GError *
   for (char **volume = options->volumes; volume && *volume; volume++)
     if (!tcs_config_volume(config, *volume, error)) return false;
   tcs_log_set_level(config->log_level);
-  return true;
+  return tcs_log_open(options->log ? options->log : config->log, error);
 }
 
 static int serve(serve_daemon *d) {
@@ -268,6 +274,7 @@ int tcs_cli_serve(int argc, char **argv) {
       {"backend", 0, 0, G_OPTION_ARG_STRING, &options.backend, "auto, cpu or gl", "NAME"},
       {"volume", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &options.volumes, "a volume to load at once; may be repeated",
        "ID=PATH"},
+      {"log", 0, 0, G_OPTION_ARG_FILENAME, &options.log, "file that the log is appended to; stderr without it", "FILE"},
       {"config", 0, 0, G_OPTION_ARG_FILENAME, &options.config, "settings and limits; options given here win over it",
        "FILE"},
       {0}};
@@ -288,6 +295,7 @@ int tcs_cli_serve(int argc, char **argv) {
   g_free(options.data);
   g_free(options.backend);
   g_free(options.config);
+  g_free(options.log);
   g_strfreev(options.volumes);
   g_strfreev(rest);
   return code;

@@ -68,6 +68,7 @@ void tcs_config_clear(tcs_config *config) {
   g_free(config->address);
   g_free(config->data);
   g_free(config->spool);
+  g_free(config->log);
   if (config->volumes) g_ptr_array_unref(config->volumes);
   if (config->hosts) g_ptr_array_unref(config->hosts);
   memset(config, 0, sizeof *config);
@@ -197,6 +198,9 @@ static bool read_server(tcs_config *config, GKeyFile *file, const char *key, GEr
   } else if (strcmp(key, "spool") == 0) {
     g_free(config->spool);
     config->spool = g_strdup(value);
+  } else if (strcmp(key, "log") == 0) {
+    g_free(config->log);
+    config->log = g_strdup(value);
   } else if (strcmp(key, "hosts") == 0) {
     char **hosts = g_strsplit_set(value, "; ,", -1);
     for (char **host = hosts; *host; host++)

@@ -30,6 +30,7 @@ typedef struct tcs_config {
   char *address; /* host part of --listen */
   int port;      /* 0 = any */
   char *data;    /* canonical folder of --data, or NULL */
+  char *log;     /* file of the log, or NULL: stderr */
   char *spool;   /* folder for uploads under way */
   tc_backend backend;
   int threads;           /* of the renderer; 0 = all cores */

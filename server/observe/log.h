@@ -1,10 +1,16 @@
-/* Log lines on stderr: `TIME LEVEL event key=value ...`, one line and one write each.
+/* Log lines, on stderr or in a file: `TIME LEVEL event key=value ...`.
+ *
+ * A caller never waits: lines go into a ring of TCS_LOG_RING bytes, a thread of the log's own writes them. While nobody
+ * takes them (a full pipe, a full disk) lines that find no room are dropped and counted, and the log says how many once
+ * it flows again. Before tcs_log_start() and after tcs_log_stop() lines are written at once.
  *
  * Never patient data: no volume names, file names, paths, query strings or header values. Any thread. */
 #ifndef TCS_OBSERVE_LOG_H
 #define TCS_OBSERVE_LOG_H
 
 #include <glib.h>
+#include <stdbool.h>
+#include <stdint.h>
 
 typedef enum tcs_log_level {
   TCS_LOG_DEBUG,
@@ -14,10 +20,27 @@ typedef enum tcs_log_level {
   TCS_LOG_LEVEL_COUNT
 } tcs_log_level;
 
+#define TCS_LOG_RING 262144
+
 /* Lines below `level` are dropped; set once, before threads start. The default is TCS_LOG_INFO. */
 void tcs_log_set_level(tcs_log_level level);
 /* Name ("debug" ...) to level; false: no such name. */
 gboolean tcs_log_level_parse(const char *name, tcs_log_level *level);
+
+/* Appends to the file `path` from now on, made where there is none; NULL: stderr. Before tcs_log_start(). */
+bool tcs_log_open(const char *path, GError **error);
+/* Opens the file anew, after somebody moved it away; nothing on stderr. Done by the log's thread: does not wait. */
+void tcs_log_reopen(void);
+
+/* Starts the log's thread, which inherits the caller's signal mask. Without it (no thread to be had) lines are written
+ * by whoever logs them. */
+void tcs_log_start(void);
+/* Waits until everything logged so far is written, at most so long. False: it is not. */
+bool tcs_log_flush(int most_ms);
+/* Flushes and ends the thread; one that hangs in a write is left behind. */
+void tcs_log_stop(int most_ms);
+/* Lines that were dropped since the start. */
+uint64_t tcs_log_dropped(void);
 
 /* `format` gives the key=value part, or is NULL. Control characters in it become spaces. */
 void tcs_log(tcs_log_level level, const char *event, const char *format, ...) G_GNUC_PRINTF(3, 4);
