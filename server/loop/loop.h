@@ -8,6 +8,7 @@
 #include <stdint.h>
 
 #include "renderer/error.h"
+#include "server/observe/metrics.h"
 
 typedef struct tcs_source tcs_source;
 struct tcs_source {
@@ -24,7 +25,12 @@ void tcs_loop_change(tcs_loop *loop, tcs_source *source, uint32_t events);
 /* The source gets no further call, not even for events already fetched. */
 void tcs_loop_remove(tcs_loop *loop, tcs_source *source);
 
-/* Waits until something is ready or `timeout_ms` (-1 = for ever) has passed and calls what is ready. */
+/* Waits until something is ready or `timeout_ms` (-1 = for ever) has passed and calls what is ready: for TCS_TURN_US at
+ * most; what is left over is called by the next call, which then does not wait. From one wait to the next is a turn. */
 void tcs_loop_wait(tcs_loop *loop, int timeout_ms);
+#define TCS_TURN_US 2000
+
+/* Where the lengths of turns go; NULL (as it is at first): nowhere. */
+void tcs_loop_set_metrics(tcs_loop *loop, tcs_metrics *metrics);
 
 #endif

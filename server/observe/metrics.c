@@ -4,10 +4,15 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "server/observe/log.h"
+
 static const double bounds[TCS_HISTOGRAM_BUCKETS] = {0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025,
                                                      0.05,   0.1,   0.25,   0.5,   1.0,  2.5};
 static const double error_bounds[TCS_HISTOGRAM_BUCKETS] = {1e-6, 1e-5,  1e-4, 2.5e-4, 5e-4, 1e-3,
                                                            2e-3, 4e-3, 8e-3, 1.6e-2, 6e-2, 0.25};
+
+static const double lag_bounds[TCS_HISTOGRAM_BUCKETS] = {0.0001, 0.00025, 0.0005, 0.001, 0.002, 0.003,
+                                                         0.005,  0.0075,  0.01,   0.02,  0.05,  0.1};
 
 void tcs_metrics_init(tcs_metrics *metrics) {
   memset(metrics, 0, sizeof *metrics);
@@ -29,6 +34,12 @@ static void add_to(tcs_histogram *histogram, const double *edges, double amount)
 
 void tcs_histogram_add(tcs_histogram *histogram, double seconds) { add_to(histogram, bounds, seconds); }
 void tcs_histogram_add_error(tcs_histogram *histogram, double rms) { add_to(histogram, error_bounds, rms); }
+
+void tcs_metrics_turn(tcs_metrics *metrics, double seconds, double cpu_seconds) {
+  add_to(&metrics->lag, lag_bounds, seconds);
+  metrics->lag_max = MAX(metrics->lag_max, seconds);
+  metrics->turn_cpu_max = MAX(metrics->turn_cpu_max, cpu_seconds);
+}
 
 void tcs_metrics_request(tcs_metrics *metrics, const char *method, const char *route, int status, double seconds) {
   char key[160];
@@ -93,7 +104,17 @@ static void requests(GString *out, const tcs_metrics *metrics) {
                            *(const uint64_t *)value);
 }
 
-char *tcs_metrics_write(const tcs_metrics *m, const tcs_gauges *gauges, const char *backend) {
+/* The loop, and the log beside it. */
+static void loop_and_log(GString *out, tcs_metrics *m) {
+  histogram_of(out, "loop_lag_seconds", "Turns of the I/O thread: from its wake-up to its return to waiting.", &m->lag,
+               lag_bounds);
+  gauge(out, "loop_lag_max_seconds", "The longest turn since the last scrape.", m->lag_max);
+  gauge(out, "loop_turn_cpu_max_seconds", "The most processor time of a turn since the last scrape.", m->turn_cpu_max);
+  m->lag_max = m->turn_cpu_max = 0;
+  counter(out, "log_dropped_total", "Log lines that found no room.", tcs_log_dropped());
+}
+
+char *tcs_metrics_write(tcs_metrics *m, const tcs_gauges *gauges, const char *backend) {
   GString *out = g_string_sized_new(8192);
   head(out, "build_info", "gauge", "Version and back end; always 1.");
   g_string_append_printf(out, "tomocast_build_info{version=\"%s\",backend=\"%s\"} 1\n", TC_VERSION, backend);
@@ -133,6 +154,7 @@ char *tcs_metrics_write(const tcs_metrics *m, const tcs_gauges *gauges, const ch
   gauge(out, "volumes_loading", "Volumes being loaded.", gauges->volumes_loading);
   gauge(out, "volume_resident_bytes", "Voxel bytes in memory.", (double)gauges->volume_bytes);
   gauge(out, "render_queue_length", "Stateless renders waiting.", gauges->queued);
+  loop_and_log(out, m);
   gauge(out, "process_resident_memory_bytes", "Resident set size of the process.", resident_bytes());
   return g_string_free(out, FALSE);
 }

@@ -7,7 +7,8 @@
 
 #define TCS_HISTOGRAM_BUCKETS 12
 
-/* Seconds, in buckets from 0.5 ms to 2.5 s; of `error`: differences of colour 0..1, from 1e-6 to 0.25. */
+/* Seconds, in buckets from 0.5 ms to 2.5 s; of `error`: differences of colour 0..1, from 1e-6 to 0.25; of `lag`: seconds
+ * from 0.1 ms to 0.1 s. */
 typedef struct tcs_histogram {
   uint64_t counts[TCS_HISTOGRAM_BUCKETS + 1]; /* per bucket, the last one is +Inf; not cumulative */
   double sum;
@@ -21,6 +22,8 @@ typedef struct tcs_metrics {
   tcs_histogram error; /* rms of frames, as the error meter found it */
   double meter_seconds;
   uint64_t meter_pixels, meter_cancelled, quality_measurements;
+  tcs_histogram lag;         /* turns of the loop: from its wake-up to its return to waiting */
+  double lag_max, turn_cpu_max; /* since the last scrape: the longest turn, and the most processor time in one */
   uint64_t uploads, upload_bytes, volume_loads, volume_failures;
 } tcs_metrics;
 
@@ -36,7 +39,9 @@ void tcs_metrics_clear(tcs_metrics *metrics);
 void tcs_metrics_request(tcs_metrics *metrics, const char *method, const char *route, int status, double seconds);
 void tcs_histogram_add(tcs_histogram *histogram, double seconds);
 void tcs_histogram_add_error(tcs_histogram *histogram, double rms);
-/* g_malloc'ed text, format version 0.0.4. */
-char *tcs_metrics_write(const tcs_metrics *metrics, const tcs_gauges *gauges, const char *backend);
+/* One turn of the loop: how long it took, and how much of that it had a processor. */
+void tcs_metrics_turn(tcs_metrics *metrics, double seconds, double cpu_seconds);
+/* g_malloc'ed text, format version 0.0.4. What counts since the last scrape begins anew. */
+char *tcs_metrics_write(tcs_metrics *metrics, const tcs_gauges *gauges, const char *backend);
 
 #endif
