@@ -17,6 +17,7 @@ static const problem problems[] = {
     [TC_ERROR_IO] = {500, "io", "The system refused"},
     [TC_ERROR_MEMORY] = {507, "memory", "Not enough memory"},
     [TC_ERROR_CANCELLED] = {503, "cancelled", "Stopped on request"},
+    [TC_ERROR_PAUSED] = {503, "paused", "Under way; to be gone on with"},
     [TC_ERROR_BUSY] = {503, "busy", "Busy; try again later"},
     [TC_ERROR_INTERNAL] = {500, "internal", "A fault of the server"},
 };

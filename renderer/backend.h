@@ -4,6 +4,7 @@
 
 #include "renderer/classify/integrals.h"
 #include "renderer/classify/labels.h"
+#include "renderer/halt.h"
 #include "renderer/pool.h"
 #include "renderer/raycast/grey.h"
 #include "renderer/raycast/rays.h"
@@ -29,7 +30,7 @@ typedef struct tc_job {
   const tc_bounds *bounds; /* NULL unless plan->key.skipping in mip and minip */
   const tc_volume *label_volume; /* NULL unless plan->key.labels; checked */
   const tc_labels *labels;       /* what its voxels look like; NULL with it */
-  const atomic_bool *cancel; /* may be NULL */
+  const tc_halt *halt; /* may be NULL: nobody interrupts */
   bool want_linear, want_depth;
   tc_frame *frame; /* width, height set; buffers allocated; stats.samples, .rays to be filled, .tables_ms added to */
 } tc_job;

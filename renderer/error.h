@@ -21,6 +21,7 @@ typedef enum tc_error_code {
   TC_ERROR_IO,           /* the system refused: open, read, write, spawn (HTTP 500) */
   TC_ERROR_MEMORY,       /* an allocation failed or would pass the budget (HTTP 507) */
   TC_ERROR_CANCELLED,    /* the caller asked to stop */
+  TC_ERROR_PAUSED,       /* the caller asked to give way: to be resumed, never shown (HTTP 503) */
   TC_ERROR_BUSY,         /* try again later (HTTP 503) */
   TC_ERROR_INTERNAL,     /* ours (HTTP 500) */
   TC_ERROR_CODE_COUNT

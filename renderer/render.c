@@ -5,8 +5,9 @@
 #include <string.h>
 
 #include "renderer/backend.h"
-#include "renderer/resources.h"
 #include "renderer/clock.h"
+#include "renderer/frame.h"
+#include "renderer/resources.h"
 
 #define DEFAULT_CACHE_BYTES (256u << 20)
 
@@ -71,40 +72,6 @@ void tc_renderer_free(tc_renderer *renderer) {
 const tc_renderer_info *tc_renderer_about(const tc_renderer *renderer) { return &renderer->info; }
 
 /* ---- frames ---- */
-
-void tc_frame_finish(tc_frame *frame) {
-  free(frame->rgba);
-  free(frame->linear);
-  free(frame->depth);
-  *frame = (tc_frame){0};
-}
-
-static bool reserve(tc_frame *f, int width, int height, bool want_linear, bool want_depth, GError **error) {
-  size_t pixels = (size_t)width * (size_t)height;
-  if (f->capacity < pixels) {
-    free(f->rgba);
-    f->rgba = malloc(pixels * 4);
-    f->capacity = f->rgba ? pixels : 0;
-  }
-  if (want_linear && f->linear_capacity < pixels) {
-    free(f->linear);
-    f->linear = malloc(pixels * 4 * sizeof(float));
-    f->linear_capacity = f->linear ? pixels : 0;
-  }
-  if (want_depth && f->depth_capacity < pixels) {
-    free(f->depth);
-    f->depth = malloc(pixels * sizeof(float));
-    f->depth_capacity = f->depth ? pixels : 0;
-  }
-  if (!f->rgba || (want_linear && !f->linear) || (want_depth && !f->depth)) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "frame of %dx%d pixels: out of memory", width, height);
-    return false;
-  }
-  f->width = width;
-  f->height = height;
-  f->stats = (tc_frame_stats){0};
-  return true;
-}
 
 /* What a frame reads beside the volume. */
 typedef struct frame_resources {
@@ -349,30 +316,20 @@ static bool draw_by_stand_in(tc_renderer *r, tc_job *job, tc_plan *plan, frame_r
 
 static bool draw(tc_renderer *r, tc_job *job, tc_plan *plan, bool hurry, frame_resources *have, GError **error) {
   const double *tables_ms = &job->frame->stats.tables_ms, before = *tables_ms;
-  bool ready = !hurry || !r->ops->ready || r->ops->ready(r->instance, job), drawn = false;
+  /* A frame that was paused goes on with who began it: the two are not the same to the last bit. */
+  bool begun = tc_frame_done(job->frame) > 0, stood_in = begun && job->frame->stats.stand_in, drawn = false;
+  bool ready = !stood_in && (begun || !hurry || !r->ops->ready || r->ops->ready(r->instance, job));
   if (ready) drawn = r->ops->render(r->instance, job, error);
   if (*tables_ms > before) tc_resources_table_took(r->resources, job->table, *tables_ms - before);
   return ready ? drawn : draw_by_stand_in(r, job, plan, have, error);
 }
 
-bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
-               tc_frame *frame, tc_plan *plan, GError **error) {
-  tc_render_request none = {0};
-  if (!request) request = &none;
-  int width = request->width ? request->width : scene->image.width;
-  int height = request->height ? request->height : scene->image.height;
-  tc_plan local;
+/* Everything but the frame's buffers: what the picture needs is gathered, then drawn. */
+static bool render_frame(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene,
+                         const tc_render_request *request, const tc_halt *halt, tc_frame *frame, tc_plan *plan,
+                         GError **error) {
   frame_resources have = {0};
-  if (!plan) plan = &local;
-  if (scene->quality.max_error > 0 || scene->quality.max_ms > 0) {
-    tc_set_error(error, TC_ERROR_INVALID, "/quality", "quality: a frame has one sampling; choose it first (quality.h)");
-    return false;
-  }
-  if (!check_table(request, error)) return false;
-  if (!tc_plan_make(volume, scene, width, height, plan, error) ||
-      !tc_labels_check(volume, request->labels, scene, error) ||
-      !reserve(frame, width, height, request->want_linear, request->want_depth, error) ||
-      !gather_field(renderer, volume, plan, &have, error) ||
+  if (!gather_field(renderer, volume, plan, &have, error) ||
       !gather(renderer, have.field, scene, request, plan, &have, &frame->stats, error))
     return false;
   if (plan->key.labels) {
@@ -387,7 +344,7 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
     scene = &windowed;
   }
   tc_rays rays;
-  tc_rays_set_up(&rays, volume, scene, width, height);
+  tc_rays_set_up(&rays, volume, scene, frame->width, frame->height);
   for (int i = 0; request->pixel_share > 0 && i < rays.count; i++)
     rays.of_pixel[i].x *= request->pixel_share, rays.of_pixel[i].y *= request->pixel_share;
   tc_job job = {.plan = plan, .scene = scene, .volume = have.field, .source = volume, .rays = &rays,
@@ -395,18 +352,42 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
                 .grey = tc_is_projection(scene->mode) ? &have.grey : NULL, .bounds = have.bounds,
                 .label_volume = have.labels ? request->labels : NULL, .labels = have.labels,
                 .surface = scene->mode == TC_MODE_ISOSURFACE ? &have.surface : NULL, .want_depth = request->want_depth,
-                .cancel = request->cancel, .want_linear = request->want_linear, .frame = frame};
+                .halt = halt, .want_linear = request->want_linear, .frame = frame};
   if (job.surface && job.want_depth) {
     plan->stages[TC_STAGE_DEPTH].included = true;
     snprintf(plan->stages[TC_STAGE_DEPTH].reason, sizeof plan->stages->reason, "asked for with the frame");
   }
   double start = tc_now_ms(), tables_ms = frame->stats.tables_ms;
-  if (!draw(renderer, &job, plan, request->hurry, &have, error)) return false;
+  bool drawn = draw(renderer, &job, plan, request->hurry, &have, error);
   tables_ms = frame->stats.tables_ms - tables_ms; /* what the back end built */
-  frame->stats.render_ms = tc_now_ms() - start - tables_ms;
-  frame->stats.coefficients_ms = have.field_ms;
-  finish_plan(renderer, plan, &have, &frame->stats);
-  return true;
+  frame->stats.render_ms += tc_now_ms() - start - tables_ms;
+  frame->stats.coefficients_ms += have.field_ms;
+  if (drawn) finish_plan(renderer, plan, &have, &frame->stats);
+  return drawn;
+}
+
+bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
+               tc_frame *frame, tc_plan *plan, GError **error) {
+  const tc_render_request none = {0};
+  if (!request) request = &none;
+  const tc_halt halt = tc_halt_begin(request->interrupt);
+  int width = request->width ? request->width : scene->image.width;
+  int height = request->height ? request->height : scene->image.height;
+  tc_plan local;
+  GError *failure = NULL;
+  if (!plan) plan = &local;
+  if (scene->quality.max_error > 0 || scene->quality.max_ms > 0) {
+    tc_set_error(error, TC_ERROR_INVALID, "/quality", "quality: a frame has one sampling; choose it first (quality.h)");
+    return false;
+  }
+  if (!check_table(request, error) || !tc_plan_make(volume, scene, width, height, plan, error) ||
+      !tc_labels_check(volume, request->labels, scene, error) ||
+      !tc_frame_begin(frame, width, height, request, error))
+    return false;
+  bool done = render_frame(renderer, volume, scene, request, &halt, frame, plan, &failure);
+  frame->progress->paused = g_error_matches(failure, TC_ERROR, TC_ERROR_PAUSED);
+  if (failure) g_propagate_error(error, failure);
+  return done;
 }
 
 void tc_renderer_forget(tc_renderer *renderer, const tc_volume *volume) {

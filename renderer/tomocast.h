@@ -13,6 +13,8 @@
 #include "renderer/classify/labels.h"
 #include "renderer/error.h"
 #include "renderer/import/import.h"
+#include "renderer/interrupt.h"
+#include "renderer/plan/estimate.h"
 #include "renderer/plan/plan.h"
 #include "renderer/scene.h"
 #include "renderer/volume/volume.h"
@@ -66,7 +68,11 @@ typedef struct tc_frame {
   size_t capacity;   /* pixels allocated in rgba */
   size_t linear_capacity, depth_capacity;
   tc_frame_stats stats;
+  struct tc_progress *progress; /* the renderer's: how far a paused frame is */
 } tc_frame;
+
+/* Share of the frame that is drawn, 0..1: of a paused one, what its next resumption need not draw again. */
+double tc_frame_done(const tc_frame *frame);
 
 void tc_frame_finish(tc_frame *frame); /* frees the buffers; a zeroed frame is fine */
 
@@ -76,8 +82,12 @@ typedef struct tc_render_request {
   int width, height;          /* 0 = the scene's own; smaller while a user drags (the camera's view stays the same) */
   bool want_linear;           /* fill frame->linear too */
   bool want_depth;            /* and frame->depth, in mode isosurface */
-  /* set to true from any thread: tc_render() returns TC_ERROR_CANCELLED soon; may be NULL */
-  const atomic_bool *cancel;
+  /* may be NULL; TC_ERROR_CANCELLED or TC_ERROR_PAUSED, soon after it asks */
+  const tc_interrupt *interrupt;
+  /* Goes on with a frame that came back with TC_ERROR_PAUSED: the same volume, scene and request (but for the
+   * interrupt), and the same tc_frame, untouched. What is finished of it is kept, its stats grow, and the picture is the
+   * same to the last bit as one made without a pause. A frame that was not paused is begun anew. */
+  bool resume;
   const tc_volume *labels;    /* what scene.labels.volume names, borrowed until tc_render() returns; NULL where it names none.
                                  Which volume an id means is the caller's; it is tc_labels_check()ed here */
   bool hurry;                 /* never wait for the gl back end to compile a program or upload a large volume: the cpu
@@ -89,7 +99,8 @@ typedef struct tc_render_request {
                                  samples the pixels of a large one; 0 = 1, all of it */
 } tc_render_request;
 
-/* Renders one frame. request may be NULL. On failure the frame is left without meaning, the renderer is fine. A scene
+/* Renders one frame. request may be NULL. On failure the frame is left without meaning (but for a paused one, above),
+ * the renderer is fine. A scene
  * that asks for something not built is TC_ERROR_UNSUPPORTED with a pointer to the member: never a wrong picture. One
  * that still asks for a bound on error or time is refused: quality/quality.h and quality/cost.h turn that into
  * sampling. *plan, when not NULL, receives the plan with the milliseconds and bytes of its stages. */

@@ -357,14 +357,14 @@ typedef struct bench {
   tc_scene scene; /* borrows heap members */
   int width, height;
   double share; /* of its pixels' width: the frame's */
-  const atomic_bool *cancel;
+  const tc_interrupt *interrupt;
   double *wanted;  /* [height][width][4] */
   double *squares; /* [height][width] */
   tc_frame frame;
 } bench;
 
 static bool cancelled(const bench *b, GError **error) {
-  if (!b->cancel || !atomic_load_explicit(b->cancel, memory_order_relaxed)) return false;
+  if (!b->interrupt || !atomic_load_explicit(&b->interrupt->cancel, memory_order_relaxed)) return false;
   tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
   return true;
 }
@@ -385,7 +385,7 @@ static bool integrate(bench *b, GError **error) {
 
 static bool error_at(bench *b, double spacing, double *rms, GError **error) {
   b->scene.sampling.step = spacing / tc_quality_stretch(&b->scene);
-  tc_render_request request = {.width = b->width, .height = b->height, .want_linear = true, .cancel = b->cancel,
+  tc_render_request request = {.width = b->width, .height = b->height, .want_linear = true, .interrupt = b->interrupt,
                                .labels = b->labels, .pixel_share = b->share};
   if (!tc_render(b->renderer, b->volume, &b->scene, &request, &b->frame, NULL, error)) return false;
   double max = 0;
@@ -497,8 +497,8 @@ static void size_bench(bench *b, const tc_scene *scene) {
 
 bool tc_quality_measure(tc_renderer *renderer, tc_volume *volume, tc_volume *labels, const tc_scene *scene,
                         const tc_camera *camera, const tc_quality_model *model, const tc_quality_cost *cost,
-                        const atomic_bool *cancel, tc_quality_view *view, GError **error) {
-  bench b = {.renderer = renderer, .volume = volume, .labels = labels, .scene = *scene, .cancel = cancel};
+                        const tc_interrupt *interrupt, tc_quality_view *view, GError **error) {
+  bench b = {.renderer = renderer, .volume = volume, .labels = labels, .scene = *scene, .interrupt = interrupt};
   size_bench(&b, scene);
   b.scene.camera = *camera;
   b.scene.sampling.termination = termination_for(scene->quality.max_error);

@@ -94,10 +94,11 @@ bool tc_quality_wants(const tc_quality_model *model, const tc_scene *scene, tc_c
 
 /* Measures one view of the scene as seen by `camera`, rendering with `renderer` (not the one that serves frames: this
  * takes tens to hundreds of milliseconds, on one thread). labels: as in tc_meter_measure(). `model` and
- * `cost` say where to begin. TC_ERROR_CANCELLED when *cancel (may be NULL) is set. */
+ * `cost` say where to begin. TC_ERROR_CANCELLED when the interrupt (may be NULL) asks;
+ * it does not pause. */
 bool tc_quality_measure(tc_renderer *renderer, tc_volume *volume, tc_volume *labels, const tc_scene *scene,
                         const tc_camera *camera, const tc_quality_model *model, const tc_quality_cost *cost,
-                        const atomic_bool *cancel, tc_quality_view *view, GError **error);
+                        const tc_interrupt *interrupt, tc_quality_view *view, GError **error);
 void tc_quality_add(tc_quality_model *model, const tc_quality_view *view);
 
 /* How unlike two cameras are: radians of the view, logarithm of the scale, shift in half heights, all added. */

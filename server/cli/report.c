@@ -31,8 +31,8 @@ typedef struct report {
   double start_ms;
 } report;
 
-static atomic_bool stop;
-static void on_signal(int signal) { atomic_store(&stop, true); }
+static tc_interrupt stop = {.pause_us = LLONG_MAX};
+static void on_signal(int signal) { atomic_store(&stop.cancel, true); }
 
 static double now_ms(void) { return (double)g_get_monotonic_time() / 1e3; }
 

@@ -85,7 +85,7 @@ typedef struct tcs_report_options {
 
 typedef struct tcs_report_bench tcs_report_bench; /* renderers and references */
 
-tcs_report_bench *tcs_report_bench_new(const tcs_report_options *options, const atomic_bool *stop, cJSON *left_out,
+tcs_report_bench *tcs_report_bench_new(const tcs_report_options *options, const tc_interrupt *stop, cJSON *left_out,
                                        GError **error);
 void tcs_report_bench_free(tcs_report_bench *bench);
 bool tcs_report_bench_has_gl(const tcs_report_bench *bench);

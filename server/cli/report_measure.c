@@ -27,7 +27,7 @@ typedef struct truth {
 
 struct tcs_report_bench {
   tcs_report_options options;
-  const atomic_bool *stop;
+  const tc_interrupt *stop;
   cJSON *left_out;
   tc_renderer *renderers[TC_BACKEND_COUNT];
   tcs_report_scene *scene; /* the caller's, while it is measured */
@@ -40,14 +40,14 @@ struct tcs_report_bench {
 static double now_ms(void) { return (double)g_get_monotonic_time() / 1e3; }
 
 static bool stopped(const tcs_report_bench *b, GError **error) {
-  if (!atomic_load(b->stop)) return false;
+  if (!atomic_load(&b->stop->cancel)) return false;
   tc_set_error(error, TC_ERROR_CANCELLED, NULL, "interrupted");
   return true;
 }
 
 /* ---- life ---- */
 
-tcs_report_bench *tcs_report_bench_new(const tcs_report_options *options, const atomic_bool *stop, cJSON *left_out,
+tcs_report_bench *tcs_report_bench_new(const tcs_report_options *options, const tc_interrupt *stop, cJSON *left_out,
                                        GError **error) {
   tcs_report_bench *b = g_new0(tcs_report_bench, 1);
   *b = (tcs_report_bench){.options = *options, .stop = stop, .left_out = left_out};
@@ -136,7 +136,7 @@ typedef struct truth_job {
 static void *find_truth(void *data) {
   truth_job *job = data;
   truth *t = job->truth;
-  for (int i; (i = atomic_fetch_add(&job->next, 1)) < t->side + t->n_area && !atomic_load(job->bench->stop);) {
+  for (int i; (i = atomic_fetch_add(&job->next, 1)) < t->side + t->n_area && !atomic_load(&job->bench->stop->cancel);) {
     if (i >= t->side) {
       int pixel = t->area_pixels[i - t->side];
       area_mean(job->reference, pixel % t->side, pixel / t->side, t->areas + 4 * (i - t->side));
@@ -234,7 +234,7 @@ static bool render(tcs_report_bench *b, const tcs_setting *s, int side, bool com
   const tc_render_request request = {.width = side,
                                      .height = side,
                                      .want_linear = compare,
-                                     .cancel = b->stop,
+                                     .interrupt = b->stop,
                                      .table_size = s->table_size,
                                      .table_bits = s->table_bits};
   tcs_setting_apply(s, &b->scene->scene);

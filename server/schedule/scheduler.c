@@ -104,7 +104,7 @@ tcs_job *tcs_job_new(tcs_server *server, tc_volume *volume, const tc_scene *scen
   job->server = server;
   job->volume = tc_volume_ref(volume);
   tc_scene_copy(&job->scene, scene);
-  atomic_init(&job->cancel, false);
+  tc_interrupt_init(&job->interrupt);
   job->queued_us = g_get_monotonic_time();
   return job;
 }
@@ -121,7 +121,7 @@ void tcs_job_free(tcs_job *job) {
   g_free(job);
 }
 
-void tcs_job_cancel(tcs_job *job) { atomic_store(&job->cancel, true); }
+void tcs_job_cancel(tcs_job *job) { atomic_store(&job->interrupt.cancel, true); }
 
 static void finish(tcs_job *job) {
   if (job->error && !g_error_matches(job->error, TC_ERROR, TC_ERROR_CANCELLED)) {
@@ -172,7 +172,7 @@ static void run_render(tcs_task *task) {
   tcs_job *job = (tcs_job *)task;
   tc_renderer *renderer = job->server->scheduler->renderer;
   job->queue_ms = (double)(g_get_monotonic_time() - job->queued_us) / 1000;
-  if (atomic_load(&job->cancel)) {
+  if (atomic_load(&job->interrupt.cancel)) {
     tc_set_error(&job->error, TC_ERROR_CANCELLED, NULL, "cancelled");
     return;
   }
@@ -181,7 +181,7 @@ static void run_render(tcs_task *task) {
     return;
   }
   const tc_render_request request = {
-      .width = job->width, .height = job->height, .cancel = &job->cancel, .labels = job->labels,
+      .width = job->width, .height = job->height, .interrupt = &job->interrupt, .labels = job->labels,
       .want_linear = job->meter_pixels > 0, .hurry = job->hurry};
   if (!tc_render(renderer, job->volume, &job->scene, &request, &job->frame, NULL, &job->error)) return;
   job->stats = job->frame.stats;

@@ -31,7 +31,7 @@ struct tcs_job {
   tc_volume *labels;              /* owned reference, or NULL */
   tc_scene scene;                 /* owned copy */
   int width, height;              /* 0 = the scene's */
-  atomic_bool cancel;             /* any thread */
+  tc_interrupt interrupt;         /* any thread */
   void (*rendered)(tcs_job *job); /* I/O thread: its encoding begins; may be NULL */
   void (*finished)(tcs_job *job); /* I/O thread, once: the results below are set */
   void *user;                     /* the owner's; NULL when the owner has left */

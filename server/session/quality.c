@@ -25,7 +25,7 @@ typedef struct measurement {
   tc_quality_model model; /* what is known of errors and times: where to begin */
   tc_quality_cost cost;
   tc_quality_view view;
-  atomic_bool cancel;
+  tc_interrupt interrupt;
   GError *error;
 } measurement;
 
@@ -47,7 +47,7 @@ tcs_quality *tcs_quality_new(tcs_server *server) {
 
 void tcs_quality_cancel_all(tcs_quality *q) {
   for (guint i = 0; q && i < q->under_way->len; i++)
-    atomic_store(&((measurement *)g_ptr_array_index(q->under_way, i))->cancel, true);
+    atomic_store(&((measurement *)g_ptr_array_index(q->under_way, i))->interrupt.cancel, true);
 }
 
 void tcs_quality_free(tcs_quality *q) {
@@ -171,14 +171,14 @@ static void run(tcs_task *task) {
   measurement *m = (measurement *)task;
   tcs_quality *q = m->quality;
   tcs_thread_set_low();
-  if (atomic_load(&m->cancel)) {
+  if (atomic_load(&m->interrupt.cancel)) {
     tc_set_error(&m->error, TC_ERROR_CANCELLED, NULL, "cancelled");
     return;
   }
   const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = 1, .cache_bytes = CACHE_BYTES};
   if (!q->renderer) q->renderer = tc_renderer_new(&options, &m->error);
   if (q->renderer)
-    tc_quality_measure(q->renderer, m->volume, m->labels, &m->scene, &m->camera, &m->model, &m->cost, &m->cancel,
+    tc_quality_measure(q->renderer, m->volume, m->labels, &m->scene, &m->camera, &m->model, &m->cost, &m->interrupt,
                        &m->view, &m->error);
 }
 
@@ -249,7 +249,7 @@ static measurement *begin(tcs_quality *q, tc_volume *volume, tc_volume *labels, 
   tc_scene_copy(&m->scene, scene);
   m->model = *model_of(q, look);
   m->cost = *cost;
-  atomic_init(&m->cancel, false);
+  tc_interrupt_init(&m->interrupt);
   g_ptr_array_add(q->under_way, m);
   tcs_worker_submit(q->server->quality_worker, &m->task);
   return m;
@@ -295,6 +295,6 @@ void tcs_quality_changed(tcs_quality *q, const tcs_session *session) {
   if (!m || strcmp(m->session, session->id) != 0) return;
   const bool wanted = session->watchers->len && tc_quality_measures(cost_of(q, session), &session->scene);
   char *look = wanted ? look_of_session(session) : NULL;
-  if (!look || strcmp(look, m->look) != 0) atomic_store(&m->cancel, true);
+  if (!look || strcmp(look, m->look) != 0) atomic_store(&m->interrupt.cancel, true);
   g_free(look);
 }

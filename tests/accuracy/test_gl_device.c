@@ -285,7 +285,7 @@ static void bench_close(bench *b) {
   tc_gl_backend.destroy(b->instance);
 }
 
-static bool bench_render(bench *b, const atomic_bool *cancel) {
+static bool bench_render(bench *b, const tc_interrupt *interrupt) {
   tc_plan plan;
   tc_rays rays;
   const tc_volume_desc *d = tc_volume_describe(b->volume);
@@ -298,13 +298,14 @@ static bool bench_render(bench *b, const atomic_bool *cancel) {
     assert_made(b->table);
   }
   tc_rays_set_up(&rays, b->volume, &b->scene, b->frame.width, b->frame.height);
+  tc_halt halt = tc_halt_begin(interrupt);
   b->frame.stats = (tc_frame_stats){0};
   tc_job job = {.plan = &plan,
                 .scene = &b->scene,
                 .volume = b->volume,
                 .rays = &rays,
                 .table = b->table,
-                .cancel = cancel,
+                .halt = &halt,
                 .want_linear = true,
                 .frame = &b->frame};
   return tc_gl_backend.render(b->instance, &job, &error);
@@ -332,7 +333,7 @@ static void test_nothing_is_rebuilt(void **state) {
 }
 
 typedef struct canceller {
-  atomic_bool flag;
+  tc_interrupt interrupt;
   double at_ms;
 } canceller;
 
@@ -340,7 +341,7 @@ static void *cancel_soon(void *context) {
   canceller *c = context;
   nanosleep(&(struct timespec){.tv_nsec = 50000000}, NULL);
   c->at_ms = now_ms();
-  atomic_store(&c->flag, true);
+  atomic_store(&c->interrupt.cancel, true);
   return NULL;
 }
 
@@ -351,14 +352,17 @@ static void test_cancel(void **state) {
   bench b;
   bench_open(&b, volume, 1500);
   b.scene.sampling.step = 0.25;
-  atomic_bool cancelled = true;
+  tc_interrupt cancelled;
+  tc_interrupt_init(&cancelled);
+  atomic_store(&cancelled.cancel, true);
   assert_false(bench_render(&b, &cancelled));
   expect_error(TC_ERROR_CANCELLED, "cancelled");
-  canceller c = {.flag = false};
+  canceller c;
+  tc_interrupt_init(&c.interrupt);
   pthread_t thread;
   double start = now_ms();
   assert_int_equal(pthread_create(&thread, NULL, cancel_soon, &c), 0);
-  bool finished = bench_render(&b, &c.flag);
+  bool finished = bench_render(&b, &c.interrupt);
   double end = now_ms();
   pthread_join(thread, NULL);
   if (finished) {

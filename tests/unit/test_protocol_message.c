@@ -126,6 +126,7 @@ static void problems(void **state) {
                {TC_ERROR_IO, 500, "urn:tomocast:problem:io"},
                {TC_ERROR_MEMORY, 507, "urn:tomocast:problem:memory"},
                {TC_ERROR_CANCELLED, 503, "urn:tomocast:problem:cancelled"},
+               {TC_ERROR_PAUSED, 503, "urn:tomocast:problem:paused"},
                {TC_ERROR_BUSY, 503, "urn:tomocast:problem:busy"},
                {TC_ERROR_INTERNAL, 500, "urn:tomocast:problem:internal"}};
   assert_int_equal(G_N_ELEMENTS(cases), TC_ERROR_CODE_COUNT);

@@ -4,11 +4,12 @@
 #include <string.h>
 
 #include "renderer/backend.h"
+#include "renderer/frame.h"
 #include "renderer/raycast/cpu/surface_kernels.h"
 #include "renderer/raycast/shade.h"
 #include "renderer/skip/cover.h"
 
-#define TILE 32
+#define TILE 32 /* pixels: of a unit of drawing, unless it would take too long */
 
 typedef struct cpu_isa {
   const char *name;
@@ -28,7 +29,9 @@ typedef struct cpu_frame {
   tc_cpu_surface args; /* other modes' are args.common */
   tc_cpu_kernel kernel;
   tc_resolve resolve;
-  int tiles_x;
+  tc_progress *progress;
+  int units_x;
+  atomic_int drawn; /* units that this call has begun */
   struct { tc_cpu_counts counts; char pad[32]; } *workers; /* a cache line each */
 } cpu_frame;
 
@@ -276,13 +279,12 @@ static bool fill_cover(cpu_backend *b, const tc_job *job, tc_cpu_args *a, GError
   return true;
 }
 
-static void render_tile(void *context, int index, int worker) {
-  cpu_frame *f = context;
+/* Draws a unit to the end, or leaves it as if it had not been begun. */
+static void draw_unit(cpu_frame *f, int index, int worker) {
   const tc_job *job = f->job;
-  if (job->cancel && atomic_load_explicit(job->cancel, memory_order_relaxed)) return;
-  int width = job->frame->width, height = job->frame->height;
-  int x0 = index % f->tiles_x * TILE, y0 = index / f->tiles_x * TILE;
-  int x1 = x0 + TILE < width ? x0 + TILE : width, y1 = y0 + TILE < height ? y0 + TILE : height;
+  int width = job->frame->width, height = job->frame->height, side = f->progress->side;
+  int x0 = index % f->units_x * side, y0 = index / f->units_x * side;
+  int x1 = x0 + side < width ? x0 + side : width, y1 = y0 + side < height ? y0 + side : height;
   float buffer[TILE * TILE * 4], *out = buffer;
   ptrdiff_t stride = TILE;
   if (job->want_linear) {
@@ -294,6 +296,30 @@ static void render_tile(void *context, int index, int worker) {
     float *row = out + (y - y0) * stride * 4;
     tc_resolve_row(&f->resolve, row, job->frame->rgba + ((size_t)y * (size_t)width + (size_t)x0) * 4, x1 - x0);
   }
+  f->progress->finished[index] = true;
+}
+
+/* However late it is, a call draws something. */
+static void unit_task(void *context, int index, int worker) {
+  cpu_frame *f = context;
+  if (f->progress->finished[index] || tc_halt_within(f->job->halt)) return;
+  if (atomic_load_explicit(&f->drawn, memory_order_relaxed) && tc_halt_between(f->job->halt)) return;
+  atomic_fetch_add_explicit(&f->drawn, 1, memory_order_relaxed);
+  draw_unit(f, index, worker);
+}
+
+/* What the workers did goes into the frame. True: it is whole. */
+static bool gather_counts(cpu_frame *f, int workers) {
+  tc_frame_stats *stats = &f->job->frame->stats;
+  for (int i = 0; i < workers; i++) {
+    stats->samples += f->workers[i].counts.samples;
+    stats->rays += f->workers[i].counts.rays;
+    stats->gradients += f->workers[i].counts.gradients;
+    stats->leaps += f->workers[i].counts.leaps;
+  }
+  f->progress->done = 0;
+  for (int i = 0; i < f->progress->units; i++) f->progress->done += f->progress->finished[i];
+  return f->progress->done == f->progress->units;
 }
 
 static bool cpu_render(void *instance, const tc_job *job, GError **error) {
@@ -303,6 +329,8 @@ static bool cpu_render(void *instance, const tc_job *job, GError **error) {
     tc_set_error(error, TC_ERROR_UNSUPPORTED, "/mode", "the cpu back end has no kernel %s", job->plan->kernel);
     return false;
   }
+  f.progress = tc_frame_cut(job->frame, TILE, error);
+  if (!f.progress) return false;
   f.workers = calloc((size_t)tc_pool_threads(b->pool), sizeof *f.workers);
   if (!f.workers) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "cpu back end: out of memory");
@@ -315,20 +343,11 @@ static bool cpu_render(void *instance, const tc_job *job, GError **error) {
     return false;
   }
   tc_resolve_init(&f.resolve, job->scene);
-  f.tiles_x = (job->frame->width + TILE - 1) / TILE;
-  tc_pool_run(b->pool, f.tiles_x * ((job->frame->height + TILE - 1) / TILE), render_tile, &f);
-  for (int i = 0; i < tc_pool_threads(b->pool); i++) {
-    job->frame->stats.samples += f.workers[i].counts.samples;
-    job->frame->stats.rays += f.workers[i].counts.rays;
-    job->frame->stats.gradients += f.workers[i].counts.gradients;
-    job->frame->stats.leaps += f.workers[i].counts.leaps;
-  }
+  f.units_x = (job->frame->width + f.progress->side - 1) / f.progress->side;
+  tc_pool_run(b->pool, f.progress->units, unit_task, &f);
+  bool whole = gather_counts(&f, tc_pool_threads(b->pool));
   free(f.workers);
-  if (job->cancel && atomic_load(job->cancel)) {
-    tc_set_error(error, TC_ERROR_CANCELLED, NULL, "the frame was cancelled");
-    return false;
-  }
-  return true;
+  return whole || tc_halt_say(job->halt, error);
 }
 
 const tc_backend_ops tc_cpu_backend = {.name = "cpu",

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "renderer/backend.h"
+#include "renderer/frame.h"
 #include "renderer/gl/program.h"
 #include "renderer/gl/ring.h"
 #include "renderer/raycast/gl/job.h"
@@ -266,27 +267,23 @@ static bool next_tile(const gl_backend *b, const tc_frame *frame, int tile[4]) {
   return tile[1] < frame->height;
 }
 
-static bool is_cancelled(const tc_job *job) {
-  return job->cancel && atomic_load_explicit(job->cancel, memory_order_relaxed);
-}
-
-static bool run_tiles(gl_backend *b, unsigned program, const tc_job *job, GError **error) {
-  int tile[4] = {0};
-  bool more = next_tile(b, job->frame, tile), cancelled = false;
+/* Draws tiles in order, from *tile on, which ends as the next one: where a paused frame goes on. */
+static bool run_tiles(gl_backend *b, unsigned program, const tc_job *job, int tile[4], GError **error) {
+  bool more = tile[2] ? tile[1] < job->frame->height : next_tile(b, job->frame, tile), halted = false, drawn = false;
   double last_ms = tc_now_ms();
   while (more || !tc_gl_ring_is_idle(&b->ring)) {
-    cancelled = cancelled || is_cancelled(job);
-    if (cancelled) more = false; /* what is in flight ends by itself */
-    if (more && !tc_gl_ring_is_full(&b->ring)) {
+    halted = halted || (more && (drawn ? tc_halt_between : tc_halt_within)(job->halt));
+    if (more && !halted && !tc_gl_ring_is_full(&b->ring)) {
       submit(b, program, job, tile);
       more = next_tile(b, job->frame, tile);
-    } else if (!tc_gl_ring_is_idle(&b->ring) && !collect(b, job, &last_ms, error)) {
+      drawn = true;
+    } else if (!tc_gl_ring_is_idle(&b->ring) && !collect(b, job, &last_ms, error)) { /* what is in flight ends */
       b->lost = true;
       return false;
     }
+    if (halted && tc_gl_ring_is_idle(&b->ring)) break;
   }
-  if (cancelled) tc_set_error(error, TC_ERROR_CANCELLED, NULL, "rendering was cancelled");
-  return !cancelled;
+  return !more || tc_halt_say(job->halt, error);
 }
 
 /* Label volumes and what their voxels stand for: texture units 3 and 4. False with *error set. */
@@ -344,7 +341,9 @@ static bool render(void *instance, const tc_job *job, GError **error) {
   if (!program || !tc_gl_ring_reserve(&b->ring, lay_out(job, b->max_side, b->max_side).bytes, has_clock, error))
     return false;
   glUseProgram(program);
-  return run_tiles(b, program, job, error) && tc_gl_check("frame", error);
+  tc_progress *progress = job->frame->progress;
+  int tile[4] = {0};
+  return run_tiles(b, program, job, progress ? progress->tile : tile, error) && tc_gl_check("frame", error);
 }
 
 /* ---- beside frames ---- */

@@ -1,0 +1,86 @@
+#include "renderer/frame.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+void tc_frame_finish(tc_frame *frame) {
+  free(frame->rgba);
+  free(frame->linear);
+  free(frame->depth);
+  if (frame->progress) free(frame->progress->finished);
+  free(frame->progress);
+  *frame = (tc_frame){0};
+}
+
+double tc_frame_done(const tc_frame *frame) {
+  const tc_progress *p = frame->progress;
+  if (!p || !p->paused) return 0;
+  if (p->units) return (double)p->done / p->units;
+  double rows = p->tile[1] + p->tile[3] * ((double)p->tile[0] / frame->width);
+  return rows < frame->height ? rows / frame->height : 1;
+}
+
+static bool reserve(tc_frame *f, size_t pixels, bool want_linear, bool want_depth) {
+  if (f->capacity < pixels) {
+    free(f->rgba);
+    f->rgba = malloc(pixels * 4);
+    f->capacity = f->rgba ? pixels : 0;
+  }
+  if (want_linear && f->linear_capacity < pixels) {
+    free(f->linear);
+    f->linear = malloc(pixels * 4 * sizeof(float));
+    f->linear_capacity = f->linear ? pixels : 0;
+  }
+  if (want_depth && f->depth_capacity < pixels) {
+    free(f->depth);
+    f->depth = malloc(pixels * sizeof(float));
+    f->depth_capacity = f->depth ? pixels : 0;
+  }
+  if (!f->progress) f->progress = calloc(1, sizeof *f->progress);
+  return f->progress && f->rgba && (!want_linear || f->linear) && (!want_depth || f->depth);
+}
+
+static bool is_resumable(const tc_frame *f, int width, int height, const tc_render_request *q) {
+  const tc_progress *p = f->progress;
+  return q->resume && p && p->paused && f->width == width && f->height == height && p->linear == q->want_linear &&
+         p->depth == q->want_depth;
+}
+
+/* What is kept of a progress that begins: its memory. */
+static void start_over(tc_progress *p, const tc_render_request *q) {
+  *p = (tc_progress){.finished = p->finished, .capacity = p->capacity, .linear = q->want_linear, .depth = q->want_depth};
+}
+
+bool tc_frame_begin(tc_frame *f, int width, int height, const tc_render_request *request, GError **error) {
+  if (is_resumable(f, width, height, request)) return true;
+  if (!reserve(f, (size_t)width * (size_t)height, request->want_linear, request->want_depth)) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "frame of %dx%d pixels: out of memory", width, height);
+    return false;
+  }
+  start_over(f->progress, request);
+  f->width = width;
+  f->height = height;
+  f->stats = (tc_frame_stats){0};
+  return true;
+}
+
+tc_progress *tc_frame_cut(tc_frame *f, int side, GError **error) {
+  tc_progress *p = f->progress;
+  if (p && p->units) return p;
+  if (!p) p = f->progress = calloc(1, sizeof *p);
+  size_t units = (size_t)((f->width + side - 1) / side) * (size_t)((f->height + side - 1) / side);
+  if (p && p->capacity < units) {
+    free(p->finished);
+    p->finished = malloc(units);
+    p->capacity = p->finished ? units : 0;
+  }
+  if (!p || !p->finished) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "frame of %dx%d pixels: out of memory", f->width, f->height);
+    return NULL;
+  }
+  memset(p->finished, 0, units);
+  p->side = side;
+  p->units = (int)units;
+  p->done = 0;
+  return p;
+}

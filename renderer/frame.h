@@ -1,0 +1,23 @@
+/* A frame's memory, and how far it is drawn: what a paused one keeps until it is resumed. Private to the renderer. */
+#ifndef TC_RENDERER_FRAME_H
+#define TC_RENDERER_FRAME_H
+
+#include "renderer/tomocast.h"
+
+typedef struct tc_progress {
+  bool paused;           /* to be gone on with */
+  bool linear, depth;    /* were asked for */
+  int side, units, done; /* squares of side pixels, row by row; how many of them are finished */
+  uint8_t *finished;     /* [units] */
+  size_t capacity;
+  int tile[4];           /* of a back end that draws in order: x, y, width, height of the next */
+} tc_progress;
+
+/* Buffers for a frame of this size; with resume, of a paused one as it is. */
+bool tc_frame_begin(tc_frame *frame, int width, int height, const tc_render_request *request, GError **error);
+
+/* Cuts the picture into squares of side pixels, none of them finished; a resumed one stays as it was cut. NULL with
+ * TC_ERROR_MEMORY. */
+tc_progress *tc_frame_cut(tc_frame *frame, int side, GError **error);
+
+#endif

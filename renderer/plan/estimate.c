@@ -1,0 +1,219 @@
+/* Samples from above. The volume is cut into CUT^3 like bricks; a ray's stay in all is the sum of its stays in them. Of
+ * one brick the sum of all rays' stays, over rays as dense as they are at its nearest corner, is at most its volume times
+ * that density (exactly that where rays are parallel), and at most the pixels of its bounding rectangle times its
+ * longest chord. The smaller of the two bounds also holds where the eye is inside, or the picture shows only a part. */
+#include "renderer/plan/estimate.h"
+
+#include <math.h>
+
+#include "renderer/raycast/grey.h"
+#include "renderer/raycast/rays.h"
+#include "renderer/raycast/slice.h"
+
+#define CUT 8
+#define NODES (CUT + 1)
+#define ENDS 4
+
+/* Places on the picture in pixels; depth is mm from the eye along the view. */
+typedef struct spot {
+  double x, y, depth;
+  bool kept; /* no clip plane takes it away ... */
+  unsigned outside; /* ... and else those that do */
+} spot;
+
+typedef struct view {
+  const tc_rays *rays;
+  int width, height;
+  double right[3], up[3], forward[3]; /* LPS */
+  double eye[3];
+  double pixel; /* mm of a pixel's side; at 1 mm from the eye where the view is perspective */
+  double chord_mm; /* of the longest parallel ray through a brick; infinite where rays are not parallel */
+  double brick_mm3, diagonal_mm, most_tilt; /* of a brick; largest |view| over its depth */
+} view;
+
+typedef struct total {
+  double stay_mm; /* of all rays together */
+  double box[4];  /* pixels that any ray through the volume can be in: x0, y0, x1, y1 */
+  double lo[3], hi[3]; /* bricks that are left, as index positions */
+} total;
+
+static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+static double normalised(const double v[3], double out[3]) {
+  double length = sqrt(dot(v, v));
+  for (int k = 0; k < 3; k++) out[k] = v[k] / length;
+  return length;
+}
+
+static void cross(const double a[3], const double b[3], double out[3]) {
+  for (int k = 0; k < 3; k++) out[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
+}
+
+static void look(view *v, const tc_scene *scene) {
+  const tc_camera *c = &scene->camera;
+  double forward[3], right[3];
+  for (int k = 0; k < 3; k++) forward[k] = c->target[k] - c->position[k], v->eye[k] = c->position[k];
+  normalised(forward, v->forward);
+  cross(v->forward, c->up, right);
+  normalised(right, v->right);
+  cross(v->right, v->forward, v->up);
+  bool perspective = c->projection == TC_PERSPECTIVE;
+  v->pixel = (perspective ? 2 * tan(c->fov_y_deg * (M_PI / 360)) : c->height_mm) / v->height;
+  v->most_tilt = perspective ? hypot(1, v->pixel * 0.5 * hypot(v->width, v->height)) : 1;
+}
+
+static spot place(const view *v, const tc_volume *volume, const double index[3]) {
+  double lps[3], d[3];
+  spot s = {.kept = true};
+  tc_volume_index_to_lps(volume, index, lps);
+  for (int k = 0; k < 3; k++) d[k] = lps[k] - v->eye[k];
+  s.depth = dot(d, v->forward);
+  double scale = v->rays->perspective ? v->pixel * s.depth : v->pixel;
+  s.x = 0.5 * v->width + dot(d, v->right) / scale;
+  s.y = 0.5 * v->height - dot(d, v->up) / scale;
+  for (int i = 0; i < v->rays->n_planes; i++)
+    if (dot(v->rays->planes[i], index) + v->rays->planes[i][3] < 0) s.outside |= 1u << i;
+  return s;
+}
+
+/* A brick's bounding rectangle on the picture; false where it is behind the eye or clipped away. *near: its least
+ * depth. */
+static bool bound(const view *v, const spot *const corners[8], double box[4], double *near) {
+  unsigned outside = ~0u;
+  double far = -INFINITY;
+  *near = INFINITY;
+  box[0] = box[1] = INFINITY, box[2] = box[3] = -INFINITY;
+  for (int c = 0; c < 8; c++) {
+    const spot *s = corners[c];
+    outside &= s->outside;
+    *near = fmin(*near, s->depth);
+    far = fmax(far, s->depth);
+    box[0] = fmin(box[0], s->x), box[1] = fmin(box[1], s->y);
+    box[2] = fmax(box[2], s->x), box[3] = fmax(box[3], s->y);
+  }
+  if (outside || far <= 0) return false;
+  bool all = v->rays->perspective && *near <= 0; /* about the eye: anywhere */
+  /* Rays go through points half a pixel about the middle at most. */
+  box[0] = all ? 0 : fmax(floor(box[0] - 0.5), 0), box[2] = all ? v->width : fmin(ceil(box[2] + 0.5), v->width);
+  box[1] = all ? 0 : fmax(floor(box[1] - 0.5), 0), box[3] = all ? v->height : fmin(ceil(box[3] + 0.5), v->height);
+  return box[2] > box[0] && box[3] > box[1];
+}
+
+static void add_brick(const view *v, const spot *const corners[8], const double lo[3], const double hi[3], total *t) {
+  double box[4], near, dense = 1 / (v->pixel * v->pixel);
+  if (!bound(v, corners, box, &near)) return;
+  if (v->rays->perspective) dense = near > 0 ? dense * v->most_tilt / (near * near) : INFINITY;
+  double pixels = (box[2] - box[0]) * (box[3] - box[1]);
+  t->stay_mm += fmin(pixels * fmin(v->chord_mm, v->diagonal_mm), v->brick_mm3 * dense);
+  for (int k = 0; k < 2; k++) t->box[k] = fmin(t->box[k], box[k]), t->box[2 + k] = fmax(t->box[2 + k], box[2 + k]);
+  for (int k = 0; k < 3; k++) t->lo[k] = fmin(t->lo[k], lo[k]), t->hi[k] = fmax(t->hi[k], hi[k]);
+}
+
+/* Sizes in mm of an index box. */
+static double diagonal_mm(const tc_volume *volume, const double lo[3], const double hi[3]) {
+  double longest = 0;
+  for (int c = 0; c < 4; c++) { /* its four diagonals */
+    double a[3], b[3], p[3], q[3];
+    for (int k = 0; k < 3; k++) a[k] = c >> k & 1 ? hi[k] : lo[k], b[k] = c >> k & 1 ? lo[k] : hi[k];
+    tc_volume_index_to_lps(volume, a, p);
+    tc_volume_index_to_lps(volume, b, q);
+    for (int k = 0; k < 3; k++) p[k] -= q[k];
+    longest = fmax(longest, sqrt(dot(p, p)));
+  }
+  return longest;
+}
+
+/* Mm that a parallel ray stays between the faces of an index box. */
+static double chord_mm(const view *v, const double lo[3], const double hi[3]) {
+  double least = INFINITY;
+  if (v->rays->perspective) return least;
+  for (int k = 0; k < 3; k++) least = fmin(least, (hi[k] - lo[k]) / fabs(dot(v->rays->to_index + 3 * k, v->forward)));
+  return least;
+}
+
+static void measure_bricks(view *v, const tc_volume *volume) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  double lo[3], hi[3], side[3][3], normal[3];
+  for (int k = 0; k < 3; k++) {
+    lo[k] = 0, hi[k] = (v->rays->hi[k] - v->rays->lo[k]) / CUT;
+    for (int r = 0; r < 3; r++) side[k][r] = d->direction[3 * r + k] * d->spacing[k] * hi[k];
+  }
+  cross(side[0], side[1], normal);
+  v->brick_mm3 = fabs(dot(normal, side[2]));
+  v->diagonal_mm = diagonal_mm(volume, lo, hi);
+  v->chord_mm = chord_mm(v, lo, hi);
+}
+
+static void add_bricks(const view *v, const tc_volume *volume, total *t) {
+  static const int step[3] = {1, NODES, NODES * NODES};
+  spot spots[NODES * NODES * NODES];
+  double at[3][NODES];
+  for (int k = 0; k < 3; k++)
+    for (int i = 0; i < NODES; i++) at[k][i] = v->rays->lo[k] + (v->rays->hi[k] - v->rays->lo[k]) * i / CUT;
+  for (int i = 0; i < NODES * NODES * NODES; i++) {
+    const double index[3] = {at[0][i % NODES], at[1][i / NODES % NODES], at[2][i / (NODES * NODES)]};
+    spots[i] = place(v, volume, index);
+  }
+  for (int i = 0; i < CUT * CUT * CUT; i++) {
+    const int n[3] = {i % CUT, i / CUT % CUT, i / (CUT * CUT)};
+    const spot *corners[8];
+    double lo[3], hi[3];
+    for (int k = 0; k < 3; k++) lo[k] = at[k][n[k]], hi[k] = at[k][n[k] + 1];
+    for (int c = 0; c < 8; c++) {
+      int node = 0;
+      for (int k = 0; k < 3; k++) node += (n[k] + (c >> k & 1)) * step[k];
+      corners[c] = &spots[node];
+    }
+    add_brick(v, corners, lo, hi, t);
+  }
+}
+
+/* What a sample of the field, or a segment with all that belongs to it, counts. */
+static double weight(const tc_scene *s) {
+  double sample = s->filter == TC_FILTER_CUBIC ? 8 : 1;
+  if (s->mode != TC_MODE_DVR) return s->mode == TC_MODE_ISOSURFACE ? 1 : sample;
+  double segment = s->classification == TC_PREINTEGRATED2 ? 2 * sample : sample;
+  if (s->labels.volume[0]) segment += 1;
+  if (s->shading.model == TC_SHADING_NONE) return segment;
+  tc_gradient gradient = s->filter == TC_FILTER_CUBIC ? TC_GRADIENT_CUBIC : s->shading.gradient;
+  return segment + (gradient == TC_GRADIENT_CUBIC ? 8 : gradient == TC_GRADIENT_CENTRAL ? 4 : 0);
+}
+
+/* Steps of a mm: of an isosurface cells, of which a ray passes at most so many. */
+static double steps_per_mm(const tc_rays *rays, const tc_scene *scene) {
+  double cells = 0;
+  if (scene->mode != TC_MODE_ISOSURFACE) return 1 / rays->step_mm;
+  for (int k = 0; k < 3; k++) cells += sqrt(dot(rays->to_index + 3 * k, rays->to_index + 3 * k));
+  return cells;
+}
+
+/* Samples of a ray beside its whole steps. */
+static int ends(const tc_scene *s) {
+  bool climbs = s->mode == TC_MODE_MIP || s->mode == TC_MODE_MINIP;
+  return ENDS + (climbs ? 2 * TC_PEAK_ROUNDS : 0);
+}
+
+double tc_estimate_samples(const tc_volume *volume, const tc_scene *scene, int width, int height,
+                           double *longest_ray) {
+  tc_rays rays;
+  double unused, *longest = longest_ray ? longest_ray : &unused, each = weight(scene);
+  tc_rays_set_up(&rays, volume, scene, width, height);
+  *longest = 0;
+  if (scene->mode == TC_MODE_MPR) {
+    *longest = each * (scene->mpr.thickness_mm / rays.step_mm + ends(scene)) + (scene->labels.volume[0] ? 1 : 0);
+    return *longest * width * height;
+  }
+  view v = {.rays = &rays, .width = width, .height = height};
+  total t = {.box = {INFINITY, INFINITY, -INFINITY, -INFINITY},
+             .lo = {INFINITY, INFINITY, INFINITY}, .hi = {-INFINITY, -INFINITY, -INFINITY}};
+  look(&v, scene);
+  measure_bricks(&v, volume);
+  add_bricks(&v, volume, &t);
+  if (!(t.box[2] > t.box[0])) return 0;
+  double pixels = (t.box[2] - t.box[0]) * (t.box[3] - t.box[1]), dense = steps_per_mm(&rays, scene);
+  double stay = fmin(diagonal_mm(volume, t.lo, t.hi), chord_mm(&v, t.lo, t.hi));
+  /* A sum over rays is at most the integral and, for what falls between them, a row and a column of the longest. */
+  double edge = t.box[2] - t.box[0] + t.box[3] - t.box[1] + 1;
+  *longest = each * (stay * dense + ends(scene));
+  return fmin(each * ((t.stay_mm + edge * stay) * dense + ends(scene) * pixels), *longest * pixels) * rays.count;
+}

@@ -1,0 +1,174 @@
+/* Frames that are cut: resumed ones are the uncut ones to the last bit, and stopping is soon on every renderer. The
+ * estimate of a frame's samples holds from above. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "tests/support/cases.h"
+#include "tests/support/grid.h"
+#include "tests/support/renderers.h"
+
+#ifdef __SANITIZE_ADDRESS__
+enum { CASES = 60 };
+#else
+enum { CASES = 300 };
+#endif
+
+/* A case that every back end draws, with larger pictures than cases have: of several units. */
+typedef struct subject {
+  test_case drawn;
+  tc_volume *volume, *labels;
+  tc_render_request request;
+} subject;
+
+static bool subject_open(subject *s, uint64_t seed) {
+  char *refusal = NULL;
+  s->drawn = test_case_random(seed);
+  s->drawn.scene.image.width = 30 + (int)(seed % 41);
+  s->drawn.scene.image.height = 20 + (int)(seed % 31);
+  if (!test_case_fit(&s->drawn, &refusal)) {
+    g_free(refusal);
+    return false;
+  }
+  s->volume = test_case_volume(&s->drawn);
+  s->labels = test_case_labels(&s->drawn, s->volume);
+  s->request = (tc_render_request){.want_linear = seed % 2, .want_depth = seed % 3 == 0, .labels = s->labels,
+                                   .table_size = s->drawn.table_size};
+  return true;
+}
+
+static void subject_close(subject *s) {
+  for (int i = 0; i < RENDERERS; i++)
+    if (test_renderers[i]) tc_renderer_forget(test_renderers[i], s->volume);
+  for (int i = 0; i < RENDERERS && s->labels; i++)
+    if (test_renderers[i]) tc_renderer_forget(test_renderers[i], s->labels);
+  tc_volume_unref(s->volume);
+  tc_volume_unref(s->labels);
+}
+
+static void same_pictures(const tc_frame *a, const tc_frame *b, const subject *s, const char *where) {
+  size_t pixels = (size_t)a->width * (size_t)a->height;
+  bool same = memcmp(a->rgba, b->rgba, pixels * 4) == 0;
+  if (s->request.want_linear) same = same && memcmp(a->linear, b->linear, pixels * 4 * sizeof(float)) == 0;
+  if (s->request.want_depth && s->drawn.scene.mode == TC_MODE_ISOSURFACE)
+    same = same && memcmp(a->depth, b->depth, pixels * sizeof(float)) == 0;
+  if (!same) fail_msg("%s, case %llu: not the same picture", where, (unsigned long long)s->drawn.seed);
+}
+
+/* Every call comes when its pause is over already: it does the least that a call does. Returns how many calls. */
+static int draw_in_parts(int which, subject *s, tc_frame *frame) {
+  tc_interrupt interrupt;
+  tc_interrupt_init(&interrupt);
+  atomic_store(&interrupt.pause_us, 0);
+  tc_render_request request = s->request;
+  request.interrupt = &interrupt;
+  for (int calls = 1;; calls++) {
+    GError *error = NULL;
+    double before = tc_frame_done(frame);
+    if (tc_render(test_renderers[which], s->volume, &s->drawn.scene, &request, frame, NULL, &error)) return calls;
+    if (!g_error_matches(error, TC_ERROR, TC_ERROR_PAUSED))
+      fail_msg("%s, case %llu: %s", test_names[which], (unsigned long long)s->drawn.seed, error->message);
+    assert_true(calls < 100000 && tc_frame_done(frame) >= (request.resume ? before : 0));
+    g_clear_error(&error);
+    request.resume = true;
+  }
+}
+
+static void resumed_is_uncut(void **state) {
+  int cut[RENDERERS] = {0}, calls[RENDERERS] = {0};
+  tc_frame parts = {0};
+  for (uint64_t seed = 1; seed <= CASES; seed++) {
+    subject s;
+    if (!subject_open(&s, seed * 7)) continue;
+    EACH_RENDERER(i) {
+      GError *error = NULL;
+      if (i == GL && seed % 10) continue; /* it compiles */
+      if (!tc_render(test_renderers[i], s.volume, &s.drawn.scene, &s.request, &test_frames[i], NULL, &error)) {
+        g_clear_error(&error);
+        continue;
+      }
+      int n = draw_in_parts(i, &s, &parts);
+      calls[i] += n;
+      cut[i] += n > 1;
+      same_pictures(&test_frames[i], &parts, &s, test_names[i]);
+      assert_true(parts.stats.rays == test_frames[i].stats.rays);
+      assert_true(parts.stats.samples == test_frames[i].stats.samples);
+    }
+    subject_close(&s);
+  }
+  EACH_RENDERER(i) {
+    printf("  %-6s %d pictures were cut, drawn by %d calls in all\n", test_names[i], cut[i], calls[i]);
+    if (i != GL) assert_true(cut[i] > CASES / 2);
+  }
+  tc_frame_finish(&parts);
+}
+
+/* A frame of another size, or one that was not paused, is begun anew. */
+static void only_what_was_paused_is_resumed(void **state) {
+  subject s;
+  tc_frame frame = {0};
+  assert_true(subject_open(&s, 3));
+  s.request.resume = true;
+  assert_true(tc_render(test_renderers[SCALAR], s.volume, &s.drawn.scene, &s.request, &frame, NULL, NULL));
+  uint64_t rays = frame.stats.rays;
+  assert_true(tc_render(test_renderers[SCALAR], s.volume, &s.drawn.scene, &s.request, &frame, NULL, NULL));
+  assert_true(frame.stats.rays == rays);
+  tc_interrupt interrupt;
+  tc_interrupt_init(&interrupt);
+  atomic_store(&interrupt.pause_us, 0);
+  s.request.interrupt = &interrupt;
+  assert_false(tc_render(test_renderers[SCALAR], s.volume, &s.drawn.scene, &s.request, &frame, NULL, NULL));
+  assert_true(tc_frame_done(&frame) > 0 && tc_frame_done(&frame) < 1);
+  s.request.interrupt = NULL;
+  s.request.width = 16, s.request.height = 16;
+  assert_true(tc_render(test_renderers[SCALAR], s.volume, &s.drawn.scene, &s.request, &frame, NULL, NULL));
+  assert_int_equal(frame.width, 16);
+  assert_true(tc_frame_done(&frame) == 0);
+  tc_frame_finish(&frame);
+  subject_close(&s);
+}
+
+/* From above, and not far: with nothing skipped and no ray ended early. */
+static void estimate_holds(void **state) {
+  double least = INFINITY, log_sum = 0;
+  int n = 0;
+  for (uint64_t seed = 1; seed <= 10 * CASES; seed++) {
+    subject s;
+    if (!subject_open(&s, seed)) continue;
+    s.drawn.scene.skipping.mode = TC_SKIPPING_OFF;
+    s.drawn.scene.sampling.termination = 0;
+    int width = s.drawn.scene.image.width, height = s.drawn.scene.image.height, which = test_widest();
+    double longest, estimate = tc_estimate_samples(s.volume, &s.drawn.scene, width, height, &longest);
+    if (tc_render(test_renderers[which], s.volume, &s.drawn.scene, &s.request, &test_frames[which], NULL, NULL)) {
+      double taken = (double)test_frames[which].stats.samples;
+      if (!(estimate >= taken)) test_case_print(&s.drawn);
+      if (!(estimate >= taken)) fail_msg("case %llu: %g samples, %g expected", (unsigned long long)seed, taken, estimate);
+      assert_true(longest <= estimate && longest * width * height * s.drawn.scene.sampling.rays_per_pixel >= taken);
+      bool plain = s.drawn.scene.filter != TC_FILTER_CUBIC && !s.drawn.labels.on && !s.drawn.scene.shading.model;
+      if (taken > 10000 && plain && s.drawn.scene.mode != TC_MODE_ISOSURFACE) { /* where it counts what samples are */
+        least = fmin(least, taken / estimate);
+        log_sum += log(taken / estimate);
+        n++;
+      }
+    }
+    subject_close(&s);
+  }
+  printf("  taken / expected: least %.3f, mean %.3f, of %d pictures\n", least, exp(log_sum / n), n);
+  assert_true(n > CASES / 2 && exp(log_sum / n) > 0.3);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(resumed_is_uncut),
+      cmocka_unit_test(only_what_was_paused_is_resumed),
+      cmocka_unit_test(estimate_holds),
+  };
+  return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
+}
