@@ -14,6 +14,7 @@ typedef struct tcs_completions tcs_completions;
 typedef struct tcs_worker tcs_worker;
 typedef struct tcs_scheduler tcs_scheduler;
 typedef struct tcs_catalogue tcs_catalogue;
+typedef struct tcs_access tcs_access;
 typedef struct tcs_sessions tcs_sessions;
 typedef struct tcs_quality tcs_quality;
 typedef struct tcs_http tcs_http;
@@ -31,6 +32,7 @@ typedef struct tcs_server {
   tcs_worker *quality_worker; /* likewise: models for quality control */
   tcs_catalogue *catalogue;
   tcs_scheduler *scheduler;
+  tcs_access *access;
   tcs_sessions *sessions;
   tcs_quality *quality;
   tcs_http *http;

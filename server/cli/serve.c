@@ -8,6 +8,7 @@
 #include <sys/signalfd.h>
 #include <unistd.h>
 
+#include "server/access/access.h"
 #include "server/catalogue/catalogue.h"
 #include "server/cli/cli.h"
 #include "server/config/config.h"
@@ -236,18 +237,22 @@ static void announce(const serve_daemon *d) {
 /* --- the command line ------------------------------------------------------------------------------- */
 
 typedef struct serve_options {
-  char *listen, *data, *backend, *config, *log, **volumes;
+  char *listen, *data, *backend, *config, *log, **volumes, **hosts;
 } serve_options;
 
-static bool configure(tcs_config *config, const serve_options *options, GError **error) {
+static bool configure(serve_daemon *d, const serve_options *options, GError **error) {
+  tcs_config *config = &d->config;
   if (options->config && !tcs_config_read(config, options->config, error)) return false;
   if (options->listen && !tcs_config_listen(config, options->listen, error)) return false;
   if (options->data && !tcs_config_data(config, options->data, error)) return false;
   if (options->backend && !tcs_config_backend(config, options->backend, error)) return false;
   for (char **volume = options->volumes; volume && *volume; volume++)
     if (!tcs_config_volume(config, *volume, error)) return false;
+  for (char **host = options->hosts; host && *host; host++)
+    g_ptr_array_add(config->hosts, g_strdup(*host));
   tcs_log_set_level(config->log_level);
-  return tcs_log_open(options->log ? options->log : config->log, error);
+  d->server.access = tcs_access_new(config, error);
+  return d->server.access && tcs_log_open(options->log ? options->log : config->log, error);
 }
 
 static int serve(serve_daemon *d) {
@@ -275,6 +280,8 @@ int tcs_cli_serve(int argc, char **argv) {
       {"volume", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &options.volumes, "a volume to load at once; may be repeated",
        "ID=PATH"},
       {"log", 0, 0, G_OPTION_ARG_FILENAME, &options.log, "file that the log is appended to; stderr without it", "FILE"},
+      {"host", 0, 0, G_OPTION_ARG_STRING_ARRAY, &options.hosts,
+       "a name this server is asked for by, beside the address it listens on; may be repeated", "NAME[:PORT]"},
       {"config", 0, 0, G_OPTION_ARG_FILENAME, &options.config, "settings and limits; options given here win over it",
        "FILE"},
       {0}};
@@ -289,7 +296,8 @@ int tcs_cli_serve(int argc, char **argv) {
     good = false;
   }
   const int code =
-      good && configure(&d.config, &options, &error) ? serve(&d) : tcs_cli_fail("serve", TCS_EXIT_USAGE, error);
+      good && configure(&d, &options, &error) ? serve(&d) : tcs_cli_fail("serve", TCS_EXIT_USAGE, error);
+  tcs_access_free(d.server.access);
   tcs_config_clear(&d.config);
   g_free(options.listen);
   g_free(options.data);
@@ -297,6 +305,7 @@ int tcs_cli_serve(int argc, char **argv) {
   g_free(options.config);
   g_free(options.log);
   g_strfreev(options.volumes);
+  g_strfreev(options.hosts);
   g_strfreev(rest);
   return code;
 }

@@ -58,6 +58,7 @@ void tcs_config_init(tcs_config *config) {
   config->spool = g_strdup(spool && *spool ? spool : "/var/tmp");
   config->volumes = g_ptr_array_new_with_free_func(free_named_path);
   config->hosts = g_ptr_array_new_with_free_func(g_free);
+  config->origins = g_ptr_array_new_with_free_func(g_free);
   config->log_level = TCS_LOG_INFO;
   for (size_t i = 0; i < G_N_ELEMENTS(fields); i++)
     *limit_at(&config->limits, &fields[i]) = fields[i].fallback;
@@ -71,6 +72,7 @@ void tcs_config_clear(tcs_config *config) {
   g_free(config->log);
   if (config->volumes) g_ptr_array_unref(config->volumes);
   if (config->hosts) g_ptr_array_unref(config->hosts);
+  if (config->origins) g_ptr_array_unref(config->origins);
   memset(config, 0, sizeof *config);
 }
 
@@ -179,6 +181,13 @@ static bool read_number(const char *key, const char *value, int64_t most, int64_
   return true;
 }
 
+static void read_list(const char *value, GPtrArray *list) {
+  char **items = g_strsplit_set(value, "; ,", -1);
+  for (char **item = items; *item; item++)
+    if (**item) g_ptr_array_add(list, g_strdup(*item));
+  g_strfreev(items);
+}
+
 static bool read_server(tcs_config *config, GKeyFile *file, const char *key, GError **error) {
   char *value = g_key_file_get_string(file, "server", key, error);
   if (!value) return false;
@@ -202,10 +211,9 @@ static bool read_server(tcs_config *config, GKeyFile *file, const char *key, GEr
     g_free(config->log);
     config->log = g_strdup(value);
   } else if (strcmp(key, "hosts") == 0) {
-    char **hosts = g_strsplit_set(value, "; ,", -1);
-    for (char **host = hosts; *host; host++)
-      if (**host) g_ptr_array_add(config->hosts, g_strdup(*host));
-    g_strfreev(hosts);
+    read_list(value, config->hosts);
+  } else if (strcmp(key, "origins") == 0) {
+    read_list(value, config->origins);
   } else if (strcmp(key, "log_level") == 0) {
     ok = tcs_log_level_parse(value, &config->log_level);
     if (!ok) tc_set_error(error, TC_ERROR_INVALID, NULL, "[server] log_level: give debug, info, warn or error");

@@ -35,7 +35,8 @@ typedef struct tcs_config {
   tc_backend backend;
   int threads;           /* of the renderer; 0 = all cores */
   GPtrArray *volumes;    /* tcs_named_path: --volume */
-  GPtrArray *hosts;      /* char *: accepted Host names; empty = any */
+  GPtrArray *hosts;      /* char *: names it answers to beside the address it listens on */
+  GPtrArray *origins;    /* char *: of pages behind a proxy that sends on another Host */
   int64_t drain_seconds; /* how long to go on answering (with readyz 503) after SIGTERM */
   tcs_log_level log_level;
   tcs_limits limits;

@@ -100,10 +100,6 @@ static void reply_file(tcs_request *request, const struct tc_embedded_file *file
   }
   tcs_reply_header(request, "ETag", etag);
   tcs_reply_header(request, "Cache-Control", "no-cache"); /* keep, but ask: the answer is a 304 */
-  tcs_reply_header(request, "Referrer-Policy", "no-referrer");
-  tcs_reply_header(request, "Content-Security-Policy",
-                   "default-src 'self'; img-src 'self' blob: data:; connect-src 'self'; worker-src 'self' blob:; "
-                   "object-src 'none'; base-uri 'self'; form-action 'none'; frame-ancestors 'none'");
   g_free(etag);
 }
 

@@ -169,8 +169,6 @@ static bool handshake_ok(tcs_request *request) {
     tcs_reply_problem(request, 400, "handshake", "Bad handshake", "Sec-WebSocket-Key: 16 bytes in base64 are wanted");
   } else if (!tcs_token_in(tcs_header(request, "Sec-WebSocket-Protocol"), TCS_SUBPROTOCOL, false)) {
     tcs_reply_problem(request, 400, "handshake", "Bad handshake", "ask for the subprotocol " TCS_SUBPROTOCOL);
-  } else if (!tcs_origin_allowed(tcs_header(request, "Origin"), tcs_header(request, "Host"))) {
-    tcs_reply_problem(request, 403, "origin", "Forbidden", "pages of other hosts may not connect");
   } else if (server->ws_clients + server->mjpeg_clients >= server->config->limits.clients) {
     tcs_reply_problem(request, 503, "busy", "Busy", "too many viewers; try again later");
     tcs_reply_header(request, "Retry-After", "5");

@@ -9,6 +9,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "server/access/access.h"
+#include "server/http/admission.h"
 #include "server/http/mjpeg.h"
 #include "server/loop/loop.h"
 
@@ -69,22 +71,6 @@ static void on_connection(void *user, struct MHD_Connection *connection, void **
 
 /* --- one request ----------------------------------------------------------------------------------- */
 
-/* A configured name without a port stands for every port. */
-static bool host_is(const char *host, const char *name) {
-  const size_t length = strlen(name);
-  return g_ascii_strncasecmp(host, name, length) == 0 &&
-         (host[length] == 0 ||
-          (host[length] == ':' && strspn(host + length + 1, "0123456789") == strlen(host + length + 1)));
-}
-
-static bool host_allowed(const tcs_server *server, const char *host) {
-  const GPtrArray *hosts = server->config->hosts;
-  if (hosts->len == 0) return true;
-  for (guint i = 0; host && i < hosts->len; i++)
-    if (host_is(host, g_ptr_array_index(hosts, i))) return true;
-  return false;
-}
-
 /* Everything that can be said before the body is read. */
 static void admit(tcs_request *request, const char *path) {
   tcs_server *server = request->server;
@@ -92,13 +78,14 @@ static void admit(tcs_request *request, const char *path) {
   tcs_route_match(tcs_routes, request->method, path, &match);
   request->route = match.route;
   memcpy(request->params, match.params, sizeof match.params);
-  if (!host_allowed(server, tcs_header(request, "Host"))) {
-    tcs_reply_problem(request, 421, "host", "Misdirected request", "this server does not answer for that host");
-  } else if (!match.route && !match.path_known) {
+  if (!tcs_admit_host(request)) return;
+  if (!match.route && !match.path_known) {
     tcs_reply_problem(request, 404, "not-found", "Not found", "there is nothing at this path");
   } else if (!match.route) {
     tcs_reply_problem(request, 405, "method", "Method not allowed", "the Allow header lists the methods of this path");
     tcs_reply_header(request, "Allow", match.allow);
+  } else if (!tcs_admit_origin(request)) {
+    return;
   } else if (server->draining && match.route->cost != TCS_COST_LOOKUP) {
     tcs_reply_problem(request, 503, "draining", "Shutting down", "the server is shutting down; try another or wait");
     tcs_reply_header(request, "Retry-After", "2");
@@ -139,6 +126,7 @@ static enum MHD_Result hand_over(tcs_request *request) {
           "http.reply", "method=%s route=%s status=%d ms=%.1f", request->method, pattern, request->status,
           seconds * 1000);
   request->queued = true;
+  tcs_shield(request);
   return MHD_queue_response(request->connection, (unsigned)request->status, request->reply);
 }
 
@@ -224,10 +212,7 @@ void tcs_reply_response(tcs_request *request, int status, struct MHD_Response *r
   if (request->reply) MHD_destroy_response(request->reply);
   request->reply = response;
   request->status = status;
-  if (response)
-    MHD_add_response_header(response, "X-Content-Type-Options", "nosniff");
-  else
-    request->cut = true; /* no memory for a reply */
+  if (!response) request->cut = true; /* no memory for a reply */
   if (request->deferred) wake(request);
 }
 
@@ -320,6 +305,7 @@ tcs_http *tcs_http_new(tcs_server *server, GError **error) {
   g_queue_init(&http->mjpeg_viewers);
   http->streams = tcs_streams_new(server);
   name_address(http, fd);
+  tcs_hosts_listen(server->access->hosts, http->address);
   http->daemon = MHD_start_daemon(
       MHD_USE_EPOLL | MHD_ALLOW_UPGRADE | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, NULL, NULL, on_request, http,
       MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL, MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_CONNECTION_LIMIT,

@@ -139,7 +139,6 @@ static void open_stream(tcs_request *request, tcs_session *session) {
   }
   tcs_reply_response(request, 200, response);
   tcs_reply_header(request, "Content-Type", "multipart/x-mixed-replace; boundary=tomocast");
-  tcs_reply_header(request, "Cache-Control", "no-store");
   tcs_session_join(session, &mjpeg->watcher, 1);
 }
 

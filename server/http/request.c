@@ -16,10 +16,7 @@ void tcs_reply_header(tcs_request *request, const char *name, const char *value)
 static void reply_text_response(tcs_request *request, int status, const char *type, char *text) {
   struct MHD_Response *response = MHD_create_response_from_buffer(strlen(text), text, MHD_RESPMEM_MUST_FREE);
   if (!response) free(text);
-  if (response) {
-    MHD_add_response_header(response, "Content-Type", type);
-    MHD_add_response_header(response, "Cache-Control", "no-store");
-  }
+  if (response) MHD_add_response_header(response, "Content-Type", type);
   tcs_reply_response(request, status, response);
 }
 
@@ -75,12 +72,10 @@ void tcs_reply_bytes(tcs_request *request, int status, const char *type, GBytes 
   const void *data = g_bytes_get_data(bytes, &size);
   struct MHD_Response *response =
       MHD_create_response_from_buffer_with_free_callback_cls(size, (void *)(uintptr_t)data, release_bytes, bytes);
-  if (response) {
+  if (response)
     MHD_add_response_header(response, "Content-Type", type);
-    MHD_add_response_header(response, "Cache-Control", "no-store");
-  } else {
+  else
     g_bytes_unref(bytes);
-  }
   tcs_reply_response(request, status, response);
 }
 

@@ -5,6 +5,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "server/access/role.h"
+
 #define TCS_MAX_PARAMS 2
 #define TCS_PARAM_SIZE 128
 
@@ -33,6 +35,7 @@ typedef struct tcs_route {
   void (*handler)(tcs_request *request);
   tcs_cost cost;
   tcs_body body;
+  tcs_role role; /* at least; TCS_ROLE_NONE: anybody, from any page */
 } tcs_route;
 
 typedef struct tcs_match {

@@ -36,10 +36,3 @@ char *tcs_websocket_accept(const char *key) {
   g_checksum_free(sha1);
   return g_base64_encode(digest, size);
 }
-
-bool tcs_origin_allowed(const char *origin, const char *host) {
-  if (!origin) return true;
-  if (!host) return false;
-  const char *scheme_end = strstr(origin, "://");
-  return scheme_end && g_ascii_strcasecmp(scheme_end + 3, host) == 0;
-}

@@ -14,8 +14,4 @@ bool tcs_websocket_key_valid(const char *key);
 /* Sec-WebSocket-Accept for a key; g_malloc'ed. */
 char *tcs_websocket_accept(const char *key);
 
-/* A browser page may only connect to the host it came from: the origin's host and port equal the Host header. A request
- * without an origin is not from a page. */
-bool tcs_origin_allowed(const char *origin, const char *host);
-
 #endif

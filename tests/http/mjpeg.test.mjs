@@ -64,7 +64,7 @@ test('the end of the session ends the stream', async () => {
 
 test('a viewer that never reads holds up nobody, and is forgotten when it goes', async () => {
   const { links } = await d.session({ image: { width: 500, height: 500 } });
-  const socket = net.connect(d.port, '127.0.0.1', () => socket.write(`GET ${links.mjpeg} HTTP/1.1\r\nHost: x\r\n\r\n`));
+  const socket = net.connect(d.port, '127.0.0.1', () => socket.write(`GET ${links.mjpeg} HTTP/1.1\r\nHost: 127.0.0.1:${d.port}\r\n\r\n`));
   socket.pause();
   for (let i = 0; i < 10; i++) assert.equal((await d.patch(links.scene, { camera: { fovY: 20 + i } })).status, 200);
   assert.equal((await d.get(`${links.frame}?width=32&height=32`)).status, 200);

@@ -65,7 +65,7 @@ test('bad requests name the member', async () => {
 
 test('a client that leaves while it waits costs nothing further', async () => {
   const body = JSON.stringify({ volume: 'ball', scene: { image: { width: 2000, height: 2000 }, sampling: { step: 0.05 } } });
-  await d.raw(`POST /v1/render HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\nContent-Length: ${body.length}\r\n\r\n${body}`, 50);
+  await d.raw(`POST /v1/render HTTP/1.1\r\nHost: 127.0.0.1:${d.port}\r\nContent-Type: application/json\r\nContent-Length: ${body.length}\r\n\r\n${body}`, 50);
   const { status } = await render({});
   assert.equal(status, 200);
 });

@@ -122,7 +122,7 @@ test('an upload that is no volume fails; one that names another file is refused'
 });
 
 test('uploads over the limit are refused before they are read, or as they pass it', async () => {
-  const text = await d.raw(`PUT /v1/volumes/huge HTTP/1.1\r\nHost: x\r\nContent-Length: 99999999999\r\n\r\n`);
+  const text = await d.raw(`PUT /v1/volumes/huge HTTP/1.1\r\nHost: 127.0.0.1:${d.port}\r\nContent-Length: 99999999999\r\n\r\n`);
   assert.match(text, /^HTTP\/1\.1 413 /);
   async function* pieces() { for (let i = 0; i < 30; i++) yield Buffer.alloc(10000); }
   const reply = await fetch(`${d.base}/v1/volumes/huge`, { method: 'PUT', body: pieces(), duplex: 'half' });
@@ -132,7 +132,7 @@ test('uploads over the limit are refused before they are read, or as they pass i
 });
 
 test('an upload that breaks off leaves nothing', async () => {
-  await d.raw('PUT /v1/volumes/cut HTTP/1.1\r\nHost: x\r\nContent-Length: 100000\r\n\r\nNRRD0004\n', 300);
+  await d.raw(`PUT /v1/volumes/cut HTTP/1.1\r\nHost: 127.0.0.1:${d.port}\r\nContent-Length: 100000\r\n\r\nNRRD0004\n`, 300);
   for (let i = 0; spool().length && i < 200; i++) await sleep(20);
   assert.deepEqual(spool(), []);
   problem(await d.get('/v1/volumes/cut'), 404);

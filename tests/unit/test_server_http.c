@@ -99,16 +99,6 @@ static void test_websocket_handshake(void **state) {
   assert_false(tcs_websocket_key_valid("dGhl HNhbXBsZSBub25jZQ=="));
 }
 
-static void test_origins(void **state) {
-  assert_true(tcs_origin_allowed(NULL, "h:1"));
-  assert_true(tcs_origin_allowed("http://h:1", "h:1"));
-  assert_true(tcs_origin_allowed("https://H:1", "h:1"));
-  assert_false(tcs_origin_allowed("http://h:2", "h:1"));
-  assert_false(tcs_origin_allowed("http://evil.h:1", "h:1"));
-  assert_false(tcs_origin_allowed("null", "h:1"));
-  assert_false(tcs_origin_allowed("http://h:1", NULL));
-}
-
 static void test_histogram_buckets(void **state) {
   tcs_metrics metrics;
   tcs_gauges gauges = {.sessions = 3};
@@ -226,7 +216,6 @@ int main(void) {
       cmocka_unit_test(test_every_route_of_the_daemon_is_reachable),
       cmocka_unit_test(test_token_lists),
       cmocka_unit_test(test_websocket_handshake),
-      cmocka_unit_test(test_origins),
       cmocka_unit_test(test_histogram_buckets),
       cmocka_unit_test(test_listen_addresses),
       cmocka_unit_test(test_ids),

@@ -1,0 +1,16 @@
+/* What is said to a request before anything else is looked at: is it meant for this server, and who is asking? And the
+ * headers every reply carries. I/O thread only. */
+#ifndef TCS_HTTP_ADMISSION_H
+#define TCS_HTTP_ADMISSION_H
+
+#include "server/http/http.h"
+
+/* False: replied 400 (Host is missing or given twice) or 421 (it is no name of this server). Before the route is
+ * known: there is nothing at all here for others. */
+bool tcs_admit_host(tcs_request *request);
+/* False: replied 403: a page of another origin asks. */
+bool tcs_admit_origin(tcs_request *request);
+/* What keeps a reply from being read, framed, kept or guessed at by others; once, when the reply is complete. */
+void tcs_shield(tcs_request *request);
+
+#endif
