@@ -82,9 +82,7 @@ static bool read_points(tcp_reader *reader, const tcp_member *member, const cJSO
     return false;
   }
   g_qsort_with_data(knots, count, sizeof *knots, by_value, NULL); /* stable: equal values stay in order, a jump */
-  g_free(tf->points);
-  tf->points = knots;
-  tf->count = (size_t)count;
+  tc_scene_set_points(reader->scene, knots, (size_t)count);
   tf->kind = kind;
   if (!reader->preset_given) memset(tf->preset, 0, sizeof tf->preset);
   return true;
@@ -109,9 +107,7 @@ static void reset_points(tcp_reader *reader, const tcp_member *member) {
   tc_transfer_function *tf = &reader->scene->transfer_function;
   const tc_transfer_function *from = &reader->defaults->transfer_function;
   if (reader->preset_given) return;
-  g_free(tf->points);
-  tf->points = g_memdup2(from->points, from->count * sizeof *from->points);
-  tf->count = from->count;
+  tc_scene_take_points(reader->scene, reader->defaults);
   tf->kind = from->kind;
   memcpy(tf->preset, from->preset, sizeof tf->preset);
 }

@@ -65,9 +65,8 @@ static bool read_colors(tcp_reader *reader, const tcp_member *member, const cJSO
   if (good && entries->len > TCP_MAX_LABELS)
     good = tcp_fail(reader, TC_ERROR_LIMIT, "at most %d colours are wanted, got %u", TCP_MAX_LABELS, entries->len);
   if (good) {
-    g_free(scene->labels.colors);
-    scene->labels.n_colors = entries->len;
-    scene->labels.colors = entries->len ? g_memdup2(entries->data, entries->len * sizeof(tc_label_color)) : NULL;
+    void *colors = entries->len ? g_memdup2(entries->data, entries->len * sizeof(tc_label_color)) : NULL;
+    tc_scene_set_colors(scene, colors, entries->len);
   }
   g_array_free(entries, TRUE);
   return good;
@@ -84,12 +83,7 @@ static cJSON *write_colors(const tcp_member *member, const tc_scene *scene) {
 }
 
 static void reset_colors(tcp_reader *reader, const tcp_member *member) {
-  tc_scene *scene = reader->scene;
-  g_free(scene->labels.colors);
-  scene->labels.n_colors = reader->defaults->labels.n_colors;
-  scene->labels.colors = scene->labels.n_colors ? g_memdup2(reader->defaults->labels.colors,
-                                                            scene->labels.n_colors * sizeof(tc_label_color))
-                                                : NULL;
+  tc_scene_take_colors(reader->scene, reader->defaults);
 }
 
 static cJSON *colors_schema(const tcp_member *member) {
@@ -113,9 +107,7 @@ static bool read_visible(tcp_reader *reader, const tcp_member *member, const cJS
   if (count > TCP_MAX_LABELS)
     return tcp_fail(reader, TC_ERROR_LIMIT, "at most %d labels are wanted, got %d", TCP_MAX_LABELS, count);
   uint32_t *visible = g_new0(uint32_t, count ? count : 1); /* an empty list shows none; NULL would show all */
-  g_free(reader->scene->labels.visible);
-  reader->scene->labels.visible = visible;
-  reader->scene->labels.n_visible = (size_t)count;
+  tc_scene_set_visible(reader->scene, visible, (size_t)count);
   for (const cJSON *item = value->child; item; item = item->next, i++) {
     double number;
     size_t mark = tcp_enter_index(reader, i);
@@ -136,13 +128,7 @@ static cJSON *write_visible(const tcp_member *member, const tc_scene *scene) {
 }
 
 static void reset_visible(tcp_reader *reader, const tcp_member *member) {
-  tc_scene *scene = reader->scene;
-  const uint32_t *from = reader->defaults->labels.visible;
-  size_t count = reader->defaults->labels.n_visible;
-  g_free(scene->labels.visible);
-  scene->labels.n_visible = count;
-  scene->labels.visible = from ? g_new0(uint32_t, count ? count : 1) : NULL;
-  if (count) memcpy(scene->labels.visible, from, count * sizeof *from);
+  tc_scene_take_visible(reader->scene, reader->defaults);
 }
 
 static cJSON *visible_schema(const tcp_member *member) {

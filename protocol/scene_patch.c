@@ -115,6 +115,7 @@ bool tcp_scene_patch(tc_scene *scene, const cJSON *patch, const tc_scene *defaul
                        .error = error};
   bool good = read_scene(&reader, patch) && tcp_scene_check(&next, patch, error);
   if (good) {
+    tc_scene_share(&next); /* copies of it will be many */
     tc_scene_clear(scene);
     *scene = next;
   } else {

@@ -1,6 +1,7 @@
 #include "renderer/scene.h"
 
 #include <glib.h>
+#include <stdatomic.h>
 #include <string.h>
 
 const char *const tc_mode_names[] = {"dvr", "mip", "minip", "average", "isosurface", "mesh", "splat", "mpr", NULL};
@@ -88,26 +89,139 @@ void tc_scene_init(tc_scene *scene) {
   scene->labels.opacity = 0.5;
 }
 
-/* g_memdup2 of nothing is NULL, which is what an empty list is. */
-static void *copy_array(const void *from, size_t count, size_t size) {
-  return count ? g_memdup2(from, count * size) : NULL;
+/* --- lists by reference ----------------------------------------------------------------------------- */
+
+struct tc_shared {
+  atomic_size_t references;
+  void *memory; /* of g_malloc */
+  size_t size;
+  atomic_uint_fast64_t digest; /* 0 = not known yet */
+};
+
+static tc_shared *shared_new(void *memory, size_t size) {
+  tc_shared *shared = g_new(tc_shared, 1);
+  atomic_init(&shared->references, 1);
+  atomic_init(&shared->digest, 0);
+  shared->memory = memory;
+  shared->size = size;
+  return shared;
 }
+
+static void shared_unref(tc_shared *shared) {
+  if (atomic_fetch_sub_explicit(&shared->references, 1, memory_order_acq_rel) > 1) return;
+  g_free(shared->memory);
+  g_free(shared);
+}
+
+/* Eight bytes at a time (lists are of whole words), seeded: a client cannot look for two lists of one number. */
+uint64_t tc_shared_digest(tc_shared *shared) {
+  static atomic_uint_fast64_t seed;
+  uint64_t start = atomic_load(&seed), none = 0, word;
+  if (!shared) return 0;
+  uint64_t h = atomic_load(&shared->digest);
+  if (h) return h;
+  if (!start) {
+    const uint64_t random = ((uint64_t)g_random_int() << 32 | g_random_int()) | 1;
+    start = atomic_compare_exchange_strong(&seed, &none, random) ? random : none;
+  }
+  h = start ^ shared->size;
+  const char *bytes = shared->memory;
+  for (size_t at = 0; at < shared->size; at += sizeof word) {
+    word = 0;
+    memcpy(&word, bytes + at, MIN(sizeof word, shared->size - at));
+    h = (h ^ word) * 0x9e3779b97f4a7c15u;
+    h ^= h >> 29;
+  }
+  h += h == 0;
+  atomic_store(&shared->digest, h);
+  return h;
+}
+
+static void list_drop(void *items, tc_shared **shared) {
+  if (*shared)
+    shared_unref(*shared);
+  else
+    g_free(items);
+  *shared = NULL;
+}
+
+static void list_share(void *items, size_t size, tc_shared **shared) {
+  if (items && !*shared) *shared = shared_new(items, size);
+}
+
+/* A list that was copied bit by bit gets a reference, or a copy of its own, which is given back. "None visible" is an
+ * empty list that is not NULL, NULL being "all". */
+static void *list_hold(void *items, size_t size, tc_shared **shared) {
+  if (*shared) {
+    atomic_fetch_add_explicit(&(*shared)->references, 1, memory_order_relaxed);
+    return items;
+  }
+  if (!items) return NULL;
+  void *copy = size ? g_memdup2(items, size) : g_malloc0(1);
+  list_share(copy, size, shared);
+  return copy;
+}
+
+static size_t points_size(const tc_scene *s) { return s->transfer_function.count * sizeof(tc_knot); }
+static size_t colors_size(const tc_scene *s) { return s->labels.n_colors * sizeof(tc_label_color); }
+static size_t visible_size(const tc_scene *s) { return s->labels.n_visible * sizeof(uint32_t); }
 
 void tc_scene_copy(tc_scene *to, const tc_scene *from) {
   *to = *from;
-  to->transfer_function.points =
-      copy_array(from->transfer_function.points, from->transfer_function.count, sizeof(tc_knot));
-  to->labels.colors = copy_array(from->labels.colors, from->labels.n_colors, sizeof(tc_label_color));
-  to->labels.visible = copy_array(from->labels.visible, from->labels.n_visible, sizeof(uint32_t));
-  /* "none visible" is an empty list that is not NULL, NULL being "all" */
-  if (from->labels.visible && !to->labels.visible) to->labels.visible = g_new0(uint32_t, 1);
+  tc_transfer_function *tf = &to->transfer_function;
+  tf->points = list_hold(tf->points, points_size(to), &tf->shared);
+  to->labels.colors = list_hold(to->labels.colors, colors_size(to), &to->labels.shared_colors);
+  to->labels.visible = list_hold(to->labels.visible, visible_size(to), &to->labels.shared_visible);
+}
+
+void tc_scene_share(tc_scene *scene) {
+  list_share(scene->transfer_function.points, points_size(scene), &scene->transfer_function.shared);
+  list_share(scene->labels.colors, colors_size(scene), &scene->labels.shared_colors);
+  list_share(scene->labels.visible, visible_size(scene), &scene->labels.shared_visible);
 }
 
 void tc_scene_clear(tc_scene *scene) {
-  g_free(scene->transfer_function.points);
-  g_free(scene->labels.colors);
-  g_free(scene->labels.visible);
+  list_drop(scene->transfer_function.points, &scene->transfer_function.shared);
+  list_drop(scene->labels.colors, &scene->labels.shared_colors);
+  list_drop(scene->labels.visible, &scene->labels.shared_visible);
   memset(scene, 0, sizeof *scene);
+}
+
+void tc_scene_set_points(tc_scene *scene, tc_knot *points, size_t count) {
+  list_drop(scene->transfer_function.points, &scene->transfer_function.shared);
+  scene->transfer_function.points = points;
+  scene->transfer_function.count = count;
+}
+
+void tc_scene_set_colors(tc_scene *scene, tc_label_color *colors, size_t count) {
+  list_drop(scene->labels.colors, &scene->labels.shared_colors);
+  scene->labels.colors = colors;
+  scene->labels.n_colors = count;
+}
+
+void tc_scene_set_visible(tc_scene *scene, uint32_t *visible, size_t count) {
+  list_drop(scene->labels.visible, &scene->labels.shared_visible);
+  scene->labels.visible = visible;
+  scene->labels.n_visible = count;
+}
+
+void tc_scene_take_points(tc_scene *scene, const tc_scene *from) {
+  tc_shared *shared = from->transfer_function.shared;
+  tc_scene_set_points(scene, list_hold(from->transfer_function.points, points_size(from), &shared),
+                      from->transfer_function.count);
+  scene->transfer_function.shared = shared;
+}
+
+void tc_scene_take_colors(tc_scene *scene, const tc_scene *from) {
+  tc_shared *shared = from->labels.shared_colors;
+  tc_scene_set_colors(scene, list_hold(from->labels.colors, colors_size(from), &shared), from->labels.n_colors);
+  scene->labels.shared_colors = shared;
+}
+
+void tc_scene_take_visible(tc_scene *scene, const tc_scene *from) {
+  tc_shared *shared = from->labels.shared_visible;
+  tc_scene_set_visible(scene, list_hold(from->labels.visible, visible_size(from), &shared), from->labels.n_visible);
+  scene->labels.shared_visible = shared;
 }
 
 bool tc_transfer_function_set_preset(tc_transfer_function *tf, const char *name, double lo, double hi) {
@@ -120,7 +234,7 @@ bool tc_transfer_function_set_preset(tc_transfer_function *tf, const char *name,
   if (preset->relative)
     for (size_t i = 0; i < preset->count; i++) /* weights, not lo + v*(hi-lo): no overflow, ends exact */
       points[i].value = lo * (1 - points[i].value) + hi * points[i].value;
-  g_free(tf->points);
+  list_drop(tf->points, &tf->shared);
   tf->points = points;
   tf->count = preset->count;
   tf->kind = preset->kind;

@@ -69,8 +69,13 @@ typedef struct tc_knot {
   double amount;   /* opacity 0..1 per unit distance, or extinction >= 0 in 1/mm */
 } tc_knot;
 
+/* A list that several scenes hold by reference: it is never changed. Atomic, so scenes that share may be on different
+ * threads. */
+typedef struct tc_shared tc_shared;
+
 typedef struct tc_transfer_function {
-  tc_knot *points; /* [count], owned by the scene; constant beyond the first and the last */
+  tc_knot *points; /* [count], owned by the scene, or `shared` with others; constant beyond the first and the last */
+  tc_shared *shared; /* holds points; NULL: they are the scene's own */
   size_t count;    /* >= 1 in a valid scene */
   tc_knot_kind kind;
   double unit_distance_mm; /* > 0; only for TC_KNOT_OPACITY */
@@ -145,6 +150,7 @@ typedef struct tc_scene {
     double opacity;  /* 0..1; a tint's share is this times its colour's own */
     tc_label_color *colors; size_t n_colors;  /* owned; ascending labels; one without is of the palette, 0 is clear */
     uint32_t *visible; size_t n_visible;      /* owned; NULL = all; 0, what has no label, is one of them */
+    tc_shared *shared_colors, *shared_visible; /* as tc_transfer_function.shared */
   } labels;
   struct { double max_error, max_ms; } quality; /* 0 = not asked */
   struct { int pixels; } error_meter;           /* 0 = off */
@@ -159,8 +165,25 @@ typedef struct tc_scene {
 /* Fills every member with a default that needs no volume. *scene holds nothing before. */
 void tc_scene_init(tc_scene *scene);
 
-/* Deep copy into *to, which holds nothing before. */
+/* Copy into *to, which holds nothing before. Lists that *from shares are shared with it too, the others copied; the
+ * copy's own lists are ready to be shared on. */
 void tc_scene_copy(tc_scene *to, const tc_scene *from);
+
+/* From now on copies share this scene's lists, which nobody may change any more: only replace (tc_scene_set_...). */
+void tc_scene_share(tc_scene *scene);
+
+/* Replace a list by another one of g_malloc's, which is then the scene's own. */
+void tc_scene_set_points(tc_scene *scene, tc_knot *points, size_t count);
+void tc_scene_set_colors(tc_scene *scene, tc_label_color *colors, size_t count);
+void tc_scene_set_visible(tc_scene *scene, uint32_t *visible, size_t count);
+/* Take over lists of another scene, shared where that shares. */
+void tc_scene_take_points(tc_scene *scene, const tc_scene *from);
+void tc_scene_take_colors(tc_scene *scene, const tc_scene *from);
+void tc_scene_take_visible(tc_scene *scene, const tc_scene *from);
+
+/* Of the bytes of a shared list: equal lists have equal numbers in one process, different ones hardly ever. Computed
+ * once. NULL: 0. */
+uint64_t tc_shared_digest(tc_shared *shared);
 
 /* Releases heap members and zeroes *scene. A cleared or zeroed scene may be cleared again. */
 void tc_scene_clear(tc_scene *scene);

@@ -78,19 +78,35 @@ static bool check_camera(const tc_camera *c, GError **error) {
   return true;
 }
 
-static bool check_transfer_function(const tc_transfer_function *tf, GError **error) {
+/* A list that is shared with a scene that was found valid is so as well. */
+static bool same_points(const tc_transfer_function *a, const tc_transfer_function *b) {
+  return a->shared && a->shared == b->shared && a->points == b->points && a->count == b->count && a->kind == b->kind;
+}
+
+static bool same_colors(const tc_scene *a, const tc_scene *b) {
+  return a->labels.shared_colors && a->labels.shared_colors == b->labels.shared_colors &&
+         a->labels.colors == b->labels.colors && a->labels.n_colors == b->labels.n_colors;
+}
+
+static bool invalid_knot(GError **error, size_t i, const char *message) {
+  char pointer[64];
+  snprintf(pointer, sizeof pointer, "/transferFunction/points/%zu", i);
+  return invalid(error, pointer, message);
+}
+
+static bool check_transfer_function(const tc_transfer_function *tf, const tc_scene *valid, GError **error) {
   if (tf->count < 1 || tf->count > TC_MAX_KNOTS)
     return invalid(error, "/transferFunction/points", "between 1 and 65536 knots wanted");
   if (tf->kind == TC_KNOT_OPACITY && !(tf->unit_distance_mm > 0 && isfinite(tf->unit_distance_mm)))
     return invalid(error, "/transferFunction/unitDistance", "mm above 0 wanted");
+  /* Of a mode that reads no transfer function the knots were not looked at. */
+  if (valid && valid->mode == TC_MODE_DVR && same_points(tf, &valid->transfer_function)) return true;
   for (size_t i = 0; i < tf->count; i++) {
     const tc_knot *k = &tf->points[i];
-    char pointer[64];
-    snprintf(pointer, sizeof pointer, "/transferFunction/points/%zu", i);
     if (!isfinite(k->value) || !finite3(k->color) || !isfinite(k->amount) || k->amount < 0)
-      return invalid(error, pointer, "finite value and colour, and an opacity or extinction of at least 0 wanted");
-    if (tf->kind == TC_KNOT_OPACITY && k->amount > 1) return invalid(error, pointer, "opacity from 0 to 1 wanted");
-    if (i > 0 && !(k->value >= k[-1].value)) return invalid(error, pointer, "knots in ascending order of value wanted");
+      return invalid_knot(error, i, "finite value and colour, and an opacity or extinction of at least 0 wanted");
+    if (tf->kind == TC_KNOT_OPACITY && k->amount > 1) return invalid_knot(error, i, "opacity from 0 to 1 wanted");
+    if (i > 0 && !(k->value >= k[-1].value)) return invalid_knot(error, i, "knots in ascending order of value wanted");
   }
   return true;
 }
@@ -103,9 +119,9 @@ static bool check_window(const tc_scene *scene, GError **error) {
   return true;
 }
 
-static bool check_look(const tc_scene *scene, GError **error) {
+static bool check_look(const tc_scene *scene, const tc_scene *valid, GError **error) {
   if (tc_is_projection(scene->mode)) return check_window(scene, error);
-  return check_transfer_function(&scene->transfer_function, error);
+  return check_transfer_function(&scene->transfer_function, valid, error);
 }
 
 static bool check_rays(const tc_scene *scene, GError **error) {
@@ -166,10 +182,11 @@ static bool check_shading(const tc_scene *scene, GError **error) {
 }
 
 /* The label volume itself is tc_labels_check()'s. */
-static bool check_labels(const tc_scene *scene, GError **error) {
+static bool check_labels(const tc_scene *scene, const tc_scene *valid, GError **error) {
   if (!scene->labels.volume[0] || !tc_mode_has_labels(scene->mode)) return true;
   if (!(scene->labels.opacity >= 0 && scene->labels.opacity <= 1))
     return invalid(error, "/labels/opacity", "a share from 0 to 1 wanted");
+  if (valid && valid->labels.volume[0] && tc_mode_has_labels(valid->mode) && same_colors(scene, valid)) return true;
   for (size_t i = 0; i < scene->labels.n_colors; i++) {
     const tc_label_color *color = &scene->labels.colors[i];
     for (int c = 0; c < 4; c++)
@@ -496,21 +513,15 @@ static void plan_surface_stages(tc_plan *plan, const tc_volume *volume, const tc
         s->isosurface.value);
 }
 
-static bool plan_surface(const tc_volume *volume, const tc_scene *scene, tc_plan *plan, GError **error) {
-  if (!check_surface(scene, error) || !check_rays(scene, error) || !check_clipping(scene, error) ||
-      !check_shading(scene, error))
-    return false;
+static void plan_surface(const tc_volume *volume, const tc_scene *scene, tc_plan *plan) {
   plan->key.shading = tc_surface_exists(volume, scene) ? (uint8_t)scene->shading.model : TC_SHADING_NONE;
   plan->key.skipping = scene->skipping.mode == TC_SKIPPING_AUTO;
   plan_stages(plan, scene);
   plan_surface_stages(plan, volume, scene);
   tc_plan_key_name(&plan->key, plan->kernel, sizeof plan->kernel);
-  return true;
 }
 
-static bool plan_slice(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_plan *plan,
-                       GError **error) {
-  if (!check_mpr(volume, scene, error) || !check_window(scene, error) || !check_clipping(scene, error)) return false;
+static void plan_slice(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_plan *plan) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   plan->key.mode = TC_MODE_MPR;
   plan->key.projection = TC_ORTHOGRAPHIC;
@@ -523,19 +534,31 @@ static bool plan_slice(const tc_volume *volume, const tc_scene *scene, int width
   plan_field(plan, volume, scene);
   plan_slice_stages(plan, scene);
   tc_plan_key_name(&plan->key, plan->kernel, sizeof plan->kernel);
-  return true;
+}
+
+bool tc_plan_check(const tc_volume *volume, const tc_scene *scene, int width, int height, const tc_scene *valid,
+                   GError **error) {
+  if (!check_built(scene, error) || !check_image(width, height, error) || !check_labels(scene, valid, error))
+    return false;
+  if (scene->mode == TC_MODE_MPR)
+    return check_mpr(volume, scene, error) && check_window(scene, error) && check_clipping(scene, error);
+  if (!check_camera(&scene->camera, error)) return false;
+  if (scene->mode == TC_MODE_ISOSURFACE)
+    return check_surface(scene, error) && check_rays(scene, error) && check_clipping(scene, error) &&
+           check_shading(scene, error);
+  return check_look(scene, valid, error) && check_sampling(volume, scene, error) && check_clipping(scene, error) &&
+         check_shading(scene, error);
 }
 
 bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_plan *plan,
                   GError **error) {
   memset(plan, 0, sizeof *plan);
-  if (!check_built(scene, error) || !check_image(width, height, error) || !check_labels(scene, error)) return false;
-  if (scene->mode == TC_MODE_MPR) return plan_slice(volume, scene, width, height, plan, error);
+  if (!tc_plan_check(volume, scene, width, height, NULL, error)) return false;
+  if (scene->mode == TC_MODE_MPR) {
+    plan_slice(volume, scene, width, height, plan);
+    return true;
+  }
   bool surface = scene->mode == TC_MODE_ISOSURFACE;
-  if (!check_camera(&scene->camera, error)) return false;
-  if (!surface && (!check_look(scene, error) || !check_sampling(volume, scene, error) ||
-                   !check_clipping(scene, error) || !check_shading(scene, error)))
-    return false;
   plan->key = (tc_plan_key){.mode = (uint8_t)scene->mode,
                             .projection = (uint8_t)scene->camera.projection,
                             .rays = scene->sampling.rays_per_pixel > 1,
@@ -551,7 +574,10 @@ bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int
     plan->key.skipping = scene->skipping.mode == TC_SKIPPING_AUTO && scene->mode != TC_MODE_AVERAGE;
   plan_field(plan, volume, scene);
   plan_coherence(plan, volume, scene);
-  if (surface) return plan_surface(volume, scene, plan, error);
+  if (surface) {
+    plan_surface(volume, scene, plan);
+    return true;
+  }
   plan_stages(plan, scene);
   tc_plan_key_name(&plan->key, plan->kernel, sizeof plan->kernel);
   return true;

@@ -91,4 +91,9 @@ void tc_plan_drop_skipping(tc_plan *plan, const char *reason);
 /* Computes the plan, or says (TC_ERROR_UNSUPPORTED / TC_ERROR_INVALID with a pointer) what cannot be rendered. Pure. */
 bool tc_plan_make(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_plan *plan, GError **error);
 
+/* What tc_plan_make() would say, without a plan: cheap. valid: a scene over the same volume that passed, whose shared
+ * lists need no second look; NULL: none. Pure. */
+bool tc_plan_check(const tc_volume *volume, const tc_scene *scene, int width, int height, const tc_scene *valid,
+                   GError **error);
+
 #endif

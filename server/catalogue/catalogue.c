@@ -27,6 +27,7 @@ struct tcs_load {
   int told; /* permille in the last report */
   int64_t began_us;
   tc_volume *volume;
+  tc_scene defaults; /* that fit it; zeros without */
   GError *error;
 };
 
@@ -39,6 +40,7 @@ static void free_entry(void *item) {
     entry->load->entry = NULL;
   }
   tc_volume_unref(entry->volume);
+  tc_scene_clear(&entry->defaults);
   g_free(entry->reason);
   g_free(entry);
 }
@@ -87,6 +89,10 @@ static void run_load(tcs_task *task) {
   else if (!load->source.temporary || tcs_self_contained(load->source.path, &load->error))
     load->volume = tc_import(load->source.path, &options, &load->error);
   if (load->source.temporary) unlink(load->source.path);
+  if (!load->volume) return;
+  tc_scene_init(&load->defaults);
+  tc_scene_fit(&load->defaults, load->volume); /* walks the voxels: here, not when a session asks */
+  tc_scene_share(&load->defaults);
 }
 
 /* An importer names the file it was given; a client must see its own name for it instead. */
@@ -122,6 +128,8 @@ static void done_load(tcs_task *task) {
     entry->load = NULL;
     entry->state = TCS_RESIDENT;
     entry->volume = load->volume;
+    entry->defaults = load->defaults;
+    memset(&load->defaults, 0, sizeof load->defaults);
     catalogue->resident_bytes += bytes;
     server->metrics->volume_loads++;
     const tc_volume_desc *desc = tc_volume_describe(load->volume);
@@ -138,6 +146,7 @@ static void done_load(tcs_task *task) {
             reason ? " reason=" : "", reason ? reason : "");
   }
   g_clear_error(&load->error);
+  tc_scene_clear(&load->defaults);
   g_free(load->source.path);
   g_free(load->name);
   g_free(load);

@@ -16,6 +16,7 @@ typedef struct tcs_entry {
   char id[65];
   tcs_volume_state state;
   tc_volume *volume;     /* resident: one reference */
+  tc_scene defaults;     /* resident: the scene that fits the volume */
   char *reason;          /* failed: why, one line without server-side paths */
   tcs_load *load;        /* loading */
   tcs_volume_state told; /* the state viewers were last told of */

@@ -56,7 +56,7 @@ static void finished_picture(tcs_job *job) {
 static void render(tcs_request *request, tc_volume *volume, const tc_scene *scene, const tcs_session *session) {
   GError *error = NULL;
   tc_volume *labels;
-  if (!tcs_scene_check(request->server, volume, scene, &labels, &error)) {
+  if (!tcs_scene_check(request->server, volume, scene, session ? &session->scene : NULL, &labels, &error)) {
     tcs_reply_error_in(request, error, session ? "" : "/scene");
     g_clear_error(&error);
     return;
@@ -127,7 +127,7 @@ static void post_render(tcs_request *request, cJSON *body) {
   if (format) format_into_scene(body, chosen);
   GError *error = NULL;
   tc_scene scene;
-  if (!tcs_scene_make(request->server, entry->volume, cJSON_GetObjectItemCaseSensitive(body, "scene"), &scene,
+  if (!tcs_scene_make(request->server, entry, cJSON_GetObjectItemCaseSensitive(body, "scene"), &scene,
                       &error)) {
     tcs_reply_error_in(request, error, "/scene");
     g_clear_error(&error);

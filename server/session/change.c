@@ -24,7 +24,7 @@ bool tcs_session_patch(tcs_session *session, const cJSON *patch, bool whole, GEr
   tc_scene next;
   tc_scene_copy(&next, whole ? &session->defaults : &session->scene);
   if (!tcs_scene_patch(&next, &session->defaults, session->entry->volume, patch, error) ||
-      !tcs_scene_check(session->server, session->entry->volume, &next, &labels, error)) {
+      !tcs_scene_check(session->server, session->entry->volume, &next, &session->scene, &labels, error)) {
     tc_scene_clear(&next);
     return false;
   }

@@ -60,21 +60,29 @@ void tcs_quality_free(tcs_quality *q) {
 
 /* ---- looks ---- */
 
-/* Everything of a scene that its error depends on beside camera and sampling: the scene's own words, less those. */
+/* Everything of a scene that its error depends on beside camera and sampling: the scene's own words, less those. Lists
+ * that are shared are not written down, which would take as long as they are: their digests stand for them. */
 static char *look_of(const tc_volume *volume, const tc_volume *labels, const tc_scene *scene) {
   static const char *const out[] = {"camera", "errorMeter", "skipping", "splat", "mpr", "isosurface"};
   static const char *const out_of[][2] = {{"image", "format"},  {"image", "quality"},        {"image", "subsampling"},
                                           {"sampling", "step"}, {"sampling", "termination"}, {"image", "width"},
                                           {"image", "height"}};
   const size_t n_out_of = G_N_ELEMENTS(out_of) - (scene->sampling.rays_per_pixel > 1 ? 2 : 0);
-  cJSON *json = tcp_scene_write(scene);
+  tc_scene brief = *scene; /* borrows */
+  if (brief.transfer_function.shared) brief.transfer_function.count = 0;
+  if (brief.labels.shared_colors) brief.labels.n_colors = 0;
+  if (brief.labels.shared_visible) brief.labels.n_visible = 0;
+  cJSON *json = tcp_scene_write(&brief);
   for (size_t i = 0; i < G_N_ELEMENTS(out); i++) cJSON_DeleteItemFromObjectCaseSensitive(json, out[i]);
   for (size_t i = 0; i < n_out_of; i++)
     cJSON_DeleteItemFromObjectCaseSensitive(cJSON_GetObjectItemCaseSensitive(json, out_of[i][0]), out_of[i][1]);
   char *text = cJSON_PrintUnformatted(json);
   char *hash = g_compute_checksum_for_string(G_CHECKSUM_SHA256, text, -1);
-  char *look = g_strdup_printf("%" PRIu64 " %" PRIu64 " %s", tc_volume_serial(volume),
-                               labels ? tc_volume_serial(labels) : 0, hash);
+  char *look = g_strdup_printf("%" PRIu64 " %" PRIu64 " %s %" PRIx64 " %" PRIx64 " %" PRIx64, tc_volume_serial(volume),
+                               labels ? tc_volume_serial(labels) : 0, hash,
+                               tc_shared_digest(scene->transfer_function.shared),
+                               tc_shared_digest(scene->labels.shared_colors),
+                               tc_shared_digest(scene->labels.shared_visible));
   g_free(hash);
   cJSON_free(text);
   cJSON_Delete(json);

@@ -5,8 +5,8 @@
 #include "server/catalogue/catalogue.h"
 #include "server/config/config.h"
 
-bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, tc_volume **labels,
-                     GError **error) {
+bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, const tc_scene *valid,
+                     tc_volume **labels, GError **error) {
   const tcs_limits *limits = &server->config->limits;
   *labels = NULL;
   if (scene->image.width > limits->image_side || scene->image.height > limits->image_side) {
@@ -38,8 +38,7 @@ bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene
     }
     *labels = entry->volume;
   }
-  tc_plan plan;
-  return tc_plan_make(volume, scene, scene->image.width, scene->image.height, &plan, error) &&
+  return tc_plan_check(volume, scene, scene->image.width, scene->image.height, valid, error) &&
          tc_labels_check(volume, *labels, scene, error);
 }
 
@@ -50,16 +49,12 @@ bool tcs_scene_patch(tc_scene *scene, const tc_scene *defaults, const tc_volume 
   return tcp_scene_patch(scene, patch, defaults, &context, error);
 }
 
-bool tcs_scene_make(tcs_server *server, const tc_volume *volume, const cJSON *patch, tc_scene *scene, GError **error) {
+bool tcs_scene_make(tcs_server *server, const tcs_entry *entry, const cJSON *patch, tc_scene *scene, GError **error) {
   tc_volume *labels;
-  tc_scene defaults;
-  tc_scene_init(&defaults);
-  tc_scene_fit(&defaults, volume);
-  tc_scene_copy(scene, &defaults);
+  tc_scene_copy(scene, &entry->defaults);
   tcp_scene_light(scene, patch);
-  const bool ok = (!patch || tcs_scene_patch(scene, &defaults, volume, patch, error)) &&
-                  tcs_scene_check(server, volume, scene, &labels, error);
+  const bool ok = (!patch || tcs_scene_patch(scene, &entry->defaults, entry->volume, patch, error)) &&
+                  tcs_scene_check(server, entry->volume, scene, NULL, &labels, error);
   if (!ok) tc_scene_clear(scene);
-  tc_scene_clear(&defaults);
   return ok;
 }

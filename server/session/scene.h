@@ -4,14 +4,14 @@
 
 #include "protocol/protocol.h"
 #include "renderer/tomocast.h"
-#include "server/server.h"
+#include "server/catalogue/catalogue.h"
 
 /* Checks a scene against the limits and what the renderer can do, and finds its label volume (NULL when it has none;
- * the catalogue's). */
-bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, tc_volume **labels,
-                     GError **error);
-/* The defaults for a volume, with `patch` (may be NULL) on top. *scene holds nothing before, nor after a failure. */
-bool tcs_scene_make(tcs_server *server, const tc_volume *volume, const cJSON *patch, tc_scene *scene, GError **error);
+ * the catalogue's). valid: as in tc_plan_check(). */
+bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, const tc_scene *valid,
+                     tc_volume **labels, GError **error);
+/* The defaults for a resident volume, with `patch` (may be NULL) on top. *scene holds nothing before, nor after a failure. */
+bool tcs_scene_make(tcs_server *server, const tcs_entry *entry, const cJSON *patch, tc_scene *scene, GError **error);
 /* A merge patch onto a scene of the volume; not checked. */
 bool tcs_scene_patch(tc_scene *scene, const tc_scene *defaults, const tc_volume *volume, const cJSON *patch,
                      GError **error);

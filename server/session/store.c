@@ -81,7 +81,7 @@ tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const
                  server->config->limits.sessions);
     return NULL;
   }
-  if (!random_id(id, error) || !tcs_scene_make(server, entry->volume, patch, &scene, error)) return NULL;
+  if (!random_id(id, error) || !tcs_scene_make(server, entry, patch, &scene, error)) return NULL;
   tcs_session *session = g_new0(tcs_session, 1);
   session->server = server;
   memcpy(session->id, id, sizeof id);
@@ -89,8 +89,7 @@ tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const
   entry->users++;
   session->scene = scene;
   tcs_session_pin(session);
-  tc_scene_init(&session->defaults);
-  tc_scene_fit(&session->defaults, entry->volume);
+  tc_scene_copy(&session->defaults, &entry->defaults);
   session->revision = 1;
   session->watchers = g_ptr_array_new();
   session->jobs = g_ptr_array_new();

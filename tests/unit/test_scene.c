@@ -1,5 +1,6 @@
 /* Scenes as plain values: defaults, copies and presets. */
 #include <float.h>
+#include <pthread.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -48,6 +49,76 @@ static void copies_own_their_lists(void **state) {
   tc_scene_clear(&from);
   assert_int_equal(to.labels.visible[0], 0);
   tc_scene_clear(&to);
+}
+
+/* Copies of a scene that shares its lists hold the same ones; replacing one in a copy leaves the others as they are. */
+static void shared_lists_are_held_by_reference(void **state) {
+  enum { KNOTS = 60000 };
+  tc_scene first, second, third;
+  tc_scene_init(&first);
+  tc_scene_set_points(&first, g_new0(tc_knot, KNOTS), KNOTS);
+  tc_scene_set_visible(&first, g_new0(uint32_t, 1), 0); /* none visible */
+  first.transfer_function.points[KNOTS - 1].value = 5;
+  tc_scene_share(&first);
+  tc_scene_copy(&second, &first);
+  tc_scene_copy(&third, &second);
+  assert_ptr_equal(second.transfer_function.points, first.transfer_function.points);
+  assert_ptr_equal(third.transfer_function.points, first.transfer_function.points);
+  assert_non_null(third.labels.visible);
+  tc_scene_clear(&first); /* the others go on */
+  assert_float_equal(third.transfer_function.points[KNOTS - 1].value, 5, 0);
+  tc_scene_set_points(&third, g_new0(tc_knot, 3), 3);
+  assert_int_equal(second.transfer_function.count, KNOTS);
+  assert_float_equal(second.transfer_function.points[KNOTS - 1].value, 5, 0);
+  tc_scene_take_points(&third, &second);
+  assert_ptr_equal(third.transfer_function.points, second.transfer_function.points);
+  assert_true(tc_transfer_function_set_preset(&second.transfer_function, "ct-bone", 0, 1));
+  assert_float_equal(third.transfer_function.points[KNOTS - 1].value, 5, 0);
+  tc_scene_clear(&second);
+  tc_scene_clear(&third);
+}
+
+static void digests_tell_lists_apart(void **state) {
+  tc_scene a, b;
+  tc_scene_init(&a);
+  tc_scene_copy(&b, &a); /* a copy: a shares nothing */
+  tc_scene_share(&a);
+  assert_ptr_not_equal(a.transfer_function.shared, b.transfer_function.shared);
+  const uint64_t digest = tc_shared_digest(a.transfer_function.shared);
+  assert_true(digest != 0 && digest == tc_shared_digest(b.transfer_function.shared));
+  tc_scene_clear(&b);
+  tc_scene_init(&b);
+  b.transfer_function.points[0].color[2] += 1e-9;
+  tc_scene_share(&b);
+  assert_true(digest != tc_shared_digest(b.transfer_function.shared));
+  assert_int_equal(tc_shared_digest(NULL), 0);
+  tc_scene_clear(&a);
+  tc_scene_clear(&b);
+}
+
+/* Jobs carry scenes to other threads. */
+static void *copy_and_clear(void *user) {
+  for (int i = 0; i < 20000; i++) {
+    tc_scene copy;
+    tc_scene_copy(&copy, user);
+    tc_scene_clear(&copy);
+  }
+  tc_scene_clear(user);
+  return NULL;
+}
+
+static void threads_share_lists(void **state) {
+  enum { THREADS = 4 };
+  tc_scene scene, copies[THREADS];
+  pthread_t threads[THREADS];
+  tc_scene_init(&scene);
+  tc_scene_share(&scene);
+  for (int i = 0; i < THREADS; i++) {
+    tc_scene_copy(&copies[i], &scene);
+    assert_int_equal(pthread_create(&threads[i], NULL, copy_and_clear, &copies[i]), 0);
+  }
+  tc_scene_clear(&scene);
+  for (int i = 0; i < THREADS; i++) pthread_join(threads[i], NULL);
 }
 
 /* A preset is a valid transfer function: knots ascend, colours and opacities are 0..1, the name fits. */
@@ -107,6 +178,8 @@ static void relative_presets_scale(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(defaults), cmocka_unit_test(copies_own_their_lists),
+                                     cmocka_unit_test(shared_lists_are_held_by_reference),
+                                     cmocka_unit_test(digests_tell_lists_apart), cmocka_unit_test(threads_share_lists),
                                      cmocka_unit_test(presets_are_valid), cmocka_unit_test(names_are_unique),
                                      cmocka_unit_test(relative_presets_scale)};
   return cmocka_run_group_tests(tests, NULL, NULL);
