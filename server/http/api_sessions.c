@@ -151,7 +151,8 @@ static void on_upgrade(void *user, struct MHD_Connection *connection, void *cont
   const tcs_request *request = user;
   tcs_server *server = request->server;
   tcs_session *session = server->draining ? NULL : tcs_sessions_find(server->sessions, request->params[0]);
-  tcs_streams_open(tcs_http_streams(server->http), session, fd, handle, extra, extra_size);
+  const GByteArray *held = tcs_http_held(connection); /* the library was given none of it: extra is empty */
+  tcs_streams_open(tcs_http_streams(server->http), session, fd, handle, (const char *)held->data, held->len);
 }
 
 static bool handshake_ok(tcs_request *request) {

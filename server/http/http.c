@@ -11,6 +11,7 @@
 
 #include "server/access/access.h"
 #include "server/http/admission.h"
+#include "server/http/guard.h"
 #include "server/http/mjpeg.h"
 #include "server/loop/loop.h"
 
@@ -25,6 +26,8 @@
 typedef struct link {
   int fd;
   int64_t deadline_us; /* 0 = none */
+  tcs_strict *strict;  /* the guard's */
+  unsigned requests;   /* begun */
 } link_state;
 
 struct tcs_http {
@@ -33,7 +36,8 @@ struct tcs_http {
   tcs_source source; /* MHD's own epoll descriptor */
   tcs_streams *streams;
   GHashTable *links; /* link_state * as a set */
-  GQueue deferred;   /* tcs_request *, by deferred_link */
+  tcs_guard *guard;
+  GQueue deferred; /* tcs_request *, by deferred_link */
   GQueue mjpeg_viewers;
   int open_requests;
   char address[INET6_ADDRSTRLEN + 16];
@@ -60,9 +64,11 @@ static void on_connection(void *user, struct MHD_Connection *connection, void **
     link_state *link = g_new0(link_state, 1);
     link->fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
     link->deadline_us = g_get_monotonic_time() + HEADER_US;
+    link->strict = tcs_guard_add(http->guard, link->fd);
     g_hash_table_add(http->links, link);
     *context = link;
   } else if (*context) {
+    tcs_guard_remove(http->guard, ((link_state *)*context)->fd);
     g_hash_table_remove(http->links, *context);
     g_free(*context);
     *context = NULL;
@@ -71,15 +77,36 @@ static void on_connection(void *user, struct MHD_Connection *connection, void **
 
 /* --- one request ----------------------------------------------------------------------------------- */
 
+/* Whether the bytes let through last are this request's: a refusal, or an upgrade, is then about it. */
+static bool is_newest(const tcs_request *request) {
+  return request->number == tcs_strict_heads(link_of(request->connection)->strict);
+}
+
+/* True: the request is not by the book, and has its reply. */
+static bool refuse_framing(tcs_request *request) {
+  const tcs_refusal *refusal = tcs_strict_refusal(link_of(request->connection)->strict);
+  if (!refusal || !is_newest(request)) return false;
+  tcs_reply_problem(request, refusal->status, refusal->code, refusal->title, refusal->detail);
+  return true;
+}
+
+const GByteArray *tcs_http_held(struct MHD_Connection *connection) {
+  return tcs_strict_held(link_of(connection)->strict);
+}
+
 /* Everything that can be said before the body is read. */
 static void admit(tcs_request *request, const char *path) {
   tcs_server *server = request->server;
   tcs_match match;
+  if (refuse_framing(request)) return;
   tcs_route_match(tcs_routes, request->method, path, &match);
   request->route = match.route;
   memcpy(request->params, match.params, sizeof match.params);
   if (!tcs_admit_host(request)) return;
-  if (!match.route && !match.path_known) {
+  if (strcmp(path, "*") == 0) {
+    tcs_reply_problem(request, 405, "method", "Method not allowed", "ask for one path's methods");
+    tcs_reply_header(request, "Allow", "GET, HEAD, POST, PUT, PATCH, DELETE");
+  } else if (!match.route && !match.path_known) {
     tcs_reply_problem(request, 404, "not-found", "Not found", "there is nothing at this path");
   } else if (!match.route) {
     tcs_reply_problem(request, 405, "method", "Method not allowed", "the Allow header lists the methods of this path");
@@ -125,6 +152,9 @@ static enum MHD_Result hand_over(tcs_request *request) {
   tcs_log(request->status >= 500 && request->status != 503 && request->status != 501 ? TCS_LOG_WARN : TCS_LOG_DEBUG,
           "http.reply", "method=%s route=%s status=%d ms=%.1f", request->method, pattern, request->status,
           seconds * 1000);
+  /* After a refusal, and after an upgrade that was not granted, nothing more is read. */
+  if (request->status != 101 && is_newest(request) && !tcs_strict_hungry(link_of(request->connection)->strict))
+    tcs_reply_header(request, "Connection", "close");
   request->queued = true;
   tcs_shield(request);
   return MHD_queue_response(request->connection, (unsigned)request->status, request->reply);
@@ -134,6 +164,7 @@ static tcs_request *new_request(tcs_http *http, struct MHD_Connection *connectio
   tcs_request *request = g_new0(tcs_request, 1);
   request->server = http->server;
   request->connection = connection;
+  request->number = ++link_of(connection)->requests;
   request->body = g_byte_array_new();
   request->began_us = g_get_monotonic_time();
   g_strlcpy(request->method, method, sizeof request->method);
@@ -148,6 +179,10 @@ static enum MHD_Result on_request(void *user, struct MHD_Connection *connection,
   tcs_request *request = *context;
   if (!request) {
     *context = request = new_request(http, connection, method);
+    if (request->number > tcs_strict_heads(link_of(connection)->strict)) {
+      tcs_log(TCS_LOG_ERROR, "http.unguarded", "text=\"the HTTP library was given bytes that nobody checked\"");
+      return MHD_NO;
+    }
     admit(request, path);
     set_deadline(connection, request->upload ? 0 : BODY_US);
     return request->reply && !drop_quietly(request) ? hand_over(request) : MHD_YES;
@@ -161,7 +196,7 @@ static enum MHD_Result on_request(void *user, struct MHD_Connection *connection,
   if (!request->body_complete) {
     request->body_complete = true;
     set_deadline(connection, 0);
-    if (!request->reply) request->route->handler(request);
+    if (!request->reply && !refuse_framing(request)) request->route->handler(request);
   }
   if (request->cut) return MHD_NO;
   if (request->reply) return hand_over(request);
@@ -301,6 +336,7 @@ tcs_http *tcs_http_new(tcs_server *server, GError **error) {
   tcs_http *http = g_new0(tcs_http, 1);
   http->server = server;
   http->links = g_hash_table_new(NULL, NULL);
+  http->guard = tcs_guard_new();
   g_queue_init(&http->deferred);
   g_queue_init(&http->mjpeg_viewers);
   http->streams = tcs_streams_new(server);
@@ -334,6 +370,7 @@ void tcs_http_free(tcs_http *http) {
   }
   tcs_streams_free(http->streams);
   g_hash_table_destroy(http->links);
+  tcs_guard_free(http->guard);
   g_free(http);
 }
 
@@ -342,7 +379,7 @@ int tcs_http_run(tcs_http *http) {
   /* Running may resume or close other connections, which takes another run; the bound keeps the loop's turn short. */
   for (int i = 0; i < 4 && (i == 0 || http->server->http_work); i++) {
     http->server->http_work = false;
-    MHD_run(http->daemon);
+    tcs_guard_run(http->guard, http->daemon);
   }
   tcs_streams_sweep(http->streams);
   if (http->server->http_work) return 0;

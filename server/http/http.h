@@ -21,6 +21,7 @@ struct tcs_request {
   const tcs_route *route; /* NULL: no such path or method */
   char params[TCS_MAX_PARAMS][TCS_PARAM_SIZE];
   char method[12];
+  unsigned number; /* of the connection's requests, from 1 */
   GByteArray *body;
   int64_t dropped_bytes; /* of a body that nobody wants */
   tcs_upload *upload;
@@ -44,6 +45,8 @@ void tcs_http_free(tcs_http *http); /* every deferred request was answered */
 const char *tcs_http_address(const tcs_http *http);
 tcs_streams *tcs_http_streams(tcs_http *http);
 GQueue *tcs_http_mjpeg_viewers(tcs_http *http); /* tcs_mjpeg */
+/* What came after a request for an upgrade. */
+const GByteArray *tcs_http_held(struct MHD_Connection *connection);
 /* Lets MHD work; milliseconds until it wants to again, -1 = no hurry. */
 int tcs_http_run(tcs_http *http);
 /* Once a second: deadlines, clients that left while waiting. */
