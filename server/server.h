@@ -28,6 +28,8 @@ typedef struct tcs_server {
   tcs_worker *encode_worker;  /* one thread: owns the encoder */
   tcs_worker *load_worker;    /* imports */
   tcs_worker *walk_worker;    /* folder scans, histograms: not behind a long import */
+  tcs_worker *text_worker;    /* long documents, read and printed */
+  tcs_worker *probe_worker;   /* one thread: rays and picks, which the reference integrates */
   tcs_worker *meter_worker;   /* one thread, of low priority: the error meter */
   tcs_worker *quality_worker; /* likewise: models for quality control */
   tcs_catalogue *catalogue;

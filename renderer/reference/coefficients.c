@@ -15,7 +15,14 @@ static void solve_line(double *line, size_t n, size_t stride, double *upper) {
   for (size_t i = n - 1; i-- > 0;) line[i * stride] -= upper[i] * line[(i + 1) * stride];
 }
 
-double *tc_ref_coefficients(const tc_ref_field *field) {
+/* Looked at once in this many voxels. */
+#define STRETCH 65536
+
+static bool stop_at(size_t i, const atomic_bool *cancel) {
+  return cancel && i % STRETCH == 0 && atomic_load_explicit(cancel, memory_order_relaxed);
+}
+
+double *tc_ref_coefficients(const tc_ref_field *field, const atomic_bool *cancel) {
   const int *dims = field->desc->dims;
   size_t n[3], stride[3], count = 1;
   for (int k = 0; k < 3; k++) {
@@ -29,10 +36,10 @@ double *tc_ref_coefficients(const tc_ref_field *field) {
     g_free(upper);
     return NULL;
   }
-  for (size_t i = 0; i < count; i++)
+  for (size_t i = 0; i < count && !stop_at(i, cancel); i++)
     c[i] = tc_ref_voxel(field, (size_t[3]){i % n[0], i / n[0] % n[1], i / n[0] / n[1]});
   for (int k = 0; k < 3; k++)
-    for (size_t i = 0; i < count; i++)
+    for (size_t i = 0; i < count && !stop_at(i, cancel); i++)
       if (i / stride[k] % n[k] == 0) solve_line(c + i, n[k], stride[k], upper);
   g_free(upper);
   return c;

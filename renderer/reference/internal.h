@@ -2,6 +2,7 @@
 #ifndef TC_REFERENCE_INTERNAL_H
 #define TC_REFERENCE_INTERNAL_H
 
+#include <stdatomic.h>
 #include <stdbool.h>
 #include <stddef.h>
 
@@ -75,8 +76,8 @@ typedef struct tc_ref_cell {
   const tc_ref_label_cell *label; /* all of the stretch is in it; NULL without labels */
 } tc_ref_cell;
 
-/* Solves for the coefficients (g_free them); NULL: out of memory. */
-double *tc_ref_coefficients(const tc_ref_field *field);
+/* Solves for the coefficients (g_free them); NULL: out of memory. cancel: or NULL; once it is true they mean nothing. */
+double *tc_ref_coefficients(const tc_ref_field *field, const atomic_bool *cancel);
 double tc_ref_voxel(const tc_ref_field *field, const size_t at[3]); /* in the volume's unit */
 
 void tc_ref_walk_start(tc_ref_walk *walk, const tc_ref_field *field, const tc_ref_ray *ray);

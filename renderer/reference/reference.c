@@ -24,10 +24,15 @@ struct tc_reference {
   tc_ref_labels labels;
   double iso, color[3]; /* isosurface: value, colour in the compositing space */
   double tolerance;
+  const atomic_bool *cancel; /* or NULL */
 };
 
 static bool is_projection(tc_mode mode) {
   return mode == TC_MODE_MIP || mode == TC_MODE_MINIP || mode == TC_MODE_AVERAGE;
+}
+
+static bool stopped(const tc_reference *r) {
+  return r->cancel && atomic_load_explicit(r->cancel, memory_order_relaxed);
 }
 
 const char *tc_reference_missing(const tc_scene *scene) {
@@ -74,6 +79,11 @@ tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int wid
 
 tc_reference *tc_reference_new_labelled(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int width,
                                         int height, double tolerance, GError **error) {
+  return tc_reference_new_stoppable(volume, labels, scene, width, height, tolerance, NULL, error);
+}
+
+tc_reference *tc_reference_new_stoppable(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int width,
+                                         int height, double tolerance, const atomic_bool *cancel, GError **error) {
   const char *member = tc_reference_missing(scene);
   if (member && !(labels && !strcmp(member, "/labels/volume"))) {
     tc_set_error(
@@ -89,6 +99,7 @@ tc_reference *tc_reference_new_labelled(tc_volume *volume, tc_volume *labels, co
     return NULL;
   }
   tc_reference *r = g_new0(tc_reference, 1);
+  r->cancel = cancel;
   r->volume = tc_volume_ref(volume);
   r->field =
       (tc_ref_field){.filter = scene->filter, .desc = tc_volume_describe(volume), .voxels = tc_volume_data(volume)};
@@ -98,7 +109,11 @@ tc_reference *tc_reference_new_labelled(tc_volume *volume, tc_volume *labels, co
     tc_ref_labels_set_up(&r->labels, labels, &r->scene);
   }
   if (scene->filter == TC_FILTER_CUBIC && scene->sampling.prefilter) {
-    r->field.coefficients = tc_ref_coefficients(&r->field);
+    r->field.coefficients = tc_ref_coefficients(&r->field, cancel);
+    if (stopped(r)) {
+      tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
+      goto fail;
+    }
     if (!r->field.coefficients) {
       tc_set_error(error, TC_ERROR_MEMORY, "/sampling/prefilter", "reference: no memory for the coefficients");
       goto fail;
@@ -146,6 +161,7 @@ static const tc_ref_shading *shading_of(const tc_reference *r, const tc_ref_ray 
 }
 
 static bool next_cell(const tc_reference *r, tc_ref_walk *walk, tc_ref_label_walk *labels, tc_ref_cell *cell) {
+  if (stopped(r)) return false;
   return r->labels.desc ? tc_ref_labels_next(&r->labels, walk, labels, cell) : tc_ref_walk_next(walk, cell);
 }
 
@@ -155,7 +171,7 @@ static void integrate_cell(const tc_reference *r, const tc_ref_cell *cell, const
   tc_ref_piece piece;
   tc_ref_span span;
   tc_ref_cutter_start(&cutter, cell, r->transfer.breaks, r->transfer.n_breaks);
-  while (tc_ref_cutter_next(&cutter, &piece)) {
+  while (!stopped(r) && tc_ref_cutter_next(&cutter, &piece)) {
     span_of(r, &piece, &span);
     tc_ref_integrate(&piece, &span, shading, r->tolerance, light);
   }
@@ -166,7 +182,7 @@ static void project(const tc_reference *r, const tc_ref_ray *ray, double rgba[4]
   tc_ref_walk walk;
   tc_ref_cell cell;
   tc_ref_walk_start(&walk, &r->field, ray);
-  while (tc_ref_walk_next(&walk, &cell)) tc_ref_extent_add(&extent, &cell);
+  while (!stopped(r) && tc_ref_walk_next(&walk, &cell)) tc_ref_extent_add(&extent, &cell);
   double value = r->mode == TC_MODE_MIP     ? extent.hi
                  : r->mode == TC_MODE_MINIP ? extent.lo
                                             : extent.integral / extent.length;
@@ -261,7 +277,7 @@ static void list_surface(const tc_reference *r, const tc_ref_ray *ray, GArray *l
   tc_ref_walk walk;
   tc_ref_cell cell;
   tc_ref_walk_start(&walk, &r->field, ray);
-  while (tc_ref_walk_next(&walk, &cell)) {
+  while (!stopped(r) && tc_ref_walk_next(&walk, &cell)) {
     tc_ref_cutter cutter;
     tc_ref_piece piece;
     tc_ref_cutter_start(&cutter, &cell, &r->iso, 1);
@@ -302,7 +318,7 @@ void tc_reference_ray(const tc_reference *r, double px, double py, tc_reference_
       tc_ref_piece piece;
       tc_ref_span span;
       tc_ref_cutter_start(&cutter, &cell, r->transfer.breaks, r->transfer.n_breaks);
-      while (tc_ref_cutter_next(&cutter, &piece)) {
+      while (!stopped(r) && tc_ref_cutter_next(&cutter, &piece)) {
         tc_reference_sample s = describe_piece(r, &ray, &cell, &piece, shading, light.transparency);
         g_array_append_val(list, s);
         if (is_projection(r->mode)) continue;

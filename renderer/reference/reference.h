@@ -16,6 +16,7 @@
 #ifndef TC_REFERENCE_H
 #define TC_REFERENCE_H
 
+#include <stdatomic.h>
 #include <stdbool.h>
 #include <stddef.h>
 
@@ -40,6 +41,10 @@ tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int wid
  * tc_labels_check does), another reference of which is taken; NULL: as above. */
 tc_reference *tc_reference_new_labelled(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int width,
                                         int height, double tolerance, GError **error);
+/* The same; once *cancel is true (set from any thread; outlives the reference) nothing more is integrated: what is under
+ * way ends soon with what it has, which means nothing. TC_ERROR_CANCELLED where that comes first. */
+tc_reference *tc_reference_new_stoppable(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int width,
+                                         int height, double tolerance, const atomic_bool *cancel, GError **error);
 void tc_reference_free(tc_reference *reference); /* NULL is fine */
 
 /* One ray. px, py: pixels from the top left corner of the picture (pixel i's centre is i + 0.5; any real number is a

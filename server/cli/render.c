@@ -175,9 +175,11 @@ static bool print_ray(job *j, GError **error) {
       y >= s->image.height)
     return usage_error(j, error, "--ray %s: X,Y wanted, a pixel of the picture of %dx%d, 0,0 at the top left",
                        j->args.ray, s->image.width, s->image.height);
-  cJSON *json = tcs_ray_json(j->volume, j->labels, s, x, y, error);
-  if (!json) return false;
+  char *plain = tcs_ray_json(j->volume, j->labels, s, x, y, NULL, error);
+  if (!plain) return false;
+  cJSON *json = cJSON_Parse(plain);
   char *text = cJSON_Print(json);
+  g_free(plain);
   puts(text);
   cJSON_free(text);
   cJSON_Delete(json);

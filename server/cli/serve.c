@@ -147,6 +147,8 @@ static bool start_workers(tcs_server *server, GError **error) {
          (server->encode_worker = tcs_worker_new("tc-encode", 1, completions, error)) &&
          (server->load_worker = tcs_worker_new("tc-load", LOAD_THREADS, completions, error)) &&
          (server->walk_worker = tcs_worker_new("tc-walk", 1, completions, error)) &&
+         (server->text_worker = tcs_worker_new("tc-text", 1, completions, error)) &&
+         (server->probe_worker = tcs_worker_new("tc-probe", 1, completions, error)) &&
          (server->meter_worker = tcs_worker_new("tc-meter", 1, completions, error)) &&
          (server->quality_worker = tcs_worker_new("tc-quality", 1, completions, error));
 }
@@ -195,6 +197,8 @@ static void stop(serve_daemon *d) {
   if (server->catalogue) tcs_catalogue_cancel_all(server->catalogue);
   tcs_worker_free(server->load_worker);
   tcs_worker_free(server->walk_worker);
+  tcs_worker_free(server->text_worker);
+  tcs_worker_free(server->probe_worker);
   server->draining = true;
   tcs_quality_cancel_all(server->quality);
   tcs_worker_free(server->quality_worker);

@@ -3,41 +3,36 @@
 
 #include "renderer/reference/reference.h"
 
-#include "server/http/http.h"
+#include "server/http/work.h"
 #include "server/session/ray_json.h"
-#include "server/loop/worker.h"
-#include "server/session/session.h"
+#include "server/session/store.h"
 
 /* A ray shows something once this much of what lies behind it is hidden: thinner haze is looked through. */
 #define VISIBLE_OPACITY 0.05
 
+/* Probes that may wait: of one session, and of all. */
+#define SESSION_PROBES 16
+#define MOST_PROBES 64
+
 typedef struct probe {
-  tcs_task task;
-  tcs_request *request; /* NULL: the client has gone */
+  tcs_work work;
+  tcs_server *server;
+  char session[40];           /* its id: it may end while the probe waits */
   tc_volume *volume, *labels; /* labels: or NULL */
   tc_scene scene;
   int x, y;
-  cJSON *json;
-  GError *error;
 } probe;
 
-static void leave_probe(tcs_request *request) { ((probe *)request->owner)->request = NULL; }
-
-static void done_probe(tcs_task *task) {
-  probe *p = (probe *)task;
-  if (p->request && p->json)
-    tcs_reply_json(p->request, 200, g_steal_pointer(&p->json));
-  else if (p->request)
-    tcs_reply_error(p->request, p->error);
-  cJSON_Delete(p->json);
-  g_clear_error(&p->error);
+static void free_probe(tcs_work *work) {
+  probe *p = (probe *)work;
+  tcs_session *session = tcs_sessions_find(p->server->sessions, p->session);
+  if (session) session->probes--;
   tc_scene_clear(&p->scene);
   tc_volume_unref(p->volume);
   tc_volume_unref(p->labels);
-  g_free(p);
 }
 
-static void start_probe(tcs_request *request, void (*run)(tcs_task *task)) {
+static void start_probe(tcs_request *request, void (*run)(tcs_work *work)) {
   tcs_session *session = tcs_session_of(request);
   if (!session) return;
   const tc_scene *scene = &session->scene;
@@ -51,25 +46,26 @@ static void start_probe(tcs_request *request, void (*run)(tcs_task *task)) {
       !tcs_query_int(request, "y", 0, scene->image.height - 1, &y))
     return;
   probe *p = g_new0(probe, 1);
-  *p = (probe){.task = {.run = run, .done = done_probe}, .request = request, .x = x, .y = y};
+  *p = (probe){.work = {.run = run, .free = free_probe}, .server = request->server, .x = x, .y = y};
+  g_strlcpy(p->session, session->id, sizeof p->session);
   p->volume = tc_volume_ref(session->entry->volume);
   if (session->labels) p->labels = tc_volume_ref(tcs_session_labels(session));
   tc_scene_copy(&p->scene, scene);
-  tcs_defer(request, leave_probe, p);
-  tcs_worker_submit(request->server->walk_worker, &p->task);
+  const bool many = session->probes++ >= SESSION_PROBES;
+  tcs_work_start(request, request->server->probe_worker, &p->work, many ? 0 : MOST_PROBES);
 }
 
-/* The ray through the pixel's centre; NULL with p->error set. */
+/* The ray through the pixel's centre; NULL with the error set. */
 static tc_reference *trace(probe *p, tc_reference_sample **samples, size_t *count) {
-  tc_reference *r = tc_reference_new_labelled(p->volume, p->labels, &p->scene, p->scene.image.width,
-                                              p->scene.image.height, 0, &p->error);
+  tc_reference *r = tc_reference_new_stoppable(p->volume, p->labels, &p->scene, p->scene.image.width,
+                                               p->scene.image.height, 0, &p->work.cancel, &p->work.error);
   if (r) tc_reference_ray(r, p->x + 0.5, p->y + 0.5, samples, count);
   return r;
 }
 
-static void run_ray(tcs_task *task) {
-  probe *p = (probe *)task;
-  p->json = tcs_ray_json(p->volume, p->labels, &p->scene, p->x, p->y, &p->error);
+static void run_ray(tcs_work *work) {
+  probe *p = (probe *)work;
+  work->text = tcs_ray_json(p->volume, p->labels, &p->scene, p->x, p->y, &work->cancel, &work->error);
 }
 
 /* The first piece behind which VISIBLE_OPACITY is reached; in thinner haze the first piece that shows at all. */
@@ -109,8 +105,8 @@ static const tc_reference_sample *surface_of(const probe *p, const tc_reference 
   return at;
 }
 
-static void run_pick(tcs_task *task) {
-  probe *p = (probe *)task;
+static void run_pick(tcs_work *work) {
+  probe *p = (probe *)work;
   tc_reference_sample *samples = NULL;
   size_t count = 0;
   tc_reference *r = trace(p, &samples, &count);
@@ -121,16 +117,17 @@ static void run_pick(tcs_task *task) {
   const tc_reference_sample *hit = projection                   ? shown(mode, samples, count)
                                    : mode == TC_MODE_ISOSURFACE ? surface_of(p, r, &surface)
                                                                 : first_visible(samples, count);
-  p->json = cJSON_CreateObject();
+  cJSON *json = cJSON_CreateObject();
   if (hit) {
-    cJSON_AddItemToObject(p->json, "position", cJSON_CreateDoubleArray(hit->position, 3));
-    cJSON_AddNumberToObject(p->json, "value", hit->value);
-    cJSON_AddNumberToObject(p->json, "depth", hit->distance_mm);
+    cJSON_AddItemToObject(json, "position", cJSON_CreateDoubleArray(hit->position, 3));
+    cJSON_AddNumberToObject(json, "value", hit->value);
+    cJSON_AddNumberToObject(json, "depth", hit->distance_mm);
   } else {
-    cJSON_AddNullToObject(p->json, "position");
-    cJSON_AddNullToObject(p->json, "value");
-    cJSON_AddNullToObject(p->json, "depth");
+    cJSON_AddNullToObject(json, "position");
+    cJSON_AddNullToObject(json, "value");
+    cJSON_AddNullToObject(json, "depth");
   }
+  work->text = tcs_json_text(json);
   g_free(samples);
   tc_reference_free(r);
 }

@@ -4,6 +4,7 @@
 #include "renderer/embedded.h"
 #include "server/catalogue/catalogue.h"
 #include "server/http/http.h"
+#include "server/loop/worker.h"
 #include "server/session/store.h"
 
 static void reply_status(tcs_request *request, int status, const char *text) {
@@ -32,7 +33,10 @@ void tcs_get_metrics(tcs_request *request) {
   tcs_gauges gauges = {.ws_clients = server->ws_clients,
                        .mjpeg_clients = server->mjpeg_clients,
                        .sessions = tcs_sessions_count(server->sessions),
-                       .queued = tcs_scheduler_waiting(server->scheduler)};
+                       .queued = tcs_scheduler_waiting(server->scheduler),
+                       .probes = tcs_worker_waiting(server->probe_worker),
+                       .walks = tcs_worker_waiting(server->walk_worker),
+                       .texts = tcs_worker_waiting(server->text_worker)};
   tcs_catalogue_gauges(server->catalogue, &gauges);
   tcs_reply_text(request, 200, "text/plain; version=0.0.4; charset=utf-8",
                  tcs_metrics_write(server->metrics, &gauges, tcs_scheduler_about(server->scheduler)->backend));

@@ -5,29 +5,32 @@
 
 #include "server/catalogue/beneath.h"
 #include "server/catalogue/catalogue.h"
-#include "server/http/http.h"
-#include "server/loop/worker.h"
+#include "server/http/work.h"
 #include "server/session/store.h"
 
 #define MAX_AVAILABLE 2000
 #define MAX_BINS 65536
 
-/* Work on the walk worker that ends in a reply. The request may leave before the work does. */
+#define MOST_WALKS 64 /* that may wait */
+
 typedef struct walk {
-  tcs_task task;
-  tcs_request *request; /* NULL: the client has gone */
+  tcs_work work;
   const char *folder;
+  cJSON *volumes; /* those known by id, as they were when the list was asked for */
   tc_volume *volume;
   int bins;
-  cJSON *json;
 } walk;
 
-static void leave_walk(tcs_request *request) { ((walk *)request->owner)->request = NULL; }
+static void free_walk(tcs_work *work) {
+  cJSON_Delete(((walk *)work)->volumes);
+  tc_volume_unref(((walk *)work)->volume);
+}
 
-static void start_walk(tcs_request *request, walk *work) {
-  work->request = request;
-  tcs_defer(request, leave_walk, work);
-  tcs_worker_submit(request->server->walk_worker, &work->task);
+static walk *new_walk(void (*run)(tcs_work *work)) {
+  walk *w = g_new0(walk, 1);
+  w->work.run = run;
+  w->work.free = free_walk;
+  return w;
 }
 
 static tcs_entry *entry_of(tcs_request *request) {
@@ -40,35 +43,26 @@ static tcs_entry *entry_of(tcs_request *request) {
 
 /* --- list ------------------------------------------------------------------------------------------ */
 
-static void run_list(tcs_task *task) {
-  walk *work = (walk *)task;
-  work->json = tcs_available(work->folder, MAX_AVAILABLE);
-}
-
-static void done_list(tcs_task *task) {
-  walk *work = (walk *)task;
+static void run_list(tcs_work *work) {
   static const char *const demos[] = {"demo:head", "demo:head-labels", "demo:vessels", "demo:marschner-lobb",
                                       "demo:bucky"};
-  if (work->request) {
-    for (size_t i = 0; i < G_N_ELEMENTS(demos); i++) {
-      cJSON *demo = cJSON_CreateObject();
-      cJSON_AddStringToObject(demo, "path", demos[i]);
-      cJSON_AddItemToArray(work->json, demo);
-    }
-    cJSON *json = cJSON_CreateObject();
-    cJSON_AddItemToObject(json, "volumes", tcs_catalogue_list(work->request->server->catalogue));
-    cJSON_AddItemToObject(json, "available", g_steal_pointer(&work->json));
-    tcs_reply_json(work->request, 200, json);
+  walk *w = (walk *)work;
+  cJSON *json = cJSON_CreateObject(), *available = tcs_available(w->folder, MAX_AVAILABLE);
+  for (size_t i = 0; i < G_N_ELEMENTS(demos); i++) {
+    cJSON *demo = cJSON_CreateObject();
+    cJSON_AddStringToObject(demo, "path", demos[i]);
+    cJSON_AddItemToArray(available, demo);
   }
-  cJSON_Delete(work->json);
-  g_free(work);
+  cJSON_AddItemToObject(json, "volumes", g_steal_pointer(&w->volumes));
+  cJSON_AddItemToObject(json, "available", available);
+  work->text = tcs_json_text(json);
 }
 
 void tcs_get_volumes(tcs_request *request) {
-  walk *work = g_new0(walk, 1);
-  work->task = (tcs_task){.run = run_list, .done = done_list};
-  work->folder = request->server->config->data;
-  start_walk(request, work);
+  walk *w = new_walk(run_list);
+  w->folder = request->server->config->data;
+  w->volumes = tcs_catalogue_list(request->server->catalogue);
+  tcs_work_start(request, request->server->walk_worker, &w->work, MOST_WALKS);
 }
 
 /* --- load ------------------------------------------------------------------------------------------ */
@@ -140,38 +134,30 @@ void tcs_delete_volume(tcs_request *request) {
 
 /* --- look into it ---------------------------------------------------------------------------------- */
 
-static void run_histogram(tcs_task *task) {
-  walk *work = (walk *)task;
-  uint64_t *counts = g_new(uint64_t, (gsize)work->bins);
-  double *edges = g_new(double, (gsize)work->bins + 1);
-  tc_volume_histogram(work->volume, work->bins, counts, edges);
-  work->json = cJSON_CreateObject();
-  cJSON_AddItemToObject(work->json, "edges", cJSON_CreateDoubleArray(edges, work->bins + 1));
+static void run_histogram(tcs_work *work) {
+  walk *w = (walk *)work;
+  uint64_t *counts = g_new(uint64_t, (gsize)w->bins);
+  double *edges = g_new(double, (gsize)w->bins + 1);
+  tc_volume_histogram(w->volume, w->bins, counts, edges);
+  cJSON *json = cJSON_CreateObject();
+  cJSON_AddItemToObject(json, "edges", cJSON_CreateDoubleArray(edges, w->bins + 1));
   double *numbers = edges; /* one more than needed */
-  for (int i = 0; i < work->bins; i++)
+  for (int i = 0; i < w->bins; i++)
     numbers[i] = (double)counts[i];
-  cJSON_AddItemToObject(work->json, "counts", cJSON_CreateDoubleArray(numbers, work->bins));
+  cJSON_AddItemToObject(json, "counts", cJSON_CreateDoubleArray(numbers, w->bins));
+  work->text = tcs_json_text(json);
   g_free(edges);
   g_free(counts);
-}
-
-static void done_histogram(tcs_task *task) {
-  walk *work = (walk *)task;
-  if (work->request) tcs_reply_json(work->request, 200, g_steal_pointer(&work->json));
-  cJSON_Delete(work->json);
-  tc_volume_unref(work->volume);
-  g_free(work);
 }
 
 void tcs_get_histogram(tcs_request *request) {
   int bins = 256;
   const tcs_entry *entry = tcs_resident(request, request->params[0], NULL);
   if (!entry || !tcs_query_int(request, "bins", 1, MAX_BINS, &bins)) return;
-  walk *work = g_new0(walk, 1);
-  work->task = (tcs_task){.run = run_histogram, .done = done_histogram};
-  work->volume = tc_volume_ref(entry->volume);
-  work->bins = bins;
-  start_walk(request, work);
+  walk *w = new_walk(run_histogram);
+  w->volume = tc_volume_ref(entry->volume);
+  w->bins = bins;
+  tcs_work_start(request, request->server->walk_worker, &w->work, MOST_WALKS);
 }
 
 static bool parse_position(const char *text, double position[3]) {

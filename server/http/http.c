@@ -229,9 +229,10 @@ static void on_completed(void *user, struct MHD_Connection *connection, void **c
 }
 
 void tcs_defer(tcs_request *request, void (*abandon)(tcs_request *request), void *owner) {
-  request->deferred = true;
   request->abandon = abandon;
   request->owner = owner;
+  if (request->deferred) return; /* from one thing to the next */
+  request->deferred = true;
   g_queue_push_tail_link(&request->server->http->deferred, &request->deferred_link);
 }
 
@@ -376,11 +377,9 @@ void tcs_http_free(tcs_http *http) {
 
 int tcs_http_run(tcs_http *http) {
   MHD_UNSIGNED_LONG_LONG timeout_ms;
-  /* Running may resume or close other connections, which takes another run; the bound keeps the loop's turn short. */
-  for (int i = 0; i < 4 && (i == 0 || http->server->http_work); i++) {
-    http->server->http_work = false;
-    tcs_guard_run(http->guard, http->daemon);
-  }
+  /* Running may resume or close other connections, which takes another run: in a turn of its own. */
+  http->server->http_work = false;
+  tcs_guard_run(http->guard, http->daemon);
   tcs_streams_sweep(http->streams);
   if (http->server->http_work) return 0;
   /* MHD's own epoll is edge-triggered: a 0 here is the only sign that it has more to do. */

@@ -73,7 +73,7 @@ void tcs_reply_response(tcs_request *request, int status, struct MHD_Response *r
 /* After a reply was made. */
 void tcs_reply_header(tcs_request *request, const char *name, const char *value);
 
-/* Replies later. */
+/* Replies later; may be called again, with what it now waits for. */
 void tcs_defer(tcs_request *request, void (*abandon)(tcs_request *request), void *owner);
 
 /* --- reading a request ------------------------------------------------------------------------------ */

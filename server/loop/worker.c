@@ -1,6 +1,7 @@
 #include "server/loop/worker.h"
 
 #include <errno.h>
+#include <limits.h>
 #include <stdint.h>
 #include <string.h>
 #include <sys/eventfd.h>
@@ -11,6 +12,7 @@ struct tcs_worker {
   pthread_mutex_t mutex;
   pthread_cond_t wake;
   tcs_task_list queue;
+  int waiting; /* in the queue */
   bool stopping;
   tcs_completions *completions;
   char name[16];
@@ -34,6 +36,18 @@ tcs_task *tcs_task_list_pop(tcs_task_list *list) {
   if (!list->head) list->tail = NULL;
   task->next = NULL;
   return task;
+}
+
+bool tcs_task_list_remove(tcs_task_list *list, tcs_task *task) {
+  tcs_task *before = NULL;
+  for (tcs_task *at = list->head; at; before = at, at = at->next) {
+    if (at != task) continue;
+    *(before ? &before->next : &list->head) = at->next;
+    if (list->tail == at) list->tail = before;
+    at->next = NULL;
+    return true;
+  }
+  return false;
 }
 
 bool tcs_completions_init(tcs_completions *completions, GError **error) {
@@ -82,6 +96,7 @@ static void *worker_main(void *user) {
   for (;;) {
     tcs_task *task = tcs_task_list_pop(&worker->queue);
     if (task) {
+      worker->waiting--;
       pthread_mutex_unlock(&worker->mutex);
       task->run(task);
       tcs_completions_post(worker->completions, task);
@@ -114,11 +129,33 @@ tcs_worker *tcs_worker_new(const char *name, int threads, tcs_completions *compl
   return worker;
 }
 
-void tcs_worker_submit(tcs_worker *worker, tcs_task *task) {
+bool tcs_worker_offer(tcs_worker *worker, tcs_task *task, int most) {
   pthread_mutex_lock(&worker->mutex);
-  tcs_task_list_push(&worker->queue, task);
-  pthread_cond_signal(&worker->wake);
+  const bool room = worker->waiting < most;
+  if (room) {
+    worker->waiting++;
+    tcs_task_list_push(&worker->queue, task);
+    pthread_cond_signal(&worker->wake);
+  }
   pthread_mutex_unlock(&worker->mutex);
+  return room;
+}
+
+void tcs_worker_submit(tcs_worker *worker, tcs_task *task) { tcs_worker_offer(worker, task, INT_MAX); }
+
+bool tcs_worker_drop(tcs_worker *worker, tcs_task *task) {
+  pthread_mutex_lock(&worker->mutex);
+  const bool dropped = tcs_task_list_remove(&worker->queue, task);
+  worker->waiting -= dropped;
+  pthread_mutex_unlock(&worker->mutex);
+  return dropped;
+}
+
+int tcs_worker_waiting(tcs_worker *worker) {
+  pthread_mutex_lock(&worker->mutex);
+  const int waiting = worker->waiting;
+  pthread_mutex_unlock(&worker->mutex);
+  return waiting;
 }
 
 /* On Linux a thread has its own nice value, and 0 names the caller. Nothing is lost where it is refused. */

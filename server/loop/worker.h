@@ -23,6 +23,7 @@ typedef struct tcs_task_list {
 } tcs_task_list;
 void tcs_task_list_push(tcs_task_list *list, tcs_task *task);
 tcs_task *tcs_task_list_pop(tcs_task_list *list);
+bool tcs_task_list_remove(tcs_task_list *list, tcs_task *task); /* false: it is not in the list */
 
 /* Finished tasks on their way to the I/O thread; `event_fd` becomes readable when there are any. */
 typedef struct tcs_completions {
@@ -40,6 +41,11 @@ void tcs_completions_drain(tcs_completions *completions);                /* I/O 
 typedef struct tcs_worker tcs_worker;
 tcs_worker *tcs_worker_new(const char *name, int threads, tcs_completions *completions, GError **error);
 void tcs_worker_submit(tcs_worker *worker, tcs_task *task);
+/* The same, unless `most` tasks wait already: then false, and the task stays the caller's. */
+bool tcs_worker_offer(tcs_worker *worker, tcs_task *task, int most);
+/* Takes a task back that has not begun: neither its `run` nor its `done` is called. False: it has begun, or is over. */
+bool tcs_worker_drop(tcs_worker *worker, tcs_task *task);
+int tcs_worker_waiting(tcs_worker *worker); /* tasks that have not begun */
 /* The calling thread gives way to all others: for work that nobody waits for. Call from a task. */
 void tcs_thread_set_low(void);
 /* Runs what is queued, then ends and joins the threads. Their completions are posted, not drained. NULL is fine. */

@@ -154,6 +154,12 @@ char *tcs_metrics_write(tcs_metrics *m, const tcs_gauges *gauges, const char *ba
   gauge(out, "volumes_loading", "Volumes being loaded.", gauges->volumes_loading);
   gauge(out, "volume_resident_bytes", "Voxel bytes in memory.", (double)gauges->volume_bytes);
   gauge(out, "render_queue_length", "Stateless renders waiting.", gauges->queued);
+  head(out, "work_queue_length", "gauge", "Questions that wait for a worker.");
+  g_string_append_printf(out,
+                         "tomocast_work_queue_length{worker=\"probe\"} %d\ntomocast_work_queue_length{worker=\"walk\"} "
+                         "%d\ntomocast_work_queue_length{worker=\"text\"} %d\n",
+                         gauges->probes, gauges->walks, gauges->texts);
+  counter(out, "work_dropped_total", "Questions whose clients left before they were begun.", m->works_dropped);
   loop_and_log(out, m);
   gauge(out, "process_resident_memory_bytes", "Resident set size of the process.", resident_bytes());
   return g_string_free(out, FALSE);

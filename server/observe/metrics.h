@@ -24,12 +24,13 @@ typedef struct tcs_metrics {
   uint64_t meter_pixels, meter_cancelled, quality_measurements;
   tcs_histogram lag;         /* turns of the loop: from its wake-up to its return to waiting */
   double lag_max, turn_cpu_max; /* since the last scrape: the longest turn, and the most processor time in one */
+  uint64_t works_dropped; /* left by their clients before they began */
   uint64_t uploads, upload_bytes, volume_loads, volume_failures;
 } tcs_metrics;
 
 /* What only a scrape can tell. */
 typedef struct tcs_gauges {
-  int ws_clients, mjpeg_clients, sessions, volumes_resident, volumes_loading, queued;
+  int ws_clients, mjpeg_clients, sessions, volumes_resident, volumes_loading, queued, probes, walks, texts;
   uint64_t volume_bytes;
 } tcs_gauges;
 

@@ -14,20 +14,44 @@ static cJSON *sample_json(const tc_reference_sample *s) {
   return json;
 }
 
-cJSON *tcs_ray_json(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int x, int y, GError **error) {
-  tc_reference *r = tc_reference_new_labelled(volume, labels, scene, scene->image.width, scene->image.height, 0, error);
+/* Takes the document. One piece at a time: a ray may have 60,000 of them, as a tree ten times their text. */
+static void append(GString *text, cJSON *json) {
+  char *piece = cJSON_PrintUnformatted(json);
+  g_string_append(text, piece ? piece : "null");
+  cJSON_free(piece);
+  cJSON_Delete(json);
+}
+
+static char *write_ray(const double rgba[4], const tc_reference_sample *samples, size_t count,
+                       const atomic_bool *cancel) {
+  GString *text = g_string_new("{\"color\":");
+  append(text, cJSON_CreateDoubleArray(rgba, 3));
+  g_string_append(text, ",\"opacity\":");
+  append(text, cJSON_CreateNumber(rgba[3]));
+  g_string_append(text, ",\"samples\":[");
+  for (size_t i = 0; i < count && !(cancel && atomic_load(cancel)); i++) {
+    if (i) g_string_append_c(text, ',');
+    append(text, sample_json(&samples[i]));
+  }
+  g_string_append(text, "]}");
+  return g_string_free(text, FALSE);
+}
+
+char *tcs_ray_json(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int x, int y,
+                   const atomic_bool *cancel, GError **error) {
+  tc_reference *r = tc_reference_new_stoppable(volume, labels, scene, scene->image.width, scene->image.height, 0,
+                                               cancel, error);
   if (!r) return NULL;
   tc_reference_sample *samples = NULL;
   size_t count = 0;
   double rgba[4];
   tc_reference_ray(r, x + 0.5, y + 0.5, &samples, &count);
   tc_reference_pixel(r, x + 0.5, y + 0.5, rgba);
-  cJSON *json = cJSON_CreateObject();
-  cJSON_AddItemToObject(json, "color", cJSON_CreateDoubleArray(rgba, 3));
-  cJSON_AddNumberToObject(json, "opacity", rgba[3]);
-  cJSON *list = cJSON_AddArrayToObject(json, "samples");
-  for (size_t i = 0; i < count; i++) cJSON_AddItemToArray(list, sample_json(&samples[i]));
+  char *text = write_ray(rgba, samples, count, cancel);
   g_free(samples);
   tc_reference_free(r);
-  return json;
+  if (!cancel || !atomic_load(cancel)) return text;
+  g_free(text);
+  tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
+  return NULL;
 }

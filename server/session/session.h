@@ -42,6 +42,7 @@ struct tcs_session {
   tc_quality_cost cost; /* of its frames */
   int64_t active_until_us; /* input flows until then */
   int64_t created_us, used_us;
+  int probes;              /* rays and picks of its scene that wait or run */
   tcs_picture *latest;     /* newest finished picture, or NULL */
   tcs_picture *still;      /* newest one that was asked for by itself, without its image: what the meter says of it */
   tcs_job *job;            /* rendering for the viewers, or NULL; jobs being encoded are no longer here */

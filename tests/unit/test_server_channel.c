@@ -2,6 +2,7 @@
 #include <errno.h>
 #include <setjmp.h>
 #include <stdarg.h>
+#include <stdatomic.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
@@ -233,13 +234,61 @@ static void test_several_threads_share_a_queue(void **state) {
   tcs_completions_finish(&completions);
 }
 
+typedef struct gate {
+  tcs_task task;
+  atomic_bool open, entered;
+} gate;
+
+static void run_gate(tcs_task *task) {
+  gate *g = (gate *)task;
+  atomic_store(&g->entered, true);
+  while (!atomic_load(&g->open))
+    g_usleep(100);
+}
+
+static void done_gate(tcs_task *task) {}
+
+/* While one task runs: what waits can be taken back from anywhere in the queue, what runs cannot, and a full queue
+ * takes no more. */
+static void test_waiting_tasks_can_be_taken_back(void **state) {
+  tcs_completions completions;
+  assert_true(tcs_completions_init(&completions, NULL));
+  tcs_worker *worker = tcs_worker_new("unit", 1, &completions, NULL);
+  GArray *order = g_array_new(FALSE, FALSE, sizeof(int));
+  gate g = {.task = {run_gate, done_gate, NULL}};
+  counted tasks[5];
+  tcs_worker_submit(worker, &g.task);
+  while (!atomic_load(&g.entered))
+    g_usleep(100);
+  for (int i = 0; i < 5; i++)
+    tasks[i] = (counted){{run_counted, done_counted, NULL}, i, order};
+  for (int i = 0; i < 4; i++)
+    assert_true(tcs_worker_offer(worker, &tasks[i].task, 4));
+  assert_false(tcs_worker_offer(worker, &tasks[4].task, 4));
+  assert_false(tcs_worker_drop(worker, &g.task));
+  assert_true(tcs_worker_drop(worker, &tasks[3].task)); /* the last, the middle, the first */
+  assert_true(tcs_worker_drop(worker, &tasks[1].task));
+  assert_true(tcs_worker_drop(worker, &tasks[0].task));
+  assert_false(tcs_worker_drop(worker, &tasks[0].task));
+  assert_int_equal(tcs_worker_waiting(worker), 1);
+  assert_true(tcs_worker_offer(worker, &tasks[4].task, 4));
+  atomic_store(&g.open, true);
+  while (order->len < 2)
+    tcs_completions_drain(&completions);
+  assert_int_equal(g_array_index(order, int, 0), 2 * 2);
+  assert_int_equal(g_array_index(order, int, 1), 2 * 4);
+  tcs_worker_free(worker);
+  g_array_unref(order);
+  tcs_completions_finish(&completions);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_messages_arrive_whole),           cmocka_unit_test(test_sent_messages_have_two_parts),
       cmocka_unit_test(test_a_flood_of_pings_makes_no_queue), cmocka_unit_test(test_one_turn_reads_a_bounded_amount),
       cmocka_unit_test(test_broken_frames_are_told_why),      cmocka_unit_test(test_closing_shakes_hands),
       cmocka_unit_test(test_the_end_of_the_pipe_is_noticed),  cmocka_unit_test(test_tasks_come_back_in_order),
-      cmocka_unit_test(test_several_threads_share_a_queue),
+      cmocka_unit_test(test_several_threads_share_a_queue),   cmocka_unit_test(test_waiting_tasks_can_be_taken_back),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

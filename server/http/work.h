@@ -1,0 +1,37 @@
+/* Requests that are answered by a worker: reading and printing of long documents, walks over voxels, folders and rays.
+ * What is not begun when its client leaves never begins; what is, is told to stop. I/O thread, but for `run`. */
+#ifndef TCS_HTTP_WORK_H
+#define TCS_HTTP_WORK_H
+
+#include <stdatomic.h>
+
+#include "server/http/http.h"
+#include "server/loop/worker.h"
+
+/* Longer documents are read and printed by a worker. */
+#define TCS_LONG_JSON 65536
+
+/* Embedded as the first member of what a handler needs beside, made by g_new0. */
+typedef struct tcs_work tcs_work;
+struct tcs_work {
+  tcs_task task; /* of the worker */
+  tcs_worker *worker;
+  tcs_request *request; /* NULL: the client has gone */
+  atomic_bool cancel;   /* likewise, for `run` */
+  void (*run)(tcs_work *work);   /* on the worker: sets text or error, or what reply needs */
+  void (*reply)(tcs_work *work); /* or NULL: 200 with the text, or the error */
+  void (*free)(tcs_work *work);  /* what is embedded beside; NULL: nothing. The work itself is freed after it */
+  char *text;                    /* JSON, g_malloc'ed */
+  GError *error;
+};
+
+/* Defers the request and submits the work, whose run, reply and free are set. most: how many works of this worker may
+ * wait; with more the answer is 503 and the work is freed (false). */
+bool tcs_work_start(tcs_request *request, tcs_worker *worker, tcs_work *work, int most);
+/* Runs it at once, here: for what is short. */
+void tcs_work_inline(tcs_request *request, tcs_work *work);
+
+/* JSON text of a document, which is freed: any thread. */
+char *tcs_json_text(cJSON *json);
+
+#endif
