@@ -25,7 +25,8 @@ typedef struct tcs_server {
   tcs_loop *loop;
   tcs_completions *completions;
   tcs_worker *render_worker;  /* one thread: owns the renderer */
-  tcs_worker *encode_worker;  /* one thread: owns the encoder */
+  tcs_worker *encode_worker;  /* one thread: encodes what is dragged */
+  tcs_worker *still_worker;   /* one thread: encodes all else */
   tcs_worker *load_worker;    /* imports */
   tcs_worker *walk_worker;    /* folder scans, histograms: not behind a long import */
   tcs_worker *text_worker;    /* long documents, read and printed */

@@ -111,7 +111,7 @@ static void run(serve_daemon *d) {
     }
     tick(d, now_us);
     tcs_completions_drain(server->completions); /* every turn, however many sockets are ready */
-    tcs_scheduler_pump(server->scheduler);
+    tcs_sessions_wake(server->sessions, now_us);
     const int http_ms = tcs_http_run(server->http);
     int wait_ms = timeout_ms(d, http_ms, g_get_monotonic_time());
     if (server->draining && wait_ms > 20) wait_ms = 20;
@@ -145,6 +145,7 @@ static bool start_workers(tcs_server *server, GError **error) {
   tcs_completions *completions = server->completions;
   return (server->render_worker = tcs_worker_new("tc-render", 1, completions, error)) &&
          (server->encode_worker = tcs_worker_new("tc-encode", 1, completions, error)) &&
+         (server->still_worker = tcs_worker_new("tc-still", 1, completions, error)) &&
          (server->load_worker = tcs_worker_new("tc-load", LOAD_THREADS, completions, error)) &&
          (server->walk_worker = tcs_worker_new("tc-walk", 1, completions, error)) &&
          (server->text_worker = tcs_worker_new("tc-text", 1, completions, error)) &&
@@ -214,6 +215,7 @@ static void stop(serve_daemon *d) {
   tcs_scheduler_free(server->scheduler);
   tcs_worker_free(server->render_worker);
   tcs_worker_free(server->encode_worker);
+  tcs_worker_free(server->still_worker);
   tcs_worker_free(server->meter_worker);
   if (server->completions->event_fd > 0) {
     tcs_completions_drain(server->completions);

@@ -20,6 +20,7 @@ static void submit(tcs_request *request, tcs_job *job, const tcs_session *sessio
   GError *error = NULL;
   job->finished = finished;
   job->user = request;
+  job->peer = tcs_peer_name(request);
   if (!job->plan_only && tcs_quality_prepare(request->server->quality, job)) {
     tcs_defer(request, leave_job, job);
     return;

@@ -29,6 +29,7 @@ static cJSON *describe(const tcs_session *session, bool with_scene) {
   cJSON_AddNumberToObject(json, "viewers", session->watchers->len);
   const int64_t idle_us = session->watchers->len ? 0 : g_get_monotonic_time() - session->used_us;
   cJSON_AddNumberToObject(json, "idleSeconds", (double)(idle_us / 1000000));
+  cJSON_AddNumberToObject(json, "renderMs", tcs_client_render_ms(session->client));
   if (with_scene) cJSON_AddItemToObject(json, "scene", tcp_scene_write(&session->scene));
   const tcs_picture *judged = tcs_session_judged(session);
   if (judged && judged->header.has_error)
@@ -57,7 +58,9 @@ static void post_session(tcs_request *request, const cJSON *body) {
   if (!entry) return;
   GError *error = NULL;
   const cJSON *scene = cJSON_GetObjectItemCaseSensitive(body, "scene");
-  tcs_session *session = tcs_sessions_create(request->server->sessions, entry, scene, &error);
+  char *peer = tcs_peer_name(request);
+  tcs_session *session = tcs_sessions_create(request->server->sessions, entry, scene, peer, &error);
+  g_free(peer);
   if (!session) {
     tcs_reply_error_in(request, error, "/scene");
     g_clear_error(&error);

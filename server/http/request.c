@@ -1,4 +1,6 @@
 /* Reading requests and making replies. */
+#include <arpa/inet.h>
+#include <netinet/in.h>
 #include <string.h>
 
 #include "protocol/protocol.h"
@@ -81,6 +83,22 @@ void tcs_reply_bytes(tcs_request *request, int status, const char *type, GBytes 
 
 void tcs_reply_empty(tcs_request *request, int status) {
   tcs_reply_response(request, status, MHD_create_response_from_buffer(0, NULL, MHD_RESPMEM_PERSISTENT));
+}
+
+char *tcs_peer_name(const tcs_request *request) {
+  const union MHD_ConnectionInfo *info = MHD_get_connection_info(request->connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
+  char text[INET6_ADDRSTRLEN] = "";
+  if (info && info->client_addr && info->client_addr->sa_family == AF_INET) {
+    struct sockaddr_in v4;
+    memcpy(&v4, info->client_addr, sizeof v4);
+    inet_ntop(AF_INET, &v4.sin_addr, text, sizeof text);
+  } else if (info && info->client_addr && info->client_addr->sa_family == AF_INET6) {
+    struct sockaddr_in6 v6;
+    memcpy(&v6, info->client_addr, sizeof v6);
+    memset(v6.sin6_addr.s6_addr + 8, 0, 8);
+    inet_ntop(AF_INET6, &v6.sin6_addr, text, sizeof text);
+  }
+  return g_strdup(text);
 }
 
 /* --- reading --------------------------------------------------------------------------------------- */

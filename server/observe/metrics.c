@@ -14,6 +14,8 @@ static const double error_bounds[TCS_HISTOGRAM_BUCKETS] = {1e-6, 1e-5,  1e-4, 2.
 static const double lag_bounds[TCS_HISTOGRAM_BUCKETS] = {0.0001, 0.00025, 0.0005, 0.001, 0.002, 0.003,
                                                          0.005,  0.0075,  0.01,   0.02,  0.05,  0.1};
 
+static const char *const class_names[TCS_METRICS_CLASSES] = {"interactive", "single", "refine"}; /* schedule/fair.h */
+
 void tcs_metrics_init(tcs_metrics *metrics) {
   memset(metrics, 0, sizeof *metrics);
   metrics->requests = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
@@ -114,6 +116,43 @@ static void loop_and_log(GString *out, tcs_metrics *m) {
   counter(out, "log_dropped_total", "Log lines that found no room.", tcs_log_dropped());
 }
 
+static void class_counter(GString *out, const tcs_metrics *m, const char *name, const char *help, size_t offset) {
+  head(out, name, "counter", help);
+  for (int i = 0; i < TCS_METRICS_CLASSES; i++) {
+    const uint64_t *value = (const uint64_t *)(const void *)((const char *)&m->classes[i] + offset);
+    g_string_append_printf(out, "tomocast_%s{class=\"%s\"} %" G_GUINT64_FORMAT "\n", name, class_names[i], *value);
+  }
+}
+
+static void class_queue(GString *out, const char *class, const tcs_histogram *h) {
+  uint64_t total = 0;
+  for (int i = 0; i <= TCS_HISTOGRAM_BUCKETS; i++) {
+    char edge[16] = "+Inf";
+    if (i < TCS_HISTOGRAM_BUCKETS) snprintf(edge, sizeof edge, "%g", bounds[i]);
+    total += h->counts[i];
+    g_string_append_printf(out, "tomocast_class_queue_seconds_bucket{class=\"%s\",le=\"%s\"} %" G_GUINT64_FORMAT "\n",
+                           class, edge, total);
+  }
+  g_string_append_printf(out,
+                         "tomocast_class_queue_seconds_sum{class=\"%s\"} %.9g\n"
+                         "tomocast_class_queue_seconds_count{class=\"%s\"} %" G_GUINT64_FORMAT "\n",
+                         class, h->sum, class, total);
+}
+
+static void classes(GString *out, const tcs_metrics *m) {
+  head(out, "class_queue_seconds", "histogram", "How long a picture waited for its first slice, by class.");
+  for (int i = 0; i < TCS_METRICS_CLASSES; i++)
+    class_queue(out, class_names[i], &m->classes[i].queue);
+  head(out, "class_render_seconds_total", "counter", "Time of the renderer, by class.");
+  for (int i = 0; i < TCS_METRICS_CLASSES; i++)
+    g_string_append_printf(out, "tomocast_class_render_seconds_total{class=\"%s\"} %.9g\n", class_names[i],
+                           m->classes[i].seconds);
+  class_counter(out, m, "slices_total", "Slices of render time.", offsetof(tcs_class_metrics, slices));
+  class_counter(out, m, "pauses_total", "Slices that ended before their picture.", offsetof(tcs_class_metrics, pauses));
+  class_counter(out, m, "preemptions_total", "Pauses for a class that comes first.",
+                offsetof(tcs_class_metrics, preempted));
+}
+
 char *tcs_metrics_write(tcs_metrics *m, const tcs_gauges *gauges, const char *backend) {
   GString *out = g_string_sized_new(8192);
   head(out, "build_info", "gauge", "Version and back end; always 1.");
@@ -125,6 +164,7 @@ char *tcs_metrics_write(tcs_metrics *m, const tcs_gauges *gauges, const char *ba
   histogram(out, "skip_seconds", "Building of the skipping structure, per frame.", &m->skip);
   histogram(out, "render_seconds", "Rendering, per frame.", &m->render);
   histogram(out, "encode_seconds", "Encoding, per frame.", &m->encode);
+  classes(out, m);
   histogram_of(out, "frame_error_rms", "Error of measured frames against the reference, colour 0..1.", &m->error,
                error_bounds);
   counter(out, "meter_pixels_total", "Pixels that the error meter integrated anew.", m->meter_pixels);

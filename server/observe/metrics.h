@@ -14,9 +14,18 @@ typedef struct tcs_histogram {
   double sum;
 } tcs_histogram;
 
+/* Of what the renderer does: what is dragged, single pictures, refinements. */
+#define TCS_METRICS_CLASSES 3
+typedef struct tcs_class_metrics {
+  tcs_histogram queue; /* until a picture was begun */
+  double seconds;      /* of the renderer */
+  uint64_t slices, pauses, preempted; /* preempted: paused for a class before it */
+} tcs_class_metrics;
+
 typedef struct tcs_metrics {
   GHashTable *requests; /* route and code -> count */
   tcs_histogram request, render, tables, skip, encode, queue;
+  tcs_class_metrics classes[TCS_METRICS_CLASSES]; /* in the order of schedule/fair.h */
   uint64_t frames_sent, frames_superseded, frames_cancelled, render_failures;
   uint64_t ws_sent_bytes, ws_messages, ws_errors, ws_connections;
   tcs_histogram error; /* rms of frames, as the error meter found it */

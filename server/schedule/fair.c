@@ -55,10 +55,9 @@ static bool waits(const account *a) {
   return false;
 }
 
-/* Takes in the rounds that went by. Who did not wait in them saved nothing up. */
+/* Takes in the rounds that went by. What is left of the last one is kept, and nothing is saved up beyond. */
 static void settle(const ring *r, account *a) {
-  const double most = waits(a) ? QUANTUM_MS : 0;
-  a->deficit_ms = fmin(most, a->deficit_ms + QUANTUM_MS * (double)(r->rounds - a->seen));
+  a->deficit_ms = fmin(QUANTUM_MS, a->deficit_ms + QUANTUM_MS * (double)(r->rounds - a->seen));
   a->seen = r->rounds;
 }
 
@@ -88,7 +87,6 @@ static void set_waiting(tcs_fair *fair, const ring *r, account *a, tcs_class cla
   settle(r, a);
   if (!waits(a)) a->since = ++fair->turns;
   a->waiting[class] += change;
-  settle(r, a);
 }
 
 /* ---- who there is ---- */

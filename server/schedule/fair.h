@@ -4,7 +4,7 @@
  * and its token where it has one). Render time is shared equally between peers and a peer's share equally between its
  * clients: who opens more sessions, connections or requests gets no more of it. Every round gives each account a
  * quantum; a client whose account is below zero waits for its rounds, and what a slice took is charged afterwards,
- * whatever was expected of it. A debt outlasts a pause between two pictures, credit does not.
+ * whatever was expected of it. A debt outlasts a pause between two pictures; no more than a quantum is saved up.
  *
  * Classes come in order: what somebody drags, then single pictures, then refinements. A class that waits earns a tenth
  * of the time that goes to those before it, and is served first once that makes a slice: none starves.
@@ -17,7 +17,7 @@
 #include <stdbool.h>
 
 /* After this long a slice ends where another client waits. */
-#define TCS_FAIR_SLICE_MS 12.0
+#define TCS_FAIR_SLICE_MS 10.0
 
 typedef enum tcs_class { TCS_CLASS_INTERACTIVE, TCS_CLASS_SINGLE, TCS_CLASS_REFINE, TCS_CLASS_COUNT } tcs_class;
 const char *tcs_class_name(tcs_class class); /* "interactive" ... */

@@ -1,8 +1,9 @@
 #include "server/schedule/ladder.h"
 
-#include <stdbool.h>
+#include <math.h>
 
-static const double rungs[] = {1.0, 0.75, 0.5, 0.35, 0.25};
+static const tcs_rung rungs[] = {{1.0, 1},   {0.75, 1},  {0.5, 1},   {0.35, 1},   {0.25, 1},   {0.25, 2}, {0.25, 4},
+                                 {0.177, 4}, {0.125, 4}, {0.088, 8}, {0.0625, 8}, {0.044, 16}, {0.031, 16}};
 #define N_RUNGS ((int)(sizeof rungs / sizeof rungs[0]))
 
 /* A step up must leave this much of the target unused, or the next noisy frame steps down again. */
@@ -10,26 +11,45 @@ static const double rungs[] = {1.0, 0.75, 0.5, 0.35, 0.25};
 /* Weight of a new measurement: a frame that is slower than thought counts at once in full, because a late frame hurts
  * at once; a faster one is believed gradually. */
 #define FASTER_WEIGHT 0.3
+/* What an encoder takes in about the target time. */
+#define MOST_PIXELS 4e6
+#define COARSEST_STEP 8.0
 
-void tcs_ladder_measure(tcs_ladder *ladder, double pixels, double render_ms) {
-  if (!(pixels > 0) || !(render_ms >= 0)) return;
-  const double now = render_ms / pixels;
-  if (ladder->ms_per_pixel <= 0 || now > ladder->ms_per_pixel)
-    ladder->ms_per_pixel = now;
-  else
-    ladder->ms_per_pixel += FASTER_WEIGHT * (now - ladder->ms_per_pixel);
+void tcs_ladder_expect(tcs_ladder *ladder, double ms_per_sample) {
+  if (!ladder->measured && ms_per_sample > 0) ladder->ms_per_sample = ms_per_sample;
 }
 
-double tcs_ladder_scale(tcs_ladder *ladder, double full_pixels, double target_ms) {
+void tcs_ladder_measure(tcs_ladder *ladder, double samples, double render_ms) {
+  if (!(samples > 0) || !(render_ms >= 0) || !isfinite(samples)) return;
+  const double now = render_ms / samples;
+  if (!ladder->measured || now > ladder->ms_per_sample)
+    ladder->ms_per_sample = now;
+  else
+    ladder->ms_per_sample += FASTER_WEIGHT * (now - ladder->ms_per_sample);
+  ladder->measured = true;
+}
+
+tcs_rung tcs_ladder_pick(tcs_ladder *ladder, double samples, double pixels, double target_ms) {
   int fits = N_RUNGS - 1;
   for (int i = 0; i < N_RUNGS; i++) {
-    const double ms = ladder->ms_per_pixel * full_pixels * rungs[i] * rungs[i];
+    const double area = rungs[i].scale * rungs[i].scale;
+    const double ms = ladder->ms_per_sample > 0 ? ladder->ms_per_sample * samples * area / rungs[i].coarser : 0;
     const bool up = i < ladder->rung;
-    if (ms <= target_ms * (up ? UP_MARGIN : 1.0)) {
+    if (pixels * area <= MOST_PIXELS && ms <= target_ms * (up ? UP_MARGIN : 1.0)) {
       fits = i;
       break;
     }
   }
   ladder->rung = fits;
   return rungs[fits];
+}
+
+void tcs_rung_coarsen(int coarser, tc_scene *scene) {
+  const int rays = scene->sampling.rays_per_pixel, fewer = rays > coarser ? rays / coarser : 1;
+  const bool shared = scene->mode == TC_MODE_DVR;
+  const double longer = shared ? coarser : (double)coarser * fewer / rays;
+  if (coarser <= 1) return;
+  scene->sampling.rays_per_pixel = fewer;
+  if (longer > 1 && scene->mode != TC_MODE_ISOSURFACE)
+    scene->sampling.step = fmax(scene->sampling.step, fmin(COARSEST_STEP / (shared ? fewer : 1), scene->sampling.step * longer));
 }

@@ -1,6 +1,6 @@
 #include "server/schedule/scheduler.h"
 
-#include <stdlib.h>
+#include <limits.h>
 #include <string.h>
 
 #include "server/config/config.h"
@@ -8,25 +8,40 @@
 #include "server/observe/log.h"
 #include "server/observe/metrics.h"
 
-/* Pictures being encoded or waiting for it. One more than the encoder works on, so that it never waits for the
+G_STATIC_ASSERT(TCS_METRICS_CLASSES == TCS_CLASS_COUNT);
+
+/* Pictures of a lane being encoded or waiting for it. One more than its encoder works on, so that it never waits for the
  * renderer; more would only age. */
 #define MAX_ENCODING 2
+#define SLICE_US ((int64_t)(TCS_FAIR_SLICE_MS * 1000))
+/* What is dragged is looked at this often even when nobody waits: one whose time was misjudged is begun smaller. */
+#define CHECK_US 100000
+/* After slices that brought nothing the next ones are twice as long, up to 2^this. */
+#define MOST_STALLS 5
+/* Pictures under way keep their frames; beyond this no other is begun, but for what is dragged. */
+#define MOST_HELD_BYTES ((size_t)256 << 20)
+/* Before any picture was made: what the cpu back end takes of volumes of which about half shows. */
+#define THREAD_MS_PER_SAMPLE 2e-6
+#define MOST_SPARE_PIXELS ((size_t)4 << 20)
+
+/* What is dragged has an encoder of its own: behind a large PNG it would come late. */
+typedef enum lane { LANE_MOVING, LANE_STILL, LANE_COUNT } lane;
 
 struct tcs_scheduler {
   tcs_server *server;
   tc_renderer *renderer; /* touched by the render thread only */
   const tc_renderer_info *about;
-  tcs_encoder *encoder; /* touched by the encode thread only */
-  tcs_task_list singles;
-  int n_singles;
-  tcs_job *rendering;   /* on the render thread, or NULL */
-  int64_t rendering_us; /* since when */
-  int encoding;
-  bool single_turn; /* whose turn it is when both kinds of work wait */
-  tcs_job *(*next_stream)(void *user);
-  void *stream_user;
+  tcs_encoder *encoders[LANE_COUNT]; /* each touched by its lane's thread only */
+  int encoding[LANE_COUNT];
+  tcs_fair *fair;
+  GHashTable *peers; /* name -> tcs_client of its single pictures */
+  int waiting, n_singles; /* in line; of those: single ones */
+  size_t held_bytes;      /* frames of pictures that are begun and wait */
+  tcs_job *rendering;     /* on the render thread, or NULL */
+  bool pumping;
   GQueue frames; /* tc_frame * with buffers to use again */
   tc_quality_cost cost;
+  double ms_per_sample; /* of pictures lately, rather too slow than too quick; 0 = none yet */
 };
 
 /* A task that the starting thread waits for: only at start and end, when there is no loop yet or any more. */
@@ -54,18 +69,23 @@ static void start_renderer(tcs_task *task) {
   owner->scheduler->renderer = tc_renderer_new(&owner->options, &owner->error);
 }
 
+static void free_client(void *client) { tcs_client_free(client); }
+
 static void stop_renderer(tcs_task *task) { tc_renderer_free(((owner_task *)task)->scheduler->renderer); }
 
 tcs_scheduler *tcs_scheduler_new(tcs_server *server, GError **error) {
   tcs_scheduler *scheduler = g_new0(tcs_scheduler, 1);
   scheduler->server = server;
   g_queue_init(&scheduler->frames);
+  scheduler->fair = tcs_fair_new();
+  scheduler->peers = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, free_client);
   owner_task owner = {.task.run = start_renderer,
                       .scheduler = scheduler,
                       .options = {.backend = server->config->backend, .threads = server->config->threads}};
   run_and_wait(&owner, server->render_worker);
-  if (scheduler->renderer) scheduler->encoder = tcs_encoder_new(&owner.error);
-  if (!scheduler->encoder) {
+  for (int i = 0; i < LANE_COUNT && scheduler->renderer; i++)
+    if (!owner.error) scheduler->encoders[i] = tcs_encoder_new(&owner.error);
+  if (owner.error) {
     g_propagate_error(error, owner.error);
     tcs_scheduler_free(scheduler);
     return NULL;
@@ -86,7 +106,10 @@ void tcs_scheduler_free(tcs_scheduler *scheduler) {
     owner_task owner = {.task.run = stop_renderer, .scheduler = scheduler};
     run_and_wait(&owner, scheduler->server->render_worker);
   }
-  tcs_encoder_free(scheduler->encoder);
+  for (int i = 0; i < LANE_COUNT; i++)
+    tcs_encoder_free(scheduler->encoders[i]);
+  g_hash_table_destroy(scheduler->peers);
+  tcs_fair_free(scheduler->fair);
   g_queue_clear_full(&scheduler->frames, free_frame);
   g_free(scheduler);
 }
@@ -94,40 +117,20 @@ void tcs_scheduler_free(tcs_scheduler *scheduler) {
 const tc_renderer_info *tcs_scheduler_about(const tcs_scheduler *scheduler) { return scheduler->about; }
 tc_quality_cost *tcs_scheduler_cost(tcs_scheduler *scheduler) { return &scheduler->cost; }
 
-void tcs_scheduler_set_stream(tcs_scheduler *scheduler, tcs_job *(*next)(void *user), void *user) {
-  scheduler->next_stream = next;
-  scheduler->stream_user = user;
+double tcs_scheduler_ms_per_sample(const tcs_scheduler *scheduler) {
+  return scheduler->ms_per_sample > 0 ? scheduler->ms_per_sample : THREAD_MS_PER_SAMPLE / scheduler->about->threads;
 }
 
-tcs_job *tcs_job_new(tcs_server *server, tc_volume *volume, const tc_scene *scene) {
-  tcs_job *job = g_new0(tcs_job, 1);
-  job->server = server;
-  job->volume = tc_volume_ref(volume);
-  tc_scene_copy(&job->scene, scene);
-  tc_interrupt_init(&job->interrupt);
-  job->queued_us = g_get_monotonic_time();
-  return job;
-}
+/* ---- the end of a job ---- */
 
-void tcs_job_free(tcs_job *job) {
-  tc_volume_unref(job->volume);
-  tc_volume_unref(job->labels);
-  tc_scene_clear(&job->scene);
-  tc_frame_finish(&job->frame);
-  g_clear_error(&job->error);
-  if (job->image) g_bytes_unref(job->image);
-  if (job->marks) g_array_unref(job->marks);
-  tc_meter_free(job->meter);
-  g_free(job);
-}
-
-void tcs_job_cancel(tcs_job *job) { atomic_store(&job->interrupt.cancel, true); }
+static lane lane_of(const tcs_job *job) { return job->class == TCS_CLASS_INTERACTIVE ? LANE_MOVING : LANE_STILL; }
 
 static void finish(tcs_job *job) {
   if (job->error && !g_error_matches(job->error, TC_ERROR, TC_ERROR_CANCELLED)) {
     job->server->metrics->render_failures++;
     tcs_log(TCS_LOG_WARN, "render.failed", "code=%d", job->error->code);
   }
+  job->client = NULL;
   job->finished(job);
   tcs_job_free(job);
 }
@@ -141,17 +144,26 @@ static void lend_frame(tcs_scheduler *scheduler, tcs_job *job) {
 }
 
 static void return_frame(tcs_scheduler *scheduler, tcs_job *job) {
-  if (job->frame.rgba && g_queue_get_length(&scheduler->frames) < MAX_ENCODING + 1) {
-    g_queue_push_head(&scheduler->frames, g_memdup2(&job->frame, sizeof job->frame));
-    memset(&job->frame, 0, sizeof job->frame);
-  }
+  const bool fits = job->frame.rgba && job->frame.capacity <= MOST_SPARE_PIXELS && !job->frame.linear;
+  if (!fits || g_queue_get_length(&scheduler->frames) > MAX_ENCODING) return;
+  g_queue_push_head(&scheduler->frames, g_memdup2(&job->frame, sizeof job->frame));
+  memset(&job->frame, 0, sizeof job->frame);
+}
+
+static void set_cancelled(tcs_job *job) {
+  g_clear_error(&job->error);
+  tc_set_error(&job->error, TC_ERROR_CANCELLED, NULL, "cancelled");
 }
 
 static void run_encode(tcs_task *task) {
   tcs_job *job = (tcs_job *)task;
+  if (atomic_load(&job->interrupt.cancel)) {
+    set_cancelled(job);
+    return;
+  }
   GByteArray *bytes = g_byte_array_new();
   const int64_t began = g_get_monotonic_time();
-  if (tcs_encode(job->server->scheduler->encoder, &job->frame, &job->scene, 0, bytes, &job->error))
+  if (tcs_encode(job->server->scheduler->encoders[lane_of(job)], &job->frame, &job->scene, 0, bytes, &job->error))
     job->image = g_byte_array_free_to_bytes(bytes);
   else
     g_byte_array_unref(bytes);
@@ -161,37 +173,11 @@ static void run_encode(tcs_task *task) {
 static void done_encode(tcs_task *task) {
   tcs_job *job = (tcs_job *)task;
   tcs_scheduler *scheduler = job->server->scheduler;
-  scheduler->encoding--;
+  scheduler->encoding[lane_of(job)]--;
   return_frame(scheduler, job);
   tcs_histogram_add(&job->server->metrics->encode, job->encode_ms / 1000);
   finish(job);
   tcs_scheduler_pump(scheduler);
-}
-
-static void run_render(tcs_task *task) {
-  tcs_job *job = (tcs_job *)task;
-  tc_renderer *renderer = job->server->scheduler->renderer;
-  job->queue_ms = (double)(g_get_monotonic_time() - job->queued_us) / 1000;
-  if (atomic_load(&job->interrupt.cancel)) {
-    tc_set_error(&job->error, TC_ERROR_CANCELLED, NULL, "cancelled");
-    return;
-  }
-  if (job->plan_only) {
-    tc_renderer_plan(renderer, job->volume, job->labels, &job->scene, &job->plan, &job->error);
-    return;
-  }
-  const tc_render_request request = {
-      .width = job->width, .height = job->height, .interrupt = &job->interrupt, .labels = job->labels,
-      .want_linear = job->meter_pixels > 0, .hurry = job->hurry};
-  if (!tc_render(renderer, job->volume, &job->scene, &request, &job->frame, NULL, &job->error)) return;
-  job->stats = job->frame.stats;
-  job->out_width = job->frame.width;
-  job->out_height = job->frame.height;
-  if (!job->meter_pixels) return;
-  job->meter = tc_meter_new(&job->frame, job->meter_pixels, job->revision);
-  /* Four times the picture's bytes: not kept for frames that do not ask. */
-  g_clear_pointer(&job->frame.linear, free);
-  job->frame.linear_capacity = 0;
 }
 
 /* "Cancelled" would be true and no help. */
@@ -202,71 +188,239 @@ static void name_deadline(tcs_job *job) {
                job->server->config->limits.render_seconds);
 }
 
-static void done_render(tcs_task *task) {
+static void end_unfinished(tcs_scheduler *scheduler, tcs_job *job) {
+  if (job->error && job->overdue) name_deadline(job);
+  return_frame(scheduler, job);
+  finish(job);
+}
+
+/* A slower picture than thought counts at once in half, a quicker one gradually: what is begun small grows, what is
+ * begun too large comes late. */
+static void learn_speed(tcs_scheduler *scheduler, const tcs_job *job) {
+  if (!(job->samples > 0) || job->stats.stand_in) return;
+  const double now = job->stats.render_ms / job->samples, old = scheduler->ms_per_sample;
+  scheduler->ms_per_sample = old > 0 ? old + (now > old ? 0.5 : 0.1) * (now - old) : now;
+}
+
+static void begin_encoding(tcs_scheduler *scheduler, tcs_job *job) {
+  tcs_metrics *metrics = job->server->metrics;
+  job->client = NULL;
+  tcs_histogram_add(&metrics->tables, job->stats.tables_ms / 1000);
+  tcs_histogram_add(&metrics->skip, job->stats.skip_ms / 1000);
+  tcs_histogram_add(&metrics->render, job->stats.render_ms / 1000);
+  if (!job->stats.stand_in)
+    tc_quality_cost_add(&scheduler->cost, &job->scene, (double)job->out_width * job->out_height, job->stats.render_ms);
+  learn_speed(scheduler, job);
+  if (job->rendered) job->rendered(job);
+  job->task.run = run_encode;
+  job->task.done = done_encode;
+  scheduler->encoding[lane_of(job)]++;
+  tcs_worker_submit(lane_of(job) == LANE_MOVING ? job->server->encode_worker : job->server->still_worker, &job->task);
+}
+
+/* ---- the line ---- */
+
+static size_t held(const tcs_job *job) {
+  return job->frame.capacity * 4 + job->frame.linear_capacity * sizeof(float) * 4;
+}
+
+static void count_in_line(tcs_scheduler *scheduler, const tcs_job *job, int change) {
+  scheduler->waiting += change;
+  if (job->class == TCS_CLASS_SINGLE) scheduler->n_singles += change;
+  if (change > 0)
+    scheduler->held_bytes += held(job);
+  else
+    scheduler->held_bytes -= held(job);
+}
+
+/* Nobody waits for one in line any more: it is dropped there and then. */
+static void drop(tcs_scheduler *scheduler, tcs_job *job) {
+  count_in_line(scheduler, job, -1);
+  tcs_client_remove(job->client, job);
+  set_cancelled(job);
+  end_unfinished(scheduler, job);
+}
+
+void tcs_job_cancel(tcs_job *job) {
+  atomic_store(&job->interrupt.cancel, true);
+  if (job->waiting) drop(job->server->scheduler, job);
+}
+
+tcs_client *tcs_scheduler_join(tcs_scheduler *scheduler, const char *peer, tcs_client_next *next, void *user) {
+  return tcs_client_new(scheduler->fair, peer, next, user);
+}
+
+void tcs_scheduler_leave(tcs_scheduler *scheduler, tcs_client *client) {
+  if (scheduler->rendering && scheduler->rendering->client == client) scheduler->rendering->client = NULL;
+  tcs_client_free(client);
+}
+
+static tcs_client *singles_of(tcs_scheduler *scheduler, const char *peer) {
+  tcs_client *client = g_hash_table_lookup(scheduler->peers, peer);
+  if (client) return client;
+  client = tcs_client_new(scheduler->fair, peer, NULL, NULL);
+  g_hash_table_insert(scheduler->peers, g_strdup(peer), client);
+  return client;
+}
+
+bool tcs_scheduler_submit(tcs_scheduler *scheduler, tcs_job *job, GError **error) {
+  const int64_t most = scheduler->server->config->limits.queue;
+  tcs_client *client = singles_of(scheduler, job->peer ? job->peer : "");
+  /* A line that is full of others' pictures still takes a peer's first one, within reason. */
+  if (scheduler->n_singles >= (tcs_client_length(client) ? most : 2 * most)) {
+    tc_set_error(error, TC_ERROR_BUSY, NULL, "too many pictures are waiting; try again in a moment");
+    return false;
+  }
+  job->class = TCS_CLASS_SINGLE;
+  tcs_client_push(client, job);
+  count_in_line(scheduler, job, 1);
+  tcs_scheduler_pump(scheduler);
+  return true;
+}
+
+/* ---- slices ---- */
+
+static void run_slice(tcs_task *task) {
+  tcs_job *job = (tcs_job *)task;
+  tc_renderer *renderer = job->server->scheduler->renderer;
+  if (atomic_load(&job->interrupt.cancel)) {
+    set_cancelled(job);
+    return;
+  }
+  if (job->plan_only) {
+    tc_renderer_plan(renderer, job->volume, job->labels, &job->scene, &job->plan, &job->error);
+    return;
+  }
+  const tc_render_request request = {
+      .width = job->width, .height = job->height, .interrupt = &job->interrupt, .resume = job->slices > 1,
+      .labels = job->labels, .want_linear = job->meter_pixels > 0, .hurry = job->hurry};
+  const bool made = tc_render(renderer, job->volume, &job->scene, &request, &job->frame, NULL, &job->error);
+  job->stats = job->frame.stats;
+  if (!made) return;
+  job->out_width = job->frame.width;
+  job->out_height = job->frame.height;
+  if (!job->meter_pixels) return;
+  job->meter = tc_meter_new(&job->frame, job->meter_pixels, job->revision);
+  /* Four times the picture's bytes: not kept for frames that do not ask. */
+  g_clear_pointer(&job->frame.linear, free);
+  job->frame.linear_capacity = 0;
+}
+
+static void timed_slice(tcs_task *task) {
+  tcs_job *job = (tcs_job *)task;
+  const int64_t began = g_get_monotonic_time();
+  run_slice(task);
+  job->slice_ms = (double)(g_get_monotonic_time() - began) / 1000;
+}
+
+/* Until when the slice under way may go on, by what waits beside it. The renderer looks at the clock by itself. */
+static void set_pause(tcs_job *job) {
+  const int64_t slice = job->slice_us + (SLICE_US << MIN(job->stalls, MOST_STALLS));
+  const tcs_pressure pressure = job->client ? tcs_client_pressure(job->client, job->class) : TCS_PRESSURE_SLICE;
+  int64_t until = job->class == TCS_CLASS_INTERACTIVE ? job->slice_us + CHECK_US : LLONG_MAX;
+  if (pressure == TCS_PRESSURE_NOW && !job->share && !job->stalls)
+    until = MIN(atomic_load(&job->interrupt.pause_us), g_get_monotonic_time());
+  else if (pressure != TCS_PRESSURE_NONE)
+    until = slice;
+  atomic_store(&job->interrupt.pause_us, until);
+}
+
+static void put_back(tcs_scheduler *scheduler, tcs_job *job) {
+  const double done = tc_frame_done(&job->frame), drawn_ms = job->stats.render_ms;
+  /* What it builds for all its frames goes on where it was; a piece of the picture that is cut is begun anew. */
+  const bool stalled = done <= job->done && drawn_ms - job->drawn_ms > job->slice_ms / 2;
+  job->stalls = stalled ? job->stalls + 1 : 0;
+  job->done = done;
+  job->drawn_ms = drawn_ms;
+  tcs_client_put_back(job->client, job);
+  count_in_line(scheduler, job, 1);
+}
+
+static void count_slice(tcs_scheduler *scheduler, const tcs_job *job, bool paused) {
+  tcs_class_metrics *metrics = &scheduler->server->metrics->classes[job->class];
+  metrics->seconds += job->slice_ms / 1000;
+  metrics->slices++;
+  if (!paused) return;
+  metrics->pauses++;
+  if (job->client && tcs_client_pressure(job->client, job->class) == TCS_PRESSURE_NOW) metrics->preempted++;
+}
+
+static void done_slice(tcs_task *task) {
   tcs_job *job = (tcs_job *)task;
   tcs_scheduler *scheduler = job->server->scheduler;
+  bool paused = g_error_matches(job->error, TC_ERROR, TC_ERROR_PAUSED);
   scheduler->rendering = NULL;
-  if (job->error && job->overdue) name_deadline(job);
-  if (job->error || job->plan_only) {
-    return_frame(scheduler, job);
-    finish(job);
+  job->used_ms += job->slice_ms;
+  if (job->client) tcs_client_charge(job->client, job->class, job->slice_ms);
+  count_slice(scheduler, job, paused);
+  if (paused && job->used_ms >= (double)scheduler->server->config->limits.render_seconds * 1000) job->overdue = true;
+  if (paused && (!job->client || job->overdue || atomic_load(&job->interrupt.cancel) ||
+                 (job->paused && !job->paused(job)))) {
+    set_cancelled(job);
+    paused = false;
+  }
+  if (paused) {
+    g_clear_error(&job->error);
+    put_back(scheduler, job);
+  } else if (job->error || job->plan_only) {
+    end_unfinished(scheduler, job);
   } else {
-    tcs_metrics *metrics = job->server->metrics;
-    tcs_histogram_add(&metrics->queue, job->queue_ms / 1000);
-    tcs_histogram_add(&metrics->tables, job->stats.tables_ms / 1000);
-    tcs_histogram_add(&metrics->skip, job->stats.skip_ms / 1000);
-    tcs_histogram_add(&metrics->render, job->stats.render_ms / 1000);
-    if (!job->stats.stand_in)
-      tc_quality_cost_add(&scheduler->cost, &job->scene, (double)job->out_width * job->out_height,
-                        job->stats.render_ms);
-    if (job->rendered) job->rendered(job);
-    job->task.run = run_encode;
-    job->task.done = done_encode;
-    scheduler->encoding++;
-    tcs_worker_submit(job->server->encode_worker, &job->task);
+    begin_encoding(scheduler, job);
   }
   tcs_scheduler_pump(scheduler);
 }
 
-static tcs_job *pick_single(tcs_scheduler *scheduler) {
-  tcs_job *job = (tcs_job *)tcs_task_list_pop(&scheduler->singles);
-  if (job) scheduler->n_singles--;
-  return job;
+/* One that is begun goes on; others wait while the encoder is behind or frames under way take too much memory. */
+static bool may_begin(void *client, tcs_class class, void *user) {
+  const tcs_scheduler *scheduler = user;
+  const tcs_job *first = tcs_client_first(client, class);
+  if (first && tcs_job_begun(first)) return true;
+  if (class == TCS_CLASS_INTERACTIVE) return scheduler->encoding[LANE_MOVING] < MAX_ENCODING;
+  return scheduler->encoding[LANE_STILL] < MAX_ENCODING && scheduler->held_bytes < MOST_HELD_BYTES;
 }
 
-/* The two kinds take turns; the one whose turn it is passes when it has nothing. */
-static tcs_job *pick(tcs_scheduler *scheduler) {
-  for (int attempt = 0; attempt < 2; attempt++) {
-    const bool single = scheduler->single_turn;
-    scheduler->single_turn = !single;
-    tcs_job *job = single ? pick_single(scheduler) : NULL;
-    if (!single && scheduler->next_stream) job = scheduler->next_stream(scheduler->stream_user);
+static tcs_job *take_next(tcs_scheduler *scheduler) {
+  tcs_fair_client *account;
+  tcs_class class;
+  while ((account = tcs_fair_pick(scheduler->fair, may_begin, scheduler, &class))) {
+    tcs_client *client = tcs_fair_user(account);
+    const bool in_line = tcs_client_first(client, class) != NULL;
+    tcs_job *job = tcs_client_take(client, class);
+    if (job && in_line) count_in_line(scheduler, job, -1);
     if (job) return job;
   }
   return NULL;
 }
 
-void tcs_scheduler_pump(tcs_scheduler *scheduler) {
-  if (scheduler->rendering || scheduler->encoding >= MAX_ENCODING) return;
-  tcs_job *job = pick(scheduler);
-  if (!job) return;
+static void begin_slice(tcs_scheduler *scheduler, tcs_job *job) {
+  const int64_t now = g_get_monotonic_time();
   scheduler->rendering = job;
-  scheduler->rendering_us = g_get_monotonic_time();
-  lend_frame(scheduler, job);
-  job->task.run = run_render;
-  job->task.done = done_render;
+  if (!tcs_job_begun(job)) {
+    lend_frame(scheduler, job);
+    job->queue_ms = (double)(now - job->queued_us) / 1000;
+    tcs_histogram_add(&scheduler->server->metrics->queue, job->queue_ms / 1000);
+    tcs_histogram_add(&scheduler->server->metrics->classes[job->class].queue, job->queue_ms / 1000);
+  }
+  job->slices++;
+  job->slice_us = now;
+  job->share = tcs_client_pressure(job->client, job->class) == TCS_PRESSURE_NOW;
+  atomic_store(&job->interrupt.pause_us, LLONG_MAX);
+  set_pause(job);
+  job->task.run = timed_slice;
+  job->task.done = done_slice;
   tcs_worker_submit(scheduler->server->render_worker, &job->task);
 }
 
-bool tcs_scheduler_submit(tcs_scheduler *scheduler, tcs_job *job, GError **error) {
-  if (scheduler->n_singles >= scheduler->server->config->limits.queue) {
-    tc_set_error(error, TC_ERROR_BUSY, NULL, "too many pictures are waiting; try again in a moment");
-    return false;
+void tcs_scheduler_pump(tcs_scheduler *scheduler) {
+  if (scheduler->pumping) return; /* from what a client is asked */
+  if (scheduler->rendering) {
+    set_pause(scheduler->rendering);
+    return;
   }
-  scheduler->n_singles++;
-  tcs_task_list_push(&scheduler->singles, &job->task);
-  tcs_scheduler_pump(scheduler);
-  return true;
+  scheduler->pumping = true;
+  tcs_job *job = take_next(scheduler);
+  if (job) begin_slice(scheduler, job);
+  scheduler->pumping = false;
 }
 
 typedef struct forget_task {
@@ -291,9 +445,16 @@ void tcs_scheduler_forget(tcs_scheduler *scheduler, tc_volume *volume) {
   tcs_worker_submit(scheduler->server->render_worker, &forget->task);
 }
 
+static gboolean is_forgotten(void *name, void *client, void *busy) {
+  return client != busy && tcs_client_is_even(client);
+}
+
 void tcs_scheduler_tick(tcs_scheduler *scheduler, int64_t now_us) {
   tcs_job *job = scheduler->rendering;
-  if (!job || now_us - scheduler->rendering_us < scheduler->server->config->limits.render_seconds * 1000000) return;
+  g_hash_table_foreach_remove(scheduler->peers, is_forgotten, job ? job->client : NULL);
+  if (!job) return;
+  const double slice_ms = (double)(now_us - job->slice_us) / 1000;
+  if (job->used_ms + slice_ms < (double)scheduler->server->config->limits.render_seconds * 1000) return;
   job->overdue = true;
   tcs_job_cancel(job);
 }
@@ -301,5 +462,6 @@ void tcs_scheduler_tick(tcs_scheduler *scheduler, int64_t now_us) {
 int tcs_scheduler_waiting(const tcs_scheduler *scheduler) { return scheduler->n_singles; }
 
 bool tcs_scheduler_idle(const tcs_scheduler *scheduler) {
-  return !scheduler->rendering && scheduler->encoding == 0 && scheduler->n_singles == 0;
+  return !scheduler->rendering && !scheduler->encoding[LANE_MOVING] && !scheduler->encoding[LANE_STILL] &&
+         scheduler->waiting == 0;
 }

@@ -1,89 +1,44 @@
-/* Who renders next. One picture renders while another is encoded; the two kinds of work, viewers of sessions and
- * single requests, take turns, and each kind is served round-robin. I/O thread only. */
+/* Who renders next, and for how long: jobs of clients (client.h) take turns on the render thread by fair.h, in slices.
+ * One whose slice is over while others wait is paused, keeps its frame and goes on at its next turn. Its pictures are
+ * encoded while others render, those that are dragged apart from the rest. I/O thread only.
+ *
+ *   fair        whose turn it is: pure
+ *   job         one picture to make
+ *   client      a line of jobs with an account of render time
+ *   scheduler   slices on the render thread, encoding
+ *   ladder      how small a picture that is dragged must be: pure */
 #ifndef TCS_SCHEDULE_SCHEDULER_H
 #define TCS_SCHEDULE_SCHEDULER_H
 
 #include "renderer/quality/cost.h"
-#include "renderer/quality/meter.h"
-#include "renderer/quality/quality.h"
-#include "server/loop/worker.h"
-#include "server/server.h"
-
-/* What quality control made of a scene's bound; all 0 where none was asked. */
-typedef struct tcs_quality_used {
-  bool for_time;   /* the bound is milliseconds, else an error */
-  double asked;    /* the bound */
-  double expected; /* error or ms, as the bound; 0 before anything was measured */
-  double step;     /* chosen */
-  bool holds;      /* the bound is expected to hold */
-  int views;       /* measured for the model of the error; -1: the choice needs none */
-  char reason[TC_QUALITY_REASON];
-} tcs_quality_used;
-
-/* One picture (or plan) to make. Made by tcs_job_new(), filled by its owner, freed by the scheduler after `finished`.
- */
-typedef struct tcs_job tcs_job;
-struct tcs_job {
-  tcs_task task;
-  tcs_server *server;
-  bool plan_only;                 /* a plan instead of a picture */
-  tc_volume *volume;              /* owned reference */
-  tc_volume *labels;              /* owned reference, or NULL */
-  tc_scene scene;                 /* owned copy */
-  int width, height;              /* 0 = the scene's */
-  tc_interrupt interrupt;         /* any thread */
-  void (*rendered)(tcs_job *job); /* I/O thread: its encoding begins; may be NULL */
-  void (*finished)(tcs_job *job); /* I/O thread, once: the results below are set */
-  void *user;                     /* the owner's; NULL when the owner has left */
-  uint64_t revision;              /* the owner's */
-  bool final;                     /* the owner's */
-  bool hurry;                     /* the owner's: as in tc_render_request */
-  GArray *marks;                  /* the owner's; freed with the job; may be NULL */
-  tcs_quality_used quality;       /* the owner's: the scene asks no more */
-  int meter_pixels;               /* to be kept for the error meter; 0 = none */
-
-  /* results */
-  GError *error;
-  GBytes *image;
-  tc_plan plan;
-  tc_frame_stats stats;
-  tc_meter *meter; /* the meter_pixels of the frame; NULL for none */
-  int out_width, out_height;
-  double queue_ms, encode_ms;
-
-  /* the scheduler's */
-  int64_t queued_us;
-  bool overdue; /* cancelled because it took too long */
-  tc_frame frame;
-};
-
-/* Takes a reference to `volume` and a copy of `scene`. */
-tcs_job *tcs_job_new(tcs_server *server, tc_volume *volume, const tc_scene *scene);
+#include "server/schedule/client.h"
 
 /* Starts the renderer on its thread and waits for it. */
 tcs_scheduler *tcs_scheduler_new(tcs_server *server, GError **error);
-/* Frees the renderer on its thread. Nothing may be queued or under way any more. */
+/* Frees the renderer on its thread. Nothing may be queued or under way any more, and all clients have left. */
 void tcs_scheduler_free(tcs_scheduler *scheduler);
 const tc_renderer_info *tcs_scheduler_about(const tcs_scheduler *scheduler);
 /* Of all frames so far: for single pictures, and where a session begins. The scheduler's. */
 tc_quality_cost *tcs_scheduler_cost(tcs_scheduler *scheduler);
+/* What a sample (tc_estimate_samples()) took of pictures lately; before the first one a guess. */
+double tcs_scheduler_ms_per_sample(const tcs_scheduler *scheduler);
 
-/* Queues a single request. TC_ERROR_BUSY when too many wait: the job stays the caller's. */
+/* A client whose jobs are made when its turn comes: the viewers of a session. */
+tcs_client *tcs_scheduler_join(tcs_scheduler *scheduler, const char *peer, tcs_client_next *next, void *user);
+/* Its jobs in line were cancelled before. */
+void tcs_scheduler_leave(tcs_scheduler *scheduler, tcs_client *client);
+/* Queues a single picture of job->peer. TC_ERROR_BUSY when too many wait: the job stays the caller's. */
 bool tcs_scheduler_submit(tcs_scheduler *scheduler, tcs_job *job, GError **error);
-/* Where viewers' work comes from: gives the next job of theirs, or NULL. */
-void tcs_scheduler_set_stream(tcs_scheduler *scheduler, tcs_job *(*next)(void *user), void *user);
-/* Starts what can start. Call after anything changed. */
+/* Starts what can start, and lets what is under way give way to what waits now. Call after anything changed. */
 void tcs_scheduler_pump(tcs_scheduler *scheduler);
-/* Tells the job to stop soon; `finished` comes as ever. */
+/* Nobody wants the job any more: one in line is finished at once (and freed), one under way soon. */
 void tcs_job_cancel(tcs_job *job);
 /* Drops the renderer's resources of a volume that goes away. */
 void tcs_scheduler_forget(tcs_scheduler *scheduler, tc_volume *volume);
-/* Gives up a picture that takes longer than the configured time: others wait for the renderer. About once a second. */
+/* Gives up a picture that takes longer than the configured time; forgets peers. About once a second. */
 void tcs_scheduler_tick(tcs_scheduler *scheduler, int64_t now_us);
 int tcs_scheduler_waiting(const tcs_scheduler *scheduler);
 /* Nothing is queued, rendering or being encoded. */
 bool tcs_scheduler_idle(const tcs_scheduler *scheduler);
-
-void tcs_job_free(tcs_job *job); /* a job that was not submitted */
 
 #endif

@@ -16,7 +16,7 @@ static void changed(tcs_session *session) {
   session->active_until_us = now_us + TCS_REST_US;
   /* A refinement of the old scene would hold up the first frame of the new one. */
   if (session->job && session->job->final) tcs_job_cancel(session->job);
-  tcs_scheduler_pump(session->server->scheduler);
+  tcs_session_wake(session);
 }
 
 bool tcs_session_patch(tcs_session *session, const cJSON *patch, bool whole, GError **error) {

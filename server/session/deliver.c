@@ -63,5 +63,5 @@ void tcs_session_refine(tcs_session *session) {
   if (session->latest) session->latest->final = false; /* its header said so; it is not sent again */
   for (guint i = 0; i < session->watchers->len; i++)
     ((tcs_watcher *)g_ptr_array_index(session->watchers, i))->shown_final = false;
-  tcs_scheduler_pump(session->server->scheduler);
+  tcs_session_wake(session);
 }

@@ -7,20 +7,10 @@
 #include "server/session/measure.h"
 #include "server/session/quality.h"
 
-/* Whether some viewer waits for a picture that is not under way; `final` tells which kind. */
-static bool has_work(const tcs_session *session, int64_t now_us, bool *final) {
-  if (session->job || session->watchers->len == 0) return false;
-  *final = tcs_session_at_rest(session, now_us);
-  const bool begun = session->begun_revision == session->revision && (session->begun_final || !*final);
-  if (begun) return false;
-  for (guint i = 0; i < session->watchers->len; i++) {
-    const tcs_watcher *watcher = g_ptr_array_index(session->watchers, i);
-    if (tcs_watcher_wants(watcher, session->revision, *final) && tcs_window_open(&watcher->window, now_us) &&
-        watcher->ops->ready(watcher))
-      return true;
-  }
-  return false;
-}
+/* What is dragged has no picture smaller than this on its longer side, unless its scene has. */
+#define LEAST_SIDE 48.0
+/* A picture that is dragged and would take so much longer still is misjudged. */
+#define LATE_MS (2 * TCS_LADDER_TARGET_MS)
 
 static void finished(tcs_job *job) {
   tcs_session *session = job->user;
@@ -34,12 +24,12 @@ static void finished(tcs_job *job) {
     session->begun_revision = session->latest ? session->latest->revision : 0;
     session->begun_final = session->latest && session->latest->final;
     if (!cancelled) tcs_session_fail(session, job);
+    tcs_session_wake(session);
     return;
   }
-  const double pixels = (double)job->out_width * job->out_height;
   if (!job->stats.stand_in) {
-    tcs_ladder_measure(&session->ladder, pixels, job->stats.render_ms);
-    tc_quality_cost_add(&session->cost, &job->scene, pixels, job->stats.render_ms);
+    tcs_ladder_measure(&session->ladder, job->samples, job->stats.render_ms);
+    tc_quality_cost_add(&session->cost, &job->scene, (double)job->out_width * job->out_height, job->stats.render_ms);
   }
   tcs_picture_unref(session->latest);
   session->latest = tcs_picture_new(job);
@@ -47,31 +37,62 @@ static void finished(tcs_job *job) {
   tcs_measure_cancel(session); /* of another picture */
   if (job->meter && job->revision == session->revision) tcs_measure_begin(session, job, session->latest);
   tcs_session_deliver(session);
+  tcs_session_wake(session);
   if (job->final) tcs_quality_pump(session->server->quality);
 }
 
-/* An interactive frame is smaller and coarser in its JPEG; the view is the same. */
+static double samples_of(const tcs_job *job) {
+  const int width = job->width ? job->width : job->scene.image.width;
+  const int height = job->height ? job->height : job->scene.image.height;
+  return tc_estimate_samples(job->volume, &job->scene, width, height, NULL);
+}
+
+static double target_ms(const tcs_quality_used *quality) {
+  return quality->for_time ? MIN(quality->asked, TCS_LADDER_TARGET_MS) : TCS_LADDER_TARGET_MS;
+}
+
+/* An interactive frame is smaller, coarser in its JPEG and, where that is not enough, in its samples; the view is the
+ * same. */
 static void make_interactive(tcs_session *session, tcs_job *job) {
   const int width = job->scene.image.width, height = job->scene.image.height;
-  const tcs_quality_used *quality = &job->quality;
-  const double budget = quality->for_time ? MIN(quality->asked, TCS_LADDER_TARGET_MS) : TCS_LADDER_TARGET_MS;
-  const double scale = tcs_ladder_scale(&session->ladder, (double)width * height, budget);
+  tcs_ladder_expect(&session->ladder, tcs_scheduler_ms_per_sample(session->server->scheduler));
+  const tcs_rung rung =
+      tcs_ladder_pick(&session->ladder, samples_of(job), (double)width * height, target_ms(&job->quality));
+  const double scale = MAX(rung.scale, MIN(1, LEAST_SIDE / MAX(width, height)));
   job->width = MAX(1, (int)lround(width * scale));
   job->height = MAX(1, (int)lround(height * scale));
+  tcs_rung_coarsen(rung.coarser, &job->scene);
   if (!job->scene.image.transparent) job->scene.image.format = TC_FORMAT_JPEG;
   job->scene.image.quality = MIN(job->scene.image.quality, TCS_INTERACTIVE_QUALITY);
   job->scene.image.subsampling = TC_SUBSAMPLING_420;
 }
 
+/* One that was misjudged is given up for a smaller one: it would come late, and again and again. */
+static bool goes_on(tcs_job *job) {
+  tcs_session *session = job->user;
+  const double done = MAX(tc_frame_done(&job->frame), 0.02), ms = job->stats.render_ms;
+  if (!session) return false;
+  if (job->final || job->stats.stand_in || ms < LATE_MS || ms / done - ms < LATE_MS) return true;
+  const int rung = session->ladder.rung;
+  tcs_ladder_measure(&session->ladder, job->samples * done, ms);
+  tcs_ladder_pick(&session->ladder, tcs_session_samples(session), 0, target_ms(&job->quality));
+  return session->ladder.rung <= rung;
+}
+
 /* The job leaves session->job when its rendering is over: the next one may render while this one is encoded. */
 static void rendered(tcs_job *job) {
   tcs_session *session = job->user;
-  if (session && session->job == job) session->job = NULL;
+  if (!session || session->job != job) return;
+  session->job = NULL;
+  tcs_session_wake(session);
 }
 
-static tcs_job *begin_job(tcs_session *session, bool final) {
+static tcs_job *begin_job(tcs_session *session, tcs_class class) {
+  const bool final = class != TCS_CLASS_INTERACTIVE;
   tcs_job *job = tcs_job_new(session->server, session->entry->volume, &session->scene);
   if (session->labels) job->labels = tc_volume_ref(tcs_session_labels(session));
+  job->class = class;
+  job->paused = goes_on;
   job->rendered = rendered;
   job->finished = finished;
   job->user = session;
@@ -80,6 +101,7 @@ static tcs_job *begin_job(tcs_session *session, bool final) {
   job->hurry = true;
   tcs_quality_resolve(session->server->quality, job, session, !final);
   if (!final) make_interactive(session, job);
+  job->samples = samples_of(job);
   if (final) job->meter_pixels = tcs_meter_pixels(job);
   job->marks = tcs_session_marks(session);
   session->job = job;
@@ -89,7 +111,10 @@ static tcs_job *begin_job(tcs_session *session, bool final) {
   return job;
 }
 
-tcs_job *tcs_session_next_job(tcs_session *session, int64_t now_us) {
-  bool final;
-  return has_work(session, now_us, &final) ? begin_job(session, final) : NULL;
+tcs_job *tcs_session_next_job(void *user, tcs_class class) {
+  tcs_session *session = user;
+  const tcs_class wanted = tcs_session_wants(session, g_get_monotonic_time());
+  if (wanted == class) return begin_job(session, class);
+  tcs_client_want(session->client, wanted);
+  return NULL;
 }

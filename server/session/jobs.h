@@ -4,7 +4,7 @@
 
 #include "server/session/session.h"
 
-/* The job of a picture that some viewer waits for and that is not under way, or NULL. */
-tcs_job *tcs_session_next_job(tcs_session *session, int64_t now_us);
+/* A tcs_client_next: the job of the picture that some viewer of the session waits for. */
+tcs_job *tcs_session_next_job(void *session, tcs_class class);
 
 #endif

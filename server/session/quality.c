@@ -25,7 +25,7 @@ typedef struct measurement {
   tc_quality_model model; /* what is known of errors and times: where to begin */
   tc_quality_cost cost;
   tc_quality_view view;
-  tc_interrupt interrupt;
+  tc_interrupt own, *interrupt; /* that of the waiting job, where there is one */
   GError *error;
 } measurement;
 
@@ -47,7 +47,7 @@ tcs_quality *tcs_quality_new(tcs_server *server) {
 
 void tcs_quality_cancel_all(tcs_quality *q) {
   for (guint i = 0; q && i < q->under_way->len; i++)
-    atomic_store(&((measurement *)g_ptr_array_index(q->under_way, i))->interrupt.cancel, true);
+    atomic_store(&((measurement *)g_ptr_array_index(q->under_way, i))->interrupt->cancel, true);
 }
 
 void tcs_quality_free(tcs_quality *q) {
@@ -179,14 +179,14 @@ static void run(tcs_task *task) {
   measurement *m = (measurement *)task;
   tcs_quality *q = m->quality;
   tcs_thread_set_low();
-  if (atomic_load(&m->interrupt.cancel)) {
+  if (atomic_load(&m->interrupt->cancel)) {
     tc_set_error(&m->error, TC_ERROR_CANCELLED, NULL, "cancelled");
     return;
   }
   const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = 1, .cache_bytes = CACHE_BYTES};
   if (!q->renderer) q->renderer = tc_renderer_new(&options, &m->error);
   if (q->renderer)
-    tc_quality_measure(q->renderer, m->volume, m->labels, &m->scene, &m->camera, &m->model, &m->cost, &m->interrupt,
+    tc_quality_measure(q->renderer, m->volume, m->labels, &m->scene, &m->camera, &m->model, &m->cost, m->interrupt,
                        &m->view, &m->error);
 }
 
@@ -247,8 +247,8 @@ static void done(tcs_task *task) {
   if (again) tcs_quality_pump(q);
 }
 
-/* Takes `look`. cost: of frames like those it is for. */
-static measurement *begin(tcs_quality *q, tc_volume *volume, tc_volume *labels, const tc_scene *scene,
+/* Takes `look`. waiting: the job that is queued afterwards, or NULL. cost: of frames like those it is for. */
+static measurement *begin(tcs_quality *q, tcs_job *waiting, tc_volume *volume, tc_volume *labels, const tc_scene *scene,
                           const tc_camera *camera, const tc_quality_cost *cost, char *look) {
   measurement *m = g_new0(measurement, 1);
   *m = (measurement){.task = {.run = run, .done = done}, .quality = q, .look = look, .camera = *camera};
@@ -257,7 +257,9 @@ static measurement *begin(tcs_quality *q, tc_volume *volume, tc_volume *labels, 
   tc_scene_copy(&m->scene, scene);
   m->model = *model_of(q, look);
   m->cost = *cost;
-  tc_interrupt_init(&m->interrupt);
+  tc_interrupt_init(&m->own);
+  m->waiting = waiting;
+  m->interrupt = waiting ? &waiting->interrupt : &m->own;
   g_ptr_array_add(q->under_way, m);
   tcs_worker_submit(q->server->quality_worker, &m->task);
   return m;
@@ -273,7 +275,7 @@ bool tcs_quality_prepare(tcs_quality *q, tcs_job *job) {
     g_free(look);
     return false;
   }
-  begin(q, job->volume, job->labels, &job->scene, &job->scene.camera, tcs_scheduler_cost(q->server->scheduler), look)->waiting = job;
+  begin(q, job, job->volume, job->labels, &job->scene, &job->scene.camera, tcs_scheduler_cost(q->server->scheduler), look);
   return true;
 }
 
@@ -288,7 +290,7 @@ static void measure_for(tcs_session *session, void *user) {
     g_free(look);
     return;
   }
-  q->for_session = begin(q, session->entry->volume, tcs_session_labels(session), &session->scene, &camera,
+  q->for_session = begin(q, NULL, session->entry->volume, tcs_session_labels(session), &session->scene, &camera,
                          cost_of(q, session), look);
   q->for_session->session = g_strdup(session->id);
 }
@@ -303,6 +305,6 @@ void tcs_quality_changed(tcs_quality *q, const tcs_session *session) {
   if (!m || strcmp(m->session, session->id) != 0) return;
   const bool wanted = session->watchers->len && tc_quality_measures(cost_of(q, session), &session->scene);
   char *look = wanted ? look_of_session(session) : NULL;
-  if (!look || strcmp(look, m->look) != 0) atomic_store(&m->interrupt.cancel, true);
+  if (!look || strcmp(look, m->look) != 0) atomic_store(&m->interrupt->cancel, true);
   g_free(look);
 }

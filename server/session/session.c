@@ -14,3 +14,43 @@ void tcs_session_pin(tcs_session *session) {
 }
 
 void tcs_session_unpin(tcs_session *session) { set_labels(session, NULL); }
+
+double tcs_session_samples(tcs_session *session) {
+  const tc_scene *scene = &session->scene;
+  if (session->samples_revision != session->revision)
+    session->full_samples =
+        tc_estimate_samples(session->entry->volume, scene, scene->image.width, scene->image.height, NULL);
+  session->samples_revision = session->revision;
+  return session->full_samples;
+}
+
+static bool takes_long(tcs_session *session) {
+  tcs_ladder_expect(&session->ladder, tcs_scheduler_ms_per_sample(session->server->scheduler));
+  return session->ladder.ms_per_sample * tcs_session_samples(session) > TCS_LONG_MS;
+}
+
+/* At rest it is a final picture: the first one of all is waited for as a single one is, and refining is not. */
+static tcs_class class_of(tcs_session *session, const tcs_watcher *watcher, bool rest, bool begun) {
+  if (!rest) return TCS_CLASS_INTERACTIVE;
+  if (!begun && watcher->shown_revision != session->revision && takes_long(session)) return TCS_CLASS_INTERACTIVE;
+  return watcher->shown_revision ? TCS_CLASS_REFINE : TCS_CLASS_SINGLE;
+}
+
+tcs_class tcs_session_wants(tcs_session *session, int64_t now_us) {
+  tcs_class wanted = TCS_CLASS_NONE;
+  if (session->job || session->watchers->len == 0) return wanted;
+  const bool rest = tcs_session_at_rest(session, now_us), begun = session->begun_revision == session->revision;
+  if (begun && (session->begun_final || !rest)) return wanted;
+  for (guint i = 0; i < session->watchers->len; i++) {
+    const tcs_watcher *watcher = g_ptr_array_index(session->watchers, i);
+    if (tcs_watcher_wants(watcher, session->revision, rest) && tcs_window_open(&watcher->window, now_us) &&
+        watcher->ops->ready(watcher))
+      wanted = MIN(wanted, class_of(session, watcher, rest, begun));
+  }
+  return wanted;
+}
+
+void tcs_session_wake(tcs_session *session) {
+  tcs_client_want(session->client, tcs_session_wants(session, g_get_monotonic_time()));
+  tcs_scheduler_pump(session->server->scheduler);
+}

@@ -6,7 +6,7 @@
  *   window     how many pictures a viewer has not acknowledged
  *   picture    a finished picture
  *   watcher    what one viewer has been shown and still needs
- *   session    the session's state; the label volume it holds
+ *   session    the session's state; whether it wants a picture; the label volume it holds
  *   scene      scenes made and checked
  *   deliver    pictures and failures to the viewers
  *   measure    the error meter of its pictures
@@ -25,6 +25,8 @@
 
 /* After this long without input a session counts as at rest and is refined to a final frame. */
 #define TCS_REST_US 150000
+/* A final picture that takes longer is preceded by one of those that are dragged, even at rest. */
+#define TCS_LONG_MS 300
 /* JPEG quality of interactive frames, at most. */
 #define TCS_INTERACTIVE_QUALITY 75
 
@@ -39,13 +41,16 @@ struct tcs_session {
   uint64_t revision; /* counts up from 1 with every change */
   GPtrArray *watchers;
   tcs_ladder ladder;
+  double full_samples;       /* of its picture in full size ... */
+  uint64_t samples_revision; /* ... at this revision */
   tc_quality_cost cost; /* of its frames */
   int64_t active_until_us; /* input flows until then */
   int64_t created_us, used_us;
   int probes;              /* rays and picks of its scene that wait or run */
   tcs_picture *latest;     /* newest finished picture, or NULL */
   tcs_picture *still;      /* newest one that was asked for by itself, without its image: what the meter says of it */
-  tcs_job *job;            /* rendering for the viewers, or NULL; jobs being encoded are no longer here */
+  tcs_client *client;      /* the scheduler's: turns and render time */
+  tcs_job *job;            /* rendering for the viewers, be it paused, or NULL; jobs being encoded are no longer here */
   uint64_t begun_revision; /* of the newest picture begun */
   bool begun_final;
   tcs_measure *measure; /* of `latest` or `still`, or NULL */
@@ -56,6 +61,13 @@ struct tcs_session {
 static inline bool tcs_session_at_rest(const tcs_session *session, int64_t now_us) {
   return now_us >= session->active_until_us;
 }
+
+/* Estimated samples of the scene in its full size. */
+double tcs_session_samples(tcs_session *session);
+/* In which class some viewer waits for a picture that is not under way, or TCS_CLASS_NONE. */
+tcs_class tcs_session_wants(tcs_session *session, int64_t now_us);
+/* Something changed that a picture may be wanted for, or room for one. */
+void tcs_session_wake(tcs_session *session);
 
 /* The scene's label volume, or NULL; the session's. */
 tc_volume *tcs_session_labels(const tcs_session *session);

@@ -14,35 +14,18 @@ struct tcs_sessions {
   tcs_server *server;
   GHashTable *by_id;
   GPtrArray *order; /* oldest first */
-  guint turn;       /* index in `order` of the session that is served next */
 };
-
-/* Sessions are asked in turn. */
-static tcs_job *next_job(void *user) {
-  tcs_sessions *sessions = user;
-  const int64_t now_us = g_get_monotonic_time();
-  for (guint i = 0; i < sessions->order->len; i++) {
-    const guint index = (sessions->turn + i) % sessions->order->len;
-    tcs_job *job = tcs_session_next_job(g_ptr_array_index(sessions->order, index), now_us);
-    if (!job) continue;
-    sessions->turn = index + 1;
-    return job;
-  }
-  return NULL;
-}
 
 tcs_sessions *tcs_sessions_new(tcs_server *server) {
   tcs_sessions *sessions = g_new0(tcs_sessions, 1);
   sessions->server = server;
   sessions->by_id = g_hash_table_new(g_str_hash, g_str_equal);
   sessions->order = g_ptr_array_new();
-  tcs_scheduler_set_stream(server->scheduler, next_job, sessions);
   return sessions;
 }
 
 void tcs_sessions_free(tcs_sessions *sessions) {
   if (!sessions) return;
-  tcs_scheduler_set_stream(sessions->server->scheduler, NULL, NULL);
   while (sessions->order->len)
     tcs_session_end(g_ptr_array_index(sessions->order, 0));
   g_ptr_array_unref(sessions->order);
@@ -72,7 +55,8 @@ static bool random_id(char id[33], GError **error) {
   return true;
 }
 
-tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const cJSON *patch, GError **error) {
+tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const cJSON *patch, const char *peer,
+                                  GError **error) {
   tcs_server *server = sessions->server;
   tc_scene scene;
   char id[33];
@@ -94,6 +78,7 @@ tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const
   session->watchers = g_ptr_array_new();
   session->jobs = g_ptr_array_new();
   session->cost = tc_quality_cost_of(tcs_scheduler_about(server->scheduler)->backend);
+  session->client = tcs_scheduler_join(server->scheduler, peer, tcs_session_next_job, session);
   session->created_us = session->used_us = g_get_monotonic_time();
   g_hash_table_insert(sessions->by_id, session->id, session);
   g_ptr_array_add(sessions->order, session);
@@ -114,6 +99,7 @@ void tcs_session_end(tcs_session *session) {
     job->user = NULL;
     tcs_job_cancel(job);
   }
+  tcs_scheduler_leave(session->server->scheduler, session->client);
   tcs_measure_cancel(session);
   tcs_session_unpin(session);
   session->entry->users--;
@@ -142,6 +128,16 @@ int64_t tcs_sessions_next_us(const tcs_sessions *sessions, int64_t now_us) {
     if (next < 0 || left < next) next = left;
   }
   return next;
+}
+
+static void wake(tcs_session *session, int64_t now_us) {
+  if (session->watchers->len && !session->job) tcs_client_want(session->client, tcs_session_wants(session, now_us));
+}
+
+void tcs_sessions_wake(tcs_sessions *sessions, int64_t now_us) {
+  for (guint i = 0; i < sessions->order->len; i++)
+    wake(g_ptr_array_index(sessions->order, i), now_us);
+  tcs_scheduler_pump(sessions->server->scheduler);
 }
 
 void tcs_sessions_expire(tcs_sessions *sessions, int64_t now_us) {

@@ -12,14 +12,17 @@ int tcs_sessions_count(const tcs_sessions *sessions);
 void tcs_sessions_each(tcs_sessions *sessions, void (*each)(tcs_session *session, void *user), void *user);
 
 /* A session on a resident volume with the volume's default scene and `patch` (may be NULL) on top. TC_ERROR_BUSY when
- * there are too many; else the errors of a scene. */
-tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const cJSON *patch, GError **error);
+ * there are too many; else the errors of a scene. peer: whose render time its pictures take (schedule/fair.h). */
+tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const cJSON *patch, const char *peer,
+                                 GError **error);
 void tcs_session_end(tcs_session *session);
 /* Ends every session that shows a volume, be it as labels. */
 void tcs_sessions_end_of(tcs_sessions *sessions, const tcs_entry *entry);
 
 /* Microseconds until a session comes to rest or may be retried; -1 = nothing to wait for. */
 int64_t tcs_sessions_next_us(const tcs_sessions *sessions, int64_t now_us);
+/* Sessions that came to rest want their final pictures. */
+void tcs_sessions_wake(tcs_sessions *sessions, int64_t now_us);
 /* Once a second: ends sessions that nobody used for the configured time. */
 void tcs_sessions_expire(tcs_sessions *sessions, int64_t now_us);
 

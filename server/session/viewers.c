@@ -26,6 +26,7 @@ void tcs_session_leave(tcs_watcher *watcher) {
   session->used_us = g_get_monotonic_time();
   if (session->watchers->len > 0) return;
   if (session->job) tcs_job_cancel(session->job);
+  tcs_client_want(session->client, TCS_CLASS_NONE);
   if (session->server->quality) tcs_quality_changed(session->server->quality, session);
 }
 
@@ -35,7 +36,7 @@ void tcs_watcher_pump(tcs_watcher *watcher) {
   /* A picture that is out of date only goes out as it is finished; here a newer one is on its way. */
   if (session->latest && session->latest->revision == session->revision)
     tcs_session_deliver_to(session, watcher, g_get_monotonic_time());
-  tcs_scheduler_pump(session->server->scheduler);
+  tcs_session_wake(session);
 }
 
 bool tcs_watcher_patch(tcs_watcher *watcher, uint64_t seq, const cJSON *patch, GError **error) {
@@ -60,5 +61,5 @@ void tcs_watcher_pointer(tcs_watcher *watcher, bool down) {
   tcs_session *session = watcher->session;
   session->used_us = g_get_monotonic_time();
   session->active_until_us = down ? session->used_us + TCS_REST_US : 0;
-  tcs_scheduler_pump(session->server->scheduler);
+  tcs_session_wake(session);
 }

@@ -57,40 +57,93 @@ static void test_window_of_zero_is_one(void **state) {
   assert_false(tcs_window_open(&window, 0));
 }
 
+/* Of a picture of a million pixels, a sample each. */
+static double scale(tcs_ladder *ladder, double target_ms) { return tcs_ladder_pick(ladder, 1e6, 1e6, target_ms).scale; }
+
 static void test_ladder_keeps_full_size_when_it_fits(void **state) {
   tcs_ladder ladder = {0};
-  assert_true(tcs_ladder_scale(&ladder, 1e6, TCS_LADDER_TARGET_MS) == 1.0); /* nothing measured yet */
+  assert_true(scale(&ladder, TCS_LADDER_TARGET_MS) == 1.0); /* nothing measured yet */
   tcs_ladder_measure(&ladder, 1e6, 20);
-  assert_true(tcs_ladder_scale(&ladder, 1e6, TCS_LADDER_TARGET_MS) == 1.0);
+  assert_true(scale(&ladder, TCS_LADDER_TARGET_MS) == 1.0);
 }
 
-static void test_ladder_steps_down_at_once_and_has_a_floor(void **state) {
+static void test_ladder_steps_down_at_once(void **state) {
   tcs_ladder ladder = {0};
   tcs_ladder_measure(&ladder, 1e6, 100); /* at half the sides: 25 ms */
-  assert_true(tcs_ladder_scale(&ladder, 1e6, TCS_LADDER_TARGET_MS) == 0.5);
-  tcs_ladder_measure(&ladder, 2.5e5, 60000);
-  assert_true(tcs_ladder_scale(&ladder, 1e6, TCS_LADDER_TARGET_MS) == 0.25);
+  assert_true(scale(&ladder, TCS_LADDER_TARGET_MS) == 0.5);
+  tcs_ladder_measure(&ladder, 2.5e5, 100);
+  assert_true(scale(&ladder, TCS_LADDER_TARGET_MS) == 0.25); /* 25 ms */
+}
+
+static double expected_ms(const tcs_ladder *ladder, tcs_rung rung) {
+  return ladder->ms_per_sample * 1e6 * rung.scale * rung.scale / rung.coarser;
+}
+
+static void test_ladder_goes_on_below_the_smallest_picture(void **state) {
+  tcs_ladder ladder = {0};
+  for (double ms = 1000; ms < 400000; ms *= 1.5) {
+    tcs_ladder_measure(&ladder, 1e6, ms);
+    const tcs_rung rung = tcs_ladder_pick(&ladder, 1e6, 1e6, TCS_LADDER_TARGET_MS);
+    assert_true(rung.scale <= 0.25 && expected_ms(&ladder, rung) <= TCS_LADDER_TARGET_MS);
+  }
+  tcs_ladder_measure(&ladder, 1e6, 1e9); /* the last rung is the last one */
+  assert_true(tcs_ladder_pick(&ladder, 1e6, 1e6, TCS_LADDER_TARGET_MS).scale > 0);
+}
+
+/* The first frame of a session has nothing of its own to go by. */
+static void test_ladder_starts_from_what_others_took(void **state) {
+  tcs_ladder ladder = {0};
+  tcs_ladder_expect(&ladder, 0); /* nobody rendered yet */
+  assert_true(scale(&ladder, TCS_LADDER_TARGET_MS) == 1.0);
+  tcs_ladder_expect(&ladder, 1e-4);
+  assert_true(scale(&ladder, TCS_LADDER_TARGET_MS) == 0.5);
+  tcs_ladder_measure(&ladder, 1e6, 20); /* its own frames are quicker, and count alone */
+  tcs_ladder_expect(&ladder, 1e-3);
+  assert_true(scale(&ladder, TCS_LADDER_TARGET_MS) == 1.0);
+}
+
+static void test_ladder_spares_the_encoder(void **state) {
+  tcs_ladder ladder = {0};
+  const tcs_rung rung = tcs_ladder_pick(&ladder, 1, 8192.0 * 2000, TCS_LADDER_TARGET_MS);
+  assert_true(8192.0 * 2000 * rung.scale * rung.scale <= 4e6 && rung.coarser == 1);
+}
+
+static void test_coarser_is_fewer_rays_then_longer_steps(void **state) {
+  tc_scene scene = {.mode = TC_MODE_DVR, .sampling = {.step = 0.5, .rays_per_pixel = 16}};
+  tcs_rung_coarsen(4, &scene);
+  assert_int_equal(scene.sampling.rays_per_pixel, 4);
+  assert_true(scene.sampling.step == 2); /* rays of a pixel have their samples in turn: each ray's are as far apart as before */
+  scene = (tc_scene){.mode = TC_MODE_MIP, .sampling = {.step = 0.5, .rays_per_pixel = 2}};
+  tcs_rung_coarsen(8, &scene);
+  assert_int_equal(scene.sampling.rays_per_pixel, 1);
+  assert_true(scene.sampling.step == 2);
+  scene = (tc_scene){.mode = TC_MODE_ISOSURFACE, .sampling = {.step = 0.5, .rays_per_pixel = 4}};
+  tcs_rung_coarsen(16, &scene);
+  assert_int_equal(scene.sampling.rays_per_pixel, 1);
+  assert_true(scene.sampling.step == 0.5);
+  tcs_rung_coarsen(1, &scene);
+  assert_int_equal(scene.sampling.rays_per_pixel, 1);
 }
 
 static void test_ladder_does_not_swing(void **state) {
   tcs_ladder ladder = {0};
   tcs_ladder_measure(&ladder, 1e6, 34); /* just too slow */
-  assert_true(tcs_ladder_scale(&ladder, 1e6, TCS_LADDER_TARGET_MS) == 0.75);
+  assert_true(scale(&ladder, TCS_LADDER_TARGET_MS) == 0.75);
   for (int i = 0; i < 50; i++) { /* just fast enough: not with a margin */
     tcs_ladder_measure(&ladder, 1e6, 32);
-    assert_true(tcs_ladder_scale(&ladder, 1e6, TCS_LADDER_TARGET_MS) == 0.75);
+    assert_true(scale(&ladder, TCS_LADDER_TARGET_MS) == 0.75);
   }
   for (int i = 0; i < 50; i++)
     tcs_ladder_measure(&ladder, 1e6, 10);
-  assert_true(tcs_ladder_scale(&ladder, 1e6, TCS_LADDER_TARGET_MS) == 1.0);
+  assert_true(scale(&ladder, TCS_LADDER_TARGET_MS) == 1.0);
 }
 
 static void test_ladder_keeps_the_time_it_is_given(void **state) {
   tcs_ladder ladder = {0};
   tcs_ladder_measure(&ladder, 1e6, 20);
-  assert_true(tcs_ladder_scale(&ladder, 1e6, TCS_LADDER_TARGET_MS) == 1.0);
-  assert_true(tcs_ladder_scale(&ladder, 1e6, 12) == 0.75); /* 11.25 ms */
-  assert_true(tcs_ladder_scale(&ladder, 1e6, 2) == 0.25);
+  assert_true(scale(&ladder, TCS_LADDER_TARGET_MS) == 1.0);
+  assert_true(scale(&ladder, 12) == 0.75); /* 11.25 ms */
+  assert_true(scale(&ladder, 2) == 0.25);
 }
 
 static void test_ladder_ignores_nonsense(void **state) {
@@ -98,7 +151,7 @@ static void test_ladder_ignores_nonsense(void **state) {
   tcs_ladder_measure(&ladder, 0, 5);
   tcs_ladder_measure(&ladder, -3, 5);
   tcs_ladder_measure(&ladder, 100, -1);
-  assert_true(ladder.ms_per_pixel == 0);
+  assert_true(ladder.ms_per_sample == 0);
 }
 
 static void test_watcher_wants_what_is_new(void **state) {
@@ -148,7 +201,11 @@ int main(void) {
       cmocka_unit_test(test_window_stalls_and_wakes),
       cmocka_unit_test(test_window_of_zero_is_one),
       cmocka_unit_test(test_ladder_keeps_full_size_when_it_fits),
-      cmocka_unit_test(test_ladder_steps_down_at_once_and_has_a_floor),
+      cmocka_unit_test(test_ladder_steps_down_at_once),
+      cmocka_unit_test(test_ladder_goes_on_below_the_smallest_picture),
+      cmocka_unit_test(test_ladder_starts_from_what_others_took),
+      cmocka_unit_test(test_ladder_spares_the_encoder),
+      cmocka_unit_test(test_coarser_is_fewer_rays_then_longer_steps),
       cmocka_unit_test(test_ladder_does_not_swing),
       cmocka_unit_test(test_ladder_keeps_the_time_it_is_given),
       cmocka_unit_test(test_ladder_ignores_nonsense),
