@@ -45,3 +45,14 @@ cJSON *tcp_problem(const GError *error) {
   g_free(type);
   return document;
 }
+
+cJSON *tcp_problem_named(int status, const char *name, const char *title, const char *detail) {
+  cJSON *document = cJSON_CreateObject();
+  char *type = g_strconcat("urn:tomocast:problem:", name, NULL);
+  tcp_add(document, "type", cJSON_CreateString(type));
+  tcp_add(document, "title", cJSON_CreateString(title));
+  tcp_add(document, "status", cJSON_CreateNumber(status));
+  tcp_add(document, "detail", cJSON_CreateString(detail));
+  g_free(type);
+  return document;
+}

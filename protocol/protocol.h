@@ -60,6 +60,8 @@ cJSON *tcp_presets(void);
 int tcp_problem_status(const GError *error);
 /* {"type","title","status","detail","pointer"?}; type is "urn:tomocast:problem:<code>", e.g. ...:unsupported. */
 cJSON *tcp_problem(const GError *error);
+/* A problem that is no GError: `name` completes "urn:tomocast:problem:". */
+cJSON *tcp_problem_named(int status, const char *name, const char *title, const char *detail);
 
 /* --- WebSocket tomocast.v1 --------------------------------------------------------------------- */
 

@@ -14,6 +14,7 @@ typedef enum tcs_volume_state { TCS_LOADING, TCS_RESIDENT, TCS_FAILED, TCS_VOLUM
 typedef struct tcs_load tcs_load;
 typedef struct tcs_entry {
   char id[65];
+  char owner[65];        /* name of the token that brought it; "": nobody's */
   tcs_volume_state state;
   tc_volume *volume;     /* resident: one reference */
   tc_scene defaults;     /* resident: the scene that fits the volume */

@@ -233,9 +233,8 @@ static void announce(const serve_daemon *d) {
   const char *address = tcs_http_address(d->server.http);
   tcs_log(TCS_LOG_INFO, "serve.start", "version=%s backend=%s simd=%s threads=%d address=%s", TC_VERSION, info->backend,
           info->isa ? info->isa : "none", info->threads, address);
-  if (!g_str_has_prefix(address, "127.") && !g_str_has_prefix(address, "[::1]"))
-    tcs_log(TCS_LOG_WARN, "serve.open",
-            "text=\"others on the network can reach this server; it asks nobody who they are\"");
+  if (d->config.insecure_no_auth)
+    tcs_log(TCS_LOG_WARN, "serve.open", "text=\"this server asks nobody who they are\"");
   printf("listening on http://%s\n", address);
   fflush(stdout);
 }
@@ -243,7 +242,8 @@ static void announce(const serve_daemon *d) {
 /* --- the command line ------------------------------------------------------------------------------- */
 
 typedef struct serve_options {
-  char *listen, *data, *backend, *config, *log, **volumes, **hosts;
+  char *listen, *data, *backend, *config, *log, *tokens, **volumes, **hosts;
+  gboolean insecure_no_auth;
 } serve_options;
 
 static bool configure(serve_daemon *d, const serve_options *options, GError **error) {
@@ -257,6 +257,11 @@ static bool configure(serve_daemon *d, const serve_options *options, GError **er
   for (char **host = options->hosts; host && *host; host++)
     g_ptr_array_add(config->hosts, g_strdup(*host));
   tcs_log_set_level(config->log_level);
+  if (options->tokens) {
+    g_free(config->token_file);
+    config->token_file = g_strdup(options->tokens);
+  }
+  config->insecure_no_auth = options->insecure_no_auth;
   d->server.access = tcs_access_new(config, error);
   return d->server.access && tcs_log_open(options->log ? options->log : config->log, error);
 }
@@ -288,6 +293,10 @@ int tcs_cli_serve(int argc, char **argv) {
       {"log", 0, 0, G_OPTION_ARG_FILENAME, &options.log, "file that the log is appended to; stderr without it", "FILE"},
       {"host", 0, 0, G_OPTION_ARG_STRING_ARRAY, &options.hosts,
        "a name this server is asked for by, beside the address it listens on; may be repeated", "NAME[:PORT]"},
+      {"token-file", 0, 0, G_OPTION_ARG_FILENAME, &options.tokens,
+       "who may do what: lines of NAME ROLE TOKEN (view, edit, admin); read once at the start", "FILE"},
+      {"insecure-no-auth", 0, 0, G_OPTION_ARG_NONE, &options.insecure_no_auth,
+       "let everybody in who can reach the address", NULL},
       {"config", 0, 0, G_OPTION_ARG_FILENAME, &options.config, "settings and limits; options given here win over it",
        "FILE"},
       {0}};
@@ -310,6 +319,7 @@ int tcs_cli_serve(int argc, char **argv) {
   g_free(options.backend);
   g_free(options.config);
   g_free(options.log);
+  g_free(options.tokens);
   g_strfreev(options.volumes);
   g_strfreev(options.hosts);
   g_strfreev(rest);

@@ -70,6 +70,7 @@ void tcs_config_clear(tcs_config *config) {
   g_free(config->data);
   g_free(config->spool);
   g_free(config->log);
+  g_free(config->token_file);
   if (config->volumes) g_ptr_array_unref(config->volumes);
   if (config->hosts) g_ptr_array_unref(config->hosts);
   if (config->origins) g_ptr_array_unref(config->origins);
@@ -212,6 +213,9 @@ static bool read_server(tcs_config *config, GKeyFile *file, const char *key, GEr
     config->log = g_strdup(value);
   } else if (strcmp(key, "hosts") == 0) {
     read_list(value, config->hosts);
+  } else if (strcmp(key, "token_file") == 0) {
+    g_free(config->token_file);
+    config->token_file = g_strdup(value);
   } else if (strcmp(key, "origins") == 0) {
     read_list(value, config->origins);
   } else if (strcmp(key, "log_level") == 0) {

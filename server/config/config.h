@@ -37,6 +37,8 @@ typedef struct tcs_config {
   GPtrArray *volumes;    /* tcs_named_path: --volume */
   GPtrArray *hosts;      /* char *: names it answers to beside the address it listens on */
   GPtrArray *origins;    /* char *: of pages behind a proxy that sends on another Host */
+  char *token_file;      /* who may do what; NULL: everybody everything */
+  bool insecure_no_auth; /* everybody, from everywhere: said aloud */
   int64_t drain_seconds; /* how long to go on answering (with readyz 503) after SIGTERM */
   tcs_log_level log_level;
   tcs_limits limits;

@@ -2,33 +2,15 @@
 
 #include <string.h>
 
-#include "server/access/access.h"
+#include "server/access/audit.h"
 
-typedef struct tally {
-  const char *name;
-  int count;
-} tally;
-
-static enum MHD_Result count_one(void *user, enum MHD_ValueKind kind, const char *name, const char *value) {
-  tally *wanted = user;
-  wanted->count += g_ascii_strcasecmp(name, wanted->name) == 0;
-  return MHD_YES;
-}
-
-/* How often a header is given. */
-static int header_count(const tcs_request *request, const char *name) {
-  tally wanted = {name, 0};
-  MHD_get_connection_values(request->connection, MHD_HEADER_KIND, count_one, &wanted);
-  return wanted.count;
+static void refused(const tcs_request *request, const char *why) {
+  tcs_audit_refused(request->server->access, &request->caller, why);
 }
 
 bool tcs_admit_host(tcs_request *request) {
-  const int count = header_count(request, "Host");
-  if (count != 1) {
-    tcs_reply_problem(request, 400, "host", "Bad request", count ? "give one Host header" : "give a Host header");
-    return false;
-  }
   if (tcs_host_allowed(request->server->access->hosts, tcs_header(request, "Host"))) return true;
+  refused(request, "host");
   tcs_reply_problem(request, 421, "host", "Misdirected request",
                     "this server does not answer for that host; its operator can name it with --host");
   return false;
@@ -43,15 +25,52 @@ static bool fetched_from_here(const tcs_request *request) {
 
 bool tcs_admit_origin(tcs_request *request) {
   if (request->route->role == TCS_ROLE_NONE) return true;
-  const int count = header_count(request, "Origin");
   const char *origin = tcs_header(request, "Origin");
-  if (count == 0
-          ? fetched_from_here(request)
-          : count == 1 && tcs_origin_allowed(request->server->access->hosts, origin, tcs_header(request, "Host")))
+  if (origin ? tcs_origin_allowed(request->server->access->hosts, origin, tcs_header(request, "Host"))
+             : fetched_from_here(request))
     return true;
+  refused(request, "origin");
   tcs_reply_problem(request, 403, "origin", "Forbidden",
                     "pages of other origins may not ask; behind a proxy name its origin in [server] origins");
   return false;
+}
+
+/* Everything of one session: what a link opens, and where a ticket may stand in for a token. */
+static bool is_of_session(const tcs_route *route) { return g_str_has_prefix(route->pattern, "/v1/sessions/{id}"); }
+
+static bool refuse_stranger(tcs_request *request, bool presented) {
+  refused(request, "token");
+  tcs_reply_problem(request, 401, "token", "Who is asking?",
+                    presented ? "the token, ticket or link is not known here, or has expired"
+                              : "send a token: Authorization: Bearer TOKEN");
+  tcs_reply_header(request, "WWW-Authenticate",
+                   presented ? "Bearer realm=\"tomocast\", error=\"invalid_token\"" : "Bearer realm=\"tomocast\"");
+  return false;
+}
+
+static bool refuse_role(tcs_request *request, const char *detail) {
+  refused(request, "role");
+  tcs_reply_problem(request, 403, "role", "Not allowed", detail);
+  return false;
+}
+
+bool tcs_admit_caller(tcs_request *request) {
+  const tcs_route *route = request->route;
+  tcs_caller *caller = &request->caller;
+  if (route->role == TCS_ROLE_NONE) return true;
+  const bool by_ticket = is_of_session(route) && strcmp(route->method, "GET") == 0;
+  const char *ticket = by_ticket ? tcs_query(request, "ticket") : NULL;
+  const bool known = tcs_access_identify(request->server->access, tcs_header(request, "Authorization"), ticket, caller);
+  char detail[80];
+  if (!known || caller->role == TCS_ROLE_NONE) return refuse_stranger(request, !known);
+  if (caller->role < route->role) {
+    g_snprintf(detail, sizeof detail, "this needs the role %s; yours is %s", tcs_role_name(route->role),
+               tcs_role_name(caller->role));
+    return refuse_role(request, detail);
+  }
+  if (caller->session[0] && route->role > TCS_ROLE_VIEW && !is_of_session(route))
+    return refuse_role(request, "this link opens one session only");
+  return true;
 }
 
 void tcs_shield(tcs_request *request) {

@@ -2,6 +2,7 @@
 #include <limits.h>
 #include <string.h>
 
+#include "server/access/audit.h"
 #include "server/encode/encode.h"
 #include "server/http/http.h"
 #include "server/session/measure.h"
@@ -123,6 +124,7 @@ static void post_render(tcs_request *request, cJSON *body) {
     return;
   const tcs_entry *entry = tcs_resident(request, volume, "/volume");
   if (!entry) return;
+  tcs_audit(request->server->access, &request->caller, "render", NULL, entry->id);
   tc_image_format chosen = TC_FORMAT_JPEG;
   if (!read_format(request, format, &chosen)) return;
   if (format) format_into_scene(body, chosen);

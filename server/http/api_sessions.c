@@ -1,9 +1,11 @@
 /* Sessions and their scenes over HTTP, and the hand-over to WebSocket. */
 #include <string.h>
 
+#include "server/access/audit.h"
 #include "server/http/http.h"
 #include "server/session/change.h"
 #include "server/session/measure.h"
+#include "server/session/scope.h"
 #include "server/session/store.h"
 #include "server/ws/handshake.h"
 
@@ -42,11 +44,21 @@ static cJSON *describe(const tcs_session *session, bool with_scene) {
   return json;
 }
 
-static void add_session(tcs_session *session, void *list) { cJSON_AddItemToArray(list, describe(session, false)); }
+typedef struct session_list {
+  const tcs_caller *caller;
+  cJSON *array;
+} session_list;
+
+static void add_session(tcs_session *session, void *user) {
+  const session_list *list = user;
+  if (tcs_caller_sees(list->caller, session->id, session->owner))
+    cJSON_AddItemToArray(list->array, describe(session, false));
+}
 
 void tcs_get_sessions(tcs_request *request) {
   cJSON *json = cJSON_CreateObject();
-  tcs_sessions_each(request->server->sessions, add_session, cJSON_AddArrayToObject(json, "sessions"));
+  session_list list = {&request->caller, cJSON_AddArrayToObject(json, "sessions")};
+  tcs_sessions_each(request->server->sessions, add_session, &list);
   tcs_reply_json(request, 200, json);
 }
 
@@ -66,6 +78,8 @@ static void post_session(tcs_request *request, const cJSON *body) {
     g_clear_error(&error);
     return;
   }
+  g_strlcpy(session->owner, request->caller.name, sizeof session->owner);
+  tcs_audit(request->server->access, &request->caller, "session.create", session->id, entry->id);
   char etag[32];
   char *location = g_strconcat("/v1/sessions/", session->id, NULL);
   etag_of(session, etag);
@@ -92,8 +106,9 @@ void tcs_get_session(tcs_request *request) {
 }
 
 void tcs_delete_session(tcs_request *request) {
-  tcs_session *session = tcs_session_of(request);
+  tcs_session *session = tcs_own_session(request);
   if (!session) return;
+  tcs_audit(request->server->access, &request->caller, "session.delete", session->id, NULL);
   tcs_session_end(session);
   tcs_reply_empty(request, 204);
 }
@@ -135,7 +150,10 @@ static void change_scene(tcs_request *request, bool whole) {
   cJSON *patch = tcs_body_json(request);
   if (!patch) return;
   GError *error = NULL;
-  if (tcs_session_patch(session, patch, whole, &error))
+  const char *forbidden = tcs_patch_forbidden(&request->caller, session, patch);
+  if (forbidden)
+    tcs_reply_problem(request, 403, "forbidden", "Not allowed", forbidden);
+  else if (tcs_session_patch(session, patch, whole, &error))
     reply_scene(request, session);
   else
     tcs_reply_error(request, error);
@@ -155,7 +173,9 @@ static void on_upgrade(void *user, struct MHD_Connection *connection, void *cont
   tcs_server *server = request->server;
   tcs_session *session = server->draining ? NULL : tcs_sessions_find(server->sessions, request->params[0]);
   const GByteArray *held = tcs_http_held(connection); /* the library was given none of it: extra is empty */
-  tcs_streams_open(tcs_http_streams(server->http), session, fd, handle, (const char *)held->data, held->len);
+  tcs_streams_open(tcs_http_streams(server->http), session, &request->caller, fd, handle, (const char *)held->data,
+                   held->len);
+  if (session) tcs_audit(server->access, &request->caller, "session.join", session->id, session->entry->id);
 }
 
 static bool handshake_ok(tcs_request *request) {

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "server/access/audit.h"
 #include "server/catalogue/beneath.h"
 #include "server/catalogue/catalogue.h"
 #include "server/http/work.h"
@@ -34,7 +35,8 @@ static walk *new_walk(void (*run)(tcs_work *work)) {
 }
 
 static tcs_entry *entry_of(tcs_request *request) {
-  tcs_entry *entry = tcs_catalogue_find(request->server->catalogue, request->params[0]);
+  const char *id = request->params[0];
+  tcs_entry *entry = tcs_volume_visible(request, id) ? tcs_catalogue_find(request->server->catalogue, id) : NULL;
   if (!entry)
     tcs_reply_problem(request, 404, "not-found", "No such thing",
                       "there is no such volume; GET /v1/volumes lists them");
@@ -58,7 +60,24 @@ static void run_list(tcs_work *work) {
   work->text = tcs_json_text(json);
 }
 
+/* Who was given one session is shown its volumes, and nothing that could be loaded. */
+static void reply_visible(tcs_request *request) {
+  cJSON *json = cJSON_CreateObject(), *volumes = tcs_catalogue_list(request->server->catalogue), *next;
+  for (cJSON *volume = volumes->child; volume; volume = next) {
+    next = volume->next;
+    const char *id = cJSON_GetStringValue(cJSON_GetObjectItemCaseSensitive(volume, "id"));
+    if (!tcs_volume_visible(request, id)) cJSON_Delete(cJSON_DetachItemViaPointer(volumes, volume));
+  }
+  cJSON_AddItemToObject(json, "volumes", volumes);
+  cJSON_AddArrayToObject(json, "available");
+  tcs_reply_json(request, 200, json);
+}
+
 void tcs_get_volumes(tcs_request *request) {
+  if (request->caller.session[0]) {
+    reply_visible(request);
+    return;
+  }
   walk *w = new_walk(run_list);
   w->folder = request->server->config->data;
   w->volumes = tcs_catalogue_list(request->server->catalogue);
@@ -67,7 +86,9 @@ void tcs_get_volumes(tcs_request *request) {
 
 /* --- load ------------------------------------------------------------------------------------------ */
 
-static void reply_loading(tcs_request *request, const tcs_entry *entry) {
+static void reply_loading(tcs_request *request, tcs_entry *entry, const char *event) {
+  g_strlcpy(entry->owner, request->caller.name, sizeof entry->owner);
+  tcs_audit(request->server->access, &request->caller, event, NULL, entry->id);
   char *location = g_strconcat("/v1/volumes/", entry->id, NULL);
   tcs_reply_json(request, 202, tcs_catalogue_describe(entry));
   tcs_reply_header(request, "Location", location);
@@ -92,7 +113,7 @@ static void post_volume(tcs_request *request, const cJSON *body) {
   if (tcs_catalogue_may_load(catalogue, id, &error) && tcs_catalogue_resolve(catalogue, path, &source, &error))
     entry = tcs_catalogue_load(catalogue, id, &source, &error);
   if (entry)
-    reply_loading(request, entry);
+    reply_loading(request, entry, "volume.load");
   else
     reply_and_clear(request, error);
 }
@@ -109,7 +130,7 @@ void tcs_put_volume(tcs_request *request) {
   if (!source.path) return;
   tcs_entry *entry = tcs_catalogue_load(request->server->catalogue, request->params[0], &source, &error);
   if (entry)
-    reply_loading(request, entry);
+    reply_loading(request, entry, "volume.upload");
   else
     reply_and_clear(request, error);
 }
@@ -123,10 +144,17 @@ void tcs_delete_volume(tcs_request *request) {
   tcs_entry *entry = entry_of(request);
   if (!entry) return;
   const char *force = tcs_query(request, "force");
-  if (entry->users > 0 && !(force && strcmp(force, "true") == 0)) {
+  const bool forced = force && strcmp(force, "true") == 0;
+  if (!tcs_caller_owns(&request->caller, entry->owner) || (forced && request->caller.role < TCS_ROLE_ADMIN)) {
+    tcs_reply_problem(request, 403, "forbidden", "Not allowed",
+                      "a volume is deleted by who brought it, and by force or for others by the role admin");
+    return;
+  }
+  if (entry->users > 0 && !forced) {
     tcs_reply_problem(request, 409, "conflict", "In use", "sessions show this volume; end them or add ?force=true");
     return;
   }
+  tcs_audit(request->server->access, &request->caller, "volume.delete", NULL, entry->id);
   tcs_sessions_end_of(request->server->sessions, entry);
   tcs_catalogue_remove(request->server->catalogue, entry);
   tcs_reply_empty(request, 204);

@@ -235,7 +235,8 @@ static const tcs_refusal *read_upgrade(reader *r, slice value) {
 }
 
 /* Of two values of one of these nobody can say which is meant. */
-static const char *const ONCE[] = {"Content-Type", "Authorization", "Sec-WebSocket-Version", "Sec-WebSocket-Key"};
+static const char *const ONCE[] = {"Content-Type", "Authorization", "Origin", "Sec-WebSocket-Version",
+                                   "Sec-WebSocket-Key"};
 
 static const tcs_refusal *read_field(reader *r, slice line) {
   static const struct {

@@ -111,7 +111,7 @@ static void admit(tcs_request *request, const char *path) {
   } else if (!match.route) {
     tcs_reply_problem(request, 405, "method", "Method not allowed", "the Allow header lists the methods of this path");
     tcs_reply_header(request, "Allow", match.allow);
-  } else if (!tcs_admit_origin(request)) {
+  } else if (!tcs_admit_origin(request) || !tcs_admit_caller(request)) {
     return;
   } else if (server->draining && match.route->cost != TCS_COST_LOOKUP) {
     tcs_reply_problem(request, 503, "draining", "Shutting down", "the server is shutting down; try another or wait");

@@ -5,6 +5,7 @@
 #include <cjson/cJSON.h>
 #include <microhttpd.h>
 
+#include "server/access/role.h"
 #include "server/config/config.h"
 #include "server/http/route.h"
 #include "server/observe/log.h"
@@ -22,6 +23,7 @@ struct tcs_request {
   char params[TCS_MAX_PARAMS][TCS_PARAM_SIZE];
   char method[12];
   unsigned number; /* of the connection's requests, from 1 */
+  tcs_caller caller;
   GByteArray *body;
   int64_t dropped_bytes; /* of a body that nobody wants */
   tcs_upload *upload;
@@ -91,8 +93,14 @@ bool tcs_etag_listed(const char *header, const char *etag);
 
 /* The resident volume `id`, or NULL: replied 404 or 409. member: pointer to who named it in the body, or NULL. */
 struct tcs_entry *tcs_resident(tcs_request *request, const char *id, const char *member);
-/* The session of the first parameter, or NULL: replied 404. */
+/* The session of the first parameter, or NULL: replied 404: there is none that the caller may know of. */
 tcs_session *tcs_session_of(tcs_request *request);
+/* The same for what only its owner may do, or NULL: replied 403 too. */
+tcs_session *tcs_own_session(tcs_request *request);
+/* Whether the caller may know of a session, be it one that is none; of a volume: all but those who were given one
+ * session may know of all. */
+bool tcs_session_visible(const tcs_request *request, const char *id);
+bool tcs_volume_visible(const tcs_request *request, const char *id);
 /* False: replied 422, naming a member that is not in the NULL-ended list `names`. Also wants an object. */
 bool tcs_members_known(tcs_request *request, const cJSON *body, const char *const *names);
 /* A string member; NULL where absent. False: replied 422. */
@@ -138,6 +146,8 @@ void tcs_get_pick(tcs_request *request);
 void tcs_get_stream(tcs_request *request);
 void tcs_get_mjpeg(tcs_request *request);
 void tcs_get_static(tcs_request *request);
+void tcs_post_tickets(tcs_request *request);
+void tcs_post_share(tcs_request *request);
 
 /* --- uploads (upload.c) ------------------------------------------------------------------------------ */
 

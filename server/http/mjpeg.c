@@ -3,6 +3,7 @@
 #include <stddef.h>
 #include <string.h>
 
+#include "server/access/audit.h"
 #include "server/http/http.h"
 #include "server/session/viewers.h"
 
@@ -17,6 +18,7 @@ typedef struct tcs_mjpeg {
   GString *head, *tail;
   size_t sent;        /* of head + image + tail */
   char next_type[16]; /* what the open part is announced as */
+  int64_t until_s;    /* wall clock; 0 = for ever */
   bool suspended, ended;
 } tcs_mjpeg;
 
@@ -123,6 +125,7 @@ static void open_stream(tcs_request *request, tcs_session *session) {
   tcs_mjpeg *mjpeg = g_new0(tcs_mjpeg, 1);
   mjpeg->server = server;
   mjpeg->connection = request->connection;
+  mjpeg->until_s = request->caller.until_s;
   mjpeg->watcher.ops = &mjpeg_ops;
   mjpeg->head = g_string_new(NULL);
   mjpeg->tail = g_string_new(NULL);
@@ -140,6 +143,7 @@ static void open_stream(tcs_request *request, tcs_session *session) {
   tcs_reply_response(request, 200, response);
   tcs_reply_header(request, "Content-Type", "multipart/x-mixed-replace; boundary=tomocast");
   tcs_session_join(session, &mjpeg->watcher, 1);
+  tcs_audit(server->access, &request->caller, "session.join", session->id, session->entry->id);
 }
 
 void tcs_get_mjpeg(tcs_request *request) {
@@ -160,7 +164,8 @@ void tcs_get_mjpeg(tcs_request *request) {
 void tcs_mjpeg_tick(tcs_server *server) {
   for (GList *item = tcs_http_mjpeg_viewers(server->http)->head; item; item = item->next) {
     tcs_mjpeg *mjpeg = item->data;
-    if (mjpeg->suspended && tcs_peer_gone(mjpeg->connection)) on_end(&mjpeg->watcher);
+    const bool over = mjpeg->until_s && g_get_real_time() / 1000000 >= mjpeg->until_s;
+    if (over || (mjpeg->suspended && tcs_peer_gone(mjpeg->connection))) on_end(&mjpeg->watcher);
   }
 }
 

@@ -57,14 +57,7 @@ void tcs_reply_error_in(tcs_request *request, const GError *error, const char *p
 }
 
 void tcs_reply_problem(tcs_request *request, int status, const char *code, const char *title, const char *detail) {
-  cJSON *json = cJSON_CreateObject();
-  char *type = g_strconcat("urn:tomocast:problem:", code, NULL);
-  cJSON_AddStringToObject(json, "type", type);
-  cJSON_AddStringToObject(json, "title", title);
-  cJSON_AddNumberToObject(json, "status", status);
-  cJSON_AddStringToObject(json, "detail", detail);
-  g_free(type);
-  reply_document(request, status, "application/problem+json", json);
+  reply_document(request, status, "application/problem+json", tcp_problem_named(status, code, title, detail));
 }
 
 static void release_bytes(void *bytes) { g_bytes_unref(bytes); }
@@ -139,7 +132,11 @@ cJSON *tcs_body_json(tcs_request *request) {
 
 struct tcs_entry *tcs_resident(tcs_request *request, const char *id, const char *member) {
   GError *error = NULL;
-  tcs_entry *entry = tcs_catalogue_resident(request->server->catalogue, id, member, &error);
+  tcs_entry *entry = NULL;
+  if (tcs_volume_visible(request, id))
+    entry = tcs_catalogue_resident(request->server->catalogue, id, member, &error);
+  else
+    tc_set_error(&error, TC_ERROR_NOT_FOUND, member, "there is no such volume; GET /v1/volumes lists them");
   if (entry) return entry;
   tcs_reply_error(request, error);
   const tcs_entry *other = tcs_catalogue_find(request->server->catalogue, id);
@@ -150,11 +147,31 @@ struct tcs_entry *tcs_resident(tcs_request *request, const char *id, const char 
 
 tcs_session *tcs_session_of(tcs_request *request) {
   tcs_session *session = tcs_sessions_find(request->server->sessions, request->params[0]);
+  if (session && !tcs_caller_sees(&request->caller, session->id, session->owner)) session = NULL;
   if (session)
     session->used_us = g_get_monotonic_time();
   else
     tcs_reply_problem(request, 404, "not-found", "No such thing", "there is no such session; it may have ended");
   return session;
+}
+
+tcs_session *tcs_own_session(tcs_request *request) {
+  tcs_session *session = tcs_session_of(request);
+  if (!session || tcs_caller_owns(&request->caller, session->owner)) return session;
+  tcs_reply_problem(request, 403, "forbidden", "Not allowed", "only who made the session, or the role admin, may do this");
+  return NULL;
+}
+
+bool tcs_session_visible(const tcs_request *request, const char *id) {
+  const tcs_session *session = tcs_sessions_find(request->server->sessions, id);
+  return session && tcs_caller_sees(&request->caller, session->id, session->owner);
+}
+
+bool tcs_volume_visible(const tcs_request *request, const char *id) {
+  const char *only = request->caller.session;
+  if (!only[0]) return true;
+  const tcs_session *session = tcs_sessions_find(request->server->sessions, only);
+  return session && (strcmp(session->entry->id, id) == 0 || strcmp(session->scene.labels.volume, id) == 0);
 }
 
 static void refuse_member(tcs_request *request, const char *name, const char *what) {

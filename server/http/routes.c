@@ -30,6 +30,8 @@ const tcs_route tcs_routes[] = {
     {"GET", "/v1/sessions/{id}/pick", tcs_get_pick, TCS_COST_RENDER, TCS_BODY_NONE, TCS_ROLE_VIEW},
     {"GET", "/v1/sessions/{id}/stream", tcs_get_stream, TCS_COST_STREAM, TCS_BODY_NONE, TCS_ROLE_VIEW},
     {"GET", "/v1/sessions/{id}/stream.mjpeg", tcs_get_mjpeg, TCS_COST_STREAM, TCS_BODY_NONE, TCS_ROLE_VIEW},
+    {"POST", "/v1/sessions/{id}/share", tcs_post_share, TCS_COST_LOOKUP, TCS_BODY_JSON, TCS_ROLE_EDIT},
+    {"POST", "/v1/tickets", tcs_post_tickets, TCS_COST_LOOKUP, TCS_BODY_JSON, TCS_ROLE_VIEW},
     {"GET", "/", tcs_get_static, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_NONE},
     {"GET", "/{file}", tcs_get_static, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_NONE},
     {NULL, NULL, NULL, TCS_COST_COUNT, TCS_BODY_COUNT, TCS_ROLE_COUNT},

@@ -8,6 +8,7 @@
  *   watcher    what one viewer has been shown and still needs
  *   session    the session's state; whether it wants a picture; the label volume it holds
  *   scene      scenes made and checked
+ *   scope      what a caller may do to a scene
  *   deliver    pictures and failures to the viewers
  *   measure    the error meter of its pictures
  *   quality    sampling for a bound on error or time
@@ -18,6 +19,7 @@
 #ifndef TCS_SESSION_SESSION_H
 #define TCS_SESSION_SESSION_H
 
+#include "server/access/role.h"
 #include "server/catalogue/catalogue.h"
 #include "server/schedule/ladder.h"
 #include "server/schedule/scheduler.h"
@@ -35,6 +37,7 @@ typedef struct tcs_measure tcs_measure;
 struct tcs_session {
   tcs_server *server;
   char id[33];      /* 128 random bits, hexadecimal */
+  char owner[TCS_NAME_SIZE]; /* of the token that made it; "" where there are none */
   tcs_entry *entry; /* counted in entry->users */
   tcs_entry *labels; /* of the scene's label volume, or NULL; counted too, unless it is `entry` itself */
   tc_scene scene, defaults;

@@ -5,6 +5,7 @@
 #include <sys/random.h>
 
 #include "server/config/config.h"
+#include "server/observe/log.h"
 #include "server/session/jobs.h"
 #include "server/session/measure.h"
 #include "server/session/scene.h"
@@ -87,6 +88,7 @@ tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const
 
 void tcs_session_end(tcs_session *session) {
   tcs_sessions *sessions = session->server->sessions;
+  tcs_log(TCS_LOG_INFO, "audit.session.end", "session=%.8s", session->id);
   g_hash_table_remove(sessions->by_id, session->id);
   g_ptr_array_remove(sessions->order, session);
   while (session->watchers->len) {

@@ -11,6 +11,7 @@
 #include "server/config/config.h"
 #include "server/loop/loop.h"
 #include "server/observe/metrics.h"
+#include "server/session/scope.h"
 #include "server/session/viewers.h"
 #include "server/ws/channel.h"
 #include "server/ws/handshake.h"
@@ -25,6 +26,7 @@ typedef struct tcs_stream {
   tcs_watcher watcher;
   tcs_streams *streams;
   struct MHD_UpgradeResponseHandle *handle;
+  tcs_caller caller;
   tcs_channel *channel;
   GByteArray *extra; /* came with the handshake; read before the socket */
   uint32_t events;
@@ -74,11 +76,11 @@ static void send_json(tcs_stream *stream, cJSON *json) {
   cJSON_Delete(json);
 }
 
-static void send_error(tcs_stream *stream, uint64_t seq, const GError *error) {
+static void send_error(tcs_stream *stream, uint64_t seq, cJSON *problem) {
   cJSON *json = cJSON_CreateObject();
   cJSON_AddStringToObject(json, "type", "error");
   cJSON_AddNumberToObject(json, "seq", (double)seq);
-  cJSON_AddItemToObject(json, "problem", tcp_problem(error));
+  cJSON_AddItemToObject(json, "problem", problem);
   send_json(stream, json);
   stream->streams->server->metrics->ws_errors++;
 }
@@ -88,6 +90,13 @@ static void send_pong(tcs_stream *stream, double t) {
   cJSON_AddStringToObject(json, "type", "pong");
   cJSON_AddNumberToObject(json, "t", t);
   send_json(stream, json);
+}
+
+static bool take_patch(tcs_stream *stream, const tcp_message *message, GError **error) {
+  const char *forbidden = tcs_patch_forbidden(&stream->caller, stream->watcher.session, message->scene);
+  if (!forbidden) return tcs_watcher_patch(&stream->watcher, message->seq, message->scene, error);
+  send_error(stream, message->seq, tcp_problem_named(403, "forbidden", "Not allowed", forbidden));
+  return true;
 }
 
 static void on_text(void *user, const char *bytes, size_t size) {
@@ -101,13 +110,13 @@ static void on_text(void *user, const char *bytes, size_t size) {
   if (ok) {
     switch (message.type) {
     case TCP_PATCH:
-      ok = tcs_watcher_patch(watcher, message.seq, message.scene, &error);
+      ok = take_patch(stream, &message, &error);
       break;
     case TCP_ACK:
       ok = tcs_watcher_ack(watcher, message.frame, &error);
       break;
     case TCP_POINTER:
-      tcs_watcher_pointer(watcher, message.pointer_down);
+      if (stream->caller.role >= TCS_ROLE_EDIT) tcs_watcher_pointer(watcher, message.pointer_down);
       break;
     case TCP_PING:
       send_pong(stream, message.t);
@@ -116,7 +125,7 @@ static void on_text(void *user, const char *bytes, size_t size) {
       break;
     }
   }
-  if (!ok) send_error(stream, message.seq, error);
+  if (!ok) send_error(stream, message.seq, tcp_problem(error));
   g_clear_error(&error);
   tcp_message_clear(&message);
 }
@@ -128,6 +137,7 @@ static void send_hello(tcs_stream *stream, tcs_session *session) {
   cJSON_AddStringToObject(json, "session", session->id);
   cJSON_AddStringToObject(json, "volume", session->entry->id);
   cJSON_AddNumberToObject(json, "window", stream->watcher.window.limit);
+  cJSON_AddStringToObject(json, "role", tcs_role_name(stream->caller.role));
   cJSON_AddStringToObject(json, "server", "tomocast " TC_VERSION);
   cJSON_AddItemToObject(json, "scene", tcp_scene_write(&session->scene));
   send_json(stream, json);
@@ -254,14 +264,15 @@ static void set_socket_options(int fd) {
   setsockopt(fd, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &low_water, sizeof low_water);
 }
 
-void tcs_streams_open(tcs_streams *streams, tcs_session *session, int fd, struct MHD_UpgradeResponseHandle *handle,
-                      const char *extra, size_t extra_size) {
+void tcs_streams_open(tcs_streams *streams, tcs_session *session, const tcs_caller *caller, int fd,
+                      struct MHD_UpgradeResponseHandle *handle, const char *extra, size_t extra_size) {
   static const tcs_channel_callbacks callbacks = {on_receive, on_send, on_text};
   tcs_stream *stream = g_new0(tcs_stream, 1);
   tcs_server *server = streams->server;
   stream->source = (tcs_source){on_socket, fd};
   stream->streams = streams;
   stream->handle = handle;
+  stream->caller = *caller;
   stream->watcher.ops = &stream_ops;
   stream->extra = g_byte_array_new();
   g_byte_array_append(stream->extra, (const guint8 *)extra, (guint)extra_size);
@@ -289,11 +300,12 @@ int tcs_streams_count(const tcs_streams *streams) { return (int)streams->live->l
 void tcs_streams_tell(tcs_streams *streams, const char *json) {
   for (guint i = streams->live->len; i-- > 0;) {
     tcs_stream *stream = g_ptr_array_index(streams->live, i);
-    on_watcher_text(&stream->watcher, json);
+    if (!stream->caller.session[0]) on_watcher_text(&stream->watcher, json); /* it names volumes */
   }
 }
 
 void tcs_streams_tick(tcs_streams *streams, int64_t now_us) {
+  const int64_t now_s = g_get_real_time() / 1000000;
   for (guint i = streams->live->len; i-- > 0;) {
     tcs_stream *stream = g_ptr_array_index(streams->live, i);
     const bool silent = now_us - stream->heard_us > SILENCE_US;
@@ -301,6 +313,9 @@ void tcs_streams_tick(tcs_streams *streams, int64_t now_us) {
     const bool blocked = tcs_channel_queued(stream->channel) > 0 && now_us - stream->sent_us > BLOCKED_US;
     if (silent || closing_late || blocked) {
       die(stream);
+    } else if (stream->caller.until_s && now_s >= stream->caller.until_s && !stream->closing_us) {
+      tcs_channel_close(stream->channel, 1008, "the link has expired");
+      settle(stream);
     } else if (stream->extra->len) {
       read_some(stream); /* was left over while answers were waiting; the socket will not tell */
     } else if (now_us - stream->pinged_us > PING_US) {

@@ -33,11 +33,12 @@ export class Daemon {
 
   /**
    * @param {object} options args: more arguments; config: text of a configuration file; ball: false for no volume;
-   *   files: {name: bytes} for the data folder; n: side of the ball
+   *   files: {name: bytes} for the data folder; n: side of the ball; token: sent with every call()
    */
-  static async start({ args = [], config = '', ball = true, files = {}, n = 32, env = {} } = {}) {
+  static async start({ args = [], config = '', ball = true, files = {}, n = 32, env = {}, token = '' } = {}) {
     assert.ok(BINARY, 'set TC_BINARY to the program to test');
     const daemon = new Daemon();
+    daemon.token = token;
     daemon.folder = mkdtempSync(join(tmpdir(), 'tomocast-test-'));
     for (const [name, bytes] of Object.entries({ 'ball.nrrd': ballNrrd(n), ...files })) {
       writeFileSync(join(daemon.folder, name), bytes);
@@ -90,7 +91,7 @@ export class Daemon {
 
   /** @returns {{status, headers, json, bytes}} */
   async call(method, path, { json, body, headers = {}, type } = {}) {
-    const all = { ...headers };
+    const all = { ...(this.token && { authorization: `Bearer ${this.token}` }), ...headers };
     if (json !== undefined) all['content-type'] = type ?? 'application/json';
     else if (type) all['content-type'] = type;
     const reply = await fetch(this.base + path, {

@@ -1,13 +1,16 @@
-/* Who may ask: hosts, origins. */
+/* Who may ask: hosts, origins, tokens, tickets, links. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 
-#include "server/access/hosts.h"
+#include "server/access/access.h"
+#include "server/config/config.h"
 
 typedef struct host_case {
   const char *host;
@@ -147,6 +150,245 @@ static void test_loopback_addresses(void **state) {
   assert_false(tcs_address_is_loopback("192.0.2.1"));
 }
 
+#define FIRST "0123456789abcdef"
+#define SECOND "fedcba9876543210-._~+/="
+
+static void test_token_files(void **state) {
+  bool clear;
+  tcs_tokens *tokens =
+      tcs_tokens_parse("# who\n\n anna\tview " FIRST "\r\nbert edit   " SECOND "\nbert admin " FIRST "x", &clear, NULL);
+  assert_non_null(tokens);
+  assert_true(clear);
+  assert_string_equal(tcs_tokens_find(tokens, FIRST, NULL)->name, "anna");
+  assert_int_equal(tcs_tokens_find(tokens, FIRST, NULL)->role, TCS_ROLE_VIEW);
+  assert_int_equal(tcs_tokens_find(tokens, SECOND, NULL)->role, TCS_ROLE_EDIT);
+  assert_int_equal(tcs_tokens_find(tokens, FIRST "x", NULL)->role, TCS_ROLE_ADMIN);
+  const char *const unknown[] = {"", FIRST "y", "0123456789abcde", "anna", "sha256:"};
+  for (size_t i = 0; i < G_N_ELEMENTS(unknown); i++)
+    assert_null(tcs_tokens_find(tokens, unknown[i], NULL));
+  tcs_tokens_free(tokens);
+}
+
+static void test_hashed_tokens(void **state) {
+  bool clear;
+  uint8_t hash[TCS_HASH_SIZE];
+  char hex[2 * TCS_HASH_SIZE + 1];
+  tcs_hash(FIRST, hash);
+  tcs_hex(hash, sizeof hash, hex);
+  char *text = g_strdup_printf("anna admin sha256:%s\n", hex);
+  tcs_tokens *tokens = tcs_tokens_parse(text, &clear, NULL);
+  assert_non_null(tokens);
+  assert_false(clear);
+  assert_non_null(tcs_tokens_find(tokens, FIRST, NULL));
+  assert_null(tcs_tokens_find(tokens, hex, NULL)); /* the hash opens nothing */
+  tcs_tokens_free(tokens);
+  g_free(text);
+}
+
+static void test_token_files_that_are_wrong(void **state) {
+  static const struct {
+    const char *text, *message;
+  } cases[] = {
+      {"", "no token"},
+      {"# only\n", "no token"},
+      {"anna view\n", "line 1: give NAME ROLE TOKEN"},
+      {"\n\nanna view " FIRST " more\n", "line 3: give NAME ROLE TOKEN"},
+      {"an/na view " FIRST, "line 1: a name"},
+      {"anna root " FIRST, "line 1: a role"},
+      {"anna none " FIRST, "line 1: a role"},
+      {"anna view short", "line 1: a token is 16"},
+      {"anna view 0123456789abcde!", "line 1: a token is 16"},
+      {"anna view sha256:12", "line 1: after sha256:"},
+      {"anna view " FIRST "\nbert edit " FIRST, "line 2: this token stands"},
+  };
+  for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
+    bool clear;
+    GError *error = NULL;
+    assert_null(tcs_tokens_parse(cases[i].text, &clear, &error));
+    if (!strstr(error->message, cases[i].message)) fail_msg("case %zu: %s", i, error->message);
+    assert_null(strstr(error->message, "short"));
+    assert_null(strstr(error->message, "0123456789abcde")); /* never the token itself */
+    g_clear_error(&error);
+  }
+}
+
+/* What a file with this text and mode is refused for; "" = it is taken. */
+static void check_file(const char *text, mode_t mode, const char *message) {
+  char path[] = "/tmp/tomocast-unit-XXXXXX";
+  const int fd = mkstemp(path);
+  assert_int_equal(write(fd, text, strlen(text)), (ssize_t)strlen(text));
+  fchmod(fd, mode);
+  close(fd);
+  GError *error = NULL;
+  tcs_tokens *tokens = tcs_tokens_read(path, &error);
+  if (*message ? !error || !strstr(error->message, message) : !tokens)
+    fail_msg("mode %o: %s", (unsigned)mode, error ? error->message : "taken");
+  g_clear_error(&error);
+  tcs_tokens_free(tokens);
+  unlink(path);
+}
+
+static void test_modes_of_token_files(void **state) {
+  static const char hashed[] = "a view sha256:0123456789012345678901234567890123456789012345678901234567890123\n";
+  check_file("a view " FIRST "\n", 0600, "");
+  check_file("a view " FIRST "\n", 0640, "others may read it; chmod 600");
+  check_file("a view " FIRST "\n", 0604, "others may read it");
+  check_file(hashed, 0644, "");
+  check_file(hashed, 0666, "others may write it");
+  GError *error = NULL;
+  assert_null(tcs_tokens_read("/nothing/here", &error));
+  assert_non_null(strstr(error->message, "--token-file /nothing/here: "));
+  g_clear_error(&error);
+}
+
+static void test_every_token_is_compared(void **state) {
+  GString *text = g_string_new(NULL);
+  for (int i = 0; i < 100; i++)
+    g_string_append_printf(text, "n%d view token-number-%06d\n", i, i);
+  bool clear;
+  tcs_tokens *tokens = tcs_tokens_parse(text->str, &clear, NULL);
+  const char *const presented[] = {"token-number-000000", "token-number-000050", "token-number-000099", "none", ""};
+  for (size_t i = 0; i < G_N_ELEMENTS(presented); i++) {
+    size_t compared = 0;
+    const tcs_token *token = tcs_tokens_find(tokens, presented[i], &compared);
+    assert_int_equal(token != NULL, i < 3);
+    assert_int_equal(compared, 100); /* found first, last or not at all */
+  }
+  assert_string_equal(tcs_tokens_find(tokens, presented[1], NULL)->name, "n50");
+  tcs_tokens_free(tokens);
+  g_string_free(text, TRUE);
+}
+
+static void test_hashes_differ_in_any_byte(void **state) {
+  uint8_t a[TCS_HASH_SIZE] = {0}, b[TCS_HASH_SIZE] = {0};
+  assert_true(tcs_hash_equal(a, b));
+  for (int i = 0; i < TCS_HASH_SIZE * 8; i++) {
+    b[i / 8] ^= (uint8_t)(1 << i % 8);
+    assert_false(tcs_hash_equal(a, b));
+    b[i / 8] = 0;
+  }
+}
+
+static void test_known_hashes(void **state) {
+  uint8_t out[TCS_HASH_SIZE];
+  char hex[2 * TCS_HASH_SIZE + 1];
+  tcs_hash("abc", out); /* FIPS 180-4 */
+  tcs_hex(out, sizeof out, hex);
+  assert_string_equal(hex, "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+  tcs_sign("Jefe", 4, "what do ya want for nothing?", out); /* RFC 4231, test case 2 */
+  tcs_hex(out, sizeof out, hex);
+  assert_string_equal(hex, "5bdcc146bf60754e6a042426089575c75a003f089d2739839dec58b964ec3843");
+  uint8_t back[TCS_HASH_SIZE];
+  assert_true(tcs_unhex(hex, back, sizeof back));
+  assert_memory_equal(back, out, sizeof out);
+  assert_false(tcs_unhex("0", back, 1));
+  assert_false(tcs_unhex("0g", back, 1));
+  assert_false(tcs_unhex("000", back, 1));
+}
+
+static void test_tickets(void **state) {
+  const int64_t second = 1000000, start = 5 * second;
+  tcs_tickets *tickets = tcs_tickets_new();
+  const tcs_caller anna = {.name = "anna", .role = TCS_ROLE_EDIT, .session = "s1"};
+  tcs_caller caller = {0};
+  char first[TCS_TICKET_SIZE], second_ticket[TCS_TICKET_SIZE];
+  assert_true(tcs_tickets_issue(tickets, &anna, start, first));
+  assert_int_equal(strlen(first), 32);
+  assert_false(tcs_tickets_take(tickets, "", start, &caller));
+  assert_false(tcs_tickets_take(tickets, "00000000000000000000000000000000", start, &caller));
+  assert_true(tcs_tickets_take(tickets, first, start + second, &caller));
+  assert_memory_equal(&caller, &anna, sizeof anna);
+  assert_false(tcs_tickets_take(tickets, first, start + second, &caller)); /* once */
+  assert_true(tcs_tickets_issue(tickets, &anna, start, first));
+  assert_true(tcs_tickets_issue(tickets, &anna, start + second, second_ticket));
+  assert_false(tcs_tickets_take(tickets, first, start + TCS_TICKET_S * second, &caller)); /* too late */
+  assert_true(tcs_tickets_take(tickets, second_ticket, start + TCS_TICKET_S * second, &caller));
+  assert_int_equal(tcs_tickets_count(tickets, start + TCS_TICKET_S * second), 0);
+  tcs_tickets_free(tickets);
+}
+
+static void test_tickets_are_few(void **state) {
+  tcs_tickets *tickets = tcs_tickets_new();
+  tcs_caller caller = {.name = "anna", .role = TCS_ROLE_VIEW};
+  char ticket[TCS_TICKET_SIZE];
+  for (int i = 0; i < TCS_TICKETS_EACH; i++)
+    assert_true(tcs_tickets_issue(tickets, &caller, 0, ticket));
+  assert_false(tcs_tickets_issue(tickets, &caller, 0, ticket));
+  for (int i = TCS_TICKETS_EACH; i < TCS_TICKETS_ALL; i++) {
+    g_snprintf(caller.name, sizeof caller.name, "b%d", i / TCS_TICKETS_EACH);
+    assert_true(tcs_tickets_issue(tickets, &caller, 0, ticket));
+  }
+  g_strlcpy(caller.name, "carl", sizeof caller.name);
+  assert_false(tcs_tickets_issue(tickets, &caller, 0, ticket));
+  assert_int_equal(tcs_tickets_count(tickets, 0), TCS_TICKETS_ALL);
+  assert_true(tcs_tickets_issue(tickets, &caller, TCS_TICKET_S * INT64_C(1000000), ticket)); /* the old ones are gone */
+  assert_int_equal(tcs_tickets_count(tickets, TCS_TICKET_S * INT64_C(1000000)), 1);
+  tcs_tickets_free(tickets);
+}
+
+static void test_links(void **state) {
+  const uint8_t key[TCS_SHARE_KEY_SIZE] = {1, 2, 3}, other[TCS_SHARE_KEY_SIZE] = {1, 2, 4};
+  const char session[] = "00112233445566778899aabbccddeeff";
+  char token[TCS_SHARE_SIZE];
+  tcs_caller caller = {0};
+  tcs_share_sign(key, session, TCS_ROLE_VIEW, 1000, token);
+  assert_true(g_str_has_prefix(token, "00112233445566778899aabbccddeeff.view.1000."));
+  assert_true(tcs_share_check(key, token, 999, &caller));
+  assert_string_equal(caller.session, session);
+  assert_int_equal(caller.role, TCS_ROLE_VIEW);
+  assert_int_equal(caller.until_s, 1000);
+  assert_false(tcs_share_check(key, token, 1000, &caller));
+  assert_false(tcs_share_check(other, token, 0, &caller));
+  for (size_t i = 0; token[i]; i++) { /* any character changed, and any piece cut */
+    char forged[TCS_SHARE_SIZE];
+    memcpy(forged, token, sizeof forged);
+    forged[i] = forged[i] == '1' ? '2' : '1';
+    if (tcs_share_check(key, forged, 0, &caller)) fail_msg("taken: %s", forged);
+    memcpy(forged, token, sizeof forged);
+    forged[i] = 0;
+    assert_false(tcs_share_check(key, forged, 0, &caller));
+  }
+}
+
+static void test_who_sees_what(void **state) {
+  const tcs_caller stranger = {0}, anna = {.name = "anna", .role = TCS_ROLE_EDIT},
+                   root = {.name = "root", .role = TCS_ROLE_ADMIN},
+                   guest = {.name = "share-s1", .role = TCS_ROLE_EDIT, .session = "s1"},
+                   bounded = {.name = "root", .role = TCS_ROLE_ADMIN, .session = "s1"};
+  assert_false(tcs_caller_sees(&stranger, "s1", ""));
+  assert_true(tcs_caller_sees(&anna, "s1", "anna"));
+  assert_false(tcs_caller_sees(&anna, "s1", "bert"));
+  assert_false(tcs_caller_sees(&anna, "s1", NULL));
+  assert_false(tcs_caller_sees(&anna, "s1", ""));
+  assert_true(tcs_caller_sees(&root, "s1", "bert"));
+  assert_true(tcs_caller_sees(&guest, "s1", "bert"));
+  assert_false(tcs_caller_sees(&guest, "s2", "share-s1"));
+  assert_false(tcs_caller_owns(&guest, "share-s1"));
+  assert_false(tcs_caller_sees(&bounded, "s2", "root"));
+}
+
+static void test_nobody_is_let_in_by_oversight(void **state) {
+  static const struct {
+    const char *address;
+    bool insecure, good;
+  } cases[] = {{"127.0.0.1", false, true}, {"::1", false, true},        {"0.0.0.0", false, false},
+               {"::", false, false},       {"192.0.2.1", false, false}, {"0.0.0.0", true, true}};
+  for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
+    GError *error = NULL;
+    tcs_config config;
+    tcs_config_init(&config);
+    g_free(config.address);
+    config.address = g_strdup(cases[i].address);
+    config.insecure_no_auth = cases[i].insecure;
+    tcs_access *access = tcs_access_new(&config, &error);
+    assert_int_equal(access != NULL, cases[i].good);
+    if (error) assert_non_null(strstr(error->message, "--token-file FILE"));
+    g_clear_error(&error);
+    tcs_access_free(access);
+    tcs_config_clear(&config);
+  }
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_hosts_of_loopback),
@@ -155,6 +397,18 @@ int main(void) {
       cmocka_unit_test(test_configured_hosts),
       cmocka_unit_test(test_origins),
       cmocka_unit_test(test_loopback_addresses),
+      cmocka_unit_test(test_token_files),
+      cmocka_unit_test(test_hashed_tokens),
+      cmocka_unit_test(test_token_files_that_are_wrong),
+      cmocka_unit_test(test_modes_of_token_files),
+      cmocka_unit_test(test_every_token_is_compared),
+      cmocka_unit_test(test_hashes_differ_in_any_byte),
+      cmocka_unit_test(test_known_hashes),
+      cmocka_unit_test(test_tickets),
+      cmocka_unit_test(test_tickets_are_few),
+      cmocka_unit_test(test_links),
+      cmocka_unit_test(test_who_sees_what),
+      cmocka_unit_test(test_nobody_is_let_in_by_oversight),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

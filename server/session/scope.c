@@ -1,0 +1,16 @@
+#include "server/session/scope.h"
+
+#include <string.h>
+
+static bool brings_volume(const tcs_session *session, const cJSON *patch) {
+  const cJSON *labels = cJSON_GetObjectItemCaseSensitive(patch, "labels");
+  const char *id = cJSON_GetStringValue(cJSON_GetObjectItemCaseSensitive(labels, "volume"));
+  return id && *id && strcmp(id, session->scene.labels.volume) != 0 && strcmp(id, session->entry->id) != 0;
+}
+
+const char *tcs_patch_forbidden(const tcs_caller *caller, const tcs_session *session, const cJSON *patch) {
+  if (caller->role < TCS_ROLE_EDIT) return "changing the scene needs the role edit; yours is view";
+  if (caller->session[0] && brings_volume(session, patch))
+    return "labels.volume: a link to one session brings no other volume into it";
+  return NULL;
+}
