@@ -1,16 +1,13 @@
 /* tomocast serve: wires the daemon's parts, runs its loop, drains, and takes it apart in reverse. */
-#include <errno.h>
-#include <signal.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/epoll.h>
 #include <sys/resource.h>
-#include <sys/signalfd.h>
-#include <unistd.h>
 
 #include "server/access/access.h"
 #include "server/catalogue/catalogue.h"
 #include "server/cli/cli.h"
+#include "server/cli/signals.h"
 #include "server/config/config.h"
 #include "server/encode/encode.h"
 #include "server/http/http.h"
@@ -26,13 +23,15 @@
 #define TICK_US 1000000
 #define REPORT_US 200000 /* between messages about loading volumes */
 #define LOG_MOST_MS 500    /* how long the end waits for a log that nobody reads */
-#define DRAIN_MOST_S 10  /* what is not finished this long after the drain began is cut */
+#define DRAIN_MOST_S 6     /* what is not finished this long after the drain began is cut */
+#define END_MOST_MS 9000   /* and the process ends, whatever is left, this long after it */
 
 typedef struct serve_daemon {
   tcs_config config;
   tcs_server server;
   tcs_metrics metrics;
   tcs_completions all_completions;
+  tcs_signals *heard;
   tcs_source signals, completions;
   int64_t ticked_us, reported_us, drain_us;
   int signal_count;
@@ -44,9 +43,7 @@ typedef struct serve_daemon {
 
 static void on_signal(tcs_source *source, uint32_t events) {
   serve_daemon *d = OWNER(source, signals);
-  struct signalfd_siginfo info;
-  while (read(source->fd, &info, sizeof info) == sizeof info)
-    d->signal_count++;
+  d->signal_count = tcs_signals_ends(d->heard);
 }
 
 static void on_completion(tcs_source *source, uint32_t events) {
@@ -122,16 +119,10 @@ static void run(serve_daemon *d) {
 /* --- up and down ------------------------------------------------------------------------------------ */
 
 static bool watch_signals(serve_daemon *d, GError **error) {
-  sigset_t set;
-  sigemptyset(&set);
-  sigaddset(&set, SIGTERM);
-  sigaddset(&set, SIGINT);
-  signal(SIGPIPE, SIG_IGN);
-  pthread_sigmask(SIG_BLOCK, &set, NULL); /* before any thread: all of them inherit it */
-  d->signals = (tcs_source){on_signal, signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK)};
-  if (d->signals.fd >= 0) return true;
-  tc_set_error(error, TC_ERROR_IO, NULL, "signalfd: %s", g_strerror(errno));
-  return false;
+  d->heard = tcs_signals_new(d->config.drain_seconds * 1000 + END_MOST_MS, error);
+  if (!d->heard) return false;
+  d->signals = (tcs_source){on_signal, tcs_signals_fd(d->heard)};
+  return true;
 }
 
 static void raise_descriptor_limit(void) {
@@ -223,9 +214,9 @@ static void stop(serve_daemon *d) {
   }
   tcs_catalogue_free(server->catalogue);
   tcs_loop_free(server->loop);
-  if (d->signals.fd > 0) close(d->signals.fd);
   tcs_metrics_clear(server->metrics);
   tcs_log_stop(LOG_MOST_MS);
+  tcs_signals_free(d->heard);
 }
 
 static void announce(const serve_daemon *d) {

@@ -1,10 +1,12 @@
 // Starting and stopping: the command line, the drain, what happens to work under way.
 import assert from 'node:assert/strict';
 import { spawnSync } from 'node:child_process';
-import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
+import { existsSync, mkdtempSync, readFileSync, renameSync, rmSync, writeFileSync } from 'node:fs';
+import net from 'node:net';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { test } from 'node:test';
+import { gzipSync } from 'node:zlib';
 import { BINARY, Daemon, problem, sleep } from '../support/daemon.mjs';
 import { Ws } from '../support/ws.mjs';
 
@@ -90,4 +92,55 @@ test('a stop in the midst of everything is clean', async () => {
   d.process.kill('SIGTERM');
   await d.stop();
   await Promise.all(lost);
+});
+
+/** Renders that take minutes, a line of others, an upload that stands still, an import: all at once. */
+async function busy() {
+  const zeros = gzipSync(Buffer.alloc(256 ** 3 * 2));
+  const head = 'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 256 256 512\nencoding: gzip\n\n';
+  const d = await Daemon.start({ args: ['--volume', 'head=demo:head'], files: { 'zeros.nrrd': Buffer.concat([Buffer.from(head), zeros]) } });
+  await d.resident('head');
+  const monster = { image: { width: 8192, height: 2000 }, filter: 'cubic', sampling: { step: 0.1, raysPerPixel: 16 }, shading: { model: 'blinn-phong', gradient: 'cubic' } };
+  const { json } = await d.post('/v1/sessions', { volume: 'head', scene: monster });
+  const lost = [d.get(json.links.frame), d.post('/v1/volumes', { id: 'zeros', path: 'zeros.nrrd' })];
+  for (let i = 0; i < 20; i++) lost.push(d.post('/v1/render', { volume: 'head', scene: { image: { width: 1024, height: 1024 }, sampling: { step: 0.1 } } }));
+  const ws = await Ws.open(d, json.id);
+  ws.patch(1, { camera: { fovY: 15 } });
+  const upload = net.connect(d.port, '127.0.0.1', () => upload.write(`PUT /v1/volumes/half HTTP/1.1\r\nHost: 127.0.0.1:${d.port}\r\nContent-Type: application/octet-stream\r\nContent-Length: 100000\r\n\r\n${'x'.repeat(50000)}`));
+  upload.on('error', () => {});
+  for (const promise of lost) promise.catch(() => {});
+  await sleep(300);
+  return d;
+}
+
+test('it ends within 10 s whatever is under way', async () => {
+  const d = await busy();
+  const began = performance.now();
+  await d.stop();
+  console.log(`ended after ${((performance.now() - began) / 1000).toFixed(1)} s`);
+  assert.ok(performance.now() - began < 10000);
+});
+
+test('a second signal ends it at once', async () => {
+  const d = await busy();
+  const began = performance.now();
+  d.process.kill('SIGTERM');
+  await sleep(100);
+  await d.stop();
+  console.log(`ended after ${((performance.now() - began) / 1000).toFixed(1)} s`);
+  assert.ok(performance.now() - began < 3000);
+});
+
+test('SIGHUP opens the log anew, and ends nothing', async () => {
+  const folder = mkdtempSync(join(tmpdir(), 'tomocast-test-')), log = join(folder, 'log');
+  const d = await Daemon.start({ ball: false, args: ['--log', log] });
+  while (!existsSync(log) || !readFileSync(log, 'utf8').includes('serve.start')) await sleep(20);
+  renameSync(log, `${log}.1`);
+  d.process.kill('SIGHUP');
+  while (!existsSync(log)) await sleep(20);
+  assert.equal((await d.get('/healthz')).status, 200);
+  await d.stop();
+  assert.match(readFileSync(log, 'utf8'), /serve\.stop/);
+  assert.doesNotMatch(readFileSync(`${log}.1`, 'utf8'), /serve\.stop/);
+  rmSync(folder, { recursive: true });
 });

@@ -1,0 +1,21 @@
+/* Signals, heard by a thread of their own, whatever the I/O thread does at the time.
+ *
+ * SIGTERM and SIGINT end the daemon: the first is a wish, which the I/O thread reads here and fulfils; what has not ended
+ * `most_ms` later is left as it is. After a second one the daemon has TCS_SIGNALS_SECOND_MS. SIGHUP opens the log
+ * anew. */
+#ifndef TCS_CLI_SIGNALS_H
+#define TCS_CLI_SIGNALS_H
+
+#include "renderer/error.h"
+
+#define TCS_SIGNALS_SECOND_MS 1000
+
+typedef struct tcs_signals tcs_signals;
+
+/* Blocks the signals for the calling thread and all it starts from now on: call before any other. */
+tcs_signals *tcs_signals_new(int64_t most_ms, GError **error);
+void tcs_signals_free(tcs_signals *signals); /* NULL is fine */
+int tcs_signals_fd(const tcs_signals *signals); /* an eventfd, readable when a wish to end was heard */
+int tcs_signals_ends(tcs_signals *signals);     /* wishes heard so far; the eventfd is quiet then */
+
+#endif
