@@ -6,13 +6,23 @@
 #include <wslay/wslay.h>
 
 /* Bytes read in one turn, so that one busy peer does not hold up the others. */
-#define READ_BUDGET 65536
+#define READ_BUDGET 16384
+
+/* wslay copies what it is given, so a message with a large shared part is framed here: between wslay's messages, never
+ * within one. */
+typedef struct shared_message {
+  GBytes *body;  /* NULL: there is none */
+  uint8_t *head; /* [head_size] of g_malloc: the frame's head, then the message's */
+  size_t head_size, sent; /* sent: of head and body */
+  bool behind;   /* wslay had messages when this one came: they go first */
+} shared_message;
 
 struct tcs_channel {
   wslay_event_context_ptr wslay;
   tcs_channel_callbacks callbacks;
   void *user;
   size_t budget;
+  shared_message shared;
   bool closing, broken; /* broken: the pipe itself failed */
 };
 
@@ -33,12 +43,18 @@ static ssize_t on_receive(wslay_event_context_ptr wslay, uint8_t *bytes, size_t 
   return -1;
 }
 
+/* Bytes moved, 0 = not now, -1 = broken. */
+static ssize_t give(tcs_channel *channel, const uint8_t *bytes, size_t size, bool more) {
+  const ssize_t sent = channel->callbacks.send(channel->user, bytes, size, more);
+  if (sent >= 0) return sent;
+  return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR ? 0 : -1;
+}
+
 static ssize_t on_send(wslay_event_context_ptr wslay, const uint8_t *bytes, size_t size, int flags, void *user) {
   tcs_channel *channel = user;
-  const ssize_t sent = channel->callbacks.send(channel->user, bytes, size, (flags & WSLAY_MSG_MORE) != 0);
-  if (sent >= 0) return sent;
-  const bool later = errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
-  wslay_event_set_error(wslay, later ? WSLAY_ERR_WOULDBLOCK : WSLAY_ERR_CALLBACK_FAILURE);
+  const ssize_t sent = give(channel, bytes, size, (flags & WSLAY_MSG_MORE) != 0);
+  if (sent > 0) return sent;
+  wslay_event_set_error(wslay, sent == 0 ? WSLAY_ERR_WOULDBLOCK : WSLAY_ERR_CALLBACK_FAILURE);
   return -1;
 }
 
@@ -76,8 +92,15 @@ tcs_channel *tcs_channel_new(const tcs_channel_callbacks *callbacks, void *user)
   return channel;
 }
 
+static void drop_shared(shared_message *message) {
+  if (message->body) g_bytes_unref(message->body);
+  g_free(message->head);
+  *message = (shared_message){0};
+}
+
 void tcs_channel_free(tcs_channel *channel) {
   if (!channel) return;
+  drop_shared(&channel->shared);
   wslay_event_context_free(channel->wslay);
   g_free(channel);
 }
@@ -93,7 +116,32 @@ bool tcs_channel_read(tcs_channel *channel) {
   return false;
 }
 
-bool tcs_channel_write(tcs_channel *channel) { return wslay_event_send(channel->wslay) == 0; }
+/* False: the pipe is broken. True with the message still there: the pipe is full. */
+static bool send_shared(tcs_channel *channel) {
+  shared_message *m = &channel->shared;
+  gsize body_size;
+  const uint8_t *body = g_bytes_get_data(m->body, &body_size);
+  while (m->sent < m->head_size + body_size) {
+    const bool in_head = m->sent < m->head_size;
+    const uint8_t *from = in_head ? m->head + m->sent : body + (m->sent - m->head_size);
+    const size_t left = in_head ? m->head_size - m->sent : m->head_size + body_size - m->sent;
+    const ssize_t sent = give(channel, from, left, in_head && body_size > 0);
+    if (sent <= 0) return sent == 0;
+    m->sent += (size_t)sent;
+  }
+  drop_shared(m);
+  return true;
+}
+
+bool tcs_channel_write(tcs_channel *channel) {
+  const shared_message *m = &channel->shared;
+  if (m->body && m->behind && wslay_event_send(channel->wslay) != 0) return false;
+  if (m->body && (!m->behind || wslay_event_get_queued_msg_count(channel->wslay) == 0)) {
+    channel->shared.behind = false;
+    if (!send_shared(channel)) return false;
+  }
+  return m->body || wslay_event_send(channel->wslay) == 0;
+}
 
 static bool queue(tcs_channel *channel, uint8_t opcode, const void *bytes, size_t size) {
   const struct wslay_event_msg message = {.opcode = opcode, .msg = bytes, .msg_length = size};
@@ -104,14 +152,29 @@ bool tcs_channel_send_text(tcs_channel *channel, const char *text) {
   return queue(channel, WSLAY_TEXT_FRAME, text, strlen(text));
 }
 
-bool tcs_channel_send_binary(tcs_channel *channel, const void *head, size_t head_size, const void *body,
-                             size_t body_size) {
-  uint8_t *joined = g_malloc(head_size + body_size);
-  memcpy(joined, head, head_size);
-  memcpy(joined + head_size, body, body_size);
-  const bool ok = queue(channel, WSLAY_BINARY_FRAME, joined, head_size + body_size);
-  g_free(joined);
-  return ok;
+/* RFC 6455, section 5.2: FIN, no mask. Returns the size of the head. */
+static size_t frame_head(uint8_t head[10], uint8_t opcode, uint64_t size) {
+  const int wide = size < 126 ? 0 : size < 65536 ? 2 : 8;
+  head[0] = 0x80 | opcode;
+  head[1] = wide == 0 ? (uint8_t)size : wide == 2 ? 126 : 127;
+  for (int i = 0; i < wide; i++)
+    head[2 + i] = (uint8_t)(size >> (8 * (wide - 1 - i)));
+  return 2 + (size_t)wide;
+}
+
+bool tcs_channel_send_shared(tcs_channel *channel, bool binary, const void *head, size_t head_size, GBytes *body) {
+  shared_message *m = &channel->shared;
+  if (channel->closing || m->body) return false;
+  uint8_t frame[10];
+  const size_t frame_size =
+      frame_head(frame, binary ? WSLAY_BINARY_FRAME : WSLAY_TEXT_FRAME, head_size + g_bytes_get_size(body));
+  m->head = g_malloc(frame_size + head_size);
+  memcpy(m->head, frame, frame_size);
+  if (head_size) memcpy(m->head + frame_size, head, head_size);
+  m->head_size = frame_size + head_size;
+  m->body = g_bytes_ref(body);
+  m->behind = wslay_event_get_queued_msg_count(channel->wslay) > 0;
+  return true;
 }
 
 bool tcs_channel_ping(tcs_channel *channel) { return queue(channel, WSLAY_PING, NULL, 0); }
@@ -126,9 +189,13 @@ bool tcs_channel_wants_read(tcs_channel *channel) {
   return wslay_event_want_read(channel->wslay) && tcs_channel_queued(channel) <= TCS_MAX_QUEUED;
 }
 
-bool tcs_channel_wants_write(tcs_channel *channel) { return wslay_event_want_write(channel->wslay); }
+bool tcs_channel_wants_write(tcs_channel *channel) {
+  return channel->shared.body || wslay_event_want_write(channel->wslay);
+}
 
-size_t tcs_channel_queued(tcs_channel *channel) { return wslay_event_get_queued_msg_count(channel->wslay); }
+size_t tcs_channel_queued(tcs_channel *channel) {
+  return wslay_event_get_queued_msg_count(channel->wslay) + (channel->shared.body != NULL);
+}
 
 bool tcs_channel_closing(tcs_channel *channel) {
   return channel->closing || wslay_event_get_close_received(channel->wslay) ||
@@ -136,5 +203,5 @@ bool tcs_channel_closing(tcs_channel *channel) {
 }
 
 bool tcs_channel_done(tcs_channel *channel) {
-  return !wslay_event_want_read(channel->wslay) && !wslay_event_want_write(channel->wslay);
+  return !wslay_event_want_read(channel->wslay) && !tcs_channel_wants_write(channel);
 }

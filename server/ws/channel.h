@@ -3,6 +3,7 @@
 #ifndef TCS_WS_CHANNEL_H
 #define TCS_WS_CHANNEL_H
 
+#include <glib.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -34,9 +35,9 @@ bool tcs_channel_write(tcs_channel *channel);
 
 /* Queue a message; copies it. False: the channel is closing, or out of memory. */
 bool tcs_channel_send_text(tcs_channel *channel, const char *text);
-/* One binary message of two parts. */
-bool tcs_channel_send_binary(tcs_channel *channel, const void *head, size_t head_size, const void *body,
-                             size_t body_size);
+/* One message of two parts, of which the body is not copied: it is held by reference until the last byte has gone, so
+ * that one picture serves all its viewers. One such message at a time: false while another waits, too. */
+bool tcs_channel_send_shared(tcs_channel *channel, bool binary, const void *head, size_t head_size, GBytes *body);
 bool tcs_channel_ping(tcs_channel *channel);
 void tcs_channel_close(tcs_channel *channel, uint16_t code, const char *reason);
 

@@ -152,11 +152,10 @@ static bool on_ready(const tcs_watcher *watcher) {
 
 static void on_frame(tcs_watcher *watcher, const tcs_picture *picture, const tcp_frame_header *header) {
   tcs_stream *stream = of_watcher(watcher);
-  size_t head_size, size;
+  size_t head_size;
   uint8_t *head = tcp_frame_header_write(header, &head_size);
-  const void *bytes = g_bytes_get_data(picture->image, &size);
-  if (tcs_channel_send_binary(stream->channel, head, head_size, bytes, size))
-    stream->streams->server->metrics->ws_sent_bytes += head_size + size;
+  if (tcs_channel_send_shared(stream->channel, true, head, head_size, picture->image))
+    stream->streams->server->metrics->ws_sent_bytes += head_size + g_bytes_get_size(picture->image);
   g_free(head);
   settle(stream);
 }

@@ -1,5 +1,6 @@
 /* WebSocket framing over a pipe in memory, and the way of tasks between threads. */
 #include <errno.h>
+#include <malloc.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdatomic.h>
@@ -88,7 +89,9 @@ static void test_messages_arrive_whole(void **state) {
 static void test_sent_messages_have_two_parts(void **state) {
   pipe_end end;
   tcs_channel *channel = open_channel(&end);
-  assert_true(tcs_channel_send_binary(channel, "head", 4, "body", 4));
+  GBytes *body = g_bytes_new_static("body", 4);
+  assert_true(tcs_channel_send_shared(channel, true, "head", 4, body));
+  g_bytes_unref(body);
   assert_true(tcs_channel_send_text(channel, "t"));
   end.room = 3; /* the pipe fills in the middle */
   assert_true(tcs_channel_write(channel));
@@ -99,6 +102,86 @@ static void test_sent_messages_have_two_parts(void **state) {
   assert_int_equal(end.out->len, 13);
   assert_memory_equal(end.out->data, "\x82\x08headbody\x81\x01t", 13);
   close_channel(channel, &end);
+}
+
+static void put_frame(GByteArray *out, uint8_t first, const void *bytes, size_t size) {
+  const uint8_t small[2] = {first, (uint8_t)size}, mid[4] = {first, 126, (uint8_t)(size >> 8), (uint8_t)size},
+                wide[10] = {first, 127, 0, 0, 0, 0, (uint8_t)(size >> 24), (uint8_t)(size >> 16), (uint8_t)(size >> 8),
+                            (uint8_t)size};
+  g_byte_array_append(out, size < 126 ? small : size < 65536 ? mid : wide, size < 126 ? 2 : size < 65536 ? 4 : 10);
+  g_byte_array_append(out, bytes, (guint)size);
+}
+
+/* Texts, pings and shared messages of every length class, through a pipe that takes a few bytes at a time: the bytes are
+ * those of whole frames one after the other, in the order of queueing, and the body is nobody's copy. */
+static void test_shared_messages_keep_their_bytes_and_place(void **state) {
+  static const size_t sizes[] = {0, 1, 117, 118, 125, 126, 127, 4096, 65527, 65528, 65536, 200000};
+  GRand *random = g_rand_new_with_seed(7);
+  for (size_t i = 0; i < G_N_ELEMENTS(sizes); i++) {
+    for (int before = 0; before < 2; before++) {
+      pipe_end end;
+      tcs_channel *channel = open_channel(&end);
+      GByteArray *wanted = g_byte_array_new(), *whole = g_byte_array_new();
+      uint8_t *bytes = g_malloc(sizes[i] + 1);
+      for (size_t k = 0; k < sizes[i]; k++)
+        bytes[k] = (uint8_t)(k * 7 + i);
+      GBytes *body = g_bytes_new(bytes, sizes[i]);
+      g_byte_array_append(whole, (const guint8 *)"the head", 8);
+      g_byte_array_append(whole, bytes, (guint)sizes[i]);
+      if (before) {
+        assert_true(tcs_channel_send_text(channel, "first"));
+        put_frame(wanted, 0x81, "first", 5);
+        end.room = 3; /* half of it goes: the shared message may not come in between */
+        assert_true(tcs_channel_write(channel));
+      }
+      end.room = 0;
+      assert_true(tcs_channel_send_shared(channel, true, "the head", 8, body));
+      assert_false(tcs_channel_send_shared(channel, true, "the head", 8, body)); /* one at a time */
+      assert_int_equal(tcs_channel_queued(channel), before + 1);
+      put_frame(wanted, 0x82, whole->data, whole->len);
+      for (int turn = 0; tcs_channel_wants_write(channel) || turn < 3; turn++) {
+        if (turn == 2 && !before) { /* comes while the other one may be half sent */
+          put(&end, 0x89, "p");
+          assert_true(tcs_channel_read(channel));
+          put_frame(wanted, 0x8a, "p", 1);
+        }
+        end.room = (size_t)g_rand_int_range(random, 0, sizes[i] > 5000 ? 20000 : 50);
+        assert_true(tcs_channel_write(channel));
+      }
+      assert_int_equal(tcs_channel_queued(channel), 0);
+      assert_int_equal(end.out->len, wanted->len);
+      assert_memory_equal(end.out->data, wanted->data, wanted->len);
+      gsize size;
+      g_free(g_bytes_unref_to_data(body, &size)); /* the last reference: the channel holds none any more */
+      g_free(bytes);
+      g_byte_array_unref(whole);
+      g_byte_array_unref(wanted);
+      close_channel(channel, &end);
+    }
+  }
+  g_rand_free(random);
+}
+
+/* A peer that never reads costs a reference, not a picture; what is queued goes with the channel. */
+static void test_many_channels_share_one_body(void **state) {
+  enum { CHANNELS = 60, SIZE = 4 << 20 };
+  pipe_end ends[CHANNELS];
+  tcs_channel *channels[CHANNELS];
+  GBytes *body = g_bytes_new_take(g_malloc0(SIZE), SIZE);
+  const size_t before = mallinfo2().uordblks + mallinfo2().hblkhd;
+  for (int i = 0; i < CHANNELS; i++) {
+    channels[i] = open_channel(&ends[i]);
+    ends[i].room = 100;
+    assert_true(tcs_channel_send_shared(channels[i], true, "head", 4, body));
+    assert_true(tcs_channel_write(channels[i]));
+    assert_true(tcs_channel_wants_write(channels[i]));
+  }
+  const size_t more = mallinfo2().uordblks + mallinfo2().hblkhd - before;
+  print_message("%d channels: %zu bytes beside one body of %d\n", CHANNELS, more, SIZE);
+  assert_in_range(more, 0, SIZE);
+  for (int i = 0; i < CHANNELS; i++)
+    close_channel(channels[i], &ends[i]);
+  g_bytes_unref(body);
 }
 
 static void test_a_flood_of_pings_makes_no_queue(void **state) {
@@ -285,6 +368,8 @@ static void test_waiting_tasks_can_be_taken_back(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_messages_arrive_whole),           cmocka_unit_test(test_sent_messages_have_two_parts),
+      cmocka_unit_test(test_shared_messages_keep_their_bytes_and_place),
+      cmocka_unit_test(test_many_channels_share_one_body),
       cmocka_unit_test(test_a_flood_of_pings_makes_no_queue), cmocka_unit_test(test_one_turn_reads_a_bounded_amount),
       cmocka_unit_test(test_broken_frames_are_told_why),      cmocka_unit_test(test_closing_shakes_hands),
       cmocka_unit_test(test_the_end_of_the_pipe_is_noticed),  cmocka_unit_test(test_tasks_come_back_in_order),
