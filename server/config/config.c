@@ -24,6 +24,7 @@ static const tcs_limit_field fields[] = {
     {FIELD(queue), "queue", AT(queue), 256, 1, 65536},
     {FIELD(render_seconds), "renderSeconds", AT(render_seconds), 60, 1, 24 * 3600},
     {FIELD(window), "window", AT(window), 2, 1, 16},
+    {FIELD(blocked_seconds), "blockedSeconds", AT(blocked_seconds), 10, 1, 3600},
     {FIELD(session_idle_seconds), "sessionIdleSeconds", AT(session_idle_seconds), 3600, 1, 30 * 24 * 3600},
 };
 

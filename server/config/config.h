@@ -23,6 +23,7 @@ typedef struct tcs_limits {
   int64_t queue;                    /* stateless renders that may wait */
   int64_t render_seconds;           /* a picture that takes longer is given up */
   int64_t window;                   /* unacknowledged frames per viewer */
+  int64_t blocked_seconds;          /* a viewer that takes no bytes for this long is gone */
   int64_t session_idle_seconds;     /* a session nobody watches ends after this */
 } tcs_limits;
 

@@ -1,7 +1,10 @@
 #include "server/http/mjpeg.h"
 
+#include <netinet/in.h>
+#include <netinet/tcp.h>
 #include <stddef.h>
 #include <string.h>
+#include <sys/socket.h>
 
 #include "server/access/audit.h"
 #include "server/http/http.h"
@@ -120,6 +123,20 @@ static void free_stream(void *user) {
   g_free(mjpeg);
 }
 
+/* The kernel ends the connection of a viewer that vanished or reads nothing: the one shows while pictures flow, or by a
+ * question now and then while none does; to the other, whose kernel answers for it, only pictures that flow show. MHD
+ * sees the end, or tcs_mjpeg_tick() where it does not look. */
+static void bound_silence(struct MHD_Connection *connection, int64_t seconds) {
+  const int fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
+  const int one = 1, idle = (int)seconds, between = (int)MAX(1, seconds / 3), times = 3;
+  const unsigned unacknowledged_ms = (unsigned)seconds * 1000;
+  setsockopt(fd, SOL_SOCKET, SO_KEEPALIVE, &one, sizeof one);
+  setsockopt(fd, IPPROTO_TCP, TCP_KEEPIDLE, &idle, sizeof idle);
+  setsockopt(fd, IPPROTO_TCP, TCP_KEEPINTVL, &between, sizeof between);
+  setsockopt(fd, IPPROTO_TCP, TCP_KEEPCNT, &times, sizeof times);
+  setsockopt(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &unacknowledged_ms, sizeof unacknowledged_ms);
+}
+
 static void open_stream(tcs_request *request, tcs_session *session) {
   tcs_server *server = request->server;
   tcs_mjpeg *mjpeg = g_new0(tcs_mjpeg, 1);
@@ -142,6 +159,7 @@ static void open_stream(tcs_request *request, tcs_session *session) {
   }
   tcs_reply_response(request, 200, response);
   tcs_reply_header(request, "Content-Type", "multipart/x-mixed-replace; boundary=tomocast");
+  bound_silence(request->connection, server->config->limits.blocked_seconds);
   tcs_session_join(session, &mjpeg->watcher, 1);
   tcs_audit(server->access, &request->caller, "session.join", session->id, session->entry->id);
 }

@@ -19,7 +19,6 @@
 #define PING_US 15000000    /* a sign of life is asked for this often */
 #define SILENCE_US 30000000 /* and a peer without one for this long is gone */
 #define CLOSE_US 2000000    /* how long a closing handshake may take */
-#define BLOCKED_US 10000000 /* how long the socket may take no bytes */
 
 typedef struct tcs_stream {
   tcs_source source; /* first: the loop hands it back */
@@ -305,11 +304,12 @@ void tcs_streams_tell(tcs_streams *streams, const char *json) {
 
 void tcs_streams_tick(tcs_streams *streams, int64_t now_us) {
   const int64_t now_s = g_get_real_time() / 1000000;
+  const int64_t blocked_us = streams->server->config->limits.blocked_seconds * 1000000;
   for (guint i = streams->live->len; i-- > 0;) {
     tcs_stream *stream = g_ptr_array_index(streams->live, i);
     const bool silent = now_us - stream->heard_us > SILENCE_US;
     const bool closing_late = stream->closing_us && now_us - stream->closing_us > CLOSE_US;
-    const bool blocked = tcs_channel_queued(stream->channel) > 0 && now_us - stream->sent_us > BLOCKED_US;
+    const bool blocked = tcs_channel_queued(stream->channel) > 0 && now_us - stream->sent_us > blocked_us;
     if (silent || closing_late || blocked) {
       die(stream);
     } else if (stream->caller.until_s && now_s >= stream->caller.until_s && !stream->closing_us) {

@@ -5,7 +5,7 @@ import { after, before, test } from 'node:test';
 import { Daemon, imageSize, problem, sleep } from '../support/daemon.mjs';
 
 let d;
-before(async () => { d = await Daemon.start({ config: '[limits]\nclients=3\n' }); });
+before(async () => { d = await Daemon.start({ config: '[limits]\nclients=3\nblocked_seconds=2\n' }); });
 after(() => d.stop());
 
 /** Reads parts off a fetch body: {type, bytes, headOfNext}. */
@@ -70,6 +70,21 @@ test('a viewer that never reads holds up nobody, and is forgotten when it goes',
   assert.equal((await d.get(`${links.frame}?width=32&height=32`)).status, 200);
   socket.destroy();
   await gone();
+});
+
+test('a viewer that reads nothing while pictures flow is ended', async () => {
+  const { links } = await d.session({ image: { width: 700, height: 700, format: 'png' } });
+  const socket = net.connect(d.port, '127.0.0.1', () => socket.write(`GET ${links.mjpeg} HTTP/1.1\r\nHost: 127.0.0.1:${d.port}\r\n\r\n`));
+  socket.on('error', () => {});
+  socket.pause(); // its end is open: the peer's kernel goes on answering
+  for (let i = 0; i < 500 && !(await d.metric('mjpeg_clients')); i++) await sleep(20);
+  const end = Date.now() + 15000; // the library alone would take 30 s
+  for (let i = 0; Date.now() < end && (await d.metric('mjpeg_clients')); i++) {
+    await d.patch(links.scene, { camera: { fovY: 20 + (i % 40) } });
+    await sleep(50);
+  }
+  assert.equal(await d.metric('mjpeg_clients'), 0);
+  socket.destroy();
 });
 
 test('viewers are limited', async () => {
