@@ -113,6 +113,7 @@ static void run(serve_daemon *d) {
     int wait_ms = timeout_ms(d, http_ms, g_get_monotonic_time());
     if (server->draining && wait_ms > 20) wait_ms = 20;
     tcs_loop_wait(server->loop, wait_ms);
+    tcs_sessions_settle(server->sessions);
   }
 }
 

@@ -183,6 +183,8 @@ char *tcs_metrics_write(tcs_metrics *m, const tcs_gauges *gauges, const char *ba
   counter(out, "ws_messages_total", "Messages received.", m->ws_messages);
   counter(out, "ws_errors_total", "Messages answered with an error.", m->ws_errors);
   counter(out, "ws_sent_bytes_total", "Payload bytes sent to WebSocket viewers.", m->ws_sent_bytes);
+  counter(out, "patches_total", "Patches laid on scenes.", m->patches);
+  counter(out, "scene_changes_total", "Changes of scenes, one for all patches of a turn.", m->scene_changes);
   counter(out, "uploads_total", "Volumes uploaded completely.", m->uploads);
   counter(out, "upload_bytes_total", "Bytes received in uploads.", m->upload_bytes);
   counter(out, "volume_loads_total", "Volumes loaded.", m->volume_loads);

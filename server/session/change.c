@@ -1,5 +1,7 @@
 #include "server/session/change.h"
 
+#include <string.h>
+
 #include "server/observe/metrics.h"
 #include "server/session/measure.h"
 #include "server/session/quality.h"
@@ -10,6 +12,7 @@ static void changed(tcs_session *session) {
   if (session->watchers->len && session->begun_revision < session->revision)
     session->server->metrics->frames_superseded++;
   session->revision++;
+  session->server->metrics->scene_changes++;
   tcs_measure_cancel(session);
   tcs_quality_changed(session->server->quality, session);
   session->used_us = now_us;
@@ -19,17 +22,52 @@ static void changed(tcs_session *session) {
   tcs_session_wake(session);
 }
 
-bool tcs_session_patch(tcs_session *session, const cJSON *patch, bool whole, GError **error) {
+/* A patch onto *scene, which is valid; on failure it stays. from: what the patch is laid on. */
+static bool lay_on(tcs_session *session, tc_scene *scene, const tc_scene *from, const cJSON *patch, GError **error) {
   tc_volume *labels;
   tc_scene next;
-  tc_scene_copy(&next, whole ? &session->defaults : &session->scene);
+  tc_scene_copy(&next, from);
   if (!tcs_scene_patch(&next, &session->defaults, session->entry->volume, patch, error) ||
-      !tcs_scene_check(session->server, session->entry->volume, &next, &session->scene, &labels, error)) {
+      !tcs_scene_check(session->server, session->entry->volume, &next, scene, &labels, error)) {
     tc_scene_clear(&next);
     return false;
   }
+  tc_scene_clear(scene);
+  *scene = next; /* moves the heap members */
+  session->server->metrics->patches++;
+  return true;
+}
+
+bool tcs_session_draft(tcs_watcher *watcher, uint64_t seq, const cJSON *patch, GError **error) {
+  tcs_session *session = watcher->session;
+  if (!session->drafted) tc_scene_copy(&session->draft, &session->scene);
+  if (!lay_on(session, &session->draft, &session->draft, patch, error)) {
+    if (!session->drafted) tc_scene_clear(&session->draft);
+    return false;
+  }
+  session->drafted = true;
+  watcher->drafted_seq = MAX(watcher->drafted_seq, seq);
+  return true;
+}
+
+void tcs_session_settle(tcs_session *session) {
+  if (!session->drafted) return;
+  session->drafted = false;
   tc_scene_clear(&session->scene);
-  session->scene = next; /* moves the heap members */
+  session->scene = session->draft;
+  memset(&session->draft, 0, sizeof session->draft);
+  for (guint i = 0; i < session->watchers->len; i++) {
+    tcs_watcher *watcher = g_ptr_array_index(session->watchers, i);
+    watcher->seq = MAX(watcher->seq, watcher->drafted_seq);
+    watcher->drafted_seq = 0;
+  }
+  tcs_session_pin(session);
+  changed(session);
+}
+
+bool tcs_session_patch(tcs_session *session, const cJSON *patch, bool whole, GError **error) {
+  tcs_session_settle(session);
+  if (!lay_on(session, &session->scene, whole ? &session->defaults : &session->scene, patch, error)) return false;
   tcs_session_pin(session);
   changed(session);
   return true;

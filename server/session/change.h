@@ -4,6 +4,13 @@
 
 #include "server/session/session.h"
 
+/* Merge patch onto the draft of the scene, as patch number `seq` of the viewer: each is read and checked by itself and in
+ * its place, but what follows from a change follows once for all of a turn, in tcs_session_settle(). On failure the
+ * draft stays. */
+bool tcs_session_draft(tcs_watcher *watcher, uint64_t seq, const cJSON *patch, GError **error);
+/* The draft, where there is one, becomes the scene. Once a turn, before anybody looks at the scene. */
+void tcs_session_settle(tcs_session *session);
+
 /* Merge patch onto the scene, or onto the defaults when `whole`: counts the revision, cancels a refinement of the old
  * scene, wakes the viewers. On failure the scene stays. */
 bool tcs_session_patch(tcs_session *session, const cJSON *patch, bool whole, GError **error);

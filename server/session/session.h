@@ -1,6 +1,7 @@
 /* A session: one scene, its revisions, its viewers, and the pictures they need. I/O thread only.
  *
- * The scene is the latest-wins mailbox: a patch changes it at once, a render takes a snapshot of what it is then.
+ * The scene is the latest-wins mailbox: the patches of a turn of the loop change it together, a render takes a snapshot
+ * of what it is then.
  *
  * The files of this room, each of which may know those before it:
  *   window     how many pictures a viewer has not acknowledged
@@ -41,6 +42,8 @@ struct tcs_session {
   tcs_entry *entry; /* counted in entry->users */
   tcs_entry *labels; /* of the scene's label volume, or NULL; counted too, unless it is `entry` itself */
   tc_scene scene, defaults;
+  tc_scene draft;    /* the scene with the patches of this turn on it, where `drafted`: becomes the scene all at once */
+  bool drafted;
   uint64_t revision; /* counts up from 1 with every change */
   GPtrArray *watchers;
   tcs_ladder ladder;

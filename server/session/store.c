@@ -6,6 +6,7 @@
 
 #include "server/config/config.h"
 #include "server/observe/log.h"
+#include "server/session/change.h"
 #include "server/session/jobs.h"
 #include "server/session/measure.h"
 #include "server/session/scene.h"
@@ -109,6 +110,7 @@ void tcs_session_end(tcs_session *session) {
   tcs_picture_unref(session->still);
   g_ptr_array_unref(session->watchers);
   g_ptr_array_unref(session->jobs);
+  tc_scene_clear(&session->draft);
   tc_scene_clear(&session->scene);
   tc_scene_clear(&session->defaults);
   g_free(session);
@@ -140,6 +142,11 @@ void tcs_sessions_wake(tcs_sessions *sessions, int64_t now_us) {
   for (guint i = 0; i < sessions->order->len; i++)
     wake(g_ptr_array_index(sessions->order, i), now_us);
   tcs_scheduler_pump(sessions->server->scheduler);
+}
+
+void tcs_sessions_settle(tcs_sessions *sessions) {
+  for (guint i = 0; i < sessions->order->len; i++)
+    tcs_session_settle(g_ptr_array_index(sessions->order, i));
 }
 
 void tcs_sessions_expire(tcs_sessions *sessions, int64_t now_us) {

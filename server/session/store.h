@@ -23,6 +23,8 @@ void tcs_sessions_end_of(tcs_sessions *sessions, const tcs_entry *entry);
 int64_t tcs_sessions_next_us(const tcs_sessions *sessions, int64_t now_us);
 /* Sessions that came to rest want their final pictures. */
 void tcs_sessions_wake(tcs_sessions *sessions, int64_t now_us);
+/* The patches of the turn that ends change their sessions' scenes. */
+void tcs_sessions_settle(tcs_sessions *sessions);
 /* Once a second: ends sessions that nobody used for the configured time. */
 void tcs_sessions_expire(tcs_sessions *sessions, int64_t now_us);
 

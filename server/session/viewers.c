@@ -10,7 +10,7 @@ void tcs_session_join(tcs_session *session, tcs_watcher *watcher, unsigned windo
   static uint64_t last;
   watcher->session = session;
   watcher->id = ++last;
-  watcher->seq = watcher->shown_revision = 0;
+  watcher->seq = watcher->drafted_seq = watcher->shown_revision = 0;
   watcher->shown_final = false;
   tcs_window_init(&watcher->window, window);
   session->used_us = g_get_monotonic_time();
@@ -40,11 +40,7 @@ void tcs_watcher_pump(tcs_watcher *watcher) {
 }
 
 bool tcs_watcher_patch(tcs_watcher *watcher, uint64_t seq, const cJSON *patch, GError **error) {
-  const uint64_t before = watcher->seq;
-  watcher->seq = MAX(before, seq); /* the change may begin a render at once, and that shows this patch */
-  if (tcs_session_patch(watcher->session, patch, false, error)) return true;
-  watcher->seq = before;
-  return false;
+  return tcs_session_draft(watcher, seq, patch, error);
 }
 
 bool tcs_watcher_ack(tcs_watcher *watcher, uint64_t frame, GError **error) {
