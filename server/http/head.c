@@ -16,12 +16,17 @@ typedef struct slice {
   size_t size;
 } slice;
 
+/* Fields that are lists: several of them are one (RFC 9110, section 5.3), and who looks for it finds all. */
+enum { LIST_COUNT = 4 };
+static const char *const LISTS[LIST_COUNT] = {"Connection", "If-Match", "If-None-Match", "Sec-WebSocket-Protocol"};
+
 /* What the fields have said so far. */
 typedef struct reader {
   bool http10;     /* HTTP/1.0: no upgrades, no expectations, no chunks */
   slice authority; /* of an absolute target: it stands in for the Host field */
   slice upgrade;   /* that asks for a WebSocket */
   bool host, length, coding;
+  GString *lists[LIST_COUNT];
   unsigned once; /* bit i: ONCE[i] was there */
   int fields;
   tcs_head head;
@@ -234,6 +239,13 @@ static const tcs_refusal *read_upgrade(reader *r, slice value) {
   return NULL;
 }
 
+static const tcs_refusal *add_to_list(GString **list, slice value) {
+  if (!*list) *list = g_string_new(NULL);
+  if ((*list)->len) g_string_append(*list, ", ");
+  g_string_append_len(*list, value.at, (gssize)value.size);
+  return NULL;
+}
+
 /* Of two values of one of these nobody can say which is meant. */
 static const char *const ONCE[] = {"Content-Type", "Authorization", "Origin", "Sec-WebSocket-Version",
                                    "Sec-WebSocket-Key"};
@@ -254,6 +266,8 @@ static const tcs_refusal *read_field(reader *r, slice line) {
   const slice name = {field.name, field.name_size}, value = {field.value, field.value_size};
   for (size_t i = 0; i < G_N_ELEMENTS(framing); i++)
     if (same(name, framing[i].name)) return framing[i].read(r, value);
+  for (int i = 0; i < LIST_COUNT; i++)
+    if (same(name, LISTS[i])) return add_to_list(&r->lists[i], value);
   for (unsigned i = 0; i < G_N_ELEMENTS(ONCE); i++) {
     if (!same(name, ONCE[i])) continue;
     if (r->once & 1u << i) BAD("a field that may stand there once stands there twice");
@@ -275,6 +289,8 @@ static const tcs_refusal *finish(reader *r) {
    */
   r->head.upgrade = r->upgrade.size && !r->coding && !r->head.length;
   if (r->head.upgrade) put_field(r->plain, "Upgrade", 7, r->upgrade);
+  for (int i = 0; i < LIST_COUNT; i++)
+    if (r->lists[i]) put_field(r->plain, LISTS[i], strlen(LISTS[i]), (slice){r->lists[i]->str, r->lists[i]->len});
   put_text(r->plain, "\r\n");
   return NULL;
 }
@@ -286,12 +302,14 @@ const tcs_refusal *tcs_head_read(const uint8_t *bytes, size_t size, tcs_head *he
   const char *at = (const char *)bytes, *end = at + size, *stop;
   for (bool first = true; !refusal; first = false, at = stop + 2) {
     stop = memmem(at, (size_t)(end - at), "\r\n", 2);
-    if (!stop) BAD("the head does not end");
+    if (!stop) break; /* the caller has seen the empty line */
     const slice line = {at, (size_t)(stop - at)};
     if (line.size == 0 && !first) break;
     refusal = first ? read_request_line(&r, line) : read_field(&r, line);
   }
   if (!refusal) refusal = finish(&r);
+  for (int i = 0; i < LIST_COUNT; i++)
+    if (r.lists[i]) g_string_free(r.lists[i], TRUE);
   *head = refusal ? (tcs_head){0} : r.head;
   if (refusal) g_byte_array_set_size(plain, before);
   return refusal;

@@ -24,6 +24,9 @@ struct tcs_channel {
   size_t budget;
   shared_message shared;
   bool closing, broken; /* broken: the pipe itself failed */
+  bool in_close;
+  uint8_t close_body[125];
+  size_t close_size;
 };
 
 static ssize_t on_receive(wslay_event_context_ptr wslay, uint8_t *bytes, size_t size, int flags, void *user) {
@@ -77,9 +80,39 @@ static void on_message(wslay_event_context_ptr wslay, const struct wslay_event_o
   }
 }
 
+/* --- what wslay leaves unchecked of a close (RFC 6455, section 5.5.1): a body of one byte, a reason that comes in
+ * pieces */
+
+static void on_frame_start(wslay_event_context_ptr wslay, const struct wslay_event_on_frame_recv_start_arg *frame,
+                           void *user) {
+  tcs_channel *channel = user;
+  channel->in_close = frame->opcode == WSLAY_CONNECTION_CLOSE;
+}
+
+static void on_frame_chunk(wslay_event_context_ptr wslay, const struct wslay_event_on_frame_recv_chunk_arg *chunk,
+                           void *user) {
+  tcs_channel *channel = user;
+  if (!channel->in_close || chunk->data_length > sizeof channel->close_body - channel->close_size) return;
+  memcpy(channel->close_body + channel->close_size, chunk->data, chunk->data_length);
+  channel->close_size += chunk->data_length;
+}
+
+static void on_frame_end(wslay_event_context_ptr wslay, void *user) {
+  tcs_channel *channel = user;
+  const size_t size = channel->close_size;
+  if (!channel->in_close) return;
+  if (size == 1) tcs_channel_close(channel, WSLAY_CODE_PROTOCOL_ERROR, "a close code has two bytes");
+  if (size > 2 && !g_utf8_validate((const char *)channel->close_body + 2, (gssize)size - 2, NULL))
+    tcs_channel_close(channel, WSLAY_CODE_INVALID_FRAME_PAYLOAD_DATA, "");
+}
+
 tcs_channel *tcs_channel_new(const tcs_channel_callbacks *callbacks, void *user) {
-  static const struct wslay_event_callbacks events = {
-      .recv_callback = on_receive, .send_callback = on_send, .on_msg_recv_callback = on_message};
+  static const struct wslay_event_callbacks events = {.recv_callback = on_receive,
+                                                      .send_callback = on_send,
+                                                      .on_frame_recv_start_callback = on_frame_start,
+                                                      .on_frame_recv_chunk_callback = on_frame_chunk,
+                                                      .on_frame_recv_end_callback = on_frame_end,
+                                                      .on_msg_recv_callback = on_message};
   tcs_channel *channel = g_new0(tcs_channel, 1);
   channel->callbacks = *callbacks;
   channel->user = user;

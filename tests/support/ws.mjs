@@ -149,7 +149,7 @@ export class Ws {
   #frame(first, payload) {
     const opcode = first & 15;
     if (opcode === OP.ping) this.frame(payload, { opcode: OP.pong });
-    else if (opcode === OP.pong) this.pongs++;
+    else if (opcode === OP.pong) { this.pongs++; this.onPong?.(payload); }
     else if (opcode === OP.close) {
       const code = payload.length >= 2 ? payload.readUInt16BE(0) : 1005;
       this.#over({ code, reason: payload.subarray(2).toString() });
