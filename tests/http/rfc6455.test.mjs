@@ -136,14 +136,14 @@ const rows = [
 
 async function closeOf(bytes, piece) {
   const ws = await Ws.open(d, session, { autoAck: false }); // nothing is sent but the row
+  const gone = new Promise((resolve) => ws.socket.once('close', resolve));
+  const late = setTimeout(() => ws.cut(), 20000);
   await ws.nextText('hello');
   if (!piece) ws.write(bytes);
   for (let at = 0; piece && at < bytes.length; at += piece) {
     ws.write(bytes.subarray(at, at + piece));
     await new Promise(setImmediate);
   }
-  const gone = new Promise((resolve) => ws.socket.once('close', resolve));
-  const late = setTimeout(() => ws.cut(), 20000);
   const { code } = await ws.ended;
   await gone; // the server ends the connection
   clearTimeout(late);
