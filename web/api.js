@@ -16,6 +16,9 @@ export class Problem extends Error {
 
 export class Api {
   #base;
+  #asking = null;
+  /** (wrong) => Promise of a token, "" = none: called when the daemon wants one; wrong: it refused the last. */
+  ask = null;
 
   constructor(base = document.baseURI) {
     this.#base = new URL('./', base);
@@ -44,22 +47,51 @@ export class Api {
     return this.token ? { Authorization: `Bearer ${this.token}` } : {};
   }
 
-  /** @returns {Promise<Response>} a success; @throws {Problem} */
-  async fetch(method, path, { json, type = 'application/json', ...options } = {}) {
+  /** @returns {Promise<Response>} a success, if need be once the user has given a token; @throws {Problem} */
+  async fetch(method, path, options = {}) {
+    for (;;) {
+      const { token } = this;
+      const reply = await this.#send(method, path, options);
+      if (reply.ok) return reply;
+      const problem = await problemOf(reply);
+      if (reply.status !== 401 || !this.ask || options.keepalive) throw problem;
+      if (this.token === token && !(await this.#asked(token !== ''))) throw problem;
+    }
+  }
+
+  // One question for all calls that wait for its answer.
+  #asked(wrong) {
+    const take = (token) => {
+      if (token) this.token = token;
+      return token !== '';
+    };
+    this.#asking ??= this.ask(wrong)
+      .then(take)
+      .finally(() => (this.#asking = null));
+    return this.#asking;
+  }
+
+  async #send(method, path, { json, type = 'application/json', ...options }) {
     const headers = this.headers();
     if (json !== undefined) {
       headers['Content-Type'] = type;
       options.body = JSON.stringify(json);
     }
-    let reply;
     try {
-      reply = await fetch(this.url(path), { method, headers, cache: 'no-store', ...options });
+      return await fetch(this.url(path), { method, headers, cache: 'no-store', ...options });
     } catch (error) {
       if (error.name === 'AbortError') throw error;
       throw new Problem(0, { detail: 'the server does not answer' });
     }
-    if (!reply.ok) throw await problemOf(reply);
-    return reply;
+  }
+
+  /** Address of a WebSocket that carries no token: a ticket that is good once stands in for it. */
+  async streamUrl(session) {
+    const url = new URL(this.socketUrl(`v1/sessions/${encodeURIComponent(session)}/stream`));
+    if (!this.token) return url.href;
+    const { ticket } = await this.json('POST', 'v1/tickets', { json: { session } });
+    url.searchParams.set('ticket', ticket);
+    return url.href;
   }
 
   /** @returns {Promise<object|null>} the reply's JSON, null when it has none */

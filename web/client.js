@@ -1,5 +1,6 @@
 // The facade: one volume, one session, one connection. Joins the scene store, the wire and the view.
 
+import { linked } from './access.js';
 import { Problem } from './api.js';
 import { PacketError, readFrame } from './packets.js';
 import { joinPatches } from './state.js';
@@ -12,6 +13,7 @@ const REFRESH_MS = 300;
  *   session({id, volume})     there is a session, new or found again
  *   connection(state)         see wire.js
  *   frame({header, bytes, roundTripMs?})  a frame is on the canvas
+ *   viewOnly()               the user may not change the scene: edits are taken back
  *   pending(count)           so many patches are on their way to a picture
  *   problem(Problem|Error, patch?)        the daemon refused something; the old scene stays
  *   beforeFlush()             last chance to edit the scene before this display frame's patch
@@ -24,6 +26,7 @@ export class Client {
   #wire = null;
   #volume = '';
   #session = '';
+  #viewOnly = false;
   #owned = false; // we made the session and nobody was given its address
   #sequence = 0;
   #sent = new Map(); // sequence -> {at, patch}: not yet seen in a frame
@@ -48,11 +51,23 @@ export class Client {
     return this.#wire?.state === 'open';
   }
 
-  /** Address other people can open to see and steer the same session. */
-  share() {
-    this.#owned = false;
+  /**
+   * Address other people can open to see the same session, and with the role "edit" to steer it. Who came by a link
+   * hands that on.
+   * @throws {Problem}
+   */
+  async share(role) {
     const url = this.#api.url('');
-    url.searchParams.set('session', this.#session);
+    const { token } = this.#api;
+    this.#owned = false;
+    if (linked(token).session === this.#session) {
+      url.hash = `share=${token}`;
+    } else if (token || role === 'view') {
+      const path = `v1/sessions/${encodeURIComponent(this.#session)}/share`;
+      url.hash = `share=${(await this.#api.json('POST', path, { json: { role } })).token}`;
+    } else {
+      url.searchParams.set('session', this.#session); // a daemon without tokens needs no link
+    }
     return url.href;
   }
 
@@ -125,6 +140,10 @@ export class Client {
     this.#on.beforeFlush?.();
     if (!this.connected || !this.#store.dirty) return; // kept until there is a connection
     const patch = this.#store.take();
+    if (this.#viewOnly) {
+      this.#refreshSoon(0);
+      return;
+    }
     this.#sequence += 1;
     this.#settled = false;
     this.#sent.set(this.#sequence, { at: performance.now(), patch });
@@ -161,12 +180,14 @@ export class Client {
     try {
       await this.#api.json('GET', `v1/sessions/${encodeURIComponent(this.#session)}`);
     } catch (error) {
-      if (error.status !== 404) throw error;
-      const made = await this.#ask(this.#volume, this.#store.scene);
+      if (error.status !== 404) throw final(error);
+      const made = await this.#ask(this.#volume, this.#store.scene).catch((refusal) => {
+        throw final(refusal);
+      });
       this.#adopt(made, this.#volume);
     }
-    const protocols = this.#api.token ? [`bearer.${this.#api.token}`] : [];
-    return { url: this.#api.socketUrl(`v1/sessions/${encodeURIComponent(this.#session)}/stream`), protocols };
+    this.#viewOnly = linked(this.#api.token).role === 'view';
+    return { url: await this.#api.streamUrl(this.#session) };
   }
 
   #opened() {
@@ -180,7 +201,8 @@ export class Client {
   }
 
   #text(message) {
-    if (message.type === 'error') this.#refused(message); // hello, pong, volume: nothing to do
+    if (message.type === 'error') this.#refused(message);
+    if (message.type === 'hello' && (this.#viewOnly = message.role === 'view')) this.#on.viewOnly?.();
   }
 
   #refused({ seq, problem }) {
@@ -238,4 +260,9 @@ export class Client {
       [...this.#sent.values()].map(({ patch }) => patch),
     );
   }
+}
+
+/** Trying again helps nobody who is not let in. */
+function final(error) {
+  return Object.assign(error, { fatal: error.status === 401 || error.status === 403 });
 }

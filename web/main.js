@@ -1,5 +1,6 @@
 // Wires the parts of the page together. Decisions live in the parts.
 
+import { linkIn, TokenDialog } from './access.js';
 import { Api } from './api.js';
 import { Client } from './client.js';
 import { fit, spanAtTarget, standardView, withProjection } from './camera.js';
@@ -26,6 +27,8 @@ const get = (id) => document.getElementById(id);
 const stage = get('stage');
 const store = new SceneStore();
 const api = new Api();
+const tokenDialog = new TokenDialog(get);
+api.ask = (wrong) => tokenDialog.ask(wrong);
 const volumes = new Volumes(api);
 const notices = new Notices(
   {
@@ -50,6 +53,7 @@ const client = new Client({
   on: {
     session: showSession,
     connection: showConnection,
+    viewOnly: () => notices.line('For looking only: what you change here is not kept.'),
     frame: showFrame,
     pending: (count) => (stage.dataset.pending = count),
     problem: refused,
@@ -118,7 +122,7 @@ new Keys(store, {
 const sceneDialog = new SceneDialog(get, {
   scene: () => store.scene,
   load: (scene) => client.putScene(scene),
-  share: () => client.share(),
+  share: (role) => client.share(role),
   toast: (text) => notices.toast(text),
 });
 
@@ -171,6 +175,7 @@ function showSession({ id }) {
 
 function showConnection(state) {
   notices.connection(state);
+  if (state.state === 'closed' && state.reason) notices.toast(state.reason, { title: 'Disconnected', bad: true });
   status.connection(state);
 }
 
@@ -200,27 +205,11 @@ function refused(error, patch) {
 }
 
 function failed(error) {
-  if (error.status === 401) {
-    askToken();
-    return;
-  }
   notices.problem(error);
   if (!client.session) {
     get('empty').textContent = error.message;
     get('empty').hidden = false;
   }
-}
-
-function askToken() {
-  const dialog = get('token-dialog');
-  if (!dialog.open) dialog.showModal();
-}
-
-function takeToken() {
-  api.token = get('token').value;
-  get('token').value = '';
-  get('token-dialog').close();
-  start();
 }
 
 function chooseMode(mode) {
@@ -368,8 +357,6 @@ function bindControls() {
   for (const button of document.querySelectorAll('[data-close]')) {
     button.addEventListener('click', () => button.closest('dialog').close());
   }
-  get('token-use').addEventListener('click', takeToken);
-  get('token').addEventListener('keydown', ({ key }) => key === 'Enter' && takeToken());
   get('upload').addEventListener('change', () => {
     const files = [...get('upload').files];
     get('upload').value = '';
@@ -403,6 +390,12 @@ function bindWindow() {
   }).observe(stage);
   window.addEventListener('online', () => client.retryNow());
   window.addEventListener('hashchange', () => {
+    if (linkIn(location.hash)) {
+      client.leave();
+      takeLink();
+      location.reload();
+      return;
+    }
     const id = volumeInHash(location.hash);
     if (id && id !== opening.volume?.id) opening.open(id);
   });
@@ -413,7 +406,16 @@ function bindWindow() {
   });
 }
 
+/** A link's token goes from the address to the tab. */
+function takeLink() {
+  const token = linkIn(location.hash);
+  if (!token) return;
+  api.token = token;
+  history.replaceState(null, '', location.pathname);
+}
+
 async function start() {
+  takeLink();
   try {
     const [about, presets] = await Promise.all([api.json('GET', 'v1/about'), api.json('GET', 'v1/presets')]);
     status.server([about.name, about.version, about.backend, about.device].filter(Boolean).join(' \u00b7 '));

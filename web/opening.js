@@ -1,5 +1,6 @@
 // From a name, a file or an address to a volume on the stage: loading, uploading, joining, with progress and cancel.
 
+import { linked } from './access.js';
 import { fit, volumeBox } from './camera.js';
 import { formatBytes, uploadId } from './volumes.js';
 import { droppedFiles, zip } from './zip.js';
@@ -36,9 +37,9 @@ export class Opening {
     this.#on = on;
   }
 
-  /** Opens what the address names: ?session=ID, #volume, or the only volume. @returns false: let the user choose */
+  /** Opens the session of a link the user came by, or what the address names: ?session=ID, #volume, or the only volume. @returns false: let the user choose */
   async fromAddress({ search, hash }) {
-    const session = new URLSearchParams(search).get('session');
+    const session = linked(this.#api.token).session || new URLSearchParams(search).get('session');
     const id = volumeInHash(hash);
     if (session) await this.join(session);
     else if (id) await this.open(id, this.#kept(id));

@@ -4,12 +4,12 @@ export class SceneDialog {
   #get;
   #on;
 
-  /** get(id); on: scene() now, load(scene) async, share() -> address, toast(text) */
+  /** get(id); on: scene() now, load(scene) async, share(role) -> address, async, toast(text) */
   constructor(get, on) {
     this.#get = get;
     this.#on = on;
     get('scene-copy').addEventListener('click', () => this.#copy(get('scene-text').value, 'Scene copied.'));
-    get('scene-share').addEventListener('click', () => this.#copy(on.share(), 'Session link copied.'));
+    get('scene-share').addEventListener('click', () => this.#share());
     get('scene-save').addEventListener('click', () => {
       saveFile(new Blob([get('scene-text').value], { type: 'application/json' }), 'scene.json');
     });
@@ -21,6 +21,14 @@ export class SceneDialog {
     this.#get('scene-text').value = JSON.stringify(this.#on.scene(), null, 2);
     this.#problem('');
     this.#get('scene-dialog').showModal();
+  }
+
+  async #share() {
+    try {
+      await this.#copy(await this.#on.share(this.#get('scene-share-role').value), 'Session link copied.');
+    } catch (error) {
+      this.#problem(error.message);
+    }
   }
 
   async #load() {
