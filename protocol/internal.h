@@ -68,6 +68,7 @@ extern const size_t tcp_group_count;
 struct tcp_reader {
   tc_scene *scene;
   const tc_scene *defaults;
+  const tcp_lists *lists;      /* or NULL */
   double value_min, value_max; /* scale relative presets */
   GString *pointer;            /* RFC 6901, of the member being read */
   GError **error;

@@ -70,6 +70,12 @@ static bool read_knots(tcp_reader *reader, const cJSON *list, tc_knot *knots, tc
 
 static bool read_points(tcp_reader *reader, const tcp_member *member, const cJSON *value) {
   tc_transfer_function *tf = &reader->scene->transfer_function;
+  if (reader->lists && reader->lists->points == value) {
+    tc_scene_take_points(reader->scene, &reader->lists->scene);
+    tf->kind = reader->lists->scene.transfer_function.kind;
+    if (!reader->preset_given) memset(tf->preset, 0, sizeof tf->preset);
+    return true;
+  }
   if (!cJSON_IsArray(value)) return tcp_fail_type(reader, "an array of points", value);
   int count = cJSON_GetArraySize(value);
   if (count < 1) return tcp_fail(reader, TC_ERROR_INVALID, "at least one point is wanted");

@@ -102,6 +102,10 @@ const tcp_special tcp_special_label_colors = {read_colors, write_colors, reset_c
 /* --- labels.visible ----------------------------------------------------------------------------- */
 
 static bool read_visible(tcp_reader *reader, const tcp_member *member, const cJSON *value) {
+  if (reader->lists && reader->lists->visible == value) {
+    tc_scene_take_visible(reader->scene, &reader->lists->scene);
+    return true;
+  }
   if (!cJSON_IsArray(value)) return tcp_fail_type(reader, "an array of label numbers", value);
   int count = cJSON_GetArraySize(value), i = 0;
   if (count > TCP_MAX_LABELS)

@@ -25,8 +25,18 @@ void tcp_merge_patch(cJSON **target, const cJSON *patch);
 /* The full scene as its JSON document (every member of PROTOCOL.md's Scene that has a meaning now). */
 cJSON *tcp_scene_write(const tc_scene *scene);
 
-/* What a document may need to know of the volume it is for. Values in the volume's unit. */
-typedef struct tcp_scene_context { double value_min, value_max; } tcp_scene_context;
+/* Long lists of a document (knots, visible labels), read beforehand, so that the document itself is then laid on a
+ * scene in no time. They name their nodes in the document and are good only for it. */
+typedef struct tcp_lists {
+  const cJSON *points, *visible; /* the nodes; NULL: not read */
+  tc_scene scene;                /* holds what was read, shared; else zeros */
+} tcp_lists;
+/* *lists holds nothing before. The errors are those that tcp_scene_patch() would have. Any thread. */
+bool tcp_lists_read(const cJSON *document, tcp_lists *lists, GError **error);
+void tcp_lists_clear(tcp_lists *lists);
+
+/* What a document may need to know of the volume it is for, in the volume's unit; lists: of this document, or NULL. */
+typedef struct tcp_scene_context { double value_min, value_max; const tcp_lists *lists; } tcp_scene_context;
 
 /* Merge patch (RFC 7396) onto *scene: members in `patch` replace, null returns a member to what `defaults` holds. A
  * patch with transferFunction.preset and no points takes the preset's points; one with points and no preset clears the

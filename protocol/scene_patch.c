@@ -109,6 +109,7 @@ bool tcp_scene_patch(tc_scene *scene, const cJSON *patch, const tc_scene *defaul
   tc_scene_copy(&next, scene);
   tcp_reader reader = {.scene = &next,
                        .defaults = defaults,
+                       .lists = context ? context->lists : NULL,
                        .value_min = context ? context->value_min : 0,
                        .value_max = context ? context->value_max : 1,
                        .pointer = g_string_new(NULL),
@@ -123,6 +124,39 @@ bool tcp_scene_patch(tc_scene *scene, const cJSON *patch, const tc_scene *defaul
   }
   g_string_free(reader.pointer, TRUE);
   return good;
+}
+
+/* A list that is there, as its own member reads it. */
+static bool read_list(tcp_reader *reader, const cJSON *document, const char *group, const char *name,
+                      const tcp_special *special, const cJSON **node) {
+  const cJSON *value = cJSON_GetObjectItemCaseSensitive(cJSON_GetObjectItemCaseSensitive(document, group), name);
+  if (!cJSON_IsArray(value)) return true;
+  for (size_t i = 0; i < tcp_member_count; i++) {
+    if (tcp_members[i].special != special) continue;
+    const size_t mark = tcp_enter(reader, group);
+    tcp_enter(reader, name);
+    if (!special->read(reader, &tcp_members[i], value)) return false;
+    tcp_leave(reader, mark);
+  }
+  *node = value;
+  return true;
+}
+
+bool tcp_lists_read(const cJSON *document, tcp_lists *lists, GError **error) {
+  *lists = (tcp_lists){0};
+  tcp_reader reader = {.scene = &lists->scene, .pointer = g_string_new(NULL), .error = error};
+  const bool good =
+      read_list(&reader, document, "transferFunction", "points", &tcp_special_points, &lists->points) &&
+      read_list(&reader, document, "labels", "visible", &tcp_special_visible, &lists->visible);
+  g_string_free(reader.pointer, TRUE);
+  tc_scene_share(&lists->scene);
+  if (!good) tcp_lists_clear(lists);
+  return good;
+}
+
+void tcp_lists_clear(tcp_lists *lists) {
+  tc_scene_clear(&lists->scene);
+  *lists = (tcp_lists){0};
 }
 
 void tcp_scene_light(tc_scene *scene, const cJSON *document) {

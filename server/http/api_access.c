@@ -3,7 +3,7 @@
 
 #include "server/access/access.h"
 #include "server/access/audit.h"
-#include "server/http/http.h"
+#include "server/http/work.h"
 #include "server/session/store.h"
 
 #define SHARE_S 86400        /* a link's life where nobody says */
@@ -13,7 +13,7 @@ static void no_session(tcs_request *request) {
   tcs_reply_problem(request, 404, "not-found", "No such thing", "there is no such session; it may have ended");
 }
 
-static void post_ticket(tcs_request *request, const cJSON *body) {
+static void post_ticket(tcs_request *request, cJSON *body, const tcp_lists *lists) {
   static const char *const names[] = {"session", NULL};
   const char *id;
   char ticket[TCS_TICKET_SIZE];
@@ -36,9 +36,7 @@ static void post_ticket(tcs_request *request, const cJSON *body) {
 }
 
 void tcs_post_tickets(tcs_request *request) {
-  cJSON *body = tcs_body_json(request);
-  if (body) post_ticket(request, body);
-  cJSON_Delete(body);
+  tcs_read_body(request, NULL, post_ticket);
 }
 
 /* How long the link is to live and what its holder may do. False: replied. */
@@ -61,7 +59,7 @@ static bool read_share(tcs_request *request, const cJSON *body, tcs_role *role, 
   return true;
 }
 
-static void post_share(tcs_request *request, const cJSON *body) {
+static void post_share(tcs_request *request, cJSON *body, const tcp_lists *lists) {
   tcs_access *access = request->server->access;
   const tcs_session *session = tcs_own_session(request);
   tcs_role role;
@@ -85,7 +83,5 @@ static void post_share(tcs_request *request, const cJSON *body) {
 }
 
 void tcs_post_share(tcs_request *request) {
-  cJSON *body = tcs_body_json(request);
-  if (body) post_share(request, body);
-  cJSON_Delete(body);
+  tcs_read_body(request, NULL, post_share);
 }

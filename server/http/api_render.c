@@ -4,7 +4,7 @@
 
 #include "server/access/audit.h"
 #include "server/encode/encode.h"
-#include "server/http/http.h"
+#include "server/http/work.h"
 #include "server/session/measure.h"
 #include "server/session/quality.h"
 #include "server/session/scene.h"
@@ -116,7 +116,7 @@ static void format_into_scene(cJSON *body, tc_image_format format) {
   cJSON_AddStringToObject(image, "format", format == TC_FORMAT_PNG ? "png" : "jpeg");
 }
 
-static void post_render(tcs_request *request, cJSON *body) {
+static void post_render(tcs_request *request, cJSON *body, const tcp_lists *lists) {
   static const char *const names[] = {"volume", "scene", "format", "quality", NULL};
   const char *volume, *format;
   if (!tcs_members_known(request, body, names) || !tcs_member_string(request, body, "volume", true, &volume) ||
@@ -130,7 +130,7 @@ static void post_render(tcs_request *request, cJSON *body) {
   if (format) format_into_scene(body, chosen);
   GError *error = NULL;
   tc_scene scene;
-  if (!tcs_scene_make(request->server, entry, cJSON_GetObjectItemCaseSensitive(body, "scene"), &scene,
+  if (!tcs_scene_make(request->server, entry, cJSON_GetObjectItemCaseSensitive(body, "scene"), lists, &scene,
                       &error)) {
     tcs_reply_error_in(request, error, "/scene");
     g_clear_error(&error);
@@ -142,9 +142,7 @@ static void post_render(tcs_request *request, cJSON *body) {
 }
 
 void tcs_post_render(tcs_request *request) {
-  cJSON *body = tcs_body_json(request);
-  if (body) post_render(request, body);
-  cJSON_Delete(body);
+  tcs_read_body(request, "scene", post_render);
 }
 
 void tcs_get_frame(tcs_request *request) {

@@ -3,7 +3,7 @@
 
 #include "renderer/embedded.h"
 #include "server/catalogue/catalogue.h"
-#include "server/http/http.h"
+#include "server/http/work.h"
 #include "server/loop/worker.h"
 #include "server/session/store.h"
 
@@ -46,8 +46,7 @@ static void add_text(cJSON *json, const char *name, const char *text) {
   cJSON_AddStringToObject(json, name, text ? text : "");
 }
 
-void tcs_get_about(tcs_request *request) {
-  const tcs_server *server = request->server;
+static cJSON *write_about(const tcs_server *server) {
   const tc_renderer_info *info = tcs_scheduler_about(server->scheduler);
   cJSON *json = cJSON_CreateObject();
   add_text(json, "name", "tomocast");
@@ -66,12 +65,32 @@ void tcs_get_about(tcs_request *request) {
     cJSON_AddNumberToObject(limits, fields[i].json, (double)value);
   }
   cJSON_AddItemToObject(json, "unavailable", tcs_unavailable());
-  tcs_reply_json(request, 200, json);
+  return json;
 }
 
-void tcs_get_openapi(tcs_request *request) { tcs_reply_json(request, 200, tcp_openapi(TC_VERSION)); }
-void tcs_get_scene_schema(tcs_request *request) { tcs_reply_json(request, 200, tcp_scene_schema()); }
-void tcs_get_presets(tcs_request *request) { tcs_reply_json(request, 200, tcp_presets()); }
+/* What is the same for as long as the daemon runs is written once, before it runs. */
+enum { ABOUT, OPENAPI, SCENE_SCHEMA, PRESETS };
+
+static GBytes *text_of(cJSON *json) {
+  char *text = tcs_json_text(json);
+  return g_bytes_new_take(text, strlen(text));
+}
+
+void tcs_documents_write(const tcs_server *server, GBytes *documents[TCS_DOCUMENTS]) {
+  documents[ABOUT] = text_of(write_about(server));
+  documents[OPENAPI] = text_of(tcp_openapi(TC_VERSION));
+  documents[SCENE_SCHEMA] = text_of(tcp_scene_schema());
+  documents[PRESETS] = text_of(tcp_presets());
+}
+
+static void reply_document(tcs_request *request, int which) {
+  tcs_reply_bytes(request, 200, "application/json", g_bytes_ref(tcs_http_document(request->server->http, which)));
+}
+
+void tcs_get_about(tcs_request *request) { reply_document(request, ABOUT); }
+void tcs_get_openapi(tcs_request *request) { reply_document(request, OPENAPI); }
+void tcs_get_scene_schema(tcs_request *request) { reply_document(request, SCENE_SCHEMA); }
+void tcs_get_presets(tcs_request *request) { reply_document(request, PRESETS); }
 
 /* --- static files: from a table in the program, never from the file system -------------------------- */
 

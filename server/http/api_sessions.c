@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "server/access/audit.h"
-#include "server/http/http.h"
+#include "server/http/work.h"
 #include "server/session/change.h"
 #include "server/session/measure.h"
 #include "server/session/scope.h"
@@ -32,7 +32,7 @@ static cJSON *describe(const tcs_session *session, bool with_scene) {
   const int64_t idle_us = session->watchers->len ? 0 : g_get_monotonic_time() - session->used_us;
   cJSON_AddNumberToObject(json, "idleSeconds", (double)(idle_us / 1000000));
   cJSON_AddNumberToObject(json, "renderMs", tcs_client_render_ms(session->client));
-  if (with_scene) cJSON_AddItemToObject(json, "scene", tcp_scene_write(&session->scene));
+  if (with_scene) cJSON_AddNullToObject(json, "scene"); /* where tcs_reply_scene() puts it */
   const tcs_picture *judged = tcs_session_judged(session);
   if (judged && judged->header.has_error)
     cJSON_AddItemToObject(json, "error", tcp_measured_error(&judged->header));
@@ -62,7 +62,7 @@ void tcs_get_sessions(tcs_request *request) {
   tcs_reply_json(request, 200, json);
 }
 
-static void post_session(tcs_request *request, const cJSON *body) {
+static void post_session(tcs_request *request, cJSON *body, const tcp_lists *lists) {
   static const char *const names[] = {"volume", "scene", NULL};
   const char *volume;
   if (!tcs_members_known(request, body, names) || !tcs_member_string(request, body, "volume", true, &volume)) return;
@@ -71,7 +71,7 @@ static void post_session(tcs_request *request, const cJSON *body) {
   GError *error = NULL;
   const cJSON *scene = cJSON_GetObjectItemCaseSensitive(body, "scene");
   char *peer = tcs_peer_name(request);
-  tcs_session *session = tcs_sessions_create(request->server->sessions, entry, scene, peer, &error);
+  tcs_session *session = tcs_sessions_create(request->server->sessions, entry, scene, lists, peer, &error);
   g_free(peer);
   if (!session) {
     tcs_reply_error_in(request, error, "/scene");
@@ -83,9 +83,7 @@ static void post_session(tcs_request *request, const cJSON *body) {
   char etag[32];
   char *location = g_strconcat("/v1/sessions/", session->id, NULL);
   etag_of(session, etag);
-  tcs_reply_json(request, 201, describe(session, true));
-  tcs_reply_header(request, "Location", location);
-  tcs_reply_header(request, "ETag", etag);
+  tcs_reply_scene(request, 201, describe(session, true), &session->scene, etag, location);
   g_free(location);
 }
 
@@ -95,14 +93,12 @@ void tcs_post_sessions(tcs_request *request) {
     tcs_reply_problem(request, 503, "draining", "Shutting down", "the server is shutting down; try another or wait");
     return;
   }
-  cJSON *body = tcs_body_json(request);
-  if (body) post_session(request, body);
-  cJSON_Delete(body);
+  tcs_read_body(request, "scene", post_session);
 }
 
 void tcs_get_session(tcs_request *request) {
   const tcs_session *session = tcs_session_of(request);
-  if (session) tcs_reply_json(request, 200, describe(session, true));
+  if (session) tcs_reply_scene(request, 200, describe(session, true), &session->scene, NULL, NULL);
 }
 
 void tcs_delete_session(tcs_request *request) {
@@ -118,8 +114,7 @@ void tcs_delete_session(tcs_request *request) {
 static void reply_scene(tcs_request *request, const tcs_session *session) {
   char etag[32];
   etag_of(session, etag);
-  tcs_reply_json(request, 200, tcp_scene_write(&session->scene));
-  tcs_reply_header(request, "ETag", etag);
+  tcs_reply_scene(request, 200, NULL, &session->scene, etag, NULL);
 }
 
 void tcs_get_scene(tcs_request *request) {
@@ -135,7 +130,8 @@ void tcs_get_scene(tcs_request *request) {
   tcs_reply_header(request, "ETag", etag);
 }
 
-static void change_scene(tcs_request *request, bool whole) {
+/* The precondition is looked at when the change is made, however long the body took to read. */
+static void change_scene(tcs_request *request, const cJSON *patch, const tcp_lists *lists, bool whole) {
   tcs_session *session = tcs_session_of(request);
   if (!session) return;
   char etag[32];
@@ -147,22 +143,32 @@ static void change_scene(tcs_request *request, bool whole) {
     tcs_reply_header(request, "ETag", etag);
     return;
   }
-  cJSON *patch = tcs_body_json(request);
-  if (!patch) return;
   GError *error = NULL;
   const char *forbidden = tcs_patch_forbidden(&request->caller, session, patch);
   if (forbidden)
     tcs_reply_problem(request, 403, "forbidden", "Not allowed", forbidden);
-  else if (tcs_session_patch(session, patch, whole, &error))
+  else if (tcs_session_patch(session, patch, lists, whole, &error))
     reply_scene(request, session);
   else
     tcs_reply_error(request, error);
   g_clear_error(&error);
-  cJSON_Delete(patch);
 }
 
-void tcs_put_scene(tcs_request *request) { change_scene(request, true); }
-void tcs_patch_scene(tcs_request *request) { change_scene(request, false); }
+static void put_scene(tcs_request *request, cJSON *body, const tcp_lists *lists) {
+  change_scene(request, body, lists, true);
+}
+
+static void patch_scene(tcs_request *request, cJSON *body, const tcp_lists *lists) {
+  change_scene(request, body, lists, false);
+}
+
+void tcs_put_scene(tcs_request *request) {
+  if (tcs_session_of(request)) tcs_read_body(request, "", put_scene);
+}
+
+void tcs_patch_scene(tcs_request *request) {
+  if (tcs_session_of(request)) tcs_read_body(request, "", patch_scene);
+}
 
 /* --- WebSocket -------------------------------------------------------------------------------------- */
 

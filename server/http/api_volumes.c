@@ -100,7 +100,7 @@ static void reply_and_clear(tcs_request *request, GError *error) {
   g_clear_error(&error);
 }
 
-static void post_volume(tcs_request *request, const cJSON *body) {
+static void post_volume(tcs_request *request, cJSON *body, const tcp_lists *lists) {
   static const char *const names[] = {"id", "path", NULL};
   const char *id, *path;
   if (!tcs_members_known(request, body, names) || !tcs_member_string(request, body, "id", true, &id) ||
@@ -119,9 +119,7 @@ static void post_volume(tcs_request *request, const cJSON *body) {
 }
 
 void tcs_post_volumes(tcs_request *request) {
-  cJSON *body = tcs_body_json(request);
-  if (body) post_volume(request, body);
-  cJSON_Delete(body);
+  tcs_read_body(request, NULL, post_volume);
 }
 
 void tcs_put_volume(tcs_request *request) {

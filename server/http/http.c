@@ -39,12 +39,14 @@ struct tcs_http {
   tcs_guard *guard;
   GQueue deferred; /* tcs_request *, by deferred_link */
   GQueue mjpeg_viewers;
+  GBytes *documents[TCS_DOCUMENTS];
   int open_requests;
   char address[INET6_ADDRSTRLEN + 16];
 };
 
 const char *tcs_http_address(const tcs_http *http) { return http->address; }
 tcs_streams *tcs_http_streams(tcs_http *http) { return http->streams; }
+GBytes *tcs_http_document(tcs_http *http, int which) { return http->documents[which]; }
 GQueue *tcs_http_mjpeg_viewers(tcs_http *http) { return &http->mjpeg_viewers; }
 
 static link_state *link_of(struct MHD_Connection *connection) {
@@ -341,6 +343,7 @@ tcs_http *tcs_http_new(tcs_server *server, GError **error) {
   g_queue_init(&http->deferred);
   g_queue_init(&http->mjpeg_viewers);
   http->streams = tcs_streams_new(server);
+  tcs_documents_write(server, http->documents);
   name_address(http, fd);
   tcs_hosts_listen(server->access->hosts, http->address);
   http->daemon = MHD_start_daemon(
@@ -370,6 +373,8 @@ void tcs_http_free(tcs_http *http) {
     MHD_stop_daemon(http->daemon);
   }
   tcs_streams_free(http->streams);
+  for (int i = 0; i < TCS_DOCUMENTS; i++)
+    g_bytes_unref(http->documents[i]);
   g_hash_table_destroy(http->links);
   tcs_guard_free(http->guard);
   g_free(http);

@@ -49,6 +49,10 @@ tcs_streams *tcs_http_streams(tcs_http *http);
 GQueue *tcs_http_mjpeg_viewers(tcs_http *http); /* tcs_mjpeg */
 /* What came after a request for an upgrade. */
 const GByteArray *tcs_http_held(struct MHD_Connection *connection);
+/* What a daemon says of itself, written at its start (api_service.c); the http's. */
+#define TCS_DOCUMENTS 4
+GBytes *tcs_http_document(tcs_http *http, int which);
+void tcs_documents_write(const tcs_server *server, GBytes *documents[TCS_DOCUMENTS]);
 /* Lets MHD work; milliseconds until it wants to again, -1 = no hurry. */
 int tcs_http_run(tcs_http *http);
 /* Once a second: deadlines, clients that left while waiting. */

@@ -5,6 +5,7 @@
 
 #include <stdatomic.h>
 
+#include "protocol/protocol.h"
 #include "server/http/http.h"
 #include "server/loop/worker.h"
 
@@ -30,6 +31,17 @@ struct tcs_work {
 bool tcs_work_start(tcs_request *request, tcs_worker *worker, tcs_work *work, int most);
 /* Runs it at once, here: for what is short. */
 void tcs_work_inline(tcs_request *request, tcs_work *work);
+
+/* What to do with a body that was read; lists: of the scene in it, or NULL. May reply or defer. */
+typedef void (*tcs_body_use)(tcs_request *request, cJSON *body, const tcp_lists *lists);
+/* Reads the request's JSON body, a long one on the text worker, and gives it to `use`; the body is freed afterwards.
+ * scene: the member of the body that is a scene; "": the body itself; NULL: none is. What cannot be read is replied. */
+void tcs_read_body(tcs_request *request, const char *scene, tcs_body_use use);
+
+/* Replies `status` and the scene as it is, as member "scene" of `around` (taken) or, where that is NULL, by itself. A
+ * long one is written by the text worker. location: or NULL. */
+void tcs_reply_scene(tcs_request *request, int status, cJSON *around, const tc_scene *scene, const char *etag,
+                     const char *location);
 
 /* JSON text of a document, which is freed: any thread. */
 char *tcs_json_text(cJSON *json);

@@ -23,11 +23,12 @@ static void changed(tcs_session *session) {
 }
 
 /* A patch onto *scene, which is valid; on failure it stays. from: what the patch is laid on. */
-static bool lay_on(tcs_session *session, tc_scene *scene, const tc_scene *from, const cJSON *patch, GError **error) {
+static bool lay_on(tcs_session *session, tc_scene *scene, const tc_scene *from, const cJSON *patch,
+                   const tcp_lists *lists, GError **error) {
   tc_volume *labels;
   tc_scene next;
   tc_scene_copy(&next, from);
-  if (!tcs_scene_patch(&next, &session->defaults, session->entry->volume, patch, error) ||
+  if (!tcs_scene_patch(&next, &session->defaults, session->entry->volume, patch, lists, error) ||
       !tcs_scene_check(session->server, session->entry->volume, &next, scene, &labels, error)) {
     tc_scene_clear(&next);
     return false;
@@ -41,7 +42,7 @@ static bool lay_on(tcs_session *session, tc_scene *scene, const tc_scene *from, 
 bool tcs_session_draft(tcs_watcher *watcher, uint64_t seq, const cJSON *patch, GError **error) {
   tcs_session *session = watcher->session;
   if (!session->drafted) tc_scene_copy(&session->draft, &session->scene);
-  if (!lay_on(session, &session->draft, &session->draft, patch, error)) {
+  if (!lay_on(session, &session->draft, &session->draft, patch, NULL, error)) {
     if (!session->drafted) tc_scene_clear(&session->draft);
     return false;
   }
@@ -65,9 +66,10 @@ void tcs_session_settle(tcs_session *session) {
   changed(session);
 }
 
-bool tcs_session_patch(tcs_session *session, const cJSON *patch, bool whole, GError **error) {
+bool tcs_session_patch(tcs_session *session, const cJSON *patch, const tcp_lists *lists, bool whole, GError **error) {
   tcs_session_settle(session);
-  if (!lay_on(session, &session->scene, whole ? &session->defaults : &session->scene, patch, error)) return false;
+  if (!lay_on(session, &session->scene, whole ? &session->defaults : &session->scene, patch, lists, error))
+    return false;
   tcs_session_pin(session);
   changed(session);
   return true;

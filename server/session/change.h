@@ -12,7 +12,7 @@ bool tcs_session_draft(tcs_watcher *watcher, uint64_t seq, const cJSON *patch, G
 void tcs_session_settle(tcs_session *session);
 
 /* Merge patch onto the scene, or onto the defaults when `whole`: counts the revision, cancels a refinement of the old
- * scene, wakes the viewers. On failure the scene stays. */
-bool tcs_session_patch(tcs_session *session, const cJSON *patch, bool whole, GError **error);
+ * scene, wakes the viewers. On failure the scene stays. lists: the patch's, or NULL. */
+bool tcs_session_patch(tcs_session *session, const cJSON *patch, const tcp_lists *lists, bool whole, GError **error);
 
 #endif

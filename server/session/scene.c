@@ -43,17 +43,18 @@ bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene
 }
 
 bool tcs_scene_patch(tc_scene *scene, const tc_scene *defaults, const tc_volume *volume, const cJSON *patch,
-                     GError **error) {
+                     const tcp_lists *lists, GError **error) {
   const tc_volume_stats *stats = tc_volume_statistics(volume);
-  const tcp_scene_context context = {stats->min, stats->max};
+  const tcp_scene_context context = {stats->min, stats->max, lists};
   return tcp_scene_patch(scene, patch, defaults, &context, error);
 }
 
-bool tcs_scene_make(tcs_server *server, const tcs_entry *entry, const cJSON *patch, tc_scene *scene, GError **error) {
+bool tcs_scene_make(tcs_server *server, const tcs_entry *entry, const cJSON *patch, const tcp_lists *lists,
+                    tc_scene *scene, GError **error) {
   tc_volume *labels;
   tc_scene_copy(scene, &entry->defaults);
   tcp_scene_light(scene, patch);
-  const bool ok = (!patch || tcs_scene_patch(scene, &entry->defaults, entry->volume, patch, error)) &&
+  const bool ok = (!patch || tcs_scene_patch(scene, &entry->defaults, entry->volume, patch, lists, error)) &&
                   tcs_scene_check(server, entry->volume, scene, NULL, &labels, error);
   if (!ok) tc_scene_clear(scene);
   return ok;

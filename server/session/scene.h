@@ -10,10 +10,12 @@
  * the catalogue's). valid: as in tc_plan_check(). */
 bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, const tc_scene *valid,
                      tc_volume **labels, GError **error);
-/* The defaults for a resident volume, with `patch` (may be NULL) on top. *scene holds nothing before, nor after a failure. */
-bool tcs_scene_make(tcs_server *server, const tcs_entry *entry, const cJSON *patch, tc_scene *scene, GError **error);
+/* The defaults for a resident volume, with `patch` (may be NULL) on top. *scene holds nothing before, nor after a
+ * failure. lists: the patch's, or NULL. */
+bool tcs_scene_make(tcs_server *server, const tcs_entry *entry, const cJSON *patch, const tcp_lists *lists,
+                    tc_scene *scene, GError **error);
 /* A merge patch onto a scene of the volume; not checked. */
 bool tcs_scene_patch(tc_scene *scene, const tc_scene *defaults, const tc_volume *volume, const cJSON *patch,
-                     GError **error);
+                     const tcp_lists *lists, GError **error);
 
 #endif

@@ -57,7 +57,8 @@ static bool random_id(char id[33], GError **error) {
   return true;
 }
 
-tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const cJSON *patch, const char *peer,
+tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const cJSON *patch, const tcp_lists *lists,
+                                 const char *peer,
                                   GError **error) {
   tcs_server *server = sessions->server;
   tc_scene scene;
@@ -67,7 +68,7 @@ tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const
                  server->config->limits.sessions);
     return NULL;
   }
-  if (!random_id(id, error) || !tcs_scene_make(server, entry, patch, &scene, error)) return NULL;
+  if (!random_id(id, error) || !tcs_scene_make(server, entry, patch, lists, &scene, error)) return NULL;
   tcs_session *session = g_new0(tcs_session, 1);
   session->server = server;
   memcpy(session->id, id, sizeof id);

@@ -10,7 +10,9 @@
 
 #include "server/config/config.h"
 #include "server/loop/loop.h"
+#include "server/loop/worker.h"
 #include "server/observe/metrics.h"
+#include "server/session/store.h"
 #include "server/session/scope.h"
 #include "server/session/viewers.h"
 #include "server/ws/channel.h"
@@ -18,6 +20,7 @@
 
 #define PING_US 15000000    /* a sign of life is asked for this often */
 #define SILENCE_US 30000000 /* and a peer without one for this long is gone */
+#define LONG_LISTS 500      /* a scene with more in its lists is written by a worker */
 #define CLOSE_US 2000000    /* how long a closing handshake may take */
 
 typedef struct tcs_stream {
@@ -30,6 +33,7 @@ typedef struct tcs_stream {
   GByteArray *extra; /* came with the handshake; read before the socket */
   uint32_t events;
   int64_t heard_us, pinged_us, sent_us, closing_us;
+  struct hello *hello; /* on its way from the worker; nothing is read before it is there */
   bool dead, inside; /* inside: called by the framing, which must return before anything is torn down */
 } tcs_stream;
 
@@ -129,6 +133,49 @@ static void on_text(void *user, const char *bytes, size_t size) {
   tcp_message_clear(&message);
 }
 
+/* The first message, which holds the whole scene: of many knots it is megabytes, which a worker writes. Nothing is read
+ * and nothing else is sent before it. */
+struct hello {
+  tcs_task task;
+  tcs_stream *stream; /* NULL: it died meanwhile */
+  char session[40];   /* its id: it may end meanwhile */
+  tc_scene scene;
+  cJSON *json;
+  char *text;
+};
+
+static void read_some(tcs_stream *stream);
+
+static void run_hello(tcs_task *task) {
+  struct hello *hello = (struct hello *)task;
+  cJSON_AddItemToObject(hello->json, "scene", tcp_scene_write(&hello->scene));
+  hello->text = cJSON_PrintUnformatted(hello->json);
+  cJSON_Delete(g_steal_pointer(&hello->json));
+}
+
+static void greet(tcs_stream *stream, struct hello *hello) {
+  const tcs_server *server = stream->streams->server;
+  tcs_session *session = tcs_sessions_find(server->sessions, hello->session);
+  GBytes *text = g_bytes_new_take(hello->text, hello->text ? strlen(hello->text) : 0);
+  hello->text = NULL;
+  stream->hello = NULL;
+  tcs_channel_send_shared(stream->channel, false, NULL, 0, text);
+  g_bytes_unref(text);
+  if (!session) tcs_channel_close(stream->channel, 1001, "the session has ended");
+  settle(stream);
+  if (stream->dead || tcs_channel_closing(stream->channel)) return;
+  tcs_session_join(session, &stream->watcher, (unsigned)server->config->limits.window);
+  if (!stream->dead && stream->extra->len) read_some(stream);
+}
+
+static void done_hello(tcs_task *task) {
+  struct hello *hello = (struct hello *)task;
+  if (hello->stream) greet(hello->stream, hello);
+  tc_scene_clear(&hello->scene);
+  cJSON_free(hello->text);
+  g_free(hello);
+}
+
 static void send_hello(tcs_stream *stream, tcs_session *session) {
   cJSON *json = cJSON_CreateObject();
   cJSON_AddStringToObject(json, "type", "hello");
@@ -138,8 +185,18 @@ static void send_hello(tcs_stream *stream, tcs_session *session) {
   cJSON_AddNumberToObject(json, "window", stream->watcher.window.limit);
   cJSON_AddStringToObject(json, "role", tcs_role_name(stream->caller.role));
   cJSON_AddStringToObject(json, "server", "tomocast " TC_VERSION);
-  cJSON_AddItemToObject(json, "scene", tcp_scene_write(&session->scene));
-  send_json(stream, json);
+  struct hello *hello = g_new0(struct hello, 1);
+  *hello = (struct hello){.task = {.run = run_hello, .done = done_hello}, .stream = stream, .json = json};
+  g_strlcpy(hello->session, session->id, sizeof hello->session);
+  tc_scene_copy(&hello->scene, &session->scene);
+  stream->hello = hello;
+  if (session->scene.transfer_function.count + session->scene.labels.n_colors + session->scene.labels.n_visible >
+      LONG_LISTS) {
+    tcs_worker_submit(stream->streams->server->text_worker, &hello->task);
+    return;
+  }
+  run_hello(&hello->task);
+  done_hello(&hello->task);
 }
 
 /* --- the watcher's transport ---------------------------------------------------------------------- */
@@ -180,6 +237,7 @@ static const tcs_watcher_ops stream_ops = {on_ready, on_frame, on_watcher_text, 
 static void die(tcs_stream *stream) {
   if (stream->dead) return;
   stream->dead = true;
+  if (stream->hello) stream->hello->stream = NULL;
   tcs_session_leave(&stream->watcher);
   tcs_server *server = stream->streams->server;
   server->ws_clients--;
@@ -208,7 +266,7 @@ static void settle(tcs_stream *stream) {
     return;
   }
   uint32_t events = 0;
-  if (tcs_channel_wants_read(stream->channel)) events |= EPOLLIN;
+  if (!stream->hello && tcs_channel_wants_read(stream->channel)) events |= EPOLLIN;
   if (tcs_channel_wants_write(stream->channel)) events |= EPOLLOUT;
   if (events != stream->events) tcs_loop_change(stream->streams->server->loop, &stream->source, events);
   stream->events = events;
@@ -287,10 +345,7 @@ void tcs_streams_open(tcs_streams *streams, tcs_session *session, const tcs_call
   }
   stream->watcher.window.limit = (unsigned)server->config->limits.window;
   send_hello(stream, session);
-  settle(stream);
-  if (stream->dead) return;
-  tcs_session_join(session, &stream->watcher, (unsigned)server->config->limits.window);
-  if (!stream->dead && stream->extra->len) read_some(stream);
+  if (!stream->dead) settle(stream);
 }
 
 int tcs_streams_count(const tcs_streams *streams) { return (int)streams->live->len; }
@@ -315,7 +370,7 @@ void tcs_streams_tick(tcs_streams *streams, int64_t now_us) {
     } else if (stream->caller.until_s && now_s >= stream->caller.until_s && !stream->closing_us) {
       tcs_channel_close(stream->channel, 1008, "the link has expired");
       settle(stream);
-    } else if (stream->extra->len) {
+    } else if (stream->extra->len && !stream->hello) {
       read_some(stream); /* was left over while answers were waiting; the socket will not tell */
     } else if (now_us - stream->pinged_us > PING_US) {
       stream->pinged_us = now_us;
