@@ -82,11 +82,14 @@ static bool on_progress(void *user, double fraction) {
 
 static void run_load(tcs_task *task) {
   tcs_load *load = (tcs_load *)task;
-  const tc_import_options options = {.progress = on_progress, .user = load, .max_voxel_bytes = load->max_bytes};
+  const tc_import_options options = {.progress = on_progress,
+                                     .user = load,
+                                     .max_voxel_bytes = load->max_bytes,
+                                     .self_contained = load->source.temporary};
   load->began_us = g_get_monotonic_time();
   if (atomic_load(&load->cancel))
     tc_set_error(&load->error, TC_ERROR_CANCELLED, NULL, "cancelled");
-  else if (!load->source.temporary || tcs_self_contained(load->source.path, &load->error))
+  else
     load->volume = tc_import(load->source.path, &options, &load->error);
   if (load->source.temporary) unlink(load->source.path);
   if (!load->volume) return;
