@@ -1,5 +1,4 @@
 /* tomocast serve: wires the daemon's parts, runs its loop, drains, and takes it apart in reverse. */
-#include <malloc.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/epoll.h>
@@ -7,7 +6,6 @@
 
 #include "server/access/access.h"
 #include "server/catalogue/catalogue.h"
-#include "server/catalogue/spool.h"
 #include "server/cli/cli.h"
 #include "server/cli/signals.h"
 #include "server/config/config.h"
@@ -16,12 +14,12 @@
 #include "server/http/mjpeg.h"
 #include "server/loop/loop.h"
 #include "server/loop/worker.h"
-#include "server/memory/budget.h"
 #include "server/observe/log.h"
 #include "server/observe/metrics.h"
 #include "server/session/quality.h"
 #include "server/session/store.h"
 
+#define LOAD_THREADS 2
 #define TICK_US 1000000
 #define REPORT_US 200000 /* between messages about loading volumes */
 #define LOG_MOST_MS 500    /* how long the end waits for a log that nobody reads */
@@ -66,7 +64,6 @@ static void tick(serve_daemon *d, int64_t now_us) {
   tcs_streams_tick(tcs_http_streams(server->http), now_us);
   tcs_sessions_expire(server->sessions, now_us);
   tcs_scheduler_tick(server->scheduler, now_us);
-  tcs_catalogue_tick(server->catalogue, now_us);
 }
 
 /* Milliseconds to wait: until MHD, a session that comes to rest, or the next tick. */
@@ -86,7 +83,6 @@ static void begin_drain(serve_daemon *d, int64_t now_us) {
   d->server.draining = true;
   tcs_streams_close_all(tcs_http_streams(d->server.http), false);
   tcs_mjpeg_end_all(&d->server);
-  tcs_catalogue_cancel_all(d->server.catalogue);
 }
 
 /* True when there is nothing left to wait for. */
@@ -137,22 +133,12 @@ static void raise_descriptor_limit(void) {
   setrlimit(RLIMIT_NOFILE, &limit);
 }
 
-/* What is freed goes back: by default each thread may get a heap of its own, and large blocks stay in them. */
-static void keep_heap_small(void) {
-#ifdef M_ARENA_MAX
-  mallopt(M_ARENA_MAX, 2);
-  mallopt(M_MMAP_THRESHOLD, 4 << 20);
-  mallopt(M_TRIM_THRESHOLD, 8 << 20);
-#endif
-}
-
 static bool start_workers(tcs_server *server, GError **error) {
   tcs_completions *completions = server->completions;
-  return (server->spool_worker = tcs_worker_new("tc-spool", 1, completions, error)) &&
-         (server->render_worker = tcs_worker_new("tc-render", 1, completions, error)) &&
+  return (server->render_worker = tcs_worker_new("tc-render", 1, completions, error)) &&
          (server->encode_worker = tcs_worker_new("tc-encode", 1, completions, error)) &&
          (server->still_worker = tcs_worker_new("tc-still", 1, completions, error)) &&
-         (server->load_worker = tcs_worker_new("tc-load", TCS_LOAD_THREADS, completions, error)) &&
+         (server->load_worker = tcs_worker_new("tc-load", LOAD_THREADS, completions, error)) &&
          (server->walk_worker = tcs_worker_new("tc-walk", 1, completions, error)) &&
          (server->text_worker = tcs_worker_new("tc-text", 1, completions, error)) &&
          (server->probe_worker = tcs_worker_new("tc-probe", 1, completions, error)) &&
@@ -183,24 +169,12 @@ static bool start(serve_daemon *d, GError **error) {
       !tcs_loop_add(server->loop, &d->completions, EPOLLIN, error) || !start_workers(server, error))
     return false;
   tcs_loop_set_metrics(server->loop, server->metrics);
-  server->budget = tcs_budget_new((uint64_t)d->config.limits.memory_bytes, (uint64_t)d->config.limits.volume_bytes);
-  server->spool = tcs_spool_new(server);
   server->catalogue = tcs_catalogue_new(server);
   if (!(server->scheduler = tcs_scheduler_new(server, error))) return false;
-  tcs_budget_set(server->budget, TCS_MEMORY_PROGRAM, tcs_metrics_resident_bytes());
   server->quality = tcs_quality_new(server);
   server->sessions = tcs_sessions_new(server);
   if (!(server->http = tcs_http_new(server, error))) return false;
   return load_volumes(d, error);
-}
-
-/* Uploads under way: their connections must not stay suspended, their files not stay. */
-static void end_uploads(tcs_server *server) {
-  tcs_uploads_abandon(server);
-  for (int i = 0; i < 4; i++) {
-    tcs_completions_drain(server->completions);
-    tcs_http_run(server->http);
-  }
 }
 
 /* Everything that could still call back is ended first, what it would call is freed afterwards. */
@@ -215,8 +189,6 @@ static void stop(serve_daemon *d) {
   }
   if (server->catalogue) tcs_catalogue_cancel_all(server->catalogue);
   tcs_worker_free(server->load_worker);
-  if (server->http) end_uploads(server);
-  tcs_worker_free(g_steal_pointer(&server->spool_worker));
   tcs_worker_free(server->walk_worker);
   tcs_worker_free(server->text_worker);
   tcs_worker_free(server->probe_worker);
@@ -242,8 +214,6 @@ static void stop(serve_daemon *d) {
     tcs_completions_finish(server->completions);
   }
   tcs_catalogue_free(server->catalogue);
-  tcs_spool_free(server->spool);
-  tcs_budget_free(server->budget);
   tcs_loop_free(server->loop);
   tcs_metrics_clear(server->metrics);
   tcs_log_stop(LOG_MOST_MS);
@@ -264,7 +234,7 @@ static void announce(const serve_daemon *d) {
 /* --- the command line ------------------------------------------------------------------------------- */
 
 typedef struct serve_options {
-  char *listen, *data, *backend, *config, *log, *tokens, **volumes, **hosts;
+  char *listen, *data, *backend, *config, *log, *tokens, *audit, **volumes, **hosts;
   gboolean insecure_no_auth;
 } serve_options;
 
@@ -278,7 +248,6 @@ static bool configure(serve_daemon *d, const serve_options *options, GError **er
     if (!tcs_config_volume(config, *volume, error)) return false;
   for (char **host = options->hosts; host && *host; host++)
     g_ptr_array_add(config->hosts, g_strdup(*host));
-  tcs_config_settle(config);
   tcs_log_set_level(config->log_level);
   if (options->tokens) {
     g_free(config->token_file);
@@ -286,7 +255,8 @@ static bool configure(serve_daemon *d, const serve_options *options, GError **er
   }
   config->insecure_no_auth = options->insecure_no_auth;
   d->server.access = tcs_access_new(config, error);
-  return d->server.access && tcs_log_open(options->log ? options->log : config->log, error);
+  return d->server.access && tcs_log_open(options->log ? options->log : config->log, error) &&
+         tcs_log_open_audit(options->audit ? options->audit : config->audit_file, error);
 }
 
 static int serve(serve_daemon *d) {
@@ -295,7 +265,6 @@ static int serve(serve_daemon *d) {
   (void)tc_error_quark();
   raise_descriptor_limit();
   tcs_encode_prepare_process();
-  keep_heap_small();
   const bool ok = start(d, &error);
   if (ok) {
     announce(d);
@@ -317,6 +286,8 @@ int tcs_cli_serve(int argc, char **argv) {
       {"log", 0, 0, G_OPTION_ARG_FILENAME, &options.log, "file that the log is appended to; stderr without it", "FILE"},
       {"host", 0, 0, G_OPTION_ARG_STRING_ARRAY, &options.hosts,
        "a name this server is asked for by, beside the address it listens on; may be repeated", "NAME[:PORT]"},
+      {"audit-file", 0, 0, G_OPTION_ARG_FILENAME, &options.audit,
+       "file that lines about who opened what are appended to, beside the log", "FILE"},
       {"token-file", 0, 0, G_OPTION_ARG_FILENAME, &options.tokens,
        "who may do what: lines of NAME ROLE TOKEN (view, edit, admin); read once at the start", "FILE"},
       {"insecure-no-auth", 0, 0, G_OPTION_ARG_NONE, &options.insecure_no_auth,
@@ -344,6 +315,7 @@ int tcs_cli_serve(int argc, char **argv) {
   g_free(options.config);
   g_free(options.log);
   g_free(options.tokens);
+  g_free(options.audit);
   g_strfreev(options.volumes);
   g_strfreev(options.hosts);
   g_strfreev(rest);

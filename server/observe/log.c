@@ -18,8 +18,11 @@
 static const char *const level_names[TCS_LOG_LEVEL_COUNT] = {"debug", "info", "warn", "error"};
 static tcs_log_level threshold = TCS_LOG_INFO;
 
-/* All of it under `mutex`, but for fd and path: they are the writer's, and set before it starts. */
-static struct {
+/* Where lines go, and those on their way. All of it under `mutex`, but for fd and path: they are the writer's, and set
+ * before it starts. */
+typedef struct sink {
+  const char *option, *thread_name;
+  mode_t mode; /* of its file */
   pthread_mutex_t mutex;
   pthread_cond_t filled, written;
   char ring[TCS_LOG_RING];
@@ -30,7 +33,14 @@ static struct {
   pthread_t thread;
   int fd;
   char *path; /* NULL: stderr */
-} state = {.mutex = PTHREAD_MUTEX_INITIALIZER, .filled = PTHREAD_COND_INITIALIZER, .fd = STDERR_FILENO};
+} sink;
+
+#define SINK(option, name, file_mode, first_fd)                                                                        \
+  { option, name, file_mode, .mutex = PTHREAD_MUTEX_INITIALIZER, .filled = PTHREAD_COND_INITIALIZER, .fd = first_fd }
+
+static sink everything = SINK("--log", "tc-log", 0640, STDERR_FILENO);
+static sink audit = SINK("--audit-file", "tc-audit", 0600, -1);
+static bool audited; /* the second is open */
 
 void tcs_log_set_level(tcs_log_level level) { threshold = level; }
 
@@ -45,9 +55,13 @@ gboolean tcs_log_level_parse(const char *name, tcs_log_level *level) {
 }
 
 uint64_t tcs_log_dropped(void) {
-  pthread_mutex_lock(&state.mutex);
-  const uint64_t dropped = state.dropped;
-  pthread_mutex_unlock(&state.mutex);
+  uint64_t dropped = 0;
+  for (int i = 0; i < 2; i++) {
+    sink *to = i ? &audit : &everything;
+    pthread_mutex_lock(&to->mutex);
+    dropped += to->dropped;
+    pthread_mutex_unlock(&to->mutex);
+  }
   return dropped;
 }
 
@@ -82,12 +96,12 @@ static size_t format_own(char line[LINE], tcs_log_level level, const char *event
 }
 
 /* May wait for ever: stderr is shared with other processes, so it cannot be told not to. */
-static bool write_all(const char *bytes, size_t size) {
+static bool write_all(const sink *to, const char *bytes, size_t size) {
   while (size > 0) {
-    const ssize_t wrote = write(state.fd, bytes, size);
+    const ssize_t wrote = write(to->fd, bytes, size);
     if (wrote < 0 && errno == EINTR) continue;
     if (wrote < 0 && errno == EAGAIN) { /* another process told the pipe not to wait */
-      struct pollfd room = {.fd = state.fd, .events = POLLOUT};
+      struct pollfd room = {.fd = to->fd, .events = POLLOUT};
       if (poll(&room, 1, -1) > 0 && !(room.revents & POLLERR)) continue;
     }
     if (wrote < 0) return false;
@@ -97,33 +111,39 @@ static bool write_all(const char *bytes, size_t size) {
   return true;
 }
 
-static void put(const char *line, size_t size) {
-  if (TCS_LOG_RING - state.used < size) {
-    state.dropped++;
+static void put(sink *to, const char *line, size_t size) {
+  if (TCS_LOG_RING - to->used < size) {
+    to->dropped++;
     return;
   }
-  for (size_t at = (state.first + state.used) % TCS_LOG_RING, left = size; left > 0; at = 0) {
+  for (size_t at = (to->first + to->used) % TCS_LOG_RING, left = size; left > 0; at = 0) {
     const size_t count = MIN(left, TCS_LOG_RING - at);
-    memcpy(state.ring + at, line + size - left, count);
+    memcpy(to->ring + at, line + size - left, count);
     left -= count;
   }
-  state.used += size;
-  state.put += size;
-  pthread_cond_signal(&state.filled);
+  to->used += size;
+  to->put += size;
+  pthread_cond_signal(&to->filled);
+}
+
+static void emit(sink *to, const char *line, size_t size) {
+  pthread_mutex_lock(&to->mutex);
+  const bool running = to->running;
+  if (running) put(to, line, size);
+  pthread_mutex_unlock(&to->mutex);
+  if (!running) (void)write_all(to, line, size); /* nowhere left to say that it failed */
 }
 
 void tcs_log(tcs_log_level level, const char *event, const char *format, ...) {
-  if (level < threshold) return;
+  const bool also = audited && g_str_has_prefix(event, "audit.");
+  if (level < threshold && !also) return;
   char line[LINE];
   va_list values;
   va_start(values, format);
   const size_t size = format_line(line, level, event, format, values);
   va_end(values);
-  pthread_mutex_lock(&state.mutex);
-  const bool running = state.running;
-  if (running) put(line, size);
-  pthread_mutex_unlock(&state.mutex);
-  if (!running) (void)write_all(line, size); /* nowhere left to say that it failed */
+  if (level >= threshold) emit(&everything, line, size);
+  if (also) emit(&audit, line, size);
 }
 
 /* --- the thread ------------------------------------------------------------------------------------- */
@@ -136,124 +156,157 @@ static uint64_t lines_in(const char *bytes, size_t size) {
 }
 
 /* Whole lines, or one line's piece where the ring wraps. */
-static size_t take(char *piece) {
-  size_t size = MIN(MIN(state.used, (size_t)PIECE), TCS_LOG_RING - state.first);
-  memcpy(piece, state.ring + state.first, size);
-  state.first = (state.first + size) % TCS_LOG_RING;
-  state.used -= size;
+static size_t take(sink *from, char *piece) {
+  size_t size = MIN(MIN(from->used, (size_t)PIECE), TCS_LOG_RING - from->first);
+  memcpy(piece, from->ring + from->first, size);
+  from->first = (from->first + size) % TCS_LOG_RING;
+  from->used -= size;
   return size;
 }
 
-static int open_file(const char *path) { return open(path, O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0640); }
+static int open_file(const sink *to, const char *path) {
+  return open(path, O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, to->mode);
+}
 
-static void reopen(void) {
-  if (!state.path) return;
-  const int fd = open_file(state.path);
+static void reopen(sink *to) {
+  if (!to->path) return;
+  const int fd = open_file(to, to->path);
   if (fd >= 0) {
-    close(state.fd);
-    state.fd = fd;
+    close(to->fd);
+    to->fd = fd;
     return;
   }
   char line[LINE];
-  const size_t size = format_own(line, TCS_LOG_ERROR, "log.reopen", "text=\"%s; the old file is written on\"",
-                                 g_strerror(errno));
-  (void)write_all(line, size);
+  const size_t size =
+      format_own(line, TCS_LOG_ERROR, "log.reopen", "text=\"%s; the old file is written on\"", g_strerror(errno));
+  (void)write_all(to, line, size);
 }
 
 /* Called and left with the mutex held. */
-static void write_some(void) {
+static void write_some(sink *to) {
   char piece[PIECE], line[LINE];
-  const size_t size = take(piece);
-  const uint64_t missing = state.dropped - state.told;
-  const bool anew = state.reopen;
-  state.reopen = false;
-  pthread_mutex_unlock(&state.mutex);
-  if (anew) reopen();
-  bool good = write_all(piece, size);
+  const size_t size = take(to, piece);
+  const uint64_t missing = to->dropped - to->told;
+  const bool anew = to->reopen;
+  to->reopen = false;
+  pthread_mutex_unlock(&to->mutex);
+  if (anew) reopen(to);
+  bool good = write_all(to, piece, size);
   /* What was dropped came after what was in the ring by then, or nearly; a line may be cut at the end of a piece. */
   const bool tell = good && missing && size > 0 && piece[size - 1] == '\n';
-  if (tell) good = write_all(line, format_own(line, TCS_LOG_WARN, "log.lost", "text=\"%" G_GUINT64_FORMAT " lines lost\"",
-                                              missing));
-  pthread_mutex_lock(&state.mutex);
-  state.out += size;
-  if (tell && good) state.told += missing;
-  if (!good) state.dropped += lines_in(piece, size);
-  pthread_cond_broadcast(&state.written);
+  if (tell)
+    good = write_all(to, line,
+                     format_own(line, TCS_LOG_WARN, "log.lost", "text=\"%" G_GUINT64_FORMAT " lines lost\"", missing));
+  pthread_mutex_lock(&to->mutex);
+  to->out += size;
+  if (tell && good) to->told += missing;
+  if (!good) to->dropped += lines_in(piece, size);
+  pthread_cond_broadcast(&to->written);
 }
 
 static void *log_main(void *user) {
-  pthread_setname_np(pthread_self(), "tc-log");
-  pthread_mutex_lock(&state.mutex);
-  while (!state.ending || state.used > 0) {
-    if (state.used > 0 || state.reopen)
-      write_some();
+  sink *to = user;
+  pthread_setname_np(pthread_self(), to->thread_name);
+  pthread_mutex_lock(&to->mutex);
+  while (!to->ending || to->used > 0) {
+    if (to->used > 0 || to->reopen)
+      write_some(to);
     else
-      pthread_cond_wait(&state.filled, &state.mutex);
+      pthread_cond_wait(&to->filled, &to->mutex);
   }
-  pthread_mutex_unlock(&state.mutex);
+  pthread_mutex_unlock(&to->mutex);
   return NULL;
 }
 
-bool tcs_log_open(const char *path, GError **error) {
-  const int fd = path ? open_file(path) : STDERR_FILENO;
+static bool sink_open(sink *to, const char *path, GError **error) {
+  const int fd = path ? open_file(to, path) : STDERR_FILENO;
   if (fd < 0) {
-    tc_set_error(error, TC_ERROR_IO, NULL, "--log %s: %s", path, g_strerror(errno));
+    tc_set_error(error, TC_ERROR_IO, NULL, "%s %s: %s", to->option, path, g_strerror(errno));
     return false;
   }
-  if (state.path) close(state.fd);
-  g_free(state.path);
-  state.path = g_strdup(path);
-  state.fd = fd;
+  if (to->path) close(to->fd);
+  g_free(to->path);
+  to->path = g_strdup(path);
+  to->fd = fd;
   return true;
 }
 
-void tcs_log_reopen(void) {
-  pthread_mutex_lock(&state.mutex);
-  state.reopen = true;
-  pthread_cond_signal(&state.filled);
-  pthread_mutex_unlock(&state.mutex);
+static void sink_reopen(sink *to) {
+  pthread_mutex_lock(&to->mutex);
+  to->reopen = true;
+  pthread_cond_signal(&to->filled);
+  pthread_mutex_unlock(&to->mutex);
 }
 
-void tcs_log_start(void) {
+static void sink_start(sink *to) {
   pthread_condattr_t clock;
   pthread_condattr_init(&clock);
   pthread_condattr_setclock(&clock, CLOCK_MONOTONIC);
-  pthread_cond_init(&state.written, &clock);
+  pthread_cond_init(&to->written, &clock);
   pthread_condattr_destroy(&clock);
-  state.ending = false;
-  state.running = pthread_create(&state.thread, NULL, log_main, NULL) == 0;
+  to->ending = false;
+  to->running = pthread_create(&to->thread, NULL, log_main, to) == 0;
 }
 
 /* With the mutex held. */
-static bool wait_written(int most_ms) {
+static bool wait_written(sink *to, int most_ms) {
   struct timespec until;
-  const uint64_t all = state.put;
+  const uint64_t all = to->put;
   clock_gettime(CLOCK_MONOTONIC, &until);
   until.tv_sec += most_ms / 1000;
   until.tv_nsec += most_ms % 1000 * 1000000L;
   if (until.tv_nsec >= 1000000000L) until.tv_sec++, until.tv_nsec -= 1000000000L;
-  while (state.running && state.out < all)
-    if (pthread_cond_timedwait(&state.written, &state.mutex, &until) == ETIMEDOUT) break;
-  return state.out >= all;
+  while (to->running && to->out < all)
+    if (pthread_cond_timedwait(&to->written, &to->mutex, &until) == ETIMEDOUT) break;
+  return to->out >= all;
 }
 
-bool tcs_log_flush(int most_ms) {
-  pthread_mutex_lock(&state.mutex);
-  const bool written = wait_written(most_ms);
-  pthread_mutex_unlock(&state.mutex);
+static bool sink_flush(sink *to, int most_ms) {
+  pthread_mutex_lock(&to->mutex);
+  const bool written = wait_written(to, most_ms);
+  pthread_mutex_unlock(&to->mutex);
   return written;
 }
 
-void tcs_log_stop(int most_ms) {
-  pthread_mutex_lock(&state.mutex);
-  const bool running = state.running, written = wait_written(most_ms);
-  state.running = running && !written; /* what comes now is written at once, or not at all where the pipe is full */
-  state.ending = true;
-  pthread_cond_signal(&state.filled);
-  pthread_mutex_unlock(&state.mutex);
+static void sink_stop(sink *to, int most_ms) {
+  pthread_mutex_lock(&to->mutex);
+  const bool running = to->running, written = wait_written(to, most_ms);
+  to->running = running && !written; /* what comes now is written at once, or not at all where the pipe is full */
+  to->ending = true;
+  pthread_cond_signal(&to->filled);
+  pthread_mutex_unlock(&to->mutex);
   if (!running) return;
   if (written)
-    pthread_join(state.thread, NULL);
+    pthread_join(to->thread, NULL);
   else
-    pthread_detach(state.thread);
+    pthread_detach(to->thread);
+}
+
+/* --- both ------------------------------------------------------------------------------------------- */
+
+bool tcs_log_open(const char *path, GError **error) { return sink_open(&everything, path, error); }
+
+bool tcs_log_open_audit(const char *path, GError **error) {
+  audited = path != NULL;
+  return !path || sink_open(&audit, path, error);
+}
+
+void tcs_log_reopen(void) {
+  sink_reopen(&everything);
+  if (audited) sink_reopen(&audit);
+}
+
+void tcs_log_start(void) {
+  sink_start(&everything);
+  if (audited) sink_start(&audit);
+}
+
+bool tcs_log_flush(int most_ms) {
+  const bool written = sink_flush(&everything, most_ms);
+  return (!audited || sink_flush(&audit, most_ms)) && written;
+}
+
+void tcs_log_stop(int most_ms) {
+  sink_stop(&everything, most_ms);
+  if (audited) sink_stop(&audit, most_ms);
 }

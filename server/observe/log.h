@@ -29,7 +29,10 @@ gboolean tcs_log_level_parse(const char *name, tcs_log_level *level);
 
 /* Appends to the file `path` from now on, made where there is none; NULL: stderr. Before tcs_log_start(). */
 bool tcs_log_open(const char *path, GError **error);
-/* Opens the file anew, after somebody moved it away; nothing on stderr. Done by the log's thread: does not wait. */
+/* Lines whose event begins with "audit." go to the file `path` too, whatever the level: a file that only the server's
+ * user reads, with a ring and a thread of its own. NULL: there is none. Before tcs_log_start(). */
+bool tcs_log_open_audit(const char *path, GError **error);
+/* Opens the files anew, after somebody moved them away; nothing on stderr. Done by the log's thread: does not wait. */
 void tcs_log_reopen(void);
 
 /* Starts the log's thread, which inherits the caller's signal mask. Without it (no thread to be had) lines are written

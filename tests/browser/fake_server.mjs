@@ -15,7 +15,9 @@ import { accept } from './ws_server.mjs';
 
 const WEB = fileURLToPath(new URL('../../web/', import.meta.url));
 const TYPES = { '.html': 'text/html', '.js': 'text/javascript', '.css': 'text/css', '.svg': 'image/svg+xml' };
-const CSP = "default-src 'self'; img-src 'self' blob: data:; connect-src 'self'";
+const CSP =
+  "default-src 'self'; img-src 'self' blob: data:; object-src 'none'; base-uri 'none'; form-action 'none'; " +
+  "frame-ancestors 'none'"; // as the daemon
 const REST_MS = 150;
 const WINDOW = 2;
 const RADIUS_MM = 40;

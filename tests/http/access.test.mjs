@@ -2,7 +2,7 @@
 // roles, tickets, links.
 import assert from 'node:assert/strict';
 import { createHash } from 'node:crypto';
-import { chmodSync, mkdtempSync, writeFileSync } from 'node:fs';
+import { chmodSync, existsSync, mkdtempSync, readFileSync, renameSync, statSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { after, before, describe, test } from 'node:test';
@@ -375,6 +375,28 @@ async function logged(d, wanted) {
   assert.match(d.stderr, wanted);
   return d.stderr;
 }
+
+test('the audit file holds what the log may leave out, for its owner only', async () => {
+  const file = join(mkdtempSync(join(tmpdir(), 'tomocast-audit-')), 'audit');
+  const d = await Daemon.start({ args: ['--audit-file', file], config: '[server]\nlog_level=error\n' });
+  const { id, links } = await d.session();
+  const lines = async (wanted) => {
+    for (let i = 0; i < 200 && !(existsSync(file) && wanted.test(readFileSync(file, 'utf8'))); i++) await sleep(25);
+    return readFileSync(file, 'utf8').trim().split('\n');
+  };
+  const [created] = await lines(/session\.create/);
+  assert.match(created, new RegExp(`^\\S+Z info audit\\.session\\.create who=- role=admin session=${id.slice(0, 8)} volume=[0-9a-f]{8}$`));
+  assert.equal(statSync(file).mode & 0o777, 0o600);
+  renameSync(file, `${file}.1`);
+  d.process.kill('SIGHUP');
+  await lines(/^/);
+  await d.delete(links.self);
+  const rest = await lines(/session\.end/);
+  assert.ok(rest.every((line) => / audit\.session\.(delete|end) /.test(line)), rest.join());
+  await d.stop();
+  assert.equal(d.stderr, '');
+  await assert.rejects(Daemon.start({ args: ['--audit-file', '/nothing/here'] }), /ended with 2.*--audit-file \/nothing\/here: No such file/s);
+});
 
 describe('nobody is let in by oversight', () => {
   const start = (args) => Daemon.start({ args, ball: false });
