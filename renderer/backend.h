@@ -31,6 +31,7 @@ typedef struct tc_job {
   const tc_volume *label_volume; /* NULL unless plan->key.labels; checked */
   const tc_labels *labels;       /* what its voxels look like; NULL with it */
   const tc_halt *halt; /* may be NULL: nobody interrupts */
+  double pixel_samples; /* of its rays, from above, as tc_estimate_samples() counts them; 0: unknown */
   bool want_linear, want_depth;
   tc_frame *frame; /* width, height set; buffers allocated; stats.samples, .rays to be filled, .tables_ms added to */
 } tc_job;
@@ -44,6 +45,9 @@ typedef struct tc_backend_ops {
   const char *(*device)(void *instance);
   const char *(*isa)(void *instance);
   bool (*render)(void *instance, const tc_job *job, GError **error);
+  /* How long it would be without a look at the halt, at least, for pixels of so many samples (job.pixel_samples): a frame
+   * for which that is long is the cpu back end's. NULL: it looks whenever it should. */
+  double (*deaf_ms)(void *instance, double pixel_samples);
   /* False: this job would wait for a program to be compiled or a volume to be uploaded. That has begun beside, and what
    * must not wait is drawn by the cpu back end meanwhile. NULL: nothing ever waits. */
   bool (*ready)(void *instance, const tc_job *job);

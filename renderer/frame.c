@@ -3,10 +3,19 @@
 #include <stdlib.h>
 #include <string.h>
 
+static void drop_partials(tc_progress *p) {
+  while (p->partials) {
+    tc_partial *next = p->partials->next;
+    free(p->partials);
+    p->partials = next;
+  }
+}
+
 void tc_frame_finish(tc_frame *frame) {
   free(frame->rgba);
   free(frame->linear);
   free(frame->depth);
+  if (frame->progress) drop_partials(frame->progress);
   if (frame->progress) free(frame->progress->finished);
   free(frame->progress);
   *frame = (tc_frame){0};
@@ -18,6 +27,11 @@ double tc_frame_done(const tc_frame *frame) {
   if (p->units) return (double)p->done / p->units;
   double rows = p->tile[1] + p->tile[3] * ((double)p->tile[0] / frame->width);
   return rows < frame->height ? rows / frame->height : 1;
+}
+
+int64_t tc_frame_position(const tc_frame *frame) {
+  const tc_progress *p = frame->progress;
+  return ((int64_t)p->done << 32) + p->rays_ahead + (int64_t)p->tile[1] * frame->width + p->tile[0];
 }
 
 static bool reserve(tc_frame *f, size_t pixels, bool want_linear, bool want_depth) {
@@ -48,6 +62,7 @@ static bool is_resumable(const tc_frame *f, int width, int height, const tc_rend
 
 /* What is kept of a progress that begins: its memory. */
 static void start_over(tc_progress *p, const tc_render_request *q) {
+  drop_partials(p);
   *p = (tc_progress){.finished = p->finished, .capacity = p->capacity, .linear = q->want_linear, .depth = q->want_depth};
 }
 

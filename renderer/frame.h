@@ -4,17 +4,30 @@
 
 #include "renderer/tomocast.h"
 
+/* A unit that was left between two rays: what it needs to be gone on with. */
+typedef struct tc_partial {
+  struct tc_partial *next;
+  int unit, packet, ray;
+  float pixels[]; /* [side][side][4] */
+} tc_partial;
+
 typedef struct tc_progress {
   bool paused;           /* to be gone on with */
+  int fruitless;         /* calls in a row that were paused before they came any further */
   bool linear, depth;    /* were asked for */
   int side, units, done; /* squares of side pixels, row by row; how many of them are finished */
   uint8_t *finished;     /* [units] */
   size_t capacity;
+  int64_t rays_ahead;    /* of the partials: it grows while no unit is finished */
+  tc_partial *partials;  /* a list: as many as there are workers, at most */
   int tile[4];           /* of a back end that draws in order: x, y, width, height of the next */
 } tc_progress;
 
 /* Buffers for a frame of this size; with resume, of a paused one as it is. */
 bool tc_frame_begin(tc_frame *frame, int width, int height, const tc_render_request *request, GError **error);
+
+/* Grows with every unit that is finished, and with what is done of others. */
+int64_t tc_frame_position(const tc_frame *frame);
 
 /* Cuts the picture into squares of side pixels, none of them finished; a resumed one stays as it was cut. NULL with
  * TC_ERROR_MEMORY. */

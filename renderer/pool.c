@@ -29,10 +29,11 @@ struct tc_pool {
   void *context;
   int count;
   atomic_int next;
+  const tc_halt *halt;
 };
 
 static void drain(tc_pool *pool, int worker) {
-  for (;;) {
+  while (!tc_halt_within(pool->halt)) { /* asked first: who takes an index does it */
     int i = atomic_fetch_add_explicit(&pool->next, 1, memory_order_relaxed);
     if (i >= pool->count) return;
     pool->task(pool->context, i, worker);
@@ -105,16 +106,26 @@ void tc_pool_free(tc_pool *pool) {
 
 int tc_pool_threads(const tc_pool *pool) { return pool ? pool->threads : 1; }
 
-void tc_pool_run(tc_pool *pool, int count, void (*task)(void *context, int index, int worker), void *context) {
-  if (!pool || pool->started == 0 || count <= 1) {
-    for (int i = 0; i < count; i++) task(context, i, 0);
-    return;
+void tc_pool_watch(tc_pool *pool, const tc_halt *halt) { pool->halt = halt; }
+
+const tc_halt *tc_pool_halt(const tc_pool *pool) { return pool ? pool->halt : NULL; }
+
+bool tc_pool_run(tc_pool *pool, int count, void (*task)(void *context, int index, int worker), void *context) {
+  int next = 0;
+  return tc_pool_go_on(pool, &next, count, task, context);
+}
+
+bool tc_pool_go_on(tc_pool *pool, int *next, int count, void (*task)(void *context, int index, int worker),
+                   void *context) {
+  if (!pool || pool->started == 0 || count - *next <= 1) {
+    for (; *next < count && !tc_halt_within(tc_pool_halt(pool)); ++*next) task(context, *next, 0);
+    return *next >= count;
   }
   pthread_mutex_lock(&pool->lock);
   pool->task = task;
   pool->context = context;
   pool->count = count;
-  atomic_store_explicit(&pool->next, 0, memory_order_relaxed);
+  atomic_store_explicit(&pool->next, *next, memory_order_relaxed);
   pool->busy = pool->started;
   pool->round++;
   pthread_cond_broadcast(&pool->work);
@@ -123,4 +134,7 @@ void tc_pool_run(tc_pool *pool, int count, void (*task)(void *context, int index
   pthread_mutex_lock(&pool->lock);
   while (pool->busy) pthread_cond_wait(&pool->done, &pool->lock);
   pthread_mutex_unlock(&pool->lock);
+  int taken = atomic_load_explicit(&pool->next, memory_order_relaxed);
+  *next = taken < count ? taken : count;
+  return *next == count;
 }

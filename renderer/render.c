@@ -73,8 +73,12 @@ const tc_renderer_info *tc_renderer_about(const tc_renderer *renderer) { return 
 
 /* ---- frames ---- */
 
-/* What a frame reads beside the volume. */
+/* What a frame reads beside the volume, and who draws it. */
 typedef struct frame_resources {
+  const tc_backend_ops *ops; /* the renderer's, or the cpu's in its place ... */
+  void *instance;
+  double deaf_ms;       /* ... because of that */
+  double pixel_samples; /* of a pixel's rays, from above */
   const tc_volume *field; /* what is sampled: the volume, or its B-spline coefficients */
   double field_ms;
   const tc_table *table;
@@ -134,14 +138,14 @@ static bool gather_surface(tc_renderer *r, const tc_volume *volume, const tc_sce
 }
 
 /* True: the back end makes the table's entries itself. */
-static bool builds_table(tc_renderer *r, const tc_table_params *params, frame_resources *have) {
-  return r->ops->builds_table && r->ops->builds_table(r->instance, params, &have->builder);
+static bool builds_table(const tc_table_params *params, frame_resources *have) {
+  return have->ops->builds_table && have->ops->builds_table(have->instance, params, &have->builder);
 }
 
 static bool gather_table(tc_renderer *r, const tc_table_params *params, frame_resources *have, tc_frame_stats *stats,
                          GError **error) {
   have->table = tc_resources_table(r->resources, params, &stats->tables_ms, error);
-  return have->table && (builds_table(r, params, have) ||
+  return have->table && (builds_table(params, have) ||
                          tc_resources_fill(r->resources, have->table, &stats->tables_ms, error));
 }
 
@@ -164,7 +168,7 @@ static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scen
   if (!have->table && !have->integrals) return false;
   if (!plan->key.skipping) return true;
   const int *dims = tc_volume_describe(volume)->dims;
-  if (r->ops->leaps_over_boxes && (dims[0] > TC_BOX_REACH || dims[1] > TC_BOX_REACH || dims[2] > TC_BOX_REACH)) {
+  if (have->ops->leaps_over_boxes && (dims[0] > TC_BOX_REACH || dims[1] > TC_BOX_REACH || dims[2] > TC_BOX_REACH)) {
     tc_plan_drop_skipping(plan, "an axis is longer than boxes can name");
     return true;
   }
@@ -172,7 +176,7 @@ static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scen
   have->minmax = tc_resources_minmax(r->resources, volume, block, tc_skip_reach(scene->filter), &stats->skip_ms, error);
   have->support = have->minmax ? tc_resources_support(r->resources, &params, &stats->skip_ms, error) : NULL;
   if (!have->support) return false;
-  if (r->ops->leaps_over_boxes)
+  if (have->ops->leaps_over_boxes)
     have->boxes = tc_resources_boxes(r->resources, volume, have->minmax, have->support, &stats->skip_ms, error);
   else
     have->leap = tc_resources_leap(r->resources, volume, have->minmax, have->support, &stats->skip_ms, error);
@@ -181,9 +185,18 @@ static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scen
   return true;
 }
 
+#define MOST_DEAF_MS 20 /* of a back end that looks at no halt meanwhile */
+
 static void finish_plan(tc_renderer *r, tc_plan *plan, const frame_resources *have, const tc_frame_stats *stats) {
-  bool stand_in = stats && stats->stand_in;
-  (stand_in ? &tc_cpu_backend : r->ops)->name_kernel(stand_in ? r->stand_in : r->instance, plan);
+  bool hurried = stats && stats->stand_in && have->ops == r->ops;
+  (hurried ? &tc_cpu_backend : have->ops)->name_kernel(hurried ? r->stand_in : have->instance, plan);
+  if (have->deaf_ms > MOST_DEAF_MS) {
+    tc_plan_stage *resolve = &plan->stages[TC_STAGE_RESOLVE];
+    size_t used = strlen(resolve->reason);
+    snprintf(resolve->reason + used, sizeof resolve->reason - used,
+             "; drawn by the cpu: a pixel has up to %.3g samples, and %s would be busy with the least it can draw for %.3g "
+             "ms", have->pixel_samples, r->ops->name, have->deaf_ms);
+  }
   tc_plan_stage *labels = &plan->stages[TC_STAGE_LABELS];
   if (have->labels) labels->bytes = have->labels->bytes;
   if (have->labels) labels->ms = stats ? have->labels_ms : have->labels->build_ms;
@@ -222,6 +235,27 @@ static void finish_plan(tc_renderer *r, tc_plan *plan, const frame_resources *ha
                  (have->bounds ? have->bounds->build_ms : 0);
 }
 
+/* The cpu back end beside another one; NULL with *error set. */
+static void *stand_in(tc_renderer *r, GError **error) {
+  if (!r->stand_in) r->stand_in = tc_cpu_backend.create(&(tc_renderer_options){0}, r->pool, error);
+  return r->stand_in;
+}
+
+/* Who draws: the cpu what others could not be interrupted at, if anybody may want to. */
+static bool choose_drawer(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, int width, int height,
+                          bool heard, frame_resources *have, GError **error) {
+  tc_estimate_samples(volume, scene, width, height, &have->pixel_samples);
+  if (scene->mode != TC_MODE_MPR) have->pixel_samples *= scene->sampling.rays_per_pixel;
+  have->ops = r->ops;
+  have->instance = r->instance;
+  if (!r->ops->deaf_ms || !heard) return true;
+  have->deaf_ms = r->ops->deaf_ms(r->instance, have->pixel_samples);
+  if (have->deaf_ms <= MOST_DEAF_MS) return true;
+  have->ops = &tc_cpu_backend;
+  have->instance = stand_in(r, error);
+  return have->instance != NULL;
+}
+
 static void find_projection(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, tc_plan *plan,
                             frame_resources *have) {
   have->grey = tc_grey_make(volume, scene);
@@ -235,7 +269,7 @@ static void find(tc_renderer *r, const tc_volume *volume, const tc_scene *scene,
   tc_table_params params = tc_table_params_for(volume, scene, &(tc_render_request){0}, plan->step_mm);
   if (plan->stages[TC_STAGE_TABLE_2D].included) {
     have->table = tc_resources_find_table(r->resources, &params);
-    builds_table(r, &params, have);
+    builds_table(&params, have);
   } else {
     have->integrals = tc_resources_find_integrals(r->resources, &params);
   }
@@ -243,7 +277,7 @@ static void find(tc_renderer *r, const tc_volume *volume, const tc_scene *scene,
   int block = tc_skip_block(scene->skipping.block), reach = tc_skip_reach(scene->filter);
   have->minmax = tc_resources_find_minmax(r->resources, volume, block, reach);
   have->support = tc_resources_find_support(r->resources, &params);
-  if (have->support && r->ops->leaps_over_boxes)
+  if (have->support && have->ops->leaps_over_boxes)
     have->boxes = tc_resources_find_boxes(r->resources, volume, block, reach, have->support);
   else if (have->support)
     have->leap = tc_resources_find_leap(r->resources, volume, block, reach, have->support);
@@ -267,6 +301,8 @@ bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_v
       !tc_labels_check(volume, labels, scene, error))
     return false;
   frame_resources have = {.field = volume};
+  if (!choose_drawer(renderer, volume, scene, scene->image.width, scene->image.height, true, &have, error))
+    return false;
   if (plan->key.labels) have.labels = tc_resources_find_labels(renderer->resources, labels, scene);
   if (plan->stages[TC_STAGE_COEFFICIENTS].included)
     have.field = tc_resources_find_coefficients(renderer->resources, tc_volume_serial(volume));
@@ -301,8 +337,7 @@ static bool check_table(const tc_render_request *q, GError **error) {
 
 /* Draws by the cpu back end, every sample: what leaps is not the same there, and the picture is. */
 static bool draw_by_stand_in(tc_renderer *r, tc_job *job, tc_plan *plan, frame_resources *have, GError **error) {
-  if (!r->stand_in) r->stand_in = tc_cpu_backend.create(&(tc_renderer_options){0}, r->pool, error);
-  if (!r->stand_in) return false;
+  if (!stand_in(r, error)) return false;
   if (job->table) {
     if (!tc_resources_fill(r->resources, job->table, &job->frame->stats.tables_ms, error)) return false;
     if (have->builder) have->builder = "built by the cpu, which draws while opengl gets ready";
@@ -314,14 +349,31 @@ static bool draw_by_stand_in(tc_renderer *r, tc_job *job, tc_plan *plan, frame_r
   return tc_cpu_backend.render(r->stand_in, job, error);
 }
 
+/* False: the back end is not ready, and whoever asked does not want to wait. A frame that may be interrupted waits here,
+ * while what it waits for is done beside: the back end itself would not hear. */
+static bool is_ready(frame_resources *have, const tc_job *job, bool hurry) {
+  if (!have->ops->ready || (!hurry && !job->halt->interrupt)) return true;
+  while (!have->ops->ready(have->instance, job)) {
+    if (hurry || tc_halt_within(job->halt)) return false;
+    nanosleep(&(struct timespec){.tv_nsec = 500000}, NULL);
+  }
+  return true;
+}
+
 static bool draw(tc_renderer *r, tc_job *job, tc_plan *plan, bool hurry, frame_resources *have, GError **error) {
   const double *tables_ms = &job->frame->stats.tables_ms, before = *tables_ms;
   /* A frame that was paused goes on with who began it: the two are not the same to the last bit. */
-  bool begun = tc_frame_done(job->frame) > 0, stood_in = begun && job->frame->stats.stand_in, drawn = false;
-  bool ready = !stood_in && (begun || !hurry || !r->ops->ready || r->ops->ready(r->instance, job));
-  if (ready) drawn = r->ops->render(r->instance, job, error);
+  bool begun = tc_frame_position(job->frame) > 0, hurried = begun && job->frame->stats.stand_in;
+  if (have->ops != r->ops) {
+    job->frame->stats.stand_in = true;
+    return have->ops->render(have->instance, job, error);
+  }
+  if (hurried) return draw_by_stand_in(r, job, plan, have, error);
+  if (!is_ready(have, job, hurry && !begun))
+    return hurry && !begun ? draw_by_stand_in(r, job, plan, have, error) : tc_halt_say(job->halt, error);
+  bool drawn = r->ops->render(r->instance, job, error);
   if (*tables_ms > before) tc_resources_table_took(r->resources, job->table, *tables_ms - before);
-  return ready ? drawn : draw_by_stand_in(r, job, plan, have, error);
+  return drawn;
 }
 
 /* Everything but the frame's buffers: what the picture needs is gathered, then drawn. */
@@ -329,6 +381,9 @@ static bool render_frame(tc_renderer *renderer, tc_volume *volume, const tc_scen
                          const tc_render_request *request, const tc_halt *halt, tc_frame *frame, tc_plan *plan,
                          GError **error) {
   frame_resources have = {0};
+  const int64_t steps = tc_resources_steps(renderer->resources);
+  if (!choose_drawer(renderer, volume, scene, frame->width, frame->height, halt->interrupt, &have, error))
+    return false;
   if (!gather_field(renderer, volume, plan, &have, error) ||
       !gather(renderer, have.field, scene, request, plan, &have, &frame->stats, error))
     return false;
@@ -357,6 +412,9 @@ static bool render_frame(tc_renderer *renderer, tc_volume *volume, const tc_scen
     plan->stages[TC_STAGE_DEPTH].included = true;
     snprintf(plan->stages[TC_STAGE_DEPTH].reason, sizeof plan->stages->reason, "asked for with the frame");
   }
+  if (tc_resources_steps(renderer->resources) != steps && tc_halt_between(halt)) /* its time went into building */
+    return tc_halt_say(halt, error);
+  job.pixel_samples = have.pixel_samples;
   double start = tc_now_ms(), tables_ms = frame->stats.tables_ms;
   bool drawn = draw(renderer, &job, plan, request->hurry, &have, error);
   tables_ms = frame->stats.tables_ms - tables_ms; /* what the back end built */
@@ -370,7 +428,6 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
                tc_frame *frame, tc_plan *plan, GError **error) {
   const tc_render_request none = {0};
   if (!request) request = &none;
-  const tc_halt halt = tc_halt_begin(request->interrupt);
   int width = request->width ? request->width : scene->image.width;
   int height = request->height ? request->height : scene->image.height;
   tc_plan local;
@@ -384,8 +441,15 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
       !tc_labels_check(volume, request->labels, scene, error) ||
       !tc_frame_begin(frame, width, height, request, error))
     return false;
+  tc_progress *progress = frame->progress;
+  const tc_halt halt = tc_halt_begin(request->interrupt, progress->fruitless);
+  int64_t position = tc_frame_position(frame), steps = tc_resources_steps(renderer->resources);
+  tc_pool_watch(renderer->pool, &halt);
   bool done = render_frame(renderer, volume, scene, request, &halt, frame, plan, &failure);
-  frame->progress->paused = g_error_matches(failure, TC_ERROR, TC_ERROR_PAUSED);
+  tc_pool_watch(renderer->pool, NULL);
+  progress->paused = g_error_matches(failure, TC_ERROR, TC_ERROR_PAUSED);
+  bool further = tc_frame_position(frame) != position || tc_resources_steps(renderer->resources) != steps;
+  progress->fruitless = progress->paused && !further ? progress->fruitless + 1 : 0;
   if (failure) g_propagate_error(error, failure);
   return done;
 }

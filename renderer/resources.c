@@ -24,6 +24,7 @@ typedef struct item {
   item_kind kind;
   /* tc_volume, tc_table, tc_integrals, tc_support, tc_minmax, tc_leap, tc_boxes, tc_bounds or tc_labels; owned */
   void *thing;
+  bool unfinished; /* in the making (of coefficients: a tc_coefficients): not to be found */
   size_t bytes;
   uint64_t last_use;
   uint64_t volume; /* serial it belongs to */
@@ -37,6 +38,7 @@ struct tc_resources {
   uint64_t budget, held, clock;
   item *items;
   int count, capacity;
+  int64_t steps; /* tc_resources_steps() */
 };
 
 tc_resources *tc_resources_new(tc_pool *pool, uint64_t budget_bytes, GError **error) {
@@ -53,7 +55,12 @@ tc_resources *tc_resources_new(tc_pool *pool, uint64_t budget_bytes, GError **er
 static void drop(tc_resources *r, int i) {
   item *it = &r->items[i];
   switch (it->kind) {
-  case ITEM_COEFFICIENTS: tc_volume_unref(it->thing); break;
+  case ITEM_COEFFICIENTS:
+    if (it->unfinished)
+      tc_coefficients_free(it->thing);
+    else
+      tc_volume_unref(it->thing);
+    break;
   case ITEM_TABLE: tc_table_free(it->thing); break;
   case ITEM_INTEGRALS: tc_integrals_free(it->thing); break;
   case ITEM_SUPPORT: tc_support_free(it->thing); break;
@@ -102,6 +109,7 @@ static item *make_room(tc_resources *r, item_kind kind, size_t bytes) {
     r->capacity = capacity;
   }
   r->held += bytes;
+  r->steps++;
   item *it = &r->items[r->count++];
   *it = (item){.kind = kind, .bytes = bytes, .last_use = ++r->clock};
   return it;
@@ -112,12 +120,46 @@ static const void *used(tc_resources *r, item *it) {
   return it->thing;
 }
 
+static const void *used_if_made(tc_resources *r, item *it) {
+  return it && !it->unfinished ? used(r, it) : NULL;
+}
+
+/* A place for what is going to be built, in parts; NULL: out of memory, which it says. */
+static item *begin_item(tc_resources *r, item_kind kind, size_t bytes, uint64_t volume, const char *what,
+                        GError **error) {
+  item *it = make_room(r, kind, bytes);
+  if (it) {
+    it->unfinished = true;
+    it->volume = volume;
+  } else {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "%s: out of memory", what);
+  }
+  return it;
+}
+
+int64_t tc_resources_steps(const tc_resources *resources) { return resources->steps; }
+
 /* ---- coefficients ---- */
 
-const tc_volume *tc_resources_find_coefficients(tc_resources *r, uint64_t volume_serial) {
+static item *coefficients_item(tc_resources *r, uint64_t volume_serial) {
   for (int i = 0; i < r->count; i++)
-    if (r->items[i].kind == ITEM_COEFFICIENTS && r->items[i].volume == volume_serial) return used(r, &r->items[i]);
+    if (r->items[i].kind == ITEM_COEFFICIENTS && r->items[i].volume == volume_serial) return &r->items[i];
   return NULL;
+}
+
+const tc_volume *tc_resources_find_coefficients(tc_resources *r, uint64_t volume_serial) {
+  return used_if_made(r, coefficients_item(r, volume_serial));
+}
+
+static bool begin_coefficients(tc_resources *r, const tc_volume *volume, uint64_t bytes, GError **error) {
+  tc_coefficients *begun = tc_coefficients_begin(volume, error);
+  item *it = NULL;
+  if (begun) it = begin_item(r, ITEM_COEFFICIENTS, (size_t)bytes, tc_volume_serial(volume), "coefficients", error);
+  if (it)
+    it->thing = begun;
+  else
+    tc_coefficients_free(begun);
+  return it != NULL;
 }
 
 const tc_volume *tc_resources_coefficients(tc_resources *r, const tc_volume *volume, double *ms, GError **error) {
@@ -132,18 +174,21 @@ const tc_volume *tc_resources_coefficients(tc_resources *r, const tc_volume *vol
     return NULL;
   }
   double start = tc_now_ms();
-  tc_volume *coefficients = tc_coefficients_make(volume, r->pool, error);
-  if (!coefficients) return NULL;
-  item *it = make_room(r, ITEM_COEFFICIENTS, (size_t)bytes);
-  if (!it) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "coefficients: out of memory");
-    tc_volume_unref(coefficients);
+  if (!coefficients_item(r, tc_volume_serial(volume)) && !begin_coefficients(r, volume, bytes, error)) return NULL;
+  item *it = coefficients_item(r, tc_volume_serial(volume));
+  tc_coefficients *begun = it->thing;
+  int64_t before = tc_coefficients_steps(begun);
+  it->last_use = ++r->clock;
+  bool made = tc_coefficients_go_on(begun, volume, r->pool);
+  r->steps += tc_coefficients_steps(begun) != before;
+  *ms += tc_now_ms() - start;
+  if (!made) {
+    tc_halt_say(tc_pool_halt(r->pool), error);
     return NULL;
   }
-  it->thing = coefficients;
-  it->volume = tc_volume_serial(volume);
-  *ms += tc_now_ms() - start;
-  return coefficients;
+  it->thing = tc_coefficients_take(begun);
+  it->unfinished = false;
+  return it->thing;
 }
 
 /* ---- tables ---- */
@@ -259,8 +304,11 @@ bool tc_resources_fill(tc_resources *r, const tc_table *table, double *ms, GErro
   if (table->entries) return true;
   tc_table *own = item_of(r, table)->thing;
   double before = own->build_ms;
-  if (!tc_table_fill(own, like_table(r, own), r->pool, error)) return false;
+  int64_t steps = tc_table_steps(own);
+  bool filled = tc_table_fill(own, like_table(r, own), r->pool, error);
+  r->steps += tc_table_steps(own) != steps;
   *ms += own->build_ms - before;
+  if (!filled) return false;
   drop_oldest(r, ITEM_TABLE, own->bytes, own);
   r->held += own->bytes;
   item_of(r, own)->bytes += own->bytes;
@@ -345,32 +393,40 @@ static bool in_blocks(const item *it, const tc_volume *volume, int block, int re
   return it->volume == tc_volume_serial(volume) && it->block == block && it->reach == reach;
 }
 
-const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int block, int reach) {
-  for (int i = 0; i < r->count; i++) {
-    item *it = &r->items[i];
-    if (it->kind == ITEM_MINMAX && in_blocks(it, volume, block, reach)) return used(r, it);
-  }
+static item *minmax_item(tc_resources *r, const tc_volume *volume, int block, int reach) {
+  for (int i = 0; i < r->count; i++)
+    if (r->items[i].kind == ITEM_MINMAX && in_blocks(&r->items[i], volume, block, reach)) return &r->items[i];
   return NULL;
+}
+
+const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int block, int reach) {
+  return used_if_made(r, minmax_item(r, volume, block, reach));
+}
+
+static bool begin_minmax(tc_resources *r, const tc_volume *volume, int block, int reach, GError **error) {
+  tc_minmax *m = tc_minmax_begin(volume, block, reach, error);
+  item *it = m ? begin_item(r, ITEM_MINMAX, m->bytes, tc_volume_serial(volume), "min-max blocks", error) : NULL;
+  if (!it) {
+    tc_minmax_free(m);
+    return false;
+  }
+  it->thing = m;
+  it->block = block;
+  it->reach = reach;
+  return true;
 }
 
 const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, int block, int reach, double *ms,
                                      GError **error) {
-  const tc_minmax *found = tc_resources_find_minmax(r, volume, block, reach);
-  if (found) return found;
-  tc_minmax *m = tc_minmax_build(volume, block, reach, r->pool, error);
-  if (!m) return NULL;
-  item *it = make_room(r, ITEM_MINMAX, m->bytes);
-  if (!it) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "min-max blocks: out of memory");
-    tc_minmax_free(m);
-    return NULL;
-  }
-  it->thing = m;
-  it->volume = tc_volume_serial(volume);
-  it->block = block;
-  it->reach = reach;
-  *ms += m->build_ms;
-  return m;
+  if (!minmax_item(r, volume, block, reach) && !begin_minmax(r, volume, block, reach, error)) return NULL;
+  item *it = minmax_item(r, volume, block, reach);
+  tc_minmax *m = it->thing;
+  int done = m->done;
+  double before = m->build_ms;
+  it->unfinished = !tc_minmax_go_on(m, volume, r->pool, error);
+  r->steps += m->done != done;
+  *ms += m->build_ms - before;
+  return used_if_made(r, it);
 }
 
 const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int block, int reach,
@@ -416,35 +472,53 @@ const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const
   return leap;
 }
 
-const tc_boxes *tc_resources_find_boxes(tc_resources *r, const tc_volume *volume, int block, int reach,
-                                        const tc_support *support) {
+static item *boxes_item(tc_resources *r, const tc_volume *volume, int block, int reach, const tc_support *support) {
   for (int i = 0; i < r->count; i++) {
     item *it = &r->items[i];
     if (it->kind == ITEM_BOXES && in_blocks(it, volume, block, reach) &&
         ((const tc_boxes *)it->thing)->support == support->serial)
-      return used(r, it);
+      return it;
   }
   return NULL;
 }
 
-const tc_boxes *tc_resources_boxes(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax,
-                                   const tc_support *support, double *ms, GError **error) {
-  const tc_boxes *found = tc_resources_find_boxes(r, volume, minmax->block, minmax->reach, support);
-  if (found) return found;
-  tc_boxes *boxes = tc_boxes_build(volume, minmax, support, r->pool, error);
-  if (!boxes) return NULL;
-  item *it = make_room(r, ITEM_BOXES, boxes->bytes);
+const tc_boxes *tc_resources_find_boxes(tc_resources *r, const tc_volume *volume, int block, int reach,
+                                        const tc_support *support) {
+  return used_if_made(r, boxes_item(r, volume, block, reach, support));
+}
+
+static bool begin_boxes(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_support *support,
+                        GError **error) {
+  tc_boxes *boxes = tc_boxes_begin(volume, minmax, support, r->pool, error);
+  item *it = boxes ? begin_item(r, ITEM_BOXES, 0, tc_volume_serial(volume), "boxes of what shows", error) : NULL;
   if (!it) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "boxes of what shows: out of memory");
     tc_boxes_free(boxes);
-    return NULL;
+    return false;
   }
   it->thing = boxes;
-  it->volume = tc_volume_serial(volume);
   it->block = minmax->block;
   it->reach = minmax->reach;
-  *ms += boxes->build_ms;
-  return boxes;
+  return true;
+}
+
+const tc_boxes *tc_resources_boxes(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax,
+                                   const tc_support *support, double *ms, GError **error) {
+  const int block = minmax->block, reach = minmax->reach;
+  const tc_boxes *found = tc_resources_find_boxes(r, volume, block, reach, support);
+  if (found) return found;
+  if (!boxes_item(r, volume, block, reach, support) && !begin_boxes(r, volume, minmax, support, error)) return NULL;
+  tc_boxes *boxes = boxes_item(r, volume, block, reach, support)->thing;
+  int steps = tc_boxes_steps(boxes);
+  double before = boxes->build_ms;
+  bool made = tc_boxes_go_on(boxes, volume, minmax, r->pool, error);
+  r->steps += tc_boxes_steps(boxes) != steps;
+  *ms += boxes->build_ms - (steps ? before : 0);
+  if (!made) return NULL;
+  drop_oldest(r, ITEM_BOXES, boxes->bytes, boxes);
+  item *it = boxes_item(r, volume, block, reach, support); /* it may have moved */
+  r->held += it->bytes = boxes->bytes;
+  it->unfinished = false;
+  return used(r, it);
 }
 
 const tc_bounds *tc_resources_find_bounds(tc_resources *r, const tc_volume *volume, int block, int reach,
@@ -462,7 +536,7 @@ const tc_bounds *tc_resources_bounds(tc_resources *r, const tc_volume *volume, c
                                      const tc_grey *grey, double *ms, GError **error) {
   const tc_bounds *found = tc_resources_find_bounds(r, volume, minmax->block, minmax->reach, grey);
   if (found) return found;
-  tc_bounds *bounds = tc_bounds_build(minmax, grey, error);
+  tc_bounds *bounds = tc_bounds_build(minmax, grey, r->pool, error);
   if (!bounds) return NULL;
   item *it = make_room(r, ITEM_BOUNDS, bounds->bytes);
   if (!it) {

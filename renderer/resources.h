@@ -1,6 +1,9 @@
 /* Tables and leaping structures: built on first need, shared by every scene that needs the same, dropped least recently
  * used first when they outgrow the budget. One thread at a time (the render thread). What a call returns lives until
- * the next call that builds something of the same kind; a frame asks for all it needs once. */
+ * the next call that builds something of the same kind; a frame asks for all it needs once.
+ *
+ * Building stops at the halt of the pool, which the error then says. What takes long (coefficients, min-max blocks, boxes,
+ * the entries of tables) is kept as far as it is, and the next call that asks for the same goes on with it. */
 #ifndef TC_RENDERER_RESOURCES_H
 #define TC_RENDERER_RESOURCES_H
 
@@ -63,6 +66,9 @@ const tc_bounds *tc_resources_find_bounds(tc_resources *r, const tc_volume *volu
                                           const tc_grey *grey);
 
 const tc_labels *tc_resources_find_labels(tc_resources *r, const tc_volume *labels, const tc_scene *scene);
+
+/* Grows with everything that is built, and with every part of it. */
+int64_t tc_resources_steps(const tc_resources *resources);
 
 /* Drops what belongs to a volume, and to its coefficients. */
 void tc_resources_forget(tc_resources *r, uint64_t volume_serial);

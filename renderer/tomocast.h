@@ -85,7 +85,8 @@ typedef struct tc_render_request {
   /* may be NULL; TC_ERROR_CANCELLED or TC_ERROR_PAUSED, soon after it asks */
   const tc_interrupt *interrupt;
   /* Goes on with a frame that came back with TC_ERROR_PAUSED: the same volume, scene and request (but for the
-   * interrupt), and the same tc_frame, untouched. What is finished of it is kept, its stats grow, and the picture is the
+   * interrupt), and the same tc_frame, untouched. What is finished of it is kept, its stats grow (by
+   * all that was done, rays that were left and cast again included), and the picture is the
    * same to the last bit as one made without a pause. A frame that was not paused is begun anew. */
   bool resume;
   const tc_volume *labels;    /* what scene.labels.volume names, borrowed until tc_render() returns; NULL where it names none.

@@ -10,8 +10,11 @@ tc_table *tc_table_outline(const tc_table_params *params, GError **error);
 
 /* Makes the entries of an outline, on the pool (NULL: on the caller). Segments over values where nothing changed since
  * `like` (any table, or NULL; of the same nodes, length and bits, and with entries, to be of use) are copied from there:
- * the result is the same to the last bit. False with TC_ERROR_MEMORY: it is an outline still. */
+ * the result is the same to the last bit. False with TC_ERROR_MEMORY, or what the pool's halt says: it is an outline
+ * still, and another call goes on where this one was. */
 bool tc_table_fill(tc_table *table, const tc_table *like, tc_pool *pool, GError **error);
+
+int64_t tc_table_steps(const tc_table *table); /* of making its entries, so far: it grows */
 
 size_t tc_table_held(const tc_table *table); /* bytes of memory it takes here: more once it has entries */
 

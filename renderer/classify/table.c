@@ -24,6 +24,8 @@ typedef struct made {
   tc_segments axes[1 + TC_MAX_ZOOMS]; /* what the table and each zoom are made from */
   tc_v4 *rows;    /* their rows of k = 0 and of depths, one after another */
   size_t mapped;  /* bytes of the entries with their pad */
+  float *begun;   /* entries in the making ... */
+  int window, diagonal; /* ... up to which one */
 } made;
 
 /* One window at work. */
@@ -162,7 +164,7 @@ void tc_table_free(tc_table *table) {
   made *m = (made *)table;
   if (!m) return;
   for (int w = 0; w <= table->n_zooms; w++) tc_segments_finish(&m->axes[w]);
-  if (table->entries) munmap(table->entries, m->mapped);
+  if (m->begun) munmap(m->begun, m->mapped);
   free(m->rows);
   free(m);
 }
@@ -220,7 +222,7 @@ static void round_entries(const builder *b, int bits) {
     if (entry[i] != 0) entry[i] = tc_table_round(entry[i], bits);
 }
 
-static void fill_window(made *m, int w, const made *like, tc_v4 *scratch, tc_pool *pool) {
+static bool fill_window(made *m, int w, const made *like, tc_v4 *scratch, tc_pool *pool) {
   const tc_segments *axis = &m->axes[w];
   const tc_table *t = &m->table;
   builder b = {.axis = axis, .step_mm = t->step_mm, .columns = w ? TC_ZOOM_NODES + 2 : t->columns, .peak = m->peak,
@@ -233,9 +235,11 @@ static void fill_window(made *m, int w, const made *like, tc_v4 *scratch, tc_poo
   const tc_v4 *rows = m->rows + rows_start(t, w);
   size_t row_bytes = ((size_t)axis->count + 1) * sizeof *rows;
   memcpy(b.zero, rows, row_bytes);
-  tc_pool_run(pool, axis->count, build_diagonal, &b);
+  if (!tc_pool_go_on(pool, &m->diagonal, axis->count, build_diagonal, &b)) return false;
+  m->diagonal = 0;
   if (t->bits) round_entries(&b, t->bits);
   memcpy(b.zero + (axis->count + 2) * (ptrdiff_t)b.columns, rows + axis->count + 1, row_bytes);
+  return true;
 }
 
 bool tc_table_fill(tc_table *t, const tc_table *old, tc_pool *pool, GError **error) {
@@ -248,19 +252,25 @@ bool tc_table_fill(tc_table *t, const tc_table *old, tc_pool *pool, GError **err
   size_t most = t->n_zooms && t->n < TC_ZOOM_NODES ? TC_ZOOM_NODES : (size_t)t->n;
   tc_v4 *scratch = aligned_alloc(16, (size_t)tc_pool_threads(pool) * 4 * most * sizeof *scratch);
   /* The pad lets a lookup at the last row read its (zero-weighted) neighbour. */
-  m->mapped = t->bytes + (size_t)(t->n + TC_ZOOM_NODES) * sizeof(tc_v4);
-  if (scratch) t->entries = reserve(&m->mapped);
-  if (!t->entries) {
+  if (!m->begun) m->mapped = t->bytes + (size_t)(t->n + TC_ZOOM_NODES) * sizeof(tc_v4);
+  if (!m->begun && scratch) m->begun = reserve(&m->mapped);
+  if (!m->begun || !scratch) {
     free(scratch);
     say_no_memory(t->n, error);
     return false;
   }
-  t->zero_row = t->entries + 4 * t->starts[0];
-  for (int z = 0; z < t->n_zooms; z++) t->zoom_rows[z] = t->entries + 4 * t->starts[1 + z];
-  for (int w = 0; w <= t->n_zooms; w++) fill_window(m, w, like, scratch, pool);
+  t->zero_row = m->begun + 4 * t->starts[0];
+  for (int z = 0; z < t->n_zooms; z++) t->zoom_rows[z] = m->begun + 4 * t->starts[1 + z];
+  while (m->window <= t->n_zooms && fill_window(m, m->window, like, scratch, pool)) m->window++;
   free(scratch);
+  if (m->window > t->n_zooms) t->entries = m->begun;
   t->build_ms += tc_now_ms() - start;
-  return true;
+  return t->entries || tc_halt_say(tc_pool_halt(pool), error);
+}
+
+int64_t tc_table_steps(const tc_table *table) {
+  const made *m = (const made *)table;
+  return ((int64_t)m->window << 32) + m->diagonal;
 }
 
 tc_table *tc_table_build(const tc_table_params *params, tc_pool *pool, GError **error) {

@@ -387,7 +387,15 @@ static bool error_at(bench *b, double spacing, double *rms, GError **error) {
   b->scene.sampling.step = spacing / tc_quality_stretch(&b->scene);
   tc_render_request request = {.width = b->width, .height = b->height, .want_linear = true, .interrupt = b->interrupt,
                                .labels = b->labels, .pixel_share = b->share};
-  if (!tc_render(b->renderer, b->volume, &b->scene, &request, &b->frame, NULL, error)) return false;
+  GError *failure = NULL;
+  while (!tc_render(b->renderer, b->volume, &b->scene, &request, &b->frame, NULL, &failure)) {
+    if (!g_error_matches(failure, TC_ERROR, TC_ERROR_PAUSED)) {
+      g_propagate_error(error, failure);
+      return false;
+    }
+    g_clear_error(&failure); /* nobody else waits for this renderer */
+    request.resume = true;
+  }
   double max = 0;
   int pixels = b->width * b->height;
   for (int i = 0; i < pixels; i++) {

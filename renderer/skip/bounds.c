@@ -18,8 +18,8 @@ static uint8_t level_of(const tc_bounds *b, double lo, double hi) {
 }
 
 #define LEVELS(name, type)                                                                                           \
-  static void levels_##name(tc_bounds *b, const type *pairs, size_t count) {                                         \
-    for (size_t i = 0; i < count; i++)                                                                               \
+  static void levels_##name(tc_bounds *b, const type *pairs, size_t from, size_t to) {                               \
+    for (size_t i = from; i < to; i++)                                                                               \
       b->levels[i] = level_of(b, (double)pairs[2 * i], (double)pairs[2 * i + 1]);                                    \
   }
 LEVELS(u8, uint8_t)
@@ -28,13 +28,13 @@ LEVELS(u16, uint16_t)
 LEVELS(i16, int16_t)
 LEVELS(f32, float)
 
-static void fill_levels(tc_bounds *b, const tc_minmax *m, size_t count) {
+static void fill_levels(tc_bounds *b, const tc_minmax *m, size_t from, size_t to) {
   switch (m->type) {
-  case TC_U8: levels_u8(b, m->pairs, count); break;
-  case TC_I8: levels_i8(b, m->pairs, count); break;
-  case TC_U16: levels_u16(b, m->pairs, count); break;
-  case TC_I16: levels_i16(b, m->pairs, count); break;
-  case TC_F32: levels_f32(b, m->pairs, count); break;
+  case TC_U8: levels_u8(b, m->pairs, from, to); break;
+  case TC_I8: levels_i8(b, m->pairs, from, to); break;
+  case TC_U16: levels_u16(b, m->pairs, from, to); break;
+  case TC_I16: levels_i16(b, m->pairs, from, to); break;
+  case TC_F32: levels_f32(b, m->pairs, from, to); break;
   case TC_VOXEL_TYPE_COUNT: break;
   }
 }
@@ -51,12 +51,26 @@ static void widen(uint8_t *line, int n, size_t stride) {
   }
 }
 
-static void widen_all(tc_bounds *b) {
-  size_t nx = (size_t)b->blocks[0], ny = (size_t)b->blocks[1], nz = (size_t)b->blocks[2];
-  for (size_t i = 0; i < ny * nz; i++) widen(b->levels + i * nx, b->blocks[0], 1);
-  for (size_t z = 0; z < nz; z++)
-    for (size_t x = 0; x < nx; x++) widen(b->levels + z * nx * ny + x, b->blocks[1], nx);
-  for (size_t i = 0; i < nx * ny; i++) widen(b->levels + i, b->blocks[2], nx * ny);
+typedef struct bounds_job {
+  tc_bounds *bounds;
+  const tc_minmax *minmax;
+} bounds_job;
+
+/* A layer of blocks, widened along x and y. */
+static void layer_task(void *context, int z, int worker) {
+  const bounds_job *job = context;
+  tc_bounds *b = job->bounds;
+  size_t nx = (size_t)b->blocks[0], ny = (size_t)b->blocks[1], first = (size_t)z * nx * ny;
+  fill_levels(b, job->minmax, first, first + nx * ny);
+  for (size_t y = 0; y < ny; y++) widen(b->levels + first + y * nx, b->blocks[0], 1);
+  for (size_t x = 0; x < nx; x++) widen(b->levels + first + x, b->blocks[1], nx);
+}
+
+/* A row of every layer, widened along z. */
+static void row_task(void *context, int y, int worker) {
+  const tc_bounds *b = ((const bounds_job *)context)->bounds;
+  size_t nx = (size_t)b->blocks[0], layer = nx * (size_t)b->blocks[1];
+  for (size_t x = 0; x < nx; x++) widen(b->levels + (size_t)y * nx + x, b->blocks[2], layer);
 }
 
 int tc_bounds_interval(const tc_bounds *bounds, const tc_rays *rays) {
@@ -70,7 +84,7 @@ int tc_bounds_interval(const tc_bounds *bounds, const tc_rays *rays) {
   return each_side < 1e6 ? 1 + (int)(2 * each_side) : 2000000;
 }
 
-tc_bounds *tc_bounds_build(const tc_minmax *m, const tc_grey *grey, GError **error) {
+tc_bounds *tc_bounds_build(const tc_minmax *m, const tc_grey *grey, tc_pool *pool, GError **error) {
   static atomic_uint_fast64_t serials;
   double start = tc_now_ms();
   size_t count = 1;
@@ -92,10 +106,13 @@ tc_bounds *tc_bounds_build(const tc_minmax *m, const tc_grey *grey, GError **err
   /* With no room between floor and stop every ray is finished at its first look; a scale of 0 keeps levels at 1. */
   double span = (double)grey->stop - (double)grey->floor;
   b->scale = span > 0 ? (float)fmin(MOST_LEVEL / span, 1e30) : 0;
-  fill_levels(b, m, count);
-  widen_all(b);
+  bounds_job job = {b, m};
+  bool made = tc_pool_run(pool, b->blocks[2], layer_task, &job) && tc_pool_run(pool, b->blocks[1], row_task, &job);
   b->build_ms = tc_now_ms() - start;
-  return b;
+  if (made) return b;
+  tc_halt_say(tc_pool_halt(pool), error);
+  tc_bounds_free(b);
+  return NULL;
 }
 
 void tc_bounds_free(tc_bounds *bounds) {

@@ -24,7 +24,8 @@ typedef struct tc_bounds {
   double build_ms;
 } tc_bounds;
 
-tc_bounds *tc_bounds_build(const tc_minmax *minmax, const tc_grey *grey, GError **error);
+/* NULL with TC_ERROR_MEMORY, or what the pool's halt says: nothing is kept then. */
+tc_bounds *tc_bounds_build(const tc_minmax *minmax, const tc_grey *grey, tc_pool *pool, GError **error);
 void tc_bounds_free(tc_bounds *bounds); /* NULL is fine */
 
 /* How many samples, a step apart, lie within a block's width of the middle one's place along every axis; at least 1. */

@@ -1,5 +1,6 @@
 #include "renderer/skip/boxes.h"
 
+#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -9,6 +10,7 @@
 #define FINE TC_BOX_FINE
 #define PIECE 5 /* cells that are cut at once: a row of their voxels, one byte each, is one 64-bit word, even with a reach of 1 */
 #define ROWS (PIECE + 4)
+#define TASK_VOXELS (1 << 19) /* a task cuts about so many: some milliseconds at most */
 #define INLINE static inline __attribute__((always_inline)) /* `reach` is a constant in it */
 
 /* The boxes that one worker found. */
@@ -18,12 +20,15 @@ typedef struct found {
   bool failed;
 } found;
 
-typedef struct boxes_job {
-  const void *voxels;
+typedef struct tc_boxing {
+  const void *voxels;      /* these two while it goes on */
   const tc_minmax *minmax;
-  const tc_runs *runs;
+  tc_runs runs;
   int dims[3], cells[3];
   bool *full; /* blocks that nothing is empty in */
+  int strips, rows; /* tasks that two layers of blocks are; rows of blocks in each, even */
+  int next;   /* task */
+  int n_workers;
   found *workers;
 } boxes_job;
 
@@ -58,7 +63,7 @@ INLINE void read_rows(const boxes_job *job, const int at[3], const int cells[3],
       if (z < from[2] || z >= to[2] || y < from[1] || y >= to[1]) continue;
       size_t row = (size_t)(at[2] + z - reach) * (size_t)job->dims[1] + (size_t)(at[1] + y - reach);
       size_t first = row * (size_t)job->dims[0] + (size_t)(at[0] + from[0] - reach);
-      tc_runs_read(job->runs, job->voxels, first, to[0] - from[0], (uint8_t *)&rows[z][y] + from[0]);
+      tc_runs_read(&job->runs, job->voxels, first, to[0] - from[0], (uint8_t *)&rows[z][y] + from[0]);
     }
 }
 
@@ -110,28 +115,29 @@ static size_t block_index(const tc_minmax *m, int x, int y, int z) {
   return ((size_t)z * (size_t)m->blocks[1] + (size_t)y) * (size_t)m->blocks[0] + (size_t)x;
 }
 
-static void sort_layer(boxes_job *job, int z, found *out) {
+static void sort_rows(boxes_job *job, int y0, int y1, int z, found *out) {
   const tc_minmax *m = job->minmax;
-  for (int y = 0; y < m->blocks[1]; y++)
+  for (int y = y0; y < y1; y++)
     for (int x = 0; x < m->blocks[0]; x++) {
       size_t i = block_index(m, x, y, z);
       double lo = tc_minmax_value(m, 2 * i), hi = tc_minmax_value(m, 2 * i + 1);
       const int at[3] = {x * m->block, y * m->block, z * m->block};
-      if (tc_runs_set(job->runs, lo) & tc_runs_set(job->runs, hi))
+      if (tc_runs_set(&job->runs, lo) & tc_runs_set(&job->runs, hi))
         out->empty++;
       else
-        job->full[i] = tc_runs_miss(job->runs, lo, hi) || cut_block(job, at, out);
+        job->full[i] = tc_runs_miss(&job->runs, lo, hi) || cut_block(job, at, out);
     }
 }
 
-/* Two layers of blocks. Eight full blocks around a corner become one box. */
+/* A strip of two layers of blocks. Eight full blocks around a corner become one box. */
 static void boxes_task(void *context, int index, int worker) {
   boxes_job *job = context;
   const tc_minmax *m = job->minmax;
   found *out = &job->workers[worker];
-  int z0 = 2 * index, z1 = least(z0 + 2, m->blocks[2]);
-  for (int z = z0; z < z1; z++) sort_layer(job, z, out);
-  for (int y0 = 0; y0 < m->blocks[1]; y0 += 2)
+  int z0 = index / job->strips * 2, z1 = least(z0 + 2, m->blocks[2]);
+  int first = index % job->strips * job->rows, end = least(first + job->rows, m->blocks[1]);
+  for (int z = z0; z < z1; z++) sort_rows(job, first, end, z, out);
+  for (int y0 = first; y0 < end; y0 += 2)
     for (int x0 = 0; x0 < m->blocks[0]; x0 += 2) {
       int count = 0, corner[8][3];
       for (int c = 0; c < 8; c++) {
@@ -146,10 +152,12 @@ static void boxes_task(void *context, int index, int worker) {
     }
 }
 
-static bool join(tc_boxes *boxes, boxes_job *job, int workers, size_t blocks) {
+static bool join(tc_boxes *boxes, size_t blocks) {
+  const boxes_job *job = boxes->begun;
   size_t empty = 0;
   bool failed = false;
-  for (int i = 0; i < workers; i++) {
+  boxes->count = 0;
+  for (int i = 0; i < job->n_workers; i++) {
     boxes->count += job->workers[i].count;
     empty += job->workers[i].empty;
     failed = failed || job->workers[i].failed;
@@ -158,7 +166,7 @@ static bool join(tc_boxes *boxes, boxes_job *job, int workers, size_t blocks) {
   boxes->bytes = boxes->count * sizeof *boxes->items;
   boxes->items = failed ? NULL : malloc(boxes->bytes + 1);
   tc_box *to = boxes->items;
-  for (int i = 0; i < workers && to; i++) {
+  for (int i = 0; i < job->n_workers && to; i++) {
     size_t count = job->workers[i].count;
     if (count) memcpy(to, job->workers[i].items, count * sizeof *to);
     to += count;
@@ -166,48 +174,81 @@ static bool join(tc_boxes *boxes, boxes_job *job, int workers, size_t blocks) {
   return boxes->items != NULL;
 }
 
-tc_boxes *tc_boxes_build(const tc_volume *volume, const tc_minmax *minmax, const tc_support *support, tc_pool *pool,
+static size_t block_count(const tc_minmax *m) {
+  return (size_t)m->blocks[0] * (size_t)m->blocks[1] * (size_t)m->blocks[2];
+}
+
+static void end_boxing(tc_boxes *boxes) {
+  boxes_job *job = boxes->begun;
+  if (!job) return;
+  for (int i = 0; i < job->n_workers && job->workers; i++) free(job->workers[i].items);
+  free(job->workers);
+  free(job->full);
+  tc_runs_finish(&job->runs);
+  free(job);
+  boxes->begun = NULL;
+}
+
+static bool say_no_memory(GError **error) {
+  tc_set_error(error, TC_ERROR_MEMORY, NULL, "boxes of what shows: out of memory");
+  return false;
+}
+
+tc_boxes *tc_boxes_begin(const tc_volume *volume, const tc_minmax *minmax, const tc_support *support, tc_pool *pool,
                          GError **error) {
   double start = tc_now_ms();
   const tc_volume_desc *d = tc_volume_describe(volume);
-  int workers = pool ? tc_pool_threads(pool) : 1;
-  size_t blocks = (size_t)minmax->blocks[0] * (size_t)minmax->blocks[1] * (size_t)minmax->blocks[2];
-  tc_runs runs;
-  if (!tc_runs_init(&runs, support, d->type, error)) return NULL;
-  boxes_job job = {.voxels = tc_volume_data(volume),
-                   .minmax = minmax,
-                   .runs = &runs,
-                   .full = calloc(blocks, sizeof *job.full),
-                   .workers = calloc((size_t)workers, sizeof *job.workers)};
-  for (int k = 0; k < 3; k++) {
-    job.dims[k] = d->dims[k];
-    job.cells[k] = d->dims[k] > 1 ? d->dims[k] - 1 : 1;
-  }
   tc_boxes *boxes = calloc(1, sizeof *boxes);
-  bool built = boxes && job.full && job.workers;
-  if (built) {
-    tc_pool_run(pool, (minmax->blocks[2] + 1) / 2, boxes_task, &job);
-    built = join(boxes, &job, workers, blocks);
-    boxes->block = minmax->block;
-    boxes->support = support->serial;
-    boxes->zero_below = runs.zero_below;
-    boxes->zero_above = runs.zero_above;
+  boxes_job *job = calloc(1, sizeof *job);
+  if (boxes) boxes->begun = job;
+  if (job) {
+    job->n_workers = tc_pool_threads(pool);
+    job->full = calloc(block_count(minmax), sizeof *job->full);
+    job->workers = calloc((size_t)job->n_workers, sizeof *job->workers);
   }
-  for (int i = 0; i < workers && job.workers; i++) free(job.workers[i].items);
-  free(job.workers);
-  free(job.full);
-  tc_runs_finish(&runs);
-  if (!built) {
+  if (!boxes || !job || !job->full || !job->workers) {
+    if (!boxes) free(job);
     tc_boxes_free(boxes);
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "boxes of what shows: out of memory");
+    say_no_memory(error);
     return NULL;
   }
+  if (!tc_runs_init(&job->runs, support, d->type, error)) {
+    tc_boxes_free(boxes);
+    return NULL;
+  }
+  for (int k = 0; k < 3; k++) {
+    job->dims[k] = d->dims[k];
+    job->cells[k] = d->dims[k] > 1 ? d->dims[k] - 1 : 1;
+  }
+  int64_t row_voxels = 2 * (int64_t)minmax->block * minmax->block * d->dims[0];
+  job->rows = 2 * (int)(1 + TASK_VOXELS / 2 / row_voxels);
+  job->strips = (minmax->blocks[1] + job->rows - 1) / job->rows;
+  boxes->block = minmax->block;
+  boxes->support = support->serial;
+  boxes->zero_below = job->runs.zero_below;
+  boxes->zero_above = job->runs.zero_above;
   boxes->build_ms = tc_now_ms() - start;
   return boxes;
 }
 
+bool tc_boxes_go_on(tc_boxes *boxes, const tc_volume *volume, const tc_minmax *minmax, tc_pool *pool, GError **error) {
+  double start = tc_now_ms();
+  boxes_job *job = boxes->begun;
+  if (!job) return true;
+  job->voxels = tc_volume_data(volume);
+  job->minmax = minmax;
+  bool made = tc_pool_go_on(pool, &job->next, (minmax->blocks[2] + 1) / 2 * job->strips, boxes_task, job);
+  bool joined = made && join(boxes, block_count(minmax));
+  if (joined) end_boxing(boxes);
+  boxes->build_ms += tc_now_ms() - start;
+  return joined || (made ? say_no_memory(error) : tc_halt_say(tc_pool_halt(pool), error));
+}
+
+int tc_boxes_steps(const tc_boxes *boxes) { return boxes->begun ? boxes->begun->next : INT_MAX; }
+
 void tc_boxes_free(tc_boxes *boxes) {
   if (!boxes) return;
+  end_boxing(boxes);
   free(boxes->items);
   free(boxes);
 }

@@ -31,12 +31,17 @@ typedef struct tc_boxes {
   uint64_t support;   /* serial of what it was built with */
   size_t bytes;
   double build_ms;
+  struct tc_boxing *begun; /* NULL once they are made */
 } tc_boxes;
 
-/* Built on the pool, of the volume that is sampled, and `minmax` of the same: the filter reaches as far as it says.
- * NULL with TC_ERROR_MEMORY. */
-tc_boxes *tc_boxes_build(const tc_volume *volume, const tc_minmax *minmax, const tc_support *support, tc_pool *pool,
+/* Of the volume that is sampled, and `minmax` of the same: the filter reaches as far as it says. NULL with
+ * TC_ERROR_MEMORY. pool: of the calls that follow. */
+tc_boxes *tc_boxes_begin(const tc_volume *volume, const tc_minmax *minmax, const tc_support *support, tc_pool *pool,
                          GError **error);
+/* Goes on until they are made: true, at once for those that are. False: the pool's halt, to be called again; or
+ * TC_ERROR_MEMORY. */
+bool tc_boxes_go_on(tc_boxes *boxes, const tc_volume *volume, const tc_minmax *minmax, tc_pool *pool, GError **error);
+int tc_boxes_steps(const tc_boxes *boxes); /* done so far: it grows */
 void tc_boxes_free(tc_boxes *boxes); /* NULL is fine */
 
 #endif

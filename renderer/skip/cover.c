@@ -35,6 +35,8 @@ typedef struct cover_job {
   size_t words; /* of a plane */
   int planes;
   atomic_size_t next; /* record that no worker has taken */
+  const tc_halt *halt;
+  atomic_bool left;   /* for the halt's sake */
 } cover_job;
 
 /* First and last cell and slot of a chunk's boxes; none where the last is before the first. */
@@ -203,6 +205,10 @@ static void cover_task(void *context, int index, int worker) {
   boxes.count = 0;
   memset(plane, 0, job->words * sizeof *plane);
   for (;;) {
+    if (tc_halt_within(job->halt)) {
+      atomic_store_explicit(&job->left, true, memory_order_relaxed);
+      return;
+    }
     size_t begin = atomic_fetch_add_explicit(&job->next, SHARE, memory_order_relaxed);
     size_t end = begin + SHARE < job->boxes->count ? begin + SHARE : job->boxes->count;
     for (size_t i = begin; i < end; i++) {
@@ -270,9 +276,10 @@ bool tc_cover_fill(tc_cover *c, const tc_boxes *boxes, const tc_volume *volume, 
       return false;
     }
   }
-  tc_pool_run(pool, job.planes, cover_task, &job);
-  if (job.planes > 1) tc_pool_run(pool, (int)((words + JOINED - 1) / JOINED), join_task, &job);
-  return true;
+  job.halt = tc_pool_halt(pool);
+  bool filled = tc_pool_run(pool, job.planes, cover_task, &job) && !atomic_load(&job.left);
+  if (filled && job.planes > 1) filled = tc_pool_run(pool, (int)((words + JOINED - 1) / JOINED), join_task, &job);
+  return filled || tc_halt_say(job.halt, error);
 }
 
 void tc_cover_finish(tc_cover *cover) {

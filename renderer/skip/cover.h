@@ -23,7 +23,8 @@ typedef struct tc_cover {
   size_t capacity;     /* of bits, in words; workers fill planes of their own that are joined into the first */
 } tc_cover;
 
-/* Fills *cover, whose bits are kept from frame to frame and grow as needed; zeroed before its first use. */
+/* Fills *cover, whose bits are kept from frame to frame and grow as needed; zeroed before its first use. False with
+ * TC_ERROR_MEMORY, TC_ERROR_INVALID for a camera whose rays are all one, or what the pool's halt says. */
 bool tc_cover_fill(tc_cover *cover, const tc_boxes *boxes, const tc_volume *volume, const tc_rays *rays, int width,
                    int height, tc_pool *pool, GError **error);
 void tc_cover_finish(tc_cover *cover);

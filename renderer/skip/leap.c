@@ -81,9 +81,11 @@ static void follow_row(uint8_t *p, int nx, int dir) {
   }
 }
 
-static void sweep(uint8_t *distance, const int blocks[3], int from, int to, int dir, uint8_t *joined) {
+static bool sweep(uint8_t *distance, const int blocks[3], int from, int to, int dir, uint8_t *joined,
+                  const tc_halt *halt) {
   int nx = blocks[0], ny = blocks[1], nz = blocks[2];
-  for (int z = dir > 0 ? from : to; z >= from && z <= to; z += dir)
+  for (int z = dir > 0 ? from : to; z >= from && z <= to; z += dir) {
+    if (tc_halt_within(halt)) return false;
     for (int iy = 0; iy < ny; iy++) {
       int y = dir > 0 ? iy : ny - 1 - iy;
       uint8_t *row = distance + ((size_t)z * (size_t)ny + (size_t)y) * (size_t)nx;
@@ -96,6 +98,8 @@ static void sweep(uint8_t *distance, const int blocks[3], int from, int to, int 
       lower_row(joined, row, nx);
       follow_row(dir > 0 ? row : row + nx - 1, nx, dir);
     }
+  }
+  return true;
 }
 
 /* A block's distance can have changed only if a block that changed is no farther than its distance was: if it is
@@ -119,7 +123,7 @@ static bool find_affected(const leap_job *job, int *from, int *to) {
   return last >= 0;
 }
 
-static void fill_distances(const leap_job *job, tc_leap *leap, uint8_t *joined) {
+static bool fill_distances(const leap_job *job, tc_leap *leap, uint8_t *joined, const tc_halt *halt) {
   const int *n = leap->blocks;
   size_t layer = layer_size(n);
   int from, to;
@@ -129,13 +133,15 @@ static void fill_distances(const leap_job *job, tc_leap *leap, uint8_t *joined) 
     memcpy(leap->distance + (size_t)z * layer, job->before->distance + (size_t)z * layer, layer);
   }
   leap->swept = some && leap->empty_share > 0 ? to - from + 1 : 0;
-  for (int dir = 1; leap->swept && dir >= -1; dir -= 2) sweep(leap->distance, n, from, to, dir, joined);
+  for (int dir = 1; leap->swept && dir >= -1; dir -= 2)
+    if (!sweep(leap->distance, n, from, to, dir, joined, halt)) return false;
   for (int z = 0; z < n[2]; z++) {
     const uint8_t *d = leap->distance + (size_t)z * layer;
     uint8_t most = 0;
     for (size_t i = 0; i < layer; i++) most = d[i] > most ? d[i] : most;
     leap->farthest[z] = most;
   }
+  return true;
 }
 
 tc_leap *tc_leap_build(const tc_minmax *m, const tc_support *support, const tc_leap *before, tc_pool *pool,
@@ -152,16 +158,18 @@ tc_leap *tc_leap_build(const tc_minmax *m, const tc_support *support, const tc_l
   ok = ok && tc_runs_init(&runs, support, m->type, error);
   if (ok) {
     job.runs = &runs;
-    tc_pool_run(pool, m->blocks[2], mark_layer, &job);
+    ok = tc_pool_run(pool, m->blocks[2], mark_layer, &job);
     size_t empty = 0;
     for (size_t z = 0; z < layers; z++) empty += job.empty[z];
     *leap = (tc_leap){.block = m->block, .reach = m->reach, .blocks = {m->blocks[0], m->blocks[1], m->blocks[2]},
                       .distance = job.distance, .farthest = job.distance + count + 8,
                       .empty_share = (double)empty / (double)count, .support = support->serial,
                       .bytes = count + 8 + layers};
-    fill_distances(&job, leap, joined);
+    ok = ok && fill_distances(&job, leap, joined, tc_pool_halt(pool));
+    if (!ok) tc_halt_say(tc_pool_halt(pool), error);
     leap->build_ms = tc_now_ms() - start;
-  } else {
+  }
+  if (!ok) {
     free(job.distance);
     free(leap);
     leap = NULL;

@@ -73,11 +73,9 @@ static void minmax_task(void *context, int index, int worker) {
   }
 }
 
-tc_minmax *tc_minmax_build(const tc_volume *volume, int block, int reach, tc_pool *pool, GError **error) {
-  double start = tc_now_ms();
+tc_minmax *tc_minmax_begin(const tc_volume *volume, int block, int reach, GError **error) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   tc_minmax *m = calloc(1, sizeof *m);
-  minmax_job job = {.volume = volume, .m = m, .dims = d->dims, .voxel_bytes = tc_voxel_size(d->type)};
   if (m) {
     *m = (tc_minmax){.block = block, .reach = reach, .type = d->type};
     size_t count = 1;
@@ -86,20 +84,36 @@ tc_minmax *tc_minmax_build(const tc_volume *volume, int block, int reach, tc_poo
       m->blocks[k] = (cells + block - 1) / block;
       count *= (size_t)m->blocks[k];
     }
-    m->bytes = count * 2 * job.voxel_bytes;
+    m->bytes = count * 2 * tc_voxel_size(d->type);
     m->pairs = malloc(m->bytes);
-    job.rows = malloc((size_t)tc_pool_threads(pool) * 2 * (size_t)d->dims[0] * job.voxel_bytes);
+    if (m->pairs) return m;
   }
-  if (!m || !m->pairs || !job.rows) {
+  tc_set_error(error, TC_ERROR_MEMORY, NULL, "min-max blocks: out of memory");
+  tc_minmax_free(m);
+  return NULL;
+}
+
+bool tc_minmax_go_on(tc_minmax *m, const tc_volume *volume, tc_pool *pool, GError **error) {
+  double start = tc_now_ms();
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  minmax_job job = {.volume = volume, .m = m, .dims = d->dims, .voxel_bytes = tc_voxel_size(d->type)};
+  if (m->done == m->blocks[1] * m->blocks[2]) return true;
+  job.rows = malloc((size_t)tc_pool_threads(pool) * 2 * (size_t)d->dims[0] * job.voxel_bytes);
+  if (!job.rows) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "min-max blocks: out of memory");
-    tc_minmax_free(m);
-    m = NULL;
-  } else {
-    tc_pool_run(pool, m->blocks[1] * m->blocks[2], minmax_task, &job);
-    m->build_ms = tc_now_ms() - start;
+    return false;
   }
+  bool made = tc_pool_go_on(pool, &m->done, m->blocks[1] * m->blocks[2], minmax_task, &job);
   free(job.rows);
-  return m;
+  m->build_ms += tc_now_ms() - start;
+  return made || tc_halt_say(tc_pool_halt(pool), error);
+}
+
+tc_minmax *tc_minmax_build(const tc_volume *volume, int block, int reach, tc_pool *pool, GError **error) {
+  tc_minmax *m = tc_minmax_begin(volume, block, reach, error);
+  if (!m || tc_minmax_go_on(m, volume, pool, error)) return m;
+  tc_minmax_free(m);
+  return NULL;
 }
 
 void tc_minmax_free(tc_minmax *minmax) {

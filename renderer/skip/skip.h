@@ -34,10 +34,16 @@ typedef struct tc_minmax {
   int blocks[3];
   void *pairs;    /* [blocks z][blocks y][blocks x][2]: minimum, maximum */
   tc_voxel_type type;
+  int done;       /* rows of blocks, from the first on: in the making while not all are */
   size_t bytes;
   double build_ms;
 } tc_minmax;
 
+tc_minmax *tc_minmax_begin(const tc_volume *volume, int block, int reach, GError **error);
+/* Goes on until it is made: true, at once for one that is. False: the pool's halt, or TC_ERROR_MEMORY; it may be called
+ * again. */
+bool tc_minmax_go_on(tc_minmax *minmax, const tc_volume *volume, tc_pool *pool, GError **error);
+/* All at once. */
 tc_minmax *tc_minmax_build(const tc_volume *volume, int block, int reach, tc_pool *pool, GError **error);
 void tc_minmax_free(tc_minmax *minmax); /* NULL is fine */
 double tc_minmax_value(const tc_minmax *minmax, size_t i); /* pairs[i] */
@@ -76,7 +82,7 @@ typedef struct tc_leap {
 } tc_leap;
 
 /* before: NULL, or an earlier map of the same blocks: only the layers that what changed since can reach are worked out
- * again, and the result is the same. */
+ * again, and the result is the same. NULL with TC_ERROR_MEMORY, or what the pool's halt says: nothing is kept then. */
 tc_leap *tc_leap_build(const tc_minmax *minmax, const tc_support *support, const tc_leap *before, tc_pool *pool,
                        GError **error);
 void tc_leap_free(tc_leap *leap); /* NULL is fine */

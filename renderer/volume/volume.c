@@ -190,6 +190,14 @@ static void rescale_f32(tc_volume *v, double *lo, double *hi) {
   *hi *= factor;
 }
 
+void tc_volume_seal_within(tc_volume *volume, double lo, double hi) {
+  if (volume->desc.type == TC_F32) rescale_f32(volume, &lo, &hi);
+  double a = volume->desc.slope * lo + volume->desc.intercept, b = volume->desc.slope * hi + volume->desc.intercept;
+  volume->stats.voxel_min = lo, volume->stats.voxel_max = hi;
+  volume->stats.min = fmin(a, b), volume->stats.max = fmax(a, b);
+  volume->sealed = true;
+}
+
 void tc_volume_seal(tc_volume *volume) {
   if (volume->sealed) return;
   size_t n = voxel_count(volume);
@@ -202,14 +210,10 @@ void tc_volume_seal(tc_volume *volume) {
   case TC_F32:
     range_f32((const float *)volume->voxels, n, &lo, &hi, &volume->stats.non_finite);
     if (volume->stats.non_finite) mend_f32((float *)volume->voxels, n, (float)lo, (float)hi);
-    rescale_f32(volume, &lo, &hi);
     break;
   case TC_VOXEL_TYPE_COUNT: break;
   }
-  double a = volume->desc.slope * lo + volume->desc.intercept, b = volume->desc.slope * hi + volume->desc.intercept;
-  volume->stats.voxel_min = lo, volume->stats.voxel_max = hi;
-  volume->stats.min = fmin(a, b), volume->stats.max = fmax(a, b);
-  volume->sealed = true;
+  tc_volume_seal_within(volume, lo, hi);
 }
 
 tc_volume *tc_volume_ref(tc_volume *volume) {

@@ -55,6 +55,9 @@ const void *tc_volume_data(const tc_volume *volume);
  * largest magnitude is beyond 1e30 or below 1e-30 is scaled by a power of two, with the slope taking it back. */
 void tc_volume_seal(tc_volume *volume);
 
+/* The same for who knows the range of the voxels, all of them finite. */
+void tc_volume_seal_within(tc_volume *volume, double voxel_min, double voxel_max);
+
 tc_volume *tc_volume_ref(tc_volume *volume);
 void tc_volume_unref(tc_volume *volume); /* NULL is fine */
 

@@ -298,7 +298,7 @@ static bool bench_render(bench *b, const tc_interrupt *interrupt) {
     assert_made(b->table);
   }
   tc_rays_set_up(&rays, b->volume, &b->scene, b->frame.width, b->frame.height);
-  tc_halt halt = tc_halt_begin(interrupt);
+  tc_halt halt = tc_halt_begin(interrupt, 0);
   b->frame.stats = (tc_frame_stats){0};
   tc_job job = {.plan = &plan,
                 .scene = &b->scene,

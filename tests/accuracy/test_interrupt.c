@@ -1,5 +1,6 @@
 /* Frames that are cut: resumed ones are the uncut ones to the last bit, and stopping is soon on every renderer. The
  * estimate of a frame's samples holds from above. */
+#include <limits.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -11,6 +12,7 @@
 
 #include <cmocka.h>
 
+#include "renderer/halt.h"
 #include "tests/support/cases.h"
 #include "tests/support/grid.h"
 #include "tests/support/renderers.h"
@@ -98,8 +100,8 @@ static void resumed_is_uncut(void **state) {
       calls[i] += n;
       cut[i] += n > 1;
       same_pictures(&test_frames[i], &parts, &s, test_names[i]);
-      assert_true(parts.stats.rays == test_frames[i].stats.rays);
-      assert_true(parts.stats.samples == test_frames[i].stats.samples);
+      assert_true(parts.stats.rays >= test_frames[i].stats.rays); /* a ray that was left counts again */
+      assert_true(parts.stats.samples >= test_frames[i].stats.samples);
     }
     subject_close(&s);
   }
@@ -164,11 +166,84 @@ static void estimate_holds(void **state) {
   assert_true(n > CASES / 2 && exp(log_sum / n) > 0.3);
 }
 
+/* ---- stopping ---- */
+
+#ifdef __SANITIZE_ADDRESS__
+enum { MOST_DEAF_US = 200000 };
+#else
+enum { MOST_DEAF_US = 20000 }; /* of processor time: others may have the processor meanwhile */
+#endif
+enum { LOOKS_TO_LEAVE = 24 }; /* of two workers and who waits for them */
+
+/* Looks that an uncut render takes; its longest time without one. */
+static long long count_looks(int which, subject *s, long long *longest_us) {
+  tc_interrupt interrupt;
+  tc_interrupt_init(&interrupt);
+  tc_render_request request = s->request;
+  request.interrupt = &interrupt;
+  tc_halt_probe_begin(LLONG_MAX);
+  bool drawn =
+      tc_render(test_renderers[which], s->volume, &s->drawn.scene, &request, &test_frames[which], NULL, NULL);
+  const tc_halt after = tc_halt_begin(&interrupt, 0); /* a look: the end counts too */
+  (void)after;
+  tc_halt_probed.on = false;
+  *longest_us = atomic_load(&tc_halt_probed.longest_us);
+  return drawn ? atomic_load(&tc_halt_probed.looks) : 0;
+}
+
+/* The wish comes at look number `at`; how many more there were. */
+static long long looks_after(int which, subject *s, long long at) {
+  tc_interrupt interrupt;
+  GError *error = NULL;
+  tc_interrupt_init(&interrupt);
+  tc_render_request request = s->request;
+  request.interrupt = &interrupt;
+  tc_halt_probe_begin(at);
+  bool drawn =
+      tc_render(test_renderers[which], s->volume, &s->drawn.scene, &request, &test_frames[which], NULL, &error);
+  tc_halt_probed.on = false;
+  if (drawn) return 0; /* it was the last one, or other workers took fewer */
+  atomic_bool *cancel = &interrupt.cancel; /* the words follow it, not the probe */
+  assert_false(atomic_load(cancel));
+  g_clear_error(&error);
+  return atomic_load(&tc_halt_probed.looks) - at;
+}
+
+/* Wherever the wish meets a render, first frames with all that they build included, it is left after a few more looks;
+ * and looks are never far apart. */
+static void stopping_is_soon(void **state) {
+  long long most_after[RENDERERS] = {0}, most_us[RENDERERS] = {0};
+  uint64_t where = 5;
+  for (uint64_t seed = 1; seed <= CASES; seed++) {
+    subject s;
+    if (!subject_open(&s, seed * 11)) continue;
+    EACH_RENDERER(i) {
+      long long longest_us, looks;
+      if (i == GL && seed % 10) continue;
+      looks = count_looks(i, &s, &longest_us);
+      most_us[i] = MAX(most_us[i], longest_us);
+      tc_renderer_forget(test_renderers[i], s.volume); /* another first frame */
+      if (!looks) continue;
+      long long after = looks_after(i, &s, 1 + (long long)(test_random(&where) * (double)looks));
+      most_after[i] = MAX(most_after[i], after);
+      if (longest_us > MOST_DEAF_US || after > LOOKS_TO_LEAVE) {
+        test_case_print(&s.drawn);
+        fail_msg("%s: %lld us without a look, %lld looks after the wish", test_names[i], longest_us, after);
+      }
+    }
+    subject_close(&s);
+  }
+  EACH_RENDERER(i)
+    printf("  %-6s at most %lld looks after the wish, %.2f ms of processor time without one\n", test_names[i],
+           most_after[i], (double)most_us[i] / 1000);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(resumed_is_uncut),
       cmocka_unit_test(only_what_was_paused_is_resumed),
       cmocka_unit_test(estimate_holds),
+      cmocka_unit_test(stopping_is_soon),
   };
   return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

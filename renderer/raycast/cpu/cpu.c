@@ -1,4 +1,6 @@
 /* The cpu back end: picks kernels for the machine, cuts the picture into tiles, resolves them. */
+#include <pthread.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,11 +11,14 @@
 #include "renderer/raycast/shade.h"
 #include "renderer/skip/cover.h"
 
-#define TILE 32 /* pixels: of a unit of drawing, unless it would take too long */
+#define TILE 32    /* pixels: of a unit of drawing, unless it would take too long */
+#define SMALLEST 4 /* as packets */
+#define UNIT_MS 5
 
 typedef struct cpu_isa {
   const char *name;
   tc_cpu_kernel (*find)(const tc_plan_key *key), (*find_surface)(const tc_plan_key *key);
+  double sample_ns; /* about, of one of tc_estimate_samples() */
 } cpu_isa;
 
 typedef struct cpu_backend {
@@ -31,13 +36,15 @@ typedef struct cpu_frame {
   tc_resolve resolve;
   tc_progress *progress;
   int units_x;
+  bool resumed;     /* the frame was begun by an earlier call */
   atomic_int drawn; /* units that this call has begun */
+  pthread_mutex_t lock; /* of the progress' partials */
   struct { tc_cpu_counts counts; char pad[32]; } *workers; /* a cache line each */
 } cpu_frame;
 
-static const cpu_isa isas[] = {{"scalar", tc_kernel_scalar, tc_surface_kernel_scalar},
-                               {"avx2", tc_kernel_avx2, tc_surface_kernel_avx2},
-                               {"avx512", tc_kernel_avx512, tc_surface_kernel_avx512}};
+static const cpu_isa isas[] = {{"scalar", tc_kernel_scalar, tc_surface_kernel_scalar, 20},
+                               {"avx2", tc_kernel_avx2, tc_surface_kernel_avx2, 5},
+                               {"avx512", tc_kernel_avx512, tc_surface_kernel_avx512, 3}};
 enum { N_ISAS = sizeof isas / sizeof *isas };
 
 static bool isa_runs(int i) {
@@ -241,6 +248,7 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
     a->stride[k] = n > 1 ? strides[k] : 0;
   }
   a->voxels = tc_volume_data(job->volume);
+  a->halt = job->halt;
   if (job->labels) fill_labels(&a->labels, job);
   if (job->grey) fill_grey(a, job);
   if (job->plan->key.mode == TC_MODE_MPR) fill_window(a, job);
@@ -279,22 +287,57 @@ static bool fill_cover(cpu_backend *b, const tc_job *job, tc_cpu_args *a, GError
   return true;
 }
 
-/* Draws a unit to the end, or leaves it as if it had not been begun. */
+/* What was left of a unit comes back into its pixels. */
+static void take_partial(cpu_frame *f, int unit, float *out, ptrdiff_t stride, tc_cpu_counts *counts) {
+  int side = f->progress->side;
+  pthread_mutex_lock(&f->lock);
+  tc_partial **at = &f->progress->partials, *partial;
+  while (*at && (*at)->unit != unit) at = &(*at)->next;
+  partial = *at;
+  if (partial) *at = partial->next;
+  pthread_mutex_unlock(&f->lock);
+  if (!partial) return;
+  for (int y = 0; y < side; y++) memcpy(out + y * stride * 4, partial->pixels + y * side * 4, 16 * (size_t)side);
+  counts->packet = partial->packet;
+  counts->ray = partial->ray;
+  free(partial);
+}
+
+/* Out of memory: the unit is begun anew. */
+static void keep_partial(cpu_frame *f, int unit, const float *out, ptrdiff_t stride, const tc_cpu_counts *counts) {
+  int side = f->progress->side;
+  tc_partial *partial = malloc(sizeof *partial + 16 * (size_t)side * (size_t)side);
+  if (!partial) return;
+  partial->unit = unit;
+  partial->packet = counts->packet;
+  partial->ray = counts->ray;
+  for (int y = 0; y < side; y++) memcpy(partial->pixels + y * side * 4, out + y * stride * 4, 16 * (size_t)side);
+  pthread_mutex_lock(&f->lock);
+  partial->next = f->progress->partials;
+  f->progress->partials = partial;
+  pthread_mutex_unlock(&f->lock);
+}
+
+/* Draws a unit, to the end or until it is to be left. */
 static void draw_unit(cpu_frame *f, int index, int worker) {
+  tc_cpu_counts *counts = &f->workers[worker].counts;
   const tc_job *job = f->job;
   int width = job->frame->width, height = job->frame->height, side = f->progress->side;
   int x0 = index % f->units_x * side, y0 = index / f->units_x * side;
   int x1 = x0 + side < width ? x0 + side : width, y1 = y0 + side < height ? y0 + side : height;
-  float buffer[TILE * TILE * 4], *out = buffer;
-  ptrdiff_t stride = TILE;
-  if (job->want_linear) {
-    out = job->frame->linear + ((size_t)y0 * (size_t)width + (size_t)x0) * 4;
-    stride = width;
+  float out[TILE * TILE * 4];
+  counts->packet = counts->ray = 0;
+  if (f->resumed) take_partial(f, index, out, TILE, counts);
+  f->kernel(&f->args.common, x0, y0, x1, y1, out, TILE, counts);
+  if (counts->left) {
+    keep_partial(f, index, out, TILE, counts);
+    return;
   }
-  f->kernel(&f->args.common, x0, y0, x1, y1, out, stride, &f->workers[worker].counts);
   for (int y = y0; y < y1; y++) {
-    float *row = out + (y - y0) * stride * 4;
-    tc_resolve_row(&f->resolve, row, job->frame->rgba + ((size_t)y * (size_t)width + (size_t)x0) * 4, x1 - x0);
+    size_t first = (size_t)y * (size_t)width + (size_t)x0;
+    const float *row = out + (y - y0) * TILE * 4;
+    tc_resolve_row(&f->resolve, row, job->frame->rgba + 4 * first, x1 - x0);
+    if (job->want_linear) memcpy(job->frame->linear + 4 * first, row, 16 * (size_t)(x1 - x0));
   }
   f->progress->finished[index] = true;
 }
@@ -302,7 +345,7 @@ static void draw_unit(cpu_frame *f, int index, int worker) {
 /* However late it is, a call draws something. */
 static void unit_task(void *context, int index, int worker) {
   cpu_frame *f = context;
-  if (f->progress->finished[index] || tc_halt_within(f->job->halt)) return;
+  if (f->progress->finished[index] || f->workers[worker].counts.left || tc_halt_within(f->job->halt)) return;
   if (atomic_load_explicit(&f->drawn, memory_order_relaxed) && tc_halt_between(f->job->halt)) return;
   atomic_fetch_add_explicit(&f->drawn, 1, memory_order_relaxed);
   draw_unit(f, index, worker);
@@ -318,8 +361,18 @@ static bool gather_counts(cpu_frame *f, int workers) {
     stats->leaps += f->workers[i].counts.leaps;
   }
   f->progress->done = 0;
+  f->progress->rays_ahead = 0;
+  for (const tc_partial *p = f->progress->partials; p; p = p->next)
+    f->progress->rays_ahead += p->packet * TC_MAX_RAYS_PER_PIXEL + p->ray;
   for (int i = 0; i < f->progress->units; i++) f->progress->done += f->progress->finished[i];
   return f->progress->done == f->progress->units;
+}
+
+/* Pixels of a unit's side: a unit takes some milliseconds at most, unless a pixel does. */
+static int unit_side(const cpu_backend *b, const tc_job *job) {
+  int side = TILE;
+  while (side > SMALLEST && side * side * job->pixel_samples * b->isa->sample_ns > UNIT_MS * 1e6) side /= 2;
+  return side;
 }
 
 static bool cpu_render(void *instance, const tc_job *job, GError **error) {
@@ -329,13 +382,15 @@ static bool cpu_render(void *instance, const tc_job *job, GError **error) {
     tc_set_error(error, TC_ERROR_UNSUPPORTED, "/mode", "the cpu back end has no kernel %s", job->plan->kernel);
     return false;
   }
-  f.progress = tc_frame_cut(job->frame, TILE, error);
+  f.resumed = job->frame->progress && job->frame->progress->units;
+  f.progress = tc_frame_cut(job->frame, unit_side(b, job), error);
   if (!f.progress) return false;
   f.workers = calloc((size_t)tc_pool_threads(b->pool), sizeof *f.workers);
   if (!f.workers) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "cpu back end: out of memory");
     return false;
   }
+  for (int i = 0; i < tc_pool_threads(b->pool); i++) f.workers[i].counts.until_look = TC_CPU_LOOK;
   fill_args(&f.args.common, job);
   if (job->surface) fill_surface(&f.args, job);
   if (job->boxes && !fill_cover(b, job, &f.args.common, error)) {
@@ -344,7 +399,9 @@ static bool cpu_render(void *instance, const tc_job *job, GError **error) {
   }
   tc_resolve_init(&f.resolve, job->scene);
   f.units_x = (job->frame->width + f.progress->side - 1) / f.progress->side;
+  pthread_mutex_init(&f.lock, NULL);
   tc_pool_run(b->pool, f.progress->units, unit_task, &f);
+  pthread_mutex_destroy(&f.lock);
   bool whole = gather_counts(&f, tc_pool_threads(b->pool));
   free(f.workers);
   return whole || tc_halt_say(job->halt, error);

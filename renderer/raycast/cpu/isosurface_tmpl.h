@@ -193,7 +193,7 @@ V_INLINE vf find_hits(const tc_cpu_surface *s, variant v, const packet *p, vm *h
   find_cells(g, p, t, c.at);
   for (int k = 0; k < 3; k++) /* the entry may be a rounding outside */
     c.at[k] = v_min(v_max(c.at[k], v_set(0)), v_set((float)g->cell_last[k]));
-  while (m_any(live)) {
+  while (marches(g, live, counts)) {
     vm look = live;
     if (v.leap) {
       vm leapt = leap_ahead(g, p, c.at, &t, m_andnot(live, fresh));
@@ -287,6 +287,7 @@ V_INLINE vf4 cast_surface(const tc_cpu_surface *s, variant v, const place *at, t
     if (g->last[k] == 0) p.entry[k] = p.dir[k] = v_set(0);
   counts->rays += (uint64_t)m_count(p.live);
   vf t = find_hits(s, v, &p, &hit, counts), zero = v_set(0);
+  if (counts->left) return (vf4){zero, zero, zero, zero};
   if (s->depth) store_depths(s, &p, v, at, t, hit);
   vf4 c = {v_set(s->color[0]), v_set(s->color[1]), v_set(s->color[2]), v_set(1)};
   if (v.shaded && m_any(hit)) {

@@ -5,6 +5,7 @@
 #ifndef TC_CPU_KERNELS_H
 #define TC_CPU_KERNELS_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -12,6 +13,10 @@
 #include "renderer/plan/plan.h"
 #include "renderer/raycast/grey.h"
 #include "renderer/raycast/rays.h"
+
+/* renderer/halt.h; not all of it, for kernels take long to compile. */
+typedef struct tc_halt tc_halt;
+bool tc_halt_within(const tc_halt *halt);
 
 /* A zoom of the table, in nodes of the table itself. */
 typedef struct tc_cpu_zoom {
@@ -80,14 +85,23 @@ typedef struct tc_cpu_args {
   float factor[2], glow[2][3], least_lit, specular, shininess, light[3];
   int head_light;
   tc_cpu_labels labels;
+  const tc_halt *halt; /* or NULL */
 } tc_cpu_args;
 
+/* Steps of a packet between two looks at the halt: at most some 2 ms (cubic, lit with cubic gradients). */
+#define TC_CPU_LOOK 512
+
+/* What a worker counts of a unit, and how far it is. */
 typedef struct tc_cpu_counts {
   uint64_t samples, rays, gradients, leaps; /* leaps: of whole packets */
+  int until_look; /* steps; TC_CPU_LOOK to begin with */
+  bool left;      /* the halt wanted it: out is not finished, from pixel packet `packet` and its ray `ray` on */
+  int packet, ray; /* where to begin */
 } tc_cpu_counts;
 
 /* Renders pixels [x0, x1) x [y0, y1) to out, [y1-y0][stride][4] floats: premultiplied colour and opacity. Lanes of a
- * packet beyond x1 or y1 are masked. */
+ * packet beyond x1 or y1 are masked. Left, it goes on when it is called again with the same counts and out: sums of the
+ * rays so far are there. */
 typedef void (*tc_cpu_kernel)(const tc_cpu_args *args, int x0, int y0, int x1, int y1, float *out, ptrdiff_t stride,
                               tc_cpu_counts *counts);
 

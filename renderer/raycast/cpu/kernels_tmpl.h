@@ -52,15 +52,24 @@ V_INLINE vf4 cast_rays(const tc_cpu_args *g, variant v, const place *at, skip_mo
   return c;
 }
 
-/* The mean of all rays of each pixel. Colour stays under opacity, and that under 1: sums are rounded alike. */
-V_INLINE vf4 cast_pixels(const tc_cpu_args *g, variant v, const place *first, skip_mood *mood, tc_cpu_counts *counts) {
+/* The mean of all rays of each pixel. Colour stays under opacity, and that under 1: sums are rounded alike. Left between
+ * two rays: the sum so far. */
+V_INLINE vf4 cast_pixels(const tc_cpu_args *g, variant v, const place *first, skip_mood *mood, const float *out,
+                         ptrdiff_t stride, tc_cpu_counts *counts) {
   place at = *first;
   vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
-  for (int r = 0; r == 0 || r < g->count; r++, at.ray++) {
+  if (v.several && counts->ray) sum = load_packet(first, out, stride);
+  at.ray += counts->ray;
+  for (int r = counts->ray; r == 0 || r < g->count; r++, at.ray++) {
     vf4 c = cast_rays(g, v, &at, mood, counts);
     if (!v.several) return c;
+    if (counts->left) {
+      counts->ray = r;
+      return sum;
+    }
     sum = (vf4){sum.r + c.r, sum.g + c.g, sum.b + c.b, sum.a + c.a};
   }
+  counts->ray = 0;
   vf n = v_set((float)g->count);
   return (vf4){sum.r / n, sum.g / n, sum.b / n, sum.a / n};
 }
@@ -68,11 +77,16 @@ V_INLINE vf4 cast_pixels(const tc_cpu_args *g, variant v, const place *first, sk
 V_INLINE void cast_tile(const tc_cpu_args *g, variant v, int x0, int y0, int x1, int y1, float *out, ptrdiff_t stride,
                         tc_cpu_counts *counts) {
   skip_mood mood = {0};
+  int packet = 0;
   for (int y = y0; y < y1; y += V_PACKET_Y)
-    for (int x = x0; x < x1; x += V_PACKET_X) {
+    for (int x = x0; x < x1; x += V_PACKET_X, packet++) {
+      if (packet < counts->packet) continue;
       place at = {x, y, x1, y1, g->of_pixel};
-      vf4 c = cast_pixels(g, v, &at, &mood, counts);
-      store_packet(c, &at, out + ((y - y0) * stride + (x - x0)) * 4, stride);
+      float *to = out + ((y - y0) * stride + (x - x0)) * 4;
+      vf4 c = cast_pixels(g, v, &at, &mood, to, stride, counts);
+      store_packet(c, &at, to, stride);
+      counts->packet = packet + !counts->left;
+      if (counts->left) return;
     }
 }
 

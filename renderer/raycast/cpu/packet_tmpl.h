@@ -98,6 +98,19 @@ V_INLINE packet start_packet(const tc_cpu_args *g, variant v, const place *at) {
   return p;
 }
 
+static __attribute__((noinline, cold)) bool ask_halt(const tc_cpu_args *g, tc_cpu_counts *counts) {
+  counts->left = counts->left || tc_halt_within(g->halt);
+  counts->until_look = counts->left ? 1 : TC_CPU_LOOK; /* having left one march, it leaves all */
+  return counts->left;
+}
+
+/* Whether rays march on, asked before every step of every march: while any of them is alive, and nobody wants the unit to
+ * be left. */
+V_INLINE bool marches(const tc_cpu_args *g, vm live, tc_cpu_counts *counts) {
+  if (__builtin_expect(--counts->until_look <= 0, 0) && ask_halt(g, counts)) return false;
+  return m_any(live);
+}
+
 /* Writes a packet's pixels that lie before x1 and y1; `out` is its first one. */
 V_INLINE void store_packet(vf4 c, const place *at, float *out, ptrdiff_t stride) {
   float lanes[4][V_LANES];
@@ -111,4 +124,16 @@ V_INLINE void store_packet(vf4 c, const place *at, float *out, ptrdiff_t stride)
     float *pixel = out + (py * stride + px) * 4;
     for (int k = 0; k < 4; k++) pixel[k] = lanes[k][l];
   }
+}
+
+/* The same back: sums of rays that were cut between two. */
+V_ONCE vf4 load_packet(const place *at, const float *out, ptrdiff_t stride) {
+  float lanes[4][V_LANES] = {{0}};
+  for (int l = 0; l < V_LANES; l++) {
+    int px = l % V_PACKET_X, py = l / V_PACKET_X;
+    if (at->x + px >= at->x1 || at->y + py >= at->y1) continue;
+    const float *pixel = out + (py * stride + px) * 4;
+    for (int k = 0; k < 4; k++) lanes[k][l] = pixel[k];
+  }
+  return (vf4){v_load(lanes[0]), v_load(lanes[1]), v_load(lanes[2]), v_load(lanes[3])};
 }

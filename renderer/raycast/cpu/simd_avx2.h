@@ -49,6 +49,7 @@ V_INLINE vm m_andnot(vm a, vm b) { return _mm256_andnot_ps(b, a); }
 V_INLINE bool m_any(vm a) { return _mm256_movemask_ps(a) != 0; }
 V_INLINE int m_count(vm a) { return __builtin_popcount((unsigned)_mm256_movemask_ps(a)); }
 V_INLINE void v_store(float *p, vf a) { _mm256_storeu_ps(p, a); }
+V_INLINE vf v_load(const float *p) { return _mm256_loadu_ps(p); }
 V_INLINE float v_least(vf a) {
   __m128 m = _mm_min_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps(a, 1));
   m = _mm_min_ps(m, _mm_movehl_ps(m, m));

@@ -49,6 +49,7 @@ V_INLINE vm m_andnot(vm a, vm b) { return (vm)(a & ~b); }
 V_INLINE bool m_any(vm a) { return a != 0; }
 V_INLINE int m_count(vm a) { return __builtin_popcount(a); }
 V_INLINE void v_store(float *p, vf a) { _mm512_storeu_ps(p, a); }
+V_INLINE vf v_load(const float *p) { return _mm512_loadu_ps(p); }
 V_INLINE float v_least(vf a) { return _mm512_reduce_min_ps(a); }
 V_INLINE vi v_bytes(const uint8_t *base, vi off) {
   return _mm512_and_si512(_mm512_i32gather_epi32(off, base, 1), _mm512_set1_epi32(255));

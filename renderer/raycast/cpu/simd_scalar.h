@@ -49,6 +49,7 @@ V_INLINE vm m_andnot(vm a, vm b) { return a && !b; } /* a and not b */
 V_INLINE bool m_any(vm a) { return a; }
 V_INLINE int m_count(vm a) { return a; }
 V_INLINE void v_store(float *p, vf a) { *p = a; }
+V_INLINE vf v_load(const float *p) { return *p; }
 V_INLINE float v_least(vf a) { return a; }
 V_INLINE vi v_bytes(const uint8_t *base, vi off) { return base[off]; }
 

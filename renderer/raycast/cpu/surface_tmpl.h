@@ -15,15 +15,38 @@
 
 #include "renderer/raycast/cpu/isosurface_tmpl.h"
 
-/* The mean of all rays of each pixel. */
-V_INLINE vf4 cast_surfaces(const tc_cpu_surface *s, variant v, place at, tc_cpu_counts *counts) {
+/* The mean of all rays of each pixel; left between two rays, the sum so far. */
+V_INLINE vf4 cast_surfaces(const tc_cpu_surface *s, variant v, place at, const float *out, ptrdiff_t stride,
+                           tc_cpu_counts *counts) {
   vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
-  for (int r = 0; r < s->common.count; r++, at.ray++) {
+  if (counts->ray) sum = load_packet(&at, out, stride);
+  at.ray += counts->ray;
+  for (int r = counts->ray; r < s->common.count; r++, at.ray++) {
     vf4 c = cast_surface(s, v, &at, counts);
+    if (counts->left) {
+      counts->ray = r;
+      return sum;
+    }
     sum = (vf4){sum.r + c.r, sum.g + c.g, sum.b + c.b, sum.a + c.a};
   }
+  counts->ray = 0;
   vf n = v_set((float)s->common.count);
   return (vf4){sum.r / n, sum.g / n, sum.b / n, sum.a / n};
+}
+
+V_INLINE void cast_surface_tile(const tc_cpu_surface *s, variant v, int x0, int y0, int x1, int y1, float *out,
+                                ptrdiff_t stride, tc_cpu_counts *counts) {
+  int packet = 0;
+  for (int y = y0; y < y1; y += V_PACKET_Y)
+    for (int x = x0; x < x1; x += V_PACKET_X, packet++) {
+      if (packet < counts->packet) continue;
+      place at = {x, y, x1, y1, s->common.of_pixel};
+      float *to = out + ((y - y0) * stride + (x - x0)) * 4;
+      vf4 c = cast_surfaces(s, v, at, to, stride, counts);
+      store_packet(c, &at, to, stride);
+      counts->packet = packet + !counts->left;
+      if (counts->left) return;
+    }
 }
 
 #define KERNEL(name, voxels)                                                                                         \
@@ -31,12 +54,7 @@ V_INLINE vf4 cast_surfaces(const tc_cpu_surface *s, variant v, place at, tc_cpu_
                    tc_cpu_counts *counts) {                                                                          \
     variant v = {.mode = TC_MODE_ISOSURFACE, .type = voxels, .shaded = g->key.shading != TC_SHADING_NONE,            \
                  .leap = g->key.skipping, .several = g->key.rays, .gradient = g->key.gradient};                     \
-    for (int y = y0; y < y1; y += V_PACKET_Y)                                                                        \
-      for (int x = x0; x < x1; x += V_PACKET_X) {                                                                    \
-        place at = {x, y, x1, y1, g->of_pixel};                                                                      \
-        vf4 c = cast_surfaces((const tc_cpu_surface *)(const void *)g, v, at, counts);                               \
-        store_packet(c, &at, out + ((y - y0) * stride + (x - x0)) * 4, stride);                                      \
-      }                                                                                                              \
+    cast_surface_tile((const tc_cpu_surface *)(const void *)g, v, x0, y0, x1, y1, out, stride, counts);              \
   }
 KERNEL(surface_u8, TC_U8)
 KERNEL(surface_i8, TC_I8)

@@ -4,6 +4,7 @@
 #include "renderer/raycast/gl/backend.h"
 
 #include <epoxy/gl.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -20,6 +21,12 @@
 #define MIN_SIDE 64 /* pixels of a tile's side; all sides are multiples of GROUP */
 #define SOFTWARE_SIDE 256
 #define HARDWARE_SIDE 1024
+#define TILE_MS 15        /* what a tile is expected to take, at most */
+#define DEAF_MS 20        /* and all that are in flight */
+/* Of a sample, as tc_estimate_samples() counts them: what it adds to a tile of many, and to the ray that waits for it. */
+#define SOFTWARE_NS 12.0
+#define HARDWARE_NS 0.1
+#define HARDWARE_RAY_NS 1500.0
 #define LONG_MS 40       /* a tile that takes longer makes the next ones smaller ... */
 #define SHORT_MS 8       /* ... and one that takes less makes them larger */
 #define UPLOAD_BESIDE ((size_t)8 << 20) /* bytes of volumes whose upload would hold up a frame that hurries */
@@ -255,27 +262,56 @@ static bool collect(gl_backend *b, const tc_job *job, double *last_ms, GError **
   return true;
 }
 
+/* A tile of side x side pixels, as far as can be told. */
+static double expected_ms(const gl_backend *b, int side, double pixel_samples) {
+  bool hardware = b->max_side == HARDWARE_SIDE;
+  double all = (double)side * side * pixel_samples * (hardware ? HARDWARE_NS : SOFTWARE_NS);
+  return fmax(all, hardware ? pixel_samples * HARDWARE_RAY_NS : 0) * 1e-6;
+}
+
+static double deaf_ms(void *instance, double pixel_samples) { return expected_ms(instance, GROUP, pixel_samples); }
+
+/* Of a frame that nobody interrupts tiles may take as long as they do. */
+static double tile_ms(const gl_backend *b, const tc_job *job, int side) {
+  return job->halt && job->halt->interrupt ? expected_ms(b, side, job->pixel_samples) : 0;
+}
+
+/* A side whose tiles are expected to be short enough, at most what the clock allows. */
+static int side_for(const gl_backend *b, const tc_job *job) {
+  int side = b->tile_side;
+  while (side > GROUP && tile_ms(b, job, side) > TILE_MS) side /= 2;
+  return side;
+}
+
 /* Walks the picture in rows of tiles; the side may change from row to row. False: no tile is left. */
-static bool next_tile(const gl_backend *b, const tc_frame *frame, int tile[4]) {
+static bool next_tile(const gl_backend *b, const tc_job *job, int tile[4]) {
+  const tc_frame *frame = job->frame;
+  const int side = side_for(b, job);
   tile[0] += tile[2];
   if (tile[0] >= frame->width || tile[2] == 0) {
     tile[0] = 0;
     tile[1] += tile[3];
-    tile[3] = MIN(b->tile_side, frame->height - tile[1]);
+    tile[3] = MIN(side, frame->height - tile[1]);
   }
-  tile[2] = MIN(b->tile_side, frame->width - tile[0]);
+  tile[2] = MIN(side, frame->width - tile[0]);
   return tile[1] < frame->height;
+}
+
+static bool has_room(const gl_backend *b, const tc_job *job, int side) {
+  unsigned in_flight = b->ring.head - b->ring.tail;
+  return !tc_gl_ring_is_full(&b->ring) &&
+         (in_flight == 0 || (in_flight + 1) * tile_ms(b, job, side) <= DEAF_MS);
 }
 
 /* Draws tiles in order, from *tile on, which ends as the next one: where a paused frame goes on. */
 static bool run_tiles(gl_backend *b, unsigned program, const tc_job *job, int tile[4], GError **error) {
-  bool more = tile[2] ? tile[1] < job->frame->height : next_tile(b, job->frame, tile), halted = false, drawn = false;
+  bool more = tile[2] ? tile[1] < job->frame->height : next_tile(b, job, tile), halted = false, drawn = false;
   double last_ms = tc_now_ms();
   while (more || !tc_gl_ring_is_idle(&b->ring)) {
     halted = halted || (more && (drawn ? tc_halt_between : tc_halt_within)(job->halt));
-    if (more && !halted && !tc_gl_ring_is_full(&b->ring)) {
+    if (more && !halted && has_room(b, job, tile[3])) {
       submit(b, program, job, tile);
-      more = next_tile(b, job->frame, tile);
+      more = next_tile(b, job, tile);
       drawn = true;
     } else if (!tc_gl_ring_is_idle(&b->ring) && !collect(b, job, &last_ms, error)) { /* what is in flight ends */
       b->lost = true;
@@ -412,6 +448,7 @@ const tc_backend_ops tc_gl_backend = {
     .device = device,
     .isa = isa,
     .render = render,
+    .deaf_ms = deaf_ms,
     .ready = ready,
     .builds_table = builds_table,
     .forget = forget,
