@@ -22,6 +22,8 @@ static const tcs_limit_field fields[] = {
     {FIELD(sessions), "sessions", AT(sessions), 256, 1, 65536},
     {FIELD(clients), "clients", AT(clients), 1024, 1, 65536},
     {FIELD(queue), "queue", AT(queue), 256, 1, 65536},
+    {FIELD(render_samples), "renderSamples", AT(render_samples), INT64_C(100000000000), 1000, INT64_C(1) << 53},
+    {FIELD(ray_samples), "raySamples", AT(ray_samples), 1 << 18, 16, INT64_C(1) << 53},
     {FIELD(render_seconds), "renderSeconds", AT(render_seconds), 60, 1, 24 * 3600},
     {FIELD(window), "window", AT(window), 2, 1, 16},
     {FIELD(blocked_seconds), "blockedSeconds", AT(blocked_seconds), 10, 1, 3600},

@@ -21,6 +21,7 @@ typedef struct tcs_limits {
   int64_t volume_bytes;             /* voxels resident, all volumes together */
   int64_t sessions, clients;        /* clients: WebSocket and MJPEG viewers */
   int64_t queue;                    /* stateless renders that may wait */
+  int64_t render_samples, ray_samples; /* estimated of one picture, and of one of its rays */
   int64_t render_seconds;           /* a picture that takes longer is given up */
   int64_t window;                   /* unacknowledged frames per viewer */
   int64_t blocked_seconds;          /* a viewer that takes no bytes for this long is gone */

@@ -91,7 +91,7 @@ char *tcs_peer_name(const tcs_request *request) {
     memset(v6.sin6_addr.s6_addr + 8, 0, 8);
     inet_ntop(AF_INET6, &v6.sin6_addr, text, sizeof text);
   }
-  return g_strdup(text);
+  return g_strconcat(text, " ", request->caller.name, NULL);
 }
 
 /* --- reading --------------------------------------------------------------------------------------- */

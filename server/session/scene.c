@@ -4,6 +4,7 @@
 
 #include "server/catalogue/catalogue.h"
 #include "server/config/config.h"
+#include "server/session/samples.h"
 
 bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, const tc_scene *valid,
                      tc_volume **labels, GError **error) {
@@ -38,8 +39,9 @@ bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene
     }
     *labels = entry->volume;
   }
+  const tcs_samples_limits most = {(double)limits->render_samples, (double)limits->ray_samples};
   return tc_plan_check(volume, scene, scene->image.width, scene->image.height, valid, error) &&
-         tc_labels_check(volume, *labels, scene, error);
+         tc_labels_check(volume, *labels, scene, error) && tcs_samples_check(volume, scene, &most, error);
 }
 
 bool tcs_scene_patch(tc_scene *scene, const tc_scene *defaults, const tc_volume *volume, const cJSON *patch,

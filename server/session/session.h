@@ -8,6 +8,7 @@
  *   picture    a finished picture
  *   watcher    what one viewer has been shown and still needs
  *   session    the session's state; whether it wants a picture; the label volume it holds
+ *   samples    how much work a picture may ask for
  *   scene      scenes made and checked
  *   scope      what a caller may do to a scene
  *   deliver    pictures and failures to the viewers

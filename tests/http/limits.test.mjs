@@ -79,3 +79,46 @@ test('names in braces of a route are not paths', async () => {
   const text = await d.raw(`GET /v1/volumes/${'v'.repeat(300)} HTTP/1.1\r\n${host}Connection: close\r\n\r\n`);
   assert.equal(status(text), 404);
 });
+
+test('a scene of too many samples is refused with a setting that passes', async () => {
+  const strict = await Daemon.start({ config: '[limits]\nrender_samples=2000000\nray_samples=400\n' });
+  const numbers = (json) => {
+    const found = /([\d.e+]+) samples estimated for the (picture|ray), the limit is ([\d.e+]+); (?:a step of ([\d.e-]+))?( with 1 ray per pixel)?(?: and )?(?:(\d+) x (\d+) pixels)? would pass$/.exec(json.detail);
+    assert.ok(found, json.detail);
+    assert.ok(Number(found[1]) > Number(found[3]), json.detail);
+    return { of: found[2], step: Number(found[4]), rays: found[5], width: Number(found[6]), height: Number(found[7]) };
+  };
+  const refused = async (scene, of, pointer) => {
+    const reply = await strict.post('/v1/render', { volume: 'ball', scene });
+    const found = numbers(problem(reply, 413, `/scene${pointer}`));
+    assert.equal(found.of, of);
+    const better = structuredClone(scene);
+    if (found.step) better.sampling.step = found.step;
+    if (found.rays) better.sampling.raysPerPixel = 1;
+    if (found.width) Object.assign(better.image, { width: found.width, height: found.height });
+    assert.equal((await strict.post('/v1/render', { volume: 'ball', scene: better })).status, 200, JSON.stringify(found));
+    return better;
+  };
+  const small = { width: 96, height: 64 };
+  const better = await refused({ image: { width: 400, height: 300 }, sampling: { step: 0.2 } }, 'picture', '/sampling/step');
+  const worse = { ...better, sampling: { step: better.sampling.step * 0.9 } };
+  assert.equal((await strict.post('/v1/render', { volume: 'ball', scene: worse })).status, 413, 'the largest setting that passes is named');
+  await refused({ image: small, sampling: { step: 0.01 } }, 'ray', '/sampling/step');
+  await refused({ image: small, sampling: { step: 0.0001, raysPerPixel: 64 }, filter: 'cubic', shading: { model: 'blinn-phong', gradient: 'cubic' } }, 'picture', '/sampling/step');
+  await refused({ image: { width: 2000, height: 2000 }, mode: 'isosurface', isosurface: { value: 128 } }, 'picture', '/image/width');
+  const session = await strict.session();
+  problem(await strict.patch(session.links.scene, { sampling: { step: 0.001 } }), 413, '/sampling/step');
+  problem(await strict.get(`${session.links.frame}?width=8000&height=2000`), 413);
+  assert.equal((await strict.get(session.links.frame)).status, 200);
+  const { limits } = (await strict.get('/v1/about')).json;
+  assert.deepEqual([limits.renderSamples, limits.raySamples], [2000000, 400]);
+  await strict.stop();
+});
+
+test('the default limits let large pictures pass and monsters not', async () => {
+  const scene = { image: { width: 4096, height: 4096 }, sampling: { step: 0.5, raysPerPixel: 4 } };
+  const monster = { filter: 'cubic', shading: { model: 'blinn-phong', gradient: 'cubic' }, sampling: { step: 0.0001, raysPerPixel: 64 } };
+  assert.equal((await d.post('/v1/sessions', { volume: 'ball', scene })).status, 201);
+  for (const [width, height] of [[8192, 2000], [4096, 4096]])
+    problem(await d.post('/v1/sessions', { volume: 'ball', scene: { ...monster, image: { width, height } } }), 413, '/scene/sampling/step');
+});
