@@ -94,7 +94,7 @@ export const BAD = {
 /* --- what they are made of ---------------------------------------------------------------------------- */
 
 const rest = (bad, ms) => new Promise((resolve) => {
-  const timer = setTimeout(done, ms);
+  const timer = setTimeout(done, bad.stopped.aborted ? 0 : ms);
   function done() { clearTimeout(timer); bad.stopped.removeEventListener('abort', done); resolve(); }
   bad.stopped.addEventListener('abort', done);
 });
