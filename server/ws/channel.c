@@ -6,7 +6,7 @@
 #include <wslay/wslay.h>
 
 /* Bytes read in one turn, so that one busy peer does not hold up the others. */
-#define READ_BUDGET 16384
+#define READ_BUDGET 4096
 
 /* wslay copies what it is given, so a message with a large shared part is framed here: between wslay's messages, never
  * within one. */

@@ -21,6 +21,7 @@
 #define PING_US 15000000    /* a sign of life is asked for this often */
 #define SILENCE_US 30000000 /* and a peer without one for this long is gone */
 #define LONG_LISTS 500      /* a scene with more in its lists is written by a worker */
+#define PIECE ((size_t)128) /* bytes of a few short messages */
 #define CLOSE_US 2000000    /* how long a closing handshake may take */
 
 typedef struct tcs_stream {
@@ -32,6 +33,7 @@ typedef struct tcs_stream {
   tcs_channel *channel;
   GByteArray *extra; /* came with the handshake; read before the socket */
   uint32_t events;
+  int64_t read_us; /* since when this turn reads */
   int64_t heard_us, pinged_us, sent_us, closing_us;
   struct hello *hello; /* on its way from the worker; nothing is read before it is there */
   bool dead, inside; /* inside: called by the framing, which must return before anything is torn down */
@@ -58,7 +60,13 @@ static ssize_t on_receive(void *user, uint8_t *bytes, size_t size) {
     g_byte_array_remove_range(stream->extra, 0, count);
     return count;
   }
-  const ssize_t got = recv(stream->source.fd, bytes, size, MSG_DONTWAIT);
+  /* What is read is worked off at once, and some patches take milliseconds to refuse: the clock is looked at every few
+   * messages, and the rest comes in the loop's next turn. */
+  if (g_get_monotonic_time() - stream->read_us > TCS_TURN_US) {
+    errno = EAGAIN;
+    return -1;
+  }
+  const ssize_t got = recv(stream->source.fd, bytes, MIN(size, PIECE), MSG_DONTWAIT);
   if (got > 0) stream->heard_us = g_get_monotonic_time();
   return got;
 }
@@ -275,6 +283,7 @@ static void settle(tcs_stream *stream) {
 }
 
 static void read_some(tcs_stream *stream) {
+  stream->read_us = g_get_monotonic_time();
   stream->inside = true;
   const bool alive = tcs_channel_read(stream->channel);
   stream->inside = false;
