@@ -17,15 +17,14 @@
 /* Places on the picture in pixels; depth is mm from the eye along the view. */
 typedef struct spot {
   double x, y, depth;
-  bool kept; /* no clip plane takes it away ... */
-  unsigned outside; /* ... and else those that do */
+  unsigned outside; /* clip planes that take it away, by their bits */
 } spot;
 
 typedef struct view {
   const tc_rays *rays;
   int width, height;
-  double right[3], up[3], forward[3]; /* LPS */
-  double eye[3];
+  double forward[3]; /* LPS */
+  double origin[3], along[3][3]; /* mm from the eye to the right, up and forward: of index 0, and of a voxel on each axis */
   double pixel; /* mm of a pixel's side; at 1 mm from the eye where the view is perspective */
   double chord_mm; /* of the longest parallel ray through a brick; infinite where rays are not parallel */
   double brick_mm3, diagonal_mm, most_tilt; /* of a brick; largest |view| over its depth */
@@ -37,7 +36,11 @@ typedef struct total {
   double lo[3], hi[3]; /* bricks that are left, as index positions */
 } total;
 
-static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+/* One instruction each; the first where the second is no number. */
+static inline double lesser(double a, double b) { return b < a ? b : a; }
+static inline double greater(double a, double b) { return b > a ? b : a; }
+
+static inline double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 static double normalised(const double v[3], double out[3]) {
   double length = sqrt(dot(v, v));
@@ -49,28 +52,34 @@ static void cross(const double a[3], const double b[3], double out[3]) {
   for (int k = 0; k < 3; k++) out[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
 }
 
-static void look(view *v, const tc_scene *scene) {
+static void look(view *v, const tc_volume *volume, const tc_scene *scene) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_camera *c = &scene->camera;
-  double forward[3], right[3];
-  for (int k = 0; k < 3; k++) forward[k] = c->target[k] - c->position[k], v->eye[k] = c->position[k];
+  double forward[3], across[3], axes[3][3], corner[3];
+  for (int k = 0; k < 3; k++) forward[k] = c->target[k] - c->position[k], corner[k] = d->origin[k] - c->position[k];
   normalised(forward, v->forward);
-  cross(v->forward, c->up, right);
-  normalised(right, v->right);
-  cross(v->right, v->forward, v->up);
+  cross(v->forward, c->up, across);
+  normalised(across, axes[0]);
+  cross(axes[0], v->forward, axes[1]);
+  for (int r = 0; r < 3; r++) axes[2][r] = v->forward[r];
+  for (int r = 0; r < 3; r++) {
+    v->origin[r] = dot(corner, axes[r]);
+    for (int k = 0; k < 3; k++) {
+      const double voxel[3] = {d->direction[k] * d->spacing[k], d->direction[3 + k] * d->spacing[k],
+                               d->direction[6 + k] * d->spacing[k]};
+      v->along[r][k] = dot(voxel, axes[r]);
+    }
+  }
   bool perspective = c->projection == TC_PERSPECTIVE;
   v->pixel = (perspective ? 2 * tan(c->fov_y_deg * (M_PI / 360)) : c->height_mm) / v->height;
   v->most_tilt = perspective ? hypot(1, v->pixel * 0.5 * hypot(v->width, v->height)) : 1;
 }
 
-static spot place(const view *v, const tc_volume *volume, const double index[3]) {
-  double lps[3], d[3];
-  spot s = {.kept = true};
-  tc_volume_index_to_lps(volume, index, lps);
-  for (int k = 0; k < 3; k++) d[k] = lps[k] - v->eye[k];
-  s.depth = dot(d, v->forward);
-  double scale = v->rays->perspective ? v->pixel * s.depth : v->pixel;
-  s.x = 0.5 * v->width + dot(d, v->right) / scale;
-  s.y = 0.5 * v->height - dot(d, v->up) / scale;
+static spot place(const view *v, const double index[3]) {
+  spot s = {.depth = v->origin[2] + dot(v->along[2], index)};
+  double scale = 1 / (v->rays->perspective ? v->pixel * s.depth : v->pixel);
+  s.x = 0.5 * v->width + (v->origin[0] + dot(v->along[0], index)) * scale;
+  s.y = 0.5 * v->height - (v->origin[1] + dot(v->along[1], index)) * scale;
   for (int i = 0; i < v->rays->n_planes; i++)
     if (dot(v->rays->planes[i], index) + v->rays->planes[i][3] < 0) s.outside |= 1u << i;
   return s;
@@ -86,16 +95,16 @@ static bool bound(const view *v, const spot *const corners[8], double box[4], do
   for (int c = 0; c < 8; c++) {
     const spot *s = corners[c];
     outside &= s->outside;
-    *near = fmin(*near, s->depth);
-    far = fmax(far, s->depth);
-    box[0] = fmin(box[0], s->x), box[1] = fmin(box[1], s->y);
-    box[2] = fmax(box[2], s->x), box[3] = fmax(box[3], s->y);
+    *near = lesser(*near, s->depth);
+    far = greater(far, s->depth);
+    box[0] = lesser(box[0], s->x), box[1] = lesser(box[1], s->y);
+    box[2] = greater(box[2], s->x), box[3] = greater(box[3], s->y);
   }
   if (outside || far <= 0) return false;
   bool all = v->rays->perspective && *near <= 0; /* about the eye: anywhere */
   /* Rays go through points half a pixel about the middle at most. */
-  box[0] = all ? 0 : fmax(floor(box[0] - 0.5), 0), box[2] = all ? v->width : fmin(ceil(box[2] + 0.5), v->width);
-  box[1] = all ? 0 : fmax(floor(box[1] - 0.5), 0), box[3] = all ? v->height : fmin(ceil(box[3] + 0.5), v->height);
+  box[0] = all ? 0 : greater(floor(box[0] - 0.5), 0), box[2] = all ? v->width : lesser(ceil(box[2] + 0.5), v->width);
+  box[1] = all ? 0 : greater(floor(box[1] - 0.5), 0), box[3] = all ? v->height : lesser(ceil(box[3] + 0.5), v->height);
   return box[2] > box[0] && box[3] > box[1];
 }
 
@@ -104,9 +113,9 @@ static void add_brick(const view *v, const spot *const corners[8], const double 
   if (!bound(v, corners, box, &near)) return;
   if (v->rays->perspective) dense = near > 0 ? dense * v->most_tilt / (near * near) : INFINITY;
   double pixels = (box[2] - box[0]) * (box[3] - box[1]);
-  t->stay_mm += fmin(pixels * fmin(v->chord_mm, v->diagonal_mm), v->brick_mm3 * dense);
-  for (int k = 0; k < 2; k++) t->box[k] = fmin(t->box[k], box[k]), t->box[2 + k] = fmax(t->box[2 + k], box[2 + k]);
-  for (int k = 0; k < 3; k++) t->lo[k] = fmin(t->lo[k], lo[k]), t->hi[k] = fmax(t->hi[k], hi[k]);
+  t->stay_mm += lesser(pixels * lesser(v->chord_mm, v->diagonal_mm), v->brick_mm3 * dense);
+  for (int k = 0; k < 2; k++) t->box[k] = lesser(t->box[k], box[k]), t->box[2 + k] = greater(t->box[2 + k], box[2 + k]);
+  for (int k = 0; k < 3; k++) t->lo[k] = lesser(t->lo[k], lo[k]), t->hi[k] = greater(t->hi[k], hi[k]);
 }
 
 /* Sizes in mm of an index box. */
@@ -144,7 +153,7 @@ static void measure_bricks(view *v, const tc_volume *volume) {
   v->chord_mm = chord_mm(v, lo, hi);
 }
 
-static void add_bricks(const view *v, const tc_volume *volume, total *t) {
+static void add_bricks(const view *v, total *t) {
   static const int step[3] = {1, NODES, NODES * NODES};
   spot spots[NODES * NODES * NODES];
   double at[3][NODES];
@@ -152,7 +161,7 @@ static void add_bricks(const view *v, const tc_volume *volume, total *t) {
     for (int i = 0; i < NODES; i++) at[k][i] = v->rays->lo[k] + (v->rays->hi[k] - v->rays->lo[k]) * i / CUT;
   for (int i = 0; i < NODES * NODES * NODES; i++) {
     const double index[3] = {at[0][i % NODES], at[1][i / NODES % NODES], at[2][i / (NODES * NODES)]};
-    spots[i] = place(v, volume, index);
+    spots[i] = place(v, index);
   }
   for (int i = 0; i < CUT * CUT * CUT; i++) {
     const int n[3] = {i % CUT, i / CUT % CUT, i / (CUT * CUT)};
@@ -206,9 +215,9 @@ double tc_estimate_samples(const tc_volume *volume, const tc_scene *scene, int w
   view v = {.rays = &rays, .width = width, .height = height};
   total t = {.box = {INFINITY, INFINITY, -INFINITY, -INFINITY},
              .lo = {INFINITY, INFINITY, INFINITY}, .hi = {-INFINITY, -INFINITY, -INFINITY}};
-  look(&v, scene);
+  look(&v, volume, scene);
   measure_bricks(&v, volume);
-  add_bricks(&v, volume, &t);
+  add_bricks(&v, &t);
   if (!(t.box[2] > t.box[0])) return 0;
   double pixels = (t.box[2] - t.box[0]) * (t.box[3] - t.box[1]), dense = steps_per_mm(&rays, scene);
   double stay = fmin(diagonal_mm(volume, t.lo, t.hi), chord_mm(&v, t.lo, t.hi));

@@ -2,6 +2,7 @@
  * estimate of a frame's samples holds from above. */
 #include <limits.h>
 #include <math.h>
+#include <pthread.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -238,12 +239,129 @@ static void stopping_is_soon(void **state) {
            most_after[i], (double)most_us[i] / 1000);
 }
 
+/* One pixel of it takes seconds: 128^3 voxels, cubic, lit by cubic gradients, 64 rays a pixel in steps of 1e-4. */
+static void monster_open(subject *s) {
+  static const tc_knot knots[] = {{0, {1, 0.5, 0.2}, 1e-3}, {1000, {0.2, 0.6, 1}, 2e-3}};
+  const unsigned seed = 3;
+  test_grid grid = {.dims = {128, 128, 128}, .type = TC_F32};
+  memset(s, 0, sizeof *s);
+  s->volume = test_volume(&grid, test_noise, &seed);
+  tc_scene *scene = &s->drawn.scene;
+  test_scene(scene, 32, 32);
+  test_scene_knots(scene, TC_KNOT_EXTINCTION, knots, G_N_ELEMENTS(knots));
+  test_scene_frame(scene, s->volume, TC_PERSPECTIVE, (const double[3]){0.3, -1, 0.2});
+  scene->filter = TC_FILTER_CUBIC;
+  scene->shading.model = TC_SHADING_LAMBERT;
+  scene->shading.gradient = TC_GRADIENT_CUBIC;
+  scene->sampling.step = 1e-4;
+  scene->sampling.rays_per_pixel = 64;
+}
+
+static void monster_stops(void **state) {
+  enum { LOOKS = 60 };
+  subject s;
+  monster_open(&s);
+  double longest, all = tc_estimate_samples(s.volume, &s.drawn.scene, 32, 32, &longest);
+  printf("  %.3g samples, %.3g of a ray\n", all, longest);
+  EACH_RENDERER(i) {
+    tc_plan plan;
+    long long after = looks_after(i, &s, LOOKS);
+    double ms = (double)atomic_load(&tc_halt_probed.longest_us) / 1000;
+    printf("  %-6s %lld looks after the wish, %.2f ms of processor time without one\n", test_names[i], after, ms);
+    assert_true(after <= LOOKS_TO_LEAVE && ms * 1000 <= MOST_DEAF_US);
+    assert_true(tc_renderer_plan(test_renderers[i], s.volume, NULL, &s.drawn.scene, &plan, NULL));
+    if (i == GL) /* which could not stop */
+      assert_non_null(strstr(plan.stages[TC_STAGE_RESOLVE].reason, "drawn by the cpu"));
+  }
+  tc_scene_clear(&s.drawn.scene);
+  subject_close(&s);
+}
+
+/* ---- by the clock ---- */
+
+typedef struct canceller {
+  tc_interrupt interrupt;
+  int after_us;
+  int64_t at_us;
+} canceller;
+
+static void *cancel_later(void *context) {
+  canceller *c = context;
+  g_usleep((gulong)c->after_us);
+  c->at_us = g_get_monotonic_time();
+  atomic_store(&c->interrupt.cancel, true);
+  return NULL;
+}
+
+/* Milliseconds from the wish to the answer; below 0: there was a picture before. */
+static double stop_ms(int which, subject *s, int after_us) {
+  canceller c = {.after_us = after_us};
+  pthread_t thread;
+  tc_interrupt_init(&c.interrupt);
+  tc_render_request request = s->request;
+  request.interrupt = &c.interrupt;
+  assert_int_equal(pthread_create(&thread, NULL, cancel_later, &c), 0);
+  bool drawn =
+      tc_render(test_renderers[which], s->volume, &s->drawn.scene, &request, &test_frames[which], NULL, NULL);
+  int64_t end = g_get_monotonic_time();
+  pthread_join(thread, NULL);
+  return drawn ? -1 : (double)(end - c.at_us) / 1000;
+}
+
+/* Larger pictures of larger volumes, so that there is time to stop. */
+static bool slow_subject_open(subject *s, uint64_t seed) {
+  char *refusal = NULL;
+  s->drawn = test_case_random(seed);
+  s->drawn.scene.image.width = 200 + (int)(seed % 500);
+  s->drawn.scene.image.height = 200 + (int)(seed % 300);
+  s->drawn.fine = true;
+  s->drawn.scene.sampling.step = fmax(s->drawn.scene.sampling.step, 0.02);
+  for (int k = 0; k < 3; k++) s->drawn.dims[k] = MIN(12 * s->drawn.dims[k], 160);
+  bool fits = test_case_fit(&s->drawn, &refusal);
+  g_free(refusal);
+  if (!fits) return false;
+  s->volume = test_case_volume(&s->drawn);
+  s->labels = test_case_labels(&s->drawn, s->volume);
+  s->request = (tc_render_request){.labels = s->labels, .table_size = s->drawn.table_size};
+  return true;
+}
+
+static int by_size(const void *a, const void *b) {
+  double x = *(const double *)a, y = *(const double *)b;
+  return (x > y) - (x < y);
+}
+
+/* First frames stopped at any time; TC_LONG=1 takes a thousand, and holds them to the clock. */
+static void stopping_by_the_clock(void **state) {
+  const bool many = getenv("TC_LONG") != NULL;
+  uint64_t where = 9;
+  EACH_RENDERER(i) {
+    int n = 0, wanted = many ? 1000 : i == GL ? 8 : 40;
+    double *ms = g_new(double, wanted);
+    for (uint64_t seed = 1; n < wanted && seed < 20 * (uint64_t)wanted; seed++) {
+      subject s;
+      if (!slow_subject_open(&s, seed * 13)) continue;
+      double took = stop_ms(i, &s, (int)(60000 * test_random(&where)));
+      if (took >= 0) ms[n++] = took;
+      subject_close(&s);
+    }
+    assert_true(n > 0);
+    qsort(ms, (size_t)n, sizeof *ms, by_size);
+    printf("  %-6s %d stopped: p50 %.2f, p99 %.2f, at most %.2f ms\n", test_names[i], n, ms[n / 2], ms[n * 99 / 100],
+           ms[n - 1]);
+    if (many) assert_true(ms[n * 99 / 100] <= 50 && ms[n - 1] <= 200);
+    g_free(ms);
+  }
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(resumed_is_uncut),
       cmocka_unit_test(only_what_was_paused_is_resumed),
       cmocka_unit_test(estimate_holds),
       cmocka_unit_test(stopping_is_soon),
+      cmocka_unit_test(monster_stops),
+      cmocka_unit_test(stopping_by_the_clock),
   };
   return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }
