@@ -48,32 +48,37 @@ static void drain(int fd) {
   }
 }
 
-/* One more read from the socket; what is surely of a body goes where the library wants it. */
-static ssize_t feed(tcs_strict *strict, int fd, uint8_t *bytes, size_t room, size_t *filled) {
+/* One more read from the socket; what is surely of a body goes where the library wants it. *empty: there was no more.
+ */
+static ssize_t feed(tcs_strict *strict, int fd, uint8_t *bytes, size_t room, size_t *filled, bool *empty) {
   const size_t direct = tcs_strict_direct(strict, room);
   if (direct) {
     const ssize_t got = plain_recv(fd, bytes, direct, 0);
     if (got > 0) tcs_strict_passed(strict, (size_t)got), *filled += (size_t)got;
+    *empty = got < (ssize_t)direct;
     return got;
   }
   uint8_t piece[PIECE];
   const ssize_t got = plain_recv(fd, piece, sizeof piece, 0);
   if (got > 0) tcs_strict_give(strict, piece, (size_t)got);
+  *empty = got < (ssize_t)sizeof piece;
   return got;
 }
 
-/* Returns less than `size` only when the socket has nothing more: the library takes that for the sign to wait. */
+/* Returns less than `size` only when the socket has nothing more: the library takes that for the sign to wait. And then
+ * does not ask the socket again, for the answer could be its end, which the library has to hear itself. */
 static ssize_t guarded_recv(tcs_strict *strict, int fd, uint8_t *bytes, size_t size) {
   size_t filled = 0;
+  bool empty = false;
   for (;;) {
     filled += tcs_strict_take(strict, bytes + filled, size - filled);
-    if (filled == size) return (ssize_t)filled;
+    if (filled == size || (filled && empty)) return (ssize_t)filled;
     if (!tcs_strict_hungry(strict)) {
       if (tcs_strict_refusal(strict)) drain(fd);
       errno = EAGAIN;
       return filled ? (ssize_t)filled : -1;
     }
-    const ssize_t got = feed(strict, fd, bytes + filled, size - filled, &filled);
+    const ssize_t got = feed(strict, fd, bytes + filled, size - filled, &filled, &empty);
     if (got <= 0) return filled ? (ssize_t)filled : got;
   }
 }

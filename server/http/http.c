@@ -25,6 +25,7 @@
 /* What is known of a connection, from accept to close. */
 typedef struct link {
   int fd;
+  unsigned answered;   /* of the requests begun */
   int64_t deadline_us; /* 0 = none */
   tcs_strict *strict;  /* the guard's */
   unsigned requests;   /* begun */
@@ -220,6 +221,7 @@ static void on_completed(void *user, struct MHD_Connection *connection, void **c
   tcs_request *request = *context;
   if (!request) return;
   *context = NULL;
+  link_of(connection)->answered++;
   if (request->deferred && request->abandon) request->abandon(request);
   forget_deferral(request);
   if (request->reply) MHD_destroy_response(request->reply);
@@ -265,11 +267,20 @@ void tcs_http_abandon_all(tcs_http *http) {
     abandon(http->deferred.head->data);
 }
 
-bool tcs_peer_gone(struct MHD_Connection *connection) {
-  const int fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
+static bool ended(int fd) {
   char byte;
   const ssize_t got = recv(fd, &byte, 1, MSG_PEEK | MSG_DONTWAIT);
   return got == 0 || (got < 0 && errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR);
+}
+
+bool tcs_peer_gone(struct MHD_Connection *connection) {
+  return ended(MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd);
+}
+
+/* Too late with its next request; or gone without one: an end that came together with the last bytes is an edge that MHD
+ * has already seen, and it would wait out its whole patience. */
+static bool is_over(const link_state *link, int64_t now_us) {
+  return (link->deadline_us && now_us >= link->deadline_us) || (link->requests == link->answered && ended(link->fd));
 }
 
 void tcs_http_tick(tcs_http *http, int64_t now_us) {
@@ -278,7 +289,7 @@ void tcs_http_tick(tcs_http *http, int64_t now_us) {
   g_hash_table_iter_init(&iterator, http->links);
   while (g_hash_table_iter_next(&iterator, &key, NULL)) {
     link_state *link = key;
-    if (!link->deadline_us || now_us < link->deadline_us) continue;
+    if (!is_over(link, now_us)) continue;
     link->deadline_us = 0;
     shutdown(link->fd, SHUT_RDWR); /* MHD sees the end and closes */
   }

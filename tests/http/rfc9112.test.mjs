@@ -206,8 +206,9 @@ test(`${rows.length} rows of RFC 9110, 9112 and 3986`, async (t) => {
   }
 });
 
+// Of the good ones: bytes sent after a refusal would destroy it on its way.
 test('one byte at a time the same comes back', async () => {
-  const small = rows.filter(([, , bytes]) => bytes.length < 300);
+  const small = rows.filter(([, , bytes, wanted]) => bytes.length < 300 && wanted.includes(END));
   const work = small.values(); // several at once: it is the waiting that takes time
   await Promise.all(Array.from({ length: 8 }, async () => {
     for (const row of work) {
