@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "renderer/backend.h"
+#include "renderer/cache.h"
 #include "renderer/clock.h"
 #include "renderer/frame.h"
 #include "renderer/resources.h"
@@ -18,6 +19,7 @@ struct tc_renderer {
   tc_renderer_info info;
   char why[200];
   tc_resources *resources;
+  uint64_t cache_bytes; /* as asked for */
 };
 
 /* ---- life ---- */
@@ -42,8 +44,8 @@ tc_renderer *tc_renderer_new(const tc_renderer_options *options, GError **error)
     return NULL;
   }
   r->pool = tc_pool_new(options->threads, error);
-  if (r->pool)
-    r->resources = tc_resources_new(r->pool, options->cache_bytes ? options->cache_bytes : DEFAULT_CACHE_BYTES, error);
+  r->cache_bytes = options->cache_bytes ? options->cache_bytes : DEFAULT_CACHE_BYTES;
+  if (r->pool) r->resources = tc_resources_new(r->pool, r->cache_bytes, error);
   if (r->resources) {
     r->ops = choose_backend(options->backend, r->why, sizeof r->why);
     r->instance = r->ops->create(options, r->pool, error);
@@ -459,4 +461,10 @@ void tc_renderer_forget(tc_renderer *renderer, const tc_volume *volume) {
   if (coefficients) renderer->ops->forget(renderer->instance, tc_volume_serial(coefficients));
   tc_resources_forget(renderer->resources, tc_volume_serial(volume));
   renderer->ops->forget(renderer->instance, tc_volume_serial(volume));
+}
+
+uint64_t tc_renderer_cached(const tc_renderer *renderer) { return tc_resources_held(renderer->resources); }
+
+void tc_renderer_limit_cache(tc_renderer *renderer, uint64_t most_bytes) {
+  tc_resources_limit(renderer->resources, MIN(most_bytes, renderer->cache_bytes));
 }

@@ -597,3 +597,10 @@ void tc_resources_forget(tc_resources *r, uint64_t volume_serial) {
   for (int i = r->count - 1; i >= 0; i--)
     if (r->items[i].volume == volume_serial) drop(r, i);
 }
+
+uint64_t tc_resources_held(const tc_resources *r) { return r->held; }
+
+void tc_resources_limit(tc_resources *r, uint64_t budget_bytes) {
+  r->budget = budget_bytes;
+  drop_oldest(r, ITEM_COEFFICIENTS, 0, NULL); /* for them anything may go */
+}

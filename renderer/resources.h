@@ -70,6 +70,10 @@ const tc_labels *tc_resources_find_labels(tc_resources *r, const tc_volume *labe
 /* Grows with everything that is built, and with every part of it. */
 int64_t tc_resources_steps(const tc_resources *resources);
 
+uint64_t tc_resources_held(const tc_resources *r);
+/* The budget from now on; drops what is over it, least recently used first. */
+void tc_resources_limit(tc_resources *r, uint64_t budget_bytes);
+
 /* Drops what belongs to a volume, and to its coefficients. */
 void tc_resources_forget(tc_resources *r, uint64_t volume_serial);
 

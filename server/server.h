@@ -1,5 +1,5 @@
 /* The daemon's rooms, tied together by cli/serve.c: pointers only, so that a room sees of another one what it includes
- * by name. Rooms know each other one way (tests/layers): observe, config, loop, encode, schedule, catalogue, access,
+ * by name. Rooms know each other one way (tests/layers): observe, memory, config, loop, encode, schedule, catalogue, access,
  * session, ws, http, cli; each may include those before it. Everything here belongs to the I/O thread; only tasks
  * (loop/worker.h) travel to other threads. */
 #ifndef TCS_SERVER_H
@@ -9,10 +9,12 @@
 
 typedef struct tcs_config tcs_config;
 typedef struct tcs_metrics tcs_metrics;
+typedef struct tcs_budget tcs_budget;
 typedef struct tcs_loop tcs_loop;
 typedef struct tcs_completions tcs_completions;
 typedef struct tcs_worker tcs_worker;
 typedef struct tcs_scheduler tcs_scheduler;
+typedef struct tcs_spool tcs_spool;
 typedef struct tcs_catalogue tcs_catalogue;
 typedef struct tcs_access tcs_access;
 typedef struct tcs_sessions tcs_sessions;
@@ -22,17 +24,20 @@ typedef struct tcs_http tcs_http;
 typedef struct tcs_server {
   const tcs_config *config;
   tcs_metrics *metrics;
+  tcs_budget *budget; /* whose memory it is */
   tcs_loop *loop;
   tcs_completions *completions;
   tcs_worker *render_worker;  /* one thread: owns the renderer */
   tcs_worker *encode_worker;  /* one thread: encodes what is dragged */
   tcs_worker *still_worker;   /* one thread: encodes all else */
   tcs_worker *load_worker;    /* imports */
+  tcs_worker *spool_worker;   /* one thread: writes uploads */
   tcs_worker *walk_worker;    /* folder scans, histograms: not behind a long import */
   tcs_worker *text_worker;    /* long documents, read and printed */
   tcs_worker *probe_worker;   /* one thread: rays and picks, which the reference integrates */
   tcs_worker *meter_worker;   /* one thread, of low priority: the error meter */
   tcs_worker *quality_worker; /* likewise: models for quality control */
+  tcs_spool *spool;
   tcs_catalogue *catalogue;
   tcs_scheduler *scheduler;
   tcs_access *access;

@@ -145,12 +145,22 @@ static void add_component(tc_element element, const uint8_t *from, size_t stride
 
 /* ---- reading ---- */
 
-static bool tick(loader *l, size_t voxels, GError **error) {
-  l->done += voxels;
+static bool keeps_on(void *user) {
+  const loader *l = user;
   const tc_import_options *o = l->options;
-  if (!o || !o->progress || o->progress(o->user, (double)l->done / (double)l->total)) return true;
+  return !o || !o->progress || o->progress(o->user, l->total ? (double)l->done / (double)l->total : 0);
+}
+
+/* tc_watch_fn */
+static bool watch(void *user, GError **error) {
+  if (keeps_on(user)) return true;
   tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
   return false;
+}
+
+static bool tick(loader *l, size_t voxels, GError **error) {
+  l->done += voxels;
+  return watch(l, error);
 }
 
 static bool planar(const tc_raster *r) { return r->components > 1 && r->inner > 1; }
@@ -312,6 +322,38 @@ static bool within_limit(const loader *l, size_t voxel_bytes, GError **error) {
   return false;
 }
 
+/* The narrowest that the storage rule can come to: wide integers are read once to learn it. */
+static size_t least_voxel_bytes(const tc_raster *r) {
+  tc_voxel_type same;
+  if (r->components > 1 && r->combine == TC_COMBINE_MAGNITUDE) return sizeof(float);
+  if (r->components > 1 && r->combine == TC_COMBINE_LUMA)
+    return r->element == TC_ELEMENT_U8 || r->element == TC_ELEMENT_U16 ? 1 : sizeof(float);
+  if (same_storage(r->element, &same)) return tc_voxel_size(same);
+  return r->element == TC_ELEMENT_F64 ? sizeof(float) : 1;
+}
+
+/* Text is held whole, as it is and as numbers, by every plane that reads it. */
+static uint64_t text_bytes(const loader *l) {
+  const tc_raster *r = l->raster;
+  if (r->data.encoding != TC_ENCODING_TEXT && r->data.encoding != TC_ENCODING_HEX) return 0;
+  const uint64_t planes = planar(r) ? MIN(r->components, MAX_PLANES) : 1;
+  const uint64_t text = r->data.names ? TC_TEXT_LIMIT : MIN(r->data.input->size, (uint64_t)TC_TEXT_LIMIT);
+  return planes * MIN(r->data.part_bytes, 8 * text) + text;
+}
+
+/* Voxels of this size, within the limits and granted by whoever counts the memory. */
+static bool may_hold(const loader *l, size_t voxel_bytes, GError **error) {
+  const tc_import_options *o = l->options;
+  if (!within_limit(l, voxel_bytes, error)) return false;
+  return !o || !o->reserve || o->reserve(o->user, l->voxels * voxel_bytes + text_bytes(l), error);
+}
+
+static bool seal(loader *l, tc_volume *volume, GError **error) {
+  if (tc_volume_seal_while(volume, keeps_on, l)) return true;
+  tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
+  return false;
+}
+
 /* Sizes, with every product checked; sets voxels and data.part_bytes. */
 static bool measure(loader *l, GError **error) {
   tc_raster *r = l->raster;
@@ -371,21 +413,18 @@ static void drop_negative_zeros(tc_volume_desc *desc) {
 tc_volume *tc_raster_load(tc_raster *raster, const tc_import_options *options, GError **error) {
   loader l = {.raster = raster, .options = options};
   tc_volume *volume = NULL;
+  raster->data.watch = watch;
+  raster->data.watch_user = &l;
   raster->desc.frames = (int)MIN(raster->frames * (raster->combine == TC_COMBINE_FIRST ? raster->components : 1),
                                  (uint64_t)INT32_MAX);
   drop_negative_zeros(&raster->desc);
-  if (!measure(&l, error) || !within_limit(&l, 1, error)) goto out;
+  if (!measure(&l, error) || !may_hold(&l, least_voxel_bytes(raster), error)) goto out;
   if (!tc_data_check(&raster->data, error) || !prepare(&l, error) || !choose_type(&l, error)) goto out;
   if (raster->desc.frames > 1) tc_raster_note(raster, "the first of %d frames", raster->desc.frames);
-  if (!within_limit(&l, tc_voxel_size(raster->desc.type), error)) goto out;
+  if (!may_hold(&l, tc_voxel_size(raster->desc.type), error)) goto out;
   volume = tc_volume_new(&raster->desc, error);
   if (!volume) goto out;
-  if (fill(&l, volume, error)) {
-    tc_volume_seal(volume);
-  } else {
-    tc_volume_unref(volume);
-    volume = NULL;
-  }
+  if (!fill(&l, volume, error) || !seal(&l, volume, error)) tc_volume_unref(g_steal_pointer(&volume));
 out:
   for (unsigned p = 0; p < MAX_PLANES; p++) tc_source_free(l.planes[p]);
   g_free(l.chunk);

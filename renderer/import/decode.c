@@ -7,9 +7,6 @@
 /* Encoded bytes are fetched this many at a time: large enough to hide the system call, small beside any volume. */
 enum { input_chunk = 128 << 10, scratch_size = 64 << 10 };
 
-/* Text is for small files: it is read whole. */
-#define TEXT_LIMIT (16u << 20)
-
 struct tc_decoder {
   const tc_input *input;
   uint64_t at; /* next encoded byte to fetch */
@@ -22,11 +19,13 @@ struct tc_decoder {
   bool cut;   /* the file ended before that */
   GByteArray *text;
   size_t text_at;
+  tc_watch_fn watch; /* NULL: none */
+  void *watch_user;
 };
 
 static bool read_text(tc_decoder *d, tc_element element, uint64_t wanted, GError **error) {
   uint64_t length = d->input->size > d->at ? d->input->size - d->at : 0;
-  if (length > TEXT_LIMIT) {
+  if (length > TC_TEXT_LIMIT) {
     tc_set_error(error, TC_ERROR_LIMIT, NULL, "text data of more than 16 MiB: save them raw or gzip encoded");
     return false;
   }
@@ -86,8 +85,17 @@ void tc_decoder_free(tc_decoder *d) {
 
 bool tc_decoder_cut(const tc_decoder *d) { return d->cut; }
 
-/* The next encoded bytes into chunk; *n is 0 at the end of the file. */
+void tc_decoder_watch(tc_decoder *d, tc_watch_fn watch, void *user) {
+  d->watch = watch;
+  d->watch_user = user;
+}
+
+static bool goes_on(const tc_decoder *d, GError **error) { return !d->watch || d->watch(d->watch_user, error); }
+
+/* The next encoded bytes into chunk; *n is 0 at the end of the file. Empty streams behind each other decode to nothing
+ * for as long as there are bytes, so this asks whether to go on. */
 static bool fetch(tc_decoder *d, unsigned *n, GError **error) {
+  if (!goes_on(d, error)) return false;
   uint64_t left = d->input->size > d->at ? d->input->size - d->at : 0;
   *n = (unsigned)MIN(left, (uint64_t)input_chunk);
   if (!tc_input_read(d->input, d->at, d->chunk, *n, error)) return false;
@@ -238,6 +246,7 @@ bool tc_decoder_skip(tc_decoder *d, uint64_t n, uint64_t *skipped, GError **erro
     ok = tc_decoder_read(d, scratch, (size_t)MIN(n - *skipped, (uint64_t)scratch_size), &got, error);
     if (!ok || got == 0) break;
     *skipped += got;
+    if (!(ok = goes_on(d, error))) break;
   }
   g_free(scratch);
   return ok;

@@ -11,6 +11,8 @@ typedef struct tc_decoder tc_decoder;
 tc_decoder *tc_decoder_new(const tc_input *input, uint64_t offset, tc_encoding encoding, tc_element element,
                            uint64_t wanted, GError **error);
 void tc_decoder_free(tc_decoder *decoder); /* NULL is fine */
+/* `watch` is asked while compressed bytes are fetched and while bytes are left out. */
+void tc_decoder_watch(tc_decoder *decoder, tc_watch_fn watch, void *user);
 
 /* Up to n bytes; fewer only at the end of the data. False on damaged data. */
 bool tc_decoder_read(tc_decoder *decoder, void *to, size_t n, size_t *got, GError **error);

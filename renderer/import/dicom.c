@@ -178,6 +178,14 @@ static bool tell(void *user, double fraction) {
   return !s->options || !s->options->progress || s->options->progress(s->options->user, fraction);
 }
 
+static bool reserve(void *user, uint64_t bytes, GError **error) {
+  const session *s = user;
+  return !s->options || !s->options->reserve || s->options->reserve(s->options->user, bytes, error);
+}
+
+/* Whether sealing may go on. */
+static bool keeps_on(void *user) { return tell(user, 1); }
+
 /* The pipe ended too early: says how the helper died, without a word of what it read. */
 static bool died(session *s, GError **error) {
   const char *how = "the DICOM decoder broke off; the file is probably damaged";
@@ -235,6 +243,7 @@ static tc_dicom_wire_reader reader_for(session *s) {
   return (tc_dicom_wire_reader){.read = read_pipe,
                                 .user = s,
                                 .tick = tell,
+                                .reserve = reserve,
                                 .tick_user = s,
                                 .max_voxel_bytes = s->options ? s->options->max_voxel_bytes : 0};
 }
@@ -247,7 +256,10 @@ tc_volume *tc_import_dicom(const char *path, const char *series, const tc_import
     volume = tc_dicom_wire_load(&reader, error);
   }
   stop(&s);
-  if (volume) tc_volume_seal(volume);
+  if (volume && !tc_volume_seal_while(volume, keeps_on, &s)) {
+    tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled while reading DICOM");
+    tc_volume_unref(g_steal_pointer(&volume));
+  }
   return volume;
 }
 

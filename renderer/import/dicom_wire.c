@@ -149,6 +149,7 @@ static tc_volume *volume_for(const tc_dicom_wire_reader *in, GError **error) {
                  bytes, in->max_voxel_bytes);
     return NULL;
   }
+  if (in->reserve && !in->reserve(in->tick_user, bytes, error)) return NULL;
   return tc_volume_new(&desc, error);
 }
 

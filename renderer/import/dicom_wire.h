@@ -45,6 +45,7 @@ typedef struct tc_dicom_wire_reader {
   tc_progress_fn tick; /* NULL: none */
   void *tick_user;
   uint64_t max_voxel_bytes;
+  tc_reserve_fn reserve; /* NULL: none; with tick_user */
 } tc_dicom_wire_reader;
 
 tc_volume *tc_dicom_wire_load(const tc_dicom_wire_reader *reader, GError **error);

@@ -104,6 +104,7 @@ static tc_volume *import_file(const target *t, const tc_import_options *options,
   tc_volume *volume = NULL;
   tc_input input;
   if (!tc_input_open(&input, t->path, error)) return NULL;
+  input.alone = options && options->self_contained;
   if (!use_header_beside(&input, error) || !tc_input_head(&input, head, sizeof head, &size, &gzip, error)) goto out;
   if (input.size == 0) {
     tc_set_error(error, TC_ERROR_FORMAT, NULL, "the file is empty");
@@ -136,7 +137,11 @@ static char *shown_name(const char *path) {
 }
 
 tc_volume *tc_import(const char *path, const tc_import_options *options, GError **error) {
-  if (g_str_has_prefix(path, "demo:")) return tc_volume_demo(path + 5, error);
+  if (g_str_has_prefix(path, "demo:")) {
+    const uint64_t bytes = tc_volume_demo_bytes(path + 5);
+    if (bytes && options && options->reserve && !options->reserve(options->user, bytes, error)) return NULL;
+    return tc_volume_demo(path + 5, error);
+  }
   target t = {0};
   tc_volume *volume = NULL;
   GError *trouble = NULL;

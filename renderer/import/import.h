@@ -19,11 +19,17 @@
 /* Called now and then with 0..1; return false to cancel (TC_ERROR_CANCELLED). */
 typedef bool (*tc_progress_fn)(void *user, double fraction);
 
+/* Asked when the header is read, before a voxel is decoded: may the import hold `bytes` of memory in all? Asked again
+ * where it turns out to need more or less. False, with an error, ends it. */
+typedef bool (*tc_reserve_fn)(void *user, uint64_t bytes, GError **error);
+
 typedef struct tc_import_options {
-  tc_progress_fn progress; /* NULL: none */
-  void *user;
+  tc_progress_fn progress; /* NULL: none; asked at least every few MiB read or decoded */
+  tc_reserve_fn reserve;   /* NULL: none */
+  void *user;              /* of both */
   const char *dicom_helper;  /* path of the helper program; NULL: beside the running program, then PATH */
   uint64_t max_voxel_bytes;  /* refuse larger volumes (TC_ERROR_LIMIT); 0 = no limit of its own */
+  bool self_contained;       /* the file may name no other file for its voxels (TC_ERROR_FORMAT) */
 } tc_import_options;
 
 /* Loads PATH. Caller owns the reference. options may be NULL. Any thread. */

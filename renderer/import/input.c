@@ -10,6 +10,9 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+/* How much of a file is looked at for its first decoded bytes. */
+#define HEAD_REACH (1u << 20)
+
 /* Takes over fd. A FIFO or a device would hang or never end, so only regular files pass. */
 static bool adopt(tc_input *input, int fd, const char *name, GError **error) {
   struct stat st;
@@ -73,8 +76,15 @@ static int open_beneath(int folder_fd, const char *name) {
   return fd;
 }
 
+bool tc_input_may_name(const tc_input *input, GError **error) {
+  if (!input->alone) return true;
+  tc_set_error(error, TC_ERROR_FORMAT, NULL, "the header names another file; upload header and voxels as one");
+  return false;
+}
+
 bool tc_input_open_sibling(const tc_input *input, const char *name, tc_input *sibling, GError **error) {
   *sibling = (tc_input){.fd = -1, .folder_fd = -1};
+  if (!tc_input_may_name(input, error)) return false;
   char *quoted = tc_text_quote(name);
   bool ok = false;
   if (!stays_beside(name)) {
@@ -129,7 +139,10 @@ bool tc_input_head(const tc_input *input, void *to, size_t n, size_t *got, bool 
   if (input->size >= 2 && !tc_input_read(input, 0, magic, 2, error)) return false;
   *gzip = magic[0] == 0x1f && magic[1] == 0x8b;
   tc_encoding encoding = *gzip ? TC_ENCODING_DEFLATE : TC_ENCODING_RAW;
-  tc_decoder *decoder = tc_decoder_new(input, 0, encoding, TC_ELEMENT_U8, 0, error);
+  /* Gzip members that hold nothing may follow each other for as long as the file is. */
+  tc_input start = *input;
+  start.size = MIN(start.size, (uint64_t)HEAD_REACH);
+  tc_decoder *decoder = tc_decoder_new(&start, 0, encoding, TC_ELEMENT_U8, 0, error);
   if (!decoder) return false;
   bool ok = true;
   GError *trouble = NULL;

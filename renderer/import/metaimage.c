@@ -266,6 +266,7 @@ static bool set_data(tc_raster *raster, const meta_header *h, tc_reader *r, GErr
     data->offset = h->data_at;
     return true;
   }
+  if (!tc_input_may_name(data->input, error)) return false;
   data->names = g_ptr_array_new_with_free_func(g_free);
   if (h->header_size == -1 && data->encoding == TC_ENCODING_RAW)
     data->byte_skip = -1;

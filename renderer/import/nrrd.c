@@ -311,7 +311,7 @@ static tc_volume *read_nrrd(const tc_input *input, const tc_import_options *opti
   }
   if (!tc_input_read(input, 0, bytes, size, error)) goto out;
   tc_reader_init(&r, bytes, size, false);
-  if (!parse(&h, &r, error) || !set_sizes(&h, error) || !set_type(&raster, &h, error)) goto out;
+  if (!parse(&h, &r, error) || (h.names && !tc_input_may_name(input, error)) || !set_sizes(&h, error) || !set_type(&raster, &h, error)) goto out;
   if (!set_encoding(&raster, &h, error) || !set_skips(&raster, &h, error) || !set_names(&raster, &h, error)) goto out;
   if (!tc_nrrd_set_axes(&raster, &h, error)) goto out;
   set_words(&raster, &h);

@@ -28,6 +28,7 @@ typedef struct tc_input {
   const uint8_t *bytes; /* [size], not owned */
   uint64_t size;
   int folder_fd;        /* the folder the file lies in, or -1: none, so no detached data */
+  bool alone;           /* it may name no other file */
   char *name;           /* base name */
 } tc_input;
 
@@ -37,6 +38,9 @@ bool tc_input_open(tc_input *input, const char *path, GError **error);
 
 /* Bytes in memory, as a fuzzer has them. folder_fd may be -1; it and the bytes stay the caller's. */
 void tc_input_memory(tc_input *input, const void *bytes, size_t size, int folder_fd, const char *name);
+
+/* False (TC_ERROR_FORMAT) where the input may name no other file: asked by whoever finds a name in a header. */
+bool tc_input_may_name(const tc_input *input, GError **error);
 
 /* Opens a file beside the input: a relative name without "..", never outside the input's folder, links included. */
 bool tc_input_open_sibling(const tc_input *input, const char *name, tc_input *sibling, GError **error);
@@ -52,6 +56,9 @@ bool tc_input_head(const tc_input *input, void *to, size_t n, size_t *got, bool 
 
 /* ---- sources: one stream of decoded bytes ---- */
 
+/* Text is for small files: it is read whole. */
+#define TC_TEXT_LIMIT (16u << 20)
+
 typedef enum tc_encoding {
   TC_ENCODING_RAW,
   TC_ENCODING_DEFLATE, /* gzip (any number of members) or zlib, told apart by content */
@@ -60,6 +67,9 @@ typedef enum tc_encoding {
   TC_ENCODING_HEX,
   TC_ENCODING_COUNT
 } tc_encoding;
+
+/* Looked at every few hundred KiB that are decoded: false, with an error, ends it. */
+typedef bool (*tc_watch_fn)(void *user, GError **error);
 
 /* What the data of an image are. Parts follow each other in the stream. */
 typedef struct tc_data {
@@ -71,14 +81,16 @@ typedef struct tc_data {
   int64_t byte_skip;     /* decoded bytes to leave out after that; -1: the data are the last part_bytes there are */
   tc_encoding encoding;
   tc_element element;    /* for TC_ENCODING_TEXT */
+  tc_watch_fn watch;     /* NULL: none */
+  void *watch_user;
 } tc_data;
 
 void tc_data_clear(tc_data *data);
 uint64_t tc_data_parts(const tc_data *data);
 
 /* Do all parts exist and can they hold part_bytes each? Raw: by size. Deflate: by its greatest ratio (1032:1), so
- * that a small file cannot ask for much memory. Bzip2, which knows no such bound: by decoding once. Call it before
- * anything is allocated for voxels. */
+ * that a small file cannot ask for much memory. Bzip2 knows no such bound: what is missing is found as it is read, and
+ * voxels cost nothing before they are. Call it before anything is allocated for voxels. */
 bool tc_data_check(const tc_data *data, GError **error);
 
 typedef struct tc_source tc_source;
@@ -92,7 +104,8 @@ bool tc_source_read(tc_source *source, void *to, size_t n, GError **error);
 bool tc_source_skip(tc_source *source, uint64_t n, GError **error);
 
 /* After the last byte of use was read: is the part that was read last complete? Checks the trailer of compressed data;
- * frames that nobody read are decoded only where the file's own note of its size does not speak for them. */
+ * frames that nobody read are decoded only where the file's own note of its size does not speak for them, and no more
+ * than 64 MiB of them. */
 bool tc_source_finish(tc_source *source, GError **error);
 
 #endif

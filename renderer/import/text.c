@@ -46,7 +46,7 @@ static bool number(const char *text, char **end, tc_element element, void *to) {
 }
 
 GByteArray *tc_decode_text(const char *text, size_t length, tc_element element, uint64_t wanted, GError **error) {
-  GByteArray *out = g_byte_array_new();
+  GByteArray *out = g_byte_array_sized_new((guint)MIN(wanted, 8 * (uint64_t)length));
   size_t size = tc_element_size(element);
   const char *at = text, *end = text + length; /* text[length] is 0, so number scanning stops there */
   while (out->len + size <= wanted) {
@@ -67,7 +67,7 @@ GByteArray *tc_decode_text(const char *text, size_t length, tc_element element, 
 }
 
 GByteArray *tc_decode_hex(const char *text, size_t length, uint64_t wanted, GError **error) {
-  GByteArray *out = g_byte_array_new();
+  GByteArray *out = g_byte_array_sized_new((guint)MIN(wanted, 8 * (uint64_t)length));
   int high = -1;
   for (size_t i = 0; i < length && out->len < wanted; i++) {
     if (g_ascii_isspace(text[i])) continue;

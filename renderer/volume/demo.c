@@ -197,15 +197,23 @@ static tc_volume *demo_bucky(GError **error) {
   return make(&job, &d, error);
 }
 
+static const struct {
+  const char *name;
+  tc_volume *(*make)(GError **error);
+  uint64_t bytes;
+} demos[] = {{"head", demo_head, 200 * 248 * 256 * 2},
+             {"head-labels", demo_head_labels, 200 * 248 * 256},
+             {"vessels", demo_vessels, 256 * 256 * 256},
+             {"marschner-lobb", demo_marschner_lobb, 96 * 96 * 96 * 2},
+             {"bucky", demo_bucky, 128 * 128 * 128}};
+
+uint64_t tc_volume_demo_bytes(const char *name) {
+  for (size_t i = 0; i < sizeof demos / sizeof *demos; i++)
+    if (!strcmp(name, demos[i].name)) return demos[i].bytes;
+  return 0;
+}
+
 tc_volume *tc_volume_demo(const char *name, GError **error) {
-  static const struct {
-    const char *name;
-    tc_volume *(*make)(GError **error);
-  } demos[] = {{"head", demo_head},
-               {"head-labels", demo_head_labels},
-               {"vessels", demo_vessels},
-               {"marschner-lobb", demo_marschner_lobb},
-               {"bucky", demo_bucky}};
   for (size_t i = 0; i < sizeof demos / sizeof *demos; i++)
     if (!strcmp(name, demos[i].name)) return demos[i].make(error);
   tc_set_error(

@@ -21,6 +21,8 @@ struct tc_volume {
   uint64_t serial;
   atomic_int references;
   bool sealed;
+  void (*freed)(void *user); /* NULL: nobody asked */
+  void *freed_user;
 };
 
 static atomic_uint_fast64_t next_serial = 1;
@@ -178,42 +180,105 @@ static void mend_f32(float *p, size_t n, float lo, float hi) {
 }
 
 /* Differences of voxels near the ends of float's range would overflow (or vanish): such volumes are scaled by a power
- * of two, which is exact, and the slope takes it back. */
-static void rescale_f32(tc_volume *v, double *lo, double *hi) {
-  double largest = fmax(fabs(*lo), fabs(*hi));
-  if (largest == 0 || (largest < 1e30 && largest > 1e-30)) return;
-  double factor = largest >= 1e30 ? 0x1p-64 : 0x1p64;
-  float *p = (float *)v->voxels;
-  for (size_t i = 0; i < voxel_count(v); i++) p[i] = (float)((double)p[i] * factor);
-  v->desc.slope /= factor;
-  *lo *= factor;
-  *hi *= factor;
+ * of two, which is exact, and the slope takes it back. 1: no need. */
+static double factor_f32(double lo, double hi) {
+  double largest = fmax(fabs(lo), fabs(hi));
+  if (largest == 0 || (largest < 1e30 && largest > 1e-30)) return 1;
+  return largest >= 1e30 ? 0x1p-64 : 0x1p64;
+}
+
+static void scale_f32(float *p, size_t n, double factor) {
+  for (size_t i = 0; i < n; i++) p[i] = (float)((double)p[i] * factor);
+}
+
+/* Voxels looked at between two questions whether to go on: a few milliseconds of work. */
+#define SEAL_VOXELS ((size_t)4 << 20)
+
+/* Range of a stretch of voxels; *bad counts what is not finite. */
+static void range_of(const tc_volume *v, size_t at, size_t n, double *lo, double *hi, uint64_t *bad) {
+  const uint8_t *p = v->voxels + at * tc_voxel_size(v->desc.type);
+  *bad = 0;
+  switch (v->desc.type) {
+  case TC_U8: range_u8(p, n, lo, hi); break;
+  case TC_I8: range_i8((const int8_t *)p, n, lo, hi); break;
+  case TC_U16: range_u16((const uint16_t *)p, n, lo, hi); break;
+  case TC_I16: range_i16((const int16_t *)p, n, lo, hi); break;
+  case TC_F32: range_f32((const float *)p, n, lo, hi, bad); break;
+  case TC_VOXEL_TYPE_COUNT: break;
+  }
+}
+
+typedef struct sealing {
+  bool (*goes_on)(void *user); /* NULL: always */
+  void *user;
+  double lo, hi, factor;
+} sealing;
+
+static bool asks(const sealing *s) { return !s->goes_on || s->goes_on(s->user); }
+
+static bool find_range(tc_volume *v, sealing *s) {
+  const size_t count = voxel_count(v);
+  bool any = false;
+  for (size_t at = 0; at < count; at += SEAL_VOXELS) {
+    const size_t n = count - at < SEAL_VOXELS ? count - at : SEAL_VOXELS;
+    double lo = 0, hi = 0;
+    uint64_t bad;
+    range_of(v, at, n, &lo, &hi, &bad);
+    v->stats.non_finite += bad;
+    if (bad < n) {
+      s->lo = any ? fmin(s->lo, lo) : lo;
+      s->hi = any ? fmax(s->hi, hi) : hi;
+      any = true;
+    }
+    if (!asks(s)) return false;
+  }
+  return true;
+}
+
+/* Replaces what is not finite, and scales where the range asks for it. */
+static bool mend(tc_volume *v, sealing *s) {
+  const size_t count = voxel_count(v);
+  s->factor = factor_f32(s->lo, s->hi);
+  if (!v->stats.non_finite && s->factor == 1) return true;
+  for (size_t at = 0; at < count; at += SEAL_VOXELS) {
+    const size_t n = count - at < SEAL_VOXELS ? count - at : SEAL_VOXELS;
+    float *p = (float *)v->voxels + at;
+    if (v->stats.non_finite) mend_f32(p, n, (float)s->lo, (float)s->hi);
+    if (s->factor != 1) scale_f32(p, n, s->factor);
+    if (!asks(s)) return false;
+  }
+  v->desc.slope /= s->factor;
+  s->lo *= s->factor;
+  s->hi *= s->factor;
+  return true;
+}
+
+static void end_seal(tc_volume *v, const sealing *s) {
+  double a = v->desc.slope * s->lo + v->desc.intercept, b = v->desc.slope * s->hi + v->desc.intercept;
+  v->stats.voxel_min = s->lo, v->stats.voxel_max = s->hi;
+  v->stats.min = fmin(a, b), v->stats.max = fmax(a, b);
+  v->sealed = true;
+}
+
+bool tc_volume_seal_while(tc_volume *volume, bool (*goes_on)(void *user), void *user) {
+  if (volume->sealed) return true;
+  sealing s = {.goes_on = goes_on, .user = user};
+  if (!find_range(volume, &s) || (volume->desc.type == TC_F32 && !mend(volume, &s))) return false;
+  end_seal(volume, &s);
+  return true;
 }
 
 void tc_volume_seal_within(tc_volume *volume, double lo, double hi) {
-  if (volume->desc.type == TC_F32) rescale_f32(volume, &lo, &hi);
-  double a = volume->desc.slope * lo + volume->desc.intercept, b = volume->desc.slope * hi + volume->desc.intercept;
-  volume->stats.voxel_min = lo, volume->stats.voxel_max = hi;
-  volume->stats.min = fmin(a, b), volume->stats.max = fmax(a, b);
-  volume->sealed = true;
+  sealing s = {.lo = lo, .hi = hi};
+  if (volume->desc.type == TC_F32) mend(volume, &s);
+  end_seal(volume, &s);
 }
 
-void tc_volume_seal(tc_volume *volume) {
-  if (volume->sealed) return;
-  size_t n = voxel_count(volume);
-  double lo = 0, hi = 0;
-  switch (volume->desc.type) {
-  case TC_U8: range_u8(volume->voxels, n, &lo, &hi); break;
-  case TC_I8: range_i8((const int8_t *)volume->voxels, n, &lo, &hi); break;
-  case TC_U16: range_u16((const uint16_t *)volume->voxels, n, &lo, &hi); break;
-  case TC_I16: range_i16((const int16_t *)volume->voxels, n, &lo, &hi); break;
-  case TC_F32:
-    range_f32((const float *)volume->voxels, n, &lo, &hi, &volume->stats.non_finite);
-    if (volume->stats.non_finite) mend_f32((float *)volume->voxels, n, (float)lo, (float)hi);
-    break;
-  case TC_VOXEL_TYPE_COUNT: break;
-  }
-  tc_volume_seal_within(volume, lo, hi);
+void tc_volume_seal(tc_volume *volume) { tc_volume_seal_while(volume, NULL, NULL); }
+
+void tc_volume_when_freed(tc_volume *volume, void (*freed)(void *user), void *user) {
+  volume->freed = freed;
+  volume->freed_user = user;
 }
 
 tc_volume *tc_volume_ref(tc_volume *volume) {
@@ -224,6 +289,7 @@ tc_volume *tc_volume_ref(tc_volume *volume) {
 void tc_volume_unref(tc_volume *volume) {
   if (!volume || atomic_fetch_sub_explicit(&volume->references, 1, memory_order_acq_rel) != 1) return;
   munmap(volume->voxels, volume->mapped_bytes);
+  if (volume->freed) volume->freed(volume->freed_user);
   free(volume);
 }
 

@@ -54,6 +54,11 @@ const void *tc_volume_data(const tc_volume *volume);
  * +inf/-inf by the largest/smallest finite one; a volume with none finite becomes 0) and counts it. A f32 volume whose
  * largest magnitude is beyond 1e30 or below 1e-30 is scaled by a power of two, with the slope taking it back. */
 void tc_volume_seal(tc_volume *volume);
+/* The same, asking now and then whether to go on: false, and the volume is not sealed, as soon as `goes_on` says so. */
+bool tc_volume_seal_while(tc_volume *volume, bool (*goes_on)(void *user), void *user);
+
+/* `freed` is called once the last reference has gone and the memory with it, on whatever thread that was. At most one. */
+void tc_volume_when_freed(tc_volume *volume, void (*freed)(void *user), void *user);
 
 /* The same for who knows the range of the voxels, all of them finite. */
 void tc_volume_seal_within(tc_volume *volume, double voxel_min, double voxel_max);
@@ -84,5 +89,6 @@ void tc_volume_histogram(const tc_volume *volume, int bins, uint64_t *counts, do
 /* A generated demo: "head" "head-labels" (its segmentation) "vessels" "marschner-lobb" "bucky" (without "demo:").
  * TC_ERROR_NOT_FOUND names the known ones. */
 tc_volume *tc_volume_demo(const char *name, GError **error);
+uint64_t tc_volume_demo_bytes(const char *name); /* voxel bytes; 0: no such demo */
 
 #endif

@@ -74,44 +74,6 @@ char *tcs_beneath(const char *folder, const char *relative, GError **error) {
   return path;
 }
 
-/* Header lines that name a file: "data file:" of NRRD, "ElementDataFile =" of MetaImage other than LOCAL. */
-static bool names_a_file(const char *line) {
-  char *text = g_ascii_strdown(line, -1);
-  char *value = strpbrk(text, ":=");
-  bool names = false;
-  if (value) {
-    *value++ = 0;
-    g_strstrip(text);
-    g_strstrip(value);
-    if (strcmp(text, "data file") == 0 || strcmp(text, "datafile") == 0) names = true;
-    if (strcmp(text, "elementdatafile") == 0) names = strcmp(value, "local") != 0;
-  }
-  g_free(text);
-  return names;
-}
-
-bool tcs_self_contained(const char *path, GError **error) {
-  enum { HEADER = 1 << 18 };
-  FILE *file = fopen(path, "re");
-  if (!file) {
-    tc_set_error(error, TC_ERROR_IO, NULL, "open the upload: %s", g_strerror(errno));
-    return false;
-  }
-  char *text = g_malloc(HEADER + 1);
-  text[fread(text, 1, HEADER, file)] = 0;
-  fclose(file);
-  /* Whatever the file calls itself: text up to the first zero byte is read as header lines. Binary formats have one in
-   * their first bytes. */
-  bool clean = true;
-  char *rest = text, *line;
-  while (clean && (line = strsep(&rest, "\r\n")))
-    clean = !names_a_file(line);
-  g_free(text);
-  if (!clean)
-    tc_set_error(error, TC_ERROR_FORMAT, NULL, "the header names another file; upload header and voxels as one");
-  return clean;
-}
-
 typedef struct scan {
   GPtrArray *found;
   int limit, folders;

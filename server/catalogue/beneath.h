@@ -1,4 +1,4 @@
-/* Paths that clients name: confined to the data folder, and uploads that may not point elsewhere. */
+/* Paths that clients name: confined to the data folder. */
 #ifndef TCS_CATALOGUE_BENEATH_H
 #define TCS_CATALOGUE_BENEATH_H
 
@@ -10,9 +10,6 @@
 /* The canonical path of `relative` inside `folder` (g_malloc'ed), without leaving it by "..", an absolute path or a
  * link. A "#..." that chooses a DICOM series is kept. TC_ERROR_NOT_FOUND or TC_ERROR_INVALID (pointer "/path"). */
 char *tcs_beneath(const char *folder, const char *relative, GError **error);
-
-/* False (TC_ERROR_FORMAT) for an uploaded header that names another file for its voxels: it would read server files. */
-bool tcs_self_contained(const char *path, GError **error);
 
 /* Volume files beneath `folder`, at most `limit`: [{"path","bytes"}], sorted; a folder of DICOM files is one entry.
  * Reads directories: not for the I/O thread. `folder` may be NULL: an empty list. */

@@ -1,44 +1,17 @@
 #include "server/catalogue/catalogue.h"
 
 #include <string.h>
-#include <unistd.h>
 
 #include "server/catalogue/beneath.h"
+#include "server/catalogue/own.h"
+#include "server/catalogue/spool.h"
 #include "server/config/config.h"
-#include "server/loop/worker.h"
-#include "server/observe/log.h"
-#include "server/schedule/scheduler.h"
-
-struct tcs_catalogue {
-  tcs_server *server;
-  GHashTable *entries; /* id (inside the entry) -> tcs_entry */
-  uint64_t resident_bytes;
-};
-
-struct tcs_load {
-  tcs_task task;
-  tcs_catalogue *catalogue;
-  tcs_entry *entry; /* NULL: nobody wants it any more */
-  tcs_source_file source;
-  char *name;
-  uint64_t max_bytes;
-  atomic_bool cancel;
-  atomic_int permille;
-  int told; /* permille in the last report */
-  int64_t began_us;
-  tc_volume *volume;
-  tc_scene defaults; /* that fit it; zeros without */
-  GError *error;
-};
 
 static const char *const state_names[TCS_VOLUME_STATE_COUNT] = {"loading", "resident", "failed"};
 
 static void free_entry(void *item) {
   tcs_entry *entry = item;
-  if (entry->load) {
-    atomic_store(&entry->load->cancel, true);
-    entry->load->entry = NULL;
-  }
+  if (entry->load) tcs_load_leave(entry->load);
   tc_volume_unref(entry->volume);
   tc_scene_clear(&entry->defaults);
   g_free(entry->reason);
@@ -48,6 +21,7 @@ static void free_entry(void *item) {
 tcs_catalogue *tcs_catalogue_new(tcs_server *server) {
   tcs_catalogue *catalogue = g_new0(tcs_catalogue, 1);
   catalogue->server = server;
+  g_queue_init(&catalogue->loads);
   catalogue->entries = g_hash_table_new_full(g_str_hash, g_str_equal, NULL, free_entry);
   return catalogue;
 }
@@ -64,7 +38,10 @@ tcs_entry *tcs_catalogue_find(tcs_catalogue *catalogue, const char *id) {
 
 tcs_entry *tcs_catalogue_resident(tcs_catalogue *catalogue, const char *id, const char *member, GError **error) {
   tcs_entry *entry = tcs_catalogue_find(catalogue, id);
-  if (entry && entry->state == TCS_RESIDENT) return entry;
+  if (entry && entry->state == TCS_RESIDENT) {
+    entry->used_us = g_get_monotonic_time();
+    return entry;
+  }
   if (!entry)
     tc_set_error(error, TC_ERROR_NOT_FOUND, member, "there is no such volume; GET /v1/volumes lists them");
   else if (entry->state == TCS_LOADING)
@@ -74,85 +51,7 @@ tcs_entry *tcs_catalogue_resident(tcs_catalogue *catalogue, const char *id, cons
   return NULL;
 }
 
-static bool on_progress(void *user, double fraction) {
-  tcs_load *load = user;
-  atomic_store(&load->permille, (int)(CLAMP(fraction, 0.0, 1.0) * 1000));
-  return !atomic_load(&load->cancel);
-}
-
-static void run_load(tcs_task *task) {
-  tcs_load *load = (tcs_load *)task;
-  const tc_import_options options = {.progress = on_progress, .user = load, .max_voxel_bytes = load->max_bytes};
-  load->began_us = g_get_monotonic_time();
-  if (atomic_load(&load->cancel))
-    tc_set_error(&load->error, TC_ERROR_CANCELLED, NULL, "cancelled");
-  else if (!load->source.temporary || tcs_self_contained(load->source.path, &load->error))
-    load->volume = tc_import(load->source.path, &options, &load->error);
-  if (load->source.temporary) unlink(load->source.path);
-  if (!load->volume) return;
-  tc_scene_init(&load->defaults);
-  tc_scene_fit(&load->defaults, load->volume); /* walks the voxels: here, not when a session asks */
-  tc_scene_share(&load->defaults);
-}
-
-/* An importer names the file it was given; a client must see its own name for it instead. */
-static char *reason_for_client(const tcs_load *load) {
-  GString *text = g_string_new(load->error ? load->error->message : "failed");
-  char *base = g_path_get_basename(load->source.path); /* tc_import() begins with "open BASE: ", as long as this */
-  const gsize length = strlen(base);
-  if (g_str_has_prefix(text->str, "open ") && text->len > 5 + length && text->str[5 + length] == ':') {
-    g_string_erase(text, 5, (gssize)length);
-    g_string_insert(text, 5, load->name);
-  }
-  g_free(base);
-  g_string_replace(text, load->source.path, load->name, 0);
-  const char *data = load->catalogue->server->config->data;
-  if (data) g_string_replace(text, data, "DATA", 0);
-  return g_string_free(text, FALSE);
-}
-
-static void done_load(tcs_task *task) {
-  tcs_load *load = (tcs_load *)task;
-  tcs_catalogue *catalogue = load->catalogue;
-  tcs_server *server = catalogue->server;
-  tcs_entry *entry = load->entry;
-  const size_t bytes = load->volume ? tc_volume_bytes(load->volume) : 0;
-  if (load->volume && catalogue->resident_bytes + bytes > (uint64_t)server->config->limits.volume_bytes) {
-    tc_set_error(&load->error, TC_ERROR_MEMORY, NULL, "the memory for volumes is used up; delete one and load again");
-    tc_volume_unref(load->volume);
-    load->volume = NULL;
-  }
-  if (!entry) {
-    tc_volume_unref(load->volume);
-  } else if (load->volume) {
-    entry->load = NULL;
-    entry->state = TCS_RESIDENT;
-    entry->volume = load->volume;
-    entry->defaults = load->defaults;
-    memset(&load->defaults, 0, sizeof load->defaults);
-    catalogue->resident_bytes += bytes;
-    server->metrics->volume_loads++;
-    const tc_volume_desc *desc = tc_volume_describe(load->volume);
-    tcs_log(TCS_LOG_INFO, "volume.loaded", "dims=%dx%dx%d type=%s format=%s bytes=%zu ms=%.0f", desc->dims[0],
-            desc->dims[1], desc->dims[2], tc_voxel_type_name(desc->type), desc->format, bytes,
-            (double)(g_get_monotonic_time() - load->began_us) / 1000);
-  } else {
-    entry->load = NULL;
-    entry->state = TCS_FAILED;
-    entry->reason = reason_for_client(load);
-    server->metrics->volume_failures++;
-    const char *reason = load->source.operators ? entry->reason : NULL;
-    tcs_log(TCS_LOG_WARN, "volume.failed", "code=%d%s%s", load->error ? load->error->code : -1,
-            reason ? " reason=" : "", reason ? reason : "");
-  }
-  g_clear_error(&load->error);
-  tc_scene_clear(&load->defaults);
-  g_free(load->source.path);
-  g_free(load->name);
-  g_free(load);
-}
-
-bool tcs_catalogue_may_load(tcs_catalogue *catalogue, const char *id, GError **error) {
+bool tcs_catalogue_may_load(tcs_catalogue *catalogue, const char *id, const char *client, GError **error) {
   if (!tcs_id_valid(id)) {
     tc_set_error(error, TC_ERROR_INVALID, "/id", "a volume id is 1 to 64 of letters, digits, '.', '_', '-'");
     return false;
@@ -162,46 +61,75 @@ bool tcs_catalogue_may_load(tcs_catalogue *catalogue, const char *id, GError **e
     tc_set_error(error, TC_ERROR_CONFLICT, "/id", "there is a volume of this id already; delete it first");
     return false;
   }
-  if (catalogue->resident_bytes >= (uint64_t)catalogue->server->config->limits.volume_bytes) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "the memory for volumes is used up; delete one and load again");
+  if (!tcs_room_possible(catalogue, tcs_room_of(1))) {
+    tcs_budget_refuse(catalogue->server->budget, error);
     return false;
   }
-  return true;
+  return tcs_loads_allow(catalogue, client, error);
 }
 
 tcs_entry *tcs_catalogue_load(tcs_catalogue *catalogue, const char *id, tcs_source_file *source, GError **error) {
-  if (!tcs_catalogue_may_load(catalogue, id, error)) {
-    if (source->temporary) unlink(source->path);
+  if (!tcs_catalogue_may_load(catalogue, id, source->operators ? NULL : source->client, error)) {
+    tcs_spooled_free(source->upload);
     g_free(source->path);
     return NULL;
   }
   g_hash_table_remove(catalogue->entries, id); /* a failed one */
   tcs_entry *entry = g_new0(tcs_entry, 1);
   g_strlcpy(entry->id, id, sizeof entry->id);
-  tcs_load *load = entry->load = g_new0(tcs_load, 1);
-  load->task = (tcs_task){.run = run_load, .done = done_load};
-  load->catalogue = catalogue;
-  load->entry = entry;
-  load->source = *source;
-  load->name = g_strdup(source->name);
-  load->max_bytes = (uint64_t)catalogue->server->config->limits.volume_bytes - catalogue->resident_bytes;
-  load->told = -1;
-  atomic_init(&load->cancel, false);
-  atomic_init(&load->permille, 0);
+  entry->operators = source->operators;
   g_hash_table_insert(catalogue->entries, entry->id, entry);
-  tcs_worker_submit(catalogue->server->load_worker, &load->task);
+  tcs_load_begin(catalogue, entry, source);
   return entry;
 }
 
 void tcs_catalogue_remove(tcs_catalogue *catalogue, tcs_entry *entry) {
-  if (entry->volume) {
-    catalogue->resident_bytes -= tc_volume_bytes(entry->volume);
-    tcs_scheduler_forget(catalogue->server->scheduler, entry->volume);
-  }
+  tcs_entry_release(catalogue, entry);
   g_hash_table_remove(catalogue->entries, entry->id);
+  tcs_loads_pump(catalogue);
+}
+
+/* --- failed ones ------------------------------------------------------------------------------------ */
+
+/* The oldest of those that may be forgotten; *count tells how many there are. */
+static tcs_entry *oldest_failed(tcs_catalogue *catalogue, int64_t *count) {
+  GHashTableIter iterator;
+  void *value;
+  tcs_entry *oldest = NULL;
+  *count = 0;
+  g_hash_table_iter_init(&iterator, catalogue->entries);
+  while (g_hash_table_iter_next(&iterator, NULL, &value)) {
+    tcs_entry *entry = value;
+    if (entry->state != TCS_FAILED || entry->operators) continue;
+    ++*count;
+    if (!oldest || entry->used_us < oldest->used_us) oldest = entry;
+  }
+  return oldest;
+}
+
+static void forget_failed(tcs_catalogue *catalogue, int64_t now_us) {
+  const tcs_limits *limits = &catalogue->server->config->limits;
+  int64_t count;
+  for (tcs_entry *oldest; (oldest = oldest_failed(catalogue, &count));) {
+    if (count <= limits->failed_entries && now_us - oldest->used_us < limits->failed_seconds * 1000000) return;
+    g_hash_table_remove(catalogue->entries, oldest->id);
+  }
+}
+
+void tcs_entry_fail(tcs_catalogue *catalogue, tcs_entry *entry, char *reason) {
+  entry->state = TCS_FAILED;
+  entry->used_us = g_get_monotonic_time();
+  g_free(entry->reason);
+  entry->reason = reason;
+}
+
+void tcs_catalogue_tick(tcs_catalogue *catalogue, int64_t now_us) {
+  forget_failed(catalogue, now_us);
+  tcs_loads_pump(catalogue);
 }
 
 void tcs_catalogue_cancel_all(tcs_catalogue *catalogue) {
+  catalogue->ended = true;
   GHashTableIter iterator;
   void *value;
   g_hash_table_iter_init(&iterator, catalogue->entries);
@@ -303,6 +231,12 @@ void tcs_catalogue_gauges(tcs_catalogue *catalogue, tcs_gauges *gauges) {
     gauges->volumes_loading += entry->state == TCS_LOADING;
   }
   gauges->volume_bytes = catalogue->resident_bytes;
+  tcs_budget *budget = catalogue->server->budget;
+  gauges->memory_total = tcs_budget_total(budget);
+  for (int kind = 0; kind < TCS_MEMORY_KIND_COUNT; kind++) {
+    gauges->memory[kind].kind = tcs_memory_kind_name((tcs_memory_kind)kind);
+    gauges->memory[kind].bytes = tcs_budget_used(budget, (tcs_memory_kind)kind);
+  }
 }
 
 void tcs_catalogue_report(tcs_catalogue *catalogue, void (*tell)(void *user, const char *json), void *user) {

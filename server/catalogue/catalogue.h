@@ -6,6 +6,7 @@
 #include <cjson/cJSON.h>
 
 #include "renderer/tomocast.h"
+#include "server/catalogue/spool.h"
 #include "server/observe/metrics.h"
 #include "server/server.h"
 
@@ -20,6 +21,9 @@ typedef struct tcs_entry {
   tc_scene defaults;     /* resident: the scene that fits the volume */
   char *reason;          /* failed: why, one line without server-side paths */
   tcs_load *load;        /* loading */
+  void *held;            /* resident: the ledger's note of it */
+  bool operators;        /* of the command line */
+  int64_t used_us;       /* resident: last asked for; failed: since when */
   tcs_volume_state told; /* the state viewers were last told of */
   int users;             /* sessions that show it */
 } tcs_entry;
@@ -28,7 +32,8 @@ typedef struct tcs_entry {
 typedef struct tcs_source_file {
   char *path;       /* what tc_import() opens; owned */
   const char *name; /* what a client may see in its place in messages */
-  bool temporary;   /* delete it once it is loaded or has failed */
+  tcs_spooled *upload;          /* it was uploaded and goes once it is loaded or has failed; owned. NULL: it was not */
+  char client[TCS_CLIENT_SIZE]; /* who asked */
   bool operators;   /* the operator named it: the log says why it failed. A client's file might name a patient */
 } tcs_source_file;
 
@@ -40,11 +45,15 @@ tcs_entry *tcs_catalogue_find(tcs_catalogue *catalogue, const char *id);
  * pointer to what named it; NULL: none did. */
 tcs_entry *tcs_catalogue_resident(tcs_catalogue *catalogue, const char *id, const char *member, GError **error);
 
-/* Starts to load; TC_ERROR_INVALID (id), _CONFLICT (id in use) or _MEMORY (budget used up). Takes source->path and,
- * where it fails, removes a temporary file at once. A failed volume's id may be used again. */
+/* How many imports run at once; no client has more than all but one of them. */
+#define TCS_LOAD_THREADS 4
+
+/* Starts to load, or queues it; TC_ERROR_INVALID (id), _CONFLICT (id in use) or _BUSY (too many are waiting, or the
+ * memory is used up and nothing may be dropped). Takes source->path and source->upload. A failed volume's id may be
+ * used again. */
 tcs_entry *tcs_catalogue_load(tcs_catalogue *catalogue, const char *id, tcs_source_file *source, GError **error);
 /* What tcs_catalogue_load() would say, without starting. */
-bool tcs_catalogue_may_load(tcs_catalogue *catalogue, const char *id, GError **error);
+bool tcs_catalogue_may_load(tcs_catalogue *catalogue, const char *id, const char *client, GError **error);
 
 /* Forgets the id; voxels go when their last user does. An import under way is told to stop. */
 void tcs_catalogue_remove(tcs_catalogue *catalogue, tcs_entry *entry);
@@ -57,8 +66,11 @@ cJSON *tcs_catalogue_list(tcs_catalogue *catalogue);
 void tcs_catalogue_gauges(tcs_catalogue *catalogue, tcs_gauges *gauges);
 /* True while a volume of the command line has not been loaded, well or badly. */
 bool tcs_catalogue_starting(tcs_catalogue *catalogue);
-/* Stops every import under way: their errors say cancelled. */
+/* Stops every import under way (their errors say cancelled) and begins no other: the end is near. */
 void tcs_catalogue_cancel_all(tcs_catalogue *catalogue);
+
+/* About once a second: forgets old failures, starts what waited for memory. */
+void tcs_catalogue_tick(tcs_catalogue *catalogue, int64_t now_us);
 
 /* Tells viewers about loads that moved or ended: {"type":"volume",...} to `tell`. Called a few times a second. */
 void tcs_catalogue_report(tcs_catalogue *catalogue, void (*tell)(void *user, const char *json), void *user);

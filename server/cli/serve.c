@@ -1,4 +1,5 @@
 /* tomocast serve: wires the daemon's parts, runs its loop, drains, and takes it apart in reverse. */
+#include <malloc.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/epoll.h>
@@ -6,6 +7,7 @@
 
 #include "server/access/access.h"
 #include "server/catalogue/catalogue.h"
+#include "server/catalogue/spool.h"
 #include "server/cli/cli.h"
 #include "server/cli/signals.h"
 #include "server/config/config.h"
@@ -14,12 +16,12 @@
 #include "server/http/mjpeg.h"
 #include "server/loop/loop.h"
 #include "server/loop/worker.h"
+#include "server/memory/budget.h"
 #include "server/observe/log.h"
 #include "server/observe/metrics.h"
 #include "server/session/quality.h"
 #include "server/session/store.h"
 
-#define LOAD_THREADS 2
 #define TICK_US 1000000
 #define REPORT_US 200000 /* between messages about loading volumes */
 #define LOG_MOST_MS 500    /* how long the end waits for a log that nobody reads */
@@ -64,6 +66,7 @@ static void tick(serve_daemon *d, int64_t now_us) {
   tcs_streams_tick(tcs_http_streams(server->http), now_us);
   tcs_sessions_expire(server->sessions, now_us);
   tcs_scheduler_tick(server->scheduler, now_us);
+  tcs_catalogue_tick(server->catalogue, now_us);
 }
 
 /* Milliseconds to wait: until MHD, a session that comes to rest, or the next tick. */
@@ -83,6 +86,7 @@ static void begin_drain(serve_daemon *d, int64_t now_us) {
   d->server.draining = true;
   tcs_streams_close_all(tcs_http_streams(d->server.http), false);
   tcs_mjpeg_end_all(&d->server);
+  tcs_catalogue_cancel_all(d->server.catalogue);
 }
 
 /* True when there is nothing left to wait for. */
@@ -133,12 +137,22 @@ static void raise_descriptor_limit(void) {
   setrlimit(RLIMIT_NOFILE, &limit);
 }
 
+/* What is freed goes back: by default each thread may get a heap of its own, and large blocks stay in them. */
+static void keep_heap_small(void) {
+#ifdef M_ARENA_MAX
+  mallopt(M_ARENA_MAX, 2);
+  mallopt(M_MMAP_THRESHOLD, 4 << 20);
+  mallopt(M_TRIM_THRESHOLD, 8 << 20);
+#endif
+}
+
 static bool start_workers(tcs_server *server, GError **error) {
   tcs_completions *completions = server->completions;
-  return (server->render_worker = tcs_worker_new("tc-render", 1, completions, error)) &&
+  return (server->spool_worker = tcs_worker_new("tc-spool", 1, completions, error)) &&
+         (server->render_worker = tcs_worker_new("tc-render", 1, completions, error)) &&
          (server->encode_worker = tcs_worker_new("tc-encode", 1, completions, error)) &&
          (server->still_worker = tcs_worker_new("tc-still", 1, completions, error)) &&
-         (server->load_worker = tcs_worker_new("tc-load", LOAD_THREADS, completions, error)) &&
+         (server->load_worker = tcs_worker_new("tc-load", TCS_LOAD_THREADS, completions, error)) &&
          (server->walk_worker = tcs_worker_new("tc-walk", 1, completions, error)) &&
          (server->text_worker = tcs_worker_new("tc-text", 1, completions, error)) &&
          (server->probe_worker = tcs_worker_new("tc-probe", 1, completions, error)) &&
@@ -169,12 +183,24 @@ static bool start(serve_daemon *d, GError **error) {
       !tcs_loop_add(server->loop, &d->completions, EPOLLIN, error) || !start_workers(server, error))
     return false;
   tcs_loop_set_metrics(server->loop, server->metrics);
+  server->budget = tcs_budget_new((uint64_t)d->config.limits.memory_bytes, (uint64_t)d->config.limits.volume_bytes);
+  server->spool = tcs_spool_new(server);
   server->catalogue = tcs_catalogue_new(server);
   if (!(server->scheduler = tcs_scheduler_new(server, error))) return false;
+  tcs_budget_set(server->budget, TCS_MEMORY_PROGRAM, tcs_metrics_resident_bytes());
   server->quality = tcs_quality_new(server);
   server->sessions = tcs_sessions_new(server);
   if (!(server->http = tcs_http_new(server, error))) return false;
   return load_volumes(d, error);
+}
+
+/* Uploads under way: their connections must not stay suspended, their files not stay. */
+static void end_uploads(tcs_server *server) {
+  tcs_uploads_abandon(server);
+  for (int i = 0; i < 4; i++) {
+    tcs_completions_drain(server->completions);
+    tcs_http_run(server->http);
+  }
 }
 
 /* Everything that could still call back is ended first, what it would call is freed afterwards. */
@@ -189,6 +215,8 @@ static void stop(serve_daemon *d) {
   }
   if (server->catalogue) tcs_catalogue_cancel_all(server->catalogue);
   tcs_worker_free(server->load_worker);
+  if (server->http) end_uploads(server);
+  tcs_worker_free(g_steal_pointer(&server->spool_worker));
   tcs_worker_free(server->walk_worker);
   tcs_worker_free(server->text_worker);
   tcs_worker_free(server->probe_worker);
@@ -214,6 +242,8 @@ static void stop(serve_daemon *d) {
     tcs_completions_finish(server->completions);
   }
   tcs_catalogue_free(server->catalogue);
+  tcs_spool_free(server->spool);
+  tcs_budget_free(server->budget);
   tcs_loop_free(server->loop);
   tcs_metrics_clear(server->metrics);
   tcs_log_stop(LOG_MOST_MS);
@@ -248,6 +278,7 @@ static bool configure(serve_daemon *d, const serve_options *options, GError **er
     if (!tcs_config_volume(config, *volume, error)) return false;
   for (char **host = options->hosts; host && *host; host++)
     g_ptr_array_add(config->hosts, g_strdup(*host));
+  tcs_config_settle(config);
   tcs_log_set_level(config->log_level);
   if (options->tokens) {
     g_free(config->token_file);
@@ -265,6 +296,7 @@ static int serve(serve_daemon *d) {
   (void)tc_error_quark();
   raise_descriptor_limit();
   tcs_encode_prepare_process();
+  keep_heap_small();
   const bool ok = start(d, &error);
   if (ok) {
     announce(d);

@@ -4,7 +4,8 @@
 #include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
+
+#include "server/memory/machine.h"
 
 #define FIELD(member) #member
 #define AT(member) offsetof(tcs_limits, member)
@@ -18,7 +19,19 @@ static const tcs_limit_field fields[] = {
     {FIELD(knots), "knots", AT(knots), TC_MAX_KNOTS, 1, TC_MAX_KNOTS},
     {FIELD(body_bytes), "bodyBytes", AT(body_bytes), MIB, 1024, 64 * MIB},
     {FIELD(upload_bytes), "uploadBytes", AT(upload_bytes), 4 * GIB, 1024, 1024 * GIB},
+    {FIELD(memory_bytes), "memoryBytes", AT(memory_bytes), 0, MIB, INT64_MAX},
     {FIELD(volume_bytes), "volumeBytes", AT(volume_bytes), 0, 1, INT64_MAX},
+    {FIELD(cache_bytes), "cacheBytes", AT(cache_bytes), 0, MIB, 64 * GIB},
+    {FIELD(loads), "loads", AT(loads), 64, 1, 4096},
+    {FIELD(loads_per_client), "loadsPerClient", AT(loads_per_client), 16, 1, 4096},
+    {FIELD(import_seconds), "importSeconds", AT(import_seconds), 600, 1, 24 * 3600},
+    {FIELD(failed_entries), "failedEntries", AT(failed_entries), 256, 1, 65536},
+    {FIELD(failed_seconds), "failedSeconds", AT(failed_seconds), 300, 1, 24 * 3600},
+    {FIELD(uploads), "uploads", AT(uploads), 32, 1, 4096},
+    {FIELD(uploads_per_client), "uploadsPerClient", AT(uploads_per_client), 8, 1, 4096},
+    {FIELD(upload_rate), "uploadRate", AT(upload_rate), 16384, 0, GIB},
+    {FIELD(upload_grace_seconds), "uploadGraceSeconds", AT(upload_grace_seconds), 10, 1, 3600},
+    {FIELD(spool_bytes), "spoolBytes", AT(spool_bytes), 16 * GIB, 1024, 1024 * GIB},
     {FIELD(sessions), "sessions", AT(sessions), 256, 1, 65536},
     {FIELD(clients), "clients", AT(clients), 1024, 1, 65536},
     {FIELD(queue), "queue", AT(queue), 256, 1, 65536},
@@ -46,11 +59,17 @@ static void free_named_path(void *item) {
   g_free(named);
 }
 
-/* Three quarters of the memory: the rest is for tables, frames and the system. */
-static int64_t default_volume_bytes(void) {
-  const long pages = sysconf(_SC_PHYS_PAGES), page = sysconf(_SC_PAGE_SIZE);
-  if (pages <= 0 || page <= 0) return 4 * GIB;
-  return (int64_t)pages / 4 * 3 * page;
+/* Three quarters of what there is: the rest is the system's, and other programs'. */
+static int64_t default_memory_bytes(void) {
+  const uint64_t machine = tcs_machine_memory("");
+  return machine ? (int64_t)MIN(machine / 4 * 3, (uint64_t)INT64_MAX) : 4 * GIB;
+}
+
+void tcs_config_settle(tcs_config *config) {
+  tcs_limits *limits = &config->limits;
+  if (!limits->memory_bytes) limits->memory_bytes = default_memory_bytes();
+  if (!limits->volume_bytes) limits->volume_bytes = limits->memory_bytes / 4 * 3;
+  if (!limits->cache_bytes) limits->cache_bytes = CLAMP(limits->memory_bytes / 8, MIB, 256 * MIB);
 }
 
 void tcs_config_init(tcs_config *config) {
@@ -65,7 +84,6 @@ void tcs_config_init(tcs_config *config) {
   config->log_level = TCS_LOG_INFO;
   for (size_t i = 0; i < G_N_ELEMENTS(fields); i++)
     *limit_at(&config->limits, &fields[i]) = fields[i].fallback;
-  config->limits.volume_bytes = default_volume_bytes();
 }
 
 void tcs_config_clear(tcs_config *config) {

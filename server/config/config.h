@@ -18,7 +18,16 @@ typedef struct tcs_limits {
   int64_t image_side, image_area;   /* pixels; at most what a scene may hold at all */
   int64_t rays_per_pixel, knots;    /* likewise */
   int64_t body_bytes, upload_bytes; /* of one request */
-  int64_t volume_bytes;             /* voxels resident, all volumes together */
+  int64_t memory_bytes;             /* all of the daemon; 0 until settled, as the next two */
+  int64_t volume_bytes;             /* of these: voxels, all volumes and loads together */
+  int64_t cache_bytes;              /* of these, at most: what the renderer keeps between frames */
+  int64_t loads, loads_per_client;  /* imports waiting or under way */
+  int64_t import_seconds;           /* one that takes longer is given up */
+  int64_t failed_entries, failed_seconds; /* how many failed volumes are remembered, and for how long */
+  int64_t uploads, uploads_per_client; /* under way at once */
+  int64_t upload_rate;              /* bytes a second, after upload_grace_seconds and in every such time; 0 = any */
+  int64_t upload_grace_seconds;
+  int64_t spool_bytes;              /* uploads under way or waiting to be loaded, all together */
   int64_t sessions, clients;        /* clients: WebSocket and MJPEG viewers */
   int64_t queue;                    /* stateless renders that may wait */
   int64_t render_samples, ray_samples; /* estimated of one picture, and of one of its rays */
@@ -58,6 +67,8 @@ const tcs_limit_field *tcs_limit_fields(size_t *count);
 
 void tcs_config_init(tcs_config *config);
 void tcs_config_clear(tcs_config *config);
+/* Derives what was not given: the whole budget from the machine and its control groups, its parts from the whole. */
+void tcs_config_settle(tcs_config *config);
 /* Reads `path` (GKeyFile: [server] and [limits]) over what *config holds. Unknown keys are errors. */
 bool tcs_config_read(tcs_config *config, const char *path, GError **error);
 /* "ADDR:PORT", "[V6]:PORT" or ":PORT". */

@@ -6,6 +6,7 @@
 #include "server/access/audit.h"
 #include "server/catalogue/beneath.h"
 #include "server/catalogue/catalogue.h"
+#include "server/catalogue/spool.h"
 #include "server/http/work.h"
 #include "server/session/store.h"
 
@@ -110,8 +111,13 @@ static void post_volume(tcs_request *request, cJSON *body, const tcp_lists *list
   tcs_source_file source;
   tcs_catalogue *catalogue = request->server->catalogue;
   tcs_entry *entry = NULL;
-  if (tcs_catalogue_may_load(catalogue, id, &error) && tcs_catalogue_resolve(catalogue, path, &source, &error))
+  char *client = tcs_peer_name(request);
+  if (tcs_catalogue_may_load(catalogue, id, client, &error) &&
+      tcs_catalogue_resolve(catalogue, path, &source, &error)) {
+    g_strlcpy(source.client, client, sizeof source.client);
     entry = tcs_catalogue_load(catalogue, id, &source, &error);
+  }
+  g_free(client);
   if (entry)
     reply_loading(request, entry, "volume.load");
   else
@@ -122,10 +128,13 @@ void tcs_post_volumes(tcs_request *request) {
   tcs_read_body(request, NULL, post_volume);
 }
 
-void tcs_put_volume(tcs_request *request) {
+void tcs_put_volume(tcs_request *request) { tcs_upload_end(request); }
+
+void tcs_put_volume_done(tcs_request *request, struct tcs_spooled *file) {
   GError *error = NULL;
-  tcs_source_file source = {.path = tcs_upload_finish(request), .name = "the upload", .temporary = true};
-  if (!source.path) return;
+  tcs_source_file source = {.path = g_strdup(file->path), .name = "the upload", .upload = file};
+  memcpy(source.client, file->client, sizeof source.client);
+  tcs_spooled_complete(file);
   tcs_entry *entry = tcs_catalogue_load(request->server->catalogue, request->params[0], &source, &error);
   if (entry)
     reply_loading(request, entry, "volume.upload");

@@ -21,6 +21,9 @@
 #define BODY_US 60000000         /* a JSON body */
 #define DROP_BYTES (4 << 20)     /* of a refused body that is read so that its sender gets to see the reply */
 #define EXTRA_CONNECTIONS 512    /* beside the viewers */
+#define RESERVE 64               /* of these: for lookups alone, and not for long */
+#define RESERVE_US 2000000       /* for the headers of such a connection */
+#define REFUSED_US 5000000       /* for a body that is read only so that its sender sees the reply */
 
 /* What is known of a connection, from accept to close. */
 typedef struct link {
@@ -29,6 +32,7 @@ typedef struct link {
   int64_t deadline_us; /* 0 = none */
   tcs_strict *strict;  /* the guard's */
   unsigned requests;   /* begun */
+  bool reserve;        /* one of the last free ones */
 } link_state;
 
 struct tcs_http {
@@ -60,13 +64,18 @@ static void set_deadline(struct MHD_Connection *connection, int64_t from_now_us)
   if (link) link->deadline_us = from_now_us ? g_get_monotonic_time() + from_now_us : 0;
 }
 
+static unsigned connection_limit(const tcs_server *server) {
+  return (unsigned)(server->config->limits.clients + EXTRA_CONNECTIONS);
+}
+
 static void on_connection(void *user, struct MHD_Connection *connection, void **context,
                           enum MHD_ConnectionNotificationCode code) {
   tcs_http *http = user;
   if (code == MHD_CONNECTION_NOTIFY_STARTED) {
     link_state *link = g_new0(link_state, 1);
     link->fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
-    link->deadline_us = g_get_monotonic_time() + HEADER_US;
+    link->reserve = g_hash_table_size(http->links) + RESERVE >= connection_limit(http->server);
+    link->deadline_us = g_get_monotonic_time() + (link->reserve ? RESERVE_US : HEADER_US);
     link->strict = tcs_guard_add(http->guard, link->fd);
     g_hash_table_add(http->links, link);
     *context = link;
@@ -119,6 +128,9 @@ static void admit(tcs_request *request, const char *path) {
   } else if (server->draining && match.route->cost != TCS_COST_LOOKUP) {
     tcs_reply_problem(request, 503, "draining", "Shutting down", "the server is shutting down; try another or wait");
     tcs_reply_header(request, "Retry-After", "2");
+  } else if (link_of(request->connection)->reserve && match.route->cost != TCS_COST_LOOKUP) {
+    tcs_reply_problem(request, 503, "busy", "Busy", "too many connections; try again later");
+    tcs_reply_header(request, "Retry-After", "2");
   } else if (tcs_body_acceptable(request) && match.route->body == TCS_BODY_FILE) {
     request->upload = tcs_upload_begin(request);
   }
@@ -127,7 +139,7 @@ static void admit(tcs_request *request, const char *path) {
 /* Whether a refused body may as well be read: closing with unread bytes can destroy the reply on its way. */
 static bool drop_quietly(const tcs_request *request) {
   const char *length = tcs_header(request, "Content-Length");
-  if (tcs_header(request, "Expect")) return false;
+  if (tcs_header(request, "Expect") || link_of(request->connection)->reserve) return false;
   if (length) return g_ascii_strtoull(length, NULL, 10) <= DROP_BYTES;
   return tcs_header(request, "Transfer-Encoding") == NULL;
 }
@@ -158,6 +170,8 @@ static enum MHD_Result hand_over(tcs_request *request) {
   /* After a refusal, and after an upgrade that was not granted, nothing more is read. */
   if (request->status != 101 && is_newest(request) && !tcs_strict_hungry(link_of(request->connection)->strict))
     tcs_reply_header(request, "Connection", "close");
+  else if (request->status != 101 && link_of(request->connection)->reserve)
+    tcs_reply_header(request, "Connection", "close");
   request->queued = true;
   tcs_shield(request);
   return MHD_queue_response(request->connection, (unsigned)request->status, request->reply);
@@ -187,7 +201,7 @@ static enum MHD_Result on_request(void *user, struct MHD_Connection *connection,
       return MHD_NO;
     }
     admit(request, path);
-    set_deadline(connection, request->upload ? 0 : BODY_US);
+    set_deadline(connection, request->upload ? 0 : request->reply ? REFUSED_US : BODY_US);
     return request->reply && !drop_quietly(request) ? hand_over(request) : MHD_YES;
   }
   if (request->cut) return MHD_NO;
@@ -225,7 +239,7 @@ static void on_completed(void *user, struct MHD_Connection *connection, void **c
   if (request->deferred && request->abandon) request->abandon(request);
   forget_deferral(request);
   if (request->reply) MHD_destroy_response(request->reply);
-  tcs_upload_free(request->upload);
+  tcs_upload_leave(request);
   g_byte_array_unref(request->body);
   g_free(request);
   http->open_requests--;
@@ -299,6 +313,7 @@ void tcs_http_tick(tcs_http *http, int64_t now_us) {
     tcs_request *request = item->data;
     if (request->suspended && tcs_peer_gone(request->connection)) abandon(request);
   }
+  tcs_uploads_tick(http->server, now_us);
   tcs_mjpeg_tick(http->server);
 }
 
@@ -360,7 +375,7 @@ tcs_http *tcs_http_new(tcs_server *server, GError **error) {
   http->daemon = MHD_start_daemon(
       MHD_USE_EPOLL | MHD_ALLOW_UPGRADE | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, NULL, NULL, on_request, http,
       MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL, MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_CONNECTION_LIMIT,
-      (unsigned)(server->config->limits.clients + EXTRA_CONNECTIONS), MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)IDLE_S,
+      connection_limit(server), MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)IDLE_S,
       MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)65536, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_NOTIFY_COMPLETED,
       on_completed, http, MHD_OPTION_NOTIFY_CONNECTION, on_connection, http, MHD_OPTION_END);
   if (!http->daemon) {

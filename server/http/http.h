@@ -155,12 +155,19 @@ void tcs_post_share(tcs_request *request);
 
 /* --- uploads (upload.c) ------------------------------------------------------------------------------ */
 
-/* Opens a file in the spool folder. NULL: replied. */
+/* A file in the spool folder for the body. NULL: replied. */
 tcs_upload *tcs_upload_begin(tcs_request *request);
-/* False: no room or too long; the request's reply is set. */
-bool tcs_upload_write(tcs_request *request, const void *bytes, size_t size);
-void tcs_upload_free(tcs_upload *upload); /* removes the file if it is still there; NULL is fine */
-/* Gives the file away: its path, g_malloc'ed. NULL: could not be written to its end; replied. */
-char *tcs_upload_finish(tcs_request *request);
+/* Takes bytes of the body; suspends the connection while too many wait to be written. Where they cannot be kept the
+ * request's reply is set. */
+void tcs_upload_write(tcs_request *request, const void *bytes, size_t size);
+/* The body is complete: once all of it is written tcs_put_volume_done() is called; until then the request is deferred. */
+void tcs_upload_end(tcs_request *request);
+void tcs_put_volume_done(tcs_request *request, struct tcs_spooled *file); /* takes the file */
+/* The request goes: what is left of its upload goes too. */
+void tcs_upload_leave(tcs_request *request);
+/* Once a second: ends uploads slower than the configured rate. */
+void tcs_uploads_tick(tcs_server *server, int64_t now_us);
+/* Ends all of them: the loop is about to end. */
+void tcs_uploads_abandon(tcs_server *server);
 
 #endif

@@ -1,89 +1,225 @@
-/* Uploads: the body goes to a file in the spool folder as it comes, never into memory as a whole. */
+/* Uploads: the body goes to a file in the spool as it comes, never into memory as a whole and never on the I/O thread.
+ *
+ * Two buffers take turns: one is filled from the connection while the other is written. While both are full the
+ * connection is suspended. */
 #include <errno.h>
-#include <fcntl.h>
 #include <string.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include "server/catalogue/catalogue.h"
 #include "server/http/http.h"
+#include "server/loop/worker.h"
+#include "server/memory/budget.h"
+
+#define BUFFER (256 << 10) /* a connection may be read once more when it is reached */
 
 struct tcs_upload {
-  char *path;
-  int fd;
-  int64_t size;
+  tcs_task task; /* of the spool's thread; `writing` is its while `busy` */
+  tcs_server *server;
+  tcs_request *request; /* NULL: the client has gone */
+  tcs_spooled *file;
+  GByteArray *filling, *writing;
+  bool busy, suspended, ended;
+  int failed;         /* errno of a write */
+  int64_t bytes;      /* of the body so far */
+  int64_t window_us, window_bytes; /* when the rate was looked at last, and `bytes` then */
+  GList link;         /* in `uploads` */
 };
 
-static void refuse(tcs_request *request, tc_error_code code, const char *doing) {
-  GError *error = NULL;
-  tc_set_error(&error, code, NULL, "%s: %s", doing, g_strerror(errno));
-  tcs_reply_error(request, error);
-  g_clear_error(&error);
-}
+/* All there are; the I/O thread's. */
+static GQueue uploads = G_QUEUE_INIT;
 
 tcs_upload *tcs_upload_begin(tcs_request *request) {
+  tcs_server *server = request->server;
   GError *error = NULL;
-  if (!tcs_catalogue_may_load(request->server->catalogue, request->params[0], &error)) {
+  char *client = tcs_peer_name(request);
+  tcs_spooled *file = NULL;
+  if (tcs_catalogue_may_load(server->catalogue, request->params[0], client, &error))
+    file = tcs_spool_open(server->spool, client, &error);
+  g_free(client);
+  if (!file) {
     tcs_reply_error(request, error);
     g_clear_error(&error);
     return NULL;
   }
   tcs_upload *upload = g_new0(tcs_upload, 1);
-  upload->path = g_build_filename(request->server->config->spool, "tomocast-upload-XXXXXX", NULL);
-  upload->fd = g_mkstemp_full(upload->path, O_RDWR | O_CLOEXEC, 0600);
-  if (upload->fd >= 0) return upload;
-  refuse(request, TC_ERROR_IO, "the spool folder takes no file");
-  g_free(upload->path);
+  *upload = (tcs_upload){.server = server, .request = request, .file = file, .filling = g_byte_array_new(),
+                         .writing = g_byte_array_new(), .window_us = g_get_monotonic_time()};
+  upload->link.data = upload;
+  g_queue_push_tail_link(&uploads, &upload->link);
+  return upload;
+}
+
+static void free_upload(tcs_upload *upload) {
+  tcs_budget_give(upload->server->budget, TCS_MEMORY_UPLOADS, upload->filling->len);
+  g_queue_unlink(&uploads, &upload->link);
+  g_byte_array_unref(upload->filling);
+  g_byte_array_unref(upload->writing);
+  tcs_spooled_free(upload->file);
   g_free(upload);
-  return NULL;
 }
 
-void tcs_upload_free(tcs_upload *upload) {
-  if (!upload) return;
-  if (upload->fd >= 0) close(upload->fd);
-  if (upload->path) unlink(upload->path);
-  g_free(upload->path);
-  g_free(upload);
+static void resume(tcs_upload *upload) {
+  if (!upload->suspended || !upload->request) return;
+  upload->suspended = false;
+  upload->server->http_work = true;
+  upload->window_us = g_get_monotonic_time(); /* the client could not send meanwhile */
+  upload->window_bytes = upload->bytes;
+  MHD_resume_connection(upload->request->connection);
 }
 
-static void drop(tcs_request *request) {
-  tcs_upload_free(request->upload);
-  request->upload = NULL;
+/* The request has its reply, or goes: nothing is kept. */
+static void drop(tcs_upload *upload) {
+  resume(upload);
+  upload->request->upload = NULL;
+  upload->request = NULL;
+  if (!upload->busy) free_upload(upload);
 }
 
-bool tcs_upload_write(tcs_request *request, const void *bytes, size_t size) {
-  tcs_upload *upload = request->upload;
-  if (upload->size + (int64_t)size > request->server->config->limits.upload_bytes) {
-    tcs_reply_problem(request, 413, "limit", "Too large", "the upload is over the limit; /v1/about tells it");
-    drop(request);
-    return false;
-  }
-  for (const char *at = bytes; size > 0;) {
-    const ssize_t wrote = write(upload->fd, at, size);
-    if (wrote < 0 && errno == EINTR) continue;
-    if (wrote < 0) {
-      refuse(request, errno == ENOSPC ? TC_ERROR_MEMORY : TC_ERROR_IO, "writing the upload");
-      drop(request);
-      return false;
-    }
+void tcs_upload_leave(tcs_request *request) {
+  if (!request->upload) return;
+  request->upload->suspended = false; /* the connection is closing */
+  drop(request->upload);
+}
+
+/* --- writing --------------------------------------------------------------------------------------- */
+
+static void run_write(tcs_task *task) {
+  tcs_upload *upload = (tcs_upload *)task;
+  const uint8_t *at = upload->writing->data;
+  for (size_t left = upload->writing->len; left > 0 && !upload->failed;) {
+    const ssize_t wrote = write(upload->file->fd, at, left);
+    if (wrote < 0 && errno != EINTR) upload->failed = errno;
+    if (wrote <= 0) continue;
     at += wrote;
-    size -= (size_t)wrote;
-    upload->size += wrote;
-    request->server->metrics->upload_bytes += (uint64_t)wrote;
+    left -= (size_t)wrote;
   }
-  return true;
 }
 
-char *tcs_upload_finish(tcs_request *request) {
-  tcs_upload *upload = request->upload;
-  const bool closed = close(upload->fd) == 0;
-  upload->fd = -1;
-  if (!closed) {
-    refuse(request, TC_ERROR_IO, "writing the upload");
-    drop(request);
-    return NULL;
+static void say_failed(tcs_upload *upload) {
+  GError *error = NULL;
+  tc_set_error(&error, upload->failed == ENOSPC ? TC_ERROR_MEMORY : TC_ERROR_IO, NULL, "writing the upload: %s",
+               g_strerror(upload->failed));
+  tcs_request *request = upload->request;
+  drop(upload);
+  tcs_reply_error(request, error);
+  g_clear_error(&error);
+}
+
+static void pump(tcs_upload *upload);
+
+static void done_write(tcs_task *task) {
+  tcs_upload *upload = (tcs_upload *)task;
+  upload->busy = false;
+  tcs_budget_give(upload->server->budget, TCS_MEMORY_UPLOADS, upload->writing->len);
+  g_byte_array_set_size(upload->writing, 0);
+  if (!upload->request)
+    free_upload(upload);
+  else if (upload->failed)
+    say_failed(upload);
+  else
+    pump(upload);
+}
+
+/* All is written: the file becomes a volume. */
+static void complete(tcs_upload *upload) {
+  tcs_request *request = upload->request;
+  tcs_spooled *file = g_steal_pointer(&upload->file);
+  upload->server->metrics->uploads++;
+  drop(upload);
+  tcs_put_volume_done(request, file);
+}
+
+static void pump(tcs_upload *upload) {
+  if (upload->busy) return;
+  if (upload->filling->len > 0) {
+    GByteArray *full = upload->filling;
+    upload->filling = upload->writing;
+    upload->writing = full;
+    upload->busy = true;
+    upload->task = (tcs_task){.run = run_write, .done = done_write};
+    tcs_worker_submit(upload->server->spool_worker, &upload->task);
+    resume(upload);
+  } else if (upload->ended) {
+    complete(upload);
   }
-  char *path = g_steal_pointer(&upload->path);
-  drop(request);
-  request->server->metrics->uploads++;
-  return path;
+}
+
+void tcs_upload_write(tcs_request *request, const void *bytes, size_t size) {
+  tcs_upload *upload = request->upload;
+  GError *error = NULL;
+  if (upload->bytes + (int64_t)size > upload->server->config->limits.upload_bytes) {
+    drop(upload);
+    tcs_reply_problem(request, 413, "limit", "Too large", "the upload is over the limit; /v1/about tells it");
+    return;
+  }
+  if (!tcs_spooled_grow(upload->file, (int64_t)size, &error)) {
+    drop(upload);
+    tcs_reply_error(request, error);
+    g_clear_error(&error);
+    return;
+  }
+  g_byte_array_append(upload->filling, bytes, (guint)size);
+  tcs_budget_count(upload->server->budget, TCS_MEMORY_UPLOADS, size);
+  upload->bytes += (int64_t)size;
+  upload->server->metrics->upload_bytes += size;
+  pump(upload);
+  if (upload->filling->len < BUFFER) return;
+  upload->suspended = true;
+  MHD_suspend_connection(request->connection);
+}
+
+static void leave_ended(tcs_request *request) { tcs_upload_leave(request); }
+
+void tcs_upload_end(tcs_request *request) {
+  tcs_upload *upload = request->upload;
+  upload->ended = true;
+  if (upload->busy || upload->filling->len > 0) tcs_defer(request, leave_ended, upload);
+  pump(upload);
+}
+
+/* --- slow ones ------------------------------------------------------------------------------------- */
+
+/* The library sends nothing in the middle of a body that does not come: this goes past it. */
+static void time_out(tcs_upload *upload) {
+  static const char reply[] =
+      "HTTP/1.1 408 Request Timeout\r\nConnection: close\r\nContent-Type: application/problem+json\r\n"
+      "Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nContent-Length: 138\r\n\r\n"
+      "{\"type\":\"urn:tomocast:problem:slow\",\"title\":\"Too slow\",\"status\":408,"
+      "\"detail\":\"the upload is slower than the least rate; /v1/about has it\"}";
+  tcs_request *request = upload->request;
+  const int fd =
+      MHD_get_connection_info(request->connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
+  (void)send(fd, reply, sizeof reply - 1, MSG_NOSIGNAL | MSG_DONTWAIT);
+  shutdown(fd, SHUT_RDWR); /* MHD sees the end and closes */
+  tcs_metrics_request(upload->server->metrics, request->method, request->route->pattern, 408,
+                      (double)(g_get_monotonic_time() - request->began_us) / 1e6);
+  drop(upload);
+  request->cut = true;
+}
+
+void tcs_uploads_tick(tcs_server *server, int64_t now_us) {
+  const tcs_limits *limits = &server->config->limits;
+  for (GList *item = uploads.head, *next; item; item = next) {
+    tcs_upload *upload = item->data;
+    next = item->next;
+    const int64_t passed_us = now_us - upload->window_us;
+    if (!upload->request || upload->ended || upload->suspended || passed_us < limits->upload_grace_seconds * 1000000)
+      continue;
+    const double rate = (double)(upload->bytes - upload->window_bytes) / ((double)passed_us / 1e6);
+    upload->window_us = now_us;
+    upload->window_bytes = upload->bytes;
+    if (rate < (double)limits->upload_rate) time_out(upload);
+  }
+}
+
+void tcs_uploads_abandon(tcs_server *server) {
+  for (GList *item = uploads.head, *next; item; item = next) {
+    tcs_upload *upload = item->data;
+    next = item->next;
+    if (!upload->request) continue;
+    upload->request->cut = true;
+    drop(upload);
+  }
 }

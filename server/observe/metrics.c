@@ -87,13 +87,13 @@ static void histogram(GString *out, const char *name, const char *help, const tc
   histogram_of(out, name, help, h, bounds);
 }
 
-static double resident_bytes(void) {
+uint64_t tcs_metrics_resident_bytes(void) {
   unsigned long total = 0, resident = 0;
   FILE *file = fopen("/proc/self/statm", "re");
   if (!file) return 0;
   if (fscanf(file, "%lu %lu", &total, &resident) != 2) resident = 0;
   fclose(file);
-  return (double)resident * (double)sysconf(_SC_PAGE_SIZE);
+  return (uint64_t)resident * (uint64_t)sysconf(_SC_PAGE_SIZE);
 }
 
 static void requests(GString *out, const tcs_metrics *metrics) {
@@ -153,6 +153,14 @@ static void classes(GString *out, const tcs_metrics *m) {
                 offsetof(tcs_class_metrics, preempted));
 }
 
+static void memory(GString *out, const tcs_gauges *gauges) {
+  head(out, "memory_bytes", "gauge", "Memory of the budget in use, by what uses it.");
+  for (size_t i = 0; i < G_N_ELEMENTS(gauges->memory) && gauges->memory[i].kind; i++)
+    g_string_append_printf(out, "tomocast_memory_bytes{kind=\"%s\"} %" G_GUINT64_FORMAT "\n", gauges->memory[i].kind,
+                           gauges->memory[i].bytes);
+  gauge(out, "memory_budget_bytes", "All that may be used.", (double)gauges->memory_total);
+}
+
 char *tcs_metrics_write(tcs_metrics *m, const tcs_gauges *gauges, const char *backend) {
   GString *out = g_string_sized_new(8192);
   head(out, "build_info", "gauge", "Version and back end; always 1.");
@@ -189,6 +197,7 @@ char *tcs_metrics_write(tcs_metrics *m, const tcs_gauges *gauges, const char *ba
   counter(out, "upload_bytes_total", "Bytes received in uploads.", m->upload_bytes);
   counter(out, "volume_loads_total", "Volumes loaded.", m->volume_loads);
   counter(out, "volume_failures_total", "Volumes that could not be loaded.", m->volume_failures);
+  counter(out, "volume_drops_total", "Volumes dropped to make room for others.", m->volume_drops);
   gauge(out, "ws_clients", "WebSocket viewers connected.", gauges->ws_clients);
   gauge(out, "mjpeg_clients", "MJPEG viewers connected.", gauges->mjpeg_clients);
   gauge(out, "sessions", "Sessions open.", gauges->sessions);
@@ -203,6 +212,7 @@ char *tcs_metrics_write(tcs_metrics *m, const tcs_gauges *gauges, const char *ba
                          gauges->probes, gauges->walks, gauges->texts);
   counter(out, "work_dropped_total", "Questions whose clients left before they were begun.", m->works_dropped);
   loop_and_log(out, m);
-  gauge(out, "process_resident_memory_bytes", "Resident set size of the process.", resident_bytes());
+  memory(out, gauges);
+  gauge(out, "process_resident_memory_bytes", "Resident set size of the process.", (double)tcs_metrics_resident_bytes());
   return g_string_free(out, FALSE);
 }

@@ -35,13 +35,18 @@ typedef struct tcs_metrics {
   double lag_max, turn_cpu_max; /* since the last scrape: the longest turn, and the most processor time in one */
   uint64_t patches, scene_changes; /* patches laid on scenes; changes that came of them: one for all of a turn */
   uint64_t works_dropped; /* left by their clients before they began */
-  uint64_t uploads, upload_bytes, volume_loads, volume_failures;
+  uint64_t uploads, upload_bytes, volume_loads, volume_failures, volume_drops;
 } tcs_metrics;
 
 /* What only a scrape can tell. */
 typedef struct tcs_gauges {
   int ws_clients, mjpeg_clients, sessions, volumes_resident, volumes_loading, queued, probes, walks, texts;
   uint64_t volume_bytes;
+  uint64_t memory_total; /* the budget */
+  struct {
+    const char *kind;
+    uint64_t bytes;
+  } memory[8]; /* what is used of it, by whom; NULL ends it early */
 } tcs_gauges;
 
 void tcs_metrics_init(tcs_metrics *metrics);
@@ -52,6 +57,8 @@ void tcs_histogram_add(tcs_histogram *histogram, double seconds);
 void tcs_histogram_add_error(tcs_histogram *histogram, double rms);
 /* One turn of the loop: how long it took, and how much of that it had a processor. */
 void tcs_metrics_turn(tcs_metrics *metrics, double seconds, double cpu_seconds);
+/* Resident set size of the process, now. */
+uint64_t tcs_metrics_resident_bytes(void);
 /* g_malloc'ed text, format version 0.0.4. What counts since the last scrape begins anew. */
 char *tcs_metrics_write(tcs_metrics *metrics, const tcs_gauges *gauges, const char *backend);
 

@@ -1,5 +1,11 @@
 #include "server/schedule/job.h"
 
+#include "server/memory/budget.h"
+
+uint64_t tcs_frame_bytes(const tc_frame *frame) {
+  return 4 * frame->capacity + 16 * frame->linear_capacity + 4 * frame->depth_capacity;
+}
+
 tcs_job *tcs_job_new(tcs_server *server, tc_volume *volume, const tc_scene *scene) {
   tcs_job *job = g_new0(tcs_job, 1);
   job->server = server;
@@ -15,6 +21,7 @@ void tcs_job_free(tcs_job *job) {
   tc_volume_unref(job->volume);
   tc_volume_unref(job->labels);
   tc_scene_clear(&job->scene);
+  tcs_budget_give(job->server->budget, TCS_MEMORY_FRAMES, tcs_frame_bytes(&job->frame));
   tc_frame_finish(&job->frame);
   g_clear_error(&job->error);
   if (job->image) g_bytes_unref(job->image);

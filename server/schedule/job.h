@@ -72,4 +72,7 @@ void tcs_job_free(tcs_job *job); /* one that the scheduler does not have */
 /* Some of its picture is drawn: it holds a frame's memory. */
 bool tcs_job_begun(const tcs_job *job);
 
+/* What a frame's buffers take. */
+uint64_t tcs_frame_bytes(const tc_frame *frame);
+
 #endif

@@ -3,8 +3,10 @@
 #include <limits.h>
 #include <string.h>
 
+#include "renderer/cache.h"
 #include "server/config/config.h"
 #include "server/encode/encode.h"
+#include "server/memory/budget.h"
 #include "server/observe/log.h"
 #include "server/observe/metrics.h"
 
@@ -81,7 +83,8 @@ tcs_scheduler *tcs_scheduler_new(tcs_server *server, GError **error) {
   scheduler->peers = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, free_client);
   owner_task owner = {.task.run = start_renderer,
                       .scheduler = scheduler,
-                      .options = {.backend = server->config->backend, .threads = server->config->threads}};
+                      .options = {.backend = server->config->backend, .threads = server->config->threads,
+                                  .cache_bytes = (uint64_t)server->config->limits.cache_bytes}};
   run_and_wait(&owner, server->render_worker);
   for (int i = 0; i < LANE_COUNT && scheduler->renderer; i++)
     if (!owner.error) scheduler->encoders[i] = tcs_encoder_new(&owner.error);
@@ -306,10 +309,22 @@ static void run_slice(tcs_task *task) {
   job->frame.linear_capacity = 0;
 }
 
+/* The renderer keeps what others leave it. */
+static void counted_slice(tcs_job *job) {
+  tc_renderer *renderer = job->server->scheduler->renderer;
+  tcs_budget *budget = job->server->budget;
+  const uint64_t before = tcs_frame_bytes(&job->frame);
+  tc_renderer_limit_cache(renderer, tc_renderer_cached(renderer) + tcs_budget_left(budget));
+  run_slice(&job->task);
+  tcs_budget_set(budget, TCS_MEMORY_CACHES, tc_renderer_cached(renderer));
+  tcs_budget_give(budget, TCS_MEMORY_FRAMES, before);
+  tcs_budget_count(budget, TCS_MEMORY_FRAMES, tcs_frame_bytes(&job->frame));
+}
+
 static void timed_slice(tcs_task *task) {
   tcs_job *job = (tcs_job *)task;
   const int64_t began = g_get_monotonic_time();
-  run_slice(task);
+  counted_slice(job);
   job->slice_ms = (double)(g_get_monotonic_time() - began) / 1000;
 }
 
@@ -443,6 +458,26 @@ void tcs_scheduler_forget(tcs_scheduler *scheduler, tc_volume *volume) {
   forget_task *forget = g_new0(forget_task, 1);
   *forget = (forget_task){{.run = run_forget, .done = done_forget}, scheduler, tc_volume_ref(volume)};
   tcs_worker_submit(scheduler->server->render_worker, &forget->task);
+}
+
+typedef struct limit_task {
+  tcs_task task;
+  tcs_scheduler *scheduler;
+  uint64_t most_bytes;
+} limit_task;
+
+static void run_limit(tcs_task *task) {
+  const limit_task *limit = (limit_task *)task;
+  tc_renderer_limit_cache(limit->scheduler->renderer, limit->most_bytes);
+  tcs_budget_set(limit->scheduler->server->budget, TCS_MEMORY_CACHES, tc_renderer_cached(limit->scheduler->renderer));
+}
+
+static void done_limit(tcs_task *task) { g_free(task); }
+
+void tcs_scheduler_limit_cache(tcs_scheduler *scheduler, uint64_t most_bytes) {
+  limit_task *limit = g_new0(limit_task, 1);
+  *limit = (limit_task){{.run = run_limit, .done = done_limit}, scheduler, most_bytes};
+  tcs_worker_submit(scheduler->server->render_worker, &limit->task);
 }
 
 static gboolean is_forgotten(void *name, void *client, void *busy) {

@@ -33,6 +33,8 @@ bool tcs_scheduler_submit(tcs_scheduler *scheduler, tcs_job *job, GError **error
 void tcs_scheduler_pump(tcs_scheduler *scheduler);
 /* Nobody wants the job any more: one in line is finished at once (and freed), one under way soon. */
 void tcs_job_cancel(tcs_job *job);
+/* Makes the renderer drop least recently used derived data until it keeps no more than this. */
+void tcs_scheduler_limit_cache(tcs_scheduler *scheduler, uint64_t most_bytes);
 /* Drops the renderer's resources of a volume that goes away. */
 void tcs_scheduler_forget(tcs_scheduler *scheduler, tc_volume *volume);
 /* Gives up a picture that takes longer than the configured time; forgets peers. About once a second. */

@@ -7,6 +7,7 @@ import { join } from 'node:path';
 import { after, test } from 'node:test';
 import { fileURLToPath } from 'node:url';
 
+import { withCapacity } from '../loading/capacity.mjs';
 import { Unanswered } from '../loading/client.mjs';
 import { recorded, synthetic } from '../loading/motion.mjs';
 import { readMix } from '../loading/rest.mjs';
@@ -84,11 +85,24 @@ test('paths: recorded ones repeat, made-up ones rest between gestures', () => {
   assert.deepEqual(readMix('frame=2,value=1').sort(), ['frame', 'frame', 'value']);
 });
 
+test('the table of capacity goes between its marks', () => {
+  const run = { clients: 4, framesPerSecondPerClient: 9.5, latencyMs: { p50: 60, p99: 150 }, cpuCores: 1.5, peakMiB: 80, jain: { renderMs: 0.999 }, seconds: 10,
+    setting: { image: { width: 512, height: 512 }, rate: 60 } };
+  const report = { runs: [run], machine: { cpu: 'C', cores: 2, loadBefore: [1], loadAfter: [2] }, about: { backend: 'cpu' }, began: '2026-01-02T03' };
+  const text = 'before\n<!-- capacity: written by tests/load --capacity -->\nold\n<!-- /capacity -->\nafter';
+  const made = withCapacity(text, report);
+  assert.match(made, /^before\n<!--[^\n]*-->\n\| clients .*\n\| --- .*\n\| 4 \| 9.5 \| 60 \| 150 \| 1.50 \| 80 \| 0.999 \|\n\nC, 2 cores.*\n<!-- \/capacity -->\nafter$/);
+  assert.equal(withCapacity(made, report), made, 'again gives the same');
+  assert.throws(() => withCapacity('no marks', report), /README.md: the marks/);
+});
+
 test('three clients and REST calls: what is measured makes sense', async () => {
   const args = [...SMALL, '--clients', '3', '--seconds', '1.5', '--rest', '10', '--output', join(folder, 'three'), '--record', join(folder, 'path.json')];
   const { code, out, err } = await load(args);
   assert.equal(code, 0, err);
   assert.match(out, /^\| 3 \| /m);
+  const html = readFileSync(join(folder, 'three', 'load.html'), 'utf8');
+  assert.ok((html.match(/<svg /g) ?? []).length >= 6 && !/NaN|undefined|<script|src=|href=/.test(html), 'a page of plots by itself');
   const { runs: [run], complete } = result('three');
   assert.ok(complete);
   assert.ok(run.framesPerSecond > 1 && run.bytesPerSecond > 1000, JSON.stringify(run));

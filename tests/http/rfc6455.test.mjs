@@ -156,8 +156,9 @@ test(`${rows.length} rows of frames`, async (t) => {
   }
 });
 
+// Of those whose fault shows with the last byte: bytes sent after the server has closed would destroy its last word.
 test('one byte at a time the same comes back', async () => {
-  const work = rows.filter(([, , bytes]) => bytes.length < 600).values();
+  const work = rows.filter(([section, what]) => ['5.5.1', '7.4'].includes(section) && !what.includes('looked at')).values();
   await Promise.all(Array.from({ length: 6 }, async () => {
     for (const [, what, bytes, code] of work) assert.equal(await closeOf(bytes, 1), code, what);
   }));

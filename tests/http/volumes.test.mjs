@@ -24,6 +24,12 @@ after(() => d.stop());
 
 const upload = (id, body) => d.call('PUT', `/v1/volumes/${id}`, { body, type: 'application/octet-stream' });
 
+// Files go on a thread of the spool's own.
+async function swept() {
+  for (let i = 0; spool().length && i < 200; i++) await sleep(20);
+  assert.deepEqual(spool(), []);
+}
+
 async function settled(id) {
   for (;;) {
     const { json } = await d.get(`/v1/volumes/${id}`);
@@ -127,14 +133,13 @@ test('uploads over the limit are refused before they are read, or as they pass i
   async function* pieces() { for (let i = 0; i < 30; i++) yield Buffer.alloc(10000); }
   const reply = await fetch(`${d.base}/v1/volumes/huge`, { method: 'PUT', body: pieces(), duplex: 'half' });
   assert.equal(reply.status, 413);
-  assert.deepEqual(spool(), []);
+  await swept();
   problem(await d.get('/v1/volumes/huge'), 404);
 });
 
 test('an upload that breaks off leaves nothing', async () => {
   await d.raw(`PUT /v1/volumes/cut HTTP/1.1\r\nHost: 127.0.0.1:${d.port}\r\nContent-Length: 100000\r\n\r\nNRRD0004\n`, 300);
-  for (let i = 0; spool().length && i < 200; i++) await sleep(20);
-  assert.deepEqual(spool(), []);
+  await swept();
   problem(await d.get('/v1/volumes/cut'), 404);
 });
 
@@ -145,9 +150,12 @@ test('the memory budget is kept', async () => {
   assert.equal((await settled('big1')).state, 'resident');
   await upload('big2', ballNrrd(52));
   assert.equal((await settled('big2')).state, 'resident');
+  for (const id of ['ball', 'big1', 'big2']) assert.equal((await d.post('/v1/sessions', { volume: id })).status, 201);
   await upload('big3', ballNrrd(52));
   const third = await settled('big3');
   assert.equal(third.state, 'failed', JSON.stringify(third));
+  assert.match(third.reason, /memory is used up: .*volumes 0\.\d/);
+  for (const { id } of (await d.get('/v1/sessions')).json.sessions) await d.delete(`/v1/sessions/${id}`);
   for (const id of ['big1', 'big2', 'big3']) await d.delete(`/v1/volumes/${id}`);
   assert.equal(await d.metric('volume_resident_bytes'), 32768);
 });

@@ -7,7 +7,7 @@ import { fileURLToPath } from 'node:url';
 
 import { Target, Trouble } from './target.mjs';
 
-const TOP = join(dirname(fileURLToPath(import.meta.url)), '../..');
+export const TOP = join(dirname(fileURLToPath(import.meta.url)), '../..');
 const PLACES = ['build/tomocast', 'build-tests/release/tomocast', 'build/release/tomocast'];
 const PATIENCE_MS = 60000;
 const MERCY_MS = 12000; // after SIGTERM

@@ -4,7 +4,10 @@ import { cpus, loadavg, totalmem } from 'node:os';
 import { join } from 'node:path';
 
 import { campaign } from './campaign.mjs';
+import { writeCapacity } from './capacity.mjs';
+import { TOP } from './daemon.mjs';
 import { HELP, HELP_BAD, readOptions } from './options.mjs';
+import { page } from './page.mjs';
 import { badTable, rampTable, runLine } from './tables.mjs';
 import { Trouble } from './target.mjs';
 
@@ -25,6 +28,7 @@ async function main(args) {
   console.log(`\n${found.table.length ? badTable(found.table) : rampTable(found.runs)}`);
   if (options.record) writeFileSync(options.record, JSON.stringify(taken ?? []));
   if (options.output) write(options.output, report);
+  if (options.capacity && report.complete) writeCapacity(join(TOP, 'README.md'), report);
   process.exitCode = stopped.signal.aborted ? 130 : 0;
 }
 
@@ -36,7 +40,8 @@ function interrupted() {
 function write(folder, report) {
   mkdirSync(folder, { recursive: true });
   writeFileSync(join(folder, 'load.json'), JSON.stringify(report, null, 1));
-  console.log(`\nwritten: ${join(folder, 'load.json')}`);
+  writeFileSync(join(folder, 'load.html'), page(report));
+  console.log(`\nwritten: ${join(folder, 'load.json')} and load.html`);
 }
 
 /** One line that is written over while a measurement runs, and one that stays. */

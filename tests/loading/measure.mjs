@@ -83,7 +83,7 @@ function report({ setup, run, clients, rest, health, watch, before, after, began
     for (const [kind, count] of one.errors) errors.set(kind, (errors.get(kind) ?? 0) + count);
   const stage = (name) => summary(frames.map((frame) => frame[name] ?? 0));
   return {
-    name: run.name ?? run.bad ?? `${run.clients} clients`, clients: run.clients, bad: run.bad ?? null, seconds: round(seconds, 2),
+    name: run.name ?? run.bad ?? `${run.clients} client${run.clients > 1 ? 's' : ''}`, clients: run.clients, bad: run.bad ?? null, seconds: round(seconds, 2),
     complete: !run.stopped.aborted,
     framesPerSecond: round(frames.length / seconds, 1),
     framesPerSecondPerClient: run.clients ? round(frames.length / seconds / run.clients, 1) : null,

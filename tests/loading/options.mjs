@@ -75,7 +75,7 @@ export function readOptions(args) {
   };
   if (options.url && (options.binary || options.capacity))
     throw new Trouble('--url and a daemon of our own exclude each other: leave --url out for --binary and --capacity');
-  if (options.capacity) Object.assign(options, { clients: [1, 4, 16, 64], volume: 'demo:head', bad: [] });
+  if (options.capacity) Object.assign(options, { clients: [1, 4, 16, 64], volume: 'demo:head', bad: [], rest: null, path: undefined });
   return options;
 }
 

@@ -1,0 +1,63 @@
+/* What the catalogue's files share; nobody else includes it. I/O thread, but for what a load does on its worker. */
+#ifndef TCS_CATALOGUE_OWN_H
+#define TCS_CATALOGUE_OWN_H
+
+#include <stdatomic.h>
+
+#include "server/catalogue/catalogue.h"
+#include "server/loop/worker.h"
+#include "server/memory/budget.h"
+
+struct tcs_catalogue {
+  tcs_server *server;
+  GHashTable *entries; /* id (inside the entry) -> tcs_entry */
+  GQueue loads;        /* tcs_load *, oldest first: waiting and running */
+  int running;
+  bool ended; /* nothing is started any more */
+  uint64_t resident_bytes;
+};
+
+struct tcs_load {
+  tcs_task task;
+  GList link;
+  tcs_catalogue *catalogue;
+  tcs_entry *entry; /* NULL: nobody wants it any more */
+  tcs_source_file source;
+  char *name;
+  bool running;
+  int64_t asked_us; /* when it first had to wait for memory; 0 = it never had to */
+  int64_t began_us, deadline_us; /* of the run */
+  atomic_bool cancel;
+  atomic_int permille;
+  int told; /* permille in the last report */
+
+  /* the worker's while it runs */
+  uint64_t wanted, reserved; /* bytes in all, as the header has it; taken of the budget */
+  bool refused;              /* the budget did not have `wanted` */
+  bool late;                 /* took longer than it may */
+  tc_volume *volume;
+  tc_scene defaults; /* that fit it; zeros without */
+  GError *error;
+};
+
+/* Starts what can start, gives up what cannot. After anything changed, and a few times a second. */
+void tcs_loads_pump(tcs_catalogue *catalogue);
+/* Why a client may not load another one now; TC_ERROR_BUSY. Operators (NULL) always may. */
+bool tcs_loads_allow(const tcs_catalogue *catalogue, const char *client, GError **error);
+void tcs_load_begin(tcs_catalogue *catalogue, tcs_entry *entry, const tcs_source_file *source);
+/* Its asker does not want it any more: dropped if it waits, told to stop if it runs. */
+void tcs_load_leave(tcs_load *load);
+
+/* Drops least recently used derived data, then volumes that no session shows, least recently used first and the
+ * operator's last, until this much of voxels fits or will, once what was dropped is not being used any more. False:
+ * there is not that much to drop, and nothing was. */
+bool tcs_room_make(tcs_catalogue *catalogue, uint64_t bytes);
+bool tcs_room_possible(tcs_catalogue *catalogue, uint64_t bytes);
+/* What the ledger has for a volume of this many voxel bytes. */
+uint64_t tcs_room_of(uint64_t voxel_bytes);
+
+/* Takes the voxels away from an entry; they go when their last user does. */
+void tcs_entry_release(tcs_catalogue *catalogue, tcs_entry *entry);
+void tcs_entry_fail(tcs_catalogue *catalogue, tcs_entry *entry, char *reason);
+
+#endif

@@ -1,0 +1,82 @@
+/* Making room: what goes first when memory runs out. */
+#include "server/catalogue/own.h"
+#include "server/config/config.h"
+#include "server/observe/log.h"
+#include "server/schedule/scheduler.h"
+
+/* A page at each end, and what describes it. */
+uint64_t tcs_room_of(uint64_t voxel_bytes) { return (voxel_bytes + 4095) / 4096 * 4096 + 8192; }
+
+/* Bytes missing: of the whole, and of the voxels' part of it. */
+typedef struct shortage {
+  uint64_t any, voxels;
+} shortage;
+
+static uint64_t minus(uint64_t bytes, uint64_t less) { return bytes > less ? bytes - less : 0; }
+
+/* What was removed and is still being used comes back by itself. */
+static shortage shortage_of(tcs_budget *budget, uint64_t bytes) {
+  const uint64_t coming = tcs_budget_used(budget, TCS_MEMORY_PINNED);
+  return (shortage){minus(bytes, tcs_budget_left(budget) + coming),
+                    minus(bytes, tcs_budget_left_for_voxels(budget) + coming)};
+}
+
+static int by_age(const void *a, const void *b) {
+  const tcs_entry *const *x = a, *const *y = b;
+  if ((*x)->operators != (*y)->operators) return (*x)->operators ? 1 : -1;
+  return (*x)->used_us < (*y)->used_us ? -1 : (*x)->used_us > (*y)->used_us;
+}
+
+/* Volumes no session shows, the first to go first. */
+static GPtrArray *idle_volumes(tcs_catalogue *catalogue, uint64_t *bytes) {
+  GPtrArray *idle = g_ptr_array_new();
+  GHashTableIter iterator;
+  void *value;
+  *bytes = 0;
+  g_hash_table_iter_init(&iterator, catalogue->entries);
+  while (g_hash_table_iter_next(&iterator, NULL, &value)) {
+    const tcs_entry *entry = value;
+    if (entry->state != TCS_RESIDENT || entry->users > 0) continue;
+    *bytes += tcs_room_of(tc_volume_bytes(entry->volume));
+    g_ptr_array_add(idle, value);
+  }
+  g_ptr_array_sort(idle, by_age);
+  return idle;
+}
+
+static bool suffices(tcs_budget *budget, const shortage *missing, uint64_t idle_bytes) {
+  return missing->voxels <= idle_bytes && missing->any <= idle_bytes + tcs_budget_used(budget, TCS_MEMORY_CACHES);
+}
+
+bool tcs_room_possible(tcs_catalogue *catalogue, uint64_t bytes) {
+  const shortage missing = shortage_of(catalogue->server->budget, bytes);
+  uint64_t idle_bytes;
+  g_ptr_array_unref(idle_volumes(catalogue, &idle_bytes));
+  return suffices(catalogue->server->budget, &missing, idle_bytes);
+}
+
+static void drop(tcs_catalogue *catalogue, tcs_entry *entry) {
+  tcs_log(TCS_LOG_INFO, "volume.dropped", "bytes=%zu", tc_volume_bytes(entry->volume));
+  catalogue->server->metrics->volume_drops++;
+  tcs_entry_release(catalogue, entry);
+  tcs_entry_fail(catalogue, entry, g_strdup("it was dropped to make room for others; load it again"));
+}
+
+bool tcs_room_make(tcs_catalogue *catalogue, uint64_t bytes) {
+  tcs_budget *budget = catalogue->server->budget;
+  const uint64_t cached = tcs_budget_used(budget, TCS_MEMORY_CACHES);
+  shortage missing = shortage_of(budget, bytes);
+  uint64_t idle_bytes;
+  GPtrArray *idle = idle_volumes(catalogue, &idle_bytes);
+  const bool enough = suffices(budget, &missing, idle_bytes);
+  if (enough && missing.any && cached)
+    tcs_scheduler_limit_cache(catalogue->server->scheduler, minus(cached, missing.any));
+  uint64_t goal = MAX(missing.voxels, minus(missing.any, cached));
+  for (guint i = 0; enough && i < idle->len && goal > 0; i++) {
+    tcs_entry *entry = g_ptr_array_index(idle, i);
+    goal = minus(goal, tcs_room_of(tc_volume_bytes(entry->volume)));
+    drop(catalogue, entry);
+  }
+  g_ptr_array_unref(idle);
+  return enough;
+}

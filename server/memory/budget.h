@@ -1,0 +1,55 @@
+/* The ledger of the daemon's memory: one total, a part of it for voxels, and who holds how much of it. Any thread.
+ *
+ * What can be refused is taken before it is allocated; what is there already is counted. */
+#ifndef TCS_MEMORY_BUDGET_H
+#define TCS_MEMORY_BUDGET_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "renderer/error.h"
+
+typedef enum tcs_memory_kind {
+  TCS_MEMORY_PROGRAM,  /* what it was resident at its start */
+  TCS_MEMORY_VOLUMES,  /* resident volumes */
+  TCS_MEMORY_LOADS,    /* reserved by imports under way */
+  TCS_MEMORY_PINNED,   /* volumes that were removed and are still being used */
+  TCS_MEMORY_CACHES,   /* the renderer's tables, coefficients and structures */
+  TCS_MEMORY_FRAMES,   /* pictures being rendered and encoded */
+  TCS_MEMORY_PICTURES, /* encoded pictures */
+  TCS_MEMORY_UPLOADS,  /* bytes on their way to the spool */
+  TCS_MEMORY_KIND_COUNT
+} tcs_memory_kind;
+
+const char *tcs_memory_kind_name(tcs_memory_kind kind); /* "program" "volumes" ... */
+
+typedef struct tcs_budget tcs_budget;
+
+/* `voxels`: how much of the total volumes, loads and pinned ones may hold together. */
+tcs_budget *tcs_budget_new(uint64_t total, uint64_t voxels);
+void tcs_budget_free(tcs_budget *budget); /* NULL is fine */
+
+/* Takes bytes if there are that many; false: nothing was taken. */
+bool tcs_budget_take(tcs_budget *budget, tcs_memory_kind kind, uint64_t bytes);
+/* Changes what a holder has of a kind from `held` to `bytes`; false: it still has what it had. */
+bool tcs_budget_resize(tcs_budget *budget, tcs_memory_kind kind, uint64_t held, uint64_t bytes);
+/* Counts what is there, over the total if need be. */
+void tcs_budget_count(tcs_budget *budget, tcs_memory_kind kind, uint64_t bytes);
+void tcs_budget_give(tcs_budget *budget, tcs_memory_kind kind, uint64_t bytes);
+void tcs_budget_move(tcs_budget *budget, tcs_memory_kind from, tcs_memory_kind to, uint64_t bytes);
+/* The whole of a kind that one holder alone has. */
+void tcs_budget_set(tcs_budget *budget, tcs_memory_kind kind, uint64_t bytes);
+
+uint64_t tcs_budget_total(const tcs_budget *budget);
+uint64_t tcs_budget_voxels(const tcs_budget *budget);
+uint64_t tcs_budget_used(tcs_budget *budget, tcs_memory_kind kind);
+/* What is left of the whole, and of the voxels' part of it. */
+uint64_t tcs_budget_left(tcs_budget *budget);
+uint64_t tcs_budget_left_for_voxels(tcs_budget *budget);
+/* Whether voxels of this many bytes may be taken. */
+bool tcs_budget_fits(tcs_budget *budget, uint64_t bytes);
+
+/* "the memory is used up: volumes 180 MiB, caches 12 MiB of 200 MiB; ..." as TC_ERROR_BUSY (503). */
+void tcs_budget_refuse(tcs_budget *budget, GError **error);
+
+#endif

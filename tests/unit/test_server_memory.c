@@ -1,0 +1,146 @@
+/* The ledger of memory, and how much there is on machines and in control groups. */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <glib.h>
+#include <glib/gstdio.h>
+#include <string.h>
+
+#include "server/config/config.h"
+#include "server/memory/budget.h"
+#include "server/memory/machine.h"
+
+#define MIB (UINT64_C(1) << 20)
+
+static void what_is_taken_is_counted(void **state) {
+  tcs_budget *budget = tcs_budget_new(100, 60);
+  assert_true(tcs_budget_take(budget, TCS_MEMORY_VOLUMES, 40));
+  assert_false(tcs_budget_take(budget, TCS_MEMORY_LOADS, 21)); /* of voxels 20 are left */
+  assert_true(tcs_budget_take(budget, TCS_MEMORY_LOADS, 20));
+  assert_int_equal(tcs_budget_left(budget), 40);
+  assert_int_equal(tcs_budget_left_for_voxels(budget), 0);
+  assert_false(tcs_budget_take(budget, TCS_MEMORY_FRAMES, 41));
+  assert_true(tcs_budget_take(budget, TCS_MEMORY_FRAMES, 40));
+  tcs_budget_count(budget, TCS_MEMORY_CACHES, 500); /* what is there is there */
+  assert_int_equal(tcs_budget_left(budget), 0);
+  tcs_budget_set(budget, TCS_MEMORY_CACHES, 0);
+  tcs_budget_move(budget, TCS_MEMORY_VOLUMES, TCS_MEMORY_PINNED, 40);
+  assert_int_equal(tcs_budget_used(budget, TCS_MEMORY_PINNED), 40);
+  tcs_budget_give(budget, TCS_MEMORY_PINNED, 40);
+  assert_true(tcs_budget_resize(budget, TCS_MEMORY_LOADS, 20, 60));
+  assert_false(tcs_budget_resize(budget, TCS_MEMORY_LOADS, 60, 61));
+  assert_true(tcs_budget_resize(budget, TCS_MEMORY_LOADS, 60, 5));
+  assert_int_equal(tcs_budget_used(budget, TCS_MEMORY_LOADS), 5);
+  tcs_budget_free(budget);
+}
+
+static void a_refusal_says_what_is_used_by_what(void **state) {
+  tcs_budget *budget = tcs_budget_new(200 * MIB, 150 * MIB);
+  GError *error = NULL;
+  tcs_budget_count(budget, TCS_MEMORY_VOLUMES, 120 * MIB);
+  tcs_budget_count(budget, TCS_MEMORY_CACHES, 12 * MIB);
+  tcs_budget_refuse(budget, &error);
+  assert_int_equal(error->code, TC_ERROR_BUSY);
+  assert_non_null(strstr(error->message, "volumes 120.0"));
+  assert_non_null(strstr(error->message, "caches 12.0 of 200.0 MiB"));
+  assert_null(strstr(error->message, "loads"));
+  g_error_free(error);
+  tcs_budget_free(budget);
+}
+
+/* ---- control groups, as folders ---- */
+
+static char *root;
+
+static void put(const char *path, const char *text) {
+  char *full = g_build_filename(root, path, NULL), *folder = g_path_get_dirname(full);
+  assert_int_equal(g_mkdir_with_parents(folder, 0700), 0);
+  assert_true(g_file_set_contents(full, text, -1, NULL));
+  g_free(folder);
+  g_free(full);
+}
+
+static void begin(const char *groups) {
+  root = g_dir_make_tmp("tc-groups-XXXXXX", NULL);
+  put("proc/meminfo", "MemTotal:       16000000 kB\nMemFree: 1 kB\n");
+  put("proc/self/cgroup", groups);
+}
+
+static void end(uint64_t wanted) {
+  const uint64_t found = tcs_machine_memory(root);
+  char *command[] = {"rm", "-r", root, NULL};
+  g_spawn_sync(NULL, command, NULL, G_SPAWN_SEARCH_PATH, NULL, NULL, NULL, NULL, NULL, NULL);
+  g_clear_pointer(&root, g_free);
+  assert_int_equal(found, wanted);
+}
+
+static void the_machine_alone(void **state) {
+  begin("0::/\n");
+  end(UINT64_C(16000000) * 1024);
+}
+
+static void the_second_version_with_its_ancestors(void **state) {
+  begin("0::/a/b\n");
+  put("sys/fs/cgroup/a/b/memory.max", "max\n");
+  put("sys/fs/cgroup/a/b/memory.high", "900000000\n");
+  put("sys/fs/cgroup/a/memory.max", "800000000\n");
+  put("sys/fs/cgroup/a/memory.high", "max\n");
+  end(800000000);
+  begin("0::/a/b\n");
+  put("sys/fs/cgroup/a/b/memory.high", "700000000\n");
+  put("sys/fs/cgroup/a/memory.max", "800000000\n");
+  end(700000000);
+}
+
+/* In a container the own group is at the top, whatever /proc calls it. */
+static void a_group_shown_at_the_top(void **state) {
+  begin("0::/system.slice/x.scope\n");
+  put("sys/fs/cgroup/memory.max", "600000000\n");
+  end(600000000);
+}
+
+static void the_first_version(void **state) {
+  begin("12:cpu,cpuacct:/x\n4:memory:/docker/y\n1:name=systemd:/z\n0::/z\n");
+  put("sys/fs/cgroup/memory/docker/y/memory.limit_in_bytes", "9223372036854771712\n");
+  put("sys/fs/cgroup/memory/docker/memory.limit_in_bytes", "500000000\n");
+  put("sys/fs/cgroup/cpu/x/memory.limit_in_bytes", "1000\n");
+  end(500000000);
+}
+
+static void nothing_known(void **state) {
+  root = g_dir_make_tmp("tc-groups-XXXXXX", NULL);
+  end(0);
+}
+
+static void parts_follow_from_the_whole(void **state) {
+  tcs_config config;
+  tcs_config_init(&config);
+  config.limits.memory_bytes = 800 * (int64_t)MIB;
+  tcs_config_settle(&config);
+  assert_int_equal(config.limits.volume_bytes, 600 * MIB);
+  assert_int_equal(config.limits.cache_bytes, 100 * MIB);
+  tcs_config_clear(&config);
+  tcs_config_init(&config);
+  config.limits.volume_bytes = 5;
+  tcs_config_settle(&config);
+  assert_int_equal(config.limits.volume_bytes, 5);
+  assert_in_range(config.limits.memory_bytes, 1, tcs_machine_memory("") / 4 * 3);
+  tcs_config_clear(&config);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(what_is_taken_is_counted),
+      cmocka_unit_test(a_refusal_says_what_is_used_by_what),
+      cmocka_unit_test(the_machine_alone),
+      cmocka_unit_test(the_second_version_with_its_ancestors),
+      cmocka_unit_test(a_group_shown_at_the_top),
+      cmocka_unit_test(the_first_version),
+      cmocka_unit_test(nothing_known),
+      cmocka_unit_test(parts_follow_from_the_whole),
+  };
+  return cmocka_run_group_tests_name("memory", tests, NULL, NULL);
+}
