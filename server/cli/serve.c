@@ -25,8 +25,8 @@
 #define TICK_US 1000000
 #define REPORT_US 200000 /* between messages about loading volumes */
 #define LOG_MOST_MS 500    /* how long the end waits for a log that nobody reads */
-#define DRAIN_MOST_S 6     /* what is not finished this long after the drain began is cut */
-#define END_MOST_MS 9000   /* and the process ends, whatever is left, this long after it */
+#define DRAIN_MOST_S 5     /* what is not finished this long after the drain began is cut */
+#define END_MOST_MS 8000   /* and the process ends, whatever is left, this long after it */
 
 typedef struct serve_daemon {
   tcs_config config;
