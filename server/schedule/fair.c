@@ -42,9 +42,8 @@ struct tcs_fair {
   double earned_ms[TCS_CLASS_COUNT];
 };
 
-const char *tcs_class_name(tcs_class class) {
-  static const char *const names[TCS_CLASS_COUNT] = {"interactive", "single", "refine"};
-  return names[class];
+double tcs_class_slice_ms(tcs_class class) {
+  return class == TCS_CLASS_INTERACTIVE ? TCS_FAIR_MOVING_SLICE_MS : TCS_FAIR_SLICE_MS;
 }
 
 /* ---- accounts and rounds ---- */

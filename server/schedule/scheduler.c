@@ -15,7 +15,6 @@ G_STATIC_ASSERT(TCS_METRICS_CLASSES == TCS_CLASS_COUNT);
 /* Pictures of a lane being encoded or waiting for it. One more than its encoder works on, so that it never waits for the
  * renderer; more would only age. */
 #define MAX_ENCODING 2
-#define SLICE_US ((int64_t)(TCS_FAIR_SLICE_MS * 1000))
 /* What is dragged is looked at this often even when nobody waits: one whose time was misjudged is begun smaller. */
 #define CHECK_US 100000
 /* After slices that brought nothing the next ones are twice as long, up to 2^this. */
@@ -330,13 +329,13 @@ static void timed_slice(tcs_task *task) {
 
 /* Until when the slice under way may go on, by what waits beside it. The renderer looks at the clock by itself. */
 static void set_pause(tcs_job *job) {
-  const int64_t slice = job->slice_us + (SLICE_US << MIN(job->stalls, MOST_STALLS));
+  const int64_t slice_us = (int64_t)(1000 * tcs_class_slice_ms(job->class)) << MIN(job->stalls, MOST_STALLS);
   const tcs_pressure pressure = job->client ? tcs_client_pressure(job->client, job->class) : TCS_PRESSURE_SLICE;
   int64_t until = job->class == TCS_CLASS_INTERACTIVE ? job->slice_us + CHECK_US : LLONG_MAX;
   if (pressure == TCS_PRESSURE_NOW && !job->share && !job->stalls)
     until = MIN(atomic_load(&job->interrupt.pause_us), g_get_monotonic_time());
   else if (pressure != TCS_PRESSURE_NONE)
-    until = slice;
+    until = job->slice_us + slice_us;
   atomic_store(&job->interrupt.pause_us, until);
 }
 

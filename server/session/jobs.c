@@ -87,8 +87,7 @@ static void rendered(tcs_job *job) {
   tcs_session_wake(session);
 }
 
-static tcs_job *begin_job(tcs_session *session, tcs_class class) {
-  const bool final = class != TCS_CLASS_INTERACTIVE;
+static tcs_job *begin_job(tcs_session *session, tcs_class class, bool final) {
   tcs_job *job = tcs_job_new(session->server, session->entry->volume, &session->scene);
   if (session->labels) job->labels = tc_volume_ref(tcs_session_labels(session));
   job->class = class;
@@ -113,8 +112,9 @@ static tcs_job *begin_job(tcs_session *session, tcs_class class) {
 
 tcs_job *tcs_session_next_job(void *user, tcs_class class) {
   tcs_session *session = user;
-  const tcs_class wanted = tcs_session_wants(session, g_get_monotonic_time());
-  if (wanted == class) return begin_job(session, class);
+  const int64_t now_us = g_get_monotonic_time();
+  const tcs_class wanted = tcs_session_wants(session, now_us);
+  if (wanted == class) return begin_job(session, class, tcs_session_wants_final(session, now_us));
   tcs_client_want(session->client, wanted);
   return NULL;
 }

@@ -73,6 +73,8 @@ static inline bool tcs_session_at_rest(const tcs_session *session, int64_t now_u
 double tcs_session_samples(tcs_session *session);
 /* In which class some viewer waits for a picture that is not under way, or TCS_CLASS_NONE. */
 tcs_class tcs_session_wants(tcs_session *session, int64_t now_us);
+/* The picture that it wants is a final one: no input flows, and none before it is wanted sooner. */
+bool tcs_session_wants_final(tcs_session *session, int64_t now_us);
 /* Something changed that a picture may be wanted for, or room for one. */
 void tcs_session_wake(tcs_session *session);
 

@@ -71,7 +71,7 @@ static void serve(world *w) {
     arrive(w);
     const tcs_pressure pressure = tcs_fair_pressure(w->fair, picked, class);
     if (pressure == TCS_PRESSURE_NOW && !share) break;
-    if (pressure != TCS_PRESSURE_NONE && ms >= TCS_FAIR_SLICE_MS) break;
+    if (pressure != TCS_PRESSURE_NONE && ms >= tcs_class_slice_ms(class)) break;
   }
   c->served_ms += ms;
   tcs_fair_charge(picked, class, ms);
