@@ -371,7 +371,7 @@ void tc_volume_histogram(const tc_volume *volume, int bins, uint64_t *counts, do
   size_t n = voxel_count(volume);
   for (size_t i = 0; i < n; i++) {
     double v = volume->desc.slope * voxel_as_double(volume, i) + volume->desc.intercept;
-    int bin = (int)((v - lo) * scale);
-    counts[bin < 0 ? 0 : bin >= bins ? bins - 1 : bin]++;
+    double at = (v - lo) * scale; /* infinite or no number where the range is next to nothing */
+    counts[at < bins ? at > 0 ? (int)at : 0 : at >= bins ? bins - 1 : 0]++;
   }
 }
