@@ -7,6 +7,7 @@
 #include <stdatomic.h>
 #include <sys/eventfd.h>
 #include <sys/signalfd.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include "server/observe/log.h"
@@ -45,11 +46,12 @@ static void hear(tcs_signals *signals) {
   }
 }
 
-/* Something does not end: an import, a disk, a driver. There is nothing left that would be lost. */
+/* Something does not end: an import, a disk, a driver. There is nothing left that would be lost. By the bare call:
+ * sanitizers make _exit() look for what is not freed, and here that is everything. */
 static void leave(void) {
   tcs_log(TCS_LOG_WARN, "stop.forced", "text=\"something did not end in time and was left as it was\"");
   tcs_log_flush(FLUSH_MOST_MS);
-  _exit(0);
+  syscall(SYS_exit_group, 0);
 }
 
 static void *signals_main(void *user) {
