@@ -47,7 +47,8 @@ V_ONCE void cast_back_to_front(const tc_cpu_args *g, variant v, const place *at,
   float longest = 0 - v_least(v_select(p.live, v_set(0) - p.length, v_set(0)));
   for (int n = find_runs(g, v, &p, at, (int)(longest * g->inverse_step) + 2, from, to); n-- > 0;) {
     counts->leaps += v.leap;
-    for (int i = to[n] - 1; i >= from[n] && marches(g, p.live, counts); i--) {
+    counts->until_look -= STRIDE; /* the run's steps may be none that count */
+    for (int i = to[n] - 1; i >= from[n] && marches(g, p.live, counts, i); i--) {
       vf t0 = sample_mm(g, v, &p, i), t1 = sample_mm(g, v, &p, i + 1);
       vm live = m_and(p.live, v_lt(t0, p.length));
       if (!m_any(live)) continue;

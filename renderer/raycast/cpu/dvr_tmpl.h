@@ -28,7 +28,7 @@ V_INLINE void cast_packet(const tc_cpu_args *g, variant v, const place *at, vf4 
   counts->rays += (uint64_t)m_count(live);
   if (phased(v)) p.lag = lag_of(g, v, at);
   if (v.leap) r = start_runs(g, v, &p, at);
-  for (int i = 0; marches(g, live, counts); i++) {
+  for (int i = 0; marches(g, live, counts, i); i++) {
     vf t0 = sample_mm(g, v, &p, i), t1 = sample_mm(g, v, &p, i + 1);
     if (v.leap && i >= run_end) {
       int from;
@@ -41,6 +41,7 @@ V_INLINE void cast_packet(const tc_cpu_args *g, variant v, const place *at, vf4 
         t0 = sample_mm(g, v, &p, i), t1 = sample_mm(g, v, &p, i + 1);
         live = m_and(live, v_lt(t0, p.length));
         counts->leaps++;
+        counts->until_look -= STRIDE; /* the steps may be none that count */
         fresh = true;
         if (!m_any(live)) break;
       }

@@ -193,7 +193,7 @@ V_INLINE vf find_hits(const tc_cpu_surface *s, variant v, const packet *p, vm *h
   find_cells(g, p, t, c.at);
   for (int k = 0; k < 3; k++) /* the entry may be a rounding outside */
     c.at[k] = v_min(v_max(c.at[k], v_set(0)), v_set((float)g->cell_last[k]));
-  while (marches(g, live, counts)) {
+  for (int step = 0; marches(g, live, counts, step); step++) {
     vm look = live;
     if (v.leap) {
       vm leapt = leap_ahead(g, p, c.at, &t, m_andnot(live, fresh));

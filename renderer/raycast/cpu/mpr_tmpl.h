@@ -10,7 +10,7 @@ V_INLINE vf cast_slab(const tc_cpu_args *g, variant v, int slab, const packet *p
   first = v_select(v_le(first, steps), first + v_set(1), first);
   vf value = front, sum = v_set(0), before = v_set(0);
   vm live = p->live;
-  for (int i = 0; marches(g, live, counts); i++) {
+  for (int i = 0; marches(g, live, counts, i); i++) {
     vf at = (first + v_set((float)i)) * v_set(g->step_mm) - p->start;
     vf t = v_min(v_max(at, v_set(0)), p->length);
     vf back = sample_node(g, v, p, t, NULL);

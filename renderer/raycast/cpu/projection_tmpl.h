@@ -85,13 +85,13 @@ V_INLINE void guess_peak(const tc_cpu_args *g, variant v, const packet *p, vm li
   vf highest = v_set(-1), at = v_set(0);
   for (int i = 0;; i += g->interval) {
     vm inside = m_and(live, v_lt(v_set((float)i * g->step_mm), p->length));
-    if (!marches(g, inside, counts)) break;
+    if (!marches(g, inside, counts, i)) break;
     vf level = level_at(g, p, middle_of(g, i));
     vm higher = m_and(inside, v_lt(highest, level));
     highest = v_select(higher, level, highest);
     at = v_select(higher, v_set((float)i), at);
   }
-  for (int j = 0; j < g->interval && marches(g, live, counts); j++) {
+  for (int j = 0; j < g->interval && marches(g, live, counts, j); j++) {
     vf t = v_min((at + v_set((float)j)) * v_set(g->step_mm), p->length);
     take_sample(g, v, p, t, have);
   }
@@ -121,7 +121,7 @@ V_INLINE void cast_extreme(const tc_cpu_args *g, variant v, const place *at_pixe
     live = m_and(live, v_lt(have.best, stop));
   }
   int i = 0, end = 0, left_out = 0;
-  for (; marches(g, live, counts); i++) {
+  for (; marches(g, live, counts, i); i++) {
     if (look && i == end) {
       end = i + g->interval;
       vf most = (have.best - floor) * v_set(g->level_scale);
@@ -157,7 +157,7 @@ V_INLINE void cast_average(const tc_cpu_args *g, variant v, const place *at_pixe
   if (m_any(live)) base = front = sample_voxel(g, v, &p, v_set(0));
   counts->rays += (uint64_t)m_count(live);
   counts->samples += (uint64_t)m_count(live);
-  for (int i = 0; marches(g, live, counts); i++) {
+  for (int i = 0; marches(g, live, counts, i); i++) {
     vf back = sample_voxel(g, v, &p, v_min(v_set((float)(i + 1) * g->step_mm), p.length));
     counts->samples += (uint64_t)m_count(live);
     vf share = v_min(v_max(steps - v_set((float)i), v_set(0)), v_set(1));
