@@ -19,7 +19,7 @@
 /* After this long a slice ends where another client waits; of what is dragged, where most pictures are made in one, for
  * to cut those would make all of them late. */
 #define TCS_FAIR_SLICE_MS 10.0
-#define TCS_FAIR_MOVING_SLICE_MS 16.0
+#define TCS_FAIR_MOVING_SLICE_MS 18.0
 
 typedef enum tcs_class { TCS_CLASS_INTERACTIVE, TCS_CLASS_SINGLE, TCS_CLASS_REFINE, TCS_CLASS_COUNT } tcs_class;
 double tcs_class_slice_ms(tcs_class class);

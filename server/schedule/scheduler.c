@@ -9,6 +9,7 @@
 #include "server/memory/budget.h"
 #include "server/observe/log.h"
 #include "server/observe/metrics.h"
+#include "server/schedule/ladder.h"
 
 G_STATIC_ASSERT(TCS_METRICS_CLASSES == TCS_CLASS_COUNT);
 
@@ -17,6 +18,10 @@ G_STATIC_ASSERT(TCS_METRICS_CLASSES == TCS_CLASS_COUNT);
 #define MAX_ENCODING 2
 /* What is dragged is looked at this often even when nobody waits: one whose time was misjudged is begun smaller. */
 #define CHECK_US 100000
+/* Clients that drag at once are taken to go on for so long. */
+#define CONTENDED_US 500000
+/* Of a slice, so that a frame that takes somewhat longer than thought is still made in one. */
+#define SLICE_SHARE 0.75
 /* After slices that brought nothing the next ones are twice as long, up to 2^this. */
 #define MOST_STALLS 5
 /* Pictures under way keep their frames; beyond this no other is begun, but for what is dragged. */
@@ -40,6 +45,7 @@ struct tcs_scheduler {
   size_t held_bytes;      /* frames of pictures that are begun and wait */
   tcs_job *rendering;     /* on the render thread, or NULL */
   bool pumping;
+  int64_t contended_us; /* when a client last waited beside another one's picture that is dragged; 0 = never */
   GQueue frames; /* tc_frame * with buffers to use again */
   tc_quality_cost cost;
   double ms_per_sample; /* of pictures lately, rather too slow than too quick; 0 = none yet */
@@ -121,6 +127,11 @@ tc_quality_cost *tcs_scheduler_cost(tcs_scheduler *scheduler) { return &schedule
 
 double tcs_scheduler_ms_per_sample(const tcs_scheduler *scheduler) {
   return scheduler->ms_per_sample > 0 ? scheduler->ms_per_sample : THREAD_MS_PER_SAMPLE / scheduler->about->threads;
+}
+
+double tcs_scheduler_moving_ms(const tcs_scheduler *scheduler) {
+  const bool contended = scheduler->contended_us && g_get_monotonic_time() - scheduler->contended_us < CONTENDED_US;
+  return contended ? SLICE_SHARE * TCS_FAIR_MOVING_SLICE_MS : TCS_LADDER_TARGET_MS;
 }
 
 /* ---- the end of a job ---- */
@@ -328,10 +339,13 @@ static void timed_slice(tcs_task *task) {
 }
 
 /* Until when the slice under way may go on, by what waits beside it. The renderer looks at the clock by itself. */
-static void set_pause(tcs_job *job) {
+static void set_pause(tcs_scheduler *scheduler, tcs_job *job) {
   const int64_t slice_us = (int64_t)(1000 * tcs_class_slice_ms(job->class)) << MIN(job->stalls, MOST_STALLS);
   const tcs_pressure pressure = job->client ? tcs_client_pressure(job->client, job->class) : TCS_PRESSURE_SLICE;
-  int64_t until = job->class == TCS_CLASS_INTERACTIVE ? job->slice_us + CHECK_US : LLONG_MAX;
+  const bool moving = job->class == TCS_CLASS_INTERACTIVE;
+  if (moving && tcs_fair_waiting(scheduler->fair, TCS_CLASS_INTERACTIVE))
+    scheduler->contended_us = g_get_monotonic_time();
+  int64_t until = moving ? job->slice_us + CHECK_US : LLONG_MAX;
   if (pressure == TCS_PRESSURE_NOW && !job->share && !job->stalls)
     until = MIN(atomic_load(&job->interrupt.pause_us), g_get_monotonic_time());
   else if (pressure != TCS_PRESSURE_NONE)
@@ -419,7 +433,7 @@ static void begin_slice(tcs_scheduler *scheduler, tcs_job *job) {
   job->slice_us = now;
   job->share = tcs_client_pressure(job->client, job->class) == TCS_PRESSURE_NOW;
   atomic_store(&job->interrupt.pause_us, LLONG_MAX);
-  set_pause(job);
+  set_pause(scheduler, job);
   job->task.run = timed_slice;
   job->task.done = done_slice;
   tcs_worker_submit(scheduler->server->render_worker, &job->task);
@@ -428,7 +442,7 @@ static void begin_slice(tcs_scheduler *scheduler, tcs_job *job) {
 void tcs_scheduler_pump(tcs_scheduler *scheduler) {
   if (scheduler->pumping) return; /* from what a client is asked */
   if (scheduler->rendering) {
-    set_pause(scheduler->rendering);
+    set_pause(scheduler, scheduler->rendering);
     return;
   }
   scheduler->pumping = true;

@@ -22,6 +22,9 @@ const tc_renderer_info *tcs_scheduler_about(const tcs_scheduler *scheduler);
 tc_quality_cost *tcs_scheduler_cost(tcs_scheduler *scheduler);
 /* What a sample (tc_estimate_samples()) took of pictures lately; before the first one a guess. */
 double tcs_scheduler_ms_per_sample(const tcs_scheduler *scheduler);
+/* How long a picture that is dragged may take to render: a frame of TCS_LADDER_TARGET_MS, or one slice while other
+ * clients drag too, for a frame that is cut between two turns comes later than two that are not. */
+double tcs_scheduler_moving_ms(const tcs_scheduler *scheduler);
 
 /* A client whose jobs are made when its turn comes: the viewers of a session. */
 tcs_client *tcs_scheduler_join(tcs_scheduler *scheduler, const char *peer, tcs_client_next *next, void *user);

@@ -9,6 +9,10 @@
 
 /* What is dragged has no picture smaller than this on its longer side, unless its scene has. */
 #define LEAST_SIDE 48.0
+/* Of the newest frame in session->build_ms. */
+#define BUILD_WEIGHT 0.5
+/* Of an interactive frame's time, left for drawing whatever building takes. */
+#define LEAST_DRAWING 0.4
 /* A picture that is dragged and would take so much longer still is misjudged. */
 #define LATE_MS (2 * TCS_LADDER_TARGET_MS)
 
@@ -29,6 +33,7 @@ static void finished(tcs_job *job) {
   }
   if (!job->stats.stand_in) {
     tcs_ladder_measure(&session->ladder, job->samples, job->stats.render_ms);
+    session->build_ms += BUILD_WEIGHT * (job->stats.tables_ms + job->stats.skip_ms - session->build_ms);
     tc_quality_cost_add(&session->cost, &job->scene, (double)job->out_width * job->out_height, job->stats.render_ms);
   }
   tcs_picture_unref(session->latest);
@@ -47,8 +52,11 @@ static double samples_of(const tcs_job *job) {
   return tc_estimate_samples(job->volume, &job->scene, width, height, NULL);
 }
 
-static double target_ms(const tcs_quality_used *quality) {
-  return quality->for_time ? MIN(quality->asked, TCS_LADDER_TARGET_MS) : TCS_LADDER_TARGET_MS;
+/* For drawing: while the transfer function is dragged every frame builds its tables first. */
+static double target_ms(const tcs_session *session, const tcs_job *job) {
+  const double most = tcs_scheduler_moving_ms(job->server->scheduler);
+  const double frame_ms = job->quality.for_time ? MIN(job->quality.asked, most) : most;
+  return MAX(frame_ms - session->build_ms, frame_ms * LEAST_DRAWING);
 }
 
 /* An interactive frame is smaller, coarser in its JPEG and, where that is not enough, in its samples; the view is the
@@ -57,7 +65,7 @@ static void make_interactive(tcs_session *session, tcs_job *job) {
   const int width = job->scene.image.width, height = job->scene.image.height;
   tcs_ladder_expect(&session->ladder, tcs_scheduler_ms_per_sample(session->server->scheduler));
   const tcs_rung rung =
-      tcs_ladder_pick(&session->ladder, samples_of(job), (double)width * height, target_ms(&job->quality));
+      tcs_ladder_pick(&session->ladder, samples_of(job), (double)width * height, target_ms(session, job));
   const double scale = MAX(rung.scale, MIN(1, LEAST_SIDE / MAX(width, height)));
   job->width = MAX(1, (int)lround(width * scale));
   job->height = MAX(1, (int)lround(height * scale));
@@ -75,7 +83,7 @@ static bool goes_on(tcs_job *job) {
   if (job->final || job->stats.stand_in || ms < LATE_MS || ms / done - ms < LATE_MS) return true;
   const int rung = session->ladder.rung;
   tcs_ladder_measure(&session->ladder, job->samples * done, ms);
-  tcs_ladder_pick(&session->ladder, tcs_session_samples(session), 0, target_ms(&job->quality));
+  tcs_ladder_pick(&session->ladder, tcs_session_samples(session), 0, target_ms(session, job));
   return session->ladder.rung <= rung;
 }
 

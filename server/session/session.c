@@ -36,7 +36,8 @@ static bool has_not_seen(const tcs_session *session, const tcs_watcher *watcher)
 /* A scene that a viewer has not seen at all is shown soon, even at rest: where its final picture takes long, by one of
  * those that are dragged. */
 static bool wants_preview(tcs_session *session, const tcs_watcher *watcher) {
-  const double soon_ms = watcher->shown_revision ? TCS_LADDER_TARGET_MS : TCS_LONG_MS;
+  const double soon_ms =
+      watcher->shown_revision ? tcs_scheduler_moving_ms(session->server->scheduler) : TCS_LONG_MS;
   return has_not_seen(session, watcher) && full_ms(session) > soon_ms;
 }
 

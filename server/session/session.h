@@ -48,6 +48,7 @@ struct tcs_session {
   uint64_t revision; /* counts up from 1 with every change */
   GPtrArray *watchers;
   tcs_ladder ladder;
+  double build_ms; /* smoothed: what a frame of late took for tables and skipping structures, before it was drawn */
   double full_samples;       /* of its picture in full size ... */
   uint64_t samples_revision; /* ... at this revision */
   tc_quality_cost cost; /* of its frames */
