@@ -113,10 +113,11 @@ static GString *ask(const char *method, const char *path, const char *type, cons
   g_string_printf(
       text, "%s %s HTTP/1.1\r\nHost: %s\r\nConnection: close\r\nContent-Type: %s\r\nContent-Length: %zu\r\n\r\n%s",
       method, path, listen_at, type, strlen(body), body);
-  if (write(fd, text->str, text->len) != (ssize_t)text->len) __builtin_trap();
+  /* libFuzzer's alarm interrupts calls that have a time limit. */
+  if (TEMP_FAILURE_RETRY(write(fd, text->str, text->len)) != (ssize_t)text->len) __builtin_trap();
   g_string_truncate(text, 0);
   char piece[4096];
-  for (ssize_t got; (got = read(fd, piece, sizeof piece)) > 0;)
+  for (ssize_t got; (got = TEMP_FAILURE_RETRY(read(fd, piece, sizeof piece))) > 0;)
     g_string_append_len(text, piece, got);
   close(fd);
   if (!g_str_has_prefix(text->str, "HTTP/1.1 ")) __builtin_trap();
