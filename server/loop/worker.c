@@ -160,6 +160,7 @@ int tcs_worker_waiting(tcs_worker *worker) {
 
 /* On Linux a thread has its own nice value, and 0 names the caller. Nothing is lost where it is refused. */
 void tcs_thread_set_low(void) { (void)setpriority(PRIO_PROCESS, 0, 19); }
+void tcs_thread_set_behind(void) { (void)setpriority(PRIO_PROCESS, 0, 10); }
 
 void tcs_worker_free(tcs_worker *worker) {
   if (!worker) return;

@@ -48,6 +48,8 @@ bool tcs_worker_drop(tcs_worker *worker, tcs_task *task);
 int tcs_worker_waiting(tcs_worker *worker); /* tasks that have not begun */
 /* The calling thread gives way to all others: for work that nobody waits for. Call from a task. */
 void tcs_thread_set_low(void);
+/* It gives way to most, with a tenth of a processor that others want: for loads, which somebody waits for. */
+void tcs_thread_set_behind(void);
 /* Runs what is queued, then ends and joins the threads. Their completions are posted, not drained. NULL is fine. */
 void tcs_worker_free(tcs_worker *worker);
 
