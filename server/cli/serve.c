@@ -69,10 +69,12 @@ static void tick(serve_daemon *d, int64_t now_us) {
   tcs_catalogue_tick(server->catalogue, now_us);
 }
 
-/* Milliseconds to wait: until MHD, a session that comes to rest, or the next tick. */
+/* Milliseconds to wait: until MHD, a session that comes to rest, a viewer who is read again, or the next tick. */
 static int timeout_ms(const serve_daemon *d, int http_ms, int64_t now_us) {
-  const bool watched = tcs_streams_count(tcs_http_streams(d->server.http)) > 0;
-  int64_t wait_us = watched ? REPORT_US : TICK_US;
+  tcs_streams *streams = tcs_http_streams(d->server.http);
+  const int64_t read_us = tcs_streams_resume(streams, now_us);
+  int64_t wait_us = tcs_streams_count(streams) > 0 ? REPORT_US : TICK_US;
+  if (read_us >= 0 && read_us < wait_us) wait_us = read_us;
   const int64_t rest_us = tcs_sessions_next_us(d->server.sessions, now_us);
   if (rest_us >= 0 && rest_us < wait_us) wait_us = rest_us;
   const int ms = (int)((wait_us + 999) / 1000);

@@ -23,6 +23,10 @@
 #define LONG_LISTS 500      /* a scene with more in its lists is written by a worker */
 #define PIECE ((size_t)128) /* bytes of a few short messages */
 #define CLOSE_US 2000000    /* how long a closing handshake may take */
+/* A read of over BUSY_US is followed by a rest, so that one viewer's messages take no more than 1 / READ_SHARE of the I/O
+ * thread. Sixty patches a second never come near. */
+#define BUSY_US (TCS_TURN_US / 4)
+#define READ_SHARE 10
 
 typedef struct tcs_stream {
   tcs_source source; /* first: the loop hands it back */
@@ -35,6 +39,7 @@ typedef struct tcs_stream {
   uint32_t events;
   int64_t read_us; /* since when this turn reads */
   int64_t heard_us, pinged_us, sent_us, closing_us;
+  int64_t resume_us; /* nothing is read before then; 0 = read at once */
   struct hello *hello; /* on its way from the worker; nothing is read before it is there */
   bool dead, inside; /* inside: called by the framing, which must return before anything is torn down */
 } tcs_stream;
@@ -274,7 +279,7 @@ static void settle(tcs_stream *stream) {
     return;
   }
   uint32_t events = 0;
-  if (!stream->hello && tcs_channel_wants_read(stream->channel)) events |= EPOLLIN;
+  if (!stream->hello && !stream->resume_us && tcs_channel_wants_read(stream->channel)) events |= EPOLLIN;
   if (tcs_channel_wants_write(stream->channel)) events |= EPOLLOUT;
   if (events != stream->events) tcs_loop_change(stream->streams->server->loop, &stream->source, events);
   stream->events = events;
@@ -287,6 +292,8 @@ static void read_some(tcs_stream *stream) {
   stream->inside = true;
   const bool alive = tcs_channel_read(stream->channel);
   stream->inside = false;
+  const int64_t now_us = g_get_monotonic_time(), took_us = now_us - stream->read_us;
+  if (took_us > BUSY_US) stream->resume_us = now_us + (READ_SHARE - 1) * took_us;
   if (alive)
     settle(stream);
   else
@@ -364,6 +371,21 @@ void tcs_streams_tell(tcs_streams *streams, const char *json) {
     tcs_stream *stream = g_ptr_array_index(streams->live, i);
     if (!stream->caller.session[0]) on_watcher_text(&stream->watcher, json); /* it names volumes */
   }
+}
+
+int64_t tcs_streams_resume(tcs_streams *streams, int64_t now_us) {
+  int64_t next_us = -1;
+  for (guint i = streams->live->len; i-- > 0;) {
+    tcs_stream *stream = g_ptr_array_index(streams->live, i);
+    if (!stream->resume_us) continue;
+    if (now_us >= stream->resume_us) {
+      stream->resume_us = 0;
+      settle(stream);
+    } else if (next_us < 0 || stream->resume_us - now_us < next_us) {
+      next_us = stream->resume_us - now_us;
+    }
+  }
+  return next_us;
 }
 
 void tcs_streams_tick(tcs_streams *streams, int64_t now_us) {

@@ -52,6 +52,23 @@ test('a flood of patches on a scene of many knots changes it a few times, and st
   await ws.close();
 });
 
+test('one viewer that never stops sending gets a share of the loop, not all of it', async () => {
+  const { id } = await d.session();
+  const ws = await Ws.open(d, id);
+  await ws.nextFrame();
+  const hundred = Buffer.concat(Array.from({ length: 100 }, (_, i) => frameBytes(JSON.stringify({ type: 'patch', seq: i + 1, scene: { camera: { fovY: 20 + i / 10 } } }))));
+  const began = performance.now();
+  const before = await d.metric('loop_lag_seconds_sum');
+  while (performance.now() - began < 3000) {
+    if (ws.socket.writableLength < 1 << 18) ws.write(hundred);
+    await sleep(1);
+  }
+  const busy = ((await d.metric('loop_lag_seconds_sum')) - before) / ((performance.now() - began) / 1000);
+  console.log(`the loop was busy ${(100 * busy).toFixed(0)} % of the time`);
+  assert.ok(busy < 0.5, `${busy} of the time`);
+  ws.cut();
+});
+
 /** Random patches, some of them wrong: by themselves, in what they make of the scene, or over a limit. */
 function randomPatch(random) {
   const pick = (...list) => list[Math.floor(random() * list.length)];
