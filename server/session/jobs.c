@@ -16,6 +16,15 @@
 /* A picture that is dragged and would take so much longer still is misjudged. */
 #define LATE_MS (2 * TCS_LADDER_TARGET_MS)
 
+/* There are two encoders: a picture may come after a newer one, or after the final one of the same scene. It must not take
+ * that one's place, for who joins then would never be shown a final picture. */
+static bool overtaken(const tcs_session *session, const tcs_job *job) {
+  const tcs_picture *latest = session->latest;
+  if (!latest) return false;
+  if (latest->revision != job->revision) return latest->revision > job->revision;
+  return latest->final && !job->final;
+}
+
 static void finished(tcs_job *job) {
   tcs_session *session = job->user;
   if (!session) return;
@@ -35,6 +44,10 @@ static void finished(tcs_job *job) {
     tcs_ladder_measure(&session->ladder, job->samples, job->stats.render_ms);
     session->build_ms += BUILD_WEIGHT * (job->stats.tables_ms + job->stats.skip_ms - session->build_ms);
     tc_quality_cost_add(&session->cost, &job->scene, (double)job->out_width * job->out_height, job->stats.render_ms);
+  }
+  if (overtaken(session, job)) {
+    tcs_session_wake(session);
+    return;
   }
   tcs_picture_unref(session->latest);
   session->latest = tcs_picture_new(job);
