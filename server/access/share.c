@@ -18,7 +18,7 @@ void tcs_share_sign(const uint8_t key[TCS_SHARE_KEY_SIZE], const char *session, 
   g_strlcat(token, text, TCS_SHARE_SIZE);
 }
 
-/* Whether it is ours comes first; what it says is believed afterwards. */
+/* The signature is checked before anything the token says is read. */
 static bool signed_by(const uint8_t key[TCS_SHARE_KEY_SIZE], const char *token, const char *dot) {
   uint8_t given[TCS_HASH_SIZE], right[TCS_HASH_SIZE];
   char *before = g_strndup(token, (size_t)(dot - token));

@@ -5,19 +5,19 @@
 
 #include "server/access/secret.h"
 
-typedef struct stub {
+typedef struct entry {
   uint8_t hash[TCS_HASH_SIZE]; /* of the ticket */
   tcs_caller caller;
   int64_t until_us;
-} stub;
+} entry;
 
 struct tcs_tickets {
-  GArray *out; /* stub, oldest first */
+  GArray *out; /* entry, oldest first */
 };
 
 tcs_tickets *tcs_tickets_new(void) {
   tcs_tickets *tickets = g_new0(tcs_tickets, 1);
-  tickets->out = g_array_new(FALSE, FALSE, sizeof(stub));
+  tickets->out = g_array_new(FALSE, FALSE, sizeof(entry));
   return tickets;
 }
 
@@ -29,7 +29,7 @@ void tcs_tickets_free(tcs_tickets *tickets) {
 
 static void sweep(tcs_tickets *tickets, int64_t now_us) {
   guint old = 0; /* all live equally long: the oldest end first */
-  while (old < tickets->out->len && g_array_index(tickets->out, stub, old).until_us <= now_us)
+  while (old < tickets->out->len && g_array_index(tickets->out, entry, old).until_us <= now_us)
     old++;
   if (old) g_array_remove_range(tickets->out, 0, old);
 }
@@ -39,10 +39,10 @@ bool tcs_tickets_issue(tcs_tickets *tickets, const tcs_caller *caller, int64_t n
   unsigned own = 0;
   sweep(tickets, now_us);
   for (guint i = 0; i < tickets->out->len; i++)
-    own += strcmp(g_array_index(tickets->out, stub, i).caller.name, caller->name) == 0;
+    own += strcmp(g_array_index(tickets->out, entry, i).caller.name, caller->name) == 0;
   if (own >= TCS_TICKETS_EACH || tickets->out->len >= TCS_TICKETS_ALL || !tcs_random(random, sizeof random))
     return false;
-  stub fresh = {.caller = *caller, .until_us = now_us + TCS_TICKET_S * INT64_C(1000000)};
+  entry fresh = {.caller = *caller, .until_us = now_us + TCS_TICKET_S * INT64_C(1000000)};
   tcs_hex(random, sizeof random, ticket);
   tcs_hash(ticket, fresh.hash);
   g_array_append_val(tickets->out, fresh);
@@ -55,9 +55,9 @@ bool tcs_tickets_take(tcs_tickets *tickets, const char *ticket, int64_t now_us, 
   sweep(tickets, now_us);
   guint found = tickets->out->len;
   for (guint i = 0; i < tickets->out->len; i++)
-    if (tcs_hash_equal(g_array_index(tickets->out, stub, i).hash, hash)) found = i;
+    if (tcs_hash_equal(g_array_index(tickets->out, entry, i).hash, hash)) found = i;
   if (found == tickets->out->len) return false;
-  *caller = g_array_index(tickets->out, stub, found).caller;
+  *caller = g_array_index(tickets->out, entry, found).caller;
   g_array_remove_index(tickets->out, found);
   return true;
 }

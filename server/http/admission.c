@@ -40,7 +40,7 @@ static bool is_of_session(const tcs_route *route) { return g_str_has_prefix(rout
 
 static bool refuse_stranger(tcs_request *request, bool presented) {
   refused(request, "token");
-  tcs_reply_problem(request, 401, "token", "Who is asking?",
+  tcs_reply_problem(request, 401, "token", "Unauthorized",
                     presented ? "the token, ticket or link is not known here, or has expired"
                               : "send a token: Authorization: Bearer TOKEN");
   tcs_reply_header(request, "WWW-Authenticate",
