@@ -165,7 +165,13 @@ export class Client {
   }
 
   #start() {
-    this.#wire = new Wire(() => this.#locate(), {
+    let known = true; // it was there a moment ago
+    const address = () => {
+      const found = known ? this.#address() : this.#locate();
+      known = false;
+      return found;
+    };
+    this.#wire = new Wire(address, {
       onOpen: () => this.#opened(),
       onText: (message) => this.#text(message),
       onBytes: (bytes) => this.#bytes(bytes),
@@ -174,7 +180,7 @@ export class Client {
     this.#wire.open();
   }
 
-  // Before every attempt: is the session still there? A daemon that was restarted may not know it; then the scene this
+  // Before every attempt but the first: is the session still there? A daemon that was restarted may not know it; then the scene this
   // client holds becomes a new one, and the user goes on where they were.
   async #locate() {
     try {
@@ -186,6 +192,10 @@ export class Client {
       });
       this.#adopt(made, this.#volume);
     }
+    return this.#address();
+  }
+
+  async #address() {
     this.#viewOnly = linked(this.#api.token).role === 'view';
     return { url: await this.#api.streamUrl(this.#session) };
   }

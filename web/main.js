@@ -414,16 +414,20 @@ function takeLink() {
   history.replaceState(null, '', location.pathname);
 }
 
+async function askAbout() {
+  const [about, presets] = await Promise.all([api.json('GET', 'v1/about'), api.json('GET', 'v1/presets')]);
+  status.server([about.name, about.version, about.backend, about.device].filter(Boolean).join(' \u00b7 '));
+  look.setPresets(presets);
+  labels.setPalette(presets.labelColors);
+  panels.withhold(about.unavailable);
+  if (about.unavailable?.['errorMeter.pixels']) withholdMeter();
+}
+
 async function start() {
   takeLink();
   try {
-    const [about, presets] = await Promise.all([api.json('GET', 'v1/about'), api.json('GET', 'v1/presets')]);
-    status.server([about.name, about.version, about.backend, about.device].filter(Boolean).join(' \u00b7 '));
-    look.setPresets(presets);
-    labels.setPalette(presets.labelColors);
-    panels.withhold(about.unavailable);
-    if (about.unavailable?.['errorMeter.pixels']) withholdMeter();
-    if (!(await opening.fromAddress(location))) volumeDialog.open();
+    const [found] = await Promise.all([opening.fromAddress(location), askAbout()]); // no picture waits for menus
+    if (!found) volumeDialog.open();
   } catch (error) {
     failed(error);
   }

@@ -52,12 +52,13 @@ export class Opening {
     const abort = (this.#abort = new AbortController());
     try {
       this.#progress(`Loading ${id}`);
+      const early = this.#volumes.histogram(id).catch(() => null); // of a volume that is there, beside its description
       const found = await this.#volumes.bring(
         id,
         (fraction) => this.#progress(`Loading ${id}`, fraction),
         abort.signal,
       );
-      const histogram = await this.#volumes.histogram(id).catch(() => null);
+      const histogram = (await early) ?? (await this.#volumes.histogram(id).catch(() => null));
       if (abort.signal.aborted) return;
       const image = { ...(scene?.image ?? {}), ...this.#on.size() };
       await this.#client.create(id, { ...(scene ?? {}), image });

@@ -6,6 +6,7 @@
 #include "server/http/work.h"
 #include "server/loop/worker.h"
 #include "server/session/store.h"
+#include "server/ws/handshake.h"
 
 static void reply_status(tcs_request *request, int status, const char *text) {
   cJSON *json = cJSON_CreateObject();
@@ -104,6 +105,31 @@ static const char *type_of(const char *name) {
   return "application/octet-stream";
 }
 
+/* "main.js" of "main.2fb19c8a2c64.js": who knows only the plain name gets the file that has it now. */
+static bool is_plain_name(const char *asked, const char *name) {
+  const char *dot = strchr(name, '.'), *end = strrchr(name, '.');
+  const size_t stem = (size_t)(dot - name);
+  return dot != end && strncmp(asked, name, stem) == 0 && strcmp(asked + stem, end) == 0;
+}
+
+static const struct tc_embedded_file *find_file(const char *asked, bool *kept_for_good) {
+  for (const struct tc_embedded_file *file = tc_web_files; file->name; file++) {
+    if (g_str_has_suffix(file->name, ".gz")) continue;
+    const bool named = strcmp(file->name, asked) == 0;
+    *kept_for_good = named && strchr(file->name, '.') != strrchr(file->name, '.');
+    if (named || is_plain_name(asked, file->name)) return file;
+  }
+  return NULL;
+}
+
+/* The same packed: deploy/bundle.cmake puts it beside. */
+static const struct tc_embedded_file *packed(const struct tc_embedded_file *file) {
+  const size_t length = strlen(file->name);
+  for (const struct tc_embedded_file *other = tc_web_files; other->name; other++)
+    if (strncmp(other->name, file->name, length) == 0 && strcmp(other->name + length, ".gz") == 0) return other;
+  return file;
+}
+
 static char *etag_of(const struct tc_embedded_file *file) {
   char *sum = g_compute_checksum_for_data(G_CHECKSUM_SHA256, file->bytes, file->size);
   char *etag = g_strdup_printf("\"%.16s\"", sum);
@@ -111,7 +137,9 @@ static char *etag_of(const struct tc_embedded_file *file) {
   return etag;
 }
 
-static void reply_file(tcs_request *request, const struct tc_embedded_file *file) {
+static void reply_file(tcs_request *request, const struct tc_embedded_file *plain, bool kept_for_good) {
+  const bool may_pack = tcs_token_in(tcs_header(request, "Accept-Encoding"), "gzip", true); /* with a weight: not packed */
+  const struct tc_embedded_file *file = may_pack ? packed(plain) : plain;
   char *etag = etag_of(file);
   if (tcs_etag_listed(tcs_header(request, "If-None-Match"), etag)) {
     tcs_reply_empty(request, 304);
@@ -119,19 +147,22 @@ static void reply_file(tcs_request *request, const struct tc_embedded_file *file
     tcs_reply_response(
         request, 200,
         MHD_create_response_from_buffer(file->size, (void *)(uintptr_t)file->bytes, MHD_RESPMEM_PERSISTENT));
-    tcs_reply_header(request, "Content-Type", type_of(file->name));
+    tcs_reply_header(request, "Content-Type", type_of(plain->name));
+    if (file != plain) tcs_reply_header(request, "Content-Encoding", "gzip");
   }
   tcs_reply_header(request, "ETag", etag);
-  tcs_reply_header(request, "Cache-Control", "no-cache"); /* keep, but ask: the answer is a 304 */
+  tcs_reply_header(request, "Vary", "Accept-Encoding");
+  /* no-cache: keep, but ask; the answer is a 304 */
+  tcs_reply_header(request, "Cache-Control", kept_for_good ? "public, max-age=31536000, immutable" : "no-cache");
   g_free(etag);
 }
 
 void tcs_get_static(tcs_request *request) {
-  const char *name = request->params[0][0] ? request->params[0] : "index.html";
-  for (const struct tc_embedded_file *file = tc_web_files; file->name; file++) {
-    if (strcmp(file->name, name) != 0) continue;
-    reply_file(request, file);
-    return;
-  }
-  tcs_reply_problem(request, 404, "not-found", "Not found", "there is nothing at this path");
+  bool kept_for_good;
+  const struct tc_embedded_file *file =
+      find_file(request->params[0][0] ? request->params[0] : "index.html", &kept_for_good);
+  if (file)
+    reply_file(request, file, kept_for_good);
+  else
+    tcs_reply_problem(request, 404, "not-found", "Not found", "there is nothing at this path");
 }

@@ -90,10 +90,29 @@ test('the browser client comes with type, policy and ETag', async () => {
   const etag = page.headers.get('etag');
   const again = await d.get('/', { headers: { 'if-none-match': etag } });
   assert.deepEqual([again.status, again.bytes.length, again.headers.get('etag')], [304, 0, etag]);
-  const script = /src="([a-z_]+\.js)"/.exec(page.bytes.toString());
-  assert.ok(script, 'the page has a script');
-  const reply = await d.get(`/${script[1]}`);
+  assert.equal(page.headers.get('cache-control'), 'no-cache');
+  const script = /src="(main\.[0-9a-f]+\.js)"/.exec(page.bytes.toString())[1];
+  const reply = await d.get(`/${script}`);
   assert.match(reply.headers.get('content-type'), /^text\/javascript/);
+  assert.match(reply.headers.get('cache-control'), /immutable/);
+  const plain = await d.get('/main.js');
+  assert.equal(plain.headers.get('cache-control'), 'no-cache', 'a plain name may be another file tomorrow');
+  assert.deepEqual(plain.bytes, reply.bytes);
+  problem(await d.get(`/${script.replace(/\.[0-9a-f]+\./, '.0123456789ab.')}`), 404);
+});
+
+test('static files are packed for who takes that, and for nobody else', async () => {
+  const size = async (coding) => {
+    const reply = await d.get('/main.js', { headers: { 'accept-encoding': coding } });
+    assert.equal(reply.headers.get('vary'), 'Accept-Encoding');
+    return { length: Number(reply.headers.get('content-length')), coding: reply.headers.get('content-encoding'),
+             etag: reply.headers.get('etag'), text: reply.bytes.toString() };
+  };
+  const [packed, plain, refused] = [await size('gzip, deflate, br'), await size('identity'), await size('gzip;q=0')];
+  assert.deepEqual([packed.coding, plain.coding, refused.coding], ['gzip', null, null]);
+  assert.ok(packed.length < plain.length / 3, `${packed.length} of ${plain.length} bytes`);
+  assert.equal(packed.text, plain.text);
+  assert.notEqual(packed.etag, plain.etag);
 });
 
 test('no file of the machine is served', async () => {
