@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "server/bench/bench.h"
 #include "server/cli/cli.h"
 #include "server/encode/encode.h"
 
@@ -16,8 +17,8 @@ static const command commands[] = {
     {"serve", tcs_cli_serve, "[OPTION...]", "the daemon; http://127.0.0.1:8080 unless told otherwise"},
     {"render", tcs_cli_render, "VOLUME [OPTION...]", "one picture, no server"},
     {"info", tcs_cli_info, "VOLUME [--json]", "what a volume file holds"},
-    {"bench", tcs_cli_bench, "[VOLUME...]", "frame times and errors of every kernel variant"},
-    {"report", tcs_cli_report, "--output DIR", "error against run time, over scenes and settings"},
+    {"bench", tcs_bench, "[VOLUME...]", "frame times and errors of every kernel variant"},
+    {"report", tcs_report, "--output DIR", "error against run time, over scenes and settings"},
 };
 
 static void print_help(void) {

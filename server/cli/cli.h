@@ -15,8 +15,6 @@ enum { TCS_EXIT_DONE = 0, TCS_EXIT_FAILED = 1, TCS_EXIT_USAGE = 2 };
 int tcs_cli_serve(int argc, char **argv);  /* the daemon, until SIGTERM */
 int tcs_cli_render(int argc, char **argv); /* one picture */
 int tcs_cli_info(int argc, char **argv);   /* what a file holds */
-int tcs_cli_bench(int argc, char **argv);  /* how fast, and how far from the reference */
-int tcs_cli_report(int argc, char **argv); /* error against run time, over scenes and settings */
 
 /* What the sub-commands share (options.c) ---------------------------------------------------------- */
 

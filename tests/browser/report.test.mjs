@@ -1,7 +1,7 @@
 // The page of `tomocast report`, as a phone and as paper show it.
 import assert from 'node:assert/strict';
 import { execFile } from 'node:child_process';
-import { mkdtemp, rm } from 'node:fs/promises';
+import { mkdtemp, readFile, rm } from 'node:fs/promises';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
@@ -33,6 +33,47 @@ const overflowing = () =>
     over: box.scrollWidth - box.clientWidth,
     shade: getComputedStyle(box).backgroundImage,
   }));
+
+test('the first screen draws every scene and says what follows; nothing is fetched', { skip }, async () => {
+  const page = await browser.page({ viewport: { width: 1366, height: 768 } });
+  const problems = [];
+  page.on('pageerror', (error) => problems.push(error.message));
+  page.on('request', (request) => request.url() === address || problems.push(request.url()));
+  await page.goto(address);
+  const cards = await page.$$eval('#overview figure', (figures) =>
+    figures.map((figure) => ({
+      bottom: figure.getBoundingClientRect().bottom,
+      marks: figure.querySelectorAll('path > title').length,
+      front: figure.querySelectorAll('.front').length,
+      words: figure.querySelector('figcaption').textContent,
+    })),
+  );
+  const { scenes, results } = JSON.parse(await readFile(join(folder, 'report.json'), 'utf8'));
+  assert.equal(cards.length, scenes.length);
+  for (const [i, { bottom, marks, front, words }] of cards.entries()) {
+    assert.ok(bottom <= 768, `${bottom}`);
+    assert.equal(
+      marks,
+      results.filter((row) => row.filter === 'linear' && row[row.raysPerPixel > 1 ? 'areaRms' : 'rms'] > 0).length,
+    );
+    assert.equal(front, 1);
+    assert.match(words, /^(Fastest|No setting stays) under 1\/255/);
+    assert.equal(words, scenes[i].conclusion);
+  }
+  // Every figure of the front, in the scene's own chart.
+  const tips = await page.$$eval('#scene-1 figure:first-child path > title', (titles) =>
+    titles.map((title) => title.textContent),
+  );
+  for (const key of scenes[0].summary.front) {
+    const { timeMs } = results.find((row) => row.key === key);
+    assert.ok(
+      tips.some((tip) => tip.includes(` ${Number(timeMs.toPrecision(3))} ms,`)),
+      key,
+    );
+  }
+  assert.deepEqual(problems, []);
+  await page.context().close();
+});
 
 for (const colorScheme of ['light', 'dark']) {
   test(`no wider than a phone; a table that is, is shaded where it goes on (${colorScheme})`, { skip }, async () => {

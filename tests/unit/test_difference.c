@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "server/cli/difference.h"
+#include "server/bench/difference.h"
 
 static void close_to(const char *what, double got, double wanted, double tolerance) {
   if (!(fabs(got - wanted) <= tolerance)) fail_msg("%s: %.9g, wanted %.9g within %g", what, got, wanted, tolerance);

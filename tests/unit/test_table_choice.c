@@ -12,7 +12,7 @@
 #include <cmocka.h>
 
 #include "renderer/classify/classify.h"
-#include "server/cli/report.h"
+#include "server/bench/report.h"
 
 /* ---- a ray of segments looked up, and the same integrated ---- */
 

@@ -2,7 +2,7 @@
  * itself. */
 #include <string.h>
 
-#include "server/cli/report.h"
+#include "server/bench/report.h"
 
 static const double full_steps[] = {4, 2, 1, 0.5, 0.25, 0.125}, quick_steps[] = {2, 1, 0.5, 0.25};
 static const double away_steps[] = {2, 1, 0.5}; /* where one other member is varied */

@@ -1,4 +1,4 @@
-#include "server/cli/bench_papers.h"
+#include "server/bench/papers.h"
 
 #include <math.h>
 #include <stdio.h>

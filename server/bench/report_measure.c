@@ -10,8 +10,8 @@
 #include <string.h>
 
 #include "renderer/reference/reference.h"
-#include "server/cli/difference.h"
-#include "server/cli/report.h"
+#include "server/bench/difference.h"
+#include "server/bench/report.h"
 
 enum { AREA_SIDE = 4, MOST_RUNS = 5, LEAST_SIDE = 24 };
 static const int sides[] = {LEAST_SIDE, 32, 48, 64, 96, 128, 192, 256};

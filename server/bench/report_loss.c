@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "server/cli/report.h"
+#include "server/bench/report.h"
 
 #define SHORT 0.15   /* of the expected order, before words are due */
 #define STALLED 0.75 /* the finest octave leaves more of the error than this: a floor */

@@ -54,8 +54,8 @@ void tcs_report_leave_out(cJSON *left_out, const char *what, const char *why);
 typedef struct tcs_report_row {
   char key[160], scene[48], backend[8], classification[24], order[20], filter[12], kernel[64];
   double step, rays, coherence, jitter, termination;
-  double table_size, table_bits;                                         /* asked for; 0 = chosen, single precision */
-  double table_nodes;                                                    /* used, a side or of a table of one argument */
+  double table_size, table_bits; /* asked for; 0 = chosen, single precision */
+  double table_nodes;            /* used, a side or of a table of one argument */
   double pixels, rms, rms_lo, rms_hi, p999, max, ciede, ciede_max, ssim; /* against rays through pixel centres */
   double area_pixels, area_rms, area_rms_lo, area_rms_hi, area_p999,
       area_max;                /* against the mean over the pixel's area */
@@ -148,10 +148,13 @@ cJSON *tcs_report_roughness(const tcs_report_scene *scene);
 char *tcs_report_loss(const GArray *rows, const cJSON *scene);
 
 cJSON *tcs_report_summary(const GArray *rows, const char *scene);
+/* One sentence: the fastest setting whose rms stays under 1/255, beside the fastest of the first-order methods (or,
+ * where that is one, of the others). g_free it. */
+char *tcs_report_conclusion(const GArray *rows, const char *scene);
 
-/* ---- the page (report_html.c, over report_svg.c) ---- */
+/* ---- the page (report_page.c over report.html and its scripts) ---- */
 
-/* about: report.json's head; scenes: report.json's list, in order. */
-char *tcs_report_html(const cJSON *about, const cJSON *scenes, const cJSON *left_out, const GArray *rows);
+/* json: the text of report.json. g_free it. */
+char *tcs_report_page(const char *json);
 
 #endif

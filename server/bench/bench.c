@@ -13,7 +13,8 @@
 #include "renderer/quality/meter.h"
 #include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
-#include "server/cli/bench_papers.h"
+#include "server/bench/bench.h"
+#include "server/bench/papers.h"
 #include "server/cli/cli.h"
 #include "server/encode/encode.h"
 
@@ -33,10 +34,12 @@ typedef struct variant {
   bool skipping;
 } variant;
 
-static const variant variants[] = {
-    {"scalar", TC_BACKEND_CPU, "scalar", true},        {"avx2", TC_BACKEND_CPU, "avx2", true},
-    {"avx512", TC_BACKEND_CPU, "avx512", true},        {"avx512, no leaping", TC_BACKEND_CPU, "avx512", false},
-    {"scalar, no leaping", TC_BACKEND_CPU, "scalar", false}, {"gl", TC_BACKEND_GL, NULL, true}};
+static const variant variants[] = {{"scalar", TC_BACKEND_CPU, "scalar", true},
+                                   {"avx2", TC_BACKEND_CPU, "avx2", true},
+                                   {"avx512", TC_BACKEND_CPU, "avx512", true},
+                                   {"avx512, no leaping", TC_BACKEND_CPU, "avx512", false},
+                                   {"scalar, no leaping", TC_BACKEND_CPU, "scalar", false},
+                                   {"gl", TC_BACKEND_GL, NULL, true}};
 enum { N_VARIANTS = G_N_ELEMENTS(variants) };
 
 typedef struct row {
@@ -305,7 +308,7 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
   return true;
 }
 
-int tcs_cli_bench(int argc, char **argv) {
+int tcs_bench(int argc, char **argv) {
   bench *b = g_new0(bench, 1);
   b->args = (arguments){.size = 512, .runs = 9, .pixels = 1000, .azimuth = 30, .elevation = 20, .zoom = 1.3};
   GError *error = NULL;

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "server/cli/report.h"
+#include "server/bench/report.h"
 
 const double tcs_report_bounds[TCS_REPORT_BOUNDS] = {1.0 / 255, 1e-3, 1e-4};
 const char *const tcs_report_bound_names[TCS_REPORT_BOUNDS] = {"1/255", "1/1000", "1e-4"};
@@ -70,15 +70,60 @@ GArray *tcs_report_front(const GArray *rows, const char *scene) {
   return front;
 }
 
-int tcs_report_cheapest(const GArray *rows, const char *scene, double bound, bool maximum) {
+typedef enum methods { ALL, FIRST_ORDER, HIGHER_ORDER } methods;
+
+static bool among(const tcs_report_row *r, methods which) {
+  return which == ALL || !strcmp(tcs_report_expected(r->classification), "1") == (which == FIRST_ORDER);
+}
+
+static int cheapest_of(const GArray *rows, const char *scene, double bound, bool maximum, methods which) {
   GArray *order = by_time(rows, scene);
   int found = -1;
   for (guint i = 0; found < 0 && i < order->len; i++) {
     guint row = g_array_index(order, guint, i);
-    if ((maximum ? tcs_report_error_max : tcs_report_error)(row_at(rows, row)) < bound) found = (int)row;
+    const tcs_report_row *r = row_at(rows, row);
+    if (among(r, which) && (maximum ? tcs_report_error_max : tcs_report_error)(r) < bound) found = (int)row;
   }
   g_array_free(order, TRUE);
   return found;
+}
+
+int tcs_report_cheapest(const GArray *rows, const char *scene, double bound, bool maximum) {
+  return cheapest_of(rows, scene, bound, maximum, ALL);
+}
+
+static void say_row(GString *out, const tcs_report_row *r) {
+  char *title = tcs_report_row_title(r);
+  g_string_append_printf(out, "%s (%.3g ms)", title, r->time_ms);
+  g_free(title);
+}
+
+char *tcs_report_conclusion(const GArray *rows, const char *scene) {
+  const double bound = tcs_report_bounds[0];
+  GString *out = g_string_new(NULL);
+  GArray *front = tcs_report_front(rows, scene); /* its last row has the least error */
+  int best = tcs_report_cheapest(rows, scene, bound, false);
+  if (best >= 0) {
+    const tcs_report_row *fastest = row_at(rows, (guint)best);
+    const char *others = among(fastest, FIRST_ORDER) ? "higher" : "first";
+    int other = cheapest_of(rows, scene, bound, false, among(fastest, FIRST_ORDER) ? HIGHER_ORDER : FIRST_ORDER);
+    g_string_append(out, "Fastest under 1/255: ");
+    say_row(out, fastest);
+    if (other >= 0) {
+      g_string_append_printf(out, ", %.2g times faster than the best %s-order setting: ",
+                             row_at(rows, (guint)other)->time_ms / fastest->time_ms, others);
+      say_row(out, row_at(rows, (guint)other));
+    } else {
+      g_string_append_printf(out, "; no %s-order setting comes under it", others);
+    }
+  } else if (front->len > 0) {
+    const tcs_report_row *least = row_at(rows, g_array_index(front, guint, front->len - 1));
+    g_string_append_printf(out, "No setting stays under 1/255; the least rms is %.2g: ", tcs_report_error(least));
+    say_row(out, least);
+  }
+  if (out->len > 0) g_string_append_c(out, '.');
+  g_array_free(front, TRUE);
+  return g_string_free(out, FALSE);
 }
 
 static int finer(const void *a, const void *b) {

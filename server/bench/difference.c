@@ -1,4 +1,4 @@
-#include "server/cli/difference.h"
+#include "server/bench/difference.h"
 
 #include <math.h>
 #include <stdlib.h>

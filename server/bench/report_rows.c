@@ -3,7 +3,7 @@
 #include <stddef.h>
 #include <string.h>
 
-#include "server/cli/report.h"
+#include "server/bench/report.h"
 
 typedef enum field_kind { TEXT, NUMBER, FLAG } field_kind;
 typedef struct field {

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "server/cli/report.h"
+#include "server/bench/report.h"
 
 /* A field over [-1, 1]^3 with values 0..1. */
 typedef double (*field_fn)(double x, double y, double z);

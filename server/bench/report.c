@@ -11,7 +11,8 @@
 #include <unistd.h>
 
 #include "protocol/protocol.h"
-#include "server/cli/report.h"
+#include "server/bench/bench.h"
+#include "server/bench/report.h"
 
 enum { BATCH = 8 };
 #define MAX_RESULTS_BYTES (256u << 20)
@@ -303,17 +304,21 @@ static bool write_reports(report *r, bool complete, GError **error) {
     char *loss = tcs_report_loss(r->rows, scene);
     cJSON_AddStringToObject(scene, "loss", loss);
     g_free(loss);
-    cJSON_AddItemToObject(scene, "summary",
-                          tcs_report_summary(r->rows, cJSON_GetObjectItem(scene, "name")->valuestring));
+    const char *name = cJSON_GetObjectItem(scene, "name")->valuestring;
+    char *conclusion = tcs_report_conclusion(r->rows, name);
+    cJSON_AddStringToObject(scene, "conclusion", conclusion);
+    g_free(conclusion);
+    cJSON_AddItemToObject(scene, "summary", tcs_report_summary(r->rows, name));
   }
   cJSON *results = cJSON_AddArrayToObject(json, "results");
   for (guint i = 0; i < r->rows->len; i++)
     cJSON_AddItemToArray(results, tcs_report_row_write(&g_array_index(r->rows, tcs_report_row, i)));
-  char *text = cJSON_Print(json), *html = tcs_report_html(about, r->scenes, r->left_out, r->rows);
+  char *text = cJSON_Print(json), *compact = cJSON_PrintUnformatted(json);
   r->scenes = r->left_out = NULL; /* json's now */
   bool good = write_file(r, "report.json", g_strdup(text), error);
   good = write_file(r, "report.csv", tcs_report_csv(r->rows), good ? error : NULL) && good;
-  good = write_file(r, "report.html", html, good ? error : NULL) && good;
+  good = write_file(r, "report.html", tcs_report_page(compact), good ? error : NULL) && good;
+  cJSON_free(compact);
   cJSON_free(text);
   cJSON_Delete(json);
   return good;
@@ -401,7 +406,7 @@ static bool run(report *r, GError **error) {
   return complete && written;
 }
 
-int tcs_cli_report(int argc, char **argv) {
+int tcs_report(int argc, char **argv) {
   report r = {.known = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free),
               .sides = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL),
               .rows = g_array_new(FALSE, FALSE, sizeof(tcs_report_row)),
