@@ -241,7 +241,7 @@ static const tcs_refusal *read_upgrade(reader *r, slice value) {
 
 static const tcs_refusal *add_to_list(GString **list, slice value) {
   if (!*list) *list = g_string_new(NULL);
-  if ((*list)->len) g_string_append(*list, ", ");
+  if ((*list)->len && value.size) g_string_append(*list, ", "); /* an empty value adds no element */
   g_string_append_len(*list, value.at, (gssize)value.size);
   return NULL;
 }
