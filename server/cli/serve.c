@@ -1,4 +1,5 @@
 /* tomocast serve: wires the daemon's parts, runs its loop, drains, and takes it apart in reverse. */
+#include <limits.h>
 #include <malloc.h>
 #include <stdio.h>
 #include <string.h>
@@ -9,6 +10,7 @@
 #include "server/catalogue/catalogue.h"
 #include "server/catalogue/spool.h"
 #include "server/cli/cli.h"
+#include "server/cli/daemon.h"
 #include "server/cli/signals.h"
 #include "server/config/config.h"
 #include "server/encode/encode.h"
@@ -28,7 +30,7 @@
 #define DRAIN_MOST_S 5     /* what is not finished this long after the drain began is cut */
 #define END_MOST_MS 8000   /* and the process ends, whatever is left, this long after it */
 
-typedef struct serve_daemon {
+struct tcs_daemon {
   tcs_config config;
   tcs_server server;
   tcs_metrics metrics;
@@ -37,14 +39,15 @@ typedef struct serve_daemon {
   tcs_source signals, completions;
   int64_t ticked_us, reported_us, drain_us;
   int signal_count;
-} serve_daemon;
+  bool quiet; /* takes no connections any more */
+};
 
-#define OWNER(pointer, member) ((serve_daemon *)(void *)((char *)(pointer)-offsetof(serve_daemon, member)))
+#define OWNER(pointer, member) ((tcs_daemon *)(void *)((char *)(pointer)-offsetof(tcs_daemon, member)))
 
 /* --- the loop -------------------------------------------------------------------------------------- */
 
 static void on_signal(tcs_source *source, uint32_t events) {
-  serve_daemon *d = OWNER(source, signals);
+  tcs_daemon *d = OWNER(source, signals);
   d->signal_count = tcs_signals_ends(d->heard);
 }
 
@@ -54,7 +57,7 @@ static void on_completion(tcs_source *source, uint32_t events) {
 
 static void tell_streams(void *streams, const char *json) { tcs_streams_tell(streams, json); }
 
-static void tick(serve_daemon *d, int64_t now_us) {
+static void tick(tcs_daemon *d, int64_t now_us) {
   tcs_server *server = &d->server;
   if (now_us - d->reported_us >= REPORT_US) {
     d->reported_us = now_us;
@@ -70,7 +73,7 @@ static void tick(serve_daemon *d, int64_t now_us) {
 }
 
 /* Milliseconds to wait: until MHD, a session that comes to rest, a viewer who is read again, or the next tick. */
-static int timeout_ms(const serve_daemon *d, int http_ms, int64_t now_us) {
+static int timeout_ms(const tcs_daemon *d, int http_ms, int64_t now_us) {
   tcs_streams *streams = tcs_http_streams(d->server.http);
   const int64_t read_us = tcs_streams_resume(streams, now_us);
   int64_t wait_us = tcs_streams_count(streams) > 0 ? REPORT_US : TICK_US;
@@ -81,7 +84,7 @@ static int timeout_ms(const serve_daemon *d, int http_ms, int64_t now_us) {
   return http_ms >= 0 && http_ms < ms ? http_ms : ms;
 }
 
-static void begin_drain(serve_daemon *d, int64_t now_us) {
+static void begin_drain(tcs_daemon *d, int64_t now_us) {
   tcs_log(TCS_LOG_INFO, "drain.begin", "sessions=%d viewers=%d", tcs_sessions_count(d->server.sessions),
           d->server.ws_clients + d->server.mjpeg_clients);
   d->drain_us = now_us;
@@ -92,40 +95,42 @@ static void begin_drain(serve_daemon *d, int64_t now_us) {
 }
 
 /* True when there is nothing left to wait for. */
-static bool drained(const serve_daemon *d, int64_t now_us) {
+static bool drained(const tcs_daemon *d, int64_t now_us) {
   const int64_t listen_us = d->config.drain_seconds * 1000000, passed_us = now_us - d->drain_us;
   if (d->signal_count > 1 || passed_us > listen_us + DRAIN_MOST_S * INT64_C(1000000)) return true;
   return passed_us >= listen_us && tcs_http_open_requests(d->server.http) == 0 &&
          tcs_scheduler_idle(d->server.scheduler);
 }
 
-static void run(serve_daemon *d) {
-  tcs_server *server = &d->server;
-  bool quiet = false;
-  for (;;) {
-    int64_t now_us = g_get_monotonic_time();
-    if (d->signal_count && !server->draining) begin_drain(d, now_us);
-    if (server->draining) {
-      if (!quiet && now_us - d->drain_us >= d->config.drain_seconds * 1000000) {
-        quiet = true;
-        tcs_http_quiesce(server->http);
-      }
-      if (drained(d, now_us)) return;
-    }
-    tick(d, now_us);
-    tcs_completions_drain(server->completions); /* every turn, however many sockets are ready */
-    tcs_sessions_wake(server->sessions, now_us);
-    const int http_ms = tcs_http_run(server->http);
-    int wait_ms = timeout_ms(d, http_ms, g_get_monotonic_time());
-    if (server->draining && wait_ms > 20) wait_ms = 20;
-    tcs_loop_wait(server->loop, wait_ms);
-    tcs_sessions_settle(server->sessions);
+/* What a drain asks of this turn; false: it is over. */
+static bool drain(tcs_daemon *d, int64_t now_us) {
+  if (!d->server.draining) begin_drain(d, now_us);
+  if (!d->quiet && now_us - d->drain_us >= d->config.drain_seconds * 1000000) {
+    d->quiet = true;
+    tcs_http_quiesce(d->server.http);
   }
+  return !drained(d, now_us);
 }
+
+bool tcs_daemon_turn(tcs_daemon *d, int most_ms) {
+  tcs_server *server = &d->server;
+  const int64_t now_us = g_get_monotonic_time();
+  if (d->signal_count && !drain(d, now_us)) return false;
+  tick(d, now_us);
+  tcs_completions_drain(server->completions); /* every turn, however many sockets are ready */
+  tcs_sessions_wake(server->sessions, now_us);
+  const int http_ms = tcs_http_run(server->http);
+  const int wait_ms = timeout_ms(d, http_ms, g_get_monotonic_time());
+  tcs_loop_wait(server->loop, MIN(wait_ms, server->draining ? 20 : most_ms));
+  tcs_sessions_settle(server->sessions);
+  return true;
+}
+
+tcs_server *tcs_daemon_server(tcs_daemon *d) { return &d->server; }
 
 /* --- up and down ------------------------------------------------------------------------------------ */
 
-static bool watch_signals(serve_daemon *d, GError **error) {
+static bool watch_signals(tcs_daemon *d, GError **error) {
   d->heard = tcs_signals_new(d->config.drain_seconds * 1000 + END_MOST_MS, error);
   if (!d->heard) return false;
   d->signals = (tcs_source){on_signal, tcs_signals_fd(d->heard)};
@@ -162,7 +167,7 @@ static bool start_workers(tcs_server *server, GError **error) {
          (server->quality_worker = tcs_worker_new("tc-quality", 1, completions, error));
 }
 
-static bool load_volumes(serve_daemon *d, GError **error) {
+static bool load_volumes(tcs_daemon *d, GError **error) {
   for (guint i = 0; i < d->config.volumes->len; i++) {
     const tcs_named_path *named = g_ptr_array_index(d->config.volumes, i);
     tcs_source_file source = {.path = g_strdup(named->path), .name = named->id, .operators = true};
@@ -171,7 +176,7 @@ static bool load_volumes(serve_daemon *d, GError **error) {
   return true;
 }
 
-static bool start(serve_daemon *d, GError **error) {
+static bool start(tcs_daemon *d, GError **error) {
   tcs_server *server = &d->server;
   server->config = &d->config;
   server->metrics = &d->metrics;
@@ -206,7 +211,7 @@ static void end_uploads(tcs_server *server) {
 }
 
 /* Everything that could still call back is ended first, what it would call is freed afterwards. */
-static void stop(serve_daemon *d) {
+static void stop(tcs_daemon *d) {
   tcs_server *server = &d->server;
   if (server->http) {
     tcs_streams_close_all(tcs_http_streams(server->http), true);
@@ -252,7 +257,7 @@ static void stop(serve_daemon *d) {
   tcs_signals_free(d->heard);
 }
 
-static void announce(const serve_daemon *d) {
+static void announce(const tcs_daemon *d) {
   const tc_renderer_info *info = tcs_scheduler_about(d->server.scheduler);
   const char *address = tcs_http_address(d->server.http);
   tcs_log(TCS_LOG_INFO, "serve.start", "version=%s backend=%s simd=%s threads=%d address=%s", TC_VERSION, info->backend,
@@ -270,7 +275,7 @@ typedef struct serve_options {
   gboolean insecure_no_auth;
 } serve_options;
 
-static bool configure(serve_daemon *d, const serve_options *options, GError **error) {
+static bool configure(tcs_daemon *d, const serve_options *options, GError **error) {
   tcs_config *config = &d->config;
   if (options->config && !tcs_config_read(config, options->config, error)) return false;
   if (options->listen && !tcs_config_listen(config, options->listen, error)) return false;
@@ -292,24 +297,28 @@ static bool configure(serve_daemon *d, const serve_options *options, GError **er
          tcs_log_open_audit(options->audit ? options->audit : config->audit_file, error);
 }
 
-static int serve(serve_daemon *d) {
-  GError *error = NULL;
+/* Only what was read so far is there to be cleared. */
+static void clear(tcs_daemon *d) {
+  tcs_access_free(d->server.access);
+  tcs_config_clear(&d->config);
+  g_free(d);
+}
+
+static int serve(tcs_daemon *d, GError **error) {
   /* The error domain registers itself at its first use; before any thread it needs no lock for that. */
   (void)tc_error_quark();
   raise_descriptor_limit();
   tcs_encode_prepare_process();
   keep_heap_small();
-  const bool ok = start(d, &error);
-  if (ok) {
+  if (start(d, error)) {
     announce(d);
-    run(d);
-    tcs_log(TCS_LOG_INFO, "serve.stop", NULL);
+    return TCS_EXIT_DONE;
   }
   stop(d);
-  return ok ? TCS_EXIT_DONE : tcs_cli_fail("serve", TCS_EXIT_FAILED, error);
+  return TCS_EXIT_FAILED;
 }
 
-int tcs_cli_serve(int argc, char **argv) {
+tcs_daemon *tcs_daemon_open(int argc, char **argv, int *code) {
   serve_options options = {0};
   const GOptionEntry entries[] = {
       {"listen", 0, 0, G_OPTION_ARG_STRING, &options.listen, "where to listen; port 0 takes any", "ADDR:PORT"},
@@ -330,19 +339,17 @@ int tcs_cli_serve(int argc, char **argv) {
        "FILE"},
       {0}};
   const tcs_cli_usage usage = {"serve", NULL, "Serves volumes as pictures over HTTP and WebSocket.", entries};
-  serve_daemon d = {.signals.fd = -1};
+  tcs_daemon *d = g_new0(tcs_daemon, 1);
   char **rest = NULL;
   GError *error = NULL;
-  tcs_config_init(&d.config);
+  d->signals.fd = -1;
+  tcs_config_init(&d->config);
   bool good = tcs_cli_parse(&usage, argc, argv, &rest, &error);
   if (good && rest && *rest) {
     tc_set_error(&error, TC_ERROR_INVALID, NULL, "%s: no such argument; see tomocast serve --help", *rest);
     good = false;
   }
-  const int code =
-      good && configure(&d, &options, &error) ? serve(&d) : tcs_cli_fail("serve", TCS_EXIT_USAGE, error);
-  tcs_access_free(d.server.access);
-  tcs_config_clear(&d.config);
+  *code = good && configure(d, &options, &error) ? serve(d, &error) : TCS_EXIT_USAGE;
   g_free(options.listen);
   g_free(options.data);
   g_free(options.backend);
@@ -353,5 +360,24 @@ int tcs_cli_serve(int argc, char **argv) {
   g_strfreev(options.volumes);
   g_strfreev(options.hosts);
   g_strfreev(rest);
+  if (*code == TCS_EXIT_DONE) return d;
+  tcs_cli_fail("serve", *code, error);
+  clear(d);
+  return NULL;
+}
+
+void tcs_daemon_close(tcs_daemon *d) {
+  tcs_log(TCS_LOG_INFO, "serve.stop", NULL);
+  stop(d);
+  clear(d);
+}
+
+int tcs_cli_serve(int argc, char **argv) {
+  int code;
+  tcs_daemon *d = tcs_daemon_open(argc, argv, &code);
+  if (!d) return code;
+  while (tcs_daemon_turn(d, INT_MAX)) {
+  }
+  tcs_daemon_close(d);
   return code;
 }

@@ -85,8 +85,10 @@ void tcs_completions_drain(tcs_completions *completions) {
   completions->list = (tcs_task_list){0};
   pthread_mutex_unlock(&completions->mutex);
   tcs_task *task;
-  while ((task = tcs_task_list_pop(&list)))
+  while ((task = tcs_task_list_pop(&list))) {
     task->done(task);
+    atomic_fetch_sub(&completions->due, 1);
+  }
 }
 
 static void *worker_main(void *user) {
@@ -134,6 +136,7 @@ bool tcs_worker_offer(tcs_worker *worker, tcs_task *task, int most) {
   const bool room = worker->waiting < most;
   if (room) {
     worker->waiting++;
+    atomic_fetch_add(&worker->completions->due, 1);
     tcs_task_list_push(&worker->queue, task);
     pthread_cond_signal(&worker->wake);
   }
@@ -147,6 +150,7 @@ bool tcs_worker_drop(tcs_worker *worker, tcs_task *task) {
   pthread_mutex_lock(&worker->mutex);
   const bool dropped = tcs_task_list_remove(&worker->queue, task);
   worker->waiting -= dropped;
+  atomic_fetch_sub(&worker->completions->due, dropped);
   pthread_mutex_unlock(&worker->mutex);
   return dropped;
 }

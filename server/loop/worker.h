@@ -6,6 +6,7 @@
 #define TCS_LOOP_WORKER_H
 
 #include <pthread.h>
+#include <stdatomic.h>
 #include <stdbool.h>
 
 #include "renderer/error.h"
@@ -30,6 +31,7 @@ typedef struct tcs_completions {
   pthread_mutex_t mutex;
   tcs_task_list list;
   int event_fd;
+  atomic_int due; /* tasks handed to a worker whose `done` has not been called */
 } tcs_completions;
 
 bool tcs_completions_init(tcs_completions *completions, GError **error);

@@ -1,29 +1,33 @@
-/* A whole HTTP or WebSocket connection against the whole daemon: `tomocast serve` runs in a thread of this process, the
- * input is what a client sends it over loopback, in segments, each after the answer to the one before. Several
- * requests, an upgrade and its frames fit in one input. Sanitizers see the daemon; here it is checked that what comes
- * back is HTTP and that others are still answered. The input is bytes as they are, but
+/* A whole HTTP or WebSocket connection against the whole daemon, which this thread runs turn by turn: the input is what a
+ * client sends it over loopback, in segments, each after the answer to the one before, which is there when the daemon
+ * has nothing left to do. Several requests, an upgrade and its frames fit in one input. Sanitizers see the daemon; here
+ * it is checked that what comes back is HTTP, that others are still answered, and that nothing is left of a client that
+ * has gone. The input is bytes as they are, but
  *   |~|   ends a segment;
  *   @S    is the id of a session that was made for this input and ends with it. */
 #include <arpa/inet.h>
+#include <errno.h>
 #include <glib.h>
-#include <netinet/tcp.h>
-#include <poll.h>
-#include <pthread.h>
-#include <signal.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
-#include "server/cli/cli.h"
+#include "server/catalogue/catalogue.h"
+#include "server/cli/daemon.h"
+#include "server/http/http.h"
+#include "server/loop/worker.h"
+#include "server/memory/budget.h"
+#include "server/session/store.h"
 
 #define SEGMENT "|~|"
 #define ID_SIZE 32
-#define SETTLED_MS 3 /* no byte for this long: the answer is there, or none comes */
-#define PATIENCE_S 4 /* for an answer that must come: an input has 5 s in all */
 #define MOST_SEGMENTS 16
+#define WORK_US 100000    /* for what workers do for one segment */
+#define PATIENCE_US 4000000 /* for what must come: an input has 5 s in all */
 
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
 
@@ -31,143 +35,170 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
 static const char CONFIG[] =
     "[server]\nhosts=127.0.0.1\nlog_level=error\nthreads=1\nbackend=cpu\n"
     "[limits]\nimage_side=64\nimage_area=4096\nrays_per_pixel=2\nknots=64\nupload_bytes=65536\n"
-    "volume_bytes=1000000\nsessions=8\nclients=8\nqueue=4\nrender_seconds=1\n";
+    "volume_bytes=1000000\nsessions=8\nclients=8\nqueue=4\nrender_seconds=1\nimport_seconds=1\n";
 static const char VOLUME[] = "NRRD0004\ntype: uint8\ndimension: 3\nspace: left-posterior-superior\nsizes: 4 4 4\n"
                              "space directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: (0,0,0)\nencoding: raw\n\n"
                              "abcdefghijklmnopqrstuvwxyzabcdefghijklmnopqrstuvwxyzabcdefghijkl";
 
-static char folder[] = "/tmp/tomocast-fuzz-XXXXXX", config_path[64], listen_at[32];
-static int port;
-static pthread_t daemon_thread;
+static char folder[] = "/tmp/tomocast-fuzz-XXXXXX", config_path[64], volume_path[64], spool[64];
+static tcs_daemon *under_test;
+static tcs_server *server;
+static struct sockaddr_in address;
 
 /* --- the daemon -------------------------------------------------------------------------------------- */
 
-static void *run_daemon(void *unused) {
-  char *arguments[] = {"serve", "--listen", listen_at, "--config", config_path, "--data", folder, NULL};
-  tcs_cli_serve(G_N_ELEMENTS(arguments) - 1, arguments);
-  return NULL;
-}
-
 static void end_daemon(void) {
-  kill(getpid(), SIGTERM);
-  pthread_join(daemon_thread, NULL);
+  tcs_daemon_close(under_test);
   unlink(config_path);
+  unlink(volume_path);
+  rmdir(spool);
   rmdir(folder);
 }
 
-static struct sockaddr_in loopback(int at) {
-  return (struct sockaddr_in){
-      .sin_family = AF_INET, .sin_port = htons((uint16_t)at), .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+static void begin(void) {
+  char volume[80], *arguments[] = {"serve", "--listen", "127.0.0.1:0", "--config", config_path, "--data", folder,
+                                   "--volume", volume, NULL};
+  int code;
+  if (under_test) return;
+  if (!mkdtemp(folder)) abort();
+  snprintf(config_path, sizeof config_path, "%s/config", folder);
+  snprintf(volume_path, sizeof volume_path, "%s/v.nrrd", folder);
+  snprintf(spool, sizeof spool, "%s/spool", folder);
+  snprintf(volume, sizeof volume, "v=%s", volume_path);
+  char *config = g_strdup_printf("%s[server]\nspool=%s\n", CONFIG, spool);
+  if (mkdir(spool, 0700) != 0 || !g_file_set_contents(config_path, config, -1, NULL) ||
+      !g_file_set_contents(volume_path, VOLUME, -1, NULL))
+    abort();
+  g_free(config);
+  under_test = tcs_daemon_open(G_N_ELEMENTS(arguments) - 1, arguments, &code);
+  if (!under_test) abort();
+  server = tcs_daemon_server(under_test);
+  address = (struct sockaddr_in){.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK),
+                                 .sin_port = htons((uint16_t)atoi(strchr(tcs_http_address(server->http), ':') + 1))};
+  atexit(end_daemon);
+}
+
+static void insist(bool holds) {
+  if (!holds) __builtin_trap();
+}
+
+static int tasks_due(void) { return atomic_load(&server->completions->due); }
+
+/* Turns until `over`, which must come. */
+static void turn_until(bool (*over)(void)) {
+  for (const int64_t until = g_get_monotonic_time() + PATIENCE_US; !over();) {
+    insist(g_get_monotonic_time() < until);
+    tcs_daemon_turn(under_test, tasks_due() > 0);
+  }
+}
+
+/* What a client has heard; -1: its connection has ended. */
+static ssize_t listen_to(int fd, GByteArray *heard) {
+  uint8_t piece[16384];
+  const ssize_t got = recv(fd, piece, sizeof piece, MSG_DONTWAIT);
+  if (got == 0 || (got < 0 && errno != EAGAIN && errno != EINTR)) return -1;
+  if (got > 0 && heard->len < 16) g_byte_array_append(heard, piece, (guint)got);
+  return MAX(got, 0);
+}
+
+/* Turns until the daemon has nothing left to do. False: the connection has ended. */
+static bool settle(int fd, GByteArray *heard) {
+  const int64_t until = g_get_monotonic_time() + WORK_US;
+  for (int idle = 0; idle < 2 && g_get_monotonic_time() < until;) {
+    tcs_daemon_turn(under_test, tasks_due() > 0);
+    const ssize_t got = listen_to(fd, heard);
+    if (got < 0) return false;
+    idle = got > 0 || tasks_due() > 0 ? 0 : idle + 1;
+  }
+  return true;
 }
 
 static int connect_to_daemon(void) {
-  const struct sockaddr_in address = loopback(port);
-  const struct timeval patience = {.tv_sec = PATIENCE_S};
-  const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0), one = 1;
-  setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
-  setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience);
-  setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &one, sizeof one);
-  if (connect(fd, (const struct sockaddr *)&address, sizeof address) == 0) return fd;
-  close(fd);
-  return -1;
+  const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  const int rc = TEMP_FAILURE_RETRY(connect(fd, (const struct sockaddr *)&address, sizeof address));
+  insist(rc == 0 || errno == EISCONN); /* libFuzzer's alarm interrupts it */
+  return fd;
 }
 
-static int free_port(void) {
-  struct sockaddr_in address = loopback(0);
-  socklen_t size = sizeof address;
-  const int fd = socket(AF_INET, SOCK_STREAM, 0);
-  if (bind(fd, (struct sockaddr *)&address, size) != 0 || getsockname(fd, (struct sockaddr *)&address, &size) != 0)
-    abort();
-  close(fd);
-  return ntohs(address.sin_port);
+/* --- before and after an input ------------------------------------------------------------------------- */
+
+static tcs_entry *volume(void) { return tcs_catalogue_find(server->catalogue, "v"); }
+static bool volume_resident(void) { return volume()->state == TCS_RESIDENT; }
+
+static tcs_session *session; /* of the input, and of the next one where nothing became of it */
+
+/* A session, on a volume that is loaded again where an input has removed it. */
+static void make_session(void) {
+  GError *error = NULL;
+  tcs_source_file source = {.path = g_strdup(volume_path), .name = "v", .operators = true};
+  if (volume())
+    g_free(source.path);
+  else
+    insist(tcs_catalogue_load(server->catalogue, "v", &source, &error));
+  turn_until(volume_resident);
+  if (session) return;
+  cJSON *patch = cJSON_Parse("{\"image\":{\"width\":16,\"height\":16}}");
+  session = tcs_sessions_create(server->sessions, volume(), patch, NULL, "fuzz", &error);
+  insist(session != NULL);
+  cJSON_Delete(patch);
 }
 
-static bool start(void) {
-  sigset_t ends;
-  sigemptyset(&ends);
-  sigaddset(&ends, SIGTERM);
-  pthread_sigmask(SIG_BLOCK, &ends, NULL); /* the daemon's thread for signals takes it */
-  signal(SIGPIPE, SIG_IGN);
-  if (!mkdtemp(folder)) abort();
-  snprintf(config_path, sizeof config_path, "%s/config", folder);
-  if (!g_file_set_contents(config_path, CONFIG, -1, NULL)) abort();
-  port = free_port();
-  snprintf(listen_at, sizeof listen_at, "127.0.0.1:%d", port);
-  if (pthread_create(&daemon_thread, NULL, run_daemon, NULL) != 0) abort();
-  atexit(end_daemon);
-  int fd = -1;
-  for (int i = 0; i < 600 && (fd = connect_to_daemon()) < 0; i++)
-    g_usleep(50000);
-  if (fd < 0) abort();
-  close(fd);
-  return true;
-}
-
-/* --- a well-behaved client beside it, for the state --------------------------------------------------- */
-
-/* The whole reply to one request on a connection of its own; a daemon that does not answer is a finding. */
-static GString *ask(const char *method, const char *path, const char *type, const char *body) {
-  const int fd = connect_to_daemon();
-  if (fd < 0) __builtin_trap();
-  GString *text = g_string_new(NULL);
-  g_string_printf(
-      text, "%s %s HTTP/1.1\r\nHost: %s\r\nConnection: close\r\nContent-Type: %s\r\nContent-Length: %zu\r\n\r\n%s",
-      method, path, listen_at, type, strlen(body), body);
-  /* libFuzzer's alarm interrupts calls that have a time limit. */
-  if (TEMP_FAILURE_RETRY(write(fd, text->str, text->len)) != (ssize_t)text->len) __builtin_trap();
-  g_string_truncate(text, 0);
-  char piece[4096];
-  for (ssize_t got; (got = TEMP_FAILURE_RETRY(read(fd, piece, sizeof piece))) > 0;)
-    g_string_append_len(text, piece, got);
-  close(fd);
-  if (!g_str_has_prefix(text->str, "HTTP/1.1 ")) __builtin_trap();
-  return text;
-}
-
-static void drop(GString *text) { g_string_free(text, TRUE); }
-
-/* A session, on a volume that is made again where an input has removed it or used up the room. */
-static void make_session(char id[ID_SIZE + 1]) {
-  for (int i = 0; i < 300; i++) {
-    GString *reply = ask("POST", "/v1/sessions", "application/json",
-                         "{\"volume\":\"v\",\"scene\":{\"image\":{\"width\":16,\"height\":16}}}");
-    const char *found = strstr(reply->str, "\"id\":\"");
-    const bool made = g_str_has_prefix(reply->str, "HTTP/1.1 201") && found;
-    const bool loading = strstr(reply->str, "loading") != NULL;
-    if (made) memcpy(id, found + 6, ID_SIZE);
-    drop(reply);
-    if (made) return;
-    if (!loading) drop(ask("PUT", "/v1/volumes/v", "application/octet-stream", VOLUME));
-    g_usleep(5000);
+/* A client that was there all the time is answered. */
+static void ask_beside(void) {
+  static const char request[] = "GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n";
+  static int fd = -1;
+  if (fd < 0) fd = connect_to_daemon();
+  insist(send(fd, request, sizeof request - 1, MSG_NOSIGNAL) == sizeof request - 1);
+  GByteArray *heard = g_byte_array_new();
+  for (const int64_t until = g_get_monotonic_time() + PATIENCE_US; heard->len == 0;) {
+    insist(g_get_monotonic_time() < until);
+    tcs_daemon_turn(under_test, 0);
+    insist(listen_to(fd, heard) >= 0);
   }
-  __builtin_trap();
+  insist(memcmp(heard->data, "HTTP/1.1 200", 12) == 0);
+  g_byte_array_unref(heard);
 }
 
-/* Ends everything in a list of GET `path`: objects with an "id". */
-static void end_all(const char *path) {
-  GString *reply = ask("GET", path, "text/plain", "");
-  for (const char *at = reply->str; (at = strstr(at, "\"id\":\""));) {
-    at += 6;
-    char *target = g_strdup_printf("%s/%.*s?force=true", path, (int)strcspn(at, "\""), at);
-    if (strncmp(at, "v\"", 2) != 0 && strncmp(at, "demo:", 5) != 0) drop(ask("DELETE", target, "text/plain", ""));
-    g_free(target);
+static bool untouched(const tcs_session *s) {
+  return s->revision == 1 && s->begun_revision == 0 && !s->latest && !s->still && s->jobs->len == 0;
+}
+
+static void list_session(tcs_session *s, void *list) { g_ptr_array_add(list, s); }
+
+static void end_sessions(void) {
+  GPtrArray *all = g_ptr_array_new();
+  bool kept = false;
+  tcs_sessions_each(server->sessions, list_session, all);
+  for (guint i = 0; i < all->len; i++) {
+    tcs_session *s = all->pdata[i];
+    if (s == session && untouched(s))
+      kept = true;
+    else
+      tcs_session_end(s);
   }
-  drop(reply);
+  if (!kept) session = NULL;
+  g_ptr_array_unref(all);
+}
+
+static void remove_volumes(void) {
+  cJSON *list = tcs_catalogue_list(server->catalogue);
+  const cJSON *item;
+  cJSON_ArrayForEach(item, cJSON_GetObjectItem(list, "volumes")) {
+    const char *id = cJSON_GetStringValue(cJSON_GetObjectItem(item, "id"));
+    tcs_entry *entry = tcs_catalogue_find(server->catalogue, id);
+    if (!entry->operators || entry->state == TCS_FAILED) tcs_catalogue_remove(server->catalogue, entry);
+  }
+  cJSON_Delete(list);
+}
+
+static bool nothing_left(void) {
+  tcs_http_tick(server->http, g_get_monotonic_time()); /* sees who has gone while it waited */
+  return server->ws_clients == 0 && server->mjpeg_clients == 0 && tcs_http_open_requests(server->http) == 0 &&
+         tasks_due() == 0 && tcs_budget_used(server->budget, TCS_MEMORY_UPLOADS) == 0 &&
+         tcs_budget_used(server->budget, TCS_MEMORY_LOADS) == 0;
 }
 
 /* --- the input ---------------------------------------------------------------------------------------- */
-
-/* Reads until nothing has come for a while. False: the connection has ended. */
-static bool settle(int fd, GByteArray *heard) {
-  struct pollfd ready = {.fd = fd, .events = POLLIN};
-  uint8_t piece[16384];
-  for (int i = 0; i < 50 && poll(&ready, 1, SETTLED_MS) > 0; i++) {
-    const ssize_t got = read(fd, piece, sizeof piece);
-    if (got <= 0) return false;
-    if (heard->len < 16) g_byte_array_append(heard, piece, (guint)got);
-  }
-  return true;
-}
 
 static GByteArray *with_session(const uint8_t *bytes, size_t size, const char *id) {
   GByteArray *text = g_byte_array_new();
@@ -182,7 +213,6 @@ static GByteArray *with_session(const uint8_t *bytes, size_t size, const char *i
 
 static void converse(const GByteArray *text) {
   const int fd = connect_to_daemon();
-  if (fd < 0) __builtin_trap();
   GByteArray *heard = g_byte_array_new();
   guint at = 0;
   bool open = true;
@@ -193,21 +223,20 @@ static void converse(const GByteArray *text) {
     at += (guint)(size + (end ? strlen(SEGMENT) : 0));
     open = settle(fd, heard);
   }
-  if (heard->len >= 9 && memcmp(heard->data, "HTTP/1.1 ", 9) != 0) __builtin_trap();
+  insist(heard->len < 9 || memcmp(heard->data, "HTTP/1.1 ", 9) == 0);
   close(fd);
   g_byte_array_unref(heard);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size) {
-  static bool started;
-  char id[ID_SIZE + 1] = "";
-  if (!started) started = start();
-  make_session(id);
-  GByteArray *text = with_session(bytes, size, id);
+  begin();
+  make_session();
+  GByteArray *text = with_session(bytes, size, session->id);
   converse(text);
   g_byte_array_unref(text);
-  drop(ask("GET", "/healthz", "text/plain", ""));
-  end_all("/v1/sessions");
-  end_all("/v1/volumes");
+  ask_beside();
+  end_sessions();
+  remove_volumes();
+  turn_until(nothing_left);
   return 0;
 }
