@@ -4,7 +4,7 @@
 // y to the back, z to the head), fovY (degrees), height (mm, orthographic).
 
 const RADIANS = Math.PI / 180;
-const MIN_DISTANCE_MM = 1;
+const MIN_DISTANCE_MM = 0.01; // volumes of a microscope are a few mm wide
 const MAX_DISTANCE_MM = 1e5;
 
 export const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];

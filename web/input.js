@@ -1,53 +1,87 @@
 // Pointers, wheel and touch on the picture. Movement is summed here and taken once per display frame by drain().
 
-const WHEEL_LINE_PX = 16;
-const WHEEL_PAGE_PX = 400;
+import { dragChord, wheelChord } from './bindings.js';
+
 const WHEEL_REST_MS = 150; // a wheel has no "up": it has ended after this much rest
 const CLICK_SLOP_PX = 4;
+const TWICE_MS = 400; // between the two clicks of a double one
+const TWICE_SLOP_PX = 24; // a finger does not hit the same pixel again
+const ORBIT_DEGREES = 0.45; // per CSS pixel
+const ROLL_DEGREES = 0.4;
+const NOTCH_ZOOM = Math.log(1.22);
+const MOST_NOTCH_ZOOM = Math.log(1.25); // a wheel with Ctrl; a pinch on a track pad comes as such a wheel, in small steps
+const RADIANS = Math.PI / 180;
 
-/** What a drag does. Slices (MPR) keep the habits of slice viewers, everything else those of 3-D viewers. */
-export function dragAction({ button, shiftKey, ctrlKey, metaKey, altKey }, mode) {
-  const flat = mode === 'mpr';
-  const windowed = flat || mode === 'mip' || mode === 'minip' || mode === 'average';
-  if (button === 1 || (button === 0 && shiftKey)) return 'pan';
-  if (button === 2) return 'zoom';
-  if (button === 0 && (ctrlKey || metaKey)) return windowed ? 'window' : 'roll';
-  if (button === 0 && altKey) return 'roll';
-  return flat ? 'window' : 'orbit';
+/** Notches of a wheel, whole ones; small steps are a track pad's, and parts of one. The mode is read first: Firefox tells lines only then. */
+export function notches({ deltaMode, deltaY }) {
+  const size = Math.abs(deltaY);
+  if (deltaMode === 0 && size < 40) return deltaY / 50;
+  const whole = Math.round(deltaMode === 0 ? size / 110 : deltaMode === 1 ? size / 3 : size * 3);
+  return size ? Math.sign(deltaY) * Math.max(1, whole) : 0;
 }
 
-/** Wheel movement in pixels, whatever the device reports in. */
-export function wheelPixels({ deltaY, deltaMode }) {
-  return deltaY * (deltaMode === 1 ? WHEEL_LINE_PX : deltaMode === 2 ? WHEEL_PAGE_PX : 1);
+/** Factor of the zoom for one turn of the wheel; `fine`: with Ctrl. */
+export function wheelFactor(event, fine) {
+  const turned = notches(event);
+  if (!fine) return Math.exp(-turned * NOTCH_ZOOM);
+  const most = MOST_NOTCH_ZOOM * Math.max(1, Math.abs(turned));
+  return Math.exp(Math.min(most, Math.max(-most, -event.deltaY * (event.deltaMode ? 0.4 : 0.01))));
 }
 
-/** Pan and zoom of two fingers between two moments: each a pair of [x, y]. */
+/** What two fingers did between two moments, each a pair of [x, y]: shift of their middle, zoom, degrees (clockwise). */
 export function pinch(before, after) {
   const middle = ([a, b]) => [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2];
   const gap = ([a, b]) => Math.hypot(a[0] - b[0], a[1] - b[1]);
+  const angle = ([a, b]) => Math.atan2(b[1] - a[1], b[0] - a[0]) / RADIANS;
   const [m0, m1] = [middle(before), middle(after)];
-  const factor = gap(before) > 1 && gap(after) > 1 ? gap(after) / gap(before) : 1;
-  return { pan: [m1[0] - m0[0], m1[1] - m0[1]], factor };
+  const apart = gap(before) > 1 && gap(after) > 1;
+  const turned = angle(after) - angle(before);
+  return {
+    at: m0,
+    pan: [m1[0] - m0[0], m1[1] - m0[1]],
+    factor: apart ? gap(after) / gap(before) : 1,
+    roll: apart ? turned - 360 * Math.round(turned / 360) : 0,
+  };
 }
 
-/** What drain() gives, all at rest. Never changed: sums replace its members. */
+/**
+ * What drain() gives, all at rest. Never changed: sums replace its members. orbit and roll in degrees, pan and window in
+ * CSS pixels. factor, roll and pan are one map of the picture: enlarged and turned about its middle, then shifted.
+ */
 export const NO_MOVEMENT = Object.freeze({ orbit: [0, 0], pan: [0, 0], window: [0, 0], roll: 0, factor: 1, slices: 0 });
-const nothing = () => ({ ...NO_MOVEMENT });
+
+/** The map of `sum`, then one that enlarges and turns about `at` (from the picture's middle) and shifts by `pan`. */
+export function compose(sum, { factor = 1, roll = 0, at = [0, 0], pan = [0, 0] }) {
+  const [c, s] = [factor * Math.cos(roll * RADIANS), factor * Math.sin(roll * RADIANS)];
+  const [x, y] = [sum.pan[0] - at[0], sum.pan[1] - at[1]];
+  return {
+    ...sum,
+    factor: sum.factor * factor,
+    roll: sum.roll + roll,
+    pan: [c * x - s * y + at[0] + pan[0], s * x + c * y + at[1] + pan[1]],
+  };
+}
 
 export class Input {
   #element;
+  #bindings;
   #on;
-  #pointers = new Map(); // id -> {x, y} of every finger or button that is down
+  #pointers = new Map(); // id -> {x, y} of every finger or button that is down, from the picture's middle
   #action = null;
+  #start = [0, 0];
   #travel = 0;
-  #sum = nothing();
-  #moved = false;
+  #sum = NO_MOVEMENT;
   #wheelTimer = 0;
-  #sliceRest = 0;
+  #rest = 0; // of a slice
+  #last = { at: -Infinity, x: 0, y: 0 }; // click
 
-  /** on: mode(); wake() when drain() has something; active(bool) around a gesture; click(x, y) in CSS px */
-  constructor(element, on) {
+  /**
+   * on: mode(); wake() when drain() has something; active(bool) around a gesture; click(x, y) and doubleClick(x, y) in
+   * CSS px; slicePixels(): of a finger's way to the next slice
+   */
+  constructor(element, bindings, on) {
     this.#element = element;
+    this.#bindings = bindings;
     this.#on = on;
     element.addEventListener('pointerdown', (event) => this.#down(event));
     element.addEventListener('pointermove', (event) => this.#move(event));
@@ -59,13 +93,16 @@ export class Input {
     element.addEventListener('auxclick', (event) => event.preventDefault());
   }
 
-  /** @returns the movement since the last call, or null; lengths in CSS pixels, y down */
+  /** @returns the movement since the last call, or null; y down */
   drain() {
-    if (!this.#moved) return null;
     const sum = this.#sum;
-    this.#sum = nothing();
-    this.#moved = false;
-    return sum;
+    this.#sum = NO_MOVEMENT;
+    return sum === NO_MOVEMENT ? null : sum;
+  }
+
+  #place({ clientX, clientY }) {
+    const { left, top, width, height } = this.#element.getBoundingClientRect();
+    return { x: clientX - left - width / 2, y: clientY - top - height / 2 };
   }
 
   #down(event) {
@@ -74,81 +111,99 @@ export class Input {
     this.#element.setPointerCapture(event.pointerId);
     this.#element.focus({ preventScroll: true });
     event.preventDefault();
+    const place = this.#place(event);
     if (!this.#pointers.size) {
-      this.#action = dragAction(event, this.#on.mode());
+      this.#start = [place.x, place.y];
+      this.#action = this.#does(dragChord(event));
       this.#travel = 0;
       this.#on.active(true);
     }
-    this.#pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+    this.#pointers.set(event.pointerId, place);
     if (this.#pointers.size > 1) this.#travel = Infinity;
+  }
+
+  #does(chord) {
+    return this.#bindings.find(chord, this.#on.mode())?.does;
   }
 
   #move(event) {
     const pointer = this.#pointers.get(event.pointerId);
     if (!pointer) return;
-    if (this.#pointers.size === 2) this.#moveTwo(event, pointer);
-    else if (this.#pointers.size === 1) this.#moveOne(event.clientX - pointer.x, event.clientY - pointer.y);
-    pointer.x = event.clientX;
-    pointer.y = event.clientY;
+    const place = this.#place(event);
+    const fingers = this.#pointers.size;
+    const [dx, dy] = [(place.x - pointer.x) / fingers, (place.y - pointer.y) / fingers]; // of their middle
+    if (fingers === 2) this.#two(event.pointerId, place);
+    else this.#drag(fingers === 1 ? this.#action : (this.#does('Three fingers') ?? 'pan'), dx, dy);
+    this.#pointers.set(event.pointerId, place);
   }
 
-  #moveOne(dx, dy) {
+  #two(id, place) {
+    const pair = (points) => [...points].map(([, { x, y }]) => [x, y]);
+    const before = pair(this.#pointers);
+    const moved = pinch(before, pair(new Map(this.#pointers).set(id, place)));
+    if (this.#on.mode() === 'mpr') moved.roll = 0; // a slice's top is given by its plane
+    this.#add(compose(this.#sum, moved));
+  }
+
+  #drag(action, dx, dy) {
     this.#travel += Math.hypot(dx, dy);
-    const sum = this.#sum;
-    if (this.#action === 'zoom') sum.factor *= Math.exp(-dy * 0.006);
-    else if (this.#action === 'roll') sum.roll += dx * 0.4;
-    else sum[this.#action] = [sum[this.#action][0] + dx, sum[this.#action][1] + dy];
-    this.#wake();
+    const { orbit, window } = this.#sum;
+    if (action === 'pan') this.#add(compose(this.#sum, { pan: [dx, dy] }));
+    else if (action === 'zoom') this.#add(compose(this.#sum, { factor: Math.exp(-dy * 0.006), at: this.#start }));
+    else if (action === 'roll') this.#add(compose(this.#sum, { roll: dx * ROLL_DEGREES }));
+    else if (action === 'scroll') this.#scroll(dy / this.#on.slicePixels());
+    else if (action === 'window') this.#add({ ...this.#sum, window: [window[0] + dx, window[1] + dy] });
+    else if (action === 'orbit')
+      this.#add({ ...this.#sum, orbit: [orbit[0] + dx * ORBIT_DEGREES, orbit[1] + dy * ORBIT_DEGREES] });
   }
 
-  #moveTwo(event, pointer) {
-    const points = () => [...this.#pointers.values()].map(({ x, y }) => [x, y]);
-    const before = points();
-    pointer.x = event.clientX;
-    pointer.y = event.clientY;
-    const { pan, factor } = pinch(before, points());
-    this.#sum.pan = [this.#sum.pan[0] + pan[0], this.#sum.pan[1] + pan[1]];
-    this.#sum.factor *= factor;
-    this.#wake();
+  #scroll(slices) {
+    this.#rest += slices;
+    const whole = Math.trunc(this.#rest);
+    this.#rest -= whole;
+    this.#add({ ...this.#sum, slices: this.#sum.slices + whole });
   }
 
   #up(event) {
+    const place = this.#pointers.get(event.pointerId);
     if (!this.#pointers.delete(event.pointerId)) return;
     if (this.#pointers.size) {
-      this.#action = dragAction({ button: 0 }, this.#on.mode());
+      this.#action = this.#does(dragChord(event));
       return;
     }
+    this.#rest = 0;
     this.#on.active(false);
-    if (event.type === 'pointerup' && event.button === 0 && this.#travel < CLICK_SLOP_PX) this.#click(event);
+    if (event.type === 'pointerup' && event.button === 0 && this.#travel < CLICK_SLOP_PX) this.#click(event, place);
   }
 
-  #click(event) {
-    const box = this.#element.getBoundingClientRect();
-    this.#on.click(event.clientX - box.left, event.clientY - box.top);
+  #click({ timeStamp }, place) {
+    const { width, height } = this.#element.getBoundingClientRect();
+    const [x, y] = [place.x + width / 2, place.y + height / 2];
+    const { at, x: x0, y: y0 } = this.#last;
+    const twice = timeStamp - at < TWICE_MS && Math.hypot(x - x0, y - y0) < TWICE_SLOP_PX;
+    this.#last = { at: twice ? -Infinity : timeStamp, x, y };
+    if (twice) this.#on.doubleClick(x, y);
+    else this.#on.click(x, y);
   }
 
   #wheel(event) {
+    if (event.target.closest('[data-own-pointer]')) return;
     event.preventDefault();
-    const pixels = wheelPixels(event);
-    if (this.#on.mode() === 'mpr' && !event.ctrlKey && !event.metaKey) {
-      this.#sliceRest += pixels / 50;
-      const whole = Math.trunc(this.#sliceRest);
-      this.#sliceRest -= whole;
-      this.#sum.slices += whole;
-    } else {
-      this.#sum.factor *= Math.exp(-pixels * (event.ctrlKey ? 0.01 : 0.0015)); // ctrl: a pinch on a track pad
-    }
+    const action = this.#does(wheelChord(event));
+    const { x, y } = this.#place(event);
+    const factor = wheelFactor(event, event.ctrlKey);
+    if (action === 'scroll') this.#scroll(notches(event));
+    else if (action === 'zoom') this.#add(compose(this.#sum, { factor, at: [x, y] }));
     if (!this.#wheelTimer) this.#on.active(true);
     clearTimeout(this.#wheelTimer);
     this.#wheelTimer = setTimeout(() => {
       this.#wheelTimer = 0;
       this.#on.active(false);
     }, WHEEL_REST_MS);
-    this.#wake();
   }
 
-  #wake() {
-    this.#moved = true;
+  #add(sum) {
+    this.#sum = sum;
     this.#on.wake();
   }
 }

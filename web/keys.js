@@ -1,68 +1,34 @@
-// The keyboard: which key does what on the page. Fields, dialogs and the transfer function keep their own keys.
+// The keyboard: finds what a key is bound to and does it. Fields, dialogs and the transfer function keep their own keys.
 
-import { STANDARD_VIEWS } from './camera.js';
-import { steerByKey } from './steer.js';
+import { keyChord } from './bindings.js';
 
 const REST_MS = 150; // keys have ended after this much rest
-const SLICES = { ArrowUp: -1, ArrowDown: 1, PageUp: -10, PageDown: 10 };
-const ZOOMS = { '+': 1.15, '=': 1.15, '-': 1 / 1.15, _: 1 / 1.15 };
+const HELD = ['turn', 'magnify', 'slices']; // come in bursts: the daemon may be coarse until they rest
+const ALWAYS = ['help', 'fullscreen']; // with no volume too
 
 export class Keys {
-  #store;
+  #bindings;
   #on;
   #timer = 0;
 
-  /** on: gesture(bool), view(letter), reset(), preset(n), help(), undo(), redo(), slice({slices, factor}) */
-  constructor(store, on) {
-    this.#store = store;
+  /** on: mode() or undefined while there is no scene; gesture(bool); do(action, argument) */
+  constructor(bindings, on) {
+    this.#bindings = bindings;
     this.#on = on;
     addEventListener('keydown', (event) => this.#key(event));
   }
 
   #key(event) {
-    if (document.querySelector('dialog[open]')) return;
-    let ours = false;
-    if (event.ctrlKey || event.metaKey) ours = !event.altKey && this.#undo(event);
-    else if (!event.altKey && !event.target.matches('input, select, textarea, [role="tab"]')) ours = this.#plain(event);
-    if (ours) event.preventDefault();
+    if (event.defaultPrevented || document.querySelector('dialog[open]')) return;
+    const chord = keyChord(event);
+    const mode = this.#on.mode();
+    const { does, with: argument } = this.#bindings.find(chord, mode) ?? {};
+    if (!does || kept(event.target, chord) || (!mode && !ALWAYS.includes(does))) return;
+    if (HELD.includes(does)) this.#gesture();
+    this.#on.do(does, argument);
+    event.preventDefault();
   }
 
-  #undo({ key, shiftKey, target }) {
-    const letter = key.toLowerCase();
-    if (target.matches('textarea, input[type="number"]') || (letter !== 'z' && letter !== 'y')) return false;
-    if (letter === 'y' || shiftKey) this.#on.redo();
-    else this.#on.undo();
-    return true;
-  }
-
-  #plain({ key, shiftKey, target }) {
-    if (key === '?') this.#on.help();
-    else if (!this.#store.scene) return false;
-    else if (key === ' ' && !target.matches('button, [role="button"]')) this.#on.reset();
-    else if (/^[1-9]$/.test(key)) this.#on.preset(Number(key) - 1);
-    else if (Object.hasOwn(STANDARD_VIEWS, key.toUpperCase())) this.#on.view(key.toUpperCase());
-    else if (this.#store.scene.mode === 'mpr') return this.#slice(key);
-    else return this.#turn(key, shiftKey);
-    return true;
-  }
-
-  #turn(key, shiftKey) {
-    const camera = steerByKey(this.#store.scene.camera, key, shiftKey);
-    if (!camera) return false;
-    this.#gesture();
-    this.#store.patch({ camera });
-    return true;
-  }
-
-  #slice(key) {
-    const moved = { slices: SLICES[key] ?? 0, factor: ZOOMS[key] ?? 1 };
-    if (!moved.slices && moved.factor === 1) return false;
-    this.#gesture();
-    this.#on.slice(moved);
-    return true;
-  }
-
-  // Keys come in bursts: the daemon may be coarse until they rest.
   #gesture() {
     if (!this.#timer) this.#on.gesture(true);
     clearTimeout(this.#timer);
@@ -71,4 +37,11 @@ export class Keys {
       this.#on.gesture(false);
     }, REST_MS);
   }
+}
+
+/** Chords that belong to what is in focus. */
+function kept(target, chord) {
+  if (/^(Ctrl|Alt)\+/.test(chord)) return target.matches('textarea, input[type="number"], input[type="search"]');
+  if (chord === 'Space' && target.matches('button, [role="button"]')) return true;
+  return target.matches('input, select, textarea, [role="tab"]');
 }

@@ -1,9 +1,12 @@
 // Wires the parts of the page together. Decisions live in the parts.
 
 import { linkIn, TokenDialog } from './access.js';
+import { Actions } from './actions.js';
 import { Api } from './api.js';
+import { Bindings } from './bindings.js';
+import { BindingsPanel } from './bindings_panel.js';
 import { Client } from './client.js';
-import { fit, spanAtTarget, standardView, withProjection } from './camera.js';
+import { spanAtTarget, withProjection } from './camera.js';
 import { Furniture } from './furniture.js';
 import { Input, NO_MOVEMENT } from './input.js';
 import { Keys } from './keys.js';
@@ -12,11 +15,13 @@ import { Look } from './look.js';
 import { Notices } from './notices.js';
 import { Opening, volumeInHash } from './opening.js';
 import { bindTabs, CropPanel, Panels } from './panels.js';
+import { Probe } from './probe.js';
 import { QualityPanel } from './quality.js';
 import { saveFile, SceneDialog } from './scene_dialog.js';
 import { SceneStore } from './state.js';
 import { Status } from './status.js';
-import { sliceHeight, slicePlace, steer } from './steer.js';
+import { sliceHeight, slicePixels, steer } from './steer.js';
+import { lengthsText } from './units.js';
 import { formatBytes, VolumeDialog, Volumes } from './volumes.js';
 import { pictureSize, View } from './view.js';
 
@@ -79,13 +84,16 @@ const furniture = new Furniture(
     bar: get('scale-bar'),
     barLabel: get('scale-label'),
   },
-  (letter) => turnTo(letter),
+  (letter) => actions.do('view', letter),
 );
-const input = new Input(stage, {
+const bindings = new Bindings();
+const input = new Input(stage, bindings, {
   mode: () => store.scene?.mode,
   wake: () => store.scene && client.flushSoon(),
   active: gesture,
-  click: probe,
+  click: (x, y) => probe.tell(x, y),
+  doubleClick: (x, y) => probe.centre(x, y),
+  slicePixels: () => slicePixels(store.scene, stageSize(), opening.volume, opening.box),
 });
 const volumeDialog = new VolumeDialog(
   { dialog: get('volume-dialog'), list: get('volume-list'), filter: get('volume-filter') },
@@ -109,16 +117,24 @@ const opening = new Opening({
     aspect: () => stage.clientWidth / Math.max(1, stage.clientHeight),
   },
 });
-new Keys(store, {
-  gesture,
-  view: turnTo,
-  reset: resetView,
-  preset: (n) => look.choose(n),
-  help: () => get('help-dialog').showModal(),
-  undo: () => look.undo(),
-  redo: () => look.redo(),
-  slice: (moved) => move({ ...NO_MOVEMENT, ...moved }),
+const probe = new Probe({
+  api,
+  client,
+  store,
+  shown: () => ({ volume: opening.volume, box: opening.box, ...stageSize() }),
+  on: { text: (text) => (get('probe').textContent = text), problem: (error) => notices.problem(error) },
 });
+const actions = new Actions({
+  store,
+  stage,
+  gesture,
+  look,
+  move,
+  shown: () => opening,
+  help: () => get('help-dialog').showModal(),
+});
+new Keys(bindings, { mode: () => store.scene?.mode, gesture, do: (name, argument) => actions.do(name, argument) });
+new BindingsPanel(get('bindings'), get('bindings-reset'), bindings);
 const sceneDialog = new SceneDialog(get, {
   scene: () => store.scene,
   load: (scene) => client.putScene(scene),
@@ -155,8 +171,10 @@ function showFacts(volume, box) {
     Name: volume.id,
     Modality: volume.modality,
     Voxels: volume.dims.join(' \u00d7 '),
-    Spacing: `${volume.spacing.map((mm) => Number(mm.toPrecision(4))).join(' \u00d7 ')} mm`,
-    Extent: `${box.high.map((end, k) => (end - box.low[k]).toFixed(0)).join(' \u00d7 ')} mm`,
+    Spacing: lengthsText(volume.spacing, 4),
+    Extent: lengthsText(
+      box.high.map((end, k) => end - box.low[k]),
+    ),
     Values: volume.range && `${volume.range.map((v) => Number(v.toPrecision(6))).join(' to ')}${unit}`,
     Type: volume.type,
     Memory: formatBytes(volume.bytes),
@@ -245,26 +263,8 @@ function applyMovement() {
 }
 
 function move(moved) {
-  const patch = steer(store.scene, moved, stageSize(), opening.volume, opening.box);
+  const patch = steer(store.scene, { ...NO_MOVEMENT, ...moved }, stageSize(), opening.volume, opening.box);
   if (patch) store.patch(patch);
-}
-
-function turnTo(letter) {
-  if (!store.scene) return;
-  if (store.scene.mode === 'mpr') {
-    const orientation = { A: 'coronal', P: 'coronal', L: 'sagittal', R: 'sagittal', H: 'axial', F: 'axial' }[letter];
-    store.patch({ mpr: { orientation } });
-  } else {
-    store.patch({ camera: standardView(store.scene.camera, letter) });
-  }
-}
-
-function resetView() {
-  const { box } = opening;
-  if (!store.scene || !box) return;
-  const { width, height } = stageSize();
-  if (store.scene.mode === 'mpr') store.patch({ mpr: { center: box.center, zoom: 1 } });
-  else store.patch({ camera: fit(standardView(store.scene.camera, 'A'), box, width / height) });
 }
 
 /** mm of a CSS pixel, 0 in perspective. The picture's height is the stage's height: both have one aspect. */
@@ -295,45 +295,12 @@ function showFurniture() {
 const presetTitle = () => get('preset').selectedOptions[0]?.textContent ?? '';
 const windowText = ({ center, width }) => `C ${Number(center.toPrecision(4))}  W ${Number(width.toPrecision(4))}`;
 
-/** A click asks the daemon what is there: position in the patient, and the value. */
-async function probe(x, y) {
-  if (!client.session || !store.scene) return;
-  const { width, height } = store.scene.image;
-  const px = Math.min(width - 1, Math.max(0, Math.floor((x / stage.clientWidth) * width)));
-  const py = Math.min(height - 1, Math.max(0, Math.floor((y / stage.clientHeight) * height)));
-  try {
-    const found = await api.json('GET', probeAddress(px, py));
-    get('probe').textContent = probeText(found);
-  } catch (error) {
-    get('probe').textContent = '';
-    if (error.status !== 404 && error.status !== 501) notices.problem(error);
-  }
-}
-
-/** A slice shows one point a pixel, so that its place is known here; in 3-D the daemon says what a ray meets first. */
-function probeAddress(px, py) {
-  const { scene } = store;
-  if (scene.mode !== 'mpr') return `v1/sessions/${encodeURIComponent(client.session)}/pick?x=${px}&y=${py}`;
-  const place = slicePlace(scene, [px + 0.5, py + 0.5], scene.image, opening.box);
-  return `v1/volumes/${encodeURIComponent(opening.volume.id)}/value?at=${place.map((mm) => mm.toFixed(4)).join(',')}`;
-}
-
-function probeText(found) {
-  const place = found?.position ?? found?.at;
-  if (!place) return '';
-  const [x, y, z] = place;
-  const side = (value, plus, minus) => `${value >= 0 ? plus : minus} ${Math.abs(value).toFixed(1)}`;
-  const unit = unitOf(opening.volume);
-  const value = (found.value ?? null) === null ? '' : `  \u00b7  ${Number(found.value.toPrecision(5))}${unit}`;
-  return `${side(x, 'L', 'R')}  ${side(y, 'P', 'A')}  ${side(z, 'H', 'F')} mm${value}`;
-}
-
 async function savePicture() {
   if (!client.session) return;
   get('save').disabled = true;
   try {
     const reply = await api.fetch('GET', `v1/sessions/${encodeURIComponent(client.session)}/frame?format=png`);
-    saveFile(await reply.blob(), `${opening.volume?.id ?? 'picture'}.png`);
+    saveFile(await actions.shown(await reply.blob()), `${opening.volume?.id ?? 'picture'}.png`);
   } catch (error) {
     notices.problem(error);
   } finally {
@@ -350,9 +317,9 @@ function bindControls() {
   get('help-open').addEventListener('click', () => get('help-dialog').showModal());
   get('scene-open').addEventListener('click', () => store.scene && sceneDialog.open());
   get('save').addEventListener('click', savePicture);
-  get('reset').addEventListener('click', resetView);
+  get('reset').addEventListener('click', () => actions.do('reset'));
   for (const button of document.querySelectorAll('button[data-view]')) {
-    button.addEventListener('click', () => turnTo(button.dataset.view));
+    button.addEventListener('click', () => actions.do('view', button.dataset.view));
   }
   for (const button of document.querySelectorAll('[data-close]')) {
     button.addEventListener('click', () => button.closest('dialog').close());

@@ -8,6 +8,7 @@
 // Members of an array are sent as the whole array: merge patches replace arrays.
 
 import { fromHex, toHex } from './transfer_model.js';
+import { lengthText } from './units.js';
 
 /** Value at a dotted path, or undefined. */
 export function valueAt(scene, path) {
@@ -222,7 +223,7 @@ export class CropPanel {
     for (const { slider, output, end, axis } of this.#sides) {
       const cut = Math.max(0, end ? this.#box.high[axis] - clip[1][axis] : clip[0][axis] - this.#box.low[axis]);
       if (document.activeElement !== slider) slider.value = cut;
-      output.textContent = `${cut.toFixed(0)} mm`;
+      output.textContent = lengthText(cut, this.#box.high[axis] - this.#box.low[axis]);
     }
   }
 

@@ -2,9 +2,8 @@
 
 import * as camera from './camera.js';
 
-const ORBIT_DEGREES = 0.45; // per CSS pixel
-const KEY_DEGREES = 5;
-const KEY_ZOOM = 1.15;
+const LEAST_SLICE_PX = 3;
+const MOST_SLICE_PX = 24;
 
 /** How much a slice moves along `normal` (a unit vector) for one step of the wheel, mm: to the next layer of voxels. */
 export function sliceStep(volume, normal) {
@@ -25,31 +24,65 @@ export function steer(scene, moved, stage, volume, box) {
 
 function steerCamera(scene, moved, stage) {
   let view = scene.camera;
-  if (moved.orbit[0] || moved.orbit[1])
-    view = camera.orbit(view, -moved.orbit[0] * ORBIT_DEGREES, -moved.orbit[1] * ORBIT_DEGREES);
+  if (moved.orbit[0] || moved.orbit[1]) view = camera.orbit(view, -moved.orbit[0], -moved.orbit[1]);
   if (moved.roll) view = camera.roll(view, -moved.roll);
-  if (moved.pan[0] || moved.pan[1]) view = camera.pan(view, moved.pan[0], moved.pan[1], stage.height);
+  const before = camera.spanAtTarget(view);
   if (moved.factor !== 1) view = camera.zoom(view, moved.factor);
+  const [dx, dy] = shiftWithin(moved, before / camera.spanAtTarget(view));
+  if (dx || dy) view = camera.pan(view, dx, dy, stage.height);
   return view === scene.camera ? {} : { camera: view };
+}
+
+/** The shift that belongs to a zoom which stopped at its limit: what was under the pointer stays there. */
+function shiftWithin({ pan, factor }, reached) {
+  return factor === 1 || Math.abs(reached - factor) < 1e-9 ? pan : pan.map((x) => (x * (1 - reached)) / (1 - factor));
 }
 
 function steerSlice(scene, moved, stage, volume, box) {
   const mpr = scene.mpr ?? {};
+  const { right, up, direction } = camera.sliceBasis(mpr);
   const patch = {};
-  const axes = camera.sliceBasis(mpr);
-  let center = mpr.center ?? box?.center ?? [0, 0, 0];
-  const layers = moved.slices * sliceStep(volume, axes.direction);
-  if (moved.slices) center = camera.add(center, camera.scale(axes.direction, layers));
-  if (moved.pan[0] || moved.pan[1]) {
-    const mm = sliceHeight(scene, stage, box) / stage.height;
-    center = camera.add(
-      center,
-      camera.add(camera.scale(axes.right, -moved.pan[0] * mm), camera.scale(axes.up, moved.pan[1] * mm)),
-    );
+  const before = mpr.zoom ?? 1;
+  const zoom = Math.min(100, Math.max(0.1, before * moved.factor));
+  if (zoom !== before) patch.zoom = zoom;
+  const [dx, dy] = shiftWithin(moved, zoom / before);
+  if (dx || dy || moved.slices) {
+    const mm = sliceHeight({ mpr: { ...mpr, zoom } }, stage, box) / stage.height;
+    const inPlane = camera.add(camera.scale(right, -dx * mm), camera.scale(up, dy * mm));
+    const center = camera.add(mpr.center ?? box?.center ?? [0, 0, 0], inPlane);
+    patch.center = moved.slices ? scrolled(center, direction, moved.slices, volume, box) : center;
   }
-  if (center !== mpr.center && (moved.slices || moved.pan[0] || moved.pan[1])) patch.center = center;
-  if (moved.factor !== 1) patch.zoom = Math.min(100, Math.max(0.1, (mpr.zoom ?? 1) * moved.factor));
   return Object.keys(patch).length ? { mpr: patch } : {};
+}
+
+/** The first and the last layer of a volume along a unit vector, mm from the origin. */
+export function sliceEnds(box, direction) {
+  const middle = camera.dot(box.center, direction);
+  const half = box.edges.reduce((sum, edge) => sum + Math.abs(camera.dot(edge, direction)), 0) / 2;
+  return [middle - half, middle + half];
+}
+
+/** How far a finger goes from one slice to the next, CSS px: about the stage's height is the whole volume. */
+export function slicePixels(scene, stage, volume, box) {
+  if (!box) return MOST_SLICE_PX;
+  const { direction } = camera.sliceBasis(scene.mpr);
+  const [low, high] = sliceEnds(box, direction);
+  const layers = Math.max(1, (high - low) / sliceStep(volume, direction));
+  return Math.min(MOST_SLICE_PX, Math.max(LEAST_SLICE_PX, stage.height / layers));
+}
+
+/** Whether the slice shown is the last one. */
+export function atLastSlice(scene, box) {
+  const { direction } = camera.sliceBasis(scene.mpr);
+  return camera.dot(scene.mpr?.center ?? box.center, direction) > sliceEnds(box, direction)[1] - 1e-6;
+}
+
+// Stops at the volume's ends.
+function scrolled(center, direction, slices, volume, box) {
+  const at = camera.dot(center, direction);
+  const [low, high] = box ? sliceEnds(box, direction) : [-Infinity, Infinity];
+  const next = Math.min(high, Math.max(low, at + slices * sliceStep(volume, direction)));
+  return camera.add(center, camera.scale(direction, next - at));
 }
 
 /** What a slice picture's height spans, mm: at zoom 1 the whole plane shows. */
@@ -74,27 +107,4 @@ function steerWindow(scene, [dx, dy], stage, volume) {
   const [low, high] = volume?.range ?? [0, 1];
   const perPixel = Math.max(width, (high - low) / 50) / stage.width;
   return { center: center + dy * perPixel, width: Math.max((high - low) / 1e4, width + dx * 2 * perPixel) };
-}
-
-/** What a key does to the camera: a new camera, or null when it is no key of ours. */
-export function steerByKey(view, key, shiftKey) {
-  const turn = shiftKey ? 1 : KEY_DEGREES;
-  switch (key) {
-    case 'ArrowLeft':
-      return camera.orbit(view, turn, 0);
-    case 'ArrowRight':
-      return camera.orbit(view, -turn, 0);
-    case 'ArrowUp':
-      return camera.orbit(view, 0, turn);
-    case 'ArrowDown':
-      return camera.orbit(view, 0, -turn);
-    case '+':
-    case '=':
-      return camera.zoom(view, KEY_ZOOM);
-    case '-':
-    case '_':
-      return camera.zoom(view, 1 / KEY_ZOOM);
-    default:
-      return null;
-  }
 }

@@ -1,6 +1,7 @@
 // The volumes of the daemon: list, load, upload; and the dialog that shows them.
 
 import { Problem } from './api.js';
+import { lengthsText } from './units.js';
 
 const POLL_MS = 400;
 const SUFFIXES = ['.nii.gz', '.nii', '.nrrd', '.nhdr', '.mha', '.mhd', '.zip', '.dcm', '.vmd'];
@@ -63,7 +64,7 @@ export function formatBytes(bytes) {
 export function describe({ dims, spacing, type, bytes }) {
   const parts = [];
   if (dims) parts.push(dims.join(' \u00d7 '));
-  if (spacing) parts.push(`${spacing.map((mm) => Number(mm.toPrecision(3))).join(' \u00d7 ')} mm`);
+  if (spacing) parts.push(lengthsText(spacing));
   if (type) parts.push(type);
   if (bytes) parts.push(formatBytes(bytes));
   return parts.join(' \u00b7 ');

@@ -2,10 +2,11 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
 import { volumeBox } from '../../web/camera.js';
-import { dragAction, pinch, wheelPixels } from '../../web/input.js';
+import { Bindings, contextOf, dragChord, keyChord, TABLE } from '../../web/bindings.js';
+import { compose, NO_MOVEMENT, notches, pinch, wheelFactor } from '../../web/input.js';
 import { patchFor, valueAt } from '../../web/panels.js';
 import { compressionRatio, fidelity, frameRate } from '../../web/status.js';
-import { sliceHeight, slicePlace, sliceStep, steer, steerByKey } from '../../web/steer.js';
+import { sliceHeight, slicePlace, slicePixels, sliceStep, steer } from '../../web/steer.js';
 import { pictureSize } from '../../web/view.js';
 import { describe, formatBytes, idsFor, uploadId, volumeList } from '../../web/volumes.js';
 
@@ -27,48 +28,85 @@ const SCENE = {
   mpr: { orientation: 'axial', zoom: 1 },
 };
 
+const storage = (text) => ({ text, getItem: () => text, setItem: (_, now) => (text = now), removeItem: () => (text = null) });
+
 test('drags mean what they mean in 3-D viewers and in slice viewers', () => {
+  const bindings = new Bindings(storage(null));
+  const dragAction = (event, mode) => bindings.find(dragChord({ pointerType: 'mouse', ...event }), mode).does;
   assert.equal(dragAction({ button: 0 }, 'dvr'), 'orbit');
   assert.equal(dragAction({ button: 0, shiftKey: true }, 'dvr'), 'pan');
   assert.equal(dragAction({ button: 1 }, 'dvr'), 'pan');
+  assert.equal(dragAction({ button: 1, altKey: true }, 'dvr'), 'pan', 'whatever else is held');
   assert.equal(dragAction({ button: 2 }, 'dvr'), 'zoom');
   assert.equal(dragAction({ button: 0, ctrlKey: true }, 'dvr'), 'roll');
   assert.equal(dragAction({ button: 0, ctrlKey: true }, 'mip'), 'window');
   assert.equal(dragAction({ button: 0 }, 'mip'), 'orbit');
   assert.equal(dragAction({ button: 0 }, 'mpr'), 'window');
   assert.equal(dragAction({ button: 1 }, 'mpr'), 'pan');
+  assert.equal(dragAction({ button: 0, pointerType: 'touch' }, 'mpr'), 'scroll');
 });
 
-test('wheel units and pinches', () => {
-  assert.equal(wheelPixels({ deltaY: 3, deltaMode: 1 }), 48);
-  assert.equal(wheelPixels({ deltaY: -120, deltaMode: 0 }), -120);
-  assert.deepEqual(
-    pinch(
-      [
-        [0, 0],
-        [10, 0],
-      ],
-      [
-        [0, 4],
-        [20, 4],
-      ],
-    ),
-    { pan: [5, 4], factor: 2 },
-  );
-  assert.equal(
-    pinch(
-      [
-        [5, 5],
-        [5, 5],
-      ],
-      [
-        [0, 0],
-        [90, 0],
-      ],
-    ).factor,
-    1,
-    'two fingers on one spot have no gap to scale',
-  );
+test('the table of bindings: ids are unique, nothing clashes, keys have one name', () => {
+  const rows = TABLE.flatMap((part) => part.rows);
+  assert.equal(new Set(rows.map(({ id }) => id)).size, rows.length);
+  const bindings = new Bindings(storage(null));
+  for (const row of rows) for (const chord of row.chords) assert.deepEqual(bindings.conflicts(row, chord), [], row.id);
+  const chord = (key, more = {}) => keyChord({ key, ...more });
+  assert.deepEqual([chord('a'), chord('A'), chord('A', { shiftKey: true })], ['A', 'A', 'Shift+A'], 'caps lock is no Shift');
+  assert.deepEqual([chord('?', { shiftKey: true }), chord(' '), chord('Shift')], ['?', 'Space', '']);
+  assert.equal(chord('Z', { metaKey: true, shiftKey: true }), 'Ctrl+Shift+Z');
+  assert.equal(bindings.find('ArrowUp', 'dvr').does, 'turn');
+  assert.equal(bindings.find('ArrowUp', 'mpr').does, 'slices');
+  assert.equal(contextOf('minip'), 'projection');
+});
+
+test('changed bindings are kept, clash where they are used together, and are read with care', () => {
+  const kept = storage(null);
+  const [cine, first] = ['cine', 'first'].map((id) => TABLE.flatMap(({ rows }) => rows).find((row) => row.id === id));
+  new Bindings(kept).rebind(cine, 'C', 'ArrowUp');
+  const again = new Bindings(kept);
+  assert.deepEqual([again.chords(cine), again.chords(first)], [['ArrowUp'], ['Home']]);
+  assert.deepEqual(again.conflicts(cine, 'ArrowUp'), ['Turn up 5\u00b0', 'Previous slice']);
+  assert.deepEqual(again.conflicts(first, 'ArrowLeft'), ['Previous slice'], 'turning is for other pictures');
+  again.rebind(cine, 'ArrowUp', '');
+  assert.deepEqual(again.chords(cine), []);
+  again.reset();
+  assert.deepEqual(new Bindings(kept).chords(cine), ['C']);
+  for (const text of ['{', '7', 'null', '{"cine": "C"}', '{"nothing": ["C"]}', '{"cine": [1]}']) {
+    assert.deepEqual(new Bindings(storage(text)).chords(cine), ['C'], text);
+  }
+});
+
+test('a notch of a wheel is one, in whatever unit it comes; Ctrl never zooms by more than a quarter', () => {
+  const turned = (deltaY, deltaMode = 0) => notches({ deltaY, deltaMode });
+  assert.deepEqual([100, 120, 53, -100, 240, 360].map((px) => turned(px)), [1, 1, 1, -1, 2, 3]);
+  assert.deepEqual([turned(3, 1), turned(-1, 1), turned(6, 1), turned(0)], [1, -1, 2, 0]);
+  assert.equal(turned(10), 0.2, 'a track pad');
+  for (const deltaY of [-240, -120, -100, -3, 3, 100, 120]) {
+    const factor = wheelFactor({ deltaY, deltaMode: 0 }, true);
+    assert.ok(Math.abs(Math.log(factor)) <= Math.log(1.25) * Math.max(1, Math.abs(turned(deltaY))) + 1e-9);
+    assert.equal(factor > 1, deltaY < 0);
+  }
+  assert.ok(wheelFactor({ deltaY: 120, deltaMode: 0 }, false) < 1 / 1.2);
+});
+
+test('two fingers: shift, zoom and twist; movements put together are one map of the picture', () => {
+  const moved = pinch([[0, 0], [10, 0]], [[0, 4], [20, 4]]);
+  assert.deepEqual(moved, { at: [5, 0], pan: [5, 4], factor: 2, roll: 0 });
+  const spot = pinch([[5, 5], [5, 5]], [[0, 0], [90, 0]]);
+  assert.deepEqual([spot.factor, spot.roll], [1, 0], 'two fingers on one spot have no gap to scale');
+  assert.ok(Math.abs(pinch([[0, 0], [-9, 1]], [[0, 0], [-9, -1]]).roll - 12.68) < 0.01, 'the short way round');
+  const apply = ({ factor, roll, pan }, [x, y]) => {
+    const [c, s] = [Math.cos((roll * Math.PI) / 180) * factor, Math.sin((roll * Math.PI) / 180) * factor];
+    return [c * x - s * y + pan[0], s * x + c * y + pan[1]];
+  };
+  let [sum, a, b] = [NO_MOVEMENT, [30, -20], [-70, 45]];
+  for (let i = 0; i < 5; i++) {
+    const next = [[a[0] + 7, a[1] - 3 * i], [b[0] - 4 * i, b[1] + 11]];
+    sum = compose(sum, pinch([a, b], next));
+    [a, b] = next;
+  }
+  [[30, -20], [-70, 45]].forEach((start, k) => apply(sum, start).forEach((x, axis) => assert.ok(Math.abs(x - [a, b][k][axis]) < 1e-9)));
 });
 
 test("dragging to the right brings the patient's right side to the front", () => {
@@ -109,11 +147,24 @@ test('slices of a volume that lies across the patient: its own edges fit, its ow
   assert.ok(slicePlace(axial, [100, 0], square, box)[1] < 6 - 50, 'the front is on top');
 });
 
-test('keys turn and zoom; other keys are not ours', () => {
-  for (const key of ['ArrowLeft', 'ArrowRight', 'ArrowUp', 'ArrowDown', '+', '-', '=']) {
-    assert.notDeepEqual(steerByKey(SCENE.camera, key, false), SCENE.camera, key);
+test('slices end where the volume does, for the wheel, for Home and End', () => {
+  const scene = { ...SCENE, mode: 'mpr', mpr: { orientation: 'axial', zoom: 1, center: [1, 2, 40] } };
+  const after = (slices) => steer(scene, { ...still, slices }, STAGE, VOLUME, BOX).mpr.center;
+  assert.deepEqual([after(4), after(5), after(99), after(Infinity)].map(([, , z]) => z), [48, 50, 50, 50]);
+  assert.deepEqual(after(-Infinity), [1, 2, -50]);
+  assert.equal(slicePixels(scene, STAGE, VOLUME, BOX), 12, '600 pixels for 50 layers');
+});
+
+test('a zoom keeps its place in slices and in 3-D, at the limits too', () => {
+  const scene = { ...SCENE, mode: 'mpr', mpr: { orientation: 'axial', zoom: 1, center: [0, 0, 0] } };
+  const at = [120, -80];
+  const under = (mpr) => slicePlace({ mpr }, [400 + at[0], 300 + at[1]], STAGE, BOX);
+  for (const [zoom, factor] of [[1, 2], [60, 2], [90, 8], [0.12, 0.1]]) {
+    const before = { ...scene.mpr, zoom };
+    const { mpr } = steer({ ...scene, mpr: before }, compose(NO_MOVEMENT, { factor, at }), STAGE, VOLUME, BOX);
+    const after = { ...before, ...mpr };
+    under(after).forEach((mm, k) => assert.ok(Math.abs(mm - under(before)[k]) < 1e-6, `zoom ${zoom} by ${factor}`));
   }
-  assert.equal(steerByKey(SCENE.camera, 'x', false), null);
 });
 
 test('picture size follows the device, keeps the aspect and the cap', () => {

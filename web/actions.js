@@ -1,0 +1,93 @@
+// What keys and buttons do to the view, by the names of the table of bindings.
+
+import { contextOf } from './bindings.js';
+import { fit, standardView } from './camera.js';
+import { Cine } from './cine.js';
+import { atLastSlice } from './steer.js';
+
+const PLANES = { A: 'coronal', P: 'coronal', L: 'sagittal', R: 'sagittal', H: 'axial', F: 'axial' };
+
+export class Actions {
+  #with;
+  #cine;
+  #inverted = false;
+
+  /** store, stage; gesture(bool); look; move(moved) in steer's terms; shown() -> {box} of the volume; help() */
+  constructor(parts) {
+    this.#with = parts;
+    const { store, stage, gesture, move, shown } = parts;
+    this.#cine = new Cine({
+      mode: () => store.scene?.mode,
+      gesture,
+      move,
+      atEnd: () => atLastSlice(store.scene, shown().box),
+    });
+    stage.addEventListener('pointerdown', () => this.#cine.stop());
+    stage.addEventListener('wheel', () => this.#cine.stop(), { passive: true });
+    store.subscribe(() => this.#showInverted());
+  }
+
+  do(name, argument) {
+    const { look, move, help, stage } = this.#with;
+    if (name !== 'cine') this.#cine.stop();
+    const known = {
+      view: () => this.#view(argument),
+      reset: () => this.#reset(),
+      turn: () => move({ orbit: argument }),
+      magnify: () => move({ factor: argument }),
+      slices: () => move({ slices: argument }),
+      cine: () => this.#cine.toggle(),
+      invert: () => this.#invert(),
+      fullscreen: () => (document.fullscreenElement ? document.exitFullscreen() : stage.requestFullscreen()),
+      preset: () => look.choose(argument),
+      undo: () => look.undo(),
+      redo: () => look.redo(),
+      help,
+    };
+    known[name]?.();
+  }
+
+  /** A saved picture is the one on the screen. @returns {Promise<Blob>} */
+  async shown(blob) {
+    if (!this.#applies) return blob;
+    const bitmap = await createImageBitmap(blob);
+    const canvas = new OffscreenCanvas(bitmap.width, bitmap.height);
+    const context = canvas.getContext('2d');
+    context.filter = 'invert(1)';
+    context.drawImage(bitmap, 0, 0);
+    return canvas.convertToBlob({ type: blob.type });
+  }
+
+  #view(letter) {
+    const { store } = this.#with;
+    if (!store.scene) return;
+    if (store.scene.mode === 'mpr') store.patch({ mpr: { orientation: PLANES[letter] } });
+    else store.patch({ camera: standardView(store.scene.camera, letter) });
+  }
+
+  #reset() {
+    const { store, stage, shown } = this.#with;
+    const { box } = shown();
+    if (!store.scene || !box) return;
+    if (store.scene.mode === 'mpr') store.patch({ mpr: { center: box.center, zoom: 1 } });
+    else {
+      const aspect = stage.clientWidth / Math.max(1, stage.clientHeight);
+      store.patch({ camera: fit(standardView(store.scene.camera, 'A'), box, aspect) });
+    }
+  }
+
+  #invert() {
+    this.#inverted = !this.#inverted;
+    this.#showInverted();
+  }
+
+  /** Black for white is for windows: colours would be wrong. */
+  get #applies() {
+    const { scene } = this.#with.store;
+    return this.#inverted && scene !== null && contextOf(scene.mode) !== 'volume';
+  }
+
+  #showInverted() {
+    this.#with.stage.classList.toggle('inverted', this.#applies);
+  }
+}

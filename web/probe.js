@@ -1,0 +1,86 @@
+// What lies under a point of the picture: said on a click, brought to the middle on a double click.
+
+import { add, basis, dot, scale, sub } from './camera.js';
+import { slicePlace } from './steer.js';
+import { placeText } from './units.js';
+
+/** The camera whose picture is the same, shifted so that `place` lies in its middle; it turns about `place` from now on. */
+export function centredOn(camera, place) {
+  const { right, up } = basis(camera);
+  const off = sub(place, camera.target);
+  const shift = add(scale(right, dot(off, right)), scale(up, dot(off, up)));
+  return { ...camera, position: add(camera.position, shift), target: place };
+}
+
+export class Probe {
+  #api;
+  #client;
+  #store;
+  #shown;
+  #on;
+
+  /** shown() -> {volume, box, width, height} of volume and stage; on: text(string), problem(error) */
+  constructor({ api, client, store, shown, on }) {
+    this.#api = api;
+    this.#client = client;
+    this.#store = store;
+    this.#shown = shown;
+    this.#on = on;
+  }
+
+  /** Says position and value. x, y: CSS pixels of the stage */
+  async tell(x, y) {
+    const found = await this.#find(x, y);
+    if (found !== undefined) this.#on.text(this.#text(found));
+  }
+
+  /** Brings what lies there to the middle. */
+  async centre(x, y) {
+    const { mode } = this.#store.scene ?? {};
+    const found = mode === 'mpr' ? { position: this.#slicePlace(x, y) } : await this.#find(x, y);
+    if (!found?.position || this.#store.scene?.mode !== mode) return;
+    if (mode === 'mpr') this.#store.patch({ mpr: { center: found.position } });
+    else this.#store.patch({ camera: centredOn(this.#store.scene.camera, found.position) });
+  }
+
+  /** @returns null where nothing is, undefined where nobody could be asked */
+  async #find(x, y) {
+    if (!this.#client.session || !this.#store.scene) return undefined;
+    try {
+      return await this.#api.json('GET', this.#address(x, y));
+    } catch (error) {
+      if (error.status !== 404 && error.status !== 501) this.#on.problem(error);
+      return null;
+    }
+  }
+
+  /** A slice shows one point a pixel, so that its place is known here; in 3-D the daemon says what a ray meets first. */
+  #address(x, y) {
+    const { scene } = this.#store;
+    const shown = this.#shown();
+    if (scene.mode === 'mpr') {
+      const at = this.#slicePlace(x, y).map((mm) => mm.toFixed(4));
+      return `v1/volumes/${encodeURIComponent(shown.volume.id)}/value?at=${at.join(',')}`;
+    }
+    const { width, height } = scene.image;
+    const pixel = (at, extent, pixels) => Math.min(pixels - 1, Math.max(0, Math.floor((at / extent) * pixels)));
+    const [px, py] = [pixel(x, shown.width, width), pixel(y, shown.height, height)];
+    return `v1/sessions/${encodeURIComponent(this.#client.session)}/pick?x=${px}&y=${py}`;
+  }
+
+  #slicePlace(x, y) {
+    const { width, height, box } = this.#shown();
+    return slicePlace(this.#store.scene, [x, y], { width, height }, box);
+  }
+
+  #text(found) {
+    const place = found?.position ?? found?.at;
+    if (!place) return '';
+    const { volume, box } = this.#shown();
+    const side = (mm, plus, minus) => `${mm >= 0 ? plus : minus} ${placeText(Math.abs(mm), 2 * box.radius)}`;
+    const unit = volume.unit ? ` ${volume.unit}` : '';
+    const value = (found.value ?? null) === null ? '' : `  \u00b7  ${Number(found.value.toPrecision(5))}${unit}`;
+    const [x, y, z] = place;
+    return `${side(x, 'L', 'R')}  ${side(y, 'P', 'A')}  ${side(z, 'H', 'F')} mm${value}`;
+  }
+}
