@@ -22,7 +22,7 @@ void tcp_merge_patch(cJSON **target, const cJSON *patch);
 
 /* --- scenes ------------------------------------------------------------------------------------ */
 
-/* The full scene as its JSON document (every member of PROTOCOL.md's Scene that has a meaning now). */
+/* The full scene as its JSON document (every member of the contract (PROTOCOL.md) that has a meaning now). */
 cJSON *tcp_scene_write(const tc_scene *scene);
 
 /* Long lists of a document (knots, visible labels), read beforehand, so that the document itself is then laid on a
