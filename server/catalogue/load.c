@@ -60,7 +60,6 @@ static void import(tcs_load *load) {
 
 static void run_load(tcs_task *task) {
   tcs_load *load = (tcs_load *)task;
-  tcs_thread_set_behind(); /* frames come first where processors are short */
   import(load);
   if (load->source.upload && !load->refused) tcs_spooled_remove(load->source.upload);
   if (!load->volume) return;

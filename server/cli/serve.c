@@ -154,17 +154,28 @@ static void keep_heap_small(void) {
 }
 
 static bool start_workers(tcs_server *server, GError **error) {
-  tcs_completions *completions = server->completions;
-  return (server->spool_worker = tcs_worker_new("tc-spool", 1, completions, error)) &&
-         (server->render_worker = tcs_worker_new("tc-render", 1, completions, error)) &&
-         (server->encode_worker = tcs_worker_new("tc-encode", 1, completions, error)) &&
-         (server->still_worker = tcs_worker_new("tc-still", 1, completions, error)) &&
-         (server->load_worker = tcs_worker_new("tc-load", TCS_LOAD_THREADS, completions, error)) &&
-         (server->walk_worker = tcs_worker_new("tc-walk", 1, completions, error)) &&
-         (server->text_worker = tcs_worker_new("tc-text", 1, completions, error)) &&
-         (server->probe_worker = tcs_worker_new("tc-probe", 1, completions, error)) &&
-         (server->meter_worker = tcs_worker_new("tc-meter", 1, completions, error)) &&
-         (server->quality_worker = tcs_worker_new("tc-quality", 1, completions, error));
+  const struct {
+    tcs_worker **worker;
+    const char *name;
+    int threads;
+    tcs_priority priority;
+  } rows[] = {
+      {&server->spool_worker, "tc-spool", 1, TCS_PRIORITY_PICTURE},
+      {&server->render_worker, "tc-render", 1, TCS_PRIORITY_PICTURE},
+      {&server->encode_worker, "tc-encode", 1, TCS_PRIORITY_PICTURE},
+      {&server->still_worker, "tc-still", 1, TCS_PRIORITY_PICTURE},
+      {&server->load_worker, "tc-load", TCS_LOAD_THREADS, TCS_PRIORITY_BEHIND},
+      {&server->walk_worker, "tc-walk", 1, TCS_PRIORITY_BEHIND},
+      {&server->text_worker, "tc-text", 1, TCS_PRIORITY_BEHIND},
+      {&server->probe_worker, "tc-probe", 1, TCS_PRIORITY_BEHIND},
+      {&server->meter_worker, "tc-meter", 1, TCS_PRIORITY_LOW},
+      {&server->quality_worker, "tc-quality", 1, TCS_PRIORITY_LOW},
+  };
+  for (size_t i = 0; i < G_N_ELEMENTS(rows); i++) {
+    *rows[i].worker = tcs_worker_new(rows[i].name, rows[i].threads, rows[i].priority, server->completions, error);
+    if (!*rows[i].worker) return false;
+  }
+  return true;
 }
 
 static bool load_volumes(tcs_daemon *d, GError **error) {

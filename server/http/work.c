@@ -27,7 +27,6 @@ static void answer(tcs_work *work) {
 
 static void run_work(tcs_task *task) {
   tcs_work *work = (tcs_work *)task;
-  tcs_thread_set_behind(); /* frames come first where processors are short */
   if (!atomic_load(&work->cancel)) work->run(work);
 }
 

@@ -5,7 +5,6 @@
 #include <stdint.h>
 #include <string.h>
 #include <sys/eventfd.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
 struct tcs_worker {
@@ -16,6 +15,7 @@ struct tcs_worker {
   bool stopping;
   tcs_completions *completions;
   char name[16];
+  tcs_priority priority;
   int n_threads;
   pthread_t threads[];
 };
@@ -94,6 +94,8 @@ void tcs_completions_drain(tcs_completions *completions) {
 static void *worker_main(void *user) {
   tcs_worker *worker = user;
   pthread_setname_np(pthread_self(), worker->name);
+  /* On Linux a thread has its own nice value, which threads that it starts inherit. Nothing is lost if refused. */
+  if (nice(worker->priority) < 0) errno = 0;
   pthread_mutex_lock(&worker->mutex);
   for (;;) {
     tcs_task *task = tcs_task_list_pop(&worker->queue);
@@ -113,11 +115,13 @@ static void *worker_main(void *user) {
   return NULL;
 }
 
-tcs_worker *tcs_worker_new(const char *name, int threads, tcs_completions *completions, GError **error) {
+tcs_worker *tcs_worker_new(const char *name, int threads, tcs_priority priority, tcs_completions *completions,
+                           GError **error) {
   tcs_worker *worker = g_malloc0(sizeof *worker + (size_t)threads * sizeof worker->threads[0]);
   pthread_mutex_init(&worker->mutex, NULL);
   pthread_cond_init(&worker->wake, NULL);
   worker->completions = completions;
+  worker->priority = priority;
   g_strlcpy(worker->name, name, sizeof worker->name);
   for (int i = 0; i < threads; i++) {
     const int failure = pthread_create(&worker->threads[i], NULL, worker_main, worker);
@@ -161,10 +165,6 @@ int tcs_worker_waiting(tcs_worker *worker) {
   pthread_mutex_unlock(&worker->mutex);
   return waiting;
 }
-
-/* On Linux a thread has its own nice value, and 0 names the caller. Nothing is lost where it is refused. */
-void tcs_thread_set_low(void) { (void)setpriority(PRIO_PROCESS, 0, 19); }
-void tcs_thread_set_behind(void) { (void)setpriority(PRIO_PROCESS, 0, 10); }
 
 void tcs_worker_free(tcs_worker *worker) {
   if (!worker) return;

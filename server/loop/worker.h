@@ -39,19 +39,24 @@ void tcs_completions_finish(tcs_completions *completions);
 void tcs_completions_post(tcs_completions *completions, tcs_task *task); /* any thread */
 void tcs_completions_drain(tcs_completions *completions);                /* I/O thread: calls every `done` */
 
+/* What gives way to what where processors are short, as steps of nice(2) below the I/O thread, which comes before all:
+ * its turns are short, and everybody waits for them. A thread of three times the weight is rarely put off. */
+typedef enum tcs_priority {
+  TCS_PRIORITY_PICTURE = 5, /* pictures that somebody waits for */
+  TCS_PRIORITY_BEHIND = 15, /* a tenth of that: loads and questions, which somebody waits for too */
+  TCS_PRIORITY_LOW = 19     /* what nobody waits for */
+} tcs_priority;
+
 /* `threads` threads called `name` (at most 15 characters) that share one queue. */
 typedef struct tcs_worker tcs_worker;
-tcs_worker *tcs_worker_new(const char *name, int threads, tcs_completions *completions, GError **error);
+tcs_worker *tcs_worker_new(const char *name, int threads, tcs_priority priority, tcs_completions *completions,
+                           GError **error);
 void tcs_worker_submit(tcs_worker *worker, tcs_task *task);
 /* The same, unless `most` tasks wait already: then false, and the task stays the caller's. */
 bool tcs_worker_offer(tcs_worker *worker, tcs_task *task, int most);
 /* Takes a task back that has not begun: neither its `run` nor its `done` is called. False: it has begun, or is over. */
 bool tcs_worker_drop(tcs_worker *worker, tcs_task *task);
 int tcs_worker_waiting(tcs_worker *worker); /* tasks that have not begun */
-/* The calling thread gives way to all others: for work that nobody waits for. Call from a task. */
-void tcs_thread_set_low(void);
-/* It gives way to most, with a tenth of a processor that others want: for loads, which somebody waits for. */
-void tcs_thread_set_behind(void);
 /* Runs what is queued, then ends and joins the threads. Their completions are posted, not drained. NULL is fine. */
 void tcs_worker_free(tcs_worker *worker);
 

@@ -22,7 +22,6 @@ struct tcs_measure {
 
 static void run(tcs_task *task) {
   tcs_measure *m = (tcs_measure *)task;
-  tcs_thread_set_low();
   tc_meter_measure(m->meter, m->volume, m->labels, &m->scene, &m->cancel, MOST_MS, &m->result, &m->error);
 }
 

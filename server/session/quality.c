@@ -178,7 +178,6 @@ cJSON *tcs_quality_json(const tcs_job *job) {
 static void run(tcs_task *task) {
   measurement *m = (measurement *)task;
   tcs_quality *q = m->quality;
-  tcs_thread_set_low();
   if (atomic_load(&m->interrupt->cancel)) {
     tc_set_error(&m->error, TC_ERROR_CANCELLED, NULL, "cancelled");
     return;

@@ -60,9 +60,9 @@ static void begin(void) {
   if (!tcs_completions_init(&completions, &error)) abort();
   server = (tcs_server){.config = &config, .metrics = &metrics, .completions = &completions};
   server.budget = tcs_budget_new(budget_bytes, voxel_budget);
-  server.render_worker = tcs_worker_new("render", 1, &completions, &error);
-  server.load_worker = tcs_worker_new("load", 1, &completions, &error);
-  server.spool_worker = tcs_worker_new("spool", 1, &completions, &error);
+  server.render_worker = tcs_worker_new("render", 1, TCS_PRIORITY_PICTURE, &completions, &error);
+  server.load_worker = tcs_worker_new("load", 1, TCS_PRIORITY_PICTURE, &completions, &error);
+  server.spool_worker = tcs_worker_new("spool", 1, TCS_PRIORITY_PICTURE, &completions, &error);
   server.spool = tcs_spool_new(&server);
   server.scheduler = tcs_scheduler_new(&server, &error);
   server.catalogue = tcs_catalogue_new(&server);

@@ -281,7 +281,7 @@ static void test_tasks_come_back_in_order(void **state) {
   enum { N = 500 };
   tcs_completions completions;
   assert_true(tcs_completions_init(&completions, NULL));
-  tcs_worker *worker = tcs_worker_new("unit", 1, &completions, NULL);
+  tcs_worker *worker = tcs_worker_new("unit", 1, TCS_PRIORITY_PICTURE, &completions, NULL);
   GArray *order = g_array_new(FALSE, FALSE, sizeof(int));
   counted tasks[N];
   for (int i = 0; i < N; i++) {
@@ -301,7 +301,7 @@ static void test_several_threads_share_a_queue(void **state) {
   enum { N = 500 };
   tcs_completions completions;
   assert_true(tcs_completions_init(&completions, NULL));
-  tcs_worker *worker = tcs_worker_new("unit", 4, &completions, NULL);
+  tcs_worker *worker = tcs_worker_new("unit", 4, TCS_PRIORITY_PICTURE, &completions, NULL);
   GArray *order = g_array_new(FALSE, FALSE, sizeof(int));
   counted tasks[N];
   for (int i = 0; i < N; i++) {
@@ -336,7 +336,7 @@ static void done_gate(tcs_task *task) {}
 static void test_waiting_tasks_can_be_taken_back(void **state) {
   tcs_completions completions;
   assert_true(tcs_completions_init(&completions, NULL));
-  tcs_worker *worker = tcs_worker_new("unit", 1, &completions, NULL);
+  tcs_worker *worker = tcs_worker_new("unit", 1, TCS_PRIORITY_PICTURE, &completions, NULL);
   GArray *order = g_array_new(FALSE, FALSE, sizeof(int));
   gate g = {.task = {run_gate, done_gate, NULL}};
   counted tasks[5];
