@@ -39,6 +39,7 @@ void tcs_histogram_add_error(tcs_histogram *histogram, double rms) { add_to(hist
 
 void tcs_metrics_turn(tcs_metrics *metrics, double seconds, double cpu_seconds) {
   add_to(&metrics->lag, lag_bounds, seconds);
+  add_to(&metrics->turn_cpu, lag_bounds, cpu_seconds);
   metrics->lag_max = MAX(metrics->lag_max, seconds);
   metrics->turn_cpu_max = MAX(metrics->turn_cpu_max, cpu_seconds);
 }
@@ -110,6 +111,7 @@ static void requests(GString *out, const tcs_metrics *metrics) {
 static void loop_and_log(GString *out, tcs_metrics *m) {
   histogram_of(out, "loop_lag_seconds", "Turns of the I/O thread: from its wake-up to its return to waiting.", &m->lag,
                lag_bounds);
+  histogram_of(out, "loop_turn_cpu_seconds", "Processor time of these turns.", &m->turn_cpu, lag_bounds);
   gauge(out, "loop_lag_max_seconds", "The longest turn since the last scrape.", m->lag_max);
   gauge(out, "loop_turn_cpu_max_seconds", "The most processor time of a turn since the last scrape.", m->turn_cpu_max);
   m->lag_max = m->turn_cpu_max = 0;

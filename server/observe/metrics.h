@@ -32,6 +32,7 @@ typedef struct tcs_metrics {
   double meter_seconds;
   uint64_t meter_pixels, meter_cancelled, quality_measurements;
   tcs_histogram lag;         /* turns of the loop: from its wake-up to its return to waiting */
+  tcs_histogram turn_cpu;    /* of them: when it had a processor */
   double lag_max, turn_cpu_max; /* since the last scrape: the longest turn, and the most processor time in one */
   uint64_t patches, scene_changes; /* patches laid on scenes; changes that came of them: one for all of a turn */
   uint64_t works_dropped; /* left by their clients before they began */
