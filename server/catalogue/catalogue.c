@@ -7,6 +7,9 @@
 #include "server/catalogue/spool.h"
 #include "server/config/config.h"
 
+/* Viewers are told of so many volumes at once, and of the rest next time. */
+#define MOST_TOLD 32
+
 static const char *const state_names[TCS_VOLUME_STATE_COUNT] = {"loading", "resident", "failed"};
 
 static void free_entry(void *item) {
@@ -22,6 +25,7 @@ tcs_catalogue *tcs_catalogue_new(tcs_server *server) {
   tcs_catalogue *catalogue = g_new0(tcs_catalogue, 1);
   catalogue->server = server;
   g_queue_init(&catalogue->loads);
+  g_queue_init(&catalogue->failed);
   catalogue->entries = g_hash_table_new_full(g_str_hash, g_str_equal, NULL, free_entry);
   return catalogue;
 }
@@ -51,6 +55,11 @@ tcs_entry *tcs_catalogue_resident(tcs_catalogue *catalogue, const char *id, cons
   return NULL;
 }
 
+static void forget(tcs_catalogue *catalogue, tcs_entry *entry) {
+  if (entry->failed_link.data) g_queue_unlink(&catalogue->failed, &entry->failed_link);
+  g_hash_table_remove(catalogue->entries, entry->id);
+}
+
 bool tcs_catalogue_may_load(tcs_catalogue *catalogue, const char *id, const char *client, GError **error) {
   if (!tcs_id_valid(id)) {
     tc_set_error(error, TC_ERROR_INVALID, "/id", "a volume id is 1 to 64 of letters, digits, '.', '_', '-'");
@@ -74,8 +83,9 @@ tcs_entry *tcs_catalogue_load(tcs_catalogue *catalogue, const char *id, tcs_sour
     g_free(source->path);
     return NULL;
   }
-  g_hash_table_remove(catalogue->entries, id); /* a failed one */
-  tcs_entry *entry = g_new0(tcs_entry, 1);
+  tcs_entry *entry = tcs_catalogue_find(catalogue, id);
+  if (entry) forget(catalogue, entry); /* a failed one */
+  entry = g_new0(tcs_entry, 1);
   g_strlcpy(entry->id, id, sizeof entry->id);
   entry->operators = source->operators;
   g_hash_table_insert(catalogue->entries, entry->id, entry);
@@ -85,34 +95,18 @@ tcs_entry *tcs_catalogue_load(tcs_catalogue *catalogue, const char *id, tcs_sour
 
 void tcs_catalogue_remove(tcs_catalogue *catalogue, tcs_entry *entry) {
   tcs_entry_release(catalogue, entry);
-  g_hash_table_remove(catalogue->entries, entry->id);
+  forget(catalogue, entry);
   tcs_loads_pump(catalogue);
 }
 
 /* --- failed ones ------------------------------------------------------------------------------------ */
 
-/* The oldest of those that may be forgotten; *count tells how many there are. */
-static tcs_entry *oldest_failed(tcs_catalogue *catalogue, int64_t *count) {
-  GHashTableIter iterator;
-  void *value;
-  tcs_entry *oldest = NULL;
-  *count = 0;
-  g_hash_table_iter_init(&iterator, catalogue->entries);
-  while (g_hash_table_iter_next(&iterator, NULL, &value)) {
-    tcs_entry *entry = value;
-    if (entry->state != TCS_FAILED || entry->operators) continue;
-    ++*count;
-    if (!oldest || entry->used_us < oldest->used_us) oldest = entry;
-  }
-  return oldest;
-}
-
 static void forget_failed(tcs_catalogue *catalogue, int64_t now_us) {
   const tcs_limits *limits = &catalogue->server->config->limits;
-  int64_t count;
-  for (tcs_entry *oldest; (oldest = oldest_failed(catalogue, &count));) {
-    if (count <= limits->failed_entries && now_us - oldest->used_us < limits->failed_seconds * 1000000) return;
-    g_hash_table_remove(catalogue->entries, oldest->id);
+  for (tcs_entry *oldest; (oldest = g_queue_peek_head(&catalogue->failed));) {
+    if (catalogue->failed.length <= limits->failed_entries && now_us - oldest->used_us < limits->failed_seconds * 1000000)
+      return;
+    forget(catalogue, oldest);
   }
 }
 
@@ -121,6 +115,9 @@ void tcs_entry_fail(tcs_catalogue *catalogue, tcs_entry *entry, char *reason) {
   entry->used_us = g_get_monotonic_time();
   g_free(entry->reason);
   entry->reason = reason;
+  if (entry->operators) return;
+  entry->failed_link.data = entry;
+  g_queue_push_tail_link(&catalogue->failed, &entry->failed_link);
 }
 
 void tcs_catalogue_tick(tcs_catalogue *catalogue, int64_t now_us) {
@@ -195,29 +192,70 @@ static void describe_volume(cJSON *json, const tc_volume *volume) {
   }
 }
 
-cJSON *tcs_catalogue_describe(const tcs_entry *entry) {
+/* What is told of an entry. */
+typedef struct row {
+  char id[sizeof((tcs_entry *)0)->id];
+  tcs_volume_state state;
+  int permille; /* of a load; -1: it is none */
+  int users;
+  char *reason;      /* or NULL */
+  tc_volume *volume; /* or NULL */
+} row;
+
+static row row_of(const tcs_entry *entry) {
+  row r = {.state = entry->state, .permille = entry->load ? atomic_load(&entry->load->permille) : -1,
+           .users = entry->users, .reason = entry->reason, .volume = entry->volume};
+  memcpy(r.id, entry->id, sizeof r.id);
+  return r;
+}
+
+static cJSON *describe(const row *r) {
   cJSON *json = cJSON_CreateObject();
-  cJSON_AddStringToObject(json, "id", entry->id);
-  cJSON_AddStringToObject(json, "state", state_names[entry->state]);
-  if (entry->load) cJSON_AddNumberToObject(json, "fraction", atomic_load(&entry->load->permille) / 1000.0);
-  if (entry->reason) cJSON_AddStringToObject(json, "reason", entry->reason);
-  if (entry->volume) describe_volume(json, entry->volume);
-  cJSON_AddNumberToObject(json, "sessions", entry->users);
+  cJSON_AddStringToObject(json, "id", r->id);
+  cJSON_AddStringToObject(json, "state", state_names[r->state]);
+  if (r->permille >= 0) cJSON_AddNumberToObject(json, "fraction", r->permille / 1000.0);
+  if (r->reason) cJSON_AddStringToObject(json, "reason", r->reason);
+  if (r->volume) describe_volume(json, r->volume);
+  cJSON_AddNumberToObject(json, "sessions", r->users);
   return json;
 }
 
-static int compare_ids(const void *a, const void *b) {
-  return strcmp(*(const char *const *)a, *(const char *const *)b);
+cJSON *tcs_catalogue_describe(const tcs_entry *entry) {
+  const row r = row_of(entry);
+  return describe(&r);
 }
 
-cJSON *tcs_catalogue_list(tcs_catalogue *catalogue) {
-  guint count;
-  const char **ids = (const char **)(void *)g_hash_table_get_keys_as_array(catalogue->entries, &count);
-  qsort(ids, count, sizeof *ids, compare_ids);
+GArray *tcs_catalogue_rows(tcs_catalogue *catalogue, tcs_volume_wanted *wanted, const void *user) {
+  GArray *rows = g_array_new(FALSE, FALSE, sizeof(row));
+  GHashTableIter iterator;
+  void *entry;
+  g_hash_table_iter_init(&iterator, catalogue->entries);
+  while (g_hash_table_iter_next(&iterator, NULL, &entry)) {
+    row r = row_of(entry);
+    if (wanted && !wanted(user, r.id)) continue;
+    r.reason = g_strdup(r.reason);
+    if (r.volume) r.volume = tc_volume_ref(r.volume);
+    g_array_append_val(rows, r);
+  }
+  return rows;
+}
+
+void tcs_rows_free(GArray *rows) {
+  for (guint i = 0; i < rows->len; i++) {
+    const row *r = &g_array_index(rows, row, i);
+    g_free(r->reason);
+    tc_volume_unref(r->volume);
+  }
+  g_array_unref(rows);
+}
+
+static int by_id(const void *a, const void *b) { return strcmp(((const row *)a)->id, ((const row *)b)->id); }
+
+cJSON *tcs_rows_describe(GArray *rows) {
   cJSON *list = cJSON_CreateArray();
-  for (guint i = 0; i < count; i++)
-    cJSON_AddItemToArray(list, tcs_catalogue_describe(tcs_catalogue_find(catalogue, ids[i])));
-  g_free(ids);
+  g_array_sort(rows, by_id);
+  for (guint i = 0; i < rows->len; i++)
+    cJSON_AddItemToArray(list, describe(&g_array_index(rows, row, i)));
   return list;
 }
 
@@ -239,25 +277,26 @@ void tcs_catalogue_gauges(tcs_catalogue *catalogue, tcs_gauges *gauges) {
   }
 }
 
+/* What there is to tell of an entry, once; false: nothing. */
+static bool tell_of(tcs_entry *entry, char *text, size_t size) {
+  const int permille = entry->load ? atomic_load(&entry->load->permille) : 1000;
+  if (entry->state == entry->told && (!entry->load || permille == entry->load->told)) return false;
+  entry->told = entry->state;
+  if (entry->load) entry->load->told = permille;
+  g_snprintf(text, size, "{\"type\":\"volume\",\"id\":\"%s\",\"state\":\"%s\",\"fraction\":%d.%03d}", entry->id,
+             state_names[entry->state], permille / 1000, permille % 1000);
+  return true;
+}
+
 void tcs_catalogue_report(tcs_catalogue *catalogue, void (*tell)(void *user, const char *json), void *user) {
   GHashTableIter iterator;
   void *value;
+  char text[160];
+  int left = MOST_TOLD;
   g_hash_table_iter_init(&iterator, catalogue->entries);
-  while (g_hash_table_iter_next(&iterator, NULL, &value)) {
-    tcs_entry *entry = value;
-    char text[160];
-    if (entry->state != entry->told) {
-      entry->told = entry->state;
-      g_snprintf(text, sizeof text, "{\"type\":\"volume\",\"id\":\"%s\",\"state\":\"%s\",\"fraction\":1}", entry->id,
-                 state_names[entry->state]);
-      tell(user, text);
-    }
-    if (!entry->load) continue;
-    const int permille = atomic_load(&entry->load->permille);
-    if (permille == entry->load->told) continue;
-    entry->load->told = permille;
-    g_snprintf(text, sizeof text, "{\"type\":\"volume\",\"id\":\"%s\",\"state\":\"loading\",\"fraction\":%d.%03d}",
-               entry->id, permille / 1000, permille % 1000);
+  while (left > 0 && g_hash_table_iter_next(&iterator, NULL, &value)) {
+    if (!tell_of(value, text, sizeof text)) continue;
     tell(user, text);
+    left--;
   }
 }

@@ -24,6 +24,7 @@ typedef struct tcs_entry {
   void *held;            /* resident: the ledger's note of it */
   bool operators;        /* of the command line */
   int64_t used_us;       /* resident: last asked for; failed: since when */
+  GList failed_link;     /* failed, and not the operator's: by age */
   tcs_volume_state told; /* the state viewers were last told of */
   int users;             /* sessions that show it */
 } tcs_entry;
@@ -62,7 +63,12 @@ void tcs_catalogue_remove(tcs_catalogue *catalogue, tcs_entry *entry);
 bool tcs_catalogue_resolve(tcs_catalogue *catalogue, const char *path, tcs_source_file *source, GError **error);
 
 cJSON *tcs_catalogue_describe(const tcs_entry *entry);
-cJSON *tcs_catalogue_list(tcs_catalogue *catalogue);
+/* The volumes as they are, for a list that another thread writes: those that `wanted` has, all where it is NULL.
+ * Freed with tcs_rows_free(). */
+typedef bool tcs_volume_wanted(const void *user, const char *id);
+GArray *tcs_catalogue_rows(tcs_catalogue *catalogue, tcs_volume_wanted *wanted, const void *user);
+cJSON *tcs_rows_describe(GArray *rows); /* by id; any thread */
+void tcs_rows_free(GArray *rows);
 void tcs_catalogue_gauges(tcs_catalogue *catalogue, tcs_gauges *gauges);
 /* True while a volume of the command line has not been loaded, well or badly. */
 bool tcs_catalogue_starting(tcs_catalogue *catalogue);

@@ -12,6 +12,7 @@ struct tcs_catalogue {
   tcs_server *server;
   GHashTable *entries; /* id (inside the entry) -> tcs_entry */
   GQueue loads;        /* tcs_load *, oldest first: waiting and running */
+  GQueue failed;       /* tcs_entry *, by failed_link, oldest first; none of the operator's */
   int running;
   bool ended; /* nothing is started any more */
   uint64_t resident_bytes;

@@ -9,6 +9,9 @@
 #include "server/session/store.h"
 #include "server/ws/handshake.h"
 
+#define FEW_SESSIONS 16 /* a longer list is written by a worker */
+#define MOST_LISTS 64   /* that may wait */
+
 static void etag_of(const tcs_session *session, char etag[32]) {
   g_snprintf(etag, 32, "\"%" PRIu64 "\"", session->revision);
 }
@@ -19,47 +22,89 @@ static void add_link(cJSON *links, const char *name, const char *id, const char 
   g_free(path);
 }
 
-static cJSON *describe(const tcs_session *session, bool with_scene) {
+/* What is told of a session beside its scene: plain values, for a list that another thread writes. */
+typedef struct row {
+  char id[TCS_SESSION_SIZE], volume[sizeof((tcs_entry *)0)->id], etag[32];
+  guint viewers;
+  int64_t idle_us;
+  double render_ms;
+  tcp_frame_header judged; /* zeros: nothing is known */
+  char unmeasured[sizeof((tcs_picture *)0)->unmeasured];
+} row;
+
+static row row_of(const tcs_session *session) {
+  row r = {.viewers = session->watchers->len, .render_ms = tcs_client_render_ms(session->client)};
+  const tcs_picture *judged = tcs_session_judged(session);
+  g_strlcpy(r.id, session->id, sizeof r.id);
+  g_strlcpy(r.volume, session->entry->id, sizeof r.volume);
+  etag_of(session, r.etag);
+  r.idle_us = r.viewers ? 0 : g_get_monotonic_time() - session->used_us;
+  if (judged) {
+    r.judged = judged->header;
+    memcpy(r.unmeasured, judged->unmeasured, sizeof r.unmeasured);
+  }
+  return r;
+}
+
+static cJSON *describe(const row *r, bool with_scene) {
   static const char *const names[][2] = {{"self", ""},      {"scene", "/scene"},   {"frame", "/frame"},
                                          {"plan", "/plan"}, {"stream", "/stream"}, {"mjpeg", "/stream.mjpeg"}};
-  char etag[32];
-  etag_of(session, etag);
   cJSON *json = cJSON_CreateObject();
-  cJSON_AddStringToObject(json, "id", session->id);
-  cJSON_AddStringToObject(json, "volume", session->entry->id);
-  cJSON_AddStringToObject(json, "etag", etag);
-  cJSON_AddNumberToObject(json, "viewers", session->watchers->len);
-  const int64_t idle_us = session->watchers->len ? 0 : g_get_monotonic_time() - session->used_us;
-  cJSON_AddNumberToObject(json, "idleSeconds", (double)(idle_us / 1000000));
-  cJSON_AddNumberToObject(json, "renderMs", tcs_client_render_ms(session->client));
+  cJSON_AddStringToObject(json, "id", r->id);
+  cJSON_AddStringToObject(json, "volume", r->volume);
+  cJSON_AddStringToObject(json, "etag", r->etag);
+  cJSON_AddNumberToObject(json, "viewers", r->viewers);
+  cJSON_AddNumberToObject(json, "idleSeconds", (double)(r->idle_us / 1000000));
+  cJSON_AddNumberToObject(json, "renderMs", r->render_ms);
   if (with_scene) cJSON_AddNullToObject(json, "scene"); /* where tcs_reply_scene() puts it */
-  const tcs_picture *judged = tcs_session_judged(session);
-  if (judged && judged->header.has_error)
-    cJSON_AddItemToObject(json, "error", tcp_measured_error(&judged->header));
-  else if (judged)
-    cJSON_AddStringToObject(json, "unmeasured", judged->header.unmeasured);
+  if (r->judged.has_error)
+    cJSON_AddItemToObject(json, "error", tcp_measured_error(&r->judged));
+  else if (r->judged.unmeasured)
+    cJSON_AddStringToObject(json, "unmeasured", r->unmeasured);
   cJSON *links = cJSON_AddObjectToObject(json, "links");
   for (size_t i = 0; i < G_N_ELEMENTS(names); i++)
-    add_link(links, names[i][0], session->id, names[i][1]);
+    add_link(links, names[i][0], r->id, names[i][1]);
   return json;
 }
 
-typedef struct session_list {
-  const tcs_caller *caller;
-  cJSON *array;
-} session_list;
+static cJSON *describe_with_scene(const tcs_session *session) {
+  const row r = row_of(session);
+  return describe(&r, true);
+}
+
+typedef struct list_work {
+  tcs_work work;
+  const tcs_caller *caller; /* while rows are gathered */
+  GArray *rows;
+} list_work;
+
+static void run_list(tcs_work *work) {
+  const GArray *rows = ((list_work *)work)->rows;
+  cJSON *json = cJSON_CreateObject(), *list = cJSON_AddArrayToObject(json, "sessions");
+  for (guint i = 0; i < rows->len; i++)
+    cJSON_AddItemToArray(list, describe(&g_array_index(rows, row, i), false));
+  work->text = tcs_json_text(json);
+}
+
+static void free_list(tcs_work *work) { g_array_unref(((list_work *)work)->rows); }
 
 static void add_session(tcs_session *session, void *user) {
-  const session_list *list = user;
-  if (tcs_caller_sees(list->caller, session->id, session->owner))
-    cJSON_AddItemToArray(list->array, describe(session, false));
+  const list_work *l = user;
+  if (!tcs_caller_sees(l->caller, session->id, session->owner)) return;
+  const row r = row_of(session);
+  g_array_append_val(l->rows, r);
 }
 
 void tcs_get_sessions(tcs_request *request) {
-  cJSON *json = cJSON_CreateObject();
-  session_list list = {&request->caller, cJSON_AddArrayToObject(json, "sessions")};
-  tcs_sessions_each(request->server->sessions, add_session, &list);
-  tcs_reply_json(request, 200, json);
+  list_work *l = g_new0(list_work, 1);
+  l->work = (tcs_work){.run = run_list, .free = free_list};
+  l->rows = g_array_new(FALSE, FALSE, sizeof(row));
+  l->caller = &request->caller;
+  tcs_sessions_each(request->server->sessions, add_session, l);
+  if (l->rows->len <= FEW_SESSIONS)
+    tcs_work_inline(request, &l->work);
+  else
+    tcs_work_start(request, request->server->text_worker, &l->work, MOST_LISTS);
 }
 
 static void post_session(tcs_request *request, cJSON *body, const tcp_lists *lists) {
@@ -83,7 +128,7 @@ static void post_session(tcs_request *request, cJSON *body, const tcp_lists *lis
   char etag[32];
   char *location = g_strconcat("/v1/sessions/", session->id, NULL);
   etag_of(session, etag);
-  tcs_reply_scene(request, 201, describe(session, true), &session->scene, etag, location);
+  tcs_reply_scene(request, 201, describe_with_scene(session), &session->scene, etag, location);
   g_free(location);
 }
 
@@ -98,7 +143,7 @@ void tcs_post_sessions(tcs_request *request) {
 
 void tcs_get_session(tcs_request *request) {
   const tcs_session *session = tcs_session_of(request);
-  if (session) tcs_reply_scene(request, 200, describe(session, true), &session->scene, NULL, NULL);
+  if (session) tcs_reply_scene(request, 200, describe_with_scene(session), &session->scene, NULL, NULL);
 }
 
 void tcs_delete_session(tcs_request *request) {

@@ -18,13 +18,14 @@
 typedef struct walk {
   tcs_work work;
   const char *folder;
-  cJSON *volumes; /* those known by id, as they were when the list was asked for */
+  GArray *volumes; /* of a list: those known by id that the caller may know of */
+  bool all;        /* with what could be loaded */
   tc_volume *volume;
   int bins;
 } walk;
 
 static void free_walk(tcs_work *work) {
-  cJSON_Delete(((walk *)work)->volumes);
+  if (((walk *)work)->volumes) tcs_rows_free(((walk *)work)->volumes);
   tc_volume_unref(((walk *)work)->volume);
 }
 
@@ -46,42 +47,34 @@ static tcs_entry *entry_of(tcs_request *request) {
 
 /* --- list ------------------------------------------------------------------------------------------ */
 
-static void run_list(tcs_work *work) {
+static cJSON *available(const char *folder) {
   static const char *const demos[] = {"demo:head", "demo:head-labels", "demo:vessels", "demo:marschner-lobb",
                                       "demo:bucky"};
-  walk *w = (walk *)work;
-  cJSON *json = cJSON_CreateObject(), *available = tcs_available(w->folder, MAX_AVAILABLE);
+  cJSON *list = tcs_available(folder, MAX_AVAILABLE);
   for (size_t i = 0; i < G_N_ELEMENTS(demos); i++) {
     cJSON *demo = cJSON_CreateObject();
     cJSON_AddStringToObject(demo, "path", demos[i]);
-    cJSON_AddItemToArray(available, demo);
+    cJSON_AddItemToArray(list, demo);
   }
-  cJSON_AddItemToObject(json, "volumes", g_steal_pointer(&w->volumes));
-  cJSON_AddItemToObject(json, "available", available);
+  return list;
+}
+
+static void run_list(tcs_work *work) {
+  walk *w = (walk *)work;
+  cJSON *json = cJSON_CreateObject();
+  cJSON_AddItemToObject(json, "volumes", tcs_rows_describe(w->volumes));
+  cJSON_AddItemToObject(json, "available", w->all ? available(w->folder) : cJSON_CreateArray());
   work->text = tcs_json_text(json);
 }
 
-/* Who was given one session is shown its volumes, and nothing that could be loaded. */
-static void reply_visible(tcs_request *request) {
-  cJSON *json = cJSON_CreateObject(), *volumes = tcs_catalogue_list(request->server->catalogue), *next;
-  for (cJSON *volume = volumes->child; volume; volume = next) {
-    next = volume->next;
-    const char *id = cJSON_GetStringValue(cJSON_GetObjectItemCaseSensitive(volume, "id"));
-    if (!tcs_volume_visible(request, id)) cJSON_Delete(cJSON_DetachItemViaPointer(volumes, volume));
-  }
-  cJSON_AddItemToObject(json, "volumes", volumes);
-  cJSON_AddArrayToObject(json, "available");
-  tcs_reply_json(request, 200, json);
-}
+static bool is_visible(const void *request, const char *id) { return tcs_volume_visible(request, id); }
 
+/* Who was given one session is shown its volumes, and nothing that could be loaded. */
 void tcs_get_volumes(tcs_request *request) {
-  if (request->caller.session[0]) {
-    reply_visible(request);
-    return;
-  }
   walk *w = new_walk(run_list);
   w->folder = request->server->config->data;
-  w->volumes = tcs_catalogue_list(request->server->catalogue);
+  w->volumes = tcs_catalogue_rows(request->server->catalogue, is_visible, request);
+  w->all = !request->caller.session[0];
   tcs_work_start(request, request->server->walk_worker, &w->work, MOST_WALKS);
 }
 

@@ -181,14 +181,16 @@ static void end_sessions(void) {
 }
 
 static void remove_volumes(void) {
-  cJSON *list = tcs_catalogue_list(server->catalogue);
+  GArray *rows = tcs_catalogue_rows(server->catalogue, NULL, NULL);
+  cJSON *list = tcs_rows_describe(rows);
   const cJSON *item;
-  cJSON_ArrayForEach(item, cJSON_GetObjectItem(list, "volumes")) {
+  cJSON_ArrayForEach(item, list) {
     const char *id = cJSON_GetStringValue(cJSON_GetObjectItem(item, "id"));
     tcs_entry *entry = tcs_catalogue_find(server->catalogue, id);
     if (!entry->operators || entry->state == TCS_FAILED) tcs_catalogue_remove(server->catalogue, entry);
   }
   cJSON_Delete(list);
+  tcs_rows_free(rows);
 }
 
 static bool nothing_left(void) {

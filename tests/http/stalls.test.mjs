@@ -1,7 +1,7 @@
 // The I/O thread stalls for nobody: floods of patches, long documents, abandoned questions, a log that nobody reads.
 // What is bounded here is processor time of one turn of the loop, which other load on the machine does not change.
 import assert from 'node:assert/strict';
-import { readFileSync } from 'node:fs';
+import { readdirSync, readFileSync } from 'node:fs';
 import net from 'node:net';
 import { after, before, test } from 'node:test';
 import { Daemon, problem, sleep } from '../support/daemon.mjs';
@@ -154,6 +154,57 @@ test('long answers are written beside the loop', async () => {
     assert.equal(json.counts.reduce((sum, n) => sum + n), 32 ** 3);
     for (const path of ['/v1/about', '/v1/openapi.json', '/v1/scene.schema.json', '/v1/presets', '/v1/volumes']) assert.equal((await d.get(path)).status, 200);
   });
+});
+
+/** The daemon's threads as {name: {nice, wakeUps}}. */
+function threads() {
+  const task = `/proc/${d.process.pid}/task`;
+  return Object.fromEntries(readdirSync(task).map((id) => {
+    const stat = readFileSync(`${task}/${id}/stat`, 'latin1');
+    const wakeUps = /^voluntary_ctxt_switches:\s+(\d+)$/m.exec(readFileSync(`${task}/${id}/status`, 'latin1'))[1];
+    const name = Number(id) === d.process.pid ? 'main' : stat.slice(stat.indexOf('(') + 1, stat.lastIndexOf(')'));
+    return [name, { nice: Number(stat.slice(stat.lastIndexOf(')') + 2).split(' ')[16]), wakeUps: Number(wakeUps) }];
+  }));
+}
+
+test('the I/O thread comes before pictures, these before questions and loads', () => {
+  const all = threads();
+  const steps = { 'tc-render': 5, 'tc-encode': 5, 'tc-load': 15, 'tc-text': 15, 'tc-probe': 15, 'tc-meter': 19 };
+  const main = all.main.nice;
+  for (const [name, step] of Object.entries(steps)) assert.equal(all[name].nice, Math.min(19, main + step), name);
+  for (const [name, { nice }] of Object.entries(all)) if (/^render-\d/.test(name)) assert.equal(nice, all['tc-render'].nice, name);
+});
+
+test('a list of many sessions is written by a worker, one of few at once', async () => {
+  const asked = async (patienceMs) => {
+    const { wakeUps } = threads()['tc-text'];
+    const { json: { sessions } } = await d.get('/v1/sessions');
+    for (const end = Date.now() + patienceMs; Date.now() < end && threads()['tc-text'].wakeUps === wakeUps;) await sleep(10);
+    return { sessions, worker: threads()['tc-text'].wakeUps > wakeUps };
+  };
+  for (const { links } of (await d.get('/v1/sessions')).json.sessions) await d.delete(links.self);
+  const made = await d.session();
+  assert.equal((await asked(100)).worker, false);
+  const ids = [made.id];
+  while (ids.length < 17) ids.push((await d.session()).id);
+  const { sessions, worker } = await asked(10000);
+  assert.equal(worker, true);
+  assert.deepEqual(sessions.map(({ id }) => id), ids);
+  assert.deepEqual(Object.keys(sessions[0]).sort(), ['etag', 'id', 'idleSeconds', 'links', 'renderMs', 'viewers', 'volume']);
+  for (const { links } of sessions) await d.delete(links.self);
+});
+
+test('viewers are told of every volume of a flood, some at a time', async () => {
+  const ws = await Ws.open(d, (await d.session()).id);
+  const names = Array.from({ length: 80 }, (_, i) => `absent-${i}`);
+  let at = 0;
+  const post = async () => { while (at < names.length) await again(names[at++]); };
+  const again = async (id) => { while ((await d.post('/v1/volumes', { id, path: 'ball.nrrd#7' })).status === 503) await sleep(10); };
+  await Promise.all([post(), post(), post()]);
+  const failed = new Set();
+  while (failed.size < names.length) failed.add((await ws.next(({ type, state }) => type === 'volume' && state === 'failed')).id);
+  assert.deepEqual([...failed].sort(), [...names].sort());
+  await ws.close();
 });
 
 const resident = () => Number(/VmRSS:\s+(\d+)/.exec(readFileSync(`/proc/${d.process.pid}/status`))[1]) / 1024;
