@@ -1,4 +1,5 @@
 /* labels.colors (an object keyed by label number, merged member by member) and labels.visible (a list). */
+#include <stdlib.h>
 #include <string.h>
 
 #include "protocol/internal.h"
@@ -12,63 +13,82 @@ static bool parse_label(const char *text, uint32_t *label) {
   return true;
 }
 
-static const double *find_color(const tc_scene *scene, uint32_t label) {
-  for (size_t i = 0; i < scene->labels.n_colors; i++)
-    if (scene->labels.colors[i].label == label) return scene->labels.colors[i].rgba;
-  return NULL;
-}
-
-static int by_label(gconstpointer a, gconstpointer b, gpointer user) {
-  uint32_t x = ((const tc_label_color *)a)->label, y = ((const tc_label_color *)b)->label;
+static int by_label(const void *a, const void *b) {
+  const uint32_t x = ((const tc_label_color *)a)->label, y = ((const tc_label_color *)b)->label;
   return (x > y) - (x < y);
 }
 
-/* One member of the patch becomes an entry behind those there are; a red below 0 says "none". */
-static bool read_entry(tcp_reader *reader, const tcp_member *member, const cJSON *item, GArray *entries) {
-  tc_label_color entry;
-  size_t mark = tcp_enter(reader, item->string);
-  if (!parse_label(item->string, &entry.label))
+static const tc_label_color *find_color(const tc_scene *scene, uint32_t label) {
+  const tc_label_color key = {.label = label};
+  if (!scene->labels.n_colors) return NULL;
+  return bsearch(&key, scene->labels.colors, scene->labels.n_colors, sizeof key, by_label);
+}
+
+/* A red below 0 says "as in the defaults". */
+static bool is_reset(const tc_label_color *edit) { return edit->rgba[0] < 0; }
+
+static bool read_edit(tcp_reader *reader, const tcp_member *member, const cJSON *item, tc_label_color *edit) {
+  const size_t mark = tcp_enter(reader, item->string);
+  if (!parse_label(item->string, &edit->label))
     return tcp_fail(reader, TC_ERROR_INVALID, "a label number 0..4294967295 is wanted as the name");
-  if (cJSON_IsNull(item)) {
-    const double *rgba = find_color(reader->defaults, entry.label);
-    entry.rgba[0] = -1;
-    if (rgba) memcpy(entry.rgba, rgba, sizeof entry.rgba);
-  } else if (!tcp_vector_read(reader, member, item, 4, entry.rgba)) {
+  if (cJSON_IsNull(item))
+    edit->rgba[0] = -1;
+  else if (!tcp_vector_read(reader, member, item, 4, edit->rgba))
     return false;
-  }
-  g_array_append_val(entries, entry);
   tcp_leave(reader, mark);
   return true;
 }
 
-/* Sorted by label with the newest of equals kept; removed ones dropped. */
-static void tidy(GArray *entries) {
-  tc_label_color *e = (tc_label_color *)(void *)entries->data;
-  guint kept = 0;
-  if (entries->len) g_qsort_with_data(e, (int)entries->len, sizeof *e, by_label, NULL); /* stable */
-  for (guint i = 0; i < entries->len; i++) {
-    bool newest = i + 1 == entries->len || e[i + 1].label != e[i].label;
-    if (newest && e[i].rgba[0] >= 0) e[kept++] = e[i];
+/* The patch's members, ascending; a document has no name twice. NULL: an error is set. */
+static GArray *read_edits(tcp_reader *reader, const tcp_member *member, const cJSON *value) {
+  GArray *edits = g_array_new(FALSE, FALSE, sizeof(tc_label_color));
+  bool good = true;
+  for (const cJSON *item = value->child; item && good; item = item->next) {
+    tc_label_color edit;
+    good = read_edit(reader, member, item, &edit);
+    g_array_append_val(edits, edit);
   }
-  g_array_set_size(entries, kept);
+  g_array_sort(edits, by_label);
+  if (!good) g_clear_pointer(&edits, g_array_unref);
+  return edits;
 }
 
-static bool read_colors(tcp_reader *reader, const tcp_member *member, const cJSON *value) {
+/* Edits on the scene's colours, both ascending. */
+static bool lay_on(tcp_reader *reader, const tc_label_color *edits, size_t count) {
   tc_scene *scene = reader->scene;
-  if (!cJSON_IsObject(value)) return tcp_fail_type(reader, "an object of label numbers", value);
-  GArray *entries = g_array_new(FALSE, FALSE, sizeof(tc_label_color));
-  if (scene->labels.n_colors) g_array_append_vals(entries, scene->labels.colors, (guint)scene->labels.n_colors);
-  bool good = true;
-  for (const cJSON *item = value->child; item && good; item = item->next)
-    good = read_entry(reader, member, item, entries);
-  if (good) tidy(entries);
-  if (good && entries->len > TCP_MAX_LABELS)
-    good = tcp_fail(reader, TC_ERROR_LIMIT, "at most %d colours are wanted, got %u", TCP_MAX_LABELS, entries->len);
-  if (good) {
-    void *colors = entries->len ? g_memdup2(entries->data, entries->len * sizeof(tc_label_color)) : NULL;
-    tc_scene_set_colors(scene, colors, entries->len);
+  const tc_label_color *old = scene->labels.colors, *end = old + scene->labels.n_colors;
+  GArray *all = g_array_sized_new(FALSE, FALSE, sizeof *old, (guint)(scene->labels.n_colors + count));
+  for (size_t i = 0; i < count; i++) {
+    const tc_label_color *edit = &edits[i];
+    const tc_label_color *color = is_reset(edit) ? find_color(reader->defaults, edit->label) : edit;
+    for (; old < end && old->label < edit->label; old++)
+      g_array_append_vals(all, old, 1);
+    if (old < end && old->label == edit->label) old++;
+    if (color) g_array_append_vals(all, color, 1);
   }
-  g_array_free(entries, TRUE);
+  if (old < end) g_array_append_vals(all, old, (guint)(end - old));
+  const guint kept = all->len;
+  const bool good = kept <= TCP_MAX_LABELS;
+  tc_label_color *colors = (tc_label_color *)(void *)g_array_free(all, !good || !kept);
+  if (good) tc_scene_set_colors(scene, colors, kept);
+  return good || tcp_fail(reader, TC_ERROR_LIMIT, "at most %d colours are wanted, got %u", TCP_MAX_LABELS, kept);
+}
+
+/* Without defaults it is the edits that are wanted (tcp_lists_read()). */
+static bool read_colors(tcp_reader *reader, const tcp_member *member, const cJSON *value) {
+  const tc_scene *read = reader->lists && reader->lists->colors == value ? &reader->lists->scene : NULL;
+  if (read) return lay_on(reader, read->labels.colors, read->labels.n_colors);
+  if (!cJSON_IsObject(value)) return tcp_fail_type(reader, "an object of label numbers", value);
+  GArray *edits = read_edits(reader, member, value);
+  if (!edits) return false;
+  const guint count = edits->len;
+  tc_label_color *list = (tc_label_color *)(void *)g_array_free(edits, FALSE);
+  if (!reader->defaults) {
+    tc_scene_set_colors(reader->scene, list, count);
+    return true;
+  }
+  const bool good = lay_on(reader, list, count);
+  g_free(list);
   return good;
 }
 

@@ -25,11 +25,11 @@ void tcp_merge_patch(cJSON **target, const cJSON *patch);
 /* The full scene as its JSON document (every member of the contract (PROTOCOL.md) that has a meaning now). */
 cJSON *tcp_scene_write(const tc_scene *scene);
 
-/* Long lists of a document (knots, visible labels), read beforehand, so that the document itself is then laid on a
+/* Long lists of a document (knots, labels' colours, visible labels), read beforehand, so that the document itself is then laid on a
  * scene in no time. They name their nodes in the document and are good only for it. */
 typedef struct tcp_lists {
-  const cJSON *points, *visible; /* the nodes; NULL: not read */
-  tc_scene scene;                /* holds what was read, shared; else zeros */
+  const cJSON *points, *colors, *visible; /* the nodes; NULL: not read */
+  tc_scene scene; /* holds what was read, shared; else zeros */
 } tcp_lists;
 /* *lists holds nothing before. The errors are those that tcp_scene_patch() would have. Any thread. */
 bool tcp_lists_read(const cJSON *document, tcp_lists *lists, GError **error);

@@ -126,11 +126,11 @@ bool tcp_scene_patch(tc_scene *scene, const cJSON *patch, const tc_scene *defaul
   return good;
 }
 
-/* A list that is there, as its own member reads it. */
+/* A list (or object) that is there, as its own member reads it. */
 static bool read_list(tcp_reader *reader, const cJSON *document, const char *group, const char *name,
                       const tcp_special *special, const cJSON **node) {
   const cJSON *value = cJSON_GetObjectItemCaseSensitive(cJSON_GetObjectItemCaseSensitive(document, group), name);
-  if (!cJSON_IsArray(value)) return true;
+  if (!cJSON_IsArray(value) && !cJSON_IsObject(value)) return true;
   for (size_t i = 0; i < tcp_member_count; i++) {
     if (tcp_members[i].special != special) continue;
     const size_t mark = tcp_enter(reader, group);
@@ -147,6 +147,7 @@ bool tcp_lists_read(const cJSON *document, tcp_lists *lists, GError **error) {
   tcp_reader reader = {.scene = &lists->scene, .pointer = g_string_new(NULL), .error = error};
   const bool good =
       read_list(&reader, document, "transferFunction", "points", &tcp_special_points, &lists->points) &&
+      read_list(&reader, document, "labels", "colors", &tcp_special_label_colors, &lists->colors) &&
       read_list(&reader, document, "labels", "visible", &tcp_special_visible, &lists->visible);
   g_string_free(reader.pointer, TRUE);
   tc_scene_share(&lists->scene);

@@ -308,6 +308,51 @@ static void label_colors_merge(void **state) {
   assert_int_equal(scene.labels.n_colors, 0);
 }
 
+static cJSON *random_labels(void) {
+  GString *text = g_string_new("{\"labels\":{\"colors\":{");
+  for (int label = 0, n = 0; label < 40; label++) {
+    const double red = g_random_double();
+    if (g_random_boolean())
+      g_string_append_printf(text, red < 0.3 ? "%s\"%d\":null" : "%s\"%d\":[%.3f,0,1,1]", n++ ? "," : "", 39 - label, red);
+  }
+  g_string_append(text, "},\"visible\":[3,1]},\"transferFunction\":{\"points\":[{\"value\":7,\"color\":[0,0,1],\"opacity\":1}]}}");
+  cJSON *document = tcp_json_parse(text->str, text->len, NULL);
+  g_string_free(text, TRUE);
+  return document;
+}
+
+/* Nobody can read it any more. */
+static void spoil(cJSON *node) {
+  for (; node; node = node->next) {
+    spoil(node->child);
+    if (cJSON_IsNumber(node)) node->type = cJSON_False;
+  }
+}
+
+static void lists_read_beforehand_are_not_read_again(void **state) {
+  accept("{\"labels\":{\"colors\":{\"7\":[1,0,0,1],\"3\":[0,1,0,1],\"30\":[1,1,0,1]}}}");
+  tc_scene_take_colors(&defaults, &scene);
+  for (int i = 0; i < 50; i++) {
+    cJSON *document = random_labels();
+    tcp_lists lists;
+    GError *error = NULL;
+    tc_scene other;
+    tc_scene_copy(&other, &scene);
+    assert_true(tcp_scene_patch(&scene, document, &defaults, &context, &error));
+    assert_true(tcp_lists_read(document, &lists, &error));
+    spoil(document->child);
+    const tcp_scene_context with = {context.value_min, context.value_max, &lists};
+    if (!tcp_scene_patch(&other, document, &defaults, &with, &error)) fail_msg("%s", error->message);
+    cJSON *plain = tcp_scene_write(&scene), *listed = tcp_scene_write(&other);
+    assert_true(cJSON_Compare(plain, listed, true));
+    cJSON_Delete(plain);
+    cJSON_Delete(listed);
+    tcp_lists_clear(&lists);
+    tc_scene_clear(&other);
+    cJSON_Delete(document);
+  }
+}
+
 static void transparency_needs_png(void **state) {
   accept("{\"image\":{\"background\":\"transparent\",\"format\":\"png\"}}");
   refuse("{\"image\":{\"format\":\"jpeg\"}}", TC_ERROR_INVALID, "/image/format", "png");
@@ -356,6 +401,7 @@ int main(void) {
                                      WITH_SCENE(presets_and_points),
                                      WITH_SCENE(quality_bounds_replace_each_other),
                                      WITH_SCENE(label_colors_merge),
+                                     WITH_SCENE(lists_read_beforehand_are_not_read_again),
                                      WITH_SCENE(transparency_needs_png),
                                      cmocka_unit_test(set_expressions)};
   return cmocka_run_group_tests(tests, NULL, NULL);
