@@ -24,6 +24,9 @@ void tcp_merge_patch(cJSON **target, const cJSON *patch);
 
 /* The full scene as its JSON document (every member of the contract (PROTOCOL.md) that has a meaning now). */
 cJSON *tcp_scene_write(const tc_scene *scene);
+/* Of it, what a reader of the picture must know: mode, background, and what the mode uses of camera or slice, window,
+ * preset and isosurface. A few hundred bytes, whatever the scene. */
+cJSON *tcp_scene_write_shown(const tc_scene *scene);
 
 /* Long lists of a document (knots, labels' colours, visible labels), read beforehand, so that the document itself is then laid on a
  * scene in no time. They name their nodes in the document and are good only for it. */
@@ -98,6 +101,8 @@ typedef struct tcp_frame_header {
   /* What the error meter found of this picture: known when it is sent again. low, high: 95 % interval of rms. */
   bool has_error; double rms, low, high, max; int pixels;
   const char *unmeasured; /* why the meter that was asked for cannot measure this picture; NULL */
+  const char *scene;      /* JSON text of tcp_scene_write_shown() of the scene it shows; NULL */
+  uint64_t others;        /* changes of the scene so far that were not the viewer's; with `scene` */
 } tcp_frame_header;
 /* {"rms","low","high","max","pixels"} of a header that has an error. */
 cJSON *tcp_measured_error(const tcp_frame_header *header);

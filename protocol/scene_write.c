@@ -34,3 +34,35 @@ cJSON *tcp_scene_write(const tc_scene *scene) {
   }
   return document;
 }
+
+#define MODE(mode) (1u << (mode))
+#define PROJECTIONS (MODE(TC_MODE_MIP) | MODE(TC_MODE_MINIP) | MODE(TC_MODE_AVERAGE))
+#define SURFACES (MODE(TC_MODE_ISOSURFACE) | MODE(TC_MODE_MESH))
+#define ALL (MODE(TC_MODE_COUNT) - 1)
+
+static const struct {
+  const char *group, *name; /* NULL: all of the group */
+  unsigned modes;
+} shown[] = {
+    {"image", "background", ALL},
+    {"camera", NULL, ALL & ~MODE(TC_MODE_MPR)},
+    {"transferFunction", "preset", MODE(TC_MODE_DVR)},
+    {"window", NULL, PROJECTIONS | MODE(TC_MODE_MPR)},
+    {"isosurface", "value", SURFACES},
+    {"mpr", NULL, MODE(TC_MODE_MPR)},
+};
+
+cJSON *tcp_scene_write_shown(const tc_scene *scene) {
+  cJSON *document = cJSON_CreateObject();
+  tcp_add(document, "mode", cJSON_CreateString(tc_mode_names[scene->mode]));
+  for (size_t i = 0; i < tcp_member_count; i++) {
+    const tcp_member *m = &tcp_members[i];
+    for (size_t k = 0; k < G_N_ELEMENTS(shown); k++) {
+      if (strcmp(m->group, shown[k].group) != 0 || (shown[k].name && strcmp(m->name, shown[k].name) != 0)) continue;
+      if (!(shown[k].modes & MODE(scene->mode))) continue;
+      cJSON *group = cJSON_GetObjectItemCaseSensitive(document, m->group);
+      tcp_add(group ? group : cJSON_AddObjectToObject(document, m->group), m->name, write_member(m, scene));
+    }
+  }
+  return document;
+}

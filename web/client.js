@@ -32,7 +32,7 @@ export class Client {
   #sent = new Map(); // sequence -> {at, patch}: not yet seen in a frame
   #active = 0;
   #scheduled = false;
-  #settled = false; // the last frame was final and showed our last patch: one more shows somebody else's edit
+  #others = 0; // changes by others that the last frame knew of
   #refreshTimer = 0;
 
   constructor({ api, store, view, on }) {
@@ -145,7 +145,6 @@ export class Client {
       return;
     }
     this.#sequence += 1;
-    this.#settled = false;
     this.#sent.set(this.#sequence, { at: performance.now(), patch });
     this.#wire.send({ type: 'patch', seq: this.#sequence, scene: patch });
     this.#on.pending?.(this.#sent.size);
@@ -202,6 +201,7 @@ export class Client {
 
   #opened() {
     this.#view.forget();
+    this.#others = 0;
     const lost = [...this.#sent.values()].map(({ patch }) => patch).reduce((a, b) => (a ? joinPatches(a, b) : b), null);
     this.#sent.clear();
     this.#on.pending?.(0);
@@ -240,9 +240,8 @@ export class Client {
     const now = performance.now();
     const own = this.#sent.get(header.seq);
     for (const sequence of this.#sent.keys()) if (sequence <= header.seq) this.#sent.delete(sequence);
-    const settled = header.final && this.#sent.size === 0;
-    if (this.#settled || (settled && !this.#owned)) this.#refreshSoon();
-    this.#settled = settled;
+    if (header.others !== this.#others) this.#refreshSoon();
+    this.#others = header.others;
     this.#on.pending?.(this.#sent.size);
     this.#on.frame?.({ header, bytes, roundTripMs: own ? now - own.at : undefined });
   }

@@ -6,7 +6,8 @@ import { Api } from './api.js';
 import { Bindings } from './bindings.js';
 import { BindingsPanel } from './bindings_panel.js';
 import { Client } from './client.js';
-import { spanAtTarget, withProjection } from './camera.js';
+import { withProjection } from './camera.js';
+import { Caption } from './caption.js';
 import { Furniture } from './furniture.js';
 import { Input, NO_MOVEMENT } from './input.js';
 import { Keys } from './keys.js';
@@ -20,7 +21,7 @@ import { QualityPanel } from './quality.js';
 import { saveFile, SceneDialog } from './scene_dialog.js';
 import { SceneStore } from './state.js';
 import { Status } from './status.js';
-import { sliceHeight, slicePixels, steer } from './steer.js';
+import { slicePixels, steer } from './steer.js';
 import { lengthsText } from './units.js';
 import { formatBytes, VolumeDialog, Volumes } from './volumes.js';
 import { pictureSize, View } from './view.js';
@@ -60,7 +61,7 @@ const client = new Client({
     connection: showConnection,
     viewOnly: () => notices.line('For looking only: what you change here is not kept.'),
     frame: showFrame,
-    pending: (count) => (stage.dataset.pending = count),
+    pending: showPending,
     problem: refused,
     beforeFlush: applyMovement,
   },
@@ -86,6 +87,11 @@ const furniture = new Furniture(
   },
   (letter) => actions.do('view', letter),
 );
+const caption = new Caption(get, furniture, {
+  mode: (mode) => titleIn(get('mode'), mode),
+  preset: (name) => titleIn(get('preset'), name ?? ''),
+  plane: (plane) => titleIn(document.querySelector('[data-path="mpr.orientation"]'), plane),
+});
 const bindings = new Bindings();
 const input = new Input(stage, bindings, {
   mode: () => store.scene?.mode,
@@ -121,7 +127,7 @@ const probe = new Probe({
   api,
   client,
   store,
-  shown: () => ({ volume: opening.volume, box: opening.box, ...stageSize() }),
+  shown: () => ({ volume: opening.volume, box: opening.box, caption, pixels: wantedSize() }),
   on: { text: (text) => (get('probe').textContent = text), problem: (error) => notices.problem(error) },
 });
 const actions = new Actions({
@@ -160,8 +166,10 @@ function showVolume(volume, box, histogram) {
   get('empty').hidden = true;
   document.title = `${volume.id} \u2013 Tomocast`;
   showFacts(volume, box);
-  showFurniture();
+  caption.clear(volume);
 }
+
+const titleIn = (menu, value) => [...menu.options].find((option) => option.value === value)?.text ?? value;
 
 const unitOf = (volume) => (volume?.unit ? ` ${volume.unit}` : '');
 
@@ -195,9 +203,16 @@ function showConnection(state) {
   notices.connection(state);
   if (state.state === 'closed' && state.reason) notices.toast(state.reason, { title: 'Disconnected', bad: true });
   status.connection(state);
+  caption.connection(state);
+}
+
+function showPending(count) {
+  stage.dataset.pending = count;
+  caption.pending(count);
 }
 
 function showFrame(drawn) {
+  caption.drawn(drawn.header);
   status.frame(drawn);
   quality.frame(drawn.header);
   stage.dataset.frame = drawn.header.frame;
@@ -251,7 +266,7 @@ function resize() {
   const { width, height } = wantedSize();
   const { image = {} } = store.scene;
   if (image.width !== width || image.height !== height) store.patch({ image: { width, height } });
-  showFurniture();
+  caption.update();
 }
 
 const stageSize = () => ({ width: stage.clientWidth, height: Math.max(1, stage.clientHeight) });
@@ -267,33 +282,17 @@ function move(moved) {
   if (patch) store.patch(patch);
 }
 
-/** mm of a CSS pixel, 0 in perspective. The picture's height is the stage's height: both have one aspect. */
-function scaleOfPicture() {
-  const { scene } = store;
-  const size = stageSize();
-  if (scene.mode === 'mpr') return sliceHeight(scene, size, opening.box) / size.height;
-  return scene.camera.projection === 'orthographic' ? spanAtTarget(scene.camera) / size.height : 0;
-}
-
-function showFurniture() {
+/** Controls outside the panels' own, which follow the edited scene. */
+function showControls() {
   const { scene } = store;
   if (!scene?.camera) return;
-  furniture.update(scene, scaleOfPicture());
-  const mode = get('mode').selectedOptions[0]?.textContent ?? scene.mode;
-  const detail = scene.mode === 'dvr' ? presetTitle() : scene.window && windowText(scene.window);
-  const { id = '', modality = '' } = opening.volume ?? {};
-  const lines = [id, [modality, mode].filter(Boolean).join(' \u00b7 '), detail];
-  get('label').textContent = lines.filter(Boolean).join('\n');
   get('projection').value = scene.camera.projection;
   get('fov-field').hidden = scene.camera.projection !== 'perspective';
   const background = Array.isArray(scene.image?.background) ? scene.image.background : [0, 0, 0];
   get('background').value = background.map((c) => Number(c.toFixed(2))).join(',');
-  stage.classList.toggle('light', background[0] + background[1] + background[2] > 1.8); // dark marks on a light ground
   get('meter').checked = (scene.errorMeter?.pixels ?? 0) > 0;
 }
 
-const presetTitle = () => get('preset').selectedOptions[0]?.textContent ?? '';
-const windowText = ({ center, width }) => `C ${Number(center.toPrecision(4))}  W ${Number(width.toPrecision(4))}`;
 
 async function savePicture() {
   if (!client.session) return;
@@ -312,7 +311,7 @@ async function savePicture() {
 
 function bindControls() {
   bindTabs(get('panel'));
-  store.subscribe(showFurniture);
+  store.subscribe(showControls);
   get('volume-open').addEventListener('click', () => volumeDialog.open(opening.volume?.id));
   get('help-open').addEventListener('click', () => get('help-dialog').showModal());
   get('scene-open').addEventListener('click', () => store.scene && sceneDialog.open());
@@ -353,7 +352,7 @@ function bindWindow() {
   new ResizeObserver(() => {
     clearTimeout(timer);
     timer = setTimeout(resize, RESIZE_REST_MS);
-    showFurniture();
+    caption.update();
   }).observe(stage);
   window.addEventListener('online', () => client.retryNow());
   window.addEventListener('hashchange', () => {

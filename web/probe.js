@@ -19,7 +19,7 @@ export class Probe {
   #shown;
   #on;
 
-  /** shown() -> {volume, box, width, height} of volume and stage; on: text(string), problem(error) */
+  /** shown() -> {volume, box, caption: the picture's, pixels: {width, height} it is asked for in}; on: text(string), problem(error) */
   constructor({ api, client, store, shown, on }) {
     this.#api = api;
     this.#client = client;
@@ -36,16 +36,17 @@ export class Probe {
 
   /** Brings what lies there to the middle. */
   async centre(x, y) {
-    const { mode } = this.#store.scene ?? {};
+    const { mode } = this.#shown().caption.scene ?? {};
     const found = mode === 'mpr' ? { position: this.#slicePlace(x, y) } : await this.#find(x, y);
     if (!found?.position || this.#store.scene?.mode !== mode) return;
     if (mode === 'mpr') this.#store.patch({ mpr: { center: found.position } });
     else this.#store.patch({ camera: centredOn(this.#store.scene.camera, found.position) });
   }
 
-  /** @returns null where nothing is, undefined where nobody could be asked */
+  /** @returns null where nothing is, undefined where nobody could be asked: the daemon knows the newest scene only */
   async #find(x, y) {
-    if (!this.#client.session || !this.#store.scene) return undefined;
+    const { caption } = this.#shown();
+    if (!this.#client.connected || !caption.current || !caption.placeOf(x, y)) return undefined;
     try {
       return await this.#api.json('GET', this.#address(x, y));
     } catch (error) {
@@ -56,21 +57,24 @@ export class Probe {
 
   /** A slice shows one point a pixel, so that its place is known here; in 3-D the daemon says what a ray meets first. */
   #address(x, y) {
-    const { scene } = this.#store;
-    const shown = this.#shown();
-    if (scene.mode === 'mpr') {
+    const { caption, volume, pixels } = this.#shown();
+    if (caption.scene.mode === 'mpr') {
       const at = this.#slicePlace(x, y).map((mm) => mm.toFixed(4));
-      return `v1/volumes/${encodeURIComponent(shown.volume.id)}/value?at=${at.join(',')}`;
+      return `v1/volumes/${encodeURIComponent(volume.id)}/value?at=${at.join(',')}`;
     }
-    const { width, height } = scene.image;
-    const pixel = (at, extent, pixels) => Math.min(pixels - 1, Math.max(0, Math.floor((at / extent) * pixels)));
-    const [px, py] = [pixel(x, shown.width, width), pixel(y, shown.height, height)];
-    return `v1/sessions/${encodeURIComponent(this.#client.session)}/pick?x=${px}&y=${py}`;
+    const { width, height } = pixels;
+    const [across, down] = caption.placeOf(x, y);
+    const pixel = `x=${Math.floor(across * width)}&y=${Math.floor(down * height)}&width=${width}&height=${height}`;
+    return `v1/sessions/${encodeURIComponent(this.#client.session)}/pick?${pixel}`;
   }
 
+  /** In the slice on the canvas; null beside it. */
   #slicePlace(x, y) {
-    const { width, height, box } = this.#shown();
-    return slicePlace(this.#store.scene, [x, y], { width, height }, box);
+    const { caption, box } = this.#shown();
+    const place = caption.placeOf(x, y);
+    if (!place) return null;
+    const { width, height } = caption.size;
+    return slicePlace(caption.scene, [place[0] * width, place[1] * height], caption.size, box);
   }
 
   #text(found) {

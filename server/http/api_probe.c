@@ -3,6 +3,7 @@
 
 #include "renderer/reference/reference.h"
 
+#include "server/config/config.h"
 #include "server/http/work.h"
 #include "server/session/ray_json.h"
 #include "server/session/store.h"
@@ -35,22 +36,25 @@ static void free_probe(tcs_work *work) {
 static void start_probe(tcs_request *request, void (*run)(tcs_work *work)) {
   tcs_session *session = tcs_session_of(request);
   if (!session) return;
-  const tc_scene *scene = &session->scene;
-  int x = -1, y = -1;
+  const tcs_limits *limits = &request->server->config->limits;
+  int x = -1, y = -1, width = session->scene.image.width, height = session->scene.image.height;
   if (!tcs_query(request, "x") || !tcs_query(request, "y")) {
     tcs_reply_problem(request, 422, "invalid", "Invalid value",
                       "query x and y: give a pixel, 0 at the left and at the top");
     return;
   }
-  if (!tcs_query_int(request, "x", 0, scene->image.width - 1, &x) ||
-      !tcs_query_int(request, "y", 0, scene->image.height - 1, &y))
+  if (!tcs_query_int(request, "width", 1, (int)limits->image_side, &width) ||
+      !tcs_query_int(request, "height", 1, (int)limits->image_side, &height) ||
+      !tcs_query_int(request, "x", 0, width - 1, &x) || !tcs_query_int(request, "y", 0, height - 1, &y))
     return;
   probe *p = g_new0(probe, 1);
   *p = (probe){.work = {.run = run, .free = free_probe}, .server = request->server, .x = x, .y = y};
   g_strlcpy(p->session, session->id, sizeof p->session);
   p->volume = tc_volume_ref(session->entry->volume);
   if (session->labels) p->labels = tc_volume_ref(tcs_session_labels(session));
-  tc_scene_copy(&p->scene, scene);
+  tc_scene_copy(&p->scene, &session->scene);
+  p->scene.image.width = width;
+  p->scene.image.height = height;
   const bool many = session->probes++ >= SESSION_PROBES;
   tcs_work_start(request, request->server->probe_worker, &p->work, many ? 0 : MOST_PROBES);
 }

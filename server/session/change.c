@@ -51,8 +51,20 @@ bool tcs_session_draft(tcs_watcher *watcher, uint64_t seq, const cJSON *patch, G
   return true;
 }
 
+/* Who alone made the change knows the scene; the others are told with their next picture that it is another one. */
+static void count_for_others(tcs_session *session) {
+  guint authors = 0;
+  for (guint i = 0; i < session->watchers->len; i++)
+    authors += ((tcs_watcher *)g_ptr_array_index(session->watchers, i))->drafted_seq > 0;
+  for (guint i = 0; i < session->watchers->len; i++) {
+    tcs_watcher *watcher = g_ptr_array_index(session->watchers, i);
+    if (authors != 1 || !watcher->drafted_seq) watcher->others++;
+  }
+}
+
 void tcs_session_settle(tcs_session *session) {
   if (!session->drafted) return;
+  count_for_others(session);
   session->drafted = false;
   tc_scene_clear(&session->scene);
   session->scene = session->draft;
@@ -70,6 +82,7 @@ bool tcs_session_patch(tcs_session *session, const cJSON *patch, const tcp_lists
   tcs_session_settle(session);
   if (!lay_on(session, &session->scene, whole ? &session->defaults : &session->scene, patch, lists, error))
     return false;
+  count_for_others(session);
   tcs_session_pin(session);
   changed(session);
   return true;

@@ -13,6 +13,7 @@ void tcs_session_deliver_to(tcs_session *session, tcs_watcher *watcher, int64_t 
   tcp_frame_header header = picture->header;
   header.frame = tcs_window_send(&watcher->window, now_us);
   header.seq = tcs_watcher_seq_in(watcher, picture, session->revision);
+  header.others = watcher->others;
   watcher->shown_revision = picture->revision;
   watcher->shown_final = picture->final;
   watcher->shown_error = tcs_picture_is_judged(picture);

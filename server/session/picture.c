@@ -11,11 +11,19 @@ void tcs_picture_unref(tcs_picture *picture) {
   if (!picture || --picture->references > 0) return;
   if (picture->image) g_bytes_unref(picture->image);
   if (picture->marks) g_array_unref(picture->marks);
+  cJSON_free(picture->scene);
   g_free(picture);
 }
 
 bool tcs_picture_is_judged(const tcs_picture *picture) {
   return picture->header.has_error || picture->header.unmeasured;
+}
+
+static char *shown_scene(const tc_scene *scene) {
+  cJSON *json = tcp_scene_write_shown(scene);
+  char *text = cJSON_PrintUnformatted(json);
+  cJSON_Delete(json);
+  return text;
 }
 
 tcs_picture *tcs_picture_new(tcs_job *job) {
@@ -28,6 +36,7 @@ tcs_picture *tcs_picture_new(tcs_job *job) {
   picture->image = g_bytes_ref(job->image);
   picture->marks = job->marks;
   job->marks = NULL;
+  picture->scene = shown_scene(&job->scene);
   picture->header = (tcp_frame_header){
       .width = job->out_width,
       .height = job->out_height,
@@ -38,6 +47,7 @@ tcs_picture *tcs_picture_new(tcs_job *job) {
       .tables_ms = job->stats.tables_ms + job->stats.skip_ms,
       .render_ms = job->stats.render_ms,
       .encode_ms = job->encode_ms,
+      .scene = picture->scene,
   };
   if (job->scene.error_meter.pixels && tc_meter_refuses(&job->scene, picture->unmeasured, sizeof picture->unmeasured))
     picture->header.unmeasured = picture->unmeasured;

@@ -20,6 +20,7 @@ typedef struct tcs_picture {
   double step;
   GBytes *image; /* NULL in a session's `still` */
   char unmeasured[96]; /* header.unmeasured points here, or is NULL */
+  char *scene;         /* header.scene points here */
   GArray *marks; /* tcs_mark: each viewer's newest patch it shows */
 } tcs_picture;
 

@@ -10,7 +10,7 @@ void tcs_session_join(tcs_session *session, tcs_watcher *watcher, unsigned windo
   static uint64_t last;
   watcher->session = session;
   watcher->id = ++last;
-  watcher->seq = watcher->drafted_seq = watcher->shown_revision = 0;
+  watcher->seq = watcher->drafted_seq = watcher->others = watcher->shown_revision = 0;
   watcher->shown_final = false;
   tcs_window_init(&watcher->window, window);
   session->used_us = g_get_monotonic_time();

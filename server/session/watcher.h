@@ -28,6 +28,7 @@ struct tcs_watcher {
   tcs_window window;
   uint64_t seq;            /* newest patch of this viewer that is in the scene */
   uint64_t drafted_seq;    /* newest one in the session's draft; 0 = none */
+  uint64_t others;         /* changes of the scene since it came that are not all its own */
   uint64_t shown_revision; /* 0 = nothing yet */
   bool shown_final, shown_error;
 };

@@ -173,9 +173,9 @@ export class FakeServer {
   }
 
   /** Changes a scene; everybody who watches it gets a picture. */
-  edit(session, patch) {
+  edit(session, patch, author = null) {
     session.scene = mergePatch(session.scene, patch);
-    for (const viewer of this.#viewers) if (viewer.session === session) viewer.changed();
+    for (const viewer of this.#viewers) if (viewer.session === session) viewer.changed(viewer === author);
   }
 
   /** Sends bytes that are no frame to every viewer. */
@@ -292,6 +292,7 @@ class Viewer {
   #sequence = 0;
   #frame = 0;
   #flying = new Set();
+  #others = 0;
   #dirty = true;
   #held = false;
   #busy = false;
@@ -304,10 +305,11 @@ class Viewer {
     connection.manner = server.manner;
     connection.onText = (text) => this.#message(JSON.parse(text));
     connection.send(JSON.stringify({ type: 'hello', session: session.id }));
-    this.changed();
+    this.changed(true);
   }
 
-  changed() {
+  changed(own = false) {
+    this.#others += own ? 0 : 1;
     this.#dirty = true;
     this.#pump();
     this.#restSoon();
@@ -341,7 +343,7 @@ class Viewer {
       return;
     }
     this.#sequence = seq;
-    this.#server.edit(this.session, scene);
+    this.#server.edit(this.session, scene, this);
   }
 
   #restSoon() {
@@ -392,6 +394,8 @@ class Viewer {
         final,
         timing: { queueMs: 0.1, tablesMs: 0, renderMs: 4.2, encodeMs: 0.8 },
         ...measured,
+        scene: this.session.scene, // the daemon sends less of it
+        others: this.#others,
       }),
     );
     const size = Buffer.alloc(4);

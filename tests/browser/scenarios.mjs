@@ -68,6 +68,7 @@ export async function keysWork(browser, url) {
     ['a', 'L', 'H'],
   ]) {
     await page.keyboard.press(key);
+    await settled(page); // the letters are the picture's
     assert.equal(await page.textContent('#mark-right'), right, key);
     assert.equal(await page.textContent('#mark-top'), top, key);
   }

@@ -49,6 +49,27 @@ test('a patch changes the picture; after rest the last frame is final and shows 
   await ws.close();
 });
 
+test('a frame says what it shows: the scene of its patch, and how often others changed it', async () => {
+  const { session, ws } = await open();
+  const other = await Ws.open(d, session.id);
+  await Promise.all([settle(ws, 0), settle(other, 0)]);
+  for (let seq = 1; seq <= 10; seq++) ws.patch(seq, { camera: { fovY: 20 + seq } });
+  await settle(ws, 10);
+  for (const { header } of ws.frames().filter(({ header }) => header.seq)) {
+    assert.equal(header.scene.camera.fovY, 20 + header.seq);
+    assert.equal(header.others, 0);
+  }
+  const told = await other.nextFrame(({ final, scene }) => final && scene.camera.fovY === 30);
+  assert.ok(told.header.others >= 1);
+  ws.patch(11, { mode: 'mpr', mpr: { thickness: 5 } });
+  const { header } = await settle(ws, 11);
+  assert.deepEqual(Object.keys(header.scene), ['mode', 'image', 'window', 'mpr']);
+  assert.equal(header.scene.mpr.thickness, 5);
+  assert.deepEqual(validate(header, api.components.schemas.FrameHeader, api), []);
+  await ws.close();
+  await other.close();
+});
+
 test('while the pointer is down frames are not final; on its end the final one comes at once', async () => {
   const { ws } = await open();
   await settle(ws, 0);

@@ -1,0 +1,156 @@
+// What is said of the picture on the canvas: edge letters, cube, scale bar, words. All of it comes from the frame that
+// was drawn and the part of the scene in its header, never from the scene that is being edited: a picture that is late,
+// or the last one before the connection broke, keeps its own letters, and says that it is not the newest.
+
+import { dot, letters, sliceBasis, spanAtTarget, volumeBox } from './camera.js';
+import { sliceEnds, sliceHeight, sliceStep } from './steer.js';
+import { placeText } from './units.js';
+
+const LATE_MS = 1500; // an edit whose picture takes longer is said to be missing
+
+const number = (value) => String(Number(value.toPrecision(4)));
+
+/** mm of a CSS pixel, 0 in perspective. @param size {width, height} of the picture @param stage of its element, CSS px */
+export function pictureScale(scene, size, stage, box) {
+  const shownHeight = Math.min(stage.height, (stage.width * size.height) / size.width); // the whole picture is shown
+  if (scene.mode === 'mpr') return sliceHeight(scene, size, box) / shownHeight;
+  return scene.camera.projection === 'orthographic' ? spanAtTarget(scene.camera) / shownHeight : 0;
+}
+
+/**
+ * Where a slice is among those of its direction.
+ * @returns {{index: number, count: number, step: number, axis: number[]}} index from 0, may be a fraction; step in mm
+ *   along the unit vector `axis`
+ */
+export function slicePosition(mpr, volume) {
+  const box = volumeBox(volume);
+  const { direction } = sliceBasis(mpr);
+  const step = sliceStep(volume, direction);
+  const [low, high] = sliceEnds(box, direction);
+  const at = dot(mpr.center ?? box.center, direction);
+  return { index: (at - low) / step, count: Math.round((high - low) / step) + 1, step, axis: direction };
+}
+
+/** "H 12.5 mm": how far from the origin a plane through `point` lies, and to which side; of a turned plane "LH". */
+function planePlace(point, axis, extent) {
+  const along = dot(point, axis);
+  return `${letters(along < 0 ? axis.map((x) => -x) : axis)} ${placeText(Math.abs(along), extent)} mm`;
+}
+
+const SLABS = { mip: 'maximum', minip: 'minimum', average: 'average' };
+
+function sliceLines(mpr, volume) {
+  const { index, count, axis } = slicePosition(mpr, volume);
+  const box = volumeBox(volume);
+  const shown = Math.min(count, Math.max(1, Math.round(index) + 1));
+  const slab = mpr.thickness > 0 && `Slab ${number(mpr.thickness)} mm \u00b7 ${SLABS[mpr.projection]}`;
+  return [`Slice ${shown} / ${count} \u00b7 ${planePlace(mpr.center ?? box.center, axis, 2 * box.radius)}`, slab];
+}
+
+/** Lines that name the picture of a scene. titles: mode(name), preset(name), plane(name) */
+export function captionLines(scene, volume, titles) {
+  const { id = '', modality = '', unit = '' } = volume;
+  const window = scene.window && `C ${number(scene.window.center)}  W ${number(scene.window.width)}`;
+  const surface = scene.isosurface && `Surface at ${number(scene.isosurface.value)}${unit && ` ${unit}`}`;
+  const preset = scene.mode === 'dvr' && titles.preset(scene.transferFunction?.preset);
+  const plane = scene.mpr && titles.plane(scene.mpr.orientation);
+  const kind = [modality, titles.mode(scene.mode), plane].filter(Boolean).join(' \u00b7 ');
+  return [id, kind, preset, window, surface, ...(scene.mpr ? sliceLines(scene.mpr, volume) : [])].filter(Boolean);
+}
+
+export class Caption {
+  #get;
+  #furniture;
+  #titles;
+  #header = null; // of the frame on the canvas
+  #drawnAt = null;
+  #volume = null;
+  #open = false;
+  #pending = 0;
+  #timer = 0;
+
+  constructor(get, furniture, titles) {
+    this.#get = get;
+    this.#furniture = furniture;
+    this.#titles = titles;
+  }
+
+  /** The part of the scene that the picture on the canvas shows, and its size; null before there is one. */
+  get scene() {
+    return this.#header?.scene ?? null;
+  }
+
+  /** The picture shows every edit made. */
+  get current() {
+    return this.#header !== null && this.#pending === 0;
+  }
+
+  get size() {
+    return this.#header;
+  }
+
+  /** Where in the picture a point of the stage lies, in shares of its sides from the top left; null beside it. CSS px */
+  placeOf(x, y) {
+    const { clientWidth, clientHeight } = this.#get('stage');
+    const { width, height } = this.size;
+    const scale = Math.min(clientWidth / width, clientHeight / height);
+    const place = [0.5 + (x - clientWidth / 2) / (width * scale), 0.5 + (y - clientHeight / 2) / (height * scale)];
+    return place.every((share) => share >= 0 && share < 1) ? place : null;
+  }
+
+  /** Another volume: there is no picture of it yet. */
+  clear(volume) {
+    this.#volume = volume;
+    this.#header = null;
+    this.update();
+  }
+
+  drawn(header) {
+    this.#header = header;
+    this.#drawnAt = new Date();
+    this.#wait();
+    this.update();
+  }
+
+  connection({ state }) {
+    this.#open = state === 'open';
+    this.#state();
+  }
+
+  /** So many edits are on their way to a picture. */
+  pending(count) {
+    const began = count > 0 && this.#pending === 0;
+    this.#pending = count;
+    if (began || !count) this.#wait();
+  }
+
+  /** After the stage has changed its size. */
+  update() {
+    const stage = this.#get('stage');
+    stage.classList.toggle('bare', !this.#header);
+    this.#state();
+    if (!this.#header) return;
+    const { scene } = this;
+    const size = { width: stage.clientWidth, height: Math.max(1, stage.clientHeight) };
+    this.#furniture.update(scene, pictureScale(scene, this.#header, size, volumeBox(this.#volume)));
+    this.#get('label').textContent = captionLines(scene, this.#volume, this.#titles).join('\n');
+    const { background } = scene.image;
+    const light = Array.isArray(background) && background[0] + background[1] + background[2] > 1.8;
+    stage.classList.toggle('light', light); // dark marks on a light ground
+  }
+
+  #wait() {
+    clearTimeout(this.#timer);
+    this.#timer = this.#pending ? setTimeout(() => this.#state(true), LATE_MS) : 0;
+    this.#state();
+  }
+
+  #state(late = false) {
+    const time = this.#drawnAt?.toLocaleTimeString();
+    const words = this.#open ? late && 'NOT CURRENT \u00b7 a newer picture is on its way' : `NOT LIVE \u00b7 picture of ${time}`;
+    const shown = this.#header && words;
+    this.#get('stale').hidden = !shown;
+    this.#get('stale').textContent = shown || '';
+    this.#get('stage').classList.toggle('stale', Boolean(shown));
+  }
+}
