@@ -3,6 +3,7 @@
 #define TCS_ACCESS_ACCESS_H
 
 #include "server/access/hosts.h"
+#include "server/access/lockout.h"
 #include "server/access/role.h"
 #include "server/access/share.h"
 #include "server/access/tickets.h"
@@ -11,7 +12,9 @@
 
 struct tcs_access {
   tcs_hosts *hosts;
-  tcs_tokens *tokens; /* NULL: everybody is welcome */
+  tcs_tokens *tokens;  /* NULL: everybody is welcome */
+  unsigned generation; /* of the tokens: counts up from 1 with each file that was read */
+  tcs_lockout *lockout;
   tcs_tickets *tickets;
   uint8_t share_key[TCS_SHARE_KEY_SIZE]; /* of this run: links end with it, as sessions do */
   uint8_t salt[16];                      /* of this run, for names that the log must not hold */
@@ -23,9 +26,18 @@ struct tcs_access {
 tcs_access *tcs_access_new(const tcs_config *config, GError **error);
 void tcs_access_free(tcs_access *access); /* NULL is fine */
 
-/* Who asks, by an Authorization header and by a ticket (either may be NULL). False: what was presented is worth
- * nothing. With nothing presented the caller is a stranger; where there are no tokens everybody is an admin of the same
- * name, unless a link or a ticket says less. */
-bool tcs_access_identify(tcs_access *access, const char *authorization, const char *ticket, tcs_caller *caller);
+/* What a caller shows: each may be NULL, but for the peer's address. */
+typedef struct tcs_shown {
+  const char *peer, *authorization, *ticket;
+} tcs_shown;
+
+/* Who asks. False: what was shown is worth nothing, or, with *wait_s above 0, was not looked at because of many wrong
+ * ones from this peer. With nothing shown the caller is a stranger; where there are no tokens everybody is an admin of the
+ * same name, unless a link or a ticket says less. */
+bool tcs_access_identify(tcs_access *access, const tcs_shown *shown, tcs_caller *caller, int *wait_s);
+/* Takes the tokens of a file that was read again. */
+void tcs_access_renew(tcs_access *access, tcs_tokens *tokens);
+/* Whether a caller may still do what it might when it came: its link has not expired, its token is still one. */
+bool tcs_access_lasts(const tcs_access *access, tcs_caller *caller);
 
 #endif

@@ -5,6 +5,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "server/access/secret.h"
+
 /* Each role may do what those before it may. */
 typedef enum tcs_role {
   TCS_ROLE_NONE,  /* a stranger: the page's files, health */
@@ -23,6 +25,8 @@ typedef struct tcs_caller {
   tcs_role role;
   char session[TCS_SESSION_SIZE]; /* the only one a share link or a ticket opens; "" = there is no such bound */
   int64_t until_s;                /* wall clock; 0 = for ever */
+  uint8_t token[TCS_HASH_SIZE];   /* the hash of the token it came by */
+  unsigned generation;            /* of the tokens, where that one was found last; 0 = it came by none */
 } tcs_caller;
 
 /* "view", "edit", "admin"; "none" for a stranger. */

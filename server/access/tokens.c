@@ -60,6 +60,7 @@ static bool take_line(tcs_tokens *tokens, const char *line, bool *clear, const c
     for (guint i = 0; !*fault && i < tokens->list->len; i++)
       if (tcs_hash_equal(g_array_index(tokens->list, tcs_token, i).hash, token.hash))
         *fault = "this token stands in an earlier line";
+    if (!*fault && tokens->list->len == TCS_TOKENS_MOST) *fault = "there are 4096 tokens before it, which is the most";
     if (!*fault) g_array_append_val(tokens->list, token);
   }
   g_strfreev(fields);
@@ -139,9 +140,7 @@ void tcs_tokens_free(tcs_tokens *tokens) {
   g_free(tokens);
 }
 
-const tcs_token *tcs_tokens_find(const tcs_tokens *tokens, const char *presented, size_t *compared) {
-  uint8_t hash[TCS_HASH_SIZE];
-  tcs_hash(presented, hash);
+static const tcs_token *find_hash(const tcs_tokens *tokens, const uint8_t hash[TCS_HASH_SIZE], size_t *compared) {
   const guint count = tokens->list->len;
   guint found = count, i;
   for (i = 0; i < count; i++) {
@@ -151,3 +150,22 @@ const tcs_token *tcs_tokens_find(const tcs_tokens *tokens, const char *presented
   if (compared) *compared = i;
   return found < count ? &g_array_index(tokens->list, tcs_token, found) : NULL;
 }
+
+const tcs_token *tcs_tokens_find(const tcs_tokens *tokens, const char *presented, size_t *compared) {
+  uint8_t hash[TCS_HASH_SIZE];
+  tcs_hash(presented, hash);
+  return find_hash(tokens, hash, compared);
+}
+
+bool tcs_tokens_have(const tcs_tokens *tokens, const tcs_caller *caller) {
+  const tcs_token *token = find_hash(tokens, caller->token, NULL);
+  return token && token->role == caller->role && strcmp(token->name, caller->name) == 0;
+}
+
+bool tcs_tokens_name(const tcs_tokens *tokens, const char *name) {
+  for (guint i = 0; i < tokens->list->len; i++)
+    if (strcmp(g_array_index(tokens->list, tcs_token, i).name, name) == 0) return true;
+  return false;
+}
+
+unsigned tcs_tokens_count(const tcs_tokens *tokens) { return tokens->list->len; }

@@ -46,9 +46,40 @@ struct tcs_daemon {
 
 /* --- the loop -------------------------------------------------------------------------------------- */
 
+/* The token file is read again, by a worker: a disk may take its time. */
+typedef struct reload_task {
+  tcs_task task;
+  tcs_daemon *d;
+  tcs_tokens *tokens;
+  GError *error;
+} reload_task;
+
+static void run_reload(tcs_task *task) {
+  reload_task *reload = (reload_task *)task;
+  reload->tokens = tcs_tokens_read(reload->d->config.token_file, &reload->error);
+}
+
+static void done_reload(tcs_task *task) {
+  reload_task *reload = (reload_task *)task;
+  tcs_server *server = &reload->d->server;
+  if (reload->tokens) {
+    tcs_log(TCS_LOG_INFO, "tokens.renewed", "count=%u", tcs_tokens_count(reload->tokens));
+    tcs_access_renew(server->access, reload->tokens);
+    if (server->sessions && !server->draining) tcs_sessions_end_orphans(server->sessions);
+  } else {
+    tcs_log(TCS_LOG_WARN, "tokens.kept", "text=\"the tokens stay as they were\" reason=%s", reload->error->message);
+  }
+  g_clear_error(&reload->error);
+  g_free(reload);
+}
+
 static void on_signal(tcs_source *source, uint32_t events) {
   tcs_daemon *d = OWNER(source, signals);
   d->signal_count = tcs_signals_ends(d->heard);
+  if (!tcs_signals_hung_up(d->heard) || !d->server.access->tokens) return;
+  reload_task *reload = g_new0(reload_task, 1);
+  *reload = (reload_task){.task = {.run = run_reload, .done = done_reload}, .d = d};
+  tcs_worker_submit(d->server.text_worker, &reload->task);
 }
 
 static void on_completion(tcs_source *source, uint32_t events) {
@@ -275,6 +306,8 @@ static void announce(const tcs_daemon *d) {
           info->isa ? info->isa : "none", info->threads, address);
   if (d->config.insecure_no_auth)
     tcs_log(TCS_LOG_WARN, "serve.open", "text=\"this server asks nobody who they are\"");
+  if (d->config.metrics.address)
+    tcs_log(TCS_LOG_INFO, "serve.metrics", "address=%s", tcs_http_metrics_address(d->server.http));
   printf("listening on http://%s\n", address);
   fflush(stdout);
 }
@@ -282,14 +315,15 @@ static void announce(const tcs_daemon *d) {
 /* --- the command line ------------------------------------------------------------------------------- */
 
 typedef struct serve_options {
-  char *listen, *data, *backend, *config, *log, *tokens, *audit, **volumes, **hosts;
+  char *listen, *metrics, *data, *backend, *config, *log, *tokens, *audit, **volumes, **hosts;
   gboolean insecure_no_auth;
 } serve_options;
 
 static bool configure(tcs_daemon *d, const serve_options *options, GError **error) {
   tcs_config *config = &d->config;
   if (options->config && !tcs_config_read(config, options->config, error)) return false;
-  if (options->listen && !tcs_config_listen(config, options->listen, error)) return false;
+  if (options->listen && !tcs_config_listen(&config->listen, "--listen", options->listen, error)) return false;
+  if (options->metrics && !tcs_config_listen(&config->metrics, "--metrics-listen", options->metrics, error)) return false;
   if (options->data && !tcs_config_data(config, options->data, error)) return false;
   if (options->backend && !tcs_config_backend(config, options->backend, error)) return false;
   for (char **volume = options->volumes; volume && *volume; volume++)
@@ -333,6 +367,8 @@ tcs_daemon *tcs_daemon_open(int argc, char **argv, int *code) {
   serve_options options = {0};
   const GOptionEntry entries[] = {
       {"listen", 0, 0, G_OPTION_ARG_STRING, &options.listen, "where to listen; port 0 takes any", "ADDR:PORT"},
+      {"metrics-listen", 0, 0, G_OPTION_ARG_STRING, &options.metrics,
+       "where GET /metrics is answered too, to everybody; elsewhere it is for the role admin", "ADDR:PORT"},
       {"data", 0, 0, G_OPTION_ARG_FILENAME, &options.data, "folder whose volumes clients may load", "DIR"},
       {"backend", 0, 0, G_OPTION_ARG_STRING, &options.backend, "auto, cpu or gl", "NAME"},
       {"volume", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &options.volumes, "a volume to load at once; may be repeated",
@@ -343,7 +379,7 @@ tcs_daemon *tcs_daemon_open(int argc, char **argv, int *code) {
       {"audit-file", 0, 0, G_OPTION_ARG_FILENAME, &options.audit,
        "file that lines about who opened what are appended to, beside the log", "FILE"},
       {"token-file", 0, 0, G_OPTION_ARG_FILENAME, &options.tokens,
-       "who may do what: lines of NAME ROLE TOKEN (view, edit, admin); read once at the start", "FILE"},
+       "who may do what: lines of NAME ROLE TOKEN (view, edit, admin); SIGHUP reads it again", "FILE"},
       {"insecure-no-auth", 0, 0, G_OPTION_ARG_NONE, &options.insecure_no_auth,
        "let everybody in who can reach the address", NULL},
       {"config", 0, 0, G_OPTION_ARG_FILENAME, &options.config, "settings and limits; options given here win over it",
@@ -362,6 +398,7 @@ tcs_daemon *tcs_daemon_open(int argc, char **argv, int *code) {
   }
   *code = good && configure(d, &options, &error) ? serve(d, &error) : TCS_EXIT_USAGE;
   g_free(options.listen);
+  g_free(options.metrics);
   g_free(options.data);
   g_free(options.backend);
   g_free(options.config);

@@ -19,6 +19,7 @@ struct tcs_signals {
   int64_t most_ms;
   int64_t deadline_us; /* 0 = nobody wants an end */
   atomic_int ends;
+  atomic_bool hung_up;
   pthread_t thread;
   bool running;
 };
@@ -36,11 +37,17 @@ static void hear_end(tcs_signals *signals) {
   post(signals->told_fd);
 }
 
+static void hear_hangup(tcs_signals *signals) {
+  tcs_log_reopen();
+  atomic_store(&signals->hung_up, true);
+  post(signals->told_fd);
+}
+
 static void hear(tcs_signals *signals) {
   struct signalfd_siginfo info;
   while (read(signals->heard_fd, &info, sizeof info) == sizeof info) {
     if (info.ssi_signo == SIGHUP)
-      tcs_log_reopen();
+      hear_hangup(signals);
     else
       hear_end(signals);
   }
@@ -116,3 +123,5 @@ int tcs_signals_ends(tcs_signals *signals) {
   }
   return atomic_load(&signals->ends);
 }
+
+bool tcs_signals_hung_up(tcs_signals *signals) { return atomic_exchange(&signals->hung_up, false); }

@@ -74,8 +74,7 @@ void tcs_config_settle(tcs_config *config) {
 
 void tcs_config_init(tcs_config *config) {
   memset(config, 0, sizeof *config);
-  config->address = g_strdup("127.0.0.1");
-  config->port = 8080;
+  config->listen = (tcs_listen){g_strdup("127.0.0.1"), 8080};
   const char *spool = g_getenv("TMPDIR");
   config->spool = g_strdup(spool && *spool ? spool : "/var/tmp");
   config->volumes = g_ptr_array_new_with_free_func(free_named_path);
@@ -87,7 +86,8 @@ void tcs_config_init(tcs_config *config) {
 }
 
 void tcs_config_clear(tcs_config *config) {
-  g_free(config->address);
+  g_free(config->listen.address);
+  g_free(config->metrics.address);
   g_free(config->data);
   g_free(config->spool);
   g_free(config->log);
@@ -107,22 +107,22 @@ bool tcs_id_valid(const char *id) {
   return true;
 }
 
-bool tcs_config_listen(tcs_config *config, const char *text, GError **error) {
+bool tcs_config_listen(tcs_listen *listen, const char *option, const char *text, GError **error) {
   const char *colon = strrchr(text, ':');
   char *end = NULL;
   const long port = colon ? strtol(colon + 1, &end, 10) : -1;
   if (!colon || end == colon + 1 || *end || port < 0 || port > 65535) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "--listen %s: give ADDR:PORT, as in 127.0.0.1:8080", text);
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "%s %s: give ADDR:PORT, as in 127.0.0.1:8080", option, text);
     return false;
   }
-  g_free(config->address);
+  g_free(listen->address);
   if (text[0] == '[' && colon > text + 1 && colon[-1] == ']')
-    config->address = g_strndup(text + 1, (size_t)(colon - text) - 2);
+    listen->address = g_strndup(text + 1, (size_t)(colon - text) - 2);
   else if (colon == text)
-    config->address = g_strdup("0.0.0.0");
+    listen->address = g_strdup("0.0.0.0");
   else
-    config->address = g_strndup(text, (size_t)(colon - text));
-  config->port = (int)port;
+    listen->address = g_strndup(text, (size_t)(colon - text));
+  listen->port = (int)port;
   return true;
 }
 
@@ -217,7 +217,9 @@ static bool read_server(tcs_config *config, GKeyFile *file, const char *key, GEr
   bool ok = true;
   int64_t number = 0;
   if (strcmp(key, "listen") == 0)
-    ok = tcs_config_listen(config, value, error);
+    ok = tcs_config_listen(&config->listen, "[server] listen", value, error);
+  else if (strcmp(key, "metrics_listen") == 0)
+    ok = tcs_config_listen(&config->metrics, "[server] metrics_listen", value, error);
   else if (strcmp(key, "data") == 0)
     ok = tcs_config_data(config, value, error);
   else if (strcmp(key, "backend") == 0)

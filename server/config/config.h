@@ -37,9 +37,14 @@ typedef struct tcs_limits {
   int64_t session_idle_seconds;     /* a session nobody watches ends after this */
 } tcs_limits;
 
-typedef struct tcs_config {
-  char *address; /* host part of --listen */
+typedef struct tcs_listen {
+  char *address; /* the host part; NULL: nowhere */
   int port;      /* 0 = any */
+} tcs_listen;
+
+typedef struct tcs_config {
+  tcs_listen listen;
+  tcs_listen metrics; /* where anybody gets /metrics, and nothing else */
   char *data;    /* canonical folder of --data, or NULL */
   char *log;     /* file of the log, or NULL: stderr */
   char *spool;   /* folder for uploads under way */
@@ -71,8 +76,8 @@ void tcs_config_clear(tcs_config *config);
 void tcs_config_settle(tcs_config *config);
 /* Reads `path` (GKeyFile: [server] and [limits]) over what *config holds. Unknown keys are errors. */
 bool tcs_config_read(tcs_config *config, const char *path, GError **error);
-/* "ADDR:PORT", "[V6]:PORT" or ":PORT". */
-bool tcs_config_listen(tcs_config *config, const char *text, GError **error);
+/* "ADDR:PORT", "[V6]:PORT" or ":PORT". `option` names it in the error. */
+bool tcs_config_listen(tcs_listen *listen, const char *option, const char *text, GError **error);
 /* "ID=PATH". */
 bool tcs_config_volume(tcs_config *config, const char *text, GError **error);
 bool tcs_config_data(tcs_config *config, const char *path, GError **error);

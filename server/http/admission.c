@@ -48,6 +48,16 @@ static bool refuse_stranger(tcs_request *request, bool presented) {
   return false;
 }
 
+static bool refuse_many(tcs_request *request, int wait_s) {
+  char seconds[12];
+  g_snprintf(seconds, sizeof seconds, "%d", wait_s);
+  refused(request, "tries");
+  tcs_reply_problem(request, 429, "tries", "Too many requests",
+                    "too many wrong tokens came from this address; wait before the next");
+  tcs_reply_header(request, "Retry-After", seconds);
+  return false;
+}
+
 static bool refuse_role(tcs_request *request, const char *detail) {
   refused(request, "role");
   tcs_reply_problem(request, 403, "role", "Not allowed", detail);
@@ -57,11 +67,14 @@ static bool refuse_role(tcs_request *request, const char *detail) {
 bool tcs_admit_caller(tcs_request *request) {
   const tcs_route *route = request->route;
   tcs_caller *caller = &request->caller;
-  if (route->role == TCS_ROLE_NONE) return true;
+  if (route->role == TCS_ROLE_NONE || request->for_metrics) return true;
   const bool by_ticket = is_of_session(route) && strcmp(route->method, "GET") == 0;
-  const char *ticket = by_ticket ? tcs_query(request, "ticket") : NULL;
-  const bool known = tcs_access_identify(request->server->access, tcs_header(request, "Authorization"), ticket, caller);
-  char detail[80];
+  char detail[80], *peer = tcs_peer_name(request);
+  const tcs_shown shown = {peer, tcs_header(request, "Authorization"), by_ticket ? tcs_query(request, "ticket") : NULL};
+  int wait_s;
+  const bool known = tcs_access_identify(request->server->access, &shown, caller, &wait_s);
+  g_free(peer);
+  if (wait_s) return refuse_many(request, wait_s);
   if (!known || caller->role == TCS_ROLE_NONE) return refuse_stranger(request, !known);
   if (caller->role < route->role) {
     g_snprintf(detail, sizeof detail, "this needs the role %s; yours is %s", tcs_role_name(route->role),
@@ -73,18 +86,25 @@ bool tcs_admit_caller(tcs_request *request) {
   return true;
 }
 
+static const char *const shield[][2] = {
+    {"Content-Security-Policy",
+     "default-src 'self'; img-src 'self' blob: data:; object-src 'none'; base-uri 'none'; form-action 'none'; "
+     "frame-ancestors 'none'"},
+    {"Cross-Origin-Opener-Policy", "same-origin"},
+    {"Cross-Origin-Resource-Policy", "same-origin"},
+    {"Referrer-Policy", "no-referrer"},
+    {"X-Content-Type-Options", "nosniff"},
+};
+
+void tcs_shield_text(GString *head) {
+  for (size_t i = 0; i < G_N_ELEMENTS(shield); i++)
+    g_string_append_printf(head, "%s: %s\r\n", shield[i][0], shield[i][1]);
+  g_string_append(head, "Cache-Control: no-store\r\n");
+}
+
 void tcs_shield(tcs_request *request) {
-  static const char *const headers[][2] = {
-      {"Content-Security-Policy",
-       "default-src 'self'; img-src 'self' blob: data:; object-src 'none'; base-uri 'none'; form-action 'none'; "
-       "frame-ancestors 'none'"},
-      {"Cross-Origin-Opener-Policy", "same-origin"},
-      {"Cross-Origin-Resource-Policy", "same-origin"},
-      {"Referrer-Policy", "no-referrer"},
-      {"X-Content-Type-Options", "nosniff"},
-  };
-  for (size_t i = 0; i < G_N_ELEMENTS(headers); i++)
-    tcs_reply_header(request, headers[i][0], headers[i][1]);
+  for (size_t i = 0; i < G_N_ELEMENTS(shield); i++)
+    tcs_reply_header(request, shield[i][0], shield[i][1]);
   if (request->reply && !MHD_get_response_header(request->reply, "Cache-Control"))
     tcs_reply_header(request, "Cache-Control", "no-store");
 }

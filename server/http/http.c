@@ -21,6 +21,7 @@
 #define BODY_US 60000000         /* a JSON body */
 #define DROP_BYTES (4 << 20)     /* of a refused body that is read so that its sender gets to see the reply */
 #define EXTRA_CONNECTIONS 512    /* beside the viewers */
+#define METRICS_CONNECTIONS 16
 #define RESERVE 64               /* of these: for lookups alone, and not for long */
 #define RESERVE_US 2000000       /* for the headers of such a connection */
 #define REFUSED_US 5000000       /* for a body that is read only so that its sender sees the reply */
@@ -33,12 +34,22 @@ typedef struct link {
   tcs_strict *strict;  /* the guard's */
   unsigned requests;   /* begun */
   bool reserve;        /* one of the last free ones */
+  bool metrics;        /* at the metrics' own place */
 } link_state;
+
+/* A place it listens at. */
+typedef struct place {
+  tcs_http *http;
+  struct MHD_Daemon *daemon;
+  tcs_source source; /* MHD's own epoll descriptor */
+  char address[INET6_ADDRSTRLEN + 16];
+} place;
+
+enum { MAIN, METRICS, PLACES };
 
 struct tcs_http {
   tcs_server *server;
-  struct MHD_Daemon *daemon;
-  tcs_source source; /* MHD's own epoll descriptor */
+  place places[PLACES]; /* that of the metrics may have no daemon */
   tcs_streams *streams;
   GHashTable *links; /* link_state * as a set */
   tcs_guard *guard;
@@ -46,10 +57,10 @@ struct tcs_http {
   GQueue mjpeg_viewers;
   GBytes *documents[TCS_DOCUMENTS];
   int open_requests;
-  char address[INET6_ADDRSTRLEN + 16];
 };
 
-const char *tcs_http_address(const tcs_http *http) { return http->address; }
+const char *tcs_http_address(const tcs_http *http) { return http->places[MAIN].address; }
+const char *tcs_http_metrics_address(const tcs_http *http) { return http->places[METRICS].address; }
 tcs_streams *tcs_http_streams(tcs_http *http) { return http->streams; }
 GBytes *tcs_http_document(tcs_http *http, int which) { return http->documents[which]; }
 GQueue *tcs_http_mjpeg_viewers(tcs_http *http) { return &http->mjpeg_viewers; }
@@ -70,11 +81,13 @@ static unsigned connection_limit(const tcs_server *server) {
 
 static void on_connection(void *user, struct MHD_Connection *connection, void **context,
                           enum MHD_ConnectionNotificationCode code) {
-  tcs_http *http = user;
+  const place *at = user;
+  tcs_http *http = at->http;
   if (code == MHD_CONNECTION_NOTIFY_STARTED) {
     link_state *link = g_new0(link_state, 1);
     link->fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
-    link->reserve = g_hash_table_size(http->links) + RESERVE >= connection_limit(http->server);
+    link->metrics = at == &http->places[METRICS];
+    link->reserve = !link->metrics && g_hash_table_size(http->links) + RESERVE >= connection_limit(http->server);
     link->deadline_us = g_get_monotonic_time() + (link->reserve ? RESERVE_US : HEADER_US);
     link->strict = tcs_guard_add(http->guard, link->fd);
     g_hash_table_add(http->links, link);
@@ -118,7 +131,7 @@ static void admit(tcs_request *request, const char *path) {
   if (strcmp(path, "*") == 0) {
     tcs_reply_problem(request, 405, "method", "Method not allowed", "ask for one path's methods");
     tcs_reply_header(request, "Allow", "GET, HEAD, POST, PUT, PATCH, DELETE");
-  } else if (!match.route && !match.path_known) {
+  } else if ((!match.route && !match.path_known) || (request->for_metrics && strcmp(path, "/metrics") != 0)) {
     tcs_reply_problem(request, 404, "not-found", "Not found", "there is nothing at this path");
   } else if (!match.route) {
     tcs_reply_problem(request, 405, "method", "Method not allowed", "the Allow header lists the methods of this path");
@@ -182,6 +195,7 @@ static tcs_request *new_request(tcs_http *http, struct MHD_Connection *connectio
   request->server = http->server;
   request->connection = connection;
   request->number = ++link_of(connection)->requests;
+  request->for_metrics = link_of(connection)->metrics;
   request->body = g_byte_array_new();
   request->began_us = g_get_monotonic_time();
   g_strlcpy(request->method, method, sizeof request->method);
@@ -327,20 +341,20 @@ static void on_log(void *user, const char *format, va_list arguments) {
 static void on_mhd_ready(tcs_source *source, uint32_t events) { /* only to wake the loop: it runs MHD each time round */
 }
 
-static int listen_on(const tcs_config *config, GError **error) {
+static int listen_on(const tcs_listen *where, const char *option, GError **error) {
   char service[8];
   struct addrinfo hints = {.ai_flags = AI_PASSIVE | AI_NUMERICSERV, .ai_socktype = SOCK_STREAM}, *found = NULL;
-  snprintf(service, sizeof service, "%d", config->port);
-  const int failure = getaddrinfo(config->address, service, &hints, &found);
+  snprintf(service, sizeof service, "%d", where->port);
+  const int failure = getaddrinfo(where->address, service, &hints, &found);
   if (failure) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "--listen %s: %s", config->address, gai_strerror(failure));
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "%s %s: %s", option, where->address, gai_strerror(failure));
     return -1;
   }
   const int fd = socket(found->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0), one = 1;
   if (fd >= 0) setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
   if (fd < 0 || bind(fd, found->ai_addr, found->ai_addrlen) != 0 || listen(fd, 1024) != 0) {
-    tc_set_error(error, TC_ERROR_IO, NULL, "listen on %s:%d: %s; choose another with --listen", config->address,
-                 config->port, g_strerror(errno));
+    tc_set_error(error, TC_ERROR_IO, NULL, "listen on %s:%d: %s; choose another with %s", where->address, where->port,
+                 g_strerror(errno), option);
     if (fd >= 0) close(fd);
     freeaddrinfo(found);
     return -1;
@@ -349,19 +363,41 @@ static int listen_on(const tcs_config *config, GError **error) {
   return fd;
 }
 
-static void name_address(tcs_http *http, int fd) {
+static void name_address(place *at, int fd) {
   struct sockaddr_storage storage;
   socklen_t size = sizeof storage;
   char host[INET6_ADDRSTRLEN] = "", port[8] = "";
   getsockname(fd, (struct sockaddr *)&storage, &size);
   getnameinfo((struct sockaddr *)&storage, size, host, sizeof host, port, sizeof port, NI_NUMERICHOST | NI_NUMERICSERV);
   const bool v6 = storage.ss_family == AF_INET6;
-  snprintf(http->address, sizeof http->address, "%s%s%s:%s", v6 ? "[" : "", host, v6 ? "]" : "", port);
+  snprintf(at->address, sizeof at->address, "%s%s%s:%s", v6 ? "[" : "", host, v6 ? "]" : "", port);
+}
+
+static bool open_place(tcs_http *http, int which, const tcs_listen *where, const char *option, GError **error) {
+  tcs_server *server = http->server;
+  place *at = &http->places[which];
+  const int fd = listen_on(where, option, error);
+  if (fd < 0) return false;
+  at->http = http;
+  name_address(at, fd);
+  tcs_hosts_listen(server->access->hosts, at->address);
+  at->daemon = MHD_start_daemon(
+      MHD_USE_EPOLL | MHD_ALLOW_UPGRADE | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, NULL, NULL, on_request, http,
+      MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL, MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_CONNECTION_LIMIT,
+      which == MAIN ? connection_limit(server) : METRICS_CONNECTIONS, MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)IDLE_S,
+      MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)65536, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_NOTIFY_COMPLETED,
+      on_completed, http, MHD_OPTION_NOTIFY_CONNECTION, on_connection, at, MHD_OPTION_END);
+  if (!at->daemon) {
+    tc_set_error(error, TC_ERROR_INTERNAL, NULL, "the HTTP library did not start");
+    close(fd);
+    return false;
+  }
+  at->source = (tcs_source){on_mhd_ready, MHD_get_daemon_info(at->daemon, MHD_DAEMON_INFO_EPOLL_FD)->epoll_fd};
+  return tcs_loop_add(server->loop, &at->source, EPOLLIN, error);
 }
 
 tcs_http *tcs_http_new(tcs_server *server, GError **error) {
-  const int fd = listen_on(server->config, error);
-  if (fd < 0) return NULL;
+  const tcs_config *config = server->config;
   tcs_http *http = g_new0(tcs_http, 1);
   http->server = server;
   http->links = g_hash_table_new(NULL, NULL);
@@ -370,33 +406,19 @@ tcs_http *tcs_http_new(tcs_server *server, GError **error) {
   g_queue_init(&http->mjpeg_viewers);
   http->streams = tcs_streams_new(server);
   tcs_documents_write(server, http->documents);
-  name_address(http, fd);
-  tcs_hosts_listen(server->access->hosts, http->address);
-  http->daemon = MHD_start_daemon(
-      MHD_USE_EPOLL | MHD_ALLOW_UPGRADE | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, NULL, NULL, on_request, http,
-      MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL, MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_CONNECTION_LIMIT,
-      connection_limit(server), MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)IDLE_S,
-      MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)65536, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_NOTIFY_COMPLETED,
-      on_completed, http, MHD_OPTION_NOTIFY_CONNECTION, on_connection, http, MHD_OPTION_END);
-  if (!http->daemon) {
-    tc_set_error(error, TC_ERROR_INTERNAL, NULL, "the HTTP library did not start");
-    close(fd);
-    tcs_http_free(http);
-    return NULL;
-  }
-  http->source = (tcs_source){on_mhd_ready, MHD_get_daemon_info(http->daemon, MHD_DAEMON_INFO_EPOLL_FD)->epoll_fd};
-  if (!tcs_loop_add(server->loop, &http->source, EPOLLIN, error)) {
-    tcs_http_free(http);
-    return NULL;
-  }
-  return http;
+  if (open_place(http, MAIN, &config->listen, "--listen", error) &&
+      (!config->metrics.address || open_place(http, METRICS, &config->metrics, "--metrics-listen", error)))
+    return http;
+  tcs_http_free(http);
+  return NULL;
 }
 
 void tcs_http_free(tcs_http *http) {
   if (!http) return;
-  if (http->daemon) {
-    tcs_loop_remove(http->server->loop, &http->source);
-    MHD_stop_daemon(http->daemon);
+  for (place *at = http->places; at < http->places + PLACES; at++) {
+    if (!at->daemon) continue;
+    tcs_loop_remove(http->server->loop, &at->source);
+    MHD_stop_daemon(at->daemon);
   }
   tcs_streams_free(http->streams);
   for (int i = 0; i < TCS_DOCUMENTS; i++)
@@ -407,20 +429,28 @@ void tcs_http_free(tcs_http *http) {
 }
 
 int tcs_http_run(tcs_http *http) {
-  MHD_UNSIGNED_LONG_LONG timeout_ms;
+  int wait_ms = -1;
   /* Running may resume or close other connections, which takes another run: in a turn of its own. */
   http->server->http_work = false;
-  tcs_guard_run(http->guard, http->daemon);
+  for (place *at = http->places; at < http->places + PLACES; at++)
+    if (at->daemon) tcs_guard_run(http->guard, at->daemon);
   tcs_streams_sweep(http->streams);
   if (http->server->http_work) return 0;
-  /* MHD's own epoll is edge-triggered: a 0 here is the only sign that it has more to do. */
-  if (MHD_get_timeout(http->daemon, &timeout_ms) != MHD_YES) return -1;
-  return timeout_ms > 1000 ? 1000 : (int)timeout_ms;
+  for (place *at = http->places; at < http->places + PLACES; at++) {
+    MHD_UNSIGNED_LONG_LONG timeout_ms;
+    /* MHD's own epoll is edge-triggered: a 0 here is the only sign that it has more to do. */
+    if (!at->daemon || MHD_get_timeout(at->daemon, &timeout_ms) != MHD_YES) continue;
+    const int ms = timeout_ms > 1000 ? 1000 : (int)timeout_ms;
+    if (wait_ms < 0 || ms < wait_ms) wait_ms = ms;
+  }
+  return wait_ms;
 }
 
 void tcs_http_quiesce(tcs_http *http) {
-  const MHD_socket fd = MHD_quiesce_daemon(http->daemon);
-  if (fd != MHD_INVALID_SOCKET) close(fd);
+  for (place *at = http->places; at < http->places + PLACES; at++) {
+    const MHD_socket fd = at->daemon ? MHD_quiesce_daemon(at->daemon) : MHD_INVALID_SOCKET;
+    if (fd != MHD_INVALID_SOCKET) close(fd);
+  }
 }
 
 int tcs_http_open_requests(const tcs_http *http) { return http->open_requests; }

@@ -35,6 +35,7 @@ struct tcs_request {
   int status;
   bool queued; /* the reply was handed to MHD */
   bool cut;    /* close the connection without a reply */
+  bool for_metrics; /* came where nothing but the metrics are, for everybody */
 
   /* While deferred: the client has gone. Whoever defers must forget the request here. */
   void (*abandon)(tcs_request *request);
@@ -45,6 +46,7 @@ tcs_http *tcs_http_new(tcs_server *server, GError **error);
 void tcs_http_free(tcs_http *http); /* every deferred request was answered */
 /* "127.0.0.1:8080": where it really listens. */
 const char *tcs_http_address(const tcs_http *http);
+const char *tcs_http_metrics_address(const tcs_http *http); /* "": it does not */
 tcs_streams *tcs_http_streams(tcs_http *http);
 GQueue *tcs_http_mjpeg_viewers(tcs_http *http); /* tcs_mjpeg */
 /* What came after a request for an upgrade. */

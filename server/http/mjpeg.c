@@ -21,7 +21,7 @@ typedef struct tcs_mjpeg {
   GString *head, *tail;
   size_t sent;        /* of head + image + tail */
   char next_type[16]; /* what the open part is announced as */
-  int64_t until_s;    /* wall clock; 0 = for ever */
+  tcs_caller caller;
   bool suspended, ended;
 } tcs_mjpeg;
 
@@ -142,7 +142,7 @@ static void open_stream(tcs_request *request, tcs_session *session) {
   tcs_mjpeg *mjpeg = g_new0(tcs_mjpeg, 1);
   mjpeg->server = server;
   mjpeg->connection = request->connection;
-  mjpeg->until_s = request->caller.until_s;
+  mjpeg->caller = request->caller;
   mjpeg->watcher.ops = &mjpeg_ops;
   mjpeg->head = g_string_new(NULL);
   mjpeg->tail = g_string_new(NULL);
@@ -182,7 +182,7 @@ void tcs_get_mjpeg(tcs_request *request) {
 void tcs_mjpeg_tick(tcs_server *server) {
   for (GList *item = tcs_http_mjpeg_viewers(server->http)->head; item; item = item->next) {
     tcs_mjpeg *mjpeg = item->data;
-    const bool over = mjpeg->until_s && g_get_real_time() / 1000000 >= mjpeg->until_s;
+    const bool over = !tcs_access_lasts(server->access, &mjpeg->caller);
     if (over || (mjpeg->suspended && tcs_peer_gone(mjpeg->connection))) on_end(&mjpeg->watcher);
   }
 }

@@ -4,7 +4,7 @@
 const tcs_route tcs_routes[] = {
     {"GET", "/healthz", tcs_get_healthz, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_NONE},
     {"GET", "/readyz", tcs_get_readyz, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_NONE},
-    {"GET", "/metrics", tcs_get_metrics, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_VIEW},
+    {"GET", "/metrics", tcs_get_metrics, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_ADMIN},
     {"GET", "/v1/about", tcs_get_about, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_VIEW},
     {"GET", "/v1/openapi.json", tcs_get_openapi, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_VIEW},
     {"GET", "/v1/scene.schema.json", tcs_get_scene_schema, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_VIEW},

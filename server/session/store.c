@@ -4,6 +4,7 @@
 #include <string.h>
 #include <sys/random.h>
 
+#include "server/access/access.h"
 #include "server/config/config.h"
 #include "server/observe/log.h"
 #include "server/session/change.h"
@@ -121,6 +122,13 @@ void tcs_sessions_end_of(tcs_sessions *sessions, const tcs_entry *entry) {
   for (guint i = sessions->order->len; i-- > 0;) {
     tcs_session *session = g_ptr_array_index(sessions->order, i);
     if (session->entry == entry || session->labels == entry) tcs_session_end(session);
+  }
+}
+
+void tcs_sessions_end_orphans(tcs_sessions *sessions) {
+  for (guint i = sessions->order->len; i-- > 0;) {
+    tcs_session *session = g_ptr_array_index(sessions->order, i);
+    if (!tcs_tokens_name(sessions->server->access->tokens, session->owner)) tcs_session_end(session);
   }
 }
 

@@ -8,6 +8,7 @@
 #include <sys/epoll.h>
 #include <sys/socket.h>
 
+#include "server/access/access.h"
 #include "server/config/config.h"
 #include "server/loop/loop.h"
 #include "server/loop/worker.h"
@@ -389,7 +390,6 @@ int64_t tcs_streams_resume(tcs_streams *streams, int64_t now_us) {
 }
 
 void tcs_streams_tick(tcs_streams *streams, int64_t now_us) {
-  const int64_t now_s = g_get_real_time() / 1000000;
   const int64_t blocked_us = streams->server->config->limits.blocked_seconds * 1000000;
   for (guint i = streams->live->len; i-- > 0;) {
     tcs_stream *stream = g_ptr_array_index(streams->live, i);
@@ -398,8 +398,8 @@ void tcs_streams_tick(tcs_streams *streams, int64_t now_us) {
     const bool blocked = tcs_channel_queued(stream->channel) > 0 && now_us - stream->sent_us > blocked_us;
     if (silent || closing_late || blocked) {
       die(stream);
-    } else if (stream->caller.until_s && now_s >= stream->caller.until_s && !stream->closing_us) {
-      tcs_channel_close(stream->channel, 1008, "the link has expired");
+    } else if (!stream->closing_us && !tcs_access_lasts(streams->server->access, &stream->caller)) {
+      tcs_channel_close(stream->channel, 1008, "the token or link is not good any more");
       settle(stream);
     } else if (stream->extra->len && !stream->hello) {
       read_some(stream); /* was left over while answers were waiting; the socket will not tell */

@@ -151,17 +151,17 @@ static void test_loopback_addresses(void **state) {
 }
 
 #define FIRST "0123456789abcdef"
-#define SECOND "fedcba9876543210-._~+/="
+#define OTHER "fedcba9876543210-._~+/="
 
 static void test_token_files(void **state) {
   bool clear;
   tcs_tokens *tokens =
-      tcs_tokens_parse("# who\n\n anna\tview " FIRST "\r\nbert edit   " SECOND "\nbert admin " FIRST "x", &clear, NULL);
+      tcs_tokens_parse("# who\n\n anna\tview " FIRST "\r\nbert edit   " OTHER "\nbert admin " FIRST "x", &clear, NULL);
   assert_non_null(tokens);
   assert_true(clear);
   assert_string_equal(tcs_tokens_find(tokens, FIRST, NULL)->name, "anna");
   assert_int_equal(tcs_tokens_find(tokens, FIRST, NULL)->role, TCS_ROLE_VIEW);
-  assert_int_equal(tcs_tokens_find(tokens, SECOND, NULL)->role, TCS_ROLE_EDIT);
+  assert_int_equal(tcs_tokens_find(tokens, OTHER, NULL)->role, TCS_ROLE_EDIT);
   assert_int_equal(tcs_tokens_find(tokens, FIRST "x", NULL)->role, TCS_ROLE_ADMIN);
   const char *const unknown[] = {"", FIRST "y", "0123456789abcde", "anna", "sha256:"};
   for (size_t i = 0; i < G_N_ELEMENTS(unknown); i++)
@@ -350,6 +350,66 @@ static void test_links(void **state) {
   }
 }
 
+#define SECOND INT64_C(1000000)
+
+static void test_guessing_takes_longer_and_longer(void **state) {
+  tcs_lockout *lockout = tcs_lockout_new();
+  int64_t now = 1000 * SECOND;
+  uint64_t token = 1;
+  for (; token <= TCS_LOCKOUT_FREE; token++)
+    tcs_lockout_fail(lockout, 7, token, now);
+  assert_int_equal(tcs_lockout_wait(lockout, 7, 999, now), 0);
+  for (int i = 0; i < 5; i++)
+    tcs_lockout_fail(lockout, 7, token - 1, now); /* no other one */
+  assert_int_equal(tcs_lockout_wait(lockout, 7, 999, now), 0);
+  tcs_lockout_pass(lockout, 555);
+  for (int expected = 1; expected < 2000; expected *= 2) {
+    const int wait = MIN(expected, TCS_LOCKOUT_MOST_S);
+    tcs_lockout_fail(lockout, 7, token++, now);
+    assert_int_equal(tcs_lockout_wait(lockout, 7, 999, now), wait);
+    assert_int_equal(tcs_lockout_wait(lockout, 7, 555, now), 0);
+    assert_int_equal(tcs_lockout_wait(lockout, 8, 999, now), 0);
+    tcs_lockout_fail(lockout, 7, token++, now); /* while it waits: does not count */
+    assert_int_equal(tcs_lockout_wait(lockout, 7, 999, now + 1), wait);
+    now += wait * SECOND;
+    assert_int_equal(tcs_lockout_wait(lockout, 7, 999, now), 0);
+  }
+  tcs_lockout_fail(lockout, 7, token, now + (TCS_LOCKOUT_FORGET_S + 1) * SECOND);
+  assert_int_equal(tcs_lockout_wait(lockout, 7, 999, now + (TCS_LOCKOUT_FORGET_S + 1) * SECOND), 0);
+  tcs_lockout_free(lockout);
+}
+
+/* A crowd of them makes the table forget those that were quiet the longest. */
+static void test_peers_that_guess_are_bounded(void **state) {
+  tcs_lockout *lockout = tcs_lockout_new();
+  for (uint64_t token = 0; token <= TCS_LOCKOUT_FREE; token++)
+    tcs_lockout_fail(lockout, 1, token, SECOND);
+  assert_int_equal(tcs_lockout_wait(lockout, 1, 999, SECOND), 1);
+  for (uint64_t peer = 2; peer < 2 + TCS_LOCKOUT_PEERS; peer++)
+    tcs_lockout_fail(lockout, peer, 5, SECOND + (int64_t)peer);
+  assert_int_equal(tcs_lockout_wait(lockout, 1, 999, SECOND), 0);
+  tcs_lockout_free(lockout);
+}
+
+static void test_callers_last_as_long_as_their_tokens(void **state) {
+  bool clear;
+  tcs_access access = {.tokens = tcs_tokens_parse("anna edit " FIRST "\n", &clear, NULL), .generation = 1};
+  tcs_caller anna = {.name = "anna", .role = TCS_ROLE_EDIT, .generation = 1}, link = {.until_s = INT64_MAX}, late = {.until_s = 1};
+  tcs_hash(FIRST, anna.token);
+  assert_true(tcs_access_lasts(&access, &anna));
+  assert_true(tcs_access_lasts(&access, &link));
+  assert_false(tcs_access_lasts(&access, &late));
+  tcs_access_renew(&access, tcs_tokens_parse("bert view " OTHER "\nanna edit " FIRST "\n", &clear, NULL));
+  assert_true(tcs_access_lasts(&access, &anna));
+  tcs_access_renew(&access, tcs_tokens_parse("anna view " FIRST "\n", &clear, NULL)); /* another role */
+  assert_false(tcs_access_lasts(&access, &anna));
+  assert_false(tcs_access_lasts(&access, &anna));
+  tcs_access_renew(&access, tcs_tokens_parse("anna edit " OTHER "\n", &clear, NULL)); /* another token */
+  assert_false(tcs_access_lasts(&access, &anna));
+  assert_true(tcs_access_lasts(&access, &link));
+  tcs_tokens_free(access.tokens);
+}
+
 static void test_who_sees_what(void **state) {
   const tcs_caller stranger = {0}, anna = {.name = "anna", .role = TCS_ROLE_EDIT},
                    root = {.name = "root", .role = TCS_ROLE_ADMIN},
@@ -377,8 +437,8 @@ static void test_nobody_is_let_in_by_oversight(void **state) {
     GError *error = NULL;
     tcs_config config;
     tcs_config_init(&config);
-    g_free(config.address);
-    config.address = g_strdup(cases[i].address);
+    g_free(config.listen.address);
+    config.listen.address = g_strdup(cases[i].address);
     config.insecure_no_auth = cases[i].insecure;
     tcs_access *access = tcs_access_new(&config, &error);
     assert_int_equal(access != NULL, cases[i].good);
@@ -407,6 +467,9 @@ int main(void) {
       cmocka_unit_test(test_tickets),
       cmocka_unit_test(test_tickets_are_few),
       cmocka_unit_test(test_links),
+      cmocka_unit_test(test_guessing_takes_longer_and_longer),
+      cmocka_unit_test(test_peers_that_guess_are_bounded),
+      cmocka_unit_test(test_callers_last_as_long_as_their_tokens),
       cmocka_unit_test(test_who_sees_what),
       cmocka_unit_test(test_nobody_is_let_in_by_oversight),
   };

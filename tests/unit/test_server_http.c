@@ -123,16 +123,16 @@ static void test_histogram_buckets(void **state) {
 static void test_listen_addresses(void **state) {
   tcs_config config;
   tcs_config_init(&config);
-  assert_true(tcs_config_listen(&config, "10.0.0.1:99", NULL));
-  assert_string_equal(config.address, "10.0.0.1");
-  assert_int_equal(config.port, 99);
-  assert_true(tcs_config_listen(&config, "[::1]:0", NULL));
-  assert_string_equal(config.address, "::1");
-  assert_true(tcs_config_listen(&config, ":80", NULL));
-  assert_string_equal(config.address, "0.0.0.0");
+  assert_true(tcs_config_listen(&config.listen, "--listen", "10.0.0.1:99", NULL));
+  assert_string_equal(config.listen.address, "10.0.0.1");
+  assert_int_equal(config.listen.port, 99);
+  assert_true(tcs_config_listen(&config.listen, "--listen", "[::1]:0", NULL));
+  assert_string_equal(config.listen.address, "::1");
+  assert_true(tcs_config_listen(&config.listen, "--listen", ":80", NULL));
+  assert_string_equal(config.listen.address, "0.0.0.0");
   const char *const wrong[] = {"", ":", "x", "x:", "x:y", "x:70000", "x:-1", "x:8o"};
   for (size_t i = 0; i < G_N_ELEMENTS(wrong); i++)
-    assert_false(tcs_config_listen(&config, wrong[i], NULL));
+    assert_false(tcs_config_listen(&config.listen, "--listen", wrong[i], NULL));
   tcs_config_clear(&config);
 }
 
