@@ -8,7 +8,7 @@
 #include <unistd.h>
 
 #include "server/catalogue/catalogue.h"
-#include "server/http/http.h"
+#include "server/http/admission.h"
 #include "server/loop/worker.h"
 #include "server/memory/budget.h"
 
@@ -183,15 +183,17 @@ void tcs_upload_end(tcs_request *request) {
 
 /* The library sends nothing in the middle of a body that does not come: this goes past it. */
 static void time_out(tcs_upload *upload) {
-  static const char reply[] =
-      "HTTP/1.1 408 Request Timeout\r\nConnection: close\r\nContent-Type: application/problem+json\r\n"
-      "Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nContent-Length: 138\r\n\r\n"
-      "{\"type\":\"urn:tomocast:problem:slow\",\"title\":\"Too slow\",\"status\":408,"
-      "\"detail\":\"the upload is slower than the least rate; /v1/about has it\"}";
+  static const char body[] = "{\"type\":\"urn:tomocast:problem:slow\",\"title\":\"Too slow\",\"status\":408,"
+                             "\"detail\":\"the upload is slower than the least rate; /v1/about has it\"}";
+  GString *reply = g_string_new("HTTP/1.1 408 Request Timeout\r\nConnection: close\r\n"
+                                "Content-Type: application/problem+json\r\n");
   tcs_request *request = upload->request;
   const int fd =
       MHD_get_connection_info(request->connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
-  (void)send(fd, reply, sizeof reply - 1, MSG_NOSIGNAL | MSG_DONTWAIT);
+  tcs_shield_text(reply);
+  g_string_append_printf(reply, "Content-Length: %zu\r\n\r\n%s", sizeof body - 1, body);
+  (void)send(fd, reply->str, reply->len, MSG_NOSIGNAL | MSG_DONTWAIT);
+  g_string_free(reply, TRUE);
   shutdown(fd, SHUT_RDWR); /* MHD sees the end and closes */
   tcs_metrics_request(upload->server->metrics, request->method, request->route->pattern, 408,
                       (double)(g_get_monotonic_time() - request->began_us) / 1e6);
