@@ -240,9 +240,14 @@ function refused(error, patch) {
 function failed(error) {
   notices.problem(error);
   if (!client.session) {
-    get('empty').textContent = error.message;
-    get('empty').hidden = false;
+    showEmpty(error.message);
   }
+}
+
+/** Says on the stage what to do while there is no volume. */
+function showEmpty(text) {
+  get('empty-text').textContent = text;
+  get('empty').hidden = false;
 }
 
 function chooseMode(mode) {
@@ -312,7 +317,8 @@ async function savePicture() {
 function bindControls() {
   bindTabs(get('panel'));
   store.subscribe(showControls);
-  get('volume-open').addEventListener('click', () => volumeDialog.open(opening.volume?.id));
+  for (const id of ['volume-open', 'empty-open'])
+    get(id).addEventListener('click', () => volumeDialog.open(opening.volume?.id));
   get('help-open').addEventListener('click', () => get('help-dialog').showModal());
   get('scene-open').addEventListener('click', () => store.scene && sceneDialog.open());
   get('save').addEventListener('click', savePicture);
@@ -329,8 +335,8 @@ function bindControls() {
     get('volume-dialog').close();
     opening.upload(files);
   });
-  for (const label of document.querySelectorAll('label.button')) {
-    label.addEventListener('keydown', ({ key }) => (key === 'Enter' || key === ' ') && label.click());
+  for (const button of document.querySelectorAll('[data-opens]')) {
+    button.addEventListener('click', () => get(button.dataset.opens).click());
   }
   get('projection').addEventListener('change', () =>
     store.patch({ camera: withProjection(store.scene.camera, get('projection').value) }),
@@ -393,7 +399,10 @@ async function start() {
   takeLink();
   try {
     const [found] = await Promise.all([opening.fromAddress(location), askAbout()]); // no picture waits for menus
-    if (!found) volumeDialog.open();
+    if (!found) {
+      showEmpty('No volume is open.');
+      volumeDialog.open();
+    }
   } catch (error) {
     failed(error);
   }

@@ -156,7 +156,7 @@ export function bindGesture(slider, gesture) {
 export function bindTabs(panel) {
   const tabs = [...panel.querySelectorAll('[role="tab"]')];
   const choose = (tab) => {
-    panel.dataset.tab = tab.dataset.tab;
+    for (const section of panel.querySelectorAll('section')) section.classList.toggle('current', section.id === tab.getAttribute('aria-controls'));
     for (const other of tabs) {
       other.setAttribute('aria-selected', other === tab);
       other.tabIndex = other === tab ? 0 : -1;

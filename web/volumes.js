@@ -5,7 +5,6 @@ import { lengthsText } from './units.js';
 
 const POLL_MS = 400;
 const SUFFIXES = ['.nii.gz', '.nii', '.nrrd', '.nhdr', '.mha', '.mhd', '.zip', '.dcm', '.vmd'];
-const FILTER_FROM = 9; // volumes: a shorter list needs no search field
 
 /** One list out of the reply of GET /v1/volumes, resident first. Available files have a path and the id to load as. */
 export function volumeList({ volumes = [], available = [] }) {
@@ -125,7 +124,7 @@ export class Volumes {
   }
 }
 
-/** Shows the list, with a search field when it is long. on: choose(id), problem(error) */
+/** Shows the list, ready to search. on: choose(id), problem(error) */
 export class VolumeDialog {
   #dialog;
   #list;
@@ -145,17 +144,30 @@ export class VolumeDialog {
     dialog.addEventListener('close', () => clearTimeout(this.#timer));
     filter.addEventListener('input', () => this.#show());
     filter.addEventListener('keydown', ({ key }) => key === 'Enter' && list.querySelector('button')?.click());
+    dialog.addEventListener('keydown', (event) => this.#walk(event));
   }
 
   async open(current = '') {
     this.#current = current;
     this.#filter.value = '';
     if (!this.#dialog.open) this.#dialog.showModal();
+    this.#filter.focus();
     await this.#refresh();
   }
 
   close() {
     this.#dialog.close();
+  }
+
+  // The arrows go from the search field down the list and back.
+  #walk(event) {
+    const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
+    if (!step) return;
+    const stops = [this.#filter, ...this.#list.querySelectorAll('.volume-item')];
+    const next = stops[stops.indexOf(document.activeElement) + step];
+    if (!next || !stops.includes(document.activeElement)) return;
+    next.focus();
+    event.preventDefault();
   }
 
   async #refresh() {
@@ -165,7 +177,6 @@ export class VolumeDialog {
       this.#on.problem(error);
       return;
     }
-    this.#filter.hidden = this.#items.length < FILTER_FROM;
     this.#show();
     const loading = this.#items.some(({ state }) => state === 'loading');
     if (this.#dialog.open && loading) this.#timer = setTimeout(() => this.#refresh(), POLL_MS);
