@@ -8,6 +8,7 @@ import { after, test } from 'node:test';
 import { fileURLToPath } from 'node:url';
 
 import { withCapacity } from '../loading/capacity.mjs';
+import { row } from '../loading/campaign.mjs';
 import { Unanswered } from '../loading/client.mjs';
 import { recorded, synthetic } from '../loading/motion.mjs';
 import { readMix } from '../loading/rest.mjs';
@@ -127,6 +128,26 @@ test('a bad client is set against an ordinary one', async () => {
   assert.equal(runs[1].badClient.counts.session, 1, 'the fifth was there');
   assert.ok(Object.values(row.bad.counts)[0] > 0 && row.ratio > 0 && row.ordinaryP99 === runs[1].latencyMs.p99, JSON.stringify(row));
   assert.match(out, /^\| failed-entries \| /m);
+});
+
+test('a row is made of all its runs', () => {
+  const buckets = (...counts) => ({ buckets: [[1, counts[0]], [20, counts[1]], [Infinity, counts[1]]] });
+  const run = (waits, worst) => ({ waits, unanswered: 1, healthMs: { p99: worst, max: worst }, loopLagMs: buckets(99, 100), loopCpuMs: buckets(worst, 100),
+    jain: { renderMs: 1 - worst / 100 }, peakMiB: worst, ended: { seconds: 0, died: worst === 2 }, errors: {}, badClient: null });
+  const made = row('ray-large', [run([10, 20], 2), run([30, 40], 1)], [run([20], 1), run([10], 1)]);
+  assert.deepEqual([made.runs, made.latencyMs.count, made.latencyMs.p99, made.ordinaryP99, made.ratio], [2, 4, 40, 20, 2]);
+  assert.deepEqual([made.unanswered, made.healthMs.max, made.peakMiB, made.jainRenderMs, made.ended.died], [2, 2, 2, 0.98, true]);
+  assert.deepEqual([made.loopLagMs.p99, made.loopLagMs.max, made.loopCpuMs.p50], [1000, 20000, 20000]);
+});
+
+test('a daemon that dies is said, and not measured on', async () => {
+  const flag = join(folder, 'die'), mortal = join(folder, 'mortal');
+  writeFileSync(mortal, `#!/bin/sh\n(while [ ! -e ${flag} ]; do sleep 0.1; done; kill -KILL $$) >/dev/null 2>&1 </dev/null &\nexec "${BINARY}" "$@"\n`, { mode: 0o755 });
+  const args = ['--binary', mortal, ...SMALL.slice(2), '--clients', '1,1,1,1', '--seconds', '1', '--output', join(folder, 'dead')];
+  const { code, err, out } = await load(args, (child) => child.stdout.once('data', () => writeFileSync(flag, ''))); // the first step is done
+  assert.equal(code, 1, err);
+  assert.match(err, /^tests\/load: the daemon died \(SIGKILL\); the end of its log:\n/m, out);
+  assert.equal(out.match(/frames\/s a client/g).length <= 3, true, 'no step is measured of a dead daemon');
 });
 
 test('Ctrl-C ends it with what was measured so far', async () => {

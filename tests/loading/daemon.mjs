@@ -84,20 +84,21 @@ export class Daemon {
     throw new Trouble('--volume: the volume is not loaded within a minute');
   }
 
-  /** SIGTERM, then SIGKILL. @returns {{seconds, killed, code}} how long it took to go */
+  /** SIGTERM, then SIGKILL. @returns {{seconds, killed, died, code}} how long it took to go; died: it had gone before */
   async stop() {
     const began = performance.now();
+    const died = !!this.exit;
     let killed = false;
     const late = setTimeout(() => {
       killed = true;
       this.process.kill('SIGKILL');
     }, MERCY_MS);
     if (!this.exit) this.process.kill('SIGTERM');
-    const { code } = await this.ended;
+    const { code, signal } = await this.ended;
     clearTimeout(late);
     this.target?.close();
     rmSync(this.folder, { recursive: true, force: true });
-    return { seconds: Math.round(performance.now() - began) / 1000, killed, code };
+    return { seconds: Math.round(performance.now() - began) / 1000, killed, died, code: code ?? signal };
   }
 }
 

@@ -20,16 +20,24 @@ async function main(args) {
   process.on('SIGTERM', () => interrupted());
   const began = new Date();
   const loadBefore = loadavg();
-  const found = await campaign(options, { stopped: stopped.signal, onStart: progress.start, onTick: progress.tick, onRun: progress.done });
+  const found = await campaign(options, { stopped: stopped.signal, onStart: progress.start, onTick: progress.tick, onRun: progress.done, onDeath: mourn });
   const taken = found.runs[0]?.record;
-  for (const run of found.runs) delete run.record;
+  for (const run of found.runs) {
+    delete run.record;
+    delete run.waits;
+  }
   const machine = { cpu: cpus()[0]?.model.trim(), cores: cpus().length, memoryGiB: Math.round(totalmem() / 2 ** 30), loadBefore, loadAfter: loadavg() };
-  const report = { tool: 'tests/load', began: began.toISOString(), complete: !stopped.signal.aborted, machine, ...found };
+  const report = { tool: 'tests/load', began: began.toISOString(), complete: !stopped.signal.aborted && !process.exitCode, machine, ...found };
   console.log(`\n${found.table.length ? badTable(found.table) : rampTable(found.runs)}`);
   if (options.record) writeFileSync(options.record, JSON.stringify(taken ?? []));
   if (options.output) write(options.output, report);
   if (options.capacity && report.complete) writeCapacity(join(TOP, 'README.md'), report);
-  process.exitCode = stopped.signal.aborted ? 130 : 0;
+  if (stopped.signal.aborted) process.exitCode = 130;
+}
+
+function mourn(code, lastWords) {
+  console.error(`tests/load: the daemon died (${code}); the end of its log:\n${lastWords.join('\n')}`);
+  process.exitCode = 1;
 }
 
 function interrupted() {
@@ -61,5 +69,5 @@ const progress = {
 
 main(process.argv.slice(2)).catch((error) => {
   console.error(error instanceof Trouble ? `tests/load: ${error.message}` : error);
-  process.exit(error instanceof Trouble ? 2 : 1);
+  process.exit(process.exitCode || (error instanceof Trouble ? 2 : 1));
 });

@@ -12,6 +12,7 @@ const WARM_MS = 1000;
 const GRACE_MS = 5000; // for what is still on its way when the hands rest
 const BIN_MS = 250;
 const LAG = 'tomocast_loop_lag_seconds';
+const TURN_CPU = 'tomocast_loop_turn_cpu_seconds';
 
 /**
  * @param setup {target, pid?, volume, image, motionOf(scene, index), rate, rest?: {perSecond, mix}}
@@ -29,6 +30,7 @@ export async function measure(setup, run) {
     for (const client of clients) client.start();
     await pause(WARM_MS, run);
     const before = await scrape(target);
+    const charged = await renderTimes(target);
     const began = performance.now();
     health = new HealthProbe(target, began);
     watch = new ProcessWatch(setup.pid, began);
@@ -36,12 +38,14 @@ export async function measure(setup, run) {
     if (run.bad) bad = startBad(run.bad, setup);
     await pause(run.seconds * 1000, run, () => run.onTick?.(clients, performance.now() - began));
     const ended = performance.now();
+    const chargedThen = await renderTimes(target);
     await settle(clients, run);
     const badSays = await bad?.stop();
     await health.stop();
     watch.stop();
     const after = await scrape(target);
-    return report({ setup, run, clients, rest, health, watch, before, after, began, ended, badSays });
+    const renderMs = clients.map(({ session }) => (chargedThen.get(session) ?? NaN) - (charged.get(session) ?? NaN));
+    return report({ setup, run, clients, rest, health, watch, before, after, renderMs, began, ended, badSays });
   } finally {
     await bad?.stop();
     await health?.stop();
@@ -73,7 +77,13 @@ async function scrape(target) {
   }
 }
 
-function report({ setup, run, clients, rest, health, watch, before, after, began, ended, badSays }) {
+/** Milliseconds of the renderer that each session was charged so far. */
+async function renderTimes(target) {
+  const { status, bytes } = await target.request('GET', '/v1/sessions', { patienceMs: 5000 }).catch(() => ({}));
+  return new Map(status === 200 ? JSON.parse(bytes).sessions.map(({ id, renderMs }) => [id, renderMs]) : []);
+}
+
+function report({ setup, run, clients, rest, health, watch, before, after, renderMs, began, ended, badSays }) {
   const seconds = (ended - began) / 1000;
   const each = clients.map((client) => clientReport(client, began, ended));
   const waits = each.flatMap(({ waits }) => waits);
@@ -93,14 +103,15 @@ function report({ setup, run, clients, rest, health, watch, before, after, began
     stagesMs: { queue: stage('queueMs'), tables: stage('tablesMs'), render: stage('renderMs'), encode: stage('encodeMs') },
     streamPingMs: summary(clients.flatMap(({ pings }) => pings)),
     healthMs: { ...summary(health.samples.map(([, ms]) => ms)), failed: health.failed },
-    loopLagMs: loopLag(before, after),
-    jain: { frames: jain(each.map(({ frames }) => frames.length)), renderMs: jain(each.map(({ frames }) => sum(frames.map((f) => f.renderMs ?? 0)))) },
+    loopLagMs: turns(before, after, LAG), loopCpuMs: turns(before, after, TURN_CPU),
+    jain: { frames: jain(each.map(({ frames }) => frames.length)), renderMs: jain(renderMs) },
     cpuCores: round(watch.cores(), 2), peakMiB: round(watch.peakMiB, 1), toolLagMs: round(watch.toolLagMs(), 1),
     errors: Object.fromEntries(errors),
     rest: rest ? Object.fromEntries([...rest.samples].filter(([, ms]) => ms.length).map(([name, ms]) => [name, summary(ms)])) : null,
     badClient: badSays ?? null,
-    perClient: each.map(({ waits, frames, line, unanswered }) => ({
-      frames: frames.length, bytes: sum(frames.map(({ bytes }) => bytes)), renderMs: round(sum(frames.map((f) => f.renderMs ?? 0)), 1),
+    waits, // taken away before it is written
+    perClient: each.map(({ waits, frames, line, unanswered }, i) => ({
+      frames: frames.length, bytes: sum(frames.map(({ bytes }) => bytes)), renderMs: round(renderMs[i], 1),
       latencyMs: summary(waits), latencyCdf: distribution(waits), line, unanswered,
     })),
     record: clients[0]?.record ?? undefined,
@@ -124,9 +135,12 @@ function clientReport(client, began, ended) {
   };
 }
 
-/** The daemon's own histogram of how late its loop runs, where it keeps one. Bounds of buckets: "at most". */
-function loopLag(before, after) {
-  const buckets = histogramBetween(before, after, LAG);
+/** One of the daemon's own histograms of its loop's turns, where it keeps one. Bounds of buckets: "at most". */
+function turns(before, after, name) {
+  return quantiles(histogramBetween(before, after, name));
+}
+
+export function quantiles(buckets) {
   const ms = (fraction) => {
     const bound = boundOf(buckets, fraction);
     return bound === null ? null : bound === Infinity ? 'more' : round(bound * 1000);

@@ -29,6 +29,7 @@ How
   --bad NAME[,NAME...]  four clients beside each of these, or all; --help-bad names them.
                         Measured against the four alone and the four beside one more ordinary client.
   --repeat N            the ordinary comparison anew before every Nth bad client (default 4)
+  --rounds N            all of it N times; a row is made of all its runs (default 1)
   --capacity            1, 4, 16 and 64 clients on demo:head, the table in README.md made anew
 
 What comes out
@@ -43,7 +44,7 @@ const text = { type: 'string' };
 const flag = { type: 'boolean' };
 const SHAPE = {
   url: text, token: text, pid: text, binary: text, backend: text, volume: text, clients: text, seconds: text, image: text,
-  rate: text, drag: text, think: text, path: text, record: text, rest: text, mix: text, bad: text, repeat: text, output: text,
+  rate: text, drag: text, think: text, path: text, record: text, rest: text, mix: text, bad: text, repeat: text, rounds: text, output: text,
   capacity: flag, help: flag, 'help-bad': flag,
 };
 const MOST_CLIENTS = 1024;
@@ -69,7 +70,7 @@ export function readOptions(args) {
     binary: values.binary, backend: values.backend ?? 'auto', volume: values.volume, clients: readClients(values.clients ?? '4'),
     seconds: number('seconds', 10, 0.5, MOST_SECONDS), image: { width: Number(size[1]), height: Number(size[2]) },
     rate: number('rate', 60, 0.1, 240), dragMs: number('drag', 2000, 1, 1e6), thinkMs: number('think', 500, 0, 1e6),
-    path: values.path, record: values.record, bad: readBad(values.bad), repeat: number('repeat', 4, 1, 100),
+    path: values.path, record: values.record, bad: readBad(values.bad), repeat: number('repeat', 4, 1, 100), rounds: Math.round(number('rounds', 1, 1, 100)),
     rest: values.rest ? { perSecond: number('rest', 0, 0.1, 500), mix: readMix(values.mix ?? REST_MIX) } : null,
     capacity: values.capacity ?? false, output: values.output,
   };

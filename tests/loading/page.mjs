@@ -62,17 +62,18 @@ function ramp(runs) {
 const errorsOf = ({ errors }) => escape(Object.entries(errors).map(([kind, count]) => `${count} × ${kind}`).join(', ') || 'none');
 
 function attacks(table, runs) {
-  const head = ['four ordinary clients beside', 'p50, ms', 'p99', 'max', 'p99 over<br>ordinary p99', 'un-<br>answered', '/healthz<br>p99, ms', '<br>max', 'loop lag<br>p99, ms', '<br>max', 'peak<br>MiB', 'Jain', 'SIGTERM,<br>s'];
+  const head = ['four ordinary clients beside', 'p50, ms', 'p99', 'max', 'p99 over<br>ordinary p99', 'un-<br>answered', '/healthz<br>p99, ms', '<br>max', 'loop lag<br>p99, ms', '<br>max', 'of it CPU<br>p99, ms', '<br>max', 'peak<br>MiB', 'Jain', 'SIGTERM,<br>s'];
   const grade = (value, good) => (value === null || value === undefined ? '–' : `<span class="${good ? 'good' : 'bad'}">${show(value, 2)}</span>`);
   const plain = runs.filter(({ bad }) => !bad || bad === 'ordinary').map((run) => [escape(run.name), ...numbers(run), '–', run.unanswered, show(run.healthMs.p99, 1),
-    show(run.healthMs.max, 1), show(run.loopLagMs?.p99, 1), show(run.loopLagMs?.max, 1), show(run.peakMiB), show(run.jain.renderMs, 3), '–']);
+    show(run.healthMs.max, 1), ...turns(run), show(run.peakMiB), show(run.jain.renderMs, 3), '–']);
   const attacked = table.map((row) => [`${escape(row.name)}<small>${escape(row.says)}</small>`, ...numbers(row), grade(row.ratio, row.ratio <= GOAL), row.unanswered,
-    show(row.healthMs.p99, 1), show(row.healthMs.max, 1), show(row.loopLagMs?.p99, 1), show(row.loopLagMs?.max, 1), show(row.peakMiB), show(row.jainRenderMs, 3), ending(row.ended)]);
+    show(row.healthMs.p99, 1), show(row.healthMs.max, 1), ...turns(row), show(row.peakMiB), show(row.jainRenderMs, 3), ending(row.ended)]);
   return `<h2>Bad clients</h2><p class="soft">The goal: p99 at most ${GOAL} times what one more ordinary client makes it.</p>${rows(head, [...plain, ...attacked])}`;
 }
 
+const turns = ({ loopLagMs, loopCpuMs }) => [loopLagMs, loopCpuMs].flatMap((ms) => [show(ms?.p99, 1), show(ms?.max, 1)]);
 const numbers = ({ latencyMs: { p50, p99, max } }) => [show(p50), show(p99), show(max)];
-const ending = (ended) => (ended ? (ended.killed ? `<span class="bad">killed after ${show(ended.seconds)}</span>` : show(ended.seconds, 1)) : '–');
+const ending = (ended) => (ended?.died ? '<span class="bad">died</span>' : ended ? (ended.killed ? `<span class="bad">killed after ${show(ended.seconds)}</span>` : show(ended.seconds, 1)) : '–');
 
 function details(run, open) {
   const fact = (value, name) => `<div><b>${value}</b><span>${name}</span></div>`;

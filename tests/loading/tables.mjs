@@ -23,10 +23,10 @@ export function rampTable(runs) {
 /** What four ordinary clients get beside each bad one. */
 export function badTable(table) {
   const head = ['beside', 'p50, ms', 'p99, ms', 'max, ms', 'p99 / ordinary p99', 'unanswered', '/healthz p99, ms', 'max, ms',
-    'loop lag p99, ms', 'max, ms', 'peak, MiB', 'Jain', 'ends in, s'];
+    'loop lag p99, ms', 'max, ms', 'of it CPU p99, ms', 'max, ms', 'peak, MiB', 'Jain', 'ends in, s'];
   return lines(head, table.map((row) => [
     row.name, show(row.latencyMs.p50), show(row.latencyMs.p99), show(row.latencyMs.max), show(row.ratio, 2), row.unanswered,
-    show(row.healthMs.p99, 1), show(row.healthMs.max, 1), show(row.loopLagMs?.p99, 1), show(row.loopLagMs?.max, 1), show(row.peakMiB),
-    show(row.jainRenderMs, 3), row.ended ? `${show(row.ended.seconds, 1)}${row.ended.killed ? ' (killed)' : ''}` : '–',
+    show(row.healthMs.p99, 1), show(row.healthMs.max, 1), show(row.loopLagMs?.p99, 1), show(row.loopLagMs?.max, 1), show(row.loopCpuMs?.p99, 1), show(row.loopCpuMs?.max, 1), show(row.peakMiB),
+    show(row.jainRenderMs, 3), row.ended ? `${show(row.ended.seconds, 1)}${row.ended.killed ? ' (killed)' : row.ended.died ? ' (died)' : ''}` : '–',
   ]));
 }
