@@ -12,7 +12,7 @@ export class Actions {
   #cine;
   #inverted = false;
 
-  /** store, stage; gesture(bool); look; move(moved) in steer's terms; shown() -> {box} of the volume; help() */
+  /** store, stage; gesture(bool); look; history; move(moved) in steer's terms; shown() -> {box} of the volume; help() */
   constructor(parts) {
     this.#with = parts;
     const { store, stage, gesture, move, shown } = parts;
@@ -28,7 +28,7 @@ export class Actions {
   }
 
   do(name, argument) {
-    const { look, move, help, stage } = this.#with;
+    const { look, history, move, help, stage } = this.#with;
     if (name !== 'cine') this.#cine.stop();
     const known = {
       view: () => this.#view(argument),
@@ -40,8 +40,8 @@ export class Actions {
       invert: () => this.#invert(),
       fullscreen: () => (document.fullscreenElement ? document.exitFullscreen() : stage.requestFullscreen()),
       preset: () => look.choose(argument),
-      undo: () => look.undo(),
-      redo: () => look.redo(),
+      undo: () => history.undo(),
+      redo: () => history.redo(),
       help,
     };
     known[name]?.();

@@ -40,7 +40,7 @@ export class Client {
     this.#store = store;
     this.#view = view;
     this.#on = on;
-    store.subscribe((_, how) => how === 'edit' && this.flushSoon());
+    store.subscribe((_, how) => how !== 'server' && this.flushSoon());
   }
 
   get session() {

@@ -43,5 +43,6 @@ export class Keys {
 function kept(target, chord) {
   if (/^(Ctrl|Alt)\+/.test(chord)) return target.matches('textarea, input[type="number"], input[type="search"]');
   if (chord === 'Space' && target.matches('button, [role="button"]')) return true;
-  return target.matches('input, select, textarea, [role="tab"]');
+  if (target.matches('select')) return !/^(Shift\+)?[A-Z?]$/.test(chord); // a letter is a view's, not an option's
+  return target.matches('input, textarea, [role="tab"]');
 }

@@ -1,7 +1,6 @@
-// The look of a volume: transfer-function editor, its fields, presets, windows, undo. Everything here edits
+// The look of a volume: transfer-function editor, its fields, presets, windows. Everything here edits
 // scene.transferFunction or scene.window.
 
-import { History } from './state.js';
 import { bindGesture } from './panels.js';
 import { TransferEditor } from './transfer_editor.js';
 import { amountName, amountOf, formatValue, fromHex, scaleAmounts, shiftKnots, toHex } from './transfer_model.js';
@@ -18,13 +17,11 @@ export class Look {
   #get;
   #store;
   #gesture;
-  #history = new History();
   #editor;
   #presets = [];
   #windows = [];
   #whole = [0, 1];
   #base = null; // points when a drag began
-  #before = null; // transfer function then; remembered with the drag's first edit
   #modality = '';
 
   /** get(id); gesture(bool) */
@@ -52,7 +49,6 @@ export class Look {
   setVolume(histogram, range, modality) {
     this.#whole = range;
     this.#modality = modality;
-    this.#history.clear();
     this.#menus();
     this.#editor.setVolume(histogram, range);
     if (this.#editor.points.length) this.#showRange(range);
@@ -67,14 +63,6 @@ export class Look {
     menu.dispatchEvent(new Event('change'));
   }
 
-  undo() {
-    this.#travel(this.#history.undo(this.#store.scene?.transferFunction));
-  }
-
-  redo() {
-    this.#travel(this.#history.redo(this.#store.scene?.transferFunction));
-  }
-
   update() {
     const { scene } = this.#store;
     if (!scene) return;
@@ -84,8 +72,6 @@ export class Look {
     const found = this.#windows.find((w) => w.center === scene.window?.center && w.width === scene.window?.width);
     this.#get('window-preset').value = found?.name ?? '';
     this.#fields();
-    this.#get('undo').disabled = !this.#history.canUndo;
-    this.#get('redo').disabled = !this.#history.canRedo;
   }
 
   get #windowed() {
@@ -95,23 +81,14 @@ export class Look {
   // Edited points are no preset any more. A preset set to null takes its unit distance with it, so that is sent along.
   #edit(points) {
     const { unitDistance = 1 } = this.#store.scene.transferFunction;
-    if (this.#before || !this.#base) this.#history.push(this.#before ?? this.#store.scene.transferFunction);
-    this.#before = null;
     this.#store.patch({ transferFunction: { preset: null, points, unitDistance } });
   }
 
   // A drag is one step of undo, however many patches it makes.
   #held(on) {
-    this.#before = on ? this.#store.scene.transferFunction : null;
     this.#base = on ? this.#editor.points : null;
     this.#gesture(on);
     if (!on) this.update();
-  }
-
-  #travel(to) {
-    if (!to) return;
-    const { preset, ...rest } = to;
-    this.#store.patch({ transferFunction: { ...rest, preset: preset || null } });
   }
 
   #menus() {
@@ -125,7 +102,6 @@ export class Look {
   #presetChosen(name) {
     const preset = this.#presets.find((candidate) => candidate.name === name);
     if (!preset) return;
-    this.#history.push(this.#store.scene.transferFunction);
     const [low, high] = this.#whole;
     const scaled = (preset.points ?? []).map((point) =>
       preset.relative ? { ...point, value: low + point.value * (high - low) } : point,
@@ -171,8 +147,6 @@ export class Look {
     get('knot-remove').addEventListener('click', () => this.#editor.remove());
     get('axis-knots').addEventListener('click', () => this.#editor.showKnots());
     get('axis-all').addEventListener('click', () => this.#editor.showAll());
-    get('undo').addEventListener('click', () => this.undo());
-    get('redo').addEventListener('click', () => this.redo());
     get('log').addEventListener('click', () => {
       const log = get('log').getAttribute('aria-pressed') !== 'true';
       get('log').setAttribute('aria-pressed', log);

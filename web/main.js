@@ -9,10 +9,12 @@ import { Client } from './client.js';
 import { withProjection } from './camera.js';
 import { Caption } from './caption.js';
 import { Furniture } from './furniture.js';
+import { History } from './history.js';
 import { Input, NO_MOVEMENT } from './input.js';
 import { Keys } from './keys.js';
 import { Labels } from './labels.js';
 import { Look } from './look.js';
+import { Modes } from './modes.js';
 import { Notices } from './notices.js';
 import { Opening, volumeInHash } from './opening.js';
 import { bindTabs, CropPanel, Panels } from './panels.js';
@@ -66,7 +68,18 @@ const client = new Client({
     beforeFlush: applyMovement,
   },
 });
-const gesture = (on) => client.active(on);
+const edits = new History(store, {
+  changed() {
+    get('undo').disabled = !edits.canUndo;
+    get('redo').disabled = !edits.canRedo;
+  },
+});
+const modes = new Modes();
+const gesture = (on) => {
+  if (on) edits.hold(true);
+  client.active(on); // ends with the gesture's last movement
+  if (!on) edits.hold(false);
+};
 const look = new Look(get, store, gesture);
 const panels = new Panels(document, store, { gesture, mode: chooseMode });
 const quality = new QualityPanel(get, store, {
@@ -135,6 +148,7 @@ const actions = new Actions({
   stage,
   gesture,
   look,
+  history: edits,
   move,
   shown: () => opening,
   help: () => get('help-dialog').showModal(),
@@ -143,16 +157,18 @@ new Keys(bindings, { mode: () => store.scene?.mode, gesture, do: (name, argument
 new BindingsPanel(get('bindings'), get('bindings-reset'), bindings);
 const sceneDialog = new SceneDialog(get, {
   scene: () => store.scene,
-  load: (scene) => client.putScene(scene),
+  load: loadScene,
   share: (role) => client.share(role),
   toast: (text) => notices.toast(text),
 });
 
+let opened = null; // the menu that a pointer opened
 let maxPixels = Number(localStorage.getItem('tomocast.maxPixels')) || DEFAULT_MAX_PIXELS;
 
 /* --- volumes ----------------------------------------------------------------------------------- */
 
 function showVolume(volume, box, histogram) {
+  edits.clear();
   view.clear(); // the old volume must never be seen under the new one's name
   get('badge').hidden = true;
   const range = volume.range ?? [0, 1];
@@ -252,12 +268,13 @@ function showEmpty(text) {
 
 function chooseMode(mode) {
   notices.line('');
-  const surface = mode === 'isosurface';
-  store.patch({
-    mode,
-    ...(surface && store.scene.shading?.model === 'none' && { shading: { model: 'blinn-phong' } }), // unlit it is an outline
-    ...(surface && store.scene.filter !== 'linear' && { filter: 'linear' }),
-  });
+  store.patch(modes.choose(store.scene, mode));
+}
+
+async function loadScene(scene) {
+  const before = store.scene;
+  await client.putScene(scene);
+  edits.add(before, store.scene);
 }
 
 /* --- view --------------------------------------------------------------------------------------- */
@@ -322,7 +339,12 @@ function bindControls() {
   get('help-open').addEventListener('click', () => get('help-dialog').showModal());
   get('scene-open').addEventListener('click', () => store.scene && sceneDialog.open());
   get('save').addEventListener('click', savePicture);
-  get('reset').addEventListener('click', () => actions.do('reset'));
+  for (const name of ['reset', 'undo', 'redo']) get(name).addEventListener('click', () => actions.do(name));
+  document.addEventListener('pointerdown', ({ target }) => (opened = target.closest('select')));
+  document.addEventListener('change', ({ target }) => {
+    if (target === opened) stage.focus({ preventScroll: true }); // keys go on with the picture after a choice by hand
+    opened = null;
+  });
   for (const button of document.querySelectorAll('button[data-view]')) {
     button.addEventListener('click', () => actions.do('view', button.dataset.view));
   }

@@ -63,7 +63,7 @@ export class Opening {
       const image = { ...(scene?.image ?? {}), ...this.#on.size() };
       await this.#client.create(id, { ...(scene ?? {}), image });
       this.#show(found, histogram);
-      if (!scene) this.#store.patch({ camera: fit(this.#store.scene.camera, this.box, this.#on.aspect()) });
+      if (!scene) this.#store.patch({ camera: fit(this.#store.scene.camera, this.box, this.#on.aspect()) }, 'fit');
       history.replaceState(null, '', `${location.pathname}#${encodeURIComponent(id)}`);
     } catch (error) {
       if (error.name !== 'AbortError') this.#on.failed(error);

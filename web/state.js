@@ -29,7 +29,7 @@ export class SceneStore {
   #pending = null;
   #listeners = new Set();
 
-  /** fn(scene, how): how is "edit" (ours) or "server" */
+  /** fn(scene, how): how is "edit" (ours), "history" (of an edit, there or back), "fit" (no step of undo) or "server" */
   subscribe(fn) {
     this.#listeners.add(fn);
     return () => this.#listeners.delete(fn);
@@ -42,10 +42,10 @@ export class SceneStore {
     this.#tell('server');
   }
 
-  patch(patch) {
+  patch(patch, how = 'edit') {
     this.scene = mergePatch(this.scene ?? {}, patch);
     this.#pending = this.#pending ? joinPatches(this.#pending, patch) : patch;
-    this.#tell('edit');
+    this.#tell(how);
   }
 
   get dirty() {
@@ -66,55 +66,5 @@ export class SceneStore {
 
   #tell(how) {
     for (const fn of [...this.#listeners]) fn(this.scene, how);
-  }
-}
-
-/** Undo and redo over whole values. A value pushed after an undo forgets what was undone. */
-export class History {
-  #past = [];
-  #future = [];
-  #limit;
-
-  constructor(limit = 200) {
-    this.#limit = limit;
-  }
-
-  /** Remembers `value` as the state before an edit; a value equal to the last one is not repeated. */
-  push(value) {
-    const text = JSON.stringify(value);
-    if (this.#past.at(-1) === text) return;
-    this.#past.push(text);
-    if (this.#past.length > this.#limit) this.#past.shift();
-    this.#future.length = 0;
-  }
-
-  /** @returns the value to go back to, or undefined; `now` can then be redone */
-  undo(now) {
-    return this.#step(this.#past, this.#future, now);
-  }
-
-  redo(now) {
-    return this.#step(this.#future, this.#past, now);
-  }
-
-  get canUndo() {
-    return this.#past.length > 0;
-  }
-
-  get canRedo() {
-    return this.#future.length > 0;
-  }
-
-  clear() {
-    this.#past.length = 0;
-    this.#future.length = 0;
-  }
-
-  #step(from, to, now) {
-    const text = JSON.stringify(now);
-    while (from.length && from.at(-1) === text) from.pop();
-    if (!from.length) return undefined;
-    to.push(text);
-    return JSON.parse(from.pop());
   }
 }

@@ -1,7 +1,8 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
-import { History, joinPatches, mergePatch, SceneStore } from '../../web/state.js';
+import { difference, History } from '../../web/history.js';
+import { joinPatches, mergePatch, SceneStore } from '../../web/state.js';
 
 test('merge patch follows the examples of RFC 7396, appendix A', () => {
   const cases = [
@@ -75,31 +76,66 @@ test('a patch that was put back yields to later edits', () => {
   assert.deepEqual(store.take(), { a: 1, b: 2 });
 });
 
-test('history: undo, redo, and a new edit forgets the undone', () => {
-  const history = new History();
-  let value = { v: 0 };
-  for (const v of [1, 2, 3]) {
-    history.push(value);
-    value = { v };
+test('history: a gesture is one step, an edit alone another; a new one forgets the undone', () => {
+  const store = new SceneStore();
+  store.replace({ a: 0, b: { c: 0, d: 0 } });
+  const history = new History(store);
+  history.hold(true);
+  for (const a of [1, 2, 3]) store.patch({ a });
+  history.hold(false);
+  store.patch({ b: { c: 1 } });
+  store.patch({ b: { c: 2 } }); // at once the same member again: one step
+  store.patch({ b: { d: 1 } });
+  store.patch({ a: 9 }, 'fit');
+  store.replace({ ...store.scene, e: 1 }); // somebody else's
+  const seen = [];
+  while (history.canUndo) {
+    history.undo();
+    seen.push(structuredClone(store.scene));
   }
-  value = history.undo(value);
-  value = history.undo(value);
-  assert.deepEqual(value, { v: 1 });
-  value = history.redo(value);
-  assert.deepEqual(value, { v: 2 });
-  history.push(value);
-  value = { v: 9 };
+  assert.deepEqual(seen, [
+    { a: 9, b: { c: 2, d: 0 }, e: 1 },
+    { a: 9, b: { c: 0, d: 0 }, e: 1 },
+    { a: 0, b: { c: 0, d: 0 }, e: 1 },
+  ]);
+  history.redo();
+  assert.equal(store.scene.a, 3);
+  store.patch({ a: 4 });
   assert.equal(history.canRedo, false);
-  assert.deepEqual(history.undo(value), { v: 2 });
 });
 
-test('history: an edit that changed nothing is no step, and the past is bounded', () => {
-  const history = new History(3);
-  history.push({ v: 1 });
-  history.push({ v: 1 });
-  assert.equal(history.undo({ v: 1 }), undefined);
-  for (let v = 0; v < 10; v++) history.push({ v });
+test('history: what was refused, and an empty gesture, are no steps; the past is bounded', () => {
+  const store = new SceneStore();
+  store.replace({ a: 0, list: [1] });
+  const history = new History(store);
+  history.hold(true);
+  history.hold(false);
+  assert.equal(history.canUndo, false);
+  store.patch({ list: [1, 2] });
+  store.patch({ a: 7 });
+  store.take();
+  store.replace({ a: 0, list: [1, 2] }); // the daemon said no to a
+  history.undo();
+  assert.deepEqual(store.scene, { a: 0, list: [1] });
+  for (let a = 0; a < 300; a++) {
+    history.hold(true);
+    store.patch({ a: a + 1 });
+    history.hold(false);
+  }
   let steps = 0;
-  for (let now = { v: 10 }; now; steps++) now = history.undo(now);
-  assert.equal(steps - 1, 3);
+  for (; history.canUndo; steps++) history.undo();
+  assert.equal(steps, 200);
+});
+
+test('a difference makes one scene of another, functions whole', () => {
+  const from = { a: 1, q: { x: 1 }, transferFunction: { preset: 'p', points: [1], unitDistance: 2 } };
+  const to = { a: 1, q: { y: 2 }, transferFunction: { points: [2], unitDistance: 2 }, n: { m: 1 } };
+  const patch = difference(from, to);
+  assert.deepEqual(patch, {
+    q: { x: null, y: 2 },
+    transferFunction: { preset: null, points: [2], unitDistance: 2 },
+    n: { m: 1 },
+  });
+  assert.deepEqual(mergePatch(from, patch), to);
+  assert.deepEqual(difference(to, from).transferFunction, from.transferFunction);
 });

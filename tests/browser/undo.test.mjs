@@ -1,0 +1,134 @@
+// Undo and redo, modes and menus on the page of the real daemon (TC_BINARY): everything that changes the scene is a step.
+import assert from 'node:assert/strict';
+import { after, before, describe, test } from 'node:test';
+
+import { browserMissing, launch } from './chromium.mjs';
+import { daemonMissing, startDaemon } from './daemon.mjs';
+import { drag, settled, stageBox, stageData } from './picture.mjs';
+import { open, scene } from './scenarios.mjs';
+
+const skip = daemonMissing() || (await browserMissing());
+
+describe('undo', { skip }, () => {
+  let browser;
+  let daemon;
+  let page;
+  before(async () => {
+    browser = await launch();
+    daemon = await startDaemon(['--volume', 'head=demo:head', '--volume', 'parts=demo:head-labels']);
+    ({ page } = await open(browser, `${daemon.url}#head`));
+  });
+  after(async () => {
+    assert.deepEqual(page.complaints, []);
+    await browser?.close();
+    await daemon?.stop();
+  });
+
+  /** What the daemon holds, once it has every edit. */
+  const served = async () => {
+    await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
+    await page.waitForFunction(() => document.getElementById('stage').dataset.pending === '0', null, { timeout: 60000 });
+    const { session } = await stageData(page);
+    return (await fetch(`${daemon.url}v1/sessions/${session}/scene`)).json();
+  };
+  const slide = async (slider, share) => {
+    await slider.scrollIntoViewIfNeeded();
+    const box = await slider.boundingBox();
+    const y = box.y + box.height / 2;
+    await drag(page, [box.x + box.width * 0.5, y], [box.x + box.width * share, y], { steps: 5 });
+  };
+
+  test('each gesture is one step: camera, crop, look, labels, mode, window, slices', async () => {
+    const { cx, cy } = await stageBox(page);
+    assert.ok(await page.isDisabled('#undo'), 'opening a volume is no step');
+    const edits = {
+      orbit: () => drag(page, [cx, cy], [cx + 90, cy - 40]),
+      wheel: async () => {
+        await page.mouse.move(cx + 50, cy);
+        for (let i = 0; i < 3; i++) await page.mouse.wheel(0, -120);
+        await page.waitForTimeout(250); // the wheel rests
+      },
+      view: () => page.locator('#stage').press('l'),
+      crop: () => slide(page.locator('#crop input').nth(3), 0.4),
+      preset: async () => {
+        const names = await page.evaluate(() => [...document.getElementById('preset').options].map(({ value }) => value));
+        const now = await page.inputValue('#preset');
+        await page.selectOption('#preset', names.find((name) => name && name !== now));
+      },
+      density: () => slide(page.locator('#density'), 0.65),
+      shading: () => page.selectOption('[data-path="shading.model"]', 'gooch'),
+      labels: async () => {
+        await page.selectOption('#labels-volume', 'parts');
+        await page.waitForSelector('#labels-list button');
+      },
+      mode: () => page.selectOption('#mode', 'mip'),
+      window: () => slide(page.locator('input[type="range"][data-path="window.center"]'), 0.7),
+      typed: async () => {
+        await page.fill('input[type="number"][data-path="window.width"]', '321');
+        await page.keyboard.press('Tab');
+      },
+      slices: () => page.selectOption('#mode', 'mpr'),
+      scroll: async () => {
+        await page.locator('#stage').press('PageDown');
+        await page.waitForTimeout(250);
+      },
+    };
+    const scenes = [await served()];
+    for (const [name, edit] of Object.entries(edits)) {
+      await edit();
+      scenes.push(await served());
+      assert.notDeepEqual(scenes.at(-1), scenes.at(-2), `${name} changes the scene`);
+    }
+    await page.focus('#stage');
+    const names = Object.keys(edits);
+    for (let i = names.length; i-- > 0; ) {
+      if (i % 2) await page.keyboard.press('Control+z');
+      else await page.click('#undo');
+      assert.deepEqual(await served(), scenes[i], `${names[i]} is taken back whole`);
+    }
+    assert.ok(await page.isDisabled('#undo'));
+    for (let i = 0; i < names.length; i++) {
+      await page.keyboard.press(i % 2 ? 'Control+Shift+z' : 'Control+y');
+      assert.deepEqual(await served(), scenes[i + 1], `${names[i]} is done again`);
+    }
+    assert.ok(await page.isDisabled('#redo'));
+  });
+
+  test('surfaces are lit and exact, and the look is as it was after them', async () => {
+    await page.selectOption('#mode', 'dvr');
+    await page.selectOption('[data-path="shading.model"]', 'none');
+    await page.selectOption('[data-path="filter"]', 'cubic');
+    const { mode, ...before } = await served();
+    await page.selectOption('#mode', 'isosurface');
+    const surface = await served();
+    assert.deepEqual([surface.shading.model, surface.filter], ['blinn-phong', 'linear']);
+    await settled(page);
+    const label = await page.textContent('#label');
+    assert.match(label, /Surface at /);
+    assert.doesNotMatch(label, /C -?\d.* W /);
+    await page.selectOption('#mode', 'dvr');
+    const { mode: again, ...after } = await served();
+    assert.deepEqual(after, before);
+    assert.equal(again, mode);
+  });
+
+  test('view keys work with a menu in focus, and all keys after a choice by hand', async () => {
+    await page.selectOption('#mode', 'dvr');
+    await page.focus('#mode');
+    await page.keyboard.press('p');
+    assert.ok((await served()).camera.position[1] > 100, 'posterior');
+    await page.keyboard.press('a');
+    const view = await served();
+    assert.equal(view.mode, 'dvr', 'A is no option');
+    assert.ok(view.camera.position[1] < -100, 'anterior');
+    await page.click('#mode');
+    await page.keyboard.press('ArrowDown');
+    await page.keyboard.press('Enter');
+    assert.equal((await served()).mode, 'mip');
+    assert.equal(await page.evaluate(() => document.activeElement.id), 'stage');
+    await page.keyboard.press('ArrowLeft');
+    const turned = await served();
+    assert.equal(turned.mode, 'mip', 'arrows are the picture again');
+    assert.notDeepEqual(turned.camera, view.camera);
+  });
+});

@@ -1,0 +1,27 @@
+// What a mode needs of the look to be seen well, and what the look gets back when the mode is left.
+
+import { difference } from './history.js';
+import { joinPatches, mergePatch } from './state.js';
+
+/** Patches that a mode brings. A surface without light is an outline, and is found exactly in linear cells only. */
+const BRINGS = {
+  isosurface: ({ shading, filter }) => ({
+    ...(shading?.model === 'none' && { shading: { model: 'blinn-phong' } }),
+    ...(filter !== 'linear' && { filter: 'linear' }),
+  }),
+};
+
+export class Modes {
+  #lent = new Map(); // mode -> {brought, had}: merge patches
+
+  /** The patch that goes to `mode`. What the mode that is left had brought, and nobody touched since, is taken back. */
+  choose(scene, mode) {
+    const { brought, had } = this.#lent.get(scene.mode) ?? {};
+    const untouched = brought && !Object.keys(difference(scene, mergePatch(scene, brought))).length;
+    const back = untouched && mode !== scene.mode ? had : {};
+    const plain = mergePatch(scene, back);
+    const brings = BRINGS[mode]?.(plain) ?? {};
+    if (mode !== scene.mode) this.#lent.set(mode, { brought: brings, had: difference(mergePatch(plain, brings), plain) });
+    return joinPatches({ mode, ...back }, brings);
+  }
+}
