@@ -1,0 +1,343 @@
+/* Meshes: the cases of a cell, extraction from analytic and random fields, files. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/mesh/cases.h"
+#include "renderer/mesh/mesh.h"
+
+/* ---- cells ---- */
+
+static int side_of(int edge, int axis) { /* 0, 1: the edge lies in that face of the axis; -1: it is along the axis */
+  int kind = edge / 4;
+  if (axis == kind) return -1;
+  bool first = axis == (kind == 0 ? 1 : 0);
+  return first ? edge & 1 : edge >> 1 & 1;
+}
+
+static bool share_face(int a, int b) {
+  for (int axis = 0; axis < 3; axis++)
+    if (side_of(a, axis) >= 0 && side_of(a, axis) == side_of(b, axis)) return true;
+  return false;
+}
+
+/* Every crossed edge is used; an edge of two triangles lies inside, one of a single triangle in a face; none is met by more. */
+static void cases_are_surfaces_with_their_rim_in_the_faces(void **state) {
+  for (int pattern = 0; pattern < 256; pattern++)
+    for (int joined = 0; joined < 64; joined++) {
+      if (joined & ~tc_cell_ambiguous((uint8_t)pattern)) continue;
+      const tc_cell_case *c = tc_cell_case_of((uint8_t)pattern, (uint8_t)joined);
+      int times[13][13] = {{0}}, used = 0;
+      for (int t = 0; t < c->n_triangles; t++)
+        for (int k = 0; k < 3; k++) {
+          used |= 1 << c->edges[t][k];
+          times[c->edges[t][k]][c->edges[t][(k + 1) % 3]]++;
+        }
+      for (int a = 0; a < 12; a++) {
+        int x = a / 4 == 0 ? 0 : a & 1, y = a / 4 == 0 ? a & 1 : a / 4 == 1 ? 0 : a >> 1 & 1, z = a / 4 == 2 ? 0 : a >> 1 & 1;
+        int low = x + 2 * y + 4 * z, high = low + (1 << a / 4);
+        assert_int_equal(used >> a & 1, (pattern >> low & 1) != (pattern >> high & 1));
+        for (int b = 0; b < 12; b++) {
+          assert_true(times[a][b] <= 1);
+          if (times[a][b] && !times[b][a]) assert_true(share_face(a, b));
+          if (times[a][b] && times[b][a]) assert_false(share_face(a, b));
+        }
+        assert_true(times[a][TC_CELL_CENTRE] == times[TC_CELL_CENTRE][a] && times[a][TC_CELL_CENTRE] <= 1);
+      }
+    }
+}
+
+/* ---- volumes ---- */
+
+typedef double (*field_fn)(double x, double y, double z);
+
+static tc_volume *make(const int dims[3], tc_voxel_type type, const double spacing[3], const double direction[9],
+                       double slope, field_fn field) {
+  tc_volume_desc d = {.type = type, .slope = slope, .frames = 1, .origin = {-31.5, 1e6, 12}};
+  memcpy(d.dims, dims, sizeof d.dims);
+  memcpy(d.spacing, spacing, sizeof d.spacing);
+  memcpy(d.direction, direction, sizeof d.direction);
+  tc_volume *v = tc_volume_new(&d, NULL);
+  size_t i = 0;
+  for (int z = 0; z < dims[2]; z++)
+    for (int y = 0; y < dims[1]; y++)
+      for (int x = 0; x < dims[0]; x++, i++) {
+        double value = field(x, y, z) / slope;
+        if (type == TC_F32)
+          ((float *)tc_volume_voxels(v))[i] = (float)value;
+        else if (type == TC_I16)
+          ((int16_t *)tc_volume_voxels(v))[i] = (int16_t)lrint(value);
+        else
+          ((uint8_t *)tc_volume_voxels(v))[i] = (uint8_t)lrint(value);
+      }
+  tc_volume_seal(v);
+  return v;
+}
+
+static const double even[3] = {1, 1, 1}, straight[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, mirrored[9] = {-1, 0, 0, 0, 1, 0, 0, 0, 1},
+                    oblique[9] = {0.8, -0.6, 0, 0.6, 0.8, 0, 0, 0, 1};
+
+static tc_mesh *extract(const tc_volume *v, double iso, int threads) {
+  GError *error = NULL;
+  tc_mesh_options options = {.normals = true, .pool = threads ? tc_pool_new(threads, NULL) : NULL};
+  tc_mesh *m = tc_mesh_extract(v, iso, &options, &error);
+  if (!m) fail_msg("%s", error->message);
+  tc_pool_free(options.pool);
+  return m;
+}
+
+/* ---- topology ---- */
+
+typedef struct side {
+  uint32_t from, to;
+} side;
+
+static int by_ends(const void *a, const void *b) {
+  const side *p = a, *q = b;
+  uint32_t p0 = MIN(p->from, p->to), p1 = MAX(p->from, p->to), q0 = MIN(q->from, q->to), q1 = MAX(q->from, q->to);
+  return p0 != q0 ? (p0 > q0) - (p0 < q0) : (p1 > q1) - (p1 < q1);
+}
+
+static bool at_rim(const tc_volume *v, const tc_mesh *m, uint32_t vertex) {
+  double lps[3], index[3];
+  const int *dims = tc_volume_describe(v)->dims;
+  for (int k = 0; k < 3; k++)
+    lps[k] = m->origin[k] + m->positions[vertex][k];
+  tc_volume_lps_to_index(v, lps, index);
+  for (int k = 0; k < 3; k++)
+    if (fabs(index[k]) < 1e-4 || fabs(index[k] - (dims[k] - 1)) < 1e-4) return true;
+  return false;
+}
+
+typedef struct topology {
+  long rim;   /* edges of one triangle */
+  long euler; /* vertices - edges + triangles */
+} topology;
+
+/* Each edge has two triangles that pass it in opposite directions, or one and lies in a face of the volume; around each
+ * vertex they are one fan. */
+static topology check_manifold(const tc_volume *v, const tc_mesh *m) {
+  size_t n = 3 * m->n_triangles, edges = 0;
+  topology t = {0};
+  side *sides = g_new(side, n + 1);
+  uint8_t *used = g_new0(uint8_t, m->n_vertices + 1);
+  int *corners = g_new0(int, m->n_vertices + 1), *sharing = g_new0(int, m->n_vertices + 1);
+  for (size_t i = 0; i < n; i++) {
+    sides[i] = (side){m->triangles[i / 3][i % 3], m->triangles[i / 3][(i + 1) % 3]};
+    assert_true(sides[i].from < m->n_vertices && sides[i].from != sides[i].to);
+    used[sides[i].from] = 1;
+    corners[sides[i].from]++;
+  }
+  for (size_t i = 0; i < m->n_vertices; i++)
+    assert_true(used[i]);
+  qsort(sides, n, sizeof *sides, by_ends);
+  for (size_t i = 0; i < n; edges++) {
+    size_t last = i + 1;
+    while (last < n && by_ends(&sides[i], &sides[last]) == 0)
+      last++;
+    if (last - i == 1) {
+      t.rim++;
+      if (!at_rim(v, m, sides[i].from) || !at_rim(v, m, sides[i].to)) fail_msg("an edge of one triangle within the volume");
+    } else if (last - i != 2 || sides[i].from != sides[i + 1].to) {
+      fail_msg("an edge of %zu triangles", last - i);
+    }
+    sharing[sides[i].from]++, sharing[sides[i].to]++;
+    i = last;
+  }
+  /* k triangles around a vertex have k edges there, or k + 1 at the rim; two fans at one vertex would have more at the rim,
+   * and within the volume there is one, because a cell's polygons pass each of its edges once. */
+  for (size_t i = 0; i < m->n_vertices; i++)
+    assert_true(sharing[i] == corners[i] || sharing[i] == corners[i] + 1);
+  t.euler = (long)m->n_vertices - (long)edges + (long)m->n_triangles;
+  g_free(sides), g_free(used), g_free(corners), g_free(sharing);
+  return t;
+}
+
+static void cross(const float *a, const float *b, const float *c, double out[3]) {
+  double u[3], w[3];
+  for (int k = 0; k < 3; k++)
+    u[k] = (double)b[k] - a[k], w[k] = (double)c[k] - a[k];
+  for (int k = 0; k < 3; k++)
+    out[k] = u[(k + 1) % 3] * w[(k + 2) % 3] - u[(k + 2) % 3] * w[(k + 1) % 3];
+}
+
+static void measure(const tc_mesh *m, double *area, double *volume, double *worst_normal) {
+  *area = *volume = 0;
+  *worst_normal = 1;
+  for (size_t i = 0; i < m->n_triangles; i++) {
+    const uint32_t *t = m->triangles[i];
+    const float *a = m->positions[t[0]];
+    double n[3], size;
+    cross(a, m->positions[t[1]], m->positions[t[2]], n);
+    size = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+    if (!(size > 0)) fail_msg("triangle %zu has no area", i);
+    *area += size / 2;
+    for (int k = 0; k < 3; k++)
+      *volume += a[k] * n[k] / 6;
+    for (int c = 0; c < 3; c++) {
+      const float *normal = m->normals[t[c]];
+      double along = (normal[0] * n[0] + normal[1] * n[1] + normal[2] * n[2]) / size;
+      if (size > 1e-3) *worst_normal = fmin(*worst_normal, along); /* slivers have no direction worth a comparison */
+    }
+  }
+}
+
+/* ---- analytic surfaces ---- */
+
+static int grid; /* voxels along an axis of the field under test */
+static double at_grid(double i) { return 2 * i / (grid - 1) - 1; }
+static double sphere(double x, double y, double z) { return 1000 * (1 - hypot(hypot(at_grid(x), at_grid(y)), at_grid(z))); }
+static double torus(double x, double y, double z) {
+  return 1000 * (1 - hypot(hypot(at_grid(x), at_grid(y)) - 0.55, at_grid(z)));
+}
+
+static void spheres_converge(void **state) {
+  double before = 0;
+  for (grid = 17; grid <= 65; grid = 2 * grid - 1) {
+    const int dims[3] = {grid, grid, grid};
+    const double mm[3] = {2.0 / (grid - 1), 2.0 / (grid - 1), 2.0 / (grid - 1)}; /* a radius of 0.6 mm at 400 */
+    tc_volume *v = make(dims, TC_F32, mm, oblique, 1, sphere);
+    tc_mesh *m = extract(v, 400, 0);
+    topology t = check_manifold(v, m);
+    double area, volume, normal;
+    measure(m, &area, &volume, &normal);
+    double error = fabs(volume / (4.0 / 3 * G_PI * 0.216) - 1);
+    print_message("%d^3: %zu triangles, area off by %.2g, volume by %.2g, least n.t %.3f\n", grid, m->n_triangles,
+                  area / (4 * G_PI * 0.36) - 1, error, normal);
+    assert_true(t.rim == 0 && t.euler == 2);
+    assert_true(fabs(area / (4 * G_PI * 0.36) - 1) < 0.03 && normal > 0.8);
+    if (before > 0) assert_true(error < 0.3 * before); /* of second order */
+    before = error;
+    for (size_t i = 0; i < m->n_vertices; i++) {
+      const float *n = m->normals[i], *p = m->positions[i];
+      double r = sqrt((double)p[0] * p[0] + (double)p[1] * p[1] + (double)p[2] * p[2]);
+      assert_true(fabs(r - 0.6) < 0.6 * mm[0] * mm[0] + 1e-6);
+      assert_true((n[0] * p[0] + n[1] * p[1] + n[2] * p[2]) / r > 0.95);
+    }
+    tc_mesh_free(m);
+    tc_volume_unref(v);
+  }
+}
+
+static void a_torus_has_a_hole(void **state) {
+  grid = 48;
+  const int dims[3] = {48, 48, 48};
+  tc_volume *v = make(dims, TC_I16, even, straight, 1, torus);
+  tc_mesh *m = extract(v, 700, 2);
+  topology t = check_manifold(v, m);
+  assert_true(t.rim == 0 && t.euler == 0);
+  tc_mesh_free(m);
+  tc_volume_unref(v);
+}
+
+/* Anisotropic, mirrored, rescaled by a negative slope: outside stays outside, and vertices have the value. */
+static void geometry_is_the_patients(void **state) {
+  grid = 30;
+  const int dims[3] = {30, 30, 30};
+  const double mm[3] = {0.7, 1.3, 2.9};
+  for (int turn = 0; turn < 4; turn++) {
+    tc_volume *v = make(dims, TC_I16, mm, turn & 1 ? mirrored : oblique, turn & 2 ? -0.25 : 0.25, sphere);
+    tc_mesh *m = extract(v, 350.1, 0);
+    double area, volume, normal;
+    measure(m, &area, &volume, &normal);
+    double expected = 4.0 / 3 * G_PI * pow(0.65 * 14.5, 3) * 0.7 * 1.3 * 2.9;
+    assert_true(fabs(volume / expected - 1) < 0.02 && normal > 0.6);
+    assert_int_equal(check_manifold(v, m).euler, 2);
+    for (size_t i = 0; i < m->n_vertices; i += 7) {
+      double lps[3], index[3], value;
+      for (int k = 0; k < 3; k++)
+        lps[k] = m->origin[k] + m->positions[i][k];
+      tc_volume_lps_to_index(v, lps, index);
+      assert_true(tc_volume_value_at(v, index, &value) && fabs(value - 350.1) < 0.05);
+    }
+    tc_mesh_free(m);
+    tc_volume_unref(v);
+  }
+}
+
+/* ---- random fields ---- */
+
+static uint32_t seed;
+static double few_values(double x, double y, double z) {
+  seed = seed * 1664525u + 1013904223u;
+  return (seed >> 24) % 5;
+}
+static double any_value(double x, double y, double z) {
+  seed = seed * 1664525u + 1013904223u;
+  return (double)(seed >> 8) / (1 << 24);
+}
+
+static void random_fields_are_manifolds(void **state) {
+  static const int sizes[][3] = {{2, 2, 2}, {3, 2, 5}, {64, 4, 3}, {65, 5, 4}, {130, 6, 7}, {17, 18, 19}};
+  for (seed = 1; seed < 200; seed += 33)
+    for (size_t i = 0; i < G_N_ELEMENTS(sizes); i++)
+      for (int ties = 0; ties < 2; ties++) {
+        tc_volume *v = make(sizes[i], ties ? TC_U8 : TC_F32, even, straight, 1, ties ? few_values : any_value);
+        tc_mesh *m = extract(v, ties ? 2 : 0.5, 0), *again = extract(v, ties ? 2 : 0.5, 3);
+        double area, volume, normal;
+        check_manifold(v, m);
+        measure(m, &area, &volume, &normal); /* none without area, values of exactly the surface's included */
+        assert_true(m->n_vertices == again->n_vertices && m->n_triangles == again->n_triangles);
+        assert_memory_equal(m->positions, again->positions, m->n_vertices * sizeof *m->positions);
+        assert_memory_equal(m->normals, again->normals, m->n_vertices * sizeof *m->normals);
+        assert_memory_equal(m->triangles, again->triangles, m->n_triangles * sizeof *m->triangles);
+        tc_mesh_free(m);
+        tc_mesh_free(again);
+        tc_volume_unref(v);
+      }
+}
+
+/* On a face with two opposite corners inside, the saddle of the bilinear field says what is joined. */
+static double two_corners;
+static double saddle(double x, double y, double z) {
+  double w = (x == y) == (z == 0) ? two_corners : -1;
+  return z == 0 ? w : -1;
+}
+
+static void ambiguous_faces_follow_the_field(void **state) {
+  const int dims[3] = {2, 2, 2};
+  for (int joined = 0; joined < 2; joined++) {
+    two_corners = joined ? 1.5 : 0.5;
+    tc_volume *v = make(dims, TC_F32, even, straight, 1, saddle);
+    tc_mesh *m = extract(v, 0, 0);
+    check_manifold(v, m);
+    assert_int_equal(m->n_triangles, joined ? 4 : 2); /* a bridge between the corners, or a piece at each */
+    tc_mesh_free(m);
+    tc_volume_unref(v);
+  }
+}
+
+static void what_is_not_there_is_empty(void **state) {
+  grid = 12;
+  const int dims[3] = {12, 12, 12}, flat[3] = {12, 12, 1};
+  tc_volume *v = make(dims, TC_F32, even, straight, 1, sphere), *f = make(flat, TC_F32, even, straight, 1, sphere);
+  GError *error = NULL;
+  tc_mesh *m = extract(v, 5000, 0), *none = extract(f, 400, 0);
+  assert_true(m->n_triangles == 0 && m->n_vertices == 0 && none->n_triangles == 0 && none->n_vertices == 0);
+  assert_null(tc_mesh_extract(v, NAN, &(tc_mesh_options){0}, &error));
+  g_clear_error(&error);
+  assert_null(tc_mesh_extract(v, 400, &(tc_mesh_options){.max_bytes = 1000}, &error));
+  assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_LIMIT));
+  g_clear_error(&error);
+  tc_mesh_free(m);
+  tc_mesh_free(none);
+  tc_volume_unref(v);
+  tc_volume_unref(f);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(cases_are_surfaces_with_their_rim_in_the_faces),
+                                     cmocka_unit_test(spheres_converge),
+                                     cmocka_unit_test(a_torus_has_a_hole),
+                                     cmocka_unit_test(geometry_is_the_patients),
+                                     cmocka_unit_test(random_fields_are_manifolds),
+                                     cmocka_unit_test(ambiguous_faces_follow_the_field),
+                                     cmocka_unit_test(what_is_not_there_is_empty)};
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
