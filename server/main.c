@@ -17,6 +17,7 @@ static const command commands[] = {
     {"serve", tcs_cli_serve, "[OPTION...]", "the daemon; http://127.0.0.1:8080 unless told otherwise"},
     {"render", tcs_cli_render, "VOLUME [OPTION...]", "one picture, no server"},
     {"info", tcs_cli_info, "VOLUME [--json]", "what a volume file holds"},
+    {"convert", tcs_cli_convert, "IN OUT [--iso V]", "a volume to another format, or its surface to a mesh"},
     {"bench", tcs_bench, "[VOLUME...]", "frame times and errors of every kernel variant"},
     {"report", tcs_report, "--output DIR", "error against run time, over scenes and settings"},
 };

@@ -14,9 +14,12 @@ static tc_cell_case cases[256][1 << TC_CELL_FACES];
 static int edge_between(int a, int b) {
   int low = a < b ? a : b, x = low & 1, y = low >> 1 & 1, z = low >> 2;
   switch (a ^ b) {
-  case 1: return y + 2 * z;
-  case 2: return 4 + x + 2 * z;
-  default: return 8 + x + 2 * y;
+  case 1:
+    return y + 2 * z;
+  case 2:
+    return 4 + x + 2 * z;
+  default:
+    return 8 + x + 2 * y;
   }
 }
 
@@ -24,14 +27,18 @@ static int edge_between(int a, int b) {
 static int faces_of(int edge) {
   int first = edge & 1, second = edge >> 1 & 1;
   switch (edge / 4) {
-  case 0: return 1 << (2 + first) | 1 << (4 + second);
-  case 1: return 1 << first | 1 << (4 + second);
-  default: return 1 << first | 1 << (2 + second);
+  case 0:
+    return 1 << (2 + first) | 1 << (4 + second);
+  case 1:
+    return 1 << first | 1 << (4 + second);
+  default:
+    return 1 << first | 1 << (2 + second);
   }
 }
 
 /* Walks around a face counter-clockwise. Where the walk goes in at one edge and out at another, the surface leads from
- * the edge it goes out at to the one it goes in at: next[out] = in. Which belong together on an ambiguous face is `joined`'s. */
+ * the edge it goes out at to the one it goes in at: next[out] = in. Which belong together on an ambiguous face is
+ * `joined`'s. */
 static void trace_face(int pattern, int face, bool joined, int8_t next[TC_CELL_EDGES]) {
   const uint8_t *corner = tc_cell_face_corners[face];
   for (int i = 0; i < 4; i++) {
@@ -39,15 +46,17 @@ static void trace_face(int pattern, int face, bool joined, int8_t next[TC_CELL_E
     if (!here || after) continue; /* no way out here */
     int out = edge_between(corner[i], corner[(i + 1) % 4]), in = i;
     if (joined) /* around the outside corner: the next way in */
-      for (in = (i + 1) % 4; pattern >> corner[in] & 1 || !(pattern >> corner[(in + 1) % 4] & 1);) in = (in + 1) % 4;
+      for (in = (i + 1) % 4; pattern >> corner[in] & 1 || !(pattern >> corner[(in + 1) % 4] & 1);)
+        in = (in + 1) % 4;
     else /* around the inside corner: the last way in */
-      for (in = (i + 3) % 4; pattern >> corner[in] & 1;) in = (in + 3) % 4;
+      for (in = (i + 3) % 4; pattern >> corner[in] & 1;)
+        in = (in + 3) % 4;
     next[out] = (int8_t)edge_between(corner[in], corner[(in + 1) % 4]);
   }
 }
 
-/* The triangles of loop[i .. j] on its chord, so that as few as can be have an edge within a face of the cell: cost and the
- * third corner. An edge within a face would be one of the neighbouring cell's too. */
+/* The triangles of loop[i .. j] on its chord, so that as few as can be have an edge within a face of the cell: cost and
+ * the third corner. An edge within a face would be one of the neighbouring cell's too. */
 typedef struct chord {
   int cost, third;
 } chord;
@@ -57,7 +66,8 @@ static int in_face(const uint8_t *loop, int n, int i, int j) {
   return !side && (faces_of(loop[i]) & faces_of(loop[j])) != 0;
 }
 
-static void add_triangles(const uint8_t *loop, chord table[TC_CELL_EDGES][TC_CELL_EDGES], int i, int j, tc_cell_case *c) {
+static void add_triangles(const uint8_t *loop, chord table[TC_CELL_EDGES][TC_CELL_EDGES], int i, int j,
+                          tc_cell_case *c) {
   if (j - i < 2) return;
   int k = table[i][j].third;
   add_triangles(loop, table, i, k, c);

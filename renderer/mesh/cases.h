@@ -1,16 +1,15 @@
 /* What of an isosurface lies in one cell, for every pattern of corners inside. Private to mesh/.
  *
- * Corner x + 2 y + 4 z of a cell is bit of that number in the pattern. Edges: 0-3 along x, from corner (0, y, z), numbered
- * y + 2 z; 4-7 along y, numbered 4 + x + 2 z; 8-11 along z, numbered 8 + x + 2 y. Face 2 a + s is the one at side s of axis
- * a. */
+ * Corner x + 2 y + 4 z of a cell is bit of that number in the pattern. Edges: 0-3 along x, from corner (0, y, z),
+ * numbered y + 2 z; 4-7 along y, numbered 4 + x + 2 z; 8-11 along z, numbered 8 + x + 2 y. Face 2 a + s is the one at
+ * side s of axis a. */
 #ifndef TC_MESH_CASES_H
 #define TC_MESH_CASES_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-enum { TC_CELL_EDGES = 12, TC_CELL_FACES = 6, TC_CELL_MOST_TRIANGLES = 12,
-       TC_CELL_CENTRE = TC_CELL_EDGES };
+enum { TC_CELL_EDGES = 12, TC_CELL_FACES = 6, TC_CELL_MOST_TRIANGLES = 12, TC_CELL_CENTRE = TC_CELL_EDGES };
 
 typedef struct tc_cell_case {
   uint8_t n_triangles;

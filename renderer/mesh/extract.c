@@ -13,8 +13,9 @@
 
 typedef uint64_t word; /* 64 voxels of a row */
 
-/* Of the row of voxels (y, z): numbers of its first vertices on edges along x, y and z and in the middle of cells, and of
- * the first triangle of the cells between this row, the next one and those above. Counts before they are summed up. */
+/* Of the row of voxels (y, z): numbers of its first vertices on edges along x, y and z and in the middle of cells, and
+ * of the first triangle of the cells between this row, the next one and those above. Counts before they are summed up.
+ */
 enum { CENTRE = 3, VERTEX_KINDS };
 typedef struct row {
   uint32_t vertex[VERTEX_KINDS];
@@ -25,31 +26,34 @@ typedef struct extraction {
   const tc_volume *volume;
   const void *voxels;
   tc_voxel_type type;
-  int dims[3], words;  /* words of a row */
-  float level, turn;   /* inside: turn * voxel >= level */
-  word *inside;        /* [z][y][words]; bits beyond the row are those of its last voxel */
-  row *rows;           /* [z][y] */
-  double to_mm[3][3];  /* index displacement -> LPS mm */
-  double middle[3];    /* index position of the mesh's origin */
+  int dims[3], words; /* words of a row */
+  float level, turn;  /* inside: turn * voxel >= level */
+  word *inside;       /* [z][y][words]; bits beyond the row are those of its last voxel */
+  row *rows;          /* [z][y] */
+  double to_mm[3][3]; /* index displacement -> LPS mm */
+  double middle[3];   /* index position of the mesh's origin */
   double to_index[9];
   tc_mesh *mesh;
 } extraction;
 
 static size_t row_at(const extraction *e, int y, int z) { return (size_t)z * (size_t)e->dims[1] + (size_t)y; }
-static const word *bits_at(const extraction *e, int y, int z) {
-  return e->inside + row_at(e, y, z) * (size_t)e->words;
-}
+static const word *bits_at(const extraction *e, int y, int z) { return e->inside + row_at(e, y, z) * (size_t)e->words; }
 
 /* turn * voxel - level: at least 0 inside. */
 static float voxel_at(const extraction *e, int x, int y, int z) {
   size_t i = row_at(e, y, z) * (size_t)e->dims[0] + (size_t)x;
   switch (e->type) {
-  case TC_U8: return e->turn * ((const uint8_t *)e->voxels)[i] - e->level;
-  case TC_I8: return e->turn * ((const int8_t *)e->voxels)[i] - e->level;
-  case TC_U16: return e->turn * ((const uint16_t *)e->voxels)[i] - e->level;
-  case TC_I16: return e->turn * ((const int16_t *)e->voxels)[i] - e->level;
+  case TC_U8:
+    return e->turn * ((const uint8_t *)e->voxels)[i] - e->level;
+  case TC_I8:
+    return e->turn * ((const int8_t *)e->voxels)[i] - e->level;
+  case TC_U16:
+    return e->turn * ((const uint16_t *)e->voxels)[i] - e->level;
+  case TC_I16:
+    return e->turn * ((const int16_t *)e->voxels)[i] - e->level;
   case TC_F32:
-  case TC_VOXEL_TYPE_COUNT: break;
+  case TC_VOXEL_TYPE_COUNT:
+    break;
   }
   return e->turn * ((const float *)e->voxels)[i] - e->level;
 }
@@ -88,12 +92,22 @@ static void find_inside(void *context, int z, int worker) {
     const size_t at = row_at(e, y, z) * (size_t)e->dims[0];
     word *out = e->inside + row_at(e, y, z) * (size_t)e->words;
     switch (e->type) {
-    case TC_U8: bits_u8(e, (const uint8_t *)e->voxels + at, out); break;
-    case TC_I8: bits_i8(e, (const int8_t *)e->voxels + at, out); break;
-    case TC_U16: bits_u16(e, (const uint16_t *)e->voxels + at, out); break;
-    case TC_I16: bits_i16(e, (const int16_t *)e->voxels + at, out); break;
+    case TC_U8:
+      bits_u8(e, (const uint8_t *)e->voxels + at, out);
+      break;
+    case TC_I8:
+      bits_i8(e, (const int8_t *)e->voxels + at, out);
+      break;
+    case TC_U16:
+      bits_u16(e, (const uint16_t *)e->voxels + at, out);
+      break;
+    case TC_I16:
+      bits_i16(e, (const int16_t *)e->voxels + at, out);
+      break;
     case TC_F32:
-    case TC_VOXEL_TYPE_COUNT: bits_f32(e, (const float *)e->voxels + at, out); break;
+    case TC_VOXEL_TYPE_COUNT:
+      bits_f32(e, (const float *)e->voxels + at, out);
+      break;
     }
   }
 }
@@ -125,8 +139,8 @@ static cell_row cells_at(const extraction *e, int y, int z) {
   return c;
 }
 
-/* The cells of word w that the surface passes through. Bits beyond a row repeat its last voxel, so that the cells there,
- * and the one that begins at the last voxel, may be among them: they are masked. */
+/* The cells of word w that the surface passes through. Bits beyond a row repeat its last voxel, so that the cells
+ * there, and the one that begins at the last voxel, may be among them: they are masked. */
 static word active_cells(const extraction *e, const cell_row *c, int w) {
   word any = 0, all = ~(word)0;
   for (int i = 0; i < 4; i++) {
@@ -147,8 +161,8 @@ static uint8_t pattern_of(const cell_row *c, int x) {
   return (uint8_t)pattern;
 }
 
-/* The asymptotic decider: are the inside corners of an ambiguous face joined? Products of single-precision numbers are exact
- * in double, so that both cells at a face find the same. */
+/* The asymptotic decider: are the inside corners of an ambiguous face joined? Products of single-precision numbers are
+ * exact in double, so that both cells at a face find the same. */
 static bool is_joined(const extraction *e, const cell_row *c, int x, int pattern, int face) {
   const uint8_t *corner = tc_cell_face_corners[face];
   double v[4];
@@ -230,7 +244,8 @@ typedef struct point {
 } point;
 
 /* Against the field's gradient in mm, which is covariant; along the edge where there is none. */
-static void find_outward(const extraction *e, const int from[3], int axis, double share, bool falls, double outward[3]) {
+static void find_outward(const extraction *e, const int from[3], int axis, double share, bool falls,
+                         double outward[3]) {
   int to[3] = {from[0], from[1], from[2]};
   double a[3], b[3], length = 0;
   to[axis]++;
@@ -251,8 +266,10 @@ static void find_outward(const extraction *e, const int from[3], int axis, doubl
 static point cross_edge(const extraction *e, int x, int y, int z, int axis) {
   point p = {{x, y, z}, {0}};
   const int from[3] = {x, y, z};
-  double a = voxel_at(e, x, y, z), b = voxel_at(e, x + (axis == 0), y + (axis == 1), z + (axis == 2)), share = a / (a - b);
-  share = share >= NEAREST ? fmin(share, 1 - NEAREST) : NEAREST; /* what is no number, too: nearest to the first voxel */
+  double a = voxel_at(e, x, y, z), b = voxel_at(e, x + (axis == 0), y + (axis == 1), z + (axis == 2)),
+         share = a / (a - b);
+  share =
+      share >= NEAREST ? fmin(share, 1 - NEAREST) : NEAREST; /* what is no number, too: nearest to the first voxel */
   if (e->mesh->normals) find_outward(e, from, axis, share, a > b, p.outward);
   p.at[axis] += share;
   return p;
@@ -313,8 +330,8 @@ static void make_vertices(const extraction *e, int y, int z) {
 
 /* ---- triangles ---- */
 
-/* How many edges before word w of each kind and row around a row of cells are crossed: along x in four rows, along y in the
- * two planes, along z in the two rows. */
+/* How many edges before word w of each kind and row around a row of cells are crossed: along x in four rows, along y in
+ * the two planes, along z in the two rows. */
 typedef struct ranks {
   uint32_t x[4], y[2], z[2];
 } ranks;

@@ -1,8 +1,8 @@
 /* Triangle meshes in patient space, and the extraction of isosurfaces from volumes.
  *
- * A mesh is plain data: its vertices are shared by the triangles around them, positions are single precision relative to
- * an origin in double precision, so that nothing is lost far from the patient's origin. Immutable once made; any thread
- * may read it. */
+ * A mesh is plain data: its vertices are shared by the triangles around them, positions are single precision relative
+ * to an origin in double precision, so that nothing is lost far from the patient's origin. Immutable once made; any
+ * thread may read it. */
 #ifndef TC_MESH_H
 #define TC_MESH_H
 
@@ -14,7 +14,7 @@
 #include "renderer/volume/volume.h"
 
 typedef struct tc_mesh {
-  double origin[3];         /* LPS mm; positions are relative to it */
+  double origin[3]; /* LPS mm; positions are relative to it */
   size_t n_vertices, n_triangles;
   float (*positions)[3];    /* [n_vertices], mm along LPS axes */
   float (*normals)[3];      /* [n_vertices], unit; NULL where there are none */
@@ -38,16 +38,16 @@ typedef struct tc_mesh_options {
 /* The surface where the trilinear field has the value `iso` (in the volume's unit); what has at least that value is
  * inside, and normals point out of it. Vertices lie on edges between voxel centres, where the field is linear.
  *
- * In a cell the surface's polygons meet the cell's faces along lines that depend on the face's four voxels alone. A face
- * with two opposite corners inside is ambiguous: there the sign of the bilinear field's saddle decides (Nielson and
- * Hamann, The asymptotic decider, IEEE Visualization 1991), as in the trilinear field itself. No triangle has an edge
- * across such a face, so that every edge within the volume belongs to two triangles and the surface is a manifold, which
- * ends at the volume's faces only. No vertex is nearer than 1/1024 of an edge to a voxel's centre: no triangle is
+ * In a cell the surface's polygons meet the cell's faces along lines that depend on the face's four voxels alone. A
+ * face with two opposite corners inside is ambiguous: there the sign of the bilinear field's saddle decides (Nielson
+ * and Hamann, The asymptotic decider, IEEE Visualization 1991), as in the trilinear field itself. No triangle has an
+ * edge across such a face, so that every edge within the volume belongs to two triangles and the surface is a manifold,
+ * which ends at the volume's faces only. No vertex is nearer than 1/1024 of an edge to a voxel's centre: no triangle is
  * degenerate, however many voxels have exactly the value.
  *
- * Vertices are numbered by plane, row and kind of edge, so that a number follows from counting bits and rows can be worked
- * on in any order, in the manner of flying edges (Schroeder, Maynard and Geveci, LDAV 2015). The same mesh comes from any
- * number of threads. Not found anywhere: a mesh of no triangles. */
+ * Vertices are numbered by plane, row and kind of edge, so that a number follows from counting bits and rows can be
+ * worked on in any order, in the manner of flying edges (Schroeder, Maynard and Geveci, LDAV 2015). The same mesh comes
+ * from any number of threads. Not found anywhere: a mesh of no triangles. */
 tc_mesh *tc_mesh_extract(const tc_volume *volume, double iso, const tc_mesh_options *options, GError **error);
 
 #endif

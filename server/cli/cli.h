@@ -12,9 +12,10 @@
 
 enum { TCS_EXIT_DONE = 0, TCS_EXIT_FAILED = 1, TCS_EXIT_USAGE = 2 };
 
-int tcs_cli_serve(int argc, char **argv);  /* the daemon, until SIGTERM */
-int tcs_cli_render(int argc, char **argv); /* one picture */
-int tcs_cli_info(int argc, char **argv);   /* what a file holds */
+int tcs_cli_serve(int argc, char **argv);   /* the daemon, until SIGTERM */
+int tcs_cli_render(int argc, char **argv);  /* one picture */
+int tcs_cli_info(int argc, char **argv);    /* what a file holds */
+int tcs_cli_convert(int argc, char **argv); /* a volume to another format, or a surface of it to a mesh */
 
 /* What the sub-commands share (options.c) ---------------------------------------------------------- */
 

@@ -123,6 +123,12 @@ static void bad_usage(void **state) {
   refuse(RUN("render", "demo:bucky", "--set", "camera.fov=3"), 2, "did you mean \"fovY\"?");
   refuse(RUN("render", "demo:bucky", "--set", "camera.fovY=200"), 2, "camera.fovY: 200 is too large");
   refuse(RUN("info"), 2, "one VOLUME is wanted");
+  refuse(RUN("convert", "demo:bucky"), 2, "IN and OUT are wanted");
+  refuse(RUN("convert", "demo:bucky", "b.txt"), 2, "OUT must end in .nrrd");
+  refuse(RUN("convert", "demo:bucky", "b.ply"), 2, "--iso V");
+  refuse(RUN("convert", "demo:bucky", "b.nrrd", "--iso", "1"), 2, "--iso goes with");
+  refuse(RUN("convert", "demo:bucky", "b.ply", "--iso", "much"), 2, "a number is wanted");
+  refuse(RUN("convert", "demo:bucky", "b.ply", "--iso", "1e9"), 1, "no surface of that value; its values are 0 to ");
 }
 
 static void failures(void **state) {

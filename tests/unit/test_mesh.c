@@ -27,7 +27,8 @@ static bool share_face(int a, int b) {
   return false;
 }
 
-/* Every crossed edge is used; an edge of two triangles lies inside, one of a single triangle in a face; none is met by more. */
+/* Every crossed edge is used; an edge of two triangles lies inside, one of a single triangle in a face; none is met by
+ * more. */
 static void cases_are_surfaces_with_their_rim_in_the_faces(void **state) {
   for (int pattern = 0; pattern < 256; pattern++)
     for (int joined = 0; joined < 64; joined++) {
@@ -40,7 +41,11 @@ static void cases_are_surfaces_with_their_rim_in_the_faces(void **state) {
           times[c->edges[t][k]][c->edges[t][(k + 1) % 3]]++;
         }
       for (int a = 0; a < 12; a++) {
-        int x = a / 4 == 0 ? 0 : a & 1, y = a / 4 == 0 ? a & 1 : a / 4 == 1 ? 0 : a >> 1 & 1, z = a / 4 == 2 ? 0 : a >> 1 & 1;
+        int x = a / 4 == 0 ? 0 : a & 1,
+            y = a / 4 == 0   ? a & 1
+                : a / 4 == 1 ? 0
+                             : a >> 1 & 1,
+            z = a / 4 == 2 ? 0 : a >> 1 & 1;
         int low = x + 2 * y + 4 * z, high = low + (1 << a / 4);
         assert_int_equal(used >> a & 1, (pattern >> low & 1) != (pattern >> high & 1));
         for (int b = 0; b < 12; b++) {
@@ -80,8 +85,8 @@ static tc_volume *make(const int dims[3], tc_voxel_type type, const double spaci
   return v;
 }
 
-static const double even[3] = {1, 1, 1}, straight[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, mirrored[9] = {-1, 0, 0, 0, 1, 0, 0, 0, 1},
-                    oblique[9] = {0.8, -0.6, 0, 0.6, 0.8, 0, 0, 0, 1};
+static const double even[3] = {1, 1, 1}, straight[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1},
+                    mirrored[9] = {-1, 0, 0, 0, 1, 0, 0, 0, 1}, oblique[9] = {0.8, -0.6, 0, 0.6, 0.8, 0, 0, 0, 1};
 
 static tc_mesh *extract(const tc_volume *v, double iso, int threads) {
   GError *error = NULL;
@@ -143,15 +148,16 @@ static topology check_manifold(const tc_volume *v, const tc_mesh *m) {
       last++;
     if (last - i == 1) {
       t.rim++;
-      if (!at_rim(v, m, sides[i].from) || !at_rim(v, m, sides[i].to)) fail_msg("an edge of one triangle within the volume");
+      if (!at_rim(v, m, sides[i].from) || !at_rim(v, m, sides[i].to))
+        fail_msg("an edge of one triangle within the volume");
     } else if (last - i != 2 || sides[i].from != sides[i + 1].to) {
       fail_msg("an edge of %zu triangles", last - i);
     }
     sharing[sides[i].from]++, sharing[sides[i].to]++;
     i = last;
   }
-  /* k triangles around a vertex have k edges there, or k + 1 at the rim; two fans at one vertex would have more at the rim,
-   * and within the volume there is one, because a cell's polygons pass each of its edges once. */
+  /* k triangles around a vertex have k edges there, or k + 1 at the rim; two fans at one vertex would have more at the
+   * rim, and within the volume there is one, because a cell's polygons pass each of its edges once. */
   for (size_t i = 0; i < m->n_vertices; i++)
     assert_true(sharing[i] == corners[i] || sharing[i] == corners[i] + 1);
   t.euler = (long)m->n_vertices - (long)edges + (long)m->n_triangles;
@@ -192,7 +198,9 @@ static void measure(const tc_mesh *m, double *area, double *volume, double *wors
 
 static int grid; /* voxels along an axis of the field under test */
 static double at_grid(double i) { return 2 * i / (grid - 1) - 1; }
-static double sphere(double x, double y, double z) { return 1000 * (1 - hypot(hypot(at_grid(x), at_grid(y)), at_grid(z))); }
+static double sphere(double x, double y, double z) {
+  return 1000 * (1 - hypot(hypot(at_grid(x), at_grid(y)), at_grid(z)));
+}
 static double torus(double x, double y, double z) {
   return 1000 * (1 - hypot(hypot(at_grid(x), at_grid(y)) - 0.55, at_grid(z)));
 }
