@@ -128,9 +128,10 @@ export class Look {
   #bindFields() {
     const get = this.#get;
     const number = (id) => (get(id).value === '' ? NaN : Number(get(id).value));
-    const move = () => {
-      const [value, amount] = [number('knot-value'), number('knot-amount')];
-      if (Number.isFinite(value) && Number.isFinite(amount)) this.#editor.set(value, amount);
+    // The other field is rounded for people: it is not read.
+    const move = (id) => {
+      const typed = number(id);
+      if (Number.isFinite(typed)) this.#editor.set(...(id === 'knot-value' ? [typed] : [undefined, typed]));
       this.#fields(true);
     };
     const axis = () => {
@@ -140,7 +141,7 @@ export class Look {
     };
     get('preset').addEventListener('change', () => this.#presetChosen(get('preset').value));
     get('window-preset').addEventListener('change', () => this.#windowChosen(get('window-preset').value));
-    for (const id of ['knot-value', 'knot-amount']) get(id).addEventListener('change', move);
+    for (const id of ['knot-value', 'knot-amount']) get(id).addEventListener('change', () => move(id));
     for (const id of ['axis-low', 'axis-high']) get(id).addEventListener('change', axis);
     get('knot-color').addEventListener('input', () => this.#editor.setColor(fromHex(get('knot-color').value)));
     get('knot-add').addEventListener('click', () => this.#editor.addNext());

@@ -6,10 +6,13 @@ import {
   amountLimit,
   amountName,
   amountOf,
+  axisReach,
   colorKnot,
   formatValue,
   knotRange,
   moveKnot,
+  rangeThrough,
+  rangeWithin,
   removeKnot,
   sample,
   toHex,
@@ -32,7 +35,8 @@ export class TransferEditor {
   #histogram = null;
   #log = true;
   #selected = 0;
-  #drag = null;
+  #drag = null; // {kind: 'knot' | 'axis' | 'pinch', ...}
+  #fingers = new Map(); // pointer id -> clientX of what is down
   #size = { width: 320, height: 220 };
 
   /** change(points, {index}) on every edit; gesture(bool) around a drag; select(index); range([low, high]) */
@@ -74,10 +78,10 @@ export class TransferEditor {
     this.#drawHistogram();
   }
 
-  /** Zooms the value axis. */
-  setRange([low, high]) {
+  /** Zooms the value axis, within reach of the data. */
+  setRange(range) {
     const least = (this.#whole[1] - this.#whole[0]) * 1e-5;
-    this.#range = high - low > least ? [low, high] : [low, low + least];
+    this.#range = rangeWithin(range, axisReach(this.#points, this.#whole), least);
     this.#drawHistogram();
     this.#drawCurve();
     this.#on.range(this.#range);
@@ -98,9 +102,10 @@ export class TransferEditor {
     if (focus) this.#parts.knots.children[index]?.focus();
   }
 
-  /** Edits from the fields beside the plot. */
+  /** Edits from the fields beside the plot; what is undefined stays. */
   set(value, amount) {
-    this.#change(moveKnot(this.#points, this.selected, value, amount));
+    const now = this.#points[this.selected];
+    this.#change(moveKnot(this.#points, this.selected, value ?? now.value, amount ?? amountOf(now)));
   }
 
   setColor(color) {
@@ -317,7 +322,10 @@ export class TransferEditor {
     if (event.button !== 0) return;
     const index = this.#indexOf(event.target);
     this.#root.setPointerCapture(event.pointerId);
-    if (index >= 0) {
+    this.#fingers.set(event.pointerId, event);
+    if (this.#fingers.size > 1) {
+      this.#pinch();
+    } else if (index >= 0) {
       this.select(index, true);
       const { value, amount } = this.#at(event);
       const point = this.#points[index];
@@ -331,9 +339,26 @@ export class TransferEditor {
   }
 
   #move(event) {
+    if (this.#fingers.has(event.pointerId)) this.#fingers.set(event.pointerId, event);
     if (!this.#drag) return;
     if (this.#drag.kind === 'axis') this.#dragAxis(event);
+    else if (this.#drag.kind === 'pinch') this.#dragPinch();
     else this.#dragKnot(event);
+  }
+
+  // Two fingers hold a value each. What one of them did alone ends here.
+  #pinch() {
+    if (this.#drag?.kind === 'knot') this.#on.gesture(false);
+    const values = [...this.#fingers].slice(0, 2).map(([id, event]) => ({ id, value: this.#at(event).value }));
+    this.#drag = { kind: 'pinch', values };
+  }
+
+  #dragPinch() {
+    const box = this.#root.getBoundingClientRect();
+    const { x, width } = this.#plot;
+    const place = (id) => (((this.#fingers.get(id).clientX - box.left) / box.width) * this.#size.width - x) / width;
+    const range = rangeThrough(this.#drag.values.map(({ id, value }) => ({ value, place: place(id) })));
+    if (range) this.setRange(range);
   }
 
   #dragAxis({ clientX }) {
@@ -356,6 +381,7 @@ export class TransferEditor {
   }
 
   #up(event) {
+    this.#fingers.delete(event.pointerId);
     const drag = this.#drag;
     this.#drag = null;
     if (drag?.kind !== 'knot') return;
@@ -369,9 +395,7 @@ export class TransferEditor {
     const { value } = this.#at(event);
     const factor = Math.exp(Math.sign(event.deltaY) * 0.2);
     const [low, high] = this.#range;
-    const next = [value - (value - low) * factor, value + (high - value) * factor];
-    const most = (this.#whole[1] - this.#whole[0]) * 4;
-    if (next[1] - next[0] < most) this.setRange(next);
+    this.setRange([value - (value - low) * factor, value + (high - value) * factor]);
   }
 
   #contextMenu(event) {

@@ -60,19 +60,52 @@ export const removeKnot = (points, index) => (points.length > 1 ? points.filter(
 /** Shifts the whole curve along the value axis. */
 export const shiftKnots = (points, delta) => points.map((point) => ({ ...point, value: point.value + delta }));
 
-/** Multiplies all amounts, opacity stopping at 1. */
+const OPAQUE = 0.999; // what is fully opaque is scaled as this: it must become thinner too
+const MADE_FROM = new WeakMap(); // a list that scaleAmounts made -> {points, factor}: scaled again from there
+
+/** Multiplies the extinction of all knots. Scaled by a factor and then by its inverse, a function is what it was. */
 export function scaleAmounts(points, factor) {
-  const name = amountName(points);
-  return points.map((point) => ({ ...point, [name]: clampAmount(name, amountOf(point) * factor) }));
+  const origin = MADE_FROM.get(points) ?? { points, factor: 1 };
+  const total = origin.factor * factor;
+  if (Math.abs(total - 1) < 1e-9) return origin.points;
+  const scaled = origin.points.map((point) =>
+    point.extinction === undefined
+      ? { ...point, opacity: 1 - (1 - Math.min(OPAQUE, amountOf(point))) ** total }
+      : { ...point, extinction: point.extinction * total },
+  );
+  MADE_FROM.set(scaled, { points: origin.points, factor: total });
+  return scaled;
 }
 
-/** A stretch of the value axis that shows all knots, inside `whole` widened by them. */
+/** A stretch of the value axis that shows all knots. */
 export function knotRange(points, whole) {
   if (!points.length) return [...whole];
   const low = points[0].value;
   const high = points.at(-1).value;
   const margin = (high - low || (whole[1] - whole[0]) / 10 || 1) * 0.08;
   return [low - margin, high + margin];
+}
+
+/** How far the value axis may go: all values and all knots, and a margin. */
+export function axisReach(points, [low, high]) {
+  const values = points.map(({ value }) => value);
+  const [first, last] = [Math.min(low, ...values), Math.max(high, ...values)];
+  const margin = (last - first) * 0.1;
+  return [first - margin, last + margin];
+}
+
+/** The range nearest to a wanted one that lies inside `reach` and is at least `least` wide. */
+export function rangeWithin([low, high], reach, least) {
+  const span = Math.min(reach[1] - reach[0], Math.max(least, high - low));
+  const start = Math.min(reach[1] - span, Math.max(reach[0], low));
+  return [start, start + span];
+}
+
+/** The range that has each of two values at its place, places 0..1 of the axis; null where they are too close. */
+export function rangeThrough([a, b]) {
+  if (Math.abs(b.place - a.place) < 0.02) return null;
+  const span = (b.value - a.value) / (b.place - a.place);
+  return span > 0 ? [a.value - a.place * span, a.value + (1 - a.place) * span] : null;
 }
 
 export const toHex = (color) =>

@@ -65,15 +65,37 @@ test('the last knot cannot be removed', () => {
   assert.deepEqual(points, [POINTS[2]]);
 });
 
-test('shift moves all, density multiplies and clamps', () => {
+test('shift moves all', () => {
   assert.deepEqual(
     tf.shiftKnots(POINTS, -30).map(({ value }) => value),
     [-30, 70, 170],
   );
-  assert.deepEqual(
-    tf.scaleAmounts(POINTS, 1.5).map(({ opacity }) => opacity),
-    [0, 0.75, 1],
-  );
+});
+
+test('density scales the extinction: nothing clips, and up and down again is as before', () => {
+  const [, half, full] = tf.scaleAmounts(POINTS, 2).map(({ opacity }) => opacity);
+  assert.ok(Math.abs(half - 0.75) < 1e-12 && full < 1, 'twice the way through half-opaque matter');
+  assert.ok(tf.scaleAmounts(POINTS, 0.01)[2].opacity < 0.1, 'what was opaque becomes thinner too');
+  for (const factor of [100, 3, 0.5, 0.01]) {
+    const there = tf.scaleAmounts(POINTS, factor);
+    const back = tf.scaleAmounts(there, 1 / factor);
+    back.forEach(({ opacity }, i) => assert.ok(Math.abs(opacity - POINTS[i].opacity) < 1e-9, `${factor}`));
+    const anew = tf.scaleAmounts(structuredClone(tf.scaleAmounts(POINTS.slice(0, 2), Math.min(factor, 3))), 1 / Math.min(factor, 3));
+    anew.forEach(({ opacity }, i) => assert.ok(Math.abs(opacity - POINTS[i].opacity) < 1e-9, 'a copy too'));
+  }
+  const points = [{ value: 0, color: [0, 0, 0], extinction: 4 }];
+  assert.equal(tf.scaleAmounts(points, 0.5)[0].extinction, 2);
+});
+
+test('the value axis stays where data or knots are', () => {
+  const reach = tf.axisReach(POINTS, [50, 150]);
+  assert.deepEqual(reach, [-20, 220]);
+  assert.deepEqual(tf.rangeWithin([900, 1000], reach, 1), [120, 220]);
+  assert.deepEqual(tf.rangeWithin([-1e6, 1e6], reach, 1), reach);
+  const [low, high] = tf.rangeWithin([5, 5], reach, 2);
+  assert.deepEqual([low, high], [5, 7]);
+  assert.deepEqual(tf.rangeThrough([{ value: 10, place: 0.25 }, { value: 20, place: 0.75 }]), [5, 25]);
+  assert.equal(tf.rangeThrough([{ value: 10, place: 0.25 }, { value: 20, place: 0.25 }]), null);
 });
 
 test('colours survive the trip through a colour field', () => {
