@@ -7,12 +7,13 @@
 /* Largest whole number a double, hence JSON in a browser, holds exactly. */
 #define MAX_COUNTER 9007199254740992.0
 
-static const char *const type_names[] = {"patch", "ack", "pointer", "ping", NULL};
+static const char *const type_names[] = {"patch", "ack", "pointer", "ping", "size", NULL};
 G_STATIC_ASSERT(G_N_ELEMENTS(type_names) == TCP_MESSAGE_TYPE_COUNT + 1);
 
 /* Members of each type beside "type"; all of them are needed. */
 static const char *const members[TCP_MESSAGE_TYPE_COUNT][3] = {
-    [TCP_PATCH] = {"seq", "scene"}, [TCP_ACK] = {"frame"}, [TCP_POINTER] = {"phase"}, [TCP_PING] = {"t"}};
+    [TCP_PATCH] = {"seq", "scene"}, [TCP_ACK] = {"frame"}, [TCP_POINTER] = {"phase"}, [TCP_PING] = {"t"},
+    [TCP_SIZE] = {"width", "height"}};
 
 static bool fail(GError **error, const char *name, const char *what) {
   char *pointer = g_strconcat("/", name, NULL);
@@ -32,7 +33,7 @@ static bool read_counter(const cJSON *object, const char *name, uint64_t *counte
 
 static bool read_type(const cJSON *object, tcp_message_type *type, GError **error) {
   const cJSON *value = cJSON_GetObjectItemCaseSensitive(object, "type");
-  if (!cJSON_IsString(value)) return fail(error, "type", "\"patch\", \"ack\", \"pointer\" or \"ping\" is wanted");
+  if (!cJSON_IsString(value)) return fail(error, "type", "\"patch\", \"ack\", \"pointer\", \"ping\" or \"size\" is wanted");
   for (int i = 0; type_names[i]; i++)
     if (strcmp(type_names[i], value->valuestring) == 0) {
       *type = (tcp_message_type)i;
@@ -86,6 +87,14 @@ static bool read_ping(const cJSON *object, tcp_message *message, GError **error)
   return true;
 }
 
+static bool read_pixels(const cJSON *object, const char *name, int *pixels, GError **error) {
+  uint64_t count = 0;
+  if (!read_counter(object, name, &count, error)) return false;
+  if (count < 1 || count > TC_MAX_IMAGE_SIDE) return fail(error, name, "out of range");
+  *pixels = (int)count;
+  return true;
+}
+
 static bool read_message(cJSON *object, tcp_message *message, GError **error) {
   if (!cJSON_IsObject(object)) return tcp_fail_at(error, TC_ERROR_INVALID, "", "a message must be a JSON object");
   if (!read_type(object, &message->type, error) || !check_names(object, message->type, error)) return false;
@@ -98,6 +107,8 @@ static bool read_message(cJSON *object, tcp_message *message, GError **error) {
     return read_pointer(object, message, error);
   case TCP_PING:
     return read_ping(object, message, error);
+  case TCP_SIZE:
+    return read_pixels(object, "width", &message->width, error) && read_pixels(object, "height", &message->height, error);
   case TCP_MESSAGE_TYPE_COUNT:
     break;
   }

@@ -78,7 +78,7 @@ cJSON *tcp_problem_named(int status, const char *name, const char *title, const 
 
 /* --- WebSocket tomocast.v1 --------------------------------------------------------------------- */
 
-typedef enum tcp_message_type { TCP_PATCH, TCP_ACK, TCP_POINTER, TCP_PING, TCP_MESSAGE_TYPE_COUNT } tcp_message_type;
+typedef enum tcp_message_type { TCP_PATCH, TCP_ACK, TCP_POINTER, TCP_PING, TCP_SIZE, TCP_MESSAGE_TYPE_COUNT } tcp_message_type;
 typedef struct tcp_message {
   tcp_message_type type;
   uint64_t seq;      /* patch */
@@ -86,6 +86,7 @@ typedef struct tcp_message {
   uint64_t frame;    /* ack */
   bool pointer_down; /* pointer: "start" = true */
   double t;          /* ping */
+  int width, height; /* size: 1..TC_MAX_IMAGE_SIDE pixels */
 } tcp_message;
 /* *message holds nothing before. On failure it holds nothing but `seq`, where that could be read. */
 bool tcp_message_parse(const char *bytes, size_t size, tcp_message *message, GError **error);

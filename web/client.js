@@ -9,7 +9,8 @@ import { Wire } from './wire.js';
 const REFRESH_MS = 300;
 
 /**
- * Events, each one callback in `on`, all optional:
+ * Events, each one callback in `on`, all but size() optional:
+ *   size()                   {width, height} that pictures are wanted in, pixels
  *   session({id, volume})     there is a session, new or found again
  *   connection(state)         see wire.js
  *   frame({header, bytes, roundTripMs?})  a frame is on the canvas
@@ -206,6 +207,7 @@ export class Client {
     this.#sent.clear();
     this.#on.pending?.(0);
     if (lost) this.#store.requeue(lost);
+    this.resize();
     if (this.#active) this.#wire.send({ type: 'pointer', phase: 'start' });
     this.#flush();
   }
@@ -244,6 +246,11 @@ export class Client {
     this.#others = header.others;
     this.#on.pending?.(this.#sent.size);
     this.#on.frame?.({ header, bytes, roundTripMs: own ? now - own.at : undefined });
+  }
+
+  /** Tells the size of the pictures this page wants; others of the session have theirs. */
+  resize() {
+    this.#wire?.send({ type: 'size', ...this.#on.size() });
   }
 
   acknowledge(frame) {

@@ -59,6 +59,7 @@ const client = new Client({
   store,
   view,
   on: {
+    size: wantedSize,
     session: showSession,
     connection: showConnection,
     viewOnly: () => notices.line('For looking only: what you change here is not kept.'),
@@ -284,10 +285,7 @@ function wantedSize() {
 }
 
 function resize() {
-  if (!store.scene) return;
-  const { width, height } = wantedSize();
-  const { image = {} } = store.scene;
-  if (image.width !== width || image.height !== height) store.patch({ image: { width, height } });
+  client.resize();
   caption.update();
 }
 
@@ -315,12 +313,13 @@ function showControls() {
   get('meter').checked = (scene.errorMeter?.pixels ?? 0) > 0;
 }
 
-
 async function savePicture() {
   if (!client.session) return;
   get('save').disabled = true;
+  const { width, height } = wantedSize();
   try {
-    const reply = await api.fetch('GET', `v1/sessions/${encodeURIComponent(client.session)}/frame?format=png`);
+    const frame = `v1/sessions/${encodeURIComponent(client.session)}/frame`;
+    const reply = await api.fetch('GET', `${frame}?format=png&width=${width}&height=${height}`);
     saveFile(await actions.shown(await reply.blob()), `${opening.volume?.id ?? 'picture'}.png`);
   } catch (error) {
     notices.problem(error);

@@ -36,6 +36,7 @@ struct tcs_job {
   void (*rendered)(tcs_job *job); /* its encoding begins; may be NULL */
   void (*finished)(tcs_job *job); /* once: the results below are set */
   void *user;                     /* the owner's; NULL when the owner has left */
+  void *part;                     /* the owner's: which of its pictures */
   char *peer;                     /* g_malloc'ed: who asks, of a single picture; freed with the job */
   uint64_t revision;              /* the owner's */
   double samples;                 /* the owner's: tc_estimate_samples() of it; 0 = not known */

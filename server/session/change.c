@@ -9,14 +9,19 @@
 
 static void changed(tcs_session *session) {
   const int64_t now_us = g_get_monotonic_time();
-  if (session->watchers->len && session->begun_revision < session->revision)
-    session->server->metrics->frames_superseded++;
+  for (guint i = 0; i < session->views->len; i++) {
+    tcs_view *view = g_ptr_array_index(session->views, i);
+    if (view->watchers && view->begun_revision < session->revision) session->server->metrics->frames_superseded++;
+    tcs_measure_cancel(view);
+  }
   session->revision++;
   session->server->metrics->scene_changes++;
-  tcs_measure_cancel(session);
   tcs_quality_changed(session->server->quality, session);
   session->used_us = now_us;
   session->active_until_us = now_us + TCS_REST_US;
+  /* The scene's size may be another one: viewers with a size of their own keep theirs. */
+  for (guint i = 0; i < session->watchers->len; i++)
+    tcs_watcher_seat(g_ptr_array_index(session->watchers, i));
   /* A refinement of the old scene would hold up the first frame of the new one. */
   if (session->job && session->job->final) tcs_job_cancel(session->job);
   tcs_session_wake(session);

@@ -5,7 +5,7 @@
 /* Sends the newest picture to a viewer that can take it and has not seen it. A picture of an older scene is sent too:
  * while input flows every picture is one behind, and each is newer than the last. */
 void tcs_session_deliver_to(tcs_session *session, tcs_watcher *watcher, int64_t now_us) {
-  const tcs_picture *picture = session->latest;
+  const tcs_picture *picture = watcher->view->latest;
   if (!picture ||
       (!tcs_watcher_wants(watcher, picture->revision, picture->final) && !tcs_watcher_wants_error(watcher, picture)))
     return;
@@ -14,6 +14,7 @@ void tcs_session_deliver_to(tcs_session *session, tcs_watcher *watcher, int64_t 
   header.frame = tcs_window_send(&watcher->window, now_us);
   header.seq = tcs_watcher_seq_in(watcher, picture, session->revision);
   header.others = watcher->others;
+  watcher->resized = false;
   watcher->shown_revision = picture->revision;
   watcher->shown_final = picture->final;
   watcher->shown_error = tcs_picture_is_judged(picture);
@@ -33,6 +34,7 @@ void tcs_session_fail(tcs_session *session, const tcs_job *job) {
   /* Downwards: a viewer whose socket breaks here leaves the list. */
   for (guint i = session->watchers->len; i-- > 0;) {
     tcs_watcher *watcher = g_ptr_array_index(session->watchers, i);
+    if (watcher->view != job->part) continue;
     cJSON *message = cJSON_CreateObject();
     cJSON_AddStringToObject(message, "type", "error");
     cJSON_AddNumberToObject(message, "seq", (double)watcher->seq);
@@ -44,6 +46,7 @@ void tcs_session_fail(tcs_session *session, const tcs_job *job) {
     if (watcher->shown_revision <= job->revision) { /* trying again would fail again */
       watcher->shown_revision = job->revision;
       watcher->shown_final = true;
+      watcher->resized = false;
     }
   }
   cJSON_Delete(problem);
@@ -60,8 +63,11 @@ GArray *tcs_session_marks(const tcs_session *session) {
 }
 
 void tcs_session_refine(tcs_session *session) {
-  session->begun_final = false;
-  if (session->latest) session->latest->final = false; /* its header said so; it is not sent again */
+  for (guint i = 0; i < session->views->len; i++) {
+    tcs_view *view = g_ptr_array_index(session->views, i);
+    view->begun_final = false;
+    if (view->latest) view->latest->final = false; /* its header said so; it is not sent again */
+  }
   for (guint i = 0; i < session->watchers->len; i++)
     ((tcs_watcher *)g_ptr_array_index(session->watchers, i))->shown_final = false;
   tcs_session_wake(session);

@@ -2,10 +2,12 @@
 
 #include <math.h>
 
+#include "server/config/config.h"
 #include "server/observe/metrics.h"
 #include "server/session/deliver.h"
 #include "server/session/measure.h"
 #include "server/session/quality.h"
+#include "server/session/samples.h"
 
 /* What is dragged has no picture smaller than this on its longer side, unless its scene has. */
 #define LEAST_SIDE 48.0
@@ -18,8 +20,8 @@
 
 /* There are two encoders: a picture may come after a newer one, or after the final one of the same scene. It must not take
  * that one's place, for who joins then would never be shown a final picture. */
-static bool overtaken(const tcs_session *session, const tcs_job *job) {
-  const tcs_picture *latest = session->latest;
+static bool overtaken(const tcs_view *view, const tcs_job *job) {
+  const tcs_picture *latest = view->latest;
   if (!latest) return false;
   if (latest->revision != job->revision) return latest->revision > job->revision;
   return latest->final && !job->final;
@@ -27,33 +29,35 @@ static bool overtaken(const tcs_session *session, const tcs_job *job) {
 
 static void finished(tcs_job *job) {
   tcs_session *session = job->user;
+  tcs_view *view = job->part; /* NULL: nobody has its size any more */
   if (!session) return;
   g_ptr_array_remove(session->jobs, job);
   if (session->job == job) session->job = NULL;
   if (job->error) {
     const bool cancelled = g_error_matches(job->error, TC_ERROR, TC_ERROR_CANCELLED);
     if (cancelled) session->server->metrics->frames_cancelled++;
-    /* What was begun did not come: the newest picture that did is the last one begun. */
-    session->begun_revision = session->latest ? session->latest->revision : 0;
-    session->begun_final = session->latest && session->latest->final;
+    if (view) { /* what was begun did not come: the newest picture that did is the last one begun */
+      view->begun_revision = view->latest ? view->latest->revision : 0;
+      view->begun_final = view->latest && view->latest->final;
+    }
     if (!cancelled) tcs_session_fail(session, job);
     tcs_session_wake(session);
     return;
   }
   if (!job->stats.stand_in) {
-    tcs_ladder_measure(&session->ladder, job->samples, job->stats.render_ms);
+    if (view) tcs_ladder_measure(&view->ladder, job->samples, job->stats.render_ms);
     session->build_ms += BUILD_WEIGHT * (job->stats.tables_ms + job->stats.skip_ms - session->build_ms);
     tc_quality_cost_add(&session->cost, &job->scene, (double)job->out_width * job->out_height, job->stats.render_ms);
   }
-  if (overtaken(session, job)) {
+  if (!view || overtaken(view, job)) {
     tcs_session_wake(session);
     return;
   }
-  tcs_picture_unref(session->latest);
-  session->latest = tcs_picture_new(job);
+  tcs_picture_unref(view->latest);
+  view->latest = tcs_picture_new(job);
   g_clear_pointer(&session->still, tcs_picture_unref);
-  tcs_measure_cancel(session); /* of another picture */
-  if (job->meter && job->revision == session->revision) tcs_measure_begin(session, job, session->latest);
+  tcs_measure_cancel(view); /* of another picture */
+  if (job->meter && job->revision == session->revision) tcs_measure_begin(session, view, job, view->latest);
   tcs_session_deliver(session);
   tcs_session_wake(session);
   if (job->final) tcs_quality_pump(session->server->quality);
@@ -74,11 +78,11 @@ static double target_ms(const tcs_session *session, const tcs_job *job) {
 
 /* An interactive frame is smaller, coarser in its JPEG and, where that is not enough, in its samples; the view is the
  * same. */
-static void make_interactive(tcs_session *session, tcs_job *job) {
+static void make_interactive(tcs_session *session, tcs_view *view, tcs_job *job) {
   const int width = job->scene.image.width, height = job->scene.image.height;
-  tcs_ladder_expect(&session->ladder, tcs_scheduler_ms_per_sample(session->server->scheduler));
+  tcs_ladder_expect(&view->ladder, tcs_scheduler_ms_per_sample(session->server->scheduler));
   const tcs_rung rung =
-      tcs_ladder_pick(&session->ladder, samples_of(job), (double)width * height, target_ms(session, job));
+      tcs_ladder_pick(&view->ladder, samples_of(job), (double)width * height, target_ms(session, job));
   const double scale = MAX(rung.scale, MIN(1, LEAST_SIDE / MAX(width, height)));
   job->width = MAX(1, (int)lround(width * scale));
   job->height = MAX(1, (int)lround(height * scale));
@@ -91,13 +95,14 @@ static void make_interactive(tcs_session *session, tcs_job *job) {
 /* One that was misjudged is given up for a smaller one: it would come late, and again and again. */
 static bool goes_on(tcs_job *job) {
   tcs_session *session = job->user;
+  tcs_view *view = job->part;
   const double done = MAX(tc_frame_done(&job->frame), 0.02), ms = job->stats.render_ms;
-  if (!session) return false;
+  if (!session || !view) return false;
   if (job->final || job->stats.stand_in || ms < LATE_MS || ms / done - ms < LATE_MS) return true;
-  const int rung = session->ladder.rung;
-  tcs_ladder_measure(&session->ladder, job->samples * done, ms);
-  tcs_ladder_pick(&session->ladder, tcs_session_samples(session), 0, target_ms(session, job));
-  return session->ladder.rung <= rung;
+  const int rung = view->ladder.rung;
+  tcs_ladder_measure(&view->ladder, job->samples * done, ms);
+  tcs_ladder_pick(&view->ladder, tcs_session_samples(session, view), 0, target_ms(session, job));
+  return view->ladder.rung <= rung;
 }
 
 /* The job leaves session->job when its rendering is over: the next one may render while this one is encoded. */
@@ -108,25 +113,37 @@ static void rendered(tcs_job *job) {
   tcs_session_wake(session);
 }
 
-static tcs_job *begin_job(tcs_session *session, tcs_class class, bool final) {
+/* In a view's size, or in a smaller one where that would take more samples than a scene may ask for. */
+static void make_of_size(const tcs_session *session, const tcs_view *view, tc_scene *scene) {
+  const tcs_limits *limits = &session->server->config->limits;
+  const tcs_samples_limits most = {(double)limits->render_samples, (double)limits->ray_samples};
+  if (!view->width) return;
+  scene->image.width = view->width;
+  scene->image.height = view->height;
+  tcs_samples_shrink(session->entry->volume, scene, &most);
+}
+
+static tcs_job *begin_job(tcs_session *session, tcs_view *view, tcs_class class, bool final) {
   tcs_job *job = tcs_job_new(session->server, session->entry->volume, &session->scene);
+  make_of_size(session, view, &job->scene);
   if (session->labels) job->labels = tc_volume_ref(tcs_session_labels(session));
   job->class = class;
   job->paused = goes_on;
   job->rendered = rendered;
   job->finished = finished;
   job->user = session;
+  job->part = view;
   job->revision = session->revision;
   job->final = final;
   job->hurry = true;
   tcs_quality_resolve(session->server->quality, job, session, !final);
-  if (!final) make_interactive(session, job);
+  if (!final) make_interactive(session, view, job);
   job->samples = samples_of(job);
   if (final) job->meter_pixels = tcs_meter_pixels(job);
   job->marks = tcs_session_marks(session);
   session->job = job;
-  session->begun_revision = job->revision;
-  session->begun_final = final;
+  view->begun_revision = job->revision;
+  view->begun_final = final;
   g_ptr_array_add(session->jobs, job);
   return job;
 }
@@ -134,8 +151,9 @@ static tcs_job *begin_job(tcs_session *session, tcs_class class, bool final) {
 tcs_job *tcs_session_next_job(void *user, tcs_class class) {
   tcs_session *session = user;
   const int64_t now_us = g_get_monotonic_time();
-  const tcs_class wanted = tcs_session_wants(session, now_us);
-  if (wanted == class) return begin_job(session, class, tcs_session_wants_final(session, now_us));
+  tcs_view *view;
+  const tcs_class wanted = tcs_session_wants(session, now_us, &view);
+  if (wanted == class) return begin_job(session, view, class, tcs_session_wants_final(session, view, now_us));
   tcs_client_want(session->client, wanted);
   return NULL;
 }

@@ -11,6 +11,7 @@ struct tcs_measure {
   tcs_task task;
   tcs_server *server;
   tcs_session *session;       /* NULL: nobody wants it any more */
+  tcs_view *view;
   tcs_picture *picture;       /* owned reference */
   tc_volume *volume, *labels; /* owned references; no labels: NULL */
   tc_scene scene;
@@ -50,7 +51,7 @@ static void done(tcs_task *task) {
   metrics->meter_seconds += m->result.ms / 1000;
   metrics->meter_pixels += (uint64_t)m->result.pixels;
   tcs_session *session = m->session;
-  if (session) session->measure = NULL;
+  if (session) m->view->measure = NULL;
   if (!session) {
     metrics->meter_cancelled++;
   } else {
@@ -66,25 +67,25 @@ static void done(tcs_task *task) {
   g_free(m);
 }
 
-void tcs_measure_begin(tcs_session *session, tcs_job *job, tcs_picture *picture) {
-  tcs_measure_cancel(session);
+void tcs_measure_begin(tcs_session *session, tcs_view *view, tcs_job *job, tcs_picture *picture) {
+  tcs_measure_cancel(view);
   tcs_measure *m = g_new0(tcs_measure, 1);
-  *m = (tcs_measure){.task = {.run = run, .done = done}, .server = session->server, .session = session};
+  *m = (tcs_measure){.task = {.run = run, .done = done}, .server = session->server, .session = session, .view = view};
   m->picture = tcs_picture_ref(picture);
   m->volume = tc_volume_ref(job->volume);
   if (job->labels) m->labels = tc_volume_ref(job->labels);
   tc_scene_copy(&m->scene, &job->scene);
   m->meter = g_steal_pointer(&job->meter);
   atomic_init(&m->cancel, false);
-  session->measure = m;
+  view->measure = m;
   tcs_worker_submit(session->server->meter_worker, &m->task);
 }
 
-void tcs_measure_cancel(tcs_session *session) {
-  if (!session->measure) return;
-  atomic_store(&session->measure->cancel, true);
-  session->measure->session = NULL;
-  session->measure = NULL;
+void tcs_measure_cancel(tcs_view *view) {
+  if (!view->measure) return;
+  atomic_store(&view->measure->cancel, true);
+  view->measure->session = NULL;
+  view->measure = NULL;
 }
 
 int tcs_meter_pixels(const tcs_job *job) {
@@ -94,21 +95,23 @@ int tcs_meter_pixels(const tcs_job *job) {
 
 void tcs_session_still(tcs_session *session, tcs_job *job) {
   if (job->revision != session->revision || session->watchers->len || !job->scene.error_meter.pixels) return;
+  tcs_view *view = tcs_session_own_view(session);
   const tcs_picture *last = session->still;
   if (last && last->revision == job->revision && last->header.width == job->out_width &&
-      last->header.height == job->out_height && (session->measure || tcs_picture_is_judged(last)))
+      last->header.height == job->out_height && (view->measure || tcs_picture_is_judged(last)))
     return;                    /* asked for again and again, it would never be done */
-  tcs_measure_cancel(session); /* of another picture */
+  tcs_measure_cancel(view); /* of another picture */
   tcs_picture_unref(session->still);
   session->still = tcs_picture_new(job);
   g_clear_pointer(&session->still->image, g_bytes_unref);
-  if (job->meter) tcs_measure_begin(session, job, session->still);
+  if (job->meter) tcs_measure_begin(session, view, job, session->still);
 }
 
 const tcs_picture *tcs_session_judged(const tcs_session *session) {
-  const tcs_picture *pictures[] = {session->still, session->latest};
-  for (int i = 0; i < 2; i++)
-    if (pictures[i] && pictures[i]->revision == session->revision && tcs_picture_is_judged(pictures[i]))
-      return pictures[i];
-  return NULL;
+  const tcs_picture *picture = session->still;
+  for (guint i = 0; i < session->views->len; i++) {
+    if (picture && picture->revision == session->revision && tcs_picture_is_judged(picture)) return picture;
+    picture = ((const tcs_view *)g_ptr_array_index(session->views, i))->latest;
+  }
+  return picture && picture->revision == session->revision && tcs_picture_is_judged(picture) ? picture : NULL;
 }

@@ -118,8 +118,9 @@ static const tc_quality_cost *cost_of(const tcs_quality *q, const tcs_session *s
 
 /* Of the two that a bound on time chooses from, the session's newest picture tells the one in use. */
 static void take_method_in_use(tc_scene *s, const tcs_session *session) {
-  if (!(s->quality.max_ms > 0) || !session || !session->latest) return;
-  const tc_classification method = session->latest->classification;
+  const tcs_picture *latest = session ? tcs_session_latest(session) : NULL;
+  if (!(s->quality.max_ms > 0) || !latest) return;
+  const tc_classification method = latest->classification;
   if (method == TC_PREINTEGRATED || method == TC_PREINTEGRATED2) s->classification = method;
 }
 
@@ -205,7 +206,7 @@ static void submit_waiting(tcs_quality *q, tcs_job *job) {
 /* Final pictures that are now known to fall short of what their bound allows are made again. */
 static void refine(tcs_session *session, void *user) {
   const measurement *m = user;
-  const tcs_picture *latest = session->latest;
+  const tcs_picture *latest = tcs_session_latest(session);
   const tc_quality_cost *cost = cost_of(m->quality, session);
   if (!latest || !latest->final || latest->revision != session->revision) return;
   if (!tc_quality_measures(cost, &session->scene)) return;
@@ -281,8 +282,7 @@ bool tcs_quality_prepare(tcs_quality *q, tcs_job *job) {
 static void measure_for(tcs_session *session, void *user) {
   tcs_quality *q = user;
   tc_camera camera;
-  const bool settled = session->begun_final && session->begun_revision == session->revision;
-  if (q->for_session || !session->watchers->len || !settled) return;
+  if (q->for_session || !tcs_session_settled(session)) return;
   if (!tc_quality_measures(cost_of(q, session), &session->scene)) return;
   char *look = look_of_session(session);
   if (!tc_quality_wants(model_of(q, look), &session->scene, &camera)) {

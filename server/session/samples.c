@@ -34,7 +34,7 @@ static bool lengthen(const tc_volume *volume, tc_scene *scene, const tcs_samples
   return false;
 }
 
-static bool shrink(const tc_volume *volume, tc_scene *scene, const tcs_samples_limits *limits) {
+bool tcs_samples_shrink(const tc_volume *volume, tc_scene *scene, const tcs_samples_limits *limits) {
   for (int i = 0; i < TRIES; i++) {
     const double over = passes(volume, scene, limits), side = sqrt(fmax(over, 1.02));
     if (over <= 1) return true;
@@ -49,12 +49,12 @@ static bool mend(const tc_volume *volume, const tc_scene *scene, const tcs_sampl
   *mended = *scene; /* borrows */
   if (lengthen(volume, mended, limits)) return true;
   *mended = *scene;
-  if (shrink(volume, mended, limits)) return true;
+  if (tcs_samples_shrink(volume, mended, limits)) return true;
   *mended = *scene;
   mended->sampling.rays_per_pixel = 1;
   if (lengthen(volume, mended, limits)) return true;
   mended->sampling.step = fmax(scene->sampling.step, MOST_STEP);
-  return shrink(volume, mended, limits);
+  return tcs_samples_shrink(volume, mended, limits);
 }
 
 static char *differences(const tc_scene *scene, const tc_scene *mended) {

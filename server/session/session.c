@@ -15,22 +15,24 @@ void tcs_session_pin(tcs_session *session) {
 
 void tcs_session_unpin(tcs_session *session) { set_labels(session, NULL); }
 
-double tcs_session_samples(tcs_session *session) {
+double tcs_session_samples(tcs_session *session, tcs_view *view) {
   const tc_scene *scene = &session->scene;
-  if (session->samples_revision != session->revision)
-    session->full_samples =
-        tc_estimate_samples(session->entry->volume, scene, scene->image.width, scene->image.height, NULL);
-  session->samples_revision = session->revision;
-  return session->full_samples;
+  const int width = view->width ? view->width : scene->image.width;
+  const int height = view->width ? view->height : scene->image.height;
+  if (view->samples_revision != session->revision)
+    view->full_samples = tc_estimate_samples(session->entry->volume, scene, width, height, NULL);
+  view->samples_revision = session->revision;
+  return view->full_samples;
 }
 
-static double full_ms(tcs_session *session) {
-  tcs_ladder_expect(&session->ladder, tcs_scheduler_ms_per_sample(session->server->scheduler));
-  return session->ladder.ms_per_sample * tcs_session_samples(session);
+static double full_ms(tcs_session *session, tcs_view *view) {
+  tcs_ladder_expect(&view->ladder, tcs_scheduler_ms_per_sample(session->server->scheduler));
+  return view->ladder.ms_per_sample * tcs_session_samples(session, view);
 }
 
 static bool has_not_seen(const tcs_session *session, const tcs_watcher *watcher) {
-  return session->begun_revision != session->revision && watcher->shown_revision != session->revision;
+  return watcher->view->begun_revision != session->revision &&
+         (watcher->resized || watcher->shown_revision != session->revision);
 }
 
 /* A scene that a viewer has not seen at all is shown soon, even at rest: where its final picture takes long, by one of
@@ -38,7 +40,7 @@ static bool has_not_seen(const tcs_session *session, const tcs_watcher *watcher)
 static bool wants_preview(tcs_session *session, const tcs_watcher *watcher) {
   const double soon_ms =
       watcher->shown_revision ? tcs_scheduler_moving_ms(session->server->scheduler) : TCS_LONG_MS;
-  return has_not_seen(session, watcher) && full_ms(session) > soon_ms;
+  return has_not_seen(session, watcher) && full_ms(session, watcher->view) > soon_ms;
 }
 
 /* The first picture of all is waited for as a single one is. */
@@ -48,28 +50,39 @@ static tcs_class class_of(tcs_session *session, const tcs_watcher *watcher, bool
   return has_not_seen(session, watcher) ? TCS_CLASS_INTERACTIVE : TCS_CLASS_REFINE;
 }
 
-bool tcs_session_wants_final(tcs_session *session, int64_t now_us) {
+bool tcs_session_wants_final(tcs_session *session, tcs_view *view, int64_t now_us) {
   bool final = tcs_session_at_rest(session, now_us);
-  for (guint i = 0; final && i < session->watchers->len; i++)
-    final = !wants_preview(session, g_ptr_array_index(session->watchers, i));
+  for (guint i = 0; final && i < session->watchers->len; i++) {
+    const tcs_watcher *watcher = g_ptr_array_index(session->watchers, i);
+    final = watcher->view != view || !wants_preview(session, watcher);
+  }
   return final;
 }
 
-tcs_class tcs_session_wants(tcs_session *session, int64_t now_us) {
+static bool is_begun(const tcs_session *session, const tcs_view *view, bool rest) {
+  return view->begun_revision == session->revision && (view->begun_final || !rest);
+}
+
+tcs_class tcs_session_wants(tcs_session *session, int64_t now_us, tcs_view **wanted_view) {
   tcs_class wanted = TCS_CLASS_NONE;
-  if (session->job || session->watchers->len == 0) return wanted;
+  tcs_view *first = NULL;
+  if (session->job) return wanted;
   const bool rest = tcs_session_at_rest(session, now_us);
-  if (session->begun_revision == session->revision && (session->begun_final || !rest)) return wanted;
   for (guint i = 0; i < session->watchers->len; i++) {
     const tcs_watcher *watcher = g_ptr_array_index(session->watchers, i);
-    if (tcs_watcher_wants(watcher, session->revision, rest) && tcs_window_open(&watcher->window, now_us) &&
-        watcher->ops->ready(watcher))
-      wanted = MIN(wanted, class_of(session, watcher, rest));
+    if (is_begun(session, watcher->view, rest) || !tcs_watcher_wants(watcher, session->revision, rest) ||
+        !tcs_window_open(&watcher->window, now_us) || !watcher->ops->ready(watcher))
+      continue;
+    const tcs_class class = class_of(session, watcher, rest);
+    if (class > wanted || (class == wanted && watcher->view->begun_revision >= first->begun_revision)) continue;
+    wanted = class;
+    first = watcher->view;
   }
+  if (wanted_view) *wanted_view = first;
   return wanted;
 }
 
 void tcs_session_wake(tcs_session *session) {
-  tcs_client_want(session->client, tcs_session_wants(session, g_get_monotonic_time()));
+  tcs_client_want(session->client, tcs_session_wants(session, g_get_monotonic_time(), NULL));
   tcs_scheduler_pump(session->server->scheduler);
 }

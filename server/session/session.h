@@ -6,6 +6,7 @@
  * The files of this room, each of which may know those before it:
  *   window     how many pictures a viewer has not acknowledged
  *   picture    a finished picture
+ *   view       the pictures of one size
  *   watcher    what one viewer has been shown and still needs
  *   session    the session's state; whether it wants a picture; the label volume it holds
  *   samples    how much work a picture may ask for
@@ -23,8 +24,8 @@
 
 #include "server/access/role.h"
 #include "server/catalogue/catalogue.h"
-#include "server/schedule/ladder.h"
 #include "server/schedule/scheduler.h"
+#include "server/session/view.h"
 #include "server/session/watcher.h"
 
 /* After this long without input a session counts as at rest and is refined to a final frame. */
@@ -33,8 +34,6 @@
 #define TCS_LONG_MS 300
 /* JPEG quality of interactive frames, at most. */
 #define TCS_INTERACTIVE_QUALITY 75
-
-typedef struct tcs_measure tcs_measure;
 
 struct tcs_session {
   tcs_server *server;
@@ -47,21 +46,15 @@ struct tcs_session {
   bool drafted;
   uint64_t revision; /* counts up from 1 with every change */
   GPtrArray *watchers;
-  tcs_ladder ladder;
+  GPtrArray *views; /* tcs_view: one for each size that its viewers have, the scene's first */
   double build_ms; /* smoothed: what a frame of late took for tables and skipping structures, before it was drawn */
-  double full_samples;       /* of its picture in full size ... */
-  uint64_t samples_revision; /* ... at this revision */
   tc_quality_cost cost; /* of its frames */
   int64_t active_until_us; /* input flows until then */
   int64_t created_us, used_us;
   int probes;              /* rays and picks of its scene that wait or run */
-  tcs_picture *latest;     /* newest finished picture, or NULL */
   tcs_picture *still;      /* newest one that was asked for by itself, without its image: what the meter says of it */
   tcs_client *client;      /* the scheduler's: turns and render time */
   tcs_job *job;            /* rendering for the viewers, be it paused, or NULL; jobs being encoded are no longer here */
-  uint64_t begun_revision; /* of the newest picture begun */
-  bool begun_final;
-  tcs_measure *measure; /* of `latest` or `still`, or NULL */
   GPtrArray *jobs; /* all under way, rendering or encoding: told when the session ends */
 };
 
@@ -70,12 +63,13 @@ static inline bool tcs_session_at_rest(const tcs_session *session, int64_t now_u
   return now_us >= session->active_until_us;
 }
 
-/* Estimated samples of the scene in its full size. */
-double tcs_session_samples(tcs_session *session);
-/* In which class some viewer waits for a picture that is not under way, or TCS_CLASS_NONE. */
-tcs_class tcs_session_wants(tcs_session *session, int64_t now_us);
-/* The picture that it wants is a final one: no input flows, and none before it is wanted sooner. */
-bool tcs_session_wants_final(tcs_session *session, int64_t now_us);
+/* Estimated samples of the scene in a view's full size. */
+double tcs_session_samples(tcs_session *session, tcs_view *view);
+/* In which class some viewer waits for a picture that is not under way, or TCS_CLASS_NONE; *view, where that is not NULL:
+ * in whose size. Sizes take turns. */
+tcs_class tcs_session_wants(tcs_session *session, int64_t now_us, tcs_view **view);
+/* The picture that is wanted in a size is a final one: no input flows, and none before it is wanted sooner. */
+bool tcs_session_wants_final(tcs_session *session, tcs_view *view, int64_t now_us);
 /* Something changed that a picture may be wanted for, or room for one. */
 void tcs_session_wake(tcs_session *session);
 

@@ -80,6 +80,8 @@ tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const
   tc_scene_copy(&session->defaults, &entry->defaults);
   session->revision = 1;
   session->watchers = g_ptr_array_new();
+  session->views = g_ptr_array_new();
+  tcs_view_new(session, 0, 0);
   session->jobs = g_ptr_array_new();
   session->cost = tc_quality_cost_of(tcs_scheduler_about(server->scheduler)->backend);
   session->client = tcs_scheduler_join(server->scheduler, peer, tcs_session_next_job, session);
@@ -99,16 +101,15 @@ void tcs_session_end(tcs_session *session) {
     tcs_session_leave(watcher);
     watcher->ops->end(watcher);
   }
+  tcs_session_free_views(session);
   for (guint i = 0; i < session->jobs->len; i++) {
     tcs_job *job = g_ptr_array_index(session->jobs, i);
     job->user = NULL;
     tcs_job_cancel(job);
   }
   tcs_scheduler_leave(session->server->scheduler, session->client);
-  tcs_measure_cancel(session);
   tcs_session_unpin(session);
   session->entry->users--;
-  tcs_picture_unref(session->latest);
   tcs_picture_unref(session->still);
   g_ptr_array_unref(session->watchers);
   g_ptr_array_unref(session->jobs);
@@ -144,7 +145,7 @@ int64_t tcs_sessions_next_us(const tcs_sessions *sessions, int64_t now_us) {
 }
 
 static void wake(tcs_session *session, int64_t now_us) {
-  if (session->watchers->len && !session->job) tcs_client_want(session->client, tcs_session_wants(session, now_us));
+  if (session->watchers->len && !session->job) tcs_client_want(session->client, tcs_session_wants(session, now_us, NULL));
 }
 
 void tcs_sessions_wake(tcs_sessions *sessions, int64_t now_us) {

@@ -2,6 +2,7 @@
 
 #include <inttypes.h>
 
+#include "server/config/config.h"
 #include "server/session/change.h"
 #include "server/session/deliver.h"
 #include "server/session/quality.h"
@@ -13,6 +14,7 @@ void tcs_session_join(tcs_session *session, tcs_watcher *watcher, unsigned windo
   watcher->seq = watcher->drafted_seq = watcher->others = watcher->shown_revision = 0;
   watcher->shown_final = false;
   tcs_window_init(&watcher->window, window);
+  tcs_watcher_seat(watcher);
   session->used_us = g_get_monotonic_time();
   g_ptr_array_add(session->watchers, watcher);
   tcs_watcher_pump(watcher);
@@ -23,6 +25,7 @@ void tcs_session_leave(tcs_watcher *watcher) {
   if (!session) return;
   watcher->session = NULL;
   g_ptr_array_remove(session->watchers, watcher);
+  tcs_session_unseat(session, g_steal_pointer(&watcher->view));
   session->used_us = g_get_monotonic_time();
   if (session->watchers->len > 0) return;
   if (session->job) tcs_job_cancel(session->job);
@@ -34,7 +37,8 @@ void tcs_watcher_pump(tcs_watcher *watcher) {
   tcs_session *session = watcher->session;
   if (!session) return;
   /* A picture that is out of date only goes out as it is finished; here a newer one is on its way. */
-  if (session->latest && session->latest->revision == session->revision)
+  const tcs_picture *latest = watcher->view->latest;
+  if (latest && latest->revision == session->revision)
     tcs_session_deliver_to(session, watcher, g_get_monotonic_time());
   tcs_session_wake(session);
 }
@@ -58,4 +62,19 @@ void tcs_watcher_pointer(tcs_watcher *watcher, bool down) {
   session->used_us = g_get_monotonic_time();
   session->active_until_us = down ? session->used_us + TCS_REST_US : 0;
   tcs_session_wake(session);
+}
+
+bool tcs_watcher_size(tcs_watcher *watcher, int64_t width, int64_t height, GError **error) {
+  const tcs_limits *limits = &watcher->session->server->config->limits;
+  const bool side = width > limits->image_side || height > limits->image_side;
+  if (side || width * height > limits->image_area) {
+    tc_set_error(error, TC_ERROR_LIMIT, width > limits->image_side || !side ? "/width" : "/height",
+                 "at most %" PRId64 " pixels a side and %" PRId64 " in all", limits->image_side, limits->image_area);
+    return false;
+  }
+  watcher->width = (int)width;
+  watcher->height = (int)height;
+  tcs_watcher_seat(watcher);
+  tcs_watcher_pump(watcher);
+  return true;
 }

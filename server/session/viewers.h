@@ -9,6 +9,8 @@ void tcs_session_leave(tcs_watcher *watcher);
 /* A patch, an acknowledgement, a pointer of a viewer. */
 bool tcs_watcher_patch(tcs_watcher *watcher, uint64_t seq, const cJSON *patch, GError **error);
 bool tcs_watcher_ack(tcs_watcher *watcher, uint64_t frame, GError **error);
+/* The picture this viewer wants, pixels; the scene and other viewers keep their size. TC_ERROR_LIMIT. */
+bool tcs_watcher_size(tcs_watcher *watcher, int64_t width, int64_t height, GError **error);
 void tcs_watcher_pointer(tcs_watcher *watcher, bool down);
 /* The transport can take frames again. */
 void tcs_watcher_pump(tcs_watcher *watcher);

@@ -1,6 +1,7 @@
 #include "server/session/watcher.h"
 
 bool tcs_watcher_wants(const tcs_watcher *watcher, uint64_t revision, bool final) {
+  if (watcher->resized) return revision >= watcher->shown_revision;
   if (revision != watcher->shown_revision) return revision > watcher->shown_revision;
   return final && !watcher->shown_final;
 }

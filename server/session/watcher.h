@@ -7,11 +7,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "server/session/picture.h"
+#include "server/session/view.h"
 #include "server/session/window.h"
-
-typedef struct tcs_session tcs_session;
-typedef struct tcs_watcher tcs_watcher;
 
 typedef struct tcs_watcher_ops {
   bool (*ready)(const tcs_watcher *watcher); /* the transport would take a frame without queueing it */
@@ -26,6 +23,9 @@ struct tcs_watcher {
   tcs_session *session; /* NULL once it has left */
   uint64_t id;          /* unique in the process */
   tcs_window window;
+  int width, height; /* it asked for, or 0 x 0: the scene's */
+  tcs_view *view;    /* whose pictures it gets; NULL once it has left */
+  bool resized;      /* what it was shown had another size */
   uint64_t seq;            /* newest patch of this viewer that is in the scene */
   uint64_t drafted_seq;    /* newest one in the session's draft; 0 = none */
   uint64_t others;         /* changes of the scene since it came that are not all its own */

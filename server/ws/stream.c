@@ -138,6 +138,9 @@ static void on_text(void *user, const char *bytes, size_t size) {
     case TCP_PING:
       send_pong(stream, message.t);
       break;
+    case TCP_SIZE:
+      ok = tcs_watcher_size(watcher, message.width, message.height, &error);
+      break;
     case TCP_MESSAGE_TYPE_COUNT:
       break;
     }

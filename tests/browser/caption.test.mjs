@@ -102,6 +102,8 @@ describe('caption', { skip }, () => {
     assert.deepEqual(a.scene, b.scene, 'at rest both show the same scene');
     assert.deepEqual(a.letters, b.letters);
     for (const page of [one, two]) {
+      const { width, height } = await page.locator('#stage').boundingBox();
+      assert.equal(await page.textContent('#stat-size'), `${width} \u00d7 ${height}`, 'as sharp as its window');
       await page.waitForTimeout(500); // the controls follow a moment later
       assert.equal(await page.inputValue('#mode'), a.scene.mode);
       assert.deepEqual(page.complaints, []);

@@ -293,6 +293,7 @@ class Viewer {
   #frame = 0;
   #flying = new Set();
   #others = 0;
+  #size = {};
   #dirty = true;
   #held = false;
   #busy = false;
@@ -319,7 +320,15 @@ class Viewer {
     if (message.type === 'ack') this.#acknowledged(message.frame);
     else if (message.type === 'patch') this.#patch(message);
     else if (message.type === 'ping') this.connection.send(JSON.stringify({ type: 'pong', t: message.t }));
+    else if (message.type === 'size') this.#resize(message);
     else if (message.type === 'pointer') this.#pointer(message.phase);
+  }
+
+  #resize({ width, height }) {
+    const { image } = this.session.scene;
+    const same = image.width === width && image.height === height;
+    this.#size = { width, height };
+    if (!same) this.changed(true);
   }
 
   #acknowledged(frame) {
@@ -368,7 +377,7 @@ class Viewer {
       return;
     }
     this.#dirty = false;
-    const { image } = this.session.scene;
+    const image = { ...this.session.scene.image, ...this.#size };
     const shrink = final ? 1 : 0.5;
     const [width, height] = [image.width, image.height].map((n) => Math.max(8, Math.round(n * shrink)));
     const pixel = ball(this.session.scene, width, height);

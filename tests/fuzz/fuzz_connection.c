@@ -160,7 +160,8 @@ static void ask_beside(void) {
 }
 
 static bool untouched(const tcs_session *s) {
-  return s->revision == 1 && s->begun_revision == 0 && !s->latest && !s->still && s->jobs->len == 0;
+  return s->revision == 1 && tcs_session_own_view(s)->begun_revision == 0 && !tcs_session_latest(s) && !s->still &&
+         s->jobs->len == 0;
 }
 
 static void list_session(tcs_session *s, void *list) { g_ptr_array_add(list, s); }

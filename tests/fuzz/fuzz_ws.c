@@ -59,6 +59,7 @@ static bool handle(peer *p, const tcp_message *message, GError **error) {
     return true;
   case TCP_POINTER:
   case TCP_PING:
+  case TCP_SIZE:
     return tcs_channel_send_text(p->channel, "{}") || true;
   case TCP_MESSAGE_TYPE_COUNT:
     break;

@@ -26,6 +26,10 @@ static void reads_every_type(void **state) {
   assert_int_equal(m.frame, 12);
   assert_true(parse("{\"type\":\"pointer\",\"phase\":\"start\"}", &m, NULL));
   assert_true(m.type == TCP_POINTER && m.pointer_down);
+  assert_true(parse("{\"type\":\"size\",\"width\":640,\"height\":8192}", &m, NULL));
+  assert_true(m.type == TCP_SIZE && m.width == 640 && m.height == 8192);
+  assert_false(parse("{\"type\":\"size\",\"width\":0,\"height\":1}", &m, NULL));
+  assert_false(parse("{\"type\":\"size\",\"width\":1,\"height\":8193}", &m, NULL));
   assert_true(parse("{\"type\":\"pointer\",\"phase\":\"end\"}", &m, NULL));
   assert_true(m.type == TCP_POINTER && !m.pointer_down);
   assert_true(parse("{\"type\":\"ping\",\"t\":1.5}", &m, NULL));
