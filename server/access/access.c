@@ -12,6 +12,12 @@ static bool read_hosts(tcs_access *access, const tcs_config *config, GError **er
   return true;
 }
 
+static bool read_proxies(tcs_access *access, const tcs_config *config, GError **error) {
+  for (guint i = 0; i < config->proxies->len; i++)
+    if (!tcs_proxies_add(access->proxies, g_ptr_array_index(config->proxies, i), error)) return false;
+  return true;
+}
+
 /* Nobody is let in from outside by oversight. */
 static bool read_tokens(tcs_access *access, const tcs_config *config, GError **error) {
   if (config->token_file && config->insecure_no_auth) {
@@ -37,10 +43,11 @@ static bool make_secrets(tcs_access *access, GError **error) {
 tcs_access *tcs_access_new(const tcs_config *config, GError **error) {
   tcs_access *access = g_new0(tcs_access, 1);
   access->hosts = tcs_hosts_new();
+  access->proxies = tcs_proxies_new();
   access->tickets = tcs_tickets_new();
   access->lockout = tcs_lockout_new();
   access->generation = 1;
-  if (read_hosts(access, config, error) && read_tokens(access, config, error) && make_secrets(access, error))
+  if (read_hosts(access, config, error) && read_proxies(access, config, error) && read_tokens(access, config, error) && make_secrets(access, error))
     return access;
   tcs_access_free(access);
   return NULL;
@@ -49,6 +56,7 @@ tcs_access *tcs_access_new(const tcs_config *config, GError **error) {
 void tcs_access_free(tcs_access *access) {
   if (!access) return;
   tcs_hosts_free(access->hosts);
+  tcs_proxies_free(access->proxies);
   tcs_tokens_free(access->tokens);
   tcs_tickets_free(access->tickets);
   tcs_lockout_free(access->lockout);

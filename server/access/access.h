@@ -3,6 +3,7 @@
 #define TCS_ACCESS_ACCESS_H
 
 #include "server/access/hosts.h"
+#include "server/access/proxies.h"
 #include "server/access/lockout.h"
 #include "server/access/role.h"
 #include "server/access/share.h"
@@ -12,6 +13,7 @@
 
 struct tcs_access {
   tcs_hosts *hosts;
+  tcs_proxies *proxies;
   tcs_tokens *tokens;  /* NULL: everybody is welcome */
   unsigned generation; /* of the tokens: counts up from 1 with each file that was read */
   tcs_lockout *lockout;

@@ -315,7 +315,7 @@ static void announce(const tcs_daemon *d) {
 /* --- the command line ------------------------------------------------------------------------------- */
 
 typedef struct serve_options {
-  char *listen, *metrics, *data, *backend, *config, *log, *tokens, *audit, **volumes, **hosts;
+  char *listen, *metrics, *data, *backend, *config, *log, *tokens, *audit, **volumes, **hosts, **proxies;
   gboolean insecure_no_auth;
 } serve_options;
 
@@ -330,6 +330,8 @@ static bool configure(tcs_daemon *d, const serve_options *options, GError **erro
     if (!tcs_config_volume(config, *volume, error)) return false;
   for (char **host = options->hosts; host && *host; host++)
     g_ptr_array_add(config->hosts, g_strdup(*host));
+  for (char **proxy = options->proxies; proxy && *proxy; proxy++)
+    g_ptr_array_add(config->proxies, g_strdup(*proxy));
   tcs_config_settle(config);
   tcs_log_set_level(config->log_level);
   if (options->tokens) {
@@ -374,6 +376,8 @@ tcs_daemon *tcs_daemon_open(int argc, char **argv, int *code) {
       {"volume", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &options.volumes, "a volume to load at once; may be repeated",
        "ID=PATH"},
       {"log", 0, 0, G_OPTION_ARG_FILENAME, &options.log, "file that the log is appended to; stderr without it", "FILE"},
+      {"trusted-proxy", 0, 0, G_OPTION_ARG_STRING_ARRAY, &options.proxies,
+       "a proxy in front whose X-Forwarded-For or Forwarded says who asks; may be repeated", "ADDR[/BITS]"},
       {"host", 0, 0, G_OPTION_ARG_STRING_ARRAY, &options.hosts,
        "a name this server is asked for by, beside the address it listens on; may be repeated", "NAME[:PORT]"},
       {"audit-file", 0, 0, G_OPTION_ARG_FILENAME, &options.audit,
@@ -407,6 +411,7 @@ tcs_daemon *tcs_daemon_open(int argc, char **argv, int *code) {
   g_free(options.audit);
   g_strfreev(options.volumes);
   g_strfreev(options.hosts);
+  g_strfreev(options.proxies);
   g_strfreev(rest);
   if (*code == TCS_EXIT_DONE) return d;
   tcs_cli_fail("serve", *code, error);

@@ -80,6 +80,7 @@ void tcs_config_init(tcs_config *config) {
   config->volumes = g_ptr_array_new_with_free_func(free_named_path);
   config->hosts = g_ptr_array_new_with_free_func(g_free);
   config->origins = g_ptr_array_new_with_free_func(g_free);
+  config->proxies = g_ptr_array_new_with_free_func(g_free);
   config->log_level = TCS_LOG_INFO;
   for (size_t i = 0; i < G_N_ELEMENTS(fields); i++)
     *limit_at(&config->limits, &fields[i]) = fields[i].fallback;
@@ -96,6 +97,7 @@ void tcs_config_clear(tcs_config *config) {
   if (config->volumes) g_ptr_array_unref(config->volumes);
   if (config->hosts) g_ptr_array_unref(config->hosts);
   if (config->origins) g_ptr_array_unref(config->origins);
+  if (config->proxies) g_ptr_array_unref(config->proxies);
   memset(config, 0, sizeof *config);
 }
 
@@ -237,6 +239,8 @@ static bool read_server(tcs_config *config, GKeyFile *file, const char *key, GEr
     config->log = g_strdup(value);
   } else if (strcmp(key, "hosts") == 0) {
     read_list(value, config->hosts);
+  } else if (strcmp(key, "trusted_proxies") == 0) {
+    read_list(value, config->proxies);
   } else if (strcmp(key, "audit_file") == 0) {
     g_free(config->audit_file);
     config->audit_file = g_strdup(value);

@@ -52,6 +52,7 @@ typedef struct tcs_config {
   int threads;           /* of the renderer; 0 = all cores */
   GPtrArray *volumes;    /* tcs_named_path: --volume */
   GPtrArray *hosts;      /* char *: names it answers to beside the address it listens on */
+  GPtrArray *proxies;    /* char *: addresses of proxies in front that say who asks */
   GPtrArray *origins;    /* char *: of pages behind a proxy that sends on another Host */
   char *audit_file;      /* or NULL */
   char *token_file;      /* who may do what; NULL: everybody everything */

@@ -90,7 +90,7 @@ const char *tcs_header(const tcs_request *request, const char *name); /* NULL: a
 const char *tcs_query(const tcs_request *request, const char *name);  /* NULL: absent */
 /* A whole number from the query; *value stays when it is absent. False: replied 422. */
 bool tcs_query_int(tcs_request *request, const char *name, int least, int most, int *value);
-/* Who asks, as far as turns go (schedule/fair.h): an address, of IPv6 its network, and a token. g_malloc'ed; never logged. */
+/* Who asks, for all that counts by client: an address (access/proxies.h) and a token. g_malloc'ed; never logged. */
 char *tcs_peer_name(const tcs_request *request);
 /* The body as JSON. NULL: replied 400. */
 cJSON *tcs_body_json(tcs_request *request);

@@ -1,9 +1,8 @@
 /* Reading requests and making replies. */
-#include <arpa/inet.h>
-#include <netinet/in.h>
 #include <string.h>
 
 #include "protocol/protocol.h"
+#include "server/access/access.h"
 #include "server/catalogue/catalogue.h"
 #include "server/http/http.h"
 #include "server/session/store.h"
@@ -78,19 +77,37 @@ void tcs_reply_empty(tcs_request *request, int status) {
   tcs_reply_response(request, status, MHD_create_response_from_buffer(0, NULL, MHD_RESPMEM_PERSISTENT));
 }
 
+/* A header's lines in their order, as one; NULL: there is none. */
+typedef struct lines {
+  const char *name;
+  GString *text;
+} lines;
+
+static enum MHD_Result add_line(void *user, enum MHD_ValueKind kind, const char *name, const char *value) {
+  lines *l = user;
+  if (g_ascii_strcasecmp(name, l->name) != 0) return MHD_YES;
+  if (!l->text) l->text = g_string_new(NULL);
+  g_string_append_printf(l->text, "%s%s", l->text->len ? "," : "", value ? value : "");
+  return MHD_YES;
+}
+
+static char *all_lines(const tcs_request *request, const char *name) {
+  lines l = {name, NULL};
+  MHD_get_connection_values(request->connection, MHD_HEADER_KIND, add_line, &l);
+  return l.text ? g_string_free(l.text, FALSE) : NULL;
+}
+
 char *tcs_peer_name(const tcs_request *request) {
+  const tcs_proxies *proxies = request->server->access->proxies;
   const union MHD_ConnectionInfo *info = MHD_get_connection_info(request->connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
-  char text[INET6_ADDRSTRLEN] = "";
-  if (info && info->client_addr && info->client_addr->sa_family == AF_INET) {
-    struct sockaddr_in v4;
-    memcpy(&v4, info->client_addr, sizeof v4);
-    inet_ntop(AF_INET, &v4.sin_addr, text, sizeof text);
-  } else if (info && info->client_addr && info->client_addr->sa_family == AF_INET6) {
-    struct sockaddr_in6 v6;
-    memcpy(&v6, info->client_addr, sizeof v6);
-    memset(v6.sin6_addr.s6_addr + 8, 0, 8);
-    inet_ntop(AF_INET6, &v6.sin6_addr, text, sizeof text);
-  }
+  const struct sockaddr *from = info ? info->client_addr : NULL;
+  const bool proxied = tcs_proxies_trust(proxies, from);
+  char text[INET6_ADDRSTRLEN];
+  char *forwarded = proxied ? all_lines(request, "Forwarded") : NULL;
+  char *x_forwarded_for = proxied ? all_lines(request, "X-Forwarded-For") : NULL;
+  tcs_proxies_peer(proxies, from, forwarded, x_forwarded_for, text);
+  g_free(forwarded);
+  g_free(x_forwarded_for);
   return g_strconcat(text, " ", request->caller.name, NULL);
 }
 

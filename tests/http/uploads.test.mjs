@@ -26,13 +26,13 @@ const settled = (d, id) => until(async () => {
 });
 
 /** A socket that has begun an upload and sent a byte. */
-function dripping(d, id, length = 100000) {
+function dripping(d, id, length = 100000, headers = '') {
   const socket = net.connect(d.port, '127.0.0.1');
   socket.text = '';
   socket.on('data', (bytes) => (socket.text += bytes));
   socket.on('error', () => {});
   socket.gone = new Promise((resolve) => socket.on('close', resolve));
-  socket.write(`PUT /v1/volumes/${id} HTTP/1.1\r\nHost: 127.0.0.1:${d.port}\r\nContent-Length: ${length}\r\n\r\nN`);
+  socket.write(`PUT /v1/volumes/${id} HTTP/1.1\r\nHost: 127.0.0.1:${d.port}\r\nContent-Length: ${length}\r\n${headers}\r\nN`);
   return socket;
 }
 
@@ -78,6 +78,35 @@ test('uploads are bounded for a client and for all; with as many connections as 
   sockets.forEach((socket) => socket.destroy());
   await until(() => uploads(spool).length === 0);
   await d.stop();
+  rmSync(spool, { recursive: true });
+});
+
+test('behind a trusted proxy it is what the proxy says that counts, elsewhere it is not', async () => {
+  const spool = folder();
+  const rows = (names) => ['Expect: 100-continue', ...names].map((name) => (name ? `${name}\r\n` : '')).join('');
+  const from = async (d, ...names) => {
+    const socket = dripping(d, `v${from.count = (from.count ?? 0) + 1}`, 100000, rows(names));
+    await until(() => socket.text);
+    return { 100: 'its own', 503: 'full' }[/^HTTP\/1\.1 (\d+) /.exec(socket.text)[1]];
+  };
+  const config = `[limits]\nuploads_per_client=1\nupload_grace_seconds=600\n[server]\nspool=${spool}\n`;
+  const behind = await Daemon.start({ ball: false, args: ['--trusted-proxy', '127.0.0.0/8', '--trusted-proxy', '192.0.2.9'], config });
+  assert.equal(await from(behind, 'X-Forwarded-For: 203.0.113.1'), 'its own');
+  assert.equal(await from(behind, 'X-Forwarded-For: 203.0.113.1'), 'full');
+  assert.equal(await from(behind, 'X-Forwarded-For: 203.0.113.2, 192.0.2.9'), 'its own');
+  assert.equal(await from(behind, 'X-Forwarded-For: 203.0.113.99', 'X-Forwarded-For: 203.0.113.2'), 'full', 'the line that the proxy added');
+  assert.equal(await from(behind, 'Forwarded: for=203.0.113.99, For="[2001:db8::7]:80";proto=https'), 'its own');
+  assert.equal(await from(behind, 'Forwarded: for="[2001:db8::8]"'), 'full', 'the same network');
+  assert.equal(await from(behind, 'X-Forwarded-For: unknown'), 'its own', "the proxy's");
+  for (const none of ['X-Forwarded-For: \x80]', 'Forwarded: ;;=,', `X-Forwarded-For: ${','.repeat(5000)}`, 'X-Forwarded-For:', ''])
+    assert.equal(await from(behind, none), 'full', "the proxy's");
+  assert.equal(await from(behind, 'X-Forwarded-For: 203.0.113.3', 'Forwarded: for=203.0.113.4'), 'full', 'one of them is not by the proxy');
+  await behind.stop();
+  const alone = await Daemon.start({ ball: false, config });
+  assert.equal(await from(alone, 'X-Forwarded-For: 203.0.113.1'), 'its own');
+  assert.equal(await from(alone, 'X-Forwarded-For: 203.0.113.2'), 'full');
+  await alone.stop();
+  await assert.rejects(Daemon.start({ args: ['--trusted-proxy', '10.0.0.0/33'] }), /ended with 2.*trusted proxy 10\.0\.0\.0\/33: give ADDR/s);
   rmSync(spool, { recursive: true });
 });
 

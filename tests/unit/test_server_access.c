@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <arpa/inet.h>
 #include <cmocka.h>
 
 #include "server/access/access.h"
@@ -449,6 +450,50 @@ static void test_nobody_is_let_in_by_oversight(void **state) {
   }
 }
 
+static void peer_of(tcs_proxies *proxies, const char *from, const char *forwarded, const char *x, const char *wanted) {
+  struct sockaddr_in v4 = {.sin_family = AF_INET};
+  struct sockaddr_in6 v6 = {.sin6_family = AF_INET6};
+  char peer[INET6_ADDRSTRLEN];
+  const bool is_v4 = inet_pton(AF_INET, from, &v4.sin_addr) == 1;
+  if (!is_v4) assert_int_equal(inet_pton(AF_INET6, from, &v6.sin6_addr), 1);
+  tcs_proxies_peer(proxies, is_v4 ? (const struct sockaddr *)&v4 : (const struct sockaddr *)&v6, forwarded, x, peer);
+  if (strcmp(peer, wanted) != 0) fail_msg("from %s, %s, %s: %s, not %s", from, forwarded, x, peer, wanted);
+}
+
+static void test_peers_behind_proxies(void **state) {
+  static const char *const wrong[] = {"", "10.0.0.0/33", "::/129", "10.0.0.0/", "10.0.0.0/-1", "proxy", "10.0.0.1:80", "1.2.3.4/8/8"};
+  tcs_proxies *proxies = tcs_proxies_new();
+  peer_of(proxies, "10.1.2.3", "for=9.9.9.9", "9.9.9.9", "10.1.2.3"); /* nobody is trusted */
+  assert_true(tcs_proxies_add(proxies, "10.0.0.0/9", NULL));
+  assert_true(tcs_proxies_add(proxies, "fd00::/8", NULL));
+  assert_true(tcs_proxies_add(proxies, "192.0.2.1", NULL));
+  for (size_t i = 0; i < G_N_ELEMENTS(wrong); i++) {
+    GError *error = NULL;
+    if (tcs_proxies_add(proxies, wrong[i], &error)) fail_msg("taken: %s", wrong[i]);
+    g_error_free(error);
+  }
+  peer_of(proxies, "10.127.2.3", NULL, "9.9.9.9", "9.9.9.9");
+  peer_of(proxies, "::ffff:10.0.0.1", NULL, "9.9.9.9", "9.9.9.9"); /* a socket of both families */
+  peer_of(proxies, "::ffff:8.0.0.1", NULL, "9.9.9.9", "8.0.0.1");
+  peer_of(proxies, "10.128.0.1", NULL, "9.9.9.9", "10.128.0.1");
+  peer_of(proxies, "fdff::1", NULL, "2001:db8:1:2:3::4", "2001:db8:1:2::");
+  peer_of(proxies, "fe00::1", NULL, "9.9.9.9", "fe00::");
+  peer_of(proxies, "10.0.0.1", NULL, "1.1.1.1, 9.9.9.9 ,192.0.2.1,\tfd00::5", "9.9.9.9");
+  peer_of(proxies, "10.0.0.1", NULL, "192.0.2.1", "192.0.2.1"); /* proxies alone */
+  peer_of(proxies, "10.0.0.1", NULL, "9.9.9.9, nonsense, 192.0.2.1", "192.0.2.1");
+  peer_of(proxies, "10.0.0.1", NULL, "9.9.9.9:443", "9.9.9.9");
+  peer_of(proxies, "10.0.0.1", NULL, "[2001:db8::9]:443", "2001:db8::");
+  for (const char *const *bad = (const char *const[]){"", ",", "[", "[]", "[9.9.9.9]", "9.9.9.9:x", "[2001:db8::9", "[2001:db8::9]x", "a,9.9.9.999", NULL}; *bad; bad++)
+    peer_of(proxies, "10.0.0.1", NULL, *bad, "10.0.0.1");
+  peer_of(proxies, "10.0.0.1", "for=1.1.1.1, by=10.0.0.1; For=\"9.9.9.9:80\" ;proto=http", NULL, "9.9.9.9");
+  peer_of(proxies, "10.0.0.1", "for=\"[2001:db8:0:1::5]:1\"", NULL, "2001:db8:0:1::");
+  for (const char *const *bad = (const char *const[]){"for=", "for=unknown", "for=_hidden", "by=9.9.9.9", "for=\"", "9.9.9.9", ";", NULL}; *bad; bad++)
+    peer_of(proxies, "10.0.0.1", *bad, NULL, "10.0.0.1");
+  peer_of(proxies, "10.0.0.1", "for=9.9.9.9", "9.9.9.9", "9.9.9.9");
+  peer_of(proxies, "10.0.0.1", "for=8.8.8.8", "9.9.9.9", "10.0.0.1"); /* one of them is somebody's invention */
+  tcs_proxies_free(proxies);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_hosts_of_loopback),
@@ -457,6 +502,7 @@ int main(void) {
       cmocka_unit_test(test_configured_hosts),
       cmocka_unit_test(test_origins),
       cmocka_unit_test(test_loopback_addresses),
+      cmocka_unit_test(test_peers_behind_proxies),
       cmocka_unit_test(test_token_files),
       cmocka_unit_test(test_hashed_tokens),
       cmocka_unit_test(test_token_files_that_are_wrong),
