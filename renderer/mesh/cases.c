@@ -6,9 +6,7 @@
 const uint8_t tc_cell_face_corners[TC_CELL_FACES][4] = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4},
                                                         {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
 
-/* Rows of all patterns with no face ambiguous or none joined, then those of other choices. */
-static uint8_t ambiguous[256];
-static tc_cell_case cases[256][1 << TC_CELL_FACES];
+static tc_cell_cases all;
 
 /* The edge between two neighbouring corners. */
 static int edge_between(int a, int b) {
@@ -130,23 +128,14 @@ static uint8_t find_ambiguous(int pattern) {
   return (uint8_t)bits;
 }
 
-static void make_cases(void) {
+const tc_cell_cases *tc_cell_cases_all(void) {
   static gsize made;
-  if (!g_once_init_enter(&made)) return;
+  if (!g_once_init_enter(&made)) return &all;
   for (int pattern = 0; pattern < 256; pattern++) {
-    ambiguous[pattern] = find_ambiguous(pattern);
+    all.ambiguous[pattern] = find_ambiguous(pattern);
     for (int joined = 0; joined < 1 << TC_CELL_FACES; joined++)
-      if ((joined & ~ambiguous[pattern]) == 0) make_case(pattern, joined, &cases[pattern][joined]);
+      if ((joined & ~all.ambiguous[pattern]) == 0) make_case(pattern, joined, &all.of[pattern][joined]);
   }
   g_once_init_leave(&made, 1);
-}
-
-uint8_t tc_cell_ambiguous(uint8_t pattern) {
-  make_cases();
-  return ambiguous[pattern];
-}
-
-const tc_cell_case *tc_cell_case_of(uint8_t pattern, uint8_t joined) {
-  make_cases();
-  return &cases[pattern][joined];
+  return &all;
 }

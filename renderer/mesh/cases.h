@@ -17,10 +17,14 @@ typedef struct tc_cell_case {
   uint8_t edges[TC_CELL_MOST_TRIANGLES][3]; /* whose vertices make a triangle, counter-clockwise from outside */
 } tc_cell_case;
 
-/* Bits of the faces of a pattern that are ambiguous. */
-uint8_t tc_cell_ambiguous(uint8_t pattern);
-/* joined: bits of the ambiguous faces whose inside corners are joined across the face. Static. */
-const tc_cell_case *tc_cell_case_of(uint8_t pattern, uint8_t joined);
+typedef struct tc_cell_cases {
+  uint8_t ambiguous[256]; /* bits of the faces of a pattern that are ambiguous */
+  /* By pattern and the bits of those of its ambiguous faces whose inside corners are joined across the face. */
+  tc_cell_case of[256][1 << TC_CELL_FACES];
+} tc_cell_cases;
+
+/* Made on the first call; any thread. Static. */
+const tc_cell_cases *tc_cell_cases_all(void);
 
 /* The corners of a face in order around it, counter-clockwise seen from outside the cell. */
 extern const uint8_t tc_cell_face_corners[TC_CELL_FACES][4];

@@ -26,23 +26,28 @@ typedef struct extraction {
   const tc_volume *volume;
   const void *voxels;
   tc_voxel_type type;
-  int dims[3], words; /* words of a row */
-  float level, turn;  /* inside: turn * voxel >= level */
-  word *inside;       /* [z][y][words]; bits beyond the row are those of its last voxel */
-  row *rows;          /* [z][y] */
-  double to_mm[3][3]; /* index displacement -> LPS mm */
-  double middle[3];   /* index position of the mesh's origin */
-  double to_index[9];
+  int dims[3], words;  /* words of a row */
+  float level, turn;   /* inside: turn * voxel >= level */
+  int least;           /* the same of whole numbers: turn * voxel >= least */
+  word *inside;        /* [z][y][words]; bits beyond the row are those of its last voxel */
+  row *rows;           /* [z][y] */
+  double to_mm[3][3];  /* index displacement -> LPS mm */
+  double middle[3];    /* index position of the mesh's origin */
+  size_t stride[3];    /* voxels from one to the next along an axis */
+  float outward[3][3]; /* slope of the field along index axes -> direction out of the surface in LPS */
+  const tc_cell_cases *cases;
   tc_mesh *mesh;
 } extraction;
 
 static size_t row_at(const extraction *e, int y, int z) { return (size_t)z * (size_t)e->dims[1] + (size_t)y; }
 static const word *bits_at(const extraction *e, int y, int z) { return e->inside + row_at(e, y, z) * (size_t)e->words; }
 
-/* turn * voxel - level: at least 0 inside. */
-static float voxel_at(const extraction *e, int x, int y, int z) {
-  size_t i = row_at(e, y, z) * (size_t)e->dims[0] + (size_t)x;
-  switch (e->type) {
+/* Functions of one voxel type each, which is a constant where they are called. */
+#define FOR_A_TYPE static inline __attribute__((always_inline))
+
+/* Of voxel i: turn * voxel - level, at least 0 inside. */
+FOR_A_TYPE float voxel_of(const extraction *e, tc_voxel_type type, size_t i) {
+  switch (type) {
   case TC_U8:
     return e->turn * ((const uint8_t *)e->voxels)[i] - e->level;
   case TC_I8:
@@ -58,6 +63,10 @@ static float voxel_at(const extraction *e, int x, int y, int z) {
   return e->turn * ((const float *)e->voxels)[i] - e->level;
 }
 
+static float voxel_at(const extraction *e, int x, int y, int z) {
+  return voxel_of(e, e->type, row_at(e, y, z) * (size_t)e->dims[0] + (size_t)x);
+}
+
 /* ---- inside ---- */
 
 /* Eight bytes of 0 or 1 to eight bits, the first the lowest. */
@@ -67,24 +76,26 @@ static word gather_bits(const uint8_t bytes[8]) {
   return all * 0x0102040810204080u >> 56;
 }
 
-#define ROW_OF_BITS(name, type)                                                                                        \
+#define ROW_OF_BITS(name, type, test)                                                                                  \
   static void bits_##name(const extraction *e, const type *voxels, word *out) {                                        \
+    const int turn = (int)e->turn, least = e->least;                                                                   \
     for (int first = 0; first < e->dims[0]; first += 64, out++) {                                                      \
       uint8_t flags[64];                                                                                               \
       int n = MIN(64, e->dims[0] - first);                                                                             \
       for (int i = 0; i < n; i++)                                                                                      \
-        flags[i] = e->turn * (float)voxels[first + i] >= e->level;                                                     \
+        flags[i] = test;                                                                                               \
       memset(flags + n, flags[n - 1], (size_t)(64 - n));                                                               \
       *out = 0;                                                                                                        \
       for (int i = 0; i < 8; i++)                                                                                      \
         *out |= gather_bits(flags + 8 * i) << 8 * i;                                                                   \
     }                                                                                                                  \
   }
-ROW_OF_BITS(u8, uint8_t)
-ROW_OF_BITS(i8, int8_t)
-ROW_OF_BITS(u16, uint16_t)
-ROW_OF_BITS(i16, int16_t)
-ROW_OF_BITS(f32, float)
+#define WHOLE turn *voxels[first + i] >= least
+ROW_OF_BITS(u8, uint8_t, WHOLE)
+ROW_OF_BITS(i8, int8_t, WHOLE)
+ROW_OF_BITS(u16, uint16_t, WHOLE)
+ROW_OF_BITS(i16, int16_t, WHOLE)
+ROW_OF_BITS(f32, float, ((void)least, (float)turn *voxels[first + i] >= e->level))
 
 static void find_inside(void *context, int z, int worker) {
   extraction *e = context;
@@ -173,10 +184,10 @@ static bool is_joined(const extraction *e, const cell_row *c, int x, int pattern
 }
 
 static const tc_cell_case *case_at(const extraction *e, const cell_row *c, int x) {
-  uint8_t pattern = pattern_of(c, x), ambiguous = tc_cell_ambiguous(pattern), joined = 0;
+  uint8_t pattern = pattern_of(c, x), ambiguous = e->cases->ambiguous[pattern], joined = 0;
   for (int face = 0; ambiguous >> face; face++)
     if (ambiguous >> face & 1 && is_joined(e, c, x, pattern, face)) joined |= (uint8_t)(1 << face);
-  return tc_cell_case_of(pattern, joined);
+  return &e->cases->of[pattern][joined];
 }
 
 /* ---- count ---- */
@@ -227,65 +238,63 @@ static void sum_rows(extraction *e, uint64_t *vertices, uint64_t *triangles) {
 
 /* ---- vertices ---- */
 
-/* The field's slope along index axes at a voxel: central differences, one-sided at a face. */
-static void slope_at(const extraction *e, const int at[3], double slope[3]) {
-  for (int k = 0; k < 3; k++) {
-    int low[3] = {at[0], at[1], at[2]}, high[3] = {at[0], at[1], at[2]};
-    if (at[k] > 0) low[k]--;
-    if (at[k] + 1 < e->dims[k]) high[k]++;
-    double rise = voxel_at(e, high[0], high[1], high[2]) - voxel_at(e, low[0], low[1], low[2]);
-    slope[k] = high[k] > low[k] ? rise / (high[k] - low[k]) : 0;
-  }
-}
-
 /* A vertex on its way: index position, and the direction out of the surface in LPS, of any length. */
 typedef struct point {
-  double at[3], outward[3];
+  double at[3];
+  float outward[3];
 } point;
 
-/* Against the field's gradient in mm, which is covariant; along the edge where there is none. */
-static void find_outward(const extraction *e, const int from[3], int axis, double share, bool falls,
-                         double outward[3]) {
-  int to[3] = {from[0], from[1], from[2]};
-  double a[3], b[3], length = 0;
-  to[axis]++;
-  slope_at(e, from, a);
-  slope_at(e, to, b);
-  for (int i = 0; i < 3; i++) {
-    outward[i] = 0;
-    for (int k = 0; k < 3; k++)
-      outward[i] -= e->to_index[3 * k + i] * (a[k] + share * (b[k] - a[k]));
-    length += fabs(outward[i]);
+/* The field's slope along index axes at a voxel: central differences, one-sided at a face. */
+FOR_A_TYPE void slope_at(const extraction *e, tc_voxel_type type, const int at[3], size_t i, float slope[3]) {
+  for (int k = 0; k < 3; k++) {
+    bool low = at[k] > 0, high = at[k] + 1 < e->dims[k];
+    float rise = voxel_of(e, type, high ? i + e->stride[k] : i) - voxel_of(e, type, low ? i - e->stride[k] : i);
+    slope[k] = low && high ? 0.5f * rise : rise;
   }
-  if (length > 0 && isfinite(length)) return;
-  for (int i = 0; i < 3; i++)
-    outward[i] = falls ? e->to_mm[i][axis] : -e->to_mm[i][axis];
 }
 
-/* Where the surface crosses the edge from a voxel along an axis. */
-static point cross_edge(const extraction *e, int x, int y, int z, int axis) {
-  point p = {{x, y, z}, {0}};
-  const int from[3] = {x, y, z};
-  double a = voxel_at(e, x, y, z), b = voxel_at(e, x + (axis == 0), y + (axis == 1), z + (axis == 2)),
-         share = a / (a - b);
+/* Where the surface crosses the edge from a voxel along an axis. Normals are against the field's gradient in mm, which
+ * is covariant; along the edge where there is none. */
+FOR_A_TYPE point cross_typed(const extraction *e, tc_voxel_type type, const int from[3], int axis) {
+  point p = {{from[0], from[1], from[2]}, {0}};
+  size_t i = row_at(e, from[1], from[2]) * (size_t)e->dims[0] + (size_t)from[0];
+  float a = voxel_of(e, type, i), b = voxel_of(e, type, i + e->stride[axis]), slopes[2][3], length = 0;
+  double share = (double)a / ((double)a - b);
   share =
       share >= NEAREST ? fmin(share, 1 - NEAREST) : NEAREST; /* what is no number, too: nearest to the first voxel */
-  if (e->mesh->normals) find_outward(e, from, axis, share, a > b, p.outward);
   p.at[axis] += share;
+  if (!e->mesh->normals) return p;
+  int to[3] = {from[0], from[1], from[2]};
+  to[axis]++;
+  slope_at(e, type, from, i, slopes[0]);
+  slope_at(e, type, to, i + e->stride[axis], slopes[1]);
+  for (int k = 0; k < 3; k++)
+    slopes[0][k] += (float)share * (slopes[1][k] - slopes[0][k]);
+  for (int j = 0; j < 3; j++) {
+    p.outward[j] = e->outward[j][0] * slopes[0][0] + e->outward[j][1] * slopes[0][1] + e->outward[j][2] * slopes[0][2];
+    length += p.outward[j] * p.outward[j];
+  }
+  if (length > 0 && length < INFINITY) return p;
+  for (int j = 0; j < 3; j++)
+    p.outward[j] = (float)(a > b ? e->to_mm[j][axis] : -e->to_mm[j][axis]);
   return p;
 }
 
-static void put_vertex(const extraction *e, uint32_t number, const point *p) {
-  double length = 0, at[3];
+static point cross_edge(const extraction *e, const int from[3], int axis) {
+  return cross_typed(e, e->type, from, axis);
+}
+
+FOR_A_TYPE void put_vertex(const extraction *e, uint32_t number, const point *p) {
+  const float *n = p->outward;
+  double at[3];
   for (int k = 0; k < 3; k++)
     at[k] = p->at[k] - e->middle[k];
   for (int i = 0; i < 3; i++)
     e->mesh->positions[number][i] = (float)(e->to_mm[i][0] * at[0] + e->to_mm[i][1] * at[1] + e->to_mm[i][2] * at[2]);
   if (!e->mesh->normals) return;
+  float scale = 1 / sqrtf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
   for (int i = 0; i < 3; i++)
-    length = hypot(length, p->outward[i]);
-  for (int i = 0; i < 3; i++)
-    e->mesh->normals[number][i] = (float)(p->outward[i] / length);
+    e->mesh->normals[number][i] = n[i] * scale;
 }
 
 /* The mean of a polygon's vertices, each of which begins one triangle of its fan. */
@@ -295,9 +304,10 @@ static void put_centre(const extraction *e, uint32_t number, const tc_cell_case 
   for (int t = 0; t < cell->n_triangles; t++) {
     if (cell->edges[t][2] != TC_CELL_CENTRE) continue;
     int edge = cell->edges[t][0], axis = edge / 4, first = edge & 1, second = edge >> 1 & 1;
-    point p = cross_edge(e, x + (axis > 0 && first), y + (axis == 0 ? first : axis == 2 && second),
-                         z + (axis < 2 && second), axis);
-    double length = hypot(hypot(p.outward[0], p.outward[1]), p.outward[2]);
+    const int from[3] = {x + (axis > 0 && first), y + (axis == 0 ? first : axis == 2 && second),
+                         z + (axis < 2 && second)};
+    point p = cross_edge(e, from, axis);
+    float length = sqrtf(p.outward[0] * p.outward[0] + p.outward[1] * p.outward[1] + p.outward[2] * p.outward[2]);
     for (int k = 0; k < 3; k++) {
       mean.at[k] += p.at[k];
       mean.outward[k] += length > 0 ? p.outward[k] / length : 0;
@@ -310,7 +320,7 @@ static void put_centre(const extraction *e, uint32_t number, const tc_cell_case 
   put_vertex(e, number, &mean);
 }
 
-static void make_vertices(const extraction *e, int y, int z) {
+FOR_A_TYPE void make_vertices(const extraction *e, tc_voxel_type type, int y, int z) {
   const word *here = bits_at(e, y, z), *other[3] = {here, here, here};
   if (y + 1 < e->dims[1]) other[1] = bits_at(e, y + 1, z);
   if (z + 1 < e->dims[2]) other[2] = bits_at(e, y, z + 1);
@@ -321,7 +331,7 @@ static void make_vertices(const extraction *e, int y, int z) {
       for (; left; left &= left - 1) {
         int x = 64 * w + __builtin_ctzll(left);
         if (x >= e->dims[0]) break; /* beyond the row its last voxel is repeated */
-        const point p = cross_edge(e, x, y, z, axis);
+        const point p = cross_typed(e, type, (const int[3]){x, y, z}, axis);
         put_vertex(e, number++, &p);
       }
     }
@@ -330,67 +340,93 @@ static void make_vertices(const extraction *e, int y, int z) {
 
 /* ---- triangles ---- */
 
-/* How many edges before word w of each kind and row around a row of cells are crossed: along x in four rows, along y in
- * the two planes, along z in the two rows. */
-typedef struct ranks {
-  uint32_t x[4], y[2], z[2];
-} ranks;
+/* The vertices of a row of cells, a word of cells at a time. On the edges along x of the four rows of voxels, along y
+ * of the two planes, and along z of the two sides: which edges are crossed, and the number of the word's first vertex.
+ */
+enum { ALONG_X = 0, ALONG_Y = 4, ALONG_Z = 6, EDGE_ROWS = 8 };
+typedef struct edge_rows {
+  word crossed[EDGE_ROWS];
+  uint32_t first[EDGE_ROWS];
+} edge_rows;
 
-static word before(int x) { return ((word)1 << (x & 63)) - 1; }
-
-/* Number of the vertex on an edge of cell x. */
-static uint32_t vertex_of(const extraction *e, const cell_row *c, const ranks *r, int w, int x, int edge) {
-  int kind = edge / 4, first = edge & 1, second = edge >> 1 & 1, i = kind == 0 ? first + 2 * second : second;
-  word crossed;
-  uint32_t number;
-  switch (kind) {
-  case 0:
-    crossed = crossed_x(e, c->bits[i], w);
-    number = c->rows[i]->vertex[0] + r->x[i];
-    break;
-  case 1:
-    crossed = c->bits[2 * i][w] ^ c->bits[2 * i + 1][w];
-    number = c->rows[2 * i]->vertex[1] + r->y[i];
-    break;
-  default:
-    crossed = c->bits[i][w] ^ c->bits[i + 2][w];
-    number = c->rows[i]->vertex[2] + r->z[i];
-    break;
+static void begin_edges(edge_rows *r, const cell_row *c) {
+  for (int i = 0; i < 4; i++)
+    r->first[ALONG_X + i] = c->rows[i]->vertex[0];
+  for (int i = 0; i < 2; i++) {
+    r->first[ALONG_Y + i] = c->rows[2 * i]->vertex[1];
+    r->first[ALONG_Z + i] = c->rows[i]->vertex[2];
   }
-  number += (uint32_t)__builtin_popcountll(crossed & before(x));
-  return kind > 0 && first ? number + (uint32_t)(crossed >> (x & 63) & 1) : number; /* at the cell's far side */
 }
 
-static void pass_word(const extraction *e, const cell_row *c, ranks *r, int w) {
+static void enter_word(const extraction *e, edge_rows *r, const cell_row *c, int w) {
   for (int i = 0; i < 4; i++)
-    r->x[i] += (uint32_t)__builtin_popcountll(crossed_x(e, c->bits[i], w));
+    r->crossed[ALONG_X + i] = crossed_x(e, c->bits[i], w);
   for (int i = 0; i < 2; i++) {
-    r->y[i] += (uint32_t)__builtin_popcountll(c->bits[2 * i][w] ^ c->bits[2 * i + 1][w]);
-    r->z[i] += (uint32_t)__builtin_popcountll(c->bits[i][w] ^ c->bits[i + 2][w]);
+    r->crossed[ALONG_Y + i] = c->bits[2 * i][w] ^ c->bits[2 * i + 1][w];
+    r->crossed[ALONG_Z + i] = c->bits[i][w] ^ c->bits[i + 2][w];
+  }
+}
+
+static void leave_word(edge_rows *r) {
+  for (int i = 0; i < EDGE_ROWS; i++)
+    r->first[i] += (uint32_t)__builtin_popcountll(r->crossed[i]);
+}
+
+/* Numbers of the vertices on a cell's twelve edges, whether or not they are crossed; b: the cell's bit. */
+static void number_edges(const edge_rows *r, int b, uint32_t number[TC_CELL_EDGES]) {
+  const word before = ((word)1 << b) - 1;
+  for (int i = 0; i < 4; i++)
+    number[i] = r->first[ALONG_X + i] + (uint32_t)__builtin_popcountll(r->crossed[ALONG_X + i] & before);
+  for (int i = 0; i < 4; i++) { /* along y, then z: at the cell's near side along x, and after that the far one */
+    word crossed = r->crossed[ALONG_Y + i];
+    uint32_t near = r->first[ALONG_Y + i] + (uint32_t)__builtin_popcountll(crossed & before);
+    number[4 + 2 * i] = near;
+    number[5 + 2 * i] = near + (uint32_t)(crossed >> b & 1);
   }
 }
 
 static void make_triangles(const extraction *e, int y, int z) {
   const cell_row c = cells_at(e, y, z);
-  uint32_t(*out)[3] = e->mesh->triangles + c.rows[0]->triangle, centre = c.rows[0]->vertex[CENTRE];
-  ranks r = {0};
+  uint32_t(*out)[3] = e->mesh->triangles + c.rows[0]->triangle, number[TC_CELL_EDGES + 1];
+  edge_rows r;
+  number[TC_CELL_CENTRE] = c.rows[0]->vertex[CENTRE];
+  begin_edges(&r, &c);
   for (int w = 0; w < e->words; w++) {
+    enter_word(e, &r, &c, w);
     for (word left = active_cells(e, &c, w); left; left &= left - 1) {
-      int x = 64 * w + __builtin_ctzll(left);
+      int b = __builtin_ctzll(left), x = 64 * w + b;
       const tc_cell_case *cell = case_at(e, &c, x);
+      number_edges(&r, b, number);
       for (int t = 0; t < cell->n_triangles; t++, out++)
         for (int k = 0; k < 3; k++)
-          (*out)[k] = cell->edges[t][k] == TC_CELL_CENTRE ? centre : vertex_of(e, &c, &r, w, x, cell->edges[t][k]);
-      if (cell->centre) put_centre(e, centre++, cell, x, y, z);
+          (*out)[k] = number[cell->edges[t][k]];
+      if (cell->centre) put_centre(e, number[TC_CELL_CENTRE]++, cell, x, y, z);
     }
-    pass_word(e, &c, &r, w);
+    leave_word(&r);
   }
 }
 
 static void fill_plane(void *context, int z, int worker) {
   const extraction *e = context;
   for (int y = 0; y < e->dims[1]; y++) {
-    make_vertices(e, y, z);
+    switch (e->type) {
+    case TC_U8:
+      make_vertices(e, TC_U8, y, z);
+      break;
+    case TC_I8:
+      make_vertices(e, TC_I8, y, z);
+      break;
+    case TC_U16:
+      make_vertices(e, TC_U16, y, z);
+      break;
+    case TC_I16:
+      make_vertices(e, TC_I16, y, z);
+      break;
+    case TC_F32:
+    case TC_VOXEL_TYPE_COUNT:
+      make_vertices(e, TC_F32, y, z);
+      break;
+    }
     if (y + 1 < e->dims[1] && z + 1 < e->dims[2]) make_triangles(e, y, z);
   }
 }
@@ -408,18 +444,26 @@ static void turn_over(tc_mesh *mesh) {
 
 static void set_up(extraction *e, const tc_volume *volume, double iso) {
   const tc_volume_desc *d = tc_volume_describe(volume);
-  *e = (extraction){.volume = volume, .voxels = tc_volume_data(volume), .type = d->type};
+  double to_index[9], scale = 0;
+  *e = (extraction){.cases = tc_cell_cases_all(), .volume = volume, .voxels = tc_volume_data(volume), .type = d->type};
   e->turn = d->slope > 0 ? 1 : -1;
   e->level = (float)((iso - d->intercept) / d->slope) * e->turn;
+  e->least = (int)fmin(fmax(ceil((double)e->level), -70000), 70000); /* further than any whole voxel */
   for (int k = 0; k < 3; k++) {
     e->dims[k] = d->dims[k];
     e->middle[k] = 0.5 * (d->dims[k] - 1);
   }
   e->words = (d->dims[0] + 63) / 64;
+  e->stride[0] = 1, e->stride[1] = (size_t)d->dims[0], e->stride[2] = (size_t)d->dims[0] * (size_t)d->dims[1];
   for (int i = 0; i < 3; i++)
     for (int k = 0; k < 3; k++)
       e->to_mm[i][k] = d->spacing[k] * d->direction[3 * i + k];
-  tc_volume_lps_to_index_matrix(volume, e->to_index);
+  tc_volume_lps_to_index_matrix(volume, to_index);
+  for (int k = 0; k < 9; k++)
+    scale = fmax(scale, fabs(to_index[k])); /* any length will do: none that single precision cannot square */
+  for (int i = 0; i < 3; i++)
+    for (int k = 0; k < 3; k++)
+      e->outward[i][k] = (float)(-to_index[3 * k + i] / scale);
 }
 
 static bool left_handed(const extraction *e) {

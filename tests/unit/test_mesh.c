@@ -32,8 +32,8 @@ static bool share_face(int a, int b) {
 static void cases_are_surfaces_with_their_rim_in_the_faces(void **state) {
   for (int pattern = 0; pattern < 256; pattern++)
     for (int joined = 0; joined < 64; joined++) {
-      if (joined & ~tc_cell_ambiguous((uint8_t)pattern)) continue;
-      const tc_cell_case *c = tc_cell_case_of((uint8_t)pattern, (uint8_t)joined);
+      if (joined & ~tc_cell_cases_all()->ambiguous[pattern]) continue;
+      const tc_cell_case *c = &tc_cell_cases_all()->of[pattern][joined];
       int times[13][13] = {{0}}, used = 0;
       for (int t = 0; t < c->n_triangles; t++)
         for (int k = 0; k < 3; k++) {
