@@ -96,12 +96,6 @@ static const char *const shield[][2] = {
     {"X-Content-Type-Options", "nosniff"},
 };
 
-void tcs_shield_text(GString *head) {
-  for (size_t i = 0; i < G_N_ELEMENTS(shield); i++)
-    g_string_append_printf(head, "%s: %s\r\n", shield[i][0], shield[i][1]);
-  g_string_append(head, "Cache-Control: no-store\r\n");
-}
-
 void tcs_shield(tcs_request *request) {
   for (size_t i = 0; i < G_N_ELEMENTS(shield); i++)
     tcs_reply_header(request, shield[i][0], shield[i][1]);

@@ -14,7 +14,5 @@ bool tcs_admit_origin(tcs_request *request);
 bool tcs_admit_caller(tcs_request *request);
 /* What keeps a reply from being read, framed, kept or guessed at by others; once, when the reply is complete. */
 void tcs_shield(tcs_request *request);
-/* The same as lines, for a reply that the library does not send. */
-void tcs_shield_text(GString *head);
 
 #endif

@@ -4,7 +4,6 @@
 #include <sys/socket.h>
 
 #define PIECE 4096 /* read at once while it is not known how much belongs to this request */
-#define DRAIN 64   /* pieces of a refused connection that are read: unread bytes could destroy the answer on its way */
 
 struct tcs_guard {
   GHashTable *by_fd; /* tcs_strict * */
@@ -42,12 +41,6 @@ static ssize_t plain_recv(int fd, void *bytes, size_t size, int flags) {
   return recvfrom(fd, bytes, size, flags, NULL, NULL);
 }
 
-static void drain(int fd) {
-  uint8_t piece[PIECE];
-  for (int i = 0; i < DRAIN && plain_recv(fd, piece, sizeof piece, MSG_DONTWAIT) > 0; i++) {
-  }
-}
-
 /* One more read from the socket; what is surely of a body goes where the library wants it. *empty: there was no more.
  */
 static ssize_t feed(tcs_strict *strict, int fd, uint8_t *bytes, size_t room, size_t *filled, bool *empty) {
@@ -74,7 +67,6 @@ static ssize_t guarded_recv(tcs_strict *strict, int fd, uint8_t *bytes, size_t s
     filled += tcs_strict_take(strict, bytes + filled, size - filled);
     if (filled == size || (filled && empty)) return (ssize_t)filled;
     if (!tcs_strict_hungry(strict)) {
-      if (tcs_strict_refusal(strict)) drain(fd);
       errno = EAGAIN;
       return filled ? (ssize_t)filled : -1;
     }

@@ -12,6 +12,7 @@
 #include "server/access/access.h"
 #include "server/http/admission.h"
 #include "server/http/guard.h"
+#include "server/http/linger.h"
 #include "server/http/mjpeg.h"
 #include "server/loop/loop.h"
 
@@ -19,12 +20,11 @@
 #define HEADER_US 10000000       /* from connect to the end of the headers, however slowly they drip */
 #define NEXT_REQUEST_US 40000000 /* from one request's end to the end of the next one's headers */
 #define BODY_US 60000000         /* a JSON body */
-#define DROP_BYTES (4 << 20)     /* of a refused body that is read so that its sender gets to see the reply */
+#define DROP_BYTES (4 << 20)     /* of a body that nobody asked for */
 #define EXTRA_CONNECTIONS 512    /* beside the viewers */
 #define METRICS_CONNECTIONS 16
 #define RESERVE 64               /* of these: for lookups alone, and not for long */
 #define RESERVE_US 2000000       /* for the headers of such a connection */
-#define REFUSED_US 5000000       /* for a body that is read only so that its sender sees the reply */
 
 /* What is known of a connection, from accept to close. */
 typedef struct link {
@@ -32,6 +32,7 @@ typedef struct link {
   unsigned answered;   /* of the requests begun */
   int64_t deadline_us; /* 0 = none */
   tcs_strict *strict;  /* the guard's */
+  tcs_request *reading; /* its body comes, or NULL */
   unsigned requests;   /* begun */
   bool reserve;        /* one of the last free ones */
   bool metrics;        /* at the metrics' own place */
@@ -53,6 +54,7 @@ struct tcs_http {
   tcs_streams *streams;
   GHashTable *links; /* link_state * as a set */
   tcs_guard *guard;
+  tcs_linger *linger;
   GQueue deferred; /* tcs_request *, by deferred_link */
   GQueue mjpeg_viewers;
   GBytes *documents[TCS_DOCUMENTS];
@@ -94,6 +96,7 @@ static void on_connection(void *user, struct MHD_Connection *connection, void **
     *context = link;
   } else if (*context) {
     tcs_guard_remove(http->guard, ((link_state *)*context)->fd);
+    tcs_linger_add(http->linger, ((link_state *)*context)->fd);
     g_hash_table_remove(http->links, *context);
     g_free(*context);
     *context = NULL;
@@ -149,30 +152,20 @@ static void admit(tcs_request *request, const char *path) {
   }
 }
 
-/* Whether a refused body may as well be read: closing with unread bytes can destroy the reply on its way. */
-static bool drop_quietly(const tcs_request *request) {
-  const char *length = tcs_header(request, "Content-Length");
-  if (tcs_header(request, "Expect") || link_of(request->connection)->reserve) return false;
-  if (length) return g_ascii_strtoull(length, NULL, 10) <= DROP_BYTES;
-  return tcs_header(request, "Transfer-Encoding") == NULL;
-}
-
 static void take_body(tcs_request *request, const void *bytes, size_t size) {
   const tcs_limits *limits = &request->server->config->limits;
-  if (request->reply) {
-    request->dropped_bytes += (int64_t)size;
-  } else if (request->upload) {
+  const bool wanted = request->route->body != TCS_BODY_NONE;
+  const uint64_t most = wanted ? (uint64_t)limits->body_bytes : DROP_BYTES;
+  request->body_bytes += size;
+  if (request->upload)
     tcs_upload_write(request, bytes, size);
-  } else if (request->route->body == TCS_BODY_NONE) {
-    request->dropped_bytes += (int64_t)size;
-  } else if (request->body->len + size > (uint64_t)limits->body_bytes) {
+  else if (request->body_bytes > most)
     tcs_reply_problem(request, 413, "limit", "Too large", "the body is over the limit; /v1/about tells it");
-  } else {
+  else if (wanted)
     g_byte_array_append(request->body, bytes, (guint)size);
-  }
 }
 
-static enum MHD_Result hand_over(tcs_request *request) {
+static void account(const tcs_request *request) {
   const double seconds = (double)(g_get_monotonic_time() - request->began_us) / 1e6;
   const char *pattern = request->route ? request->route->pattern : "none";
   tcs_metrics_request(request->server->metrics, request->route ? request->method : "other", pattern, request->status,
@@ -180,14 +173,55 @@ static enum MHD_Result hand_over(tcs_request *request) {
   tcs_log(request->status >= 500 && request->status != 503 && request->status != 501 ? TCS_LOG_WARN : TCS_LOG_DEBUG,
           "http.reply", "method=%s route=%s status=%d ms=%.1f", request->method, pattern, request->status,
           seconds * 1000);
-  /* After a refusal, and after an upgrade that was not granted, nothing more is read. */
-  if (request->status != 101 && is_newest(request) && !tcs_strict_hungry(link_of(request->connection)->strict))
-    tcs_reply_header(request, "Connection", "close");
-  else if (request->status != 101 && link_of(request->connection)->reserve)
-    tcs_reply_header(request, "Connection", "close");
+}
+
+static bool body_is_left(const tcs_request *request) {
+  const char *length = tcs_header(request, "Content-Length");
+  return !request->body_complete && (length ? strcmp(length, "0") != 0 : tcs_header(request, "Transfer-Encoding") != NULL);
+}
+
+/* After a refusal, after an upgrade that was not granted, and after a body that is not read. */
+static bool is_last(const tcs_request *request) {
+  const link_state *link = link_of(request->connection);
+  return (is_newest(request) && !tcs_strict_hungry(link->strict)) || link->reserve || body_is_left(request);
+}
+
+static enum MHD_Result hand_over(tcs_request *request) {
+  account(request);
+  if (request->status != 101 && is_last(request)) tcs_reply_header(request, "Connection", "close");
   request->queued = true;
   tcs_shield(request);
   return MHD_queue_response(request->connection, (unsigned)request->status, request->reply);
+}
+
+static enum MHD_Result put_header(void *text, enum MHD_ValueKind kind, const char *name, const char *value) {
+  g_string_append_printf(text, "%s: %s\r\n", name, value);
+  return MHD_YES;
+}
+
+static GString *write_reply(const tcs_request *request) {
+  GDateTime *now = g_date_time_new_now_utc();
+  char *date = g_date_time_format(now, "%a, %d %b %Y %H:%M:%S GMT");
+  GString *text = g_string_new(NULL);
+  g_string_printf(text, "HTTP/1.1 %d %s\r\nDate: %s\r\nConnection: close\r\nContent-Length: %zu\r\n", request->status,
+                  MHD_get_reason_phrase_for((unsigned)request->status), date, strlen(request->problem));
+  MHD_get_response_headers(request->reply, put_header, text);
+  g_string_append_printf(text, "\r\n%s", request->problem);
+  g_free(date);
+  g_date_time_unref(now);
+  return text;
+}
+
+void tcs_http_cut(tcs_request *request) {
+  const int fd = link_of(request->connection)->fd;
+  if (request->cut) return;
+  request->cut = true;
+  account(request);
+  tcs_shield(request);
+  GString *text = write_reply(request);
+  (void)send(fd, text->str, text->len, MSG_NOSIGNAL | MSG_DONTWAIT);
+  shutdown(fd, SHUT_WR);
+  g_string_free(text, TRUE);
 }
 
 static tcs_request *new_request(tcs_http *http, struct MHD_Connection *connection, const char *method) {
@@ -215,17 +249,21 @@ static enum MHD_Result on_request(void *user, struct MHD_Connection *connection,
       return MHD_NO;
     }
     admit(request, path);
-    set_deadline(connection, request->upload ? 0 : request->reply ? REFUSED_US : BODY_US);
-    return request->reply && !drop_quietly(request) ? hand_over(request) : MHD_YES;
+    set_deadline(connection, request->upload ? 0 : BODY_US);
+    if (request->reply && body_is_left(request)) return hand_over(request); /* the library then reads no more */
+    link_of(connection)->reading = request;
+    return MHD_YES;
   }
   if (request->cut) return MHD_NO;
   if (*size > 0) {
     take_body(request, bytes, *size);
     *size = 0;
-    return request->dropped_bytes > DROP_BYTES ? MHD_NO : MHD_YES;
+    if (request->reply) tcs_http_cut(request);
+    return request->cut ? MHD_NO : MHD_YES;
   }
   if (!request->body_complete) {
     request->body_complete = true;
+    link_of(connection)->reading = NULL;
     set_deadline(connection, 0);
     if (!request->reply && !refuse_framing(request)) request->route->handler(request);
   }
@@ -250,6 +288,7 @@ static void on_completed(void *user, struct MHD_Connection *connection, void **c
   if (!request) return;
   *context = NULL;
   link_of(connection)->answered++;
+  link_of(connection)->reading = NULL;
   if (request->deferred && request->abandon) request->abandon(request);
   forget_deferral(request);
   if (request->reply) MHD_destroy_response(request->reply);
@@ -279,6 +318,7 @@ static void wake(tcs_request *request) {
 void tcs_reply_response(tcs_request *request, int status, struct MHD_Response *response) {
   if (request->reply) MHD_destroy_response(request->reply);
   request->reply = response;
+  request->problem = NULL;
   request->status = status;
   if (!response) request->cut = true; /* no memory for a reply */
   if (request->deferred) wake(request);
@@ -305,10 +345,16 @@ bool tcs_peer_gone(struct MHD_Connection *connection) {
   return ended(MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd);
 }
 
-/* Too late with its next request; or gone without one: an end that came together with the last bytes is an edge that MHD
- * has already seen, and it would wait out its whole patience. */
+/* Too late; or gone between two requests or in the middle of one: an end that came together with the last bytes is an
+ * edge that MHD has already seen, and it would wait out its whole patience. An upload has its rate. */
 static bool is_over(const link_state *link, int64_t now_us) {
-  return (link->deadline_us && now_us >= link->deadline_us) || (link->requests == link->answered && ended(link->fd));
+  const bool unfinished = link->reading ? !link->reading->upload : link->requests == link->answered;
+  return (link->deadline_us && now_us >= link->deadline_us) || (unfinished && ended(link->fd));
+}
+
+static void time_out(tcs_request *request) {
+  tcs_reply_problem(request, 408, "slow", "Too slow", "the body did not come in time");
+  tcs_http_cut(request);
 }
 
 void tcs_http_tick(tcs_http *http, int64_t now_us) {
@@ -319,7 +365,10 @@ void tcs_http_tick(tcs_http *http, int64_t now_us) {
     link_state *link = key;
     if (!is_over(link, now_us)) continue;
     link->deadline_us = 0;
-    shutdown(link->fd, SHUT_RDWR); /* MHD sees the end and closes */
+    if (link->reading && !link->reading->cut)
+      time_out(link->reading);
+    else
+      shutdown(link->fd, SHUT_RDWR); /* MHD sees the end and closes */
   }
   /* MHD does not watch suspended connections, so nobody else notices that a client has left. */
   for (GList *item = http->deferred.head, *next; item; item = next) {
@@ -327,6 +376,7 @@ void tcs_http_tick(tcs_http *http, int64_t now_us) {
     tcs_request *request = item->data;
     if (request->suspended && tcs_peer_gone(request->connection)) abandon(request);
   }
+  tcs_linger_tick(http->linger, now_us);
   tcs_uploads_tick(http->server, now_us);
   tcs_mjpeg_tick(http->server);
 }
@@ -402,6 +452,7 @@ tcs_http *tcs_http_new(tcs_server *server, GError **error) {
   http->server = server;
   http->links = g_hash_table_new(NULL, NULL);
   http->guard = tcs_guard_new();
+  http->linger = tcs_linger_new(server->loop);
   g_queue_init(&http->deferred);
   g_queue_init(&http->mjpeg_viewers);
   http->streams = tcs_streams_new(server);
@@ -424,6 +475,7 @@ void tcs_http_free(tcs_http *http) {
   for (int i = 0; i < TCS_DOCUMENTS; i++)
     g_bytes_unref(http->documents[i]);
   g_hash_table_destroy(http->links);
+  tcs_linger_free(http->linger);
   tcs_guard_free(http->guard);
   g_free(http);
 }

@@ -25,13 +25,14 @@ struct tcs_request {
   unsigned number; /* of the connection's requests, from 1 */
   tcs_caller caller;
   GByteArray *body;
-  int64_t dropped_bytes; /* of a body that nobody wants */
+  uint64_t body_bytes; /* so far, kept or not */
   tcs_upload *upload;
   int64_t began_us;
   bool body_complete;
   bool deferred, suspended;
   GList deferred_link;
   struct MHD_Response *reply;
+  const char *problem; /* the reply's text; NULL: it is none */
   int status;
   bool queued; /* the reply was handed to MHD */
   bool cut;    /* close the connection without a reply */
@@ -59,6 +60,9 @@ void tcs_documents_write(const tcs_server *server, GBytes *documents[TCS_DOCUMEN
 int tcs_http_run(tcs_http *http);
 /* Once a second: deadlines, clients that left while waiting. */
 void tcs_http_tick(tcs_http *http, int64_t now_us);
+/* In the middle of a body, where the library takes no reply: sends the problem that the request has got past it, and
+ * ends the connection. */
+void tcs_http_cut(tcs_request *request);
 /* Takes no new connections any more. */
 void tcs_http_quiesce(tcs_http *http);
 /* Requests and MJPEG viewers that are not finished. */

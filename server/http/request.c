@@ -19,6 +19,7 @@ static void reply_text_response(tcs_request *request, int status, const char *ty
   if (!response) free(text);
   if (response) MHD_add_response_header(response, "Content-Type", type);
   tcs_reply_response(request, status, response);
+  request->problem = response ? text : NULL;
 }
 
 void tcs_reply_text(tcs_request *request, int status, const char *type, char *text) {

@@ -4,11 +4,10 @@
  * connection is suspended. */
 #include <errno.h>
 #include <string.h>
-#include <sys/socket.h>
 #include <unistd.h>
 
 #include "server/catalogue/catalogue.h"
-#include "server/http/admission.h"
+#include "server/http/http.h"
 #include "server/loop/worker.h"
 #include "server/memory/budget.h"
 
@@ -102,8 +101,10 @@ static void say_failed(tcs_upload *upload) {
   tc_set_error(&error, upload->failed == ENOSPC ? TC_ERROR_MEMORY : TC_ERROR_IO, NULL, "writing the upload: %s",
                g_strerror(upload->failed));
   tcs_request *request = upload->request;
+  const bool in_body = !upload->ended;
   drop(upload);
   tcs_reply_error(request, error);
+  if (in_body) tcs_http_cut(request);
   g_clear_error(&error);
 }
 
@@ -181,26 +182,6 @@ void tcs_upload_end(tcs_request *request) {
 
 /* --- slow ones ------------------------------------------------------------------------------------- */
 
-/* The library sends nothing in the middle of a body that does not come: this goes past it. */
-static void time_out(tcs_upload *upload) {
-  static const char body[] = "{\"type\":\"urn:tomocast:problem:slow\",\"title\":\"Too slow\",\"status\":408,"
-                             "\"detail\":\"the upload is slower than the least rate; /v1/about has it\"}";
-  GString *reply = g_string_new("HTTP/1.1 408 Request Timeout\r\nConnection: close\r\n"
-                                "Content-Type: application/problem+json\r\n");
-  tcs_request *request = upload->request;
-  const int fd =
-      MHD_get_connection_info(request->connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
-  tcs_shield_text(reply);
-  g_string_append_printf(reply, "Content-Length: %zu\r\n\r\n%s", sizeof body - 1, body);
-  (void)send(fd, reply->str, reply->len, MSG_NOSIGNAL | MSG_DONTWAIT);
-  g_string_free(reply, TRUE);
-  shutdown(fd, SHUT_RDWR); /* MHD sees the end and closes */
-  tcs_metrics_request(upload->server->metrics, request->method, request->route->pattern, 408,
-                      (double)(g_get_monotonic_time() - request->began_us) / 1e6);
-  drop(upload);
-  request->cut = true;
-}
-
 void tcs_uploads_tick(tcs_server *server, int64_t now_us) {
   const tcs_limits *limits = &server->config->limits;
   for (GList *item = uploads.head, *next; item; item = next) {
@@ -212,7 +193,12 @@ void tcs_uploads_tick(tcs_server *server, int64_t now_us) {
     const double rate = (double)(upload->bytes - upload->window_bytes) / ((double)passed_us / 1e6);
     upload->window_us = now_us;
     upload->window_bytes = upload->bytes;
-    if (rate < (double)limits->upload_rate) time_out(upload);
+    if (rate < (double)limits->upload_rate) {
+      tcs_request *request = upload->request;
+      drop(upload);
+      tcs_reply_problem(request, 408, "slow", "Too slow", "the upload is slower than the least rate; /v1/about has it");
+      tcs_http_cut(request);
+    }
   }
 }
 

@@ -1,0 +1,102 @@
+// How connections end: who goes on writing after a refusal reads it; who does not come to an end is told so.
+import assert from 'node:assert/strict';
+import { readdirSync } from 'node:fs';
+import net from 'node:net';
+import { after, before, test } from 'node:test';
+import { Daemon, sleep } from '../support/daemon.mjs';
+import { replies } from '../support/http.mjs';
+
+let d;
+before(async () => { d = await Daemon.start({ ball: false, config: '[server]\nhosts=127.0.0.1\n[limits]\nupload_bytes=1000000\nbody_bytes=100000\n' }); });
+after(() => d.stop());
+
+const host = 'Host: 127.0.0.1\r\n', json = 'Content-Type: application/json\r\n';
+const MB = 1 << 20;
+
+/** Writes all of `head` and then `count` times `piece`, and reads only then. */
+const stubborn = (head, piece, count) => new Promise((resolve) => {
+  const socket = net.connect({ port: d.port, host: '127.0.0.1', allowHalfOpen: true });
+  const pieces = [];
+  let failure = null, written = 0;
+  socket.pause();
+  socket.on('error', ({ code }) => (failure = code));
+  socket.on('data', (bytes) => pieces.push(bytes));
+  socket.on('end', () => socket.end());
+  socket.on('close', () => resolve({ failure, written, bytes: Buffer.concat(pieces) }));
+  const next = (error) => {
+    if (error) return;
+    if (written++ < count) socket.write(piece, next);
+    else socket.resume();
+  };
+  socket.write(head, 'latin1', next);
+});
+
+const zeros = Buffer.alloc(MB), chunk = Buffer.concat([Buffer.from(`${MB.toString(16)}\r\n`), zeros, Buffer.from('\r\n')]);
+const cases = [
+  ['a length over the limit', `PUT /v1/volumes/a HTTP/1.1\r\n${host}Content-Length: ${50 * MB}\r\n\r\n`, zeros, 413],
+  ['two lengths', `PUT /v1/volumes/a HTTP/1.1\r\n${host}Content-Length: 1\r\nContent-Length: ${50 * MB}\r\n\r\n`, zeros, 400],
+  ['no request at all', '', zeros, 400],
+  ['another type', `POST /v1/render HTTP/1.1\r\n${host}Content-Length: ${50 * MB}\r\n\r\n`, zeros, 415],
+  ['a path that is not there', `PUT /v1/nothing HTTP/1.1\r\n${host}Transfer-Encoding: chunked\r\n\r\n`, chunk, 404],
+  ['an upload in chunks over the limit', `PUT /v1/volumes/a HTTP/1.1\r\n${host}Transfer-Encoding: chunked\r\n\r\n`, chunk, 413],
+  ['a body in chunks over the limit', `POST /v1/render HTTP/1.1\r\n${host}${json}Transfer-Encoding: chunked\r\n\r\n`, chunk, 413],
+  ['chunks that are none', `PUT /v1/volumes/a HTTP/1.1\r\n${host}Transfer-Encoding: chunked\r\n\r\n`, zeros, 400],
+  ['a body that nobody asked for', `GET /healthz HTTP/1.1\r\n${host}Content-Length: ${50 * MB}\r\n\r\n`, zeros, 413],
+];
+
+for (const [what, head, piece, status] of cases) {
+  test(`9112 9.6: who writes 50 MB to the end reads the refusal: ${what}`, async () => {
+    const { failure, written, bytes } = await stubborn(head, piece, 50);
+    assert.equal(failure, null, `after ${written} of 50 pieces`);
+    const [reply, ...more] = replies(bytes);
+    assert.deepEqual([reply.status, more.length], [status, 0]);
+    assert.equal(reply.headers.connection, 'close');
+    assert.match(reply.headers['content-type'], /^application\/problem\+json/);
+    assert.equal(JSON.parse(reply.body).status, status);
+    assert.equal(reply.headers['x-content-type-options'], 'nosniff');
+    assert.ok(reply.headers.date);
+  });
+}
+
+test('nobody lingers for ever: many who never close, and one who never stops writing', async () => {
+  const open = () => readdirSync(`/proc/${d.process.pid}/fd`).length;
+  const before = open();
+  const refused = `GET / HTTP/1.1\r\n${host}${host}\r\n`;
+  const sockets = Array.from({ length: 100 }, () => net.connect({ port: d.port, host: '127.0.0.1', allowHalfOpen: true }));
+  let ended = 0;
+  for (const socket of sockets) {
+    socket.on('error', () => {});
+    socket.on('end', () => ended++);
+    socket.resume();
+    socket.write(refused);
+  }
+  const endless = net.connect({ port: d.port, host: '127.0.0.1', allowHalfOpen: true });
+  const cut = new Promise((resolve) => endless.on('error', resolve));
+  const next = (error) => { if (!error) endless.write(zeros, next); };
+  endless.resume();
+  endless.write(refused, next);
+  assert.match((await cut).code, /ECONNRESET|EPIPE/);
+  for (let i = 0; i < 200 && ended < 100; i++) await sleep(50);
+  assert.equal(ended, 100, 'each was told that nothing more comes');
+  assert.ok(open() < before + 80, `${open()} descriptors, ${before} before`);
+  sockets.forEach((socket) => socket.destroy());
+  assert.equal((await d.get('/healthz')).status, 200);
+});
+
+/** Sends `bytes` and the end of all that is sent in one go. */
+const farewell = (bytes) => new Promise((resolve) => {
+  const began = Date.now(), pieces = [];
+  const socket = net.connect({ port: d.port, host: '127.0.0.1', allowHalfOpen: true }, () => socket.end(bytes, 'latin1'));
+  socket.on('error', () => {});
+  socket.on('data', (piece) => pieces.push(piece));
+  socket.on('close', () => resolve({ seconds: (Date.now() - began) / 1000, bytes: Buffer.concat(pieces) }));
+});
+
+test('9112 9.6: who sends nothing more after a request is answered', async () => {
+  assert.equal(replies((await farewell(`GET /healthz HTTP/1.1\r\n${host}\r\n`)).bytes)[0].status, 200);
+});
+
+test('9112 8: who leaves within a body is not waited for', async () => {
+  const { seconds } = await farewell(`POST /v1/render HTTP/1.1\r\n${host}${json}Content-Length: 10\r\n\r\n{}`);
+  assert.ok(seconds < 15, `${seconds} s`); // an idle connection has 30
+});
