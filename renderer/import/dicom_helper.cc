@@ -34,6 +34,7 @@
 #include <gdcmSequenceOfItems.h>
 #include <gdcmTrace.h>
 
+#include "renderer/import/dicom_group.h"
 #include "renderer/import/dicom_helper.h"
 #include "renderer/import/dicom_pixels.h"
 #include "renderer/import/dicom_stack.h"
@@ -333,14 +334,89 @@ void read_window(const DataSet &set, Picture &p) {
   p.window_width = width;
 }
 
-uint32_t mix(uint32_t key, uint32_t value) { return (key ^ value) * 16777619u; }
+// A checksum of a text, 0 for none.
+uint64_t checksum(const std::string &text) {
+  uint64_t sum = 14695981039346656037u;
+  for (char c : text)
+    sum = (sum ^ static_cast<uint8_t>(c)) * 1099511628211u;
+  return text.empty() ? 0 : sum;
+}
+
+// Keys that are texts are numbered as they come, and put in the texts' order when all are known.
+std::map<std::string, double> key_texts;
+
+double text_key(const std::string &text, double otherwise) {
+  return text.empty() ? otherwise : key_texts.emplace(text, double(key_texts.size() + 1)).first->second;
+}
+
+void order_text_keys(std::vector<tc_dicom_slice> &slices) {
+  std::vector<double> rank(key_texts.size() + 1, 0);
+  double next = 0;
+  for (const auto &entry : key_texts)
+    rank[size_t(entry.second)] = ++next;
+  for (tc_dicom_slice &s : slices)
+    for (int key : {TC_DICOM_KEY_STACK, TC_DICOM_KEY_IMAGE_TYPE})
+      s.keys[key] = rank[size_t(s.keys[key])];
+}
+
+double float_key(const DataSet &set, Tag tag, double otherwise) {
+  double value = binary_of<double>(set, tag, otherwise);
+  return std::isfinite(value) ? value : otherwise;
+}
+
+// The b-value, where the standard or one of three makers keeps it.
+double read_b_value(const DataSet &set, double otherwise) {
+  double value = float_key(set, Tag(0x18, 0x9087), -1);
+  if (value >= 0) return value;
+  if (text_of(set, Tag(0x19, 0x10)) == "SIEMENS MR HEADER") value = number_of(set, Tag(0x19, 0x100c), -1);
+  if (text_of(set, Tag(0x43, 0x10)) == "GEMS_PARM_01") value = std::fmod(number_of(set, Tag(0x43, 0x1039), -1), 1e9);
+  if (text_of(set, Tag(0x2001, 0x10)) == "Philips Imaging DD 001") value = binary_of<float>(set, Tag(0x2001, 0x1003), -1);
+  return std::isfinite(value) && value >= 0 ? value : otherwise;
+}
+
+// What tells volumes apart in the header of a file of its own.
+void read_keys(const DataSet &set, tc_dicom_slice &s) {
+  double *keys = s.keys;
+  keys[TC_DICOM_KEY_STACK] = text_key(text_of(set, Tag(0x20, 0x9056)), 0);
+  keys[TC_DICOM_KEY_TIME] = static_cast<double>(integer_of(set, Tag(0x20, 0x100), 0));
+  keys[TC_DICOM_KEY_ECHO] = static_cast<double>(integer_of(set, Tag(0x18, 0x86), 0));
+  keys[TC_DICOM_KEY_ECHO_TIME] = number_of(set, Tag(0x18, 0x81), 0);
+  keys[TC_DICOM_KEY_B_VALUE] = read_b_value(set, 0);
+  keys[TC_DICOM_KEY_PHASE] = float_key(set, Tag(0x20, 0x9241), 0);
+  keys[TC_DICOM_KEY_IMAGE_TYPE] = text_key(text_of(set, Tag(0x08, 0x08)), 0);
+  keys[TC_DICOM_KEY_ACQUISITION] = static_cast<double>(integer_of(set, Tag(0x20, 0x12), 0));
+  s.trigger = number_of(set, Tag(0x18, 0x1060), 0);
+  s.uid = checksum(text_of(set, Tag(0x08, 0x18)));
+}
+
+// The same in an item of the functional groups.
+void read_group_keys(const DataSet &item, tc_dicom_slice &s) {
+  Nested content = item_of(item, Tag(0x20, 0x9111)), echo = item_of(item, Tag(0x18, 0x9114)),
+         diffusion = item_of(item, Tag(0x18, 0x9117)), heart = item_of(item, Tag(0x18, 0x9118)),
+         mr_type = item_of(item, Tag(0x18, 0x9226)), ct_type = item_of(item, Tag(0x18, 0x9329));
+  double *keys = s.keys;
+  if (content.set) {
+    keys[TC_DICOM_KEY_STACK] = text_key(text_of(*content.set, Tag(0x20, 0x9056)), keys[TC_DICOM_KEY_STACK]);
+    keys[TC_DICOM_KEY_TIME] = binary_of<uint32_t>(*content.set, Tag(0x20, 0x9128), 0);
+  }
+  if (echo.set) keys[TC_DICOM_KEY_ECHO_TIME] = float_key(*echo.set, Tag(0x18, 0x9082), 0);
+  if (diffusion.set) keys[TC_DICOM_KEY_B_VALUE] = read_b_value(*diffusion.set, 0);
+  if (heart.set) {
+    keys[TC_DICOM_KEY_PHASE] = float_key(*heart.set, Tag(0x20, 0x9241), 0);
+    s.trigger = float_key(*heart.set, Tag(0x20, 0x9153), 0);
+  }
+  for (const Nested *type : {&mr_type, &ct_type})
+    if (type->set)
+      keys[TC_DICOM_KEY_IMAGE_TYPE] =
+          text_key(text_of(*type->set, Tag(0x08, 0x9007)) + text_of(*type->set, Tag(0x08, 0x9208)), keys[TC_DICOM_KEY_IMAGE_TYPE]);
+}
 
 // One item of the functional groups (shared or of a frame) laid over a slice.
 void read_groups(const DataSet &item, Picture &p, tc_dicom_slice &s, Scale &scale) {
   Nested position = item_of(item, Tag(0x20, 0x9113)), plane = item_of(item, Tag(0x20, 0x9116)),
          measures = item_of(item, Tag(0x28, 0x9110)), values = item_of(item, Tag(0x28, 0x9145)),
          world = item_of(item, Tag(0x40, 0x9096)), window = item_of(item, Tag(0x28, 0x9132)),
-         content = item_of(item, Tag(0x20, 0x9111)), segment = item_of(item, Tag(0x62, 0x0a));
+         segment = item_of(item, Tag(0x62, 0x0a));
   for (const Nested *n : {&position, &plane, &measures})
     if (n->set) read_geometry(*n->set, s);
   if (values.set) {
@@ -351,11 +427,7 @@ void read_groups(const DataSet &item, Picture &p, tc_dicom_slice &s, Scale &scal
     if (!std::isfinite(scale.slope) || scale.slope == 0 || !std::isfinite(scale.intercept)) scale = Scale();
   }
   if (window.set) read_window(*window.set, p);
-  if (content.set) {
-    for (char c : text_of(*content.set, Tag(0x20, 0x9056)))
-      s.group = mix(s.group, static_cast<uint8_t>(c));
-    s.group = mix(s.group, binary_of<uint32_t>(*content.set, Tag(0x20, 0x9128), 0));
-  }
+  read_group_keys(item, s);
   if (segment.set) s.segment = binary_of<uint16_t>(*segment.set, Tag(0x62, 0x0b), 0);
 }
 
@@ -387,11 +459,7 @@ tc_dicom_slice common_slice(const DataSet &set, const Picture &p) {
   s.columns = p.samples.columns;
   s.instance = static_cast<int32_t>(integer_of(set, Tag(0x20, 0x13), 0));
   s.sparse = p.modality == "SEG";
-  s.group = 2166136261u;
-  for (Tag tag : {Tag(0x20, 0x12), Tag(0x18, 0x86), Tag(0x20, 0x100)}) // acquisition, echo, time
-    s.group = mix(s.group, static_cast<uint32_t>(integer_of(set, tag, 0)));
-  for (char c : text_of(set, Tag(0x08, 0x08)))
-    s.group = mix(s.group, static_cast<uint8_t>(c)); // image type
+  read_keys(set, s);
   read_geometry(set, s);
   Nested detector = item_of(set, Tag(0x54, 0x22)); // nuclear medicine keeps position and orientation here
   if (detector.set && !s.has_position) read_geometry(*detector.set, s);
@@ -758,23 +826,7 @@ std::vector<Series> series_of(const Run &run) {
   return out;
 }
 
-void list(const Run &run) {
-  size_t sent = 0;
-  for (const Series &s : series_of(run)) {
-    tc_series line{};
-    const Picture &p = *s.pictures[0];
-    snprintf(line.uid, sizeof line.uid, "%s", p.series.c_str());
-    snprintf(line.modality, sizeof line.modality, "%s", p.modality.c_str());
-    snprintf(line.label, sizeof line.label, "series %d", p.series_number);
-    line.files = static_cast<int>(s.pictures.size());
-    line.frames = static_cast<int>(s.frames);
-    line.rows = p.samples.rows;
-    line.columns = p.samples.columns;
-    if (sent++ < TC_DICOM_SERIES_MAX && !tc_dicom_wire_send_series(TC_DICOM_OUTPUT_FD, &line)) _exit(1);
-  }
-}
-
-const Series &choose(const std::vector<Series> &all, const std::string &wanted) {
+const Series &choose_series(const std::vector<Series> &all, const std::string &wanted) {
   if (wanted.empty()) {
     size_t best = 0;
     for (size_t i = 1; i < all.size(); i++)
@@ -803,20 +855,100 @@ struct Job {
   std::vector<Member> members; // of the series
   tc_dicom_stack stack{};      // its items count in members
   tc_volume_desc desc{};
+  tc_provenance from{};
   bool rescale = false; // scales differ: applied to every voxel
   ~Job() { tc_dicom_stack_finish(&stack); }
   const Member &at(size_t item) const { return members[stack.items[item].slice]; }
   const Picture &first() const { return *at(0).picture; }
 };
 
-std::vector<tc_dicom_slice> gather(const Series &series, Job &job) {
+std::vector<tc_dicom_slice> slices_of(const Series &series) {
   std::vector<tc_dicom_slice> slices;
   for (const Picture *p : series.pictures)
-    for (uint32_t f = 0; f < p->frames; f++) {
-      slices.push_back(p->slices[f]);
-      job.members.push_back(Member{p, f, p->scales[f]});
-    }
+    slices.insert(slices.end(), p->slices.begin(), p->slices.end());
+  order_text_keys(slices);
   return slices;
+}
+
+// The volumes of a series.
+struct Volumes : tc_dicom_groups {
+  explicit Volumes(const std::vector<tc_dicom_slice> &slices) { tc_dicom_groups_make(slices.data(), slices.size(), this); }
+  ~Volumes() { tc_dicom_groups_finish(this); }
+  Volumes(const Volumes &) = delete;
+};
+
+void list(const Run &run) {
+  size_t sent = 0;
+  int number = 0;
+  for (const Series &s : series_of(run)) {
+    tc_series line{};
+    const Picture &p = *s.pictures[0];
+    snprintf(line.uid, sizeof line.uid, "%s", p.series.c_str());
+    snprintf(line.modality, sizeof line.modality, "%s", p.modality.c_str());
+    snprintf(line.label, sizeof line.label, "series %d", p.series_number);
+    line.number = ++number;
+    line.files = static_cast<int>(s.pictures.size());
+    line.frames = static_cast<int>(s.frames);
+    line.rows = p.samples.rows;
+    line.columns = p.samples.columns;
+    Volumes volumes(slices_of(s));
+    for (size_t v = 0; v < volumes.count && sent < TC_DICOM_SERIES_MAX; v++, sent++) {
+      line.volume = static_cast<int>(v + 1);
+      line.slices = static_cast<int>(volumes.list[v].places);
+      memcpy(line.what, volumes.list[v].what, sizeof line.what);
+      if (!tc_dicom_wire_send_series(TC_DICOM_OUTPUT_FD, &line)) _exit(1);
+    }
+  }
+}
+
+// What follows the '#' of a path: "2", "UID", "volume=3", or "2#volume=3".
+struct Choice {
+  std::string series;
+  unsigned volume = 0;
+};
+
+Choice read_choice(const std::string &text) {
+  static const char mark[] = "volume=";
+  Choice choice;
+  size_t at = text.rfind(mark);
+  if (at == std::string::npos || (at > 0 && text[at - 1] != '#')) {
+    choice.series = text;
+    return choice;
+  }
+  std::string number = text.substr(at + sizeof mark - 1);
+  if (number.empty() || number.size() > 6 || number.find_first_not_of("0123456789") != std::string::npos || number == "0")
+    fail(TC_ERROR_INVALID, "#volume= wants the number of a volume, from 1");
+  choice.volume = static_cast<unsigned>(strtoul(number.c_str(), nullptr, 10));
+  choice.series = at > 0 ? text.substr(0, at - 1) : "";
+  return choice;
+}
+
+// Chooses the volume, places it, and says what of the series it is.
+void make_stack(const Series &series, const Choice &choice, Job &job) {
+  GError *error = nullptr;
+  tc_volume_desc &d = job.desc;
+  std::vector<tc_dicom_slice> slices = slices_of(series);
+  for (const Picture *p : series.pictures)
+    for (uint32_t f = 0; f < p->frames; f++)
+      job.members.push_back(Member{p, f, p->scales[f]});
+  Volumes volumes(slices);
+  int chosen = tc_dicom_groups_choose(&volumes, choice.volume, &error);
+  if (chosen < 0) fail_with(error);
+  const tc_dicom_group &group = volumes.list[chosen];
+  if (group.tangled)
+    fail(TC_ERROR_FORMAT, "%zu pictures share %zu positions and nothing in their headers tells them apart; sort them",
+         group.count, group.places);
+  if (!tc_dicom_stack_make(slices.data(), group.slices, group.count, &job.stack, &error)) fail_with(error);
+  d.frames = static_cast<int>(volumes.count);
+  job.from.volume = chosen + 1;
+  job.from.slices_used = static_cast<int>(group.places);
+  job.from.slices_found = static_cast<int>(volumes.places);
+  if (volumes.count > 1)
+    tc_dicom_note(d.note, "volume %d of %zu%s%s, choose by #volume=N", chosen + 1, volumes.count, group.what[0] ? ": " : "",
+                  group.what);
+  if (group.places < volumes.places)
+    tc_dicom_note(d.note, "%zu of %zu slices", group.places, volumes.places);
+  if (volumes.copies) tc_dicom_note(d.note, "%zu copies of pictures left out", volumes.copies);
 }
 
 // 32-bit and wider integers: what they hold decides how they are kept (the storage rule of import.h).
@@ -886,7 +1018,8 @@ void describe(Job &job, const Run &run) {
   std::copy(job.stack.spacing, job.stack.spacing + 3, d.spacing);
   std::copy(job.stack.origin, job.stack.origin + 3, d.origin);
   std::copy(job.stack.direction, job.stack.direction + 9, d.direction);
-  d.frames = job.stack.frames;
+  job.from.bridged = job.stack.bridged;
+  job.from.resampled = job.stack.mix && !job.stack.bridged;
   d.window_center = p.window_center;
   d.window_width = p.window_width;
   snprintf(d.modality, sizeof d.modality, "%s", p.modality.c_str());
@@ -983,19 +1116,37 @@ void send_voxels(const Run &run, const Job &job) {
   }
 }
 
+// Layers mixed from the two slices around them: slices come once each, in order.
+void send_mixed(const Run &run, const Job &job) {
+  const size_t bytes = layer_bytes(job.desc), count = size_t(job.desc.dims[0]) * size_t(job.desc.dims[1]);
+  Decoder decoder(run.sources);
+  std::vector<uint8_t> below(bytes), above(bytes), out(bytes);
+  size_t held = 0; // the slice in `below`; the next is in `above`
+  make_layer(job, decoder, 0, 1, below.data());
+  make_layer(job, decoder, 1, 2, above.data());
+  for (int z = 0; z < job.desc.dims[2]; z++) {
+    for (; held < job.stack.mix[z].item; held++) {
+      below.swap(above);
+      make_layer(job, decoder, held + 2, held + 3, above.data());
+    }
+    tc_dicom_mix_layers(job.desc.type, below.data(), above.data(), job.stack.mix[z].part, count, out.data());
+    if (!tc_dicom_wire_send_voxels(TC_DICOM_OUTPUT_FD, out.data(), bytes)) _exit(1);
+    progress(0.2 + 0.8 * double(z + 1) / double(job.desc.dims[2]));
+  }
+}
+
 void load(const Run &run, const std::string &wanted, uint64_t most) {
-  GError *error = nullptr;
   std::vector<Series> all = series_of(run);
-  const Series &series = choose(all, wanted);
+  const Choice choice = read_choice(wanted);
+  const Series &series = choose_series(all, choice.series);
   Job job;
-  std::vector<tc_dicom_slice> slices = gather(series, job);
-  if (!tc_dicom_stack_make(slices.data(), slices.size(), &job.stack, &error)) fail_with(error);
-  if (all.size() > 1 && wanted.empty()) tc_dicom_note(job.desc.note, "the largest of %zu series", all.size());
+  make_stack(series, choice, job);
+  if (all.size() > 1 && choice.series.empty()) tc_dicom_note(job.desc.note, "the largest of %zu series", all.size());
   choose_type(job, run);
   describe(job, run);
   check_size(job, most);
-  if (!tc_dicom_wire_send_head(TC_DICOM_OUTPUT_FD, &job.desc)) _exit(1);
-  send_voxels(run, job);
+  if (!tc_dicom_wire_send_head(TC_DICOM_OUTPUT_FD, &job.desc, &job.from)) _exit(1);
+  job.stack.mix ? send_mixed(run, job) : send_voxels(run, job);
 }
 
 int run_mode(const std::string &mode, const std::string &wanted, uint64_t most, uint64_t address, uint64_t cpu) {

@@ -52,6 +52,9 @@ bool tc_dicom_convert(const tc_dicom_samples *samples, const uint8_t *bytes, siz
 /* Widens [*lo, *hi] by the samples of one grey frame. False when the bytes are too few. */
 bool tc_dicom_range(const tc_dicom_samples *samples, const uint8_t *bytes, size_t size, double *lo, double *hi);
 
+/* out = (1 - part) * below + part * above, voxel by voxel [count]; integers are rounded to the nearest. */
+void tc_dicom_mix_layers(tc_voxel_type type, const void *below, const void *above, double part, size_t count, void *out);
+
 #ifdef __cplusplus
 }
 #endif

@@ -59,15 +59,24 @@ bool tc_dicom_wire_send_series(int fd, const tc_series *series) {
   put_u32(&at, (uint32_t)series->frames);
   put_u32(&at, (uint32_t)series->rows);
   put_u32(&at, (uint32_t)series->columns);
+  put_u32(&at, (uint32_t)series->number);
+  put_u32(&at, (uint32_t)series->volume);
+  put_u32(&at, (uint32_t)series->slices);
+  put_text(&at, series->what, 48);
   return send_message(fd, TC_DICOM_SERIES, body, sizeof body);
 }
 
-bool tc_dicom_wire_send_head(int fd, const tc_volume_desc *desc) {
+bool tc_dicom_wire_send_head(int fd, const tc_volume_desc *desc, const tc_provenance *from) {
   uint8_t body[TC_DICOM_HEAD_BYTES], *at = body;
   for (int i = 0; i < 3; i++)
     put_u32(&at, (uint32_t)desc->dims[i]);
   put_u32(&at, (uint32_t)desc->type);
   put_u32(&at, (uint32_t)desc->frames);
+  put_u32(&at, (uint32_t)from->volume);
+  put_u32(&at, (uint32_t)from->slices_used);
+  put_u32(&at, (uint32_t)from->slices_found);
+  put_u32(&at, (uint32_t)from->bridged);
+  put_u32(&at, from->resampled);
   for (int i = 0; i < 3; i++)
     put_f64(&at, desc->spacing[i]);
   for (int i = 0; i < 3; i++)

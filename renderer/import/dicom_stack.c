@@ -7,13 +7,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Cosine below which two pictures do not lie alike: about 0.8 degrees, over rounding in headers, under any real tilt.
- * */
-#define SAME_ORIENTATION 0.9999
-#define STEP_TOLERANCE 0.10 /* of the mean step */
-#define STEP_FLOOR_MM 0.02  /* positions are written with two or three decimals */
-#define MISSING_STEP 1.5    /* times the usual step */
+#define OFF_GRID 0.10       /* of the step: how far a slice may be from its place on a regular grid */
+#define OFF_GRID_MM 0.02    /* positions are written with two or three decimals */
+#define MISSING_STEP 1.5    /* times the steps around it */
+#define GAP_STEP 3          /* times the steps around it: nothing is made up for more */
+#define GAP_STEP_USUAL 10   /* or times the usual one */
+#define LAYERS_A_SLICE 8    /* how much finer than its slices a grid may be */
 #define LEAST_LEAN 0.1      /* cosine between the slice normal and the stacking direction */
+#define TILT_COSINE 0.99996 /* half a degree: less is rounding */
 
 /* One picture on its way: index, distance along the normal, and what orders it among its like. */
 typedef struct entry {
@@ -64,45 +65,6 @@ static bool fail(GError **error, const char *format, ...) {
   return false;
 }
 
-/* ---- which pictures belong together ---- */
-
-static bool alike(const tc_dicom_slice *a, const tc_dicom_slice *b) {
-  if (a->rows != b->rows || a->columns != b->columns || a->has_orientation != b->has_orientation ||
-      a->has_position != b->has_position || a->sparse != b->sparse)
-    return false;
-  if (a->has_spacing && b->has_spacing)
-    for (int i = 0; i < 2; i++)
-      if (fabs(a->spacing[i] - b->spacing[i]) > 1e-3 * a->spacing[i]) return false;
-  return !a->has_orientation || (dot3(a->orientation, b->orientation) > SAME_ORIENTATION &&
-                                 dot3(a->orientation + 3, b->orientation + 3) > SAME_ORIENTATION);
-}
-
-/* Classes of like pictures, first come first numbered; at most `most` classes (a radial series has one for each
- * slice). */
-static size_t classify(const tc_dicom_slice *slices, size_t count, uint32_t *class_of, size_t most) {
-  size_t classes = 0;
-  uint32_t *first = g_new(uint32_t, most);
-  for (size_t i = 0; i < count; i++) {
-    size_t c = 0;
-    while (c < classes && !alike(&slices[first[c]], &slices[i]))
-      c++;
-    if (c == classes && classes < most) first[classes++] = (uint32_t)i;
-    class_of[i] = (uint32_t)c; /* == most: in none */
-  }
-  g_free(first);
-  return classes;
-}
-
-static uint32_t largest_class(const uint32_t *class_of, size_t count, size_t classes) {
-  size_t *sizes = g_new0(size_t, classes + 1), best = 0;
-  for (size_t i = 0; i < count; i++)
-    sizes[class_of[i]]++;
-  for (size_t c = 1; c < classes; c++)
-    if (sizes[c] > sizes[best]) best = c;
-  g_free(sizes);
-  return (uint32_t)best;
-}
-
 /* ---- order and levels ---- */
 
 static int by_place(const void *pa, const void *pb) {
@@ -121,25 +83,31 @@ static int by_turn(const void *pa, const void *pb) {
 
 static const tc_dicom_slice *slice_of(const work *w, size_t i) { return &w->slices[w->entries[i].slice]; }
 
+void tc_dicom_normal(const tc_dicom_slice *slice, double normal[3]) {
+  static const double straight[6] = {1, 0, 0, 0, 1, 0};
+  const double *o = slice->has_orientation ? slice->orientation : straight;
+  cross3(o, o + 3, normal);
+  double length = sqrt(dot3(normal, normal));
+  for (int i = 0; i < 3; i++)
+    normal[i] /= length > 0 ? length : 1;
+}
+
+double tc_dicom_same_place(double range, size_t count) {
+  double same = count > 1 ? 0.2 * range / (double)(count - 1) : 0;
+  return same > 0.05 ? 0.05 : same < 1e-5 ? 1e-5 : same;
+}
+
 static void measure(work *w) {
   const tc_dicom_slice *first = slice_of(w, 0);
-  static const double straight[6] = {1, 0, 0, 0, 1, 0};
-  const double *o = first->has_orientation ? first->orientation : straight;
-  cross3(o, o + 3, w->normal);
-  double length = sqrt(dot3(w->normal, w->normal));
-  for (int i = 0; i < 3; i++)
-    w->normal[i] /= length > 0 ? length : 1;
+  tc_dicom_normal(first, w->normal);
   for (size_t i = 0; i < w->count; i++)
     w->entries[i].along = first->has_position ? dot3(slice_of(w, i)->position, w->normal) : 0;
 }
 
-/* Positions closer than a fifth of the average step (never more than 0.05 mm) are one level; within a level entries are
- * put in their turn. */
+/* Numbers the different positions; within one, entries are put in their turn. */
 static void find_levels(work *w) {
   qsort(w->entries, w->count, sizeof *w->entries, by_place);
-  double range = w->entries[w->count - 1].along - w->entries[0].along;
-  double same = w->count > 1 ? 0.2 * range / (double)(w->count - 1) : 0;
-  same = same > 0.05 ? 0.05 : same < 1e-5 ? 1e-5 : same;
+  double same = tc_dicom_same_place(w->entries[w->count - 1].along - w->entries[0].along, w->count);
   size_t start = 0;
   w->levels = 0;
   for (size_t i = 0; i < w->count; i++) {
@@ -161,69 +129,163 @@ static int compare_doubles(const void *pa, const void *pb) {
   return (a > b) - (a < b);
 }
 
-/* Steps must be alike; says what is wrong in terms of slices. at[] are the distances of the levels. */
-static bool check_steps(const double *at, size_t levels, char note[256], GError **error) {
-  size_t n = levels - 1, bad = 0, gaps = 0, first_gap = 0;
-  double *steps = g_new(double, n), mean = (at[levels - 1] - at[0]) / (double)n, drift = 0;
-  for (size_t i = 0; i < n; i++)
-    steps[i] = at[i + 1] - at[i];
-  qsort(steps, n, sizeof *steps, compare_doubles);
-  double usual = steps[n / 2], allowed = fmax(STEP_TOLERANCE * mean, STEP_FLOOR_MM), widest = 0;
-  for (size_t i = 0; i < n; i++) {
-    double step = at[i + 1] - at[i], off = fabs(step - mean);
-    if (off > allowed) bad++;
-    if (step > MISSING_STEP * usual && gaps++ == 0) first_gap = i + 1;
-    widest = fmax(widest, off);
-    drift = fmax(drift, fabs(at[i] - at[0] - mean * (double)i));
+/* How far positions are from where a grid of `layers` between the first and last would have them, in steps; places[]
+ * says at which layer each is, NULL: one after the other. */
+static double off_grid(const double *at, size_t levels, size_t layers, const uint32_t *places) {
+  double step = (at[levels - 1] - at[0]) / (double)(layers - 1), worst = 0;
+  for (size_t i = 0; i < levels; i++)
+    worst = fmax(worst, fabs(at[i] - at[0] - step * (double)(places ? places[i] : i)));
+  return worst <= OFF_GRID_MM ? 0 : worst / step;
+}
+
+/* A step within equal ones that is a whole multiple of them: slices are missing there. Gives how many, 0 for none. */
+static size_t missing_in(const double *at, size_t levels, size_t i) {
+  double step = at[i + 1] - at[i], before = i > 0 ? at[i] - at[i - 1] : 0,
+         after = i + 2 < levels ? at[i + 2] - at[i + 1] : 0;
+  double beside = before > 0 && after > 0 ? 0.5 * (before + after) : before + after;
+  if (!(beside > 0) || step < MISSING_STEP * beside) return 0;
+  if (before > 0 && after > 0 && fabs(before - after) > OFF_GRID * beside) return 0;
+  double whole = round(step / beside);
+  return fabs(step / beside - whole) < 2 * OFF_GRID && whole < 1e6 ? (size_t)whole - 1 : 0;
+}
+
+/* Missing slices, where the rest lies on a regular grid: none at all leaves *layers = levels; one is bridged; several
+ * are an error. `places` [levels] gets the layer of each. */
+static bool find_missing(const double *at, size_t levels, uint32_t *places, size_t *layers, GError **error) {
+  size_t missing = 0, gaps = 0, first = 0;
+  for (size_t i = 0; i < levels; i++) {
+    places[i] = (uint32_t)(i + missing);
+    size_t here = i + 1 < levels ? missing_in(at, levels, i) : 0;
+    if (here && gaps++ == 0) first = i + 1;
+    missing += here;
   }
+  *layers = levels;
+  if (missing == 0 || off_grid(at, levels, levels + missing, places) > 2 * OFF_GRID) return true;
+  *layers += missing;
+  if (missing == 1) return true;
+  return fail(error,
+              "%zu slices are missing at %zu place%s, the first after slice %zu of %zu (%.3g mm apart there); one could"
+              " be bridged: send the whole series",
+              missing, gaps, gaps == 1 ? "" : "s", first, levels, at[first] - at[first - 1]);
+}
+
+/* Layers of a regular grid from the slices around them. `layers` from the first to the last. */
+static void mix_layers(const double *at, size_t levels, size_t layers, tc_dicom_stack *s) {
+  double step = (at[levels - 1] - at[0]) / (double)(layers - 1);
+  s->mix = g_new(tc_dicom_mix, layers);
+  for (size_t z = 0, below = 0; z < layers; z++) {
+    double here = at[0] + step * (double)z;
+    while (below + 2 < levels && at[below + 1] <= here)
+      below++;
+    double part = (here - at[below]) / (at[below + 1] - at[below]);
+    if (part < 1e-6) part = 0;
+    if (part > 1 - 1e-6) part = 1;
+    s->mix[z] = (tc_dicom_mix){(uint32_t)below, (float)part};
+  }
+  s->dims[2] = (int)layers;
+}
+
+static void bridge(const double *at, size_t levels, const uint32_t *places, tc_dicom_stack *s) {
+  size_t i = 1;
+  while (places[i] == i)
+    i++;
+  mix_layers(at, levels, levels + 1, s);
+  for (size_t k = 0; k < levels; k++) /* what is there stays as it is */
+    s->mix[places[k]] =
+        k + 1 < levels ? (tc_dicom_mix){(uint32_t)k, 0} : (tc_dicom_mix){(uint32_t)k - 1, 1};
+  s->bridged = (int)i + 1;
+  tc_dicom_note(s->note, "1 missing slice bridged from its neighbours (layer %zu of %zu)", i + 1, levels + 1);
+}
+
+/* The first step too wide to make anything up for: much wider than those beside it, or than the usual one; n if none. */
+static size_t first_gap(const double *steps, size_t n, double usual) {
+  for (size_t i = 0; i < n; i++) {
+    double before = i > 0 ? steps[i - 1] : steps[i + 1], after = i + 1 < n ? steps[i + 1] : before;
+    if (steps[i] > GAP_STEP * fmax(before, after) || steps[i] > GAP_STEP_USUAL * usual) return i;
+  }
+  return n;
+}
+
+/* Slices at varying distances become layers at equal ones. Three at least: two are never irregular. */
+static bool resample(const double *at, size_t levels, tc_dicom_stack *s, GError **error) {
+  size_t n = levels - 1;
+  double *steps = g_new(double, n), *sorted = g_new(double, n), range = at[levels - 1] - at[0];
+  for (size_t i = 0; i < n; i++)
+    sorted[i] = steps[i] = at[i + 1] - at[i];
+  qsort(sorted, n, sizeof *sorted, compare_doubles);
+  double least = sorted[0], usual = sorted[n / 2], widest = sorted[n - 1];
+  size_t gap = first_gap(steps, n, usual);
+  g_free(sorted);
   g_free(steps);
-  if (gaps)
-    return fail(error,
-                "slices are missing at %zu place%s, the first after slice %zu of %zu (%.3g mm apart, usually %.3g mm);"
-                " send the whole series",
-                gaps, gaps == 1 ? "" : "s", first_gap, levels, at[first_gap] - at[first_gap - 1], usual);
-  if (bad || drift > 0.5 * mean)
-    return fail(error,
-                "slice positions are not regular (steps differ by up to %.3g mm from %.4g mm); export the series on a"
-                " regular grid",
-                widest, mean);
-  if (widest > 0.01 * mean) tc_dicom_note(note, "slice steps differ by up to %.2g mm, the mean is used", widest);
+  if (gap < n)
+    return fail(error, "slices are missing after slice %zu of %zu: %.3g mm apart there, usually %.3g mm", gap + 1, levels,
+                at[gap + 1] - at[gap], usual);
+  size_t layers = (size_t)fmin(ceil(range / least - 1e-6), (double)(LAYERS_A_SLICE * n)) + 1;
+  mix_layers(at, levels, layers, s);
+  tc_dicom_note(s->note, "slice distances of %.3g to %.3g mm: %zu slices resampled to %zu layers %.4g mm apart", least,
+                widest, levels, layers, range / (double)(layers - 1));
   return true;
 }
 
-/* Positions must lie on one straight line within a voxel. */
-static bool check_line(const work *w, const tc_dicom_stack *s, GError **error) {
-  double slack = fmax(fmin(s->spacing[0], s->spacing[1]), 0.5 * s->spacing[2]);
+/* The layers between the first and the last position, by the rules above. at [levels] ascends. */
+static bool make_layers(const double *at, size_t levels, tc_dicom_stack *s, GError **error) {
+  uint32_t *places = g_new(uint32_t, levels);
+  size_t layers;
+  double off = off_grid(at, levels, levels, NULL);
+  bool ok = true;
+  if (off <= OFF_GRID) {
+    if (off > 0.01)
+      tc_dicom_note(s->note, "slice steps differ: slices are up to %.2g mm off equal ones, which are used",
+                    off * (at[levels - 1] - at[0]) / (double)(levels - 1));
+  } else if ((ok = find_missing(at, levels, places, &layers, error))) {
+    if (layers > levels)
+      bridge(at, levels, places, s);
+    else
+      ok = resample(at, levels, s, error);
+  }
+  g_free(places);
+  return ok;
+}
+
+/* Positions must lie on one straight line within a voxel. `at` are distances along it. */
+static bool check_line(const work *w, const double *at, const tc_dicom_stack *s, GError **error) {
+  double mean = w->levels > 1 ? (at[w->levels - 1] - at[0]) / (double)(w->levels - 1) : 0;
+  double slack = fmax(fmin(s->spacing[0], s->spacing[1]), 0.5 * mean);
   for (size_t i = 0; i < s->count; i++) {
     const tc_dicom_slice *slice = &w->slices[s->items[i].slice];
     double off = 0;
     for (int k = 0; k < 3; k++) {
-      double d = slice->position[k] - s->origin[k] - s->direction[3 * k + 2] * s->spacing[2] * s->items[i].layer;
+      double d = slice->position[k] - s->origin[k] - s->direction[3 * k + 2] * (at[w->level[i]] - at[0]);
       off += d * d;
     }
     if (sqrt(off) > slack)
       return fail(error,
                   "slices do not lie on a straight line (slice %u is %.3g mm off); they may be several stacks, choose"
                   " one",
-                  s->items[i].layer + 1, sqrt(off));
+                  w->level[i] + 1, sqrt(off));
   }
   return true;
 }
 
-/* Places column 2, origin and the step from the first and last picture. */
-static bool place_stack(const work *w, const tc_dicom_slice *first, const tc_dicom_slice *last, int layers,
-                        tc_dicom_stack *s, GError **error) {
+/* Places column 2 and the origin from the first and last picture; distances `at` along the normal become distances
+ * along column 2. */
+static bool place_axis(const work *w, double *at, tc_dicom_stack *s, GError **error) {
+  const tc_dicom_slice *first = slice_of(w, 0), *last = slice_of(w, w->count - 1);
   double across[3], length;
   for (int k = 0; k < 3; k++)
     across[k] = last->position[k] - first->position[k];
   length = sqrt(dot3(across, across));
-  if (layers > 1 && !(dot3(across, w->normal) > LEAST_LEAN * length))
-    return fail(error, "slices are shifted along their own plane and make no volume");
+  double lean = w->levels > 1 ? dot3(across, w->normal) / length : 1;
+  if (!(lean > LEAST_LEAN)) return fail(error, "slices are shifted along their own plane and make no volume");
   for (int k = 0; k < 3; k++) {
-    s->direction[3 * k + 2] = layers > 1 ? across[k] / length : w->normal[k];
-    s->origin[k] = first->has_position ? first->position[k] : 0;
+    s->direction[3 * k + 2] = w->levels > 1 ? across[k] / length : w->normal[k];
+    s->origin[k] = first->position[k];
   }
-  if (layers > 1) s->spacing[2] = length / (layers - 1);
+  for (size_t i = 0; i < w->levels; i++)
+    at[i] /= lean;
+  if (lean < TILT_COSINE)
+    tc_dicom_note(s->note, "gantry tilt: slices are stacked %.1f degrees off their normal and kept as an oblique axis",
+                  acos(lean) * 180 / G_PI);
   return true;
 }
 
@@ -283,7 +345,7 @@ static bool segment_step(const double *at, size_t levels, double header, double 
   return fail(error, "segmentation frames do not lie on a regular grid");
 }
 
-static bool stack_segments(work *w, const double *at, tc_dicom_stack *s, GError **error) {
+static bool stack_segments(const work *w, const double *at, tc_dicom_stack *s, GError **error) {
   double step = 0;
   if (w->levels > 1) {
     if (!segment_step(at, w->levels, slice_of(w, 0)->between, &step, error)) return false;
@@ -300,36 +362,26 @@ static bool stack_segments(work *w, const double *at, tc_dicom_stack *s, GError 
   s->count = w->count;
   if ((size_t)s->dims[2] > w->levels)
     tc_dicom_note(s->note, "%zu slices hold no segment and are empty", (size_t)s->dims[2] - w->levels);
-  return place_stack(w, slice_of(w, 0), slice_of(w, w->count - 1), s->dims[2], s, error) && check_line(w, s, error);
+  if (step > 0) s->spacing[2] = (at[w->levels - 1] - at[0]) / (s->dims[2] - 1);
+  return check_line(w, at, s, error);
 }
 
-/* Takes the first entry of each level and counts how many complete stacks there are. */
-static bool stack_levels(work *w, const double *at, tc_dicom_stack *s, GError **error) {
-  size_t most = 0, run = 0;
-  for (size_t i = 0; i < w->count; i++) {
-    bool fresh = i == 0 || w->level[i] != w->level[i - 1];
-    run = fresh ? 1 : run + 1;
-    most = run > most ? run : most;
-    if (fresh) s->items[s->count++] = (tc_dicom_layer_item){w->entries[i].slice, w->level[i]};
-  }
+static bool stack_levels(const work *w, const double *at, tc_dicom_stack *s, GError **error) {
+  if (w->levels < w->count) return fail(error, "%zu pictures share a position", w->count - w->levels);
+  for (size_t i = 0; i < w->count; i++)
+    s->items[i] = (tc_dicom_layer_item){w->entries[i].slice, (uint32_t)i};
+  s->count = w->count;
   s->dims[2] = (int)w->levels;
-  s->frames = (int)most;
-  if (most > 1)
-    tc_dicom_note(s->note, "%s %zu pictures at a position (time points, echoes or the like), the first was taken",
-                  most * w->levels == w->count ? "each of" : "up to", most);
   if (w->levels == 1)
     s->spacing[2] = spare_step(slice_of(w, 0), s->note);
-  else if (!check_steps(at, w->levels, s->note, error))
+  else if (!make_layers(at, w->levels, s, error))
     return false;
-  const tc_dicom_slice *first = &w->slices[s->items[0].slice], *last = &w->slices[s->items[s->count - 1].slice];
-  return place_stack(w, first, last, s->dims[2], s, error) && check_line(w, s, error);
+  else
+    s->spacing[2] = (at[w->levels - 1] - at[0]) / (s->dims[2] - 1);
+  return check_line(w, at, s, error);
 }
 
-/* One attempt with the entries in w: fills s from nothing. */
-static bool attempt(work *w, tc_dicom_stack *s, GError **error) {
-  memset(s, 0, sizeof *s);
-  s->frames = 1;
-  s->items = g_new(tc_dicom_layer_item, w->count);
+static bool stack(work *w, tc_dicom_stack *s, GError **error) {
   set_plane(slice_of(w, 0), s);
   measure(w);
   if (!slice_of(w, 0)->has_position) return stack_by_turn(w, s);
@@ -337,65 +389,22 @@ static bool attempt(work *w, tc_dicom_stack *s, GError **error) {
   double *at = g_new0(double, w->levels);
   for (size_t i = w->count; i-- > 0;)
     at[w->level[i]] = w->entries[i].along;
-  /* The first in turn speaks for its level: the very picture that is taken. */
-  bool ok = slice_of(w, 0)->sparse ? stack_segments(w, at, s, error) : stack_levels(w, at, s, error);
+  bool ok = place_axis(w, at, s, error) &&
+            (slice_of(w, 0)->sparse ? stack_segments(w, at, s, error) : stack_levels(w, at, s, error));
   g_free(at);
-  if (!ok) tc_dicom_stack_finish(s);
   return ok;
 }
 
-/* Pictures of class `wanted` (and of one acquisition group, unless any) become entries. */
-static void collect(work *w, size_t count, const uint32_t *class_of, uint32_t wanted, const uint32_t *group) {
-  w->count = 0;
+bool tc_dicom_stack_make(const tc_dicom_slice *slices, const uint32_t *chosen, size_t count, tc_dicom_stack *s,
+                         GError **error) {
+  work w = {.slices = slices, .entries = g_new(entry, count), .count = count, .level = g_new(uint32_t, count)};
+  *s = (tc_dicom_stack){.items = g_new(tc_dicom_layer_item, count)};
   for (size_t i = 0; i < count; i++) {
-    const tc_dicom_slice *slice = &w->slices[i];
-    if (class_of[i] != wanted || (group && slice->group != *group)) continue;
-    w->entries[w->count++] = (entry){0, (uint32_t)i, slice->instance, slice->frame, slice->segment};
+    const tc_dicom_slice *slice = &slices[chosen[i]];
+    w.entries[i] = (entry){0, chosen[i], slice->instance, slice->frame, slice->segment};
   }
-}
-
-/* All together make no stack: tries each acquisition alone and keeps the one with most layers. Keeps *error
- * otherwise. */
-static bool by_acquisition(work *w, size_t count, const uint32_t *class_of, uint32_t wanted, tc_dicom_stack *best) {
-  GHashTable *seen = g_hash_table_new(g_direct_hash, g_direct_equal);
-  memset(best, 0, sizeof *best);
-  for (size_t i = 0; i < count && g_hash_table_size(seen) < 64; i++) {
-    uint32_t group = w->slices[i].group;
-    if (class_of[i] != wanted || !g_hash_table_add(seen, GUINT_TO_POINTER(group))) continue;
-    tc_dicom_stack one;
-    collect(w, count, class_of, wanted, &group);
-    if (!attempt(w, &one, NULL)) continue;
-    if (one.dims[2] > best->dims[2]) {
-      tc_dicom_stack_finish(best);
-      *best = one;
-    } else {
-      tc_dicom_stack_finish(&one);
-    }
-  }
-  bool ok = g_hash_table_size(seen) > 1 && best->dims[2] > 1;
-  g_hash_table_destroy(seen);
-  if (!ok) tc_dicom_stack_finish(best);
-  return ok;
-}
-
-bool tc_dicom_stack_make(const tc_dicom_slice *slices, size_t count, tc_dicom_stack *stack, GError **error) {
-  work w = {.slices = slices, .entries = g_new(entry, count), .level = g_new(uint32_t, count)};
-  uint32_t *class_of = g_new(uint32_t, count);
-  GError *why = NULL;
-  size_t classes = classify(slices, count, class_of, 1024);
-  uint32_t wanted = largest_class(class_of, count, classes);
-  collect(&w, count, class_of, wanted, NULL);
-  size_t members = w.count;
-  bool ok = attempt(&w, stack, &why);
-  if (!ok && by_acquisition(&w, count, class_of, wanted, stack)) {
-    ok = true;
-    tc_dicom_note(stack->note, "the largest of several acquisitions was taken");
-    g_clear_error(&why);
-  }
-  if (ok && members < count)
-    tc_dicom_note(stack->note, "%zu pictures of another size or orientation left out", count - members);
-  if (why) g_propagate_error(error, why);
-  g_free(class_of);
+  bool ok = stack(&w, s, error);
+  if (!ok) tc_dicom_stack_finish(s);
   g_free(w.entries);
   g_free(w.level);
   return ok;
@@ -403,5 +412,6 @@ bool tc_dicom_stack_make(const tc_dicom_slice *slices, size_t count, tc_dicom_st
 
 void tc_dicom_stack_finish(tc_dicom_stack *stack) {
   g_free(stack->items);
+  g_free(stack->mix);
   memset(stack, 0, sizeof *stack);
 }

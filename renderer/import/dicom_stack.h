@@ -1,14 +1,15 @@
-/* From loose DICOM pictures with positions to one regular stack: which pictures, in which order, on which grid.
+/* From the pictures of one volume to one regular stack: in which order, on which grid.
  *
- * Pure geometry, no DICOM: the helper reads headers into tc_dicom_slice records, this decides. Rules:
- * - The largest set of pictures of one size and one orientation is the stack; others are left out and counted in the
- * note.
- * - Order is the position along row x column, never file names. Pictures at one position are time points, echoes or the
- *   like: the first of each (by instance, then frame) is taken; frames tells how many there were.
- * - Spacing is measured from positions. Steps may differ by 10 %; a step of more than 1.5 times the usual one
- *   is a missing slice and an error: a picture with a wrong geometry is worse than none.
- * - Column 2 of direction points from first to last position, so a gantry tilt shears the grid and nothing is
- * resampled.
+ * Pure geometry, no DICOM: the helper reads headers into tc_dicom_slice records, dicom_group.h says which of them belong
+ * together, this places them. Rules:
+ * - Order is the position along row x column, never file names.
+ * - Spacing is measured from positions. Where no slice is further than a tenth of a step from its place on a regular
+ *   grid, that grid is used. Else layers are mixed from the two slices around them, linearly along the stack, on a
+ *   grid from the first to the last slice as fine as the least step (at most 8 layers a slice).
+ * - One slice that is missing within equal steps is bridged in the same way, and named; several are an error: a picture
+ *   with a wrong geometry is worse than none.
+ * - Column 2 of direction points from first to last position, so a gantry tilt shears the grid and pixels stay as they
+ *   are.
  * - Segmentation frames (sparse) may share a position and may skip some: layers without a frame stay empty.
  * - Without positions the order is instance, then frame; spacing is the header's, else 1 mm, said in the note. */
 #ifndef TC_IMPORT_DICOM_STACK_H
@@ -24,11 +25,26 @@
 extern "C" {
 #endif
 
+/* What tells the volumes of a series apart, strongest first; 0 where the header says nothing. */
+typedef enum tc_dicom_key {
+  TC_DICOM_KEY_STACK, /* the rank of its name */
+  TC_DICOM_KEY_TIME,  /* temporal position */
+  TC_DICOM_KEY_ECHO,  /* number */
+  TC_DICOM_KEY_ECHO_TIME,
+  TC_DICOM_KEY_B_VALUE,
+  TC_DICOM_KEY_PHASE,      /* of the heart, percent */
+  TC_DICOM_KEY_IMAGE_TYPE, /* rank */
+  TC_DICOM_KEY_ACQUISITION,
+  TC_DICOM_KEY_COUNT
+} tc_dicom_key;
+
 /* One 2-D picture: where it is and how it lies. Lengths in mm, LPS. */
 typedef struct tc_dicom_slice {
   uint32_t source, frame; /* file, and frame in it from 0 */
   int32_t instance;       /* acquisition order across files */
-  uint32_t group;         /* acquisition, stack, echo ... mixed into one key; splits a series that makes no one stack */
+  uint64_t uid;           /* a checksum of the picture's UID, 0 none: copies have the same */
+  double keys[TC_DICOM_KEY_COUNT];
+  double trigger;         /* ms after the heart's beat: orders what shares a position */
   uint32_t segment;       /* segmentation: number from 1; else 0 */
   bool sparse;            /* a segmentation: frames may share positions and may be missing */
   int rows, columns;
@@ -45,17 +61,33 @@ typedef struct tc_dicom_layer_item {
   uint32_t layer; /* 0 .. dims[2]-1, ascending; several per layer only for segmentations */
 } tc_dicom_layer_item;
 
+/* A layer between two slices: (1 - part) of `item` and part of the one after it. */
+typedef struct tc_dicom_mix {
+  uint32_t item;
+  float part;
+} tc_dicom_mix;
+
 typedef struct tc_dicom_stack {
   tc_dicom_layer_item *items; /* [count], owned */
   size_t count;
+  tc_dicom_mix *mix; /* [dims[2]], owned: how layers come from items; NULL: items say their layers themselves */
   int dims[3];
+  int bridged; /* the layer that stands for a missing slice, from 1; 0 none */
   double spacing[3], origin[3], direction[9];
-  int frames;
   char note[256];
 } tc_dicom_stack;
 
-/* Decides. slices [count], count >= 1. TC_ERROR_FORMAT when they make no regular stack. */
-bool tc_dicom_stack_make(const tc_dicom_slice *slices, size_t count, tc_dicom_stack *stack, GError **error);
+/* The unit vector across a picture: row x column, z where it has no orientation. */
+void tc_dicom_normal(const tc_dicom_slice *slice, double normal[3]);
+
+/* How far apart two of `count` positions over `range` mm may be and still be one: a fifth of the average step, 0.05 mm at
+ * most. */
+double tc_dicom_same_place(double range, size_t count);
+
+/* Places the pictures `chosen` [count] of `slices`, count >= 1, all of one size and orientation and, but for
+ * segmentations, one at a position. TC_ERROR_FORMAT when they make no stack. */
+bool tc_dicom_stack_make(const tc_dicom_slice *slices, const uint32_t *chosen, size_t count, tc_dicom_stack *stack,
+                         GError **error);
 void tc_dicom_stack_finish(tc_dicom_stack *stack); /* frees; a zeroed one is fine */
 
 /* Adds one clause to a note ("a; b"), cut at its end. */

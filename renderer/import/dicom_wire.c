@@ -108,7 +108,12 @@ static bool head_is_sane(const tc_volume_desc *d) {
          d->window_width >= 0 && d->frames >= 1 && d->frames <= (1 << 24);
 }
 
-static bool take_head(const tc_dicom_wire_reader *in, tc_volume_desc *desc, GError **error) {
+static bool provenance_is_sane(const tc_provenance *from, const tc_volume_desc *d) {
+  return from->volume >= 0 && from->volume <= d->frames && from->slices_used >= 0 &&
+         from->slices_used <= from->slices_found && from->bridged >= 0 && from->bridged <= d->dims[2];
+}
+
+static bool take_head(const tc_dicom_wire_reader *in, tc_volume_desc *desc, tc_provenance *from, GError **error) {
   uint8_t body[TC_DICOM_HEAD_BYTES];
   double numbers[TC_DICOM_HEAD_NUMBERS];
   if (!in->read(in->user, body, sizeof body, error)) return false;
@@ -119,6 +124,11 @@ static bool take_head(const tc_dicom_wire_reader *in, tc_volume_desc *desc, GErr
     desc->dims[i] = tc_reader_i32(&r);
   uint32_t type = tc_reader_u32(&r);
   desc->frames = tc_reader_i32(&r);
+  from->volume = tc_reader_i32(&r);
+  from->slices_used = tc_reader_i32(&r);
+  from->slices_found = tc_reader_i32(&r);
+  from->bridged = tc_reader_i32(&r);
+  from->resampled = tc_reader_u32(&r) != 0;
   for (int i = 0; i < TC_DICOM_HEAD_NUMBERS; i++)
     numbers[i] = tc_reader_f64(&r);
   memcpy(desc->spacing, numbers, sizeof desc->spacing);
@@ -132,14 +142,16 @@ static bool take_head(const tc_dicom_wire_reader *in, tc_volume_desc *desc, GErr
   take_text(&r, desc->unit, 16);
   take_text(&r, desc->note, 256);
   g_strlcpy(desc->format, "dicom", sizeof desc->format);
-  if (r.failed || type >= TC_VOXEL_TYPE_COUNT || !head_is_sane(desc)) return broken(error, "volume header");
+  if (r.failed || type >= TC_VOXEL_TYPE_COUNT || !head_is_sane(desc) || !provenance_is_sane(from, desc))
+    return broken(error, "volume header");
   desc->type = (tc_voxel_type)type;
   return true;
 }
 
 static tc_volume *volume_for(const tc_dicom_wire_reader *in, GError **error) {
   tc_volume_desc desc;
-  if (!take_head(in, &desc, error)) return NULL;
+  tc_provenance from;
+  if (!take_head(in, &desc, &from, error)) return NULL;
   uint64_t bytes = tc_voxel_size(desc.type);
   for (int i = 0; i < 3; i++)
     if (__builtin_mul_overflow(bytes, (uint64_t)desc.dims[i], &bytes)) bytes = UINT64_MAX;
@@ -150,7 +162,9 @@ static tc_volume *volume_for(const tc_dicom_wire_reader *in, GError **error) {
     return NULL;
   }
   if (in->reserve && !in->reserve(in->tick_user, bytes, error)) return NULL;
-  return tc_volume_new(&desc, error);
+  tc_volume *volume = tc_volume_new(&desc, error);
+  if (volume) tc_volume_set_provenance(volume, &from);
+  return volume;
 }
 
 tc_volume *tc_dicom_wire_load(const tc_dicom_wire_reader *in, GError **error) {
@@ -209,7 +223,13 @@ static bool take_series(const tc_dicom_wire_reader *in, GArray *list, GError **e
   series.frames = tc_reader_i32(&r);
   series.rows = tc_reader_i32(&r);
   series.columns = tc_reader_i32(&r);
-  if (series.files < 0 || series.frames < 0 || series.rows < 0 || series.columns < 0) return broken(error, "series");
+  series.number = tc_reader_i32(&r);
+  series.volume = tc_reader_i32(&r);
+  series.slices = tc_reader_i32(&r);
+  take_text(&r, series.what, sizeof series.what);
+  if (series.files < 0 || series.frames < 0 || series.rows < 0 || series.columns < 0 || series.number < 1 ||
+      series.volume < 1 || series.slices < 0)
+    return broken(error, "series");
   g_array_append_val(list, series);
   return true;
 }

@@ -28,9 +28,9 @@ enum { TC_DICOM_PROGRESS = 0x50434431, TC_DICOM_SERIES, TC_DICOM_HEAD, TC_DICOM_
 enum {
   TC_DICOM_HEADER_BYTES = 8,
   TC_DICOM_FAIL_TEXT = 320,
-  TC_DICOM_SERIES_BYTES = 72 + 16 + 64 + 4 * 4,
-  /* dims, type, frames; spacing, origin, direction, slope, intercept, window; modality, unit, note */
-  TC_DICOM_HEAD_BYTES = 5 * 4 + (3 + 3 + 9 + 2 + 2) * 8 + 16 + 16 + 256,
+  TC_DICOM_SERIES_BYTES = 72 + 16 + 64 + 48 + 7 * 4,
+  /* dims, type, frames, volume, slices used and found, bridged, resampled; spacing, origin, direction, slope, intercept, window; modality, unit, note */
+  TC_DICOM_HEAD_BYTES = 10 * 4 + (3 + 3 + 9 + 2 + 2) * 8 + 16 + 16 + 256,
   TC_DICOM_HEAD_NUMBERS = 3 + 3 + 9 + 2 + 2,
 };
 
@@ -54,7 +54,7 @@ bool tc_dicom_wire_list(const tc_dicom_wire_reader *reader, tc_series **series, 
 /* The helper's side, on a blocking descriptor. False when the parent is gone: end quietly. */
 bool tc_dicom_wire_send_progress(int fd, double fraction);
 bool tc_dicom_wire_send_series(int fd, const tc_series *series);
-bool tc_dicom_wire_send_head(int fd, const tc_volume_desc *desc);
+bool tc_dicom_wire_send_head(int fd, const tc_volume_desc *desc, const tc_provenance *from);
 bool tc_dicom_wire_send_voxels(int fd, const void *bytes, size_t size); /* any size; cut into chunks */
 bool tc_dicom_wire_send_fail(int fd, int code, const char *text);
 bool tc_dicom_wire_send_end(int fd);

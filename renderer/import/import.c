@@ -20,21 +20,24 @@ static void target_clear(target *t) {
   g_clear_pointer(&t->series, g_free);
 }
 
-/* A '#' may be part of a name: it starts a suffix only where the whole path does not exist. */
+/* A '#' may be part of a name: it starts a suffix only where the whole path does not exist. A suffix has one part or
+ * two ("#2#volume=3"). */
 static bool find_target(const char *path, target *t, GError **error) {
   struct stat st;
   *t = (target){.path = g_strdup(path)};
-  const char *hash = strrchr(path, '#');
-  if (stat(path, &st) != 0) {
-    if (hash && hash != path) {
-      t->path[hash - path] = '\0';
-      t->series = g_strdup(hash + 1);
-    }
-    if (!t->series || stat(t->path, &st) != 0) {
-      tc_set_error(error, TC_ERROR_NOT_FOUND, NULL, "no such file or folder");
-      target_clear(t);
-      return false;
-    }
+  bool found = stat(path, &st) == 0;
+  for (int part = 0; !found && part < 2; part++) {
+    char *hash = strrchr(t->path, '#');
+    if (!hash || hash == t->path) break;
+    *hash = '\0';
+    g_free(t->series);
+    t->series = g_strdup(path + (hash - t->path) + 1);
+    found = stat(t->path, &st) == 0;
+  }
+  if (!found) {
+    tc_set_error(error, TC_ERROR_NOT_FOUND, NULL, "no such file or folder");
+    target_clear(t);
+    return false;
   }
   t->folder = S_ISDIR(st.st_mode);
   return true;

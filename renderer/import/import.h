@@ -3,7 +3,9 @@
  * PATH is a file (.nii, .nii.gz, .nrrd, .nhdr, .mha, .mhd, .dcm, .zip), a folder of DICOM, or demo:NAME.
  * The kind is found by content first, by name second. A folder or zip with several DICOM series takes
  * a suffix "#N" (1-based, as listed) or "#UID" to choose; without one the series with most slices is
- * taken, ties by the first listed, and the others are named in desc.note.
+ * taken, ties by the first listed, and the others are named in desc.note. "#volume=N" after that chooses a volume of
+ * the series (time points, echoes, acquisitions that lie among each other ...; see dicom_group.h); without it the one
+ * with most slices is taken, if it has at least half of them.
  *
  * Storage rule. u8, i8, u16, i16, f32 stay as they are. 32/64-bit integers become i16/u16 (or i8/u8) when every
  * voxel fits, else f32 (rounded to nearest). f64 becomes f32. RGB/RGBA becomes Rec. 709 luma in u8, complex and
@@ -14,7 +16,7 @@
 #ifndef TC_RENDERER_IMPORT_H
 #define TC_RENDERER_IMPORT_H
 
-#include "renderer/volume/volume.h"
+#include "renderer/volume/provenance.h"
 
 /* Called now and then with 0..1; return false to cancel (TC_ERROR_CANCELLED). */
 typedef bool (*tc_progress_fn)(void *user, double fraction);
@@ -35,14 +37,17 @@ typedef struct tc_import_options {
 /* Loads PATH. Caller owns the reference. options may be NULL. Any thread. */
 tc_volume *tc_import(const char *path, const tc_import_options *options, GError **error);
 
-/* One DICOM series found under a path (tc_import_list). Strings are non-identifying. */
+/* One volume of a DICOM series found under a path (tc_import_list). Strings are non-identifying. */
 typedef struct tc_series {
   /* label: series number and, where present, protocol-free description-free text such as "series 3" */
   char uid[72], modality[16], label[64];
-  int files, frames, rows, columns;
+  int number;                       /* the series: what "#N" says */
+  int files, frames, rows, columns; /* of the whole series; rows and columns of its first picture */
+  int volume, slices;               /* which volume of the series, from 1, and its slices */
+  char what[48];                    /* what tells it from the series' others: "echo time 90 ms", or "" */
 } tc_series;
 
-/* Lists DICOM series of a folder, file or zip; *series is g_malloc'ed, caller frees with g_free(). Other formats give
+/* Lists the volumes of all DICOM series of a folder, file or zip; *series is g_malloc'ed, caller frees with g_free(). Other formats give
  * 0. */
 bool tc_import_list(const char *path, const tc_import_options *options, tc_series **series, size_t *count,
                     GError **error);

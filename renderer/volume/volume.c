@@ -1,4 +1,4 @@
-#include "renderer/volume/volume.h"
+#include "renderer/volume/provenance.h"
 
 #include <math.h>
 #include <stdatomic.h>
@@ -13,6 +13,7 @@
 struct tc_volume {
   tc_volume_desc desc;
   tc_volume_stats stats;
+  tc_provenance provenance;
   uint8_t *voxels;
   size_t bytes;        /* voxels alone */
   size_t mapped_bytes; /* with the pad */
@@ -292,6 +293,9 @@ void tc_volume_unref(tc_volume *volume) {
   if (volume->freed) volume->freed(volume->freed_user);
   free(volume);
 }
+
+void tc_volume_set_provenance(tc_volume *volume, const tc_provenance *provenance) { volume->provenance = *provenance; }
+const tc_provenance *tc_volume_provenance(const tc_volume *volume) { return &volume->provenance; }
 
 const tc_volume_desc *tc_volume_describe(const tc_volume *volume) { return &volume->desc; }
 const tc_volume_stats *tc_volume_statistics(const tc_volume *volume) { return &volume->stats; }

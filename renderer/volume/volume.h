@@ -25,7 +25,7 @@ typedef struct tc_volume_desc {
   double direction[9];   /* 3x3 row by row; column k = unit vector of index axis k in LPS. Columns are
                             independent but need not be orthogonal (a gantry tilt shears them). */
   double slope, intercept; /* value = slope * voxel + intercept; slope != 0 */
-  int frames;            /* how many 3-D frames the file held (the first is here); 1 normally */
+  int frames;            /* how many volumes the file or series held; 1 normally. See provenance.h */
   char modality[16];     /* "CT", "MR", "PT", ... or "" */
   char format[16];       /* "nifti" "nrrd" "metaimage" "dicom" "demo" */
   char unit[16];         /* "HU", "" ... */

@@ -15,6 +15,9 @@
 typedef struct dicom_spec {
   const char *series, *modality, *frames, *photometric, *slope, *intercept, *between, *pixel_spacing, *orientation;
   const char *offsets; /* GridFrameOffsetVector */
+  const char *uid, *image_type, *echo_time, *stack;
+  int echo, time;      /* 0: left out */
+  double b_value;      /* below 0: left out */
   bool has_position;
   double position[3];
   int instance, acquisition, series_number;
@@ -28,6 +31,7 @@ static inline void dicom_spec_init(dicom_spec *s, unsigned columns, unsigned row
                     .modality = "CT",
                     .photometric = "MONOCHROME2",
                     .slope = "1",
+                    .b_value = -1,
                     .intercept = "-1024",
                     .pixel_spacing = "0.5\\0.75",
                     .orientation = "1\\0\\0\\0\\1\\0",
@@ -103,9 +107,14 @@ static inline GByteArray *dicom_start(void) {
 static inline GByteArray *dicom_bytes(const dicom_spec *s) {
   GByteArray *b = dicom_start();
   char position[96];
+  dicom_text(b, 0x08, 0x08, "CS", s->image_type);
+  dicom_text(b, 0x08, 0x18, "UI", s->uid);
   dicom_text(b, 0x08, 0x60, "CS", s->modality);
   dicom_text(b, 0x10, 0x10, "PN", "SECRET^NAME"); /* must never come out of the helper */
+  dicom_text(b, 0x18, 0x81, "DS", s->echo_time);
+  if (s->echo) dicom_count(b, 0x18, 0x86, s->echo);
   if (s->between) dicom_text(b, 0x18, 0x88, "DS", s->between);
+  if (s->b_value >= 0) dicom_element(b, 0x18, 0x9087, "FD", &s->b_value, 8);
   dicom_text(b, 0x20, 0x0e, "UI", s->series);
   dicom_count(b, 0x20, 0x11, s->series_number);
   dicom_count(b, 0x20, 0x12, s->acquisition);
@@ -113,6 +122,8 @@ static inline GByteArray *dicom_bytes(const dicom_spec *s) {
   snprintf(position, sizeof position, "%.6g\\%.6g\\%.6g", s->position[0], s->position[1], s->position[2]);
   if (s->has_position) dicom_text(b, 0x20, 0x32, "DS", position);
   dicom_text(b, 0x20, 0x37, "DS", s->orientation);
+  if (s->time) dicom_count(b, 0x20, 0x100, s->time);
+  dicom_text(b, 0x20, 0x9056, "SH", s->stack);
   dicom_short(b, 0x28, 0x02, s->samples);
   dicom_text(b, 0x28, 0x04, "CS", s->photometric);
   if (s->samples > 1) dicom_short(b, 0x28, 0x06, 0);

@@ -39,6 +39,7 @@ static bool unpack(const char *data, const char *archive) {
 static int set_up(void **state) {
   static const char *const archives[] = {"dicom/ct_abdomen_dicom_24.tar.gz",
                                          "dicom/ct_head_dicom93.tar.gz",
+                                         "dicom/ct_head_ge_tilt_irregular.tar.gz",
                                          "dicom/dcmqi_data.tar.gz",
                                          "dicom/fnndsc_rsna2_pet_seg.tar.gz",
                                          "dicom/mr_datalad_t1_dicom384.tar.gz",
@@ -77,6 +78,7 @@ typedef struct expectation {
 
 static const expectation sets[] = {
     {"ct_abdomen_dicom_24", NULL, {512, 512, 24}, 1, TC_U16, {0.78125, 0.78125, 1}, "CT", 1, -1000},
+    {"GE", NULL, {512, 512, 135}, 1, TC_I16, {0.48828, 0.48828, 1.13388}, "CT", 1, 0}, /* 28 slices, tilted */
     {"ct_head_dicom93", NULL, {64, 64, 93}, 1, TC_I16, {3.2, 3.2, 1.5}, "CT", 1, 0},
     {"mr_datalad_t1", NULL, {274, 384, 384}, 1, TC_I16, {0.69999, 0.666667, 0.666667}, "MR", 1, 0},
     {"mr_decubitus", "1", {256, 256, 35}, 1, TC_U16, {1.015625, 1.015625, 4.8}, "MR", 1, 0},

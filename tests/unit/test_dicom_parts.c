@@ -230,15 +230,19 @@ static tc_volume_desc small_desc(void) {
                           .window_width = 400};
 }
 
+static const tc_provenance small_from = {
+    .volume = 3, .slices_used = 2, .slices_found = 8, .bridged = 2, .resampled = true};
+
 /* What a good helper says about a small volume; the bytes end up in a buffer by way of a pipe. */
-static size_t say(uint8_t *out, size_t room, const tc_volume_desc *desc, size_t voxel_bytes) {
+static size_t say(uint8_t *out, size_t room, const tc_volume_desc *desc, const tc_provenance *from,
+                  size_t voxel_bytes) {
   int fd[2];
   int16_t voxels[64];
   for (int i = 0; i < 64; i++)
     voxels[i] = (int16_t)(i - 5);
   assert_int_equal(pipe(fd), 0);
   assert_true(tc_dicom_wire_send_progress(fd[1], 0.5));
-  assert_true(tc_dicom_wire_send_head(fd[1], desc));
+  assert_true(tc_dicom_wire_send_head(fd[1], desc, from));
   assert_true(tc_dicom_wire_send_voxels(fd[1], voxels, voxel_bytes));
   assert_true(tc_dicom_wire_send_end(fd[1]));
   close(fd[1]);
@@ -257,7 +261,7 @@ static tc_volume *hear(const uint8_t *bytes, size_t size, uint64_t most, GError 
 static void a_volume_crosses_the_wire(void **state) {
   uint8_t bytes[2048];
   tc_volume_desc desc = small_desc();
-  size_t n = say(bytes, sizeof bytes, &desc, 24);
+  size_t n = say(bytes, sizeof bytes, &desc, &small_from, 24);
   tc_volume *v = hear(bytes, n, 0, NULL);
   assert_non_null(v);
   const tc_volume_desc *d = tc_volume_describe(v);
@@ -267,6 +271,9 @@ static void a_volume_crosses_the_wire(void **state) {
   assert_memory_equal(d->direction, desc.direction, sizeof desc.direction);
   assert_true(d->slope == 2 && d->intercept == -3 && d->frames == 4 && d->window_center == 40 &&
               d->window_width == 400);
+  const tc_provenance *from = tc_volume_provenance(v);
+  assert_true(from->volume == 3 && from->slices_used == 2 && from->slices_found == 8 && from->bridged == 2 &&
+              from->resampled);
   assert_string_equal(d->modality, "CT");
   assert_string_equal(d->unit, "HU");
   assert_string_equal(d->note, "a note");
@@ -288,8 +295,9 @@ static void a_volume_crosses_the_wire(void **state) {
 static void lies_about_the_volume_are_refused(void **state) {
   uint8_t bytes[2048];
   tc_volume_desc good = small_desc();
-  for (int lie = 0; lie < 14; lie++) {
+  for (int lie = 0; lie < 18; lie++) {
     tc_volume_desc d = good;
+    tc_provenance from = small_from;
     size_t voxels = 24;
     if (lie == 0) d.dims[1] = 0;
     if (lie == 1) d.dims[2] = -7;
@@ -305,7 +313,11 @@ static void lies_about_the_volume_are_refused(void **state) {
     if (lie == 11) d.window_width = -1;
     if (lie == 12) voxels = 22;
     if (lie == 13) voxels = 26;
-    size_t n = say(bytes, sizeof bytes, &d, voxels);
+    if (lie == 14) from.volume = 5;
+    if (lie == 15) from.slices_used = 9;
+    if (lie == 16) from.bridged = 3;
+    if (lie == 17) from.slices_found = -1;
+    size_t n = say(bytes, sizeof bytes, &d, &from, voxels);
     GError *error = NULL;
     if (hear(bytes, n, 0, &error)) fail_msg("lie %d was believed", lie);
     assert_non_null(error);
@@ -333,7 +345,7 @@ static bool never(void *user, double fraction) { return false; }
 static void the_caller_can_cancel(void **state) {
   uint8_t bytes[2048];
   tc_volume_desc desc = small_desc();
-  memory m = {bytes, say(bytes, sizeof bytes, &desc, 24), 0};
+  memory m = {bytes, say(bytes, sizeof bytes, &desc, &small_from, 24), 0};
   tc_dicom_wire_reader reader = {.read = read_memory, .user = &m, .tick = never};
   GError *error = NULL;
   assert_null(tc_dicom_wire_load(&reader, &error));

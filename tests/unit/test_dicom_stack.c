@@ -1,4 +1,4 @@
-/* The geometry of DICOM stacks: order, spacing, tilt, duplicates, gaps, segmentations. */
+/* The geometry of DICOM stacks: order, spacing, tilt, varying steps, gaps, segmentations. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -34,6 +34,14 @@ static void close_to(double a, double b) {
   if (!(fabs(a - b) < 1e-9)) fail_msg("%.17g is not %.17g", a, b);
 }
 
+/* All pictures given. */
+static bool make(const tc_dicom_slice *s, size_t n, tc_dicom_stack *stack, GError **error) {
+  uint32_t all[MOST];
+  for (size_t i = 0; i < n; i++)
+    all[i] = (uint32_t)i;
+  return tc_dicom_stack_make(s, all, n, stack, error);
+}
+
 static void sorts_by_position(void **state) {
   tc_dicom_slice s[7], shuffled[7];
   static const int order[7] = {3, 0, 6, 1, 5, 2, 4};
@@ -41,7 +49,7 @@ static void sorts_by_position(void **state) {
   axial(s, 7, 2.5);
   for (int i = 0; i < 7; i++)
     shuffled[i] = s[order[i]];
-  assert_true(tc_dicom_stack_make(shuffled, 7, &stack, NULL));
+  assert_true(make(shuffled, 7, &stack, NULL));
   assert_int_equal(stack.count, 7);
   for (int i = 0; i < 7; i++) {
     assert_int_equal(shuffled[stack.items[i].slice].source, i);
@@ -54,7 +62,6 @@ static void sorts_by_position(void **state) {
   close_to(stack.spacing[1], 0.75);
   close_to(stack.spacing[2], 2.5); /* from positions, not the 9 mm thickness */
   close_to(stack.origin[2], 10);
-  assert_int_equal(stack.frames, 1);
   assert_string_equal(stack.note, "");
   tc_dicom_stack_finish(&stack);
 }
@@ -74,7 +81,7 @@ static void positions_come_back(void **state) {
       for (int k = 0; k < 3; k++)
         s[i].position[k] = 30 + k + n[k] * 1.5 * i + 0.4 * o[3 + k] * i; /* tilted: sheared */
     }
-    assert_true(tc_dicom_stack_make(s, 9, &stack, NULL));
+    assert_true(make(s, 9, &stack, NULL));
     double length = 0;
     for (int k = 0; k < 3; k++)
       length += stack.direction[3 * k + 2] * stack.direction[3 * k + 2];
@@ -92,49 +99,106 @@ static void positions_come_back(void **state) {
   }
 }
 
-static void takes_the_first_of_duplicates(void **state) {
-  tc_dicom_slice s[18];
+/* What layer z of a mixed stack shows where every slice shows its own height. */
+static double height(const tc_dicom_slice *s, const tc_dicom_stack *stack, int z) {
+  const tc_dicom_mix *m = &stack->mix[z];
+  double below = s[stack->items[m->item].slice].position[2], above = s[stack->items[m->item + 1].slice].position[2];
+  return (1 - (double)m->part) * below + (double)m->part * above;
+}
+
+static void check_heights(const tc_dicom_slice *s, const tc_dicom_stack *stack) {
+  assert_non_null(stack->mix);
+  for (int z = 0; z < stack->dims[2]; z++) {
+    double want = stack->origin[2] + stack->direction[8] * stack->spacing[2] * z;
+    if (!(fabs(height(s, stack, z) - want) < 1e-5)) fail_msg("layer %d shows %g, lies at %g", z, height(s, stack, z), want);
+  }
+}
+
+static void one_missing_slice_is_bridged(void **state) {
+  tc_dicom_slice s[10];
   tc_dicom_stack stack;
-  axial(s, 18, 0);
-  for (int i = 0; i < 18; i++)
-    s[i].position[2] = 5 * (i % 6); /* three time points one after the other */
-  assert_true(tc_dicom_stack_make(s, 18, &stack, NULL));
-  assert_int_equal(stack.dims[2], 6);
-  assert_int_equal(stack.frames, 3);
-  assert_int_equal(stack.count, 6);
-  for (int i = 0; i < 6; i++)
-    assert_int_equal(s[stack.items[i].slice].instance, i + 1);
-  close_to(stack.spacing[2], 5);
-  assert_non_null(strstr(stack.note, "3 pictures at a position"));
+  axial(s, 10, 3);
+  s[6] = s[9]; /* slice 7 is gone */
+  assert_true(make(s, 9, &stack, NULL));
+  assert_int_equal(stack.dims[2], 10);
+  assert_int_equal(stack.bridged, 7);
+  close_to(stack.spacing[2], 3);
+  check_heights(s, &stack);
+  for (int z = 0; z < 10; z++)
+    if (z != 6) assert_true(stack.mix[z].part == 0 || stack.mix[z].part == 1); /* what is there stays as it is */
+  assert_non_null(strstr(stack.note, "1 missing slice bridged"));
+  assert_non_null(strstr(stack.note, "layer 7 of 10"));
   tc_dicom_stack_finish(&stack);
 }
 
-static void a_missing_slice_is_an_error(void **state) {
-  tc_dicom_slice s[10];
+static void more_missing_slices_are_an_error(void **state) {
+  tc_dicom_slice s[12];
   tc_dicom_stack stack;
   GError *error = NULL;
-  axial(s, 10, 3);
-  s[6] = s[9]; /* slice 7 is gone */
-  assert_false(tc_dicom_stack_make(s, 9, &stack, &error));
+  axial(s, 12, 3);
+  s[3] = s[10];
+  s[6] = s[11]; /* slices 4 and 7 are gone */
+  assert_false(make(s, 10, &stack, &error));
   assert_int_equal(error->code, TC_ERROR_FORMAT);
-  assert_non_null(strstr(error->message, "missing"));
-  assert_non_null(strstr(error->message, "after slice 6"));
+  assert_non_null(strstr(error->message, "2 slices are missing at 2 places, the first after slice 3"));
+  g_clear_error(&error);
+  axial(s, 8, 1.5);
+  for (int i = 4; i < 8; i++)
+    s[i].position[2] += 30; /* nothing is made up for a gap of 20 slices that is no whole number of steps */
+  s[4].position[2] -= 0.3;
+  assert_false(make(s, 8, &stack, &error));
+  assert_non_null(strstr(error->message, "missing after slice 4"));
   g_error_free(error);
 }
 
-static void irregular_steps(void **state) {
+static void small_differences_keep_the_mean(void **state) {
   tc_dicom_slice s[10];
   tc_dicom_stack stack;
-  GError *error = NULL;
   axial(s, 10, 3);
   s[4].position[2] += 0.15; /* 5 %: a note */
-  assert_true(tc_dicom_stack_make(s, 10, &stack, NULL));
+  assert_true(make(s, 10, &stack, NULL));
   close_to(stack.spacing[2], 3);
+  assert_null(stack.mix);
   assert_non_null(strstr(stack.note, "differ"));
   tc_dicom_stack_finish(&stack);
-  s[4].position[2] += 0.6; /* 25 %: refused */
-  assert_false(tc_dicom_stack_make(s, 10, &stack, &error));
-  assert_non_null(strstr(error->message, "not regular"));
+}
+
+/* Steps that vary: every layer shows what lies at its height, the first and the last slice stay where they are. */
+static void varying_steps_are_resampled(void **state) {
+  static const double steps[4][7] = {{3, 3, 3.75, 2.25, 3, 3, 3}, /* one slice off its place */
+                                     {2.5, 2.5, 2.5, 5, 5, 5, 5}, /* thin, then thick: nothing is missing */
+                                     {4.22, 4.22, 4.22, 1.14, 7.38, 7.38, 7.38},
+                                     {1, 1.7, 2.1, 1.3, 0.9, 1.6, 2}};
+  for (int k = 0; k < 4; k++)
+    for (int tilt = 0; tilt < 2; tilt++) {
+      tc_dicom_slice s[8];
+      tc_dicom_stack stack;
+      GError *error = NULL;
+      axial(s, 8, 0);
+      for (int i = 0; i < 8; i++) {
+        s[i].position[2] = i ? s[i - 1].position[2] + steps[k][i - 1] : 10;
+        if (tilt) memcpy(s[i].orientation, (double[]){1, 0, 0, 0, 0.96, -0.28}, sizeof s[i].orientation);
+      }
+      if (!make(s, 8, &stack, &error)) fail_msg("%s", error->message);
+      check_heights(s, &stack);
+      close_to(stack.origin[2] + stack.spacing[2] * (stack.dims[2] - 1), s[7].position[2]);
+      close_to(stack.direction[8], 1);
+      assert_true(stack.spacing[2] <= 1e-6 + fmin(fmin(steps[k][3], steps[k][0]), steps[k][4]));
+      assert_int_equal(stack.bridged, 0);
+      assert_non_null(strstr(stack.note, "8 slices resampled to"));
+      assert_true(!tilt == !strstr(stack.note, "gantry tilt: slices are stacked 16.3 degrees"));
+      tc_dicom_stack_finish(&stack);
+    }
+}
+
+static void shared_positions_are_no_stack(void **state) {
+  tc_dicom_slice s[6];
+  tc_dicom_stack stack;
+  GError *error = NULL;
+  axial(s, 6, 3);
+  s[3].position[2] = s[2].position[2];
+  assert_false(make(s, 6, &stack, &error));
+  assert_non_null(strstr(error->message, "share a position"));
   g_error_free(error);
 }
 
@@ -144,38 +208,9 @@ static void off_the_line(void **state) {
   GError *error = NULL;
   axial(s, 10, 3);
   s[5].position[0] += 20;
-  assert_false(tc_dicom_stack_make(s, 10, &stack, &error));
+  assert_false(make(s, 10, &stack, &error));
   assert_non_null(strstr(error->message, "straight line"));
   g_error_free(error);
-}
-
-/* Two acquisitions whose slices interleave irregularly: neither is thrown away with the other. */
-static void splits_acquisitions(void **state) {
-  tc_dicom_slice s[15];
-  tc_dicom_stack stack;
-  axial(s, 15, 4);
-  for (int i = 9; i < 15; i++) {
-    s[i].position[2] = 11.3 + 4 * (i - 9);
-    s[i].group = 7;
-  }
-  assert_true(tc_dicom_stack_make(s, 15, &stack, NULL));
-  assert_int_equal(stack.dims[2], 9);
-  close_to(stack.origin[2], 10);
-  assert_non_null(strstr(stack.note, "acquisitions"));
-  tc_dicom_stack_finish(&stack);
-}
-
-static void leaves_out_localisers(void **state) {
-  tc_dicom_slice s[8];
-  tc_dicom_stack stack;
-  static const double sagittal[6] = {0, 1, 0, 0, 0, -1};
-  axial(s, 8, 3);
-  memcpy(s[0].orientation, sagittal, sizeof sagittal);
-  s[1].rows = 99;
-  assert_true(tc_dicom_stack_make(s, 8, &stack, NULL));
-  assert_int_equal(stack.dims[2], 6);
-  assert_non_null(strstr(stack.note, "2 pictures of another size"));
-  tc_dicom_stack_finish(&stack);
 }
 
 static void without_positions(void **state) {
@@ -187,7 +222,7 @@ static void without_positions(void **state) {
     s[i].instance = 4 - i;
     s[i].thickness = 0;
   }
-  assert_true(tc_dicom_stack_make(s, 4, &stack, NULL));
+  assert_true(make(s, 4, &stack, NULL));
   assert_int_equal(stack.dims[2], 4);
   assert_int_equal(s[stack.items[0].slice].instance, 1);
   for (int k = 0; k < 3; k++)
@@ -200,7 +235,7 @@ static void one_slice(void **state) {
   tc_dicom_slice s[1];
   tc_dicom_stack stack;
   axial(s, 1, 1);
-  assert_true(tc_dicom_stack_make(s, 1, &stack, NULL));
+  assert_true(make(s, 1, &stack, NULL));
   assert_int_equal(stack.dims[2], 1);
   close_to(stack.spacing[2], 9);
   close_to(stack.direction[8], 1);
@@ -218,7 +253,7 @@ static void segmentations_may_have_gaps(void **state) {
     s[i].segment = i == 2 ? 2 : 1;
     s[i].between = 2.5;
   }
-  assert_true(tc_dicom_stack_make(s, 5, &stack, NULL));
+  assert_true(make(s, 5, &stack, NULL));
   static const uint32_t layers[5] = {0, 1, 1, 3, 4};
   assert_int_equal(stack.dims[2], 5);
   assert_int_equal(stack.count, 5);
@@ -243,7 +278,7 @@ static void nonsense_is_no_crash(void **state) {
         s[i].sparse = round & 1;
       }
     tc_dicom_stack stack;
-    if (!tc_dicom_stack_make(s, (size_t)n, &stack, NULL)) continue;
+    if (!make(s, (size_t)n, &stack, NULL)) continue;
     assert_true(stack.count >= 1);
     for (size_t i = 0; i < stack.count; i++)
       assert_true(stack.items[i].layer < (uint32_t)stack.dims[2]);
@@ -255,12 +290,12 @@ int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(sorts_by_position),
       cmocka_unit_test(positions_come_back),
-      cmocka_unit_test(takes_the_first_of_duplicates),
-      cmocka_unit_test(a_missing_slice_is_an_error),
-      cmocka_unit_test(irregular_steps),
+      cmocka_unit_test(one_missing_slice_is_bridged),
+      cmocka_unit_test(more_missing_slices_are_an_error),
+      cmocka_unit_test(small_differences_keep_the_mean),
+      cmocka_unit_test(varying_steps_are_resampled),
+      cmocka_unit_test(shared_positions_are_no_stack),
       cmocka_unit_test(off_the_line),
-      cmocka_unit_test(splits_acquisitions),
-      cmocka_unit_test(leaves_out_localisers),
       cmocka_unit_test(without_positions),
       cmocka_unit_test(one_slice),
       cmocka_unit_test(segmentations_may_have_gaps),
