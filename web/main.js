@@ -203,6 +203,9 @@ function showFacts(volume, box) {
     Values: volume.range && `${volume.range.map((v) => Number(v.toPrecision(6))).join(' to ')}${unit}`,
     Type: volume.type,
     Memory: formatBytes(volume.bytes),
+    Volume: volume.frames > 1 && `${volume.volume} of ${volume.frames}`,
+    Slices: volume.slices && `${volume.slices.used} of ${volume.slices.found}`,
+    Note: volume.note,
   };
   const entries = Object.entries(rows).filter(([, text]) => text);
   const element = (name, text) => Object.assign(document.createElement(name), { textContent: text });

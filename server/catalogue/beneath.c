@@ -53,13 +53,15 @@ char *tcs_beneath(const char *folder, const char *relative, GError **error) {
     tc_set_error(error, TC_ERROR_INVALID, "/path", "the path is empty; give one inside the data folder");
     return NULL;
   }
-  const char *series = NULL;
+  const char *series = NULL; /* "#2", "#volume=3" or "#2#volume=3" */
+  char *plain = g_strdup(relative), *mark;
   int fd = open_beneath(folder, relative);
-  if (fd < 0 && (series = strrchr(relative, '#'))) {
-    char *plain = g_strndup(relative, (size_t)(series - relative));
+  for (int part = 0; fd < 0 && part < 2 && (mark = strrchr(plain, '#')); part++) {
+    *mark = 0;
+    series = relative + (mark - plain);
     fd = open_beneath(folder, *plain ? plain : ".");
-    g_free(plain);
   }
+  g_free(plain);
   char *path = fd >= 0 ? name_of(fd) : NULL;
   if (fd >= 0) close(fd);
   if (!path) {

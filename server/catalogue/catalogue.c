@@ -165,6 +165,21 @@ static void add_vector(cJSON *object, const char *name, const double *values, in
   cJSON_AddItemToObject(object, name, cJSON_CreateDoubleArray(values, count));
 }
 
+void tcs_describe_provenance(cJSON *json, const tc_volume *volume) {
+  const tc_volume_desc *desc = tc_volume_describe(volume);
+  const tc_provenance *from = tc_volume_provenance(volume);
+  cJSON_AddNumberToObject(json, "frames", desc->frames);
+  cJSON_AddNumberToObject(json, "volume", MAX(from->volume, 1));
+  if (from->slices_found) {
+    cJSON *slices = cJSON_AddObjectToObject(json, "slices");
+    cJSON_AddNumberToObject(slices, "used", from->slices_used);
+    cJSON_AddNumberToObject(slices, "found", from->slices_found);
+  }
+  if (from->resampled) cJSON_AddTrueToObject(json, "resampled");
+  if (from->bridged) cJSON_AddNumberToObject(json, "bridged", from->bridged);
+  cJSON_AddStringToObject(json, "note", desc->note);
+}
+
 static void describe_volume(cJSON *json, const tc_volume *volume) {
   const tc_volume_desc *desc = tc_volume_describe(volume);
   const tc_volume_stats *stats = tc_volume_statistics(volume);
@@ -182,8 +197,7 @@ static void describe_volume(cJSON *json, const tc_volume *volume) {
   cJSON_AddStringToObject(json, "unit", desc->unit);
   cJSON_AddNumberToObject(json, "slope", desc->slope);
   cJSON_AddNumberToObject(json, "intercept", desc->intercept);
-  cJSON_AddNumberToObject(json, "frames", desc->frames);
-  cJSON_AddStringToObject(json, "note", desc->note);
+  tcs_describe_provenance(json, volume);
   cJSON_AddNumberToObject(json, "nonFinite", (double)stats->non_finite);
   if (desc->window_width > 0) {
     cJSON *window = cJSON_AddObjectToObject(json, "window");

@@ -69,6 +69,8 @@ typedef bool tcs_volume_wanted(const void *user, const char *id);
 GArray *tcs_catalogue_rows(tcs_catalogue *catalogue, tcs_volume_wanted *wanted, const void *user);
 cJSON *tcs_rows_describe(GArray *rows); /* by id; any thread */
 void tcs_rows_free(GArray *rows);
+/* Which volume of how many, and what of a series is in it. */
+void tcs_describe_provenance(cJSON *json, const tc_volume *volume);
 void tcs_catalogue_gauges(tcs_catalogue *catalogue, tcs_gauges *gauges);
 /* True while a volume of the command line has not been loaded, well or badly. */
 bool tcs_catalogue_starting(tcs_catalogue *catalogue);

@@ -6,6 +6,7 @@
 #include <cjson/cJSON.h>
 
 #include "renderer/tomocast.h"
+#include "server/catalogue/catalogue.h"
 #include "server/cli/cli.h"
 
 typedef struct report {
@@ -30,12 +31,25 @@ static void name_orientation(const double direction[9], char letters[4]) {
 
 /* --- --json ------------------------------------------------------------------------------------- */
 
+static void add_volume(cJSON *volumes, const tc_series *s) {
+  cJSON *object = cJSON_CreateObject();
+  cJSON_AddNumberToObject(object, "number", s->volume);
+  cJSON_AddNumberToObject(object, "slices", s->slices);
+  cJSON_AddStringToObject(object, "what", s->what);
+  cJSON_AddItemToArray(volumes, object);
+}
+
+/* A series has a row for each of its volumes. */
 static cJSON *series_json(const report *r) {
-  cJSON *list = cJSON_CreateArray();
+  cJSON *list = cJSON_CreateArray(), *volumes = NULL;
   for (size_t i = 0; i < r->n_series; i++) {
     const tc_series *s = &r->series[i];
+    if (s->volume > 1 && volumes) {
+      add_volume(volumes, s);
+      continue;
+    }
     cJSON *object = cJSON_CreateObject();
-    cJSON_AddNumberToObject(object, "number", (double)(i + 1));
+    cJSON_AddNumberToObject(object, "number", s->number);
     cJSON_AddStringToObject(object, "uid", s->uid);
     cJSON_AddStringToObject(object, "modality", s->modality);
     cJSON_AddStringToObject(object, "label", s->label);
@@ -43,6 +57,8 @@ static cJSON *series_json(const report *r) {
     cJSON_AddNumberToObject(object, "frames", s->frames);
     cJSON_AddNumberToObject(object, "rows", s->rows);
     cJSON_AddNumberToObject(object, "columns", s->columns);
+    volumes = cJSON_AddArrayToObject(object, "volumes");
+    add_volume(volumes, s);
     cJSON_AddItemToArray(list, object);
   }
   return list;
@@ -77,10 +93,9 @@ static void print_json(const report *r) {
   cJSON_AddStringToObject(o, "unit", d->unit);
   cJSON_AddNumberToObject(o, "bytes", (double)tc_volume_bytes(r->volume));
   cJSON_AddStringToObject(o, "modality", d->modality);
-  cJSON_AddNumberToObject(o, "frames", d->frames);
+  tcs_describe_provenance(o, r->volume);
   cJSON_AddNumberToObject(o, "nonFinite", (double)r->stats->non_finite);
   if (d->window_width > 0) cJSON_AddItemToObject(o, "window", window_json(d));
-  cJSON_AddStringToObject(o, "note", d->note);
   if (r->n_series) cJSON_AddItemToObject(o, "series", series_json(r));
   char *text = cJSON_Print(o);
   puts(text);
@@ -93,13 +108,17 @@ static void print_json(const report *r) {
 static void print_series(const report *r) {
   for (size_t i = 0; i < r->n_series; i++) {
     const tc_series *s = &r->series[i];
-    printf("series #%zu    %s, %s, %d files, %d frames of %d x %d, %s\n", i + 1, s->label,
-           *s->modality ? s->modality : "no modality", s->files, s->frames, s->columns, s->rows, s->uid);
+    if (s->volume == 1)
+      printf("series #%d    %s, %s, %d files, %d frames of %d x %d, %s\n", s->number, s->label,
+             *s->modality ? s->modality : "no modality", s->files, s->frames, s->columns, s->rows, s->uid);
+    if (s->volume > 1 || (i + 1 < r->n_series && s[1].volume > 1))
+      printf("  #%d#volume=%d  %d slices%s%s\n", s->number, s->volume, s->slices, *s->what ? ", " : "", s->what);
   }
 }
 
 static void print_text(const report *r) {
   const tc_volume_desc *d = r->desc;
+  const tc_provenance *from = tc_volume_provenance(r->volume);
   const char *gap = *d->unit ? " " : "";
   printf("kind         %s\n", d->format);
   printf("dims         %d x %d x %d\n", d->dims[0], d->dims[1], d->dims[2]);
@@ -114,6 +133,7 @@ static void print_text(const report *r) {
   printf("bytes        %zu\n", tc_volume_bytes(r->volume));
   printf("modality     %s\n", *d->modality ? d->modality : "unknown");
   printf("frames       %d\n", d->frames);
+  if (from->slices_found) printf("slices       %d of %d\n", from->slices_used, from->slices_found);
   if (d->window_width > 0) printf("window       center %g, width %g\n", d->window_center, d->window_width);
   if (r->stats->non_finite)
     printf("replaced     %llu voxels that were not finite\n", (unsigned long long)r->stats->non_finite);
@@ -123,10 +143,11 @@ static void print_text(const report *r) {
 
 /* --- the command -------------------------------------------------------------------------------- */
 
-/* "folder#2" chooses a series; the list is of the whole folder. */
+/* "folder#2#volume=3" chooses a series and volume; the list is of the whole folder. */
 static bool list_series(report *r, const char *path, GError **error) {
-  char *plain = g_strdup(path), *mark = strrchr(plain, '#');
-  if (mark && !g_file_test(path, G_FILE_TEST_EXISTS)) *mark = 0;
+  char *plain = g_strdup(path);
+  for (char *mark; !g_file_test(plain, G_FILE_TEST_EXISTS) && (mark = strrchr(plain, '#'));)
+    *mark = 0;
   bool good = strcmp(r->desc->format, "dicom") != 0 || tc_import_list(plain, NULL, &r->series, &r->n_series, error);
   g_free(plain);
   return good;
