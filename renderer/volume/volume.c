@@ -15,6 +15,7 @@ struct tc_volume {
   tc_volume_stats stats;
   tc_provenance provenance;
   uint8_t *voxels;
+  uint8_t *nothing;    /* a bit for each voxel that was NaN; NULL: none was */
   size_t bytes;        /* voxels alone */
   size_t mapped_bytes; /* with the pad */
   double to_lps[9];    /* index displacement -> mm, row by row */
@@ -174,11 +175,34 @@ static void range_f32(const float *p, size_t n, double *lo, double *hi, uint64_t
   *lo = bad == n ? 0 : a, *hi = bad == n ? 0 : b;
 }
 
-/* Kernels interpolate without a test, so what is not finite is mended once, here. */
-static void mend_f32(float *p, size_t n, float lo, float hi) {
+typedef struct sealing {
+  bool (*goes_on)(void *user); /* NULL: always */
+  void *user;
+  double lo, hi, factor;
+} sealing;
+
+/* Kernels interpolate without a test, so what is not finite is mended once, here: NaN by `nothing`. */
+static void mend_f32(float *p, size_t n, float lo, float hi, float nothing) {
   for (size_t i = 0; i < n; i++)
-    if (!isfinite(p[i])) p[i] = p[i] > 0 ? hi : lo;
+    if (!isfinite(p[i])) p[i] = isnan(p[i]) ? nothing : p[i] > 0 ? hi : lo;
 }
+
+/* NaN says that there is nothing. In a map of signed values that is 0, so that a mask is no deepest deactivation; in
+ * all else, such as HU, the least value. */
+static double value_of_nothing(const tc_volume *v, const sealing *s) {
+  const double zero = 0 - v->desc.intercept / v->desc.slope; /* never -0 */
+  return s->lo < zero && zero < s->hi && strcmp(v->desc.unit, "HU") != 0 ? zero : s->lo;
+}
+
+/* Remembers which voxels are NaN, a bit each. Without memory for it they count as what they were mended to. */
+static void mark_nothing(tc_volume *v, size_t at, size_t n) {
+  const float *p = (const float *)v->voxels;
+  if (!v->nothing) v->nothing = calloc(voxel_count(v) / 8 + 1, 1);
+  for (size_t i = at; i < at + n && v->nothing; i++)
+    if (isnan(p[i])) v->nothing[i / 8] |= (uint8_t)(1 << (i % 8));
+}
+
+static bool is_nothing(const tc_volume *v, size_t i) { return v->nothing && (v->nothing[i / 8] >> (i % 8) & 1); }
 
 /* Differences of voxels near the ends of float's range would overflow (or vanish): such volumes are scaled by a power
  * of two, which is exact, and the slope takes it back. 1: no need. */
@@ -209,12 +233,6 @@ static void range_of(const tc_volume *v, size_t at, size_t n, double *lo, double
   }
 }
 
-typedef struct sealing {
-  bool (*goes_on)(void *user); /* NULL: always */
-  void *user;
-  double lo, hi, factor;
-} sealing;
-
 static bool asks(const sealing *s) { return !s->goes_on || s->goes_on(s->user); }
 
 static bool find_range(tc_volume *v, sealing *s) {
@@ -244,7 +262,10 @@ static bool mend(tc_volume *v, sealing *s) {
   for (size_t at = 0; at < count; at += SEAL_VOXELS) {
     const size_t n = count - at < SEAL_VOXELS ? count - at : SEAL_VOXELS;
     float *p = (float *)v->voxels + at;
-    if (v->stats.non_finite) mend_f32(p, n, (float)s->lo, (float)s->hi);
+    if (v->stats.non_finite) {
+      mark_nothing(v, at, n);
+      mend_f32(p, n, (float)s->lo, (float)s->hi, (float)value_of_nothing(v, s));
+    }
     if (s->factor != 1) scale_f32(p, n, s->factor);
     if (!asks(s)) return false;
   }
@@ -290,6 +311,7 @@ tc_volume *tc_volume_ref(tc_volume *volume) {
 void tc_volume_unref(tc_volume *volume) {
   if (!volume || atomic_fetch_sub_explicit(&volume->references, 1, memory_order_acq_rel) != 1) return;
   munmap(volume->voxels, volume->mapped_bytes);
+  free(volume->nothing);
   if (volume->freed) volume->freed(volume->freed_user);
   free(volume);
 }
@@ -342,14 +364,18 @@ static double voxel_as_double(const tc_volume *v, size_t i) {
   return 0;
 }
 
+/* How far outside the box counts as on it: positions come as decimals, and rounding must not make the first and last
+ * planes a miss. */
+#define BOX_SLACK 1e-3
+
 bool tc_volume_value_at(const tc_volume *volume, const double index[3], double *value) {
   double lo[3], hi[3], f[3];
   size_t low[3], high[3];
   tc_volume_index_box(volume, lo, hi);
   for (int k = 0; k < 3; k++) {
-    if (!(index[k] >= lo[k] && index[k] <= hi[k])) return false;
+    if (!(index[k] >= lo[k] - BOX_SLACK && index[k] <= hi[k] + BOX_SLACK)) return false;
     int n = volume->desc.dims[k];
-    double p = n == 1 ? 0 : index[k];
+    double p = n == 1 ? 0 : fmin(fmax(index[k], lo[k]), hi[k]);
     int i = (int)p;
     if (i > n - 2) i = n - 2 < 0 ? 0 : n - 2;
     f[k] = p - i;
@@ -361,7 +387,9 @@ bool tc_volume_value_at(const tc_volume *volume, const double index[3], double *
   for (int corner = 0; corner < 8; corner++) {
     size_t x = corner & 1 ? high[0] : low[0], y = corner & 2 ? high[1] : low[1], z = corner & 4 ? high[2] : low[2];
     double w = (corner & 1 ? f[0] : 1 - f[0]) * (corner & 2 ? f[1] : 1 - f[1]) * (corner & 4 ? f[2] : 1 - f[2]);
-    sum += w * voxel_as_double(volume, (z * ny + y) * nx + x);
+    const size_t at = (z * ny + y) * nx + x;
+    if (w > 0 && is_nothing(volume, at)) return false;
+    sum += w * voxel_as_double(volume, at);
   }
   *value = volume->desc.slope * sum + volume->desc.intercept;
   return true;
@@ -374,6 +402,7 @@ void tc_volume_histogram(const tc_volume *volume, int bins, uint64_t *counts, do
   double scale = hi > lo ? bins / (hi - lo) : 0;
   size_t n = voxel_count(volume);
   for (size_t i = 0; i < n; i++) {
+    if (is_nothing(volume, i)) continue;
     double v = volume->desc.slope * voxel_as_double(volume, i) + volume->desc.intercept;
     double at = (v - lo) * scale; /* infinite or no number where the range is next to nothing */
     counts[at < bins ? at > 0 ? (int)at : 0 : at >= bins ? bins - 1 : 0]++;

@@ -50,8 +50,8 @@ tc_volume *tc_volume_new(const tc_volume_desc *desc, GError **error);
 void *tc_volume_voxels(tc_volume *volume);
 const void *tc_volume_data(const tc_volume *volume);
 
-/* Ends the filling: finds the range, replaces what is not finite in a f32 volume (NaN by the smallest finite voxel,
- * +inf/-inf by the largest/smallest finite one; a volume with none finite becomes 0) and counts it. A f32 volume whose
+/* Ends the filling: finds the range, replaces and counts what is not finite in a f32 volume (NaN, which then has no value
+ * and no count, by 0 in signed maps but HU, else like -inf; +-inf by the extremes; nothing finite: 0). A f32 volume whose
  * largest magnitude is beyond 1e30 or below 1e-30 is scaled by a power of two, with the slope taking it back. */
 void tc_volume_seal(tc_volume *volume);
 /* The same, asking now and then whether to go on: false, and the volume is not sealed, as soon as `goes_on` says so. */
@@ -80,10 +80,10 @@ void tc_volume_lps_to_index_matrix(const tc_volume *volume, double matrix[9]);
 /* The field's box in index space (NUMERICS section 0): [0, n-1], or [-0.5, 0.5] where n = 1. */
 void tc_volume_index_box(const tc_volume *volume, double lo[3], double hi[3]);
 
-/* Trilinear value (in the volume's unit) at an index position; false outside the box. Double precision. */
+/* Trilinear value (in the volume's unit) at an index position; false 0.001 outside the box, and beside NaN. Double. */
 bool tc_volume_value_at(const tc_volume *volume, const double index[3], double *value);
 
-/* Counts of voxels in `bins` equal bins over [stats.min, stats.max]; edges[bins + 1] in the volume's unit. */
+/* Counts of voxels (not NaN) in `bins` equal bins over [stats.min, stats.max]; edges[bins + 1] in the volume's unit. */
 void tc_volume_histogram(const tc_volume *volume, int bins, uint64_t *counts, double *edges);
 
 /* A generated demo: "head" "head-labels" (its segmentation) "vessels" "marschner-lobb" "bucky" (without "demo:").

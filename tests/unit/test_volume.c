@@ -49,11 +49,41 @@ static void float_voxels_are_mended(void **state) {
   const float in[5] = {NAN, -2, INFINITY, 7, -INFINITY};
   memcpy(tc_volume_voxels(v), in, sizeof in);
   tc_volume_seal(v);
-  const float *out = tc_volume_data(v), want[5] = {-2, -2, 7, 7, -2};
+  const float *out = tc_volume_data(v), want[5] = {0, -2, 7, 7, -2};
   assert_memory_equal(out, want, sizeof want);
   assert_int_equal(tc_volume_statistics(v)->non_finite, 3);
   assert_null(tc_volume_voxels(v)); /* sealed */
   tc_volume_unref(v);
+}
+
+/* NaN is nothing: no value near it, no count, and no extreme of what is there. */
+static void nan_is_nothing(void **state) {
+  static const struct {
+    const char *unit;
+    float in[4], nothing;
+    double slope, intercept;
+  } cases[] = {{"", {-5, NAN, 1, 3}, 0, 1, 0},
+               {"HU", {-1000, NAN, 1, 3}, -1000, 1, 0},
+               {"", {2, NAN, 4, 3}, 2, 1, 0},
+               {"", {2, NAN, 4, 3}, 2.5f, 2, -5}};
+  for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    tc_volume_desc d = desc(4, 1, 1, TC_F32);
+    d.slope = cases[i].slope, d.intercept = cases[i].intercept;
+    strcpy(d.unit, cases[i].unit);
+    tc_volume *v = tc_volume_new(&d, NULL);
+    memcpy(tc_volume_voxels(v), cases[i].in, sizeof cases[i].in);
+    tc_volume_seal(v);
+    double value, edges[3];
+    uint64_t counts[2];
+    assert_true(((const float *)tc_volume_data(v))[1] == cases[i].nothing);
+    assert_false(tc_volume_value_at(v, (double[3]){1, 0, 0}, &value));
+    assert_false(tc_volume_value_at(v, (double[3]){0.5, 0, 0}, &value));
+    assert_true(tc_volume_value_at(v, (double[3]){0, 0, 0}, &value));
+    assert_true(tc_volume_value_at(v, (double[3]){2.5, 0, 0}, &value));
+    tc_volume_histogram(v, 2, counts, edges);
+    assert_int_equal(counts[0] + counts[1], 3);
+    tc_volume_unref(v);
+  }
 }
 
 static void huge_floats_are_scaled(void **state) {
@@ -96,6 +126,9 @@ static void orientation_and_value(void **state) {
   assert_true(fabs(value - (100 - 2 * (1.25 + 25 + 375))) < 1e-9);
   double outside[3] = {2.01, 0, 0}, edge[3] = {2, 3, 4};
   assert_false(tc_volume_value_at(v, outside, &value));
+  double near_edge[3] = {2 + 1e-9, -1e-9, 4 + 1e-4}; /* positions come as decimals: this is a voxel's centre */
+  assert_true(tc_volume_value_at(v, near_edge, &value));
+  assert_true(value == 100 - 2 * 402);
   assert_true(tc_volume_value_at(v, edge, &value));
   assert_true(fabs(value - (100 - 2 * 432)) < 1e-9);
   uint64_t counts[4], sum = 0;
@@ -152,7 +185,7 @@ static void demos_are_made(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(nonsense_is_refused),   cmocka_unit_test(float_voxels_are_mended),
+      cmocka_unit_test(nonsense_is_refused),   cmocka_unit_test(float_voxels_are_mended), cmocka_unit_test(nan_is_nothing),
       cmocka_unit_test(huge_floats_are_scaled), cmocka_unit_test(orientation_and_value),
       cmocka_unit_test(flat_axis_is_one_spacing_thick), cmocka_unit_test(demos_are_made)};
   return cmocka_run_group_tests(tests, NULL, NULL);
