@@ -221,7 +221,8 @@ struct Picture {
   tc_dicom_samples samples{};
   uint32_t frames = 1;
   Tag pixels{0x7fe0, 0x0010};
-  bool native = false;    // little-endian bytes as they are, no codec
+  bool native = false;    // bytes as they are, no codec
+  bool swapped = false;   // big-endian 32-bit samples, whose halves GDCM leaves in the file's order
   size_t deflated_at = 0; // a deflated data set begins here; 0 otherwise
   bool palette = false, inverted = false, cine = false, mosaic = false, lookup = false;
   double window_center = 0, window_width = 0;
@@ -538,13 +539,17 @@ bool read_picture(const tc_dicom_blob &blob, size_t source, Picture &p) {
   if (p.samples.rows == 0 || p.samples.columns == 0 || p.samples.allocated == 0) return false;
   p.pixels = pixel_tag(set, p);
   p.samples.is_float = p.pixels != Tag(0x7fe0, 0x0010);
+  p.swapped = syntax == gdcm::TransferSyntax::ExplicitVRBigEndian && p.samples.allocated == 32 && !p.samples.is_float;
+  p.native = (syntax == gdcm::TransferSyntax::ImplicitVRLittleEndian ||
+              syntax == gdcm::TransferSyntax::ExplicitVRLittleEndian ||
+              syntax == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian || p.swapped) &&
+             p.samples.allocated != 12 && !p.palette;
+  p.samples.halved = p.native && text_of(set, Tag(0x28, 0x04)) == "YBR_FULL_422";
+  if (syntax == gdcm::TransferSyntax::RLELossless && p.samples.per_pixel > 1 && p.samples.allocated > 8)
+    fail(TC_ERROR_UNSUPPORTED, "colours of 16 bits packed by RLE are not read; export the pictures uncompressed");
   if (p.samples.allocated != 12 && !tc_dicom_samples_valid(&p.samples) && !p.palette)
     fail(TC_ERROR_UNSUPPORTED, "samples of %d bits allocated, %d stored, %d a pixel are not read", p.samples.allocated,
          p.samples.stored, p.samples.per_pixel);
-  p.native = (syntax == gdcm::TransferSyntax::ImplicitVRLittleEndian ||
-              syntax == gdcm::TransferSyntax::ExplicitVRLittleEndian ||
-              syntax == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian) &&
-             p.samples.allocated != 12 && !p.palette && text_of(set, Tag(0x28, 0x04)) != "YBR_FULL_422";
   if (p.samples.is_float && !p.native)
     fail(TC_ERROR_UNSUPPORTED, "float pixels in a packed or big-endian file are not read");
   if (syntax == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian) {
@@ -627,18 +632,27 @@ private:
     if (!whole) fail(TC_ERROR_FORMAT, "pixel data is cut: the file ends before it does");
     bytes_ = reinterpret_cast<const uint8_t *>(value->GetPointer());
     size_ = value->GetLength();
+    if (p.swapped) swap_halves();
     if ((frame_bits(p.samples) * p.frames + 7) / 8 > size_)
       fail(TC_ERROR_FORMAT, "the header announces more pixels than there are");
   }
 
+  void swap_halves() {
+    whole_.assign(bytes_, bytes_ + size_);
+    for (size_t i = 0; i + 4 <= size_; i += 4)
+      std::swap_ranges(whole_.begin() + i, whole_.begin() + i + 2, whole_.begin() + i + 2);
+    bytes_ = whole_.data();
+  }
+
   static uint64_t frame_bits(const tc_dicom_samples &s) {
-    return uint64_t(s.rows) * s.columns * s.per_pixel * s.allocated;
+    return s.allocated == 1 ? uint64_t(s.rows) * s.columns : 8 * tc_dicom_frame_bytes(&s);
   }
 
   void open_coded(const Picture &p) {
     MemoryBuffer buffer(blob_.bytes, blob_.size);
     std::istream stream(&buffer);
-    reader_.reset(new gdcm::ImageReader);
+    // The reader of images wants geometry too, and gives up on files of one frame that it expects several in.
+    reader_.reset(p.palette ? new gdcm::ImageReader : new gdcm::PixmapReader);
     reader_->SetStream(stream);
     if (!guarded([&] { return reader_->Read(); }))
       fail(TC_ERROR_FORMAT, "a DICOM file is damaged, cut, or packed in a way not known");
@@ -646,10 +660,15 @@ private:
     if (p.frames > 1 && !p.palette) split_fragments(p);
   }
 
+  const gdcm::Bitmap &picture() const {
+    if (const auto *images = dynamic_cast<const gdcm::ImageReader *>(reader_.get())) return images->GetImage();
+    return reader_->GetPixmap();
+  }
+
   // Compressed frames come one at a time where the fragments say which belong to which frame: less memory, and of a
   // time series only the frames that are shown get decoded.
   void split_fragments(const Picture &p) {
-    const gdcm::DataElement &element = reader_->GetImage().GetDataElement();
+    const gdcm::DataElement &element = picture().GetDataElement();
     const gdcm::SequenceOfFragments *all = element.GetSequenceOfFragments();
     if (!all) return;
     if (all->GetNumberOfFragments() < p.frames)
@@ -698,7 +717,7 @@ private:
   }
 
   Frame coded_frame(const Picture &p, uint32_t number) {
-    gdcm::Image &image = reader_->GetImage();
+    const gdcm::Bitmap &image = picture();
     if (!pieces_.empty()) {
       gdcm::Image one = single_frame(image, number);
       decode_into(one);
@@ -706,7 +725,7 @@ private:
       number = 0;
     } else if (whole_.empty() && p.palette) {
       gdcm::ImageApplyLookupTable colours;
-      colours.SetInput(image);
+      colours.SetInput(static_cast<const gdcm::Image &>(image));
       if (!guarded([&] { return colours.Apply(); })) fail(TC_ERROR_UNSUPPORTED, "this palette is not read");
       decode_into(colours.GetOutput());
       samples_ = decoded_samples(colours.GetOutput(), p);
@@ -719,7 +738,7 @@ private:
     return Frame{samples_, whole_.data() + bits / 8, whole_.size() - bits / 8, static_cast<unsigned>(bits % 8)};
   }
 
-  gdcm::Image single_frame(const gdcm::Image &image, uint32_t number) const {
+  gdcm::Image single_frame(const gdcm::Bitmap &image, uint32_t number) const {
     gdcm::Image one;
     one.SetNumberOfDimensions(2);
     one.SetDimension(0, image.GetDimension(0));
@@ -739,7 +758,7 @@ private:
   const Picture *open_ = nullptr;
   tc_dicom_blob blob_{};
   size_t cap_ = SIZE_MAX; // allocations while this file is open
-  std::unique_ptr<gdcm::ImageReader> reader_;
+  std::unique_ptr<gdcm::PixmapReader> reader_;
   std::unique_ptr<gdcm::Reader> plain_reader_;
   const uint8_t *bytes_ = nullptr;
   size_t size_ = 0;

@@ -10,12 +10,14 @@ bool tc_dicom_samples_valid(const tc_dicom_samples *s) {
   if (s->is_float) return grey && s->per_pixel == 1 && (s->allocated == 32 || s->allocated == 64);
   if (s->allocated == 1) return grey && s->per_pixel == 1;
   if (s->allocated != 8 && s->allocated != 16 && s->allocated != 32 && s->allocated != 64) return false;
+  if (s->halved && (s->allocated != 8 || s->per_pixel != 3 || s->columns % 2 || s->colour != TC_DICOM_LUMA)) return false;
   if (s->stored < 1 || s->stored > s->allocated || s->high < s->stored - 1 || s->high >= s->allocated) return false;
   return grey ? s->per_pixel == 1 : (s->per_pixel == 3 || s->per_pixel == 4) && s->allocated <= 16;
 }
 
 uint64_t tc_dicom_frame_bytes(const tc_dicom_samples *s) {
   uint64_t bits = (uint64_t)s->rows * (uint64_t)s->columns * (uint64_t)s->per_pixel; /* below 2^35 */
+  if (s->halved) bits -= bits / 3;
   return (bits * (uint64_t)s->allocated + 7) / 8;
 }
 
@@ -68,6 +70,7 @@ static double pixel(const tc_dicom_samples *s, const uint8_t *bytes, size_t pixe
   size_t width = (size_t)s->allocated / 8;
   size_t step = s->planar ? pixels * width : width;
   const uint8_t *at = bytes + (s->planar ? i * width : i * width * (size_t)s->per_pixel);
+  if (s->halved) at = bytes + i / 2 * 4 + i % 2;
   if (s->colour == TC_DICOM_GREY) return sample(s, at);
   double scale = 255.0 / ((double)(UINT64_C(1) << s->stored) - 1);
   if (s->colour == TC_DICOM_LUMA) return round(sample(s, at) * scale);

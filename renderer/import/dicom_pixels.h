@@ -23,6 +23,7 @@ typedef struct tc_dicom_samples {
   bool is_signed, is_float;
   int per_pixel; /* 1, 3 or 4 */
   bool planar;   /* all of one colour, then the next */
+  bool halved;   /* YBR_FULL_422: Y Y Cb Cr for two pixels; 8 bits and TC_DICOM_LUMA only */
   tc_dicom_colour colour;
 } tc_dicom_samples;
 

@@ -324,6 +324,26 @@ static void colour_becomes_luma(void **state) {
   drop(folder, path);
 }
 
+/* Two pixels share their colour: 2 bytes a pixel, of which the luma is taken. */
+static void halved_colour_becomes_luma(void **state) {
+  uint8_t pixels[PIXELS * 2];
+  dicom_spec s;
+  dicom_spec_init(&s, COLUMNS, ROWS, pixels, sizeof pixels);
+  for (int i = 0; i < PIXELS * 2; i++)
+    pixels[i] = (uint8_t)(i % 4 < 2 ? 100 + i / 4 * 2 + i % 4 : 7);
+  s.allocated = s.stored = 8;
+  s.high = 7;
+  s.is_signed = 0;
+  s.samples = 3;
+  s.photometric = "YBR_FULL_422";
+  char *folder, *path = one_file(&folder, &s);
+  tc_volume *v = load(path, NULL);
+  for (int i = 0; i < PIXELS; i++)
+    assert_int_equal(((const uint8_t *)tc_volume_data(v))[i], 100 + i);
+  tc_volume_unref(v);
+  drop(folder, path);
+}
+
 /* Headers that promise what the file does not hold: refused at once, nothing large is allocated. */
 static void hostile_headers(void **state) {
   int16_t pixels[PIXELS];
@@ -498,7 +518,7 @@ int main(void) {
       cmocka_unit_test(different_slopes_become_float),
       cmocka_unit_test(what_is_missing_is_said),
       cmocka_unit_test(wide_integers_are_narrowed),
-      cmocka_unit_test(colour_becomes_luma),
+      cmocka_unit_test(colour_becomes_luma), cmocka_unit_test(halved_colour_becomes_luma),
       cmocka_unit_test(hostile_headers),
       cmocka_unit_test(a_huge_element),
       cmocka_unit_test(every_prefix_is_refused),
