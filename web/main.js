@@ -2,6 +2,7 @@
 
 import { linkIn, TokenDialog } from './access.js';
 import { Actions } from './actions.js';
+import { Address } from './address.js';
 import { Api } from './api.js';
 import { Bindings } from './bindings.js';
 import { BindingsPanel } from './bindings_panel.js';
@@ -16,7 +17,8 @@ import { Labels } from './labels.js';
 import { Look } from './look.js';
 import { Modes } from './modes.js';
 import { Notices } from './notices.js';
-import { Opening, volumeInHash } from './opening.js';
+import { LocalNames } from './local_names.js';
+import { Opening } from './opening.js';
 import { bindTabs, CropPanel, Panels } from './panels.js';
 import { Probe } from './probe.js';
 import { QualityPanel } from './quality.js';
@@ -38,6 +40,7 @@ const api = new Api();
 const tokenDialog = new TokenDialog(get);
 api.ask = (wrong) => tokenDialog.ask(wrong);
 const volumes = new Volumes(api);
+const names = new LocalNames();
 const notices = new Notices(
   {
     toasts: get('toasts'),
@@ -121,16 +124,20 @@ const volumeDialog = new VolumeDialog(
   {
     choose: (id) => opening.open(id),
     problem: failed,
+    nameOf: (volume) => names.of(volume),
   },
 );
+const address = new Address(store, { open: (id, asked) => opening.open(id, { view: asked }) });
 const opening = new Opening({
   get,
   api,
   client,
   store,
   volumes,
+  names,
   on: {
     shown: showVolume,
+    opened: (id, how) => address.opened(id, how),
     failed,
     toast: (text, options) => notices.toast(text, options),
     size: wantedSize,
@@ -159,7 +166,7 @@ new BindingsPanel(get('bindings'), get('bindings-reset'), bindings);
 const sceneDialog = new SceneDialog(get, {
   scene: () => store.scene,
   load: loadScene,
-  share: (role) => client.share(role),
+  share: async (role) => address.attach(await client.share(role)),
   toast: (text) => notices.toast(text),
 });
 
@@ -178,6 +185,7 @@ function showVolume(volume, box, histogram) {
   crop.setBox(box);
   labels.setVolume(volume.id);
   get('volume-name').textContent = volume.id;
+  get('volume-file').textContent = names.of(volume);
   get('volume-meta').textContent = volume.dims.join(' \u00d7 ');
   get('probe').textContent = '';
   get('empty').hidden = true;
@@ -194,11 +202,13 @@ function showFacts(volume, box) {
   const unit = unitOf(volume);
   const rows = {
     Name: volume.id,
+    File: names.of(volume),
     Modality: volume.modality,
     Voxels: volume.dims.join(' \u00d7 '),
-    Spacing: lengthsText(volume.spacing, 4),
+    Spacing: lengthsText(volume.spacing, { digits: 4 }),
     Extent: lengthsText(
       box.high.map((end, k) => end - box.low[k]),
+      { least: 1 },
     ),
     Values: volume.range && `${volume.range.map((v) => Number(v.toPrecision(6))).join(' to ')}${unit}`,
     Type: volume.type,
@@ -257,7 +267,10 @@ function refused(error, patch) {
   notices.line(error.message);
 }
 
-function failed(error) {
+/** file: the user's name for what it is about */
+function failed(error, file = '') {
+  const words = names.inText(error.message);
+  error.message = words.includes(file) ? words : `${file}: ${words}`;
   notices.problem(error);
   if (!client.session) {
     showEmpty(error.message);
@@ -390,13 +403,11 @@ function bindWindow() {
       client.leave();
       takeLink();
       location.reload();
-      return;
     }
-    const id = volumeInHash(location.hash);
-    if (id && id !== opening.volume?.id) opening.open(id);
   });
   window.addEventListener('pagehide', (event) => {
     if (event.persisted) return;
+    address.flush();
     opening.keep();
     client.leave();
   });

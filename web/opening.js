@@ -1,20 +1,13 @@
 // From a name, a file or an address to a volume on the stage: loading, uploading, joining, with progress and cancel.
 
 import { linked } from './access.js';
+import { readHash } from './address.js';
 import { fit, volumeBox } from './camera.js';
+import { nameOf } from './local_names.js';
 import { formatBytes, uploadId } from './volumes.js';
 import { droppedFiles, zip } from './zip.js';
 
 const KEPT_SCENE = 'tomocast.scene'; // sessionStorage: survives a reload of this tab, nothing else
-
-/** The volume an address names after its #, or "". */
-export function volumeInHash(hash) {
-  try {
-    return decodeURIComponent(hash.slice(1));
-  } catch {
-    return ''; // a % that encodes nothing
-  }
-}
 
 export class Opening {
   volume = null; // description of the one that is shown
@@ -24,30 +17,33 @@ export class Opening {
   #client;
   #store;
   #volumes;
+  #names;
   #on;
   #abort = null; // of the load under way
 
-  /** on: shown(volume, box, histogram), failed(error), toast(text, options), size() -> {width, height} px, aspect() */
-  constructor({ get, api, client, store, volumes, on }) {
+  /** on: shown(volume, box, histogram), opened(id, {asked, joined}), failed(error, name of the file), toast(text, options), size() -> {width, height} px, aspect() */
+  constructor({ get, api, client, store, volumes, names, on }) {
     this.#get = get;
     this.#api = api;
     this.#client = client;
     this.#store = store;
     this.#volumes = volumes;
+    this.#names = names;
     this.#on = on;
   }
 
   /** Opens the session of a link the user came by, or what the address names: ?session=ID, #volume, or the only volume. @returns false: let the user choose */
   async fromAddress({ search, hash }) {
     const session = linked(this.#api.token).session || new URLSearchParams(search).get('session');
-    const id = volumeInHash(hash);
-    if (session) await this.join(session);
-    else if (id) await this.open(id, this.#kept(id));
+    const { volume, view } = readHash(hash);
+    if (session) await this.join(session, volume, view);
+    else if (volume) await this.open(volume, { scene: this.#kept(volume), view });
     else return this.#only();
     return true;
   }
 
-  async open(id, scene = null) {
+  /** scene: as this tab had it; view: the part of one that an address gave */
+  async open(id, { scene = null, view = null } = {}) {
     this.#abort?.abort();
     const abort = (this.#abort = new AbortController());
     try {
@@ -60,11 +56,11 @@ export class Opening {
       );
       const histogram = (await early) ?? (await this.#volumes.histogram(id).catch(() => null));
       if (abort.signal.aborted) return;
-      const image = { ...(scene?.image ?? {}), ...this.#on.size() };
-      await this.#client.create(id, { ...(scene ?? {}), image });
+      const asked = await this.#create(id, scene ?? view);
       this.#show(found, histogram);
-      if (!scene) this.#store.patch({ camera: fit(this.#store.scene.camera, this.box, this.#on.aspect()) }, 'fit');
-      history.replaceState(null, '', `${location.pathname}#${encodeURIComponent(id)}`);
+      if (!asked?.camera)
+        this.#store.patch({ camera: fit(this.#store.scene.camera, this.box, this.#on.aspect()) }, 'fit');
+      this.#on.opened(id, { asked: asked !== null, joined: false });
     } catch (error) {
       if (error.name !== 'AbortError') this.#on.failed(error);
     } finally {
@@ -72,15 +68,32 @@ export class Opening {
     }
   }
 
-  async join(session) {
+  /** Starts a session with a part of a scene. @returns that part, null where an address gave one that cannot be had */
+  async #create(id, asked) {
+    const image = { ...(asked?.image ?? {}), ...this.#on.size() };
     try {
-      const { volume } = await this.#api.json('GET', `v1/sessions/${encodeURIComponent(session)}`);
-      const found = await this.#volumes.wait(volume, (fraction) => this.#progress(`Loading ${volume}`, fraction));
-      const histogram = await this.#volumes.histogram(volume).catch(() => null);
+      await this.#client.create(id, { ...(asked ?? {}), image });
+      return asked;
+    } catch (error) {
+      if (!asked || (error.status !== 400 && error.status !== 422)) throw error;
+      this.#on.toast(`The view in the address is not to be had: ${error.message}`);
+      return this.#create(id, null);
+    }
+  }
+
+  /** Joins a session; `volume` and `view` are what its link says of it, for when it is gone. */
+  async join(session, volume = '', view = null) {
+    try {
+      const { volume: id } = await this.#api.json('GET', `v1/sessions/${encodeURIComponent(session)}`);
+      const found = await this.#volumes.wait(id, (fraction) => this.#progress(`Loading ${id}`, fraction));
+      const histogram = await this.#volumes.histogram(id).catch(() => null);
       await this.#client.join(session);
       this.#show(found, histogram);
+      this.#on.opened(id, { asked: false, joined: true });
     } catch (error) {
-      this.#on.failed(error);
+      if (error.status !== 404 || !volume) return this.#on.failed(error);
+      this.#on.toast('The session of this link is over. Here is the same view, in a session of your own.');
+      await this.open(volume, { scene: this.#kept(volume), view });
     } finally {
       this.#done();
     }
@@ -90,6 +103,7 @@ export class Opening {
   async upload(files) {
     if (!files.length) return;
     const stop = new AbortController();
+    const name = nameOf(files);
     this.#get('loading-cancel').hidden = false;
     this.#get('loading-cancel').onclick = () => stop.abort();
     try {
@@ -100,12 +114,12 @@ export class Opening {
               stop.signal.throwIfAborted();
               this.#progress(`Packing ${files.length} files`, part);
             });
-      const id = await this.#send(body, stop.signal);
+      const id = await this.#send(body, name, stop.signal);
       this.#get('loading-cancel').hidden = true;
       await this.open(id);
     } catch (error) {
       if (error.name === 'AbortError') this.#on.toast('Upload cancelled.');
-      else this.#on.failed(error);
+      else this.#on.failed(error, name);
     } finally {
       this.#done();
     }
@@ -128,28 +142,29 @@ export class Opening {
     });
   }
 
-  /** Keeps the scene for a reload of this tab. */
+  /** Keeps the scene for a reload of this tab: of this very address. */
   keep() {
     if (!this.#store.scene || !this.volume) return;
-    sessionStorage.setItem(KEPT_SCENE, JSON.stringify({ volume: this.volume.id, scene: this.#store.scene }));
+    sessionStorage.setItem(KEPT_SCENE, JSON.stringify({ volume: this.volume.id, hash: location.hash, scene: this.#store.scene }));
   }
 
   #kept(id) {
     const kept = JSON.parse(sessionStorage.getItem(KEPT_SCENE) ?? 'null');
     sessionStorage.removeItem(KEPT_SCENE);
-    return kept?.volume === id ? kept.scene : null;
+    return kept?.volume === id && kept.hash === location.hash ? kept.scene : null;
   }
 
   async #only() {
     const ready = (await this.#volumes.list()).filter(({ state }) => state === 'resident' || state === 'loading');
     if (ready.length !== 1) return false;
-    await this.open(ready[0].id, this.#kept(ready[0].id));
+    await this.open(ready[0].id, { scene: this.#kept(ready[0].id) });
     return true;
   }
 
-  async #send(body, signal) {
+  async #send(body, name, signal) {
     const taken = new Set((await this.#volumes.list()).map(({ id }) => id));
     const id = uploadId(taken);
+    this.#names.set(id, name);
     const words = `Uploading ${formatBytes(body.size)}`;
     this.#progress(words, 0);
     const transfer = this.#volumes.upload(id, body, (fraction) => this.#progress(words, fraction));

@@ -9,9 +9,9 @@ export function lengthText(mm, extent = mm) {
   return `${(small ? mm * 1000 : mm).toFixed(decimals(small ? extent * 1000 : extent))} ${small ? '\u00b5m' : 'mm'}`;
 }
 
-/** "0.9 \u00d7 0.9 \u00d7 1.25 mm" or "12.8 \u00d7 12.8 \u00d7 12.8 \u00b5m" */
-export function lengthsText(lengths, digits = 3) {
-  const small = inMicrometres(Math.max(...lengths) * 10);
+/** "0.9 \u00d7 0.9 \u00d7 1.25 mm", or "12.8 \u00d7 12.8 \u00d7 12.8 \u00b5m" where all are below `least` mm */
+export function lengthsText(lengths, { digits = 3, least = 0.1 } = {}) {
+  const small = lengths.every((mm) => mm < least);
   const texts = lengths.map((mm) => Number((small ? mm * 1000 : mm).toPrecision(digits)));
   return `${texts.join(' \u00d7 ')} ${small ? '\u00b5m' : 'mm'}`;
 }

@@ -116,6 +116,10 @@ export class Volumes {
     return this.#api.upload(`v1/volumes/${encodeURIComponent(id)}`, file, onProgress);
   }
 
+  remove(id) {
+    return this.#api.fetch('DELETE', `v1/volumes/${encodeURIComponent(id)}`);
+  }
+
   async #load(id, failed) {
     const found = (await this.list()).find((item) => item.id === id && item.path);
     if (found) return this.#api.json('POST', 'v1/volumes', { json: { id, path: found.path } });
@@ -124,7 +128,7 @@ export class Volumes {
   }
 }
 
-/** Shows the list, ready to search. on: choose(id), problem(error) */
+/** Shows the list, ready to search. on: choose(id), problem(error), nameOf(volume) in this tab */
 export class VolumeDialog {
   #dialog;
   #list;
@@ -184,11 +188,12 @@ export class VolumeDialog {
 
   #show() {
     const wanted = this.#filter.value.toLowerCase();
-    const fits = ({ id, path = '', modality = '' }) => `${id} ${path} ${modality}`.toLowerCase().includes(wanted);
+    const text = (item) => [item.id, item.path, item.modality, this.#on.nameOf(item)].join(' ');
+    const fits = (item) => text(item).toLowerCase().includes(wanted);
     const focused = document.activeElement?.dataset?.id;
     this.#list.replaceChildren(...this.#items.filter(fits).map((item) => this.#item(item)));
     if (!this.#items.length) this.#list.append('No volume yet. Upload one, or start the server with a data folder.');
-    [...this.#list.children].find((element) => focused && element.dataset?.id === focused)?.focus();
+    [...this.#list.querySelectorAll('.volume-item')].find(({ dataset }) => dataset.id === focused)?.focus();
   }
 
   #item(item) {
@@ -197,8 +202,8 @@ export class VolumeDialog {
     button.dataset.id = item.id;
     if (item.id === this.#current) button.setAttribute('aria-current', 'true');
     const part = (name, text) => Object.assign(document.createElement('span'), { className: name, textContent: text });
-    const line =
-      item.state === 'failed' ? (item.reason ?? '') : [item.path, describe(item)].filter(Boolean).join(' \u00b7 ');
+    const known = item.state === 'failed' ? [item.reason] : [item.path, describe(item)];
+    const line = [this.#on.nameOf(item), ...known].filter(Boolean).join(' \u00b7 ');
     button.append(part('name', item.id), part('state', [item.modality, item.state].filter(Boolean).join(' \u00b7 ')));
     button.append(part('facts-line', line));
     if (item.state === 'loading') button.append(progressBar(item.fraction));
@@ -206,7 +211,19 @@ export class VolumeDialog {
       this.close();
       this.#on.choose(item.id);
     });
-    return button;
+    return item.state === 'failed' ? this.#removable(item, button) : button;
+  }
+
+  #removable({ id }, button) {
+    const row = Object.assign(document.createElement('div'), { className: 'volume-row' });
+    const remove = Object.assign(document.createElement('button'), { textContent: 'Remove', ariaLabel: `Remove ${id}` });
+    remove.addEventListener('click', async () => {
+      await this.#volumes.remove(id).catch(this.#on.problem);
+      this.#filter.focus();
+      await this.#refresh();
+    });
+    row.append(button, remove);
+    return row;
   }
 }
 
