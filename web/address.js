@@ -17,8 +17,9 @@ const VIEW = {
 };
 const EVERY = new Set(['mode', ...Object.values(VIEW).flat()]);
 
+const short = (number) => Number(Number(number.toPrecision(7)).toFixed(6)); // to a nanometre
 const written = (value) =>
-  [value].flat().map((part) => (typeof part === 'number' ? Number(part.toPrecision(7)) : encodeURIComponent(part)));
+  [value].flat().map((part) => (typeof part === 'number' ? short(part) : encodeURIComponent(part)));
 
 /** "&mode=mip&camera.position=0,-400,0..." of what a scene is looked at with */
 export function viewText(scene) {
@@ -68,12 +69,12 @@ export class Address {
     addEventListener('hashchange', () => this.#went());
   }
 
-  /** A volume is shown, with the view that it opens with, or one that was asked for. joined: in somebody's session */
-  opened(volume, { asked, joined }) {
-    const before = readHash(location.hash).volume;
+  /** A volume is shown, with the view that it opens with or that the address gave. joined: in somebody's session */
+  opened(volume, { joined }) {
+    const { volume: before, view } = readHash(location.hash);
     const push = before && before !== volume && !joined;
     this.#volume = volume;
-    this.#fresh = asked ? '' : viewText(this.#store.scene);
+    this.#fresh = view && before === volume ? '' : viewText(this.#store.scene);
     const search = joined ? location.search : '';
     const hash = joined && !before ? '' : this.#hash();
     history[push ? 'pushState' : 'replaceState'](null, '', location.pathname + search + hash);

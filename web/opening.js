@@ -21,7 +21,7 @@ export class Opening {
   #on;
   #abort = null; // of the load under way
 
-  /** on: shown(volume, box, histogram), opened(id, {asked, joined}), failed(error, name of the file), toast(text, options), size() -> {width, height} px, aspect() */
+  /** on: shown(volume, box, histogram), opened(id, {joined}), failed(error, name of the file), toast(text, options), size() -> {width, height} px, aspect() */
   constructor({ get, api, client, store, volumes, names, on }) {
     this.#get = get;
     this.#api = api;
@@ -60,7 +60,7 @@ export class Opening {
       this.#show(found, histogram);
       if (!asked?.camera)
         this.#store.patch({ camera: fit(this.#store.scene.camera, this.box, this.#on.aspect()) }, 'fit');
-      this.#on.opened(id, { asked: asked !== null, joined: false });
+      this.#on.opened(id, { joined: false });
     } catch (error) {
       if (error.name !== 'AbortError') this.#on.failed(error);
     } finally {
@@ -89,7 +89,7 @@ export class Opening {
       const histogram = await this.#volumes.histogram(id).catch(() => null);
       await this.#client.join(session);
       this.#show(found, histogram);
-      this.#on.opened(id, { asked: false, joined: true });
+      this.#on.opened(id, { joined: true });
     } catch (error) {
       if (error.status !== 404 || !volume) return this.#on.failed(error);
       this.#on.toast('The session of this link is over. Here is the same view, in a session of your own.');

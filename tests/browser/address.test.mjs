@@ -19,7 +19,7 @@ test('the view of a scene survives the way through an address, and only a view i
   assert.equal(volume, 'a b');
   assert.deepEqual(view, {
     mode: 'mip',
-    camera: { ...camera, position: [0.3333333, -400, 0] },
+    camera: { ...camera, position: [0.333333, -400, 0], target: [0, 0, 0] },
     window: { center: 40, width: 400 },
   });
   assert.equal(viewText({ mode: 'dvr', camera, transferFunction: { preset: null } }).includes('preset'), false);
@@ -74,6 +74,8 @@ describe('addresses and names', { skip }, () => {
   const near = (a, b) => a.forEach((x, k) => assert.ok(Math.abs(x - b[k]) < 1e-3, `${a} is ${b}`));
 
   test('the address is short until something is turned, then opens the same view elsewhere', async () => {
+    await page.reload();
+    await settled(page);
     assert.equal(await hash(), '#head');
     await page.selectOption('#mode', 'mip');
     await page.focus('#stage');
