@@ -9,7 +9,8 @@ static void refused(const tcs_request *request, const char *why) {
 }
 
 bool tcs_admit_host(tcs_request *request) {
-  if (tcs_host_allowed(request->server->access->hosts, tcs_header(request, "Host"))) return true;
+  const char *host = tcs_header(request, "Host");
+  if (!host || tcs_host_allowed(request->server->access->hosts, host)) return true;
   refused(request, "host");
   tcs_reply_problem(request, 421, "host", "Misdirected request",
                     "this server does not answer for that host; its operator can name it with --host");

@@ -6,7 +6,8 @@
 #include "server/http/http.h"
 
 /* False: replied 421: Host is no name of this server. (That there is one Host, one Origin and one Authorization is seen
- * to by head.h.) Before the route is known: there is nothing at all here for others. */
+ * to by head.h.) HTTP/1.0 may leave it out: no browser does, and others than browsers could as well send a right one.
+ * Before the route is known: there is nothing at all here for others. */
 bool tcs_admit_host(tcs_request *request);
 /* False: replied 403: a page of another origin asks. */
 bool tcs_admit_origin(tcs_request *request);

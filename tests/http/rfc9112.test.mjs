@@ -7,9 +7,13 @@ import net from 'node:net';
 import { after, before, test } from 'node:test';
 import { Daemon } from '../support/daemon.mjs';
 import { exchange, replies } from '../support/http.mjs';
+import { validate } from '../support/schema.mjs';
 
-let d;
-before(async () => { d = await Daemon.start({ config: '[server]\nhosts=127.0.0.1\n' }); });
+let d, api;
+before(async () => {
+  d = await Daemon.start({ config: '[server]\nhosts=127.0.0.1\n' });
+  api = (await d.get('/v1/openapi.json')).json;
+});
 after(() => d.stop());
 
 const END = 202; // stands for the sound request's status in the rows
@@ -90,6 +94,10 @@ const rows = [
   ['3986 7.3', 'a slash in percent form in the query', get('/healthz?a=%2F'), [200, END]],
   ['3986 7.3', 'no UTF-8', get('/v1/volumes/%ff'), [400]],
   ['9112 3.2', 'no Host', get('/healthz', ''), [400]],
+  // Not refused: HTTP/1.0 had none, browsers (whose pages the check of Host is there for) always send it, others may send any.
+  ['9112 3.2', 'no Host in HTTP/1.0', get('/healthz', '', 'HTTP/1.0'), [200]],
+  ['9112 3.3', 'no Host in HTTP/1.0, kept alive', get('/healthz', 'Connection: keep-alive\r\n', 'HTTP/1.0'), [200, END]],
+  ['9112 3.2', 'an empty Host in HTTP/1.0', get('/healthz', 'Host:\r\n', 'HTTP/1.0'), [421]],
   ['9112 3.2', 'two Hosts', get('/healthz', `${H}${H}`), [400]],
   ['9112 3.2', 'two Hosts, one in small letters', get('/healthz', `${H}host: b\r\n`), [400]],
   ['9112 3.2', 'two Hosts in HTTP/1.0', get('/healthz', `${H}${H}`, 'HTTP/1.0'), [400]],
@@ -181,16 +189,22 @@ const rows = [
   ['9112 11.1', 'a line end in a value', get('/healthz', `${H}X: a\r\n\r\nGET /nothing HTTP/1.1\r\n`), [200, 400]],
 ];
 
+const SHIELD = {
+  'cache-control': /^no-store$/, 'content-security-policy': /^default-src 'self'/, 'cross-origin-opener-policy': /^same-origin$/,
+  'cross-origin-resource-policy': /^same-origin$/, 'referrer-policy': /^no-referrer$/, 'x-content-type-options': /^nosniff$/,
+};
 const statusesOf = (found) => found.map(({ status }) => status).filter((status) => status !== 100);
 
 function check([section, what, bytes, wanted], found) {
-  const refused = !wanted.includes(END) && wanted.at(-1) >= 400;
+  const refused = !wanted.includes(END) && wanted.at(-1) >= 400 && wanted.at(-1) !== 422;
   assert.deepEqual(statusesOf(found), wanted.map((status) => (status === END ? 200 : status)), `${section}: ${what}`);
   const end = found[wanted.length - 1 + found.filter(({ status }) => status === 100).length];
   if (refused) {
     assert.match(end.headers['content-type'], /^application\/problem\+json/, what);
-    const { title, detail, status } = JSON.parse(end.body);
-    assert.ok(title && detail && status === end.status, what);
+    const problem = JSON.parse(end.body);
+    assert.equal(problem.status, end.status, what);
+    assert.deepEqual(validate(problem, api.components.responses.Problem.content['application/problem+json'].schema, api), [], what);
+    for (const [name, value] of Object.entries(SHIELD)) assert.match(end.headers[name] ?? '', value, `${what}: ${name}`);
     assert.equal(end.headers.connection?.toLowerCase(), 'close', what);
   }
 }
@@ -207,6 +221,14 @@ test(`${rows.length} rows of RFC 9110, 9112 and 3986`, async (t) => {
 });
 
 // Of the good ones: bytes sent after a refusal would destroy it on its way.
+test('every status of a refusal that is here is described, once', () => {
+  const described = api.components.schemas.Refusal.properties.status.oneOf.map((entry) => entry.const);
+  for (const status of new Set(rows.flatMap(([, , , wanted]) => wanted).filter((one) => one >= 400 && one !== 422)))
+    assert.equal(described.filter((one) => one === status).length, 1, `${status}`);
+  for (const item of Object.values(api.paths))
+    for (const { responses } of Object.values(item).filter((part) => part.responses)) assert.equal(responses.default.$ref, '#/components/responses/Problem');
+});
+
 test('one byte at a time the same comes back', async () => {
   const small = rows.filter(([, , bytes, wanted]) => bytes.length < 300 && wanted.includes(END));
   const work = small.values(); // several at once: it is the waiting that takes time
