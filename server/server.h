@@ -28,7 +28,7 @@ typedef struct tcs_server {
   tcs_loop *loop;
   tcs_completions *completions;
   tcs_worker *render_worker;  /* one thread: owns the renderer */
-  tcs_worker *encode_worker;  /* one thread: encodes what is dragged */
+  tcs_worker *encode_worker;  /* one thread: encodes interactive frames */
   tcs_worker *still_worker;   /* one thread: encodes all else */
   tcs_worker *load_worker;    /* imports */
   tcs_worker *spool_worker;   /* one thread: writes uploads */

@@ -11,7 +11,7 @@
 #include "renderer/tomocast.h"
 #include "server/cli/cli.h"
 #include "server/encode/encode.h"
-#include "server/session/ray_json.h"
+#include "server/http/ray_json.h"
 
 #define UNSET INT_MIN /* a size that is not on the command line */
 

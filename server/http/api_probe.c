@@ -4,8 +4,8 @@
 #include "renderer/reference/reference.h"
 
 #include "server/config/config.h"
+#include "server/http/ray_json.h"
 #include "server/http/work.h"
-#include "server/session/ray_json.h"
 #include "server/session/store.h"
 
 /* A ray shows something once this much of what lies behind it is hidden: thinner haze is looked through. */

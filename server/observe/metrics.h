@@ -14,7 +14,7 @@ typedef struct tcs_histogram {
   double sum;
 } tcs_histogram;
 
-/* Of what the renderer does: what is dragged, single pictures, refinements. */
+/* Of what the renderer does: interactive frames, single pictures, refinements. */
 #define TCS_METRICS_CLASSES 3
 typedef struct tcs_class_metrics {
   tcs_histogram queue; /* until a picture was begun */

@@ -16,8 +16,8 @@
 #include <glib.h>
 #include <stdbool.h>
 
-/* After this long a slice ends where another client waits; of what is dragged, where most pictures are made in one, for
- * to cut those would make all of them late. */
+/* After this long a slice ends where another client waits. Longer for interactive frames: most of them are made in one,
+ * and to cut those would make all of them late. */
 #define TCS_FAIR_SLICE_MS 10.0
 #define TCS_FAIR_MOVING_SLICE_MS 18.0
 

@@ -16,7 +16,7 @@ G_STATIC_ASSERT(TCS_METRICS_CLASSES == TCS_CLASS_COUNT);
 /* Pictures of a lane being encoded or waiting for it. One more than its encoder works on, so that it never waits for the
  * renderer; more would only age. */
 #define MAX_ENCODING 2
-/* What is dragged is looked at this often even when nobody waits: one whose time was misjudged is begun smaller. */
+/* Interactive frames are looked at this often even when nobody waits: one whose time was misjudged is begun smaller. */
 #define CHECK_US 100000
 /* Clients that drag at once are taken to go on for so long. */
 #define CONTENDED_US 500000
@@ -24,13 +24,13 @@ G_STATIC_ASSERT(TCS_METRICS_CLASSES == TCS_CLASS_COUNT);
 #define SLICE_SHARE 0.75
 /* After slices that brought nothing the next ones are twice as long, up to 2^this. */
 #define MOST_STALLS 5
-/* Pictures under way keep their frames; beyond this no other is begun, but for what is dragged. */
+/* Pictures under way keep their frames; beyond this no other is begun, but for interactive frames. */
 #define MOST_HELD_BYTES ((size_t)256 << 20)
 /* Before any picture was made: what the cpu back end takes of volumes of which about half shows. */
 #define THREAD_MS_PER_SAMPLE 2e-6
 #define MOST_SPARE_PIXELS ((size_t)4 << 20)
 
-/* What is dragged has an encoder of its own: behind a large PNG it would come late. */
+/* Interactive frames have an encoder of their own: behind a large PNG they would come late. */
 typedef enum lane { LANE_MOVING, LANE_STILL, LANE_COUNT } lane;
 
 struct tcs_scheduler {
@@ -45,7 +45,7 @@ struct tcs_scheduler {
   size_t held_bytes;      /* frames of pictures that are begun and wait */
   tcs_job *rendering;     /* on the render thread, or NULL */
   bool pumping;
-  int64_t contended_us; /* when a client last waited beside another one's picture that is dragged; 0 = never */
+  int64_t contended_us; /* when a client last waited beside another one's interactive frame; 0 = never */
   GQueue frames; /* tc_frame * with buffers to use again */
   tc_quality_cost cost;
   double ms_per_sample; /* of pictures lately, rather too slow than too quick; 0 = none yet */

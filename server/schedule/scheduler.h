@@ -1,12 +1,12 @@
 /* Who renders next, and for how long: jobs of clients (client.h) take turns on the render thread by fair.h, in slices.
  * One whose slice is over while others wait is paused, keeps its frame and goes on at its next turn. Its pictures are
- * encoded while others render, those that are dragged apart from the rest. I/O thread only.
+ * encoded while others render, interactive frames apart from the rest. I/O thread only.
  *
  *   fair        whose turn it is: pure
  *   job         one picture to make
  *   client      a line of jobs with an account of render time
  *   scheduler   slices on the render thread, encoding
- *   ladder      how small a picture that is dragged must be: pure */
+ *   ladder      how small an interactive frame must be: pure */
 #ifndef TCS_SCHEDULE_SCHEDULER_H
 #define TCS_SCHEDULE_SCHEDULER_H
 
@@ -22,7 +22,7 @@ const tc_renderer_info *tcs_scheduler_about(const tcs_scheduler *scheduler);
 tc_quality_cost *tcs_scheduler_cost(tcs_scheduler *scheduler);
 /* What a sample (tc_estimate_samples()) took of pictures lately; before the first one a guess. */
 double tcs_scheduler_ms_per_sample(const tcs_scheduler *scheduler);
-/* How long a picture that is dragged may take to render: a frame of TCS_LADDER_TARGET_MS, or one slice while other
+/* How long an interactive frame may take to render: a frame of TCS_LADDER_TARGET_MS, or one slice while other
  * clients drag too, for a frame that is cut between two turns comes later than two that are not. */
 double tcs_scheduler_moving_ms(const tcs_scheduler *scheduler);
 

@@ -9,13 +9,13 @@
 #include "server/session/quality.h"
 #include "server/session/samples.h"
 
-/* What is dragged has no picture smaller than this on its longer side, unless its scene has. */
+/* The longer side of an interactive frame, at least, unless its scene is smaller. */
 #define LEAST_SIDE 48.0
 /* Of the newest frame in session->build_ms. */
 #define BUILD_WEIGHT 0.5
 /* Of an interactive frame's time, left for drawing whatever building takes. */
 #define LEAST_DRAWING 0.4
-/* A picture that is dragged and would take so much longer still is misjudged. */
+/* An interactive frame that would take so much longer still is misjudged. */
 #define LATE_MS (2 * TCS_LADDER_TARGET_MS)
 
 /* There are two encoders: a picture may come after a newer one, or after the final one of the same scene. It must not take

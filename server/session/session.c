@@ -35,8 +35,8 @@ static bool has_not_seen(const tcs_session *session, const tcs_watcher *watcher)
          (watcher->resized || watcher->shown_revision != session->revision);
 }
 
-/* A scene that a viewer has not seen at all is shown soon, even at rest: where its final picture takes long, by one of
- * those that are dragged. */
+/* A scene that a viewer has not seen at all is shown soon, even at rest: where its final picture takes long, by an
+ * interactive frame. */
 static bool wants_preview(tcs_session *session, const tcs_watcher *watcher) {
   const double soon_ms =
       watcher->shown_revision ? tcs_scheduler_moving_ms(session->server->scheduler) : TCS_LONG_MS;

@@ -30,7 +30,7 @@
 
 /* After this long without input a session counts as at rest and is refined to a final frame. */
 #define TCS_REST_US 150000
-/* A final picture that takes longer is preceded by one of those that are dragged, even at rest. */
+/* A final picture that takes longer is preceded by an interactive frame, even at rest. */
 #define TCS_LONG_MS 300
 /* JPEG quality of interactive frames, at most. */
 #define TCS_INTERACTIVE_QUALITY 75

@@ -178,7 +178,8 @@ export class Ws {
       return;
     }
     const at = this.#waiting.findIndex(({ wanted }) => wanted(message));
-    if (at >= 0) this.#waiting.splice(at, 1)[0].resolve(message);
-    else this.messages.push(message);
+    if (at < 0) return void this.messages.push(message);
+    this.messages = []; // came before it
+    this.#waiting.splice(at, 1)[0].resolve(message);
   }
 }

@@ -1,6 +1,6 @@
 /* The verbose ray, as the HTTP service and the command line give it. */
-#ifndef TCS_SESSION_RAY_JSON_H
-#define TCS_SESSION_RAY_JSON_H
+#ifndef TCS_HTTP_RAY_JSON_H
+#define TCS_HTTP_RAY_JSON_H
 
 #include <stdatomic.h>
 

@@ -1,4 +1,4 @@
-#include "server/session/ray_json.h"
+#include "server/http/ray_json.h"
 
 #include "renderer/reference/reference.h"
 
