@@ -1,8 +1,10 @@
 // The memory of the daemon stays within what it was given, and what goes first when it runs out.
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
+import net from 'node:net';
 import { test } from 'node:test';
 import { ballNrrd, BINARY, Daemon, problem, sleep } from '../support/daemon.mjs';
+import { handshake } from '../support/ws.mjs';
 
 const MB = 1e6;
 const SANITIZED = /asan|tsan/.test(BINARY); // they keep what is freed, and shadows beside it
@@ -111,5 +113,34 @@ test('derived data is counted, and goes before volumes do', async () => {
   for (let i = 0; (await used(d)).volumes + (await used(d)).pinned > 0 && i < 100; i++) await sleep(20);
   const after = await used(d);
   assert.deepEqual([after.volumes, after.pinned, after.loads], [0, 0, 0]);
+  await d.stop();
+});
+
+test('one picture serves all who watch it, be they as slow as they like', async () => {
+  const noise = Buffer.concat([Buffer.from('NRRD0004\ntype: uint8\ndimension: 3\nsizes: 512 512 2\nencoding: raw\n\n'),
+    Buffer.from(Uint8Array.from({ length: 512 * 512 * 2 }, (_, i) => Math.imul(i + 1, 0x9e3779b1) >>> 13))]);
+  const d = await Daemon.start({ ball: false, files: { 'noise.nrrd': noise }, config: '[server]\nhosts=127.0.0.1\n' });
+  await d.post('/v1/volumes', { id: 'noise', path: 'noise.nrrd' });
+  await settled(d, 'noise');
+  const image = { width: 1024, height: 1024, format: 'png' };
+  const { json: session } = await d.post('/v1/sessions', { volume: 'noise', scene: { mode: 'mpr', mpr: { orientation: 'axial' }, image } });
+  const size = (await d.get(session.links.frame)).bytes.length;
+  const resident = () => Number(/VmRSS:\s+(\d+) kB/.exec(readFileSync(`/proc/${d.process.pid}/status`, 'utf8'))[1]) * 1024;
+  const before = resident(), viewers = 30, sockets = [];
+  for (let i = 0; i < viewers; i++) {
+    sockets.push((await handshake(d.port, `/v1/sessions/${session.id}/stream`)).socket.pause());
+    sockets.push(net.connect(d.port, '127.0.0.1').pause());
+    sockets.at(-1).write(`GET ${session.links.mjpeg} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n`);
+  }
+  for (let i = 0; i < 500 && (await d.metric('ws_clients')) + (await d.metric('mjpeg_clients')) < 2 * viewers; i++) await sleep(20);
+  for (let i = 0; i < 4; i++) { // pictures that none of them has read
+    await d.patch(session.links.scene, { camera: { fovY: 30 + i } });
+    await sleep(250);
+  }
+  const grown = resident() - before;
+  console.log(`${2 * viewers} viewers of a PNG of ${size / MB} MB take ${grown / MB} MB`);
+  assert.ok(size > MB);
+  if (!SANITIZED) assert.ok(grown < 0.5 * 2 * viewers * size, `${grown / MB} MB`);
+  sockets.forEach((socket) => socket.destroy());
   await d.stop();
 });
