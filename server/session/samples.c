@@ -4,19 +4,19 @@
 
 /* Beyond it the picture shows nothing that a smaller one would not. */
 #define MOST_STEP 8.0
-#define TRIES 40
+#define TRIES 8
 
-/* How many times over its limits the scene is; <= 1: it passes. */
-static double excess(const tc_volume *volume, const tc_scene *scene, const tcs_samples_limits *limits, double *samples,
-                     double *ray) {
-  *samples = tc_estimate_samples(volume, scene, scene->image.width, scene->image.height, ray);
-  return fmax(*samples / limits->picture, *ray / limits->ray);
+/* How many times over its limits a scene is. */
+typedef struct load {
+  double picture, ray;
+} load;
+
+static load load_of(const tc_volume *volume, const tc_scene *scene, const tcs_samples_limits *limits) {
+  double ray, picture = tc_estimate_samples(volume, scene, scene->image.width, scene->image.height, &ray);
+  return (load){picture / limits->picture, ray / limits->ray};
 }
 
-static double passes(const tc_volume *volume, const tc_scene *scene, const tcs_samples_limits *limits) {
-  double samples, ray;
-  return excess(volume, scene, limits, &samples, &ray);
-}
+static bool passes(load l) { return l.picture <= 1 && l.ray <= 1; }
 
 /* Three digits, so that it is read easily, and not less than asked. */
 static double rounded_up(double value) {
@@ -24,37 +24,58 @@ static double rounded_up(double value) {
   return ceil(value / unit - 1e-9) * unit;
 }
 
-/* The shortest step that passes. Samples go down in proportion to steps, but for a ray's ends. */
-static bool lengthen(const tc_volume *volume, tc_scene *scene, const tcs_samples_limits *limits) {
-  for (int i = 0; i < TRIES && scene->sampling.step <= MOST_STEP; i++) {
-    const double over = passes(volume, scene, limits);
-    if (over <= 1) return true;
-    scene->sampling.step = rounded_up(scene->sampling.step * fmax(over, 1.01));
+/* The scene with about this share of its samples. */
+typedef void turn(tc_scene *to, const tc_scene *scene, double share);
+
+static void turn_step(tc_scene *to, const tc_scene *scene, double share) {
+  *to = *scene; /* borrows */
+  to->sampling.step = rounded_up(scene->sampling.step / share);
+}
+
+static void turn_image(tc_scene *to, const tc_scene *scene, double share) {
+  *to = *scene;
+  to->image.width = (int)fmax(1, floor(scene->image.width * sqrt(share)));
+  to->image.height = (int)fmax(1, floor(scene->image.height * sqrt(share)));
+}
+
+/* How far on a line between two loads the limit is. */
+static double reach(double low, double high) { return high > 1 ? (1 - low) / (high - low) : 1; }
+
+/* The largest share that passes; false: the least one does not. The load is nearly a line in the share, and bent above
+ * it: where the line meets the limit is at most a little too much. */
+static bool turn_down(const tc_volume *volume, const tc_scene *scene, const tcs_samples_limits *limits, turn *by,
+                      double least, tc_scene *mended) {
+  by(mended, scene, least);
+  const load low = load_of(volume, mended, limits);
+  if (least >= 1 || !passes(low)) return false;
+  load high = load_of(volume, scene, limits);
+  double share = 1;
+  for (int i = 0; i < TRIES; i++) {
+    share = least + (share - least) * fmin(reach(low.picture, high.picture), reach(low.ray, high.ray));
+    by(mended, scene, share);
+    high = load_of(volume, mended, limits);
+    if (passes(high)) return true;
   }
-  return false;
+  by(mended, scene, least);
+  return true;
 }
 
 bool tcs_samples_shrink(const tc_volume *volume, tc_scene *scene, const tcs_samples_limits *limits) {
-  for (int i = 0; i < TRIES; i++) {
-    const double over = passes(volume, scene, limits), side = sqrt(fmax(over, 1.02));
-    if (over <= 1) return true;
-    scene->image.width = (int)fmax(1, floor(scene->image.width / side));
-    scene->image.height = (int)fmax(1, floor(scene->image.height / side));
-  }
-  return false;
+  const tc_scene whole = *scene;
+  return passes(load_of(volume, scene, limits)) || turn_down(volume, &whole, limits, turn_image, 0, scene);
 }
 
 /* The least change first: longer steps, or a smaller picture where steps do not count, or fewer rays and both. */
 static bool mend(const tc_volume *volume, const tc_scene *scene, const tcs_samples_limits *limits, tc_scene *mended) {
-  *mended = *scene; /* borrows */
-  if (lengthen(volume, mended, limits)) return true;
-  *mended = *scene;
-  if (tcs_samples_shrink(volume, mended, limits)) return true;
-  *mended = *scene;
-  mended->sampling.rays_per_pixel = 1;
-  if (lengthen(volume, mended, limits)) return true;
-  mended->sampling.step = fmax(scene->sampling.step, MOST_STEP);
-  return tcs_samples_shrink(volume, mended, limits);
+  tc_scene plain = *scene;
+  const double least = scene->sampling.step / MOST_STEP, pixel = 0;
+  plain.sampling.rays_per_pixel = 1;
+  if (turn_down(volume, scene, limits, turn_step, least, mended) ||
+      turn_down(volume, scene, limits, turn_image, pixel, mended) ||
+      turn_down(volume, &plain, limits, turn_step, least, mended))
+    return true;
+  plain.sampling.step = fmax(scene->sampling.step, MOST_STEP);
+  return turn_down(volume, &plain, limits, turn_image, pixel, mended);
 }
 
 static char *differences(const tc_scene *scene, const tc_scene *mended) {
@@ -69,16 +90,17 @@ static char *differences(const tc_scene *scene, const tc_scene *mended) {
 
 bool tcs_samples_check(const tc_volume *volume, const tc_scene *scene, const tcs_samples_limits *limits,
                        GError **error) {
-  double samples, ray;
   tc_scene mended;
-  if (excess(volume, scene, limits, &samples, &ray) <= 1) return true;
-  const bool whole = samples / limits->picture >= ray / limits->ray;
+  const load over = load_of(volume, scene, limits);
+  if (passes(over)) return true;
+  const bool whole = over.picture >= over.ray;
+  const double limit = whole ? limits->picture : limits->ray;
   const bool found = mend(volume, scene, limits, &mended), steps = mended.sampling.step != scene->sampling.step;
   char *setting = found ? differences(scene, &mended) : g_strdup("nothing like it");
   tc_set_error(error, TC_ERROR_LIMIT, steps ? "/sampling/step" : "/image/width",
                "%s: %.3g samples estimated for the %s, the limit is %.3g; %s would pass",
-               steps ? "sampling.step" : "image", whole ? samples : ray, whole ? "picture" : "ray",
-               whole ? limits->picture : limits->ray, setting);
+               steps ? "sampling.step" : "image", limit * fmax(over.picture, over.ray), whole ? "picture" : "ray", limit,
+               setting);
   g_free(setting);
   return false;
 }
