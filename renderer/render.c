@@ -151,18 +151,23 @@ static bool gather_table(tc_renderer *r, const tc_table_params *params, frame_re
                          tc_resources_fill(r->resources, have->table, &stats->tables_ms, error));
 }
 
+/* Coefficients reach further than the voxels that the plan was made for. */
+static tc_table_params table_params(const tc_volume *field, const tc_scene *scene, const tc_render_request *request,
+                                    tc_plan *plan) {
+  if (plan->stages[TC_STAGE_COEFFICIENTS].included || request->table_size)
+    tc_plan_table(plan, field, scene, request->table_size);
+  tc_table_params params = plan->table;
+  params.tf = &scene->transfer_function;
+  if (plan->stages[TC_STAGE_TABLE_2D].included) params.bits = request->table_bits;
+  return params;
+}
+
 static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
                    tc_plan *plan, frame_resources *have, tc_frame_stats *stats, GError **error) {
   if (tc_is_projection(scene->mode)) return gather_projection(r, volume, scene, plan, have, stats, error);
   if (scene->mode == TC_MODE_ISOSURFACE) return gather_surface(r, volume, scene, plan, have, stats, error);
   if (scene->mode == TC_MODE_MPR) return true;
-  tc_table_params params = tc_table_params_for(volume, scene, request, plan->step_mm);
-  plan->table_size = params.n;
-  plan->table_zooms = params.n_zooms;
-  /* of what is sampled: coefficients reach further */
-  plan->key.zoomed = plan->stages[TC_STAGE_TABLE_2D].included && params.n_zooms > 0;
-  plan->table_lo = params.slope * params.voxel_lo + params.intercept;
-  plan->table_hi = params.slope * params.voxel_hi + params.intercept;
+  const tc_table_params params = table_params(volume, scene, request, plan);
   if (!plan->stages[TC_STAGE_TABLE_2D].included)
     have->integrals = tc_resources_integrals(r->resources, &params, &stats->tables_ms, error);
   else if (!gather_table(r, &params, have, stats, error))
@@ -243,7 +248,7 @@ static void *stand_in(tc_renderer *r, GError **error) {
   return r->stand_in;
 }
 
-/* Who draws: the cpu what others could not be interrupted at, if anybody may want to. */
+/* Who draws: the cpu what others could not be interrupted at, if anybody may want to (heard) and they have not begun. */
 static bool choose_drawer(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, int width, int height,
                           bool heard, frame_resources *have, GError **error) {
   tc_estimate_samples(volume, scene, width, height, &have->pixel_samples);
@@ -268,7 +273,7 @@ static void find_projection(tc_renderer *r, const tc_volume *volume, const tc_sc
 }
 
 static void find(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, tc_plan *plan, frame_resources *have) {
-  tc_table_params params = tc_table_params_for(volume, scene, &(tc_render_request){0}, plan->step_mm);
+  const tc_table_params params = table_params(volume, scene, &(tc_render_request){0}, plan);
   if (plan->stages[TC_STAGE_TABLE_2D].included) {
     have->table = tc_resources_find_table(r->resources, &params);
     builds_table(&params, have);
@@ -384,7 +389,8 @@ static bool render_frame(tc_renderer *renderer, tc_volume *volume, const tc_scen
                          GError **error) {
   frame_resources have = {0};
   const int64_t steps = tc_resources_steps(renderer->resources);
-  if (!choose_drawer(renderer, volume, scene, frame->width, frame->height, halt->interrupt, &have, error))
+  const bool begun = tc_frame_position(frame) > 0 && !frame->stats.stand_in;
+  if (!choose_drawer(renderer, volume, scene, frame->width, frame->height, halt->interrupt && !begun, &have, error))
     return false;
   if (!gather_field(renderer, volume, plan, &have, error) ||
       !gather(renderer, have.field, scene, request, plan, &have, &frame->stats, error))

@@ -206,25 +206,6 @@ static bool same_table(const tc_table_params *a, const tc_table_params *b) {
          !memcmp(a->zooms, b->zooms, (size_t)a->n_zooms * sizeof *a->zooms) && same_transfer_function(a->tf, b->tf);
 }
 
-tc_table_params tc_table_params_for(const tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
-                                    double step_mm) {
-  const tc_volume_desc *d = tc_volume_describe(volume);
-  tc_table_params p = {.tf = &scene->transfer_function,
-                       .slope = d->slope,
-                       .intercept = d->intercept,
-                       .step_mm = step_mm,
-                       .linear_light = scene->image.linear_light,
-                       .bits = request->table_bits};
-  bool integrals = tc_integrals_serve(scene->classification);
-  if (integrals) p.step_mm = p.bits = 0; /* they serve every length, in single precision */
-  (integrals ? tc_integrals_choose : tc_table_choose)(volume, p.tf, &p.n, &p.voxel_lo, &p.voxel_hi);
-  if (request->table_size)
-    p.n = request->table_size; /* and nothing but it: without zooms */
-  else if (!integrals)
-    p.n_zooms = tc_table_zooms(volume, p.tf, p.n, p.voxel_lo, p.voxel_hi, p.zooms, NULL);
-  return p;
-}
-
 static const void *find_made(tc_resources *r, item_kind kind, const tc_table_params *params) {
   for (int i = 0; i < r->count; i++)
     if (r->items[i].kind == kind && same_table(&r->items[i].params, params)) return used(r, &r->items[i]);
@@ -285,7 +266,7 @@ static const tc_table *like_table(const tc_resources *r, const tc_table *table) 
 const tc_table *tc_resources_table(tc_resources *r, const tc_table_params *params, double *ms, GError **error) {
   const tc_table *found = tc_resources_find_table(r, params);
   if (found) return found;
-  tc_table *table = tc_table_outline(params, error);
+  tc_table *table = tc_table_outline(params, tc_pool_halt(r->pool), error);
   if (!table || !keep(r, ITEM_TABLE, table, tc_table_held(table), params, error)) {
     tc_table_free(table);
     return NULL;
@@ -322,7 +303,7 @@ void tc_resources_table_took(tc_resources *r, const tc_table *table, double ms) 
 const tc_integrals *tc_resources_integrals(tc_resources *r, const tc_table_params *params, double *ms, GError **error) {
   const tc_integrals *found = tc_resources_find_integrals(r, params);
   if (found) return found;
-  tc_integrals *integrals = tc_integrals_build(params, error);
+  tc_integrals *integrals = tc_integrals_build(params, tc_pool_halt(r->pool), error);
   if (!integrals) return NULL;
   if (!keep(r, ITEM_INTEGRALS, integrals, integrals->bytes, params, error)) {
     tc_integrals_free(integrals);
@@ -577,7 +558,7 @@ const tc_labels *tc_resources_labels(tc_resources *r, const tc_volume *labels, c
     g_bytes_unref(key);
     return found;
   }
-  tc_labels *l = tc_labels_build(labels, scene, key, error);
+  tc_labels *l = tc_labels_build(labels, scene, key, tc_pool_halt(r->pool), error);
   if (!l) return NULL;
   item *it = make_room(r, ITEM_LABELS, l->bytes);
   if (!it) {

@@ -19,11 +19,6 @@ typedef struct tc_resources tc_resources;
 tc_resources *tc_resources_new(tc_pool *pool, uint64_t budget_bytes, GError **error);
 void tc_resources_free(tc_resources *resources); /* NULL is fine */
 
-/* The parameters of the table, or of the integrals, that a scene over a volume reads; .tf points into the scene. The
- * request may ask for another size. */
-tc_table_params tc_table_params_for(const tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
-                                    double step_mm);
-
 /* Find or build; *ms grows by what building took. */
 /* The volume's B-spline coefficients (volume/coefficients.h): a volume in its place, asked for before anything else of
  * a frame. TC_ERROR_LIMIT when they alone are over the budget. */

@@ -73,8 +73,9 @@ typedef struct tc_table_params {
   tc_zoom zooms[TC_MAX_ZOOMS];
 } tc_table_params;
 
-/* How many nodes a scene's transfer function wants over a volume, and the voxel range they span: 256 over the whole
+/* Fills in how many nodes p->tf wants over a volume, the voxel range they span, and the zooms: 256 nodes over the whole
  * type for 8-bit data; else 256 to 2048 over the data's range by the distance of the knots, less where zooms serve.
+ * *complete, unless NULL: whether nodes and zooms resolve every knot.
  *
  * What the choice and its zooms promise, where they are complete and voxels have more than 8 bits. A change between
  * two knots is told from none at a quarter of its own width, of the way to the next change back, or of the part of a
@@ -84,11 +85,9 @@ typedef struct tc_table_params {
  * are off in opacity and colours by at most 1/15, as a mean over where samples fall by at most 1/30, in 19 of 20
  * transfer functions by 1/100, in half of them by 1/2500 (measured, tests/unit/test_table_choice.c; the worst dwell in
  * the bend at the foot of a dense rise, or end inside a peak of several colours). */
-void tc_table_choose(const tc_volume *volume, const tc_transfer_function *tf, int *n, double *voxel_lo,
-                     double *voxel_hi);
+void tc_table_choose(const tc_volume *volume, tc_table_params *p, bool *complete);
 
-/* The zooms such a table wants; returns how many. *complete, unless NULL: whether they and the nodes resolve every
- * knot. */
+/* The zooms of a table of n nodes; returns how many. */
 int tc_table_zooms(const tc_volume *volume, const tc_transfer_function *tf, int n, double voxel_lo, double voxel_hi,
                    tc_zoom zooms[TC_MAX_ZOOMS], bool *complete);
 

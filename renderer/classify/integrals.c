@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "renderer/classify/segments.h"
 #include "renderer/clock.h"
 
 #define MOST_TAU 1e30 /* 1/mm: opaque at any length, and sums of it stay numbers */
@@ -13,12 +14,6 @@
 typedef struct interval {
   double mean[4], tilt[4];
 } interval;
-
-typedef struct walker {
-  const tc_table_params *params;
-  ptrdiff_t next; /* the first knot ahead in the direction the value moves along the nodes */
-  int way;        /* of the knots' index: 1 or -1 */
-} walker;
 
 static double extinction(const tc_table_params *p, double value) { return fmin(tc_extinction(p->tf, value), MOST_TAU); }
 
@@ -59,21 +54,20 @@ static void add_tilt(interval *into, const tc_table_params *p, double v0, double
   }
 }
 
-/* Walks on from value v0 to v1. */
-static interval walk(walker *w, double v0, double v1) {
-  const tc_transfer_function *tf = w->params->tf;
-  interval into = {0};
+#define LOOK 64 /* intervals, or knots of one, between two looks at the halt */
+
+/* From value v0 to v1. p->tf: the knots about them. False: halted. */
+static bool integrate(interval *into, const tc_table_params *p, double v0, double v1, const tc_halt *halt) {
   double from = v0, width = v1 - v0;
-  for (; w->next >= 0 && w->next < (ptrdiff_t)tf->count; w->next += w->way) {
-    double knot = tf->points[w->next].value;
-    if (w->way * (knot - v1) >= 0) break;
-    if (!(w->way * (knot - from) > 0)) continue;
-    add_stretch(&into, w->params, from, knot, (knot - from) / width);
-    from = knot;
-  }
-  add_stretch(&into, w->params, from, v1, width != 0 ? (v1 - from) / width : 1);
-  add_tilt(&into, w->params, v0, v1);
-  return into;
+  size_t at = 0;
+  do {
+    double next = tc_next_knot(p->tf, from, v1, &at);
+    add_stretch(into, p, from, next, width != 0 ? (next - from) / width : 1);
+    from = next;
+    if (at % LOOK == LOOK - 1 && tc_halt_within(halt)) return false;
+  } while (from != v1);
+  add_tilt(into, p, v0, v1);
+  return true;
 }
 
 static void store(float entry[4], const double value[4]) {
@@ -117,23 +111,18 @@ static tc_integrals *integrals_new(const tc_table_params *p) {
   return NULL;
 }
 
-tc_integrals *tc_integrals_build(const tc_table_params *params, GError **error) {
-  double start = tc_now_ms();
-  tc_integrals *t = integrals_new(params);
-  double(*means)[4] = calloc((size_t)params->n + 1, sizeof *means);
-  if (!t || !means) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "integrals of %d values: out of memory", params->n);
-    tc_integrals_free(t);
-    free(means);
-    return NULL;
-  }
-  int way = params->slope > 0 ? 1 : -1;
-  walker w = {.params = params, .next = way > 0 ? 0 : (ptrdiff_t)params->tf->count - 1, .way = way};
+/* The node intervals' ends, into the entries, and their means. False: halted. */
+static bool fill_intervals(tc_integrals *t, const tc_table_params *params, double (*means)[4], const tc_halt *halt) {
+  tc_table_params about = *params;
   double scale = params->slope * (params->voxel_hi - params->voxel_lo) / (params->n - 1);
   double base = params->slope * params->voxel_lo + params->intercept;
   for (int j = 0; j <= params->n; j++) {
-    interval it = walk(&w, base + scale * j, base + scale * (j + 1));
-    double ends[2][4];
+    if (j % LOOK == 0 && tc_halt_within(halt)) return false;
+    double v0 = base + scale * j, v1 = base + scale * (j + 1), ends[2][4];
+    const tc_transfer_function near = tc_knots_between(params->tf, v0, v1);
+    about.tf = &near;
+    interval it = {0};
+    if (!integrate(&it, &about, v0, v1, halt)) return false;
     for (int c = 0; c < 4; c++) {
       means[j][c] = it.mean[c];
       ends[0][c] = it.mean[c] - it.tilt[c];
@@ -141,6 +130,23 @@ tc_integrals *tc_integrals_build(const tc_table_params *params, GError **error) 
     }
     store(t->entries + 8 * (size_t)j, ends[0]);
     store(t->entries + 8 * (size_t)j + 4, ends[1]);
+  }
+  return true;
+}
+
+tc_integrals *tc_integrals_build(const tc_table_params *params, const tc_halt *halt, GError **error) {
+  double start = tc_now_ms();
+  tc_integrals *t = integrals_new(params);
+  double(*means)[4] = calloc((size_t)params->n + 1, sizeof *means);
+  bool ok = t && means;
+  if (!ok)
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "integrals of %d values: out of memory", params->n);
+  else
+    ok = fill_intervals(t, params, means, halt) || tc_halt_say(halt, error);
+  if (!ok) {
+    tc_integrals_free(t);
+    free(means);
+    return NULL;
   }
   float(*level)[4] = (float(*)[4])(t->entries + 4 * (size_t)t->levels_start) + params->n + 1;
   for (int half = 1; half <= params->n; half *= 2, level += params->n + 1)
@@ -158,14 +164,4 @@ void tc_integrals_free(tc_integrals *integrals) {
 
 bool tc_integrals_serve(tc_classification classification) {
   return classification == TC_APPROXIMATE || classification == TC_POST || classification == TC_LINEARIZED;
-}
-
-void tc_integrals_choose(const tc_volume *volume, const tc_transfer_function *tf, int *n, double *voxel_lo,
-                         double *voxel_hi) {
-  tc_table_choose(volume, tf, n, voxel_lo, voxel_hi);
-  tc_voxel_type type = tc_volume_describe(volume)->type;
-  if (type == TC_U8 || type == TC_I8) return;
-  double least = INFINITY, range = fabs(tc_volume_describe(volume)->slope) * (*voxel_hi - *voxel_lo);
-  for (size_t i = 1; i < tf->count; i++) least = fmin(least, tf->points[i].value - tf->points[i - 1].value);
-  *n = 1024 * least > 16 * range ? 1024 : 4096; /* sixteen nodes between the nearest knots, where they can be */
 }

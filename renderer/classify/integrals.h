@@ -34,12 +34,13 @@ typedef struct tc_integrals {
 /* True for the classifications that read these. */
 bool tc_integrals_serve(tc_classification classification);
 
-/* Nodes and voxel range that suit: 256 over the type for 8-bit data, else 1024, or 4096 where knots stand close. */
-void tc_integrals_choose(const tc_volume *volume, const tc_transfer_function *tf, int *n, double *voxel_lo,
-                         double *voxel_hi);
+/* Fills in the nodes and the voxel range that suit p->tf: 256 over the type for 8-bit data, else 1024, or 4096 where
+ * knots stand close. */
+void tc_integrals_choose(const tc_volume *volume, tc_table_params *p);
 
-/* params->step_mm and ->bits are not read. Out of memory gives NULL with TC_ERROR_MEMORY. */
-tc_integrals *tc_integrals_build(const tc_table_params *params, GError **error);
+/* params->step_mm and ->bits are not read. NULL with TC_ERROR_MEMORY, or what the halt (NULL: none) says: no part
+ * of it is kept then. */
+tc_integrals *tc_integrals_build(const tc_table_params *params, const tc_halt *halt, GError **error);
 void tc_integrals_free(tc_integrals *integrals); /* NULL is fine */
 
 #endif

@@ -8,6 +8,8 @@
 #include "renderer/classify/classify.h"
 #include "renderer/clock.h"
 
+#define LOOK 4096 /* labels between two looks at the halt */
+
 static atomic_uint_fast64_t last_serial;
 
 bool tc_mode_has_labels(tc_mode mode) { return mode == TC_MODE_DVR || mode == TC_MODE_MPR; }
@@ -75,20 +77,25 @@ static int compare(const void *a, const void *b) {
   return (x > y) - (x < y);
 }
 
-static void fill_entries(tc_labels *l, const tc_volume_desc *d, const tc_scene *scene) {
+/* False: halted. */
+static bool fill_entries(tc_labels *l, const tc_volume_desc *d, const tc_scene *scene, const tc_halt *halt) {
   size_t count = scene->labels.n_visible;
   uint32_t *visible = g_memdup2(scene->labels.visible, count * sizeof *visible);
   if (count) qsort(visible, count, sizeof *visible, compare);
-  for (int i = 0; i <= l->n; i++) {
+  bool left = false;
+  for (int i = 0; i <= l->n && !left; i++) {
+    left = i % LOOK == 0 && tc_halt_within(halt);
     double value = i < l->n ? d->slope * (l->base + i) + d->intercept : 0;
     uint32_t label = value > 0 && value <= UINT32_MAX ? (uint32_t)value : 0;
     bool shown = !scene->labels.visible || (count && bsearch(&label, visible, count, sizeof label, compare));
     fill_entry(l->entries[i], label, shown, scene);
   }
   g_free(visible);
+  return !left;
 }
 
-tc_labels *tc_labels_build(const tc_volume *labels, const tc_scene *scene, GBytes *key, GError **error) {
+tc_labels *tc_labels_build(const tc_volume *labels, const tc_scene *scene, GBytes *key, const tc_halt *halt,
+                           GError **error) {
   const tc_volume_stats *s = tc_volume_statistics(labels);
   double start = tc_now_ms();
   tc_labels *l = calloc(1, sizeof *l);
@@ -97,13 +104,17 @@ tc_labels *tc_labels_build(const tc_volume *labels, const tc_scene *scene, GByte
     l->n = (int)(s->voxel_max - s->voxel_min) + 1;
     l->entries = calloc((size_t)l->n + 1, sizeof *l->entries);
   }
-  if (!l || !l->entries) {
+  bool ok = l && l->entries;
+  if (!ok)
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "labels: out of memory");
+  else
+    ok = fill_entries(l, tc_volume_describe(labels), scene, halt) || tc_halt_say(halt, error);
+  if (!ok) {
+    if (l) free(l->entries);
     free(l);
     g_bytes_unref(key);
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "labels: out of memory");
     return NULL;
   }
-  fill_entries(l, tc_volume_describe(labels), scene);
   l->serial = atomic_fetch_add(&last_serial, 1) + 1;
   l->key = key;
   l->bytes = ((size_t)l->n + 1) * sizeof *l->entries + g_bytes_get_size(key);

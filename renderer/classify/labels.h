@@ -13,6 +13,7 @@
 #define TC_CLASSIFY_LABELS_H
 
 #include "renderer/error.h"
+#include "renderer/halt.h"
 #include "renderer/scene.h"
 #include "renderer/volume/volume.h"
 
@@ -28,8 +29,10 @@ typedef struct tc_labels {
 /* What entries depend on: label volume, opacity, colours, visible ones, compositing space. Caller unrefs. */
 GBytes *tc_labels_key(const tc_volume *labels, const tc_scene *scene);
 
-/* Takes `key`. The label volume was checked (tc_labels_check). NULL: TC_ERROR_MEMORY. */
-tc_labels *tc_labels_build(const tc_volume *labels, const tc_scene *scene, GBytes *key, GError **error);
+/* Takes `key`. The label volume was checked (tc_labels_check). NULL: TC_ERROR_MEMORY, or what the halt (NULL: none)
+ * says. */
+tc_labels *tc_labels_build(const tc_volume *labels, const tc_scene *scene, GBytes *key, const tc_halt *halt,
+                           GError **error);
 void tc_labels_free(tc_labels *labels); /* NULL is fine */
 
 /* Index positions of `labels` from those of `volume`: rows of 3 factors and an offset. */

@@ -5,8 +5,9 @@
 
 #include "renderer/classify/classify.h"
 
-/* A table without entries; tc_table_free() it. Out of memory gives NULL with TC_ERROR_MEMORY. */
-tc_table *tc_table_outline(const tc_table_params *params, GError **error);
+/* A table without entries; tc_table_free() it. NULL with TC_ERROR_MEMORY, or what the halt (NULL: none) says: no part of
+ * it is kept then, since it takes some milliseconds only. */
+tc_table *tc_table_outline(const tc_table_params *params, const tc_halt *halt, GError **error);
 
 /* Makes the entries of an outline, on the pool (NULL: on the caller). Segments over values where nothing changed since
  * `like` (any table, or NULL; of the same nodes, length and bits, and with entries, to be of use) are copied from there:

@@ -71,6 +71,7 @@ static bool add_piece(tc_segments *s, double width, double v0, double v1) {
 
 #define ERROR 5e-7 /* of a piece's colour, from what is taken for linear in it */
 #define MOST_PARTS 512
+#define MOST_PIECES (1 << 17) /* of an axis, about: each diagonal of a table looks at all of them */
 
 /* What a piece leaves out: the error of its colour where it is not clear; in a clear one, all of which shines and whose
  * means are exact, that times its depth squared, or so much of it as is uneven times its depth. */
@@ -106,10 +107,10 @@ static doubt doubt_of_bend(const tc_segments *s, double v0, double v1, double ro
 }
 
 /* Errors fall with the square of the number of parts. */
-static int parts_for(const tc_segments *s, doubt d, double width, double v0, double v1) {
+static int parts_for(const tc_segments *s, doubt d, double width, double v0, double v1, int most) {
   if (d.error <= ERROR) return 1;
   double depth = tc_extinction_mean(s->params->tf, v0, v1) * width * s->params->step_mm;
-  return (int)fmax(fmin(ceil(sqrt(d.error * fmin(depth * fmax(depth, d.uneven), 1) / ERROR)), MOST_PARTS), 1);
+  return (int)fmax(fmin(ceil(sqrt(d.error * fmin(depth * fmax(depth, d.uneven), 1) / ERROR)), most), 1);
 }
 
 /* The depth up to which one part will do. */
@@ -118,8 +119,8 @@ static double depth_of_one(doubt d) {
   return d.error <= ERROR ? INFINITY : d.uneven * d.uneven > most ? most / d.uneven : sqrt(most);
 }
 
-static bool add_curved(tc_segments *s, double width, double v0, double v1) {
-  int parts = parts_for(s, doubt_of_curve(s, v0, v1), width, v0, v1);
+static bool add_curved(tc_segments *s, double width, double v0, double v1, int most) {
+  int parts = parts_for(s, doubt_of_curve(s, v0, v1), width, v0, v1, most);
   for (int i = 0; i < parts; i++)
     if (!add_piece(s, width / parts, v0 + (v1 - v0) * i / parts, v0 + (v1 - v0) * (i + 1) / parts)) return false;
   return true;
@@ -127,36 +128,51 @@ static bool add_curved(tc_segments *s, double width, double v0, double v1) {
 
 static bool add_bent(tc_segments *s, double width, double v0, double v1) {
   double roots[2], from = 0;
-  int parts = parts_for(s, doubt_of_bend(s, v0, v1, roots), width, v0, v1);
+  int parts = parts_for(s, doubt_of_bend(s, v0, v1, roots), width, v0, v1, s->most_parts);
+  int each = s->most_parts / parts; /* at least 1 */
   for (int i = 1; i < parts; i++) {
     double r0 = roots[0], r1 = roots[1], r = r0 + (r1 - r0) * i / parts;
     double to = (r0 - r) * (r0 + r) / ((r0 - r1) * (r0 + r1));
-    if (!add_curved(s, width * (to - from), v0 + (v1 - v0) * from, v0 + (v1 - v0) * to)) return false;
+    if (!add_curved(s, width * (to - from), v0 + (v1 - v0) * from, v0 + (v1 - v0) * to, each)) return false;
     from = to;
   }
-  return add_curved(s, width * (1 - from), v0 + (v1 - v0) * from, v1);
+  return add_curved(s, width * (1 - from), v0 + (v1 - v0) * from, v1, each);
 }
 
 /* A node interval with very many knots in it: a few pieces with the exact mean extinction and the mean of the emitted
  * colour each. What is between the nodes is then below what a lookup can resolve, and the time to build stays
  * bounded. */
-enum { MOST_KNOTS = 8, MERGED_PIECES = 4, MERGE_PROBES = 32 };
+enum { MOST_KNOTS = 8, MERGED_PIECES = 4 };
 
-static bool merge_pieces(tc_segments *s, uint32_t first, double v0, double v1) {
-  s->n_pieces = first;
+/* Adds what shines between two values without a knot inside, and its extinction: two Gauss points are exact where both
+ * are lines. */
+static void add_light(const tc_segments *s, double v0, double v1, double sum[4]) {
+  static const double places[2] = {0.21132486540518712, 0.78867513459481288};
+  for (int i = 0; i < 2; i++) {
+    double v = v0 + (v1 - v0) * places[i], tau = fabs(v1 - v0) * tc_extinction(s->params->tf, v), rgb[3];
+    tc_segments_color(s->params, v, rgb);
+    for (int c = 0; c < 3; c++) sum[c] += tau * rgb[c];
+    sum[3] += tau;
+  }
+}
+
+static bool is_halted(tc_segments *s) { return s->left = tc_halt_within(s->halt); }
+
+#define LOOK 256 /* knots between two looks at the halt */
+
+static bool merge_pieces(tc_segments *s, double v0, double v1) {
   for (int i = 0; i < MERGED_PIECES; i++) {
-    double from = v0 + (v1 - v0) * i / MERGED_PIECES, to = v0 + (v1 - v0) * (i + 1) / MERGED_PIECES, weight = 0,
-           sum[3] = {0};
+    double from = v0 + (v1 - v0) * i / MERGED_PIECES, to = v0 + (v1 - v0) * (i + 1) / MERGED_PIECES, sum[4] = {0};
     if (!add_piece(s, 1.0 / MERGED_PIECES, from, to)) return false;
-    for (int j = 0; j < MERGE_PROBES; j++) {
-      double v = from + (to - from) * (j + 0.5) / MERGE_PROBES, tau = tc_extinction(s->params->tf, v), rgb[3];
-      tc_segments_color(s->params, v, rgb);
-      for (int c = 0; c < 3; c++) sum[c] += tau * rgb[c];
-      weight += tau;
+    for (size_t at = 0; from != to;) {
+      double next = tc_next_knot(s->params->tf, from, to, &at);
+      add_light(s, from, next, sum);
+      from = next;
+      if (at % LOOK == LOOK - 1 && is_halted(s)) return false;
     }
     tc_piece *q = &s->pieces[s->n_pieces - 1];
-    if (weight > 0)
-      for (int c = 0; c < 3; c++) q->from[c] = q->to[c] = sum[c] / weight;
+    if (sum[3] > 0)
+      for (int c = 0; c < 3; c++) q->from[c] = q->to[c] = sum[c] / sum[3];
     q->graded = false;
   }
   return true;
@@ -164,14 +180,18 @@ static bool merge_pieces(tc_segments *s, uint32_t first, double v0, double v1) {
 
 #define SERIES_DEPTH 0.5 /* what the series of elementary_four() are good for, to single precision */
 
-/* Interval j as one piece, for segments so short that no more of it is seen. */
+/* Interval j as one piece, for segments so short that no more of it is seen; not where a knot is inside. */
 static void fill_quad(tc_segments *s, int j, bool knots_inside, double v0, double v1) {
   tc_quad *q = &s->quads[j / 4];
   int k = j % 4;
   tc_piece p;
-  double roots[2];
+  double roots[2], longest = INFINITY;
+  if (knots_inside) {
+    q->longest_mm = 0;
+    return;
+  }
   make_piece(s, 1, v0, v1, &p);
-  double depth = fmin(p.mean, MOST_DEPTH), longest = knots_inside ? 0 : INFINITY;
+  double depth = fmin(p.mean, MOST_DEPTH);
   q->depth[k] = (float)depth;
   q->tilt[k] = (float)p.tilt;
   q->graded[k] = -p.graded;
@@ -179,37 +199,50 @@ static void fill_quad(tc_segments *s, int j, bool knots_inside, double v0, doubl
     q->from[k][c] = c < 3 ? (float)p.from[c] : 1;
     q->to[k][c] = c == 3 ? 1 : p.graded ? (float)p.to[c] : q->from[k][c];
   }
-  if (p.graded && depth > 0 && !knots_inside) {
+  if (p.graded && depth > 0) {
     double most = fmin(depth_of_one(doubt_of_bend(s, v0, v1, roots)), depth_of_one(doubt_of_curve(s, v0, v1)));
     longest = fmin(most, fmin(SERIES_DEPTH, 0.05 / fabs(p.tilt))) / depth;
   }
-  q->longest_mm = k ? fminf(q->longest_mm, (float)longest) : (float)longest;
+  q->longest_mm = fminf(q->longest_mm, (float)longest);
+}
+
+/* s->params->tf: the knots about it. */
+static bool cut_interval(tc_segments *s, int j) {
+  const tc_transfer_function *tf = s->params->tf;
+  const double v0 = tc_segments_value(s, j), v1 = tc_segments_value(s, j + 1);
+  const bool rising = s->params->slope > 0;
+  int knots = 0;
+  for (size_t i = 0; i < tf->count; i++) {
+    const double k = tf->points[i].value;
+    knots += rising ? k > v0 && k < v1 : k < v0 && k > v1;
+  }
+  if (j / 4 < s->count / 4) fill_quad(s, j, knots > 0, v0, v1);
+  if (knots > MOST_KNOTS) return merge_pieces(s, v0, v1);
+  size_t at = 0;
+  double from = v0;
+  do { /* once where the axis is so short that v0 is v1 */
+    double next = tc_next_knot(tf, from, v1, &at);
+    if (!add_bent(s, (next - from) / (v1 - v0), from, next)) return false;
+    from = next;
+  } while (from != v1);
+  return true;
 }
 
 static bool cut_into_pieces(tc_segments *s) {
-  const tc_transfer_function *tf = s->params->tf;
-  bool rising = s->params->slope > 0;
-  /* next: the first knot ahead in the direction the value moves along the nodes. */
-  ptrdiff_t count = (ptrdiff_t)tf->count, next = rising ? 0 : count - 1;
-  for (int j = 0; j < s->count; j++) {
+  const tc_table_params *params = s->params;
+  tc_table_params about = *params;
+  bool ok = true;
+  s->params = &about;
+  for (int j = 0; ok && j < s->count; j++) {
+    const tc_transfer_function near =
+        tc_knots_between(params->tf, tc_segments_value(s, j), tc_segments_value(s, j + 1));
+    about.tf = &near;
     s->first[j] = s->n_pieces;
-    double v0 = tc_segments_value(s, j), v1 = tc_segments_value(s, j + 1), from = v0;
-    int knots = 0;
-    while (next >= 0 && next < count && (rising ? tf->points[next].value <= v0 : tf->points[next].value >= v0))
-      next += rising ? 1 : -1;
-    for (; next >= 0 && next < count; next += rising ? 1 : -1) {
-      double k = tf->points[next].value;
-      if (rising ? k >= v1 : k <= v1) break;
-      if (k != from && !add_bent(s, (k - from) / (v1 - v0), from, k)) return false;
-      from = k;
-      knots++;
-    }
-    if (!add_bent(s, (v1 - from) / (v1 - v0), from, v1)) return false;
-    if (knots > MOST_KNOTS && !merge_pieces(s, s->first[j], v0, v1)) return false;
-    if (j / 4 < s->count / 4) fill_quad(s, j, knots > 0, v0, v1);
+    ok = (j % 4 || !is_halted(s)) && cut_interval(s, j);
   }
   s->first[s->count] = s->n_pieces;
-  return true;
+  s->params = params;
+  return ok;
 }
 
 /* ---- elementary segments ---- */
@@ -371,11 +404,19 @@ void tc_segments_ends(const tc_segments *s, double length_mm, float (*ends)[8]) 
 
 /* ---- life ---- */
 
-bool tc_segments_make(tc_segments *s, const tc_table_params *params, double lo, double hi, int count) {
-  *s = (tc_segments){.params = params, .lo = lo, .hi = hi, .count = count};
+bool tc_segments_make(tc_segments *s, const tc_table_params *params, double lo, double hi, int count,
+                      const tc_halt *halt, GError **error) {
+  const size_t stretches = (size_t)count + params->tf->count, quads = (size_t)count / 4 + 1;
+  *s = (tc_segments){.params = params, .lo = lo, .hi = hi, .count = count, .halt = halt};
+  s->most_parts = (int)fmin(fmax(MOST_PIECES / (double)stretches, 1), MOST_PARTS);
   s->first = calloc((size_t)count + 1, sizeof *s->first);
-  s->quads = aligned_alloc(16, ((size_t)count / 4 + 1) * sizeof *s->quads);
-  if (!s->first || !s->quads || !cut_into_pieces(s)) return false;
+  s->quads = aligned_alloc(16, quads * sizeof *s->quads);
+  for (size_t i = 0; s->quads && i < quads; i++) s->quads[i].longest_mm = INFINITY;
+  if (!s->first || !s->quads || !cut_into_pieces(s)) {
+    if (s->left) return tc_halt_say(halt, error);
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "pre-integration table of %d values a side: out of memory", count);
+    return false;
+  }
   tc_piece *fitting = realloc(s->pieces, s->n_pieces * sizeof *fitting);
   if (fitting) s->pieces = fitting, s->capacity = s->n_pieces;
   return true;

@@ -9,6 +9,7 @@
 #include <xmmintrin.h>
 
 #include "renderer/classify/classify.h"
+#include "renderer/halt.h"
 
 typedef float tc_v4 __attribute__((vector_size(16)));
 typedef int32_t tc_i4 __attribute__((vector_size(16)));
@@ -25,10 +26,15 @@ typedef struct tc_segments {
   uint32_t *first; /* [count + 1] into pieces */
   uint32_t n_pieces, capacity;
   tc_quad *quads; /* [count / 4] */
+  int most_parts; /* of a stretch between two knots */
+  const tc_halt *halt; /* while it is cut */
+  bool left;           /* ... which that ended */
 } tc_segments;
 
-/* Cuts the axis; false: out of memory, and what is there is still to be finished. */
-bool tc_segments_make(tc_segments *s, const tc_table_params *params, double lo, double hi, int count);
+/* Cuts the axis; false: TC_ERROR_MEMORY, or what the halt (NULL: none) says, and what is there is still to be
+ * finished. */
+bool tc_segments_make(tc_segments *s, const tc_table_params *params, double lo, double hi, int count,
+                      const tc_halt *halt, GError **error);
 void tc_segments_finish(tc_segments *s);
 size_t tc_segments_bytes(const tc_segments *s); /* memory held */
 
@@ -51,6 +57,12 @@ void tc_segments_ends(const tc_segments *s, double length_mm, float (*ends)[8]);
 /* The value (rescaled) at a node, and colour in the compositing space at a value. */
 double tc_segments_value(const tc_segments *s, int node);
 void tc_segments_color(const tc_table_params *params, double value, double rgb[3]);
+
+/* The knots that decide what is seen between two values, borrowed: there the same as the whole list, and found sooner. */
+tc_transfer_function tc_knots_between(const tc_transfer_function *tf, double a, double b);
+
+/* The next knot on the way from one value to another, or `to`. *at: 0 at the start of a way. */
+double tc_next_knot(const tc_transfer_function *tf, double from, double to, size_t *at);
 
 /* Not front + (1 - opacity) back: one less a small opacity rounds, and the same way in thousands of like segments. */
 static inline tc_v4 tc_v4_over(tc_v4 front, tc_v4 back) { return (front - front[3] * back) + back; }

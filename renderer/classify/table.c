@@ -183,20 +183,21 @@ static size_t rows_start(const tc_table *t, int w) {
   return w ? 2 * ((size_t)t->n + 1 + (size_t)(w - 1) * (TC_ZOOM_NODES + 1)) : 0;
 }
 
-static void say_no_memory(int n, GError **error) {
+static bool say_no_memory(int n, GError **error) {
   tc_set_error(error, TC_ERROR_MEMORY, NULL, "pre-integration table of %d values a side: out of memory", n);
+  return false;
 }
 
-tc_table *tc_table_outline(const tc_table_params *params, GError **error) {
+tc_table *tc_table_outline(const tc_table_params *params, const tc_halt *halt, GError **error) {
   double start = tc_now_ms();
   made *m = table_new(params);
   if (m) m->rows = aligned_alloc(16, rows_start(&m->table, params->n_zooms + 1) * sizeof(tc_v4));
-  bool ok = m && m->rows;
+  bool ok = (m && m->rows) || say_no_memory(params->n, error);
   if (ok) m->peak = brightest(params);
   for (int w = 0; ok && w <= params->n_zooms; w++) { /* the table itself, then its zooms */
     tc_zoom range = w ? params->zooms[w - 1] : (tc_zoom){.lo = params->voxel_lo, .hi = params->voxel_hi};
     tc_segments *axis = &m->axes[w];
-    ok = tc_segments_make(axis, params, range.lo, range.hi, w ? TC_ZOOM_NODES : params->n);
+    ok = tc_segments_make(axis, params, range.lo, range.hi, w ? TC_ZOOM_NODES : params->n, halt, error);
     tc_v4 *rows = m->rows + rows_start(&m->table, w);
     if (ok) {
       diagonal_zero(axis, params->step_mm, m->peak, rows);
@@ -205,7 +206,6 @@ tc_table *tc_table_outline(const tc_table_params *params, GError **error) {
     axis->params = NULL;
   }
   if (!ok) {
-    say_no_memory(params->n, error);
     tc_table_free((tc_table *)m);
     return NULL;
   }
@@ -256,8 +256,7 @@ bool tc_table_fill(tc_table *t, const tc_table *old, tc_pool *pool, GError **err
   if (!m->begun && scratch) m->begun = reserve(&m->mapped);
   if (!m->begun || !scratch) {
     free(scratch);
-    say_no_memory(t->n, error);
-    return false;
+    return say_no_memory(t->n, error);
   }
   t->zero_row = m->begun + 4 * t->starts[0];
   for (int z = 0; z < t->n_zooms; z++) t->zoom_rows[z] = m->begun + 4 * t->starts[1 + z];
@@ -274,7 +273,7 @@ int64_t tc_table_steps(const tc_table *table) {
 }
 
 tc_table *tc_table_build(const tc_table_params *params, tc_pool *pool, GError **error) {
-  tc_table *t = tc_table_outline(params, error);
+  tc_table *t = tc_table_outline(params, tc_pool_halt(pool), error);
   if (!t || tc_table_fill(t, NULL, pool, error)) return t;
   tc_table_free(t);
   return NULL;

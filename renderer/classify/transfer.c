@@ -1,7 +1,7 @@
 /* Point and interval evaluation of a transfer function (NUMERICS section 0 and 2). */
 #include <math.h>
 
-#include "renderer/classify/classify.h"
+#include "renderer/classify/segments.h"
 
 /* Opacity 1 has no finite extinction; this is the largest that float accumulators can tell from 1. */
 static double clamp_opacity(double a) { return fmin(fmax(a, 0), 1 - 0x1p-24); }
@@ -20,6 +20,28 @@ static ptrdiff_t knot_below(const tc_transfer_function *tf, double v) {
       hi = mid;
   }
   return lo;
+}
+
+tc_transfer_function tc_knots_between(const tc_transfer_function *tf, double a, double b) {
+  /* One more to either side, so that a value that rounding puts outside is seen as before. */
+  ptrdiff_t first = knot_below(tf, fmin(a, b)) - 1, last = knot_below(tf, fmax(a, b)) + 2;
+  tc_transfer_function part = *tf;
+  if (first < 0) first = 0;
+  if (last > (ptrdiff_t)tf->count - 1) last = (ptrdiff_t)tf->count - 1;
+  part.points += first;
+  part.count = (size_t)(last - first + 1);
+  return part;
+}
+
+double tc_next_knot(const tc_transfer_function *tf, double from, double to, size_t *at) {
+  const bool rising = to > from;
+  while (*at < tf->count) {
+    const double knot = tf->points[rising ? *at : tf->count - 1 - *at].value;
+    if (rising ? knot >= to : knot <= to) break;
+    ++*at;
+    if (rising ? knot > from : knot < from) return knot;
+  }
+  return to;
 }
 
 double tc_extinction(const tc_transfer_function *tf, double value) {

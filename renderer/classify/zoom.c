@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "renderer/classify/classify.h"
+#include "renderer/classify/integrals.h"
 
 /* The coarsest node distance at which a change between two knots is still told from none, in voxel values: a quarter of
  * its own width, or, for a steep one, a quarter of the way to the next change back of the same channel (the width of a
@@ -51,14 +52,15 @@ static double seen_share(const tc_transfer_function *tf, const tc_knot *thin, co
 }
 
 /* Ascending in voxel value, whatever the sign of the slope. */
-static bool find_edges(const tc_transfer_function *tf, const tc_volume_desc *d, double steep, edges *found) {
+static void find_edges(const tc_transfer_function *tf, const tc_volume_desc *d, double steep, edges *found) {
   edge *last[4][2] = {{NULL}};
   found->list = calloc(tf->count, sizeof *found->list);
   double *width = calloc(tf->count, sizeof *width);
   if (!found->list || !width) {
     free(width);
     free(found->list);
-    return false;
+    found->list = NULL;
+    return;
   }
   double voxel_mm = fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2]));
   for (size_t i = 0; i + 1 < tf->count; i++) {
@@ -85,7 +87,6 @@ static bool find_edges(const tc_transfer_function *tf, const tc_volume_desc *d, 
   }
   for (size_t i = 0; i < found->count; i++) found->list[i].node = fmax(found->list[i].node, width[i] / NODES_PER_WIDTH);
   free(width);
-  return true;
 }
 
 typedef struct zooming {
@@ -95,17 +96,30 @@ typedef struct zooming {
   bool complete;
 } zooming;
 
+/* The first edge at or above a voxel value. */
+static size_t first_edge(const edges *all, double at) {
+  size_t lo = 0, hi = all->count;
+  while (lo < hi) {
+    size_t middle = lo + (hi - lo) / 2;
+    if (all->list[middle].at < at)
+      lo = middle + 1;
+    else
+      hi = middle;
+  }
+  return lo;
+}
+
 /* Zooms on what nodes `node` apart in [lo, hi] do not resolve: edges nearer than two margins share one. */
 static void zoom_in(zooming *z, double lo, double hi, double node) {
   const edge *e = z->edges.list;
-  for (size_t i = 0; i < z->edges.count;) {
-    if (e[i].at < lo || e[i].at > hi || !(e[i].node < node)) {
+  for (size_t i = first_edge(&z->edges, lo); i < z->edges.count && e[i].at <= hi;) {
+    if (!(e[i].node < node)) {
       i++;
       continue;
     }
     size_t end = i;
     double first = e[i].at, last = first;
-    for (; end < z->edges.count && e[end].at <= fmin(last + 2 * z->margin * node, hi); end++)
+    for (; end < z->edges.count && e[end].at <= hi && e[end].at - last <= 2 * z->margin * node; end++)
       if (e[end].node < node) last = e[end].at;
     i = end;
     tc_zoom window = {.lo = first - z->margin * node, .hi = last + z->margin * node};
@@ -122,25 +136,39 @@ static void zoom_in(zooming *z, double lo, double hi, double node) {
   }
 }
 
-int tc_table_zooms(const tc_volume *volume, const tc_transfer_function *tf, int n, double voxel_lo, double voxel_hi,
-                   tc_zoom zooms[TC_MAX_ZOOMS], bool *complete) {
+/* All zooms of n nodes over [lo, hi]; once find_edges() is done. */
+static void zoom_all(zooming *z, int n, double lo, double hi) {
+  z->count = 0;
+  z->complete = true;
+  if (!z->edges.list) return;
+  for (z->margin = MOST_MARGIN; z->margin >= LEAST_MARGIN; z->margin -= LEAST_MARGIN) {
+    z->count = 0;
+    z->complete = true;
+    zoom_in(z, lo, hi, (hi - lo) / (n - 1));
+    if (z->complete) break;
+  }
+}
+
+/* Without edges where there is nothing to zoom into, or no memory. */
+static zooming begin_zooms(const tc_volume *volume, const tc_transfer_function *tf, double lo, double hi,
+                           tc_zoom zooms[TC_MAX_ZOOMS]) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_volume_stats *s = tc_volume_statistics(volume);
-  double range = voxel_hi - voxel_lo;
-  zooming z = {.zooms = zooms, .complete = true};
+  double range = hi - lo;
+  zooming z = {.zooms = zooms};
   /* Data of one value are a node. A range that single precision cannot halve a few times has nothing to zoom into. */
-  bool wide = s->voxel_max > s->voxel_min && range > 1e-4 * fmax(fabs(voxel_lo), fabs(voxel_hi));
-  if (wide && range < 1e30 && range > 1e-30 &&
-      find_edges(tf, d, d->type == TC_F32 ? TC_EDGE_SHARE * range : TC_EDGE_UNITS, &z.edges)) {
-    for (z.margin = MOST_MARGIN; z.margin >= LEAST_MARGIN; z.margin -= LEAST_MARGIN) {
-      z.count = 0;
-      z.complete = true;
-      zoom_in(&z, voxel_lo, voxel_hi, range / (n - 1));
-      if (z.complete) break;
-    }
-    free(z.edges.list);
-  }
-  if (complete) *complete = z.complete;
+  bool wide = s->voxel_max > s->voxel_min && range > 1e-4 * fmax(fabs(lo), fabs(hi));
+  if (wide && range < 1e30 && range > 1e-30)
+    find_edges(tf, d, d->type == TC_F32 ? TC_EDGE_SHARE * range : TC_EDGE_UNITS, &z.edges);
+  return z;
+}
+
+int tc_table_zooms(const tc_volume *volume, const tc_transfer_function *tf, int n, double voxel_lo, double voxel_hi,
+                   tc_zoom zooms[TC_MAX_ZOOMS], bool *complete) {
+  zooming z = begin_zooms(volume, tf, voxel_lo, voxel_hi, zooms);
+  zoom_all(&z, n, voxel_lo, voxel_hi);
+  free(z.edges.list);
+  *complete = z.complete;
   return z.count;
 }
 
@@ -155,31 +183,48 @@ static double knot_distance(const tc_transfer_function *tf) {
   return least;
 }
 
-void tc_table_choose(const tc_volume *volume, const tc_transfer_function *tf, int *n, double *voxel_lo,
-                     double *voxel_hi) {
+/* How many nodes, before zooms are asked for. */
+static int nodes_for(const tc_volume *volume, tc_table_params *p) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_volume_stats *s = tc_volume_statistics(volume);
   if (d->type == TC_U8 || d->type == TC_I8) { /* nodes on the values themselves */
-    *voxel_lo = d->type == TC_U8 ? 0 : -128;
-    *voxel_hi = *voxel_lo + 255;
-    *n = 256;
-    return;
+    p->voxel_lo = d->type == TC_U8 ? 0 : -128;
+    p->voxel_hi = p->voxel_lo + 255;
+    return 256;
   }
-  *voxel_lo = s->voxel_min;
-  *voxel_hi = s->voxel_max > s->voxel_min ? s->voxel_max : s->voxel_min + fmax(1, fabs(s->voxel_min) * 1e-6);
+  p->voxel_lo = s->voxel_min;
+  p->voxel_hi = s->voxel_max > s->voxel_min ? s->voxel_max : s->voxel_min + fmax(1, fabs(s->voxel_min) * 1e-6);
   /* Four nodes between the nearest knots, so that interpolating the table rounds no corner of it much. */
-  double wanted = 4 * fabs(d->slope) * (*voxel_hi - *voxel_lo) / knot_distance(tf);
-  *n = 256;
-  while (*n < 1024 && *n < wanted) *n *= 2;
+  double wanted = 4 * fabs(d->slope) * (p->voxel_hi - p->voxel_lo) / knot_distance(p->tf);
+  int n = 256;
+  while (n < 1024 && n < wanted) n *= 2;
+  return n;
+}
+
+void tc_table_choose(const tc_volume *volume, tc_table_params *p, bool *complete) {
+  const int n = nodes_for(volume, p);
+  zooming z = begin_zooms(volume, p->tf, p->voxel_lo, p->voxel_hi, p->zooms);
+  p->n = n;
+  zoom_all(&z, n, p->voxel_lo, p->voxel_hi);
   /* Where it takes zooms all the same, they may serve a smaller table just as well; more of them than there may be, a
    * larger one: of 134 MB, and some 50 ms to build. */
-  tc_zoom zooms[TC_MAX_ZOOMS];
-  bool complete;
-  if (*n == 256 || (!tc_table_zooms(volume, tf, *n, *voxel_lo, *voxel_hi, zooms, &complete) && complete)) return;
-  for (int size = 256; size <= 2048; size *= 2) {
-    tc_table_zooms(volume, tf, size, *voxel_lo, *voxel_hi, zooms, &complete);
-    if (!complete) continue;
-    *n = size;
-    return;
+  if (n > 256 && (z.count || !z.complete)) {
+    p->n = 128;
+    do zoom_all(&z, p->n *= 2, p->voxel_lo, p->voxel_hi);
+    while (!z.complete && p->n < 2048);
+    if (!z.complete) zoom_all(&z, p->n = n, p->voxel_lo, p->voxel_hi);
   }
+  free(z.edges.list);
+  p->n_zooms = z.count;
+  if (complete) *complete = z.complete;
+}
+
+void tc_integrals_choose(const tc_volume *volume, tc_table_params *p) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  p->n = nodes_for(volume, p);
+  p->n_zooms = 0;
+  if (d->type == TC_U8 || d->type == TC_I8) return;
+  double range = fabs(d->slope) * (p->voxel_hi - p->voxel_lo);
+  /* Sixteen nodes between the nearest knots, where they can be. */
+  p->n = 1024 * knot_distance(p->tf) > 16 * range ? 1024 : 4096;
 }

@@ -445,8 +445,27 @@ static void plan_stages(tc_plan *plan, const tc_scene *s) {
   if (tc_is_projection(s->mode)) plan_projection_stages(plan, s);
 }
 
+void tc_plan_table(tc_plan *plan, const tc_volume *field, const tc_scene *scene, int nodes) {
+  const tc_volume_desc *d = tc_volume_describe(field);
+  tc_table_params p = {.tf = &scene->transfer_function, .slope = d->slope, .intercept = d->intercept,
+                       .linear_light = scene->image.linear_light};
+  if (tc_integrals_serve(scene->classification)) {
+    tc_integrals_choose(field, &p); /* they serve every length: step_mm stays 0 */
+  } else {
+    tc_table_choose(field, &p, NULL);
+    p.step_mm = plan->step_mm;
+  }
+  if (nodes) p.n = nodes, p.n_zooms = 0;
+  p.tf = NULL;
+  plan->table = p;
+  plan->table_size = p.n;
+  plan->table_zooms = p.n_zooms;
+  plan->key.zoomed = p.n_zooms > 0;
+  plan->table_lo = p.slope * p.voxel_lo + p.intercept;
+  plan->table_hi = p.slope * p.voxel_hi + p.intercept;
+}
+
 static void plan_compositing(tc_plan *plan, const tc_volume *volume, const tc_scene *scene) {
-  const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_volume_stats *range = tc_volume_statistics(volume);
   plan->key.classification = (uint8_t)scene->classification;
   plan->key.order = (uint8_t)scene->order;
@@ -454,16 +473,9 @@ static void plan_compositing(tc_plan *plan, const tc_volume *volume, const tc_sc
   plan->key.termination = scene->sampling.termination > 0 && scene->order == TC_FRONT_TO_BACK;
   plan->key.skipping = scene->skipping.mode == TC_SKIPPING_AUTO &&
                        tc_skip_possible(&scene->transfer_function, range->min, range->max);
-  double lo, hi;
-  bool integrals = tc_integrals_serve(scene->classification);
-  (integrals ? tc_integrals_choose : tc_table_choose)(volume, &scene->transfer_function, &plan->table_size, &lo, &hi);
-  tc_zoom zooms[TC_MAX_ZOOMS];
-  if (!integrals)
-    plan->table_zooms = tc_table_zooms(volume, &scene->transfer_function, plan->table_size, lo, hi, zooms, NULL);
-  plan->key.zoomed = plan->table_zooms > 0;
-  plan->key.stiff = !integrals && tc_extinction_most(&scene->transfer_function) * plan->step_mm > TC_STIFF_DEPTH;
-  plan->table_lo = d->slope * lo + d->intercept;
-  plan->table_hi = d->slope * hi + d->intercept;
+  plan->key.stiff = !tc_integrals_serve(scene->classification) &&
+                    tc_extinction_most(&scene->transfer_function) * plan->step_mm > TC_STIFF_DEPTH;
+  tc_plan_table(plan, volume, scene, 0);
 }
 
 static void plan_slice_stages(tc_plan *plan, const tc_scene *s) {

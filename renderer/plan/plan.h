@@ -14,6 +14,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "renderer/classify/classify.h"
 #include "renderer/error.h"
 #include "renderer/scene.h"
 #include "renderer/volume/volume.h"
@@ -79,11 +80,16 @@ typedef struct tc_plan {
   int table_size;       /* entries per side of the table, or nodes of the 1-D tables; 0 = none (projections) */
   int table_zooms;      /* narrower tables that resolve knots which stand too close for it */
   double table_lo, table_hi; /* values (volume's unit) of the first and last entry */
+  tc_table_params table; /* mode dvr: what the table or the integrals are made with, but for .tf, which is the scene's */
   char kernel[64];      /* name of the variant that runs, e.g. "dvr.preintegrated.linear.u16.avx512" */
 } tc_plan;
 
 /* What a key's variants are called: "dvr.preintegrated.linear.shaded.u16"; back ends add their own words. */
 void tc_plan_key_name(const tc_plan_key *key, char *name, size_t size);
+
+/* Chooses the table anew, over what is sampled in the volume's place. nodes: as asked for, without zooms; 0: as many as
+ * the scene wants. */
+void tc_plan_table(tc_plan *plan, const tc_volume *field, const tc_scene *scene, int nodes);
 
 /* Takes leaping out, and what depends on it; reason: of the skipping stage. */
 void tc_plan_drop_skipping(tc_plan *plan, const char *reason);

@@ -293,7 +293,7 @@ static bool bench_render(bench *b, const tc_interrupt *interrupt) {
   if (!b->table) {
     tc_table_params params = {
         .tf = &b->scene.transfer_function, .slope = d->slope, .intercept = d->intercept, .step_mm = plan.step_mm};
-    tc_table_choose(b->volume, params.tf, &params.n, &params.voxel_lo, &params.voxel_hi);
+    tc_table_choose(b->volume, &params, NULL);
     b->table = tc_table_build(&params, NULL, &error);
     assert_made(b->table);
   }

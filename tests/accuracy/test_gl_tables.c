@@ -107,7 +107,7 @@ typedef struct outcome {
 } outcome;
 
 static outcome compare(const char *what, const tc_table_params *p) {
-  tc_table *t = tc_table_outline(p, &error);
+  tc_table *t = tc_table_outline(p, NULL, &error);
   assert_made(t);
   outcome o = {0};
   float *here = build_here(t, &o.gl_ms);
@@ -231,8 +231,7 @@ static void one_value_wide(void **state) {
   tc_transfer_function tf;
   tc_table_params p = params(&tf, peak, 3, TC_KNOT_EXTINCTION, 0, 0.5);
   p.slope = tc_volume_describe(volume)->slope;
-  tc_table_choose(volume, &tf, &p.n, &p.voxel_lo, &p.voxel_hi);
-  p.n_zooms = tc_table_zooms(volume, &tf, p.n, p.voxel_lo, p.voxel_hi, p.zooms, NULL);
+  tc_table_choose(volume, &p, NULL);
   assert_true(p.n_zooms > 0);
   printf("  %d nodes and %d zooms: off by %.1e\n", p.n, p.n_zooms, compare("peak", &p).worst);
   tc_volume_unref(volume);

@@ -123,7 +123,7 @@ static void leaping_changes_no_bit(void **unused) {
 static tc_support *support_of(const tc_volume *v, const tc_transfer_function *tf) {
   const tc_volume_desc *d = tc_volume_describe(v);
   tc_table_params p = {.tf = tf, .slope = d->slope, .intercept = d->intercept, .step_mm = 1};
-  tc_table_choose(v, p.tf, &p.n, &p.voxel_lo, &p.voxel_hi);
+  tc_table_choose(v, &p, NULL);
   return tc_support_build(&p, NULL);
 }
 

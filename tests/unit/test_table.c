@@ -247,7 +247,7 @@ static void invariants(void **state) {
 }
 
 static tc_table *rebuild(const tc_table_params *p, const tc_table *like, tc_pool *pool) {
-  tc_table *t = tc_table_outline(p, NULL);
+  tc_table *t = tc_table_outline(p, NULL, NULL);
   assert_true(t && !t->entries && tc_table_held(t) < t->bytes && tc_table_fill(t, like, pool, NULL));
   assert_true(tc_table_held(t) > t->bytes);
   return t;
@@ -388,8 +388,7 @@ static void zooms_where_knots_are_close(void **state) {
     tc_volume *volume = range_of(cases[i].type, cases[i].lo, cases[i].hi);
     tc_table_params p = {.tf = &tf, .slope = 1, .step_mm = 1};
     bool complete;
-    tc_table_choose(volume, &tf, &p.n, &p.voxel_lo, &p.voxel_hi);
-    p.n_zooms = tc_table_zooms(volume, &tf, p.n, p.voxel_lo, p.voxel_hi, p.zooms, &complete);
+    tc_table_choose(volume, &p, &complete);
     tc_table *t = tc_table_build(&p, NULL, NULL);
     printf("%-20s n=%4d, %d zooms, %.2f ms on one thread\n", cases[i].what, p.n, p.n_zooms, t->build_ms);
     assert_int_equal(p.n, cases[i].n);

@@ -226,8 +226,7 @@ static double judge(family of, uint64_t seed, bool *complete, double *most) {
   tf.count = draw_knots(of, knots, lo, hi, unit, &s);
   tc_volume *volume = range_of(type, lo, hi);
   tc_table_params p = {.tf = &tf, .slope = 1, .step_mm = 0.5};
-  tc_table_choose(volume, &tf, &p.n, &p.voxel_lo, &p.voxel_hi);
-  p.n_zooms = tc_table_zooms(volume, &tf, p.n, p.voxel_lo, p.voxel_hi, p.zooms, complete);
+  tc_table_choose(volume, &p, complete);
   medium m = {&tf, tc_table_build(&p, NULL, NULL), p.voxel_lo, p.voxel_hi, p.step_mm, TC_EDGE_UNITS * unit, most};
   if (type == TC_F32) m.blur = TC_EDGE_SHARE;
   for (int i = 0; i < 4; i++) {
@@ -301,16 +300,18 @@ static void more_nodes_are_not_worse(void **state) {
   for (int i = 0; i < tcs_report_scene_count(); i++) {
     tcs_report_scene s;
     GError *error = NULL;
-    int chosen, zooms;
-    double lo, hi, before = INFINITY, own = 0;
+    int zooms;
+    double before = INFINITY, own = 0;
     if (!tcs_report_scene_make(i, &s, &error)) fail_msg("%s", error->message);
-    tc_table_choose(s.volume, &s.scene.transfer_function, &chosen, &lo, &hi);
-    printf("  %-16s %4d:", s.name, chosen);
+    const tc_volume_desc *d = tc_volume_describe(s.volume);
+    tc_table_params p = {.tf = &s.scene.transfer_function, .slope = d->slope, .intercept = d->intercept};
+    tc_table_choose(s.volume, &p, NULL);
+    printf("  %-16s %4d:", s.name, p.n);
     for (int n = 256; n <= 2048; n *= 2) {
       bool complete;
-      double e = scene_error(&s, n, lo, hi, &zooms, &complete);
+      double e = scene_error(&s, n, p.voxel_lo, p.voxel_hi, &zooms, &complete);
       printf(" %.1e (%d)", e, zooms);
-      if (n == chosen) own = e;
+      if (n == p.n) own = e;
       if (!(e <= 1.3 * before + 2e-3)) fail_msg("%d nodes: %g, half as many: %g", n, e, before);
       if (complete && !(e <= 1.0 / 400)) fail_msg("%d nodes: %g", n, e);
       before = e;
