@@ -1,6 +1,6 @@
 /* The gl back end: a frame is cut into tiles; each is one dispatch whose result comes back through the ring while later
- * tiles run. Small tiles keep a GPU's watchdog quiet and a cancelled frame short; their size follows the GPU's clock.
- */
+ * tiles run. Small tiles keep a GPU's watchdog quiet and a cancelled frame short; their size follows the GPU's clock
+ * (pace.h). */
 #include "renderer/raycast/gl/backend.h"
 
 #include <epoxy/gl.h>
@@ -13,22 +13,15 @@
 #include "renderer/gl/program.h"
 #include "renderer/gl/ring.h"
 #include "renderer/raycast/gl/job.h"
+#include "renderer/raycast/gl/pace.h"
 #include "renderer/raycast/gl/textures.h"
 #include "renderer/raycast/gl/warm.h"
 #include "renderer/clock.h"
 
-#define GROUP 8     /* local_size_x and _y of head.glsl */
-#define MIN_SIDE 64 /* pixels of a tile's side; all sides are multiples of GROUP */
-#define SOFTWARE_SIDE 256
-#define HARDWARE_SIDE 1024
-#define TILE_MS 15        /* what a tile is expected to take, at most */
-#define DEAF_MS 20        /* and all that are in flight */
-/* Of a sample, as tc_estimate_samples() counts them: what it adds to a tile of many, and to the ray that waits for it. */
-#define SOFTWARE_NS 12.0
-#define HARDWARE_NS 0.1
-#define HARDWARE_RAY_NS 1500.0
-#define LONG_MS 40       /* a tile that takes longer makes the next ones smaller ... */
-#define SHORT_MS 8       /* ... and one that takes less makes them larger */
+#define SOFTWARE_PIXELS (1 << 16) /* of a tile, at most */
+#define HARDWARE_PIXELS (1 << 20)
+#define ROW 64 /* pixels of a tile's height, at most: one that turns out slow is narrower at once */
+#define DEAF_MS 20 /* what all tiles in flight may take */
 #define UPLOAD_BESIDE ((size_t)8 << 20) /* bytes of volumes whose upload would hold up a frame that hurries */
 #define COUNTER_CELLS 64 /* head.glsl */
 #define COUNTER_BYTES (COUNTER_CELLS * 32)
@@ -52,7 +45,7 @@ typedef struct gl_backend {
   tc_gl_builder builder;
   tc_gl_ring ring;
   unsigned job_buffer; /* the uniform block Job */
-  int tile_side, max_side;
+  tc_gl_pace pace;
   double gpu_ms; /* of the last frame */
   uint64_t compiled;
   bool lost; /* the GPU stopped answering: nothing is asked of it any more, not even to finish */
@@ -117,8 +110,7 @@ static void *create(const tc_renderer_options *options, tc_pool *pool, GError **
   const tc_gl_report *report = tc_gl_context_about(context);
   gl_backend *b = g_new0(gl_backend, 1);
   b->context = context;
-  b->max_side = report->hardware ? HARDWARE_SIDE : SOFTWARE_SIDE;
-  b->tile_side = b->max_side / 2;
+  tc_gl_pace_init(&b->pace, report->hardware, report->hardware ? HARDWARE_PIXELS : SOFTWARE_PIXELS);
   uint64_t cache_bytes = options->cache_bytes ? options->cache_bytes : DEFAULT_CACHE_BYTES;
   b->textures.lookup_budget = cache_bytes;
   b->textures.volume_budget = 4 * cache_bytes; /* volumes are what graphics memory is for */
@@ -214,7 +206,8 @@ static void submit(gl_backend *b, unsigned program, const tc_job *job, const int
   if (l.depth_bytes)
     glBindBufferRange(GL_SHADER_STORAGE_BUFFER, 3, slot->device, (GLintptr)l.depth, (GLsizeiptr)l.depth_bytes);
   glProgramUniform4i(program, 0, tile[0], tile[1], width, height);
-  glDispatchCompute((GLuint)(width + GROUP - 1) / GROUP, (GLuint)(height + GROUP - 1) / GROUP, 1);
+  glDispatchCompute((GLuint)(width + TC_GL_GROUP - 1) / TC_GL_GROUP,
+                    (GLuint)(height + TC_GL_GROUP - 1) / TC_GL_GROUP, 1);
   tc_gl_ring_end(&b->ring, l.bytes);
 }
 
@@ -238,14 +231,6 @@ static void copy_out(const tc_gl_slot *slot, const tc_job *job) {
   }
 }
 
-/* Follows the time a full tile took. */
-static void adapt(gl_backend *b, const int tile[4], double ms) {
-  if (ms > LONG_MS && b->tile_side > MIN_SIDE)
-    b->tile_side /= 2;
-  else if (ms < SHORT_MS && tile[2] >= b->tile_side && tile[3] >= b->tile_side && b->tile_side < b->max_side)
-    b->tile_side *= 2;
-}
-
 /* Fetches the oldest tile. False: the GPU is gone. */
 static bool collect(gl_backend *b, const tc_job *job, double *last_ms, GError **error) {
   const tc_gl_slot *slot = tc_gl_ring_take(&b->ring, error);
@@ -256,51 +241,37 @@ static bool collect(gl_backend *b, const tc_job *job, double *last_ms, GError **
   else
     ms = now - *last_ms;
   *last_ms = now;
-  adapt(b, slot->tile, ms);
+  tc_gl_pace_learn(&b->pace, slot->tile[2] * slot->tile[3], job->pixel_samples, ms);
   copy_out(slot, job);
   tc_gl_ring_give(&b->ring);
   return true;
 }
 
-/* A tile of side x side pixels, as far as can be told. */
-static double expected_ms(const gl_backend *b, int side, double pixel_samples) {
-  bool hardware = b->max_side == HARDWARE_SIDE;
-  double all = (double)side * side * pixel_samples * (hardware ? HARDWARE_NS : SOFTWARE_NS);
-  return fmax(all, hardware ? pixel_samples * HARDWARE_RAY_NS : 0) * 1e-6;
+static double deaf_ms(void *instance, double pixel_samples) {
+  return tc_gl_pace_least_ms(&((gl_backend *)instance)->pace, pixel_samples);
 }
 
-static double deaf_ms(void *instance, double pixel_samples) { return expected_ms(instance, GROUP, pixel_samples); }
+static int whole_groups(int side) { return MAX(side / TC_GL_GROUP, 1) * TC_GL_GROUP; }
 
-/* Of a frame that nobody interrupts tiles may take as long as they do. */
-static double tile_ms(const gl_backend *b, const tc_job *job, int side) {
-  return job->halt && job->halt->interrupt ? expected_ms(b, side, job->pixel_samples) : 0;
-}
-
-/* A side whose tiles are expected to be short enough, at most what the clock allows. */
-static int side_for(const gl_backend *b, const tc_job *job) {
-  int side = b->tile_side;
-  while (side > GROUP && tile_ms(b, job, side) > TILE_MS) side /= 2;
-  return side;
-}
-
-/* Walks the picture in rows of tiles; the side may change from row to row. False: no tile is left. */
+/* Walks the picture in rows of tiles, whose width may change from one to the next. False: no tile is left. */
 static bool next_tile(const gl_backend *b, const tc_job *job, int tile[4]) {
   const tc_frame *frame = job->frame;
-  const int side = side_for(b, job);
+  const int pixels = tc_gl_pace_pixels(&b->pace, job->pixel_samples);
   tile[0] += tile[2];
   if (tile[0] >= frame->width || tile[2] == 0) {
     tile[0] = 0;
     tile[1] += tile[3];
-    tile[3] = MIN(side, frame->height - tile[1]);
+    if (tile[1] >= frame->height) return false;
+    tile[3] = MIN(MIN(whole_groups((int)sqrt(pixels)), ROW), frame->height - tile[1]);
   }
-  tile[2] = MIN(side, frame->width - tile[0]);
-  return tile[1] < frame->height;
+  tile[2] = MIN(whole_groups(pixels / tile[3]), frame->width - tile[0]);
+  return true;
 }
 
-static bool has_room(const gl_backend *b, const tc_job *job, int side) {
+static bool has_room(const gl_backend *b, const tc_job *job, int pixels) {
   unsigned in_flight = b->ring.head - b->ring.tail;
   return !tc_gl_ring_is_full(&b->ring) &&
-         (in_flight == 0 || (in_flight + 1) * tile_ms(b, job, side) <= DEAF_MS);
+         (in_flight == 0 || (in_flight + 1) * tc_gl_pace_ms(&b->pace, pixels, job->pixel_samples) <= DEAF_MS);
 }
 
 /* Draws tiles in order, from *tile on, which ends as the next one: where a paused frame goes on. */
@@ -309,7 +280,7 @@ static bool run_tiles(gl_backend *b, unsigned program, const tc_job *job, int ti
   double last_ms = tc_now_ms();
   while (more || !tc_gl_ring_is_idle(&b->ring)) {
     halted = halted || (more && (drawn ? tc_halt_between : tc_halt_within)(job->halt));
-    if (more && !halted && has_room(b, job, tile[3])) {
+    if (more && !halted && has_room(b, job, tile[2] * tile[3])) {
       submit(b, program, job, tile);
       more = next_tile(b, job, tile);
       drawn = true;
@@ -328,7 +299,7 @@ static bool bind_labels(gl_backend *b, const tc_job *job, const tc_gl_volume **l
   if (!job->labels) return true;
   *labels = tc_gl_textures_volume(&b->textures, job->label_volume, error);
   const tc_gl_lookup *entries =
-      *labels ? tc_gl_textures_labels(&b->textures, job->label_volume, job->labels, error) : NULL;
+      *labels ? tc_gl_textures_labels(&b->textures, job->label_volume, job->labels, job->halt, error) : NULL;
   if (!entries) return false;
   glBindTextureUnit(3, (*labels)->texture);
   glBindTextureUnit(4, entries->texture);
@@ -339,11 +310,13 @@ static bool bind_labels(gl_backend *b, const tc_job *job, const tc_gl_volume **l
 static bool lookups_for(gl_backend *b, const tc_job *job, const tc_gl_lookup **table, const tc_gl_lookup **skip,
                         GError **error) {
   double *tables_ms = &job->frame->stats.tables_ms;
-  if (job->table && !(*table = tc_gl_textures_table(&b->textures, &b->builder, job->table, tables_ms, error)))
+  const tc_halt *halt = job->halt;
+  if (job->table &&
+      !(*table = tc_gl_textures_table(&b->textures, &b->builder, job->table, tables_ms, halt, error)))
     return false;
-  if (job->integrals && !(*table = tc_gl_textures_integrals(&b->textures, job->integrals, error))) return false;
-  if (job->leap && !(*skip = tc_gl_textures_leap(&b->textures, job->volume, job->leap, error))) return false;
-  return !job->bounds || (*skip = tc_gl_textures_bounds(&b->textures, job->volume, job->bounds, error));
+  if (job->integrals && !(*table = tc_gl_textures_integrals(&b->textures, job->integrals, halt, error))) return false;
+  if (job->leap && !(*skip = tc_gl_textures_leap(&b->textures, job->volume, job->leap, halt, error))) return false;
+  return !job->bounds || (*skip = tc_gl_textures_bounds(&b->textures, job->volume, job->bounds, halt, error));
 }
 
 /* Uploads what the job reads and is not there, and binds it. The volume's copy, or NULL with *error set. */
@@ -374,7 +347,7 @@ static bool render(void *instance, const tc_job *job, GError **error) {
   const tc_gl_volume *volume = bind(b, job, error);
   unsigned program = volume ? program_for(b, job, volume, error) : 0;
   bool has_clock = tc_gl_context_about(b->context)->timestamp_bits > 0;
-  if (!program || !tc_gl_ring_reserve(&b->ring, lay_out(job, b->max_side, b->max_side).bytes, has_clock, error))
+  if (!program || !tc_gl_ring_reserve(&b->ring, lay_out(job, b->pace.most, 1).bytes, has_clock, error))
     return false;
   glUseProgram(program);
   tc_progress *progress = job->frame->progress;

@@ -8,6 +8,7 @@
 
 /* Uploads go in pieces of this size, so that a driver's staging copy stays small. */
 #define UPLOAD_BYTES ((size_t)32 << 20)
+#define LOOK_BYTES ((size_t)4 << 20) /* of lookups: a piece between two looks at the halt */
 
 typedef struct texel_format {
   GLenum internal, layout, type;
@@ -214,8 +215,19 @@ typedef struct lookup_source {
   GLenum format;
 } lookup_source;
 
+/* False: halted. */
+static bool upload_entries(unsigned buffer, const lookup_source *from, const tc_halt *halt) {
+  const size_t bytes = from->count * from->entry_bytes;
+  for (size_t at = 0; at < bytes; at += LOOK_BYTES) {
+    if (at > 0 && tc_halt_within(halt)) return false;
+    glNamedBufferSubData(buffer, (GLintptr)at, (GLsizeiptr)MIN(LOOK_BYTES, bytes - at),
+                         (const uint8_t *)from->entries + at);
+  }
+  return true;
+}
+
 static tc_gl_lookup *lookup(tc_gl_textures *textures, const uint64_t key[5], const lookup_source *from,
-                                  GError **error) {
+                            const tc_halt *halt, GError **error) {
   tc_gl_lookup *copy = find_lookup(textures, key);
   if (copy) return copy;
   GLint most = 0;
@@ -230,11 +242,11 @@ static tc_gl_lookup *lookup(tc_gl_textures *textures, const uint64_t key[5], con
   copy = make_lookup_room(textures, from->count * from->entry_bytes);
   tc_gl_forget_errors();
   glCreateBuffers(1, &copy->buffer);
-  glNamedBufferStorage(copy->buffer, (GLsizeiptr)(from->count * from->entry_bytes), from->entries,
-                       from->entries ? 0 : GL_DYNAMIC_STORAGE_BIT);
+  glNamedBufferStorage(copy->buffer, (GLsizeiptr)(from->count * from->entry_bytes), NULL, GL_DYNAMIC_STORAGE_BIT);
+  const bool whole = !from->entries || upload_entries(copy->buffer, from, halt);
   glCreateTextures(GL_TEXTURE_BUFFER, 1, &copy->texture);
   glTextureBuffer(copy->texture, from->format, copy->buffer);
-  if (!tc_gl_check(from->what, error)) {
+  if (!(whole || tc_halt_say(halt, error)) || !tc_gl_check(from->what, error)) {
     drop_lookup(copy);
     return NULL;
   }
@@ -245,7 +257,7 @@ static tc_gl_lookup *lookup(tc_gl_textures *textures, const uint64_t key[5], con
 }
 
 const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_gl_builder *builder, const tc_table *table,
-                                         double *ms, GError **error) {
+                                         double *ms, const tc_halt *halt, GError **error) {
   const uint64_t key[5] = {table->serial};
   const char *why;
   const bool own = tc_gl_builder_serves(builder, table->n, table->n_zooms, table->bits, &why);
@@ -257,7 +269,7 @@ const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_gl_b
   tc_gl_lookup *copy = find_lookup(textures, key);
   if (copy) return copy;
   const double start = tc_now_ms();
-  copy = lookup(textures, key, &from, error);
+  copy = lookup(textures, key, &from, halt, error);
   if (!copy || !own) return copy;
   const bool built = tc_gl_builder_run(builder, table, copy->buffer, copy->texture, error);
   *ms += tc_now_ms() - start;
@@ -266,18 +278,19 @@ const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_gl_b
   return NULL;
 }
 
-const tc_gl_lookup *tc_gl_textures_integrals(tc_gl_textures *textures, const tc_integrals *integrals, GError **error) {
+const tc_gl_lookup *tc_gl_textures_integrals(tc_gl_textures *textures, const tc_integrals *integrals,
+                                             const tc_halt *halt, GError **error) {
   const uint64_t key[5] = {0, 0, 0, 0, integrals->serial};
   const lookup_source from = {.what = "integrals",
                               .entries = integrals->entries,
                               .entry_bytes = sizeof(float[4]),
                               .count = integrals->count,
                               .format = GL_RGBA32F};
-  return lookup(textures, key, &from, error);
+  return lookup(textures, key, &from, halt, error);
 }
 
 const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volume *volume, const tc_leap *leap,
-                                        GError **error) {
+                                        const tc_halt *halt, GError **error) {
   const uint64_t key[5] = {leap->support, tc_volume_serial(volume), (uint64_t)leap->block,
                            (uint64_t)leap->reach};
   const lookup_source from = {.what = "distance map",
@@ -285,29 +298,29 @@ const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volum
                               .entry_bytes = 1,
                               .format = GL_R8UI,
                               .count = (size_t)leap->blocks[0] * (size_t)leap->blocks[1] * (size_t)leap->blocks[2]};
-  return lookup(textures, key, &from, error);
+  return lookup(textures, key, &from, halt, error);
 }
 
 const tc_gl_lookup *tc_gl_textures_bounds(tc_gl_textures *textures, const tc_volume *volume, const tc_bounds *bounds,
-                                          GError **error) {
+                                          const tc_halt *halt, GError **error) {
   const uint64_t key[5] = {0, tc_volume_serial(volume), (uint64_t)bounds->block, bounds->serial};
   const lookup_source from = {.what = "bounds of the blocks",
                               .entries = bounds->levels,
                               .entry_bytes = 1,
                               .format = GL_R8UI,
                               .count = bounds->bytes};
-  return lookup(textures, key, &from, error);
+  return lookup(textures, key, &from, halt, error);
 }
 
 const tc_gl_lookup *tc_gl_textures_labels(tc_gl_textures *textures, const tc_volume *label_volume,
-                                          const tc_labels *labels, GError **error) {
+                                          const tc_labels *labels, const tc_halt *halt, GError **error) {
   const uint64_t key[5] = {0, tc_volume_serial(label_volume), 0, 0, labels->serial};
   const lookup_source from = {.what = "labels",
                               .entries = labels->entries,
                               .count = 2 * ((size_t)labels->n + 1),
                               .entry_bytes = sizeof(float[4]),
                               .format = GL_RGBA32F};
-  return lookup(textures, key, &from, error);
+  return lookup(textures, key, &from, halt, error);
 }
 
 void tc_gl_textures_forget(tc_gl_textures *textures, uint64_t volume_serial) {

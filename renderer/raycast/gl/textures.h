@@ -40,10 +40,9 @@ typedef struct tc_gl_textures {
   uint64_t frame;                      /* counts frames; copies used in this one stay */
 } tc_gl_textures;
 
-/* A frame begins, then asks for its volume and that of its labels, then for its
- * lookups; all live until the next frame begins. What is not
- * there is uploaded. Owned by *textures. TC_ERROR_LIMIT: the device has no texture that large; the message names the
- * mend. */
+/* A frame begins, then asks for its volume and that of its labels, then for its lookups; all live until the next frame
+ * begins. What is not there is uploaded; of a lookup nothing, where the halt (NULL: none) ends that. Owned by *textures.
+ * TC_ERROR_LIMIT: the device has no texture that large; the message names the mend. */
 void tc_gl_textures_begin(tc_gl_textures *textures);
 /* True: the volume is not there, and the device has textures that large. */
 bool tc_gl_textures_want(const tc_gl_textures *textures, const tc_volume *volume);
@@ -51,15 +50,16 @@ const tc_gl_volume *tc_gl_textures_volume(tc_gl_textures *textures, const tc_vol
 /* Built by the builder where it serves, *ms growing by what that took; else the table has entries, which are
  * uploaded. */
 const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_gl_builder *builder, const tc_table *table,
-                                         double *ms, GError **error);
-const tc_gl_lookup *tc_gl_textures_integrals(tc_gl_textures *textures, const tc_integrals *integrals, GError **error);
+                                         double *ms, const tc_halt *halt, GError **error);
+const tc_gl_lookup *tc_gl_textures_integrals(tc_gl_textures *textures, const tc_integrals *integrals,
+                                             const tc_halt *halt, GError **error);
 const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volume *volume, const tc_leap *leap,
-                                        GError **error);
+                                        const tc_halt *halt, GError **error);
 const tc_gl_lookup *tc_gl_textures_bounds(tc_gl_textures *textures, const tc_volume *volume, const tc_bounds *bounds,
-                                          GError **error);
+                                          const tc_halt *halt, GError **error);
 
 const tc_gl_lookup *tc_gl_textures_labels(tc_gl_textures *textures, const tc_volume *label_volume,
-                                          const tc_labels *labels, GError **error);
+                                          const tc_labels *labels, const tc_halt *halt, GError **error);
 
 void tc_gl_textures_forget(tc_gl_textures *textures, uint64_t volume_serial);
 void tc_gl_textures_clear(tc_gl_textures *textures);
