@@ -130,6 +130,7 @@ static bool fill_distances(const leap_job *job, tc_leap *leap, uint8_t *joined, 
   bool some = find_affected(job, &from, &to);
   for (int z = 0; z < n[2]; z++) {
     if (some && z >= from && z <= to) continue;
+    if (tc_halt_within(halt)) return false;
     memcpy(leap->distance + (size_t)z * layer, job->before->distance + (size_t)z * layer, layer);
   }
   leap->swept = some && leap->empty_share > 0 ? to - from + 1 : 0;
@@ -138,6 +139,7 @@ static bool fill_distances(const leap_job *job, tc_leap *leap, uint8_t *joined, 
   for (int z = 0; z < n[2]; z++) {
     const uint8_t *d = leap->distance + (size_t)z * layer;
     uint8_t most = 0;
+    if (tc_halt_within(halt)) return false;
     for (size_t i = 0; i < layer; i++) most = d[i] > most ? d[i] : most;
     leap->farthest[z] = most;
   }
