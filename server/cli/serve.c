@@ -122,6 +122,7 @@ static void begin_drain(tcs_daemon *d, int64_t now_us) {
   d->server.draining = true;
   tcs_streams_close_all(tcs_http_streams(d->server.http), false);
   tcs_mjpeg_end_all(&d->server);
+  tcs_uploads_drain(&d->server);
   tcs_catalogue_cancel_all(d->server.catalogue);
 }
 

@@ -125,6 +125,11 @@ void tcs_put_volume(tcs_request *request) { tcs_upload_end(request); }
 
 void tcs_put_volume_done(tcs_request *request, struct tcs_spooled *file) {
   GError *error = NULL;
+  if (request->server->draining) {
+    tcs_spooled_free(file);
+    tcs_reply_draining(request);
+    return;
+  }
   tcs_source_file source = {.path = g_strdup(file->path), .name = "the upload", .upload = file};
   memcpy(source.client, file->client, sizeof source.client);
   tcs_spooled_complete(file);

@@ -142,8 +142,7 @@ static void admit(tcs_request *request, const char *path) {
   } else if (!tcs_admit_origin(request) || !tcs_admit_caller(request)) {
     return;
   } else if (server->draining && match.route->cost != TCS_COST_LOOKUP) {
-    tcs_reply_problem(request, 503, "draining", "Shutting down", "the server is shutting down; try another or wait");
-    tcs_reply_header(request, "Retry-After", "2");
+    tcs_reply_draining(request);
   } else if (link_of(request->connection)->reserve && match.route->cost != TCS_COST_LOOKUP) {
     tcs_reply_problem(request, 503, "busy", "Busy", "too many connections; try again later");
     tcs_reply_header(request, "Retry-After", "2");

@@ -80,6 +80,7 @@ void tcs_reply_problem(tcs_request *request, int status, const char *code, const
 void tcs_reply_bytes(tcs_request *request, int status, const char *type, GBytes *bytes); /* takes bytes */
 void tcs_reply_text(tcs_request *request, int status, const char *type, char *text);     /* takes g_malloc'ed text */
 void tcs_reply_empty(tcs_request *request, int status);
+void tcs_reply_draining(tcs_request *request); /* 503 */
 /* An MHD response of the caller's own making. */
 void tcs_reply_response(tcs_request *request, int status, struct MHD_Response *response);
 /* After a reply was made. */
@@ -173,6 +174,8 @@ void tcs_put_volume_done(tcs_request *request, struct tcs_spooled *file); /* tak
 void tcs_upload_leave(tcs_request *request);
 /* Once a second: ends uploads slower than the configured rate. */
 void tcs_uploads_tick(tcs_server *server, int64_t now_us);
+/* Answers those whose bodies are not complete: the server is about to end. */
+void tcs_uploads_drain(tcs_server *server);
 /* Ends all of them: the loop is about to end. */
 void tcs_uploads_abandon(tcs_server *server);
 

@@ -60,6 +60,11 @@ void tcs_reply_problem(tcs_request *request, int status, const char *code, const
   reply_document(request, status, "application/problem+json", tcp_problem_named(status, code, title, detail));
 }
 
+void tcs_reply_draining(tcs_request *request) {
+  tcs_reply_problem(request, 503, "draining", "Shutting down", "the server is shutting down; try another or wait");
+  tcs_reply_header(request, "Retry-After", "2");
+}
+
 static void release_bytes(void *bytes) { g_bytes_unref(bytes); }
 
 void tcs_reply_bytes(tcs_request *request, int status, const char *type, GBytes *bytes) {

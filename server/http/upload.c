@@ -202,6 +202,18 @@ void tcs_uploads_tick(tcs_server *server, int64_t now_us) {
   }
 }
 
+void tcs_uploads_drain(tcs_server *server) {
+  for (GList *item = uploads.head, *next; item; item = next) {
+    tcs_upload *upload = item->data;
+    tcs_request *request = upload->request;
+    next = item->next;
+    if (!request || upload->ended) continue;
+    drop(upload);
+    tcs_reply_draining(request);
+    tcs_http_cut(request);
+  }
+}
+
 void tcs_uploads_abandon(tcs_server *server) {
   for (GList *item = uploads.head, *next; item; item = next) {
     tcs_upload *upload = item->data;

@@ -113,6 +113,26 @@ async function busy() {
   return d;
 }
 
+test('uploads under way are answered with 503, and hold up no end', async () => {
+  const d = await Daemon.start({ ball: false });
+  const put = (id, everyMs) => new Promise((resolve) => {
+    let text = '';
+    const socket = net.connect(d.port, '127.0.0.1', () =>
+      socket.write(`PUT /v1/volumes/${id} HTTP/1.1\r\nHost: 127.0.0.1:${d.port}\r\nContent-Type: application/octet-stream\r\nContent-Length: 1000000000\r\n\r\n${'x'.repeat(50000)}`));
+    const timer = setInterval(() => socket.write('x'.repeat(10000)), everyMs);
+    socket.on('data', (piece) => (text += piece));
+    socket.on('error', () => {});
+    socket.on('close', () => { clearInterval(timer); resolve(text); });
+  });
+  const uploads = [put('stands', 1e9), put('flows', 20)];
+  while ((await d.metric('upload_bytes_total')) < 120000) await sleep(20);
+  const began = performance.now();
+  d.process.kill('SIGTERM');
+  for (const text of await Promise.all(uploads)) assert.match(text, /^HTTP\/1\.1 503 [^]*retry-after: \d[^]*problem:draining/i);
+  await d.stop();
+  assert.ok(performance.now() - began < 10000);
+});
+
 test('it ends within 10 s whatever is under way', async () => {
   const d = await busy();
   const began = performance.now();
