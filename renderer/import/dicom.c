@@ -25,7 +25,7 @@
 
 enum {
   SILENCE_MS = 60000, /* a helper that says nothing this long hangs: it reports after every file and slice */
-  POLL_MS = 100,      /* how soon a cancel is seen */
+  POLL_MS = 20,       /* how soon a cancel is seen, and how often the helper's memory is looked at */
   CPU_SECONDS = 1800,
   HIGH_FD = 10, /* descriptors are moved above those the helper expects before it is started */
 };
@@ -41,6 +41,7 @@ typedef struct session {
   const tc_import_options *options;
   double fraction; /* last told */
   int status;      /* of waitpid, once reaped */
+  int64_t weighed_ms;
 } session;
 
 static int64_t now_ms(void) {
@@ -202,6 +203,25 @@ static bool died(session *s, GError **error) {
   return false;
 }
 
+/* The helper's memory but for what it maps of files, which the system may take back. */
+static uint64_t helper_bytes(const session *s) {
+  char path[40], text[100] = "";
+  unsigned long long size, resident = 0, shared = 0;
+  snprintf(path, sizeof path, "/proc/%d/statm", (int)s->pid);
+  FILE *file = fopen(path, "re");
+  if (file && fgets(text, sizeof text, file) && sscanf(text, "%llu %llu %llu", &size, &resident, &shared) != 3) resident = 0;
+  if (file) fclose(file);
+  return resident > shared ? (resident - shared) * (uint64_t)sysconf(_SC_PAGESIZE) : 0;
+}
+
+/* False: it has more than there is. */
+static bool weigh(session *s, GError **error) {
+  const tc_import_options *o = s->options;
+  if (!o || !o->decoder || now_ms() - s->weighed_ms < POLL_MS) return true;
+  s->weighed_ms = now_ms();
+  return o->decoder(o->user, helper_bytes(s), error);
+}
+
 /* tc_dicom_read_fn: exactly `size` bytes from the pipe, watching for silence and for a cancel. */
 static bool read_pipe(void *user, void *bytes, size_t size, GError **error) {
   session *s = user;
@@ -210,6 +230,7 @@ static bool read_pipe(void *user, void *bytes, size_t size, GError **error) {
   while (size > 0) {
     struct pollfd p = {.fd = s->pipe, .events = POLLIN};
     int ready = poll(&p, 1, POLL_MS);
+    if (!weigh(s, error)) return false;
     if (ready == 0) {
       if (!tell(s, s->fraction)) {
         tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled while reading DICOM");

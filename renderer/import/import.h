@@ -28,7 +28,8 @@ typedef bool (*tc_reserve_fn)(void *user, uint64_t bytes, GError **error);
 typedef struct tc_import_options {
   tc_progress_fn progress; /* NULL: none; asked at least every few MiB read or decoded */
   tc_reserve_fn reserve;   /* NULL: none */
-  void *user;              /* of both */
+  tc_reserve_fn decoder;   /* NULL: none; told what memory a program has that decodes beside this one, several times a second */
+  void *user;              /* of all three */
   const char *dicom_helper;  /* path of the helper program; NULL: beside the running program, then PATH */
   uint64_t max_voxel_bytes;  /* refuse larger volumes (TC_ERROR_LIMIT); 0 = no limit of its own */
   bool self_contained;       /* the file may name no other file for its voxels (TC_ERROR_FORMAT) */

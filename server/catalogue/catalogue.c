@@ -24,6 +24,7 @@ static void free_entry(void *item) {
 tcs_catalogue *tcs_catalogue_new(tcs_server *server) {
   tcs_catalogue *catalogue = g_new0(tcs_catalogue, 1);
   catalogue->server = server;
+  tcs_budget_when_asked(server->budget, tcs_room_give, catalogue);
   g_queue_init(&catalogue->loads);
   g_queue_init(&catalogue->failed);
   catalogue->entries = g_hash_table_new_full(g_str_hash, g_str_equal, NULL, free_entry);
@@ -285,6 +286,7 @@ void tcs_catalogue_gauges(tcs_catalogue *catalogue, tcs_gauges *gauges) {
   gauges->volume_bytes = catalogue->resident_bytes;
   tcs_budget *budget = catalogue->server->budget;
   gauges->memory_total = tcs_budget_total(budget);
+  G_STATIC_ASSERT(TCS_MEMORY_KIND_COUNT <= TCS_METRICS_MEMORY);
   for (int kind = 0; kind < TCS_MEMORY_KIND_COUNT; kind++) {
     gauges->memory[kind].kind = tcs_memory_kind_name((tcs_memory_kind)kind);
     gauges->memory[kind].bytes = tcs_budget_used(budget, (tcs_memory_kind)kind);

@@ -36,6 +36,19 @@ static bool on_reserve(void *user, uint64_t bytes, GError **error) {
   return true;
 }
 
+static bool on_decoder(void *user, uint64_t bytes, GError **error) {
+  tcs_load *load = user;
+  tcs_budget *budget = load->catalogue->server->budget;
+  load->decoder_wanted = MAX(load->decoder_wanted, bytes);
+  if (!tcs_budget_resize(budget, TCS_MEMORY_DECODERS, load->decoder, bytes)) {
+    load->refused = true;
+    tcs_budget_refuse(budget, error);
+    return false;
+  }
+  load->decoder = bytes;
+  return true;
+}
+
 static void name_deadline(tcs_load *load) {
   g_clear_error(&load->error);
   tc_set_error(&load->error, TC_ERROR_LIMIT, NULL, "the import takes longer than %" PRId64 " seconds and was ended",
@@ -46,6 +59,7 @@ static void import(tcs_load *load) {
   const tcs_limits *limits = &load->catalogue->server->config->limits;
   const tc_import_options options = {.progress = on_progress,
                                      .reserve = on_reserve,
+                                     .decoder = on_decoder,
                                      .user = load,
                                      .max_voxel_bytes = (uint64_t)limits->volume_bytes,
                                      .self_contained = load->source.upload != NULL};
@@ -55,6 +69,7 @@ static void import(tcs_load *load) {
     tc_set_error(&load->error, TC_ERROR_CANCELLED, NULL, "cancelled");
   else
     load->volume = tc_import(load->source.path, &options, &load->error);
+  on_decoder(load, 0, NULL);
   if (!load->volume && load->late) name_deadline(load);
 }
 
@@ -205,15 +220,20 @@ bool tcs_loads_allow(const tcs_catalogue *catalogue, const char *client, GError 
   return false;
 }
 
+static bool fits(tcs_budget *budget, const tcs_load *load) {
+  return tcs_budget_fits(budget, load->wanted) && load->wanted + load->decoder_wanted <= tcs_budget_left(budget);
+}
+
 /* Whether memory that was missing is there now, or will be: then *give_up stays false. */
 static bool has_memory(tcs_load *load, bool *give_up) {
   tcs_catalogue *catalogue = load->catalogue;
   tcs_budget *budget = catalogue->server->budget;
-  if (!load->refused || tcs_budget_fits(budget, load->wanted)) return true;
-  const bool coming = tcs_room_make(catalogue, load->wanted) || catalogue->running > 0 ||
+  const uint64_t wanted = load->wanted + load->decoder_wanted;
+  if (!load->refused || fits(budget, load)) return true;
+  const bool coming = tcs_room_make(catalogue, wanted, load->wanted) || catalogue->running > 0 ||
                       tcs_budget_used(budget, TCS_MEMORY_PINNED) > 0;
   *give_up = !coming || g_get_monotonic_time() - load->asked_us > MEMORY_WAIT_US;
-  return tcs_budget_fits(budget, load->wanted);
+  return fits(budget, load);
 }
 
 /* One client leaves a thread to the others, so that nobody waits for its long imports. */

@@ -15,10 +15,10 @@ typedef struct shortage {
 static uint64_t minus(uint64_t bytes, uint64_t less) { return bytes > less ? bytes - less : 0; }
 
 /* What was removed and is still being used comes back by itself. */
-static shortage shortage_of(tcs_budget *budget, uint64_t bytes) {
+static shortage shortage_of(tcs_budget *budget, uint64_t bytes, uint64_t voxels) {
   const uint64_t coming = tcs_budget_used(budget, TCS_MEMORY_PINNED);
   return (shortage){minus(bytes, tcs_budget_left(budget) + coming),
-                    minus(bytes, tcs_budget_left_for_voxels(budget) + coming)};
+                    minus(voxels, tcs_budget_left_for_voxels(budget) + coming)};
 }
 
 static int by_age(const void *a, const void *b) {
@@ -49,7 +49,7 @@ static bool suffices(tcs_budget *budget, const shortage *missing, uint64_t idle_
 }
 
 bool tcs_room_possible(tcs_catalogue *catalogue, uint64_t bytes) {
-  const shortage missing = shortage_of(catalogue->server->budget, bytes);
+  const shortage missing = shortage_of(catalogue->server->budget, bytes, bytes);
   uint64_t idle_bytes;
   g_ptr_array_unref(idle_volumes(catalogue, &idle_bytes));
   return suffices(catalogue->server->budget, &missing, idle_bytes);
@@ -62,10 +62,10 @@ static void drop(tcs_catalogue *catalogue, tcs_entry *entry) {
   tcs_entry_fail(catalogue, entry, g_strdup("it was dropped to make room for others; load it again"));
 }
 
-bool tcs_room_make(tcs_catalogue *catalogue, uint64_t bytes) {
+bool tcs_room_make(tcs_catalogue *catalogue, uint64_t bytes, uint64_t voxels) {
   tcs_budget *budget = catalogue->server->budget;
   const uint64_t cached = tcs_budget_used(budget, TCS_MEMORY_CACHES);
-  shortage missing = shortage_of(budget, bytes);
+  const shortage missing = shortage_of(budget, bytes, voxels);
   uint64_t idle_bytes;
   GPtrArray *idle = idle_volumes(catalogue, &idle_bytes);
   const bool enough = suffices(budget, &missing, idle_bytes);
@@ -80,3 +80,5 @@ bool tcs_room_make(tcs_catalogue *catalogue, uint64_t bytes) {
   g_ptr_array_unref(idle);
   return enough;
 }
+
+bool tcs_room_give(void *catalogue, uint64_t bytes) { return tcs_room_make(catalogue, bytes, 0); }

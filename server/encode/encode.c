@@ -11,9 +11,12 @@ extern char **environ;
 /* From this quality on the eye finds the missing chroma of 4:2:0 before it finds the quantisation. */
 #define FULL_CHROMA_QUALITY 80
 
+/* What is kept of it between pictures. */
+#define MOST_SCRATCH ((size_t)16 << 20)
+
 struct tcs_encoder {
   tjhandle turbo;
-  unsigned char *scratch; /* JPEG destination, or one PNG row; grows, never shrinks */
+  unsigned char *scratch; /* JPEG destination, or one PNG row */
   size_t scratch_size;
 };
 
@@ -180,5 +183,9 @@ bool tcs_encode(tcs_encoder *encoder, const tc_frame *frame, const tc_scene *sce
   bool done = scene->image.format == TC_FORMAT_PNG ? encode_png(encoder, frame, scene, out, error)
                                                    : encode_jpeg(encoder, frame, scene, quality, out, error);
   if (!done) g_byte_array_set_size(out, 0);
+  if (encoder->scratch_size > MOST_SCRATCH) {
+    g_clear_pointer(&encoder->scratch, free);
+    encoder->scratch_size = 0;
+  }
   return done;
 }

@@ -6,6 +6,8 @@ struct tcs_budget {
   pthread_mutex_t mutex;
   uint64_t total, voxels;
   uint64_t used[TCS_MEMORY_KIND_COUNT];
+  tcs_give_fn give;
+  void *user;
 };
 
 static bool is_voxels(tcs_memory_kind kind) {
@@ -13,7 +15,7 @@ static bool is_voxels(tcs_memory_kind kind) {
 }
 
 const char *tcs_memory_kind_name(tcs_memory_kind kind) {
-  static const char *const names[TCS_MEMORY_KIND_COUNT] = {"program", "volumes", "loads",    "pinned",
+  static const char *const names[TCS_MEMORY_KIND_COUNT] = {"program", "volumes", "loads",    "decoders", "pinned",
                                                            "caches",  "frames",  "pictures", "uploads"};
   return names[kind];
 }
@@ -101,6 +103,36 @@ uint64_t tcs_budget_left_for_voxels(tcs_budget *budget) { return left_locked(bud
 
 bool tcs_budget_fits(tcs_budget *budget, uint64_t bytes) {
   return bytes <= left_locked(budget, false) && bytes <= left_locked(budget, true);
+}
+
+void tcs_budget_when_asked(tcs_budget *budget, tcs_give_fn give, void *user) {
+  budget->give = give;
+  budget->user = user;
+}
+
+bool tcs_budget_ask(tcs_budget *budget, uint64_t bytes) {
+  return bytes <= left_locked(budget, false) || (budget->give && budget->give(budget->user, bytes));
+}
+
+typedef struct counted {
+  tcs_budget *budget;
+  tcs_memory_kind kind;
+  void *bytes;
+  size_t size;
+} counted;
+
+static void free_counted(void *user) {
+  counted *c = user;
+  tcs_budget_give(c->budget, c->kind, c->size);
+  g_free(c->bytes);
+  g_free(c);
+}
+
+GBytes *tcs_budget_bytes(tcs_budget *budget, tcs_memory_kind kind, void *bytes, size_t size) {
+  counted *c = g_new(counted, 1);
+  *c = (counted){budget, kind, bytes, size};
+  tcs_budget_count(budget, kind, size);
+  return g_bytes_new_with_free_func(bytes, size, free_counted, c);
 }
 
 void tcs_budget_refuse(tcs_budget *budget, GError **error) {

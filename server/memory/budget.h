@@ -13,6 +13,7 @@ typedef enum tcs_memory_kind {
   TCS_MEMORY_PROGRAM,  /* what it was resident at its start */
   TCS_MEMORY_VOLUMES,  /* resident volumes */
   TCS_MEMORY_LOADS,    /* reserved by imports under way */
+  TCS_MEMORY_DECODERS, /* programs that decode beside this one */
   TCS_MEMORY_PINNED,   /* volumes that were removed and are still being used */
   TCS_MEMORY_CACHES,   /* the renderer's tables, coefficients and structures */
   TCS_MEMORY_FRAMES,   /* pictures being rendered and encoded */
@@ -46,8 +47,19 @@ uint64_t tcs_budget_used(tcs_budget *budget, tcs_memory_kind kind);
 /* What is left of the whole, and of the voxels' part of it. */
 uint64_t tcs_budget_left(tcs_budget *budget);
 uint64_t tcs_budget_left_for_voxels(tcs_budget *budget);
+/* Memory is missing: whoever can is asked to give back what was not used for long, until `bytes` are left. False: there
+ * is not that much, and nothing was given back; true: it is there, or on its way through the render thread, in the order
+ * of its tasks. I/O thread. */
+bool tcs_budget_ask(tcs_budget *budget, uint64_t bytes);
+/* Who is asked. */
+typedef bool (*tcs_give_fn)(void *user, uint64_t bytes);
+void tcs_budget_when_asked(tcs_budget *budget, tcs_give_fn give, void *user);
+
 /* Whether voxels of this many bytes may be taken. */
 bool tcs_budget_fits(tcs_budget *budget, uint64_t bytes);
+
+/* Bytes that are counted until the last reference to them goes, wherever that is; takes `bytes`, of g_malloc. */
+GBytes *tcs_budget_bytes(tcs_budget *budget, tcs_memory_kind kind, void *bytes, size_t size);
 
 /* "the memory is used up: volumes 180 MiB, caches 12 MiB of 200 MiB; ..." as TC_ERROR_BUSY (503). */
 void tcs_budget_refuse(tcs_budget *budget, GError **error);

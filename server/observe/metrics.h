@@ -39,6 +39,8 @@ typedef struct tcs_metrics {
   uint64_t uploads, upload_bytes, volume_loads, volume_failures, volume_drops;
 } tcs_metrics;
 
+#define TCS_METRICS_MEMORY 12
+
 /* What only a scrape can tell. */
 typedef struct tcs_gauges {
   int ws_clients, mjpeg_clients, sessions, volumes_resident, volumes_loading, queued, probes, walks, texts;
@@ -47,7 +49,7 @@ typedef struct tcs_gauges {
   struct {
     const char *kind;
     uint64_t bytes;
-  } memory[8]; /* what is used of it, by whom; NULL ends it early */
+  } memory[TCS_METRICS_MEMORY]; /* what is used of it, by whom; NULL ends it early */
 } tcs_gauges;
 
 void tcs_metrics_init(tcs_metrics *metrics);

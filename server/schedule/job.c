@@ -21,7 +21,7 @@ void tcs_job_free(tcs_job *job) {
   tc_volume_unref(job->volume);
   tc_volume_unref(job->labels);
   tc_scene_clear(&job->scene);
-  tcs_budget_give(job->server->budget, TCS_MEMORY_FRAMES, tcs_frame_bytes(&job->frame));
+  tcs_budget_give(job->server->budget, TCS_MEMORY_FRAMES, job->memory);
   tc_frame_finish(&job->frame);
   g_clear_error(&job->error);
   if (job->image) g_bytes_unref(job->image);

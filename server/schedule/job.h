@@ -65,6 +65,9 @@ struct tcs_job {
   bool share;   /* its slice is what its class earned: a class before it does not cut it */
   bool overdue; /* cancelled because it took too long */
   tc_frame frame;
+  uint64_t memory;        /* what the ledger has for its frame */
+  uint64_t memory_wanted; /* what it did not have; 0: it had */
+  bool asked;             /* others were asked to give memory back for it */
 };
 
 /* Takes a reference to `volume` and a copy of `scene`. */

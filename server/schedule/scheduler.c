@@ -29,6 +29,8 @@ G_STATIC_ASSERT(TCS_METRICS_CLASSES == TCS_CLASS_COUNT);
 /* Before any picture was made: what the cpu back end takes of volumes of which about half shows. */
 #define THREAD_MS_PER_SAMPLE 2e-6
 #define MOST_SPARE_PIXELS ((size_t)4 << 20)
+/* A pixel of a picture while it is encoded: what noise takes as PNG. */
+#define ENCODING_BYTES 4
 
 /* Interactive frames have an encoder of their own: behind a large PNG they would come late. */
 typedef enum lane { LANE_MOVING, LANE_STILL, LANE_COUNT } lane;
@@ -153,6 +155,7 @@ static void lend_frame(tcs_scheduler *scheduler, tcs_job *job) {
   tc_frame *spare = g_queue_pop_head(&scheduler->frames);
   if (!spare) return;
   job->frame = *spare;
+  job->memory = tcs_frame_bytes(spare);
   g_free(spare);
 }
 
@@ -160,12 +163,31 @@ static void return_frame(tcs_scheduler *scheduler, tcs_job *job) {
   const bool fits = job->frame.rgba && job->frame.capacity <= MOST_SPARE_PIXELS && !job->frame.linear;
   if (!fits || g_queue_get_length(&scheduler->frames) > MAX_ENCODING) return;
   g_queue_push_head(&scheduler->frames, g_memdup2(&job->frame, sizeof job->frame));
+  job->memory -= MIN(job->memory, tcs_frame_bytes(&job->frame)); /* it goes with the frame */
   memset(&job->frame, 0, sizeof job->frame);
+}
+
+static void drop_spare_frames(tcs_scheduler *scheduler) {
+  for (tc_frame *spare; (spare = g_queue_pop_head(&scheduler->frames)); free_frame(spare))
+    tcs_budget_give(scheduler->server->budget, TCS_MEMORY_FRAMES, tcs_frame_bytes(spare));
+}
+
+/* What is there, whatever was taken before. */
+static void count_frame(tcs_job *job, uint64_t bytes) {
+  tcs_budget_give(job->server->budget, TCS_MEMORY_FRAMES, job->memory);
+  tcs_budget_count(job->server->budget, TCS_MEMORY_FRAMES, bytes);
+  job->memory = bytes;
 }
 
 static void set_cancelled(tcs_job *job) {
   g_clear_error(&job->error);
   tc_set_error(&job->error, TC_ERROR_CANCELLED, NULL, "cancelled");
+}
+
+/* The array's room is a power of two: what is kept is as long as the picture. */
+static GBytes *take_picture(tcs_budget *budget, GByteArray *array) {
+  const size_t size = array->len;
+  return tcs_budget_bytes(budget, TCS_MEMORY_PICTURES, g_realloc(g_byte_array_free(array, FALSE), size), size);
 }
 
 static void run_encode(tcs_task *task) {
@@ -177,9 +199,10 @@ static void run_encode(tcs_task *task) {
   GByteArray *bytes = g_byte_array_new();
   const int64_t began = g_get_monotonic_time();
   if (tcs_encode(job->server->scheduler->encoders[lane_of(job)], &job->frame, &job->scene, 0, bytes, &job->error))
-    job->image = g_byte_array_free_to_bytes(bytes);
+    job->image = take_picture(job->server->budget, bytes);
   else
     g_byte_array_unref(bytes);
+  count_frame(job, tcs_frame_bytes(&job->frame));
   job->encode_ms = (double)(g_get_monotonic_time() - began) / 1000;
 }
 
@@ -319,16 +342,36 @@ static void run_slice(tcs_task *task) {
   job->frame.linear_capacity = 0;
 }
 
+/* What a picture will have taken once it is encoded. */
+static uint64_t frame_need(const tcs_job *job) {
+  const uint64_t width = (uint64_t)(job->width ? job->width : job->scene.image.width);
+  const uint64_t height = (uint64_t)(job->height ? job->height : job->scene.image.height);
+  const uint64_t drawn = width * height * (job->meter_pixels ? 20 : 4);
+  return MAX(drawn, tcs_frame_bytes(&job->frame)) + width * height * ENCODING_BYTES;
+}
+
+static bool take_frame(tcs_job *job) {
+  tcs_budget *budget = job->server->budget;
+  const uint64_t need = job->plan_only ? 0 : frame_need(job);
+  if (need <= job->memory) return true;
+  if (tcs_budget_resize(budget, TCS_MEMORY_FRAMES, job->memory, need)) {
+    job->memory = need;
+    return true;
+  }
+  job->memory_wanted = need - job->memory;
+  tcs_budget_refuse(budget, &job->error);
+  return false;
+}
+
 /* The renderer keeps what others leave it. */
 static void counted_slice(tcs_job *job) {
   tc_renderer *renderer = job->server->scheduler->renderer;
   tcs_budget *budget = job->server->budget;
-  const uint64_t before = tcs_frame_bytes(&job->frame);
+  if (!take_frame(job)) return;
   tc_renderer_limit_cache(renderer, tc_renderer_cached(renderer) + tcs_budget_left(budget));
   run_slice(&job->task);
   tcs_budget_set(budget, TCS_MEMORY_CACHES, tc_renderer_cached(renderer));
-  tcs_budget_give(budget, TCS_MEMORY_FRAMES, before);
-  tcs_budget_count(budget, TCS_MEMORY_FRAMES, tcs_frame_bytes(&job->frame));
+  if (job->error && !g_error_matches(job->error, TC_ERROR, TC_ERROR_PAUSED)) count_frame(job, tcs_frame_bytes(&job->frame));
 }
 
 static void timed_slice(tcs_task *task) {
@@ -364,6 +407,16 @@ static void put_back(tcs_scheduler *scheduler, tcs_job *job) {
   count_in_line(scheduler, job, 1);
 }
 
+/* One that found no memory is tried once more after others gave some back, which the render thread does before. */
+static bool try_again(tcs_scheduler *scheduler, tcs_job *job) {
+  const uint64_t wanted = job->memory_wanted;
+  job->memory_wanted = 0;
+  if (!wanted || job->asked || !job->client) return false;
+  job->asked = true;
+  drop_spare_frames(scheduler);
+  return tcs_budget_ask(scheduler->server->budget, wanted);
+}
+
 static void count_slice(tcs_scheduler *scheduler, const tcs_job *job, bool paused) {
   tcs_class_metrics *metrics = &scheduler->server->metrics->classes[job->class];
   metrics->seconds += job->slice_ms / 1000;
@@ -387,7 +440,7 @@ static void done_slice(tcs_task *task) {
     set_cancelled(job);
     paused = false;
   }
-  if (paused) {
+  if (paused || try_again(scheduler, job)) {
     g_clear_error(&job->error);
     put_back(scheduler, job);
   } else if (job->error || job->plan_only) {
@@ -460,12 +513,10 @@ typedef struct forget_task {
 static void run_forget(tcs_task *task) {
   forget_task *forget = (forget_task *)task;
   tc_renderer_forget(forget->scheduler->renderer, forget->volume);
+  tc_volume_unref(forget->volume); /* here: the next picture may need its memory */
 }
 
-static void done_forget(tcs_task *task) {
-  tc_volume_unref(((forget_task *)task)->volume);
-  g_free(task);
-}
+static void done_forget(tcs_task *task) { g_free(task); }
 
 void tcs_scheduler_forget(tcs_scheduler *scheduler, tc_volume *volume) {
   forget_task *forget = g_new0(forget_task, 1);

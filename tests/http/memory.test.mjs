@@ -1,10 +1,10 @@
 // The memory of the daemon stays within what it was given, and what goes first when it runs out.
 import assert from 'node:assert/strict';
-import { readFileSync } from 'node:fs';
+import { mkdirSync, readdirSync, readFileSync, rmdirSync, writeFileSync } from 'node:fs';
 import net from 'node:net';
 import { test } from 'node:test';
 import { ballNrrd, BINARY, Daemon, problem, sleep } from '../support/daemon.mjs';
-import { handshake } from '../support/ws.mjs';
+import { handshake, Ws } from '../support/ws.mjs';
 
 const MB = 1e6;
 const SANITIZED = /asan|tsan/.test(BINARY); // they keep what is freed, and shadows beside it
@@ -143,4 +143,151 @@ test('one picture serves all who watch it, be they as slow as they like', async 
   if (!SANITIZED) assert.ok(grown < 0.5 * 2 * viewers * size, `${grown / MB} MB`);
   sockets.forEach((socket) => socket.destroy());
   await d.stop();
+});
+
+/** What a daemon has before it does anything. */
+async function programBytes() {
+  const bare = await Daemon.start({ ball: false });
+  const { program } = await used(bare);
+  await bare.stop();
+  return program;
+}
+const big = (side) => ({ volume: 'ball', scene: { image: { width: side, height: side }, sampling: { step: 4 } } });
+
+test('a picture that cannot fit is refused; what nobody uses goes first', async () => {
+  const program = await programBytes();
+  const d = await Daemon.start({ files: { 'idle.nrrd': slab(30) }, config: `[limits]\nmemory_bytes=${program + 60 * MB | 0}\n` });
+  const refused = await d.post('/v1/render', big(3200)); // 8 bytes a pixel while it is encoded: 82 MB
+  assert.match(problem(refused, 503).detail, /memory is used up/);
+  assert.ok(Number(refused.headers.get('retry-after')) >= 1);
+  assert.equal((await d.post('/v1/render', big(1000))).status, 200);
+  await d.post('/v1/volumes', { id: 'idle', path: 'idle.nrrd' });
+  assert.equal((await settled(d, 'idle')).state, 'resident');
+  assert.equal((await d.post('/v1/render', big(2200))).status, 200, '39 MB: beside the volume there are less than 30');
+  assert.match((await d.get('/v1/volumes/idle')).json.reason, /dropped to make room/);
+
+  const session = await d.session();
+  const ws = await Ws.open(d, session.id);
+  ws.patch(1, { image: { width: 3200, height: 3200 } });
+  assert.equal((await ws.nextText('error')).problem.status, 503);
+  ws.patch(2, { image: { width: 64, height: 64 } });
+  await ws.nextFrame(({ seq }) => seq === 2);
+  await ws.close();
+  if (!SANITIZED) assert.ok(peak(d) < 1.1 * (program + 60 * MB), `${peak(d)}`);
+  await d.stop();
+});
+
+test('encoded pictures are counted as long as anybody has them', async () => {
+  const d = await Daemon.start();
+  const session = await d.session({ image: { width: 512, height: 512, format: 'png' } });
+  const ws = await Ws.open(d, session.id);
+  const { image } = await ws.nextFrame(({ final }) => final);
+  assert.ok((await used(d)).pictures >= image.length);
+  await d.delete(session.links.self);
+  for (let i = 0; (await used(d)).pictures > 0 && i < 200; i++) await sleep(20);
+  assert.equal((await used(d)).pictures, 0);
+  await d.stop();
+});
+
+/** One slice of side x side voxels of two bytes, uncompressed. */
+function dicomSlice(side) {
+  const element = (group, number, vr, value) => {
+    let body = Buffer.isBuffer(value) ? value : Buffer.from(value, 'latin1');
+    if (body.length % 2) body = Buffer.concat([body, Buffer.from(vr === 'UI' ? '\0' : ' ')]);
+    const wide = vr === 'OB' || vr === 'OW', head = Buffer.alloc(wide ? 12 : 8);
+    head.writeUInt16LE(group, 0);
+    head.writeUInt16LE(number, 2);
+    head.write(vr, 4);
+    if (wide) head.writeUInt32LE(body.length, 8);
+    else head.writeUInt16LE(body.length, 6);
+    return Buffer.concat([head, body]);
+  };
+  const us = (value) => Buffer.from([value & 255, value >> 8]);
+  const ct = '1.2.840.10008.5.1.4.1.1.2';
+  const meta = Buffer.concat([element(2, 1, 'OB', Buffer.from([0, 1])), element(2, 2, 'UI', ct), element(2, 3, 'UI', '1.2.3.4'), element(2, 0x10, 'UI', '1.2.840.10008.1.2.1')]);
+  const size = Buffer.alloc(4);
+  size.writeUInt32LE(meta.length);
+  return Buffer.concat([Buffer.alloc(128), Buffer.from('DICM'), element(2, 0, 'UL', size), meta,
+    element(8, 0x16, 'UI', ct), element(8, 0x18, 'UI', '1.2.3.4'), element(8, 0x60, 'CS', 'CT'), element(0x20, 0xd, 'UI', '1.2.3'), element(0x20, 0xe, 'UI', '1.2.3.5'),
+    element(0x20, 0x32, 'DS', '0\\0\\0'), element(0x20, 0x37, 'DS', '1\\0\\0\\0\\1\\0'), element(0x28, 2, 'US', us(1)), element(0x28, 4, 'CS', 'MONOCHROME2'),
+    element(0x28, 0x10, 'US', us(side)), element(0x28, 0x11, 'US', us(side)), element(0x28, 0x30, 'DS', '1\\1'), element(0x28, 0x100, 'US', us(16)),
+    element(0x28, 0x101, 'US', us(16)), element(0x28, 0x102, 'US', us(15)), element(0x28, 0x103, 'US', us(0)), element(0x7fe0, 0x10, 'OW', Buffer.alloc(2 * side * side, 7))]);
+}
+
+test('what decodes DICOM beside the daemon is counted, and ended where it takes more than there is', async () => {
+  const program = await programBytes();
+  for (const [more, state] of [[60, 'failed'], [400, 'resident']]) { // the volume takes 32 MB, its decoder about twice as much
+    const d = await Daemon.start({ ball: false, files: { 's.dcm': dicomSlice(4000) }, config: `[limits]\nmemory_bytes=${program + more * MB | 0}\n` });
+    await d.post('/v1/volumes', { id: 's', path: 's.dcm' });
+    const found = await settled(d, 's');
+    assert.equal(found.state, state, found.reason);
+    if (state === 'failed') assert.match(found.reason, /memory is used up: .*decoders \d/);
+    assert.equal((await used(d)).decoders, 0);
+    await d.stop();
+  }
+});
+
+/** A control group for `bytes` of memory, or undefined where this user may not make one: version 2 or 1. */
+function controlGroup(bytes) {
+  for (const [root, file] of [['/sys/fs/cgroup', 'memory.max'], ['/sys/fs/cgroup/memory', 'memory.limit_in_bytes']]) {
+    const folder = `${root}/tomocast-test-${process.pid}`;
+    try {
+      mkdirSync(folder);
+      writeFileSync(`${folder}/${file}`, String(bytes), { flag: 'r+' });
+      readFileSync(`${folder}/cgroup.procs`);
+      return folder;
+    } catch {
+      try { rmdirSync(folder); } catch { /* there is none */ }
+    }
+  }
+  return undefined;
+}
+
+/** Bytes that no file stands behind, of a process and of its decoders: [of all, how many decoders]. (A child that is about
+ * to become one shares its parent's.) */
+function anonymous(pid) {
+  const read = (path) => { try { return readFileSync(`/proc/${path}`, 'utf8'); } catch { return ''; } };
+  const children = readdirSync(`/proc/${pid}/task`).flatMap((task) => read(`${pid}/task/${task}/children`).split(' ').filter(Boolean));
+  const all = [read(`${pid}/status`), ...children.map((child) => read(`${child}/status`)).filter((text) => text.startsWith('Name:\ttomocast-dicom'))];
+  return [all.reduce((sum, text) => sum + Number(/RssAnon:\s+(\d+)/.exec(text)?.[1] ?? 0) * 1024, 0), all.length - 1];
+}
+
+test('in a control group several attacks at once stay within the budget and 10 %', { skip: SANITIZED && 'sanitizers keep what is freed' }, async (t) => {
+  const LIMIT = 256 * 2 ** 20, group = controlGroup(LIMIT), budget = LIMIT / 4 * 3;
+  if (!group) t.diagnostic('no control group may be made here: the budget is configured');
+  const files = { 'a.nrrd': slab(64), 'b.nrrd': slab(64), 's.dcm': dicomSlice(4000) };
+  const d = await Daemon.start({ files, group, config: group ? '' : `[limits]\nmemory_bytes=${budget}\n` });
+  assert.equal((await d.get('/v1/about')).json.limits.memoryBytes, budget, 'three quarters of the group\'s');
+  let most = 0, decoders = 0, refused = 0;
+  const watch = setInterval(() => {
+    const [bytes, children] = anonymous(d.process.pid);
+    most = Math.max(most, bytes);
+    decoders = Math.max(decoders, children);
+  }, 5);
+  const quietly = (promise) => promise.then((reply) => (refused += reply.status === 503), () => {});
+  const work = [];
+  for (const id of ['a', 'b']) work.push(quietly(d.post('/v1/volumes', { id, path: `${id}.nrrd` })));
+  for (const id of ['s', 's2']) work.push(quietly(d.post('/v1/volumes', { id, path: 's.dcm' })));
+  for (let i = 0; i < 2; i++) work.push(quietly(upload(d, `u${i}`, slab(50))));
+  const session = await d.session({ image: { width: 1400, height: 1400, format: 'png' } });
+  const deaf = [];
+  for (let i = 0; i < 8; i++) deaf.push(await Ws.open(d, session.id, { autoAck: false }));
+  for (const ws of deaf) ws.socket.pause();
+  for (let i = 0; i < 12; i++) work.push(quietly(d.post('/v1/render', { volume: 'ball', scene: { image: { width: 2000 + 100 * i, height: 2000, format: 'png' }, sampling: { step: 4 } } })));
+  for (let i = 0; i < 30; i++) {
+    const socket = net.connect(d.port, '127.0.0.1', () => socket.end(`GET ${session.links.self}/ray?x=${i}&y=700 HTTP/1.1\r\nHost: 127.0.0.1:${d.port}\r\n\r\n`));
+    socket.on('error', () => {});
+    socket.resume();
+    deaf[0].patch(i + 1, { camera: { fovY: 10 + i / 10 } });
+  }
+  await Promise.all(work);
+  for (const id of ['a', 'b', 's', 's2', 'u0', 'u1']) if ((await d.get(`/v1/volumes/${id}`)).status === 200) await settled(d, id);
+  clearInterval(watch);
+  t.diagnostic(`peak ${most / MB | 0} MB of ${budget / MB | 0}, VmHWM ${peak(d) / MB | 0} MB; ${decoders} decoders at once, ${refused} refused; ${JSON.stringify(await used(d))}`);
+  assert.ok(decoders > 0);
+  assert.ok(Math.max(most, peak(d)) < 1.1 * budget, `${most}`);
+  assert.equal((await d.post('/v1/render', { volume: 'ball', scene: { image: { width: 64, height: 64 } } })).status, 200);
+  for (const ws of deaf) ws.cut();
+  await d.stop();
+  if (group) rmdirSync(group);
 });

@@ -33,9 +33,10 @@ export class Daemon {
 
   /**
    * @param {object} options args: more arguments; config: text of a configuration file; ball: false for no volume;
-   *   files: {name: bytes} for the data folder; n: side of the ball; token: sent with every call()
+   *   files: {name: bytes} for the data folder; n: side of the ball; token: sent with every call();
+   *   group: folder of a control group to run in
    */
-  static async start({ args = [], config = '', ball = true, files = {}, n = 32, env = {}, token = '' } = {}) {
+  static async start({ args = [], config = '', ball = true, files = {}, n = 32, env = {}, token = '', group } = {}) {
     assert.ok(BINARY, 'set TC_BINARY to the program to test');
     const daemon = new Daemon();
     daemon.token = token;
@@ -50,7 +51,8 @@ export class Daemon {
       writeFileSync(daemon.config, config);
       all.push('--config', daemon.config);
     }
-    daemon.process = spawn(BINARY, all, { stdio: ['ignore', 'pipe', 'pipe'], env: { ...process.env, ...env } });
+    const [program, ...rest] = group ? ['sh', '-c', 'echo $$ >"$0/cgroup.procs" && exec "$@"', group, BINARY, ...all] : [BINARY, ...all];
+    daemon.process = spawn(program, rest, { stdio: ['ignore', 'pipe', 'pipe'], env: { ...process.env, ...env } });
     daemon.process.stderr.on('data', (bytes) => (daemon.stderr += bytes));
     daemon.ended = new Promise((resolve) => {
       daemon.process.on('exit', (code, signal) => resolve((daemon.exit = { code, signal })));
