@@ -112,7 +112,7 @@ cJSON *tcp_vector_write(const double *numbers, int count);
 
 extern const tcp_special tcp_special_background, tcp_special_light, tcp_special_box, tcp_special_planes,
     tcp_special_mpr_center, tcp_special_quality, tcp_special_label_colors, tcp_special_visible, tcp_special_preset,
-    tcp_special_points;
+    tcp_special_points, tcp_special_force;
 
 /* A knot as a list of members: value, color, opacity, extinction. */
 extern const tcp_member tcp_knot_members[4];

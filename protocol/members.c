@@ -143,6 +143,8 @@ const tcp_member tcp_members[] = {
 
     {"labels", "volume", TCP_TEXT, AT(labels.volume), sizeof((tc_scene *)0)->labels.volume, .flags = TCP_ASKED,
      .doc = "Id of the volume of labels."},
+    {"labels", "force", TCP_SPECIAL, .special = &tcp_special_force,
+     .doc = "With volume: takes it even if it lies elsewhere, or has as many values as a scan. Not kept."},
     {"labels", "opacity", TCP_NUMBER, AT(labels.opacity), UNIT, .doc = "Opacity of all labels."},
     {"labels", "colors", TCP_SPECIAL, UNIT, .unit = "sRGB and opacity", .special = &tcp_special_label_colors,
      .doc = "Colour [r,g,b,a] by label number."},

@@ -203,3 +203,22 @@ static void reset_quality(tcp_reader *reader, const tcp_member *member) {
 static cJSON *quality_schema(const tcp_member *member) { return described(member, tcp_range_schema(member, "number")); }
 
 const tcp_special tcp_special_quality = {read_quality, write_quality, reset_quality, quality_schema};
+
+/* --- labels.force -------------------------------------------------------------------------------- */
+
+/* It speaks to whoever checks the document, and leaves nothing in the scene. */
+static bool read_force(tcp_reader *reader, const tcp_member *member, const cJSON *value) {
+  return cJSON_IsBool(value) || tcp_fail(reader, TC_ERROR_INVALID, "true or false is wanted");
+}
+
+static cJSON *write_force(const tcp_member *member, const tc_scene *scene) { return NULL; }
+
+static void reset_force(tcp_reader *reader, const tcp_member *member) {}
+
+static cJSON *force_schema(const tcp_member *member) {
+  cJSON *schema = cJSON_CreateObject();
+  tcp_add(schema, "type", cJSON_CreateStringReference("boolean"));
+  return schema;
+}
+
+const tcp_special tcp_special_force = {read_force, write_force, reset_force, force_schema};

@@ -22,6 +22,9 @@ const turn = (name, x, y, key) => [
   row(`nudge-${name}`, `Turn ${name} 1\u00b0`, [`Shift+${key}`], { does: 'turn', with: [x, y], in: SOLID }),
 ];
 
+const tilt = (name, x, y, key) =>
+  row(`tilt-${name}`, `Turn the plane ${name} 5\u00b0`, [`Shift+${key}`], { does: 'turn', with: [5 * x, 5 * y], in: SLICES });
+
 const view = (letter, name) => row(`view-${letter}`, `${name} view`, [letter], { does: 'view', with: letter });
 
 /**
@@ -42,6 +45,7 @@ export const TABLE = [
     group: 'Pointer on slices',
     rows: [
       row('window-slices', 'Window centre and width', ['Left drag'], { does: 'window', in: SLICES }),
+      row('tilt', 'Turn the plane', ['Alt+Left drag', 'Drag the cube'], { does: 'orbit', in: SLICES }),
       row('scroll', 'Next slice', ['Wheel', 'One finger', 'Three fingers'], { in: SLICES }),
     ],
   },
@@ -88,6 +92,10 @@ export const TABLE = [
       row('previous-ten', 'Ten slices back', ['PageUp'], { does: 'slices', with: -10, in: SLICES }),
       row('first', 'First slice', ['Home'], { does: 'slices', with: -Infinity, in: SLICES }),
       row('last', 'Last slice', ['End'], { does: 'slices', with: Infinity, in: SLICES }),
+      tilt('left', -1, 0, 'ArrowLeft'),
+      tilt('right', 1, 0, 'ArrowRight'),
+      tilt('up', 0, -1, 'ArrowUp'),
+      tilt('down', 0, 1, 'ArrowDown'),
       row('invert', 'Black for white, in projections too', ['I'], { in: GREY }),
     ],
   },

@@ -152,6 +152,7 @@ export class Client {
   }
 
   #ask(volume, scene) {
+    if (scene?.labels?.volume) scene = { ...scene, labels: { ...scene.labels, force: true } }; // it was taken before
     return this.#api.json('POST', 'v1/sessions', { json: scene ? { volume, scene } : { volume } });
   }
 

@@ -69,6 +69,7 @@ export class Input {
   #pointers = new Map(); // id -> {x, y} of every finger or button that is down, from the picture's middle
   #action = null;
   #start = [0, 0];
+  #handle = null; // what the pointer went down on, of the cube
   #travel = 0;
   #sum = NO_MOVEMENT;
   #wheelTimer = 0;
@@ -108,13 +109,14 @@ export class Input {
   #down(event) {
     if (event.pointerType === 'mouse' && this.#pointers.size) return; // a second button changes nothing
     if (event.target.closest('[data-own-pointer]')) return; // buttons and messages over the picture
+    this.#handle = event.target.closest('[data-turns]') ? event.target : null;
     this.#element.setPointerCapture(event.pointerId);
     this.#element.focus({ preventScroll: true });
     event.preventDefault();
     const place = this.#place(event);
     if (!this.#pointers.size) {
       this.#start = [place.x, place.y];
-      this.#action = this.#does(dragChord(event));
+      this.#action = this.#handle ? 'orbit' : this.#does(dragChord(event));
       this.#travel = 0;
       this.#on.active(true);
     }
@@ -177,6 +179,10 @@ export class Input {
   }
 
   #click({ timeStamp }, place) {
+    if (this.#handle) {
+      this.#handle.dispatchEvent(new MouseEvent('click', { bubbles: true })); // the stage had captured the pointer
+      return;
+    }
     const { width, height } = this.#element.getBoundingClientRect();
     const [x, y] = [place.x + width / 2, place.y + height / 2];
     const { at, x: x0, y: y0 } = this.#last;

@@ -43,6 +43,6 @@ export class Keys {
 function kept(target, chord) {
   if (/^(Ctrl|Alt)\+/.test(chord)) return target.matches('textarea, input[type="number"], input[type="search"]');
   if (chord === 'Space' && target.matches('button, [role="button"]')) return true;
-  if (target.matches('select')) return !/^(Shift\+)?[A-Z?]$/.test(chord); // a letter is a view's, not an option's
+  if (target.matches('select, [type="range"], [type="checkbox"]')) return !/^(Shift\+)?[A-Z?]$/.test(chord); // a letter is a view's
   return target.matches('input, textarea, [role="tab"]');
 }

@@ -25,6 +25,7 @@ export class Labels {
   #main = ''; // id of the volume that is shown
   #listed = ''; // id of the label volume whose labels are listed
   #all = [];
+  #doubted = ''; // id of the one that was refused
   #rows = new Map(); // label -> {eye, swatch}
   #palette = [[1, 1, 1]];
 
@@ -37,6 +38,7 @@ export class Labels {
     const menu = get('labels-volume');
     menu.addEventListener('change', () => this.#choose(menu.value));
     menu.addEventListener('focus', () => this.#refresh());
+    get('labels-insist').addEventListener('click', () => this.#choose(this.#doubted, true));
     get('labels-all').addEventListener('click', () => this.#store.patch({ labels: { visible: null } }));
     get('labels-none').addEventListener('click', () => this.#store.patch({ labels: { visible: [] } }));
     store.subscribe(() => this.update());
@@ -49,6 +51,7 @@ export class Labels {
 
   setVolume(id) {
     this.#main = id;
+    this.#get('labels-doubt').hidden = true;
     this.#refresh();
   }
 
@@ -87,10 +90,20 @@ export class Labels {
     }
   }
 
-  async #choose(id) {
+  /** The daemon takes a volume for none of these labels, and says why. @returns whether the patch was ours */
+  refused(error, patch) {
+    if (error.status !== 409 || !patch?.labels?.volume) return false;
+    this.#doubted = patch.labels.volume;
+    this.#get('labels-doubt').hidden = false;
+    this.#get('labels-why').textContent = error.message;
+    return true;
+  }
+
+  async #choose(id, force = null) {
+    this.#get('labels-doubt').hidden = true;
     try {
       if (id) await this.#volumes.bring(id, () => {});
-      this.#store.patch({ labels: { volume: id || null, visible: null } });
+      this.#store.patch({ labels: { volume: id || null, visible: null, force } });
     } catch (error) {
       this.#on.failed(error);
       this.update();

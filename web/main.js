@@ -23,6 +23,7 @@ import { bindTabs, CropPanel, Panels } from './panels.js';
 import { Probe } from './probe.js';
 import { QualityPanel } from './quality.js';
 import { saveFile, SceneDialog } from './scene_dialog.js';
+import { SliceSlider } from './slices.js';
 import { SceneStore } from './state.js';
 import { Status } from './status.js';
 import { slicePixels, steer } from './steer.js';
@@ -161,6 +162,7 @@ const actions = new Actions({
   shown: () => opening,
   help: () => get('help-dialog').showModal(),
 });
+const slices = new SliceSlider(get('slice'), store, { shown: () => opening, gesture });
 new Keys(bindings, { mode: () => store.scene?.mode, gesture, do: (name, argument) => actions.do(name, argument) });
 new BindingsPanel(get('bindings'), get('bindings-reset'), bindings);
 const sceneDialog = new SceneDialog(get, {
@@ -192,6 +194,7 @@ function showVolume(volume, box, histogram) {
   document.title = `${volume.id} \u2013 Tomocast`;
   showFacts(volume, box);
   caption.clear(volume);
+  slices.update();
 }
 
 const titleIn = (menu, value) => [...menu.options].find((option) => option.value === value)?.text ?? value;
@@ -258,6 +261,7 @@ function withholdMeter() {
 
 /** The daemon refused a patch. What it does not offer is said once and quietly, and not offered again. */
 function refused(error, patch) {
+  if (labels.refused(error, patch)) return;
   if (error.status !== 501 || !patch) {
     notices.problem(error);
     return;

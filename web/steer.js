@@ -40,19 +40,28 @@ function shiftWithin({ pan, factor }, reached) {
 
 function steerSlice(scene, moved, stage, volume, box) {
   const mpr = scene.mpr ?? {};
-  const { right, up, direction } = camera.sliceBasis(mpr);
-  const patch = {};
+  const patch = moved.orbit[0] || moved.orbit[1] || moved.roll ? tilted(mpr, moved, box) : {};
+  const { right, up, direction } = camera.sliceBasis({ ...mpr, ...patch });
   const before = mpr.zoom ?? 1;
   const zoom = Math.min(100, Math.max(0.1, before * moved.factor));
   if (zoom !== before) patch.zoom = zoom;
   const [dx, dy] = shiftWithin(moved, zoom / before);
   if (dx || dy || moved.slices) {
-    const mm = sliceHeight({ mpr: { ...mpr, zoom } }, stage, box) / stage.height;
+    const mm = sliceHeight({ mpr: { ...mpr, ...patch, zoom } }, stage, box) / stage.height;
     const inPlane = camera.add(camera.scale(right, -dx * mm), camera.scale(up, dy * mm));
     const center = camera.add(mpr.center ?? box?.center ?? [0, 0, 0], inPlane);
     patch.center = moved.slices ? scrolled(center, direction, moved.slices, volume, box) : center;
   }
   return Object.keys(patch).length ? { mpr: patch } : {};
+}
+
+/** The plane turned about its centre, as a picture in space is turned. */
+function tilted(mpr, { orbit, roll }, box) {
+  const center = mpr.center ?? box?.center ?? [0, 0, 0];
+  const { direction, up } = camera.sliceBasis(mpr);
+  const view = { position: camera.sub(center, direction), target: center, up };
+  const turned = camera.basis(camera.roll(camera.orbit(view, -orbit[0], -orbit[1]), -roll));
+  return { orientation: 'oblique', center, normal: camera.scale(turned.direction, -1), up: turned.up };
 }
 
 /** The first and the last layer of a volume along a unit vector, mm from the origin. */

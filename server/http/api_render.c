@@ -58,7 +58,7 @@ static void finished_picture(tcs_job *job) {
 static void render(tcs_request *request, tc_volume *volume, const tc_scene *scene, const tcs_session *session) {
   GError *error = NULL;
   tc_volume *labels;
-  if (!tcs_scene_check(request->server, volume, scene, session ? &session->scene : NULL, &labels, &error)) {
+  if (!tcs_scene_check(request->server, volume, scene, session ? &session->scene : NULL, NULL, &labels, &error)) {
     tcs_reply_error_in(request, error, session ? "" : "/scene");
     g_clear_error(&error);
     return;

@@ -5,6 +5,7 @@
 
 #include "server/catalogue/catalogue.h"
 #include "server/config/config.h"
+#include "server/session/labels.h"
 #include "server/session/samples.h"
 
 /* Whether two scenes take the same samples for certain: all but what is no matter is the same, bit for bit. */
@@ -19,8 +20,16 @@ static bool same_samples(const tc_scene *a, const tc_scene *b) {
   return memcmp(&x, &y, sizeof x) == 0;
 }
 
+/* The patch brings a volume of labels, and does not insist on it. */
+static bool doubts_labels(const tc_scene *scene, const tc_scene *valid, const cJSON *patch) {
+  const cJSON *labels = cJSON_GetObjectItemCaseSensitive(patch, "labels");
+  const bool known = valid && strcmp(valid->labels.volume, scene->labels.volume) == 0;
+  return cJSON_HasObjectItem(labels, "volume") && !known &&
+         !cJSON_IsTrue(cJSON_GetObjectItemCaseSensitive(labels, "force"));
+}
+
 bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, const tc_scene *valid,
-                     tc_volume **labels, GError **error) {
+                     const cJSON *patch, tc_volume **labels, GError **error) {
   const tcs_limits *limits = &server->config->limits;
   *labels = NULL;
   if (scene->image.width > limits->image_side || scene->image.height > limits->image_side) {
@@ -55,6 +64,7 @@ bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene
   const tcs_samples_limits most = {(double)limits->render_samples, (double)limits->ray_samples};
   return tc_plan_check(volume, scene, scene->image.width, scene->image.height, valid, error) &&
          tc_labels_check(volume, *labels, scene, error) &&
+         (!*labels || !doubts_labels(scene, valid, patch) || tcs_labels_check(volume, *labels, error)) &&
          ((valid && same_samples(scene, valid)) || tcs_samples_check(volume, scene, &most, error));
 }
 
@@ -71,7 +81,7 @@ bool tcs_scene_make(tcs_server *server, const tcs_entry *entry, const cJSON *pat
   tc_scene_copy(scene, &entry->defaults);
   tcp_scene_light(scene, patch);
   const bool ok = (!patch || tcs_scene_patch(scene, &entry->defaults, entry->volume, patch, lists, error)) &&
-                  tcs_scene_check(server, entry->volume, scene, NULL, &labels, error);
+                  tcs_scene_check(server, entry->volume, scene, NULL, patch, &labels, error);
   if (!ok) tc_scene_clear(scene);
   return ok;
 }

@@ -7,9 +7,10 @@
 #include "server/catalogue/catalogue.h"
 
 /* Checks a scene against the limits and what the renderer can do, and finds its label volume (NULL when it has none;
- * the catalogue's). valid: as in tc_plan_check(). */
+ * the catalogue's). valid: as in tc_plan_check(). patch: that made it, or NULL; a volume of labels that it brings must look
+ * like one (labels.h), unless labels.force insists. */
 bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, const tc_scene *valid,
-                     tc_volume **labels, GError **error);
+                     const cJSON *patch, tc_volume **labels, GError **error);
 /* The defaults for a resident volume, with `patch` (may be NULL) on top. *scene holds nothing before, nor after a
  * failure. lists: the patch's, or NULL. */
 bool tcs_scene_make(tcs_server *server, const tcs_entry *entry, const cJSON *patch, const tcp_lists *lists,

@@ -9,6 +9,7 @@
  *   view       the pictures of one size
  *   watcher    what one viewer has been shown and still needs
  *   session    the session's state; whether it wants a picture; the label volume it holds
+ *   labels     whether a volume looks like labels
  *   samples    how much work a picture may ask for
  *   scene      scenes made and checked
  *   scope      what a caller may do to a scene

@@ -13,14 +13,16 @@ function nrrd(type, voxel, origin = 0) {
   for (let i = 0; i < N ** 3; i++) {
     const x = i % N;
     if (type === 'float') voxels.writeFloatLE(x / 7, 4 * i);
-    else voxels[i] = voxel(x);
+    else voxels[i] = voxel(x, i);
   }
   return Buffer.concat([Buffer.from(head), voxels]);
 }
 
+const noise = (x, i) => (i * 7919) % 251; // a scan: many values, no two neighbours alike
 const parts = (x) => (x < N / 2 ? 1 : 2);
 const files = { 'grey.nrrd': nrrd('uint8', (x) => 100 + x), 'parts.nrrd': nrrd('uint8', parts),
-  'floats.nrrd': nrrd('float'), 'far.nrrd': nrrd('uint8', parts, 900) };
+  'floats.nrrd': nrrd('float'), 'far.nrrd': nrrd('uint8', parts, 900),
+  'scan.nrrd': nrrd('uint8', noise), 'shifted.nrrd': nrrd('uint8', parts, 3.5), 'cropped.nrrd': nrrd('uint8', parts, 4) };
 
 let d;
 before(async () => {
@@ -98,6 +100,23 @@ test('what is no label volume is refused by name', async () => {
   problem(await d.patch(session.links.scene, { labels: { volume: 'floats' } }), 422, '/labels/volume');
   assert.equal((await d.get(session.links.scene)).json.labels.volume, 'parts', 'the old scene stays');
   await d.delete(session.links.self);
+});
+
+test('what does not look like labels of this volume is refused with the reason, unless one insists', async () => {
+  for (const [volume, why] of [['scan', /values/], ['shifted', /lie elsewhere/]]) {
+    const { detail } = problem(await d.post('/v1/sessions', { volume: 'grey', scene: scene({ volume }) }), 409, '/scene/labels/volume');
+    assert.match(detail, why);
+    assert.match(detail, /labels\.force/);
+    const session = await open();
+    problem(await d.patch(session.links.scene, { labels: { volume } }), 409, '/labels/volume');
+    const insisted = await d.patch(session.links.scene, { labels: { volume, force: true } });
+    assert.equal(insisted.status, 200);
+    assert.equal(insisted.json.labels.volume, volume);
+    assert.equal((await d.patch(session.links.scene, { labels: { opacity: 0.5 } })).status, 200);
+    await d.delete(session.links.self);
+  }
+  const part = await open({ volume: 'cropped' }); // of the same grid
+  await d.delete(part.links.self);
 });
 
 test('a label volume in use is held like any other', async () => {

@@ -1,0 +1,116 @@
+// Slices on the page of the real daemon (TC_BINARY): number, place and slab on the picture, slider, planes turned by hand.
+import assert from 'node:assert/strict';
+import { after, before, describe, test } from 'node:test';
+
+import { edgeLetters, sliceBasis } from '../../web/camera.js';
+import { browserMissing, launch } from './chromium.mjs';
+import { daemonMissing, startDaemon } from './daemon.mjs';
+import { difference, drag, settled, stageBox } from './picture.mjs';
+import { open, scene } from './scenarios.mjs';
+
+const skip = daemonMissing() || (await browserMissing());
+const SLICES = 256; // of demo:head
+
+describe('slices', { skip }, () => {
+  let browser;
+  let daemon;
+  let page;
+  before(async () => {
+    browser = await launch();
+    daemon = await startDaemon(['--volume', 'head=demo:head', '--volume', 'vessels=demo:vessels']);
+    ({ page } = await open(browser, `${daemon.url}#head`, { viewport: { width: 1000, height: 640 } }));
+    await page.selectOption('#mode', 'mpr');
+    await settled(page);
+  });
+  after(async () => {
+    assert.deepEqual(page.complaints, []);
+    await browser?.close();
+    await daemon?.stop();
+  });
+
+  const label = () => page.textContent('#label');
+  const place = async () => {
+    const [, number, count, side, mm] = /Slice (\d+) \/ (\d+) \u00b7 ([A-Z]+) ([\d.]+) mm/.exec(await label());
+    return { number: Number(number), count: Number(count), side, mm: Number(mm) };
+  };
+  const turned = async (turn) => {
+    const before = await settled(page);
+    await turn();
+    assert.ok(difference(before, await settled(page)) > 1, 'another picture');
+    const { mpr } = await scene(page);
+    assert.equal(mpr.orientation, 'oblique');
+    const letters = edgeLetters(sliceBasis(mpr));
+    for (const [edge, text] of Object.entries(letters)) assert.equal(await page.textContent(`#mark-${edge}`), text);
+    assert.match(await label(), /Oblique/);
+    return mpr.normal;
+  };
+
+  test('number and place are shown, and a slider goes to any slice', async () => {
+    const first = await place();
+    assert.equal(first.count, SLICES);
+    assert.match(await label(), /Axial/);
+    const slider = await page.locator('#slice').boundingBox();
+    const x = slider.x + slider.width / 2;
+    const at = (share) => [x, slider.y + slider.height * share];
+    await drag(page, at(0.5), at(0.25));
+    await settled(page);
+    const then = await place();
+    assert.ok(Math.abs(then.number - SLICES * 0.25) < SLICES * 0.06, `${then.number} of ${SLICES}`);
+    const { mpr } = await scene(page);
+    assert.ok(Math.abs(Math.abs(mpr.center[2]) - then.mm) < 0.06, `${mpr.center} is ${then.side} ${then.mm}`);
+    assert.equal(then.side, mpr.center[2] < 0 ? 'F' : 'H');
+    await page.focus('#stage');
+    await page.keyboard.press('ArrowDown');
+    await settled(page);
+    assert.equal((await place()).number, then.number + 1);
+    assert.equal(await page.inputValue('#slice'), String(then.number + 1));
+  });
+
+  test('a slab names itself', async () => {
+    assert.doesNotMatch(await label(), /Slab/);
+    await page.locator('[data-path="mpr.thickness"]').first().fill('12');
+    for (const [kind, title] of Object.entries({ mip: 'maximum', average: 'average' })) {
+      await page.selectOption('[data-path="mpr.projection"]', kind);
+      await settled(page);
+      assert.ok((await label()).includes(`Slab 12 mm \u00b7 ${title}`), await label());
+    }
+    await page.locator('[data-path="mpr.thickness"]').first().fill('0');
+  });
+
+  test('the plane is turned by the cube, by Alt and a drag, and by keys; a view and undo bring it back', async () => {
+    const { cx, cy } = await stageBox(page);
+    const cube = await page.locator('#cube').boundingBox();
+    const [x, y] = [cube.x + cube.width / 2, cube.y + cube.height / 2];
+    const first = await turned(() => drag(page, [x, y], [x + 40, y + 25]));
+    const second = await turned(async () => {
+      await page.keyboard.down('Alt');
+      await drag(page, [cx, cy], [cx - 70, cy + 40]);
+      await page.keyboard.up('Alt');
+    });
+    const third = await turned(async () => {
+      for (let i = 0; i < 4; i++) await page.keyboard.press('Shift+ArrowUp');
+    });
+    const angle = (a, b) => Math.acos(Math.min(1, a.reduce((sum, v, k) => sum + v * b[k], 0))) * (180 / Math.PI);
+    assert.ok(angle(first, second) > 10 && Math.abs(angle(second, third) - 20) < 0.1, 'by so many degrees');
+    await page.keyboard.press('Control+z');
+    await settled(page);
+    assert.ok(angle((await scene(page)).mpr.normal, second) < 1e-3);
+    await page.keyboard.press('l');
+    await settled(page);
+    assert.match(await label(), /Sagittal/);
+    await page.locator('#cube .face:not([hidden])').last().click();
+    await settled(page);
+    assert.equal((await scene(page)).mpr.orientation, 'sagittal', 'a click on a face is its view');
+  });
+
+  test('another volume is no label volume, unless one insists', async () => {
+    await page.selectOption('#labels-volume', 'vessels');
+    await page.waitForSelector('#labels-doubt:not([hidden])');
+    assert.match(await page.textContent('#labels-why'), /lie elsewhere|values/);
+    assert.equal(await page.inputValue('#labels-volume'), '');
+    await page.click('#labels-insist');
+    await page.waitForSelector('#labels-list button');
+    assert.equal((await scene(page)).labels.volume, 'vessels');
+    assert.ok(await page.isHidden('#labels-doubt'));
+  });
+});
