@@ -95,7 +95,8 @@ export class Labels {
     if (error.status !== 409 || !patch?.labels?.volume) return false;
     this.#doubted = patch.labels.volume;
     this.#get('labels-doubt').hidden = false;
-    this.#get('labels-why').textContent = error.message;
+    const why = error.message.replace(/^labels\/volume: (.*?)(: choose.*)?$/, '$1'); // the rest is for programs
+    this.#get('labels-why').textContent = `${this.#doubted} does not look like labels of this volume: ${why}.`;
     return true;
   }
 
