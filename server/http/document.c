@@ -3,11 +3,10 @@
 #include <string.h>
 
 #include "server/http/work.h"
+#include "server/session/scene.h"
 
 /* Bodies that may wait to be read. */
 #define MOST_BODIES 64
-/* A scene with more in its lists is written by the worker: some tens of bytes each. */
-#define LONG_LISTS 500
 
 typedef struct body_work {
   tcs_work work;
@@ -121,8 +120,8 @@ void tcs_reply_scene(tcs_request *request, int status, cJSON *around, const tc_s
   s->status = status;
   s->etag = g_strdup(etag);
   s->location = g_strdup(location);
-  if (scene->transfer_function.count + scene->labels.n_colors + scene->labels.n_visible <= LONG_LISTS)
-    tcs_work_inline(request, &s->work);
-  else /* the change is made: its answer is not refused */
+  if (tcs_scene_is_long(scene)) /* the change is made: its answer is not refused */
     tcs_work_start(request, request->server->text_worker, &s->work, INT_MAX);
+  else
+    tcs_work_inline(request, &s->work);
 }

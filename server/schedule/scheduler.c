@@ -504,44 +504,39 @@ void tcs_scheduler_pump(tcs_scheduler *scheduler) {
   scheduler->pumping = false;
 }
 
-typedef struct forget_task {
+/* Less is kept between frames: nothing of a volume that goes, or no more than so many bytes. */
+typedef struct trim {
   tcs_task task;
   tcs_scheduler *scheduler;
-  tc_volume *volume;
-} forget_task;
+  tc_volume *volume; /* or NULL: */
+  uint64_t most_bytes;
+} trim;
 
-static void run_forget(tcs_task *task) {
-  forget_task *forget = (forget_task *)task;
-  tc_renderer_forget(forget->scheduler->renderer, forget->volume);
-  tc_volume_unref(forget->volume); /* here: the next picture may need its memory */
+static void run_trim(tcs_task *task) {
+  const trim *t = (trim *)task;
+  tc_renderer *renderer = t->scheduler->renderer;
+  if (t->volume)
+    tc_renderer_forget(renderer, t->volume);
+  else
+    tc_renderer_limit_cache(renderer, t->most_bytes);
+  tcs_budget_set(t->scheduler->server->budget, TCS_MEMORY_CACHES, tc_renderer_cached(renderer));
+  tc_volume_unref(t->volume); /* here: the next picture may need its memory */
 }
 
-static void done_forget(tcs_task *task) { g_free(task); }
+static void done_trim(tcs_task *task) { g_free(task); }
+
+static void submit_trim(tcs_scheduler *scheduler, tc_volume *volume, uint64_t most_bytes) {
+  trim *t = g_new0(trim, 1);
+  *t = (trim){{.run = run_trim, .done = done_trim}, scheduler, volume, most_bytes};
+  tcs_worker_submit(scheduler->server->render_worker, &t->task);
+}
 
 void tcs_scheduler_forget(tcs_scheduler *scheduler, tc_volume *volume) {
-  forget_task *forget = g_new0(forget_task, 1);
-  *forget = (forget_task){{.run = run_forget, .done = done_forget}, scheduler, tc_volume_ref(volume)};
-  tcs_worker_submit(scheduler->server->render_worker, &forget->task);
+  submit_trim(scheduler, tc_volume_ref(volume), 0);
 }
-
-typedef struct limit_task {
-  tcs_task task;
-  tcs_scheduler *scheduler;
-  uint64_t most_bytes;
-} limit_task;
-
-static void run_limit(tcs_task *task) {
-  const limit_task *limit = (limit_task *)task;
-  tc_renderer_limit_cache(limit->scheduler->renderer, limit->most_bytes);
-  tcs_budget_set(limit->scheduler->server->budget, TCS_MEMORY_CACHES, tc_renderer_cached(limit->scheduler->renderer));
-}
-
-static void done_limit(tcs_task *task) { g_free(task); }
 
 void tcs_scheduler_limit_cache(tcs_scheduler *scheduler, uint64_t most_bytes) {
-  limit_task *limit = g_new0(limit_task, 1);
-  *limit = (limit_task){{.run = run_limit, .done = done_limit}, scheduler, most_bytes};
-  tcs_worker_submit(scheduler->server->render_worker, &limit->task);
+  submit_trim(scheduler, NULL, most_bytes);
 }
 
 static gboolean is_forgotten(void *name, void *client, void *busy) {

@@ -14,6 +14,7 @@
 #include "server/loop/worker.h"
 #include "server/observe/metrics.h"
 #include "server/session/store.h"
+#include "server/session/scene.h"
 #include "server/session/scope.h"
 #include "server/session/viewers.h"
 #include "server/ws/channel.h"
@@ -21,7 +22,6 @@
 
 #define PING_US 15000000    /* a sign of life is asked for this often */
 #define SILENCE_US 30000000 /* and a peer without one for this long is gone */
-#define LONG_LISTS 500      /* a scene with more in its lists is written by a worker */
 #define PIECE ((size_t)128) /* bytes of a few short messages */
 #define CLOSE_US 2000000    /* how long a closing handshake may take */
 /* A read of over BUSY_US is followed by a rest, so that one viewer's messages take no more than 1 / READ_SHARE of the I/O
@@ -207,8 +207,7 @@ static void send_hello(tcs_stream *stream, tcs_session *session) {
   g_strlcpy(hello->session, session->id, sizeof hello->session);
   tc_scene_copy(&hello->scene, &session->scene);
   stream->hello = hello;
-  if (session->scene.transfer_function.count + session->scene.labels.n_colors + session->scene.labels.n_visible >
-      LONG_LISTS) {
+  if (tcs_scene_is_long(&session->scene)) {
     tcs_worker_submit(stream->streams->server->text_worker, &hello->task);
     return;
   }
