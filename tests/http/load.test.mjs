@@ -12,6 +12,7 @@ import { row } from '../loading/campaign.mjs';
 import { Unanswered } from '../loading/client.mjs';
 import { recorded, synthetic } from '../loading/motion.mjs';
 import { readMix } from '../loading/rest.mjs';
+import { Target } from '../loading/target.mjs';
 import {
   boundOf, distribution, greatestPerBin, histogramBetween, jain, percentile, readMetrics, summary,
 } from '../loading/statistics.mjs';
@@ -121,13 +122,20 @@ test('three clients and REST calls: what is measured makes sense', async () => {
 });
 
 test('a bad client is set against an ordinary one', async () => {
-  const { code, err, out } = await load([...SMALL, '--seconds', '1', '--bad', 'failed-entries', '--output', join(folder, 'bad')]);
+  const { code, err, out } = await load([...SMALL, '--seconds', '1', '--bad', 'failed-entries', '--apart', '--output', join(folder, 'bad')]);
   assert.equal(code, 0, err);
   const { runs, table: [row] } = result('bad');
   assert.deepEqual(runs.map(({ name }) => name), ['four alone', 'four and a fifth', 'failed-entries']);
   assert.equal(runs[1].badClient.counts.session, 1, 'the fifth was there');
   assert.ok(Object.values(row.bad.counts)[0] > 0 && row.ratio > 0 && row.ordinaryP99 === runs[1].latencyMs.p99, JSON.stringify(row));
   assert.match(out, /^\| failed-entries \| /m);
+});
+
+test('clients apart say so as a proxy does', () => {
+  const target = new Target('http://127.0.0.1:1', 'secret'), other = target.from('10.0.0.1');
+  assert.deepEqual(target.headers(), { Authorization: 'Bearer secret' });
+  assert.deepEqual(other.headers(), { Authorization: 'Bearer secret', 'X-Forwarded-For': '10.0.0.1' });
+  assert.equal(other.agent, target.agent);
 });
 
 test('a row is made of all its runs', () => {

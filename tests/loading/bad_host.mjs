@@ -6,7 +6,7 @@ const END_MS = 3000;
 /** @returns {{stop(): Promise<{counts, trouble?}>}} */
 export function startBad(name, { target, volume, image, rate }) {
   const worker = new Worker(new URL('./bad_thread.mjs', import.meta.url), {
-    workerData: { name, base: target.base.href, token: target.token, volume, image, rate },
+    workerData: { name, base: target.base.href, token: target.token, address: target.address, volume, image, rate },
   });
   let says = { counts: {}, trouble: '' };
   worker.on('message', (message) => (says = message));

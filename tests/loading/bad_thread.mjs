@@ -5,11 +5,11 @@ import { BAD } from './bad.mjs';
 import { Target } from './target.mjs';
 
 const TELL_MS = 250;
-const { name, base, token, ...setting } = workerData;
+const { name, base, token, address, ...setting } = workerData;
 const counts = {};
 const stopped = new AbortController();
 const bad = {
-  ...setting, target: new Target(base, token), stopped: stopped.signal,
+  ...setting, target: new Target(base, token).from(address), stopped: stopped.signal,
   count: (kind) => (counts[kind] = (counts[kind] ?? 0) + 1),
 };
 const tell = (trouble = '') => parentPort.postMessage({ counts, trouble });

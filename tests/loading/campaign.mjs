@@ -88,7 +88,7 @@ async function withDaemon(options, extra, onDeath, what) {
     }
     return null;
   }
-  const daemon = await Daemon.start({ binary: findBinary(options.binary), volume: options.volume, backend: options.backend, ...extra });
+  const daemon = await Daemon.start({ binary: findBinary(options.binary), volume: options.volume, backend: options.backend, apart: options.apart, ...extra });
   const gone = new AbortController(); // nothing is measured of a dead daemon
   daemon.ended.then(() => gone.abort());
   let ended;

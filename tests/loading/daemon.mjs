@@ -29,16 +29,16 @@ export class Daemon {
 
   /**
    * limits, server: rows of the configuration; files: how many it may open, 0 for what we may; readLog: false
-   * leaves its stderr a pipe that nobody reads
+   * leaves its stderr a pipe that nobody reads; apart: it believes us who asks
    */
-  static async start({ binary, volume = 'demo:head', id = 'head', backend = 'auto', limits = {}, server = {}, files = 0, readLog = true }) {
+  static async start({ binary, volume = 'demo:head', id = 'head', backend = 'auto', limits = {}, server = {}, files = 0, readLog = true, apart = false }) {
     const daemon = new Daemon();
     daemon.folder = mkdtempSync(join(tmpdir(), 'tomocast-load-'));
     const config = join(daemon.folder, 'config');
     const rows = (group) => Object.entries(group).map(([name, value]) => `${name}=${value}\n`).join('');
     writeFileSync(config, `[server]\n${rows({ spool: daemon.folder, ...server })}[limits]\n${rows(limits)}`);
     const all = ['serve', '--listen', '127.0.0.1:0', '--backend', backend, '--config', config, '--data', daemon.folder,
-      '--volume', `${id}=${volume}`];
+      '--volume', `${id}=${volume}`, ...(apart ? ['--trusted-proxy', '127.0.0.1'] : [])];
     const shell = files ? ['sh', '-c', `ulimit -Sn ${files} && exec "$@"`, 'sh'] : [];
     const [program, ...rest] = [...shell, binary, ...all];
     const child = spawn(program, rest, { stdio: ['ignore', 'pipe', 'pipe'], detached: true }); // Ctrl-C is for us

@@ -20,7 +20,8 @@ const TURN_CPU = 'tomocast_loop_turn_cpu_seconds';
  */
 export async function measure(setup, run) {
   const { target } = setup;
-  const clients = Array.from({ length: run.clients }, (_, i) => new Client({ ...setup, motionOf: (scene) => setup.motionOf(scene, i) }));
+  const from = (i) => (setup.apart ? target.from(`10.0.${i >> 8}.${i & 255}`) : target);
+  const clients = Array.from({ length: run.clients }, (_, i) => new Client({ ...setup, target: from(i), motionOf: (scene) => setup.motionOf(scene, i) }));
   if (run.record && clients[0]) clients[0].record = [];
   const rest = setup.rest && new RestMix({ target, volume: setup.volume, ...setup.rest });
   let bad, health, watch;
@@ -35,7 +36,7 @@ export async function measure(setup, run) {
     health = new HealthProbe(target, began);
     watch = new ProcessWatch(setup.pid, began);
     rest?.start();
-    if (run.bad) bad = startBad(run.bad, setup);
+    if (run.bad) bad = startBad(run.bad, { ...setup, target: from(run.clients) });
     await pause(run.seconds * 1000, run, () => run.onTick?.(clients, performance.now() - began));
     const ended = performance.now();
     const chargedThen = await renderTimes(target);

@@ -28,6 +28,8 @@ How
   --mix NAME=W,...      their weights (default ${REST_MIX})
   --bad NAME[,NAME...]  four clients beside each of these, or all; --help-bad names them.
                         Measured against the four alone and the four beside one more ordinary client.
+  --apart               each client comes from an address of its own, as X-Forwarded-For says it, which one of
+                        our own believes; else all are one peer, whose clients share equally
   --repeat N            the ordinary comparison anew before every Nth bad client (default 4)
   --rounds N            all of it N times; a row is made of all its runs (default 1)
   --capacity            1, 4, 16 and 64 clients on demo:head, the table in README.md made anew
@@ -45,7 +47,7 @@ const flag = { type: 'boolean' };
 const SHAPE = {
   url: text, token: text, pid: text, binary: text, backend: text, volume: text, clients: text, seconds: text, image: text,
   rate: text, drag: text, think: text, path: text, record: text, rest: text, mix: text, bad: text, repeat: text, rounds: text, output: text,
-  capacity: flag, help: flag, 'help-bad': flag,
+  apart: flag, capacity: flag, help: flag, 'help-bad': flag,
 };
 const MOST_CLIENTS = 1024;
 const MOST_SECONDS = 3600;
@@ -72,7 +74,7 @@ export function readOptions(args) {
     rate: number('rate', 60, 0.1, 240), dragMs: number('drag', 2000, 1, 1e6), thinkMs: number('think', 500, 0, 1e6),
     path: values.path, record: values.record, bad: readBad(values.bad), repeat: number('repeat', 4, 1, 100), rounds: Math.round(number('rounds', 1, 1, 100)),
     rest: values.rest ? { perSecond: number('rest', 0, 0.1, 500), mix: readMix(values.mix ?? REST_MIX) } : null,
-    capacity: values.capacity ?? false, output: values.output,
+    apart: values.apart ?? false, capacity: values.capacity ?? false, output: values.output,
   };
   if (options.url && (options.binary || options.capacity))
     throw new Trouble('--url and a daemon of our own exclude each other: leave --url out for --binary and --capacity');

@@ -30,7 +30,12 @@ export class Target {
     return this.secure ? tls.connect({ ...where, servername: this.host }) : net.connect(where);
   }
 
-  headers() { return this.token ? { Authorization: `Bearer ${this.token}` } : {}; }
+  /** The same as a proxy passes it on from this address. */
+  from(address) { return Object.assign(Object.create(Target.prototype), this, { address }); }
+
+  headers() {
+    return { ...(this.token && { Authorization: `Bearer ${this.token}` }), ...(this.address && { 'X-Forwarded-For': this.address }) };
+  }
 
   /** One exchange. `fresh`: on a connection of its own. @returns {{status, headers, bytes, ms}} */
   request(method, path, { json, body, type, headers = {}, fresh = false, patienceMs = PATIENCE_MS } = {}) {
