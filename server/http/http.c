@@ -35,6 +35,7 @@ typedef struct link {
   tcs_request *reading; /* its body comes, or NULL */
   unsigned requests;   /* begun */
   bool reserve;        /* one of the last free ones */
+  bool gone;           /* at the last tick, while something was waited for */
   bool metrics;        /* at the metrics' own place */
 } link_state;
 
@@ -345,10 +346,13 @@ bool tcs_peer_gone(struct MHD_Connection *connection) {
 }
 
 /* Too late; or gone between two requests or in the middle of one: an end that came together with the last bytes is an
- * edge that MHD has already seen, and it would wait out its whole patience. An upload has its rate. */
-static bool is_over(const link_state *link, int64_t now_us) {
-  const bool unfinished = link->reading ? !link->reading->upload : link->requests == link->answered;
-  return (link->deadline_us && now_us >= link->deadline_us) || (unfinished && ended(link->fd));
+ * edge that MHD has already seen, and it would wait out its whole patience. Gone at two ticks: MHD has looked at all that
+ * came before. */
+static bool is_over(link_state *link, int64_t now_us) {
+  const bool waits = link->reading ? !link->reading->suspended : link->requests == link->answered;
+  const bool was_gone = link->gone;
+  link->gone = waits && ended(link->fd);
+  return (link->deadline_us && now_us >= link->deadline_us) || (link->gone && was_gone);
 }
 
 static void time_out(tcs_request *request) {

@@ -19,7 +19,7 @@ struct tcs_upload {
   tcs_request *request; /* NULL: the client has gone */
   tcs_spooled *file;
   GByteArray *filling, *writing;
-  bool busy, suspended, ended;
+  bool busy, ended;
   int failed;         /* errno of a write */
   int64_t bytes;      /* of the body so far */
   int64_t window_us, window_bytes; /* when the rate was looked at last, and `bytes` then */
@@ -60,8 +60,8 @@ static void free_upload(tcs_upload *upload) {
 }
 
 static void resume(tcs_upload *upload) {
-  if (!upload->suspended || !upload->request) return;
-  upload->suspended = false;
+  if (!upload->request || upload->ended || !upload->request->suspended) return; /* after the end others suspend */
+  upload->request->suspended = false;
   upload->server->http_work = true;
   upload->window_us = g_get_monotonic_time(); /* the client could not send meanwhile */
   upload->window_bytes = upload->bytes;
@@ -78,7 +78,7 @@ static void drop(tcs_upload *upload) {
 
 void tcs_upload_leave(tcs_request *request) {
   if (!request->upload) return;
-  request->upload->suspended = false; /* the connection is closing */
+  request->suspended = false; /* the connection is closing */
   drop(request->upload);
 }
 
@@ -167,7 +167,7 @@ void tcs_upload_write(tcs_request *request, const void *bytes, size_t size) {
   upload->server->metrics->upload_bytes += size;
   pump(upload);
   if (upload->filling->len < BUFFER) return;
-  upload->suspended = true;
+  request->suspended = true;
   MHD_suspend_connection(request->connection);
 }
 
@@ -188,7 +188,7 @@ void tcs_uploads_tick(tcs_server *server, int64_t now_us) {
     tcs_upload *upload = item->data;
     next = item->next;
     const int64_t passed_us = now_us - upload->window_us;
-    if (!upload->request || upload->ended || upload->suspended || passed_us < limits->upload_grace_seconds * 1000000)
+    if (!upload->request || upload->ended || upload->request->suspended || passed_us < limits->upload_grace_seconds * 1000000)
       continue;
     const double rate = (double)(upload->bytes - upload->window_bytes) / ((double)passed_us / 1e6);
     upload->window_us = now_us;
