@@ -113,30 +113,56 @@ static bool leaping_pays(frame_resources *have, tc_plan *plan) {
   return false;
 }
 
-static bool gather_projection(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, const tc_plan *plan,
-                              frame_resources *have, tc_frame_stats *stats, GError **error) {
-  have->grey = tc_grey_make(volume, scene);
-  if (!plan->key.skipping) return true;
-  int block = tc_skip_block(scene->skipping.block);
-  have->minmax = tc_resources_minmax(r->resources, volume, block, tc_skip_reach(scene->filter), &stats->skip_ms, error);
-  if (have->minmax)
-    have->bounds = tc_resources_bounds(r->resources, volume, have->minmax, &have->grey, &stats->skip_ms, error);
-  return have->bounds != NULL;
+/* What follows collects what a frame reads. stats NULL: only what is there already, for a plan that somebody looks at;
+ * nothing is built then, and nothing that is missing is a failure. */
+typedef struct collection {
+  tc_renderer *r;
+  const tc_volume *field; /* what is sampled */
+  const tc_scene *scene;
+  const tc_render_request *request;
+  tc_plan *plan;
+  frame_resources *have;
+  tc_frame_stats *stats;
+  int block, reach; /* of empty-space skipping */
+} collection;
+
+static double *skip_ms_of(const collection *c) { return c->stats ? &c->stats->skip_ms : NULL; }
+static double *tables_ms_of(const collection *c) { return c->stats ? &c->stats->tables_ms : NULL; }
+
+static bool collect_minmax(const collection *c, GError **error) {
+  c->have->minmax = tc_resources_minmax(c->r->resources, c->field, c->block, c->reach, skip_ms_of(c), error);
+  return c->have->minmax || !c->stats;
 }
 
-static bool gather_surface(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, tc_plan *plan,
-                           frame_resources *have, tc_frame_stats *stats, GError **error) {
-  have->surface = tc_surface_make(volume, scene);
-  if (!plan->key.skipping) return true;
-  have->support = tc_resources_surface(r->resources, have->surface.below, have->surface.above, error);
-  if (!have->support) return false;
-  int block = tc_skip_block(scene->skipping.block), reach = tc_skip_reach(scene->filter);
-  have->minmax = tc_resources_minmax(r->resources, volume, block, reach, &stats->skip_ms, error);
-  if (have->minmax)
-    have->leap = tc_resources_leap(r->resources, volume, have->minmax, have->support, &stats->skip_ms, error);
-  if (!have->leap) return false;
-  leaping_pays(have, plan);
+static bool collect_projection(const collection *c, GError **error) {
+  frame_resources *have = c->have;
+  have->grey = tc_grey_make(c->field, c->scene);
+  if (!c->plan->key.skipping) return true;
+  if (!collect_minmax(c, error)) return false;
+  have->bounds = tc_resources_bounds(c->r->resources, c->field, c->block, c->reach, have->minmax, &have->grey, skip_ms_of(c), error);
+  return have->bounds || !c->stats;
+}
+
+/* The structure that the back end leaps by, for what shows as `support` says. */
+static bool collect_leap(const collection *c, bool boxes, GError **error) {
+  frame_resources *have = c->have;
+  tc_resources *resources = c->r->resources;
+  if (have->support && boxes)
+    have->boxes = tc_resources_boxes(resources, c->field, c->block, c->reach, have->minmax, have->support, skip_ms_of(c), error);
+  else if (have->support)
+    have->leap = tc_resources_leap(resources, c->field, c->block, c->reach, have->minmax, have->support, skip_ms_of(c), error);
+  if (c->stats && !have->leap && !have->boxes) return false;
+  leaping_pays(have, c->plan);
   return true;
+}
+
+static bool collect_surface(const collection *c, GError **error) {
+  frame_resources *have = c->have;
+  have->surface = tc_surface_make(c->field, c->scene);
+  if (!c->plan->key.skipping) return true;
+  have->support = tc_resources_surface(c->r->resources, have->surface.below, have->surface.above, skip_ms_of(c), error);
+  if (c->stats && !have->support) return false;
+  return collect_minmax(c, error) && collect_leap(c, false, error);
 }
 
 /* True: the back end makes the table's entries itself. */
@@ -144,11 +170,11 @@ static bool builds_table(const tc_table_params *params, frame_resources *have) {
   return have->ops->builds_table && have->ops->builds_table(have->instance, params, &have->builder);
 }
 
-static bool gather_table(tc_renderer *r, const tc_table_params *params, frame_resources *have, tc_frame_stats *stats,
-                         GError **error) {
-  have->table = tc_resources_table(r->resources, params, &stats->tables_ms, error);
-  return have->table && (builds_table(params, have) ||
-                         tc_resources_fill(r->resources, have->table, &stats->tables_ms, error));
+static bool collect_table(const collection *c, const tc_table_params *params, GError **error) {
+  frame_resources *have = c->have;
+  have->table = tc_resources_table(c->r->resources, params, tables_ms_of(c), error);
+  if (c->stats && !have->table) return false;
+  return builds_table(params, have) || !c->stats || tc_resources_fill(c->r->resources, have->table, tables_ms_of(c), error);
 }
 
 /* Coefficients reach further than the voxels that the plan was made for. */
@@ -162,34 +188,34 @@ static tc_table_params table_params(const tc_volume *field, const tc_scene *scen
   return params;
 }
 
-static bool gather(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
-                   tc_plan *plan, frame_resources *have, tc_frame_stats *stats, GError **error) {
-  if (tc_is_projection(scene->mode)) return gather_projection(r, volume, scene, plan, have, stats, error);
-  if (scene->mode == TC_MODE_ISOSURFACE) return gather_surface(r, volume, scene, plan, have, stats, error);
-  if (scene->mode == TC_MODE_MPR) return true;
-  const tc_table_params params = table_params(volume, scene, request, plan);
-  if (!plan->stages[TC_STAGE_TABLE_2D].included)
-    have->integrals = tc_resources_integrals(r->resources, &params, &stats->tables_ms, error);
-  else if (!gather_table(r, &params, have, stats, error))
-    return false;
-  if (!have->table && !have->integrals) return false;
-  if (!plan->key.skipping) return true;
-  const int *dims = tc_volume_describe(volume)->dims;
-  if (have->ops->leaps_over_boxes && (dims[0] > TC_BOX_REACH || dims[1] > TC_BOX_REACH || dims[2] > TC_BOX_REACH)) {
-    tc_plan_drop_skipping(plan, "an axis is longer than boxes can name");
+static bool collect_dvr(const collection *c, GError **error) {
+  frame_resources *have = c->have;
+  const tc_table_params params = table_params(c->field, c->scene, c->request, c->plan);
+  if (c->plan->stages[TC_STAGE_TABLE_2D].included) {
+    if (!collect_table(c, &params, error)) return false;
+  } else {
+    have->integrals = tc_resources_integrals(c->r->resources, &params, tables_ms_of(c), error);
+    if (c->stats && !have->integrals) return false;
+  }
+  if (!c->plan->key.skipping) return true;
+  const int *dims = tc_volume_describe(c->field)->dims;
+  bool boxes = have->ops->leaps_over_boxes;
+  if (boxes && (dims[0] > TC_BOX_REACH || dims[1] > TC_BOX_REACH || dims[2] > TC_BOX_REACH)) {
+    tc_plan_drop_skipping(c->plan, "an axis is longer than boxes can name");
     return true;
   }
-  int block = tc_skip_block(scene->skipping.block);
-  have->minmax = tc_resources_minmax(r->resources, volume, block, tc_skip_reach(scene->filter), &stats->skip_ms, error);
-  have->support = have->minmax ? tc_resources_support(r->resources, &params, &stats->skip_ms, error) : NULL;
-  if (!have->support) return false;
-  if (have->ops->leaps_over_boxes)
-    have->boxes = tc_resources_boxes(r->resources, volume, have->minmax, have->support, &stats->skip_ms, error);
-  else
-    have->leap = tc_resources_leap(r->resources, volume, have->minmax, have->support, &stats->skip_ms, error);
-  if (!have->leap && !have->boxes) return false;
-  leaping_pays(have, plan);
-  return true;
+  if (!collect_minmax(c, error)) return false;
+  have->support = tc_resources_support(c->r->resources, &params, skip_ms_of(c), error);
+  return (have->support || !c->stats) && collect_leap(c, boxes, error);
+}
+
+static bool collect(tc_renderer *r, const tc_scene *scene, const tc_render_request *request, tc_plan *plan,
+                    frame_resources *have, tc_frame_stats *stats, GError **error) {
+  const collection c = {r, have->field, scene, request, plan, have, stats,
+                        .block = tc_skip_block(scene->skipping.block), .reach = tc_skip_reach(scene->filter)};
+  if (tc_is_projection(scene->mode)) return collect_projection(&c, error);
+  if (scene->mode == TC_MODE_ISOSURFACE) return collect_surface(&c, error);
+  return scene->mode == TC_MODE_MPR || collect_dvr(&c, error);
 }
 
 #define MOST_DEAF_MS 20 /* of a back end that looks at no halt meanwhile */
@@ -263,45 +289,6 @@ static bool choose_drawer(tc_renderer *r, const tc_volume *volume, const tc_scen
   return have->instance != NULL;
 }
 
-static void find_projection(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, tc_plan *plan,
-                            frame_resources *have) {
-  have->grey = tc_grey_make(volume, scene);
-  if (!plan->key.skipping) return;
-  int block = tc_skip_block(scene->skipping.block), reach = tc_skip_reach(scene->filter);
-  have->minmax = tc_resources_find_minmax(r->resources, volume, block, reach);
-  have->bounds = tc_resources_find_bounds(r->resources, volume, block, reach, &have->grey);
-}
-
-static void find(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, tc_plan *plan, frame_resources *have) {
-  const tc_table_params params = table_params(volume, scene, &(tc_render_request){0}, plan);
-  if (plan->stages[TC_STAGE_TABLE_2D].included) {
-    have->table = tc_resources_find_table(r->resources, &params);
-    builds_table(&params, have);
-  } else {
-    have->integrals = tc_resources_find_integrals(r->resources, &params);
-  }
-  if (!plan->key.skipping) return;
-  int block = tc_skip_block(scene->skipping.block), reach = tc_skip_reach(scene->filter);
-  have->minmax = tc_resources_find_minmax(r->resources, volume, block, reach);
-  have->support = tc_resources_find_support(r->resources, &params);
-  if (have->support && have->ops->leaps_over_boxes)
-    have->boxes = tc_resources_find_boxes(r->resources, volume, block, reach, have->support);
-  else if (have->support)
-    have->leap = tc_resources_find_leap(r->resources, volume, block, reach, have->support);
-  leaping_pays(have, plan);
-}
-
-static void find_surface(tc_renderer *r, const tc_volume *volume, const tc_scene *scene, tc_plan *plan,
-                         frame_resources *have) {
-  if (!plan->key.skipping) return;
-  int block = tc_skip_block(scene->skipping.block), reach = tc_skip_reach(scene->filter);
-  tc_surface surface = tc_surface_make(volume, scene);
-  have->minmax = tc_resources_find_minmax(r->resources, volume, block, reach);
-  have->support = tc_resources_find_surface(r->resources, surface.below, surface.above);
-  if (have->support) have->leap = tc_resources_find_leap(r->resources, volume, block, reach, have->support);
-  leaping_pays(have, plan);
-}
-
 bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_volume *labels, const tc_scene *scene,
                       tc_plan *plan, GError **error) {
   if (!tc_plan_make(volume, scene, scene->image.width, scene->image.height, plan, error) ||
@@ -310,21 +297,16 @@ bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_v
   frame_resources have = {.field = volume};
   if (!choose_drawer(renderer, volume, scene, scene->image.width, scene->image.height, true, &have, error))
     return false;
-  if (plan->key.labels) have.labels = tc_resources_find_labels(renderer->resources, labels, scene);
+  if (plan->key.labels) have.labels = tc_resources_labels(renderer->resources, labels, scene, NULL, NULL);
   if (plan->stages[TC_STAGE_COEFFICIENTS].included)
-    have.field = tc_resources_find_coefficients(renderer->resources, tc_volume_serial(volume));
-  if (have.field && tc_is_projection(scene->mode))
-    find_projection(renderer, have.field, scene, plan, &have);
-  else if (have.field && scene->mode == TC_MODE_ISOSURFACE)
-    find_surface(renderer, have.field, scene, plan, &have);
-  else if (have.field && scene->mode != TC_MODE_MPR)
-    find(renderer, have.field, scene, plan, &have);
+    have.field = tc_resources_coefficients(renderer->resources, volume, NULL, NULL);
+  if (have.field && !collect(renderer, scene, &(tc_render_request){0}, plan, &have, NULL, error)) return false;
   finish_plan(renderer, plan, &have, NULL);
   return true;
 }
 
 /* What is to be sampled; true when it is there. */
-static bool gather_field(tc_renderer *r, const tc_volume *volume, const tc_plan *plan, frame_resources *have,
+static bool collect_field(tc_renderer *r, const tc_volume *volume, const tc_plan *plan, frame_resources *have,
                          GError **error) {
   have->field = volume;
   if (plan->stages[TC_STAGE_COEFFICIENTS].included)
@@ -383,7 +365,7 @@ static bool draw(tc_renderer *r, tc_job *job, tc_plan *plan, bool hurry, frame_r
   return drawn;
 }
 
-/* Everything but the frame's buffers: what the picture needs is gathered, then drawn. */
+/* Everything but the frame's buffers: what the picture needs is collected, then drawn. */
 static bool render_frame(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene,
                          const tc_render_request *request, const tc_halt *halt, tc_frame *frame, tc_plan *plan,
                          GError **error) {
@@ -392,8 +374,8 @@ static bool render_frame(tc_renderer *renderer, tc_volume *volume, const tc_scen
   const bool begun = tc_frame_position(frame) > 0 && !frame->stats.stand_in;
   if (!choose_drawer(renderer, volume, scene, frame->width, frame->height, halt->interrupt && !begun, &have, error))
     return false;
-  if (!gather_field(renderer, volume, plan, &have, error) ||
-      !gather(renderer, have.field, scene, request, plan, &have, &frame->stats, error))
+  if (!collect_field(renderer, volume, plan, &have, error) ||
+      !collect(renderer, scene, request, plan, &have, &frame->stats, error))
     return false;
   if (plan->key.labels) {
     have.labels = tc_resources_labels(renderer->resources, request->labels, scene, &have.labels_ms, error);
@@ -463,9 +445,8 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
 }
 
 void tc_renderer_forget(tc_renderer *renderer, const tc_volume *volume) {
-  const tc_volume *coefficients = tc_resources_find_coefficients(renderer->resources, tc_volume_serial(volume));
-  if (coefficients) renderer->ops->forget(renderer->instance, tc_volume_serial(coefficients));
-  tc_resources_forget(renderer->resources, tc_volume_serial(volume));
+  const uint64_t coefficients = tc_resources_forget(renderer->resources, tc_volume_serial(volume));
+  if (coefficients) renderer->ops->forget(renderer->instance, coefficients);
   renderer->ops->forget(renderer->instance, tc_volume_serial(volume));
 }
 

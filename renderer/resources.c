@@ -5,41 +5,39 @@
 
 #include "renderer/classify/outline.h"
 #include "renderer/clock.h"
+#include "renderer/store.h"
 #include "renderer/volume/coefficients.h"
-
-/* One list holds all kinds, so that one budget and one rule of age serve them. */
-typedef enum item_kind {
-  ITEM_COEFFICIENTS,
-  ITEM_TABLE,
-  ITEM_INTEGRALS,
-  ITEM_SUPPORT,
-  ITEM_MINMAX,
-  ITEM_LEAP,
-  ITEM_BOXES,
-  ITEM_BOUNDS,
-  ITEM_LABELS
-} item_kind;
-
-typedef struct item {
-  item_kind kind;
-  /* tc_volume, tc_table, tc_integrals, tc_support, tc_minmax, tc_leap, tc_boxes, tc_bounds or tc_labels; owned */
-  void *thing;
-  bool unfinished; /* in the making (of coefficients: a tc_coefficients): not to be found */
-  size_t bytes;
-  uint64_t last_use;
-  uint64_t volume; /* serial it belongs to */
-  int block, reach;
-  tc_table_params params; /* table, integrals, support: .tf points to tf below */
-  tc_transfer_function *tf; /* its own copy, at a fixed place */
-} item;
 
 struct tc_resources {
   tc_pool *pool;
-  uint64_t budget, held, clock;
-  item *items;
-  int count, capacity;
+  tc_store *store;
   int64_t steps; /* tc_resources_steps() */
 };
+
+#define FREES(name, type)                                                                                              \
+  static void free_##name(void *thing) { tc_##type(thing); }
+FREES(volume, volume_unref)
+FREES(coefficients, coefficients_free)
+FREES(table, table_free)
+FREES(integrals, integrals_free)
+FREES(support, support_free)
+FREES(minmax, minmax_free)
+FREES(leap, leap_free)
+FREES(boxes, boxes_free)
+FREES(bounds, bounds_free)
+FREES(labels, labels_free)
+
+/* Coefficients are what a frame asks for first, and large: for them anything may go. */
+static const tc_store_kind coefficients_kind = {"coefficients", free_volume, free_coefficients, true},
+                           table_kind = {"transfer function", free_table, NULL, false},
+                           integrals_kind = {"transfer function", free_integrals, NULL, false},
+                           support_kind = {"transfer function", free_support, NULL, false},
+                           surface_kind = {"isosurface", free_support, NULL, false},
+                           minmax_kind = {"min-max blocks", free_minmax, NULL, false},
+                           leap_kind = {"distance map", free_leap, NULL, false},
+                           boxes_kind = {"occupied boxes", free_boxes, NULL, false},
+                           bounds_kind = {"bounds of the blocks", free_bounds, NULL, false},
+                           labels_kind = {"labels", free_labels, NULL, false};
 
 tc_resources *tc_resources_new(tc_pool *pool, uint64_t budget_bytes, GError **error) {
   tc_resources *r = calloc(1, sizeof *r);
@@ -48,540 +46,287 @@ tc_resources *tc_resources_new(tc_pool *pool, uint64_t budget_bytes, GError **er
     return NULL;
   }
   r->pool = pool;
-  r->budget = budget_bytes;
-  return r;
-}
-
-static void drop(tc_resources *r, int i) {
-  item *it = &r->items[i];
-  switch (it->kind) {
-  case ITEM_COEFFICIENTS:
-    if (it->unfinished)
-      tc_coefficients_free(it->thing);
-    else
-      tc_volume_unref(it->thing);
-    break;
-  case ITEM_TABLE: tc_table_free(it->thing); break;
-  case ITEM_INTEGRALS: tc_integrals_free(it->thing); break;
-  case ITEM_SUPPORT: tc_support_free(it->thing); break;
-  case ITEM_MINMAX: tc_minmax_free(it->thing); break;
-  case ITEM_LEAP: tc_leap_free(it->thing); break;
-  case ITEM_BOXES: tc_boxes_free(it->thing); break;
-  case ITEM_BOUNDS: tc_bounds_free(it->thing); break;
-  case ITEM_LABELS: tc_labels_free(it->thing); break;
-  }
-  if (it->tf) free(it->tf->points);
-  free(it->tf);
-  r->held -= it->bytes;
-  r->items[i] = r->items[--r->count];
+  r->store = tc_store_new(budget_bytes, error);
+  if (r->store) return r;
+  free(r);
+  return NULL;
 }
 
 void tc_resources_free(tc_resources *resources) {
   if (!resources) return;
-  while (resources->count) drop(resources, resources->count - 1);
-  free(resources->items);
+  tc_store_free(resources->store);
   free(resources);
-}
-
-/* Makes the budget hold `bytes` more, by dropping the oldest of the same kind first: what the current frame already
- * asked for is of another kind and stays, as does `keep`. Coefficients are what a frame asks for first, and large: for
- * them anything may go. */
-static void drop_oldest(tc_resources *r, item_kind kind, size_t bytes, const void *keep) {
-  while (r->held + bytes > r->budget) {
-    int oldest = -1;
-    for (int i = 0; i < r->count; i++)
-      if ((r->items[i].kind == kind || kind == ITEM_COEFFICIENTS) && r->items[i].thing != keep &&
-          (oldest < 0 || r->items[i].last_use < r->items[oldest].last_use))
-        oldest = i;
-    if (oldest < 0) break;
-    drop(r, oldest);
-  }
-}
-
-/* A place for one more of `bytes`; NULL: out of memory. */
-static item *make_room(tc_resources *r, item_kind kind, size_t bytes) {
-  drop_oldest(r, kind, bytes, NULL);
-  if (r->count == r->capacity) {
-    int capacity = r->capacity ? 2 * r->capacity : 32;
-    item *grown = realloc(r->items, (size_t)capacity * sizeof *grown);
-    if (!grown) return NULL;
-    r->items = grown;
-    r->capacity = capacity;
-  }
-  r->held += bytes;
-  r->steps++;
-  item *it = &r->items[r->count++];
-  *it = (item){.kind = kind, .bytes = bytes, .last_use = ++r->clock};
-  return it;
-}
-
-static const void *used(tc_resources *r, item *it) {
-  it->last_use = ++r->clock;
-  return it->thing;
-}
-
-static const void *used_if_made(tc_resources *r, item *it) {
-  return it && !it->unfinished ? used(r, it) : NULL;
-}
-
-/* A place for what is going to be built, in parts; NULL: out of memory, which it says. */
-static item *begin_item(tc_resources *r, item_kind kind, size_t bytes, uint64_t volume, const char *what,
-                        GError **error) {
-  item *it = make_room(r, kind, bytes);
-  if (it) {
-    it->unfinished = true;
-    it->volume = volume;
-  } else {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "%s: out of memory", what);
-  }
-  return it;
 }
 
 int64_t tc_resources_steps(const tc_resources *resources) { return resources->steps; }
 
+/* Into the store, which takes the thing; NULL for one that could not be made. */
+static tc_stored *put(tc_resources *r, const tc_store_kind *kind, const void *key, size_t key_size, uint64_t volume,
+                      void *thing, size_t bytes, bool unfinished, GError **error) {
+  if (!thing) return NULL;
+  tc_stored *it = tc_store_add(r->store, kind, key, key_size, volume, thing, bytes, error);
+  if (it) it->unfinished = unfinished;
+  r->steps += it != NULL;
+  return it;
+}
+
 /* ---- coefficients ---- */
 
-static item *coefficients_item(tc_resources *r, uint64_t volume_serial) {
-  for (int i = 0; i < r->count; i++)
-    if (r->items[i].kind == ITEM_COEFFICIENTS && r->items[i].volume == volume_serial) return &r->items[i];
-  return NULL;
-}
-
-const tc_volume *tc_resources_find_coefficients(tc_resources *r, uint64_t volume_serial) {
-  return used_if_made(r, coefficients_item(r, volume_serial));
-}
-
-static bool begin_coefficients(tc_resources *r, const tc_volume *volume, uint64_t bytes, GError **error) {
-  tc_coefficients *begun = tc_coefficients_begin(volume, error);
-  item *it = NULL;
-  if (begun) it = begin_item(r, ITEM_COEFFICIENTS, (size_t)bytes, tc_volume_serial(volume), "coefficients", error);
-  if (it)
-    it->thing = begun;
-  else
-    tc_coefficients_free(begun);
-  return it != NULL;
-}
-
 const tc_volume *tc_resources_coefficients(tc_resources *r, const tc_volume *volume, double *ms, GError **error) {
-  const tc_volume *found = tc_resources_find_coefficients(r, tc_volume_serial(volume));
-  if (found) return found;
-  uint64_t bytes = tc_coefficients_bytes(volume);
-  if (bytes > r->budget) {
+  const uint64_t serial = tc_volume_serial(volume), bytes = tc_coefficients_bytes(volume);
+  tc_stored *it = tc_store_find(r->store, &coefficients_kind, &serial, sizeof serial);
+  if ((it && !it->unfinished) || !ms) return tc_store_use(r->store, it);
+  if (bytes > tc_store_budget(r->store)) {
     tc_set_error(error, TC_ERROR_LIMIT, "/sampling/prefilter",
                  "sampling/prefilter: the coefficients take %.0f MiB, the renderer's cache holds %.0f: turn it off or "
                  "raise the cache",
-                 (double)bytes / 0x1p20, (double)r->budget / 0x1p20);
+                 (double)bytes / 0x1p20, (double)tc_store_budget(r->store) / 0x1p20);
     return NULL;
   }
   double start = tc_now_ms();
-  if (!coefficients_item(r, tc_volume_serial(volume)) && !begin_coefficients(r, volume, bytes, error)) return NULL;
-  item *it = coefficients_item(r, tc_volume_serial(volume));
-  tc_coefficients *begun = it->thing;
-  int64_t before = tc_coefficients_steps(begun);
-  it->last_use = ++r->clock;
-  bool made = tc_coefficients_go_on(begun, volume, r->pool);
-  r->steps += tc_coefficients_steps(begun) != before;
+  if (!it)
+    it = put(r, &coefficients_kind, &serial, sizeof serial, serial, tc_coefficients_begin(volume, error), (size_t)bytes, true,
+             error);
+  if (!it) return NULL;
+  int64_t before = tc_coefficients_steps(it->thing);
+  bool made = tc_coefficients_go_on(it->thing, volume, r->pool);
+  r->steps += tc_coefficients_steps(it->thing) != before;
   *ms += tc_now_ms() - start;
-  if (!made) {
+  if (made) {
+    it->thing = tc_coefficients_take(it->thing);
+    it->unfinished = false;
+  } else {
     tc_halt_say(tc_pool_halt(r->pool), error);
-    return NULL;
   }
-  it->thing = tc_coefficients_take(begun);
-  it->unfinished = false;
-  return it->thing;
+  return tc_store_use(r->store, it);
 }
 
 /* ---- tables ---- */
 
-static bool same_transfer_function(const tc_transfer_function *a, const tc_transfer_function *b) {
-  return a->count == b->count && a->kind == b->kind &&
-         (a->kind == TC_KNOT_EXTINCTION || a->unit_distance_mm == b->unit_distance_mm) &&
-         !memcmp(a->points, b->points, a->count * sizeof *a->points);
+/* Everything that a table or integrals are made from. */
+static GByteArray *table_key(const tc_table_params *p) {
+  const tc_transfer_function *tf = p->tf;
+  const double numbers[] = {p->voxel_lo, p->voxel_hi, p->slope, p->intercept, p->step_mm,
+                            tf->kind == TC_KNOT_EXTINCTION ? 0 : tf->unit_distance_mm};
+  const int32_t choices[] = {p->n, p->linear_light, p->bits, p->n_zooms, tf->kind};
+  GByteArray *key = g_byte_array_sized_new((guint)(sizeof numbers + sizeof choices + tf->count * sizeof *tf->points));
+  g_byte_array_append(key, (const guint8 *)numbers, sizeof numbers);
+  g_byte_array_append(key, (const guint8 *)choices, sizeof choices);
+  g_byte_array_append(key, (const guint8 *)p->zooms, (guint)((size_t)p->n_zooms * sizeof *p->zooms));
+  g_byte_array_append(key, (const guint8 *)tf->points, (guint)(tf->count * sizeof *tf->points));
+  return key;
 }
 
-static bool same_table(const tc_table_params *a, const tc_table_params *b) {
-  return a->n == b->n && a->voxel_lo == b->voxel_lo && a->voxel_hi == b->voxel_hi && a->slope == b->slope &&
-         a->intercept == b->intercept && a->step_mm == b->step_mm && a->linear_light == b->linear_light &&
-         a->bits == b->bits && a->n_zooms == b->n_zooms &&
-         !memcmp(a->zooms, b->zooms, (size_t)a->n_zooms * sizeof *a->zooms) && same_transfer_function(a->tf, b->tf);
-}
+typedef struct nodes {
+  int n;
+  double lo, hi, step_mm;
+} nodes;
 
-static const void *find_made(tc_resources *r, item_kind kind, const tc_table_params *params) {
-  for (int i = 0; i < r->count; i++)
-    if (r->items[i].kind == kind && same_table(&r->items[i].params, params)) return used(r, &r->items[i]);
-  return NULL;
-}
-
-const tc_table *tc_resources_find_table(tc_resources *r, const tc_table_params *params) {
-  return find_made(r, ITEM_TABLE, params);
-}
-
-const tc_integrals *tc_resources_find_integrals(tc_resources *r, const tc_table_params *params) {
-  return find_made(r, ITEM_INTEGRALS, params);
-}
-
-static tc_transfer_function *copy_transfer_function(const tc_transfer_function *from) {
-  tc_transfer_function *tf = malloc(sizeof *tf);
-  tc_knot *points = malloc(from->count * sizeof *points);
-  if (!tf || !points) {
-    free(tf);
-    free(points);
-    return NULL;
-  }
-  *tf = *from;
-  tf->points = memcpy(points, from->points, from->count * sizeof *points);
-  return tf;
-}
-
-/* Keeps what was built with these parameters; false: out of memory, and it is still the caller's. */
-static bool keep(tc_resources *r, item_kind kind, void *thing, size_t bytes, const tc_table_params *params,
-                 GError **error) {
-  tc_transfer_function *tf = copy_transfer_function(params->tf);
-  item *it = tf ? make_room(r, kind, bytes) : NULL;
-  if (!it) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "transfer function: out of memory");
-    if (tf) free(tf->points);
-    free(tf);
-    return false;
-  }
-  it->thing = thing;
-  it->params = *params;
-  it->params.tf = it->tf = tf;
-  return true;
-}
-
-/* The last used table over the same nodes as `table`, with entries, or NULL. */
-static const tc_table *like_table(const tc_resources *r, const tc_table *table) {
-  const item *last = NULL;
-  for (int i = 0; i < r->count; i++) {
-    if (r->items[i].kind != ITEM_TABLE) continue;
-    const tc_table *t = r->items[i].thing;
-    if (t->entries && t->n == table->n && t->step_mm == table->step_mm && t->lo == table->lo && t->hi == table->hi &&
-        (!last || r->items[i].last_use > last->last_use))
-      last = &r->items[i];
-  }
-  return last ? last->thing : NULL;
+static bool has_entries_over(const void *thing, const void *user) {
+  const tc_table *t = thing;
+  const nodes *like = user;
+  return t->entries && t->n == like->n && t->step_mm == like->step_mm && t->lo == like->lo && t->hi == like->hi;
 }
 
 const tc_table *tc_resources_table(tc_resources *r, const tc_table_params *params, double *ms, GError **error) {
-  const tc_table *found = tc_resources_find_table(r, params);
-  if (found) return found;
-  tc_table *table = tc_table_outline(params, tc_pool_halt(r->pool), error);
-  if (!table || !keep(r, ITEM_TABLE, table, tc_table_held(table), params, error)) {
-    tc_table_free(table);
-    return NULL;
+  GByteArray *key = table_key(params);
+  tc_stored *it = tc_store_find(r->store, &table_kind, key->data, key->len);
+  if (!it && ms) {
+    tc_table *table = tc_table_outline(params, tc_pool_halt(r->pool), error);
+    it = put(r, &table_kind, key->data, key->len, 0, table, table ? tc_table_held(table) : 0, false, error);
+    if (it) *ms += table->build_ms;
   }
-  *ms += table->build_ms;
-  return table;
+  g_byte_array_unref(key);
+  return tc_store_use(r->store, it);
 }
 
-static item *item_of(tc_resources *r, const tc_table *table) {
-  int i = 0;
-  while (r->items[i].thing != table) i++;
-  return &r->items[i];
+static bool is_it(const void *thing, const void *user) { return thing == user; }
+
+static tc_stored *stored_table(const tc_resources *r, const tc_table *table) {
+  return tc_store_latest(r->store, &table_kind, is_it, table);
 }
 
 bool tc_resources_fill(tc_resources *r, const tc_table *table, double *ms, GError **error) {
   if (table->entries) return true;
-  tc_table *own = item_of(r, table)->thing;
+  const nodes same = {table->n, table->lo, table->hi, table->step_mm};
+  const tc_stored *like = tc_store_latest(r->store, &table_kind, has_entries_over, &same);
+  tc_table *own = stored_table(r, table)->thing;
   double before = own->build_ms;
   int64_t steps = tc_table_steps(own);
-  bool filled = tc_table_fill(own, like_table(r, own), r->pool, error);
+  bool filled = tc_table_fill(own, like ? like->thing : NULL, r->pool, error);
   r->steps += tc_table_steps(own) != steps;
   *ms += own->build_ms - before;
-  if (!filled) return false;
-  drop_oldest(r, ITEM_TABLE, own->bytes, own);
-  r->held += own->bytes;
-  item_of(r, own)->bytes += own->bytes;
-  return true;
+  if (filled) tc_store_grow(r->store, stored_table(r, table), own->bytes);
+  return filled;
 }
 
 void tc_resources_table_took(tc_resources *r, const tc_table *table, double ms) {
-  ((tc_table *)item_of(r, table)->thing)->build_ms += ms;
+  ((tc_table *)stored_table(r, table)->thing)->build_ms += ms;
 }
 
 const tc_integrals *tc_resources_integrals(tc_resources *r, const tc_table_params *params, double *ms, GError **error) {
-  const tc_integrals *found = tc_resources_find_integrals(r, params);
-  if (found) return found;
-  tc_integrals *integrals = tc_integrals_build(params, tc_pool_halt(r->pool), error);
-  if (!integrals) return NULL;
-  if (!keep(r, ITEM_INTEGRALS, integrals, integrals->bytes, params, error)) {
-    tc_integrals_free(integrals);
-    return NULL;
+  GByteArray *key = table_key(params);
+  tc_stored *it = tc_store_find(r->store, &integrals_kind, key->data, key->len);
+  if (!it && ms) {
+    tc_integrals *made = tc_integrals_build(params, tc_pool_halt(r->pool), error);
+    it = put(r, &integrals_kind, key->data, key->len, 0, made, made ? made->bytes : 0, false, error);
+    if (it) *ms += made->build_ms;
   }
-  *ms += integrals->build_ms;
-  return integrals;
+  g_byte_array_unref(key);
+  return tc_store_use(r->store, it);
 }
 
-/* ---- leaping ---- */
+/* ---- empty-space skipping ---- */
 
 /* Colours, the step and the compositing space change nothing about where something is seen. */
-static bool same_support(const tc_table_params *a, const tc_table_params *b) {
-  const tc_transfer_function *p = a->tf, *q = b->tf;
-  if (a->n != b->n || a->voxel_lo != b->voxel_lo || a->voxel_hi != b->voxel_hi || a->slope != b->slope ||
-      a->intercept != b->intercept || p->count != q->count)
-    return false;
-  for (size_t i = 0; i < p->count; i++)
-    if (p->points[i].value != q->points[i].value || (p->points[i].amount > 0) != (q->points[i].amount > 0))
-      return false;
-  return true;
-}
-
-const tc_support *tc_resources_find_support(tc_resources *r, const tc_table_params *params) {
-  for (int i = 0; i < r->count; i++)
-    if (r->items[i].kind == ITEM_SUPPORT && r->items[i].tf && same_support(&r->items[i].params, params))
-      return used(r, &r->items[i]);
-  return NULL;
-}
-
-const tc_support *tc_resources_find_surface(tc_resources *r, double lo, double hi) {
-  for (int i = 0; i < r->count; i++) {
-    const tc_support *have = r->items[i].thing;
-    if (r->items[i].kind == ITEM_SUPPORT && !r->items[i].tf && have->lo == lo && have->hi == hi)
-      return used(r, &r->items[i]);
+static GByteArray *support_key(const tc_table_params *p) {
+  const tc_transfer_function *tf = p->tf;
+  const double numbers[] = {p->n, p->voxel_lo, p->voxel_hi, p->slope, p->intercept};
+  GByteArray *key = g_byte_array_sized_new((guint)(sizeof numbers + tf->count * (sizeof(double) + 1)));
+  g_byte_array_append(key, (const guint8 *)numbers, sizeof numbers);
+  for (size_t i = 0; i < tf->count; i++) {
+    const guint8 shows = tf->points[i].amount > 0;
+    g_byte_array_append(key, (const guint8 *)&tf->points[i].value, sizeof tf->points[i].value);
+    g_byte_array_append(key, &shows, 1);
   }
-  return NULL;
-}
-
-const tc_support *tc_resources_surface(tc_resources *r, double lo, double hi, GError **error) {
-  const tc_support *found = tc_resources_find_surface(r, lo, hi);
-  if (found) return found;
-  tc_support *support = tc_support_surface(lo, hi, error);
-  item *it = support ? make_room(r, ITEM_SUPPORT, support->bytes) : NULL;
-  if (it) {
-    it->thing = support;
-    return support;
-  }
-  if (support) tc_set_error(error, TC_ERROR_MEMORY, NULL, "isosurface: out of memory");
-  tc_support_free(support);
-  return NULL;
+  return key;
 }
 
 const tc_support *tc_resources_support(tc_resources *r, const tc_table_params *params, double *ms, GError **error) {
-  const tc_support *found = tc_resources_find_support(r, params);
-  if (found) return found;
-  tc_support *support = tc_support_build(params, error);
-  if (!support) return NULL;
-  if (!keep(r, ITEM_SUPPORT, support, support->bytes, params, error)) {
-    tc_support_free(support);
-    return NULL;
+  GByteArray *key = support_key(params);
+  tc_stored *it = tc_store_find(r->store, &support_kind, key->data, key->len);
+  if (!it && ms) {
+    tc_support *made = tc_support_build(params, error);
+    it = put(r, &support_kind, key->data, key->len, 0, made, made ? made->bytes : 0, false, error);
+    if (it) *ms += made->build_ms;
   }
-  *ms += support->build_ms;
-  return support;
+  g_byte_array_unref(key);
+  return tc_store_use(r->store, it);
 }
 
-static bool in_blocks(const item *it, const tc_volume *volume, int block, int reach) {
-  return it->volume == tc_volume_serial(volume) && it->block == block && it->reach == reach;
-}
-
-static item *minmax_item(tc_resources *r, const tc_volume *volume, int block, int reach) {
-  for (int i = 0; i < r->count; i++)
-    if (r->items[i].kind == ITEM_MINMAX && in_blocks(&r->items[i], volume, block, reach)) return &r->items[i];
-  return NULL;
-}
-
-const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int block, int reach) {
-  return used_if_made(r, minmax_item(r, volume, block, reach));
-}
-
-static bool begin_minmax(tc_resources *r, const tc_volume *volume, int block, int reach, GError **error) {
-  tc_minmax *m = tc_minmax_begin(volume, block, reach, error);
-  item *it = m ? begin_item(r, ITEM_MINMAX, m->bytes, tc_volume_serial(volume), "min-max blocks", error) : NULL;
-  if (!it) {
-    tc_minmax_free(m);
-    return false;
+const tc_support *tc_resources_surface(tc_resources *r, double lo, double hi, double *ms, GError **error) {
+  const double key[] = {lo, hi};
+  tc_stored *it = tc_store_find(r->store, &surface_kind, key, sizeof key);
+  if (!it && ms) {
+    tc_support *made = tc_support_surface(lo, hi, error);
+    it = put(r, &surface_kind, key, sizeof key, 0, made, made ? made->bytes : 0, false, error);
   }
-  it->thing = m;
-  it->block = block;
-  it->reach = reach;
-  return true;
+  return tc_store_use(r->store, it);
+}
+
+/* Blocks of a volume, and what else a structure over them is made from. No padding: keys are compared as bytes. */
+typedef struct blocks_key {
+  uint64_t volume, support;
+  int32_t block, reach;
+  float grey[4];
+} blocks_key;
+
+static blocks_key key_of(const tc_volume *volume, int block, int reach) {
+  return (blocks_key){.volume = tc_volume_serial(volume), .block = block, .reach = reach};
 }
 
 const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, int block, int reach, double *ms,
                                      GError **error) {
-  if (!minmax_item(r, volume, block, reach) && !begin_minmax(r, volume, block, reach, error)) return NULL;
-  item *it = minmax_item(r, volume, block, reach);
+  const blocks_key key = key_of(volume, block, reach);
+  tc_stored *it = tc_store_find(r->store, &minmax_kind, &key, sizeof key);
+  if (!ms) return tc_store_use(r->store, it);
+  if (!it) {
+    tc_minmax *begun = tc_minmax_begin(volume, block, reach, error);
+    it = put(r, &minmax_kind, &key, sizeof key, key.volume, begun, begun ? begun->bytes : 0, true, error);
+    if (!it) return NULL;
+  }
   tc_minmax *m = it->thing;
   int done = m->done;
   double before = m->build_ms;
   it->unfinished = !tc_minmax_go_on(m, volume, r->pool, error);
   r->steps += m->done != done;
   *ms += m->build_ms - before;
-  return used_if_made(r, it);
+  return tc_store_use(r->store, it);
 }
 
-const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int block, int reach,
-                                      const tc_support *support) {
-  for (int i = 0; i < r->count; i++) {
-    item *it = &r->items[i];
-    if (it->kind == ITEM_LEAP && in_blocks(it, volume, block, reach) &&
-        ((const tc_leap *)it->thing)->support == support->serial)
-      return used(r, it);
-  }
-  return NULL;
+static bool same_blocks(const void *thing, const void *user) {
+  const tc_leap *leap = thing;
+  const tc_leap *like = user;
+  return leap->block == like->block && leap->reach == like->reach && leap->volume == like->volume;
 }
 
-/* The map of these blocks that was in use last: most transfer functions are an earlier one, changed a little. */
-static const tc_leap *latest_leap(const tc_resources *r, const tc_volume *volume, const tc_minmax *m) {
-  const item *latest = NULL;
-  for (int i = 0; i < r->count; i++) {
-    const item *it = &r->items[i];
-    if (it->kind == ITEM_LEAP && in_blocks(it, volume, m->block, m->reach) &&
-        (!latest || it->last_use > latest->last_use))
-      latest = it;
-  }
-  return latest ? latest->thing : NULL;
-}
-
-const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax,
+const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, int block, int reach, const tc_minmax *minmax,
                                  const tc_support *support, double *ms, GError **error) {
-  const tc_leap *found = tc_resources_find_leap(r, volume, minmax->block, minmax->reach, support);
-  if (found) return found;
-  tc_leap *leap = tc_leap_build(minmax, support, latest_leap(r, volume, minmax), r->pool, error);
-  if (!leap) return NULL;
-  item *it = make_room(r, ITEM_LEAP, leap->bytes);
-  if (!it) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "distance map: out of memory");
-    tc_leap_free(leap);
-    return NULL;
+  blocks_key key = key_of(volume, block, reach);
+  key.support = support->serial;
+  tc_stored *it = tc_store_find(r->store, &leap_kind, &key, sizeof key);
+  if (!it && ms) {
+    /* Most transfer functions are an earlier one, changed a little: the map in use last is where it begins. */
+    const tc_leap like = {.block = block, .reach = reach, .volume = key.volume};
+    const tc_stored *before = tc_store_latest(r->store, &leap_kind, same_blocks, &like);
+    tc_leap *made = tc_leap_build(minmax, support, before ? before->thing : NULL, r->pool, error);
+    if (made) made->volume = key.volume;
+    it = put(r, &leap_kind, &key, sizeof key, key.volume, made, made ? made->bytes : 0, false, error);
+    if (it) *ms += made->build_ms;
   }
-  it->thing = leap;
-  it->volume = tc_volume_serial(volume);
-  it->block = minmax->block;
-  it->reach = minmax->reach;
-  *ms += leap->build_ms;
-  return leap;
+  return tc_store_use(r->store, it);
 }
 
-static item *boxes_item(tc_resources *r, const tc_volume *volume, int block, int reach, const tc_support *support) {
-  for (int i = 0; i < r->count; i++) {
-    item *it = &r->items[i];
-    if (it->kind == ITEM_BOXES && in_blocks(it, volume, block, reach) &&
-        ((const tc_boxes *)it->thing)->support == support->serial)
-      return it;
-  }
-  return NULL;
-}
-
-const tc_boxes *tc_resources_find_boxes(tc_resources *r, const tc_volume *volume, int block, int reach,
-                                        const tc_support *support) {
-  return used_if_made(r, boxes_item(r, volume, block, reach, support));
-}
-
-static bool begin_boxes(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax, const tc_support *support,
-                        GError **error) {
-  tc_boxes *boxes = tc_boxes_begin(volume, minmax, support, r->pool, error);
-  item *it = boxes ? begin_item(r, ITEM_BOXES, 0, tc_volume_serial(volume), "boxes of what shows", error) : NULL;
-  if (!it) {
-    tc_boxes_free(boxes);
-    return false;
-  }
-  it->thing = boxes;
-  it->block = minmax->block;
-  it->reach = minmax->reach;
-  return true;
-}
-
-const tc_boxes *tc_resources_boxes(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax,
+const tc_boxes *tc_resources_boxes(tc_resources *r, const tc_volume *volume, int block, int reach, const tc_minmax *minmax,
                                    const tc_support *support, double *ms, GError **error) {
-  const int block = minmax->block, reach = minmax->reach;
-  const tc_boxes *found = tc_resources_find_boxes(r, volume, block, reach, support);
-  if (found) return found;
-  if (!boxes_item(r, volume, block, reach, support) && !begin_boxes(r, volume, minmax, support, error)) return NULL;
-  tc_boxes *boxes = boxes_item(r, volume, block, reach, support)->thing;
+  blocks_key key = key_of(volume, block, reach);
+  key.support = support->serial;
+  tc_stored *it = tc_store_find(r->store, &boxes_kind, &key, sizeof key);
+  if ((it && !it->unfinished) || !ms) return tc_store_use(r->store, it);
+  if (!it)
+    it = put(r, &boxes_kind, &key, sizeof key, key.volume, tc_boxes_begin(volume, minmax, support, r->pool, error), 0, true,
+             error);
+  if (!it) return NULL;
+  tc_boxes *boxes = it->thing;
   int steps = tc_boxes_steps(boxes);
   double before = boxes->build_ms;
-  bool made = tc_boxes_go_on(boxes, volume, minmax, r->pool, error);
+  it->unfinished = !tc_boxes_go_on(boxes, volume, minmax, r->pool, error);
   r->steps += tc_boxes_steps(boxes) != steps;
   *ms += boxes->build_ms - (steps ? before : 0);
-  if (!made) return NULL;
-  drop_oldest(r, ITEM_BOXES, boxes->bytes, boxes);
-  item *it = boxes_item(r, volume, block, reach, support); /* it may have moved */
-  r->held += it->bytes = boxes->bytes;
-  it->unfinished = false;
-  return used(r, it);
+  if (!it->unfinished) tc_store_grow(r->store, it, boxes->bytes);
+  return tc_store_use(r->store, it);
 }
 
-const tc_bounds *tc_resources_find_bounds(tc_resources *r, const tc_volume *volume, int block, int reach,
-                                          const tc_grey *grey) {
-  for (int i = 0; i < r->count; i++) {
-    item *it = &r->items[i];
-    if (it->kind != ITEM_BOUNDS || !in_blocks(it, volume, block, reach)) continue;
-    const tc_grey *have = &((const tc_bounds *)it->thing)->grey;
-    if (have->turn == grey->turn && have->floor == grey->floor && have->stop == grey->stop) return used(r, it);
-  }
-  return NULL;
-}
-
-const tc_bounds *tc_resources_bounds(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax,
+const tc_bounds *tc_resources_bounds(tc_resources *r, const tc_volume *volume, int block, int reach, const tc_minmax *minmax,
                                      const tc_grey *grey, double *ms, GError **error) {
-  const tc_bounds *found = tc_resources_find_bounds(r, volume, minmax->block, minmax->reach, grey);
-  if (found) return found;
-  tc_bounds *bounds = tc_bounds_build(minmax, grey, r->pool, error);
-  if (!bounds) return NULL;
-  item *it = make_room(r, ITEM_BOUNDS, bounds->bytes);
-  if (!it) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "bounds of the blocks: out of memory");
-    tc_bounds_free(bounds);
-    return NULL;
+  blocks_key key = key_of(volume, block, reach);
+  key.grey[0] = grey->turn, key.grey[1] = grey->floor, key.grey[2] = grey->stop;
+  tc_stored *it = tc_store_find(r->store, &bounds_kind, &key, sizeof key);
+  if (!it && ms) {
+    tc_bounds *made = tc_bounds_build(minmax, grey, r->pool, error);
+    it = put(r, &bounds_kind, &key, sizeof key, key.volume, made, made ? made->bytes : 0, false, error);
+    if (it) *ms += made->build_ms;
   }
-  it->thing = bounds;
-  it->volume = tc_volume_serial(volume);
-  it->block = minmax->block;
-  it->reach = minmax->reach;
-  *ms += bounds->build_ms;
-  return bounds;
+  return tc_store_use(r->store, it);
 }
 
 /* ---- labels ---- */
 
-static const tc_labels *find_labels(tc_resources *r, const GBytes *key) {
-  for (int i = 0; i < r->count; i++) {
-    item *it = &r->items[i];
-    if (it->kind == ITEM_LABELS && g_bytes_equal(((const tc_labels *)it->thing)->key, key)) return used(r, it);
-  }
-  return NULL;
-}
-
-const tc_labels *tc_resources_find_labels(tc_resources *r, const tc_volume *labels, const tc_scene *scene) {
-  GBytes *key = tc_labels_key(labels, scene);
-  const tc_labels *found = find_labels(r, key);
-  g_bytes_unref(key);
-  return found;
-}
-
 const tc_labels *tc_resources_labels(tc_resources *r, const tc_volume *labels, const tc_scene *scene, double *ms,
                                      GError **error) {
   GBytes *key = tc_labels_key(labels, scene);
-  const tc_labels *found = find_labels(r, key);
-  if (found) {
-    g_bytes_unref(key);
-    return found;
+  gsize size;
+  const void *bytes = g_bytes_get_data(key, &size);
+  tc_stored *it = tc_store_find(r->store, &labels_kind, bytes, size);
+  if (!it && ms) {
+    tc_labels *made = tc_labels_build(labels, scene, g_bytes_ref(key), tc_pool_halt(r->pool), error);
+    it = put(r, &labels_kind, bytes, size, tc_volume_serial(labels), made, made ? made->bytes : 0, false, error);
+    if (it) *ms += made->build_ms;
   }
-  tc_labels *l = tc_labels_build(labels, scene, key, tc_pool_halt(r->pool), error);
-  if (!l) return NULL;
-  item *it = make_room(r, ITEM_LABELS, l->bytes);
-  if (!it) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "labels: out of memory");
-    tc_labels_free(l);
-    return NULL;
-  }
-  it->thing = l;
-  it->volume = tc_volume_serial(labels);
-  *ms += l->build_ms;
-  return l;
+  g_bytes_unref(key);
+  return tc_store_use(r->store, it);
 }
 
-void tc_resources_forget(tc_resources *r, uint64_t volume_serial) {
-  const tc_volume *coefficients = tc_resources_find_coefficients(r, volume_serial);
-  if (coefficients) tc_resources_forget(r, tc_volume_serial(coefficients));
-  for (int i = r->count - 1; i >= 0; i--)
-    if (r->items[i].volume == volume_serial) drop(r, i);
+/* ---- all ---- */
+
+uint64_t tc_resources_forget(tc_resources *r, uint64_t volume_serial) {
+  tc_stored *it = tc_store_find(r->store, &coefficients_kind, &volume_serial, sizeof volume_serial);
+  const uint64_t coefficients = it && !it->unfinished ? tc_volume_serial(it->thing) : 0;
+  if (coefficients) tc_store_forget(r->store, coefficients);
+  tc_store_forget(r->store, volume_serial);
+  return coefficients;
 }
 
-uint64_t tc_resources_held(const tc_resources *r) { return r->held; }
+uint64_t tc_resources_held(const tc_resources *r) { return tc_store_held(r->store); }
 
-void tc_resources_limit(tc_resources *r, uint64_t budget_bytes) {
-  r->budget = budget_bytes;
-  drop_oldest(r, ITEM_COEFFICIENTS, 0, NULL); /* for them anything may go */
-}
+void tc_resources_limit(tc_resources *r, uint64_t budget_bytes) { tc_store_limit(r->store, budget_bytes); }

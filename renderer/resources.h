@@ -19,10 +19,13 @@ typedef struct tc_resources tc_resources;
 tc_resources *tc_resources_new(tc_pool *pool, uint64_t budget_bytes, GError **error);
 void tc_resources_free(tc_resources *resources); /* NULL is fine */
 
-/* Find or build; *ms grows by what building took. */
+/* Each finds what it names, or builds it and adds to *ms what that took. ms NULL: builds nothing, and what is not there now
+ * is NULL without an error. */
+
 /* The volume's B-spline coefficients (volume/coefficients.h): a volume in its place, asked for before anything else of
  * a frame. TC_ERROR_LIMIT when they alone are over the budget. */
 const tc_volume *tc_resources_coefficients(tc_resources *r, const tc_volume *volume, double *ms, GError **error);
+
 /* May be an outline still (classify/outline.h), for a back end that makes the entries itself; the other call makes them
  * here, unless they are there. */
 const tc_table *tc_resources_table(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
@@ -30,37 +33,23 @@ bool tc_resources_fill(tc_resources *r, const tc_table *table, double *ms, GErro
 /* A back end took this long over a table of r. */
 void tc_resources_table_took(tc_resources *r, const tc_table *table, double ms);
 const tc_integrals *tc_resources_integrals(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
+
+/* Where a transfer function, or a surface between two values (tc_support_surface()), shows something. */
 const tc_support *tc_resources_support(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
-/* tc_support_surface() */
-const tc_support *tc_resources_surface(tc_resources *r, double lo, double hi, GError **error);
+const tc_support *tc_resources_surface(tc_resources *r, double lo, double hi, double *ms, GError **error);
+
+/* Over blocks of a volume. minmax: of the same blocks; not read where nothing is built. */
 const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, int block, int reach, double *ms,
                                      GError **error);
-const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax,
+const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, int block, int reach, const tc_minmax *minmax,
                                  const tc_support *support, double *ms, GError **error);
-
-const tc_boxes *tc_resources_boxes(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax,
+const tc_boxes *tc_resources_boxes(tc_resources *r, const tc_volume *volume, int block, int reach, const tc_minmax *minmax,
                                    const tc_support *support, double *ms, GError **error);
-const tc_bounds *tc_resources_bounds(tc_resources *r, const tc_volume *volume, const tc_minmax *minmax,
+const tc_bounds *tc_resources_bounds(tc_resources *r, const tc_volume *volume, int block, int reach, const tc_minmax *minmax,
                                      const tc_grey *grey, double *ms, GError **error);
 
 const tc_labels *tc_resources_labels(tc_resources *r, const tc_volume *labels, const tc_scene *scene, double *ms,
                                      GError **error);
-
-/* Find only: NULL when it is not there now. */
-const tc_volume *tc_resources_find_coefficients(tc_resources *r, uint64_t volume_serial);
-const tc_table *tc_resources_find_table(tc_resources *r, const tc_table_params *params);
-const tc_integrals *tc_resources_find_integrals(tc_resources *r, const tc_table_params *params);
-const tc_support *tc_resources_find_support(tc_resources *r, const tc_table_params *params);
-const tc_support *tc_resources_find_surface(tc_resources *r, double lo, double hi);
-const tc_minmax *tc_resources_find_minmax(tc_resources *r, const tc_volume *volume, int block, int reach);
-const tc_leap *tc_resources_find_leap(tc_resources *r, const tc_volume *volume, int block, int reach,
-                                      const tc_support *support);
-const tc_boxes *tc_resources_find_boxes(tc_resources *r, const tc_volume *volume, int block, int reach,
-                                        const tc_support *support);
-const tc_bounds *tc_resources_find_bounds(tc_resources *r, const tc_volume *volume, int block, int reach,
-                                          const tc_grey *grey);
-
-const tc_labels *tc_resources_find_labels(tc_resources *r, const tc_volume *labels, const tc_scene *scene);
 
 /* Grows with everything that is built, and with every part of it. */
 int64_t tc_resources_steps(const tc_resources *resources);
@@ -69,7 +58,7 @@ uint64_t tc_resources_held(const tc_resources *r);
 /* The budget from now on; drops what is over it, least recently used first. */
 void tc_resources_limit(tc_resources *r, uint64_t budget_bytes);
 
-/* Drops what belongs to a volume, and to its coefficients. */
-void tc_resources_forget(tc_resources *r, uint64_t volume_serial);
+/* Drops what belongs to a volume, and to its coefficients, whose serial it gives back (0: there were none). */
+uint64_t tc_resources_forget(tc_resources *r, uint64_t volume_serial);
 
 #endif

@@ -76,7 +76,8 @@ typedef struct tc_leap {
   uint8_t *farthest;  /* [blocks z]: the greatest distance in a layer */
   int swept;          /* layers of blocks whose distances were worked out and not copied */
   double empty_share; /* of the blocks */
-  uint64_t support; /* serial of what it was built with */
+  uint64_t volume;    /* serial of the volume it is kept for */
+  uint64_t support;   /* serial of what it was built with */
   size_t bytes;
   double build_ms;
 } tc_leap;

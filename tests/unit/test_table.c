@@ -320,13 +320,13 @@ static void entries_count(void **state) {
     assert_true(tc_resources_fill(r, t, &ms, NULL) && t->entries && ms > 0 && ms <= t->build_ms);
     double took = ms;
     assert_true(tc_resources_fill(r, t, &ms, NULL) && ms == took); /* they are there */
-    assert_ptr_equal(tc_resources_find_table(r, &p), t);
+    assert_ptr_equal(tc_resources_table(r, &p, NULL, NULL), t);
     ms = 0;
   }
   int left = 0, filled = 0;
   for (int i = 0; i < TABLES; i++) {
     tc_table_params p = params(&tf, smooth, 4, TC_KNOT_OPACITY, 256, 1 + i);
-    const tc_table *t = tc_resources_find_table(r, &p);
+    const tc_table *t = tc_resources_table(r, &p, NULL, NULL);
     left += t != NULL;
     filled += t && t->entries;
   }

@@ -1,0 +1,127 @@
+#include "renderer/store.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+struct tc_store {
+  uint64_t budget, held, clock;
+  tc_stored **items;
+  int count, capacity;
+};
+
+tc_store *tc_store_new(uint64_t budget_bytes, GError **error) {
+  tc_store *s = calloc(1, sizeof *s);
+  if (!s) tc_set_error(error, TC_ERROR_MEMORY, NULL, "renderer: out of memory");
+  if (s) s->budget = budget_bytes;
+  return s;
+}
+
+static void free_thing(const tc_store_kind *kind, void *thing, bool unfinished) {
+  if (thing) (unfinished && kind->abandon ? kind->abandon : kind->free)(thing);
+}
+
+static void drop(tc_store *s, int i) {
+  tc_stored *it = s->items[i];
+  free_thing(it->kind, it->thing, it->unfinished);
+  s->held -= it->bytes;
+  free(it->key);
+  free(it);
+  s->items[i] = s->items[--s->count];
+}
+
+void tc_store_free(tc_store *store) {
+  if (!store) return;
+  while (store->count)
+    drop(store, store->count - 1);
+  free(store->items);
+  free(store);
+}
+
+/* Makes the budget hold `bytes` more, oldest first; kind NULL: any. */
+static void make_room(tc_store *s, const tc_store_kind *kind, size_t bytes, const tc_stored *keep) {
+  while (s->held + bytes > s->budget) {
+    int oldest = -1;
+    for (int i = 0; i < s->count; i++)
+      if ((!kind || kind->displaces_all || s->items[i]->kind == kind) && s->items[i] != keep &&
+          (oldest < 0 || s->items[i]->last_use < s->items[oldest]->last_use))
+        oldest = i;
+    if (oldest < 0) break;
+    drop(s, oldest);
+  }
+}
+
+tc_stored *tc_store_find(const tc_store *s, const tc_store_kind *kind, const void *key, size_t key_size) {
+  for (int i = 0; i < s->count; i++) {
+    tc_stored *it = s->items[i];
+    if (it->kind == kind && it->key_size == key_size && !memcmp(it->key, key, key_size)) return it;
+  }
+  return NULL;
+}
+
+tc_stored *tc_store_latest(const tc_store *s, const tc_store_kind *kind,
+                           bool (*like)(const void *thing, const void *user), const void *user) {
+  tc_stored *latest = NULL;
+  for (int i = 0; i < s->count; i++) {
+    tc_stored *it = s->items[i];
+    if (it->kind == kind && (!latest || it->last_use > latest->last_use) && like(it->thing, user)) latest = it;
+  }
+  return latest;
+}
+
+static bool grow_list(tc_store *s) {
+  if (s->count < s->capacity) return true;
+  int capacity = s->capacity ? 2 * s->capacity : 32;
+  tc_stored **grown = realloc(s->items, (size_t)capacity * sizeof *grown);
+  if (!grown) return false;
+  s->items = grown;
+  s->capacity = capacity;
+  return true;
+}
+
+tc_stored *tc_store_add(tc_store *s, const tc_store_kind *kind, const void *key, size_t key_size, uint64_t volume,
+                        void *thing, size_t bytes, GError **error) {
+  make_room(s, kind, bytes, NULL);
+  tc_stored *it = calloc(1, sizeof *it);
+  void *copy = malloc(key_size);
+  if (!it || !copy || !grow_list(s)) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "%s: out of memory", kind->name);
+    free_thing(kind, thing, true);
+    free(it);
+    free(copy);
+    return NULL;
+  }
+  *it = (tc_stored){.kind = kind,
+                    .key = memcpy(copy, key, key_size),
+                    .key_size = key_size,
+                    .thing = thing,
+                    .bytes = bytes,
+                    .last_use = ++s->clock,
+                    .volume = volume};
+  s->held += bytes;
+  return s->items[s->count++] = it;
+}
+
+void tc_store_grow(tc_store *s, tc_stored *stored, size_t bytes) {
+  make_room(s, stored->kind, bytes, stored);
+  stored->bytes += bytes;
+  s->held += bytes;
+}
+
+const void *tc_store_use(tc_store *s, tc_stored *stored) {
+  if (!stored) return NULL;
+  stored->last_use = ++s->clock;
+  return stored->unfinished ? NULL : stored->thing;
+}
+
+void tc_store_forget(tc_store *s, uint64_t volume_serial) {
+  for (int i = s->count - 1; i >= 0; i--)
+    if (s->items[i]->volume == volume_serial) drop(s, i);
+}
+
+uint64_t tc_store_held(const tc_store *s) { return s->held; }
+uint64_t tc_store_budget(const tc_store *s) { return s->budget; }
+
+void tc_store_limit(tc_store *s, uint64_t budget_bytes) {
+  s->budget = budget_bytes;
+  make_room(s, NULL, 0, NULL);
+}
