@@ -70,6 +70,27 @@ describe('what fits where', { skip }, () => {
     }
   });
 
+  test('no words cover an orientation letter, and the header of a phone is two rows', async () => {
+    for (const mode of ['dvr', 'mpr']) {
+      await page.selectOption('#mode', mode);
+      await settled(page);
+      for (const size of [...SIZES, [360, 740]]) {
+        await resize(size);
+        const covered = await page.evaluate(() => {
+          const boxes = (names) => [...document.querySelectorAll(names)].filter((e) => e.getClientRects().length && e.textContent.trim());
+          const cross = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+          const words = boxes('#label, #badge, #probe, #scale-label, .disclaimer, #slice-field');
+          return boxes('.mark').flatMap((mark) =>
+            words.filter((word) => cross(mark.getBoundingClientRect(), word.getBoundingClientRect())).map((word) => `${word.id} over ${mark.id}`),
+          );
+        });
+        assert.deepEqual(covered, [], `${size} ${mode}`);
+        if (size[0] < 400) assert.ok((await page.locator('.bar').boundingBox()).height < 110, `${size}`);
+      }
+    }
+    await page.selectOption('#mode', 'dvr');
+  });
+
   test('axe finds nothing, in any window, mode, tab or dialog', async () => {
     for (const size of SIZES) {
       await resize(size);
