@@ -84,13 +84,16 @@ static const char *preset_for(const tc_volume *volume) {
   return "surface";
 }
 
+/* One value has no range: a unit, or what a float can tell apart at its size. */
+static double above(double lo, double hi) { return hi - lo > 1e-6 * fabs(lo) ? hi : lo + fmax(1, 1e-3 * fabs(lo)); }
+
 void tc_scene_fit(tc_scene *scene, const tc_volume *volume) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_volume_stats *s = tc_volume_statistics(volume);
   fit_camera(&scene->camera, volume);
   double lo, hi;
   percentiles(volume, 0.001, 0.999, &lo, &hi);
-  if (!(hi > lo)) hi = lo + 1;
+  hi = above(lo, hi);
   if (d->window_width > 0) {
     scene->window.center = d->window_center;
     scene->window.width = d->window_width;
@@ -100,6 +103,6 @@ void tc_scene_fit(tc_scene *scene, const tc_volume *volume) {
   }
   scene->isosurface.value = surface_value(volume);
   memcpy(scene->mpr.center, scene->camera.target, sizeof scene->mpr.center);
-  if (!tc_transfer_function_set_preset(&scene->transfer_function, preset_for(volume), s->min, s->max))
-    tc_transfer_function_set_preset(&scene->transfer_function, "grey-ramp", s->min, s->max);
+  if (!tc_transfer_function_set_preset(&scene->transfer_function, preset_for(volume), s->min, above(s->min, s->max)))
+    tc_transfer_function_set_preset(&scene->transfer_function, "grey-ramp", s->min, above(s->min, s->max));
 }

@@ -71,8 +71,9 @@ static bool check_grid(const tc_volume_desc *d, GError **error) {
                    d->spacing[k]);
       return false;
     }
-    if (!isfinite(d->origin[k])) {
-      tc_set_error(error, TC_ERROR_INVALID, NULL, "volume: origin is not finite");
+    if (!(fabs(d->origin[k]) <= 1e9)) { /* a million km: at more, millimetres would be rounded away */
+      tc_set_error(error, TC_ERROR_FORMAT, NULL, "volume: the origin %g mm is absurd; correct it in the file's header",
+                   d->origin[k]);
       return false;
     }
   }

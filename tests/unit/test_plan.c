@@ -52,6 +52,30 @@ static void expect(fixture *f, tc_error_code code, const char *pointer) {
   assert_false(tc_render(f->renderer, f->volume, &f->scene, NULL, &f->frame, NULL, NULL));
 }
 
+/* One value everywhere has no range to fit a window or a transfer function to: a scene is found all the same. */
+static void constant_volumes_get_a_scene(void **state) {
+  static const float values[] = {0, 5, -3, 1.1f, 1e-38f, 1e20f, -1e30f, 3e38f};
+  for (size_t i = 0; i < G_N_ELEMENTS(values); i++) {
+    const tc_volume_desc d = {.dims = {3, 3, 3}, .type = TC_F32, .spacing = {1, 1, 1}, .slope = 1,
+                              .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+    tc_volume *v = tc_volume_new(&d, NULL);
+    tc_scene scene;
+    tc_plan plan;
+    GError *error = NULL;
+    for (int k = 0; k < 27; k++)
+      ((float *)tc_volume_voxels(v))[k] = values[i];
+    tc_volume_seal(v);
+    for (int mode = TC_MODE_DVR; mode <= TC_MODE_MIP; mode++) {
+      tc_scene_init(&scene);
+      tc_scene_fit(&scene, v);
+      scene.mode = (tc_mode)mode;
+      if (!tc_plan_make(v, &scene, 32, 32, &plan, &error)) fail_msg("%g: %s", (double)values[i], error->message);
+      tc_scene_clear(&scene);
+    }
+    tc_volume_unref(v);
+  }
+}
+
 static void nonsense_points_at_the_member(void **state) {
   fixture *f = *state;
   const tc_camera camera = f->scene.camera;
@@ -169,6 +193,7 @@ static void every_stage_has_its_reason(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {
+      cmocka_unit_test(constant_volumes_get_a_scene),
       cmocka_unit_test_setup_teardown(nonsense_points_at_the_member, set_up, tear_down),
       cmocka_unit_test_setup_teardown(labels_are_checked_where_they_are_read, set_up, tear_down),
       cmocka_unit_test_setup_teardown(what_is_not_built_is_refused, set_up, tear_down),

@@ -33,6 +33,9 @@ static void nonsense_is_refused(void **state) {
   d.spacing[1] = NAN;
   refused(d, TC_ERROR_INVALID);
   d = desc(2, 2, 2, TC_U8);
+  d.origin[1] = 1e12; /* the file's fault, not the camera's that would have to look at it */
+  refused(d, TC_ERROR_FORMAT);
+  d = desc(2, 2, 2, TC_U8);
   d.slope = 0;
   refused(d, TC_ERROR_INVALID);
   d = desc(2, 2, 2, TC_U8);
