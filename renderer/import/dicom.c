@@ -157,7 +157,9 @@ static bool start(session *s, const char *path, const char *mode, const char *se
   char *program = find_helper(s->options, error), *mode_copy = g_strdup(mode),
        *series_copy = g_strdup(series ? series : "");
   if (program && (input = open_input(path, error)) >= 0 && open_pipe(ends, error)) {
-    char *argv[] = {program, mode_copy, series_copy, numbers[0], numbers[1], numbers[2], NULL};
+    char landlock[] = "yes";
+    if (g_strcmp0(g_getenv("TOMOCAST_WITHOUT_LANDLOCK"), "1") == 0) strcpy(landlock, "no");
+    char *argv[] = {program, mode_copy, series_copy, numbers[0], numbers[1], numbers[2], landlock, NULL};
     failed = spawn_with(&s->pid, program, argv, input, ends[1]);
     if (failed) tc_set_error(error, TC_ERROR_IO, NULL, "the DICOM helper did not start: %s", g_strerror(failed));
   }

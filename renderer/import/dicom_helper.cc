@@ -24,6 +24,7 @@
 #include <set>
 #include <streambuf>
 #include <string>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -1107,6 +1108,16 @@ size_t count_workers(const Job &job) {
   return std::min({size_t(CPU_COUNT(&cpus)), size_t(8), size_t(job.desc.dims[2])});
 }
 
+// False where the system gives no thread: the work is done without.
+bool start(std::vector<std::thread> &threads, Worker &worker, const Job &job, size_t from, size_t to) {
+  try {
+    threads.emplace_back(&Worker::run, &worker, std::cref(job), from, to);
+    return true;
+  } catch (const std::system_error &) {
+    return false;
+  }
+}
+
 // Decodes and sends layer after layer, as many at a time as there are workers, in order.
 void send_voxels(const Run &run, const Job &job) {
   std::vector<std::unique_ptr<Worker>> workers;
@@ -1120,10 +1131,7 @@ void send_voxels(const Run &run, const Job &job) {
       size_t from = item;
       while (item < job.stack.count && job.stack.items[item].layer == z + i)
         item++;
-      if (count == 1)
-        workers[i]->run(job, from, item);
-      else
-        threads.emplace_back(&Worker::run, workers[i].get(), std::cref(job), from, item);
+      if (count == 1 || !start(threads, *workers[i], job, from, item)) workers[i]->run(job, from, item);
     }
     for (std::thread &t : threads)
       t.join();
@@ -1168,11 +1176,12 @@ void load(const Run &run, const std::string &wanted, uint64_t most) {
   job.stack.mix ? send_mixed(run, job) : send_voxels(run, job);
 }
 
-int run_mode(const std::string &mode, const std::string &wanted, uint64_t most, uint64_t address, uint64_t cpu) {
+int run_mode(const std::string &mode, const std::string &wanted, uint64_t most, uint64_t address, uint64_t cpu,
+             bool without_landlock) {
   Failure failure{TC_ERROR_FORMAT, "the DICOM file is damaged"};
   try {
     GError *error = nullptr;
-    if (!tc_dicom_confine(TC_DICOM_INPUT_FD, address, cpu, &error)) fail_with(error);
+    if (!tc_dicom_confine(TC_DICOM_INPUT_FD, address, cpu, without_landlock, &error)) fail_with(error);
     Run run;
     scan(run);
     if (mode == "list")
@@ -1195,7 +1204,7 @@ int run_mode(const std::string &mode, const std::string &wanted, uint64_t most, 
 } // namespace
 
 int main(int argc, char **argv) {
-  if (argc != 6 || (strcmp(argv[1], "load") != 0 && strcmp(argv[1], "list") != 0)) {
+  if (argc != 7 || (strcmp(argv[1], "load") != 0 && strcmp(argv[1], "list") != 0)) {
     fprintf(stderr, "%s decodes DICOM for tomocast; it is started by it and not by hand\n",
             argc > 0 ? argv[0] : "this");
     return 2;
@@ -1205,6 +1214,6 @@ int main(int argc, char **argv) {
   gdcm::Trace::WarningOff();
   gdcm::Trace::ErrorOff();
   int status = run_mode(argv[1], argv[2], strtoull(argv[3], nullptr, 10), strtoull(argv[4], nullptr, 10),
-                        strtoull(argv[5], nullptr, 10));
+                        strtoull(argv[5], nullptr, 10), strcmp(argv[6], "no") == 0);
   _exit(status); // nothing to tidy up, and nothing that tidying could touch
 }

@@ -12,8 +12,8 @@
 extern "C" {
 #endif
 
-/* The descriptors the parent hands over, and the arguments: MODE SERIES MAX_VOXEL_BYTES ADDRESS_BYTES CPU_SECONDS,
- * where MODE is "load" or "list" and SERIES may be empty. */
+/* The descriptors the parent hands over, and the arguments: MODE SERIES MAX_VOXEL_BYTES ADDRESS_BYTES CPU_SECONDS
+ * LANDLOCK, where MODE is "load" or "list", SERIES may be empty, and LANDLOCK "no" allows to do without. */
 enum { TC_DICOM_INPUT_FD = 3, TC_DICOM_OUTPUT_FD = 4 };
 
 /* True when the first bytes of a file could be DICOM: the mark at 128, or a bare data set that begins plausibly. 132
@@ -21,7 +21,7 @@ enum { TC_DICOM_INPUT_FD = 3, TC_DICOM_OUTPUT_FD = 4 };
 enum { TC_DICOM_HEAD_BYTES_NEEDED = 132 };
 bool tc_dicom_looks(const uint8_t *head, size_t size);
 
-/* The files under the input, numbered from 0: one file, a folder's (recursive, by name, links not followed), or a
+/* The files under the input, numbered from 0: one file, a folder's (recursive, by name, links to folders not followed), or a
  * zip's. */
 typedef struct tc_dicom_sources {
   int root;
@@ -48,11 +48,12 @@ typedef struct tc_dicom_blob {
 bool tc_dicom_sources_get(const tc_dicom_sources *sources, size_t index, tc_dicom_blob *blob, GError **error);
 void tc_dicom_blob_finish(tc_dicom_blob *blob); /* a zeroed one is fine */
 
-/* Gives up everything a decoder does not need, for good: limits, new privileges, files other than `input_fd` and what
- * is beneath it (Landlock, where the kernel has it), and system calls (seccomp: an allow-list without sockets,
- * programs, processes, or writing to files). TC_ERROR_IO when the system has no seccomp: then nothing may be decoded.
- * */
-bool tc_dicom_confine(int input_fd, uint64_t address_bytes, uint64_t cpu_seconds, GError **error);
+/* Gives up everything a decoder does not need, for good: limits, capabilities, new privileges, files other than
+ * `input_fd`, what is beneath it and what the links of an annex above it lead to (Landlock), and system calls (seccomp: an
+ * allow-list without sockets, programs, processes, signals to others, or writing to files). TC_ERROR_IO when the system
+ * has no seccomp, or no Landlock unless `without_landlock`: then nothing may be decoded. */
+bool tc_dicom_confine(int input_fd, uint64_t address_bytes, uint64_t cpu_seconds, bool without_landlock,
+                      GError **error);
 
 #ifdef __cplusplus
 }

@@ -1,8 +1,9 @@
 /* How the helper locks itself in before it looks at the first byte. Each layer stands alone: limits keep it from
- * eating the machine, Landlock from other files, seccomp from everything that is not reading, computing and
- * answering. */
+ * eating the machine, Landlock from other files, no capability from what root may do, seccomp from everything that is not
+ * reading, computing and answering. */
 #include <errno.h>
 #include <fcntl.h>
+#include <linux/capability.h>
 #include <linux/landlock.h>
 #include <seccomp.h>
 #include <string.h>
@@ -26,6 +27,9 @@
 #define SANITIZED 0
 #endif
 
+/* Tasks of the user in all, the daemon's own among them: where there are more, the helper works without threads. */
+#define PROCESSES 4096
+
 static void limit(int what, uint64_t value) {
   struct rlimit now;
   if (getrlimit((__rlimit_resource_t)what, &now) != 0) return;
@@ -38,29 +42,69 @@ static void set_limits(uint64_t address_bytes, uint64_t cpu_seconds) {
   limit(RLIMIT_CORE, 0);
   limit(RLIMIT_FSIZE, 0);
   limit(RLIMIT_NOFILE, 64);
+  limit(RLIMIT_NPROC, PROCESSES);
   limit(RLIMIT_CPU, cpu_seconds);
   if (!SANITIZED) limit(RLIMIT_AS, address_bytes);
 }
 
-/* Reading beneath input_fd stays, every other access to files goes. Older kernels have no Landlock, or fewer rights. */
-static void restrict_files(int input_fd) {
+/* Where links of a git-annex or DataLad folder lead: .git/annex/objects beside or above it; -1 without one. */
+static int open_annex(int folder) {
+  enum { LEVELS = 32 };
+  int at = openat(folder, ".", O_PATH | O_DIRECTORY | O_CLOEXEC), objects = -1;
+  for (int level = 0; at >= 0 && level < LEVELS; level++) {
+    objects = openat(at, ".git/annex/objects", O_PATH | O_DIRECTORY | O_CLOEXEC);
+    int up = objects < 0 ? openat(at, "..", O_PATH | O_DIRECTORY | O_CLOEXEC) : -1;
+    close(at);
+    at = up;
+  }
+  if (at >= 0) close(at);
+  return objects;
+}
+
+static void allow_beneath(int set, int fd) {
+  struct landlock_path_beneath_attr beneath = {
+      .allowed_access = LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_READ_DIR, .parent_fd = fd};
+  if (syscall(SYS_landlock_add_rule, set, LANDLOCK_RULE_PATH_BENEATH, &beneath, 0) == 0) return;
+  beneath.allowed_access =
+      LANDLOCK_ACCESS_FS_READ_FILE; /* a file has no folder rights; its descriptor is open anyway */
+  syscall(SYS_landlock_add_rule, set, LANDLOCK_RULE_PATH_BENEATH, &beneath, 0);
+}
+
+/* Reading beneath input_fd stays (and what its links to an annex name), every other access to files goes. False where
+ * the kernel has no Landlock. */
+static bool restrict_files(int input_fd) {
   enum { FIRST_RIGHTS = (1 << 13) - 1, REFER = 1 << 13, TRUNCATE = 1 << 14 };
   long abi = syscall(SYS_landlock_create_ruleset, NULL, 0, LANDLOCK_CREATE_RULESET_VERSION);
-  if (abi < 1) return;
+  if (abi < 1) return false;
   struct landlock_ruleset_attr rules = {.handled_access_fs = FIRST_RIGHTS};
   if (abi >= 2) rules.handled_access_fs |= REFER;
   if (abi >= 3) rules.handled_access_fs |= TRUNCATE;
   int set = (int)syscall(SYS_landlock_create_ruleset, &rules, sizeof rules, 0);
-  if (set < 0) return;
-  struct landlock_path_beneath_attr beneath = {
-      .allowed_access = LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_READ_DIR, .parent_fd = input_fd};
-  if (syscall(SYS_landlock_add_rule, set, LANDLOCK_RULE_PATH_BENEATH, &beneath, 0) != 0) {
-    beneath.allowed_access =
-        LANDLOCK_ACCESS_FS_READ_FILE; /* a file has no folder rights; its descriptor is open anyway */
-    syscall(SYS_landlock_add_rule, set, LANDLOCK_RULE_PATH_BENEATH, &beneath, 0);
+  if (set < 0) return false;
+  int annex = open_annex(input_fd);
+  allow_beneath(set, input_fd);
+  if (annex >= 0) {
+    allow_beneath(set, annex);
+    close(annex);
   }
-  syscall(SYS_landlock_restrict_self, set, 0);
+  bool ok = syscall(SYS_landlock_restrict_self, set, 0) == 0;
   close(set);
+  return ok;
+}
+
+/* What root may do more than others. */
+static bool drop_capabilities(void) {
+  struct __user_cap_header_struct header = {.version = _LINUX_CAPABILITY_VERSION_3};
+  struct __user_cap_data_struct none[_LINUX_CAPABILITY_U32S_3] = {{0}};
+  return syscall(SYS_capset, &header, none) == 0;
+}
+
+/* Where memory ends, the helper goes before the daemon. */
+static void go_first(void) {
+  int fd = open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC);
+  if (fd < 0) return;
+  if (write(fd, "1000", 4) < 0) errno = 0; /* a kernel without it: the daemon is as large and as old as it is */
+  close(fd);
 }
 
 /* What a decoder calls. openat, mmap, mprotect and clone have conditions below. */
@@ -93,7 +137,6 @@ static const int allowed_calls[] = {
     SCMP_SYS(gettimeofday),
     SCMP_SYS(getpid),
     SCMP_SYS(gettid),
-    SCMP_SYS(tgkill),
     SCMP_SYS(sched_yield),
     SCMP_SYS(sched_getaffinity),
     SCMP_SYS(sysinfo),
@@ -118,6 +161,8 @@ static int allow_calls(scmp_filter_ctx filter) {
   for (size_t i = 0; i < G_N_ELEMENTS(sanitizer_calls); i++)
     bad |= seccomp_rule_add(filter, SCMP_ACT_ALLOW, sanitizer_calls[i], 0);
 #endif
+  /* abort() and its like: a signal to oneself */
+  bad |= seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(tgkill), 1, SCMP_A0(SCMP_CMP_EQ, (scmp_datum_t)getpid()));
   /* files for reading only */
   bad |= seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(openat), 1,
                           SCMP_A2(SCMP_CMP_MASKED_EQ, O_ACCMODE | O_CREAT | O_TRUNC | TMPFILE_BIT, O_RDONLY));
@@ -143,13 +188,20 @@ static bool restrict_calls(GError **error) {
   return false;
 }
 
-bool tc_dicom_confine(int input_fd, uint64_t address_bytes, uint64_t cpu_seconds, GError **error) {
+bool tc_dicom_confine(int input_fd, uint64_t address_bytes, uint64_t cpu_seconds, bool without_landlock,
+                      GError **error) {
+  go_first();
   prctl(PR_SET_DUMPABLE, 0, 0, 0, 0);
-  if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) {
+  if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0 || !drop_capabilities()) {
     tc_set_error(error, TC_ERROR_IO, NULL, "DICOM is not decoded: this system lets the decoder not be confined");
     return false;
   }
   set_limits(address_bytes, cpu_seconds);
-  restrict_files(input_fd);
+  if (!restrict_files(input_fd) && !without_landlock) {
+    tc_set_error(error, TC_ERROR_IO, NULL,
+                 "DICOM is not decoded: this kernel has no Landlock to keep the decoder from other files; set"
+                 " TOMOCAST_WITHOUT_LANDLOCK=1 to do without");
+    return false;
+  }
   return restrict_calls(error);
 }

@@ -1,5 +1,6 @@
-/* Where the helper's bytes come from. Files are opened relative to the one folder it was given; zip members are
- * reached by number; nothing is ever written. */
+/* Where the helper's bytes come from. Files are opened relative to the one folder it was given; links to files are
+ * followed as far as Landlock lets them lead (see dicom_helper_confine.c); zip members are reached by number; nothing is
+ * ever written. */
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -19,7 +20,8 @@ static bool fail(GError **error, tc_error_code code, const char *what) {
 
 static int by_name(const void *a, const void *b) { return strcmp(*(char *const *)a, *(char *const *)b); }
 
-/* Collects the regular files of a folder; takes over fd. False only when there are too many. */
+/* Collects the files of a folder, and links to files; links to folders could lead in circles. Takes over fd. False only
+ * when there are too many. */
 static bool walk(int fd, const char *prefix, int depth, GPtrArray *names) {
   DIR *dir = fdopendir(fd);
   if (!dir) {
@@ -31,6 +33,7 @@ static bool walk(int fd, const char *prefix, int depth, GPtrArray *names) {
     struct stat st;
     if (strcmp(e->d_name, ".") == 0 || strcmp(e->d_name, "..") == 0) continue;
     if (fstatat(dirfd(dir), e->d_name, &st, AT_SYMLINK_NOFOLLOW) != 0) continue;
+    if (S_ISLNK(st.st_mode) && (fstatat(dirfd(dir), e->d_name, &st, 0) != 0 || !S_ISREG(st.st_mode))) continue;
     if (S_ISREG(st.st_mode)) {
       ok = names->len < WALK_FILES;
       if (ok) g_ptr_array_add(names, g_strconcat(prefix, e->d_name, NULL));
@@ -89,7 +92,7 @@ void tc_dicom_sources_finish(tc_dicom_sources *s) {
 static bool get_file(const tc_dicom_sources *s, const char *name, tc_dicom_blob *blob, GError **error) {
   struct stat st;
   uint8_t head[TC_DICOM_HEAD_BYTES_NEEDED];
-  int fd = openat(s->root, name, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+  int fd = openat(s->root, name, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
   if (fd < 0) return fail(error, TC_ERROR_IO, "a file of the folder cannot be opened");
   ssize_t n = pread(fd, head, sizeof head, 0);
   bool ok = n > 0 && tc_dicom_looks(head, (size_t)n) && fstat(fd, &st) == 0 && S_ISREG(st.st_mode);

@@ -112,6 +112,43 @@ static void a_shuffled_folder(void **state) {
   g_free(folder);
 }
 
+/* Links to files, as git-annex and DataLad lay a folder out; what leads out of the folder and its annex is not read. */
+static void a_folder_of_links(void **state) {
+  char *repository = temp_folder(), *outside = temp_folder(), *objects, *folder;
+  objects = g_build_filename(repository, ".git", "annex", "objects", "x1", NULL);
+  folder = g_build_filename(repository, "sub", "series", NULL);
+  g_mkdir_with_parents(objects, 0700);
+  g_mkdir_with_parents(folder, 0700);
+  write_series(objects, "1.2.3.1", 1, SLICES);
+  write_series(outside, "1.2.3.1", 1, SLICES + 1);
+  for (int k = 0; k < SLICES; k++) {
+    char name[64], target[96];
+    snprintf(name, sizeof name, "%s/1_%02d", folder, k);
+    snprintf(target, sizeof target, "../../.git/annex/objects/x1/1_%02d", k);
+    assert_int_equal(symlink(target, name), 0);
+  }
+  char *foreign = g_build_filename(outside, "1_09", NULL), *link = g_build_filename(folder, "foreign", NULL);
+  assert_int_equal(symlink(foreign, link), 0);
+  tc_volume *v = load(folder, NULL);
+  check_series(v, SLICES);
+  assert_non_null(strstr(tc_volume_describe(v)->note, "1 unreadable files left out"));
+  tc_volume_unref(v);
+  char *git = g_build_filename(repository, ".git", NULL), *moved = g_build_filename(repository, "git", NULL);
+  assert_int_equal(g_unlink(link), 0);
+  assert_int_equal(g_rename(git, moved), 0); /* links that lead nowhere */
+  assert_int_equal(refused(folder, NULL), TC_ERROR_FORMAT);
+  remove_tree(repository);
+  remove_tree(outside);
+  g_free(git);
+  g_free(moved);
+  g_free(foreign);
+  g_free(link);
+  g_free(objects);
+  g_free(folder);
+  g_free(repository);
+  g_free(outside);
+}
+
 static void two_series(void **state) {
   char *folder = temp_folder();
   write_series(folder, "1.2.3.20", 2, SLICES);
@@ -491,13 +528,16 @@ static void the_helper_is_confined(void **state) {
   pid_t pid = fork();
   if (pid == 0) {
     if (dup2(input, 20) < 0 || dup2(ends[1], 21) < 0 || dup2(20, 3) < 0 || dup2(21, 4) < 0) _exit(99);
-    execl(helper, helper, "load", "", "0", "8589934592", "60", (char *)NULL);
+    execl(helper, helper, "load", "", "0", "8589934592", "60", "yes", (char *)NULL);
     _exit(99);
   }
   assert_true(pid > 0);
   for (int wait = 0; wait < 500 && status_field(pid, "\nSeccomp:") != 2; wait++)
     g_usleep(20000);
-  int seccomp = status_field(pid, "\nSeccomp:"), privileges = status_field(pid, "\nNoNewPrivs:");
+  int seccomp = status_field(pid, "\nSeccomp:"), privileges = status_field(pid, "\nNoNewPrivs:"),
+      capabilities = status_field(pid, "\nCapPrm:"), tasks = status_field(pid, "\nThreads:");
+  char *oom = g_strdup_printf("/proc/%d/oom_score_adj", (int)pid), *score = NULL;
+  assert_true(g_file_get_contents(oom, &score, NULL, NULL));
   kill(pid, SIGKILL);
   waitpid(pid, NULL, 0);
   close(ends[0]);
@@ -505,13 +545,18 @@ static void the_helper_is_confined(void **state) {
   close(input);
   assert_int_equal(seccomp, 2); /* a filter */
   assert_int_equal(privileges, 1);
+  assert_int_equal(tasks, 1);
+  assert_int_equal(capabilities, 0); /* also where the test is run by root */
+  assert_string_equal(score, "1000\n"); /* first to go where memory ends */
+  g_free(oom);
+  g_free(score);
   drop(folder, path);
 }
 
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(a_shuffled_folder),
-      cmocka_unit_test(two_series),
+      cmocka_unit_test(a_folder_of_links), cmocka_unit_test(two_series),
       cmocka_unit_test(a_zip),
       cmocka_unit_test(an_oblique_slice),
       cmocka_unit_test(frames_of_one_file),
