@@ -13,6 +13,7 @@ typedef struct loader {
   tc_raster *raster;
   const tc_import_options *options;
   uint64_t voxels;
+  uint64_t frame; /* the one wanted, from 0 */
   tc_source *planes[MAX_PLANES]; /* one, or one per component of planar data */
   unsigned n_planes;
   uint8_t *chunk; /* file elements of chunk_voxels voxels, all planes */
@@ -168,12 +169,15 @@ static bool planar(const tc_raster *r) { return r->components > 1 && r->inner > 
 /* Starts a pass: one stream, or for planar data one per component used, each at its first plane. */
 static bool rewind_planes(loader *l, GError **error) {
   const tc_raster *r = l->raster;
+  const size_t size = tc_element_size(r->element);
+  const uint64_t before = l->frame * l->voxels * r->components * size; /* of frames that measure() has multiplied out */
   l->n_planes = planar(r) && r->combine != TC_COMBINE_FIRST ? r->components : 1;
   if (planar(r) && r->combine == TC_COMBINE_LUMA) l->n_planes = 3;
   for (unsigned p = 0; p < l->n_planes; p++) {
     tc_source_free(l->planes[p]);
     l->planes[p] = tc_source_new(&r->data);
-    if (p > 0 && !tc_source_skip(l->planes[p], p * r->inner * tc_element_size(r->element), error)) return false;
+    const uint64_t skip = before + p * r->inner * size;
+    if (skip > 0 && !tc_source_skip(l->planes[p], skip, error)) return false;
   }
   return true;
 }
@@ -410,6 +414,20 @@ static void drop_negative_zeros(tc_volume_desc *desc) {
   for (int i = 0; i < 9; i++) desc->direction[i] += 0.0;
 }
 
+/* Which frame is wanted. Frames that vary fastest are components here: only the first can be had. */
+static bool choose_frame(loader *l, GError **error) {
+  const tc_raster *r = l->raster;
+  const uint32_t wanted = l->options && l->options->volume ? l->options->volume : 1;
+  l->frame = wanted - 1;
+  if (wanted > (uint32_t)r->desc.frames)
+    tc_set_error(error, TC_ERROR_NOT_FOUND, NULL, "no volume %u: the file holds %d", wanted, r->desc.frames);
+  else if (wanted > r->frames)
+    tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "of volumes that lie voxel by voxel among each other the first is read");
+  else
+    return true;
+  return false;
+}
+
 tc_volume *tc_raster_load(tc_raster *raster, const tc_import_options *options, GError **error) {
   loader l = {.raster = raster, .options = options};
   tc_volume *volume = NULL;
@@ -418,12 +436,13 @@ tc_volume *tc_raster_load(tc_raster *raster, const tc_import_options *options, G
   raster->desc.frames = (int)MIN(raster->frames * (raster->combine == TC_COMBINE_FIRST ? raster->components : 1),
                                  (uint64_t)INT32_MAX);
   drop_negative_zeros(&raster->desc);
-  if (!measure(&l, error) || !may_hold(&l, least_voxel_bytes(raster), error)) goto out;
+  if (!measure(&l, error) || !choose_frame(&l, error) || !may_hold(&l, least_voxel_bytes(raster), error)) goto out;
   if (!tc_data_check(&raster->data, error) || !prepare(&l, error) || !choose_type(&l, error)) goto out;
-  if (raster->desc.frames > 1) tc_raster_note(raster, "the first of %d frames", raster->desc.frames);
+  if (raster->desc.frames > 1) tc_raster_note(raster, "volume %u of %d, choose by #volume=N", (unsigned)l.frame + 1, raster->desc.frames);
   if (!may_hold(&l, tc_voxel_size(raster->desc.type), error)) goto out;
   volume = tc_volume_new(&raster->desc, error);
   if (!volume) goto out;
+  tc_volume_set_provenance(volume, &(tc_provenance){.volume = (int)l.frame + 1});
   if (!fill(&l, volume, error) || !seal(&l, volume, error)) tc_volume_unref(g_steal_pointer(&volume));
 out:
   for (unsigned p = 0; p < MAX_PLANES; p++) tc_source_free(l.planes[p]);

@@ -25,7 +25,7 @@ typedef struct tc_raster {
   uint32_t components; /* per voxel, >= 1 */
   uint64_t inner;      /* voxels that follow each other before the component changes: 1 = interleaved,
                           all voxels of a frame = planar. A divisor of the voxels of a frame. */
-  uint64_t frames;     /* whole frames behind each other in the data, >= 1; the first is taken */
+  uint64_t frames;     /* whole frames behind each other in the data, >= 1; options->volume chooses */
 } tc_raster;
 
 /* A raster of one frame and component, spacing 1, identity orientation, slope 1. */

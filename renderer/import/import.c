@@ -99,6 +99,28 @@ static bool use_header_beside(tc_input *input, GError **error) {
   return true;
 }
 
+/* What "#volume=N" says of a file that is not DICOM; 0 without it. */
+static bool read_volume(const target *t, const tc_format *format, uint32_t *volume, GError **error) {
+  guint64 number = 0;
+  *volume = 0;
+  if (!t->series) return true;
+  if (g_str_has_prefix(t->series, "volume=") && g_ascii_string_to_unsigned(t->series + 7, 10, 1, 1 << 24, &number, NULL)) {
+    *volume = (uint32_t)number;
+    return true;
+  }
+  tc_set_error(error, TC_ERROR_INVALID, NULL, "%s holds no series: after '#' give nothing, or volume=N", format->name);
+  return false;
+}
+
+static tc_volume *read_format(const target *t, const tc_format *format, const tc_input *input,
+                              const tc_import_options *options, GError **error) {
+  tc_import_options own = options ? *options : (tc_import_options){0};
+  uint32_t volume;
+  if (!read_volume(t, format, &volume, error)) return NULL;
+  if (volume) own.volume = volume;
+  return format->read(input, &own, error);
+}
+
 static tc_volume *import_file(const target *t, const tc_import_options *options, GError **error) {
   uint8_t head[TC_PROBE_BYTES];
   size_t size;
@@ -115,12 +137,7 @@ static tc_volume *import_file(const target *t, const tc_import_options *options,
   }
   switch (recognise(t->path, head, size, gzip, &format)) {
   case KIND_DICOM: volume = tc_import_dicom(t->path, t->series, options, error); break;
-  case KIND_FORMAT:
-    if (t->series)
-      tc_set_error(error, TC_ERROR_INVALID, NULL, "%s holds one volume: leave out the series after '#'", format->name);
-    else
-      volume = format->read(&input, options, error);
-    break;
+  case KIND_FORMAT: volume = read_format(t, format, &input, options, error); break;
   case KIND_UNKNOWN:
     tc_set_error(error, TC_ERROR_FORMAT, NULL, "%s: NIfTI, NRRD, MetaImage and DICOM are read",
                  gzip ? "a gzip file that holds no NIfTI image" : "unknown kind of file");

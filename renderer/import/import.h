@@ -9,7 +9,8 @@
  *
  * Storage rule. u8, i8, u16, i16, f32 stay as they are. 32/64-bit integers become i16/u16 (or i8/u8) when every
  * voxel fits, else f32 (rounded to nearest). f64 becomes f32. RGB/RGBA becomes Rec. 709 luma in u8, complex and
- * vectors their magnitude in f32. Of a 4-D file the first frame is taken, desc.frames tells how many there were.
+ * vectors their magnitude in f32. Of a 4-D file the first frame is taken, or the one that "#volume=N" names;
+ * desc.frames tells how many there were.
  * Every conversion is said in desc.note.
  * Parsers read through one bounded reader; sizes multiply with overflow checks; nothing larger than the
  * file can justify is allocated; a failure is one clear error. */
@@ -32,6 +33,7 @@ typedef struct tc_import_options {
   void *user;              /* of all three */
   const char *dicom_helper;  /* path of the helper program; NULL: beside the running program, then PATH */
   uint64_t max_voxel_bytes;  /* refuse larger volumes (TC_ERROR_LIMIT); 0 = no limit of its own */
+  uint32_t volume;           /* of a file of several (not DICOM), from 1; 0: what the path says, else the first */
   bool self_contained;       /* the file may name no other file for its voxels (TC_ERROR_FORMAT) */
 } tc_import_options;
 

@@ -53,7 +53,7 @@ static void a_number_sign_in_a_name(void **state) {
   write_ints("scan#2");
   tc_volume_unref(open_good("scan#2"));
   write_ints("scan.nrrd");
-  open_bad("scan.nrrd#1", TC_ERROR_INVALID, "NRRD holds one volume");
+  open_bad("scan.nrrd#1", TC_ERROR_INVALID, "NRRD holds no series");
 }
 
 static void demos(void **state) {

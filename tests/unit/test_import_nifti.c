@@ -200,9 +200,19 @@ static void the_first_frame_is_taken(void **state) {
   write_bytes("t.nii", file);
   tc_volume *v = open_good("t.nii");
   assert_int_equal(tc_volume_describe(v)->frames, 6);
-  assert_non_null(strstr(tc_volume_describe(v)->note, "the first of 6 frames"));
+  assert_non_null(strstr(tc_volume_describe(v)->note, "volume 1 of 6"));
   assert_true(voxel(v, 0) == 100 && voxel(v, count - 1) == 99 + count);
   tc_volume_unref(v);
+  for (int n = 1; n <= 6; n++) { /* "#volume=N" chooses */
+    char name[32];
+    snprintf(name, sizeof name, "t.nii#volume=%d", n);
+    v = open_good(name);
+    assert_int_equal(tc_volume_provenance(v)->volume, n);
+    assert_true(voxel(v, 0) == 100 + (n - 1) * count && voxel(v, count - 1) == 99 + n * count);
+    tc_volume_unref(v);
+  }
+  open_bad("t.nii#volume=7", TC_ERROR_NOT_FOUND, "no volume 7: the file holds 6");
+  open_bad("t.nii#volume=0", TC_ERROR_INVALID, "volume=N");
   write_file("t.nii", file->data, file->len - 1); /* cut in the last frame */
   open_bad("t.nii", TC_ERROR_FORMAT, "cut short");
   GByteArray *zip = deflated(file->data, file->len, true);
