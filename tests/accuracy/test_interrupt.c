@@ -351,13 +351,16 @@ static void many_labels_are_heard(void **state) {
     memcpy(scene->labels.colors[i].rgba, rgba, sizeof rgba);
   }
   s.request.labels = s.labels;
-  long long us, looks = count_looks(test_widest(), &s, &us);
-  printf("  %lld looks, %.2f ms of processor time without one\n", looks, (double)us / 1000);
-  assert_true(looks > 16 && us <= MOST_DEAF_US);
-  for (long long at = 1; at < looks; at += looks / 8) {
-    tc_renderer_forget(test_renderers[test_widest()], s.labels);
-    assert_true(looks_after(test_widest(), &s, at) <= LOOKS_TO_LEAVE);
-  }
+  long long us, built, found;
+  count_looks(test_widest(), &s, &us);
+  tc_renderer_forget(test_renderers[test_widest()], s.labels);
+  built = count_looks(test_widest(), &s, &us); /* the labels alone */
+  printf("  %lld looks, %.2f ms of processor time without one\n", built, (double)us / 1000);
+  assert_true(us <= MOST_DEAF_US);
+  found = count_looks(test_widest(), &s, &us);
+  assert_true(built - found >= 12); /* of sixteen: workers take a few more or less */
+  tc_renderer_forget(test_renderers[test_widest()], s.labels);
+  assert_true(looks_after(test_widest(), &s, 4) <= LOOKS_TO_LEAVE); /* cut in their midst */
   tc_scene_clear(scene);
   subject_close(&s);
 }
