@@ -45,7 +45,7 @@ static void finished(tcs_job *job) {
     return;
   }
   if (!job->stats.stand_in) {
-    if (view) tcs_ladder_measure(&view->ladder, job->samples, job->stats.render_ms);
+    if (view) tcs_ladder_measure(&view->ladders[job->scene.mode], job->samples, job->stats.render_ms);
     session->build_ms += BUILD_WEIGHT * (job->stats.tables_ms + job->stats.skip_ms - session->build_ms);
     tc_quality_cost_add(&session->cost, &job->scene, (double)job->out_width * job->out_height, job->stats.render_ms);
   }
@@ -80,9 +80,10 @@ static double target_ms(const tcs_session *session, const tcs_job *job) {
  * same. */
 static void make_interactive(tcs_session *session, tcs_view *view, tcs_job *job) {
   const int width = job->scene.image.width, height = job->scene.image.height;
-  tcs_ladder_expect(&view->ladder, tcs_scheduler_ms_per_sample(session->server->scheduler));
+  tcs_ladder *ladder =
+      tcs_view_ladder(view, job->scene.mode, tcs_scheduler_ms_per_sample(session->server->scheduler));
   const tcs_rung rung =
-      tcs_ladder_pick(&view->ladder, samples_of(job), (double)width * height, target_ms(session, job));
+      tcs_ladder_pick(ladder, samples_of(job), (double)width * height, target_ms(session, job));
   const double scale = MAX(rung.scale, MIN(1, LEAST_SIDE / MAX(width, height)));
   job->width = MAX(1, (int)lround(width * scale));
   job->height = MAX(1, (int)lround(height * scale));
@@ -99,10 +100,11 @@ static bool goes_on(tcs_job *job) {
   const double done = MAX(tc_frame_done(&job->frame), 0.02), ms = job->stats.render_ms;
   if (!session || !view) return false;
   if (job->final || job->stats.stand_in || ms < LATE_MS || ms / done - ms < LATE_MS) return true;
-  const int rung = view->ladder.rung;
-  tcs_ladder_measure(&view->ladder, job->samples * done, ms);
-  tcs_ladder_pick(&view->ladder, tcs_session_samples(session, view), 0, target_ms(session, job));
-  return view->ladder.rung <= rung;
+  tcs_ladder *ladder = &view->ladders[job->scene.mode];
+  const int rung = ladder->rung;
+  tcs_ladder_measure(ladder, job->samples * done, ms);
+  tcs_ladder_pick(ladder, tcs_session_samples(session, view), 0, target_ms(session, job));
+  return ladder->rung <= rung;
 }
 
 /* The job leaves session->job when its rendering is over: the next one may render while this one is encoded. */

@@ -26,8 +26,8 @@ double tcs_session_samples(tcs_session *session, tcs_view *view) {
 }
 
 static double full_ms(tcs_session *session, tcs_view *view) {
-  tcs_ladder_expect(&view->ladder, tcs_scheduler_ms_per_sample(session->server->scheduler));
-  return view->ladder.ms_per_sample * tcs_session_samples(session, view);
+  const double elsewhere = tcs_scheduler_ms_per_sample(session->server->scheduler);
+  return tcs_view_ladder(view, session->scene.mode, elsewhere)->ms_per_sample * tcs_session_samples(session, view);
 }
 
 static bool has_not_seen(const tcs_session *session, const tcs_watcher *watcher) {

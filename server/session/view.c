@@ -2,6 +2,12 @@
 
 #include "server/session/measure.h"
 
+tcs_ladder *tcs_view_ladder(tcs_view *view, tc_mode mode, double ms_per_sample) {
+  tcs_ladder *ladder = &view->ladders[mode];
+  if (mode != TC_MODE_MPR) tcs_ladder_expect(ladder, ms_per_sample);
+  return ladder;
+}
+
 tcs_view *tcs_view_new(tcs_session *session, int width, int height) {
   tcs_view *view = g_new0(tcs_view, 1);
   view->width = width;

@@ -19,12 +19,14 @@ typedef struct tcs_view {
   tcs_picture *latest;     /* newest finished picture, or NULL */
   uint64_t begun_revision; /* of the newest picture begun */
   bool begun_final;
-  tcs_ladder ladder;
+  tcs_ladder ladders[TC_MODE_COUNT]; /* what a mode's frames take says nothing of another's */
   double full_samples;       /* of its picture in full size ... */
   uint64_t samples_revision; /* ... at this revision */
   tcs_measure *measure;      /* of `latest`, or of the session's `still`, or NULL */
 } tcs_view;
 
+/* Of a mode; ms_per_sample: what a sample takes elsewhere. Nobody's rays say what a slice takes: it is begun in full. */
+tcs_ladder *tcs_view_ladder(tcs_view *view, tc_mode mode, double ms_per_sample);
 tcs_view *tcs_view_new(tcs_session *session, int width, int height);
 /* The view of the scene's own size: the first one. */
 tcs_view *tcs_session_own_view(const tcs_session *session);

@@ -194,6 +194,17 @@ static void test_watcher_wants_an_error_once(void **state) {
   assert_false(tcs_watcher_wants_error(&watcher, &picture)); /* wants the picture first */
 }
 
+/* Dragged rays that came late, small and smaller, do not make the slices after them small. */
+static void test_slices_begin_in_full_size(void **state) {
+  tcs_view view = {0};
+  tcs_ladder *rays = tcs_view_ladder(&view, TC_MODE_DVR, 1e-6);
+  tcs_ladder_measure(rays, 1e3, 100);
+  assert_true(tcs_ladder_pick(rays, 1e6, 1e6, 33).scale < 0.1);
+  assert_true(tcs_ladder_pick(tcs_view_ladder(&view, TC_MODE_MPR, 1e-3), 1e6, 1e6, 33).scale == 1);
+  assert_true(tcs_ladder_pick(tcs_view_ladder(&view, TC_MODE_MIP, 1e-3), 1e6, 1e6, 33).scale < 1); /* as it is elsewhere */
+  assert_true(tcs_view_ladder(&view, TC_MODE_DVR, 1e-6)->ms_per_sample == 0.1);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_window_counts),
@@ -209,6 +220,7 @@ int main(void) {
       cmocka_unit_test(test_ladder_does_not_swing),
       cmocka_unit_test(test_ladder_keeps_the_time_it_is_given),
       cmocka_unit_test(test_ladder_ignores_nonsense),
+      cmocka_unit_test(test_slices_begin_in_full_size),
       cmocka_unit_test(test_watcher_wants_what_is_new),
       cmocka_unit_test(test_watcher_wants_an_error_once),
       cmocka_unit_test(test_watcher_seq_is_what_the_picture_shows),
