@@ -113,7 +113,7 @@ test('a smaller step has a smaller error', async () => {
 test('several rays a pixel and labels are measured', async () => {
   const meter = { errorMeter: { pixels: 200 }, image: { width: 64, height: 64 } };
   const scenes = [{ sampling: { raysPerPixel: 4, step: 0.05 } },
-    { labels: { volume: 'ball', opacity: 0.5 }, sampling: { step: 0.2 } }, { mode: 'isosurface', isosurface: { value: 150 } },
+    { labels: { volume: 'ball', force: true, opacity: 0.5 }, sampling: { step: 0.2 } }, { mode: 'isosurface', isosurface: { value: 150 } },
     { mode: 'isosurface', isosurface: { value: 150 }, sampling: { raysPerPixel: 8 } }];
   for (const scene of scenes) {
     const { session, ws } = await open({ ...meter, ...scene });

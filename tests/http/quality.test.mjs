@@ -52,7 +52,7 @@ for (const maxError of [0.01, 0.001]) {
 
 test('several rays a pixel stay, share the steps and hold the bound; so do labels', async () => {
   const asked = { quality: { maxError: 0.004 }, errorMeter: { pixels: 2000 }, image: { width: 128, height: 128 } };
-  for (const scene of [{ sampling: { raysPerPixel: 4 } }, { labels: { volume: 'ball', opacity: 0.5 } }]) {
+  for (const scene of [{ sampling: { raysPerPixel: 4 } }, { labels: { volume: 'ball', force: true, opacity: 0.5 } }]) {
     const { session, ws } = await open({ ...asked, ...scene });
     await ws.nextFrame(({ final }) => final);
     const { quality } = await known(session);
