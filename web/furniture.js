@@ -2,6 +2,7 @@
 // its own elements.
 
 import { basis, dot, edgeLetters, roundLength, scale, sliceBasis, STANDARD_VIEWS } from './camera.js';
+import { lengthsText } from './units.js';
 
 const SVG = 'http://www.w3.org/2000/svg';
 const CUBE_HALF = 17; // of a 100-unit drawing
@@ -85,6 +86,6 @@ export class Furniture {
     if (!mmPerPixel) return;
     const mm = roundLength(mmPerPixel * 160);
     this.#bar.style.width = `${mm / mmPerPixel}px`;
-    this.#barLabel.textContent = mm >= 10 ? `${mm / 10} cm` : `${mm} mm`;
+    this.#barLabel.textContent = mm >= 10 ? `${mm / 10} cm` : lengthsText([mm], { least: 1 });
   }
 }

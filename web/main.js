@@ -183,7 +183,7 @@ function showVolume(volume, box, histogram) {
   get('badge').hidden = true;
   const range = volume.range ?? [0, 1];
   look.setVolume(histogram, range, volume.modality ?? '');
-  panels.setVolume(range);
+  panels.setVolume(range, Math.min(...box.high.map((end, k) => end - box.low[k])));
   crop.setBox(box);
   labels.setVolume(volume.id);
   get('volume-name').textContent = volume.id;

@@ -4,11 +4,13 @@
 //   data-number          a <select> whose values are numbers
 //   data-modes="dvr mip" shown in these modes only
 //   data-unless="a.b=x"  shown unless that member is x
-//   data-span="range"    a slider that spans the volume's values ("width": 0 to their extent)
+//   data-span="range"    a slider that spans the volume's values ("width": 0 to their extent; "slab": what a slab may be)
 // Members of an array are sent as the whole array: merge patches replace arrays.
 
 import { fromHex, toHex } from './transfer_model.js';
 import { lengthText } from './units.js';
+
+const MOST_SLAB_MM = 50;
 
 /** Value at a dotted path, or undefined. */
 export function valueAt(scene, path) {
@@ -62,10 +64,14 @@ export class Panels {
     store.subscribe(() => this.update());
   }
 
-  /** The sliders' ends follow the volume. */
-  setVolume([low, high]) {
+  /** The sliders' ends follow the volume: its values, and for a slab its least width, mm. */
+  setVolume([low, high], width) {
     const extent = high - low || 1;
-    for (const slider of this.#root.querySelectorAll('[data-span]')) {
+    for (const slider of this.#root.querySelectorAll('[data-span="slab"]')) {
+      slider.max = Math.min(MOST_SLAB_MM, width);
+      slider.step = slider.max / 100;
+    }
+    for (const slider of this.#root.querySelectorAll('[data-span]:not([data-span="slab"])')) {
       [slider.min, slider.max] = slider.dataset.span === 'range' ? [low, high] : [extent / 1000, extent];
       slider.step = extent / 1000;
     }

@@ -170,7 +170,10 @@ describe('addresses and names', { skip }, () => {
     await page.locator('#crop input').first().focus();
     for (let i = 0; i < 40; i++) await page.keyboard.press('ArrowRight');
     assert.match(await page.locator('#crop output').first().textContent(), /^39\.\d µm$|^40 µm$|^39 µm$/);
+    await page.selectOption('#mode', 'mpr');
     await settled(page);
+    assert.match(await page.textContent('#scale-label'), /^\d+ µm$/);
+    assert.ok((await page.evaluate(() => Number(document.querySelector('[data-span="slab"]').max))) < 0.4, 'mm of a slab');
     assert.deepEqual(page.complaints, []);
   });
 });
