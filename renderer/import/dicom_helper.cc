@@ -225,7 +225,7 @@ struct Picture {
   bool native = false;    // bytes as they are, no codec
   bool swapped = false;   // big-endian 32-bit samples, whose halves GDCM leaves in the file's order
   size_t deflated_at = 0; // a deflated data set begins here; 0 otherwise
-  bool palette = false, inverted = false, cine = false, mosaic = false, lookup = false;
+  bool palette = false, inverted = false, cine = false, mosaic = false, lookup = false, fractional = false;
   double window_center = 0, window_width = 0;
   double segment_threshold = 1;       // samples at or above it belong to the segment
   std::vector<tc_dicom_slice> slices; // [frames]
@@ -488,7 +488,8 @@ void read_slices(const DataSet &set, Picture &p) {
     if (frames) read_groups(frames->GetItem(f + 1).GetNestedDataSet(), p, p.slices[f], p.scales[f]);
   }
   if (!frames && p.frames > 1) spread_frames(set, p);
-  if (text_of(set, Tag(0x62, 0x01)) == "FRACTIONAL")
+  p.fractional = text_of(set, Tag(0x62, 0x01)) == "FRACTIONAL";
+  if (p.fractional)
     p.segment_threshold = std::max(1.0, std::ceil(binary_of<uint16_t>(set, Tag(0x62, 0x0e), 255) / 2.0));
 }
 
@@ -521,6 +522,14 @@ void cap_allocations(const tc_dicom_blob &blob, uint64_t factor) {
   if (!syntax.empty() && gdcm::TransferSyntax::GetTSType(syntax.c_str()) == gdcm::TransferSyntax::TS_END)
     fail(TC_ERROR_UNSUPPORTED, "transfer syntax %s is not read", standard ? syntax.c_str() : "of its own kind");
   fail(TC_ERROR_FORMAT, "the DICOM header is damaged or cut");
+}
+
+// Whether uncompressed pixels that begin at `at` are all there: one cut file of a series is then left out like one that
+// cannot be read at all, and not found out half-way.
+bool pixels_are_there(const Picture &p, std::streamoff at, size_t size) {
+  const tc_dicom_samples &s = p.samples;
+  uint64_t bytes = s.allocated == 1 ? (uint64_t(s.rows) * s.columns * p.frames + 7) / 8 : tc_dicom_frame_bytes(&s) * p.frames;
+  return !p.native || p.deflated_at || at < 0 || bytes <= size - std::min<uint64_t>(at, size);
 }
 
 // Reads one header. False: no picture in it (a report, a plan, a directory).
@@ -558,8 +567,11 @@ bool read_picture(const tc_dicom_blob &blob, size_t source, Picture &p) {
     if (at >= blob.size) fail(TC_ERROR_FORMAT, "the DICOM header is damaged or cut");
     p.deflated_at = at; // preamble and mark, the group length's own 12 bytes, the group
   }
+  if (binary_of<uint32_t>(set, Tag(0x48, 0x06), 0) > static_cast<uint32_t>(p.samples.columns))
+    fail(TC_ERROR_UNSUPPORTED, "tiles of a whole-slide picture are no volume");
   read_labels(set, p);
   read_frames(set, syntax, blob.size, p);
+  if (!pixels_are_there(p, stream.tellg(), blob.size)) fail(TC_ERROR_FORMAT, "pixel data is cut: the file ends before it does");
   read_slices(set, p);
   return true;
 }
@@ -1051,6 +1063,7 @@ void describe(Job &job, const Run &run) {
   if (p.inverted) tc_dicom_note(d.note, "MONOCHROME1, values kept as they are");
   if (p.cine) tc_dicom_note(d.note, "a film over time, its first picture was taken");
   if (p.mosaic) tc_dicom_note(d.note, "mosaic pictures are not cut into slices");
+  if (p.fractional) tc_dicom_note(d.note, "fractional segments are cut at half");
   if (p.lookup) tc_dicom_note(d.note, "modality lookup table not applied");
   if (run.unreadable) tc_dicom_note(d.note, "%zu unreadable files left out", run.unreadable);
 }

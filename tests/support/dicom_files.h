@@ -17,6 +17,7 @@ typedef struct dicom_spec {
   const char *offsets; /* GridFrameOffsetVector */
   const char *uid, *image_type, *echo_time, *stack;
   int echo, time;      /* 0: left out */
+  uint32_t whole_columns; /* of the picture that frames are tiles of; 0: left out */
   double b_value;      /* below 0: left out */
   bool has_position;
   double position[3];
@@ -137,6 +138,7 @@ static inline GByteArray *dicom_bytes(const dicom_spec *s) {
   dicom_short(b, 0x28, 0x103, s->is_signed);
   dicom_text(b, 0x28, 0x1052, "DS", s->intercept);
   dicom_text(b, 0x28, 0x1053, "DS", s->slope);
+  if (s->whole_columns) dicom_element(b, 0x48, 0x06, "UL", &s->whole_columns, 4);
   dicom_text(b, 0x3004, 0x0c, "DS", s->offsets);
   if (s->pixels) dicom_element(b, 0x7fe0, 0x10, s->allocated > 8 ? "OW" : "OB", s->pixels, s->pixel_bytes);
   return b;

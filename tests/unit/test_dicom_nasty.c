@@ -25,6 +25,7 @@ typedef struct shot {
   double z;
   int volume, instance, acquisition, echo, time, plane, uid;
   double b_value;
+  bool cut; /* the file ends within its pixels */
   const char *type, *echo_time, *stack;
 } shot;
 
@@ -86,6 +87,7 @@ static void write_shot(const char *folder, const nasty *c, const shot *shot, gui
   s.b_value = shot->b_value;
   s.image_type = shot->type;
   snprintf(name, sizeof name, "%03u_%u", number * 37 % 101, number); /* names say nothing about the order */
+  if (shot->cut) s.pixel_bytes /= 2;
   assert_true(dicom_write(folder, name, &s));
 }
 
@@ -155,6 +157,19 @@ static shot *add(nasty *c, double z, int volume) {
 static void add_stack(nasty *c, double from, double step, int left_out, int volume) {
   for (int z = 0; z < LAYERS; z++)
     if (z != left_out) add(c, from + step * z, volume);
+}
+
+/* Up or down the patient, with positions that are rounded as some writers do. */
+static void regular(nasty *c, int variant) {
+  const double step = variant % 2 ? -2 : 3;
+  for (int z = 0; z < LAYERS; z++)
+    add(c, step * z + 0.01 * variant * (z % 2), 1);
+}
+
+static void one_cut(nasty *c, int variant) {
+  c->note = "1 unreadable files left out";
+  add_stack(c, 0, 2.5, -1, 1);
+  g_array_index(c->shots, shot, 1 + 2 * variant).cut = true;
 }
 
 static void tilted(nasty *c, int variant) {
@@ -261,12 +276,12 @@ static const struct {
   const char *what;
   void (*make)(nasty *c, int variant);
   int variants;
-} kinds[] = {{"tilt", tilted, 5},       {"varying steps", varying, 5},   {"a gap", a_gap, 5},
+} kinds[] = {{"regular", regular, 6}, {"a cut file", one_cut, 5}, {"tilt", tilted, 6},       {"varying steps", varying, 5},   {"a gap", a_gap, 5},
              {"two gaps", two_gaps, 5}, {"copies", copied, 2},           {"keys", by_key, 8},
-             {"turns", by_turn, 3},     {"offset", offset_acquisitions, 3}, {"pieces", pieces, 4},
-             {"planes", three_planes, 3}, {"tangled", tangled, 3}};
+             {"turns", by_turn, 3},     {"offset", offset_acquisitions, 3}, {"pieces", pieces, 5},
+             {"planes", three_planes, 3}, {"tangled", tangled, 4}};
 
-/* Each kind in its variants, in the plane of the variant, and once more with its pictures in the opposite order. */
+/* Each kind in its variants, each in one of four planes. */
 static void nasty_series(void **state) {
   int series = 0;
   for (size_t k = 0; k < G_N_ELEMENTS(kinds); k++)
