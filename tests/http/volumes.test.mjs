@@ -1,7 +1,7 @@
 // Volumes: listing, loading by path, upload, looking into them, deleting.
 import assert from 'node:assert/strict';
 import { readdirSync } from 'node:fs';
-import { mkdirSync, symlinkSync, writeFileSync } from 'node:fs';
+import { mkdirSync, rmSync, symlinkSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 import { ballNrrd, Daemon, problem, sleep } from '../support/daemon.mjs';
@@ -38,6 +38,29 @@ async function settled(id) {
     await sleep(10);
   }
 }
+
+// Three volumes of one value each.
+const timeNrrd = () =>
+  Buffer.concat([
+    Buffer.from('NRRD0004\ntype: uint8\ndimension: 4\nsizes: 4 4 4 3\nkinds: domain domain domain time\nencoding: raw\n\n'),
+    ...[10, 20, 30].map((value) => Buffer.alloc(64, value)),
+  ]);
+
+test('#volume=N chooses a volume of a file; which one it is, is said', async () => {
+  writeFileSync(join(d.folder, 'time.nrrd'), timeNrrd());
+  for (const [id, suffix, volume] of [['first', '', 1], ['third', '#volume=3', 3]]) {
+    await d.post('/v1/volumes', { id, path: `time.nrrd${suffix}` });
+    const json = await settled(id);
+    assert.equal(json.state, 'resident', json.reason);
+    assert.deepEqual([json.volume, json.frames, json.range], [volume, 3, [10 * volume, 10 * volume]]);
+    assert.match(json.note, new RegExp(`volume ${volume} of 3`));
+    assert.equal((await d.call('DELETE', `/v1/volumes/${id}`)).status, 204);
+  }
+  await d.post('/v1/volumes', { id: 'fourth', path: 'time.nrrd#volume=4' });
+  assert.match((await settled('fourth')).reason, /no volume 4: the file holds 3/);
+  await d.call('DELETE', '/v1/volumes/fourth');
+  rmSync(join(d.folder, 'time.nrrd'));
+});
 
 test('a resident volume tells its geometry', async () => {
   const { json } = await d.get('/v1/volumes/ball');
