@@ -8,7 +8,9 @@
 uint64_t tc_renderer_cached(const tc_renderer *renderer);
 
 /* Keeps at most this much from now on (never more than tc_renderer_options.cache_bytes) and drops what is over it, least
- * recently used first. What a frame needs at once is built over it all the same. */
+ * recently used first. What a frame needs at once may pass cache_bytes, but not this: TC_ERROR_MEMORY. */
 void tc_renderer_limit_cache(tc_renderer *renderer, uint64_t most_bytes);
+/* After such a failure, once: how much it was; else 0. */
+uint64_t tc_renderer_wanted(tc_renderer *renderer);
 
 #endif

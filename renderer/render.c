@@ -453,5 +453,7 @@ void tc_renderer_forget(tc_renderer *renderer, const tc_volume *volume) {
 uint64_t tc_renderer_cached(const tc_renderer *renderer) { return tc_resources_held(renderer->resources); }
 
 void tc_renderer_limit_cache(tc_renderer *renderer, uint64_t most_bytes) {
-  tc_resources_limit(renderer->resources, MIN(most_bytes, renderer->cache_bytes));
+  tc_resources_limit(renderer->resources, most_bytes);
 }
+
+uint64_t tc_renderer_wanted(tc_renderer *renderer) { return tc_resources_wanted(renderer->resources); }

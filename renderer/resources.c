@@ -148,9 +148,10 @@ static tc_stored *stored_table(const tc_resources *r, const tc_table *table) {
 
 bool tc_resources_fill(tc_resources *r, const tc_table *table, double *ms, GError **error) {
   if (table->entries) return true;
+  tc_table *own = stored_table(r, table)->thing;
+  if (!tc_store_may_grow(r->store, stored_table(r, table), own->bytes, error)) return false;
   const nodes same = {table->n, table->lo, table->hi, table->step_mm};
   const tc_stored *like = tc_store_latest(r->store, &table_kind, has_entries_over, &same);
-  tc_table *own = stored_table(r, table)->thing;
   double before = own->build_ms;
   int64_t steps = tc_table_steps(own);
   bool filled = tc_table_fill(own, like ? like->thing : NULL, r->pool, error);
@@ -329,4 +330,5 @@ uint64_t tc_resources_forget(tc_resources *r, uint64_t volume_serial) {
 
 uint64_t tc_resources_held(const tc_resources *r) { return tc_store_held(r->store); }
 
-void tc_resources_limit(tc_resources *r, uint64_t budget_bytes) { tc_store_limit(r->store, budget_bytes); }
+uint64_t tc_resources_wanted(tc_resources *r) { return tc_store_wanted(r->store); }
+void tc_resources_limit(tc_resources *r, uint64_t most_bytes) { tc_store_limit(r->store, most_bytes); }

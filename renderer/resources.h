@@ -55,8 +55,11 @@ const tc_labels *tc_resources_labels(tc_resources *r, const tc_volume *labels, c
 int64_t tc_resources_steps(const tc_resources *resources);
 
 uint64_t tc_resources_held(const tc_resources *r);
-/* The budget from now on; drops what is over it, least recently used first. */
-void tc_resources_limit(tc_resources *r, uint64_t budget_bytes);
+/* What there is at all from now on; the budget is as it was, or this where it is less. Drops what is over it, least
+ * recently used first. */
+void tc_resources_limit(tc_resources *r, uint64_t most_bytes);
+/* Bytes of what did not fit under it, where that was what failed last; 0 then until the next failure. */
+uint64_t tc_resources_wanted(tc_resources *r);
 
 /* Drops what belongs to a volume, and to its coefficients, whose serial it gives back (0: there were none). */
 uint64_t tc_resources_forget(tc_resources *r, uint64_t volume_serial);

@@ -4,7 +4,8 @@
 #include <string.h>
 
 struct tc_store {
-  uint64_t budget, held, clock;
+  uint64_t most, budget, held, clock; /* budget: `most`, or less where there is less */
+  uint64_t ceiling, wanted; /* what there is at all; bytes of the last thing that did not fit under it, 0 = none */
   tc_stored **items;
   int count, capacity;
 };
@@ -12,7 +13,9 @@ struct tc_store {
 tc_store *tc_store_new(uint64_t budget_bytes, GError **error) {
   tc_store *s = calloc(1, sizeof *s);
   if (!s) tc_set_error(error, TC_ERROR_MEMORY, NULL, "renderer: out of memory");
-  if (s) s->budget = budget_bytes;
+  if (!s) return NULL;
+  s->most = s->budget = budget_bytes;
+  s->ceiling = UINT64_MAX;
   return s;
 }
 
@@ -68,6 +71,25 @@ tc_stored *tc_store_latest(const tc_store *s, const tc_store_kind *kind,
   return latest;
 }
 
+static bool fits(tc_store *s, size_t bytes) {
+  const bool under = bytes <= s->ceiling && s->held <= s->ceiling - bytes;
+  s->wanted = under ? 0 : bytes;
+  return under;
+}
+
+bool tc_store_may_grow(tc_store *s, const tc_stored *stored, size_t bytes, GError **error) {
+  if (!fits(s, bytes)) make_room(s, stored->kind, bytes, stored);
+  if (fits(s, bytes)) return true;
+  tc_set_error(error, TC_ERROR_MEMORY, NULL, "%s: out of memory", stored->kind->name);
+  return false;
+}
+
+uint64_t tc_store_wanted(tc_store *s) {
+  const uint64_t wanted = s->wanted;
+  s->wanted = 0;
+  return wanted;
+}
+
 static bool grow_list(tc_store *s) {
   if (s->count < s->capacity) return true;
   int capacity = s->capacity ? 2 * s->capacity : 32;
@@ -83,7 +105,7 @@ tc_stored *tc_store_add(tc_store *s, const tc_store_kind *kind, const void *key,
   make_room(s, kind, bytes, NULL);
   tc_stored *it = calloc(1, sizeof *it);
   void *copy = malloc(key_size);
-  if (!it || !copy || !grow_list(s)) {
+  if (!fits(s, bytes) || !it || !copy || !grow_list(s)) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "%s: out of memory", kind->name);
     free_thing(kind, thing, true);
     free(it);
@@ -119,9 +141,10 @@ void tc_store_forget(tc_store *s, uint64_t volume_serial) {
 }
 
 uint64_t tc_store_held(const tc_store *s) { return s->held; }
-uint64_t tc_store_budget(const tc_store *s) { return s->budget; }
+uint64_t tc_store_budget(const tc_store *s) { return s->most; }
 
-void tc_store_limit(tc_store *s, uint64_t budget_bytes) {
-  s->budget = budget_bytes;
+void tc_store_limit(tc_store *s, uint64_t most_bytes) {
+  s->ceiling = most_bytes;
+  s->budget = most_bytes < s->most ? most_bytes : s->most;
   make_room(s, NULL, 0, NULL);
 }

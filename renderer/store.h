@@ -41,6 +41,8 @@ tc_stored *tc_store_latest(const tc_store *store, const tc_store_kind *kind,
  * make room for its bytes: what a frame already has of other kinds stays. */
 tc_stored *tc_store_add(tc_store *store, const tc_store_kind *kind, const void *key, size_t key_size, uint64_t volume,
                         void *thing, size_t bytes, GError **error);
+/* Whether it may: TC_ERROR_MEMORY. Older ones of its kind go for it. */
+bool tc_store_may_grow(tc_store *store, const tc_stored *stored, size_t bytes, GError **error);
 /* It takes so many bytes more from now on. */
 void tc_store_grow(tc_store *store, tc_stored *stored, size_t bytes);
 /* The thing, in use now; NULL for NULL and for one in the making. */
@@ -49,7 +51,10 @@ const void *tc_store_use(tc_store *store, tc_stored *stored);
 /* Drops what goes with a volume. */
 void tc_store_forget(tc_store *store, uint64_t volume_serial);
 uint64_t tc_store_held(const tc_store *store);
-uint64_t tc_store_budget(const tc_store *store);
-void tc_store_limit(tc_store *store, uint64_t budget_bytes);
+uint64_t tc_store_budget(const tc_store *store); /* as it was made with */
+/* What there is at all from now on; the budget is as it was made, or this where it is less. Drops what is over it. */
+void tc_store_limit(tc_store *store, uint64_t most_bytes);
+/* Bytes of what did not, where that was what failed last; 0 then until the next failure. */
+uint64_t tc_store_wanted(tc_store *store);
 
 #endif

@@ -228,9 +228,8 @@ static bool fits(tcs_budget *budget, const tcs_load *load) {
 static bool has_memory(tcs_load *load, bool *give_up) {
   tcs_catalogue *catalogue = load->catalogue;
   tcs_budget *budget = catalogue->server->budget;
-  const uint64_t wanted = load->wanted + load->decoder_wanted;
   if (!load->refused || fits(budget, load)) return true;
-  const bool coming = tcs_room_make(catalogue, wanted, load->wanted) || catalogue->running > 0 ||
+  const bool coming = tcs_room_make(catalogue, load->wanted, load->decoder_wanted) || catalogue->running > 0 ||
                       tcs_budget_used(budget, TCS_MEMORY_PINNED) > 0;
   *give_up = !coming || g_get_monotonic_time() - load->asked_us > MEMORY_WAIT_US;
   return fits(budget, load);

@@ -52,10 +52,10 @@ void tcs_load_begin(tcs_catalogue *catalogue, tcs_entry *entry, const tcs_source
 void tcs_load_leave(tcs_load *load);
 
 /* Drops least recently used derived data, then volumes that no session shows, least recently used first and the
- * operator's last, until this much fits, `voxels` of it voxels, or will, once what was dropped is not being used any
- * more. False: there is not that much to drop, and nothing was. */
-bool tcs_room_make(tcs_catalogue *catalogue, uint64_t bytes, uint64_t voxels);
-bool tcs_room_give(void *catalogue, uint64_t bytes); /* tcs_give_fn: for what is no voxels */
+ * operator's last, until this much fits, or will, once what was dropped is not being used any more. False: there is not
+ * that much to drop, and nothing was. */
+bool tcs_room_make(tcs_catalogue *catalogue, uint64_t voxel_bytes, uint64_t more_bytes);
+bool tcs_room_give(void *catalogue, uint64_t bytes, const void *spare); /* tcs_give_fn: for what is no voxels */
 bool tcs_room_possible(tcs_catalogue *catalogue, uint64_t bytes);
 /* What the ledger has for a volume of this many voxel bytes. */
 uint64_t tcs_room_of(uint64_t voxel_bytes);

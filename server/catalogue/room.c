@@ -27,8 +27,8 @@ static int by_age(const void *a, const void *b) {
   return (*x)->used_us < (*y)->used_us ? -1 : (*x)->used_us > (*y)->used_us;
 }
 
-/* Volumes no session shows, the first to go first. */
-static GPtrArray *idle_volumes(tcs_catalogue *catalogue, uint64_t *bytes) {
+/* Volumes no session shows, the first to go first; not `spare`, of which a picture is being made. */
+static GPtrArray *idle_volumes(tcs_catalogue *catalogue, const tc_volume *spare, uint64_t *bytes) {
   GPtrArray *idle = g_ptr_array_new();
   GHashTableIter iterator;
   void *value;
@@ -36,7 +36,7 @@ static GPtrArray *idle_volumes(tcs_catalogue *catalogue, uint64_t *bytes) {
   g_hash_table_iter_init(&iterator, catalogue->entries);
   while (g_hash_table_iter_next(&iterator, NULL, &value)) {
     const tcs_entry *entry = value;
-    if (entry->state != TCS_RESIDENT || entry->users > 0) continue;
+    if (entry->state != TCS_RESIDENT || entry->users > 0 || entry->volume == spare) continue;
     *bytes += tcs_room_of(tc_volume_bytes(entry->volume));
     g_ptr_array_add(idle, value);
   }
@@ -51,7 +51,7 @@ static bool suffices(tcs_budget *budget, const shortage *missing, uint64_t idle_
 bool tcs_room_possible(tcs_catalogue *catalogue, uint64_t bytes) {
   const shortage missing = shortage_of(catalogue->server->budget, bytes, bytes);
   uint64_t idle_bytes;
-  g_ptr_array_unref(idle_volumes(catalogue, &idle_bytes));
+  g_ptr_array_unref(idle_volumes(catalogue, NULL, &idle_bytes));
   return suffices(catalogue->server->budget, &missing, idle_bytes);
 }
 
@@ -62,12 +62,12 @@ static void drop(tcs_catalogue *catalogue, tcs_entry *entry) {
   tcs_entry_fail(catalogue, entry, g_strdup("it was dropped to make room for others; load it again"));
 }
 
-bool tcs_room_make(tcs_catalogue *catalogue, uint64_t bytes, uint64_t voxels) {
+static bool make(tcs_catalogue *catalogue, uint64_t bytes, uint64_t voxels, const tc_volume *spare) {
   tcs_budget *budget = catalogue->server->budget;
   const uint64_t cached = tcs_budget_used(budget, TCS_MEMORY_CACHES);
   const shortage missing = shortage_of(budget, bytes, voxels);
   uint64_t idle_bytes;
-  GPtrArray *idle = idle_volumes(catalogue, &idle_bytes);
+  GPtrArray *idle = idle_volumes(catalogue, spare, &idle_bytes);
   const bool enough = suffices(budget, &missing, idle_bytes);
   if (enough && missing.any && cached)
     tcs_scheduler_limit_cache(catalogue->server->scheduler, minus(cached, missing.any));
@@ -81,4 +81,8 @@ bool tcs_room_make(tcs_catalogue *catalogue, uint64_t bytes, uint64_t voxels) {
   return enough;
 }
 
-bool tcs_room_give(void *catalogue, uint64_t bytes) { return tcs_room_make(catalogue, bytes, 0); }
+bool tcs_room_make(tcs_catalogue *catalogue, uint64_t voxel_bytes, uint64_t more_bytes) {
+  return make(catalogue, voxel_bytes + more_bytes, voxel_bytes, NULL);
+}
+
+bool tcs_room_give(void *catalogue, uint64_t bytes, const void *spare) { return make(catalogue, bytes, 0, spare); }

@@ -110,8 +110,8 @@ void tcs_budget_when_asked(tcs_budget *budget, tcs_give_fn give, void *user) {
   budget->user = user;
 }
 
-bool tcs_budget_ask(tcs_budget *budget, uint64_t bytes) {
-  return bytes <= left_locked(budget, false) || (budget->give && budget->give(budget->user, bytes));
+bool tcs_budget_ask(tcs_budget *budget, uint64_t bytes, const void *spare) {
+  return bytes <= left_locked(budget, false) || (budget->give && budget->give(budget->user, bytes, spare));
 }
 
 typedef struct counted {

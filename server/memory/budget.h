@@ -47,12 +47,12 @@ uint64_t tcs_budget_used(tcs_budget *budget, tcs_memory_kind kind);
 /* What is left of the whole, and of the voxels' part of it. */
 uint64_t tcs_budget_left(tcs_budget *budget);
 uint64_t tcs_budget_left_for_voxels(tcs_budget *budget);
-/* Memory is missing: whoever can is asked to give back what was not used for long, until `bytes` are left. False: there
- * is not that much, and nothing was given back; true: it is there, or on its way through the render thread, in the order
+/* Memory is missing: whoever can is asked to give back what was not used for long, but `spare` (a volume, or NULL), until
+ * `bytes` are left. False: there is not that much, and nothing was given back; true: it is there, or on its way through the render thread, in the order
  * of its tasks. I/O thread. */
-bool tcs_budget_ask(tcs_budget *budget, uint64_t bytes);
+bool tcs_budget_ask(tcs_budget *budget, uint64_t bytes, const void *spare);
 /* Who is asked. */
-typedef bool (*tcs_give_fn)(void *user, uint64_t bytes);
+typedef bool (*tcs_give_fn)(void *user, uint64_t bytes, const void *spare);
 void tcs_budget_when_asked(tcs_budget *budget, tcs_give_fn give, void *user);
 
 /* Whether voxels of this many bytes may be taken. */

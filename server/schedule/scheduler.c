@@ -371,6 +371,12 @@ static void counted_slice(tcs_job *job) {
   tc_renderer_limit_cache(renderer, tc_renderer_cached(renderer) + tcs_budget_left(budget));
   run_slice(&job->task);
   tcs_budget_set(budget, TCS_MEMORY_CACHES, tc_renderer_cached(renderer));
+  const uint64_t wanted = tc_renderer_wanted(renderer);
+  if (job->error && wanted) {
+    job->memory_wanted = wanted;
+    g_clear_error(&job->error);
+    tcs_budget_refuse(budget, &job->error);
+  }
   if (job->error && !g_error_matches(job->error, TC_ERROR, TC_ERROR_PAUSED)) count_frame(job, tcs_frame_bytes(&job->frame));
 }
 
@@ -414,7 +420,7 @@ static bool try_again(tcs_scheduler *scheduler, tcs_job *job) {
   if (!wanted || job->asked || !job->client) return false;
   job->asked = true;
   drop_spare_frames(scheduler);
-  return tcs_budget_ask(scheduler->server->budget, wanted);
+  return tcs_budget_ask(scheduler->server->budget, wanted, job->volume);
 }
 
 static void count_slice(tcs_scheduler *scheduler, const tcs_job *job, bool paused) {

@@ -174,6 +174,22 @@ test('a picture that cannot fit is refused; what nobody uses goes first', async 
   await d.stop();
 });
 
+test('coefficients that find no room are refused until they do', async () => {
+  const program = await programBytes(); // 8 MB of voxels, of which coefficients take 32
+  const d = await Daemon.start({ n: 200, files: { 'shown.nrrd': slab(25) }, config: `[limits]\nmemory_bytes=${program + 62 * MB | 0}\ncache_bytes=${40 * MB}\n` });
+  const picture = { volume: 'ball', scene: { image: { width: 64, height: 64 }, filter: 'cubic', sampling: { prefilter: true } } };
+  await d.post('/v1/volumes', { id: 'shown', path: 'shown.nrrd' });
+  await settled(d, 'shown');
+  const { json } = await d.post('/v1/sessions', { volume: 'shown' });
+  const refused = await d.post('/v1/render', picture);
+  assert.match(problem(refused, 503).detail, /memory is used up: .*volumes 3/);
+  assert.ok(Number(refused.headers.get('retry-after')) >= 1);
+  await d.delete(json.links.self);
+  assert.equal((await d.post('/v1/render', picture)).status, 200);
+  assert.match((await d.get('/v1/volumes/shown')).json.reason, /dropped to make room/);
+  await d.stop();
+});
+
 test('encoded pictures are counted as long as anybody has them', async () => {
   const d = await Daemon.start();
   const session = await d.session({ image: { width: 512, height: 512, format: 'png' } });
