@@ -206,7 +206,7 @@ static GString *write_reply(const tcs_request *request) {
   g_string_printf(text, "HTTP/1.1 %d %s\r\nDate: %s\r\nConnection: close\r\nContent-Length: %zu\r\n", request->status,
                   MHD_get_reason_phrase_for((unsigned)request->status), date, strlen(request->problem));
   MHD_get_response_headers(request->reply, put_header, text);
-  g_string_append_printf(text, "\r\n%s", request->problem);
+  g_string_append_printf(text, "\r\n%s", strcmp(request->method, "HEAD") == 0 ? "" : request->problem);
   g_free(date);
   g_date_time_unref(now);
   return text;

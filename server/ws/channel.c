@@ -7,6 +7,8 @@
 
 /* Bytes read in one turn, so that one busy peer does not hold up the others. */
 #define READ_BUDGET 4096
+/* wslay keeps each fragment by itself, with some hundred bytes beside: a message of one byte each would take megabytes. */
+#define MOST_FRAGMENTS 1024
 
 /* wslay copies what it is given, so a message with a large shared part is framed here: between wslay's messages, never
  * within one. */
@@ -24,6 +26,7 @@ struct tcs_channel {
   size_t budget;
   shared_message shared;
   bool closing, broken; /* broken: the pipe itself failed */
+  unsigned fragments; /* of the message that comes */
   bool in_close;
   uint8_t close_body[125];
   size_t close_size;
@@ -87,6 +90,12 @@ static void on_frame_start(wslay_event_context_ptr wslay, const struct wslay_eve
                            void *user) {
   tcs_channel *channel = user;
   channel->in_close = frame->opcode == WSLAY_CONNECTION_CLOSE;
+  if (frame->opcode != WSLAY_CONTINUATION_FRAME) {
+    if (!wslay_is_ctrl_frame(frame->opcode)) channel->fragments = 1;
+  } else if (++channel->fragments > MOST_FRAGMENTS) {
+    tcs_channel_close(channel, WSLAY_CODE_MESSAGE_TOO_BIG, "too many fragments");
+    wslay_event_shutdown_read(wslay);
+  }
 }
 
 static void on_frame_chunk(wslay_event_context_ptr wslay, const struct wslay_event_on_frame_recv_chunk_arg *chunk,

@@ -58,6 +58,13 @@ for (const [what, head, piece, status] of cases) {
   });
 }
 
+test('9110 9.3.2: a refusal in the middle of what comes with a HEAD has no body', async () => {
+  const { bytes } = await stubborn(`HEAD /healthz HTTP/1.1\r\n${host}Content-Length: ${50 * MB}\r\n\r\n`, zeros, 50);
+  const [reply, ...more] = replies(bytes, ['HEAD']);
+  assert.deepEqual([reply.status, more.length], [413, 0]);
+  assert.ok(Number(reply.headers['content-length']) > 0);
+});
+
 test('nobody lingers for ever: many who never close, and one who never stops writing', async () => {
   const open = () => readdirSync(`/proc/${d.process.pid}/fd`).length;
   const before = open();

@@ -104,6 +104,8 @@ const rows = [
   ['10.4', 'a message over the limit', join(wide(70000n), Buffer.of(1)), 1009],
   ['10.4', 'a message of 2^40 bytes', join(wide(1n << 40n), Buffer.of(1)), 1009],
   ['10.4', 'fragments over the limit', join(frameBytes('x'.repeat(60000), { fin: false }), frameBytes('x'.repeat(60000), { opcode: OP.more, fin: false })), 1009],
+  ['10.4', 'fragments without end', join(frameBytes('', { fin: false }), ...Array.from({ length: 3000 }, () => frameBytes(' ', { opcode: OP.more, fin: false }))), 1009],
+  ['5.4', 'a thousand fragments', join(frameBytes('{', { fin: false }), ...Array.from({ length: 1000 }, () => frameBytes(' ', { opcode: OP.more, fin: false })), frameBytes('}', { opcode: OP.more }), closing(1000)), 1000],
   ['5.4', 'a continuation of nothing', frameBytes('x', { opcode: OP.more }), 1002],
   ['5.4', 'a continuation after an end', join(ping, frameBytes('x', { opcode: OP.more })), 1002],
   ['5.4', 'a new message inside another', join(frameBytes('a', { fin: false }), frameBytes('b')), 1002],
