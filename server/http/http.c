@@ -189,7 +189,6 @@ static bool is_last(const tcs_request *request) {
 static enum MHD_Result hand_over(tcs_request *request) {
   account(request);
   if (request->status != 101 && is_last(request)) tcs_reply_header(request, "Connection", "close");
-  request->queued = true;
   tcs_shield(request);
   return MHD_queue_response(request->connection, (unsigned)request->status, request->reply);
 }

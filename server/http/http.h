@@ -34,7 +34,6 @@ struct tcs_request {
   struct MHD_Response *reply;
   const char *problem; /* the reply's text; NULL: it is none */
   int status;
-  bool queued; /* the reply was handed to MHD */
   bool cut;    /* close the connection without a reply */
   bool for_metrics; /* came where nothing but the metrics are, for everybody */
 

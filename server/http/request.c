@@ -14,7 +14,7 @@ void tcs_reply_header(tcs_request *request, const char *name, const char *value)
   if (request->reply) MHD_add_response_header(request->reply, name, value);
 }
 
-static void reply_text_response(tcs_request *request, int status, const char *type, char *text) {
+void tcs_reply_text(tcs_request *request, int status, const char *type, char *text) {
   struct MHD_Response *response = MHD_create_response_from_buffer(strlen(text), text, MHD_RESPMEM_MUST_FREE);
   if (!response) free(text);
   if (response) MHD_add_response_header(response, "Content-Type", type);
@@ -22,14 +22,10 @@ static void reply_text_response(tcs_request *request, int status, const char *ty
   request->problem = response ? text : NULL;
 }
 
-void tcs_reply_text(tcs_request *request, int status, const char *type, char *text) {
-  reply_text_response(request, status, type, text);
-}
-
 static void reply_document(tcs_request *request, int status, const char *type, cJSON *json) {
   char *text = cJSON_PrintUnformatted(json);
   cJSON_Delete(json);
-  reply_text_response(request, status, type, text ? text : strdup("{}"));
+  tcs_reply_text(request, status, type, text ? text : strdup("{}"));
 }
 
 void tcs_reply_json(tcs_request *request, int status, cJSON *json) {
