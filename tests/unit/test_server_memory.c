@@ -51,6 +51,35 @@ static void a_refusal_says_what_is_used_by_what(void **state) {
   tcs_budget_free(budget);
 }
 
+static bool give_back(void *user, uint64_t bytes, const void *spare) {
+  *(uint64_t *)user = bytes;
+  return spare != NULL;
+}
+
+static void who_can_give_back_is_asked_for_what_is_missing(void **state) {
+  tcs_budget *budget = tcs_budget_new(100, 60);
+  uint64_t asked = 0;
+  assert_true(tcs_budget_ask(budget, 100, NULL)); /* it is there */
+  assert_false(tcs_budget_ask(budget, 101, budget));
+  tcs_budget_when_asked(budget, give_back, &asked);
+  assert_true(tcs_budget_ask(budget, 101, budget));
+  assert_int_equal(asked, 101);
+  assert_false(tcs_budget_ask(budget, 102, NULL));
+  tcs_budget_free(budget);
+}
+
+static void bytes_are_counted_until_nobody_has_them(void **state) {
+  tcs_budget *budget = tcs_budget_new(100, 60);
+  GBytes *bytes = tcs_budget_bytes(budget, TCS_MEMORY_PICTURES, g_malloc(70), 70);
+  GBytes *second = g_bytes_ref(bytes);
+  assert_int_equal(tcs_budget_left(budget), 30);
+  g_bytes_unref(bytes);
+  assert_int_equal(tcs_budget_used(budget, TCS_MEMORY_PICTURES), 70);
+  g_bytes_unref(second);
+  assert_int_equal(tcs_budget_left(budget), 100);
+  tcs_budget_free(budget);
+}
+
 /* ---- control groups, as folders ---- */
 
 static char *root;
@@ -135,6 +164,8 @@ int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(what_is_taken_is_counted),
       cmocka_unit_test(a_refusal_says_what_is_used_by_what),
+      cmocka_unit_test(who_can_give_back_is_asked_for_what_is_missing),
+      cmocka_unit_test(bytes_are_counted_until_nobody_has_them),
       cmocka_unit_test(the_machine_alone),
       cmocka_unit_test(the_second_version_with_its_ancestors),
       cmocka_unit_test(a_group_shown_at_the_top),
