@@ -396,16 +396,35 @@ bool tc_volume_value_at(const tc_volume *volume, const double index[3], double *
   return true;
 }
 
+static double value_of(tc_voxel_type type, unsigned raw) {
+  return type == TC_I8 ? (int8_t)raw : type == TC_I16 ? (int16_t)raw : (int)raw;
+}
+
+/* How many voxels have each value, of integers; NULL: they are none, or out of memory. Caller frees. */
+static uint64_t *tally(const tc_volume *v, size_t n) {
+  const bool wide = tc_voxel_size(v->desc.type) == 2;
+  uint64_t *of = v->desc.type == TC_F32 || v->nothing ? NULL : calloc(65536, sizeof *of);
+  for (size_t i = 0; of && i < n; i++)
+    of[wide ? ((const uint16_t *)v->voxels)[i] : v->voxels[i]]++;
+  return of;
+}
+
+static int bin_of(const tc_volume *volume, double voxel, double lo, double scale, int bins) {
+  double at = (volume->desc.slope * voxel + volume->desc.intercept - lo) * scale;
+  /* infinite or no number where the range is next to nothing */
+  return at < bins ? at > 0 ? (int)at : 0 : at >= bins ? bins - 1 : 0;
+}
+
 void tc_volume_histogram(const tc_volume *volume, int bins, uint64_t *counts, double *edges) {
   double lo = volume->stats.min, hi = volume->stats.max;
   for (int i = 0; i <= bins; i++) edges[i] = lo + (hi - lo) * i / bins;
   memset(counts, 0, (size_t)bins * sizeof *counts);
   double scale = hi > lo ? bins / (hi - lo) : 0;
   size_t n = voxel_count(volume);
-  for (size_t i = 0; i < n; i++) {
-    if (is_nothing(volume, i)) continue;
-    double v = volume->desc.slope * voxel_as_double(volume, i) + volume->desc.intercept;
-    double at = (v - lo) * scale; /* infinite or no number where the range is next to nothing */
-    counts[at < bins ? at > 0 ? (int)at : 0 : at >= bins ? bins - 1 : 0]++;
-  }
+  uint64_t *of = tally(volume, n);
+  for (unsigned raw = 0; of && raw < 65536; raw++)
+    if (of[raw]) counts[bin_of(volume, value_of(volume->desc.type, raw), lo, scale, bins)] += of[raw];
+  for (size_t i = 0; !of && i < n; i++)
+    if (!is_nothing(volume, i)) counts[bin_of(volume, voxel_as_double(volume, i), lo, scale, bins)]++;
+  free(of);
 }
