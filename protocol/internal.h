@@ -69,7 +69,8 @@ struct tcp_reader {
   tc_scene *scene;
   const tc_scene *defaults;
   const tcp_lists *lists;      /* or NULL */
-  double value_min, value_max; /* scale relative presets */
+  double value_min, value_max; /* scale relative presets, unless ... */
+  const tc_stretch *stretch;   /* ... says how presets are fitted; or NULL */
   GString *pointer;            /* RFC 6901, of the member being read */
   GError **error;
   bool preset_given, max_error_given;

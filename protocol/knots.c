@@ -157,8 +157,10 @@ static const char **preset_names(void) {
 
 static bool read_preset(tcp_reader *reader, const tcp_member *member, const cJSON *value) {
   if (!cJSON_IsString(value)) return tcp_fail_type(reader, "a string", value);
-  reader->preset_given = tc_transfer_function_set_preset(&reader->scene->transfer_function, value->valuestring,
-                                                         reader->value_min, reader->value_max);
+  tc_transfer_function *tf = &reader->scene->transfer_function;
+  reader->preset_given =
+      reader->stretch ? tc_transfer_function_fit_preset(tf, value->valuestring, reader->stretch)
+                      : tc_transfer_function_set_preset(tf, value->valuestring, reader->value_min, reader->value_max);
   if (reader->preset_given) return true;
   const char **names = preset_names();
   char *quoted = tcp_quote(value->valuestring), *hint = tcp_hint(value->valuestring, names);

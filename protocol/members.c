@@ -78,6 +78,8 @@ const tcp_member tcp_members[] = {
     {"window", "width", TCP_NUMBER, AT(window.width), RANGE(0, TCP_MAX_VALUE), .flags = TCP_ABOVE | TCP_FITTED,
      .unit = "value", .doc = "Values from black to white."},
 
+    {"", "hideTable", TCP_BOOLEAN, AT(hide_table), .flags = TCP_FITTED,
+     .doc = "Leave out tables, containers and padding around the body, where some were found; not in mode mpr."},
     {"", "classification", TCP_NAME, AT(classification), .names = tc_classification_names,
      .doc = "How colour and opacity are integrated between samples."},
     {"", "order", TCP_NAME, AT(order), .names = tc_order_names, .doc = "Order of compositing."},

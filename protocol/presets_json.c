@@ -8,6 +8,17 @@ static cJSON *write_points(const tc_preset *preset) {
   return tcp_special_points.write(NULL, &scene);
 }
 
+/* A scene's member of the name: what choosing the preset makes of the light. */
+static cJSON *write_shading(const tc_preset *preset) {
+  tc_scene scene;
+  tc_scene_init(&scene);
+  tc_scene_light(&scene, preset->lit);
+  cJSON *document = tcp_scene_write(&scene), *shading = cJSON_DetachItemFromObjectCaseSensitive(document, "shading");
+  cJSON_Delete(document);
+  tc_scene_clear(&scene);
+  return shading;
+}
+
 static cJSON *write_preset(const tc_preset *preset) {
   cJSON *object = cJSON_CreateObject();
   tcp_add(object, "name", cJSON_CreateStringReference(preset->name));
@@ -16,6 +27,7 @@ static cJSON *write_preset(const tc_preset *preset) {
   tcp_add(object, "relative", cJSON_CreateBool(preset->relative));
   tcp_add(object, "unitDistance", cJSON_CreateNumber(preset->unit_distance_mm));
   tcp_add(object, "points", write_points(preset));
+  tcp_add(object, "shading", write_shading(preset));
   return object;
 }
 

@@ -39,7 +39,11 @@ bool tcp_lists_read(const cJSON *document, tcp_lists *lists, GError **error);
 void tcp_lists_clear(tcp_lists *lists);
 
 /* What a document may need to know of the volume it is for, in the volume's unit; lists: of this document, or NULL. */
-typedef struct tcp_scene_context { double value_min, value_max; const tcp_lists *lists; } tcp_scene_context;
+typedef struct tcp_scene_context {
+  double value_min, value_max;
+  const tcp_lists *lists;
+  const tc_stretch *stretch; /* how presets are fitted to it; NULL: along value_min..value_max */
+} tcp_scene_context;
 
 /* Merge patch (RFC 7396) onto *scene: members in `patch` replace, null returns a member to what `defaults` holds. A
  * patch with transferFunction.preset and no points takes the preset's points; one with points and no preset clears the
@@ -51,9 +55,10 @@ typedef struct tcp_scene_context { double value_min, value_max; const tcp_lists 
 bool tcp_scene_patch(tc_scene *scene, const cJSON *patch, const tc_scene *defaults, const tcp_scene_context *context,
                      GError **error);
 
-/* Lights the defaults in *scene that a document is laid on, if it asks for mode isosurface: unlit it is a mere outline,
- * and shows so only where shading.model is none in so many words. Before tcp_scene_patch(); not for a change of a
- * client's own scene. */
+/* Makes the defaults in *scene ready for a document to be laid on. They are how a first picture is shown; a document
+ * with a preset is lit as that is, one with points of its own gets them unlit, whole and per mm, and one with a mode of
+ * its own is shown whole. An isosurface is lit: unlit it is a mere outline, and shows so only where shading.model is none
+ * in so many words. Before tcp_scene_patch(); not for a change of a client's own scene. */
 void tcp_scene_light(tc_scene *scene, const cJSON *document);
 
 /* One "--set key=value": key is a dotted path ("camera.fovY"), value is JSON or, failing that, a string. Gives a

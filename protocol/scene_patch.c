@@ -112,6 +112,7 @@ bool tcp_scene_patch(tc_scene *scene, const cJSON *patch, const tc_scene *defaul
                        .lists = context ? context->lists : NULL,
                        .value_min = context ? context->value_min : 0,
                        .value_max = context ? context->value_max : 1,
+                       .stretch = context ? context->stretch : NULL,
                        .pointer = g_string_new(NULL),
                        .error = error};
   bool good = read_scene(&reader, patch) && tcp_scene_check(&next, patch, error);
@@ -161,7 +162,14 @@ void tcp_lists_clear(tcp_lists *lists) {
 }
 
 void tcp_scene_light(tc_scene *scene, const cJSON *document) {
+  const cJSON *look = cJSON_GetObjectItemCaseSensitive(document, "transferFunction");
   const char *mode = cJSON_GetStringValue(cJSON_GetObjectItemCaseSensitive(document, "mode"));
+  const char *name = cJSON_GetStringValue(cJSON_GetObjectItemCaseSensitive(look, "preset"));
+  const tc_preset *preset = name ? tc_preset_named(name) : NULL;
+  const bool own_points = !name && cJSON_IsArray(cJSON_GetObjectItemCaseSensitive(look, "points"));
+  if (preset || own_points) tc_scene_light(scene, preset && preset->lit);
+  if (own_points) scene->transfer_function.unit_distance_mm = 1;
+  if (own_points || (mode && strcmp(mode, "dvr"))) scene->hide_table = false;
   if (mode && !strcmp(mode, "isosurface") && scene->shading.model == TC_SHADING_NONE)
     scene->shading.model = TC_SHADING_BLINN_PHONG;
 }

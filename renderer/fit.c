@@ -3,28 +3,44 @@
 #include <string.h>
 
 #include "renderer/tomocast.h"
+#include "renderer/volume/body.h"
+#include "renderer/volume/values.h"
 
-/* Percentile of the voxels by a histogram: robust against a few outliers. */
-static void percentiles(const tc_volume *volume, double low, double high, double *lo, double *hi) {
-  enum { BINS = 1024 };
-  uint64_t counts[BINS], total = 0, sum = 0;
-  double edges[BINS + 1];
-  tc_volume_histogram(volume, BINS, counts, edges);
-  for (int i = 0; i < BINS; i++) total += counts[i];
-  *lo = edges[0], *hi = edges[BINS];
-  bool have_low = false;
-  for (int i = 0; i < BINS; i++) {
-    sum += counts[i];
-    if (!have_low && (double)sum >= low * (double)total) *lo = edges[i], have_low = true;
-    if ((double)sum >= high * (double)total) {
-      *hi = edges[i + 1];
-      return;
-    }
-  }
+/* The diagonal for which presets are meant, in mm: a head's. */
+#define PRESET_DIAGONAL_MM 400.0
+/* Outside of a patient and of what he lies on. */
+#define AIR_HU -1000
+/* Skin and fat are denser, what pads tables is not. */
+#define DENSE_HU -300
+#define BONE_HU 300
+/* Share of bone among what is dense: a head has more, a trunk less. */
+#define HEAD_BONE 0.1
+/* A volume so much thinner along one axis than along the others is looked at along it. */
+#define THIN 0.25
+
+static double diagonal_of(const tc_volume *volume) {
+  double lo[3], hi[3], a[3], b[3], sum = 0;
+  tc_volume_index_box(volume, lo, hi);
+  tc_volume_index_to_lps(volume, lo, a);
+  tc_volume_index_to_lps(volume, hi, b);
+  for (int k = 0; k < 3; k++) sum += (b[k] - a[k]) * (b[k] - a[k]);
+  return sqrt(sum);
+}
+
+/* Where the eye is from the target, and what is up: in front, the head up; of a few axial or sagittal slices, as those
+ * are looked at. */
+static void view_of(const double extent[3], double back[3], double up[3]) {
+  static const double views[3][2][3] = {
+      {{0, -1, 0}, {0, 0, 1}}, {{0, 0, -1}, {0, -1, 0}}, {{1, 0, 0}, {0, 0, 1}}};
+  const bool axial = extent[2] < THIN * fmin(extent[0], extent[1]);
+  const bool sagittal = extent[0] < THIN * fmin(extent[1], extent[2]);
+  const int view = axial ? 1 : sagittal ? 2 : 0;
+  memcpy(back, views[view][0], 3 * sizeof *back);
+  memcpy(up, views[view][1], 3 * sizeof *up);
 }
 
 static void fit_camera(tc_camera *camera, const tc_volume *volume) {
-  double lo[3], hi[3], mid[3], corner[3], p[3], radius = 0;
+  double lo[3], hi[3], mid[3], corner[3], p[3], back[3], extent[3] = {0}, radius = 0;
   tc_volume_index_box(volume, lo, hi);
   for (int k = 0; k < 3; k++) mid[k] = 0.5 * (lo[k] + hi[k]);
   tc_volume_index_to_lps(volume, mid, camera->target);
@@ -33,53 +49,35 @@ static void fit_camera(tc_camera *camera, const tc_volume *volume) {
     for (int k = 0; k < 3; k++) corner[k] = c >> k & 1 ? hi[k] : lo[k];
     tc_volume_index_to_lps(volume, corner, p);
     for (int k = 0; k < 3; k++) d2 += (p[k] - camera->target[k]) * (p[k] - camera->target[k]);
+    for (int k = 0; k < 3; k++) extent[k] = fmax(extent[k], 2 * fabs(p[k] - camera->target[k]));
     radius = fmax(radius, sqrt(d2));
   }
   if (!(radius > 0)) radius = 1;
   camera->projection = TC_PERSPECTIVE;
   camera->fov_y_deg = 30;
-  /* From the front, head up; the bounding sphere fits with room to turn. */
+  view_of(extent, back, camera->up);
+  /* The bounding sphere fits with room to turn. */
   double distance = radius / sin(camera->fov_y_deg * M_PI / 360);
-  memcpy(camera->position, camera->target, sizeof camera->position);
-  camera->position[1] -= distance;
-  camera->up[0] = 0, camera->up[1] = 0, camera->up[2] = 1;
+  for (int k = 0; k < 3; k++) camera->position[k] = camera->target[k] + distance * back[k];
   camera->height_mm = 2 * radius;
 }
 
-/* Values in Hounsfield units; a CT that was never rescaled has no use for them. */
-static bool is_hounsfield(const tc_volume *volume) {
+/* ---- values ---- */
+
+/* A CT that was never rescaled has no Hounsfield units. */
+static bool is_hounsfield(const tc_volume *volume, double low, double high) {
   const tc_volume_desc *d = tc_volume_describe(volume);
-  const tc_volume_stats *s = tc_volume_statistics(volume);
-  return (!strcmp(d->modality, "CT") || !strcmp(d->unit, "HU") || s->min < -500) && s->min < -100 && s->max > 300;
+  return (!strcmp(d->modality, "CT") || !strcmp(d->unit, "HU") || low < -500) && low < -100 && high > 300;
 }
 
-#define BONE_HU 300
-
-/* Bone in a CT; else what parts the histogram best: the largest variance between the two sides (Otsu, A threshold
- * selection method from gray-level histograms, IEEE Trans. SMC 9(1), 1979). */
-static double surface_value(const tc_volume *volume) {
-  enum { BINS = 256 };
-  uint64_t counts[BINS];
-  double edges[BINS + 1], all = 0, total = 0, below = 0, sum = 0, most = -1;
-  int best = BINS / 2;
-  if (is_hounsfield(volume)) return BONE_HU;
-  tc_volume_histogram(volume, BINS, counts, edges);
-  for (int i = 0; i < BINS; i++) all += (double)counts[i], total += (double)counts[i] * i;
-  for (int i = 1; i < BINS; i++) {
-    below += (double)counts[i - 1];
-    sum += (double)counts[i - 1] * (i - 1);
-    if (!(below > 0 && below < all)) continue;
-    double apart = sum / below - (total - sum) / (all - below), variance = below * (all - below) * apart * apart;
-    if (variance > most) most = variance, best = i;
-  }
-  return edges[best];
-}
-
-static const char *preset_for(const tc_volume *volume) {
+static const char *preset_for(const tc_volume *volume, const tc_values *values, const tc_fit *fit) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   if (!strcmp(d->modality, "XA")) return "vessels";
   if (!strcmp(d->format, "demo") && !strcmp(d->modality, "CT")) return "ct-head";
-  if (is_hounsfield(volume)) return "ct-bone";
+  if (fit->hounsfield) {
+    const double bone = tc_values_share(values, BONE_HU), dense = tc_values_share(values, DENSE_HU);
+    return bone > HEAD_BONE * dense ? "ct-bone" : "ct-chest-contrast";
+  }
   if (!strcmp(d->modality, "MR")) return "mr-default";
   return "surface";
 }
@@ -87,22 +85,69 @@ static const char *preset_for(const tc_volume *volume) {
 /* One value has no range: a unit, or what a float can tell apart at its size. */
 static double above(double lo, double hi) { return hi - lo > 1e-6 * fabs(lo) ? hi : lo + fmax(1, 1e-3 * fabs(lo)); }
 
-void tc_scene_fit(tc_scene *scene, const tc_volume *volume) {
+/* The window of what the file says, or of the values. */
+static void find_window(tc_fit *fit, const tc_volume *volume, const tc_values *values) {
   const tc_volume_desc *d = tc_volume_describe(volume);
-  const tc_volume_stats *s = tc_volume_statistics(volume);
-  fit_camera(&scene->camera, volume);
-  double lo, hi;
-  percentiles(volume, 0.001, 0.999, &lo, &hi);
+  double lo = tc_values_percentile(values, fit->stretch.low, 0.001);
+  double hi = tc_values_percentile(values, fit->stretch.low, 0.999);
   hi = above(lo, hi);
-  if (d->window_width > 0) {
-    scene->window.center = d->window_center;
-    scene->window.width = d->window_width;
-  } else {
-    scene->window.center = 0.5 * (lo + hi);
-    scene->window.width = hi - lo;
+  const bool own = d->window_width > 0;
+  for (int mode = 0; mode < TC_MODE_COUNT; mode++) {
+    fit->windows[mode].center = own ? d->window_center : 0.5 * (lo + hi);
+    fit->windows[mode].width = own ? d->window_width : hi - lo;
   }
-  scene->isosurface.value = surface_value(volume);
+}
+
+void tc_fit_find(tc_fit *fit, const tc_volume *volume) {
+  const tc_volume_stats *s = tc_volume_statistics(volume);
+  const double scale = diagonal_of(volume) / PRESET_DIAGONAL_MM;
+  memset(fit, 0, sizeof *fit);
+  fit->stretch = (tc_stretch){s->min, s->min, above(s->min, s->max), scale > 0 ? scale : 1};
+  fit->preset = "grey-ramp";
+  tc_values *values = tc_values_of(volume);
+  if (!values) return;
+  tc_values_range(values, &fit->stretch.low, &fit->stretch.high);
+  fit->stretch.middle = tc_values_threshold(values);
+  fit->hounsfield = is_hounsfield(volume, fit->stretch.low, fit->stretch.high);
+  fit->dense = fit->hounsfield ? DENSE_HU : fit->stretch.middle;
+  fit->surface = fit->hounsfield ? BONE_HU : fit->stretch.middle;
+  fit->preset = preset_for(volume, values, fit);
+  find_window(fit, volume, values);
+  tc_values_free(values);
+}
+
+tc_volume *tc_fit_body(const tc_fit *fit, const tc_volume *volume, bool (*goes_on)(void *user),
+                       bool (*reserve)(void *user, uint64_t bytes), void *user) {
+  const tc_body_options options = {.dense = fit->dense,
+                                   .most = fit->stretch.high,
+                                   .parts = fit->hounsfield,
+                                   .air = fit->hounsfield ? AIR_HU : fit->stretch.low,
+                                   .goes_on = goes_on,
+                                   .reserve = reserve,
+                                   .user = user};
+  return tc_body_of(volume, &options);
+}
+
+/* ---- scenes ---- */
+
+static void fit_scene(tc_scene *scene, const tc_volume *volume, const tc_fit *fit) {
+  fit_camera(&scene->camera, volume);
+  scene->window.center = fit->windows[TC_MODE_MPR].center;
+  scene->window.width = fit->windows[TC_MODE_MPR].width;
+  scene->isosurface.value = fit->surface;
   memcpy(scene->mpr.center, scene->camera.target, sizeof scene->mpr.center);
-  if (!tc_transfer_function_set_preset(&scene->transfer_function, preset_for(volume), s->min, above(s->min, s->max)))
-    tc_transfer_function_set_preset(&scene->transfer_function, "grey-ramp", s->min, above(s->min, s->max));
+  tc_transfer_function_fit_preset(&scene->transfer_function, fit->preset, &fit->stretch);
+}
+
+void tc_scene_fit(tc_scene *scene, const tc_volume *volume) {
+  tc_fit fit;
+  tc_fit_find(&fit, volume);
+  fit.stretch.unit = 1;
+  fit_scene(scene, volume, &fit);
+}
+
+void tc_scene_dress(tc_scene *scene, const tc_volume *volume, const tc_fit *fit, bool has_body) {
+  fit_scene(scene, volume, fit);
+  tc_scene_light(scene, tc_preset_named(fit->preset)->lit);
+  scene->hide_table = has_body;
 }

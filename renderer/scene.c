@@ -44,7 +44,7 @@ static void init_image(tc_scene *scene) {
   scene->image.subsampling = TC_SUBSAMPLING_AUTO;
 }
 
-static void init_surfaces(tc_scene *scene) {
+static void init_shading(tc_scene *scene) {
   scene->shading.model = TC_SHADING_NONE;
   scene->shading.gradient = TC_GRADIENT_CELL;
   scene->shading.ambient = 0.2;
@@ -53,6 +53,9 @@ static void init_surfaces(tc_scene *scene) {
   scene->shading.shininess = 20;
   scene->shading.light_at_camera = true;
   set3(scene->shading.light, 0, -1, 0);
+}
+
+static void init_surfaces(tc_scene *scene) {
   scene->isosurface.value = 300;
   set3(scene->isosurface.color, 0.92, 0.87, 0.77);
   scene->splat.threshold[0] = 300;
@@ -84,6 +87,7 @@ void tc_scene_init(tc_scene *scene) {
   scene->sampling.rays_per_pixel = 1;
   scene->sampling.termination = 0.001;
   scene->skipping.mode = TC_SKIPPING_AUTO;
+  init_shading(scene);
   init_surfaces(scene);
   init_mpr(scene);
   scene->labels.opacity = 0.5;
@@ -224,21 +228,58 @@ void tc_scene_take_visible(tc_scene *scene, const tc_scene *from) {
   scene->labels.shared_visible = shared;
 }
 
-bool tc_transfer_function_set_preset(tc_transfer_function *tf, const char *name, double lo, double hi) {
+const tc_preset *tc_preset_named(const char *name) {
   size_t count;
   const tc_preset *preset = tc_presets(&count);
-  while (count && strcmp(preset->name, name) != 0)
-    preset++, count--;
-  if (!count) return false;
-  tc_knot *points = g_memdup2(preset->points, preset->count * sizeof(tc_knot));
-  if (preset->relative)
-    for (size_t i = 0; i < preset->count; i++) /* weights, not lo + v*(hi-lo): no overflow, ends exact */
-      points[i].value = lo * (1 - points[i].value) + hi * points[i].value;
+  for (; count; preset++, count--)
+    if (strcmp(preset->name, name) == 0) return preset;
+  return NULL;
+}
+
+static double weighted(double from, double to, double at) {
+  return from * (1 - at) + to * at; /* not from + at*(to-from): no overflow, ends exact */
+}
+
+static double stretched(const tc_stretch *s, double at) {
+  return at < TC_STRETCH_MIDDLE ? weighted(s->low, s->middle, at / TC_STRETCH_MIDDLE)
+                                : weighted(s->middle, s->high, (at - TC_STRETCH_MIDDLE) / (1 - TC_STRETCH_MIDDLE));
+}
+
+static bool set_preset(tc_transfer_function *tf, const tc_preset *preset, tc_knot *points, double unit) {
   list_drop(tf->points, &tf->shared);
   tf->points = points;
   tf->count = preset->count;
   tf->kind = preset->kind;
-  tf->unit_distance_mm = preset->unit_distance_mm;
+  tf->unit_distance_mm = preset->unit_distance_mm * unit;
   g_strlcpy(tf->preset, preset->name, sizeof tf->preset);
   return true;
+}
+
+bool tc_transfer_function_set_preset(tc_transfer_function *tf, const char *name, double lo, double hi) {
+  const tc_preset *preset = tc_preset_named(name);
+  if (!preset) return false;
+  tc_knot *points = g_memdup2(preset->points, preset->count * sizeof(tc_knot));
+  for (size_t i = 0; preset->relative && i < preset->count; i++)
+    points[i].value = weighted(lo, hi, points[i].value);
+  return set_preset(tf, preset, points, 1);
+}
+
+bool tc_transfer_function_fit_preset(tc_transfer_function *tf, const char *name, const tc_stretch *stretch) {
+  const tc_preset *preset = tc_preset_named(name);
+  if (!preset) return false;
+  tc_knot *points = g_memdup2(preset->points, preset->count * sizeof(tc_knot));
+  for (size_t i = 0; preset->relative && i < preset->count; i++)
+    points[i].value = stretched(stretch, points[i].value);
+  return set_preset(tf, preset, points, stretch->unit);
+}
+
+void tc_scene_light(tc_scene *scene, bool lit) {
+  init_shading(scene);
+  if (!lit) return;
+  scene->shading.model = TC_SHADING_BLINN_PHONG;
+  scene->shading.gradient = TC_GRADIENT_CENTRAL;
+  scene->shading.ambient = 0.1;
+  scene->shading.diffuse = 0.9;
+  scene->shading.specular = 0.2;
+  scene->shading.shininess = 10;
 }

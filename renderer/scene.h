@@ -152,6 +152,7 @@ typedef struct tc_scene {
     uint32_t *visible; size_t n_visible;      /* owned; NULL = all; 0, what has no label, is one of them */
     tc_shared *shared_colors, *shared_visible; /* as tc_transfer_function.shared */
   } labels;
+  bool hide_table; /* the body alone (volume/body.h), where one was found, in all modes but mpr */
   struct { double max_error, max_ms; } quality; /* 0 = not asked */
   struct { int pixels; } error_meter;           /* 0 = off */
 } tc_scene;
@@ -201,7 +202,14 @@ typedef struct tc_preset {
   const tc_knot *points;
   size_t count;
   bool relative; /* knot values are 0..1 of the volume's value range */
+  bool lit;      /* shown with tc_scene_light(), else without light */
 } tc_preset;
+
+/* How presets are fitted to a volume: where 0, TC_STRETCH_MIDDLE and 1 of a relative one are among its values, linear
+ * between, and what unit distances are multiplied by, so that a picture does not depend on how large a volume is said to
+ * be. */
+typedef struct tc_stretch { double low, middle, high, unit; } tc_stretch;
+#define TC_STRETCH_MIDDLE 0.35
 
 typedef struct tc_window_preset { const char *name, *title, *modality; double center, width; } tc_window_preset;
 
@@ -211,5 +219,12 @@ const tc_window_preset *tc_window_presets(size_t *count);
 
 /* Puts the named preset into *tf (replacing its points; `lo`, `hi` scale a relative one). False: no such name. */
 bool tc_transfer_function_set_preset(tc_transfer_function *tf, const char *name, double lo, double hi);
+bool tc_transfer_function_fit_preset(tc_transfer_function *tf, const char *name, const tc_stretch *stretch);
+
+/* NULL: no such name. */
+const tc_preset *tc_preset_named(const char *name);
+
+/* The light of lit presets: Blinn-Phong, with normals of central differences. Without: what tc_scene_init() has. */
+void tc_scene_light(tc_scene *scene, bool lit);
 
 #endif

@@ -113,9 +113,29 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
 bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_volume *labels, const tc_scene *scene,
                       tc_plan *plan, GError **error);
 
-/* Defaults that fit a volume: camera that shows all of it from the front (patient's anterior, head up), transfer
- * function preset and window for its modality and range. *scene was initialised (tc_scene_init) before. */
+/* What a volume's voxels tell of how to show it. Plain values. */
+typedef struct tc_fit {
+  tc_stretch stretch;   /* low and high leave padding out; the middle parts what is shown from what is around it */
+  const char *preset;   /* of transfer functions; static */
+  bool hounsfield;      /* its values are Hounsfield units */
+  double dense;         /* the body's values, and those of tables, from here on */
+  double surface;       /* for isosurfaces */
+  struct { double center, width; } windows[TC_MODE_COUNT]; /* by mode; width 0: the mode has none */
+} tc_fit;
+
+/* Walks the voxels once, and few of `body`'s (or the volume's own, where NULL), which is what is shown of it. */
+void tc_fit_find(tc_fit *fit, const tc_volume *volume);
+void tc_fit_windows(tc_fit *fit, const tc_volume *volume, const tc_volume *body);
+/* The volume without tables and padding (volume/body.h), for who hides them; NULL: there are none, or no memory. */
+tc_volume *tc_fit_body(const tc_fit *fit, const tc_volume *volume, bool (*goes_on)(void *user),
+                       bool (*reserve)(void *user, uint64_t bytes), void *user);
+
+/* Defaults that fit a volume: camera that shows all of it from the front (patient's anterior, head up; what is thin, from
+ * its broad side), transfer function preset and window for its modality and range. *scene was initialised
+ * (tc_scene_init) before. Without light, whole, and opacity per mm. */
 void tc_scene_fit(tc_scene *scene, const tc_volume *volume);
+/* The same from what was found, and how a first picture is shown: lit as the preset is, without tables. */
+void tc_scene_dress(tc_scene *scene, const tc_volume *volume, const tc_fit *fit, bool has_body);
 
 /* Drops cached resources of a volume (or label volume) that is going away. */
 void tc_renderer_forget(tc_renderer *renderer, const tc_volume *volume);

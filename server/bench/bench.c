@@ -82,10 +82,12 @@ static double median(double *ms, int count) {
 static bool make_scene(bench *b, GError **error) {
   const tcs_cli_scene from = {.file = b->args.scene, .set = b->args.set, .width = b->args.size, .height = b->args.size};
   int exit_code;
+  tc_fit fit;
+  tc_fit_find(&fit, b->volume);
   tc_scene_init(&b->scene);
   tc_scene_fit(&b->scene, b->volume);
   tcs_cli_place_camera(b->volume, b->args.azimuth, b->args.elevation, b->args.zoom, &b->scene.camera);
-  return tcs_cli_lay_scene(&from, b->volume, &b->scene, &exit_code, error);
+  return tcs_cli_lay_scene(&from, &fit, &b->scene, &exit_code, error);
 }
 
 /* ---- measuring ---- */

@@ -16,6 +16,7 @@ static void free_entry(void *item) {
   tcs_entry *entry = item;
   if (entry->load) tcs_load_leave(entry->load);
   tc_volume_unref(entry->volume);
+  tc_volume_unref(entry->body);
   tc_scene_clear(&entry->defaults);
   g_free(entry->reason);
   g_free(entry);
@@ -181,6 +182,22 @@ void tcs_describe_provenance(cJSON *json, const tc_volume *volume) {
   cJSON_AddStringToObject(json, "note", desc->note);
 }
 
+static void add_window(cJSON *json, const char *name, double center, double width) {
+  cJSON *window = cJSON_AddObjectToObject(json, name);
+  cJSON_AddNumberToObject(window, "center", center);
+  cJSON_AddNumberToObject(window, "width", width);
+}
+
+/* What a client needs to fit presets and windows as the defaults are. */
+static void describe_fit(cJSON *json, const tc_fit *fit, bool has_body) {
+  cJSON *display = cJSON_AddObjectToObject(json, "display"), *windows = cJSON_AddObjectToObject(display, "windows");
+  add_vector(display, "range", (const double[3]){fit->stretch.low, fit->stretch.middle, fit->stretch.high}, 3);
+  cJSON_AddNumberToObject(display, "unitDistance", fit->stretch.unit);
+  cJSON_AddBoolToObject(display, "table", has_body);
+  for (int i = 0; i < TC_MODE_COUNT; i++)
+    if (fit->windows[i].width > 0) add_window(windows, tc_mode_names[i], fit->windows[i].center, fit->windows[i].width);
+}
+
 static void describe_volume(cJSON *json, const tc_volume *volume) {
   const tc_volume_desc *desc = tc_volume_describe(volume);
   const tc_volume_stats *stats = tc_volume_statistics(volume);
@@ -200,11 +217,7 @@ static void describe_volume(cJSON *json, const tc_volume *volume) {
   cJSON_AddNumberToObject(json, "intercept", desc->intercept);
   tcs_describe_provenance(json, volume);
   cJSON_AddNumberToObject(json, "nonFinite", (double)stats->non_finite);
-  if (desc->window_width > 0) {
-    cJSON *window = cJSON_AddObjectToObject(json, "window");
-    cJSON_AddNumberToObject(window, "center", desc->window_center);
-    cJSON_AddNumberToObject(window, "width", desc->window_width);
-  }
+  if (desc->window_width > 0) add_window(json, "window", desc->window_center, desc->window_width);
 }
 
 /* What is told of an entry. */
@@ -215,11 +228,13 @@ typedef struct row {
   int users;
   char *reason;      /* or NULL */
   tc_volume *volume; /* or NULL */
+  tc_fit fit;        /* of a volume */
+  bool has_body;
 } row;
 
 static row row_of(const tcs_entry *entry) {
   row r = {.state = entry->state, .permille = entry->load ? atomic_load(&entry->load->permille) : -1,
-           .users = entry->users, .reason = entry->reason, .volume = entry->volume};
+           .users = entry->users, .reason = entry->reason, .volume = entry->volume, .fit = entry->fit, .has_body = entry->body != NULL};
   memcpy(r.id, entry->id, sizeof r.id);
   return r;
 }
@@ -230,7 +245,10 @@ static cJSON *describe(const row *r) {
   cJSON_AddStringToObject(json, "state", state_names[r->state]);
   if (r->permille >= 0) cJSON_AddNumberToObject(json, "fraction", r->permille / 1000.0);
   if (r->reason) cJSON_AddStringToObject(json, "reason", r->reason);
-  if (r->volume) describe_volume(json, r->volume);
+  if (r->volume) {
+    describe_volume(json, r->volume);
+    describe_fit(json, &r->fit, r->has_body);
+  }
   cJSON_AddNumberToObject(json, "sessions", r->users);
   return json;
 }

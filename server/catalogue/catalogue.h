@@ -18,16 +18,23 @@ typedef struct tcs_entry {
   char owner[65];        /* name of the token that brought it; "": nobody's */
   tcs_volume_state state;
   tc_volume *volume;     /* resident: one reference */
+  tc_volume *body;       /* the same without tables and padding: one reference; NULL: there are none */
+  tc_fit fit;            /* resident: what its voxels say */
   tc_scene defaults;     /* resident: the scene that fits the volume */
   char *reason;          /* failed: why, one line without server-side paths */
   tcs_load *load;        /* loading */
-  void *held;            /* resident: the ledger's note of it */
+  void *held, *held_body; /* resident: the ledger's notes of them */
   bool operators;        /* of the command line */
   int64_t used_us;       /* resident: last asked for; failed: since when */
   GList failed_link;     /* failed, and not the operator's: by age */
   tcs_volume_state told; /* the state viewers were last told of */
   int users;             /* sessions that show it */
 } tcs_entry;
+
+/* The voxels that a scene of a resident volume shows. */
+static inline tc_volume *tcs_entry_shown(const tcs_entry *entry, const tc_scene *scene) {
+  return scene->hide_table && entry->body && scene->mode != TC_MODE_MPR ? entry->body : entry->volume;
+}
 
 /* A file on its way in. */
 typedef struct tcs_source_file {

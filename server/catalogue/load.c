@@ -73,14 +73,35 @@ static void import(tcs_load *load) {
   if (!load->volume && load->late) name_deadline(load);
 }
 
+static bool goes_on(void *user) {
+  tcs_load *load = user;
+  return !atomic_load(&load->cancel) && g_get_monotonic_time() < load->deadline_us;
+}
+
+/* The body takes memory of its own; where there is none, the table stays. */
+static bool reserve_body(void *user, uint64_t bytes) {
+  tcs_load *load = user;
+  const uint64_t both = load->reserved + tcs_room_of(bytes);
+  if (!tcs_budget_resize(load->catalogue->server->budget, TCS_MEMORY_LOADS, load->reserved, both)) return false;
+  load->reserved = both;
+  return true;
+}
+
+static void find_fit(tcs_load *load) {
+  tc_fit_find(&load->fit, load->volume);
+  load->body = tc_fit_body(&load->fit, load->volume, goes_on, reserve_body, load);
+  tc_fit_windows(&load->fit, load->volume, load->body);
+  tc_scene_init(&load->defaults);
+  tc_scene_dress(&load->defaults, load->volume, &load->fit, load->body != NULL);
+  tc_scene_share(&load->defaults);
+}
+
 static void run_load(tcs_task *task) {
   tcs_load *load = (tcs_load *)task;
   import(load);
   if (load->source.upload && !load->refused) tcs_spooled_remove(load->source.upload);
   if (!load->volume) return;
-  tc_scene_init(&load->defaults);
-  tc_scene_fit(&load->defaults, load->volume); /* walks the voxels: here, not when a session asks */
-  tc_scene_share(&load->defaults);
+  find_fit(load); /* walks the voxels: here, not when a session asks */
 }
 
 /* An importer names the file it was given; a client must see its own name for it instead. */
@@ -106,6 +127,7 @@ static void free_load(tcs_load *load) {
   g_clear_error(&load->error);
   tc_scene_clear(&load->defaults);
   tc_volume_unref(load->volume);
+  tc_volume_unref(load->body);
   g_free(load->source.path);
   g_free(load->name);
   g_free(load);
@@ -126,27 +148,31 @@ static void on_freed(void *user) {
   g_free(held);
 }
 
-static void hold(tcs_load *load) {
+static holding *hold(tcs_load *load, tc_volume *volume) {
+  if (!volume) return NULL;
   tcs_budget *budget = load->catalogue->server->budget;
   holding *held = g_new(holding, 1);
-  *held = (holding){budget, tcs_room_of(tc_volume_bytes(load->volume)), TCS_MEMORY_VOLUMES};
-  tcs_budget_give(budget, TCS_MEMORY_LOADS, load->reserved);
+  *held = (holding){budget, tcs_room_of(tc_volume_bytes(volume)), TCS_MEMORY_VOLUMES};
   tcs_budget_count(budget, TCS_MEMORY_VOLUMES, held->bytes);
-  load->reserved = 0;
-  load->entry->held = held;
-  tc_volume_when_freed(load->volume, on_freed, held);
+  tc_volume_when_freed(volume, on_freed, held);
+  return held;
 }
 
 static void keep(tcs_load *load) {
   tcs_catalogue *catalogue = load->catalogue;
   tcs_entry *entry = load->entry;
-  hold(load);
+  tcs_budget_give(catalogue->server->budget, TCS_MEMORY_LOADS, load->reserved);
+  load->reserved = 0;
+  entry->held = hold(load, load->volume);
+  entry->held_body = hold(load, load->body);
   entry->state = TCS_RESIDENT;
   entry->used_us = g_get_monotonic_time();
   entry->defaults = load->defaults;
   memset(&load->defaults, 0, sizeof load->defaults);
+  entry->fit = load->fit;
   entry->volume = g_steal_pointer(&load->volume);
-  const size_t bytes = tc_volume_bytes(entry->volume);
+  entry->body = g_steal_pointer(&load->body);
+  const size_t bytes = tcs_entry_bytes(entry);
   catalogue->resident_bytes += bytes;
   catalogue->server->metrics->volume_loads++;
   const tc_volume_desc *desc = tc_volume_describe(entry->volume);
@@ -286,17 +312,26 @@ void tcs_load_leave(tcs_load *load) {
     free_load(load);
 }
 
+static void pin(void **held_of_entry) {
+  holding *held = g_steal_pointer(held_of_entry);
+  if (!held) return;
+  tcs_budget_move(held->budget, held->kind, TCS_MEMORY_PINNED, held->bytes);
+  held->kind = TCS_MEMORY_PINNED;
+}
+
+uint64_t tcs_entry_bytes(const tcs_entry *entry) {
+  return tc_volume_bytes(entry->volume) + (entry->body ? tc_volume_bytes(entry->body) : 0);
+}
+
 void tcs_entry_release(tcs_catalogue *catalogue, tcs_entry *entry) {
   if (!entry->volume) return;
-  holding *held = entry->held;
-  catalogue->resident_bytes -= tc_volume_bytes(entry->volume);
-  if (held) {
-    tcs_budget_move(held->budget, held->kind, TCS_MEMORY_PINNED, held->bytes);
-    held->kind = TCS_MEMORY_PINNED;
-  }
-  entry->held = NULL;
+  catalogue->resident_bytes -= tcs_entry_bytes(entry);
+  pin(&entry->held);
+  pin(&entry->held_body);
   tc_scene_clear(&entry->defaults);
   memset(&entry->defaults, 0, sizeof entry->defaults);
   tcs_scheduler_forget(catalogue->server->scheduler, entry->volume);
+  if (entry->body) tcs_scheduler_forget(catalogue->server->scheduler, entry->body);
   g_clear_pointer(&entry->volume, tc_volume_unref);
+  g_clear_pointer(&entry->body, tc_volume_unref);
 }

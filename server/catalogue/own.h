@@ -38,7 +38,8 @@ struct tcs_load {
   uint64_t decoder_wanted;   /* the most it had, of all runs */
   bool refused;              /* the budget did not have `wanted`, or that */
   bool late;                 /* took longer than it may */
-  tc_volume *volume;
+  tc_volume *volume, *body;
+  tc_fit fit;
   tc_scene defaults; /* that fit it; zeros without */
   GError *error;
 };
@@ -60,6 +61,8 @@ bool tcs_room_possible(tcs_catalogue *catalogue, uint64_t bytes);
 /* What the ledger has for a volume of this many voxel bytes. */
 uint64_t tcs_room_of(uint64_t voxel_bytes);
 
+/* Voxel bytes of a resident volume and its body. */
+uint64_t tcs_entry_bytes(const tcs_entry *entry);
 /* Takes the voxels away from an entry; they go when their last user does. */
 void tcs_entry_release(tcs_catalogue *catalogue, tcs_entry *entry);
 void tcs_entry_fail(tcs_catalogue *catalogue, tcs_entry *entry, char *reason);

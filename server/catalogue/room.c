@@ -1,4 +1,6 @@
 /* Making room: what goes first when memory runs out. */
+#include <inttypes.h>
+
 #include "server/catalogue/own.h"
 #include "server/config/config.h"
 #include "server/observe/log.h"
@@ -36,8 +38,9 @@ static GPtrArray *idle_volumes(tcs_catalogue *catalogue, const tc_volume *spare,
   g_hash_table_iter_init(&iterator, catalogue->entries);
   while (g_hash_table_iter_next(&iterator, NULL, &value)) {
     const tcs_entry *entry = value;
-    if (entry->state != TCS_RESIDENT || entry->users > 0 || entry->volume == spare) continue;
-    *bytes += tcs_room_of(tc_volume_bytes(entry->volume));
+    if (entry->state != TCS_RESIDENT || entry->users > 0) continue;
+    if (spare && (entry->volume == spare || entry->body == spare)) continue;
+    *bytes += tcs_room_of(tcs_entry_bytes(entry));
     g_ptr_array_add(idle, value);
   }
   g_ptr_array_sort(idle, by_age);
@@ -56,7 +59,7 @@ bool tcs_room_possible(tcs_catalogue *catalogue, uint64_t bytes) {
 }
 
 static void drop(tcs_catalogue *catalogue, tcs_entry *entry) {
-  tcs_log(TCS_LOG_INFO, "volume.dropped", "bytes=%zu", tc_volume_bytes(entry->volume));
+  tcs_log(TCS_LOG_INFO, "volume.dropped", "bytes=%" PRIu64, tcs_entry_bytes(entry));
   catalogue->server->metrics->volume_drops++;
   tcs_entry_release(catalogue, entry);
   tcs_entry_fail(catalogue, entry, g_strdup("it was dropped to make room for others; load it again"));
@@ -74,7 +77,7 @@ static bool make(tcs_catalogue *catalogue, uint64_t bytes, uint64_t voxels, cons
   uint64_t goal = MAX(missing.voxels, minus(missing.any, cached));
   for (guint i = 0; enough && i < idle->len && goal > 0; i++) {
     tcs_entry *entry = g_ptr_array_index(idle, i);
-    goal = minus(goal, tcs_room_of(tc_volume_bytes(entry->volume)));
+    goal = minus(goal, tcs_room_of(tcs_entry_bytes(entry)));
     drop(catalogue, entry);
   }
   g_ptr_array_unref(idle);

@@ -45,8 +45,7 @@ typedef struct tcs_cli_scene {
 } tcs_cli_scene;
 
 /* Lays these over *scene, which holds the defaults; null in a document goes back to them. *exit_code: for the error. */
-bool tcs_cli_lay_scene(const tcs_cli_scene *from, const tc_volume *volume, tc_scene *scene, int *exit_code,
-                       GError **error);
+bool tcs_cli_lay_scene(const tcs_cli_scene *from, const tc_fit *fit, tc_scene *scene, int *exit_code, GError **error);
 
 /* Perspective from `azimuth` degrees about +z off the front and `elevation` upwards; at zoom 1 the volume's bounding
  * sphere just fills the picture's height. The target stays. */

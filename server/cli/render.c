@@ -30,6 +30,7 @@ typedef struct job {
   const char *output;
   tc_volume *volume, *labels;
   tc_scene scene;
+  tc_fit fit;
   tc_renderer *renderer;
   tcs_encoder *encoder;
   tc_frame frame;
@@ -134,9 +135,19 @@ static bool make_scene(job *j, GError **error) {
                               .height = MAX(0, j->args.height),
                               .format = tcs_encode_format_name(j->format)};
   tc_scene_init(&j->scene);
-  tc_scene_fit(&j->scene, j->volume);
+  tc_fit_find(&j->fit, j->volume);
+  tc_scene_dress(&j->scene, j->volume, &j->fit, true);
   j->scene.image.format = j->format;
-  return tcs_cli_lay_scene(&from, j->volume, &j->scene, &j->exit_code, error);
+  return tcs_cli_lay_scene(&from, &j->fit, &j->scene, &j->exit_code, error);
+}
+
+/* From here on the body is the volume, where the scene leaves out what is around. */
+static void leave_table(job *j) {
+  tc_volume *body = NULL;
+  if (j->scene.hide_table && j->scene.mode != TC_MODE_MPR) body = tc_fit_body(&j->fit, j->volume, NULL, NULL, NULL);
+  if (!body) return;
+  tc_volume_unref(j->volume);
+  j->volume = body;
 }
 
 /* --- picture ------------------------------------------------------------------------------------ */
@@ -256,6 +267,7 @@ static void print_timing(const job *j) {
 static bool run(job *j, int argc, char **argv, GError **error) {
   if (!parse_arguments(j, argc, argv, error) || !check_arguments(j, error)) return false;
   if (!load(j, error) || !make_scene(j, error) || !load_labels(j, error)) return false;
+  leave_table(j);
   if (j->args.ray) return tc_labels_check(j->volume, j->labels, &j->scene, error) && print_ray(j, error);
   if (!make_renderer(j, error)) return false;
   if (!choose_sampling(j, error)) return false;

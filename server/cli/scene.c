@@ -3,13 +3,14 @@
 
 #include "protocol/protocol.h"
 #include "server/cli/cli.h"
+#include "server/session/scene.h"
 
 /* A scene with the most knots there may be is some 8 MiB of text. */
 #define MAX_SCENE_BYTES (32u << 20)
 
 typedef struct layer {
   const tcs_cli_scene *from;
-  const tc_volume *volume;
+  const tc_fit *fit;
   tc_scene defaults, *scene;
 } layer;
 
@@ -24,10 +25,10 @@ static void force_format(const char *format, cJSON *patch) {
 
 /* Takes the patch. */
 static bool lay(layer *l, cJSON *patch, const char *where, GError **error) {
-  const tc_volume_stats *stats = tc_volume_statistics(l->volume);
-  const tcp_scene_context context = {stats->min, stats->max};
+  const tcp_scene_context context = {.stretch = &l->fit->stretch};
   if (patch && l->from->format) force_format(l->from->format, patch);
   if (patch) tcp_scene_light(l->scene, patch);
+  if (patch) tcs_scene_fit_window(l->scene, l->fit, patch);
   bool good = patch && tcp_scene_patch(l->scene, patch, &l->defaults, &context, error);
   if (!good) g_prefix_error(error, "%s: ", where);
   cJSON_Delete(patch);
@@ -57,9 +58,8 @@ static bool lay_size(layer *l, GError **error) {
   return lay(l, patch, "--width, --height", error);
 }
 
-bool tcs_cli_lay_scene(const tcs_cli_scene *from, const tc_volume *volume, tc_scene *scene, int *exit_code,
-                       GError **error) {
-  layer l = {.from = from, .volume = volume, .scene = scene};
+bool tcs_cli_lay_scene(const tcs_cli_scene *from, const tc_fit *fit, tc_scene *scene, int *exit_code, GError **error) {
+  layer l = {.from = from, .fit = fit, .scene = scene};
   tc_scene_copy(&l.defaults, scene);
   *exit_code = TCS_EXIT_FAILED;
   bool good = lay_file(&l, error);

@@ -55,15 +55,15 @@ static void finished_picture(tcs_job *job) {
 }
 
 /* Checks the scene as it will be rendered, then queues it. session: whose it is, or NULL; others have no meter. */
-static void render(tcs_request *request, tc_volume *volume, const tc_scene *scene, const tcs_session *session) {
+static void render(tcs_request *request, const tcs_entry *entry, const tc_scene *scene, const tcs_session *session) {
   GError *error = NULL;
   tc_volume *labels;
-  if (!tcs_scene_check(request->server, volume, scene, session ? &session->scene : NULL, NULL, &labels, &error)) {
+  if (!tcs_scene_check(request->server, entry->volume, scene, session ? &session->scene : NULL, NULL, &labels, &error)) {
     tcs_reply_error_in(request, error, session ? "" : "/scene");
     g_clear_error(&error);
     return;
   }
-  tcs_job *job = tcs_job_new(request->server, volume, scene);
+  tcs_job *job = tcs_job_new(request->server, tcs_entry_shown(entry, scene), scene);
   if (session) {
     job->revision = session->revision;
     job->final = true;
@@ -137,7 +137,7 @@ static void post_render(tcs_request *request, cJSON *body, const tcp_lists *list
     return;
   }
   if (set_quality(request, cJSON_GetObjectItemCaseSensitive(body, "quality"), &scene))
-    render(request, entry->volume, &scene, NULL);
+    render(request, entry, &scene, NULL);
   tc_scene_clear(&scene);
 }
 
@@ -154,7 +154,7 @@ void tcs_get_frame(tcs_request *request) {
       tcs_query_int(request, "quality", 1, 100, &scene.image.quality) &&
       tcs_query_int(request, "width", 1, INT_MAX, &scene.image.width) && /* over a limit: the scene's check says so */
       tcs_query_int(request, "height", 1, INT_MAX, &scene.image.height))
-    render(request, session->entry->volume, &scene, session);
+    render(request, session->entry, &scene, session);
   tc_scene_clear(&scene);
 }
 
@@ -198,7 +198,7 @@ static void finished_plan(tcs_job *job) {
 void tcs_get_plan(tcs_request *request) {
   const tcs_session *session = tcs_session_of(request);
   if (!session) return;
-  tcs_job *job = tcs_job_new(request->server, session->entry->volume, &session->scene);
+  tcs_job *job = tcs_job_new(request->server, tcs_entry_shown(session->entry, &session->scene), &session->scene);
   if (session->labels) job->labels = tc_volume_ref(tcs_session_labels(session));
   job->plan_only = true;
   submit(request, job, session, finished_plan);

@@ -33,7 +33,7 @@ static bool lay_on(tcs_session *session, tc_scene *scene, const tc_scene *from, 
   tc_volume *labels;
   tc_scene next;
   tc_scene_copy(&next, from);
-  if (!tcs_scene_patch(&next, &session->defaults, session->entry->volume, patch, lists, error) ||
+  if (!tcs_scene_patch(&next, &session->defaults, session->entry, patch, lists, error) ||
       !tcs_scene_check(session->server, session->entry->volume, &next, scene, patch, &labels, error)) {
     tc_scene_clear(&next);
     return false;

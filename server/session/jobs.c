@@ -88,6 +88,7 @@ static void make_interactive(tcs_session *session, tcs_view *view, tcs_job *job)
   job->width = MAX(1, (int)lround(width * scale));
   job->height = MAX(1, (int)lround(height * scale));
   tcs_rung_coarsen(rung.coarser, &job->scene);
+  if (job->scene.shading.gradient == TC_GRADIENT_CENTRAL) job->scene.shading.gradient = TC_GRADIENT_CELL; /* cheaper */
   if (!job->scene.image.transparent) job->scene.image.format = TC_FORMAT_JPEG;
   job->scene.image.quality = MIN(job->scene.image.quality, TCS_INTERACTIVE_QUALITY);
   job->scene.image.subsampling = TC_SUBSAMPLING_420;
@@ -126,7 +127,7 @@ static void make_of_size(const tcs_session *session, const tcs_view *view, tc_sc
 }
 
 static tcs_job *begin_job(tcs_session *session, tcs_view *view, tcs_class class, bool final) {
-  tcs_job *job = tcs_job_new(session->server, session->entry->volume, &session->scene);
+  tcs_job *job = tcs_job_new(session->server, tcs_entry_shown(session->entry, &session->scene), &session->scene);
   make_of_size(session, view, &job->scene);
   if (session->labels) job->labels = tc_volume_ref(tcs_session_labels(session));
   job->class = class;

@@ -90,7 +90,7 @@ static char *look_of(const tc_volume *volume, const tc_volume *labels, const tc_
 }
 
 static char *look_of_session(const tcs_session *session) {
-  return look_of(session->entry->volume, tcs_session_labels(session), &session->scene);
+  return look_of(tcs_entry_shown(session->entry, &session->scene), tcs_session_labels(session), &session->scene);
 }
 
 static const tc_quality_model *model_of(const tcs_quality *q, const char *look) {
@@ -289,7 +289,7 @@ static void measure_for(tcs_session *session, void *user) {
     g_free(look);
     return;
   }
-  q->for_session = begin(q, NULL, session->entry->volume, tcs_session_labels(session), &session->scene, &camera,
+  q->for_session = begin(q, NULL, tcs_entry_shown(session->entry, &session->scene), tcs_session_labels(session), &session->scene, &camera,
                          cost_of(q, session), look);
   q->for_session->session = g_strdup(session->id);
 }

@@ -68,11 +68,19 @@ bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene
          ((valid && same_samples(scene, valid)) || tcs_samples_check(volume, scene, &most, error));
 }
 
-bool tcs_scene_patch(tc_scene *scene, const tc_scene *defaults, const tc_volume *volume, const cJSON *patch,
+bool tcs_scene_patch(tc_scene *scene, const tc_scene *defaults, const tcs_entry *entry, const cJSON *patch,
                      const tcp_lists *lists, GError **error) {
-  const tc_volume_stats *stats = tc_volume_statistics(volume);
-  const tcp_scene_context context = {stats->min, stats->max, lists};
+  const tcp_scene_context context = {.lists = lists, .stretch = &entry->fit.stretch};
   return tcp_scene_patch(scene, patch, defaults, &context, error);
+}
+
+void tcs_scene_fit_window(tc_scene *scene, const tc_fit *fit, const cJSON *document) {
+  const char *mode = cJSON_GetStringValue(cJSON_GetObjectItemCaseSensitive(document, "mode"));
+  for (int i = 0; mode && i < TC_MODE_COUNT; i++) {
+    if (strcmp(mode, tc_mode_names[i]) != 0 || !(fit->windows[i].width > 0)) continue;
+    scene->window.center = fit->windows[i].center;
+    scene->window.width = fit->windows[i].width;
+  }
 }
 
 bool tcs_scene_make(tcs_server *server, const tcs_entry *entry, const cJSON *patch, const tcp_lists *lists,
@@ -80,7 +88,8 @@ bool tcs_scene_make(tcs_server *server, const tcs_entry *entry, const cJSON *pat
   tc_volume *labels;
   tc_scene_copy(scene, &entry->defaults);
   tcp_scene_light(scene, patch);
-  const bool ok = (!patch || tcs_scene_patch(scene, &entry->defaults, entry->volume, patch, lists, error)) &&
+  tcs_scene_fit_window(scene, &entry->fit, patch);
+  const bool ok = (!patch || tcs_scene_patch(scene, &entry->defaults, entry, patch, lists, error)) &&
                   tcs_scene_check(server, entry->volume, scene, NULL, patch, &labels, error);
   if (!ok) tc_scene_clear(scene);
   return ok;

@@ -20,8 +20,10 @@ bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene
  * failure. lists: the patch's, or NULL. */
 bool tcs_scene_make(tcs_server *server, const tcs_entry *entry, const cJSON *patch, const tcp_lists *lists,
                     tc_scene *scene, GError **error);
+/* The window that fits the mode a document asks for: before the document is laid on the scene. */
+void tcs_scene_fit_window(tc_scene *scene, const tc_fit *fit, const cJSON *document);
 /* A merge patch onto a scene of the volume; not checked. */
-bool tcs_scene_patch(tc_scene *scene, const tc_scene *defaults, const tc_volume *volume, const cJSON *patch,
+bool tcs_scene_patch(tc_scene *scene, const tc_scene *defaults, const tcs_entry *entry, const cJSON *patch,
                      const tcp_lists *lists, GError **error);
 
 #endif

@@ -20,7 +20,7 @@ double tcs_session_samples(tcs_session *session, tcs_view *view) {
   const int width = view->width ? view->width : scene->image.width;
   const int height = view->width ? view->height : scene->image.height;
   if (view->samples_revision != session->revision)
-    view->full_samples = tc_estimate_samples(session->entry->volume, scene, width, height, NULL);
+    view->full_samples = tc_estimate_samples(tcs_entry_shown(session->entry, scene), scene, width, height, NULL);
   view->samples_revision = session->revision;
   return view->full_samples;
 }

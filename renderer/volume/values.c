@@ -1,0 +1,147 @@
+#include "renderer/volume/values.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#define BINS 65536
+/* Values that the rest has at least, where a lone one is padding: masks and labels have few. */
+#define FEW_VALUES 16
+/* How many times as far as the rest is wide. */
+#define FAR_BELOW 4
+#define FAR_ABOVE 1
+
+struct tc_values {
+  uint64_t counts[BINS];
+  double start, width; /* value of bin 0's lower edge (of whole numbers: its value); of a bin */
+  int first, last;     /* bins of the range, inclusive */
+};
+
+/* Bins along the values: where slope is negative, against the voxels. */
+#define COUNT_OF(name, type)                                                                                         \
+  static void count_##name(const type *v, size_t n, double start, double scale, uint64_t *counts) {                  \
+    for (size_t i = 0; i < n; i++) {                                                                                 \
+      const double at = ((double)v[i] - start) * scale;                                                              \
+      counts[at > 0 ? at < BINS - 1 ? (int)at : BINS - 1 : 0]++;                                                     \
+    }                                                                                                                \
+  }
+COUNT_OF(u8, uint8_t)
+COUNT_OF(i8, int8_t)
+COUNT_OF(u16, uint16_t)
+COUNT_OF(i16, int16_t)
+COUNT_OF(f32, float)
+
+/* Counts voxels between two of them; those beyond fall into the ends. Whole numbers have a bin each. */
+static void count(tc_values *values, const tc_volume *volume, double lo, double hi) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  const bool whole = d->type != TC_F32;
+  const double width = whole ? 1 : hi > lo ? (hi - lo) / (BINS - 1) : 1;
+  const double start = d->slope > 0 ? lo : hi, scale = (d->slope > 0 ? 1 : -1) / width;
+  const size_t n = tc_volume_bytes(volume) / tc_voxel_size(d->type);
+  const void *v = tc_volume_data(volume);
+  for (int i = 0; i < BINS; i++) values->counts[i] = 0;
+  switch (d->type) {
+  case TC_U8: count_u8(v, n, start, scale, values->counts); break;
+  case TC_I8: count_i8(v, n, start, scale, values->counts); break;
+  case TC_U16: count_u16(v, n, start, scale, values->counts); break;
+  case TC_I16: count_i16(v, n, start, scale, values->counts); break;
+  case TC_F32: count_f32(v, n, start, scale, values->counts); break;
+  case TC_VOXEL_TYPE_COUNT: break;
+  }
+  values->start = d->slope * start + d->intercept;
+  values->width = fabs(d->slope) * width;
+}
+
+static int next_used(const tc_values *v, int bin, int step) {
+  do bin += step;
+  while (bin > v->first && bin < v->last && !v->counts[bin]);
+  return bin;
+}
+
+static bool has_many(const tc_values *v, int from, int to) {
+  int used = 0;
+  for (int i = from; i <= to && used < FEW_VALUES; i++) used += v->counts[i] > 0;
+  return used == FEW_VALUES;
+}
+
+/* Moves the ends of the range off padding. */
+static bool leave_padding(tc_values *v) {
+  const int above = next_used(v, v->first, 1), below = next_used(v, v->last, -1);
+  bool moved = false;
+  if (above < v->last && above - v->first > FAR_BELOW * (v->last - above) && has_many(v, above, v->last))
+    v->first = above, moved = true;
+  if (below > v->first && v->last - below > FAR_ABOVE * (below - v->first) && has_many(v, v->first, below))
+    v->last = below, moved = true;
+  return moved;
+}
+
+static void find_range(tc_values *v) {
+  v->first = 0, v->last = BINS - 1;
+  while (v->first < v->last && !v->counts[v->first]) v->first++;
+  while (v->last > v->first && !v->counts[v->last]) v->last--;
+}
+
+tc_values *tc_values_of(const tc_volume *volume) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  const tc_volume_stats *s = tc_volume_statistics(volume);
+  tc_values *values = malloc(sizeof *values);
+  if (!values) return NULL;
+  count(values, volume, s->voxel_min, s->voxel_max);
+  find_range(values);
+  for (int tries = 0; leave_padding(values) && tries < 2; tries++) {
+    double low, high;
+    if (d->type != TC_F32) continue; /* a bin a value: nothing to look at more closely */
+    tc_values_range(values, &low, &high);
+    const double a = (low - d->intercept) / d->slope, b = (high - d->intercept) / d->slope;
+    count(values, volume, fmin(a, b), fmax(a, b));
+    values->counts[0] = values->counts[1] ? 1 : 0; /* padding fell in there, with the last that is none */
+    values->counts[BINS - 1] = values->counts[BINS - 2] ? 1 : 0;
+    find_range(values);
+  }
+  return values;
+}
+
+void tc_values_free(tc_values *values) { free(values); }
+
+static double value_of(const tc_values *v, int bin) { return v->start + v->width * bin; }
+
+void tc_values_range(const tc_values *values, double *low, double *high) {
+  *low = value_of(values, values->first);
+  *high = value_of(values, values->last);
+}
+
+static int bin_of(const tc_values *v, double value) {
+  const double bin = ceil((value - v->start) / v->width - 1e-9);
+  return bin > v->first ? bin < v->last ? (int)bin : v->last : v->first;
+}
+
+static double count_from(const tc_values *v, int bin) {
+  double sum = 0;
+  for (int i = bin; i <= v->last; i++) sum += (double)v->counts[i];
+  return sum;
+}
+
+double tc_values_share(const tc_values *values, double value) {
+  if (value > value_of(values, values->last)) return 0;
+  return count_from(values, bin_of(values, value)) / count_from(values, values->first);
+}
+
+double tc_values_percentile(const tc_values *values, double from, double share) {
+  int bin = bin_of(values, from);
+  double left = share * count_from(values, bin);
+  for (; bin < values->last && left >= (double)values->counts[bin]; bin++) left -= (double)values->counts[bin];
+  return value_of(values, bin);
+}
+
+double tc_values_threshold(const tc_values *v) {
+  double all = 0, total = 0, below = 0, sum = 0, most = -1;
+  int best = v->first;
+  for (int i = v->first; i <= v->last; i++) all += (double)v->counts[i], total += (double)v->counts[i] * i;
+  for (int i = v->first + 1; i <= v->last; i++) {
+    below += (double)v->counts[i - 1];
+    sum += (double)v->counts[i - 1] * (i - 1);
+    if (!(below > 0 && below < all)) continue;
+    const double apart = sum / below - (total - sum) / (all - below), variance = below * (all - below) * apart * apart;
+    if (variance > most) most = variance, best = i;
+  }
+  return value_of(v, best);
+}
