@@ -10,9 +10,10 @@ static cJSON *write_points(const tc_preset *preset) {
 
 /* A scene's member of the name: what choosing the preset makes of the light. */
 static cJSON *write_shading(const tc_preset *preset) {
+  if (!preset->lit) return cJSON_Parse("{\"model\":\"none\"}");
   tc_scene scene;
   tc_scene_init(&scene);
-  tc_scene_light(&scene, preset->lit);
+  tc_scene_light(&scene, true);
   cJSON *document = tcp_scene_write(&scene), *shading = cJSON_DetachItemFromObjectCaseSensitive(document, "shading");
   cJSON_Delete(document);
   tc_scene_clear(&scene);

@@ -76,7 +76,7 @@ static const char *preset_for(const tc_volume *volume, const tc_values *values, 
   if (!strcmp(d->format, "demo") && !strcmp(d->modality, "CT")) return "ct-head";
   if (fit->hounsfield) {
     const double bone = tc_values_share(values, BONE_HU), dense = tc_values_share(values, DENSE_HU);
-    return bone > HEAD_BONE * dense ? "ct-bone" : "ct-chest-contrast";
+    return bone > HEAD_BONE * dense ? "ct-head" : "ct-chest-contrast";
   }
   if (!strcmp(d->modality, "MR")) return "mr-default";
   return "surface";
@@ -107,7 +107,8 @@ void tc_fit_find(tc_fit *fit, const tc_volume *volume) {
   tc_values *values = tc_values_of(volume);
   if (!values) return;
   tc_values_range(values, &fit->stretch.low, &fit->stretch.high);
-  fit->stretch.middle = tc_values_threshold(values);
+  if (fit->stretch.high > fit->stretch.low) fit->stretch.middle = tc_values_threshold(values);
+  else fit->stretch.high = fit->stretch.middle = above(fit->stretch.low, fit->stretch.low); /* there is nothing to see */
   fit->hounsfield = is_hounsfield(volume, fit->stretch.low, fit->stretch.high);
   fit->dense = fit->hounsfield ? DENSE_HU : fit->stretch.middle;
   fit->surface = fit->hounsfield ? BONE_HU : fit->stretch.middle;
@@ -118,9 +119,10 @@ void tc_fit_find(tc_fit *fit, const tc_volume *volume) {
 
 tc_volume *tc_fit_body(const tc_fit *fit, const tc_volume *volume, bool (*goes_on)(void *user),
                        bool (*reserve)(void *user, uint64_t bytes), void *user) {
+  const tc_volume_stats *s = tc_volume_statistics(volume);
   const tc_body_options options = {.dense = fit->dense,
                                    .most = fit->stretch.high,
-                                   .parts = fit->hounsfield,
+                                   .parts = fit->hounsfield || s->max > fit->stretch.high, /* scanners pad */
                                    .air = fit->hounsfield ? AIR_HU : fit->stretch.low,
                                    .goes_on = goes_on,
                                    .reserve = reserve,

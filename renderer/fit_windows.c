@@ -74,7 +74,7 @@ static int count_below(const double *sorted, int count, double value) {
 }
 
 static void set_window(tc_fit *fit, tc_mode mode, double black, double white) {
-  if (!(white > black)) white = black + 1;
+  if (!(white - black > 1e-6 * fabs(black))) white = black + fmax(1, 1e-3 * fabs(black)); /* of one value */
   fit->windows[mode].center = 0.5 * (black + white);
   fit->windows[mode].width = white - black;
 }

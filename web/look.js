@@ -1,6 +1,7 @@
 // The look of a volume: transfer-function editor, its fields, presets, windows. Everything here edits
 // scene.transferFunction or scene.window.
 
+import { presetPatch } from './display.js';
 import { bindGesture } from './panels.js';
 import { TransferEditor } from './transfer_editor.js';
 import { amountName, amountOf, formatValue, fromHex, scaleAmounts, shiftKnots, toHex } from './transfer_model.js';
@@ -23,6 +24,8 @@ export class Look {
   #whole = [0, 1];
   #base = null; // points when a drag began
   #modality = '';
+  #display = null;
+  #ownWindow = null;
 
   /** get(id); gesture(bool) */
   constructor(get, store, gesture) {
@@ -46,9 +49,12 @@ export class Look {
     this.#menus();
   }
 
-  setVolume(histogram, range, modality) {
+  /** @param volume its description; `display` and `window` may be absent */
+  setVolume(histogram, range, { modality = '', display = null, window = null }) {
     this.#whole = range;
     this.#modality = modality;
+    this.#display = display;
+    this.#ownWindow = window && { name: 'from-file', title: 'From file', ...window };
     this.#menus();
     this.#editor.setVolume(histogram, range);
     if (this.#editor.points.length) this.#showRange(range);
@@ -69,7 +75,7 @@ export class Look {
     const { points = [], preset = '' } = scene.transferFunction ?? {};
     if (points !== this.#editor.points) this.#editor.setPoints(points);
     this.#get('preset').value = preset || '';
-    const found = this.#windows.find((w) => w.center === scene.window?.center && w.width === scene.window?.width);
+    const found = this.#windowNamed((w) => w.center === scene.window?.center && w.width === scene.window?.width);
     this.#get('window-preset').value = found?.name ?? '';
     this.#fields();
   }
@@ -95,21 +101,14 @@ export class Look {
     const { first, other } = presetsFor(this.#presets, this.#modality);
     fillMenu(this.#get('preset'), 'Custom', first, other);
     const windows = presetsFor(this.#windows, this.#modality);
-    fillMenu(this.#get('window-preset'), 'Custom', windows.first, windows.other);
+    fillMenu(this.#get('window-preset'), 'Custom', [...this.#ownWindows, ...windows.first], windows.other);
     this.update();
   }
 
   #presetChosen(name) {
     const preset = this.#presets.find((candidate) => candidate.name === name);
     if (!preset) return;
-    const [low, high] = this.#whole;
-    const scaled = (preset.points ?? []).map((point) =>
-      preset.relative ? { ...point, value: low + point.value * (high - low) } : point,
-    );
-    const transferFunction = { preset: name };
-    if (scaled.length) transferFunction.points = scaled;
-    if (preset.unitDistance) transferFunction.unitDistance = preset.unitDistance;
-    this.#store.patch({ transferFunction });
+    this.#store.patch(presetPatch(preset, this.#display, this.#whole));
     this.#showRange(this.#editor.range);
   }
 
@@ -120,8 +119,16 @@ export class Look {
     if (points.length && inside.length < Math.min(2, points.length)) this.#editor.showKnots();
   }
 
+  get #ownWindows() {
+    return this.#ownWindow ? [this.#ownWindow] : [];
+  }
+
+  #windowNamed(fits) {
+    return [...this.#ownWindows, ...this.#windows].find(fits);
+  }
+
   #windowChosen(name) {
-    const preset = this.#windows.find((candidate) => candidate.name === name);
+    const preset = this.#windowNamed((candidate) => candidate.name === name);
     if (preset) this.#store.patch({ window: { center: preset.center, width: preset.width } });
   }
 

@@ -182,7 +182,9 @@ function showVolume(volume, box, histogram) {
   view.clear(); // the old volume must never be seen under the new one's name
   get('badge').hidden = true;
   const range = volume.range ?? [0, 1];
-  look.setVolume(histogram, range, volume.modality ?? '');
+  look.setVolume(histogram, range, volume);
+  modes.setVolume(volume.display, box);
+  get('hide-table').hidden = !volume.display?.table;
   panels.setVolume(range, Math.min(...box.high.map((end, k) => end - box.low[k])));
   crop.setBox(box);
   labels.setVolume(volume.id);

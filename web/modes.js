@@ -1,10 +1,19 @@
 // What a mode needs of the look to be seen well, and what the look gets back when the mode is left.
 
+import { projectionLook } from './display.js';
 import { difference } from './history.js';
 import { joinPatches, mergePatch } from './state.js';
 
+const projection =
+  (mode) =>
+  (scene, { display, box }) =>
+    projectionLook(mode, scene, display, box);
+
 /** Patches that a mode brings. A surface without light is an outline, and is found exactly in linear cells only. */
 const BRINGS = {
+  mip: projection('mip'),
+  minip: projection('minip'),
+  average: projection('average'),
   isosurface: ({ shading, filter }) => ({
     ...(shading?.model === 'none' && { shading: { model: 'blinn-phong' } }),
     ...(filter !== 'linear' && { filter: 'linear' }),
@@ -13,6 +22,13 @@ const BRINGS = {
 
 export class Modes {
   #lent = new Map(); // mode -> {brought, had}: merge patches
+  #volume = {};
+
+  /** @param display of the volume's description, or none */
+  setVolume(display, box) {
+    this.#volume = { display, box };
+    this.#lent.clear();
+  }
 
   /** The patch that goes to `mode`. What the mode that is left had brought, and nobody touched since, is taken back. */
   choose(scene, mode) {
@@ -20,7 +36,7 @@ export class Modes {
     const untouched = brought && !Object.keys(difference(scene, mergePatch(scene, brought))).length;
     const back = untouched && mode !== scene.mode ? had : {};
     const plain = mergePatch(scene, back);
-    const brings = BRINGS[mode]?.(plain) ?? {};
+    const brings = BRINGS[mode]?.(plain, this.#volume) ?? {};
     if (mode !== scene.mode) this.#lent.set(mode, { brought: brings, had: difference(mergePatch(plain, brings), plain) });
     return joinPatches({ mode, ...back }, brings);
   }

@@ -71,6 +71,7 @@ export function describe({ dims, spacing, type, bytes }) {
 
 export class Volumes {
   #api;
+  #thumbnails = new Map(); // what names a volume -> promise of its picture's address
 
   constructor(api) {
     this.#api = api;
@@ -84,8 +85,22 @@ export class Volumes {
     return this.#api.json('GET', `v1/volumes/${encodeURIComponent(id)}`);
   }
 
-  histogram(id, bins = 512) {
+  histogram(id, bins = 192) {
     return this.#api.json('GET', `v1/volumes/${encodeURIComponent(id)}/histogram?bins=${bins}`);
+  }
+
+  /** Its picture, made once of each volume for as long as the page lives; empty where there is none. */
+  thumbnail({ id, bytes, range }) {
+    const key = `${id} ${bytes} ${range}`; // an id may be given to another volume
+    const picture = Object.assign(new Image(96, 96), { className: 'thumbnail', alt: '' });
+    if (!this.#thumbnails.has(key)) {
+      const path = `v1/volumes/${encodeURIComponent(id)}/thumbnail`;
+      const made = this.#api.fetch('GET', path).then(async (reply) => URL.createObjectURL(await reply.blob()));
+      made.catch(() => this.#thumbnails.delete(key));
+      this.#thumbnails.set(key, made);
+    }
+    this.#thumbnails.get(key).then((url) => (picture.src = url), () => (picture.hidden = true));
+    return picture;
   }
 
   /** Has a volume loaded, whatever its state is now. onProgress(fraction or undefined). @returns its description */
@@ -207,6 +222,7 @@ export class VolumeDialog {
     button.append(part('name', item.id), part('state', [item.modality, item.state].filter(Boolean).join(' \u00b7 ')));
     button.append(part('facts-line', line));
     if (item.state === 'loading') button.append(progressBar(item.fraction));
+    if (item.state === 'resident') button.prepend(this.#volumes.thumbnail(item));
     button.addEventListener('click', () => {
       this.close();
       this.#on.choose(item.id);

@@ -6,8 +6,9 @@
 
 /* Around what is left out voxels are mixtures of it and air: they go too. */
 #define HALO 2
-/* A shell is this much thinner than the body. */
+/* A shell is this much thinner than the body, or has so few voxels. */
 #define THIN 0.2
+#define THIN_VOXELS 3.5
 /* Of a part's voxels, at least, outside of the body. */
 #define OUTSIDE 0.6
 /* Runs and parts are told apart only where voxels are this many times as many. */
@@ -213,7 +214,7 @@ static bool choose_parts(parts *p) {
       count_outside(p, y, z);
     }
   }
-  const double thin = THIN * thickness(&p->part[p->body]);
+  const double thin = fmax(THIN_VOXELS, THIN * thickness(&p->part[p->body]));
   for (uint32_t i = 0; i < p->n_parts; i++) {
     part *a = &p->part[i];
     a->hidden = i != p->body && (double)a->outside >= OUTSIDE * (double)a->voxels && thickness(a) < thin;

@@ -21,7 +21,7 @@ struct tc_values {
   static void count_##name(const type *v, size_t n, double start, double scale, uint64_t *counts) {                  \
     for (size_t i = 0; i < n; i++) {                                                                                 \
       const double at = ((double)v[i] - start) * scale;                                                              \
-      counts[at > 0 ? at < BINS - 1 ? (int)at : BINS - 1 : 0]++;                                                     \
+      if (at >= 0 && at < BINS) counts[(int)at]++;                                                                   \
     }                                                                                                                \
   }
 COUNT_OF(u8, uint8_t)
@@ -30,7 +30,7 @@ COUNT_OF(u16, uint16_t)
 COUNT_OF(i16, int16_t)
 COUNT_OF(f32, float)
 
-/* Counts voxels between two of them; those beyond fall into the ends. Whole numbers have a bin each. */
+/* Counts voxels between two of them. Whole numbers have a bin each. */
 static void count(tc_values *values, const tc_volume *volume, double lo, double hi) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const bool whole = d->type != TC_F32;
@@ -63,15 +63,29 @@ static bool has_many(const tc_values *v, int from, int to) {
   return used == FEW_VALUES;
 }
 
-/* Moves the ends of the range off padding. */
+/* Moves an end of the range off padding. */
 static bool leave_padding(tc_values *v) {
   const int above = next_used(v, v->first, 1), below = next_used(v, v->last, -1);
-  bool moved = false;
-  if (above < v->last && above - v->first > FAR_BELOW * (v->last - above) && has_many(v, above, v->last))
-    v->first = above, moved = true;
-  if (below > v->first && v->last - below > FAR_ABOVE * (below - v->first) && has_many(v, v->first, below))
-    v->last = below, moved = true;
-  return moved;
+  if (v->last - v->first < FEW_VALUES) return false;
+  if (above - v->first > FAR_BELOW * (v->last - above)) v->first = above;
+  else if (v->last - below > FAR_ABOVE * (below - v->first)) v->last = below;
+  else return false;
+  return true;
+}
+
+/* The range of a f32 volume's voxels within the bins that are left. */
+static void range_within(const tc_values *v, const tc_volume *volume, double *lo, double *hi) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  const double a = (v->start + v->width * v->first - d->intercept) / d->slope;
+  const double b = (v->start + v->width * (v->last + 1) - d->intercept) / d->slope;
+  const float from = (float)fmin(a, b), to = (float)fmax(a, b), *p = tc_volume_data(volume);
+  float least = INFINITY, most = -INFINITY;
+  for (size_t i = 0, n = tc_volume_bytes(volume) / sizeof *p; i < n; i++) {
+    if (!(p[i] >= from && p[i] <= to)) continue;
+    least = fminf(least, p[i]);
+    most = fmaxf(most, p[i]);
+  }
+  *lo = least, *hi = most;
 }
 
 static void find_range(tc_values *v) {
@@ -87,16 +101,16 @@ tc_values *tc_values_of(const tc_volume *volume) {
   if (!values) return NULL;
   count(values, volume, s->voxel_min, s->voxel_max);
   find_range(values);
-  for (int tries = 0; leave_padding(values) && tries < 2; tries++) {
-    double low, high;
+  double lo = s->voxel_min, hi = s->voxel_max;
+  for (int ends = 0; ends < 2 && leave_padding(values); ends++) {
     if (d->type != TC_F32) continue; /* a bin a value: nothing to look at more closely */
-    tc_values_range(values, &low, &high);
-    const double a = (low - d->intercept) / d->slope, b = (high - d->intercept) / d->slope;
-    count(values, volume, fmin(a, b), fmax(a, b));
-    values->counts[0] = values->counts[1] ? 1 : 0; /* padding fell in there, with the last that is none */
-    values->counts[BINS - 1] = values->counts[BINS - 2] ? 1 : 0;
+    range_within(values, volume, &lo, &hi);
+    count(values, volume, lo, hi);
     find_range(values);
   }
+  if (has_many(values, values->first, values->last)) return values;
+  count(values, volume, s->voxel_min, s->voxel_max); /* a mask: its ends are no padding */
+  find_range(values);
   return values;
 }
 
@@ -132,16 +146,23 @@ double tc_values_percentile(const tc_values *values, double from, double share) 
   return value_of(values, bin);
 }
 
-double tc_values_threshold(const tc_values *v) {
+static int best_parting(const tc_values *v, int first) {
   double all = 0, total = 0, below = 0, sum = 0, most = -1;
-  int best = v->first;
-  for (int i = v->first; i <= v->last; i++) all += (double)v->counts[i], total += (double)v->counts[i] * i;
-  for (int i = v->first + 1; i <= v->last; i++) {
+  int best = first;
+  for (int i = first; i <= v->last; i++) all += (double)v->counts[i], total += (double)v->counts[i] * i;
+  for (int i = first + 1; i <= v->last; i++) {
     below += (double)v->counts[i - 1];
     sum += (double)v->counts[i - 1] * (i - 1);
     if (!(below > 0 && below < all)) continue;
     const double apart = sum / below - (total - sum) / (all - below), variance = below * (all - below) * apart * apart;
     if (variance > most) most = variance, best = i;
   }
+  return best;
+}
+
+double tc_values_threshold(const tc_values *v) {
+  int best = best_parting(v, v->first);
+  for (int i = best; i < v->last; i++)
+    if (2 * (double)v->counts[i] > count_from(v, v->first)) return value_of(v, best_parting(v, i + 1));
   return value_of(v, best);
 }

@@ -18,7 +18,8 @@ double tc_values_share(const tc_values *values, double value);
 /* The value that this share of the voxels from `from` on is below. */
 double tc_values_percentile(const tc_values *values, double from, double share);
 /* What parts the voxels best: the largest variance between the two sides (Otsu, A threshold selection method from
- * gray-level histograms, IEEE Trans. SMC 9(1), 1979). */
+ * gray-level histograms, IEEE Trans. SMC 9(1), 1979). One value that most voxels have (around a map of signed ones) is
+ * on the lower side. */
 double tc_values_threshold(const tc_values *values);
 
 #endif

@@ -17,6 +17,7 @@ static void free_entry(void *item) {
   if (entry->load) tcs_load_leave(entry->load);
   tc_volume_unref(entry->volume);
   tc_volume_unref(entry->body);
+  g_clear_pointer(&entry->thumbnail, g_bytes_unref);
   tc_scene_clear(&entry->defaults);
   g_free(entry->reason);
   g_free(entry);

@@ -21,6 +21,7 @@ typedef struct tcs_entry {
   tc_volume *body;       /* the same without tables and padding: one reference; NULL: there are none */
   tc_fit fit;            /* resident: what its voxels say */
   tc_scene defaults;     /* resident: the scene that fits the volume */
+  GBytes *thumbnail;     /* resident: a JPEG, once somebody asked for it, counted as all encoded pictures are; NULL */
   char *reason;          /* failed: why, one line without server-side paths */
   tcs_load *load;        /* loading */
   void *held, *held_body; /* resident: the ledger's notes of them */

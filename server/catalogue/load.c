@@ -325,6 +325,7 @@ uint64_t tcs_entry_bytes(const tcs_entry *entry) {
 
 void tcs_entry_release(tcs_catalogue *catalogue, tcs_entry *entry) {
   if (!entry->volume) return;
+  g_clear_pointer(&entry->thumbnail, g_bytes_unref);
   catalogue->resident_bytes -= tcs_entry_bytes(entry);
   pin(&entry->held);
   pin(&entry->held_body);

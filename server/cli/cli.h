@@ -7,8 +7,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "renderer/scene.h"
-#include "renderer/volume/volume.h"
+#include "renderer/tomocast.h"
 
 enum { TCS_EXIT_DONE = 0, TCS_EXIT_FAILED = 1, TCS_EXIT_USAGE = 2 };
 

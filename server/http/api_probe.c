@@ -50,7 +50,7 @@ static void start_probe(tcs_request *request, void (*run)(tcs_work *work)) {
   probe *p = g_new0(probe, 1);
   *p = (probe){.work = {.run = run, .free = free_probe}, .server = request->server, .x = x, .y = y};
   g_strlcpy(p->session, session->id, sizeof p->session);
-  p->volume = tc_volume_ref(tcs_entry_shown(session->entry, scene));
+  p->volume = tc_volume_ref(tcs_entry_shown(session->entry, &session->scene));
   if (session->labels) p->labels = tc_volume_ref(tcs_session_labels(session));
   tc_scene_copy(&p->scene, &session->scene);
   p->scene.image.width = width;

@@ -158,6 +158,46 @@ void tcs_get_frame(tcs_request *request) {
   tc_scene_clear(&scene);
 }
 
+/* --- thumbnails ------------------------------------------------------------------------------------- */
+
+#define THUMBNAIL_SIDE 128
+#define THUMBNAIL_QUALITY 80
+
+static void reply_thumbnail(tcs_request *request, GBytes *image) {
+  tcs_reply_bytes(request, 200, tcs_encode_content_type(TC_FORMAT_JPEG), g_bytes_ref(image));
+}
+
+/* Its volume may have gone meanwhile, and another one have its id. */
+static void finished_thumbnail(tcs_job *job) {
+  tcs_request *request = job->user;
+  tcs_entry *entry = request ? tcs_catalogue_find(job->server->catalogue, request->params[0]) : NULL;
+  if (!request) return;
+  if (job->error) {
+    tcs_reply_error(request, job->error);
+    return;
+  }
+  const bool its = entry && (entry->volume == job->volume || entry->body == job->volume);
+  if (its && !entry->thumbnail) entry->thumbnail = g_bytes_ref(job->image);
+  reply_thumbnail(request, job->image);
+}
+
+/* Made when first asked for, of what a session opens with, and kept with the volume. To look at it is not to use it. */
+void tcs_get_thumbnail(tcs_request *request) {
+  const char *id = request->params[0];
+  tcs_entry *entry = tcs_volume_visible(request, id) ? tcs_catalogue_find(request->server->catalogue, id) : NULL;
+  if (entry && entry->thumbnail) {
+    reply_thumbnail(request, entry->thumbnail);
+    return;
+  }
+  if (!(entry = tcs_resident(request, id, NULL))) return;
+  tc_scene scene;
+  tc_scene_copy(&scene, &entry->defaults);
+  scene.image.width = scene.image.height = THUMBNAIL_SIDE;
+  scene.image.quality = THUMBNAIL_QUALITY;
+  submit(request, tcs_job_new(request->server, tcs_entry_shown(entry, &scene), &scene), NULL, finished_thumbnail);
+  tc_scene_clear(&scene);
+}
+
 /* --- the plan -------------------------------------------------------------------------------------- */
 
 static cJSON *write_plan(const tcs_job *job) {

@@ -141,6 +141,7 @@ void tcs_get_volume(tcs_request *request);
 void tcs_delete_volume(tcs_request *request);
 void tcs_get_histogram(tcs_request *request);
 void tcs_get_value(tcs_request *request);
+void tcs_get_thumbnail(tcs_request *request);
 void tcs_post_render(tcs_request *request);
 void tcs_get_sessions(tcs_request *request);
 void tcs_post_sessions(tcs_request *request);

@@ -15,6 +15,7 @@ const tcs_route tcs_routes[] = {
     {"PUT", "/v1/volumes/{id}", tcs_put_volume, TCS_COST_VOLUME, TCS_BODY_FILE, TCS_ROLE_EDIT},
     {"DELETE", "/v1/volumes/{id}", tcs_delete_volume, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_EDIT},
     {"GET", "/v1/volumes/{id}/histogram", tcs_get_histogram, TCS_COST_VOLUME, TCS_BODY_NONE, TCS_ROLE_VIEW},
+    {"GET", "/v1/volumes/{id}/thumbnail", tcs_get_thumbnail, TCS_COST_RENDER, TCS_BODY_NONE, TCS_ROLE_VIEW},
     {"GET", "/v1/volumes/{id}/value", tcs_get_value, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_VIEW},
     {"POST", "/v1/render", tcs_post_render, TCS_COST_RENDER, TCS_BODY_JSON, TCS_ROLE_EDIT},
     {"GET", "/v1/sessions", tcs_get_sessions, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_VIEW},

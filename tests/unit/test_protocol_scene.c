@@ -63,7 +63,7 @@ static const char everything[] =
     "\"height\":123.25},\"transferFunction\":{\"points\":[{\"value\":-5,\"color\":[0,0.5,1],\"extinction\":0},"
     "{\"value\":7,\"color\":[1,0.25,0],\"extinction\":12.5}],\"unitDistance\":2},\"window\":{\"center\":-600,\"width\":"
     "1500},"
-    "\"classification\":\"linearized\",\"order\":\"back-to-front\",\"filter\":\"cubic\",\"sampling\":{\"step\":0.25,"
+    "\"hideTable\":true,\"classification\":\"linearized\",\"order\":\"back-to-front\",\"filter\":\"cubic\",\"sampling\":{\"step\":0.25,"
     "\"raysPerPixel\":4,\"coherence\":true,\"jitter\":true,\"prefilter\":true,\"termination\":0},\"skipping\":{\"mode\":\"off\",\"block\":"
     "8},"
     "\"shading\":{\"model\":\"gooch\",\"gradient\":\"cubic\",\"ambient\":0.1,\"diffuse\":0.9,\"specular\":0.3,\"shininess\":10,"
@@ -109,7 +109,8 @@ static void null_returns_to_defaults(void **state) {
                                        "shading",        "clip",       "isosurface",
                                        "splat",          "mpr",        "labels",
                                        "quality",        "errorMeter", "mode",
-                                       "classification", "order",      "filter"};
+                                       "classification", "order",      "filter",
+                                       "hideTable"};
   accept(everything);
   for (size_t i = 0; i < G_N_ELEMENTS(groups); i++) {
     char *text = g_strdup_printf("{\"%s\":null}", groups[i]);

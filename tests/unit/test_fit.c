@@ -1,0 +1,241 @@
+/* What a volume opens with: its values without padding, the body without table, a look that no size changes. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/tomocast.h"
+#include "renderer/volume/body.h"
+#include "renderer/volume/values.h"
+
+#define SIDE 64
+#define AIR -1000
+#define FLESH 40
+#define TABLE 200
+#define BONE 900
+
+typedef int16_t (*phantom)(int x, int y, int z);
+
+static tc_volume *filled(phantom voxel, double spacing) {
+  const tc_volume_desc d = {.dims = {SIDE, SIDE, SIDE}, .type = TC_I16, .spacing = {spacing, spacing, spacing},
+                            .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 1, .modality = "CT", .unit = "HU"};
+  tc_volume *v = tc_volume_new(&d, NULL);
+  int16_t *p = tc_volume_voxels(v);
+  for (int z = 0; z < SIDE; z++)
+    for (int y = 0; y < SIDE; y++)
+      for (int x = 0; x < SIDE; x++) *p++ = voxel(x, y, z);
+  tc_volume_seal(v);
+  return v;
+}
+
+static bool within(double x, double y, double cx, double cy, double r) {
+  return (x - cx) * (x - cx) + (y - cy) * (y - cy) < r * r;
+}
+
+/* A trunk with a lung, in it a nodule, in front of it a bone; beside it an arm; behind it a table with rails. */
+static int16_t patient(int x, int y, int z) {
+  if (y == 58 || y == 59 || ((x == 4 || x == 60) && y > 48 && y < 60)) return TABLE;
+  if (within(x, y, 56, 30, 5)) return FLESH;
+  if (!within(x, y, 28, 30, 20)) return AIR;
+  if (within(x, y, 28, 14, 3)) return BONE;
+  if (!within(x, y, 28, 34, 12)) return FLESH;
+  return within(x, y, 28, 34, 2) && z > 20 && z < 24 ? FLESH : -850;
+}
+
+static tc_volume *body_of(const tc_volume *volume) {
+  tc_fit fit;
+  tc_fit_find(&fit, volume);
+  return tc_fit_body(&fit, volume, NULL, NULL, NULL);
+}
+
+static double value_at(const tc_volume *volume, double x, double y, double z) {
+  const double lps[3] = {x, y, z};
+  double index[3], value = NAN;
+  tc_volume_lps_to_index(volume, lps, index);
+  tc_volume_value_at(volume, index, &value);
+  return value;
+}
+
+static void the_table_goes_and_all_else_stays(void **state) {
+  tc_volume *whole = filled(patient, 1), *body = body_of(whole);
+  assert_non_null(body);
+  assert_true(value_at(body, 28, 58, 30) != TABLE); /* air, or outside of what is left */
+  assert_true(value_at(body, 4, 50, 30) != TABLE);
+  static const int kept[][3] = {{28, 14, 30}, {56, 30, 30}, {28, 34, 22}, {28, 34, 40}, {15, 30, 0}};
+  for (size_t i = 0; i < sizeof kept / sizeof *kept; i++) {
+    const double x = kept[i][0], y = kept[i][1], z = kept[i][2];
+    assert_true(value_at(body, x, y, z) == value_at(whole, x, y, z));
+  }
+  assert_true(tc_volume_bytes(body) < tc_volume_bytes(whole));
+  assert_true(tc_volume_statistics(body)->max == tc_volume_statistics(whole)->max); /* so that tables are shared */
+  tc_volume_unref(body);
+  tc_volume_unref(whole);
+}
+
+static int16_t nobody(int x, int y, int z) { return within(x, y, 32, 32, 20) ? FLESH + (x + y + z) % 400 : AIR; }
+
+static void who_lies_on_nothing_is_left_alone(void **state) {
+  tc_volume *whole = filled(nobody, 1);
+  assert_null(body_of(whole));
+  tc_volume_unref(whole);
+}
+
+static bool never(void *user) { return false; }
+static bool few(void *user) { return --*(int *)user > 0; }
+static bool refused(void *user, uint64_t bytes) {
+  *(uint64_t *)user = bytes;
+  return false;
+}
+
+static void it_stops_and_takes_no_memory_unasked(void **state) {
+  tc_volume *whole = filled(patient, 1);
+  tc_fit fit;
+  tc_fit_find(&fit, whole);
+  assert_null(tc_fit_body(&fit, whole, never, NULL, NULL));
+  int slices = 100; /* past the first walk */
+  assert_null(tc_fit_body(&fit, whole, few, NULL, &slices));
+  uint64_t bytes = 0;
+  assert_null(tc_fit_body(&fit, whole, NULL, refused, &bytes));
+  assert_in_range(bytes, 1, tc_volume_bytes(whole));
+  tc_volume_unref(whole);
+}
+
+static int16_t noise(int x, int y, int z) { return (x + y + z) % 2 ? FLESH : AIR; }
+
+static void too_many_parts_are_not_told_apart(void **state) {
+  tc_volume *whole = filled(noise, 1);
+  assert_null(body_of(whole));
+  tc_volume_unref(whole);
+}
+
+/* Unsigned voxels, padded with one far value, as the bunny is. */
+static tc_volume *padded(void) {
+  const tc_volume_desc d = {.dims = {SIDE, SIDE, 8}, .type = TC_U16, .spacing = {1, 1, 1},
+                            .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 1};
+  tc_volume *v = tc_volume_new(&d, NULL);
+  uint16_t *p = tc_volume_voxels(v);
+  for (int i = 0; i < SIDE * SIDE * 8; i++) {
+    const int x = i % SIDE, y = i / SIDE % SIDE;
+    p[i] = !within(x, y, 32, 32, 30) ? 63536 : (uint16_t)(within(x, y, 32, 32, 15) ? 2000 + i % 100 : i % 100);
+  }
+  tc_volume_seal(v);
+  return v;
+}
+
+static void padding_counts_for_nothing(void **state) {
+  tc_volume *v = padded();
+  tc_fit fit;
+  tc_fit_find(&fit, v);
+  print_message("range %g to %g, parted at %g\n", fit.stretch.low, fit.stretch.high, fit.stretch.middle);
+  assert_true(fit.stretch.low == 0 && fit.stretch.high == 2099);
+  assert_true(fit.surface > 99 && fit.surface <= 2000);
+  tc_volume *body = tc_fit_body(&fit, v, NULL, NULL, NULL);
+  assert_non_null(body);
+  for (int i = 0; i < SIDE * SIDE * 8; i++) assert_true(((const uint16_t *)tc_volume_data(body))[i] < 2100);
+  tc_volume_unref(body);
+  tc_volume_unref(v);
+}
+
+static void floats_have_padding_too(void **state) {
+  const tc_volume_desc d = {.dims = {SIDE, SIDE, 1}, .type = TC_F32, .spacing = {1, 1, 1},
+                            .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 1};
+  tc_volume *v = tc_volume_new(&d, NULL);
+  float *p = tc_volume_voxels(v);
+  for (int i = 0; i < SIDE * SIDE; i++) p[i] = i % 7 ? (float)(i % 1000) / 1000 : -3.4e28f;
+  tc_volume_seal(v);
+  tc_values *values = tc_values_of(v);
+  double low, high;
+  tc_values_range(values, &low, &high);
+  print_message("range %g to %g\n", low, high);
+  assert_true(low > -0.1 && low < 0.1 && high > 0.9 && high < 1.1);
+  tc_values_free(values);
+  tc_volume_unref(v);
+}
+
+/* Of masks both ends are values, not padding. */
+static int16_t mask(int x, int y, int z) { return within(x, y, 32, 32, 20); }
+
+static void masks_have_none(void **state) {
+  tc_volume *v = filled(mask, 1);
+  tc_values *values = tc_values_of(v);
+  double low, high;
+  tc_values_range(values, &low, &high);
+  assert_true(low == 0 && high == 1);
+  tc_values_free(values);
+  tc_volume_unref(v);
+}
+
+static void a_picture_depends_on_no_size(void **state) {
+  tc_volume *v[2] = {filled(patient, 1), filled(patient, 1000)};
+  tc_scene s[2];
+  for (int i = 0; i < 2; i++) {
+    tc_fit fit;
+    tc_fit_find(&fit, v[i]);
+    tc_scene_init(&s[i]);
+    tc_scene_dress(&s[i], v[i], &fit, true);
+    assert_true(s[i].hide_table && s[i].shading.model == TC_SHADING_BLINN_PHONG);
+    tc_volume_unref(v[i]);
+  }
+  const tc_transfer_function *a = &s[0].transfer_function, *b = &s[1].transfer_function;
+  assert_string_equal(a->preset, "ct-chest-contrast");
+  assert_string_equal(b->preset, a->preset);
+  assert_true(fabs(b->unit_distance_mm / a->unit_distance_mm - 1000) < 1e-6);
+  assert_memory_equal(a->points, b->points, a->count * sizeof *a->points);
+  assert_true(fabs(s[1].camera.position[1] / s[0].camera.position[1] - 1000) < 1e-6);
+  for (int i = 0; i < 2; i++) tc_scene_clear(&s[i]);
+}
+
+static int16_t skull(int x, int y, int z) {
+  const double r = hypot(hypot(x - 32, y - 32), z - 32);
+  return r > 26 ? AIR : r > 20 ? BONE : FLESH;
+}
+
+static void heads_and_trunks_are_told_apart_by_bone(void **state) {
+  tc_volume *v = filled(skull, 1);
+  tc_fit fit;
+  tc_fit_find(&fit, v);
+  assert_string_equal(fit.preset, "ct-head");
+  assert_true(tc_preset_named(fit.preset)->lit);
+  tc_volume_unref(v);
+}
+
+static void a_maximum_has_grey_in_it(void **state) {
+  const phantom all[] = {patient, skull};
+  for (size_t i = 0; i < 2; i++) {
+    tc_volume *v = filled(all[i], 1), *body = body_of(v);
+    tc_fit fit;
+    tc_fit_find(&fit, v);
+    tc_fit_windows(&fit, v, body);
+    const double white = fit.windows[TC_MODE_MIP].center + 0.5 * fit.windows[TC_MODE_MIP].width;
+    int pixels = 0, clipped = 0;
+    for (int x = 0; x < SIDE; x++)
+      for (int z = 0; z < SIDE; z++) {
+        double most = AIR;
+        for (int y = 0; y < SIDE; y++) most = fmax(most, all[i](x, y, z) == TABLE ? AIR : all[i](x, y, z));
+        pixels += most > -300;
+        clipped += most >= white;
+      }
+    print_message("%.0f %% of the body is white from %g on\n", 100.0 * clipped / pixels, white);
+    assert_true(clipped <= 0.3 * pixels);
+    tc_volume_unref(body);
+    tc_volume_unref(v);
+  }
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(the_table_goes_and_all_else_stays),
+                                     cmocka_unit_test(who_lies_on_nothing_is_left_alone),
+                                     cmocka_unit_test(it_stops_and_takes_no_memory_unasked),
+                                     cmocka_unit_test(too_many_parts_are_not_told_apart),
+                                     cmocka_unit_test(padding_counts_for_nothing),
+                                     cmocka_unit_test(floats_have_padding_too),
+                                     cmocka_unit_test(masks_have_none),
+                                     cmocka_unit_test(a_picture_depends_on_no_size),
+                                     cmocka_unit_test(heads_and_trunks_are_told_apart_by_bone),
+                                     cmocka_unit_test(a_maximum_has_grey_in_it)};
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
