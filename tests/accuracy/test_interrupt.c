@@ -176,6 +176,8 @@ enum { MOST_DEAF_US = 200000 };
 enum { MOST_DEAF_US = 20000 }; /* of processor time: others may have the processor meanwhile */
 #endif
 enum { LOOKS_TO_LEAVE = 24 }; /* of two workers and who waits for them */
+/* A machine that is itself a guest charges a thread for what it did not get: what is truly long is long each time. */
+enum { TRIES = 3 };
 
 /* Looks that an uncut render takes; its longest time without one. */
 static long long count_looks(int which, subject *s, long long *longest_us) {
@@ -224,6 +226,10 @@ static void stopping_is_soon(void **state) {
       long long longest_us, looks;
       if (i == GL && seed % 10) continue;
       looks = count_looks(i, &s, &longest_us);
+      for (int try = 1; try < TRIES && longest_us > MOST_DEAF_US; try++) {
+        tc_renderer_forget(test_renderers[i], s.volume);
+        count_looks(i, &s, &longest_us);
+      }
       most_us[i] = MAX(most_us[i], longest_us);
       tc_renderer_forget(test_renderers[i], s.volume); /* another first frame */
       if (!looks) continue;
@@ -289,11 +295,13 @@ typedef struct long_list {
   bool alternate; /* between clear black and dense white: many pieces each */
 } long_list;
 
-static void list_knots(tc_knot *knots, const long_list *list, const tc_volume *volume) {
+/* Another list, and so another table, with each try. */
+static void list_knots(tc_knot *knots, const long_list *list, const tc_volume *volume, int try) {
   const tc_volume_stats *range = tc_volume_statistics(volume);
   uint64_t state = 3;
   for (size_t i = 0; i < list->knots; i++) {
     double at = (double)i / (double)(list->knots - 1), shade = list->alternate ? i % 2 : test_random(&state);
+    shade *= 1 - 1e-6 * try;
     double place = floor(at * list->places);
     if (list->places) at = (place + 0.5 + 0.001 * (at * list->places - place)) / list->places;
     knots[i] = (tc_knot){range->min + at * (range->max - range->min), {shade, shade, 1 - shade}, shade};
@@ -319,17 +327,20 @@ static void long_lists_are_heard(void **state) {
   for (size_t l = 0; l < 2 * G_N_ELEMENTS(lists); l++) {
     const long_list *list = &lists[l / 2];
     tc_scene *scene = &s.drawn.scene;
-    list_knots(knots, list, s.volume);
-    test_scene(scene, 16, 16);
-    test_scene_knots(scene, l % 2 ? TC_KNOT_OPACITY : TC_KNOT_EXTINCTION, knots, list->knots);
-    test_scene_frame(scene, s.volume, TC_PERSPECTIVE, (const double[3]){0.3, -1, 0.2});
-    scene->image.linear_light = true;
-    scene->classification = list->classification;
-    long long after = looks_after(test_widest(), &s, LOOKS);
-    double ms = (double)atomic_load(&tc_halt_probed.longest_us) / 1000;
-    printf("  %s, %s: %.2f ms of processor time without a look\n", list->name, l % 2 ? "opacity" : "extinction", ms);
-    assert_true(after <= LOOKS_TO_LEAVE && ms * 1000 <= MOST_DEAF_US);
-    tc_scene_clear(scene);
+    double ms = INFINITY;
+    for (int try = 0; try < TRIES && ms * 1000 > MOST_DEAF_US; try++) {
+      list_knots(knots, list, s.volume, try);
+      test_scene(scene, 16, 16);
+      test_scene_knots(scene, l % 2 ? TC_KNOT_OPACITY : TC_KNOT_EXTINCTION, knots, list->knots);
+      test_scene_frame(scene, s.volume, TC_PERSPECTIVE, (const double[3]){0.3, -1, 0.2});
+      scene->image.linear_light = true;
+      scene->classification = list->classification;
+      assert_true(looks_after(test_widest(), &s, LOOKS) <= LOOKS_TO_LEAVE);
+      ms = (double)atomic_load(&tc_halt_probed.longest_us) / 1000;
+      printf("  %s, %s: %.2f ms of processor time without a look\n", list->name, l % 2 ? "opacity" : "extinction", ms);
+      tc_scene_clear(scene);
+    }
+    assert_true(ms * 1000 <= MOST_DEAF_US);
   }
   subject_close(&s);
   g_free(knots);
@@ -351,11 +362,14 @@ static void many_labels_are_heard(void **state) {
     memcpy(scene->labels.colors[i].rgba, rgba, sizeof rgba);
   }
   s.request.labels = s.labels;
-  long long us, built, found;
+  long long us, built = 0, found;
   count_looks(test_widest(), &s, &us);
-  tc_renderer_forget(test_renderers[test_widest()], s.labels);
-  built = count_looks(test_widest(), &s, &us); /* the labels alone */
-  printf("  %lld looks, %.2f ms of processor time without one\n", built, (double)us / 1000);
+  us = LLONG_MAX;
+  for (int try = 0; try < TRIES && us > MOST_DEAF_US; try++) {
+    tc_renderer_forget(test_renderers[test_widest()], s.labels);
+    built = count_looks(test_widest(), &s, &us); /* the labels alone */
+    printf("  %lld looks, %.2f ms of processor time without one\n", built, (double)us / 1000);
+  }
   assert_true(us <= MOST_DEAF_US);
   found = count_looks(test_widest(), &s, &us);
   assert_true(built - found >= 12); /* of sixteen: workers take a few more or less */
