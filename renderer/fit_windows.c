@@ -28,15 +28,34 @@ static int front_axis(const tc_volume *volume) {
 }
 
 static int samples_of(int voxels, int most) { return voxels < most ? voxels : most; }
-static double place(int i, int samples, int voxels) { return samples > 1 ? floor((double)i * (voxels - 1) / (samples - 1)) : 0; }
+static int place(int i, int samples, int voxels) {
+  return samples > 1 ? (int)((int64_t)i * (voxels - 1) / (samples - 1)) : 0;
+}
 
-static void cast(const tc_volume *volume, int axis, double at[3], sheet *sheet) {
+static double voxel_at(const void *v, tc_voxel_type type, size_t i) {
+  switch (type) {
+  case TC_U8: return ((const uint8_t *)v)[i];
+  case TC_I8: return ((const int8_t *)v)[i];
+  case TC_U16: return ((const uint16_t *)v)[i];
+  case TC_I16: return ((const int16_t *)v)[i];
+  case TC_F32:
+  case TC_VOXEL_TYPE_COUNT: break;
+  }
+  return ((const float *)v)[i];
+}
+
+static double value_at(const tc_volume *volume, const int at[3]) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  const size_t row = (size_t)at[2] * (size_t)d->dims[1] + (size_t)at[1];
+  return d->slope * voxel_at(tc_volume_data(volume), d->type, row * (size_t)d->dims[0] + (size_t)at[0]) + d->intercept;
+}
+
+static void cast(const tc_volume *volume, int axis, int at[3], sheet *sheet) {
   const int voxels = tc_volume_describe(volume)->dims[axis], samples = samples_of(voxels, DEPTH);
   double most = -INFINITY, least = INFINITY, sum = 0;
   for (int i = 0; i < samples; i++) {
-    double value = 0;
     at[axis] = place(i, samples, voxels);
-    tc_volume_value_at(volume, at, &value);
+    const double value = value_at(volume, at);
     most = fmax(most, value);
     sum += value;
     if (fabs((double)i - 0.5 * (samples - 1)) <= 0.5 + 0.5 * SLAB * samples) least = fmin(least, value);
@@ -49,7 +68,7 @@ static void cast(const tc_volume *volume, int axis, double at[3], sheet *sheet) 
 static void project(const tc_volume *volume, sheet *sheet) {
   const int *dims = tc_volume_describe(volume)->dims, axis = front_axis(volume), u = (axis + 1) % 3, v = (axis + 2) % 3;
   const int across = samples_of(dims[u], SIDE), down = samples_of(dims[v], SIDE);
-  double at[3];
+  int at[3];
   sheet->count = 0;
   for (int j = 0; j < down; j++)
     for (int i = 0; i < across; i++) {

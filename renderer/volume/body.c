@@ -29,6 +29,7 @@ typedef struct parts {
   const tc_body_options *options;
   int nx, ny, nz;
   double from, to;     /* dense voxels, as stored */
+  bool padded;         /* there are values above the options' most */
   run *runs;
   uint32_t *rows;      /* [nz * ny + 1]: a row's first run */
   size_t count, capacity, most;
@@ -101,11 +102,12 @@ static bool add_run(parts *p, int from, int end) {
 static bool add_row(parts *p, size_t row) {
   mark(p, row, p->from, p->to);
   p->rows[row] = (uint32_t)p->count;
-  for (int x = 0; x < p->nx; x++) {
-    if (!p->mask[x]) continue;
-    int from = x;
-    while (x < p->nx && p->mask[x]) x++;
-    if (!add_run(p, from, x)) return false;
+  const uint8_t *at = p->mask, *end = p->mask + p->nx;
+  while (at < end && (at = memchr(at, 1, (size_t)(end - at)))) {
+    const uint8_t *after = memchr(at, 0, (size_t)(end - at));
+    if (!after) after = end;
+    if (!add_run(p, (int)(at - p->mask), (int)(after - p->mask))) return false;
+    at = after;
   }
   p->rows[row + 1] = (uint32_t)p->count;
   return true;
@@ -269,7 +271,8 @@ static void mark_row(parts *p, int y, int z) {
   const size_t row = (size_t)z * (size_t)p->ny + (size_t)y;
   const tc_volume_desc *d = tc_volume_describe(p->volume);
   const double past = (p->options->most - d->intercept) / d->slope;
-  if (d->slope > 0) mark(p, row, nextafterf((float)past, INFINITY), INFINITY);
+  if (!p->padded) memset(p->mask, 0, (size_t)p->nx);
+  else if (d->slope > 0) mark(p, row, nextafterf((float)past, INFINITY), INFINITY);
   else mark(p, row, -INFINITY, nextafterf((float)past, -INFINITY));
   if (!p->near) return;
   for (int dz = -HALO; dz <= HALO; dz++)
@@ -322,8 +325,9 @@ static bool fill(parts *p, tc_volume *made) {
     for (int y = p->low[1]; y <= p->high[1]; y++, to += width) {
       memcpy(to, row_of(p->volume, (size_t)z * (size_t)p->ny + (size_t)y) + (size_t)p->low[0] * size, width);
       mark_row(p, y, z);
-      for (int x = 0; x < d->dims[0]; x++)
-        if (p->mask[p->low[0] + x]) put(to, d->type, x, air);
+      const uint8_t *mask = p->mask + p->low[0], *end = mask + d->dims[0];
+      for (const uint8_t *at = mask; at < end && (at = memchr(at, 1, (size_t)(end - at))); at++)
+        put(to, d->type, (int)(at - mask), air);
     }
   }
   return true;
@@ -353,7 +357,7 @@ tc_volume *tc_body_of(const tc_volume *volume, const tc_body_options *options) {
   const tc_volume_stats *s = tc_volume_statistics(volume);
   const double a = (options->dense - d->intercept) / d->slope, b = (options->most - d->intercept) / d->slope;
   parts p = {.volume = volume, .options = options, .nx = d->dims[0], .ny = d->dims[1], .nz = d->dims[2],
-             .from = fmin(a, b), .to = fmax(a, b), .mask = malloc((size_t)d->dims[0])};
+             .from = fmin(a, b), .to = fmax(a, b), .padded = s->max > options->most, .mask = malloc((size_t)d->dims[0])};
   tc_volume *made = NULL;
   const bool found = p.mask && options->parts && find_parts(&p);
   if (found) {
@@ -362,7 +366,7 @@ tc_volume *tc_body_of(const tc_volume *volume, const tc_body_options *options) {
     forget_parts(&p);
     whole_box(&p);
   }
-  if (p.mask && (found || s->max > options->most)) made = new_volume(&p);
+  if (p.mask && (found || p.padded)) made = new_volume(&p);
   if (made && fill(&p, made)) {
     tc_volume_seal_within(made, s->voxel_min, s->voxel_max);
   } else {

@@ -16,36 +16,50 @@ struct tc_values {
   int first, last;     /* bins of the range, inclusive */
 };
 
-/* Bins along the values: where slope is negative, against the voxels. */
-#define COUNT_OF(name, type)                                                                                         \
+/* A row of each so many is enough to know the shares of values in a large volume. */
+#define ENOUGH_VOXELS (1u << 24)
+
+/* Bins along the values: where slope is negative, against the voxels. Whole numbers have a bin each. */
+#define COUNT_OF(name, type, number)                                                                                 \
   static void count_##name(const type *v, size_t n, double start, double scale, uint64_t *counts) {                  \
+    const number first = (number)start, times = (number)scale;                                                       \
     for (size_t i = 0; i < n; i++) {                                                                                 \
-      const double at = ((double)v[i] - start) * scale;                                                              \
+      const number at = ((number)v[i] - first) * times;                                                              \
       if (at >= 0 && at < BINS) counts[(int)at]++;                                                                   \
     }                                                                                                                \
   }
-COUNT_OF(u8, uint8_t)
-COUNT_OF(i8, int8_t)
-COUNT_OF(u16, uint16_t)
-COUNT_OF(i16, int16_t)
-COUNT_OF(f32, float)
+COUNT_OF(u8, uint8_t, int)
+COUNT_OF(i8, int8_t, int)
+COUNT_OF(u16, uint16_t, int)
+COUNT_OF(i16, int16_t, int)
+COUNT_OF(f32, float, double)
 
-/* Counts voxels between two of them. Whole numbers have a bin each. */
-static void count(tc_values *values, const tc_volume *volume, double lo, double hi) {
-  const tc_volume_desc *d = tc_volume_describe(volume);
-  const bool whole = d->type != TC_F32;
-  const double width = whole ? 1 : hi > lo ? (hi - lo) / (BINS - 1) : 1;
-  const double start = d->slope > 0 ? lo : hi, scale = (d->slope > 0 ? 1 : -1) / width;
-  const size_t n = tc_volume_bytes(volume) / tc_voxel_size(d->type);
-  const void *v = tc_volume_data(volume);
-  for (int i = 0; i < BINS; i++) values->counts[i] = 0;
-  switch (d->type) {
+static void count_row(tc_values *values, tc_voxel_type type, const void *v, size_t n, double start, double scale) {
+  switch (type) {
   case TC_U8: count_u8(v, n, start, scale, values->counts); break;
   case TC_I8: count_i8(v, n, start, scale, values->counts); break;
   case TC_U16: count_u16(v, n, start, scale, values->counts); break;
   case TC_I16: count_i16(v, n, start, scale, values->counts); break;
   case TC_F32: count_f32(v, n, start, scale, values->counts); break;
   case TC_VOXEL_TYPE_COUNT: break;
+  }
+}
+
+/* Counts voxels between two of them, both of which there are. */
+static void count(tc_values *values, const tc_volume *volume, double lo, double hi) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  const bool whole = d->type != TC_F32;
+  const double width = whole ? 1 : hi > lo ? (hi - lo) / (BINS - 1) : 1;
+  const double start = d->slope > 0 ? lo : hi, scale = (d->slope > 0 ? 1 : -1) / width;
+  const size_t size = tc_voxel_size(d->type), n = (size_t)d->dims[0], rows = (size_t)d->dims[1] * (size_t)d->dims[2];
+  const size_t every = n * rows / ENOUGH_VOXELS + 1;
+  const char *v = tc_volume_data(volume);
+  for (int i = 0; i < BINS; i++) values->counts[i] = 0;
+  for (size_t row = 0; row < rows; row += every) count_row(values, d->type, v + row * n * size, n, start, scale);
+  for (int end = 0; end < 2; end++) { /* whether or not they were met */
+    const double at = ((end ? hi : lo) - start) * scale;
+    uint64_t *c = &values->counts[at < BINS - 1 ? (int)at : BINS - 1];
+    *c += *c == 0;
   }
   values->start = d->slope * start + d->intercept;
   values->width = fabs(d->slope) * width;
