@@ -18,6 +18,11 @@
 /* An interactive frame that would take so much longer still is misjudged. */
 #define LATE_MS (2 * TCS_LADDER_TARGET_MS)
 
+/* A frame at rest tells little of one in motion, and the other way round. */
+static bool differs_in_motion(const tc_scene *scene) {
+  return scene->shading.model != TC_SHADING_NONE && scene->shading.gradient == TC_GRADIENT_CENTRAL;
+}
+
 /* There are two encoders: a picture may come after a newer one, or after the final one of the same scene. It must not take
  * that one's place, for who joins then would never be shown a final picture. */
 static bool overtaken(const tcs_view *view, const tcs_job *job) {
@@ -45,7 +50,8 @@ static void finished(tcs_job *job) {
     return;
   }
   if (!job->stats.stand_in) {
-    if (view) tcs_ladder_measure(&view->ladders[job->scene.mode], job->samples, job->stats.render_ms);
+    if (view && !differs_in_motion(&job->scene))
+      tcs_ladder_measure(&view->ladders[job->scene.mode], job->samples, job->stats.render_ms);
     session->build_ms += BUILD_WEIGHT * (job->stats.tables_ms + job->stats.skip_ms - session->build_ms);
     tc_quality_cost_add(&session->cost, &job->scene, (double)job->out_width * job->out_height, job->stats.render_ms);
   }
@@ -61,6 +67,11 @@ static void finished(tcs_job *job) {
   tcs_session_deliver(session);
   tcs_session_wake(session);
   if (job->final) tcs_quality_pump(session->server->quality);
+}
+
+/* Interactive frames are lit by cell gradients, which cost a fraction of central ones. */
+static void light_for_motion(tc_scene *scene) {
+  if (differs_in_motion(scene)) scene->shading.gradient = TC_GRADIENT_CELL;
 }
 
 static double samples_of(const tcs_job *job) {
@@ -80,6 +91,7 @@ static double target_ms(const tcs_session *session, const tcs_job *job) {
  * same. */
 static void make_interactive(tcs_session *session, tcs_view *view, tcs_job *job) {
   const int width = job->scene.image.width, height = job->scene.image.height;
+  light_for_motion(&job->scene);
   tcs_ladder *ladder =
       tcs_view_ladder(view, job->scene.mode, tcs_scheduler_ms_per_sample(session->server->scheduler));
   const tcs_rung rung =
@@ -88,7 +100,6 @@ static void make_interactive(tcs_session *session, tcs_view *view, tcs_job *job)
   job->width = MAX(1, (int)lround(width * scale));
   job->height = MAX(1, (int)lround(height * scale));
   tcs_rung_coarsen(rung.coarser, &job->scene);
-  if (job->scene.shading.gradient == TC_GRADIENT_CENTRAL) job->scene.shading.gradient = TC_GRADIENT_CELL; /* cheaper */
   if (!job->scene.image.transparent) job->scene.image.format = TC_FORMAT_JPEG;
   job->scene.image.quality = MIN(job->scene.image.quality, TCS_INTERACTIVE_QUALITY);
   job->scene.image.subsampling = TC_SUBSAMPLING_420;
@@ -103,8 +114,12 @@ static bool goes_on(tcs_job *job) {
   if (job->final || job->stats.stand_in || ms < LATE_MS || ms / done - ms < LATE_MS) return true;
   tcs_ladder *ladder = &view->ladders[job->scene.mode];
   const int rung = ladder->rung;
+  tc_scene full = session->scene; /* borrowed: only read */
+  light_for_motion(&full);
   tcs_ladder_measure(ladder, job->samples * done, ms);
-  tcs_ladder_pick(ladder, tcs_session_samples(session, view), 0, target_ms(session, job));
+  tcs_ladder_pick(ladder, tc_estimate_samples(job->volume, &full, view->width ? view->width : full.image.width,
+                                              view->height ? view->height : full.image.height, NULL),
+                  0, target_ms(session, job));
   return ladder->rung <= rung;
 }
 
