@@ -1,5 +1,5 @@
-/* Pictures of a session that come in another order than they were begun in: there are two encoders. The jobs are ended by
- * hand, so that the order is the test's. */
+/* What a session has rendered, and pictures that come in another order than they were begun in: there are two encoders. The
+ * jobs are ended by hand, so that order and times are the test's. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -136,8 +136,48 @@ static void what_comes_in_order_takes_its_place(void **state) {
   tcs_session_leave(&v.watcher);
 }
 
+static void light(const char *gradient) {
+  cJSON *patch = cJSON_CreateObject(), *shading = cJSON_AddObjectToObject(patch, "shading");
+  cJSON_AddStringToObject(shading, "model", "blinn-phong");
+  cJSON_AddStringToObject(shading, "gradient", gradient);
+  assert_true(tcs_session_patch(session, patch, NULL, false, NULL));
+  cJSON_Delete(patch);
+}
+
+/* A scene lit by central gradients is drawn with cell gradients while it moves: its interactive frames are as large as
+ * those of a scene lit by cell gradients, and a final frame, however slow, makes none of them smaller. */
+static void frames_in_motion_are_sized_by_their_own_gradients(void **state) {
+  static const char *const gradients[] = {"cell", "central"};
+  const tcs_ladder known = {.ms_per_sample = 2e-5, .measured = true};
+  viewer v = {.watcher.ops = &ops};
+  int widths[2];
+  tcs_session_join(session, &v.watcher, 16);
+  light("cell");
+  tcs_job *first = rendered_job(false);
+  tcs_ladder *ladder = &((tcs_view *)first->part)->ladders[TC_MODE_DVR];
+  encoded(first);
+  for (int i = 0; i < 2; i++) {
+    light(gradients[i]);
+    change(40 + i);
+    *ladder = known;
+    tcs_job *job = rendered_job(false);
+    widths[i] = job->width;
+    assert_int_equal(job->scene.shading.gradient, TC_GRADIENT_CELL);
+    encoded(job);
+  }
+  assert_true(widths[0] < session->scene.image.width);
+  assert_int_equal(widths[0], widths[1]);
+  *ladder = known;
+  tcs_job *final = rendered_job(true);
+  final->stats.render_ms = 1e5;
+  encoded(final);
+  assert_true(ladder->ms_per_sample == known.ms_per_sample);
+  tcs_session_leave(&v.watcher);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(what_was_overtaken_takes_no_place),
-                                     cmocka_unit_test(what_comes_in_order_takes_its_place)};
+                                     cmocka_unit_test(what_comes_in_order_takes_its_place),
+                                     cmocka_unit_test(frames_in_motion_are_sized_by_their_own_gradients)};
   return cmocka_run_group_tests(tests, open_daemon, close_daemon);
 }
