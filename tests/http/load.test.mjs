@@ -158,6 +158,29 @@ test('a daemon that dies is said, and not measured on', async () => {
   assert.equal(out.match(/frames\/s a client/g).length <= 3, true, 'no step is measured of a dead daemon');
 });
 
+test('whichever call a dying daemon leaves without an answer, its death is what is said', async () => {
+  // The connection closes first, and only then does the system say that the process has gone.
+  const mortal = join(folder, 'actor');
+  const actor = (moment, how) => `#!${process.execPath}
+    const replies = { '/v1/volumes/head': { state: 'resident' }, '/v1/about': { name: 'Tomocast' }, '/v1/sessions': { id: 's', scene: { transferFunction: { points: [] } } } };
+    process.on('SIGTERM', () => {}); // who is dying does not listen
+    const die = (socket) => { socket.${how}(); setTimeout(() => process.kill(process.pid, 'SIGKILL'), 300); };
+    const server = require('node:http').createServer((request, reply) =>
+      request.method + ' ' + request.url === '${moment}' ? die(request.socket) : reply.end(JSON.stringify(replies[request.url])));
+    server.on('upgrade', (request, socket) => die(socket));
+    server.listen(0, '127.0.0.1', () => console.log('listening on http://127.0.0.1:' + server.address().port));`;
+  const died = /^tests\/load: the daemon died \(SIGKILL\); the end of its log:\n/;
+  const moments = [['GET /v1/about', 'destroy', 1, died], ['POST /v1/sessions', 'end', 1, died], ['stream', 'resetAndDestroy', 1, died], ['stream', 'end', 1, died],
+    ['GET /v1/volumes/head', 'destroy', 2, /^tests\/load: the daemon ended before its volume was there \(SIGKILL\)/]];
+  for (const [moment, how, status, said] of moments) {
+    writeFileSync(mortal, actor(moment, how), { mode: 0o755 });
+    const { code, err } = await load(['--binary', mortal, ...SMALL.slice(2), '--clients', '1', '--seconds', '1']);
+    assert.equal(code, status, `${moment}: ${err}`);
+    assert.match(err, said, moment);
+    assert.doesNotMatch(err, /closed the connection/, moment);
+  }
+});
+
 test('Ctrl-C ends it with what was measured so far', async () => {
   const interrupt = async (child) => { await sleep(2500); child.kill('SIGINT'); };
   const began = Date.now();

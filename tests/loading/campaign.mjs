@@ -91,13 +91,11 @@ async function withDaemon(options, extra, onDeath, what) {
   const daemon = await Daemon.start({ binary: findBinary(options.binary), volume: options.volume, backend: options.backend, apart: options.apart, ...extra });
   const gone = new AbortController(); // nothing is measured of a dead daemon
   daemon.ended.then(() => gone.abort());
-  let ended;
-  try {
-    await what({ target: daemon.target, ended: gone.signal, pid: daemon.pid, volume: 'head' });
-  } finally {
-    ended = await daemon.stop();
-    if (ended.died) onDeath?.(ended.code, daemon.log.trim().split('\n').slice(-LAST_WORDS));
-  }
+  let trouble = null;
+  await what({ target: daemon.target, ended: gone.signal, pid: daemon.pid, volume: 'head' }).catch((error) => (trouble = error));
+  const ended = await daemon.stop();
+  if (ended.died) onDeath?.(ended.code, daemon.log.trim().split('\n').slice(-LAST_WORDS));
+  if (trouble && !(ended.died && trouble instanceof Trouble)) throw trouble; // what a dead daemon did not answer is no news
   return ended;
 }
 

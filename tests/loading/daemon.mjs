@@ -58,8 +58,8 @@ export class Daemon {
       daemon.target = new Target(await daemon.#address());
       await daemon.#resident(id);
     } catch (error) {
-      await daemon.stop();
-      throw error;
+      const { died, code } = await daemon.stop();
+      throw died ? new Trouble(`the daemon ended before its volume was there (${code}): ${daemon.log.trim().split('\n').at(-1)}`) : error;
     }
     return daemon;
   }
@@ -71,7 +71,7 @@ export class Daemon {
         const found = /^listening on (http:\/\/\S+)\n/.exec((said += bytes));
         if (found) resolve(found[1]);
       });
-      this.ended.then(({ code, signal }) => reject(new Trouble(`the daemon ended at once (${code ?? signal}): ${this.log.trim().split('\n').at(-1)}`)));
+      this.ended.then(reject);
     });
   }
 
@@ -84,10 +84,13 @@ export class Daemon {
     throw new Trouble('--volume: the volume is not loaded within a minute');
   }
 
-  /** SIGTERM, then SIGKILL. @returns {{seconds, killed, died, code}} how long it took to go; died: it had gone before */
+  /**
+   * SIGTERM, then SIGKILL. @returns {{seconds, killed, died, code}} how long it took to go; died: of something else,
+   * which is known for certain only now: connections of a dying process close before the system says that it has gone
+   */
   async stop() {
     const began = performance.now();
-    const died = !!this.exit;
+    const gone = !!this.exit;
     let killed = false;
     const late = setTimeout(() => {
       killed = true;
@@ -98,6 +101,7 @@ export class Daemon {
     clearTimeout(late);
     this.target?.close();
     rmSync(this.folder, { recursive: true, force: true });
+    const died = gone || !(killed || code === 0 || signal === 'SIGTERM');
     return { seconds: Math.round(performance.now() - began) / 1000, killed, died, code: code ?? signal };
   }
 }

@@ -51,6 +51,7 @@ export function handshake(port, path, { headers = {}, without = [], extra = Buff
     };
     socket.on('data', listen);
     socket.on('error', reject);
+    socket.on('close', () => reject(Object.assign(new Error('closed without an answer'), { code: 'ECONNRESET' })));
     socket.setNoDelay(true);
     socket.write(Buffer.concat([Buffer.from(`GET ${path} HTTP/1.1\r\n${lines}\r\n`), extra]));
   });
