@@ -9,9 +9,9 @@
 #include "renderer/mesh/mesh.h"
 #include "renderer/volume/volume.h"
 
-typedef enum tc_export_kind { TC_EXPORT_UNKNOWN, TC_EXPORT_VOLUME, TC_EXPORT_MESH } tc_export_kind;
+typedef enum tc_export_kind { TC_EXPORT_UNKNOWN, TC_EXPORT_VOLUME, TC_EXPORT_MESH, TC_EXPORT_MODEL } tc_export_kind;
 
-/* Which of the two a name's ending means. */
+/* Which of these a name's ending means; a model (.vmd) is written by splat/vmd.h. */
 tc_export_kind tc_export_kind_of(const char *path);
 
 /* Values as they are: NIfTI keeps voxels, slope and intercept; the others, which have no place for these, get the

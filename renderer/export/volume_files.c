@@ -180,7 +180,7 @@ tc_export_kind tc_export_kind_of(const char *path) {
     if (tc_path_ends(path, volumes[i])) return TC_EXPORT_VOLUME;
   for (size_t i = 0; i < G_N_ELEMENTS(meshes); i++)
     if (tc_path_ends(path, meshes[i])) return TC_EXPORT_MESH;
-  return TC_EXPORT_UNKNOWN;
+  return tc_path_ends(path, ".vmd") ? TC_EXPORT_MODEL : TC_EXPORT_UNKNOWN;
 }
 
 bool tc_export_volume(const tc_volume *volume, const char *path, bool gzip, GError **error) {

@@ -1,15 +1,20 @@
-/* tomocast convert: a volume to another format, or an isosurface of it to a mesh. */
+/* tomocast convert: a volume to another format, an isosurface of it to a mesh, or what it shows to a voxel model. */
+#include <float.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
 
 #include "renderer/export/export.h"
 #include "renderer/import/import.h"
+#include "renderer/splat/vmd.h"
 #include "server/cli/cli.h"
 
 typedef struct arguments {
   char *iso, **rest; /* rest: IN, OUT */
-  gboolean ascii, gzip;
+  gboolean ascii, gzip, labels;
+  char *threshold, *shell, *attributes; /* of a voxel model ... */
+  tc_vmd_wish wish;                     /* ... and what they say */
   int threads;
 } arguments;
 
@@ -18,17 +23,55 @@ static bool bad_usage(GError **error, const char *what) {
   return false;
 }
 
+static bool read_numbers(const char *option, const char *text, int count, double *numbers, GError **error) {
+  char **parts = g_strsplit(text, ",", -1), *end = NULL;
+  bool good = (int)g_strv_length(parts) == count;
+  for (int i = 0; i < count && good; i++) {
+    numbers[i] = g_ascii_strtod(parts[i], &end);
+    good = end != parts[i] && !*end && !isnan(numbers[i]);
+  }
+  g_strfreev(parts);
+  if (!good)
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "%s: %s wanted", option, count == 2 ? "LOW,HIGH" : "a number is");
+  return good;
+}
+
+/* Labels are what is above 0. */
+static bool make_wish(arguments *a, GError **error) {
+  double range[2] = {DBL_MIN, INFINITY};
+  if (a->threshold && !read_numbers("--threshold", a->threshold, 2, range, error)) return false;
+  if (a->shell && !read_numbers("--iso-shell", a->shell, 1, range, error)) return false;
+  a->wish = (tc_vmd_wish){
+      .low = range[0], .high = range[1], .labels = a->labels, .shell = a->shell != NULL, .attributes = a->attributes};
+  return true;
+}
+
+/* Exactly one option says which voxels a model has. */
+static bool check_model(arguments *a, bool model, GError **error) {
+  int ways = (a->threshold != NULL) + (a->shell != NULL) + a->labels;
+  if (!model && (ways || a->attributes))
+    return bad_usage(error, "--threshold, --labels, --iso-shell and --attributes go with .vmd");
+  if (!model) return true;
+  return ways == 1 ? make_wish(a, error)
+                   : bad_usage(error, "a .vmd wants its voxels: --threshold LOW,HIGH, or --labels, or --iso-shell V");
+}
+
 static bool parse(arguments *a, int argc, char **argv, double *iso, GError **error) {
   const GOptionEntry entries[] = {
       {"iso", 0, 0, G_OPTION_ARG_FILENAME, &a->iso,
        "value of the surface, in the volume's unit: for .ply, .stl and .obj", "V"},
       {"ascii", 0, 0, G_OPTION_ARG_NONE, &a->ascii, "write .ply and .stl as text", NULL},
-      {"gzip", 0, 0, G_OPTION_ARG_NONE, &a->gzip, "compress a .nrrd (a .nii.gz always is)", NULL},
+      {"gzip", 0, 0, G_OPTION_ARG_NONE, &a->gzip, "compress a .nrrd or .vmd (a .nii.gz always is)", NULL},
+      {"threshold", 0, 0, G_OPTION_ARG_STRING, &a->threshold, "voxels of a .vmd: values from LOW to HIGH", "LOW,HIGH"},
+      {"labels", 0, 0, G_OPTION_ARG_NONE, &a->labels, "voxels of a .vmd: all labels of IN, a label map", NULL},
+      {"iso-shell", 0, 0, G_OPTION_ARG_STRING, &a->shell, "voxels of a .vmd: values from V, the outermost alone", "V"},
+      {"attributes", 0, 0, G_OPTION_ARG_STRING, &a->attributes,
+       "what a .vmd keeps of each voxel: some of value,label,normal,user", "LIST"},
       {"threads", 0, 0, G_OPTION_ARG_INT, &a->threads, "CPU workers (one per core)", "N"},
       {0}};
   const tcs_cli_usage usage = {"convert", "IN OUT",
-                               "Writes a volume (a file, a folder or demo:NAME) as .nrrd, .mha, .nii or .nii.gz, or "
-                               "its surface as .ply, .stl or .obj.",
+                               "Writes a volume (a file, a folder or demo:NAME) as .nrrd, .mha, .nii or .nii.gz, its "
+                               "surface as .ply, .stl or .obj, or an object in it as a run-length voxel model, .vmd.",
                                entries};
   char *end;
   if (!tcs_cli_parse(&usage, argc, argv, &a->rest, error)) return false;
@@ -36,10 +79,12 @@ static bool parse(arguments *a, int argc, char **argv, double *iso, GError **err
     return bad_usage(error, "IN and OUT are wanted; see tomocast convert --help");
   tc_export_kind kind = tc_export_kind_of(a->rest[1]);
   if (kind == TC_EXPORT_UNKNOWN)
-    return bad_usage(error,
-                     "OUT must end in .nrrd, .mha, .nii or .nii.gz (a volume), or in .ply, .stl or .obj (a surface)");
+    return bad_usage(
+        error, "OUT must end in .nrrd, .mha, .nii or .nii.gz (a volume), in .ply, .stl or .obj (a surface), or in "
+               ".vmd (a voxel model)");
+  if (!check_model(a, kind == TC_EXPORT_MODEL, error)) return false;
   if (kind == TC_EXPORT_MESH && !a->iso) return bad_usage(error, "a surface wants --iso V, its value");
-  if (kind == TC_EXPORT_VOLUME && a->iso) return bad_usage(error, "--iso goes with .ply, .stl or .obj");
+  if (kind != TC_EXPORT_MESH && a->iso) return bad_usage(error, "--iso goes with .ply, .stl or .obj");
   if (a->threads < 0 || a->threads > 1024) return bad_usage(error, "--threads: 0 to 1024 is wanted");
   *iso = a->iso ? g_ascii_strtod(a->iso, &end) : 0;
   return !a->iso || (end != a->iso && !*end) || bad_usage(error, "--iso: a number is wanted");
@@ -64,6 +109,25 @@ static bool write_surface(const tc_volume *volume, double iso, const arguments *
   return good;
 }
 
+static bool write_model(const tc_volume *volume, const arguments *a, GError **error) {
+  tc_pool *pool = tc_pool_new(a->threads, error);
+  tc_vmd *model = pool ? tc_vmd_of_volume(volume, &a->wish, pool, error) : NULL;
+  tc_pool_free(pool);
+  const tc_volume_stats *range = tc_volume_statistics(volume);
+  bool good = model != NULL;
+  if (good && !model->voxels) {
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "no voxel is in that range; the volume's values are %g to %g",
+                 range->min, range->max);
+    good = false;
+  }
+  good = good && tc_vmd_write(model, a->rest[1], a->gzip, error);
+  if (good)
+    printf("%s: %" G_GUINT64_FORMAT " voxels in %" G_GUINT64_FORMAT " runs, %zu bytes in memory\n", a->rest[1],
+           model->voxels, model->runs, model->total_bytes);
+  tc_vmd_free(model);
+  return good;
+}
+
 /* Loading takes longest: shown where somebody looks. */
 static bool show_progress(void *user, double fraction) {
   fprintf(stderr, "\r\033[K%s: %.0f %%", (const char *)user, 100 * fraction);
@@ -76,8 +140,19 @@ static bool convert(const arguments *a, double iso, GError **error) {
   tc_volume *volume = tc_import(a->rest[0], &options, error);
   if (shows) fputs("\r\033[K", stderr);
   if (!volume) return false;
-  bool good = tc_export_kind_of(a->rest[1]) == TC_EXPORT_MESH ? write_surface(volume, iso, a, error)
-                                                              : tc_export_volume(volume, a->rest[1], a->gzip, error);
+  bool good = false;
+  switch (tc_export_kind_of(a->rest[1])) {
+  case TC_EXPORT_MESH:
+    good = write_surface(volume, iso, a, error);
+    break;
+  case TC_EXPORT_MODEL:
+    good = write_model(volume, a, error);
+    break;
+  case TC_EXPORT_VOLUME:
+  case TC_EXPORT_UNKNOWN:
+    good = tc_export_volume(volume, a->rest[1], a->gzip, error);
+    break;
+  }
   tc_volume_unref(volume);
   return good;
 }
@@ -92,6 +167,9 @@ int tcs_cli_convert(int argc, char **argv) {
   else if (!convert(&a, iso, &error))
     code = tcs_cli_fail("convert", TCS_EXIT_FAILED, error);
   g_free(a.iso);
+  g_free(a.threshold);
+  g_free(a.shell);
+  g_free(a.attributes);
   g_strfreev(a.rest);
   return code;
 }

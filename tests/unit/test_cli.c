@@ -128,6 +128,10 @@ static void bad_usage(void **state) {
   refuse(RUN("convert", "demo:bucky", "b.ply"), 2, "--iso V");
   refuse(RUN("convert", "demo:bucky", "b.nrrd", "--iso", "1"), 2, "--iso goes with");
   refuse(RUN("convert", "demo:bucky", "b.ply", "--iso", "much"), 2, "a number is wanted");
+  refuse(RUN("convert", "demo:bucky", "b.vmd"), 2, "--threshold LOW,HIGH");
+  refuse(RUN("convert", "demo:bucky", "b.vmd", "--threshold", "1"), 2, "LOW,HIGH wanted");
+  refuse(RUN("convert", "demo:bucky", "b.nrrd", "--labels"), 2, "go with .vmd");
+  refuse(RUN("convert", "demo:bucky", "b.vmd", "--iso-shell", "1e9"), 1, "no voxel is in that range");
   refuse(RUN("convert", "demo:bucky", "b.ply", "--iso", "1e9"), 1, "no surface of that value; its values are 0 to ");
 }
 

@@ -1,0 +1,181 @@
+/* From bits to runs: rows of columns in parallel, each with bytes of its own, then one after the other. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "renderer/splat/vmd.h"
+
+typedef struct row {
+  GByteArray *bytes;
+  uint32_t *lengths; /* [nx]; NULL until it is made */
+} row;
+
+typedef struct making {
+  const tc_vmd_source *source;
+  const int *dims;
+  int words;
+  uint64_t **bits; /* [threads][4][words][nx]: the row, its shell, and rows beside it */
+  row *rows;       /* [ny] */
+  atomic_bool short_of_memory;
+} making;
+
+static void fill(const making *m, int y, uint64_t *bits) {
+  memset(bits, 0, (size_t)m->words * (size_t)m->dims[0] * sizeof *bits);
+  if (y >= 0 && y < m->dims[1]) m->source->fill(m->source->user, y, bits);
+}
+
+/* Leaves only voxels that have a free neighbour; what is beyond the grid is free. */
+static void peel(const making *m, int y, uint64_t *bits, uint64_t *work) {
+  const size_t nx = (size_t)m->dims[0], n = (size_t)m->words * nx;
+  uint64_t *before = work, *behind = work + n, *inside = work + 2 * n;
+  fill(m, y - 1, before);
+  fill(m, y + 1, behind);
+  for (size_t i = 0; i < n; i++) {
+    uint64_t left = i % nx > 0 ? bits[i - 1] : 0, right = i % nx + 1 < nx ? bits[i + 1] : 0;
+    uint64_t under = bits[i] << 1 | (i >= nx ? bits[i - nx] >> 63 : 0);
+    uint64_t over = bits[i] >> 1 | (i + nx < n ? bits[i + nx] << 63 : 0);
+    inside[i] = left & right & under & over & before[i] & behind[i];
+  }
+  for (size_t i = 0; i < n; i++)
+    bits[i] &= ~inside[i];
+}
+
+/* The next change of a column at or after z: to filled, or to free. */
+static int next_change(const making *m, const uint64_t *column, int z, bool to_filled) {
+  const int nz = m->dims[2];
+  while (z < nz) {
+    uint64_t word = column[(size_t)(z / 64) * (size_t)m->dims[0]];
+    word = (to_filled ? word : ~word) >> z % 64;
+    if (word) return MIN(z + __builtin_ctzll(word), nz);
+    z = (z / 64 + 1) * 64;
+  }
+  return nz;
+}
+
+static void put_column(const making *m, GByteArray *to, const uint64_t *column, int x, int y) {
+  const int nz = m->dims[2], record = m->source->head.record_bytes;
+  for (int z = 0, start, end = 0;; z = end) {
+    start = next_change(m, column, z, true);
+    if (start >= nz) break;
+    end = next_change(m, column, start, false);
+    tc_vmd_put_varint(to, (uint32_t)(start - z));
+    tc_vmd_put_varint(to, (uint32_t)(end - start));
+    if (!record) continue;
+    guint at = to->len;
+    g_byte_array_set_size(to, at + (guint)(end - start) * (guint)record);
+    memset(to->data + at, 0, to->len - at); /* what nobody sets is 0 */
+    for (int i = start; i < end; i++, at += (guint)record)
+      m->source->record(m->source->user, x, y, i, to->data + at);
+  }
+  static const guint8 ending[2] = {0, 0};
+  g_byte_array_append(to, ending, 2);
+}
+
+static bool any_filled(const making *m, const uint64_t *column) {
+  uint64_t any = 0;
+  for (int w = 0; w < m->words; w++)
+    any |= column[(size_t)w * (size_t)m->dims[0]];
+  return any != 0;
+}
+
+static void make_row(void *context, int y, int worker) {
+  making *m = context;
+  const size_t n = (size_t)m->words * (size_t)m->dims[0];
+  row *r = &m->rows[y];
+  r->lengths = calloc((size_t)m->dims[0], sizeof *r->lengths);
+  if (!r->lengths) {
+    atomic_store(&m->short_of_memory, true);
+    return;
+  }
+  r->bytes = g_byte_array_new();
+  uint64_t *bits = m->bits[worker];
+  fill(m, y, bits);
+  if (m->source->shell) peel(m, y, bits, bits + n);
+  for (int x = 0; x < m->dims[0]; x++) {
+    guint before = r->bytes->len;
+    if (any_filled(m, bits + x)) put_column(m, r->bytes, bits + x, x, y);
+    r->lengths[x] = r->bytes->len - before;
+  }
+}
+
+/* The rectangle of columns that are there; of none, an empty one. */
+static void find_rectangle(const making *m, int first[2], int size[2]) {
+  int lo[2] = {m->dims[0], m->dims[1]}, hi[2] = {-1, -1};
+  for (int y = 0; y < m->dims[1]; y++)
+    for (int x = 0; x < m->dims[0]; x++) {
+      if (!m->rows[y].lengths[x]) continue;
+      lo[0] = MIN(lo[0], x), hi[0] = MAX(hi[0], x);
+      lo[1] = MIN(lo[1], y), hi[1] = MAX(hi[1], y);
+    }
+  for (int k = 0; k < 2; k++) {
+    first[k] = hi[k] < 0 ? 0 : lo[k];
+    size[k] = hi[k] < 0 ? 0 : hi[k] + 1 - lo[k];
+  }
+}
+
+static tc_vmd *join(const making *m, GError **error) {
+  int first[2], size[2];
+  uint64_t total = 0;
+  for (int y = 0; y < m->dims[1]; y++)
+    total += m->rows[y].bytes->len;
+  if (total > UINT32_MAX) {
+    tc_set_error(error, TC_ERROR_LIMIT, NULL, "voxel model: more than 4 GiB; fewer voxels or attributes are wanted");
+    return NULL;
+  }
+  find_rectangle(m, first, size);
+  uint8_t *bytes = g_try_malloc(total + 1);
+  uint32_t *lengths = calloc((size_t)size[0] * (size_t)size[1] + 1, sizeof *lengths);
+  tc_vmd *v = NULL;
+  if (bytes && lengths) {
+    size_t at = 0;
+    for (int y = 0; y < m->dims[1]; y++) {
+      if (m->rows[y].bytes->len) memcpy(bytes + at, m->rows[y].bytes->data, m->rows[y].bytes->len);
+      at += m->rows[y].bytes->len;
+    }
+    for (int y = 0; y < size[1]; y++)
+      memcpy(lengths + (size_t)y * (size_t)size[0], m->rows[first[1] + y].lengths + first[0],
+             (size_t)size[0] * sizeof *lengths);
+    v = tc_vmd_new(&m->source->head, first, size, lengths, bytes, error);
+  } else {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "voxel model: no memory for %" G_GUINT64_FORMAT " bytes", total);
+  }
+  free(lengths);
+  if (!v) g_free(bytes);
+  return v;
+}
+
+static bool begin(making *m, tc_pool *pool) {
+  const int threads = tc_pool_threads(pool);
+  const size_t n = (size_t)m->words * (size_t)m->dims[0] * (m->source->shell ? 4 : 1);
+  bool good = (m->bits = calloc((size_t)threads, sizeof *m->bits)) != NULL;
+  for (int i = 0; i < threads && good; i++)
+    good = (m->bits[i] = malloc(n * sizeof **m->bits)) != NULL;
+  return good && (m->rows = calloc((size_t)m->dims[1], sizeof *m->rows)) != NULL;
+}
+
+static void finish(making *m, tc_pool *pool) {
+  for (int i = 0; m->bits && i < tc_pool_threads(pool); i++)
+    free(m->bits[i]);
+  free(m->bits);
+  for (int y = 0; m->rows && y < m->dims[1]; y++) {
+    if (m->rows[y].bytes) g_byte_array_unref(m->rows[y].bytes);
+    free(m->rows[y].lengths);
+  }
+  free(m->rows);
+}
+
+tc_vmd *tc_vmd_make(const tc_vmd_source *source, tc_pool *pool, GError **error) {
+  const int *dims = source->head.grid.dims;
+  making m = {.source = source, .dims = dims, .words = (dims[2] + 63) / 64};
+  tc_vmd *v = NULL;
+  if (!begin(&m, pool)) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "voxel model: out of memory");
+  } else if (!tc_pool_run(pool, dims[1], make_row, &m)) {
+    tc_halt_say(tc_pool_halt(pool), error);
+  } else if (atomic_load(&m.short_of_memory)) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "voxel model: out of memory");
+  } else {
+    v = join(&m, error);
+  }
+  finish(&m, pool);
+  return v;
+}

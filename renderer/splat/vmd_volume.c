@@ -1,0 +1,190 @@
+/* Models of volumes: by threshold or labels, and the records of their voxels. */
+#include <math.h>
+#include <string.h>
+
+#include "renderer/scene.h"
+#include "renderer/splat/normal.h"
+#include "renderer/splat/vmd.h"
+
+typedef struct subject {
+  const tc_volume *volume;
+  const tc_volume_desc *d;
+  const void *data;
+  double low, high; /* stored voxels in this range are filled */
+  double to_index[9];
+  int value, label, normal; /* bytes before them in a record; -1: not there */
+} subject;
+
+/* ---- which voxels ---- */
+
+#define FILL_ROWS(name, type)                                                                                          \
+  static void fill_##name(const subject *s, int y, uint64_t *bits) {                                                   \
+    const size_t nx = (size_t)s->d->dims[0], ny = (size_t)s->d->dims[1];                                               \
+    const type low = (type)s->low, high = (type)s->high;                                                               \
+    for (int z = 0; z < s->d->dims[2]; z++) {                                                                          \
+      const type *from = (const type *)s->data + ((size_t)z * ny + (size_t)y) * nx;                                    \
+      uint64_t *to = bits + (size_t)(z / 64) * nx;                                                                     \
+      for (size_t x = 0; x < nx; x++)                                                                                  \
+        to[x] |= (uint64_t)(from[x] >= low && from[x] <= high) << z % 64;                                              \
+    }                                                                                                                  \
+  }
+FILL_ROWS(u8, uint8_t)
+FILL_ROWS(i8, int8_t)
+FILL_ROWS(u16, uint16_t)
+FILL_ROWS(i16, int16_t)
+FILL_ROWS(f32, float)
+
+static void fill(void *user, int y, uint64_t *bits) {
+  const subject *s = user;
+  if (s->low > s->high) return;
+  switch (s->d->type) {
+  case TC_U8:
+    fill_u8(s, y, bits);
+    break;
+  case TC_I8:
+    fill_i8(s, y, bits);
+    break;
+  case TC_U16:
+    fill_u16(s, y, bits);
+    break;
+  case TC_I16:
+    fill_i16(s, y, bits);
+    break;
+  case TC_F32:
+    fill_f32(s, y, bits);
+    break;
+  case TC_VOXEL_TYPE_COUNT:
+    break;
+  }
+}
+
+/* The stored voxels whose values are in the range: of integers the first and last that are, so that comparing them is
+ * comparing values; of float the range itself, within the volume's own. Nothing: low > high. */
+static void stored_range(subject *s, double low, double high) {
+  const tc_volume_stats *stats = tc_volume_statistics(s->volume);
+  double a = (low - s->d->intercept) / s->d->slope, b = (high - s->d->intercept) / s->d->slope;
+  s->low = fmax(fmin(a, b), stats->voxel_min), s->high = fmin(fmax(a, b), stats->voxel_max);
+  if (s->d->type == TC_F32 || s->low > s->high) return;
+  s->low = floor(s->low), s->high = ceil(s->high); /* rounding of the division is mended here */
+  while (s->low <= s->high &&
+         !(s->d->slope * s->low + s->d->intercept >= low && s->d->slope * s->low + s->d->intercept <= high))
+    s->low++;
+  while (s->low <= s->high &&
+         !(s->d->slope * s->high + s->d->intercept >= low && s->d->slope * s->high + s->d->intercept <= high))
+    s->high--;
+}
+
+/* ---- records ---- */
+
+static size_t voxel_index(const subject *s, int x, int y, int z) {
+  return ((size_t)z * (size_t)s->d->dims[1] + (size_t)y) * (size_t)s->d->dims[0] + (size_t)x;
+}
+
+static double voxel_at(const subject *s, size_t i) {
+  switch (s->d->type) {
+  case TC_U8:
+    return ((const uint8_t *)s->data)[i];
+  case TC_I8:
+    return ((const int8_t *)s->data)[i];
+  case TC_U16:
+    return ((const uint16_t *)s->data)[i];
+  case TC_I16:
+    return ((const int16_t *)s->data)[i];
+  case TC_F32:
+    return (double)((const float *)s->data)[i];
+  case TC_VOXEL_TYPE_COUNT:
+    break;
+  }
+  return 0;
+}
+
+/* How far inside the object, from the nearer end of its range; an end that no voxel is beyond does not count. */
+static double inside_at(const subject *s, size_t i) {
+  const tc_volume_stats *stats = tc_volume_statistics(s->volume);
+  double v = voxel_at(s, i), above = v - s->low, below = s->high - v;
+  if (s->label >= 0) return above >= 0 && below >= 0;
+  if (s->low <= stats->voxel_min && s->high >= stats->voxel_max) return v;
+  if (s->low <= stats->voxel_min) return below;
+  return s->high >= stats->voxel_max ? above : fmin(above, below);
+}
+
+/* Out of the object, in LPS: central differences, one-sided in the grid's faces. Covariant: right for any axes. */
+static void normal_at(const subject *s, int x, int y, int z, double n[3]) {
+  const int at[3] = {x, y, z};
+  double g[3];
+  for (int k = 0; k < 3; k++) {
+    int lo[3] = {x, y, z}, hi[3] = {x, y, z};
+    lo[k] = MAX(at[k] - 1, 0), hi[k] = MIN(at[k] + 1, s->d->dims[k] - 1);
+    double apart = hi[k] - lo[k];
+    g[k] =
+        apart > 0
+            ? (inside_at(s, voxel_index(s, lo[0], lo[1], lo[2])) - inside_at(s, voxel_index(s, hi[0], hi[1], hi[2]))) /
+                  apart
+            : 0;
+  }
+  for (int r = 0; r < 3; r++)
+    n[r] = g[0] * s->to_index[r] + g[1] * s->to_index[3 + r] + g[2] * s->to_index[6 + r];
+}
+
+static void record(void *user, int x, int y, int z, uint8_t *to) {
+  const subject *s = user;
+  const size_t i = voxel_index(s, x, y, z), size = tc_voxel_size(s->d->type);
+  const int at = s->value >= 0 ? s->value : s->label;
+  if (at >= 0) memcpy(to + at, (const uint8_t *)s->data + i * size, size);
+  if (s->normal >= 0) {
+    double n[3];
+    normal_at(s, x, y, z, n);
+    uint16_t packed = tc_normal_pack(n);
+    memcpy(to + s->normal, &packed, 2);
+  }
+}
+
+/* ---- the wish ---- */
+
+static bool add_attribute(tc_vmd_head *head, subject *s, const char *name, bool labels, GError **error) {
+  const tc_vmd_type own = (tc_vmd_type)s->d->type;
+  int *at = NULL;
+  tc_vmd_type type = TC_VMD_U8;
+  if (strcmp(name, "value") == 0 && !labels) at = &s->value, type = own;
+  if (strcmp(name, "label") == 0 && labels) at = &s->label, type = own;
+  if (strcmp(name, "normal") == 0) at = &s->normal, type = TC_VMD_NORMAL;
+  if (!at && strcmp(name, "user") != 0) {
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "attributes: %s wanted, separated by commas",
+                 labels ? "label, normal or user (a label map has no values)"
+                        : "value, normal or user (labels are those of a label map)");
+    return false;
+  }
+  if (at) *at = head->record_bytes;
+  return tc_vmd_head_add(head, name, type, error);
+}
+
+static void set_palette(tc_vmd_head *head) {
+  size_t count;
+  const double(*colors)[3] = tc_label_palette(&count);
+  head->n_palette = TC_VMD_PALETTE;
+  for (size_t label = 1; label < TC_VMD_PALETTE; label++) {
+    for (int c = 0; c < 3; c++)
+      head->palette[label][c] = (uint8_t)lround(colors[(label - 1) % count][c] * 255);
+    head->palette[label][3] = 255;
+  }
+}
+
+tc_vmd *tc_vmd_of_volume(const tc_volume *volume, const tc_vmd_wish *wish, tc_pool *pool, GError **error) {
+  subject s = {.volume = volume,
+               .d = tc_volume_describe(volume),
+               .data = tc_volume_data(volume),
+               .value = -1,
+               .label = -1,
+               .normal = -1};
+  tc_vmd_source source = {.head = {.grid = *s.d}, .shell = wish->shell, .user = &s, .fill = fill, .record = record};
+  char **names = g_strsplit(wish->attributes ? wish->attributes : "", ",", -1);
+  bool good = true;
+  for (char **name = names; *name && good; name++)
+    good = add_attribute(&source.head, &s, g_strstrip(*name), wish->labels, error);
+  g_strfreev(names);
+  if (!good) return NULL;
+  if (s.label >= 0) set_palette(&source.head);
+  stored_range(&s, wish->low, wish->high);
+  tc_volume_lps_to_index_matrix(volume, s.to_index);
+  return tc_vmd_make(&source, pool, error);
+}

@@ -1,0 +1,302 @@
+/* Run-length voxel models: from volumes and back, files and what is wrong with them. */
+#include <float.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <zlib.h>
+
+#include <cmocka.h>
+
+#include "renderer/splat/normal.h"
+#include "renderer/splat/vmd.h"
+
+static const tc_volume_desc grid = {.dims = {3, 2, 70},
+                                    .type = TC_I16,
+                                    .spacing = {1, 2, 0.5},
+                                    .origin = {-10, 20, 30},
+                                    .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1},
+                                    .slope = 2,
+                                    .intercept = -1000,
+                                    .modality = "CT",
+                                    .unit = "HU"};
+
+static tc_volume *volume_of(const tc_volume_desc *desc, int (*value)(int x, int y, int z)) {
+  tc_volume *v = tc_volume_new(desc, NULL);
+  const int *n = desc->dims;
+  for (int i = 0; i < n[0] * n[1] * n[2]; i++) {
+    int a = value(i % n[0], i / n[0] % n[1], i / n[0] / n[1]);
+    if (desc->type == TC_I16)
+      ((int16_t *)tc_volume_voxels(v))[i] = (int16_t)a;
+    else
+      ((uint8_t *)tc_volume_voxels(v))[i] = (uint8_t)a;
+  }
+  tc_volume_seal(v);
+  return v;
+}
+
+/* Two columns: (1,0) with runs 2..3 and 66..69, (2,1) with 0. */
+static int few(int x, int y, int z) {
+  if (x == 1 && y == 0 && (z == 2 || z == 3 || z >= 66)) return 700 + z;
+  return x == 2 && y == 1 && z == 0 ? 900 : 0;
+}
+
+static tc_vmd *few_model(const char *attributes) {
+  tc_volume *v = volume_of(&grid, few);
+  tc_vmd *m = tc_vmd_of_volume(v, &(tc_vmd_wish){.low = 300, .high = 3000, .attributes = attributes}, NULL, NULL);
+  tc_volume_unref(v);
+  assert_non_null(m);
+  return m;
+}
+
+static void columns_runs_and_voxels_are_found(void **state) {
+  tc_vmd *m = few_model("value");
+  assert_int_equal(m->voxels, 7);
+  assert_int_equal(m->runs, 3);
+  assert_int_equal(m->columns, 2);
+  assert_null(tc_vmd_column(m, 0, 0));
+  assert_null(tc_vmd_column(m, -1, 0));
+  assert_null(tc_vmd_column(m, 3, 5));
+  const tc_vmd_attribute *value = tc_vmd_attribute_named(&m->head, "value");
+  for (int z = -1; z < 71; z++)
+    for (int y = 0; y < 2; y++)
+      for (int x = 0; x < 3; x++) {
+        const uint8_t *record = tc_vmd_voxel(m, x, y, z);
+        int wanted = z < 0 || z > 69 ? 0 : few(x, y, z);
+        assert_true((record != NULL) == (wanted != 0));
+        if (record) assert_float_equal(tc_vmd_number(value, record), wanted, 0);
+      }
+  tc_vmd_free(m);
+}
+
+/* The page VMD.md shows these bytes. */
+static void bytes_of_version_1_stay(void **state) {
+  tc_vmd *m = few_model("value");
+  GByteArray *file = tc_vmd_encode(m, false, NULL);
+  static const uint8_t body[] = {18,   0, 0, 6, 2, 2, 0xbe, 2, 0xbf, 2, 62,   4, 0xfe, 2,
+                                 0xff, 2, 0, 3, 1, 3, 0,    0, 0,    1, 0x84, 3, 0,    0};
+  assert_int_equal(file->len, 240 + 20 + sizeof body + 4);
+  assert_memory_equal(file->data + 260, body, sizeof body);
+  char *sum = g_compute_checksum_for_data(G_CHECKSUM_SHA256, file->data, file->len);
+  assert_string_equal(sum, "aa47c254581026a12ca662bfbb55d74a10017b911e4dde1d6f62e7788dbd5c60");
+  g_free(sum);
+  g_byte_array_unref(file);
+  tc_vmd_free(m);
+}
+
+static int noise(int x, int y, int z) {
+  uint32_t h = (uint32_t)(x * 73856093 ^ y * 19349663 ^ z * 83492791);
+  h = (h ^ h >> 13) * 1274126177u;
+  return (int)((h >> 16) % 200);
+}
+
+static const tc_volume_desc noisy = {.dims = {37, 21, 130},
+                                     .type = TC_U8,
+                                     .spacing = {1, 1, 1},
+                                     .slope = -1,
+                                     .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1},
+                                     .intercept = 255};
+
+static void expect_same(const tc_vmd *a, const tc_vmd *b) {
+  assert_int_equal(a->voxels, b->voxels);
+  assert_int_equal(a->runs, b->runs);
+  assert_int_equal(a->columns, b->columns);
+  assert_int_equal(a->offsets[a->columns], b->offsets[b->columns]);
+  assert_memory_equal(a->offsets, b->offsets, (a->columns + 1) * sizeof *a->offsets);
+  assert_memory_equal(a->bytes, b->bytes, a->offsets[a->columns]);
+  assert_memory_equal(a->first, b->first, sizeof a->first);
+  assert_memory_equal(a->size, b->size, sizeof a->size);
+  assert_int_equal(a->head.record_bytes, b->head.record_bytes);
+  assert_int_equal(a->head.n_palette, b->head.n_palette);
+  assert_memory_equal(a->head.palette, b->head.palette, sizeof a->head.palette);
+  assert_memory_equal(a->head.grid.origin, b->head.grid.origin, sizeof a->head.grid.origin);
+  assert_float_equal(a->head.grid.slope, b->head.grid.slope, 0);
+}
+
+/* Whatever the threads, packed or not, all of a noise comes back. */
+static void models_survive_a_file(void **state) {
+  tc_volume *v = volume_of(&noisy, noise);
+  tc_pool *pool = tc_pool_new(3, NULL);
+  const tc_vmd_wish wishes[] = {{.low = 100, .high = 155, .attributes = "value,normal,user"},
+                                {.low = -INFINITY, .high = INFINITY},
+                                {.low = 56, .high = INFINITY, .shell = true, .attributes = "normal"},
+                                {.low = DBL_MIN, .high = 99, .labels = true, .attributes = "label"},
+                                {.low = 1e6, .high = 1e7}};
+  for (size_t i = 0; i < G_N_ELEMENTS(wishes); i++) {
+    tc_vmd *m = tc_vmd_of_volume(v, &wishes[i], pool, NULL), *alone = tc_vmd_of_volume(v, &wishes[i], NULL, NULL);
+    expect_same(m, alone);
+    for (int packed = 0; packed < 2; packed++) {
+      GByteArray *file = tc_vmd_encode(m, packed, NULL);
+      tc_vmd *back = tc_vmd_decode(file->data, file->len, NULL);
+      assert_non_null(back);
+      expect_same(m, back);
+      tc_vmd_free(back);
+      g_byte_array_unref(file);
+    }
+    tc_vmd_free(m);
+    tc_vmd_free(alone);
+  }
+  tc_pool_free(pool);
+  tc_volume_unref(v);
+}
+
+static bool in_range(int x, int y, int z) {
+  bool inside = x >= 0 && y >= 0 && z >= 0 && x < 37 && y < 21 && z < 130;
+  return inside && 255 - noise(x, y, z) >= 80;
+}
+
+static void a_shell_leaves_out_what_has_six_filled_neighbours(void **state) {
+  tc_volume *v = volume_of(&noisy, noise);
+  tc_vmd *m = tc_vmd_of_volume(v, &(tc_vmd_wish){.low = 80, .high = INFINITY, .shell = true}, NULL, NULL);
+  for (int z = 0; z < 130; z++)
+    for (int y = 0; y < 21; y++)
+      for (int x = 0; x < 37; x++) {
+        bool hidden = in_range(x - 1, y, z) && in_range(x + 1, y, z) && in_range(x, y - 1, z) &&
+                      in_range(x, y + 1, z) && in_range(x, y, z - 1) && in_range(x, y, z + 1);
+        assert_true((tc_vmd_voxel(m, x, y, z) != NULL) == (in_range(x, y, z) && !hidden));
+      }
+  tc_vmd_free(m);
+  tc_volume_unref(v);
+}
+
+/* A ball in a stretched grid: normals point outwards, to a degree or two. */
+static int ball(int x, int y, int z) {
+  double r = sqrt((x - 12) * (x - 12) + (y - 12) * (y - 12) * 4.0 + (z - 12) * (z - 12));
+  return (int)lround(fmin(fmax(100 + 20 * (9 - r), 0), 255));
+}
+
+static void normals_point_out_of_the_object(void **state) {
+  const tc_volume_desc desc = {
+      .dims = {25, 25, 25}, .type = TC_U8, .spacing = {1, 2, 1}, .slope = 1, .direction = {0, 1, 0, -1, 0, 0, 0, 0, 1}};
+  tc_volume *v = volume_of(&desc, ball);
+  tc_vmd *m =
+      tc_vmd_of_volume(v, &(tc_vmd_wish){.low = 100, .high = 4000, .shell = true, .attributes = "normal"}, NULL, NULL);
+  double worst = 1;
+  for (int i = 0; i < 25 * 25 * 25; i++) {
+    const int x = i % 25, y = i / 25 % 25, z = i / 625;
+    const uint8_t *record = tc_vmd_voxel(m, x, y, z);
+    if (!record || hypot(hypot(x - 12, 2 * (y - 12)), z - 12) < 8) continue;
+    float n[3];
+    tc_octahedron_unfold(record[0], record[1], 127, n);
+    const double out[3] = {2 * (y - 12), -(x - 12), z - 12}, length = hypot(hypot(out[0], out[1]), out[2]);
+    worst = fmin(worst, ((double)n[0] * out[0] + (double)n[1] * out[1] + (double)n[2] * out[2]) / length);
+  }
+  print_message("furthest from the radius: %.2f degrees\n", acos(worst) * 180 / M_PI);
+  assert_true(worst > cos(6 * M_PI / 180)); /* differences over 4 mm on a ball of 9 */
+  tc_vmd_free(m);
+  tc_volume_unref(v);
+}
+
+/* ---- files that are wrong ---- */
+
+static void expect_refused(GByteArray *file, size_t size, const char *what) {
+  GError *error = NULL;
+  uint8_t *exact = g_memdup2(file->data, size); /* an over-read is seen */
+  tc_vmd *m = tc_vmd_decode(exact, size, &error);
+  if (m) fail_msg("read in spite of %s", what);
+  assert_int_equal(error->code, TC_ERROR_FORMAT);
+  assert_null(strpbrk(error->message, "\r\n"));
+  g_error_free(error);
+  g_free(exact);
+}
+
+static void sign(GByteArray *file) {
+  uint32_t sum = (uint32_t)crc32_z(0, file->data, file->len - 4);
+  memcpy(file->data + file->len - 4, &sum, 4);
+}
+
+static void every_prefix_is_refused(void **state) {
+  for (int packed = 0; packed < 2; packed++) {
+    tc_vmd *m = few_model("value,normal");
+    GByteArray *file = tc_vmd_encode(m, packed, NULL);
+    for (size_t size = 0; size < file->len; size++)
+      expect_refused(file, size, "its end missing");
+    g_byte_array_unref(file);
+    tc_vmd_free(m);
+  }
+}
+
+/* One byte another, with a right checksum: refused, or as sound a model as any. */
+static void any_changed_byte_is_survived(void **state) {
+  tc_vmd *m = few_model("value");
+  GByteArray *file = tc_vmd_encode(m, false, NULL);
+  int refused = 0;
+  for (size_t at = 0; at < file->len - 4; at++)
+    for (int change = 1; change < 256; change += at < 260 ? 50 : 1) {
+      file->data[at] ^= (uint8_t)change;
+      sign(file);
+      tc_vmd *back = tc_vmd_decode(file->data, file->len, NULL);
+      if (back) assert_true(back->voxels <= 3 * 2 * 70 * 256);
+      refused += !back;
+      tc_vmd_free(back);
+      file->data[at] ^= (uint8_t)change;
+    }
+  print_message("%d changes refused\n", refused);
+  assert_true(refused > 2500);
+  sign(file);
+  file->data[file->len - 1] ^= 1;
+  expect_refused(file, file->len, "a wrong checksum");
+  g_byte_array_unref(file);
+  tc_vmd_free(m);
+}
+
+static void wrong_runs_and_counts_are_refused(void **state) {
+  static const struct {
+    size_t at;
+    uint8_t value;
+    const char *what;
+  } wrong[] = {{4, 2, "version 2"},
+               {6, 4, "an unknown flag"},
+               {11, 0x7f, "a wild size"},
+               {8, 0, "no columns at all"},
+               {36, 3, "one column more"},
+               {40, 8, "one voxel more"},
+               {47, 0xff, "wild voxels"},
+               {55, 0xff, "a wild body"},
+               {232, 9, "nine attributes"},
+               {234, 3, "a record of another size"},
+               {260, 19, "a longer column"},
+               {266, 0, "runs that touch"},
+               {265, 200, "a run beyond the grid"},
+               {271, 9, "a run beyond the column"},
+               {281, 1, "no end"},
+               {283, 0, "an empty run in front"}};
+  for (size_t i = 0; i < G_N_ELEMENTS(wrong); i++) {
+    tc_vmd *m = few_model("value");
+    GByteArray *file = tc_vmd_encode(m, false, NULL);
+    file->data[wrong[i].at] = wrong[i].value;
+    if (wrong[i].at == 266) file->data[270] = 0;
+    sign(file);
+    expect_refused(file, file->len, wrong[i].what);
+    g_byte_array_unref(file);
+    tc_vmd_free(m);
+  }
+}
+
+static void attributes_that_are_not_there_are_refused(void **state) {
+  tc_volume *v = volume_of(&noisy, noise);
+  static const char *const wrong[] = {"label", "value,value", "density", "value,,normal"};
+  for (size_t i = 0; i < G_N_ELEMENTS(wrong); i++) {
+    GError *error = NULL;
+    assert_null(tc_vmd_of_volume(v, &(tc_vmd_wish){.low = 0, .high = 9, .attributes = wrong[i]}, NULL, &error));
+    print_message("%s: %s\n", wrong[i], error->message);
+    g_error_free(error);
+  }
+  tc_volume_unref(v);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(columns_runs_and_voxels_are_found),
+                                     cmocka_unit_test(bytes_of_version_1_stay),
+                                     cmocka_unit_test(models_survive_a_file),
+                                     cmocka_unit_test(a_shell_leaves_out_what_has_six_filled_neighbours),
+                                     cmocka_unit_test(normals_point_out_of_the_object),
+                                     cmocka_unit_test(every_prefix_is_refused),
+                                     cmocka_unit_test(any_changed_byte_is_survived),
+                                     cmocka_unit_test(wrong_runs_and_counts_are_refused),
+                                     cmocka_unit_test(attributes_that_are_not_there_are_refused)};
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
