@@ -50,4 +50,15 @@ typedef struct tc_mesh_options {
  * from any number of threads. Not found anywhere: a mesh of no triangles. */
 tc_mesh *tc_mesh_extract(const tc_volume *volume, double iso, const tc_mesh_options *options, GError **error);
 
+/* The smooth surface of one label of a volume of whole numbers (else TC_ERROR_INVALID): where the smoothed signed
+ * distance to the label's boundary is 0; where slices lie far apart, interpolated between their outlines. The centre of
+ * every voxel of the label stays inside and that of every other voxel outside, so that nothing thin is lost and no gap
+ * is closed. Closed, at the volume's faces too. A label of no voxel: a mesh of no triangles. */
+tc_mesh *tc_mesh_extract_label(const tc_volume *labels, uint32_t label, const tc_mesh_options *options, GError **error);
+
+/* Takes away triangles, the flattest places first, until the next one would move the surface by more than about
+ * `error_mm` (a quadric's distance: Garland and Heckbert, SIGGRAPH 1997; meshoptimizer), or `least` triangles are left.
+ * Vertices that remain keep their place and normal. On the caller, in one piece: 1 s for a million triangles. */
+tc_mesh *tc_mesh_simplify(const tc_mesh *mesh, double error_mm, size_t least, GError **error);
+
 #endif

@@ -1,4 +1,4 @@
-/* tomocast convert: a volume to another format, an isosurface of it to a mesh, or what it shows to a voxel model. */
+/* tomocast convert: a volume to another format, a surface in it to a mesh, or what it shows to a voxel model. */
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
@@ -10,11 +10,17 @@
 #include "renderer/splat/vmd.h"
 #include "server/cli/cli.h"
 
+/* What the arguments say. */
+typedef struct wanted {
+  double iso, label, simplify; /* simplify: mm; negative: not */
+  tc_vmd_wish model;
+} wanted;
+
 typedef struct arguments {
-  char *iso, **rest; /* rest: IN, OUT */
+  char *iso, *label, *simplify;         /* of a mesh */
+  char *threshold, *shell, *attributes; /* of a voxel model */
+  char **rest;                          /* IN, OUT */
   gboolean ascii, gzip, labels;
-  char *threshold, *shell, *attributes; /* of a voxel model ... */
-  tc_vmd_wish wish;                     /* ... and what they say */
   int threads;
 } arguments;
 
@@ -23,43 +29,67 @@ static bool bad_usage(GError **error, const char *what) {
   return false;
 }
 
-static bool read_numbers(const char *option, const char *text, int count, double *numbers, GError **error) {
+/* `count` numbers with commas between them, each at least `least`. An option that was not given is left alone. */
+static bool read_numbers(const char *option, const char *text, int count, double least, double *numbers,
+                         GError **error) {
+  if (!text) return true;
   char **parts = g_strsplit(text, ",", -1), *end = NULL;
   bool good = (int)g_strv_length(parts) == count;
   for (int i = 0; i < count && good; i++) {
     numbers[i] = g_ascii_strtod(parts[i], &end);
-    good = end != parts[i] && !*end && !isnan(numbers[i]);
+    good = end != parts[i] && !*end && !isnan(numbers[i]) && numbers[i] >= least;
   }
   g_strfreev(parts);
-  if (!good)
+  if (!good && isfinite(least))
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "%s: a number of at least %g is wanted", option, least);
+  else if (!good)
     tc_set_error(error, TC_ERROR_INVALID, NULL, "%s: %s wanted", option, count == 2 ? "LOW,HIGH" : "a number is");
   return good;
 }
 
 /* Labels are what is above 0. */
-static bool make_wish(arguments *a, GError **error) {
+static bool make_wish(const arguments *a, wanted *w, GError **error) {
   double range[2] = {DBL_MIN, INFINITY};
-  if (a->threshold && !read_numbers("--threshold", a->threshold, 2, range, error)) return false;
-  if (a->shell && !read_numbers("--iso-shell", a->shell, 1, range, error)) return false;
-  a->wish = (tc_vmd_wish){
+  if (!read_numbers("--threshold", a->threshold, 2, -INFINITY, range, error)) return false;
+  if (!read_numbers("--iso-shell", a->shell, 1, -INFINITY, range, error)) return false;
+  w->model = (tc_vmd_wish){
       .low = range[0], .high = range[1], .labels = a->labels, .shell = a->shell != NULL, .attributes = a->attributes};
   return true;
 }
 
 /* Exactly one option says which voxels a model has. */
-static bool check_model(arguments *a, bool model, GError **error) {
+static bool check_model(const arguments *a, bool model, wanted *w, GError **error) {
   int ways = (a->threshold != NULL) + (a->shell != NULL) + a->labels;
   if (!model && (ways || a->attributes))
     return bad_usage(error, "--threshold, --labels, --iso-shell and --attributes go with .vmd");
   if (!model) return true;
-  return ways == 1 ? make_wish(a, error)
+  return ways == 1 ? make_wish(a, w, error)
                    : bad_usage(error, "a .vmd wants its voxels: --threshold LOW,HIGH, or --labels, or --iso-shell V");
 }
 
-static bool parse(arguments *a, int argc, char **argv, double *iso, GError **error) {
+/* Exactly one option says which surface a mesh is of. */
+static bool check_mesh(const arguments *a, bool mesh, wanted *w, GError **error) {
+  if (!mesh && (a->iso || a->label || a->simplify))
+    return bad_usage(error, "--iso, --label and --simplify go with .ply, .stl or .obj");
+  if (mesh && !a->iso == !a->label)
+    return bad_usage(error, "a surface wants --iso V, its value, or --label N, a segment");
+  w->simplify = -1;
+  if (!read_numbers("--iso", a->iso, 1, -INFINITY, &w->iso, error) ||
+      !read_numbers("--label", a->label, 1, 1, &w->label, error) ||
+      !read_numbers("--simplify", a->simplify, 1, 0, &w->simplify, error))
+    return false;
+  if (w->label == floor(w->label) && w->label <= UINT32_MAX) return true;
+  return bad_usage(error, "--label: a whole number below 2^32 is wanted");
+}
+
+static bool parse(arguments *a, int argc, char **argv, wanted *w, GError **error) {
   const GOptionEntry entries[] = {
       {"iso", 0, 0, G_OPTION_ARG_FILENAME, &a->iso,
        "value of the surface, in the volume's unit: for .ply, .stl and .obj", "V"},
+      {"label", 0, 0, G_OPTION_ARG_FILENAME, &a->label, "the smooth surface of one label of a segmentation instead",
+       "N"},
+      {"simplify", 0, 0, G_OPTION_ARG_FILENAME, &a->simplify, "fewer triangles, off the surface by about so much",
+       "MM"},
       {"ascii", 0, 0, G_OPTION_ARG_NONE, &a->ascii, "write .ply and .stl as text", NULL},
       {"gzip", 0, 0, G_OPTION_ARG_NONE, &a->gzip, "compress a .nrrd or .vmd (a .nii.gz always is)", NULL},
       {"threshold", 0, 0, G_OPTION_ARG_STRING, &a->threshold, "voxels of a .vmd: values from LOW to HIGH", "LOW,HIGH"},
@@ -73,7 +103,6 @@ static bool parse(arguments *a, int argc, char **argv, double *iso, GError **err
                                "Writes a volume (a file, a folder or demo:NAME) as .nrrd, .mha, .nii or .nii.gz, its "
                                "surface as .ply, .stl or .obj, or an object in it as a run-length voxel model, .vmd.",
                                entries};
-  char *end;
   if (!tcs_cli_parse(&usage, argc, argv, &a->rest, error)) return false;
   if (!a->rest || g_strv_length(a->rest) != 2)
     return bad_usage(error, "IN and OUT are wanted; see tomocast convert --help");
@@ -82,36 +111,45 @@ static bool parse(arguments *a, int argc, char **argv, double *iso, GError **err
     return bad_usage(
         error, "OUT must end in .nrrd, .mha, .nii or .nii.gz (a volume), in .ply, .stl or .obj (a surface), or in "
                ".vmd (a voxel model)");
-  if (!check_model(a, kind == TC_EXPORT_MODEL, error)) return false;
-  if (kind == TC_EXPORT_MESH && !a->iso) return bad_usage(error, "a surface wants --iso V, its value");
-  if (kind != TC_EXPORT_MESH && a->iso) return bad_usage(error, "--iso goes with .ply, .stl or .obj");
+  *w = (wanted){0};
+  if (!check_model(a, kind == TC_EXPORT_MODEL, w, error) || !check_mesh(a, kind == TC_EXPORT_MESH, w, error))
+    return false;
   if (a->threads < 0 || a->threads > 1024) return bad_usage(error, "--threads: 0 to 1024 is wanted");
-  *iso = a->iso ? g_ascii_strtod(a->iso, &end) : 0;
-  return !a->iso || (end != a->iso && !*end) || bad_usage(error, "--iso: a number is wanted");
+  return true;
 }
 
-static bool write_surface(const tc_volume *volume, double iso, const arguments *a, GError **error) {
-  tc_mesh_options options = {.normals = true, .pool = tc_pool_new(a->threads, error)};
-  if (!options.pool) return false;
-  const tc_volume_stats *range = tc_volume_statistics(volume);
-  tc_mesh *mesh = tc_mesh_extract(volume, iso, &options, error);
-  bool good = mesh != NULL;
+static tc_mesh *extract(const tc_volume *volume, const wanted *w, const arguments *a, GError **error) {
+  const tc_mesh_options options = {.normals = true, .pool = tc_pool_new(a->threads, error)};
+  if (!options.pool) return NULL;
+  tc_mesh *mesh = a->label ? tc_mesh_extract_label(volume, (uint32_t)w->label, &options, error)
+                           : tc_mesh_extract(volume, w->iso, &options, error);
   tc_pool_free(options.pool);
-  if (good && mesh->n_triangles == 0) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL,
-                 "--iso %g: the volume has no surface of that value; its values are %g to %g", iso, range->min,
-                 range->max);
-    good = false;
+  if (!mesh || mesh->n_triangles > 0) return mesh;
+  const tc_volume_stats *range = tc_volume_statistics(volume);
+  tc_set_error(error, TC_ERROR_INVALID, NULL, "%s: the volume has no %s; its values are %g to %g",
+               a->label ? a->label : a->iso, a->label ? "voxel of that label" : "surface of that value", range->min,
+               range->max);
+  g_prefix_error(error, a->label ? "--label " : "--iso ");
+  tc_mesh_free(mesh);
+  return NULL;
+}
+
+static bool write_surface(const tc_volume *volume, const wanted *w, const arguments *a, GError **error) {
+  tc_mesh *mesh = extract(volume, w, a, error);
+  if (mesh && w->simplify >= 0) {
+    tc_mesh *all = mesh;
+    mesh = tc_mesh_simplify(all, w->simplify, 0, error);
+    tc_mesh_free(all);
   }
-  good = good && tc_export_mesh(mesh, a->rest[1], a->ascii, error);
+  const bool good = mesh && tc_export_mesh(mesh, a->rest[1], a->ascii, error);
   if (good) printf("%s: %zu triangles, %zu vertices\n", a->rest[1], mesh->n_triangles, mesh->n_vertices);
   tc_mesh_free(mesh);
   return good;
 }
 
-static bool write_model(const tc_volume *volume, const arguments *a, GError **error) {
+static bool write_model(const tc_volume *volume, const wanted *w, const arguments *a, GError **error) {
   tc_pool *pool = tc_pool_new(a->threads, error);
-  tc_vmd *model = pool ? tc_vmd_of_volume(volume, &a->wish, pool, error) : NULL;
+  tc_vmd *model = pool ? tc_vmd_of_volume(volume, &w->model, pool, error) : NULL;
   tc_pool_free(pool);
   const tc_volume_stats *range = tc_volume_statistics(volume);
   bool good = model != NULL;
@@ -134,7 +172,7 @@ static bool show_progress(void *user, double fraction) {
   return true;
 }
 
-static bool convert(const arguments *a, double iso, GError **error) {
+static bool convert(const arguments *a, const wanted *w, GError **error) {
   bool shows = isatty(2);
   const tc_import_options options = {.progress = shows ? show_progress : NULL, .user = a->rest[0]};
   tc_volume *volume = tc_import(a->rest[0], &options, error);
@@ -143,10 +181,10 @@ static bool convert(const arguments *a, double iso, GError **error) {
   bool good = false;
   switch (tc_export_kind_of(a->rest[1])) {
   case TC_EXPORT_MESH:
-    good = write_surface(volume, iso, a, error);
+    good = write_surface(volume, w, a, error);
     break;
   case TC_EXPORT_MODEL:
-    good = write_model(volume, a, error);
+    good = write_model(volume, w, a, error);
     break;
   case TC_EXPORT_VOLUME:
   case TC_EXPORT_UNKNOWN:
@@ -160,13 +198,15 @@ static bool convert(const arguments *a, double iso, GError **error) {
 int tcs_cli_convert(int argc, char **argv) {
   arguments a = {0};
   GError *error = NULL;
-  double iso;
+  wanted w;
   int code = TCS_EXIT_DONE;
-  if (!parse(&a, argc, argv, &iso, &error))
+  if (!parse(&a, argc, argv, &w, &error))
     code = tcs_cli_fail("convert", TCS_EXIT_USAGE, error);
-  else if (!convert(&a, iso, &error))
+  else if (!convert(&a, &w, &error))
     code = tcs_cli_fail("convert", TCS_EXIT_FAILED, error);
   g_free(a.iso);
+  g_free(a.label);
+  g_free(a.simplify);
   g_free(a.threshold);
   g_free(a.shell);
   g_free(a.attributes);

@@ -126,12 +126,17 @@ static void bad_usage(void **state) {
   refuse(RUN("convert", "demo:bucky"), 2, "IN and OUT are wanted");
   refuse(RUN("convert", "demo:bucky", "b.txt"), 2, "OUT must end in .nrrd");
   refuse(RUN("convert", "demo:bucky", "b.ply"), 2, "--iso V");
-  refuse(RUN("convert", "demo:bucky", "b.nrrd", "--iso", "1"), 2, "--iso goes with");
+  refuse(RUN("convert", "demo:bucky", "b.nrrd", "--iso", "1"), 2, "--iso, --label and --simplify go with");
   refuse(RUN("convert", "demo:bucky", "b.ply", "--iso", "much"), 2, "a number is wanted");
   refuse(RUN("convert", "demo:bucky", "b.vmd"), 2, "--threshold LOW,HIGH");
   refuse(RUN("convert", "demo:bucky", "b.vmd", "--threshold", "1"), 2, "LOW,HIGH wanted");
   refuse(RUN("convert", "demo:bucky", "b.nrrd", "--labels"), 2, "go with .vmd");
   refuse(RUN("convert", "demo:bucky", "b.vmd", "--iso-shell", "1e9"), 1, "no voxel is in that range");
+  refuse(RUN("convert", "demo:bucky", "b.ply", "--iso", "1", "--label", "1"), 2, "--iso V, its value, or --label N");
+  refuse(RUN("convert", "demo:bucky", "b.ply", "--label", "0"), 2, "--label: a number of at least 1");
+  refuse(RUN("convert", "demo:bucky", "b.ply", "--label", "1e300"), 2, "--label: a whole number");
+  refuse(RUN("convert", "demo:head-labels", "b.ply", "--label", "200"), 1,
+         "--label 200: the volume has no voxel of that label");
   refuse(RUN("convert", "demo:bucky", "b.ply", "--iso", "1e9"), 1, "no surface of that value; its values are 0 to ");
 }
 
@@ -230,11 +235,14 @@ static void a_ray_sample_by_sample(void **state) {
 
 /* Both papers' tables on a demo, as text and as JSON: cells of every column, numbers or a reason. */
 static void tables_of_the_papers(void **state) {
-  static const struct { const char *paper, *heads[2], *published; int cells; } cases[] = {
-      {"000", {"post b-to-f", "pre f-to-b"}, "71 / 118", 8}, {"001", {"+leaping", "16^3"}, "31.6", 9}};
+  static const struct {
+    const char *paper, *heads[2], *published;
+    int cells;
+  } cases[] = {{"000", {"post b-to-f", "pre f-to-b"}, "71 / 118", 8}, {"001", {"+leaping", "16^3"}, "31.6", 9}};
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
     outcome o = RUN("bench", "--paper", cases[i].paper, "--size", "32", "--runs", "2", "demo:bucky");
-    for (int k = 0; k < 2; k++) assert_non_null(strstr(o.out, cases[i].heads[k]));
+    for (int k = 0; k < 2; k++)
+      assert_non_null(strstr(o.out, cases[i].heads[k]));
     assert_non_null(strstr(o.out, cases[i].published));
     assert_non_null(strstr(o.out, "demo:bucky"));
     accept(o);
@@ -275,11 +283,15 @@ static int tear_down(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(version_and_help),  cmocka_unit_test(bad_usage),
-      cmocka_unit_test(failures),          cmocka_unit_test(renders_demo_head),
-      cmocka_unit_test(scene_and_set),     cmocka_unit_test(same_picture_twice),
-      cmocka_unit_test(timing_is_printed), cmocka_unit_test(info_for_people_and_programs),
-      cmocka_unit_test(a_ray_sample_by_sample), cmocka_unit_test(tables_of_the_papers)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(version_and_help),
+                                     cmocka_unit_test(bad_usage),
+                                     cmocka_unit_test(failures),
+                                     cmocka_unit_test(renders_demo_head),
+                                     cmocka_unit_test(scene_and_set),
+                                     cmocka_unit_test(same_picture_twice),
+                                     cmocka_unit_test(timing_is_printed),
+                                     cmocka_unit_test(info_for_people_and_programs),
+                                     cmocka_unit_test(a_ray_sample_by_sample),
+                                     cmocka_unit_test(tables_of_the_papers)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

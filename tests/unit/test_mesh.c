@@ -301,6 +301,140 @@ static void random_fields_are_manifolds(void **state) {
       }
 }
 
+/* ---- labels ---- */
+
+static tc_mesh *of_label(const tc_volume *v, uint32_t label, int threads) {
+  GError *error = NULL;
+  tc_mesh_options options = {.normals = true, .pool = threads ? tc_pool_new(threads, NULL) : NULL};
+  tc_mesh *m = tc_mesh_extract_label(v, label, &options, &error);
+  if (!m) fail_msg("%s", error->message);
+  tc_pool_free(options.pool);
+  return m;
+}
+
+/* Whether a point along +x from an index position meets the surface an odd number of times. */
+static bool is_within(const tc_volume *v, const tc_mesh *m, const double index[3]) {
+  int crossings = 0;
+  for (size_t i = 0; i < m->n_triangles; i++) {
+    double corner[3][3];
+    for (int c = 0; c < 3; c++) {
+      double lps[3];
+      for (int k = 0; k < 3; k++)
+        lps[k] = m->origin[k] + m->positions[m->triangles[i][c]][k];
+      tc_volume_lps_to_index(v, lps, corner[c]);
+    }
+    /* beside the voxel's centre: no edge of a triangle is hit */
+    const double y = index[1] + 1.7e-4, z = index[2] - 2.3e-4;
+    double side[3], area = 0, x = 0;
+    for (int c = 0; c < 3; c++) {
+      const double *a = corner[(c + 1) % 3], *b = corner[(c + 2) % 3];
+      side[c] = (a[1] - y) * (b[2] - z) - (a[2] - z) * (b[1] - y);
+      area += side[c];
+      x += side[c] * corner[c][0];
+    }
+    if ((side[0] > 0 && side[1] > 0 && side[2] > 0) || (side[0] < 0 && side[1] < 0 && side[2] < 0))
+      crossings += x / area > index[0];
+  }
+  return crossings & 1;
+}
+
+static double some_labels(double x, double y, double z) {
+  seed = seed * 1664525u + 1013904223u;
+  return (seed >> 24) % 4;
+}
+
+/* Thin parts, single voxels and gaps keep their side; the surface is closed at the volume's faces too. */
+static void labels_keep_every_voxel_on_its_side(void **state) {
+  const int dims[3] = {7, 6, 5};
+  seed = 5;
+  tc_volume *v = make(dims, TC_U8, even, oblique, 1, some_labels);
+  const uint8_t *voxels = tc_volume_data(v);
+  for (uint32_t label = 1; label < 4; label++) {
+    tc_mesh *m = of_label(v, label, 0), *again = of_label(v, label, 3);
+    assert_int_equal(check_manifold(v, m).rim, 0);
+    for (int i = 0; i < 7 * 6 * 5; i++) {
+      const double index[3] = {i % 7, i / 7 % 6, i / 42};
+      assert_int_equal(is_within(v, m, index), voxels[i] == label);
+    }
+    assert_true(m->n_vertices == again->n_vertices && m->n_triangles == again->n_triangles);
+    assert_memory_equal(m->positions, again->positions, m->n_vertices * sizeof *m->positions);
+    tc_mesh_free(m);
+    tc_mesh_free(again);
+  }
+  tc_mesh *none = of_label(v, 9, 0);
+  assert_int_equal(none->n_triangles, 0);
+  tc_mesh_free(none);
+  tc_volume_unref(v);
+}
+
+static double ball; /* radius in voxels */
+static double in_ball(double x, double y, double z) { return hypot(hypot(x - 20, y - 20), z - 20) <= ball ? 300 : 0; }
+
+/* The steps of voxels are gone, and small segments keep their size: a plain filter of this width takes a quarter of
+ * the volume of a ball of 5 voxels. */
+static void labels_are_smooth(void **state) {
+  const int dims[3] = {41, 41, 41};
+  const double size_bound[] = {0.06, 0.02}, normal_bound[] = {0.9, 0.96};
+  for (int large = 0; large < 2; large++) {
+    ball = large ? 14.3 : 5.2;
+    tc_volume *v = make(dims, TC_I16, even, mirrored, 1, in_ball);
+    tc_mesh *m = of_label(v, 300, 2);
+    double area, volume, normal, worst = 1;
+    measure(m, &area, &volume, &normal);
+    area /= 4 * G_PI * ball * ball, volume /= 4.0 / 3 * G_PI * ball * ball * ball;
+    assert_int_equal(check_manifold(v, m).euler, 2);
+    for (size_t i = 0; i < m->n_vertices; i++) {
+      const float *n = m->normals[i], *p = m->positions[i];
+      worst = fmin(worst, (n[0] * p[0] + n[1] * p[1] + n[2] * p[2]) / hypot(hypot(p[0], p[1]), p[2]));
+    }
+    print_message("ball of %.1f voxels: area off by %.3f, volume by %.3f, least n.r %.3f\n", ball, area - 1, volume - 1,
+                  worst);
+    assert_true(fabs(area - 1) < size_bound[large] && fabs(volume - 1) < size_bound[large] &&
+                worst > normal_bound[large]);
+    tc_mesh_free(m);
+    tc_volume_unref(v);
+  }
+  tc_volume *f = make(dims, TC_F32, even, straight, 1, in_ball);
+  GError *error = NULL;
+  assert_null(tc_mesh_extract_label(f, 300, &(tc_mesh_options){0}, &error));
+  assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_INVALID));
+  g_clear_error(&error);
+  tc_volume_unref(f);
+}
+
+/* Fewer triangles within the error that was asked for, still closed. */
+static void simplification_keeps_its_bound(void **state) {
+  grid = 41;
+  const int dims[3] = {41, 41, 41};
+  tc_volume *v = make(dims, TC_F32, even, straight, 1, sphere);
+  tc_mesh *m = extract(v, 400, 0);
+  size_t before = m->n_triangles;
+  for (double bound = 0.05; bound < 0.5; bound *= 2) {
+    GError *error = NULL;
+    tc_mesh *s = tc_mesh_simplify(m, bound, 0, &error);
+    assert_non_null(s);
+    double area, volume, normal, worst = 0;
+    measure(s, &area, &volume, &normal);
+    assert_int_equal(check_manifold(v, s).euler, 2);
+    for (size_t i = 0; i < s->n_triangles; i++) { /* the middle of a triangle lies furthest from the sphere */
+      double middle[3] = {0};
+      for (int k = 0; k < 9; k++)
+        middle[k % 3] += s->positions[s->triangles[i][k / 3]][k % 3] / 3;
+      worst = fmax(worst, fabs(hypot(hypot(middle[0], middle[1]), middle[2]) - 12));
+    }
+    print_message("%.2f mm: %zu of %zu triangles, off by %.3f mm\n", bound, s->n_triangles, m->n_triangles, worst);
+    assert_true(s->n_triangles < before && worst < 2 * bound + 0.02);
+    before = s->n_triangles;
+    tc_mesh_free(s);
+  }
+  tc_mesh *none = extract(v, 5000, 0), *still = tc_mesh_simplify(none, 1, 0, NULL);
+  assert_true(still && still->n_triangles == 0);
+  tc_mesh_free(none);
+  tc_mesh_free(still);
+  tc_mesh_free(m);
+  tc_volume_unref(v);
+}
+
 /* On a face with two opposite corners inside, the saddle of the bilinear field says what is joined. */
 static double two_corners;
 static double saddle(double x, double y, double z) {
@@ -345,6 +479,9 @@ int main(void) {
                                      cmocka_unit_test(a_torus_has_a_hole),
                                      cmocka_unit_test(geometry_is_the_patients),
                                      cmocka_unit_test(random_fields_are_manifolds),
+                                     cmocka_unit_test(labels_keep_every_voxel_on_its_side),
+                                     cmocka_unit_test(labels_are_smooth),
+                                     cmocka_unit_test(simplification_keeps_its_bound),
                                      cmocka_unit_test(ambiguous_faces_follow_the_field),
                                      cmocka_unit_test(what_is_not_there_is_empty)};
   return cmocka_run_group_tests(tests, NULL, NULL);
