@@ -199,6 +199,7 @@ static cJSON *rows_as_json(bench *b) {
   cJSON_AddNumberToObject(o, "step", b->scene.sampling.step);
   cJSON_AddNumberToObject(o, "loadMs", b->load_ms);
   cJSON_AddNumberToObject(o, "referencePixels", b->args.pixels);
+  cJSON_AddItemToObject(o, "scene", tcp_scene_write(&b->scene));
   cJSON_AddItemToObject(o, "variants", rows);
   for (int i = 0; i < N_VARIANTS; i++) {
     row *r = &b->rows[i];
