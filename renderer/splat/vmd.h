@@ -102,6 +102,13 @@ typedef struct tc_vmd_wish {
 /* Of a volume. TC_ERROR_INVALID for attributes that are unknown or not there. */
 tc_vmd *tc_vmd_of_volume(const tc_volume *volume, const tc_vmd_wish *wish, tc_pool *pool, GError **error);
 
+/* Outward normals of a volume's object of these values, from how far inside its range voxels are: the mean slope where
+ * the voxel's free faces are. */
+typedef struct tc_vmd_subject tc_vmd_subject;
+tc_vmd_subject *tc_vmd_subject_new(const tc_volume *volume, double low, double high); /* NULL: no memory */
+void tc_vmd_subject_free(tc_vmd_subject *subject);
+void tc_vmd_normal_at(const void *subject, int x, int y, int z, double normal[3]);
+
 /* ---- files ---- */
 
 bool tc_vmd_write(const tc_vmd *vmd, const char *path, bool compressed, GError **error);

@@ -1,19 +1,21 @@
 /* Models of volumes: by threshold or labels, and the records of their voxels. */
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "renderer/scene.h"
 #include "renderer/splat/normal.h"
 #include "renderer/splat/vmd.h"
 
-typedef struct subject {
+struct tc_vmd_subject {
   const tc_volume *volume;
   const tc_volume_desc *d;
   const void *data;
   double low, high; /* stored voxels in this range are filled */
   double to_index[9];
   int value, label, normal; /* bytes before them in a record; -1: not there */
-} subject;
+};
+typedef struct tc_vmd_subject subject;
 
 /* ---- which voxels ---- */
 
@@ -102,28 +104,70 @@ static double voxel_at(const subject *s, size_t i) {
 static double inside_at(const subject *s, size_t i) {
   const tc_volume_stats *stats = tc_volume_statistics(s->volume);
   double v = voxel_at(s, i), above = v - s->low, below = s->high - v;
-  if (s->label >= 0) return above >= 0 && below >= 0;
+  if (s->label >= 0) return above >= 0 && below >= 0 ? 1 : -1;
   if (s->low <= stats->voxel_min && s->high >= stats->voxel_max) return v;
   if (s->low <= stats->voxel_min) return below;
   return s->high >= stats->voxel_max ? above : fmin(above, below);
 }
 
-/* Out of the object, in LPS: central differences, one-sided in the grid's faces. Covariant: right for any axes. */
-static void normal_at(const subject *s, int x, int y, int z, double n[3]) {
-  const int at[3] = {x, y, z};
-  double g[3];
+typedef struct spot {
+  int at[3];
+} spot;
+
+static double inside_of(const subject *s, spot p, int axis, int step) {
+  p.at[axis] = MIN(MAX(p.at[axis] + step, 0), s->d->dims[axis] - 1);
+  return inside_at(s, voxel_index(s, p.at[0], p.at[1], p.at[2]));
+}
+
+/* The slope towards the outside half way between a voxel and its neighbour beyond a face, a mm: along the face's axis
+ * their difference, along others the mean of their central differences. */
+static void slope_at_face(const subject *s, spot p, int axis, int step, double slope[3]) {
+  spot q = p;
+  q.at[axis] += step;
   for (int k = 0; k < 3; k++) {
-    int lo[3] = {x, y, z}, hi[3] = {x, y, z};
-    lo[k] = MAX(at[k] - 1, 0), hi[k] = MIN(at[k] + 1, s->d->dims[k] - 1);
-    double apart = hi[k] - lo[k];
-    g[k] =
-        apart > 0
-            ? (inside_at(s, voxel_index(s, lo[0], lo[1], lo[2])) - inside_at(s, voxel_index(s, hi[0], hi[1], hi[2]))) /
-                  apart
-            : 0;
+    if (k == axis)
+      slope[k] = step * (inside_of(s, p, k, 0) - inside_of(s, q, k, 0));
+    else
+      slope[k] =
+          0.25 * (inside_of(s, p, k, -1) - inside_of(s, p, k, 1) + inside_of(s, q, k, -1) - inside_of(s, q, k, 1));
+    slope[k] /= s->d->spacing[k];
   }
-  for (int r = 0; r < 3; r++)
-    n[r] = g[0] * s->to_index[r] + g[1] * s->to_index[3 + r] + g[2] * s->to_index[6 + r];
+}
+
+/* The mean over the faces beyond which is outside. What is one voxel thick has faces that look in opposite directions:
+ * they count as one, whose sign means nothing. */
+static void normal_of_faces(const subject *s, spot p, double sum[3]) {
+  for (int k = 0; k < 3; k++)
+    sum[k] = 0;
+  for (int f = 0; f < 6; f++) {
+    const int axis = f / 2, step = f & 1 ? 1 : -1, beyond = p.at[axis] + step;
+    double slope[3];
+    if (beyond < 0 || beyond >= s->d->dims[axis] || inside_of(s, p, axis, step) >= 0) continue;
+    slope_at_face(s, p, axis, step, slope);
+    const double side = sum[0] * slope[0] + sum[1] * slope[1] + sum[2] * slope[2] < 0 ? -1 : 1;
+    for (int k = 0; k < 3; k++)
+      sum[k] += side * slope[k];
+  }
+}
+
+/* Inside there are central differences alone. */
+static void slope_within(const subject *s, spot p, double slope[3]) {
+  for (int k = 0; k < 3; k++)
+    slope[k] = (inside_of(s, p, k, -1) - inside_of(s, p, k, 1)) / s->d->spacing[k];
+}
+
+void tc_vmd_normal_at(const void *user, int x, int y, int z, double n[3]) {
+  const subject *s = user;
+  const spot p = {{x, y, z}};
+  double g[3];
+  normal_of_faces(s, p, g);
+  if (g[0] == 0 && g[1] == 0 && g[2] == 0) slope_within(s, p, g);
+  /* Covariant: right for any axes. */
+  for (int r = 0; r < 3; r++) {
+    n[r] = 0;
+    for (int k = 0; k < 3; k++)
+      n[r] += g[k] * s->d->spacing[k] * s->to_index[3 * k + r];
+  }
 }
 
 static void record(void *user, int x, int y, int z, uint8_t *to) {
@@ -133,11 +177,27 @@ static void record(void *user, int x, int y, int z, uint8_t *to) {
   if (at >= 0) memcpy(to + at, (const uint8_t *)s->data + i * size, size);
   if (s->normal >= 0) {
     double n[3];
-    normal_at(s, x, y, z, n);
+    tc_vmd_normal_at(s, x, y, z, n);
     uint16_t packed = tc_normal_pack(n);
     memcpy(to + s->normal, &packed, 2);
   }
 }
+
+tc_vmd_subject *tc_vmd_subject_new(const tc_volume *volume, double low, double high) {
+  subject *s = malloc(sizeof *s);
+  if (!s) return NULL;
+  *s = (subject){.volume = volume,
+                 .d = tc_volume_describe(volume),
+                 .data = tc_volume_data(volume),
+                 .value = -1,
+                 .label = -1,
+                 .normal = -1};
+  stored_range(s, low, high);
+  tc_volume_lps_to_index_matrix(volume, s->to_index);
+  return s;
+}
+
+void tc_vmd_subject_free(tc_vmd_subject *subject) { free(subject); }
 
 /* ---- the wish ---- */
 

@@ -1,0 +1,355 @@
+#include "renderer/splat/splats.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "renderer/splat/normal.h"
+
+#define REACH 2 /* rows beside a layer of bricks that normals look at */
+#define ROWS (TC_SPLAT_BRICK + 2 * REACH)
+
+/* Bricks and words in the making, brick after brick. */
+typedef struct pile {
+  GArray *bricks, *words;
+} pile;
+
+static pile pile_new(void) {
+  return (pile){g_array_new(FALSE, FALSE, sizeof(tc_splat_brick)), g_array_new(FALSE, FALSE, sizeof(uint32_t))};
+}
+
+static void pile_free(pile p) {
+  if (p.bricks) g_array_unref(p.bricks);
+  if (p.words) g_array_unref(p.words);
+}
+
+static void begin_brick(const pile *p, int x, int y, int z, bool cap) {
+  const tc_splat_brick brick = {.at = {(int16_t)x, (int16_t)y, (int16_t)z}, .cap = cap, .first = p->words->len};
+  g_array_append_val(p->bricks, brick);
+}
+
+static void add_word(const pile *p, int x, int y, int z, unsigned faces, const double normal[3]) {
+  int folded[2];
+  tc_octahedron_fold(normal, 63, folded);
+  const uint32_t word = (uint32_t)(x & 15) | (uint32_t)(y & 15) << 4 | (uint32_t)(z & 15) << 8 | faces << 12 |
+                        (uint32_t)folded[0] << 18 | (uint32_t)folded[1] << 25;
+  g_array_append_val(p->words, word);
+  g_array_index(p->bricks, tc_splat_brick, p->bricks->len - 1).faces |= (uint8_t)faces;
+}
+
+static void end_brick(const pile *p) {
+  if (g_array_index(p->bricks, tc_splat_brick, p->bricks->len - 1).first == p->words->len)
+    g_array_set_size(p->bricks, p->bricks->len - 1);
+}
+
+void tc_splats_free(tc_splats *splats) {
+  if (!splats) return;
+  free(splats->bricks);
+  free(splats->words);
+  free(splats);
+}
+
+/* The piles one after the other; the bricks' numbers of words go on. */
+static tc_splats *join(const pile *piles, int count, GError **error) {
+  uint64_t words = 0, bricks = 0;
+  for (int i = 0; i < count; i++)
+    words += piles[i].words->len, bricks += piles[i].bricks->len;
+  if (words > TC_SPLAT_MOST) {
+    tc_set_error(error, TC_ERROR_LIMIT, "/splat/threshold",
+                 "splat/threshold: the object has more than %u surface voxels; a narrower range is wanted",
+                 TC_SPLAT_MOST);
+    return NULL;
+  }
+  tc_splats *s = calloc(1, sizeof *s);
+  if (s)
+    s->bricks = malloc((bricks + 1) * sizeof *s->bricks), s->words = calloc(words + TC_SPLAT_PAD, sizeof *s->words);
+  if (!s || !s->bricks || !s->words) {
+    tc_splats_free(s);
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
+    return NULL;
+  }
+  for (int i = 0; i < count; i++) {
+    const tc_splat_brick *from = (const tc_splat_brick *)(void *)piles[i].bricks->data;
+    for (guint b = 0; b < piles[i].bricks->len; b++) {
+      s->bricks[s->n_bricks] = from[b];
+      s->bricks[s->n_bricks++].first += s->n;
+    }
+    if (piles[i].words->len) memcpy(s->words + s->n, piles[i].words->data, piles[i].words->len * sizeof *s->words);
+    s->n += piles[i].words->len;
+  }
+  s->bricks[s->n_bricks] = (tc_splat_brick){.first = s->n};
+  s->bytes = sizeof *s + (bricks + 1) * sizeof *s->bricks + (words + TC_SPLAT_PAD) * sizeof *s->words;
+  return s;
+}
+
+/* ---- surfaces ---- */
+
+typedef struct building {
+  const tc_vmd *model;
+  tc_splat_normals normals;
+  const tc_vmd_attribute *normal; /* the model's own */
+  bool everything;
+  int words;
+  uint64_t **bits; /* [threads][ROWS][words][nx]: what is filled in the rows of a layer and beside it */
+  pile *piles;     /* [layers] */
+  const tc_halt *halt;
+  atomic_bool left;
+} building;
+
+static void set_bits(uint64_t *column, size_t stride, int z, int count) {
+  while (count > 0) {
+    const int n = MIN(64 - z % 64, count);
+    column[(size_t)(z / 64) * stride] |= (n == 64 ? ~0ull : (1ull << n) - 1) << z % 64;
+    z += n, count -= n;
+  }
+}
+
+static void read_row(const building *b, int y, uint64_t *bits) {
+  const size_t nx = (size_t)b->model->head.grid.dims[0];
+  memset(bits, 0, (size_t)b->words * nx * sizeof *bits);
+  for (int x = 0; x < (int)nx; x++)
+    for (tc_vmd_run run = {.at = tc_vmd_column(b->model, x, y)}; tc_vmd_next(b->model, &run);)
+      set_bits(bits + x, nx, run.z, run.count);
+}
+
+/* Of a row, bits z .. z + 15 of column x (z a multiple of 16) from bit 0, the neighbours' on either side of them. */
+typedef struct window {
+  const uint64_t *bits;
+  int nx, words;
+} window;
+
+static uint64_t slice(const window *w, int x, int z) {
+  if (x < 0 || x >= w->nx || z < 0 || z >= w->words * 64) return 0;
+  return w->bits[(size_t)(z / 64) * (size_t)w->nx + (size_t)x] >> z % 64 & 0xffff;
+}
+
+/* 20 bits: z - 2 .. z + 17. */
+static uint32_t wide_slice(const window *w, int x, int z) {
+  return (uint32_t)(slice(w, x, z) << 2 | slice(w, x, z - 16) >> 14 | (slice(w, x, z + 16) & 3) << 18);
+}
+
+/* The free side of the 5x5x5 voxels around one: minus the sum of places that are filled. Rows are those beside y. */
+static void normal_of_filled(const building *b, const uint64_t *row, size_t row_words, int x, int z, double normal[3]) {
+  int sum[3] = {0};
+  for (int dy = -2; dy <= 2; dy++) {
+    const window w = {row + (ptrdiff_t)dy * (ptrdiff_t)row_words, b->model->head.grid.dims[0], b->words};
+    for (int dx = -2; dx <= 2; dx++) {
+      const unsigned five = wide_slice(&w, x + dx, z & ~15) >> (z & 15) & 31;
+      const int count = __builtin_popcount(five);
+      sum[0] -= dx * count, sum[1] -= dy * count;
+      sum[2] -= 2 * (int)(five >> 4 & 1) + (int)(five >> 3 & 1) - (int)(five >> 1 & 1) - 2 * (int)(five & 1);
+    }
+  }
+  const tc_volume_desc *d = &b->model->head.grid;
+  for (int r = 0; r < 3; r++) {
+    normal[r] = 0; /* of nearly orthogonal axes; lengths count inversely */
+    for (int k = 0; k < 3; k++)
+      normal[r] += d->direction[3 * r + k] * sum[k] / d->spacing[k];
+  }
+}
+
+static void find_normal(const building *b, const uint64_t *row, size_t row_words, int x, int y, int z, unsigned faces,
+                        double normal[3]) {
+  if (b->normals.of) {
+    b->normals.of(b->normals.user, x, y, z, normal);
+  } else if (b->normal) {
+    float n[3];
+    const uint8_t *record = tc_vmd_voxel(b->model, x, y, z) + b->normal->at;
+    tc_octahedron_unfold(record[0], record[1], 127, n);
+    for (int k = 0; k < 3; k++)
+      normal[k] = (double)n[k];
+  } else {
+    normal_of_filled(b, row, row_words, x, z, normal);
+  }
+  if (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2] > 0) return;
+  const int face = __builtin_ctz(faces); /* no side has less than another: that of any free face */
+  for (int r = 0; r < 3; r++)
+    normal[r] = (face & 1 ? 1 : -1) * b->model->head.grid.direction[3 * r + face / 2];
+}
+
+/* Sixteen voxels of a column. */
+static void add_slice(const building *b, const pile *to, const uint64_t *row, size_t row_words, int x, int y, int z) {
+  const int nx = b->model->head.grid.dims[0];
+  const window here = {row, nx, b->words}, before = {row - row_words, nx, b->words},
+               behind = {row + row_words, nx, b->words};
+  const uint32_t wide = wide_slice(&here, x, z), filled = wide >> 2 & 0xffff;
+  const uint32_t open[6] = {~(uint32_t)slice(&here, x - 1, z),
+                            ~(uint32_t)slice(&here, x + 1, z),
+                            ~(uint32_t)slice(&before, x, z),
+                            ~(uint32_t)slice(&behind, x, z),
+                            ~(wide >> 1),
+                            ~(wide >> 3)};
+  uint32_t shown = filled & (open[0] | open[1] | open[2] | open[3] | open[4] | open[5]);
+  for (uint32_t left = b->everything ? filled : shown; left; left &= left - 1) {
+    const int i = __builtin_ctz(left);
+    unsigned faces = 0;
+    for (int f = 0; f < 6; f++)
+      faces |= (open[f] >> i & 1) << f;
+    double normal[3] = {0};
+    if (faces) find_normal(b, row, row_words, x, y, z + i, faces, normal);
+    add_word(to, x, y, z + i, faces, normal);
+  }
+}
+
+static void build_layer(void *context, int layer, int worker) {
+  building *b = context;
+  const int *dims = b->model->head.grid.dims, y0 = layer * TC_SPLAT_BRICK;
+  const size_t row_words = (size_t)b->words * (size_t)dims[0];
+  uint64_t *bits = b->bits[worker];
+  for (int r = 0; r < ROWS; r++)
+    read_row(b, y0 - REACH + r, bits + (size_t)r * row_words);
+  const pile p = b->piles[layer] = pile_new();
+  for (int bz = 0; bz * TC_SPLAT_BRICK < dims[2]; bz++)
+    for (int bx = 0; bx * TC_SPLAT_BRICK < dims[0]; bx++) {
+      if (tc_halt_within(b->halt)) {
+        atomic_store(&b->left, true);
+        return;
+      }
+      begin_brick(&p, bx, layer, bz, false);
+      for (int y = y0; y < MIN(y0 + TC_SPLAT_BRICK, dims[1]); y++) {
+        const uint64_t *row = bits + (size_t)(y - y0 + REACH) * row_words;
+        for (int x = bx * TC_SPLAT_BRICK; x < MIN((bx + 1) * TC_SPLAT_BRICK, dims[0]); x++)
+          if (slice(&(window){row, dims[0], b->words}, x, bz * TC_SPLAT_BRICK))
+            add_slice(b, &p, row, row_words, x, y, bz * TC_SPLAT_BRICK);
+      }
+      end_brick(&p);
+    }
+}
+
+tc_splats *tc_splats_build(const tc_vmd *model, tc_splat_normals normals, bool everything, tc_pool *pool,
+                           GError **error) {
+  const int *dims = model->head.grid.dims, threads = tc_pool_threads(pool);
+  const int layers = (dims[1] + TC_SPLAT_BRICK - 1) / TC_SPLAT_BRICK;
+  building b = {.model = model,
+                .normals = normals,
+                .everything = everything,
+                .words = (dims[2] + 63) / 64,
+                .normal = tc_vmd_attribute_named(&model->head, "normal"),
+                .halt = tc_pool_halt(pool)};
+  if (b.normal && b.normal->type != TC_VMD_NORMAL) b.normal = NULL;
+  bool good = (b.piles = calloc((size_t)layers, sizeof *b.piles)) && (b.bits = calloc((size_t)threads, sizeof *b.bits));
+  for (int i = 0; i < threads && good; i++)
+    good = (b.bits[i] = malloc((size_t)ROWS * (size_t)b.words * (size_t)dims[0] * sizeof **b.bits)) != NULL;
+  tc_splats *s = NULL;
+  if (!good)
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
+  else if (!tc_pool_run(pool, layers, build_layer, &b) || atomic_load(&b.left))
+    tc_halt_say(tc_pool_halt(pool), error);
+  else
+    s = join(b.piles, layers, error);
+  for (int i = 0; b.piles && i < layers; i++)
+    pile_free(b.piles[i]);
+  for (int i = 0; b.bits && i < threads; i++)
+    free(b.bits[i]);
+  free(b.piles);
+  free(b.bits);
+  return s;
+}
+
+/* ---- cuts ---- */
+
+typedef struct cutting {
+  const tc_vmd *model;
+  const double (*planes)[4];
+  int n_planes;
+  double reach[6 * 2]; /* of each plane: how far from it a kept voxel with a cut neighbour can be */
+  pile out;
+} cutting;
+
+static double distance(const double plane[4], int x, int y, int z) {
+  return plane[0] * x + plane[1] * y + plane[2] * z + plane[3];
+}
+
+/* The faces whose neighbours are cut off, and the plane that is nearest; none where the voxel itself is. */
+static unsigned cut_faces(const cutting *c, int x, int y, int z, const double **nearest) {
+  unsigned faces = 0;
+  double least = INFINITY;
+  for (int i = 0; i < c->n_planes; i++) {
+    const double d = distance(c->planes[i], x, y, z);
+    if (d < 0) return 0;
+    unsigned own = 0;
+    for (int f = 0; f < 6; f++)
+      own |= (unsigned)(d + (f & 1 ? 1 : -1) * c->planes[i][f / 2] < 0) << f;
+    if (own && d < least) least = d, *nearest = c->planes[i];
+    faces |= own;
+  }
+  return faces;
+}
+
+/* Voxels z0 .. z1 - 1 of a column are looked at where some plane is near. */
+static void cut_run(const cutting *c, int x, int y, int z0, int z1, const double to_index[9]) {
+  for (int z = z0; z < z1; z++) {
+    const double *plane = NULL;
+    const unsigned faces = cut_faces(c, x, y, z, &plane);
+    if (!faces) continue;
+    double normal[3]; /* of a plane in index coordinates: covariant */
+    for (int r = 0; r < 3; r++)
+      normal[r] = -(plane[0] * to_index[r] + plane[1] * to_index[3 + r] + plane[2] * to_index[6 + r]);
+    add_word(&c->out, x, y, z, faces, normal);
+  }
+}
+
+/* Where along z from lo to hi plane i is within its reach; false: nowhere. */
+static bool near_plane(const cutting *c, int i, int x, int y, int *lo, int *hi) {
+  const double *p = c->planes[i], at = distance(p, x, y, 0);
+  double from = *lo, to = *hi;
+  if (p[2] == 0) return at >= 0 && at <= c->reach[i];
+  double a = -at / p[2], b = (c->reach[i] - at) / p[2];
+  from = fmax(from, floor(fmin(a, b))), to = fmin(to, ceil(fmax(a, b)) + 1);
+  *lo = (int)from, *hi = (int)fmax(to, from);
+  return from < to;
+}
+
+static void cut_column(const cutting *c, int x, int y, int bz, const double to_index[9]) {
+  const int z0 = bz * TC_SPLAT_BRICK, z1 = z0 + TC_SPLAT_BRICK;
+  bool any = false;
+  int from = z1, to = z0;
+  for (int i = 0; i < c->n_planes; i++) {
+    int lo = z0, hi = z1;
+    if (near_plane(c, i, x, y, &lo, &hi)) any = true, from = MIN(from, lo), to = MAX(to, hi);
+  }
+  if (!any) return;
+  for (tc_vmd_run run = {.at = tc_vmd_column(c->model, x, y)}; tc_vmd_next(c->model, &run) && run.z < to;)
+    cut_run(c, x, y, MAX(run.z, from), MIN(run.z + run.count, to), to_index);
+}
+
+/* Whether any plane passes through the brick: all others are left alone. */
+static bool meets_brick(const cutting *c, const int at[3]) {
+  for (int i = 0; i < c->n_planes; i++) {
+    double middle = c->planes[i][3], half = 0;
+    for (int k = 0; k < 3; k++) {
+      middle += c->planes[i][k] * (at[k] * TC_SPLAT_BRICK + 7.5);
+      half += fabs(c->planes[i][k]) * 7.5;
+    }
+    if (middle + half >= 0 && middle - half <= c->reach[i]) return true;
+  }
+  return false;
+}
+
+tc_splats *tc_splats_cut(const tc_vmd *model, const double planes[][4], int n_planes, const tc_halt *halt,
+                         GError **error) {
+  const int *dims = model->head.grid.dims;
+  bool left = false;
+  cutting c = {.model = model, .planes = planes, .n_planes = n_planes, .out = pile_new()};
+  const tc_volume_desc *d = &model->head.grid;
+  double to_index[9];
+  for (int k = 0; k < 3; k++) /* directions are nearly orthogonal; normals of cuts need no more */
+    for (int r = 0; r < 3; r++)
+      to_index[3 * k + r] = d->direction[3 * r + k] / d->spacing[k];
+  for (int i = 0; i < n_planes; i++)
+    c.reach[i] = fmax(fabs(planes[i][0]), fmax(fabs(planes[i][1]), fabs(planes[i][2])));
+  for (int bz = 0; bz * TC_SPLAT_BRICK < dims[2] && !left; bz++)
+    for (int by = 0; by * TC_SPLAT_BRICK < dims[1] && !left; by++)
+      for (int bx = 0; bx * TC_SPLAT_BRICK < dims[0] && !left; bx++) {
+        left = tc_halt_within(halt);
+        if (!meets_brick(&c, (int[]){bx, by, bz})) continue;
+        begin_brick(&c.out, bx, by, bz, true);
+        for (int y = by * TC_SPLAT_BRICK; y < MIN((by + 1) * TC_SPLAT_BRICK, dims[1]); y++)
+          for (int x = bx * TC_SPLAT_BRICK; x < MIN((bx + 1) * TC_SPLAT_BRICK, dims[0]); x++)
+            cut_column(&c, x, y, bz, to_index);
+        end_brick(&c.out);
+      }
+  tc_splats *s = left ? NULL : join(&c.out, 1, error);
+  if (left) tc_halt_say(halt, error);
+  pile_free(c.out);
+  return s;
+}

@@ -1,0 +1,440 @@
+#include "renderer/splat/splatter.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "renderer/backend.h"
+#include "renderer/frame.h"
+#include "renderer/raycast/rays.h"
+#include "renderer/raycast/shade.h"
+
+#define LEAST_RADIUS2 0.51 /* a circle of this radius (squared, pixels) holds a pixel's centre wherever it is */
+#define CORE_RADIUS 0.72   /* voxels; circles of this radius around the voxels of a face cover it */
+#define KERNEL_FALL 3.0    /* exponent at the kernel's rim */
+#define FEW_AREA 1e-3      /* pixels a voxel: below, weights shrink with it, so that sums do not overflow */
+
+typedef struct drawing {
+  const tc_splat_job *job;
+  tc_splat_args args;
+  const tc_splat_kernels *kernels;
+  double to_view[3][4]; /* view space from index coordinates */
+  double eye[3];        /* index coordinates */
+  double planes[TC_MAX_CLIP_PLANES][4];
+  tc_splat_entry *entries; /* nearest first */
+  int n_entries;
+  tc_splat_tile **tiles; /* [threads] */
+  float *out;            /* [threads][TC_TILE][TC_TILE][4] */
+  tc_resolve resolve;
+  tc_progress *progress;
+} drawing;
+
+/* ---- the view ---- */
+
+static double dot3(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+int tc_splat_planes(const tc_volume *volume, const tc_scene *scene, double planes[TC_MAX_CLIP_PLANES][4]) {
+  tc_rays rays = {0};
+  tc_rays_add_clipping(&rays, volume, scene);
+  memcpy(planes, rays.planes, sizeof rays.planes);
+  return rays.n_planes;
+}
+
+static void cross3(const double a[3], const double b[3], double c[3]) {
+  for (int k = 0; k < 3; k++)
+    c[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
+}
+
+static void normalise3(double v[3]) {
+  const double length = sqrt(dot3(v, v));
+  for (int k = 0; k < 3; k++)
+    v[k] /= length;
+}
+
+/* Rows: to the right, down, forward; the same camera as raycast/rays.c has. */
+static void view_axes(const tc_camera *camera, double rows[3][3]) {
+  for (int k = 0; k < 3; k++)
+    rows[2][k] = camera->target[k] - camera->position[k];
+  normalise3(rows[2]);
+  cross3(rows[2], camera->up, rows[0]);
+  normalise3(rows[0]);
+  cross3(rows[2], rows[0], rows[1]);
+}
+
+static void set_view(drawing *d) {
+  const tc_scene *scene = d->job->scene;
+  const tc_camera *camera = &scene->camera;
+  const tc_volume_desc *grid = tc_volume_describe(d->job->volume);
+  const double height = d->job->frame->height, width = d->job->frame->width;
+  tc_splat_args *g = &d->args;
+  double rows[3][3];
+  view_axes(camera, rows);
+  for (int r = 0; r < 3; r++) {
+    d->to_view[r][3] = dot3(rows[r], grid->origin) - dot3(rows[r], camera->position);
+    for (int k = 0; k < 3; k++) {
+      d->to_view[r][k] = 0;
+      for (int c = 0; c < 3; c++)
+        d->to_view[r][k] += rows[r][c] * grid->direction[3 * c + k] * grid->spacing[k];
+      g->axis[r][k] = (float)d->to_view[r][k];
+    }
+  }
+  g->perspective = camera->projection == TC_PERSPECTIVE;
+  const double scale =
+      g->perspective ? 0.5 * height / tan(camera->fov_y_deg * (M_PI / 360)) : height / camera->height_mm;
+  g->scale = (float)scale;
+  double eye[3];
+  for (int k = 0; k < 3; k++)
+    eye[k] = camera->position[k] - (g->perspective ? 0 : 1e7 * rows[2][k]);
+  tc_volume_lps_to_index(d->job->volume, eye, d->eye);
+  /* Directions from the eye through pixels, LPS, for light. */
+  for (int k = 0; k < 3; k++) {
+    g->light.view_du[k] = g->perspective ? (float)rows[0][k] : 0;
+    g->light.view_dv[k] = g->perspective ? (float)rows[1][k] : 0;
+    g->light.anchor0[k] =
+        (float)(g->perspective ? scale * rows[2][k] - 0.5 * width * rows[0][k] - 0.5 * height * rows[1][k]
+                               : rows[2][k]);
+  }
+  g->light.view0[0] = (float)width, g->light.view0[1] = (float)height;
+}
+
+/* ---- the kernel ---- */
+
+static double footprint(tc_filter filter, double q) {
+  if (filter != TC_FILTER_CUBIC) return exp(-KERNEL_FALL * q);
+  const double r = sqrt(q); /* cubic, 1 with slope 0 in the middle, 0 with slope 0 at the rim */
+  return 1 - r * r * (3 - 2 * r);
+}
+
+static void set_kernel(drawing *d) {
+  const tc_scene *scene = d->job->scene;
+  tc_splat_args *g = &d->args;
+  const double radius = scene->splat.kernel_radius;
+  double depth = 0, width = 0, distance = 1;
+  for (int k = 0; k < 3; k++) {
+    depth += d->to_view[2][k] * d->to_view[2][k];
+    width = fmax(width, hypot(d->to_view[0][k], d->to_view[1][k]));
+  }
+  g->radius2 = (float)(radius * radius);
+  const double core = fmax(CORE_RADIUS, fmin(1, CORE_RADIUS / radius));
+  g->core_root = (float)core;
+  g->core = (float)(core * core);
+  g->least2 = (float)(LEAST_RADIUS2 / (core * core));
+  g->window_mm = (float)(2 * radius * sqrt(depth));
+  g->near_mm = g->perspective ? g->window_mm : -INFINITY;
+  if (g->perspective) {
+    const int *dims = tc_volume_describe(d->job->volume)->dims;
+    distance = d->to_view[2][3];
+    for (int k = 0; k < 3; k++)
+      distance += d->to_view[2][k] * 0.5 * dims[k];
+    distance = fmax(distance, (double)g->near_mm);
+  }
+  const double area = pow(width * (double)g->scale / distance, 2), most = fmax(1, 255 * fmin(1, area / FEW_AREA));
+  for (int i = 0; i < TC_WEIGHT_STEPS; i++)
+    g->weights[i] = (uint8_t)fmax(1, lround(most * footprint(scene->filter, (i + 0.5) / TC_WEIGHT_STEPS)));
+  g->weights[TC_WEIGHT_STEPS] = 0;
+  g->full = g->weights[(int)(core * core * (TC_WEIGHT_STEPS - 1))];
+}
+
+static void set_light(drawing *d) {
+  const tc_scene *scene = d->job->scene;
+  tc_splat_args *g = &d->args;
+  tc_shade s;
+  g->shaded = scene->shading.model != TC_SHADING_NONE;
+  if (!g->shaded) return;
+  tc_shade_set_up(&s, d->job->volume, d->job->volume, scene);
+  for (int k = 0; k < 3; k++) {
+    g->light.gradient[4 * k] = 0.5f; /* of twice the normal */
+    g->light.glow[0][k] = (float)s.glow[0][k];
+    g->light.glow[1][k] = (float)s.glow[1][k];
+    g->light.light[k] = (float)s.light[k];
+  }
+  g->light.inverse_steep = 1;
+  g->light.factor[0] = (float)s.factor[0];
+  g->light.factor[1] = (float)s.factor[1];
+  g->light.least_lit = (float)s.least;
+  g->light.specular = (float)s.specular;
+  g->light.shininess = (float)s.shininess;
+  g->light.head_light = s.head_light;
+}
+
+/* ---- bricks ---- */
+
+/* Faces that every voxel of the brick shows, or (mixed) some do. */
+static void set_seen(tc_splat_entry *e) {
+  uint8_t all = 0, some = 0;
+  for (int k = 0; k < 3; k++) {
+    const double to_eye = (double)e->eye[k], last = TC_SPLAT_BRICK - 1;
+    all |= (uint8_t)((to_eye < -0.5) << 2 * k | (to_eye - last > 0.5) << (2 * k + 1));
+    some |= (uint8_t)((to_eye - last < -0.5) << 2 * k | (to_eye > 0.5) << (2 * k + 1));
+  }
+  e->seen = some;
+  e->mixed = all != some;
+}
+
+/* False: clipped away as a whole. */
+static bool set_clipped(const drawing *d, tc_splat_entry *e) {
+  const tc_splat_brick *brick = &e->of->bricks[e->brick];
+  for (int i = 0; i < d->args.n_planes && !brick->cap; i++) {
+    const double *p = d->planes[i];
+    double middle = p[3], half = 0;
+    for (int k = 0; k < 3; k++) {
+      middle += p[k] * (brick->at[k] * TC_SPLAT_BRICK + 7.5);
+      half += fabs(p[k]) * 7.5;
+    }
+    e->clipped |= middle - half < 1e-3;
+    if (middle + half < 0) return false;
+  }
+  return true;
+}
+
+/* The box of pixels that hold all footprints; false: out of the picture. */
+static bool set_box(const drawing *d, tc_splat_entry *e, const double middle[3], const double half[3], double size_mm) {
+  const tc_splat_args *g = &d->args;
+  const double size[2] = {d->job->frame->width, d->job->frame->height}, radius = sqrt((double)g->radius2) * size_mm;
+  double near = middle[2] - half[2], far = middle[2] + half[2];
+  e->near_mm = (float)(near - 1e-4 * (fabs(near) + half[2]));
+  for (int k = 0; k < 2; k++)
+    e->box[k] = 0, e->box[2 + k] = (float)size[k];
+  if (g->perspective && far <= (double)g->near_mm) return false;
+  if (g->perspective && near <= (double)g->near_mm) return true;
+  for (int k = 0; k < 2; k++) {
+    double lo = middle[k] - half[k], hi = middle[k] + half[k], stretch = 1;
+    if (g->perspective) {
+      lo = fmin(lo / near, lo / far), hi = fmax(hi / near, hi / far);
+      stretch = (1 + fmax(fabs(lo), fabs(hi))) / near;
+    }
+    const double reach = radius * (double)g->scale * stretch + 1.5;
+    e->box[k] = (float)(0.5 * size[k] + lo * (double)g->scale - reach);
+    e->box[2 + k] = (float)(0.5 * size[k] + hi * (double)g->scale + reach);
+    if (e->box[2 + k] < 0 || (double)e->box[k] > size[k]) return false;
+  }
+  return true;
+}
+
+static bool enter(const drawing *d, const tc_splats *of, uint32_t brick, double size_mm, tc_splat_entry *e) {
+  const tc_splat_brick *b = &of->bricks[brick];
+  double middle[3], half[3];
+  *e = (tc_splat_entry){.of = of, .brick = brick};
+  for (int r = 0; r < 3; r++) {
+    double at = d->to_view[r][3];
+    half[r] = 0;
+    for (int k = 0; k < 3; k++) {
+      at += d->to_view[r][k] * b->at[k] * TC_SPLAT_BRICK;
+      half[r] += fabs(d->to_view[r][k]) * 7.5;
+    }
+    e->at[r] = (float)at;
+    middle[r] = at + 7.5 * (d->to_view[r][0] + d->to_view[r][1] + d->to_view[r][2]);
+    e->eye[r] = (float)(d->eye[r] - b->at[r] * TC_SPLAT_BRICK);
+  }
+  set_seen(e);
+  if (!set_clipped(d, e) && d->args.culling) return false;
+  if (!set_box(d, e, middle, half, size_mm) && d->args.culling) return false;
+  return (b->faces & e->seen) || !d->args.culling;
+}
+
+static void enter_all(drawing *d, const tc_splats *of, tc_splat_entry *entries, int *count) {
+  double size_mm = 0;
+  for (int r = 0; r < 3; r++)
+    size_mm +=
+        d->to_view[r][0] * d->to_view[r][0] + d->to_view[r][1] * d->to_view[r][1] + d->to_view[r][2] * d->to_view[r][2];
+  for (uint32_t i = 0; of && i < of->n_bricks; i++)
+    *count += enter(d, of, i, sqrt(size_mm), &entries[*count]);
+}
+
+/* Nearest first, to a 4096th of the range: the order changes no bit, only how much is hidden early. */
+static void sort_entries(const tc_splat_entry *from, int count, tc_splat_entry *to) {
+  enum { buckets = 4096 };
+  int starts[buckets + 1] = {0};
+  float lo = INFINITY, hi = -INFINITY;
+  for (int i = 0; i < count; i++)
+    lo = fminf(lo, from[i].near_mm), hi = fmaxf(hi, from[i].near_mm);
+  const float scale = hi > lo ? (buckets - 1) / (hi - lo) : 0;
+  for (int i = 0; i < count; i++)
+    starts[1 + (int)((from[i].near_mm - lo) * scale)]++;
+  for (int i = 0; i < buckets; i++)
+    starts[i + 1] += starts[i];
+  for (int i = 0; i < count; i++)
+    to[starts[(int)((from[i].near_mm - lo) * scale)]++] = from[i];
+}
+
+static bool collect_entries(drawing *d, GError **error) {
+  const tc_splats *cut = d->job->cut;
+  const size_t most = (size_t)d->job->splats->n_bricks + (cut ? cut->n_bricks : 0) + 1;
+  tc_splat_entry *entries = malloc(most * sizeof *entries);
+  d->entries = malloc(most * sizeof *entries);
+  bool good = entries && d->entries;
+  if (good) {
+    enter_all(d, d->job->splats, entries, &d->n_entries);
+    enter_all(d, cut, entries, &d->n_entries);
+    sort_entries(entries, d->n_entries, d->entries);
+  } else {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
+  }
+  free(entries);
+  return good;
+}
+
+/* ---- tiles ---- */
+
+void tc_tile_touch(tc_splat_tile *t, int x0, int y0, int x1, int y1) {
+  for (int by = y0 / TC_TILE_BLOCK; by <= y1 / TC_TILE_BLOCK; by++)
+    for (int bx = x0 / TC_TILE_BLOCK; bx <= x1 / TC_TILE_BLOCK; bx++)
+      t->stale[by][bx] = true;
+}
+
+/* Pixels of the tile beyond the picture are as far as any: they hide all. */
+static void find_farthest(tc_splat_tile *t, int bx, int by) {
+  float far = -INFINITY;
+  for (int y = by * TC_TILE_BLOCK; y < MIN((by + 1) * TC_TILE_BLOCK, t->height); y++)
+    for (int x = bx * TC_TILE_BLOCK; x < MIN((bx + 1) * TC_TILE_BLOCK, t->width); x++) {
+      const float z = t->depth[y * TC_TILE_STRIDE + x];
+      far = z > far ? z : far;
+    }
+  t->farthest[by][bx] = far;
+  t->stale[by][bx] = false;
+}
+
+bool tc_tile_hides(tc_splat_tile *t, int x0, int y0, int x1, int y1, float z) {
+  for (int by = y0 / TC_TILE_BLOCK; by <= y1 / TC_TILE_BLOCK; by++)
+    for (int bx = x0 / TC_TILE_BLOCK; bx <= x1 / TC_TILE_BLOCK; bx++) {
+      if (t->stale[by][bx]) find_farthest(t, bx, by);
+      if (z <= t->farthest[by][bx]) return false;
+    }
+  return true;
+}
+
+/* The entry's pixels in the tile; false: none. */
+static bool box_in_tile(const tc_splat_entry *e, const tc_splat_tile *t, int box[4]) {
+  const float last[2] = {(float)(t->width - 1), (float)(t->height - 1)}, at[2] = {(float)t->x0, (float)t->y0};
+  for (int k = 0; k < 2; k++) {
+    const float lo = e->box[k] - at[k], hi = e->box[2 + k] - at[k];
+    if (lo > last[k] || hi < 0) return false;
+    box[k] = lo > 0 ? (int)lo : 0;
+    box[2 + k] = (int)fminf(hi, last[k]);
+  }
+  return true;
+}
+
+/* One of the two passes; false: halted. */
+static bool pass(const drawing *d, tc_splat_tile *t, bool colors) {
+  const float window = colors ? d->args.window_mm : 0;
+  for (int i = 0; i < d->n_entries; i++) {
+    const tc_splat_entry *e = &d->entries[i];
+    int box[4];
+    if (!box_in_tile(e, t, box)) continue;
+    if (d->args.culling && tc_tile_hides(t, box[0], box[1], box[2], box[3], e->near_mm - window)) continue;
+    (colors ? d->kernels->colors : d->kernels->depths)(&d->args, e, t);
+    if (t->left) return false;
+    if (!colors) tc_tile_touch(t, box[0], box[1], box[2], box[3]);
+  }
+  return true;
+}
+
+static void clear_tile(tc_splat_tile *t) {
+  for (int i = 0; i < TC_TILE * TC_TILE_STRIDE; i++)
+    t->depth[i] = INFINITY;
+  memset(t->sums, 0, sizeof t->sums);
+  t->left = false;
+  for (int y = 0; y < TC_TILE_BLOCKS; y++)
+    for (int x = 0; x < TC_TILE_BLOCKS; x++)
+      t->stale[y][x] = true;
+}
+
+/* Mm from the eye along each pixel's ray. */
+static void store_depths(const drawing *d, const tc_splat_tile *t, int y, float *to) {
+  const tc_frame *f = d->job->frame;
+  const double scale = (double)d->args.scale;
+  for (int x = 0; x < t->width; x++) {
+    const double dx = t->x0 + x + 0.5 - 0.5 * f->width, dy = t->y0 + y + 0.5 - 0.5 * f->height;
+    const double stretch = d->args.perspective ? sqrt(1 + (dx * dx + dy * dy) / (scale * scale)) : 1;
+    to[x] = t->depth[y * TC_TILE_STRIDE + x] * (float)stretch;
+  }
+}
+
+static void store_tile(const drawing *d, const tc_splat_tile *t, const float *out) {
+  tc_frame *f = d->job->frame;
+  for (int y = 0; y < t->height; y++) {
+    const size_t at = (size_t)(t->y0 + y) * (size_t)f->width + (size_t)t->x0;
+    const float *row = out + (size_t)y * (size_t)t->width * 4;
+    tc_resolve_row(&d->resolve, row, f->rgba + 4 * at, t->width);
+    if (d->job->want_linear) memcpy(f->linear + 4 * at, row, (size_t)t->width * 4 * sizeof *row);
+    if (d->job->want_depth) store_depths(d, t, y, f->depth + at);
+  }
+}
+
+static void draw_tile(void *context, int index, int worker) {
+  drawing *d = context;
+  const tc_frame *f = d->job->frame;
+  const int across = (f->width + TC_TILE - 1) / TC_TILE;
+  if (d->progress->finished[index]) return;
+  tc_splat_tile *t = d->tiles[worker];
+  t->x0 = index % across * TC_TILE, t->y0 = index / across * TC_TILE;
+  t->width = MIN(TC_TILE, f->width - t->x0), t->height = MIN(TC_TILE, f->height - t->y0);
+  clear_tile(t);
+  if (!pass(d, t, false) || !pass(d, t, true)) return;
+  float *out = d->out + (size_t)worker * TC_TILE * TC_TILE * 4;
+  d->kernels->shade(&d->args, t, out);
+  store_tile(d, t, out);
+  d->progress->finished[index] = true;
+}
+
+static bool make_tiles(drawing *d, GError **error) {
+  const size_t threads = (size_t)tc_pool_threads(d->job->pool);
+  bool good = (d->tiles = calloc(threads, sizeof *d->tiles)) != NULL;
+  for (size_t i = 0; i < threads && good; i++)
+    good = (d->tiles[i] = calloc(1, sizeof **d->tiles)) != NULL;
+  good = good && (d->out = malloc(threads * TC_TILE * TC_TILE * 4 * sizeof *d->out)) != NULL;
+  if (!good) tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
+  return good;
+}
+
+static void count(const drawing *d) {
+  tc_splat_counts *c = d->job->counts;
+  *c = (tc_splat_counts){
+      .bricks = d->job->splats->n_bricks, .splats = d->job->splats->n, .entries = (uint64_t)d->n_entries};
+  for (int i = 0; i < tc_pool_threads(d->job->pool); i++)
+    c->depths += d->tiles[i]->depths, c->drawn += d->tiles[i]->drawn;
+}
+
+bool tc_splat_draw(const tc_splat_job *job, GError **error) {
+  drawing *d = calloc(1, sizeof *d);
+  bool good = d != NULL;
+  if (!d) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
+    return false;
+  }
+  d->job = job;
+  d->kernels = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && g_strcmp0(job->isa, "scalar") != 0
+                   ? &tc_splat_avx2
+                   : &tc_splat_scalar;
+  d->args.culling = job->scene->splat.culling;
+  d->args.colors = job->colors;
+  d->args.halt = job->halt;
+  d->args.n_planes = tc_splat_planes(job->volume, job->scene, d->planes);
+  d->args.planes = (const double(*)[4])d->planes;
+  for (int k = 0; k < 3; k++) {
+    const double c = job->scene->isosurface.color[k];
+    d->args.color[k] = (float)(job->scene->image.linear_light ? tc_srgb_to_linear(c) : c);
+  }
+  set_view(d);
+  set_kernel(d);
+  set_light(d);
+  tc_resolve_init(&d->resolve, job->scene);
+  d->progress = tc_frame_cut(job->frame, TC_TILE, error);
+  good = d->progress && make_tiles(d, error) && collect_entries(d, error);
+  if (good) tc_pool_run(job->pool, d->progress->units, draw_tile, d);
+  if (good) {
+    d->progress->done = 0;
+    for (int i = 0; i < d->progress->units; i++)
+      d->progress->done += d->progress->finished[i];
+    good = d->progress->done == d->progress->units || tc_halt_say(job->halt, error);
+  }
+  if (good && job->counts) count(d);
+  for (int i = 0; d->tiles && i < tc_pool_threads(job->pool); i++)
+    free(d->tiles[i]);
+  free(d->tiles);
+  free(d->out);
+  free(d->entries);
+  free(d);
+  return good;
+}

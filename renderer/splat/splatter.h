@@ -1,0 +1,43 @@
+/* The splatter: pictures of voxel models as opaque objects, what is hidden left out first (paper 004, section 3.3).
+ *
+ * A picture is defined so: of the model's surface voxels (splats.h) that show a free face to the eye, each covers an
+ * ellipse, the projection of a ball of the kernel's radius around it, at its own depth; the ellipse's core hides what
+ * is behind it. At a pixel the nearest core counts, and all ellipses that are not farther behind it than the kernel is
+ * deep: their normals and colours are averaged with the weights of the footprint table, divided by the sum of weights
+ * (so that a constant solid is constant), and lit (raycast/shade.h). Where no core is, at an outline, a pixel is
+ * covered in part.
+ *
+ * Culling leaves out, and changes no bit: voxels inside the object, bricks and splats whose free faces look away, that
+ * are out of the picture, or behind the depths of a first pass; attributes are fetched for what is left. */
+#ifndef TC_SPLAT_SPLATTER_H
+#define TC_SPLAT_SPLATTER_H
+
+#include "renderer/splat/tile.h"
+#include "renderer/tomocast.h"
+
+typedef struct tc_splat_counts {
+  uint64_t bricks, splats; /* of the model */
+  uint64_t entries;        /* bricks in the picture */
+  uint64_t depths, drawn;  /* splats, in each tile they meet */
+} tc_splat_counts;
+
+typedef struct tc_splat_job {
+  const tc_volume *volume;       /* the object's place; its values are asked for by `colors` alone */
+  const tc_splats *splats, *cut; /* cut: what clipping lays open; NULL without clipping */
+  const tc_scene *scene;
+  tc_splat_color colors;
+  const char *isa; /* "scalar", or NULL: the best */
+  tc_pool *pool;
+  const tc_halt *halt;
+  tc_frame *frame; /* width, height set, buffers allocated; begun (renderer/frame.h) */
+  bool want_linear, want_depth;
+  tc_splat_counts *counts; /* NULL: nobody counts */
+} tc_splat_job;
+
+/* False with *error: halted, or out of memory. A paused frame goes on with the tiles that are missing. */
+bool tc_splat_draw(const tc_splat_job *job, GError **error);
+
+/* The clip box and planes of a scene in a volume's index coordinates; how many. */
+int tc_splat_planes(const tc_volume *volume, const tc_scene *scene, double planes[TC_MAX_CLIP_PLANES][4]);
+
+#endif

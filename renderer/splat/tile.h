@@ -1,0 +1,76 @@
+/* A square of the picture and what splats do to it; one text (tile_tmpl.h) per instruction set. */
+#ifndef TC_SPLAT_TILE_H
+#define TC_SPLAT_TILE_H
+
+#include "renderer/raycast/cpu/kernels.h"
+#include "renderer/splat/splats.h"
+
+#define TC_TILE 64        /* pixels a side */
+#define TC_TILE_STRIDE 80 /* of a row: vectors reach over its end */
+#define TC_TILE_BLOCK 8   /* pixels a side of what the greatest depth is known of */
+#define TC_TILE_BLOCKS (TC_TILE / TC_TILE_BLOCK)
+#define TC_WEIGHT_STEPS 1024
+
+enum { TC_SUM_WEIGHT, TC_SUM_NORMAL, TC_SUM_COLOR = TC_SUM_NORMAL + 3, TC_SUMS = TC_SUM_COLOR + 3 };
+
+/* The colour (0..255 a channel, compositing space) of a voxel that is seen. */
+typedef struct tc_splat_color {
+  void (*of)(const void *user, const int at[3], int rgb[3]); /* NULL: all are alike */
+  const void *user;
+} tc_splat_color;
+
+/* A frame's constants. View space: x to the right, y down, z away from the eye, mm. */
+typedef struct tc_splat_args {
+  tc_cpu_args light; /* its members of shading, and view0, view_du, view_dv */
+  bool perspective, culling, shaded;
+  float axis[3][3];         /* view x, y, z of one voxel along index axis k: [row][k] */
+  float scale;              /* pixels a mm, in perspective at z = 1 mm */
+  float radius2, least2;    /* of the kernel, voxels; what is added for a pixel's own width; squared */
+  float near_mm, window_mm; /* nothing is drawn nearer; how far behind the nearest splat others still count */
+  uint8_t weights[TC_WEIGHT_STEPS + 4]; /* footprint by the square of the distance over the kernel's; the last is 0 */
+  float core,
+      core_root; /* of the footprint that hides what is behind it: square of its size over the kernel's, and size */
+  float full;    /* weight at the core's rim, and sum of weights from which on a pixel is covered */
+  const double (*planes)[4]; /* index coordinates */
+  int n_planes;
+  float color[3]; /* where color.of is NULL */
+  tc_splat_color colors;
+  const tc_halt *halt;
+} tc_splat_args;
+
+/* A brick in this frame. */
+typedef struct tc_splat_entry {
+  const tc_splats *of;
+  uint32_t brick;
+  float near_mm;       /* no splat of it is nearer */
+  float box[4];        /* pixels x0, y0, x1, y1 around its footprints */
+  float at[3];         /* view space, its voxel 0 */
+  float eye[3];        /* index coordinates, from its voxel 0 */
+  uint8_t seen, mixed; /* faces that all of its voxels show to the eye; or each its own */
+  uint8_t clipped;     /* a plane passes through it */
+} tc_splat_entry;
+
+typedef struct tc_splat_tile {
+  int x0, y0, width, height;
+  float depth[TC_TILE * TC_TILE_STRIDE];         /* mm, infinite where there is nothing */
+  float sums[TC_SUMS][TC_TILE * TC_TILE_STRIDE]; /* whole numbers */
+  float farthest[TC_TILE_BLOCKS][TC_TILE_BLOCKS];
+  bool stale[TC_TILE_BLOCKS][TC_TILE_BLOCKS];
+  bool left;              /* the halt wanted it: the tile is not finished */
+  uint64_t depths, drawn; /* splats that were put into the depths; into the sums */
+} tc_splat_tile;
+
+typedef struct tc_splat_kernels {
+  void (*depths)(const tc_splat_args *args, const tc_splat_entry *entry, tc_splat_tile *tile);
+  void (*colors)(const tc_splat_args *args, const tc_splat_entry *entry, tc_splat_tile *tile);
+  /* [height][width][4] floats: premultiplied colour and opacity. */
+  void (*shade)(const tc_splat_args *args, const tc_splat_tile *tile, float *out);
+} tc_splat_kernels;
+
+extern const tc_splat_kernels tc_splat_scalar, tc_splat_avx2;
+
+/* Whether all that a box of pixels (of the tile) shows is nearer than z. */
+bool tc_tile_hides(tc_splat_tile *tile, int x0, int y0, int x1, int y1, float z);
+void tc_tile_touch(tc_splat_tile *tile, int x0, int y0, int x1, int y1); /* depths there have changed */
+
+#endif

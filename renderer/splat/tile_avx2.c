@@ -1,0 +1,8 @@
+#include "renderer/splat/normal.h"
+#include "renderer/splat/tile.h"
+
+#include "renderer/raycast/cpu/simd_avx2.h"
+
+#include "renderer/splat/tile_tmpl.h"
+
+const tc_splat_kernels tc_splat_avx2 = {put_depths, put_colors, shade_tile};

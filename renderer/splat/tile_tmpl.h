@@ -1,0 +1,250 @@
+/* Splats onto a tile, over the ray caster's vector vocabulary: included by tile_*.c after a simd_*.h.
+ *
+ * A kernel of radius r voxels is a ball in index space. Where its voxel is, the projection is nearly affine: with J the
+ * 2x3 Jacobian of pixels by index coordinates, the footprint is the ellipse d' (r^2 J J' + l^2 I)^-1 d <= 1, where l
+ * keeps it from falling between pixel centres (Zwicker et al., EWA splatting, IEEE TVCG 8(3), 2002).
+ *
+ * Sums are of whole numbers, so that neither the order of splats nor the number of threads changes a bit. */
+#pragma GCC diagnostic ignored "-Wunused-function" /* light is all that is taken of the ray caster's text */
+#include "renderer/raycast/cpu/packet_tmpl.h"
+
+#include "renderer/raycast/cpu/field_tmpl.h"
+
+#include "renderer/raycast/cpu/cubic_tmpl.h"
+
+#include "renderer/raycast/cpu/filter_tmpl.h"
+
+#include "renderer/raycast/cpu/classify_tmpl.h"
+
+#include "renderer/raycast/cpu/shade_tmpl.h"
+
+/* V_LANES splats projected. */
+typedef struct batch {
+  float x[V_LANES], y[V_LANES], z[V_LANES]; /* pixels of the tile, mm */
+  float a[V_LANES], b[V_LANES], c[V_LANES]; /* q = a dx^2 + 2 b dx dy + c dy^2 */
+  float rx[V_LANES], ry[V_LANES];           /* half of the ellipse's box, pixels */
+  float word[V_LANES];                      /* bits */
+  float alive[V_LANES];                     /* > 0: to be drawn; else only with culling off, and in vain */
+} batch;
+
+static const float lane_numbers[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+
+V_INLINE vi nibble(vi word, int from) { return v_andi(v_sra(word, from), v_seti(15)); }
+
+/* The faces that voxels at d show, as bits. */
+V_INLINE vi seen_faces(const tc_splat_entry *e, const vf d[3]) {
+  vi seen = v_seti(0);
+  for (int k = 0; k < 3; k++) {
+    vf to_eye = v_set(e->eye[k]) - d[k], one = v_from_bits(v_seti(1 << 2 * k)), two = v_from_bits(v_seti(2 << 2 * k));
+    vf none = v_set(0);
+    seen = v_ori(seen, v_bits(v_select(v_lt(to_eye, v_set(-0.5f)), one, none)));
+    seen = v_ori(seen, v_bits(v_select(v_lt(v_set(0.5f), to_eye), two, none)));
+  }
+  return seen;
+}
+
+V_INLINE vm kept_by_planes(const tc_splat_args *g, const tc_splat_entry *e, const vf d[3], vm alive) {
+  const int16_t *at = e->of->bricks[e->brick].at;
+  for (int i = 0; i < g->n_planes; i++) {
+    const double *p = g->planes[i];
+    float start = (float)(p[3] + TC_SPLAT_BRICK * (p[0] * at[0] + p[1] * at[1] + p[2] * at[2]));
+    vf away =
+        v_fma(d[2], v_set((float)p[2]), v_fma(d[1], v_set((float)p[1]), v_fma(d[0], v_set((float)p[0]), v_set(start))));
+    alive = m_and(alive, v_le(v_set(0), away));
+  }
+  return alive;
+}
+
+V_INLINE vf along(const tc_splat_args *g, int row, const vf d[3], float start) {
+  const float *m = g->axis[row];
+  return v_fma(d[2], v_set(m[2]), v_fma(d[1], v_set(m[1]), v_fma(d[0], v_set(m[0]), v_set(start))));
+}
+
+/* False: none of them meets the tile. */
+V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_splat_tile *t, uint32_t first,
+                      uint32_t count, batch *out) {
+  vi word = v_bits(v_load((const float *)(const void *)(e->of->words + first)));
+  vf d[3] = {v_float(nibble(word, 0)), v_float(nibble(word, 4)), v_float(nibble(word, 8))};
+  vi faces = v_andi(v_sra(word, 12), e->mixed ? seen_faces(e, d) : v_seti(e->seen));
+  vf x = along(g, 0, d, e->at[0]), y = along(g, 1, d, e->at[1]), z = along(g, 2, d, e->at[2]);
+  vf u = v_set(0), v = v_set(0), scale = v_set(g->scale);
+  vm inside = m_and(v_lt(v_load(lane_numbers), v_set((float)count)), v_lt(v_set(g->near_mm), z));
+  vm alive = m_and(inside, v_lt(v_set(0), v_float(v_andi(faces, v_seti(63)))));
+  if (e->clipped) alive = kept_by_planes(g, e, d, alive);
+  if (g->perspective) {
+    vf inverse = v_set(1) / v_max(z, v_set(1e-20f));
+    u = x * inverse, v = y * inverse, scale = scale * inverse;
+    x = u * v_set(g->scale), y = v * v_set(g->scale);
+  } else {
+    x = x * scale, y = y * scale;
+  }
+  x = x + v_set(0.5f * (float)g->light.view0[0] - (float)t->x0),
+  y = y + v_set(0.5f * (float)g->light.view0[1] - (float)t->y0);
+  vf xx = v_set(0), yy = xx, xy = xx;
+  for (int k = 0; k < 3; k++) {
+    vf jx = v_fnma(u, v_set(g->axis[2][k]), v_set(g->axis[0][k])),
+       jy = v_fnma(v, v_set(g->axis[2][k]), v_set(g->axis[1][k]));
+    xx = v_fma(jx, jx, xx), yy = v_fma(jy, jy, yy), xy = v_fma(jx, jy, xy);
+  }
+  scale = scale * scale * v_set(g->radius2);
+  xx = v_fma(xx, scale, v_set(g->least2)), yy = v_fma(yy, scale, v_set(g->least2)), xy = xy * scale;
+  vf inverse = v_set(1) / v_fnma(xy, xy, xx * yy), rx = v_sqrt(xx), ry = v_sqrt(yy);
+  vm meets = m_and(m_and(v_lt(v_set(0), x + rx), v_lt(x - rx, v_set((float)t->width))),
+                   m_and(v_lt(v_set(0), y + ry), v_lt(y - ry, v_set((float)t->height))));
+  meets = m_and(meets, g->culling ? alive : inside);
+  v_store(out->x, x), v_store(out->y, y), v_store(out->z, v_select(alive, z, v_set(INFINITY)));
+  v_store(out->a, yy * inverse), v_store(out->b, v_set(0) - xy * inverse), v_store(out->c, xx * inverse);
+  v_store(out->rx, rx), v_store(out->ry, ry), v_store(out->word, v_from_bits(word));
+  v_store(out->alive, v_select(meets, v_set(1), v_set(0)));
+  return m_any(meets);
+}
+
+typedef struct reach {
+  int x0, y0, x1, y1;
+} reach; /* pixels whose centres the box holds; none where x1 < x0 */
+
+V_INLINE reach reach_of(const batch *b, int i, float share, const tc_splat_tile *t) {
+  float rx = b->rx[i] * share, ry = b->ry[i] * share;
+  float x0 = b->x[i] - rx + 0.5f, y0 = b->y[i] - ry + 0.5f; /* + 1 truncated is rounding up */
+  float x1 = b->x[i] + rx - 0.5f, y1 = b->y[i] + ry - 0.5f;
+  float last_x = (float)(t->width - 1), last_y = (float)(t->height - 1);
+  return (reach){x0 > 0 ? (int)x0 : 0, y0 > 0 ? (int)y0 : 0, (int)floorf(x1 < last_x ? x1 : last_x),
+                 (int)floorf(y1 < last_y ? y1 : last_y)};
+}
+
+/* Squares of distances over the kernel's, for the pixels from x on in a row. */
+V_INLINE vf distances(const batch *b, int i, int x, float dy) {
+  vf dx = v_load(lane_numbers) + v_set((float)x + 0.5f - b->x[i]);
+  return v_fma(dx, v_fma(dx, v_set(b->a[i]), v_set(2 * b->b[i] * dy)), v_set(b->c[i] * dy * dy));
+}
+
+#define LOOK 64 /* splats between two looks at the halt, at least: of the widest some ms */
+
+V_INLINE bool leaves(const tc_splat_args *g, const tc_splat_brick *brick, uint32_t at, tc_splat_tile *t) {
+  if ((at - brick->first) % LOOK == 0 && tc_halt_within(g->halt)) t->left = true;
+  return t->left;
+}
+
+static void put_depths(const tc_splat_args *g, const tc_splat_entry *e, tc_splat_tile *t) {
+  const tc_splat_brick *brick = &e->of->bricks[e->brick];
+  batch b;
+  for (uint32_t at = brick[0].first; at < brick[1].first; at += V_LANES) {
+    if (leaves(g, brick, at, t)) return;
+    if (!project(g, e, t, at, brick[1].first - at, &b)) continue;
+    for (int i = 0; i < V_LANES; i++) {
+      if (!(b.alive[i] > 0)) continue;
+      const reach r = reach_of(&b, i, g->core_root, t);
+      const vf z = v_set(b.z[i]);
+      t->depths++;
+      for (int y = r.y0; y <= r.y1; y++)
+        for (int x = r.x0; x <= r.x1; x += V_LANES) {
+          float *p = t->depth + y * TC_TILE_STRIDE + x;
+          vf q = distances(&b, i, x, (float)y + 0.5f - b.y[i]), before = v_load(p);
+          v_store(p, v_select(v_lt(q, v_set(g->core)), v_min(before, z), before));
+        }
+    }
+  }
+}
+
+V_INLINE void add_to(float *p, vi amount) { v_store(p, v_from_bits(v_addi(v_bits(v_load(p)), amount))); }
+
+V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const reach *r, const int of[6],
+                            tc_splat_tile *t) {
+  const vf z = v_set(b->z[i] - g->window_mm);
+  for (int y = r->y0; y <= r->y1; y++)
+    for (int x = r->x0; x <= r->x1; x += V_LANES) {
+      const int p = y * TC_TILE_STRIDE + x;
+      vf q = distances(b, i, x, (float)y + 0.5f - b->y[i]);
+      vm seen = m_and(v_lt(q, v_set(1)), v_lt(z, v_load(t->depth + p)));
+      if (g->culling && !m_any(seen)) continue;
+      q = v_select(seen, v_max(q, v_set(0)), v_set(1));
+      vi weight = v_bytes(g->weights, v_trunc(q * v_set(TC_WEIGHT_STEPS)));
+      add_to(t->sums[TC_SUM_WEIGHT] + p, weight);
+      for (int k = 0; k < 3; k++)
+        add_to(t->sums[TC_SUM_NORMAL + k] + p, v_muli(weight, v_seti(of[k])));
+      for (int k = 3; k < 6 && g->colors.of; k++)
+        add_to(t->sums[TC_SUM_NORMAL + k] + p, v_muli(weight, v_seti(of[k])));
+    }
+}
+
+/* A splat's normal, in 127ths, on the side of the eye (a sheet of one voxel has two sides), and colour. */
+V_INLINE void look_up(const tc_splat_args *g, const tc_splat_brick *brick, float bits, float x, float y, int of[6]) {
+  uint32_t word;
+  float n[3], away = 0;
+  memcpy(&word, &bits, 4);
+  tc_octahedron_unfold(word >> 18 & 127, word >> 25, 63, n);
+  for (int k = 0; k < 3; k++)
+    away += n[k] * (g->light.anchor0[k] + x * g->light.view_du[k] + y * g->light.view_dv[k]);
+  for (int k = 0; k < 3; k++)
+    of[k] = (int)lrintf(n[k] * (away > 0 ? -127.f : 127.f));
+  if (!g->colors.of) return;
+  const int at[3] = {brick->at[0] * 16 + (int)(word & 15), brick->at[1] * 16 + (int)(word >> 4 & 15),
+                     brick->at[2] * 16 + (int)(word >> 8 & 15)};
+  g->colors.of(g->colors.user, at, of + 3);
+}
+
+static void put_colors(const tc_splat_args *g, const tc_splat_entry *e, tc_splat_tile *t) {
+  const tc_splat_brick *brick = &e->of->bricks[e->brick];
+  batch b;
+  for (uint32_t at = brick[0].first; at < brick[1].first; at += V_LANES) {
+    if (leaves(g, brick, at, t)) return;
+    if (!project(g, e, t, at, brick[1].first - at, &b)) continue;
+    for (int i = 0; i < V_LANES; i++) {
+      if (!(b.alive[i] > 0)) continue;
+      const reach r = reach_of(&b, i, 1, t);
+      if (r.x1 < r.x0 || r.y1 < r.y0) continue;
+      if (g->culling && tc_tile_hides(t, r.x0, r.y0, r.x1, r.y1, b.z[i] - g->window_mm)) continue;
+      int of[6] = {0};
+      look_up(g, brick, b.word[i], b.x[i] + (float)t->x0, b.y[i] + (float)t->y0, of);
+      add_footprint(g, &b, i, &r, of, t);
+      t->drawn++;
+    }
+  }
+}
+
+/* ---- light ---- */
+
+V_INLINE lighting light_from(const tc_cpu_args *g, float x, float y) {
+  lighting l;
+  vf i = v_load(lane_numbers) + v_set(x + 0.5f), j = v_set(y + 0.5f);
+  for (int k = 0; k < 3; k++)
+    l.eye[k] = v_set(0) - v_fma(j, v_set(g->view_dv[k]), v_fma(i, v_set(g->view_du[k]), v_set(g->anchor0[k])));
+  vf norm = v_sqrt(dot(l.eye, l.eye));
+  for (int k = 0; k < 3; k++) {
+    l.eye[k] = l.eye[k] / norm;
+    l.half[k] = l.eye[k] + v_set(g->light[k]);
+  }
+  norm = v_max(v_sqrt(dot(l.half, l.half)), v_set(1e-20f));
+  for (int k = 0; k < 3; k++)
+    l.half[k] = l.half[k] / norm;
+  return l;
+}
+
+V_INLINE vf sum_at(const tc_splat_tile *t, int which, int p) { return v_float(v_bits(v_load(t->sums[which] + p))); }
+
+static void shade_tile(const tc_splat_args *g, const tc_splat_tile *t, float *out) {
+  for (int y = 0; y < t->height; y++)
+    for (int x = 0; x < t->width; x += V_LANES) {
+      const int p = y * TC_TILE_STRIDE + x;
+      vf weight = sum_at(t, TC_SUM_WEIGHT, p), share = v_set(1) / v_max(weight, v_set(1));
+      vf alpha = v_min(weight * v_set(1 / g->full), v_set(1));
+      vf4 c = {v_set(g->color[0]), v_set(g->color[1]), v_set(g->color[2]), v_set(1)};
+      if (g->colors.of) {
+        vf each = share * v_set(1 / 255.f);
+        c.r = sum_at(t, TC_SUM_COLOR, p) * each, c.g = sum_at(t, TC_SUM_COLOR + 1, p) * each;
+        c.b = sum_at(t, TC_SUM_COLOR + 2, p) * each;
+      }
+      if (g->shaded && m_any(v_lt(v_set(0), weight))) {
+        vf n[3] = {sum_at(t, TC_SUM_NORMAL, p) * share, sum_at(t, TC_SUM_NORMAL + 1, p) * share,
+                   sum_at(t, TC_SUM_NORMAL + 2, p) * share};
+        lighting l = light_from(&g->light, (float)(t->x0 + x), (float)(t->y0 + y));
+        c = shade(&g->light, &l, n, n, c);
+      }
+      float lanes[4][V_LANES];
+      v_store(lanes[0], c.r * alpha), v_store(lanes[1], c.g * alpha), v_store(lanes[2], c.b * alpha),
+          v_store(lanes[3], alpha);
+      for (int i = 0; i < V_LANES && x + i < t->width; i++)
+        for (int k = 0; k < 4; k++)
+          out[(y * t->width + x + i) * 4 + k] = lanes[k][i];
+    }
+}

@@ -1,0 +1,346 @@
+/* Splatting: what culling leaves out changes no bit, constant solids are constant, and it is where it should be. */
+#include <limits.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/frame.h"
+#include "renderer/splat/splatter.h"
+#include "tests/support/grid.h"
+#include "tests/support/image.h"
+
+enum { SIDE = 96 };
+
+/* An object ready to be drawn: of a volume's values from 0 on. */
+typedef struct object {
+  tc_volume *volume;
+  tc_vmd *model;
+  tc_splats *splats, *everything;
+} object;
+
+static object object_of(const test_grid *grid, test_field field, const void *context) {
+  object o = {.volume = test_volume(grid, field, context)};
+  o.model = tc_vmd_of_volume(o.volume, &(tc_vmd_wish){.low = 0, .high = INFINITY}, NULL, NULL);
+  tc_vmd_subject *subject = tc_vmd_subject_new(o.volume, 0, INFINITY);
+  const tc_splat_normals normals = {tc_vmd_normal_at, subject};
+  o.splats = tc_splats_build(o.model, normals, false, NULL, NULL);
+  o.everything = tc_splats_build(o.model, normals, true, NULL, NULL);
+  tc_vmd_subject_free(subject);
+  assert_true(o.splats && o.everything && o.splats->n > 0);
+  assert_int_equal(o.everything->n, o.model->voxels);
+  return o;
+}
+
+static void object_free(object *o) {
+  tc_splats_free(o->splats);
+  tc_splats_free(o->everything);
+  tc_vmd_free(o->model);
+  tc_volume_unref(o->volume);
+}
+
+typedef struct drawing {
+  tc_frame frame;
+  tc_splat_counts counts;
+} drawing;
+
+typedef struct wish {
+  const char *isa;
+  tc_pool *pool;
+  const tc_interrupt *interrupt;
+  bool resume;
+} wish;
+
+static bool draw(const object *o, const tc_scene *scene, wish w, drawing *d, GError **error) {
+  const tc_render_request request = {.want_linear = true, .want_depth = true, .resume = w.resume};
+  double planes[TC_MAX_CLIP_PLANES][4];
+  const int n = tc_splat_planes(o->volume, scene, planes);
+  tc_splats *cut = n ? tc_splats_cut(o->model, (const double(*)[4])planes, n, NULL, NULL) : NULL;
+  assert_true(tc_frame_begin(&d->frame, scene->image.width, scene->image.height, &request, NULL));
+  const tc_halt halt = tc_halt_begin(w.interrupt, d->frame.progress->fruitless);
+  const int done = d->frame.progress->done;
+  if (w.pool) tc_pool_watch(w.pool, &halt);
+  const tc_splat_job job = {.volume = o->volume,
+                            .splats = scene->splat.culling ? o->splats : o->everything,
+                            .cut = cut,
+                            .scene = scene,
+                            .isa = w.isa,
+                            .pool = w.pool,
+                            .halt = &halt,
+                            .frame = &d->frame,
+                            .want_linear = true,
+                            .want_depth = true,
+                            .counts = &d->counts};
+  bool drawn = tc_splat_draw(&job, error);
+  if (w.pool) tc_pool_watch(w.pool, NULL);
+  d->frame.progress->paused = !drawn;
+  d->frame.progress->fruitless = d->frame.progress->done > done ? 0 : d->frame.progress->fruitless + 1;
+  tc_splats_free(cut);
+  return drawn;
+}
+
+static void draw_now(const object *o, const tc_scene *scene, wish w, drawing *d) {
+  GError *error = NULL;
+  if (!draw(o, scene, w, d, &error)) fail_msg("%s", error->message);
+}
+
+/* A ball of radius context[0] in the middle of 40 voxels a side; waves deform it. */
+static double blob(double x, double y, double z, const void *context) {
+  const double *c = context, dx = x - 19.5, dy = y - 19.5, dz = z - 19.5;
+  return c[0] - sqrt(dx * dx + dy * dy + dz * dz) - c[1] * (sin(dx * 0.9) + cos(dy * 0.7) + sin(dz * 0.8));
+}
+
+static const double ball[2] = {15, 0}, rough[2] = {14, 1.2};
+static const test_grid cube = {.dims = {40, 40, 40}, .type = TC_F32};
+static const test_grid flat_grid = {.dims = {40, 40, 40},
+                                    .type = TC_F32,
+                                    .spacing = {0.5, 1, 1.7},
+                                    .origin = {100, -50, 7},
+                                    .direction = {0, 0.96, 0.28, -1, 0, 0, 0, -0.28, 0.96}};
+
+/* Directions that the picture is seen from. */
+static void direction(int i, double side[3]) {
+  const double golden = i * 2.39996323, z = 1 - 2 * (i + 0.5) / 24, r = sqrt(1 - z * z);
+  side[0] = r * cos(golden), side[1] = r * sin(golden), side[2] = z;
+  if (i < 6) side[0] = side[1] = side[2] = 0, side[i / 2] = i & 1 ? 1 : -1;
+}
+
+static void look(tc_scene *scene, const object *o, int i, double zoom) {
+  double side[3];
+  direction(i, side);
+  test_scene(scene, SIDE, SIDE);
+  scene->splat.opaque = scene->splat.culling = true;
+  test_scene_frame(scene, o->volume, i % 2 ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC, side);
+  tc_camera *c = &scene->camera;
+  c->height_mm /= zoom;
+  c->fov_y_deg = atan(tan(c->fov_y_deg * M_PI / 360) / zoom) * 360 / M_PI;
+  scene->image.linear_light = false;
+}
+
+/* ---- culling ---- */
+
+static void clip(tc_scene *scene, int i) {
+  if (i % 3 == 0) return;
+  double *p = scene->clip.planes[scene->clip.n_planes++];
+  direction(i + 5, p);
+  p[3] = 3 - (p[0] * scene->camera.target[0] + p[1] * scene->camera.target[1] + p[2] * scene->camera.target[2]);
+}
+
+static void culling_changes_no_bit(void **state) {
+  object objects[2] = {object_of(&cube, blob, rough), object_of(&flat_grid, blob, ball)};
+  tc_pool *pool = tc_pool_new(3, NULL);
+  drawing a = {0}, b = {0};
+  static const double zooms[] = {0.2, 1, 2.5, 6};
+  uint64_t culled = 0, all = 0;
+  for (int i = 0; i < 24; i++)
+    for (int which = 0; which < 2; which++) {
+      tc_scene scene;
+      look(&scene, &objects[which], i, zooms[i % 4]);
+      scene.splat.kernel_radius = i % 5 == 4 ? 2.5 : 1;
+      scene.filter = i % 7 == 6 ? TC_FILTER_CUBIC : TC_FILTER_LINEAR;
+      tc_scene_light(&scene, i % 4 != 3);
+      clip(&scene, i);
+      const char *isa = i % 2 ? "scalar" : NULL;
+      draw_now(&objects[which], &scene, (wish){.isa = isa, .pool = pool}, &a);
+      scene.splat.culling = false;
+      draw_now(&objects[which], &scene, (wish){.isa = isa}, &b);
+      assert_memory_equal(a.frame.linear, b.frame.linear, SIDE * SIDE * 4 * sizeof(float));
+      assert_memory_equal(a.frame.depth, b.frame.depth, SIDE * SIDE * sizeof(float));
+      assert_memory_equal(a.frame.rgba, b.frame.rgba, SIDE * SIDE * 4);
+      culled += a.counts.depths + a.counts.drawn, all += b.counts.depths + b.counts.drawn;
+      tc_scene_clear(&scene);
+    }
+  print_message("splats put down: %llu culled, %llu all\n", (unsigned long long)culled, (unsigned long long)all);
+  assert_true(culled * 4 < all);
+  tc_frame_finish(&a.frame);
+  tc_frame_finish(&b.frame);
+  tc_pool_free(pool);
+  for (int i = 0; i < 2; i++)
+    object_free(&objects[i]);
+}
+
+static void scalar_and_vector_agree(void **state) {
+  object o = object_of(&flat_grid, blob, rough);
+  drawing a = {0}, b = {0};
+  size_t different = 0;
+  for (int i = 0; i < 12; i++) {
+    tc_scene scene;
+    look(&scene, &o, i, 1.5);
+    tc_scene_light(&scene, true);
+    draw_now(&o, &scene, (wish){.isa = "scalar"}, &a);
+    draw_now(&o, &scene, (wish){0}, &b);
+    for (int p = 0; p < SIDE * SIDE * 4; p++)
+      different += abs(a.frame.rgba[p] - b.frame.rgba[p]) > 1;
+    tc_scene_clear(&scene);
+  }
+  print_message("values more than 1/255 apart: %zu of %d\n", different, 12 * SIDE * SIDE * 4);
+  assert_true(different < 12 * SIDE * SIDE * 4 / 1000); /* a rim falls on the other side of a pixel's centre */
+  tc_frame_finish(&a.frame);
+  tc_frame_finish(&b.frame);
+  object_free(&o);
+}
+
+/* ---- flatness ---- */
+
+/* Whether the ray through a pixel passes within 0.9 of the ball's radius: there it covers all. */
+static bool inside_outline(const tc_scene *scene, const object *o, int x, int y) {
+  tc_rays rays;
+  tc_rays_set_up(&rays, o->volume, scene, SIDE, SIDE);
+  double p[3], d[3], view, to[3] = {0}, along = 0, square = 0, length = 0;
+  for (int k = 0; k < 3; k++)
+    p[k] = rays.anchor0[k] + (x + 0.5) * rays.anchor_du[k] + (y + 0.5) * rays.anchor_dv[k] - 19.5;
+  for (int k = 0; k < 3; k++) {
+    d[k] = 0;
+    for (int c = 0; c < 3; c++) {
+      view = rays.view0[c] + (x + 0.5) * rays.view_du[c] + (y + 0.5) * rays.view_dv[c];
+      d[k] += rays.to_index[3 * k + c] * view;
+    }
+  }
+  for (int k = 0; k < 3; k++)
+    along += p[k] * d[k], length += d[k] * d[k];
+  for (int k = 0; k < 3; k++)
+    to[k] = p[k] - d[k] * along / length, square += to[k] * to[k];
+  return square < 0.81 * ball[0] * ball[0];
+}
+
+static void constant_solids_are_constant(void **state) {
+  object objects[2] = {object_of(&cube, blob, ball), object_of(&flat_grid, blob, ball)};
+  drawing d = {0};
+  static const double zooms[] = {0.1, 0.3, 0.7, 1, 1.3, 2, 4, 8}, radii[] = {0.9, 1, 1.5, 3};
+  double worst = 0;
+  size_t looked_at = 0;
+  for (int i = 0; i < 24; i++)
+    for (int z = 0; z < 8; z++) {
+      const object *o = &objects[(i + z) % 2];
+      tc_scene scene;
+      look(&scene, o, i, zooms[z]);
+      scene.splat.kernel_radius = radii[(i + z) % 4];
+      draw_now(o, &scene, (wish){0}, &d);
+      for (int p = 0; p < SIDE * SIDE; p += 3) {
+        if (!inside_outline(&scene, o, p % SIDE, p / SIDE)) continue;
+        looked_at++;
+        for (int c = 0; c < 3; c++)
+          worst = fmax(worst, fabs((double)d.frame.linear[4 * p + c] - scene.isosurface.color[c]));
+        worst = fmax(worst, fabs((double)d.frame.linear[4 * p + 3] - 1));
+      }
+      tc_scene_clear(&scene);
+    }
+  print_message("flatness: at most %.4f from constant in %zu pixels\n", worst, looked_at);
+  assert_true(worst < 0.01 && looked_at > 50000);
+  tc_frame_finish(&d.frame);
+  for (int i = 0; i < 2; i++)
+    object_free(&objects[i]);
+}
+
+/* ---- place ---- */
+
+/* Against the isosurface of the same ball: outline, depth and light. */
+static void splats_are_where_the_surface_is(void **state) {
+  object o = object_of(&flat_grid, blob, ball);
+  tc_renderer *renderer = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
+  drawing d = {0};
+  tc_frame truth = {0};
+  const tc_render_request request = {.want_linear = true, .want_depth = true};
+  for (int i = 0; i < 12; i++) {
+    tc_scene scene;
+    look(&scene, &o, i, 1);
+    tc_scene_light(&scene, true);
+    draw_now(&o, &scene, (wish){0}, &d);
+    scene.mode = TC_MODE_ISOSURFACE;
+    scene.isosurface.value = 0;
+    assert_true(tc_render(renderer, o.volume, &scene, &request, &truth, NULL, NULL));
+    double light = 0, depth = 0, deepest = 0;
+    int both = 0, one = 0;
+    for (int p = 0; p < SIDE * SIDE; p++) {
+      const bool here = d.frame.linear[4 * p + 3] > 0.5f, there = truth.linear[4 * p + 3] > 0.5f;
+      one += here != there;
+      if (!here || !there || !isfinite(d.frame.depth[p])) continue;
+      const double apart = (double)(d.frame.depth[p] - truth.depth[p]);
+      both++, depth += apart, deepest = fmax(deepest, fabs(apart));
+      for (int c = 0; c < 3; c++)
+        light += pow((double)(d.frame.linear[4 * p + c] - truth.linear[4 * p + c]), 2) / 3;
+    }
+    print_message("view %d: light rms %.4f; depth %.2f mm on average, at most %.2f; outline %.1f %% of the pixels\n", i,
+                  sqrt(light / both), depth / both, deepest, 100.0 * one / both);
+    assert_true(sqrt(light / both) < 0.06 && fabs(depth / both) < 0.9 &&
+                one < 0.2 * both); /* a voxel of 15 and a pixel of 25 wider */
+    tc_scene_clear(&scene);
+  }
+  tc_frame_finish(&d.frame);
+  tc_frame_finish(&truth);
+  tc_renderer_free(renderer);
+  object_free(&o);
+}
+
+/* A ball cut through the middle shows a flat solid face, on the plane. */
+static void a_cut_shows_a_solid_face(void **state) {
+  object o = object_of(&cube, blob, ball);
+  drawing d = {0};
+  tc_scene scene;
+  for (int i = 0; i < 2; i++) {
+    look(&scene, &o, 6 + i, 1); /* from no axis */
+    double *p = scene.clip.planes[0], side[3], away = 0;
+    direction(6 + i, side);
+    for (int k = 0; k < 3; k++)
+      p[k] = -side[k], p[3] += side[k] * scene.camera.target[k];
+    scene.clip.n_planes = 1;
+    draw_now(&o, &scene, (wish){0}, &d);
+    for (int k = 0; k < 3; k++)
+      away += (scene.camera.position[k] - scene.camera.target[k]) * side[k];
+    for (int y = 36; y < 60; y++)
+      for (int x = 36; x < 60; x++) {
+        assert_true(d.frame.linear[4 * (y * SIDE + x) + 3] == 1);
+        assert_true(fabs((double)d.frame.depth[y * SIDE + x] - away) < 2.5);
+      }
+    tc_scene_clear(&scene);
+  }
+  tc_frame_finish(&d.frame);
+  object_free(&o);
+}
+
+/* ---- interruption ---- */
+
+static void paused_pictures_end_the_same(void **state) {
+  object o = object_of(&cube, blob, rough);
+  tc_pool *pool = tc_pool_new(2, NULL);
+  drawing whole = {0}, parts = {0};
+  tc_scene scene;
+  look(&scene, &o, 7, 2);
+  scene.image.width = scene.image.height = 300;
+  scene.splat.kernel_radius = 16;
+  draw_now(&o, &scene, (wish){0}, &whole);
+  tc_interrupt interrupt;
+  tc_interrupt_init(&interrupt);
+  atomic_store(&interrupt.pause_us, 0);
+  int pauses = 0;
+  GError *error = NULL;
+  tc_halt_probe_begin(LLONG_MAX);
+  while (!draw(&o, &scene, (wish){.pool = pool, .interrupt = &interrupt, .resume = pauses > 0}, &parts, &error)) {
+    assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_PAUSED));
+    g_clear_error(&error);
+    if (pauses++ > 200) atomic_store(&interrupt.pause_us, LLONG_MAX);
+  }
+  tc_halt_probed.on = false;
+  print_message("%d pauses; at most %.2f ms of processor time without a look\n", pauses,
+                (double)atomic_load(&tc_halt_probed.longest_us) / 1000);
+  assert_true(pauses > 0 && atomic_load(&tc_halt_probed.longest_us) < 20000);
+  assert_memory_equal(whole.frame.rgba, parts.frame.rgba, 300 * 300 * 4);
+  tc_frame_finish(&whole.frame);
+  tc_frame_finish(&parts.frame);
+  tc_scene_clear(&scene);
+  tc_pool_free(pool);
+  object_free(&o);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(culling_changes_no_bit),       cmocka_unit_test(scalar_and_vector_agree),
+      cmocka_unit_test(constant_solids_are_constant), cmocka_unit_test(splats_are_where_the_surface_is),
+      cmocka_unit_test(a_cut_shows_a_solid_face),     cmocka_unit_test(paused_pictures_end_the_same)};
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
