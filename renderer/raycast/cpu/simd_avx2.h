@@ -50,6 +50,9 @@ V_INLINE bool m_any(vm a) { return _mm256_movemask_ps(a) != 0; }
 V_INLINE int m_count(vm a) { return __builtin_popcount((unsigned)_mm256_movemask_ps(a)); }
 V_INLINE void v_store(float *p, vf a) { _mm256_storeu_ps(p, a); }
 V_INLINE vf v_load(const float *p) { return _mm256_loadu_ps(p); }
+V_INLINE vi v_load_bytes(const uint8_t *p) { return _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)(const void *)p)); }
+V_INLINE vf v_gather(const float *base, vi off) { return _mm256_i32gather_ps(base, off, 4); }
+V_INLINE unsigned m_bits(vm a) { return (unsigned)_mm256_movemask_ps(a); }
 V_INLINE float v_least(vf a) {
   __m128 m = _mm_min_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps(a, 1));
   m = _mm_min_ps(m, _mm_movehl_ps(m, m));

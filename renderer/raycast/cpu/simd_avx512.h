@@ -50,6 +50,9 @@ V_INLINE bool m_any(vm a) { return a != 0; }
 V_INLINE int m_count(vm a) { return __builtin_popcount(a); }
 V_INLINE void v_store(float *p, vf a) { _mm512_storeu_ps(p, a); }
 V_INLINE vf v_load(const float *p) { return _mm512_loadu_ps(p); }
+V_INLINE vi v_load_bytes(const uint8_t *p) { return _mm512_cvtepu8_epi32(_mm_loadu_si128((const __m128i *)(const void *)p)); }
+V_INLINE vf v_gather(const float *base, vi off) { return _mm512_i32gather_ps(off, base, 4); }
+V_INLINE unsigned m_bits(vm a) { return a; }
 V_INLINE float v_least(vf a) { return _mm512_reduce_min_ps(a); }
 V_INLINE vi v_bytes(const uint8_t *base, vi off) {
   return _mm512_and_si512(_mm512_i32gather_epi32(off, base, 1), _mm512_set1_epi32(255));

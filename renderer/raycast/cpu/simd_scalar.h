@@ -4,6 +4,7 @@
 
 #include <math.h>
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 #include <string.h>
 
@@ -50,6 +51,9 @@ V_INLINE bool m_any(vm a) { return a; }
 V_INLINE int m_count(vm a) { return a; }
 V_INLINE void v_store(float *p, vf a) { *p = a; }
 V_INLINE vf v_load(const float *p) { return *p; }
+V_INLINE vi v_load_bytes(const uint8_t *p) { return *p; }
+V_INLINE vf v_gather(const float *base, vi off) { return base[off]; }
+V_INLINE unsigned m_bits(vm a) { return a; }
 V_INLINE float v_least(vf a) { return a; }
 V_INLINE vi v_bytes(const uint8_t *base, vi off) { return base[off]; }
 

@@ -1,0 +1,404 @@
+/* Clusters of a mesh (clusters.h): keys, a radix sort of them, cuts, and the clusters in their places. Every pass is in
+ * chunks that any thread may do, and its result depends on neither threads nor chunks' order. */
+#include "renderer/mesh/clusters.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define CHUNK 8192 /* triangles of a task */
+#define MOST_CUTS (CHUNK / (TC_CLUSTER_VERTICES / 3) + 1)
+#define DIGIT_BITS 11
+#define DIGITS (1 << DIGIT_BITS)
+#define LEFT_OUT UINT32_MAX /* key of a triangle that nobody can see: after all others */
+
+typedef struct keyed {
+  uint32_t key, triangle;
+} keyed;
+
+/* A cluster before it has its place. */
+typedef struct cut {
+  uint32_t first; /* of the sorted triangles */
+  uint8_t n_triangles, n_vertices;
+} cut;
+
+typedef struct chunk_sums {
+  float lo[3], hi[3];
+  uint64_t edges; /* 0 in all where every edge goes both ways */
+  size_t kept;
+  uint32_t digits[DIGITS]; /* of the sort: how many, then where the first goes */
+  int n_cuts;
+  size_t vertex_room, triangle_room;
+  cut cuts[MOST_CUTS];
+} chunk_sums;
+
+typedef struct builder {
+  const tc_mesh *mesh;
+  tc_pool *pool;
+  int n_chunks, shift;
+  chunk_sums *chunks;
+  keyed *from, *to;
+  float lo[3], inverse[3]; /* Morton grid */
+  size_t kept;
+  tc_clusters *out;
+  uint32_t *first_cluster, *first_vertex, *first_triangle; /* of a chunk, in its arrays */
+} builder;
+
+static size_t chunk_end(const builder *b, size_t n, int chunk) {
+  size_t end = ((size_t)chunk + 1) * CHUNK;
+  return end < n ? end : n;
+}
+
+/* ---- keys ---- */
+
+static uint64_t mix(uint64_t x) {
+  x = (x ^ x >> 31) * 0x7fb5d329728ea185u;
+  x = (x ^ x >> 27) * 0x81dadef4bc2dd44du;
+  return x ^ x >> 33;
+}
+
+/* Of an edge: what its other direction takes away again. */
+static uint64_t edge_sum(uint32_t a, uint32_t b) {
+  return a == b ? 0 : a < b ? mix((uint64_t)a << 32 | b) : 0 - mix((uint64_t)b << 32 | a);
+}
+
+static bool finite_triangle(const tc_mesh *m, const uint32_t t[3]) {
+  float sum = 0;
+  for (int v = 0; v < 3; v++)
+    for (int k = 0; k < 3; k++) sum += m->positions[t[v]][k] * 0.0f;
+  return sum == 0;
+}
+
+static void measure_chunk(void *context, int chunk, int worker) {
+  builder *b = context;
+  const tc_mesh *m = b->mesh;
+  chunk_sums *c = &b->chunks[chunk];
+  for (int k = 0; k < 3; k++) c->lo[k] = INFINITY, c->hi[k] = -INFINITY;
+  for (size_t i = (size_t)chunk * CHUNK; i < chunk_end(b, m->n_triangles, chunk); i++) {
+    const uint32_t *t = m->triangles[i];
+    if (!finite_triangle(m, t)) continue;
+    for (int v = 0; v < 3; v++) {
+      c->edges += edge_sum(t[v], t[(v + 1) % 3]);
+      for (int k = 0; k < 3; k++) {
+        c->lo[k] = fminf(c->lo[k], m->positions[t[v]][k]);
+        c->hi[k] = fmaxf(c->hi[k], m->positions[t[v]][k]);
+      }
+    }
+  }
+}
+
+static uint32_t spread_bits(uint32_t x) { /* ten bits, two apart */
+  x = (x | x << 16) & 0x030000ffu;
+  x = (x | x << 8) & 0x0300f00fu;
+  x = (x | x << 4) & 0x030c30c3u;
+  return (x | x << 2) & 0x09249249u;
+}
+
+/* Twice the area, as a vector. */
+static void face_of(const tc_mesh *m, const uint32_t t[3], double n[3]) {
+  const float *a = m->positions[t[0]], *b = m->positions[t[1]], *c = m->positions[t[2]];
+  double u[3], v[3];
+  for (int k = 0; k < 3; k++) u[k] = (double)b[k] - a[k], v[k] = (double)c[k] - a[k];
+  for (int k = 0; k < 3; k++) n[k] = u[(k + 1) % 3] * v[(k + 2) % 3] - u[(k + 2) % 3] * v[(k + 1) % 3];
+}
+
+static uint32_t key_of(const builder *b, const uint32_t t[3]) {
+  const tc_mesh *m = b->mesh;
+  double n[3];
+  if (!finite_triangle(m, t)) return LEFT_OUT;
+  face_of(m, t, n);
+  if (n[0] == 0 && n[1] == 0 && n[2] == 0) return LEFT_OUT;
+  uint32_t key = 0;
+  for (int k = 0; k < 3; k++) {
+    float middle = (m->positions[t[0]][k] + m->positions[t[1]][k] + m->positions[t[2]][k]) / 3;
+    float at = fminf(fmaxf((middle - b->lo[k]) * b->inverse[k], 0), 1023);
+    key |= spread_bits((uint32_t)at) << k;
+  }
+  return key;
+}
+
+static void key_chunk(void *context, int chunk, int worker) {
+  builder *b = context;
+  for (size_t i = (size_t)chunk * CHUNK; i < chunk_end(b, b->mesh->n_triangles, chunk); i++) {
+    b->from[i] = (keyed){key_of(b, b->mesh->triangles[i]), (uint32_t)i};
+    b->chunks[chunk].kept += b->from[i].key != LEFT_OUT;
+  }
+}
+
+/* ---- sort ---- */
+
+static void count_digits(void *context, int chunk, int worker) {
+  builder *b = context;
+  uint32_t *digits = b->chunks[chunk].digits;
+  memset(digits, 0, sizeof b->chunks[chunk].digits);
+  for (size_t i = (size_t)chunk * CHUNK; i < chunk_end(b, b->mesh->n_triangles, chunk); i++)
+    digits[b->from[i].key >> b->shift & (DIGITS - 1)]++;
+}
+
+static void place_chunk(void *context, int chunk, int worker) {
+  builder *b = context;
+  uint32_t *digits = b->chunks[chunk].digits;
+  for (size_t i = (size_t)chunk * CHUNK; i < chunk_end(b, b->mesh->n_triangles, chunk); i++)
+    b->to[digits[b->from[i].key >> b->shift & (DIGITS - 1)]++] = b->from[i];
+}
+
+static bool sort_keys(builder *b) {
+  for (b->shift = 0; b->shift < 32; b->shift += DIGIT_BITS) {
+    if (!tc_pool_run(b->pool, b->n_chunks, count_digits, b)) return false;
+    uint32_t at = 0;
+    for (int d = 0; d < DIGITS; d++)
+      for (int c = 0; c < b->n_chunks; c++) {
+        uint32_t n = b->chunks[c].digits[d];
+        b->chunks[c].digits[d] = at;
+        at += n;
+      }
+    if (!tc_pool_run(b->pool, b->n_chunks, place_chunk, b)) return false;
+    keyed *other = b->from;
+    b->from = b->to, b->to = other;
+  }
+  return true;
+}
+
+/* ---- cuts ---- */
+
+/* Numbers of vertices within a cluster: an open hash table that is empty where its stamp is old. */
+typedef struct numbering {
+  uint32_t stamp, n;
+  uint32_t stamps[256], vertices[256];
+  uint8_t numbers[256];
+  uint32_t of[TC_CLUSTER_VERTICES]; /* by number */
+} numbering;
+
+static int number_of(const numbering *t, uint32_t vertex, int *slot) {
+  int s = (int)(vertex * 0x9e3779b1u >> 24);
+  for (; t->stamps[s] == t->stamp; s = (s + 1) & 255)
+    if (t->vertices[s] == vertex) return t->numbers[s];
+  *slot = s;
+  return -1;
+}
+
+/* False: no room, and nothing has changed. */
+static bool add_triangle(numbering *t, const uint32_t v[3], uint8_t local[3]) {
+  int fresh = 0, slot;
+  for (int k = 0; k < 3; k++) fresh += number_of(t, v[k], &slot) < 0;
+  if (t->n + (uint32_t)fresh > TC_CLUSTER_VERTICES) return false;
+  for (int k = 0; k < 3; k++) {
+    int number = number_of(t, v[k], &slot);
+    if (number < 0) {
+      number = (int)t->n++;
+      t->stamps[slot] = t->stamp, t->vertices[slot] = v[k], t->numbers[slot] = (uint8_t)number;
+      t->of[number] = v[k];
+    }
+    local[k] = (uint8_t)number;
+  }
+  return true;
+}
+
+static void begin_numbering(numbering *t) { t->stamp++, t->n = 0; }
+
+static void cut_chunk(void *context, int chunk, int worker) {
+  builder *b = context;
+  chunk_sums *c = &b->chunks[chunk];
+  numbering t = {0};
+  cut now = {(uint32_t)chunk * CHUNK, 0, 0};
+  uint8_t local[3];
+  begin_numbering(&t);
+  for (size_t i = (size_t)chunk * CHUNK, end = chunk_end(b, b->kept, chunk); i <= end; i++) {
+    bool last = i == end, full = now.n_triangles == TC_CLUSTER_TRIANGLES;
+    if (!last && !full && add_triangle(&t, b->mesh->triangles[b->from[i].triangle], local)) {
+      now.n_triangles++;
+      continue;
+    }
+    now.n_vertices = (uint8_t)t.n;
+    if (now.n_triangles) c->cuts[c->n_cuts++] = now;
+    c->vertex_room += tc_cluster_padded(t.n);
+    c->triangle_room += tc_cluster_padded(now.n_triangles);
+    if (last) return;
+    now = (cut){(uint32_t)i, 1, 0};
+    begin_numbering(&t);
+    add_triangle(&t, b->mesh->triangles[b->from[i].triangle], local);
+  }
+}
+
+/* ---- clusters ---- */
+
+static uint32_t octahedral(const float n[3]) {
+  float sum = fabsf(n[0]) + fabsf(n[1]) + fabsf(n[2]);
+  if (!(sum > 0 && sum < INFINITY)) return 0; /* no direction: that of z */
+  float x = n[0] / sum, y = n[1] / sum;
+  if (n[2] < 0) {
+    float u = copysignf(1 - fabsf(y), x);
+    y = copysignf(1 - fabsf(x), y), x = u;
+  }
+  return (uint32_t)(uint16_t)(int16_t)lrintf(x * 32767) | (uint32_t)(uint16_t)(int16_t)lrintf(y * 32767) << 16;
+}
+
+static void put_vertices(const builder *b, const tc_cluster *k, const numbering *t) {
+  size_t room = tc_cluster_padded(k->n_vertices);
+  float *at = b->out->positions + 3 * (size_t)k->vertex;
+  for (size_t i = 0; i < room; i++) {
+    uint32_t v = t->of[i < k->n_vertices ? i : 0];
+    for (size_t d = 0; d < 3; d++) at[d * room + i] = b->mesh->positions[v][d];
+    if (b->out->normals) b->out->normals[k->vertex + i] = octahedral(b->mesh->normals[v]);
+  }
+}
+
+/* About the middle of its box: at most a seventh larger than need be, for any set of points. */
+static void bound_vertices(const builder *b, tc_cluster *k, const numbering *t) {
+  float lo[3], hi[3], most = 0;
+  for (int d = 0; d < 3; d++) lo[d] = INFINITY, hi[d] = -INFINITY;
+  for (uint32_t i = 0; i < t->n; i++)
+    for (int d = 0; d < 3; d++) {
+      lo[d] = fminf(lo[d], b->mesh->positions[t->of[i]][d]);
+      hi[d] = fmaxf(hi[d], b->mesh->positions[t->of[i]][d]);
+    }
+  for (int d = 0; d < 3; d++) k->centre[d] = 0.5f * (lo[d] + hi[d]);
+  for (uint32_t i = 0; i < t->n; i++) {
+    float sum = 0;
+    for (int d = 0; d < 3; d++) {
+      float r = b->mesh->positions[t->of[i]][d] - k->centre[d];
+      sum += r * r;
+    }
+    most = fmaxf(most, sum);
+  }
+  k->radius = sqrtf(most) * (1 + 1e-5f);
+}
+
+static void bound_normals(const builder *b, tc_cluster *k, const cut *c) {
+  double n[TC_CLUSTER_TRIANGLES][3], axis[3] = {0}, length = 0, least = 1;
+  for (int i = 0; i < c->n_triangles; i++) {
+    face_of(b->mesh, b->mesh->triangles[b->from[c->first + (uint32_t)i].triangle], n[i]);
+    double norm = sqrt(n[i][0] * n[i][0] + n[i][1] * n[i][1] + n[i][2] * n[i][2]);
+    for (int d = 0; d < 3; d++) axis[d] += n[i][d] /= norm;
+  }
+  for (int d = 0; d < 3; d++) length += axis[d] * axis[d];
+  for (int d = 0; d < 3; d++) k->axis[d] = (float)(axis[d] /= fmax(sqrt(length), 1e-30));
+  for (int i = 0; i < c->n_triangles; i++) {
+    double along = n[i][0] * axis[0] + n[i][1] * axis[1] + n[i][2] * axis[2];
+    least = fmin(least, along == along ? along : -1);
+  }
+  k->spread = least > 0 ? (float)(sqrt(fmax(1 - least * least, 0)) + 1e-5) : 2;
+}
+
+static void fill_chunk(void *context, int chunk, int worker) {
+  builder *b = context;
+  uint32_t cluster = b->first_cluster[chunk], vertex = b->first_vertex[chunk], triangle = b->first_triangle[chunk];
+  numbering t = {0};
+  for (int i = 0; i < b->chunks[chunk].n_cuts; i++, cluster++) {
+    const cut *c = &b->chunks[chunk].cuts[i];
+    tc_cluster *k = &b->out->clusters[cluster];
+    *k = (tc_cluster){.vertex = vertex, .triangle = triangle, .n_vertices = c->n_vertices, .n_triangles = c->n_triangles};
+    size_t room = tc_cluster_padded(c->n_triangles);
+    uint8_t *to = b->out->triangles + 3 * (size_t)triangle, local[3];
+    begin_numbering(&t);
+    memset(to, 0, 3 * room); /* what pads is of no area */
+    for (uint32_t j = 0; j < c->n_triangles; j++) {
+      add_triangle(&t, b->mesh->triangles[b->from[c->first + j].triangle], local);
+      for (size_t d = 0; d < 3; d++) to[d * room + j] = local[d];
+    }
+    put_vertices(b, k, &t);
+    bound_vertices(b, k, &t);
+    bound_normals(b, k, c);
+    vertex += (uint32_t)tc_cluster_padded(c->n_vertices);
+    triangle += (uint32_t)room;
+  }
+}
+
+/* ---- all ---- */
+
+static bool out_of_memory(GError **error) {
+  tc_set_error(error, TC_ERROR_MEMORY, NULL, "clusters of a mesh: out of memory");
+  return false;
+}
+
+static void set_grid(builder *b) {
+  float hi[3], square = 0;
+  uint64_t edges = 0;
+  for (int k = 0; k < 3; k++) b->lo[k] = INFINITY, hi[k] = -INFINITY;
+  for (int c = 0; c < b->n_chunks; c++) {
+    edges += b->chunks[c].edges;
+    for (int k = 0; k < 3; k++) {
+      b->lo[k] = fminf(b->lo[k], b->chunks[c].lo[k]);
+      hi[k] = fmaxf(hi[k], b->chunks[c].hi[k]);
+    }
+  }
+  float longest = fmaxf(hi[0] - b->lo[0], fmaxf(hi[1] - b->lo[1], hi[2] - b->lo[2]));
+  for (int k = 0; k < 3; k++) {
+    b->inverse[k] = longest > 0 ? 1024 / longest : 0;
+    b->out->centre[k] = longest >= 0 ? 0.5f * (b->lo[k] + hi[k]) : 0;
+    square += longest >= 0 ? (hi[k] - b->lo[k]) * (hi[k] - b->lo[k]) : 0;
+  }
+  b->out->radius = 0.5f * sqrtf(square) * (1 + 1e-5f);
+  b->out->closed = edges == 0;
+}
+
+static bool allocate(builder *b, GError **error) {
+  tc_clusters *o = b->out;
+  for (int c = 0; c < b->n_chunks; c++) {
+    b->first_cluster[c] = (uint32_t)o->n;
+    b->first_vertex[c] = (uint32_t)o->vertex_room;
+    b->first_triangle[c] = (uint32_t)o->triangle_room;
+    o->n += (size_t)b->chunks[c].n_cuts;
+    o->vertex_room += b->chunks[c].vertex_room;
+    o->triangle_room += b->chunks[c].triangle_room;
+  }
+  if (o->vertex_room > UINT32_MAX || o->triangle_room > UINT32_MAX) {
+    tc_set_error(error, TC_ERROR_LIMIT, NULL, "clusters of a mesh: %zu triangles are too many", b->kept);
+    return false;
+  }
+  const size_t over = TC_CLUSTER_PAD; /* whole vectors, and words of bytes, are read at the end */
+  o->clusters = malloc((o->n + 1) * sizeof *o->clusters);
+  o->positions = malloc((o->vertex_room + over) * 3 * sizeof *o->positions);
+  o->normals = b->mesh->normals ? malloc((o->vertex_room + over) * sizeof *o->normals) : NULL;
+  o->triangles = calloc(o->triangle_room + over, 3);
+  if (!o->clusters || !o->positions || (b->mesh->normals && !o->normals) || !o->triangles) return out_of_memory(error);
+  o->bytes = o->n * sizeof *o->clusters + o->vertex_room * (12 + (o->normals ? 4 : 0)) + 3 * o->triangle_room;
+  return true;
+}
+
+static bool build(builder *b, GError **error) {
+  const tc_mesh *m = b->mesh;
+  b->n_chunks = (int)((m->n_triangles + CHUNK - 1) / CHUNK);
+  b->chunks = calloc((size_t)b->n_chunks + 1, sizeof *b->chunks);
+  b->from = malloc((m->n_triangles + 1) * sizeof *b->from);
+  b->to = malloc((m->n_triangles + 1) * sizeof *b->to);
+  b->first_cluster = malloc(3 * ((size_t)b->n_chunks + 1) * sizeof *b->first_cluster);
+  if (!b->chunks || !b->from || !b->to || !b->first_cluster) return out_of_memory(error);
+  b->first_vertex = b->first_cluster + b->n_chunks;
+  b->first_triangle = b->first_vertex + b->n_chunks;
+  if (!tc_pool_run(b->pool, b->n_chunks, measure_chunk, b)) return tc_halt_say(tc_pool_halt(b->pool), error);
+  set_grid(b);
+  if (!tc_pool_run(b->pool, b->n_chunks, key_chunk, b) || !sort_keys(b)) return tc_halt_say(tc_pool_halt(b->pool), error);
+  for (int c = 0; c < b->n_chunks; c++) b->kept += b->chunks[c].kept;
+  b->n_chunks = (int)((b->kept + CHUNK - 1) / CHUNK);
+  b->out->n_triangles = b->kept;
+  if (!tc_pool_run(b->pool, b->n_chunks, cut_chunk, b)) return tc_halt_say(tc_pool_halt(b->pool), error);
+  return allocate(b, error) &&
+         (tc_pool_run(b->pool, b->n_chunks, fill_chunk, b) || tc_halt_say(tc_pool_halt(b->pool), error));
+}
+
+tc_clusters *tc_clusters_make(const tc_mesh *mesh, tc_pool *pool, GError **error) {
+  builder b = {.mesh = mesh, .pool = pool, .out = calloc(1, sizeof *b.out)};
+  if (!b.out) {
+    out_of_memory(error);
+    return NULL;
+  }
+  memcpy(b.out->origin, mesh->origin, sizeof mesh->origin);
+  bool made = build(&b, error);
+  free(b.chunks);
+  free(b.from);
+  free(b.to);
+  free(b.first_cluster);
+  if (made) return b.out;
+  tc_clusters_free(b.out);
+  return NULL;
+}
+
+void tc_clusters_free(tc_clusters *clusters) {
+  if (!clusters) return;
+  free(clusters->clusters);
+  free(clusters->positions);
+  free(clusters->normals);
+  free(clusters->triangles);
+  free(clusters);
+}

@@ -1,0 +1,44 @@
+/* A mesh cut into clusters of neighbouring triangles: what the rasteriser (raster.h) draws.
+ *
+ * Triangles are sorted along a Morton curve through their middles and cut where a cluster is full, so that a cluster is
+ * compact: one test of its sphere leaves out all of its triangles where they are outside the view or hidden, one of its
+ * cone where all of them face away. Within a cluster vertices are numbered by bytes, which is less than the 16 bits of
+ * an index buffer (Knigavko and Avrunin) and needs no more than its own vertices in the cache. About 15 bytes a
+ * triangle; the mesh it was made from is not needed any more. Immutable; any thread may read it. */
+#ifndef TC_MESH_CLUSTERS_H
+#define TC_MESH_CLUSTERS_H
+
+#include "renderer/mesh/mesh.h"
+
+enum { TC_CLUSTER_VERTICES = 96, TC_CLUSTER_TRIANGLES = 128, TC_CLUSTER_PAD = 16 };
+
+typedef struct tc_cluster {
+  float centre[3], radius; /* sphere about its vertices, relative to the mesh's origin */
+  float axis[3], spread;   /* unit; every normal is within asin(spread) of it; spread 2: in any direction */
+  uint32_t vertex;         /* its first; a multiple of TC_CLUSTER_PAD */
+  uint32_t triangle;       /* its first; likewise */
+  uint8_t n_vertices, n_triangles;
+} tc_cluster;
+
+typedef struct tc_clusters {
+  double origin[3];        /* LPS mm; as of the mesh */
+  float centre[3], radius; /* sphere about all */
+  bool closed;             /* every edge has two triangles: from outside no back of a triangle is seen */
+  size_t n, n_triangles;
+  size_t vertex_room, triangle_room; /* padded */
+  tc_cluster *clusters;              /* [n] */
+  float *positions;    /* of a cluster: 3 * vertex on, all x, all y, all z, each padded to TC_CLUSTER_PAD */
+  uint32_t *normals;   /* [vertex_room], octahedral, 16 bits each of x (low) and y; NULL where the mesh has none */
+  uint8_t *triangles;  /* of a cluster: 3 * triangle on, all first corners, all second, all third, padded likewise */
+  size_t bytes;
+} tc_clusters;
+
+/* Triangles of no area, and those with a vertex that is no finite number, are left out. Parallel over the pool, whose
+ * halt ends it (TC_ERROR_CANCELLED, _PAUSED); TC_ERROR_MEMORY. */
+tc_clusters *tc_clusters_make(const tc_mesh *mesh, tc_pool *pool, GError **error);
+void tc_clusters_free(tc_clusters *clusters); /* NULL is fine */
+
+/* Places in a cluster's arrays are padded to this. */
+static inline size_t tc_cluster_padded(size_t n) { return (n + TC_CLUSTER_PAD - 1) / TC_CLUSTER_PAD * TC_CLUSTER_PAD; }
+
+#endif

@@ -1,0 +1,65 @@
+/* The rasteriser: triangles of a mesh to pixels, each of which is shaded once.
+ *
+ * Clusters (clusters.h) outside the picture, facing away, or cut off are left out; the rest are sorted into the tiles
+ * they may touch. A tile draws its clusters, nearest first, into a visibility buffer of its own: for every sample the
+ * nearness and the number of the triangle that is nearest (deferred shading: Knigavko and Avrunin; Burns and Hunt, The
+ * visibility buffer, JCGT 2013). Clusters behind all that is there already (hierarchical depth, blocks of 8 x 8 pixels)
+ * are left out before any of their vertices is transformed. Then the tile's visible triangles are looked up, once a
+ * pixel and triangle: barycentric weights are computed anew where the ray meets the triangle, attributes fetched, colours
+ * computed and averaged over the pixel's samples. Tiles need nothing of each other; every phase is parallel.
+ *
+ * Vertices are rounded to a 256th of a pixel; coverage is decided by whole numbers and the top-left rule, so that a
+ * sample on an edge or in a corner belongs to one of the triangles there and no sample between triangles is missed. The
+ * picture does not depend on the number of threads, nor on the instruction set. */
+#ifndef TC_MESH_RASTER_H
+#define TC_MESH_RASTER_H
+
+#include "renderer/mesh/view.h"
+
+enum { TC_RASTER_SIDE = 64, TC_RASTER_SAMPLES = 64 };
+
+/* What a surface looks like, in the numbers of raycast/shade.h (its weight w is 1). */
+typedef struct tc_raster_look {
+  float color[3]; /* compositing space */
+  bool shaded, head_light;
+  float factor[2], glow[2][3], least, specular, shininess;
+  float light[3]; /* to the light; unit, LPS */
+} tc_raster_look;
+
+/* One tile's pixels [y0, y1) x [x0, x1): premultiplied colour and opacity, and mm from the eye (INFINITY: nothing). */
+typedef struct tc_raster_picture {
+  int tile, x0, y0, x1, y1;
+  const float (*linear)[4]; /* [y1 - y0][TC_RASTER_SIDE] */
+  const float *depth;       /* likewise */
+} tc_raster_picture;
+
+typedef struct tc_raster_counts {
+  uint64_t outside, facing_away; /* clusters left out for all tiles ... */
+  uint64_t hidden, drawn;        /* ... and for one; a cluster counts in every tile it may touch */
+  uint64_t triangles;            /* looked at in a tile */
+  uint64_t covered;              /* samples covered by triangles, hidden or not */
+  uint64_t shaded;               /* pairs of a pixel and a triangle that is seen in it */
+} tc_raster_counts;
+
+typedef struct tc_raster_kernels tc_raster_kernels;
+/* "scalar", "avx2", "avx512"; NULL where there is no such. The caller asks the processor first. */
+const tc_raster_kernels *tc_raster_kernels_named(const char *isa);
+
+typedef struct tc_raster_job {
+  const tc_clusters *mesh;
+  const tc_view *view;
+  const tc_raster_kernels *kernels;
+  tc_raster_look look;
+  int n_samples;             /* of a pixel, up to TC_RASTER_SAMPLES */
+  const double (*samples)[2]; /* pixels from a pixel's middle, within -0.5 .. 0.5; rounded to a 256th */
+  bool one_sided;            /* backs are not drawn: right for a closed mesh that is looked at from outside and not cut */
+  const uint8_t *finished;   /* [tiles], row by row: which are not drawn again; NULL: all are drawn */
+  void (*emit)(void *user, const tc_raster_picture *picture); /* once a tile, from any thread of the pool */
+  void *user;
+  tc_pool *pool;             /* its halt leaves tiles undrawn: not emitted */
+} tc_raster_job;
+
+/* False: stopped (TC_ERROR_CANCELLED, _PAUSED) or TC_ERROR_MEMORY; what was emitted holds. counts are added to. */
+bool tc_raster_draw(const tc_raster_job *job, tc_raster_counts *counts, GError **error);
+
+#endif

@@ -1,0 +1,61 @@
+/* The rasteriser's inner loops: one text (raster_tmpl.h) over the vector vocabulary, instantiated per instruction set.
+ * Exact: no multiply and add is fused, and every instruction set gives the same bits. Private to mesh/. */
+#ifndef TC_MESH_RASTER_KERNELS_H
+#define TC_MESH_RASTER_KERNELS_H
+
+#include "renderer/mesh/clip.h"
+#include "renderer/mesh/raster.h"
+
+enum {
+  TC_RASTER_BLOCK = 8, /* pixels of a block of hierarchical depth */
+  TC_RASTER_BLOCKS = TC_RASTER_SIDE / TC_RASTER_BLOCK,
+  TC_RASTER_PIXELS = TC_RASTER_SIDE * TC_RASTER_SIDE,
+  TC_RASTER_BATCH = 256 /* fragments that are shaded together */
+};
+
+#define TC_RASTER_NOTHING UINT32_MAX /* number of no triangle; others are TC_CLUSTER_TRIANGLES * cluster + its own */
+
+/* A frame's constants. Fixed-point numbers are whole numbers held as floats: exact. */
+typedef struct tc_raster_frame {
+  const tc_clusters *mesh;
+  const tc_view *view;
+  tc_raster_look look;
+  bool perspective, one_sided;
+  float to_fixed[2][4];  /* rows of the view in 256ths of a pixel */
+  float centre_fixed[2]; /* likewise */
+  float rows[3][4];      /* right, down, depth; mm */
+  float reference, inverse_scale, centre[2];
+  float light[3];        /* to the light, along right, down, forward */
+  int n_samples;
+  float offset[TC_RASTER_SAMPLES][2]; /* of a sample in its pixel, from the left upper corner, fixed point */
+  float least_offset[2], most_offset[2];
+} tc_raster_frame;
+
+typedef struct tc_raster_tile {
+  int x0, y0, width, height;
+  float *near;   /* [samples][TC_RASTER_SIDE][TC_RASTER_SIDE] and a vector more; -INFINITY: nothing */
+  uint32_t *id;  /* likewise */
+  float *far;    /* [TC_RASTER_BLOCKS^2] least nearness of a block, where it is not stale */
+  uint64_t stale;
+} tc_raster_tile;
+
+/* What is to be shaded, and what comes of it. */
+typedef struct tc_raster_fragments {
+  int n;
+  uint32_t id[TC_RASTER_BATCH];
+  int pixel[TC_RASTER_BATCH];   /* of the tile */
+  float share[TC_RASTER_BATCH]; /* of its samples */
+  float x[TC_RASTER_BATCH], y[TC_RASTER_BATCH]; /* pixels of the picture */
+  float color[3][TC_RASTER_BATCH], depth[TC_RASTER_BATCH];
+} tc_raster_fragments;
+
+struct tc_raster_kernels {
+  /* Draws a cluster into the tile; planes: bits of those that may cut it. */
+  void (*draw)(const tc_raster_frame *frame, tc_raster_tile *tile, uint32_t cluster, uint32_t planes,
+               tc_raster_counts *counts);
+  void (*shade)(const tc_raster_frame *frame, tc_raster_fragments *fragments);
+};
+
+extern const tc_raster_kernels tc_raster_scalar, tc_raster_avx2, tc_raster_avx512;
+
+#endif

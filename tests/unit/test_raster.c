@@ -1,0 +1,429 @@
+/* The rasteriser: coverage, clusters, what it leaves out, shading, and one picture from every instruction set. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/halt.h"
+#include "renderer/mesh/raster.h"
+
+#define MOST 320 /* pixels a side */
+
+typedef struct picture {
+  int width, height;
+  float linear[MOST * MOST][4], depth[MOST * MOST];
+  tc_raster_counts counts;
+} picture;
+
+typedef struct drawing {
+  tc_camera camera;
+  int width, height, samples;
+  const char *isa;
+  bool one_sided, shaded;
+  double clip[2][4];
+  int n_clip;
+  tc_pool *pool;
+} drawing;
+
+static bool runs(const char *isa) {
+  __builtin_cpu_init();
+  if (!strcmp(isa, "avx512")) return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl");
+  return strcmp(isa, "avx2") || (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"));
+}
+static const char *const isas[] = {"scalar", "avx2", "avx512"};
+
+static void keep(void *user, const tc_raster_picture *p) {
+  picture *to = user;
+  for (int y = p->y0; y < p->y1; y++) {
+    size_t from = (size_t)(y - p->y0) * TC_RASTER_SIDE, at = (size_t)(y * to->width + p->x0), n = (size_t)(p->x1 - p->x0);
+    memcpy(to->linear[at], p->linear[from], n * sizeof *to->linear);
+    memcpy(to->depth + at, p->depth + from, n * sizeof *to->depth);
+  }
+}
+
+static bool try_draw(const tc_clusters *mesh, const drawing *d, picture *p, GError **error) {
+  static const double one[1][2] = {{0, 0}},
+                      several[5][2] = {{-0.4, 0}, {-0.2, 0.381}, {0, -0.236}, {0.2, 0.145}, {0.4, -0.472}};
+  tc_view view;
+  tc_view_set_up(&view, mesh, &d->camera, d->width, d->height, d->clip, d->n_clip);
+  const tc_raster_job job = {.mesh = mesh, .view = &view, .kernels = tc_raster_kernels_named(d->isa ? d->isa : "scalar"),
+                             .look = {.color = {1, 0.5f, 0.25f}, .shaded = d->shaded, .head_light = true,
+                                      .factor = {0.2f, 0.7f}, .specular = d->samples > 1 ? 0.3f : 0, .shininess = 30},
+                             .n_samples = d->samples > 1 ? 5 : 1, .samples = d->samples > 1 ? several : one,
+                             .one_sided = d->one_sided, .emit = keep, .user = p, .pool = d->pool};
+  p->width = d->width, p->height = d->height;
+  p->counts = (tc_raster_counts){0};
+  return tc_raster_draw(&job, &p->counts, error);
+}
+
+static void draw(const tc_clusters *mesh, const drawing *d, picture *p) {
+  GError *error = NULL;
+  if (!try_draw(mesh, d, p, &error)) fail_msg("%s", error->message);
+}
+
+static tc_clusters *cluster(tc_mesh *mesh) {
+  GError *error = NULL;
+  tc_clusters *c = tc_clusters_make(mesh, NULL, &error);
+  if (!c) fail_msg("%s", error->message);
+  tc_mesh_free(mesh);
+  return c;
+}
+
+static picture *new_picture(void) { return test_calloc(1, sizeof(picture)); }
+
+/* ---- meshes ---- */
+
+static uint32_t state = 1;
+static double chance(void) {
+  state = state * 1664525u + 1013904223u;
+  return (state >> 8) / 16777216.0;
+}
+
+/* A sheet of n x n crooked cells from (lo, lo) to (hi, hi); its inner vertices are multiples of `snap`. */
+static tc_mesh *sheet(int n, double lo, double hi, double snap, double hills) {
+  tc_mesh *m = tc_mesh_new((size_t)(n + 1) * (size_t)(n + 1), 2 * (size_t)n * (size_t)n, false, NULL);
+  for (int j = 0, v = 0; j <= n; j++)
+    for (int i = 0; i <= n; i++, v++) {
+      double step = (hi - lo) / n;
+      m->positions[v][0] = (float)(snap * rint((lo + step * (i + 0.45 * (chance() - 0.5))) / snap));
+      m->positions[v][1] = (float)(snap * rint((lo + step * (j + 0.45 * (chance() - 0.5))) / snap));
+      m->positions[v][2] = (float)(hills * chance());
+    }
+  for (int j = 0, t = 0; j < n; j++)
+    for (int i = 0; i < n; i++, t += 2) {
+      uint32_t a = (uint32_t)(j * (n + 1) + i), b = a + 1, c = a + (uint32_t)n + 1, d = c + 1;
+      const uint32_t corners[2][2][3] = {{{a, b, d}, {a, d, c}}, {{a, b, c}, {b, d, c}}};
+      memcpy(m->triangles[t], corners[chance() < 0.5], sizeof *corners);
+    }
+  return m;
+}
+
+/* A sphere of radius 50 about (cx, 0, 0), normals outwards. */
+static void put_sphere(tc_mesh *m, int rings, size_t v, size_t t, double radius, double cx) {
+  const uint32_t first = (uint32_t)v, around = 2 * (uint32_t)rings;
+  for (int j = 0; j <= rings; j++)
+    for (uint32_t i = 0; i < around; i++, v++) {
+      double a = M_PI * j / rings, b = 2 * M_PI * i / around;
+      const double n[3] = {sin(a) * cos(b), sin(a) * sin(b), cos(a)};
+      for (int k = 0; k < 3; k++) {
+        m->normals[v][k] = (float)n[k];
+        m->positions[v][k] = (float)(radius * n[k] + (k == 0 ? cx : 0));
+      }
+    }
+  for (uint32_t j = 0; j < (uint32_t)rings; j++)
+    for (uint32_t i = 0; i < around; i++, t += 2) {
+      const uint32_t next = (i + 1) % around, last = (uint32_t)rings - 1; /* a pole is one vertex */
+      uint32_t a = first + j * around + (j ? i : 0), b = first + j * around + (j ? next : 0);
+      uint32_t c = first + (j + 1) * around + (j < last ? i : 0), d = first + (j + 1) * around + (j < last ? next : 0);
+      const uint32_t two[2][3] = {{a, c, d}, {a, d, b}};
+      memcpy(m->triangles[t], two, sizeof two);
+    }
+}
+
+static tc_mesh *spheres(int rings, int n, double radius, double apart) {
+  const size_t vertices = 2 * (size_t)rings * ((size_t)rings + 1), triangles = 4 * (size_t)rings * (size_t)rings;
+  tc_mesh *m = tc_mesh_new((size_t)n * vertices, (size_t)n * triangles, true, NULL);
+  for (int i = 0; i < n; i++)
+    put_sphere(m, rings, (size_t)i * vertices, (size_t)i * triangles, radius - (apart > 0 ? 0 : 5 * i), apart * i);
+  return m;
+}
+
+static const tc_camera above = {.projection = TC_ORTHOGRAPHIC, .position = {0, 0, 100}, .up = {0, 1, 0}, .height_mm = 200};
+
+/* ---- coverage ---- */
+
+static void each_sample_belongs_to_one_triangle_of_a_sheet(void **unused) {
+  picture *p = new_picture();
+  static const struct { int n; double size, snap, hills; } kinds[] = {
+      {3, 2000, 1 / 256.0, 0}, {20, 300, 0.5, 3},          {150, 230, 1 / 256.0, 0}, {150, 230, 0.5, 1},
+      {60, 240, 0.25, 0},      {12, 40000, 1 / 256.0, 50}, {100, 240, 1, 0},         {7, 100000, 1, 0}};
+  for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++) {
+    tc_clusters *c = cluster(sheet(kinds[k].n, -kinds[k].size / 2, kinds[k].size / 2, kinds[k].snap, kinds[k].hills));
+    for (int isa = 0; isa < 3; isa++)
+      for (int samples = 1; samples <= 5; samples += 4) {
+        if (!runs(isas[isa])) continue;
+        const drawing d = {.camera = above, .width = 190, .height = 200, .isa = isas[isa], .samples = samples};
+        draw(c, &d, p);
+        if (p->counts.covered != (uint64_t)(190 * 200 * samples))
+          fail_msg("sheet %zu, %s: %llu samples covered of %d", k, isas[isa], (unsigned long long)p->counts.covered,
+                   190 * 200 * samples);
+        for (int i = 0; i < 190 * 200; i++) assert_true(fabsf(p->linear[i][3] - 1) < 1e-6f);
+      }
+    tc_clusters_free(c);
+  }
+  test_free(p);
+}
+
+/* Samples of an exact sphere of 50 mm about the origin, but for those next to its edge: hit or not, and how far. */
+static void compare_with_sphere(const picture *p, const tc_camera *camera, double depth_error) {
+  double right[3] = {1, 0, 0}, down[3] = {0, -1, 0}, scale = camera->height_mm / p->height, far = camera->position[2];
+  int wrong = 0;
+  if (camera->projection == TC_PERSPECTIVE) scale = 2 * tan(camera->fov_y_deg * M_PI / 360) / p->height;
+  for (int j = 0; j < p->height; j++)
+    for (int i = 0; i < p->width; i++) {
+      double u = scale * (i + 0.5 - 0.5 * p->width), v = scale * (j + 0.5 - 0.5 * p->height), ray[3], from[3], b = 0, c = 0;
+      bool perspective = camera->projection == TC_PERSPECTIVE;
+      for (int k = 0; k < 3; k++) {
+        double across = u * right[k] + v * down[k];
+        ray[k] = (perspective ? across : 0) - (k == 2), from[k] = camera->position[k] + (perspective ? 0 : across);
+      }
+      double norm = sqrt(ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2]);
+      for (int k = 0; k < 3; k++) b += from[k] * ray[k] / norm, c += from[k] * from[k];
+      double passes = sqrt(fmax(c - b * b, 0)), pixel = scale * (perspective ? far : 1);
+      if (fabs(passes - 50) < 0.05 * pixel + 0.02) continue;
+      int at = j * p->width + i;
+      bool hit = p->linear[at][3] > 0.5f;
+      wrong += hit != (passes < 50);
+      if (hit && passes < 49) wrong += !(fabs(p->depth[at] - (-b - sqrt(2500 - passes * passes))) < depth_error);
+    }
+  assert_int_equal(wrong, 0);
+}
+
+static void silhouettes_and_depths_are_those_of_a_sphere(void **unused) {
+  picture *p = new_picture();
+  tc_clusters *c = cluster(spheres(180, 1, 50, 0));
+  assert_true(c->closed && c->bytes < 20 * c->n_triangles);
+  drawing d = {.camera = above, .width = 300, .height = 310, .isa = runs("avx2") ? "avx2" : "scalar"};
+  for (int view = 0; view < 4; view++) {
+    if (view == 1) d.camera = (tc_camera){.projection = TC_PERSPECTIVE, .position = {0, 0, 80}, .up = {0, 1, 0}, .fov_y_deg = 90};
+    if (view == 2) d.camera.position[2] = 1e7, d.camera.fov_y_deg = 2 * 180 / M_PI * 60e-7;
+    if (view == 3) d.camera.position[2] = 50.5, d.camera.fov_y_deg = 170;
+    d.one_sided = false;
+    draw(c, &d, p);
+    compare_with_sphere(p, &d.camera, view == 2 ? 2 : 0.05);
+    const uint64_t drawn = p->counts.drawn;
+    d.one_sided = true; /* closed and seen from outside: the same picture without backs */
+    draw(c, &d, p);
+    compare_with_sphere(p, &d.camera, view == 2 ? 2 : 0.05);
+    assert_true(p->counts.facing_away > 0 && p->counts.drawn < drawn);
+  }
+  tc_clusters_free(c);
+  test_free(p);
+}
+
+static void a_camera_inside_sees_surface_all_around(void **unused) {
+  picture *p = new_picture();
+  tc_clusters *c = cluster(spheres(60, 1, 50, 0));
+  static const double angles[] = {20, 100, 178};
+  for (int i = 0; i < 3; i++) {
+    const drawing d = {.camera = {.projection = TC_PERSPECTIVE, .position = {0, 0, i * 24.0}, .target = {40, 3, 1}, .up = {0, 1, 0},
+                                  .fov_y_deg = angles[i]}, .width = 200, .height = 180};
+    draw(c, &d, p);
+    for (int k = 0; k < 200 * 180; k++) assert_true(p->linear[k][3] == 1 && p->depth[k] > 1.5f && p->depth[k] < 99);
+  }
+  tc_clusters_free(c);
+  test_free(p);
+}
+
+/* A floor that begins behind the eye and ends far away, of few triangles and of many: below the horizon it is seen
+ * everywhere, at the right depth. */
+static void a_floor_through_the_eye_plane_ends_at_the_horizon(void **unused) {
+  picture *p = new_picture();
+  for (int n = 1; n <= 101; n += 50) {
+    tc_clusters *c = cluster(sheet(n, -1e5, 1e5, 1, 0));
+    const drawing d = {.camera = {.projection = TC_PERSPECTIVE, .position = {0, 0, 10}, .target = {0, 1, 10}, .up = {0, 0, 1},
+                                  .fov_y_deg = 90}, .width = 200, .height = 200};
+    draw(c, &d, p);
+    for (int y = 0; y < 200; y++)
+      for (int x = 0; x < 200; x++) {
+        double v = (y + 0.5 - 100) / 100, u = (x + 0.5 - 100) / 100, depth = 10 * sqrt(1 + u * u + v * v) / v;
+        assert_true(p->linear[y * 200 + x][3] == (v > 0));
+        if (v > 0) assert_true(fabs(p->depth[y * 200 + x] / depth - 1) < 5e-3); /* single precision, 1e5 mm wide, 10 high */
+      }
+    tc_clusters_free(c);
+  }
+  test_free(p);
+}
+
+static void what_is_far_from_the_patients_origin_looks_the_same(void **unused) {
+  picture *p = new_picture(), *q = new_picture();
+  tc_clusters *c = cluster(spheres(40, 2, 30, 45));
+  drawing d = {.camera = {.projection = TC_PERSPECTIVE, .position = {60, -200, 90}, .target = {20, 0, 0}, .up = {0, 0, 1},
+                          .fov_y_deg = 30}, .width = 256, .height = 256, .shaded = true};
+  draw(c, &d, p);
+  for (int k = 0; k < 3; k++) c->origin[k] += 1e7, d.camera.position[k] += 1e7, d.camera.target[k] += 1e7;
+  draw(c, &d, q);
+  assert_memory_equal(p->linear, q->linear, 256 * 256 * sizeof *p->linear);
+  tc_clusters_free(c);
+  test_free(p), test_free(q);
+}
+
+static void planes_cut_exactly(void **unused) {
+  picture *p = new_picture();
+  tc_clusters *c = cluster(spheres(90, 1, 50, 0));
+  const drawing d = {.camera = above, .width = 200, .height = 200, .clip = {{1, 0, 0, -10.25}, {0, 0, -2, 60}}, .n_clip = 2};
+  draw(c, &d, p);
+  for (int y = 0; y < 200; y++)
+    for (int x = 0; x < 200; x++) {
+      double u = x + 0.5 - 100, v = y + 0.5 - 100, r = hypot(u, v);
+      bool shell = p->depth[y * 200 + x] < INFINITY;
+      if (fabs(r - 50) > 0.1) assert_int_equal(shell, r < 50 && u > 10.25);
+      if (!shell || fabs(r - 40) < 1 || r > 49) continue;
+      double z = sqrt(2500 - r * r); /* what is above 30 is cut: the back shows in its place */
+      assert_true(fabs(p->depth[y * 200 + x] - (100 - (z > 30 ? -z : z))) < 0.1);
+    }
+  tc_clusters_free(c);
+  test_free(p);
+}
+
+/* ---- the same from all ---- */
+
+static tc_mesh *soup(int n) {
+  tc_mesh *m = tc_mesh_new(3 * (size_t)n, (size_t)n, true, NULL);
+  for (int t = 0; t < n; t++) {
+    double middle[3], size = 0.3 * exp(6 * chance() * chance()), thin = chance() < 0.3 ? 0.01 : 1;
+    for (int k = 0; k < 3; k++) middle[k] = 160 * (chance() - 0.5);
+    for (uint32_t v = 0; v < 3; v++) {
+      m->triangles[t][v] = 3 * (uint32_t)t + v;
+      for (int k = 0; k < 3; k++) {
+        m->positions[3 * (uint32_t)t + v][k] = (float)(middle[k] + size * (k ? thin : 1) * (chance() - 0.5));
+        m->normals[3 * (uint32_t)t + v][k] = (float)(chance() - 0.5);
+      }
+    }
+  }
+  return m;
+}
+
+static void every_instruction_set_and_any_threads_draw_the_same_bits(void **unused) {
+  picture *p = new_picture(), *q = new_picture();
+  tc_clusters *c = cluster(soup(4000));
+  tc_pool *pool = tc_pool_new(3, NULL);
+  for (int view = 0; view < 4; view++) {
+    drawing d = {.camera = above, .width = 301, .height = 223, .isa = "scalar", .samples = view & 1 ? 5 : 1, .shaded = true,
+                 .clip = {{1, 2, 1, 40}}, .n_clip = view > 1};
+    if (view > 1)
+      d.camera = (tc_camera){.projection = TC_PERSPECTIVE, .position = {10, 20, 30}, .target = {-30, 0, 0}, .up = {0, 0, 1},
+                             .fov_y_deg = 120};
+    draw(c, &d, p);
+    assert_true(p->counts.shaded > 10000);
+    for (int isa = 0; isa < 3; isa++) {
+      if (!runs(isas[isa])) continue;
+      d.isa = isas[isa], d.pool = pool;
+      draw(c, &d, q);
+      assert_memory_equal(p->linear, q->linear, 301 * 223 * sizeof *p->linear);
+      assert_memory_equal(p->depth, q->depth, 301 * 223 * sizeof *p->depth);
+      assert_memory_equal(&p->counts, &q->counts, sizeof p->counts);
+    }
+  }
+  tc_pool_free(pool);
+  tc_clusters_free(c);
+  test_free(p), test_free(q);
+}
+
+/* ---- what is left out ---- */
+
+static void nothing_is_shaded_that_nobody_sees(void **unused) {
+  picture *p = new_picture();
+  tc_clusters *c = cluster(spheres(60, 6, 50, 0)); /* six spheres one in another */
+  drawing d = {.camera = above, .width = 256, .height = 256};
+  draw(c, &d, p);
+  uint64_t seen = 0;
+  for (int i = 0; i < 256 * 256; i++) seen += p->linear[i][3] > 0;
+  assert_int_equal(p->counts.shaded, seen);
+  assert_true(p->counts.hidden > c->n / 2);
+  d.camera.target[2] = 200; /* looking away */
+  draw(c, &d, p);
+  assert_int_equal(p->counts.outside, c->n);
+  assert_int_equal(p->counts.drawn + p->counts.triangles + p->counts.shaded, 0);
+  tc_clusters_free(c);
+  test_free(p);
+}
+
+static void light_follows_the_normals(void **unused) {
+  picture *p = new_picture();
+  tc_clusters *c = cluster(spheres(90, 1, 50, 0));
+  const drawing d = {.camera = above, .width = 200, .height = 200, .shaded = true};
+  draw(c, &d, p);
+  for (int y = 0; y < 200; y++)
+    for (int x = 0; x < 200; x++) {
+      double r = hypot(x + 0.5 - 100, y + 0.5 - 100);
+      if (r > 49) continue;
+      double lit = 0.2 + 0.7 * sqrt(1 - r * r / 2500);
+      assert_true(fabs(p->linear[y * 200 + x][0] - lit) < 3e-3 && fabs(p->linear[y * 200 + x][1] - 0.5 * lit) < 3e-3);
+    }
+  tc_clusters_free(c);
+  test_free(p);
+}
+
+static void what_nobody_can_see_is_in_no_cluster(void **unused) {
+  tc_mesh *m = sheet(40, -10, 10, 1 / 256.0, 1);
+  m->positions[5][1] = NAN, m->positions[700][2] = INFINITY; /* six triangles each, or so */
+  m->triangles[900][1] = m->triangles[900][0];
+  size_t bad = 0;
+  for (size_t t = 0; t < m->n_triangles; t++) {
+    bool wrong = t == 900;
+    for (int k = 0; k < 3; k++) wrong |= m->triangles[t][k] == 5 || m->triangles[t][k] == 700;
+    bad += wrong;
+  }
+  const size_t left = m->n_triangles - bad;
+  tc_clusters *c = cluster(m);
+  size_t n = 0;
+  for (size_t i = 0; i < c->n; i++) n += c->clusters[i].n_triangles;
+  assert_int_equal(n, left);
+  assert_int_equal(c->n_triangles, left);
+  assert_false(c->closed);
+  tc_clusters_free(c);
+  c = cluster(tc_mesh_new(0, 0, false, NULL));
+  picture *p = new_picture();
+  const drawing d = {.camera = above, .width = 70, .height = 70};
+  draw(c, &d, p); /* of nothing: nothing */
+  for (int i = 0; i < 70 * 70; i++) assert_true(p->linear[i][3] == 0 && p->depth[i] == INFINITY);
+  tc_clusters_free(c);
+  test_free(p);
+}
+
+/* ---- stopping ---- */
+
+static void drawing_and_clustering_stop_at_any_look(void **unused) {
+  picture *p = new_picture();
+  tc_mesh *m = spheres(150, 1, 50, 0);
+  tc_clusters *c = tc_clusters_make(m, NULL, NULL);
+  drawing d = {.camera = above, .width = 300, .height = 300, .pool = tc_pool_new(2, NULL)};
+  tc_interrupt interrupt;
+  tc_interrupt_init(&interrupt);
+  const tc_halt halt = tc_halt_begin(&interrupt, 0);
+  tc_pool_watch(d.pool, &halt);
+  tc_halt_probe_begin(LLONG_MAX);
+  draw(c, &d, p);
+  const long long looks = atomic_load(&tc_halt_probed.looks);
+  assert_true(looks > 40);
+  for (long long at = 1; at < looks - 2; at += 7) {
+    GError *error = NULL;
+    tc_halt_probe_begin(at);
+    assert_false(try_draw(c, &d, p, &error));
+    assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_CANCELLED));
+    g_clear_error(&error);
+    if (at > 20) continue;
+    tc_halt_probe_begin(at);
+    assert_null(tc_clusters_make(m, d.pool, &error));
+    assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_CANCELLED));
+    g_clear_error(&error);
+  }
+  tc_halt_probed.on = false;
+  tc_pool_free(d.pool);
+  tc_clusters_free(c);
+  tc_mesh_free(m);
+  test_free(p);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(each_sample_belongs_to_one_triangle_of_a_sheet),
+      cmocka_unit_test(silhouettes_and_depths_are_those_of_a_sphere),
+      cmocka_unit_test(a_camera_inside_sees_surface_all_around),
+      cmocka_unit_test(a_floor_through_the_eye_plane_ends_at_the_horizon),
+      cmocka_unit_test(what_is_far_from_the_patients_origin_looks_the_same),
+      cmocka_unit_test(planes_cut_exactly),
+      cmocka_unit_test(every_instruction_set_and_any_threads_draw_the_same_bits),
+      cmocka_unit_test(nothing_is_shaded_that_nobody_sees),
+      cmocka_unit_test(light_follows_the_normals),
+      cmocka_unit_test(what_nobody_can_see_is_in_no_cluster),
+      cmocka_unit_test(drawing_and_clustering_stop_at_any_look),
+  };
+  return cmocka_run_group_tests_name("raster", tests, NULL, NULL);
+}
