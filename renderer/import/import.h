@@ -12,8 +12,8 @@
  * vectors their magnitude in f32. Of a 4-D file the first frame is taken, or the one that "#volume=N" names;
  * desc.frames tells how many there were.
  * Every conversion is said in desc.note.
- * Parsers read through one bounded reader; sizes multiply with overflow checks; nothing larger than the
- * file can justify is allocated; a failure is one clear error. */
+ * Every format is decoded by a confined helper process (helper.h). Parsers read through one bounded reader; sizes
+ * multiply with overflow checks; nothing larger than the file can justify is allocated; a failure is one clear error. */
 #ifndef TC_RENDERER_IMPORT_H
 #define TC_RENDERER_IMPORT_H
 
@@ -31,7 +31,7 @@ typedef struct tc_import_options {
   tc_reserve_fn reserve;   /* NULL: none */
   tc_reserve_fn decoder;   /* NULL: none; told what memory a program has that decodes beside this one, several times a second */
   void *user;              /* of all three */
-  const char *dicom_helper;  /* path of the helper program; NULL: beside the running program, then PATH */
+  const char *helpers;       /* folder of the helper programs; NULL: beside the running program, then PATH */
   uint64_t max_voxel_bytes;  /* refuse larger volumes (TC_ERROR_LIMIT); 0 = no limit of its own */
   uint32_t volume;           /* of a file of several (not DICOM), from 1; 0: what the path says, else the first */
   bool self_contained;       /* the file may name no other file for its voxels (TC_ERROR_FORMAT) */

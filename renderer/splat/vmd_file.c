@@ -5,7 +5,6 @@
 #include <zlib.h>
 
 #include "renderer/import/reader.h"
-#include "renderer/import/source.h"
 #include "renderer/splat/vmd.h"
 
 #define FIXED_BYTES 240    /* of the header before attributes and palette */
@@ -341,16 +340,16 @@ tc_vmd *tc_vmd_decode(const uint8_t *bytes, size_t size, GError **error) {
 }
 
 tc_vmd *tc_vmd_read(const char *path, GError **error) {
-  tc_input input;
-  tc_vmd *v = NULL;
-  if (!tc_input_open(&input, path, error)) return NULL;
-  uint8_t *bytes = g_try_malloc(input.size + 1);
-  if (!bytes)
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "voxel model: no memory for a file of %" G_GUINT64_FORMAT " bytes",
-                 input.size);
-  else if (tc_input_read(&input, 0, bytes, input.size, error))
-    v = tc_vmd_decode(bytes, input.size, error);
+  char *bytes;
+  gsize size;
+  GError *trouble = NULL;
+  if (!g_file_get_contents(path, &bytes, &size, &trouble)) {
+    const bool missing = g_error_matches(trouble, G_FILE_ERROR, G_FILE_ERROR_NOENT);
+    tc_set_error(error, missing ? TC_ERROR_NOT_FOUND : TC_ERROR_IO, NULL, "voxel model: the file cannot be read");
+    g_error_free(trouble);
+    return NULL;
+  }
+  tc_vmd *v = tc_vmd_decode((const uint8_t *)bytes, size, error);
   g_free(bytes);
-  tc_input_close(&input);
   return v;
 }

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "renderer/import/dicom_wire.h"
-#include "renderer/import/dicom_zip.h"
+#include "renderer/import/wire.h"
+#include "renderer/import/helper/dicom_zip.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
@@ -34,10 +34,19 @@ static void check_error(GError *error) {
   g_error_free(error);
 }
 
+static void no_reply(void *user, char what, int fd) {}
+
+static int no_file(void *user, const char *name, bool optional, GError **error) {
+  if (strlen(name) >= TC_WIRE_NAME) abort();
+  return -1;
+}
+
 static void fuzz_load(memory *m) {
-  tc_dicom_wire_reader reader = {.read = read_memory, .user = m, .max_voxel_bytes = MOST_VOXEL_BYTES};
+  static const uint8_t ring[TC_WIRE_RING_BYTES];
+  tc_wire_reader reader = {.read = read_memory, .user = m, .reply = no_reply, .open = no_file, .ring = ring,
+                           .max_voxel_bytes = MOST_VOXEL_BYTES};
   GError *error = NULL;
-  tc_volume *v = tc_dicom_wire_load(&reader, &error);
+  tc_volume *v = tc_wire_load(&reader, &error);
   if (!v)
     check_error(error);
   else if (tc_volume_bytes(v) > MOST_VOXEL_BYTES || error)
@@ -47,11 +56,11 @@ static void fuzz_load(memory *m) {
 }
 
 static void fuzz_list(memory *m) {
-  tc_dicom_wire_reader reader = {.read = read_memory, .user = m};
+  tc_wire_reader reader = {.read = read_memory, .user = m};
   GError *error = NULL;
   tc_series *series = NULL;
   size_t count = 0;
-  if (!tc_dicom_wire_list(&reader, &series, &count, &error)) check_error(error);
+  if (!tc_wire_list(&reader, &series, &count, &error)) check_error(error);
   for (size_t i = 0; i < count; i++)
     if (strlen(series[i].uid) >= sizeof series[i].uid || series[i].files < 0) abort();
   g_free(series);

@@ -6,7 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "renderer/import/dicom.h"
+#include "renderer/import/helper.h"
 #include "server/catalogue/catalogue.h"
 #include "server/catalogue/spool.h"
 #include "server/config/config.h"

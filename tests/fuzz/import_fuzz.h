@@ -11,7 +11,7 @@
 #include <unistd.h>
 #include <zlib.h>
 
-#include "renderer/import/format.h"
+#include "tests/support/read_here.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
 
@@ -71,8 +71,8 @@ static int fuzz_format(const tc_format *format, const char *name, const uint8_t 
   tc_input input;
   GError *error = NULL;
   format->probe(bytes, size);
-  tc_input_memory(&input, bytes, size, folder_beside(), name);
-  tc_volume *volume = format->read(&input, &options, &error);
+  tc_input_memory(&input, bytes, size, name);
+  tc_volume *volume = read_input_here(&input, folder_beside(), format->read, &options, &error);
   if (volume) {
     if (error) abort();
     check_volume(volume);
@@ -81,7 +81,6 @@ static int fuzz_format(const tc_format *format, const char *name, const uint8_t 
   }
   g_clear_error(&error);
   tc_volume_unref(volume);
-  tc_input_close(&input);
   return 0;
 }
 

@@ -265,7 +265,7 @@ function controlGroup(bytes) {
 function anonymous(pid) {
   const read = (path) => { try { return readFileSync(`/proc/${path}`, 'utf8'); } catch { return ''; } };
   const children = readdirSync(`/proc/${pid}/task`).flatMap((task) => read(`${pid}/task/${task}/children`).split(' ').filter(Boolean));
-  const all = [read(`${pid}/status`), ...children.map((child) => read(`${child}/status`)).filter((text) => text.startsWith('Name:\ttomocast-dicom'))];
+  const all = [read(`${pid}/status`), ...children.map((child) => read(`${child}/status`)).filter((text) => /^Name:\ttomocast-(dicom|import)/.test(text))];
   return [all.reduce((sum, text) => sum + Number(/RssAnon:\s+(\d+)/.exec(text)?.[1] ?? 0) * 1024, 0), all.length - 1];
 }
 

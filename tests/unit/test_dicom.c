@@ -8,6 +8,8 @@
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <time.h>
@@ -15,13 +17,13 @@
 
 #include <cmocka.h>
 
-#include "renderer/import/dicom.h"
+#include "renderer/import/helper.h"
+#include "renderer/import/wire.h"
 #include "tests/support/dicom_files.h"
 
 enum { COLUMNS = 6, ROWS = 4, PIXELS = COLUMNS * ROWS, SLICES = 9 };
 
-static const char helper[] = TC_BINARY_DIR "/tomocast-dicom";
-static const tc_import_options with_helper = {.dicom_helper = helper};
+static const tc_import_options with_helper = {.helpers = TC_BINARY_DIR};
 
 /* Pixel i of slice z. */
 static int16_t value_of(int z, int i) { return (int16_t)(100 * z + i - 300); }
@@ -55,7 +57,7 @@ static void write_series(const char *folder, const char *series, int series_numb
 
 static tc_volume *load(const char *path, const char *series) {
   GError *error = NULL;
-  tc_volume *v = tc_import_dicom(path, series, &with_helper, &error);
+  tc_volume *v = tc_helper_load(TC_HELPER_DICOM, path, series, &with_helper, &error);
   if (!v) fail_msg("%s", error->message);
   return v;
 }
@@ -63,7 +65,7 @@ static tc_volume *load(const char *path, const char *series) {
 /* Loads what must be refused; returns the code, and checks that the message is one clean line. */
 static int refused(const char *path, const char *series) {
   GError *error = NULL;
-  tc_volume *v = tc_import_dicom(path, series, &with_helper, &error);
+  tc_volume *v = tc_helper_load(TC_HELPER_DICOM, path, series, &with_helper, &error);
   if (v) fail_msg("loaded though it must not");
   assert_int_equal(error->domain, TC_ERROR);
   assert_null(strchr(error->message, '\n'));
@@ -99,7 +101,6 @@ static void a_shuffled_folder(void **state) {
   char *junk = g_build_filename(folder, "notes.txt", NULL), *link = g_build_filename(folder, "link", NULL);
   g_file_set_contents(junk, "not DICOM at all", -1, NULL);
   assert_int_equal(symlink(below, link), 0); /* links are not followed: slices would come twice */
-  assert_true(tc_dicom_probe(folder));
   assert_false(tc_dicom_probe(junk));
   tc_volume *v = load(folder, NULL);
   check_series(v, SLICES);
@@ -155,7 +156,7 @@ static void two_series(void **state) {
   write_series(folder, "1.2.3.10", 1, 4);
   tc_series *series;
   size_t count;
-  assert_true(tc_import_dicom_list(folder, &with_helper, &series, &count, NULL));
+  assert_true(tc_helper_list(folder, &with_helper, &series, &count, NULL));
   assert_int_equal(count, 2);
   assert_string_equal(series[0].uid, "1.2.3.10");
   assert_string_equal(series[1].uid, "1.2.3.20");
@@ -463,22 +464,26 @@ static void limits_and_helpers(void **state) {
   char *folder = temp_folder();
   GError *error = NULL;
   write_series(folder, "1.2.3.1", 1, SLICES);
-  tc_import_options options = {.dicom_helper = helper, .max_voxel_bytes = PIXELS * SLICES * 2 - 1};
-  assert_null(tc_import_dicom(folder, NULL, &options, &error));
+  tc_import_options options = {.helpers = TC_BINARY_DIR, .max_voxel_bytes = PIXELS * SLICES * 2 - 1};
+  assert_null(tc_helper_load(TC_HELPER_DICOM, folder, NULL, &options, &error));
   assert_int_equal(error->code, TC_ERROR_LIMIT);
   g_clear_error(&error);
   options.max_voxel_bytes++;
-  tc_volume *v = tc_import_dicom(folder, NULL, &options, &error);
+  tc_volume *v = tc_helper_load(TC_HELPER_DICOM, folder, NULL, &options, &error);
   assert_non_null(v);
   tc_volume_unref(v);
   static const char *const bad_helpers[] = {"/nonexistent", "/bin/true", "/bin/echo"};
+  char *others = temp_folder(), *other = g_build_filename(others, "tomocast-dicom", NULL);
+  options.helpers = others;
   for (int i = 0; i < 3; i++) {
-    options.dicom_helper = bad_helpers[i];
-    assert_null(tc_import_dicom(folder, NULL, &options, &error));
+    assert_int_equal(symlink(bad_helpers[i], other), 0);
+    assert_null(tc_helper_load(TC_HELPER_DICOM, folder, NULL, &options, &error));
     assert_non_null(error);
     g_clear_error(&error);
+    g_unlink(other);
   }
-  v = tc_import_dicom(folder, NULL, NULL, &error); /* beside this program */
+  drop(others, other);
+  v = tc_helper_load(TC_HELPER_DICOM, folder, NULL, NULL, &error); /* beside this program */
   assert_non_null(v);
   tc_volume_unref(v);
   remove_tree(folder);
@@ -502,15 +507,15 @@ static void progress_and_cancel(void **state) {
   GError *error = NULL;
   write_series(folder, "1.2.3.1", 1, SLICES);
   watcher w = {.stop_after = -1};
-  tc_import_options options = {.dicom_helper = helper, .progress = watch, .user = &w};
-  tc_volume *v = tc_import_dicom(folder, NULL, &options, &error);
+  tc_import_options options = {.helpers = TC_BINARY_DIR, .progress = watch, .user = &w};
+  tc_volume *v = tc_helper_load(TC_HELPER_DICOM, folder, NULL, &options, &error);
   assert_non_null(v);
   tc_volume_unref(v);
   assert_true(w.calls >= 2 * SLICES && w.last == 1);
   for (int stop = 1; stop <= 2 * SLICES; stop += 4) { /* calls beyond these come with time only */
     watcher quitter = {.stop_after = stop};
     options.user = &quitter;
-    assert_null(tc_import_dicom(folder, NULL, &options, &error));
+    assert_null(tc_helper_load(TC_HELPER_DICOM, folder, NULL, &options, &error));
     assert_int_equal(error->code, TC_ERROR_CANCELLED);
     g_clear_error(&error);
   }
@@ -529,24 +534,22 @@ static int status_field(pid_t pid, const char *field) {
   return value;
 }
 
-/* Started by hand with a pipe nobody reads, the helper stands still in the middle of its answer: locked in. */
-static void the_helper_is_confined(void **state) {
-  static int16_t pixels[256 * 256];
-  char *folder, *path;
-  dicom_spec s;
-  int ends[2];
-  dicom_spec_init(&s, 256, 256, pixels, sizeof pixels); /* more than a pipe holds */
-  path = one_file(&folder, &s);
-  assert_int_equal(pipe(ends), 0);
-  int input = open(path, O_RDONLY);
-  assert_true(input >= 0);
+/* Started by hand, with nobody who takes the voxels, a helper stands still in the middle of its answer: locked in. */
+static void is_confined(const char *name, const char *path) {
+  int ends[2], input = open(path, O_RDONLY), ring = memfd_create("ring", 0);
+  char *helper = g_build_filename(TC_BINARY_DIR, name, NULL);
+  tc_helper_request request = {.address_bytes = 8ull << 30, .cpu_seconds = 60, .name = "f"};
+  request.without_landlock = g_getenv("TOMOCAST_WITHOUT_LANDLOCK") != NULL;
+  assert_int_equal(socketpair(AF_UNIX, SOCK_STREAM, 0, ends), 0);
+  assert_true(input >= 0 && ring >= 0 && ftruncate(ring, TC_WIRE_RING_BYTES) == 0);
   pid_t pid = fork();
   if (pid == 0) {
-    if (dup2(input, 20) < 0 || dup2(ends[1], 21) < 0 || dup2(20, 3) < 0 || dup2(21, 4) < 0) _exit(99);
-    execl(helper, helper, "load", "", "0", "8589934592", "60", "yes", (char *)NULL);
+    if (dup2(input, 20) < 0 || dup2(ends[1], 21) < 0 || dup2(ring, 22) < 0) _exit(99);
+    if (dup2(20, 3) < 0 || dup2(21, 4) < 0 || dup2(22, 5) < 0) _exit(99);
+    execl(helper, helper, (char *)NULL);
     _exit(99);
   }
-  assert_true(pid > 0);
+  assert_true(pid > 0 && write(ends[0], &request, sizeof request) == sizeof request);
   for (int wait = 0; wait < 500 && status_field(pid, "\nSeccomp:") != 2; wait++)
     g_usleep(20000);
   int seccomp = status_field(pid, "\nSeccomp:"), privileges = status_field(pid, "\nNoNewPrivs:"),
@@ -558,6 +561,7 @@ static void the_helper_is_confined(void **state) {
   close(ends[0]);
   close(ends[1]);
   close(input);
+  close(ring);
   assert_int_equal(seccomp, 2); /* a filter */
   assert_int_equal(privileges, 1);
   assert_int_equal(tasks, 1);
@@ -565,6 +569,24 @@ static void the_helper_is_confined(void **state) {
   assert_string_equal(score, "1000\n"); /* first to go where memory ends */
   g_free(oom);
   g_free(score);
+  g_free(helper);
+}
+
+static void the_helpers_are_confined(void **state) {
+  enum { SIDE = 1200 }; /* more than the ring holds */
+  int16_t *pixels = g_new0(int16_t, SIDE * SIDE);
+  char *folder, *path, text[] = "NRRD0004\ntype: short\ndimension: 3\nsizes: 1200 1200 1\nencoding: raw\nendian: little\n\n";
+  dicom_spec s;
+  dicom_spec_init(&s, SIDE, SIDE, pixels, SIDE * SIDE * sizeof *pixels);
+  path = one_file(&folder, &s);
+  is_confined("tomocast-dicom", path);
+  GByteArray *nrrd = g_byte_array_new();
+  g_byte_array_append(nrrd, (const guint8 *)text, sizeof text - 1);
+  g_byte_array_append(nrrd, (const guint8 *)pixels, SIDE * SIDE * sizeof *pixels);
+  assert_true(g_file_set_contents(path, (const char *)nrrd->data, nrrd->len, NULL));
+  is_confined("tomocast-import", path);
+  g_byte_array_free(nrrd, TRUE);
+  g_free(pixels);
   drop(folder, path);
 }
 
@@ -585,7 +607,7 @@ int main(void) {
       cmocka_unit_test(not_there_and_not_ours),
       cmocka_unit_test(limits_and_helpers),
       cmocka_unit_test(progress_and_cancel),
-      cmocka_unit_test(the_helper_is_confined),
+      cmocka_unit_test(the_helpers_are_confined),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

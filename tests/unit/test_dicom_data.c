@@ -13,10 +13,10 @@
 
 #include <cmocka.h>
 
-#include "renderer/import/dicom.h"
+#include "renderer/import/helper.h"
 #include "tests/support/dicom_files.h"
 
-static const tc_import_options with_helper = {.dicom_helper = TC_BINARY_DIR "/tomocast-dicom"};
+static const tc_import_options with_helper = {.helpers = TC_BINARY_DIR};
 static char *unpacked; /* where the archives are; NULL: no data */
 
 /* Runs a program quietly; true when it ends with 0. */
@@ -128,8 +128,8 @@ static void check_set(const expectation *want) {
     g_free(path);
     return;
   }
-  assert_true(tc_dicom_probe(path));
-  tc_volume *v = tc_import_dicom(path, want->series, &with_helper, &error);
+  assert_true(g_file_test(path, G_FILE_TEST_IS_DIR) || tc_dicom_probe(path));
+  tc_volume *v = tc_helper_load(TC_HELPER_DICOM, path, want->series, &with_helper, &error);
   if (!v) fail_msg("%s: %s", want->path, error->message);
   const tc_volume_desc *d = tc_volume_describe(v);
   for (int k = 0; k < 3; k++)
@@ -164,7 +164,7 @@ typedef struct packing {
 
 static tc_volume *open_or_fail(const char *path) {
   GError *error = NULL;
-  tc_volume *v = tc_import_dicom(path, NULL, &with_helper, &error);
+  tc_volume *v = tc_helper_load(TC_HELPER_DICOM, path, NULL, &with_helper, &error);
   if (!v) fail_msg("%s", error->message);
   return v;
 }
@@ -275,7 +275,7 @@ static void odd_files(void **state) {
   for (const char *name; (name = g_dir_read_name(dir));) {
     char *path = g_build_filename(folder, name, NULL);
     GError *error = NULL;
-    tc_volume *v = tc_import_dicom(path, NULL, &with_helper, &error);
+    tc_volume *v = tc_helper_load(TC_HELPER_DICOM, path, NULL, &with_helper, &error);
     for (size_t i = 0; i < G_N_ELEMENTS(must_load); i++, wanted += !strcmp(name, must_load[i - 1]))
       if (!v && !strcmp(name, must_load[i])) fail_msg("%s: %s", name, error->message);
     for (size_t i = 0; i < G_N_ELEMENTS(must_not); i++, wanted += !strcmp(name, must_not[i - 1]))
@@ -301,7 +301,7 @@ static void a_folder_of_odd_files(void **state) {
   tc_series *series;
   size_t count;
   GError *error = NULL;
-  if (!tc_import_dicom_list(folder, &with_helper, &series, &count, &error)) fail_msg("%s", error->message);
+  if (!tc_helper_list(folder, &with_helper, &series, &count, &error)) fail_msg("%s", error->message);
   assert_true(count > 15);
   g_free(series);
   g_free(folder);

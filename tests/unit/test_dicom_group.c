@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "renderer/import/dicom_group.h"
+#include "renderer/import/helper/dicom_group.h"
 
 enum { MOST = 128 };
 

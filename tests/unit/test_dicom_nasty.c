@@ -12,13 +12,12 @@
 
 #include <cmocka.h>
 
-#include "renderer/import/dicom.h"
+#include "renderer/import/helper.h"
 #include "tests/support/dicom_files.h"
 
 enum { COLUMNS = 5, ROWS = 4, PIXELS = COLUMNS * ROWS, LAYERS = 12 };
 
-static const char helper[] = TC_BINARY_DIR "/tomocast-dicom";
-static const tc_import_options with_helper = {.dicom_helper = helper};
+static const tc_import_options with_helper = {.helpers = TC_BINARY_DIR};
 
 /* One picture. z: mm along the stack. */
 typedef struct shot {
@@ -110,7 +109,7 @@ static void check_case(const char *what, const nasty *c) {
   GError *error = NULL;
   for (guint i = 0; i < c->shots->len; i++)
     write_shot(folder, c, &g_array_index(c->shots, shot, i), i);
-  tc_volume *v = tc_import_dicom(folder, NULL, &with_helper, &error);
+  tc_volume *v = tc_helper_load(TC_HELPER_DICOM, folder, NULL, &with_helper, &error);
   if (c->refusal || c->by_choice) {
     if (v) fail_msg("%s was opened: %s", what, tc_volume_describe(v)->note);
     const char *wanted = c->refusal ? c->refusal : "choose one by #volume=1";
@@ -130,7 +129,7 @@ static void check_case(const char *what, const nasty *c) {
   for (int volume = 1; volume <= c->volumes && !c->refusal && c->volumes > 1; volume++) {
     char choice[24];
     snprintf(choice, sizeof choice, "1#volume=%d", volume);
-    v = tc_import_dicom(folder, choice, &with_helper, &error);
+    v = tc_helper_load(TC_HELPER_DICOM, folder, choice, &with_helper, &error);
     if (!v) fail_msg("%s, volume %d: %s", what, volume, error->message);
     assert_int_equal(tc_volume_provenance(v)->volume, volume);
     check_voxels(what, v, volume);
@@ -304,10 +303,10 @@ static void a_wrong_choice(void **state) {
   by_turn(&c, 0);
   for (guint i = 0; i < c.shots->len; i++)
     write_shot(folder, &c, &g_array_index(c.shots, shot, i), i);
-  assert_null(tc_import_dicom(folder, "volume=4", &with_helper, &error));
+  assert_null(tc_helper_load(TC_HELPER_DICOM, folder, "volume=4", &with_helper, &error));
   assert_int_equal(error->code, TC_ERROR_NOT_FOUND);
   g_clear_error(&error);
-  assert_null(tc_import_dicom(folder, "1#volume=x", &with_helper, &error));
+  assert_null(tc_helper_load(TC_HELPER_DICOM, folder, "1#volume=x", &with_helper, &error));
   assert_int_equal(error->code, TC_ERROR_INVALID);
   g_clear_error(&error);
   char *path = g_strconcat(folder, "#1#volume=2", NULL);
@@ -317,7 +316,7 @@ static void a_wrong_choice(void **state) {
   tc_volume_unref(v);
   tc_series *series;
   size_t count;
-  assert_true(tc_import_dicom_list(folder, &with_helper, &series, &count, NULL));
+  assert_true(tc_helper_list(folder, &with_helper, &series, &count, NULL));
   assert_int_equal(count, 3);
   for (int i = 0; i < 3; i++)
     assert_true(series[i].number == 1 && series[i].volume == i + 1 && series[i].slices == LAYERS);

@@ -1,4 +1,5 @@
 /* The smaller pieces of the DICOM reader: samples to voxels, the zip reader, the wire between helper and parent. */
+#include <limits.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -9,9 +10,9 @@
 
 #include <cmocka.h>
 
-#include "renderer/import/dicom_pixels.h"
-#include "renderer/import/dicom_wire.h"
-#include "renderer/import/dicom_zip.h"
+#include "renderer/import/helper/dicom_pixels.h"
+#include "renderer/import/wire.h"
+#include "renderer/import/helper/dicom_zip.h"
 #include "tests/support/dicom_files.h"
 
 /* ---- samples ---- */
@@ -225,6 +226,7 @@ static tc_volume_desc small_desc(void) {
                           .frames = 4,
                           .modality = "CT",
                           .unit = "HU",
+                          .format = "dicom",
                           .note = "a note",
                           .window_center = 40,
                           .window_width = 400};
@@ -233,18 +235,22 @@ static tc_volume_desc small_desc(void) {
 static const tc_provenance small_from = {
     .volume = 3, .slices_used = 2, .slices_found = 8, .bridged = 2, .resampled = true};
 
+/* What both share: the voxels are put here. */
+static uint8_t ring[TC_WIRE_RING_BYTES];
+
+static void no_reply(void *user, char what, int fd) {}
+
 /* What a good helper says about a small volume; the bytes end up in a buffer by way of a pipe. */
 static size_t say(uint8_t *out, size_t room, const tc_volume_desc *desc, const tc_provenance *from,
                   size_t voxel_bytes) {
   int fd[2];
-  int16_t voxels[64];
   for (int i = 0; i < 64; i++)
-    voxels[i] = (int16_t)(i - 5);
+    ((int16_t *)(void *)(ring + TC_WIRE_SLOT_BYTES))[i] = (int16_t)(i - 5);
   assert_int_equal(pipe(fd), 0);
-  assert_true(tc_dicom_wire_send_progress(fd[1], 0.5));
-  assert_true(tc_dicom_wire_send_head(fd[1], desc, from));
-  assert_true(tc_dicom_wire_send_voxels(fd[1], voxels, voxel_bytes));
-  assert_true(tc_dicom_wire_send_end(fd[1]));
+  assert_true(tc_wire_send_progress(fd[1], 0.5));
+  assert_true(tc_wire_send_head(fd[1], desc, from));
+  assert_true(tc_wire_send_voxels(fd[1], 1, voxel_bytes));
+  assert_true(tc_wire_send_end(fd[1]));
   close(fd[1]);
   ssize_t n = read(fd[0], out, room);
   close(fd[0]);
@@ -254,8 +260,8 @@ static size_t say(uint8_t *out, size_t room, const tc_volume_desc *desc, const t
 
 static tc_volume *hear(const uint8_t *bytes, size_t size, uint64_t most, GError **error) {
   memory m = {bytes, size, 0};
-  tc_dicom_wire_reader reader = {.read = read_memory, .user = &m, .max_voxel_bytes = most};
-  return tc_dicom_wire_load(&reader, error);
+  tc_wire_reader reader = {.read = read_memory, .user = &m, .reply = no_reply, .ring = ring, .max_voxel_bytes = most};
+  return tc_wire_load(&reader, error);
 }
 
 static void a_volume_crosses_the_wire(void **state) {
@@ -295,7 +301,7 @@ static void a_volume_crosses_the_wire(void **state) {
 static void lies_about_the_volume_are_refused(void **state) {
   uint8_t bytes[2048];
   tc_volume_desc good = small_desc();
-  for (int lie = 0; lie < 18; lie++) {
+  for (int lie = 0; lie < 19; lie++) {
     tc_volume_desc d = good;
     tc_provenance from = small_from;
     size_t voxels = 24;
@@ -317,6 +323,7 @@ static void lies_about_the_volume_are_refused(void **state) {
     if (lie == 15) from.slices_used = 9;
     if (lie == 16) from.bridged = 3;
     if (lie == 17) from.slices_found = -1;
+    if (lie == 18) strcpy(d.format, "a b");
     size_t n = say(bytes, sizeof bytes, &d, &from, voxels);
     GError *error = NULL;
     if (hear(bytes, n, 0, &error)) fail_msg("lie %d was believed", lie);
@@ -329,7 +336,7 @@ static void text_from_the_helper_is_tamed(void **state) {
   int fd[2];
   uint8_t bytes[1024];
   assert_int_equal(pipe(fd), 0);
-  assert_true(tc_dicom_wire_send_fail(fd[1], TC_ERROR_CANCELLED, "two\nlines \x1b[31m\xff"));
+  assert_true(tc_wire_send_fail(fd[1], TC_ERROR_CANCELLED, "two\nlines \x1b[31m\xff"));
   close(fd[1]);
   ssize_t n = read(fd[0], bytes, sizeof bytes);
   close(fd[0]);
@@ -340,15 +347,36 @@ static void text_from_the_helper_is_tamed(void **state) {
   g_error_free(error);
 }
 
+static void slots_that_are_none_are_refused(void **state) {
+  static const struct { unsigned slot; size_t bytes; } lies[] = {{TC_WIRE_SLOTS, 24}, {UINT_MAX, 24}, {0, 25},
+                                                                 {0, TC_WIRE_SLOT_BYTES + 1}};
+  for (size_t i = 0; i < G_N_ELEMENTS(lies); i++) {
+    uint8_t bytes[2048];
+    tc_volume_desc desc = small_desc();
+    int fd[2];
+    GError *error = NULL;
+    assert_int_equal(pipe(fd), 0);
+    assert_true(tc_wire_send_head(fd[1], &desc, &small_from));
+    assert_true(tc_wire_send_voxels(fd[1], lies[i].slot, lies[i].bytes));
+    assert_true(tc_wire_send_end(fd[1]));
+    close(fd[1]);
+    const ssize_t n = read(fd[0], bytes, sizeof bytes);
+    close(fd[0]);
+    assert_null(hear(bytes, (size_t)n, 0, &error));
+    assert_int_equal(error->code, TC_ERROR_FORMAT);
+    g_error_free(error);
+  }
+}
+
 static bool never(void *user, double fraction) { return false; }
 
 static void the_caller_can_cancel(void **state) {
   uint8_t bytes[2048];
   tc_volume_desc desc = small_desc();
   memory m = {bytes, say(bytes, sizeof bytes, &desc, &small_from, 24), 0};
-  tc_dicom_wire_reader reader = {.read = read_memory, .user = &m, .tick = never};
+  tc_wire_reader reader = {.read = read_memory, .user = &m, .reply = no_reply, .ring = ring, .tick = never};
   GError *error = NULL;
-  assert_null(tc_dicom_wire_load(&reader, &error));
+  assert_null(tc_wire_load(&reader, &error));
   assert_int_equal(error->code, TC_ERROR_CANCELLED);
   g_error_free(error);
 }
@@ -360,6 +388,7 @@ int main(void) {
       cmocka_unit_test(odd_formats_are_not_valid),      cmocka_unit_test(zip_members_read_back),
       cmocka_unit_test(damaged_zips_are_errors),        cmocka_unit_test(a_wrong_checksum_is_seen),
       cmocka_unit_test(a_volume_crosses_the_wire),      cmocka_unit_test(lies_about_the_volume_are_refused),
+      cmocka_unit_test(slots_that_are_none_are_refused),
       cmocka_unit_test(text_from_the_helper_is_tamed),  cmocka_unit_test(the_caller_can_cancel),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);

@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "renderer/import/dicom_stack.h"
+#include "renderer/import/helper/dicom_stack.h"
 
 enum { MOST = 64 };
 

@@ -1,11 +1,12 @@
 /* The one entry: what is refused at the door, cancelling, limits, memory; and the reader below it. */
+#define TC_TEST_BY_HELPER(name, options) true
 #include "import_files.h"
 
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 
-#include "renderer/import/names.h"
+#include "renderer/import/helper/names.h"
 #include "renderer/import/reader.h"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -255,6 +256,41 @@ static void name_patterns(void **state) {
   g_ptr_array_unref(names);
 }
 
+/* A helper asks for the files that a header names; what is no regular file beside it is refused here. */
+static void files_beside_a_header(void **state) {
+  uint8_t half[32];
+  memset(half, 7, sizeof half);
+  write_file("one.raw", half, sizeof half);
+  memset(half, 9, sizeof half);
+  write_file("two.raw", half, sizeof half);
+  write_text("pair.nhdr", "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 4 4 4\nencoding: raw\ndata file: LIST 3\none.raw\ntwo.raw\n");
+  tc_volume *v = open_good("pair.nhdr");
+  assert_true(voxel(v, 0) == 7 && voxel(v, 31) == 7 && voxel(v, 32) == 9 && voxel(v, 63) == 9);
+  tc_volume_unref(v);
+  write_text("one.mhd", "NDims = 3\nDimSize = 4 4 2\nElementType = MET_UCHAR\nElementDataFile = one.raw\n");
+  v = open_good("one.mhd");
+  assert_true(voxel(v, 31) == 7);
+  tc_volume_unref(v);
+  write_text("out.mhd", "NDims = 3\nDimSize = 4 4 2\nElementType = MET_UCHAR\nElementDataFile = ../one.raw\n");
+  open_bad("out.mhd", TC_ERROR_FORMAT, "beside its header");
+  write_text("none.mhd", "NDims = 3\nDimSize = 4 4 2\nElementType = MET_UCHAR\nElementDataFile = none.raw\n");
+  open_bad("none.mhd", TC_ERROR_FORMAT, "none.raw': missing, put it beside the header");
+}
+
+/* What decodes files is in the helpers and not in the daemon. */
+static void the_daemon_has_no_decoder(void **state) {
+  static const char *const programs[] = {"tomocast", "tomocast-import"};
+  for (int i = 0; i < 2; i++) {
+    char *path = g_build_filename(TC_BINARY_DIR, programs[i], NULL), *bytes;
+    gsize size;
+    assert_true(g_file_get_contents(path, &bytes, &size, NULL));
+    assert_int_equal(memmem(bytes, size, "BZ2_bzDecompress", 16) != NULL, i == 1);
+    assert_int_equal(memmem(bytes, size, "NIfTI header is cut short", 25) != NULL, i == 1);
+    g_free(bytes);
+    g_free(path);
+  }
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(what_is_no_volume),
@@ -267,6 +303,8 @@ int main(void) {
       cmocka_unit_test(the_reader_never_passes_its_end),
       cmocka_unit_test(lines_and_numbers),
       cmocka_unit_test(name_patterns),
+      cmocka_unit_test(files_beside_a_header),
+      cmocka_unit_test(the_daemon_has_no_decoder),
   };
   return cmocka_run_group_tests_name("import", tests, folder_setup, folder_teardown);
 }

@@ -1,0 +1,45 @@
+/* From a file's voxels to a volume: the storage rule of import.h, in one place for every format.
+ *
+ * A parser describes what the file holds as a tc_raster; tc_raster_load() checks that the file can hold it, chooses
+ * the storage type and fills in chunks. Nothing of the volume's size is ever held. */
+#ifndef TC_IMPORT_CONVERT_H
+#define TC_IMPORT_CONVERT_H
+
+#include "renderer/import/helper/order.h"
+#include "renderer/import/helper/source.h"
+
+/* What several components of one voxel become. */
+typedef enum tc_combine {
+  TC_COMBINE_FIRST,     /* the first component (the first frame where frames vary fastest) */
+  TC_COMBINE_LUMA,      /* Rec. 709 luma of the first three: u8 from u8 and u16, else f32 */
+  TC_COMBINE_MAGNITUDE, /* root of the sum of squares, f32 */
+  TC_COMBINE_COUNT
+} tc_combine;
+
+typedef struct tc_raster {
+  tc_volume_desc desc; /* all but type, which loading chooses; its note is added to */
+  tc_data data;        /* part_bytes and element are set by tc_raster_load() */
+  tc_element element;
+  bool big_endian;     /* of the file; ignored for text */
+  tc_combine combine;
+  uint32_t components; /* per voxel, >= 1 */
+  uint64_t inner;      /* voxels that follow each other before the component changes: 1 = interleaved,
+                          all voxels of a frame = planar. A divisor of the voxels of a frame. */
+  uint64_t frames;     /* whole frames behind each other in the data, >= 1; order->volume chooses */
+} tc_raster;
+
+/* A raster of one frame and component, spacing 1, identity orientation, slope 1. */
+void tc_raster_init(tc_raster *raster, const char *format, const tc_input *input);
+void tc_raster_clear(tc_raster *raster);
+
+/* Adds a clause to desc.note, with "; " between clauses; cut at the note's end. */
+void tc_raster_note(tc_raster *raster, const char *format, ...) G_GNUC_PRINTF(2, 3);
+
+/* Reads the voxels into the order. */
+bool tc_raster_load(tc_raster *raster, const tc_order *order, GError **error);
+
+/* Sets spacing and direction from three column vectors in LPS mm (column k = one step along index axis k). A column of
+ * zero length on an axis of one voxel is replaced by one across the others. False when they are not independent. */
+bool tc_raster_set_axes(tc_raster *raster, const double columns[3][3]);
+
+#endif

@@ -1,0 +1,171 @@
+/* Decoded DICOM samples to voxels. */
+#include "renderer/import/helper/dicom_pixels.h"
+
+#include <math.h>
+#include <string.h>
+
+bool tc_dicom_samples_valid(const tc_dicom_samples *s) {
+  bool grey = s->colour == TC_DICOM_GREY;
+  if (s->rows < 1 || s->columns < 1 || s->rows > 65535 || s->columns > 65535) return false;
+  if (s->is_float) return grey && s->per_pixel == 1 && (s->allocated == 32 || s->allocated == 64);
+  if (s->allocated == 1) return grey && s->per_pixel == 1;
+  if (s->allocated != 8 && s->allocated != 16 && s->allocated != 32 && s->allocated != 64) return false;
+  if (s->halved && (s->allocated != 8 || s->per_pixel != 3 || s->columns % 2 || s->colour != TC_DICOM_LUMA)) return false;
+  if (s->stored < 1 || s->stored > s->allocated || s->high < s->stored - 1 || s->high >= s->allocated) return false;
+  return grey ? s->per_pixel == 1 : (s->per_pixel == 3 || s->per_pixel == 4) && s->allocated <= 16;
+}
+
+uint64_t tc_dicom_frame_bytes(const tc_dicom_samples *s) {
+  uint64_t bits = (uint64_t)s->rows * (uint64_t)s->columns * (uint64_t)s->per_pixel; /* below 2^35 */
+  if (s->halved) bits -= bits / 3;
+  return (bits * (uint64_t)s->allocated + 7) / 8;
+}
+
+tc_voxel_type tc_dicom_natural_type(const tc_dicom_samples *s) {
+  if (s->is_float || (s->colour == TC_DICOM_GREY && s->stored > 16)) return TC_F32;
+  if (s->colour != TC_DICOM_GREY || s->allocated == 1) return TC_U8;
+  if (s->stored <= 8) return s->is_signed ? TC_I8 : TC_U8;
+  return s->is_signed ? TC_I16 : TC_U16;
+}
+
+static uint64_t load(const uint8_t *at, int bytes) {
+  uint64_t value = 0;
+  for (int i = 0; i < bytes; i++)
+    value |= (uint64_t)at[i] << (8 * i);
+  return value;
+}
+
+/* Cuts the used bits out of a sample and extends the sign. */
+static int64_t integer_sample(const tc_dicom_samples *s, const uint8_t *at) {
+  uint64_t value = load(at, s->allocated / 8) >> (s->high + 1 - s->stored);
+  if (s->stored == 64) return (int64_t)value;
+  value &= (UINT64_C(1) << s->stored) - 1;
+  uint64_t sign = s->is_signed ? UINT64_C(1) << (s->stored - 1) : 0;
+  return (int64_t)((value ^ sign) - sign);
+}
+
+static double sample(const tc_dicom_samples *s, const uint8_t *at) {
+  if (s->is_float && s->allocated == 32) {
+    uint32_t bits = (uint32_t)load(at, 4);
+    float value;
+    memcpy(&value, &bits, 4);
+    return value;
+  }
+  if (s->is_float) {
+    uint64_t bits = load(at, 8);
+    double value;
+    memcpy(&value, &bits, 8);
+    return value;
+  }
+  int64_t value = integer_sample(s, at);
+  return s->stored == 64 && !s->is_signed ? (double)(uint64_t)value : (double)value;
+}
+
+/* The grey value of pixel i of a whole frame. */
+static double pixel(const tc_dicom_samples *s, const uint8_t *bytes, size_t pixels, unsigned first_bit, size_t i) {
+  if (s->allocated == 1) {
+    size_t bit = first_bit + i;
+    return (bytes[bit / 8] >> (bit % 8)) & 1;
+  }
+  size_t width = (size_t)s->allocated / 8;
+  size_t step = s->planar ? pixels * width : width;
+  const uint8_t *at = bytes + (s->planar ? i * width : i * width * (size_t)s->per_pixel);
+  if (s->halved) at = bytes + i / 2 * 4 + i % 2;
+  if (s->colour == TC_DICOM_GREY) return sample(s, at);
+  double scale = 255.0 / ((double)(UINT64_C(1) << s->stored) - 1);
+  if (s->colour == TC_DICOM_LUMA) return round(sample(s, at) * scale);
+  return round((0.2126 * sample(s, at) + 0.7152 * sample(s, at + step) + 0.0722 * sample(s, at + 2 * step)) * scale);
+}
+
+static double clamp(double value, double lo, double hi) { return value < lo ? lo : value > hi ? hi : value; }
+
+static void store(tc_voxel_type type, void *voxels, size_t i, double value) {
+  switch (type) {
+  case TC_U8:
+    ((uint8_t *)voxels)[i] = (uint8_t)clamp(value, 0, 255);
+    break;
+  case TC_I8:
+    ((int8_t *)voxels)[i] = (int8_t)clamp(value, -128, 127);
+    break;
+  case TC_U16:
+    ((uint16_t *)voxels)[i] = (uint16_t)clamp(value, 0, 65535);
+    break;
+  case TC_I16:
+    ((int16_t *)voxels)[i] = (int16_t)clamp(value, -32768, 32767);
+    break;
+  case TC_F32:
+    ((float *)voxels)[i] = (float)value;
+    break;
+  case TC_VOXEL_TYPE_COUNT:
+    break;
+  }
+}
+
+/* The usual picture, 8 or 16 bits into its natural type: no detour over doubles. True when it was one. */
+static bool convert_plain(const tc_dicom_samples *s, const uint8_t *bytes, size_t pixels, const tc_dicom_target *target,
+                          void *voxels) {
+  if (s->is_float || s->colour != TC_DICOM_GREY || target->label || target->type != tc_dicom_natural_type(s))
+    return false;
+  if (s->allocated != 8 && s->allocated != 16) return false;
+  if (s->stored == s->allocated) { /* nothing to cut */
+    memcpy(voxels, bytes, pixels * (size_t)s->allocated / 8);
+    return true;
+  }
+  bool narrow = target->type == TC_U8 || target->type == TC_I8;
+  for (size_t i = 0; i < pixels; i++) {
+    int64_t value = integer_sample(s, bytes + i * (size_t)s->allocated / 8);
+    if (narrow)
+      ((uint8_t *)voxels)[i] = (uint8_t)value;
+    else
+      ((uint16_t *)voxels)[i] = (uint16_t)value;
+  }
+  return true;
+}
+
+bool tc_dicom_convert(const tc_dicom_samples *s, const uint8_t *bytes, size_t size, unsigned first_bit,
+                      const tc_dicom_target *target, void *voxels) {
+  size_t pixels = (size_t)s->rows * (size_t)s->columns;
+  uint64_t needed = s->allocated == 1 ? ((uint64_t)first_bit + pixels + 7) / 8 : tc_dicom_frame_bytes(s);
+  if (size < needed) return false;
+  if (convert_plain(s, bytes, pixels, target, voxels)) return true;
+  for (size_t i = 0; i < pixels; i++) {
+    double value = pixel(s, bytes, pixels, first_bit, i);
+    if (target->label) {
+      if (value >= target->threshold) store(target->type, voxels, i, target->label);
+      continue;
+    }
+    store(target->type, voxels, i, target->rescale ? target->slope * value + target->intercept : value);
+  }
+  return true;
+}
+
+bool tc_dicom_range(const tc_dicom_samples *s, const uint8_t *bytes, size_t size, double *lo, double *hi) {
+  if (size < tc_dicom_frame_bytes(s)) return false;
+  size_t pixels = (size_t)s->rows * (size_t)s->columns;
+  for (size_t i = 0; i < pixels; i++) {
+    double value = pixel(s, bytes, pixels, 0, i);
+    if (value < *lo) *lo = value;
+    if (value > *hi) *hi = value;
+  }
+  return true;
+}
+
+static double voxel(tc_voxel_type type, const void *voxels, size_t i) {
+  switch (type) {
+  case TC_U8: return ((const uint8_t *)voxels)[i];
+  case TC_I8: return ((const int8_t *)voxels)[i];
+  case TC_U16: return ((const uint16_t *)voxels)[i];
+  case TC_I16: return ((const int16_t *)voxels)[i];
+  case TC_F32: return (double)((const float *)voxels)[i];
+  case TC_VOXEL_TYPE_COUNT: break;
+  }
+  return 0;
+}
+
+void tc_dicom_mix_layers(tc_voxel_type type, const void *below, const void *above, double part, size_t count, void *out) {
+  for (size_t i = 0; i < count; i++) {
+    double value = voxel(type, below, i);
+    if (part > 0) value = part < 1 ? (1 - part) * value + part * voxel(type, above, i) : voxel(type, above, i);
+    store(type, out, i, type == TC_F32 ? value : floor(value + 0.5));
+  }
+}

@@ -1,0 +1,46 @@
+/* Where the bytes of DICOM come from: a file, a folder of files, or a zip. */
+#ifndef TC_IMPORT_DICOM_SOURCES_H
+#define TC_IMPORT_DICOM_SOURCES_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "renderer/import/helper.h"
+#include "renderer/import/helper/dicom_zip.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* The files under the input, numbered from 0: one file, a folder's (recursive, by name, links to folders not followed), or a
+ * zip's. */
+typedef struct tc_dicom_sources {
+  int root;
+  GPtrArray *names; /* of a folder; NULL otherwise */
+  tc_dicom_zip zip; /* of a zip */
+  bool is_zip;
+  void *map; /* the zip or the one file, [map_size] */
+  size_t map_size;
+  size_t count;
+} tc_dicom_sources;
+
+/* `root` is an open folder or file and stays the caller's. TC_ERROR_IO, _FORMAT, _LIMIT. */
+bool tc_dicom_sources_open(tc_dicom_sources *sources, int root, GError **error);
+void tc_dicom_sources_finish(tc_dicom_sources *sources);
+
+/* The bytes of one source: mapped, or inflated into memory. */
+typedef struct tc_dicom_blob {
+  const uint8_t *bytes; /* [size] */
+  size_t size;
+  void *map, *heap; /* what to give back */
+} tc_dicom_blob;
+
+/* False without an error for what does not look like DICOM; with one for what cannot be read. */
+bool tc_dicom_sources_get(const tc_dicom_sources *sources, size_t index, tc_dicom_blob *blob, GError **error);
+void tc_dicom_blob_finish(tc_dicom_blob *blob); /* a zeroed one is fine */
+
+#ifdef __cplusplus
+}
+#endif
+#endif

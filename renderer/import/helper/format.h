@@ -1,0 +1,25 @@
+/* The formats, one file each: probe by the first bytes, read from an input. */
+#ifndef TC_IMPORT_FORMAT_H
+#define TC_IMPORT_FORMAT_H
+
+#include "renderer/import/helper/order.h"
+#include "renderer/import/helper/source.h"
+
+/* How many first bytes (inflated when the file is gzip) the probes want to see. */
+#define TC_PROBE_BYTES 4096
+
+typedef struct tc_format {
+  const char *name;
+  const char *suffixes; /* "|"-separated, lower case; decides only where the content does not */
+  bool compressed;      /* the whole file may be gzip */
+  bool (*probe)(const uint8_t *head, size_t size);
+  bool (*read)(const tc_input *input, const tc_order *order, GError **error); /* the input stays the caller's */
+} tc_format;
+
+/* Reads a file of any of them, which stays the caller's; one that a header is found beside is read by that header.
+ * `choice` is what followed the '#' of its path, or "". */
+bool tc_formats_read(tc_input *input, const char *choice, const tc_order *order, GError **error);
+
+extern const tc_format tc_format_nifti, tc_format_nrrd, tc_format_metaimage;
+
+#endif

@@ -1,0 +1,91 @@
+/* Every format but DICOM: which file is what, by content first and by name second. */
+#include <string.h>
+#include <unistd.h>
+
+#include "renderer/import/helper/format.h"
+
+static const tc_format *const formats[] = {&tc_format_nifti, &tc_format_nrrd, &tc_format_metaimage};
+
+static bool has_suffix(const char *name, const char *suffixes) {
+  char *lower = g_ascii_strdown(name, -1), **list = g_strsplit(suffixes, "|", -1);
+  bool found = false;
+  for (char **s = list; *s; s++)
+    if (g_str_has_suffix(lower, *s)) found = true;
+  g_strfreev(list);
+  g_free(lower);
+  return found;
+}
+
+static const tc_format *recognise(const char *name, const uint8_t *head, size_t size, bool gzip) {
+  for (size_t i = 0; i < G_N_ELEMENTS(formats); i++)
+    if ((!gzip || formats[i]->compressed) && formats[i]->probe(head, size)) return formats[i];
+  for (size_t i = 0; i < G_N_ELEMENTS(formats); i++)
+    if (has_suffix(name, formats[i]->suffixes)) return formats[i];
+  return NULL;
+}
+
+/* The .img of a NIfTI pair was named: its header tells what it is. */
+static bool use_header_beside(tc_input *input, GError **error) {
+  uint8_t head[TC_PROBE_BYTES];
+  size_t size;
+  bool gzip;
+  tc_input header;
+  if (!input->open || !has_suffix(input->name, ".img|.img.gz")) return true;
+  char *name = g_strdup(input->name);
+  memcpy(g_strrstr(name, ".") - (has_suffix(name, ".gz") ? 4 : 0), ".hdr", 5);
+  bool found = tc_input_open_sibling(input, name, true, &header, error);
+  g_free(name);
+  if (!found) return !*error;
+  if (!tc_input_head(&header, head, sizeof head, &size, &gzip, error)) {
+    tc_input_close(&header);
+    return false;
+  }
+  if (!tc_format_nifti.probe(head, size)) {
+    tc_input_close(&header);
+    return true;
+  }
+  header.open = input->open;
+  header.open_user = input->open_user;
+  tc_input_close(input);
+  *input = header;
+  return true;
+}
+
+/* What "#volume=N" says; 0 without it. */
+static bool read_volume(const char *choice, const tc_format *format, uint32_t *volume, GError **error) {
+  guint64 number = 0;
+  if (!*choice) return true;
+  if (g_str_has_prefix(choice, "volume=") && g_ascii_string_to_unsigned(choice + 7, 10, 1, 1 << 24, &number, NULL)) {
+    *volume = (uint32_t)number;
+    return true;
+  }
+  tc_set_error(error, TC_ERROR_INVALID, NULL, "%s holds no series: after '#' give nothing, or volume=N", format->name);
+  return false;
+}
+
+bool tc_formats_read(tc_input *input, const char *choice, const tc_order *order, GError **error) {
+  uint8_t head[TC_PROBE_BYTES];
+  size_t size;
+  bool gzip;
+  tc_order own = *order;
+  if (!use_header_beside(input, error) || !tc_input_head(input, head, sizeof head, &size, &gzip, error)) return false;
+  if (input->size == 0) {
+    tc_set_error(error, TC_ERROR_FORMAT, NULL, "the file is empty");
+    return false;
+  }
+  const tc_format *format = recognise(input->name, head, size, gzip);
+  if (format) return read_volume(choice, format, &own.volume, error) && format->read(input, &own, error);
+  tc_set_error(error, TC_ERROR_FORMAT, NULL, "%s: NIfTI, NRRD, MetaImage and DICOM are read",
+               gzip ? "a gzip file that holds no NIfTI image" : "unknown kind of file");
+  return false;
+}
+
+bool tc_helper_decode(int fd, const tc_helper_request *request, const tc_order *order, GError **error) {
+  tc_input input;
+  if (!tc_input_adopt(&input, dup(fd), request->name, error)) return false;
+  if (!request->self_contained) input.open = order->open; /* the daemon would open none: this says why early */
+  input.open_user = order->user;
+  bool ok = tc_formats_read(&input, request->choice, order, error);
+  tc_input_close(&input);
+  return ok;
+}

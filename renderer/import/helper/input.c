@@ -1,0 +1,105 @@
+/* Inputs: files and memory by offset, and files beside them. */
+#include "renderer/import/helper/decode.h"
+#include "renderer/import/reader.h"
+
+#include <errno.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "renderer/import/wire.h"
+
+/* How much of a file is looked at for its first decoded bytes. */
+#define HEAD_REACH (1u << 20)
+
+/* A FIFO or a device would hang or never end, so only regular files pass. */
+bool tc_input_adopt(tc_input *input, int fd, const char *name, GError **error) {
+  struct stat st;
+  *input = (tc_input){.fd = fd, .name = g_strdup(name)};
+  if (fstat(fd, &st) == 0 && S_ISREG(st.st_mode)) {
+    input->size = (uint64_t)st.st_size;
+    return true;
+  }
+  tc_set_error(error, TC_ERROR_FORMAT, NULL, "not a regular file");
+  tc_input_close(input);
+  return false;
+}
+
+void tc_input_memory(tc_input *input, const void *bytes, size_t size, const char *name) {
+  *input = (tc_input){.fd = -1, .bytes = bytes, .size = size, .name = g_strdup(name)};
+}
+
+void tc_input_close(tc_input *input) {
+  if (input->fd > 0) close(input->fd); /* a zeroed input has fd 0, which is never ours */
+  g_free(input->name);
+  *input = (tc_input){.fd = -1};
+}
+
+bool tc_input_may_name(const tc_input *input, GError **error) {
+  if (input->open) return true;
+  tc_set_error(error, TC_ERROR_FORMAT, NULL, "the header names another file; upload header and voxels as one");
+  return false;
+}
+
+bool tc_input_open_sibling(const tc_input *input, const char *name, bool optional, tc_input *sibling, GError **error) {
+  *sibling = (tc_input){.fd = -1};
+  if (!input->open) return !optional && tc_input_may_name(input, error);
+  if (strlen(name) >= TC_WIRE_NAME) {
+    tc_set_error(error, TC_ERROR_FORMAT, NULL, "the name of a data file is longer than any system has");
+    return false;
+  }
+  const int fd = input->open(input->open_user, name, optional, error);
+  return fd >= 0 && tc_input_adopt(sibling, fd, name, error);
+}
+
+bool tc_input_read(const tc_input *input, uint64_t offset, void *to, size_t n, GError **error) {
+  if (n == 0) return true;
+  if (offset > input->size || n > input->size - offset) {
+    tc_set_error(error, TC_ERROR_FORMAT, NULL, "file ends at byte %" G_GUINT64_FORMAT ", before its data do",
+                 input->size);
+    return false;
+  }
+  if (input->fd < 0) {
+    memcpy(to, input->bytes + offset, n);
+    return true;
+  }
+  for (size_t done = 0; done < n;) {
+    ssize_t got = pread(input->fd, (char *)to + done, n - done, (off_t)(offset + done));
+    if (got < 0 && errno == EINTR) continue;
+    if (got <= 0) {
+      tc_set_error(error, TC_ERROR_IO, NULL, "reading failed: %s",
+                   got < 0 ? g_strerror(errno) : "the file was cut short");
+      return false;
+    }
+    done += (size_t)got;
+  }
+  return true;
+}
+
+bool tc_input_head(const tc_input *input, void *to, size_t n, size_t *got, bool *gzip, GError **error) {
+  uint8_t magic[2] = {0};
+  *got = 0;
+  *gzip = false;
+  if (input->size >= 2 && !tc_input_read(input, 0, magic, 2, error)) return false;
+  *gzip = magic[0] == 0x1f && magic[1] == 0x8b;
+  tc_encoding encoding = *gzip ? TC_ENCODING_DEFLATE : TC_ENCODING_RAW;
+  /* Gzip members that hold nothing may follow each other for as long as the file is. */
+  tc_input start = *input;
+  start.size = MIN(start.size, (uint64_t)HEAD_REACH);
+  tc_decoder *decoder = tc_decoder_new(&start, 0, encoding, TC_ELEMENT_U8, 0, error);
+  if (!decoder) return false;
+  bool ok = true;
+  GError *trouble = NULL;
+  for (size_t more = 1; *got < n && more > 0; *got += more)
+    if (!tc_decoder_read(decoder, (char *)to + *got, n - *got, &more, &trouble)) {
+      more = 0;
+      ok = g_error_matches(trouble, TC_ERROR, TC_ERROR_FORMAT);
+      break;
+    }
+  tc_decoder_free(decoder);
+  if (ok)
+    g_clear_error(&trouble);
+  else
+    g_propagate_error(error, trouble);
+  return ok;
+}

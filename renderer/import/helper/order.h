@@ -1,0 +1,36 @@
+/* What is wanted of a file, and where its voxels go: to the daemon (output.h), or in tests to a volume. */
+#ifndef TC_IMPORT_ORDER_H
+#define TC_IMPORT_ORDER_H
+
+#include "renderer/import/wire.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { TC_ORDER_MOST_BYTES = TC_WIRE_SLOT_BYTES }; /* of voxels at a time */
+
+/* Every function returns false (NULL) with an error to end the work. */
+typedef struct tc_order {
+  uint32_t volume;          /* of a file of several, from 1; 0: the first */
+  uint64_t max_voxel_bytes; /* 0: no limit */
+  void *user;               /* of all that follow */
+  bool (*want)(void *user, uint64_t bytes, GError **error); /* memory, before anything is decoded */
+  bool (*begin)(void *user, const tc_volume_desc *desc, const tc_provenance *from, GError **error);
+  void *(*room)(void *user, GError **error); /* where the next voxels go: TC_ORDER_MOST_BYTES; the same until filled */
+  bool (*filled)(void *user, size_t bytes, GError **error);
+  bool (*goes_on)(void *user, double fraction, GError **error); /* 0..1 */
+  int (*open)(void *user, const char *name, bool optional, GError **error); /* a file beside the input, as in wire.h */
+} tc_order;
+
+/* Copies voxels of any number of bytes. */
+bool tc_order_put(const tc_order *order, const void *voxels, size_t bytes, GError **error);
+
+/* Decodes the file or folder `input` (which stays the caller's) into the order. One of the two helper programs has
+ * the one that knows DICOM (dicom.cc), the other the one for all other formats (formats.c). */
+bool tc_helper_decode(int input, const tc_helper_request *request, const tc_order *order, GError **error);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,69 @@
+/* Rasters: what a header says of an image, before its voxels are read. */
+#include <math.h>
+#include <stdarg.h>
+#include <string.h>
+
+#include "renderer/import/helper/convert.h"
+
+void tc_raster_init(tc_raster *raster, const char *format, const tc_input *input) {
+  *raster = (tc_raster){.components = 1, .inner = 1, .frames = 1, .data.input = input};
+  g_strlcpy(raster->desc.format, format, sizeof raster->desc.format);
+  raster->desc.slope = 1;
+  raster->desc.frames = 1;
+  for (int i = 0; i < 3; i++) {
+    raster->desc.dims[i] = 1;
+    raster->desc.spacing[i] = 1;
+    raster->desc.direction[i * 4] = 1;
+  }
+}
+
+void tc_raster_clear(tc_raster *raster) { tc_data_clear(&raster->data); }
+
+void tc_raster_note(tc_raster *raster, const char *format, ...) {
+  char *note = raster->desc.note;
+  size_t used = strlen(note), room = sizeof raster->desc.note - used;
+  if (used > 0) used += g_strlcpy(note + used, "; ", room);
+  if (used >= sizeof raster->desc.note) return;
+  va_list args;
+  va_start(args, format);
+  g_vsnprintf(note + used, sizeof raster->desc.note - used, format, args);
+  va_end(args);
+}
+
+static void cross(const double a[3], const double b[3], double out[3]) {
+  for (int i = 0; i < 3; i++) out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
+}
+
+static double normalise(double v[3]) {
+  double length = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+  if (length > 0)
+    for (int i = 0; i < 3; i++) v[i] /= length;
+  return length;
+}
+
+bool tc_raster_set_axes(tc_raster *raster, const double columns[3][3]) {
+  tc_volume_desc *desc = &raster->desc;
+  double unit[3][3], spacing[3];
+  int missing = -1;
+  memcpy(unit, columns, sizeof unit);
+  for (int k = 0; k < 3; k++) {
+    spacing[k] = normalise(unit[k]);
+    if (!isfinite(spacing[k])) return false;
+    if (spacing[k] > 0) continue;
+    if (desc->dims[k] > 1 || missing >= 0) return false;
+    missing = k;
+  }
+  if (missing >= 0) {
+    cross(unit[(missing + 1) % 3], unit[(missing + 2) % 3], unit[missing]);
+    if (normalise(unit[missing]) < 1e-6) return false;
+    spacing[missing] = 1;
+  }
+  double normal[3];
+  cross(unit[0], unit[1], normal);
+  if (fabs(normal[0] * unit[2][0] + normal[1] * unit[2][1] + normal[2] * unit[2][2]) < 1e-6) return false;
+  for (int k = 0; k < 3; k++) {
+    desc->spacing[k] = spacing[k];
+    for (int i = 0; i < 3; i++) desc->direction[i * 3 + k] = unit[k][i];
+  }
+  return true;
+}

@@ -1,0 +1,97 @@
+/* What the daemon and its helper say to each other over a socket pair; all numbers little-endian.
+ *
+ *   request  daemon to helper, first and once: tc_helper_request in its fixed form
+ *   message  helper to daemon: u32 kind, u32 length, then `length` bytes
+ *     list:    PROGRESS* SERIES* END                             or FAIL at any place
+ *     load:    (PROGRESS|WANT|OPEN)* HEAD (VOXELS|PROGRESS|OPEN)* END    or FAIL at any place
+ *   reply    daemon to helper, a byte: to VOXELS that the slot is free again; to OPEN that the file comes with it as a
+ *            descriptor, or that there is none
+ *
+ * Voxels travel through a small ring of slots in memory that both share, in turn: the helper decodes into a slot while the
+ * daemon copies the one before into the volume's own storage. They are in the daemon's memory once, in pages as large as
+ * any volume's, and nothing the helper keeps can change them afterwards.
+ *
+ * The writer's side trusts the daemon; the reader's side trusts nothing: every length has a cap by kind, every number a
+ * range, text becomes printable ASCII, and voxels are counted against the volume that was announced. */
+#ifndef TC_IMPORT_WIRE_H
+#define TC_IMPORT_WIRE_H
+
+#include "renderer/import/import.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* The helper's descriptors. */
+enum { TC_HELPER_INPUT_FD = 3, TC_HELPER_SOCKET_FD = 4, TC_HELPER_RING_FD = 5 };
+
+enum {
+  TC_WIRE_SERIES_MAX = 4096, /* series in one listing */
+  TC_WIRE_SLOT_BYTES = 512 * 1024,
+  TC_WIRE_SLOTS = 4,
+  TC_WIRE_RING_BYTES = TC_WIRE_SLOTS * TC_WIRE_SLOT_BYTES,
+  TC_WIRE_NAME = 4096, /* longest name of a file beside, with its end */
+};
+
+/* Message kinds and the sizes of their bodies. */
+enum {
+  TC_WIRE_PROGRESS = 0x50434431, TC_WIRE_SERIES, TC_WIRE_HEAD, TC_WIRE_VOXELS, TC_WIRE_FAIL, TC_WIRE_END,
+  TC_WIRE_WANT, /* memory: u64 bytes, before anything is decoded */
+  TC_WIRE_OPEN, /* a file beside the input: u32 whether it may be missing, its name */
+};
+enum {
+  TC_WIRE_HEADER_BYTES = 8,
+  TC_WIRE_FAIL_TEXT = 320,
+  TC_WIRE_SERIES_BYTES = 72 + 16 + 64 + 48 + 7 * 4,
+  /* dims, type, frames, volume, slices used and found, bridged, resampled; spacing, origin, direction, slope, intercept,
+     window; modality, unit, note, format */
+  TC_WIRE_HEAD_BYTES = 10 * 4 + (3 + 3 + 9 + 2 + 2) * 8 + 16 + 16 + 256 + 16,
+  TC_WIRE_HEAD_NUMBERS = 3 + 3 + 9 + 2 + 2,
+};
+
+/* Replies. */
+enum { TC_WIRE_FREE = 'v', TC_WIRE_FILE = 'f', TC_WIRE_MISSING = 'm' };
+
+/* What the helper is to do. Both are the same build: the struct travels as it is. */
+typedef struct tc_helper_request {
+  bool list, without_landlock, self_contained;
+  uint32_t volume; /* of the options */
+  uint64_t max_voxel_bytes, address_bytes, cpu_seconds;
+  char name[256];   /* the input's base name */
+  char choice[256]; /* what follows the '#' of the path, or "" */
+} tc_helper_request;
+
+/* Moves exactly `size` bytes or fails with *error set. */
+typedef bool (*tc_wire_read_fn)(void *user, void *bytes, size_t size, GError **error);
+
+typedef struct tc_wire_reader {
+  tc_wire_read_fn read;
+  void *user;
+  /* A byte to the helper, with a descriptor (or -1) that stays the caller's. What cannot be told is noticed by reading. */
+  void (*reply)(void *user, char what, int fd);
+  /* Opens a file beside the input: -1 without an error where it may be missing and is, -1 with one that ends the load. */
+  int (*open)(void *user, const char *name, bool optional, GError **error);
+  tc_progress_fn tick;   /* PROGRESS, 0..1; false cancels */
+  tc_reserve_fn reserve; /* WANT and HEAD */
+  const uint8_t *ring;   /* [TC_WIRE_RING_BYTES] */
+  uint64_t max_voxel_bytes; /* 0 = no limit */
+} tc_wire_reader;
+
+/* NULL with an error when the stream is not what it must be, or carries the helper's own FAIL. */
+tc_volume *tc_wire_load(const tc_wire_reader *reader, GError **error);
+bool tc_wire_list(const tc_wire_reader *reader, tc_series **series, size_t *count, GError **error);
+
+/* The helper's side, on a blocking descriptor. False when the daemon is gone: end quietly. */
+bool tc_wire_send_progress(int fd, double fraction);
+bool tc_wire_send_series(int fd, const tc_series *series);
+bool tc_wire_send_want(int fd, uint64_t bytes);
+bool tc_wire_send_open(int fd, const char *name, bool optional); /* a name shorter than TC_WIRE_NAME */
+bool tc_wire_send_head(int fd, const tc_volume_desc *desc, const tc_provenance *from);
+bool tc_wire_send_voxels(int fd, unsigned slot, size_t bytes); /* of a slot, from its start */
+bool tc_wire_send_fail(int fd, int code, const char *text);
+bool tc_wire_send_end(int fd);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
