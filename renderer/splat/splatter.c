@@ -22,9 +22,9 @@ typedef struct drawing {
   double eye[3];        /* index coordinates */
   double planes[TC_MAX_CLIP_PLANES][4];
   tc_splat_entry *entries; /* nearest first */
-  int n_entries;
-  tc_splat_tile **tiles; /* [threads] */
-  float *out;            /* [threads][TC_TILE][TC_TILE][4] */
+  int n_entries, *layers;  /* translucent: entries by layers of bricks along an axis, and each layer's first */
+  tc_splat_tile **tiles;   /* [threads] */
+  float *out;              /* [threads][TC_TILE][TC_TILE][4] */
   tc_resolve resolve;
   tc_progress *progress;
 } drawing;
@@ -98,6 +98,29 @@ static void set_view(drawing *d) {
 }
 
 /* ---- the kernel ---- */
+
+/* Translucent: Gaussian and support, in kernel radii. The sum over a lattice of Gaussians of s spacings is constant
+ * within 6 exp(-2 (pi s)^2): 0.5 % at 0.6. */
+#define BLUR 0.6
+#define SUPPORT 1.8
+
+/* Table and mass of a translucent object's splats: the integral of a Gaussian along a line at distance b of its centre
+ * is exp(-b^2 / 2 s^2) / (2 pi s^2) per voxel of the ray's way. */
+static void set_blur(drawing *d) {
+  tc_splat_args *g = &d->args;
+  const double radius = d->job->scene->splat.kernel_radius, s = BLUR * radius, cut = SUPPORT / BLUR;
+  double to_index[9], rows[3][3];
+  g->radius2 = (float)(SUPPORT * SUPPORT * radius * radius);
+  g->least2 = 2.25f; /* half a pixel of deviation */
+  for (int i = 0; i < TC_WEIGHT_STEPS; i++)
+    g->weights[i] = (uint8_t)lround(255 * exp(-0.5 * cut * cut * (i + 0.5) / TC_WEIGHT_STEPS));
+  g->mass = (float)(1 / (255 * 2 * M_PI * s * s * (1 - exp(-0.5 * cut * cut))));
+  tc_volume_lps_to_index_matrix(d->job->volume, to_index);
+  view_axes(&d->job->scene->camera, rows);
+  for (int k = 0; k < 3; k++)
+    for (int r = 0; r < 3; r++)
+      g->to_index[k][r] = (float)dot3(to_index + 3 * k, rows[r]);
+}
 
 static double footprint(tc_filter filter, double q) {
   if (filter != TC_FILTER_CUBIC) return exp(-KERNEL_FALL * q);
@@ -229,7 +252,7 @@ static bool enter(const drawing *d, const tc_splats *of, uint32_t brick, double 
   set_seen(e);
   if (!set_clipped(d, e) && d->args.culling) return false;
   if (!set_box(d, e, middle, half, size_mm) && d->args.culling) return false;
-  return (b->faces & e->seen) || !d->args.culling;
+  return (b->faces & e->seen) || !d->args.culling || !d->args.opaque;
 }
 
 static void enter_all(drawing *d, const tc_splats *of, tc_splat_entry *entries, int *count) {
@@ -315,6 +338,53 @@ static bool box_in_tile(const tc_splat_entry *e, const tc_splat_tile *t, int box
   return true;
 }
 
+/* Translucent: the layers of bricks on one side of the eye, outwards; in each its sheets. False: halted. */
+static bool pass_sheets(const drawing *d, tc_splat_tile *t, int axis, int side) {
+  const int n = tc_volume_describe(d->job->volume)->dims[axis], last = (n - 1) / TC_SPLAT_BRICK;
+  const int eye = (int)fmin(fmax(ceil(d->eye[axis]), 0), n); /* the first sheet that is not below it */
+  int sheet = side > 0 ? eye : eye - 1;
+  for (; sheet >= 0 && sheet / TC_SPLAT_BRICK <= last && sheet < n; sheet += side) {
+    for (int i = d->layers[sheet / TC_SPLAT_BRICK]; i < d->layers[sheet / TC_SPLAT_BRICK + 1]; i++) {
+      int box[4];
+      if (!box_in_tile(&d->entries[i], t, box)) continue;
+      d->kernels->sheet(&d->args, &d->entries[i], axis, sheet % TC_SPLAT_BRICK, t);
+      if (t->left) return false;
+    }
+    if (t->touched[2] >= t->touched[0]) d->kernels->compose(t);
+  }
+  return true;
+}
+
+/* The axis along which the view goes furthest. */
+static int sheet_axis(const drawing *d) {
+  int axis = 0;
+  for (int k = 1; k < 3; k++)
+    if (fabsf(d->args.to_index[k][2]) > fabsf(d->args.to_index[axis][2])) axis = k;
+  return axis;
+}
+
+/* Entries by layers of bricks along the axis. */
+static bool sort_layers(drawing *d, GError **error) {
+  const int axis = sheet_axis(d), n = tc_volume_describe(d->job->volume)->dims[axis] / TC_SPLAT_BRICK + 1;
+  tc_splat_entry *sorted = malloc(((size_t)d->n_entries + 1) * sizeof *sorted);
+  d->layers = calloc((size_t)n + 2, sizeof *d->layers);
+  if (!sorted || !d->layers) {
+    free(sorted);
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
+    return false;
+  }
+  int *next = d->layers + 1; /* becomes the layers' ends */
+  for (int i = 0; i < d->n_entries; i++)
+    next[1 + d->entries[i].of->bricks[d->entries[i].brick].at[axis]]++;
+  for (int l = 0; l < n; l++)
+    next[l + 1] += next[l];
+  for (int i = 0; i < d->n_entries; i++)
+    sorted[next[d->entries[i].of->bricks[d->entries[i].brick].at[axis]]++] = d->entries[i];
+  free(d->entries);
+  d->entries = sorted;
+  return true;
+}
+
 /* One of the two passes; false: halted. */
 static bool pass(const drawing *d, tc_splat_tile *t, bool colors) {
   const float window = colors ? d->args.window_mm : 0;
@@ -330,9 +400,10 @@ static bool pass(const drawing *d, tc_splat_tile *t, bool colors) {
   return true;
 }
 
-static void clear_tile(tc_splat_tile *t) {
+static void clear_tile(tc_splat_tile *t, bool opaque) {
   for (int i = 0; i < TC_TILE * TC_TILE_STRIDE; i++)
-    t->depth[i] = INFINITY;
+    t->depth[i] = opaque ? INFINITY : 1;
+  t->touched[0] = t->touched[1] = TC_TILE, t->touched[2] = t->touched[3] = -1;
   memset(t->sums, 0, sizeof t->sums);
   t->left = false;
   for (int y = 0; y < TC_TILE_BLOCKS; y++)
@@ -347,7 +418,7 @@ static void store_depths(const drawing *d, const tc_splat_tile *t, int y, float 
   for (int x = 0; x < t->width; x++) {
     const double dx = t->x0 + x + 0.5 - 0.5 * f->width, dy = t->y0 + y + 0.5 - 0.5 * f->height;
     const double stretch = d->args.perspective ? sqrt(1 + (dx * dx + dy * dy) / (scale * scale)) : 1;
-    to[x] = t->depth[y * TC_TILE_STRIDE + x] * (float)stretch;
+    to[x] = d->args.opaque ? t->depth[y * TC_TILE_STRIDE + x] * (float)stretch : INFINITY;
   }
 }
 
@@ -370,10 +441,16 @@ static void draw_tile(void *context, int index, int worker) {
   tc_splat_tile *t = d->tiles[worker];
   t->x0 = index % across * TC_TILE, t->y0 = index / across * TC_TILE;
   t->width = MIN(TC_TILE, f->width - t->x0), t->height = MIN(TC_TILE, f->height - t->y0);
-  clear_tile(t);
-  if (!pass(d, t, false) || !pass(d, t, true)) return;
+  const bool opaque = d->args.opaque;
+  const int axis = sheet_axis(d);
+  clear_tile(t, opaque);
+  if (opaque ? !pass(d, t, false) || !pass(d, t, true) : !pass_sheets(d, t, axis, 1) || !pass_sheets(d, t, axis, -1))
+    return;
   float *out = d->out + (size_t)worker * TC_TILE * TC_TILE * 4;
-  d->kernels->shade(&d->args, t, out);
+  if (opaque)
+    d->kernels->shade(&d->args, t, out);
+  else
+    d->kernels->emit(t, out);
   store_tile(d, t, out);
   d->progress->finished[index] = true;
 }
@@ -407,8 +484,9 @@ bool tc_splat_draw(const tc_splat_job *job, GError **error) {
   d->kernels = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && g_strcmp0(job->isa, "scalar") != 0
                    ? &tc_splat_avx2
                    : &tc_splat_scalar;
+  d->args.opaque = job->scene->splat.opaque;
   d->args.culling = job->scene->splat.culling;
-  d->args.colors = job->colors;
+  d->args.matter = job->matter;
   d->args.halt = job->halt;
   d->args.n_planes = tc_splat_planes(job->volume, job->scene, d->planes);
   d->args.planes = (const double(*)[4])d->planes;
@@ -418,10 +496,11 @@ bool tc_splat_draw(const tc_splat_job *job, GError **error) {
   }
   set_view(d);
   set_kernel(d);
+  if (!d->args.opaque) set_blur(d);
   set_light(d);
   tc_resolve_init(&d->resolve, job->scene);
   d->progress = tc_frame_cut(job->frame, TC_TILE, error);
-  good = d->progress && make_tiles(d, error) && collect_entries(d, error);
+  good = d->progress && make_tiles(d, error) && collect_entries(d, error) && (d->args.opaque || sort_layers(d, error));
   if (good) tc_pool_run(job->pool, d->progress->units, draw_tile, d);
   if (good) {
     d->progress->done = 0;
@@ -435,6 +514,7 @@ bool tc_splat_draw(const tc_splat_job *job, GError **error) {
   free(d->tiles);
   free(d->out);
   free(d->entries);
+  free(d->layers);
   free(d);
   return good;
 }

@@ -8,7 +8,12 @@
  * covered in part.
  *
  * Culling leaves out, and changes no bit: voxels inside the object, bricks and splats whose free faces look away, that
- * are out of the picture, or behind the depths of a first pass; attributes are fetched for what is left. */
+ * are out of the picture, or behind the depths of a first pass; attributes are fetched for what is left.
+ *
+ * Translucent (scene.splat.opaque false), all voxels count: the object is the field sum over voxels of extinction times
+ * a Gaussian of 0.6 kernel radii (of integral 1: a constant solid is constant within 0.1 %), cut off at three
+ * deviations. Sheets of voxels along the axis that is nearest to the view are added up each, then composited, the
+ * nearest first. */
 #ifndef TC_SPLAT_SPLATTER_H
 #define TC_SPLAT_SPLATTER_H
 
@@ -22,11 +27,11 @@ typedef struct tc_splat_counts {
 } tc_splat_counts;
 
 typedef struct tc_splat_job {
-  const tc_volume *volume;       /* the object's place; its values are asked for by `colors` alone */
+  const tc_volume *volume;       /* the object's place; its values are asked for by `matter` alone */
   const tc_splats *splats, *cut; /* cut: what clipping lays open; NULL without clipping */
   const tc_scene *scene;
-  tc_splat_color colors;
-  const char *isa; /* "scalar", or NULL: the best */
+  tc_splat_matter matter; /* .of wanted where the object is translucent */
+  const char *isa;        /* "scalar", or NULL: the best */
   tc_pool *pool;
   const tc_halt *halt;
   tc_frame *frame; /* width, height set, buffers allocated; begun (renderer/frame.h) */

@@ -13,16 +13,17 @@
 
 enum { TC_SUM_WEIGHT, TC_SUM_NORMAL, TC_SUM_COLOR = TC_SUM_NORMAL + 3, TC_SUMS = TC_SUM_COLOR + 3 };
 
-/* The colour (0..255 a channel, compositing space) of a voxel that is seen. */
-typedef struct tc_splat_color {
-  void (*of)(const void *user, const int at[3], int rgb[3]); /* NULL: all are alike */
+/* What a voxel looks like: colour (0..1 a channel, compositing space) and extinction (1/mm), asked for once it is known
+ * to be seen. */
+typedef struct tc_splat_matter {
+  void (*of)(const void *user, const int at[3], float rgbk[4]); /* NULL: all are of one colour; opaque */
   const void *user;
-} tc_splat_color;
+} tc_splat_matter;
 
 /* A frame's constants. View space: x to the right, y down, z away from the eye, mm. */
 typedef struct tc_splat_args {
   tc_cpu_args light; /* its members of shading, and view0, view_du, view_dv */
-  bool perspective, culling, shaded;
+  bool perspective, opaque, culling, shaded;
   float axis[3][3];         /* view x, y, z of one voxel along index axis k: [row][k] */
   float scale;              /* pixels a mm, in perspective at z = 1 mm */
   float radius2, least2;    /* of the kernel, voxels; what is added for a pixel's own width; squared */
@@ -33,8 +34,10 @@ typedef struct tc_splat_args {
   float full;    /* weight at the core's rim, and sum of weights from which on a pixel is covered */
   const double (*planes)[4]; /* index coordinates */
   int n_planes;
-  float color[3]; /* where color.of is NULL */
-  tc_splat_color colors;
+  float color[3]; /* where matter.of is NULL */
+  tc_splat_matter matter;
+  /* Translucent: index coordinates of a step of 1 mm along view x, y, z; what a splat's table is multiplied by. */
+  float to_index[3][3], mass;
   const tc_halt *halt;
 } tc_splat_args;
 
@@ -52,10 +55,13 @@ typedef struct tc_splat_entry {
 
 typedef struct tc_splat_tile {
   int x0, y0, width, height;
-  float depth[TC_TILE * TC_TILE_STRIDE];         /* mm, infinite where there is nothing */
-  float sums[TC_SUMS][TC_TILE * TC_TILE_STRIDE]; /* whole numbers */
+  float depth[TC_TILE * TC_TILE_STRIDE]; /* mm, infinite where there is nothing; translucent: transparency */
+  /* Whole numbers; translucent: of a sheet optical depth (WEIGHT) and its colours (NORMAL ..), of all sheets (COLOR
+   * ..). */
+  float sums[TC_SUMS][TC_TILE * TC_TILE_STRIDE];
   float farthest[TC_TILE_BLOCKS][TC_TILE_BLOCKS];
   bool stale[TC_TILE_BLOCKS][TC_TILE_BLOCKS];
+  int touched[4];         /* translucent: pixels x0, y0, x1, y1 of the sheet in the making; x1 < x0: none */
   bool left;              /* the halt wanted it: the tile is not finished */
   uint64_t depths, drawn; /* splats that were put into the depths; into the sums */
 } tc_splat_tile;
@@ -65,6 +71,11 @@ typedef struct tc_splat_kernels {
   void (*colors)(const tc_splat_args *args, const tc_splat_entry *entry, tc_splat_tile *tile);
   /* [height][width][4] floats: premultiplied colour and opacity. */
   void (*shade)(const tc_splat_args *args, const tc_splat_tile *tile, float *out);
+  /* Translucent: adds depths and colours of the splats with coordinate `at` (0..15) along an axis of the brick ... */
+  void (*sheet)(const tc_splat_args *args, const tc_splat_entry *entry, int axis, int at, tc_splat_tile *tile);
+  /* ... puts the sheet behind what is there, and makes room for the next; and the picture of all. */
+  void (*compose)(tc_splat_tile *tile);
+  void (*emit)(const tc_splat_tile *tile, float *out);
 } tc_splat_kernels;
 
 extern const tc_splat_kernels tc_splat_scalar, tc_splat_avx2;

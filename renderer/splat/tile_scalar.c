@@ -5,4 +5,4 @@
 
 #include "renderer/splat/tile_tmpl.h"
 
-const tc_splat_kernels tc_splat_scalar = {put_depths, put_colors, shade_tile};
+const tc_splat_kernels tc_splat_scalar = {put_depths, put_colors, shade_tile, put_sheet, compose_sheet, emit_tile};

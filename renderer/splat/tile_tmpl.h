@@ -69,7 +69,7 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
   vf x = along(g, 0, d, e->at[0]), y = along(g, 1, d, e->at[1]), z = along(g, 2, d, e->at[2]);
   vf u = v_set(0), v = v_set(0), scale = v_set(g->scale);
   vm inside = m_and(v_lt(v_load(lane_numbers), v_set((float)count)), v_lt(v_set(g->near_mm), z));
-  vm alive = m_and(inside, v_lt(v_set(0), v_float(v_andi(faces, v_seti(63)))));
+  vm alive = g->opaque ? m_and(inside, v_lt(v_set(0), v_float(v_andi(faces, v_seti(63))))) : inside;
   if (e->clipped) alive = kept_by_planes(g, e, d, alive);
   if (g->perspective) {
     vf inverse = v_set(1) / v_max(z, v_set(1e-20f));
@@ -162,7 +162,7 @@ V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const
       add_to(t->sums[TC_SUM_WEIGHT] + p, weight);
       for (int k = 0; k < 3; k++)
         add_to(t->sums[TC_SUM_NORMAL + k] + p, v_muli(weight, v_seti(of[k])));
-      for (int k = 3; k < 6 && g->colors.of; k++)
+      for (int k = 3; k < 6 && g->matter.of; k++)
         add_to(t->sums[TC_SUM_NORMAL + k] + p, v_muli(weight, v_seti(of[k])));
     }
 }
@@ -177,10 +177,13 @@ V_INLINE void look_up(const tc_splat_args *g, const tc_splat_brick *brick, float
     away += n[k] * (g->light.anchor0[k] + x * g->light.view_du[k] + y * g->light.view_dv[k]);
   for (int k = 0; k < 3; k++)
     of[k] = (int)lrintf(n[k] * (away > 0 ? -127.f : 127.f));
-  if (!g->colors.of) return;
+  if (!g->matter.of) return;
   const int at[3] = {brick->at[0] * 16 + (int)(word & 15), brick->at[1] * 16 + (int)(word >> 4 & 15),
                      brick->at[2] * 16 + (int)(word >> 8 & 15)};
-  g->colors.of(g->colors.user, at, of + 3);
+  float rgbk[4];
+  g->matter.of(g->matter.user, at, rgbk);
+  for (int k = 0; k < 3; k++)
+    of[3 + k] = (int)lrintf(rgbk[k] * 255);
 }
 
 static void put_colors(const tc_splat_args *g, const tc_splat_entry *e, tc_splat_tile *t) {
@@ -229,7 +232,7 @@ static void shade_tile(const tc_splat_args *g, const tc_splat_tile *t, float *ou
       vf weight = sum_at(t, TC_SUM_WEIGHT, p), share = v_set(1) / v_max(weight, v_set(1));
       vf alpha = v_min(weight * v_set(1 / g->full), v_set(1));
       vf4 c = {v_set(g->color[0]), v_set(g->color[1]), v_set(g->color[2]), v_set(1)};
-      if (g->colors.of) {
+      if (g->matter.of) {
         vf each = share * v_set(1 / 255.f);
         c.r = sum_at(t, TC_SUM_COLOR, p) * each, c.g = sum_at(t, TC_SUM_COLOR + 1, p) * each;
         c.b = sum_at(t, TC_SUM_COLOR + 2, p) * each;
@@ -246,5 +249,108 @@ static void shade_tile(const tc_splat_args *g, const tc_splat_tile *t, float *ou
       for (int i = 0; i < V_LANES && x + i < t->width; i++)
         for (int k = 0; k < 4; k++)
           out[(y * t->width + x + i) * 4 + k] = lanes[k][i];
+    }
+}
+
+/* ---- translucent: sheets of voxels of one coordinate, the nearest first (Westover, Footprint evaluation for volume
+ * rendering, SIGGRAPH 1990) ---- */
+
+/* Optical depth in the middle of a splat's footprint: the kernel's integral along the ray through its voxel, kept whole
+ * where the footprint was widened to the pixels' width. */
+V_INLINE float mass_of(const tc_splat_args *g, const batch *b, int i, const tc_splat_tile *t) {
+  const float x = (b->x[i] + (float)t->x0 - 0.5f * g->light.view0[0]) / g->scale;
+  const float y = (b->y[i] + (float)t->y0 - 0.5f * g->light.view0[1]) / g->scale;
+  float square = 0, length = g->perspective ? x * x + y * y + 1 : 1;
+  for (int k = 0; k < 3; k++) {
+    const float *m = g->to_index[k];
+    const float step = g->perspective ? m[0] * x + m[1] * y + m[2] : m[2];
+    square += step * step;
+  }
+  /* Of the ellipse and of the kernel alone: their areas, by the boxes and the correlation that both share. */
+  const float xx = b->rx[i] * b->rx[i], yy = b->ry[i] * b->ry[i], det = 1 / (b->a[i] * b->c[i] - b->b[i] * b->b[i]);
+  const float xy2 = xx * yy - det, own = (xx - g->least2) * (yy - g->least2) - xy2;
+  return g->mass * sqrtf(length / square) * sqrtf(own > 0 ? own / det : 0);
+}
+
+V_INLINE void add_matter(const tc_splat_args *g, const batch *b, int i, const reach *r, const float rgbk[4],
+                         tc_splat_tile *t) {
+  const float depth = mass_of(g, b, i, t) * rgbk[3];
+  for (int y = r->y0; y <= r->y1; y++)
+    for (int x = r->x0; x <= r->x1; x += V_LANES) {
+      const int p = y * TC_TILE_STRIDE + x;
+      vf q = v_min(v_max(distances(b, i, x, (float)y + 0.5f - b->y[i]), v_set(0)), v_set(1));
+      vf weight = v_float(v_bytes(g->weights, v_trunc(q * v_set(TC_WEIGHT_STEPS)))) * v_set(depth);
+      for (int k = 0; k < 4; k++) {
+        float *to = t->sums[k] + p;
+        v_store(to, v_fma(weight, v_set(k ? rgbk[k - 1] : 1), v_load(to)));
+      }
+    }
+  t->touched[0] = r->x0 < t->touched[0] ? r->x0 : t->touched[0];
+  t->touched[1] = r->y0 < t->touched[1] ? r->y0 : t->touched[1];
+  t->touched[2] = r->x1 > t->touched[2] ? r->x1 : t->touched[2];
+  t->touched[3] = r->y1 > t->touched[3] ? r->y1 : t->touched[3];
+}
+
+/* Whether any of V_LANES words lies in the sheet. */
+V_INLINE vm in_sheet(const tc_splat_entry *e, uint32_t first, int axis, int at) {
+  vi word = v_bits(v_load((const float *)(const void *)(e->of->words + first)));
+  return v_eq(v_float(v_andi(v_sra(word, 4 * axis), v_seti(15))), v_set((float)at));
+}
+
+static void put_sheet(const tc_splat_args *g, const tc_splat_entry *e, int axis, int at, tc_splat_tile *t) {
+  const tc_splat_brick *brick = &e->of->bricks[e->brick];
+  float here[V_LANES];
+  batch b;
+  for (uint32_t first = brick[0].first; first < brick[1].first; first += V_LANES) {
+    if (leaves(g, brick, first, t)) return;
+    vm wanted = in_sheet(e, first, axis, at);
+    if (!m_any(wanted) || !project(g, e, t, first, brick[1].first - first, &b)) continue;
+    v_store(here, v_select(wanted, v_set(1), v_set(0)));
+    for (int i = 0; i < V_LANES; i++) {
+      if (!(b.alive[i] * here[i] > 0) || b.z[i] == INFINITY) continue;
+      const reach r = reach_of(&b, i, 1, t);
+      if (r.x1 < r.x0 || r.y1 < r.y0) continue;
+      uint32_t word;
+      float rgbk[4];
+      memcpy(&word, &b.word[i], 4);
+      const int voxel[3] = {brick->at[0] * 16 + (int)(word & 15), brick->at[1] * 16 + (int)(word >> 4 & 15),
+                            brick->at[2] * 16 + (int)(word >> 8 & 15)};
+      g->matter.of(g->matter.user, voxel, rgbk);
+      if (!(rgbk[3] > 0)) continue;
+      add_matter(g, &b, i, &r, rgbk, t);
+      t->drawn++;
+    }
+  }
+}
+
+static void compose_sheet(tc_splat_tile *t) {
+  const vf zero = v_set(0);
+  for (int y = t->touched[1]; y <= t->touched[3]; y++)
+    for (int x = t->touched[0]; x <= t->touched[2]; x += V_LANES) {
+      const int p = y * TC_TILE_STRIDE + x;
+      vf depth = v_load(t->sums[0] + p), clear = exp2_approx(depth * v_set(-1.44269504f)),
+         before = v_load(t->depth + p);
+      /* The mean colour of the sheet, as much of it as is seen: (1 - clear) / depth goes to 1. */
+      vf share = before * v_select(v_lt(v_set(1e-3f), depth), (v_set(1) - clear) / v_max(depth, v_set(1e-30f)),
+                                   v_fnma(v_set(0.5f), depth, v_set(1)));
+      for (int k = 0; k < 3; k++) {
+        float *light = t->sums[TC_SUM_COLOR + k] + p;
+        v_store(light, v_fma(share, v_load(t->sums[1 + k] + p), v_load(light)));
+        v_store(t->sums[1 + k] + p, zero);
+      }
+      v_store(t->depth + p,
+              before * v_select(v_lt(v_set(1e-3f), depth), clear, v_fma(v_set(0.5f) * depth, depth, v_set(1) - depth)));
+      v_store(t->sums[0] + p, zero);
+    }
+  t->touched[0] = t->touched[1] = TC_TILE, t->touched[2] = t->touched[3] = -1;
+}
+
+static void emit_tile(const tc_splat_tile *t, float *out) {
+  for (int y = 0; y < t->height; y++)
+    for (int x = 0; x < t->width; x++, out += 4) {
+      const int p = y * TC_TILE_STRIDE + x;
+      out[3] = 1 - t->depth[p];
+      for (int k = 0; k < 3; k++)
+        out[k] = fminf(t->sums[TC_SUM_COLOR + k][p], out[3]);
     }
 }
