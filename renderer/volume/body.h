@@ -1,18 +1,15 @@
-/* The body in a volume without what lies around it: tables, head rests, containers, padding.
- *
- * What is dense falls into connected parts (runs of voxels along x, joined by union and find). The largest is the body.
- * A part is left out that is mostly outside of the body (beyond it along x or along y in its slice) and thin beside it,
- * as a shell is: arms, and what floats in bowels and lungs, stay. */
+/* The body in a volume without what lies around it: tables, head rests, containers, padding. Which parts go is decided
+ * on a coarse grid (body_parts.h). */
 #ifndef TC_BODY_H
 #define TC_BODY_H
 
 #include "renderer/volume/volume.h"
 
 typedef struct tc_body_options {
-  double dense;          /* values from here on are dense ... */
-  double most;           /* ... up to here; more is padding, which is left out wherever it is */
-  bool parts;            /* leave out parts; else padding alone */
-  double air;            /* what stands in the place of what is left out */
+  double dense; /* values from here on are dense ... */
+  double most;  /* ... up to here; more is padding, which is left out wherever it is */
+  bool parts;   /* leave out parts; else padding alone */
+  double air;   /* what stands in the place of what is left out */
   /* Asked once a slice: false = stop. NULL: goes on. */
   bool (*goes_on)(void *user);
   /* Asked before voxels are allocated: false = not so many. NULL: takes them. */
@@ -21,8 +18,8 @@ typedef struct tc_body_options {
 } tc_body_options;
 
 /* A new volume, sealed, as large as what is left needs, of the same values elsewhere and with the range of `volume`.
- * NULL: nothing is left out, or it was stopped, or there is no memory, or there are too many parts to tell them apart.
- * Beside the result it takes at most two bytes a voxel for a while. Any thread. */
+ * NULL: nothing is left out, or it was stopped, or there is no memory. Beside the result it takes 7 bytes for each of
+ * the coarse grid's cells for a while. Any thread. */
 tc_volume *tc_body_of(const tc_volume *volume, const tc_body_options *options);
 
 #endif

@@ -1,0 +1,363 @@
+#include "renderer/volume/body_parts.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Cells along the middle one of the volume's three extents. */
+#define CELLS 128
+/* Of a part's cells, at least, outside of the body. */
+#define OUTSIDE 0.6
+/* A shell's thickness, in cells. */
+#define THIN_CELLS 2.5
+/* Of the cells of a part, at most, that are deep in it: an arm has more, a table with rails does not. */
+#define DEEP 0.1
+/* A board's thickness beside the body's and its own width, and its width beside the body's. */
+#define THIN 0.2
+#define WIDE 0.4
+/* A shell that touches the body: its cells behind all of the body, at least, and its width beside the body's. */
+#define BEHIND 0.4
+#define LARGE 0.25
+/* Or a board, or thin and wide, with no more of its surface on the body: a wall of the chest is joined all around. */
+#define BARELY 0.025
+
+/* Of what is dense, the body has at least so much; else it is no solid one, and was cut by mistake. */
+#define SOLID 0.75
+
+/* Places while parts are being found. */
+enum { EDGE = TC_CELL_HIDDEN + 1, CORE, OTHER, REST, LEFT, THICK, PART };
+
+typedef struct span {
+  int16_t first, last;
+} span;
+
+typedef struct finder {
+  tc_body_parts *p;
+  size_t count;
+  uint8_t *marks, *scratch; /* [count] */
+  uint32_t *queue;          /* [count]: the cells of a part */
+  span *rows, *columns;     /* [n2 * n1], [n2 * n0]: the body's extent along x and y */
+  span *slices;             /* [n2]: along y */
+  double thickness, width;  /* of the body: as of a sheet, and its middle extent, mm */
+  bool (*goes_on)(void *user);
+  void *user;
+} finder;
+
+typedef struct part {
+  size_t cells, outside, behind, deep;
+  int low[3], high[3];
+  double surface, contact; /* all of it, and with what stays: mm2 */
+} part;
+
+static int by_size(const void *a, const void *b) {
+  const double x = *(const double *)a, y = *(const double *)b;
+  return (x > y) - (x < y);
+}
+
+static double middle_of(double a, double b, double c) {
+  double sorted[3] = {a, b, c};
+  qsort(sorted, 3, sizeof *sorted, by_size);
+  return sorted[1];
+}
+
+static size_t cells_of(const tc_body_parts *p) { return p->stride[2] * (size_t)(p->n[2] + 2); }
+
+/* Where the y axis leads along the patient, of those that lead there at all. */
+static int back_of(const double direction[9]) { return fabs(direction[4]) < 0.7 ? 0 : direction[4] > 0 ? 1 : -1; }
+
+bool tc_body_parts_init(tc_body_parts *parts, const tc_volume *volume) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  const double *mm = d->spacing;
+  const double side = middle_of(d->dims[0] * mm[0], d->dims[1] * mm[1], d->dims[2] * mm[2]) / CELLS;
+  for (int k = 0; k < 3; k++) {
+    const double voxels = fmin(fmax(rint(side / mm[k]), 1), d->dims[k]);
+    parts->voxels[k] = (int)voxels;
+    parts->side[k] = voxels * mm[k];
+    parts->n[k] = (d->dims[k] - 1) / parts->voxels[k] + 1;
+    parts->stride[k] = k ? parts->stride[k - 1] * (size_t)(parts->n[k - 1] + 2) : 1;
+  }
+  parts->back = back_of(d->direction);
+  const bool few = parts->n[0] < INT16_MAX && parts->n[1] < INT16_MAX && cells_of(parts) <= UINT32_MAX;
+  parts->cells = few ? malloc(cells_of(parts)) : NULL;
+  if (!parts->cells) return false;
+  memset(parts->cells, EDGE, cells_of(parts));
+  for (int z = 0; z < parts->n[2]; z++)
+    for (int y = 0; y < parts->n[1]; y++)
+      memset(tc_body_parts_row(parts, y, z), TC_CELL_AIR, (size_t)parts->n[0]);
+  return true;
+}
+
+void tc_body_parts_finish(tc_body_parts *parts) {
+  free(parts->cells);
+  parts->cells = NULL;
+}
+
+/* ---- neighbours ---- */
+
+/* Marks the cells of a place and their 26 neighbours. */
+static void mark_around(finder *f, uint8_t place) {
+  for (size_t i = 0; i < f->count; i++)
+    f->marks[i] = f->p->cells[i] == place;
+  for (int k = 0; k < 3; k++) {
+    const size_t stride = f->p->stride[k];
+    const uint8_t *from = f->marks;
+    uint8_t *to = f->scratch;
+    memcpy(to, from, f->count);
+    for (size_t i = stride; i + stride < f->count; i++)
+      to[i] = from[i] | from[i - stride] | from[i + stride];
+    f->scratch = f->marks;
+    f->marks = to;
+  }
+}
+
+static void place_of(const finder *f, size_t i, int at[3]) {
+  for (int k = 2; k >= 0; i %= f->p->stride[k--])
+    at[k] = (int)(i / f->p->stride[k]) - 1;
+}
+
+/* Moves the connected cells of one place to another one, and lists them in the queue. Returns how many. */
+static size_t flood(finder *f, size_t seed, uint8_t from, uint8_t to) {
+  uint8_t *cells = f->p->cells;
+  const size_t *stride = f->p->stride;
+  size_t count = 0;
+  cells[seed] = to;
+  f->queue[count++] = (uint32_t)seed;
+  for (size_t done = 0; done < count; done++) {
+    const size_t i = f->queue[done];
+    const size_t next[6] = {i - 1, i + 1, i - stride[1], i + stride[1], i - stride[2], i + stride[2]};
+    for (int k = 0; k < 6; k++) {
+      if (cells[next[k]] != from) continue;
+      cells[next[k]] = to;
+      f->queue[count++] = (uint32_t)next[k];
+    }
+  }
+  return count;
+}
+
+/* ---- the body ---- */
+
+static void find_cores(finder *f, uint8_t place) {
+  mark_around(f, TC_CELL_AIR);
+  for (size_t i = 0; i < f->count; i++)
+    if (f->p->cells[i] == place && !f->marks[i]) f->p->cells[i] = CORE;
+}
+
+/* Cores, and what of the place is around them. */
+static void grow_cores(finder *f, uint8_t place, uint8_t grown) {
+  uint8_t *cells = f->p->cells;
+  mark_around(f, CORE);
+  for (size_t i = 0; i < f->count; i++)
+    if (cells[i] == CORE || (f->marks[i] && cells[i] == place)) cells[i] = grown;
+}
+
+/* Returns how many there were. */
+static size_t move_all(finder *f, uint8_t from, uint8_t to) {
+  size_t moved = 0;
+  for (size_t i = 0; i < f->count; i++) {
+    if (f->p->cells[i] != from) continue;
+    f->p->cells[i] = to;
+    moved++;
+  }
+  return moved;
+}
+
+/* The largest core and what is around it, or all that is connected with it; the rest is REST. False: there is no core.
+ */
+static bool find_body(finder *f) {
+  size_t most = 0, seed = 0;
+  find_cores(f, TC_CELL_DENSE);
+  for (size_t i = 0; i < f->count; i++) {
+    if (f->p->cells[i] != CORE) continue;
+    const size_t size = flood(f, i, CORE, OTHER);
+    if (size > most) most = size, seed = i;
+  }
+  if (!most) return false;
+  flood(f, seed, OTHER, CORE);
+  move_all(f, OTHER, TC_CELL_DENSE);
+  grow_cores(f, TC_CELL_DENSE, THICK);
+  const double body = (double)move_all(f, THICK, TC_CELL_KEPT), rest = (double)move_all(f, TC_CELL_DENSE, REST);
+  if (body < SOLID * (body + rest)) {
+    move_all(f, TC_CELL_KEPT, REST);
+    flood(f, seed, REST, TC_CELL_KEPT);
+  }
+  return true;
+}
+
+/* ---- parts ---- */
+
+static void widen_span(span *s, int at) {
+  if (at < s->first) s->first = (int16_t)at;
+  if (at > s->last) s->last = (int16_t)at;
+}
+
+/* Along an axis, mm. */
+static double extent_along(const finder *f, const part *a, int k) {
+  return (a->high[k] - a->low[k] + 1) * f->p->side[k];
+}
+
+static double extent_of(const finder *f, const part *a) {
+  return middle_of(extent_along(f, a, 0), extent_along(f, a, 1), extent_along(f, a, 2));
+}
+
+/* Of a sheet its thickness, mm. */
+static double thickness_of(const finder *f, const part *a) {
+  const double *side = f->p->side;
+  return 2 * (double)a->cells * side[0] * side[1] * side[2] / a->surface;
+}
+
+/* Adds a cell of a part whose cells are of `place`. */
+static void add_cell(const finder *f, size_t i, const int at[3], uint8_t place, part *a) {
+  const double *side = f->p->side, face[3] = {side[1] * side[2], side[0] * side[2], side[0] * side[1]};
+  a->cells++;
+  for (int k = 0; k < 3; k++) {
+    const uint8_t before = f->p->cells[i - f->p->stride[k]], after = f->p->cells[i + f->p->stride[k]];
+    a->surface += face[k] * ((before != place) + (after != place));
+    a->contact += face[k] * ((before == TC_CELL_KEPT) + (after == TC_CELL_KEPT));
+    if (at[k] < a->low[k]) a->low[k] = at[k];
+    if (at[k] > a->high[k]) a->high[k] = at[k];
+  }
+}
+
+/* Whether two cells on along each axis the part is there still, or the volume at an end. */
+static bool is_deep(const finder *f, size_t i, uint8_t place) {
+  for (int k = 0; k < 6; k++) {
+    const size_t stride = f->p->stride[k / 2], next = k % 2 ? i + stride : i - stride;
+    if (f->p->cells[next] == EDGE) continue;
+    const uint8_t after = f->p->cells[k % 2 ? next + stride : next - stride];
+    if (f->p->cells[next] != place || (after != place && after != EDGE)) return false;
+  }
+  return true;
+}
+
+static part no_part(void) { return (part){.low = {INT32_MAX, INT32_MAX, INT32_MAX}, .high = {-1, -1, -1}}; }
+
+/* Beyond its ends the body counts as lying where its last slice does: what goes on there is not beside it. */
+static void extend_body(finder *f, int low, int high) {
+  const size_t rows = (size_t)f->p->n[1], columns = (size_t)f->p->n[0];
+  for (int z = 0; z < f->p->n[2]; z++) {
+    const int from = z < low ? low : z > high ? high : z;
+    if (from == z) continue;
+    memcpy(f->rows + (size_t)z * rows, f->rows + (size_t)from * rows, rows * sizeof(span));
+    memcpy(f->columns + (size_t)z * columns, f->columns + (size_t)from * columns, columns * sizeof(span));
+    f->slices[z] = f->slices[from];
+  }
+}
+
+/* Where the body is: in each row along x, in each column and each slice along y. */
+static void measure_body(finder *f) {
+  const int *n = f->p->n;
+  const span none = {INT16_MAX, INT16_MIN};
+  part a = no_part();
+  for (int i = 0; i < n[1] * n[2]; i++)
+    f->rows[i] = none;
+  for (int i = 0; i < n[0] * n[2]; i++)
+    f->columns[i] = none;
+  for (int z = 0; z < n[2]; z++) {
+    f->slices[z] = none;
+    for (int y = 0; y < n[1]; y++) {
+      const uint8_t *cells = tc_body_parts_row(f->p, y, z);
+      for (int x = 0; x < n[0]; x++) {
+        if (cells[x] != TC_CELL_KEPT) continue;
+        widen_span(&f->rows[z * n[1] + y], x);
+        widen_span(&f->columns[z * n[0] + x], y);
+        widen_span(&f->slices[z], y);
+        add_cell(f, (size_t)(cells + x - f->p->cells), (const int[]){x, y, z}, TC_CELL_KEPT, &a);
+      }
+    }
+  }
+  extend_body(f, a.low[2], a.high[2]);
+  f->thickness = thickness_of(f, &a);
+  f->width = extent_of(f, &a);
+}
+
+static bool is_beyond(span s, int at) { return at < s.first || at > s.last; }
+
+/* The part that is in the queue. */
+static part measure(const finder *f, size_t cells) {
+  const int *n = f->p->n;
+  part a = no_part();
+  for (size_t j = 0; j < cells; j++) {
+    int at[3];
+    place_of(f, f->queue[j], at);
+    add_cell(f, f->queue[j], at, PART, &a);
+    a.deep += is_deep(f, f->queue[j], PART);
+    const span slice = f->slices[at[2]];
+    a.outside += is_beyond(f->rows[at[2] * n[1] + at[1]], at[0]) || is_beyond(f->columns[at[2] * n[0] + at[0]], at[1]);
+    a.behind += f->p->back > 0 ? at[1] > slice.last : f->p->back < 0 ? at[1] < slice.first : 0;
+  }
+  return a;
+}
+
+static bool is_board(const finder *f, const part *a) {
+  const double width = extent_of(f, a);
+  return thickness_of(f, a) < THIN * fmax(f->thickness, width) && width >= WIDE * f->width;
+}
+
+static bool goes(const finder *f, const part *a, uint8_t place) {
+  const double cells = (double)a->cells, *side = f->p->side;
+  const bool board = is_board(f, a), thin = thickness_of(f, a) < THIN_CELLS * middle_of(side[0], side[1], side[2]);
+  if ((double)a->outside < OUTSIDE * cells || (double)a->deep > DEEP * cells) return false;
+  if (place == THICK) return board;
+  const bool wide = fmax(extent_along(f, a, 0), extent_along(f, a, 1)) >= WIDE * f->width;
+  if (a->contact <= BARELY * a->surface && (board || (thin && wide))) return true;
+  if (a->contact > 0) return (double)a->behind >= BEHIND * cells && extent_of(f, a) >= LARGE * f->width;
+  return thin;
+}
+
+/* Decides on the connected parts of a place: hidden, or what they are else. Returns whether one is hidden. */
+static bool choose(finder *f, uint8_t place, uint8_t otherwise) {
+  bool hidden = false;
+  for (size_t i = 0; i < f->count; i++) {
+    if (f->p->cells[i] != place) continue;
+    const size_t cells = flood(f, i, place, PART);
+    const part a = measure(f, cells);
+    const bool hides = goes(f, &a, place);
+    for (size_t j = 0; j < cells; j++)
+      f->p->cells[f->queue[j]] = hides ? TC_CELL_HIDDEN : otherwise;
+    hidden |= hides;
+  }
+  return hidden;
+}
+
+static void mark_near(finder *f) {
+  mark_around(f, TC_CELL_HIDDEN);
+  for (size_t i = 0; i < f->count; i++)
+    if (f->marks[i]) f->p->cells[i] |= TC_CELL_NEAR;
+}
+
+static bool goes_on(const finder *f) { return !f->goes_on || f->goes_on(f->user); }
+
+static bool find(finder *f) {
+  if (!goes_on(f) || !find_body(f) || !goes_on(f)) return false;
+  measure_body(f);
+  bool hidden = choose(f, REST, LEFT);
+  if (!goes_on(f)) return false;
+  find_cores(f, LEFT);
+  grow_cores(f, LEFT, THICK);
+  hidden |= choose(f, THICK, TC_CELL_KEPT);
+  hidden |= choose(f, LEFT, TC_CELL_KEPT);
+  if (hidden) mark_near(f);
+  return hidden && goes_on(f);
+}
+
+bool tc_body_parts_find(tc_body_parts *parts, bool (*goes_on)(void *user), void *user) {
+  const size_t count = cells_of(parts), slices = (size_t)parts->n[2];
+  finder f = {.p = parts,
+              .count = count,
+              .marks = malloc(count),
+              .scratch = malloc(count),
+              .queue = malloc(count * sizeof *f.queue),
+              .rows = malloc(slices * (size_t)parts->n[1] * sizeof(span)),
+              .columns = malloc(slices * (size_t)parts->n[0] * sizeof(span)),
+              .slices = malloc(slices * sizeof(span)),
+              .goes_on = goes_on,
+              .user = user};
+  const bool found = f.marks && f.scratch && f.queue && f.rows && f.columns && f.slices && find(&f);
+  free(f.marks);
+  free(f.scratch);
+  free(f.queue);
+  free(f.rows);
+  free(f.columns);
+  free(f.slices);
+  return found;
+}
