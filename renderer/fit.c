@@ -1,7 +1,11 @@
 /* Scene defaults that fit a volume. */
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
+#include <glib.h>
+
+#include "renderer/presets.h"
 #include "renderer/tomocast.h"
 #include "renderer/volume/body.h"
 #include "renderer/volume/values.h"
@@ -15,6 +19,13 @@
 #define BONE_HU 300
 /* Share of bone among what is dense: a head has more, a trunk less. */
 #define HEAD_BONE 0.1
+/* Share of the body's voxels that may be white in slices, share of all that a body has at least, and of a window's greys
+ * what the body has at least. */
+#define MOST_WHITE 0.3
+#define LEAST_BODY 0.02
+#define LEAST_GREYS 0.05
+/* Samples a side of each face of the volume. */
+#define FACE_SIDE 24
 /* A volume so much thinner along one axis than along the others is looked at along it. */
 #define THIN 0.25
 
@@ -85,17 +96,58 @@ static const char *preset_for(const tc_volume *volume, const tc_values *values, 
 /* One value has no range: a unit, or what a float can tell apart at its size. */
 static double above(double lo, double hi) { return hi - lo > 1e-6 * fabs(lo) ? hi : lo + fmax(1, 1e-3 * fabs(lo)); }
 
-/* The window of what the file says, or of the values. */
+/* Whether a window leaves something to be seen: little of the body is white, and it has more than a few greys. Where only
+ * specks are dense, as in PET, there is no body to tell from. */
+static bool shows_body(const tc_fit *fit, const tc_values *values, double center, double width) {
+  const double dense = tc_values_share(values, fit->dense), white = tc_values_share(values, center + 0.5 * width);
+  const double from = tc_values_percentile(values, fit->dense, 0.05), to = tc_values_percentile(values, fit->dense, 0.95);
+  if (dense < LEAST_BODY || !(to > from)) return true;
+  return white <= MOST_WHITE * dense && to > center - 0.5 * width && to - from >= LEAST_GREYS * width;
+}
+
+/* For slices, what the file says; what is usual for Hounsfield units; what the values have. Other modes have their own. */
 static void find_window(tc_fit *fit, const tc_volume *volume, const tc_values *values) {
+  static const char *const names[] = {"ct-soft-tissue", "ct-bone"};
   const tc_volume_desc *d = tc_volume_describe(volume);
-  double lo = tc_values_percentile(values, fit->stretch.low, 0.001);
-  double hi = tc_values_percentile(values, fit->stretch.low, 0.999);
-  hi = above(lo, hi);
-  const bool own = d->window_width > 0;
-  for (int mode = 0; mode < TC_MODE_COUNT; mode++) {
-    fit->windows[mode].center = own ? d->window_center : 0.5 * (lo + hi);
-    fit->windows[mode].width = own ? d->window_width : hi - lo;
+  const double lo = tc_values_percentile(values, fit->stretch.low, 0.001);
+  const double hi = above(lo, tc_values_percentile(values, fit->stretch.low, 0.999));
+  double center = d->window_center, width = d->window_width;
+  for (size_t i = 0; fit->hounsfield && i < G_N_ELEMENTS(names); i++) {
+    if (width > 0 && shows_body(fit, values, center, width)) break;
+    const tc_window_preset *usual = tc_window_preset_named(names[i]);
+    center = usual->center, width = usual->width;
   }
+  if (!(width > 0) || !shows_body(fit, values, center, width)) center = 0.5 * (lo + hi), width = hi - lo;
+  for (int mode = 0; mode < TC_MODE_COUNT; mode++) fit->windows[mode].center = center, fit->windows[mode].width = width;
+}
+
+static int by_value(const void *a, const void *b) {
+  const double x = *(const double *)a, y = *(const double *)b;
+  return (x > y) - (x < y);
+}
+
+/* The median at the volume's six faces: what is around, be it air, the medium in a container or the zero of a map. */
+static double value_around(const tc_volume *volume) {
+  const int *dims = tc_volume_describe(volume)->dims;
+  double values[6 * FACE_SIDE * FACE_SIDE];
+  size_t count = 0;
+  for (int face = 0; face < 6; face++)
+    for (int i = 0; i < FACE_SIDE * FACE_SIDE; i++) {
+      double at[3];
+      at[face / 2] = face % 2 ? dims[face / 2] - 1 : 0;
+      at[(face / 2 + 1) % 3] = i % FACE_SIDE * (dims[(face / 2 + 1) % 3] - 1) / (FACE_SIDE - 1);
+      at[(face / 2 + 2) % 3] = i / FACE_SIDE * (dims[(face / 2 + 2) % 3] - 1) / (FACE_SIDE - 1);
+      if (tc_volume_value_at(volume, at, &values[count])) count++;
+    }
+  qsort(values, count, sizeof *values, by_value);
+  return count ? values[count / 2] : -INFINITY;
+}
+
+/* A preset without units begins at what is around. MR pictures often end within the patient. */
+static void begin_around(tc_fit *fit, const tc_volume *volume) {
+  const double around = value_around(volume);
+  if (fit->hounsfield || !strcmp(tc_volume_describe(volume)->modality, "MR")) return;
+  if (around > fit->stretch.low && around < fit->stretch.middle) fit->stretch.low = around;
 }
 
 void tc_fit_find(tc_fit *fit, const tc_volume *volume) {
@@ -107,6 +159,7 @@ void tc_fit_find(tc_fit *fit, const tc_volume *volume) {
   tc_values *values = tc_values_of(volume);
   if (!values) return;
   tc_values_range(values, &fit->stretch.low, &fit->stretch.high);
+  if (s->max - fit->stretch.high < 1e-4 * (s->max - s->min)) fit->stretch.high = s->max; /* but for rounding */
   if (fit->stretch.high > fit->stretch.low) fit->stretch.middle = tc_values_threshold(values);
   else fit->stretch.high = fit->stretch.middle = above(fit->stretch.low, fit->stretch.low); /* there is nothing to see */
   fit->hounsfield = is_hounsfield(volume, fit->stretch.low, fit->stretch.high);
@@ -114,6 +167,7 @@ void tc_fit_find(tc_fit *fit, const tc_volume *volume) {
   fit->surface = fit->hounsfield ? BONE_HU : fit->stretch.middle;
   fit->preset = preset_for(volume, values, fit);
   find_window(fit, volume, values);
+  begin_around(fit, volume);
   tc_values_free(values);
 }
 

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "renderer/presets.h"
 #include "renderer/tomocast.h"
 
 /* Pixels a side, and samples along a ray, at most. */
@@ -98,14 +99,6 @@ static void set_window(tc_fit *fit, tc_mode mode, double black, double white) {
   fit->windows[mode].width = white - black;
 }
 
-static const tc_window_preset *window_named(const char *name) {
-  size_t count;
-  const tc_window_preset *w = tc_window_presets(&count);
-  for (; count; w++, count--)
-    if (strcmp(w->name, name) == 0) return w;
-  return NULL;
-}
-
 /* Vessels where that leaves the body grey, else bone, else what the picture itself has. */
 static void fit_mip(tc_fit *fit, const double *sorted, int count) {
   static const char *const names[] = {"ct-angio", "ct-bone"};
@@ -113,7 +106,7 @@ static void fit_mip(tc_fit *fit, const double *sorted, int count) {
   const double *body = air < count ? sorted + air : sorted;
   const int pixels = air < count ? count - air : count;
   for (size_t i = 0; fit->hounsfield && i < sizeof names / sizeof *names; i++) {
-    const tc_window_preset *w = window_named(names[i]);
+    const tc_window_preset *w = tc_window_preset_named(names[i]);
     const int white = pixels - count_below(body, pixels, w->center + 0.5 * w->width);
     set_window(fit, TC_MODE_MIP, w->center - 0.5 * w->width, w->center + 0.5 * w->width);
     if (white <= MOST_WHITE * pixels) return;
@@ -129,7 +122,7 @@ void tc_fit_windows(tc_fit *fit, const tc_volume *volume, const tc_volume *body)
   for (int i = 0; i < 3; i++) qsort(lists[i], (size_t)s->count, sizeof *lists[i], by_value);
   fit_mip(fit, s->most, s->count);
   set_window(fit, TC_MODE_AVERAGE, percentile(s->mean, s->count, 0.05), percentile(s->mean, s->count, 0.99));
-  const tc_window_preset *lung = window_named("ct-lung");
+  const tc_window_preset *lung = tc_window_preset_named("ct-lung");
   if (fit->hounsfield) set_window(fit, TC_MODE_MINIP, lung->center - 0.5 * lung->width, lung->center + 0.5 * lung->width);
   else set_window(fit, TC_MODE_MINIP, percentile(s->least, s->count, 0.05), percentile(s->least, s->count, 0.98));
   free(s);

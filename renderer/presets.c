@@ -6,7 +6,9 @@
  * published opacities are meant for a maximum projection or for shading only, gentler ones stand here (ct-soft-tissue,
  * and the unit distance of the translucent ones), so that the picture shows depth without light. Relative presets have
  * knot values 0..1 of the volume's range and serve volumes whose modality nobody knows. */
-#include "renderer/scene.h"
+#include "renderer/presets.h"
+
+#include <string.h>
 
 #include <glib.h>
 
@@ -57,11 +59,12 @@ static const tc_knot ct_fat[] = {{-1000, {0.3, 0.3, 1}, 0},
                                  {659.15, {1, 0.912535, 0.0374849}, 0},
                                  {952, {1, 0.834334, 0.0709996}, 0},
                                  {2952, {1, 0.300267, 0.299886}, 0}};
-static const tc_knot mr_default[] = {{20, {0.168627, 0, 0}, 0},
-                                     {40, {0.403922, 0.145098, 0.0784314}, 0.15},
-                                     {120, {0.780392, 0.607843, 0.380392}, 0.3},
-                                     {220, {0.847059, 0.835294, 0.788235}, 0.375},
-                                     {1024, {1, 1, 1}, 0.5}};
+/* Meant for scans whose tissue is parted from air at about 115: relative, for receivers differ. */
+static const tc_knot mr_default[] = {{0.06, {0.168627, 0, 0}, 0},
+                                     {0.12, {0.403922, 0.145098, 0.0784314}, 0.15},
+                                     {0.36, {0.780392, 0.607843, 0.380392}, 0.3},
+                                     {0.5, {0.847059, 0.835294, 0.788235}, 0.375},
+                                     {1, {1, 1, 1}, 0.5}};
 static const tc_knot mr_angio[] = {{151.354, {0, 0, 0}, 0},
                                    {158.279, {0.74902, 0.376471, 0}, 0.4375},
                                    {190.112, {1, 0.866667, 0.733333}, 0.580357},
@@ -111,7 +114,7 @@ static const tc_preset presets[] = {
     {"ct-chest-contrast", "CT chest, contrast enhanced", "CT", KNOTS(ct_chest_contrast), false, true},
     {"ct-vessels", "CT angiography: vessels", "CT", KNOTS(ct_vessels), false, true},
     {"ct-mip", "CT translucent", "CT", TC_KNOT_OPACITY, 250.0, ct_mip, G_N_ELEMENTS(ct_mip), false, false},
-    {"mr-default", "MR", "MR", KNOTS(mr_default), false, false},
+    {"mr-default", "MR", "MR", KNOTS(mr_default), true, false},
     {"mr-angio", "MR angiography", "MR", KNOTS(mr_angio), false, false},
     {"mr-t2-brain", "MR T2 brain", "MR", KNOTS(mr_t2_brain), false, false},
     {"mr-mip", "MR translucent", "MR", TC_KNOT_OPACITY, 20.0, mr_mip, G_N_ELEMENTS(mr_mip), false, false},
@@ -141,4 +144,10 @@ const tc_preset *tc_presets(size_t *count) {
 const tc_window_preset *tc_window_presets(size_t *count) {
   *count = G_N_ELEMENTS(windows);
   return windows;
+}
+
+const tc_window_preset *tc_window_preset_named(const char *name) {
+  for (size_t i = 0; i < G_N_ELEMENTS(windows); i++)
+    if (strcmp(windows[i].name, name) == 0) return &windows[i];
+  return NULL;
 }

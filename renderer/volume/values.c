@@ -175,8 +175,9 @@ static int best_parting(const tc_values *v, int first) {
 }
 
 double tc_values_threshold(const tc_values *v) {
-  int best = best_parting(v, v->first);
+  const double half = 0.5 * count_from(v, v->first);
+  const int best = best_parting(v, v->first);
   for (int i = best; i < v->last; i++)
-    if (2 * (double)v->counts[i] > count_from(v, v->first)) return value_of(v, best_parting(v, i + 1));
+    if ((double)v->counts[i] > half) return value_of(v, best_parting(v, i + 1));
   return value_of(v, best);
 }

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include <cmocka.h>
+#include <glib.h>
 
 #include "renderer/tomocast.h"
 #include "renderer/volume/body.h"
@@ -20,9 +21,11 @@
 
 typedef int16_t (*phantom)(int x, int y, int z);
 
-static tc_volume *filled(phantom voxel, double spacing) {
-  const tc_volume_desc d = {.dims = {SIDE, SIDE, SIDE}, .type = TC_I16, .spacing = {spacing, spacing, spacing},
-                            .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 1, .modality = "CT", .unit = "HU"};
+static tc_volume *filled_as(phantom voxel, double spacing, const char *modality, double window) {
+  tc_volume_desc d = {.dims = {SIDE, SIDE, SIDE}, .type = TC_I16, .spacing = {spacing, spacing, spacing},
+                      .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 1, .window_width = window,
+                      .window_center = 0.5 * window};
+  strcpy(d.modality, modality);
   tc_volume *v = tc_volume_new(&d, NULL);
   int16_t *p = tc_volume_voxels(v);
   for (int z = 0; z < SIDE; z++)
@@ -31,6 +34,8 @@ static tc_volume *filled(phantom voxel, double spacing) {
   tc_volume_seal(v);
   return v;
 }
+
+static tc_volume *filled(phantom voxel, double spacing) { return filled_as(voxel, spacing, "CT", 0); }
 
 static bool within(double x, double y, double cx, double cy, double r) {
   return (x - cx) * (x - cx) + (y - cy) * (y - cy) < r * r;
@@ -72,6 +77,29 @@ static void the_table_goes_and_all_else_stays(void **state) {
   }
   assert_true(tc_volume_bytes(body) < tc_volume_bytes(whole));
   assert_true(tc_volume_statistics(body)->max == tc_volume_statistics(whole)->max); /* so that tables are shared */
+  tc_volume_unref(body);
+  tc_volume_unref(whole);
+}
+
+/* Lies on the table: so does an arm. In front of the lung the chest is as thin as a chest can be. */
+static int16_t lying(int x, int y, int z) {
+  if (y == 49 || y == 50) return TABLE;
+  if (y == 53 || ((x == 1 || x == 62) && y > 49 && y < 54)) return TABLE;
+  if (within(x, y, 57, 43, 6)) return within(x, y, 57, 43, 2) ? BONE : FLESH;
+  return within(x, y, 28, 30, 20) && !within(x, y, 28, 26, 12) ? FLESH : AIR;
+}
+
+static void a_table_that_is_touched_goes_too(void **state) {
+  tc_volume *whole = filled(lying, 1), *body = body_of(whole);
+  assert_non_null(body);
+  static const int gone[][2] = {{5, 49}, {10, 53}, {28, 53}, {45, 53}, {62, 52}};
+  for (size_t i = 0; i < sizeof gone / sizeof *gone; i++) {
+    const double value = value_at(body, gone[i][0], gone[i][1], 30);
+    assert_true(isnan(value) || value == AIR);
+  }
+  for (int y = 0; y < 49; y++)
+    for (int x = 0; x < SIDE; x++)
+      if (lying(x, y, 30) == FLESH) assert_true(value_at(body, x, y, 30) == FLESH);
   tc_volume_unref(body);
   tc_volume_unref(whole);
 }
@@ -189,6 +217,55 @@ static void a_picture_depends_on_no_size(void **state) {
   for (int i = 0; i < 2; i++) tc_scene_clear(&s[i]);
 }
 
+/* Values of MR have no unit: a scan whose receiver was ten times as loud looks the same. */
+static int16_t brain(int x, int y, int z) { return within(x, y, 32, 32, 24) ? 150 + (x * y + z) % 90 : (x + y) % 100; }
+static int16_t loud_brain(int x, int y, int z) { return 10 * brain(x, y, z); }
+
+static void values_without_a_unit_are_fitted(void **state) {
+  const phantom all[] = {brain, loud_brain};
+  double first[2], last[2];
+  for (int i = 0; i < 2; i++) {
+    tc_volume *v = filled_as(all[i], 1, "MR", 0);
+    tc_fit fit;
+    tc_fit_find(&fit, v);
+    tc_transfer_function tf = {0};
+    assert_string_equal(fit.preset, "mr-default");
+    assert_true(tc_transfer_function_fit_preset(&tf, fit.preset, &fit.stretch));
+    first[i] = tf.points[0].value, last[i] = tf.points[tf.count - 1].value;
+    g_free(tf.points);
+    tc_volume_unref(v);
+  }
+  print_message("%g to %g, %g to %g\n", first[0], last[0], first[1], last[1]);
+  assert_true(fabs(first[1] / first[0] - 10) < 0.5 && fabs(last[1] / last[0] - 10) < 0.5);
+  assert_true(last[0] > 180 && last[0] < 300);
+}
+
+/* A file's window that makes the body white is not taken for slices. */
+static void a_window_that_shows_nothing_is_not_taken(void **state) {
+  const double width[] = {8, 400};
+  for (int i = 0; i < 2; i++) {
+    tc_volume *v = filled_as(brain, 1, "MR", width[i]);
+    tc_fit fit;
+    tc_fit_find(&fit, v);
+    print_message("width %g: %g\n", width[i], fit.windows[TC_MODE_MPR].width);
+    assert_true((fit.windows[TC_MODE_MPR].width == width[i]) == (width[i] == 400));
+    assert_true(fit.windows[TC_MODE_MPR].center + 0.5 * fit.windows[TC_MODE_MPR].width > 200);
+    tc_volume_unref(v);
+  }
+}
+
+/* In a container whose walls are those of the volume. */
+static int16_t contained(int x, int y, int z) { return within(x, y, 32, 32, 14) ? 180 + x : 80 + (x + y + z) % 5; }
+
+static void what_is_at_the_walls_is_around(void **state) {
+  tc_volume *v = filled_as(contained, 1, "", 0);
+  tc_fit fit;
+  tc_fit_find(&fit, v);
+  print_message("from %g on, parted at %g\n", fit.stretch.low, fit.stretch.middle);
+  assert_true(fit.stretch.low >= 82 && fit.stretch.low < fit.stretch.middle);
+  tc_volume_unref(v);
+}
+
 static int16_t skull(int x, int y, int z) {
   const double r = hypot(hypot(x - 32, y - 32), z - 32);
   return r > 26 ? AIR : r > 20 ? BONE : FLESH;
@@ -228,6 +305,7 @@ static void a_maximum_has_grey_in_it(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(the_table_goes_and_all_else_stays),
+                                     cmocka_unit_test(a_table_that_is_touched_goes_too),
                                      cmocka_unit_test(who_lies_on_nothing_is_left_alone),
                                      cmocka_unit_test(it_stops_and_takes_no_memory_unasked),
                                      cmocka_unit_test(too_many_parts_are_not_told_apart),
@@ -235,6 +313,9 @@ int main(void) {
                                      cmocka_unit_test(floats_have_padding_too),
                                      cmocka_unit_test(masks_have_none),
                                      cmocka_unit_test(a_picture_depends_on_no_size),
+                                     cmocka_unit_test(values_without_a_unit_are_fitted),
+                                     cmocka_unit_test(a_window_that_shows_nothing_is_not_taken),
+                                     cmocka_unit_test(what_is_at_the_walls_is_around),
                                      cmocka_unit_test(heads_and_trunks_are_told_apart_by_bone),
                                      cmocka_unit_test(a_maximum_has_grey_in_it)};
   return cmocka_run_group_tests(tests, NULL, NULL);
