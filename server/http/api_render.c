@@ -50,6 +50,10 @@ static void finished_picture(tcs_job *job) {
   tcs_reply_bytes(request, 200, tcs_encode_content_type(job->scene.image.format), g_bytes_ref(job->image));
   tcs_reply_header(request, "Server-Timing", timing);
   tcs_reply_header(request, "Tomocast-Size", size);
+  if (job->bridged) {
+    g_snprintf(size, sizeof size, "%d", job->bridged);
+    tcs_reply_header(request, "Tomocast-Bridged", size);
+  }
   tcs_session *session = job->revision ? tcs_sessions_find(request->server->sessions, request->params[0]) : NULL;
   if (session) tcs_session_still(session, job);
 }
@@ -64,6 +68,7 @@ static void render(tcs_request *request, const tcs_entry *entry, const tc_scene 
     return;
   }
   tcs_job *job = tcs_job_new(request->server, tcs_entry_shown(entry, scene), scene);
+  job->bridged = tc_volume_provenance(entry->volume)->bridged;
   if (session) {
     job->revision = session->revision;
     job->final = true;

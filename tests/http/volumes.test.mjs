@@ -5,6 +5,7 @@ import { mkdirSync, rmSync, symlinkSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 import { ballNrrd, Daemon, problem, sleep } from '../support/daemon.mjs';
+import { dicomSlice } from '../support/dicom.mjs';
 
 let d, spool;
 before(async () => {
@@ -198,6 +199,20 @@ test('the value at a patient coordinate', async () => {
   assert.equal(await at(9, 20, 30), null); // outside
   for (const text of ['1,2', '1,2,3,4', 'a,b,c', '1,2,nan', '']) problem(await d.get(`/v1/volumes/ball/value?at=${text}`), 422);
   problem(await d.get('/v1/volumes/ball/value'), 422);
+});
+
+test('a bridged slice is marked in the description and in pictures', async () => {
+  mkdirSync(join(d.folder, 'gap'));
+  for (const z of [0, 1, 2, 4, 5]) writeFileSync(join(d.folder, 'gap', `IM${z}`), dicomSlice(8, z));
+  await d.post('/v1/volumes', { id: 'gap', path: 'gap' });
+  const { bridged, dims, slices, note } = await settled('gap');
+  assert.deepEqual({ bridged, layers: dims[2], slices }, { bridged: 4, layers: 6, slices: { used: 5, found: 5 } });
+  assert.match(note, /1 missing slice bridged/);
+  const picture = async (volume) => d.post('/v1/render', { volume, scene: { image: { width: 32, height: 32 } } });
+  assert.equal((await picture('gap')).headers.get('tomocast-bridged'), '4');
+  assert.equal((await picture('ball')).headers.get('tomocast-bridged'), null);
+  await d.delete('/v1/volumes/gap?force=true');
+  rmSync(join(d.folder, 'gap'), { recursive: true });
 });
 
 test('deleting: 404, 409 while in use, force', async () => {

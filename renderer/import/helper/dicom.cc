@@ -41,6 +41,7 @@ extern "C" {
 #include "renderer/import/helper/dicom_sources.h"
 #include "renderer/import/helper/dicom_pixels.h"
 #include "renderer/import/helper/dicom_stack.h"
+#include "renderer/import/helper/dicom_suv.h"
 #include "renderer/import/helper/order.h"
 
 // GDCM allocates what an element's length announces before it reads a byte of it. One allocation may therefore not be
@@ -229,6 +230,8 @@ struct Picture {
   size_t deflated_at = 0; // a deflated data set begins here; 0 otherwise
   bool palette = false, inverted = false, cine = false, mosaic = false, lookup = false, fractional = false;
   double window_center = 0, window_width = 0;
+  double suv = 0;            // PET: what values are multiplied by; 0 none
+  const char *no_suv = ""; // why
   double segment_threshold = 1;       // samples at or above it belong to the segment
   std::vector<tc_dicom_slice> slices; // [frames]
   std::vector<Scale> scales;          // [frames]
@@ -495,6 +498,32 @@ void read_slices(const DataSet &set, Picture &p) {
     p.segment_threshold = std::max(1.0, std::ceil(binary_of<uint16_t>(set, Tag(0x62, 0x0e), 255) / 2.0));
 }
 
+// Weight and dose stay in here: only their quotient leaves.
+void read_suv(const DataSet &set, Picture &p) {
+  Nested drug = item_of(set, Tag(0x54, 0x16));
+  if (p.modality != "PT") return;
+  std::map<uint32_t, std::string> text;
+  auto get = [&](const DataSet *from, Tag tag) {
+    return (text[tag.GetElementTag()] = from ? text_of(*from, tag) : "").c_str();
+  };
+  tc_dicom_suv suv{};
+  suv.units = get(&set, Tag(0x54, 0x1001));
+  suv.corrected = get(&set, Tag(0x28, 0x51));
+  suv.decay = get(&set, Tag(0x54, 0x1102));
+  suv.series_date = get(&set, Tag(0x08, 0x21));
+  suv.series_time = get(&set, Tag(0x08, 0x31));
+  suv.acquisition_date = get(&set, Tag(0x08, 0x22));
+  suv.acquisition_time = get(&set, Tag(0x08, 0x32));
+  suv.scan = get(text_of(set, Tag(0x09, 0x10)) == "GEMS_PETD_01" ? &set : nullptr, Tag(0x09, 0x100d));
+  suv.start = get(drug.set, Tag(0x18, 0x1078));
+  suv.start_time = get(drug.set, Tag(0x18, 0x1072));
+  suv.weight_kg = number_of(set, Tag(0x10, 0x1030), 0);
+  suv.dose_bq = drug.set ? number_of(*drug.set, Tag(0x18, 0x1074), 0) : 0;
+  suv.half_life_s = drug.set ? number_of(*drug.set, Tag(0x18, 0x1075), 0) : 0;
+  if (text_of(set, Tag(0x7053, 0x10)) == "Philips PET Private Group") suv.philips = number_of(set, Tag(0x7053, 0x1000), 0);
+  p.suv = tc_dicom_suv_factor(&suv, &p.no_suv);
+}
+
 void read_labels(const DataSet &set, Picture &p) {
   p.modality = plain(text_of(set, Tag(0x08, 0x60)), 15);
   p.series = plain(text_of(set, Tag(0x20, 0x0e)), 64);
@@ -575,6 +604,7 @@ bool read_picture(const tc_dicom_blob &blob, size_t source, Picture &p) {
   read_frames(set, syntax, blob.size, p);
   if (!pixels_are_there(p, stream.tellg(), blob.size)) fail(TC_ERROR_FORMAT, "pixel data is cut: the file ends before it does");
   read_slices(set, p);
+  read_suv(set, p);
   return true;
 }
 
@@ -894,6 +924,7 @@ struct Job {
   tc_volume_desc desc{};
   tc_provenance from{};
   bool rescale = false; // scales differ: applied to every voxel
+  double suv = 0;       // what values were multiplied by; 0: they are the file's
   ~Job() { tc_dicom_stack_finish(&stack); }
   const Member &at(size_t item) const { return members[stack.items[item].slice]; }
   const Picture &first() const { return *at(0).picture; }
@@ -988,6 +1019,28 @@ void make_stack(const Series &series, const Choice &choice, Job &job) {
   if (volumes.copies) tc_dicom_note(d.note, "%zu copies of pictures left out", volumes.copies);
 }
 
+// PET in SUV, where every picture of the volume can be.
+void apply_suv(Job &job) {
+  const Picture &first = job.first();
+  const char *missing = first.no_suv;
+  bool all = true;
+  for (size_t i = 0; i < job.stack.count; i++) {
+    const Picture &p = *job.at(i).picture;
+    if (!(p.suv > 0)) missing = p.no_suv;
+    all = all && p.suv > 0;
+  }
+  if (!all) {
+    if (*missing) tc_dicom_note(job.desc.note, "no SUV: %s", missing);
+    return;
+  }
+  for (Member &m : job.members) {
+    m.scale.slope *= m.picture->suv;
+    m.scale.intercept *= m.picture->suv;
+  }
+  job.suv = first.suv;
+  tc_dicom_note(job.desc.note, "SUV by body weight");
+}
+
 // 32-bit and wider integers: what they hold decides how they are kept (the storage rule of import.h).
 tc_voxel_type narrow_type(const Job &job, const Run &run) {
   Decoder decoder(run.sources);
@@ -1058,11 +1111,12 @@ void describe(Job &job, const Run &run) {
   std::copy(job.stack.direction, job.stack.direction + 9, d.direction);
   job.from.bridged = job.stack.bridged;
   job.from.resampled = job.stack.mix && !job.stack.bridged;
-  d.window_center = p.window_center;
-  d.window_width = p.window_width;
+  d.window_center = p.window_center * (job.suv > 0 ? job.suv : 1);
+  d.window_width = p.window_width * (job.suv > 0 ? job.suv : 1);
   snprintf(d.modality, sizeof d.modality, "%s", p.modality.c_str());
   std::string unit = !p.unit.empty() ? p.unit : p.scale_type == "US" ? "" : p.scale_type;
   if (unit.empty() && p.modality == "CT" && p.scale_type.empty()) unit = "HU";
+  if (job.suv > 0) unit = "SUVbw";
   snprintf(d.unit, sizeof d.unit, "%s", unit.c_str());
   if (job.stack.note[0]) tc_dicom_note(d.note, "%s", job.stack.note);
   if (p.samples.colour != TC_DICOM_GREY || p.palette) tc_dicom_note(d.note, "colour became luma");
@@ -1194,6 +1248,7 @@ void load(const Run &run, const std::string &wanted) {
   Job job;
   make_stack(series, choice, job);
   if (all.size() > 1 && choice.series.empty()) tc_dicom_note(job.desc.note, "the largest of %zu series", all.size());
+  apply_suv(job);
   choose_type(job, run);
   describe(job, run);
   check_size(job, run.order.max_voxel_bytes);
