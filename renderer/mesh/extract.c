@@ -2,6 +2,9 @@
  *   inside   a bit per voxel;
  *   count    crossed edges, which are vertices, and triangles, per row: their sums are the numbers of the first ones;
  *   fill     vertices and triangles in their places. A vertex's number is its row's first and the bits before it. */
+#ifdef __SSE2__
+#include <emmintrin.h>
+#endif
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,6 +13,8 @@
 #include "renderer/mesh/mesh.h"
 
 #define NEAREST (1.0 / 1024) /* share of an edge that a vertex stays away from its ends */
+
+#define AHEAD 2 /* rows whose voxels are on their way from memory */
 
 typedef uint64_t word; /* 64 voxels of a row */
 
@@ -28,7 +33,7 @@ typedef struct extraction {
   tc_voxel_type type;
   int dims[3], words;  /* words of a row */
   float level, turn;   /* inside: turn * voxel >= level */
-  int least;           /* the same of whole numbers: turn * voxel >= least */
+  float least, most;   /* inside: voxels from least to most, both of the voxels' type; most < least: none */
   word *inside;        /* [z][y][words]; bits beyond the row are those of its last voxel */
   row *rows;           /* [z][y] */
   double to_mm[3][3];  /* index displacement -> LPS mm */
@@ -69,33 +74,48 @@ static float voxel_at(const extraction *e, int x, int y, int z) {
 
 /* ---- inside ---- */
 
-/* Eight bytes of 0 or 1 to eight bits, the first the lowest. */
-static word gather_bits(const uint8_t bytes[8]) {
-  word all;
-  memcpy(&all, bytes, sizeof all);
-  return all * 0x0102040810204080u >> 56;
+/* Sixteen bytes of 0 or 255 to sixteen bits, the first the lowest. */
+static word gather_bits(const uint8_t *bytes) {
+#ifdef __SSE2__
+  return (word)_mm_movemask_epi8(_mm_loadu_si128((const __m128i *)(const void *)bytes));
+#else
+  word half[2];
+  memcpy(half, bytes, sizeof half);
+  for (int i = 0; i < 2; i++)
+    half[i] = (half[i] & 0x0101010101010101u) * 0x0102040810204080u >> 56;
+  return half[0] | half[1] << 8;
+#endif
 }
 
-#define ROW_OF_BITS(name, type, test)                                                                                  \
-  static void bits_##name(const extraction *e, const type *voxels, word *out) {                                        \
-    const int turn = (int)e->turn, least = e->least;                                                                   \
-    for (int first = 0; first < e->dims[0]; first += 64, out++) {                                                      \
-      uint8_t flags[64];                                                                                               \
-      int n = MIN(64, e->dims[0] - first);                                                                             \
-      for (int i = 0; i < n; i++)                                                                                      \
-        flags[i] = test;                                                                                               \
-      memset(flags + n, flags[n - 1], (size_t)(64 - n));                                                               \
-      *out = 0;                                                                                                        \
-      for (int i = 0; i < 8; i++)                                                                                      \
-        *out |= gather_bits(flags + 8 * i) << 8 * i;                                                                   \
+static word word_of(const uint8_t flags[64]) {
+  word all = 0;
+  for (int i = 0; i < 4; i++)
+    all |= gather_bits(flags + 16 * i) << 16 * i;
+  return all;
+}
+
+/* Compares in the voxels' own type: none is widened. */
+#define ROW_OF_BITS(name, type)                                                                                        \
+  static void bits_##name(const extraction *e, const type *v, word *out) {                                             \
+    const type least = (type)e->least, most = (type)e->most;                                                           \
+    uint8_t flags[64];                                                                                                 \
+    int left = e->dims[0];                                                                                             \
+    for (; left >= 64; left -= 64, v += 64) {                                                                          \
+      for (int i = 0; i < 64; i++)                                                                                     \
+        flags[i] = v[i] >= least && v[i] <= most ? 255 : 0;                                                            \
+      *out++ = word_of(flags);                                                                                         \
     }                                                                                                                  \
+    if (left == 0) return;                                                                                             \
+    for (int i = 0; i < left; i++)                                                                                     \
+      flags[i] = v[i] >= least && v[i] <= most ? 255 : 0;                                                              \
+    memset(flags + left, flags[left - 1], (size_t)(64 - left));                                                        \
+    *out = word_of(flags);                                                                                             \
   }
-#define WHOLE turn *voxels[first + i] >= least
-ROW_OF_BITS(u8, uint8_t, WHOLE)
-ROW_OF_BITS(i8, int8_t, WHOLE)
-ROW_OF_BITS(u16, uint16_t, WHOLE)
-ROW_OF_BITS(i16, int16_t, WHOLE)
-ROW_OF_BITS(f32, float, ((void)least, (float)turn *voxels[first + i] >= e->level))
+ROW_OF_BITS(u8, uint8_t)
+ROW_OF_BITS(i8, int8_t)
+ROW_OF_BITS(u16, uint16_t)
+ROW_OF_BITS(i16, int16_t)
+ROW_OF_BITS(f32, float)
 
 static void find_inside(void *context, int z, int worker) {
   extraction *e = context;
@@ -320,10 +340,25 @@ static void put_centre(const extraction *e, uint32_t number, const tc_cell_case 
   put_vertex(e, number, &mean);
 }
 
+/* Voxels above the row that will soon be worked on, where it has vertices: the first to read them would wait for
+ * memory.
+ */
+static void fetch_ahead(const extraction *e, int y, int z) {
+  const size_t size = tc_voxel_size(e->type);
+  const word *here = bits_at(e, y, z), *above = bits_at(e, y, z + 1);
+  const char *voxels = (const char *)e->voxels + row_at(e, y, MIN(z + 2, e->dims[2] - 1)) * (size_t)e->dims[0] * size;
+  for (int w = 0; w < e->words; w++) {
+    if (!(crossed_x(e, here, w) | (here[w] ^ above[w]))) continue;
+    for (size_t at = 0; at < 64 * size; at += 64)
+      __builtin_prefetch(voxels + 64 * (size_t)w * size + at);
+  }
+}
+
 FOR_A_TYPE void make_vertices(const extraction *e, tc_voxel_type type, int y, int z) {
   const word *here = bits_at(e, y, z), *other[3] = {here, here, here};
   if (y + 1 < e->dims[1]) other[1] = bits_at(e, y + 1, z);
   if (z + 1 < e->dims[2]) other[2] = bits_at(e, y, z + 1);
+  if (z + 1 < e->dims[2] && y + AHEAD < e->dims[1]) fetch_ahead(e, y + AHEAD, z);
   for (int axis = 0; axis < 3; axis++) {
     uint32_t number = e->rows[row_at(e, y, z)].vertex[axis];
     for (int w = 0; w < e->words; w++) {
@@ -442,13 +477,28 @@ static void turn_over(tc_mesh *mesh) {
 
 /* ---- all ---- */
 
+/* turn * voxel >= level as a range of voxels. */
+static void set_range(extraction *e) {
+  static const float bounds[TC_VOXEL_TYPE_COUNT][2] = {[TC_U8] = {0, 255},
+                                                       [TC_I8] = {-128, 127},
+                                                       [TC_U16] = {0, 65535},
+                                                       [TC_I16] = {-32768, 32767},
+                                                       [TC_F32] = {-INFINITY, INFINITY}};
+  const float least = bounds[e->type][0], most = bounds[e->type][1];
+  const float level =
+      e->type == TC_F32 ? e->level : ceilf(e->level); /* whole numbers are inside from the next one on */
+  e->least = e->turn > 0 ? fmaxf(level, least) : least;
+  e->most = e->turn > 0 ? most : fminf(-level, most);
+  if (e->least > most || e->most < least) e->least = most, e->most = least;
+}
+
 static void set_up(extraction *e, const tc_volume *volume, double iso) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   double to_index[9], scale = 0;
   *e = (extraction){.cases = tc_cell_cases_all(), .volume = volume, .voxels = tc_volume_data(volume), .type = d->type};
   e->turn = d->slope > 0 ? 1 : -1;
   e->level = (float)((iso - d->intercept) / d->slope) * e->turn;
-  e->least = (int)fmin(fmax(ceil((double)e->level), -70000), 70000); /* further than any whole voxel */
+  set_range(e);
   for (int k = 0; k < 3; k++) {
     e->dims[k] = d->dims[k];
     e->middle[k] = 0.5 * (d->dims[k] - 1);
