@@ -3,10 +3,11 @@
 
 const LINK = /^([0-9a-f]{32})\.(view|edit)\.\d+\.[0-9a-f]+$/;
 
-/** The token of a share link in an address's hash, or "". */
+/** "#share=TOKEN&volume&view" @returns {{token: string, rest: string}} of a share link; both "" of another address */
 export function linkIn(hash) {
-  const token = hash.startsWith('#share=') ? hash.slice('#share='.length) : '';
-  return LINK.test(token) ? token : '';
+  const [first, ...rest] = hash.split('&');
+  const token = first.startsWith('#share=') ? first.slice('#share='.length) : '';
+  return LINK.test(token) ? { token, rest: rest.join('&') } : { token: '', rest: '' };
 }
 
 /** @returns {{session: string, role: string}} what a token says of itself; both "" when it is no link's */

@@ -12,7 +12,7 @@ export class Actions {
   #cine;
   #inverted = false;
 
-  /** store, stage; gesture(bool); look; history; move(moved) in steer's terms; shown() -> {box} of the volume; help() */
+  /** store, stage, buttons {cine, invert, fullscreen}; gesture(bool); look; history; move(moved) in steer's terms; shown() -> {box} of the volume; help() */
   constructor(parts) {
     this.#with = parts;
     const { store, stage, gesture, move, shown } = parts;
@@ -22,9 +22,17 @@ export class Actions {
       move,
       atEnd: () => atLastSlice(store.scene, shown().box),
     });
-    stage.addEventListener('pointerdown', () => this.#cine.stop());
-    stage.addEventListener('wheel', () => this.#cine.stop(), { passive: true });
-    store.subscribe(() => this.#showInverted());
+    const stop = ({ target }) => {
+      if (target.closest('[data-own-pointer]')) return;
+      this.#cine.stop();
+      this.#show();
+    };
+    stage.addEventListener('pointerdown', stop);
+    stage.addEventListener('wheel', stop, { passive: true });
+    store.subscribe(() => this.#show());
+    for (const [name, button] of Object.entries(parts.buttons)) button.addEventListener('click', () => this.do(name));
+    document.addEventListener('fullscreenchange', () => this.#show());
+    parts.buttons.fullscreen.hidden = !document.fullscreenEnabled;
   }
 
   do(name, argument) {
@@ -45,6 +53,7 @@ export class Actions {
       help,
     };
     known[name]?.();
+    this.#show();
   }
 
   /** A saved picture is the one on the screen. @returns {Promise<Blob>} */
@@ -78,16 +87,24 @@ export class Actions {
 
   #invert() {
     this.#inverted = !this.#inverted;
-    this.#showInverted();
   }
 
   /** Black for white is for windows: colours would be wrong. */
-  get #applies() {
+  get #grey() {
     const { scene } = this.#with.store;
-    return this.#inverted && scene !== null && contextOf(scene.mode) !== 'volume';
+    return scene !== null && contextOf(scene.mode) !== 'volume';
   }
 
-  #showInverted() {
-    this.#with.stage.classList.toggle('inverted', this.#applies);
+  get #applies() {
+    return this.#inverted && this.#grey;
+  }
+
+  #show() {
+    const { stage, buttons } = this.#with;
+    stage.classList.toggle('inverted', this.#applies);
+    buttons.invert.hidden = !this.#grey;
+    buttons.invert.ariaPressed = this.#applies;
+    buttons.cine.ariaPressed = this.#cine.running;
+    buttons.fullscreen.ariaPressed = document.fullscreenElement !== null;
   }
 }

@@ -4,29 +4,62 @@
 import { contextOf } from './bindings.js';
 import { patchFor, valueAt } from './panels.js';
 import { joinPatches } from './state.js';
+import { fromHex, toHex } from './transfer_model.js';
 
 const REST_MS = 300; // browsers count how often a page writes its address
 const CAMERA = ['projection', 'position', 'target', 'up', 'fovY', 'height'].map((name) => `camera.${name}`);
 const PLANE = ['orientation', 'center', 'normal', 'up', 'zoom', 'thickness', 'projection'].map((name) => `mpr.${name}`);
 const WINDOW = ['window.center', 'window.width'];
+const SHADING = ['model', 'gradient', 'ambient', 'diffuse', 'specular', 'shininess'].map((name) => `shading.${name}`);
+const LABELS = ['volume', 'opacity', 'visible', 'colors'].map((name) => `labels.${name}`);
 const VIEW = {
   volume: [...CAMERA, 'transferFunction.preset'],
+  own: [...CAMERA, 'transferFunction.points', 'transferFunction.unitDistance', 'hideTable', ...SHADING], // no preset's look
   surface: [...CAMERA, 'isosurface.value'],
   projection: [...CAMERA, ...WINDOW],
   slices: [...PLANE, ...WINDOW],
 };
-const EVERY = new Set(['mode', ...Object.values(VIEW).flat()]);
+const EVERY = new Set(['mode', ...Object.values(VIEW).flat(), ...LABELS]);
+const MOST_KNOTS = 64; // a longer list is no address any more
 
 const short = (number) => Number(Number(number.toPrecision(7)).toFixed(6)); // to a nanometre
 const written = (value) =>
   [value].flat().map((part) => (typeof part === 'number' ? short(part) : encodeURIComponent(part)));
 
+/** Lists with more in them than numbers: "-400:ff8000:o0.2" is a knot, "3:ff0000:1" a label's colour and alpha. */
+const LISTS = {
+  'transferFunction.points': {
+    write: (points) =>
+      points.map(({ value, color, opacity, extinction }) =>
+        [short(value), toHex(color).slice(1), opacity === undefined ? `e${short(extinction)}` : `o${short(opacity)}`].join(':'),
+      ),
+    read: (items) =>
+      items.map(([value, color, amount]) => ({
+        value: Number(value),
+        color: fromHex(`#${color}`),
+        [amount[0] === 'e' ? 'extinction' : 'opacity']: Number(amount.slice(1)),
+      })),
+  },
+  'labels.colors': {
+    write: (colors) =>
+      Object.entries(colors).map(([label, color]) => [label, toHex(color.slice(0, 3)).slice(1), short(color[3] ?? 1)].join(':')),
+    read: (items) => Object.fromEntries(items.map(([label, color, alpha]) => [label, [...fromHex(`#${color}`), Number(alpha)]])),
+  },
+};
+
+const viewOf = ({ mode, transferFunction }) => {
+  if (mode === 'isosurface' || mode === 'mesh') return 'surface';
+  const { preset, points = [] } = transferFunction ?? {};
+  const own = contextOf(mode) === 'volume' && !preset && points.length > 0 && points.length <= MOST_KNOTS;
+  return own ? 'own' : contextOf(mode);
+};
+
 /** "&mode=mip&camera.position=0,-400,0..." of what a scene is looked at with */
 export function viewText(scene) {
-  const surface = scene.mode === 'isosurface' || scene.mode === 'mesh';
-  const paths = ['mode', ...VIEW[surface ? 'surface' : contextOf(scene.mode)]];
+  const paths = ['mode', ...VIEW[viewOf(scene)], ...(scene.labels?.volume ? LABELS : [])];
   const known = paths.map((path) => [path, valueAt(scene, path)]).filter(([, value]) => (value ?? '') !== '');
-  return known.map(([path, value]) => `&${path}=${written(value).join(',')}`).join('');
+  const text = ([path, value]) => (LISTS[path]?.write(value) ?? written(value)).join(',');
+  return known.map((member) => `&${member[0]}=${text(member)}`).join('');
 }
 
 const decoded = (text) => {
@@ -37,10 +70,17 @@ const decoded = (text) => {
   }
 };
 
-function read(text) {
+const WORDS = { true: true, false: false };
+
+/** @returns the value of a member, undefined where it is broken */
+function read(path, text) {
   const parts = text.split(',').map(decoded);
-  const values = parts.map((part) => (/^[-+.\d][-+.\de]*$/i.test(part) ? Number(part) : part));
-  return values.length > 1 ? values : values[0];
+  if (LISTS[path]) {
+    const items = parts.map((part) => part.split(':'));
+    return items.every((item) => item.length === 3 && /^[0-9a-f]{6}$/.test(item[1])) ? LISTS[path].read(items) : undefined;
+  }
+  const values = parts.map((part) => WORDS[part] ?? (/^[-+.\d][-+.\de]*$/i.test(part) ? Number(part) : part));
+  return values.length > 1 || path === 'labels.visible' ? values : values[0];
 }
 
 /** @returns {{volume: string, view: object|null}} what an address's hash names, and the scene's members it gives */
@@ -49,7 +89,8 @@ export function readHash(hash) {
   let view = null;
   for (const member of rest) {
     const [path, text] = member.split('=');
-    if (EVERY.has(path) && text) view = joinPatches(view ?? {}, patchFor({}, path, read(text)));
+    const value = EVERY.has(path) && text ? read(path, text) : undefined;
+    if (value !== undefined) view = joinPatches(view ?? {}, patchFor({}, path, value));
   }
   return { volume: first.includes('=') ? '' : decoded(first), view }; // "share=..." is no volume
 }
@@ -95,7 +136,8 @@ export class Address {
   /** A link to a session, that opens the same view anew once the session is gone. */
   attach(link) {
     const url = new URL(link);
-    if (!url.hash) url.hash = `#${encodeURIComponent(this.#volume)}${viewText(this.#store.scene)}`;
+    const view = encodeURIComponent(this.#volume) + viewText(this.#store.scene);
+    url.hash = url.hash ? `${url.hash}&${view}` : view;
     return url.href;
   }
 

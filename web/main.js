@@ -155,6 +155,7 @@ const probe = new Probe({
 const actions = new Actions({
   store,
   stage,
+  buttons: { cine: get('cine'), invert: get('invert'), fullscreen: get('fullscreen') },
   gesture,
   look,
   history: edits,
@@ -254,6 +255,7 @@ function showFrame(drawn) {
   stage.dataset.seq = drawn.header.seq;
   stage.dataset.final = drawn.header.final;
   get('empty').hidden = true;
+  if (drawn.header.final) volumes.thumbnail(opening.volume); // made now that it is drawn, for whoever lists it
 }
 
 function withholdMeter() {
@@ -405,7 +407,7 @@ function bindWindow() {
   }).observe(stage);
   window.addEventListener('online', () => client.retryNow());
   window.addEventListener('hashchange', () => {
-    if (linkIn(location.hash)) {
+    if (linkIn(location.hash).token) {
       client.leave();
       takeLink();
       location.reload();
@@ -419,12 +421,12 @@ function bindWindow() {
   });
 }
 
-/** A link's token goes from the address to the tab. */
+/** A link's token goes from the address to the tab; the view that came with it stays. */
 function takeLink() {
-  const token = linkIn(location.hash);
+  const { token, rest } = linkIn(location.hash);
   if (!token) return;
   api.token = token;
-  history.replaceState(null, '', location.pathname);
+  history.replaceState(null, '', location.pathname + (rest && `#${rest}`));
 }
 
 async function askAbout() {

@@ -56,6 +56,8 @@ export class Opening {
       );
       const histogram = (await early) ?? (await this.#volumes.histogram(id).catch(() => null));
       if (abort.signal.aborted) return;
+      const { labels } = scene ?? view ?? {};
+      if (labels?.volume) await this.#volumes.bring(labels.volume, () => {}).catch(() => {}); // what is missing is said below
       const asked = await this.#create(id, scene ?? view);
       this.#show(found, histogram);
       if (!asked?.camera)
@@ -92,6 +94,7 @@ export class Opening {
       this.#on.opened(id, { joined: true });
     } catch (error) {
       if (error.status !== 404 || !volume) return this.#on.failed(error);
+      if (linked(this.#api.token).session) this.#api.token = ''; // it was good for that session alone
       this.#on.toast('The session of this link is over. Here is the same view, in a session of your own.');
       await this.open(volume, { scene: this.#kept(volume), view });
     } finally {

@@ -8,7 +8,7 @@ import { lengthsText, lengthText, placeText } from '../../web/units.js';
 import { browserMissing, launch } from './chromium.mjs';
 import { daemonMissing, smallNrrd, startDaemon } from './daemon.mjs';
 import { settled, stageData } from './picture.mjs';
-import { open, scene } from './scenarios.mjs';
+import { linkOf, open, scene } from './scenarios.mjs';
 
 const skip = daemonMissing() || (await browserMissing());
 
@@ -23,9 +23,24 @@ test('the view of a scene survives the way through an address, and only a view i
     window: { center: 40, width: 400 },
   });
   assert.equal(viewText({ mode: 'dvr', camera, transferFunction: { preset: null } }).includes('preset'), false);
-  assert.deepEqual(readHash('#x&labels.volume=y&mode=&%=1&camera.fovY=5'), { volume: 'x', view: { camera: { fovY: 5 } } });
+  assert.deepEqual(readHash('#x&image.width=9&mode=&%=1&camera.fovY=5'), { volume: 'x', view: { camera: { fovY: 5 } } });
   assert.deepEqual(readHash('#share=0123.view.1.ab'), { volume: '', view: null }, 'a token is no volume');
   assert.deepEqual(readHash('#100%'), { volume: '', view: null });
+});
+
+test('knots without a preset, their light and labels survive too; broken lists are left out', () => {
+  const points = [{ value: -400.5, color: [1, 0, 0.2], opacity: 0 }, { value: 300, color: [0, 1, 1], opacity: 0.25 }];
+  const scene = {
+    mode: 'dvr',
+    camera: { projection: 'orthographic', height: 300 },
+    transferFunction: { points, unitDistance: 0.5 },
+    shading: { model: 'blinn-phong', ambient: 0.1 },
+    hideTable: false,
+    labels: { volume: 'parts', opacity: 0.5, visible: [3], colors: { 3: [1, 0, 0, 0.4] } },
+  };
+  assert.deepEqual(readHash(`#head${viewText(scene)}`), { volume: 'head', view: scene });
+  assert.ok(!viewText({ ...scene, transferFunction: { preset: 'ct-bone', points } }).includes('points'));
+  assert.equal(readHash('#head&transferFunction.points=1:zz:o1,2').view, null);
 });
 
 test('local names stay with the volume they came with', () => {
@@ -56,7 +71,7 @@ describe('addresses and names', { skip }, () => {
   let page;
   before(async () => {
     browser = await launch();
-    daemon = await startDaemon(['--volume', 'head=demo:head', '--volume', 'bucky=demo:bucky']);
+    daemon = await startDaemon(['head', 'bucky', 'parts'].flatMap((id) => ['--volume', `${id}=demo:${id.replace('parts', 'head-labels')}`]));
     ({ page } = await open(browser, `${daemon.url}#head`));
   });
   after(async () => {
@@ -98,6 +113,24 @@ describe('addresses and names', { skip }, () => {
     await broken.close();
   });
 
+  test('edited knots and labels are in the address', async () => {
+    const { page: mine } = await open(browser, `${daemon.url}#head`);
+    await mine.fill('#knot-amount', '0.123');
+    await mine.keyboard.press('Enter');
+    await mine.selectOption('#labels-volume', 'parts');
+    await mine.locator('#labels-list li').nth(2).waitFor();
+    await mine.getByRole('button', { name: 'Show label 2' }).click();
+    await mine.waitForFunction(() => location.hash.includes('points') && location.hash.includes('labels.visible'));
+    await settled(mine);
+    await mine.waitForTimeout(400);
+    const { page: theirs } = await open(browser, mine.url());
+    const [a, b] = [await scene(mine), await scene(theirs)];
+    assert.ok(b.transferFunction.points.some(({ opacity }) => opacity === 0.123));
+    assert.deepEqual([b.shading.model, b.hideTable, b.labels.visible], [a.shading.model, a.hideTable, a.labels.visible]);
+    await mine.close();
+    await theirs.close();
+  });
+
   test('back and forward move between volumes and their views', async () => {
     const turned = await hash();
     await choose('bucky');
@@ -113,30 +146,25 @@ describe('addresses and names', { skip }, () => {
     assert.deepEqual(page.complaints, []);
   });
 
-  test('a link whose session is gone opens the same view anew', async () => {
-    await choose('head');
-    await page.focus('#stage');
-    await page.keyboard.press('p');
-    await settled(page);
-    await page.evaluate(() => {
-      window.copied = new Promise((resolve) => {
-        Object.defineProperty(navigator, 'clipboard', { configurable: true, value: { writeText: async (text) => resolve(text) } });
-      });
+  for (const role of ['edit', 'view']) {
+    test(`a link to ${role}, whose session is gone, opens the same view anew`, async () => {
+      await choose('head');
+      await page.focus('#stage');
+      await page.keyboard.press('p');
+      await settled(page);
+      const link = await linkOf(page, role);
+      const { session } = await stageData(page);
+      assert.ok(link.includes(role === 'edit' ? `session=${session}` : `#share=${session}.view`), link);
+      const { camera } = await scene(page);
+      await fetch(`${daemon.url}v1/sessions/${session}`, { method: 'DELETE' });
+      const guest = await open(browser, link);
+      assert.notEqual((await stageData(guest.page)).session, session);
+      near((await scene(guest.page)).camera.position, camera.position);
+      assert.match(await guest.page.textContent('.toast'), /session of this link is over/);
+      assert.equal(new URL(guest.page.url()).search, '');
+      await guest.page.close();
     });
-    await page.click('#scene-open');
-    await page.click('#scene-share');
-    const link = await page.evaluate(() => window.copied);
-    const { session } = await stageData(page);
-    assert.ok(link.includes(`session=${session}`));
-    const { camera } = await scene(page);
-    await fetch(`${daemon.url}v1/sessions/${session}`, { method: 'DELETE' });
-    const guest = await open(browser, link);
-    assert.notEqual((await stageData(guest.page)).session, session);
-    near((await scene(guest.page)).camera.position, camera.position);
-    assert.match(await guest.page.textContent('.toast'), /session of this link is over/);
-    assert.equal(new URL(guest.page.url()).search, '');
-    await guest.page.close();
-  });
+  }
 
   test('uploads go by their own name here and by none elsewhere; what failed can be removed', async () => {
     const sent = [];

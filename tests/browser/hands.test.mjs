@@ -304,6 +304,23 @@ describe('hands on the picture', { skip }, () => {
     const three = (dy) => [-50, 0, 50].map((dx) => [cx + dx, cy + dy]);
     await slide(three(0), three(-60));
     assert.ok(Math.abs((await z()) - before) < 2 * SPACING, 'three fingers bring them back');
+
+    await hand.tap('#cine');
+    await hand.waitForTimeout(350);
+    await hand.tap('#cine');
+    const run = await z();
+    assert.ok(run > before + SPACING, 'a button runs through the slices');
+    await hand.waitForTimeout(200);
+    assert.equal(await z(), run, 'and stops');
+    await hand.tap('#invert');
+    assert.ok(await hand.isVisible('.inverted-mark'));
+    await hand.tap('#fullscreen');
+    await hand.waitForFunction(() => document.fullscreenElement?.id === 'stage');
+    assert.equal(await hand.getAttribute('#fullscreen', 'aria-pressed'), 'true');
+    await hand.tap('#fullscreen');
+    await hand.waitForFunction(() => !document.fullscreenElement);
+    await hand.selectOption('#mode', 'dvr');
+    assert.ok(await hand.isHidden('#invert'), 'colours are never turned round');
     assert.deepEqual(hand.complaints, []);
     await hand.close();
   });

@@ -64,6 +64,15 @@ describe('before the first picture', { skip: (await browserMissing()) || daemonM
     await page.close();
   });
 
+  test('a volume has its thumbnail once it is drawn, before anybody lists it', async () => {
+    const page = await browser.page();
+    const asked = page.waitForResponse(/v1\/volumes\/head\/thumbnail$/);
+    await page.goto(`${daemon.url}#head`);
+    assert.equal((await asked).status(), 200);
+    assert.ok(await page.isHidden('#volume-dialog'));
+    await page.close();
+  });
+
   test('a projection opens with a window of its own, the minimum as a slab, and both go again', async () => {
     const { page } = await open(browser, `${daemon.url}#head`);
     const before = await scene(page);

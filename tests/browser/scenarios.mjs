@@ -257,6 +257,19 @@ export async function scene(page) {
   return JSON.parse(text);
 }
 
+/** The link that the page's own dialog copies. */
+export async function linkOf(page, role) {
+  await page.evaluate(() => {
+    window.copied = new Promise((resolve) => {
+      Object.defineProperty(navigator, 'clipboard', { configurable: true, value: { writeText: async (text) => resolve(text) } });
+    });
+  });
+  await page.click('#scene-open');
+  await page.selectOption('#scene-share-role', role);
+  await page.click('#scene-share');
+  return page.evaluate(() => window.copied);
+}
+
 export const EVERYWHERE = {
   'orbit drag changes the picture, space brings it back': orbitChangesThePicture,
   'pan and zoom': panAndZoomDoWhatTheySay,
