@@ -18,8 +18,10 @@
 /* An interactive frame that would take so much longer still is misjudged. */
 #define LATE_MS (2 * TCS_LADDER_TARGET_MS)
 
-/* A frame at rest tells little of one in motion, and the other way round. */
+/* A frame at rest tells little of one in motion, and the other way round. Projections and slices have no light. */
 static bool differs_in_motion(const tc_scene *scene) {
+  const tc_mode mode = scene->mode;
+  if (mode == TC_MODE_MIP || mode == TC_MODE_MINIP || mode == TC_MODE_AVERAGE || mode == TC_MODE_MPR) return false;
   return scene->shading.model != TC_SHADING_NONE && scene->shading.gradient == TC_GRADIENT_CENTRAL;
 }
 
