@@ -14,31 +14,42 @@
 #include "renderer/skip/skip.h"
 #include "renderer/tomocast.h"
 
+/* What a plan lists, by name or by number: in the order of tc_resource. NULL: not listed, or not there yet. */
+typedef union tc_resource_set {
+  const void *of[TC_RESOURCE_COUNT];
+  struct {
+    const tc_volume *coefficients;
+    const tc_table *table; /* without entries for a back end that builds_table() */
+    const tc_integrals *integrals;
+    const tc_support *support;
+    const tc_minmax *minmax;
+    const tc_leap *leap;
+    const tc_boxes *boxes;
+    const tc_bounds *bounds;
+    const tc_labels *labels;
+  };
+} tc_resource_set;
+
 /* One frame's work: everything was validated, every resource is built and lives until render() returns. */
 typedef struct tc_job {
   const tc_plan *plan;
+  tc_plan_key key; /* what runs: the plan's, or unskipped where the frame found nothing to skip */
   const tc_scene *scene;
   const tc_volume *volume; /* what is sampled: the scene's volume, or its B-spline coefficients in its place */
   const tc_volume *source; /* the scene's volume */
   const tc_rays *rays;
-  const tc_table *table; /* NULL when the plan has none; without entries for a back end that builds_table() */
-  const tc_integrals *integrals; /* NULL likewise; never beside a table */
-  const tc_leap *leap;   /* NULL unless plan->key.skipping in a mode that composites or shows a surface */
-  const tc_boxes *boxes; /* dvr, instead of leap, for a back end that leaps_over_boxes */
-  const tc_surface *surface; /* NULL unless the mode is isosurface */
-  const tc_grey *grey;   /* NULL unless the mode projects */
-  const tc_bounds *bounds; /* NULL unless plan->key.skipping in mip and minip */
-  const tc_volume *label_volume; /* NULL unless plan->key.labels; checked */
-  const tc_labels *labels;       /* what its voxels look like; NULL with it */
+  tc_resource_set have;
+  bool outlines_table; /* have.table may be without entries: the back end makes them */
+  const tc_volume *label_volume; /* what scene.labels names; checked, and read if there are have.labels */
   const tc_halt *halt; /* may be NULL: nobody interrupts */
   double pixel_samples; /* of its rays, from above, as tc_estimate_samples() counts them; 0: unknown */
-  bool want_linear, want_depth;
+  bool want_linear;
   tc_frame *frame; /* width, height set; buffers allocated; stats.samples, .rays to be filled, .tables_ms added to */
 } tc_job;
 
 typedef struct tc_backend_ops {
   const char *name;
-  bool leaps_over_boxes; /* takes job.boxes instead of job.leap */
+  bool maps_distance; /* reads have.leap in dvr as well; else have.boxes */
   /* device: static or owned by the instance. */
   void *(*create)(const tc_renderer_options *options, tc_pool *pool, GError **error);
   void (*destroy)(void *instance);
@@ -57,9 +68,13 @@ typedef struct tc_backend_ops {
   bool (*builds_table)(void *instance, const tc_table_params *params, const char **why);
   /* Drops copies of a volume (by serial). */
   void (*forget)(void *instance, uint64_t volume_serial);
-  /* Completes plan->kernel with the variant's name. */
-  void (*name_kernel)(void *instance, tc_plan *plan);
+  /* What the variants' names end with: "avx512", "gl". */
+  const char *(*kernel_suffix)(void *instance);
 } tc_backend_ops;
+
+/* Who draws a mode that casts no rays, on the pool, whatever the back end; NULL: the back end. Like render() above. */
+typedef bool (*tc_drawer)(tc_pool *pool, const tc_job *job, GError **error);
+extern const tc_drawer tc_drawers[TC_MODE_COUNT];
 
 extern const tc_backend_ops tc_cpu_backend;
 extern const tc_backend_ops tc_gl_backend;
@@ -82,6 +97,8 @@ typedef struct tc_resolve {
   float background[3]; /* in the compositing space */
   bool transparent, linear_light;
 } tc_resolve;
+/* Whether a scene's colours composite in linear light. */
+bool tc_resolve_is_linear(const tc_scene *scene);
 void tc_resolve_init(tc_resolve *resolve, const tc_scene *scene);
 void tc_resolve_row(const tc_resolve *resolve, const float *linear, uint8_t *rgba, int count);
 /* Greys of a projection are display values; a scene that composites in linear light has each ray's decoded, before the

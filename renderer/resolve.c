@@ -26,13 +26,16 @@ static float encode_srgb(float c) {
   return srgb_table[i] + (x - (float)i) * (srgb_table[i + 1] - srgb_table[i]);
 }
 
+/* Greys of a slice are display values already: nothing is converted. */
+bool tc_resolve_is_linear(const tc_scene *scene) { return scene->image.linear_light && scene->mode != TC_MODE_MPR; }
+
 void tc_resolve_init(tc_resolve *resolve, const tc_scene *scene) {
   pthread_once(&srgb_once, fill_srgb);
   resolve->transparent = scene->image.transparent;
-  resolve->linear_light = scene->image.linear_light;
+  resolve->linear_light = tc_resolve_is_linear(scene);
   for (int c = 0; c < 3; c++) {
     double b = scene->image.background[c];
-    resolve->background[c] = (float)(scene->image.linear_light ? tc_srgb_to_linear(b) : b);
+    resolve->background[c] = (float)(resolve->linear_light ? tc_srgb_to_linear(b) : b);
   }
 }
 

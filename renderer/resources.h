@@ -1,55 +1,29 @@
-/* Tables and leaping structures: built on first need, shared by every scene that needs the same, dropped least recently
- * used first when they outgrow the budget. One thread at a time (the render thread). What a call returns lives until
- * the next call that builds something of the same kind; a frame asks for all it needs once.
+/* What frames read beside the volume (plan.h lists it): built on first need, shared by every scene that needs the same,
+ * dropped least recently used first when it outgrows the budget. One thread at a time (the render thread). What a call
+ * returns lives until the next call that builds something of the same kind; a frame asks for all it needs once.
  *
  * Building stops at the halt of the pool, which the error then says. What takes long (coefficients, min-max blocks, boxes,
- * the entries of tables) is kept as far as it is, and the next call that asks for the same goes on with it. */
+ * the entries of tables) is kept as far as it is, and the next call that asks for the same goes on with it.
+ *
+ * resource_kinds.h says for each kind what it is made from, and how. */
 #ifndef TC_RENDERER_RESOURCES_H
 #define TC_RENDERER_RESOURCES_H
 
-#include "renderer/classify/integrals.h"
-#include "renderer/classify/labels.h"
-#include "renderer/skip/bounds.h"
-#include "renderer/skip/boxes.h"
-#include "renderer/skip/skip.h"
-#include "renderer/tomocast.h"
+#include "renderer/backend.h"
 
 typedef struct tc_resources tc_resources;
 
 tc_resources *tc_resources_new(tc_pool *pool, uint64_t budget_bytes, GError **error);
 void tc_resources_free(tc_resources *resources); /* NULL is fine */
 
-/* Each finds what it names, or builds it and adds to *ms what that took. ms NULL: builds nothing, and what is not there now
- * is NULL without an error. */
+/* Finds what the job reads of this kind, or builds it from what the job has so far, and adds to *ms what that took.
+ * ms NULL: builds nothing, and what is not there now is NULL without an error. */
+const void *tc_resources_get(tc_resources *r, tc_resource which, const tc_job *job, double *ms, GError **error);
 
-/* The volume's B-spline coefficients (volume/coefficients.h): a volume in its place, asked for before anything else of
- * a frame. TC_ERROR_LIMIT when they alone are over the budget. */
-const tc_volume *tc_resources_coefficients(tc_resources *r, const tc_volume *volume, double *ms, GError **error);
-
-/* May be an outline still (classify/outline.h), for a back end that makes the entries itself; the other call makes them
- * here, unless they are there. */
-const tc_table *tc_resources_table(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
-bool tc_resources_fill(tc_resources *r, const tc_table *table, double *ms, GError **error);
-/* A back end took this long over a table of r. */
-void tc_resources_table_took(tc_resources *r, const tc_table *table, double ms);
-const tc_integrals *tc_resources_integrals(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
-
-/* Where a transfer function, or a surface between two values (tc_support_surface()), shows something. */
-const tc_support *tc_resources_support(tc_resources *r, const tc_table_params *params, double *ms, GError **error);
-const tc_support *tc_resources_surface(tc_resources *r, double lo, double hi, double *ms, GError **error);
-
-/* Over blocks of a volume. minmax: of the same blocks; not read where nothing is built. */
-const tc_minmax *tc_resources_minmax(tc_resources *r, const tc_volume *volume, int block, int reach, double *ms,
-                                     GError **error);
-const tc_leap *tc_resources_leap(tc_resources *r, const tc_volume *volume, int block, int reach, const tc_minmax *minmax,
-                                 const tc_support *support, double *ms, GError **error);
-const tc_boxes *tc_resources_boxes(tc_resources *r, const tc_volume *volume, int block, int reach, const tc_minmax *minmax,
-                                   const tc_support *support, double *ms, GError **error);
-const tc_bounds *tc_resources_bounds(tc_resources *r, const tc_volume *volume, int block, int reach, const tc_minmax *minmax,
-                                     const tc_grey *grey, double *ms, GError **error);
-
-const tc_labels *tc_resources_labels(tc_resources *r, const tc_volume *labels, const tc_scene *scene, double *ms,
-                                     GError **error);
+/* A back end took this long over something of r. */
+void tc_resources_took(tc_resources *r, tc_resource which, const void *thing, double ms);
+/* What building something of r took so far. */
+double tc_resources_ms(const tc_resources *r, tc_resource which, const void *thing);
 
 /* Grows with everything that is built, and with every part of it. */
 int64_t tc_resources_steps(const tc_resources *resources);

@@ -23,6 +23,7 @@ typedef struct tc_stored {
   void *thing;     /* owned */
   bool unfinished; /* in the making */
   size_t bytes;
+  double ms;       /* what building took, as its owner counts it */
   uint64_t last_use;
   uint64_t volume; /* serial of the volume it goes with; 0: none */
 } tc_stored;

@@ -15,6 +15,7 @@
 #include "renderer/import/import.h"
 #include "renderer/interrupt.h"
 #include "renderer/plan/estimate.h"
+#include "renderer/plan/explain.h"
 #include "renderer/plan/plan.h"
 #include "renderer/scene.h"
 #include "renderer/volume/volume.h"
@@ -104,14 +105,14 @@ typedef struct tc_render_request {
  * the renderer is fine. A scene
  * that asks for something not built is TC_ERROR_UNSUPPORTED with a pointer to the member: never a wrong picture. One
  * that still asks for a bound on error or time is refused: quality/quality.h and quality/cost.h turn that into
- * sampling. *plan, when not NULL, receives the plan with the milliseconds and bytes of its stages. */
+ * sampling. *explanation, when not NULL, says what was drawn and why, with the milliseconds and bytes of its stages. */
 bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
-               tc_frame *frame, tc_plan *plan, GError **error);
+               tc_frame *frame, tc_explanation *explanation, GError **error);
 
-/* The plan this renderer would follow, with what is resident now; renders nothing. labels: as in tc_render_request.
+/* What this renderer would do, with what is resident now; renders nothing. labels: as in tc_render_request.
  * Same thread rule as tc_render(). */
-bool tc_renderer_plan(tc_renderer *renderer, const tc_volume *volume, const tc_volume *labels, const tc_scene *scene,
-                      tc_plan *plan, GError **error);
+bool tc_renderer_explain(tc_renderer *renderer, const tc_volume *volume, const tc_volume *labels, const tc_scene *scene,
+                         tc_explanation *explanation, GError **error);
 
 /* What a volume's voxels tell of how to show it. Plain values. */
 typedef struct tc_fit {

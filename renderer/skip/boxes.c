@@ -194,6 +194,11 @@ static bool say_no_memory(GError **error) {
   return false;
 }
 
+bool tc_boxes_serve(const tc_volume *volume) {
+  const int *dims = tc_volume_describe(volume)->dims;
+  return dims[0] <= TC_BOX_REACH && dims[1] <= TC_BOX_REACH && dims[2] <= TC_BOX_REACH;
+}
+
 tc_boxes *tc_boxes_begin(const tc_volume *volume, const tc_minmax *minmax, const tc_support *support, tc_pool *pool,
                          GError **error) {
   double start = tc_now_ms();

@@ -34,6 +34,9 @@ typedef struct tc_boxes {
   struct tc_boxing *begun; /* NULL once they are made */
 } tc_boxes;
 
+/* Whether boxes can name every cell of the volume: no axis is longer than TC_BOX_REACH. */
+bool tc_boxes_serve(const tc_volume *volume);
+
 /* Of the volume that is sampled, and `minmax` of the same: the filter reaches as far as it says. NULL with
  * TC_ERROR_MEMORY. pool: of the calls that follow. */
 tc_boxes *tc_boxes_begin(const tc_volume *volume, const tc_minmax *minmax, const tc_support *support, tc_pool *pool,

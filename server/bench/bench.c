@@ -45,7 +45,7 @@ enum { N_VARIANTS = G_N_ELEMENTS(variants) };
 typedef struct row {
   tc_renderer *renderer; /* NULL: not on this machine */
   tc_frame frame;
-  tc_plan plan;
+  tc_explanation plan;
   double tables_ms, skip_ms, encode_ms; /* first frame of a transfer function, median over its changes */
   double ms[MAX_RUNS];
   double rms, max; /* against the reference, 0..1 */

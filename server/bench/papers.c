@@ -154,7 +154,8 @@ static double paper_step(const tc_volume *volume, const tc_scene *scene) {
   for (int k = 0; k < 3; k++)
     diagonal += (b[k] - a[k]) * (b[k] - a[k]);
   double step = scene->sampling.step;
-  if (!tc_plan_make(volume, scene, scene->image.width, scene->image.height, &plan, NULL)) return step;
+  if (!tc_plan_check(volume, scene, scene->image.width, scene->image.height, NULL, NULL)) return step;
+  tc_plan_make(volume, scene, NULL, &plan);
   return step * sqrt(diagonal) / PAPER_STEPS / plan.step_mm;
 }
 

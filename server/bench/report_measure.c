@@ -230,7 +230,7 @@ bool tcs_report_bench_scene(tcs_report_bench *b, tcs_report_scene *scene, int *s
 
 /* ---- one batch ---- */
 
-static bool render(tcs_report_bench *b, const tcs_setting *s, int side, bool compare, tc_plan *plan, GError **error) {
+static bool render(tcs_report_bench *b, const tcs_setting *s, int side, bool compare, tc_explanation *plan, GError **error) {
   const tc_render_request request = {.width = side,
                                      .height = side,
                                      .want_linear = compare,
@@ -277,7 +277,7 @@ static bool judge_ending(tcs_report_bench *b, const tcs_setting *s, int side, tc
 
 /* The compared picture; it also builds what timed frames will find ready. */
 static bool compare_one(tcs_report_bench *b, const tcs_setting *s, tcs_report_row *row, GError **error) {
-  tc_plan plan;
+  tc_explanation plan;
   const truth *t = truth_of(b, s->filter);
   if (stopped(b, error)) return false;
   if (!t->centres) return true;

@@ -42,11 +42,10 @@ void tcs_report_leave_out(cJSON *left_out, const char *what, const char *why) {
 /* Adds a setting that the plan accepts. */
 static void add(sweep *w, const tcs_setting *s) {
   tc_scene scene;
-  tc_plan plan;
   GError *error = NULL;
   tc_scene_copy(&scene, &w->scene->scene);
   tcs_setting_apply(s, &scene);
-  if (tc_plan_make(w->scene->volume, &scene, 64, 64, &plan, &error)) {
+  if (tc_plan_check(w->scene->volume, &scene, 64, 64, NULL, &error)) {
     g_array_append_val(w->settings, *s);
   } else {
     const char *pointer = tc_error_pointer(error);

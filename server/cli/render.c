@@ -34,7 +34,7 @@ typedef struct job {
   tc_renderer *renderer;
   tcs_encoder *encoder;
   tc_frame frame;
-  tc_plan plan;
+  tc_explanation plan;
   GByteArray *image;
   double import_ms, encode_ms;
   int exit_code; /* for the error under way */

@@ -206,7 +206,7 @@ void tcs_get_thumbnail(tcs_request *request) {
 /* --- the plan -------------------------------------------------------------------------------------- */
 
 static cJSON *write_plan(const tcs_job *job) {
-  const tc_plan *plan = &job->plan;
+  const tc_explanation *plan = &job->plan;
   cJSON *json = cJSON_CreateObject();
   cJSON_AddStringToObject(json, "kernel", plan->kernel);
   cJSON_AddNumberToObject(json, "width", plan->width);
@@ -219,7 +219,7 @@ static cJSON *write_plan(const tcs_job *job) {
   if (quality) cJSON_AddItemToObject(json, "quality", quality);
   cJSON *stages = cJSON_AddArrayToObject(json, "stages");
   for (int i = 0; i < TC_STAGE_COUNT; i++) {
-    const tc_plan_stage *stage = &plan->stages[i];
+    const tc_explained_stage *stage = &plan->stages[i];
     cJSON *item = cJSON_CreateObject();
     cJSON_AddStringToObject(item, "name", tc_stage_name((tc_stage)i));
     cJSON_AddBoolToObject(item, "included", stage->included);

@@ -24,10 +24,9 @@ static bool refused(const asker *a, const cJSON *patch) {
   const tcp_scene_context context = {0, 1};
   GError *error = NULL;
   tc_scene scene;
-  tc_plan plan;
   tc_scene_copy(&scene, &a->defaults);
   if (tcp_scene_patch(&scene, patch, &a->defaults, &context, &error))
-    tc_plan_make(a->volume, &scene, scene.image.width, scene.image.height, &plan, &error);
+    tc_plan_check(a->volume, &scene, scene.image.width, scene.image.height, NULL, &error);
   const bool not_built = g_error_matches(error, TC_ERROR, TC_ERROR_UNSUPPORTED);
   g_clear_error(&error);
   tc_scene_clear(&scene);

@@ -49,7 +49,7 @@ struct tcs_job {
   /* results */
   GError *error;
   GBytes *image;
-  tc_plan plan;
+  tc_explanation plan;
   tc_frame_stats stats;
   tc_meter *meter; /* the meter_pixels of the frame; NULL for none */
   int out_width, out_height;

@@ -324,7 +324,7 @@ static void run_slice(tcs_task *task) {
     return;
   }
   if (job->plan_only) {
-    tc_renderer_plan(renderer, job->volume, job->labels, &job->scene, &job->plan, &job->error);
+    tc_renderer_explain(renderer, job->volume, job->labels, &job->scene, &job->plan, &job->error);
     return;
   }
   const tc_render_request request = {

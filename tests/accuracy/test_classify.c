@@ -17,7 +17,7 @@
 #include "tests/support/renderers.h"
 
 static const char *const *const names = tc_classification_names;
-static tc_plan plan;
+static tc_explanation plan;
 static int table_size; /* 0: as the plan chooses */
 
 static const float *render(int isa, tc_volume *volume, const tc_scene *scene) {

@@ -34,7 +34,7 @@ static void a_cut_block_is_exact(void **state) {
     test_scene_look(&s, TC_ORTHOGRAPHIC, from, to, 32);
     double depth = keep[1][axis] - keep[0][axis], want = -expm1(-0.05 * depth);
     EACH_RENDERER(b) {
-      tc_plan plan;
+      tc_explanation plan;
       const tc_frame *f = test_draw(b, v, &s, NULL, &plan);
       int inside = 0;
       double worst = 0;
@@ -153,15 +153,15 @@ static void corner_cases(void **state) {
       assert_int_equal(inside, count[c]);
     }
   GError *error = NULL;
-  tc_plan plan;
+  tc_explanation plan;
   memset(s.clip.planes[0], 0, sizeof s.clip.planes[0]);
-  assert_false(tc_plan_make(v, &s, 8, 8, &plan, &error));
+  assert_false(tc_explain(v, &s, 8, 8, &plan, &error));
   assert_string_equal(tc_error_pointer(error), "/clip/planes/0");
   g_clear_error(&error);
   s.clip.n_planes = 0;
   s.clip.has_box = true;
   s.clip.box[0][1] = 1;
-  assert_false(tc_plan_make(v, &s, 8, 8, &plan, &error));
+  assert_false(tc_explain(v, &s, 8, 8, &plan, &error));
   assert_string_equal(tc_error_pointer(error), "/clip/box");
   g_clear_error(&error);
   tc_scene_clear(&s);

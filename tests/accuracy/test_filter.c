@@ -19,7 +19,7 @@
 
 enum { SIDE = 32, PIXELS = SIDE * SIDE };
 
-static const float *render(int which, tc_volume *volume, const tc_scene *scene, tc_plan *plan) {
+static const float *render(int which, tc_volume *volume, const tc_scene *scene, tc_explanation *plan) {
   return test_draw(which, volume, scene, NULL, plan)->linear;
 }
 
@@ -336,12 +336,12 @@ static void prefilter_passes_through_voxels(void **state) {
 static void coefficients_are_a_resource(void **state) {
   tc_volume *volume = waves(TC_U8);
   tc_scene scene;
-  tc_plan plan;
+  tc_explanation plan;
   scene_of(&scene, volume, &kinds[2], TC_MODE_DVR, 1);
   EACH_RENDERER(i) {
     tc_renderer_forget(test_renderers[i], volume);
     render(i, volume, &scene, &plan);
-    const tc_plan_stage *stage = &plan.stages[TC_STAGE_COEFFICIENTS];
+    const tc_explained_stage *stage = &plan.stages[TC_STAGE_COEFFICIENTS];
     assert_true(stage->included && test_frames[i].stats.coefficients_ms > 0);
     assert_int_equal(stage->bytes, 4 * tc_volume_bytes(volume));
     scene.mode = TC_MODE_MIP;

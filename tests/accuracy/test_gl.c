@@ -453,7 +453,7 @@ static void test_leaping(void **state) {
     for (size_t j = 0; j < G_N_ELEMENTS(blocks); j++) {
       tc_scene scene;
       tc_frame leapt = {0}, whole = {0};
-      tc_plan plan;
+      tc_explanation plan;
       char what[64];
       test_scene(&scene, 160, 160);
       test_scene_frame(&scene, volume, j & 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE, oblique);

@@ -289,7 +289,8 @@ static bool bench_render(bench *b, const tc_interrupt *interrupt) {
   tc_plan plan;
   tc_rays rays;
   const tc_volume_desc *d = tc_volume_describe(b->volume);
-  if (!tc_plan_make(b->volume, &b->scene, b->frame.width, b->frame.height, &plan, &error)) return false;
+  if (!tc_plan_check(b->volume, &b->scene, b->frame.width, b->frame.height, NULL, &error)) return false;
+  tc_plan_make(b->volume, &b->scene, &(tc_plan_request){.width = b->frame.width, .height = b->frame.height}, &plan);
   if (!b->table) {
     tc_table_params params = {
         .tf = &b->scene.transfer_function, .slope = d->slope, .intercept = d->intercept, .step_mm = plan.step_mm};
@@ -301,10 +302,11 @@ static bool bench_render(bench *b, const tc_interrupt *interrupt) {
   tc_halt halt = tc_halt_begin(interrupt, 0);
   b->frame.stats = (tc_frame_stats){0};
   tc_job job = {.plan = &plan,
+                .key = plan.key,
                 .scene = &b->scene,
                 .volume = b->volume,
                 .rays = &rays,
-                .table = b->table,
+                .have.table = b->table,
                 .halt = &halt,
                 .want_linear = true,
                 .frame = &b->frame};
@@ -385,7 +387,7 @@ static void test_cancel(void **state) {
 /* ---- frames that do not wait ---- */
 
 static bool draws_itself(tc_renderer *r, tc_volume *volume, const tc_scene *scene, bool hurry, tc_frame *frame) {
-  tc_plan plan;
+  tc_explanation plan;
   const tc_render_request request = {.want_linear = true, .hurry = hurry};
   assert_made(tc_render(r, volume, scene, &request, frame, &plan, &error));
   bool itself = g_str_has_suffix(plan.kernel, ".gl");

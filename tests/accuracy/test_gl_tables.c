@@ -258,17 +258,17 @@ static void pictures(void **state) {
     tc_volume *volume = waves(types[i / 2]);
     tc_scene scene;
     tc_frame frames[2] = {{0}, {0}};
-    tc_plan plan;
+    tc_explanation plan;
     test_scene(&scene, 96, 96);
     test_scene_frame(&scene, volume, TC_PERSPECTIVE, oblique);
     test_scene_knots(&scene, TC_KNOT_OPACITY, i % 2 ? peak : soft, i % 2 ? 3 : 4);
     for (int k = 0; k < 2; k++) {
       const tc_render_request request = {.want_linear = true};
       assert_made(tc_render(r[k], volume, &scene, &request, &frames[k], &plan, &error));
-      const tc_plan_stage *table = &plan.stages[TC_STAGE_TABLE_2D];
+      const tc_explained_stage *table = &plan.stages[TC_STAGE_TABLE_2D];
       assert_non_null(strstr(table->reason, says[k]));
       assert_true(table->ms > 0 && table->ms == frames[k].stats.tables_ms && table->bytes > 256 * 256 * 16);
-      assert_true(tc_renderer_plan(r[k], volume, NULL, &scene, &plan, NULL));
+      assert_true(tc_renderer_explain(r[k], volume, NULL, &scene, &plan, NULL));
       assert_true(strstr(table->reason, says[k]) && fabs(table->ms - frames[k].stats.tables_ms) < 1e-9);
       scene.camera.position[0] += 3; /* a camera's move builds nothing */
       assert_made(tc_render(r[k], volume, &scene, &request, &frames[k], &plan, &error));
@@ -299,7 +299,7 @@ static void tables_of_the_cpu(void **state) {
   tc_volume *volume = waves(TC_U8);
   tc_scene scene;
   tc_frame frame = {0};
-  tc_plan plan;
+  tc_explanation plan;
   test_scene(&scene, 32, 32);
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, front);
   tc_knot soft[] = {{0.1, {0.1, 0.1, 0.6}, 0}, {0.9, {1, 1, 0.9}, 0.4}};

@@ -272,12 +272,12 @@ static void monster_stops(void **state) {
   double longest, all = tc_estimate_samples(s.volume, &s.drawn.scene, 32, 32, &longest);
   printf("  %.3g samples, %.3g of a ray\n", all, longest);
   EACH_RENDERER(i) {
-    tc_plan plan;
+    tc_explanation plan;
     long long after = looks_after(i, &s, LOOKS);
     double ms = (double)atomic_load(&tc_halt_probed.longest_us) / 1000;
     printf("  %-6s %lld looks after the wish, %.2f ms of processor time without one\n", test_names[i], after, ms);
     assert_true(after <= LOOKS_TO_LEAVE && ms * 1000 <= MOST_DEAF_US);
-    assert_true(tc_renderer_plan(test_renderers[i], s.volume, NULL, &s.drawn.scene, &plan, NULL));
+    assert_true(tc_renderer_explain(test_renderers[i], s.volume, NULL, &s.drawn.scene, &plan, NULL));
     if (i == GL) /* which could not stop */
       assert_non_null(strstr(plan.stages[TC_STAGE_RESOLVE].reason, "drawn by the cpu"));
   }

@@ -21,7 +21,7 @@
 
 enum { SIDE = 48, PIXELS = SIDE * SIDE };
 
-static tc_frame *render(int which, tc_volume *volume, const tc_scene *scene, tc_plan *plan) {
+static tc_frame *render(int which, tc_volume *volume, const tc_scene *scene, tc_explanation *plan) {
   const tc_render_request request = {.want_linear = true, .want_depth = true};
   return test_draw(which, volume, scene, &request, plan);
 }
@@ -240,7 +240,7 @@ static void extremes_are_empty_or_right(void **state) {
       test_grid grid = {.dims = {sizes[s][0], sizes[s][1], sizes[s][2]}, .type = TC_F32, .spacing = {1, 2, 0.5}};
       tc_volume *volume = test_volume(&grid, cases[n].field, cases[n].context);
       tc_scene scene;
-      tc_plan plan;
+      tc_explanation plan;
       surface_scene(&scene, volume, cases[n].value);
       EACH_RENDERER(i) {
         tc_frame *f = render(i, volume, &scene, &plan);
@@ -290,7 +290,7 @@ static void several_rays_are_their_mean(void **state) {
   enum { COUNT = 8 };
   tc_volume *volume = waves(TC_I16);
   tc_scene scene;
-  tc_plan plan;
+  tc_explanation plan;
   tc_rays rays;
   surface_scene(&scene, volume, 0.683);
   scene.sampling.rays_per_pixel = COUNT;
@@ -327,7 +327,7 @@ static void several_rays_are_their_mean(void **state) {
 static void plans_say_what_is_read(void **state) {
   tc_volume *volume = waves(TC_U8);
   tc_scene scene;
-  tc_plan plan;
+  tc_explanation plan;
   GError *error = NULL;
   surface_scene(&scene, volume, 0.5);
   scene.transfer_function.count = 0; /* neither is read */
@@ -346,24 +346,24 @@ static void plans_say_what_is_read(void **state) {
   strcpy(scene.labels.volume, "segments"); /* shown in dvr and mpr only; no steps to jitter or to choose */
   scene.sampling.jitter = true;
   scene.quality.max_error = 0.01;
-  assert_true(tc_plan_make(volume, &scene, SIDE, SIDE, &plan, &error));
+  assert_true(tc_explain(volume, &scene, SIDE, SIDE, &plan, &error));
   assert_true(!plan.key.labels && !plan.key.jitter && strstr(plan.stages[TC_STAGE_JITTER].reason, "no segments"));
   assert_non_null(strstr(plan.stages[TC_STAGE_LABELS].reason, "mode isosurface"));
   char reason[96];
   assert_true(tc_quality_refuses(&scene, reason, sizeof reason) && strstr(reason, "no steps"));
   scene.quality.max_error = 0;
   scene.sampling.rays_per_pixel = 65;
-  assert_false(tc_plan_make(volume, &scene, SIDE, SIDE, &plan, &error));
+  assert_false(tc_explain(volume, &scene, SIDE, SIDE, &plan, &error));
   assert_string_equal(tc_error_pointer(error), "/sampling/raysPerPixel");
   g_clear_error(&error);
   scene.sampling.rays_per_pixel = 1;
   scene.isosurface.value = NAN;
-  assert_false(tc_plan_make(volume, &scene, SIDE, SIDE, &plan, &error));
+  assert_false(tc_explain(volume, &scene, SIDE, SIDE, &plan, &error));
   assert_string_equal(tc_error_pointer(error), "/isosurface/value");
   g_clear_error(&error);
   scene.isosurface.value = 0.5;
   scene.filter = TC_FILTER_NEAREST;
-  assert_false(tc_plan_make(volume, &scene, SIDE, SIDE, &plan, &error));
+  assert_false(tc_explain(volume, &scene, SIDE, SIDE, &plan, &error));
   assert_string_equal(tc_error_pointer(error), "/filter");
   g_clear_error(&error);
   tc_scene_clear(&scene);

@@ -20,7 +20,7 @@
 enum { SIDE = 48, PIXELS = SIDE * SIDE };
 
 static const float *render(int which, tc_volume *volume, const tc_volume *labels, const tc_scene *scene,
-                           tc_plan *plan) {
+                           tc_explanation *plan) {
   const tc_render_request request = {.want_linear = true, .labels = labels};
   return test_draw(which, volume, scene, &request, plan)->linear;
 }
@@ -389,14 +389,14 @@ static void leaping_changes_no_bit_and_threads_none(void **state) {
 static void refused(tc_volume *volume, const tc_volume *labels, const tc_scene *scene, const char *word) {
   EACH_RENDERER(i) {
     GError *error = NULL;
-    tc_plan plan;
+    tc_explanation plan;
     tc_render_request request = {.labels = labels};
     assert_false(tc_render(test_renderers[i], volume, scene, &request, &test_frames[i], NULL, &error));
     assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_INVALID));
     assert_string_equal(tc_error_pointer(error), "/labels/volume");
     if (!strstr(error->message, word)) fail_msg("\"%s\" does not say \"%s\"", error->message, word);
     g_clear_error(&error);
-    assert_false(tc_renderer_plan(test_renderers[i], volume, labels, scene, &plan, NULL));
+    assert_false(tc_renderer_explain(test_renderers[i], volume, labels, scene, &plan, NULL));
   }
 }
 
@@ -421,7 +421,7 @@ static void what_is_no_label_volume_is_refused(void **state) {
 static void the_plan_names_labels_where_they_are_read(void **state) {
   tc_volume *volume = waves(TC_U8), *labels = slanted_labels(TC_U8, (const int[3]){9, 8, 14}, 1);
   tc_scene scene;
-  tc_plan plan;
+  tc_explanation plan;
   busy_scene(&scene, volume, 2);
   EACH_RENDERER(i) {
     scene.mode = TC_MODE_DVR;

@@ -137,14 +137,14 @@ static void ends_when_told(void **state) {
 
 static void what_has_no_reference_is_said(void **state) {
   char reason[96];
-  tc_plan plan;
+  tc_explanation plan;
   scene.error_meter.pixels = 64;
   assert_false(tc_meter_refuses(&scene, reason, sizeof reason));
-  assert_true(tc_plan_make(volume, &scene, WIDTH, HEIGHT, &plan, NULL));
+  assert_true(tc_explain(volume, &scene, WIDTH, HEIGHT, &plan, NULL));
   assert_true(plan.stages[TC_STAGE_ERROR_METER].included);
   scene.mode = TC_MODE_MPR;
   assert_true(tc_meter_refuses(&scene, reason, sizeof reason));
-  assert_true(tc_plan_make(volume, &scene, WIDTH, HEIGHT, &plan, NULL));
+  assert_true(tc_explain(volume, &scene, WIDTH, HEIGHT, &plan, NULL));
   assert_false(plan.stages[TC_STAGE_ERROR_METER].included);
   assert_string_equal(plan.stages[TC_STAGE_ERROR_METER].reason, reason);
   scene.mode = TC_MODE_DVR;

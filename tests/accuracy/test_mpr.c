@@ -625,7 +625,7 @@ static void plan_names_what_runs(void **state) {
   EACH_RENDERER(m)
     for (int slab = 0; slab < 4; slab++) {
       tc_scene scene;
-      tc_plan plan;
+      tc_explanation plan;
       GError *error = NULL;
       scene_of(&scene, TC_AXIAL, 0, 1);
       scene.filter = slab % 2 ? TC_FILTER_NEAREST : TC_FILTER_LINEAR;
@@ -639,16 +639,16 @@ static void plan_names_what_runs(void **state) {
       }
       assert_true(frame->stats.tables_ms == 0 && frame->stats.skip_ms == 0);
       if (!slab) assert_int_equal(frame->stats.samples, frame->stats.rays); /* one sample a pixel */
-      assert_true(tc_renderer_plan(test_renderers[m], volume, NULL, &scene, &plan, &error));
+      assert_true(tc_renderer_explain(test_renderers[m], volume, NULL, &scene, &plan, &error));
       tc_scene_clear(&scene);
     }
   tc_volume_unref(volume);
 }
 
 static void expect_refused(tc_volume *volume, const tc_scene *scene, int code, const char *pointer) {
-  tc_plan plan;
+  tc_explanation plan;
   GError *error = NULL;
-  if (tc_plan_make(volume, scene, WIDTH, HEIGHT, &plan, &error)) fail_msg("%s was not refused", pointer);
+  if (tc_explain(volume, scene, WIDTH, HEIGHT, &plan, &error)) fail_msg("%s was not refused", pointer);
   assert_int_equal(error->code, code);
   assert_string_equal(tc_error_pointer(error), pointer);
   g_error_free(error);
@@ -675,10 +675,10 @@ static void refusals_point_at_members(void **state) {
   REFUSED(s.sampling.rays_per_pixel = 4, TC_ERROR_UNSUPPORTED, "/sampling/raysPerPixel");
   REFUSED((s.clip.has_box = true, s.clip.box[0][1] = 1), TC_ERROR_INVALID, "/clip/box");
   REFUSED((strcpy(s.labels.volume, "x"), s.labels.opacity = 2), TC_ERROR_INVALID, "/labels/opacity");
-  tc_plan plan;
+  tc_explanation plan;
   s = good, s.mpr.orientation = TC_AXIAL; /* only oblique planes have a normal of their own */
   memset(s.mpr.normal, 0, sizeof s.mpr.normal);
-  assert_true(tc_plan_make(volume, &s, WIDTH, HEIGHT, &plan, NULL));
+  assert_true(tc_explain(volume, &s, WIDTH, HEIGHT, &plan, NULL));
   tc_scene_clear(&good);
   tc_volume_unref(volume);
 }

@@ -19,7 +19,7 @@
 
 static const tc_mode modes[] = {TC_MODE_MIP, TC_MODE_MINIP, TC_MODE_AVERAGE};
 
-static const tc_frame *render(int i, tc_volume *volume, const tc_scene *scene, tc_plan *plan) {
+static const tc_frame *render(int i, tc_volume *volume, const tc_scene *scene, tc_explanation *plan) {
   return test_draw(i, volume, scene, NULL, plan);
 }
 
@@ -280,7 +280,7 @@ static void clipped(void **state) {
     memcpy(scene.clip.planes[0], (double[4]){1, 1, -0.5, -6}, sizeof scene.clip.planes[0]);
     float *want = test_reference(volume, &scene, 0);
     EACH_RENDERER(i) {
-      tc_plan plan;
+      tc_explanation plan;
       const tc_frame *frame = render(i, volume, &scene, &plan);
       check_sane(test_names[i], frame);
       assert_true(plan.stages[TC_STAGE_CLIPPING].included);
@@ -450,7 +450,7 @@ static void skipping_pays(void **state) {
   s.skipping.mode = TC_SKIPPING_OFF;
   uint64_t off = render(0, v, &s, NULL)->stats.samples;
   s.skipping.mode = TC_SKIPPING_AUTO;
-  tc_plan plan;
+  tc_explanation plan;
   uint64_t on = render(0, v, &s, &plan)->stats.samples;
   double bytes = (double)plan.stages[TC_STAGE_SKIPPING].bytes / (double)tc_volume_bytes(v);
   printf("  %.3f of the samples, structure %.2f %% of the voxel bytes\n", (double)on / (double)off, 100 * bytes);
@@ -475,12 +475,12 @@ static void plan_leaves_out(void **state) {
   scene.transfer_function.points[0].value = NAN;
   for (int m = 0; m < 3; m++)
     EACH_RENDERER(i) {
-      tc_plan plan, before;
+      tc_explanation plan, before;
       char name[64];
       scene.mode = modes[m];
       /* another window, other bounds: nothing of them is there before the first frame */
       scene.window.center = 1234 + m;
-      assert_true(tc_renderer_plan(test_renderers[i], volume, NULL, &scene, &before, NULL));
+      assert_true(tc_renderer_explain(test_renderers[i], volume, NULL, &scene, &before, NULL));
       const tc_frame *frame = render(i, volume, &scene, &plan);
       assert_memory_equal(&plan.key, &before.key, sizeof plan.key);
       snprintf(name, sizeof name, "%s.linear.u16.%s", tc_mode_names[modes[m]], test_names[i]);
@@ -501,8 +501,8 @@ static void plan_leaves_out(void **state) {
 
 static void expect_refused(const tc_volume *volume, const tc_scene *scene, int code, const char *pointer) {
   GError *error = NULL;
-  tc_plan plan;
-  assert_false(tc_plan_make(volume, scene, 16, 16, &plan, &error));
+  tc_explanation plan;
+  assert_false(tc_explain(volume, scene, 16, 16, &plan, &error));
   assert_int_equal(error->code, code);
   assert_string_equal(tc_error_pointer(error), pointer);
   g_clear_error(&error);

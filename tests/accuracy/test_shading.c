@@ -18,7 +18,7 @@
 
 enum { SIDE = 64, PIXELS = SIDE * SIDE };
 
-static const float *render(int which, tc_volume *volume, const tc_scene *scene, tc_plan *plan) {
+static const float *render(int which, tc_volume *volume, const tc_scene *scene, tc_explanation *plan) {
   return test_draw(which, volume, scene, NULL, plan)->linear;
 }
 
@@ -435,7 +435,7 @@ static void cubic_filter_has_its_own(void **state) {
   tc_volume *volume = waves(TC_U16, 1);
   for (int prefilter = 0; prefilter < 2; prefilter++) {
     tc_scene scene;
-    tc_plan plan;
+    tc_explanation plan;
     shaded_scene(&scene, volume, TC_SHADING_BLINN_PHONG, soft, 3);
     scene.filter = TC_FILTER_CUBIC;
     scene.sampling.prefilter = prefilter;
@@ -455,7 +455,7 @@ static void cubic_filter_has_its_own(void **state) {
 
 static void plan_says_what_is_in(void **state) {
   tc_volume *volume = waves(TC_U16, 1);
-  tc_plan plan;
+  tc_explanation plan;
   for (int model = TC_SHADING_NONE; model < TC_SHADING_COUNT; model++) {
     tc_scene scene;
     shaded_scene(&scene, volume, (tc_shading_model)model, soft, 3);
@@ -476,8 +476,8 @@ static void plan_says_what_is_in(void **state) {
 
 static void refused(tc_volume *volume, const tc_scene *scene, const char *pointer) {
   GError *error = NULL;
-  tc_plan plan;
-  assert_false(tc_plan_make(volume, scene, SIDE, SIDE, &plan, &error));
+  tc_explanation plan;
+  assert_false(tc_explain(volume, scene, SIDE, SIDE, &plan, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_INVALID));
   assert_string_equal(tc_error_pointer(error), pointer);
   g_clear_error(&error);

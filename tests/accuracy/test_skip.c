@@ -221,7 +221,7 @@ static void built_only_when_it_can_help(void **unused) {
   test_scene_frame(&s, v, TC_PERSPECTIVE, (double[3]){0, -1, 0});
   const tc_knot full[] = {{0, {1, 1, 1}, 0.001}, {255, {1, 1, 1}, 0.1}},
                 part[] = {{80, {1, 1, 1}, 0}, {255, {1, 1, 1}, 0.5}};
-  tc_plan plan;
+  tc_explanation plan;
   tc_frame f = {0};
   test_scene_knots(&s, TC_KNOT_OPACITY, full, 2);
   assert_true(tc_render(r, v, &s, NULL, &f, &plan, NULL));
@@ -252,7 +252,7 @@ static void long_axes_are_drawn(void **unused) {
   tc_volume *v = test_volume(&g, ramp, NULL);
   const tc_knot part[] = {{80, {1, 1, 1}, 0}, {255, {1, 1, 1}, 0.5}};
   tc_scene s;
-  tc_plan plan;
+  tc_explanation plan;
   tc_frame f = {0};
   test_scene(&s, 32, 32);
   test_scene_frame(&s, v, TC_PERSPECTIVE, (double[3]){0, -1, 0});

@@ -88,7 +88,7 @@ static int tear_down(void **state) {
   return 0;
 }
 
-static void draw(bench *b, const char *patch, tc_plan *plan) {
+static void draw(bench *b, const char *patch, tc_explanation *plan) {
   GError *error = NULL;
   tc_scene scene;
   tc_scene_copy(&scene, &b->start);
@@ -103,7 +103,7 @@ static void draw(bench *b, const char *patch, tc_plan *plan) {
   tc_scene_clear(&scene);
 }
 
-static void list(const tc_plan *plan, char *text, size_t size) {
+static void list(const tc_explanation *plan, char *text, size_t size) {
   size_t n = 0;
   text[0] = 0;
   for (int s = 0; s < TC_STAGE_COUNT; s++) {
@@ -118,7 +118,7 @@ static void stages_are_what_the_scene_needs(void **state) {
   int wrong = 0, count = (int)(sizeof scenes / sizeof *scenes);
   assert_true(count >= 30);
   for (int i = 0; i < count; i++) {
-    tc_plan plan;
+    tc_explanation plan;
     char in[300];
     draw(b, scenes[i].scene, &plan);
     list(&plan, in, sizeof in);
@@ -133,7 +133,7 @@ static void stages_are_what_the_scene_needs(void **state) {
 /* What is out costs nothing: no structure held, no time spent, nothing built again for a camera. */
 static void out_means_out(void **state) {
   bench *b = *state;
-  tc_plan plan;
+  tc_explanation plan;
   draw(b, "{\"transferFunction\":{\"preset\":\"ct-bone\"}}", &plan);
   draw(b, "{\"transferFunction\":{\"preset\":\"ct-bone\"},\"camera\":{\"up\":[0.1,0,1]}}", &plan);
   assert_true(b->frame.stats.tables_ms == 0 && b->frame.stats.skip_ms == 0);

@@ -25,7 +25,7 @@ static const double shares[] = {0.01, 0.03, 0.1, 0.5};
 static void measure(tc_volume *volume, const tc_scene *scene, double most[2]) {
   size_t pixels = (size_t)scene->image.width * (size_t)scene->image.height;
   float *want = test_reference(volume, scene, 0);
-  tc_plan plan;
+  tc_explanation plan;
   EACH_RENDERER(i) {
     const float *got = test_draw(i, volume, scene, NULL, &plan)->linear;
     for (size_t k = 0; k < 4 * pixels; k++) {
@@ -134,7 +134,7 @@ static void see_a_peak(tc_volume *volume, tc_scene *scene, const char *what, con
       scene->classification = way ? TC_PREINTEGRATED2 : TC_PREINTEGRATED;
       scene->sampling.step = step;
       EACH_RENDERER(i) {
-        tc_plan plan;
+        tc_explanation plan;
         const float *got = test_draw(i, volume, scene, NULL, &plan)->linear;
         double square = 0, rms = test_compare(got, want, PIXELS).rms, opacity;
         for (int k = 0; k < PIXELS; k++) square += pow((double)got[4 * k + 3] - (double)want[4 * k + 3], 2);

@@ -20,7 +20,7 @@
 
 static const int counts[] = {1, 2, 4, 5, 8, 16};
 
-static void draw(tc_renderer *r, tc_volume *volume, const tc_scene *scene, tc_frame *frame, tc_plan *plan) {
+static void draw(tc_renderer *r, tc_volume *volume, const tc_scene *scene, tc_frame *frame, tc_explanation *plan) {
   GError *error = NULL;
   tc_render_request request = {.want_linear = true};
   if (!tc_render(r, volume, scene, &request, frame, plan, &error)) fail_msg("%s", error->message);
@@ -415,7 +415,7 @@ static void random_specks(tc_scene *scene, uint64_t *state, int trial, tc_volume
 
 /* Bit for bit, with leaping and coherence, with leaping alone, and with neither. */
 static void check_trial(int m, int trial, tc_volume *volume, tc_scene *scene, saving *sum) {
-  tc_plan plan;
+  tc_explanation plan;
   tc_frame shared = {0}, alone = {0};
   scene->sampling.coherence = true;
   draw(test_renderers[m], volume, scene, &shared, &plan);
@@ -466,7 +466,7 @@ static void coherence_loses_nothing(void **state) {
 static void the_plan_says_why(void **state) {
   tc_volume *volume = tc_volume_demo("vessels", NULL);
   tc_scene scene;
-  tc_plan plan;
+  tc_explanation plan;
   const tc_knot full[] = {{0, {1, 1, 1}, 0.001}}, part[] = {{80, {1, 1, 1}, 0}, {255, {1, 1, 1}, 0.5}};
   test_scene(&scene, 64, 64);
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0, -1, 0});
@@ -474,7 +474,7 @@ static void the_plan_says_why(void **state) {
 #define COHERENT(change, wanted, part_of_reason)                                                                     \
   do {                                                                                                               \
     change;                                                                                                          \
-    assert_true(tc_plan_make(volume, &scene, scene.image.width, scene.image.height, &plan, NULL));                   \
+    assert_true(tc_explain(volume, &scene, scene.image.width, scene.image.height, &plan, NULL));                   \
     assert_int_equal(plan.key.coherence, wanted);                                                                    \
     assert_int_equal(plan.stages[TC_STAGE_COHERENCE].included, wanted);                                              \
     if (!strstr(plan.stages[TC_STAGE_COHERENCE].reason, part_of_reason))                                             \

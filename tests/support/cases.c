@@ -371,10 +371,10 @@ static bool reset_member(tc_scene *s, const char *pointer) {
 bool test_case_fit(test_case *c, char **refusal) {
   test_case fitted = *c;
   for (int attempt = 0; attempt < 12; attempt++) {
-    tc_plan plan;
+    tc_explanation plan;
     GError *error = NULL;
     tc_volume *volume = test_case_volume(&fitted);
-    bool ok = tc_plan_make(volume, &fitted.scene, fitted.scene.image.width, fitted.scene.image.height, &plan, &error);
+    bool ok = tc_explain(volume, &fitted.scene, fitted.scene.image.width, fitted.scene.image.height, &plan, &error);
     fitted.scene = made.shares;
     tc_volume_unref(volume);
     if (ok) {

@@ -46,7 +46,7 @@ int test_widest(void) {
 }
 
 tc_frame *test_draw(int which, tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
-                    tc_plan *plan) {
+                    tc_explanation *plan) {
   static const tc_render_request linear = {.want_linear = true};
   GError *error = NULL;
   if (!tc_render(test_renderers[which], volume, scene, request ? request : &linear, &test_frames[which], plan, &error))

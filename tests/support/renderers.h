@@ -20,7 +20,7 @@ int test_widest(void); /* the widest instruction set that is here */
 
 /* Draws, or fails the test. The frame stays valid until this renderer's next picture. request NULL: linear only. */
 tc_frame *test_draw(int which, tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
-                    tc_plan *plan);
+                    tc_explanation *plan);
 
 /* The reference integrator's picture [4 * width * height] of the scene at a tolerance (0: the tightest); g_free it. */
 float *test_reference(tc_volume *volume, const tc_scene *scene, double tolerance);

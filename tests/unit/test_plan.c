@@ -16,7 +16,7 @@ typedef struct fixture {
   tc_scene scene;
   tc_renderer *renderer;
   tc_frame frame;
-  tc_plan plan;
+  tc_explanation plan;
 } fixture;
 
 static int set_up(void **state) {
@@ -43,7 +43,7 @@ static int tear_down(void **state) {
 
 static void expect(fixture *f, tc_error_code code, const char *pointer) {
   GError *error = NULL;
-  bool good = tc_plan_make(f->volume, &f->scene, f->scene.image.width, f->scene.image.height, &f->plan, &error);
+  bool good = tc_explain(f->volume, &f->scene, f->scene.image.width, f->scene.image.height, &f->plan, &error);
   if (good) fail_msg("%s was accepted", pointer);
   if (error->code != (int)code || !tc_error_pointer(error) || strcmp(tc_error_pointer(error), pointer))
     fail_msg("wanted %d at %s, got %d at %s: %s", code, pointer, error->code, tc_error_pointer(error), error->message);
@@ -60,7 +60,7 @@ static void constant_volumes_get_a_scene(void **state) {
                               .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
     tc_volume *v = tc_volume_new(&d, NULL);
     tc_scene scene;
-    tc_plan plan;
+    tc_explanation plan;
     GError *error = NULL;
     for (int k = 0; k < 27; k++)
       ((float *)tc_volume_voxels(v))[k] = values[i];
@@ -69,7 +69,7 @@ static void constant_volumes_get_a_scene(void **state) {
       tc_scene_init(&scene);
       tc_scene_fit(&scene, v);
       scene.mode = (tc_mode)mode;
-      if (!tc_plan_make(v, &scene, 32, 32, &plan, &error)) fail_msg("%g: %s", (double)values[i], error->message);
+      if (!tc_explain(v, &scene, 32, 32, &plan, &error)) fail_msg("%g: %s", (double)values[i], error->message);
       tc_scene_clear(&scene);
     }
     tc_volume_unref(v);
@@ -125,7 +125,7 @@ static void labels_are_checked_where_they_are_read(void **state) {
   f->scene.labels.colors[0].rgba[2] = NAN;
   expect(f, TC_ERROR_INVALID, "/labels/colors");
   f->scene.mode = TC_MODE_AVERAGE;
-  assert_true(tc_plan_make(f->volume, &f->scene, 48, 48, &f->plan, NULL));
+  assert_true(tc_explain(f->volume, &f->scene, 48, 48, &f->plan, NULL));
   assert_false(f->plan.key.labels);
 }
 

@@ -254,9 +254,9 @@ static void scenes_can_be_rendered(void **state) {
   assert_true(tcs_report_scene_count() >= 8);
   for (int i = 0; i < tcs_report_scene_count(); i++) {
     tcs_report_scene scene;
-    tc_plan plan;
+    tc_explanation plan;
     GError *error = NULL;
-    if (!tcs_report_scene_make(i, &scene, &error) || !tc_plan_make(scene.volume, &scene.scene, 64, 64, &plan, &error))
+    if (!tcs_report_scene_make(i, &scene, &error) || !tc_explain(scene.volume, &scene.scene, 64, 64, &plan, &error))
       fail_msg("%s: %s", scene.name, error->message);
     smooth += scene.smooth;
     stiff += g_str_has_prefix(scene.title, "Stiff");
@@ -273,11 +273,11 @@ static void settings_follow_the_plan(void **state) {
   GArray *settings = tcs_report_settings(&scene, false, true, left_out);
   for (int c = 0; c < TC_CLASSIFICATION_COUNT; c++) {
     tc_scene asked;
-    tc_plan plan;
+    tc_explanation plan;
     int found = 0;
     tc_scene_copy(&asked, &scene.scene);
     asked.classification = (tc_classification)c;
-    bool taken = tc_plan_make(scene.volume, &asked, 64, 64, &plan, NULL);
+    bool taken = tc_explain(scene.volume, &asked, 64, 64, &plan, NULL);
     for (guint i = 0; i < settings->len; i++)
       found += g_array_index(settings, tcs_setting, i).classification == (tc_classification)c;
     if (taken != (found > 0)) fail_msg("classification %d: %d settings, plan says %d", c, found, taken);

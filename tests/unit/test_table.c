@@ -305,31 +305,33 @@ static void entries_count(void **state) {
   enum { TABLES = 20 };
   tc_transfer_function tf;
   double ms = 0;
+  tc_plan plan = {0};
+  const tc_job outlines = {.plan = &plan, .outlines_table = true}, fills = {.plan = &plan};
   tc_resources *r = tc_resources_new(NULL, 6 << 20, NULL); /* a table of 256 takes 2.1 MB */
+#define GET(job, ms) ((const tc_table *)tc_resources_get(r, TC_RESOURCE_TABLE, job, ms, NULL))
   const tc_table *tables[TABLES];
-  for (int i = 0; i < TABLES; i++) {
-    tc_table_params p = params(&tf, smooth, 4, TC_KNOT_OPACITY, 256, 1 + i);
-    tables[i] = tc_resources_table(r, &p, &ms, NULL);
-    assert_true(tables[i] && !tables[i]->entries && ms == tables[i]->build_ms);
-    assert_ptr_equal(tc_resources_table(r, &p, &ms, NULL), tables[i]);
-    ms = 0;
+  for (int i = 0; i < TABLES; i++, ms = 0) {
+    plan.table = params(&tf, smooth, 4, TC_KNOT_OPACITY, 256, 1 + i);
+    tables[i] = GET(&outlines, &ms);
+    assert_true(tables[i] && !tables[i]->entries && ms > 0 && ms == tc_resources_ms(r, TC_RESOURCE_TABLE, tables[i]));
+    assert_ptr_equal(GET(&outlines, &ms), tables[i]);
   }
-  for (int i = 0; i < 3; i++) {
-    tc_table_params p = params(&tf, smooth, 4, TC_KNOT_OPACITY, 256, 1 + i);
-    const tc_table *t = tc_resources_table(r, &p, &ms, NULL);
-    assert_true(tc_resources_fill(r, t, &ms, NULL) && t->entries && ms > 0 && ms <= t->build_ms);
-    double took = ms;
-    assert_true(tc_resources_fill(r, t, &ms, NULL) && ms == took); /* they are there */
-    assert_ptr_equal(tc_resources_table(r, &p, NULL, NULL), t);
-    ms = 0;
+  for (int i = 0; i < 3; i++, ms = 0) {
+    plan.table = params(&tf, smooth, 4, TC_KNOT_OPACITY, 256, 1 + i);
+    const tc_table *t = GET(&outlines, &ms);
+    assert_true(GET(&fills, &ms) == t && t->entries && ms > 0);
+    const double took = ms;
+    assert_true(GET(&fills, &ms) == t && ms == took); /* they are there */
+    assert_ptr_equal(GET(&fills, NULL), t);
   }
   int left = 0, filled = 0;
   for (int i = 0; i < TABLES; i++) {
-    tc_table_params p = params(&tf, smooth, 4, TC_KNOT_OPACITY, 256, 1 + i);
-    const tc_table *t = tc_resources_table(r, &p, NULL, NULL);
+    plan.table = params(&tf, smooth, 4, TC_KNOT_OPACITY, 256, 1 + i);
+    const tc_table *t = GET(&outlines, NULL);
     left += t != NULL;
     filled += t && t->entries;
   }
+#undef GET
   printf("of %d outlines %d are left beside the entries of %d\n", TABLES - 3, left - filled, filled);
   assert_true(filled == 2 && left < TABLES);
   tc_resources_free(r);

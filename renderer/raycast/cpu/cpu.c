@@ -105,23 +105,18 @@ static const char *cpu_device(void *instance) { return ((cpu_backend *)instance)
 static const char *cpu_isa_name(void *instance) { return ((cpu_backend *)instance)->isa->name; }
 static void cpu_forget(void *instance, uint64_t volume_serial) {}
 
-static void cpu_name_kernel(void *instance, tc_plan *plan) {
-  size_t n = strlen(plan->kernel);
-  snprintf(plan->kernel + n, sizeof plan->kernel - n, ".%s", cpu_isa_name(instance));
-}
-
 static void to_float(float *to, const double *from, int count) {
   for (int i = 0; i < count; i++) to[i] = (float)from[i];
 }
 
 static void fill_grey(tc_cpu_args *a, const tc_job *job) {
-  a->turn = job->grey->turn;
-  a->gain = job->grey->gain;
-  a->offset = job->grey->offset;
-  a->floor = job->grey->floor;
-  a->stop = job->grey->stop;
+  a->turn = job->plan->grey.turn;
+  a->gain = job->plan->grey.gain;
+  a->offset = job->plan->grey.offset;
+  a->floor = job->plan->grey.floor;
+  a->stop = job->plan->grey.stop;
   if (job->scene->image.linear_light) a->to_light = tc_resolve_light();
-  const tc_bounds *b = job->bounds;
+  const tc_bounds *b = job->have.bounds;
   if (!b) return;
   a->levels = b->levels;
   a->block_row = b->blocks[0];
@@ -140,10 +135,10 @@ static void fill_leap(tc_cpu_args *a, const tc_leap *leap) {
 }
 
 static void fill_surface(tc_cpu_surface *a, const tc_job *job) {
-  a->iso = job->surface->iso;
-  a->scale = job->surface->scale;
-  memcpy(a->color, job->surface->color, sizeof a->color);
-  a->depth = job->want_depth ? job->frame->depth : NULL;
+  a->iso = job->plan->surface.iso;
+  a->scale = job->plan->surface.scale;
+  memcpy(a->color, job->plan->surface.color, sizeof a->color);
+  a->depth = job->plan->depth ? job->frame->depth : NULL;
   a->width = job->frame->width;
 }
 
@@ -202,11 +197,11 @@ static void fill_labels(tc_cpu_labels *l, const tc_job *job) {
   l->row = strides[1];
   l->slice = strides[2];
   l->type = d->type;
-  l->nearest = job->plan->key.filter == TC_FILTER_NEAREST;
+  l->nearest = job->key.filter == TC_FILTER_NEAREST;
   l->voxels = tc_volume_data(job->label_volume);
-  l->base = (float)job->labels->base;
-  l->entries = job->labels->entries[0];
-  l->outside = job->labels->entries[job->labels->n];
+  l->base = (float)job->have.labels->base;
+  l->entries = job->have.labels->entries[0];
+  l->outside = job->have.labels->entries[job->have.labels->n];
 }
 
 static void fill_nodes(tc_cpu_args *a, int n, double lo, double hi) {
@@ -218,7 +213,7 @@ static void fill_nodes(tc_cpu_args *a, int n, double lo, double hi) {
 static void fill_args(tc_cpu_args *a, const tc_job *job) {
   const tc_rays *r = job->rays;
   const tc_volume_desc *d = tc_volume_describe(job->volume);
-  *a = (tc_cpu_args){.key = job->plan->key};
+  *a = (tc_cpu_args){.key = job->key};
   to_float(a->anchor0, r->anchor0, 3);
   to_float(a->anchor_du, r->anchor_du, 3);
   to_float(a->anchor_dv, r->anchor_dv, 3);
@@ -249,21 +244,21 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
   }
   a->voxels = tc_volume_data(job->volume);
   a->halt = job->halt;
-  if (job->labels) fill_labels(&a->labels, job);
-  if (job->grey) fill_grey(a, job);
-  if (job->plan->key.mode == TC_MODE_MPR) fill_window(a, job);
-  if (job->leap) fill_leap(a, job->leap);
-  if (job->plan->key.shading) fill_shading(a, job);
-  if (job->table) {
-    a->table = job->table->zero_row;
-    a->table_stride = (float)job->table->columns;
-    fill_nodes(a, job->table->n, job->table->lo, job->table->hi);
-    fill_zooms(a, job->table);
-  } else if (job->integrals) {
-    a->integrals = job->integrals->entries;
-    a->levels_start = job->integrals->levels_start;
-    a->level_row = job->integrals->n + 1;
-    fill_nodes(a, job->integrals->n, job->integrals->lo, job->integrals->hi);
+  if (job->have.labels) fill_labels(&a->labels, job);
+  if (tc_is_projection((tc_mode)job->key.mode)) fill_grey(a, job);
+  if (job->key.mode == TC_MODE_MPR) fill_window(a, job);
+  if (job->have.leap) fill_leap(a, job->have.leap);
+  if (job->key.shading) fill_shading(a, job);
+  if (job->have.table) {
+    a->table = job->have.table->zero_row;
+    a->table_stride = (float)job->have.table->columns;
+    fill_nodes(a, job->have.table->n, job->have.table->lo, job->have.table->hi);
+    fill_zooms(a, job->have.table);
+  } else if (job->have.integrals) {
+    a->integrals = job->have.integrals->entries;
+    a->levels_start = job->have.integrals->levels_start;
+    a->level_row = job->have.integrals->n + 1;
+    fill_nodes(a, job->have.integrals->n, job->have.integrals->lo, job->have.integrals->hi);
   } else {
     return;
   }
@@ -272,10 +267,10 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
 
 static bool fill_cover(cpu_backend *b, const tc_job *job, tc_cpu_args *a, GError **error) {
   tc_cover *c = &b->cover;
-  if (!tc_cover_fill(c, job->boxes, job->volume, job->rays, job->frame->width, job->frame->height, b->pool, error))
+  if (!tc_cover_fill(c, job->have.boxes, job->volume, job->rays, job->frame->width, job->frame->height, b->pool, error))
     return false;
-  a->zero_below = (float)job->boxes->zero_below;
-  a->zero_above = (float)job->boxes->zero_above;
+  a->zero_below = (float)job->have.boxes->zero_below;
+  a->zero_above = (float)job->have.boxes->zero_above;
   a->cover = c->bits;
   a->cover_shift = c->shift;
   a->cover_words = c->words;
@@ -377,9 +372,12 @@ static int unit_side(const cpu_backend *b, const tc_job *job) {
 
 static bool cpu_render(void *instance, const tc_job *job, GError **error) {
   cpu_backend *b = instance;
-  cpu_frame f = {.job = job, .kernel = (job->surface ? b->isa->find_surface : b->isa->find)(&job->plan->key)};
+  const bool surface = job->key.mode == TC_MODE_ISOSURFACE;
+  cpu_frame f = {.job = job, .kernel = (surface ? b->isa->find_surface : b->isa->find)(&job->key)};
   if (!f.kernel) {
-    tc_set_error(error, TC_ERROR_UNSUPPORTED, "/mode", "the cpu back end has no kernel %s", job->plan->kernel);
+    char name[64];
+    tc_plan_key_name(&job->key, name, sizeof name);
+    tc_set_error(error, TC_ERROR_UNSUPPORTED, "/mode", "the cpu back end has no kernel %s", name);
     return false;
   }
   f.resumed = job->frame->progress && job->frame->progress->units;
@@ -392,8 +390,8 @@ static bool cpu_render(void *instance, const tc_job *job, GError **error) {
   }
   for (int i = 0; i < tc_pool_threads(b->pool); i++) f.workers[i].counts.until_look = TC_CPU_LOOK;
   fill_args(&f.args.common, job);
-  if (job->surface) fill_surface(&f.args, job);
-  if (job->boxes && !fill_cover(b, job, &f.args.common, error)) {
+  if (surface) fill_surface(&f.args, job);
+  if (job->have.boxes && !fill_cover(b, job, &f.args.common, error)) {
     free(f.workers);
     return false;
   }
@@ -408,11 +406,10 @@ static bool cpu_render(void *instance, const tc_job *job, GError **error) {
 }
 
 const tc_backend_ops tc_cpu_backend = {.name = "cpu",
-                                       .leaps_over_boxes = true,
                                        .create = cpu_create,
                                        .destroy = cpu_destroy,
                                        .device = cpu_device,
                                        .isa = cpu_isa_name,
                                        .render = cpu_render,
                                        .forget = cpu_forget,
-                                       .name_kernel = cpu_name_kernel};
+                                       .kernel_suffix = cpu_isa_name};

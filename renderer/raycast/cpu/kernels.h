@@ -10,7 +10,7 @@
 #include <stdint.h>
 
 #include "renderer/classify/classify.h"
-#include "renderer/plan/plan.h"
+#include "renderer/plan/key.h"
 #include "renderer/raycast/grey.h"
 #include "renderer/raycast/rays.h"
 

@@ -5,7 +5,8 @@
 
 #include <stdbool.h>
 
-#include "renderer/plan/plan.h"
+#include "renderer/error.h"
+#include "renderer/plan/key.h"
 
 /* Everything a program depends on: the plan's key and what only this back end decides. Zeroed before filling: compared
  * as bytes. What is not here (camera, table, background, sizes) is a run-time number and rebuilds nothing. */

@@ -101,8 +101,8 @@ static void put_labels(tc_gl_job_block *block, const tc_job *job, const tc_gl_vo
       block->label_matrix[r][k] = (float)matrix[r][k];
   memcpy(block->label_dims, tc_volume_describe(job->label_volume)->dims, 3 * sizeof *block->label_dims);
   block->label_dims[3] = labels->slices_per_layer;
-  block->label_numbers[0] = job->labels->base;
-  block->label_numbers[1] = job->labels->base + job->labels->n;
+  block->label_numbers[0] = job->have.labels->base;
+  block->label_numbers[1] = job->have.labels->base + job->have.labels->n;
   memcpy(block->label_texel, labels->texel, 2 * sizeof *block->label_texel);
 }
 
@@ -122,15 +122,15 @@ void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volum
   memcpy(block->dims, tc_volume_describe(job->volume)->dims, 3 * sizeof *block->dims);
   block->dims[3] = volume->slices_per_layer;
   memcpy(block->texel, volume->texel, sizeof volume->texel);
-  if (job->table) fill_table(block, job->table);
-  if (job->integrals) fill_integrals(block, job->integrals);
-  if (job->leap) fill_blocks(block, job->leap->block, job->leap->blocks);
-  if (job->grey) fill_projection(block, job->grey, job->bounds, rays);
-  if (job->plan->key.mode == TC_MODE_MPR) fill_window(block, job);
-  if (job->surface) {
-    block->surface[0] = job->surface->iso;
-    block->surface[1] = job->surface->scale;
-    memcpy(block->surface_color, job->surface->color, sizeof job->surface->color);
+  if (job->have.table) fill_table(block, job->have.table);
+  if (job->have.integrals) fill_integrals(block, job->have.integrals);
+  if (job->have.leap) fill_blocks(block, job->have.leap->block, job->have.leap->blocks);
+  if (tc_is_projection((tc_mode)job->key.mode)) fill_projection(block, &job->plan->grey, job->have.bounds, rays);
+  if (job->key.mode == TC_MODE_MPR) fill_window(block, job);
+  if (job->key.mode == TC_MODE_ISOSURFACE) {
+    block->surface[0] = job->plan->surface.iso;
+    block->surface[1] = job->plan->surface.scale;
+    memcpy(block->surface_color, job->plan->surface.color, sizeof job->plan->surface.color);
   }
   tc_resolve resolve;
   tc_resolve_init(&resolve, job->scene);
@@ -140,7 +140,7 @@ void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volum
   for (int i = 0; i < rays->n_planes; i++)
     for (int k = 0; k < 4; k++)
       block->planes[i][k] = (float)rays->planes[i][k];
-  if (job->plan->key.shading) put_shading(block, job);
+  if (job->key.shading) put_shading(block, job);
   if (labels) put_labels(block, job, labels);
   put_rays(block, rays);
   block->march[0] = (float)rays->step_mm;

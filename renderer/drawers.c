@@ -1,0 +1,3 @@
+#include "renderer/backend.h"
+
+const tc_drawer tc_drawers[TC_MODE_COUNT] = {NULL};

@@ -1,0 +1,256 @@
+/* The one validator of scenes. */
+#include <math.h>
+#include <stdio.h>
+
+#include "renderer/classify/labels.h"
+#include "renderer/plan/plan.h"
+#include "renderer/raycast/grey.h"
+
+/* A ray takes at most this many samples: more is a mistake in the scene, and float positions end there. */
+#define MAX_SAMPLES_PER_RAY 8e6
+
+/* ---- what cannot be rendered meaningfully ---- */
+
+static bool invalid(GError **error, const char *pointer, const char *message) {
+  tc_set_error(error, TC_ERROR_INVALID, pointer, "%s: %s", pointer + 1, message);
+  return false;
+}
+
+static bool finite3(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
+
+static bool check_camera(const tc_camera *c, GError **error) {
+  if (!finite3(c->position)) return invalid(error, "/camera/position", "three finite numbers wanted");
+  if (!finite3(c->target)) return invalid(error, "/camera/target", "three finite numbers wanted");
+  if (!finite3(c->up)) return invalid(error, "/camera/up", "three finite numbers wanted");
+  double d[3], cross[3], d2 = 0, up2 = 0, cross2 = 0;
+  for (int k = 0; k < 3; k++) {
+    d[k] = c->target[k] - c->position[k];
+    d2 += d[k] * d[k];
+    up2 += c->up[k] * c->up[k];
+  }
+  for (int k = 0; k < 3; k++) {
+    int a = (k + 1) % 3, b = (k + 2) % 3;
+    cross[k] = d[a] * c->up[b] - d[b] * c->up[a];
+    cross2 += cross[k] * cross[k];
+  }
+  if (!(d2 > 0)) return invalid(error, "/camera/target", "the target is the position: nothing to look along");
+  if (!(up2 > 0)) return invalid(error, "/camera/up", "a vector that is not zero wanted");
+  if (!(cross2 > 1e-18 * d2 * up2))
+    return invalid(error, "/camera/up", "parallel to the view direction: choose another");
+  if (c->projection == TC_PERSPECTIVE && !(c->fov_y_deg > 0 && c->fov_y_deg < 180))
+    return invalid(error, "/camera/fovY", "degrees above 0 and below 180 wanted");
+  if (c->projection == TC_ORTHOGRAPHIC && !(c->height_mm > 0 && isfinite(c->height_mm)))
+    return invalid(error, "/camera/height", "mm above 0 wanted");
+  return true;
+}
+
+/* A list that is shared with a scene that was found valid is so as well. */
+static bool same_points(const tc_transfer_function *a, const tc_transfer_function *b) {
+  return a->shared && a->shared == b->shared && a->points == b->points && a->count == b->count && a->kind == b->kind;
+}
+
+static bool same_colors(const tc_scene *a, const tc_scene *b) {
+  return a->labels.shared_colors && a->labels.shared_colors == b->labels.shared_colors &&
+         a->labels.colors == b->labels.colors && a->labels.n_colors == b->labels.n_colors;
+}
+
+static bool invalid_knot(GError **error, size_t i, const char *message) {
+  char pointer[64];
+  snprintf(pointer, sizeof pointer, "/transferFunction/points/%zu", i);
+  return invalid(error, pointer, message);
+}
+
+static bool check_transfer_function(const tc_transfer_function *tf, const tc_scene *valid, GError **error) {
+  if (tf->count < 1 || tf->count > TC_MAX_KNOTS)
+    return invalid(error, "/transferFunction/points", "between 1 and 65536 knots wanted");
+  if (tf->kind == TC_KNOT_OPACITY && !(tf->unit_distance_mm > 0 && isfinite(tf->unit_distance_mm)))
+    return invalid(error, "/transferFunction/unitDistance", "mm above 0 wanted");
+  /* Of a mode that reads no transfer function the knots were not looked at. */
+  if (valid && valid->mode == TC_MODE_DVR && same_points(tf, &valid->transfer_function)) return true;
+  for (size_t i = 0; i < tf->count; i++) {
+    const tc_knot *k = &tf->points[i];
+    if (!isfinite(k->value) || !finite3(k->color) || !isfinite(k->amount) || k->amount < 0)
+      return invalid_knot(error, i, "finite value and colour, and an opacity or extinction of at least 0 wanted");
+    if (tf->kind == TC_KNOT_OPACITY && k->amount > 1) return invalid_knot(error, i, "opacity from 0 to 1 wanted");
+    if (i > 0 && !(k->value >= k[-1].value)) return invalid_knot(error, i, "knots in ascending order of value wanted");
+  }
+  return true;
+}
+
+/* What a mode does not read is not checked. */
+static bool check_window(const tc_scene *scene, GError **error) {
+  if (!isfinite(scene->window.center)) return invalid(error, "/window/center", "a finite number wanted");
+  if (!(scene->window.width > 0) || !isfinite(scene->window.width))
+    return invalid(error, "/window/width", "a finite number above 0 wanted");
+  return true;
+}
+
+static bool check_look(const tc_scene *scene, const tc_scene *valid, GError **error) {
+  if (tc_is_projection(scene->mode)) return check_window(scene, error);
+  return check_transfer_function(&scene->transfer_function, valid, error);
+}
+
+static bool check_rays(const tc_scene *scene, GError **error) {
+  if (scene->sampling.rays_per_pixel >= 1 && scene->sampling.rays_per_pixel <= TC_MAX_RAYS_PER_PIXEL) return true;
+  return invalid(error, "/sampling/raysPerPixel", "1 to 64 wanted");
+}
+
+static bool check_sampling(const tc_volume *volume, const tc_scene *scene, GError **error) {
+  double step = scene->sampling.step;
+  if (!(step > 0) || !isfinite(step)) return invalid(error, "/sampling/step", "voxels above 0 wanted");
+  if (!check_rays(scene, error)) return false;
+  if (!tc_is_projection(scene->mode) && !(scene->sampling.termination >= 0 && scene->sampling.termination < 1))
+    return invalid(error, "/sampling/termination", "a transparency from 0 to below 1 wanted");
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  double least = fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2])), diagonal = 0;
+  for (int k = 0; k < 3; k++) diagonal += d->dims[k] * d->spacing[k];
+  if (diagonal / (step * least) > MAX_SAMPLES_PER_RAY) {
+    tc_set_error(error, TC_ERROR_LIMIT, "/sampling/step",
+                 "sampling/step: %g voxels of %g mm make over %.0f samples a ray: choose a larger step", step, least,
+                 MAX_SAMPLES_PER_RAY);
+    return false;
+  }
+  return true;
+}
+
+static bool check_clipping(const tc_scene *scene, GError **error) {
+  for (int k = 0; k < 3 && scene->clip.has_box; k++)
+    if (!isfinite(scene->clip.box[0][k]) || !isfinite(scene->clip.box[1][k]) ||
+        scene->clip.box[0][k] > scene->clip.box[1][k])
+      return invalid(error, "/clip/box", "two corners wanted, finite, the lower one first");
+  for (int i = 0; i < scene->clip.n_planes; i++) {
+    const double *p = scene->clip.planes[i];
+    double n2 = p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
+    char pointer[32];
+    snprintf(pointer, sizeof pointer, "/clip/planes/%d", i);
+    if (!(n2 > 0) || !isfinite(n2) || !isfinite(p[3]))
+      return invalid(error, pointer, "a normal that is not zero, and d, all finite");
+  }
+  return true;
+}
+
+static bool check_shading(const tc_scene *scene, GError **error) {
+  if (tc_is_projection(scene->mode) || scene->shading.model == TC_SHADING_NONE) return true;
+  if ((unsigned)scene->shading.model >= TC_SHADING_COUNT) return invalid(error, "/shading/model", "unknown");
+  if ((unsigned)scene->shading.gradient >= TC_GRADIENT_COUNT) return invalid(error, "/shading/gradient", "unknown");
+  const struct { const char *pointer; double value; } shares[] = {{"/shading/ambient", scene->shading.ambient},
+                                                                  {"/shading/diffuse", scene->shading.diffuse},
+                                                                  {"/shading/specular", scene->shading.specular}};
+  for (int i = 0; i < 3; i++)
+    if (!(shares[i].value >= 0 && shares[i].value <= 1))
+      return invalid(error, shares[i].pointer, "a share from 0 to 1 wanted");
+  if (!(scene->shading.shininess >= 0 && scene->shading.shininess <= 1024))
+    return invalid(error, "/shading/shininess", "0 to 1024 wanted");
+  const double *l = scene->shading.light;
+  if (!scene->shading.light_at_camera && (!finite3(l) || !(l[0] != 0 || l[1] != 0 || l[2] != 0)))
+    return invalid(error, "/shading/light", "a direction wanted: three finite numbers that are not all zero");
+  return true;
+}
+
+/* The label volume itself is tc_labels_check()'s. */
+static bool check_labels(const tc_scene *scene, const tc_scene *valid, GError **error) {
+  if (!scene->labels.volume[0] || !tc_mode_has_labels(scene->mode)) return true;
+  if (!(scene->labels.opacity >= 0 && scene->labels.opacity <= 1))
+    return invalid(error, "/labels/opacity", "a share from 0 to 1 wanted");
+  if (valid && valid->labels.volume[0] && tc_mode_has_labels(valid->mode) && same_colors(scene, valid)) return true;
+  for (size_t i = 0; i < scene->labels.n_colors; i++) {
+    const tc_label_color *color = &scene->labels.colors[i];
+    for (int c = 0; c < 4; c++)
+      if (!(color->rgba[c] >= 0 && color->rgba[c] <= 1))
+        return invalid(error, "/labels/colors", "numbers from 0 to 1 wanted");
+    if (i > 0 && color->label <= color[-1].label)
+      return invalid(error, "/labels/colors", "labels in ascending order wanted");
+  }
+  return true;
+}
+
+static bool check_image(int width, int height, GError **error) {
+  if (width < 1 || height < 1)
+    return invalid(error, width < 1 ? "/image/width" : "/image/height", "at least 1 pixel wanted");
+  if (width > TC_MAX_IMAGE_SIDE || height > TC_MAX_IMAGE_SIDE || (int64_t)width * height > TC_MAX_IMAGE_AREA) {
+    tc_set_error(error, TC_ERROR_LIMIT, width > TC_MAX_IMAGE_SIDE ? "/image/width" : "/image/height",
+                 "image: %dx%d is over the limit of %d a side and %d pixels", width, height, TC_MAX_IMAGE_SIDE,
+                 TC_MAX_IMAGE_AREA);
+    return false;
+  }
+  return true;
+}
+
+static bool check_oblique(const double n[3], const double up[3], GError **error) {
+  double n2 = 0, up2 = 0, cross2 = 0;
+  for (int k = 0; k < 3; k++) {
+    int a = (k + 1) % 3, b = (k + 2) % 3;
+    double cross = n[a] * up[b] - n[b] * up[a];
+    n2 += n[k] * n[k], up2 += up[k] * up[k], cross2 += cross * cross;
+  }
+  if (!(n2 > 0) || !isfinite(n2)) return invalid(error, "/mpr/normal", "a vector that is not zero wanted");
+  if (!(up2 > 0) || !isfinite(up2)) return invalid(error, "/mpr/up", "a vector that is not zero wanted");
+  if (!(cross2 > 1e-18 * n2 * up2)) return invalid(error, "/mpr/up", "parallel to mpr.normal: choose another");
+  return true;
+}
+
+static bool check_mpr(const tc_volume *volume, const tc_scene *scene, GError **error) {
+  if ((unsigned)scene->mpr.orientation >= TC_MPR_ORIENTATION_COUNT)
+    return invalid(error, "/mpr/orientation", "unknown");
+  if ((unsigned)scene->mpr.projection >= TC_SLAB_PROJECTION_COUNT) return invalid(error, "/mpr/projection", "unknown");
+  if (scene->mpr.has_center && !finite3(scene->mpr.center))
+    return invalid(error, "/mpr/center", "three finite numbers wanted");
+  if (scene->mpr.orientation == TC_OBLIQUE && !check_oblique(scene->mpr.normal, scene->mpr.up, error)) return false;
+  double thickness = scene->mpr.thickness_mm, zoom = scene->mpr.zoom, step = scene->sampling.step;
+  if (!(thickness >= 0) || !isfinite(thickness)) return invalid(error, "/mpr/thickness", "mm of at least 0 wanted");
+  if (!(zoom > 0) || !isfinite(zoom)) return invalid(error, "/mpr/zoom", "a factor above 0 wanted");
+  if (!(step > 0) || !isfinite(step)) return invalid(error, "/sampling/step", "voxels above 0 wanted");
+  const double *spacing = tc_volume_describe(volume)->spacing;
+  if (thickness / (step * fmin(spacing[0], fmin(spacing[1], spacing[2]))) > MAX_SAMPLES_PER_RAY) {
+    tc_set_error(error, TC_ERROR_LIMIT, "/mpr/thickness",
+                 "mpr/thickness: %g mm make over %.0f samples a pixel: choose a thinner slab or a larger sampling.step",
+                 thickness, MAX_SAMPLES_PER_RAY);
+    return false;
+  }
+  return true;
+}
+
+/* ---- what is not built: refused, so that no picture is ever quietly another one ---- */
+
+static bool unsupported(GError **error, const char *pointer, const char *what) {
+  tc_set_error(error, TC_ERROR_UNSUPPORTED, pointer, "%s: %s is not available in this version", pointer + 1, what);
+  return false;
+}
+
+static bool check_built(const tc_scene *s, GError **error) {
+  if ((unsigned)s->mode >= TC_MODE_COUNT) return invalid(error, "/mode", "unknown");
+  bool projection = tc_is_projection(s->mode), slice = s->mode == TC_MODE_MPR, surface = s->mode == TC_MODE_ISOSURFACE;
+  if (s->mode != TC_MODE_DVR && !projection && !slice && !surface)
+    return unsupported(error, "/mode", tc_mode_names[s->mode]);
+  if (s->mode == TC_MODE_DVR && (unsigned)s->classification >= TC_CLASSIFICATION_COUNT)
+    return invalid(error, "/classification", "unknown");
+  if (s->mode == TC_MODE_DVR && (unsigned)s->order >= TC_ORDER_COUNT) return invalid(error, "/order", "unknown");
+  if ((unsigned)s->filter >= TC_FILTER_COUNT) return invalid(error, "/filter", "unknown");
+  if (surface && s->filter != TC_FILTER_LINEAR)
+    return unsupported(error, "/filter", "any filter of isosurfaces but linear");
+  if (slice && s->sampling.rays_per_pixel != 1)
+    return unsupported(error, "/sampling/raysPerPixel", "more than one ray for a pixel of a slice");
+  return true;
+}
+
+static bool check_surface(const tc_scene *s, GError **error) {
+  if (!isfinite(s->isosurface.value)) return invalid(error, "/isosurface/value", "a finite number wanted");
+  for (int c = 0; c < 3; c++)
+    if (!(s->isosurface.color[c] >= 0 && s->isosurface.color[c] <= 1))
+      return invalid(error, "/isosurface/color", "three numbers from 0 to 1 wanted");
+  return true;
+}
+
+bool tc_plan_check(const tc_volume *volume, const tc_scene *scene, int width, int height, const tc_scene *valid,
+                   GError **error) {
+  if (!check_built(scene, error) || !check_image(width, height, error) || !check_labels(scene, valid, error))
+    return false;
+  if (scene->mode == TC_MODE_MPR)
+    return check_mpr(volume, scene, error) && check_window(scene, error) && check_clipping(scene, error);
+  if (!check_camera(&scene->camera, error)) return false;
+  if (scene->mode == TC_MODE_ISOSURFACE)
+    return check_surface(scene, error) && check_rays(scene, error) && check_clipping(scene, error) &&
+           check_shading(scene, error);
+  return check_look(scene, valid, error) && check_sampling(volume, scene, error) && check_clipping(scene, error) &&
+         check_shading(scene, error);
+}

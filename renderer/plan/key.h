@@ -1,0 +1,37 @@
+/* The key of a plan: all that kernels and shaders know of one. */
+#ifndef TC_PLAN_KEY_H
+#define TC_PLAN_KEY_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* What kernels are specialised on. Two plans with equal keys run the same code. Zeroed before filling: compare with
+ * memcmp. */
+typedef struct tc_plan_key {
+  uint8_t mode;           /* tc_mode */
+  uint8_t voxel_type;     /* tc_voxel_type of what is sampled: coefficients are f32 */
+  uint8_t classification; /* tc_classification */
+  uint8_t order;          /* tc_order */
+  uint8_t filter;         /* tc_filter */
+  uint8_t projection;     /* tc_projection */
+  uint8_t shading;        /* tc_shading_model */
+  uint8_t gradient;       /* tc_gradient; 0 unless shaded */
+  uint8_t termination;    /* 0/1 */
+  uint8_t skipping;       /* 0/1 */
+  uint8_t clipping;       /* 0/1 */
+  uint8_t rays;           /* 0/1: several a pixel */
+  uint8_t coherence;      /* 0/1 */
+  uint8_t jitter;         /* 0/1 */
+  uint8_t labels;         /* 0/1: of a label volume, in a mode that shows it */
+  uint8_t zoomed;         /* 0/1: the pre-integration table has zooms (classify/classify.h) */
+  uint8_t stiff;          /* 0/1: a ray's short last segment needs the table's row of depths (classify/classify.h) */
+  uint8_t slab;           /* mpr: 0 one slice, else 1 + tc_slab_projection */
+} tc_plan_key;
+
+/* The key of the same picture made from every sample: with nothing skipped. */
+tc_plan_key tc_plan_unskipped(tc_plan_key key);
+
+/* What a key's variants are called: "dvr.preintegrated.linear.shaded.u16"; back ends add their own words. */
+void tc_plan_key_name(const tc_plan_key *key, char *name, size_t size);
+
+#endif

@@ -1,0 +1,271 @@
+#include "renderer/resource_kinds.h"
+
+#include "renderer/classify/outline.h"
+#include "renderer/volume/coefficients.h"
+
+static void append(GByteArray *key, const void *bytes, size_t size) { g_byte_array_append(key, bytes, (guint)size); }
+
+static const tc_volume *field_of(const tc_job *job) { return job->volume; }
+
+/* free, bytes: of a thing of type tc_<name>. */
+#define FREES(name)                                                                                                    \
+  static void free_##name(void *thing) { tc_##name##_free(thing); }
+#define THING(name)                                                                                                    \
+  FREES(name)                                                                                                          \
+  static size_t name##_bytes(const void *thing) { return ((const tc_##name *)thing)->bytes; }
+THING(table)
+THING(integrals)
+THING(support)
+THING(minmax)
+THING(leap)
+THING(boxes)
+THING(bounds)
+THING(labels)
+FREES(coefficients)
+
+/* ---- coefficients ---- */
+
+static void free_volume(void *thing) { tc_volume_unref(thing); }
+static const tc_volume *coefficients_tied(const tc_job *job) { return job->source; }
+
+static void coefficients_key(const tc_job *job, GByteArray *key) {
+  const uint64_t serial = tc_volume_serial(job->source);
+  append(key, &serial, sizeof serial);
+}
+
+static void *coefficients_begin(const tc_making *m, GError **error) {
+  const uint64_t bytes = tc_coefficients_bytes(m->job->source);
+  if (bytes <= m->budget) return tc_coefficients_begin(m->job->source, error);
+  tc_set_error(error, TC_ERROR_LIMIT, "/sampling/prefilter",
+               "sampling/prefilter: the coefficients take %.0f MiB, the renderer's cache holds %.0f: turn it off or raise "
+               "the cache", (double)bytes / 0x1p20, (double)m->budget / 0x1p20);
+  return NULL;
+}
+
+static bool coefficients_go_on(void *thing, const tc_making *m, GError **error) {
+  return tc_coefficients_go_on(thing, m->job->source, m->pool) || tc_halt_say(tc_pool_halt(m->pool), error);
+}
+
+static void *coefficients_finish(void *thing) { return tc_coefficients_take(thing); }
+static int64_t coefficients_steps(const void *thing) { return tc_coefficients_steps(thing); }
+static size_t coefficients_start_with(const tc_job *job) { return (size_t)tc_coefficients_bytes(job->source); }
+static size_t coefficients_bytes(const void *thing) { return (size_t)tc_volume_bytes(thing); }
+
+/* ---- tables ---- */
+
+/* Everything that a table or integrals are made from. */
+static void table_key(const tc_job *job, GByteArray *key) {
+  const tc_table_params *p = &job->plan->table;
+  const tc_transfer_function *tf = p->tf;
+  const double numbers[] = {p->voxel_lo, p->voxel_hi, p->slope, p->intercept, p->step_mm,
+                            tf->kind == TC_KNOT_EXTINCTION ? 0 : tf->unit_distance_mm};
+  const int32_t choices[] = {p->n, p->linear_light, p->bits, p->n_zooms, tf->kind};
+  append(key, numbers, sizeof numbers);
+  append(key, choices, sizeof choices);
+  append(key, p->zooms, (size_t)p->n_zooms * sizeof *p->zooms);
+  append(key, tf->points, tf->count * sizeof *tf->points);
+}
+
+static void *table_begin(const tc_making *m, GError **error) {
+  return tc_table_outline(&m->job->plan->table, tc_pool_halt(m->pool), error);
+}
+
+static bool table_go_on(void *thing, const tc_making *m, GError **error) {
+  return tc_table_fill(thing, m->like, m->pool, error);
+}
+
+static bool table_is_whole(const void *thing, const tc_job *job) {
+  return job->outlines_table || ((const tc_table *)thing)->entries;
+}
+
+static bool table_is_like(const void *thing, const void *job) {
+  const tc_table *t = thing;
+  const tc_table_params *p = &((const tc_job *)job)->plan->table;
+  return t->entries && t->n == p->n && t->step_mm == p->step_mm && t->lo == p->voxel_lo && t->hi == p->voxel_hi;
+}
+
+static int64_t table_steps(const void *thing) { return tc_table_steps(thing); }
+static size_t table_held(const void *thing) { return tc_table_held(thing); }
+
+static void *integrals_begin(const tc_making *m, GError **error) {
+  return tc_integrals_build(&m->job->plan->table, tc_pool_halt(m->pool), error);
+}
+
+/* ---- empty-space skipping ---- */
+
+/* Colours, the step and the compositing space change nothing about where something is seen. */
+static void support_key(const tc_job *job, GByteArray *key) {
+  if (job->plan->key.mode == TC_MODE_ISOSURFACE) {
+    append(key, &job->plan->surface.below, sizeof(double));
+    append(key, &job->plan->surface.above, sizeof(double));
+    return;
+  }
+  const tc_table_params *p = &job->plan->table;
+  const double numbers[] = {p->n, p->voxel_lo, p->voxel_hi, p->slope, p->intercept};
+  append(key, numbers, sizeof numbers);
+  for (size_t i = 0; i < p->tf->count; i++) {
+    const guint8 shows = p->tf->points[i].amount > 0;
+    append(key, &p->tf->points[i].value, sizeof p->tf->points[i].value);
+    append(key, &shows, 1);
+  }
+}
+
+static void *support_begin(const tc_making *m, GError **error) {
+  const tc_plan *plan = m->job->plan;
+  if (plan->key.mode == TC_MODE_ISOSURFACE) return tc_support_surface(plan->surface.below, plan->surface.above, error);
+  return tc_support_build(&plan->table, error);
+}
+
+/* Blocks of a volume, and what else a structure over them is made from. */
+static void blocks_key(const tc_job *job, GByteArray *key) {
+  const uint64_t serial = tc_volume_serial(job->volume);
+  append(key, &serial, sizeof serial);
+  append(key, &job->plan->block, sizeof job->plan->block);
+  append(key, &job->plan->reach, sizeof job->plan->reach);
+}
+
+static void supported_key(const tc_job *job, GByteArray *key) {
+  blocks_key(job, key);
+  append(key, &job->have.support->serial, sizeof job->have.support->serial);
+}
+
+static void *minmax_begin(const tc_making *m, GError **error) {
+  return tc_minmax_begin(m->job->volume, m->job->plan->block, m->job->plan->reach, error);
+}
+
+static bool minmax_go_on(void *thing, const tc_making *m, GError **error) {
+  return tc_minmax_go_on(thing, m->job->volume, m->pool, error);
+}
+
+static int64_t minmax_steps(const void *thing) { return ((const tc_minmax *)thing)->done; }
+
+/* Most transfer functions are an earlier one, changed a little: the map in use last is where one begins. */
+static bool leap_is_like(const void *thing, const void *user) {
+  const tc_leap *leap = thing;
+  const tc_job *job = user;
+  return leap->block == job->plan->block && leap->reach == job->plan->reach &&
+         leap->volume == tc_volume_serial(job->volume);
+}
+
+static void *leap_begin(const tc_making *m, GError **error) {
+  tc_leap *leap = tc_leap_build(m->job->have.minmax, m->job->have.support, m->like, m->pool, error);
+  if (leap) leap->volume = tc_volume_serial(m->job->volume);
+  return leap;
+}
+
+static double leap_empty_share(const void *thing) { return ((const tc_leap *)thing)->empty_share; }
+
+static void *boxes_begin(const tc_making *m, GError **error) {
+  return tc_boxes_begin(m->job->volume, m->job->have.minmax, m->job->have.support, m->pool, error);
+}
+
+static bool boxes_go_on(void *thing, const tc_making *m, GError **error) {
+  return tc_boxes_go_on(thing, m->job->volume, m->job->have.minmax, m->pool, error);
+}
+
+static int64_t boxes_steps(const void *thing) { return tc_boxes_steps(thing); }
+static size_t boxes_held(const void *thing) { return ((const tc_boxes *)thing)->begun ? 0 : boxes_bytes(thing); }
+static double boxes_empty_share(const void *thing) { return ((const tc_boxes *)thing)->empty_share; }
+
+static void bounds_key(const tc_job *job, GByteArray *key) {
+  const tc_grey *g = &job->plan->grey;
+  const float grey[] = {g->turn, g->floor, g->stop};
+  blocks_key(job, key);
+  append(key, grey, sizeof grey);
+}
+
+static void *bounds_begin(const tc_making *m, GError **error) {
+  return tc_bounds_build(m->job->have.minmax, &m->job->plan->grey, m->pool, error);
+}
+
+/* ---- labels ---- */
+
+static const tc_volume *labels_tied(const tc_job *job) { return job->label_volume; }
+
+static void labels_key(const tc_job *job, GByteArray *key) {
+  GBytes *bytes = tc_labels_key(job->label_volume, job->scene);
+  append(key, g_bytes_get_data(bytes, NULL), g_bytes_get_size(bytes));
+  g_bytes_unref(bytes);
+}
+
+static void *labels_begin(const tc_making *m, GError **error) {
+  const tc_job *job = m->job;
+  GBytes *key = tc_labels_key(job->label_volume, job->scene);
+  return tc_labels_build(job->label_volume, job->scene, key, tc_pool_halt(m->pool), error);
+}
+
+/* ---- all ---- */
+
+#define BIT(resource) (1u << TC_RESOURCE_##resource)
+#define FIELD BIT(COEFFICIENTS) /* what is sampled: these, where the plan has them */
+
+const tc_resource_kind tc_resource_kinds[TC_RESOURCE_COUNT] = {
+    /* Coefficients are what a frame asks for first, and large: for them anything may go. */
+    [TC_RESOURCE_COEFFICIENTS] = {.store = {"coefficients", free_volume, free_coefficients, true},
+                                  .key = coefficients_key,
+                                  .tied = coefficients_tied,
+                                  .begin = coefficients_begin,
+                                  .go_on = coefficients_go_on,
+                                  .finish = coefficients_finish,
+                                  .steps = coefficients_steps,
+                                  .starts_with = coefficients_start_with,
+                                  .bytes = coefficients_bytes},
+    [TC_RESOURCE_TABLE] = {.store = {"transfer function", free_table, NULL, false},
+                           .needs = FIELD,
+                           .key = table_key,
+                           .begin = table_begin,
+                           .go_on = table_go_on,
+                           .is_whole = table_is_whole,
+                           .steps = table_steps,
+                           .grows = table_bytes,
+                           .is_like = table_is_like,
+                           .held = table_held,
+                           .bytes = table_bytes},
+    [TC_RESOURCE_INTEGRALS] = {.store = {"transfer function", free_integrals, NULL, false},
+                               .needs = FIELD,
+                               .key = table_key,
+                               .begin = integrals_begin,
+                               .bytes = integrals_bytes},
+    [TC_RESOURCE_SUPPORT] = {.store = {"transfer function", free_support, NULL, false},
+                             .needs = FIELD,
+                             .key = support_key,
+                             .begin = support_begin,
+                             .bytes = support_bytes},
+    [TC_RESOURCE_MINMAX] = {.store = {"min-max blocks", free_minmax, NULL, false},
+                            .needs = FIELD,
+                            .key = blocks_key,
+                            .tied = field_of,
+                            .begin = minmax_begin,
+                            .go_on = minmax_go_on,
+                            .steps = minmax_steps,
+                            .bytes = minmax_bytes},
+    [TC_RESOURCE_LEAP] = {.store = {"distance map", free_leap, NULL, false},
+                          .needs = FIELD | BIT(SUPPORT) | BIT(MINMAX),
+                          .key = supported_key,
+                          .tied = field_of,
+                          .begin = leap_begin,
+                          .is_like = leap_is_like,
+                          .bytes = leap_bytes,
+                          .empty_share = leap_empty_share},
+    [TC_RESOURCE_BOXES] = {.store = {"occupied boxes", free_boxes, NULL, false},
+                           .needs = FIELD | BIT(SUPPORT) | BIT(MINMAX),
+                           .key = supported_key,
+                           .tied = field_of,
+                           .begin = boxes_begin,
+                           .go_on = boxes_go_on,
+                           .steps = boxes_steps,
+                           .held = boxes_held,
+                           .bytes = boxes_bytes,
+                           .empty_share = boxes_empty_share},
+    [TC_RESOURCE_BOUNDS] = {.store = {"bounds of the blocks", free_bounds, NULL, false},
+                            .needs = FIELD | BIT(MINMAX),
+                            .key = bounds_key,
+                            .tied = field_of,
+                            .begin = bounds_begin,
+                            .bytes = bounds_bytes},
+    [TC_RESOURCE_LABELS] = {.store = {"labels", free_labels, NULL, false},
+                            .key = labels_key,
+                            .tied = labels_tied,
+                            .begin = labels_begin,
+                            .bytes = labels_bytes},
+};
