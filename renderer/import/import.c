@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 
 #include "renderer/import/helper.h"
+#include "renderer/volume/demo.h"
 
 typedef struct target {
   char *path;   /* without a series suffix; owned */
@@ -56,7 +57,7 @@ tc_volume *tc_import(const char *path, const tc_import_options *options, GError 
   if (g_str_has_prefix(path, "demo:")) {
     const uint64_t bytes = tc_volume_demo_bytes(path + 5);
     if (bytes && options && options->reserve && !options->reserve(options->user, bytes, error)) return NULL;
-    return tc_volume_demo(path + 5, error);
+    return tc_volume_demo_while(path + 5, options ? options->progress : NULL, options ? options->user : NULL, error);
   }
   target t = {0};
   tc_volume *volume = NULL;

@@ -4,8 +4,17 @@
 #include <string.h>
 
 #include "renderer/pool.h"
+#include "renderer/volume/demo.h"
 #include "renderer/volume/demo_shapes.h"
-#include "renderer/volume/volume.h"
+
+/* Slices made between two questions whether to go on. */
+#define SLICES_AT_ONCE 8
+
+/* Who is asked, and told how far it is. */
+typedef struct asker {
+  bool (*goes_on)(void *user, double fraction); /* or NULL */
+  void *user;
+} asker;
 
 /* One slice is made in float, then stored in the volume's type. */
 typedef struct demo_job {
@@ -51,17 +60,27 @@ static void make_slice(void *context, int z, int worker) {
   store_slice(job, z, slice);
 }
 
-static tc_volume *make(demo_job *job, const tc_volume_desc *desc, GError **error) {
+static bool make_slices(demo_job *job, tc_pool *pool, const asker *asker, GError **error) {
+  const int n = job->desc->dims[2];
+  for (int z = 0; z < n;) {
+    tc_pool_go_on(pool, &z, z + SLICES_AT_ONCE < n ? z + SLICES_AT_ONCE : n, make_slice, job);
+    if (!asker->goes_on || asker->goes_on(asker->user, (double)z / n)) continue;
+    tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
+    return false;
+  }
+  return true;
+}
+
+static tc_volume *make(demo_job *job, const tc_volume_desc *desc, const asker *asker, GError **error) {
   job->desc = desc;
   job->volume = tc_volume_new(desc, error);
   if (!job->volume) return NULL;
   tc_pool *pool = tc_pool_new(0, NULL);
   job->slices = malloc((size_t)tc_pool_threads(pool) * (size_t)desc->dims[0] * (size_t)desc->dims[1] * sizeof(float));
-  if (job->slices) {
-    tc_pool_run(pool, desc->dims[2], make_slice, job);
+  if (!job->slices) tc_set_error(error, TC_ERROR_MEMORY, NULL, "demo volume: out of memory");
+  if (job->slices && make_slices(job, pool, asker, error)) {
     tc_volume_seal(job->volume);
   } else {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "demo volume: out of memory");
     tc_volume_unref(job->volume);
     job->volume = NULL;
   }
@@ -87,13 +106,13 @@ static void fill_shapes(const demo_job *job, int z, float *slice) {
     tc_shape_paint(&job->shapes[i], d->dims, d->origin, d->spacing[0], z, slice);
 }
 
-static tc_volume *demo_head(GError **error) {
+static tc_volume *demo_head(const asker *asker, GError **error) {
   tc_volume_desc d = centred(200, 248, 256, 0.95, TC_I16, "CT");
   strcpy(d.unit, "HU");
   int n;
   tc_shape *shapes = tc_shapes_head(&n);
   demo_job job = {.fill = fill_shapes, .shapes = shapes, .n_shapes = n, .background = -1000, .noise = 22};
-  tc_volume *v = make(&job, &d, error);
+  tc_volume *v = make(&job, &d, asker, error);
   free(shapes);
   return v;
 }
@@ -110,7 +129,7 @@ static float head_label(float value) {
 }
 
 /* The head's segmentation on the head's grid. */
-static tc_volume *demo_head_labels(GError **error) {
+static tc_volume *demo_head_labels(const asker *asker, GError **error) {
   tc_volume_desc d = centred(200, 248, 256, 0.95, TC_U8, "SEG");
   int n;
   tc_shape *shapes = tc_shapes_head(&n);
@@ -119,17 +138,17 @@ static tc_volume *demo_head_labels(GError **error) {
     shapes[i].edge = 1e-6f; /* in or out: labels do not mix */
   }
   demo_job job = {.fill = fill_shapes, .shapes = shapes, .n_shapes = n};
-  tc_volume *v = make(&job, &d, error);
+  tc_volume *v = make(&job, &d, asker, error);
   free(shapes);
   return v;
 }
 
-static tc_volume *demo_vessels(GError **error) {
+static tc_volume *demo_vessels(const asker *asker, GError **error) {
   tc_volume_desc d = centred(256, 256, 256, 0.5, TC_U8, "XA");
   int n;
   tc_shape *shapes = tc_shapes_vessels(&n);
   demo_job job = {.fill = fill_shapes, .shapes = shapes, .n_shapes = n, .background = 12, .noise = 6};
-  tc_volume *v = make(&job, &d, error);
+  tc_volume *v = make(&job, &d, asker, error);
   free(shapes);
   return v;
 }
@@ -146,10 +165,10 @@ static void fill_marschner_lobb(const demo_job *job, int z, float *slice) {
     }
 }
 
-static tc_volume *demo_marschner_lobb(GError **error) {
+static tc_volume *demo_marschner_lobb(const asker *asker, GError **error) {
   tc_volume_desc d = centred(96, 96, 96, 1, TC_U16, "");
   demo_job job = {.fill = fill_marschner_lobb};
-  return make(&job, &d, error);
+  return make(&job, &d, asker, error);
 }
 
 /* Sixty atoms of C60: Gaussian electron clouds on a truncated icosahedron's corners. */
@@ -191,15 +210,15 @@ static void fill_bucky(const demo_job *job, int z, float *slice) {
   }
 }
 
-static tc_volume *demo_bucky(GError **error) {
+static tc_volume *demo_bucky(const asker *asker, GError **error) {
   tc_volume_desc d = centred(128, 128, 128, 1, TC_U8, "");
   demo_job job = {.fill = fill_bucky};
-  return make(&job, &d, error);
+  return make(&job, &d, asker, error);
 }
 
 static const struct {
   const char *name;
-  tc_volume *(*make)(GError **error);
+  tc_volume *(*make)(const asker *asker, GError **error);
   uint64_t bytes;
 } demos[] = {{"head", demo_head, 200 * 248 * 256 * 2},
              {"head-labels", demo_head_labels, 200 * 248 * 256},
@@ -213,9 +232,13 @@ uint64_t tc_volume_demo_bytes(const char *name) {
   return 0;
 }
 
-tc_volume *tc_volume_demo(const char *name, GError **error) {
+tc_volume *tc_volume_demo(const char *name, GError **error) { return tc_volume_demo_while(name, NULL, NULL, error); }
+
+tc_volume *tc_volume_demo_while(const char *name, bool (*goes_on)(void *user, double fraction), void *user,
+                                GError **error) {
+  const asker asker = {goes_on, user};
   for (size_t i = 0; i < sizeof demos / sizeof *demos; i++)
-    if (!strcmp(name, demos[i].name)) return demos[i].make(error);
+    if (!strcmp(name, demos[i].name)) return demos[i].make(&asker, error);
   tc_set_error(
       error, TC_ERROR_NOT_FOUND, NULL,
       "demo \"%.40s\" is unknown: demo:head, demo:head-labels, demo:vessels, demo:marschner-lobb or demo:bucky", name);

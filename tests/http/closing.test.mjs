@@ -1,13 +1,17 @@
 // How connections end: who goes on writing after a refusal reads it; who does not come to an end is told so.
 import assert from 'node:assert/strict';
-import { readdirSync } from 'node:fs';
+import { execFile, spawnSync } from 'node:child_process';
+import { mkdtempSync, readdirSync, rmSync, writeFileSync } from 'node:fs';
 import net from 'node:net';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
 import { after, before, test } from 'node:test';
-import { Daemon, sleep } from '../support/daemon.mjs';
+import { promisify } from 'node:util';
+import { BINARY, Daemon, sleep } from '../support/daemon.mjs';
 import { replies } from '../support/http.mjs';
 
 let d;
-before(async () => { d = await Daemon.start({ ball: false, config: '[server]\nhosts=127.0.0.1\n[limits]\nupload_bytes=1000000\nbody_bytes=100000\n' }); });
+before(async () => { d = await Daemon.start({ ball: false, config: '[server]\nhosts=127.0.0.1\n[limits]\nupload_bytes=1000000\nbody_bytes=100000\n' }); begin(); });
 after(() => d.stop());
 
 const host = 'Host: 127.0.0.1\r\n', json = 'Content-Type: application/json\r\n';
@@ -30,6 +34,57 @@ const stubborn = (head, piece, count) => new Promise((resolve) => {
   };
   socket.write(head, 'latin1', next);
 });
+
+// Two wait for ten seconds: they begin before all others, and are asked about last.
+let dripped, vanished;
+function begin() {
+  dripped = drip();
+  vanished = vanish();
+  for (const promise of [dripped, vanished]) promise.catch(() => {});
+}
+
+/** Sends headers without an end. @returns seconds until the connection was closed */
+const drip = () => new Promise((resolve, reject) => {
+  const began = performance.now();
+  const socket = net.connect(d.port, '127.0.0.1', () => socket.write(`GET / HTTP/1.1\r\n${host}`));
+  const more = setInterval(() => socket.write('X-More: 1\r\n'), 500);
+  const late = setTimeout(() => socket.destroy(new Error('still open')), 25000);
+  let failure;
+  socket.on('error', (error) => (failure = error));
+  socket.on('close', () => {
+    clearInterval(more);
+    clearTimeout(late);
+    if (failure?.message === 'still open') reject(failure);
+    else resolve((performance.now() - began) / 1000);
+  });
+  socket.resume();
+});
+
+/** In a network of its own that goes away for some seconds: no FIN, no reset, nothing that answers. @returns viewers left */
+async function vanish() {
+  const alone = (...command) => ['unshare', ['-n', ...command]];
+  if (spawnSync(...alone('sh', '-c', 'ip link set lo up && curl --version')).status !== 0) return null;
+  const script = `
+    ip link set lo up
+    "$0" serve --listen 127.0.0.1:8080 --config "$1/config" --volume v=demo:marschner-lobb >&2 & daemon=$!
+    at=http://127.0.0.1:8080
+    session() { curl -s $at/v1/sessions -H 'content-type: application/json' -d '{"volume":"v","scene":{"image":{"width":64,"height":64}}}' | sed -n 's/.*"id":"\\([0-9a-f]*\\)".*/\\1/p'; }
+    viewers() { curl -s $at/metrics | sed -n 's/^tomocast_mjpeg_clients //p'; }
+    until id=$(session); [ -n "$id" ]; do sleep 0.1; done
+    curl -sN $at/v1/sessions/$id/stream.mjpeg >/dev/null & viewer=$!
+    until [ "$(viewers)" = 1 ]; do sleep 0.1; done
+    sleep 1
+    ip link set lo down; sleep 9; ip link set lo up
+    viewers
+    kill $viewer $daemon; wait $daemon`;
+  const folder = mkdtempSync(join(tmpdir(), 'tomocast-test-'));
+  writeFileSync(join(folder, 'config'), '[limits]\nblocked_seconds=2\n');
+  try {
+    return (await promisify(execFile)(...alone('sh', '-c', script, BINARY, folder), { timeout: 60000 })).stdout;
+  } finally {
+    rmSync(folder, { recursive: true });
+  }
+}
 
 const zeros = Buffer.alloc(MB), chunk = Buffer.concat([Buffer.from(`${MB.toString(16)}\r\n`), zeros, Buffer.from('\r\n')]);
 const cases = [
@@ -108,4 +163,15 @@ test('9112 8: who leaves within a body is not waited for', async () => {
     const { seconds } = await farewell(`${head}Content-Length: 10\r\n\r\n{}`);
     assert.ok(seconds < 15, `${seconds} s`); // an idle connection has 30
   }
+});
+
+test('a sender whose headers drip is cut off', async () => {
+  const seconds = await dripped;
+  assert.ok(seconds > 5 && seconds < 20, `${seconds} s`);
+});
+
+test('an MJPEG viewer that vanishes without a word, while no pictures flow, is ended', async (t) => {
+  const left = await vanished;
+  if (left === null) return t.skip('no network of its own may be made');
+  assert.equal(left, '0\n');
 });

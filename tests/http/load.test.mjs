@@ -4,7 +4,7 @@ import { spawn } from 'node:child_process';
 import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
-import { after, test } from 'node:test';
+import { after, describe, test } from 'node:test';
 import { fileURLToPath } from 'node:url';
 
 import { withCapacity } from '../loading/capacity.mjs';
@@ -98,39 +98,6 @@ test('the table of capacity goes between its marks', () => {
   assert.throws(() => withCapacity('no marks', report), /README.md: the marks/);
 });
 
-test('three clients and REST calls: what is measured makes sense', async () => {
-  const args = [...SMALL, '--clients', '3', '--seconds', '4', '--rest', '10', '--output', join(folder, 'three'), '--record', join(folder, 'path.json')];
-  const { code, out, err } = await load(args);
-  assert.equal(code, 0, err);
-  assert.match(out, /^\| 3 \| /m);
-  const html = readFileSync(join(folder, 'three', 'load.html'), 'utf8');
-  assert.ok((html.match(/<svg /g) ?? []).length >= 6 && !/NaN|undefined|<script|src=|href=/.test(html), 'a page of plots by itself');
-  const { runs: [run], complete } = result('three');
-  assert.ok(complete);
-  assert.ok(run.framesPerSecond > 0 && run.bytesPerSecond > 1000, JSON.stringify(run));
-  const { p50, p95, p99, max, count } = run.latencyMs;
-  assert.ok(0 < p50 && p50 <= p95 && p95 <= p99 && p99 <= max && max < 30000 && count > 20, JSON.stringify(run.latencyMs));
-  assert.deepEqual(run.errors, {});
-  assert.ok(run.jain.frames > 0.3 && run.jain.frames <= 1);
-  assert.equal(run.perClient.length, 3);
-  for (const client of run.perClient) assert.ok(client.frames > 0 && client.renderMs > 0 && client.line.length >= 6);
-  assert.ok(run.stagesMs.render.p50 > 0 && run.stagesMs.encode.max >= run.stagesMs.encode.p50);
-  assert.ok(run.cpuCores > 0 && run.peakMiB > 5, 'the process was seen');
-  assert.ok(run.healthMs.count > 10 && run.rest.volumes.count > 0);
-  const path = JSON.parse(readFileSync(join(folder, 'path.json')));
-  assert.ok(path.length > 10 && path.some(({ patch }) => patch?.camera));
-});
-
-test('a bad client is set against an ordinary one', async () => {
-  const { code, err, out } = await load([...SMALL, '--seconds', '1', '--bad', 'failed-entries', '--apart', '--output', join(folder, 'bad')]);
-  assert.equal(code, 0, err);
-  const { runs, table: [row] } = result('bad');
-  assert.deepEqual(runs.map(({ name }) => name), ['four alone', 'four and a fifth', 'failed-entries']);
-  assert.equal(runs[1].badClient.counts.session, 1, 'the fifth was there');
-  assert.ok(Object.values(row.bad.counts)[0] > 0 && row.ratio > 0 && row.ordinaryP99 === runs[1].latencyMs.p99, JSON.stringify(row));
-  assert.match(out, /^\| failed-entries \| /m);
-});
-
 test('clients apart say so as a proxy does', () => {
   const target = new Target('http://127.0.0.1:1', 'secret'), other = target.from('10.0.0.1');
   assert.deepEqual(target.headers(), { Authorization: 'Bearer secret' });
@@ -148,63 +115,99 @@ test('a row is made of all its runs', () => {
   assert.deepEqual([made.loopLagMs.p99, made.loopLagMs.max, made.loopCpuMs.p50], [1000, 20000, 20000]);
 });
 
-test('a daemon that dies is said, and not measured on', async () => {
-  const flag = join(folder, 'die'), mortal = join(folder, 'mortal');
-  writeFileSync(mortal, `#!/bin/sh\n(while [ ! -e ${flag} ]; do sleep 0.1; done; kill -KILL $$) >/dev/null 2>&1 </dev/null &\nexec "${BINARY}" "$@"\n`, { mode: 0o755 });
-  const args = ['--binary', mortal, ...SMALL.slice(2), '--clients', '1,1,1,1', '--seconds', '1', '--output', join(folder, 'dead')];
-  const { code, err, out } = await load(args, (child) => child.stdout.once('data', () => writeFileSync(flag, ''))); // the first step is done
-  assert.equal(code, 1, err);
-  assert.match(err, /^tests\/load: the daemon died \(SIGKILL\); the end of its log:\n/m, out);
-  assert.equal(out.match(/frames\/s a client/g).length <= 3, true, 'no step is measured of a dead daemon');
-});
+// Each waits for most of its time: several at once.
+describe('the tool', { concurrency: 3 }, () => {
+  test('three clients and REST calls: what is measured makes sense', async () => {
+    const args = [...SMALL, '--clients', '3', '--seconds', '4', '--rest', '10', '--output', join(folder, 'three'), '--record', join(folder, 'path.json')];
+    const { code, out, err } = await load(args);
+    assert.equal(code, 0, err);
+    assert.match(out, /^\| 3 \| /m);
+    const html = readFileSync(join(folder, 'three', 'load.html'), 'utf8');
+    assert.ok((html.match(/<svg /g) ?? []).length >= 6 && !/NaN|undefined|<script|src=|href=/.test(html), 'a page of plots by itself');
+    const { runs: [run], complete } = result('three');
+    assert.ok(complete);
+    assert.ok(run.framesPerSecond > 0 && run.bytesPerSecond > 1000, JSON.stringify(run));
+    const { p50, p95, p99, max, count } = run.latencyMs;
+    assert.ok(0 < p50 && p50 <= p95 && p95 <= p99 && p99 <= max && max < 30000 && count > 20, JSON.stringify(run.latencyMs));
+    assert.deepEqual(run.errors, {});
+    assert.ok(run.jain.frames > 0.3 && run.jain.frames <= 1);
+    assert.equal(run.perClient.length, 3);
+    for (const client of run.perClient) assert.ok(client.frames > 0 && client.renderMs > 0 && client.line.length >= 6);
+    assert.ok(run.stagesMs.render.p50 > 0 && run.stagesMs.encode.max >= run.stagesMs.encode.p50);
+    assert.ok(run.cpuCores > 0 && run.peakMiB > 5, 'the process was seen');
+    assert.ok(run.healthMs.count > 10 && run.rest.volumes.count > 0);
+    const path = JSON.parse(readFileSync(join(folder, 'path.json')));
+    assert.ok(path.length > 10 && path.some(({ patch }) => patch?.camera));
+  });
 
-test('whichever call a dying daemon leaves without an answer, its death is what is said', async () => {
-  // The connection closes first, and only then does the system say that the process has gone.
-  const mortal = join(folder, 'actor');
-  const actor = (moment, how) => `#!${process.execPath}
-    const replies = { '/v1/volumes/head': { state: 'resident' }, '/v1/about': { name: 'Tomocast' }, '/v1/sessions': { id: 's', scene: { transferFunction: { points: [] } } } };
-    process.on('SIGTERM', () => {}); // who is dying does not listen
-    const die = (socket) => { socket.${how}(); setTimeout(() => process.kill(process.pid, 'SIGKILL'), 300); };
-    const server = require('node:http').createServer((request, reply) =>
-      request.method + ' ' + request.url === '${moment}' ? die(request.socket) : reply.end(JSON.stringify(replies[request.url])));
-    server.on('upgrade', (request, socket) => die(socket));
-    server.listen(0, '127.0.0.1', () => console.log('listening on http://127.0.0.1:' + server.address().port));`;
-  const died = /^tests\/load: the daemon died \(SIGKILL\); the end of its log:\n/;
-  const moments = [['GET /v1/about', 'destroy', 1, died], ['POST /v1/sessions', 'end', 1, died], ['stream', 'resetAndDestroy', 1, died], ['stream', 'end', 1, died],
-    ['GET /v1/volumes/head', 'destroy', 2, /^tests\/load: the daemon ended before its volume was there \(SIGKILL\)/]];
-  for (const [moment, how, status, said] of moments) {
-    writeFileSync(mortal, actor(moment, how), { mode: 0o755 });
-    const { code, err } = await load(['--binary', mortal, ...SMALL.slice(2), '--clients', '1', '--seconds', '1']);
-    assert.equal(code, status, `${moment}: ${err}`);
-    assert.match(err, said, moment);
-    assert.doesNotMatch(err, /closed the connection/, moment);
-  }
-});
+  test('a bad client is set against an ordinary one', async () => {
+    const { code, err, out } = await load([...SMALL, '--seconds', '1', '--bad', 'failed-entries', '--apart', '--output', join(folder, 'bad')]);
+    assert.equal(code, 0, err);
+    const { runs, table: [row] } = result('bad');
+    assert.deepEqual(runs.map(({ name }) => name), ['four alone', 'four and a fifth', 'failed-entries']);
+    assert.equal(runs[1].badClient.counts.session, 1, 'the fifth was there');
+    assert.ok(Object.values(row.bad.counts)[0] > 0 && row.ratio > 0 && row.ordinaryP99 === runs[1].latencyMs.p99, JSON.stringify(row));
+    assert.match(out, /^\| failed-entries \| /m);
+  });
 
-test('Ctrl-C ends it with what was measured so far', async () => {
-  const interrupt = async (child) => { await sleep(2500); child.kill('SIGINT'); };
-  const began = Date.now();
-  const { code, err } = await load([...SMALL, '--clients', '1,2', '--seconds', '600', '--output', join(folder, 'cut')], interrupt);
-  assert.equal(code, 130, err);
-  assert.ok(Date.now() - began < 60000);
-  const { runs, complete } = result('cut');
-  assert.equal(complete, false);
-  assert.equal(runs.length <= 1, true, 'the second step was not begun');
-});
+  test('a daemon that dies is said, and not measured on', async () => {
+    const flag = join(folder, 'die'), mortal = join(folder, 'mortal');
+    writeFileSync(mortal, `#!/bin/sh\n(while [ ! -e ${flag} ]; do sleep 0.1; done; kill -KILL $$) >/dev/null 2>&1 </dev/null &\nexec "${BINARY}" "$@"\n`, { mode: 0o755 });
+    const args = ['--binary', mortal, ...SMALL.slice(2), '--clients', '1,1,1,1', '--seconds', '1', '--output', join(folder, 'dead')];
+    const { code, err, out } = await load(args, (child) => child.stdout.once('data', () => writeFileSync(flag, ''))); // the first step is done
+    assert.equal(code, 1, err);
+    assert.match(err, /^tests\/load: the daemon died \(SIGKILL\); the end of its log:\n/m, out);
+    assert.equal(out.match(/frames\/s a client/g).length <= 3, true, 'no step is measured of a dead daemon');
+  });
 
-test('what cannot be is said in one line', async () => {
-  const broken = join(folder, 'broken.json');
-  writeFileSync(broken, '[{"t": 0, "patch": {}}, {"t": -1}]');
-  const wrong = {
-    'nothing listens on http://127.0.0.1:9: start': ['--url', 'http://127.0.0.1:9'],
-    "--bad nobody: no such client; there are all, huge-drag": ['--bad', 'nobody'],
-    '--clients 0: give whole numbers from 1': ['--clients', '0'],
-    '--url ftp://x: give http://HOST:PORT': ['--url', 'ftp://x'],
-    'step 1: give "t" of at least 0': [...SMALL, '--path', broken],
-  };
-  for (const [said, args] of Object.entries(wrong)) {
-    const { code, err } = await load(args);
-    assert.equal(code, 2, err);
-    assert.ok(err.startsWith('tests/load: ') && err.includes(said) && err.trim().split('\n').length === 1, err);
-  }
+  test('whichever call a dying daemon leaves without an answer, its death is what is said', async () => {
+    // The connection closes first, and only then does the system say that the process has gone.
+    const mortal = join(folder, 'actor');
+    const actor = (moment, how) => `#!${process.execPath}
+      const replies = { '/v1/volumes/head': { state: 'resident' }, '/v1/about': { name: 'Tomocast' }, '/v1/sessions': { id: 's', scene: { transferFunction: { points: [] } } } };
+      process.on('SIGTERM', () => {}); // who is dying does not listen
+      const die = (socket) => { socket.${how}(); setTimeout(() => process.kill(process.pid, 'SIGKILL'), 300); };
+      const server = require('node:http').createServer((request, reply) =>
+        request.method + ' ' + request.url === '${moment}' ? die(request.socket) : reply.end(JSON.stringify(replies[request.url])));
+      server.on('upgrade', (request, socket) => die(socket));
+      server.listen(0, '127.0.0.1', () => console.log('listening on http://127.0.0.1:' + server.address().port));`;
+    const died = /^tests\/load: the daemon died \(SIGKILL\); the end of its log:\n/;
+    const moments = [['GET /v1/about', 'destroy', 1, died], ['POST /v1/sessions', 'end', 1, died], ['stream', 'resetAndDestroy', 1, died], ['stream', 'end', 1, died],
+      ['GET /v1/volumes/head', 'destroy', 2, /^tests\/load: the daemon ended before its volume was there \(SIGKILL\)/]];
+    for (const [moment, how, status, said] of moments) {
+      writeFileSync(mortal, actor(moment, how), { mode: 0o755 });
+      const { code, err } = await load(['--binary', mortal, ...SMALL.slice(2), '--clients', '1', '--seconds', '1']);
+      assert.equal(code, status, `${moment}: ${err}`);
+      assert.match(err, said, moment);
+      assert.doesNotMatch(err, /closed the connection/, moment);
+    }
+  });
+
+  test('Ctrl-C ends it with what was measured so far', async () => {
+    const interrupt = async (child) => { await sleep(2500); child.kill('SIGINT'); };
+    const began = Date.now();
+    const { code, err } = await load([...SMALL, '--clients', '1,2', '--seconds', '600', '--output', join(folder, 'cut')], interrupt);
+    assert.equal(code, 130, err);
+    assert.ok(Date.now() - began < 60000);
+    const { runs, complete } = result('cut');
+    assert.equal(complete, false);
+    assert.equal(runs.length <= 1, true, 'the second step was not begun');
+  });
+
+  test('what cannot be is said in one line', async () => {
+    const broken = join(folder, 'broken.json');
+    writeFileSync(broken, '[{"t": 0, "patch": {}}, {"t": -1}]');
+    const wrong = {
+      'nothing listens on http://127.0.0.1:9: start': ['--url', 'http://127.0.0.1:9'],
+      "--bad nobody: no such client; there are all, huge-drag": ['--bad', 'nobody'],
+      '--clients 0: give whole numbers from 1': ['--clients', '0'],
+      '--url ftp://x: give http://HOST:PORT': ['--url', 'ftp://x'],
+      'step 1: give "t" of at least 0': [...SMALL, '--path', broken],
+    };
+    for (const [said, args] of Object.entries(wrong)) {
+      const { code, err } = await load(args);
+      assert.equal(code, 2, err);
+      assert.ok(err.startsWith('tests/load: ') && err.includes(said) && err.trim().split('\n').length === 1, err);
+    }
+  });
 });

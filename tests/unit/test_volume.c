@@ -8,6 +8,7 @@
 
 #include <cmocka.h>
 
+#include "renderer/volume/demo.h"
 #include "renderer/volume/volume.h"
 
 static tc_volume_desc desc(int x, int y, int z, tc_voxel_type type) {
@@ -182,6 +183,21 @@ static void flat_axis_is_one_spacing_thick(void **state) {
   tc_volume_unref(v);
 }
 
+static bool goes_on_twice(void *user, double fraction) {
+  int *asked = user;
+  assert_true(fraction > 0 && fraction < 0.2);
+  return ++*asked <= 2;
+}
+
+static void a_demo_is_given_up_when_told(void **state) {
+  GError *error = NULL;
+  int asked = 0;
+  assert_null(tc_volume_demo_while("head", goes_on_twice, &asked, &error));
+  assert_int_equal(error->code, TC_ERROR_CANCELLED);
+  assert_int_equal(asked, 3);
+  g_error_free(error);
+}
+
 static void demos_are_made(void **state) {
   static const char *const names[] = {"head", "vessels", "marschner-lobb", "bucky"};
   for (int i = 0; i < 4; i++) {
@@ -217,7 +233,7 @@ int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(nonsense_is_refused),   cmocka_unit_test(float_voxels_are_mended), cmocka_unit_test(nan_is_nothing),
       cmocka_unit_test(huge_floats_are_scaled), cmocka_unit_test(orientation_and_value),
-      cmocka_unit_test(flat_axis_is_one_spacing_thick), cmocka_unit_test(demos_are_made),
+      cmocka_unit_test(flat_axis_is_one_spacing_thick), cmocka_unit_test(demos_are_made), cmocka_unit_test(a_demo_is_given_up_when_told),
       cmocka_unit_test(histograms_count_every_voxel)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
