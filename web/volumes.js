@@ -4,7 +4,7 @@ import { Problem } from './api.js';
 import { lengthsText } from './units.js';
 
 const POLL_MS = 400;
-const SUFFIXES = ['.nii.gz', '.nii', '.nrrd', '.nhdr', '.mha', '.mhd', '.zip', '.dcm', '.vmd'];
+const SUFFIXES = ['.nii', '.hdr', '.nrrd', '.nhdr', '.mha', '.mhd', '.mgh', '.mgz', '.zip', '.dcm', '.vmd'].flatMap((end) => [`${end}.gz`, `${end}.bz2`, end]);
 
 /** One list out of the reply of GET /v1/volumes, resident first. Available files have a path and the id to load as. */
 export function volumeList({ volumes = [], available = [] }) {

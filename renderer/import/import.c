@@ -41,8 +41,10 @@ static bool find_target(const char *path, target *t, GError **error) {
   return true;
 }
 
+/* By content; what is packed is known by its name alone. */
 static tc_helper helper_for(const target *t) {
-  return t->folder || tc_dicom_probe(t->path) ? TC_HELPER_DICOM : TC_HELPER_FORMATS;
+  const bool packed = g_str_has_suffix(t->path, ".dcm.gz") || g_str_has_suffix(t->path, ".dcm.bz2");
+  return t->folder || packed || tc_dicom_probe(t->path) ? TC_HELPER_DICOM : TC_HELPER_FORMATS;
 }
 
 /* The base name for a message: one line, whatever the file is called. */

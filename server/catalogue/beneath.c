@@ -93,9 +93,12 @@ static void free_found(void *item) {
 }
 
 static bool has_volume_name(const char *name) {
-  static const char *const suffixes[] = {".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm", ".zip", ".vmd"};
+  static const char *const suffixes[] = {".nii", ".hdr", ".nrrd", ".nhdr", ".mha", ".mhd", ".mgh", ".mgz", ".dcm", ".zip", ".vmd"};
+  static const char *const packings[] = {".gz", ".bz2"};
   char *lower = g_ascii_strdown(name, -1);
   bool found = false;
+  for (size_t i = 0; i < G_N_ELEMENTS(packings); i++)
+    if (g_str_has_suffix(lower, packings[i])) lower[strlen(lower) - strlen(packings[i])] = '\0';
   for (size_t i = 0; i < G_N_ELEMENTS(suffixes) && !found; i++)
     found = g_str_has_suffix(lower, suffixes[i]);
   g_free(lower);

@@ -3,6 +3,7 @@ import assert from 'node:assert/strict';
 import { readdirSync } from 'node:fs';
 import { mkdirSync, rmSync, symlinkSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
+import { gzipSync } from 'node:zlib';
 import { after, before, test } from 'node:test';
 import { ballNrrd, Daemon, problem, sleep } from '../support/daemon.mjs';
 import { dicomSlice } from '../support/dicom.mjs';
@@ -13,6 +14,7 @@ before(async () => {
   spool = () => readdirSync('/dev/shm').filter((name) => name.startsWith('tomocast-upload-'));
   mkdirSync(join(d.folder, 'deep'));
   writeFileSync(join(d.folder, 'deep', 'inner.nrrd'), ballNrrd(8));
+  writeFileSync(join(d.folder, 'deep', 'packed.nrrd.gz'), gzipSync(ballNrrd(8)));
   mkdirSync(join(d.folder, 'series'));
   const slice = Buffer.alloc(200);
   slice.write('DICM', 128);
@@ -76,7 +78,7 @@ test('the list has resident and available volumes, and nothing else', async () =
   const { json } = await d.get('/v1/volumes');
   assert.deepEqual(json.volumes.map(({ id }) => id).includes('ball'), true);
   const paths = json.available.map(({ path }) => path);
-  assert.deepEqual(paths.filter((path) => !path.startsWith('demo:')), ['ball.nrrd', 'broken.nrrd', 'deep/inner.nrrd', 'series']);
+  assert.deepEqual(paths.filter((path) => !path.startsWith('demo:')), ['ball.nrrd', 'broken.nrrd', 'deep/inner.nrrd', 'deep/packed.nrrd.gz', 'series']);
   assert.ok(paths.includes('demo:head'));
 });
 

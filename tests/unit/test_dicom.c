@@ -55,6 +55,8 @@ static void write_series(const char *folder, const char *series, int series_numb
   }
 }
 
+static void drop(char *folder, char *path);
+
 static tc_volume *load(const char *path, const char *series) {
   GError *error = NULL;
   tc_volume *v = tc_helper_load(TC_HELPER_DICOM, path, series, &with_helper, &error);
@@ -148,6 +150,33 @@ static void a_folder_of_links(void **state) {
   g_free(folder);
   g_free(repository);
   g_free(outside);
+}
+
+/* One file packed by gzip, known by its name; cut, it is refused. */
+static void a_packed_file(void **state) {
+  int16_t pixels[PIXELS];
+  dicom_spec s;
+  char *folder = temp_folder(), *path = g_build_filename(folder, "a.dcm.gz", NULL);
+  GError *error = NULL;
+  init(&s, pixels);
+  fill(pixels, 0);
+  GByteArray *plain = dicom_bytes(&s);
+  uint8_t packed[4096];
+  z_stream z = {.next_in = plain->data, .avail_in = plain->len, .next_out = packed, .avail_out = sizeof packed};
+  assert_true(deflateInit2(&z, 9, Z_DEFLATED, MAX_WBITS + 16, 8, 0) == Z_OK && deflate(&z, Z_FINISH) == Z_STREAM_END);
+  assert_true(g_file_set_contents(path, (const char *)packed, (gssize)z.total_out, NULL));
+  tc_volume *v = tc_import(path, &with_helper, &error);
+  if (!v) fail_msg("%s", error->message);
+  for (int i = 0; i < PIXELS; i++) assert_int_equal(((const int16_t *)tc_volume_data(v))[i], value_of(0, i));
+  tc_volume_unref(v);
+  for (unsigned cut = 1; cut < 40; cut += 6) {
+    assert_true(g_file_set_contents(path, (const char *)packed, (gssize)(z.total_out - cut), NULL));
+    assert_null(tc_import(path, &with_helper, &error));
+    g_clear_error(&error);
+  }
+  deflateEnd(&z);
+  g_byte_array_free(plain, TRUE);
+  drop(folder, path);
 }
 
 static void two_series(void **state) {
@@ -593,7 +622,7 @@ static void the_helpers_are_confined(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(a_shuffled_folder),
-      cmocka_unit_test(a_folder_of_links), cmocka_unit_test(two_series),
+      cmocka_unit_test(a_folder_of_links), cmocka_unit_test(a_packed_file), cmocka_unit_test(two_series),
       cmocka_unit_test(a_zip),
       cmocka_unit_test(an_oblique_slice),
       cmocka_unit_test(frames_of_one_file),

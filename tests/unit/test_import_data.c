@@ -372,7 +372,7 @@ static const struct { const char *name; outcome wanted; int dims[3]; const char 
     {"nifti/LAS_drawing_incorrect.nii.gz", LOAD, {64, 79, 67}, ""},
     {"nifti/nifti1.hdr", REFUSE, {0}, "nifti1.img"},
     {"nifti/nifti2.hdr", REFUSE, {0}, "nifti2.img"},
-    {"nifti/analyze.hdr", REFUSE, {0}, "Analyze"},
+    {"nifti/analyze.hdr", REFUSE, {0}, "analyze.img"},
     {"nrrd/BallBinary30x30x30_nifti.nhdr", LOAD, {30, 30, 30}, ""},
     {"nrrd/BallBinary30x30x30_byteskip_minus_five.nhdr", REFUSE, {0}, "byte skip"},
     {"nrrd/test1d_ascii.nrrd", REFUSE, {0}, "a volume has 3"},
@@ -391,10 +391,10 @@ static const struct { const char *name; outcome wanted; int dims[3]; const char 
     {"meta/Gourds.mha", LOAD, {640, 480, 1}, ""},
     {"other/bad_attribute+orig.HEAD", REFUSE, {0}, "unknown kind"},
     {"other/bad_datatype+orig.HEAD", REFUSE, {0}, "unknown kind"},
-    {"other/minc2_baddim.mnc", REFUSE, {0}, "unknown kind"},
-    {"other/phantom_truncated.PAR", REFUSE, {0}, "unknown kind"},
+    {"other/minc2_baddim.mnc", REFUSE, {0}, "mnc2nii"},
+    {"other/phantom_truncated.PAR", REFUSE, {0}, "dcm2niix"},
     {"other/phantom_truncated.REC", EITHER, {0}, ""},
-    {"other/test.mgz", REFUSE, {0}, "gzip"},
+    {"other/test.mgz", LOAD, {3, 4, 5}, ""},
 };
 
 static void odd_and_broken_files(void **state) {

@@ -367,7 +367,7 @@ static void bad_headers(void **state) {
       {108, 4, 0x7fc00000, TC_ERROR_FORMAT, "vox_offset"},
       {108, 4, 0x41200000, TC_ERROR_FORMAT, "vox_offset 10"},
       {108, 4, 0x43b00001, TC_ERROR_FORMAT, "vox_offset 352"},
-      {344, 1, 'x', TC_ERROR_FORMAT, "Analyze"},
+      {344, 1, 'x', TC_ERROR_FORMAT, "no NIfTI header"},
   };
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
     GByteArray *file = header(1, 2, false, false);

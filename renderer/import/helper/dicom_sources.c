@@ -9,6 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "renderer/import/helper/decode.h"
 #include "renderer/import/helper/dicom_sources.h"
 
 enum { WALK_DEPTH = 16, WALK_FILES = 200000 };
@@ -60,6 +61,38 @@ static bool open_folder(tc_dicom_sources *s, GError **error) {
   return true;
 }
 
+/* One file packed as a whole, such as .dcm.gz, is unpacked into memory, which the process limit and the daemon bound. */
+static bool unpack(tc_dicom_sources *s, GError **error) {
+  tc_input input;
+  tc_input_memory(&input, s->map, s->map_size, "");
+  tc_decoder *decoder = input.packing == TC_ENCODING_RAW
+                            ? NULL
+                            : tc_decoder_new(&input, 0, input.packing, TC_ELEMENT_U8, 0, error);
+  bool ok = input.packing == TC_ENCODING_RAW || decoder;
+  size_t size = 0, room = 0, got = 1;
+  char *bytes = NULL;
+  while (decoder && ok && got > 0) {
+    if (size == room) {
+      room = 2 * room + (1 << 20);
+      char *more = g_try_realloc(bytes, room);
+      if (!more) ok = fail(error, TC_ERROR_LIMIT, "the packed file is too large to read");
+      if (more) bytes = more;
+    }
+    ok = ok && tc_decoder_read(decoder, bytes + size, room - size, &got, error);
+    if (ok) size += got;
+  }
+  if (ok && decoder && tc_decoder_cut(decoder)) ok = fail(error, TC_ERROR_FORMAT, "compressed data end before their check sum: fetch the file again");
+  tc_decoder_free(decoder);
+  tc_input_close(&input);
+  if (!ok) g_free(bytes);
+  if (!ok || !bytes) return ok;
+  munmap(s->map, s->map_size);
+  s->map = bytes;
+  s->map_size = size;
+  s->unpacked = true;
+  return true;
+}
+
 bool tc_dicom_sources_open(tc_dicom_sources *s, int root, GError **error) {
   struct stat st;
   memset(s, 0, sizeof *s);
@@ -75,6 +108,7 @@ bool tc_dicom_sources_open(tc_dicom_sources *s, int root, GError **error) {
     return fail(error, TC_ERROR_LIMIT, "the file is too large to read");
   }
   s->count = 1;
+  if (!unpack(s, error)) return false;
   if (s->map_size < 4 || memcmp(s->map, "PK", 2) != 0 || tc_dicom_looks(s->map, s->map_size)) return true;
   s->is_zip = true;
   if (!tc_dicom_zip_open(&s->zip, s->map, s->map_size, error)) return false;
@@ -85,7 +119,8 @@ bool tc_dicom_sources_open(tc_dicom_sources *s, int root, GError **error) {
 void tc_dicom_sources_finish(tc_dicom_sources *s) {
   if (s->names) g_ptr_array_free(s->names, TRUE);
   tc_dicom_zip_finish(&s->zip);
-  if (s->map) munmap(s->map, s->map_size);
+  if (s->map && !s->unpacked) munmap(s->map, s->map_size);
+  if (s->unpacked) g_free(s->map);
   memset(s, 0, sizeof *s);
 }
 

@@ -22,6 +22,7 @@ typedef struct tc_dicom_sources {
   bool is_zip;
   void *map; /* the zip or the one file, [map_size] */
   size_t map_size;
+  bool unpacked; /* it was gzip or bzip2: map is allocated */
   size_t count;
 } tc_dicom_sources;
 

@@ -5,13 +5,12 @@
 #include "renderer/import/helper/order.h"
 #include "renderer/import/helper/source.h"
 
-/* How many first bytes (inflated when the file is gzip) the probes want to see. */
+/* How many first bytes (unpacked when the file is gzip or bzip2) the probes want to see. */
 #define TC_PROBE_BYTES 4096
 
 typedef struct tc_format {
   const char *name;
   const char *suffixes; /* "|"-separated, lower case; decides only where the content does not */
-  bool compressed;      /* the whole file may be gzip */
   bool (*probe)(const uint8_t *head, size_t size);
   bool (*read)(const tc_input *input, const tc_order *order, GError **error); /* the input stays the caller's */
 } tc_format;
@@ -20,6 +19,6 @@ typedef struct tc_format {
  * `choice` is what followed the '#' of its path, or "". */
 bool tc_formats_read(tc_input *input, const char *choice, const tc_order *order, GError **error);
 
-extern const tc_format tc_format_nifti, tc_format_nrrd, tc_format_metaimage;
+extern const tc_format tc_format_nifti, tc_format_nrrd, tc_format_metaimage, tc_format_mgh;
 
 #endif

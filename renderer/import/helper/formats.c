@@ -4,7 +4,7 @@
 
 #include "renderer/import/helper/format.h"
 
-static const tc_format *const formats[] = {&tc_format_nifti, &tc_format_nrrd, &tc_format_metaimage};
+static const tc_format *const formats[] = {&tc_format_nifti, &tc_format_nrrd, &tc_format_metaimage, &tc_format_mgh};
 
 static bool has_suffix(const char *name, const char *suffixes) {
   char *lower = g_ascii_strdown(name, -1), **list = g_strsplit(suffixes, "|", -1);
@@ -16,9 +16,9 @@ static bool has_suffix(const char *name, const char *suffixes) {
   return found;
 }
 
-static const tc_format *recognise(const char *name, const uint8_t *head, size_t size, bool gzip) {
+static const tc_format *recognise(const char *name, const uint8_t *head, size_t size) {
   for (size_t i = 0; i < G_N_ELEMENTS(formats); i++)
-    if ((!gzip || formats[i]->compressed) && formats[i]->probe(head, size)) return formats[i];
+    if (formats[i]->probe(head, size)) return formats[i];
   for (size_t i = 0; i < G_N_ELEMENTS(formats); i++)
     if (has_suffix(name, formats[i]->suffixes)) return formats[i];
   return NULL;
@@ -28,7 +28,6 @@ static const tc_format *recognise(const char *name, const uint8_t *head, size_t 
 static bool use_header_beside(tc_input *input, GError **error) {
   uint8_t head[TC_PROBE_BYTES];
   size_t size;
-  bool gzip;
   tc_input header;
   if (!input->open || !has_suffix(input->name, ".img|.img.gz")) return true;
   char *name = g_strdup(input->name);
@@ -36,7 +35,7 @@ static bool use_header_beside(tc_input *input, GError **error) {
   bool found = tc_input_open_sibling(input, name, true, &header, error);
   g_free(name);
   if (!found) return !*error;
-  if (!tc_input_head(&header, head, sizeof head, &size, &gzip, error)) {
+  if (!tc_input_head(&header, head, sizeof head, &size, error)) {
     tc_input_close(&header);
     return false;
   }
@@ -63,21 +62,50 @@ static bool read_volume(const char *choice, const tc_format *format, uint32_t *v
   return false;
 }
 
+/* What is not read, by its first bytes, and the way round it. */
+static bool refuse(const uint8_t *head, size_t size, GError **error) {
+#define AT(at, magic) at, sizeof magic - 1, magic
+  static const struct {
+    size_t at, n;
+    const char *magic, *what;
+  } others[] = {
+      {AT(128, "DICM"), "DICOM packed as a whole: unpack it first"},
+      {AT(0, "PK\3\4"), "a packed zip: unpack it first"},
+      {AT(257, "ustar"), "a tar archive: unpack it and open the folder or the file in it"},
+      {AT(0, "\x89HDF"), "HDF5, such as MINC 2: convert it to NIfTI (mnc2nii)"},
+      {AT(0, "CDF\1"), "NetCDF, such as MINC 1: convert it to NIfTI (mnc2nii)"},
+      {AT(0, "# === DATA DESCRIPTION FILE"), "Philips PAR/REC: convert it to NIfTI (dcm2niix)"},
+      {AT(0, "II*\0"), "a TIFF picture: save the stack with its spacing as NRRD (Fiji, 3D Slicer)"},
+      {AT(0, "MM\0*"), "a TIFF picture: save the stack with its spacing as NRRD (Fiji, 3D Slicer)"},
+      {AT(0, "\x89PNG"), "a PNG picture: save the stack with its spacing as NRRD (Fiji, 3D Slicer)"},
+      {AT(0, "\xff\xd8\xff"), "a JPEG picture: save the stack with its spacing as NRRD (Fiji, 3D Slicer)"},
+      {AT(0, "MATLAB 5.0"), "a MATLAB file: save the array as NIfTI (niftiwrite)"},
+      {AT(0, "# vtk DataFile"), "VTK: save it as MetaImage or NRRD (ParaView, 3D Slicer)"},
+      {AT(0, "<?xml"), "XML, such as VTK's: save it as MetaImage or NRRD (ParaView, 3D Slicer)"},
+  };
+#undef AT
+  for (size_t i = 0; i < G_N_ELEMENTS(others); i++) {
+    if (size < others[i].at + others[i].n || memcmp(head + others[i].at, others[i].magic, others[i].n) != 0) continue;
+    tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "%s", others[i].what);
+    return false;
+  }
+  tc_set_error(error, TC_ERROR_FORMAT, NULL,
+               "unknown kind of file: NIfTI, Analyze, NRRD, MetaImage, MGH and DICOM are read");
+  return false;
+}
+
 bool tc_formats_read(tc_input *input, const char *choice, const tc_order *order, GError **error) {
   uint8_t head[TC_PROBE_BYTES];
   size_t size;
-  bool gzip;
   tc_order own = *order;
-  if (!use_header_beside(input, error) || !tc_input_head(input, head, sizeof head, &size, &gzip, error)) return false;
+  if (!use_header_beside(input, error) || !tc_input_head(input, head, sizeof head, &size, error)) return false;
   if (input->size == 0) {
     tc_set_error(error, TC_ERROR_FORMAT, NULL, "the file is empty");
     return false;
   }
-  const tc_format *format = recognise(input->name, head, size, gzip);
+  const tc_format *format = recognise(input->name, head, size);
   if (format) return read_volume(choice, format, &own.volume, error) && format->read(input, &own, error);
-  tc_set_error(error, TC_ERROR_FORMAT, NULL, "%s: NIfTI, NRRD, MetaImage and DICOM are read",
-               gzip ? "a gzip file that holds no NIfTI image" : "unknown kind of file");
-  return false;
+  return refuse(head, size, error);
 }
 
 bool tc_helper_decode(int fd, const tc_helper_request *request, const tc_order *order, GError **error) {

@@ -12,12 +12,24 @@
 /* How much of a file is looked at for its first decoded bytes. */
 #define HEAD_REACH (1u << 20)
 
+#define HEADER_LIMIT (4u << 20)
+#define PACKED_HEADER_LIMIT (256u << 10)
+
+static tc_encoding packing_of(const tc_input *input) {
+  uint8_t magic[10] = {0};
+  if (!tc_input_read(input, 0, magic, (size_t)MIN(input->size, sizeof magic), NULL)) return TC_ENCODING_RAW;
+  if (magic[0] == 0x1f && magic[1] == 0x8b) return TC_ENCODING_DEFLATE;
+  const bool blocks = memcmp(magic + 4, "1AY&SY", 6) == 0 || memcmp(magic + 4, "\x17rE8P\x90", 6) == 0;
+  return memcmp(magic, "BZh", 3) == 0 && blocks ? TC_ENCODING_BZIP2 : TC_ENCODING_RAW;
+}
+
 /* A FIFO or a device would hang or never end, so only regular files pass. */
 bool tc_input_adopt(tc_input *input, int fd, const char *name, GError **error) {
   struct stat st;
   *input = (tc_input){.fd = fd, .name = g_strdup(name)};
   if (fstat(fd, &st) == 0 && S_ISREG(st.st_mode)) {
     input->size = (uint64_t)st.st_size;
+    input->packing = packing_of(input);
     return true;
   }
   tc_set_error(error, TC_ERROR_FORMAT, NULL, "not a regular file");
@@ -27,6 +39,7 @@ bool tc_input_adopt(tc_input *input, int fd, const char *name, GError **error) {
 
 void tc_input_memory(tc_input *input, const void *bytes, size_t size, const char *name) {
   *input = (tc_input){.fd = -1, .bytes = bytes, .size = size, .name = g_strdup(name)};
+  input->packing = packing_of(input);
 }
 
 void tc_input_close(tc_input *input) {
@@ -76,17 +89,12 @@ bool tc_input_read(const tc_input *input, uint64_t offset, void *to, size_t n, G
   return true;
 }
 
-bool tc_input_head(const tc_input *input, void *to, size_t n, size_t *got, bool *gzip, GError **error) {
-  uint8_t magic[2] = {0};
+bool tc_input_head(const tc_input *input, void *to, size_t n, size_t *got, GError **error) {
   *got = 0;
-  *gzip = false;
-  if (input->size >= 2 && !tc_input_read(input, 0, magic, 2, error)) return false;
-  *gzip = magic[0] == 0x1f && magic[1] == 0x8b;
-  tc_encoding encoding = *gzip ? TC_ENCODING_DEFLATE : TC_ENCODING_RAW;
-  /* Gzip members that hold nothing may follow each other for as long as the file is. */
+  /* Members that hold nothing may follow each other for as long as the file is. */
   tc_input start = *input;
-  start.size = MIN(start.size, (uint64_t)HEAD_REACH);
-  tc_decoder *decoder = tc_decoder_new(&start, 0, encoding, TC_ELEMENT_U8, 0, error);
+  if (input->packing != TC_ENCODING_RAW) start.size = MIN(start.size, (uint64_t)HEAD_REACH);
+  tc_decoder *decoder = tc_decoder_new(&start, 0, input->packing, TC_ELEMENT_U8, 0, error);
   if (!decoder) return false;
   bool ok = true;
   GError *trouble = NULL;
@@ -102,4 +110,15 @@ bool tc_input_head(const tc_input *input, void *to, size_t n, size_t *got, bool 
   else
     g_propagate_error(error, trouble);
   return ok;
+}
+
+uint8_t *tc_input_header(const tc_input *input, size_t *size, GError **error) {
+  const bool raw = input->packing == TC_ENCODING_RAW;
+  const size_t most = raw ? (size_t)MIN(input->size, (uint64_t)HEADER_LIMIT) : PACKED_HEADER_LIMIT;
+  uint8_t *bytes = g_try_malloc(most + 1);
+  if (!bytes)
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "no memory for the header");
+  else if (!tc_input_head(input, bytes, most, size, error))
+    g_clear_pointer(&bytes, g_free);
+  return bytes;
 }

@@ -10,7 +10,6 @@
 #include "renderer/import/reader.h"
 
 /* A header is text before ElementDataFile; LIST names follow it. */
-#define HEADER_LIMIT (4u << 20)
 #define LINE_LIMIT 65536u
 enum { max_dims = 6 };
 
@@ -263,8 +262,7 @@ static bool set_data(tc_raster *raster, const meta_header *h, tc_reader *r, GErr
   tc_data *data = &raster->data;
   data->encoding = h->text ? TC_ENCODING_TEXT : h->compressed ? TC_ENCODING_DEFLATE : TC_ENCODING_RAW;
   if (strcmp(h->data_file, "LOCAL") == 0 || strcmp(h->data_file, "Local") == 0 || strcmp(h->data_file, "local") == 0) {
-    data->offset = h->data_at;
-    return true;
+    return tc_data_attach(data, h->data_at, error);
   }
   if (!tc_input_may_name(data->input, error)) return false;
   data->names = g_ptr_array_new_with_free_func(g_free);
@@ -281,18 +279,14 @@ static bool set_data(tc_raster *raster, const meta_header *h, tc_reader *r, GErr
 }
 
 static bool read_metaimage(const tc_input *input, const tc_order *order, GError **error) {
-  size_t size = (size_t)MIN(input->size, (uint64_t)HEADER_LIMIT);
-  uint8_t *bytes = g_try_malloc(size + 1);
+  size_t size;
+  uint8_t *bytes = tc_input_header(input, &size, error);
   meta_header h = {0};
   tc_raster raster;
   tc_reader r;
   bool ok = false;
   tc_raster_init(&raster, "metaimage", input);
-  if (!bytes) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "no memory for the header");
-    goto out;
-  }
-  if (!tc_input_read(input, 0, bytes, size, error)) goto out;
+  if (!bytes) goto out;
   tc_reader_init(&r, bytes, size, false);
   if (!parse(&h, &r, error) || !set_dims(&raster, &h, error) || !set_type(&raster, &h, error)) goto out;
   if (!set_space(&raster, &h, error) || !set_data(&raster, &h, &r, error)) goto out;
@@ -307,4 +301,4 @@ out:
   return ok;
 }
 
-const tc_format tc_format_metaimage = {"MetaImage", ".mha|.mhd", false, probe, read_metaimage};
+const tc_format tc_format_metaimage = {"MetaImage", ".mha|.mhd", probe, read_metaimage};

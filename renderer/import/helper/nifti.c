@@ -20,6 +20,7 @@ enum {
 typedef struct nifti_header {
   int version;
   bool big_endian, paired; /* paired: the data are in the .img */
+  bool analyze;            /* 7.5: the same header without magic, and without a place in space */
   int64_t dim[8];
   int datatype, intent, qform_code, sform_code, units;
   double pixdim[8], vox_offset, slope, intercept, quatern[3], qoffset[3], srow[3][4];
@@ -47,9 +48,26 @@ static int recognise(const uint8_t *head, size_t size, bool *big_endian, bool *p
   return 0;
 }
 
+/* Analyze 7.5 has no magic: the header's size, its "regular" mark or extents, and a sane number of dimensions. */
+static bool is_analyze(const uint8_t *head, size_t size, bool *big_endian) {
+  for (int big = 0; big < 2 && size >= header1_size; big++) {
+    tc_reader r;
+    tc_reader_init(&r, head, size, big);
+    const uint32_t own_size = tc_reader_u32(&r);
+    tc_reader_seek(&r, 32);
+    const uint32_t extents = tc_reader_u32(&r);
+    tc_reader_seek(&r, 40);
+    const int dimensions = tc_reader_i16(&r);
+    *big_endian = big;
+    if (own_size == header1_size && (head[38] == 'r' || extents == 16384) && dimensions >= 2 && dimensions <= 7 && head[344] != 'n')
+      return true;
+  }
+  return false;
+}
+
 static bool probe(const uint8_t *head, size_t size) {
   bool big_endian, paired;
-  return recognise(head, size, &big_endian, &paired) != 0;
+  return recognise(head, size, &big_endian, &paired) != 0 || is_analyze(head, size, &big_endian);
 }
 
 static void parse1(nifti_header *h, tc_reader *r) {
@@ -97,11 +115,10 @@ static void parse2(nifti_header *h, tc_reader *r) {
 static bool parse(nifti_header *h, const uint8_t *head, size_t size, GError **error) {
   *h = (nifti_header){0};
   h->version = recognise(head, size, &h->big_endian, &h->paired);
+  h->analyze = h->version == 0 && is_analyze(head, size, &h->big_endian);
+  if (h->analyze) h->version = 1, h->paired = true;
   if (h->version == 0) {
-    bool analyze = size >= header1_size && (head[0] == 0x5c || head[3] == 0x5c);
-    tc_set_error(error, TC_ERROR_FORMAT, NULL,
-                 analyze ? "no NIfTI magic: looks like Analyze 7.5, which knows no orientation; convert it to NIfTI"
-                         : "no NIfTI header (magic n+1, ni1 or n+2 wanted)");
+    tc_set_error(error, TC_ERROR_FORMAT, NULL, "no NIfTI header (magic n+1, ni1 or n+2 wanted)");
     return false;
   }
   tc_reader r;
@@ -110,6 +127,11 @@ static bool parse(nifti_header *h, const uint8_t *head, size_t size, GError **er
     parse1(h, &r);
   else
     parse2(h, &r);
+  if (h->analyze) { /* other things stand where NIfTI keeps these; SPM's scale is at the same place as NIfTI's */
+    h->qform_code = h->sform_code = h->units = h->intent = 0;
+    h->intercept = 0;
+    if (!(fabs(h->slope) > 1e-30 && fabs(h->slope) < 1e30)) h->slope = 0;
+  }
   if (r.failed) tc_set_error(error, TC_ERROR_FORMAT, NULL, "NIfTI header is cut short: %zu bytes", size);
   return !r.failed;
 }
@@ -277,27 +299,28 @@ static bool set_space(tc_raster *raster, const nifti_header *h, GError **error) 
     if (use_qform(raster, h, mm, sizes)) return true;
     tc_raster_note(raster, "the qform is not a rotation and was left out");
   }
-  const double columns[3][3] = {{-mm * sizes[0], 0, 0}, {0, -mm * sizes[1], 0}, {0, 0, mm * sizes[2]}};
-  tc_raster_note(raster, "the file gives no orientation: axes taken as right, anterior, superior");
+  const double x = h->analyze ? 1 : -1; /* Analyze's usual, radiological order */
+  const double columns[3][3] = {{x * mm * sizes[0], 0, 0}, {0, -mm * sizes[1], 0}, {0, 0, mm * sizes[2]}};
+  tc_raster_note(raster, "the file gives no orientation: axes taken as %s, anterior, superior", h->analyze ? "left" : "right");
   if (tc_raster_set_axes(raster, columns)) return true;
   tc_set_error(error, TC_ERROR_FORMAT, NULL, "pixdim: voxel sizes are out of any range");
   return false;
 }
 
-static bool set_offset(tc_raster *raster, const nifti_header *h, bool gzip, GError **error) {
+static bool set_offset(tc_raster *raster, const nifti_header *h, tc_encoding packing, GError **error) {
   double least = h->paired ? 0 : h->version == 1 ? header1_size + 4 : header2_size + 4, offset = h->vox_offset;
   if (offset == 0 && !h->paired) offset = least; /* common in careless writers */
   if (!(offset >= least) || offset > 1e15 || offset != floor(offset)) {
     tc_set_error(error, TC_ERROR_FORMAT, NULL, "vox_offset %g: a whole number from %g on wanted", h->vox_offset, least);
     return false;
   }
-  raster->data.encoding = gzip ? TC_ENCODING_DEFLATE : TC_ENCODING_RAW;
+  raster->data.encoding = packing;
   raster->data.byte_skip = (int64_t)offset;
   return true;
 }
 
 /* The .img beside a .hdr; it may be compressed on its own. */
-static bool find_image(tc_raster *raster, const tc_input *input, bool *gzip, GError **error) {
+static bool find_image(tc_raster *raster, const tc_input *input, tc_encoding *packing, GError **error) {
   static const char *const suffixes[] = {".img", ".img.gz", ".IMG"};
   char *stem = g_strdup(input->name);
   char *dot = strrchr(stem, '.');
@@ -313,8 +336,7 @@ static bool find_image(tc_raster *raster, const tc_input *input, bool *gzip, GEr
     tc_input image;
     found = tc_input_open_sibling(input, name, !again, &image, error);
     if (found) {
-      uint8_t magic[2] = {0};
-      *gzip = image.size >= 2 && tc_input_read(&image, 0, magic, 2, NULL) && magic[0] == 0x1f && magic[1] == 0x8b;
+      *packing = image.packing;
       raster->data.names = g_ptr_array_new_with_free_func(g_free);
       g_ptr_array_add(raster->data.names, g_strdup(name));
     }
@@ -328,21 +350,22 @@ static bool find_image(tc_raster *raster, const tc_input *input, bool *gzip, GEr
 static bool read_nifti(const tc_input *input, const tc_order *order, GError **error) {
   uint8_t head[header2_size + 4];
   size_t size;
-  bool gzip;
+  tc_encoding packing = input->packing;
   nifti_header h;
   tc_raster raster;
   bool ok = false;
   tc_raster_init(&raster, "nifti", input);
-  if (!tc_input_head(input, head, sizeof head, &size, &gzip, error) || !parse(&h, head, size, error)) goto out;
+  if (!tc_input_head(input, head, sizeof head, &size, error) || !parse(&h, head, size, error)) goto out;
+  if (h.analyze) g_strlcpy(raster.desc.format, "analyze", sizeof raster.desc.format);
   if (!set_dims(&raster, &h, error) || !set_type(&raster, &h, error)) goto out;
   set_scale(&raster, &h);
   if (!set_space(&raster, &h, error)) goto out;
-  if (h.paired && !find_image(&raster, input, &gzip, error)) goto out;
-  if (!set_offset(&raster, &h, gzip, error)) goto out;
+  if (h.paired && !find_image(&raster, input, &packing, error)) goto out;
+  if (!set_offset(&raster, &h, packing, error)) goto out;
   ok = tc_raster_load(&raster, order, error);
 out:
   tc_raster_clear(&raster);
   return ok;
 }
 
-const tc_format tc_format_nifti = {"NIfTI", ".nii|.nii.gz|.hdr|.img", true, probe, read_nifti};
+const tc_format tc_format_nifti = {"NIfTI", ".nii|.nii.gz|.hdr|.img", probe, read_nifti};

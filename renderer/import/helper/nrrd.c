@@ -8,7 +8,6 @@
 #include "renderer/import/helper/names.h"
 #include "renderer/import/reader.h"
 
-#define HEADER_LIMIT (4u << 20)
 #define LINE_LIMIT 65536u
 
 static const char *const field_names[NRRD_FIELD_COUNT] = {
@@ -245,8 +244,7 @@ static bool set_skips(tc_raster *raster, const tc_nrrd_header *h, GError **error
   bool text = raster->data.encoding == TC_ENCODING_TEXT || raster->data.encoding == TC_ENCODING_HEX;
   raster->data.line_skip = (uint64_t)lines;
   raster->data.byte_skip = text ? 0 : bytes;
-  raster->data.offset = h->names ? 0 : h->data_at;
-  return true;
+  return h->names || tc_data_attach(&raster->data, h->data_at, error);
 }
 
 /* "data file: NAME", "PATTERN FIRST LAST STEP [DIM]" or "LIST [DIM]" (whose names are there already). DIM is how many
@@ -298,18 +296,14 @@ static bool probe(const uint8_t *head, size_t size) {
 }
 
 static bool read_nrrd(const tc_input *input, const tc_order *order, GError **error) {
-  size_t size = (size_t)MIN(input->size, (uint64_t)HEADER_LIMIT);
-  uint8_t *bytes = g_try_malloc(size + 1);
+  size_t size;
+  uint8_t *bytes = tc_input_header(input, &size, error);
   tc_nrrd_header h = {0};
   tc_raster raster;
   tc_reader r;
   bool ok = false;
   tc_raster_init(&raster, "nrrd", input);
-  if (!bytes) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "no memory for the header");
-    goto out;
-  }
-  if (!tc_input_read(input, 0, bytes, size, error)) goto out;
+  if (!bytes) goto out;
   tc_reader_init(&r, bytes, size, false);
   if (!parse(&h, &r, error) || (h.names && !tc_input_may_name(input, error)) || !set_sizes(&h, error) || !set_type(&raster, &h, error)) goto out;
   if (!set_encoding(&raster, &h, error) || !set_skips(&raster, &h, error) || !set_names(&raster, &h, error)) goto out;
@@ -326,4 +320,4 @@ out:
   return ok;
 }
 
-const tc_format tc_format_nrrd = {"NRRD", ".nrrd|.nhdr", false, probe, read_nrrd};
+const tc_format tc_format_nrrd = {"NRRD", ".nrrd|.nhdr", probe, read_nrrd};

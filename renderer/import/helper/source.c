@@ -32,6 +32,19 @@ void tc_data_clear(tc_data *data) {
   *data = (tc_data){0};
 }
 
+bool tc_data_attach(tc_data *data, uint64_t at, GError **error) {
+  const tc_encoding packing = data->input->packing;
+  data->offset = packing == TC_ENCODING_RAW ? at : 0;
+  if (packing == TC_ENCODING_RAW) return true;
+  if (data->encoding != TC_ENCODING_RAW || data->line_skip || __builtin_add_overflow(data->byte_skip, (int64_t)at, &data->byte_skip)) {
+    tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "encoded voxels in a packed file are not read: unpack the file first");
+    return false;
+  }
+  if (data->byte_skip < (int64_t)at) data->byte_skip = -1; /* they are the last there are, as before */
+  data->encoding = packing;
+  return true;
+}
+
 uint64_t tc_data_parts(const tc_data *data) { return data->names ? data->names->len : 1; }
 
 /* The file of a part. A part in the header's own file borrows it: fd -1 and bytes NULL mark "nothing to close". */

@@ -21,6 +21,15 @@ typedef enum tc_element {
 size_t tc_element_size(tc_element element);      /* bytes */
 const char *tc_element_name(tc_element element); /* "i8" "u8" ... "f64" */
 
+typedef enum tc_encoding {
+  TC_ENCODING_RAW,
+  TC_ENCODING_DEFLATE, /* gzip (any number of members) or zlib, told apart by content */
+  TC_ENCODING_BZIP2,
+  TC_ENCODING_TEXT,    /* decimal numbers, decoded to elements in this machine's byte order */
+  TC_ENCODING_HEX,
+  TC_ENCODING_COUNT
+} tc_encoding;
+
 /* ---- inputs: random access ---- */
 
 /* Opens a file beside the input: tc_order's open. */
@@ -30,6 +39,7 @@ typedef struct tc_input {
   int fd;               /* an open regular file, or -1: bytes */
   const uint8_t *bytes; /* [size], not owned */
   uint64_t size;
+  tc_encoding packing; /* of the file as a whole: raw, deflate (gzip) or bzip2 */
   tc_open_fn open; /* NULL: it can name no other file */
   void *open_user;
   char *name; /* base name */
@@ -52,23 +62,17 @@ void tc_input_close(tc_input *input); /* a zeroed or closed input is fine */
 /* Exactly n bytes from offset. */
 bool tc_input_read(const tc_input *input, uint64_t offset, void *to, size_t n, GError **error);
 
-/* Up to n bytes from the start, inflated when the file is gzip; *got tells how many. Fails only when reading fails:
- * damaged compressed bytes just end the head. */
-bool tc_input_head(const tc_input *input, void *to, size_t n, size_t *got, bool *gzip, GError **error);
+/* Up to n bytes from the start, unpacked; *got tells how many. Fails only when reading fails: damaged compressed bytes
+ * just end the head. */
+bool tc_input_head(const tc_input *input, void *to, size_t n, size_t *got, GError **error);
+
+/* The first bytes of a file that begins with a header of text: up to 4 MiB, 256 KiB of a packed one. Caller frees. */
+uint8_t *tc_input_header(const tc_input *input, size_t *size, GError **error);
 
 /* ---- sources: one stream of decoded bytes ---- */
 
 /* Text is for small files: it is read whole. */
 #define TC_TEXT_LIMIT (16u << 20)
-
-typedef enum tc_encoding {
-  TC_ENCODING_RAW,
-  TC_ENCODING_DEFLATE, /* gzip (any number of members) or zlib, told apart by content */
-  TC_ENCODING_BZIP2,
-  TC_ENCODING_TEXT,    /* decimal numbers, decoded to elements in this machine's byte order */
-  TC_ENCODING_HEX,
-  TC_ENCODING_COUNT
-} tc_encoding;
 
 /* Looked at every few hundred KiB that are decoded: false, with an error, ends it. */
 typedef bool (*tc_watch_fn)(void *user, GError **error);
@@ -86,6 +90,10 @@ typedef struct tc_data {
   tc_watch_fn watch;     /* NULL: none */
   void *watch_user;
 } tc_data;
+
+/* The data follow the header in the input, from byte `at` of what it unpacks to. Set the encoding and skips first.
+ * TC_ERROR_UNSUPPORTED for encoded data in a packed file. */
+bool tc_data_attach(tc_data *data, uint64_t at, GError **error);
 
 void tc_data_clear(tc_data *data);
 uint64_t tc_data_parts(const tc_data *data);

@@ -1,0 +1,168 @@
+/* Formats and packings that come through the same readers: whole files in gzip and bzip2, MGH, Analyze; and what is
+ * refused by its name. */
+#include "import_files.h"
+
+enum { side = 4, count = side * side * side };
+
+static void append(GByteArray *out, const char *text) {
+  g_byte_array_append(out, (const uint8_t *)text, (guint)strlen(text));
+}
+
+static GByteArray *ramp(void) {
+  GByteArray *out = g_byte_array_new();
+  for (int i = 0; i < count; i++)
+    put_element(out, TC_ELEMENT_I16, 3 * i - 50, false);
+  return out;
+}
+
+static void check_ramp(const char *name) {
+  tc_volume *v = open_good(name);
+  check_dims(v, side, side, side);
+  for (int i = 0; i < count; i++)
+    assert_true(voxel(v, (size_t)i) == 3 * i - 50);
+  tc_volume_unref(v);
+}
+
+/* The file, and the file packed both ways; every prefix of the packed ones is refused. */
+static void check_packed(const char *stem, const GByteArray *whole) {
+  GByteArray *packed[] = {deflated(whole->data, whole->len, true), bzipped(whole->data, whole->len)};
+  char *plain = g_strdup(stem);
+  write_bytes(plain, whole);
+  check_ramp(plain);
+  for (int i = 0; i < 2; i++) {
+    char *name = g_strconcat(stem, i ? ".bz2" : ".gz", NULL);
+    write_bytes(name, packed[i]);
+    check_ramp(name);
+    check_prefixes(name, packed[i]);
+    g_byte_array_unref(packed[i]);
+    g_free(name);
+  }
+  g_free(plain);
+}
+
+static void whole_files_are_unpacked(void **state) {
+  GByteArray *voxels = ramp();
+  GByteArray *nrrd =
+      with_header("NRRD0004\ntype: short\ndimension: 3\nsizes: 4 4 4\nendian: little\nencoding: raw\n\n", voxels);
+  check_packed("f.nrrd", nrrd);
+  GByteArray *last = with_header("NRRD0004\ntype: short\ndimension: 3\nsizes: 4 4 4\nendian: little\nencoding: raw\n"
+                                 "byte skip: -1\n\nwhatever",
+                                 voxels);
+  check_packed("l.nrrd", last);
+  GByteArray *mha = with_header("ObjectType = Image\nNDims = 3\nDimSize = 4 4 4\nElementType = MET_SHORT\n"
+                                "ElementDataFile = LOCAL\n",
+                                voxels);
+  check_packed("f.mha", mha);
+  GByteArray *twice = g_byte_array_new(), *inner = deflated(voxels->data, voxels->len, true);
+  append(twice, "NRRD0004\ntype: short\ndimension: 3\nsizes: 4 4 4\nendian: little\nencoding: gzip\n\n");
+  g_byte_array_append(twice, inner->data, inner->len);
+  GByteArray *outer = deflated(twice->data, twice->len, true);
+  write_bytes("twice.nrrd.gz", outer);
+  open_bad("twice.nrrd.gz", TC_ERROR_UNSUPPORTED, "unpack the file first");
+  for (GByteArray **a = (GByteArray *[]){voxels, nrrd, last, mha, twice, inner, outer, NULL}; *a; a++)
+    g_byte_array_unref(*a);
+}
+
+/* Axes of 2, 3 and 4 mm: x to the right, y down, z to the front, about a centre. */
+static GByteArray *mgh(bool placed) {
+  static const double numbers[] = {2, 3, 4, 1, 0, 0, 0, 0, -1, 0, 1, 0, 10, 20, 30};
+  GByteArray *out = g_byte_array_new();
+  for (const int *n = (int[]){1, side, side, side, 1, 4, 0, -1}; *n >= 0; n++)
+    put_uint(out, (uint64_t)*n, 4, true);
+  put_uint(out, placed, 2, true);
+  for (size_t i = 0; i < G_N_ELEMENTS(numbers); i++)
+    put_element(out, TC_ELEMENT_F32, numbers[i], true);
+  g_byte_array_set_size(out, 284);
+  memset(out->data + 90, 0, 284 - 90);
+  for (int i = 0; i < count; i++)
+    put_element(out, TC_ELEMENT_I16, 3 * i - 50, true);
+  return out;
+}
+
+static void mgh_files(void **state) {
+  GByteArray *file = mgh(true), *unplaced = mgh(false);
+  check_packed("f.mgh", file);
+  write_bytes("f.mgh", file);
+  tc_volume *v = open_good("f.mgh");
+  const tc_volume_desc *d = tc_volume_describe(v);
+  /* RAS corner = centre - half the extent along each axis; LPS turns x and y round */
+  check_near(d->spacing, (double[]){2, 3, 4}, 3, 1e-6);
+  check_near(d->origin, (double[]){-(10 - 4), -(20 - 8), 30 + 6}, 3, 1e-6);
+  check_near(d->direction, (double[]){-1, 0, 0, 0, 0, -1, 0, -1, 0}, 9, 1e-6);
+  assert_string_equal(d->format, "mgh");
+  tc_volume_unref(v);
+  write_bytes("u.mgh", unplaced);
+  v = open_good("u.mgh");
+  check_near(tc_volume_describe(v)->direction, (double[]){1, 0, 0, 0, 0, -1, 0, -1, 0}, 9, 1e-6);
+  assert_non_null(strstr(tc_volume_describe(v)->note, "coronal"));
+  tc_volume_unref(v);
+  g_byte_array_unref(unplaced);
+  g_byte_array_unref(file);
+}
+
+static void analyze_pairs(void **state) {
+  GByteArray *voxels = ramp(), *head = g_byte_array_new();
+  for (int big = 0; big < 2; big++) {
+    g_byte_array_set_size(head, 348);
+    memset(head->data, 0, 348);
+    put_at(head, 0, 348, 4, big);
+    put_at(head, 32, 16384, 4, big);
+    head->data[38] = 'r';
+    for (int i = 0; i < 5; i++)
+      put_at(head, (size_t)(40 + 2 * i), (uint64_t)(i == 0 ? 4 : i < 4 ? side : 1), 2, big);
+    put_at(head, 70, 4, 2, big);
+    for (int i = 1; i < 4; i++)
+      put_f32_at(head, (size_t)(76 + 4 * i), 1.5f * (float)i, big);
+    put_at(head, 252, 0x0101, 2, big); /* patient's text where NIfTI has its codes */
+    write_bytes("a.hdr", head);
+    for (guint i = 0; big && i < voxels->len; i += 2) {
+      const uint8_t low = voxels->data[i];
+      voxels->data[i] = voxels->data[i + 1];
+      voxels->data[i + 1] = low;
+    }
+    write_bytes("a.img", voxels);
+    check_ramp("a.hdr");
+    check_ramp("a.img");
+    tc_volume *v = open_good("a.hdr");
+    assert_string_equal(tc_volume_describe(v)->format, "analyze");
+    check_near(tc_volume_describe(v)->spacing, (double[]){1.5, 3, 4.5}, 3, 1e-6);
+    check_near(tc_volume_describe(v)->direction, (double[]){1, 0, 0, 0, -1, 0, 0, 0, 1}, 9, 1e-6);
+    assert_non_null(strstr(tc_volume_describe(v)->note, "no orientation"));
+    tc_volume_unref(v);
+  }
+  g_byte_array_unref(voxels);
+  g_byte_array_unref(head);
+}
+
+static void a_refusal_names_the_format(void **state) {
+  static const struct {
+    const char *bytes, *text;
+  } others[] = {
+      {"\x89HDF\r\n\x1a\n", "mnc2nii"},
+      {"CDF\1", "MINC 1"},
+      {"# === DATA DESCRIPTION FILE ====", "dcm2niix"},
+      {"II*", "TIFF"},
+      {"\x89PNG\r\n", "PNG"},
+      {"MATLAB 5.0 MAT-file", "niftiwrite"},
+      {"# vtk DataFile Version 3.0", "MetaImage"},
+  };
+  char bytes[512] = "";
+  for (size_t i = 0; i < G_N_ELEMENTS(others); i++) {
+    memset(bytes, 0, sizeof bytes);
+    strcpy(bytes, others[i].bytes);
+    write_file("other", bytes, sizeof bytes);
+    open_bad("other", TC_ERROR_UNSUPPORTED, others[i].text);
+  }
+  write_text("other", "hello");
+  open_bad("other", TC_ERROR_FORMAT, "unknown kind of file");
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(whole_files_are_unpacked),
+      cmocka_unit_test(mgh_files),
+      cmocka_unit_test(analyze_pairs),
+      cmocka_unit_test(a_refusal_names_the_format),
+  };
+  return cmocka_run_group_tests_name("doors", tests, folder_setup, folder_teardown);
+}
