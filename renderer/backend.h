@@ -5,6 +5,7 @@
 #include "renderer/classify/integrals.h"
 #include "renderer/classify/labels.h"
 #include "renderer/halt.h"
+#include "renderer/mesh/clusters.h"
 #include "renderer/pool.h"
 #include "renderer/raycast/grey.h"
 #include "renderer/raycast/rays.h"
@@ -27,6 +28,7 @@ typedef union tc_resource_set {
     const tc_boxes *boxes;
     const tc_bounds *bounds;
     const tc_labels *labels;
+    const tc_clusters *mesh;
   };
 } tc_resource_set;
 
@@ -75,6 +77,7 @@ typedef struct tc_backend_ops {
 /* Who draws a mode that casts no rays, on the pool, whatever the back end; NULL: the back end. Like render() above. */
 typedef bool (*tc_drawer)(tc_pool *pool, const tc_job *job, GError **error);
 extern const tc_drawer tc_drawers[TC_MODE_COUNT];
+bool tc_mesh_frame_draw(tc_pool *pool, const tc_job *job, GError **error); /* mode mesh */
 
 extern const tc_backend_ops tc_cpu_backend;
 extern const tc_backend_ops tc_gl_backend;

@@ -21,6 +21,7 @@ THING(leap)
 THING(boxes)
 THING(bounds)
 THING(labels)
+THING(clusters)
 FREES(coefficients)
 
 /* ---- coefficients ---- */
@@ -194,6 +195,51 @@ static void *labels_begin(const tc_making *m, GError **error) {
   return tc_labels_build(job->label_volume, job->scene, key, tc_pool_halt(m->pool), error);
 }
 
+/* ---- mesh ---- */
+
+/* Shares of the budget: while clusters are made, the mesh, what sorts its triangles, and the clusters are all there. */
+#define MESH_SHARE 0.4
+
+typedef struct mesh_making {
+  tc_mesh *mesh;
+  tc_clusters *clusters;
+} mesh_making;
+
+static void free_mesh_making(void *thing) {
+  mesh_making *made = thing;
+  tc_mesh_free(made->mesh);
+  tc_clusters_free(made->clusters);
+  g_free(made);
+}
+
+static void mesh_key(const tc_job *job, GByteArray *key) {
+  const uint64_t serial = tc_volume_serial(job->volume);
+  append(key, &serial, sizeof serial);
+  append(key, &job->scene->isosurface.value, sizeof job->scene->isosurface.value);
+}
+
+static void *mesh_begin(const tc_making *m, GError **error) { return g_new0(mesh_making, 1); }
+
+/* The mesh, which is kept when a pause comes then; and its clusters. */
+static bool mesh_go_on(void *thing, const tc_making *m, GError **error) {
+  mesh_making *made = thing;
+  const tc_mesh_options options = {.normals = true, .max_bytes = (uint64_t)(MESH_SHARE * (double)m->budget), .pool = m->pool};
+  if (!made->mesh) made->mesh = tc_mesh_extract(m->job->volume, m->job->scene->isosurface.value, &options, error);
+  if (made->mesh) made->clusters = tc_clusters_make(made->mesh, m->pool, error);
+  return made->clusters != NULL;
+}
+
+static void *mesh_finish(void *thing) {
+  mesh_making *made = thing;
+  tc_clusters *clusters = made->clusters;
+  made->clusters = NULL;
+  free_mesh_making(made);
+  return clusters;
+}
+
+static int64_t mesh_steps(const void *thing) { return ((const mesh_making *)thing)->mesh != NULL; }
+static size_t mesh_starts_with(const tc_job *job) { return 0; }
+
 /* ---- all ---- */
 
 #define BIT(resource) (1u << TC_RESOURCE_##resource)
@@ -268,4 +314,14 @@ const tc_resource_kind tc_resource_kinds[TC_RESOURCE_COUNT] = {
                             .tied = labels_tied,
                             .begin = labels_begin,
                             .bytes = labels_bytes},
+    [TC_RESOURCE_MESH] = {.store = {"surface mesh", free_clusters, free_mesh_making, false},
+                          .needs = FIELD,
+                          .key = mesh_key,
+                          .tied = field_of,
+                          .begin = mesh_begin,
+                          .go_on = mesh_go_on,
+                          .finish = mesh_finish,
+                          .steps = mesh_steps,
+                          .starts_with = mesh_starts_with,
+                          .bytes = clusters_bytes},
 };

@@ -9,15 +9,18 @@ const projection =
   (scene, { display, box }) =>
     projectionLook(mode, scene, display, box);
 
+const surface = ({ shading, filter }) => ({
+  ...(shading?.model === 'none' && { shading: { model: 'blinn-phong' } }),
+  ...(filter !== 'linear' && { filter: 'linear' }),
+});
+
 /** Patches that a mode brings. A surface without light is an outline, and is found exactly in linear cells only. */
 const BRINGS = {
   mip: projection('mip'),
   minip: projection('minip'),
   average: projection('average'),
-  isosurface: ({ shading, filter }) => ({
-    ...(shading?.model === 'none' && { shading: { model: 'blinn-phong' } }),
-    ...(filter !== 'linear' && { filter: 'linear' }),
-  }),
+  isosurface: surface,
+  mesh: surface,
 };
 
 export class Modes {

@@ -426,3 +426,11 @@ const tc_raster_kernels *tc_raster_kernels_named(const char *isa) {
   if (!strcmp(isa, "avx2")) return &tc_raster_avx2;
   return strcmp(isa, "avx512") ? NULL : &tc_raster_avx512;
 }
+
+const tc_raster_kernels *tc_raster_kernels_widest(void) {
+  __builtin_cpu_init();
+  if (!__builtin_cpu_supports("avx2") || !__builtin_cpu_supports("fma")) return &tc_raster_scalar;
+  const bool wide = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+                    __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
+  return wide ? &tc_raster_avx512 : &tc_raster_avx2;
+}

@@ -219,7 +219,7 @@ static bool unsupported(GError **error, const char *pointer, const char *what) {
 
 static bool check_built(const tc_scene *s, GError **error) {
   if ((unsigned)s->mode >= TC_MODE_COUNT) return invalid(error, "/mode", "unknown");
-  bool projection = tc_is_projection(s->mode), slice = s->mode == TC_MODE_MPR, surface = s->mode == TC_MODE_ISOSURFACE;
+  bool projection = tc_is_projection(s->mode), slice = s->mode == TC_MODE_MPR, surface = tc_is_surface(s->mode);
   if (s->mode != TC_MODE_DVR && !projection && !slice && !surface)
     return unsupported(error, "/mode", tc_mode_names[s->mode]);
   if (s->mode == TC_MODE_DVR && (unsigned)s->classification >= TC_CLASSIFICATION_COUNT)
@@ -248,7 +248,7 @@ bool tc_plan_check(const tc_volume *volume, const tc_scene *scene, int width, in
   if (scene->mode == TC_MODE_MPR)
     return check_mpr(volume, scene, error) && check_window(scene, error) && check_clipping(scene, error);
   if (!check_camera(&scene->camera, error)) return false;
-  if (scene->mode == TC_MODE_ISOSURFACE)
+  if (tc_is_surface(scene->mode))
     return check_surface(scene, error) && check_rays(scene, error) && check_clipping(scene, error) &&
            check_shading(scene, error);
   return check_look(scene, valid, error) && check_sampling(volume, scene, error) && check_clipping(scene, error) &&

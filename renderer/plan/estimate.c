@@ -219,7 +219,12 @@ double tc_estimate_samples(const tc_volume *volume, const tc_scene *scene, int w
   measure_bricks(&v, volume);
   add_bricks(&v, &t);
   if (!(t.box[2] > t.box[0])) return 0;
-  double pixels = (t.box[2] - t.box[0]) * (t.box[3] - t.box[1]), dense = steps_per_mm(&rays, scene);
+  double pixels = (t.box[2] - t.box[0]) * (t.box[3] - t.box[1]);
+  if (scene->mode == TC_MODE_MESH) {
+    *longest = 1;
+    return pixels * rays.count;
+  }
+  double dense = steps_per_mm(&rays, scene);
   double stay = fmin(diagonal_mm(volume, t.lo, t.hi), chord_mm(&v, t.lo, t.hi));
   /* A sum over rays is at most the integral and, for what falls between them, a row and a column of the longest. */
   double edge = t.box[2] - t.box[0] + t.box[3] - t.box[1] + 1;

@@ -13,7 +13,7 @@ const char *tc_stage_name(tc_stage stage) {
   static const char *const names[TC_STAGE_COUNT] = {
       "coefficients",   "table-1d",     "table-2d", "gradient", "skipping",    "clipping",
       "rays-per-pixel", "coherence",    "jitter",   "labels",   "termination", "alpha",
-      "depth-output",   "linear-light", "resolve",  "encode",   "error-meter"};
+      "depth-output",   "linear-light", "resolve",  "encode",   "error-meter", "mesh"};
   return (unsigned)stage < TC_STAGE_COUNT ? names[stage] : "?";
 }
 
@@ -23,7 +23,7 @@ tc_stage tc_stage_of(tc_resource resource) {
       [TC_RESOURCE_INTEGRALS] = TC_STAGE_TABLE_1D,        [TC_RESOURCE_SUPPORT] = TC_STAGE_SKIPPING,
       [TC_RESOURCE_MINMAX] = TC_STAGE_SKIPPING,           [TC_RESOURCE_LEAP] = TC_STAGE_SKIPPING,
       [TC_RESOURCE_BOXES] = TC_STAGE_SKIPPING,            [TC_RESOURCE_BOUNDS] = TC_STAGE_SKIPPING,
-      [TC_RESOURCE_LABELS] = TC_STAGE_LABELS};
+      [TC_RESOURCE_LABELS] = TC_STAGE_LABELS,             [TC_RESOURCE_MESH] = TC_STAGE_MESH};
   return stages[resource];
 }
 
@@ -98,10 +98,13 @@ static void say_gradient(const teller *t) {
   const tc_scene *s = t->scene;
   const tc_plan_key *key = &t->plan->key;
   const tc_volume_stats *range = tc_volume_statistics(t->volume);
-  if (key->shading)
+  if (key->shading && s->mode == TC_MODE_MESH)
+    say(t, TC_STAGE_GRADIENT, true, "shading.model is %s: normals of the vertices, once a visible pixel and triangle",
+        tc_shading_names[s->shading.model]);
+  else if (key->shading)
     say(t, TC_STAGE_GRADIENT, true, "shading.model is %s: %s%s", tc_shading_names[s->shading.model],
         ways[s->mode == TC_MODE_ISOSURFACE][key->gradient], s->filter == TC_FILTER_CUBIC ? " (the filter's own)" : "");
-  else if (s->mode == TC_MODE_ISOSURFACE && !tc_surface_exists(t->volume, s))
+  else if (tc_is_surface(s->mode) && !tc_surface_exists(t->volume, s))
     say(t, TC_STAGE_GRADIENT, false, "empty picture: isosurface.value %.6g is not between the volume's %.6g and %.6g",
         s->isosurface.value, range->min, range->max);
   else
@@ -130,6 +133,8 @@ static void say_skipping(const teller *t) {
   }
   if (s->skipping.mode == TC_SKIPPING_OFF)
     say(t, TC_STAGE_SKIPPING, false, "skipping.mode is off");
+  else if (s->mode == TC_MODE_MESH)
+    say(t, TC_STAGE_SKIPPING, false, "clusters of triangles outside the view, facing away or hidden are left out instead");
   else if (s->mode == TC_MODE_ISOSURFACE)
     say(t, TC_STAGE_SKIPPING, in, "blocks whose values are all on one side of %.6g are left out", s->isosurface.value);
   else
@@ -188,6 +193,8 @@ static void say_rays(const teller *t) {
     say(t, TC_STAGE_RAYS, false, "one ray a pixel");
   else if (s->mode == TC_MODE_DVR)
     say(t, TC_STAGE_RAYS, true, "%d rays a pixel share its samples: segments of %.4g mm", count, t->plan->step_mm);
+  else if (s->mode == TC_MODE_MESH)
+    say(t, TC_STAGE_RAYS, true, "coverage by %d samples a pixel, shaded once for each triangle that is seen", count);
   else if (s->mode == TC_MODE_ISOSURFACE)
     say(t, TC_STAGE_RAYS, true, "%d rays a pixel, each with a hit of its own: the mean smooths edges", count);
   else
@@ -210,6 +217,8 @@ static void say_coherence(const teller *t) {
     say(t, TC_STAGE_COHERENCE, false, "one ray a pixel: there is none to share with");
   } else if (tc_is_projection(s->mode)) {
     say(t, TC_STAGE_COHERENCE, false, "mode %s has no empty space", tc_mode_names[s->mode]);
+  } else if (s->mode == TC_MODE_MESH) {
+    say(t, TC_STAGE_COHERENCE, false, "a mesh is drawn without rays");
   } else if (s->mode == TC_MODE_ISOSURFACE) {
     say(t, TC_STAGE_COHERENCE, false, "each ray leaps from cells of its own");
   } else if (!t->plan->key.skipping || (t->plan->key.coherence && !skipping)) {
@@ -288,6 +297,11 @@ static void say_mode(const teller *t) {
     return;
   }
   say_gradient(t);
+  if (t->scene->mode == TC_MODE_MESH) {
+    say_no_tables(t, "a mesh reads isosurface.value, not a transfer function");
+    say(t, TC_STAGE_TERMINATION, false, "a mesh is drawn without rays");
+    return;
+  }
   if (t->scene->mode == TC_MODE_ISOSURFACE) {
     say_no_tables(t, "an isosurface reads its value, not a transfer function");
     say(t, TC_STAGE_TERMINATION, false, "rays end where they hit");
@@ -295,6 +309,15 @@ static void say_mode(const teller *t) {
   }
   say_tables(t);
   say_termination(t);
+}
+
+static void say_mesh(const teller *t) {
+  const bool in = tc_plan_has(t->plan, TC_RESOURCE_MESH);
+  if (in)
+    say(t, TC_STAGE_MESH, true, "the surface at %.6g as triangles in clusters, drawn by the cpu whatever the back end",
+        t->scene->isosurface.value);
+  else
+    say(t, TC_STAGE_MESH, false, "mode %s draws no triangles", tc_mode_names[t->scene->mode]);
 }
 
 static void add_resources(const teller *t) {
@@ -319,6 +342,7 @@ void tc_plan_explain(const tc_plan *plan, const tc_volume *volume, const tc_scen
   say_coefficients(&t);
   say_clipping(&t);
   say_labels(&t);
+  say_mesh(&t);
   say_picture(&t);
   (scene->mode == TC_MODE_MPR ? say_mpr : say_mode)(&t);
   add_resources(&t);

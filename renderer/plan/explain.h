@@ -23,6 +23,7 @@ typedef enum tc_stage {
   TC_STAGE_RESOLVE,      /* background, 8-bit conversion */
   TC_STAGE_ENCODE,       /* image encoder */
   TC_STAGE_ERROR_METER,
+  TC_STAGE_MESH,         /* extraction of triangles, in clusters */
   TC_STAGE_COUNT
 } tc_stage;
 

@@ -112,6 +112,14 @@ static void plan_isosurface(tc_plan *plan, const tc_volume *volume, const tc_sce
   plan_skipping(plan, s, TC_RESOURCE_LEAP);
 }
 
+static void plan_mesh(tc_plan *plan, const tc_volume *volume, const tc_scene *s, const tc_plan_request *request) {
+  plan_view(plan, volume, s);
+  plan->surface = tc_surface_make(volume, s);
+  plan->depth = request->want_depth;
+  if (tc_surface_exists(volume, s)) plan->key.shading = (uint8_t)s->shading.model;
+  need(plan, TC_RESOURCE_MESH);
+}
+
 static void plan_mpr(tc_plan *plan, const tc_volume *volume, const tc_scene *s) {
   const double *spacing = tc_volume_describe(volume)->spacing;
   plan->key.projection = TC_ORTHOGRAPHIC;
@@ -136,8 +144,8 @@ void tc_plan_make(const tc_volume *volume, const tc_scene *scene, const tc_plan_
   case TC_MODE_AVERAGE: plan_projection(plan, volume, scene, request); break;
   case TC_MODE_ISOSURFACE: plan_isosurface(plan, volume, scene, request); break;
   case TC_MODE_MPR: plan_mpr(plan, volume, scene); break;
-  case TC_MODE_MESH: /* refused by tc_plan_check() */
-  case TC_MODE_SPLAT:
+  case TC_MODE_MESH: plan_mesh(plan, volume, scene, request); break;
+  case TC_MODE_SPLAT: /* refused by tc_plan_check() */
   case TC_MODE_COUNT: break;
   }
 }

@@ -7,7 +7,8 @@
  * key.
  *
  * An isosurface (raycast/surface.h) reads isosurface and shading: it has no transfer function, no window and no steps.
- * A value that no place of the volume has is an empty picture, and the gradient stage says so. */
+ * A value that no place of the volume has is an empty picture, and the gradient stage says so. A mesh is the same surface
+ * as triangles (mesh/raster.h): normals are the vertices' own, of central differences, and rays are samples of coverage. */
 #ifndef TC_RENDERER_PLAN_H
 #define TC_RENDERER_PLAN_H
 
@@ -33,6 +34,7 @@ typedef enum tc_resource {
   TC_RESOURCE_BOXES,        /* boxes around what is not empty */
   TC_RESOURCE_BOUNDS,       /* how large the field may be around each block */
   TC_RESOURCE_LABELS,       /* what label voxels look like */
+  TC_RESOURCE_MESH,         /* the isosurface as clusters of triangles */
   TC_RESOURCE_COUNT
 } tc_resource;
 
@@ -44,7 +46,7 @@ typedef struct tc_plan {
   tc_table_params table;  /* mode dvr: of the table or the integrals; .tf is the scene's */
   int block, reach;       /* of empty-space skipping: voxels a block is wide, and the filter reaches beyond it */
   tc_grey grey;           /* of a projection */
-  tc_surface surface;     /* of an isosurface */
+  tc_surface surface;     /* of an isosurface, or a mesh of one */
   bool depth;             /* the frame has a depth output */
 } tc_plan;
 

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "renderer/quality/meter.h"
+#include "renderer/raycast/surface.h"
 #include "renderer/reference/reference.h"
 
 #define RUNGS_PER_OCTAVE 8
@@ -60,7 +61,7 @@ static tc_quality_method method_of(const tc_scene *s, tc_classification classifi
 static bool is_timed(const tc_scene *s) { return s->quality.max_ms > 0; }
 
 bool tc_quality_refuses(const tc_scene *scene, char *reason, size_t size) {
-  if (scene->mode != TC_MODE_ISOSURFACE) return !is_timed(scene) && tc_meter_refuses(scene, reason, size);
+  if (!tc_is_surface(scene->mode)) return !is_timed(scene) && tc_meter_refuses(scene, reason, size);
   snprintf(reason, size, "an isosurface has no steps to choose");
   return true;
 }

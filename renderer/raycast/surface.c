@@ -7,6 +7,8 @@
 /* Of the largest |voxel - iso|: far above what interpolating in single precision may be off by. */
 #define SLACK 0x1p-18
 
+bool tc_is_surface(tc_mode mode) { return mode == TC_MODE_ISOSURFACE || mode == TC_MODE_MESH; }
+
 bool tc_surface_exists(const tc_volume *volume, const tc_scene *scene) {
   const tc_volume_stats *s = tc_volume_statistics(volume);
   return scene->isosurface.value > s->min && scene->isosurface.value <= s->max;

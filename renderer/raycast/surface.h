@@ -27,6 +27,9 @@ typedef struct tc_surface {
   float color[3];      /* compositing space */
 } tc_surface;
 
+/* Modes that show it: cast, or as a mesh. */
+bool tc_is_surface(tc_mode mode);
+
 /* False where no ray can change sides: the value is not above the least and at most the greatest of the volume. */
 bool tc_surface_exists(const tc_volume *volume, const tc_scene *scene);
 

@@ -35,8 +35,11 @@ static bool stopped(const tc_reference *r) {
   return r->cancel && atomic_load_explicit(r->cancel, memory_order_relaxed);
 }
 
+/* Of a mesh too the truth is the surface that the field has. */
+static bool is_surface(tc_mode mode) { return mode == TC_MODE_ISOSURFACE || mode == TC_MODE_MESH; }
+
 const char *tc_reference_missing(const tc_scene *scene) {
-  bool surface = scene->mode == TC_MODE_ISOSURFACE;
+  bool surface = is_surface(scene->mode);
   if (scene->mode != TC_MODE_DVR && !surface && !is_projection(scene->mode)) return "/mode";
   if ((unsigned)scene->filter >= TC_FILTER_COUNT || (surface && scene->filter != TC_FILTER_LINEAR)) return "/filter";
   if (scene->labels.volume[0] && scene->mode == TC_MODE_DVR) return "/labels/volume";
@@ -58,7 +61,7 @@ static bool set_up_surface(tc_reference *r, const tc_scene *scene, GError **erro
 /* The transfer function, the window or the value: what the mode reads. */
 static bool set_up_look(tc_reference *r, const tc_scene *scene, GError **error) {
   r->mode = scene->mode;
-  if (scene->mode == TC_MODE_ISOSURFACE) return set_up_surface(r, scene, error);
+  if (is_surface(scene->mode)) return set_up_surface(r, scene, error);
   if (!is_projection(scene->mode)) {
     if (tc_ref_transfer_set_up(&r->transfer, &scene->transfer_function, scene->image.linear_light)) return true;
     tc_set_error(error, TC_ERROR_INVALID, "/transferFunction",
@@ -208,12 +211,12 @@ static bool hit_surface(const tc_reference *r, const tc_ref_ray *ray, tc_referen
 
 bool tc_reference_surface(const tc_reference *r, double px, double py, tc_reference_hit *hit) {
   tc_ref_ray ray;
-  return r->mode == TC_MODE_ISOSURFACE && tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, &ray) &&
+  return is_surface(r->mode) && tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, &ray) &&
          hit_surface(r, &ray, hit);
 }
 
 void tc_reference_pixel(const tc_reference *r, double px, double py, double rgba[4]) {
-  if (r->mode == TC_MODE_ISOSURFACE) {
+  if (is_surface(r->mode)) {
     tc_reference_hit hit = {.color = {0}};
     rgba[3] = tc_reference_surface(r, px, py, &hit);
     memcpy(rgba, hit.color, sizeof hit.color);
@@ -304,7 +307,7 @@ void tc_reference_ray(const tc_reference *r, double px, double py, tc_reference_
   tc_ref_light light = {.transparency = 1};
   tc_ref_ray ray;
   bool met = tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, &ray);
-  if (met && r->mode == TC_MODE_ISOSURFACE) {
+  if (met && is_surface(r->mode)) {
     list_surface(r, &ray, list);
   } else if (met) {
     tc_ref_walk walk;

@@ -117,10 +117,11 @@ static void run_pick(tcs_work *work) {
   if (!r) return;
   tc_mode mode = p->scene.mode;
   bool projection = mode == TC_MODE_MIP || mode == TC_MODE_MINIP || mode == TC_MODE_AVERAGE;
+  bool is_surface = mode == TC_MODE_ISOSURFACE || mode == TC_MODE_MESH; /* the field's own, however it is drawn */
   tc_reference_sample surface;
-  const tc_reference_sample *hit = projection                   ? shown(mode, samples, count)
-                                   : mode == TC_MODE_ISOSURFACE ? surface_of(p, r, &surface)
-                                                                : first_visible(samples, count);
+  const tc_reference_sample *hit = projection   ? shown(mode, samples, count)
+                                   : is_surface ? surface_of(p, r, &surface)
+                                              : first_visible(samples, count);
   cJSON *json = cJSON_CreateObject();
   if (hit) {
     cJSON_AddItemToObject(json, "position", cJSON_CreateDoubleArray(hit->position, 3));

@@ -50,6 +50,6 @@ void tcs_rung_coarsen(int coarser, tc_scene *scene) {
   const double longer = shared ? coarser : (double)coarser * fewer / rays;
   if (coarser <= 1) return;
   scene->sampling.rays_per_pixel = fewer;
-  if (longer > 1 && scene->mode != TC_MODE_ISOSURFACE)
+  if (longer > 1 && scene->mode != TC_MODE_ISOSURFACE && scene->mode != TC_MODE_MESH)
     scene->sampling.step = fmax(scene->sampling.step, fmin(COARSEST_STEP / (shared ? fewer : 1), scene->sampling.step * longer));
 }

@@ -70,8 +70,8 @@ test('pixels outside the picture and missing ones are refused', async () => {
   }
 });
 
-test('a session in mode isosurface shows the surface, lit, and picks it', async () => {
-  const { links } = await d.session({ ...scene, mode: 'isosurface', isosurface: { value: 100, color: [0.2, 0.9, 0.4] } });
+for (const mode of ['isosurface', 'mesh']) test(`a session in mode ${mode} shows the surface, lit, and picks it`, async () => {
+  const { links } = await d.session({ ...scene, mode, isosurface: { value: 100, color: [0.2, 0.9, 0.4] } });
   const { json: made } = await d.get(links.scene);
   assert.equal(made.shading.model, 'blinn-phong'); // none only where it is asked for
   const { json: pick } = await d.get(`${links.self}/pick?x=20&y=20`);
@@ -82,7 +82,7 @@ test('a session in mode isosurface shows the surface, lit, and picks it', async 
   assert.deepEqual(hit.color, ray.color);
   assert.deepEqual((await d.get(`${links.self}/pick?x=0&y=0`)).json, { position: null, value: null, depth: null });
   const { json: plan } = await d.get(links.plan);
-  assert.match(plan.kernel, /^isosurface\.linear\.shaded\.u8\./);
+  assert.match(plan.kernel, new RegExp(`^${mode}\\.linear\\.shaded\\.u8\\.`));
   const lit = await d.get(`${links.frame}?format=png`);
   assert.equal((await d.patch(links.scene, { shading: { model: 'none' } })).status, 200);
   const flat = await d.get(`${links.frame}?format=png`);

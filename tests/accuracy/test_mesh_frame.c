@@ -1,0 +1,194 @@
+/* Mode mesh against the surface itself (reference/): where it is seen, how far, how it is lit; and what must not matter. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/halt.h"
+#include "renderer/reference/reference.h"
+#include "renderer/tomocast.h"
+#include "tests/support/grid.h"
+#include "tests/support/renderers.h"
+
+enum { SIDE = 90, PIXELS = SIDE * SIDE };
+
+static tc_volume *waves(tc_voxel_type type) {
+  return test_volume(&(test_grid){.dims = {40, 36, 38}, .type = type, .slope = type == TC_F32 ? 1 : 0.004,
+                                  .spacing = {1, 1.3, 0.8}}, test_waves, &(double){24});
+}
+
+static void mesh_scene(tc_scene *scene, const tc_volume *volume, tc_projection projection) {
+  test_scene(scene, SIDE, SIDE);
+  test_scene_frame(scene, volume, projection, (double[3]){1, -0.6, 0.4});
+  scene->mode = TC_MODE_MESH;
+  scene->isosurface.value = 0.55;
+  scene->shading.model = TC_SHADING_BLINN_PHONG;
+}
+
+typedef struct truth {
+  float depth[PIXELS]; /* INFINITY: nothing */
+  float rgba[PIXELS][4];
+} truth;
+
+static void find_truth(tc_volume *volume, const tc_scene *scene, truth *t) {
+  GError *error = NULL;
+  tc_reference *r = tc_reference_new(volume, scene, SIDE, SIDE, 0, &error);
+  if (!r) fail_msg("%s", error->message);
+  for (int i = 0; i < PIXELS; i++) {
+    tc_reference_hit hit;
+    double rgba[4];
+    bool met = tc_reference_surface(r, i % SIDE + 0.5, i / SIDE + 0.5, &hit);
+    t->depth[i] = met ? (float)hit.distance_mm : INFINITY;
+    tc_reference_pixel(r, i % SIDE + 0.5, i / SIDE + 0.5, rgba);
+    for (int c = 0; c < 4; c++) t->rgba[i][c] = (float)rgba[c];
+  }
+  tc_reference_free(r);
+}
+
+/* The surface there is smooth, as far as pixels around it tell: nothing ends within two of it. */
+static bool is_smooth(const truth *t, int i) {
+  int x = i % SIDE, y = i / SIDE;
+  if (x < 2 || y < 2 || x > SIDE - 3 || y > SIDE - 3) return false;
+  for (int v = -2; v <= 2; v++)
+    for (int u = -2; u <= 2; u++) {
+      float other = t->depth[i + v * SIDE + u];
+      if (isfinite(other) != isfinite(t->depth[i]) || fabsf(other - t->depth[i]) > 2) return false;
+    }
+  return true;
+}
+
+static void surface_is_where_the_field_has_it(void **unused) {
+  static truth t;
+  const int which = test_widest();
+  for (int round = 0; round < 6; round++) {
+    tc_volume *volume = waves(round % 3 ? TC_U8 : TC_F32);
+    tc_scene scene;
+    mesh_scene(&scene, volume, round & 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE);
+    if (round > 3) scene.clip.planes[0][1] = 1, scene.clip.planes[0][3] = -24, scene.clip.n_planes = 1;
+    find_truth(volume, &scene, &t);
+    const tc_render_request request = {.want_linear = true, .want_depth = true};
+    tc_explanation plan;
+    tc_frame *frame = test_draw(which, volume, &scene, &request, &plan);
+    int smooth = 0, wrong = 0;
+    double apart = 0, colour = 0;
+    for (int i = 0; i < PIXELS; i++) {
+      if (!is_smooth(&t, i)) continue;
+      smooth++;
+      wrong += isfinite(t.depth[i]) != (frame->linear[4 * i + 3] == 1) || isfinite(t.depth[i]) != isfinite(frame->depth[i]);
+      if (!isfinite(t.depth[i]) || !isfinite(frame->depth[i])) continue;
+      apart = fmax(apart, fabs(t.depth[i] - frame->depth[i]));
+      for (int c = 0; c < 3; c++) colour += fabs(t.rgba[i][c] - frame->linear[4 * i + c]) / 3;
+    }
+    printf("  %d smooth pixels, %d wrong; at most %.3f mm apart; mean difference of colours %.4f\n", smooth, wrong, apart,
+           colour / smooth);
+    assert_true(smooth > PIXELS / 5 && wrong == 0 && apart < 0.1 && colour / smooth < 0.005);
+    assert_true(plan.stages[TC_STAGE_MESH].included && plan.stages[TC_STAGE_MESH].bytes > 1000);
+    assert_false(plan.stages[TC_STAGE_TABLE_2D].included || plan.stages[TC_STAGE_SKIPPING].included);
+    tc_scene_clear(&scene);
+    tc_volume_unref(volume);
+  }
+}
+
+static void every_renderer_draws_the_same_bytes(void **unused) {
+  tc_volume *volume = waves(TC_U8);
+  tc_scene scene;
+  mesh_scene(&scene, volume, TC_PERSPECTIVE);
+  scene.sampling.rays_per_pixel = 4;
+  const uint8_t *first = NULL;
+  EACH_RENDERER(i) {
+    const tc_frame *frame = test_draw(i, volume, &scene, NULL, NULL);
+    if (!first) first = frame->rgba;
+    assert_memory_equal(frame->rgba, first, 4 * PIXELS);
+  }
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+/* Once extracted a surface stays; another value or another volume has its own; where it is nowhere the picture is empty. */
+static void a_surface_is_extracted_once(void **unused) {
+  const int which = test_widest();
+  tc_volume *volume = waves(TC_U8);
+  tc_scene scene;
+  tc_explanation plan;
+  mesh_scene(&scene, volume, TC_PERSPECTIVE);
+  test_draw(which, volume, &scene, NULL, &plan);
+  assert_true(plan.stages[TC_STAGE_MESH].ms > 0);
+  scene.camera.position[0] += 10, scene.isosurface.color[1] = 0.2, scene.shading.ambient = 0.4;
+  test_draw(which, volume, &scene, NULL, &plan);
+  assert_true(plan.stages[TC_STAGE_MESH].ms == 0);
+  scene.isosurface.value = 0.5;
+  test_draw(which, volume, &scene, NULL, &plan);
+  assert_true(plan.stages[TC_STAGE_MESH].ms > 0);
+  scene.isosurface.value = 5;
+  const tc_frame *frame = test_draw(which, volume, &scene, NULL, &plan);
+  for (int i = 0; i < PIXELS; i++) assert_true(frame->linear[4 * i + 3] == 0);
+  assert_non_null(strstr(plan.stages[TC_STAGE_GRADIENT].reason, "empty picture"));
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+static void frames_stop_and_go_on_to_the_same_picture(void **unused) {
+  const int which = test_widest();
+  tc_scene scene;
+  tc_frame frame = {0};
+  for (int cancel = 0; cancel < 2; cancel++) {
+    tc_volume *volume = waves(TC_F32); /* new: extracted while it is stopped */
+    mesh_scene(&scene, volume, TC_PERSPECTIVE);
+    scene.image.width = scene.image.height = 200;
+    tc_interrupt interrupt;
+    tc_interrupt_init(&interrupt);
+    tc_render_request request = {.interrupt = &interrupt, .resume = true};
+    GError *error = NULL;
+    int stops = 0;
+    if (cancel)
+      atomic_store(&interrupt.cancel, true);
+    else
+      atomic_store(&interrupt.pause_us, 1); /* long past */
+    while (!tc_render(test_renderers[which], volume, &scene, &request, &frame, NULL, &error) && stops < 2000) {
+      assert_true(g_error_matches(error, TC_ERROR, cancel ? TC_ERROR_CANCELLED : TC_ERROR_PAUSED));
+      g_clear_error(&error);
+      if (++stops == 3 && cancel) atomic_store(&interrupt.cancel, false);
+    }
+    assert_true(stops > 2 && stops < 2000);
+    const tc_frame *whole = test_draw(which, volume, &scene, NULL, NULL);
+    assert_memory_equal(frame.rgba, whole->rgba, 4 * 200 * 200);
+    tc_scene_clear(&scene);
+    tc_volume_unref(volume);
+  }
+  tc_frame_finish(&frame);
+}
+
+static void what_cannot_be_is_refused(void **unused) {
+  const tc_renderer_options small = {.threads = 1, .backend = TC_BACKEND_CPU, .cache_bytes = 100000};
+  tc_renderer *renderer = tc_renderer_new(&small, NULL);
+  tc_volume *volume = waves(TC_U8);
+  tc_scene scene;
+  tc_frame frame = {0};
+  GError *error = NULL;
+  mesh_scene(&scene, volume, TC_PERSPECTIVE);
+  assert_false(tc_render(renderer, volume, &scene, NULL, &frame, NULL, &error));
+  assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_LIMIT));
+  g_clear_error(&error);
+  scene.isosurface.value = NAN;
+  assert_false(tc_render(renderer, volume, &scene, NULL, &frame, NULL, &error));
+  assert_string_equal(tc_error_pointer(error), "/isosurface/value");
+  g_clear_error(&error);
+  tc_frame_finish(&frame);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+  tc_renderer_free(renderer);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(surface_is_where_the_field_has_it),         cmocka_unit_test(every_renderer_draws_the_same_bytes),
+      cmocka_unit_test(a_surface_is_extracted_once),               cmocka_unit_test(frames_stop_and_go_on_to_the_same_picture),
+      cmocka_unit_test(what_cannot_be_is_refused)};
+  return cmocka_run_group_tests_name("mesh frames", tests, test_renderers_open, test_renderers_close);
+}
