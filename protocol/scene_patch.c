@@ -170,7 +170,8 @@ void tcp_scene_light(tc_scene *scene, const cJSON *document) {
   if (preset || own_points) tc_scene_light(scene, preset && preset->lit);
   if (own_points) scene->transfer_function.unit_distance_mm = 1;
   if (own_points || (mode && strcmp(mode, "dvr"))) scene->hide_table = false;
-  if (mode && (!strcmp(mode, "isosurface") || !strcmp(mode, "mesh")) && scene->shading.model == TC_SHADING_NONE)
+  const bool lit = mode && (!strcmp(mode, "isosurface") || !strcmp(mode, "mesh") || !strcmp(mode, "splat"));
+  if (lit && scene->shading.model == TC_SHADING_NONE)
     scene->shading.model = TC_SHADING_BLINN_PHONG;
 }
 

@@ -13,6 +13,7 @@
 #include "renderer/skip/bounds.h"
 #include "renderer/skip/boxes.h"
 #include "renderer/skip/skip.h"
+#include "renderer/splat/splats.h"
 #include "renderer/tomocast.h"
 
 /* What a plan lists, by name or by number: in the order of tc_resource. NULL: not listed, or not there yet. */
@@ -29,6 +30,8 @@ typedef union tc_resource_set {
     const tc_bounds *bounds;
     const tc_labels *labels;
     const tc_clusters *mesh;
+    const tc_vmd *runs;
+    const tc_splats *splats, *cut;
   };
 } tc_resource_set;
 

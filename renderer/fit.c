@@ -191,6 +191,8 @@ static void fit_scene(tc_scene *scene, const tc_volume *volume, const tc_fit *fi
   scene->window.center = fit->windows[TC_MODE_MPR].center;
   scene->window.width = fit->windows[TC_MODE_MPR].width;
   scene->isosurface.value = fit->surface;
+  scene->splat.threshold[0] = fit->surface;
+  scene->splat.threshold[1] = fmax(fit->surface, tc_volume_statistics(volume)->max);
   memcpy(scene->mpr.center, scene->camera.target, sizeof scene->mpr.center);
   tc_transfer_function_fit_preset(&scene->transfer_function, fit->preset, &fit->stretch);
 }

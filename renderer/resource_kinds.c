@@ -1,6 +1,7 @@
 #include "renderer/resource_kinds.h"
 
 #include "renderer/classify/outline.h"
+#include "renderer/splat/splatter.h"
 #include "renderer/volume/coefficients.h"
 
 static void append(GByteArray *key, const void *bytes, size_t size) { g_byte_array_append(key, bytes, (guint)size); }
@@ -240,6 +241,59 @@ static void *mesh_finish(void *thing) {
 static int64_t mesh_steps(const void *thing) { return ((const mesh_making *)thing)->mesh != NULL; }
 static size_t mesh_starts_with(const tc_job *job) { return 0; }
 
+/* ---- splats ---- */
+
+static void free_runs(void *thing) { tc_vmd_free(thing); }
+static size_t runs_bytes(const void *thing) { return ((const tc_vmd *)thing)->total_bytes; }
+static const tc_volume *source_of(const tc_job *job) { return job->source; }
+THING(splats)
+
+static void runs_key(const tc_job *job, GByteArray *key) {
+  const uint64_t serial = tc_volume_serial(job->source);
+  append(key, &serial, sizeof serial);
+  append(key, job->scene->splat.threshold, sizeof job->scene->splat.threshold);
+}
+
+static void *runs_begin(const tc_making *m, GError **error) {
+  const double *range = m->job->scene->splat.threshold;
+  return tc_vmd_of_volume(m->job->source, &(tc_vmd_wish){.low = range[0], .high = range[1]}, m->pool, error);
+}
+
+/* What is translucent, or not culled, has an inside. */
+static bool has_inside(const tc_scene *scene) { return !scene->splat.opaque || !scene->splat.culling; }
+
+static void splats_key(const tc_job *job, GByteArray *key) {
+  const guint8 inside = has_inside(job->scene);
+  runs_key(job, key);
+  append(key, &inside, 1);
+}
+
+static void *splats_begin(const tc_making *m, GError **error) {
+  const tc_scene *scene = m->job->scene;
+  tc_vmd_subject *subject = tc_vmd_subject_new(m->job->source, scene->splat.threshold[0], scene->splat.threshold[1]);
+  if (!subject) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
+    return NULL;
+  }
+  tc_splats *splats = tc_splats_build(m->job->have.runs, (tc_splat_normals){tc_vmd_normal_at, subject}, has_inside(scene),
+                                      m->pool, error);
+  tc_vmd_subject_free(subject);
+  return splats;
+}
+
+static void cut_key(const tc_job *job, GByteArray *key) {
+  double planes[TC_MAX_CLIP_PLANES][4];
+  const int n = tc_splat_planes(job->source, job->scene, planes);
+  runs_key(job, key);
+  append(key, planes, (size_t)n * sizeof *planes);
+}
+
+static void *cut_begin(const tc_making *m, GError **error) {
+  double planes[TC_MAX_CLIP_PLANES][4];
+  const int n = tc_splat_planes(m->job->source, m->job->scene, planes);
+  return tc_splats_cut(m->job->have.runs, (const double(*)[4])planes, n, tc_pool_halt(m->pool), error);
+}
+
 /* ---- all ---- */
 
 #define BIT(resource) (1u << TC_RESOURCE_##resource)
@@ -324,4 +378,21 @@ const tc_resource_kind tc_resource_kinds[TC_RESOURCE_COUNT] = {
                           .steps = mesh_steps,
                           .starts_with = mesh_starts_with,
                           .bytes = clusters_bytes},
+    [TC_RESOURCE_RUNS] = {.store = {"runs of voxels", free_runs, NULL, false},
+                          .key = runs_key,
+                          .tied = source_of,
+                          .begin = runs_begin,
+                          .bytes = runs_bytes},
+    [TC_RESOURCE_SPLATS] = {.store = {"splats", free_splats, NULL, false},
+                            .needs = BIT(RUNS),
+                            .key = splats_key,
+                            .tied = source_of,
+                            .begin = splats_begin,
+                            .bytes = splats_bytes},
+    [TC_RESOURCE_CUT] = {.store = {"splats of a cut", free_splats, NULL, false},
+                         .needs = BIT(RUNS),
+                         .key = cut_key,
+                         .tied = source_of,
+                         .begin = cut_begin,
+                         .bytes = splats_bytes},
 };

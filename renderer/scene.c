@@ -61,6 +61,7 @@ static void init_surfaces(tc_scene *scene) {
   scene->splat.threshold[0] = 300;
   scene->splat.threshold[1] = 4000;
   scene->splat.kernel_radius = 1;
+  scene->splat.opaque = true;
   scene->splat.culling = true;
 }
 

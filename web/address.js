@@ -16,6 +16,7 @@ const VIEW = {
   volume: [...CAMERA, 'transferFunction.preset'],
   own: [...CAMERA, 'transferFunction.points', 'transferFunction.unitDistance', 'hideTable', ...SHADING], // no preset's look
   surface: [...CAMERA, 'isosurface.value'],
+  splat: [...CAMERA, 'splat.threshold'],
   projection: [...CAMERA, ...WINDOW],
   slices: [...PLANE, ...WINDOW],
 };
@@ -49,6 +50,7 @@ const LISTS = {
 
 const viewOf = ({ mode, transferFunction }) => {
   if (mode === 'isosurface' || mode === 'mesh') return 'surface';
+  if (mode === 'splat') return mode;
   const { preset, points = [] } = transferFunction ?? {};
   const own = contextOf(mode) === 'volume' && !preset && points.length > 0 && points.length <= MOST_KNOTS;
   return own ? 'own' : contextOf(mode);

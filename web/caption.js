@@ -52,10 +52,11 @@ export function captionLines(scene, volume, titles) {
   const { id = '', modality = '', unit = '' } = volume;
   const window = scene.window && `C ${number(scene.window.center)}  W ${number(scene.window.width)}`;
   const surface = scene.isosurface && `Surface at ${number(scene.isosurface.value)}${unit && ` ${unit}`}`;
+  const voxels = scene.splat && `Voxels ${scene.splat.threshold.map(number).join(' to ')}${unit && ` ${unit}`}`;
   const preset = scene.mode === 'dvr' && titles.preset(scene.transferFunction?.preset);
   const plane = scene.mpr && titles.plane(scene.mpr.orientation);
   const kind = [modality, titles.mode(scene.mode), plane].filter(Boolean).join(' \u00b7 ');
-  return [id, kind, preset, window, surface, ...(scene.mpr ? sliceLines(scene.mpr, volume) : [])].filter(Boolean);
+  return [id, kind, preset, window, surface, voxels, ...(scene.mpr ? sliceLines(scene.mpr, volume) : [])].filter(Boolean);
 }
 
 export class Caption {

@@ -21,6 +21,7 @@ const BRINGS = {
   average: projection('average'),
   isosurface: surface,
   mesh: surface,
+  splat: surface,
 };
 
 export class Modes {

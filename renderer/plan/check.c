@@ -1,6 +1,7 @@
 /* The one validator of scenes. */
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "renderer/classify/labels.h"
 #include "renderer/plan/plan.h"
@@ -219,9 +220,7 @@ static bool unsupported(GError **error, const char *pointer, const char *what) {
 
 static bool check_built(const tc_scene *s, GError **error) {
   if ((unsigned)s->mode >= TC_MODE_COUNT) return invalid(error, "/mode", "unknown");
-  bool projection = tc_is_projection(s->mode), slice = s->mode == TC_MODE_MPR, surface = tc_is_surface(s->mode);
-  if (s->mode != TC_MODE_DVR && !projection && !slice && !surface)
-    return unsupported(error, "/mode", tc_mode_names[s->mode]);
+  bool slice = s->mode == TC_MODE_MPR, surface = tc_is_surface(s->mode);
   if (s->mode == TC_MODE_DVR && (unsigned)s->classification >= TC_CLASSIFICATION_COUNT)
     return invalid(error, "/classification", "unknown");
   if (s->mode == TC_MODE_DVR && (unsigned)s->order >= TC_ORDER_COUNT) return invalid(error, "/order", "unknown");
@@ -233,12 +232,30 @@ static bool check_built(const tc_scene *s, GError **error) {
   return true;
 }
 
-static bool check_surface(const tc_scene *s, GError **error) {
-  if (!isfinite(s->isosurface.value)) return invalid(error, "/isosurface/value", "a finite number wanted");
+static bool check_color(const tc_scene *s, GError **error) {
   for (int c = 0; c < 3; c++)
     if (!(s->isosurface.color[c] >= 0 && s->isosurface.color[c] <= 1))
       return invalid(error, "/isosurface/color", "three numbers from 0 to 1 wanted");
   return true;
+}
+
+static bool check_surface(const tc_scene *s, GError **error) {
+  if (!isfinite(s->isosurface.value)) return invalid(error, "/isosurface/value", "a finite number wanted");
+  return check_color(s, error);
+}
+
+/* The transfer function gives colours where the values do, and extinction where the object is translucent. */
+static bool check_splat(const tc_scene *s, const tc_scene *valid, GError **error) {
+  const bool values = strcmp(s->splat.attribute, "value") == 0;
+  if (!isfinite(s->splat.threshold[0]) || !isfinite(s->splat.threshold[1]) || s->splat.threshold[0] > s->splat.threshold[1])
+    return invalid(error, "/splat/threshold", "two finite values wanted, the lower one first");
+  if (!(s->splat.kernel_radius > 0 && s->splat.kernel_radius <= 16))
+    return invalid(error, "/splat/kernelRadius", "voxels above 0 and up to 16 wanted");
+  if (s->splat.attribute[0] && !values && strcmp(s->splat.attribute, "color") != 0)
+    return invalid(error, "/splat/attribute", "value (colours of the transfer function) or color (isosurface.color) wanted");
+  if (s->filter == TC_FILTER_NEAREST)
+    return unsupported(error, "/filter", "a footprint but of linear (a Gaussian) and cubic");
+  return check_color(s, error) && ((s->splat.opaque && !values) || check_transfer_function(&s->transfer_function, valid, error));
 }
 
 bool tc_plan_check(const tc_volume *volume, const tc_scene *scene, int width, int height, const tc_scene *valid,
@@ -251,6 +268,8 @@ bool tc_plan_check(const tc_volume *volume, const tc_scene *scene, int width, in
   if (tc_is_surface(scene->mode))
     return check_surface(scene, error) && check_rays(scene, error) && check_clipping(scene, error) &&
            check_shading(scene, error);
+  if (scene->mode == TC_MODE_SPLAT)
+    return check_splat(scene, valid, error) && check_clipping(scene, error) && check_shading(scene, error);
   return check_look(scene, valid, error) && check_sampling(volume, scene, error) && check_clipping(scene, error) &&
          check_shading(scene, error);
 }

@@ -212,6 +212,11 @@ double tc_estimate_samples(const tc_volume *volume, const tc_scene *scene, int w
     *longest = each * (scene->mpr.thickness_mm / rays.step_mm + ends(scene)) + (scene->labels.volume[0] ? 1 : 0);
     return *longest * width * height;
   }
+  if (scene->mode == TC_MODE_SPLAT) { /* footprints on every pixel, and every voxel looked at */
+    const double voxels = (double)tc_volume_bytes(volume) / (double)tc_voxel_size(tc_volume_describe(volume)->type);
+    *longest = 1;
+    return 4.0 * width * height + voxels;
+  }
   view v = {.rays = &rays, .width = width, .height = height};
   total t = {.box = {INFINITY, INFINITY, -INFINITY, -INFINITY},
              .lo = {INFINITY, INFINITY, INFINITY}, .hi = {-INFINITY, -INFINITY, -INFINITY}};

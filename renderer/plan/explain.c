@@ -13,7 +13,8 @@ const char *tc_stage_name(tc_stage stage) {
   static const char *const names[TC_STAGE_COUNT] = {
       "coefficients",   "table-1d",     "table-2d", "gradient", "skipping",    "clipping",
       "rays-per-pixel", "coherence",    "jitter",   "labels",   "termination", "alpha",
-      "depth-output",   "linear-light", "resolve",  "encode",   "error-meter", "mesh"};
+      "depth-output",   "linear-light", "resolve",  "encode",   "error-meter", "mesh",
+      "splats"};
   return (unsigned)stage < TC_STAGE_COUNT ? names[stage] : "?";
 }
 
@@ -23,7 +24,9 @@ tc_stage tc_stage_of(tc_resource resource) {
       [TC_RESOURCE_INTEGRALS] = TC_STAGE_TABLE_1D,        [TC_RESOURCE_SUPPORT] = TC_STAGE_SKIPPING,
       [TC_RESOURCE_MINMAX] = TC_STAGE_SKIPPING,           [TC_RESOURCE_LEAP] = TC_STAGE_SKIPPING,
       [TC_RESOURCE_BOXES] = TC_STAGE_SKIPPING,            [TC_RESOURCE_BOUNDS] = TC_STAGE_SKIPPING,
-      [TC_RESOURCE_LABELS] = TC_STAGE_LABELS,             [TC_RESOURCE_MESH] = TC_STAGE_MESH};
+      [TC_RESOURCE_LABELS] = TC_STAGE_LABELS,             [TC_RESOURCE_MESH] = TC_STAGE_MESH,
+      [TC_RESOURCE_RUNS] = TC_STAGE_SPLATS,               [TC_RESOURCE_SPLATS] = TC_STAGE_SPLATS,
+      [TC_RESOURCE_CUT] = TC_STAGE_SPLATS};
   return stages[resource];
 }
 
@@ -276,14 +279,35 @@ static void say_mpr(const teller *t) {
       {TC_STAGE_RAYS, "one ray a pixel"},
       {TC_STAGE_COHERENCE, "one ray a pixel: there is none to share with"},
       {TC_STAGE_JITTER, "a slice has no jitter"},
+      {TC_STAGE_SPLATS, "mode is mpr"},
       {TC_STAGE_TERMINATION, "a slab counts all of its samples"},
       {TC_STAGE_LINEAR_LIGHT, "the window gives display values: nothing composites"}};
   for (size_t i = 0; i < sizeof out / sizeof *out; i++) say(t, out[i].stage, false, "%s", out[i].reason);
   say_no_tables(t, "a slice shows values through the window, not a transfer function");
 }
 
+static void say_splats(const teller *t) {
+  static const struct { tc_stage stage; const char *reason; } out[] = {
+      {TC_STAGE_SKIPPING, "what is free is in no run"},
+      {TC_STAGE_RAYS, "splats cast no rays"},
+      {TC_STAGE_COHERENCE, "splats cast no rays"},
+      {TC_STAGE_JITTER, "splats cast no rays"},
+      {TC_STAGE_TERMINATION, "splats cast no rays"}};
+  const tc_scene *s = t->scene;
+  const bool colors = strcmp(s->splat.attribute, "value") == 0;
+  for (size_t i = 0; i < sizeof out / sizeof *out; i++) say(t, out[i].stage, false, "%s", out[i].reason);
+  say_no_tables(t, colors || !s->splat.opaque ? "the transfer function is read at voxels" : "the object has one colour");
+  say(t, TC_STAGE_GRADIENT, t->plan->key.shading != 0, !s->splat.opaque ? "a translucent object is not shaded"
+      : t->plan->key.shading ? "shading.model is %s: normals kept with the splats" : "shading.model is %s",
+      tc_shading_names[s->shading.model]);
+  say(t, TC_STAGE_SPLATS, true, "voxels of %.6g to %.6g as runs; %s, kernel of %.3g voxels; %s", s->splat.threshold[0],
+      s->splat.threshold[1], s->splat.opaque ? "surface as splats" : "all as splats, in sheets", s->splat.kernel_radius,
+      !s->splat.opaque ? "nothing hides" : s->splat.culling ? "what is hidden is left out first" : "culling is off");
+}
+
 static void say_mode(const teller *t) {
   const char *mode = tc_mode_names[t->scene->mode];
+  say(t, TC_STAGE_SPLATS, false, "mode is %s", mode);
   say_rays(t);
   say_coherence(t);
   say_skipping(t);
@@ -344,7 +368,7 @@ void tc_plan_explain(const tc_plan *plan, const tc_volume *volume, const tc_scen
   say_labels(&t);
   say_mesh(&t);
   say_picture(&t);
-  (scene->mode == TC_MODE_MPR ? say_mpr : say_mode)(&t);
+  (scene->mode == TC_MODE_MPR ? say_mpr : scene->mode == TC_MODE_SPLAT ? say_splats : say_mode)(&t);
   add_resources(&t);
 }
 

@@ -24,6 +24,7 @@ typedef enum tc_stage {
   TC_STAGE_ENCODE,       /* image encoder */
   TC_STAGE_ERROR_METER,
   TC_STAGE_MESH,         /* extraction of triangles, in clusters */
+  TC_STAGE_SPLATS,       /* an object's voxels as runs, and its surface as splats */
   TC_STAGE_COUNT
 } tc_stage;
 

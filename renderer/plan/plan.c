@@ -128,6 +128,18 @@ static void plan_mpr(tc_plan *plan, const tc_volume *volume, const tc_scene *s) 
   plan_labels(plan, s);
 }
 
+/* No rays are cast: the field is sampled nowhere. */
+static void plan_splat(tc_plan *plan, const tc_volume *volume, const tc_scene *s, const tc_plan_request *request) {
+  plan->resources = 0;
+  plan->key.voxel_type = (uint8_t)tc_volume_describe(volume)->type;
+  plan->key.projection = (uint8_t)s->camera.projection;
+  plan->key.shading = s->splat.opaque ? (uint8_t)s->shading.model : TC_SHADING_NONE;
+  plan->depth = request->want_depth;
+  need(plan, TC_RESOURCE_RUNS);
+  need(plan, TC_RESOURCE_SPLATS);
+  if (plan->key.clipping && s->splat.opaque) need(plan, TC_RESOURCE_CUT);
+}
+
 void tc_plan_make(const tc_volume *volume, const tc_scene *scene, const tc_plan_request *request, tc_plan *plan) {
   static const tc_plan_request none = {0};
   if (!request) request = &none;
@@ -145,7 +157,7 @@ void tc_plan_make(const tc_volume *volume, const tc_scene *scene, const tc_plan_
   case TC_MODE_ISOSURFACE: plan_isosurface(plan, volume, scene, request); break;
   case TC_MODE_MPR: plan_mpr(plan, volume, scene); break;
   case TC_MODE_MESH: plan_mesh(plan, volume, scene, request); break;
-  case TC_MODE_SPLAT: /* refused by tc_plan_check() */
+  case TC_MODE_SPLAT: plan_splat(plan, volume, scene, request); break;
   case TC_MODE_COUNT: break;
   }
 }

@@ -57,7 +57,7 @@ double tc_quality_cost_ms(const tc_quality_cost *cost, const tc_scene *scene, do
 
 void tc_quality_cost_add(tc_quality_cost *c, const tc_scene *scene, double pixels, double ms) {
   double rays = pixels * scene->sampling.rays_per_pixel, spacing = scene->sampling.step * tc_quality_stretch(scene);
-  if (!(rays > 0) || !(spacing > 0) || !(ms > 0) || tc_is_surface(scene->mode)) return;
+  if (!(rays > 0) || !(spacing > 0) || !(ms > 0) || tc_is_surface(scene->mode) || scene->mode == TC_MODE_SPLAT) return;
   double x = segments(c, scene, spacing), was = expected(c, rays, x);
   double kept = was > 0 && fmax(ms / was, was / ms) > SURPRISE ? 0 : KEPT;
   double y = ms / rays, w = 1 / (y * y);

@@ -61,8 +61,9 @@ static tc_quality_method method_of(const tc_scene *s, tc_classification classifi
 static bool is_timed(const tc_scene *s) { return s->quality.max_ms > 0; }
 
 bool tc_quality_refuses(const tc_scene *scene, char *reason, size_t size) {
-  if (!tc_is_surface(scene->mode)) return !is_timed(scene) && tc_meter_refuses(scene, reason, size);
-  snprintf(reason, size, "an isosurface has no steps to choose");
+  if (!tc_is_surface(scene->mode) && scene->mode != TC_MODE_SPLAT)
+    return !is_timed(scene) && tc_meter_refuses(scene, reason, size);
+  snprintf(reason, size, "mode %s has no steps to choose", tc_mode_names[scene->mode]);
   return true;
 }
 

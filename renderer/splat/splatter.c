@@ -10,7 +10,6 @@
 #include "renderer/raycast/shade.h"
 
 #define LEAST_RADIUS2 0.51 /* a circle of this radius (squared, pixels) holds a pixel's centre wherever it is */
-#define CORE_RADIUS 0.72   /* voxels; circles of this radius around the voxels of a face cover it */
 #define KERNEL_FALL 3.0    /* exponent at the kernel's rim */
 #define FEW_AREA 1e-3      /* pixels a voxel: below, weights shrink with it, so that sums do not overflow */
 
@@ -138,7 +137,7 @@ static void set_kernel(drawing *d) {
     width = fmax(width, hypot(d->to_view[0][k], d->to_view[1][k]));
   }
   g->radius2 = (float)(radius * radius);
-  const double core = fmax(CORE_RADIUS, fmin(1, CORE_RADIUS / radius));
+  const double core = fmax(TC_SPLAT_CORE, fmin(1, TC_SPLAT_CORE / radius));
   g->core_root = (float)core;
   g->core = (float)(core * core);
   g->least2 = (float)(LEAST_RADIUS2 / (core * core));
@@ -433,6 +432,26 @@ static void store_tile(const drawing *d, const tc_splat_tile *t, const float *ou
   }
 }
 
+static bool is_empty(const drawing *d, const tc_splat_tile *t) {
+  int box[4];
+  for (int i = 0; i < d->n_entries; i++)
+    if (box_in_tile(&d->entries[i], t, box)) return false;
+  return true;
+}
+
+/* False: halted. */
+static bool fill_tile(const drawing *d, tc_splat_tile *t, float *out) {
+  const int axis = sheet_axis(d);
+  if (d->args.opaque) {
+    if (!pass(d, t, false) || !pass(d, t, true)) return false;
+    d->kernels->shade(&d->args, t, out);
+  } else {
+    if (!pass_sheets(d, t, axis, 1) || !pass_sheets(d, t, axis, -1)) return false;
+    d->kernels->emit(t, out);
+  }
+  return true;
+}
+
 static void draw_tile(void *context, int index, int worker) {
   drawing *d = context;
   const tc_frame *f = d->job->frame;
@@ -441,16 +460,12 @@ static void draw_tile(void *context, int index, int worker) {
   tc_splat_tile *t = d->tiles[worker];
   t->x0 = index % across * TC_TILE, t->y0 = index / across * TC_TILE;
   t->width = MIN(TC_TILE, f->width - t->x0), t->height = MIN(TC_TILE, f->height - t->y0);
-  const bool opaque = d->args.opaque;
-  const int axis = sheet_axis(d);
-  clear_tile(t, opaque);
-  if (opaque ? !pass(d, t, false) || !pass(d, t, true) : !pass_sheets(d, t, axis, 1) || !pass_sheets(d, t, axis, -1))
-    return;
+  clear_tile(t, d->args.opaque);
   float *out = d->out + (size_t)worker * TC_TILE * TC_TILE * 4;
-  if (opaque)
-    d->kernels->shade(&d->args, t, out);
-  else
-    d->kernels->emit(t, out);
+  if (is_empty(d, t))
+    memset(out, 0, TC_TILE * TC_TILE * 4 * sizeof *out);
+  else if (!fill_tile(d, t, out))
+    return;
   store_tile(d, t, out);
   d->progress->finished[index] = true;
 }

@@ -20,6 +20,8 @@
 #include "renderer/splat/tile.h"
 #include "renderer/tomocast.h"
 
+#define TC_SPLAT_CORE 0.72 /* of a kernel of one voxel; circles of this radius around the voxels of a face cover it */
+
 typedef struct tc_splat_counts {
   uint64_t bricks, splats; /* of the model */
   uint64_t entries;        /* bricks in the picture */

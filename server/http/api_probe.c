@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "renderer/reference/reference.h"
+#include "renderer/splat/pick.h"
 
 #include "server/config/config.h"
 #include "server/http/ray_json.h"
@@ -109,8 +110,39 @@ static const tc_reference_sample *surface_of(const probe *p, const tc_reference 
   return at;
 }
 
+/* hit NULL: nothing is visible there. */
+static cJSON *pick_json(const tc_reference_sample *hit) {
+  cJSON *json = cJSON_CreateObject();
+  if (hit) {
+    cJSON_AddItemToObject(json, "position", cJSON_CreateDoubleArray(hit->position, 3));
+    cJSON_AddNumberToObject(json, "value", hit->value);
+    cJSON_AddNumberToObject(json, "depth", hit->distance_mm);
+  } else {
+    cJSON_AddNullToObject(json, "position");
+    cJSON_AddNullToObject(json, "value");
+    cJSON_AddNullToObject(json, "depth");
+  }
+  return json;
+}
+
+/* In mode splat: the voxel. Nothing integrates there, so nobody asks the reference. */
+static cJSON *voxel_json(const probe *p) {
+  tc_splat_hit hit;
+  if (!tc_splat_pick(p->volume, &p->scene, p->scene.image.width, p->scene.image.height, p->x + 0.5, p->y + 0.5, &hit))
+    return pick_json(NULL);
+  const tc_reference_sample sample = {.position = {hit.position[0], hit.position[1], hit.position[2]},
+                                      .distance_mm = hit.distance_mm, .value = hit.value};
+  cJSON *json = pick_json(&sample);
+  cJSON_AddItemToObject(json, "voxel", cJSON_CreateIntArray(hit.voxel, 3));
+  return json;
+}
+
 static void run_pick(tcs_work *work) {
   probe *p = (probe *)work;
+  if (p->scene.mode == TC_MODE_SPLAT) {
+    work->text = tcs_json_text(voxel_json(p));
+    return;
+  }
   tc_reference_sample *samples = NULL;
   size_t count = 0;
   tc_reference *r = trace(p, &samples, &count);
@@ -122,17 +154,7 @@ static void run_pick(tcs_work *work) {
   const tc_reference_sample *hit = projection   ? shown(mode, samples, count)
                                    : is_surface ? surface_of(p, r, &surface)
                                               : first_visible(samples, count);
-  cJSON *json = cJSON_CreateObject();
-  if (hit) {
-    cJSON_AddItemToObject(json, "position", cJSON_CreateDoubleArray(hit->position, 3));
-    cJSON_AddNumberToObject(json, "value", hit->value);
-    cJSON_AddNumberToObject(json, "depth", hit->distance_mm);
-  } else {
-    cJSON_AddNullToObject(json, "position");
-    cJSON_AddNullToObject(json, "value");
-    cJSON_AddNullToObject(json, "depth");
-  }
-  work->text = tcs_json_text(json);
+  work->text = tcs_json_text(pick_json(hit));
   g_free(samples);
   tc_reference_free(r);
 }

@@ -132,7 +132,15 @@ static void labels_are_checked_where_they_are_read(void **state) {
 static void what_is_not_built_is_refused(void **state) {
   fixture *f = *state;
   f->scene.mode = TC_MODE_SPLAT;
-  expect(f, TC_ERROR_UNSUPPORTED, "/mode");
+  f->scene.filter = TC_FILTER_NEAREST;
+  expect(f, TC_ERROR_UNSUPPORTED, "/filter");
+  f->scene.filter = TC_FILTER_LINEAR;
+  f->scene.splat.kernel_radius = 0;
+  expect(f, TC_ERROR_INVALID, "/splat/kernelRadius");
+  f->scene.splat.kernel_radius = 1;
+  g_strlcpy(f->scene.splat.attribute, "density", sizeof f->scene.splat.attribute);
+  expect(f, TC_ERROR_INVALID, "/splat/attribute");
+  f->scene.splat.attribute[0] = 0;
   f->scene.mode = TC_MODE_DVR;
 }
 

@@ -1,0 +1,10 @@
+/* Mode splat of a scene over a volume: drawn by the pool, whatever the back end; and what its pixels show. */
+#ifndef TC_SPLAT_MODE_H
+#define TC_SPLAT_MODE_H
+
+#include "renderer/backend.h"
+
+/* A tc_drawer. */
+bool tc_splat_mode_draw(tc_pool *pool, const tc_job *job, GError **error);
+
+#endif

@@ -1,0 +1,21 @@
+/* What a pixel of mode splat shows. */
+#ifndef TC_SPLAT_PICK_H
+#define TC_SPLAT_PICK_H
+
+#include "renderer/scene.h"
+#include "renderer/volume/volume.h"
+
+typedef struct tc_splat_hit {
+  int voxel[3];
+  double position[3]; /* LPS mm of its centre */
+  double value;
+  double distance_mm; /* from the eye */
+} tc_splat_hit;
+
+/* The nearest voxel within splat.threshold that the ray through pixel (x, y) of a picture of this size passes, as near
+ * as the core of its footprint reaches (splatter.h), and that clipping leaves. False: none. Reads voxels along one ray.
+ */
+bool tc_splat_pick(const tc_volume *volume, const tc_scene *scene, int width, int height, double x, double y,
+                   tc_splat_hit *hit);
+
+#endif
