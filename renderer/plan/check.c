@@ -6,6 +6,7 @@
 #include "renderer/classify/labels.h"
 #include "renderer/plan/plan.h"
 #include "renderer/raycast/grey.h"
+#include "renderer/scene_check.h"
 
 /* A ray takes at most this many samples: more is a mistake in the scene, and float positions end there. */
 #define MAX_SAMPLES_PER_RAY 8e6
@@ -19,30 +20,9 @@ static bool invalid(GError **error, const char *pointer, const char *message) {
 
 static bool finite3(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
 
-static bool check_camera(const tc_camera *c, GError **error) {
-  if (!finite3(c->position)) return invalid(error, "/camera/position", "three finite numbers wanted");
-  if (!finite3(c->target)) return invalid(error, "/camera/target", "three finite numbers wanted");
-  if (!finite3(c->up)) return invalid(error, "/camera/up", "three finite numbers wanted");
-  double d[3], cross[3], d2 = 0, up2 = 0, cross2 = 0;
-  for (int k = 0; k < 3; k++) {
-    d[k] = c->target[k] - c->position[k];
-    d2 += d[k] * d[k];
-    up2 += c->up[k] * c->up[k];
-  }
-  for (int k = 0; k < 3; k++) {
-    int a = (k + 1) % 3, b = (k + 2) % 3;
-    cross[k] = d[a] * c->up[b] - d[b] * c->up[a];
-    cross2 += cross[k] * cross[k];
-  }
-  if (!(d2 > 0)) return invalid(error, "/camera/target", "the target is the position: nothing to look along");
-  if (!(up2 > 0)) return invalid(error, "/camera/up", "a vector that is not zero wanted");
-  if (!(cross2 > 1e-18 * d2 * up2))
-    return invalid(error, "/camera/up", "parallel to the view direction: choose another");
-  if (c->projection == TC_PERSPECTIVE && !(c->fov_y_deg > 0 && c->fov_y_deg < 180))
-    return invalid(error, "/camera/fovY", "degrees above 0 and below 180 wanted");
-  if (c->projection == TC_ORTHOGRAPHIC && !(c->height_mm > 0 && isfinite(c->height_mm)))
-    return invalid(error, "/camera/height", "mm above 0 wanted");
-  return true;
+static bool check_camera(const tc_camera *camera, GError **error) {
+  const char *pointer, *fault = tc_camera_fault(camera, &pointer);
+  return !fault || invalid(error, pointer, fault);
 }
 
 /* A list that is shared with a scene that was found valid is so as well. */
@@ -168,7 +148,7 @@ static bool check_labels(const tc_scene *scene, const tc_scene *valid, GError **
 static bool check_image(int width, int height, GError **error) {
   if (width < 1 || height < 1)
     return invalid(error, width < 1 ? "/image/width" : "/image/height", "at least 1 pixel wanted");
-  if (width > TC_MAX_IMAGE_SIDE || height > TC_MAX_IMAGE_SIDE || (int64_t)width * height > TC_MAX_IMAGE_AREA) {
+  if (!tc_image_fits(width, height)) {
     tc_set_error(error, TC_ERROR_LIMIT, width > TC_MAX_IMAGE_SIDE ? "/image/width" : "/image/height",
                  "image: %dx%d is over the limit of %d a side and %d pixels", width, height, TC_MAX_IMAGE_SIDE,
                  TC_MAX_IMAGE_AREA);
@@ -177,17 +157,9 @@ static bool check_image(int width, int height, GError **error) {
   return true;
 }
 
-static bool check_oblique(const double n[3], const double up[3], GError **error) {
-  double n2 = 0, up2 = 0, cross2 = 0;
-  for (int k = 0; k < 3; k++) {
-    int a = (k + 1) % 3, b = (k + 2) % 3;
-    double cross = n[a] * up[b] - n[b] * up[a];
-    n2 += n[k] * n[k], up2 += up[k] * up[k], cross2 += cross * cross;
-  }
-  if (!(n2 > 0) || !isfinite(n2)) return invalid(error, "/mpr/normal", "a vector that is not zero wanted");
-  if (!(up2 > 0) || !isfinite(up2)) return invalid(error, "/mpr/up", "a vector that is not zero wanted");
-  if (!(cross2 > 1e-18 * n2 * up2)) return invalid(error, "/mpr/up", "parallel to mpr.normal: choose another");
-  return true;
+static bool check_plane(const tc_scene *scene, GError **error) {
+  const char *pointer, *fault = tc_slice_fault(scene, &pointer);
+  return !fault || invalid(error, pointer, fault);
 }
 
 static bool check_mpr(const tc_volume *volume, const tc_scene *scene, GError **error) {
@@ -196,7 +168,7 @@ static bool check_mpr(const tc_volume *volume, const tc_scene *scene, GError **e
   if ((unsigned)scene->mpr.projection >= TC_SLAB_PROJECTION_COUNT) return invalid(error, "/mpr/projection", "unknown");
   if (scene->mpr.has_center && !finite3(scene->mpr.center))
     return invalid(error, "/mpr/center", "three finite numbers wanted");
-  if (scene->mpr.orientation == TC_OBLIQUE && !check_oblique(scene->mpr.normal, scene->mpr.up, error)) return false;
+  if (!check_plane(scene, error)) return false;
   double thickness = scene->mpr.thickness_mm, zoom = scene->mpr.zoom, step = scene->sampling.step;
   if (!(thickness >= 0) || !isfinite(thickness)) return invalid(error, "/mpr/thickness", "mm of at least 0 wanted");
   if (!(zoom > 0) || !isfinite(zoom)) return invalid(error, "/mpr/zoom", "a factor above 0 wanted");

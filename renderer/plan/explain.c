@@ -5,8 +5,8 @@
 #include <string.h>
 
 #include "renderer/classify/integrals.h"
-#include "renderer/quality/meter.h"
 #include "renderer/raycast/rays.h"
+#include "renderer/reference/reference.h"
 #include "renderer/skip/boxes.h"
 
 const char *tc_stage_name(tc_stage stage) {
@@ -164,6 +164,13 @@ static void say_clipping(const teller *t) {
         s->clip.has_box ? "a clip box and " : "", s->clip.n_planes);
   else
     say(t, TC_STAGE_CLIPPING, false, "no clip box or plane");
+}
+
+bool tc_meter_refuses(const tc_scene *scene, char *reason, size_t size) {
+  const char *member = tc_reference_missing(scene);
+  if (!member || !strcmp(member, "/labels/volume")) return false; /* the meter is given the labels */
+  snprintf(reason, size, "the reference has nothing for this %s", member + 1);
+  return true;
 }
 
 static void say_meter(const teller *t) {

@@ -71,4 +71,8 @@ void tc_plan_explain(const tc_plan *plan, const tc_volume *volume, const tc_scen
 bool tc_explain(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_explanation *explanation,
                 GError **error);
 
+/* Why a scene's frames cannot be measured by the error meter (quality/meter.h), one
+ * phrase in `size` bytes; false: they can be. Pure. */
+bool tc_meter_refuses(const tc_scene *scene, char *reason, size_t size);
+
 #endif

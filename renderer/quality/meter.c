@@ -24,13 +24,6 @@ struct tc_meter {
   meter_pixel pixels[];
 };
 
-bool tc_meter_refuses(const tc_scene *scene, char *reason, size_t size) {
-  const char *member = tc_reference_missing(scene);
-  if (!member || !strcmp(member, "/labels/volume")) return false; /* tc_meter_measure() is given the labels */
-  snprintf(reason, size, "the reference has nothing for this %s", member + 1);
-  return true;
-}
-
 /* ---- which pixels ---- */
 
 /* splitmix64 (Steele, Lea, Flood 2014). */

@@ -30,9 +30,6 @@ typedef struct tc_meter_result {
   double ms;        /* what it took */
 } tc_meter_result;
 
-/* Why a scene's frames cannot be measured, one phrase in `size` bytes; false: they can be. Pure. */
-bool tc_meter_refuses(const tc_scene *scene, char *reason, size_t size);
-
 /* Picks the pixels and keeps what the frame has there; `frame` was rendered with want_linear. All pixels, once each,
  * when `count` is at least as many. NULL when memory is short. Quick: for the render thread. */
 tc_meter *tc_meter_new(const tc_frame *frame, int count, uint64_t seed);
