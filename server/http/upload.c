@@ -171,7 +171,8 @@ void tcs_upload_write(tcs_request *request, const void *bytes, size_t size) {
   MHD_suspend_connection(request->connection);
 }
 
-static void leave_ended(tcs_request *request) { tcs_upload_leave(request); }
+/* The connection goes on to be closed: who wakes it has to know that it is suspended. */
+static void leave_ended(tcs_request *request) { drop(request->upload); }
 
 void tcs_upload_end(tcs_request *request) {
   tcs_upload *upload = request->upload;
