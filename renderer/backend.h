@@ -48,6 +48,7 @@ typedef struct tc_job {
   const tc_volume *label_volume; /* what scene.labels names; checked, and read if there are have.labels */
   const tc_halt *halt; /* may be NULL: nobody interrupts */
   double pixel_samples; /* of its rays, from above, as tc_estimate_samples() counts them; 0: unknown */
+  const char *isa; /* instruction set of the cpu back end, where the cpu draws */
   bool want_linear;
   tc_frame *frame; /* width, height set; buffers allocated; stats.samples, .rays to be filled, .tables_ms added to */
 } tc_job;

@@ -70,7 +70,7 @@ bool tc_mesh_frame_draw(tc_pool *pool, const tc_job *job, GError **error) {
   for (int i = 0; i < n_samples; i++) samples[i][0] = job->rays->of_pixel[i].x, samples[i][1] = job->rays->of_pixel[i].y;
   const tc_raster_job raster = {.mesh = mesh,
                                 .view = &view,
-                                .kernels = tc_raster_kernels_widest(),
+                                .kernels = tc_raster_kernels_named(job->isa),
                                 .look = look_of(job),
                                 .n_samples = n_samples,
                                 .samples = (const double(*)[2])samples,

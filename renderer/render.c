@@ -239,6 +239,7 @@ static bool draw(drawing *d, bool hurry, GError **error) {
   const double before = d->stats->tables_ms;
   /* A frame that was paused goes on with who began it: the two are not the same to the last bit. */
   const bool begun = tc_frame_position(d->job.frame) > 0, hurried = begun && d->stats->stand_in;
+  d->job.isa = d->ops->isa(d->instance);
   if (tc_drawers[d->plan.key.mode]) return tc_drawers[d->plan.key.mode](r->pool, &d->job, error);
   if (d->ops != r->ops) {
     d->stats->stand_in = true;

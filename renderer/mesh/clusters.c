@@ -12,6 +12,10 @@
 #define DIGITS (1 << DIGIT_BITS)
 #define LEFT_OUT UINT32_MAX /* key of a triangle that nobody can see: after all others */
 
+/* One instruction each; the first where the second is no number. */
+static inline float lesser(float a, float b) { return b < a ? b : a; }
+static inline float greater(float a, float b) { return b > a ? b : a; }
+
 typedef struct keyed {
   uint32_t key, triangle;
 } keyed;
@@ -80,8 +84,8 @@ static void measure_chunk(void *context, int chunk, int worker) {
     for (int v = 0; v < 3; v++) {
       c->edges += edge_sum(t[v], t[(v + 1) % 3]);
       for (int k = 0; k < 3; k++) {
-        c->lo[k] = fminf(c->lo[k], m->positions[t[v]][k]);
-        c->hi[k] = fmaxf(c->hi[k], m->positions[t[v]][k]);
+        c->lo[k] = lesser(c->lo[k], m->positions[t[v]][k]);
+        c->hi[k] = greater(c->hi[k], m->positions[t[v]][k]);
       }
     }
   }
@@ -111,7 +115,7 @@ static uint32_t key_of(const builder *b, const uint32_t t[3]) {
   uint32_t key = 0;
   for (int k = 0; k < 3; k++) {
     float middle = (m->positions[t[0]][k] + m->positions[t[1]][k] + m->positions[t[2]][k]) / 3;
-    float at = fminf(fmaxf((middle - b->lo[k]) * b->inverse[k], 0), 1023);
+    float at = lesser(greater((middle - b->lo[k]) * b->inverse[k], 0), 1023);
     key |= spread_bits((uint32_t)at) << k;
   }
   return key;
@@ -249,8 +253,8 @@ static void bound_vertices(const builder *b, tc_cluster *k, const numbering *t) 
   for (int d = 0; d < 3; d++) lo[d] = INFINITY, hi[d] = -INFINITY;
   for (uint32_t i = 0; i < t->n; i++)
     for (int d = 0; d < 3; d++) {
-      lo[d] = fminf(lo[d], b->mesh->positions[t->of[i]][d]);
-      hi[d] = fmaxf(hi[d], b->mesh->positions[t->of[i]][d]);
+      lo[d] = lesser(lo[d], b->mesh->positions[t->of[i]][d]);
+      hi[d] = greater(hi[d], b->mesh->positions[t->of[i]][d]);
     }
   for (int d = 0; d < 3; d++) k->centre[d] = 0.5f * (lo[d] + hi[d]);
   for (uint32_t i = 0; i < t->n; i++) {
@@ -259,7 +263,7 @@ static void bound_vertices(const builder *b, tc_cluster *k, const numbering *t) 
       float r = b->mesh->positions[t->of[i]][d] - k->centre[d];
       sum += r * r;
     }
-    most = fmaxf(most, sum);
+    most = greater(most, sum);
   }
   k->radius = sqrtf(most) * (1 + 1e-5f);
 }
@@ -275,7 +279,7 @@ static void bound_normals(const builder *b, tc_cluster *k, const cut *c) {
   for (int d = 0; d < 3; d++) k->axis[d] = (float)(axis[d] /= fmax(sqrt(length), 1e-30));
   for (int i = 0; i < c->n_triangles; i++) {
     double along = n[i][0] * axis[0] + n[i][1] * axis[1] + n[i][2] * axis[2];
-    least = fmin(least, along == along ? along : -1);
+    if (!(along >= least)) least = along == along ? along : -1;
   }
   k->spread = least > 0 ? (float)(sqrt(fmax(1 - least * least, 0)) + 1e-5) : 2;
 }
@@ -318,11 +322,11 @@ static void set_grid(builder *b) {
   for (int c = 0; c < b->n_chunks; c++) {
     edges += b->chunks[c].edges;
     for (int k = 0; k < 3; k++) {
-      b->lo[k] = fminf(b->lo[k], b->chunks[c].lo[k]);
-      hi[k] = fmaxf(hi[k], b->chunks[c].hi[k]);
+      b->lo[k] = lesser(b->lo[k], b->chunks[c].lo[k]);
+      hi[k] = greater(hi[k], b->chunks[c].hi[k]);
     }
   }
-  float longest = fmaxf(hi[0] - b->lo[0], fmaxf(hi[1] - b->lo[1], hi[2] - b->lo[2]));
+  float longest = greater(hi[0] - b->lo[0], greater(hi[1] - b->lo[1], hi[2] - b->lo[2]));
   for (int k = 0; k < 3; k++) {
     b->inverse[k] = longest > 0 ? 1024 / longest : 0;
     b->out->centre[k] = longest >= 0 ? 0.5f * (b->lo[k] + hi[k]) : 0;

@@ -200,7 +200,7 @@ static void sort_list(const drawing *d, const uint32_t *list, size_t n, uint32_t
     hi = near > hi && near < INFINITY ? near : hi;
   }
   const float scale = hi > lo ? (BUCKETS - 1) / (hi - lo) : 0;
-#define BUCKET(cluster) ((size_t)((hi - fminf(d->sights[cluster].nearest, hi)) * scale))
+#define BUCKET(cluster) ((size_t)((hi - (d->sights[cluster].nearest < hi ? d->sights[cluster].nearest : hi)) * scale))
   for (size_t i = 0; i < n && hi >= lo; i++) at[BUCKET(list[i]) + 1]++;
   for (int b = 0; b < BUCKETS; b++) at[b + 1] += at[b];
   for (size_t i = 0; i < n; i++) order[hi >= lo ? at[BUCKET(list[i])]++ : i] = list[i];
@@ -425,12 +425,4 @@ const tc_raster_kernels *tc_raster_kernels_named(const char *isa) {
   if (!strcmp(isa, "scalar")) return &tc_raster_scalar;
   if (!strcmp(isa, "avx2")) return &tc_raster_avx2;
   return strcmp(isa, "avx512") ? NULL : &tc_raster_avx512;
-}
-
-const tc_raster_kernels *tc_raster_kernels_widest(void) {
-  __builtin_cpu_init();
-  if (!__builtin_cpu_supports("avx2") || !__builtin_cpu_supports("fma")) return &tc_raster_scalar;
-  const bool wide = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-                    __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
-  return wide ? &tc_raster_avx512 : &tc_raster_avx2;
 }

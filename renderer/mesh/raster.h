@@ -44,7 +44,6 @@ typedef struct tc_raster_counts {
 typedef struct tc_raster_kernels tc_raster_kernels;
 /* "scalar", "avx2", "avx512"; NULL where there is no such. The caller asks the processor first. */
 const tc_raster_kernels *tc_raster_kernels_named(const char *isa);
-const tc_raster_kernels *tc_raster_kernels_widest(void); /* that this processor runs */
 
 typedef struct tc_raster_job {
   const tc_clusters *mesh;
