@@ -41,7 +41,8 @@ export class Modes {
     const back = untouched && mode !== scene.mode ? had : {};
     const plain = mergePatch(scene, back);
     const brings = BRINGS[mode]?.(plain, this.#volume) ?? {};
-    if (mode !== scene.mode) this.#lent.set(mode, { brought: brings, had: difference(mergePatch(plain, brings), plain) });
+    if (mode !== scene.mode)
+      this.#lent.set(mode, { brought: brings, had: difference(mergePatch(plain, brings), plain) });
     return joinPatches({ mode, ...back }, brings);
   }
 }

@@ -94,23 +94,29 @@ describe('undo', { skip }, () => {
     assert.ok(await page.isDisabled('#redo'));
   });
 
-  test('surfaces are lit and exact, and the look is as it was after them', async () => {
-    await page.selectOption('#mode', 'dvr');
-    await page.selectOption('[data-path="shading.model"]', 'none');
-    await page.selectOption('[data-path="filter"]', 'cubic');
-    const { mode, ...before } = await served();
-    await page.selectOption('#mode', 'isosurface');
-    const surface = await served();
-    assert.deepEqual([surface.shading.model, surface.filter], ['blinn-phong', 'linear']);
-    await settled(page);
-    const label = await page.textContent('#label');
-    assert.match(label, /Surface at /);
-    assert.doesNotMatch(label, /C -?\d.* W /);
-    await page.selectOption('#mode', 'dvr');
-    const { mode: again, ...after } = await served();
-    assert.deepEqual(after, before);
-    assert.equal(again, mode);
-  });
+  for (const kind of ['isosurface', 'mesh'])
+    test(`a surface as ${kind} is lit and exact, follows its slider, and leaves the look as it was`, async () => {
+      await page.selectOption('#mode', 'dvr');
+      await page.selectOption('[data-path="shading.model"]', 'none');
+      await page.selectOption('[data-path="filter"]', 'cubic');
+      const { mode, ...before } = await served();
+      await page.selectOption('#mode', kind);
+      const surface = await served();
+      assert.deepEqual([surface.shading.model, surface.filter], ['blinn-phong', 'linear']);
+      await settled(page);
+      const label = await page.textContent('#label');
+      assert.match(label, /Surface at /);
+      assert.doesNotMatch(label, /C -?\d.* W /);
+      await slide(page.locator('input[type=range][data-path="isosurface.value"]'), 0.7);
+      assert.ok((await served()).isosurface.value > surface.isosurface.value);
+      await settled(page);
+      assert.notEqual(await page.textContent('#label'), label);
+      await page.keyboard.press('Control+z');
+      await page.selectOption('#mode', 'dvr');
+      const { mode: again, ...after } = await served();
+      assert.deepEqual(after, before);
+      assert.equal(again, mode);
+    });
 
   test('view keys work with a menu in focus, and all keys after a choice by hand', async () => {
     await page.selectOption('#mode', 'dvr');
