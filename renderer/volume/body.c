@@ -129,18 +129,18 @@ static void find_box(body *b) {
 static bool mark_hidden(body *b, int y, int z) {
   const int *size = b->parts.voxels;
   const uint8_t *cells = tc_body_parts_row(&b->parts, y / size[1], z / size[2]);
-  int c = 0;
-  while (c < b->parts.n[0] && !(cells[c] & TC_CELL_NEAR))
-    c++;
-  if (c == b->parts.n[0]) return false;
-  mark(b, y, z, b->from, b->to);
-  for (int x = c = 0; c < b->parts.n[0]; c++) {
-    const int end = least((c + 1) * size[0], b->n[0]);
-    const bool near = cells[c] & TC_CELL_NEAR, kept = (cells[c] & TC_CELL_PLACE) == TC_CELL_KEPT;
-    for (; x < end; x++)
-      b->mask[x] = near && !(kept && b->mask[x]);
+  const uint8_t beside = TC_CELL_NEAR | TC_CELL_KEPT;
+  bool near = false, both = memchr(cells, beside, (size_t)b->parts.n[0]) != NULL;
+  if (both) mark(b, y, z, b->from, b->to);
+  for (int c = 0; c < b->parts.n[0]; c++) {
+    const int from = c * size[0], end = least(from + size[0], b->n[0]);
+    near |= cells[c] & TC_CELL_NEAR;
+    if (cells[c] == beside)
+      for (int x = from; x < end; x++) b->mask[x] = !b->mask[x];
+    else
+      memset(b->mask + from, cells[c] & TC_CELL_NEAR ? 1 : 0, (size_t)(end - from));
   }
-  return true;
+  return near;
 }
 
 /* Marks what of a row goes: what is hidden, and padding. False: nothing. */
@@ -177,26 +177,19 @@ static double air_voxel(const body *b) {
   return fmin(fmax((b->options->air - d->intercept) / d->slope, s->voxel_min), s->voxel_max);
 }
 
-static void put(uint8_t *row, tc_voxel_type type, int x, double voxel) {
+/* The same voxel so many times. */
+static void put(void *to, tc_voxel_type type, size_t count, double voxel) {
+  size_t size = tc_voxel_size(type), done = size;
   switch (type) {
-  case TC_U8:
-    row[x] = (uint8_t)voxel;
-    break;
-  case TC_I8:
-    ((int8_t *)row)[x] = (int8_t)voxel;
-    break;
-  case TC_U16:
-    ((uint16_t *)row)[x] = (uint16_t)voxel;
-    break;
-  case TC_I16:
-    ((int16_t *)row)[x] = (int16_t)voxel;
-    break;
-  case TC_F32:
-    ((float *)row)[x] = (float)voxel;
-    break;
-  case TC_VOXEL_TYPE_COUNT:
-    break;
+  case TC_U8: *(uint8_t *)to = (uint8_t)voxel; break;
+  case TC_I8: *(int8_t *)to = (int8_t)voxel; break;
+  case TC_U16: *(uint16_t *)to = (uint16_t)voxel; break;
+  case TC_I16: *(int16_t *)to = (int16_t)voxel; break;
+  case TC_F32: *(float *)to = (float)voxel; break;
+  case TC_VOXEL_TYPE_COUNT: break;
   }
+  for (; done < count * size; done *= 2)
+    memcpy((uint8_t *)to + done, to, done < count * size - done ? done : count * size - done);
 }
 
 static bool fill(body *b, tc_volume *made) {
@@ -210,8 +203,10 @@ static bool fill(body *b, tc_volume *made) {
       memcpy(to, row_of(b->volume, y, z) + (size_t)b->low[0] * size, width);
       if (!mark_row(b, y, z)) continue;
       const uint8_t *mask = b->mask + b->low[0], *end = mask + d->dims[0];
-      for (const uint8_t *at = mask; at < end && (at = memchr(at, 1, (size_t)(end - at))); at++)
-        put(to, d->type, (int)(at - mask), air);
+      for (const uint8_t *at = mask, *after; at < end && (at = memchr(at, 1, (size_t)(end - at))); at = after) {
+        if (!(after = memchr(at, 0, (size_t)(end - at)))) after = end;
+        put(to + (size_t)(at - mask) * size, d->type, (size_t)(after - at), air);
+      }
     }
   }
   return true;

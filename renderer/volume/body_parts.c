@@ -272,9 +272,13 @@ static void measure_body(finder *f) {
 
 static bool is_beyond(span s, int at) { return at < s.first || at > s.last; }
 
+static bool is_outside(const finder *f, const int at[3]) {
+  const int *n = f->p->n;
+  return is_beyond(f->rows[at[2] * n[1] + at[1]], at[0]) || is_beyond(f->columns[at[2] * n[0] + at[0]], at[1]);
+}
+
 /* The part that is in the queue. */
 static part measure(const finder *f, size_t cells) {
-  const int *n = f->p->n;
   part a = no_part();
   for (size_t j = 0; j < cells; j++) {
     int at[3];
@@ -282,7 +286,7 @@ static part measure(const finder *f, size_t cells) {
     add_cell(f, f->queue[j], at, PART, &a);
     a.deep += is_deep(f, f->queue[j], PART);
     const span slice = f->slices[at[2]];
-    a.outside += is_beyond(f->rows[at[2] * n[1] + at[1]], at[0]) || is_beyond(f->columns[at[2] * n[0] + at[0]], at[1]);
+    a.outside += is_outside(f, at);
     a.behind += f->p->back > 0 ? at[1] > slice.last : f->p->back < 0 ? at[1] < slice.first : 0;
   }
   return a;
@@ -319,10 +323,19 @@ static bool choose(finder *f, uint8_t place, uint8_t otherwise) {
   return hidden;
 }
 
+/* Beside what is hidden and around it, also what is foam within a table and cloth beside it: not dense, but to be seen
+ * in projections. */
 static void mark_near(finder *f) {
   mark_around(f, TC_CELL_HIDDEN);
   for (size_t i = 0; i < f->count; i++)
     if (f->marks[i]) f->p->cells[i] |= TC_CELL_NEAR;
+  mark_around(f, TC_CELL_KEPT);
+  for (size_t i = 0; i < f->count; i++) {
+    int at[3];
+    if (f->p->cells[i] != TC_CELL_AIR || f->marks[i]) continue;
+    place_of(f, i, at);
+    if (is_outside(f, at)) f->p->cells[i] |= TC_CELL_NEAR;
+  }
 }
 
 static bool goes_on(const finder *f) { return !f->goes_on || f->goes_on(f->user); }

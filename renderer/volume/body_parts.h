@@ -14,7 +14,7 @@
 
 /* A cell's place; beside it there may be TC_CELL_NEAR. */
 enum { TC_CELL_AIR, TC_CELL_DENSE, TC_CELL_KEPT, TC_CELL_HIDDEN };
-#define TC_CELL_NEAR 0x80 /* hidden, or one of its 26 neighbours is */
+#define TC_CELL_NEAR 0x80 /* hidden, or one of its 26 neighbours is; or air outside of the body and not beside it */
 #define TC_CELL_PLACE 0x7f
 
 typedef struct tc_body_parts {
