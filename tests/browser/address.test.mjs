@@ -1,14 +1,14 @@
 // Addresses that hold a view, back and forward, links to sessions that are over; uploads under the user's own names.
 import assert from 'node:assert/strict';
-import { after, before, describe, test } from 'node:test';
+import { describe, test } from 'node:test';
 
 import { readHash, viewText } from '../../web/address.js';
 import { LocalNames, nameOf } from '../../web/local_names.js';
 import { lengthsText, lengthText, placeText } from '../../web/units.js';
-import { browserMissing, launch } from './chromium.mjs';
-import { daemonMissing, smallNrrd, startDaemon } from './daemon.mjs';
+import { browserMissing } from './chromium.mjs';
+import { daemonMissing, smallNrrd } from './daemon.mjs';
 import { settled, stageData } from './picture.mjs';
-import { linkOf, open, scene } from './scenarios.mjs';
+import { linkOf, open, scene, serve } from './scenarios.mjs';
 
 const skip = daemonMissing() || (await browserMissing());
 
@@ -69,15 +69,7 @@ describe('addresses and names', { skip }, () => {
   let browser;
   let daemon;
   let page;
-  before(async () => {
-    browser = await launch();
-    daemon = await startDaemon(['head', 'bucky', 'parts'].flatMap((id) => ['--volume', `${id}=demo:${id.replace('parts', 'head-labels')}`]));
-    ({ page } = await open(browser, `${daemon.url}#head`));
-  });
-  after(async () => {
-    await browser?.close();
-    await daemon?.stop();
-  });
+  serve({ head: 'demo:head', bucky: 'demo:bucky', parts: 'demo:head-labels' }, 'head', (made) => ({ browser, daemon, page } = made));
 
   const hash = (of = page) => of.evaluate(() => location.hash);
   const shown = (id, of = page) => of.waitForFunction((name) => document.getElementById('volume-name').textContent === name, id);

@@ -83,7 +83,7 @@ describe('caption', { skip }, () => {
   test('random edits by two viewers, with drops: every frame drawn has its own letters', async () => {
     const one = await visit(browser, `${daemon.url}#head`);
     const { session } = await stageData(one);
-    const two = await visit(browser, `${daemon.url}?session=${session}`, { viewport: { width: 1000, height: 700 } });
+    const two = await visit(browser, `${daemon.url}?session=${session}`, { viewport: { width: 920, height: 560 } });
     const next = random(7);
     const keys = ['a', 'p', 'l', 'r', 'h', 'f', 'ArrowLeft', 'ArrowUp', '+', '-'];
     for (let i = 0; i < 40; i++) {

@@ -28,7 +28,7 @@ export async function launch() {
   const browser = await chromium.launch({ executablePath: BINARY, headless: true, args: FLAGS });
   return {
     async page(options = {}) {
-      const context = await browser.newContext({ viewport: { width: 1280, height: 800 }, ...options });
+      const context = await browser.newContext({ viewport: { width: 1000, height: 640 }, ...options });
       const page = await context.newPage();
       page.complaints = [];
       page.on('pageerror', (error) => page.complaints.push(String(error)));

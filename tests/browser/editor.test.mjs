@@ -1,26 +1,17 @@
 // The transfer-function editor by pointer, keys and fingers, on the page of the real daemon (TC_BINARY).
 import assert from 'node:assert/strict';
-import { after, before, describe, test } from 'node:test';
+import { describe, test } from 'node:test';
 
-import { browserMissing, launch } from './chromium.mjs';
-import { daemonMissing, startDaemon } from './daemon.mjs';
-import { open, scene } from './scenarios.mjs';
+import { browserMissing } from './chromium.mjs';
+import { daemonMissing } from './daemon.mjs';
+import { scene, serve } from './scenarios.mjs';
 
 const skip = daemonMissing() || (await browserMissing());
 
 describe('transfer-function editor', { skip }, () => {
-  let browser;
   let daemon;
   let page;
-  before(async () => {
-    browser = await launch();
-    daemon = await startDaemon(['--volume', 'head=demo:head']);
-    ({ page } = await open(browser, `${daemon.url}#head`, { hasTouch: true }));
-  });
-  after(async () => {
-    await browser?.close();
-    await daemon?.stop();
-  });
+  serve({ head: 'demo:head' }, 'head', (made) => ({ daemon, page } = made), { hasTouch: true });
 
   const points = async () => (await scene(page)).transferFunction.points;
   const axis = () => page.evaluate(() => ['axis-low', 'axis-high'].map((id) => Number(document.getElementById(id).value)));

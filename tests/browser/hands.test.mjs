@@ -1,12 +1,12 @@
 // Wheel, double click, keys and fingers on the page of the real daemon (TC_BINARY): what was under them stays there.
 import assert from 'node:assert/strict';
-import { after, before, describe, test } from 'node:test';
+import { before, describe, test } from 'node:test';
 
 import { basis, distance, dot, sub } from '../../web/camera.js';
-import { browserMissing, launch } from './chromium.mjs';
-import { daemonMissing, startDaemon } from './daemon.mjs';
+import { browserMissing } from './chromium.mjs';
+import { daemonMissing } from './daemon.mjs';
 import { difference, settled, stageBox, stageData } from './picture.mjs';
-import { open, scene } from './scenarios.mjs';
+import { open, scene, serve } from './scenarios.mjs';
 
 const skip = daemonMissing() || (await browserMissing());
 const RADIANS = Math.PI / 180;
@@ -35,16 +35,8 @@ describe('hands on the picture', { skip }, () => {
   let daemon;
   let page;
   let stage;
-  before(async () => {
-    browser = await launch();
-    daemon = await startDaemon(['--volume', 'head=demo:head']);
-    ({ page } = await open(browser, `${daemon.url}#head`, { viewport: { width: 1000, height: 640 } }));
-    stage = await stageBox(page);
-  });
-  after(async () => {
-    await browser?.close();
-    await daemon?.stop();
-  });
+  serve({ head: 'demo:head' }, 'head', (made) => ({ browser, daemon, page } = made));
+  before(async () => (stage = await stageBox(page)));
 
   const camera = async (of = page) => (await scene(of)).camera;
   const middle = async () => (await scene(page)).mpr.center;

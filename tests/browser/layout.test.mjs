@@ -2,12 +2,12 @@
 import assert from 'node:assert/strict';
 import { readFile } from 'node:fs/promises';
 import { createRequire } from 'node:module';
-import { after, before, describe, test } from 'node:test';
+import { before, describe, test } from 'node:test';
 
-import { browserMissing, launch } from './chromium.mjs';
-import { daemonMissing, startDaemon } from './daemon.mjs';
+import { browserMissing } from './chromium.mjs';
+import { daemonMissing } from './daemon.mjs';
 import { settled, stageBox } from './picture.mjs';
-import { open } from './scenarios.mjs';
+import { serve } from './scenarios.mjs';
 
 const skip = daemonMissing() || (await browserMissing());
 const SIZES = [
@@ -23,8 +23,13 @@ const TABS = ['colour', 'render', 'labels', 'crop', 'picture', 'volume'];
 async function axe(page, parts = null) {
   const found = await page.evaluate(async (include) => {
     const tags = ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', 'best-practice'];
-    const { violations } = await globalThis.axe.run(include ?? document, { runOnly: { type: 'tag', values: tags }, resultTypes: ['violations'] });
-    return violations.flatMap(({ id, nodes }) => nodes.map(({ target, failureSummary }) => `${id}: ${target} ${failureSummary}`));
+    const { violations } = await globalThis.axe.run(include ?? document, {
+      runOnly: { type: 'tag', values: tags },
+      resultTypes: ['violations'],
+    });
+    return violations.flatMap(({ id, nodes }) =>
+      nodes.map(({ target, failureSummary }) => `${id}: ${target} ${failureSummary}`),
+    );
   }, parts);
   return [...new Set(found)];
 }
@@ -33,23 +38,19 @@ describe('what fits where', { skip }, () => {
   let browser;
   let daemon;
   let page;
-  before(async () => {
-    browser = await launch();
-    daemon = await startDaemon(['--volume', 'head=demo:head', '--volume', 'parts=demo:head-labels']);
-    ({ page } = await open(browser, `${daemon.url}#head`));
-    await page.evaluate(await readFile(createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8'));
-  });
-  after(async () => {
-    await browser?.close();
-    await daemon?.stop();
-  });
+  serve({ head: 'demo:head', parts: 'demo:head-labels' }, 'head', (made) => ({ browser, daemon, page } = made));
+  before(async () =>
+    page.evaluate(await readFile(createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8')),
+  );
 
   const resize = async ([width, height]) => {
     await page.setViewportSize({ width, height });
     await page.waitForTimeout(60);
   };
   const modes = () =>
-    page.evaluate(() => [...document.getElementById('mode').options].filter((o) => !o.disabled).map(({ value }) => value));
+    page.evaluate(() =>
+      [...document.getElementById('mode').options].filter((o) => !o.disabled).map(({ value }) => value),
+    );
 
   test('the picture has its share, upright and sideways, and every tab shows its section', async () => {
     for (const size of SIZES) {
@@ -77,11 +78,14 @@ describe('what fits where', { skip }, () => {
       for (const size of [...SIZES, [360, 740]]) {
         await resize(size);
         const covered = await page.evaluate(() => {
-          const boxes = (names) => [...document.querySelectorAll(names)].filter((e) => e.getClientRects().length && e.textContent.trim());
+          const boxes = (names) =>
+            [...document.querySelectorAll(names)].filter((e) => e.getClientRects().length && e.textContent.trim());
           const cross = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
           const words = boxes('#label, #badge, #probe, #scale-label, .disclaimer, #slice-field');
           return boxes('.mark').flatMap((mark) =>
-            words.filter((word) => cross(mark.getBoundingClientRect(), word.getBoundingClientRect())).map((word) => `${word.id} over ${mark.id}`),
+            words
+              .filter((word) => cross(mark.getBoundingClientRect(), word.getBoundingClientRect()))
+              .map((word) => `${word.id} over ${mark.id}`),
           );
         });
         assert.deepEqual(covered, [], `${size} ${mode}`);
@@ -126,7 +130,9 @@ describe('what fits where', { skip }, () => {
               field.value = -1234.567; // seven digits is what the page writes
               return field.scrollWidth > field.clientWidth;
             })
-            .map(({ id, dataset, clientWidth, scrollWidth }) => `${id || dataset.path}: ${clientWidth} of ${scrollWidth}`),
+            .map(
+              ({ id, dataset, clientWidth, scrollWidth }) => `${id || dataset.path}: ${clientWidth} of ${scrollWidth}`,
+            ),
         );
         assert.deepEqual(cut, [], `${size} ${mode}`);
       }

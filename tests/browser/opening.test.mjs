@@ -1,12 +1,12 @@
 // What the page costs before its first picture, and what that picture is, with the real daemon.
 import assert from 'node:assert/strict';
-import { after, before, describe, test } from 'node:test';
+import { describe, test } from 'node:test';
 
 import { patient } from '../support/patient.mjs';
-import { browserMissing, launch } from './chromium.mjs';
-import { daemonMissing, startDaemon } from './daemon.mjs';
+import { browserMissing } from './chromium.mjs';
+import { daemonMissing } from './daemon.mjs';
 import { difference, settled } from './picture.mjs';
-import { open, scene } from './scenarios.mjs';
+import { open, scene, serve } from './scenarios.mjs';
 
 const LINK = { offline: false, latency: 200, downloadThroughput: 125000, uploadThroughput: 125000 };
 const KIB = 1024;
@@ -38,14 +38,7 @@ async function cost(page, go) {
 describe('before the first picture', { skip: (await browserMissing()) || daemonMissing() }, () => {
   let browser;
   let daemon;
-  before(async () => {
-    browser = await launch();
-    daemon = await startDaemon(['--volume', 'head=demo:head']);
-  });
-  after(async () => {
-    await browser?.close();
-    await daemon?.stop();
-  });
+  serve({ head: 'demo:head' }, '', (made) => ({ browser, daemon } = made));
 
   test('little is sent, in few requests, and less the second time', async (t) => {
     const page = await browser.page();

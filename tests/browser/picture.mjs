@@ -20,14 +20,14 @@ export const stageData = (page) => page.evaluate(() => ({ ...document.getElement
 
 /** Waits for a finished picture that shows every edit made so far, then gives its thumbnail. */
 export async function settled(page) {
-  await page.waitForTimeout(80); // the edit's own display frame
+  await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))); // the edit's own display frame
   await page.waitForFunction(
     () => {
       const { final, pending, frame } = document.getElementById('stage').dataset;
       const now = performance.now();
       const done = final === 'true' && pending === '0';
       if (!done || window.lastFrameSeen !== frame) Object.assign(window, { lastFrameSeen: frame, lastFrameAt: now });
-      return done && now - window.lastFrameAt > 250;
+      return done && now - window.lastFrameAt > 120;
     },
     null,
     { timeout: 60000 },

@@ -1,6 +1,9 @@
 // What must work against any server: run with the fake one and with the daemon.
 import assert from 'node:assert/strict';
+import { after, before } from 'node:test';
 
+import { launch } from './chromium.mjs';
+import { startDaemon } from './daemon.mjs';
 import { difference, drag, settled, spread, stageBox, stageData } from './picture.mjs';
 
 const CHANGED = 1.5; // mean difference of a thumbnail that nobody would call the same picture
@@ -13,6 +16,25 @@ export async function open(browser, url, options) {
   const picture = await settled(page);
   assert.ok(spread(picture) > 40, 'the picture shows something');
   return { page, picture };
+}
+
+/**
+ * Before the tests of a suite a browser and a daemon with demo volumes, and a page of one of them where an id is given;
+ * after them they go. take({browser, daemon, page})
+ */
+export function serve(volumes, id, take, options) {
+  const made = {};
+  before(async () => {
+    made.browser = await launch();
+    made.daemon = await startDaemon(Object.entries(volumes).flatMap(([name, path]) => ['--volume', `${name}=${path}`]));
+    if (id) made.page = (await open(made.browser, `${made.daemon.url}#${id}`, options)).page;
+    take(made);
+  });
+  after(async () => {
+    await made.browser?.close();
+    await made.daemon?.stop();
+    assert.deepEqual(made.page?.complaints ?? [], []);
+  });
 }
 
 export async function orbitChangesThePicture(browser, url) {
@@ -204,7 +226,7 @@ export async function resizeAsksForAnotherPicture(browser, url) {
   const box = await stageBox(page);
   const [width, height] = (await page.textContent('#stat-size')).split(' \u00d7 ').map(Number);
   assert.ok(Math.abs(width - box.width) < 2 && Math.abs(height - box.height) < 2);
-  assert.deepEqual((await scene(page)).image, image, 'the size is the viewer\'s, not the scene\'s');
+  assert.deepEqual((await scene(page)).image, image, "the size is the viewer's, not the scene's");
   await page.close();
 }
 
@@ -261,7 +283,10 @@ export async function scene(page) {
 export async function linkOf(page, role) {
   await page.evaluate(() => {
     window.copied = new Promise((resolve) => {
-      Object.defineProperty(navigator, 'clipboard', { configurable: true, value: { writeText: async (text) => resolve(text) } });
+      Object.defineProperty(navigator, 'clipboard', {
+        configurable: true,
+        value: { writeText: async (text) => resolve(text) },
+      });
     });
   });
   await page.click('#scene-open');

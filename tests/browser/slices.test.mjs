@@ -1,31 +1,22 @@
 // Slices on the page of the real daemon (TC_BINARY): number, place and slab on the picture, slider, planes turned by hand.
 import assert from 'node:assert/strict';
-import { after, before, describe, test } from 'node:test';
+import { before, describe, test } from 'node:test';
 
 import { edgeLetters, sliceBasis } from '../../web/camera.js';
-import { browserMissing, launch } from './chromium.mjs';
-import { daemonMissing, startDaemon } from './daemon.mjs';
+import { browserMissing } from './chromium.mjs';
+import { daemonMissing } from './daemon.mjs';
 import { difference, drag, settled, stageBox } from './picture.mjs';
-import { open, scene } from './scenarios.mjs';
+import { scene, serve } from './scenarios.mjs';
 
 const skip = daemonMissing() || (await browserMissing());
 const SLICES = 256; // of demo:head
 
 describe('slices', { skip }, () => {
-  let browser;
-  let daemon;
   let page;
+  serve({ head: 'demo:head', vessels: 'demo:vessels' }, 'head', (made) => ({ page } = made));
   before(async () => {
-    browser = await launch();
-    daemon = await startDaemon(['--volume', 'head=demo:head', '--volume', 'vessels=demo:vessels']);
-    ({ page } = await open(browser, `${daemon.url}#head`, { viewport: { width: 1000, height: 640 } }));
     await page.selectOption('#mode', 'mpr');
     await settled(page);
-  });
-  after(async () => {
-    assert.deepEqual(page.complaints, []);
-    await browser?.close();
-    await daemon?.stop();
   });
 
   const label = () => page.textContent('#label');

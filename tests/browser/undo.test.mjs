@@ -1,33 +1,25 @@
 // Undo and redo, modes and menus on the page of the real daemon (TC_BINARY): everything that changes the scene is a step.
 import assert from 'node:assert/strict';
-import { after, before, describe, test } from 'node:test';
+import { describe, test } from 'node:test';
 
-import { browserMissing, launch } from './chromium.mjs';
-import { daemonMissing, startDaemon } from './daemon.mjs';
+import { browserMissing } from './chromium.mjs';
+import { daemonMissing } from './daemon.mjs';
 import { drag, settled, stageBox, stageData } from './picture.mjs';
-import { open, scene } from './scenarios.mjs';
+import { scene, serve } from './scenarios.mjs';
 
 const skip = daemonMissing() || (await browserMissing());
 
 describe('undo', { skip }, () => {
-  let browser;
   let daemon;
   let page;
-  before(async () => {
-    browser = await launch();
-    daemon = await startDaemon(['--volume', 'head=demo:head', '--volume', 'parts=demo:head-labels']);
-    ({ page } = await open(browser, `${daemon.url}#head`));
-  });
-  after(async () => {
-    assert.deepEqual(page.complaints, []);
-    await browser?.close();
-    await daemon?.stop();
-  });
+  serve({ head: 'demo:head', parts: 'demo:head-labels' }, 'head', (made) => ({ daemon, page } = made));
 
   /** What the daemon holds, once it has every edit. */
   const served = async () => {
     await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
-    await page.waitForFunction(() => document.getElementById('stage').dataset.pending === '0', null, { timeout: 60000 });
+    await page.waitForFunction(() => document.getElementById('stage').dataset.pending === '0', null, {
+      timeout: 60000,
+    });
     const { session } = await stageData(page);
     return (await fetch(`${daemon.url}v1/sessions/${session}/scene`)).json();
   };
@@ -51,9 +43,14 @@ describe('undo', { skip }, () => {
       view: () => page.locator('#stage').press('l'),
       crop: () => slide(page.locator('#crop input').nth(3), 0.4),
       preset: async () => {
-        const names = await page.evaluate(() => [...document.getElementById('preset').options].map(({ value }) => value));
+        const names = await page.evaluate(() =>
+          [...document.getElementById('preset').options].map(({ value }) => value),
+        );
         const now = await page.inputValue('#preset');
-        await page.selectOption('#preset', names.find((name) => name && name !== now));
+        await page.selectOption(
+          '#preset',
+          names.find((name) => name && name !== now),
+        );
       },
       density: () => slide(page.locator('#density'), 0.65),
       shading: () => page.selectOption('[data-path="shading.model"]', 'gooch'),
@@ -81,7 +78,7 @@ describe('undo', { skip }, () => {
     }
     await page.focus('#stage');
     const names = Object.keys(edits);
-    for (let i = names.length; i-- > 0; ) {
+    for (let i = names.length; i-- > 0;) {
       if (i % 2) await page.keyboard.press('Control+z');
       else await page.click('#undo');
       assert.deepEqual(await served(), scenes[i], `${names[i]} is taken back whole`);
