@@ -167,7 +167,8 @@ V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const
     }
 }
 
-/* A splat's normal, in 127ths, on the side of the eye (a sheet of one voxel has two sides), and colour. */
+/* A splat's normal, in 127ths, and colour. What is free on opposite faces is a sheet: of its two sides the eye's
+ * counts. */
 V_INLINE void look_up(const tc_splat_args *g, const tc_splat_brick *brick, float bits, float x, float y, int of[6]) {
   uint32_t word;
   float n[3], away = 0;
@@ -175,8 +176,9 @@ V_INLINE void look_up(const tc_splat_args *g, const tc_splat_brick *brick, float
   tc_octahedron_unfold(word >> 18 & 127, word >> 25, 63, n);
   for (int k = 0; k < 3; k++)
     away += n[k] * (g->light.anchor0[k] + x * g->light.view_du[k] + y * g->light.view_dv[k]);
+  const bool sheet = (word >> 12 & word >> 13 & 0x15) != 0;
   for (int k = 0; k < 3; k++)
-    of[k] = (int)lrintf(n[k] * (away > 0 ? -127.f : 127.f));
+    of[k] = (int)lrintf(n[k] * (sheet && away > 0 ? -127.f : 127.f));
   if (!g->matter.of) return;
   const int at[3] = {brick->at[0] * 16 + (int)(word & 15), brick->at[1] * 16 + (int)(word >> 4 & 15),
                      brick->at[2] * 16 + (int)(word >> 8 & 15)};
@@ -241,6 +243,10 @@ static void shade_tile(const tc_splat_args *g, const tc_splat_tile *t, float *ou
         vf n[3] = {sum_at(t, TC_SUM_NORMAL, p) * share, sum_at(t, TC_SUM_NORMAL + 1, p) * share,
                    sum_at(t, TC_SUM_NORMAL + 2, p) * share};
         lighting l = light_from(&g->light, (float)(t->x0 + x), (float)(t->y0 + y));
+        /* One side is lit: what faces away, at a rim, is seen edge-on at most. */
+        vf behind = v_min(dot(n, l.eye), v_set(0));
+        for (int k = 0; k < 3; k++)
+          n[k] = v_fnma(behind, l.eye[k], n[k]);
         c = shade(&g->light, &l, n, n, c);
       }
       float lanes[4][V_LANES];

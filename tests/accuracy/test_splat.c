@@ -429,11 +429,55 @@ static void paused_pictures_end_the_same(void **state) {
   object_free(&o);
 }
 
+/* As a whole: what is read is built, and the picture drawn, in as many pieces as a caller likes. */
+static void frames_are_made_in_pieces(void **state) {
+  const test_grid large = {.dims = {160, 160, 160}, .type = TC_U8};
+  const unsigned seed = 7;
+  tc_volume *volume = test_volume(&large, test_noise, &seed); /* values 0 and 1, each half of the voxels */
+  tc_renderer *renderer = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 2}, NULL);
+  tc_frame whole = {0}, parts = {0};
+  tc_scene scene;
+  test_scene(&scene, 200, 150);
+  test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[]){1, 0.4, 0.3});
+  scene.mode = TC_MODE_SPLAT;
+  scene.splat.threshold[0] = 0.5;
+  scene.clip.n_planes = 1;
+  scene.clip.planes[0][0] = -1, scene.clip.planes[0][3] = scene.camera.target[0];
+  assert_true(tc_render(renderer, volume, &scene, NULL, &whole, NULL, NULL));
+  tc_renderer_forget(renderer, volume);
+  tc_interrupt interrupt;
+  tc_interrupt_init(&interrupt);
+  atomic_store(&interrupt.pause_us, 0);
+  tc_render_request request = {.interrupt = &interrupt};
+  int pauses = 0;
+  GError *error = NULL;
+  tc_halt_probe_begin(LLONG_MAX);
+  while (!tc_render(renderer, volume, &scene, &request, &parts, NULL, &error)) {
+    assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_PAUSED) && pauses++ < 1000);
+    g_clear_error(&error);
+    request.resume = true;
+  }
+  tc_halt_probed.on = false;
+  print_message("%d pauses; at most %.2f ms of processor time without a look\n", pauses,
+                (double)atomic_load(&tc_halt_probed.longest_us) / 1000);
+  assert_true(pauses > 0);
+  assert_memory_equal(whole.rgba, parts.rgba, 200 * 150 * 4);
+  atomic_store(&interrupt.cancel, true);
+  assert_false(tc_render(renderer, volume, &scene, &request, &parts, NULL, &error));
+  assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_CANCELLED));
+  g_clear_error(&error);
+  tc_frame_finish(&whole);
+  tc_frame_finish(&parts);
+  tc_scene_clear(&scene);
+  tc_renderer_free(renderer);
+  tc_volume_unref(volume);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(culling_changes_no_bit),       cmocka_unit_test(scalar_and_vector_agree),
       cmocka_unit_test(constant_solids_are_constant), cmocka_unit_test(splats_are_where_the_surface_is),
       cmocka_unit_test(a_cut_shows_a_solid_face),     cmocka_unit_test(translucent_splats_show_the_blurred_field),
-      cmocka_unit_test(paused_pictures_end_the_same)};
+      cmocka_unit_test(paused_pictures_end_the_same), cmocka_unit_test(frames_are_made_in_pieces)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
