@@ -44,6 +44,19 @@ static tc_raster_look look_of(const tc_job *job) {
   return look;
 }
 
+/* Surfaces of labels have the colours of their tints, however faint; without any, the isosurface's. NULL: no memory. */
+static float (*colors_of(const tc_job *job))[3] {
+  const tc_clusters *mesh = job->have.mesh;
+  const tc_volume_desc *d = tc_volume_describe(job->label_volume);
+  float(*colors)[3] = malloc((mesh->n_surfaces + 1) * sizeof *colors);
+  for (size_t i = 0; colors && i < mesh->n_surfaces; i++) {
+    const double entry = (mesh->labels[i] - d->intercept) / d->slope - job->have.labels->base;
+    const float *e = job->have.labels->entries[entry >= 0 && entry < job->have.labels->n ? (int)entry : job->have.labels->n];
+    for (int c = 0; c < 3; c++) colors[i][c] = e[3] > 0 ? e[c] / e[3] : job->plan->surface.color[c];
+  }
+  return colors;
+}
+
 /* The scene's clip box and planes, in LPS. */
 static int planes_of(const tc_scene *scene, double planes[TC_VIEW_MOST_CLIP][4]) {
   int n = 0;
@@ -63,15 +76,19 @@ bool tc_mesh_frame_draw(tc_pool *pool, const tc_job *job, GError **error) {
   double planes[TC_VIEW_MOST_CLIP][4], samples[TC_RASTER_SAMPLES][2];
   tc_view view;
   tc_raster_counts counts = {0};
-  if (!f.progress) return false;
+  float(*colors)[3] = job->have.labels ? colors_of(job) : NULL;
+  if (job->have.labels && !colors) tc_set_error(error, TC_ERROR_MEMORY, NULL, "colours of labels: out of memory");
+  if (!f.progress || (job->have.labels && !colors)) return false;
   tc_resolve_init(&f.resolve, job->scene);
   const int n_planes = planes_of(job->scene, planes), n_samples = job->rays->count;
   tc_view_set_up(&view, mesh, &job->scene->camera, width, height, (const double(*)[4])planes, n_planes);
   for (int i = 0; i < n_samples; i++) samples[i][0] = job->rays->of_pixel[i].x, samples[i][1] = job->rays->of_pixel[i].y;
+  tc_raster_look look = look_of(job);
+  look.colors = (const float(*)[3])colors;
   const tc_raster_job raster = {.mesh = mesh,
                                 .view = &view,
                                 .kernels = tc_raster_kernels_named(job->isa),
-                                .look = look_of(job),
+                                .look = look,
                                 .n_samples = n_samples,
                                 .samples = (const double(*)[2])samples,
                                 .one_sided = mesh->closed && n_planes == 0 && tc_view_is_outside(&view, mesh),
@@ -80,6 +97,7 @@ bool tc_mesh_frame_draw(tc_pool *pool, const tc_job *job, GError **error) {
                                 .user = &f,
                                 .pool = pool};
   const bool drawn = tc_raster_draw(&raster, &counts, error);
+  free(colors);
   job->frame->stats.samples += counts.covered;
   if (job->key.shading) job->frame->stats.gradients += counts.shaded;
   job->frame->stats.leaps += counts.outside + counts.facing_away + counts.hidden;

@@ -1,6 +1,7 @@
 #include "renderer/resource_kinds.h"
 
 #include "renderer/classify/outline.h"
+#include "renderer/mesh/surfaces.h"
 #include "renderer/splat/splatter.h"
 #include "renderer/volume/coefficients.h"
 
@@ -201,44 +202,47 @@ static void *labels_begin(const tc_making *m, GError **error) {
 /* Shares of the budget: while clusters are made, the mesh, what sorts its triangles, and the clusters are all there. */
 #define MESH_SHARE 0.4
 
-typedef struct mesh_making {
-  tc_mesh *mesh;
-  tc_clusters *clusters;
-} mesh_making;
+static void free_surfaces(void *thing) { tc_surfaces_free(thing); }
 
-static void free_mesh_making(void *thing) {
-  mesh_making *made = thing;
-  tc_mesh_free(made->mesh);
-  tc_clusters_free(made->clusters);
-  g_free(made);
-}
+static bool of_labels(const tc_job *job) { return tc_plan_has(job->plan, TC_RESOURCE_LABELS); }
+static const tc_volume *mesh_tied(const tc_job *job) { return of_labels(job) ? job->label_volume : job->volume; }
 
+/* Colours change nothing about where a surface is. */
 static void mesh_key(const tc_job *job, GByteArray *key) {
-  const uint64_t serial = tc_volume_serial(job->volume);
+  const uint64_t serial = tc_volume_serial(mesh_tied(job));
+  const tc_scene *s = job->scene;
+  const guint8 all = !s->labels.visible;
   append(key, &serial, sizeof serial);
-  append(key, &job->scene->isosurface.value, sizeof job->scene->isosurface.value);
+  if (!of_labels(job)) {
+    append(key, &s->isosurface.value, sizeof s->isosurface.value);
+    return;
+  }
+  append(key, &all, 1);
+  append(key, s->labels.visible, all ? 0 : s->labels.n_visible * sizeof *s->labels.visible);
 }
 
-static void *mesh_begin(const tc_making *m, GError **error) { return g_new0(mesh_making, 1); }
+static bool shows_label(const void *user, uint32_t label) {
+  const tc_scene *s = user;
+  for (size_t i = 0; i < s->labels.n_visible && s->labels.visible; i++)
+    if (s->labels.visible[i] == label) return true;
+  return !s->labels.visible;
+}
 
-/* The mesh, which is kept when a pause comes then; and its clusters. */
+static void *mesh_begin(const tc_making *m, GError **error) { return tc_surfaces_begin(); }
+
 static bool mesh_go_on(void *thing, const tc_making *m, GError **error) {
-  mesh_making *made = thing;
-  const tc_mesh_options options = {.normals = true, .max_bytes = (uint64_t)(MESH_SHARE * (double)m->budget), .pool = m->pool};
-  if (!made->mesh) made->mesh = tc_mesh_extract(m->job->volume, m->job->scene->isosurface.value, &options, error);
-  if (made->mesh) made->clusters = tc_clusters_make(made->mesh, m->pool, error);
-  return made->clusters != NULL;
+  const tc_surfaces_wish wish = {.volume = m->job->volume,
+                                 .iso = m->job->scene->isosurface.value,
+                                 .labels = of_labels(m->job) ? m->job->label_volume : NULL,
+                                 .shows = shows_label,
+                                 .user = m->job->scene,
+                                 .max_bytes = (uint64_t)(MESH_SHARE * (double)m->budget),
+                                 .pool = m->pool};
+  return tc_surfaces_go_on(thing, &wish, error);
 }
 
-static void *mesh_finish(void *thing) {
-  mesh_making *made = thing;
-  tc_clusters *clusters = made->clusters;
-  made->clusters = NULL;
-  free_mesh_making(made);
-  return clusters;
-}
-
-static int64_t mesh_steps(const void *thing) { return ((const mesh_making *)thing)->mesh != NULL; }
+static void *mesh_finish(void *thing) { return tc_surfaces_take(thing); }
+static int64_t mesh_steps(const void *thing) { return tc_surfaces_steps(thing); }
 static size_t mesh_starts_with(const tc_job *job) { return 0; }
 
 /* ---- splats ---- */
@@ -368,10 +372,10 @@ const tc_resource_kind tc_resource_kinds[TC_RESOURCE_COUNT] = {
                             .tied = labels_tied,
                             .begin = labels_begin,
                             .bytes = labels_bytes},
-    [TC_RESOURCE_MESH] = {.store = {"surface mesh", free_clusters, free_mesh_making, false},
+    [TC_RESOURCE_MESH] = {.store = {"surface mesh", free_clusters, free_surfaces, false},
                           .needs = FIELD,
                           .key = mesh_key,
-                          .tied = field_of,
+                          .tied = mesh_tied,
                           .begin = mesh_begin,
                           .go_on = mesh_go_on,
                           .finish = mesh_finish,

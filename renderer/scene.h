@@ -143,8 +143,8 @@ typedef struct tc_scene {
                                       trapezoidal rule */
     double zoom;            /* > 0; at 1 the volume's extent across and up the picture just fits; 2 shows half of it */
   } mpr;
-  /* A second volume of labels (classify/labels.h) that tints in dvr and mpr, and hides in dvr; other modes ignore
-   * it. */
+  /* A second volume of labels (classify/labels.h) that tints in dvr and mpr, and hides in dvr; a mesh is their surfaces.
+   * Other modes ignore it. */
   struct {
     char volume[64]; /* id of a second volume; "" = none */
     double opacity;  /* 0..1; a tint's share is this times its colour's own */

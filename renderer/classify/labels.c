@@ -12,7 +12,7 @@
 
 static atomic_uint_fast64_t last_serial;
 
-bool tc_mode_has_labels(tc_mode mode) { return mode == TC_MODE_DVR || mode == TC_MODE_MPR; }
+bool tc_mode_has_labels(tc_mode mode) { return mode == TC_MODE_DVR || mode == TC_MODE_MPR || mode == TC_MODE_MESH; }
 
 /* ---- colours ---- */
 

@@ -8,7 +8,7 @@
  * filter "nearest" the nearest voxel alone counts.
  *   S, A, V = means of entries' tint colour (premultiplied), tint opacity and visibility
  *   dvr: extinction * V; colour C becomes C (1 - A/V) + S/V   (what is hidden lends no colour to what is beside it)
- *   mpr: grey G becomes G (1 - A) + S                          (anatomy is never hidden) */
+ *   mpr: grey G becomes G (1 - A) + S                          (anatomy is never hidden); mesh: colour S/A of a surface */
 #ifndef TC_CLASSIFY_LABELS_H
 #define TC_CLASSIFY_LABELS_H
 

@@ -398,8 +398,71 @@ tc_clusters *tc_clusters_make(const tc_mesh *mesh, tc_pool *pool, GError **error
   return NULL;
 }
 
+/* ---- several surfaces ---- */
+
+/* The sphere around both. */
+static void join_spheres(tc_clusters *to, const tc_clusters *more) {
+  float apart = 0;
+  for (int k = 0; k < 3; k++) apart += (more->centre[k] - to->centre[k]) * (more->centre[k] - to->centre[k]);
+  apart = sqrtf(apart);
+  if (apart + more->radius <= to->radius) return;
+  const float radius = apart + to->radius <= more->radius ? more->radius : 0.5f * (apart + to->radius + more->radius);
+  const float share = apart > 0 ? (radius - to->radius) / apart : 0;
+  for (int k = 0; k < 3; k++) to->centre[k] += share * (more->centre[k] - to->centre[k]);
+  to->radius = radius * (1 + 1e-5f);
+}
+
+/* A block of bytes that grows by another; false: as it was. */
+static bool grow(void *block, size_t bytes, const void *more, size_t more_bytes, size_t over) {
+  void *grown = realloc(*(void **)block, bytes + more_bytes + over);
+  if (!grown) return false;
+  *(void **)block = grown;
+  memcpy((char *)grown + bytes, more, more_bytes);
+  memset((char *)grown + bytes + more_bytes, 0, over);
+  return true;
+}
+
+static bool append_clusters(tc_clusters *to, const tc_clusters *more, uint32_t label, GError **error) {
+  const size_t over = 16 * TC_CLUSTER_PAD;
+  if (to->vertex_room + more->vertex_room > UINT32_MAX || to->triangle_room + more->triangle_room > UINT32_MAX ||
+      to->n_surfaces >= UINT16_MAX) {
+    tc_set_error(error, TC_ERROR_LIMIT, NULL, "clusters of a mesh: %zu surfaces are too many", to->n_surfaces + 1);
+    return false;
+  }
+  if (!grow(&to->labels, to->n_surfaces * sizeof label, &label, sizeof label, 0) ||
+      !grow(&to->clusters, to->n * sizeof *to->clusters, more->clusters, more->n * sizeof *more->clusters, sizeof *to->clusters) ||
+      !grow(&to->positions, to->vertex_room * 12, more->positions, more->vertex_room * 12, over) ||
+      (to->normals && !grow(&to->normals, to->vertex_room * 4, more->normals, more->vertex_room * 4, over)) ||
+      !grow(&to->triangles, to->triangle_room * 3, more->triangles, more->triangle_room * 3, over))
+    return out_of_memory(error);
+  for (size_t i = to->n; i < to->n + more->n; i++) {
+    to->clusters[i].vertex += (uint32_t)to->vertex_room;
+    to->clusters[i].triangle += (uint32_t)to->triangle_room;
+    to->clusters[i].surface = (uint16_t)to->n_surfaces;
+  }
+  to->n_surfaces++;
+  to->n += more->n, to->n_triangles += more->n_triangles, to->bytes += more->bytes;
+  to->vertex_room += more->vertex_room, to->triangle_room += more->triangle_room;
+  to->closed = to->closed && more->closed;
+  join_spheres(to, more);
+  return true;
+}
+
+bool tc_clusters_add(tc_clusters **all, tc_clusters *more, uint32_t label, GError **error) {
+  bool added = true;
+  if (*all) {
+    added = append_clusters(*all, more, label, error);
+    tc_clusters_free(more);
+    return added;
+  }
+  *all = more;
+  more->n_surfaces = 1;
+  return grow(&more->labels, 0, &label, sizeof label, 0) || out_of_memory(error);
+}
+
 void tc_clusters_free(tc_clusters *clusters) {
   if (!clusters) return;
+  free(clusters->labels);
   free(clusters->clusters);
   free(clusters->positions);
   free(clusters->normals);

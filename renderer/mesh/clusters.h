@@ -18,6 +18,7 @@ typedef struct tc_cluster {
   uint32_t vertex;         /* its first; a multiple of TC_CLUSTER_PAD */
   uint32_t triangle;       /* its first; likewise */
   uint8_t n_vertices, n_triangles;
+  uint16_t surface; /* number of it in tc_clusters.labels */
 } tc_cluster;
 
 typedef struct tc_clusters {
@@ -25,6 +26,8 @@ typedef struct tc_clusters {
   float centre[3], radius; /* sphere about all */
   bool closed;             /* every edge has two triangles: from outside no back of a triangle is seen */
   size_t n, n_triangles;
+  uint32_t *labels; /* [n_surfaces], of several surfaces; NULL: one */
+  size_t n_surfaces;
   size_t vertex_room, triangle_room; /* padded */
   tc_cluster *clusters;              /* [n] */
   float *positions;    /* of a cluster: 3 * vertex on, all x, all y, all z, each padded to TC_CLUSTER_PAD */
@@ -36,6 +39,9 @@ typedef struct tc_clusters {
 /* Triangles of no area, and those with a vertex that is no finite number, are left out. Parallel over the pool, whose
  * halt ends it (TC_ERROR_CANCELLED, _PAUSED); TC_ERROR_MEMORY. */
 tc_clusters *tc_clusters_make(const tc_mesh *mesh, tc_pool *pool, GError **error);
+/* Takes over `more`, of the same origin and likewise with or without normals, as the surface of a label; *all NULL: as the
+ * first. TC_ERROR_MEMORY, TC_ERROR_LIMIT: *all is as it was, `more` gone. */
+bool tc_clusters_add(tc_clusters **all, tc_clusters *more, uint32_t label, GError **error);
 void tc_clusters_free(tc_clusters *clusters); /* NULL is fine */
 
 /* Places in a cluster's arrays are padded to this. */

@@ -21,6 +21,7 @@ enum { TC_RASTER_SIDE = 64, TC_RASTER_SAMPLES = 64 };
 /* What a surface looks like, in the numbers of raycast/shade.h (its weight w is 1). */
 typedef struct tc_raster_look {
   float color[3]; /* compositing space */
+  const float (*colors)[3]; /* of each surface of the mesh instead; NULL: none has its own */
   bool shaded, head_light;
   float factor[2], glow[2][3], least, specular, shininess;
   float light[3]; /* to the light; unit, LPS */

@@ -107,7 +107,17 @@ V_INLINE vf to_power(vf mirror, float shininess) {
   return v_from_bits(v_addi(v_bits(p), v_shl(whole, 23)));
 }
 
-/* raycast/shade.h, of a point with all of the weight: n and eye are unit. */
+/* What the triangles' surfaces are coloured. */
+V_INLINE void color_of(const tc_raster_frame *f, const uint32_t *ids, vf color[3]) {
+  float of[3][V_LANES];
+  for (int k = 0; k < 3; k++) color[k] = v_set(f->look.color[k]);
+  if (!f->look.colors) return;
+  for (int lane = 0; lane < V_LANES; lane++)
+    for (int k = 0; k < 3; k++) of[k][lane] = f->look.colors[f->mesh->clusters[ids[lane] / TC_CLUSTER_TRIANGLES].surface][k];
+  for (int k = 0; k < 3; k++) color[k] = v_load(of[k]);
+}
+
+/* raycast/shade.h, of a point with all of the weight: n and eye are unit. color: unlit, then lit. */
 V_INLINE void light(const tc_raster_frame *f, const vf n[3], const vf eye[3], vf color[3]) {
   const tc_raster_look *look = &f->look;
   vf facing = dot(n, eye), lit = v_abs(facing), mirror = lit;
@@ -122,7 +132,7 @@ V_INLINE void light(const tc_raster_frame *f, const vf n[3], const vf eye[3], vf
   if (look->specular > 0)
     glint = v_select(v_lt(v_set(0), lit), v_set(look->specular) * to_power(mirror, look->shininess), v_set(0));
   for (int k = 0; k < 3; k++) {
-    vf c = v_set(look->color[k]) * (v_set(look->factor[0]) + v_set(look->factor[1]) * q);
+    vf c = color[k] * (v_set(look->factor[0]) + v_set(look->factor[1]) * q);
     c = c + (v_set(look->glow[0][k]) + v_set(look->glow[1][k]) * q) + glint;
     color[k] = v_min(v_max(c, v_set(0)), v_set(1));
   }
@@ -139,9 +149,9 @@ static void shade(const tc_raster_frame *f, tc_raster_fragments *fragments) {
     vf length = v_sqrt(dot(ray, ray)), color[3];
     meeting m = meet(f, &s, across, along, ray);
     v_store(fragments->depth + i, m.depth * length);
+    color_of(f, fragments->id + i, color);
     for (int k = 0; k < 3; k++) {
       eye[k] = v_set(0) - ray[k] / length;
-      color[k] = v_set(f->look.color[k]);
       n[k] = v_set(0);
     }
     if (f->look.shaded) {

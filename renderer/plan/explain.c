@@ -191,7 +191,7 @@ static void say_labels(const teller *t) {
   if (t->plan->key.labels)
     say(t, TC_STAGE_LABELS, true, "labels of volume %.40s: %s, tint %.3g", s->labels.volume, shown, s->labels.opacity);
   else if (s->labels.volume[0])
-    say(t, TC_STAGE_LABELS, false, "mode %s shows values: labels colour dvr and mpr only", tc_mode_names[s->mode]);
+    say(t, TC_STAGE_LABELS, false, "mode %s shows values: labels colour dvr, mpr and meshes only", tc_mode_names[s->mode]);
   else
     say(t, TC_STAGE_LABELS, false, "no label volume");
 }
@@ -344,7 +344,9 @@ static void say_mode(const teller *t) {
 
 static void say_mesh(const teller *t) {
   const bool in = tc_plan_has(t->plan, TC_RESOURCE_MESH);
-  if (in)
+  if (in && t->plan->key.labels)
+    say(t, TC_STAGE_MESH, true, "a smooth surface of each label as triangles in clusters, drawn by the cpu whatever the back end");
+  else if (in)
     say(t, TC_STAGE_MESH, true, "the surface at %.6g as triangles in clusters, drawn by the cpu whatever the back end",
         t->scene->isosurface.value);
   else

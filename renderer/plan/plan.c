@@ -116,7 +116,8 @@ static void plan_mesh(tc_plan *plan, const tc_volume *volume, const tc_scene *s,
   plan_view(plan, volume, s);
   plan->surface = tc_surface_make(volume, s);
   plan->depth = request->want_depth;
-  if (tc_surface_exists(volume, s)) plan->key.shading = (uint8_t)s->shading.model;
+  plan_labels(plan, s);
+  if (plan->key.labels || tc_surface_exists(volume, s)) plan->key.shading = (uint8_t)s->shading.model;
   need(plan, TC_RESOURCE_MESH);
 }
 

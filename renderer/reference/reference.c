@@ -41,6 +41,7 @@ static bool is_surface(tc_mode mode) { return mode == TC_MODE_ISOSURFACE || mode
 const char *tc_reference_missing(const tc_scene *scene) {
   bool surface = is_surface(scene->mode);
   if (scene->mode != TC_MODE_DVR && !surface && !is_projection(scene->mode)) return "/mode";
+  if (scene->mode == TC_MODE_MESH && scene->labels.volume[0]) return "/mode"; /* surfaces of labels */
   if ((unsigned)scene->filter >= TC_FILTER_COUNT || (surface && scene->filter != TC_FILTER_LINEAR)) return "/filter";
   if (scene->labels.volume[0] && scene->mode == TC_MODE_DVR) return "/labels/volume";
   return NULL;

@@ -133,6 +133,61 @@ static void a_surface_is_extracted_once(void **unused) {
   tc_volume_unref(volume);
 }
 
+/* Balls of radius 8 mm about (12, 20, 20), label 3, and (28, 20, 20), label 7. */
+static tc_volume *balls(void) {
+  const tc_volume_desc d = {.type = TC_U8, .slope = 1, .frames = 1, .dims = {40, 40, 40}, .spacing = {1, 1, 1},
+                            .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+  tc_volume *v = tc_volume_new(&d, NULL);
+  uint8_t *to = tc_volume_voxels(v);
+  for (int i = 0; i < 40 * 40 * 40; i++) {
+    double x = i % 40, y = i / 40 % 40 - 20, z = i / 1600 - 20, r = 64 - y * y - z * z;
+    to[i] = (x - 12) * (x - 12) <= r ? 3 : (x - 28) * (x - 28) <= r ? 7 : 0;
+  }
+  tc_volume_seal(v);
+  return v;
+}
+
+static const float *pixel_of(const tc_frame *frame, double x) { /* of the point (x, 20, 20) */
+  return frame->linear + 4 * (SIDE / 2 * SIDE + (int)((x - 20) * SIDE / 50 + SIDE / 2.0));
+}
+
+static void labels_have_surfaces_of_their_colours(void **unused) {
+  const int which = test_widest();
+  tc_volume *labels = balls();
+  tc_scene scene;
+  tc_explanation plan;
+  mesh_scene(&scene, labels, TC_PERSPECTIVE);
+  test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){20, -50, 20}, (double[3]){20, 20, 20}, 50);
+  scene.shading.model = TC_SHADING_NONE;
+  scene.isosurface.value = 1e9; /* has no meaning then */
+  strcpy(scene.labels.volume, "balls");
+  scene.labels.opacity = 0.25;
+  const tc_render_request request = {.want_linear = true, .want_depth = true, .labels = labels};
+  size_t n;
+  const double(*palette)[3] = tc_label_palette(&n);
+  const tc_frame *frame = test_draw(which, labels, &scene, &request, &plan);
+  int covered = 0;
+  for (int c = 0; c < 3; c++) {
+    assert_true(fabs(pixel_of(frame, 12)[c] - palette[2][c]) < 0.01);
+    assert_true(fabs(pixel_of(frame, 28)[c] - palette[6][c]) < 0.01);
+  }
+  for (int i = 0; i < PIXELS; i++) covered += frame->linear[4 * i + 3] == 1;
+  assert_true(fabs(covered * 50.0 * 50 / PIXELS - 2 * M_PI * 64) < 0.08 * 2 * M_PI * 64);
+  assert_true(fabs(frame->depth[SIDE / 2 * SIDE + (int)(pixel_of(frame, 12) - frame->linear) / 4 % SIDE] - 62) < 1);
+  assert_true(plan.stages[TC_STAGE_MESH].included && plan.stages[TC_STAGE_LABELS].included);
+  const tc_label_color red = {7, {1, 0, 0, 1}};
+  tc_scene_set_colors(&scene, g_memdup2(&red, sizeof red), 1);
+  frame = test_draw(which, labels, &scene, &request, &plan);
+  assert_true(plan.stages[TC_STAGE_MESH].ms == 0); /* colours alone: nothing is extracted */
+  assert_true(pixel_of(frame, 28)[0] > 0.99 && pixel_of(frame, 28)[1] < 0.01);
+  const uint32_t seven = 7;
+  tc_scene_set_visible(&scene, g_memdup2(&seven, sizeof seven), 1);
+  frame = test_draw(which, labels, &scene, &request, NULL);
+  assert_true(pixel_of(frame, 12)[3] == 0 && pixel_of(frame, 28)[3] == 1);
+  tc_scene_clear(&scene);
+  tc_volume_unref(labels);
+}
+
 static void frames_stop_and_go_on_to_the_same_picture(void **unused) {
   const int which = test_widest();
   tc_scene scene;
@@ -189,6 +244,7 @@ int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(surface_is_where_the_field_has_it),         cmocka_unit_test(every_renderer_draws_the_same_bytes),
       cmocka_unit_test(a_surface_is_extracted_once),               cmocka_unit_test(frames_stop_and_go_on_to_the_same_picture),
-      cmocka_unit_test(what_cannot_be_is_refused)};
+      cmocka_unit_test(what_cannot_be_is_refused),
+      cmocka_unit_test(labels_have_surfaces_of_their_colours)};
   return cmocka_run_group_tests_name("mesh frames", tests, test_renderers_open, test_renderers_close);
 }
