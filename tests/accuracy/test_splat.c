@@ -279,6 +279,51 @@ static void splats_are_where_the_surface_is(void **state) {
   object_free(&o);
 }
 
+/* A bowl of 2.4 voxels: its rim is seen from both sides. */
+static double bowl(double x, double y, double z, const void *context) {
+  const double dx = x - 19.5, dy = y - 19.5, dz = z - 19.5;
+  return fmin(1.2 - fabs(sqrt(dx * dx + dy * dy + dz * dz) - 14), 3 - dz);
+}
+
+/* The brightest channel of the pixels around one. */
+static double brightest(const float *linear, int x, int y, int reach) {
+  double most = 0;
+  for (int v = MAX(y - reach, 0); v <= MIN(y + reach, SIDE - 1); v++)
+    for (int u = MAX(x - reach, 0); u <= MIN(x + reach, SIDE - 1); u++)
+      most = fmax(most, (double)linear[4 * (v * SIDE + u)]);
+  return most;
+}
+
+/* What faces away at a rim is not lit as if it faced the eye: few pixels are brighter than all of the isosurface near.
+ */
+static void rims_do_not_shine(void **state) {
+  object o = object_of(&cube, bowl, NULL);
+  tc_renderer *renderer = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
+  drawing d = {0};
+  tc_frame truth = {0};
+  int shining = 0, shown = 0;
+  for (int i = 6; i < 18; i++) {
+    tc_scene scene;
+    look(&scene, &o, i, 1);
+    tc_scene_light(&scene, true);
+    draw_now(&o, &scene, (wish){0}, &d);
+    scene.mode = TC_MODE_ISOSURFACE;
+    scene.isosurface.value = 0;
+    assert_true(tc_render(renderer, o.volume, &scene, &(tc_render_request){.want_linear = true}, &truth, NULL, NULL));
+    for (int p = 0; p < SIDE * SIDE; p++) {
+      shown += d.frame.linear[4 * p + 3] > 0.5f;
+      shining += (double)d.frame.linear[4 * p] > brightest(truth.linear, p % SIDE, p / SIDE, 3) + 0.15;
+    }
+    tc_scene_clear(&scene);
+  }
+  print_message("%d of %d pixels shine\n", shining, shown);
+  assert_true(shining * 200 < shown);
+  tc_frame_finish(&d.frame);
+  tc_frame_finish(&truth);
+  tc_renderer_free(renderer);
+  object_free(&o);
+}
+
 /* A ball cut through the middle shows a flat solid face, on the plane. */
 static void a_cut_shows_a_solid_face(void **state) {
   object o = object_of(&cube, blob, ball);
@@ -474,10 +519,14 @@ static void frames_are_made_in_pieces(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(culling_changes_no_bit),       cmocka_unit_test(scalar_and_vector_agree),
-      cmocka_unit_test(constant_solids_are_constant), cmocka_unit_test(splats_are_where_the_surface_is),
-      cmocka_unit_test(a_cut_shows_a_solid_face),     cmocka_unit_test(translucent_splats_show_the_blurred_field),
-      cmocka_unit_test(paused_pictures_end_the_same), cmocka_unit_test(frames_are_made_in_pieces)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(culling_changes_no_bit),
+                                     cmocka_unit_test(scalar_and_vector_agree),
+                                     cmocka_unit_test(constant_solids_are_constant),
+                                     cmocka_unit_test(splats_are_where_the_surface_is),
+                                     cmocka_unit_test(rims_do_not_shine),
+                                     cmocka_unit_test(a_cut_shows_a_solid_face),
+                                     cmocka_unit_test(translucent_splats_show_the_blurred_field),
+                                     cmocka_unit_test(paused_pictures_end_the_same),
+                                     cmocka_unit_test(frames_are_made_in_pieces)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
