@@ -112,7 +112,6 @@ extern const char *const tcs_report_bound_names[TCS_REPORT_BOUNDS];
 
 /* The rms by which a row competes: of one ray a pixel against pixel centres, of more against the pixel's area. */
 double tcs_report_error(const tcs_report_row *row);
-double tcs_report_error_p999(const tcs_report_row *row);
 double tcs_report_error_max(const tcs_report_row *row);
 /* Only step, classification and back end differ from the usual. */
 bool tcs_report_plain(const tcs_report_row *row);

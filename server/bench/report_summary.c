@@ -11,7 +11,6 @@ const char *const tcs_report_bound_names[TCS_REPORT_BOUNDS] = {"1/255", "1/1000"
 static const tcs_report_row *row_at(const GArray *rows, guint i) { return &g_array_index(rows, tcs_report_row, i); }
 
 double tcs_report_error(const tcs_report_row *r) { return r->rays > 1 ? r->area_rms : r->rms; }
-double tcs_report_error_p999(const tcs_report_row *r) { return r->rays > 1 ? r->area_p999 : r->p999; }
 double tcs_report_error_max(const tcs_report_row *r) { return r->rays > 1 ? r->area_max : r->max; }
 
 bool tcs_report_plain(const tcs_report_row *r) {

@@ -15,7 +15,7 @@ typedef struct tcs_spooled {
   tcs_spool *spool;
   char client[TCS_CLIENT_SIZE];
   char *folder, *path;
-  int lock_fd, fd; /* of the folder; of the file, open for writing until tcs_spooled_close() */
+  int lock_fd, fd; /* of the folder; of the file, open for writing until tcs_spooled_complete() */
   int64_t bytes;   /* counted in the spool */
   bool uploading;  /* counted in the limits of uploads */
   GList link;

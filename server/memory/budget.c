@@ -52,10 +52,6 @@ bool tcs_budget_resize(tcs_budget *budget, tcs_memory_kind kind, uint64_t held, 
   return ok;
 }
 
-bool tcs_budget_take(tcs_budget *budget, tcs_memory_kind kind, uint64_t bytes) {
-  return tcs_budget_resize(budget, kind, 0, bytes);
-}
-
 void tcs_budget_count(tcs_budget *budget, tcs_memory_kind kind, uint64_t bytes) {
   pthread_mutex_lock(&budget->mutex);
   budget->used[kind] += bytes;

@@ -30,9 +30,7 @@ typedef struct tcs_budget tcs_budget;
 tcs_budget *tcs_budget_new(uint64_t total, uint64_t voxels);
 void tcs_budget_free(tcs_budget *budget); /* NULL is fine */
 
-/* Takes bytes if there are that many; false: nothing was taken. */
-bool tcs_budget_take(tcs_budget *budget, tcs_memory_kind kind, uint64_t bytes);
-/* Changes what a holder has of a kind from `held` to `bytes`; false: it still has what it had. */
+/* Changes what a holder has of a kind from `held` to `bytes`, if there are that many; false: it has what it had. */
 bool tcs_budget_resize(tcs_budget *budget, tcs_memory_kind kind, uint64_t held, uint64_t bytes);
 /* Counts what is there, over the total if need be. */
 void tcs_budget_count(tcs_budget *budget, tcs_memory_kind kind, uint64_t bytes);

@@ -18,7 +18,8 @@ What is loaded
 
 How
   --clients N[,N...]    so many, one step of the ramp after the other (default 4)
-  --seconds S           of each step (default 10, at most 3600)
+  --seconds S           of each step (default 10, at most 3600). Four gestures are a round (10 s as --drag and --think
+                        have it): steps of whole rounds compare, for tables are built in one gesture of the four
   --image WxH           picture size (default 512x512)
   --rate R              patches a second while a hand moves (default 60)
   --drag MS, --think MS a gesture and the rest after it (default 2000 and 500)

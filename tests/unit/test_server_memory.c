@@ -17,13 +17,13 @@
 
 static void what_is_taken_is_counted(void **state) {
   tcs_budget *budget = tcs_budget_new(100, 60);
-  assert_true(tcs_budget_take(budget, TCS_MEMORY_VOLUMES, 40));
-  assert_false(tcs_budget_take(budget, TCS_MEMORY_LOADS, 21)); /* of voxels 20 are left */
-  assert_true(tcs_budget_take(budget, TCS_MEMORY_LOADS, 20));
+  assert_true(tcs_budget_resize(budget, TCS_MEMORY_VOLUMES, 0, 40));
+  assert_false(tcs_budget_resize(budget, TCS_MEMORY_LOADS, 0, 21)); /* of voxels 20 are left */
+  assert_true(tcs_budget_resize(budget, TCS_MEMORY_LOADS, 0, 20));
   assert_int_equal(tcs_budget_left(budget), 40);
   assert_int_equal(tcs_budget_left_for_voxels(budget), 0);
-  assert_false(tcs_budget_take(budget, TCS_MEMORY_FRAMES, 41));
-  assert_true(tcs_budget_take(budget, TCS_MEMORY_FRAMES, 40));
+  assert_false(tcs_budget_resize(budget, TCS_MEMORY_FRAMES, 0, 41));
+  assert_true(tcs_budget_resize(budget, TCS_MEMORY_FRAMES, 0, 40));
   tcs_budget_count(budget, TCS_MEMORY_CACHES, 500); /* what is there is there */
   assert_int_equal(tcs_budget_left(budget), 0);
   tcs_budget_set(budget, TCS_MEMORY_CACHES, 0);
