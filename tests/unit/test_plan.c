@@ -199,6 +199,34 @@ static void every_stage_has_its_reason(void **state) {
   assert_non_null(strstr(f->plan.kernel, "dvr.preintegrated.linear"));
 }
 
+static tc_volume *noise(void) {
+  const tc_volume_desc d = {.dims = {12, 12, 12}, .type = TC_U8, .spacing = {1, 1, 1}, .slope = 1,
+                            .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+  tc_volume *v = tc_volume_new(&d, NULL);
+  uint8_t *voxels = tc_volume_voxels(v);
+  for (int i = 0; i < 12 * 12 * 12; i++) voxels[i] = (uint8_t)(i * 2654435761u >> 24);
+  tc_volume_seal(v);
+  return v;
+}
+
+/* What only a frame can find out (here: no block is empty) is said beside the plan, which stays what it was. */
+static void a_frame_changes_no_plan(void **state) {
+  fixture *f = *state;
+  tc_volume_unref(f->volume);
+  f->volume = noise();
+  f->scene.mode = TC_MODE_ISOSURFACE;
+  f->scene.isosurface.value = 128;
+  tc_plan before, after;
+  tc_plan_make(f->volume, &f->scene, NULL, &before);
+  render(f);
+  tc_plan_make(f->volume, &f->scene, NULL, &after);
+  assert_memory_equal(&before.key, &after.key, sizeof before.key);
+  assert_true(before.key.skipping && before.resources == after.resources);
+  assert_true(tc_plan_has(&before, TC_RESOURCE_LEAP) && !tc_plan_has(&before, TC_RESOURCE_BOXES));
+  assert_false(f->plan.key.skipping || f->plan.stages[TC_STAGE_SKIPPING].included);
+  assert_non_null(strstr(f->plan.stages[TC_STAGE_SKIPPING].reason, "only 0.0 %"));
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(constant_volumes_get_a_scene),
@@ -207,6 +235,7 @@ int main(void) {
       cmocka_unit_test_setup_teardown(what_is_not_built_is_refused, set_up, tear_down),
       cmocka_unit_test_setup_teardown(sizes_are_limited, set_up, tear_down),
       cmocka_unit_test_setup_teardown(a_change_rebuilds_what_depends_on_it, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(every_stage_has_its_reason, set_up, tear_down)};
+      cmocka_unit_test_setup_teardown(every_stage_has_its_reason, set_up, tear_down),
+      cmocka_unit_test_setup_teardown(a_frame_changes_no_plan, set_up, tear_down)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
