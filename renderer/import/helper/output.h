@@ -7,6 +7,8 @@
 typedef struct tc_output {
   uint8_t *ring;
   unsigned next, busy; /* slot to fill; how many the daemon has not taken yet */
+  double told;         /* the last fraction */
+  int64_t told_us;     /* and when */
 } tc_output;
 
 /* Maps the ring and fills the order. */
