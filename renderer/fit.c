@@ -5,7 +5,7 @@
 
 #include <glib.h>
 
-#include "renderer/presets.h"
+#include "renderer/fit.h"
 #include "renderer/tomocast.h"
 #include "renderer/volume/body.h"
 #include "renderer/volume/values.h"
@@ -38,20 +38,22 @@ static double diagonal_of(const tc_volume *volume) {
   return sqrt(sum);
 }
 
-/* Where the eye is from the target, and what is up: in front, the head up; of a few axial or sagittal slices, as those
- * are looked at. */
-static void view_of(const double extent[3], double back[3], double up[3]) {
-  static const double views[3][2][3] = {
-      {{0, -1, 0}, {0, 0, 1}}, {{0, 0, -1}, {0, -1, 0}}, {{1, 0, 0}, {0, 0, 1}}};
-  const bool axial = extent[2] < THIN * fmin(extent[0], extent[1]);
-  const bool sagittal = extent[0] < THIN * fmin(extent[1], extent[2]);
-  const int view = axial ? 1 : sagittal ? 2 : 0;
-  memcpy(back, views[view][0], 3 * sizeof *back);
-  memcpy(up, views[view][1], 3 * sizeof *up);
+int tc_fit_axis(const tc_volume *volume) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  double extent[3] = {0};
+  for (int k = 0; k < 3; k++)
+    for (int j = 0; j < 3; j++)
+      extent[k] += fabs(d->direction[3 * k + j]) * d->spacing[j] * (d->dims[j] > 1 ? d->dims[j] - 1 : 1);
+  if (extent[2] < THIN * fmin(extent[0], extent[1])) return 2;
+  return extent[0] < THIN * fmin(extent[1], extent[2]) ? 0 : 1;
 }
 
+/* By the axis: where the eye is from the target, and what is up. */
+static const double views[3][2][3] = {{{1, 0, 0}, {0, 0, 1}}, {{0, -1, 0}, {0, 0, 1}}, {{0, 0, -1}, {0, -1, 0}}};
+
 static void fit_camera(tc_camera *camera, const tc_volume *volume) {
-  double lo[3], hi[3], mid[3], corner[3], p[3], back[3], extent[3] = {0}, radius = 0;
+  double lo[3], hi[3], mid[3], corner[3], p[3], radius = 0;
+  const double (*view)[3] = views[tc_fit_axis(volume)];
   tc_volume_index_box(volume, lo, hi);
   for (int k = 0; k < 3; k++) mid[k] = 0.5 * (lo[k] + hi[k]);
   tc_volume_index_to_lps(volume, mid, camera->target);
@@ -60,16 +62,15 @@ static void fit_camera(tc_camera *camera, const tc_volume *volume) {
     for (int k = 0; k < 3; k++) corner[k] = c >> k & 1 ? hi[k] : lo[k];
     tc_volume_index_to_lps(volume, corner, p);
     for (int k = 0; k < 3; k++) d2 += (p[k] - camera->target[k]) * (p[k] - camera->target[k]);
-    for (int k = 0; k < 3; k++) extent[k] = fmax(extent[k], 2 * fabs(p[k] - camera->target[k]));
     radius = fmax(radius, sqrt(d2));
   }
   if (!(radius > 0)) radius = 1;
   camera->projection = TC_PERSPECTIVE;
   camera->fov_y_deg = 30;
-  view_of(extent, back, camera->up);
+  memcpy(camera->up, view[1], sizeof camera->up);
   /* The bounding sphere fits with room to turn. */
   double distance = radius / sin(camera->fov_y_deg * M_PI / 360);
-  for (int k = 0; k < 3; k++) camera->position[k] = camera->target[k] + distance * back[k];
+  for (int k = 0; k < 3; k++) camera->position[k] = camera->target[k] + distance * view[0][k];
   camera->height_mm = 2 * radius;
 }
 

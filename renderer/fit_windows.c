@@ -1,9 +1,9 @@
-/* Windows for projections: from a coarse one of the volume, along the axis that runs from front to back. */
+/* Windows for projections: from a coarse one of the volume, along the axis that it is looked at first. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "renderer/presets.h"
+#include "renderer/fit.h"
 #include "renderer/tomocast.h"
 
 /* Pixels a side, and samples along a ray, at most. */
@@ -20,11 +20,12 @@ typedef struct sheet {
   int count;
 } sheet;
 
-static int front_axis(const tc_volume *volume) {
-  const double *m = tc_volume_describe(volume)->direction;
+/* The index axis that the first view looks along. */
+static int view_axis(const tc_volume *volume) {
+  const double *row = tc_volume_describe(volume)->direction + 3 * tc_fit_axis(volume);
   int axis = 0;
   for (int k = 1; k < 3; k++)
-    if (fabs(m[3 + k]) > fabs(m[3 + axis])) axis = k;
+    if (fabs(row[k]) > fabs(row[axis])) axis = k;
   return axis;
 }
 
@@ -67,7 +68,7 @@ static void cast(const tc_volume *volume, int axis, int at[3], sheet *sheet) {
 }
 
 static void project(const tc_volume *volume, sheet *sheet) {
-  const int *dims = tc_volume_describe(volume)->dims, axis = front_axis(volume), u = (axis + 1) % 3, v = (axis + 2) % 3;
+  const int *dims = tc_volume_describe(volume)->dims, axis = view_axis(volume), u = (axis + 1) % 3, v = (axis + 2) % 3;
   const int across = samples_of(dims[u], SIDE), down = samples_of(dims[v], SIDE);
   int at[3];
   sheet->count = 0;

@@ -305,6 +305,23 @@ static void a_maximum_has_grey_in_it(void **state) {
   }
 }
 
+/* A few slices are looked at along their normal: so is what their windows come from. */
+static void windows_are_those_of_the_first_view(void **state) {
+  const tc_volume_desc d = {.dims = {SIDE, SIDE, 4}, .type = TC_I16, .spacing = {1, 1, 1},
+                            .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 1, .modality = "MR"};
+  tc_volume *v = tc_volume_new(&d, NULL);
+  int16_t *p = tc_volume_voxels(v);
+  for (int i = 0; i < SIDE * SIDE * 4; i++) p[i] = within(i % SIDE, i / SIDE % SIDE, 32, 32, 20) ? 200 + i % 50 : i % 20;
+  tc_volume_seal(v);
+  tc_fit fit;
+  tc_fit_find(&fit, v);
+  tc_fit_windows(&fit, v, NULL);
+  const double white = fit.windows[TC_MODE_AVERAGE].center + 0.5 * fit.windows[TC_MODE_AVERAGE].width;
+  print_message("white from %g on\n", white);
+  assert_true(white > 200 && white < 250);
+  tc_volume_unref(v);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(the_table_goes_and_all_else_stays),
                                      cmocka_unit_test(a_table_that_is_touched_goes_too),
@@ -319,6 +336,7 @@ int main(void) {
                                      cmocka_unit_test(a_window_that_shows_nothing_is_not_taken),
                                      cmocka_unit_test(what_is_at_the_walls_is_around),
                                      cmocka_unit_test(heads_and_trunks_are_told_apart_by_bone),
+                                     cmocka_unit_test(windows_are_those_of_the_first_view),
                                      cmocka_unit_test(a_maximum_has_grey_in_it)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
