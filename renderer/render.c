@@ -107,7 +107,7 @@ static bool choose_drawer(drawing *d, bool heard, GError **error) {
   d->job.pixel_samples *= scene->sampling.rays_per_pixel;
   d->ops = r->ops;
   d->instance = r->instance;
-  if (heard && d->ops->deaf_ms) deaf_ms = d->ops->deaf_ms(d->instance, d->job.pixel_samples);
+  if (heard && d->ops->deaf_ms && !tc_drawers[scene->mode]) deaf_ms = d->ops->deaf_ms(d->instance, d->job.pixel_samples);
   if (deaf_ms > MOST_DEAF_MS) {
     d->facts.deaf = r->ops->name;
     d->facts.deaf_ms = deaf_ms;
@@ -124,6 +124,8 @@ static void make_plan(drawing *d) {
   tc_plan_make(d->job.source, d->job.scene, &d->wanted, &d->plan);
   d->job.plan = &d->plan;
   d->job.key = d->plan.key;
+  d->job.outlines_table = tc_plan_has(&d->plan, TC_RESOURCE_TABLE) && d->ops->builds_table &&
+                          d->ops->builds_table(d->instance, &d->plan.table, &d->facts.table_builder);
 }
 
 /* Rays read no structure of empty space. */
@@ -167,8 +169,6 @@ static bool collect_one(drawing *d, tc_resource which, GError **error) {
 static bool collect(drawing *d, GError **error) {
   make_plan(d);
   d->facts.empty_share = -1;
-  d->job.outlines_table = tc_plan_has(&d->plan, TC_RESOURCE_TABLE) && d->ops->builds_table &&
-                          d->ops->builds_table(d->instance, &d->plan.table, &d->facts.table_builder);
   for (int i = 0; i < TC_RESOURCE_COUNT; i++) {
     if (!tc_plan_has(&d->plan, (tc_resource)i)) continue;
     if (!collect_one(d, (tc_resource)i, error) && d->stats) return false;
