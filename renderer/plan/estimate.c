@@ -13,6 +13,7 @@
 #define CUT 8
 #define NODES (CUT + 1)
 #define ENDS 4
+#define SURFACES 12 /* squares of the grid's side: splats of bones and vessels are 1 to 4 of them, at 3 pixels' cost each */
 
 /* Places on the picture in pixels; depth is mm from the eye along the view. */
 typedef struct spot {
@@ -212,10 +213,10 @@ double tc_estimate_samples(const tc_volume *volume, const tc_scene *scene, int w
     *longest = each * (scene->mpr.thickness_mm / rays.step_mm + ends(scene)) + (scene->labels.volume[0] ? 1 : 0);
     return *longest * width * height;
   }
-  if (scene->mode == TC_MODE_SPLAT) { /* footprints on every pixel, and every voxel looked at */
+  if (scene->mode == TC_MODE_SPLAT) { /* not from above: what a surface of usual size costs, and the pixels it covers */
     const double voxels = (double)tc_volume_bytes(volume) / (double)tc_voxel_size(tc_volume_describe(volume)->type);
     *longest = 1;
-    return 4.0 * width * height + voxels;
+    return 2.0 * width * height + SURFACES * pow(voxels, 2.0 / 3);
   }
   view v = {.rays = &rays, .width = width, .height = height};
   total t = {.box = {INFINITY, INFINITY, -INFINITY, -INFINITY},
