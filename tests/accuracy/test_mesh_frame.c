@@ -210,7 +210,7 @@ static void frames_stop_and_go_on_to_the_same_picture(void **unused) {
       g_clear_error(&error);
       if (++stops == 3 && cancel) atomic_store(&interrupt.cancel, false);
     }
-    assert_true(stops > 2 && stops < 2000);
+    assert_true(stops >= (cancel ? 3 : 1) && stops < 2000); /* a pause: after building, however many threads there are */
     const tc_frame *whole = test_draw(which, volume, &scene, NULL, NULL);
     assert_memory_equal(frame.rgba, whole->rgba, 4 * 200 * 200);
     tc_scene_clear(&scene);
