@@ -66,7 +66,7 @@ static void check_volume(const tc_volume *v) {
   if (!memchr(d->note, 0, sizeof d->note) || !memchr(d->unit, 0, sizeof d->unit)) abort();
 }
 
-static int fuzz_format(const tc_format *format, const char *name, const uint8_t *bytes, size_t size) {
+static inline int fuzz_format(const tc_format *format, const char *name, const uint8_t *bytes, size_t size) {
   tc_import_options options = {.max_voxel_bytes = 8 << 20};
   tc_input input;
   GError *error = NULL;
