@@ -154,6 +154,7 @@ static bool list_series(report *r, const char *path, GError **error) {
 }
 
 static bool show(const char *path, bool json, GError **error) {
+  if (g_str_has_suffix(path, ".vmd")) return tcs_cli_info_model(path, json, error);
   tc_volume *volume = tc_import(path, NULL, error);
   if (!volume) return false;
   report r = {.volume = volume, .desc = tc_volume_describe(volume), .stats = tc_volume_statistics(volume)};

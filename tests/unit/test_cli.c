@@ -208,6 +208,15 @@ static void info_for_people_and_programs(void **state) {
   assert_string_equal(cJSON_GetObjectItem(json, "unit")->valuestring, "HU");
   cJSON_Delete(json);
   accept(o);
+  accept(RUN("convert", "demo:bucky", "b.vmd", "--threshold", "100,255", "--attributes", "value,normal", "--gzip"));
+  o = RUN("info", "b.vmd", "--json");
+  json = tcp_json_parse(o.out, strlen(o.out), NULL);
+  assert_true(cJSON_GetObjectItem(json, "voxels")->valuedouble > 0);
+  assert_string_equal(cJSON_GetObjectItem(cJSON_GetObjectItem(json, "attributes"), "normal")->valuestring, "normal");
+  cJSON_Delete(json);
+  accept(o);
+  put_file("b.vmd", "TVMD and no more");
+  refuse(RUN("info", "b.vmd"), 1, "open b.vmd: ");
 }
 
 /* The same words as the HTTP service's: each sample where the last one ended. */
