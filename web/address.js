@@ -60,7 +60,7 @@ const viewOf = ({ mode, transferFunction }) => {
 export function viewText(scene) {
   const paths = ['mode', ...VIEW[viewOf(scene)], ...(scene.labels?.volume ? LABELS : [])];
   const known = paths.map((path) => [path, valueAt(scene, path)]).filter(([, value]) => (value ?? '') !== '');
-  const text = ([path, value]) => (LISTS[path]?.write(value) ?? written(value)).join(',');
+  const text = ([path, value]) => (LISTS[path]?.write(value) ?? written(value)).join(',') || 'none';
   return known.map((member) => `&${member[0]}=${text(member)}`).join('');
 }
 
@@ -76,6 +76,7 @@ const WORDS = { true: true, false: false };
 
 /** @returns the value of a member, undefined where it is broken */
 function read(path, text) {
+  if (path === 'labels.visible' && text === 'none') return [];
   const parts = text.split(',').map(decoded);
   if (LISTS[path]) {
     const items = parts.map((part) => part.split(':'));

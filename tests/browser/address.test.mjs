@@ -39,6 +39,8 @@ test('knots without a preset, their light and labels survive too; broken lists a
     labels: { volume: 'parts', opacity: 0.5, visible: [3], colors: { 3: [1, 0, 0, 0.4] } },
   };
   assert.deepEqual(readHash(`#head${viewText(scene)}`), { volume: 'head', view: scene });
+  const hidden = { ...scene, labels: { ...scene.labels, visible: [] } };
+  assert.deepEqual(readHash(`#head${viewText(hidden)}`).view, hidden, 'hidden labels stay hidden');
   assert.ok(!viewText({ ...scene, transferFunction: { preset: 'ct-bone', points } }).includes('points'));
   assert.equal(readHash('#head&transferFunction.points=1:zz:o1,2').view, null);
 });
