@@ -1,5 +1,6 @@
 /* Generated volumes, so that everything runs with no file at all. All are deterministic. */
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -7,10 +8,7 @@
 #include "renderer/volume/demo.h"
 #include "renderer/volume/demo_shapes.h"
 
-/* Slices made between two questions whether to go on. */
-#define SLICES_AT_ONCE 8
-
-/* Who is asked, and told how far it is. */
+/* Who is asked, and told how far it is: on the caller's thread. */
 typedef struct asker {
   bool (*goes_on)(void *user, double fraction); /* or NULL */
   void *user;
@@ -25,6 +23,8 @@ typedef struct demo_job {
   int n_shapes;
   float background, noise; /* before shapes; amplitude added after, in the volume's unit */
   float *slices;           /* one per worker */
+  const asker *asker;
+  atomic_bool given_up;
 } demo_job;
 
 /* A hash of the voxel's place, triangular in [-1, 1]: the same on every machine and thread. */
@@ -55,32 +55,28 @@ static void store_slice(const demo_job *job, int z, const float *slice) {
 
 static void make_slice(void *context, int z, int worker) {
   demo_job *job = context;
+  const asker *asker = job->asker;
+  if (worker == 0 && asker->goes_on && !atomic_load(&job->given_up) &&
+      !asker->goes_on(asker->user, (double)z / job->desc->dims[2]))
+    atomic_store(&job->given_up, true);
+  if (atomic_load(&job->given_up)) return;
   float *slice = job->slices + (size_t)worker * (size_t)job->desc->dims[0] * (size_t)job->desc->dims[1];
   job->fill(job, z, slice);
   store_slice(job, z, slice);
 }
 
-static bool make_slices(demo_job *job, tc_pool *pool, const asker *asker, GError **error) {
-  const int n = job->desc->dims[2];
-  for (int z = 0; z < n;) {
-    tc_pool_go_on(pool, &z, z + SLICES_AT_ONCE < n ? z + SLICES_AT_ONCE : n, make_slice, job);
-    if (!asker->goes_on || asker->goes_on(asker->user, (double)z / n)) continue;
-    tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
-    return false;
-  }
-  return true;
-}
-
 static tc_volume *make(demo_job *job, const tc_volume_desc *desc, const asker *asker, GError **error) {
   job->desc = desc;
+  job->asker = asker;
   job->volume = tc_volume_new(desc, error);
   if (!job->volume) return NULL;
   tc_pool *pool = tc_pool_new(0, NULL);
   job->slices = malloc((size_t)tc_pool_threads(pool) * (size_t)desc->dims[0] * (size_t)desc->dims[1] * sizeof(float));
+  if (job->slices) tc_pool_run(pool, desc->dims[2], make_slice, job);
   if (!job->slices) tc_set_error(error, TC_ERROR_MEMORY, NULL, "demo volume: out of memory");
-  if (job->slices && make_slices(job, pool, asker, error)) {
-    tc_volume_seal(job->volume);
-  } else {
+  else if (atomic_load(&job->given_up)) tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
+  else tc_volume_seal(job->volume);
+  if (!job->slices || atomic_load(&job->given_up)) {
     tc_volume_unref(job->volume);
     job->volume = NULL;
   }

@@ -6,7 +6,7 @@ import { Ws } from '../support/ws.mjs';
 
 const HEAVY = { image: { width: 8192, height: 2000 }, filter: 'cubic', sampling: { step: 0.25, raysPerPixel: 16 }, shading: { model: 'blinn-phong' } };
 
-let d, alone; // alone: what viewers wait beside nobody
+let d;
 before(async () => { d = await Daemon.start({ args: ['--volume', 'head=demo:head'] }); await d.resident('head'); });
 after(() => d.stop());
 
@@ -65,7 +65,7 @@ test('the first frames, before and in a drag, are already sized to come in time'
 });
 
 test('a drag of huge pictures gets the render time of one, not more', async () => {
-  alone = await ordinary(2000);
+  const alone = await ordinary(2000);
   const beside = await ordinary(4000, async (stop) => {
     const v = await viewer(HEAVY);
     stop.others = [v];
@@ -79,6 +79,7 @@ test('a drag of huge pictures gets the render time of one, not more', async () =
 });
 
 test('twenty renders of one peer hold up nobody who drags, and get done', async () => {
+  const alone = await ordinary(1000);
   const renders = [];
   const beside = await ordinary(3000, async () => {
     for (let i = 0; i < 20; i++)
