@@ -3,14 +3,12 @@
 #define TC_SIMD_AVX2_H
 
 #include <immintrin.h>
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
+
+#include "renderer/raycast/cpu/simd.h"
 
 #define V_LANES 8
 #define V_PACKET_X 4
 #define V_PACKET_Y 2
-#define V_INLINE static inline __attribute__((always_inline))
 
 typedef __m256 vf;
 typedef __m256i vi;
@@ -35,6 +33,7 @@ V_INLINE vi v_muli(vi a, vi b) { return _mm256_mullo_epi32(a, b); }
 V_INLINE vi v_mini(vi a, vi b) { return _mm256_min_epi32(a, b); }
 V_INLINE vi v_shl(vi a, int n) { return _mm256_slli_epi32(a, n); }
 V_INLINE vi v_sra(vi a, int n) { return _mm256_srai_epi32(a, n); }
+V_INLINE vi v_shr(vi a, int n) { return _mm256_srli_epi32(a, n); }
 V_INLINE vi v_andi(vi a, vi b) { return _mm256_and_si256(a, b); }
 V_INLINE vi v_ori(vi a, vi b) { return _mm256_or_si256(a, b); }
 V_INLINE vi v_bits(vf a) { return _mm256_castps_si256(a); }
@@ -58,37 +57,14 @@ V_INLINE float v_least(vf a) {
   m = _mm_min_ps(m, _mm_movehl_ps(m, m));
   return _mm_cvtss_f32(_mm_min_ss(m, _mm_movehdup_ps(m)));
 }
-V_INLINE vi v_bytes(const uint8_t *base, vi off) {
-  return _mm256_and_si256(_mm256_i32gather_epi32((const int *)(const void *)base, off, 1), _mm256_set1_epi32(255));
-}
 
-/* One 32-bit gather fetches a voxel and its right neighbour; the volume's tail pad makes the last one readable. */
 V_INLINE vi v_gather_bytes(const void *base, vi off) { return _mm256_i32gather_epi32((const int *)base, off, 1); }
 V_INLINE vi v_gather_words(const void *base, vi off) { return _mm256_i32gather_epi32((const int *)base, off, 2); }
-V_INLINE void v_pair_u8(const void *base, vi off, vf *a, vf *b) {
-  vi p = v_gather_bytes(base, off), mask = v_seti(255);
-  *a = v_float(v_andi(p, mask));
-  *b = v_float(v_andi(_mm256_srli_epi32(p, 8), mask));
-}
-V_INLINE void v_pair_i8(const void *base, vi off, vf *a, vf *b) {
-  vi p = v_gather_bytes(base, off);
-  *a = v_float(v_sra(v_shl(p, 24), 24));
-  *b = v_float(v_sra(v_shl(p, 16), 24));
-}
-V_INLINE void v_pair_u16(const void *base, vi off, vf *a, vf *b) {
-  vi p = v_gather_words(base, off);
-  *a = v_float(v_andi(p, v_seti(0xffff)));
-  *b = v_float(_mm256_srli_epi32(p, 16));
-}
-V_INLINE void v_pair_i16(const void *base, vi off, vf *a, vf *b) {
-  vi p = v_gather_words(base, off);
-  *a = v_float(v_sra(v_shl(p, 16), 16));
-  *b = v_float(v_sra(p, 16));
-}
 V_INLINE void v_pair_f32(const void *base, vi off, vf *a, vf *b) {
   *a = _mm256_i32gather_ps((const float *)base, off, 4);
   *b = _mm256_i32gather_ps((const float *)base + 1, off, 4);
 }
+#include "renderer/raycast/cpu/simd_gather.h"
 
 /* Whole entries are loaded per lane (they are 16 bytes), lane 4s+g into 128-bit slot s of group g, so that a 4x4
  * transpose inside the slots ends in lane order: far fewer loads than sixteen gathers. */
@@ -117,5 +93,7 @@ V_INLINE vf4 v_bilinear(const float *base, vi row0, vi row1, vf fx, vf fy) {
   return (vf4){_mm256_shuffle_ps(t0, t2, 0x44), _mm256_shuffle_ps(t0, t2, 0xee), _mm256_shuffle_ps(t1, t3, 0x44),
                _mm256_shuffle_ps(t1, t3, 0xee)};
 }
+
+SIMD_PROVIDED;
 
 #endif

@@ -3,14 +3,12 @@
 #define TC_SIMD_AVX512_H
 
 #include <immintrin.h>
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
+
+#include "renderer/raycast/cpu/simd.h"
 
 #define V_LANES 16
 #define V_PACKET_X 4
 #define V_PACKET_Y 4
-#define V_INLINE static inline __attribute__((always_inline))
 
 typedef __m512 vf;
 typedef __m512i vi;
@@ -33,8 +31,9 @@ V_INLINE vi v_addi(vi a, vi b) { return _mm512_add_epi32(a, b); }
 V_INLINE vi v_subi(vi a, vi b) { return _mm512_sub_epi32(a, b); }
 V_INLINE vi v_muli(vi a, vi b) { return _mm512_mullo_epi32(a, b); }
 V_INLINE vi v_mini(vi a, vi b) { return _mm512_min_epi32(a, b); }
-V_INLINE vi v_shl(vi a, unsigned n) { return _mm512_slli_epi32(a, n); }
-V_INLINE vi v_sra(vi a, unsigned n) { return _mm512_srai_epi32(a, n); }
+V_INLINE vi v_shl(vi a, int n) { return _mm512_slli_epi32(a, (unsigned)n); }
+V_INLINE vi v_sra(vi a, int n) { return _mm512_srai_epi32(a, (unsigned)n); }
+V_INLINE vi v_shr(vi a, int n) { return _mm512_srli_epi32(a, (unsigned)n); }
 V_INLINE vi v_andi(vi a, vi b) { return _mm512_and_si512(a, b); }
 V_INLINE vi v_ori(vi a, vi b) { return _mm512_or_si512(a, b); }
 V_INLINE vi v_bits(vf a) { return _mm512_castps_si512(a); }
@@ -54,37 +53,14 @@ V_INLINE vi v_load_bytes(const uint8_t *p) { return _mm512_cvtepu8_epi32(_mm_loa
 V_INLINE vf v_gather(const float *base, vi off) { return _mm512_i32gather_ps(off, base, 4); }
 V_INLINE unsigned m_bits(vm a) { return a; }
 V_INLINE float v_least(vf a) { return _mm512_reduce_min_ps(a); }
-V_INLINE vi v_bytes(const uint8_t *base, vi off) {
-  return _mm512_and_si512(_mm512_i32gather_epi32(off, base, 1), _mm512_set1_epi32(255));
-}
 
-/* One 32-bit gather fetches a voxel and its right neighbour; the volume's tail pad makes the last one readable. */
 V_INLINE vi v_gather_bytes(const void *base, vi off) { return _mm512_i32gather_epi32(off, base, 1); }
 V_INLINE vi v_gather_words(const void *base, vi off) { return _mm512_i32gather_epi32(off, base, 2); }
-V_INLINE void v_pair_u8(const void *base, vi off, vf *a, vf *b) {
-  vi p = v_gather_bytes(base, off), mask = v_seti(255);
-  *a = v_float(v_andi(p, mask));
-  *b = v_float(v_andi(_mm512_srli_epi32(p, 8), mask));
-}
-V_INLINE void v_pair_i8(const void *base, vi off, vf *a, vf *b) {
-  vi p = v_gather_bytes(base, off);
-  *a = v_float(v_sra(v_shl(p, 24), 24));
-  *b = v_float(v_sra(v_shl(p, 16), 24));
-}
-V_INLINE void v_pair_u16(const void *base, vi off, vf *a, vf *b) {
-  vi p = v_gather_words(base, off);
-  *a = v_float(v_andi(p, v_seti(0xffff)));
-  *b = v_float(_mm512_srli_epi32(p, 16));
-}
-V_INLINE void v_pair_i16(const void *base, vi off, vf *a, vf *b) {
-  vi p = v_gather_words(base, off);
-  *a = v_float(v_sra(v_shl(p, 16), 16));
-  *b = v_float(v_sra(p, 16));
-}
 V_INLINE void v_pair_f32(const void *base, vi off, vf *a, vf *b) {
   *a = _mm512_i32gather_ps(off, base, 4);
   *b = _mm512_i32gather_ps(off, (const float *)base + 1, 4);
 }
+#include "renderer/raycast/cpu/simd_gather.h"
 
 /* The same pairs as floats above a bias of their type: put into the mantissa of 2^23, an integer is a float in one
  * instruction, and of differences the bias falls out exactly. */
@@ -144,5 +120,7 @@ V_INLINE vf4 v_bilinear(const float *base, vi row0, vi row1, vf fx, vf fy) {
   return (vf4){_mm512_shuffle_ps(t0, t2, 0x44), _mm512_shuffle_ps(t0, t2, 0xee), _mm512_shuffle_ps(t1, t3, 0x44),
                _mm512_shuffle_ps(t1, t3, 0xee)};
 }
+
+SIMD_PROVIDED;
 
 #endif

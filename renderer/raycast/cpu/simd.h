@@ -1,0 +1,135 @@
+/* The contract of the vector vocabulary: what a simd_*.h supplies to the kernel templates. Adding an instruction set is
+ * writing one such header that ends with SIMD_PROVIDED, and a kernels_*.c and a surface_*.c that include it.
+ *
+ * Constants: V_LANES, V_PACKET_X * V_PACKET_Y = V_LANES; lane l is pixel (l % V_PACKET_X, l / V_PACKET_X) of a packet.
+ * V_INLINE: every operation is inlined, so that arguments which are constant stay constant.
+ * Types: vf (V_LANES floats), vi (V_LANES int32_t), vm (V_LANES booleans), vf4 {vf r, g, b, a}. vf supports + - * / of C,
+ * each rounded once to nearest; not the unary minus (write v_set(0) - a). Denormals are kept.
+ *
+ * The rows below are the lane-wise operations, OP(name, meaning in one lane). simd_scalar.h is made from them, SIMD_PROVIDED
+ * checks that another header has all of them with the same types, and tests/unit/simd.c that every lane means the same,
+ * for random and special values.
+ * - Rounding: to nearest even. Only v_fma and v_fnma differ between instruction sets: once (fused) or twice. Hence kernels
+ *   are bit-identical within an instruction set, and equal to the scalar one within a tolerance.
+ * - NaN: comparisons with NaN are false. v_min and v_max return b where either is NaN, and where both are zeros: of
+ *   v_max(x, v_set(0)), NaN becomes 0. Kernels rely on it to clamp.
+ * - Integers wrap round. Shift counts are constants within 0..31.
+ *
+ * Not lane-wise, or with memory (simd_scalar.h has their meaning as plain C):
+ * - v_set, v_seti: the same in all lanes. v_lane_x, v_lane_y: the lane's pixel in the packet.
+ * - v_trunc rounds towards zero; outside int32_t, and of NaN, any number. v_float rounds to nearest. v_bits and
+ *   v_from_bits copy bits.
+ * - m_any: is any lane set; m_count: how many; m_bits: lane l as bit l. v_least: the least lane; any number where one is NaN.
+ * - v_load, v_store: V_LANES floats, unaligned; v_load_bytes: V_LANES bytes, unsigned. v_gather: the float at offset off.
+ * - v_bytes: the byte at offset off. v_pair_T: elements off and off + 1, exactly; off counts elements, 0 and up. Both may
+ *   read, not use, 3 bytes further: volumes and maps have a tail pad.
+ * - v_corner_T: the pair, each plus V_BIAS_T, exactly, for an instruction set where that is cheaper; field_tmpl.h stands in.
+ * - v_bilinear: reads entries row0, row0 + 1, row1, row1 + 1 (4 floats each) of base, interpolates by fy between rows, then
+ *   by fx, each as a + f (b - a) with v_fma: four equal entries give that entry, and fx = fy = 0 gives entry row0.
+ *
+ * Order of a kernel's translation unit: kernels.h, then a simd_*.h, then kernels_tmpl.h or surface_tmpl.h, which include the
+ * pieces (*_tmpl.h) bottom-up: packet (rays), field, cubic, filter (samples), classify, integrals, zoom, stiff (colour and
+ * opacity), subpixel, segment, shade, gradient, labels, cover (empty-space skipping), the marches (dvr, back, projection,
+ * mpr or isosurface), and last tile (pixels, rows of variants). A piece uses only what precedes it. */
+#ifndef TC_SIMD_H
+#define TC_SIMD_H
+
+#include <math.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#define V_INLINE static inline __attribute__((always_inline))
+
+/* vf (vf a) */
+#define SIMD_UNARY(OP)                                                                                                \
+  OP(v_abs, fabsf(a))                                                                                                 \
+  OP(v_sqrt, sqrtf(a))
+
+/* vf (vf a, vf b) */
+#define SIMD_BINARY(OP)                                                                                               \
+  OP(v_min, a < b ? a : b)                                                                                            \
+  OP(v_max, a > b ? a : b)
+
+/* vf (vf a, vf b, vf c): rounded once or twice */
+#define SIMD_FUSED(OP)                                                                                                \
+  OP(v_fma, a * b + c)                                                                                                \
+  OP(v_fnma, c - a * b)
+
+/* vm (vf a, vf b) */
+#define SIMD_COMPARE(OP)                                                                                              \
+  OP(v_lt, a < b)                                                                                                     \
+  OP(v_le, a <= b)                                                                                                    \
+  OP(v_eq, a == b)
+
+/* vm (vm a, vm b) */
+#define SIMD_MASK(OP)                                                                                                 \
+  OP(m_and, a && b)                                                                                                   \
+  OP(m_or, a || b)                                                                                                    \
+  OP(m_andnot, a && !b)
+
+/* vi (vi a, vi b) */
+#define SIMD_INTEGER(OP)                                                                                              \
+  OP(v_addi, (int32_t)((uint32_t)a + (uint32_t)b))                                                                    \
+  OP(v_subi, (int32_t)((uint32_t)a - (uint32_t)b))                                                                    \
+  OP(v_muli, (int32_t)((uint32_t)a * (uint32_t)b))                                                                    \
+  OP(v_mini, a < b ? a : b)                                                                                           \
+  OP(v_andi, a & b)                                                                                                   \
+  OP(v_ori, a | b)
+
+/* vi (vi a, int n) */
+#define SIMD_SHIFT(OP)                                                                                                \
+  OP(v_shl, (int32_t)((uint32_t)a << n))                                                                              \
+  OP(v_sra, a >> n)                                                                                                   \
+  OP(v_shr, (int32_t)((uint32_t)a >> n))
+
+/* Voxel types: v_pair_T reads elements of this C type. */
+#define SIMD_VOXELS(OP)                                                                                               \
+  OP(u8, uint8_t)                                                                                                     \
+  OP(i8, int8_t)                                                                                                      \
+  OP(u16, uint16_t)                                                                                                   \
+  OP(i16, int16_t)                                                                                                    \
+  OP(f32, float)
+
+#define SIMD_HAS(result, name, ...)                                                                                   \
+  _Static_assert(__builtin_types_compatible_p(__typeof__(name), result(__VA_ARGS__)), #name " differs from simd.h")
+#define SIMD_HAS_UNARY(name, meaning) SIMD_HAS(vf, name, vf);
+#define SIMD_HAS_BINARY(name, meaning) SIMD_HAS(vf, name, vf, vf);
+#define SIMD_HAS_FUSED(name, meaning) SIMD_HAS(vf, name, vf, vf, vf);
+#define SIMD_HAS_COMPARE(name, meaning) SIMD_HAS(vm, name, vf, vf);
+#define SIMD_HAS_MASK(name, meaning) SIMD_HAS(vm, name, vm, vm);
+#define SIMD_HAS_INTEGER(name, meaning) SIMD_HAS(vi, name, vi, vi);
+#define SIMD_HAS_SHIFT(name, meaning) SIMD_HAS(vi, name, vi, int);
+#define SIMD_HAS_PAIR(name, type) SIMD_HAS(void, v_pair_##name, const void *, vi, vf *, vf *);
+
+#define SIMD_PROVIDED                                                                                                 \
+  SIMD_UNARY(SIMD_HAS_UNARY)                                                                                          \
+  SIMD_BINARY(SIMD_HAS_BINARY)                                                                                        \
+  SIMD_FUSED(SIMD_HAS_FUSED)                                                                                          \
+  SIMD_COMPARE(SIMD_HAS_COMPARE)                                                                                      \
+  SIMD_MASK(SIMD_HAS_MASK)                                                                                            \
+  SIMD_INTEGER(SIMD_HAS_INTEGER)                                                                                      \
+  SIMD_SHIFT(SIMD_HAS_SHIFT)                                                                                          \
+  SIMD_VOXELS(SIMD_HAS_PAIR)                                                                                          \
+  SIMD_HAS(vf, v_set, float);                                                                                         \
+  SIMD_HAS(vi, v_seti, int);                                                                                          \
+  SIMD_HAS(vf, v_lane_x, void);                                                                                       \
+  SIMD_HAS(vf, v_lane_y, void);                                                                                       \
+  SIMD_HAS(vi, v_trunc, vf);                                                                                          \
+  SIMD_HAS(vf, v_float, vi);                                                                                          \
+  SIMD_HAS(vi, v_bits, vf);                                                                                           \
+  SIMD_HAS(vf, v_from_bits, vi);                                                                                      \
+  SIMD_HAS(vf, v_select, vm, vf, vf);                                                                                 \
+  SIMD_HAS(bool, m_any, vm);                                                                                          \
+  SIMD_HAS(int, m_count, vm);                                                                                         \
+  SIMD_HAS(unsigned, m_bits, vm);                                                                                     \
+  SIMD_HAS(float, v_least, vf);                                                                                       \
+  SIMD_HAS(vf, v_load, const float *);                                                                                \
+  SIMD_HAS(void, v_store, float *, vf);                                                                               \
+  SIMD_HAS(vi, v_load_bytes, const uint8_t *);                                                                        \
+  SIMD_HAS(vf, v_gather, const float *, vi);                                                                          \
+  SIMD_HAS(vi, v_bytes, const uint8_t *, vi);                                                                         \
+  SIMD_HAS(vf4, v_bilinear, const float *, vi, vi, vf, vf);                                                           \
+  _Static_assert(V_PACKET_X * V_PACKET_Y == V_LANES, "a packet's pixels are its lanes")
+
+#endif

@@ -1,0 +1,244 @@
+/* Every operation of a vector vocabulary against its meaning in one lane (renderer/raycast/cpu/simd.h). Compiled once an
+ * instruction set, SIMD_HEADER; passes without a word where the processor lacks it. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include <cmocka.h>
+
+#include SIMD_HEADER
+
+#ifndef V_BIAS_U8
+#define v_corner_u8 v_pair_u8
+#define v_corner_i8 v_pair_i8
+#define v_corner_u16 v_pair_u16
+#define v_corner_i16 v_pair_i16
+#define V_BIAS_U8 0
+#define V_BIAS_I8 0
+#define V_BIAS_U16 0
+#define V_BIAS_I16 0
+#endif
+
+enum { ROUNDS = 4000, BYTES = 1 << 12, PAD = 3 };
+
+typedef union lanes { float f[V_LANES]; int32_t i[V_LANES]; } lanes;
+
+static uint32_t state = 1;
+static uint32_t draw(void) {
+  state ^= state << 13, state ^= state >> 17, state ^= state << 5;
+  return state;
+}
+
+/* Zeros, ones, neighbours of 1, denormals, the largest, infinities, NaN, and half of the time any bits or a number near 1. */
+static float draw_float(void) {
+  static const float special[] = {0,        -0.0f,     1,        -1,       0x1.fffffep-1f, 0x1.000002p0f, 0x1p-149f, -0x1p-126f,
+                                  INFINITY, -INFINITY, 3.4e38f, -3.4e38f, NAN,            0.5f,          0x1p23f,   0x1p31f};
+  union { uint32_t u; float f; } any = {.u = draw()};
+  switch (draw() % 4) {
+  case 0: return any.f;
+  case 1: return (float)(int32_t)draw() * 0x1p-31f;
+  default: return special[draw() % (sizeof special / sizeof *special)];
+  }
+}
+
+static int32_t draw_int(void) {
+  static const int32_t special[] = {0, 1, -1, INT32_MAX, INT32_MIN, 255, 256, 65535, 1 << 23, 1 << 24};
+  return draw() % 2 ? (int32_t)draw() : special[draw() % (sizeof special / sizeof *special)];
+}
+
+static lanes floats(void) {
+  lanes l;
+  for (int k = 0; k < V_LANES; k++) l.f[k] = draw_float();
+  return l;
+}
+static lanes ints(void) {
+  lanes l;
+  for (int k = 0; k < V_LANES; k++) l.i[k] = draw_int();
+  return l;
+}
+static vi to_vi(const lanes *l) { return v_bits(v_load(l->f)); }
+static lanes of_vf(vf v) { lanes l; v_store(l.f, v); return l; }
+static lanes of_vi(vi v) { return of_vf(v_from_bits(v)); }
+static lanes of_vm(vm m) { return of_vf(v_select(m, v_set(1), v_set(0))); }
+
+static bool same(float x, float y) {
+  union { float f; int32_t i; } a = {x}, b = {y};
+  return a.i == b.i || (isnan(x) && isnan(y));
+}
+
+#define FAIL(name, k, a, b, c, got, wanted)                                                                           \
+  fail_msg("%s lane %d: a %a b %a c %a: %a, wanted %a", name, k, (double)(a), (double)(b), (double)(c), (double)(got), (double)(wanted))
+
+#define UNARY(name, meaning)                                                                                          \
+  for (int k = 0; k < V_LANES; k++) {                                                                                 \
+    float a = x.f[k], wanted = meaning, got = of_vf(name(v_load(x.f))).f[k];                                          \
+    if (!same(got, wanted)) FAIL(#name, k, a, 0, 0, got, wanted);                                                     \
+  }
+#define BINARY(name, meaning)                                                                                         \
+  for (int k = 0; k < V_LANES; k++) {                                                                                 \
+    float a = x.f[k], b = y.f[k], wanted = meaning, got = of_vf(name(v_load(x.f), v_load(y.f))).f[k];                 \
+    if (!same(got, wanted)) FAIL(#name, k, a, b, 0, got, wanted);                                                     \
+  }
+#define FUSED(name, meaning)                                                                                          \
+  for (int k = 0; k < V_LANES; k++) {                                                                                 \
+    float a = x.f[k], b = y.f[k], c = z.f[k], wanted = meaning;                                                       \
+    float got = of_vf(name(v_load(x.f), v_load(y.f), v_load(z.f))).f[k];                                              \
+    float once = #name[3] == 'm' && #name[2] == 'f' ? fmaf(a, b, c) : fmaf(-a, b, c);                                 \
+    if (!same(got, wanted) && !same(got, once)) FAIL(#name, k, a, b, c, got, wanted);                                 \
+  }
+#define COMPARE(name, meaning)                                                                                        \
+  for (int k = 0; k < V_LANES; k++) {                                                                                 \
+    float a = x.f[k], b = y.f[k], wanted = meaning, got = of_vm(name(v_load(x.f), v_load(y.f))).f[k];                 \
+    if (got != wanted) FAIL(#name, k, a, b, 0, got, wanted);                                                          \
+  }
+#define MASK(name, meaning)                                                                                           \
+  for (int k = 0; k < V_LANES; k++) {                                                                                 \
+    bool a = x.f[k] < y.f[k], b = y.f[k] <= z.f[k], wanted = meaning;                                                 \
+    vm p = v_lt(v_load(x.f), v_load(y.f)), q = v_le(v_load(y.f), v_load(z.f));                                        \
+    if (of_vm(name(p, q)).f[k] != (float)wanted) FAIL(#name, k, a, b, 0, !wanted, wanted);                            \
+  }
+#define INTEGER(name, meaning)                                                                                        \
+  for (int k = 0; k < V_LANES; k++) {                                                                                 \
+    int32_t a = i.i[k], b = j.i[k], wanted = meaning, got = of_vi(name(to_vi(&i), to_vi(&j))).i[k];                   \
+    if (got != wanted) FAIL(#name, k, a, b, 0, got, wanted);                                                          \
+  }
+#define SHIFT_BY(name, meaning, by)                                                                                   \
+  for (int k = 0; k < V_LANES; k++) {                                                                                 \
+    enum { n = by };                                                                                                  \
+    int32_t a = i.i[k], wanted = meaning, got = of_vi(name(to_vi(&i), n)).i[k];                                       \
+    if (got != wanted) FAIL(#name, k, a, n, 0, got, wanted);                                                          \
+  }
+#define SHIFT(name, meaning)                                                                                          \
+  SHIFT_BY(name, meaning, 0) SHIFT_BY(name, meaning, 1) SHIFT_BY(name, meaning, 23) SHIFT_BY(name, meaning, 31)
+
+static void rows_mean_the_same_in_every_lane(void **unused) {
+  for (int round = 0; round < ROUNDS; round++) {
+    const lanes x = floats(), y = round % 8 ? floats() : x, z = floats(), i = ints(), j = ints();
+    SIMD_UNARY(UNARY)
+    SIMD_BINARY(BINARY)
+    SIMD_FUSED(FUSED)
+    SIMD_COMPARE(COMPARE)
+    SIMD_MASK(MASK)
+    SIMD_INTEGER(INTEGER)
+    SIMD_SHIFT(SHIFT)
+    const vf a = v_load(x.f), b = v_load(y.f);
+#define OPERATOR(op)                                                                                                  \
+  for (int k = 0; k < V_LANES; k++)                                                                                   \
+    if (!same(of_vf(a op b).f[k], x.f[k] op y.f[k])) FAIL(#op, k, x.f[k], y.f[k], 0, of_vf(a op b).f[k], x.f[k] op y.f[k])
+    OPERATOR(+);
+    OPERATOR(-);
+    OPERATOR(*);
+    OPERATOR(/);
+  }
+}
+
+static void lanes_convert_and_reduce(void **unused) {
+  for (int k = 0; k < V_LANES; k++) {
+    assert_true(of_vf(v_lane_x()).f[k] == (float)(k % V_PACKET_X));
+    assert_true(of_vf(v_lane_y()).f[k] == (float)(k / V_PACKET_X));
+  }
+  for (int round = 0; round < ROUNDS; round++) {
+    lanes x = floats(), y = floats(), i = ints();
+    int count = 0;
+    unsigned bits_set = 0;
+    float least = INFINITY;
+    for (int k = 0; k < V_LANES; k++) count += x.f[k] < y.f[k], bits_set |= (unsigned)(x.f[k] < y.f[k]) << k;
+    vm less = v_lt(v_load(x.f), v_load(y.f));
+    assert_int_equal(m_count(less), count);
+    assert_int_equal(m_any(less), count > 0);
+    assert_int_equal(m_bits(less), bits_set);
+    lanes chosen = of_vf(v_select(less, v_load(x.f), v_load(y.f))), number = of_vf(v_float(to_vi(&i)));
+    lanes set = of_vf(v_set(x.f[0])), seti = of_vi(v_seti(i.i[0])), bits = of_vi(v_bits(v_load(x.f)));
+    for (int k = 0; k < V_LANES; k++) {
+      assert_true(same(chosen.f[k], x.f[k] < y.f[k] ? x.f[k] : y.f[k]));
+      assert_true(number.f[k] == (float)i.i[k]);
+      assert_true(same(set.f[k], x.f[0]) && seti.i[k] == i.i[0] && same(bits.f[k], x.f[k]));
+    }
+    for (int k = 0; k < V_LANES; k++) {
+      if (!(fabsf(x.f[k]) < 0x1p31f)) x.f[k] = (float)k - 2.75f;
+      least = fminf(least, x.f[k]);
+    }
+    lanes whole = of_vi(v_trunc(v_load(x.f)));
+    for (int k = 0; k < V_LANES; k++) assert_int_equal(whole.i[k], (int32_t)x.f[k]);
+    assert_true(v_least(v_load(x.f)) == least);
+  }
+}
+
+/* The memory ends PAD bytes after the last element that is asked for, where the address sanitizer looks. */
+static void voxels_are_read_exactly(void **unused) {
+  uint8_t *memory = malloc(BYTES + PAD);
+  for (int k = 0; k < BYTES + PAD; k++) memory[k] = (uint8_t)draw();
+#define PAIRS(name, type)                                                                                             \
+  for (int round = 0; round < ROUNDS / 4; round++) {                                                                  \
+    const int last = BYTES / (int)sizeof(type) - 2;                                                                   \
+    lanes off;                                                                                                        \
+    for (int k = 0; k < V_LANES; k++) off.i[k] = round ? (int)(draw() % (unsigned)(last + 1)) : last;                 \
+    vf a, b, c, d;                                                                                                    \
+    v_pair_##name(memory, to_vi(&off), &a, &b);                                                                       \
+    CORNER_##name(&c, &d);                                                                                            \
+    for (int k = 0; k < V_LANES; k++) {                                                                               \
+      const type *p = (const type *)(const void *)memory + off.i[k];                                                  \
+      assert_true(same(of_vf(a).f[k], (float)p[0]) && same(of_vf(b).f[k], (float)p[1]));                              \
+      assert_true(same(of_vf(c).f[k], (float)p[0]) && same(of_vf(d).f[k], (float)p[1]));                              \
+    }                                                                                                                 \
+  }
+#define CORNER(name, bias, c, d) v_corner_##name(memory, to_vi(&off), c, d), *(c) = *(c) - v_set(bias), *(d) = *(d) - v_set(bias)
+#define CORNER_u8(c, d) CORNER(u8, V_BIAS_U8, c, d)
+#define CORNER_i8(c, d) CORNER(i8, V_BIAS_I8, c, d)
+#define CORNER_u16(c, d) CORNER(u16, V_BIAS_U16, c, d)
+#define CORNER_i16(c, d) CORNER(i16, V_BIAS_I16, c, d)
+#define CORNER_f32(c, d) (*(c) = a, *(d) = b)
+  SIMD_VOXELS(PAIRS)
+  lanes off, words;
+  for (int k = 0; k < V_LANES; k++) words.i[k] = k ? (int)(draw() % (BYTES / 4)) : BYTES / 4 - 1;
+  lanes gathered = of_vf(v_gather((const float *)(const void *)memory, to_vi(&words)));
+  lanes loaded = of_vi(v_load_bytes(memory + BYTES - V_LANES));
+  for (int k = 0; k < V_LANES; k++) {
+    assert_true(same(gathered.f[k], ((const float *)(const void *)memory)[words.i[k]]));
+    assert_int_equal(loaded.i[k], memory[BYTES - V_LANES + k]);
+  }
+  for (int k = 0; k < V_LANES; k++) off.i[k] = k ? (int)(draw() % BYTES) : BYTES - 1;
+  lanes bytes = of_vi(v_bytes(memory, to_vi(&off)));
+  for (int k = 0; k < V_LANES; k++) assert_int_equal(bytes.i[k], memory[off.i[k]]);
+  free(memory);
+}
+
+static void bilinear_is_exact_at_entries_and_near_between(void **unused) {
+  enum { ENTRIES = 64 };
+  float *table = malloc(ENTRIES * 4 * sizeof *table);
+  for (int k = 0; k < ENTRIES * 4; k++) table[k] = (float)(int32_t)draw() * 0x1p-31f;
+  for (int k = 0; k < 8; k++) table[k] = table[ENTRIES * 4 - 8 + k] = (float)(k % 4) / 3; /* two equal entries at either end */
+  for (int round = 0; round < ROUNDS; round++) {
+    lanes row[2], f[2];
+    for (int k = 0; k < V_LANES; k++)
+      for (int s = 0; s < 2; s++) {
+        row[s].i[k] = round % 4 == 0 ? (ENTRIES - 2) * (s ^ (k & 1)) : (int)(draw() % (ENTRIES - 1));
+        f[s].f[k] = round % 4 == 1 ? 0 : (float)(draw() >> 8) * 0x1p-24f;
+      }
+    vf4 got = v_bilinear(table, to_vi(&row[0]), to_vi(&row[1]), v_load(f[0].f), v_load(f[1].f));
+    vf channels[4] = {got.r, got.g, got.b, got.a};
+    for (int k = 0; k < V_LANES; k++)
+      for (int c = 0; c < 4; c++) {
+        const float *p = table + 4 * row[0].i[k] + c, *q = table + 4 * row[1].i[k] + c;
+        double x = f[0].f[k], y = f[1].f[k], a = p[0] + y * ((double)q[0] - p[0]), b = p[4] + y * ((double)q[4] - p[4]);
+        double off = fabs((double)of_vf(channels[c]).f[k] - (a + x * (b - a)));
+        if (round % 4 < 2) assert_true(of_vf(channels[c]).f[k] == p[0]);
+        assert_true(off <= 6 * 0x1p-24); /* six roundings of numbers up to 2, each half an ulp */
+      }
+  }
+  free(table);
+}
+
+__attribute__((noinline)) static int run(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(rows_mean_the_same_in_every_lane), cmocka_unit_test(lanes_convert_and_reduce),
+      cmocka_unit_test(voxels_are_read_exactly), cmocka_unit_test(bilinear_is_exact_at_entries_and_near_between)};
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
+
+int main(void) {
+  __builtin_cpu_init();
+  if (!(SIMD_RUNS)) return printf("%s: not on this processor\n", SIMD_HEADER) < 0;
+  return run();
+}
