@@ -1,8 +1,8 @@
 /* From the field to grey for the projections (mip, minip, average): the scene's window, folded with the volume's
  * rescale into one line, the same numbers for every back end.
  *
- * Voxels are turned so that mip and minip are both a maximum: w = turn * voxel, with turn = -1 for minip, and the other
- * way round in a volume of negative slope. grey = clamp(gain * w + offset, 0, 1). No w below `floor` or above `stop`
+ * The sign of voxels is chosen so that mip and minip are both a maximum: w = sign * voxel, with sign = -1 for minip, and the
+ * other way round in a volume of negative slope. grey = clamp(gain * w + offset, 0, 1). No w below `floor` or above `stop`
  * makes another grey than these ends do: a maximum starts at floor, and a ray that has reached stop (which is at most
  * the largest w of the volume) is finished. */
 #ifndef TC_RAYCAST_GREY_H
@@ -12,7 +12,7 @@
 #include "renderer/volume/volume.h"
 
 typedef struct tc_grey {
-  float turn; /* 1 or -1 */
+  float sign; /* 1 or -1 */
   float gain, offset;
   float floor, stop; /* of w; floor < stop unless all of the volume lies on one side of the window */
 } tc_grey;

@@ -140,3 +140,32 @@ void tc_rays_set_up(tc_rays *rays, const tc_volume *volume, const tc_scene *scen
     rays->eye_mm = depth;
   }
 }
+
+static void round_values(float *to, const double *from, int count) {
+  for (int i = 0; i < count; i++) to[i] = (float)from[i];
+}
+
+void tc_rays_round(tc_rays_single *to, const tc_rays *rays) {
+  *to = (tc_rays_single){.step_mm = (float)rays->step_mm,
+                         .inverse_step = (float)(1 / rays->step_mm),
+                         .eye_mm = (float)rays->eye_mm,
+                         .far_mm = (float)rays->far_mm,
+                         .n_planes = rays->n_planes,
+                         .count = rays->count,
+                         .perspective = rays->perspective,
+                         .footprint = (float)fmin(rays->footprint, 1e9)};
+  round_values(to->anchor0, rays->anchor0, 3);
+  round_values(to->anchor_du, rays->anchor_du, 3);
+  round_values(to->anchor_dv, rays->anchor_dv, 3);
+  round_values(to->view0, rays->view0, 3);
+  round_values(to->view_du, rays->view_du, 3);
+  round_values(to->view_dv, rays->view_dv, 3);
+  round_values(to->lo, rays->lo, 3);
+  round_values(to->hi, rays->hi, 3);
+  for (int r = 0; r < 3; r++) round_values(to->to_index[r], rays->to_index + 3 * r, 3);
+  for (int i = 0; i < rays->n_planes; i++) round_values(to->planes[i], rays->planes[i], 4);
+  for (int i = 0; i < rays->count; i++) {
+    const tc_subpixel *ray = &rays->of_pixel[i];
+    to->of_pixel[i] = (tc_subpixel_single){(float)ray->x, (float)ray->y, (float)ray->phase, 0};
+  }
+}

@@ -36,6 +36,21 @@ typedef struct tc_rays {
   int n_planes;
 } tc_rays;
 
+/* The same in single precision, as kernels and shaders read it: laid out as the structure Rays of head.glsl (std140), hence
+ * the unused fourth components. */
+typedef struct tc_subpixel_single { float x, y, phase, unused; } tc_subpixel_single;
+typedef struct tc_rays_single {
+  float anchor0[4], anchor_du[4], anchor_dv[4];
+  float view0[4], view_du[4], view_dv[4];
+  float to_index[3][4];
+  float lo[4], hi[4];
+  float step_mm, inverse_step, eye_mm, far_mm;
+  float planes[TC_MAX_CLIP_PLANES][4];
+  tc_subpixel_single of_pixel[TC_MAX_RAYS_PER_PIXEL];
+  int32_t n_planes, count, perspective;
+  float footprint; /* at most 1e9 */
+} tc_rays_single;
+
 #define TC_RAYS_FAR_MM 1e30
 
 /* Length of a full segment of a ray: where rays composite, those of one pixel share the samples between them.
@@ -45,6 +60,9 @@ double tc_rays_step_mm(const tc_volume *volume, const tc_scene *scene);
 /* The camera, or the plane of mode mpr, was validated (tc_plan_make). width, height: pixels of the picture to make.
  * Pure. */
 void tc_rays_set_up(tc_rays *rays, const tc_volume *volume, const tc_scene *scene, int width, int height);
+
+/* Rounds; members that do not count are zero. */
+void tc_rays_round(tc_rays_single *to, const tc_rays *rays);
 
 /* The scene's clip box and planes; part of setting up. */
 void tc_rays_add_clipping(tc_rays *rays, const tc_volume *volume, const tc_scene *scene);

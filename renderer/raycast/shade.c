@@ -16,25 +16,27 @@ static void set_gradient(tc_shade *shade, const tc_volume *volume, const tc_volu
   if (mode == TC_MODE_ISOSURFACE) scale *= TC_SHADE_FAINT;
   tc_volume_lps_to_index_matrix(volume, to_index);
   for (int r = 0; r < 3; r++)
-    for (int k = 0; k < 3; k++) shade->gradient[3 * r + k] = d->dims[k] > 1 ? scale * to_index[3 * k + r] : 0;
-  shade->flat = mode == TC_MODE_ISOSURFACE ? 0 : TC_SHADE_FLAT / TC_SHADE_STEEP;
+    for (int k = 0; k < 3; k++) shade->gradient[r][k] = d->dims[k] > 1 ? (float)(scale * to_index[3 * k + r]) : 0;
+  double flat = mode == TC_MODE_ISOSURFACE ? 0 : TC_SHADE_FLAT / TC_SHADE_STEEP;
+  shade->flat = (float)flat;
+  shade->inverse_steep = (float)(1 / (1 - flat));
 }
 
 void tc_shade_set_up(tc_shade *shade, const tc_volume *volume, const tc_volume *field, const tc_scene *scene) {
   memset(shade, 0, sizeof *shade);
   set_gradient(shade, volume, field, scene->mode);
   double ambient = scene->shading.ambient, diffuse = scene->shading.diffuse;
-  shade->shininess = scene->shading.shininess;
-  shade->specular = scene->shading.model == TC_SHADING_LAMBERT ? 0 : scene->shading.specular;
-  shade->factor[0] = ambient;
-  shade->factor[1] = diffuse;
+  shade->shininess = (float)scene->shading.shininess;
+  shade->specular = scene->shading.model == TC_SHADING_LAMBERT ? 0 : (float)scene->shading.specular;
+  shade->factor[0] = (float)ambient;
+  shade->factor[1] = (float)diffuse;
   if (scene->shading.model == TC_SHADING_GOOCH) {
     shade->least = -1;
-    shade->factor[0] = 0.5 * (diffuse + ambient);
-    shade->factor[1] = 0.5 * (diffuse - ambient);
+    shade->factor[0] = (float)(0.5 * (diffuse + ambient));
+    shade->factor[1] = (float)(0.5 * (diffuse - ambient));
     for (int c = 0; c < 3; c++) {
-      shade->glow[0][c] = 0.5 * (warm[c] + cool[c]);
-      shade->glow[1][c] = 0.5 * (warm[c] - cool[c]);
+      shade->glow[0][c] = (float)(0.5 * (warm[c] + cool[c]));
+      shade->glow[1][c] = (float)(0.5 * (warm[c] - cool[c]));
     }
   }
   shade->head_light = scene->shading.light_at_camera;
@@ -44,5 +46,5 @@ void tc_shade_set_up(tc_shade *shade, const tc_volume *volume, const tc_volume *
     v[k] = light[k] / largest;
     length += v[k] * v[k];
   }
-  for (int k = 0; k < 3 && !shade->head_light; k++) shade->light[k] = v[k] / sqrt(length);
+  for (int k = 0; k < 3 && !shade->head_light; k++) shade->light[k] = (float)(v[k] / sqrt(length));
 }

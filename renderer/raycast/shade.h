@@ -32,16 +32,18 @@
 #define TC_SHADE_STEEP 0.02 /* above it shading is full */
 #define TC_SHADE_FAINT 1e6  /* of an isosurface: shading is full from this part of it on, and begins at 0 */
 
+/* Laid out as the structure Shade of head.glsl (std140). */
 typedef struct tc_shade {
-  double gradient[9];  /* rows give LPS x, y, z: from the sum of two samples' gradients (voxel units per index step) to
-                          their mean as |g| * least spacing / (value range * TC_SHADE_STEEP); 0 for flat axes */
-  double flat;         /* TC_SHADE_FLAT in the same unit: full weight is at 1 */
-  double factor[2];    /* F0, F1 */
-  double glow[2][3];   /* G0, G1 */
-  double least;        /* of q */
-  double specular, shininess;
-  bool head_light;
-  double light[3];     /* unit, LPS; to the light */
+  float gradient[3][4]; /* rows give LPS x, y, z: from the sum of two samples' gradients (voxel units per index step) to
+                           their mean as |g| * least spacing / (value range * TC_SHADE_STEEP); 0 for flat axes; [3] unused */
+  float light[3];       /* unit, LPS; to the light */
+  int32_t head_light;   /* bool */
+  float glow[2][4];     /* G0, G1; [3] unused */
+  float factor[2];      /* F0, F1 */
+  float least;          /* of q */
+  float flat;           /* TC_SHADE_FLAT in the gradient's unit: full weight is at 1 */
+  float inverse_steep;  /* 1 / (1 - flat) */
+  float specular, shininess;
 } tc_shade;
 
 /* volume: the scene's, whose range counts; field: what is sampled, in the same place. The scene's shading was validated

@@ -10,7 +10,7 @@
 
 /* The eighth of a level covers the rounding of (best - floor) * scale in a kernel. */
 static uint8_t level_of(const tc_bounds *b, double lo, double hi) {
-  double most = b->grey.turn > 0 ? hi : -lo;
+  double most = b->grey.sign > 0 ? hi : -lo;
   if (lo != hi) most += 1e-6 * fmax(fabs(lo), fabs(hi));
   if (most <= (double)b->grey.floor) return 0;
   double level = ceil((most - (double)b->grey.floor) * (double)b->scale + 0.125);

@@ -16,12 +16,12 @@ V_INLINE void put_in_front(vf4 c, vm live, vf4 *sum) {
 #define MOST_RUNS 32 /* of a packet; the last one holds what is behind it too */
 
 /* The runs of segments to walk, first to last; returns how many. */
-V_INLINE int find_runs(const tc_cpu_args *g, variant v, const packet *p, const place *at, int steps,
+V_INLINE int find_runs(const tc_cpu_args *args, variant v, const packet *p, const place *at, int steps,
                        int from[MOST_RUNS], int to[MOST_RUNS]) {
   int n = 0;
   from[0] = 0, to[0] = steps;
   if (!v.leap) return 1;
-  runs r = start_runs(g, v, p, at);
+  runs r = start_runs(args, v, p, at);
   for (int least = 0; next_run(&r, p->live, least, &from[n], &to[n]); least = to[n++]) {
     if (to[n] > steps) to[n] = steps;
     if (n == MOST_RUNS - 1) {
@@ -32,8 +32,8 @@ V_INLINE int find_runs(const tc_cpu_args *g, variant v, const packet *p, const p
   return n;
 }
 
-V_ONCE void cast_back_to_front(const tc_cpu_args *g, variant v, const place *at, vf4 *out, tc_cpu_counts *counts) {
-  packet p = start_packet(g, v, at);
+V_ONCE void cast_back_to_front(const tc_cpu_args *args, variant v, const place *at, vf4 *out, tc_cpu_counts *counts) {
+  packet p = start_packet(args, v, at);
   vf front = v_set(0), back = v_set(0);
   vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
   vf slopes[3][3];
@@ -41,31 +41,31 @@ V_ONCE void cast_back_to_front(const tc_cpu_args *g, variant v, const place *at,
   vf *const at_front = cell ? slopes[0] : NULL, *const at_back = cell ? slopes[1] : NULL;
   int from[MOST_RUNS], to[MOST_RUNS], before = -1;
   lighting light;
-  if (v.shaded) light = start_lighting(g, v, at);
-  if (phased(v)) p.lag = lag_of(g, v, at);
+  if (v.shaded) light = start_lighting(args, v, at);
+  if (phased(v)) p.lag = lag_of(args, v, at);
   counts->rays += (uint64_t)m_count(p.live);
   float longest = 0 - v_least(v_select(p.live, v_set(0) - p.length, v_set(0)));
-  for (int n = find_runs(g, v, &p, at, (int)(longest * g->inverse_step) + 2, from, to); n-- > 0;) {
+  for (int n = find_runs(args, v, &p, at, (int)(longest * args->rays.inverse_step) + 2, from, to); n-- > 0;) {
     counts->leaps += v.leap;
-    counts->until_look -= STRIDE; /* the run's steps may be none that count */
-    for (int i = to[n] - 1; i >= from[n] && marches(g, p.live, counts, i); i--) {
-      vf t0 = sample_mm(g, v, &p, i), t1 = sample_mm(g, v, &p, i + 1);
+    counts->until_poll -= STRIDE; /* the run's steps may be none that count */
+    for (int i = to[n] - 1; i >= from[n] && marches(args, p.live, counts, i); i--) {
+      vf t0 = sample_mm(args, v, &p, i), t1 = sample_mm(args, v, &p, i + 1);
       vm live = m_and(p.live, v_lt(t0, p.length));
       if (!m_any(live)) continue;
       if (before != i + 1) {
-        back = sample_node(g, v, &p, v_min(t1, p.length), at_back);
+        back = sample_node(args, v, &p, v_min(t1, p.length), at_back);
         counts->samples += (uint64_t)m_count(live);
       }
       before = i;
       /* Of a ray that joins next this is its end, where its last segment's back is wanted. */
-      front = sample_node(g, v, &p, v_min(t0, p.length), at_front);
+      front = sample_node(args, v, &p, v_min(t0, p.length), at_front);
       counts->samples += (uint64_t)m_count(live);
-      if (!v.leap || v.classification == TC_PREINTEGRATED2 || !all_zero(g, front, back, live)) {
-        vf4 c = segment(g, v, &p, front, back, i, t0, t1, live, counts);
+      if (!v.leap || v.classification == TC_PREINTEGRATED2 || !all_zero(args, front, back, live)) {
+        vf4 c = segment(args, v, &p, front, back, i, t0, t1, live, counts);
         if (v.labels && m_any(v_lt(v_set(0), c.a)))
-          c = label_segment(g, &p, v_set(0.5f) * (t0 + v_min(t1, p.length)), c);
+          c = label_segment(args, &p, v_set(0.5f) * (t0 + v_min(t1, p.length)), c);
         if (v.shaded && m_any(v_lt(v_set(0), c.a)))
-          c = shade_segment(g, v, &p, &light, at_front, at_back, t0, t1, live, c, counts);
+          c = shade_segment(args, v, &p, &light, at_front, at_back, t0, t1, live, c, counts);
         put_in_front(c, live, &sum);
       }
       back = front;

@@ -1,12 +1,12 @@
 /* From the field at a segment's two ends to its colour and opacity (classify/classify.h). Part of the template. */
 
 /* Colour and opacity of a full segment from node front to node back. */
-V_INLINE vf4 classify(const tc_cpu_args *g, vf front, vf back) {
+V_INLINE vf4 classify(const tc_cpu_args *args, vf front, vf back) {
   vf low = v_min(front, back), diff = back - front, k = v_abs(diff);
   vf i = v_float(v_trunc(low)), kk = v_float(v_trunc(k));
-  vf stride = v_select(v_lt(diff, v_set(0)), v_set(-g->table_stride), v_set(g->table_stride));
+  vf stride = v_select(v_lt(diff, v_set(0)), v_set(-args->table_stride), v_set(args->table_stride));
   vf row0 = v_fma(kk, stride, i);
-  return v_bilinear(g->table, v_trunc(row0), v_trunc(row0 + stride), low - i, k - kk);
+  return v_bilinear(args->table, v_trunc(row0), v_trunc(row0 + stride), low - i, k - kk);
 }
 
 /* log2 and exp2 for the last segments only; relative error about 1e-6. */

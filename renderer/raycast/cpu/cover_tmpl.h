@@ -8,15 +8,16 @@ typedef struct runs {
   vf start, steps;      /* steps from a ray's first sample to slot 0; that a slot has */
 } runs;
 
-V_INLINE runs start_runs(const tc_cpu_args *g, variant v, const packet *p, const place *at) {
-  vf steps_per_mm = v_set(g->inverse_step) / p->forward; /* of depth */
+V_INLINE runs start_runs(const tc_cpu_args *args, variant v, const packet *p, const place *at) {
+  vf steps_per_mm = v_set(args->rays.inverse_step) / p->forward; /* of depth */
   vf begin = p->start;
   if (phased(v)) begin = begin - p->lag;
-  return (runs){.bits = g->cover + (at->y >> g->cover_shift) * g->cover_row + (at->x >> g->cover_shift),
-                .next_word = g->cover_cells,
-                .words = g->cover_words,
-                .start = v_fma(v_set(g->cover_near), steps_per_mm, v_set(0) - begin * v_set(g->inverse_step)),
-                .steps = v_set(g->cover_slot) * steps_per_mm};
+  ptrdiff_t row = (ptrdiff_t)(at->y >> args->cover.shift) * args->cover.words * args->cover.cells[0];
+  return (runs){.bits = args->cover.bits + row + (at->x >> args->cover.shift),
+                .next_word = args->cover.cells[0],
+                .words = args->cover.words,
+                .start = v_fma(v_set((float)args->cover.near_mm), steps_per_mm, v_set(0) - begin * v_set(args->rays.inverse_step)),
+                .steps = v_set((float)args->cover.slot_mm) * steps_per_mm};
 }
 
 /* First slot from `slot` on whose bit is `set`; words * 64 where there is none. */
@@ -47,8 +48,8 @@ V_INLINE bool next_run(runs *r, vm live, int least, int *from, int *to) {
 }
 
 /* All live rays' segments lie in a stretch of values at either end of the axis that shows nothing. */
-V_INLINE bool all_zero(const tc_cpu_args *g, vf front, vf back, vm live) {
-  vm below = m_and(v_lt(front, v_set(g->zero_below)), v_lt(back, v_set(g->zero_below)));
-  vm above = m_and(v_lt(v_set(g->zero_above), front), v_lt(v_set(g->zero_above), back));
+V_INLINE bool all_zero(const tc_cpu_args *args, vf front, vf back, vm live) {
+  vm below = m_and(v_lt(front, v_set(args->zero_below)), v_lt(back, v_set(args->zero_below)));
+  vm above = m_and(v_lt(v_set(args->zero_above), front), v_lt(v_set(args->zero_above), back));
   return !m_any(m_andnot(live, m_or(below, above)));
 }

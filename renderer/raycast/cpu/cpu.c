@@ -7,9 +7,7 @@
 
 #include "renderer/backend.h"
 #include "renderer/frame.h"
-#include "renderer/raycast/cpu/surface_kernels.h"
-#include "renderer/raycast/shade.h"
-#include "renderer/skip/cover.h"
+#include "renderer/raycast/cpu/kernels.h"
 
 #define TILE 32    /* pixels: of a unit of drawing, unless it would take too long */
 #define SMALLEST 4 /* as packets */
@@ -31,7 +29,7 @@ typedef struct cpu_backend {
 /* One frame as its tiles see it. */
 typedef struct cpu_frame {
   const tc_job *job;
-  tc_cpu_surface args; /* other modes' are args.common */
+  tc_cpu_args args;
   tc_cpu_kernel kernel;
   tc_resolve resolve;
   tc_progress *progress;
@@ -105,39 +103,35 @@ static const char *cpu_device(void *instance) { return ((cpu_backend *)instance)
 static const char *cpu_isa_name(void *instance) { return ((cpu_backend *)instance)->isa->name; }
 static void cpu_forget(void *instance, uint64_t volume_serial) {}
 
-static void to_float(float *to, const double *from, int count) {
-  for (int i = 0; i < count; i++) to[i] = (float)from[i];
+static tc_cpu_grid grid_of(const tc_volume *volume) {
+  const int *dims = tc_volume_describe(volume)->dims;
+  const int strides[3] = {1, dims[0], dims[0] * dims[1]};
+  tc_cpu_grid grid = {.voxels = tc_volume_data(volume), .row = strides[1], .slice = strides[2]};
+  for (int k = 0; k < 3; k++) {
+    grid.last[k] = (float)(dims[k] - 1);
+    grid.cell_last[k] = dims[k] > 2 ? dims[k] - 2 : 0;
+    grid.stride[k] = dims[k] > 1 ? strides[k] : 0;
+  }
+  return grid;
 }
 
-static void fill_grey(tc_cpu_args *a, const tc_job *job) {
-  a->turn = job->plan->grey.turn;
-  a->gain = job->plan->grey.gain;
-  a->offset = job->plan->grey.offset;
-  a->floor = job->plan->grey.floor;
-  a->stop = job->plan->grey.stop;
+static tc_cpu_blocks blocks_of(const uint8_t *values, int width, const int blocks[3]) {
+  return (tc_cpu_blocks){.values = values, .width = (float)width, .inverse_width = 1 / (float)width,
+                         .row = blocks[0], .slice = blocks[0] * blocks[1]};
+}
+
+static void fill_projection(tc_cpu_args *a, const tc_job *job) {
+  a->grey = job->plan->grey;
   if (job->scene->image.linear_light) a->to_light = tc_resolve_light();
   const tc_bounds *b = job->have.bounds;
   if (!b) return;
-  a->levels = b->levels;
-  a->block_row = b->blocks[0];
-  a->block_slice = b->blocks[0] * b->blocks[1];
-  a->inverse_block = 1 / (float)b->block;
+  a->blocks = blocks_of(b->levels, b->block, b->blocks);
   a->level_scale = b->scale;
   a->interval = tc_bounds_interval(b, job->rays);
 }
 
-static void fill_leap(tc_cpu_args *a, const tc_leap *leap) {
-  a->distance = leap->distance;
-  a->block = (float)leap->block;
-  a->inverse_block = 1 / a->block;
-  a->block_row = leap->blocks[0];
-  a->block_slice = leap->blocks[0] * leap->blocks[1];
-}
-
-static void fill_surface(tc_cpu_surface *a, const tc_job *job) {
-  a->iso = job->plan->surface.iso;
-  a->scale = job->plan->surface.scale;
-  memcpy(a->color, job->plan->surface.color, sizeof a->color);
+static void fill_surface(tc_cpu_args *a, const tc_job *job) {
+  a->surface = job->plan->surface;
   a->depth = job->plan->depth ? job->frame->depth : NULL;
   a->width = job->frame->width;
 }
@@ -145,27 +139,11 @@ static void fill_surface(tc_cpu_surface *a, const tc_job *job) {
 static void fill_window(tc_cpu_args *a, const tc_job *job) {
   tc_slice_window window;
   tc_slice_window_init(&window, job->volume, job->scene);
-  a->value_lo = window.lo;
-  a->value_scale = window.sign;
-  a->node_last = window.last;
-  a->window_center = window.center;
-  a->window_gain = window.gain;
-}
-
-static void fill_shading(tc_cpu_args *a, const tc_job *job) {
-  tc_shade s;
-  tc_shade_set_up(&s, job->source, job->volume, job->scene);
-  to_float(a->gradient, s.gradient, 9);
-  to_float(a->factor, s.factor, 2);
-  to_float(a->glow[0], s.glow[0], 3);
-  to_float(a->glow[1], s.glow[1], 3);
-  to_float(a->light, s.light, 3);
-  a->flat = (float)s.flat;
-  a->inverse_steep = (float)(1 / (1 - s.flat));
-  a->least_lit = (float)s.least;
-  a->specular = (float)s.specular;
-  a->shininess = (float)s.shininess;
-  a->head_light = s.head_light;
+  a->nodes.lo = window.lo;
+  a->nodes.scale = window.sign;
+  a->nodes.last = window.last;
+  a->window.center = window.center;
+  a->window.gain = window.gain;
 }
 
 static void fill_zooms(tc_cpu_args *a, const tc_table *t) {
@@ -184,71 +162,33 @@ static void fill_zooms(tc_cpu_args *a, const tc_table *t) {
 }
 
 static void fill_labels(tc_cpu_labels *l, const tc_job *job) {
-  const tc_volume_desc *d = tc_volume_describe(job->label_volume);
-  const int strides[3] = {1, d->dims[0], d->dims[0] * d->dims[1]};
   double matrix[3][4];
   tc_labels_matrix(job->volume, job->label_volume, matrix);
-  for (int k = 0; k < 3; k++) {
-    to_float(l->matrix[k], matrix[k], 4);
-    l->last[k] = (float)(d->dims[k] - 1);
-    l->cell_last[k] = d->dims[k] > 2 ? d->dims[k] - 2 : 0;
-    l->stride[k] = d->dims[k] > 1 ? strides[k] : 0;
-  }
-  l->row = strides[1];
-  l->slice = strides[2];
-  l->type = d->type;
+  for (int i = 0; i < 12; i++) l->matrix[i / 4][i % 4] = (float)matrix[i / 4][i % 4];
+  l->grid = grid_of(job->label_volume);
+  l->type = tc_volume_describe(job->label_volume)->type;
   l->nearest = job->key.filter == TC_FILTER_NEAREST;
-  l->voxels = tc_volume_data(job->label_volume);
   l->base = (float)job->have.labels->base;
   l->entries = job->have.labels->entries[0];
   l->outside = job->have.labels->entries[job->have.labels->n];
 }
 
 static void fill_nodes(tc_cpu_args *a, int n, double lo, double hi) {
-  a->value_lo = (float)lo;
-  a->value_scale = (float)((n - 1) / (hi - lo));
-  a->node_last = (float)(n - 1);
+  a->nodes.lo = (float)lo;
+  a->nodes.scale = (float)((n - 1) / (hi - lo));
+  a->nodes.last = (float)(n - 1);
 }
 
 static void fill_args(tc_cpu_args *a, const tc_job *job) {
-  const tc_rays *r = job->rays;
-  const tc_volume_desc *d = tc_volume_describe(job->volume);
-  *a = (tc_cpu_args){.key = job->key};
-  to_float(a->anchor0, r->anchor0, 3);
-  to_float(a->anchor_du, r->anchor_du, 3);
-  to_float(a->anchor_dv, r->anchor_dv, 3);
-  to_float(a->view0, r->view0, 3);
-  to_float(a->view_du, r->view_du, 3);
-  to_float(a->view_dv, r->view_dv, 3);
-  to_float(a->to_index, r->to_index, 9);
-  to_float(a->lo, r->lo, 3);
-  to_float(a->hi, r->hi, 3);
-  for (int i = 0; i < r->n_planes; i++) to_float(a->planes[i], r->planes[i], 4);
-  a->n_planes = r->n_planes;
-  a->eye_mm = (float)r->eye_mm;
-  a->far_mm = (float)r->far_mm;
-  a->perspective = r->perspective;
-  a->step_mm = (float)r->step_mm;
-  a->inverse_step = (float)(1 / r->step_mm);
-  for (int i = 0; i < r->count; i++)
-    a->of_pixel[i] = (struct tc_cpu_ray){(float)r->of_pixel[i].x, (float)r->of_pixel[i].y, (float)r->of_pixel[i].phase};
-  a->count = r->count;
-  a->row = d->dims[0];
-  a->slice = d->dims[0] * d->dims[1];
-  const int strides[3] = {1, a->row, a->slice};
-  for (int k = 0; k < 3; k++) {
-    int n = d->dims[k];
-    a->last[k] = (float)(n - 1);
-    a->cell_last[k] = n > 2 ? n - 2 : 0;
-    a->stride[k] = n > 1 ? strides[k] : 0;
-  }
-  a->voxels = tc_volume_data(job->volume);
-  a->halt = job->halt;
+  *a = (tc_cpu_args){.key = job->key, .grid = grid_of(job->volume), .halt = job->halt,
+                     .termination = (float)job->scene->sampling.termination};
+  tc_rays_round(&a->rays, job->rays);
   if (job->have.labels) fill_labels(&a->labels, job);
-  if (tc_is_projection((tc_mode)job->key.mode)) fill_grey(a, job);
+  if (tc_is_projection((tc_mode)job->key.mode)) fill_projection(a, job);
+  if (job->key.mode == TC_MODE_ISOSURFACE) fill_surface(a, job);
+  if (job->have.leap) a->blocks = blocks_of(job->have.leap->distance, job->have.leap->block, job->have.leap->blocks);
   if (job->key.mode == TC_MODE_MPR) fill_window(a, job);
-  if (job->have.leap) fill_leap(a, job->have.leap);
-  if (job->key.shading) fill_shading(a, job);
+  if (job->key.shading) tc_shade_set_up(&a->shade, job->source, job->volume, job->scene);
   if (job->have.table) {
     a->table = job->have.table->zero_row;
     a->table_stride = (float)job->have.table->columns;
@@ -259,10 +199,7 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
     a->levels_start = job->have.integrals->levels_start;
     a->level_row = job->have.integrals->n + 1;
     fill_nodes(a, job->have.integrals->n, job->have.integrals->lo, job->have.integrals->hi);
-  } else {
-    return;
   }
-  a->termination = (float)job->scene->sampling.termination;
 }
 
 static bool fill_cover(cpu_backend *b, const tc_job *job, tc_cpu_args *a, GError **error) {
@@ -271,14 +208,7 @@ static bool fill_cover(cpu_backend *b, const tc_job *job, tc_cpu_args *a, GError
     return false;
   a->zero_below = (float)job->have.boxes->zero_below;
   a->zero_above = (float)job->have.boxes->zero_above;
-  a->cover = c->bits;
-  a->cover_shift = c->shift;
-  a->cover_words = c->words;
-  a->cover_cells = c->cells[0];
-  a->cover_row = c->words * c->cells[0];
-  a->cover_near = (float)c->near_mm;
-  a->cover_slot = (float)c->slot_mm;
-  a->cover_depth = (float)c->view_depth;
+  a->cover = *c;
   return true;
 }
 
@@ -323,7 +253,7 @@ static void draw_unit(cpu_frame *f, int index, int worker) {
   float out[TILE * TILE * 4];
   counts->packet = counts->ray = 0;
   if (f->resumed) take_partial(f, index, out, TILE, counts);
-  f->kernel(&f->args.common, x0, y0, x1, y1, out, TILE, counts);
+  f->kernel(&f->args, x0, y0, x1, y1, out, TILE, counts);
   if (counts->left) {
     keep_partial(f, index, out, TILE, counts);
     return;
@@ -388,10 +318,9 @@ static bool cpu_render(void *instance, const tc_job *job, GError **error) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "cpu back end: out of memory");
     return false;
   }
-  for (int i = 0; i < tc_pool_threads(b->pool); i++) f.workers[i].counts.until_look = TC_CPU_LOOK;
-  fill_args(&f.args.common, job);
-  if (surface) fill_surface(&f.args, job);
-  if (job->have.boxes && !fill_cover(b, job, &f.args.common, error)) {
+  for (int i = 0; i < tc_pool_threads(b->pool); i++) f.workers[i].counts.until_poll = TC_CPU_POLL_STEPS;
+  fill_args(&f.args, job);
+  if (job->have.boxes && !fill_cover(b, job, &f.args, error)) {
     free(f.workers);
     return false;
   }

@@ -12,9 +12,9 @@ typedef struct taps {
   vf f;           /* the place between taps 1 and 2 */
 } taps;
 
-V_INLINE taps taps_at(const tc_cpu_args *g, int k, vf q) {
+V_INLINE taps taps_at(const tc_cpu_args *args, int k, vf q) {
   taps t;
-  vf cell = v_float(v_mini(v_trunc(q), v_seti(g->cell_last[k]))), end = v_set(g->last[k]);
+  vf cell = v_float(v_mini(v_trunc(q), v_seti(args->grid.cell_last[k]))), end = v_set(args->grid.last[k]);
   t.f = q - cell;
   t.at[0] = v_trunc(v_max(cell - v_set(1), v_set(0)));
   t.at[1] = v_trunc(cell);
@@ -26,9 +26,9 @@ V_INLINE taps taps_at(const tc_cpu_args *g, int k, vf q) {
 }
 
 /* The four voxels of the row at `off`. */
-V_INLINE void fetch_row(const tc_cpu_args *g, int type, const taps *x, vi off, vf t[4]) {
-  fetch_pair(type, g->voxels, v_addi(off, x->at[0]), &t[0], &t[1]);
-  fetch_pair(type, g->voxels, v_addi(off, x->at[2]), &t[2], &t[3]);
+V_INLINE void fetch_row(const tc_cpu_args *args, int type, const taps *x, vi off, vf t[4]) {
+  fetch_pair(type, args->grid.voxels, v_addi(off, x->at[0]), &t[0], &t[1]);
+  fetch_pair(type, args->grid.voxels, v_addi(off, x->at[2]), &t[2], &t[3]);
   t[1] = v_select(x->first, t[0], t[1]);
   t[3] = v_select(x->last, t[2], t[3]);
 }
@@ -61,19 +61,19 @@ V_INLINE vf rise4(const cubic_weights *w, const vf t[4]) {
 }
 
 /* gradient, unless NULL: the derivative over index coordinates. */
-V_INLINE vf cubic(const tc_cpu_args *g, int type, const vf q[3], vf *gradient) {
+V_INLINE vf cubic(const tc_cpu_args *args, int type, const vf q[3], vf *gradient) {
   taps t[3];
   cubic_weights w[3];
   vf value[4], along_x[4], along_y[4];
   for (int k = 0; k < 3; k++) {
-    t[k] = taps_at(g, k, q[k]);
+    t[k] = taps_at(args, k, q[k]);
     w[k] = weigh(t[k].f);
   }
   for (int k = 0; k < 4; k++) {
     vf row[4], slope[4];
     for (int j = 0; j < 4; j++) {
       vf voxels[4];
-      fetch_row(g, type, &t[0], v_addi(v_muli(t[1].at[j], v_seti(g->row)), v_muli(t[2].at[k], v_seti(g->slice))),
+      fetch_row(args, type, &t[0], v_addi(v_muli(t[1].at[j], v_seti(args->grid.row)), v_muli(t[2].at[k], v_seti(args->grid.slice))),
                 voxels);
       row[j] = mean4(&w[0], voxels);
       if (gradient) slope[j] = rise4(&w[0], voxels);
@@ -90,8 +90,8 @@ V_INLINE vf cubic(const tc_cpu_args *g, int type, const vf q[3], vf *gradient) {
 }
 
 #define CUBIC(name, type)                                                                                            \
-  static __attribute__((noinline)) vf cubic_##name(const tc_cpu_args *g, const vf q[3], vf *gradient) {              \
-    return cubic(g, type, q, gradient);                                                                              \
+  static __attribute__((noinline)) vf cubic_##name(const tc_cpu_args *args, const vf q[3], vf *gradient) {              \
+    return cubic(args, type, q, gradient);                                                                              \
   }
 CUBIC(u8, TC_U8)
 CUBIC(i8, TC_I8)
@@ -99,18 +99,18 @@ CUBIC(u16, TC_U16)
 CUBIC(i16, TC_I16)
 CUBIC(f32, TC_F32)
 
-V_INLINE void place_at(const tc_cpu_args *g, const packet *p, vf t, vf q[3]) {
-  for (int k = 0; k < 3; k++) q[k] = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(g->last[k]));
+V_INLINE void place_at(const tc_cpu_args *args, const packet *p, vf t, vf q[3]) {
+  for (int k = 0; k < 3; k++) q[k] = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(args->grid.last[k]));
 }
 
-V_INLINE vf sample_cubic(const tc_cpu_args *g, variant v, const packet *p, vf t, vf *gradient) {
+V_INLINE vf sample_cubic(const tc_cpu_args *args, variant v, const packet *p, vf t, vf *gradient) {
   vf q[3];
-  place_at(g, p, t, q);
+  place_at(args, p, t, q);
   switch (v.type) { /* a constant after inlining */
-  case TC_U8: return cubic_u8(g, q, gradient);
-  case TC_I8: return cubic_i8(g, q, gradient);
-  case TC_U16: return cubic_u16(g, q, gradient);
-  case TC_I16: return cubic_i16(g, q, gradient);
-  default: return cubic_f32(g, q, gradient);
+  case TC_U8: return cubic_u8(args, q, gradient);
+  case TC_I8: return cubic_i8(args, q, gradient);
+  case TC_U16: return cubic_u16(args, q, gradient);
+  case TC_I16: return cubic_i16(args, q, gradient);
+  default: return cubic_f32(args, q, gradient);
   }
 }

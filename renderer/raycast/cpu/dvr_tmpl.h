@@ -11,8 +11,8 @@ V_INLINE void shift_slopes(vf slopes[3][3]) {
 }
 
 /* One packet from its rays' entries to their ends. */
-V_INLINE void cast_packet(const tc_cpu_args *g, variant v, const place *at, vf4 *out, tc_cpu_counts *counts) {
-  packet p = start_packet(g, v, at);
+V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, vf4 *out, tc_cpu_counts *counts) {
+  packet p = start_packet(args, v, at);
   vf clear = v_set(1), front = v_set(0), back = v_set(0);
   vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
   vm live = p.live;
@@ -24,12 +24,12 @@ V_INLINE void cast_packet(const tc_cpu_args *g, variant v, const place *at, vf4 
   vf slopes[3][3];                                          /* index gradients at front, back, next */
   vf *const at_front = cell ? slopes[0] : NULL, *const at_back = cell ? slopes[1] : NULL;
   vf *const at_next = cell ? slopes[2] : NULL;
-  if (v.shaded) light = start_lighting(g, v, at);
+  if (v.shaded) light = start_lighting(args, v, at);
   counts->rays += (uint64_t)m_count(live);
-  if (phased(v)) p.lag = lag_of(g, v, at);
-  if (v.leap) r = start_runs(g, v, &p, at);
-  for (int i = 0; marches(g, live, counts, i); i++) {
-    vf t0 = sample_mm(g, v, &p, i), t1 = sample_mm(g, v, &p, i + 1);
+  if (phased(v)) p.lag = lag_of(args, v, at);
+  if (v.leap) r = start_runs(args, v, &p, at);
+  for (int i = 0; marches(args, live, counts, i); i++) {
+    vf t0 = sample_mm(args, v, &p, i), t1 = sample_mm(args, v, &p, i + 1);
     if (v.leap && i >= run_end) {
       int from;
       if (!next_run(&r, live, i, &from, &run_end)) {
@@ -38,36 +38,36 @@ V_INLINE void cast_packet(const tc_cpu_args *g, variant v, const place *at, vf4 
       }
       if (from > i) {
         i = from;
-        t0 = sample_mm(g, v, &p, i), t1 = sample_mm(g, v, &p, i + 1);
+        t0 = sample_mm(args, v, &p, i), t1 = sample_mm(args, v, &p, i + 1);
         live = m_and(live, v_lt(t0, p.length));
         counts->leaps++;
-        counts->until_look -= STRIDE; /* the steps may be none that count */
+        counts->until_poll -= STRIDE; /* the steps may be none that count */
         fresh = true;
         if (!m_any(live)) break;
       }
     }
     if (fresh) {
-      front = sample_node(g, v, &p, t0, at_front);
+      front = sample_node(args, v, &p, t0, at_front);
       counts->samples += (uint64_t)m_count(live);
       fresh = ahead = false;
     }
-    if (!ahead) back = sample_node(g, v, &p, v_min(t1, p.length), at_back);
+    if (!ahead) back = sample_node(args, v, &p, v_min(t1, p.length), at_back);
     counts->samples += (uint64_t)m_count(live);
     /* The next sample does not wait for this segment's look-up: begun now, the two chains of loads overlap. A third
      * less time a sample. */
     vf next = front;
     ahead = !v.leap || i + 1 < run_end;
-    if (ahead) next = sample_node(g, v, &p, v_min(sample_mm(g, v, &p, i + 2), p.length), at_next);
-    if (v.leap && v.classification != TC_PREINTEGRATED2 && all_zero(g, front, back, live)) {
+    if (ahead) next = sample_node(args, v, &p, v_min(sample_mm(args, v, &p, i + 2), p.length), at_next);
+    if (v.leap && v.classification != TC_PREINTEGRATED2 && all_zero(args, front, back, live)) {
       live = m_and(live, v_lt(t1, p.length));
       front = back, back = next;
       if (cell) shift_slopes(slopes);
       continue;
     }
-    vf4 c = segment(g, v, &p, front, back, i, t0, t1, live, counts);
-    if (v.labels && m_any(v_lt(v_set(0), c.a))) c = label_segment(g, &p, v_set(0.5f) * (t0 + v_min(t1, p.length)), c);
+    vf4 c = segment(args, v, &p, front, back, i, t0, t1, live, counts);
+    if (v.labels && m_any(v_lt(v_set(0), c.a))) c = label_segment(args, &p, v_set(0.5f) * (t0 + v_min(t1, p.length)), c);
     if (v.shaded && m_any(v_lt(v_set(0), c.a)))
-      c = shade_segment(g, v, &p, &light, at_front, at_back, t0, t1, live, c, counts);
+      c = shade_segment(args, v, &p, &light, at_front, at_back, t0, t1, live, c, counts);
     vf weight = v_select(live, clear, v_set(0));
     sum.r = v_fma(weight, c.r, sum.r);
     sum.g = v_fma(weight, c.g, sum.g);
@@ -76,14 +76,14 @@ V_INLINE void cast_packet(const tc_cpu_args *g, variant v, const place *at, vf4 
     sum.a = v_fma(weight, c.a, sum.a);
     clear = v_fnma(weight, c.a, clear);
     live = m_and(live, v_lt(t1, p.length));
-    if (v.terminate) live = m_and(live, v_le(v_set(g->termination), clear));
+    if (v.terminate) live = m_and(live, v_le(v_set(args->termination), clear));
     front = back, back = next;
     if (cell) shift_slopes(slopes);
   }
   /* What lies behind a terminated ray is taken to look like what lies before: the background shows through neither, and
    * an opaque region keeps its colour exactly. Off by at most the threshold, like leaving it out. */
   vm full = v_lt(v_set(1), sum.a);
-  if (v.terminate) full = m_or(full, v_lt(clear, v_set(g->termination)));
+  if (v.terminate) full = m_or(full, v_lt(clear, v_set(args->termination)));
   vf whole = v_select(full, sum.a, v_set(1));
   *out = (vf4){sum.r / whole, sum.g / whole, sum.b / whole, sum.a / whole};
 }

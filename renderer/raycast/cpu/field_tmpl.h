@@ -43,27 +43,27 @@ V_INLINE float bias_of(int type) {
 }
 
 /* Voxel value (not rescaled) at mm t along the rays by a filter other than linear: filter_tmpl.h. */
-V_INLINE vf sample_filtered(const tc_cpu_args *g, variant v, const packet *p, vf t);
+V_INLINE vf sample_filtered(const tc_cpu_args *args, variant v, const packet *p, vf t);
 
 /* The same by any filter. gradient, unless NULL: the exact derivative of the trilinear field over index coordinates,
  * from its eight corners; meaningless along an axis of one voxel. */
-V_INLINE vf sample_field(const tc_cpu_args *g, variant v, const packet *p, vf t, vf *gradient) {
-  if (v.filter != TC_FILTER_LINEAR && !gradient) return sample_filtered(g, v, p, t);
+V_INLINE vf sample_field(const tc_cpu_args *args, variant v, const packet *p, vf t, vf *gradient) {
+  if (v.filter != TC_FILTER_LINEAR && !gradient) return sample_filtered(args, v, p, t);
   vf f[3];
   vi cell[3];
   for (int k = 0; k < 3; k++) {
-    vf q = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(g->last[k]));
-    cell[k] = v_mini(v_trunc(q), v_seti(g->cell_last[k]));
+    vf q = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(args->grid.last[k]));
+    cell[k] = v_mini(v_trunc(q), v_seti(args->grid.cell_last[k]));
     f[k] = q - v_float(cell[k]);
   }
-  vi off = v_addi(cell[0], v_addi(v_muli(cell[1], v_seti(g->row)), v_muli(cell[2], v_seti(g->slice))));
-  vi off_y = v_addi(off, v_seti(g->stride[1])), off_z = v_addi(off, v_seti(g->stride[2]));
-  vi off_yz = v_addi(off_y, v_seti(g->stride[2]));
+  vi off = v_addi(cell[0], v_addi(v_muli(cell[1], v_seti(args->grid.row)), v_muli(cell[2], v_seti(args->grid.slice))));
+  vi off_y = v_addi(off, v_seti(args->grid.stride[1])), off_z = v_addi(off, v_seti(args->grid.stride[2]));
+  vi off_yz = v_addi(off_y, v_seti(args->grid.stride[2]));
   vf a00, a10, a01, a11, b00, b10, b01, b11;
-  fetch_corner(v.type, g->voxels, off, &a00, &b00);
-  fetch_corner(v.type, g->voxels, off_y, &a10, &b10);
-  fetch_corner(v.type, g->voxels, off_z, &a01, &b01);
-  fetch_corner(v.type, g->voxels, off_yz, &a11, &b11);
+  fetch_corner(v.type, args->grid.voxels, off, &a00, &b00);
+  fetch_corner(v.type, args->grid.voxels, off_y, &a10, &b10);
+  fetch_corner(v.type, args->grid.voxels, off_z, &a01, &b01);
+  fetch_corner(v.type, args->grid.voxels, off_yz, &a11, &b11);
   /* All relative to the first corner: a constant field is exact, and a bias of the corners falls out. */
   vf d00 = b00 - a00, d10 = b10 - a10, d01 = b01 - a01, d11 = b11 - a11;
   vf s00 = f[0] * d00, s10 = v_fma(f[0], d10, a10 - a00);
@@ -75,16 +75,16 @@ V_INLINE vf sample_field(const tc_cpu_args *g, variant v, const packet *p, vf t,
     gradient[1] = v_fma(f[2], (s11 - s01) - (s10 - s00), s10 - s00);
     gradient[2] = s1 - s0;
   }
-  if (v.filter != TC_FILTER_LINEAR) return sample_filtered(g, v, p, t);
+  if (v.filter != TC_FILTER_LINEAR) return sample_filtered(args, v, p, t);
   return (a00 - v_set(bias_of(v.type))) + v_fma(f[2], s1 - s0, s0);
 }
 
-V_INLINE vf sample_voxel(const tc_cpu_args *g, variant v, const packet *p, vf t) {
-  return sample_field(g, v, p, t, NULL);
+V_INLINE vf sample_voxel(const tc_cpu_args *args, variant v, const packet *p, vf t) {
+  return sample_field(args, v, p, t, NULL);
 }
 
 /* The same as a table node, and the gradient where it is wanted. */
-V_INLINE vf sample_node(const tc_cpu_args *g, variant v, const packet *p, vf t, vf *gradient) {
-  vf node = (sample_field(g, v, p, t, gradient) - v_set(g->value_lo)) * v_set(g->value_scale);
-  return v_min(v_max(node, v_set(0)), v_set(g->node_last));
+V_INLINE vf sample_node(const tc_cpu_args *args, variant v, const packet *p, vf t, vf *gradient) {
+  vf node = (sample_field(args, v, p, t, gradient) - v_set(args->nodes.lo)) * v_set(args->nodes.scale);
+  return v_min(v_max(node, v_set(0)), v_set(args->nodes.last));
 }

@@ -2,18 +2,18 @@
 
 /* The voxel nearest to mm t along the rays; the upper one where two are. It is a corner of the cell around the place:
  * what bounds a cell's corners bounds it. */
-V_INLINE vf sample_nearest(const tc_cpu_args *g, variant v, const packet *p, vf t) {
+V_INLINE vf sample_nearest(const tc_cpu_args *args, variant v, const packet *p, vf t) {
   vi at[3];
   for (int k = 0; k < 3; k++) {
-    vf q = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(g->last[k]));
+    vf q = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(args->grid.last[k]));
     at[k] = v_trunc(q + v_set(0.5f));
   }
   vf voxel, neighbour;
-  vi off = v_addi(at[0], v_addi(v_muli(at[1], v_seti(g->row)), v_muli(at[2], v_seti(g->slice))));
-  fetch_pair(v.type, g->voxels, off, &voxel, &neighbour);
+  vi off = v_addi(at[0], v_addi(v_muli(at[1], v_seti(args->grid.row)), v_muli(at[2], v_seti(args->grid.slice))));
+  fetch_pair(v.type, args->grid.voxels, off, &voxel, &neighbour);
   return voxel;
 }
 
-V_INLINE vf sample_filtered(const tc_cpu_args *g, variant v, const packet *p, vf t) {
-  return v.filter == TC_FILTER_CUBIC ? sample_cubic(g, v, p, t, NULL) : sample_nearest(g, v, p, t);
+V_INLINE vf sample_filtered(const tc_cpu_args *args, variant v, const packet *p, vf t) {
+  return v.filter == TC_FILTER_CUBIC ? sample_cubic(args, v, p, t, NULL) : sample_nearest(args, v, p, t);
 }

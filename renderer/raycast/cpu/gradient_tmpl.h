@@ -2,11 +2,11 @@
  * function a voxel type, called, so that the kernels of rare keys stay small. */
 
 /* Central differences at the voxels around mm t, one-sided in a face, interpolated: what shows no cell's edge. */
-V_INLINE void central(const tc_cpu_args *g, int type, const vf q[3], vf gradient[3]) {
+V_INLINE void central(const tc_cpu_args *args, int type, const vf q[3], vf gradient[3]) {
   taps t[3];
   vf scale[3][2], row[4][4], along_x[4][4];
   for (int k = 0; k < 3; k++) {
-    t[k] = taps_at(g, k, q[k]);
+    t[k] = taps_at(args, k, q[k]);
     scale[k][0] = v_select(t[k].first, v_set(1), v_set(0.5f));
     scale[k][1] = v_select(t[k].last, v_set(1), v_set(0.5f));
   }
@@ -15,14 +15,14 @@ V_INLINE void central(const tc_cpu_args *g, int type, const vf q[3], vf gradient
   for (int z = 0; z < 4; z++)
     for (int y = 0; y < 4; y++) {
       bool near_y = y == 1 || y == 2, near_z = z == 1 || z == 2;
-      vi off = v_addi(v_muli(t[1].at[y], v_seti(g->row)), v_muli(t[2].at[z], v_seti(g->slice)));
+      vi off = v_addi(v_muli(t[1].at[y], v_seti(args->grid.row)), v_muli(t[2].at[z], v_seti(args->grid.slice)));
       vf x[4];
       if (near_y && near_z) {
-        fetch_row(g, type, &t[0], off, x);
+        fetch_row(args, type, &t[0], off, x);
         along_x[z][y] = RISE(0, x[0], x[1], x[2], x[3]);
         row[z][y] = BETWEEN(0, x[1], x[2]);
       } else if (near_y || near_z) {
-        fetch_pair(type, g->voxels, v_addi(off, t[0].at[1]), &x[1], &x[2]);
+        fetch_pair(type, args->grid.voxels, v_addi(off, t[0].at[1]), &x[1], &x[2]);
         row[z][y] = BETWEEN(0, x[1], x[2]);
       }
     }
@@ -39,7 +39,7 @@ V_INLINE void central(const tc_cpu_args *g, int type, const vf q[3], vf gradient
 }
 
 #define CENTRAL(name, type)                                                                                          \
-  V_ONCE void central_##name(const tc_cpu_args *g, const vf q[3], vf gradient[3]) { central(g, type, q, gradient); }
+  V_ONCE void central_##name(const tc_cpu_args *args, const vf q[3], vf gradient[3]) { central(args, type, q, gradient); }
 
 CENTRAL(u8, TC_U8)
 CENTRAL(i8, TC_I8)
@@ -48,28 +48,28 @@ CENTRAL(i16, TC_I16)
 CENTRAL(f32, TC_F32)
 
 /* At mm t of the rays, for any gradient but a cell's. */
-V_INLINE void gradient_at(const tc_cpu_args *g, variant v, const packet *p, vf t, vf gradient[3]) {
+V_INLINE void gradient_at(const tc_cpu_args *args, variant v, const packet *p, vf t, vf gradient[3]) {
   vf q[3];
   if (v.gradient == TC_GRADIENT_CUBIC) {
-    sample_cubic(g, v, p, t, gradient);
+    sample_cubic(args, v, p, t, gradient);
     return;
   }
-  place_at(g, p, t, q);
+  place_at(args, p, t, q);
   switch (v.type) { /* a constant after inlining */
-  case TC_U8: central_u8(g, q, gradient); return;
-  case TC_I8: central_i8(g, q, gradient); return;
-  case TC_U16: central_u16(g, q, gradient); return;
-  case TC_I16: central_i16(g, q, gradient); return;
-  default: central_f32(g, q, gradient); return;
+  case TC_U8: central_u8(args, q, gradient); return;
+  case TC_I8: central_i8(args, q, gradient); return;
+  case TC_U16: central_u16(args, q, gradient); return;
+  case TC_I16: central_i16(args, q, gradient); return;
+  default: central_f32(args, q, gradient); return;
   }
 }
 
 /* Light on the segment from mm t0 to t1. front, back: a cell's gradients at its ends, not read for another. */
-V_INLINE vf4 shade_segment(const tc_cpu_args *g, variant v, const packet *p, const lighting *l, const vf *front,
+V_INLINE vf4 shade_segment(const tc_cpu_args *args, variant v, const packet *p, const lighting *l, const vf *front,
                            const vf *back, vf t0, vf t1, vm live, vf4 c, tc_cpu_counts *counts) {
   vf middle[3];
   counts->gradients += (uint64_t)m_count(m_and(live, v_lt(v_set(0), c.a)));
-  if (v.gradient == TC_GRADIENT_CELL) return shade(g, l, front, back, c);
-  gradient_at(g, v, p, v_set(0.5f) * (t0 + v_min(t1, p->length)), middle);
-  return shade(g, l, middle, middle, c);
+  if (v.gradient == TC_GRADIENT_CELL) return shade(args, l, front, back, c);
+  gradient_at(args, v, p, v_set(0.5f) * (t0 + v_min(t1, p->length)), middle);
+  return shade(args, l, middle, middle, c);
 }

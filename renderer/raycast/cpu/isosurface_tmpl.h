@@ -31,9 +31,9 @@ V_INLINE vf wall_time(const packet *p, int k, vf wall, float never) {
 V_INLINE vf ahead(const packet *p, int k) { return v_select(v_lt(v_set(0), p->dir[k]), v_set(1), v_set(0)); }
 
 /* The cells that the rays are in once all walls of times up to t are passed. */
-V_INLINE void find_cells(const tc_cpu_args *g, const packet *p, vf t, vf at[3]) {
+V_INLINE void find_cells(const tc_cpu_args *args, const packet *p, vf t, vf at[3]) {
   for (int k = 0; k < 3; k++) {
-    vf q = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(g->last[k]));
+    vf q = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(args->grid.last[k]));
     vf c = v_float(v_trunc(q)), front = ahead(p, k), step = front + front - v_set(1);
     /* rounding: not yet beyond the wall it came through */
     vm early = v_lt(t, wall_time(p, k, c + v_set(1) - front, -NEVER));
@@ -43,25 +43,24 @@ V_INLINE void find_cells(const tc_cpu_args *g, const packet *p, vf t, vf at[3]) 
   }
 }
 
-V_INLINE vm within(const tc_cpu_args *g, const vf at[3]) {
+V_INLINE vm within(const tc_cpu_args *args, const vf at[3]) {
   vm in = v_le(v_set(0), at[0]);
   for (int k = 0; k < 3; k++)
-    in = m_and(in, m_and(v_le(v_set(0), at[k]), v_le(at[k], v_set((float)g->cell_last[k]))));
+    in = m_and(in, m_and(v_le(v_set(0), at[k]), v_le(at[k], v_set((float)args->grid.cell_last[k]))));
   return in;
 }
 
-V_INLINE void fetch_corners(const tc_cpu_surface *s, variant v, iso_cell *c) {
-  const tc_cpu_args *g = &s->common;
+V_INLINE void fetch_corners(const tc_cpu_args *args, variant v, iso_cell *c) {
   vi at[3];
   for (int k = 0; k < 3; k++)
-    at[k] = v_trunc(v_min(v_max(c->at[k], v_set(0)), v_set((float)g->cell_last[k])));
-  vi off = v_addi(at[0], v_addi(v_muli(at[1], v_seti(g->row)), v_muli(at[2], v_seti(g->slice))));
+    at[k] = v_trunc(v_min(v_max(c->at[k], v_set(0)), v_set((float)args->grid.cell_last[k])));
+  vi off = v_addi(at[0], v_addi(v_muli(at[1], v_seti(args->grid.row)), v_muli(at[2], v_seti(args->grid.slice))));
   for (int zy = 0; zy < 4; zy++) {
     vf a, b;
-    fetch_pair(v.type, g->voxels, v_addi(off, v_seti((zy & 1) * g->stride[1] + (zy >> 1) * g->stride[2])), &a, &b);
-    if (!g->stride[0]) b = a;
-    c->w[2 * zy] = (a - v_set(s->iso)) * v_set(s->scale);
-    c->w[2 * zy + 1] = (b - v_set(s->iso)) * v_set(s->scale);
+    fetch_pair(v.type, args->grid.voxels, v_addi(off, v_seti((zy & 1) * args->grid.stride[1] + (zy >> 1) * args->grid.stride[2])), &a, &b);
+    if (!args->grid.stride[0]) b = a;
+    c->w[2 * zy] = (a - v_set(args->surface.iso)) * v_set(args->surface.scale);
+    c->w[2 * zy + 1] = (b - v_set(args->surface.iso)) * v_set(args->surface.scale);
   }
 }
 
@@ -76,16 +75,16 @@ V_INLINE vf field_in(const iso_cell *c, vf u) {
 
 /* Places where the ray comes and goes, exactly on the faces that it comes and goes through: what two cells share is the
  * same in both. */
-V_INLINE void place_in_cell(const tc_cpu_args *g, const packet *p, iso_cell *c) {
+V_INLINE void place_in_cell(const tc_cpu_args *args, const packet *p, iso_cell *c) {
   for (int k = 0; k < 3; k++) {
     vf front = ahead(p, k), back = v_set(1) - front, ends[2] = {c->from, c->until}, f[2];
     for (int i = 0; i < 2; i++) {
-      vf q = v_min(v_max(v_fma(ends[i], p->dir[k], p->entry[k]), v_set(0)), v_set(g->last[k]));
+      vf q = v_min(v_max(v_fma(ends[i], p->dir[k], p->entry[k]), v_set(0)), v_set(args->grid.last[k]));
       f[i] = v_min(v_max(q - c->at[k], v_set(0)), v_set(1));
     }
     f[0] = v_select(v_le(c->from, wall_time(p, k, c->at[k] + back, -NEVER)), back, f[0]);
     f[1] = v_select(v_le(wall_time(p, k, c->at[k] + front, NEVER), c->until), front, f[1]);
-    if (g->last[k] == 0) f[0] = f[1] = v_set(0);
+    if (args->grid.last[k] == 0) f[0] = f[1] = v_set(0);
     c->start[k] = f[0];
     c->delta[k] = f[1] - f[0];
   }
@@ -161,44 +160,43 @@ V_INLINE vf first_change(const iso_cell *c, vm side, vm live, vm *hit) {
 
 /* Rays in empty blocks go on to where what is known to be empty around them ends. True for those: they are in other
  * cells now. */
-V_INLINE vm leap_ahead(const tc_cpu_args *g, const packet *p, vf at[3], vf *t, vm live) {
+V_INLINE vm leap_ahead(const tc_cpu_args *args, const packet *p, vf at[3], vf *t, vm live) {
   vf block[3], far = v_set(NEVER);
   for (int k = 0; k < 3; k++) {
-    vf held = v_min(v_max(at[k], v_set(0)), v_set((float)g->cell_last[k]));
-    block[k] = v_float(v_trunc((held + v_set(0.5f)) * v_set(g->inverse_block))); /* as look_around */
+    vf held = v_min(v_max(at[k], v_set(0)), v_set((float)args->grid.cell_last[k]));
+    block[k] = v_float(v_trunc((held + v_set(0.5f)) * v_set(args->blocks.inverse_width))); /* as look_around */
   }
-  vi off = v_addi(v_muli(v_trunc(block[2]), v_seti(g->block_slice)), v_muli(v_trunc(block[1]), v_seti(g->block_row)));
-  vf distance = v_float(v_bytes(g->distance, v_addi(off, v_trunc(block[0]))));
+  vi off = v_addi(v_muli(v_trunc(block[2]), v_seti(args->blocks.slice)), v_muli(v_trunc(block[1]), v_seti(args->blocks.row)));
+  vf distance = v_float(v_bytes(args->blocks.values, v_addi(off, v_trunc(block[0]))));
   vm empty = m_and(live, v_lt(v_set(0), distance));
   if (!m_any(empty)) return empty;
   for (int k = 0; k < 3; k++) {
     vf front = ahead(p, k);
-    vf reach = v_select(v_lt(v_set(0), front), distance, v_set(1) - distance) * v_set(g->block);
-    far = v_min(far, wall_time(p, k, v_fma(block[k], v_set(g->block), reach), NEVER));
+    vf reach = v_select(v_lt(v_set(0), front), distance, v_set(1) - distance) * v_set(args->blocks.width);
+    far = v_min(far, wall_time(p, k, v_fma(block[k], v_set(args->blocks.width), reach), NEVER));
   }
   *t = v_select(empty, v_max(*t, far), *t);
   vf there[3];
-  find_cells(g, p, *t, there);
+  find_cells(args, p, *t, there);
   for (int k = 0; k < 3; k++) at[k] = v_select(empty, there[k], at[k]);
   return empty;
 }
 
 /* Mm of the hits from the rays' entries; *hit: which rays have one. */
-V_INLINE vf find_hits(const tc_cpu_surface *s, variant v, const packet *p, vm *hit, tc_cpu_counts *counts) {
-  const tc_cpu_args *g = &s->common;
+V_INLINE vf find_hits(const tc_cpu_args *args, variant v, const packet *p, vm *hit, tc_cpu_counts *counts) {
   iso_cell c;
   vf t = v_set(0), at_hit = v_set(0);
   vm live = p->live, side = v_lt(v_set(1), v_set(0)), fresh = live; /* fresh: the side is not known yet */
   *hit = side;
-  find_cells(g, p, t, c.at);
+  find_cells(args, p, t, c.at);
   for (int k = 0; k < 3; k++) /* the entry may be a rounding outside */
-    c.at[k] = v_min(v_max(c.at[k], v_set(0)), v_set((float)g->cell_last[k]));
-  for (int step = 0; marches(g, live, counts, step); step++) {
+    c.at[k] = v_min(v_max(c.at[k], v_set(0)), v_set((float)args->grid.cell_last[k]));
+  for (int step = 0; marches(args, live, counts, step); step++) {
     vm look = live;
     if (v.leap) {
-      vm leapt = leap_ahead(g, p, c.at, &t, m_andnot(live, fresh));
+      vm leapt = leap_ahead(args, p, c.at, &t, m_andnot(live, fresh));
       counts->leaps += m_any(leapt);
-      live = m_and(live, m_and(within(g, c.at), v_lt(t, p->length)));
+      live = m_and(live, m_and(within(args, c.at), v_lt(t, p->length)));
       look = m_andnot(live, leapt); /* the block that a leap ends in may be empty too */
       if (!m_any(look)) continue;
     }
@@ -209,14 +207,14 @@ V_INLINE vf find_hits(const tc_cpu_surface *s, variant v, const packet *p, vm *h
     }
     c.from = t;
     c.until = v_min(v_max(until, t), p->length);
-    fetch_corners(s, v, &c);
+    fetch_corners(args, v, &c);
     counts->samples += (uint64_t)m_count(look);
     vm any = is_inside(c.w[0]), all = any;
     for (int i = 1; i < 8; i++) any = m_or(any, is_inside(c.w[i])), all = m_and(all, is_inside(c.w[i]));
     vm mixed = m_andnot(any, all);
     vm may = m_and(look, m_or(m_or(mixed, fresh), flip(all, side)));
     if (m_any(may)) {
-      place_in_cell(g, p, &c);
+      place_in_cell(args, p, &c);
       vm begins = m_pick(mixed, is_inside(field_in(&c, v_set(0))), all);
       side = m_pick(m_and(fresh, look), begins, side);
       fresh = m_andnot(fresh, look);
@@ -235,25 +233,25 @@ V_INLINE vf find_hits(const tc_cpu_surface *s, variant v, const packet *p, vm *h
       c.at[k] = v_select(goes, c.at[k] + step, c.at[k]);
     }
     t = v_select(look, v_max(until, t), t);
-    live = m_and(live, m_or(m_andnot(live, look), m_and(within(g, c.at), v_lt(t, p->length))));
+    live = m_and(live, m_or(m_andnot(live, look), m_and(within(args, c.at), v_lt(t, p->length))));
   }
   return at_hit;
 }
 
 /* The field's slope over index coordinates at mm t: differences between the faces of the cube of two voxels around it,
  * each face by its four corners. */
-V_INLINE void surface_gradient(const tc_cpu_args *g, variant v, const packet *p, vf t, vf gradient[3]) {
+V_INLINE void surface_gradient(const tc_cpu_args *args, variant v, const packet *p, vf t, vf gradient[3]) {
   packet probe = *p; /* rays of length 0 from the places themselves */
   vf side[3][2];
   for (int k = 0; k < 3; k++) {
     vf q = v_fma(t, p->dir[k], p->entry[k]);
     for (int i = 0; i < 2; i++)
-      side[k][i] = v_min(v_max(q + v_set(i ? 1.f : -1.f), v_set(0)), v_set(g->last[k]));
+      side[k][i] = v_min(v_max(q + v_set(i ? 1.f : -1.f), v_set(0)), v_set(args->grid.last[k]));
     probe.dir[k] = gradient[k] = v_set(0);
   }
   for (int corner = 0; corner < 8; corner++) {
     for (int k = 0; k < 3; k++) probe.entry[k] = side[k][corner >> k & 1];
-    vf value = sample_voxel(g, v, &probe, v_set(0));
+    vf value = sample_voxel(args, v, &probe, v_set(0));
     for (int k = 0; k < 3; k++)
       gradient[k] = corner >> k & 1 ? gradient[k] + value : gradient[k] - value;
   }
@@ -262,43 +260,41 @@ V_INLINE void surface_gradient(const tc_cpu_args *g, variant v, const packet *p,
 }
 
 /* Mm from the eye to every hit, infinite without one, for a frame that wants them; of several rays the least. */
-V_INLINE void store_depths(const tc_cpu_surface *s, const packet *p, variant v, const place *at, vf t, vm hit) {
-  const tc_cpu_args *g = &s->common;
+V_INLINE void store_depths(const tc_cpu_args *args, const packet *p, variant v, const place *at, vf t, vm hit) {
   vf i, j, view[3];
   ray_places(v, at, &i, &j);
   for (int k = 0; k < 3; k++)
-    view[k] = v_fma(j, v_set(g->view_dv[k]), v_fma(i, v_set(g->view_du[k]), v_set(g->view0[k])));
-  vf eye = g->perspective ? v_sqrt(dot(view, view)) : v_set(g->eye_mm);
+    view[k] = v_fma(j, v_set(args->rays.view_dv[k]), v_fma(i, v_set(args->rays.view_du[k]), v_set(args->rays.view0[k])));
+  vf eye = args->rays.perspective ? v_sqrt(dot(view, view)) : v_set(args->rays.eye_mm);
   float lanes[V_LANES];
   v_store(lanes, v_select(hit, p->start + t + eye, v_set(INFINITY)));
   for (int l = 0; l < V_LANES; l++) {
     int px = at->x + l % V_PACKET_X, py = at->y + l / V_PACKET_X;
     if (px >= at->x1 || py >= at->y1) continue;
-    float *pixel = &s->depth[(size_t)py * (size_t)s->width + (size_t)px];
-    *pixel = at->ray == g->of_pixel ? lanes[l] : fminf(*pixel, lanes[l]);
+    float *pixel = &args->depth[(size_t)py * (size_t)args->width + (size_t)px];
+    *pixel = at->ray == args->rays.of_pixel ? lanes[l] : fminf(*pixel, lanes[l]);
   }
 }
 
-V_INLINE vf4 cast_surface(const tc_cpu_surface *s, variant v, const place *at, tc_cpu_counts *counts) {
-  const tc_cpu_args *g = &s->common;
-  packet p = start_packet(g, v, at);
+V_INLINE vf4 cast_rays(const tc_cpu_args *args, variant v, const place *at, skip_backoff *unused, tc_cpu_counts *counts) {
+  packet p = start_packet(args, v, at);
   vm hit;
   for (int k = 0; k < 3; k++) /* an axis of one voxel has no walls to pass */
-    if (g->last[k] == 0) p.entry[k] = p.dir[k] = v_set(0);
+    if (args->grid.last[k] == 0) p.entry[k] = p.dir[k] = v_set(0);
   counts->rays += (uint64_t)m_count(p.live);
-  vf t = find_hits(s, v, &p, &hit, counts), zero = v_set(0);
+  vf t = find_hits(args, v, &p, &hit, counts), zero = v_set(0);
   if (counts->left) return (vf4){zero, zero, zero, zero};
-  if (s->depth) store_depths(s, &p, v, at, t, hit);
-  vf4 c = {v_set(s->color[0]), v_set(s->color[1]), v_set(s->color[2]), v_set(1)};
+  if (args->depth) store_depths(args, &p, v, at, t, hit);
+  vf4 c = {v_set(args->surface.color[0]), v_set(args->surface.color[1]), v_set(args->surface.color[2]), v_set(1)};
   if (v.shaded && m_any(hit)) {
     vf gradient[3];
-    lighting light = start_lighting(g, v, at);
+    lighting light = start_lighting(args, v, at);
     if (v.gradient == TC_GRADIENT_CELL)
-      surface_gradient(g, v, &p, t, gradient);
+      surface_gradient(args, v, &p, t, gradient);
     else
-      gradient_at(g, v, &p, t, gradient);
+      gradient_at(args, v, &p, t, gradient);
     counts->gradients += (uint64_t)m_count(hit);
-    c = shade(g, &light, gradient, gradient, c);
+    c = shade(args, &light, gradient, gradient, c);
   }
   return (vf4){v_select(hit, c.r, zero), v_select(hit, c.g, zero), v_select(hit, c.b, zero), v_select(hit, c.a, zero)};
 }

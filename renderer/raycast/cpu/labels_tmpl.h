@@ -29,28 +29,28 @@ V_INLINE vf find_label_cell(const tc_cpu_labels *l, const packet *p, vf t, vi ce
   for (int k = 0; k < 3; k++) {
     const float *m = l->matrix[k];
     vf at = v_fma(v_set(m[2]), q[2], v_fma(v_set(m[1]), q[1], v_fma(v_set(m[0]), q[0], v_set(m[3]))));
-    vf near = v_min(v_max(at, v_set(0)), v_set(l->last[k])), beyond = v_abs(at - near);
-    bool hard = l->nearest || l->last[k] < 1;
+    vf near = v_min(v_max(at, v_set(0)), v_set(l->grid.last[k])), beyond = v_abs(at - near);
+    bool hard = l->nearest || l->grid.last[k] < 1;
     if (l->nearest) near = v_float(v_trunc(near + v_set(0.5f)));
     inside =
         inside * (hard ? v_select(v_le(beyond, v_set(0.5f)), v_set(1), v_set(0)) : v_max(v_set(1) - beyond, v_set(0)));
-    cell[k] = v_mini(v_trunc(near), v_seti(l->cell_last[k]));
+    cell[k] = v_mini(v_trunc(near), v_seti(l->grid.cell_last[k]));
     f[k] = near - v_float(cell[k]);
   }
   return inside;
 }
 
-static __attribute__((noinline)) label_mix labels_at(const tc_cpu_args *g, const packet *p, vf t) {
-  const tc_cpu_labels *l = &g->labels;
+static __attribute__((noinline)) label_mix labels_at(const tc_cpu_args *args, const packet *p, vf t) {
+  const tc_cpu_labels *l = &args->labels;
   vi cell[3];
   vf f[3], corner[8], least, most;
   vf inside = find_label_cell(l, p, t, cell, f);
-  vi off = v_addi(cell[0], v_addi(v_muli(cell[1], v_seti(l->row)), v_muli(cell[2], v_seti(l->slice))));
+  vi off = v_addi(cell[0], v_addi(v_muli(cell[1], v_seti(l->grid.row)), v_muli(cell[2], v_seti(l->grid.slice))));
   for (int i = 0; i < 4; i++) {
-    vi at = i & 1 ? v_addi(off, v_seti(l->stride[1])) : off;
-    if (i & 2) at = v_addi(at, v_seti(l->stride[2]));
-    fetch_pair(l->type, l->voxels, at, &corner[2 * i], &corner[2 * i + 1]);
-    if (!l->stride[0]) corner[2 * i + 1] = corner[2 * i];
+    vi at = i & 1 ? v_addi(off, v_seti(l->grid.stride[1])) : off;
+    if (i & 2) at = v_addi(at, v_seti(l->grid.stride[2]));
+    fetch_pair(l->type, l->grid.voxels, at, &corner[2 * i], &corner[2 * i + 1]);
+    if (!l->grid.stride[0]) corner[2 * i + 1] = corner[2 * i];
   }
   least = most = corner[0];
   for (int i = 1; i < 8; i++) least = v_min(least, corner[i]), most = v_max(most, corner[i]);
@@ -74,8 +74,8 @@ static __attribute__((noinline)) label_mix labels_at(const tc_cpu_args *g, const
 }
 
 /* A segment around mm t: tinted, and as thin as what is visible there. */
-V_INLINE vf4 label_segment(const tc_cpu_args *g, const packet *p, vf t, vf4 c) {
-  label_mix m = labels_at(g, p, t);
+V_INLINE vf4 label_segment(const tc_cpu_args *args, const packet *p, vf t, vf4 c) {
+  label_mix m = labels_at(args, p, t);
   vf share = c.a / v_max(m.visible, v_set(1e-6f)),
      keep = v_max(v_set(1) - m.tint[3] / v_max(m.visible, v_set(1e-6f)), v_set(0));
   vf *channels[3] = {&c.r, &c.g, &c.b};
@@ -84,8 +84,8 @@ V_INLINE vf4 label_segment(const tc_cpu_args *g, const packet *p, vf t, vf4 c) {
 }
 
 /* The labels' tint over a slice's grey, on its plane: at the ray's place nearest to that. */
-V_INLINE vf4 label_slice(const tc_cpu_args *g, const packet *p, vf4 c) {
-  label_mix m = labels_at(g, p, v_min(v_max(v_set(0) - p->start, v_set(0)), p->length));
+V_INLINE vf4 label_slice(const tc_cpu_args *args, const packet *p, vf4 c) {
+  label_mix m = labels_at(args, p, v_min(v_max(v_set(0) - p->start, v_set(0)), p->length));
   vf *channels[3] = {&c.r, &c.g, &c.b};
   for (int k = 0; k < 3; k++) *channels[k] = v_min(v_fma(c.a, m.tint[k], *channels[k] * (v_set(1) - m.tint[3])), c.a);
   return c;

@@ -4,17 +4,28 @@
 /* Not part of every kernel, but called by those that need it. */
 #define V_ONCE static __attribute__((noinline))
 
-/* What a kernel does. In the kernels that most pictures use all of it is constant, and nothing else is compiled in; the
- * kernel for the rest (kernels_tmpl.h) has it from the plan's key. */
+/* What a kernel does: rows of the table of variants (kernels_tmpl.h), where BY_KEY leaves a member to the plan's key. */
+#define VARIANT_MEMBERS(MEMBER)                                                                                       \
+  MEMBER(mode)           /* tc_mode; mip stands for minip too */                                                      \
+  MEMBER(type)           /* tc_voxel_type */                                                                          \
+  MEMBER(filter)         /* tc_filter */                                                                              \
+  MEMBER(slab)           /* mpr: as in tc_plan_key */                                                                 \
+  MEMBER(classification) /* tc_classification */                                                                      \
+  MEMBER(back_to_front)                                                                                               \
+  MEMBER(shaded)                                                                                                      \
+  MEMBER(gradient)  /* tc_gradient */                                                                                 \
+  MEMBER(terminate) /* early ray termination */                                                                       \
+  MEMBER(leap)      /* empty-space skipping */                                                                        \
+  MEMBER(labels)                                                                                                      \
+  MEMBER(several) /* rays per pixel (subpixel_tmpl.h) */                                                              \
+  MEMBER(jitter)                                                                                                      \
+  MEMBER(zoomed) /* the pre-integration table has zooms (classify/classify.h) */
+#define BY_KEY -1
+
 typedef struct variant {
-  int mode, type, filter; /* tc_mode, tc_voxel_type, tc_filter */
-  int slab;               /* mpr: as in tc_plan_key */
-  bool shaded, terminate, leap, labels;
-  bool several, jitter; /* rays a pixel (subpixel_tmpl.h) */
-  bool zoomed; /* the table has zooms (classify/classify.h) */
-  int classification;     /* tc_classification */
-  bool back_to_front;
-  int gradient;           /* tc_gradient */
+#define MEMBER(name) int8_t name;
+  VARIANT_MEMBERS(MEMBER)
+#undef MEMBER
 } variant;
 
 typedef struct packet {
@@ -26,12 +37,10 @@ typedef struct packet {
   vf lag; /* mm by which samples lie before whole steps from the entry; only in dvr of several rays or with jitter */
 } packet;
 
-typedef struct tc_cpu_ray sub_ray;
-
 /* Which pixels: V_PACKET_X by V_PACKET_Y from (x, y), those before (x1, y1), and which of their rays. */
 typedef struct place {
   int x, y, x1, y1;
-  const sub_ray *ray;
+  const tc_subpixel_single *ray;
 } place;
 
 /* The places of the rays on the picture, in pixels. */
@@ -67,40 +76,48 @@ V_INLINE void clip_plane(const float plane[4], const vf q[3], const vf d[3], vf 
   *s1 = v_min(*s1, v_select(m_or(parallel, enters), big, s));
 }
 
-V_INLINE packet start_packet(const tc_cpu_args *g, variant v, const place *at) {
+V_INLINE packet start_packet(const tc_cpu_args *args, variant v, const place *at) {
   packet p;
   vf i, j, anchor[3], view[3], norm = v_set(0);
   ray_places(v, at, &i, &j);
   for (int k = 0; k < 3; k++) {
-    anchor[k] = v_fma(j, v_set(g->anchor_dv[k]), v_fma(i, v_set(g->anchor_du[k]), v_set(g->anchor0[k])));
-    view[k] = v_fma(j, v_set(g->view_dv[k]), v_fma(i, v_set(g->view_du[k]), v_set(g->view0[k])));
+    anchor[k] = v_fma(j, v_set(args->rays.anchor_dv[k]), v_fma(i, v_set(args->rays.anchor_du[k]), v_set(args->rays.anchor0[k])));
+    view[k] = v_fma(j, v_set(args->rays.view_dv[k]), v_fma(i, v_set(args->rays.view_du[k]), v_set(args->rays.view0[k])));
     norm = v_fma(view[k], view[k], norm);
   }
   norm = v_sqrt(norm);
-  vf s0 = v_set(0) - (g->perspective ? norm : v_set(g->eye_mm)), s1 = v_set(g->far_mm);
+  vf s0 = v_set(0) - (args->rays.perspective ? norm : v_set(args->rays.eye_mm)), s1 = v_set(args->rays.far_mm);
   for (int k = 0; k < 3; k++) {
-    vf d = view[0] * v_set(g->to_index[3 * k]);
-    d = v_fma(view[1], v_set(g->to_index[3 * k + 1]), d);
-    p.dir[k] = v_fma(view[2], v_set(g->to_index[3 * k + 2]), d) / norm;
+    vf d = view[0] * v_set(args->rays.to_index[k][0]);
+    d = v_fma(view[1], v_set(args->rays.to_index[k][1]), d);
+    p.dir[k] = v_fma(view[2], v_set(args->rays.to_index[k][2]), d) / norm;
     p.inverse[k] = v_set(1) / v_select(v_lt(v_abs(p.dir[k]), v_set(1e-12f)), v_set(1), p.dir[k]);
-    clip_axis(anchor[k], p.dir[k], p.inverse[k], v_set(g->lo[k]), v_set(g->hi[k]), &s0, &s1);
+    clip_axis(anchor[k], p.dir[k], p.inverse[k], v_set(args->rays.lo[k]), v_set(args->rays.hi[k]), &s0, &s1);
   }
   /* once a ray, not a sample */
-  for (int c = 0; c < g->n_planes; c++) clip_plane(g->planes[c], anchor, p.dir, &s0, &s1);
+  for (int c = 0; c < args->rays.n_planes; c++) clip_plane(args->rays.planes[c], anchor, p.dir, &s0, &s1);
   vm inside = m_and(v_lt(i, v_set((float)at->x1)), v_lt(j, v_set((float)at->y1)));
   p.live = m_and(inside, v_lt(s0, s1));
   s0 = v_select(p.live, s0, v_set(0));
   p.start = s0;
   p.forward = v_set(1);
-  if (g->perspective) p.forward = v_set(g->cover_depth) / norm;
+  if (args->rays.perspective) p.forward = v_set((float)args->cover.view_depth) / norm;
   p.length = v_select(p.live, s1 - s0, v_set(0));
   for (int k = 0; k < 3; k++) p.entry[k] = v_fma(s0, p.dir[k], anchor[k]);
   return p;
 }
 
-static __attribute__((noinline, cold)) bool ask_halt(const tc_cpu_args *g, tc_cpu_counts *counts) {
-  counts->left = counts->left || tc_halt_within(g->halt);
-  counts->until_look = counts->left ? 1 : TC_CPU_LOOK; /* having left one march, it leaves all */
+/* Back-off of empty-space skipping, for the packets of a tile. Where little can be skipped, looking costs more than it saves: a
+ * packet that gained nothing lets the next ones march without a look, twice as many of them each time. No bit of the picture
+ * depends on it. */
+typedef struct skip_backoff {
+  int wait; /* packets still to march without a look */
+  int last; /* how many they were last time */
+} skip_backoff;
+
+static __attribute__((noinline, cold)) bool poll_halt(const tc_cpu_args *args, tc_cpu_counts *counts) {
+  counts->left = counts->left || tc_halt_within(args->halt);
+  counts->until_poll = counts->left ? 1 : TC_CPU_POLL_STEPS; /* having left one march, it leaves all */
   return counts->left;
 }
 
@@ -108,8 +125,8 @@ static __attribute__((noinline, cold)) bool ask_halt(const tc_cpu_args *g, tc_cp
 
 /* Whether rays march on, asked before every step of every march: while any of them is alive, and nobody wants the unit to
  * be left. step: of the march, by its number. */
-V_INLINE bool marches(const tc_cpu_args *g, vm live, tc_cpu_counts *counts, int step) {
-  if (__builtin_expect(step % STRIDE == 0, 0) && (counts->until_look -= STRIDE) <= 0 && ask_halt(g, counts))
+V_INLINE bool marches(const tc_cpu_args *args, vm live, tc_cpu_counts *counts, int step) {
+  if (__builtin_expect(step % STRIDE == 0, 0) && (counts->until_poll -= STRIDE) <= 0 && poll_halt(args, counts))
     return false;
   return m_any(live);
 }

@@ -12,9 +12,9 @@ V_INLINE vf nearer(vf x) {
 /* c: the whole segment. Its opacity over the share is exact. Its colour passes from what a thin segment shows, which
  * has as much of its ends seen from both sides, to the whole one's: exact where colour is linear and extinction
  * constant. */
-V_ONCE vf4 shorten_stiff(const tc_cpu_args *g, vf front, vf back, vf4 c, vf share, vm which) {
-  vf4 reverse = classify_zoomed(g, back, front, which);
-  vf depth = depth_between(g, front, back, which), tiny = v_set(1e-30f), half = v_set(0.5f);
+V_ONCE vf4 shorten_stiff(const tc_cpu_args *args, vf front, vf back, vf4 c, vf share, vm which) {
+  vf4 reverse = classify_zoomed(args, back, front, which);
+  vf depth = depth_between(args, front, back, which), tiny = v_set(1e-30f), half = v_set(0.5f);
   vf alpha = v_select(v_lt(v_set(0), c.a), opacity_of_depth(share * depth), v_set(0));
   vf along = half * v_min(nearer(share * depth) / v_max(nearer(depth), tiny), v_set(1));
   vf ahead = alpha * (half + along) / v_max(c.a, tiny), behind = alpha * (half - along) / v_max(reverse.a, tiny);

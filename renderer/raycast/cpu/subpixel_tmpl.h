@@ -3,7 +3,7 @@
 V_INLINE bool phased(variant v) { return v.jitter || v.several; }
 
 /* How much before whole steps the rays' samples lie, mm: (1 - phase) of a step. */
-V_INLINE vf lag_of(const tc_cpu_args *g, variant v, const place *at) {
+V_INLINE vf lag_of(const tc_cpu_args *args, variant v, const place *at) {
   vf phase = v_set(at->ray->phase);
   if (v.jitter) { /* as tc_jitter_phase() */
     vi x = v_addi(v_seti(at->x), v_trunc(v_lane_x())), y = v_addi(v_seti(at->y), v_trunc(v_lane_y()));
@@ -14,11 +14,11 @@ V_INLINE vf lag_of(const tc_cpu_args *g, variant v, const place *at) {
     phase = phase + v_float(noise) * v_set(0x1p-24f);
     phase = v_select(v_lt(v_set(1), phase), phase - v_set(1), phase);
   }
-  return (v_set(1) - phase) * v_set(g->step_mm);
+  return (v_set(1) - phase) * v_set(args->rays.step_mm);
 }
 
 /* Mm from the rays' entries to their samples i. */
-V_INLINE vf sample_mm(const tc_cpu_args *g, variant v, const packet *p, int i) {
-  vf t = v_set((float)i * g->step_mm);
+V_INLINE vf sample_mm(const tc_cpu_args *args, variant v, const packet *p, int i) {
+  vf t = v_set((float)i * args->rays.step_mm);
   return phased(v) ? v_max(t - p->lag, v_set(0)) : t;
 }

@@ -1,4 +1,4 @@
-#include "renderer/raycast/cpu/surface_kernels.h"
+#include "renderer/raycast/cpu/kernels.h"
 #include "renderer/raycast/cpu/simd_avx2.h"
 
 #include "renderer/raycast/cpu/surface_tmpl.h"

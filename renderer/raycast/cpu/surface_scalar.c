@@ -1,4 +1,4 @@
-#include "renderer/raycast/cpu/surface_kernels.h"
+#include "renderer/raycast/cpu/kernels.h"
 #include "renderer/raycast/cpu/simd_scalar.h"
 
 #include "renderer/raycast/cpu/surface_tmpl.h"

@@ -17,13 +17,13 @@ V_INLINE vm holds(vf at, float rim) {
 }
 
 /* The finest of the table and its zooms that holds both; *cut: an end is near the knots of a finer one, by itself. */
-V_INLINE window enter_window(const tc_cpu_args *g, vf front, vf back, vm *cut) {
-  window w = {front, back, v_set(g->table_stride), v_set(0)};
+V_INLINE window enter_window(const tc_cpu_args *args, vf front, vf back, vm *cut) {
+  window w = {front, back, v_set(args->table_stride), v_set(0)};
   *cut = v_lt(v_set(1), v_set(0));
-  for (int z = 0; z < g->n_zooms; z++) {
-    window fine = in_zoom(&g->zooms[z], front, back);
+  for (int z = 0; z < args->n_zooms; z++) {
+    window fine = in_zoom(&args->zooms[z], front, back);
     vm begins = holds(fine.front, 0), ends = holds(fine.back, 0), inside = m_and(begins, ends);
-    float rim = g->zooms[z].rim;
+    float rim = args->zooms[z].rim;
     *cut = m_or(*cut, m_andnot(m_or(holds(fine.front, rim), holds(fine.back, rim)), inside));
     w.front = v_select(inside, fine.front, w.front);
     w.back = v_select(inside, fine.back, w.back);
@@ -33,25 +33,25 @@ V_INLINE window enter_window(const tc_cpu_args *g, vf front, vf back, vm *cut) {
   return w;
 }
 
-V_INLINE vf4 look_up(const tc_cpu_args *g, window w) {
+V_INLINE vf4 look_up(const tc_cpu_args *args, window w) {
   vf low = v_min(w.front, w.back), diff = w.back - w.front, k = v_abs(diff);
   vf i = v_float(v_trunc(low)), kk = v_float(v_trunc(k));
   vf stride = v_select(v_lt(diff, v_set(0)), v_set(0) - w.stride, w.stride);
   vf row0 = v_fma(kk, stride, i) + w.start;
-  return v_bilinear(g->table, v_trunc(row0), v_trunc(row0 + stride), low - i, k - kk);
+  return v_bilinear(args->table, v_trunc(row0), v_trunc(row0 + stride), low - i, k - kk);
 }
 
-V_INLINE vf4 entry_at(const tc_cpu_args *g, vi at) { return v_bilinear(g->table, at, at, v_set(0), v_set(0)); }
+V_INLINE vf4 entry_at(const tc_cpu_args *args, vi at) { return v_bilinear(args->table, at, at, v_set(0), v_set(0)); }
 
 /* The depth of a whole segment from the row of depths; nothing cancels in it. */
-V_INLINE vf depth_in(const tc_cpu_args *g, window w) {
+V_INLINE vf depth_in(const tc_cpu_args *args, window w) {
   vf half = v_set(0.5f), one = v_set(1), low = v_min(w.front, w.back), high = v_max(w.front, w.back);
   /* row n + 2, of n + 1 entries in the table and of n + 2 in a zoom; (n + 1) (n + 2) is even: exact up to 2^25 */
   vf row = v_fma(v_select(v_lt(v_set(0), w.start), w.stride, w.stride + one), w.stride, w.start);
   vi i = v_trunc(low), j = v_trunc(high), start = v_trunc(row);
   vf x = low - v_float(i), y = high - v_float(j);
-  vf4 first = entry_at(g, v_addi(start, i)), last = entry_at(g, v_addi(start, j));
-  vf4 next = entry_at(g, v_addi(v_addi(start, i), v_seti(1)));
+  vf4 first = entry_at(args, v_addi(start, i)), last = entry_at(args, v_addi(start, j));
+  vf4 next = entry_at(args, v_addi(v_addi(start, i), v_seti(1)));
   vf within = v_fma(half * (x + y), first.a - first.b, first.b);
   vf rest = half * (one - x) * (v_fma(x, first.a - first.b, first.b) + first.a);
   vf part = half * y * (v_fma(y, last.a - last.b, last.b) + last.b);
@@ -61,7 +61,7 @@ V_INLINE vf depth_in(const tc_cpu_args *g, window w) {
 
 /* Cuts off what lies in a zoom of segments with but one end there; depth times share of `span` nodes of that part, 0 of
  * other segments, which stay. */
-V_INLINE vf cut_off(const tc_cpu_args *g, const tc_cpu_zoom *zoom, vf span, vf *front, vf *back, vm cut) {
+V_INLINE vf cut_off(const tc_cpu_args *args, const tc_cpu_zoom *zoom, vf span, vf *front, vf *back, vm cut) {
   window w = in_zoom(zoom, *front, *back);
   vm begins = m_and(holds(w.front, 0), cut), ends = m_and(holds(w.back, 0), cut);
   vm nearer = m_andnot(begins, ends), farther = m_andnot(ends, begins);
@@ -73,25 +73,25 @@ V_INLINE vf cut_off(const tc_cpu_args *g, const tc_cpu_zoom *zoom, vf span, vf *
   vf length = v_abs(v_select(nearer, exit - *front, *back - entry));
   *front = v_select(nearer, exit, *front);
   *back = v_select(farther, entry, *back);
-  return v_select(m_or(nearer, farther), v_min(length / span, v_set(1)) * depth_in(g, w), v_set(0));
+  return v_select(m_or(nearer, farther), v_min(length / span, v_set(1)) * depth_in(args, w), v_set(0));
 }
 
-V_ONCE vf depth_between(const tc_cpu_args *g, vf front, vf back, vm cut) {
+V_ONCE vf depth_between(const tc_cpu_args *args, vf front, vf back, vm cut) {
   vf span = v_max(v_abs(back - front), v_set(1e-30f)), parts = v_set(0);
-  for (int z = g->n_zooms - 1; z >= 0; z--) parts = parts + cut_off(g, &g->zooms[z], span, &front, &back, cut);
+  for (int z = args->n_zooms - 1; z >= 0; z--) parts = parts + cut_off(args, &args->zooms[z], span, &front, &back, cut);
   vm again;
-  vf depth = depth_in(g, enter_window(g, front, back, &again)), rest = v_abs(back - front) / span;
+  vf depth = depth_in(args, enter_window(args, front, back, &again)), rest = v_abs(back - front) / span;
   return v_select(v_lt(v_set(0), parts), v_fma(rest, depth, parts), depth);
 }
 
 /* Where a segment is cut its opacity is that of its parts. Colour is the whole one's, in proportion: between nodes on
  * either side of a peak the table has a mixture of seeing it and not, mostly of the peak's own colour. */
-V_INLINE vf4 classify_zoomed(const tc_cpu_args *g, vf front, vf back, vm live) {
+V_INLINE vf4 classify_zoomed(const tc_cpu_args *args, vf front, vf back, vm live) {
   vm cut;
-  vf4 c = look_up(g, enter_window(g, front, back, &cut));
+  vf4 c = look_up(args, enter_window(args, front, back, &cut));
   cut = m_and(m_and(cut, live), v_lt(v_set(0), c.a));
   if (!m_any(cut)) return c;
-  vf alpha = v_select(cut, opacity_of_depth(depth_between(g, front, back, cut)), c.a);
+  vf alpha = v_select(cut, opacity_of_depth(depth_between(args, front, back, cut)), c.a);
   vf scale = v_select(cut, alpha / v_max(c.a, v_set(1e-30f)), v_set(1));
   return (vf4){c.r * scale, c.g * scale, c.b * scale, alpha};
 }

@@ -3,7 +3,7 @@ layout(binding = 2) uniform usamplerBuffer levels;
 
 // The level that serves the interval of samples from i on: that of its middle's block.
 float level_of(vec3 entry, vec3 direction, int i) {
-  float t = (float(i) + 0.5 * float(job.blocks.w - 1)) * job.march.x;
+  float t = (float(i) + 0.5 * float(job.blocks.w - 1)) * job.rays.step_mm;
   vec3 p = clamp(fma(vec3(t), direction, entry), vec3(0.0), vec3(job.dims.xyz - 1));
   // The half keeps rounding away from the blocks' edges.
   ivec3 block = ivec3((floor(min(p, max(vec3(job.dims.xyz - 2), 0.0))) + 0.5) / float(job.blocks.x));
@@ -14,7 +14,7 @@ float level_of(vec3 entry, vec3 direction, int i) {
 int highest_interval(vec3 entry, vec3 direction, float length_mm) {
   float highest = -1.0;
   int at = 0;
-  for (int i = 0; float(i) * job.march.x < length_mm; i += job.blocks.w) {
+  for (int i = 0; float(i) * job.rays.step_mm < length_mm; i += job.blocks.w) {
     float level = level_of(entry, direction, i);
     if (level > highest) {
       highest = level;

@@ -1,8 +1,8 @@
 // What is left of a ray's stay between the clip planes; along a plane it is in or out as a whole.
 vec2 clip_to_planes(vec3 anchor, vec3 direction, vec2 span) {
-  for (int i = 0; i < job.clipping.x; i++) {
-    float at = fma(job.planes[i].z, anchor.z, fma(job.planes[i].y, anchor.y, fma(job.planes[i].x, anchor.x, job.planes[i].w)));
-    float rate = dot(job.planes[i].xyz, direction);
+  for (int i = 0; i < job.rays.n_planes; i++) {
+    float at = fma(job.rays.planes[i].z, anchor.z, fma(job.rays.planes[i].y, anchor.y, fma(job.rays.planes[i].x, anchor.x, job.rays.planes[i].w)));
+    float rate = dot(job.rays.planes[i].xyz, direction);
     if (abs(rate) < 1e-9) {
       if (at < 0.0)
         span.y = -3.4e38;

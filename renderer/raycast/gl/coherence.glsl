@@ -8,10 +8,10 @@ float head; // mm that the ray that is marched may begin after its entry
 // a segment is the last. The margin of a hundredth of a voxel is far above the rounding of positions.
 void look_ahead(vec3 anchor, vec3 direction, vec2 span) {
   vec3 entry = fma(vec3(span.x), direction, anchor);
-  float size = float(job.blocks.x), margin = job.rays.y + 0.01, t = 0.0, gain = 1e9;
+  float size = float(job.blocks.x), margin = job.rays.footprint + 0.01, t = 0.0, gain = 1e9;
   way = vec2(span.x, span.x - 1.0);
   room = -1.0;
-  while (gain > job.march.x && t < span.y - span.x) {
+  while (gain > job.rays.step_mm && t < span.y - span.x) {
     vec3 p = clamp(fma(vec3(t), direction, entry), vec3(0.0), vec3(job.dims.xyz - 1));
     ivec3 block = ivec3((floor(min(p, max(vec3(job.dims.xyz - 2), 0.0))) + 0.5) / size);
     float distance = float(texelFetch(distances, block.x + block.y * job.blocks.y + block.z * job.blocks.z).r);

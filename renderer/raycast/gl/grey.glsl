@@ -2,10 +2,10 @@
 
 float sample_turned(vec3 entry, vec3 direction, float t) {
   precise vec3 p = fma(vec3(t), direction, entry);
-  precise float w = field(p) * job.grey.x;
+  precise float w = field(p) * job.grey.sign;
   return w;
 }
 
 vec4 grey_of(float w) {
-  return vec4(vec3(decode(clamp(fma(w, job.grey.y, job.grey.z), 0.0, 1.0))), 1.0);
+  return vec4(vec3(decode(clamp(fma(w, job.grey.gain, job.grey.offset), 0.0, 1.0))), 1.0);
 }

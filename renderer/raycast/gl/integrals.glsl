@@ -34,7 +34,7 @@ vec4 mean_of(float front, float back) {
 
 vec4 classify(float front, float back, float length_mm, bool is_part) {
   vec4 mean = mean_of(front, back);
-  precise float depth = mean.a * (is_part ? length_mm : job.march.x);
+  precise float depth = mean.a * (is_part ? length_mm : job.rays.step_mm);
 #if LINEARIZED
   float opacity = min(depth, 1.0);
 #else

@@ -5,13 +5,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "renderer/raycast/shade.h"
-
-static void put3(float to[4], const double from[3]) {
-  for (int k = 0; k < 3; k++)
-    to[k] = (float)from[k];
-}
-
 static void fill_nodes(tc_gl_job_block *block, int n, double lo, double hi) {
   block->nodes[0] = (float)lo;
   /* A range of denormal width would make this infinite, and infinity times zero is no node. */
@@ -48,11 +41,9 @@ static void fill_blocks(tc_gl_job_block *block, int width, const int blocks[3]) 
 }
 
 static void fill_projection(tc_gl_job_block *block, const tc_grey *grey, const tc_bounds *bounds, const tc_rays *rays) {
-  const float numbers[] = {grey->turn, grey->gain, grey->offset}, reach[] = {grey->floor, grey->stop};
-  memcpy(block->grey, numbers, sizeof numbers);
-  memcpy(block->reach, reach, sizeof reach);
+  block->grey = *grey;
   if (!bounds) return;
-  block->reach[2] = bounds->scale;
+  block->level_scale[0] = bounds->scale;
   fill_blocks(block, bounds->block, bounds->blocks);
   block->blocks[3] = tc_bounds_interval(bounds, rays);
 }
@@ -67,33 +58,7 @@ static void fill_window(tc_gl_job_block *block, const tc_job *job) {
   block->window[1] = window.gain;
 }
 
-static void put_shading(tc_gl_job_block *block, const tc_job *job) {
-  tc_shade s;
-  tc_shade_set_up(&s, job->source, job->volume, job->scene);
-  for (int r = 0; r < 3; r++)
-    put3(block->gradient[r], s.gradient + 3 * r);
-  put3(block->light, s.light);
-  block->light[3] = s.head_light;
-  block->reflection[0] = (float)s.factor[0];
-  block->reflection[1] = (float)s.factor[1];
-  block->reflection[2] = (float)s.least;
-  block->reflection[3] = (float)s.flat;
-  put3(block->glow[0], s.glow[0]);
-  put3(block->glow[1], s.glow[1]);
-  block->glow[0][3] = (float)s.specular;
-  block->glow[1][3] = (float)s.shininess;
-}
-
-static void put_rays(tc_gl_job_block *block, const tc_rays *rays) {
-  block->rays[0] = (float)rays->count;
-  block->rays[1] = (float)fmin(rays->footprint, 1e9);
-  for (int i = 0; i < rays->count; i++) {
-    const float ray[] = {(float)rays->of_pixel[i].x, (float)rays->of_pixel[i].y, (float)rays->of_pixel[i].phase};
-    memcpy(block->of_pixel[i], ray, sizeof ray);
-  }
-}
-
-static void put_labels(tc_gl_job_block *block, const tc_job *job, const tc_gl_volume *labels) {
+static void fill_labels(tc_gl_job_block *block, const tc_job *job, const tc_gl_volume *labels) {
   double matrix[3][4];
   tc_labels_matrix(job->volume, job->label_volume, matrix);
   for (int r = 0; r < 3; r++)
@@ -107,25 +72,15 @@ static void put_labels(tc_gl_job_block *block, const tc_job *job, const tc_gl_vo
 }
 
 void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volume *volume, const tc_gl_volume *labels) {
-  const tc_rays *rays = job->rays;
   memset(block, 0, sizeof *block);
-  put3(block->anchor0, rays->anchor0);
-  put3(block->anchor_du, rays->anchor_du);
-  put3(block->anchor_dv, rays->anchor_dv);
-  put3(block->view0, rays->view0);
-  put3(block->view_du, rays->view_du);
-  put3(block->view_dv, rays->view_dv);
-  for (int r = 0; r < 3; r++)
-    put3(block->to_index[r], rays->to_index + 3 * r);
-  put3(block->box_lo, rays->lo);
-  put3(block->box_hi, rays->hi);
+  tc_rays_round(&block->rays, job->rays);
   memcpy(block->dims, tc_volume_describe(job->volume)->dims, 3 * sizeof *block->dims);
   block->dims[3] = volume->slices_per_layer;
   memcpy(block->texel, volume->texel, sizeof volume->texel);
   if (job->have.table) fill_table(block, job->have.table);
   if (job->have.integrals) fill_integrals(block, job->have.integrals);
   if (job->have.leap) fill_blocks(block, job->have.leap->block, job->have.leap->blocks);
-  if (tc_is_projection((tc_mode)job->key.mode)) fill_projection(block, &job->plan->grey, job->have.bounds, rays);
+  if (tc_is_projection((tc_mode)job->key.mode)) fill_projection(block, &job->plan->grey, job->have.bounds, job->rays);
   if (job->key.mode == TC_MODE_MPR) fill_window(block, job);
   if (job->key.mode == TC_MODE_ISOSURFACE) {
     block->surface[0] = job->plan->surface.iso;
@@ -136,15 +91,6 @@ void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volum
   tc_resolve_init(&resolve, job->scene);
   memcpy(block->background, resolve.background, sizeof resolve.background);
   block->background[3] = (float)job->scene->sampling.termination;
-  block->clipping[0] = rays->n_planes;
-  for (int i = 0; i < rays->n_planes; i++)
-    for (int k = 0; k < 4; k++)
-      block->planes[i][k] = (float)rays->planes[i][k];
-  if (job->key.shading) put_shading(block, job);
-  if (labels) put_labels(block, job, labels);
-  put_rays(block, rays);
-  block->march[0] = (float)rays->step_mm;
-  block->march[1] = (float)rays->eye_mm;
-  block->march[2] = (float)(1 / rays->step_mm);
-  block->march[3] = (float)rays->far_mm;
+  if (job->key.shading) tc_shade_set_up(&block->shade, job->source, job->volume, job->scene);
+  if (labels) fill_labels(block, job, labels);
 }

@@ -18,6 +18,6 @@ bool look_around(vec3 p, vec3 direction, out int steps) {
     if (abs(direction[k]) >= 1e-12)
       far = min(far, (wall - p[k]) / direction[k]);
   }
-  steps = int(clamp(far * job.march.z, 0.0, 1e6));
+  steps = int(clamp(far * job.rays.inverse_step, 0.0, 1e6));
   return distance > 0.5;
 }

@@ -1,9 +1,9 @@
 // The ray's stay in the index box, in mm from the anchor and not before the eye; empty when y <= x.
 vec2 clip_to_box(vec3 anchor, vec3 direction, float eye) {
-  vec2 span = vec2(eye, job.march.w);
+  vec2 span = vec2(eye, job.rays.far_mm);
   for (int k = 0; k < 3; k++) {
-    float lo = job.box_lo[k] - anchor[k];
-    float hi = job.box_hi[k] - anchor[k];
+    float lo = job.rays.lo[k] - anchor[k];
+    float hi = job.rays.hi[k] - anchor[k];
     if (abs(direction[k]) < 1e-12) { // along the faces: in between or never
       if (lo > 0.0 || hi < 0.0)
         span.y = -3.4e38;
@@ -52,13 +52,13 @@ vec4 trace(ivec2 pixel, int ray) {
   float eye;
   vec2 at = vec2(pixel) + 0.5;
 #if SEVERAL
-  at += job.of_pixel[ray].xy;
+  at += job.rays.of_pixel[ray].xy;
 #endif
   vec2 span = start_ray(at, anchor, direction, eye);
   if (span.y <= span.x)
     return vec4(0.0);
 #if PHASE
-  lag = lag_of(pixel, job.of_pixel[ray].z);
+  lag = lag_of(pixel, job.rays.of_pixel[ray].z);
 #endif
 #if COHERENT
   head = head_of(direction, span);
@@ -91,9 +91,9 @@ void main() {
 #endif
 #if SEVERAL
   precise vec4 result = vec4(0.0);
-  for (int ray = 0; ray < int(job.rays.x); ray++)
+  for (int ray = 0; ray < job.rays.count; ray++)
     result += trace(pixel, ray);
-  result /= job.rays.x;
+  result /= float(job.rays.count);
 #else
   vec4 result = trace(pixel, 0);
 #endif

@@ -4,9 +4,9 @@
 // The last sample before a ray's end. The estimate may be off by what its rounding is.
 int last_sample(float length_mm) {
 #if PHASE
-  int i = int((length_mm + lag) * job.march.z);
+  int i = int((length_mm + lag) * job.rays.inverse_step);
 #else
-  int i = int(length_mm * job.march.z);
+  int i = int(length_mm * job.rays.inverse_step);
 #endif
   while (i > 0 && sample_mm(i) >= length_mm)
     i--;

@@ -6,7 +6,7 @@
 float best, at; // the greatest sample, and where that is, mm: the first place of several
 
 float climb(vec3 entry, vec3 direction, float length_mm) {
-  float value = best, middle = at, away = 0.5 * job.march.x;
+  float value = best, middle = at, away = 0.5 * job.rays.step_mm;
   for (int round = 0; round < PEAK_ROUNDS; round++, away *= 0.5) {
     float from = middle;
     for (int side = 0; side < 2; side++, away = -away) {
@@ -34,38 +34,38 @@ void take_sample(vec3 entry, vec3 direction, float t, inout Counts counts) {
 vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   precise vec3 entry = fma(vec3(span.x), direction, anchor);
   float length_mm = span.y - span.x;
-  best = job.reach.x;
+  best = job.grey.low;
   at = -1.0;
 #if LEAP
   take_sample(entry, direction, 0.0, counts);
   // A short ray has nothing to gain from a guess.
-  bool guess = best < job.reach.y && 4.0 * float(job.blocks.w) * job.march.x < length_mm;
+  bool guess = best < job.grey.stop && 4.0 * float(job.blocks.w) * job.rays.step_mm < length_mm;
   int first = guess ? highest_interval(entry, direction, length_mm) : 0;
   for (int i = first; guess && i < first + job.blocks.w; i++)
-    take_sample(entry, direction, min(float(i) * job.march.x, length_mm), counts);
+    take_sample(entry, direction, min(float(i) * job.rays.step_mm, length_mm), counts);
   int look_at = 0;
 #endif
-  for (int i = 0; best < job.reach.y; i++) {
+  for (int i = 0; best < job.grey.stop; i++) {
 #if LEAP
     if (i == look_at) {
       look_at += job.blocks.w;
-      if (level_of(entry, direction, i) <= (best - job.reach.x) * job.reach.z) {
+      if (level_of(entry, direction, i) <= (best - job.grey.low) * job.level_scale.x) {
         counts.leaps++;
         i = look_at - 1;
-        if (float(i) * job.march.x >= length_mm)
+        if (float(i) * job.rays.step_mm >= length_mm)
           break;
         continue;
       }
     }
 #endif
-    float t = min(float(i) * job.march.x, length_mm);
+    float t = min(float(i) * job.rays.step_mm, length_mm);
     take_sample(entry, direction, t, counts);
     if (t >= length_mm)
       break;
   }
-  if (best > job.reach.x && best < job.reach.y) {
+  if (best > job.grey.low && best < job.grey.stop) {
     best = climb(entry, direction, length_mm);
     counts.samples += 2 * PEAK_ROUNDS;
   }
-  return grey_of(min(best, job.reach.y)); // rounding beyond stop is not told from it
+  return grey_of(min(best, job.grey.stop)); // rounding beyond stop is not told from it
 }

@@ -10,10 +10,10 @@ float sample_slice(vec3 entry, vec3 direction, float t) {
 // Samples lie on the plane, in whole steps from it, and at both ends of the ray.
 float cast_slab(vec3 entry, vec3 direction, vec2 span, float front, inout Counts counts) {
   float length_mm = span.y - span.x;
-  float first = floor(span.x * job.march.z) + 1.0;
+  float first = floor(span.x * job.rays.inverse_step) + 1.0;
   float value = front, sum = 0.0, before = 0.0;
   for (int i = 0; before < length_mm; i++) {
-    float t = clamp((first + float(i)) * job.march.x - span.x, 0.0, length_mm);
+    float t = clamp((first + float(i)) * job.rays.step_mm - span.x, 0.0, length_mm);
     float back = sample_slice(entry, direction, t);
     counts.samples++;
 #if SLAB == 1

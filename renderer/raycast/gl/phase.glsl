@@ -15,5 +15,5 @@ float lag_of(ivec2 pixel, float phase) {
   phase += jitter_phase(uvec2(pixel));
   phase = phase > 1.0 ? phase - 1.0 : phase;
 #endif
-  return (1.0 - phase) * job.march.x;
+  return (1.0 - phase) * job.rays.step_mm;
 }

@@ -27,17 +27,17 @@ Sample sample_at(vec3 entry, vec3 direction, float t, inout Counts counts) {
 // Mm from the entry to sample i.
 float sample_mm(int i) {
 #if PHASE
-  precise float t = max(float(i) * job.march.x - lag, 0.0);
+  precise float t = max(float(i) * job.rays.step_mm - lag, 0.0);
   return t;
 #else
-  return float(i) * job.march.x;
+  return float(i) * job.rays.step_mm;
 #endif
 }
 
 // The sample at which a ray begins: what lies before is known to be empty.
 int first_sample() {
 #if COHERENT
-  return int(clamp(head * job.march.z, 0.0, 1e9));
+  return int(clamp(head * job.rays.inverse_step, 0.0, 1e9));
 #else
   return 0;
 #endif

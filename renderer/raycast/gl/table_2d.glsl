@@ -119,8 +119,8 @@ vec4 shorten_stiff(float front, float back, vec4 segment, float share) {
 vec4 classify(float front, float back, float length_mm, bool is_part) {
   vec4 segment = classify_full(front, back);
 #if STIFF
-  return is_part ? shorten_stiff(front, back, segment, length_mm / job.march.x) : segment;
+  return is_part ? shorten_stiff(front, back, segment, length_mm / job.rays.step_mm) : segment;
 #else
-  return is_part ? shorten(segment, length_mm / job.march.x) : segment;
+  return is_part ? shorten(segment, length_mm / job.rays.step_mm) : segment;
 #endif
 }
