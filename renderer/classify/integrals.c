@@ -8,9 +8,9 @@
 #include "renderer/classify/segments.h"
 #include "renderer/clock.h"
 
-#define MOST_TAU 1e30 /* 1/mm: opaque at any length, and sums of it stay numbers */
+#define MOST_TAU 1e30 /* 1/mm: opaque at any length, and sums stay finite */
 
-/* One node interval: means of (L tau, tau), and how far each end is from them: from = mean - tilt, to = mean + tilt. */
+/* One node interval: means of (L tau, tau), and their linear change: mean - tilt at the front end, mean + tilt at the back. */
 typedef struct interval {
   double mean[4], tilt[4];
 } interval;
@@ -22,7 +22,7 @@ static void color(const tc_table_params *p, double value, double rgb[3]) {
   for (int c = 0; c < 3 && p->linear_light; c++) rgb[c] = tc_srgb_to_linear(rgb[c]);
 }
 
-/* A stretch without a knot inside: the exact mean extinction, and the colour that three Gauss points see on average. */
+/* Adds part of an interval without a knot inside: the exact mean extinction, and the mean colour by three Gauss points. */
 static void add_stretch(interval *into, const tc_table_params *p, double from, double to, double share) {
   static const double place[3] = {-0.774596669241483377, 0, 0.774596669241483377}, weight[3] = {5, 8, 5};
   double mean = share * fmin(tc_extinction_mean(p->tf, from, to), MOST_TAU), sum[4] = {0}, rgb[3];
@@ -37,7 +37,7 @@ static void add_stretch(interval *into, const tc_table_params *p, double from, d
   into->mean[3] += mean;
 }
 
-/* The ends, as far as they leave tau and L tau at least 0 and L at most the brighter end's. */
+/* Sets the tilt, limited so that tau and L tau stay at least 0 and L at most that of the brighter end. */
 static void add_tilt(interval *into, const tc_table_params *p, double v0, double v1) {
   double in[2] = {v0 + (v1 - v0) * 1e-9, v1 - (v1 - v0) * 1e-9}, rgb[2][3], tau[2], *mean = into->mean;
   for (int e = 0; e < 2; e++) {
@@ -54,9 +54,9 @@ static void add_tilt(interval *into, const tc_table_params *p, double v0, double
   }
 }
 
-#define LOOK 64 /* intervals, or knots of one, between two looks at the halt */
+#define POLL 64 /* intervals, or knots of one interval, between two polls of the halt */
 
-/* From value v0 to v1. p->tf: the knots about them. False: halted. */
+/* The interval from value v0 to v1. p->tf: the knots near it. False: halted. */
 static bool integrate(interval *into, const tc_table_params *p, double v0, double v1, const tc_halt *halt) {
   double from = v0, width = v1 - v0;
   size_t at = 0;
@@ -64,7 +64,7 @@ static bool integrate(interval *into, const tc_table_params *p, double v0, doubl
     double next = tc_next_knot(p->tf, from, v1, &at);
     add_stretch(into, p, from, next, width != 0 ? (next - from) / width : 1);
     from = next;
-    if (at % LOOK == LOOK - 1 && tc_halt_within(halt)) return false;
+    if (at % POLL == POLL - 1 && tc_halt_within(halt)) return false;
   } while (from != v1);
   add_tilt(into, p, v0, v1);
   return true;
@@ -74,12 +74,12 @@ static void store(float entry[4], const double value[4]) {
   for (int c = 0; c < 4; c++) entry[c] = (float)value[c];
 }
 
-/* One level: sums from each block's middle to its nodes, outwards. means: [n][4] of the node intervals. */
+/* One level: sums from each block's middle outwards to its nodes. means: [n][4] of the node intervals. */
 static void fill_level(float (*level)[4], const double (*means)[4], int n, int half) {
   for (int middle = half; middle - half <= n; middle += 2 * half) {
     double down[4] = {0}, up[4] = {0};
     for (int p = middle - 1; p >= middle - half; p--) {
-      if (p >= n) continue; /* the last block may end before its middle: no pair of nodes asks for that */
+      if (p >= n) continue; /* the last block may end before its middle, which no pair of nodes needs */
       for (int c = 0; c < 4; c++) down[c] += means[p][c];
       store(level[p], down);
     }
@@ -111,13 +111,13 @@ static tc_integrals *integrals_new(const tc_table_params *p) {
   return NULL;
 }
 
-/* The node intervals' ends, into the entries, and their means. False: halted. */
+/* Fills the entries with both ends of each node interval, and means with their means. False: halted. */
 static bool fill_intervals(tc_integrals *t, const tc_table_params *params, double (*means)[4], const tc_halt *halt) {
   tc_table_params about = *params;
   double scale = params->slope * (params->voxel_hi - params->voxel_lo) / (params->n - 1);
   double base = params->slope * params->voxel_lo + params->intercept;
   for (int j = 0; j <= params->n; j++) {
-    if (j % LOOK == 0 && tc_halt_within(halt)) return false;
+    if (j % POLL == 0 && tc_halt_within(halt)) return false;
     double v0 = base + scale * j, v1 = base + scale * (j + 1), ends[2][4];
     const tc_transfer_function near = tc_knots_between(params->tf, v0, v1);
     about.tf = &near;

@@ -8,7 +8,7 @@
 #include "renderer/classify/classify.h"
 #include "renderer/clock.h"
 
-#define LOOK 4096 /* labels between two looks at the halt */
+#define POLL 4096 /* labels between two polls of the halt */
 
 static atomic_uint_fast64_t last_serial;
 
@@ -48,7 +48,7 @@ static void fill_entry(float entry[8], uint32_t label, bool visible, const tc_sc
   size_t count;
   if (!rgb) rgb = tc_label_palette(&count)[label > 0 ? (label - 1) % TC_LABEL_PALETTE : 0];
   opacity *= visible ? scene->labels.opacity : 0;
-  bool linear = scene->image.linear_light && scene->mode == TC_MODE_DVR; /* slices are display values */
+  bool linear = scene->image.linear_light && scene->mode == TC_MODE_DVR; /* slices composite in display space */
   for (int c = 0; c < 3; c++) entry[c] = (float)(opacity * (linear ? tc_srgb_to_linear(rgb[c]) : rgb[c]));
   entry[3] = (float)opacity;
   entry[4] = visible;
@@ -62,7 +62,7 @@ GBytes *tc_labels_key(const tc_volume *labels, const tc_scene *scene) {
                               scene->labels.visible != NULL, scene->image.linear_light && scene->mode == TC_MODE_DVR};
   g_byte_array_append(key, (const guint8 *)numbers, sizeof numbers);
   g_byte_array_append(key, (const guint8 *)&scene->labels.opacity, sizeof scene->labels.opacity);
-  for (size_t i = 0; i < scene->labels.n_colors; i++) { /* not as a whole: there may be padding */
+  for (size_t i = 0; i < scene->labels.n_colors; i++) { /* member by member, because of padding */
     g_byte_array_append(key, (const guint8 *)&scene->labels.colors[i].label, sizeof(uint32_t));
     g_byte_array_append(key, (const guint8 *)scene->labels.colors[i].rgba, sizeof scene->labels.colors[i].rgba);
   }
@@ -84,7 +84,7 @@ static bool fill_entries(tc_labels *l, const tc_volume_desc *d, const tc_scene *
   if (count) qsort(visible, count, sizeof *visible, compare);
   bool left = false;
   for (int i = 0; i <= l->n && !left; i++) {
-    left = i % LOOK == 0 && tc_halt_within(halt);
+    left = i % POLL == 0 && tc_halt_within(halt);
     double value = i < l->n ? d->slope * (l->base + i) + d->intercept : 0;
     uint32_t label = value > 0 && value <= UINT32_MAX ? (uint32_t)value : 0;
     bool shown = !scene->labels.visible || (count && bsearch(&label, visible, count, sizeof label, compare));
@@ -140,7 +140,7 @@ void tc_labels_matrix(const tc_volume *volume, const tc_volume *labels, double m
   }
 }
 
-/* Does the box that holds all of `a` in b's index space meet b's? */
+/* Whether the bounding box of `a` in b's index space meets b's box. */
 static bool meets(const tc_volume *a, const tc_volume *b) {
   double matrix[3][4], lo[3], hi[3], to_lo[3], to_hi[3];
   tc_labels_matrix(a, b, matrix);

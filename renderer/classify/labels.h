@@ -1,14 +1,14 @@
-/* Labels: what a segmentation's voxels look like, and where they are in another volume's index space.
+/* Labels: the colours of a segmentation's voxels, and their positions in another volume's index space.
  *
- * A label volume holds whole numbers (any integer voxel type; label = slope * voxel + intercept) on a grid of its own,
- * anywhere in the same patient space. 0 is "no label"; so is all that lies outside the grid, and a negative number.
- * At a point the eight voxels around it count with their trilinear weights: not their numbers are interpolated but what
- * the numbers stand for (tc_labels below), so that the faces of a segment are smooth at any zoom. Beyond the last voxel
- * centres the weights go over to "outside" within one voxel; an axis of one voxel is constant over its thickness. With
- * filter "nearest" the nearest voxel alone counts.
- *   S, A, V = means of entries' tint colour (premultiplied), tint opacity and visibility
- *   dvr: extinction * V; colour C becomes C (1 - A/V) + S/V   (what is hidden lends no colour to what is beside it)
- *   mpr: grey G becomes G (1 - A) + S                          (anatomy is never hidden); mesh: colour S/A of a surface */
+ * A label volume holds integers (any integer voxel type; label = slope * voxel + intercept) on a grid of its own, anywhere in the same
+ * patient space. 0, a negative number and anything outside the grid mean "no label". At a point, the eight surrounding voxels count
+ * with their trilinear weights: the entries of the labels (tc_labels below) are interpolated, not the numbers, so the faces of a
+ * segment are smooth at any zoom. Beyond the last voxel centres the weight passes to "outside" within one voxel; an axis of one voxel
+ * is constant over its thickness. With filter "nearest", only the nearest voxel counts.
+ *   S, A, V = interpolated tint colour (premultiplied), tint opacity and visibility
+ *   dvr: extinction * V; colour C becomes C (1 - A/V) + S/V   (a hidden label does not tint its neighbours)
+ *   mpr: grey G becomes G (1 - A) + S                          (anatomy is never hidden)
+ *   mesh: colour S/A of a surface */
 #ifndef TC_CLASSIFY_LABELS_H
 #define TC_CLASSIFY_LABELS_H
 
@@ -19,31 +19,31 @@
 
 typedef struct tc_labels {
   uint64_t serial;     /* unique in the process */
-  int base, n;         /* entries of the stored voxels base .. base + n - 1; entry n is what lies outside */
+  int base, n;         /* entries of the stored voxels base .. base + n - 1; entry n stands for outside */
   float (*entries)[8]; /* [n + 1]: S r, g, b, A, V, unused */
-  GBytes *key;         /* tc_labels_key() it was made for */
+  GBytes *key;         /* tc_labels_key() */
   size_t bytes;
   double build_ms;
 } tc_labels;
 
-/* What entries depend on: label volume, opacity, colours, visible ones, compositing space. Caller unrefs. */
+/* Everything that entries depend on: label volume, opacity, colours, visible labels, compositing space. The caller unrefs. */
 GBytes *tc_labels_key(const tc_volume *labels, const tc_scene *scene);
 
-/* Takes `key`. The label volume was checked (tc_labels_check). NULL: TC_ERROR_MEMORY, or what the halt (NULL: none)
- * says. */
+/* Takes ownership of `key`. The label volume was checked (tc_labels_check). NULL with TC_ERROR_MEMORY or the error of the halt (NULL:
+ * none). */
 tc_labels *tc_labels_build(const tc_volume *labels, const tc_scene *scene, GBytes *key, const tc_halt *halt,
                            GError **error);
 void tc_labels_free(tc_labels *labels); /* NULL is fine */
 
-/* Index positions of `labels` from those of `volume`: rows of 3 factors and an offset. */
+/* From index positions of `volume` to those of `labels`: rows of 3 factors and an offset. */
 void tc_labels_matrix(const tc_volume *volume, const tc_volume *labels, double matrix[3][4]);
 
-/* Do scenes of this mode read labels? The others leave scene.labels alone: values and their extremes have no colour. */
+/* Whether scenes of this mode read labels; others ignore scene.labels. */
 bool tc_mode_has_labels(tc_mode mode);
 
-/* Can the scene's labels be drawn from `labels` (NULL: there is no such volume) over `volume`? True for a scene without
- * any. TC_ERROR_INVALID with the pointer /labels/volume: there is none, its voxels are not whole numbers (f32, or a
- * slope or intercept with a fraction), or the two lie apart in patient space. Pure. */
+/* Whether the scene's labels can be drawn from `labels` (NULL: there is no such volume) over `volume`; true for a scene without labels.
+ * TC_ERROR_INVALID with the pointer /labels/volume if there is no volume, its labels are not integers (f32 voxels, or a fractional
+ * slope or intercept), or the two volumes lie apart in patient space. Pure. */
 bool tc_labels_check(const tc_volume *volume, const tc_volume *labels, const tc_scene *scene, GError **error);
 
 #endif

@@ -1,4 +1,4 @@
-/* What smaller tables would cost: entries rounded as a narrower format would. */
+/* Entries rounded as a narrower format would, to measure what smaller tables cost. */
 #include <math.h>
 
 #include "renderer/classify/classify.h"
@@ -7,7 +7,7 @@ float tc_table_round(float entry, int bits) {
   if (bits == 8) return rintf(entry * 255) / 255;
   if (bits != 16) return entry;
   int exponent;
-  frexpf(entry, &exponent); /* entry = m * 2^exponent, 0.5 <= m < 1: a half keeps 11 bits of m down to 2^-14 */
+  frexpf(entry, &exponent); /* entry = m * 2^exponent, 0.5 <= m < 1: a half float keeps 11 bits of m down to 2^-14 */
   float quantum = ldexpf(1, (exponent > -13 ? exponent : -13) - 11);
   return rintf(entry / quantum) * quantum;
 }

@@ -5,24 +5,24 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A stretch of the value axis inside one node interval with linear colour and (nearly) linear extinction. */
+/* Part of a node interval with linear colour and (nearly) linear extinction. */
 struct tc_piece {
   float width; /* share of the node interval */
-  uint32_t graded; /* 1: colour changes along it; no padding, so that pieces compare as bytes */
-  double mean; /* of the extinction, 1/mm, exact */
+  uint32_t graded; /* 1: the colour changes along it; uint32_t because pieces are compared as bytes: no padding */
+  double mean; /* exact mean of the extinction, 1/mm */
   double tilt; /* extinction = mean * (1 + tilt * (2u - 1)), |tilt| <= 1 */
   double from[3], to[3]; /* colour, compositing space */
 };
 
-/* Four node intervals of one piece each, side by side, for segments short enough that a series serves them. */
+/* Four node intervals of one piece each, side by side, for segments so short that a series suffices. */
 struct tc_quad {
-  tc_v4 depth, tilt; /* extinction times share of the interval */
+  tc_v4 depth, tilt; /* depth: extinction */
   tc_i4 graded;      /* all bits or none */
   tc_v4 from[4], to[4]; /* colour, with 1 for opacity */
-  float longest_mm;     /* of an interval; 0 where one of the four has a knot inside */
+  float longest_mm;     /* longest segment they are good for; 0 if one of the four has a knot inside */
 };
 
-#define MOST_DEPTH 1e30 /* sums stay numbers */
+#define MOST_DEPTH 1e30 /* sums stay finite */
 
 /* ---- pieces ---- */
 
@@ -37,7 +37,7 @@ void tc_segments_color(const tc_table_params *p, double value, double rgb[3]) {
 }
 
 static void make_piece(const tc_segments *s, double width, double v0, double v1, tc_piece *q) {
-  /* One-sided limits: a jump may lie at either end, so the ends are looked up a hair inside. */
+  /* One-sided limits: there may be a jump at either end, so the colours are taken slightly inside. */
   double in0 = v0 + (v1 - v0) * 1e-9, in1 = v1 - (v1 - v0) * 1e-9;
   q->width = (float)width;
   q->mean = tc_extinction_mean(s->params->tf, v0, v1);
@@ -69,58 +69,58 @@ static bool add_piece(tc_segments *s, double width, double v0, double v1) {
   return true;
 }
 
-#define ERROR 5e-7 /* of a piece's colour, from what is taken for linear in it */
+#define ERROR 5e-7 /* of a piece's colour, from taking colour and extinction as linear */
 #define MOST_PARTS 512
-#define MOST_PIECES (1 << 17) /* of an axis, about: each diagonal of a table looks at all of them */
+#define MOST_PIECES (1 << 17) /* per axis, roughly: each diagonal of a table reads all of them */
 
-/* What a piece leaves out: the error of its colour where it is not clear; in a clear one, all of which shines and whose
- * means are exact, that times its depth squared, or so much of it as is uneven times its depth. */
-typedef struct doubt {
+/* Bound of a piece's colour error from taking it as linear. An opaque piece has `error`. A piece of optical depth D < 1 has exact means,
+ * and is seen all through: what remains is error * D * max(D, uneven), where `uneven` is the relative change of extinction. */
+typedef struct error_bound {
   double error, uneven;
-} doubt;
+} error_bound;
 
-/* In linear light colour is a curve. */
-static doubt doubt_of_curve(const tc_segments *s, double v0, double v1) {
+/* In linear light, colour is a curve between two knots. */
+static error_bound curve_error(const tc_segments *s, double v0, double v1) {
   double from[3], middle[3], to[3], bend = 0, inside = (v1 - v0) * 1e-9;
-  if (!s->params->linear_light) return (doubt){0, 0};
+  if (!s->params->linear_light) return (error_bound){0, 0};
   tc_segments_color(s->params, v0 + inside, from);
   tc_segments_color(s->params, 0.5 * (v0 + v1), middle);
   tc_segments_color(s->params, v1 - inside, to);
   for (int c = 0; c < 3; c++) bend = fmax(bend, fabs(middle[c] - 0.5 * (from[c] + to[c])));
-  return (doubt){bend, 0};
+  return (error_bound){bend, 0};
 }
 
-/* Opacity knots make extinction the logarithm of clearness, which is linear in the value. A line in its place is seen
- * only where colour changes too, by about the change of either along a piece: the product is the same for all where
- * pieces are equal steps of clearness' root. */
-static doubt doubt_of_bend(const tc_segments *s, double v0, double v1, double roots[2]) {
+/* Between opacity knots, transparency is linear in the value and extinction its logarithm. Replacing that curve by a line matters only
+ * where the colour changes too: the error is about the product of both changes along a piece. Pieces at equal steps of the square
+ * root of transparency all have the same product. */
+static error_bound bend_error(const tc_segments *s, double v0, double v1, double roots[2]) {
   const tc_transfer_function *tf = s->params->tf;
   double from[3], to[3], change = 0, inside = (v1 - v0) * 1e-9;
-  if (tf->kind != TC_KNOT_OPACITY) return (doubt){0, 0};
+  if (tf->kind != TC_KNOT_OPACITY) return (error_bound){0, 0};
   tc_color(tf, v0 + inside, from);
   tc_color(tf, v1 - inside, to);
   for (int c = 0; c < 3; c++) change = fmax(change, fabs(to[c] - from[c]));
   roots[0] = exp(-0.5 * tc_extinction(tf, v0 + inside) * tf->unit_distance_mm);
   roots[1] = exp(-0.5 * tc_extinction(tf, v1 - inside) * tf->unit_distance_mm);
   double bend = fabs(roots[0] - roots[1]) / (roots[0] + roots[1]);
-  return (doubt){0.12 * change * bend, bend};
+  return (error_bound){0.12 * change * bend, bend};
 }
 
-/* Errors fall with the square of the number of parts. */
-static int parts_for(const tc_segments *s, doubt d, double width, double v0, double v1, int most) {
+/* How many parts bring the error below ERROR: it falls with their square. */
+static int parts_for(const tc_segments *s, error_bound d, double width, double v0, double v1, int most) {
   if (d.error <= ERROR) return 1;
   double depth = tc_extinction_mean(s->params->tf, v0, v1) * width * s->params->step_mm;
   return (int)fmax(fmin(ceil(sqrt(d.error * fmin(depth * fmax(depth, d.uneven), 1) / ERROR)), most), 1);
 }
 
-/* The depth up to which one part will do. */
-static double depth_of_one(doubt d) {
+/* The optical depth up to which one part suffices. */
+static double depth_for_one_part(error_bound d) {
   double most = ERROR / d.error;
   return d.error <= ERROR ? INFINITY : d.uneven * d.uneven > most ? most / d.uneven : sqrt(most);
 }
 
 static bool add_curved(tc_segments *s, double width, double v0, double v1, int most) {
-  int parts = parts_for(s, doubt_of_curve(s, v0, v1), width, v0, v1, most);
+  int parts = parts_for(s, curve_error(s, v0, v1), width, v0, v1, most);
   for (int i = 0; i < parts; i++)
     if (!add_piece(s, width / parts, v0 + (v1 - v0) * i / parts, v0 + (v1 - v0) * (i + 1) / parts)) return false;
   return true;
@@ -128,7 +128,7 @@ static bool add_curved(tc_segments *s, double width, double v0, double v1, int m
 
 static bool add_bent(tc_segments *s, double width, double v0, double v1) {
   double roots[2], from = 0;
-  int parts = parts_for(s, doubt_of_bend(s, v0, v1, roots), width, v0, v1, s->most_parts);
+  int parts = parts_for(s, bend_error(s, v0, v1, roots), width, v0, v1, s->most_parts);
   int each = s->most_parts / parts; /* at least 1 */
   for (int i = 1; i < parts; i++) {
     double r0 = roots[0], r1 = roots[1], r = r0 + (r1 - r0) * i / parts;
@@ -139,14 +139,12 @@ static bool add_bent(tc_segments *s, double width, double v0, double v1) {
   return add_curved(s, width * (1 - from), v0 + (v1 - v0) * from, v1, each);
 }
 
-/* A node interval with very many knots in it: a few pieces with the exact mean extinction and the mean of the emitted
- * colour each. What is between the nodes is then below what a lookup can resolve, and the time to build stays
- * bounded. */
+/* A node interval with more knots than MOST_KNOTS becomes a few pieces, each with the exact mean extinction and the mean emitted
+ * colour. A look-up cannot resolve details between nodes anyway, and the time to build stays bounded. */
 enum { MOST_KNOTS = 8, MERGED_PIECES = 4 };
 
-/* Adds what shines between two values without a knot inside, and its extinction: two Gauss points are exact where both
- * are lines. */
-static void add_light(const tc_segments *s, double v0, double v1, double sum[4]) {
+/* Adds emission and extinction between two values without a knot inside. Two Gauss points are exact where both factors are linear. */
+static void add_emission(const tc_segments *s, double v0, double v1, double sum[4]) {
   static const double places[2] = {0.21132486540518712, 0.78867513459481288};
   for (int i = 0; i < 2; i++) {
     double v = v0 + (v1 - v0) * places[i], tau = fabs(v1 - v0) * tc_extinction(s->params->tf, v), rgb[3];
@@ -158,7 +156,7 @@ static void add_light(const tc_segments *s, double v0, double v1, double sum[4])
 
 static bool is_halted(tc_segments *s) { return s->left = tc_halt_within(s->halt); }
 
-#define LOOK 256 /* knots between two looks at the halt */
+#define POLL 256 /* knots between two polls of the halt */
 
 static bool merge_pieces(tc_segments *s, double v0, double v1) {
   for (int i = 0; i < MERGED_PIECES; i++) {
@@ -166,9 +164,9 @@ static bool merge_pieces(tc_segments *s, double v0, double v1) {
     if (!add_piece(s, 1.0 / MERGED_PIECES, from, to)) return false;
     for (size_t at = 0; from != to;) {
       double next = tc_next_knot(s->params->tf, from, to, &at);
-      add_light(s, from, next, sum);
+      add_emission(s, from, next, sum);
       from = next;
-      if (at % LOOK == LOOK - 1 && is_halted(s)) return false;
+      if (at % POLL == POLL - 1 && is_halted(s)) return false;
     }
     tc_piece *q = &s->pieces[s->n_pieces - 1];
     if (sum[3] > 0)
@@ -178,9 +176,9 @@ static bool merge_pieces(tc_segments *s, double v0, double v1) {
   return true;
 }
 
-#define SERIES_DEPTH 0.5 /* what the series of elementary_four() are good for, to single precision */
+#define SERIES_DEPTH 0.5 /* largest optical depth for which elementary_four() is accurate to single precision */
 
-/* Interval j as one piece, for segments so short that no more of it is seen; not where a knot is inside. */
+/* Interval j as one piece, for segments so short that one piece suffices; marks the quad unusable if there is a knot inside. */
 static void fill_quad(tc_segments *s, int j, bool knots_inside, double v0, double v1) {
   tc_quad *q = &s->quads[j / 4];
   int k = j % 4;
@@ -200,13 +198,13 @@ static void fill_quad(tc_segments *s, int j, bool knots_inside, double v0, doubl
     q->to[k][c] = c == 3 ? 1 : p.graded ? (float)p.to[c] : q->from[k][c];
   }
   if (p.graded && depth > 0) {
-    double most = fmin(depth_of_one(doubt_of_bend(s, v0, v1, roots)), depth_of_one(doubt_of_curve(s, v0, v1)));
+    double most = fmin(depth_for_one_part(bend_error(s, v0, v1, roots)), depth_for_one_part(curve_error(s, v0, v1)));
     longest = fmin(most, fmin(SERIES_DEPTH, 0.05 / fabs(p.tilt))) / depth;
   }
   q->longest_mm = fminf(q->longest_mm, (float)longest);
 }
 
-/* s->params->tf: the knots about it. */
+/* Cuts node interval j into pieces; s->params->tf: the knots near it. */
 static bool cut_interval(tc_segments *s, int j) {
   const tc_transfer_function *tf = s->params->tf;
   const double v0 = tc_segments_value(s, j), v1 = tc_segments_value(s, j + 1);
@@ -220,7 +218,7 @@ static bool cut_interval(tc_segments *s, int j) {
   if (knots > MOST_KNOTS) return merge_pieces(s, v0, v1);
   size_t at = 0;
   double from = v0;
-  do { /* once where the axis is so short that v0 is v1 */
+  do { /* runs once if the axis is so short that v0 = v1 */
     double next = tc_next_knot(tf, from, v1, &at);
     if (!add_bent(s, (next - from) / (v1 - v0), from, next)) return false;
     from = next;
@@ -247,8 +245,8 @@ static bool cut_into_pieces(tc_segments *s) {
 
 /* ---- elementary segments ---- */
 
-/* Integral over u in [0,1] of exp(-a u - a b u (u - 1)), both for tilt b and for -b (the same stretch seen from its
- * other end), |a b| <= 0.05: expanded in a b, each term in closed form. t = exp(-a). */
+/* Integral over u in [0,1] of exp(-a u - a b u (u - 1)), for tilt b (ahead) and -b (behind: seen from the other end), |a b| <= 0.05:
+ * expanded in a b, each term in closed form. t = exp(-a). */
 typedef struct decay { double ahead, behind; } decay;
 
 static decay decay_integral(double a, double b, double t) {
@@ -266,16 +264,14 @@ static decay decay_integral(double a, double b, double t) {
   return (decay){i0 + x * (i1 + 0.5 * x * i2), i0 - x * (i1 - 0.5 * x * i2)};
 }
 
-/* Light and opacity where `near` is met first; q: how much of the light comes from the far end (the integral of u
- * dW). */
+/* Colour and opacity seen from the end with colour `near`. w: opacity; q: share of the light from the far end (the integral of u dW). */
 static tc_v4 emit(double w, double q, const double near[3], const double far[3]) {
   q = fmin(fmax(q, 0), w);
   return (tc_v4){(float)(near[0] * (w - q) + far[0] * q), (float)(near[1] * (w - q) + far[1] * q),
               (float)(near[2] * (w - q) + far[2] * q), (float)w};
 }
 
-/* A piece whose colour changes, cut so that each part's a*b is small; parts behind an opaque front are not looked
- * at. */
+/* A piece whose colour changes, cut into parts whose a * b is small; parts behind opacity 1 are skipped. */
 static tc_v4 cut_piece(const tc_piece *p, double a, bool reverse, int parts) {
   const double *from = reverse ? p->to : p->from, *to = reverse ? p->from : p->to;
   double tilt = reverse ? -p->tilt : p->tilt;
@@ -312,7 +308,7 @@ static tc_v4 flat_piece(const tc_piece *p, double a) {
   return (tc_v4){(float)(p->from[0] * w), (float)(p->from[1] * w), (float)(p->from[2] * w), (float)w};
 }
 
-/* The node interval j as one segment of length `length_mm`, both ways. */
+/* Node interval j as one segment of length `length_mm`, in both directions. */
 static void elementary(const tc_segments *s, int j, double length_mm, tc_v4 *forward, tc_v4 *backward) {
   tc_product f = {{0}, {0}}, r = {{0}, {0}};
   for (uint32_t i = s->first[j]; i < s->first[j + 1]; i++) {
@@ -333,7 +329,7 @@ static void elementary(const tc_segments *s, int j, double length_mm, tc_v4 *for
 
 /* ---- elementary segments, four at a time: most are one piece and thin ---- */
 
-/* 1 - exp(-a), a >= 0, with small relative error for small a too. */
+/* 1 - exp(-a), a >= 0, with a small relative error even for small a. */
 static tc_v4 one_minus_exp(tc_v4 a) {
   a = tc_v4_lesser(a, (tc_v4){87, 87, 87, 87});
   tc_v4 shift = a * -1.44269504f + 12582912.0f, n = shift - 12582912.0f; /* rounds to an integer */
@@ -343,8 +339,8 @@ static tc_v4 one_minus_exp(tc_v4 a) {
   return -(scale * p) - (scale - 1);
 }
 
-/* As elementary(), for a length of at most longest_mm. The series are decay_integral()'s, with the opacity already
- * taken off i0: nothing cancels. */
+/* elementary() for four intervals, and a length of at most longest_mm. The series are decay_integral()'s with the opacity already
+ * subtracted from i0, so that nothing cancels. */
 static void elementary_four(const tc_quad *q, float length_mm, tc_v4 forward[4], tc_v4 backward[4]) {
   tc_v4 a = q->depth * length_mm, w = one_minus_exp(a), x = a * q->tilt;
   tc_v4 mean = a * (1.0f / 144 - a * (1.0f / 840 - a * (1.0f / 5760 - a * (1.0f / 45360))));
@@ -353,7 +349,7 @@ static void elementary_four(const tc_quad *q, float length_mm, tc_v4 forward[4],
   i1 = 1.0f / 6 - a * (1.0f / 12 - a * i1);
   tc_v4 i2 = 1.0f / 30 - a * (1.0f / 60 - a * (1.0f / 210 - a * (1.0f / 1008)));
   tc_v4 even = mean + 0.5f * x * x * i2, odd = x * i1;
-  /* A deep series may be no number, but then no colour changes and the mask takes it away. */
+  /* The series may be NaN for a deep segment, but then the colour is constant and the mask removes it. */
   tc_v4 ahead = (tc_v4)((tc_i4)tc_v4_lesser(even + odd, w) & q->graded);
   tc_v4 behind = (tc_v4)((tc_i4)tc_v4_lesser(even - odd, w) & q->graded);
   for (int k = 0; k < 4; k++) {
@@ -363,7 +359,7 @@ static void elementary_four(const tc_quad *q, float length_mm, tc_v4 forward[4],
 }
 
 void tc_segments_integrate(const tc_segments *s, double length_mm, int from, int to, tc_v4 *forward, tc_v4 *backward) {
-  int j = from & ~3; /* by whole quads: what an interval is does not depend on which are asked for */
+  int j = from & ~3; /* whole quads: the result for an interval does not depend on the range asked for */
   for (; j < to && j + 4 <= s->count; j += 4)
     if ((float)length_mm <= s->quads[j / 4].longest_mm)
       elementary_four(&s->quads[j / 4], (float)length_mm, forward + j, backward + j);
@@ -392,7 +388,7 @@ void tc_segments_depths(const tc_segments *s, double length_mm, tc_v4 *depths) {
 void tc_segments_ends(const tc_segments *s, double length_mm, float (*ends)[8]) {
   for (uint32_t i = 0; i < s->n_pieces; i++) {
     const tc_piece *p = &s->pieces[i];
-    double depth = p->mean * (double)p->width * length_mm; /* either end by itself: a thin one keeps its digits */
+    double depth = p->mean * (double)p->width * length_mm; /* each end by itself: a thin piece keeps its digits */
     for (int c = 0; c < 3; c++) {
       ends[i][c] = (float)p->from[c];
       ends[i][4 + c] = (float)(p->graded ? p->to[c] : p->from[c]);

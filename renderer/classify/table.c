@@ -1,12 +1,12 @@
 /* The full pre-integration table in O(n^2) (NUMERICS section 3).
  *
- * Entry (i, k) is the composite of the k elementary segments i .. i+k-1, each of length d/k. A segment is (R, G, B,
- * alpha) and two of them compose with "over", which is associative, so the entries of one diagonal k are products over
- * sliding windows of width k: block suffix times block prefix (van Herk, Gil-Werman) gives each in a constant number of
- * compositions, with no quotient of products and hence no cancellation however stiff the extinction is.
+ * Entry (i, k) is the composite of the k elementary segments i .. i+k-1, each of length d/k. Segments are (R, G, B, alpha), and the over
+ * operator is associative, so the entries of a diagonal k are products over sliding windows of width k. Block suffix times block prefix
+ * (van Herk, Gil-Werman) gives each entry in a constant number of compositions, without division and hence without cancellation,
+ * however stiff the extinction is.
  *
- * What single precision leaves: entries hold opacity, not depth, and from an optical depth of 16.7 a segment on 1 -
- * opacity is 0. Only a ray's last, shorter segment asks for the depth back: it is in the row of depths. */
+ * Entries hold opacity, not optical depth: in single precision, from a depth of 16.7 per segment on, 1 - opacity is 0. Opacity correction
+ * of a ray's shorter last segment needs the depth, which is in the row of depths. */
 #include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
@@ -17,34 +17,33 @@
 #include "renderer/classify/segments.h"
 #include "renderer/clock.h"
 
-/* A table and what a like one wants to know of it. */
+/* A table, and what tc_table_fill() keeps to resume and to copy from it. */
 typedef struct made {
   tc_table table; /* first: the public face */
-  tc_v4 peak;     /* the brightest of each colour, and 1 */
-  tc_segments axes[1 + TC_MAX_ZOOMS]; /* what the table and each zoom are made from */
-  tc_v4 *rows;    /* their rows of k = 0 and of depths, one after another */
+  tc_v4 peak;     /* the largest value of each channel, and 1 */
+  tc_segments axes[1 + TC_MAX_ZOOMS]; /* of the table and of each zoom */
+  tc_v4 *rows;    /* for each of them, row k = 0 and the row of depths */
   size_t mapped;  /* bytes of the entries with their pad */
-  float *begun;   /* entries in the making ... */
-  int window, diagonal; /* ... up to which one */
+  float *begun;   /* unfinished entries ... */
+  int window, diagonal; /* ... and the next diagonal to make */
 } made;
 
-/* One window at work. */
+/* The table or a zoom while its entries are made. */
 typedef struct builder {
   const tc_segments *axis;
   double step_mm;
   int columns;
-  tc_v4 *zero;      /* row of k = 0 */
-  const tc_v4 *old; /* the same of a like table, or NULL ... */
-  int first, last;  /* ... and the intervals over which that differs */
-  tc_v4 peak;       /* the brightest of each colour, and 1 */
-  tc_v4 *scratch;   /* per worker: 4 arrays of an entry for each interval */
+  tc_v4 *zero;      /* row k = 0 */
+  const tc_v4 *old; /* row k = 0 of the table to copy from, or NULL ... */
+  int first, last;  /* ... and the intervals in which it differs */
+  tc_v4 peak;       /* the largest value of each channel, and 1 */
+  tc_v4 *scratch;   /* per worker: 4 arrays with an entry per interval */
 } builder;
 
 /* ---- diagonals ---- */
 
-/* Light sums and opacity round apart: what shines is held to the opacity times the brightest there is, to the last bit,
- * and both to their bounds. */
-static tc_v4 held(tc_v4 entry, tc_v4 peak) {
+/* Colour and opacity round separately: clamps colour to opacity times peak, to the last bit, and both to their bounds. */
+static tc_v4 clamped(tc_v4 entry, tc_v4 peak) {
   entry = tc_v4_greater(tc_v4_lesser(entry, peak), (tc_v4){0, 0, 0, 0});
   return tc_v4_lesser(entry, entry[3] * peak);
 }
@@ -54,17 +53,17 @@ static void diagonal_zero(const tc_segments *axis, double step_mm, tc_v4 peak, t
     const tc_table_params *p = axis->params;
     double v = tc_segments_value(axis, i), w = -expm1(-tc_extinction(p->tf, v) * step_mm), rgb[3];
     tc_segments_color(p, v, rgb);
-    zero[i] = held((tc_v4){(float)(rgb[0] * w), (float)(rgb[1] * w), (float)(rgb[2] * w), (float)w}, peak);
+    zero[i] = clamped((tc_v4){(float)(rgb[0] * w), (float)(rgb[1] * w), (float)(rgb[2] * w), (float)w}, peak);
   }
 }
 
-/* Elementary segments both ways, and room for the suffixes of a block. */
+/* Elementary segments in both directions, and room for the suffixes of a block. */
 typedef struct lanes {
   tc_v4 *ef, *eb, *sf, *sb;
 } lanes;
 
-/* Windows `from` to `to` of width k, towards higher nodes (out_f) and towards lower ones (out_b). Blocks begin at
- * multiples of k whatever is asked for, so that a window is the same product in any range. */
+/* Windows `from` to `to` of width k, towards higher nodes (out_f) and lower ones (out_b). Blocks begin at multiples of k, whatever
+ * range is asked for, so that a window is always the same product. */
 static void sliding_windows(const lanes *l, int k, int from, int to, tc_v4 peak, tc_v4 *out_f, tc_v4 *out_b) {
   for (int start = from - from % k; start <= to; start += k) {
     const tc_v4 *ef = l->ef + start, *eb = l->eb + start;
@@ -76,7 +75,7 @@ static void sliding_windows(const lanes *l, int k, int from, int to, tc_v4 peak,
       tc_put_behind(&r, eb[j]);
       l->sf[j] = f.sum, l->sb[j] = r.sum;
     }
-    if (first == 0) out_f[start] = held(f.sum, peak), out_b[start] = held(r.sum, peak);
+    if (first == 0) out_f[start] = clamped(f.sum, peak), out_b[start] = clamped(r.sum, peak);
     if (last == 0) continue;
     tc_product pf = {ef[k], {0}}, pb = {eb[k], {0}};
     for (int j = 1; j <= last; j++) {
@@ -85,8 +84,8 @@ static void sliding_windows(const lanes *l, int k, int from, int to, tc_v4 peak,
         tc_put_before(&pb, eb[k + j - 1]);
       }
       if (j < first) continue;
-      out_f[start + j] = held(tc_v4_over(l->sf[j], pf.sum), peak);
-      out_b[start + j] = held(tc_v4_over(pb.sum, l->sb[j]), peak);
+      out_f[start + j] = clamped(tc_v4_over(l->sf[j], pf.sum), peak);
+      out_b[start + j] = clamped(tc_v4_over(pb.sum, l->sb[j]), peak);
     }
   }
 }
@@ -101,10 +100,10 @@ static void copy_windows(const builder *b, int k, int from, int to) {
 
 static void build_diagonal(void *context, int index, int worker) {
   builder *b = context;
-  /* Long and short diagonals in turn, so that workers finish together. */
+  /* Alternates long and short diagonals, so that workers finish together. */
   int m = b->axis->count, k = index % 2 ? m - index / 2 : 1 + index / 2;
   int from = 0, to = m - k;
-  if (b->old) { /* what does not touch the intervals that differ is there already */
+  if (b->old) { /* windows that do not touch a differing interval were copied */
     from = b->first - k + 1 > 0 ? b->first - k + 1 : 0;
     to = b->last < to ? b->last : to;
     if (from > to) from = to = -1;
@@ -121,8 +120,8 @@ static void build_diagonal(void *context, int index, int worker) {
 
 /* ---- life ---- */
 
-/* Zeroed. Large pages where the system has them: to be given one page after another costs more than to fill them. Of
- * the largest tables, half of which no lookup reaches, that half is rather never touched. */
+/* Zeroed memory, in huge pages where the system has them, because faulting in small pages takes longer than filling them. The largest
+ * tables use small pages: half of them is never touched, since no look-up reaches it. */
 static void *reserve(size_t *bytes) {
   const size_t page = (size_t)2 << 20;
   bool large = *bytes >= page / 2 && *bytes <= 32 * page;
@@ -132,7 +131,7 @@ static void *reserve(size_t *bytes) {
   size_t before = large ? (size_t)(-(uintptr_t)from) & (page - 1) : 0;
   if (before) munmap(from, before);
   if (spare > before) munmap(from + before + size, spare - before);
-  if (large) madvise(from + before, size, MADV_HUGEPAGE); /* without it all is as well, but slower */
+  if (large) madvise(from + before, size, MADV_HUGEPAGE); /* failure only costs time */
   *bytes = size;
   return from + before;
 }
@@ -140,7 +139,7 @@ static void *reserve(size_t *bytes) {
 /* With the row of depths, which is k = n + 2. */
 static size_t table_entries(int n, int columns) { return (2 * ((size_t)n + 1) + 2) * (size_t)columns; }
 
-/* Columns for nodes 0 .. n and no more: at 4096 nodes single precision still names every entry that lookups read. */
+/* Columns for nodes 0 .. n and no more: up to 4096 nodes, entry numbers are exact in single precision. */
 static made *table_new(const tc_table_params *p) {
   static atomic_uint_fast64_t next_serial = 1;
   made *m = aligned_alloc(16, sizeof *m);
@@ -194,7 +193,7 @@ tc_table *tc_table_outline(const tc_table_params *params, const tc_halt *halt, G
   if (m) m->rows = aligned_alloc(16, rows_start(&m->table, params->n_zooms + 1) * sizeof(tc_v4));
   bool ok = (m && m->rows) || say_no_memory(params->n, error);
   if (ok) m->peak = brightest(params);
-  for (int w = 0; ok && w <= params->n_zooms; w++) { /* the table itself, then its zooms */
+  for (int w = 0; ok && w <= params->n_zooms; w++) { /* w = 0: the table itself */
     tc_zoom range = w ? params->zooms[w - 1] : (tc_zoom){.lo = params->voxel_lo, .hi = params->voxel_hi};
     tc_segments *axis = &m->axes[w];
     ok = tc_segments_make(axis, params, range.lo, range.hi, w ? TC_ZOOM_NODES : params->n, halt, error);
@@ -251,7 +250,7 @@ bool tc_table_fill(tc_table *t, const tc_table *old, tc_pool *pool, GError **err
     like = NULL;
   size_t most = t->n_zooms && t->n < TC_ZOOM_NODES ? TC_ZOOM_NODES : (size_t)t->n;
   tc_v4 *scratch = aligned_alloc(16, (size_t)tc_pool_threads(pool) * 4 * most * sizeof *scratch);
-  /* The pad lets a lookup at the last row read its (zero-weighted) neighbour. */
+  /* The pad makes the zero-weighted neighbour of the last row readable. */
   if (!m->begun) m->mapped = t->bytes + (size_t)(t->n + TC_ZOOM_NODES) * sizeof(tc_v4);
   if (!m->begun && scratch) m->begun = reserve(&m->mapped);
   if (!m->begun || !scratch) {

@@ -1,4 +1,4 @@
-/* Point and interval evaluation of a transfer function (NUMERICS section 0 and 2). */
+/* A transfer function at a point and averaged over an interval (NUMERICS sections 0 and 2). */
 #include <math.h>
 
 #include "renderer/classify/segments.h"
@@ -9,7 +9,7 @@ static double clamp_opacity(double a) { return fmin(fmax(a, 0), 1 - 0x1p-24); }
 double tc_srgb_to_linear(double c) { return c <= 0.04045 ? c / 12.92 : pow((c + 0.055) / 1.055, 2.4); }
 double tc_linear_to_srgb(double c) { return c <= 0.0031308 ? c * 12.92 : 1.055 * pow(c, 1 / 2.4) - 0.055; }
 
-/* Index of the last knot with value <= v; -1 before the first. At a jump that is the upper knot. */
+/* Index of the last knot with value <= v (at a jump, the upper knot); -1 before the first. */
 static ptrdiff_t knot_below(const tc_transfer_function *tf, double v) {
   ptrdiff_t lo = -1, hi = (ptrdiff_t)tf->count;
   while (hi - lo > 1) {
@@ -23,7 +23,7 @@ static ptrdiff_t knot_below(const tc_transfer_function *tf, double v) {
 }
 
 tc_transfer_function tc_knots_between(const tc_transfer_function *tf, double a, double b) {
-  /* One more to either side, so that a value that rounding puts outside is seen as before. */
+  /* One more knot on either side, for values that rounding puts outside [a, b]. */
   ptrdiff_t first = knot_below(tf, fmin(a, b)) - 1, last = knot_below(tf, fmax(a, b)) + 2;
   tc_transfer_function part = *tf;
   if (first < 0) first = 0;
@@ -54,7 +54,7 @@ double tc_extinction(const tc_transfer_function *tf, double value) {
   } else {
     const tc_knot *a = &tf->points[i], *b = a + 1;
     double u = (value - a->value) / (b->value - a->value);
-    if (tf->kind == TC_KNOT_OPACITY) /* between clamped knots, so that it agrees with the interval means */
+    if (tf->kind == TC_KNOT_OPACITY) /* interpolates clamped opacities, as the interval means do */
       return -log1p(-(clamp_opacity(a->amount) + u * (clamp_opacity(b->amount) - clamp_opacity(a->amount)))) /
              tf->unit_distance_mm;
     return a->amount + u * (b->amount - a->amount);

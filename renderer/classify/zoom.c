@@ -1,26 +1,25 @@
-/* How finely the value axis must be cut for a transfer function, and where (classify.h). */
+/* Chooses the nodes and zooms of a pre-integration table for a transfer function (classify.h). */
 #include <math.h>
 #include <stdlib.h>
 
 #include "renderer/classify/classify.h"
 #include "renderer/classify/integrals.h"
 
-/* The coarsest node distance at which a change between two knots is still told from none, in voxel values: a quarter of
- * its own width, or, for a steep one, a quarter of the way to the next change back of the same channel (the width of a
- * peak). A steep change with nothing near may be off by a few integer values, or by 1e-4 of a range of floats.
- * A long rise of extinction that makes a voxel opaque is only as wide as the part that turns a voxel from
- * clear to opaque, at its thin end. */
+/* A change between two knots, and the coarsest node distance that resolves it, in voxel values: a quarter of its width, or, for a steep
+ * change, a quarter of the way to the next change back of the same channel (the width of a peak). An isolated steep change may be
+ * displaced by TC_EDGE_UNITS or TC_EDGE_SHARE. Of a long rise of extinction, only the part at its thin end that turns a voxel from
+ * transparent to opaque counts. */
 typedef struct edge {
   double at, node;
 } edge;
 
 #define NODES_PER_WIDTH 4
-#define LEAST_RISE 16 /* steep edges that a rise is long: a shorter one is an edge as it is */
-#define CLEAR 3       /* depth of a voxel from which on nothing more is seen of a rise */
-#define MOST_MARGIN 24 /* parent nodes that a zoom reaches beyond its edges, where there may be as many zooms */
+#define LEAST_RISE 16 /* in widths of a steep edge: a shorter rise counts as an edge */
+#define OPAQUE_DEPTH 3 /* optical depth of a voxel beyond which a rise is invisible */
+#define MOST_MARGIN 24 /* parent nodes that a zoom extends beyond its edges, fewer if there would be too many zooms */
 #define LEAST_MARGIN 8
 #define LEAST_GAIN 3
-#define BLURRED 2 /* parent nodes over which a look-up mixes what lies to either side of a segment's end */
+#define BLURRED 2 /* parent nodes over which a look-up blurs a segment's end */
 
 typedef struct edges {
   edge *list;
@@ -29,10 +28,10 @@ typedef struct edges {
 
 static double channel(const tc_knot *k, int c) { return c < 3 ? k->color[c] : k->amount; }
 
-/* Narrows both edges of a peak: `other` is the last change of this channel in the other direction, or NULL. */
+/* Lets both edges of a peak ask for finer nodes. other: the last change of this channel in the other direction, or NULL. */
 static void pair_edges(edge *here, edge *other) {
   double node = other ? (here->at - other->at) / NODES_PER_WIDTH : 0;
-  if (!(node > 0)) return; /* up and down at one value shows nothing */
+  if (!(node > 0)) return; /* up and down at the same value is invisible */
   here->node = fmin(here->node, node);
   other->node = fmin(other->node, node);
 }
@@ -41,10 +40,10 @@ static double extinction(const tc_transfer_function *tf, double amount) {
   return tf->kind == TC_KNOT_EXTINCTION ? amount : -log1p(-fmin(amount, 1 - 0x1p-24)) / tf->unit_distance_mm;
 }
 
-/* The share of the way from knot `thin` to knot `thick` on which a voxel becomes opaque: at most 1. */
+/* The share of the rise from knot `thin` to knot `thick` over which a voxel becomes opaque; at most 1. */
 static double seen_share(const tc_transfer_function *tf, const tc_knot *thin, const tc_knot *thick, double voxel_mm) {
   double least = extinction(tf, thin->amount);
-  if (least * voxel_mm > CLEAR) return 1;
+  if (least * voxel_mm > OPAQUE_DEPTH) return 1;
   double rise = tf->kind == TC_KNOT_EXTINCTION
                     ? thick->amount - least
                     : (thick->amount - thin->amount) / (1 - thin->amount) / tf->unit_distance_mm;
@@ -71,7 +70,7 @@ static void find_edges(const tc_transfer_function *tf, const tc_volume_desc *d, 
     bool changes = false;
     for (int c = 0; c < 4; c++) {
       double rise = channel(b, c) - channel(a, c);
-      if (rise == 0 || (c < 3 && a->amount <= 0 && b->amount <= 0)) continue; /* a colour that nothing shows */
+      if (rise == 0 || (c < 3 && a->amount <= 0 && b->amount <= 0)) continue; /* the colour of a transparent range */
       pair_edges(e, last[c][rise < 0]);
       last[c][rise > 0] = e;
       changes = true;
@@ -79,7 +78,7 @@ static void find_edges(const tc_transfer_function *tf, const tc_volume_desc *d, 
     if (!changes) continue;
     width[found->count] = hi - lo;
     double share = a->amount < b->amount ? seen_share(tf, a, b, voxel_mm) : seen_share(tf, b, a, voxel_mm);
-    if (share < 1 && hi - lo > steep * LEAST_RISE) { /* a narrower one is an edge as it is */
+    if (share < 1 && hi - lo > steep * LEAST_RISE) {
       *e = (edge){.at = a->amount < b->amount ? lo : hi};
       width[found->count] *= share;
     }
@@ -109,7 +108,7 @@ static size_t first_edge(const edges *all, double at) {
   return lo;
 }
 
-/* Zooms on what nodes `node` apart in [lo, hi] do not resolve: edges nearer than two margins share one. */
+/* Adds zooms for the edges in [lo, hi] that nodes `node` apart do not resolve; edges within two margins share a zoom. */
 static void zoom_in(zooming *z, double lo, double hi, double node) {
   const edge *e = z->edges.list;
   for (size_t i = first_edge(&z->edges, lo); i < z->edges.count && e[i].at <= hi;) {
@@ -125,7 +124,7 @@ static void zoom_in(zooming *z, double lo, double hi, double node) {
     tc_zoom window = {.lo = first - z->margin * node, .hi = last + z->margin * node};
     double finer = (window.hi - window.lo) / (TC_ZOOM_NODES - 1);
     window.rim = (z->margin - BLURRED) * node / finer;
-    /* Below this a node is less than what single precision tells apart in a voxel value. */
+    /* Nodes closer than this are below the resolution of a voxel value in single precision. */
     bool sharp = finer > 4e-7 * fmax(fabs(window.lo), fabs(window.hi));
     if (finer * LEAST_GAIN > node || !sharp || z->count == TC_MAX_ZOOMS) {
       z->complete = false;
@@ -136,7 +135,7 @@ static void zoom_in(zooming *z, double lo, double hi, double node) {
   }
 }
 
-/* All zooms of n nodes over [lo, hi]; once find_edges() is done. */
+/* All zooms of n nodes over [lo, hi], after find_edges(). */
 static void zoom_all(zooming *z, int n, double lo, double hi) {
   z->count = 0;
   z->complete = true;
@@ -149,14 +148,14 @@ static void zoom_all(zooming *z, int n, double lo, double hi) {
   }
 }
 
-/* Without edges where there is nothing to zoom into, or no memory. */
+/* Has no edges if there is nothing to zoom into, or no memory. */
 static zooming begin_zooms(const tc_volume *volume, const tc_transfer_function *tf, double lo, double hi,
                            tc_zoom zooms[TC_MAX_ZOOMS]) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_volume_stats *s = tc_volume_statistics(volume);
   double range = hi - lo;
   zooming z = {.zooms = zooms};
-  /* Data of one value are a node. A range that single precision cannot halve a few times has nothing to zoom into. */
+  /* There is nothing to zoom into if all voxels are equal, or the range is near the resolution of single precision. */
   bool wide = s->voxel_max > s->voxel_min && range > 1e-4 * fmax(fabs(lo), fabs(hi));
   if (wide && range < 1e30 && range > 1e-30)
     find_edges(tf, d, d->type == TC_F32 ? TC_EDGE_SHARE * range : TC_EDGE_UNITS, &z.edges);
@@ -172,7 +171,7 @@ int tc_table_zooms(const tc_volume *volume, const tc_transfer_function *tf, int 
   return z.count;
 }
 
-/* The smallest distance of two knots that differ, in the volume's unit. */
+/* The smallest distance of two different knots, in the volume's unit. */
 static double knot_distance(const tc_transfer_function *tf) {
   double least = INFINITY;
   for (size_t i = 1; i < tf->count; i++) {
@@ -183,18 +182,18 @@ static double knot_distance(const tc_transfer_function *tf) {
   return least;
 }
 
-/* How many nodes, before zooms are asked for. */
+/* The number of nodes, before zooms are considered. */
 static int nodes_for(const tc_volume *volume, tc_table_params *p) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_volume_stats *s = tc_volume_statistics(volume);
-  if (d->type == TC_U8 || d->type == TC_I8) { /* nodes on the values themselves */
+  if (d->type == TC_U8 || d->type == TC_I8) { /* one node per value */
     p->voxel_lo = d->type == TC_U8 ? 0 : -128;
     p->voxel_hi = p->voxel_lo + 255;
     return 256;
   }
   p->voxel_lo = s->voxel_min;
   p->voxel_hi = s->voxel_max > s->voxel_min ? s->voxel_max : s->voxel_min + fmax(1, fabs(s->voxel_min) * 1e-6);
-  /* Four nodes between the nearest knots, so that interpolating the table rounds no corner of it much. */
+  /* Four nodes between the nearest knots, so that interpolation hardly rounds the corners at knots. */
   double wanted = 4 * fabs(d->slope) * (p->voxel_hi - p->voxel_lo) / knot_distance(p->tf);
   int n = 256;
   while (n < 1024 && n < wanted) n *= 2;
@@ -206,8 +205,8 @@ void tc_table_choose(const tc_volume *volume, tc_table_params *p, bool *complete
   zooming z = begin_zooms(volume, p->tf, p->voxel_lo, p->voxel_hi, p->zooms);
   p->n = n;
   zoom_all(&z, n, p->voxel_lo, p->voxel_hi);
-  /* Where it takes zooms all the same, they may serve a smaller table just as well; more of them than there may be, a
-   * larger one: of 134 MB, and some 50 ms to build. */
+  /* If zooms are needed anyway, a smaller table may do as well; if more would be needed than allowed, take a larger table: 134 MB, and
+   * some 50 ms to build. */
   if (n > 256 && (z.count || !z.complete)) {
     p->n = 128;
     do zoom_all(&z, p->n *= 2, p->voxel_lo, p->voxel_hi);
@@ -225,6 +224,6 @@ void tc_integrals_choose(const tc_volume *volume, tc_table_params *p) {
   p->n_zooms = 0;
   if (d->type == TC_U8 || d->type == TC_I8) return;
   double range = fabs(d->slope) * (p->voxel_hi - p->voxel_lo);
-  /* Sixteen nodes between the nearest knots, where they can be. */
+  /* Sixteen nodes between the nearest knots, if possible. */
   p->n = 1024 * knot_distance(p->tf) > 16 * range ? 1024 : 4096;
 }

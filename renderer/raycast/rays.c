@@ -61,9 +61,8 @@ double tc_rays_step_mm(const tc_volume *volume, const tc_scene *scene) {
   return scene->sampling.step * share * fmin(spacing[0], fmin(spacing[1], spacing[2]));
 }
 
-/* On the anchor plane, `depth` from the eye, two rays of a pixel are at most d apart; s mm from there, p(s) = anchor +
- * s * dir differs by at most d * (1 + |s| / |view|), and |s| / |view| is the relative difference of the point's depth
- * from the anchor plane's. */
+/* On the anchor plane, `depth` from the eye, two rays of a pixel are at most d apart. At s mm from there, p(s) = anchor + s * dir
+ * differs by at most d * (1 + |s| / |view|), where |s| / |view| is the depth of the point relative to the anchor plane's. */
 static double footprint(const tc_rays *rays, const tc_volume *volume, const tc_camera *camera, const double forward[3],
                         double depth, double pixel_mm) {
   double apart = 0, spread = 0, fastest = 0;
@@ -77,7 +76,7 @@ static double footprint(const tc_rays *rays, const tc_volume *volume, const tc_c
   }
   for (int k = 0; k < 3; k++) fastest = fmax(fastest, sqrt(dot3(rays->to_index + 3 * k, rays->to_index + 3 * k)));
   if (!rays->perspective) return apart * fastest;
-  /* The tenth covers that |view| differs between the two. */
+  /* The extra tenth covers the difference of |view| between the two rays. */
   return apart <= 0.1 * depth ? apart * (1 + 1.1 * spread) * fastest : INFINITY;
 }
 
@@ -111,8 +110,8 @@ void tc_rays_set_up(tc_rays *rays, const tc_volume *volume, const tc_scene *scen
   double to_center[3];
   for (int k = 0; k < 3; k++) to_center[k] = center[k] - camera->position[k];
   double depth = dot3(to_center, forward);
-  /* Perspective needs an anchor plane in front of the eye; a quarter of the radius keeps it near the volume's scale
-   * when the eye is inside. */
+  /* Perspective needs an anchor plane in front of the eye. With the eye inside the volume, a quarter of the radius keeps the plane at
+   * the volume's scale. */
   if (rays->perspective) depth = fmax(depth, 0.25 * radius);
   double half_height = rays->perspective ? depth * tan(camera->fov_y_deg * (M_PI / 360)) : 0.5 * camera->height_mm;
   double pixel = 2 * half_height / height;

@@ -1,15 +1,14 @@
-/* From a camera to rays through a volume, the same for every back end.
+/* Rays: from a camera to rays through a volume, and clipping, the same for every back end.
  *
- * A ray is written around an anchor near the volume instead of around the eye, so that single precision holds for a
- * camera far away: p(s) = anchor(i,j) + s * dir(i,j), s in mm from the anchor.
+ * A ray starts from an anchor near the volume instead of the eye, so that single precision suffices for a camera far away: p(s) = anchor(i,j) + s * dir(i,j), s in mm from the anchor.
  *   anchor(i,j) = anchor0 + (i+0.5) * anchor_du + (j+0.5) * anchor_dv         index (voxel) coordinates
  *   view(i,j)   = view0   + (i+0.5) * view_du   + (j+0.5) * view_dv           LPS mm, eye -> anchor (perspective)
  *   dir(i,j)    = to_index * view / |view|                                    voxels per mm
  * Pixel (0,0) is top left (NUMERICS section 0). The eye is at s = -|view| (perspective) or s = -eye_mm (orthographic,
- * where view is constant and of unit length): nothing in front of it is seen, and nothing beyond s = far_mm. Clip
- * planes cut the ray's stay further; its first sample then lies exactly on the plane, so a cut face has no halo. The
- * field is sampled at t0 + i * step_mm from the ray's entry t0 into the index box; a ray whose phase (subpixel.h) is
- * under 1 has its sample i earlier by (1 - phase) * step_mm, but none before the entry. */
+ * where view is constant and of unit length): nothing before the eye is seen, and nothing beyond s = far_mm. Clip
+ * planes narrow the ray further; its first sample then lies exactly on the plane, so a cut face has no halo. The field is
+ * sampled at t0 + i * step_mm, where t0 is the ray's entry into the clipped index box. A ray with a phase under 1 (subpixel.h)
+ * takes sample i earlier by (1 - phase) * step_mm, but none before the entry. */
 #ifndef TC_RAYCAST_RAYS_H
 #define TC_RAYCAST_RAYS_H
 
@@ -17,22 +16,22 @@
 #include "renderer/scene.h"
 #include "renderer/volume/volume.h"
 
-#define TC_MAX_CLIP_PLANES 12 /* a box's six faces and six planes of the scene's own */
+#define TC_MAX_CLIP_PLANES 12 /* the six faces of a clip box, and six clip planes */
 
 typedef struct tc_rays {
   double anchor0[3], anchor_du[3], anchor_dv[3];
   double view0[3], view_du[3], view_dv[3];
   double to_index[9]; /* row by row */
   double eye_mm;      /* orthographic only */
-  double far_mm;      /* where rays end at the latest; beyond any volume but for slices */
+  double far_mm;      /* rays end here at the latest; TC_RAYS_FAR_MM except for slices */
   bool perspective;
   double lo[3], hi[3]; /* index box of the field */
   double step_mm;      /* length of a full segment: tc_rays_step_mm() */
   int count;           /* rays a pixel */
   tc_subpixel of_pixel[TC_MAX_RAYS_PER_PIXEL]; /* the first `count` */
-  double footprint;    /* no ray is further than this from its pixel's centre ray at the same s inside the volume, along any axis;
-                          voxels. Infinite where pixels are too wide to say */
-  double planes[TC_MAX_CLIP_PLANES][4]; /* what is drawn has planes[i] . (index position, 1) >= 0; mm from the plane */
+  double footprint;    /* bound, in voxels along any axis, of the distance between a ray and its pixel's centre ray at the same s
+                          inside the volume; infinite where pixels are too wide for a bound */
+  double planes[TC_MAX_CLIP_PLANES][4]; /* planes[i] . (index position, 1) = mm from clip plane i; visible where >= 0 */
   int n_planes;
 } tc_rays;
 
@@ -53,18 +52,17 @@ typedef struct tc_rays_single {
 
 #define TC_RAYS_FAR_MM 1e30
 
-/* Length of a full segment of a ray: where rays composite, those of one pixel share the samples between them.
- * Projections would miss extremes between fewer samples: there every ray takes all. */
+/* Length of a full segment of a ray. In dvr the R rays of a pixel share the samples: each takes steps R times as long. In
+ * projections every ray takes all samples, because fewer would miss extremes. */
 double tc_rays_step_mm(const tc_volume *volume, const tc_scene *scene);
 
-/* The camera, or the plane of mode mpr, was validated (tc_plan_make). width, height: pixels of the picture to make.
- * Pure. */
+/* The scene was validated (tc_plan_make). width, height: of the picture in pixels. Pure. */
 void tc_rays_set_up(tc_rays *rays, const tc_volume *volume, const tc_scene *scene, int width, int height);
 
 /* Rounds; members that do not count are zero. */
 void tc_rays_round(tc_rays_single *to, const tc_rays *rays);
 
-/* The scene's clip box and planes; part of setting up. */
+/* Adds the scene's clip box and clip planes; called by tc_rays_set_up() and tc_slice_rays(). */
 void tc_rays_add_clipping(tc_rays *rays, const tc_volume *volume, const tc_scene *scene);
 
 #endif

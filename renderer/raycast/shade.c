@@ -8,10 +8,10 @@ static const double cool[3] = {0, 0, 0.4}, warm[3] = {0.4, 0.4, 0};
 static void set_gradient(tc_shade *shade, const tc_volume *volume, const tc_volume *field, tc_mode mode) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_volume_stats *s = tc_volume_statistics(volume);
-  double slope = tc_volume_describe(field)->slope; /* may differ from the volume's by a power of two */
+  double slope = tc_volume_describe(field)->slope; /* may be the volume's slope times a power of two */
   double to_index[9], range = (s->voxel_max - s->voxel_min) * fabs(d->slope / slope);
   double least = fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2]));
-  /* A range of values is slope times a range of voxels: only the slope's sign is left. */
+  /* The value range is |slope| times the voxel range, so only the sign of the slope remains. */
   double scale = range > 0 ? copysign(0.5 * least / (range * TC_SHADE_STEEP), slope) : 0;
   if (mode == TC_MODE_ISOSURFACE) scale *= TC_SHADE_FAINT;
   tc_volume_lps_to_index_matrix(volume, to_index);

@@ -1,12 +1,12 @@
-/* Shading of direct volume rendering and of isosurfaces: what a point's gradient does to its colour. The same for every back end.
+/* Shading of dvr and isosurfaces: how a gradient and a light change a colour, the same for every back end.
  *
  * At each point of a ray the transfer function's colour L (compositing space) becomes, per channel c,
  *   shade(L) = min(1, L * (1 + w (F0 + F1 q - 1)) + w (specular * s + G0[c] + G1[c] q))
  * where
  *   g   gradient of the field in value units per mm: slope * to_index^T * (gradient over index coordinates), which is right for
  *       any spacing and for sheared axes, because a gradient is covariant;
- *   w   weight, 0 where the field is flat (noise has no surface: L stays as it is) and 1 where it is steep:
- *       smooth step of |g| * least spacing / value range, from TC_SHADE_FLAT to TC_SHADE_STEEP;
+ *   w   weight, 0 where the field is flat (noise has no surface, so L is kept) and 1 where it is steep: smooth step of
+ *        |g| * least spacing / value range, from TC_SHADE_FLAT to TC_SHADE_STEEP;
  *   n   g / |g|, flipped where it looks away from the eye: surfaces are lit on the side that is seen, whichever side is
  *       dense (as VTK does), so that the sign of the slope does not matter either;
  *   l   unit direction to the light: to the eye (head light), or fixed in LPS;
@@ -17,11 +17,10 @@
  *                          F0, F1 = (diffuse +- ambient) / 2 and G0, G1 = (yellow +- blue) / 2, least -1.
  *                          Gooch, Gooch, Shirley and Cohen, A non-photorealistic lighting model, SIGGRAPH 1998.
  *
- * A segment is shaded once: with the mean of the gradients of its two samples where those come from the corners that
- * interpolation has fetched anyway (gradient "cell"), else with the gradient in its middle. shade() is affine in L before the
- * clamp, so that it applies to the segment's premultiplied colour C and opacity a as they come from the table:
- * C' = min(a, C f + a e). As the step goes to 0 this is the integral of the shaded colour, and C' <= a holds for each segment,
- * hence for the picture. */
+ * A segment is shaded once. Gradient "cell" takes the mean of its two samples' gradients, from corners that interpolation has fetched
+ * anyway; other gradients are taken in its middle. shade() is affine in L before the clamp, so it applies to the premultiplied colour
+ * C and opacity a from the pre-integration table: C' = min(a, C f + a e). As the step goes to 0 this converges to the integral of
+ * the shaded colour, and C' <= a holds for each segment, hence for the picture. */
 #ifndef TC_RAYCAST_SHADE_H
 #define TC_RAYCAST_SHADE_H
 
@@ -30,7 +29,7 @@
 
 #define TC_SHADE_FLAT 0.005 /* of the value range per least spacing: below it nothing is shaded */
 #define TC_SHADE_STEEP 0.02 /* above it shading is full */
-#define TC_SHADE_FAINT 1e6  /* of an isosurface: shading is full from this part of it on, and begins at 0 */
+#define TC_SHADE_FAINT 1e6  /* isosurfaces: full shading from TC_SHADE_STEEP / TC_SHADE_FAINT on, starting at 0 */
 
 /* Laid out as the structure Shade of head.glsl (std140). */
 typedef struct tc_shade {
@@ -46,8 +45,8 @@ typedef struct tc_shade {
   float specular, shininess;
 } tc_shade;
 
-/* volume: the scene's, whose range counts; field: what is sampled, in the same place. The scene's shading was validated
- * (tc_plan_make) and its model is not none. Pure. */
+/* volume: the scene's, whose value range counts; field: the volume that is sampled (its B-spline coefficients, or itself). The
+ * scene was validated (tc_plan_make), and shading.model is not none. Pure. */
 void tc_shade_set_up(tc_shade *shade, const tc_volume *volume, const tc_volume *field, const tc_scene *scene);
 
 #endif

@@ -32,7 +32,7 @@ void tc_slice_basis(const tc_scene *scene, double right[3], double up[3], double
   cross3(right, into, up);
 }
 
-/* mm that the field spans along a unit vector: a parallelepiped's sides add up. */
+/* Extent of the field along a unit vector in mm: the sum over the sides of a parallelepiped. */
 static double extent(const tc_volume *volume, const double lo[3], const double hi[3], const double v[3]) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   double sum = 0;

@@ -4,7 +4,7 @@
 
 #include "renderer/classify/classify.h"
 
-/* Of the largest |voxel - iso|: far above what interpolating in single precision may be off by. */
+/* Relative to the largest |voxel - iso|: far above the error of interpolation in single precision. */
 #define SLACK 0x1p-18
 
 bool tc_is_surface(tc_mode mode) { return mode == TC_MODE_ISOSURFACE || mode == TC_MODE_MESH; }
@@ -14,7 +14,7 @@ bool tc_surface_exists(const tc_volume *volume, const tc_scene *scene) {
   return scene->isosurface.value > s->min && scene->isosurface.value <= s->max;
 }
 
-/* The value as a voxel. One that a voxel has is met exactly, whatever slope and intercept round to. */
+/* The value as a stored voxel; exact where a voxel has that value, whatever slope and intercept round to. */
 static double to_voxel(const tc_volume_desc *d, double value) {
   double v = (value - d->intercept) / d->slope, near = d->type == TC_F32 ? (double)(float)v : rint(v);
   return d->slope * near + d->intercept == value ? near : v;
@@ -23,13 +23,13 @@ static double to_voxel(const tc_volume_desc *d, double value) {
 tc_surface tc_surface_make(const tc_volume *volume, const tc_scene *scene) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_volume_stats *s = tc_volume_statistics(volume);
-  /* Far outside the range there is no surface however far. */
+  /* Beyond the range there is no surface: clamp, so that single precision holds. */
   double far = fmax(fabs(s->voxel_min), fabs(s->voxel_max)) + 1;
   double iso = fmin(fmax(to_voxel(d, scene->isosurface.value), -2 * far), 2 * far);
   double reach = fmax(fabs(s->voxel_min - iso), fabs(s->voxel_max - iso));
   tc_surface surface = {.iso = (float)iso, .below = iso - SLACK * reach, .above = iso + SLACK * reach};
   surface.scale = (float)copysign(fmin(1 / reach, 1e37), d->slope);
-  /* Rounded so that the voxels' sides stay what they are. */
+  /* Round iso away from inside, so that no voxel changes sides. */
   if (d->slope > 0 && (double)surface.iso < iso) surface.iso = nextafterf(surface.iso, INFINITY);
   if (d->slope < 0 && (double)surface.iso > iso) surface.iso = nextafterf(surface.iso, -INFINITY);
   for (int c = 0; c < 3; c++) {

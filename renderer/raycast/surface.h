@@ -1,20 +1,18 @@
-/* An isosurface, the same numbers for every back end: where a ray meets it and what it looks like.
+/* Isosurfaces: where a ray meets one and how it is shaded, the same numbers for every back end.
  *
- * Inside is where the trilinear field is at or above isosurface.value; the surface is where a ray, on its way from its
- * entry (eye, volume or clip plane), goes from inside to outside or the other way for the first time. A clip plane, the
- * volume's own faces and a camera in the midst of it therefore open the surface: it is seen as a hollow shell, as VTK
- * shows it, and a field that is all of one side has none. It is opaque.
+ * Inside is where the trilinear field is at or above isosurface.value. A ray hits the surface where it first changes sides, either way,
+ * after its entry (at the eye, the volume's face or a clip plane). A clip plane, the volume's faces and a camera inside therefore
+ * open the surface, which is seen as a hollow shell, as in VTK; a field that is all on one side has no surface. It is opaque.
  *
- * Rays do not step: they go from cell to cell. In each cell whose corners are not all on the side where the ray began,
- * the field along the ray is a cubic; between its extrema it is monotone, so the first change of side is bracketed
- * without fail and refined to the accuracy of single precision (Marmitt et al., Fast and accurate ray-voxel
- * intersection techniques, VMV 2004). Nothing thin is missed, sampling.step has no meaning, and the cost is about that
- * of one sample a voxel.
+ * Rays do not step, they walk from cell to cell. Within a cell the field along the ray is a cubic. In each cell whose corners are not
+ * all on the side where the ray began, the cubic is cut at its extrema into monotone parts; the first change of side is thereby
+ * bracketed without fail, and refined to single precision (Marmitt et al., Fast and accurate ray-voxel intersection techniques, VMV
+ * 2004). Nothing thin is missed, sampling.step has no effect, and the cost is about one sample per voxel.
  *
- * The normal at the hit is from the trilinear field at the eight corners of the cube of two voxels around it (held
- * within the volume): differences between opposite faces, each the mean of its corners. It has none of the facets of
- * the field's own gradient and little of the terraces and noise that central differences show. shade.h takes it to LPS;
- * the weight of flat places is left out, because a surface is a surface however faint. */
+ * The normal at the hit comes from the trilinear field at the eight corners of a cube two voxels wide around it (clamped to the
+ * volume): differences between opposite faces, each the mean of its corners. It has none of the facets of the cell's own gradient and
+ * few of the terraces and little of the noise that central differences show. shade.h transforms it to LPS and shades it at full
+ * weight, because a surface is a surface however faint. */
 #ifndef TC_RAYCAST_SURFACE_H
 #define TC_RAYCAST_SURFACE_H
 
@@ -23,17 +21,17 @@
 
 typedef struct tc_surface {
   float iso, scale;    /* w = (voxel - iso) * scale is in -1..1 and >= 0 inside, whatever the slope's sign */
-  double below, above; /* a block with all of its voxels < below or all > above holds none of it, rounding included */
+  double below, above; /* a block with all voxels < below, or all > above, does not contain the surface, rounding included */
   float color[3];      /* compositing space */
 } tc_surface;
 
-/* Modes that show it: cast, or as a mesh. */
+/* Modes that show an isosurface: cast, or as a mesh. */
 bool tc_is_surface(tc_mode mode);
 
-/* False where no ray can change sides: the value is not above the least and at most the greatest of the volume. */
+/* False if no ray can change sides: the value is not in (minimum, maximum] of the volume. */
 bool tc_surface_exists(const tc_volume *volume, const tc_scene *scene);
 
-/* isosurface.value is finite (tc_plan_make). Pure. */
+/* The scene was validated: isosurface.value is finite. Pure. */
 tc_surface tc_surface_make(const tc_volume *volume, const tc_scene *scene);
 
 #endif

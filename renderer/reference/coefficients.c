@@ -15,7 +15,7 @@ static void solve_line(double *line, size_t n, size_t stride, double *upper) {
   for (size_t i = n - 1; i-- > 0;) line[i * stride] -= upper[i] * line[(i + 1) * stride];
 }
 
-/* Looked at once in this many voxels. */
+/* *cancel is polled once per this many voxels. */
 #define STRETCH 65536
 
 static bool stop_at(size_t i, const atomic_bool *cancel) {

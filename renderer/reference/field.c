@@ -1,5 +1,5 @@
-/* The field along a ray: in each cell an exact polynomial, of degree 3 where it is trilinear and 9 where it is a
- * tricubic B-spline; constant where it is the nearest voxel. */
+/* The field along a ray, as an exact polynomial per cell: of degree 3 for trilinear, 9 for the tricubic B-spline, and constant for the
+ * nearest voxel. */
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
@@ -33,7 +33,7 @@ double tc_ref_voxel(const tc_ref_field *field, const size_t at[3]) {
   return desc->slope * v + desc->intercept;
 }
 
-/* Distance of the planes that a walk stops at. */
+/* Distance between the planes at which a walk stops. */
 static double plane_distance(const tc_ref_field *field) { return field->filter == TC_FILTER_NEAREST ? 0.5 : 1; }
 
 void tc_ref_walk_start(tc_ref_walk *walk, const tc_ref_field *field, const tc_ref_ray *ray) {
@@ -44,8 +44,8 @@ void tc_ref_walk_start(tc_ref_walk *walk, const tc_ref_field *field, const tc_re
     walk->plane[k] = floor(ray->origin[k] + ray->enter * ray->direction[k]) + (ray->direction[k] < 0);
 }
 
-/* Where the ray meets the next face of any axis behind walk->t. Planes are counted and each is met at a parameter of
- * its own, so that no error adds up along a ray. */
+/* The t of the next face of any axis after walk->t. Planes are counted, and each has a t of its own, so that no error accumulates along
+ * a ray. */
 static double next_face(tc_ref_walk *walk) {
   const tc_ref_ray *ray = walk->ray;
   double next = ray->leave;
@@ -56,7 +56,7 @@ static double next_face(tc_ref_walk *walk) {
     while (at <= walk->t) {
       walk->plane[k] += copysign(plane_distance(walk->field), d);
       double then = (walk->plane[k] - ray->origin[k]) / d;
-      if (!(then > at)) return next; /* planes no longer apart in double: the axis is as good as parallel */
+      if (!(then > at)) return next; /* double cannot resolve the planes: the ray is as good as parallel to them */
       at = then;
     }
     next = fmin(next, at);
@@ -64,7 +64,7 @@ static double next_face(tc_ref_walk *walk) {
   return next;
 }
 
-/* The cell that holds the stretch's middle; local position x = start + u * delta. */
+/* The cell that contains the middle of the stretch; position within it = start + u * delta. */
 static void locate(const tc_ref_walk *walk, double to, size_t low[3], size_t high[3], double start[3],
                    double delta[3]) {
   const tc_ref_ray *ray = walk->ray;
@@ -82,7 +82,7 @@ static void locate(const tc_ref_walk *walk, double to, size_t low[3], size_t hig
   }
 }
 
-/* The voxel nearest to the stretch's middle. */
+/* The voxel nearest to the middle of the stretch. */
 static void make_nearest(tc_ref_cell *cell) {
   int nearest = 0;
   for (int k = 0; k < 3; k++)
@@ -91,7 +91,7 @@ static void make_nearest(tc_ref_cell *cell) {
   cell->c[0] = cell->lo = cell->hi = cell->corner[nearest];
 }
 
-/* The four weights of the cubic B-spline at start + u * delta as polynomials in u: Taylor's. */
+/* The four weights of the cubic B-spline at start + u * delta, as Taylor polynomials in u. */
 static void spline_weights(double start, double delta, double w[4][4]) {
   static const double basis[4][4] = {{1, -3, 3, -1}, {4, 0, -6, 3}, {1, 3, 3, -3}, {0, 0, 0, 1}}; /* sixths */
   for (int i = 0; i < 4; i++) {
@@ -103,13 +103,13 @@ static void spline_weights(double start, double delta, double w[4][4]) {
   }
 }
 
-/* to[] += a * b, of degrees n and 3. */
+/* to[] += a * b, polynomials of degrees n and 3. */
 static void add_product(double *to, const double *a, int n, const double b[4]) {
   for (int i = 0; i <= n; i++)
     for (int j = 0; j < 4; j++) to[i + j] += a[i] * b[j];
 }
 
-/* Differences to one voxel are summed, so that equal voxels give an exactly constant field. */
+/* Sums differences to one voxel, so that equal voxels give an exactly constant field. */
 static void make_cubic(const tc_ref_field *field, const size_t low[3], tc_ref_cell *cell) {
   double w[3][4][4], base = tc_ref_voxel(field, low), cube[TC_REF_DEGREE + 1] = {0};
   for (int k = 0; k < 3; k++) spline_weights(cell->start[k], cell->delta[k], w[k]);
@@ -146,8 +146,8 @@ bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell) {
   cell->length = to - walk->t;
   walk->t = to;
 
-  /* Interpolating along x, then y, then z as polynomials in u: differences first, so that equal corners give an exactly
-   * constant field. p[zy]: along x, degree 1; then degree 2; then the cubic. */
+  /* Interpolates along x (p[zy]: degree 1), then y (q: degree 2), then z (the cubic), as polynomials in u. Differences first, so that
+   * equal corners give an exactly constant field. */
   double p[4][2], q[2][3];
   cell->lo = INFINITY;
   cell->hi = -INFINITY;

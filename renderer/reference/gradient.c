@@ -1,9 +1,9 @@
-/* Derivatives of the field over index coordinates, in each way that a scene may ask for. */
+/* Gradients of the field over index coordinates, one function per tc_gradient. */
 #include <math.h>
 
 #include "renderer/reference/internal.h"
 
-/* The voxel at low plus some steps, held in the volume. */
+/* The voxel at low + (x, y, z), clamped to the volume. */
 static double voxel_near(const tc_ref_field *field, const size_t low[3], int x, int y, int z) {
   const int step[3] = {x, y, z};
   size_t at[3];
@@ -11,7 +11,7 @@ static double voxel_near(const tc_ref_field *field, const size_t low[3], int x, 
   return tc_ref_voxel(field, at);
 }
 
-/* The trilinear form, differentiated. */
+/* The derivative of the trilinear field. */
 static void of_cell(const tc_ref_field *field, const size_t low[3], const double x[3], double g[3]) {
   for (int corner = 0; corner < 8; corner++) {
     double v = voxel_near(field, low, corner & 1, corner >> 1 & 1, corner >> 2);
@@ -23,7 +23,7 @@ static void of_cell(const tc_ref_field *field, const size_t low[3], const double
   }
 }
 
-/* Differences across each corner, over two voxels or in a face over one, trilinearly weighted. */
+/* Central differences at each corner (one-sided in a face), trilinearly interpolated. */
 static void of_differences(const tc_ref_field *field, const size_t low[3], const double x[3], double g[3]) {
   for (int corner = 0; corner < 8; corner++) {
     const int up[3] = {corner & 1, corner >> 1 & 1, corner >> 2};
@@ -40,7 +40,7 @@ static void of_differences(const tc_ref_field *field, const size_t low[3], const
   }
 }
 
-/* The cubic B-spline, differentiated along one axis at a time. */
+/* The derivative of the cubic B-spline, one axis at a time. */
 static void of_spline(const tc_ref_field *field, const size_t low[3], const double x[3], double g[3]) {
   double w[3][4], d[3][4], base = tc_ref_voxel(field, low);
   for (int k = 0; k < 3; k++) {

@@ -1,4 +1,4 @@
-/* The reference integrator's own parts; nobody else includes this. */
+/* The parts of the reference integrator; private to this folder. */
 #ifndef TC_REFERENCE_INTERNAL_H
 #define TC_REFERENCE_INTERNAL_H
 
@@ -9,7 +9,7 @@
 #include "renderer/scene.h"
 #include "renderer/volume/volume.h"
 
-/* ray.c: camera -> ray. Long double, because a camera 1e7 mm away leaves double only 1e-9 mm. */
+/* ray.c: from the camera to a ray. Long double, because at 1e7 mm, double resolves only 1e-9 mm. */
 typedef struct tc_ref_camera {
   long double position[3], forward[3], right[3], up[3]; /* LPS, orthonormal */
   long double half_width, half_height;                  /* at distance 1 (perspective), or in mm */
@@ -17,31 +17,31 @@ typedef struct tc_ref_camera {
   int width, height;
 } tc_ref_camera;
 
-/* A ray written around the point of it that is nearest to the volume's centre: index(t) = origin + t * direction. */
+/* index(t) = origin + t * direction, where origin is the point of the ray nearest to the volume's centre. */
 typedef struct tc_ref_ray {
   double origin[3], direction[3];  /* index units, index units per mm */
   double lps[3], lps_direction[3]; /* the same in mm */
   double eye;                      /* t of the eye */
-  double enter, leave;             /* mm; where the field's box is met, not before the eye */
+  double enter, leave;             /* t at which the ray enters (not before the eye) and leaves the field's box, mm */
 } tc_ref_ray;
 
-/* Half spaces n.p + d >= 0 in LPS, n of unit length: what is drawn. */
+/* The visible half spaces n.p + d >= 0 in LPS, n of unit length. */
 typedef struct tc_ref_clip {
   double planes[12][4];
   int n;
 } tc_ref_clip;
 void tc_ref_clip_set_up(tc_ref_clip *clip, const tc_scene *scene);
 
-/* NULL, or the member that has no meaning. */
+/* NULL, or the name of the meaningless member. */
 const char *tc_ref_camera_set_up(tc_ref_camera *camera, const tc_camera *from, int width, int height);
-/* False when the ray misses what is drawn of the field's box. */
+/* False if the ray misses the visible part of the field's box. */
 bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const tc_volume_desc *desc, double px,
                      double py, tc_ref_ray *ray);
 
-/* field.c: the field along a ray, stretch by stretch: each lies in one cell, and for nearest next to one voxel. */
+/* field.c: the field along a ray, in stretches that lie in one cell, and for filter nearest, next to one voxel. */
 typedef struct tc_ref_field {
   tc_filter filter;
-  double *coefficients; /* of a prefiltered cubic, in the volume's unit; NULL: voxels are */
+  double *coefficients; /* B-spline coefficients for a prefiltered cubic, in the volume's unit; NULL: the voxels themselves */
   const tc_volume_desc *desc;
   const void *voxels;
 } tc_ref_field;
@@ -52,38 +52,37 @@ typedef struct tc_ref_walk {
   const tc_ref_field *field;
   const tc_ref_ray *ray;
   double t;        /* where the next cell begins */
-  double plane[3]; /* next plane of each axis: integers, and halves between them for nearest */
+  double plane[3]; /* next plane along each axis: integers, and for nearest also halves */
 } tc_ref_walk;
 
-/* One cell's stretch of the labels' grid: tint r, g, b, its opacity and visibility at the corners, as in
- * tc_ref_cell. */
+/* A cell of the labels' grid: tint r, g, b, its opacity and visibility at the corners, in tc_ref_cell's order. */
 typedef struct tc_ref_label_cell {
   double corner[8][5];
   double start[3], delta[3];
 } tc_ref_label_cell;
 
-/* One cell's stretch of the ray: value(u) = c[0] + c[1] u + ... + c[degree] u^degree for u in [0, 1]. */
+/* The stretch of the ray in one cell: value(u) = c[0] + c[1] u + ... + c[degree] u^degree for u in [0, 1]. */
 #define TC_REF_DEGREE 9
 typedef struct tc_ref_cell {
   double from, length; /* mm along the ray */
   double c[TC_REF_DEGREE + 1];
   int degree;    /* nearest 0, linear 3, cubic 9 */
-  double lo, hi; /* the value stays between */
+  double lo, hi; /* bounds of the value */
   const tc_ref_field *field;
   size_t low[3];             /* the cell's corner of least index */
   double corner[8];          /* values at +x (bit 0), +y (bit 1), +z (bit 2) */
-  double start[3], delta[3]; /* place within the cell, 0..1: start + u * delta */
-  const tc_ref_label_cell *label; /* all of the stretch is in it; NULL without labels */
+  double start[3], delta[3]; /* position within the cell, 0..1: start + u * delta */
+  const tc_ref_label_cell *label; /* the label cell that contains the stretch; NULL without labels */
 } tc_ref_cell;
 
-/* Solves for the coefficients (g_free them); NULL: out of memory. cancel: or NULL; once it is true they mean nothing. */
+/* Solves for the coefficients; g_free() them. NULL: out of memory. cancel: NULL, or the result is meaningless once it is true. */
 double *tc_ref_coefficients(const tc_ref_field *field, const atomic_bool *cancel);
 double tc_ref_voxel(const tc_ref_field *field, const size_t at[3]); /* in the volume's unit */
 
 void tc_ref_walk_start(tc_ref_walk *walk, const tc_ref_field *field, const tc_ref_ray *ray);
 bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell);
 
-/* labels.c: a label volume and the scene that says what its labels look like; both live as long. */
+/* labels.c: a label volume and the scene with its labels' colours; both outlive this. */
 typedef struct tc_ref_labels {
   const tc_volume_desc *desc; /* NULL: none */
   const void *voxels;
@@ -95,18 +94,18 @@ typedef struct tc_ref_labels {
 typedef struct tc_ref_label_walk { /* starts as {.u = 1} */
   tc_ref_cell whole;
   tc_ref_label_cell cell;
-  double u; /* of `whole`: what was returned */
+  double u; /* end of what was returned of `whole` */
 } tc_ref_label_walk;
 
 void tc_ref_labels_set_up(tc_ref_labels *labels, const tc_volume *volume, const tc_scene *scene);
-/* tc_ref_walk_next(), cut at the faces of the labels' grid; cell->label lives until the next call. */
+/* tc_ref_walk_next() with stretches also cut at the faces of the labels' grid; cell->label lives until the next call. */
 bool tc_ref_labels_next(const tc_ref_labels *labels, tc_ref_walk *walk, tc_ref_label_walk *at, tc_ref_cell *cell);
-/* Visibility at u; the mean tint beside it. */
+/* Returns the visibility at u; tint receives the mean tint. */
 double tc_ref_label_mean(const tc_ref_label_cell *cell, double u, double tint[4]);
 void tc_ref_label_tint(const tc_ref_label_cell *cell, double u, double rgb[3]);
 double tc_ref_to_linear(double srgb);
 
-/* pieces.c: a cell's stretch -> monotone pieces between values where the transfer function bends. */
+/* pieces.c: cuts a stretch into monotone pieces between the values at which the transfer function is not smooth. */
 typedef struct tc_ref_piece {
   const tc_ref_cell *cell;
   double from;        /* u of the front end, for reporting */
@@ -123,14 +122,14 @@ typedef struct tc_ref_cutter {
   double mm;
   double bend[TC_REF_DEGREE + 1]; /* u where monotone stretches end; the last is 1 */
   int n_bends, stretch;
-  double u;          /* front end of what is left of this stretch */
-  double value, end; /* field there and at the stretch's end */
+  double u;          /* front end of the rest of this stretch */
+  double value, end; /* the field there, and at the stretch's end */
   double d[TC_REF_DEGREE];
-  bool fresh; /* a new stretch is to be opened */
+  bool fresh; /* a new stretch begins */
 } tc_ref_cutter;
 
 void tc_ref_cutter_start(tc_ref_cutter *cutter, const tc_ref_cell *cell, const double *breaks, size_t n_breaks);
-/* c[0] + c[1] u + ... about u instead of 0. */
+/* Re-expands the polynomial c[0] + c[1] u + ... around u. */
 void tc_ref_shift(double *c, int degree, double u);
 bool tc_ref_cutter_next(tc_ref_cutter *cutter, tc_ref_piece *piece);
 
@@ -144,7 +143,7 @@ typedef struct tc_ref_transfer {
   double per_mm; /* 1 / unit distance */
 } tc_ref_transfer;
 
-/* The transfer function between two neighbouring knots (or beyond the ends): all of one piece lies in one span. */
+/* The transfer function between two neighbouring knots, or beyond the ends. A piece lies in one span. */
 typedef struct tc_ref_span {
   double base, inverse_width; /* fraction = (value - base) * inverse_width, 0..1 */
   double amount[2], clear[2]; /* opacity or extinction at the ends; 1 - opacity */
@@ -156,15 +155,15 @@ typedef struct tc_ref_span {
 
 bool tc_ref_transfer_set_up(tc_ref_transfer *transfer, const tc_transfer_function *from, bool linear_light);
 void tc_ref_transfer_clear(tc_ref_transfer *transfer);
-/* The span that holds [value, a little more]. */
+/* The span just above a value. */
 void tc_ref_span_above(const tc_ref_transfer *transfer, double value, tc_ref_span *span);
-/* Is extinction 0 all over [lo, hi]? May say no where it is. */
+/* True if extinction is known to be 0 all over [lo, hi]. */
 bool tc_ref_transfer_empty(const tc_ref_transfer *transfer, double lo, double hi);
 double tc_ref_span_extinction(const tc_ref_span *span, double fraction);
 double tc_ref_to_linear(double srgb);
 void tc_ref_span_color(const tc_ref_span *span, double fraction, double rgb[3]);
 
-/* projection.c: what a ray met, by the field alone, and the window that makes it grey (compositing space). */
+/* projection.c: extrema and integral of the field along a ray, and the window that makes them grey (compositing space). */
 typedef struct tc_ref_extent {
   double lo, hi;           /* INFINITY and -INFINITY before the first cell */
   double integral, length; /* over mm */
@@ -178,10 +177,10 @@ typedef struct tc_ref_window {
 void tc_ref_extent_add(tc_ref_extent *extent, const tc_ref_cell *cell);
 double tc_ref_window_grey(const tc_ref_window *window, double value);
 
-/* gradient.c: over index coordinates, at place x (0..1) of the cell above `low`. 0 along an axis of one voxel. */
+/* gradient.c: gradient over index coordinates at x (0..1) in the cell above `low`; 0 along an axis of one voxel. */
 void tc_ref_gradient(const tc_ref_field *field, tc_gradient kind, const size_t low[3], const double x[3], double g[3]);
 
-/* shading.c: colour under light. model TC_SHADING_NONE: the rest is without meaning and nothing is shaded. */
+/* shading.c: colour under light. model TC_SHADING_NONE: nothing is shaded, and the other members are meaningless. */
 typedef struct tc_ref_shading {
   tc_shading_model model;
   tc_gradient gradient;
@@ -194,7 +193,7 @@ typedef struct tc_ref_shading {
 } tc_ref_shading;
 
 void tc_ref_shading_set_up(tc_ref_shading *shading, const tc_volume *volume, const tc_scene *scene);
-/* Replaces the transfer function's colour by the shaded one at u of the cell. */
+/* Replaces the transfer function's colour at u of the cell by the shaded one. */
 void tc_ref_shade(const tc_ref_shading *shading, const tc_ref_cell *cell, double u, double rgb[3]);
 
 /* The same with a surface's gradient over index coordinates: shaded in full however faint. *normal: unit, LPS, on the

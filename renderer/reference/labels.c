@@ -1,11 +1,11 @@
-/* Labels along a ray: cells of the field are cut where the ray passes from one cell of the labels' grid to the next; in
- * between, visibility and tint are the trilinear means of what the eight labels stand for: cubics along the ray. */
+/* Labels along a ray: stretches of the field are also cut where the ray passes from one cell of the labels' grid to the next. In between,
+ * visibility and tint are the trilinear means of the entries of eight labels, hence cubics along the ray. */
 #include <math.h>
 #include <string.h>
 
 #include "renderer/reference/internal.h"
 
-#define NEAR 1e-9 /* of a label voxel: a plane this close has been passed */
+#define NEAR 1e-9 /* label voxels: a plane this close counts as passed */
 
 void tc_ref_labels_set_up(tc_ref_labels *l, const tc_volume *labels, const tc_scene *scene) {
   const tc_volume_desc *d = tc_volume_describe(labels);
@@ -53,7 +53,7 @@ static void look_up(const tc_ref_labels *l, double label, double out[5]) {
   out[4] = shown;
 }
 
-/* The end, in u, of the stretch of `whole` from u = from in one cell of the labels' grid; *cell is that cell. */
+/* The u at which the stretch of `whole` that begins at u = from leaves its cell of the labels' grid; *cell is that cell. */
 static double find_cell(const tc_ref_labels *l, const tc_ref_ray *ray, const tc_ref_cell *whole, double from,
                         tc_ref_label_cell *cell) {
   double at[3], rate[3], to = 1;
@@ -66,7 +66,7 @@ static double find_cell(const tc_ref_labels *l, const tc_ref_ray *ray, const tc_
       rate[k] += l->dual[k][r] * ray->lps_direction[r] * whole->length;
     }
     step[k] = !l->nearest && l->desc->dims[k] > 1;
-    double shifted = step[k] ? at[k] : at[k] + 0.5; /* voxels' centres part cells, or their faces */
+    double shifted = step[k] ? at[k] : at[k] + 0.5; /* cells end at voxel centres; for nearest at voxel faces */
     double plane = rate[k] > 0 ? floor(shifted + NEAR) + 1 : ceil(shifted - NEAR) - 1;
     if (fabs(rate[k]) > 1e-15) to = fmin(to, from + (plane - shifted) / rate[k]);
   }

@@ -1,4 +1,4 @@
-/* Cuts a cell's polynomial into monotone pieces that meet no break of the transfer function. */
+/* Cuts a cell's polynomial into monotone pieces that cross no break of the transfer function. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -17,7 +17,7 @@ static double slope_of(const double *d, int degree, double x) {
   return sum;
 }
 
-/* x in (lo, hi) with rise(x) = want, where rise is monotone and passes want: Newton held inside a shrinking bracket. */
+/* x in (lo, hi) with rise(x) = want, for a monotone rise that passes want: Newton steps, bisection where they leave the bracket. */
 static double solve(const double *d, int degree, double lo, double hi, double want) {
   double from = rise(d, degree, lo) - want, to = rise(d, degree, hi) - want, sign = to >= from ? 1 : -1;
   double x = lo + (hi - lo) * fmin(fmax(-from / (to - from), 0), 1);
@@ -36,8 +36,8 @@ static double solve(const double *d, int degree, double lo, double hi, double wa
   return x;
 }
 
-/* Where c[0] + c[1] u + ... changes its sign inside (0, 1), ascending. Between two sign changes of its derivative a
- * polynomial is monotone: degree by degree. */
+/* The sign changes of c[0] + c[1] u + ... inside (0, 1), ascending. Between two sign changes of its derivative a polynomial is monotone,
+ * so they are found degree by degree. */
 static int sign_changes(const double *c, int degree, double *roots) {
   while (degree > 0 && c[degree] == 0) degree--;
   if (degree == 0) return 0;
@@ -54,7 +54,7 @@ static int sign_changes(const double *c, int degree, double *roots) {
   return found;
 }
 
-/* Real roots of c1 + 2 c2 u + 3 c3 u^2 inside (0, 1), ascending; the form that adds numbers of one sign. */
+/* Real roots of c1 + 2 c2 u + 3 c3 u^2 inside (0, 1), ascending; by the form without cancellation. */
 static int cubic_extrema(const double c[4], double roots[2]) {
   double a = 3 * c[3], b = c[2], k = c[1], disc = b * b - a * k, r[2];
   int found = 0, n = 0;
@@ -87,7 +87,7 @@ void tc_ref_cutter_start(tc_ref_cutter *cutter, const tc_ref_cell *cell, const d
   cutter->bend[cutter->n_bends++] = 1;
 }
 
-/* Next break strictly between a and b in their order; false when there is none. */
+/* The first break strictly between a and b, coming from a; false if there is none. */
 static bool next_break(const tc_ref_cutter *cutter, double a, double b, double *value) {
   size_t lo = 0, hi = cutter->n_breaks; /* first break > a, or >= a */
   while (lo < hi) {
@@ -102,7 +102,6 @@ static bool next_break(const tc_ref_cutter *cutter, double a, double b, double *
   return b > a ? *value < b : *value > b;
 }
 
-/* c[0] + c[1] u + ... about u instead of 0. */
 void tc_ref_shift(double *c, int degree, double u) {
   for (int i = 0; i < degree; i++)
     for (int j = degree - 1; j >= i; j--) c[j] += u * c[j + 1];
@@ -120,8 +119,8 @@ static void open_stretch(tc_ref_cutter *cutter) {
   cutter->fresh = false;
 }
 
-/* Moves the polynomial's origin to the front of what is left. Widths are found from the last crossing, where the value
- * is known exactly, so that two knots a rounding error apart still make a piece of the right width. */
+/* Moves the polynomial's origin to the front of the rest. Widths are measured from the last crossing, where the value is known exactly:
+ * even two knots a rounding error apart give a piece of the right width. */
 static void advance(tc_ref_cutter *cutter, double x, double value) {
   double c[TC_REF_DEGREE + 1] = {value};
   memcpy(c + 1, cutter->d, sizeof cutter->d);

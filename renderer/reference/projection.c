@@ -1,4 +1,4 @@
-/* Projections of a ray: the exact maximum, minimum or mean of the field along it, then the scene's window. */
+/* Projections: the exact maximum, minimum or mean of the field along a ray, through the scene's window. */
 #include <math.h>
 
 #include "renderer/reference/internal.h"
@@ -6,8 +6,8 @@
 void tc_ref_extent_add(tc_ref_extent *extent, const tc_ref_cell *cell) {
   for (int i = 0; i <= cell->degree; i++) extent->integral += cell->length * cell->c[i] / (i + 1);
   extent->length += cell->length;
-  if (cell->lo >= extent->lo && cell->hi <= extent->hi) return; /* nothing lies beyond */
-  /* Monotone between two extrema: the ends of the pieces hold the least and the largest value. */
+  if (cell->lo >= extent->lo && cell->hi <= extent->hi) return; /* the cell cannot extend the range */
+  /* Pieces are monotone, so their ends have the least and the largest value. */
   tc_ref_cutter cutter;
   tc_ref_piece piece;
   tc_ref_cutter_start(&cutter, cell, NULL, 0);

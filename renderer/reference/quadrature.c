@@ -1,9 +1,9 @@
 /* Integrates one smooth piece: optical depth D(x) and colour  int L tau exp(-D) dx.
  *
- * Both come from one set of Gauss points: tau is interpolated there and integrated to each of them (collocation), which
- * gives D where the colour integral wants it. A panel's estimate is compared with that of its two halves; where they do
- * not agree, or where more light is lost in a panel than a polynomial can follow, the halves are cut again. A stiff
- * piece (tau * length up to 1e15) is thereby graded towards its front end, where all that is seen of it lies. */
+ * Both use one set of Gauss points: tau is interpolated there and integrated up to each point (collocation), which gives D where the
+ * colour integral needs it. A panel's estimate is compared with that of its two halves; the halves are cut again where they disagree, or
+ * where the light falls more within a panel than a polynomial can follow. A stiff piece (tau * length up to 1e15) thereby gets a
+ * mesh graded towards its front end, the only part that is visible. */
 #include <math.h>
 #include <pthread.h>
 
@@ -12,7 +12,7 @@
 #define POINTS 8
 #define DEEPEST 120        /* halvings */
 #define DEPTH_PER_PANEL 6  /* exp(-6 x) is a polynomial of degree 15 to 1e-13 over two halves */
-#define NOTHING_LEFT 1e-30 /* of the light: below what double adds to a colour */
+#define NOTHING_LEFT 1e-30 /* transparency below which nothing reaches a colour in double */
 
 /* The rule on [0, 1]; upto[i][j]: integral of basis polynomial j over [0, node i]. */
 static double node[POINTS], weight[POINTS], upto[POINTS][POINTS];
@@ -88,8 +88,8 @@ static double extinction_at(const job *j, double x) {
   return label ? extinction * tc_ref_label_mean(label, j->piece->from + x, tint) : extinction;
 }
 
-/* One panel [x0, x0 + width] by the rule. Colour is split into its value at the front, whose integral is exact, and the
- * rest: a constant colour comes out as colour * opacity to the last bit. */
+/* The rule on one panel [x0, x0 + width]. Colour is split into its value at the front, whose integral is exact, and the rest: a constant
+ * colour gives colour * opacity to the last bit. */
 static panel estimate(const job *j, double x0, double width) {
   double tau[POINTS], rgb[POINTS][3], front[3], mm = width * j->piece->mm;
   panel r = {0};
@@ -147,7 +147,7 @@ static void refine(const job *j, double x0, double width, const panel *whole, in
   refine(j, x0 + half, half, &b, level - 1);
 }
 
-/* Extinction that is a polynomial along the piece has its depth in closed form. */
+/* Optical depth in closed form, for extinction that is a polynomial along the piece. */
 static double polynomial_depth(const tc_ref_piece *p, const tc_ref_span *span) {
   double x = p->width, f0 = (p->front - span->base) * span->inverse_width;
   double mean = 0;

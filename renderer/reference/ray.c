@@ -1,4 +1,4 @@
-/* Camera -> ray -> the stretch of it inside the field's box (NUMERICS section 0). */
+/* From the camera to a ray, and its part inside the field's box (NUMERICS section 0). */
 #include <math.h>
 
 #include "renderer/reference/internal.h"
@@ -59,7 +59,7 @@ static void eye_ray(const tc_ref_camera *camera, double px, double py, long doub
   normalise(direction);
 }
 
-/* Index axes in mm, and their inverse (rows: mm displacement -> index displacement) by cross products. */
+/* Index axes in mm, and their inverse by cross products (rows: from mm to index displacements). */
 static void axes(const tc_volume_desc *desc, long double axis[3][3], long double inverse[3][3]) {
   for (int k = 0; k < 3; k++)
     for (int r = 0; r < 3; r++)

@@ -20,7 +20,7 @@ struct tc_reference {
   tc_mode mode;
   tc_ref_window window; /* projections */
   tc_volume *label_volume; /* or NULL */
-  tc_scene scene;          /* labels' own copy; zeros without */
+  tc_scene scene;          /* copy of the labels' members; zero without labels */
   tc_ref_labels labels;
   double iso, color[3]; /* isosurface: value, colour in the compositing space */
   double tolerance;
@@ -59,8 +59,8 @@ static bool set_up_surface(tc_reference *r, const tc_scene *scene, GError **erro
   return false;
 }
 
-/* The transfer function, the window or the value: what the mode reads. */
-static bool set_up_look(tc_reference *r, const tc_scene *scene, GError **error) {
+/* Sets up what the mode reads: transfer function, window or isosurface value. */
+static bool set_up_appearance(tc_reference *r, const tc_scene *scene, GError **error) {
   r->mode = scene->mode;
   if (is_surface(scene->mode)) return set_up_surface(r, scene, error);
   if (!is_projection(scene->mode)) {
@@ -124,7 +124,7 @@ tc_reference *tc_reference_new_stoppable(tc_volume *volume, tc_volume *labels, c
     }
   }
   tc_ref_clip_set_up(&r->clip, scene);
-  /* Errors of pieces add up; each piece's estimate is itself pessimistic by many orders. */
+  /* The errors of pieces add up, but each piece's estimate is pessimistic by orders of magnitude. */
   r->tolerance = (tolerance == 0 ? 1e-10 : tolerance) / 16;
   if (scene->mode == TC_MODE_DVR && scene->shading.model != TC_SHADING_NONE)
     tc_ref_shading_set_up(&r->shading, volume, scene);
@@ -135,7 +135,7 @@ tc_reference *tc_reference_new_stoppable(tc_volume *volume, tc_volume *labels, c
                  "view be wider than 0 and narrower than 180 degrees");
     goto fail;
   }
-  if (set_up_look(r, scene, error)) return r;
+  if (set_up_appearance(r, scene, error)) return r;
 fail:
   tc_reference_free(r);
   return NULL;
@@ -151,12 +151,12 @@ void tc_reference_free(tc_reference *reference) {
   g_free(reference);
 }
 
-/* The span of a piece: the one above its lower end, from whichever side the ray comes. */
+/* The span of a piece is the one above its lower end, for either direction of the ray. */
 static void span_of(const tc_reference *r, const tc_ref_piece *piece, tc_ref_span *span) {
   tc_ref_span_above(&r->transfer, fmin(piece->front, piece->back), span);
 }
 
-/* The scene's shading as one ray sees it. NULL: none. */
+/* The scene's shading for one ray; NULL: none. */
 static const tc_ref_shading *shading_of(const tc_reference *r, const tc_ref_ray *ray, tc_ref_shading *shading) {
   if (r->shading.model == TC_SHADING_NONE) return NULL;
   *shading = r->shading;
@@ -274,7 +274,7 @@ static tc_reference_sample describe_piece(const tc_reference *r, const tc_ref_ra
   return s;
 }
 
-/* The pieces up to the hit, which look like nothing, and the hit. */
+/* Lists the transparent pieces up to the hit, and the hit. */
 static void list_surface(const tc_reference *r, const tc_ref_ray *ray, GArray *list) {
   tc_reference_hit hit;
   bool met = hit_surface(r, ray, &hit);
@@ -365,7 +365,7 @@ bool tc_reference_image(const tc_reference *reference, int threads, float *rgba,
   if (threads == 0) threads = (int)CLAMP(sysconf(_SC_NPROCESSORS_ONLN), 1, MOST_THREADS);
   pthread_t helpers[MOST_THREADS];
   int started = 0;
-  /* A thread that cannot be had only makes it slower: the caller works too. */
+  /* The calling thread works too, so a thread that cannot be created only costs time. */
   while (started < threads - 1 && pthread_create(&helpers[started], NULL, render_rows, &job) == 0)
     started++;
   render_rows(&job);

@@ -1,13 +1,10 @@
-/* Shading at a point of the exact field: colour becomes what light and the field's gradient there make of it.
- *
- * The same model as raycast/shade.h describes, written from the textbook forms and evaluated wherever the integrator
- * asks. */
+/* Shading at a point of the exact field: the model of raycast/shade.h, written independently from the textbook forms. */
 #include <math.h>
 
 #include "renderer/reference/internal.h"
 
-#define FLAT 0.005 /* of the value range per least spacing: nothing is shaded below */
-#define STEEP 0.02 /* shaded in full above */
+#define FLAT 0.005 /* gradient, as a share of the value range per least spacing: no shading below */
+#define STEEP 0.02 /* full shading above */
 
 static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
@@ -27,7 +24,7 @@ void tc_ref_shading_set_up(tc_ref_shading *shading, const tc_volume *volume, con
     for (int r = 0; r < 3; r++) shading->dual[k][r] /= volume_mm3;
   }
   shading->model = scene->shading.model;
-  /* the field's own */
+  /* the derivative of the field that is integrated */
   shading->gradient = scene->filter == TC_FILTER_CUBIC ? TC_GRADIENT_CUBIC : scene->shading.gradient;
   shading->per_range = stats->max > stats->min ? least / (stats->max - stats->min) : 0;
   shading->ambient = scene->shading.ambient;
@@ -39,7 +36,7 @@ void tc_ref_shading_set_up(tc_ref_shading *shading, const tc_volume *volume, con
   for (int k = 0; k < 3; k++) shading->light[k] = scene->shading.light[k] / length;
 }
 
-/* From index coordinates to LPS: a gradient is covariant. */
+/* A gradient from index coordinates to LPS; it is covariant. */
 static void to_lps(const tc_ref_shading *s, const double g[3], double gradient[3]) {
   for (int r = 0; r < 3; r++) gradient[r] = g[0] * s->dual[0][r] + g[1] * s->dual[1][r] + g[2] * s->dual[2][r];
 }
@@ -72,7 +69,7 @@ static void reflect(const tc_ref_shading *s, const double n[3], const double eye
   }
 }
 
-/* n: a gradient that is not 0; becomes the unit normal on the eye's side. */
+/* n: a gradient other than 0; becomes the unit normal on the eye's side. */
 static void shade(const tc_ref_shading *s, double n[3], double weight, double rgb[3]) {
   double eye[3], lit[3], size = sqrt(dot(n, n));
   for (int k = 0; k < 3; k++) eye[k] = -s->view[k];

@@ -1,10 +1,10 @@
-/* An isosurface along a ray: where the field first changes sides, and its normal there. */
+/* Isosurfaces: where the field along a ray first changes sides, and the normal there. */
 #include <math.h>
 #include <string.h>
 
 #include "renderer/reference/internal.h"
 
-/* Pieces are monotone and meet the value at their ends only: the change lies at the front end of one. */
+/* Pieces are monotone and reach the value only at their ends, so a change of side lies at the front end of a piece. */
 static bool changes_at(const tc_ref_piece *piece, double value, bool inside) {
   return (piece->front >= value) != inside || (inside && piece->back < value);
 }

@@ -5,8 +5,8 @@
 
 #include "renderer/reference/internal.h"
 
-#define SRGB_CORNER 0.04045     /* sRGB's straight part ends here */
-#define LARGEST_EXTINCTION 1e30 /* keeps products finite; a path of 1e-28 mm of it is opaque */
+#define SRGB_CORNER 0.04045     /* end of sRGB's linear part */
+#define LARGEST_EXTINCTION 1e30 /* keeps products finite; opaque after 1e-28 mm */
 
 double tc_ref_to_linear(double c) { return c <= SRGB_CORNER ? c / 12.92 : pow((c + 0.055) / 1.055, 2.4); }
 
@@ -20,7 +20,7 @@ static int ascending(const void *a, const void *b) {
   return (x > y) - (x < y);
 }
 
-/* Knots' values, and in linear light also the values at which a channel passes sRGB's corner. */
+/* Breaks: the values of the knots, and in linear light also those at which a channel passes sRGB's corner. */
 static void find_breaks(tc_ref_transfer *t) {
   size_t n = 0;
   for (size_t i = 0; i < t->n; i++)
@@ -61,7 +61,7 @@ void tc_ref_transfer_clear(tc_ref_transfer *t) {
   *t = (tc_ref_transfer){0};
 }
 
-/* How many knots have a value <= v: at a jump all of them. */
+/* How many knots have a value <= v (at a jump, all of its knots). */
 static size_t knots_up_to(const tc_ref_transfer *t, double v) {
   size_t lo = 0, hi = t->n;
   while (lo < hi) {
@@ -80,7 +80,7 @@ void tc_ref_span_above(const tc_ref_transfer *t, double value, tc_ref_span *span
   span->base = end[0]->value;
   span->inverse_width = end[0] == end[1] ? 0 : 1 / (end[1]->value - end[0]->value);
   for (int i = 0; i < 2; i++) {
-    /* Opacity 1 has no finite extinction: at a knot it stops 2^-24 short. */
+    /* Opacity 1 has no finite extinction: a knot is clamped to 1 - 2^-24. */
     span->amount[i] = t->opacity ? fmin(end[i]->amount, 1 - 0x1p-24) : end[i]->amount;
     span->clear[i] = fmax(1 - end[i]->amount, 0x1p-24);
     memcpy(span->color[i], end[i]->color, sizeof span->color[i]);
@@ -100,7 +100,7 @@ bool tc_ref_transfer_empty(const tc_ref_transfer *t, double lo, double hi) {
   return a->amount == 0 && b->amount == 0;
 }
 
-/* 1/mm. Opacity near 1 is kept as its distance from 1, so that the logarithm's argument keeps its digits. */
+/* 1/mm. Opacity is interpolated as 1 - opacity, so that the logarithm's argument keeps its digits near opacity 1. */
 double tc_ref_span_extinction(const tc_ref_span *span, double f) {
   double amount = span->amount[0] * (1 - f) + span->amount[1] * f;
   if (!span->opacity) return amount;

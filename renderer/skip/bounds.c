@@ -8,7 +8,7 @@
 
 #define MOST_LEVEL 254
 
-/* The eighth of a level covers the rounding of (best - floor) * scale in a kernel. */
+/* The added eighth of a level covers the rounding of (best - floor) * scale in kernels. */
 static uint8_t level_of(const tc_bounds *b, double lo, double hi) {
   double most = b->grey.sign > 0 ? hi : -lo;
   if (lo != hi) most += 1e-6 * fmax(fabs(lo), fabs(hi));
@@ -39,8 +39,7 @@ static void fill_levels(tc_bounds *b, const tc_minmax *m, size_t from, size_t to
   }
 }
 
-/* Every level becomes the largest of itself and its two neighbours in a line of n that lie `stride`
- * apart. */
+/* Replaces each of n levels, `stride` apart, by the largest of itself and its two neighbours. */
 static void widen(uint8_t *line, int n, size_t stride) {
   uint8_t before = 0;
   for (int i = 0; i < n; i++, line += stride) {
@@ -74,12 +73,12 @@ static void row_task(void *context, int y, int worker) {
 }
 
 int tc_bounds_interval(const tc_bounds *bounds, const tc_rays *rays) {
-  double fastest = 0; /* voxels per mm, along any axis in any direction */
+  double fastest = 0; /* most voxels per mm along any axis, for any direction of a ray */
   for (int k = 0; k < 3; k++) {
     const double *row = rays->to_index + 3 * k;
     fastest = fmax(fastest, sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2]));
   }
-  /* A fiftieth of a voxel is far above the rounding of positions. */
+  /* The margin of a fiftieth of a voxel is far above the rounding of positions. */
   double each_side = (bounds->block - 0.02) / (fastest * rays->step_mm);
   return each_side < 1e6 ? 1 + (int)(2 * each_side) : 2000000;
 }
@@ -103,7 +102,7 @@ tc_bounds *tc_bounds_build(const tc_minmax *m, const tc_grey *grey, tc_pool *poo
     tc_bounds_free(b);
     return NULL;
   }
-  /* With no room between floor and stop every ray is finished at its first look; a scale of 0 keeps levels at 1. */
+  /* With floor = stop every ray is finished at its first sample; a scale of 0 keeps levels at 1. */
   double span = (double)grey->stop - (double)grey->floor;
   b->scale = span > 0 ? (float)fmin(MOST_LEVEL / span, 1e30) : 0;
   bounds_job job = {b, m};

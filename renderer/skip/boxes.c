@@ -8,12 +8,12 @@
 #include "renderer/skip/runs.h"
 
 #define FINE TC_BOX_FINE
-#define PIECE 5 /* cells that are cut at once: a row of their voxels, one byte each, is one 64-bit word, even with a reach of 1 */
+#define PIECE 5 /* cells cut at once: a row of their voxels at one byte each fits a 64-bit word, even with a reach of 1 */
 #define ROWS (PIECE + 4)
-#define TASK_VOXELS (1 << 19) /* a task cuts about so many: some milliseconds at most */
-#define INLINE static inline __attribute__((always_inline)) /* `reach` is a constant in it */
+#define TASK_VOXELS (1 << 19) /* voxels per task: some milliseconds at most */
+#define INLINE static inline __attribute__((always_inline)) /* so that `reach` is a constant */
 
-/* The boxes that one worker found. */
+/* The records that one worker found. */
 typedef struct found {
   tc_box *items;
   size_t count, capacity, empty; /* empty: blocks */
@@ -25,8 +25,8 @@ typedef struct tc_boxing {
   const tc_minmax *minmax;
   tc_runs runs;
   int dims[3], cells[3];
-  bool *full; /* blocks that nothing is empty in */
-  int strips, rows; /* tasks that two layers of blocks are; rows of blocks in each, even */
+  bool *full; /* blocks without any empty cell */
+  int strips, rows; /* tasks per two layers of blocks; rows of blocks per task, even */
   int next;   /* task */
   int n_workers;
   found *workers;
@@ -48,9 +48,8 @@ static void emit(found *f, const int at[3], int size, uint32_t fine) {
 
 static int least(int a, int b) { return a < b ? a : b; }
 
-/* rows[z][y]: the sets of the voxels of `cells` cells along x and of `reach` more on both sides, from at[0] - reach on,
- * a byte each; bytes beyond, and before the first voxel, have all bits, and so have the outer rows and layers that no
- * voxel is in. */
+/* rows[z][y]: one byte per voxel with its set of empty runs (skip/runs.h), for `cells` cells along x and `reach` voxels more on both
+ * sides, from at[0] - reach on. Bytes, rows and layers outside the volume have all bits set. */
 INLINE void read_rows(const boxes_job *job, const int at[3], const int cells[3], int reach, uint64_t rows[ROWS][ROWS]) {
   int from[3], to[3]; /* in rows */
   for (int k = 0; k < 3; k++) {
@@ -67,11 +66,11 @@ INLINE void read_rows(const boxes_job *job, const int at[3], const int cells[3],
     }
 }
 
-/* The fine boxes of a piece that are not empty: whose voxels' sets have no bit in common. *all: none is empty. */
+/* The occupied fine boxes of a piece: those whose voxels' sets share no bit. *all: none is empty. */
 INLINE uint32_t cut_piece(const boxes_job *job, const int at[3], const int cells[3], int reach, bool *all) {
   uint64_t rows[ROWS][ROWS];
   uint32_t fine = 0;
-  int n[3], last = FINE + 2 * reach; /* voxels of a fine box, less one */
+  int n[3], last = FINE + 2 * reach; /* voxels along a fine box, less one */
   for (int k = 0; k < 3; k++) n[k] = (cells[k] + FINE - 1) / FINE;
   read_rows(job, at, cells, reach, rows);
   for (int z = 0; z < PIECE + 3 + reach; z++)
@@ -94,7 +93,7 @@ INLINE uint32_t cut_piece(const boxes_job *job, const int at[3], const int cells
   return fine;
 }
 
-/* Whether nothing in the block is empty: it is not emitted then. */
+/* Emits the records of a block; a block without any empty cell is not emitted, but reported by returning true. */
 static bool cut_block(const boxes_job *job, const int at[3], found *out) {
   int b = job->minmax->block, end[3], p[3], cells[3];
   bool single = b <= PIECE;
@@ -129,7 +128,7 @@ static void sort_rows(boxes_job *job, int y0, int y1, int z, found *out) {
     }
 }
 
-/* A strip of two layers of blocks. Eight full blocks around a corner become one box. */
+/* A strip of two layers of blocks. Eight full blocks around a corner merge into one box. */
 static void boxes_task(void *context, int index, int worker) {
   boxes_job *job = context;
   const tc_minmax *m = job->minmax;

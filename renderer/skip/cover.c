@@ -5,25 +5,25 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define CHUNK 512             /* boxes that are projected at once */
-#define SHARE 256             /* records that a worker takes at once */
+#define CHUNK 512             /* boxes projected at once */
+#define SHARE 256             /* records a worker takes at once */
 #define SMALL_CELL 2          /* shift: cells of 4x4 pixels, as wide as packets */
 #define MOST_WORDS (4u << 20) /* 32 MiB of bits; larger pictures take larger cells */
-#define MOST_PLANES 16        /* workers that mark bits, each its own: no two meet in a word */
-#define JOINED 4096           /* words that a task joins */
-#define LEAST_WORDS 4         /* slots are a voxel long, but within these bounds */
+#define MOST_PLANES 16        /* workers that mark bits, each in a plane of its own, so that no two write the same word */
+#define JOINED 4096           /* words that a task merges */
+#define LEAST_WORDS 4         /* slots are about a voxel long, within these numbers of words */
 #define LONGEST 16
-#define NEAR_EYE 0.02f        /* of a box's far side: nearer ones cover all of the picture */
+#define NEAR_EYE 0.02f        /* w of a box's far side: boxes nearer to the eye count as covering all of the picture */
 
-/* From index positions, relative to the anchor of the picture's corner, to (w, x * w, y * w): x, y in pixels and w = 1
- * on the anchor's plane, 0 at the eye. Orthographic: (1 + depth in mm, x, y). */
+/* Projection of index positions, relative to the anchor of the picture's corner, to homogeneous (w, x * w, y * w): x, y in pixels, w = 1
+ * on the anchor plane and 0 at the eye. Orthographic: (1 + depth in mm, x, y). */
 typedef struct projection {
-  double origin[3]; /* index */
+  double origin[3]; /* index position */
   double flat[3];   /* how far before its voxel an axis of one voxel begins; 0 along others */
   float rows[3][3];
-  float extent[3];  /* half extents of a box of one cell in the rows */
-  float longer[3];  /* what a cell more along x adds to them */
-  float margin;     /* pixels: above the rounding of single precision */
+  float extent[3];  /* half extents, after projection, of a box of one cell */
+  float longer[3];  /* what one more cell along x adds to them */
+  float margin;     /* pixels: above single-precision rounding */
   double depth_mm;  /* depth = (w - 1) * depth_mm */
   bool perspective;
 } projection;
@@ -32,14 +32,14 @@ typedef struct cover_job {
   tc_cover *cover;
   const tc_boxes *boxes;
   projection p;
-  size_t words; /* of a plane */
+  size_t words; /* per plane */
   int planes;
-  atomic_size_t next; /* record that no worker has taken */
+  atomic_size_t next; /* the first record that no worker has taken */
   const tc_halt *halt;
-  atomic_bool left;   /* for the halt's sake */
+  atomic_bool left;   /* interrupted by the halt */
 } cover_job;
 
-/* First and last cell and slot of a chunk's boxes; none where the last is before the first. */
+/* First and last cell and slot of each box of a chunk; empty where last < first. */
 typedef struct spans {
   int lo[3][CHUNK], hi[3][CHUNK]; /* x, y, slot */
 } spans;
@@ -58,8 +58,8 @@ static bool invert(const double m[9], double out[9]) {
   return isfinite(1 / det);
 }
 
-/* A position is anchor0 + (w-1) * eye + w * (x * du + y * dv), all in index coordinates, with eye = to_index * view0;
- * orthographic without the w, and with the view's direction for the eye. */
+/* Perspective: position = anchor0 + (w - 1) * eye + w * (x * du + y * dv) in index coordinates, with eye = to_index * view0.
+ * Orthographic: the same without the factor w, and with the view direction for eye. */
 static bool project(projection *p, const tc_rays *r, const int dims[3]) {
   double basis[9], rows[9], most = 0;
   for (int k = 0; k < 3; k++) {
@@ -72,7 +72,7 @@ static bool project(projection *p, const tc_rays *r, const int dims[3]) {
   if (!invert(basis, rows)) return false;
   p->perspective = r->perspective;
   p->depth_mm = 1;
-  if (r->perspective) { /* of the anchor's plane: view0 along its normal */
+  if (r->perspective) { /* depth of the anchor plane: view0 along its normal */
     double n[3], length;
     for (int k = 0; k < 3; k++) {
       int a = (k + 1) % 3, b = (k + 2) % 3;
@@ -97,8 +97,7 @@ static bool project(projection *p, const tc_rays *r, const int dims[3]) {
   return true;
 }
 
-/* Middles of boxes, relative to the anchor of the picture's corner, their widths, and how much longer they are along x:
- * index units. */
+/* Centres of boxes relative to the anchor of the picture's corner, their widths, and their extra length along x, in index units. */
 typedef struct chunk {
   float at[3][CHUNK], size[CHUNK], more[CHUNK];
   int count;
@@ -114,7 +113,7 @@ static void add_box(const float low[3], float x, float y, float z, float size, f
   c->more[i] = more;
 }
 
-/* Neighbours in a row of fine boxes go as one: many fewer to project, and hardly more is covered. */
+/* Neighbouring fine boxes of a row are projected as one: far fewer to project, and hardly more is covered. */
 static void add_record(const projection *p, const tc_box *b, chunk *c) {
   static const struct {
     uint8_t first, more;
@@ -135,7 +134,7 @@ static void add_record(const projection *p, const tc_box *b, chunk *c) {
 static inline float least_of(float a, float b) { return a < b ? a : b; }
 static inline float most_of(float a, float b) { return a > b ? a : b; }
 
-/* A plain loop over arrays, for the compiler to make vectors of. */
+/* A plain loop over arrays, which the compiler vectorises. */
 static void project_boxes(const projection p, const tc_cover *c, bool perspective, const chunk *restrict boxes,
                           spans *restrict s) {
   const float per_cell = 1 / (float)(1 << c->shift), per_slot = (float)(p.depth_mm / c->slot_mm);
@@ -172,7 +171,7 @@ static void project_boxes(const projection p, const tc_cover *c, bool perspectiv
   }
 }
 
-/* The slots of a word in the cells of a rectangle. */
+/* Sets the bits of one word in all cells of a rectangle. */
 static inline void mark(uint64_t *corner, ptrdiff_t row, int wide, int high, uint64_t bits) {
   for (int y = 0; y < high; y++, corner += row)
     for (int x = 0; x < wide; x++) corner[x] |= bits;
@@ -180,7 +179,7 @@ static inline void mark(uint64_t *corner, ptrdiff_t row, int wide, int high, uin
 
 static void mark_chunk(const cover_job *job, uint64_t *plane, chunk *boxes) {
   const tc_cover *c = job->cover;
-  ptrdiff_t words = c->cells[0], row = words * c->words; /* from word to word of a cell, from cell to cell down */
+  ptrdiff_t words = c->cells[0], row = words * c->words; /* strides: to a cell's next word, and to the next row of cells */
   spans s;
   if (job->p.perspective)
     project_boxes(job->p, c, true, boxes, &s);
@@ -197,7 +196,7 @@ static void mark_chunk(const cover_job *job, uint64_t *plane, chunk *boxes) {
   boxes->count = 0;
 }
 
-/* One worker's plane: of the records that it can get. */
+/* Fills one worker's plane with the records it can get. */
 static void cover_task(void *context, int index, int worker) {
   cover_job *job = context;
   uint64_t *plane = job->cover->bits + (size_t)index * job->words;
@@ -230,7 +229,7 @@ static void join_task(void *context, int index, int worker) {
   }
 }
 
-/* Slots over the depth of the volume's index box. */
+/* Divides the depth of the volume's index box into slots. */
 static void choose_slots(tc_cover *c, const projection *p, const tc_rays *r, const tc_volume *volume) {
   const double *spacing = tc_volume_describe(volume)->spacing;
   double middle = 0, half = 0;

@@ -4,7 +4,7 @@
 #include "renderer/clock.h"
 #include "renderer/skip/runs.h"
 
-#define FAR 254 /* a u8 distance with room for +1 */
+#define FAR 254 /* a u8 distance that leaves room for +1 */
 
 int tc_skip_block(int block) {
   if (block <= 0) return TC_SKIP_BLOCK;
@@ -34,7 +34,7 @@ typedef struct leap_job {
 
 static size_t layer_size(const int blocks[3]) { return (size_t)blocks[0] * (size_t)blocks[1]; }
 
-/* Distance 0 or FAR for one layer of blocks. */
+/* Sets distance 0 (occupied) or FAR (empty) in one layer of blocks. */
 static void mark_layer(void *context, int z, int worker) {
   (void)worker;
   leap_job *job = context;
@@ -54,10 +54,9 @@ static void mark_layer(void *context, int z, int worker) {
   job->changed[z] = changed;
 }
 
-/* One half of the chessboard distance by two sweeps over half of the 26 neighbours each, which is exact for this
- * metric: layers from..to, counting on what lies before `from` in the sweep's direction. The rows next to a row are
- * joined first and then sideways, so that all but the neighbour in the row itself are vectors. joined: [blocks x +
- * 2]. */
+/* The distance map by two sweeps, each over half of the 26 neighbours, which is exact for the Chebyshev metric. sweep() covers layers
+ * from..to and builds on the layer before `from` in its direction. The four neighbouring rows are reduced to one minimum first
+ * (joined: [blocks x + 2]), then widened sideways, so that all but the neighbour within the row vectorises. */
 static void join_row(const uint8_t *restrict other, uint8_t *restrict near, int nx) {
   for (int x = 0; x < nx; x++) near[x] = other[x] < near[x] ? other[x] : near[x];
 }
@@ -90,7 +89,7 @@ static bool sweep(uint8_t *distance, const int blocks[3], int from, int to, int 
       int y = dir > 0 ? iy : ny - 1 - iy;
       uint8_t *row = distance + ((size_t)z * (size_t)ny + (size_t)y) * (size_t)nx;
       memset(joined, FAR, (size_t)nx + 2);
-      for (int k = 0; k < 4; k++) { /* the row before in its layer, then three of the layer before */
+      for (int k = 0; k < 4; k++) { /* the previous row of this layer, then three rows of the previous layer */
         int yy = k ? y + k - 2 : y - dir, zz = k ? z - dir : z;
         if (yy < 0 || yy >= ny || zz < 0 || zz >= nz) continue;
         join_row(distance + ((size_t)zz * (size_t)ny + (size_t)yy) * (size_t)nx, joined + 1, nx);
@@ -102,9 +101,9 @@ static bool sweep(uint8_t *distance, const int blocks[3], int from, int to, int 
   return true;
 }
 
-/* A block's distance can have changed only if a block that changed is no farther than its distance was: if it is
- * smaller now, the nearest one is new, and if it is greater, the nearest one is gone. Layers that none of their blocks
- * can have changed in are copied. False: nothing changed. */
+/* The layers *from..*to whose distances may differ from the earlier map's. A block's distance can change only if a block within that
+ * distance became occupied or empty: if it shrinks, the nearest occupied block is new; if it grows, the nearest one is gone. False:
+ * nothing changed. */
 static bool find_affected(const leap_job *job, int *from, int *to) {
   int layers = job->minmax->blocks[2], first = layers, last = -1;
   *from = 0, *to = layers - 1;

@@ -8,10 +8,10 @@ typedef struct minmax_job {
   tc_minmax *m;
   const int *dims;
   size_t voxel_bytes;
-  void *rows; /* per worker: a row of minima and one of maxima */
+  void *rows; /* per worker: a row of minima and a row of maxima */
 } minmax_job;
 
-/* The voxels along one axis that count for a block, the last one included. */
+/* First and last voxel, inclusive, of a block along one axis. */
 static int first_voxel(const tc_minmax *m, int index) {
   int first = index * m->block - m->reach;
   return first > 0 ? first : 0;
@@ -22,8 +22,8 @@ static int last_voxel(const tc_minmax *m, int index, int n) {
   return last < n - 1 ? last : n - 1;
 }
 
-/* One row of blocks: first the minimum over the block's rows, voxel by voxel along x (contiguous, so the compiler makes
- * vectors of it), then over each block's stretch of that one row. */
+/* One row of blocks: first minima and maxima over the block's rows, voxel by voxel along x (contiguous, so the compiler vectorises
+ * them), then over each block's stretch of the resulting row. */
 #define ROW_OF_BLOCKS(name, type)                                                                                    \
   static void row_##name(const minmax_job *job, int by, int bz, type *lo, type *hi) {                                \
     const type *voxels = tc_volume_data(job->volume);                                                                \

@@ -18,8 +18,8 @@ bool tc_runs_miss(const tc_runs *runs, double lo, double hi) {
   return runs->before[node_of(runs, hi) + 1] == runs->before[node_of(runs, lo)];
 }
 
-/* A lookup reads entries that span nodes floor(min) to floor(max) + 2; a node more on each side covers the rounding of
- * the kernels' single precision. */
+/* A look-up reads entries that span nodes floor(min) to floor(max) + 2; one more node on each side covers the kernels'
+ * single-precision rounding. */
 static void find_runs(tc_runs *r, const tc_support *s) {
   int run = -1, end = s->n + 2;
   bool inside = false;

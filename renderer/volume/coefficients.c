@@ -14,8 +14,8 @@ uint64_t tc_coefficients_bytes(const tc_volume *volume) {
   return (uint64_t)n[0] * (uint64_t)n[1] * (uint64_t)n[2] * sizeof(float);
 }
 
-/* Solves for `width` <= COLUMNS neighbouring columns of n samples, `stride` floats apart: a causal filter down, its
- * mirror up. What lies before the first sample is the column mirrored, over and over, each end sample twice. */
+/* Solves `width` <= COLUMNS neighbouring columns of n samples, `stride` floats apart: a causal filter down, its mirror up. The column
+ * continues mirrored and periodic beyond both ends, with end samples repeated. */
 static void filter_columns(float *p, int n, ptrdiff_t stride, int width) {
   double sum[COLUMNS] = {0}, weight = 1, z = POLE;
   int reach = 2 * n < HORIZON ? 2 * n : HORIZON;
@@ -24,7 +24,7 @@ static void filter_columns(float *p, int n, ptrdiff_t stride, int width) {
     weight *= z;
     for (int x = 0; x < width; x++) sum[x] += weight * (double)row[x];
   }
-  double period = reach == 2 * n ? 1 - weight : 1; /* the sum over one period stands for all of them */
+  double period = reach == 2 * n ? 1 - weight : 1; /* sums the geometric series over all periods */
   for (int x = 0; x < width; x++) p[x] = (float)((double)p[x] + sum[x] / period);
   for (int i = 1; i < n; i++) {
     float *row = p + i * stride, *before = row - stride;
@@ -42,19 +42,19 @@ static void filter(float *p, int n, ptrdiff_t stride, int width) {
   for (int x = 0; x < width; x += COLUMNS) filter_columns(p + x, n, stride, width - x < COLUMNS ? width - x : COLUMNS);
 }
 
-#define PIECE 65536 /* voxels that a task filters, about: a fraction of a millisecond */
+#define PIECE 65536 /* voxels per task, roughly: a fraction of a millisecond */
 
 typedef enum pass { ALONG_X, ALONG_Y, ALONG_Z, PASSES } pass;
 
 struct tc_coefficients {
   tc_volume *to;
-  const tc_volume *from; /* while it goes on */
+  const tc_volume *from; /* during a call */
   float *voxels;
   int dims[3];
-  float base; /* taken off before and put back after, so that a constant stays exactly that */
-  int pass, next; /* a task of that pass */
-  int strips[PASSES], width[PASSES]; /* tasks of a slice or of a row of slices; rows or columns of each */
-  pthread_mutex_t lock; /* of the range */
+  float base; /* subtracted before filtering and added afterwards, so that a constant volume stays exactly constant */
+  int pass, next; /* current pass, and its next task */
+  int strips[PASSES], width[PASSES]; /* per pass: tasks per slice, or per row of slices; rows or columns per task */
+  pthread_mutex_t lock; /* guards the range */
   float lo, hi;
 };
 
@@ -93,7 +93,7 @@ static void y_task(void *context, int index, int worker) {
   filter(slice + x, c->dims[1], nx, least(c->width[ALONG_Y], nx - x));
 }
 
-/* Part of one row of every slice: along z, and what values there are now. */
+/* Part of one row of every slice: along z, and the range of the result. */
 static void z_task(void *context, int index, int worker) {
   tc_coefficients *c = context;
   int nx = c->dims[0], x = index % c->strips[ALONG_Z] * c->width[ALONG_Z], y = index / c->strips[ALONG_Z];
@@ -153,7 +153,7 @@ bool tc_coefficients_go_on(tc_coefficients *c, const tc_volume *volume, tc_pool 
   static void (*const tasks[PASSES])(void *, int, int) = {x_task, y_task, z_task};
   c->from = volume;
   for (; c->pass < PASSES; c->pass++, c->next = 0) {
-    int count = c->strips[c->pass] * c->dims[c->pass == ALONG_Z ? 1 : 2]; /* at most a voxel each */
+    int count = c->strips[c->pass] * c->dims[c->pass == ALONG_Z ? 1 : 2]; /* each task has at least a voxel */
     if (!tc_pool_go_on(pool, &c->next, count, tasks[c->pass], c)) return false;
   }
   tc_volume_seal_within(c->to, (double)c->lo, (double)c->hi);

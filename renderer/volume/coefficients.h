@@ -1,5 +1,5 @@
-/* B-spline coefficients of a volume: with them in the voxels' place the cubic filter, which smooths, passes through
- * every voxel.
+/* B-spline coefficients of a volume (prefiltering): with coefficients in place of voxels, the cubic filter, which otherwise smooths,
+ * passes through every voxel.
  *
  * Along each axis c solves (c[i-1] + 4 c[i] + c[i+1]) / 6 = v[i] with the edge's coefficient repeated outside, as the
  * filter reads it (Unser, Aldroubi and Eden, B-spline signal processing, IEEE Trans. Signal Processing 41(2), 1993). */
@@ -9,23 +9,23 @@
 #include "renderer/pool.h"
 #include "renderer/volume/volume.h"
 
-/* Bytes that they take: four a voxel. */
+/* Memory in bytes: four per voxel. */
 uint64_t tc_coefficients_bytes(const tc_volume *volume);
 
-/* Coefficients in the making: a second for 512^3 voxels, hence in parts. */
+/* Unfinished coefficients: 512^3 voxels take a second, so the work can be interrupted. */
 typedef struct tc_coefficients tc_coefficients;
 
 tc_coefficients *tc_coefficients_begin(const tc_volume *volume, GError **error);
-/* Goes on until they are made, or the pool's halt: false then, to be called again. pool NULL: all on the caller. */
+/* Works on until the coefficients are complete; false: the pool's halt, to be called again. pool NULL: on the calling thread. */
 bool tc_coefficients_go_on(tc_coefficients *c, const tc_volume *volume, tc_pool *pool);
-/* Indices done so far, of any pass: it grows. */
+/* Progress of the work; it only grows. */
 int64_t tc_coefficients_steps(const tc_coefficients *c);
-/* Those that are made, and ends c: a sealed f32 volume in the same place, of the same unit; the caller's. They reach
- * beyond the voxels' range where the data turn sharply. */
+/* Returns the complete coefficients, and frees c: a sealed f32 volume in the same place and unit, owned by the caller. Coefficients
+ * exceed the voxels' range where the data have sharp peaks. */
 tc_volume *tc_coefficients_take(tc_coefficients *c);
 void tc_coefficients_free(tc_coefficients *c); /* NULL is fine */
 
-/* All at once. TC_ERROR_MEMORY, or what the pool's halt says. */
+/* begin, go_on and take in one call. NULL with TC_ERROR_MEMORY or the halt's error. */
 tc_volume *tc_coefficients_make(const tc_volume *volume, tc_pool *pool, GError **error);
 
 #endif

@@ -1,4 +1,4 @@
-/* Generated volumes, so that everything runs with no file at all. All are deterministic. */
+/* Generated demo volumes, deterministic, so that everything runs without any file. */
 #include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
@@ -14,7 +14,7 @@ typedef struct asker {
   void *user;
 } asker;
 
-/* One slice is made in float, then stored in the volume's type. */
+/* Slices are made in float, then stored in the volume's type. */
 typedef struct demo_job {
   tc_volume *volume;
   const tc_volume_desc *desc;
@@ -27,7 +27,7 @@ typedef struct demo_job {
   atomic_bool given_up;
 } demo_job;
 
-/* A hash of the voxel's place, triangular in [-1, 1]: the same on every machine and thread. */
+/* Noise from a hash of the voxel's position, triangular in [-1, 1]: the same on every machine and thread. */
 static float noise_at(int x, int y, int z) {
   uint32_t h = (uint32_t)x * 0x9E3779B1u ^ (uint32_t)y * 0x85EBCA77u ^ (uint32_t)z * 0xC2B2AE3Du;
   h ^= h >> 15, h *= 0x2C1B3C6Du, h ^= h >> 12, h *= 0x297A2D39u, h ^= h >> 15;
@@ -113,7 +113,7 @@ static tc_volume *demo_head(const asker *asker, GError **error) {
   return v;
 }
 
-/* From what a shape of the head is painted with to its tissue: 0 air, 1 soft tissue, 2 bone, 3 brain, 4 fluid, 5 eyes,
+/* The tissue of a shape of the head, by its painted value: 0 air, 1 soft tissue, 2 bone, 3 brain, 4 fluid, 5 eyes,
  * 6 teeth. */
 static float head_label(float value) {
   static const struct {
@@ -131,7 +131,7 @@ static tc_volume *demo_head_labels(const asker *asker, GError **error) {
   tc_shape *shapes = tc_shapes_head(&n);
   for (int i = 0; i < n; i++) {
     shapes[i].value = head_label(shapes[i].value);
-    shapes[i].edge = 1e-6f; /* in or out: labels do not mix */
+    shapes[i].edge = 1e-6f; /* sharp edges: labels do not mix */
   }
   demo_job job = {.fill = fill_shapes, .shapes = shapes, .n_shapes = n};
   tc_volume *v = make(&job, &d, asker, error);

@@ -1,4 +1,4 @@
-/* Soft-edged shapes that demo volumes are painted from, later ones over earlier ones. mm, LPS, centre at the origin. */
+/* Soft-edged shapes for demo volumes, painted in order, later over earlier. mm in LPS, centred at the origin. */
 #ifndef TC_VOLUME_DEMO_SHAPES_H
 #define TC_VOLUME_DEMO_SHAPES_H
 
@@ -13,7 +13,7 @@ typedef struct tc_shape {
   float wave;       /* folds the surface: amplitude in mm, 0 = smooth */
 } tc_shape;
 
-/* Paints slice z of a cubic-voxel grid: slice[y * dims[0] + x] mixes towards value by the shape's coverage. */
+/* Paints the shape into slice z of a grid of cubic voxels: blends slice[y * dims[0] + x] towards value by the shape's coverage. */
 void tc_shape_paint(const tc_shape *shape, const int dims[3], const double origin[3], double spacing, int z,
                     float *slice);
 

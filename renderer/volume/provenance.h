@@ -1,4 +1,4 @@
-/* What a volume is of its file or series: which one of how many, and what was done or left out to make it. */
+/* Provenance of a volume: which volume of its file or series it is, and what was resampled, bridged or left out. */
 #ifndef TC_RENDERER_VOLUME_PROVENANCE_H
 #define TC_RENDERER_VOLUME_PROVENANCE_H
 
@@ -6,12 +6,12 @@
 
 typedef struct tc_provenance {
   int volume; /* number, from 1, of desc.frames; 0 means the first */
-  int slices_used, slices_found; /* of a series of pictures: different positions in this volume, and in all; else 0 */
-  int bridged;    /* the layer, from 1, that stands for a missing slice; 0 none */
-  bool resampled; /* slices lay at varying distances: layers are interpolated linearly along the stack */
+  int slices_used, slices_found; /* of a series of slices: distinct positions in this volume, and in the series; else 0 */
+  int bridged;    /* number, from 1, of the slice interpolated for a missing one; 0: none */
+  bool resampled; /* slices at uneven distances were interpolated linearly along the stack */
 } tc_provenance;
 
-/* Set before sealing, by importers; all 0 otherwise. */
+/* Set by importers before sealing; else all 0. */
 void tc_volume_set_provenance(tc_volume *volume, const tc_provenance *provenance);
 const tc_provenance *tc_volume_provenance(const tc_volume *volume);
 

@@ -4,22 +4,22 @@
 #include <stdlib.h>
 
 #define BINS 65536
-/* Values that the rest has at least, where a lone one is padding: masks and labels have few. */
+/* A lone value is padding only if the others are at least this many: masks and labels have few. */
 #define FEW_VALUES 16
-/* How many times as far as the rest is wide. */
+/* Padding below the range is at least this many range widths away. */
 #define FAR_BELOW 4
 #define FAR_ABOVE 1
 
 struct tc_values {
   uint64_t counts[BINS];
-  double start, width; /* value of bin 0's lower edge (of whole numbers: its value); of a bin */
+  double start, width; /* value of bin 0's lower edge (for integers: of bin 0); width of a bin */
   int first, last;     /* bins of the range, inclusive */
 };
 
-/* A row of each so many is enough to know the shares of values in a large volume. */
+/* In larger volumes, a sample of the rows suffices for the distribution of values. */
 #define ENOUGH_VOXELS (1u << 24)
 
-/* Bins along the values: where slope is negative, against the voxels. Whole numbers have a bin each. */
+/* Bins ascend with the value, hence descend with the voxel if the slope is negative. Integers have a bin each. */
 #define COUNT_OF(name, type, number)                                                                                 \
   static void count_##name(const type *v, size_t n, double start, double scale, uint64_t *counts) {                  \
     const number first = (number)start, times = (number)scale;                                                       \
@@ -45,7 +45,7 @@ static void count_row(tc_values *values, tc_voxel_type type, const void *v, size
   }
 }
 
-/* Counts voxels between two of them, both of which there are. */
+/* Counts voxels in [lo, hi], both of which occur. */
 static void count(tc_values *values, const tc_volume *volume, double lo, double hi) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const bool whole = d->type != TC_F32;
@@ -56,7 +56,7 @@ static void count(tc_values *values, const tc_volume *volume, double lo, double 
   const char *v = tc_volume_data(volume);
   for (int i = 0; i < BINS; i++) values->counts[i] = 0;
   for (size_t row = 0; row < rows; row += every) count_row(values, d->type, v + row * n * size, n, start, scale);
-  for (int end = 0; end < 2; end++) { /* whether or not they were met */
+  for (int end = 0; end < 2; end++) { /* they count even if the sampled rows miss them */
     const double at = ((end ? hi : lo) - start) * scale;
     uint64_t *c = &values->counts[at < BINS - 1 ? (int)at : BINS - 1];
     *c += *c == 0;
@@ -77,7 +77,7 @@ static bool has_many(const tc_values *v, int from, int to) {
   return used == FEW_VALUES;
 }
 
-/* Moves an end of the range off padding. */
+/* Moves an end of the range past padding; false: there is none. */
 static bool leave_padding(tc_values *v) {
   const int above = next_used(v, v->first, 1), below = next_used(v, v->last, -1);
   if (v->last - v->first < FEW_VALUES) return false;
@@ -87,7 +87,7 @@ static bool leave_padding(tc_values *v) {
   return true;
 }
 
-/* The range of a f32 volume's voxels within the bins that are left. */
+/* The range of an f32 volume's voxels within the remaining bins. */
 static void range_within(const tc_values *v, const tc_volume *volume, double *lo, double *hi) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const double a = (v->start + v->width * v->first - d->intercept) / d->slope;
@@ -117,13 +117,13 @@ tc_values *tc_values_of(const tc_volume *volume) {
   find_range(values);
   double lo = s->voxel_min, hi = s->voxel_max;
   for (int ends = 0; ends < 2 && leave_padding(values); ends++) {
-    if (d->type != TC_F32) continue; /* a bin a value: nothing to look at more closely */
+    if (d->type != TC_F32) continue; /* one bin per value: already exact */
     range_within(values, volume, &lo, &hi);
     count(values, volume, lo, hi);
     find_range(values);
   }
   if (has_many(values, values->first, values->last)) return values;
-  count(values, volume, s->voxel_min, s->voxel_max); /* a mask: its ends are no padding */
+  count(values, volume, s->voxel_min, s->voxel_max); /* a mask: keep its ends */
   find_range(values);
   return values;
 }

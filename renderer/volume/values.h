@@ -1,4 +1,4 @@
-/* What the values of a volume are like, from its histogram: one walk over the voxels, sixteen bits fine. */
+/* Statistics of a volume's values (range without padding, percentiles, threshold), from a 16-bit histogram taken in one pass. */
 #ifndef TC_VALUES_H
 #define TC_VALUES_H
 
@@ -10,16 +10,15 @@ typedef struct tc_values tc_values;
 tc_values *tc_values_of(const tc_volume *volume);
 void tc_values_free(tc_values *values); /* NULL is fine */
 
-/* Least and greatest value but for padding: one value at an end of the range, farther from all others than those are
- * from each other (at the lower end, where air and masks are, much farther). */
+/* Least and greatest value without padding. Padding is a single value at an end of the range that is farther from all other values than
+ * they are apart (much farther at the lower end, where air and masks are). */
 void tc_values_range(const tc_values *values, double *low, double *high);
-/* The share of the voxels within tc_values_range() from `value` on. */
+/* Share of voxels >= value, among those within tc_values_range(). */
 double tc_values_share(const tc_values *values, double value);
-/* The value that this share of the voxels from `from` on is below. */
+/* The value below which `share` of the voxels >= from lie. */
 double tc_values_percentile(const tc_values *values, double from, double share);
-/* What parts the voxels best: the largest variance between the two sides (Otsu, A threshold selection method from
- * gray-level histograms, IEEE Trans. SMC 9(1), 1979). One value that most voxels have (around a map of signed ones) is
- * on the lower side. */
+/* Otsu's threshold: maximises the variance between both sides (A threshold selection method from gray-level histograms, IEEE Trans. SMC
+ * 9(1), 1979). A single value that most voxels have, as around a map of signed values, is on the lower side. */
 double tc_values_threshold(const tc_values *values);
 
 #endif

@@ -6,8 +6,7 @@
 #include <string.h>
 #include <sys/mman.h>
 
-/* Kernels fetch voxel pairs with 32-bit loads and whole vectors at row ends: everything up to here past the last voxel
- * may be read (and is zero). */
+/* Kernels read beyond the last voxel: pairs of voxels as 32 bits, whole vectors at row ends. This many bytes of zeros follow it. */
 #define TAIL_PAD_BYTES 256
 
 struct tc_volume {
@@ -15,15 +14,15 @@ struct tc_volume {
   tc_volume_stats stats;
   tc_provenance provenance;
   uint8_t *voxels;
-  uint8_t *nothing;    /* a bit for each voxel that was NaN; NULL: none was */
-  size_t bytes;        /* voxels alone */
+  uint8_t *nothing;    /* a bit per voxel, set if it was NaN; NULL: none was */
+  size_t bytes;        /* of the voxels */
   size_t mapped_bytes; /* with the pad */
   double to_lps[9];    /* index displacement -> mm, row by row */
   double to_index[9];
   uint64_t serial;
   atomic_int references;
   bool sealed;
-  void (*freed)(void *user); /* NULL: nobody asked */
+  void (*freed)(void *user); /* or NULL */
   void *freed_user;
 };
 
@@ -59,7 +58,7 @@ static bool check_grid(const tc_volume_desc *d, GError **error) {
       tc_set_error(error, TC_ERROR_INVALID, NULL, "volume: axis %d has %d voxels, at least 1 wanted", k, d->dims[k]);
       return false;
     }
-    voxels *= (uint64_t)d->dims[k]; /* two factors under 2^31 fit; the third is checked before it multiplies */
+    voxels *= (uint64_t)d->dims[k]; /* two factors below 2^31 fit; the product is checked before the third */
     if (voxels > INT32_MAX) {
       tc_set_error(error, TC_ERROR_LIMIT, NULL,
                    "volume: %dx%dx%d is more than 2^31-1 voxels: crop or resample it first", d->dims[0], d->dims[1],
@@ -71,7 +70,7 @@ static bool check_grid(const tc_volume_desc *d, GError **error) {
                    d->spacing[k]);
       return false;
     }
-    if (!(fabs(d->origin[k]) <= 1e9)) { /* a million km: at more, millimetres would be rounded away */
+    if (!(fabs(d->origin[k]) <= 1e9)) { /* a million km: beyond, millimetres are lost to rounding */
       tc_set_error(error, TC_ERROR_FORMAT, NULL, "volume: the origin %g mm is absurd; correct it in the file's header",
                    d->origin[k]);
       return false;
@@ -89,7 +88,7 @@ static bool check_grid(const tc_volume_desc *d, GError **error) {
   return true;
 }
 
-/* Unit columns; a file's rounding is mended here, nonsense is refused. */
+/* Makes the columns unit vectors, as far as a file's rounding goes; refuses anything else. */
 static bool normalise_direction(tc_volume_desc *d, double to_index[9], GError **error) {
   for (int k = 0; k < 3; k++) {
     double length = sqrt(d->direction[k] * d->direction[k] + d->direction[3 + k] * d->direction[3 + k] +
@@ -127,7 +126,7 @@ tc_volume *tc_volume_new(const tc_volume_desc *desc, GError **error) {
     for (int k = 0; k < 3; k++) v->to_lps[3 * r + k] = v->desc.direction[3 * r + k] * v->desc.spacing[k];
   v->bytes = (size_t)desc->dims[0] * (size_t)desc->dims[1] * (size_t)desc->dims[2] * tc_voxel_size(desc->type);
   v->mapped_bytes = v->bytes + TAIL_PAD_BYTES;
-  /* mmap, not malloc: pages come zeroed and cost nothing until touched, and large ones are asked for. */
+  /* mmap instead of malloc: zeroed pages, allocated on first touch, and huge pages where possible. */
   void *p = mmap(NULL, v->mapped_bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
   if (p == MAP_FAILED) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "volume: no memory for %zu bytes of voxels", v->bytes);
@@ -146,7 +145,7 @@ const void *tc_volume_data(const tc_volume *volume) { return volume->voxels; }
 
 static size_t voxel_count(const tc_volume *v) { return v->bytes / tc_voxel_size(v->desc.type); }
 
-/* Range of an integer array; a plain loop the compiler turns into vector minima. */
+/* Range of an integer array; a plain loop that the compiler vectorises. */
 #define RANGE_OF(name, type)                                                                                         \
   static void range_##name(const type *p, size_t n, double *lo, double *hi) {                                        \
     type a = p[0], b = p[0];                                                                                         \
@@ -177,25 +176,25 @@ static void range_f32(const float *p, size_t n, double *lo, double *hi, uint64_t
 }
 
 typedef struct sealing {
-  bool (*goes_on)(void *user); /* NULL: always */
+  bool (*goes_on)(void *user); /* or NULL */
   void *user;
   double lo, hi, factor;
 } sealing;
 
-/* Kernels interpolate without a test, so what is not finite is mended once, here: NaN by `nothing`. */
+/* Kernels interpolate without a test, so non-finite voxels are replaced once, here; NaN by `nothing`. */
 static void mend_f32(float *p, size_t n, float lo, float hi, float nothing) {
   for (size_t i = 0; i < n; i++)
     if (!isfinite(p[i])) p[i] = isnan(p[i]) ? nothing : p[i] > 0 ? hi : lo;
 }
 
-/* NaN says that there is nothing. In a map of signed values that is 0, so that a mask is no deepest deactivation; in
- * all else, such as HU, the least value. */
+/* The replacement of NaN, which means "no data": 0 in a map of signed values, where the minimum would be the strongest deactivation; the
+ * least value elsewhere, as in HU. */
 static double value_of_nothing(const tc_volume *v, const sealing *s) {
   const double zero = 0 - v->desc.intercept / v->desc.slope; /* never -0 */
   return s->lo < zero && zero < s->hi && strcmp(v->desc.unit, "HU") != 0 ? zero : s->lo;
 }
 
-/* Remembers which voxels are NaN, a bit each. Without memory for it they count as what they were mended to. */
+/* Records which voxels are NaN, one bit each. Without memory for the bits, they count as their replacement. */
 static void mark_nothing(tc_volume *v, size_t at, size_t n) {
   const float *p = (const float *)v->voxels;
   if (!v->nothing) v->nothing = calloc(voxel_count(v) / 8 + 1, 1);
@@ -205,8 +204,8 @@ static void mark_nothing(tc_volume *v, size_t at, size_t n) {
 
 static bool is_nothing(const tc_volume *v, size_t i) { return v->nothing && (v->nothing[i / 8] >> (i % 8) & 1); }
 
-/* Differences of voxels near the ends of float's range would overflow (or vanish): such volumes are scaled by a power
- * of two, which is exact, and the slope takes it back. 1: no need. */
+/* The power of two by which an f32 volume is scaled, because differences of voxels near the ends of float's range would overflow or
+ * vanish; exact, and undone by the slope. 1: none needed. */
 static double factor_f32(double lo, double hi) {
   double largest = fmax(fabs(lo), fabs(hi));
   if (largest == 0 || (largest < 1e30 && largest > 1e-30)) return 1;
@@ -217,10 +216,10 @@ static void scale_f32(float *p, size_t n, double factor) {
   for (size_t i = 0; i < n; i++) p[i] = (float)((double)p[i] * factor);
 }
 
-/* Voxels looked at between two questions whether to go on: a few milliseconds of work. */
+/* Voxels between two calls of goes_on(): a few milliseconds of work. */
 #define SEAL_VOXELS ((size_t)4 << 20)
 
-/* Range of a stretch of voxels; *bad counts what is not finite. */
+/* Range of n voxels from `at` on; *bad counts non-finite ones. */
 static void range_of(const tc_volume *v, size_t at, size_t n, double *lo, double *hi, uint64_t *bad) {
   const uint8_t *p = v->voxels + at * tc_voxel_size(v->desc.type);
   *bad = 0;
@@ -255,7 +254,7 @@ static bool find_range(tc_volume *v, sealing *s) {
   return true;
 }
 
-/* Replaces what is not finite, and scales where the range asks for it. */
+/* Replaces non-finite voxels, and scales if the range requires it. */
 static bool mend(tc_volume *v, sealing *s) {
   const size_t count = voxel_count(v);
   s->factor = factor_f32(s->lo, s->hi);
@@ -365,8 +364,7 @@ static double voxel_as_double(const tc_volume *v, size_t i) {
   return 0;
 }
 
-/* How far outside the box counts as on it: positions come as decimals, and rounding must not make the first and last
- * planes a miss. */
+/* Positions this close to the box count as on it: they come as decimals, and rounding must not exclude the first and last planes. */
 #define BOX_SLACK 1e-3
 
 bool tc_volume_value_at(const tc_volume *volume, const double index[3], double *value) {
@@ -400,7 +398,7 @@ static double value_of(tc_voxel_type type, unsigned raw) {
   return type == TC_I8 ? (int8_t)raw : type == TC_I16 ? (int16_t)raw : (int)raw;
 }
 
-/* How many voxels have each value, of integers; NULL: they are none, or out of memory. Caller frees. */
+/* Counts of each value, for integer types; NULL for floats, or out of memory. The caller frees. */
 static uint64_t *tally(const tc_volume *v, size_t n) {
   const bool wide = tc_voxel_size(v->desc.type) == 2;
   uint64_t *of = v->desc.type == TC_F32 || v->nothing ? NULL : calloc(65536, sizeof *of);
@@ -411,7 +409,7 @@ static uint64_t *tally(const tc_volume *v, size_t n) {
 
 static int bin_of(const tc_volume *volume, double voxel, double lo, double scale, int bins) {
   double at = (volume->desc.slope * voxel + volume->desc.intercept - lo) * scale;
-  /* infinite or no number where the range is next to nothing */
+  /* `at` may be infinite or NaN if the range is tiny */
   return at < bins ? at > 0 ? (int)at : 0 : at >= bins ? bins - 1 : 0;
 }
 

@@ -1,7 +1,7 @@
-/* A volume: a regular grid of scalar voxels in their own type, with its place in patient space.
+/* A volume: a regular grid of scalar voxels in their own type, with its position in patient space.
  *
- * Life: tc_volume_new() allocates, an importer fills tc_volume_voxels(), tc_volume_seal() checks and
- * makes it immutable; from then on any thread may read it. Shared by reference count (atomic). */
+ * tc_volume_new() allocates, an importer fills tc_volume_voxels(), tc_volume_seal() checks the volume and makes it immutable; from then on
+ * any thread may read it. Shared by an atomic reference count. */
 #ifndef TC_RENDERER_VOLUME_H
 #define TC_RENDERER_VOLUME_H
 
@@ -25,15 +25,15 @@ typedef struct tc_volume_desc {
   double direction[9];   /* 3x3 row by row; column k = unit vector of index axis k in LPS. Columns are
                             independent but need not be orthogonal (a gantry tilt shears them). */
   double slope, intercept; /* value = slope * voxel + intercept; slope != 0 */
-  int frames;            /* how many volumes the file or series held; 1 normally. See provenance.h */
+  int frames;            /* number of volumes in the file or series, normally 1; see provenance.h */
   char modality[16];     /* "CT", "MR", "PT", ... or "" */
   char format[16];       /* "nifti" "nrrd" "metaimage" "dicom" "demo" */
   char unit[16];         /* "HU", "" ... */
-  char note[256];        /* conversions applied to get here, one sentence, or "" */
+  char note[256];        /* conversions by the importer, one sentence, or "" */
   double window_center, window_width; /* the file's own window; width 0 = none */
 } tc_volume_desc;
 
-/* What sealing finds. Values are in the volume's unit (slope and intercept applied). */
+/* Found by sealing. Values are in the volume's unit (slope and intercept applied). */
 typedef struct tc_volume_stats {
   double min, max;            /* of the values; min <= max */
   double voxel_min, voxel_max; /* of the stored voxels */
@@ -50,17 +50,18 @@ tc_volume *tc_volume_new(const tc_volume_desc *desc, GError **error);
 void *tc_volume_voxels(tc_volume *volume);
 const void *tc_volume_data(const tc_volume *volume);
 
-/* Ends the filling: finds the range, replaces and counts what is not finite in a f32 volume (NaN, which then has no value
- * and no count, by 0 in signed maps but HU, else like -inf; +-inf by the extremes; nothing finite: 0). A f32 volume whose
- * largest magnitude is beyond 1e30 or below 1e-30 is scaled by a power of two, with the slope taking it back. */
+/* Ends the filling: finds the range, and replaces and counts non-finite voxels of an f32 volume. +-inf becomes the extremes; NaN becomes 0
+ * in signed maps other than HU, else the least value, and is no value of tc_volume_value_at() and the histogram; without any finite
+ * voxel, all become 0. An f32 volume whose largest magnitude is above 1e30 or below 1e-30 is scaled by a power of two, which the
+ * slope undoes. */
 void tc_volume_seal(tc_volume *volume);
-/* The same, asking now and then whether to go on: false, and the volume is not sealed, as soon as `goes_on` says so. */
+/* The same, interruptible: returns false, with the volume not sealed, once goes_on() returns false. */
 bool tc_volume_seal_while(tc_volume *volume, bool (*goes_on)(void *user), void *user);
 
-/* `freed` is called once the last reference has gone and the memory with it, on whatever thread that was. At most one. */
+/* freed() is called after the last reference is dropped and the memory freed, on that thread. At most one per volume. */
 void tc_volume_when_freed(tc_volume *volume, void (*freed)(void *user), void *user);
 
-/* The same for who knows the range of the voxels, all of them finite. */
+/* tc_volume_seal() for voxels that are all finite and whose range is known. */
 void tc_volume_seal_within(tc_volume *volume, double voxel_min, double voxel_max);
 
 tc_volume *tc_volume_ref(tc_volume *volume);
@@ -74,13 +75,13 @@ uint64_t tc_volume_serial(const tc_volume *volume); /* unique in the process; ke
 /* Index (voxel) coordinates <-> LPS mm. */
 void tc_volume_index_to_lps(const tc_volume *volume, const double index[3], double lps[3]);
 void tc_volume_lps_to_index(const tc_volume *volume, const double lps[3], double index[3]);
-/* Linear part only (no origin), index displacement of an LPS displacement: [3][3] row by row. */
+/* From LPS displacements to index displacements (no origin): [3][3] row by row. */
 void tc_volume_lps_to_index_matrix(const tc_volume *volume, double matrix[9]);
 
 /* The field's box in index space (NUMERICS section 0): [0, n-1], or [-0.5, 0.5] where n = 1. */
 void tc_volume_index_box(const tc_volume *volume, double lo[3], double hi[3]);
 
-/* Trilinear value (in the volume's unit) at an index position; false 0.001 outside the box, and beside NaN. Double. */
+/* Trilinear value (in the volume's unit) at an index position; false if it is over 0.001 outside the box, or beside a NaN. Double. */
 bool tc_volume_value_at(const tc_volume *volume, const double index[3], double *value);
 
 /* Counts of voxels (not NaN) in `bins` equal bins over [stats.min, stats.max]; edges[bins + 1] in the volume's unit. */

@@ -1,11 +1,9 @@
-/* Direct volume rendering of a packet, back to front. Part of the template, only in the kernel for rare variants.
- *
- * The same samples and segments as front to back (dvr_tmpl.h), met from each ray's end: what is nearest comes last, so
- * that no ray ends early. A ray joins when the walk reaches its last segment. Once an instruction set, for all voxel
- * types. */
+/* Direct volume rendering of a packet, back to front: the samples and segments of dvr_tmpl.h in reverse. There is no early ray
+ * termination, because the nearest segment comes last. A ray joins when the march reaches its last segment. */
 
-/* Written as a sum of differences, like the front's: thin segments of a long ray lose no more here than there. */
-V_INLINE void put_in_front(vf4 c, vm live, vf4 *sum) {
+/* The over operator, segment in front of sum, as sum + (segment - opacity * sum): thin segments of a long ray then lose no more
+ * to rounding than front to back. */
+V_INLINE void composite_over(vf4 c, vm live, vf4 *sum) {
   vf none = v_set(0), a = v_select(live, c.a, none);
   sum->r = sum->r + v_fnma(a, sum->r, v_select(live, c.r, none));
   sum->g = sum->g + v_fnma(a, sum->g, v_select(live, c.g, none));
@@ -13,9 +11,9 @@ V_INLINE void put_in_front(vf4 c, vm live, vf4 *sum) {
   sum->a = sum->a + v_fnma(a, sum->a, a);
 }
 
-#define MOST_RUNS 32 /* of a packet; the last one holds what is behind it too */
+#define MOST_RUNS 32 /* per packet; the last one extends to the end of the rays */
 
-/* The runs of segments to walk, first to last; returns how many. */
+/* The occupied runs of segments, first to last; returns how many. */
 V_INLINE int find_runs(const tc_cpu_args *args, variant v, const packet *p, const place *at, int steps,
                        int from[MOST_RUNS], int to[MOST_RUNS]) {
   int n = 0;
@@ -47,8 +45,8 @@ V_ONCE void cast_back_to_front(const tc_cpu_args *args, variant v, const place *
   float longest = 0 - v_least(v_select(p.live, v_set(0) - p.length, v_set(0)));
   for (int n = find_runs(args, v, &p, at, (int)(longest * args->rays.inverse_step) + 2, from, to); n-- > 0;) {
     counts->leaps += v.leap;
-    counts->until_poll -= STRIDE; /* the run's steps may be none that count */
-    for (int i = to[n] - 1; i >= from[n] && marches(args, p.live, counts, i); i--) {
+    counts->until_poll -= POLL_STRIDE; /* a run may have no step that is a multiple of POLL_STRIDE */
+    for (int i = to[n] - 1; i >= from[n] && keep_marching(args, p.live, counts, i); i--) {
       vf t0 = sample_mm(args, v, &p, i), t1 = sample_mm(args, v, &p, i + 1);
       vm live = m_and(p.live, v_lt(t0, p.length));
       if (!m_any(live)) continue;
@@ -57,7 +55,7 @@ V_ONCE void cast_back_to_front(const tc_cpu_args *args, variant v, const place *
         counts->samples += (uint64_t)m_count(live);
       }
       before = i;
-      /* Of a ray that joins next this is its end, where its last segment's back is wanted. */
+      /* For a ray that joins at the next step, this samples its end: the back of its last segment. */
       front = sample_node(args, v, &p, v_min(t0, p.length), at_front);
       counts->samples += (uint64_t)m_count(live);
       if (!v.leap || v.classification == TC_PREINTEGRATED2 || !all_zero(args, front, back, live)) {
@@ -66,7 +64,7 @@ V_ONCE void cast_back_to_front(const tc_cpu_args *args, variant v, const place *
           c = label_segment(args, &p, v_set(0.5f) * (t0 + v_min(t1, p.length)), c);
         if (v.shaded && m_any(v_lt(v_set(0), c.a)))
           c = shade_segment(args, v, &p, &light, at_front, at_back, t0, t1, live, c, counts);
-        put_in_front(c, live, &sum);
+        composite_over(c, live, &sum);
       }
       back = front;
       for (int k = 0; cell && k < 3; k++) slopes[1][k] = slopes[0][k];

@@ -1,6 +1,6 @@
-/* From the field at a segment's two ends to its colour and opacity (classify/classify.h). Part of the template. */
+/* Look-up in the pre-integration table (classify/classify.h), and opacity correction. */
 
-/* Colour and opacity of a full segment from node front to node back. */
+/* Colour and opacity of a segment of full length from node front to node back. */
 V_INLINE vf4 classify(const tc_cpu_args *args, vf front, vf back) {
   vf low = v_min(front, back), diff = back - front, k = v_abs(diff);
   vf i = v_float(v_trunc(low)), kk = v_float(v_trunc(k));
@@ -9,7 +9,7 @@ V_INLINE vf4 classify(const tc_cpu_args *args, vf front, vf back) {
   return v_bilinear(args->table, v_trunc(row0), v_trunc(row0 + stride), low - i, k - kk);
 }
 
-/* log2 and exp2 for the last segments only; relative error about 1e-6. */
+/* log2 and exp2 with a relative error of about 1e-6. */
 V_INLINE vf log2_approx(vf x) {
   vi bits = v_bits(x), e = v_subi(v_sra(bits, 23), v_seti(127));
   vf m = v_from_bits(v_ori(v_andi(bits, v_seti(0x007fffff)), v_seti(0x3f800000)));
@@ -35,7 +35,8 @@ V_INLINE vf exp2_approx(vf x) { /* x <= 0 */
   return v_from_bits(v_addi(v_bits(p), v_shl(n, 23)));
 }
 
-/* The same medium over `share` (0..1) of a segment: transparency t^share, colour in proportion to the opacity. */
+/* Opacity correction: the same medium over `share` (0..1) of the segment has transparency t^share, and colour in proportion to the
+ * opacity. which: the rays it applies to. */
 V_INLINE vf4 shorten(vf4 c, vf share, vm which) {
   vf clear = v_max(v_set(1) - c.a, v_set(1e-30f));
   vf alpha = v_set(1) - exp2_approx(share * log2_approx(clear));

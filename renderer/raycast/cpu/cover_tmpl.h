@@ -1,15 +1,14 @@
-/* The stretches of a packet's rays that may show something (skip/cover.h), as runs of whole steps. Part of the
- * template. */
+/* Empty-space skipping in dvr: the occupied stretches of a packet's rays (skip/cover.h) as runs of whole steps. */
 
 typedef struct runs {
-  const uint64_t *bits; /* of the packet's cell of pixels */
+  const uint64_t *bits; /* of the packet's cell of pixels: one per slot of depth, set where it is occupied */
   ptrdiff_t next_word;
-  int words, slot;      /* slot: the next one to look at */
-  vf start, steps;      /* steps from a ray's first sample to slot 0; that a slot has */
+  int words, slot;      /* slot: the next one to read */
+  vf start, steps;      /* steps from a ray's first sample to slot 0; steps per slot */
 } runs;
 
 V_INLINE runs start_runs(const tc_cpu_args *args, variant v, const packet *p, const place *at) {
-  vf steps_per_mm = v_set(args->rays.inverse_step) / p->forward; /* of depth */
+  vf steps_per_mm = v_set(args->rays.inverse_step) / p->forward; /* steps per mm of depth */
   vf begin = p->start;
   if (phased(v)) begin = begin - p->lag;
   ptrdiff_t row = (ptrdiff_t)(at->y >> args->cover.shift) * args->cover.words * args->cover.cells[0];
@@ -20,7 +19,7 @@ V_INLINE runs start_runs(const tc_cpu_args *args, variant v, const packet *p, co
                 .steps = v_set((float)args->cover.slot_mm) * steps_per_mm};
 }
 
-/* First slot from `slot` on whose bit is `set`; words * 64 where there is none. */
+/* The first slot from `slot` on whose bit equals `set`; words * 64 if there is none. */
 static inline int find_slot(const runs *r, int slot, bool set) {
   uint64_t seen = ~(uint64_t)0 << (slot & 63);
   for (int w = slot >> 6; w < r->words; w++, seen = ~(uint64_t)0) {
@@ -30,8 +29,8 @@ static inline int find_slot(const runs *r, int slot, bool set) {
   return r->words * 64;
 }
 
-/* The next segments [*from, *to) after `least` that any live ray needs; false: none. Margins of a hundredth of a step
- * are far above the rounding of single precision. */
+/* The next run of segments [*from, *to), from `least` on, that any live ray needs; false: none is left. The margin of a hundredth
+ * of a step is far above single-precision rounding. */
 V_INLINE bool next_run(runs *r, vm live, int least, int *from, int *to) {
   vf far = v_set(1e9f);
   do {
@@ -47,7 +46,7 @@ V_INLINE bool next_run(runs *r, vm live, int least, int *from, int *to) {
   return true;
 }
 
-/* All live rays' segments lie in a stretch of values at either end of the axis that shows nothing. */
+/* True if the segments of all live rays lie in the empty range of values at either end of the transfer function. */
 V_INLINE bool all_zero(const tc_cpu_args *args, vf front, vf back, vm live) {
   vm below = m_and(v_lt(front, v_set(args->zero_below)), v_lt(back, v_set(args->zero_below)));
   vm above = m_and(v_lt(v_set(args->zero_above), front), v_lt(v_set(args->zero_above), back));

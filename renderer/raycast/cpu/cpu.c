@@ -1,4 +1,4 @@
-/* The cpu back end: picks kernels for the machine, cuts the picture into tiles, resolves them. */
+/* The cpu back end: picks the instruction set, cuts the picture into tiles for the worker pool, resolves them. */
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -9,14 +9,14 @@
 #include "renderer/frame.h"
 #include "renderer/raycast/cpu/kernels.h"
 
-#define TILE 32    /* pixels: of a unit of drawing, unless it would take too long */
-#define SMALLEST 4 /* as packets */
+#define TILE 32    /* side of a unit of work in pixels, unless it would take longer than UNIT_MS */
+#define SMALLEST 4 /* a packet */
 #define UNIT_MS 5
 
 typedef struct cpu_isa {
   const char *name;
   tc_cpu_kernel (*find)(const tc_plan_key *key), (*find_surface)(const tc_plan_key *key);
-  double sample_ns; /* about, of one of tc_estimate_samples() */
+  double sample_ns; /* rough time per sample as tc_estimate_samples() counts them */
 } cpu_isa;
 
 typedef struct cpu_backend {
@@ -34,9 +34,9 @@ typedef struct cpu_frame {
   tc_resolve resolve;
   tc_progress *progress;
   int units_x;
-  bool resumed;     /* the frame was begun by an earlier call */
-  atomic_int drawn; /* units that this call has begun */
-  pthread_mutex_t lock; /* of the progress' partials */
+  bool resumed;     /* an earlier call began the frame */
+  atomic_int drawn; /* units begun by this call */
+  pthread_mutex_t lock; /* guards progress->partials */
   struct { tc_cpu_counts counts; char pad[32]; } *workers; /* a cache line each */
 } cpu_frame;
 
@@ -212,7 +212,7 @@ static bool fill_cover(cpu_backend *b, const tc_job *job, tc_cpu_args *a, GError
   return true;
 }
 
-/* What was left of a unit comes back into its pixels. */
+/* Restores the pixels of an interrupted unit and where to resume it. */
 static void take_partial(cpu_frame *f, int unit, float *out, ptrdiff_t stride, tc_cpu_counts *counts) {
   int side = f->progress->side;
   pthread_mutex_lock(&f->lock);
@@ -228,7 +228,7 @@ static void take_partial(cpu_frame *f, int unit, float *out, ptrdiff_t stride, t
   free(partial);
 }
 
-/* Out of memory: the unit is begun anew. */
+/* Saves an interrupted unit. Without memory for it, the unit will be drawn from the start. */
 static void keep_partial(cpu_frame *f, int unit, const float *out, ptrdiff_t stride, const tc_cpu_counts *counts) {
   int side = f->progress->side;
   tc_partial *partial = malloc(sizeof *partial + 16 * (size_t)side * (size_t)side);
@@ -243,7 +243,7 @@ static void keep_partial(cpu_frame *f, int unit, const float *out, ptrdiff_t str
   pthread_mutex_unlock(&f->lock);
 }
 
-/* Draws a unit, to the end or until it is to be left. */
+/* Draws a unit, to its end or until the halt interrupts it. */
 static void draw_unit(cpu_frame *f, int index, int worker) {
   tc_cpu_counts *counts = &f->workers[worker].counts;
   const tc_job *job = f->job;
@@ -267,7 +267,7 @@ static void draw_unit(cpu_frame *f, int index, int worker) {
   f->progress->finished[index] = true;
 }
 
-/* However late it is, a call draws something. */
+/* Every call draws at least one unit, so that a frame that is paused again and again still progresses. */
 static void unit_task(void *context, int index, int worker) {
   cpu_frame *f = context;
   if (f->progress->finished[index] || f->workers[worker].counts.left || tc_halt_within(f->job->halt)) return;
@@ -276,7 +276,7 @@ static void unit_task(void *context, int index, int worker) {
   draw_unit(f, index, worker);
 }
 
-/* What the workers did goes into the frame. True: it is whole. */
+/* Adds the workers' counts to the frame. True: the frame is complete. */
 static bool gather_counts(cpu_frame *f, int workers) {
   tc_frame_stats *stats = &f->job->frame->stats;
   for (int i = 0; i < workers; i++) {
@@ -293,7 +293,7 @@ static bool gather_counts(cpu_frame *f, int workers) {
   return f->progress->done == f->progress->units;
 }
 
-/* Pixels of a unit's side: a unit takes some milliseconds at most, unless a pixel does. */
+/* Side of a unit in pixels: a unit takes at most UNIT_MS, unless a packet alone takes longer. */
 static int unit_side(const cpu_backend *b, const tc_job *job) {
   int side = TILE;
   while (side > SMALLEST && side * side * job->pixel_samples * b->isa->sample_ns > UNIT_MS * 1e6) side /= 2;

@@ -1,15 +1,14 @@
-/* The tricubic B-spline of the voxels around a place. Part of the template; one function a voxel type, called, so that
- * the kernels of rare keys stay small.
+/* The tricubic B-spline filter. One function per voxel type, called and not inlined, because few pictures use it.
  *
- * Along one axis, with f the place between taps 1 and 2, taps 0 to 3 weigh (1-f)^3/6, 2/3 - f^2 (1 - f/2), 2/3 -
- * (1-f)^2 (1+f)/2 and f^3/6. They are summed as means of two, then of the two means, which is exact where all are equal
- * and stays between the least and the greatest. Taps beyond a face are the face's voxel. */
+ * Along one axis, with f in 0..1 between taps 1 and 2, taps 0 to 3 weigh (1-f)^3/6, 2/3 - f^2 (1 - f/2), 2/3 - (1-f)^2 (1+f)/2 and
+ * f^3/6. They are summed as two lerps of neighbours and a lerp of the results, which is exact for equal taps and never leaves
+ * their range. Taps beyond a face repeat the face's voxel. */
 
-/* The four voxels along an axis around a place, and what is needed to weigh them. */
+/* The four voxels along an axis around a position. */
 typedef struct taps {
-  vi at[4];       /* voxels along the axis, those beyond a face moved to it */
-  vm first, last; /* taps 0 and 1, or 2 and 3, are the same voxel */
-  vf f;           /* the place between taps 1 and 2 */
+  vi at[4];       /* their indices, clamped to the volume */
+  vm first, last; /* at the first or last face: taps 0 and 1, or 2 and 3, are the same voxel */
+  vf f;           /* position between taps 1 and 2 */
 } taps;
 
 V_INLINE taps taps_at(const tc_cpu_args *args, int k, vf q) {
@@ -34,8 +33,8 @@ V_INLINE void fetch_row(const tc_cpu_args *args, int type, const taps *x, vi off
 }
 
 typedef struct cubic_weights {
-  vf near, far, share; /* of taps 0 and 1 the share of 1, of 2 and 3 that of 3; of the latter two together */
-  vf rise[3];          /* what differences of neighbouring taps count in the derivative */
+  vf near, far, share; /* lerp weights: tap 0 to 1, tap 2 to 3, and between the two results */
+  vf rise[3];          /* weights of the differences of neighbouring taps in the derivative */
 } cubic_weights;
 
 V_INLINE cubic_weights weigh(vf f) {

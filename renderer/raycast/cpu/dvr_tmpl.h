@@ -1,11 +1,10 @@
-/* Direct volume rendering of a packet, front to back. Part of the template.
+/* Direct volume rendering of a packet, front to back, with early ray termination and empty-space skipping.
  *
- * The rays walk in lockstep: sample i of every ray is at entry + i*step*dir, computed and not accumulated, so that no
- * ray depends on what its neighbours do. Segment i spans samples i and i+1 and is looked up by the field at its two
- * ends (paper 000, eq. 7 and 8); the last segment of a ray is shorter and scaled to its length, and so is the first
- * where the ray has a phase (subpixel_tmpl.h). */
+ * The rays march in lockstep: sample i of every ray is at entry + i * step * dir, computed and not accumulated, so that no ray
+ * depends on its neighbours. Segment i lies between samples i and i + 1 and is classified by the field at both (NUMERICS section
+ * 3). The last segment of a ray is shorter, and so is the first one of a ray with a phase (subpixel_tmpl.h): opacity correction
+ * scales both. */
 
-/* Back becomes front and next becomes back. */
 V_INLINE void shift_slopes(vf slopes[3][3]) {
   for (int k = 0; k < 3; k++) slopes[0][k] = slopes[1][k], slopes[1][k] = slopes[2][k];
 }
@@ -16,9 +15,9 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
   vf clear = v_set(1), front = v_set(0), back = v_set(0);
   vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
   vm live = p.live;
-  bool fresh = true, ahead = false; /* no front sample yet; back was sampled an iteration ahead */
+  bool fresh = true, ahead = false; /* fresh: front is to be sampled; ahead: back was sampled by the iteration before */
   runs r;
-  int run_end = 0; /* first step that is not in the run */
+  int run_end = 0; /* first step behind the occupied run */
   lighting light;
   const bool cell = v.shaded && v.gradient == TC_GRADIENT_CELL;
   vf slopes[3][3];                                          /* index gradients at front, back, next */
@@ -28,7 +27,7 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
   counts->rays += (uint64_t)m_count(live);
   if (phased(v)) p.lag = lag_of(args, v, at);
   if (v.leap) r = start_runs(args, v, &p, at);
-  for (int i = 0; marches(args, live, counts, i); i++) {
+  for (int i = 0; keep_marching(args, live, counts, i); i++) {
     vf t0 = sample_mm(args, v, &p, i), t1 = sample_mm(args, v, &p, i + 1);
     if (v.leap && i >= run_end) {
       int from;
@@ -41,7 +40,7 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
         t0 = sample_mm(args, v, &p, i), t1 = sample_mm(args, v, &p, i + 1);
         live = m_and(live, v_lt(t0, p.length));
         counts->leaps++;
-        counts->until_poll -= STRIDE; /* the steps may be none that count */
+        counts->until_poll -= POLL_STRIDE; /* jumps may miss every multiple of POLL_STRIDE */
         fresh = true;
         if (!m_any(live)) break;
       }
@@ -53,8 +52,8 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
     }
     if (!ahead) back = sample_node(args, v, &p, v_min(t1, p.length), at_back);
     counts->samples += (uint64_t)m_count(live);
-    /* The next sample does not wait for this segment's look-up: begun now, the two chains of loads overlap. A third
-     * less time a sample. */
+    /* The next sample is taken before this segment's look-up, so that the two chains of loads overlap: a third less time per
+     * sample. */
     vf next = front;
     ahead = !v.leap || i + 1 < run_end;
     if (ahead) next = sample_node(args, v, &p, v_min(sample_mm(args, v, &p, i + 2), p.length), at_next);
@@ -72,16 +71,16 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
     sum.r = v_fma(weight, c.r, sum.r);
     sum.g = v_fma(weight, c.g, sum.g);
     sum.b = v_fma(weight, c.b, sum.b);
-    /* not 1 - clear: thin segments take nothing from a clear of 1 in single precision */
+    /* Opacity has a sum of its own: in single precision, thin segments take nothing from a transparency of 1. */
     sum.a = v_fma(weight, c.a, sum.a);
     clear = v_fnma(weight, c.a, clear);
     live = m_and(live, v_lt(t1, p.length));
-    if (v.terminate) live = m_and(live, v_le(v_set(args->termination), clear));
+    if (v.terminate) live = m_and(live, v_le(v_set(args->termination), clear)); /* early ray termination */
     front = back, back = next;
     if (cell) shift_slopes(slopes);
   }
-  /* What lies behind a terminated ray is taken to look like what lies before: the background shows through neither, and
-   * an opaque region keeps its colour exactly. Off by at most the threshold, like leaving it out. */
+  /* A terminated ray is scaled to opacity 1, as if what it did not reach looked like what it passed: the background does not show
+   * through, and an opaque region keeps its colour exactly. The error is at most the threshold. */
   vm full = v_lt(v_set(1), sum.a);
   if (v.terminate) full = m_or(full, v_lt(clear, v_set(args->termination)));
   vf whole = v_select(full, sum.a, v_set(1));

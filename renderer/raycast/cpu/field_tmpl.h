@@ -1,4 +1,4 @@
-/* The field at a point of the packet's rays: cells, voxel pairs, trilinear interpolation. Part of the template. */
+/* The field at points of the packet's rays: cells, voxel pairs, trilinear interpolation. */
 
 V_INLINE void fetch_pair(int type, const void *voxels, vi off, vf *a, vf *b) {
   switch (type) { /* a constant after inlining */
@@ -10,7 +10,7 @@ V_INLINE void fetch_pair(int type, const void *voxels, vi off, vf *a, vf *b) {
   }
 }
 
-#ifndef V_BIAS_U8 /* where conversion costs no more than a bias (simd_avx512.h) */
+#ifndef V_BIAS_U8 /* an instruction set where converting to float is as cheap as adding a bias (simd.h) */
 #define v_corner_u8 v_pair_u8
 #define v_corner_i8 v_pair_i8
 #define v_corner_u16 v_pair_u16
@@ -21,7 +21,7 @@ V_INLINE void fetch_pair(int type, const void *voxels, vi off, vf *a, vf *b) {
 #define V_BIAS_I16 0
 #endif
 
-/* The same, each value plus bias_of() the type. */
+/* The same, each voxel plus bias_of() its type. */
 V_INLINE void fetch_corner(int type, const void *voxels, vi off, vf *a, vf *b) {
   switch (type) {
   case TC_U8: v_corner_u8(voxels, off, a, b); return;
@@ -42,11 +42,11 @@ V_INLINE float bias_of(int type) {
   }
 }
 
-/* Voxel value (not rescaled) at mm t along the rays by a filter other than linear: filter_tmpl.h. */
+/* The voxel value (not rescaled) at mm t along the rays by the filters nearest and cubic: filter_tmpl.h. */
 V_INLINE vf sample_filtered(const tc_cpu_args *args, variant v, const packet *p, vf t);
 
-/* The same by any filter. gradient, unless NULL: the exact derivative of the trilinear field over index coordinates,
- * from its eight corners; meaningless along an axis of one voxel. */
+/* The same by any filter. gradient, unless NULL, receives the exact derivative of the trilinear field over index coordinates, from
+ * the cell's eight corners; meaningless along an axis of one voxel. */
 V_INLINE vf sample_field(const tc_cpu_args *args, variant v, const packet *p, vf t, vf *gradient) {
   if (v.filter != TC_FILTER_LINEAR && !gradient) return sample_filtered(args, v, p, t);
   vf f[3];
@@ -64,7 +64,7 @@ V_INLINE vf sample_field(const tc_cpu_args *args, variant v, const packet *p, vf
   fetch_corner(v.type, args->grid.voxels, off_y, &a10, &b10);
   fetch_corner(v.type, args->grid.voxels, off_z, &a01, &b01);
   fetch_corner(v.type, args->grid.voxels, off_yz, &a11, &b11);
-  /* All relative to the first corner: a constant field is exact, and a bias of the corners falls out. */
+  /* All relative to the first corner: a constant field is exact, and the bias of the corners cancels. */
   vf d00 = b00 - a00, d10 = b10 - a10, d01 = b01 - a01, d11 = b11 - a11;
   vf s00 = f[0] * d00, s10 = v_fma(f[0], d10, a10 - a00);
   vf s01 = v_fma(f[0], d01, a01 - a00), s11 = v_fma(f[0], d11, a11 - a00);
@@ -83,7 +83,7 @@ V_INLINE vf sample_voxel(const tc_cpu_args *args, variant v, const packet *p, vf
   return sample_field(args, v, p, t, NULL);
 }
 
-/* The same as a table node, and the gradient where it is wanted. */
+/* The same as a node of the table. */
 V_INLINE vf sample_node(const tc_cpu_args *args, variant v, const packet *p, vf t, vf *gradient) {
   vf node = (sample_field(args, v, p, t, gradient) - v_set(args->nodes.lo)) * v_set(args->nodes.scale);
   return v_min(v_max(node, v_set(0)), v_set(args->nodes.last));

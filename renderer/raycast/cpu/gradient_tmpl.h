@@ -1,7 +1,7 @@
-/* Gradients over index coordinates at places of their own, and what they do to a segment. Part of the template; one
- * function a voxel type, called, so that the kernels of rare keys stay small. */
+/* Gradients over index coordinates, for shading: central differences and the cubic B-spline's derivative; the trilinear cell's own
+ * gradient comes with its samples (field_tmpl.h). One function per voxel type, called and not inlined. */
 
-/* Central differences at the voxels around mm t, one-sided in a face, interpolated: what shows no cell's edge. */
+/* Central differences at the voxels around q, one-sided in a face, trilinearly interpolated: continuous across cells. */
 V_INLINE void central(const tc_cpu_args *args, int type, const vf q[3], vf gradient[3]) {
   taps t[3];
   vf scale[3][2], row[4][4], along_x[4][4];
@@ -47,7 +47,7 @@ CENTRAL(u16, TC_U16)
 CENTRAL(i16, TC_I16)
 CENTRAL(f32, TC_F32)
 
-/* At mm t of the rays, for any gradient but a cell's. */
+/* The gradient at mm t along the rays, by central differences or the cubic derivative. */
 V_INLINE void gradient_at(const tc_cpu_args *args, variant v, const packet *p, vf t, vf gradient[3]) {
   vf q[3];
   if (v.gradient == TC_GRADIENT_CUBIC) {
@@ -64,7 +64,7 @@ V_INLINE void gradient_at(const tc_cpu_args *args, variant v, const packet *p, v
   }
 }
 
-/* Light on the segment from mm t0 to t1. front, back: a cell's gradients at its ends, not read for another. */
+/* Shades the segment from mm t0 to t1. front, back: the cells' gradients at its ends; other gradients are taken in its middle. */
 V_INLINE vf4 shade_segment(const tc_cpu_args *args, variant v, const packet *p, const lighting *l, const vf *front,
                            const vf *back, vf t0, vf t1, vm live, vf4 c, tc_cpu_counts *counts) {
   vf middle[3];

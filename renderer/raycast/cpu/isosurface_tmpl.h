@@ -1,41 +1,40 @@
-/* The first hit of a packet's rays with an isosurface (raycast/surface.h). Part of the template.
+/* The first hit of a packet's rays with an isosurface (raycast/surface.h).
  *
- * Every ray walks its own cells. Where it is follows from time alone: along each axis the wall w is passed at (w -
- * entry) / dir, computed and not accumulated, and a ray has passed all walls of times up to now. A leap ends at a
- * wall's time too, so that a ray that leapt is exactly where it had been had it walked, and no bit depends on
- * leaping. */
+ * Every ray walks its own cells. Its position follows from the parameter t alone: along each axis it passes the cell wall at w
+ * when t = (w - entry) / dir, computed and not accumulated. A jump over empty space ends at a wall's t as well, so a ray that
+ * jumped is exactly where it would be had it walked, and no bit depends on empty-space skipping. */
 
 #include <math.h>
 
 #define NEVER 1e30f
-#define MOST_REFINEMENTS 32 /* a monotone cubic takes four or five, one with a flat bend more */
+#define MOST_REFINEMENTS 32 /* a monotone cubic takes four or five Newton steps, more with a flat inflection */
 
-/* One cell of each ray. */
+/* The cell that each ray is in. */
 typedef struct iso_cell {
-  vf at[3];       /* corner of least index; may be beyond the last one, then the ray has left */
+  vf at[3];       /* its corner of least index; beyond the last cell once the ray has left the volume */
   vf w[8];        /* at the corners: +x bit 0, +y bit 1, +z bit 2 */
-  vf from, until; /* mm: the ray's stay */
-  vf start[3], delta[3]; /* place within the cell, 0..1 */
+  vf from, until; /* mm along the ray: entry and exit */
+  vf start[3], delta[3]; /* entry, and exit - entry, within the cell: 0..1 */
 } iso_cell;
 
 V_INLINE vm m_pick(vm m, vm a, vm b) { return m_or(m_and(m, a), m_andnot(b, m)); }
-V_INLINE vm flip(vm a, vm b) { return m_or(m_andnot(a, b), m_andnot(b, a)); }
+V_INLINE vm m_xor(vm a, vm b) { return m_or(m_andnot(a, b), m_andnot(b, a)); }
 V_INLINE vm is_inside(vf w) { return v_le(v_set(0), w); }
 
-/* When the walls at index position `wall` along axis k are passed; `never` along an axis that the ray keeps to. */
+/* The t at which rays pass index position `wall` along axis k; `never` for rays parallel to that wall. */
 V_INLINE vf wall_time(const packet *p, int k, vf wall, float never) {
   vm across = v_le(v_set(1e-12f), v_abs(p->dir[k]));
   return v_select(across, (wall - p->entry[k]) * p->inverse[k], v_set(never));
 }
 
-V_INLINE vf ahead(const packet *p, int k) { return v_select(v_lt(v_set(0), p->dir[k]), v_set(1), v_set(0)); }
+V_INLINE vf goes_up(const packet *p, int k) { return v_select(v_lt(v_set(0), p->dir[k]), v_set(1), v_set(0)); }
 
-/* The cells that the rays are in once all walls of times up to t are passed. */
+/* The cells that the rays are in once they have passed all walls up to t. */
 V_INLINE void find_cells(const tc_cpu_args *args, const packet *p, vf t, vf at[3]) {
   for (int k = 0; k < 3; k++) {
     vf q = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(args->grid.last[k]));
-    vf c = v_float(v_trunc(q)), front = ahead(p, k), step = front + front - v_set(1);
-    /* rounding: not yet beyond the wall it came through */
+    vf c = v_float(v_trunc(q)), front = goes_up(p, k), step = front + front - v_set(1);
+    /* rounding may put a ray on the wrong side of a wall: its t decides */
     vm early = v_lt(t, wall_time(p, k, c + v_set(1) - front, -NEVER));
     c = v_select(early, c - step, c);
     vm late = m_andnot(v_le(wall_time(p, k, c + front, NEVER), t), early);
@@ -64,7 +63,7 @@ V_INLINE void fetch_corners(const tc_cpu_args *args, variant v, iso_cell *c) {
   }
 }
 
-/* The field at share u of the stay. Corners of one value give that value exactly. */
+/* The field at u in 0..1 between entry and exit. Eight equal corners give their value exactly. */
 V_INLINE vf field_in(const iso_cell *c, vf u) {
   vf f[3], x[4], y[2];
   for (int k = 0; k < 3; k++) f[k] = v_fma(u, c->delta[k], c->start[k]);
@@ -73,11 +72,10 @@ V_INLINE vf field_in(const iso_cell *c, vf u) {
   return v_fma(f[2], y[1] - y[0], y[0]);
 }
 
-/* Places where the ray comes and goes, exactly on the faces that it comes and goes through: what two cells share is the
- * same in both. */
+/* Entry and exit within the cell, exactly on the faces that the ray passes: neighbouring cells agree on the point they share. */
 V_INLINE void place_in_cell(const tc_cpu_args *args, const packet *p, iso_cell *c) {
   for (int k = 0; k < 3; k++) {
-    vf front = ahead(p, k), back = v_set(1) - front, ends[2] = {c->from, c->until}, f[2];
+    vf front = goes_up(p, k), back = v_set(1) - front, ends[2] = {c->from, c->until}, f[2];
     for (int i = 0; i < 2; i++) {
       vf q = v_min(v_max(v_fma(ends[i], p->dir[k], p->entry[k]), v_set(0)), v_set(args->grid.last[k]));
       f[i] = v_min(v_max(q - c->at[k], v_set(0)), v_set(1));
@@ -90,7 +88,7 @@ V_INLINE void place_in_cell(const tc_cpu_args *args, const packet *p, iso_cell *
   }
 }
 
-/* d0 + d1 u + d2 u^2: the derivative of the cubic that the field is along the ray. */
+/* Along the ray the field is a cubic in u; d[0] + d[1] u + d[2] u^2 is its derivative. */
 V_INLINE void derive(const iso_cell *c, vf d[3]) {
   vf a[4], b[4], e[2], h[2], i[2]; /* a + b u along x; e + h u + i u^2 along y as well */
   for (int k = 0; k < 4; k++) {
@@ -110,12 +108,12 @@ V_INLINE void derive(const iso_cell *c, vf d[3]) {
   d[2] = v_set(3) * di * c->delta[2];
 }
 
-/* Where the field bends, ascending; 1 where it does not. */
-V_INLINE void find_bends(const vf d[3], vf *first, vf *second) {
+/* Extrema of the cubic inside 0..1, ascending; 1 where there is none. */
+V_INLINE void find_extrema(const vf d[3], vf *first, vf *second) {
   vf half = v_set(0.5f) * d[1], disc = v_fma(half, half, v_set(0) - d[0] * d[2]);
   vf root = v_sqrt(v_max(disc, v_set(0)));
   vf q = v_set(0) - (half + v_select(v_lt(half, v_set(0)), v_set(0) - root, root));
-  vf r[2] = {q / d[2], d[0] / q}; /* no number where it divides by 0: fails the comparisons */
+  vf r[2] = {q / d[2], d[0] / q}; /* NaN after a division by 0 fails the comparisons below */
   for (int i = 0; i < 2; i++) {
     vm met = m_and(v_le(v_set(0), disc), m_and(v_lt(v_set(0), r[i]), v_lt(r[i], v_set(1))));
     r[i] = v_select(met, r[i], v_set(1));
@@ -124,15 +122,15 @@ V_INLINE void find_bends(const vf d[3], vf *first, vf *second) {
   *second = v_max(r[0], r[1]);
 }
 
-/* The share of the stay at which the field first leaves the side `side`; *hit: the rays of `live` for which it does. */
+/* The u at which the field first leaves the side `side`; *hit: the rays of `live` for which it does. */
 V_INLINE vf first_change(const iso_cell *c, vm side, vm live, vm *hit) {
   vf d[3], end[4] = {v_set(0), v_set(1), v_set(1), v_set(1)}, a = v_set(0), b = v_set(0), fa = v_set(0), fb = v_set(0);
   derive(c, d);
-  find_bends(d, &end[1], &end[2]);
-  vm open = live; /* not changed so far */
+  find_extrema(d, &end[1], &end[2]);
+  vm open = live; /* no change of side so far */
   for (int i = 0; i < 4; i++) {
     vf f = field_in(c, end[i]);
-    vm changes = m_and(open, flip(is_inside(f), side));
+    vm changes = m_and(open, m_xor(is_inside(f), side));
     b = v_select(changes, end[i], b);
     fb = v_select(changes, f, fb);
     open = m_andnot(open, changes);
@@ -140,13 +138,12 @@ V_INLINE vf first_change(const iso_cell *c, vm side, vm live, vm *hit) {
     fa = v_select(open, f, fa);
   }
   *hit = m_andnot(live, open);
-  /* Newton's steps from the chord's root, kept within the bracket by halving it. At its front end already: a = b =
-   * 0. */
+  /* Newton from the chord's root; a step that leaves the bracket is replaced by bisection. a = b = 0: the entry is the root. */
   vm busy = m_and(*hit, v_lt(a, b));
   vf x = v_select(busy, v_fma(b - a, fa / (fa - fb), a), b);
   for (int n = 0; n < MOST_REFINEMENTS && m_any(busy); n++) {
     vf f = field_in(c, x);
-    vm beyond = flip(is_inside(f), side);
+    vm beyond = m_xor(is_inside(f), side);
     b = v_select(m_and(busy, beyond), x, b);
     a = v_select(m_andnot(busy, beyond), x, a);
     vf next = x - f / v_fma(x, v_fma(x, d[2], d[1]), d[0]);
@@ -158,20 +155,20 @@ V_INLINE vf first_change(const iso_cell *c, vm side, vm live, vm *hit) {
   return x;
 }
 
-/* Rays in empty blocks go on to where what is known to be empty around them ends. True for those: they are in other
- * cells now. */
+/* Empty-space skipping: rays in empty blocks jump to the end of the empty cube that the distance map promises around their block.
+ * Returns the rays that jumped. */
 V_INLINE vm leap_ahead(const tc_cpu_args *args, const packet *p, vf at[3], vf *t, vm live) {
   vf block[3], far = v_set(NEVER);
   for (int k = 0; k < 3; k++) {
     vf held = v_min(v_max(at[k], v_set(0)), v_set((float)args->grid.cell_last[k]));
-    block[k] = v_float(v_trunc((held + v_set(0.5f)) * v_set(args->blocks.inverse_width))); /* as look_around */
+    block[k] = v_float(v_trunc((held + v_set(0.5f)) * v_set(args->blocks.inverse_width))); /* as in leap.glsl */
   }
   vi off = v_addi(v_muli(v_trunc(block[2]), v_seti(args->blocks.slice)), v_muli(v_trunc(block[1]), v_seti(args->blocks.row)));
   vf distance = v_float(v_bytes(args->blocks.values, v_addi(off, v_trunc(block[0]))));
   vm empty = m_and(live, v_lt(v_set(0), distance));
   if (!m_any(empty)) return empty;
   for (int k = 0; k < 3; k++) {
-    vf front = ahead(p, k);
+    vf front = goes_up(p, k);
     vf reach = v_select(v_lt(v_set(0), front), distance, v_set(1) - distance) * v_set(args->blocks.width);
     far = v_min(far, wall_time(p, k, v_fma(block[k], v_set(args->blocks.width), reach), NEVER));
   }
@@ -182,27 +179,27 @@ V_INLINE vm leap_ahead(const tc_cpu_args *args, const packet *p, vf at[3], vf *t
   return empty;
 }
 
-/* Mm of the hits from the rays' entries; *hit: which rays have one. */
+/* Distances of the hits from the rays' entries in mm; *hit: which rays have one. */
 V_INLINE vf find_hits(const tc_cpu_args *args, variant v, const packet *p, vm *hit, tc_cpu_counts *counts) {
   iso_cell c;
   vf t = v_set(0), at_hit = v_set(0);
-  vm live = p->live, side = v_lt(v_set(1), v_set(0)), fresh = live; /* fresh: the side is not known yet */
+  vm live = p->live, side = v_lt(v_set(1), v_set(0)), fresh = live; /* fresh: rays whose side at the entry is unknown */
   *hit = side;
   find_cells(args, p, t, c.at);
-  for (int k = 0; k < 3; k++) /* the entry may be a rounding outside */
+  for (int k = 0; k < 3; k++) /* rounding may put the entry outside */
     c.at[k] = v_min(v_max(c.at[k], v_set(0)), v_set((float)args->grid.cell_last[k]));
-  for (int step = 0; marches(args, live, counts, step); step++) {
+  for (int step = 0; keep_marching(args, live, counts, step); step++) {
     vm look = live;
     if (v.leap) {
       vm leapt = leap_ahead(args, p, c.at, &t, m_andnot(live, fresh));
       counts->leaps += m_any(leapt);
       live = m_and(live, m_and(within(args, c.at), v_lt(t, p->length)));
-      look = m_andnot(live, leapt); /* the block that a leap ends in may be empty too */
+      look = m_andnot(live, leapt); /* the block at the end of a jump may be empty too */
       if (!m_any(look)) continue;
     }
     vf passed[3], until = v_set(NEVER);
     for (int k = 0; k < 3; k++) {
-      passed[k] = wall_time(p, k, c.at[k] + ahead(p, k), NEVER);
+      passed[k] = wall_time(p, k, c.at[k] + goes_up(p, k), NEVER);
       until = v_min(until, passed[k]);
     }
     c.from = t;
@@ -212,13 +209,13 @@ V_INLINE vf find_hits(const tc_cpu_args *args, variant v, const packet *p, vm *h
     vm any = is_inside(c.w[0]), all = any;
     for (int i = 1; i < 8; i++) any = m_or(any, is_inside(c.w[i])), all = m_and(all, is_inside(c.w[i]));
     vm mixed = m_andnot(any, all);
-    vm may = m_and(look, m_or(m_or(mixed, fresh), flip(all, side)));
+    vm may = m_and(look, m_or(m_or(mixed, fresh), m_xor(all, side)));
     if (m_any(may)) {
       place_in_cell(args, p, &c);
       vm begins = m_pick(mixed, is_inside(field_in(&c, v_set(0))), all);
       side = m_pick(m_and(fresh, look), begins, side);
       fresh = m_andnot(fresh, look);
-      may = m_and(may, m_or(mixed, flip(all, side)));
+      may = m_and(may, m_or(mixed, m_xor(all, side)));
     }
     if (m_any(may)) {
       vm changed;
@@ -228,7 +225,7 @@ V_INLINE vf find_hits(const tc_cpu_args *args, variant v, const packet *p, vm *h
       live = m_andnot(live, changed);
     }
     for (int k = 0; k < 3; k++) {
-      vf front = ahead(p, k), step = front + front - v_set(1);
+      vf front = goes_up(p, k), step = front + front - v_set(1);
       vm goes = m_and(look, v_le(passed[k], v_max(until, t)));
       c.at[k] = v_select(goes, c.at[k] + step, c.at[k]);
     }
@@ -238,8 +235,8 @@ V_INLINE vf find_hits(const tc_cpu_args *args, variant v, const packet *p, vm *h
   return at_hit;
 }
 
-/* The field's slope over index coordinates at mm t: differences between the faces of the cube of two voxels around it,
- * each face by its four corners. */
+/* Gradient over index coordinates at mm t: differences between opposite faces of the cube two voxels wide around the hit, each
+ * face being the mean of its four corners. */
 V_INLINE void surface_gradient(const tc_cpu_args *args, variant v, const packet *p, vf t, vf gradient[3]) {
   packet probe = *p; /* rays of length 0 from the places themselves */
   vf side[3][2];
@@ -259,7 +256,7 @@ V_INLINE void surface_gradient(const tc_cpu_args *args, variant v, const packet 
     gradient[k] = v_set(0.25f) * gradient[k] / v_max(side[k][1] - side[k][0], v_set(1e-20f));
 }
 
-/* Mm from the eye to every hit, infinite without one, for a frame that wants them; of several rays the least. */
+/* Depth output: mm from the eye to the hit, infinite without one; of several rays per pixel the least. */
 V_INLINE void store_depths(const tc_cpu_args *args, const packet *p, variant v, const place *at, vf t, vm hit) {
   vf i, j, view[3];
   ray_places(v, at, &i, &j);
@@ -279,7 +276,7 @@ V_INLINE void store_depths(const tc_cpu_args *args, const packet *p, variant v, 
 V_INLINE vf4 cast_rays(const tc_cpu_args *args, variant v, const place *at, skip_backoff *unused, tc_cpu_counts *counts) {
   packet p = start_packet(args, v, at);
   vm hit;
-  for (int k = 0; k < 3; k++) /* an axis of one voxel has no walls to pass */
+  for (int k = 0; k < 3; k++) /* an axis of one voxel has no walls */
     if (args->grid.last[k] == 0) p.entry[k] = p.dir[k] = v_set(0);
   counts->rays += (uint64_t)m_count(p.live);
   vf t = find_hits(args, v, &p, &hit, counts), zero = v_set(0);

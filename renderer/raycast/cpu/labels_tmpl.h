@@ -1,12 +1,11 @@
-/* Labels along the packet's rays (classify/labels.h has the equations). Part of the template, and a function of its own
- * in each instruction set: only the kernels for rare pictures call it. */
+/* Labels along the packet's rays (equations: classify/labels.h). */
 
 typedef struct label_mix {
   vf tint[4], visible; /* premultiplied colour and its opacity */
 } label_mix;
 
 V_INLINE label_mix mix_labels(label_mix a, label_mix b, vf f) {
-  /* of equals exactly what they are */
+  /* exact where a and b are equal */
   for (int c = 0; c < 4; c++) a.tint[c] = v_fma(f, b.tint[c] - a.tint[c], a.tint[c]);
   a.visible = v_fma(f, b.visible - a.visible, a.visible);
   return a;
@@ -22,7 +21,7 @@ V_INLINE label_mix find_label(const tc_cpu_labels *l, vf voxel) {
   return m;
 }
 
-/* The place at mm t along the rays in the label volume: cell, place within it, and how much of it is inside. */
+/* The label cell at mm t along the rays and the position f within it; returns the weight of the grid, which falls to 0 outside. */
 V_INLINE vf find_label_cell(const tc_cpu_labels *l, const packet *p, vf t, vi cell[3], vf f[3]) {
   vf q[3], inside = v_set(1);
   for (int k = 0; k < 3; k++) q[k] = v_fma(t, p->dir[k], p->entry[k]);
@@ -55,7 +54,7 @@ static __attribute__((noinline)) label_mix labels_at(const tc_cpu_args *args, co
   least = most = corner[0];
   for (int i = 1; i < 8; i++) least = v_min(least, corner[i]), most = v_max(most, corner[i]);
   label_mix m = find_label(l, corner[0]);
-  if (m_any(v_lt(least, most))) { /* else the mean of equals, bit for bit */
+  if (m_any(v_lt(least, most))) { /* eight equal labels need no interpolation, and give the same bits */
     label_mix x[4];
     for (int i = 0; i < 4; i++) {
       label_mix first = i ? find_label(l, corner[2 * i]) : m;
@@ -73,7 +72,7 @@ static __attribute__((noinline)) label_mix labels_at(const tc_cpu_args *args, co
   return m;
 }
 
-/* A segment around mm t: tinted, and as thin as what is visible there. */
+/* Tints the segment around mm t, and scales its extinction by the visibility there. */
 V_INLINE vf4 label_segment(const tc_cpu_args *args, const packet *p, vf t, vf4 c) {
   label_mix m = labels_at(args, p, t);
   vf share = c.a / v_max(m.visible, v_set(1e-6f)),
@@ -83,7 +82,7 @@ V_INLINE vf4 label_segment(const tc_cpu_args *args, const packet *p, vf t, vf4 c
   return shorten(c, m.visible, v_lt(m.visible, v_set(1)));
 }
 
-/* The labels' tint over a slice's grey, on its plane: at the ray's place nearest to that. */
+/* The labels' tint over a slice's grey, on the slice plane or at the ray's nearest point to it. */
 V_INLINE vf4 label_slice(const tc_cpu_args *args, const packet *p, vf4 c) {
   label_mix m = labels_at(args, p, v_min(v_max(v_set(0) - p->start, v_set(0)), p->length));
   vf *channels[3] = {&c.r, &c.g, &c.b};

@@ -1,16 +1,16 @@
-/* Planar reformats of a packet: one sample a pixel, or a slab's greatest, least or mean value, through the window to
- * grey (raycast/slice.h; tc_slice_window in backend.h says what a node is here). Part of the template. */
+/* Planar reformats (MPR) of a packet: one sample per pixel, or a slab's maximum, minimum or mean, through the window to grey
+ * (raycast/slice.h). Nodes are tc_slice_window's (backend.h). */
 
-/* From the value at the rays' entries to that of the slab. Samples lie on the plane, in whole steps from it, and at
- * both ends: a ray that has arrived there samples its end again, which changes nothing and needs no mask. The plane is
- * always among them, so that a slab around a voxel never misses its peak. */
+/* The slab's value; front: the value at the rays' entries. Samples lie at whole steps from the plane, on the plane itself, so that
+ * a slab around a voxel never misses its peak, and at both ends. A ray at its end samples it again, which changes nothing and
+ * needs no mask. */
 V_INLINE vf cast_slab(const tc_cpu_args *args, variant v, int slab, const packet *p, vf front,
                       tc_cpu_counts *counts) {
-  vf steps = p->start * v_set(args->rays.inverse_step), first = v_float(v_trunc(steps)); /* before the plane that is the next */
+  vf steps = p->start * v_set(args->rays.inverse_step), first = v_float(v_trunc(steps)); /* the first whole step behind the entry */
   first = v_select(v_le(first, steps), first + v_set(1), first);
   vf value = front, sum = v_set(0), before = v_set(0);
   vm live = p->live;
-  for (int i = 0; marches(args, live, counts, i); i++) {
+  for (int i = 0; keep_marching(args, live, counts, i); i++) {
     vf at = (first + v_set((float)i)) * v_set(args->rays.step_mm) - p->start;
     vf t = v_min(v_max(at, v_set(0)), p->length);
     vf back = sample_node(args, v, p, t, NULL);

@@ -1,7 +1,6 @@
-/* A packet of V_LANES neighbouring pixels: its rays from the camera to where they enter and leave the volume
- * (raycast/rays.h). Part of the ray caster's template: included by kernels_tmpl.h after a simd_*.h. */
+/* A packet: one ray for each of V_LANES neighbouring pixels, clipped to the volume and the clip planes (raycast/rays.h). */
 
-/* Not part of every kernel, but called by those that need it. */
+/* Compiled once per instruction set and called, not inlined into every kernel. */
 #define V_ONCE static __attribute__((noinline))
 
 /* What a kernel does: rows of the table of variants (kernels_tmpl.h), where BY_KEY leaves a member to the plan's key. */
@@ -31,26 +30,26 @@ typedef struct variant {
 typedef struct packet {
   vf entry[3], dir[3]; /* index coordinates; voxels per mm */
   vf inverse[3];       /* 1 / dir */
-  vf start, length;    /* mm: of the entry from the anchor; inside the volume, 0 for a ray that misses */
-  vf forward;          /* mm of depth for a mm of the ray (skip/cover.h) */
+  vf start, length;    /* mm from the anchor to the entry; mm inside the volume, 0 for a ray that misses */
+  vf forward;          /* mm of depth per mm of the ray (skip/cover.h) */
   vm live;
-  vf lag; /* mm by which samples lie before whole steps from the entry; only in dvr of several rays or with jitter */
+  vf lag; /* mm: samples lie at whole steps from the entry, less this; set in dvr with several rays or jitter */
 } packet;
 
-/* Which pixels: V_PACKET_X by V_PACKET_Y from (x, y), those before (x1, y1), and which of their rays. */
+/* The packet's pixels, V_PACKET_X by V_PACKET_Y from (x, y) as far as (x1, y1), and which of their rays is cast. */
 typedef struct place {
   int x, y, x1, y1;
   const tc_subpixel_single *ray;
 } place;
 
-/* The places of the rays on the picture, in pixels. */
+/* Where the rays pass through the picture, in pixels. */
 V_INLINE void ray_places(variant v, const place *at, vf *i, vf *j) {
   *i = v_set((float)at->x + 0.5f) + v_lane_x();
   *j = v_set((float)at->y + 0.5f) + v_lane_y();
   if (v.several) *i = *i + v_set(at->ray->x), *j = *j + v_set(at->ray->y);
 }
 
-/* Along one axis the ray is inside [lo, hi] for s in [*s0, *s1] (intersected with what is there). */
+/* Narrows [*s0, *s1] to the s for which the ray is inside [lo, hi] along one axis. */
 V_INLINE void clip_axis(vf q, vf d, vf inverse, vf lo, vf hi, vf *s0, vf *s1) {
   vm parallel = v_lt(v_abs(d), v_set(1e-12f));
   vm inside = m_and(v_le(lo, q), v_le(q, hi));
@@ -62,7 +61,7 @@ V_INLINE void clip_axis(vf q, vf d, vf inverse, vf lo, vf hi, vf *s0, vf *s1) {
   *s1 = v_min(*s1, far);
 }
 
-/* The half space of one clip plane. Along the plane a ray is in or out as a whole. */
+/* Narrows [*s0, *s1] to the half space of one clip plane. A ray parallel to the plane is inside or outside as a whole. */
 V_INLINE void clip_plane(const float plane[4], const vf q[3], const vf d[3], vf *s0, vf *s1) {
   vf at = v_set(plane[3]), rate = v_set(0), big = v_set(1e30f);
   for (int k = 0; k < 3; k++) {
@@ -94,7 +93,6 @@ V_INLINE packet start_packet(const tc_cpu_args *args, variant v, const place *at
     p.inverse[k] = v_set(1) / v_select(v_lt(v_abs(p.dir[k]), v_set(1e-12f)), v_set(1), p.dir[k]);
     clip_axis(anchor[k], p.dir[k], p.inverse[k], v_set(args->rays.lo[k]), v_set(args->rays.hi[k]), &s0, &s1);
   }
-  /* once a ray, not a sample */
   for (int c = 0; c < args->rays.n_planes; c++) clip_plane(args->rays.planes[c], anchor, p.dir, &s0, &s1);
   vm inside = m_and(v_lt(i, v_set((float)at->x1)), v_lt(j, v_set((float)at->y1)));
   p.live = m_and(inside, v_lt(s0, s1));
@@ -117,21 +115,20 @@ typedef struct skip_backoff {
 
 static __attribute__((noinline, cold)) bool poll_halt(const tc_cpu_args *args, tc_cpu_counts *counts) {
   counts->left = counts->left || tc_halt_within(args->halt);
-  counts->until_poll = counts->left ? 1 : TC_CPU_POLL_STEPS; /* having left one march, it leaves all */
+  counts->until_poll = counts->left ? 1 : TC_CPU_POLL_STEPS; /* an interrupted unit leaves all its marches */
   return counts->left;
 }
 
-#define STRIDE 16 /* steps that are counted at once: counting each costs some percent of a frame */
+#define POLL_STRIDE 16 /* steps are counted 16 at a time: counting each one costs some percent of a frame */
 
-/* Whether rays march on, asked before every step of every march: while any of them is alive, and nobody wants the unit to
- * be left. step: of the march, by its number. */
-V_INLINE bool marches(const tc_cpu_args *args, vm live, tc_cpu_counts *counts, int step) {
-  if (__builtin_expect(step % STRIDE == 0, 0) && (counts->until_poll -= STRIDE) <= 0 && poll_halt(args, counts))
+/* Asked before step number `step` of every march: false once no ray is live, or the halt interrupts the unit. */
+V_INLINE bool keep_marching(const tc_cpu_args *args, vm live, tc_cpu_counts *counts, int step) {
+  if (__builtin_expect(step % POLL_STRIDE == 0, 0) && (counts->until_poll -= POLL_STRIDE) <= 0 && poll_halt(args, counts))
     return false;
   return m_any(live);
 }
 
-/* Writes a packet's pixels that lie before x1 and y1; `out` is its first one. */
+/* Writes the packet's pixels before x1 and y1; `out` is its first pixel. */
 V_INLINE void store_packet(vf4 c, const place *at, float *out, ptrdiff_t stride) {
   float lanes[4][V_LANES];
   v_store(lanes[0], c.r);
@@ -146,7 +143,7 @@ V_INLINE void store_packet(vf4 c, const place *at, float *out, ptrdiff_t stride)
   }
 }
 
-/* The same back: sums of rays that were cut between two. */
+/* Reads back what store_packet() wrote: the sums of rays so far. */
 V_ONCE vf4 load_packet(const place *at, const float *out, ptrdiff_t stride) {
   float lanes[4][V_LANES] = {{0}};
   for (int l = 0; l < V_LANES; l++) {

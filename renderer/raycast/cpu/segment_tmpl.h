@@ -1,13 +1,12 @@
-/* From two samples to the colour and opacity of the segment between them, in every classification. Part of the
- * template. */
+/* From two samples to the colour and opacity of the segment between them, in every classification. */
 
-/* Second order (El Hajjar, Marchesin, Dischler and Mongenet, 2008, take the field as quadratic along a segment): of the
- * quadratic through front, middle and back the linear field with the same mean, and its slope as far as that leaves
- * both ends among the three samples. What follows is then an entry of the same table: opacity and energy stay in
- * bounds, and where the samples show nothing neither does the segment. A mean that is right leaves an error of the
- * fourth order in a segment and of the third along a ray, against a linear field's second. */
-V_INLINE void straighten(vf *front, vf middle, vf *back) {
-  /* Simpson; exact where all are equal */
+/* Second-order pre-integration. The field is taken as the quadratic through front, middle and back (El Hajjar, Marchesin, Dischler
+ * and Mongenet, 2008), and replaced by the linear field with the same mean whose ends stay within the range of the three samples.
+ * The segment is then an entry of the same pre-integration table, so its opacity and colour keep their bounds, and samples that
+ * show nothing give a segment that shows nothing. A correct mean leaves an error of the fourth order per segment and of the third
+ * along a ray, where linear pre-integration has the second. */
+V_INLINE void linearise(vf *front, vf middle, vf *back) {
+  /* Simpson's rule; exact for three equal samples */
   vf mean = v_fma((*front - middle) + (*back - middle), v_set(1 / 6.0f), middle);
   vf least = v_min(middle, v_min(*front, *back)), most = v_max(middle, v_max(*front, *back));
   vf room = v_max(v_min(mean - least, most - mean), v_set(0)), half = v_set(0.5f) * (*back - *front);
@@ -16,11 +15,11 @@ V_INLINE void straighten(vf *front, vf middle, vf *back) {
   *back = mean + half;
 }
 
-/* Segments that are straightened need not meet: where that would jump over more than what a zoom is for, a peak could
- * be missed, and plain ends stay. */
-V_INLINE void straighten_zoomed(const tc_cpu_args *args, vf *front, vf middle, vf *back) {
+/* Linearised segments need not meet. Where the gap between two would skip the inner range of a zoom, a peak could be missed: such
+ * segments keep their sampled ends. */
+V_INLINE void linearise_zoomed(const tc_cpu_args *args, vf *front, vf middle, vf *back) {
   vf near = *front, far = *back;
-  straighten(&near, middle, &far);
+  linearise(&near, middle, &far);
   vm jumps = v_lt(v_set(1), v_set(0));
   for (int z = 0; z < args->n_zooms; z++) {
     vf lo = v_set(args->zooms[z].inner[0]), hi = v_set(args->zooms[z].inner[1]), most = hi - lo;
@@ -33,7 +32,7 @@ V_INLINE void straighten_zoomed(const tc_cpu_args *args, vf *front, vf middle, v
   *back = v_select(jumps, *back, far);
 }
 
-/* Segment i: of full length or, where the ray ends or begins with a phase, shorter. */
+/* Classifies segment i, with opacity correction where it is shorter: the last of a ray, and the first of a ray with a phase. */
 V_INLINE vf4 classify_part(const tc_cpu_args *args, variant v, const packet *p, vf front, vf back, int i, vf t0, vf t1,
                            vm live) {
   vm ends = v_lt(p->length, t1);
@@ -45,8 +44,7 @@ V_INLINE vf4 classify_part(const tc_cpu_args *args, variant v, const packet *p, 
   return args->key.stiff ? shorten_stiff(args, front, back, c, share, which) : shorten(c, share, which);
 }
 
-/* By 1-D integrals. Once an instruction set, for all voxel types: kernels are large enough. */
-V_ONCE vf4 classify_otherwise(const tc_cpu_args *args, variant v, const packet *p, vf front, vf back, int i, vf t0,
+V_ONCE vf4 classify_1d(const tc_cpu_args *args, variant v, const packet *p, vf front, vf back, int i, vf t0,
                               vf t1) {
   vf rest = v_max(v_min(t1, p->length) - t0, v_set(0));
   vf length_mm = v_select(v_lt(p->length, t1), rest, v_set(args->rays.step_mm));
@@ -60,10 +58,10 @@ V_INLINE vf4 segment(const tc_cpu_args *args, variant v, const packet *p, vf fro
   if (v.classification == TC_PREINTEGRATED) return classify_part(args, v, p, front, back, i, t0, t1, live);
   if (v.classification == TC_PREINTEGRATED2) {
     vf middle = sample_node(args, v, p, v_set(0.5f) * (t0 + v_min(t1, p->length)), NULL);
-    if (v.zoomed) straighten_zoomed(args, &front, middle, &back);
-    else straighten(&front, middle, &back);
-    counts->samples += (uint64_t)m_count(live); /* the middle */
+    if (v.zoomed) linearise_zoomed(args, &front, middle, &back);
+    else linearise(&front, middle, &back);
+    counts->samples += (uint64_t)m_count(live);
     return classify_part(args, v, p, front, back, i, t0, t1, live);
   }
-  return classify_otherwise(args, v, p, front, back, i, t0, t1);
+  return classify_1d(args, v, p, front, back, i, t0, t1);
 }

@@ -1,7 +1,7 @@
-/* Shading of a segment (raycast/shade.h has the equations). Part of the template, only in shaded variants. */
+/* Shading of a segment (equations: raycast/shade.h). */
 
 typedef struct lighting {
-  vf eye[3], half[3]; /* unit, LPS: to the eye; between it and a fixed light */
+  vf eye[3], half[3]; /* unit vectors in LPS: to the eye, and halfway between it and a fixed light */
 } lighting;
 
 V_INLINE vf dot(const vf a[3], const vf b[3]) { return v_fma(a[2], b[2], v_fma(a[1], b[1], a[0] * b[0])); }
@@ -17,7 +17,7 @@ V_INLINE lighting start_lighting(const tc_cpu_args *args, variant v, const place
     l.eye[k] = l.eye[k] / norm;
     l.half[k] = l.eye[k] + v_set(args->shade.light[k]);
   }
-  /* a light straight behind has no half way: nothing shines */
+  /* the halfway vector of a light straight behind is 0: no highlight */
   norm = v_max(v_sqrt(dot(l.half, l.half)), v_set(1e-20f));
   for (int k = 0; k < 3; k++) l.half[k] = l.half[k] / norm;
   return l;

@@ -66,8 +66,8 @@ V_INLINE void v_pair_f32(const void *base, vi off, vf *a, vf *b) {
 }
 #include "renderer/raycast/cpu/simd_gather.h"
 
-/* Whole entries are loaded per lane (they are 16 bytes), lane 4s+g into 128-bit slot s of group g, so that a 4x4
- * transpose inside the slots ends in lane order: far fewer loads than sixteen gathers. */
+/* Each lane loads whole entries of 16 bytes, lane 4s+g into the 128-bit slot s of group g. A 4x4 transpose within the slots then
+ * ends in lane order: far fewer loads than sixteen gathers. */
 V_INLINE vf v_slot_pair(const double *base, const int32_t *off, int g) {
   return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_castpd_ps(_mm_loadu_pd(base + off[g]))),
                               _mm_castpd_ps(_mm_loadu_pd(base + off[4 + g])), 1);
@@ -85,7 +85,7 @@ V_INLINE vf4 v_bilinear(const float *base, vi row0, vi row1, vf fx, vf fy) {
   const double *halves = (const double *)(const void *)base; /* half entries: an address mode scales by 8, not by 16 */
   _mm256_store_si256((__m256i *)p, v_shl(row0, 1));
   _mm256_store_si256((__m256i *)q, v_shl(row1, 1));
-  /* Through memory on purpose: taking lanes out of registers would fill the ports that the arithmetic needs. */
+  /* Through memory on purpose: extracting lanes from registers would occupy the ports that the arithmetic needs. */
   __asm__("" : "+m"(p), "+m"(q));
   vf e0 = V_BILINEAR_GROUP(0), e1 = V_BILINEAR_GROUP(1), e2 = V_BILINEAR_GROUP(2), e3 = V_BILINEAR_GROUP(3);
   vf t0 = _mm256_unpacklo_ps(e0, e1), t1 = _mm256_unpackhi_ps(e0, e1);

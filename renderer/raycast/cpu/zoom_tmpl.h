@@ -1,30 +1,29 @@
-/* Where the table has zooms (classify/classify.h), and the depths that it holds. Part of the template.
+/* Look-up in a pre-integration table with zooms, and in its rows of depths (classify/classify.h).
  *
- * A segment is looked up in the finest window that holds both of its ends. Where only one of them lies in a finer one,
- * near its knots, the segment is cut at that window's edge, and depths of its parts give its opacity: the coarser window
- * places an end beside close knots no better than to a node, and would leave to chance whether a peak lies before it or
- * behind. */
+ * A segment is looked up in the finest window that contains both of its ends. If only one end lies in a finer window, near that
+ * window's knots, the segment is cut at the window's edge, and the optical depths of the parts give its opacity. The coarser window
+ * resolves that end to a node only: whether a peak lies before or behind it would be left to chance. */
 
-/* Ends of a segment in a window's nodes, entries a row, and those before its row k = 0 (0: the table itself). */
+/* A segment's ends in nodes of a window; the window's entries per row, and the entries before its row k = 0 (0: the table itself). */
 typedef struct window { vf front, back, stride, start; } window;
 
 V_INLINE window in_zoom(const tc_cpu_zoom *zoom, vf front, vf back) {
   vf lo = v_set(zoom->lo), scale = v_set(zoom->scale);
   return (window){(front - lo) * scale, (back - lo) * scale, v_set(TC_ZOOM_NODES + 2), v_set(zoom->start)};
 }
-V_INLINE vm holds(vf at, float rim) {
+V_INLINE vm contains(vf at, float rim) {
   return m_and(v_le(v_set(rim), at), v_le(at, v_set(TC_ZOOM_NODES - 1 - rim)));
 }
 
-/* The finest of the table and its zooms that holds both; *cut: an end is near the knots of a finer one, by itself. */
+/* The finest window that contains both ends. *cut: a finer one has just one of them, near its knots. */
 V_INLINE window enter_window(const tc_cpu_args *args, vf front, vf back, vm *cut) {
   window w = {front, back, v_set(args->table_stride), v_set(0)};
   *cut = v_lt(v_set(1), v_set(0));
   for (int z = 0; z < args->n_zooms; z++) {
     window fine = in_zoom(&args->zooms[z], front, back);
-    vm begins = holds(fine.front, 0), ends = holds(fine.back, 0), inside = m_and(begins, ends);
+    vm begins = contains(fine.front, 0), ends = contains(fine.back, 0), inside = m_and(begins, ends);
     float rim = args->zooms[z].rim;
-    *cut = m_or(*cut, m_andnot(m_or(holds(fine.front, rim), holds(fine.back, rim)), inside));
+    *cut = m_or(*cut, m_andnot(m_or(contains(fine.front, rim), contains(fine.back, rim)), inside));
     w.front = v_select(inside, fine.front, w.front);
     w.back = v_select(inside, fine.back, w.back);
     w.stride = v_select(inside, fine.stride, w.stride);
@@ -43,7 +42,7 @@ V_INLINE vf4 look_up(const tc_cpu_args *args, window w) {
 
 V_INLINE vf4 entry_at(const tc_cpu_args *args, vi at) { return v_bilinear(args->table, at, at, v_set(0), v_set(0)); }
 
-/* The depth of a whole segment from the row of depths; nothing cancels in it. */
+/* Optical depth of a full segment from the row of depths, without cancellation. */
 V_INLINE vf depth_in(const tc_cpu_args *args, window w) {
   vf half = v_set(0.5f), one = v_set(1), low = v_min(w.front, w.back), high = v_max(w.front, w.back);
   /* row n + 2, of n + 1 entries in the table and of n + 2 in a zoom; (n + 1) (n + 2) is even: exact up to 2^25 */
@@ -59,11 +58,11 @@ V_INLINE vf depth_in(const tc_cpu_args *args, window w) {
   return v_select(v_lt(v_float(j) - v_float(i), half), within, whole);
 }
 
-/* Cuts off what lies in a zoom of segments with but one end there; depth times share of `span` nodes of that part, 0 of
- * other segments, which stay. */
+/* Cuts off the part inside a zoom from segments that have one end there: returns its depth, weighted by its share of `span` nodes;
+ * 0 for other segments, which stay whole. */
 V_INLINE vf cut_off(const tc_cpu_args *args, const tc_cpu_zoom *zoom, vf span, vf *front, vf *back, vm cut) {
   window w = in_zoom(zoom, *front, *back);
-  vm begins = m_and(holds(w.front, 0), cut), ends = m_and(holds(w.back, 0), cut);
+  vm begins = m_and(contains(w.front, 0), cut), ends = m_and(contains(w.back, 0), cut);
   vm nearer = m_andnot(begins, ends), farther = m_andnot(ends, begins);
   if (!m_any(m_or(nearer, farther))) return v_set(0);
   vf top = v_set(TC_ZOOM_NODES - 1), inverse = v_set(1 / zoom->scale), lo = v_set(zoom->lo);
@@ -84,8 +83,8 @@ V_ONCE vf depth_between(const tc_cpu_args *args, vf front, vf back, vm cut) {
   return v_select(v_lt(v_set(0), parts), v_fma(rest, depth, parts), depth);
 }
 
-/* Where a segment is cut its opacity is that of its parts. Colour is the whole one's, in proportion: between nodes on
- * either side of a peak the table has a mixture of seeing it and not, mostly of the peak's own colour. */
+/* A segment that was cut has the opacity of its parts. Its colour is the whole segment's, scaled: between nodes on either side of a
+ * peak, the table interpolates between seeing the peak and not, which is mostly the peak's colour. */
 V_INLINE vf4 classify_zoomed(const tc_cpu_args *args, vf front, vf back, vm live) {
   vm cut;
   vf4 c = look_up(args, enter_window(args, front, back, &cut));
