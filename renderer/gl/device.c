@@ -14,8 +14,7 @@ struct tc_gl_context {
   tc_gl_report report;
 };
 
-/* eglGetPlatformDisplay() hands out one display per device and eglTerminate() ends it for everyone, so that the
- * displays of this process are counted. */
+/* eglGetPlatformDisplay() returns one display per device, and eglTerminate() ends it for all its users: hence the reference counts. */
 #define MAX_DISPLAYS 32
 static struct {
   EGLDisplay display;
@@ -23,8 +22,7 @@ static struct {
 } displays[MAX_DISPLAYS];
 static pthread_mutex_t displays_lock = PTHREAD_MUTEX_INITIALIZER;
 
-/* The entry points are asked for by hand: libepoxy ends the process on a missing one and takes no EGL 1.5 name before
- * a display is initialised. */
+/* Entry points are looked up by hand: libepoxy aborts on a missing one, and resolves no EGL 1.5 name before a display is initialised. */
 static PFNEGLGETPLATFORMDISPLAYEXTPROC get_platform_display;
 static PFNEGLQUERYDEVICESEXTPROC query_devices;
 static PFNEGLQUERYDEVICESTRINGEXTPROC query_device_string;
@@ -62,19 +60,19 @@ static int note_driver(struct dl_phdr_info *object, size_t size, void *user) {
   return 0;
 }
 
-/* Keeps Mesa's drivers loaded when the last display ends. A driver allocates a few tables once per load of its library
- * (on AMD processors the topology of the caches) and never frees them; libEGL unloads it with the last display, so that
- * a program that opens displays in turn would lose those bytes, and pay for the loading, each time. */
+/* Keeps Mesa's drivers loaded after the last display ends. A driver leaks a few tables per load of its library (on AMD processors, the
+ * topology of the caches), and libEGL unloads it with the last display: a program that opens displays repeatedly would leak, and pay
+ * for loading, each time. */
 static void keep_drivers(void) {
   drivers found = {0};
   dl_iterate_phdr(note_driver, &found);
-  for (int i = 0; i < found.count; i++) { /* not in the walk above, which holds a lock of the loader */
+  for (int i = 0; i < found.count; i++) { /* not in the callback above, which holds a lock of the loader */
     void *driver = dlopen(found.paths[i], RTLD_LAZY | RTLD_NOLOAD | RTLD_NODELETE);
     if (driver) dlclose(driver);
   }
 }
 
-/* Initialises the display or joins its users. */
+/* Initialises the display, or adds a user to it. */
 static bool acquire_display(EGLDisplay display) {
   bool good = false;
   pthread_mutex_lock(&displays_lock);
@@ -114,7 +112,7 @@ static EGLContext create_context(EGLDisplay display) {
     EGLint count = 0;
     if (!eglChooseConfig(display, wanted, &config, 1, &count) || count < 1) return EGL_NO_CONTEXT;
   }
-  /* A GPU that hangs then says so (tc_gl_check) instead of giving black pictures; not every driver takes the wish. */
+  /* With robustness, a hung GPU is reported (tc_gl_check) instead of giving black pictures; not every driver supports it. */
   const EGLint robust[] = {EGL_CONTEXT_MAJOR_VERSION_KHR,
                            4,
                            EGL_CONTEXT_MINOR_VERSION_KHR,
@@ -135,7 +133,7 @@ static EGLContext create_context(EGLDisplay display) {
   return context != EGL_NO_CONTEXT ? context : eglCreateContext(display, config, EGL_NO_CONTEXT, plain);
 }
 
-/* Software by name as well as by EGL: the surfaceless platform does not say which device it took. */
+/* Software is recognised by name too, because the surfaceless platform does not tell which device it uses. */
 static bool is_software_name(const char *renderer) {
   static const char *const names[] = {"llvmpipe", "softpipe", "swrast", "Software Rasterizer", "SWR", "SwiftShader"};
   for (size_t i = 0; i < sizeof names / sizeof *names; i++)
@@ -185,7 +183,7 @@ static void close_display(tc_gl_context *context) {
   release_display(context->display);
 }
 
-/* Fills devices[MAX_DISPLAYS] with those that do not call themselves software; -1 where EGL cannot list devices. */
+/* Fills devices[MAX_DISPLAYS] with those that do not report to be software; -1 if EGL cannot list devices. */
 static int list_hardware(EGLDeviceEXT *devices) {
   EGLDeviceEXT all[MAX_DISPLAYS];
   EGLint count = 0;
@@ -290,7 +288,7 @@ static const char *error_name(GLenum code) {
 }
 
 void tc_gl_forget_errors(void) {
-  /* Bounded: a lost context answers GL_CONTEXT_LOST for ever. */
+  /* Bounded, because a lost context returns GL_CONTEXT_LOST for ever. */
   for (int i = 0; i < 64 && glGetError() != GL_NO_ERROR; i++) {
   }
 }

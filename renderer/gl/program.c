@@ -5,7 +5,7 @@
 #include <epoxy/gl.h>
 #include <string.h>
 
-/* The first line of a driver's log, as it goes into a one-line message. */
+/* Cuts a driver's log to its first line, for a one-line message. */
 static void first_line(char *log) {
   g_strchug(log);
   log[strcspn(log, "\r\n")] = 0;
@@ -72,7 +72,7 @@ unsigned tc_gl_program_find(tc_gl_program_cache *cache, const void *key, size_t 
 }
 
 void tc_gl_program_put(tc_gl_program_cache *cache, const void *key, size_t size, unsigned program) {
-  int victim = 0; /* a free entry was never used: 0 */
+  int victim = 0; /* free entries have clock 0 */
   for (int i = 1; i < TC_GL_PROGRAMS; i++)
     if (cache->entries[i].used < cache->entries[victim].used) victim = i;
   if (cache->entries[victim].program) glDeleteProgram(cache->entries[victim].program);

@@ -11,7 +11,7 @@
  * in driver tools. Returns the GL name, 0 on failure: TC_ERROR_INTERNAL with the driver's first complaint. */
 unsigned tc_gl_program_compile(const char *const *pieces, size_t count, const char *label, GError **error);
 
-/* The least recently used of at most TC_GL_PROGRAMS programs makes room. Keys are plain bytes compared by memcmp. */
+/* A cache of TC_GL_PROGRAMS programs, least recently used out first. Keys are compared by memcmp. */
 #define TC_GL_PROGRAMS 32
 #define TC_GL_PROGRAM_KEY 32 /* bytes of a key at most */
 
@@ -28,7 +28,7 @@ typedef struct tc_gl_program_cache {
 /* The cached program, or 0. A zeroed cache is empty. `size` <= TC_GL_PROGRAM_KEY. */
 unsigned tc_gl_program_find(tc_gl_program_cache *cache, const void *key, size_t size);
 
-/* Stores a program under a key that is not there; the cache owns it from now on. */
+/* Stores a program under a new key; the cache owns it from now on. */
 void tc_gl_program_put(tc_gl_program_cache *cache, const void *key, size_t size, unsigned program);
 
 /* Deletes every program; the cache is empty afterwards. */

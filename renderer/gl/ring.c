@@ -7,7 +7,7 @@
 
 #include "renderer/gl/device.h"
 
-#define WAIT_NS 60000000000ull /* a tile is made to last milliseconds: a minute of silence is a dead GPU */
+#define WAIT_NS 60000000000ull /* tiles are sized to take milliseconds: a minute without an answer is a dead GPU */
 
 static void free_slot(tc_gl_slot *slot) {
   if (slot->fence) glDeleteSync(slot->fence);
@@ -75,7 +75,7 @@ void tc_gl_ring_end(tc_gl_ring *ring, size_t bytes) {
   glCopyNamedBufferSubData(slot->device, slot->host, 0, 0, (GLsizeiptr)bytes);
   glMemoryBarrier(GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT);
   slot->fence = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
-  glFlush(); /* the GPU starts now, not when somebody waits */
+  glFlush(); /* so that the GPU starts now, not at the first wait */
   ring->head++;
 }
 

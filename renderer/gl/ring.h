@@ -1,4 +1,4 @@
-/* Read-back ring: results leave the GPU tile by tile while later tiles are still being computed.
+/* Read-back ring: results are copied from the GPU tile by tile while later tiles are still computed.
  *
  * Each slot has a buffer the shader writes (device memory), a persistently mapped buffer the result is copied to, a
  * fence, and two GPU clock readings. Order of use: begin -> dispatch -> end, and, oldest first, take -> read -> give.
@@ -18,7 +18,7 @@ typedef struct tc_gl_slot {
   const void *mapped;    /* [capacity], valid to read between take and give */
   void *fence;           /* GLsync of the copy */
   unsigned clocks[2];    /* GL_TIMESTAMP queries around the work */
-  int tile[4];           /* the caller's note of what was dispatched: x, y, width, height in pixels */
+  int tile[4];           /* for the caller: x, y, width, height of what was dispatched, pixels */
 } tc_gl_slot;
 
 typedef struct tc_gl_ring {

@@ -87,13 +87,13 @@ static void set_view(drawing *d) {
   tc_volume_lps_to_index(d->job->volume, eye, d->eye);
   /* Directions from the eye through pixels, LPS, for light. */
   for (int k = 0; k < 3; k++) {
-    g->light.view_du[k] = g->perspective ? (float)rows[0][k] : 0;
-    g->light.view_dv[k] = g->perspective ? (float)rows[1][k] : 0;
-    g->light.anchor0[k] =
+    g->direction_du[k] = g->perspective ? (float)rows[0][k] : 0;
+    g->direction_dv[k] = g->perspective ? (float)rows[1][k] : 0;
+    g->direction0[k] =
         (float)(g->perspective ? scale * rows[2][k] - 0.5 * width * rows[0][k] - 0.5 * height * rows[1][k]
                                : rows[2][k]);
   }
-  g->light.view0[0] = (float)width, g->light.view0[1] = (float)height;
+  g->width = (float)width, g->height = (float)height;
 }
 
 /* ---- the kernel ---- */
@@ -160,23 +160,13 @@ static void set_kernel(drawing *d) {
 static void set_light(drawing *d) {
   const tc_scene *scene = d->job->scene;
   tc_splat_args *g = &d->args;
-  tc_shade s;
   g->shaded = scene->shading.model != TC_SHADING_NONE;
   if (!g->shaded) return;
-  tc_shade_set_up(&s, d->job->volume, d->job->volume, scene);
-  for (int k = 0; k < 3; k++) {
-    g->light.gradient[4 * k] = 0.5f; /* of twice the normal */
-    g->light.glow[0][k] = (float)s.glow[0][k];
-    g->light.glow[1][k] = (float)s.glow[1][k];
-    g->light.light[k] = (float)s.light[k];
-  }
-  g->light.inverse_steep = 1;
-  g->light.factor[0] = (float)s.factor[0];
-  g->light.factor[1] = (float)s.factor[1];
-  g->light.least_lit = (float)s.least;
-  g->light.specular = (float)s.specular;
-  g->light.shininess = (float)s.shininess;
-  g->light.head_light = s.head_light;
+  tc_shade_set_up(&g->shade, d->job->volume, d->job->volume, scene);
+  memset(g->shade.gradient, 0, sizeof g->shade.gradient);
+  for (int k = 0; k < 3; k++) g->shade.gradient[k][k] = 0.5f; /* of twice the normal */
+  g->shade.flat = 0;
+  g->shade.inverse_steep = 1;
 }
 
 /* ---- bricks ---- */

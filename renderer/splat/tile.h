@@ -22,7 +22,9 @@ typedef struct tc_splat_matter {
 
 /* A frame's constants. View space: x to the right, y down, z away from the eye, mm. */
 typedef struct tc_splat_args {
-  tc_cpu_args light; /* its members of shading, and view0, view_du, view_dv */
+  tc_shade shade;
+  float direction0[3], direction_du[3], direction_dv[3]; /* from the eye through pixels, LPS */
+  float width, height;                                  /* of the picture */
   bool perspective, opaque, culling, shaded;
   float axis[3][3];         /* view x, y, z of one voxel along index axis k: [row][k] */
   float scale;              /* pixels a mm, in perspective at z = 1 mm */

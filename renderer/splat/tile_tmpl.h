@@ -78,8 +78,8 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
   } else {
     x = x * scale, y = y * scale;
   }
-  x = x + v_set(0.5f * (float)g->light.view0[0] - (float)t->x0),
-  y = y + v_set(0.5f * (float)g->light.view0[1] - (float)t->y0);
+  x = x + v_set(0.5f * g->width - (float)t->x0),
+  y = y + v_set(0.5f * g->height - (float)t->y0);
   vf xx = v_set(0), yy = xx, xy = xx;
   for (int k = 0; k < 3; k++) {
     vf jx = v_fnma(u, v_set(g->axis[2][k]), v_set(g->axis[0][k])),
@@ -175,7 +175,7 @@ V_INLINE void look_up(const tc_splat_args *g, const tc_splat_brick *brick, float
   memcpy(&word, &bits, 4);
   tc_octahedron_unfold(word >> 18 & 127, word >> 25, 63, n);
   for (int k = 0; k < 3; k++)
-    away += n[k] * (g->light.anchor0[k] + x * g->light.view_du[k] + y * g->light.view_dv[k]);
+    away += n[k] * (g->direction0[k] + x * g->direction_du[k] + y * g->direction_dv[k]);
   const bool sheet = (word >> 12 & word >> 13 & 0x15) != 0;
   for (int k = 0; k < 3; k++)
     of[k] = (int)lrintf(n[k] * (sheet && away > 0 ? -127.f : 127.f));
@@ -209,22 +209,6 @@ static void put_colors(const tc_splat_args *g, const tc_splat_entry *e, tc_splat
 
 /* ---- light ---- */
 
-V_INLINE lighting light_from(const tc_cpu_args *g, float x, float y) {
-  lighting l;
-  vf i = v_load(lane_numbers) + v_set(x + 0.5f), j = v_set(y + 0.5f);
-  for (int k = 0; k < 3; k++)
-    l.eye[k] = v_set(0) - v_fma(j, v_set(g->view_dv[k]), v_fma(i, v_set(g->view_du[k]), v_set(g->anchor0[k])));
-  vf norm = v_sqrt(dot(l.eye, l.eye));
-  for (int k = 0; k < 3; k++) {
-    l.eye[k] = l.eye[k] / norm;
-    l.half[k] = l.eye[k] + v_set(g->light[k]);
-  }
-  norm = v_max(v_sqrt(dot(l.half, l.half)), v_set(1e-20f));
-  for (int k = 0; k < 3; k++)
-    l.half[k] = l.half[k] / norm;
-  return l;
-}
-
 V_INLINE vf sum_at(const tc_splat_tile *t, int which, int p) { return v_float(v_bits(v_load(t->sums[which] + p))); }
 
 static void shade_tile(const tc_splat_args *g, const tc_splat_tile *t, float *out) {
@@ -242,12 +226,13 @@ static void shade_tile(const tc_splat_args *g, const tc_splat_tile *t, float *ou
       if (g->shaded && m_any(v_lt(v_set(0), weight))) {
         vf n[3] = {sum_at(t, TC_SUM_NORMAL, p) * share, sum_at(t, TC_SUM_NORMAL + 1, p) * share,
                    sum_at(t, TC_SUM_NORMAL + 2, p) * share};
-        lighting l = light_from(&g->light, (float)(t->x0 + x), (float)(t->y0 + y));
+        vf i = v_load(lane_numbers) + v_set((float)(t->x0 + x) + 0.5f), j = v_set((float)(t->y0 + y) + 0.5f);
+        lighting l = lighting_at(i, j, g->direction0, g->direction_du, g->direction_dv, g->shade.light);
         /* One side is lit: what faces away, at a rim, is seen edge-on at most. */
         vf behind = v_min(dot(n, l.eye), v_set(0));
         for (int k = 0; k < 3; k++)
           n[k] = v_fnma(behind, l.eye[k], n[k]);
-        c = shade(&g->light, &l, n, n, c);
+        c = shade(&g->shade, &l, n, n, c);
       }
       float lanes[4][V_LANES];
       v_store(lanes[0], c.r * alpha), v_store(lanes[1], c.g * alpha), v_store(lanes[2], c.b * alpha),
@@ -264,8 +249,8 @@ static void shade_tile(const tc_splat_args *g, const tc_splat_tile *t, float *ou
 /* Optical depth in the middle of a splat's footprint: the kernel's integral along the ray through its voxel, kept whole
  * where the footprint was widened to the pixels' width. */
 V_INLINE float mass_of(const tc_splat_args *g, const batch *b, int i, const tc_splat_tile *t) {
-  const float x = (b->x[i] + (float)t->x0 - 0.5f * g->light.view0[0]) / g->scale;
-  const float y = (b->y[i] + (float)t->y0 - 0.5f * g->light.view0[1]) / g->scale;
+  const float x = (b->x[i] + (float)t->x0 - 0.5f * g->width) / g->scale;
+  const float y = (b->y[i] + (float)t->y0 - 0.5f * g->height) / g->scale;
   float square = 0, length = g->perspective ? x * x + y * y + 1 : 1;
   for (int k = 0; k < 3; k++) {
     const float *m = g->to_index[k];

@@ -69,7 +69,7 @@ V_INLINE vf4 shade_segment(const tc_cpu_args *args, variant v, const packet *p, 
                            const vf *back, vf t0, vf t1, vm live, vf4 c, tc_cpu_counts *counts) {
   vf middle[3];
   counts->gradients += (uint64_t)m_count(m_and(live, v_lt(v_set(0), c.a)));
-  if (v.gradient == TC_GRADIENT_CELL) return shade(args, l, front, back, c);
+  if (v.gradient == TC_GRADIENT_CELL) return shade(&args->shade, l, front, back, c);
   gradient_at(args, v, p, v_set(0.5f) * (t0 + v_min(t1, p->length)), middle);
-  return shade(args, l, middle, middle, c);
+  return shade(&args->shade, l, middle, middle, c);
 }

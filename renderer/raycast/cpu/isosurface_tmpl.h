@@ -291,7 +291,7 @@ V_INLINE vf4 cast_rays(const tc_cpu_args *args, variant v, const place *at, skip
     else
       gradient_at(args, v, &p, t, gradient);
     counts->gradients += (uint64_t)m_count(hit);
-    c = shade(args, &light, gradient, gradient, c);
+    c = shade(&args->shade, &light, gradient, gradient, c);
   }
   return (vf4){v_select(hit, c.r, zero), v_select(hit, c.g, zero), v_select(hit, c.b, zero), v_select(hit, c.a, zero)};
 }

@@ -1,6 +1,5 @@
-/* The gl back end: a frame is cut into tiles; each is one dispatch whose result comes back through the ring while later
- * tiles run. Small tiles keep a GPU's watchdog quiet and a cancelled frame short; their size follows the GPU's clock
- * (pace.h). */
+/* The gl back end. A frame is cut into tiles; each is one dispatch, whose result is read back through the ring while later tiles run.
+ * Small tiles keep a GPU's watchdog quiet and let frames be cancelled soon; their size follows measured times (pace.h). */
 #include "renderer/raycast/gl/backend.h"
 
 #include <epoxy/gl.h>
@@ -18,29 +17,29 @@
 #include "renderer/raycast/gl/warm.h"
 #include "renderer/clock.h"
 
-#define SOFTWARE_PIXELS (1 << 16) /* of a tile, at most */
+#define SOFTWARE_PIXELS (1 << 16) /* most pixels per tile */
 #define HARDWARE_PIXELS (1 << 20)
-#define ROW 64 /* pixels of a tile's height, at most: one that turns out slow is narrower at once */
-#define DEAF_MS 20 /* what all tiles in flight may take */
-#define UPLOAD_BESIDE ((size_t)8 << 20) /* bytes of volumes whose upload would hold up a frame that hurries */
+#define ROW 64 /* largest height of a tile; slow tiles become narrower */
+#define IN_FLIGHT_MS 20 /* longest expected time of all tiles in flight, during which the halt has no effect */
+#define BACKGROUND_UPLOAD ((size_t)8 << 20) /* bytes of volumes from which on uploading is background work */
 #define COUNTER_CELLS 64 /* head.glsl */
 #define COUNTER_BYTES (COUNTER_CELLS * 32)
 #define DEFAULT_CACHE_BYTES ((uint64_t)256 << 20)
 
-/* What is done beside frames: a program compiled, or volumes uploaded. */
-typedef struct errand {
+/* Background work: a program to compile, or volumes to upload. */
+typedef struct background_work {
   tc_gl_variant variant;
-  unsigned program;       /* 0: it does not compile */
-  bool compiles;          /* variant and program mean something */
-  tc_volume *volumes[2];  /* references, or NULL, while it runs */
-  uint64_t serials[2];    /* theirs, or 0; afterwards of those that could not be uploaded */
-} errand;
+  unsigned program;       /* 0: compiling failed */
+  bool compiles;          /* variant and program are valid */
+  tc_volume *volumes[2];  /* references, or NULL, while uploading */
+  uint64_t serials[2];    /* of these volumes, or 0; afterwards of those that failed to upload */
+} background_work;
 
 typedef struct gl_backend {
   tc_gl_context *context;
   tc_gl_program_cache programs;
   tc_gl_warm warm;
-  errand errand; /* the latest: what warm works on, or did */
+  background_work work; /* the current or latest one of warm */
   tc_gl_textures textures;
   tc_gl_builder builder;
   tc_gl_ring ring;
@@ -48,7 +47,7 @@ typedef struct gl_backend {
   tc_gl_pace pace;
   double gpu_ms; /* of the last frame */
   uint64_t compiled;
-  bool lost; /* the GPU stopped answering: nothing is asked of it any more, not even to finish */
+  bool lost; /* the GPU stopped answering: no further GL calls, not even to clean up */
   char device[256];
 } gl_backend;
 
@@ -58,7 +57,7 @@ bool tc_gl_probe(bool *hardware, char *why, size_t size) {
   tc_gl_report report;
   GError *error = NULL;
   *hardware = false;
-  if (tc_gl_count_hardware() == 0) { /* known without loading a driver */
+  if (tc_gl_count_hardware() == 0) { /* avoids loading a driver */
     snprintf(why, size, "no hardware GPU: EGL lists none");
     return false;
   }
@@ -74,9 +73,9 @@ bool tc_gl_probe(bool *hardware, char *why, size_t size) {
   return true;
 }
 
-/* Keeps what was made beside. */
-static void settle(gl_backend *b) {
-  errand *e = &b->errand;
+/* Takes the results of finished background work. */
+static void take_work(gl_backend *b) {
+  background_work *e = &b->work;
   if (!tc_gl_warm_take(&b->warm)) return;
   bool current = tc_gl_context_use(b->context, NULL);
   for (int i = 0; i < 2; i++) {
@@ -92,7 +91,7 @@ static void settle(gl_backend *b) {
 static void destroy(void *instance) {
   gl_backend *b = instance;
   if (!b) return;
-  settle(b);
+  take_work(b);
   if (!b->lost && tc_gl_context_use(b->context, NULL)) {
     tc_gl_ring_clear(&b->ring);
     tc_gl_textures_clear(&b->textures);
@@ -113,7 +112,7 @@ static void *create(const tc_renderer_options *options, tc_pool *pool, GError **
   tc_gl_pace_init(&b->pace, report->hardware, report->hardware ? HARDWARE_PIXELS : SOFTWARE_PIXELS);
   uint64_t cache_bytes = options->cache_bytes ? options->cache_bytes : DEFAULT_CACHE_BYTES;
   b->textures.lookup_budget = cache_bytes;
-  b->textures.volume_budget = 4 * cache_bytes; /* volumes are what graphics memory is for */
+  b->textures.volume_budget = 4 * cache_bytes; /* graphics memory is mostly for volumes */
   snprintf(b->device, sizeof b->device, "%s, OpenGL %s", report->renderer, report->version);
   glCreateBuffers(1, &b->job_buffer);
   glNamedBufferStorage(b->job_buffer, sizeof(tc_gl_job_block), NULL, GL_DYNAMIC_STORAGE_BIT);
@@ -131,7 +130,7 @@ static const char *isa(void *instance) { return "opengl-4.5"; }
 
 static void forget(void *instance, uint64_t volume_serial) {
   gl_backend *b = instance;
-  settle(b);
+  take_work(b);
   if (!b->lost && tc_gl_context_use(b->context, NULL)) tc_gl_textures_forget(&b->textures, volume_serial);
 }
 
@@ -139,21 +138,26 @@ static bool builds_table(void *instance, const tc_table_params *params, const ch
   return tc_gl_builder_serves(&((gl_backend *)instance)->builder, params->n, params->n_zooms, params->bits, why);
 }
 
-static const char *kernel_suffix(void *instance) { return "gl"; }
+static void name_kernel(void *instance, tc_plan *plan) {
+  tc_plan_key_name(&plan->key, plan->kernel, sizeof plan->kernel);
+  g_strlcat(plan->kernel, ".gl", sizeof plan->kernel);
+}
 
 /* ---- one frame ---- */
+
+static bool wants_depth(const tc_job *job) { return job->surface && job->want_depth; }
 
 static tc_gl_variant variant_for(const tc_job *job, const tc_gl_volume *volume) {
   tc_gl_variant v;
   memset(&v, 0, sizeof v);
-  v.plan = job->key;
+  v.plan = job->plan->key;
   v.plan.shading = v.plan.shading != TC_SHADING_NONE; /* models differ in numbers only: one program for all */
   v.atlas = volume->slices_per_layer > 1;
-  v.linear_light = tc_resolve_is_linear(job->scene);
+  v.linear_light = job->scene->image.linear_light;
   v.transparent = job->scene->image.transparent;
   v.want_linear = job->want_linear;
-  v.want_depth = job->plan->depth;
-  if (job->have.labels) {
+  v.want_depth = wants_depth(job);
+  if (job->labels) {
     tc_voxel_type type = tc_volume_describe(job->label_volume)->type;
     v.label_signed = type == TC_I8 || type == TC_I16;
   }
@@ -172,8 +176,7 @@ static unsigned program_for(gl_backend *b, const tc_job *job, const tc_gl_volume
   return program;
 }
 
-/* A slot: counters, picture, floats, depths. Every part starts at a multiple of 1024, more than any driver's
- * alignment. */
+/* Layout of a slot: counters, picture, floats, depths. Parts start at multiples of 1024, above any driver's alignment. */
 typedef struct slot_layout {
   size_t picture_bytes, linear, linear_bytes, depth, depth_bytes, bytes;
 } slot_layout;
@@ -181,7 +184,7 @@ typedef struct slot_layout {
 static slot_layout lay_out(const tc_job *job, int width, int height) {
   slot_layout l = {.picture_bytes = (size_t)width * height * 4};
   if (job->want_linear) l.linear_bytes = 4 * l.picture_bytes;
-  if (job->plan->depth) l.depth_bytes = l.picture_bytes;
+  if (wants_depth(job)) l.depth_bytes = l.picture_bytes;
   l.linear = (COUNTER_BYTES + l.picture_bytes + 1023) & ~(size_t)1023;
   l.depth = (l.linear + l.linear_bytes + 1023) & ~(size_t)1023;
   l.bytes = l.depth + l.depth_bytes;
@@ -226,7 +229,7 @@ static void copy_out(const tc_gl_slot *slot, const tc_job *job) {
   }
 }
 
-/* Fetches the oldest tile. False: the GPU is gone. */
+/* Reads back the oldest tile. False: the GPU is lost. */
 static bool collect(gl_backend *b, const tc_job *job, double *last_ms, GError **error) {
   const tc_gl_slot *slot = tc_gl_ring_take(&b->ring, error);
   if (!slot) return false;
@@ -248,7 +251,7 @@ static double deaf_ms(void *instance, double pixel_samples) {
 
 static int whole_groups(int side) { return MAX(side / TC_GL_GROUP, 1) * TC_GL_GROUP; }
 
-/* Walks the picture in rows of tiles, whose width may change from one to the next. False: no tile is left. */
+/* The next tile, row by row; widths may change from tile to tile. False: there is none. */
 static bool next_tile(const gl_backend *b, const tc_job *job, int tile[4]) {
   const tc_frame *frame = job->frame;
   const int pixels = tc_gl_pace_pixels(&b->pace, job->pixel_samples);
@@ -266,10 +269,10 @@ static bool next_tile(const gl_backend *b, const tc_job *job, int tile[4]) {
 static bool has_room(const gl_backend *b, const tc_job *job, int pixels) {
   unsigned in_flight = b->ring.head - b->ring.tail;
   return !tc_gl_ring_is_full(&b->ring) &&
-         (in_flight == 0 || (in_flight + 1) * tc_gl_pace_ms(&b->pace, pixels, job->pixel_samples) <= DEAF_MS);
+         (in_flight == 0 || (in_flight + 1) * tc_gl_pace_ms(&b->pace, pixels, job->pixel_samples) <= IN_FLIGHT_MS);
 }
 
-/* Draws tiles in order, from *tile on, which ends as the next one: where a paused frame goes on. */
+/* Draws tiles from *tile on; afterwards *tile is the next one, at which a paused frame resumes. */
 static bool run_tiles(gl_backend *b, unsigned program, const tc_job *job, int tile[4], GError **error) {
   bool more = tile[2] ? tile[1] < job->frame->height : next_tile(b, job, tile), halted = false, drawn = false;
   double last_ms = tc_now_ms();
@@ -279,7 +282,7 @@ static bool run_tiles(gl_backend *b, unsigned program, const tc_job *job, int ti
       submit(b, program, job, tile);
       more = next_tile(b, job, tile);
       drawn = true;
-    } else if (!tc_gl_ring_is_idle(&b->ring) && !collect(b, job, &last_ms, error)) { /* what is in flight ends */
+    } else if (!tc_gl_ring_is_idle(&b->ring) && !collect(b, job, &last_ms, error)) { /* tiles in flight are always finished */
       b->lost = true;
       return false;
     }
@@ -288,33 +291,33 @@ static bool run_tiles(gl_backend *b, unsigned program, const tc_job *job, int ti
   return !more || tc_halt_say(job->halt, error);
 }
 
-/* Label volumes and what their voxels stand for: texture units 3 and 4. False with *error set. */
+/* Binds the label volume and its entries to texture units 3 and 4. False with *error set. */
 static bool bind_labels(gl_backend *b, const tc_job *job, const tc_gl_volume **labels, GError **error) {
   *labels = NULL;
-  if (!job->have.labels) return true;
+  if (!job->labels) return true;
   *labels = tc_gl_textures_volume(&b->textures, job->label_volume, error);
   const tc_gl_lookup *entries =
-      *labels ? tc_gl_textures_labels(&b->textures, job->label_volume, job->have.labels, job->halt, error) : NULL;
+      *labels ? tc_gl_textures_labels(&b->textures, job->label_volume, job->labels, job->halt, error) : NULL;
   if (!entries) return false;
   glBindTextureUnit(3, (*labels)->texture);
   glBindTextureUnit(4, entries->texture);
   return true;
 }
 
-/* What the job names; the rest stays NULL. */
+/* The lookups that the job names; others stay NULL. */
 static bool lookups_for(gl_backend *b, const tc_job *job, const tc_gl_lookup **table, const tc_gl_lookup **skip,
                         GError **error) {
   double *tables_ms = &job->frame->stats.tables_ms;
   const tc_halt *halt = job->halt;
-  if (job->have.table &&
-      !(*table = tc_gl_textures_table(&b->textures, &b->builder, job->have.table, tables_ms, halt, error)))
+  if (job->table &&
+      !(*table = tc_gl_textures_table(&b->textures, &b->builder, job->table, tables_ms, halt, error)))
     return false;
-  if (job->have.integrals && !(*table = tc_gl_textures_integrals(&b->textures, job->have.integrals, halt, error))) return false;
-  if (job->have.leap && !(*skip = tc_gl_textures_leap(&b->textures, job->volume, job->have.leap, halt, error))) return false;
-  return !job->have.bounds || (*skip = tc_gl_textures_bounds(&b->textures, job->volume, job->have.bounds, halt, error));
+  if (job->integrals && !(*table = tc_gl_textures_integrals(&b->textures, job->integrals, halt, error))) return false;
+  if (job->leap && !(*skip = tc_gl_textures_leap(&b->textures, job->volume, job->leap, halt, error))) return false;
+  return !job->bounds || (*skip = tc_gl_textures_bounds(&b->textures, job->volume, job->bounds, halt, error));
 }
 
-/* Uploads what the job reads and is not there, and binds it. The volume's copy, or NULL with *error set. */
+/* Uploads and binds what the job reads. Returns the volume's texture, or NULL with *error set. */
 static const tc_gl_volume *bind(gl_backend *b, const tc_job *job, GError **error) {
   if (!tc_gl_context_use(b->context, error)) return NULL;
   tc_gl_textures_begin(&b->textures);
@@ -337,7 +340,7 @@ static bool render(void *instance, const tc_job *job, GError **error) {
     tc_set_error(error, TC_ERROR_INTERNAL, NULL, "gl: the GPU stopped answering; restart the daemon");
     return false;
   }
-  settle(b);
+  take_work(b);
   b->gpu_ms = 0;
   const tc_gl_volume *volume = bind(b, job, error);
   unsigned program = volume ? program_for(b, job, volume, error) : 0;
@@ -350,31 +353,31 @@ static bool render(void *instance, const tc_job *job, GError **error) {
   return run_tiles(b, program, job, progress ? progress->tile : tile, error) && tc_gl_check("frame", error);
 }
 
-/* ---- beside frames ---- */
+/* ---- background work ---- */
 
-/* Compiles the errand's program and runs it once on no pixel: drivers put off part of their work until then, and it
- * depends on the textures that are bound. */
-static void compile_beside(void *argument) {
+/* Compiles the program and runs it once on no pixel: drivers defer part of the compilation to the first dispatch, and it depends on the
+ * bound textures. */
+static void compile_in_background(void *argument) {
   gl_backend *b = argument;
-  b->errand.program = tc_gl_compose(&b->errand.variant, NULL);
-  if (!b->errand.program) return;
-  glUseProgram(b->errand.program);
-  glDispatchCompute(1, 1, 1); /* its tile is of no pixel until one is set */
+  b->work.program = tc_gl_compose(&b->work.variant, NULL);
+  if (!b->work.program) return;
+  glUseProgram(b->work.program);
+  glDispatchCompute(1, 1, 1); /* its tile is empty until one is set */
   glFinish();
 }
 
-static void upload_beside(void *argument) {
+static void upload_in_background(void *argument) {
   gl_backend *b = argument;
   tc_gl_textures_begin(&b->textures);
   for (int i = 0; i < 2; i++)
-    if (b->errand.volumes[i]) tc_gl_textures_volume(&b->textures, b->errand.volumes[i], NULL);
+    if (b->work.volumes[i]) tc_gl_textures_volume(&b->textures, b->work.volumes[i], NULL);
   glFinish();
 }
 
-/* True: large volumes of the job are being uploaded. Not again what failed: that is for render() to say. */
+/* True: large volumes of the job are being uploaded. Failed uploads are not retried: render() will report the error. */
 static bool uploads(gl_backend *b, const tc_job *job) {
-  errand next = {0};
-  const tc_volume *volumes[2] = {job->volume, job->have.labels ? job->label_volume : NULL};
+  background_work next = {0};
+  const tc_volume *volumes[2] = {job->volume, job->label_volume};
   size_t bytes = 0;
   if (!tc_gl_context_use(b->context, NULL)) return false;
   for (int i = 0; i < 2; i++) {
@@ -382,36 +385,35 @@ static bool uploads(gl_backend *b, const tc_job *job) {
     next.serials[i] = tc_volume_serial(volumes[i]);
     bytes += tc_volume_bytes(volumes[i]);
   }
-  if (bytes < UPLOAD_BESIDE || memcmp(next.serials, b->errand.serials, sizeof next.serials) == 0) return false;
+  if (bytes < BACKGROUND_UPLOAD || memcmp(next.serials, b->work.serials, sizeof next.serials) == 0) return false;
   for (int i = 0; i < 2; i++)
     if (next.serials[i]) next.volumes[i] = tc_volume_ref((tc_volume *)volumes[i]);
-  b->errand = next;
-  if (tc_gl_warm_start(&b->warm, b->context, upload_beside, b)) return true;
+  b->work = next;
+  if (tc_gl_warm_start(&b->warm, b->context, upload_in_background, b)) return true;
   for (int i = 0; i < 2; i++) tc_volume_unref(next.volumes[i]);
-  b->errand = (errand){0};
+  b->work = (background_work){0};
   return false;
 }
 
-/* What fails here fails in render() too, which says why. */
+/* True on failure too: render() will fail again and report the error. */
 static bool ready(void *instance, const tc_job *job) {
   gl_backend *b = instance;
   if (b->lost) return true;
   if (tc_gl_warm_is_busy(&b->warm)) return false;
-  settle(b);
+  take_work(b);
   if (uploads(b, job)) return false;
   const tc_gl_volume *volume = bind(b, job, NULL);
   if (!volume) return true;
   tc_gl_variant v = variant_for(job, volume);
-  const errand *last = &b->errand;
+  const background_work *last = &b->work;
   bool failed = last->compiles && !last->program && memcmp(&v, &last->variant, sizeof v) == 0;
   if (failed || tc_gl_program_find(&b->programs, &v, sizeof v)) return true;
-  b->errand = (errand){.variant = v, .compiles = true};
-  return !tc_gl_warm_start(&b->warm, b->context, compile_beside, b);
+  b->work = (background_work){.variant = v, .compiles = true};
+  return !tc_gl_warm_start(&b->warm, b->context, compile_in_background, b);
 }
 
 const tc_backend_ops tc_gl_backend = {
     .name = "gl",
-    .maps_distance = true,
     .create = create,
     .destroy = destroy,
     .device = device,
@@ -421,7 +423,7 @@ const tc_backend_ops tc_gl_backend = {
     .ready = ready,
     .builds_table = builds_table,
     .forget = forget,
-    .kernel_suffix = kernel_suffix,
+    .name_kernel = name_kernel,
 };
 
 /* ---- for measurements ---- */

@@ -1,16 +1,16 @@
-// Skipping for mip and minip (skip/bounds.h): a level per block that bounds the field around it.
+// Empty-space skipping for MIP and MinIP (skip/bounds.h): one level per block, an upper bound of the field around it.
 layout(binding = 2) uniform usamplerBuffer levels;
 
-// The level that serves the interval of samples from i on: that of its middle's block.
+// The level of the interval of samples that begins at i: that of the block in the interval's middle.
 float level_of(vec3 entry, vec3 direction, int i) {
   float t = (float(i) + 0.5 * float(job.blocks.w - 1)) * job.rays.step_mm;
   vec3 p = clamp(fma(vec3(t), direction, entry), vec3(0.0), vec3(job.dims.xyz - 1));
-  // The half keeps rounding away from the blocks' edges.
+  // + 0.5 keeps rounding away from the edges of blocks.
   ivec3 block = ivec3((floor(min(p, max(vec3(job.dims.xyz - 2), 0.0))) + 0.5) / float(job.blocks.x));
   return float(texelFetch(levels, block.x + block.y * job.blocks.y + block.z * job.blocks.z).r);
 }
 
-// First sample of the interval with the highest level.
+// The first sample of the interval with the highest level.
 int highest_interval(vec3 entry, vec3 direction, float length_mm) {
   float highest = -1.0;
   int at = 0;

@@ -23,7 +23,7 @@ void tc_gl_builder_make(tc_gl_builder *builder, tc_table_builder wanted, const t
     builder->why = "built by the cpu: asked for";
     return;
   }
-  if (wanted == TC_TABLES_AUTO && !report->hardware) { /* measured on two cores: some ten times as long */
+  if (wanted == TC_TABLES_AUTO && !report->hardware) { /* measured on two cores: it takes ten times as long */
     builder->why = "built by the cpu: opengl is software here, and slower at it";
     return;
   }
@@ -93,13 +93,13 @@ static void build_window(const tc_gl_builder *b, const tc_table *table, int w, u
     if (places[i]) glDispatchCompute((GLuint)(n + GROUP - 1) / GROUP, (GLuint)places[i], 1);
     glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
   }
-  glDeleteBuffers(G_N_ELEMENTS(buffers), buffers); /* once the GPU is done with them */
+  glDeleteBuffers(G_N_ELEMENTS(buffers), buffers); /* freed once the GPU has finished with them */
 }
 
 bool tc_gl_builder_run(const tc_gl_builder *builder, const tc_table *table, unsigned buffer, unsigned texture,
                        GError **error) {
   tc_gl_forget_errors();
-  glClearNamedBufferData(buffer, GL_RGBA32F, GL_RGBA, GL_FLOAT, NULL); /* where no segment is */
+  glClearNamedBufferData(buffer, GL_RGBA32F, GL_RGBA, GL_FLOAT, NULL); /* entries outside the table */
   glBindImageTexture(0, texture, 0, GL_FALSE, 0, GL_READ_WRITE, GL_RGBA32F);
   for (int w = 0; w <= table->n_zooms; w++) build_window(builder, table, w, buffer);
   glBindImageTexture(0, 0, 0, GL_FALSE, 0, GL_READ_ONLY, GL_RGBA32F);

@@ -1,10 +1,9 @@
-/* Pre-integration tables built on the GPU, straight into the buffer that frames read: their pieces go over, O(n), and no
- * entry does. Entries agree with those of classify/table.c within 1e-6, whatever the extinction. Needs a current context.
+/* Pre-integration tables built on the GPU, directly in the buffer that frames read: only their pieces are uploaded, O(n). Entries agree
+ * with those of classify/table.c within 1e-6, whatever the extinction. Needs a current context.
  *
- * Per diagonal k a window of k segments is the rest of its first block, whole blocks and the beginning of its last;
- * blocks are about sqrt(n) wide, so that an entry takes a constant number of compositions, all by one invocation: no
- * barriers, no shared memory, any n. The cpu's blocks are k wide (van Herk, Gil-Werman), which leaves fewer compositions
- * and nothing to do side by side. */
+ * On diagonal k, a window of k segments is the rest of its first block, whole blocks and the beginning of its last. Blocks are about
+ * sqrt(n) wide: an entry takes a constant number of compositions, all by one invocation, without barriers or shared memory, for any n.
+ * The CPU's blocks are k wide (van Herk, Gil-Werman), which needs fewer compositions but leaves nothing to do in parallel. */
 #ifndef TC_RAYCAST_GL_BUILDER_H
 #define TC_RAYCAST_GL_BUILDER_H
 
@@ -14,20 +13,20 @@
 
 typedef struct tc_gl_builder {
   unsigned blocks, windows; /* programs; 0: not in use */
-  int most_entries;         /* that a buffer texture holds */
+  int most_entries;         /* capacity of a buffer texture */
   const char *why;          /* who builds tables, and the reason */
 } tc_gl_builder;
 
-/* Compiles the programs if tables are to be built here: where asked for, else on a GPU. Where that fails, the cpu builds
- * them, and why says so. */
+/* Compiles the programs if tables are to be built on the GPU: if asked for, or by default on hardware. If compiling fails, the CPU builds
+ * tables, and builder->why says so. */
 void tc_gl_builder_make(tc_gl_builder *builder, tc_table_builder wanted, const tc_gl_report *report);
 void tc_gl_builder_clear(tc_gl_builder *builder);
 
-/* True: a table of these numbers is built here. *why: who builds it, and the reason; static. */
+/* True if such a table is built on the GPU. *why: who builds it, and the reason; static. */
 bool tc_gl_builder_serves(const tc_gl_builder *builder, int n, int n_zooms, int bits, const char **why);
 
-/* Writes all entries of the table into a buffer of table->bytes and GL_DYNAMIC_STORAGE_BIT, through a buffer texture of
- * it as GL_RGBA32F, and waits until they are there. */
+/* Writes all entries of the table into a buffer (table->bytes, GL_DYNAMIC_STORAGE_BIT) through its buffer texture (GL_RGBA32F), and waits
+ * for the result. */
 bool tc_gl_builder_run(const tc_gl_builder *builder, const tc_table *table, unsigned buffer, unsigned texture,
                        GError **error);
 

@@ -1,16 +1,16 @@
-// What a pixel's middle knows of empty space serves all of its rays: as far as everything within the footprint (rays.h) of the
-// middle's ray is known to be empty, none of them sees anything.
-vec2 way;   // mm from the anchor: where the middle's ray enters, and how far its way is clear; y < x where nothing is known
-float room; // voxels by which the empty cube around the entry exceeds the footprint on all sides
-float head; // mm that the ray that is marched may begin after its entry
+// Several rays per pixel share empty-space skipping. The pixel's centre ray finds how far everything within the footprint (rays.h)
+// around it is empty; all rays of the pixel skip that stretch.
+vec2 clear_span;   // mm from the anchor: entry of the centre ray, and end of its empty stretch; y < x if there is none
+float clear_margin; // voxels by which the empty cube around that entry exceeds the footprint on all sides
+float skip_mm;     // mm that the current ray may skip after its entry
 
-// Walks through the cubes that the distance map knows to be empty, each less the footprint. A step that gains less than
-// a segment is the last. The margin of a hundredth of a voxel is far above the rounding of positions.
-void look_ahead(vec3 anchor, vec3 direction, vec2 span) {
+// Walks through the empty cubes of the distance map, each shrunk by the footprint, until a step gains less than a segment. The margin of
+// a hundredth of a voxel is far above the rounding of positions.
+void find_clear_span(vec3 anchor, vec3 direction, vec2 span) {
   vec3 entry = fma(vec3(span.x), direction, anchor);
   float size = float(job.blocks.x), margin = job.rays.footprint + 0.01, t = 0.0, gain = 1e9;
-  way = vec2(span.x, span.x - 1.0);
-  room = -1.0;
+  clear_span = vec2(span.x, span.x - 1.0);
+  clear_margin = -1.0;
   while (gain > job.rays.step_mm && t < span.y - span.x) {
     vec3 p = clamp(fma(vec3(t), direction, entry), vec3(0.0), vec3(job.dims.xyz - 1));
     ivec3 block = ivec3((floor(min(p, max(vec3(job.dims.xyz - 2), 0.0))) + 0.5) / size);
@@ -22,7 +22,7 @@ void look_ahead(vec3 anchor, vec3 direction, vec2 span) {
     if (reach < 0.0 || around < 0.0)
       break;
     if (t == 0.0)
-      room = around;
+      clear_margin = around;
     gain = 1e9;
     for (int k = 0; k < 3; k++) {
       float wall = direction[k] > 0.0 ? high[k] - margin : low[k] + margin;
@@ -30,14 +30,14 @@ void look_ahead(vec3 anchor, vec3 direction, vec2 span) {
         gain = min(gain, (wall - p[k]) / direction[k]);
     }
     t += gain;
-    way.y = span.x + t;
+    clear_span.y = span.x + t;
   }
 }
 
-// Where a ray of the pixel may begin. One that enters before the middle's needs the cube around that place to hold
-// this stretch as well.
-float head_of(vec3 direction, vec2 span) {
+// How far a ray of the pixel may skip after its entry. If it enters before the centre ray, the cube around the centre ray's entry must
+// contain that difference too.
+float skip_of(vec3 direction, vec2 span) {
   vec3 speed = abs(direction);
-  bool known = way.x <= way.y && (way.x - span.x) * max(speed.x, max(speed.y, speed.z)) <= room;
-  return known ? way.y - span.x : 0.0;
+  bool known = clear_span.x <= clear_span.y && (clear_span.x - span.x) * max(speed.x, max(speed.y, speed.z)) <= clear_margin;
+  return known ? clear_span.y - span.x : 0.0;
 }

@@ -9,7 +9,7 @@
 #include "renderer/gl/program.h"
 #include "renderer/raycast/grey.h"
 
-#define MAX_PIECES 24 /* a program of every stage has about 20 */
+#define MAX_PIECES 24 /* a program with every stage has about 20 */
 
 typedef struct composition {
   const char *texts[MAX_PIECES];
@@ -38,7 +38,7 @@ static void add(composition *c, const char *name) {
     c->missing = name;
 }
 
-/* Every key of today's plans. One from a newer plan must fail, not draw something else. */
+/* Accepts all known keys. An unknown one must fail instead of drawing something else. */
 static bool is_built(const tc_gl_variant *v) {
   const tc_plan_key *key = &v->plan;
   bool dvr = key->mode == TC_MODE_DVR, surface = key->mode == TC_MODE_ISOSURFACE, slice = key->mode == TC_MODE_MPR;

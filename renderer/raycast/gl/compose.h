@@ -1,5 +1,4 @@
-/* From a plan to a compute program: pieces of GLSL put together so that a variant holds what its scene needs, no more.
- */
+/* Composes a compute program from pieces of GLSL, so that a variant contains only what its plan names. */
 #ifndef TC_RAYCAST_GL_COMPOSE_H
 #define TC_RAYCAST_GL_COMPOSE_H
 
@@ -8,23 +7,23 @@
 #include "renderer/error.h"
 #include "renderer/plan/key.h"
 
-/* Everything a program depends on: the plan's key and what only this back end decides. Zeroed before filling: compared
- * as bytes. What is not here (camera, table, background, sizes) is a run-time number and rebuilds nothing. */
+/* Everything a program depends on: the plan's key and what only this back end decides. Zeroed before filling, because variants are
+ * compared as bytes. Camera, table, background and sizes are run-time numbers, and compile nothing. */
 typedef struct tc_gl_variant {
   tc_plan_key plan;
   uint8_t atlas;        /* 0/1: several slices per texture layer */
   uint8_t linear_light; /* 0/1: encode to sRGB */
   uint8_t transparent;  /* 0/1: straight alpha instead of a background */
-  uint8_t want_linear;  /* 0/1: floats are written too */
-  uint8_t want_depth;   /* 0/1: and depths, of an isosurface */
-  uint8_t label_signed; /* 0/1: the label volume's voxels are */
+  uint8_t want_linear;  /* 0/1: writes floats too */
+  uint8_t want_depth;   /* 0/1: writes depths of an isosurface too */
+  uint8_t label_signed; /* 0/1: the label volume's voxels are signed */
 } tc_gl_variant;
 
-/* A piece by its file's name; NULL: not in this build. */
+/* The text of a piece by its file's name; NULL: unknown. */
 const char *tc_gl_piece(const char *name);
 
-/* Compiles the variant; needs a current context. 0 with TC_ERROR_UNSUPPORTED for a key nothing is built for, or
- * TC_ERROR_INTERNAL where the driver refuses. */
+/* Compiles the variant; needs a current context. 0 with TC_ERROR_UNSUPPORTED for an unknown key, or TC_ERROR_INTERNAL if the driver
+ * refuses. */
 unsigned tc_gl_compose(const tc_gl_variant *variant, GError **error);
 
 #endif

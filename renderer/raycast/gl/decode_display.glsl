@@ -1,4 +1,4 @@
-// Compositing runs in display space: a grey stays as it is.
+// Compositing in display space: a grey needs no conversion.
 float decode(float grey) {
   return grey;
 }

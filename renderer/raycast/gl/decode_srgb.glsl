@@ -1,4 +1,4 @@
-// A grey is a display value; compositing runs in linear light: the sRGB curve backwards (IEC 61966-2-1).
+// Compositing in linear light: the inverse sRGB curve (IEC 61966-2-1), because greys are display values.
 float decode(float grey) {
   return grey <= 0.04045 ? grey / 12.92 : pow((grey + 0.055) / 1.055, 2.4);
 }

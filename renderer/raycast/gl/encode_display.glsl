@@ -1,4 +1,4 @@
-// Compositing ran in display space: nothing to convert.
+// Compositing in display space: no conversion.
 vec3 encode(vec3 color) {
   return color;
 }

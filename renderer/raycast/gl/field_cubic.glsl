@@ -1,6 +1,6 @@
 // Tricubic B-spline: a weighted mean of 4x4x4 voxels, grouped so that eight trilinear interpolations fetch them (Sigg and
-// Hadwiger, Fast third-order texture filtering, GPU Gems 2, 2005). All weights are positive: no value leaves the range of
-// its voxels. Outside voxels are those of the nearest face.
+// Hadwiger, Fast third-order texture filtering, GPU Gems 2, 2005). All weights are positive, so values stay in the range of
+// the voxels. Voxels outside repeat those of the nearest face.
 float field(vec3 p) {
   p = clamp(p, vec3(0.0), vec3(job.dims.xyz - 1));
   ivec3 last = max(job.dims.xyz - 2, 0);
@@ -12,9 +12,9 @@ float field(vec3 p) {
   precise vec3 share = 2.0 / 3.0 - g * g * (1.0 - 0.5 * g) + w3;
   precise vec3 near = w1 / (1.0 - share);
   precise vec3 far = w3 / share;
-  ivec3 low = max(cell - 1, 0); // corners of the two cells along each axis; near and far are the places in them
+  ivec3 low = max(cell - 1, 0); // the two cells along each axis; near and far are the positions in them
   ivec3 high = min(cell + 1, last);
-  near = mix(near, vec3(0.0), lessThan(cell, ivec3(1))); // the face's voxel twice
+  near = mix(near, vec3(0.0), lessThan(cell, ivec3(1))); // at a face, its voxel counts twice
   far = mix(far, vec3(greaterThan(job.dims.xyz, ivec3(1))), greaterThan(cell + 1, high));
   precise float z[2];
   for (int k = 0; k < 2; k++) {

@@ -1,15 +1,15 @@
-// Trilinear field in full precision: slices are layers of a 2-D array in the voxels' own type, so that two gathers
-// fetch a cell's eight corners and the interpolation is ours. Filtering by a GPU has 8-bit weights.
+// The trilinear field in full precision. Slices are layers of a 2-D array texture in the voxels' own type: two gathers fetch a cell's
+// eight corners, and the shader interpolates, because a GPU's own filtering has 8-bit weights.
 layout(binding = 0) uniform VOXELS voxels; // usampler2DArray, isampler2DArray or sampler2DArray
 
 vec4 corners(ivec2 cell, int z) {
-#if ATLAS // more slices than a texture has layers: several stand one below the other in each
+#if ATLAS // more slices than texture layers: each layer holds several, one below the other
   int layer = z / job.dims.w;
   cell.y += (z - layer * job.dims.w) * job.dims.y;
 #else
   int layer = z;
 #endif
-  // The point where four texels meet: half a texel away from any doubt which four are meant.
+  // The point where the four texels meet: half a texel of tolerance for which four are gathered.
   return vec4(textureGather(voxels, vec3(vec2(cell + 1) * job.texel.xy, float(layer))));
 }
 
@@ -22,16 +22,15 @@ float voxel_at(ivec3 at) {
 }
 
 #if SLOPE
-vec3 slope; // of the last interpolate(): its exact derivative over index coordinates, from the same corners
+vec3 slope; // set by interpolate(): its exact derivative over index coordinates
 #endif
 
-// Trilinear between a cell's corners. Along a flat axis (n = 1) f is 0, and what the gather finds beyond counts nothing.
+// Trilinear interpolation of a cell's corners. Along a flat axis (n = 1) f is 0, so that texels beyond have no weight.
 float interpolate(ivec3 cell, vec3 f) {
-  vec4 a = corners(cell.xy, cell.z); // a gather's order in (x, y): (0,1) (1,1) (1,0) (0,0)
+  vec4 a = corners(cell.xy, cell.z); // textureGather's order in (x, y): (0,1) (1,1) (1,0) (0,0)
   vec4 b = corners(cell.xy, cell.z + 1);
-  // Neither mix() nor what a compiler may make of this: x * (1 - f) + y * f does not return x where both are x, and a
-  // constant field must stay constant. Hence "precise".
-  // All relative to the first corner, whose last bits would be lost three times otherwise.
+  // A constant field must stay constant: neither mix() nor a compiler's rewriting may turn this into x * (1 - f) + y * f, hence
+  // "precise". Relative to the first corner, whose last bits would otherwise be lost three times.
   precise vec4 rise_z = b - a;
   precise vec4 c = (a - a.w) + rise_z * f.z;
   precise vec2 d = c.wx + (c.zy - c.wx) * f.x;

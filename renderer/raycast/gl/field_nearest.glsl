@@ -1,4 +1,4 @@
-// The voxel nearest to an index position, the upper one where two are.
+// The voxel nearest to an index position; of two equally near ones the upper.
 float field(vec3 p) {
   p = clamp(p, vec3(0.0), vec3(job.dims.xyz - 1));
 #if SLOPE

@@ -1,6 +1,6 @@
-// What projections share: the field along the ray, and from a turned voxel to grey (raycast/grey.h).
+// Projections: the signed voxel w along the ray, and from w to grey (raycast/grey.h).
 
-float sample_turned(vec3 entry, vec3 direction, float t) {
+float sample_signed(vec3 entry, vec3 direction, float t) {
   precise vec3 p = fma(vec3(t), direction, entry);
   precise float w = field(p) * job.grey.sign;
   return w;

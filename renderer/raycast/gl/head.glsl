@@ -1,5 +1,5 @@
 #version 450 core
-// What every variant shares: the work-group, the frame's numbers and where results go.
+// Shared by all variants: the work-group, the frame's constants and the output buffers.
 layout(local_size_x = 8, local_size_y = 8) in;
 
 struct Rays { // tc_rays_single (rays.h)
@@ -32,24 +32,24 @@ layout(std140, binding = 0) uniform Job {
   ivec4 dims;                         // xyz: voxels; w: slices per texture layer
   vec4 texel;                         // xyz: 1 / texture size
   vec4 nodes;                         // x: lo, y: nodes per voxel unit, z: n - 1
-  ivec4 table;                        // x: columns, y: where k = 0 begins, z: how many zooms, w: their columns;
-                                      // of integrals x: entries of a level, y: where levels begin
-  ivec4 blocks;                       // x: voxels a block is wide, yz: entries to the next block along y, z, w: interval
-  vec4 background;                    // compositing space; w: termination
-  vec4 window;                        // x: centre in nodes, y: greys per node; modes without a table
-  vec4 zooms[7];                      // node of the zoom = (node - x) * y; z: where its k = 0 begins, w: its rim (classify.h)
-  vec4 label_matrix[3];               // rows: index positions of the label volume from the volume's
+  ivec4 table;                        // pre-integration table: x: columns, y: start of row k = 0, z: number of zooms, w: their columns;
+                                      // integrals: x: entries per level, y: start of the levels
+  ivec4 blocks;                       // x: width of a block in voxels, yz: entries to the next block along y, z, w: samples per interval
+  vec4 background;                    // compositing space; w: threshold of early ray termination
+  vec4 window;                        // mpr: x: centre in nodes, y: grey per node
+  vec4 zooms[7];                      // node of the zoom = (node - x) * y; z: start of its row k = 0, w: its rim (classify.h)
+  vec4 label_matrix[3];               // rows: from the volume's index positions to the label volume's
   ivec4 label_dims;                   // xyz: voxels; w: slices per texture layer
-  ivec4 label_numbers;                // x: voxel of the first entry; y: a voxel value that stands for what lies outside
+  ivec4 label_numbers;                // x: voxel of the first entry; y: voxel value that stands for outside
   vec4 label_texel;                   // xy: 1 / texture size
-  vec4 surface, surface_color;        // x: isosurface as a voxel, y: to w (surface.h); compositing space
+  vec4 surface, surface_color;        // surface: x: iso, y: scale (surface.h); surface_color: compositing space
 } job;
 
-// This dispatch's part of the picture: xy = first pixel, zw = size in pixels.
+// The tile of this dispatch: xy = first pixel, zw = size in pixels.
 layout(location = 0) uniform ivec4 tile;
 
-// Per cell: rays met, samples low and high word, leaps; gradients low and high word. Spread over 64 cells so that few
-// work-groups share one.
+// Counters per cell: rays, samples (low and high word), leaps; gradients (low and high word). 64 cells, so that few work-groups
+// contend for one.
 layout(std430, binding = 0) buffer Counters { uvec4 counters[128]; };
 layout(std430, binding = 1) writeonly buffer Picture { uint picture[]; }; // [h][w] RGBA8, R in the low byte
 

@@ -1,8 +1,8 @@
-// Classifications that read 1-D tables (integrals.h has the equations and says how the entries lie). All arithmetic keeps its
-// order: "precise", so that variants of this text give the same bits.
+// The classifications that read 1-D tables (equations and layout: classify/integrals.h). "precise" fixes the rounding, so that all
+// variants give the same bits.
 layout(binding = 1) uniform samplerBuffer integrals;
 
-// (L tau, tau) of a node interval, at x in 0..1.
+// (L tau, tau) in a node interval at x in 0..1.
 vec4 interval_at(int interval, float x) {
   vec4 a = texelFetch(integrals, 2 * interval), b = texelFetch(integrals, 2 * interval + 1);
   precise vec4 there = a + (b - a) * x;
@@ -15,7 +15,7 @@ vec4 mean_of(float front, float back) {
   return interval_at(i, front - float(i));
 }
 #else
-// Means over the values between two nodes, by exact sums of node intervals and two ends.
+// Means between two nodes: exact sums over whole node intervals, plus the two ends.
 vec4 mean_of(float front, float back) {
   float low = min(front, back), high = max(front, back);
   int i = int(low), j = int(high), p = min(i + 1, j);

@@ -7,7 +7,7 @@
 
 static void fill_nodes(tc_gl_job_block *block, int n, double lo, double hi) {
   block->nodes[0] = (float)lo;
-  /* A range of denormal width would make this infinite, and infinity times zero is no node. */
+  /* Without the limit, a range of denormal width would give infinity, and infinity * 0 is NaN. */
   block->nodes[1] = (float)fmin((n - 1) / (hi - lo), FLT_MAX);
   block->nodes[2] = (float)(n - 1);
 }
@@ -35,7 +35,7 @@ static void fill_table(tc_gl_job_block *block, const tc_table *table) {
 }
 
 static void fill_blocks(tc_gl_job_block *block, int width, const int blocks[3]) {
-  block->blocks[0] = width; /* voxels a block is wide: any number, not a power of two */
+  block->blocks[0] = width; /* width in voxels, not necessarily a power of two */
   block->blocks[1] = blocks[0];
   block->blocks[2] = blocks[0] * blocks[1];
 }

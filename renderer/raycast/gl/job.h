@@ -1,4 +1,4 @@
-/* One frame's numbers as the shaders read them: the uniform block Job of head.glsl, std140. */
+/* A frame's constants as the shaders read them: the uniform block Job of head.glsl, std140. */
 #ifndef TC_RAYCAST_GL_JOB_H
 #define TC_RAYCAST_GL_JOB_H
 
@@ -11,7 +11,7 @@
 typedef struct tc_gl_job_block {
   tc_rays_single rays;
   tc_shade shade;
-  _Alignas(16) tc_grey grey; /* structures begin at multiples of 16 bytes, and so does what follows them */
+  _Alignas(16) tc_grey grey; /* std140: structures, and members that follow them, begin at multiples of 16 bytes */
   _Alignas(16) float level_scale[4];
   int32_t dims[4];
   float texel[4], nodes[4];
@@ -25,7 +25,7 @@ typedef struct tc_gl_job_block {
   float surface[4], surface_color[4];
 } tc_gl_job_block;
 
-/* labels: the copy of job->label_volume, or NULL with it. Pure. */
+/* volume, labels: the textures of job->volume and job->label_volume (NULL without). Pure. */
 void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volume *volume, const tc_gl_volume *labels);
 
 #endif

@@ -1,6 +1,6 @@
-// Labels (classify/labels.h): the mean of what the eight voxels around a point stand for.
+// Labels (classify/labels.h): the interpolated entries of the eight voxels around a point.
 layout(binding = 3) uniform LABELS labels; // usampler2DArray or isampler2DArray
-layout(binding = 4) uniform samplerBuffer label_entries; // two texels a voxel value: tint and its opacity; visibility
+layout(binding = 4) uniform samplerBuffer label_entries; // two texels per voxel value: tint and its opacity; visibility
 
 struct Label { vec4 tint; float visible; };
 
@@ -38,9 +38,9 @@ Label label_at(vec3 p) {
   }
   ivec3 cell = min(ivec3(near), max(job.label_dims.xyz - 2, 0));
   vec3 f = near - vec3(cell);
-  ivec4 a = label_corners(cell.xy, cell.z); // a gather's order in (x, y): (0,1) (1,1) (1,0) (0,0)
+  ivec4 a = label_corners(cell.xy, cell.z); // textureGather's order in (x, y): (0,1) (1,1) (1,0) (0,0)
   ivec4 b = flat_axis.z != 0 ? a : label_corners(cell.xy, cell.z + 1);
-  if (flat_axis.x != 0) a.yz = a.xw, b.yz = b.xw; // beyond a flat axis there is nothing to be read
+  if (flat_axis.x != 0) a.yz = a.xw, b.yz = b.xw; // texels beyond a flat axis are ignored
   if (flat_axis.y != 0) a.xy = a.wz, b.xy = b.wz;
   Label m = find_label(a.w);
   if (any(notEqual(a, ivec4(a.w))) || any(notEqual(b, ivec4(a.w)))) {
@@ -53,7 +53,7 @@ Label label_at(vec3 p) {
   return m;
 }
 
-// A segment around index position p: tinted, and as thin as what is visible there.
+// Tints the segment around index position p, and scales its extinction by the visibility there.
 vec4 label_segment(vec4 segment, vec3 p) {
   Label m = label_at(p);
   float seen = max(m.visible, 1e-6);

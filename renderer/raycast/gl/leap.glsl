@@ -1,13 +1,13 @@
-// Space leaping (skip/skip.h): per block, the Chebyshev distance in blocks to the nearest that holds something.
+// Empty-space skipping by the distance map (skip/skip.h): per block, the Chebyshev distance to the nearest occupied one.
 layout(binding = 2) uniform usamplerBuffer distances;
 
-// How many whole steps a ray at index position p stays in the cube of blocks known of its place. True: that cube is
-// empty and may be leapt; false: the block holds something, and looking again is of no use for that many steps.
-// The margin of a hundredth of a voxel is far above the rounding of positions.
-bool look_around(vec3 p, vec3 direction, out int steps) {
+// steps: how many whole steps a ray at index position p stays in the cube of blocks that the distance map describes. True: the cube is
+// empty and may be skipped. False: the block is occupied, and another look is useless for that many steps. The margin of a hundredth
+// of a voxel is far above the rounding of positions.
+bool is_empty_cube(vec3 p, vec3 direction, out int steps) {
   p = clamp(p, vec3(0.0), vec3(job.dims.xyz - 1));
   float size = float(job.blocks.x);
-  // The half keeps rounding away from the blocks' edges.
+  // + 0.5 keeps rounding away from the edges of blocks.
   ivec3 block = ivec3((floor(min(p, max(vec3(job.dims.xyz - 2), 0.0))) + 0.5) / size);
   float distance = float(texelFetch(distances, block.x + block.y * job.blocks.y + block.z * job.blocks.z).r);
   float reach = max(distance - 1.0, 0.0) * size;

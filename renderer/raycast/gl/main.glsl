@@ -1,10 +1,10 @@
-// The ray's stay in the index box, in mm from the anchor and not before the eye; empty when y <= x.
+// The span of the ray inside the index box, in mm from the anchor, not before the eye; empty if y <= x.
 vec2 clip_to_box(vec3 anchor, vec3 direction, float eye) {
   vec2 span = vec2(eye, job.rays.far_mm);
   for (int k = 0; k < 3; k++) {
     float lo = job.rays.lo[k] - anchor[k];
     float hi = job.rays.hi[k] - anchor[k];
-    if (abs(direction[k]) < 1e-12) { // along the faces: in between or never
+    if (abs(direction[k]) < 1e-12) { // parallel to the faces: inside or outside as a whole
       if (lo > 0.0 || hi < 0.0)
         span.y = -3.4e38;
     } else {
@@ -34,10 +34,10 @@ void count(Counts of) {
 
 #if DEPTH
 layout(std430, binding = 3) writeonly buffer Depth { float depths[]; }; // [h][w] mm from the eye
-float nearest; // of the pixel's hits
+float nearest; // depth of the pixel's nearest hit
 #endif
 
-// The ray through a place on the picture, and its stay; eye: mm from the anchor.
+// The ray through a point of the picture, and its span; eye: mm from the anchor.
 vec2 start_ray(vec2 at, out vec3 anchor, out vec3 direction, out float eye) {
   set_ray(at, anchor, direction, eye);
   vec2 span = clip_to_box(anchor, direction, eye);
@@ -61,7 +61,7 @@ vec4 trace(ivec2 pixel, int ray) {
   lag = lag_of(pixel, job.rays.of_pixel[ray].z);
 #endif
 #if COHERENT
-  head = head_of(direction, span);
+  skip_mm = skip_of(direction, span);
 #endif
   Counts counts = Counts(0u, 0u, 0u);
   vec4 result = march(anchor, direction, span, counts);
@@ -82,9 +82,9 @@ void main() {
   vec3 anchor, direction;
   float eye;
   vec2 span = start_ray(vec2(pixel) + 0.5, anchor, direction, eye);
-  way = vec2(0.0, -1.0);
+  clear_span = vec2(0.0, -1.0);
   if (span.y > span.x)
-    look_ahead(anchor, direction, span);
+    find_clear_span(anchor, direction, span);
 #endif
 #if DEPTH
   nearest = uintBitsToFloat(0x7f800000u); // infinite

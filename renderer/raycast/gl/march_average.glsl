@@ -1,16 +1,16 @@
-// The mean of the field over a ray's length: trapezoids between samples, the last one shorter. Summed as differences to the
-// first sample, with what rounding takes off put back: a constant field is exact, a million samples as good as ten.
+// The mean of the field over a ray's length by the trapezoidal rule, whose last interval is shorter. Differences to the first sample are
+// summed, with Kahan's compensation: a constant field is exact, and a million samples lose no more than ten.
 vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   precise vec3 entry = fma(vec3(span.x), direction, anchor);
   float length_mm = span.y - span.x;
   float steps = length_mm * job.rays.inverse_step;
-  float base = sample_turned(entry, direction, 0.0);
+  float base = sample_signed(entry, direction, 0.0);
   float front = base;
   precise float sum = 0.0;
   precise float lost = 0.0;
   counts.samples++;
   for (int i = 0; float(i) * job.rays.step_mm < length_mm; i++) {
-    float back = sample_turned(entry, direction, min(float(i + 1) * job.rays.step_mm, length_mm));
+    float back = sample_signed(entry, direction, min(float(i + 1) * job.rays.step_mm, length_mm));
     float share = clamp(steps - float(i), 0.0, 1.0);
     precise float add = share * (0.5 * (front - base) + 0.5 * (back - base)) - lost;
     precise float next = sum + add;

@@ -1,7 +1,7 @@
-// Back-to-front compositing: the samples and segments of march_dvr.glsl, met from the ray's end. What is nearest comes last, so
-// that no ray ends early.
+// Back-to-front compositing: the samples and segments of march_dvr.glsl in reverse. There is no early ray termination, because the
+// nearest segment comes last.
 
-// The last sample before a ray's end. The estimate may be off by what its rounding is.
+// The last sample before the ray's end; the loops correct the rounding of the estimate.
 int last_sample(float length_mm) {
 #if PHASE
   int i = int((length_mm + lag) * job.rays.inverse_step);
@@ -15,8 +15,8 @@ int last_sample(float length_mm) {
   return i;
 }
 
-// Written as a sum of differences, like the front's: thin segments of a long ray lose no more here than there.
-vec4 put_in_front(vec4 segment, vec4 sum) {
+// The over operator as sum + (segment - opacity * sum): thin segments of a long ray lose no more to rounding than front to back.
+vec4 composite_over(vec4 segment, vec4 sum) {
   precise vec4 both = sum + fma(vec4(-segment.a), sum, segment);
   return both;
 }
@@ -30,10 +30,10 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   Sample back = sample_at(entry, direction, length_mm, counts);
   Sample front = sample_at(entry, direction, sample_mm(i), counts);
   bool is_part = length_mm < sample_mm(i + 1) || PHASE == 1 && i == 0;
-  vec4 sum = put_in_front(segment_between(entry, direction, front, back, is_part, counts), vec4(0.0));
+  vec4 sum = composite_over(segment_between(entry, direction, front, back, is_part, counts), vec4(0.0));
 #if LEAP
-  bool fresh = false; // after a leap there is no segment behind the next sample
-  int look_at = i;    // first step, downwards, at which looking around may pay
+  bool fresh = false; // after a jump there is no segment behind the next sample
+  int next_look = i;    // first step, downwards, at which the distance map is worth a look
 #endif
   while (--i >= first) {
     back = front;
@@ -44,14 +44,14 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
       segment = vec4(0.0);
     fresh = false;
 #endif
-    sum = put_in_front(segment, sum);
+    sum = composite_over(segment, sum);
 #if LEAP
     int steps;
-    if (segment.a > 0.0 || i > look_at)
+    if (segment.a > 0.0 || i > next_look)
       continue;
-    if (!look_around(fma(vec3(front.t), direction, entry), -direction, steps)) {
-      look_at = i - steps - 1;
-    } else if (steps > 1) { // the loop goes on by one itself
+    if (!is_empty_cube(fma(vec3(front.t), direction, entry), -direction, steps)) {
+      next_look = i - steps - 1;
+    } else if (steps > 1) { // the loop itself adds one
       i -= steps - 1;
       fresh = true;
       counts.leaps++;

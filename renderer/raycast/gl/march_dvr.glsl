@@ -1,7 +1,7 @@
-// Front-to-back compositing of segments. Returns premultiplied colour and opacity.
+// Front-to-back compositing with early ray termination and empty-space skipping. Returns premultiplied colour and opacity.
 
-// Thin segments take nothing from a transparency of 1 in single precision, so that opacity has a sum of its own. What
-// lies behind a terminated ray is taken to look like what lies before: an opaque region keeps its colour exactly.
+// Opacity has a sum of its own, because thin segments take nothing from a transparency of 1 in single precision. A terminated ray is
+// scaled to opacity 1, as if what it did not reach looked like what it passed: an opaque region keeps its colour exactly.
 vec4 finish(vec4 sum, float clear) {
   bool full = sum.a > 1.0;
 #if TERMINATION
@@ -22,8 +22,8 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
 #endif
   Sample front = sample_at(entry, direction, sample_mm(first), counts);
 #if LEAP
-  bool fresh = false; // after a leap there is no segment in front of the next sample
-  int look_at = 0;    // first step at which looking around may pay
+  bool fresh = false; // after a jump there is no segment in front of the next sample
+  int next_look = 0;    // first step at which the distance map is worth a look
 #endif
   for (int i = first + 1;; i++) {
     float t = sample_mm(i);
@@ -45,11 +45,11 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
 #endif
 #if LEAP
     int steps;
-    if (segment.a > 0.0 || i < look_at)
+    if (segment.a > 0.0 || i < next_look)
       continue;
-    if (!look_around(fma(vec3(t), direction, entry), direction, steps)) {
-      look_at = i + steps + 1;
-    } else if (steps > 1) { // the loop goes on by one itself
+    if (!is_empty_cube(fma(vec3(t), direction, entry), direction, steps)) {
+      next_look = i + steps + 1;
+    } else if (steps > 1) { // the loop itself adds one
       i += steps - 1;
       fresh = true;
       counts.leaps++;
@@ -57,10 +57,10 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
 #endif
   }
 #if LEAP
-  if (fresh) // the leap led out
+  if (fresh) // the jump left the volume
     return finish(sum, clear);
 #endif
-  // The last segment is shorter. It stands behind the loop because software rasterisers pay for both sides of a branch.
+  // The last segment is shorter. It is classified after the loop, because software rasterisers execute both sides of a branch.
   if (front.t < length_mm) {
     Sample back = sample_at(entry, direction, length_mm, counts);
     vec4 segment = segment_between(entry, direction, front, back, true, counts);

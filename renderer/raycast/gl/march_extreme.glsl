@@ -1,16 +1,16 @@
-// The maximum of the turned field along a ray: samples a step apart, the ray's end, and what lies close to the greatest
-// of them (grey.h). With LEAP whole intervals are left out in which the maximum cannot rise; it starts from the interval
-// that promises most, some of the samples to come.
+// MIP and MinIP: the maximum of the signed field along a ray, from samples a step apart, the ray's end, and peak refinement around the
+// greatest (grey.h). With LEAP, empty-space skipping leaves out intervals in which the maximum cannot rise. The march starts with the
+// maximum of the interval with the highest level, whose samples it would take anyway.
 //
-// "precise" and fma() fix the rounding, so that variants of this text give the same bits: skipping changes nothing.
-float best, at; // the greatest sample, and where that is, mm: the first place of several
+// "precise" and fma() fix the rounding, so that all variants give the same bits: skipping changes nothing.
+float best, at; // the greatest sample, and where it is in mm; of several equal ones the first
 
-float climb(vec3 entry, vec3 direction, float length_mm) {
-  float value = best, middle = at, away = 0.5 * job.rays.step_mm;
-  for (int round = 0; round < PEAK_ROUNDS; round++, away *= 0.5) {
+float refine_peak(vec3 entry, vec3 direction, float length_mm) {
+  float value = best, middle = at, offset = 0.5 * job.rays.step_mm;
+  for (int round = 0; round < PEAK_ROUNDS; round++, offset *= 0.5) {
     float from = middle;
-    for (int side = 0; side < 2; side++, away = -away) {
-      float t = clamp(from - away, 0.0, length_mm), w = sample_turned(entry, direction, t);
+    for (int side = 0; side < 2; side++, offset = -offset) {
+      float t = clamp(from - offset, 0.0, length_mm), w = sample_signed(entry, direction, t);
       if (w > value) {
         value = w;
         middle = t;
@@ -20,10 +20,10 @@ float climb(vec3 entry, vec3 direction, float length_mm) {
   return value;
 }
 
-// Blocks that hold an equal to the greatest sample are never left out (skip/bounds.h), and so the first one is the first
-// with and without.
+// Of equal maxima the first counts, with and without skipping: blocks that hold an equal of the greatest sample are never skipped
+// (skip/bounds.h).
 void take_sample(vec3 entry, vec3 direction, float t, inout Counts counts) {
-  float w = sample_turned(entry, direction, t);
+  float w = sample_signed(entry, direction, t);
   counts.samples++;
   if (w > best || (w == best && t < at)) {
     best = w;
@@ -38,20 +38,20 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   at = -1.0;
 #if LEAP
   take_sample(entry, direction, 0.0, counts);
-  // A short ray has nothing to gain from a guess.
+  // A short ray has nothing to gain from skipping.
   bool guess = best < job.grey.stop && 4.0 * float(job.blocks.w) * job.rays.step_mm < length_mm;
   int first = guess ? highest_interval(entry, direction, length_mm) : 0;
   for (int i = first; guess && i < first + job.blocks.w; i++)
     take_sample(entry, direction, min(float(i) * job.rays.step_mm, length_mm), counts);
-  int look_at = 0;
+  int next_look = 0;
 #endif
   for (int i = 0; best < job.grey.stop; i++) {
 #if LEAP
-    if (i == look_at) {
-      look_at += job.blocks.w;
+    if (i == next_look) {
+      next_look += job.blocks.w;
       if (level_of(entry, direction, i) <= (best - job.grey.low) * job.level_scale.x) {
         counts.leaps++;
-        i = look_at - 1;
+        i = next_look - 1;
         if (float(i) * job.rays.step_mm >= length_mm)
           break;
         continue;
@@ -64,8 +64,8 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
       break;
   }
   if (best > job.grey.low && best < job.grey.stop) {
-    best = climb(entry, direction, length_mm);
+    best = refine_peak(entry, direction, length_mm);
     counts.samples += 2 * PEAK_ROUNDS;
   }
-  return grey_of(min(best, job.grey.stop)); // rounding beyond stop is not told from it
+  return grey_of(min(best, job.grey.stop)); // a finished ray may be beyond stop, whose grey is the same
 }

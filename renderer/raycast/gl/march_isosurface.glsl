@@ -1,16 +1,17 @@
-// The first hit with an isosurface (surface.h): from cell to cell, each wall at a time of its own, so that a leap changes no bit.
+// Isosurfaces: the first hit (surface.h). A ray walks from cell to cell; each cell wall has its own t, computed and not accumulated, so
+// that empty-space skipping changes no bit.
 #if LEAP
 layout(binding = 2) uniform usamplerBuffer distances; // skip/skip.h
 #endif
 
 const float NEVER = 1e30;
 
-// The ray: index position, voxels per mm, 1 / that, 1 along axes on which it goes up.
+// entry: index position; direction: voxels per mm; inverse: 1 / direction; front: 1 along axes on which the ray goes up, else 0.
 struct Ray { vec3 entry, direction, inverse, front; };
 
 struct Cell {
   float w[8];        // at the corners: +x bit 0, +y bit 1, +z bit 2
-  vec3 start, delta; // the ray's stay: places 0..1
+  vec3 start, delta; // the ray's entry, and exit - entry, within the cell: 0..1
 };
 
 vec3 wall_times(Ray r, vec3 walls, float never) {
@@ -23,11 +24,11 @@ vec3 place_at(Ray r, float t) {
   return clamp(p, vec3(0.0), vec3(job.dims.xyz - 1));
 }
 
-// The cell that the ray is in once all walls of times up to t are passed.
+// The cell that the ray is in once it has passed all walls up to t.
 ivec3 find_cell(Ray r, float t) {
   vec3 c = floor(place_at(r, t)), steps = 2.0 * r.front - 1.0;
   vec3 behind = wall_times(r, c + 1.0 - r.front, -NEVER);
-  bvec3 early = lessThan(vec3(t), behind); // rounding: not yet beyond the wall it came through
+  bvec3 early = lessThan(vec3(t), behind); // rounding may put the ray on the wrong side of a wall: its t decides
   c = mix(c, c - steps, early);
   vec3 before = wall_times(r, c + r.front, NEVER);
   bvec3 late = lessThanEqual(before, vec3(t));
@@ -38,7 +39,7 @@ ivec3 find_cell(Ray r, float t) {
 void fetch_cell(ivec3 cell, out float w[8]) {
   for (int z = 0; z < 2; z++) {
     vec4 c = (corners(cell.xy, cell.z + (job.dims.z > 1 ? z : 0)) - job.surface.x) * job.surface.y;
-    // A gather's order in (x, y): (0,1) (1,1) (1,0) (0,0); along a flat axis what it finds beyond counts nothing.
+    // textureGather's order in (x, y): (0,1) (1,1) (1,0) (0,0); along a flat axis texels beyond are ignored.
     w[4 * z] = c.w;
     w[4 * z + 1] = job.dims.x > 1 ? c.z : c.w;
     w[4 * z + 2] = job.dims.y > 1 ? c.x : c.w;
@@ -67,7 +68,7 @@ void place_in_cell(Ray r, ivec3 cell, float from, float until, inout Cell c) {
   c.delta = b - a;
 }
 
-// x + y u + z u^2: the derivative of the cubic that the field is along the ray.
+// Along the ray the field is a cubic in u; x + y u + z u^2 is its derivative.
 vec3 derive(Cell c) {
   vec4 a0 = vec4(c.w[0], c.w[2], c.w[4], c.w[6]);
   vec4 rise = vec4(c.w[1], c.w[3], c.w[5], c.w[7]) - a0;
@@ -83,7 +84,7 @@ vec3 derive(Cell c) {
   return d;
 }
 
-// The share of the stay at which the field first leaves the side; -1: it does not.
+// The u in 0..1 at which the field first leaves the side; -1: never.
 float first_change(Cell c, bool side) {
   vec3 d = derive(c);
   float bends[4] = float[4](0.0, 1.0, 1.0, 1.0);
@@ -108,7 +109,7 @@ float first_change(Cell c, bool side) {
     a = bends[i];
     fa = f;
   }
-  if (b <= a) // none, or at the cell's front already
+  if (b <= a) // no change, or right at the entry
     return b;
   float x = fma(b - a, fa / (fa - fb), a);
   for (int n = 0; n < 32; n++) {
@@ -129,7 +130,7 @@ float first_change(Cell c, bool side) {
 }
 
 #if LEAP
-// In an empty block: true, and the time at which what is known to be empty around it ends.
+// True in an empty block, with the t at the end of the empty cube around it.
 bool leap_ahead(Ray r, ivec3 cell, inout float t) {
   float size = float(job.blocks.x);
   ivec3 block = ivec3((vec3(cell) + 0.5) / size);
@@ -143,10 +144,10 @@ bool leap_ahead(Ray r, ivec3 cell, inout float t) {
 }
 #endif
 
-// Mm from the entry to the hit; -1: none.
+// Distance from the entry to the hit in mm; -1: none.
 float find_hit(Ray r, float length_mm, inout Counts counts) {
   ivec3 cell_last = max(job.dims.xyz - 2, 0), steps = ivec3(2.0 * r.front - 1.0);
-  ivec3 cell = clamp(find_cell(r, 0.0), ivec3(0), cell_last); // the entry may be a rounding outside
+  ivec3 cell = clamp(find_cell(r, 0.0), ivec3(0), cell_last); // rounding may put the entry outside
   bool side = false, fresh = true;
   float t = 0.0;
   while (t < length_mm && all(greaterThanEqual(cell, ivec3(0))) && all(lessThanEqual(cell, cell_last))) {
@@ -186,12 +187,12 @@ float find_hit(Ray r, float length_mm, inout Counts counts) {
 }
 
 #if DEPTH
-float hit_mm; // from the entry, of the ray that was marched, where it met the surface
+float hit_mm; // distance from the entry to the hit of the last ray
 #endif
 
 vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   precise vec3 entry = fma(vec3(span.x), direction, anchor);
-  bvec3 single = equal(job.dims.xyz, ivec3(1)); // an axis of one voxel has no walls to pass
+  bvec3 single = equal(job.dims.xyz, ivec3(1)); // an axis of one voxel has no walls
   entry = mix(entry, vec3(0.0), single);
   direction = mix(direction, vec3(0.0), single);
   vec3 divisor = mix(direction, vec3(1.0), lessThan(abs(direction), vec3(1e-12)));

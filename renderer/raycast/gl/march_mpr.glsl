@@ -1,5 +1,5 @@
-// Planar reformats: one sample a pixel, or a slab's greatest, least or mean value, through the window to grey. SLAB: 0 one
-// slice, else 1 greatest, 2 least, 3 mean. Returns grey with opacity 1.
+// Planar reformats (MPR): one sample per pixel, or a slab's maximum, minimum or mean, through the window to grey. SLAB: 0 slice,
+// 1 maximum, 2 minimum, 3 mean. Returns grey with opacity 1.
 
 float sample_slice(vec3 entry, vec3 direction, float t) {
   vec3 p = fma(vec3(t), direction, entry);
@@ -7,7 +7,7 @@ float sample_slice(vec3 entry, vec3 direction, float t) {
 }
 
 #if SLAB
-// Samples lie on the plane, in whole steps from it, and at both ends of the ray.
+// Samples lie on the plane, at whole steps from it, and at both ends of the ray.
 float cast_slab(vec3 entry, vec3 direction, vec2 span, float front, inout Counts counts) {
   float length_mm = span.y - span.x;
   float first = floor(span.x * job.rays.inverse_step) + 1.0;
@@ -41,7 +41,7 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   value = cast_slab(entry, direction, span, value, counts);
 #endif
   float grey = clamp((value - job.window.x) * job.window.y + 0.5, 0.0, 1.0);
-#if LABELLED // on the plane: at the ray's place nearest to it
+#if LABELLED // on the slice plane, or at the ray's nearest point to it
   return vec4(label_slice(grey, fma(vec3(clamp(-span.x, 0.0, span.y - span.x)), direction, entry)), 1.0);
 #else
   return vec4(vec3(grey), 1.0);

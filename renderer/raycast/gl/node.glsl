@@ -1,5 +1,5 @@
-// From voxels to nodes of the table that the segments are looked up in.
+// From voxels to nodes of the table.
 float node(float voxel) {
   float at = (voxel - job.nodes.x) * job.nodes.y;
-  return at > 0.0 ? min(at, job.nodes.z) : 0.0; // what is no number goes to node 0
+  return at > 0.0 ? min(at, job.nodes.z) : 0.0; // NaN goes to node 0
 }

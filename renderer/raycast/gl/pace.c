@@ -2,19 +2,18 @@
 
 #include <math.h>
 
-/* What is known to be fast. Samples are counted from above: what is empty takes less, and must not be taken for the pace
- * of what comes next. */
+/* Fastest credible times. Samples are counted from above, so empty tiles seem fast; later tiles may not be. */
 #define SOFTWARE_NS 12.0
 #define HARDWARE_NS 0.1
 #define HARDWARE_RAY_NS 1500.0
-#define CAREFUL 4         /* times as slow at first */
-#define KEPT (15.0 / 16)  /* of the slowest, with each tile that is faster */
-#define OVERHEAD_MS 1.0   /* less tells nothing about samples */
-#define LEAST_HARDWARE 4096 /* fewer pixels than a GPU draws at once take no less time */
+#define CAREFUL 4         /* initial times are this many times slower */
+#define KEPT (15.0 / 16)  /* decay of the slowest time, per faster tile */
+#define OVERHEAD_MS 1.0   /* shorter times say nothing about samples */
+#define LEAST_HARDWARE 4096 /* pixels that a GPU draws at once: fewer take as long */
 
 static double least_sample_ns(const tc_gl_pace *p) { return p->hardware ? HARDWARE_NS : SOFTWARE_NS; }
 
-/* In software the pixels of a group follow one another. */
+/* In software, the pixels of a group are drawn one after another. */
 static double least_ray_ns(const tc_gl_pace *p) {
   return p->hardware ? HARDWARE_RAY_NS : SOFTWARE_NS * TC_GL_GROUP * TC_GL_GROUP;
 }
@@ -42,6 +41,6 @@ void tc_gl_pace_learn(tc_gl_pace *p, int pixels, double pixel_samples, double ms
   const double ray_ns = ms * 1e6 / fmax(pixel_samples, 1), ns = ms > OVERHEAD_MS ? ray_ns / pixels : 0;
   const bool smallest = pixels <= least_pixels(p) && ms > TC_GL_TILE_MS;
   if (!smallest || !p->hardware) p->sample_ns = fmax(fmax(ns, KEPT * p->sample_ns), least_sample_ns(p));
-  /* One that was held up by something else does not turn all long rays away. */
+  /* At most doubled, so that a single delayed tile does not rule out all long rays. */
   p->ray_ns = fmax(fmax(smallest ? fmin(ray_ns, 2 * p->ray_ns) : 0, KEPT * p->ray_ns), least_ray_ns(p));
 }

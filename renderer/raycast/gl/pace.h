@@ -1,28 +1,28 @@
-/* How large a dispatch may be, so that none is without a look at the halt for long: from what earlier ones took. Pure. */
+/* Tile sizes: how large a dispatch may be, judged by the time of earlier ones, so that the halt is polled often enough. Pure. */
 #ifndef TC_GL_PACE_H
 #define TC_GL_PACE_H
 
 #include <stdbool.h>
 
 #define TC_GL_GROUP 8 /* local_size_x and _y of head.glsl */
-#define TC_GL_TILE_MS 15 /* what a dispatch is expected to take, at most */
+#define TC_GL_TILE_MS 15 /* longest expected time of a dispatch */
 
 typedef struct tc_gl_pace {
   bool hardware;
-  int most;         /* pixels of a tile */
-  double sample_ns; /* of a sample, as tc_estimate_samples() counts them, in a tile of many: the slowest lately */
-  double ray_ns;    /* and in the ray that waits for it: what no smaller tile makes shorter */
+  int most;         /* most pixels per tile */
+  double sample_ns; /* throughput: time per sample (as tc_estimate_samples() counts them) in a large tile; the slowest lately */
+  double ray_ns;    /* latency: time per sample along one ray, which no smaller tile reduces */
 } tc_gl_pace;
 
-/* Before anything was measured: some GPU that is much slower than those known. */
+/* Before any measurement: assumes a GPU much slower than known ones. */
 void tc_gl_pace_init(tc_gl_pace *pace, bool hardware, int most);
 
-/* How many pixels of so many samples make a tile; what a tile is expected to take, and the smallest. */
+/* Pixels per tile for pixels of so many samples; expected time of a tile of so many pixels; expected time of the smallest tile. */
 int tc_gl_pace_pixels(const tc_gl_pace *pace, double pixel_samples);
 double tc_gl_pace_ms(const tc_gl_pace *pace, int pixels, double pixel_samples);
 double tc_gl_pace_least_ms(const tc_gl_pace *pace, double pixel_samples);
 
-/* A tile took so long. */
+/* Learns from the time of a tile. */
 void tc_gl_pace_learn(tc_gl_pace *pace, int pixels, double pixel_samples, double ms);
 
 #endif

@@ -1,8 +1,9 @@
-// Rays whose samples lie before whole steps from the entry (subpixel.h); the first segment is shorter for it.
-float lag; // mm, of the ray that is marched
+// Several rays per pixel, and jitter (subpixel.h): samples lie at whole steps from the entry, less `lag`, so that the first segment is
+// shorter.
+float lag; // mm, of the current ray
 
 #if JITTER
-// tc_jitter_phase(): whole numbers, so that every back end has the same.
+// tc_jitter_phase(), in integers, so that every back end has the same phase.
 float jitter_phase(uvec2 pixel) {
   uint inner = pixel.x * 288237661u + pixel.y * 25070368u;
   uint noise = inner * 53u - (inner >> 16) * 1119u;

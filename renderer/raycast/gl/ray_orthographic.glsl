@@ -1,4 +1,4 @@
-// rays.h, orthographic: one direction for all; the eye plane lies eye_mm before the anchors.
+// Orthographic rays (rays.h): one direction for all; the eye plane lies eye_mm before the anchors.
 #if SHADED
 vec3 to_eye; // unit, LPS
 #endif

@@ -1,4 +1,4 @@
-// rays.h, perspective: direction in voxels per mm; the eye's place on the ray in mm from the anchor.
+// Perspective rays (rays.h): direction in voxels per mm; eye: position of the eye on the ray in mm from the anchor.
 #if SHADED
 vec3 to_eye; // unit, LPS
 #endif

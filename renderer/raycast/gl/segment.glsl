@@ -1,6 +1,6 @@
-// A ray's samples and what lies between two of them: what both orders of compositing walk through.
+// Samples along a ray and the segments between them, for both orders of compositing.
 //
-// "precise" and fma() fix the rounding, so that variants of this text give the same bits: a leap changes nothing.
+// "precise" and fma() fix the rounding, so that all variants give the same bits: empty-space skipping changes nothing.
 struct Sample {
   float t, node; // mm from the entry
 #if SLOPE
@@ -24,7 +24,7 @@ Sample sample_at(vec3 entry, vec3 direction, float t, inout Counts counts) {
   return s;
 }
 
-// Mm from the entry to sample i.
+// Distance from the entry to sample i in mm.
 float sample_mm(int i) {
 #if PHASE
   precise float t = max(float(i) * job.rays.step_mm - lag, 0.0);
@@ -34,25 +34,25 @@ float sample_mm(int i) {
 #endif
 }
 
-// The sample at which a ray begins: what lies before is known to be empty.
+// The first sample of a ray; segments before it are known to be empty.
 int first_sample() {
 #if COHERENT
-  return int(clamp(head * job.rays.inverse_step, 0.0, 1e9));
+  return int(clamp(skip_mm * job.rays.inverse_step, 0.0, 1e9));
 #else
   return 0;
 #endif
 }
 
 #if SECOND_ORDER
-// Of the quadratic through three samples the linear field with the same mean, and its slope as far as that leaves both ends among
-// the samples (segment_tmpl.h has the sources).
-vec2 straighten(float front, float middle, float back) {
-  precise float mean = fma((front - middle) + (back - middle), 1.0 / 6.0, middle); // Simpson; exact where all are equal
+// Second-order pre-integration: the linear field with the mean of the quadratic through three samples, and ends within their range
+// (sources: segment_tmpl.h).
+vec2 linearise(float front, float middle, float back) {
+  precise float mean = fma((front - middle) + (back - middle), 1.0 / 6.0, middle); // Simpson's rule; exact for three equal samples
   float least = min(middle, min(front, back)), most = max(middle, max(front, back));
   precise float room = max(min(mean - least, most - mean), 0.0);
   precise float rise = clamp(0.5 * (back - front), -room, room);
   precise vec2 ends = vec2(mean - rise, mean + rise);
-#if ZOOMED // where that would jump over more than what a zoom is for, plain ends stay (segment_tmpl.h)
+#if ZOOMED // a segment that would skip the inner range of a zoom keeps its sampled ends (segment_tmpl.h)
   vec2 plain = vec2(front, back), gap = abs(ends - plain), low = min(ends, plain), high = max(ends, plain);
   for (int z = 0; z < job.table.z; z++) {
     vec4 zoom = job.zooms[z];
@@ -66,12 +66,12 @@ vec2 straighten(float front, float middle, float back) {
 }
 #endif
 
-// Colour and opacity of a full segment, or of one that is as long as its samples are apart.
+// Colour and opacity of a full segment, or, with opacity correction, of one as long as its samples are apart.
 vec4 segment_between(vec3 entry, vec3 direction, Sample front, Sample back, bool is_part, inout Counts counts) {
   precise float middle = 0.5 * (front.t + back.t);
   vec2 ends = vec2(front.node, back.node);
 #if SECOND_ORDER
-  ends = straighten(ends.x, node_at(entry, direction, middle), ends.y);
+  ends = linearise(ends.x, node_at(entry, direction, middle), ends.y);
   counts.samples++;
 #endif
   vec4 segment = classify(ends.x, ends.y, back.t - front.t, is_part);

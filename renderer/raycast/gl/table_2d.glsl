@@ -1,14 +1,13 @@
-// The full pre-integration table (classify.h): rows are differences, columns the smaller end; both read linearly.
+// Look-up in the full pre-integration table (classify.h): rows are differences of ends, columns the smaller end, both interpolated.
 layout(binding = 1) uniform samplerBuffer table;
 
-// Ends of a segment in a window's nodes, where its row k = 0 begins, entries a row, and the row of depths.
+// A segment's ends in nodes of a window; start of the window's row k = 0, entries per row, and its row of depths.
 struct Window {
   float front, back;
   int start, columns, depths;
 };
 
-// The finest of the table and its zooms that holds both ends; cut: an end is near the knots of a finer one,
-// by itself.
+// The finest window that contains both ends; cut: a finer one has just one of them, near its knots.
 Window enter_window(float front, float back, out bool cut) {
   Window w = Window(front, back, job.table.y, job.table.x, int(job.nodes.z) + 3);
   cut = false;
@@ -26,7 +25,7 @@ Window enter_window(float front, float back, out bool cut) {
   return w;
 }
 
-// (premultiplied colour, opacity) of a full segment.
+// Premultiplied colour and opacity of a full segment.
 vec4 look_up(Window w) {
   float row = abs(w.back - w.front);
   float column = min(w.front, w.back);
@@ -34,7 +33,7 @@ vec4 look_up(Window w) {
   int c = int(column);
   int stride = w.back < w.front ? -w.columns : w.columns;
   int at = w.start + r * stride + c;
-  // "precise": rewritten as a mix() this would take the last bit off an opacity of 1.
+  // "precise": a compiler's mix() would lose the last bit of an opacity of 1.
   vec4 a = texelFetch(table, at), b = texelFetch(table, at + 1);
   precise vec4 near = a + (b - a) * (column - float(c));
   at += stride;
@@ -46,7 +45,7 @@ vec4 look_up(Window w) {
 }
 
 #if STIFF || ZOOMED
-// The depth of a whole segment, from the row of depths; nothing cancels in it.
+// Optical depth of a full segment from the row of depths, without cancellation.
 float depth_in(Window w) {
   float low = min(w.front, w.back), high = max(w.front, w.back);
   int i = int(low), j = int(high), row = w.start + w.depths * w.columns;
@@ -60,7 +59,7 @@ float depth_in(Window w) {
   return (rest + part + whole) / (high - low);
 }
 
-// Cut at the edges of zooms in which but one end lies (zoom_tmpl.h has the words).
+// Cuts segments at the edges of zooms that contain one end (zoom_tmpl.h explains it).
 float depth_between(float front, float back) {
   float parts = 0.0, rest = 1.0;
 #if ZOOMED
@@ -99,7 +98,7 @@ vec4 classify_full(float front, float back) {
 }
 
 #if STIFF
-// 1/2 - 1/x + 1/(exp(x) - 1), and what it serves: stiff_tmpl.h has the words.
+// 1/2 - 1/x + 1/(exp(x) - 1); stiff_tmpl.h explains it.
 float nearer(float x) {
   float clear = 1.0 - opacity_of_depth(x);
   return x < 0.5 ? x * (1.0 / 12.0 - x * x / 720.0) : 0.5 - 1.0 / x + clear / (1.0 - clear);

@@ -1,4 +1,4 @@
-// Blocks of intervals as one stretch each, for the diagonals long enough to need whole ones.
+// Composites of whole blocks of intervals, for the diagonals that are longer than a block.
 void main() {
   int k = 1 + int(gl_GlobalInvocationID.x), block = int(gl_GlobalInvocationID.y);
   if (k > axis.x || k < 2 * axis.w)

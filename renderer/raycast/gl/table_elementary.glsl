@@ -1,9 +1,9 @@
-// A node interval as one segment, in single precision, from the pieces that segments.c works with for the cpu's tables.
-struct Piece { vec4 low, high; }; // either end: colour, and depth of the table's whole length at its extinction
+// Elementary segments in single precision, from the pieces of segments.c.
+struct Piece { vec4 low, high; }; // at each end: colour, and the depth of the table's full length at that extinction
 layout(std430, binding = 0) readonly buffer Pieces { Piece pieces[]; };
 layout(std430, binding = 1) readonly buffer Firsts { uint first[]; };
 
-// 1 - exp(-a), a >= 0, with small relative error for small a too, whatever exp() is here.
+// 1 - exp(-a), a >= 0, with a small relative error even for small a, however inaccurate exp() is.
 float one_minus_exp(float a) {
   a = min(a, 87.0);
   precise float n = floor(0.5 - a * 1.44269504);
@@ -15,19 +15,18 @@ float one_minus_exp(float a) {
   return w;
 }
 
-// Of the opacity w of a stretch of depth a, how much shows its far end's colour: met from the low end (x) and from the
-// high one (y). Extinction is a (1 + tilt (2u - 1)), |a tilt| <= 0.05: the integral of u over the opacity, expanded in
-// that.
+// How much of the opacity w of a piece of depth a shows its far end's colour, seen from the low end (x) and from the high end (y).
+// Extinction is a (1 + tilt (2u - 1)), |a tilt| <= 0.05: the integral of u over the opacity, expanded in a tilt.
 vec2 far_share(float a, float tilt, float w) {
   float x = a * tilt, even, i1, i2;
-  if (a < 0.5) { // the opacity already taken off: nothing cancels
+  if (a < 0.5) { // without the opacity term, so that nothing cancels
     float mean = a * (1.0 / 144.0 - a * (1.0 / 840.0 - a * (1.0 / 5760.0 - a * (1.0 / 45360.0))));
     even = a * (0.5 - a * (1.0 / 3.0 - a * (1.0 / 8.0 - a * (1.0 / 30.0 - mean))));
     i1 = 1.0 / 40.0 - a * (1.0 / 180.0 - a * (1.0 / 1008.0 - a * (1.0 / 6720.0)));
     i1 = 1.0 / 6.0 - a * (1.0 / 12.0 - a * i1);
     i2 = 1.0 / 30.0 - a * (1.0 / 60.0 - a * (1.0 / 210.0 - a * (1.0 / 1008.0)));
   } else {
-    a = min(a, 1e7); // its powers stay numbers
+    a = min(a, 1e7); // keeps its powers finite
     x = a * tilt;
     float t = 1.0 - w, r = 1.0 / a, r3 = r * r * r;
     even = w * r - t;
@@ -38,7 +37,7 @@ vec2 far_share(float a, float tilt, float w) {
   return clamp(vec2(even + x * i1, even - x * i1), 0.0, w);
 }
 
-// A stretch between two ends with little change of extinction over its depth; share: of the ends' length.
+// Part of a piece, with little change of extinction over its depth; share: of the piece's length.
 Both stretch(vec4 low, vec4 high, float share) {
   float sum = low.a + high.a, a = 0.5 * sum * share, w = one_minus_exp(a);
   if (low.rgb == high.rgb)
@@ -47,7 +46,7 @@ Both stretch(vec4 low, vec4 high, float share) {
   return Both(vec4(low.rgb * (w - far.x) + high.rgb * far.x, w), vec4(high.rgb * (w - far.y) + low.rgb * far.y, w));
 }
 
-// A steep one, cut into parts until its front is opaque, met from `near`.
+// A piece with steep extinction, cut into parts until the front is opaque, seen from `near`.
 vec4 parts_of(vec4 near, vec4 far, float share, float parts) {
   Product all = Product(vec4(0.0), vec4(0.0));
   for (float i = 0.0; i < parts && all.sum.a < 1.0 - 1e-7; i += 1.0) {

@@ -1,16 +1,16 @@
 #version 450 core
-// Building a window of the pre-integration table (classify/outline.h): an invocation for one k and some places along its
-// diagonal. Neighbours take neighbouring k and the same places, so that they meet the same pieces.
+// Building the pre-integration table or a zoom (classify/outline.h): an invocation makes some entries of one diagonal k. Neighbouring
+// invocations take neighbouring k and the same positions, so that they read the same pieces.
 layout(local_size_x = 64) in;
 
-// x: node intervals, y: columns of a row, z: where k = 0 begins, w: intervals of a block
+// x: node intervals, y: columns per row, z: start of row k = 0, w: intervals per block
 layout(location = 0) uniform ivec4 axis;
-layout(location = 1) uniform vec4 peak; // the brightest of each colour, and 1
+layout(location = 1) uniform vec4 peak; // the largest value of each channel, and 1
 
-// A stretch of the value axis towards higher nodes and towards lower ones: premultiplied colour and opacity.
+// Premultiplied colour and opacity over a stretch of the value axis, towards higher nodes and towards lower ones.
 struct Both { vec4 up, down; };
 
-// Not front + (1 - opacity) back: one less a small opacity rounds, and the same way in many like segments.
+// The over operator. Not front + (1 - opacity) back: 1 minus a small opacity rounds, in the same direction for many similar segments.
 vec4 over(vec4 front, vec4 back) {
   precise vec4 sum = (front - front.a * back) + back;
   return sum;
@@ -18,7 +18,7 @@ vec4 over(vec4 front, vec4 back) {
 
 Both join(Both low, Both high) { return Both(over(low.up, high.up), over(high.down, low.down)); }
 
-// A product that grows: a composite and what its roundings lost (Kahan; table.c says why).
+// A running composite with Kahan's compensation (segments.h says why).
 struct Product { vec4 sum, lost; };
 struct Products { Product up, down; };
 

@@ -1,10 +1,9 @@
-// Entries of a diagonal: sliding windows of k intervals, as products without subtraction, hence without cancellation. A
-// window is what is left of its first block, whole blocks, and the beginning of its last: with blocks of about the square
-// root of the table's side a constant number of compositions an entry.
+// Entries of a diagonal: sliding windows of k intervals, as products without subtraction, hence without cancellation. A window is the
+// rest of its first block, whole blocks, and the beginning of its last: with blocks of about the square root of the table's side, a
+// constant number of compositions per entry.
 layout(rgba32f, binding = 0) uniform imageBuffer table;
 
-// Light sums and opacity round apart: what shines is held to the opacity times the brightest there is, and both to
-// their bounds.
+// Colour and opacity round separately: clamps colour to opacity times peak, and both to their bounds.
 vec4 held(vec4 entry) {
   entry = clamp(entry, vec4(0.0), peak);
   return min(entry, entry.a * peak);
@@ -14,7 +13,7 @@ vec4 held(vec4 entry) {
 void slide(int k, int start, int block, int count) {
   int up = axis.z + k * axis.y, down = axis.z - k * axis.y;
   Products rest = nothing(), middle = nothing();
-  for (int j = block - 1; j >= 0; j--) { // ends of the first block, kept where the entries go
+  for (int j = block - 1; j >= 0; j--) { // suffixes of the first block, stored where the entries go
     add_below(rest, elementary(start + j, k));
     if (j < count) {
       imageStore(table, up + start + j, rest.up.sum);

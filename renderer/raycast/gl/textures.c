@@ -6,9 +6,9 @@
 
 #include "renderer/clock.h"
 
-/* Uploads go in pieces of this size, so that a driver's staging copy stays small. */
+/* Uploads are split into pieces of this size, so that a driver's staging copy stays small. */
 #define UPLOAD_BYTES ((size_t)32 << 20)
-#define LOOK_BYTES ((size_t)4 << 20) /* of lookups: a piece between two looks at the halt */
+#define POLL_BYTES ((size_t)4 << 20) /* of lookups, uploaded between two polls of the halt */
 
 typedef struct texel_format {
   GLenum internal, layout, type;
@@ -24,7 +24,7 @@ static const texel_format formats[TC_VOXEL_TYPE_COUNT] = {
 
 /* ---- volumes ---- */
 
-/* Slab by slab into the texture; a slab ends where a layer of an atlas does. */
+/* Uploads slab by slab; a slab ends where a layer of an atlas does. */
 static void upload(const tc_gl_volume *copy, const tc_volume *volume, const texel_format *format) {
   const tc_volume_desc *desc = tc_volume_describe(volume);
   const uint8_t *voxels = tc_volume_data(volume);
@@ -40,7 +40,7 @@ static void upload(const tc_gl_volume *copy, const tc_volume *volume, const texe
   }
 }
 
-/* False: over the device's side limits. */
+/* False: larger than the device's textures. */
 static bool texture_size(const tc_volume_desc *desc, int size[3], int *slices_per_layer) {
   GLint side = 0, layers = 0;
   memcpy(size, desc->dims, 3 * sizeof *size);
@@ -66,7 +66,7 @@ static void drop_volume(tc_gl_textures *textures, tc_gl_volume *copy) {
   memset(copy, 0, sizeof *copy);
 }
 
-/* Makes *copy; on failure it is empty and *error says what the driver said. */
+/* Makes *copy; on failure it is empty, and *error holds the driver's error. */
 static bool make_volume(tc_gl_volume *copy, const tc_volume *volume, const int size[3], GError **error) {
   const tc_volume_desc *desc = tc_volume_describe(volume);
   const texel_format *format = &formats[desc->type];
@@ -80,14 +80,13 @@ static bool make_volume(tc_gl_volume *copy, const tc_volume *volume, const int s
   if (good) {
     set_sampling(copy->texture);
     upload(copy, volume, format);
-    good = tc_gl_check("volume upload", error); /* drivers may find the memory only when texels arrive */
+    good = tc_gl_check("volume upload", error); /* some drivers allocate only when texels arrive */
   }
   if (!good) glDeleteTextures(1, &copy->texture);
   return good;
 }
 
-/* Frees least recently used volumes that this frame does not use until `bytes` more fit the budget and a place is
- * free. */
+/* Frees least recently used volumes, except the current frame's, until `bytes` more fit the budget; returns a free entry. */
 static tc_gl_volume *make_room(tc_gl_textures *textures, size_t bytes) {
   for (;;) {
     tc_gl_volume *unused = NULL, *oldest = NULL;
@@ -108,7 +107,7 @@ static tc_gl_volume *make_room(tc_gl_textures *textures, size_t bytes) {
 
 static bool is_memory_error(const GError *error) { return g_error_matches(error, TC_ERROR, TC_ERROR_MEMORY); }
 
-/* Says what no texture of this device holds, and the mend. */
+/* Reports a volume that fits no texture of this device, and how to mend that. */
 static void say_too_large(const tc_volume *volume, const char *why, GError **error) {
   const int *dims = tc_volume_describe(volume)->dims;
   tc_set_error(error, TC_ERROR_LIMIT, NULL,
@@ -126,7 +125,7 @@ static const tc_gl_volume *upload_volume(tc_gl_textures *textures, const tc_volu
   }
   GError *failure = NULL;
   for (int attempt = 0; attempt < 2; attempt++) {
-    if (attempt > 0) { /* the second time with nothing else resident */
+    if (attempt > 0) { /* second attempt, with nothing else resident */
       g_clear_error(&failure);
       for (int i = 0; i < TC_GL_VOLUMES; i++)
         if (textures->volumes[i].used < textures->frame) drop_volume(textures, &textures->volumes[i]);
@@ -177,8 +176,7 @@ static void drop_lookup(tc_gl_lookup *copy) {
   memset(copy, 0, sizeof *copy);
 }
 
-/* A free place, after the oldest copies that this frame does not use went to keep the budget. A frame uses fewer
- * lookups than there are places. */
+/* The same for lookups. A frame uses fewer lookups than there are entries. */
 static tc_gl_lookup *make_lookup_room(tc_gl_textures *textures, size_t bytes) {
   for (;;) {
     tc_gl_lookup *unused = NULL, *oldest = NULL;
@@ -207,10 +205,9 @@ static tc_gl_lookup *find_lookup(tc_gl_textures *textures, const uint64_t key[5]
   return NULL;
 }
 
-/* What an upload needs to know. */
 typedef struct lookup_source {
   const char *what;
-  const void *entries; /* NULL: to be written here */
+  const void *entries; /* NULL: to be filled by the builder */
   size_t count, entry_bytes;
   GLenum format;
 } lookup_source;
@@ -218,9 +215,9 @@ typedef struct lookup_source {
 /* False: halted. */
 static bool upload_entries(unsigned buffer, const lookup_source *from, const tc_halt *halt) {
   const size_t bytes = from->count * from->entry_bytes;
-  for (size_t at = 0; at < bytes; at += LOOK_BYTES) {
+  for (size_t at = 0; at < bytes; at += POLL_BYTES) {
     if (at > 0 && tc_halt_within(halt)) return false;
-    glNamedBufferSubData(buffer, (GLintptr)at, (GLsizeiptr)MIN(LOOK_BYTES, bytes - at),
+    glNamedBufferSubData(buffer, (GLintptr)at, (GLsizeiptr)MIN(POLL_BYTES, bytes - at),
                          (const uint8_t *)from->entries + at);
   }
   return true;

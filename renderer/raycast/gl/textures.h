@@ -1,5 +1,4 @@
-/* Copies of volumes, pre-integration tables and distance maps on the GPU, kept while they are of use. Needs a current
- * context. */
+/* Copies of volumes, pre-integration tables and distance maps on the GPU, least recently used out first. Needs a current context. */
 #ifndef TC_RAYCAST_GL_TEXTURES_H
 #define TC_RAYCAST_GL_TEXTURES_H
 
@@ -21,7 +20,7 @@ typedef struct tc_gl_volume {
   uint64_t used;
 } tc_gl_volume;
 
-/* A buffer the shaders read as a buffer texture: a table or integrals (RGBA32F), a distance map or bounds (R8UI). */
+/* A buffer texture: a table or integrals (RGBA32F), a distance map or bounds (R8UI). */
 typedef struct tc_gl_lookup {
   uint64_t key[5]; /* serials of table or support, and of the volume (0 for a table: it serves any); block width; serial of
                       bounds, or a leap's reach; serial of labels, or of integrals, which serve any volume */
@@ -36,19 +35,18 @@ typedef struct tc_gl_lookup {
 typedef struct tc_gl_textures {
   tc_gl_volume volumes[TC_GL_VOLUMES];
   tc_gl_lookup lookups[TC_GL_LOOKUPS];
-  size_t volume_budget, lookup_budget; /* bytes of all copies; what the frame at hand uses may exceed it */
-  uint64_t frame;                      /* counts frames; copies used in this one stay */
+  size_t volume_budget, lookup_budget; /* bytes; copies used by the current frame may exceed them */
+  uint64_t frame;                      /* number of the current frame, whose copies stay */
 } tc_gl_textures;
 
-/* A frame begins, then asks for its volume and that of its labels, then for its lookups; all live until the next frame
- * begins. What is not there is uploaded; of a lookup nothing, where the halt (NULL: none) ends that. Owned by *textures.
- * TC_ERROR_LIMIT: the device has no texture that large; the message names the mend. */
+/* A frame begins, asks for its volume and label volume, then for its lookups; all live until the next frame begins, owned by *textures.
+ * Missing ones are uploaded; if the halt (NULL: none) interrupts a lookup's upload, nothing of it is kept. TC_ERROR_LIMIT: no texture of
+ * this device is large enough; the message says how to mend it. */
 void tc_gl_textures_begin(tc_gl_textures *textures);
-/* True: the volume is not there, and the device has textures that large. */
+/* True if the volume is not resident and fits a texture of this device. */
 bool tc_gl_textures_want(const tc_gl_textures *textures, const tc_volume *volume);
 const tc_gl_volume *tc_gl_textures_volume(tc_gl_textures *textures, const tc_volume *volume, GError **error);
-/* Built by the builder where it serves, *ms growing by what that took; else the table has entries, which are
- * uploaded. */
+/* Built by the builder if it serves, adding the time to *ms; else the table has entries, which are uploaded. */
 const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_gl_builder *builder, const tc_table *table,
                                          double *ms, const tc_halt *halt, GError **error);
 const tc_gl_lookup *tc_gl_textures_integrals(tc_gl_textures *textures, const tc_integrals *integrals,

@@ -1,4 +1,4 @@
-/* Work beside the frames. See warm.h. */
+/* Background work with the GL context. See warm.h. */
 #include "renderer/raycast/gl/warm.h"
 
 static void *run(void *argument) {

@@ -1,5 +1,5 @@
-/* What takes long, compiling a program or uploading a volume, while frames go on elsewhere: a thread takes the context,
- * works, and lets it go. No second context shares anything; until it is done nobody else uses this one. */
+/* Background work with the GL context: a thread takes the context, compiles a program or uploads a volume, and releases it, while the cpu
+ * back end draws frames. There is no second context; until the work is done, nobody else may use this one. */
 #ifndef TC_RAYCAST_GL_WARM_H
 #define TC_RAYCAST_GL_WARM_H
 
@@ -10,20 +10,20 @@
 
 typedef struct tc_gl_warm {
   pthread_t thread;
-  bool running; /* or ended, and not taken yet */
+  bool running; /* running, or ended and not taken yet */
   atomic_bool done;
   tc_gl_context *context;
   void (*work)(void *argument);
   void *argument;
 } tc_gl_warm;
 
-/* Calls work(argument) on a thread to which the context belongs from now on: it is current there, with what was bound in
- * it. False: no thread can be had, and the context is still the caller's. *warm is zeroed or was taken. */
+/* Calls work(argument) on a new thread that owns the context from now on: it is current there, with its bindings. False: no thread could
+ * be created, and the context is still the caller's. *warm is zeroed or was taken. */
 bool tc_gl_warm_start(tc_gl_warm *warm, tc_gl_context *context, void (*work)(void *), void *argument);
 
 bool tc_gl_warm_is_busy(const tc_gl_warm *warm);
 
-/* Waits for the thread. True: it had work, and what that changed is the caller's again; so is the context. */
+/* Waits for the thread. True: there was work; its results and the context belong to the caller again. */
 bool tc_gl_warm_take(tc_gl_warm *warm);
 
 #endif
