@@ -1,22 +1,24 @@
 /* Classification: the pre-integration table of a transfer function.
  *
- * The full pre-integration table (NUMERICS sections 2 and 3) for one segment length d. Node j of the value axis is the voxel value
- * lo + j * (hi - lo) / (n - 1), so data span nodes 0 .. n-1; one more node lets a bilinear look-up at the end read without a test. The
- * table is stored by diagonals: a diagonal is built at once, and because neighbouring samples differ little, few rows near each other
- * are in use:
+ * The full pre-integration table (NUMERICS sections 2 and 3) for one segment length d. Node j of the value axis is the
+ * voxel value lo + j * (hi - lo) / (n - 1), so data span nodes 0 .. n-1; one more node lets a bilinear look-up at the
+ * end read without a test. The table is stored by diagonals: a diagonal is built at once, and because neighbouring
+ * samples differ little, few rows near each other are in use:
  *   row(k), k = node(sb) - node(sf) signed, holds at column i = min(node(sf), node(sb))
  *   (R, G, B, alpha): colour with self-attenuation (premultiplied) and opacity of the segment.
  * A lookup at real (ef, eb) = (node(sf), node(sb)): i = min(ef, eb), k = |eb - ef|, bilinear over (k, i) within the
  * half table of eb - ef's sign. Colours are in the compositing space (display sRGB, or linear light).
  *
- * Row k = n + 2, the row of depths, holds optical depths for stiff segments, whose opacity rounds to 1 in single precision. The depth
- * of a segment of length d from ef to eb is the mean over [ef, eb] of a function that is linear in each node interval. Entry j is
- * (H, L, a, b): a and b are that function at both ends of interval j, H + L (high and low part) its integral from node 0 to j.
+ * Row k = n + 2, the row of depths, holds optical depths for stiff segments, whose opacity rounds to 1 in single
+ * precision. The depth of a segment of length d from ef to eb is the mean over [ef, eb] of a function that is linear in
+ * each node interval. Entry j is (H, L, a, b): a and b are that function at both ends of interval j, H + L (high and
+ * low part) its integral from node 0 to j.
  *
- * Zooms are further tables of the same kind on ever narrower windows of the value axis (each at most 16 times narrower), for knots that
- * are closer than nodes can resolve. A segment is looked up in the last zoom that contains both of its ends, else in the table itself.
- * If a finer zoom contains just one end, inside its rims, the opacity is composed from the depths of the parts inside and outside.
- * A window extends 24 of its parent's nodes beyond its knots, or 16 or 8 if it would otherwise take more zooms than allowed. */
+ * Zooms are further tables of the same kind on ever narrower windows of the value axis (each at most 16 times
+ * narrower), for knots that are closer than nodes can resolve. A segment is looked up in the last zoom that contains
+ * both of its ends, else in the table itself. If a finer zoom contains just one end, inside its rims, the opacity is
+ * composed from the depths of the parts inside and outside. A window extends 24 of its parent's nodes beyond its
+ * knots, or 16 or 8 if it would otherwise take more zooms than allowed. */
 #ifndef TC_CLASSIFY_H
 #define TC_CLASSIFY_H
 
@@ -29,8 +31,8 @@
 #define TC_EDGE_UNITS 8
 #define TC_EDGE_SHARE 1e-4
 #define TC_ZOOM_NODES 256
-/* Optical depth of a full segment from which on opacity correction uses the row of depths. Below it, the opacity in single precision
- * gives the transparency of any share of the segment to 1.3e-4. */
+/* Optical depth of a full segment from which on opacity correction uses the row of depths. Below it, the opacity in
+ * single precision gives the transparency of any share of the segment to 1.3e-4. */
 #define TC_STIFF_DEPTH 11.0
 
 /* A window of the value axis: voxel values (not rescaled) of its nodes 0 and TC_ZOOM_NODES - 1. */
@@ -47,7 +49,8 @@ typedef struct tc_table {
   int bits;          /* entries are rounded to as many; 0: not rounded */
   int n_zooms;       /* coarse ones before finer ones */
   tc_zoom zooms[TC_MAX_ZOOMS];
-  /* entries before the row k = 0 of the table, and of each zoom; zooms follow the table, in rows of TC_ZOOM_NODES + 2 columns */
+  /* entries before the row k = 0 of the table, and of each zoom; zooms follow the table, in rows of TC_ZOOM_NODES +
+   * 2 columns */
   size_t starts[1 + TC_MAX_ZOOMS];
   size_t bytes;      /* of all entries */
   float *entries;    /* [2*(n+1)+2][columns][4], then the zooms; zero outside i + |k| <= n, except in the row of depths. NULL in an
@@ -71,17 +74,18 @@ typedef struct tc_table_params {
   tc_zoom zooms[TC_MAX_ZOOMS];
 } tc_table_params;
 
-/* Chooses the nodes for p->tf over a volume, the voxel range they span, and the zooms: 256 nodes over the whole type for 8-bit data;
- * else 256 to 2048 over the data's range, depending on the distance of the knots, fewer if zooms suffice. *complete, unless NULL:
- * whether nodes and zooms resolve every knot.
+/* Chooses the nodes for p->tf over a volume, the voxel range they span, and the zooms: 256 nodes over the whole type
+ * for 8-bit data; else 256 to 2048 over the data's range, depending on the distance of the knots, fewer if zooms
+ * suffice. *complete, unless NULL: whether nodes and zooms resolve every knot.
  *
- * What a complete choice promises for voxels of more than 8 bits. Nodes are at most a quarter apart of the width of a change between
- * two knots, of the way to the next change back, or of the part of a rise of extinction that turns a voxel from transparent to opaque.
- * An isolated change that is steeper may be displaced by TC_EDGE_UNITS or TC_EDGE_SHARE, and colours inside it widened as much. Apart
- * from that, rays of up to seven segments of half a voxel, through a field that is linear along them, near any knot and at any rate of
- * change, have an error in opacity and colour of at most 1/15; averaged over the sample positions at most 1/30, in 19 of 20 transfer
- * functions 1/100, in half of them 1/2500 (measured: tests/unit/test_table_choice.c; the worst rays dwell in the bend at the foot of a
- * dense rise, or end inside a peak of several colours). */
+ * What a complete choice promises for voxels of more than 8 bits. Nodes are at most a quarter apart of the width of
+ * a change between two knots, of the way to the next change back, or of the part of a rise of extinction that turns
+ * a voxel from transparent to opaque. An isolated change that is steeper may be displaced by TC_EDGE_UNITS or
+ * TC_EDGE_SHARE, and colours inside it widened as much. Apart from that, rays of up to seven segments of half a
+ * voxel, through a field that is linear along them, near any knot and at any rate of change, have an error in
+ * opacity and colour of at most 1/15; averaged over the sample positions at most 1/30, in 19 of 20 transfer
+ * functions 1/100, in half of them 1/2500 (measured: tests/unit/test_table_choice.c; the worst rays dwell in the
+ * bend at the foot of a dense rise, or end inside a peak of several colours). */
 void tc_table_choose(const tc_volume *volume, tc_table_params *p, bool *complete);
 
 /* The zooms of a table of n nodes; returns how many. */

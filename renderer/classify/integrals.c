@@ -10,7 +10,8 @@
 
 #define MOST_TAU 1e30 /* 1/mm: opaque at any length, and sums stay finite */
 
-/* One node interval: means of (L tau, tau), and their linear change: mean - tilt at the front end, mean + tilt at the back. */
+/* One node interval: means of (L tau, tau), and their linear change: mean - tilt at the front end, mean + tilt at
+ * the back. */
 typedef struct interval {
   double mean[4], tilt[4];
 } interval;
@@ -22,7 +23,8 @@ static void color(const tc_table_params *p, double value, double rgb[3]) {
   for (int c = 0; c < 3 && p->linear_light; c++) rgb[c] = tc_srgb_to_linear(rgb[c]);
 }
 
-/* Adds part of an interval without a knot inside: the exact mean extinction, and the mean colour by three Gauss points. */
+/* Adds part of an interval without a knot inside: the exact mean extinction, and the mean colour by three Gauss
+ * points. */
 static void add_stretch(interval *into, const tc_table_params *p, double from, double to, double share) {
   static const double place[3] = {-0.774596669241483377, 0, 0.774596669241483377}, weight[3] = {5, 8, 5};
   double mean = share * fmin(tc_extinction_mean(p->tf, from, to), MOST_TAU), sum[4] = {0}, rgb[3];

@@ -1,19 +1,21 @@
-/* The 1-D tables of the classifications approximate, post and linearized, which need no pre-integration table (NUMERICS section 2).
+/* The 1-D tables of the classifications approximate, post and linearized, which need no pre-integration table (NUMERICS
+ * section 2).
  *
- * tau is the extinction (1/mm), L the colour in the compositing space, x a value in nodes (classify.h). Entries are (L tau, tau) in
- * 1/mm, and do not depend on the length of a segment. For a segment from x_f to x_b kernels take (k, m):
+ * tau is the extinction (1/mm), L the colour in the compositing space, x a value in nodes (classify.h). Entries are (L
+ * tau, tau) in 1/mm, and do not depend on the length of a segment. For a segment from x_f to x_b kernels take (k, m):
  *   post          L tau and tau at the front sample: a rectangle rule, first order;
  *   approximate   the means of L tau and tau over [x_f, x_b];
  *   linearized    the same means.
  * With d the segment's own length, so that a ray's shorter last segment is exact too, the segment has
  *   opacity a = 1 - exp(-m d) and colour k a / m;     linearized: a = min(m d, 1).
- * The colour k d alone would ignore self-attenuation: it exceeds what is visible and is of the first order. Scaled by a / (m d), the
- * colour is at most a max(L), exact where L is constant, and of the second order.
+ * The colour k d alone would ignore self-attenuation: it exceeds what is visible and is of the first order. Scaled by a
+ * / (m d), the colour is at most a max(L), exact where L is constant, and of the second order.
  *
- * A mean is a sum over whole node intervals and two ends. At the ends, tau and L tau are linear models within an interval that keep the
- * interval's exact means. Differences of prefix sums would lose a thin stretch behind a stiff one, so nothing is subtracted: level l
- * divides the nodes into blocks of 2^(l+1) and stores at each node the sum between it and its block's middle. Nodes p < q lie on both
- * sides of a middle of level msb(p xor q), and their two entries there add up to the sum between them. */
+ * A mean is a sum over whole node intervals and two ends. At the ends, tau and L tau are linear models within an
+ * interval that keep the interval's exact means. Differences of prefix sums would lose a thin stretch behind a stiff
+ * one, so nothing is subtracted: level l divides the nodes into blocks of 2^(l+1) and stores at each node the sum
+ * between it and its block's middle. Nodes p < q lie on both sides of a middle of level msb(p xor q), and their two
+ * entries there add up to the sum between them. */
 #ifndef TC_INTEGRALS_H
 #define TC_INTEGRALS_H
 
@@ -33,10 +35,12 @@ typedef struct tc_integrals {
 /* True for the classifications that read these tables. */
 bool tc_integrals_serve(tc_classification classification);
 
-/* Chooses nodes and voxel range for p->tf: 256 over the type for 8-bit data, else 1024, or 4096 where knots are close. */
+/* Chooses nodes and voxel range for p->tf: 256 over the type for 8-bit data, else 1024, or 4096 where knots are
+ * close. */
 void tc_integrals_choose(const tc_volume *volume, tc_table_params *p);
 
-/* params->step_mm and ->bits are not read. NULL with TC_ERROR_MEMORY or the error of the halt (NULL: none); nothing is kept then. */
+/* params->step_mm and ->bits are not read. NULL with TC_ERROR_MEMORY or the error of the halt (NULL: none); nothing
+ * is kept then. */
 tc_integrals *tc_integrals_build(const tc_table_params *params, const tc_halt *halt, GError **error);
 void tc_integrals_free(tc_integrals *integrals); /* NULL is fine */
 

@@ -1,10 +1,11 @@
 /* Labels: the colours of a segmentation's voxels, and their positions in another volume's index space.
  *
- * A label volume holds integers (any integer voxel type; label = slope * voxel + intercept) on a grid of its own, anywhere in the same
- * patient space. 0, a negative number and anything outside the grid mean "no label". At a point, the eight surrounding voxels count
- * with their trilinear weights: the entries of the labels (tc_labels below) are interpolated, not the numbers, so the faces of a
- * segment are smooth at any zoom. Beyond the last voxel centres the weight passes to "outside" within one voxel; an axis of one voxel
- * is constant over its thickness. With filter "nearest", only the nearest voxel counts.
+ * A label volume holds integers (any integer voxel type; label = slope * voxel + intercept) on a grid of its own,
+ * anywhere in the same patient space. 0, a negative number and anything outside the grid mean "no label". At a point,
+ * the eight surrounding voxels count with their trilinear weights: the entries of the labels (tc_labels below) are
+ * interpolated, not the numbers, so the faces of a segment are smooth at any zoom. Beyond the last voxel centres the
+ * weight passes to "outside" within one voxel; an axis of one voxel is constant over its thickness. With filter
+ * "nearest", only the nearest voxel counts.
  *   S, A, V = interpolated tint colour (premultiplied), tint opacity and visibility
  *   dvr: extinction * V; colour C becomes C (1 - A/V) + S/V   (a hidden label does not tint its neighbours)
  *   mpr: grey G becomes G (1 - A) + S                          (anatomy is never hidden)
@@ -26,11 +27,12 @@ typedef struct tc_labels {
   double build_ms;
 } tc_labels;
 
-/* Everything that entries depend on: label volume, opacity, colours, visible labels, compositing space. The caller unrefs. */
+/* Everything that entries depend on: label volume, opacity, colours, visible labels, compositing space. The caller
+ * unrefs. */
 GBytes *tc_labels_key(const tc_volume *labels, const tc_scene *scene);
 
-/* Takes ownership of `key`. The label volume was checked (tc_labels_check). NULL with TC_ERROR_MEMORY or the error of the halt (NULL:
- * none). */
+/* Takes ownership of `key`. The label volume was checked (tc_labels_check). NULL with TC_ERROR_MEMORY or the error
+ * of the halt (NULL: none). */
 tc_labels *tc_labels_build(const tc_volume *labels, const tc_scene *scene, GBytes *key, const tc_halt *halt,
                            GError **error);
 void tc_labels_free(tc_labels *labels); /* NULL is fine */
@@ -41,9 +43,9 @@ void tc_labels_matrix(const tc_volume *volume, const tc_volume *labels, double m
 /* Whether scenes of this mode read labels; others ignore scene.labels. */
 bool tc_mode_has_labels(tc_mode mode);
 
-/* Whether the scene's labels can be drawn from `labels` (NULL: there is no such volume) over `volume`; true for a scene without labels.
- * TC_ERROR_INVALID with the pointer /labels/volume if there is no volume, its labels are not integers (f32 voxels, or a fractional
- * slope or intercept), or the two volumes lie apart in patient space. Pure. */
+/* Whether the scene's labels can be drawn from `labels` (NULL: there is no such volume) over `volume`; true for a
+ * scene without labels. TC_ERROR_INVALID with the pointer /labels/volume if there is no volume, its labels are not
+ * integers (f32 voxels, or a fractional slope or intercept), or the two volumes lie apart in patient space. Pure. */
 bool tc_labels_check(const tc_volume *volume, const tc_volume *labels, const tc_scene *scene, GError **error);
 
 #endif

@@ -1,26 +1,27 @@
-/* Building a pre-integration table in two steps: the outline, O(n), and the entries, O(n^2). The back end decides whether the CPU or a
- * GPU makes the entries; both make them from the same pieces of the value axis. */
+/* Building a pre-integration table in two steps: the outline, O(n), and the entries, O(n^2). The back end decides
+ * whether the CPU or a GPU makes the entries; both make them from the same pieces of the value axis. */
 #ifndef TC_CLASSIFY_OUTLINE_H
 #define TC_CLASSIFY_OUTLINE_H
 
 #include "renderer/classify/classify.h"
 
-/* A table without entries; tc_table_free() it. NULL with TC_ERROR_MEMORY or the error of the halt (NULL: none); nothing is kept then,
- * since an outline takes only some milliseconds. */
+/* A table without entries; tc_table_free() it. NULL with TC_ERROR_MEMORY or the error of the halt (NULL: none);
+ * nothing is kept then, since an outline takes only some milliseconds. */
 tc_table *tc_table_outline(const tc_table_params *params, const tc_halt *halt, GError **error);
 
-/* Makes the entries of an outline, on the pool (NULL: on the calling thread). like: NULL, or any table; entries over values where
- * nothing changed are copied from a table with the same nodes, length and bits, and the result is the same to the last bit. False with
- * TC_ERROR_MEMORY or the halt's error: the table is still an outline, and another call resumes the work. */
+/* Makes the entries of an outline, on the pool (NULL: on the calling thread). like: NULL, or any table; entries over
+ * values where nothing changed are copied from a table with the same nodes, length and bits, and the result is the
+ * same to the last bit. False with TC_ERROR_MEMORY or the halt's error: the table is still an outline, and another
+ * call resumes the work. */
 bool tc_table_fill(tc_table *table, const tc_table *like, tc_pool *pool, GError **error);
 
 int64_t tc_table_steps(const tc_table *table); /* progress of making the entries; it only grows */
 
 size_t tc_table_held(const tc_table *table); /* bytes of memory held: more once it has entries */
 
-/* What the entries of the table itself (window 0) or a zoom (1 ..) are made from: entry (i, k), k > 0, is the composite of the node
- * intervals i .. i + k - 1, each a segment of 1 / k of the table's length, with colour clamped to opacity times peak. Pointers live as
- * long as the table. */
+/* What the entries of the table itself (window 0) or a zoom (1 ..) are made from: entry (i, k), k > 0, is the
+ * composite of the node intervals i .. i + k - 1, each a segment of 1 / k of the table's length, with colour clamped
+ * to opacity times peak. Pointers live as long as the table. */
 typedef struct tc_table_window {
   int intervals;         /* node intervals */
   int columns;           /* entries per row */

@@ -73,8 +73,9 @@ static bool add_piece(tc_segments *s, double width, double v0, double v1) {
 #define MOST_PARTS 512
 #define MOST_PIECES (1 << 17) /* per axis, roughly: each diagonal of a table reads all of them */
 
-/* Bound of a piece's colour error from taking it as linear. An opaque piece has `error`. A piece of optical depth D < 1 has exact means,
- * and is seen all through: what remains is error * D * max(D, uneven), where `uneven` is the relative change of extinction. */
+/* Bound of a piece's colour error from taking it as linear. An opaque piece has `error`. A piece of optical depth D
+ * < 1 has exact means, and is seen all through: what remains is error * D * max(D, uneven), where `uneven` is the
+ * relative change of extinction. */
 typedef struct error_bound {
   double error, uneven;
 } error_bound;
@@ -90,9 +91,9 @@ static error_bound curve_error(const tc_segments *s, double v0, double v1) {
   return (error_bound){bend, 0};
 }
 
-/* Between opacity knots, transparency is linear in the value and extinction its logarithm. Replacing that curve by a line matters only
- * where the colour changes too: the error is about the product of both changes along a piece. Pieces at equal steps of the square
- * root of transparency all have the same product. */
+/* Between opacity knots, transparency is linear in the value and extinction its logarithm. Replacing that curve by a
+ * line matters only where the colour changes too: the error is about the product of both changes along a piece.
+ * Pieces at equal steps of the square root of transparency all have the same product. */
 static error_bound bend_error(const tc_segments *s, double v0, double v1, double roots[2]) {
   const tc_transfer_function *tf = s->params->tf;
   double from[3], to[3], change = 0, inside = (v1 - v0) * 1e-9;
@@ -139,11 +140,12 @@ static bool add_bent(tc_segments *s, double width, double v0, double v1) {
   return add_curved(s, width * (1 - from), v0 + (v1 - v0) * from, v1, each);
 }
 
-/* A node interval with more knots than MOST_KNOTS becomes a few pieces, each with the exact mean extinction and the mean emitted
- * colour. A look-up cannot resolve details between nodes anyway, and the time to build stays bounded. */
+/* A node interval with more knots than MOST_KNOTS becomes a few pieces, each with the exact mean extinction and the
+ * mean emitted colour. A look-up cannot resolve details between nodes anyway, and the time to build stays bounded. */
 enum { MOST_KNOTS = 8, MERGED_PIECES = 4 };
 
-/* Adds emission and extinction between two values without a knot inside. Two Gauss points are exact where both factors are linear. */
+/* Adds emission and extinction between two values without a knot inside. Two Gauss points are exact where both
+ * factors are linear. */
 static void add_emission(const tc_segments *s, double v0, double v1, double sum[4]) {
   static const double places[2] = {0.21132486540518712, 0.78867513459481288};
   for (int i = 0; i < 2; i++) {
@@ -178,7 +180,8 @@ static bool merge_pieces(tc_segments *s, double v0, double v1) {
 
 #define SERIES_DEPTH 0.5 /* largest optical depth for which elementary_four() is accurate to single precision */
 
-/* Interval j as one piece, for segments so short that one piece suffices; marks the quad unusable if there is a knot inside. */
+/* Interval j as one piece, for segments so short that one piece suffices; marks the quad unusable if there is a knot
+ * inside. */
 static void fill_quad(tc_segments *s, int j, bool knots_inside, double v0, double v1) {
   tc_quad *q = &s->quads[j / 4];
   int k = j % 4;
@@ -245,8 +248,8 @@ static bool cut_into_pieces(tc_segments *s) {
 
 /* ---- elementary segments ---- */
 
-/* Integral over u in [0,1] of exp(-a u - a b u (u - 1)), for tilt b (ahead) and -b (behind: seen from the other end), |a b| <= 0.05:
- * expanded in a b, each term in closed form. t = exp(-a). */
+/* Integral over u in [0,1] of exp(-a u - a b u (u - 1)), for tilt b (ahead) and -b (behind: seen from the other
+ * end), |a b| <= 0.05: expanded in a b, each term in closed form. t = exp(-a). */
 typedef struct decay { double ahead, behind; } decay;
 
 static decay decay_integral(double a, double b, double t) {
@@ -264,7 +267,8 @@ static decay decay_integral(double a, double b, double t) {
   return (decay){i0 + x * (i1 + 0.5 * x * i2), i0 - x * (i1 - 0.5 * x * i2)};
 }
 
-/* Colour and opacity seen from the end with colour `near`. w: opacity; q: share of the light from the far end (the integral of u dW). */
+/* Colour and opacity seen from the end with colour `near`. w: opacity; q: share of the light from the far end (the
+ * integral of u dW). */
 static tc_v4 emit(double w, double q, const double near[3], const double far[3]) {
   q = fmin(fmax(q, 0), w);
   return (tc_v4){(float)(near[0] * (w - q) + far[0] * q), (float)(near[1] * (w - q) + far[1] * q),
@@ -339,8 +343,8 @@ static tc_v4 one_minus_exp(tc_v4 a) {
   return -(scale * p) - (scale - 1);
 }
 
-/* elementary() for four intervals, and a length of at most longest_mm. The series are decay_integral()'s with the opacity already
- * subtracted from i0, so that nothing cancels. */
+/* elementary() for four intervals, and a length of at most longest_mm. The series are decay_integral()'s with the
+ * opacity already subtracted from i0, so that nothing cancels. */
 static void elementary_four(const tc_quad *q, float length_mm, tc_v4 forward[4], tc_v4 backward[4]) {
   tc_v4 a = q->depth * length_mm, w = one_minus_exp(a), x = a * q->tilt;
   tc_v4 mean = a * (1.0f / 144 - a * (1.0f / 840 - a * (1.0f / 5760 - a * (1.0f / 45360))));

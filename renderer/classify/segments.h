@@ -1,8 +1,8 @@
 /* Elementary segments: colour and opacity over one node interval of the value axis. Inside classify/ only.
  *
- * The axis is cut into pieces with linear colour and (nearly) linear extinction: at the knots, and finer where opacity knots make
- * extinction curved. The colour and opacity of a segment between neighbouring nodes then have a closed form, or a series where the
- * segment is thin. */
+ * The axis is cut into pieces with linear colour and (nearly) linear extinction: at the knots, and finer where
+ * opacity knots make extinction curved. The colour and opacity of a segment between neighbouring nodes then have a
+ * closed form, or a series where the segment is thin. */
 #ifndef TC_CLASSIFY_SEGMENTS_H
 #define TC_CLASSIFY_SEGMENTS_H
 
@@ -37,20 +37,22 @@ bool tc_segments_make(tc_segments *s, const tc_table_params *params, double lo, 
 void tc_segments_finish(tc_segments *s);
 size_t tc_segments_bytes(const tc_segments *s); /* memory held */
 
-/* The first and last interval in which two axes with the same nodes differ, rounded to whole quads; false: they are equal. */
+/* The first and last interval in which two axes with the same nodes differ, rounded to whole quads; false: they are
+ * equal. */
 bool tc_segments_compare(const tc_segments *a, const tc_segments *b, int *first, int *last);
 
-/* Premultiplied colour and opacity of intervals from <= j < to as segments of length_mm: forward[j] towards higher nodes, backward[j]
- * towards lower ones. Other members of their quads are written too. */
+/* Premultiplied colour and opacity of intervals from <= j < to as segments of length_mm: forward[j] towards higher
+ * nodes, backward[j] towards lower ones. Other members of their quads are written too. */
 void tc_segments_integrate(const tc_segments *s, double length_mm, int from, int to, tc_v4 *forward, tc_v4 *backward);
 
-/* depths[count + 1], the row of depths (classify.h): the optical depth per node of a segment of length_mm, summed up to the node (in
- * two parts, high and low, so that differences are exact), and the same at both ends of the interval that begins there, as the line
- * that has the interval's exact mean. */
+/* depths[count + 1], the row of depths (classify.h): the optical depth per node of a segment of length_mm, summed up
+ * to the node (in two parts, high and low, so that differences are exact), and the same at both ends of the interval
+ * that begins there, as the line that has the interval's exact mean. */
 void tc_segments_depths(const tc_segments *s, double length_mm, tc_v4 *depths);
 
-/* The two ends of each piece, for a builder on a GPU: colour, and the optical depth of length_mm at that end's extinction times the
- * piece's share of its node interval, so that depth is linear between the ends. Single precision. */
+/* The two ends of each piece, for a builder on a GPU: colour, and the optical depth of length_mm at that end's
+ * extinction times the piece's share of its node interval, so that depth is linear between the ends. Single
+ * precision. */
 void tc_segments_ends(const tc_segments *s, double length_mm, float (*ends)[8]);
 
 /* The value (rescaled) at a node, and colour in the compositing space at a value. */
@@ -63,12 +65,12 @@ tc_transfer_function tc_knots_between(const tc_transfer_function *tf, double a, 
 /* The next knot between from and to, in that direction, or `to`. *at: 0 to begin with. */
 double tc_next_knot(const tc_transfer_function *tf, double from, double to, size_t *at);
 
-/* The over operator. Not front + (1 - opacity) back: 1 minus a small opacity rounds, in the same direction for thousands of similar
- * segments. */
+/* The over operator. Not front + (1 - opacity) back: 1 minus a small opacity rounds, in the same direction for
+ * thousands of similar segments. */
 static inline tc_v4 tc_v4_over(tc_v4 front, tc_v4 back) { return (front - front[3] * back) + back; }
 
-/* A running composite with Kahan's compensation. Without it, thousands of similar segments would round in the same direction: an error of
- * 2e-5 after 2048 of them, which compensation keeps under 4e-7 for any number. */
+/* A running composite with Kahan's compensation. Without it, thousands of similar segments would round in the same
+ * direction: an error of 2e-5 after 2048 of them, which compensation keeps under 4e-7 for any number. */
 typedef struct tc_product {
   tc_v4 sum, lost;
 } tc_product;

@@ -1,12 +1,12 @@
 /* The full pre-integration table in O(n^2) (NUMERICS section 3).
  *
- * Entry (i, k) is the composite of the k elementary segments i .. i+k-1, each of length d/k. Segments are (R, G, B, alpha), and the over
- * operator is associative, so the entries of a diagonal k are products over sliding windows of width k. Block suffix times block prefix
- * (van Herk, Gil-Werman) gives each entry in a constant number of compositions, without division and hence without cancellation,
- * however stiff the extinction is.
+ * Entry (i, k) is the composite of the k elementary segments i .. i+k-1, each of length d/k. Segments are (R, G, B,
+ * alpha), and the over operator is associative, so the entries of a diagonal k are products over sliding windows of
+ * width k. Block suffix times block prefix (van Herk, Gil-Werman) gives each entry in a constant number of
+ * compositions, without division and hence without cancellation, however stiff the extinction is.
  *
- * Entries hold opacity, not optical depth: in single precision, from a depth of 16.7 per segment on, 1 - opacity is 0. Opacity correction
- * of a ray's shorter last segment needs the depth, which is in the row of depths. */
+ * Entries hold opacity, not optical depth: in single precision, from a depth of 16.7 per segment on, 1 - opacity is
+ * 0. Opacity correction of a ray's shorter last segment needs the depth, which is in the row of depths. */
 #include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
@@ -42,7 +42,8 @@ typedef struct builder {
 
 /* ---- diagonals ---- */
 
-/* Colour and opacity round separately: clamps colour to opacity times peak, to the last bit, and both to their bounds. */
+/* Colour and opacity round separately: clamps colour to opacity times peak, to the last bit, and both to their
+ * bounds. */
 static tc_v4 clamped(tc_v4 entry, tc_v4 peak) {
   entry = tc_v4_greater(tc_v4_lesser(entry, peak), (tc_v4){0, 0, 0, 0});
   return tc_v4_lesser(entry, entry[3] * peak);
@@ -62,8 +63,8 @@ typedef struct lanes {
   tc_v4 *ef, *eb, *sf, *sb;
 } lanes;
 
-/* Windows `from` to `to` of width k, towards higher nodes (out_f) and lower ones (out_b). Blocks begin at multiples of k, whatever
- * range is asked for, so that a window is always the same product. */
+/* Windows `from` to `to` of width k, towards higher nodes (out_f) and lower ones (out_b). Blocks begin at multiples
+ * of k, whatever range is asked for, so that a window is always the same product. */
 static void sliding_windows(const lanes *l, int k, int from, int to, tc_v4 peak, tc_v4 *out_f, tc_v4 *out_b) {
   for (int start = from - from % k; start <= to; start += k) {
     const tc_v4 *ef = l->ef + start, *eb = l->eb + start;
@@ -120,8 +121,8 @@ static void build_diagonal(void *context, int index, int worker) {
 
 /* ---- life ---- */
 
-/* Zeroed memory, in huge pages where the system has them, because faulting in small pages takes longer than filling them. The largest
- * tables use small pages: half of them is never touched, since no look-up reaches it. */
+/* Zeroed memory, in huge pages where the system has them, because faulting in small pages takes longer than filling
+ * them. The largest tables use small pages: half of them is never touched, since no look-up reaches it. */
 static void *reserve(size_t *bytes) {
   const size_t page = (size_t)2 << 20;
   bool large = *bytes >= page / 2 && *bytes <= 32 * page;

@@ -5,10 +5,10 @@
 #include "renderer/classify/classify.h"
 #include "renderer/classify/integrals.h"
 
-/* A change between two knots, and the coarsest node distance that resolves it, in voxel values: a quarter of its width, or, for a steep
- * change, a quarter of the way to the next change back of the same channel (the width of a peak). An isolated steep change may be
- * displaced by TC_EDGE_UNITS or TC_EDGE_SHARE. Of a long rise of extinction, only the part at its thin end that turns a voxel from
- * transparent to opaque counts. */
+/* A change between two knots, and the coarsest node distance that resolves it, in voxel values: a quarter of its
+ * width, or, for a steep change, a quarter of the way to the next change back of the same channel (the width of a
+ * peak). An isolated steep change may be displaced by TC_EDGE_UNITS or TC_EDGE_SHARE. Of a long rise of extinction,
+ * only the part at its thin end that turns a voxel from transparent to opaque counts. */
 typedef struct edge {
   double at, node;
 } edge;
@@ -28,7 +28,8 @@ typedef struct edges {
 
 static double channel(const tc_knot *k, int c) { return c < 3 ? k->color[c] : k->amount; }
 
-/* Lets both edges of a peak ask for finer nodes. other: the last change of this channel in the other direction, or NULL. */
+/* Lets both edges of a peak ask for finer nodes. other: the last change of this channel in the other direction, or
+ * NULL. */
 static void pair_edges(edge *here, edge *other) {
   double node = other ? (here->at - other->at) / NODES_PER_WIDTH : 0;
   if (!(node > 0)) return; /* up and down at the same value is invisible */
@@ -108,7 +109,8 @@ static size_t first_edge(const edges *all, double at) {
   return lo;
 }
 
-/* Adds zooms for the edges in [lo, hi] that nodes `node` apart do not resolve; edges within two margins share a zoom. */
+/* Adds zooms for the edges in [lo, hi] that nodes `node` apart do not resolve; edges within two margins share a
+ * zoom. */
 static void zoom_in(zooming *z, double lo, double hi, double node) {
   const edge *e = z->edges.list;
   for (size_t i = first_edge(&z->edges, lo); i < z->edges.count && e[i].at <= hi;) {
@@ -205,8 +207,8 @@ void tc_table_choose(const tc_volume *volume, tc_table_params *p, bool *complete
   zooming z = begin_zooms(volume, p->tf, p->voxel_lo, p->voxel_hi, p->zooms);
   p->n = n;
   zoom_all(&z, n, p->voxel_lo, p->voxel_hi);
-  /* If zooms are needed anyway, a smaller table may do as well; if more would be needed than allowed, take a larger table: 134 MB, and
-   * some 50 ms to build. */
+  /* If zooms are needed anyway, a smaller table may do as well; if more would be needed than allowed, take a larger
+   * table: 134 MB, and some 50 ms to build. */
   if (n > 256 && (z.count || !z.complete)) {
     p->n = 128;
     do zoom_all(&z, p->n *= 2, p->voxel_lo, p->voxel_hi);

@@ -14,7 +14,8 @@ struct tc_gl_context {
   tc_gl_report report;
 };
 
-/* eglGetPlatformDisplay() returns one display per device, and eglTerminate() ends it for all its users: hence the reference counts. */
+/* eglGetPlatformDisplay() returns one display per device, and eglTerminate() ends it for all its users: hence the
+ * reference counts. */
 #define MAX_DISPLAYS 32
 static struct {
   EGLDisplay display;
@@ -22,7 +23,8 @@ static struct {
 } displays[MAX_DISPLAYS];
 static pthread_mutex_t displays_lock = PTHREAD_MUTEX_INITIALIZER;
 
-/* Entry points are looked up by hand: libepoxy aborts on a missing one, and resolves no EGL 1.5 name before a display is initialised. */
+/* Entry points are looked up by hand: libepoxy aborts on a missing one, and resolves no EGL 1.5 name before a
+ * display is initialised. */
 static PFNEGLGETPLATFORMDISPLAYEXTPROC get_platform_display;
 static PFNEGLQUERYDEVICESEXTPROC query_devices;
 static PFNEGLQUERYDEVICESTRINGEXTPROC query_device_string;
@@ -60,9 +62,9 @@ static int note_driver(struct dl_phdr_info *object, size_t size, void *user) {
   return 0;
 }
 
-/* Keeps Mesa's drivers loaded after the last display ends. A driver leaks a few tables per load of its library (on AMD processors, the
- * topology of the caches), and libEGL unloads it with the last display: a program that opens displays repeatedly would leak, and pay
- * for loading, each time. */
+/* Keeps Mesa's drivers loaded after the last display ends. A driver leaks a few tables per load of its library (on
+ * AMD processors, the topology of the caches), and libEGL unloads it with the last display: a program that opens
+ * displays repeatedly would leak, and pay for loading, each time. */
 static void keep_drivers(void) {
   drivers found = {0};
   dl_iterate_phdr(note_driver, &found);
@@ -112,7 +114,8 @@ static EGLContext create_context(EGLDisplay display) {
     EGLint count = 0;
     if (!eglChooseConfig(display, wanted, &config, 1, &count) || count < 1) return EGL_NO_CONTEXT;
   }
-  /* With robustness, a hung GPU is reported (tc_gl_check) instead of giving black pictures; not every driver supports it. */
+  /* With robustness, a hung GPU is reported (tc_gl_check) instead of giving black pictures; not every driver
+   * supports it. */
   const EGLint robust[] = {EGL_CONTEXT_MAJOR_VERSION_KHR,
                            4,
                            EGL_CONTEXT_MINOR_VERSION_KHR,

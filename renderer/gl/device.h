@@ -22,12 +22,12 @@ typedef struct tc_gl_report {
 
 typedef struct tc_gl_context tc_gl_context;
 
-/* Makes a context, reads the report and frees the context; the calling thread keeps its own current context. TC_ERROR_UNSUPPORTED says what
- * was tried. */
+/* Makes a context, reads the report and frees the context; the calling thread keeps its own current context.
+ * TC_ERROR_UNSUPPORTED says what was tried. */
 bool tc_gl_report_read(tc_gl_report *report, GError **error);
 
-/* Number of EGL devices that do not report to be software; -1 if EGL cannot list devices. Loads no driver: initialising llvmpipe alone
- * costs some 55 MB for the life of the process. */
+/* Number of EGL devices that do not report to be software; -1 if EGL cannot list devices. Loads no driver:
+ * initialising llvmpipe alone costs some 55 MB for the life of the process. */
 int tc_gl_count_hardware(void);
 
 /* A new context, current on the calling thread. */

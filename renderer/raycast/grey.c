@@ -23,8 +23,8 @@ tc_grey tc_grey_make(const tc_volume *volume, const tc_scene *scene) {
     gain = copysign(LARGEST / fmax(1, fabs(middle)), gain);
     offset = isfinite(middle) ? 0.5 - gain * middle : copysign(LARGEST, signbit(gain) ? middle : -middle);
   }
-  /* w at grey 0 and at grey 1. `ease` moves stop, so that gain * w + offset reaches 0 or 1 in single precision too. floor is not
-   * moved: in many volumes it is the value of air, and blocks of air must not lie above it. */
+  /* w at grey 0 and at grey 1. `ease` moves stop, so that gain * w + offset reaches 0 or 1 in single precision too.
+   * floor is not moved: in many volumes it is the value of air, and blocks of air must not lie above it. */
   double black = -offset / gain, white = (1 - offset) / gain;
   double ease = 1e-6 * (fabs(black) + fabs(white));
   double most = sign > 0 ? s->voxel_max : -s->voxel_min;

@@ -4,19 +4,7 @@
 #include <string.h>
 
 #include "renderer/raycast/slice.h"
-
-static double dot3(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
-static void cross3(const double a[3], const double b[3], double c[3]) {
-  c[0] = a[1] * b[2] - a[2] * b[1];
-  c[1] = a[2] * b[0] - a[0] * b[2];
-  c[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-static void normalise3(double v[3]) {
-  double length = sqrt(dot3(v, v));
-  for (int k = 0; k < 3; k++) v[k] /= length;
-}
+#include "renderer/raycast/vector.h"
 
 /* Centre and radius of the volume's box in LPS. */
 static void bounding_sphere(const tc_volume *volume, double center[3], double *radius) {
@@ -61,8 +49,9 @@ double tc_rays_step_mm(const tc_volume *volume, const tc_scene *scene) {
   return scene->sampling.step * share * fmin(spacing[0], fmin(spacing[1], spacing[2]));
 }
 
-/* On the anchor plane, `depth` from the eye, two rays of a pixel are at most d apart. At s mm from there, p(s) = anchor + s * dir
- * differs by at most d * (1 + |s| / |view|), where |s| / |view| is the depth of the point relative to the anchor plane's. */
+/* On the anchor plane, `depth` from the eye, two rays of a pixel are at most d apart. At s mm from there, p(s) =
+ * anchor + s * dir differs by at most d * (1 + |s| / |view|), where |s| / |view| is the depth of the point relative
+ * to the anchor plane's. */
 static double footprint(const tc_rays *rays, const tc_volume *volume, const tc_camera *camera, const double forward[3],
                         double depth, double pixel_mm) {
   double apart = 0, spread = 0, fastest = 0;
@@ -110,8 +99,8 @@ void tc_rays_set_up(tc_rays *rays, const tc_volume *volume, const tc_scene *scen
   double to_center[3];
   for (int k = 0; k < 3; k++) to_center[k] = center[k] - camera->position[k];
   double depth = dot3(to_center, forward);
-  /* Perspective needs an anchor plane in front of the eye. With the eye inside the volume, a quarter of the radius keeps the plane at
-   * the volume's scale. */
+  /* Perspective needs an anchor plane in front of the eye. With the eye inside the volume, a quarter of the radius
+   * keeps the plane at the volume's scale. */
   if (rays->perspective) depth = fmax(depth, 0.25 * radius);
   double half_height = rays->perspective ? depth * tan(camera->fov_y_deg * (M_PI / 360)) : 0.5 * camera->height_mm;
   double pixel = 2 * half_height / height;

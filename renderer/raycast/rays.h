@@ -1,14 +1,15 @@
 /* Rays: from a camera to rays through a volume, and clipping, the same for every back end.
  *
- * A ray starts from an anchor near the volume instead of the eye, so that single precision suffices for a camera far away: p(s) = anchor(i,j) + s * dir(i,j), s in mm from the anchor.
+ * A ray starts from an anchor near the volume instead of the eye, so that single precision suffices for a camera far
+ * away: p(s) = anchor(i,j) + s * dir(i,j), s in mm from the anchor.
  *   anchor(i,j) = anchor0 + (i+0.5) * anchor_du + (j+0.5) * anchor_dv         index (voxel) coordinates
  *   view(i,j)   = view0   + (i+0.5) * view_du   + (j+0.5) * view_dv           LPS mm, eye -> anchor (perspective)
  *   dir(i,j)    = to_index * view / |view|                                    voxels per mm
- * Pixel (0,0) is top left (NUMERICS section 0). The eye is at s = -|view| (perspective) or s = -eye_mm (orthographic,
- * where view is constant and of unit length): nothing before the eye is seen, and nothing beyond s = far_mm. Clip
- * planes narrow the ray further; its first sample then lies exactly on the plane, so a cut face has no halo. The field is
- * sampled at t0 + i * step_mm, where t0 is the ray's entry into the clipped index box. A ray with a phase under 1 (subpixel.h)
- * takes sample i earlier by (1 - phase) * step_mm, but none before the entry. */
+ * Pixel (0,0) is top left (NUMERICS section 0). The eye is at s = -|view| (perspective) or s = -eye_mm
+ * (orthographic, where view is constant and of unit length): nothing before the eye is seen, and nothing beyond s =
+ * far_mm. Clip planes narrow the ray further; its first sample then lies exactly on the plane, so a cut face has no
+ * halo. The field is sampled at t0 + i * step_mm, where t0 is the ray's entry into the clipped index box. A ray with
+ * a phase under 1 (subpixel.h) takes sample i earlier by (1 - phase) * step_mm, but none before the entry. */
 #ifndef TC_RAYCAST_RAYS_H
 #define TC_RAYCAST_RAYS_H
 
@@ -35,8 +36,8 @@ typedef struct tc_rays {
   int n_planes;
 } tc_rays;
 
-/* The same in single precision, as kernels and shaders read it: laid out as the structure Rays of head.glsl (std140), hence
- * the unused fourth components. */
+/* The same in single precision, as kernels and shaders read it: laid out as the structure Rays of head.glsl
+ * (std140), hence the unused fourth components. */
 typedef struct tc_subpixel_single { float x, y, phase, unused; } tc_subpixel_single;
 typedef struct tc_rays_single {
   float anchor0[4], anchor_du[4], anchor_dv[4];
@@ -52,8 +53,8 @@ typedef struct tc_rays_single {
 
 #define TC_RAYS_FAR_MM 1e30
 
-/* Length of a full segment of a ray. In dvr the R rays of a pixel share the samples: each takes steps R times as long. In
- * projections every ray takes all samples, because fewer would miss extremes. */
+/* Length of a full segment of a ray. In dvr the R rays of a pixel share the samples: each takes steps R times as
+ * long. In projections every ray takes all samples, because fewer would miss extremes. */
 double tc_rays_step_mm(const tc_volume *volume, const tc_scene *scene);
 
 /* The scene was validated (tc_plan_make). width, height: of the picture in pixels. Pure. */

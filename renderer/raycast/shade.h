@@ -3,24 +3,26 @@
  * At each point of a ray the transfer function's colour L (compositing space) becomes, per channel c,
  *   shade(L) = min(1, L * (1 + w (F0 + F1 q - 1)) + w (specular * s + G0[c] + G1[c] q))
  * where
- *   g   gradient of the field in value units per mm: slope * to_index^T * (gradient over index coordinates), which is right for
- *       any spacing and for sheared axes, because a gradient is covariant;
+ *   g   gradient of the field in value units per mm: slope * to_index^T * (gradient over index coordinates). A
+ *       gradient is covariant, so this is right for any spacing and for sheared axes;
  *   w   weight, 0 where the field is flat (noise has no surface, so L is kept) and 1 where it is steep: smooth step of
- *        |g| * least spacing / value range, from TC_SHADE_FLAT to TC_SHADE_STEEP;
- *   n   g / |g|, flipped where it looks away from the eye: surfaces are lit on the side that is seen, whichever side is
+ *       |g| * least spacing / value range, from TC_SHADE_FLAT to TC_SHADE_STEEP;
+ *   n   g / |g|, flipped where it looks away from the eye: surfaces are lit on the visible side, whichever side is
  *       dense (as VTK does), so that the sign of the slope does not matter either;
  *   l   unit direction to the light: to the eye (head light), or fixed in LPS;
- *   q   max(n.l, least), s = max(n.h, 0)^shininess where n.l > 0, else 0; h halfway between l and the direction to the eye.
+ *   q   max(n.l, least), s = max(n.h, 0)^shininess where n.l > 0, else 0; h halfway between l and the direction to
+ *       the eye.
  * Models are numbers of this one form:
  *   Lambert, Blinn-Phong   F0 ambient, F1 diffuse, G 0, least 0; Lambert has no specular;
- *   Gooch                  from cool (n.l = -1) to warm (n.l = 1): F = mix(ambient, diffuse), G = mix(blue, yellow), hence
+ *   Gooch                  from cool (n.l = -1) to warm (n.l = 1): F = mix(ambient, diffuse), G = mix(blue, yellow);
  *                          F0, F1 = (diffuse +- ambient) / 2 and G0, G1 = (yellow +- blue) / 2, least -1.
  *                          Gooch, Gooch, Shirley and Cohen, A non-photorealistic lighting model, SIGGRAPH 1998.
  *
- * A segment is shaded once. Gradient "cell" takes the mean of its two samples' gradients, from corners that interpolation has fetched
- * anyway; other gradients are taken in its middle. shade() is affine in L before the clamp, so it applies to the premultiplied colour
- * C and opacity a from the pre-integration table: C' = min(a, C f + a e). As the step goes to 0 this converges to the integral of
- * the shaded colour, and C' <= a holds for each segment, hence for the picture. */
+ * A segment is shaded once. Gradient "cell" takes the mean of its two samples' gradients, from corners that
+ * interpolation has fetched anyway; other gradients are taken in its middle. shade() is affine in L before the
+ * clamp, so it applies to the premultiplied colour C and opacity a from the pre-integration table: C' = min(a, C f +
+ * a e). As the step goes to 0 this converges to the integral of the shaded colour, and C' <= a holds for each
+ * segment, hence for the picture. */
 #ifndef TC_RAYCAST_SHADE_H
 #define TC_RAYCAST_SHADE_H
 
@@ -45,8 +47,8 @@ typedef struct tc_shade {
   float specular, shininess;
 } tc_shade;
 
-/* volume: the scene's, whose value range counts; field: the volume that is sampled (its B-spline coefficients, or itself). The
- * scene was validated (tc_plan_make), and shading.model is not none. Pure. */
+/* volume: the scene's, whose value range counts; field: the volume that is sampled (its B-spline coefficients, or
+ * itself). The scene was validated (tc_plan_make), and shading.model is not none. Pure. */
 void tc_shade_set_up(tc_shade *shade, const tc_volume *volume, const tc_volume *field, const tc_scene *scene);
 
 #endif

@@ -1,22 +1,10 @@
 #include "renderer/raycast/slice.h"
+#include "renderer/raycast/vector.h"
 
 #include <math.h>
 #include <string.h>
 
 #define SLACK 1e-3 /* voxels */
-
-static double dot3(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
-static void cross3(const double a[3], const double b[3], double c[3]) {
-  c[0] = a[1] * b[2] - a[2] * b[1];
-  c[1] = a[2] * b[0] - a[0] * b[2];
-  c[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-static void normalise3(double v[3]) {
-  double length = sqrt(dot3(v, v));
-  for (int k = 0; k < 3; k++) v[k] /= length;
-}
 
 void tc_slice_basis(const tc_scene *scene, double right[3], double up[3], double into[3]) {
   /* view, up: axial from the feet, coronal from the front, sagittal from the patient's left */

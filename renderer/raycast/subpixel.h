@@ -1,8 +1,9 @@
-/* Several rays per pixel, and jitter: where rays pass through their pixel and where their samples lie, the same for every back end.
+/* Several rays per pixel, and jitter: where rays pass through their pixel and where their samples lie, the same for
+ * every back end.
  *
- * Each of R rays takes samples R steps apart, starting at a different one of the R steps. Together they sample as densely as one ray
- * and cost no more, and because they pass through different points of the pixel, they also antialias edges. Their colours and
- * opacities are averaged. */
+ * Each of R rays takes samples R steps apart, starting at a different one of the R steps. Together they sample as
+ * densely as one ray and cost no more, and because they pass through different points of the pixel, they also
+ * antialias edges. Their colours and opacities are averaged. */
 #ifndef TC_RAYCAST_SUBPIXEL_H
 #define TC_RAYCAST_SUBPIXEL_H
 
@@ -13,14 +14,14 @@ typedef struct tc_subpixel {
   double phase; /* length of the ray's first segment as a share of a full one: above 0, at most 1 */
 } tc_subpixel;
 
-/* rays[count], count 1..64. A single ray passes through the centre. Several lie symmetrically about it, each in a column of its own
- * (n-rooks sampling), with rows by the golden ratio, which spreads them evenly in every direction. Each of the phases 1/R .. 1
- * occurs once. */
+/* rays[count], count 1..64. A single ray passes through the centre. Several lie symmetrically about it, each in a
+ * column of its own (n-rooks sampling), with rows by the golden ratio, which spreads them evenly in every direction.
+ * Each of the phases 1/R .. 1 occurs once. */
 void tc_subpixel_rays(int count, tc_subpixel *rays);
 
-/* Jitter: a phase above 0 and at most 1 for pixel (x, y), by interleaved gradient noise (Jimenez, Next Generation Post Processing in
- * Call of Duty, 2014), whose values are spread evenly in every neighbourhood. Integer arithmetic, so that all back ends get the same
- * phase: kernels and shaders repeat it with these constants. */
+/* Jitter: a phase above 0 and at most 1 for pixel (x, y), by interleaved gradient noise (Jimenez, Next Generation
+ * Post Processing in Call of Duty, 2014), whose values are spread evenly in every neighbourhood. Integer arithmetic,
+ * so that all back ends get the same phase: kernels and shaders repeat it with these constants. */
 double tc_jitter_phase(uint32_t x, uint32_t y);
 
 #define TC_JITTER_X 288237661u /* 0.06711056 * 2^32 */

@@ -1,5 +1,5 @@
-/* The field along a ray, as an exact polynomial per cell: of degree 3 for trilinear, 9 for the tricubic B-spline, and constant for the
- * nearest voxel. */
+/* The field along a ray, as an exact polynomial per cell: of degree 3 for trilinear, 9 for the tricubic B-spline,
+ * and constant for the nearest voxel. */
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
@@ -44,8 +44,8 @@ void tc_ref_walk_start(tc_ref_walk *walk, const tc_ref_field *field, const tc_re
     walk->plane[k] = floor(ray->origin[k] + ray->enter * ray->direction[k]) + (ray->direction[k] < 0);
 }
 
-/* The t of the next face of any axis after walk->t. Planes are counted, and each has a t of its own, so that no error accumulates along
- * a ray. */
+/* The t of the next face of any axis after walk->t. Planes are counted, and each has a t of its own, so that no
+ * error accumulates along a ray. */
 static double next_face(tc_ref_walk *walk) {
   const tc_ref_ray *ray = walk->ray;
   double next = ray->leave;
@@ -146,8 +146,8 @@ bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell) {
   cell->length = to - walk->t;
   walk->t = to;
 
-  /* Interpolates along x (p[zy]: degree 1), then y (q: degree 2), then z (the cubic), as polynomials in u. Differences first, so that
-   * equal corners give an exactly constant field. */
+  /* Interpolates along x (p[zy]: degree 1), then y (q: degree 2), then z (the cubic), as polynomials in u.
+   * Differences first, so that equal corners give an exactly constant field. */
   double p[4][2], q[2][3];
   cell->lo = INFINITY;
   cell->hi = -INFINITY;

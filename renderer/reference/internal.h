@@ -75,7 +75,8 @@ typedef struct tc_ref_cell {
   const tc_ref_label_cell *label; /* the label cell that contains the stretch; NULL without labels */
 } tc_ref_cell;
 
-/* Solves for the coefficients; g_free() them. NULL: out of memory. cancel: NULL, or the result is meaningless once it is true. */
+/* Solves for the coefficients; g_free() them. NULL: out of memory. cancel: NULL, or the result is meaningless once
+ * it is true. */
 double *tc_ref_coefficients(const tc_ref_field *field, const atomic_bool *cancel);
 double tc_ref_voxel(const tc_ref_field *field, const size_t at[3]); /* in the volume's unit */
 
@@ -98,7 +99,8 @@ typedef struct tc_ref_label_walk { /* starts as {.u = 1} */
 } tc_ref_label_walk;
 
 void tc_ref_labels_set_up(tc_ref_labels *labels, const tc_volume *volume, const tc_scene *scene);
-/* tc_ref_walk_next() with stretches also cut at the faces of the labels' grid; cell->label lives until the next call. */
+/* tc_ref_walk_next() with stretches also cut at the faces of the labels' grid; cell->label lives until the next
+ * call. */
 bool tc_ref_labels_next(const tc_ref_labels *labels, tc_ref_walk *walk, tc_ref_label_walk *at, tc_ref_cell *cell);
 /* Returns the visibility at u; tint receives the mean tint. */
 double tc_ref_label_mean(const tc_ref_label_cell *cell, double u, double tint[4]);
@@ -163,7 +165,8 @@ double tc_ref_span_extinction(const tc_ref_span *span, double fraction);
 double tc_ref_to_linear(double srgb);
 void tc_ref_span_color(const tc_ref_span *span, double fraction, double rgb[3]);
 
-/* projection.c: extrema and integral of the field along a ray, and the window that makes them grey (compositing space). */
+/* projection.c: extrema and integral of the field along a ray, and the window that makes them grey (compositing
+ * space). */
 typedef struct tc_ref_extent {
   double lo, hi;           /* INFINITY and -INFINITY before the first cell */
   double integral, length; /* over mm */

@@ -1,5 +1,6 @@
-/* Labels along a ray: stretches of the field are also cut where the ray passes from one cell of the labels' grid to the next. In between,
- * visibility and tint are the trilinear means of the entries of eight labels, hence cubics along the ray. */
+/* Labels along a ray: stretches of the field are also cut where the ray passes from one cell of the labels' grid to
+ * the next. In between, visibility and tint are the trilinear means of the entries of eight labels, hence cubics
+ * along the ray. */
 #include <math.h>
 #include <string.h>
 
@@ -53,7 +54,8 @@ static void look_up(const tc_ref_labels *l, double label, double out[5]) {
   out[4] = shown;
 }
 
-/* The u at which the stretch of `whole` that begins at u = from leaves its cell of the labels' grid; *cell is that cell. */
+/* The u at which the stretch of `whole` that begins at u = from leaves its cell of the labels' grid; *cell is that
+ * cell. */
 static double find_cell(const tc_ref_labels *l, const tc_ref_ray *ray, const tc_ref_cell *whole, double from,
                         tc_ref_label_cell *cell) {
   double at[3], rate[3], to = 1;

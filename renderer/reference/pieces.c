@@ -17,7 +17,8 @@ static double slope_of(const double *d, int degree, double x) {
   return sum;
 }
 
-/* x in (lo, hi) with rise(x) = want, for a monotone rise that passes want: Newton steps, bisection where they leave the bracket. */
+/* x in (lo, hi) with rise(x) = want, for a monotone rise that passes want: Newton steps, bisection where they leave
+ * the bracket. */
 static double solve(const double *d, int degree, double lo, double hi, double want) {
   double from = rise(d, degree, lo) - want, to = rise(d, degree, hi) - want, sign = to >= from ? 1 : -1;
   double x = lo + (hi - lo) * fmin(fmax(-from / (to - from), 0), 1);
@@ -36,8 +37,8 @@ static double solve(const double *d, int degree, double lo, double hi, double wa
   return x;
 }
 
-/* The sign changes of c[0] + c[1] u + ... inside (0, 1), ascending. Between two sign changes of its derivative a polynomial is monotone,
- * so they are found degree by degree. */
+/* The sign changes of c[0] + c[1] u + ... inside (0, 1), ascending. Between two sign changes of its derivative a
+ * polynomial is monotone, so they are found degree by degree. */
 static int sign_changes(const double *c, int degree, double *roots) {
   while (degree > 0 && c[degree] == 0) degree--;
   if (degree == 0) return 0;
@@ -119,8 +120,8 @@ static void open_stretch(tc_ref_cutter *cutter) {
   cutter->fresh = false;
 }
 
-/* Moves the polynomial's origin to the front of the rest. Widths are measured from the last crossing, where the value is known exactly:
- * even two knots a rounding error apart give a piece of the right width. */
+/* Moves the polynomial's origin to the front of the rest. Widths are measured from the last crossing, where the
+ * value is known exactly: even two knots a rounding error apart give a piece of the right width. */
 static void advance(tc_ref_cutter *cutter, double x, double value) {
   double c[TC_REF_DEGREE + 1] = {value};
   memcpy(c + 1, cutter->d, sizeof cutter->d);

@@ -1,9 +1,10 @@
 /* Integrates one smooth piece: optical depth D(x) and colour  int L tau exp(-D) dx.
  *
- * Both use one set of Gauss points: tau is interpolated there and integrated up to each point (collocation), which gives D where the
- * colour integral needs it. A panel's estimate is compared with that of its two halves; the halves are cut again where they disagree, or
- * where the light falls more within a panel than a polynomial can follow. A stiff piece (tau * length up to 1e15) thereby gets a
- * mesh graded towards its front end, the only part that is visible. */
+ * Both use one set of Gauss points: tau is interpolated there and integrated up to each point (collocation), which
+ * gives D where the colour integral needs it. A panel's estimate is compared with that of its two halves; the halves
+ * are cut again where they disagree, or where the light falls more within a panel than a polynomial can follow. A
+ * stiff piece (tau * length up to 1e15) thereby gets a mesh graded towards its front end, the only part that is
+ * visible. */
 #include <math.h>
 #include <pthread.h>
 
@@ -88,8 +89,8 @@ static double extinction_at(const job *j, double x) {
   return label ? extinction * tc_ref_label_mean(label, j->piece->from + x, tint) : extinction;
 }
 
-/* The rule on one panel [x0, x0 + width]. Colour is split into its value at the front, whose integral is exact, and the rest: a constant
- * colour gives colour * opacity to the last bit. */
+/* The rule on one panel [x0, x0 + width]. Colour is split into its value at the front, whose integral is exact, and
+ * the rest: a constant colour gives colour * opacity to the last bit. */
 static panel estimate(const job *j, double x0, double width) {
   double tau[POINTS], rgb[POINTS][3], front[3], mm = width * j->piece->mm;
   panel r = {0};

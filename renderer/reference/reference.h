@@ -1,17 +1,17 @@
 /* The reference integrator: the rendering integral along a ray in double precision, without a step.
  *
- * It judges every other renderer and therefore shares nothing with them: it has its own camera, field, transfer function and
- * integration (NUMERICS section 1). A ray is split at every cell face, at every extremum of the field along it and wherever the field
- * crosses a knot's value; each smooth piece in between is integrated adaptively. Shading (raycast/shade.h) changes the colour at each
- * point of the ray, with the scene's gradient there.
+ * It judges every other renderer and therefore shares nothing with them: it has its own camera, field, transfer
+ * function and integration (NUMERICS section 1). A ray is split at every cell face, at every extremum of the field
+ * along it and wherever the field crosses a knot's value; each smooth piece in between is integrated adaptively.
+ * Shading (raycast/shade.h) changes the colour at each point of the ray, with the scene's gradient there.
  *
- * For mip, minip and average, the reference is the exact extremum or mean of the field along the ray, through the scene's window. For
- * isosurface, it is the first point where the ray changes sides (raycast/surface.h), as the exact root of the cubic, with the normal
- * that surface.h defines.
+ * For mip, minip and average, the reference is the exact extremum or mean of the field along the ray, through the
+ * scene's window. For isosurface, it is the first point where the ray changes sides (raycast/surface.h), as the exact
+ * root of the cubic, with the normal that surface.h defines.
  *
- * The reference is the limit of dvr as the step goes to 0, with the scene's filter: classification, order, sampling (step, jitter, early
- * ray termination, rays per pixel) and empty-space skipping are ignored. Immutable once made: any number of threads may ask for
- * pixels at once. */
+ * The reference is the limit of dvr as the step goes to 0, with the scene's filter: classification, order, sampling
+ * (step, jitter, early ray termination, rays per pixel) and empty-space skipping are ignored. Immutable once made:
+ * any number of threads may ask for pixels at once. */
 #ifndef TC_REFERENCE_H
 #define TC_REFERENCE_H
 
@@ -25,29 +25,30 @@
 
 typedef struct tc_reference tc_reference;
 
-/* JSON pointer to the member because of which this scene has no reference; NULL if it has one. "/labels/volume": the scene needs its label
- * volume (tc_reference_new_labelled). Pure. */
+/* JSON pointer to the member because of which this scene has no reference; NULL if it has one. "/labels/volume": the
+ * scene needs its label volume (tc_reference_new_labelled). Pure. */
 const char *tc_reference_missing(const tc_scene *scene);
 
-/* Takes a reference on the sealed volume and copies what it needs of the scene. tolerance: absolute error bound of each channel of a
- * pixel, 1e-14 .. 0.1; 0 = 1e-10. The prefiltered cubic filter allocates eight bytes per voxel. Errors: TC_ERROR_UNSUPPORTED with a
- * pointer to a member that has no reference (a mode other than dvr, mip, minip, average, isosurface; isosurfaces with another filter
- * than linear; labels without their volume); TC_ERROR_INVALID for a meaningless camera, transfer function or window. */
+/* Takes a reference on the sealed volume and copies what it needs of the scene. tolerance: absolute error bound of
+ * each channel of a pixel, 1e-14 .. 0.1; 0 = 1e-10. The prefiltered cubic filter allocates eight bytes per voxel.
+ * Errors: TC_ERROR_UNSUPPORTED with a pointer to a member that has no reference (a mode other than dvr, mip, minip,
+ * average, isosurface; isosurfaces with another filter than linear; labels without their volume); TC_ERROR_INVALID
+ * for a meaningless camera, transfer function or window. */
 tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int width, int height, double tolerance,
                                GError **error);
-/* The same with labels (classify/labels.h): takes a reference on the volume that scene->labels.volume names, which the caller has checked
- * as tc_labels_check() does. NULL: without. */
+/* The same with labels (classify/labels.h): takes a reference on the volume that scene->labels.volume names, which
+ * the caller has checked as tc_labels_check() does. NULL: without. */
 tc_reference *tc_reference_new_labelled(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int width,
                                         int height, double tolerance, GError **error);
-/* The same with a way to stop: once *cancel is true (set from any thread; it must outlive the reference) calls return soon, with
- * meaningless results. TC_ERROR_CANCELLED if that happens during this call. */
+/* The same with a way to stop: once *cancel is true (set from any thread; it must outlive the reference) calls
+ * return soon, with meaningless results. TC_ERROR_CANCELLED if that happens during this call. */
 tc_reference *tc_reference_new_stoppable(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int width,
                                          int height, double tolerance, const atomic_bool *cancel, GError **error);
 void tc_reference_free(tc_reference *reference); /* NULL is fine */
 
-/* One ray. px, py: pixels from the top left corner of the picture (the centre of pixel i is i + 0.5; any real number is valid). rgba:
- * premultiplied colour in the compositing space (display sRGB, or linear light if the scene says so), and opacity. Projections: grey,
- * and opacity 1 where the ray meets the volume. */
+/* One ray. px, py: pixels from the top left corner of the picture (the centre of pixel i is i + 0.5; any real number
+ * is valid). rgba: premultiplied colour in the compositing space (display sRGB, or linear light if the scene says
+ * so), and opacity. Projections: grey, and opacity 1 where the ray meets the volume. */
 void tc_reference_pixel(const tc_reference *reference, double px, double py, double rgba[4]);
 
 /* All pixel centres, rgba[height][width][4], on `threads` threads (0 = one per online core). */
@@ -64,8 +65,9 @@ typedef struct tc_reference_hit {
 /* False if the ray misses the surface, or the mode is not isosurface. */
 bool tc_reference_surface(const tc_reference *reference, double px, double py, tc_reference_hit *hit);
 
-/* The verbose pixel: one entry per smooth piece of a ray, front to back. Within a piece the field is a polynomial that crosses no knot.
- * Transparent pieces are listed too. For an isosurface: the pieces in front of it, then the hit, with length 0 and its colour. */
+/* The verbose pixel: one entry per smooth piece of a ray, front to back. Within a piece the field is a polynomial
+ * that crosses no knot. Transparent pieces are listed too. For an isosurface: the pieces in front of it, then the
+ * hit, with length 0 and its colour. */
 typedef struct tc_reference_sample {
   double position[3];       /* LPS mm of the piece's front end */
   double distance_mm;       /* from the eye */

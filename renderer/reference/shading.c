@@ -1,4 +1,5 @@
-/* Shading at a point of the exact field: the model of raycast/shade.h, written independently from the textbook forms. */
+/* Shading at a point of the exact field: the model of raycast/shade.h, written independently from the textbook
+ * forms. */
 #include <math.h>
 
 #include "renderer/reference/internal.h"

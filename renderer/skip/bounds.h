@@ -1,12 +1,13 @@
-/* Empty-space skipping for projections (mip, minip): an upper bound of the field around each block, by which a ray skips intervals of
- * samples that cannot raise its maximum.
+/* Empty-space skipping for projections (mip, minip): an upper bound of the field around each block, by which a ray
+ * skips intervals of samples that cannot raise its maximum.
  *
- * A bound is a level of one byte: 0 at grey's floor or below, 254 at its stop, linear between, rounded up; 255 above. Blocks are those of
- * the acceleration grid (tc_minmax). A block's level covers the block and its 26 neighbours, hence every point within a block's width of
- * any point in it: one look-up, in the middle, serves a whole interval of samples. A sample is less than floor + level / scale,
- * rounding of the interpolation included (a block of one value is interpolated exactly); skipping therefore changes no bit, and a
- * skipped interval does not even contain an equal of the maximum. MinIP negates the voxels (raycast/grey.h), and its bounds come
- * from the blocks' minima. */
+ * A bound is a level of one byte: 0 at grey's floor or below, 254 at its stop, linear between, rounded up; 255
+ * above. Blocks are those of the acceleration grid (tc_minmax). A block's level covers the block and its 26
+ * neighbours, hence every point within a block's width of any point in it: one look-up, in the middle, serves a
+ * whole interval of samples. A sample is less than floor + level / scale, rounding of the interpolation included (a
+ * block of one value is interpolated exactly); skipping therefore changes no bit, and a skipped interval does not
+ * even contain an equal of the maximum. MinIP negates the voxels (raycast/grey.h), and its bounds come from the
+ * blocks' minima. */
 #ifndef TC_BOUNDS_H
 #define TC_BOUNDS_H
 

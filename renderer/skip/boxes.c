@@ -48,8 +48,8 @@ static void emit(found *f, const int at[3], int size, uint32_t fine) {
 
 static int least(int a, int b) { return a < b ? a : b; }
 
-/* rows[z][y]: one byte per voxel with its set of empty runs (skip/runs.h), for `cells` cells along x and `reach` voxels more on both
- * sides, from at[0] - reach on. Bytes, rows and layers outside the volume have all bits set. */
+/* rows[z][y]: one byte per voxel with its set of empty runs (skip/runs.h), for `cells` cells along x and `reach`
+ * voxels more on both sides, from at[0] - reach on. Bytes, rows and layers outside the volume have all bits set. */
 INLINE void read_rows(const boxes_job *job, const int at[3], const int cells[3], int reach, uint64_t rows[ROWS][ROWS]) {
   int from[3], to[3]; /* in rows */
   for (int k = 0; k < 3; k++) {

@@ -1,9 +1,11 @@
-/* Occupied space as a list of boxes: empty-space skipping in dvr on the CPU projects the boxes onto the picture (skip/cover.h) instead
- * of asking a distance map along every ray (skip/skip.h). The list depends on the volume and the support, not on the camera.
+/* Occupied space as a list of boxes: empty-space skipping in dvr on the CPU projects the boxes onto the picture
+ * (skip/cover.h) instead of asking a distance map along every ray (skip/skip.h). The list depends on the volume and the
+ * support, not on the camera.
  *
- * Blocks of the acceleration grid that are not empty are cut into fine boxes two cells wide, each tested by its own voxels: a vessel two
- * voxels thick is then surrounded by a third of the space that whole blocks would occupy. Where nothing is empty, boxes are as large
- * as possible. Every cell outside all boxes is empty in the sense of skip/skip.h. */
+ * Blocks of the acceleration grid that are not empty are cut into fine boxes two cells wide, each tested by its own
+ * voxels: a vessel two voxels thick is then surrounded by a third of the space that whole blocks would occupy. Where
+ * nothing is empty, boxes are as large as possible. Every cell outside all boxes is empty in the sense of
+ * skip/skip.h. */
 #ifndef TC_SKIP_BOXES_H
 #define TC_SKIP_BOXES_H
 
@@ -13,8 +15,9 @@
 #define TC_BOX_FINE 2  /* width of a fine box, cells */
 #define TC_BOX_FINES 3 /* fine boxes along each axis of a record */
 
-/* A record: cells [at, at + size) along each axis, or those of its fine boxes whose bit is set. Bit (z * 3 + y) * 3 + x is the fine box
- * that begins 2x, 2y, 2z cells further. One record for up to 27 fine boxes keeps the list under 2 % of the voxel bytes. */
+/* A record: cells [at, at + size) along each axis, or those of its fine boxes whose bit is set. Bit (z * 3 + y) * 3
+ * + x is the fine box that begins 2x, 2y, 2z cells further. One record for up to 27 fine boxes keeps the list under
+ * 2 % of the voxel bytes. */
 typedef struct tc_box {
   uint16_t at[3], size;
   uint32_t fine; /* 0: the whole box */
@@ -32,8 +35,8 @@ typedef struct tc_boxes {
   struct tc_boxing *begun; /* work in progress; NULL once complete */
 } tc_boxes;
 
-/* volume: the one that is sampled; minmax: its acceleration grid, which also says how far the filter reaches; pool: of the calls that
- * follow. NULL with TC_ERROR_MEMORY. */
+/* volume: the one that is sampled; minmax: its acceleration grid, which also says how far the filter reaches; pool:
+ * of the calls that follow. NULL with TC_ERROR_MEMORY. */
 tc_boxes *tc_boxes_begin(const tc_volume *volume, const tc_minmax *minmax, const tc_support *support, tc_pool *pool,
                          GError **error);
 /* Builds on until the list is complete: true, at once if it already is. False: the pool's halt, to be called again; or

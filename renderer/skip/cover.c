@@ -1,4 +1,5 @@
 #include "renderer/skip/cover.h"
+#include "renderer/raycast/vector.h"
 
 #include <math.h>
 #include <stdatomic.h>
@@ -15,8 +16,8 @@
 #define LONGEST 16
 #define NEAR_EYE 0.02f        /* w of a box's far side: boxes nearer to the eye count as covering all of the picture */
 
-/* Projection of index positions, relative to the anchor of the picture's corner, to homogeneous (w, x * w, y * w): x, y in pixels, w = 1
- * on the anchor plane and 0 at the eye. Orthographic: (1 + depth in mm, x, y). */
+/* Projection of index positions, relative to the anchor of the picture's corner, to homogeneous (w, x * w, y * w):
+ * x, y in pixels, w = 1 on the anchor plane and 0 at the eye. Orthographic: (1 + depth in mm, x, y). */
 typedef struct projection {
   double origin[3]; /* index position */
   double flat[3];   /* how far before its voxel an axis of one voxel begins; 0 along others */
@@ -44,8 +45,6 @@ typedef struct spans {
   int lo[3][CHUNK], hi[3][CHUNK]; /* x, y, slot */
 } spans;
 
-static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
 static bool invert(const double m[9], double out[9]) {
   double c[9];
   for (int r = 0; r < 3; r++)
@@ -58,14 +57,14 @@ static bool invert(const double m[9], double out[9]) {
   return isfinite(1 / det);
 }
 
-/* Perspective: position = anchor0 + (w - 1) * eye + w * (x * du + y * dv) in index coordinates, with eye = to_index * view0.
- * Orthographic: the same without the factor w, and with the view direction for eye. */
+/* Perspective: position = anchor0 + (w - 1) * eye + w * (x * du + y * dv) in index coordinates, with eye = to_index
+ * * view0. Orthographic: the same without the factor w, and with the view direction for eye. */
 static bool project(projection *p, const tc_rays *r, const int dims[3]) {
   double basis[9], rows[9], most = 0;
   for (int k = 0; k < 3; k++) {
     p->origin[k] = r->anchor0[k];
     p->flat[k] = dims[k] > 1 ? 0 : 0.5;
-    basis[3 * k] = dot(r->to_index + 3 * k, r->view0);
+    basis[3 * k] = dot3(r->to_index + 3 * k, r->view0);
     basis[3 * k + 1] = r->anchor_du[k];
     basis[3 * k + 2] = r->anchor_dv[k];
   }
@@ -78,9 +77,9 @@ static bool project(projection *p, const tc_rays *r, const int dims[3]) {
       int a = (k + 1) % 3, b = (k + 2) % 3;
       n[k] = r->view_du[a] * r->view_dv[b] - r->view_du[b] * r->view_dv[a];
     }
-    length = sqrt(dot(n, n));
+    length = sqrt(dot3(n, n));
     if (!(length > 0)) return false;
-    p->depth_mm = fabs(dot(r->view0, n)) / length;
+    p->depth_mm = fabs(dot3(r->view0, n)) / length;
   }
   for (int i = 0; i < 3; i++) {
     double size = 0, extent = 0;
@@ -97,7 +96,8 @@ static bool project(projection *p, const tc_rays *r, const int dims[3]) {
   return true;
 }
 
-/* Centres of boxes relative to the anchor of the picture's corner, their widths, and their extra length along x, in index units. */
+/* Centres of boxes relative to the anchor of the picture's corner, their widths, and their extra length along x, in
+ * index units. */
 typedef struct chunk {
   float at[3][CHUNK], size[CHUNK], more[CHUNK];
   int count;

@@ -1,11 +1,13 @@
-/* Empty-space skipping in dvr on the CPU: occupied boxes (skip/boxes.h) rasterised into bits per cell of pixels and slot of depth.
+/* Empty-space skipping in dvr on the CPU: occupied boxes (skip/boxes.h) rasterised into bits per cell of pixels and
+ * slot of depth.
  *
- * A ray marches over runs of set bits. Empty stretches cost nothing, and all rays of a packet, and all rays of a pixel, share the
- * runs. SparseLeap (Hadwiger et al., IEEE TVCG 24(1), 2018) rasterises occupied space into lists of segments; bits instead of lists let
- * boxes come in any order and from any thread. Conservative: a box's bits cover every ray through the area of every pixel.
+ * A ray marches over runs of set bits. Empty stretches cost nothing, and all rays of a packet, and all rays of a pixel,
+ * share the runs. SparseLeap (Hadwiger et al., IEEE TVCG 24(1), 2018) rasterises occupied space into lists of segments;
+ * bits instead of lists let boxes come in any order and from any thread. Conservative: a box's bits cover every ray
+ * through the area of every pixel.
  *
- * Depth is in mm along the view from the anchor plane (raycast/rays.h): for the point of a ray at s it is s * view_depth / |view|
- * (perspective) or s (orthographic). */
+ * Depth is in mm along the view from the anchor plane (raycast/rays.h): for the point of a ray at s it is s *
+ * view_depth / |view| (perspective) or s (orthographic). */
 #ifndef TC_SKIP_COVER_H
 #define TC_SKIP_COVER_H
 
@@ -21,8 +23,8 @@ typedef struct tc_cover {
   size_t capacity;     /* words allocated; each worker fills a plane of its own, and the planes are merged into the first */
 } tc_cover;
 
-/* Fills *cover, which is zeroed before its first use; its memory is kept from frame to frame and grows as needed. False with
- * TC_ERROR_MEMORY, TC_ERROR_INVALID for a camera whose rays coincide, or the halt's error. */
+/* Fills *cover, which is zeroed before its first use; its memory is kept from frame to frame and grows as needed.
+ * False with TC_ERROR_MEMORY, TC_ERROR_INVALID for a camera whose rays coincide, or the halt's error. */
 bool tc_cover_fill(tc_cover *cover, const tc_boxes *boxes, const tc_volume *volume, const tc_rays *rays, int width,
                    int height, tc_pool *pool, GError **error);
 void tc_cover_finish(tc_cover *cover);

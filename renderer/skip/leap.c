@@ -54,9 +54,10 @@ static void mark_layer(void *context, int z, int worker) {
   job->changed[z] = changed;
 }
 
-/* The distance map by two sweeps, each over half of the 26 neighbours, which is exact for the Chebyshev metric. sweep() covers layers
- * from..to and builds on the layer before `from` in its direction. The four neighbouring rows are reduced to one minimum first
- * (joined: [blocks x + 2]), then widened sideways, so that all but the neighbour within the row vectorises. */
+/* The distance map by two sweeps, each over half of the 26 neighbours, which is exact for the Chebyshev metric.
+ * sweep() covers layers from..to and builds on the layer before `from` in its direction. The four neighbouring rows
+ * are reduced to one minimum first (joined: [blocks x + 2]), then widened sideways, so that all but the neighbour
+ * within the row vectorises. */
 static void join_row(const uint8_t *restrict other, uint8_t *restrict near, int nx) {
   for (int x = 0; x < nx; x++) near[x] = other[x] < near[x] ? other[x] : near[x];
 }
@@ -101,9 +102,9 @@ static bool sweep(uint8_t *distance, const int blocks[3], int from, int to, int 
   return true;
 }
 
-/* The layers *from..*to whose distances may differ from the earlier map's. A block's distance can change only if a block within that
- * distance became occupied or empty: if it shrinks, the nearest occupied block is new; if it grows, the nearest one is gone. False:
- * nothing changed. */
+/* The layers *from..*to whose distances may differ from the earlier map's. A block's distance can change only if a
+ * block within that distance became occupied or empty: if it shrinks, the nearest occupied block is new; if it
+ * grows, the nearest one is gone. False: nothing changed. */
 static bool find_affected(const leap_job *job, int *from, int *to) {
   int layers = job->minmax->blocks[2], first = layers, last = -1;
   *from = 0, *to = layers - 1;

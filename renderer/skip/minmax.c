@@ -22,8 +22,8 @@ static int last_voxel(const tc_minmax *m, int index, int n) {
   return last < n - 1 ? last : n - 1;
 }
 
-/* One row of blocks: first minima and maxima over the block's rows, voxel by voxel along x (contiguous, so the compiler vectorises
- * them), then over each block's stretch of the resulting row. */
+/* One row of blocks: first minima and maxima over the block's rows, voxel by voxel along x (contiguous, so the
+ * compiler vectorises them), then over each block's stretch of the resulting row. */
 #define ROW_OF_BLOCKS(name, type)                                                                                    \
   static void row_##name(const minmax_job *job, int by, int bz, type *lo, type *hi) {                                \
     const type *voxels = tc_volume_data(job->volume);                                                                \

@@ -1,6 +1,6 @@
-/* Empty runs: intervals of values in which every classification finds nothing (tc_support), as sets with one bit per run. Voxels whose
- * sets share a bit all lie in one empty run, so that nothing interpolated between them is visible. From the ninth run on, values count
- * as visible. For an isosurface, the two runs are the values below it and above. */
+/* Empty runs: intervals of values in which every classification finds nothing (tc_support), as sets with one bit per
+ * run. Voxels whose sets share a bit all lie in one empty run, so that nothing interpolated between them is visible.
+ * From the ninth run on, values count as visible. For an isosurface, the two runs are the values below it and above. */
 #ifndef TC_SKIP_RUNS_H
 #define TC_SKIP_RUNS_H
 

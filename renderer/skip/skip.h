@@ -1,16 +1,17 @@
-/* Empty-space skipping: the acceleration grid (minimum and maximum per block), which values are empty under a transfer function
- * (support), and the distance map.
+/* Empty-space skipping: the acceleration grid (minimum and maximum per block), which values are empty under a transfer
+ * function (support), and the distance map.
  *
- * The acceleration grid groups the volume's cells into cubic blocks. A block's minimum and maximum are over its cells' corners, one
- * voxel beyond its far faces included (a cubic filter reaches a voxel further on every side), so every interpolated value inside lies
- * between them. A block is empty when all table entries, of any classification, that a look-up between two such values can touch are
- * zero. Neighbouring blocks share the voxels of their face; connected empty blocks therefore cover one interval of values, and
- * segments between samples in them are zero too.
+ * The acceleration grid groups the volume's cells into cubic blocks. A block's minimum and maximum are over its cells'
+ * corners, one voxel beyond its far faces included (a cubic filter reaches a voxel further on every side), so every
+ * interpolated value inside lies between them. A block is empty when all table entries, of any classification, that a
+ * look-up between two such values can touch are zero. Neighbouring blocks share the voxels of their face; connected
+ * empty blocks therefore cover one interval of values, and segments between samples in them are zero too.
  *
- * The distance map holds, per block, the Chebyshev distance in blocks to the nearest block that is not empty: 0 in such a block
- * itself; the outside counts as empty. A ray in a block of distance D may jump across the cube of blocks up to D - 1 away (Deakin and
- * Knackstedt, Efficient ray casting of volumetric images using distance maps for empty space skipping, Computational Visual Media 6,
- * 2020). Skipped segments contribute exactly zero, so empty-space skipping changes no bit of the picture. */
+ * The distance map holds, per block, the Chebyshev distance in blocks to the nearest block that is not empty: 0 in
+ * such a block itself; the outside counts as empty. A ray in a block of distance D may jump across the cube of
+ * blocks up to D - 1 away (Deakin and Knackstedt, Efficient ray casting of volumetric images using distance maps for
+ * empty space skipping, Computational Visual Media 6, 2020). Skipped segments contribute exactly zero, so
+ * empty-space skipping changes no bit of the picture. */
 #ifndef TC_SKIP_H
 #define TC_SKIP_H
 
@@ -18,8 +19,8 @@
 #include "renderer/pool.h"
 #include "renderer/volume/volume.h"
 
-/* Default width of a block in voxels. Small blocks fit more tightly around what is visible; at 5, minimum, maximum and distance still
- * take less than 3 % of the voxel bytes. */
+/* Default width of a block in voxels. Small blocks fit more tightly around what is visible; at 5, minimum, maximum
+ * and distance still take less than 3 % of the voxel bytes. */
 #define TC_SKIP_BLOCK 5
 
 /* The block width for a scene's skipping.block: 0 is the default, others are clamped to 2..128. */
@@ -41,15 +42,15 @@ typedef struct tc_minmax {
 } tc_minmax;
 
 tc_minmax *tc_minmax_begin(const tc_volume *volume, int block, int reach, GError **error);
-/* Builds on until the grid is complete: true, at once if it already is. False: the pool's halt, or TC_ERROR_MEMORY; may be called
- * again. */
+/* Builds on until the grid is complete: true, at once if it already is. False: the pool's halt, or TC_ERROR_MEMORY;
+ * may be called again. */
 bool tc_minmax_go_on(tc_minmax *minmax, const tc_volume *volume, tc_pool *pool, GError **error);
 tc_minmax *tc_minmax_build(const tc_volume *volume, int block, int reach, tc_pool *pool, GError **error);
 void tc_minmax_free(tc_minmax *minmax); /* NULL is fine */
 double tc_minmax_value(const tc_minmax *minmax, size_t i); /* pairs[i] */
 
-/* Support of a transfer function: at which nodes of the value axis its extinction is not zero. Colours and the length of a segment do
- * not matter. */
+/* Support of a transfer function: at which nodes of the value axis its extinction is not zero. Colours and the
+ * length of a segment do not matter. */
 typedef struct tc_support {
   int n;          /* nodes, as the table's */
   double lo, hi;  /* voxel values of nodes 0 and n-1 */
@@ -82,8 +83,8 @@ typedef struct tc_leap {
   double build_ms;
 } tc_leap;
 
-/* before: NULL, or an earlier map of the same grid, from which layers that cannot have changed are copied; the result is the same.
- * NULL with TC_ERROR_MEMORY or the halt's error; nothing is kept then. */
+/* before: NULL, or an earlier map of the same grid, from which layers that cannot have changed are copied; the
+ * result is the same. NULL with TC_ERROR_MEMORY or the halt's error; nothing is kept then. */
 tc_leap *tc_leap_build(const tc_minmax *minmax, const tc_support *support, const tc_leap *before, tc_pool *pool,
                        GError **error);
 void tc_leap_free(tc_leap *leap); /* NULL is fine */

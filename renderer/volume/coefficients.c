@@ -14,8 +14,8 @@ uint64_t tc_coefficients_bytes(const tc_volume *volume) {
   return (uint64_t)n[0] * (uint64_t)n[1] * (uint64_t)n[2] * sizeof(float);
 }
 
-/* Solves `width` <= COLUMNS neighbouring columns of n samples, `stride` floats apart: a causal filter down, its mirror up. The column
- * continues mirrored and periodic beyond both ends, with end samples repeated. */
+/* Solves `width` <= COLUMNS neighbouring columns of n samples, `stride` floats apart: a causal filter down, its
+ * mirror up. The column continues mirrored and periodic beyond both ends, with end samples repeated. */
 static void filter_columns(float *p, int n, ptrdiff_t stride, int width) {
   double sum[COLUMNS] = {0}, weight = 1, z = POLE;
   int reach = 2 * n < HORIZON ? 2 * n : HORIZON;

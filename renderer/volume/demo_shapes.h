@@ -13,7 +13,8 @@ typedef struct tc_shape {
   float wave;       /* folds the surface: amplitude in mm, 0 = smooth */
 } tc_shape;
 
-/* Paints the shape into slice z of a grid of cubic voxels: blends slice[y * dims[0] + x] towards value by the shape's coverage. */
+/* Paints the shape into slice z of a grid of cubic voxels: blends slice[y * dims[0] + x] towards value by the
+ * shape's coverage. */
 void tc_shape_paint(const tc_shape *shape, const int dims[3], const double origin[3], double spacing, int z,
                     float *slice);
 

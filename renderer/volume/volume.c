@@ -6,7 +6,8 @@
 #include <string.h>
 #include <sys/mman.h>
 
-/* Kernels read beyond the last voxel: pairs of voxels as 32 bits, whole vectors at row ends. This many bytes of zeros follow it. */
+/* Kernels read beyond the last voxel: pairs of voxels as 32 bits, whole vectors at row ends. This many bytes of
+ * zeros follow it. */
 #define TAIL_PAD_BYTES 256
 
 struct tc_volume {
@@ -187,8 +188,8 @@ static void mend_f32(float *p, size_t n, float lo, float hi, float nothing) {
     if (!isfinite(p[i])) p[i] = isnan(p[i]) ? nothing : p[i] > 0 ? hi : lo;
 }
 
-/* The replacement of NaN, which means "no data": 0 in a map of signed values, where the minimum would be the strongest deactivation; the
- * least value elsewhere, as in HU. */
+/* The replacement of NaN, which means "no data": 0 in a map of signed values, where the minimum would be the
+ * strongest deactivation; the least value elsewhere, as in HU. */
 static double value_of_nothing(const tc_volume *v, const sealing *s) {
   const double zero = 0 - v->desc.intercept / v->desc.slope; /* never -0 */
   return s->lo < zero && zero < s->hi && strcmp(v->desc.unit, "HU") != 0 ? zero : s->lo;
@@ -204,8 +205,8 @@ static void mark_nothing(tc_volume *v, size_t at, size_t n) {
 
 static bool is_nothing(const tc_volume *v, size_t i) { return v->nothing && (v->nothing[i / 8] >> (i % 8) & 1); }
 
-/* The power of two by which an f32 volume is scaled, because differences of voxels near the ends of float's range would overflow or
- * vanish; exact, and undone by the slope. 1: none needed. */
+/* The power of two by which an f32 volume is scaled, because differences of voxels near the ends of float's range
+ * would overflow or vanish; exact, and undone by the slope. 1: none needed. */
 static double factor_f32(double lo, double hi) {
   double largest = fmax(fabs(lo), fabs(hi));
   if (largest == 0 || (largest < 1e30 && largest > 1e-30)) return 1;
@@ -364,7 +365,8 @@ static double voxel_as_double(const tc_volume *v, size_t i) {
   return 0;
 }
 
-/* Positions this close to the box count as on it: they come as decimals, and rounding must not exclude the first and last planes. */
+/* Positions this close to the box count as on it: they come as decimals, and rounding must not exclude the first and
+ * last planes. */
 #define BOX_SLACK 1e-3
 
 bool tc_volume_value_at(const tc_volume *volume, const double index[3], double *value) {

@@ -1,7 +1,7 @@
 /* A volume: a regular grid of scalar voxels in their own type, with its position in patient space.
  *
- * tc_volume_new() allocates, an importer fills tc_volume_voxels(), tc_volume_seal() checks the volume and makes it immutable; from then on
- * any thread may read it. Shared by an atomic reference count. */
+ * tc_volume_new() allocates, an importer fills tc_volume_voxels(), tc_volume_seal() checks the volume and makes it
+ * immutable; from then on any thread may read it. Shared by an atomic reference count. */
 #ifndef TC_RENDERER_VOLUME_H
 #define TC_RENDERER_VOLUME_H
 
@@ -50,15 +50,16 @@ tc_volume *tc_volume_new(const tc_volume_desc *desc, GError **error);
 void *tc_volume_voxels(tc_volume *volume);
 const void *tc_volume_data(const tc_volume *volume);
 
-/* Ends the filling: finds the range, and replaces and counts non-finite voxels of an f32 volume. +-inf becomes the extremes; NaN becomes 0
- * in signed maps other than HU, else the least value, and is no value of tc_volume_value_at() and the histogram; without any finite
- * voxel, all become 0. An f32 volume whose largest magnitude is above 1e30 or below 1e-30 is scaled by a power of two, which the
- * slope undoes. */
+/* Ends the filling: finds the range, and replaces and counts non-finite voxels of an f32 volume. +-inf becomes the
+ * extremes; NaN becomes 0 in signed maps other than HU, else the least value, and is no value of
+ * tc_volume_value_at() and the histogram; without any finite voxel, all become 0. An f32 volume whose largest
+ * magnitude is above 1e30 or below 1e-30 is scaled by a power of two, which the slope undoes. */
 void tc_volume_seal(tc_volume *volume);
 /* The same, interruptible: returns false, with the volume not sealed, once goes_on() returns false. */
 bool tc_volume_seal_while(tc_volume *volume, bool (*goes_on)(void *user), void *user);
 
-/* freed() is called after the last reference is dropped and the memory freed, on that thread. At most one per volume. */
+/* freed() is called after the last reference is dropped and the memory freed, on that thread. At most one per
+ * volume. */
 void tc_volume_when_freed(tc_volume *volume, void (*freed)(void *user), void *user);
 
 /* tc_volume_seal() for voxels that are all finite and whose range is known. */
@@ -81,7 +82,8 @@ void tc_volume_lps_to_index_matrix(const tc_volume *volume, double matrix[9]);
 /* The field's box in index space (NUMERICS section 0): [0, n-1], or [-0.5, 0.5] where n = 1. */
 void tc_volume_index_box(const tc_volume *volume, double lo[3], double hi[3]);
 
-/* Trilinear value (in the volume's unit) at an index position; false if it is over 0.001 outside the box, or beside a NaN. Double. */
+/* Trilinear value (in the volume's unit) at an index position; false if it is over 0.001 outside the box, or beside
+ * a NaN. Double. */
 bool tc_volume_value_at(const tc_volume *volume, const double index[3], double *value);
 
 /* Counts of voxels (not NaN) in `bins` equal bins over [stats.min, stats.max]; edges[bins + 1] in the volume's unit. */

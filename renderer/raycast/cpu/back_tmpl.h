@@ -1,8 +1,9 @@
-/* Direct volume rendering of a packet, back to front: the samples and segments of dvr_tmpl.h in reverse. There is no early ray
- * termination, because the nearest segment comes last. A ray joins when the march reaches its last segment. */
+/* Direct volume rendering of a packet, back to front: the samples and segments of dvr_tmpl.h in reverse. There is no
+ * early ray termination, because the nearest segment comes last. A ray joins when the march reaches its last
+ * segment. */
 
-/* The over operator, segment in front of sum, as sum + (segment - opacity * sum): thin segments of a long ray then lose no more
- * to rounding than front to back. */
+/* The over operator, segment in front of sum, as sum + (segment - opacity * sum): thin segments of a long ray then
+ * lose no more to rounding than front to back. */
 V_INLINE void composite_over(vf4 c, vm live, vf4 *sum) {
   vf none = v_set(0), a = v_select(live, c.a, none);
   sum->r = sum->r + v_fnma(a, sum->r, v_select(live, c.r, none));
@@ -59,12 +60,8 @@ V_ONCE void cast_back_to_front(const tc_cpu_args *args, variant v, const place *
       front = sample_node(args, v, &p, v_min(t0, p.length), at_front);
       counts->samples += (uint64_t)m_count(live);
       if (!v.leap || v.classification == TC_PREINTEGRATED2 || !all_zero(args, front, back, live)) {
-        vf4 c = segment(args, v, &p, front, back, i, t0, t1, live, counts);
-        if (v.labels && m_any(v_lt(v_set(0), c.a)))
-          c = label_segment(args, &p, v_set(0.5f) * (t0 + v_min(t1, p.length)), c);
-        if (v.shaded && m_any(v_lt(v_set(0), c.a)))
-          c = shade_segment(args, v, &p, &light, at_front, at_back, t0, t1, live, c, counts);
-        composite_over(c, live, &sum);
+        const ray_segment s = {i, t0, t1, front, back, live, at_front, at_back};
+        composite_over(draw_segment(args, v, &p, &light, &s, counts), live, &sum);
       }
       back = front;
       for (int k = 0; cell && k < 3; k++) slopes[1][k] = slopes[0][k];

@@ -35,8 +35,8 @@ V_INLINE vf exp2_approx(vf x) { /* x <= 0 */
   return v_from_bits(v_addi(v_bits(p), v_shl(n, 23)));
 }
 
-/* Opacity correction: the same medium over `share` (0..1) of the segment has transparency t^share, and colour in proportion to the
- * opacity. which: the rays it applies to. */
+/* Opacity correction: the same medium over `share` (0..1) of the segment has transparency t^share, and colour in
+ * proportion to the opacity. which: the rays it applies to. */
 V_INLINE vf4 shorten(vf4 c, vf share, vm which) {
   vf clear = v_max(v_set(1) - c.a, v_set(1e-30f));
   vf alpha = v_set(1) - exp2_approx(share * log2_approx(clear));

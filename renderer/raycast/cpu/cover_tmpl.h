@@ -15,7 +15,8 @@ V_INLINE runs start_runs(const tc_cpu_args *args, variant v, const packet *p, co
   return (runs){.bits = args->cover.bits + row + (at->x >> args->cover.shift),
                 .next_word = args->cover.cells[0],
                 .words = args->cover.words,
-                .start = v_fma(v_set((float)args->cover.near_mm), steps_per_mm, v_set(0) - begin * v_set(args->rays.inverse_step)),
+                .start = v_fma(v_set((float)args->cover.near_mm), steps_per_mm,
+                               v_set(0) - begin * v_set(args->rays.inverse_step)),
                 .steps = v_set((float)args->cover.slot_mm) * steps_per_mm};
 }
 
@@ -29,8 +30,8 @@ static inline int find_slot(const runs *r, int slot, bool set) {
   return r->words * 64;
 }
 
-/* The next run of segments [*from, *to), from `least` on, that any live ray needs; false: none is left. The margin of a hundredth
- * of a step is far above single-precision rounding. */
+/* The next run of segments [*from, *to), from `least` on, that any live ray needs; false: none is left. The margin
+ * of a hundredth of a step is far above single-precision rounding. */
 V_INLINE bool next_run(runs *r, vm live, int least, int *from, int *to) {
   vf far = v_set(1e9f);
   do {

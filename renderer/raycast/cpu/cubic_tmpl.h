@@ -1,8 +1,8 @@
 /* The tricubic B-spline filter. One function per voxel type, called and not inlined, because few pictures use it.
  *
- * Along one axis, with f in 0..1 between taps 1 and 2, taps 0 to 3 weigh (1-f)^3/6, 2/3 - f^2 (1 - f/2), 2/3 - (1-f)^2 (1+f)/2 and
- * f^3/6. They are summed as two lerps of neighbours and a lerp of the results, which is exact for equal taps and never leaves
- * their range. Taps beyond a face repeat the face's voxel. */
+ * Along one axis, with f in 0..1 between taps 1 and 2, taps 0 to 3 weigh (1-f)^3/6, 2/3 - f^2 (1 - f/2), 2/3 -
+ * (1-f)^2 (1+f)/2 and f^3/6. They are summed as two lerps of neighbours and a lerp of the results, which is exact
+ * for equal taps and never leaves their range. Taps beyond a face repeat the face's voxel. */
 
 /* The four voxels along an axis around a position. */
 typedef struct taps {
@@ -72,7 +72,8 @@ V_INLINE vf cubic(const tc_cpu_args *args, int type, const vf q[3], vf *gradient
     vf row[4], slope[4];
     for (int j = 0; j < 4; j++) {
       vf voxels[4];
-      fetch_row(args, type, &t[0], v_addi(v_muli(t[1].at[j], v_seti(args->grid.row)), v_muli(t[2].at[k], v_seti(args->grid.slice))),
+      fetch_row(args, type, &t[0],
+                v_addi(v_muli(t[1].at[j], v_seti(args->grid.row)), v_muli(t[2].at[k], v_seti(args->grid.slice))),
                 voxels);
       row[j] = mean4(&w[0], voxels);
       if (gradient) slope[j] = rise4(&w[0], voxels);
@@ -99,7 +100,8 @@ CUBIC(i16, TC_I16)
 CUBIC(f32, TC_F32)
 
 V_INLINE void place_at(const tc_cpu_args *args, const packet *p, vf t, vf q[3]) {
-  for (int k = 0; k < 3; k++) q[k] = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(args->grid.last[k]));
+  for (int k = 0; k < 3; k++)
+    q[k] = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(args->grid.last[k]));
 }
 
 V_INLINE vf sample_cubic(const tc_cpu_args *args, variant v, const packet *p, vf t, vf *gradient) {

@@ -1,15 +1,37 @@
 /* Direct volume rendering of a packet, front to back, with early ray termination and empty-space skipping.
  *
- * The rays march in lockstep: sample i of every ray is at entry + i * step * dir, computed and not accumulated, so that no ray
- * depends on its neighbours. Segment i lies between samples i and i + 1 and is classified by the field at both (NUMERICS section
- * 3). The last segment of a ray is shorter, and so is the first one of a ray with a phase (subpixel_tmpl.h): opacity correction
- * scales both. */
+ * The rays march in lockstep: sample i of every ray is at entry + i * step * dir, computed and not accumulated, so
+ * that no ray depends on its neighbours. Segment i lies between samples i and i + 1 and is classified by the field
+ * at both (NUMERICS section 3). The last segment of a ray is shorter, and so is the first one of a ray with a phase
+ * (subpixel_tmpl.h): opacity correction scales both. */
+
+/* Colour and opacity of a segment: classified, tinted by labels, shaded. */
+V_INLINE vf4 draw_segment(const tc_cpu_args *args, variant v, const packet *p, const lighting *light,
+                          const ray_segment *s, tc_cpu_counts *counts) {
+  vf4 c = segment(args, v, p, s, counts);
+  if (v.labels && m_any(v_lt(v_set(0), c.a))) c = label_segment(args, p, segment_middle_mm(p, s), c);
+  vm visible = v_lt(v_set(0), c.a);
+  if (v.shaded && m_any(visible)) {
+    counts->gradients += (uint64_t)m_count(m_and(s->live, visible));
+    c = shade_segment(args, v, p, light, s, c);
+  }
+  return c;
+}
+
+/* A terminated ray is scaled to opacity 1, as if what it did not reach looked like what it passed: the background
+ * does not show through, and an opaque region keeps its colour exactly. The error is at most the threshold. */
+V_INLINE vf4 finish_rays(const tc_cpu_args *args, variant v, vf4 sum, vf clear) {
+  vm full = v_lt(v_set(1), sum.a);
+  if (v.terminate) full = m_or(full, v_lt(clear, v_set(args->termination)));
+  vf whole = v_select(full, sum.a, v_set(1));
+  return (vf4){sum.r / whole, sum.g / whole, sum.b / whole, sum.a / whole};
+}
 
 V_INLINE void shift_slopes(vf slopes[3][3]) {
   for (int k = 0; k < 3; k++) slopes[0][k] = slopes[1][k], slopes[1][k] = slopes[2][k];
 }
 
-/* One packet from its rays' entries to their ends. */
+/* One packet from its rays' entries to their ends. Long, because all of its variables are the state of one loop. */
 V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, vf4 *out, tc_cpu_counts *counts) {
   packet p = start_packet(args, v, at);
   vf clear = v_set(1), front = v_set(0), back = v_set(0);
@@ -52,8 +74,8 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
     }
     if (!ahead) back = sample_node(args, v, &p, v_min(t1, p.length), at_back);
     counts->samples += (uint64_t)m_count(live);
-    /* The next sample is taken before this segment's look-up, so that the two chains of loads overlap: a third less time per
-     * sample. */
+    /* The next sample is taken before this segment's look-up, so that the two chains of loads overlap: a third less
+     * time per sample. */
     vf next = front;
     ahead = !v.leap || i + 1 < run_end;
     if (ahead) next = sample_node(args, v, &p, v_min(sample_mm(args, v, &p, i + 2), p.length), at_next);
@@ -63,10 +85,8 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
       if (cell) shift_slopes(slopes);
       continue;
     }
-    vf4 c = segment(args, v, &p, front, back, i, t0, t1, live, counts);
-    if (v.labels && m_any(v_lt(v_set(0), c.a))) c = label_segment(args, &p, v_set(0.5f) * (t0 + v_min(t1, p.length)), c);
-    if (v.shaded && m_any(v_lt(v_set(0), c.a)))
-      c = shade_segment(args, v, &p, &light, at_front, at_back, t0, t1, live, c, counts);
+    const ray_segment s = {i, t0, t1, front, back, live, at_front, at_back};
+    vf4 c = draw_segment(args, v, &p, &light, &s, counts);
     vf weight = v_select(live, clear, v_set(0));
     sum.r = v_fma(weight, c.r, sum.r);
     sum.g = v_fma(weight, c.g, sum.g);
@@ -79,10 +99,5 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
     front = back, back = next;
     if (cell) shift_slopes(slopes);
   }
-  /* A terminated ray is scaled to opacity 1, as if what it did not reach looked like what it passed: the background does not show
-   * through, and an opaque region keeps its colour exactly. The error is at most the threshold. */
-  vm full = v_lt(v_set(1), sum.a);
-  if (v.terminate) full = m_or(full, v_lt(clear, v_set(args->termination)));
-  vf whole = v_select(full, sum.a, v_set(1));
-  *out = (vf4){sum.r / whole, sum.g / whole, sum.b / whole, sum.a / whole};
+  *out = finish_rays(args, v, sum, clear);
 }

@@ -45,8 +45,8 @@ V_INLINE float bias_of(int type) {
 /* The voxel value (not rescaled) at mm t along the rays by the filters nearest and cubic: filter_tmpl.h. */
 V_INLINE vf sample_filtered(const tc_cpu_args *args, variant v, const packet *p, vf t);
 
-/* The same by any filter. gradient, unless NULL, receives the exact derivative of the trilinear field over index coordinates, from
- * the cell's eight corners; meaningless along an axis of one voxel. */
+/* The same by any filter. gradient, unless NULL, receives the exact derivative of the trilinear field over index
+ * coordinates, from the cell's eight corners; meaningless along an axis of one voxel. */
 V_INLINE vf sample_field(const tc_cpu_args *args, variant v, const packet *p, vf t, vf *gradient) {
   if (v.filter != TC_FILTER_LINEAR && !gradient) return sample_filtered(args, v, p, t);
   vf f[3];

@@ -1,7 +1,9 @@
-/* Gradients over index coordinates, for shading: central differences and the cubic B-spline's derivative; the trilinear cell's own
- * gradient comes with its samples (field_tmpl.h). One function per voxel type, called and not inlined. */
+/* Gradients over index coordinates, for shading: central differences and the cubic B-spline's derivative; the
+ * trilinear cell's own gradient comes with its samples (field_tmpl.h). One function per voxel type, called and not
+ * inlined. */
 
-/* Central differences at the voxels around q, one-sided in a face, trilinearly interpolated: continuous across cells. */
+/* Central differences at the voxels around q, one-sided in a face, trilinearly interpolated: continuous across
+ * cells. */
 V_INLINE void central(const tc_cpu_args *args, int type, const vf q[3], vf gradient[3]) {
   taps t[3];
   vf scale[3][2], row[4][4], along_x[4][4];
@@ -38,8 +40,10 @@ V_INLINE void central(const tc_cpu_args *args, int type, const vf q[3], vf gradi
 #undef RISE
 }
 
-#define CENTRAL(name, type)                                                                                          \
-  V_ONCE void central_##name(const tc_cpu_args *args, const vf q[3], vf gradient[3]) { central(args, type, q, gradient); }
+#define CENTRAL(name, type)                                                                                            \
+  V_ONCE void central_##name(const tc_cpu_args *args, const vf q[3], vf gradient[3]) {                                 \
+    central(args, type, q, gradient);                                                                                  \
+  }
 
 CENTRAL(u8, TC_U8)
 CENTRAL(i8, TC_I8)
@@ -64,12 +68,11 @@ V_INLINE void gradient_at(const tc_cpu_args *args, variant v, const packet *p, v
   }
 }
 
-/* Shades the segment from mm t0 to t1. front, back: the cells' gradients at its ends; other gradients are taken in its middle. */
-V_INLINE vf4 shade_segment(const tc_cpu_args *args, variant v, const packet *p, const lighting *l, const vf *front,
-                           const vf *back, vf t0, vf t1, vm live, vf4 c, tc_cpu_counts *counts) {
+/* Shades a segment of colour c, by its cells' gradients or by the gradient in its middle. */
+V_INLINE vf4 shade_segment(const tc_cpu_args *args, variant v, const packet *p, const lighting *l, const ray_segment *s,
+                           vf4 c) {
   vf middle[3];
-  counts->gradients += (uint64_t)m_count(m_and(live, v_lt(v_set(0), c.a)));
-  if (v.gradient == TC_GRADIENT_CELL) return shade(&args->shade, l, front, back, c);
-  gradient_at(args, v, p, v_set(0.5f) * (t0 + v_min(t1, p->length)), middle);
+  if (v.gradient == TC_GRADIENT_CELL) return shade(&args->shade, l, s->front_gradient, s->back_gradient, c);
+  gradient_at(args, v, p, segment_middle_mm(p, s), middle);
   return shade(&args->shade, l, middle, middle, c);
 }

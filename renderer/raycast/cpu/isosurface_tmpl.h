@@ -1,8 +1,8 @@
 /* The first hit of a packet's rays with an isosurface (raycast/surface.h).
  *
- * Every ray walks its own cells. Its position follows from the parameter t alone: along each axis it passes the cell wall at w
- * when t = (w - entry) / dir, computed and not accumulated. A jump over empty space ends at a wall's t as well, so a ray that
- * jumped is exactly where it would be had it walked, and no bit depends on empty-space skipping. */
+ * Every ray walks its own cells. Its position follows from the parameter t alone: along each axis it passes the cell
+ * wall at w when t = (w - entry) / dir, computed and not accumulated. A jump over empty space ends at a wall's t as
+ * well, so a ray that jumped is exactly where it would be had it walked, and no bit depends on empty-space skipping. */
 
 #include <math.h>
 
@@ -56,7 +56,8 @@ V_INLINE void fetch_corners(const tc_cpu_args *args, variant v, iso_cell *c) {
   vi off = v_addi(at[0], v_addi(v_muli(at[1], v_seti(args->grid.row)), v_muli(at[2], v_seti(args->grid.slice))));
   for (int zy = 0; zy < 4; zy++) {
     vf a, b;
-    fetch_pair(v.type, args->grid.voxels, v_addi(off, v_seti((zy & 1) * args->grid.stride[1] + (zy >> 1) * args->grid.stride[2])), &a, &b);
+    fetch_pair(v.type, args->grid.voxels,
+               v_addi(off, v_seti((zy & 1) * args->grid.stride[1] + (zy >> 1) * args->grid.stride[2])), &a, &b);
     if (!args->grid.stride[0]) b = a;
     c->w[2 * zy] = (a - v_set(args->surface.iso)) * v_set(args->surface.scale);
     c->w[2 * zy + 1] = (b - v_set(args->surface.iso)) * v_set(args->surface.scale);
@@ -72,7 +73,8 @@ V_INLINE vf field_in(const iso_cell *c, vf u) {
   return v_fma(f[2], y[1] - y[0], y[0]);
 }
 
-/* Entry and exit within the cell, exactly on the faces that the ray passes: neighbouring cells agree on the point they share. */
+/* Entry and exit within the cell, exactly on the faces that the ray passes: neighbouring cells agree on the point
+ * they share. */
 V_INLINE void place_in_cell(const tc_cpu_args *args, const packet *p, iso_cell *c) {
   for (int k = 0; k < 3; k++) {
     vf front = goes_up(p, k), back = v_set(1) - front, ends[2] = {c->from, c->until}, f[2];
@@ -138,7 +140,8 @@ V_INLINE vf first_change(const iso_cell *c, vm side, vm live, vm *hit) {
     fa = v_select(open, f, fa);
   }
   *hit = m_andnot(live, open);
-  /* Newton from the chord's root; a step that leaves the bracket is replaced by bisection. a = b = 0: the entry is the root. */
+  /* Newton from the chord's root; a step that leaves the bracket is replaced by bisection. a = b = 0: the entry is
+   * the root. */
   vm busy = m_and(*hit, v_lt(a, b));
   vf x = v_select(busy, v_fma(b - a, fa / (fa - fb), a), b);
   for (int n = 0; n < MOST_REFINEMENTS && m_any(busy); n++) {
@@ -155,15 +158,16 @@ V_INLINE vf first_change(const iso_cell *c, vm side, vm live, vm *hit) {
   return x;
 }
 
-/* Empty-space skipping: rays in empty blocks jump to the end of the empty cube that the distance map promises around their block.
- * Returns the rays that jumped. */
+/* Empty-space skipping: rays in empty blocks jump to the end of the empty cube that the distance map promises around
+ * their block. Returns the rays that jumped. */
 V_INLINE vm leap_ahead(const tc_cpu_args *args, const packet *p, vf at[3], vf *t, vm live) {
   vf block[3], far = v_set(NEVER);
   for (int k = 0; k < 3; k++) {
     vf held = v_min(v_max(at[k], v_set(0)), v_set((float)args->grid.cell_last[k]));
     block[k] = v_float(v_trunc((held + v_set(0.5f)) * v_set(args->blocks.inverse_width))); /* as in leap.glsl */
   }
-  vi off = v_addi(v_muli(v_trunc(block[2]), v_seti(args->blocks.slice)), v_muli(v_trunc(block[1]), v_seti(args->blocks.row)));
+  vi off = v_addi(v_muli(v_trunc(block[2]), v_seti(args->blocks.slice)),
+                  v_muli(v_trunc(block[1]), v_seti(args->blocks.row)));
   vf distance = v_float(v_bytes(args->blocks.values, v_addi(off, v_trunc(block[0]))));
   vm empty = m_and(live, v_lt(v_set(0), distance));
   if (!m_any(empty)) return empty;
@@ -235,8 +239,8 @@ V_INLINE vf find_hits(const tc_cpu_args *args, variant v, const packet *p, vm *h
   return at_hit;
 }
 
-/* Gradient over index coordinates at mm t: differences between opposite faces of the cube two voxels wide around the hit, each
- * face being the mean of its four corners. */
+/* Gradient over index coordinates at mm t: differences between opposite faces of the cube two voxels wide around the
+ * hit, each face being the mean of its four corners. */
 V_INLINE void surface_gradient(const tc_cpu_args *args, variant v, const packet *p, vf t, vf gradient[3]) {
   packet probe = *p; /* rays of length 0 from the places themselves */
   vf side[3][2];
@@ -261,7 +265,8 @@ V_INLINE void store_depths(const tc_cpu_args *args, const packet *p, variant v, 
   vf i, j, view[3];
   ray_places(v, at, &i, &j);
   for (int k = 0; k < 3; k++)
-    view[k] = v_fma(j, v_set(args->rays.view_dv[k]), v_fma(i, v_set(args->rays.view_du[k]), v_set(args->rays.view0[k])));
+    view[k] =
+        v_fma(j, v_set(args->rays.view_dv[k]), v_fma(i, v_set(args->rays.view_du[k]), v_set(args->rays.view0[k])));
   vf eye = args->rays.perspective ? v_sqrt(dot(view, view)) : v_set(args->rays.eye_mm);
   float lanes[V_LANES];
   v_store(lanes, v_select(hit, p->start + t + eye, v_set(INFINITY)));
@@ -273,7 +278,8 @@ V_INLINE void store_depths(const tc_cpu_args *args, const packet *p, variant v, 
   }
 }
 
-V_INLINE vf4 cast_rays(const tc_cpu_args *args, variant v, const place *at, skip_backoff *unused, tc_cpu_counts *counts) {
+V_INLINE vf4 cast_rays(const tc_cpu_args *args, variant v, const place *at, skip_backoff *unused,
+                       tc_cpu_counts *counts) {
   packet p = start_packet(args, v, at);
   vm hit;
   for (int k = 0; k < 3; k++) /* an axis of one voxel has no walls */

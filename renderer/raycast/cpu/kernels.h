@@ -1,8 +1,8 @@
-/* The CPU ray caster's kernels: one text (kernels_tmpl.h, surface_tmpl.h) over the vector vocabulary (simd.h), compiled once
- * per instruction set.
+/* The CPU ray caster's kernels: one text (kernels_tmpl.h, surface_tmpl.h) over the vector vocabulary (simd.h), compiled
+ * once per instruction set.
  *
- * Within one instruction set, a pixel's bytes depend on the scene alone: not on tiles, threads or neighbouring pixels. Between
- * instruction sets pictures agree within a tolerance, because vector kernels fuse multiply and add. */
+ * Within one instruction set, a pixel's bytes depend on the scene alone: not on tiles, threads or neighbouring
+ * pixels. Between instruction sets pictures agree within a tolerance, because vector kernels fuse multiply and add. */
 #ifndef TC_CPU_KERNELS_H
 #define TC_CPU_KERNELS_H
 
@@ -55,7 +55,8 @@ typedef struct tc_cpu_labels {
   const float *outside; /* [5] */
 } tc_cpu_labels;
 
-/* A frame's constants, read-only while kernels run. Pointers are borrowed; members that the plan does not name are zero. */
+/* A frame's constants, read-only while kernels run. Pointers are borrowed; members that the plan does not name are
+ * zero. */
 typedef struct tc_cpu_args {
   tc_plan_key key;
   tc_cpu_grid grid; /* what is sampled */
@@ -96,14 +97,14 @@ typedef struct tc_cpu_counts {
   int packet, ray; /* the packet of pixels to begin at, and the ray of its pixels */
 } tc_cpu_counts;
 
-/* Renders pixels [x0, x1) x [y0, y1) to out, [y1-y0][stride][4] floats: premultiplied colour and opacity. Lanes of a packet
- * beyond x1 or y1 are masked. An interrupted kernel (counts->left) resumes when it is called again with the same counts and
- * out, which holds the sums of the rays so far. */
+/* Renders pixels [x0, x1) x [y0, y1) to out, [y1-y0][stride][4] floats: premultiplied colour and opacity. Lanes of a
+ * packet beyond x1 or y1 are masked. An interrupted kernel (counts->left) resumes when it is called again with the
+ * same counts and out, which holds the sums of the rays so far. */
 typedef void (*tc_cpu_kernel)(const tc_cpu_args *args, int x0, int y0, int x1, int y1, float *out, ptrdiff_t stride,
                               tc_cpu_counts *counts);
 
-/* The kernel for a plan's key; NULL where there is none. surface: of mode isosurface, in translation units of their own, which
- * compile side by side with the others. */
+/* The kernel for a plan's key; NULL where there is none. surface: of mode isosurface, in translation units of their
+ * own, which compile side by side with the others. */
 tc_cpu_kernel tc_kernel_scalar(const tc_plan_key *key);
 tc_cpu_kernel tc_kernel_avx2(const tc_plan_key *key);
 tc_cpu_kernel tc_kernel_avx512(const tc_plan_key *key);

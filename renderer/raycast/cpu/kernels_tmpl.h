@@ -1,5 +1,5 @@
-/* The ray caster over the vector vocabulary: included by kernels_*.c after a simd_*.h. simd.h says why the pieces stand in
- * this order. */
+/* The ray caster over the vector vocabulary: included by kernels_*.c after a simd_*.h. simd.h says why the pieces
+ * stand in this order. */
 #include "renderer/raycast/cpu/packet_tmpl.h"
 
 #include "renderer/raycast/cpu/field_tmpl.h"
@@ -37,7 +37,8 @@
 #include "renderer/raycast/cpu/mpr_tmpl.h"
 
 /* One ray per pixel of a packet. */
-V_INLINE vf4 cast_rays(const tc_cpu_args *args, variant v, const place *at, skip_backoff *backoff, tc_cpu_counts *counts) {
+V_INLINE vf4 cast_rays(const tc_cpu_args *args, variant v, const place *at, skip_backoff *backoff,
+                       tc_cpu_counts *counts) {
   vf4 c;
   if (v.mode == TC_MODE_DVR && v.back_to_front)
     cast_back_to_front(args, v, at, &c, counts);
@@ -77,8 +78,8 @@ V_INLINE vf4 cast_rays(const tc_cpu_args *args, variant v, const place *at, skip
   ROW(slab_minip_##name, .type = voxels, .mode = TC_MODE_MPR, .slab = 1 + TC_SLAB_MINIP)                              \
   ROW(slab_average_##name, .type = voxels, .mode = TC_MODE_MPR, .slab = 1 + TC_SLAB_AVERAGE)
 
-/* Back to front, other filters and other classifications of all voxel types: one kernel, because compiling kernels takes
- * long. */
+/* Back to front, other filters and other classifications of all voxel types: one kernel, because compiling kernels
+ * takes long. */
 #define REST(ROW)                                                                                                     \
   ROW(rest, .mode = BY_KEY, .type = BY_KEY, .filter = BY_KEY, .slab = BY_KEY, .classification = BY_KEY,               \
       .back_to_front = BY_KEY, OPTIONS)

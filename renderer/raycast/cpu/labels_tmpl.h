@@ -21,7 +21,8 @@ V_INLINE label_mix find_label(const tc_cpu_labels *l, vf voxel) {
   return m;
 }
 
-/* The label cell at mm t along the rays and the position f within it; returns the weight of the grid, which falls to 0 outside. */
+/* The label cell at mm t along the rays and the position f within it; returns the weight of the grid, which falls to
+ * 0 outside. */
 V_INLINE vf find_label_cell(const tc_cpu_labels *l, const packet *p, vf t, vi cell[3], vf f[3]) {
   vf q[3], inside = v_set(1);
   for (int k = 0; k < 3; k++) q[k] = v_fma(t, p->dir[k], p->entry[k]);

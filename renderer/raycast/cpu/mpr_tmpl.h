@@ -1,12 +1,13 @@
-/* Planar reformats (MPR) of a packet: one sample per pixel, or a slab's maximum, minimum or mean, through the window to grey
- * (raycast/slice.h). Nodes are tc_slice_window's (backend.h). */
+/* Planar reformats (MPR) of a packet: one sample per pixel, or a slab's maximum, minimum or mean, through the window
+ * to grey (raycast/slice.h). Nodes are tc_slice_window's (backend.h). */
 
-/* The slab's value; front: the value at the rays' entries. Samples lie at whole steps from the plane, on the plane itself, so that
- * a slab around a voxel never misses its peak, and at both ends. A ray at its end samples it again, which changes nothing and
- * needs no mask. */
+/* The slab's value; front: the value at the rays' entries. Samples lie at whole steps from the plane, on the plane
+ * itself, so that a slab around a voxel never misses its peak, and at both ends. A ray at its end samples it again,
+ * which changes nothing and needs no mask. */
 V_INLINE vf cast_slab(const tc_cpu_args *args, variant v, int slab, const packet *p, vf front,
                       tc_cpu_counts *counts) {
-  vf steps = p->start * v_set(args->rays.inverse_step), first = v_float(v_trunc(steps)); /* the first whole step behind the entry */
+  vf steps = p->start * v_set(args->rays.inverse_step),
+     first = v_float(v_trunc(steps)); /* the first whole step behind the entry */
   first = v_select(v_le(first, steps), first + v_set(1), first);
   vf value = front, sum = v_set(0), before = v_set(0);
   vm live = p->live;

@@ -1,9 +1,11 @@
-/* A packet: one ray for each of V_LANES neighbouring pixels, clipped to the volume and the clip planes (raycast/rays.h). */
+/* A packet: one ray for each of V_LANES neighbouring pixels, clipped to the volume and the clip planes
+ * (raycast/rays.h). */
 
 /* Compiled once per instruction set and called, not inlined into every kernel. */
 #define V_ONCE static __attribute__((noinline))
 
-/* What a kernel does: rows of the table of variants (kernels_tmpl.h), where BY_KEY leaves a member to the plan's key. */
+/* What a kernel does: rows of the table of variants (kernels_tmpl.h), where BY_KEY leaves a member to the plan's
+ * key. */
 #define VARIANT_MEMBERS(MEMBER)                                                                                       \
   MEMBER(mode)           /* tc_mode; mip stands for minip too */                                                      \
   MEMBER(type)           /* tc_voxel_type */                                                                          \
@@ -61,7 +63,8 @@ V_INLINE void clip_axis(vf q, vf d, vf inverse, vf lo, vf hi, vf *s0, vf *s1) {
   *s1 = v_min(*s1, far);
 }
 
-/* Narrows [*s0, *s1] to the half space of one clip plane. A ray parallel to the plane is inside or outside as a whole. */
+/* Narrows [*s0, *s1] to the half space of one clip plane. A ray parallel to the plane is inside or outside as a
+ * whole. */
 V_INLINE void clip_plane(const float plane[4], const vf q[3], const vf d[3], vf *s0, vf *s1) {
   vf at = v_set(plane[3]), rate = v_set(0), big = v_set(1e30f);
   for (int k = 0; k < 3; k++) {
@@ -80,8 +83,10 @@ V_INLINE packet start_packet(const tc_cpu_args *args, variant v, const place *at
   vf i, j, anchor[3], view[3], norm = v_set(0);
   ray_places(v, at, &i, &j);
   for (int k = 0; k < 3; k++) {
-    anchor[k] = v_fma(j, v_set(args->rays.anchor_dv[k]), v_fma(i, v_set(args->rays.anchor_du[k]), v_set(args->rays.anchor0[k])));
-    view[k] = v_fma(j, v_set(args->rays.view_dv[k]), v_fma(i, v_set(args->rays.view_du[k]), v_set(args->rays.view0[k])));
+    anchor[k] = v_fma(j, v_set(args->rays.anchor_dv[k]),
+                      v_fma(i, v_set(args->rays.anchor_du[k]), v_set(args->rays.anchor0[k])));
+    view[k] =
+        v_fma(j, v_set(args->rays.view_dv[k]), v_fma(i, v_set(args->rays.view_du[k]), v_set(args->rays.view0[k])));
     norm = v_fma(view[k], view[k], norm);
   }
   norm = v_sqrt(norm);
@@ -105,9 +110,9 @@ V_INLINE packet start_packet(const tc_cpu_args *args, variant v, const place *at
   return p;
 }
 
-/* Back-off of empty-space skipping, for the packets of a tile. Where little can be skipped, looking costs more than it saves: a
- * packet that gained nothing lets the next ones march without a look, twice as many of them each time. No bit of the picture
- * depends on it. */
+/* Back-off of empty-space skipping, for the packets of a tile. Where little can be skipped, looking costs more than
+ * it saves: a packet that gained nothing lets the next ones march without a look, twice as many of them each time.
+ * No bit of the picture depends on it. */
 typedef struct skip_backoff {
   int wait; /* packets still to march without a look */
   int last; /* how many they were last time */
@@ -123,7 +128,8 @@ static __attribute__((noinline, cold)) bool poll_halt(const tc_cpu_args *args, t
 
 /* Asked before step number `step` of every march: false once no ray is live, or the halt interrupts the unit. */
 V_INLINE bool keep_marching(const tc_cpu_args *args, vm live, tc_cpu_counts *counts, int step) {
-  if (__builtin_expect(step % POLL_STRIDE == 0, 0) && (counts->until_poll -= POLL_STRIDE) <= 0 && poll_halt(args, counts))
+  if (__builtin_expect(step % POLL_STRIDE == 0, 0) && (counts->until_poll -= POLL_STRIDE) <= 0 &&
+      poll_halt(args, counts))
     return false;
   return m_any(live);
 }

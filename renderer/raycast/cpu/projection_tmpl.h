@@ -1,8 +1,8 @@
 /* Maximum, minimum and average intensity projection (MIP, MinIP, average) of a packet.
  *
- * Sample i is at entry + i * step * dir, and the ray's end is sampled too. MIP and MinIP are one kernel, a maximum of the
- * signed voxel (raycast/grey.h). A ray that has passed its end samples its end again, which raises no maximum: no lane needs a
- * mask, and no pixel depends on its neighbours. */
+ * Sample i is at entry + i * step * dir, and the ray's end is sampled too. MIP and MinIP are one kernel, a maximum
+ * of the signed voxel (raycast/grey.h). A ray that has passed its end samples its end again, which raises no
+ * maximum: no lane needs a mask, and no pixel depends on its neighbours. */
 
 #define LEAST_INTERVALS 4 /* a shorter ray has nothing to gain from skipping */
 #define LONGEST_WAIT 31 /* packets */
@@ -32,7 +32,8 @@ V_INLINE vf level_at(const tc_cpu_args *args, const packet *p, vf t) {
   for (int k = 0; k < 3; k++) {
     vf q = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(args->grid.last[k]));
     vf cell = v_float(v_mini(v_trunc(q), v_seti(args->grid.cell_last[k])));
-    block[k] = v_trunc((cell + v_set(0.5f)) * v_set(args->blocks.inverse_width)); /* the half keeps rounding away from edges */
+    block[k] =
+        v_trunc((cell + v_set(0.5f)) * v_set(args->blocks.inverse_width)); /* the half keeps rounding away from edges */
   }
   vi off = v_addi(v_muli(block[2], v_seti(args->blocks.slice)), v_muli(block[1], v_seti(args->blocks.row)));
   return v_float(v_bytes(args->blocks.values, v_addi(off, block[0])));
@@ -63,8 +64,8 @@ V_ONCE vf refine_peak(const tc_cpu_args *args, const packet *p, const peak *from
   return best;
 }
 
-/* Samples the rays; finished rays do not change. Of equal maxima the first counts, with and without skipping: blocks that hold
- * an equal of the greatest sample are never skipped (skip/bounds.h). */
+/* Samples the rays; finished rays do not change. Of equal maxima the first counts, with and without skipping: blocks
+ * that hold an equal of the greatest sample are never skipped (skip/bounds.h). */
 V_INLINE void take_sample(const tc_cpu_args *args, variant v, const packet *p, vf t, peak *have) {
   vf w = sample_voxel(args, v, p, t) * v_set(args->grey.sign);
   vm sooner = m_and(v_eq(w, have->best), v_lt(t, have->at));
@@ -72,9 +73,10 @@ V_INLINE void take_sample(const tc_cpu_args *args, variant v, const packet *p, v
   have->best = v_max(have->best, w);
 }
 
-/* A maximum to begin with, from the interval with the highest level: nearly all other intervals are then below it and can be
- * skipped. Its samples are among those that the march would take. */
-V_INLINE void start_peak(const tc_cpu_args *args, variant v, const packet *p, vm live, peak *have, tc_cpu_counts *counts) {
+/* A maximum to begin with, from the interval with the highest level: nearly all other intervals are then below it
+ * and can be skipped. Its samples are among those that the march would take. */
+V_INLINE void start_peak(const tc_cpu_args *args, variant v, const packet *p, vm live, peak *have,
+                         tc_cpu_counts *counts) {
   vf highest = v_set(-1), at = v_set(0);
   for (int i = 0;; i += args->interval) {
     vm inside = m_and(live, v_lt(v_set((float)i * args->rays.step_mm), p->length));
@@ -139,12 +141,14 @@ V_INLINE void cast_extreme(const tc_cpu_args *args, variant v, const place *at_p
   *out = grey_of(args, v_min(have.best, stop), p.live);
 }
 
-/* The mean by the trapezoidal rule, whose last interval is shorter. Differences to the first sample are summed, with Kahan's
- * compensation: a constant field is exact, and a million samples lose no more than ten. */
-V_INLINE void cast_average(const tc_cpu_args *args, variant v, const place *at_pixels, vf4 *out, tc_cpu_counts *counts) {
+/* The mean by the trapezoidal rule, whose last interval is shorter. Differences to the first sample are summed, with
+ * Kahan's compensation: a constant field is exact, and a million samples lose no more than ten. */
+V_INLINE void cast_average(const tc_cpu_args *args, variant v, const place *at_pixels, vf4 *out,
+                           tc_cpu_counts *counts) {
   packet p = start_packet(args, v, at_pixels);
   vm live = p.live;
-  vf steps = p.length * v_set(args->rays.inverse_step), base = v_set(0), front = v_set(0), sum = v_set(0), lost = v_set(0);
+  vf steps = p.length * v_set(args->rays.inverse_step), base = v_set(0), front = v_set(0), sum = v_set(0),
+     lost = v_set(0);
   if (m_any(live)) base = front = sample_voxel(args, v, &p, v_set(0));
   counts->rays += (uint64_t)m_count(live);
   counts->samples += (uint64_t)m_count(live);

@@ -1,10 +1,11 @@
 /* From two samples to the colour and opacity of the segment between them, in every classification. */
 
-/* Second-order pre-integration. The field is taken as the quadratic through front, middle and back (El Hajjar, Marchesin, Dischler
- * and Mongenet, 2008), and replaced by the linear field with the same mean whose ends stay within the range of the three samples.
- * The segment is then an entry of the same pre-integration table, so its opacity and colour keep their bounds, and samples that
- * show nothing give a segment that shows nothing. A correct mean leaves an error of the fourth order per segment and of the third
- * along a ray, where linear pre-integration has the second. */
+/* Second-order pre-integration. The field is taken as the quadratic through front, middle and back (El Hajjar,
+ * Marchesin, Dischler and Mongenet, 2008), and replaced by the linear field with the same mean whose ends stay
+ * within the range of the three samples. The segment is then an entry of the same pre-integration table, so its
+ * opacity and colour keep their bounds, and samples that show nothing give a segment that shows nothing. A correct
+ * mean leaves an error of the fourth order per segment and of the third along a ray, where linear pre-integration
+ * has the second. */
 V_INLINE void linearise(vf *front, vf middle, vf *back) {
   /* Simpson's rule; exact for three equal samples */
   vf mean = v_fma((*front - middle) + (*back - middle), v_set(1 / 6.0f), middle);
@@ -15,8 +16,8 @@ V_INLINE void linearise(vf *front, vf middle, vf *back) {
   *back = mean + half;
 }
 
-/* Linearised segments need not meet. Where the gap between two would skip the inner range of a zoom, a peak could be missed: such
- * segments keep their sampled ends. */
+/* Linearised segments need not meet. Where the gap between two would skip the inner range of a zoom, a peak could be
+ * missed: such segments keep their sampled ends. */
 V_INLINE void linearise_zoomed(const tc_cpu_args *args, vf *front, vf middle, vf *back) {
   vf near = *front, far = *back;
   linearise(&near, middle, &far);
@@ -32,36 +33,49 @@ V_INLINE void linearise_zoomed(const tc_cpu_args *args, vf *front, vf middle, vf
   *back = v_select(jumps, *back, far);
 }
 
-/* Classifies segment i, with opacity correction where it is shorter: the last of a ray, and the first of a ray with a phase. */
-V_INLINE vf4 classify_part(const tc_cpu_args *args, variant v, const packet *p, vf front, vf back, int i, vf t0, vf t1,
-                           vm live) {
-  vm ends = v_lt(p->length, t1);
-  vf4 c = v.zoomed ? classify_zoomed(args, front, back, live) : classify(args, front, back);
-  bool starts = phased(v) && i == 0;
+/* Segment i of a packet's rays: from sample front at t0 mm to back at t1, or at the ray's end where that comes
+ * first. Samples are nodes; gradients over index coordinates go with them where cells are shaded, else NULL. */
+typedef struct ray_segment {
+  int i;
+  vf t0, t1, front, back;
+  vm live;
+  const vf *front_gradient, *back_gradient;
+} ray_segment;
+
+/* Classifies a segment, with opacity correction where it is shorter: the last of a ray, and the first of a ray with
+ * a phase. */
+V_INLINE vf4 classify_part(const tc_cpu_args *args, variant v, const packet *p, const ray_segment *s, vf front,
+                           vf back) {
+  vm ends = v_lt(p->length, s->t1);
+  vf4 c = v.zoomed ? classify_zoomed(args, front, back, s->live) : classify(args, front, back);
+  bool starts = phased(v) && s->i == 0;
   if (!starts && !m_any(ends)) return c;
-  vf share = (starts ? v_min(t1, p->length) : v_max(p->length - t0, v_set(0))) / v_set(args->rays.step_mm);
+  vf share = (starts ? v_min(s->t1, p->length) : v_max(p->length - s->t0, v_set(0))) / v_set(args->rays.step_mm);
   vm which = starts ? p->live : ends;
   return args->key.stiff ? shorten_stiff(args, front, back, c, share, which) : shorten(c, share, which);
 }
 
-V_ONCE vf4 classify_1d(const tc_cpu_args *args, variant v, const packet *p, vf front, vf back, int i, vf t0,
-                              vf t1) {
-  vf rest = v_max(v_min(t1, p->length) - t0, v_set(0));
-  vf length_mm = v_select(v_lt(p->length, t1), rest, v_set(args->rays.step_mm));
-  if (phased(v) && i == 0) length_mm = rest;
-  return classify_by_integrals(args, v, front, back, length_mm);
+V_ONCE vf4 classify_1d(const tc_cpu_args *args, variant v, const packet *p, const ray_segment *s) {
+  vf rest = v_max(v_min(s->t1, p->length) - s->t0, v_set(0));
+  vf length_mm = v_select(v_lt(p->length, s->t1), rest, v_set(args->rays.step_mm));
+  if (phased(v) && s->i == 0) length_mm = rest;
+  return classify_by_integrals(args, v, s->front, s->back, length_mm);
 }
 
-/* front, back: nodes at t0 and t1 mm, or at the ray's end where that comes before t1. */
-V_INLINE vf4 segment(const tc_cpu_args *args, variant v, const packet *p, vf front, vf back, int i, vf t0, vf t1, vm live,
-                     tc_cpu_counts *counts) {
-  if (v.classification == TC_PREINTEGRATED) return classify_part(args, v, p, front, back, i, t0, t1, live);
+V_INLINE vf segment_middle_mm(const packet *p, const ray_segment *s) {
+  return v_set(0.5f) * (s->t0 + v_min(s->t1, p->length));
+}
+
+V_INLINE vf4 segment(const tc_cpu_args *args, variant v, const packet *p, const ray_segment *s, tc_cpu_counts *counts) {
+  vf front = s->front, back = s->back;
+  if (v.classification == TC_PREINTEGRATED) return classify_part(args, v, p, s, front, back);
   if (v.classification == TC_PREINTEGRATED2) {
-    vf middle = sample_node(args, v, p, v_set(0.5f) * (t0 + v_min(t1, p->length)), NULL);
+    vf middle = sample_node(args, v, p, segment_middle_mm(p, s), NULL);
     if (v.zoomed) linearise_zoomed(args, &front, middle, &back);
     else linearise(&front, middle, &back);
-    counts->samples += (uint64_t)m_count(live);
-    return classify_part(args, v, p, front, back, i, t0, t1, live);
+    counts->samples += (uint64_t)m_count(s->live);
+    return classify_part(args, v, p, s, front, back);
   }
-  return classify_1d(args, v, p, front, back, i, t0, t1);
+  const ray_segment copy = *s; /* its address leaves: that of *s would keep the whole march in memory */
+  return classify_1d(args, v, p, &copy);
 }

@@ -1,36 +1,40 @@
-/* The contract of the vector vocabulary: what a simd_*.h supplies to the kernel templates. Adding an instruction set is
- * writing one such header that ends with SIMD_PROVIDED, and a kernels_*.c and a surface_*.c that include it.
+/* The contract of the vector vocabulary: what a simd_*.h supplies to the kernel templates. Adding an instruction set
+ * is writing one such header that ends with SIMD_PROVIDED, and a kernels_*.c and a surface_*.c that include it.
  *
- * Constants: V_LANES, V_PACKET_X * V_PACKET_Y = V_LANES; lane l is pixel (l % V_PACKET_X, l / V_PACKET_X) of a packet.
- * V_INLINE: every operation is inlined, so that arguments which are constant stay constant.
- * Types: vf (V_LANES floats), vi (V_LANES int32_t), vm (V_LANES booleans), vf4 {vf r, g, b, a}. vf supports + - * / of C,
- * each rounded once to nearest; not the unary minus (write v_set(0) - a). Denormals are kept.
+ * Constants: V_LANES; V_PACKET_X * V_PACKET_Y = V_LANES; lane l is pixel (l % V_PACKET_X, l / V_PACKET_X) of a packet.
  *
- * The rows below are the lane-wise operations, OP(name, meaning in one lane). simd_scalar.h is made from them, SIMD_PROVIDED
- * checks that another header has all of them with the same types, and tests/unit/simd.c that every lane means the same,
- * for random and special values.
- * - Rounding: to nearest even. Only v_fma and v_fnma differ between instruction sets: once (fused) or twice. Hence kernels
- *   are bit-identical within an instruction set, and equal to the scalar one within a tolerance.
- * - NaN: comparisons with NaN are false. v_min and v_max return b where either is NaN, and where both are zeros: of
- *   v_max(x, v_set(0)), NaN becomes 0. Kernels rely on it to clamp.
+ * Types: vf (V_LANES floats), vi (V_LANES int32_t), vm (V_LANES booleans), vf4 {vf r, g, b, a}. vf supports + - * / of
+ * C, each rounded once to nearest; not the unary minus (write v_set(0) - a). Denormals are kept.
+ *
+ * The rows below are the lane-wise operations, OP(name, meaning in one lane). simd_scalar.h is made from them,
+ * SIMD_PROVIDED checks that another header has all of them with the same types, and tests/unit/simd.c checks, for
+ * random and special values, that every lane means the same.
+ * - Rounding: to nearest even. Only v_fma and v_fnma differ between instruction sets: once (fused) or twice. Hence
+ *   kernels are bit-identical within an instruction set, and equal to the scalar one within a tolerance.
+ * - NaN: comparisons with NaN are false. v_min and v_max return b where either is NaN, and where both are zeros.
+ *   Kernels rely on it to clamp: v_max(NaN, v_set(0)) is 0.
  * - Integers wrap round. Shift counts are constants within 0..31.
  *
  * Not lane-wise, or with memory (simd_scalar.h has their meaning as plain C):
  * - v_set, v_seti: the same in all lanes. v_lane_x, v_lane_y: the lane's pixel in the packet.
  * - v_trunc rounds towards zero; outside int32_t, and of NaN, any number. v_float rounds to nearest. v_bits and
  *   v_from_bits copy bits.
- * - m_any: is any lane set; m_count: how many; m_bits: lane l as bit l. v_least: the least lane; any number where one is NaN.
- * - v_load, v_store: V_LANES floats, unaligned; v_load_bytes: V_LANES bytes, unsigned. v_gather: the float at offset off.
- * - v_bytes: the byte at offset off. v_pair_T: elements off and off + 1, exactly; off counts elements, 0 and up. Both may
- *   read, not use, 3 bytes further: volumes and maps have a tail pad.
- * - v_corner_T: the pair, each plus V_BIAS_T, exactly, for an instruction set where that is cheaper; field_tmpl.h stands in.
- * - v_bilinear: reads entries row0, row0 + 1, row1, row1 + 1 (4 floats each) of base, interpolates by fy between rows, then
- *   by fx, each as a + f (b - a) with v_fma: four equal entries give that entry, and fx = fy = 0 gives entry row0.
+ * - m_any: is any lane set; m_count: how many; m_bits: lane l as bit l. v_least: the least lane; any number where one
+ *   is NaN.
+ * - v_load, v_store: V_LANES floats, unaligned; v_load_bytes: V_LANES bytes, unsigned. v_gather: the float at offset
+ *   off.
+ * - v_bytes: the byte at offset off. v_pair_T: elements off and off + 1, exactly; off counts elements, 0 and up. Both
+ *   may read, but not use, 3 bytes further: volumes and maps have a tail pad.
+ * - v_corner_T: the pair, each plus V_BIAS_T, exactly, for an instruction set where that is cheaper; field_tmpl.h
+ *   has the default.
+ * - v_bilinear: reads entries row0, row0 + 1, row1, row1 + 1 (4 floats each) of base, interpolates by fy between rows,
+ *   then by fx, each as a + f (b - a) with v_fma: four equal entries give that entry, and fx = fy = 0 gives row0's.
  *
- * Order of a kernel's translation unit: kernels.h, then a simd_*.h, then kernels_tmpl.h or surface_tmpl.h, which include the
- * pieces (*_tmpl.h) bottom-up: packet (rays), field, cubic, filter (samples), classify, integrals, zoom, stiff (colour and
- * opacity), subpixel, segment, shade, gradient, labels, cover (empty-space skipping), the marches (dvr, back, projection,
- * mpr or isosurface), and last tile (pixels, rows of variants). A piece uses only what precedes it. */
+ * Order of a kernel's translation unit: kernels.h, then a simd_*.h, then kernels_tmpl.h or surface_tmpl.h, which
+ * include the pieces (*_tmpl.h) bottom-up: packet (rays), field, cubic, filter (samples), classify, integrals, zoom,
+ * stiff (colour and opacity), subpixel, segment, shade, gradient, labels, cover (empty-space skipping), the marches
+ * (dvr, back, projection, mpr or isosurface), and last tile (pixels, rows of variants). A piece uses only what
+ * precedes it. */
 #ifndef TC_SIMD_H
 #define TC_SIMD_H
 
@@ -39,6 +43,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* Every operation is inlined, so that constant arguments stay constant. */
 #define V_INLINE static inline __attribute__((always_inline))
 
 /* vf (vf a) */

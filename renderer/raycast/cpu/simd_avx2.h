@@ -66,8 +66,8 @@ V_INLINE void v_pair_f32(const void *base, vi off, vf *a, vf *b) {
 }
 #include "renderer/raycast/cpu/simd_gather.h"
 
-/* Each lane loads whole entries of 16 bytes, lane 4s+g into the 128-bit slot s of group g. A 4x4 transpose within the slots then
- * ends in lane order: far fewer loads than sixteen gathers. */
+/* Each lane loads whole entries of 16 bytes, lane 4s+g into the 128-bit slot s of group g. A 4x4 transpose within
+ * the slots then ends in lane order: far fewer loads than sixteen gathers. */
 V_INLINE vf v_slot_pair(const double *base, const int32_t *off, int g) {
   return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_castpd_ps(_mm_loadu_pd(base + off[g]))),
                               _mm_castpd_ps(_mm_loadu_pd(base + off[4 + g])), 1);

@@ -62,8 +62,8 @@ V_INLINE void v_pair_f32(const void *base, vi off, vf *a, vf *b) {
 }
 #include "renderer/raycast/cpu/simd_gather.h"
 
-/* Pairs plus a bias: an integer put into the mantissa of 2^23 becomes a float in one instruction, and the bias cancels exactly in
- * differences. */
+/* Pairs plus a bias: an integer put into the mantissa of 2^23 becomes a float in one instruction, and the bias
+ * cancels exactly in differences. */
 V_INLINE vf v_biased(vi bits, __mmask64 bytes, vi order) {
   return v_from_bits(_mm512_mask_shuffle_epi8(v_seti(0x4b000000), bytes, bits, order));
 }
@@ -89,8 +89,8 @@ V_INLINE void v_corner_i16(const void *base, vi off, vf *a, vf *b) {
 #define V_BIAS_U16 0x1p23f
 #define V_BIAS_I16 (0x1p23f + 32768)
 
-/* One load fetches two neighbouring entries (32 bytes). Group g holds lanes g, 4+g, 8+g and 12+g, one entry per 128-bit slot. A 4x4
- * transpose within the slots then ends in lane order: far fewer loads than sixteen gathers. */
+/* One load fetches two neighbouring entries (32 bytes). Group g holds lanes g, 4+g, 8+g and 12+g, one entry per
+ * 128-bit slot. A 4x4 transpose within the slots then ends in lane order: far fewer loads than sixteen gathers. */
 V_INLINE vf v_entry_pairs(const double *base, const int32_t *off, int a, int b) {
   vf v = _mm512_castps256_ps512(_mm256_castpd_ps(_mm256_loadu_pd(base + off[a])));
   return _mm512_castpd_ps(_mm512_insertf64x4(_mm512_castps_pd(v), _mm256_loadu_pd(base + off[b]), 1));

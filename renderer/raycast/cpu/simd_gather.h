@@ -1,6 +1,6 @@
-/* Integer voxels of the vector vocabulary, for instruction sets that gather 32 bits: one gather fetches a voxel and its
- * right neighbour, and reads up to 3 bytes beyond them. Included by a simd_*.h after v_gather_bytes and v_gather_words, which
- * gather at off bytes and off 16-bit words. */
+/* Integer voxels of the vector vocabulary, for instruction sets that gather 32 bits: one gather fetches a voxel and
+ * its right neighbour, and reads up to 3 bytes beyond them. Included by a simd_*.h after v_gather_bytes and
+ * v_gather_words, which gather at off bytes and off 16-bit words. */
 V_INLINE vi v_bytes(const uint8_t *base, vi off) { return v_andi(v_gather_bytes(base, off), v_seti(255)); }
 V_INLINE void v_pair_u8(const void *base, vi off, vf *a, vf *b) {
   vi p = v_gather_bytes(base, off), mask = v_seti(255);

@@ -1,5 +1,5 @@
-/* The vector vocabulary with one lane: the meaning of every operation (simd.h), which the other instruction sets are tested
- * against. */
+/* The vector vocabulary with one lane: the meaning of every operation (simd.h), which the other instruction sets are
+ * tested against. */
 #ifndef TC_SIMD_SCALAR_H
 #define TC_SIMD_SCALAR_H
 

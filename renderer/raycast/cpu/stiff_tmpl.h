@@ -1,5 +1,5 @@
-/* Opacity correction in stiff scenes: the medium is so dense that a segment's opacity rounds to 1 and no longer tells its optical
- * depth. The depth comes from the table's row of depths (classify/classify.h). */
+/* Opacity correction in stiff scenes: the medium is so dense that a segment's opacity rounds to 1 and no longer
+ * tells its optical depth. The depth comes from the table's row of depths (classify/classify.h). */
 
 /* How much more light comes from the nearer half of a segment of optical depth x whose colour is linear:
  * 1/2 - 1/x + 1/(exp(x) - 1). */
@@ -9,8 +9,8 @@ V_INLINE vf front_excess(vf x) {
   return v_select(v_lt(x, v_set(0.5f)), thin, v_set(0.5f) - v_set(1) / deep + clear / (v_set(1) - clear));
 }
 
-/* c: the whole segment. The opacity over `share` of it is exact. Its colour is a mixture of the segment seen from the front and
- * from the back, weighted so that it is exact for linear colour and constant extinction. */
+/* c: the whole segment. The opacity over `share` of it is exact. Its colour is a mixture of the segment seen from
+ * the front and from the back, weighted so that it is exact for linear colour and constant extinction. */
 V_ONCE vf4 shorten_stiff(const tc_cpu_args *args, vf front, vf back, vf4 c, vf share, vm which) {
   vf4 reverse = classify_zoomed(args, back, front, which);
   vf depth = depth_between(args, front, back, which), tiny = v_set(1e-30f), half = v_set(0.5f);

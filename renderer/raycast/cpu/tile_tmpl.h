@@ -1,9 +1,9 @@
-/* From packets to tiles, and the table of variants: the last piece of a translation unit. Before it stand cast_rays(), which
- * marches one packet, and the macro ROWS(ROW), which lists the variants. */
+/* From packets to tiles, and the table of variants: the last piece of a translation unit. Before it stand
+ * cast_rays(), which marches one packet, and the macro ROWS(ROW), which lists the variants. */
 
 /* The mean of all rays of each pixel of a packet. Interrupted between two rays, the sum so far. */
-V_INLINE vf4 cast_pixels(const tc_cpu_args *args, variant v, const place *first, skip_backoff *backoff, const float *out,
-                         ptrdiff_t stride, tc_cpu_counts *counts) {
+V_INLINE vf4 cast_pixels(const tc_cpu_args *args, variant v, const place *first, skip_backoff *backoff,
+                         const float *out, ptrdiff_t stride, tc_cpu_counts *counts) {
   place at = *first;
   vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
   if (v.several && counts->ray) sum = load_packet(first, out, stride);
@@ -18,12 +18,13 @@ V_INLINE vf4 cast_pixels(const tc_cpu_args *args, variant v, const place *first,
     sum = (vf4){sum.r + c.r, sum.g + c.g, sum.b + c.b, sum.a + c.a};
   }
   counts->ray = 0;
-  vf n = v_set((float)args->rays.count); /* all four sums are rounded alike: colour stays at most opacity, opacity at most 1 */
+  vf n = v_set(
+      (float)args->rays.count); /* all four sums are rounded alike: colour stays at most opacity, opacity at most 1 */
   return (vf4){sum.r / n, sum.g / n, sum.b / n, sum.a / n};
 }
 
-V_INLINE void cast_tile(const tc_cpu_args *args, variant v, int x0, int y0, int x1, int y1, float *out, ptrdiff_t stride,
-                        tc_cpu_counts *counts) {
+V_INLINE void cast_tile(const tc_cpu_args *args, variant v, int x0, int y0, int x1, int y1, float *out,
+                        ptrdiff_t stride, tc_cpu_counts *counts) {
   skip_backoff backoff = {0};
   int packet = 0;
   for (int y = y0; y < y1; y += V_PACKET_Y)
@@ -38,7 +39,8 @@ V_INLINE void cast_tile(const tc_cpu_args *args, variant v, int x0, int y0, int 
     }
 }
 
-/* What a plan's key asks for. Shading models differ in numbers (raycast/shade.h), MIP and MinIP in a sign (raycast/grey.h). */
+/* What a plan's key asks for. Shading models differ in numbers (raycast/shade.h), MIP and MinIP in a sign
+ * (raycast/grey.h). */
 V_INLINE variant wanted_variant(const tc_plan_key *key) {
   return (variant){.mode = key->mode == TC_MODE_MINIP ? TC_MODE_MIP : key->mode,
                    .type = key->voxel_type,
@@ -56,8 +58,8 @@ V_INLINE variant wanted_variant(const tc_plan_key *key) {
                    .zoomed = key->zoomed};
 }
 
-/* A row's members that say BY_KEY are read from the key at run time; the others are constants, and what they exclude is not
- * compiled. */
+/* A row's members that say BY_KEY are read from the key at run time; the others are constants, and what they exclude
+ * is not compiled. */
 V_INLINE variant specialise(variant row, const tc_plan_key *key) {
   const variant wanted = wanted_variant(key);
 #define MEMBER(name) if (row.name == BY_KEY) row.name = wanted.name;

@@ -1,5 +1,6 @@
-/* The gl back end. A frame is cut into tiles; each is one dispatch, whose result is read back through the ring while later tiles run.
- * Small tiles keep a GPU's watchdog quiet and let frames be cancelled soon; their size follows measured times (pace.h). */
+/* The gl back end. A frame is cut into tiles; each is one dispatch, whose result is read back through the ring while
+ * later tiles run. Small tiles keep a GPU's watchdog quiet and let frames be cancelled soon; their size follows
+ * measured times (pace.h). */
 #include "renderer/raycast/gl/backend.h"
 
 #include <epoxy/gl.h>
@@ -176,7 +177,8 @@ static unsigned program_for(gl_backend *b, const tc_job *job, const tc_gl_volume
   return program;
 }
 
-/* Layout of a slot: counters, picture, floats, depths. Parts start at multiples of 1024, above any driver's alignment. */
+/* Layout of a slot: counters, picture, floats, depths. Parts start at multiples of 1024, above any driver's
+ * alignment. */
 typedef struct slot_layout {
   size_t picture_bytes, linear, linear_bytes, depth, depth_bytes, bytes;
 } slot_layout;
@@ -355,8 +357,8 @@ static bool render(void *instance, const tc_job *job, GError **error) {
 
 /* ---- background work ---- */
 
-/* Compiles the program and runs it once on no pixel: drivers defer part of the compilation to the first dispatch, and it depends on the
- * bound textures. */
+/* Compiles the program and runs it once on no pixel: drivers defer part of the compilation to the first dispatch,
+ * and it depends on the bound textures. */
 static void compile_in_background(void *argument) {
   gl_backend *b = argument;
   b->work.program = tc_gl_compose(&b->work.variant, NULL);

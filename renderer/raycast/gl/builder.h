@@ -1,9 +1,10 @@
-/* Pre-integration tables built on the GPU, directly in the buffer that frames read: only their pieces are uploaded, O(n). Entries agree
- * with those of classify/table.c within 1e-6, whatever the extinction. Needs a current context.
+/* Pre-integration tables built on the GPU, directly in the buffer that frames read: only their pieces are uploaded,
+ * O(n). Entries agree with those of classify/table.c within 1e-6, whatever the extinction. Needs a current context.
  *
- * On diagonal k, a window of k segments is the rest of its first block, whole blocks and the beginning of its last. Blocks are about
- * sqrt(n) wide: an entry takes a constant number of compositions, all by one invocation, without barriers or shared memory, for any n.
- * The CPU's blocks are k wide (van Herk, Gil-Werman), which needs fewer compositions but leaves nothing to do in parallel. */
+ * On diagonal k, a window of k segments is the rest of its first block, whole blocks and the beginning of its last.
+ * Blocks are about sqrt(n) wide: an entry takes a constant number of compositions, all by one invocation, without
+ * barriers or shared memory, for any n. The CPU's blocks are k wide (van Herk, Gil-Werman), which needs fewer
+ * compositions but leaves nothing to do in parallel. */
 #ifndef TC_RAYCAST_GL_BUILDER_H
 #define TC_RAYCAST_GL_BUILDER_H
 
@@ -17,16 +18,16 @@ typedef struct tc_gl_builder {
   const char *why;          /* who builds tables, and the reason */
 } tc_gl_builder;
 
-/* Compiles the programs if tables are to be built on the GPU: if asked for, or by default on hardware. If compiling fails, the CPU builds
- * tables, and builder->why says so. */
+/* Compiles the programs if tables are to be built on the GPU: if asked for, or by default on hardware. If compiling
+ * fails, the CPU builds tables, and builder->why says so. */
 void tc_gl_builder_make(tc_gl_builder *builder, tc_table_builder wanted, const tc_gl_report *report);
 void tc_gl_builder_clear(tc_gl_builder *builder);
 
 /* True if such a table is built on the GPU. *why: who builds it, and the reason; static. */
 bool tc_gl_builder_serves(const tc_gl_builder *builder, int n, int n_zooms, int bits, const char **why);
 
-/* Writes all entries of the table into a buffer (table->bytes, GL_DYNAMIC_STORAGE_BIT) through its buffer texture (GL_RGBA32F), and waits
- * for the result. */
+/* Writes all entries of the table into a buffer (table->bytes, GL_DYNAMIC_STORAGE_BIT) through its buffer texture
+ * (GL_RGBA32F), and waits for the result. */
 bool tc_gl_builder_run(const tc_gl_builder *builder, const tc_table *table, unsigned buffer, unsigned texture,
                        GError **error);
 

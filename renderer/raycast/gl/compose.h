@@ -7,8 +7,9 @@
 #include "renderer/error.h"
 #include "renderer/plan/key.h"
 
-/* Everything a program depends on: the plan's key and what only this back end decides. Zeroed before filling, because variants are
- * compared as bytes. Camera, table, background and sizes are run-time numbers, and compile nothing. */
+/* Everything a program depends on: the plan's key and what only this back end decides. Zeroed before filling,
+ * because variants are compared as bytes. Camera, table, background and sizes are run-time numbers, and compile
+ * nothing. */
 typedef struct tc_gl_variant {
   tc_plan_key plan;
   uint8_t atlas;        /* 0/1: several slices per texture layer */
@@ -22,8 +23,8 @@ typedef struct tc_gl_variant {
 /* The text of a piece by its file's name; NULL: unknown. */
 const char *tc_gl_piece(const char *name);
 
-/* Compiles the variant; needs a current context. 0 with TC_ERROR_UNSUPPORTED for an unknown key, or TC_ERROR_INTERNAL if the driver
- * refuses. */
+/* Compiles the variant; needs a current context. 0 with TC_ERROR_UNSUPPORTED for an unknown key, or
+ * TC_ERROR_INTERNAL if the driver refuses. */
 unsigned tc_gl_compose(const tc_gl_variant *variant, GError **error);
 
 #endif

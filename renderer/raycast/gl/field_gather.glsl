@@ -1,5 +1,5 @@
-// The trilinear field in full precision. Slices are layers of a 2-D array texture in the voxels' own type: two gathers fetch a cell's
-// eight corners, and the shader interpolates, because a GPU's own filtering has 8-bit weights.
+// The trilinear field in full precision. Slices are layers of a 2-D array texture in the voxels' own type: two gathers
+// fetch a cell's eight corners, and the shader interpolates, because a GPU's own filtering has 8-bit weights.
 layout(binding = 0) uniform VOXELS voxels; // usampler2DArray, isampler2DArray or sampler2DArray
 
 vec4 corners(ivec2 cell, int z) {

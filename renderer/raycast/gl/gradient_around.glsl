@@ -1,4 +1,5 @@
-// Gradient "cell" of isosurfaces: differences between opposite faces of a cube two voxels wide, each face the mean of its corners.
+// Gradient "cell" of isosurfaces: differences between opposite faces of a cube two voxels wide, each face the mean of
+// its corners.
 vec3 gradient_at(vec3 p) {
   vec3 last = vec3(job.dims.xyz - 1), low = clamp(p - 1.0, vec3(0.0), last), high = clamp(p + 1.0, vec3(0.0), last);
   precise vec3 sum = vec3(0.0);

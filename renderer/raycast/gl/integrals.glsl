@@ -1,5 +1,5 @@
-// The classifications that read 1-D tables (equations and layout: classify/integrals.h). "precise" fixes the rounding, so that all
-// variants give the same bits.
+// The classifications that read 1-D tables (equations and layout: classify/integrals.h). "precise" fixes the rounding,
+// so that all variants give the same bits.
 layout(binding = 1) uniform samplerBuffer integrals;
 
 // (L tau, tau) in a node interval at x in 0..1.

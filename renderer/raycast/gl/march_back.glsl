@@ -1,5 +1,5 @@
-// Back-to-front compositing: the samples and segments of march_dvr.glsl in reverse. There is no early ray termination, because the
-// nearest segment comes last.
+// Back-to-front compositing: the samples and segments of march_dvr.glsl in reverse. There is no early ray termination,
+// because the nearest segment comes last.
 
 // The last sample before the ray's end; the loops correct the rounding of the estimate.
 int last_sample(float length_mm) {
@@ -15,7 +15,8 @@ int last_sample(float length_mm) {
   return i;
 }
 
-// The over operator as sum + (segment - opacity * sum): thin segments of a long ray lose no more to rounding than front to back.
+// The over operator as sum + (segment - opacity * sum): thin segments of a long ray lose no more to rounding than front
+// to back.
 vec4 composite_over(vec4 segment, vec4 sum) {
   precise vec4 both = sum + fma(vec4(-segment.a), sum, segment);
   return both;

@@ -1,6 +1,7 @@
-// MIP and MinIP: the maximum of the signed field along a ray, from samples a step apart, the ray's end, and peak refinement around the
-// greatest (grey.h). With LEAP, empty-space skipping leaves out intervals in which the maximum cannot rise. The march starts with the
-// maximum of the interval with the highest level, whose samples it would take anyway.
+// MIP and MinIP: the maximum of the signed field along a ray, from samples a step apart, the ray's end, and peak
+// refinement around the greatest (grey.h). With LEAP, empty-space skipping leaves out intervals in which the maximum
+// cannot rise. The march starts with the maximum of the interval with the highest level, whose samples it would take
+// anyway.
 //
 // "precise" and fma() fix the rounding, so that all variants give the same bits: skipping changes nothing.
 float best, at; // the greatest sample, and where it is in mm; of several equal ones the first
@@ -20,8 +21,8 @@ float refine_peak(vec3 entry, vec3 direction, float length_mm) {
   return value;
 }
 
-// Of equal maxima the first counts, with and without skipping: blocks that hold an equal of the greatest sample are never skipped
-// (skip/bounds.h).
+// Of equal maxima the first counts, with and without skipping: blocks that hold an equal of the greatest sample are
+// never skipped (skip/bounds.h).
 void take_sample(vec3 entry, vec3 direction, float t, inout Counts counts) {
   float w = sample_signed(entry, direction, t);
   counts.samples++;

@@ -1,12 +1,13 @@
-// Isosurfaces: the first hit (surface.h). A ray walks from cell to cell; each cell wall has its own t, computed and not accumulated, so
-// that empty-space skipping changes no bit.
+// Isosurfaces: the first hit (surface.h). A ray walks from cell to cell; each cell wall has its own t, computed and not
+// accumulated, so that empty-space skipping changes no bit.
 #if LEAP
 layout(binding = 2) uniform usamplerBuffer distances; // skip/skip.h
 #endif
 
 const float NEVER = 1e30;
 
-// entry: index position; direction: voxels per mm; inverse: 1 / direction; front: 1 along axes on which the ray goes up, else 0.
+// entry: index position; direction: voxels per mm; inverse: 1 / direction; front: 1 along axes on which the ray goes
+// up, else 0.
 struct Ray { vec3 entry, direction, inverse, front; };
 
 struct Cell {

@@ -1,5 +1,5 @@
-// Planar reformats (MPR): one sample per pixel, or a slab's maximum, minimum or mean, through the window to grey. SLAB: 0 slice,
-// 1 maximum, 2 minimum, 3 mean. Returns grey with opacity 1.
+// Planar reformats (MPR): one sample per pixel, or a slab's maximum, minimum or mean, through the window to grey. SLAB:
+// 0 slice, 1 maximum, 2 minimum, 3 mean. Returns grey with opacity 1.
 
 float sample_slice(vec3 entry, vec3 direction, float t) {
   vec3 p = fma(vec3(t), direction, entry);

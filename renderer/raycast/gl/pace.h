@@ -1,4 +1,5 @@
-/* Tile sizes: how large a dispatch may be, judged by the time of earlier ones, so that the halt is polled often enough. Pure. */
+/* Tile sizes: how large a dispatch may be, judged by the time of earlier ones, so that the halt is polled often
+ * enough. Pure. */
 #ifndef TC_GL_PACE_H
 #define TC_GL_PACE_H
 
@@ -17,7 +18,8 @@ typedef struct tc_gl_pace {
 /* Before any measurement: assumes a GPU much slower than known ones. */
 void tc_gl_pace_init(tc_gl_pace *pace, bool hardware, int most);
 
-/* Pixels per tile for pixels of so many samples; expected time of a tile of so many pixels; expected time of the smallest tile. */
+/* Pixels per tile for pixels of so many samples; expected time of a tile of so many pixels; expected time of the
+ * smallest tile. */
 int tc_gl_pace_pixels(const tc_gl_pace *pace, double pixel_samples);
 double tc_gl_pace_ms(const tc_gl_pace *pace, int pixels, double pixel_samples);
 double tc_gl_pace_least_ms(const tc_gl_pace *pace, double pixel_samples);

@@ -1,5 +1,5 @@
-// Several rays per pixel, and jitter (subpixel.h): samples lie at whole steps from the entry, less `lag`, so that the first segment is
-// shorter.
+// Several rays per pixel, and jitter (subpixel.h): samples lie at whole steps from the entry, less `lag`, so that the
+// first segment is shorter.
 float lag; // mm, of the current ray
 
 #if JITTER

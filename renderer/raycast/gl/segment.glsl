@@ -44,8 +44,8 @@ int first_sample() {
 }
 
 #if SECOND_ORDER
-// Second-order pre-integration: the linear field with the mean of the quadratic through three samples, and ends within their range
-// (sources: segment_tmpl.h).
+// Second-order pre-integration: the linear field with the mean of the quadratic through three samples, and ends within
+// their range (sources: segment_tmpl.h).
 vec2 linearise(float front, float middle, float back) {
   precise float mean = fma((front - middle) + (back - middle), 1.0 / 6.0, middle); // Simpson's rule; exact for three equal samples
   float least = min(middle, min(front, back)), most = max(middle, max(front, back));

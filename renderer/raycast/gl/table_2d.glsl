@@ -1,4 +1,5 @@
-// Look-up in the full pre-integration table (classify.h): rows are differences of ends, columns the smaller end, both interpolated.
+// Look-up in the full pre-integration table (classify.h): rows are differences of ends, columns the smaller end, both
+// interpolated.
 layout(binding = 1) uniform samplerBuffer table;
 
 // A segment's ends in nodes of a window; start of the window's row k = 0, entries per row, and its row of depths.

@@ -15,8 +15,9 @@ float one_minus_exp(float a) {
   return w;
 }
 
-// How much of the opacity w of a piece of depth a shows its far end's colour, seen from the low end (x) and from the high end (y).
-// Extinction is a (1 + tilt (2u - 1)), |a tilt| <= 0.05: the integral of u over the opacity, expanded in a tilt.
+// How much of the opacity w of a piece of depth a shows its far end's colour, seen from the low end (x) and from the
+// high end (y). Extinction is a (1 + tilt (2u - 1)), |a tilt| <= 0.05: the integral of u over the opacity, expanded in
+// a tilt.
 vec2 far_share(float a, float tilt, float w) {
   float x = a * tilt, even, i1, i2;
   if (a < 0.5) { // without the opacity term, so that nothing cancels

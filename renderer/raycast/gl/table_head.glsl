@@ -1,6 +1,6 @@
 #version 450 core
-// Building the pre-integration table or a zoom (classify/outline.h): an invocation makes some entries of one diagonal k. Neighbouring
-// invocations take neighbouring k and the same positions, so that they read the same pieces.
+// Building the pre-integration table or a zoom (classify/outline.h): an invocation makes some entries of one diagonal
+// k. Neighbouring invocations take neighbouring k and the same positions, so that they read the same pieces.
 layout(local_size_x = 64) in;
 
 // x: node intervals, y: columns per row, z: start of row k = 0, w: intervals per block
@@ -10,7 +10,8 @@ layout(location = 1) uniform vec4 peak; // the largest value of each channel, an
 // Premultiplied colour and opacity over a stretch of the value axis, towards higher nodes and towards lower ones.
 struct Both { vec4 up, down; };
 
-// The over operator. Not front + (1 - opacity) back: 1 minus a small opacity rounds, in the same direction for many similar segments.
+// The over operator. Not front + (1 - opacity) back: 1 minus a small opacity rounds, in the same direction for many
+// similar segments.
 vec4 over(vec4 front, vec4 back) {
   precise vec4 sum = (front - front.a * back) + back;
   return sum;

@@ -1,6 +1,6 @@
-// Entries of a diagonal: sliding windows of k intervals, as products without subtraction, hence without cancellation. A window is the
-// rest of its first block, whole blocks, and the beginning of its last: with blocks of about the square root of the table's side, a
-// constant number of compositions per entry.
+// Entries of a diagonal: sliding windows of k intervals, as products without subtraction, hence without cancellation. A
+// window is the rest of its first block, whole blocks, and the beginning of its last: with blocks of about the square
+// root of the table's side, a constant number of compositions per entry.
 layout(rgba32f, binding = 0) uniform imageBuffer table;
 
 // Colour and opacity round separately: clamps colour to opacity times peak, and both to their bounds.

@@ -86,7 +86,8 @@ static bool make_volume(tc_gl_volume *copy, const tc_volume *volume, const int s
   return good;
 }
 
-/* Frees least recently used volumes, except the current frame's, until `bytes` more fit the budget; returns a free entry. */
+/* Frees least recently used volumes, except the current frame's, until `bytes` more fit the budget; returns a free
+ * entry. */
 static tc_gl_volume *make_room(tc_gl_textures *textures, size_t bytes) {
   for (;;) {
     tc_gl_volume *unused = NULL, *oldest = NULL;

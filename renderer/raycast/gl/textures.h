@@ -1,4 +1,5 @@
-/* Copies of volumes, pre-integration tables and distance maps on the GPU, least recently used out first. Needs a current context. */
+/* Copies of volumes, pre-integration tables and distance maps on the GPU, least recently used out first. Needs a
+ * current context. */
 #ifndef TC_RAYCAST_GL_TEXTURES_H
 #define TC_RAYCAST_GL_TEXTURES_H
 
@@ -39,9 +40,9 @@ typedef struct tc_gl_textures {
   uint64_t frame;                      /* number of the current frame, whose copies stay */
 } tc_gl_textures;
 
-/* A frame begins, asks for its volume and label volume, then for its lookups; all live until the next frame begins, owned by *textures.
- * Missing ones are uploaded; if the halt (NULL: none) interrupts a lookup's upload, nothing of it is kept. TC_ERROR_LIMIT: no texture of
- * this device is large enough; the message says how to mend it. */
+/* A frame begins, asks for its volume and label volume, then for its lookups; all live until the next frame begins,
+ * owned by *textures. Missing ones are uploaded; if the halt (NULL: none) interrupts a lookup's upload, nothing of
+ * it is kept. TC_ERROR_LIMIT: no texture of this device is large enough; the message says how to mend it. */
 void tc_gl_textures_begin(tc_gl_textures *textures);
 /* True if the volume is not resident and fits a texture of this device. */
 bool tc_gl_textures_want(const tc_gl_textures *textures, const tc_volume *volume);

@@ -1,5 +1,6 @@
-/* Background work with the GL context: a thread takes the context, compiles a program or uploads a volume, and releases it, while the cpu
- * back end draws frames. There is no second context; until the work is done, nobody else may use this one. */
+/* Background work with the GL context: a thread takes the context, compiles a program or uploads a volume, and
+ * releases it, while the cpu back end draws frames. There is no second context; until the work is done, nobody else
+ * may use this one. */
 #ifndef TC_RAYCAST_GL_WARM_H
 #define TC_RAYCAST_GL_WARM_H
 
@@ -17,8 +18,8 @@ typedef struct tc_gl_warm {
   void *argument;
 } tc_gl_warm;
 
-/* Calls work(argument) on a new thread that owns the context from now on: it is current there, with its bindings. False: no thread could
- * be created, and the context is still the caller's. *warm is zeroed or was taken. */
+/* Calls work(argument) on a new thread that owns the context from now on: it is current there, with its bindings.
+ * False: no thread could be created, and the context is still the caller's. *warm is zeroed or was taken. */
 bool tc_gl_warm_start(tc_gl_warm *warm, tc_gl_context *context, void (*work)(void *), void *argument);
 
 bool tc_gl_warm_is_busy(const tc_gl_warm *warm);
