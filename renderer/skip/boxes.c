@@ -21,7 +21,7 @@ typedef struct found {
 } found;
 
 typedef struct tc_boxing {
-  const void *voxels;      /* these two while it goes on */
+  const void *voxels;      /* both borrowed during a call */
   const tc_minmax *minmax;
   tc_runs runs;
   int dims[3], cells[3];

@@ -5,6 +5,15 @@
  * at both (NUMERICS section 3). The last segment of a ray is shorter, and so is the first one of a ray with a phase
  * (subpixel_tmpl.h): opacity correction scales both. */
 
+/* Shades a segment of colour c, by its cells' gradients or by the gradient in its middle. */
+V_INLINE vf4 shade_segment(const tc_cpu_args *args, variant v, const packet *p, const lighting *l, const ray_segment *s,
+                           vf4 c) {
+  vf middle[3];
+  if (v.gradient == TC_GRADIENT_CELL) return shade(&args->shade, l, s->front_gradient, s->back_gradient, c);
+  gradient_at(args, v, p, segment_middle_mm(p, s), middle);
+  return shade(&args->shade, l, middle, middle, c);
+}
+
 /* Colour and opacity of a segment: classified, tinted by labels, shaded. */
 V_INLINE vf4 draw_segment(const tc_cpu_args *args, variant v, const packet *p, const lighting *light,
                           const ray_segment *s, tc_cpu_counts *counts) {

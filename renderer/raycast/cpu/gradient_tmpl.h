@@ -67,12 +67,3 @@ V_INLINE void gradient_at(const tc_cpu_args *args, variant v, const packet *p, v
   default: central_f32(args, q, gradient); return;
   }
 }
-
-/* Shades a segment of colour c, by its cells' gradients or by the gradient in its middle. */
-V_INLINE vf4 shade_segment(const tc_cpu_args *args, variant v, const packet *p, const lighting *l, const ray_segment *s,
-                           vf4 c) {
-  vf middle[3];
-  if (v.gradient == TC_GRADIENT_CELL) return shade(&args->shade, l, s->front_gradient, s->back_gradient, c);
-  gradient_at(args, v, p, segment_middle_mm(p, s), middle);
-  return shade(&args->shade, l, middle, middle, c);
-}
