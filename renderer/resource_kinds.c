@@ -172,7 +172,7 @@ static double boxes_empty_share(const void *thing) { return ((const tc_boxes *)t
 
 static void bounds_key(const tc_job *job, GByteArray *key) {
   const tc_grey *g = &job->plan->grey;
-  const float grey[] = {g->turn, g->floor, g->stop};
+  const float grey[] = {g->sign, g->floor, g->stop};
   blocks_key(job, key);
   append(key, grey, sizeof grey);
 }

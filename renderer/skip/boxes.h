@@ -35,6 +35,9 @@ typedef struct tc_boxes {
   struct tc_boxing *begun; /* work in progress; NULL once complete */
 } tc_boxes;
 
+/* Whether boxes can name every cell of the volume: no axis is longer than TC_BOX_REACH. */
+bool tc_boxes_serve(const tc_volume *volume);
+
 /* volume: the one that is sampled; minmax: its acceleration grid, which also says how far the filter reaches; pool:
  * of the calls that follow. NULL with TC_ERROR_MEMORY. */
 tc_boxes *tc_boxes_begin(const tc_volume *volume, const tc_minmax *minmax, const tc_support *support, tc_pool *pool,

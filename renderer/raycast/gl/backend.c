@@ -139,26 +139,21 @@ static bool builds_table(void *instance, const tc_table_params *params, const ch
   return tc_gl_builder_serves(&((gl_backend *)instance)->builder, params->n, params->n_zooms, params->bits, why);
 }
 
-static void name_kernel(void *instance, tc_plan *plan) {
-  tc_plan_key_name(&plan->key, plan->kernel, sizeof plan->kernel);
-  g_strlcat(plan->kernel, ".gl", sizeof plan->kernel);
-}
+static const char *kernel_suffix(void *instance) { return "gl"; }
 
 /* ---- one frame ---- */
-
-static bool wants_depth(const tc_job *job) { return job->surface && job->want_depth; }
 
 static tc_gl_variant variant_for(const tc_job *job, const tc_gl_volume *volume) {
   tc_gl_variant v;
   memset(&v, 0, sizeof v);
-  v.plan = job->plan->key;
+  v.plan = job->key;
   v.plan.shading = v.plan.shading != TC_SHADING_NONE; /* models differ in numbers only: one program for all */
   v.atlas = volume->slices_per_layer > 1;
-  v.linear_light = job->scene->image.linear_light;
+  v.linear_light = tc_resolve_is_linear(job->scene);
   v.transparent = job->scene->image.transparent;
   v.want_linear = job->want_linear;
-  v.want_depth = wants_depth(job);
-  if (job->labels) {
+  v.want_depth = job->plan->depth;
+  if (job->have.labels) {
     tc_voxel_type type = tc_volume_describe(job->label_volume)->type;
     v.label_signed = type == TC_I8 || type == TC_I16;
   }
@@ -186,7 +181,7 @@ typedef struct slot_layout {
 static slot_layout lay_out(const tc_job *job, int width, int height) {
   slot_layout l = {.picture_bytes = (size_t)width * height * 4};
   if (job->want_linear) l.linear_bytes = 4 * l.picture_bytes;
-  if (wants_depth(job)) l.depth_bytes = l.picture_bytes;
+  if (job->plan->depth) l.depth_bytes = l.picture_bytes;
   l.linear = (COUNTER_BYTES + l.picture_bytes + 1023) & ~(size_t)1023;
   l.depth = (l.linear + l.linear_bytes + 1023) & ~(size_t)1023;
   l.bytes = l.depth + l.depth_bytes;
@@ -296,10 +291,10 @@ static bool run_tiles(gl_backend *b, unsigned program, const tc_job *job, int ti
 /* Binds the label volume and its entries to texture units 3 and 4. False with *error set. */
 static bool bind_labels(gl_backend *b, const tc_job *job, const tc_gl_volume **labels, GError **error) {
   *labels = NULL;
-  if (!job->labels) return true;
+  if (!job->have.labels) return true;
   *labels = tc_gl_textures_volume(&b->textures, job->label_volume, error);
   const tc_gl_lookup *entries =
-      *labels ? tc_gl_textures_labels(&b->textures, job->label_volume, job->labels, job->halt, error) : NULL;
+      *labels ? tc_gl_textures_labels(&b->textures, job->label_volume, job->have.labels, job->halt, error) : NULL;
   if (!entries) return false;
   glBindTextureUnit(3, (*labels)->texture);
   glBindTextureUnit(4, entries->texture);
@@ -311,12 +306,12 @@ static bool lookups_for(gl_backend *b, const tc_job *job, const tc_gl_lookup **t
                         GError **error) {
   double *tables_ms = &job->frame->stats.tables_ms;
   const tc_halt *halt = job->halt;
-  if (job->table &&
-      !(*table = tc_gl_textures_table(&b->textures, &b->builder, job->table, tables_ms, halt, error)))
+  if (job->have.table &&
+      !(*table = tc_gl_textures_table(&b->textures, &b->builder, job->have.table, tables_ms, halt, error)))
     return false;
-  if (job->integrals && !(*table = tc_gl_textures_integrals(&b->textures, job->integrals, halt, error))) return false;
-  if (job->leap && !(*skip = tc_gl_textures_leap(&b->textures, job->volume, job->leap, halt, error))) return false;
-  return !job->bounds || (*skip = tc_gl_textures_bounds(&b->textures, job->volume, job->bounds, halt, error));
+  if (job->have.integrals && !(*table = tc_gl_textures_integrals(&b->textures, job->have.integrals, halt, error))) return false;
+  if (job->have.leap && !(*skip = tc_gl_textures_leap(&b->textures, job->volume, job->have.leap, halt, error))) return false;
+  return !job->have.bounds || (*skip = tc_gl_textures_bounds(&b->textures, job->volume, job->have.bounds, halt, error));
 }
 
 /* Uploads and binds what the job reads. Returns the volume's texture, or NULL with *error set. */
@@ -379,7 +374,7 @@ static void upload_in_background(void *argument) {
 /* True: large volumes of the job are being uploaded. Failed uploads are not retried: render() will report the error. */
 static bool uploads(gl_backend *b, const tc_job *job) {
   background_work next = {0};
-  const tc_volume *volumes[2] = {job->volume, job->label_volume};
+  const tc_volume *volumes[2] = {job->volume, job->have.labels ? job->label_volume : NULL};
   size_t bytes = 0;
   if (!tc_gl_context_use(b->context, NULL)) return false;
   for (int i = 0; i < 2; i++) {
@@ -416,6 +411,7 @@ static bool ready(void *instance, const tc_job *job) {
 
 const tc_backend_ops tc_gl_backend = {
     .name = "gl",
+    .maps_distance = true,
     .create = create,
     .destroy = destroy,
     .device = device,
@@ -425,7 +421,7 @@ const tc_backend_ops tc_gl_backend = {
     .ready = ready,
     .builds_table = builds_table,
     .forget = forget,
-    .name_kernel = name_kernel,
+    .kernel_suffix = kernel_suffix,
 };
 
 /* ---- for measurements ---- */
