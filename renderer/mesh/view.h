@@ -35,7 +35,7 @@ typedef struct tc_view {
   double eye[3], forward[3];       /* relative to the mesh's origin; unit */
 } tc_view;
 
-/* The camera was validated (tc_plan_make). clip: LPS planes n . p + d >= 0 of what is kept, at most TC_VIEW_MOST_CLIP.
+/* The camera was validated (tc_plan_check). clip: LPS planes n . p + d >= 0 of what is kept, at most TC_VIEW_MOST_CLIP.
  * Pure. */
 void tc_view_set_up(tc_view *view, const tc_clusters *mesh, const tc_camera *camera, int width, int height,
                     const double (*clip)[4], int n_clip);

@@ -8,7 +8,7 @@
 /* An upper bound of the samples of a frame of width x height pixels, with nothing skipped and no ray ended early: pixels
  * whose rays can meet the volume, times rays a pixel, times the length of a ray inside over the step, and a few more a ray
  * for its ends and, in mip and minip, around its peak. *longest_ray, unless NULL: of the longest ray alone. Infinite, or 0
- * (nothing to draw), for a scene that tc_plan_make() refuses. Pure; some 20 microseconds; any thread.
+ * (nothing to draw), for a scene that tc_plan_check() refuses. Pure; some 20 microseconds; any thread.
  *
  * One is a trilinear sample: eight voxels fetched and mixed. A sample counts 1 by filters nearest and linear and 8 by
  * cubic (64 voxels). Every segment of dvr counts one sample; with preintegrated2 a second; with labels one more; shaded

@@ -24,7 +24,7 @@ enum { TC_PEAK_ROUNDS = 2 };
 
 bool tc_is_projection(tc_mode mode);
 
-/* The window was validated (tc_plan_make). Pure. */
+/* The window was validated (tc_plan_check). Pure. */
 tc_grey tc_grey_make(const tc_volume *volume, const tc_scene *scene);
 
 #endif

@@ -57,7 +57,7 @@ typedef struct tc_rays_single {
  * long. In projections every ray takes all samples, because fewer would miss extremes. */
 double tc_rays_step_mm(const tc_volume *volume, const tc_scene *scene);
 
-/* The scene was validated (tc_plan_make). width, height: of the picture in pixels. Pure. */
+/* The scene was validated (tc_plan_check). width, height: of the picture in pixels. Pure. */
 void tc_rays_set_up(tc_rays *rays, const tc_volume *volume, const tc_scene *scene, int width, int height);
 
 /* Rounds; members that do not count are zero. */

@@ -48,7 +48,7 @@ typedef struct tc_shade {
 } tc_shade;
 
 /* volume: the scene's, whose value range counts; field: the volume that is sampled (its B-spline coefficients, or
- * itself). The scene was validated (tc_plan_make), and shading.model is not none. Pure. */
+ * itself). The scene was validated (tc_plan_check), and shading.model is not none. Pure. */
 void tc_shade_set_up(tc_shade *shade, const tc_volume *volume, const tc_volume *field, const tc_scene *scene);
 
 #endif
