@@ -96,16 +96,20 @@ static int16_t *row_of(const smoothing *s, int y, int z) {
   return s->field + ((size_t)z * (size_t)s->dims[1] + (size_t)y) * (size_t)s->dims[0];
 }
 
-/* Filters .type = TC_I16, .sloperows.type = TC_I16, .slope of .type = TC_I16, .slopewidth.type = TC_I16, .slope voxels,
- * .type = TC_I16, .slopestep.type = TC_I16, .slope apart; taps lie .type = TC_I16, .slopetap.type = TC_I16, .slope
- * voxels apart in the rows put end to end: 1 filters along a row, .type = TC_I16, .slopewidth.type = TC_I16, .slope
- * across the rows. Beyond the ends is nothing. */
-static void filter(int16_t *first, size_t step, int rows, int width, int tap, int16_t *copy) {
-  const size_t margin = RADIUS * (size_t)tap, n = (size_t)rows * (size_t)width;
-  memset(copy, 0, margin * sizeof *copy);
-  memset(copy + margin + n, 0, margin * sizeof *copy);
+/* `rows` of `width` voxels, `step` apart, put end to end with `margin` voxels of `beyond` before and after. Filters
+ * read them by taps that lie `tap` voxels apart: 1 goes along a row, `width` across the rows. */
+static void copy_rows(const int16_t *first, size_t step, int rows, int width, size_t margin, int16_t beyond,
+                      int16_t *copy) {
+  const size_t n = (size_t)rows * (size_t)width;
+  for (size_t i = 0; i < margin; i++)
+    copy[i] = copy[margin + n + i] = beyond;
   for (int i = 0; i < rows; i++)
     memcpy(copy + margin + (size_t)i * (size_t)width, first + (size_t)i * step, (size_t)width * sizeof *copy);
+}
+
+/* Smooths rows; beyond the ends is nothing. */
+static void filter(int16_t *first, size_t step, int rows, int width, int tap, int16_t *copy) {
+  copy_rows(first, step, rows, width, RADIUS * (size_t)tap, 0, copy);
   for (int i = 0; i < rows; i++) {
     const int16_t *in = copy + (size_t)i * (size_t)width;
     int16_t *out = first + (size_t)i * step;
@@ -119,13 +123,9 @@ static void filter(int16_t *first, size_t step, int rows, int width, int tap, in
 }
 
 /* Signed squared distances to the nearest voxel of the other side: from those in the volume without this axis to those
- * with it. Arguments are those of filter(); beyond the ends nothing is of the label. */
+ * with it. Beyond the ends nothing is of the label. */
 static void measure(int16_t *first, size_t step, int rows, int width, int tap, int16_t *copy, const int cost[]) {
-  const size_t margin = REACH * (size_t)tap, n = (size_t)rows * (size_t)width;
-  for (size_t i = 0; i < margin; i++)
-    copy[i] = copy[margin + n + i] = -FAR;
-  for (int i = 0; i < rows; i++)
-    memcpy(copy + margin + (size_t)i * (size_t)width, first + (size_t)i * step, (size_t)width * sizeof *copy);
+  copy_rows(first, step, rows, width, REACH * (size_t)tap, -FAR, copy);
   for (int i = 0; i < rows; i++) {
     const int16_t *in = copy + (size_t)i * (size_t)width;
     int16_t *out = first + (size_t)i * step;
