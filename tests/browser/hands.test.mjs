@@ -308,7 +308,7 @@ describe('hands on the picture', { skip }, () => {
     assert.ok(await hand.isVisible('.inverted-mark'));
     await hand.tap('#fullscreen');
     await hand.waitForFunction(() => document.fullscreenElement?.id === 'stage');
-    assert.equal(await hand.getAttribute('#fullscreen', 'aria-pressed'), 'true');
+    await hand.waitForFunction(() => document.getElementById('fullscreen').ariaPressed === 'true'); // told by an event of its own
     await hand.tap('#fullscreen');
     await hand.waitForFunction(() => !document.fullscreenElement);
     await hand.selectOption('#mode', 'dvr');

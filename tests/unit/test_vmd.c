@@ -88,7 +88,7 @@ static void bytes_of_version_1_stay(void **state) {
 }
 
 static int noise(int x, int y, int z) {
-  uint32_t h = (uint32_t)(x * 73856093 ^ y * 19349663 ^ z * 83492791);
+  uint32_t h = (uint32_t)x * 73856093u ^ (uint32_t)y * 19349663u ^ (uint32_t)z * 83492791u;
   h = (h ^ h >> 13) * 1274126177u;
   return (int)((h >> 16) % 200);
 }
