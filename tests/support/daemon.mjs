@@ -5,6 +5,7 @@ import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
 import net from 'node:net';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
+import { after } from 'node:test';
 
 export const BINARY = process.env.TC_BINARY;
 const PATIENCE_MS = 60000; // sanitizers are slow
@@ -25,6 +26,10 @@ export function ballNrrd(n = 32, header = '') {
       }
   return Buffer.concat([Buffer.from(text), voxels]);
 }
+
+/** What a failed test leaves running ends with its file, which would wait for it for ever. */
+const running = new Set();
+if (process.env.NODE_TEST_CONTEXT) after(() => running.forEach((child) => child.kill('SIGKILL')));
 
 export class Daemon {
   stderr = '';
@@ -53,9 +58,13 @@ export class Daemon {
     }
     const [program, ...rest] = group ? ['sh', '-c', 'echo $$ >"$0/cgroup.procs" && exec "$@"', group, BINARY, ...all] : [BINARY, ...all];
     daemon.process = spawn(program, rest, { stdio: ['ignore', 'pipe', 'pipe'], env: { ...process.env, ...env } });
+    running.add(daemon.process);
     daemon.process.stderr.on('data', (bytes) => (daemon.stderr += bytes));
     daemon.ended = new Promise((resolve) => {
-      daemon.process.on('exit', (code, signal) => resolve((daemon.exit = { code, signal })));
+      daemon.process.on('exit', (code, signal) => {
+        running.delete(daemon.process);
+        resolve((daemon.exit = { code, signal }));
+      });
       daemon.process.on('error', (error) => resolve((daemon.exit = { code: String(error), signal: null })));
     });
     try {
