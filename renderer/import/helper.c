@@ -289,7 +289,8 @@ static void reply(void *user, char what, int fd) {
     *header = (struct cmsghdr){.cmsg_level = SOL_SOCKET, .cmsg_type = SCM_RIGHTS, .cmsg_len = CMSG_LEN(sizeof fd)};
     memcpy(CMSG_DATA(header), &fd, sizeof fd);
   }
-  while (sendmsg(s->socket, &message, MSG_NOSIGNAL) < 0 && errno == EINTR)
+  /* never waits: one that asks and does not read its answers would hold this thread past every limit */
+  while (sendmsg(s->socket, &message, MSG_NOSIGNAL | MSG_DONTWAIT) < 0 && errno == EINTR)
     continue;
 }
 
