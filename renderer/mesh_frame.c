@@ -78,7 +78,10 @@ bool tc_mesh_frame_draw(tc_pool *pool, const tc_job *job, GError **error) {
   tc_raster_counts counts = {0};
   float(*colors)[3] = job->have.labels ? colors_of(job) : NULL;
   if (job->have.labels && !colors) tc_set_error(error, TC_ERROR_MEMORY, NULL, "colours of labels: out of memory");
-  if (!f.progress || (job->have.labels && !colors)) return false;
+  if (!f.progress || (job->have.labels && !colors)) {
+    free(colors);
+    return false;
+  }
   tc_resolve_init(&f.resolve, job->scene);
   const int n_planes = planes_of(job->scene, planes), n_samples = job->rays->count;
   tc_view_set_up(&view, mesh, &job->scene->camera, width, height, (const double(*)[4])planes, n_planes);
