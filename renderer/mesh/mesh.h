@@ -58,7 +58,7 @@ tc_mesh *tc_mesh_extract_label(const tc_volume *labels, uint32_t label, const tc
 
 /* Takes away triangles, the flattest places first, until the next one would move the surface by more than about
  * `error_mm` (a quadric's distance: Garland and Heckbert, SIGGRAPH 1997; meshoptimizer), or `least` triangles are left.
- * Vertices that remain keep their place and normal. On the caller, in one piece: 1 s for a million triangles. */
+ * Vertices that remain keep their place and normal. On the caller, in one piece: 0.6 s for a million triangles (AMD EPYC). */
 tc_mesh *tc_mesh_simplify(const tc_mesh *mesh, double error_mm, size_t least, GError **error);
 
 #endif
