@@ -43,7 +43,7 @@ typedef struct session {
   uint8_t *ring;
   double fraction; /* last told */
   int status;      /* of waitpid, once reaped */
-  int64_t began_ms, weighed_ms;
+  int64_t began_ms, looked_ms;
 } session;
 
 static int64_t now_ms(void) {
@@ -231,22 +231,22 @@ static uint64_t helper_bytes(const session *s) {
   return resident > shared ? (resident - shared) * (uint64_t)sysconf(_SC_PAGESIZE) : 0;
 }
 
-/* False: it has more than there is. */
-static bool weigh(session *s, GError **error) {
+/* Now and then, however much the helper says: is the load cancelled, and has the helper more memory than there is? */
+static bool may_go_on(session *s, GError **error) {
   const tc_import_options *o = s->options;
-  if (!o || !o->decoder || now_ms() - s->weighed_ms < POLL_MS) return true;
-  s->weighed_ms = now_ms();
-  return o->decoder(o->user, helper_bytes(s), error);
-}
-
-/* Nothing to read: is it cancelled, or silent for too long? */
-static bool may_wait(session *s, int64_t since_ms, GError **error) {
-  struct pollfd p = {.fd = s->socket, .events = POLLIN};
-  if (poll(&p, 1, POLL_MS) != 0) return true;
+  if (now_ms() - s->looked_ms < POLL_MS) return true;
+  s->looked_ms = now_ms();
   if (!tell(s, s->fraction)) {
     tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
     return false;
   }
+  return !o || !o->decoder || o->decoder(o->user, helper_bytes(s), error);
+}
+
+/* Nothing to read: is the helper silent for too long? */
+static bool may_wait(session *s, int64_t since_ms, GError **error) {
+  struct pollfd p = {.fd = s->socket, .events = POLLIN};
+  if (poll(&p, 1, POLL_MS) != 0) return true;
   if (now_ms() - since_ms < SILENCE_MS) return true;
   tc_set_error(error, TC_ERROR_FORMAT, NULL, "the decoder hung for %d s and was stopped", SILENCE_MS / 1000);
   return false;
@@ -257,7 +257,7 @@ static bool read_socket(void *user, void *bytes, size_t size, GError **error) {
   session *s = user;
   char *at = bytes;
   for (int64_t since_ms = now_ms(); size > 0;) {
-    if (!weigh(s, error)) return false;
+    if (!may_go_on(s, error)) return false;
     const ssize_t n = recv(s->socket, at, size, MSG_DONTWAIT);
     if (n < 0 && errno == EINTR) continue;
     if (n < 0 && errno == EAGAIN) {

@@ -552,6 +552,30 @@ static void progress_and_cancel(void **state) {
   g_free(folder);
 }
 
+static bool for_a_while(void *user, double fraction) { return ++*(int *)user < 20; }
+
+/* A decoder that was taken over asks for files without end and reads no answer: the load is cancelled all the same. */
+static void a_helper_that_never_reads_holds_up_nothing(void **state) {
+  char *folder = temp_folder(), *helpers = temp_folder(), *helper = g_build_filename(helpers, "tomocast-import", NULL);
+  char *file = g_build_filename(folder, "f.nrrd", NULL);
+  char *script = g_strdup_printf("#!/usr/bin/perl\nopen(my $s, '>&=', %d) or die;\nmy $m = pack('VVV', %u, %d, 1) . pack('a%d', 'x');\n"
+                                 "1 while syswrite($s, $m);\n",
+                                 TC_HELPER_SOCKET_FD, (unsigned)TC_WIRE_OPEN, 4 + TC_WIRE_NAME, TC_WIRE_NAME);
+  assert_true(g_file_set_contents(helper, script, -1, NULL) && chmod(helper, 0700) == 0);
+  assert_true(g_file_set_contents(file, "NRRD0004\n", -1, NULL));
+  int calls = 0;
+  GError *error = NULL;
+  const tc_import_options options = {.helpers = helpers, .progress = for_a_while, .user = &calls};
+  alarm(60); /* it would wait for ever */
+  assert_null(tc_helper_load(TC_HELPER_FORMATS, file, NULL, &options, &error));
+  alarm(0);
+  assert_int_equal(error->code, TC_ERROR_CANCELLED);
+  g_error_free(error);
+  g_free(script);
+  drop(helpers, helper);
+  drop(folder, file);
+}
+
 /* A field of /proc/PID/status as a number; -1 when it is not there. */
 static int status_field(pid_t pid, const char *field) {
   char path[64], *text = NULL;
@@ -636,6 +660,7 @@ int main(void) {
       cmocka_unit_test(not_there_and_not_ours),
       cmocka_unit_test(limits_and_helpers),
       cmocka_unit_test(progress_and_cancel),
+      cmocka_unit_test(a_helper_that_never_reads_holds_up_nothing),
       cmocka_unit_test(the_helpers_are_confined),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
