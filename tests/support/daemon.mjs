@@ -27,9 +27,13 @@ export function ballNrrd(n = 32, header = '') {
   return Buffer.concat([Buffer.from(text), voxels]);
 }
 
-/** What a failed test leaves running ends with its file, which would wait for it for ever. */
+/**
+ * A daemon left running by a failed test keeps its file from ending. The hook runs before the file's own hooks, which
+ * stop daemons in order; stop() takes them out of the set.
+ */
 const running = new Set();
-if (process.env.NODE_TEST_CONTEXT) after(() => running.forEach((child) => child.kill('SIGKILL')));
+const endLeftovers = () => running.forEach((child) => child.kill('SIGKILL'));
+if (process.env.NODE_TEST_CONTEXT) after(() => setTimeout(endLeftovers, PATIENCE_MS).unref());
 
 export class Daemon {
   stderr = '';
@@ -150,6 +154,7 @@ export class Daemon {
 
   /** Ends it and checks that it went in order. Sanitizer reports make the code differ from 0. */
   async stop(signal = 'SIGTERM') {
+    running.delete(this.process);
     if (!this.exit) this.process.kill(signal);
     const late = setTimeout(() => this.process.kill('SIGKILL'), 30000);
     const { code, signal: by } = await this.ended;
