@@ -1,6 +1,6 @@
 # Turns FILES into one C file: const struct tc_embedded_file SYMBOL[] = {{name, bytes, size}, ...,{0}}.
-# The struct is declared in the generated file and, identically, in renderer/embedded.h.
-set(text "/* generated from ${SYMBOL}'s files; do not edit */\n#include \"renderer/embedded.h\"\n")
+# The struct is declared in the generated file and, identically, in renderer/base/embedded.h.
+set(text "/* generated from ${SYMBOL}'s files; do not edit */\n#include \"renderer/base/embedded.h\"\n")
 set(table "")
 set(index 0)
 foreach(file IN LISTS FILES)

@@ -1,4 +1,4 @@
-/* The one table of scene members. A member is added here (and its field in renderer/scene.h), nowhere else. */
+/* The one table of scene members. A member is added here (and its field in renderer/scene/scene.h), nowhere else. */
 #include "protocol/internal.h"
 
 static const char *const formats[] = {"jpeg", "png", NULL};

@@ -1,6 +1,6 @@
 /* The OpenAPI document: written by hand, completed with the version and the schema of a scene. */
 #include "protocol/internal.h"
-#include "renderer/embedded.h"
+#include "renderer/base/embedded.h"
 
 static const struct tc_embedded_file *find_file(const char *name) {
   const struct tc_embedded_file *file = tcp_protocol_files;

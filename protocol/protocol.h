@@ -1,6 +1,6 @@
 /* The wire: bytes <-> typed messages and scenes. No sockets, no pixels.
  *
- * Of the renderer it knows renderer/scene.h and renderer/error.h only. JSON values are cJSON; a function that
+ * Of the renderer it knows renderer/scene/scene.h and renderer/base/error.h only. JSON values are cJSON; a function that
  * returns cJSON * gives ownership. All functions are pure and may run on any thread. */
 #ifndef TC_PROTOCOL_H
 #define TC_PROTOCOL_H
@@ -10,8 +10,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "renderer/error.h"
-#include "renderer/scene.h"
+#include "renderer/base/error.h"
+#include "renderer/scene/scene.h"
 
 /* Parses strict JSON of `size` bytes: one value, nesting at most 32, finite numbers, valid UTF-8, no duplicate member
  * names, nothing after it. TC_ERROR_SYNTAX says line and column. */

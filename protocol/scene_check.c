@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "protocol/internal.h"
-#include "renderer/scene_check.h"
+#include "renderer/scene/scene_check.h"
 
 static bool patch_has(const cJSON *patch, const char *group, const char *name) {
   return cJSON_GetObjectItemCaseSensitive(cJSON_GetObjectItemCaseSensitive(patch, group), name) != NULL;

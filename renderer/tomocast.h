@@ -11,13 +11,13 @@
 #include <stdint.h>
 
 #include "renderer/classify/labels.h"
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 #include "renderer/import/import.h"
-#include "renderer/interrupt.h"
+#include "renderer/base/interrupt.h"
 #include "renderer/plan/estimate.h"
 #include "renderer/plan/explain.h"
 #include "renderer/plan/plan.h"
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
 
 typedef enum tc_backend { TC_BACKEND_AUTO, TC_BACKEND_CPU, TC_BACKEND_GL, TC_BACKEND_COUNT } tc_backend;

@@ -22,8 +22,8 @@
 #ifndef TC_CLASSIFY_H
 #define TC_CLASSIFY_H
 
-#include "renderer/pool.h"
-#include "renderer/scene.h"
+#include "renderer/base/pool.h"
+#include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
 
 #define TC_MAX_ZOOMS 7

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "renderer/classify/classify.h"
-#include "renderer/clock.h"
+#include "renderer/base/clock.h"
 
 #define POLL 4096 /* labels between two polls of the halt */
 

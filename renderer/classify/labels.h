@@ -13,9 +13,9 @@
 #ifndef TC_CLASSIFY_LABELS_H
 #define TC_CLASSIFY_LABELS_H
 
-#include "renderer/error.h"
-#include "renderer/halt.h"
-#include "renderer/scene.h"
+#include "renderer/base/error.h"
+#include "renderer/base/halt.h"
+#include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
 
 typedef struct tc_labels {

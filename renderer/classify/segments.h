@@ -9,7 +9,7 @@
 #include <xmmintrin.h>
 
 #include "renderer/classify/classify.h"
-#include "renderer/halt.h"
+#include "renderer/base/halt.h"
 
 typedef float tc_v4 __attribute__((vector_size(16)));
 typedef int32_t tc_i4 __attribute__((vector_size(16)));

@@ -15,7 +15,7 @@
 
 #include "renderer/classify/outline.h"
 #include "renderer/classify/segments.h"
-#include "renderer/clock.h"
+#include "renderer/base/clock.h"
 
 /* A table, and what tc_table_fill() keeps to resume and to copy from it. */
 typedef struct made {

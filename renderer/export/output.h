@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <zlib.h>
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 
 typedef struct tc_output {
   char *path, *part; /* the name it gets, and the one it has meanwhile, beside it */

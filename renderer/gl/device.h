@@ -8,7 +8,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 
 /* Properties of the device; strings as the driver reports them, truncated. */
 typedef struct tc_gl_report {

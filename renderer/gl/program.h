@@ -5,7 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 
 /* Compiles and links one compute shader from `count` pieces read in order. `label` (ASCII) names it in errors and
  * in driver tools. Returns the GL name, 0 on failure: TC_ERROR_INTERNAL with the driver's first complaint. */

@@ -9,7 +9,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 
 #define TC_GL_RING_SLOTS 3
 

@@ -4,7 +4,7 @@
 
 #include <stdbool.h>
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 
 /* Opens a regular file in the folder, for reading: a relative name without "..", never outside the folder, links
  * included. -1 with an error that quotes the name. */

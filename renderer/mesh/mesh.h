@@ -9,8 +9,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "renderer/error.h"
-#include "renderer/pool.h"
+#include "renderer/base/error.h"
+#include "renderer/base/pool.h"
 #include "renderer/volume/volume.h"
 
 typedef struct tc_mesh {

@@ -11,7 +11,7 @@
 #define TC_MESH_VIEW_H
 
 #include "renderer/mesh/clusters.h"
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 
 enum {
   TC_VIEW_NEAR,  /* plane before the eye */

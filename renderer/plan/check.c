@@ -6,7 +6,7 @@
 #include "renderer/classify/labels.h"
 #include "renderer/plan/plan.h"
 #include "renderer/raycast/grey.h"
-#include "renderer/scene_check.h"
+#include "renderer/scene/scene_check.h"
 
 /* A ray takes at most this many samples: more is a mistake in the scene, and float positions end there. */
 #define MAX_SAMPLES_PER_RAY 8e6

@@ -2,7 +2,7 @@
 #ifndef TC_PLAN_ESTIMATE_H
 #define TC_PLAN_ESTIMATE_H
 
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
 
 /* An upper bound of the samples of a frame of width x height pixels, with nothing skipped and no ray ended early: pixels

@@ -2,7 +2,7 @@
 
 #include <stdio.h>
 
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
 
 void tc_plan_key_name(const tc_plan_key *key, char *name, size_t size) {

@@ -16,11 +16,11 @@
 #include <stdint.h>
 
 #include "renderer/classify/classify.h"
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 #include "renderer/plan/key.h"
 #include "renderer/raycast/grey.h"
 #include "renderer/raycast/surface.h"
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
 
 /* What a frame reads beside the volume, in the order in which it is built: each may read those before it. */

@@ -11,7 +11,7 @@
 #ifndef TC_QUALITY_COST_H
 #define TC_QUALITY_COST_H
 
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 
 typedef struct tc_quality_cost {
   double second;          /* a segment of preintegrated2 beside one of preintegrated, in time */

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "renderer/classify/classify.h"
-#include "renderer/clock.h"
+#include "renderer/base/clock.h"
 #include "renderer/raycast/subpixel.h"
 #include "renderer/reference/reference.h"
 

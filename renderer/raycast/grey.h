@@ -8,7 +8,7 @@
 #ifndef TC_RAYCAST_GREY_H
 #define TC_RAYCAST_GREY_H
 
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
 
 typedef struct tc_grey {

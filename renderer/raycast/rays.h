@@ -14,7 +14,7 @@
 #define TC_RAYCAST_RAYS_H
 
 #include "renderer/raycast/subpixel.h"
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
 
 #define TC_MAX_CLIP_PLANES 12 /* the six faces of a clip box, and six clip planes */

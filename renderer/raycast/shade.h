@@ -26,7 +26,7 @@
 #ifndef TC_RAYCAST_SHADE_H
 #define TC_RAYCAST_SHADE_H
 
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
 
 #define TC_SHADE_FLAT 0.005 /* of the value range per least spacing: below it nothing is shaded */

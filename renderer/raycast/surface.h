@@ -18,7 +18,7 @@
 #ifndef TC_RAYCAST_SURFACE_H
 #define TC_RAYCAST_SURFACE_H
 
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
 
 typedef struct tc_surface {

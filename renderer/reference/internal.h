@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
 
 /* ray.c: from the camera to a ray. Long double, because at 1e7 mm, double resolves only 1e-9 mm. */

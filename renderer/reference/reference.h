@@ -19,8 +19,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "renderer/error.h"
-#include "renderer/scene.h"
+#include "renderer/base/error.h"
+#include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
 
 typedef struct tc_reference tc_reference;

@@ -1,5 +1,5 @@
 #include "renderer/skip/bounds.h"
-#include "renderer/clock.h"
+#include "renderer/base/clock.h"
 
 #include <math.h>
 #include <stdatomic.h>

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "renderer/clock.h"
+#include "renderer/base/clock.h"
 #include "renderer/skip/runs.h"
 
 #define FINE TC_BOX_FINE

@@ -1,7 +1,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "renderer/clock.h"
+#include "renderer/base/clock.h"
 #include "renderer/skip/runs.h"
 
 #define FAR 254 /* a u8 distance that leaves room for +1 */

@@ -1,7 +1,7 @@
 #include <stdlib.h>
 
 #include "renderer/skip/skip.h"
-#include "renderer/clock.h"
+#include "renderer/base/clock.h"
 
 typedef struct minmax_job {
   const tc_volume *volume;

@@ -16,7 +16,7 @@
 #define TC_SKIP_H
 
 #include "renderer/classify/classify.h"
-#include "renderer/pool.h"
+#include "renderer/base/pool.h"
 #include "renderer/volume/volume.h"
 
 /* Default width of a block in voxels. Small blocks fit more tightly around what is visible; at 5, minimum, maximum

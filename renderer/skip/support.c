@@ -1,7 +1,7 @@
 #include <stdatomic.h>
 #include <stdlib.h>
 
-#include "renderer/clock.h"
+#include "renderer/base/clock.h"
 #include "renderer/skip/skip.h"
 
 static uint64_t take_serial(void) {

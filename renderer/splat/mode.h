@@ -2,7 +2,7 @@
 #ifndef TC_SPLAT_MODE_H
 #define TC_SPLAT_MODE_H
 
-#include "renderer/backend.h"
+#include "renderer/frame/backend.h"
 
 /* A tc_drawer. */
 bool tc_splat_mode_draw(tc_pool *pool, const tc_job *job, GError **error);

@@ -2,7 +2,7 @@
 #ifndef TC_SPLAT_PICK_H
 #define TC_SPLAT_PICK_H
 
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
 
 typedef struct tc_splat_hit {

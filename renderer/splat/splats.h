@@ -7,7 +7,7 @@
 #ifndef TC_SPLAT_SPLATS_H
 #define TC_SPLAT_SPLATS_H
 
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 #include "renderer/splat/vmd.h"
 
 #define TC_SPLAT_BRICK 16        /* voxels along an edge */

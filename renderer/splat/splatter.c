@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "renderer/backend.h"
-#include "renderer/frame.h"
+#include "renderer/frame/backend.h"
+#include "renderer/frame/frame.h"
 #include "renderer/raycast/rays.h"
 #include "renderer/raycast/shade.h"
 

@@ -36,7 +36,7 @@ typedef struct tc_splat_job {
   const char *isa;        /* "scalar", or NULL: the best */
   tc_pool *pool;
   const tc_halt *halt;
-  tc_frame *frame; /* width, height set, buffers allocated; begun (renderer/frame.h) */
+  tc_frame *frame; /* width, height set, buffers allocated; begun (renderer/frame/frame.h) */
   bool want_linear, want_depth;
   tc_splat_counts *counts; /* NULL: nobody counts */
 } tc_splat_job;

@@ -8,7 +8,7 @@
 #ifndef TC_SPLAT_VMD_H
 #define TC_SPLAT_VMD_H
 
-#include "renderer/pool.h"
+#include "renderer/base/pool.h"
 #include "renderer/volume/volume.h"
 
 #define TC_VMD_VERSION 1

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 #include "renderer/splat/normal.h"
 #include "renderer/splat/vmd.h"
 

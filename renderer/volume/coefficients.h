@@ -7,7 +7,7 @@
 #ifndef TC_COEFFICIENTS_H
 #define TC_COEFFICIENTS_H
 
-#include "renderer/pool.h"
+#include "renderer/base/pool.h"
 #include "renderer/volume/volume.h"
 
 /* Memory in bytes: four per voxel. */

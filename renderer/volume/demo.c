@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "renderer/pool.h"
+#include "renderer/base/pool.h"
 #include "renderer/volume/demo.h"
 #include "renderer/volume/demo_shapes.h"
 

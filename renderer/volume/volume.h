@@ -9,7 +9,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 
 /* Voxel storage types. Wider file types become one of these by the rule in import/import.h. */
 typedef enum tc_voxel_type { TC_U8, TC_I8, TC_U16, TC_I16, TC_F32, TC_VOXEL_TYPE_COUNT } tc_voxel_type;

@@ -7,7 +7,7 @@
 
 #include <stdbool.h>
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 
 typedef struct tcs_hosts tcs_hosts;
 

@@ -12,7 +12,7 @@
 #include <stdbool.h>
 #include <sys/socket.h>
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 
 typedef struct tcs_proxies tcs_proxies;
 

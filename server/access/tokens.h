@@ -5,7 +5,7 @@
 
 #include <stddef.h>
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 #include "server/access/role.h"
 #include "server/access/secret.h"
 

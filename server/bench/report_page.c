@@ -1,7 +1,7 @@
 /* The page: report.json and the scripts that draw it, inside one file that fetches nothing. */
 #include <string.h>
 
-#include "renderer/embedded.h"
+#include "renderer/base/embedded.h"
 #include "server/bench/report.h"
 
 static const char *file_named(const char *name) {

@@ -5,7 +5,7 @@
 #include <cjson/cJSON.h>
 #include <stdbool.h>
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 
 /* The canonical path of `relative` inside `folder` (g_malloc'ed), without leaving it by "..", an absolute path or a
  * link. A "#..." that chooses a DICOM series is kept. TC_ERROR_NOT_FOUND or TC_ERROR_INVALID (pointer "/path"). */

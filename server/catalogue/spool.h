@@ -6,7 +6,7 @@
 #ifndef TCS_CATALOGUE_SPOOL_H
 #define TCS_CATALOGUE_SPOOL_H
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 #include "server/server.h"
 
 #define TCS_CLIENT_SIZE 48 /* a peer's address as text */

@@ -2,7 +2,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 #include "server/cli/cli.h"
 
 bool tcs_cli_parse(const tcs_cli_usage *usage, int argc, char **argv, char ***rest, GError **error) {

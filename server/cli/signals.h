@@ -8,7 +8,7 @@
 
 #include <stdbool.h>
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 
 #define TCS_SIGNALS_SECOND_MS 1000
 

@@ -7,7 +7,7 @@
 #include <glib.h>
 #include <stdbool.h>
 
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 #include "renderer/tomocast.h"
 
 typedef struct tcs_encoder tcs_encoder;

@@ -1,7 +1,7 @@
 /* The service about itself: health, metrics, limits, contract, presets, and the browser client. */
 #include <string.h>
 
-#include "renderer/embedded.h"
+#include "renderer/base/embedded.h"
 #include "server/catalogue/catalogue.h"
 #include "server/http/work.h"
 #include "server/loop/worker.h"

@@ -7,7 +7,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 #include "server/observe/metrics.h"
 
 typedef struct tcs_source tcs_source;

@@ -9,7 +9,7 @@
 #include <stdatomic.h>
 #include <stdbool.h>
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 
 typedef struct tcs_task tcs_task;
 struct tcs_task {

@@ -7,7 +7,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 
 typedef enum tcs_memory_kind {
   TCS_MEMORY_PROGRAM,  /* what it was resident at its start */

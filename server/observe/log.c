@@ -10,7 +10,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 
 #define LINE 1024
 #define PIECE 16384 /* bytes the thread takes out of the ring at a time */

@@ -9,7 +9,7 @@
 
 #include <stdbool.h>
 
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 
 #define TCS_LADDER_TARGET_MS 33.0
 

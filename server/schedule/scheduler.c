@@ -3,7 +3,7 @@
 #include <limits.h>
 #include <string.h>
 
-#include "renderer/cache.h"
+#include "renderer/frame/cache.h"
 #include "server/config/config.h"
 #include "server/encode/encode.h"
 #include "server/memory/budget.h"

@@ -13,7 +13,7 @@
 #include <string.h>
 #include <time.h>
 
-#include "renderer/backend.h"
+#include "renderer/frame/backend.h"
 #include "renderer/gl/device.h"
 #include "renderer/gl/program.h"
 #include "renderer/raycast/gl/backend.h"

@@ -13,7 +13,7 @@
 #include <string.h>
 
 #include "renderer/classify/outline.h"
-#include "renderer/clock.h"
+#include "renderer/base/clock.h"
 #include "renderer/raycast/gl/builder.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"

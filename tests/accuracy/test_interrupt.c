@@ -14,7 +14,7 @@
 
 #include <cmocka.h>
 
-#include "renderer/halt.h"
+#include "renderer/base/halt.h"
 #include "tests/support/cases.h"
 #include "tests/support/grid.h"
 #include "tests/support/renderers.h"

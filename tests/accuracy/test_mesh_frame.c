@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "renderer/halt.h"
+#include "renderer/base/halt.h"
 #include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"

@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "renderer/frame.h"
+#include "renderer/frame/frame.h"
 #include "renderer/splat/splatter.h"
 #include "tests/support/grid.h"
 #include "tests/support/image.h"

@@ -8,7 +8,7 @@
 #ifndef TC_TEST_CASES_H
 #define TC_TEST_CASES_H
 
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
 
 #define TEST_MAX_KNOTS 12

@@ -3,7 +3,7 @@
 #ifndef TC_TEST_GRID_H
 #define TC_TEST_GRID_H
 
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
 
 /* Zero members mean: spacing 1 mm, origin 0, direction identity, slope 1, intercept 0. */

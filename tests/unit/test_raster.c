@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "renderer/halt.h"
+#include "renderer/base/halt.h"
 #include "renderer/mesh/raster.h"
 
 #define MOST 320 /* pixels a side */

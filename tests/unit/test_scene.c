@@ -10,7 +10,7 @@
 #include <cmocka.h>
 #include <glib.h>
 
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 
 static void defaults(void **state) {
   tc_scene s;

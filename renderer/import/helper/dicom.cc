@@ -35,7 +35,7 @@
 
 #include <glib.h>
 extern "C" {
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 }
 #include "renderer/import/helper/dicom_group.h"
 #include "renderer/import/helper/dicom_sources.h"

@@ -10,7 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 
 /* Most data files one header may name. */
 #define TC_MAX_DATA_FILES 65536

@@ -10,7 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 
 /* A file's own element types. */
 typedef enum tc_element {

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "renderer/backend.h"
-#include "renderer/frame.h"
+#include "renderer/frame/backend.h"
+#include "renderer/frame/frame.h"
 #include "renderer/raycast/cpu/kernels.h"
 
 #define TILE 32    /* side of a unit of work in pixels, unless it would take longer than UNIT_MS */

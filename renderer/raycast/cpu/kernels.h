@@ -17,7 +17,7 @@
 #include "renderer/raycast/surface.h"
 #include "renderer/skip/cover.h"
 
-/* renderer/halt.h, declared here because a change of that header would recompile all kernels. */
+/* renderer/base/halt.h, declared here because a change of that header would recompile all kernels. */
 typedef struct tc_halt tc_halt;
 bool tc_halt_within(const tc_halt *halt);
 

@@ -8,15 +8,15 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "renderer/backend.h"
-#include "renderer/frame.h"
+#include "renderer/frame/backend.h"
+#include "renderer/frame/frame.h"
 #include "renderer/gl/program.h"
 #include "renderer/gl/ring.h"
 #include "renderer/raycast/gl/job.h"
 #include "renderer/raycast/gl/pace.h"
 #include "renderer/raycast/gl/textures.h"
 #include "renderer/raycast/gl/warm.h"
-#include "renderer/clock.h"
+#include "renderer/base/clock.h"
 
 #define SOFTWARE_PIXELS (1 << 16) /* most pixels per tile */
 #define HARDWARE_PIXELS (1 << 20)

@@ -1,4 +1,4 @@
-/* Access to the gl back end beyond renderer/backend.h, for measurements and tests. Same thread rule as tc_render(). */
+/* Access to the gl back end beyond renderer/frame/backend.h, for measurements and tests. Same thread rule as tc_render(). */
 #ifndef TC_RAYCAST_GL_BACKEND_H
 #define TC_RAYCAST_GL_BACKEND_H
 

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "renderer/classify/integrals.h"
-#include "renderer/embedded.h"
+#include "renderer/base/embedded.h"
 #include "renderer/gl/program.h"
 #include "renderer/raycast/grey.h"
 

@@ -4,7 +4,7 @@
 
 #include <stdbool.h>
 
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 #include "renderer/plan/key.h"
 
 /* Everything a program depends on: the plan's key and what only this back end decides. Zeroed before filling,

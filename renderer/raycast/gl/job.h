@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#include "renderer/backend.h"
+#include "renderer/frame/backend.h"
 #include "renderer/raycast/gl/textures.h"
 #include "renderer/raycast/shade.h"
 

@@ -4,7 +4,7 @@
 #include <epoxy/gl.h>
 #include <string.h>
 
-#include "renderer/clock.h"
+#include "renderer/base/clock.h"
 
 /* Uploads are split into pieces of this size, so that a driver's staging copy stays small. */
 #define UPLOAD_BYTES ((size_t)32 << 20)

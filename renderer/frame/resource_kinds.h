@@ -3,8 +3,8 @@
 #ifndef TC_RENDERER_RESOURCE_KINDS_H
 #define TC_RENDERER_RESOURCE_KINDS_H
 
-#include "renderer/backend.h"
-#include "renderer/store.h"
+#include "renderer/frame/backend.h"
+#include "renderer/frame/store.h"
 
 /* What something is built with. */
 typedef struct tc_making {

@@ -3,7 +3,7 @@
 #ifndef TC_SCENE_CHECK_H
 #define TC_SCENE_CHECK_H
 
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 
 /* Why no rays can be made from a camera, one phrase; NULL: they can. *pointer: the JSON pointer of the member at fault. */
 const char *tc_camera_fault(const tc_camera *camera, const char **pointer);

@@ -4,9 +4,9 @@
 
 #include "renderer/classify/integrals.h"
 #include "renderer/classify/labels.h"
-#include "renderer/halt.h"
+#include "renderer/base/halt.h"
 #include "renderer/mesh/clusters.h"
-#include "renderer/pool.h"
+#include "renderer/base/pool.h"
 #include "renderer/raycast/grey.h"
 #include "renderer/raycast/rays.h"
 #include "renderer/raycast/surface.h"

@@ -1,4 +1,4 @@
-#include "renderer/pool.h"
+#include "renderer/base/pool.h"
 
 #include <pthread.h>
 #include <stdatomic.h>

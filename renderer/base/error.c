@@ -1,4 +1,4 @@
-#include "renderer/error.h"
+#include "renderer/base/error.h"
 
 #include <stdarg.h>
 

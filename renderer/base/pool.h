@@ -2,7 +2,7 @@
 #ifndef TC_RENDERER_POOL_H
 #define TC_RENDERER_POOL_H
 
-#include "renderer/halt.h"
+#include "renderer/base/halt.h"
 
 typedef struct tc_pool tc_pool;
 

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "renderer/fit.h"
+#include "renderer/presets/fit.h"
 #include "renderer/tomocast.h"
 
 /* Pixels a side, and samples along a ray, at most. */

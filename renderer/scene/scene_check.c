@@ -1,4 +1,4 @@
-#include "renderer/scene_check.h"
+#include "renderer/scene/scene_check.h"
 
 #include <math.h>
 

@@ -5,7 +5,7 @@
 
 #include <glib.h>
 
-#include "renderer/fit.h"
+#include "renderer/presets/fit.h"
 #include "renderer/tomocast.h"
 #include "renderer/volume/body.h"
 #include "renderer/volume/values.h"

@@ -1,4 +1,4 @@
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 
 #include <glib.h>
 #include <stdatomic.h>

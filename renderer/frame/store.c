@@ -1,4 +1,4 @@
-#include "renderer/store.h"
+#include "renderer/frame/store.h"
 
 #include <stdlib.h>
 #include <string.h>

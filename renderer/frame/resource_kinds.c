@@ -1,4 +1,4 @@
-#include "renderer/resource_kinds.h"
+#include "renderer/frame/resource_kinds.h"
 
 #include "renderer/classify/outline.h"
 #include "renderer/mesh/surfaces.h"

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <pthread.h>
 
-#include "renderer/backend.h"
+#include "renderer/frame/backend.h"
 
 /* Linear light -> sRGB by a table of 4096 steps with interpolation: within 0.1 of an 8-bit step everywhere but the toe,
  * which is the straight part of the curve and computed. */

@@ -2,7 +2,7 @@
 #ifndef TC_FIT_H
 #define TC_FIT_H
 
-#include "renderer/scene.h"
+#include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
 
 /* NULL: no such name. */

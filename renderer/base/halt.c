@@ -1,4 +1,4 @@
-#include "renderer/halt.h"
+#include "renderer/base/halt.h"
 
 #include <limits.h>
 #include <time.h>

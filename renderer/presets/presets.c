@@ -6,7 +6,7 @@
  * published opacities are meant for a maximum projection or for shading only, gentler ones stand here (ct-soft-tissue,
  * and the unit distance of the translucent ones), so that the picture shows depth without light. Relative presets have
  * knot values 0..1 of the volume's range and serve volumes whose modality nobody knows. */
-#include "renderer/fit.h"
+#include "renderer/presets/fit.h"
 
 #include <string.h>
 

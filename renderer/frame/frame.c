@@ -1,4 +1,4 @@
-#include "renderer/frame.h"
+#include "renderer/frame/frame.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -4,12 +4,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "renderer/backend.h"
-#include "renderer/cache.h"
-#include "renderer/clock.h"
-#include "renderer/frame.h"
-#include "renderer/resource_kinds.h"
-#include "renderer/resources.h"
+#include "renderer/frame/backend.h"
+#include "renderer/frame/cache.h"
+#include "renderer/base/clock.h"
+#include "renderer/frame/frame.h"
+#include "renderer/frame/resource_kinds.h"
+#include "renderer/frame/resources.h"
 
 #define DEFAULT_CACHE_BYTES (256u << 20)
 

@@ -7,8 +7,8 @@
 
 #include <stdint.h>
 
-#include "renderer/error.h"
-#include "renderer/interrupt.h"
+#include "renderer/base/error.h"
+#include "renderer/base/interrupt.h"
 
 typedef struct tc_halt { /* named once more in raycast/cpu/kernels.h */
   const tc_interrupt *interrupt; /* NULL: nobody asks */

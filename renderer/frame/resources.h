@@ -9,7 +9,7 @@
 #ifndef TC_RENDERER_RESOURCES_H
 #define TC_RENDERER_RESOURCES_H
 
-#include "renderer/backend.h"
+#include "renderer/frame/backend.h"
 
 typedef struct tc_resources tc_resources;
 

@@ -1,9 +1,9 @@
-#include "renderer/resources.h"
+#include "renderer/frame/resources.h"
 
 #include <stdlib.h>
 
-#include "renderer/clock.h"
-#include "renderer/resource_kinds.h"
+#include "renderer/base/clock.h"
+#include "renderer/frame/resource_kinds.h"
 
 struct tc_resources {
   tc_pool *pool;
