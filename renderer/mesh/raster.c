@@ -7,17 +7,11 @@
 #include <string.h>
 
 #include "renderer/mesh/raster_kernels.h"
+#include "renderer/mesh/sight.h"
 
 #define CHUNK 1024   /* clusters of a task */
 #define LOOK 8       /* clusters between two looks at the halt */
 #define BUCKETS 256  /* of nearness, a tile's clusters are sorted into */
-
-/* What is known of a cluster before it is drawn. */
-typedef struct sight {
-  int16_t x0, y0, x1, y1; /* pixels it may touch, both ends included; x1 < x0: none */
-  float nearest;          /* nothing of it is nearer */
-  uint32_t planes;        /* bits of those that may cut it */
-} sight;
 
 typedef struct worker {
   tc_raster_tile tile;
@@ -33,7 +27,7 @@ typedef struct drawing {
   tc_raster_frame frame;
   double slack; /* mm that single precision may be off by */
   int tiles_x, tiles_y, n_tiles, n_chunks;
-  sight *sights;
+  tc_sight *sights;
   uint32_t *places;     /* [chunks][tiles]: how many, then where the chunk's first one goes in the tile's list */
   size_t *first;        /* [tiles + 1]: of a tile's list */
   uint32_t *lists;
@@ -75,72 +69,16 @@ static void set_up_frame(drawing *d) {
     for (int k = 0; k < 3; k++) sum += rows[r][k] * (double)job->look.light[k];
     f->light[r] = (float)sum;
   }
-  double far = 0;
-  for (int k = 0; k < 3; k++) far = fmax(far, fabs((double)job->mesh->centre[k]));
-  d->slack = 1e-5 * ((double)job->mesh->radius + far);
+  d->slack = tc_sight_slack(job->mesh);
 }
 
 /* ---- clusters ---- */
 
-/* All of a cluster's normals look away from the eye, wherever in its sphere they are. */
-static bool faces_away(const tc_view *v, const tc_cluster *k) {
-  double along = 0, apart = 0;
-  if (k->spread > 1) return false;
-  for (int i = 0; i < 3; i++) {
-    double to = v->perspective ? k->centre[i] - v->eye[i] : v->forward[i];
-    along += to * k->axis[i], apart += to * to;
-  }
-  /* The angle to the axis, and how far the direction to the eye differs within the sphere, leave a right angle. */
-  return along > (k->spread * sqrt(apart) + (v->perspective ? k->radius * 1.001 : 0)) * 1.00001;
-}
-
-/* Pixels from `lo` to `hi` of an axis, held within the picture. */
-static bool pixel_range(double lo, double hi, int size, int16_t *first, int16_t *last) {
-  lo = floor(lo - 0.02), hi = floor(hi + 0.02);
-  if (!(hi >= 0 && lo <= size - 1)) return false;
-  *first = (int16_t)(lo > 0 ? lo : 0);
-  *last = (int16_t)(hi < size - 1 ? hi : size - 1);
-  return true;
-}
-
-/* Pixels that a sphere may touch. False: none. */
-static bool bound_sphere(const tc_view *v, const double centre[3], double r, sight *s) {
-  const double depth = tc_view_row(v->depth, centre) + v->reference, nearest = depth - r;
-  const double at[2] = {tc_view_row(v->right, centre), tc_view_row(v->down, centre)};
-  const int size[2] = {v->width, v->height};
-  int16_t first[2], last[2];
-  for (int k = 0; k < 2; k++) {
-    double lo = at[k] - r, hi = at[k] + r;
-    if (v->perspective && nearest <= 0) {
-      lo = -INFINITY, hi = INFINITY;
-    } else if (v->perspective) {
-      lo /= lo < 0 ? nearest : depth + r;
-      hi /= hi > 0 ? nearest : depth + r;
-    }
-    if (!pixel_range(v->centre[k] + v->scale * lo, v->centre[k] + v->scale * hi, size[k], &first[k], &last[k])) return false;
-  }
-  s->x0 = first[0], s->y0 = first[1], s->x1 = last[0], s->y1 = last[1];
-  double behind = depth - v->reference - r;
-  s->nearest = (float)(!v->perspective ? -behind : nearest > 0 ? -behind / nearest : INFINITY);
-  return true;
-}
-
-static sight look_at(const drawing *d, const tc_cluster *k, tc_raster_counts *counts) {
-  const tc_view *v = d->job->view;
-  const double centre[3] = {k->centre[0], k->centre[1], k->centre[2]}, r = k->radius * 1.0001 + d->slack;
-  const sight none = {.x0 = 0, .x1 = -1};
-  sight s = {0};
-  bool outside = false;
-  for (int i = 0; i < 4 && !outside; i++) outside = tc_view_row(v->sides[i], centre) < -r;
-  for (int i = 0; i < v->n_planes && !outside; i++) {
-    double apart = tc_view_row(v->planes[i], centre);
-    outside = apart < -r;
-    if (apart <= r) s.planes |= 1u << i;
-  }
-  outside = outside || !bound_sphere(v, centre, r, &s);
-  if (!outside && !(d->job->one_sided && faces_away(v, k))) return s;
-  counts->outside += outside, counts->facing_away += !outside;
-  return none;
+static tc_sight look_at(const drawing *d, const tc_cluster *k, tc_raster_counts *counts) {
+  bool away;
+  const tc_sight s = tc_sight_of(d->job->view, k, d->slack, d->job->one_sided, &away);
+  if (s.x1 < s.x0) counts->outside += !away, counts->facing_away += away;
+  return s;
 }
 
 static void sight_chunk(void *context, int chunk, int worker) {
@@ -148,7 +86,7 @@ static void sight_chunk(void *context, int chunk, int worker) {
   uint32_t *places = d->places + (size_t)chunk * (size_t)d->n_tiles;
   size_t end = ((size_t)chunk + 1) * CHUNK;
   for (size_t i = (size_t)chunk * CHUNK; i < end && i < d->job->mesh->n; i++) {
-    const sight s = d->sights[i] = look_at(d, &d->job->mesh->clusters[i], &d->workers[worker].counts);
+    const tc_sight s = d->sights[i] = look_at(d, &d->job->mesh->clusters[i], &d->workers[worker].counts);
     if (s.x1 < s.x0) continue;
     for (int y = s.y0 / TC_RASTER_SIDE; y <= s.y1 / TC_RASTER_SIDE; y++)
       for (int x = s.x0 / TC_RASTER_SIDE; x <= s.x1 / TC_RASTER_SIDE; x++) places[y * d->tiles_x + x]++;
@@ -160,7 +98,7 @@ static void list_chunk(void *context, int chunk, int worker) {
   uint32_t *places = d->places + (size_t)chunk * (size_t)d->n_tiles;
   size_t end = ((size_t)chunk + 1) * CHUNK;
   for (size_t i = (size_t)chunk * CHUNK; i < end && i < d->job->mesh->n; i++) {
-    const sight *s = &d->sights[i];
+    const tc_sight *s = &d->sights[i];
     if (s->x1 < s->x0) continue;
     for (int y = s->y0 / TC_RASTER_SIDE; y <= s->y1 / TC_RASTER_SIDE; y++)
       for (int x = s->x0 / TC_RASTER_SIDE; x <= s->x1 / TC_RASTER_SIDE; x++) {
@@ -222,7 +160,7 @@ typedef struct block_range {
   int x0, y0, x1, y1;
 } block_range;
 
-static block_range blocks_of(const tc_raster_tile *t, const sight *s) {
+static block_range blocks_of(const tc_raster_tile *t, const tc_sight *s) {
   int x0 = s->x0 - t->x0, y0 = s->y0 - t->y0, x1 = s->x1 - t->x0, y1 = s->y1 - t->y0;
   return (block_range){(x0 > 0 ? x0 : 0) / TC_RASTER_BLOCK, (y0 > 0 ? y0 : 0) / TC_RASTER_BLOCK,
                        (x1 < t->width ? x1 : t->width - 1) / TC_RASTER_BLOCK,
@@ -230,7 +168,7 @@ static block_range blocks_of(const tc_raster_tile *t, const sight *s) {
 }
 
 /* Every sample it may touch has something that is at least as near. */
-static bool is_hidden(tc_raster_tile *t, int n_samples, const sight *s, block_range r) {
+static bool is_hidden(tc_raster_tile *t, int n_samples, const tc_sight *s, block_range r) {
   for (int y = r.y0; y <= r.y1; y++)
     for (int x = r.x0; x <= r.x1; x++) {
       int b = y * TC_RASTER_BLOCKS + x;
@@ -258,7 +196,7 @@ static bool draw_clusters(const drawing *d, worker *w, int tile) {
   tc_raster_tile *t = &w->tile;
   sort_list(d, d->lists + d->first[tile], n, w->order);
   for (size_t i = 0; i < n; i++) {
-    const sight *s = &d->sights[w->order[i]];
+    const tc_sight *s = &d->sights[w->order[i]];
     if (i % LOOK == LOOK - 1 && tc_halt_within(tc_pool_halt(d->job->pool))) return false;
     block_range r = blocks_of(t, s);
     if (is_hidden(t, d->job->n_samples, s, r)) {

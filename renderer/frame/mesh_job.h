@@ -1,0 +1,19 @@
+/* What a rasteriser of any back end draws for a frame of mode mesh: the scene's camera, light, colours, clipping and
+ * samples. */
+#ifndef TC_FRAME_MESH_JOB_H
+#define TC_FRAME_MESH_JOB_H
+
+#include "renderer/frame/backend.h"
+#include "renderer/mesh/raster.h"
+
+typedef struct tc_mesh_job {
+  tc_raster_job raster; /* refers to what follows; kernels, finished, emit, user and pool are the caller's */
+  tc_view view;
+  double samples[TC_RASTER_SAMPLES][2];
+  float (*colors)[3];
+} tc_mesh_job;
+
+bool tc_mesh_job_begin(tc_mesh_job *m, const tc_job *job, GError **error); /* TC_ERROR_MEMORY */
+void tc_mesh_job_end(tc_mesh_job *m);
+
+#endif
