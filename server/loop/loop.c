@@ -11,7 +11,7 @@ struct tcs_loop {
   int epoll_fd;
   int n_events, at; /* the batch being worked on */
   struct epoll_event events[BATCH];
-  tcs_metrics *metrics;          /* or NULL */
+  tcs_metrics *metrics;              /* or NULL */
   double turn_began, turn_began_cpu; /* seconds; 0 = before the first turn */
 };
 
@@ -20,6 +20,8 @@ static double seconds_of(clockid_t clock) {
   clock_gettime(clock, &now);
   return (double)now.tv_sec + (double)now.tv_nsec / 1e9;
 }
+
+int64_t tcs_thread_cpu_us(void) { return (int64_t)(seconds_of(CLOCK_THREAD_CPUTIME_ID) * 1e6); }
 
 tcs_loop *tcs_loop_new(GError **error) {
   tcs_loop *loop = g_new0(tcs_loop, 1);

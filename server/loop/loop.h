@@ -30,6 +30,9 @@ void tcs_loop_remove(tcs_loop *loop, tcs_source *source);
 void tcs_loop_wait(tcs_loop *loop, int timeout_ms);
 #define TCS_TURN_US 2000
 
+/* Processor time of the calling thread, microseconds. */
+int64_t tcs_thread_cpu_us(void);
+
 /* Where the lengths of turns go; NULL (as it is at first): nowhere. */
 void tcs_loop_set_metrics(tcs_loop *loop, tcs_metrics *metrics);
 

@@ -7,16 +7,17 @@
 
 /* Bytes read in one turn, so that one busy peer does not hold up the others. */
 #define READ_BUDGET 4096
-/* wslay keeps each fragment by itself, with some hundred bytes beside: a message of one byte each would take megabytes. */
+/* wslay keeps each fragment by itself, with some hundred bytes beside: a message of one byte each would take megabytes.
+ */
 #define MOST_FRAGMENTS 1024
 
 /* wslay copies what it is given, so a message with a large shared part is framed here: between wslay's messages, never
  * within one. */
 typedef struct shared_message {
-  GBytes *body;  /* NULL: there is none */
-  uint8_t *head; /* [head_size] of g_malloc: the frame's head, then the message's */
+  GBytes *body;           /* NULL: there is none */
+  uint8_t *head;          /* [head_size] of g_malloc: the frame's head, then the message's */
   size_t head_size, sent; /* sent: of head and body */
-  bool behind;   /* wslay had messages when this one came: they go first */
+  bool behind;            /* wslay had messages when this one came: they go first */
 } shared_message;
 
 struct tcs_channel {
@@ -26,7 +27,7 @@ struct tcs_channel {
   size_t budget;
   shared_message shared;
   bool closing, broken; /* broken: the pipe itself failed */
-  unsigned fragments; /* of the message that comes */
+  unsigned fragments;   /* of the message that comes */
   bool in_close;
   uint8_t close_body[125];
   size_t close_size;

@@ -13,21 +13,18 @@
 #include "server/loop/loop.h"
 #include "server/loop/worker.h"
 #include "server/observe/metrics.h"
-#include "server/session/store.h"
 #include "server/session/scene.h"
 #include "server/session/scope.h"
+#include "server/session/store.h"
 #include "server/session/viewers.h"
 #include "server/ws/channel.h"
 #include "server/ws/handshake.h"
+#include "server/ws/share.h"
 
 #define PING_US 15000000    /* a sign of life is asked for this often */
 #define SILENCE_US 30000000 /* and a peer without one for this long is gone */
 #define PIECE ((size_t)128) /* bytes of a few short messages */
 #define CLOSE_US 2000000    /* how long a closing handshake may take */
-/* A read of over BUSY_US is followed by a rest, so that one viewer's messages take no more than 1 / READ_SHARE of the I/O
- * thread. Sixty patches a second never come near. */
-#define BUSY_US (TCS_TURN_US / 4)
-#define READ_SHARE 10
 
 typedef struct tcs_stream {
   tcs_source source; /* first: the loop hands it back */
@@ -40,9 +37,10 @@ typedef struct tcs_stream {
   uint32_t events;
   int64_t read_us; /* since when this turn reads */
   int64_t heard_us, pinged_us, sent_us, closing_us;
-  int64_t resume_us; /* nothing is read before then; 0 = read at once */
+  tcs_share share;
+  int64_t resume_us;   /* nothing is read before then; 0 = read at once */
   struct hello *hello; /* on its way from the worker; nothing is read before it is there */
-  bool dead, inside; /* inside: called by the framing, which must return before anything is torn down */
+  bool dead, inside;   /* inside: called by the framing, which must return before anything is torn down */
 } tcs_stream;
 
 struct tcs_streams {
@@ -291,12 +289,12 @@ static void settle(tcs_stream *stream) {
 }
 
 static void read_some(tcs_stream *stream) {
+  const int64_t cpu_us = tcs_thread_cpu_us();
   stream->read_us = g_get_monotonic_time();
   stream->inside = true;
   const bool alive = tcs_channel_read(stream->channel);
   stream->inside = false;
-  const int64_t now_us = g_get_monotonic_time(), took_us = now_us - stream->read_us;
-  if (took_us > BUSY_US) stream->resume_us = now_us + (READ_SHARE - 1) * took_us;
+  stream->resume_us = tcs_share_spend(&stream->share, stream->read_us, tcs_thread_cpu_us() - cpu_us);
   if (alive)
     settle(stream);
   else
@@ -352,6 +350,7 @@ void tcs_streams_open(tcs_streams *streams, tcs_session *session, const tcs_call
   stream->extra = g_byte_array_new();
   g_byte_array_append(stream->extra, (const guint8 *)extra, (guint)extra_size);
   stream->heard_us = stream->pinged_us = stream->sent_us = g_get_monotonic_time();
+  tcs_share_init(&stream->share, stream->heard_us);
   stream->events = EPOLLIN;
   stream->channel = tcs_channel_new(&callbacks, stream);
   set_socket_options(fd);

@@ -9,6 +9,7 @@
 #include "server/schedule/ladder.h"
 #include "server/session/watcher.h"
 #include "server/session/window.h"
+#include "server/ws/share.h"
 
 static void test_window_counts(void **state) {
   tcs_window window;
@@ -112,7 +113,8 @@ static void test_coarser_is_fewer_rays_then_longer_steps(void **state) {
   tc_scene scene = {.mode = TC_MODE_DVR, .sampling = {.step = 0.5, .rays_per_pixel = 16}};
   tcs_rung_coarsen(4, &scene);
   assert_int_equal(scene.sampling.rays_per_pixel, 4);
-  assert_true(scene.sampling.step == 2); /* rays of a pixel have their samples in turn: each ray's are as far apart as before */
+  assert_true(scene.sampling.step ==
+              2); /* rays of a pixel have their samples in turn: each ray's are as far apart as before */
   scene = (tc_scene){.mode = TC_MODE_MIP, .sampling = {.step = 0.5, .rays_per_pixel = 2}};
   tcs_rung_coarsen(8, &scene);
   assert_int_equal(scene.sampling.rays_per_pixel, 1);
@@ -201,8 +203,46 @@ static void test_slices_begin_in_full_size(void **state) {
   tcs_ladder_measure(rays, 1e3, 100);
   assert_true(tcs_ladder_pick(rays, 1e6, 1e6, 33).scale < 0.1);
   assert_true(tcs_ladder_pick(tcs_view_ladder(&view, TC_MODE_MPR, 1e-3), 1e6, 1e6, 33).scale == 1);
-  assert_true(tcs_ladder_pick(tcs_view_ladder(&view, TC_MODE_MIP, 1e-3), 1e6, 1e6, 33).scale < 1); /* as it is elsewhere */
+  assert_true(tcs_ladder_pick(tcs_view_ladder(&view, TC_MODE_MIP, 1e-3), 1e6, 1e6, 33).scale <
+              1); /* as it is elsewhere */
   assert_true(tcs_view_ladder(&view, TC_MODE_DVR, 1e-6)->ms_per_sample == 0.1);
+}
+
+/* Reads of `cpu_us` whenever one may begin, `gap_us` apart at least, for ten seconds. Returns the processor time taken.
+ */
+static int64_t read_for_long(int64_t cpu_us, int64_t gap_us, int64_t *longest_rest_us) {
+  tcs_share share;
+  int64_t taken_us = 0, now_us = 5000;
+  tcs_share_init(&share, now_us);
+  for (*longest_rest_us = 0; now_us < 10000000; taken_us += cpu_us) {
+    const int64_t resume_us = tcs_share_spend(&share, now_us, cpu_us);
+    *longest_rest_us = MAX(*longest_rest_us, resume_us - now_us);
+    now_us = MAX(now_us + gap_us, resume_us);
+  }
+  return taken_us;
+}
+
+static void test_a_flood_of_messages_gets_its_share(void **state) {
+  int64_t rest_us;
+  assert_in_range(read_for_long(500, 500, &rest_us), 10000000 / TCS_SHARE,
+                  10000000 / TCS_SHARE + TCS_SHARE_CREDIT_US + 500);
+  assert_in_range(rest_us, 1, 500 * TCS_SHARE); /* many short rests, not a long one */
+}
+
+static void test_a_hand_never_rests(void **state) {
+  int64_t rest_us;
+  read_for_long(100, 1000000 / 144, &rest_us);
+  assert_int_equal(rest_us, 0);
+}
+
+/* A burst is taken at once, and its credit comes back. */
+static void test_a_burst_is_taken_from_credit(void **state) {
+  tcs_share share;
+  tcs_share_init(&share, 0);
+  assert_int_equal(tcs_share_spend(&share, 0, TCS_SHARE_CREDIT_US), 0);
+  assert_int_equal(tcs_share_spend(&share, 0, 100), 100 * TCS_SHARE);
+  assert_int_equal(tcs_share_spend(&share, 100 * TCS_SHARE, 0), 0);
+  assert_int_equal(tcs_share_spend(&share, 100000000, TCS_SHARE_CREDIT_US), 0);
 }
 
 int main(void) {
@@ -221,6 +261,9 @@ int main(void) {
       cmocka_unit_test(test_ladder_keeps_the_time_it_is_given),
       cmocka_unit_test(test_ladder_ignores_nonsense),
       cmocka_unit_test(test_slices_begin_in_full_size),
+      cmocka_unit_test(test_a_flood_of_messages_gets_its_share),
+      cmocka_unit_test(test_a_hand_never_rests),
+      cmocka_unit_test(test_a_burst_is_taken_from_credit),
       cmocka_unit_test(test_watcher_wants_what_is_new),
       cmocka_unit_test(test_watcher_wants_an_error_once),
       cmocka_unit_test(test_watcher_seq_is_what_the_picture_shows),
