@@ -90,11 +90,12 @@ test('paths: recorded ones repeat, made-up ones rest between gestures', () => {
 test('the table of capacity goes between its marks', () => {
   const run = { clients: 4, framesPerSecondPerClient: 9.5, latencyMs: { p50: 60, p99: 150 }, cpuCores: 1.5, peakMiB: 80, jain: { renderMs: 0.999 }, seconds: 10,
     setting: { image: { width: 512, height: 512 }, rate: 60 } };
-  const report = { runs: [run], machine: { cpu: 'C', cores: 2, loadBefore: [1], loadAfter: [2] }, about: { backend: 'cpu' }, began: '2026-01-02T03' };
+  const report = { runs: [run], machine: { cpu: 'C', cores: 2 }, about: { backend: 'cpu' }, began: '2026-01-02T03' };
   const text = 'before\n<!-- capacity: written by tests/load --capacity -->\nold\n<!-- /capacity -->\nafter';
   const made = withCapacity(text, report);
   assert.match(made, /^before\n<!--[^\n]*-->\n\| clients .*\n\| --- .*\n\| 4 \| 9.5 \| 60 \| 150 \| 1.50 \| 80 \| 0.999 \|\n\nC, 2 cores.*\n<!-- \/capacity -->\nafter$/);
   assert.equal(withCapacity(made, report), made, 'again gives the same');
+  assert.match(withCapacity(text, { ...report, runs: [{ ...run, otherCores: 0.7 }] }), /hand; other processes took up to 0.7 cores, so/);
   assert.throws(() => withCapacity('no marks', report), /README.md: the marks/);
 });
 

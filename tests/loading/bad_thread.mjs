@@ -1,10 +1,14 @@
 // The thread of one bad client: runs it until told to stop, says ever again what it counted.
+import os from 'node:os';
 import { parentPort, workerData } from 'node:worker_threads';
 
 import { BAD } from './bad.mjs';
 import { Target } from './target.mjs';
 
 const TELL_MS = 250;
+// A stranger brings a machine of its own: here its own work must not take the processor from the daemon, whose drawing
+// runs at a lower priority than usual. On Linux this is the priority of the calling thread alone.
+os.setPriority(os.constants.priority.PRIORITY_LOW);
 const { name, base, token, address, ...setting } = workerData;
 const counts = {};
 const stopped = new AbortController();

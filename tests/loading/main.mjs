@@ -1,6 +1,6 @@
 // tests/load: reads the options, runs the campaign, says how it goes, writes what came of it.
 import { mkdirSync, writeFileSync } from 'node:fs';
-import { cpus, loadavg, totalmem } from 'node:os';
+import { cpus, totalmem } from 'node:os';
 import { join } from 'node:path';
 
 import { campaign } from './campaign.mjs';
@@ -19,14 +19,13 @@ async function main(args) {
   process.on('SIGINT', () => interrupted());
   process.on('SIGTERM', () => interrupted());
   const began = new Date();
-  const loadBefore = loadavg();
   const found = await campaign(options, { stopped: stopped.signal, onStart: progress.start, onTick: progress.tick, onRun: progress.done, onDeath: mourn });
   const taken = found.runs[0]?.record;
   for (const run of found.runs) {
     delete run.record;
     delete run.waits;
   }
-  const machine = { cpu: cpus()[0]?.model.trim(), cores: cpus().length, memoryGiB: Math.round(totalmem() / 2 ** 30), loadBefore, loadAfter: loadavg() };
+  const machine = { cpu: cpus()[0]?.model.trim(), cores: cpus().length, memoryGiB: Math.round(totalmem() / 2 ** 30) };
   const report = { tool: 'tests/load', began: began.toISOString(), complete: !stopped.signal.aborted && !process.exitCode, machine, ...found };
   console.log(`\n${found.table.length ? badTable(found.table) : rampTable(found.runs)}`);
   if (options.record) writeFileSync(options.record, JSON.stringify(taken ?? []));

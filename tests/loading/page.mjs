@@ -28,13 +28,18 @@ ${[0, 1, 2, 3, 4, 5, 6, 7].map((i) => `.c${i}{stroke:var(--c${i})}.f${i}{fill:va
 .key{font-size:12px;color:var(--soft)}.key i{display:inline-block;width:10px;height:10px;border-radius:2px;margin:0 4px 0 10px}.k{background:var(--ink)}
 `;
 
+/** What else the machine did meanwhile, where that is known and not next to nothing. */
+export function busy(runs) {
+  const others = Math.max(0, ...runs.map(({ otherCores }) => otherCores ?? 0));
+  return others > 0.2 ? `other processes took up to ${others.toFixed(1)} cores` : '';
+}
+
 /** @param report what load.json holds */
 export function page(report) {
   const { about, machine, began, runs, table, complete } = report;
-  const load = (list) => list.map((value) => value.toFixed(1)).join(' ');
   const where = [about && `${about.name} ${about.version}, ${about.backend} (${about.device ?? about.simd ?? ''})`,
     `${machine.cpu}, ${machine.cores} cores, ${machine.memoryGiB} GiB`, began.replace('T', ' ').slice(0, 16) + ' UTC',
-    `system load ${load(machine.loadBefore)} before, ${load(machine.loadAfter)} after`].filter(Boolean);
+    busy(runs)].filter(Boolean);
   return `<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>Tomocast under load</title>
 <style>${STYLE}</style><h1>Tomocast under load</h1><p class="soft">${where.map(escape).join(' · ')}</p>
 ${complete ? '' : '<p class="bad">Interrupted: what was measured until then.</p>'}

@@ -1,4 +1,5 @@
 // What is seen from beside: how soon /healthz is answered, what the process uses, how late this tool itself runs.
+import { cpus } from 'node:os';
 import { monitorEventLoopDelay } from 'node:perf_hooks';
 
 import { forgetPeak, processState, sleep } from './daemon.mjs';
@@ -49,6 +50,13 @@ export class HealthProbe {
   }
 }
 
+/** Processor time of this machine so far without this tool's own. */
+function spent() {
+  const { user, system } = process.cpuUsage();
+  const all = cpus().flatMap(({ times }) => [times.user, times.nice, times.sys, times.irq]);
+  return { at: performance.now(), elsewhereMs: all.reduce((a, b) => a + b, 0) - (user + system) / 1000 };
+}
+
 /** CPU and memory of a process on this machine over time, with this tool's own lateness. */
 export class ProcessWatch {
   samples = []; // {at, cpuSeconds, residentMiB}
@@ -60,6 +68,7 @@ export class ProcessWatch {
     this.delay = monitorEventLoopDelay({ resolution: 5 });
     this.delay.enable();
     if (pid) forgetPeak(pid);
+    this.spent = spent();
     this.#look();
     this.timer = setInterval(() => this.#look(), PROCESS_MS);
   }
@@ -75,6 +84,9 @@ export class ProcessWatch {
     this.#look();
     clearInterval(this.timer);
     this.delay.disable();
+    const then = spent();
+    this.elsewhereMs = then.elsewhereMs - this.spent.elsewhereMs;
+    this.forMs = then.at - this.spent.at;
   }
 
   /** Cores in use on average. */
@@ -82,6 +94,12 @@ export class ProcessWatch {
     if (this.samples.length < 2) return null;
     const [first, last] = [this.samples[0], this.samples.at(-1)];
     return ((last.cpuSeconds - first.cpuSeconds) * 1000) / (last.at - first.at);
+  }
+
+  /** Cores that processes other than the daemon and this tool used on average; null for a daemon elsewhere. */
+  otherCores() {
+    const daemon = this.cores();
+    return daemon === null ? null : Math.max(0, this.elsewhereMs / this.forMs - daemon);
   }
 
   toolLagMs() { return Math.max(0, this.delay.percentile(99) / 1e6 - 5); }
