@@ -16,6 +16,8 @@
 #define AIR_HU -1000
 /* Skin and fat are denser, what pads tables is not. */
 #define DENSE_HU -300
+/* Without units tables may be as faint: so far from what is around to the body's values. */
+#define SOFT 0.3
 #define BONE_HU 300
 /* Share of bone among what is dense: a head has more, a trunk less. */
 #define HEAD_BONE 0.1
@@ -175,9 +177,14 @@ void tc_fit_find(tc_fit *fit, const tc_volume *volume) {
 tc_volume *tc_fit_body(const tc_fit *fit, const tc_volume *volume, bool (*goes_on)(void *user),
                        bool (*reserve)(void *user, uint64_t bytes), void *user) {
   const tc_volume_stats *s = tc_volume_statistics(volume);
-  const tc_body_options options = {.dense = fit->dense,
+  const char *modality = tc_volume_describe(volume)->modality;
+  const bool may_be_ct = !*modality || !strcmp(modality, "CT"), padded = s->max > fit->stretch.high;
+  const double low = fit->stretch.low, soft = low + SOFT * (fit->stretch.middle - low);
+  const tc_body_options options = {.soft = fit->hounsfield ? fit->dense : soft,
+                                   .dense = fit->dense,
                                    .most = fit->stretch.high,
-                                   .parts = fit->hounsfield || s->max > fit->stretch.high, /* scanners pad */
+                                   .parts = fit->hounsfield || padded || may_be_ct, /* scanners pad */
+                                   .strict = !fit->hounsfield,
                                    .air = fit->hounsfield ? AIR_HU : fit->stretch.low,
                                    .goes_on = goes_on,
                                    .reserve = reserve,

@@ -13,7 +13,7 @@ typedef struct body {
   const tc_volume *volume;
   const tc_body_options *options;
   int n[3];
-  double from, to; /* dense voxels, as stored */
+  double soft[2], dense[2]; /* voxels, as stored: from, to */
   bool padded;     /* there are values above the options' most */
   bool parted;     /* there are parts that are left out */
   tc_body_parts parts;
@@ -74,25 +74,29 @@ static int least(int a, int b) { return a < b ? a : b; }
 
 /* ---- parts ---- */
 
-static void fill_cells(body *b, int cy, int cz) {
+/* Cells of a row with a voxel of the range are of that place. */
+static void fill_cells(body *b, int cy, int cz, const double range[2], uint8_t place) {
   const int *size = b->parts.voxels;
   memset(b->mask, 0, (size_t)b->n[0]);
   for (int z = cz * size[2]; z < least((cz + 1) * size[2], b->n[2]); z++)
     for (int y = cy * size[1]; y < least((cy + 1) * size[1], b->n[1]); y++)
-      mark(b, y, z, b->from, b->to);
+      mark(b, y, z, range[0], range[1]);
   uint8_t *cells = tc_body_parts_row(&b->parts, cy, cz);
   for (int c = 0; c < b->parts.n[0]; c++) {
     const int x = c * size[0];
-    if (memchr(b->mask + x, 1, (size_t)(least(x + size[0], b->n[0]) - x))) cells[c] = TC_CELL_DENSE;
+    if (memchr(b->mask + x, 1, (size_t)(least(x + size[0], b->n[0]) - x))) cells[c] = place;
   }
 }
 
 static bool find_parts(body *b) {
   if (!tc_body_parts_init(&b->parts, b->volume)) return false;
+  b->parts.strict = b->options->strict;
   for (int z = 0; z < b->parts.n[2]; z++) {
     if (!goes_on(b)) return false;
-    for (int y = 0; y < b->parts.n[1]; y++)
-      fill_cells(b, y, z);
+    for (int y = 0; y < b->parts.n[1]; y++) {
+      if (b->options->soft < b->options->dense) fill_cells(b, y, z, b->soft, TC_CELL_SOFT);
+      fill_cells(b, y, z, b->dense, TC_CELL_DENSE);
+    }
   }
   return tc_body_parts_find(&b->parts, b->options->goes_on, b->options->user);
 }
@@ -131,7 +135,7 @@ static bool mark_hidden(body *b, int y, int z) {
   const uint8_t *cells = tc_body_parts_row(&b->parts, y / size[1], z / size[2]);
   const uint8_t beside = TC_CELL_NEAR | TC_CELL_KEPT;
   bool near = false, both = memchr(cells, beside, (size_t)b->parts.n[0]) != NULL;
-  if (both) mark(b, y, z, b->from, b->to);
+  if (both) mark(b, y, z, b->soft[0], b->soft[1]);
   for (int c = 0; c < b->parts.n[0]; c++) {
     const int from = c * size[0], end = least(from + size[0], b->n[0]);
     near |= cells[c] & TC_CELL_NEAR;
@@ -212,18 +216,22 @@ static bool fill(body *b, tc_volume *made) {
   return true;
 }
 
+static void as_stored(const tc_volume_desc *d, double from, double to, double range[2]) {
+  const double a = (from - d->intercept) / d->slope, b = (to - d->intercept) / d->slope;
+  range[0] = fmin(a, b), range[1] = fmax(a, b);
+}
+
 tc_volume *tc_body_of(const tc_volume *volume, const tc_body_options *options) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_volume_stats *s = tc_volume_statistics(volume);
-  const double from = (options->dense - d->intercept) / d->slope, to = (options->most - d->intercept) / d->slope;
   body b = {.volume = volume,
             .options = options,
             .n = {d->dims[0], d->dims[1], d->dims[2]},
-            .from = fmin(from, to),
-            .to = fmax(from, to),
             .padded = s->max > options->most,
             .mask = malloc((size_t)d->dims[0])};
   tc_volume *made = NULL;
+  as_stored(d, options->soft, options->most, b.soft);
+  as_stored(d, options->dense, options->most, b.dense);
   b.parted = b.mask && options->parts && find_parts(&b);
   if (b.parted)
     find_box(&b);

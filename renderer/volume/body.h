@@ -6,9 +6,11 @@
 #include "renderer/volume/volume.h"
 
 typedef struct tc_body_options {
-  double dense; /* values from here on are dense ... */
+  double soft;  /* tables may begin here; no more than ... */
+  double dense; /* values from here on are dense, as a body is ... */
   double most;  /* ... up to here; more is padding, which is left out wherever it is */
   bool parts;   /* leave out parts; else padding alone */
+  bool strict;  /* values have no unit: a table has to be sure (volume/body_parts.h) */
   double air;   /* what stands in the place of what is left out */
   /* Asked once a slice: false = stop. NULL: goes on. */
   bool (*goes_on)(void *user);
@@ -18,7 +20,7 @@ typedef struct tc_body_options {
 } tc_body_options;
 
 /* A new volume, sealed, as large as what is left needs, of the same values elsewhere and with the range of `volume`.
- * NULL: nothing is left out, or it was stopped, or there is no memory. Beside the result it takes 7 bytes for each of
+ * NULL: nothing is left out, or it was stopped, or there is no memory. Beside the result it takes 8 bytes for each of
  * the coarse grid's cells for a while. Any thread. */
 tc_volume *tc_body_of(const tc_volume *volume, const tc_body_options *options);
 

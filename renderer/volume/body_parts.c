@@ -18,6 +18,13 @@
 /* A shell that touches the body: its cells behind all of the body, at least, and its width beside the body's. */
 #define BEHIND 0.4
 #define LARGE 0.25
+/* What is sure to be a table: its least extent beside its largest, its surface on the body, at most. */
+#define FLAT 0.4
+#define TOUCHING 0.08
+/* A board so flat is a table's, however much of the body lies on it. */
+#define SHEET 0.1
+/* Cells around the body that are its edge, where that is softer than it. */
+#define EDGE_CELLS 2
 /* Or a board, or thin and wide, with no more of its surface on the body: a wall of the chest is joined all around. */
 #define BARELY 0.025
 
@@ -35,9 +42,11 @@ typedef struct finder {
   tc_body_parts *p;
   size_t count;
   uint8_t *marks, *scratch; /* [count] */
+  uint8_t *soft;            /* [count]: softer than the body, and not its edge */
   uint32_t *queue;          /* [count]: the cells of a part */
   span *rows, *columns;     /* [n2 * n1], [n2 * n0]: the body's extent along x and y */
   span *slices;             /* [n2]: along y */
+  bool solid;               /* the body is what the opening left */
   double thickness, width;  /* of the body: as of a sheet, and its middle extent, mm */
   bool (*goes_on)(void *user);
   void *user;
@@ -161,6 +170,18 @@ static size_t move_all(finder *f, uint8_t from, uint8_t to) {
   return moved;
 }
 
+/* What is soft around the body is its edge; the rest of it may be a table's. */
+static void take_edge(finder *f) {
+  for (int i = 0; i < EDGE_CELLS; i++) {
+    mark_around(f, TC_CELL_KEPT);
+    for (size_t j = 0; j < f->count; j++)
+      if (f->marks[j] && f->p->cells[j] == TC_CELL_SOFT) f->p->cells[j] = TC_CELL_KEPT;
+  }
+  for (size_t j = 0; j < f->count; j++)
+    f->soft[j] = f->p->cells[j] == TC_CELL_SOFT;
+  move_all(f, TC_CELL_SOFT, REST);
+}
+
 /* The largest core and what is around it, or all that is connected with it; the rest is REST. False: there is no core.
  */
 static bool find_body(finder *f) {
@@ -176,10 +197,12 @@ static bool find_body(finder *f) {
   move_all(f, OTHER, TC_CELL_DENSE);
   grow_cores(f, TC_CELL_DENSE, THICK);
   const double body = (double)move_all(f, THICK, TC_CELL_KEPT), rest = (double)move_all(f, TC_CELL_DENSE, REST);
-  if (body < SOLID * (body + rest)) {
+  f->solid = body >= SOLID * (body + rest);
+  if (!f->solid) {
     move_all(f, TC_CELL_KEPT, REST);
     flood(f, seed, REST, TC_CELL_KEPT);
   }
+  take_edge(f);
   return true;
 }
 
@@ -297,11 +320,26 @@ static bool is_board(const finder *f, const part *a) {
   return thickness_of(f, a) < THIN * fmax(f->thickness, width) && width >= WIDE * f->width;
 }
 
+/* The least extent beside the largest. */
+static double flatness_of(const finder *f, const part *a) {
+  const double x = extent_along(f, a, 0), y = extent_along(f, a, 1), z = extent_along(f, a, 2);
+  return fmin(fmin(x, y), z) / fmax(fmax(x, y), z);
+}
+
+/* What no branch, bone or vessel is: wide and flat, behind the body and hardly in contact with it; where the body is not
+ * solid, behind and apart. */
+static bool is_table(const finder *f, const part *a) {
+  const double behind = f->solid ? 0.5 : 1, touching = f->solid ? TOUCHING : 0, wide = f->solid ? LARGE : WIDE;
+  return extent_of(f, a) >= wide * f->width && flatness_of(f, a) < FLAT &&
+         (double)a->behind >= behind * (double)a->cells && a->contact <= touching * a->surface;
+}
+
 static bool goes(const finder *f, const part *a, uint8_t place) {
   const double cells = (double)a->cells, *side = f->p->side;
   const bool board = is_board(f, a), thin = thickness_of(f, a) < THIN_CELLS * middle_of(side[0], side[1], side[2]);
   if ((double)a->outside < OUTSIDE * cells || (double)a->deep > DEEP * cells) return false;
-  if (place == THICK) return board;
+  if (f->p->strict && !is_table(f, a)) return false;
+  if (place == THICK || (board && flatness_of(f, a) < SHEET)) return board;
   const bool wide = fmax(extent_along(f, a, 0), extent_along(f, a, 1)) >= WIDE * f->width;
   if (a->contact <= BARELY * a->surface && (board || (thin && wide))) return true;
   if (a->contact > 0) return (double)a->behind >= BEHIND * cells && extent_of(f, a) >= LARGE * f->width;
@@ -340,15 +378,37 @@ static void mark_near(finder *f) {
 
 static bool goes_on(const finder *f) { return !f->goes_on || f->goes_on(f->user); }
 
+/* Where there is a table, what is soft and beside the body is foam and cloth. */
+static void hide_soft(finder *f) {
+  for (size_t i = 0; i < f->count; i++) {
+    int at[3];
+    if (f->p->cells[i] != OTHER || !f->soft[i]) continue;
+    place_of(f, i, at);
+    if (is_outside(f, at)) f->p->cells[i] = TC_CELL_HIDDEN;
+  }
+}
+
+/* Decides on the rest, whole and then parted into cores and shells; what is not hidden becomes `stays`. */
+static bool choose_all(finder *f, uint8_t stays) {
+  bool hidden = choose(f, REST, LEFT);
+  find_cores(f, LEFT);
+  grow_cores(f, LEFT, THICK);
+  hidden |= choose(f, THICK, stays);
+  hidden |= choose(f, LEFT, stays);
+  return hidden;
+}
+
 static bool find(finder *f) {
   if (!goes_on(f) || !find_body(f) || !goes_on(f)) return false;
   measure_body(f);
-  bool hidden = choose(f, REST, LEFT);
-  if (!goes_on(f)) return false;
-  find_cores(f, LEFT);
-  grow_cores(f, LEFT, THICK);
-  hidden |= choose(f, THICK, TC_CELL_KEPT);
-  hidden |= choose(f, LEFT, TC_CELL_KEPT);
+  bool hidden = !f->p->strict && choose_all(f, TC_CELL_KEPT);
+  if (f->p->strict && choose_all(f, OTHER)) {
+    hidden = true;
+    if (f->solid) hide_soft(f), move_all(f, OTHER, REST);
+    f->p->strict = false; /* what else there is of the table needs no more proof */
+    choose_all(f, TC_CELL_KEPT);
+    move_all(f, OTHER, TC_CELL_KEPT);
+  }
   if (hidden) mark_near(f);
   return hidden && goes_on(f);
 }
@@ -359,15 +419,17 @@ bool tc_body_parts_find(tc_body_parts *parts, bool (*goes_on)(void *user), void 
               .count = count,
               .marks = malloc(count),
               .scratch = malloc(count),
+              .soft = malloc(count),
               .queue = malloc(count * sizeof *f.queue),
               .rows = malloc(slices * (size_t)parts->n[1] * sizeof(span)),
               .columns = malloc(slices * (size_t)parts->n[0] * sizeof(span)),
               .slices = malloc(slices * sizeof(span)),
               .goes_on = goes_on,
               .user = user};
-  const bool found = f.marks && f.scratch && f.queue && f.rows && f.columns && f.slices && find(&f);
+  const bool found = f.marks && f.scratch && f.soft && f.queue && f.rows && f.columns && f.slices && find(&f);
   free(f.marks);
   free(f.scratch);
+  free(f.soft);
   free(f.queue);
   free(f.rows);
   free(f.columns);

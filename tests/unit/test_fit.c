@@ -106,6 +106,44 @@ static void a_table_that_is_touched_goes_too(void **state) {
   tc_volume_unref(whole);
 }
 
+static int16_t mask(int x, int y, int z) { return within(x, y, 32, 32, 20); }
+
+/* Values without a unit: what lies on a faint board with a rail, and what bears a wide leaf where its board would be. */
+static int16_t fainter(int x, int y, int z) {
+  const int noise = (x * 7 + y * 5 + z * 3) % 12;
+  if (y == 50 || (y > 50 && y < 56 && x == 3)) return (int16_t)(90 + noise);
+  return (int16_t)(within(x, y, 30, 28, 18) ? 200 + noise : noise);
+}
+static int16_t leafy(int x, int y, int z) {
+  const int16_t all = fainter(x, 63 - y, z);
+  return y == 13 && within(x, z, 30, 30, 28) ? 95 : all > 80 && all < 110 ? 0 : all;
+}
+
+static void what_lies_on_a_faint_board_is_left_alone_with_it(void **state) {
+  tc_volume *whole = filled_as(fainter, 1, "", 0), *body = body_of(whole);
+  assert_non_null(body);
+  static const int gone[][2] = {{10, 50}, {30, 50}, {55, 50}, {3, 53}};
+  for (size_t i = 0; i < sizeof gone / sizeof *gone; i++) {
+    const double value = value_at(body, gone[i][0], gone[i][1], 30);
+    assert_true(isnan(value) || value < 20);
+  }
+  for (int y = 0; y < 49; y++)
+    for (int x = 0; x < SIDE; x++)
+      if (fainter(x, y, 30) > 100) assert_true(value_at(body, x, y, 30) == fainter(x, y, 30));
+  tc_volume_unref(body);
+  tc_volume_unref(whole);
+}
+
+static void without_units_only_what_is_behind_is_a_table(void **state) {
+  const phantom all[] = {leafy, mask, fainter};
+  const char *const modality[] = {"", "", "MR"};
+  for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
+    tc_volume *whole = filled_as(all[i], 1, modality[i], 0);
+    assert_null(body_of(whole));
+    tc_volume_unref(whole);
+  }
+}
+
 static int16_t nobody(int x, int y, int z) { return within(x, y, 32, 32, 20) ? FLESH + (x + y + z) % 400 : AIR; }
 
 static void who_lies_on_nothing_is_left_alone(void **state) {
@@ -187,8 +225,6 @@ static void floats_have_padding_too(void **state) {
 }
 
 /* Of masks both ends are values, not padding. */
-static int16_t mask(int x, int y, int z) { return within(x, y, 32, 32, 20); }
-
 static void masks_have_none(void **state) {
   tc_volume *v = filled(mask, 1);
   tc_values *values = tc_values_of(v);
@@ -325,6 +361,8 @@ static void windows_are_those_of_the_first_view(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(the_table_goes_and_all_else_stays),
                                      cmocka_unit_test(a_table_that_is_touched_goes_too),
+                                     cmocka_unit_test(what_lies_on_a_faint_board_is_left_alone_with_it),
+                                     cmocka_unit_test(without_units_only_what_is_behind_is_a_table),
                                      cmocka_unit_test(who_lies_on_nothing_is_left_alone),
                                      cmocka_unit_test(it_stops_and_takes_no_memory_unasked),
                                      cmocka_unit_test(too_many_parts_are_not_told_apart),
