@@ -10,7 +10,7 @@ struct tc_embedded_file {
   size_t size;
 };
 
-extern const struct tc_embedded_file tc_shader_files[];    /* renderer/raycast/gl/ *.glsl */
+extern const struct tc_embedded_file tc_shader_files[];    /* renderer/.../gl/ *.glsl */
 extern const struct tc_embedded_file tc_web_files[];       /* web/ as deploy/bundle.cmake made it, and NAME.gz of each */
 extern const struct tc_embedded_file tcs_report_files[];   /* server/bench/: report's page */
 extern const struct tc_embedded_file tcp_protocol_files[]; /* protocol/openapi.json */

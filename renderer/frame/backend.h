@@ -68,6 +68,8 @@ typedef struct tc_backend_ops {
   /* False: this job would wait for a program to be compiled or a volume to be uploaded. That has begun beside, and what
    * must not wait is drawn by the cpu back end meanwhile. NULL: nothing ever waits. */
   bool (*ready)(void *instance, const tc_job *job);
+  /* Why it does not draw scenes of this kind in a mode of tc_drawers, a clause; the cpu does. NULL: it draws this one. */
+  const char *(*refuses)(void *instance, const tc_scene *scene);
   /* Whether the back end makes the entries of such a table itself, from its outline (classify/outline.h), adding the
    * time it takes to stats.tables_ms. *why: who builds it and the reason, for the plan. NULL: the cpu builds all, and
    * the plan has nothing to say about it. */
@@ -78,7 +80,7 @@ typedef struct tc_backend_ops {
   const char *(*kernel_suffix)(void *instance);
 } tc_backend_ops;
 
-/* Who draws a mode that casts no rays, on the pool, whatever the back end; NULL: the back end. Like render() above. */
+/* Who draws a mode that casts no rays, on the pool, in the cpu back end's place; NULL: the back end. Like render() above. */
 typedef bool (*tc_drawer)(tc_pool *pool, const tc_job *job, GError **error);
 extern const tc_drawer tc_drawers[TC_MODE_COUNT];
 bool tc_mesh_frame_draw(tc_pool *pool, const tc_job *job, GError **error); /* mode mesh */

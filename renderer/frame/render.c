@@ -107,13 +107,15 @@ static bool choose_drawer(drawing *d, bool heard, GError **error) {
   d->job.pixel_samples *= scene->sampling.rays_per_pixel;
   d->ops = r->ops;
   d->instance = r->instance;
-  if (heard && d->ops->deaf_ms && !tc_drawers[scene->mode]) deaf_ms = d->ops->deaf_ms(d->instance, d->job.pixel_samples);
+  const bool rays = !tc_drawers[scene->mode];
+  if (!rays) d->facts.refused = r->ops->refuses ? r->ops->refuses(r->instance, scene) : NULL;
+  if (heard && d->ops->deaf_ms && rays) deaf_ms = d->ops->deaf_ms(d->instance, d->job.pixel_samples);
   if (deaf_ms > MOST_DEAF_MS) {
     d->facts.deaf = r->ops->name;
     d->facts.deaf_ms = deaf_ms;
     d->facts.pixel_samples = d->job.pixel_samples;
   }
-  if (d->facts.deaf || tc_drawers[scene->mode]) {
+  if (d->facts.deaf || d->facts.refused) {
     d->ops = &tc_cpu_backend;
     d->instance = r->ops == d->ops ? r->instance : stand_in(r, error);
   }
@@ -211,6 +213,13 @@ static bool check_table(const tc_render_request *q, GError **error) {
   return false;
 }
 
+/* The cpu back end, whoever else there is: instance is its own. */
+static bool draw_by_cpu(drawing *d, void *instance, GError **error) {
+  const tc_drawer drawer = tc_drawers[d->plan.key.mode];
+  d->job.isa = tc_cpu_backend.isa(instance);
+  return drawer ? drawer(d->r->pool, &d->job, error) : tc_cpu_backend.render(instance, &d->job, error);
+}
+
 /* Draws by the cpu back end, every sample: what leaps is not the same there, and the picture is. */
 static bool draw_by_stand_in(drawing *d, GError **error) {
   if (!stand_in(d->r, error)) return false;
@@ -220,7 +229,7 @@ static bool draw_by_stand_in(drawing *d, GError **error) {
   d->facts.fills_in = d->job.key.skipping;
   skip_nothing(&d->job);
   d->stats->stand_in = true;
-  return tc_cpu_backend.render(d->r->stand_in, &d->job, error);
+  return draw_by_cpu(d, d->r->stand_in, error);
 }
 
 /* False: the back end is not ready, and whoever asked does not want to wait. A frame that may be interrupted waits here,
@@ -239,11 +248,9 @@ static bool draw(drawing *d, bool hurry, GError **error) {
   const double before = d->stats->tables_ms;
   /* A frame that was paused goes on with who began it: the two are not the same to the last bit. */
   const bool begun = tc_frame_position(d->job.frame) > 0, hurried = begun && d->stats->stand_in;
-  d->job.isa = d->ops->isa(d->instance);
-  if (tc_drawers[d->plan.key.mode]) return tc_drawers[d->plan.key.mode](r->pool, &d->job, error);
-  if (d->ops != r->ops) {
-    d->stats->stand_in = true;
-    return d->ops->render(d->instance, &d->job, error);
+  if (d->ops == &tc_cpu_backend) {
+    d->stats->stand_in = d->ops != r->ops;
+    return draw_by_cpu(d, d->instance, error);
   }
   if (hurried) return draw_by_stand_in(d, error);
   if (!is_ready(d, hurry && !begun))

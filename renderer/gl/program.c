@@ -1,4 +1,4 @@
-/* Compiling and caching compute programs. See program.h. */
+/* Compiling and caching programs. See program.h. */
 #include "renderer/gl/program.h"
 
 #include <assert.h>
@@ -11,45 +11,60 @@ static void first_line(char *log) {
   log[strcspn(log, "\r\n")] = 0;
 }
 
-static unsigned link_program(unsigned shader, const char *label, GError **error) {
+static void say(const char *label, const char *what, char *log, GError **error) {
+  first_line(log);
+  tc_set_error(error, TC_ERROR_INTERNAL, NULL, "gl: shader %s does not %s: %s", label, what, log);
+}
+
+static unsigned link_program(const unsigned *shaders, int n, const char *label, GError **error) {
   unsigned program = glCreateProgram();
-  glAttachShader(program, shader);
+  for (int i = 0; i < n; i++) glAttachShader(program, shaders[i]);
   glLinkProgram(program);
   GLint linked = 0;
   glGetProgramiv(program, GL_LINK_STATUS, &linked);
-  glDetachShader(program, shader);
+  for (int i = 0; i < n; i++) glDetachShader(program, shaders[i]);
   if (linked) {
     glObjectLabel(GL_PROGRAM, program, -1, label);
     return program;
   }
   char log[1024] = "";
   glGetProgramInfoLog(program, sizeof log, NULL, log);
-  first_line(log);
   glDeleteProgram(program);
-  tc_set_error(error, TC_ERROR_INTERNAL, NULL, "gl: shader %s does not link: %s", label, log);
+  say(label, "link", log, error);
   return 0;
 }
 
-unsigned tc_gl_program_compile(const char *const *pieces, size_t count, const char *label, GError **error) {
-  unsigned shader = glCreateShader(GL_COMPUTE_SHADER);
+static unsigned compile(unsigned kind, const char *const *pieces, size_t count, const char *label, GError **error) {
+  unsigned shader = glCreateShader(kind);
   if (!shader) {
-    tc_set_error(error, TC_ERROR_INTERNAL, NULL, "gl: the driver makes no compute shader; use --backend cpu");
+    tc_set_error(error, TC_ERROR_INTERNAL, NULL, "gl: the driver makes no shader for %s; use --backend cpu", label);
     return 0;
   }
   glShaderSource(shader, (GLsizei)count, pieces, NULL);
   glCompileShader(shader);
   GLint compiled = 0;
   glGetShaderiv(shader, GL_COMPILE_STATUS, &compiled);
-  unsigned program = 0;
-  if (compiled) {
-    program = link_program(shader, label, error);
-  } else {
-    char log[1024] = "";
-    glGetShaderInfoLog(shader, sizeof log, NULL, log);
-    first_line(log);
-    tc_set_error(error, TC_ERROR_INTERNAL, NULL, "gl: shader %s does not compile: %s", label, log);
-  }
+  if (compiled) return shader;
+  char log[1024] = "";
+  glGetShaderInfoLog(shader, sizeof log, NULL, log);
   glDeleteShader(shader);
+  say(label, "compile", log, error);
+  return 0;
+}
+
+unsigned tc_gl_program_compile(const char *const *pieces, size_t count, const char *label, GError **error) {
+  const unsigned shader = compile(GL_COMPUTE_SHADER, pieces, count, label, error);
+  const unsigned program = shader ? link_program(&shader, 1, label, error) : 0;
+  glDeleteShader(shader);
+  return program;
+}
+
+unsigned tc_gl_program_draws(const char *const *vertex, const char *const *fragment, size_t count, const char *label,
+                             GError **error) {
+  const unsigned first = compile(GL_VERTEX_SHADER, vertex, count, label, error);
+  const unsigned shaders[2] = {first, first ? compile(GL_FRAGMENT_SHADER, fragment, count, label, error) : 0};
+  const unsigned program = shaders[1] ? link_program(shaders, 2, label, error) : 0;
+  for (int i = 0; i < 2; i++) glDeleteShader(shaders[i]);
   return program;
 }
 

@@ -1,4 +1,4 @@
-/* Compute programs: compiled from text pieces, kept in a bounded cache. Needs a current context throughout. */
+/* Programs: compiled from text pieces, kept in a bounded cache. Needs a current context throughout. */
 #ifndef TC_GL_PROGRAM_H
 #define TC_GL_PROGRAM_H
 
@@ -10,6 +10,9 @@
 /* Compiles and links one compute shader from `count` pieces read in order. `label` (ASCII) names it in errors and
  * in driver tools. Returns the GL name, 0 on failure: TC_ERROR_INTERNAL with the driver's first complaint. */
 unsigned tc_gl_program_compile(const char *const *pieces, size_t count, const char *label, GError **error);
+/* The same of a vertex and a fragment shader, of `count` pieces each. */
+unsigned tc_gl_program_draws(const char *const *vertex, const char *const *fragment, size_t count, const char *label,
+                             GError **error);
 
 /* A cache of TC_GL_PROGRAMS programs, least recently used out first. Keys are compared by memcmp. */
 #define TC_GL_PROGRAMS 32

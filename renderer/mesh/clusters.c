@@ -3,6 +3,7 @@
 #include "renderer/mesh/clusters.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -382,11 +383,13 @@ static bool build(builder *b, GError **error) {
 }
 
 tc_clusters *tc_clusters_make(const tc_mesh *mesh, tc_pool *pool, GError **error) {
+  static atomic_uint_fast64_t serials;
   builder b = {.mesh = mesh, .pool = pool, .out = calloc(1, sizeof *b.out)};
   if (!b.out) {
     out_of_memory(error);
     return NULL;
   }
+  b.out->serial = atomic_fetch_add(&serials, 1) + 1;
   memcpy(b.out->origin, mesh->origin, sizeof mesh->origin);
   bool made = build(&b, error);
   free(b.chunks);

@@ -34,6 +34,7 @@ typedef struct tc_clusters {
   uint32_t *normals;   /* [vertex_room], octahedral, 16 bits each of x (low) and y; NULL where the mesh has none */
   uint8_t *triangles;  /* of a cluster: 3 * triangle on, all first corners, all second, all third, padded likewise */
   size_t bytes;
+  uint64_t serial; /* of no other */
 } tc_clusters;
 
 /* Triangles of no area, and those with a vertex that is no finite number, are left out. Parallel over the pool, whose

@@ -345,9 +345,9 @@ static void say_mode(const teller *t) {
 static void say_mesh(const teller *t) {
   const bool in = tc_plan_has(t->plan, TC_RESOURCE_MESH);
   if (in && t->plan->key.labels)
-    say(t, TC_STAGE_MESH, true, "a smooth surface of each label as triangles in clusters, drawn by the cpu whatever the back end");
+    say(t, TC_STAGE_MESH, true, "a smooth surface of each label as triangles in clusters");
   else if (in)
-    say(t, TC_STAGE_MESH, true, "the surface at %.6g as triangles in clusters, drawn by the cpu whatever the back end",
+    say(t, TC_STAGE_MESH, true, "the surface at %.6g as triangles in clusters",
         t->scene->isosurface.value);
   else
     say(t, TC_STAGE_MESH, false, "mode %s draws no triangles", tc_mode_names[t->scene->mode]);
@@ -378,6 +378,8 @@ void tc_plan_explain(const tc_plan *plan, const tc_volume *volume, const tc_scen
   say_mesh(&t);
   say_picture(&t);
   (scene->mode == TC_MODE_MPR ? say_mpr : scene->mode == TC_MODE_SPLAT ? say_splats : say_mode)(&t);
+  if (facts && facts->refused)
+    add(&t, scene->mode == TC_MODE_SPLAT ? TC_STAGE_SPLATS : TC_STAGE_MESH, "; drawn by the cpu: %s", facts->refused);
   add_resources(&t);
 }
 

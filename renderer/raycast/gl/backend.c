@@ -14,6 +14,8 @@
 #include "renderer/gl/ring.h"
 #include "renderer/raycast/gl/job.h"
 #include "renderer/raycast/gl/pace.h"
+#include "renderer/raycast/gl/passes.h"
+#include "renderer/raycast/gl/slot.h"
 #include "renderer/raycast/gl/textures.h"
 #include "renderer/raycast/gl/warm.h"
 #include "renderer/base/clock.h"
@@ -23,8 +25,6 @@
 #define ROW 64 /* largest height of a tile; slow tiles become narrower */
 #define IN_FLIGHT_MS 20 /* longest expected time of all tiles in flight, during which the halt has no effect */
 #define BACKGROUND_UPLOAD ((size_t)8 << 20) /* bytes of volumes from which on uploading is background work */
-#define COUNTER_CELLS 64 /* head.glsl */
-#define COUNTER_BYTES (COUNTER_CELLS * 32)
 #define DEFAULT_CACHE_BYTES ((uint64_t)256 << 20)
 
 /* Background work: a program to compile, or volumes to upload. */
@@ -143,12 +143,14 @@ static const char *kernel_suffix(void *instance) { return "gl"; }
 
 /* ---- one frame ---- */
 
-static tc_gl_variant variant_for(const tc_job *job, const tc_gl_volume *volume) {
+/* volume: NULL where none is sampled. */
+static tc_gl_variant variant_for(const tc_job *job, const tc_gl_volume *volume, int pass) {
   tc_gl_variant v;
   memset(&v, 0, sizeof v);
   v.plan = job->key;
   v.plan.shading = v.plan.shading != TC_SHADING_NONE; /* models differ in numbers only: one program for all */
-  v.atlas = volume->slices_per_layer > 1;
+  v.atlas = volume && volume->slices_per_layer > 1;
+  v.pass = (uint8_t)pass;
   v.linear_light = tc_resolve_is_linear(job->scene);
   v.transparent = job->scene->image.transparent;
   v.want_linear = job->want_linear;
@@ -160,8 +162,8 @@ static tc_gl_variant variant_for(const tc_job *job, const tc_gl_volume *volume) 
   return v;
 }
 
-static unsigned program_for(gl_backend *b, const tc_job *job, const tc_gl_volume *volume, GError **error) {
-  tc_gl_variant v = variant_for(job, volume);
+static unsigned program_for(gl_backend *b, const tc_job *job, const tc_gl_volume *volume, int pass, GError **error) {
+  tc_gl_variant v = variant_for(job, volume, pass);
   unsigned program = tc_gl_program_find(&b->programs, &v, sizeof v);
   if (program) return program;
   program = tc_gl_compose(&v, error);
@@ -170,60 +172,6 @@ static unsigned program_for(gl_backend *b, const tc_job *job, const tc_gl_volume
     b->compiled++;
   }
   return program;
-}
-
-/* Layout of a slot: counters, picture, floats, depths. Parts start at multiples of 1024, above any driver's
- * alignment. */
-typedef struct slot_layout {
-  size_t picture_bytes, linear, linear_bytes, depth, depth_bytes, bytes;
-} slot_layout;
-
-static slot_layout lay_out(const tc_job *job, int width, int height) {
-  slot_layout l = {.picture_bytes = (size_t)width * height * 4};
-  if (job->want_linear) l.linear_bytes = 4 * l.picture_bytes;
-  if (job->plan->depth) l.depth_bytes = l.picture_bytes;
-  l.linear = (COUNTER_BYTES + l.picture_bytes + 1023) & ~(size_t)1023;
-  l.depth = (l.linear + l.linear_bytes + 1023) & ~(size_t)1023;
-  l.bytes = l.depth + l.depth_bytes;
-  return l;
-}
-
-static void submit(gl_backend *b, unsigned program, const tc_job *job, const int tile[4]) {
-  tc_gl_slot *slot = tc_gl_ring_begin(&b->ring);
-  int width = tile[2], height = tile[3];
-  slot_layout l = lay_out(job, width, height);
-  memcpy(slot->tile, tile, sizeof slot->tile);
-  glClearNamedBufferSubData(slot->device, GL_R32UI, 0, COUNTER_BYTES, GL_RED_INTEGER, GL_UNSIGNED_INT, NULL);
-  glBindBufferRange(GL_SHADER_STORAGE_BUFFER, 0, slot->device, 0, COUNTER_BYTES);
-  glBindBufferRange(GL_SHADER_STORAGE_BUFFER, 1, slot->device, COUNTER_BYTES, (GLsizeiptr)l.picture_bytes);
-  if (l.linear_bytes)
-    glBindBufferRange(GL_SHADER_STORAGE_BUFFER, 2, slot->device, (GLintptr)l.linear, (GLsizeiptr)l.linear_bytes);
-  if (l.depth_bytes)
-    glBindBufferRange(GL_SHADER_STORAGE_BUFFER, 3, slot->device, (GLintptr)l.depth, (GLsizeiptr)l.depth_bytes);
-  glProgramUniform4i(program, 0, tile[0], tile[1], width, height);
-  glDispatchCompute((GLuint)(width + TC_GL_GROUP - 1) / TC_GL_GROUP,
-                    (GLuint)(height + TC_GL_GROUP - 1) / TC_GL_GROUP, 1);
-  tc_gl_ring_end(&b->ring, l.bytes);
-}
-
-static void copy_out(const tc_gl_slot *slot, const tc_job *job) {
-  tc_frame *frame = job->frame;
-  const uint8_t *bytes = slot->mapped;
-  const uint32_t *counters = slot->mapped;
-  int x = slot->tile[0], y = slot->tile[1], width = slot->tile[2], height = slot->tile[3];
-  slot_layout l = lay_out(job, width, height);
-  for (int i = 0; i < COUNTER_CELLS; i++, counters += 8) {
-    frame->stats.rays += counters[0];
-    frame->stats.samples += counters[1] | (uint64_t)counters[2] << 32;
-    frame->stats.leaps += counters[3];
-    frame->stats.gradients += counters[4] | (uint64_t)counters[5] << 32;
-  }
-  for (int row = 0; row < height; row++) {
-    size_t to = (size_t)(y + row) * frame->width + x, from = (size_t)row * width, pixel = 4 * sizeof(float);
-    memcpy(frame->rgba + 4 * to, bytes + COUNTER_BYTES + 4 * from, (size_t)width * 4);
-    if (l.linear_bytes) memcpy(frame->linear + 4 * to, bytes + l.linear + from * pixel, (size_t)width * pixel);
-    if (l.depth_bytes) memcpy(frame->depth + to, bytes + l.depth + from * sizeof(float), (size_t)width * sizeof(float));
-  }
 }
 
 /* Reads back the oldest tile. False: the GPU is lost. */
@@ -237,7 +185,7 @@ static bool collect(gl_backend *b, const tc_job *job, double *last_ms, GError **
     ms = now - *last_ms;
   *last_ms = now;
   tc_gl_pace_learn(&b->pace, slot->tile[2] * slot->tile[3], job->pixel_samples, ms);
-  copy_out(slot, job);
+  tc_gl_slot_copy(slot, job);
   tc_gl_ring_give(&b->ring);
   return true;
 }
@@ -276,7 +224,7 @@ static bool run_tiles(gl_backend *b, unsigned program, const tc_job *job, int ti
   while (more || !tc_gl_ring_is_idle(&b->ring)) {
     halted = halted || (more && (drawn ? tc_halt_between : tc_halt_within)(job->halt));
     if (more && !halted && has_room(b, job, tile[2] * tile[3])) {
-      submit(b, program, job, tile);
+      tc_gl_slot_dispatch(&b->ring, program, job, tile);
       more = next_tile(b, job, tile);
       drawn = true;
     } else if (!tc_gl_ring_is_idle(&b->ring) && !collect(b, job, &last_ms, error)) { /* tiles in flight are always finished */
@@ -314,6 +262,13 @@ static bool lookups_for(gl_backend *b, const tc_job *job, const tc_gl_lookup **t
   return !job->have.bounds || (*skip = tc_gl_textures_bounds(&b->textures, job->volume, job->have.bounds, halt, error));
 }
 
+static void fill_job(gl_backend *b, const tc_job *job, const tc_gl_volume *volume, const tc_gl_volume *labels) {
+  tc_gl_job_block block;
+  tc_gl_job_fill(&block, job, volume, labels);
+  glNamedBufferSubData(b->job_buffer, 0, sizeof block, &block);
+  glBindBufferBase(GL_UNIFORM_BUFFER, 0, b->job_buffer);
+}
+
 /* Uploads and binds what the job reads. Returns the volume's texture, or NULL with *error set. */
 static const tc_gl_volume *bind(gl_backend *b, const tc_job *job, GError **error) {
   if (!tc_gl_context_use(b->context, error)) return NULL;
@@ -321,14 +276,26 @@ static const tc_gl_volume *bind(gl_backend *b, const tc_job *job, GError **error
   const tc_gl_volume *labels, *volume = tc_gl_textures_volume(&b->textures, job->volume, error);
   const tc_gl_lookup *table = NULL, *skip = NULL;
   if (!volume || !lookups_for(b, job, &table, &skip, error) || !bind_labels(b, job, &labels, error)) return NULL;
-  tc_gl_job_block block;
-  tc_gl_job_fill(&block, job, volume, labels);
-  glNamedBufferSubData(b->job_buffer, 0, sizeof block, &block);
-  glBindBufferBase(GL_UNIFORM_BUFFER, 0, b->job_buffer);
+  fill_job(b, job, volume, labels);
   glBindTextureUnit(0, volume->texture);
   glBindTextureUnit(1, table ? table->texture : 0);
   glBindTextureUnit(2, skip ? skip->texture : 0);
   return volume;
+}
+
+/* In several passes, without rays; the volume itself is not needed. */
+static bool render_passes(gl_backend *b, const tc_job *job, GError **error) {
+  const tc_gl_drawer *drawer = tc_gl_drawers[job->key.mode];
+  unsigned programs[TC_GL_PASSES];
+  const bool has_clock = tc_gl_context_about(b->context)->timestamp_bits > 0;
+  const tc_gl_frame frame = {.job = job, .programs = programs, .textures = &b->textures, .ring = &b->ring, .most = b->pace.most,
+                             .hardware = b->pace.hardware, .lost = &b->lost};
+  if (!tc_gl_context_use(b->context, error)) return false;
+  tc_gl_textures_begin(&b->textures);
+  for (int i = 0; i < drawer->passes; i++)
+    if (!(programs[i] = program_for(b, job, NULL, i, error))) return false;
+  fill_job(b, job, NULL, NULL);
+  return tc_gl_ring_reserve(&b->ring, tc_gl_slot_bytes(job, b->pace.most), has_clock, error) && drawer->draw(&frame, error);
 }
 
 static bool render(void *instance, const tc_job *job, GError **error) {
@@ -339,10 +306,11 @@ static bool render(void *instance, const tc_job *job, GError **error) {
   }
   take_work(b);
   b->gpu_ms = 0;
+  if (tc_gl_drawers[job->key.mode]) return render_passes(b, job, error);
   const tc_gl_volume *volume = bind(b, job, error);
-  unsigned program = volume ? program_for(b, job, volume, error) : 0;
+  unsigned program = volume ? program_for(b, job, volume, 0, error) : 0;
   bool has_clock = tc_gl_context_about(b->context)->timestamp_bits > 0;
-  if (!program || !tc_gl_ring_reserve(&b->ring, lay_out(job, b->pace.most, 1).bytes, has_clock, error))
+  if (!program || !tc_gl_ring_reserve(&b->ring, tc_gl_slot_bytes(job, b->pace.most), has_clock, error))
     return false;
   glUseProgram(program);
   tc_progress *progress = job->frame->progress;
@@ -358,6 +326,7 @@ static void compile_in_background(void *argument) {
   gl_backend *b = argument;
   b->work.program = tc_gl_compose(&b->work.variant, NULL);
   if (!b->work.program) return;
+  if (b->work.variant.pass) return;
   glUseProgram(b->work.program);
   glDispatchCompute(1, 1, 1); /* its tile is empty until one is set */
   glFinish();
@@ -398,15 +367,24 @@ static bool ready(void *instance, const tc_job *job) {
   if (b->lost) return true;
   if (tc_gl_warm_is_busy(&b->warm)) return false;
   take_work(b);
-  if (uploads(b, job)) return false;
-  const tc_gl_volume *volume = bind(b, job, NULL);
-  if (!volume) return true;
-  tc_gl_variant v = variant_for(job, volume);
-  const background_work *last = &b->work;
-  bool failed = last->compiles && !last->program && memcmp(&v, &last->variant, sizeof v) == 0;
-  if (failed || tc_gl_program_find(&b->programs, &v, sizeof v)) return true;
-  b->work = (background_work){.variant = v, .compiles = true};
-  return !tc_gl_warm_start(&b->warm, b->context, compile_in_background, b);
+  const tc_gl_drawer *drawer = tc_gl_drawers[job->key.mode];
+  if (!drawer && uploads(b, job)) return false;
+  const tc_gl_volume *volume = drawer ? NULL : bind(b, job, NULL);
+  if (drawer ? !tc_gl_context_use(b->context, NULL) : !volume) return true;
+  for (int pass = 0; pass < (drawer ? drawer->passes : 1); pass++) {
+    tc_gl_variant v = variant_for(job, volume, pass);
+    const background_work *last = &b->work;
+    bool failed = last->compiles && !last->program && memcmp(&v, &last->variant, sizeof v) == 0;
+    if (failed || tc_gl_program_find(&b->programs, &v, sizeof v)) continue;
+    b->work = (background_work){.variant = v, .compiles = true};
+    return !tc_gl_warm_start(&b->warm, b->context, compile_in_background, b);
+  }
+  return true;
+}
+
+static const char *refuses(void *instance, const tc_scene *scene) {
+  const tc_gl_drawer *drawer = tc_gl_drawers[scene->mode];
+  return drawer ? drawer->refuses(scene) : "opengl has no program for this mode";
 }
 
 const tc_backend_ops tc_gl_backend = {
@@ -419,6 +397,7 @@ const tc_backend_ops tc_gl_backend = {
     .render = render,
     .deaf_ms = deaf_ms,
     .ready = ready,
+    .refuses = refuses,
     .builds_table = builds_table,
     .forget = forget,
     .kernel_suffix = kernel_suffix,

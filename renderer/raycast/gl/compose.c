@@ -42,15 +42,15 @@ static void add(composition *c, const char *name) {
 static bool is_built(const tc_gl_variant *v) {
   const tc_plan_key *key = &v->plan;
   bool dvr = key->mode == TC_MODE_DVR, surface = key->mode == TC_MODE_ISOSURFACE, slice = key->mode == TC_MODE_MPR;
-  bool mode = dvr || surface || slice || tc_is_projection((tc_mode)key->mode);
+  bool mesh = key->mode == TC_MODE_MESH, mode = dvr || surface || slice || mesh || tc_is_projection((tc_mode)key->mode);
   bool names = key->classification < TC_CLASSIFICATION_COUNT && key->order < TC_ORDER_COUNT &&
                key->filter < TC_FILTER_COUNT && key->projection < TC_PROJECTION_COUNT &&
                key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading < TC_SHADING_COUNT &&
                key->gradient < TC_GRADIENT_COUNT && key->slab <= TC_SLAB_PROJECTION_COUNT;
   bool filter = !surface || key->filter == TC_FILTER_LINEAR;
-  bool labels = key->labels <= (dvr || slice), rays = key->rays <= !slice;
+  bool labels = key->labels <= (dvr || slice || mesh), rays = key->rays <= !slice;
   return mode && names && filter && labels && rays && key->jitter <= dvr &&
-         key->coherence <= (key->rays && key->skipping) && v->want_depth <= surface;
+         key->coherence <= (key->rays && key->skipping) && v->want_depth <= (surface || mesh) && v->pass <= mesh;
 }
 
 static const char *sampler_type(const tc_gl_variant *v) {
@@ -98,14 +98,42 @@ static void add_isosurface(composition *c, const tc_gl_variant *v) {
   add(c, "march_isosurface.glsl");
 }
 
-unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
+/* Triangles into the visibility buffer. */
+static unsigned compose_mesh_draw(const tc_gl_variant *v, GError **error) {
+  const char *version = "#version 450 core\n", *clip = v->plan.clipping ? "#define CLIP 1\n" : "#define CLIP 0\n";
+  const char *head = tc_gl_piece("mesh_head.glsl");
+  return tc_gl_program_draws((const char *[]){version, clip, head, tc_gl_piece("mesh_vertex.glsl")},
+                             (const char *[]){version, clip, head, tc_gl_piece("mesh_fragment.glsl")}, 4, "mesh.draw", error);
+}
+
+/* What casts rays, from the camera to the march. */
+static void add_rays(composition *c, const tc_gl_variant *v) {
   static const char *const fields[TC_FILTER_COUNT] = {"field_linear.glsl", "field_cubic.glsl", "field_nearest.glsl"};
+  add(c, v->plan.projection == TC_PERSPECTIVE ? "ray_perspective.glsl" : "ray_orthographic.glsl");
+  add(c, "field_gather.glsl");
+  add(c, fields[v->plan.filter]);
+  if (v->plan.clipping) add(c, "clip_planes.glsl");
+  if (v->plan.labels || v->plan.mode == TC_MODE_DVR) add(c, "shorten.glsl");
+  if (v->plan.labels) add(c, "labels.glsl");
+  if (v->plan.mode == TC_MODE_MPR)
+    add(c, "march_mpr.glsl");
+  else if (tc_is_projection((tc_mode)v->plan.mode))
+    add_projection(c, v);
+  else if (v->plan.mode == TC_MODE_ISOSURFACE)
+    add_isosurface(c, v);
+  else
+    add_dvr(c, v);
+}
+
+unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
   char name[96], literals[640];
   if (!is_built(v)) {
     tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "gl: no shader is built for mode %d; use --backend cpu",
                  v->plan.mode);
     return 0;
   }
+  if (v->pass) return compose_mesh_draw(v, error);
+  const bool mesh = v->plan.mode == TC_MODE_MESH; /* casts no rays */
   tc_plan_key_name(&v->plan, name, sizeof name);
   composition c = {0};
   add(&c, "head.glsl");
@@ -124,25 +152,13 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
            v->plan.coherence, v->plan.classification == TC_POST, v->plan.classification == TC_LINEARIZED,
            v->plan.classification == TC_PREINTEGRATED2, v->want_depth, TC_PEAK_ROUNDS);
   add_text(&c, literals);
-  add(&c, v->plan.projection == TC_PERSPECTIVE ? "ray_perspective.glsl" : "ray_orthographic.glsl");
-  add(&c, "field_gather.glsl");
-  add(&c, fields[v->plan.filter]);
-  if (v->plan.clipping) add(&c, "clip_planes.glsl");
-  if (v->plan.labels || v->plan.mode == TC_MODE_DVR) add(&c, "shorten.glsl");
-  if (v->plan.labels) add(&c, "labels.glsl");
-  if (v->plan.mode == TC_MODE_MPR)
-    add(&c, "march_mpr.glsl");
-  else if (tc_is_projection((tc_mode)v->plan.mode))
-    add_projection(&c, v);
-  else if (v->plan.mode == TC_MODE_ISOSURFACE)
-    add_isosurface(&c, v);
-  else
-    add_dvr(&c, v);
+  if (!mesh) add_rays(&c, v);
   add(&c, "bytes.glsl");
   add(&c, v->linear_light ? "encode_srgb.glsl" : "encode_display.glsl");
   add(&c, v->transparent ? "resolve_transparent.glsl" : "resolve_opaque.glsl");
   add(&c, v->want_linear ? "write_linear.glsl" : "write_picture.glsl");
-  add(&c, "main.glsl");
+  if (mesh) add(&c, "mesh_head.glsl");
+  add(&c, mesh ? "mesh_shade.glsl" : "main.glsl");
   if (c.missing) {
     tc_set_error(error, TC_ERROR_INTERNAL, NULL, "gl: shader piece %s is not in this build", c.missing);
     return 0;

@@ -75,8 +75,10 @@ void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volum
   memset(block, 0, sizeof *block);
   tc_rays_round(&block->rays, job->rays);
   memcpy(block->dims, tc_volume_describe(job->volume)->dims, 3 * sizeof *block->dims);
-  block->dims[3] = volume->slices_per_layer;
-  memcpy(block->texel, volume->texel, sizeof volume->texel);
+  if (volume) {
+    block->dims[3] = volume->slices_per_layer;
+    memcpy(block->texel, volume->texel, sizeof volume->texel);
+  }
   if (job->have.table) fill_table(block, job->have.table);
   if (job->have.integrals) fill_integrals(block, job->have.integrals);
   if (job->have.leap) fill_blocks(block, job->have.leap->block, job->have.leap->blocks);

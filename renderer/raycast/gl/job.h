@@ -25,7 +25,7 @@ typedef struct tc_gl_job_block {
   float surface[4], surface_color[4];
 } tc_gl_job_block;
 
-/* volume, labels: the textures of job->volume and job->label_volume (NULL without). Pure. */
+/* volume, labels: the textures of job->volume and job->label_volume (NULL: not sampled). Pure. */
 void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volume *volume, const tc_gl_volume *labels);
 
 #endif

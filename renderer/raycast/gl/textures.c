@@ -321,6 +321,24 @@ const tc_gl_lookup *tc_gl_textures_labels(tc_gl_textures *textures, const tc_vol
   return lookup(textures, key, &from, halt, error);
 }
 
+const tc_gl_lookup *tc_gl_textures_packed(tc_gl_textures *textures, const tc_gl_packing *packing, uint64_t serial,
+                                          uint64_t volume_serial, const tc_halt *halt, GError **error) {
+  const uint64_t key[5] = {0, volume_serial, UINT64_MAX, (uint64_t)(uintptr_t)packing->pack, serial};
+  tc_gl_lookup *copy = find_lookup(textures, key);
+  if (copy) return copy;
+  lookup_source from = {.what = packing->what, .count = packing->bytes / 16, .entry_bytes = 16, .format = GL_RGBA32UI};
+  void *entries = g_try_malloc(packing->bytes);
+  from.entries = entries;
+  if (!entries)
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "gl: %s of %zu bytes: out of memory", packing->what, packing->bytes);
+  else if (!packing->pack(packing->thing, entries, halt))
+    tc_halt_say(halt, error);
+  else
+    copy = lookup(textures, key, &from, halt, error);
+  g_free(entries);
+  return copy;
+}
+
 void tc_gl_textures_forget(tc_gl_textures *textures, uint64_t volume_serial) {
   for (int i = 0; i < TC_GL_VOLUMES; i++)
     if (textures->volumes[i].texture && textures->volumes[i].serial == volume_serial)

@@ -60,6 +60,16 @@ const tc_gl_lookup *tc_gl_textures_bounds(tc_gl_textures *textures, const tc_vol
 const tc_gl_lookup *tc_gl_textures_labels(tc_gl_textures *textures, const tc_volume *label_volume,
                                           const tc_labels *labels, const tc_halt *halt, GError **error);
 
+/* What is kept as bytes of a layout of its own, for shaders that read its buffer. */
+typedef struct tc_gl_packing {
+  const char *what;
+  size_t bytes; /* a multiple of 16 */
+  bool (*pack)(const void *thing, void *bytes, const tc_halt *halt); /* false: halted */
+  const void *thing;
+} tc_gl_packing;
+const tc_gl_lookup *tc_gl_textures_packed(tc_gl_textures *textures, const tc_gl_packing *packing, uint64_t serial,
+                                          uint64_t volume_serial, const tc_halt *halt, GError **error);
+
 void tc_gl_textures_forget(tc_gl_textures *textures, uint64_t volume_serial);
 void tc_gl_textures_clear(tc_gl_textures *textures);
 

@@ -1,0 +1,312 @@
+#include "renderer/mesh/gl/mesh.h"
+
+#include <epoxy/gl.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "renderer/frame/frame.h"
+#include "renderer/frame/mesh_job.h"
+#include "renderer/mesh/sight.h"
+#include "renderer/raycast/gl/slot.h"
+
+#define ALIGN 256      /* of a buffer's parts, above any driver's */
+#define SOFTWARE_NS 60 /* a triangle, before any was measured */
+#define HARDWARE_NS 4
+#define LOOK 1024      /* clusters between two looks at the halt */
+
+/* The uniform block of mesh_head.glsl, std140. */
+typedef struct mesh_block {
+  _Alignas(16) float right[4];
+  float down[4], depth[4], window[4];
+  float planes[12][4], offsets[TC_RASTER_SAMPLES][4];
+  float light[4], color[4], glow[2][4];
+  float factor[2], least, specular, shininess, reference, scale, inverse_scale;
+  float centre[2];
+  int32_t perspective, n_planes, n_samples, n_clusters, shaded, head_light, normals, several;
+} mesh_block;
+
+typedef struct drawing {
+  const tc_gl_frame *gl;
+  const tc_clusters *mesh;
+  const tc_gl_lookup *buffer;
+  tc_mesh_job of;
+  mesh_block block;
+  tc_sight *sights; /* [clusters] */
+  tc_progress *progress;
+  tc_gl_batch batch;
+  unsigned vertices, target, ids, depths, buffers[2]; /* GL names; buffers: the block, surfaces' colours */
+} drawing;
+
+/* ---- the mesh in one buffer: vertices, indices, clusters ---- */
+
+typedef struct mesh_layout {
+  size_t indices, clusters, bytes;
+} mesh_layout;
+
+static size_t aligned(size_t n) { return (n + ALIGN - 1) / ALIGN * ALIGN; }
+
+static mesh_layout lay_out(const tc_clusters *m) {
+  mesh_layout l = {.indices = aligned(16 * m->vertex_room + 16)};
+  l.clusters = l.indices + aligned(12 * m->n_triangles + 12);
+  l.bytes = l.clusters + aligned(8 * m->n + 8);
+  return l;
+}
+
+static void pack_cluster(const tc_clusters *m, const tc_cluster *k, uint32_t *vertices, uint32_t *indices) {
+  const size_t room = tc_cluster_padded(k->n_vertices), corners = tc_cluster_padded(k->n_triangles);
+  const float *at = m->positions + 3 * (size_t)k->vertex;
+  const uint8_t *triangles = m->triangles + 3 * (size_t)k->triangle;
+  for (size_t v = 0; v < k->n_vertices; v++, vertices += 4) {
+    for (size_t d = 0; d < 3; d++) memcpy(&vertices[d], &at[d * room + v], 4);
+    vertices[3] = m->normals ? m->normals[k->vertex + v] : 0;
+  }
+  for (size_t t = 0; t < k->n_triangles; t++)
+    for (size_t c = 0; c < 3; c++) *indices++ = k->vertex + triangles[c * corners + t];
+}
+
+static bool pack(const void *thing, void *bytes, const tc_halt *halt) {
+  const tc_clusters *m = thing;
+  const mesh_layout l = lay_out(m);
+  uint32_t first = 0, *indices = (void *)((char *)bytes + l.indices), *clusters = (void *)((char *)bytes + l.clusters);
+  for (size_t i = 0; i < m->n; i++) {
+    const tc_cluster *k = &m->clusters[i];
+    if (i % LOOK == LOOK - 1 && tc_halt_within(halt)) return false;
+    pack_cluster(m, k, (uint32_t *)bytes + 4 * (size_t)k->vertex, indices + 3 * (size_t)first);
+    clusters[2 * i] = first, clusters[2 * i + 1] = k->surface;
+    first += k->n_triangles;
+  }
+  return true;
+}
+
+/* ---- a frame's constants ---- */
+
+static void copy_row(float to[4], const double from[4]) {
+  for (int k = 0; k < 4; k++) to[k] = (float)from[k];
+}
+
+/* The depth buffer's row: nearness (view.h), which is linear over the picture, from the farthest to the nearest that the
+ * mesh can have, as 0 to 1. Nothing nearer than the near plane passes. */
+static void set_window(const tc_view *v, const tc_clusters *mesh, float row[4]) {
+  const double centre[3] = {mesh->centre[0], mesh->centre[1], mesh->centre[2]}, r = 1.001 * (double)mesh->radius + tc_sight_slack(mesh);
+  const double middle = tc_view_row(v->depth, centre), ref = v->reference;
+  double near = middle - r, far = middle + r, out[4], a = -1, b = 0;
+  if (v->perspective) {
+    const double d0 = fmax(near + ref, ref * 0x1p-16), d1 = fmax(far + ref, 2 * d0);
+    near = (ref - d0) / d0, far = (ref - d1) / d1;
+    a = -(1 + far), b = -far * ref; /* near - far over the range, times the distance */
+  } else {
+    near = fmin(-near, ref), far = fmin(-far, near - 1e-6 * (1 + fabs(near)));
+    b = -far;
+  }
+  for (int k = 0; k < 4; k++) out[k] = (a * v->depth[k] + (k == 3 ? b : 0)) / (near - far);
+  copy_row(row, out);
+}
+
+static void set_look(mesh_block *b, const tc_view *v, const tc_raster_look *look) {
+  const double *rows[3] = {v->right, v->down, v->depth};
+  for (int r = 0; r < 3; r++)
+    for (int k = 0; k < 3; k++) b->light[r] += (float)rows[r][k] * look->light[k];
+  memcpy(b->color, look->color, sizeof look->color);
+  for (int i = 0; i < 2; i++) b->factor[i] = look->factor[i], memcpy(b->glow[i], look->glow[i], sizeof look->glow[i]);
+  b->least = look->least, b->specular = look->specular, b->shininess = look->shininess;
+  b->shaded = look->shaded, b->head_light = look->head_light, b->several = look->colors != NULL;
+}
+
+static void set_block(drawing *d) {
+  const tc_view *v = &d->of.view;
+  mesh_block *b = &d->block;
+  copy_row(b->right, v->right), copy_row(b->down, v->down), copy_row(b->depth, v->depth);
+  set_window(v, d->mesh, b->window);
+  b->n_planes = v->n_planes - TC_VIEW_CLIP;
+  for (int i = 0; i < b->n_planes; i++) copy_row(b->planes[i], v->planes[TC_VIEW_CLIP + i]);
+  b->n_samples = d->of.raster.n_samples;
+  for (int s = 0; s < b->n_samples; s++)
+    for (int k = 0; k < 2; k++) { /* as the cpu rounds them */
+      const float offset = rintf((float)(d->of.samples[s][k] + 0.5) * TC_VIEW_SUBPIXEL);
+      b->offsets[s][k] = fminf(fmaxf(offset, 0), TC_VIEW_SUBPIXEL - 1) / TC_VIEW_SUBPIXEL;
+    }
+  set_look(b, v, &d->of.raster.look);
+  b->reference = (float)v->reference, b->scale = (float)v->scale, b->inverse_scale = (float)(1 / v->scale);
+  b->centre[0] = (float)v->centre[0], b->centre[1] = (float)v->centre[1];
+  b->perspective = v->perspective, b->n_clusters = (int32_t)d->mesh->n, b->normals = d->mesh->normals != NULL;
+}
+
+/* ---- GL objects of a frame ---- */
+
+static void bind_part(int binding, unsigned buffer, size_t from, size_t to) {
+  glBindBufferRange(GL_SHADER_STORAGE_BUFFER, (GLuint)binding, buffer, (GLintptr)from, (GLsizeiptr)(to - from));
+}
+
+static void make_vertices(drawing *d, const mesh_layout *l) {
+  glCreateVertexArrays(1, &d->vertices);
+  for (GLuint i = 0; i < 2; i++) glEnableVertexArrayAttrib(d->vertices, i), glVertexArrayAttribBinding(d->vertices, i, i);
+  glVertexArrayAttribFormat(d->vertices, 0, 3, GL_FLOAT, GL_FALSE, 0);
+  glVertexArrayAttribIFormat(d->vertices, 1, 1, GL_UNSIGNED_INT, 0);
+  glVertexArrayVertexBuffer(d->vertices, 0, d->buffer->buffer, 0, 16);
+  glVertexArrayVertexBuffer(d->vertices, 1, d->buffer->buffer, (GLintptr)l->clusters, 8);
+  glVertexArrayBindingDivisor(d->vertices, 1, 1);
+  glVertexArrayElementBuffer(d->vertices, d->buffer->buffer);
+}
+
+static void make_target(drawing *d, int side) {
+  glCreateTextures(GL_TEXTURE_2D_ARRAY, 1, &d->ids);
+  glTextureStorage3D(d->ids, 1, GL_R32UI, side, side, d->block.n_samples);
+  glTextureParameteri(d->ids, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+  glTextureParameteri(d->ids, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+  glCreateRenderbuffers(1, &d->depths);
+  glNamedRenderbufferStorage(d->depths, GL_DEPTH_COMPONENT32F, side, side);
+  glCreateFramebuffers(1, &d->target);
+  glNamedFramebufferRenderbuffer(d->target, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, d->depths);
+}
+
+static void make_buffers(drawing *d) {
+  const tc_raster_look *look = &d->of.raster.look;
+  const size_t n = look->colors ? d->mesh->n_surfaces : 0;
+  float(*colors)[4] = g_malloc0((n + 1) * sizeof *colors);
+  for (size_t i = 0; i < n; i++) memcpy(colors[i], look->colors[i], sizeof look->colors[i]);
+  glCreateBuffers(2, d->buffers);
+  glNamedBufferStorage(d->buffers[0], sizeof d->block, &d->block, 0);
+  glNamedBufferStorage(d->buffers[1], (GLsizeiptr)((n + 1) * sizeof *colors), colors, 0);
+  g_free(colors);
+}
+
+static void bind_all(drawing *d, const mesh_layout *l) {
+  const unsigned buffer = d->buffer->buffer;
+  bind_part(4, buffer, 0, l->indices), bind_part(5, buffer, l->indices, l->clusters), bind_part(6, buffer, l->clusters, l->bytes);
+  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 7, d->buffers[1]);
+  glBindBufferBase(GL_UNIFORM_BUFFER, 1, d->buffers[0]);
+  glBindTextureUnit(0, d->ids);
+  glBindVertexArray(d->vertices);
+  glBindFramebuffer(GL_DRAW_FRAMEBUFFER, d->target);
+  glClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE);
+  glEnable(GL_DEPTH_TEST);
+  glDepthFunc(GL_GREATER);
+  glFrontFace(GL_CW); /* rows grow downwards */
+  (d->of.raster.one_sided ? glEnable : glDisable)(GL_CULL_FACE);
+}
+
+static void drop_objects(drawing *d) {
+  glBindFramebuffer(GL_DRAW_FRAMEBUFFER, 0);
+  glBindVertexArray(0);
+  glDeleteFramebuffers(1, &d->target);
+  glDeleteRenderbuffers(1, &d->depths);
+  glDeleteTextures(1, &d->ids);
+  glDeleteVertexArrays(1, &d->vertices);
+  glDeleteBuffers(2, d->buffers);
+}
+
+/* ---- tiles ---- */
+
+static bool in_tile(const tc_sight *s, const int tile[4]) {
+  return s->x1 >= s->x0 && s->x0 < tile[0] + tile[2] && s->x1 >= tile[0] && s->y0 < tile[1] + tile[3] && s->y1 >= tile[1];
+}
+
+/* Clusters that may be seen in the tile, in runs without a gap. False: halted. */
+static bool draw_clusters(drawing *d, const int tile[4]) {
+  const mesh_layout l = lay_out(d->mesh);
+  const size_t n = d->mesh->n;
+  uint32_t first = 0; /* triangle of cluster i */
+  for (size_t i = 0; i < n;) {
+    uint32_t triangles = 0;
+    size_t end = i;
+    const double most = tc_gl_batch_most(&d->batch);
+    for (; end < n && in_tile(&d->sights[end], tile) && triangles < most; end++) triangles += d->mesh->clusters[end].n_triangles;
+    if (!triangles) {
+      first += d->mesh->clusters[i++].n_triangles;
+      continue;
+    }
+    const size_t at = l.indices + 12 * (size_t)first;
+    glDrawElementsInstancedBaseInstance(GL_TRIANGLES, (GLsizei)(3 * triangles), GL_UNSIGNED_INT, (const void *)at, 1, (GLuint)i);
+    if (!tc_gl_batch_add(&d->batch, triangles, d->gl->job->halt)) return false;
+    d->gl->job->frame->stats.samples += triangles;
+    i = end, first += triangles;
+  }
+  return true;
+}
+
+static bool draw_sample(drawing *d, const int tile[4], int s) {
+  const tc_view *v = &d->of.view;
+  const float *offset = d->block.offsets[s];
+  double place[4];
+  for (int k = 0; k < 2; k++) {
+    place[2 * k] = 2 * v->scale / tile[2 + k];
+    place[2 * k + 1] = 2 * (v->centre[k] - tile[k] + 0.5 - (double)offset[k]) / tile[2 + k] - 1;
+  }
+  glNamedFramebufferTextureLayer(d->target, GL_COLOR_ATTACHMENT0, d->ids, 0, s);
+  glViewport(0, 0, tile[2], tile[3]);
+  glClearNamedFramebufferuiv(d->target, GL_COLOR, 0, (const GLuint[4]){UINT32_MAX});
+  glClearNamedFramebufferfv(d->target, GL_DEPTH, 0, &(GLfloat){0});
+  glUseProgram(d->gl->programs[1]);
+  glProgramUniform4f(d->gl->programs[1], 0, (float)place[0], (float)place[1], (float)place[2], (float)place[3]);
+  return draw_clusters(d, tile);
+}
+
+static bool draw_tile(drawing *d, const int tile[4], GError **error) {
+  for (int s = 0; s < d->block.n_samples; s++)
+    if (!draw_sample(d, tile, s)) return tc_halt_say(d->gl->job->halt, error);
+  if (!tc_gl_read_back(d->gl, false, error)) return false;
+  glUseProgram(d->gl->programs[0]);
+  tc_gl_slot_dispatch(d->gl->ring, d->gl->programs[0], d->gl->job, tile);
+  return true;
+}
+
+static bool draw_tiles(drawing *d, GError **error) {
+  const tc_frame *f = d->gl->job->frame;
+  const int side = d->progress->side, across = (f->width + side - 1) / side;
+  bool drawn = false, good = true;
+  for (int i = 0; i < d->progress->units && good; i++) {
+    const int x = i % across * side, y = i / across * side;
+    const int tile[4] = {x, y, MIN(side, f->width - x), MIN(side, f->height - y)};
+    if (d->progress->finished[i]) continue;
+    good = drawn && tc_halt_between(d->gl->job->halt) ? tc_halt_say(d->gl->job->halt, error) : draw_tile(d, tile, error);
+    drawn = true;
+  }
+  return (*d->gl->lost || tc_gl_read_back(d->gl, true, good ? error : NULL)) && good;
+}
+
+/* ---- a frame ---- */
+
+static void look_at_clusters(drawing *d) {
+  tc_frame_stats *stats = &d->gl->job->frame->stats;
+  const double slack = tc_sight_slack(d->mesh);
+  bool away;
+  for (size_t i = 0; i < d->mesh->n; i++) {
+    d->sights[i] = tc_sight_of(&d->of.view, &d->mesh->clusters[i], slack, d->of.raster.one_sided, &away);
+    stats->leaps += d->sights[i].x1 < d->sights[i].x0;
+  }
+}
+
+static bool draw_frame(drawing *d, GError **error) {
+  const tc_job *job = d->gl->job;
+  const mesh_layout l = lay_out(d->mesh);
+  const uint64_t volume = tc_volume_serial(job->have.labels ? job->label_volume : job->source);
+  const tc_gl_packing packing = {"surface mesh", l.bytes, pack, d->mesh};
+  d->buffer = tc_gl_textures_packed(d->gl->textures, &packing, d->mesh->serial, volume, job->halt, error);
+  if (!d->buffer) return false;
+  set_block(d);
+  look_at_clusters(d);
+  make_vertices(d, &l);
+  make_target(d, d->progress->side);
+  make_buffers(d);
+  bind_all(d, &l);
+  const bool drawn = tc_gl_check("mesh", error) && draw_tiles(d, error);
+  if (!*d->gl->lost) drop_objects(d);
+  return drawn && tc_gl_check("mesh", error);
+}
+
+static bool draw(const tc_gl_frame *gl, GError **error) {
+  drawing d = {.gl = gl, .mesh = gl->job->have.mesh, .batch.unit_ns = gl->hardware ? HARDWARE_NS : SOFTWARE_NS};
+  d.progress = tc_frame_cut(gl->job->frame, (int)sqrt(gl->most), error);
+  if (!d.progress || !tc_mesh_job_begin(&d.of, gl->job, error)) return false;
+  d.sights = malloc((d.mesh->n + 1) * sizeof *d.sights);
+  if (!d.sights) tc_set_error(error, TC_ERROR_MEMORY, NULL, "clusters in view: out of memory");
+  const bool drawn = d.sights && draw_frame(&d, error);
+  free(d.sights);
+  tc_mesh_job_end(&d.of);
+  return drawn;
+}
+
+static const char *refuses(const tc_scene *scene) { return NULL; }
+
+const tc_gl_drawer tc_gl_mesh_drawer = {.passes = 2, .refuses = refuses, .draw = draw};

@@ -1,0 +1,14 @@
+/* Mode mesh through OpenGL: triangles into a visibility buffer, whose pixels a compute shader colours once each, as the
+ * cpu's rasteriser does (mesh/raster.h).
+ *
+ * A tile is drawn once for each sample of a pixel, moved by the sample's place: samples lie exactly where the cpu has
+ * them. Clusters outside the tile or facing away are not drawn. Pictures differ from the cpu's where rounding decides:
+ * which of two triangles a sample on their edge belongs to, and which of two that lie at one depth is nearer. */
+#ifndef TC_MESH_GL_MESH_H
+#define TC_MESH_GL_MESH_H
+
+#include "renderer/raycast/gl/passes.h"
+
+extern const tc_gl_drawer tc_gl_mesh_drawer;
+
+#endif

@@ -1,0 +1,110 @@
+// Colours of the visible triangles, each once a pixel (mesh/raster.h; equations: shade.h), in raster_shade_tmpl.h's steps.
+layout(binding = 0) uniform usampler2DArray triangles; // a layer for each sample; 0xffffffff: nothing
+layout(std430, binding = 4) readonly buffer Vertices { uvec4 vertices[]; }; // bits of x, y, z; normal
+layout(std430, binding = 5) readonly buffer Indices { uint indices[]; };
+layout(std430, binding = 6) readonly buffer Clusters { uvec2 clusters[]; }; // first triangle; surface
+layout(std430, binding = 7) readonly buffer Colors { vec4 colors[]; };
+#if DEPTH
+layout(std430, binding = 3) writeonly buffer Depth { float depths[]; }; // [h][w] mm from the eye
+#endif
+const uint NOTHING = 0xffffffffu;
+
+vec3 turned(vec3 v) { return vec3(dot(mesh.right.xyz, v), dot(mesh.down.xyz, v), dot(mesh.depth.xyz, v)); }
+
+vec3 corner(uvec4 vertex) {
+  vec4 p = vec4(uintBitsToFloat(vertex.xyz), 1.0);
+  return vec3(dot(mesh.right, p), dot(mesh.down, p), dot(mesh.depth, p));
+}
+
+vec3 normal(uvec4 vertex) { // octahedral
+  vec2 e = vec2(ivec2(vertex.ww << uvec2(16, 0)) >> 16) / 32767.0;
+  vec3 n = vec3(e, 1.0 - abs(e.x) - abs(e.y));
+  if (n.z < 0.0)
+    n.xy = (1.0 - abs(e.yx)) * mix(vec2(1.0), vec2(-1.0), lessThan(e, vec2(0.0)));
+  return normalize(n);
+}
+
+float held(float x, float most) { return x > 0.0 ? min(x, most) : 0.0; } // 0 of what is no number
+
+vec3 color_of(uint triangle) {
+  if (mesh.several == 0)
+    return mesh.color.rgb;
+  uint lo = 0u, hi = uint(mesh.n_clusters);
+  while (hi - lo > 1u) {
+    uint middle = (lo + hi) / 2u;
+    if (clusters[middle].x <= triangle) lo = middle; else hi = middle;
+  }
+  return colors[clusters[lo].y].rgb;
+}
+
+vec3 light_on(vec3 n, vec3 eye, vec3 color) {
+  float facing = dot(n, eye), lit = abs(facing), mirror = lit, glint = 0.0;
+  if (mesh.head_light == 0) {
+    float turn = facing < 0.0 ? -1.0 : 1.0;
+    vec3 halfway = eye + mesh.light.xyz;
+    lit = turn * dot(n, mesh.light.xyz);
+    mirror = turn * dot(n, halfway / max(length(halfway), 1e-20));
+  }
+  if (mesh.specular > 0.0 && lit > 0.0)
+    glint = mesh.specular * exp2(mesh.shininess * log2(clamp(mirror, 1e-30, 1.0)));
+  float q = max(lit, mesh.least);
+  return clamp(color * (mesh.factor.x + mesh.factor.y * q) + (mesh.glow[0].rgb + mesh.glow[1].rgb * q) + glint, 0.0, 1.0);
+}
+
+// The triangle's colour where the ray through `at` meets it, and how far that is.
+vec3 shade(uint triangle, vec2 at, out float distance) {
+  uvec4 v[3];
+  vec3 p[3];
+  for (int i = 0; i < 3; i++) {
+    v[i] = vertices[indices[3u * triangle + uint(i)]];
+    p[i] = corner(v[i]);
+  }
+  vec2 across = (at - mesh.centre) * mesh.inverse_scale;
+  vec3 ray = vec3(mesh.perspective != 0 ? across : vec2(0.0), 1.0);
+  float before = mesh.perspective != 0 ? p[0].z + mesh.reference : 1.0;
+  vec3 ab = p[1] - p[0], ac = p[2] - p[0], from = vec3(across * before - p[0].xy, 0.0);
+  vec3 side = cross(ray, ac), other = cross(from, ab);
+  float inverse = 1.0 / dot(ab, side);
+  float b = held(dot(from, side) * inverse, 1.0), c = held(dot(ray, other) * inverse, 1.0 - b);
+  distance = (p[0].z + mesh.reference + (b * ab.z + c * ac.z)) * length(ray);
+  vec3 color = color_of(triangle);
+  if (mesh.shaded == 0)
+    return color;
+  vec3 n = mesh.normals != 0 ? turned((1.0 - b - c) * normal(v[0]) + b * normal(v[1]) + c * normal(v[2])) : cross(ab, ac);
+  return light_on(n / max(length(n), 1e-20), -ray / length(ray), color);
+}
+
+uint seen(ivec2 place, int s) { return texelFetch(triangles, ivec3(place, s), 0).r; }
+
+void main() {
+  ivec2 place = ivec2(gl_GlobalInvocationID.xy);
+  if (any(greaterThanEqual(place, tile.zw)))
+    return;
+  vec4 sum = vec4(0.0);
+  float nearest = uintBitsToFloat(0x7f800000u); // infinite
+  uint shades = 0u;
+  for (int s = 0; s < mesh.n_samples; s++) {
+    uint triangle = seen(place, s);
+    bool before = triangle == NOTHING;
+    for (int i = 0; i < s && !before; i++)
+      before = seen(place, i) == triangle;
+    if (before)
+      continue;
+    float n = 0.0, distance;
+    vec2 middle = vec2(0.0);
+    for (int i = s; i < mesh.n_samples; i++)
+      if (seen(place, i) == triangle)
+        n++, middle += mesh.offsets[i].xy;
+    float share = n / float(mesh.n_samples);
+    sum += share * vec4(shade(triangle, vec2(tile.xy + place) + middle / n, distance), 1.0);
+    nearest = min(nearest, distance);
+    shades++;
+  }
+  uint at = uint(place.y * tile.z + place.x), cell = 2u * ((gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) & 63u);
+  if (shades > 0u)
+    atomicAdd(counters[cell + 1u].x, shades);
+  write_result(at, sum);
+#if DEPTH
+  depths[at] = nearest;
+#endif
+}

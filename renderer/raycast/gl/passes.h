@@ -1,0 +1,43 @@
+/* Modes that the gl back end draws in several passes instead of by rays: who draws them, and what the back end lends. */
+#ifndef TC_RAYCAST_GL_PASSES_H
+#define TC_RAYCAST_GL_PASSES_H
+
+#include "renderer/frame/backend.h"
+#include "renderer/gl/ring.h"
+#include "renderer/raycast/gl/textures.h"
+
+#define TC_GL_PASSES 4
+
+typedef struct tc_gl_frame {
+  const tc_job *job;
+  const unsigned *programs; /* [passes]: compose.h's variants of pass 0 .. */
+  tc_gl_textures *textures; /* a frame of theirs has begun */
+  tc_gl_ring *ring;         /* idle, with room for tiles of `most` pixels */
+  int most;
+  bool hardware;
+  bool *lost; /* set where the GPU does not answer */
+} tc_gl_frame;
+
+typedef struct tc_gl_drawer {
+  int passes;
+  const char *(*refuses)(const tc_scene *scene); /* why the cpu draws this scene instead, a clause; NULL: it does not */
+  bool (*draw)(const tc_gl_frame *frame, GError **error); /* as render() of a back end; the context is current */
+} tc_gl_drawer;
+extern const tc_gl_drawer *const tc_gl_drawers[TC_MODE_COUNT]; /* NULL: rays */
+
+/* Work in the queue of such a frame, in units that take about as long as each other: once it is expected to take some
+ * milliseconds it is waited for, and the halt looked at. */
+typedef struct tc_gl_batch {
+  double unit_ns, queued;
+  double begun_ms; /* 0: nothing is queued */
+} tc_gl_batch;
+
+/* So many units more were queued. False: stop. */
+bool tc_gl_batch_add(tc_gl_batch *batch, double units, const tc_halt *halt);
+/* Units that may be queued at once. */
+double tc_gl_batch_most(const tc_gl_batch *batch);
+
+/* Reads tiles back until the ring is idle (all), or has room; finished[] of each is set (tc_frame_cut()). False: lost. */
+bool tc_gl_read_back(const tc_gl_frame *frame, bool all, GError **error);
+
+#endif

@@ -1,0 +1,337 @@
+/* Mode mesh on the gl back end against the cpu's rasteriser: equal within 1/255 but for ties, which are counted and proven.
+ *
+ * A tie is a sample at which rounding decides what is seen. Both rasterisers round vertices to a 256th of a pixel, so that no
+ * edge is further than that from where it is exactly; depths are rounded, and interpolated between rounded corners. Here all
+ * triangles are projected in double precision. A triangle covers a sample for certain if the sample is inside by more than
+ * a 256th of a pixel, and perhaps if it is outside by no more; its nearness there is an interval. What may be seen are the
+ * triangles of which no part of the interval is behind all of one that covers for certain; and the background where none
+ * does. Two or more of these: a tie. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/mesh/clip.h"
+#include "renderer/mesh/surfaces.h"
+#include "renderer/raycast/rays.h"
+#include "renderer/tomocast.h"
+#include "tests/support/grid.h"
+#include "tests/support/renderers.h"
+
+enum { SIDE = 300, PIXELS = SIDE * SIDE };
+#define MOVED (1.0 / 256) /* pixels: how far an edge may be from its place */
+
+/* ---- what may be seen ---- */
+
+typedef struct polygon {
+  int n;
+  double at[TC_CLIP_MOST_CORNERS][2], near[TC_CLIP_MOST_CORNERS]; /* pixels; nearness (view.h) */
+} polygon;
+
+typedef struct truth {
+  tc_clusters *mesh;
+  tc_view view;
+  polygon *polygons;
+  GArray *of_pixel[PIXELS]; /* numbers of polygons whose boxes touch the pixel */
+} truth;
+
+static bool everything(const void *user, uint32_t label) { return label != 0; }
+
+static tc_clusters *surfaces(tc_volume *volume, const tc_volume *labels, double iso) {
+  GError *error = NULL;
+  const tc_surfaces_wish wish = {.volume = volume, .iso = iso, .labels = labels, .shows = everything, .max_bytes = 1 << 30};
+  tc_surfaces *s = tc_surfaces_begin();
+  if (!tc_surfaces_go_on(s, &wish, &error)) fail_msg("%s", error->message);
+  return tc_surfaces_take(s);
+}
+
+static void project(const tc_view *v, const double p[3], double at[2], double *near) {
+  double behind = tc_view_row(v->depth, p), d = v->perspective ? behind + v->reference : 1;
+  at[0] = v->centre[0] + v->scale * tc_view_row(v->right, p) / d;
+  at[1] = v->centre[1] + v->scale * tc_view_row(v->down, p) / d;
+  *near = -behind / d;
+}
+
+static void add_triangle(truth *t, const tc_cluster *k, int i, uint32_t number) {
+  const size_t room = tc_cluster_padded(k->n_vertices), corners = tc_cluster_padded(k->n_triangles);
+  const float *at = t->mesh->positions + 3 * (size_t)k->vertex;
+  const uint8_t *v = t->mesh->triangles + 3 * (size_t)k->triangle + i;
+  tc_clip_corner c[TC_CLIP_MOST_CORNERS];
+  polygon *p = &t->polygons[number];
+  for (size_t j = 0; j < 3; j++)
+    c[j] = (tc_clip_corner){{at[v[j * corners]], at[room + v[j * corners]], at[2 * room + v[j * corners]]}, 0};
+  p->n = tc_clip(&t->view, (1u << t->view.n_planes) - 1, c);
+  double lo[2] = {INFINITY, INFINITY}, hi[2] = {-INFINITY, -INFINITY};
+  for (int j = 0; j < p->n; j++) {
+    project(&t->view, c[j].at, p->at[j], &p->near[j]);
+    for (int d = 0; d < 2; d++) lo[d] = fmin(lo[d], p->at[j][d]), hi[d] = fmax(hi[d], p->at[j][d]);
+  }
+  for (int y = (int)fmax(floor(lo[1] - MOVED), 0); y <= fmin(hi[1] + MOVED, SIDE - 1); y++)
+    for (int x = (int)fmax(floor(lo[0] - MOVED), 0); x <= fmin(hi[0] + MOVED, SIDE - 1); x++) {
+      GArray **list = &t->of_pixel[y * SIDE + x];
+      if (!*list) *list = g_array_new(FALSE, FALSE, sizeof number);
+      g_array_append_val(*list, number);
+    }
+}
+
+static truth *find_truth(tc_volume *volume, const tc_volume *labels, const tc_scene *scene) {
+  truth *t = calloc(1, sizeof *t);
+  double planes[TC_VIEW_MOST_CLIP][4] = {{0}};
+  int n = 0;
+  for (int k = 0; k < 3 && scene->clip.has_box; k++) {
+    planes[n][k] = 1, planes[n++][3] = -scene->clip.box[0][k];
+    planes[n][k] = -1, planes[n++][3] = scene->clip.box[1][k];
+  }
+  for (int i = 0; i < scene->clip.n_planes; i++) memcpy(planes[n++], scene->clip.planes[i], sizeof *planes);
+  t->mesh = surfaces(volume, labels, scene->isosurface.value);
+  tc_view_set_up(&t->view, t->mesh, &scene->camera, SIDE, SIDE, (const double(*)[4])planes, n);
+  t->polygons = calloc(t->mesh->n_triangles + 1, sizeof *t->polygons);
+  uint32_t number = 0;
+  for (size_t c = 0; c < t->mesh->n; c++)
+    for (int i = 0; i < t->mesh->clusters[c].n_triangles; i++) add_triangle(t, &t->mesh->clusters[c], i, number++);
+  return t;
+}
+
+static void free_truth(truth *t) {
+  for (int i = 0; i < PIXELS; i++)
+    if (t->of_pixel[i]) g_array_unref(t->of_pixel[i]);
+  tc_clusters_free(t->mesh);
+  free(t->polygons);
+  free(t);
+}
+
+/* How far the point is inside, pixels; below 0: outside. Exact where it is near an edge. */
+static double inside(const polygon *p, double x, double y) {
+  double least = INFINITY, area = 0;
+  for (int i = 0; i < p->n; i++) {
+    const double *a = p->at[i], *b = p->at[(i + 1) % p->n];
+    area += a[0] * b[1] - b[0] * a[1];
+  }
+  for (int i = 0; i < p->n; i++) {
+    const double *a = p->at[i], *b = p->at[(i + 1) % p->n], dx = b[0] - a[0], dy = b[1] - a[1], length = hypot(dx, dy);
+    if (length > 0) least = fmin(least, (area < 0 ? -1 : 1) * (dx * (y - a[1]) - dy * (x - a[0])) / length);
+  }
+  return least;
+}
+
+/* Nearness at the point, by the plane through the corners that span most; and how much it may be off. */
+static void near_at(const polygon *p, double x, double y, double *least, double *most) {
+  double best = 0, gx = 0, gy = 0, at = p->near[0], lo = INFINITY, hi = -INFINITY;
+  for (int i = 1; i + 1 < p->n; i++) {
+    const double bx = p->at[i][0] - p->at[0][0], by = p->at[i][1] - p->at[0][1], bn = p->near[i] - p->near[0];
+    const double cx = p->at[i + 1][0] - p->at[0][0], cy = p->at[i + 1][1] - p->at[0][1], cn = p->near[i + 1] - p->near[0];
+    const double area = bx * cy - by * cx;
+    if (fabs(area) <= best) continue;
+    best = fabs(area);
+    gx = (bn * cy - cn * by) / area, gy = (cn * bx - bn * cx) / area;
+    at = p->near[0] + gx * (x - p->at[0][0]) + gy * (y - p->at[0][1]);
+  }
+  for (int i = 0; i < p->n; i++) lo = fmin(lo, p->near[i]), hi = fmax(hi, p->near[i]);
+  const double rounding = 0x1p-20 * (1 + fabs(at)), slope = 2 * MOVED * (fabs(gx) + fabs(gy));
+  *least = fmax(at - slope, lo) - rounding, *most = fmin(at + slope, hi) + rounding;
+}
+
+/* How many things may be seen at the point; whether one of them is at this depth (mm along the ray; NAN: not asked). */
+static int may_be_seen(const truth *t, int pixel, double x, double y, double depth, bool *there) {
+  const tc_view *v = &t->view;
+  const GArray *list = t->of_pixel[pixel];
+  double hides = -INFINITY, least, most;
+  int n = 0;
+  for (guint i = 0; list && i < list->len; i++) {
+    const polygon *p = &t->polygons[g_array_index(list, uint32_t, i)];
+    if (p->n < 3 || inside(p, x, y) <= MOVED) continue;
+    near_at(p, x, y, &least, &most);
+    hides = fmax(hides, least);
+  }
+  n = hides == -INFINITY;
+  *there = isnan(depth) || (n && isinf(depth));
+  const double across = (x - v->centre[0]) / v->scale, along = (y - v->centre[1]) / v->scale;
+  const double length = v->perspective ? sqrt(1 + across * across + along * along) : 1, d = depth / length;
+  const double near = v->perspective ? (v->reference - d) / d : v->reference - d;
+  for (guint i = 0; list && i < list->len; i++) {
+    const polygon *p = &t->polygons[g_array_index(list, uint32_t, i)];
+    if (p->n < 3 || inside(p, x, y) < -MOVED) continue;
+    near_at(p, x, y, &least, &most);
+    if (most < hides) continue;
+    n++;
+    *there = *there || (near > least - 1e-5 * (1 + fabs(near)) && near < most + 1e-5 * (1 + fabs(near)));
+  }
+  return n;
+}
+
+/* ---- comparing ---- */
+
+typedef struct verdict {
+  int seen, over, unproven; /* pixels: with a surface; off by more than 1/255; of these, with no tie */
+  int ties;                 /* of every 16th pixel */
+  double most, apart;       /* of the others: difference of colours, and of depths, mm */
+} verdict;
+
+static bool is_tie(const truth *t, const tc_rays *rays, const tc_frame *const frames[2], int pixel) {
+  bool tie = false, there[2] = {true, true};
+  for (int s = 0; s < rays->count && !tie; s++) {
+    const double x = pixel % SIDE + fmin(rint((rays->of_pixel[s].x + 0.5) * 256), 255) / 256;
+    const double y = pixel / SIDE + fmin(rint((rays->of_pixel[s].y + 0.5) * 256), 255) / 256;
+    for (int f = 0; f < 2; f++) {
+      const double depth = rays->count == 1 && frames[f] ? (double)frames[f]->depth[pixel] : NAN;
+      tie = may_be_seen(t, pixel, x, y, depth, &there[f]) > 1;
+    }
+    tie = tie && there[0] && there[1]; /* each has drawn one of what may be seen */
+  }
+  return tie;
+}
+
+static verdict compare(tc_volume *volume, const tc_volume *labels, const tc_scene *scene, const tc_scene *other) {
+  const tc_render_request request = {.want_linear = true, .want_depth = true, .labels = labels};
+  tc_explanation plan;
+  const tc_frame *cpu = test_draw(test_widest(), volume, scene, &request, NULL);
+  const tc_frame *gl = test_draw(GL, volume, other ? other : scene, &request, &plan);
+  const tc_frame *const frames[2] = {gl, cpu}, *const none[2] = {NULL, NULL};
+  assert_non_null(strstr(plan.kernel, ".gl"));
+  assert_null(strstr(plan.stages[TC_STAGE_MESH].reason, "drawn by the cpu"));
+  truth *t = find_truth(volume, labels, scene);
+  tc_rays rays;
+  tc_rays_set_up(&rays, volume, scene, SIDE, SIDE);
+  verdict v = {0};
+  for (int i = 0; i < PIXELS; i++) {
+    double worst = 0;
+    int level = 0;
+    for (int c = 4 * i; c < 4 * i + 4; c++) {
+      worst = fmax(worst, fabs((double)gl->linear[c] - cpu->linear[c]));
+      level = MAX(level, abs(gl->rgba[c] - cpu->rgba[c]));
+    }
+    v.seen += cpu->linear[4 * i + 3] > 0;
+    if (i % 16 == 0) v.ties += is_tie(t, &rays, none, i);
+    if (worst <= 1.0 / 255 && level <= 1) {
+      v.most = fmax(v.most, worst);
+      if (isfinite(cpu->depth[i])) v.apart = fmax(v.apart, fabs((double)cpu->depth[i] - (double)gl->depth[i]));
+      continue;
+    }
+    v.over++;
+    if (is_tie(t, &rays, frames, i)) continue;
+    if (v.unproven++ < 3)
+      printf("    no tie at %d,%d: cpu %g %g %g, %g mm; gl %g %g %g, %g mm\n", i % SIDE, i / SIDE, cpu->linear[4 * i],
+             cpu->linear[4 * i + 1], cpu->linear[4 * i + 2], cpu->depth[i], gl->linear[4 * i], gl->linear[4 * i + 1],
+             gl->linear[4 * i + 2], gl->depth[i]);
+  }
+  printf("  %zu triangles, %d pixels show something: %d off by more than 1/255, of which %d are no ties; ties are possible "
+         "at %.2f %%; others differ by %.1e and %.1e mm at most\n",
+         t->mesh->n_triangles, v.seen, v.over, v.unproven, 100.0 * v.ties / (PIXELS / 16), v.most, v.apart);
+  free_truth(t);
+  return v;
+}
+
+static void expect_equal(tc_volume *volume, const tc_volume *labels, const tc_scene *scene) {
+  const verdict v = compare(volume, labels, scene, NULL);
+  assert_true(v.seen > PIXELS / 20 && v.unproven == 0 && v.over < PIXELS / 200);
+}
+
+/* ---- scenes ---- */
+
+static tc_volume *waves(void) {
+  return test_volume(&(test_grid){.dims = {80, 72, 76}, .type = TC_U8, .slope = 0.004, .spacing = {1, 1.3, 0.8},
+                                  .origin = {-1000, 300, 50}}, test_waves, &(double){24});
+}
+
+static void mesh_scene(tc_scene *scene, const tc_volume *volume, tc_projection projection) {
+  test_scene(scene, SIDE, SIDE);
+  test_scene_frame(scene, volume, projection, (double[3]){1, -0.6, 0.4});
+  scene->mode = TC_MODE_MESH;
+  scene->isosurface.value = 0.55;
+  scene->shading.model = TC_SHADING_BLINN_PHONG;
+}
+
+#define needs_gl() do { if (!test_renderers[GL]) skip(); } while (0)
+
+static void pictures_are_equal_but_for_ties(void **unused) {
+  needs_gl();
+  tc_volume *volume = waves();
+  for (int round = 0; round < 6; round++) {
+    tc_scene scene;
+    mesh_scene(&scene, volume, round & 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE);
+    scene.shading.model = (tc_shading_model[]){TC_SHADING_BLINN_PHONG, TC_SHADING_GOOCH, TC_SHADING_LAMBERT}[round / 2];
+    if (round == 1) scene.clip.planes[0][1] = 1, scene.clip.planes[0][3] = -340, scene.clip.n_planes = 1;
+    if (round == 2) {
+      scene.clip.has_box = true;
+      const double box[2][3] = {{-985, 320, 60}, {-940, 370, 95}};
+      memcpy(scene.clip.box, box, sizeof box);
+    }
+    if (round == 3) scene.sampling.rays_per_pixel = 4;
+    if (round == 4) /* from the inside */
+      test_scene_look(&scene, TC_PERSPECTIVE, (double[3]){-960, 345, 80}, (double[3]){-900, 380, 100}, 80);
+    if (round == 5) scene.image.linear_light = scene.image.transparent = true;
+    expect_equal(volume, NULL, &scene);
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+}
+
+/* What calls a tie a tie is no excuse: a picture that is a fiftieth of a pixel off has pixels that are none. */
+static void another_picture_is_no_tie(void **unused) {
+  needs_gl();
+  tc_volume *volume = waves();
+  tc_scene scene, other;
+  mesh_scene(&scene, volume, TC_ORTHOGRAPHIC);
+  mesh_scene(&other, volume, TC_ORTHOGRAPHIC);
+  other.camera.height_mm *= 1 + 0.04 / SIDE;
+  const verdict v = compare(volume, NULL, &scene, &other);
+  assert_true(v.unproven > 10);
+  tc_scene_clear(&scene);
+  tc_scene_clear(&other);
+  tc_volume_unref(volume);
+}
+
+static double ball(double x, double y, double z, const void *unused) {
+  const double r = 8.3, p = (x - 12) * (x - 12), q = (x - 26) * (x - 26), s = (y - 20) * (y - 20) + (z - 20) * (z - 20);
+  return p + s < r * r ? 3 : q + s < r * r ? 7 : 0;
+}
+
+static void labels_have_their_colours(void **unused) {
+  needs_gl();
+  tc_volume *labels = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_U8}, ball, NULL);
+  tc_scene scene;
+  mesh_scene(&scene, labels, TC_PERSPECTIVE);
+  test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){20, -50, 20}, (double[3]){20, 20, 20}, 40);
+  strcpy(scene.labels.volume, "balls");
+  scene.labels.opacity = 0.25;
+  expect_equal(labels, labels, &scene);
+  tc_scene_clear(&scene);
+  tc_volume_unref(labels);
+}
+
+static void frames_stop_and_go_on_to_the_same_picture(void **unused) {
+  needs_gl();
+  tc_volume *volume = waves();
+  tc_scene scene;
+  tc_frame frame = {0};
+  tc_interrupt interrupt;
+  GError *error = NULL;
+  int stops = 0;
+  mesh_scene(&scene, volume, TC_PERSPECTIVE);
+  tc_interrupt_init(&interrupt);
+  atomic_store(&interrupt.pause_us, 1); /* long past */
+  const tc_render_request request = {.interrupt = &interrupt, .resume = true};
+  while (!tc_render(test_renderers[GL], volume, &scene, &request, &frame, NULL, &error) && stops++ < 2000) {
+    assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_PAUSED));
+    g_clear_error(&error);
+  }
+  printf("  %d pauses\n", stops);
+  assert_true(stops >= 2 && stops < 2000 && !frame.stats.stand_in); /* four tiles */
+  assert_memory_equal(frame.rgba, test_draw(GL, volume, &scene, NULL, NULL)->rgba, 4 * PIXELS);
+  tc_frame_finish(&frame);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(pictures_are_equal_but_for_ties), cmocka_unit_test(another_picture_is_no_tie),
+                                     cmocka_unit_test(labels_have_their_colours),
+                                     cmocka_unit_test(frames_stop_and_go_on_to_the_same_picture)};
+  return cmocka_run_group_tests_name("meshes through OpenGL", tests, test_renderers_open, test_renderers_close);
+}
