@@ -20,6 +20,14 @@ static bool reaches_far(const tc_mesh *m) {
   return false;
 }
 
+/* As many digits as bring back the same number: nine of single precision, seventeen of double. */
+static void print_place(tc_output *o, const double at[3], bool wide) {
+  if (wide)
+    tc_output_print(o, "%.17g %.17g %.17g", at[0], at[1], at[2]);
+  else
+    tc_output_print(o, "%.9g %.9g %.9g", (float)at[0], (float)at[1], (float)at[2]);
+}
+
 /* ---- PLY ---- */
 
 static void ply_head(tc_output *o, const tc_mesh *m, bool ascii, bool wide) {
@@ -36,8 +44,8 @@ static void ply_vertex(tc_output *o, const tc_mesh *m, size_t i, bool ascii, boo
   place(m, i, at);
   const float narrow[3] = {(float)at[0], (float)at[1], (float)at[2]}, *n = m->normals ? m->normals[i] : NULL;
   if (ascii) {
-    tc_output_print(o, "%.9g %.9g %.9g", at[0], at[1], at[2]);
-    if (n) tc_output_print(o, " %.6g %.6g %.6g", n[0], n[1], n[2]);
+    print_place(o, at, wide);
+    if (n) tc_output_print(o, " %.9g %.9g %.9g", n[0], n[1], n[2]);
     tc_output_print(o, "\n");
     return;
   }
@@ -109,14 +117,17 @@ static void write_stl(tc_output *o, const tc_mesh *m, bool ascii) {
 /* ---- OBJ ---- */
 
 static void write_obj(tc_output *o, const tc_mesh *m) {
+  const bool wide = reaches_far(m);
   tc_output_print(o, "# Tomocast SPACE=LPS mm\n");
   for (size_t i = 0; i < m->n_vertices; i++) {
     double at[3];
     place(m, i, at);
-    tc_output_print(o, "v %.10g %.10g %.10g\n", at[0], at[1], at[2]);
+    tc_output_print(o, "v ");
+    print_place(o, at, wide);
+    tc_output_print(o, "\n");
   }
   for (size_t i = 0; m->normals && i < m->n_vertices; i++)
-    tc_output_print(o, "vn %.6g %.6g %.6g\n", m->normals[i][0], m->normals[i][1], m->normals[i][2]);
+    tc_output_print(o, "vn %.9g %.9g %.9g\n", m->normals[i][0], m->normals[i][1], m->normals[i][2]);
   for (size_t i = 0; i < m->n_triangles; i++) {
     const uint32_t a = m->triangles[i][0] + 1, b = m->triangles[i][1] + 1, c = m->triangles[i][2] + 1;
     if (m->normals)

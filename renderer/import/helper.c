@@ -173,8 +173,10 @@ static bool send_request(const session *s, tc_helper_request *request, const cha
   return true;
 }
 
-static bool start(session *s, tc_helper helper, const char *choice, bool list, GError **error) {
-  tc_helper_request request = {.list = list};
+typedef enum task { LOAD_VOLUME, LOAD_MESH, LIST_SERIES } task;
+
+static bool start(session *s, tc_helper helper, const char *choice, task what, GError **error) {
+  tc_helper_request request = {.list = what == LIST_SERIES, .mesh = what == LOAD_MESH};
   int other = -1, failed = -1;
   char *program = find_program(s->options, program_names[helper], error);
   s->began_ms = now_ms();
@@ -339,7 +341,7 @@ tc_volume *tc_helper_load(tc_helper helper, const char *path, const char *choice
                           GError **error) {
   session s = session_for(path, options);
   tc_volume *volume = NULL;
-  if (start(&s, helper, choice, false, error)) {
+  if (start(&s, helper, choice, LOAD_VOLUME, error)) {
     tc_wire_reader reader = reader_for(&s);
     volume = tc_wire_load(&reader, error);
   }
@@ -351,13 +353,25 @@ tc_volume *tc_helper_load(tc_helper helper, const char *path, const char *choice
   return volume;
 }
 
+tc_mesh *tc_helper_load_mesh(const char *path, const char *choice, const tc_import_options *options,
+                             tc_mesh_file *source, GError **error) {
+  session s = session_for(path, options);
+  tc_mesh *mesh = NULL;
+  if (start(&s, TC_HELPER_FORMATS, choice, LOAD_MESH, error)) {
+    tc_wire_reader reader = reader_for(&s);
+    mesh = tc_wire_load_mesh(&reader, source, error);
+  }
+  stop(&s);
+  return mesh;
+}
+
 bool tc_helper_list(const char *path, const tc_import_options *options, tc_series **series, size_t *count,
                     GError **error) {
   session s = session_for(path, options);
   bool ok = false;
   *series = NULL;
   *count = 0;
-  if (start(&s, TC_HELPER_DICOM, NULL, true, error)) {
+  if (start(&s, TC_HELPER_DICOM, NULL, LIST_SERIES, error)) {
     tc_wire_reader reader = reader_for(&s);
     ok = tc_wire_list(&reader, series, count, error);
   }

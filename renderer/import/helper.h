@@ -16,6 +16,10 @@ typedef enum tc_helper { TC_HELPER_FORMATS, TC_HELPER_DICOM, TC_HELPER_COUNT } t
 tc_volume *tc_helper_load(tc_helper helper, const char *path, const char *choice, const tc_import_options *options,
                           GError **error);
 
+/* Loads the mesh `path`; the caller frees it. `choice` as a volume's: a mesh has none. */
+tc_mesh *tc_helper_load_mesh(const char *path, const char *choice, const tc_import_options *options,
+                             tc_mesh_file *source, GError **error);
+
 /* Lists the DICOM series under `path`; *series is g_malloc'ed (g_free), [*count]. */
 bool tc_helper_list(const char *path, const tc_import_options *options, tc_series **series, size_t *count,
                     GError **error);

@@ -47,12 +47,13 @@ static tc_helper helper_for(const target *t) {
   return t->folder || packed || tc_dicom_probe(t->path) ? TC_HELPER_DICOM : TC_HELPER_FORMATS;
 }
 
-/* The base name for a message: one line, whatever the file is called. */
-static char *shown_name(const char *path) {
+/* Passes on what went wrong, with the file's base name: one line, whatever the file is called. */
+static void say_which(const char *path, GError *trouble, GError **error) {
   char *name = g_path_get_basename(path);
   for (char *at = name; *at; at++)
     if (g_ascii_iscntrl(*at)) *at = '?';
-  return name;
+  g_propagate_prefixed_error(error, trouble, "open %s: ", name);
+  g_free(name);
 }
 
 tc_volume *tc_import(const char *path, const tc_import_options *options, GError **error) {
@@ -68,11 +69,34 @@ tc_volume *tc_import(const char *path, const tc_import_options *options, GError 
     volume = tc_helper_load(helper_for(&t), t.path, t.series, options, &trouble);
     target_clear(&t);
   }
-  if (volume) return volume;
-  char *name = shown_name(path);
-  g_propagate_prefixed_error(error, trouble, "open %s: ", name);
-  g_free(name);
-  return NULL;
+  if (!volume) say_which(path, trouble, error);
+  return volume;
+}
+
+bool tc_import_names_mesh(const char *path) {
+  static const char *const endings[] = {".obj", ".ply", ".stl", ".gz", ".bz2"};
+  char *lower = g_ascii_strdown(path, -1);
+  bool named = false;
+  for (int i = 4; i >= 0; i--) {
+    if (!g_str_has_suffix(lower, endings[i])) continue;
+    named |= i < 3;
+    if (i >= 3) lower[strlen(lower) - strlen(endings[i])] = 0; /* packed: what is before tells */
+  }
+  g_free(lower);
+  return named;
+}
+
+tc_mesh *tc_import_mesh(const char *path, const tc_import_options *options, tc_mesh_file *source, GError **error) {
+  target t = {0};
+  tc_mesh *mesh = NULL;
+  GError *trouble = NULL;
+  tc_mesh_file unused;
+  if (find_target(path, &t, &trouble)) {
+    mesh = tc_helper_load_mesh(t.path, t.series, options, source ? source : &unused, &trouble);
+    target_clear(&t);
+  }
+  if (!mesh) say_which(path, trouble, error);
+  return mesh;
 }
 
 bool tc_import_list(const char *path, const tc_import_options *options, tc_series **series, size_t *count,
@@ -85,9 +109,6 @@ bool tc_import_list(const char *path, const tc_import_options *options, tc_serie
   bool ok = find_target(path, &t, &trouble);
   if (ok && helper_for(&t) == TC_HELPER_DICOM) ok = tc_helper_list(t.path, options, series, count, &trouble);
   target_clear(&t);
-  if (ok) return true;
-  char *name = shown_name(path);
-  g_propagate_prefixed_error(error, trouble, "open %s: ", name);
-  g_free(name);
-  return false;
+  if (!ok) say_which(path, trouble, error);
+  return ok;
 }

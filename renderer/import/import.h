@@ -41,6 +41,23 @@ typedef struct tc_import_options {
 /* Loads PATH. Caller owns the reference. options may be NULL. Any thread. */
 tc_volume *tc_import(const char *path, const tc_import_options *options, GError **error);
 
+typedef struct tc_mesh tc_mesh; /* mesh/mesh.h */
+
+/* What a mesh was read from. */
+typedef struct tc_mesh_file {
+  char format[16];     /* "obj", "ply" or "stl" */
+  uint64_t degenerate; /* triangles that were left out: two corners in one place */
+} tc_mesh_file;
+
+/* Whether the ending of a path is that of a mesh file; what it is, its content says. */
+bool tc_import_names_mesh(const char *path);
+
+/* Loads the mesh PATH: .obj, .ply or .stl (each also with .gz or .bz2), recognised by content first, in mm, LPS unless a
+ * comment says "SPACE=RAS". Polygons become fans; corners of an STL in one place become one vertex; normals are the
+ * file's, or none. Coordinates beyond 8192 mm keep their precision through the mesh's origin. The options' limit is of the
+ * mesh's bytes. `source` may be NULL. */
+tc_mesh *tc_import_mesh(const char *path, const tc_import_options *options, tc_mesh_file *source, GError **error);
+
 /* One volume of a DICOM series found under a path (tc_import_list). Strings are non-identifying. */
 typedef struct tc_series {
   /* label: series number and, where present, protocol-free description-free text such as "series 3" */

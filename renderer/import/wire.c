@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "renderer/import/reader.h"
+#include "renderer/mesh/mesh.h"
 
 typedef struct message {
   uint32_t kind, length;
@@ -26,6 +27,8 @@ static bool length_fits(const message *m) {
     return m->length == TC_WIRE_SERIES_BYTES;
   case TC_WIRE_HEAD:
     return m->length == TC_WIRE_HEAD_BYTES;
+  case TC_WIRE_MESH:
+    return m->length == TC_WIRE_MESH_BYTES;
   case TC_WIRE_VOXELS:
     return m->length == 8;
   case TC_WIRE_WANT:
@@ -94,13 +97,17 @@ static bool take_progress(const tc_wire_reader *in, GError **error) {
   return tick(in, fraction, error);
 }
 
+static bool format_is_sane(const char *format) {
+  for (; *format; format++)
+    if (!g_ascii_isalnum(*format)) return false;
+  return true;
+}
+
 /* Numbers that tc_volume_new() does not look at; it checks the grid itself. */
 static bool head_is_sane(const tc_volume_desc *d) {
   for (int i = 0; i < 9; i++)
     if (!(fabs(d->direction[i]) <= 1.001)) return false;
-  for (const char *at = d->format; *at; at++)
-    if (!g_ascii_isalnum(*at)) return false;
-  return isfinite(d->window_center) && isfinite(d->window_width) && d->window_width >= 0 && d->frames >= 1;
+  return format_is_sane(d->format) && isfinite(d->window_center) && isfinite(d->window_width) && d->window_width >= 0 && d->frames >= 1;
 }
 
 static bool provenance_is_sane(const tc_provenance *from, const tc_volume_desc *d) {
@@ -143,6 +150,13 @@ static bool take_head(const tc_wire_reader *in, tc_volume_desc *desc, tc_provena
   return true;
 }
 
+static bool over_limit(const tc_wire_reader *in, uint64_t bytes, const char *what, GError **error) {
+  if (!in->max_voxel_bytes || bytes <= in->max_voxel_bytes) return false;
+  tc_set_error(error, TC_ERROR_LIMIT, NULL, "%s %" G_GUINT64_FORMAT " bytes, more than the limit of %" G_GUINT64_FORMAT,
+               what, bytes, in->max_voxel_bytes);
+  return true;
+}
+
 static tc_volume *volume_for(const tc_wire_reader *in, GError **error) {
   tc_volume_desc desc;
   tc_provenance from;
@@ -150,12 +164,7 @@ static tc_volume *volume_for(const tc_wire_reader *in, GError **error) {
   uint64_t bytes = tc_voxel_size(desc.type);
   for (int i = 0; i < 3; i++)
     if (__builtin_mul_overflow(bytes, (uint64_t)desc.dims[i], &bytes)) bytes = UINT64_MAX;
-  if (in->max_voxel_bytes && bytes > in->max_voxel_bytes) {
-    tc_set_error(error, TC_ERROR_LIMIT, NULL,
-                 "the volume holds %" G_GUINT64_FORMAT " bytes of voxels, more than the limit of %" G_GUINT64_FORMAT,
-                 bytes, in->max_voxel_bytes);
-    return NULL;
-  }
+  if (over_limit(in, bytes, "the volume holds voxels of", error)) return NULL;
   if (in->reserve && !in->reserve(in->user, bytes, error)) return NULL;
   tc_volume *volume = tc_volume_new(&desc, error);
   if (volume) tc_volume_set_provenance(volume, &from);
@@ -185,11 +194,22 @@ static bool take_open(const tc_wire_reader *in, GError **error) {
   return true;
 }
 
-/* A volume on its way. */
+/* A volume or a mesh on its way: up to three arrays, filled one behind the other. */
 typedef struct filling {
   tc_volume *volume; /* NULL before HEAD */
-  size_t done, total;
+  tc_mesh *mesh;     /* NULL before MESH */
+  tc_mesh_file *source; /* of a mesh; NULL: a volume is wanted */
+  struct {
+    char *at;
+    size_t left;
+  } arrays[3];
+  int n_arrays, next;
 } filling;
+
+static void add_array(filling *f, void *at, size_t bytes) {
+  f->arrays[f->n_arrays].at = at;
+  f->arrays[f->n_arrays++].left = bytes;
+}
 
 static bool take_voxels(const tc_wire_reader *in, filling *f, GError **error) {
   uint8_t body[8];
@@ -198,18 +218,89 @@ static bool take_voxels(const tc_wire_reader *in, filling *f, GError **error) {
   tc_reader_init(&r, body, sizeof body, false);
   uint32_t slot = tc_reader_u32(&r), bytes = tc_reader_u32(&r);
   if (slot >= TC_WIRE_SLOTS || bytes > TC_WIRE_SLOT_BYTES) return broken(error, "slot");
-  if (!f->volume || bytes > f->total - f->done) return broken(error, "more voxels than announced");
-  memcpy((char *)tc_volume_voxels(f->volume) + f->done, in->ring + (size_t)slot * TC_WIRE_SLOT_BYTES, bytes);
-  f->done += bytes;
+  const uint8_t *from = in->ring + (size_t)slot * TC_WIRE_SLOT_BYTES;
+  for (; bytes > 0 && f->next < f->n_arrays; f->next += f->arrays[f->next].left == 0) {
+    const size_t n = MIN(bytes, f->arrays[f->next].left);
+    memcpy(f->arrays[f->next].at, from, n);
+    f->arrays[f->next].at += n;
+    f->arrays[f->next].left -= n;
+    from += n;
+    bytes -= (uint32_t)n;
+  }
+  if (bytes > 0) return broken(error, "more data than announced");
   in->reply(in->user, TC_WIRE_FREE, -1);
   return true;
 }
 
 static bool take_volume(const tc_wire_reader *in, filling *f, GError **error) {
-  if (f->volume) return broken(error, "two volume headers");
+  if (f->volume || f->source) return broken(error, "a volume header out of place");
   f->volume = volume_for(in, error);
-  f->total = f->volume ? tc_volume_bytes(f->volume) : 0;
+  if (f->volume) add_array(f, tc_volume_voxels(f->volume), tc_volume_bytes(f->volume));
   return f->volume != NULL;
+}
+
+/* ---- meshes ---- */
+
+static bool take_mesh_head(const tc_wire_reader *in, tc_mesh_head *head, GError **error) {
+  uint8_t body[TC_WIRE_MESH_BYTES];
+  double numbers[6];
+  if (!in->read(in->user, body, sizeof body, error)) return false;
+  tc_reader r;
+  tc_reader_init(&r, body, sizeof body, false);
+  for (int i = 0; i < 6; i++) {
+    numbers[i] = tc_reader_f64(&r);
+    const bool good = i < 3 ? fabs(numbers[i]) <= 1e10 : numbers[i] >= 0 && numbers[i] <= UINT32_MAX;
+    if (!good) return broken(error, "mesh header");
+  }
+  memcpy(head->origin, numbers, sizeof head->origin);
+  head->n_vertices = (uint64_t)numbers[3];
+  head->n_triangles = (uint64_t)numbers[4];
+  head->degenerate = (uint64_t)numbers[5];
+  head->normals = tc_reader_u32(&r) != 0;
+  take_text(&r, head->format, sizeof head->format);
+  return (head->n_triangles && format_is_sane(head->format)) || broken(error, "mesh header");
+}
+
+/* Memory is asked for with normals: who shows the mesh makes those that are missing. */
+static bool take_mesh(const tc_wire_reader *in, filling *f, GError **error) {
+  tc_mesh_head head;
+  if (f->mesh || !f->source) return broken(error, "a mesh header out of place");
+  if (!take_mesh_head(in, &head, error)) return false;
+  const uint64_t bytes = tc_mesh_bytes(head.n_vertices, head.n_triangles, true);
+  if (over_limit(in, bytes, "the mesh takes", error)) return false;
+  if (in->reserve && !in->reserve(in->user, bytes, error)) return false;
+  tc_mesh *m = f->mesh = tc_mesh_new(head.n_vertices, head.n_triangles, head.normals, error);
+  if (!m) return false;
+  memcpy(m->origin, head.origin, sizeof m->origin);
+  memcpy(f->source->format, head.format, sizeof head.format);
+  f->source->degenerate = head.degenerate;
+  add_array(f, m->positions, m->n_vertices * sizeof *m->positions);
+  if (m->normals) add_array(f, m->normals, m->n_vertices * sizeof *m->normals);
+  add_array(f, m->triangles, m->n_triangles * sizeof *m->triangles);
+  return true;
+}
+
+/* Whether numbers are finite and at most `most` each. */
+static bool within(const float (*vectors)[3], size_t n, float most) {
+  bool good = true;
+  for (size_t i = 0; i < n; i++)
+    for (int k = 0; k < 3; k++) good &= fabsf(vectors[i][k]) <= most;
+  return good;
+}
+
+/* The helper is not believed: whatever draws the mesh relies on this. */
+static bool mesh_is_sound(const tc_wire_reader *in, const tc_mesh *m, GError **error) {
+  enum { PORTION = 1 << 20 };
+  for (size_t i = 0; i < MAX(m->n_vertices, m->n_triangles); i += PORTION) {
+    const size_t v = i < m->n_vertices ? MIN(m->n_vertices - i, (size_t)PORTION) : 0;
+    const size_t end = MIN(m->n_triangles, i + PORTION);
+    bool good = within(m->positions + i, v, 4e9f) && (!m->normals || within(m->normals + i, v, 1.001f));
+    for (size_t t = i; t < end; t++)
+      for (int c = 0; c < 3; c++) good &= m->triangles[t][c] < m->n_vertices;
+    if (!good) return broken(error, "mesh");
+    if (!tick(in, 1, error)) return false;
+  }
+  return true;
 }
 
 static bool take(const tc_wire_reader *in, uint32_t kind, filling *f, GError **error) {
@@ -218,21 +309,32 @@ static bool take(const tc_wire_reader *in, uint32_t kind, filling *f, GError **e
   case TC_WIRE_WANT: return take_want(in, error);
   case TC_WIRE_OPEN: return take_open(in, error);
   case TC_WIRE_HEAD: return take_volume(in, f, error);
+  case TC_WIRE_MESH: return take_mesh(in, f, error);
   case TC_WIRE_VOXELS: return take_voxels(in, f, error);
   case TC_WIRE_FAIL: return take_fail(in, error);
   default: return broken(error, "message out of place");
   }
 }
 
+static bool take_all(const tc_wire_reader *in, filling *f, GError **error) {
+  message m;
+  bool ok;
+  while ((ok = next_message(in, &m, error)) && m.kind != TC_WIRE_END && (ok = take(in, m.kind, f, error)))
+    continue;
+  return ok && ((f->n_arrays && f->next == f->n_arrays) || broken(error, "less data than announced"));
+}
+
 tc_volume *tc_wire_load(const tc_wire_reader *in, GError **error) {
   filling f = {0};
-  message m;
-  bool ok = true;
-  while ((ok = next_message(in, &m, error)) && m.kind != TC_WIRE_END && (ok = take(in, m.kind, &f, error)))
-    continue;
-  if (ok && (!f.volume || f.done != f.total)) ok = broken(error, "fewer voxels than announced");
-  if (ok) return f.volume;
+  if (take_all(in, &f, error)) return f.volume;
   tc_volume_unref(f.volume);
+  return NULL;
+}
+
+tc_mesh *tc_wire_load_mesh(const tc_wire_reader *in, tc_mesh_file *source, GError **error) {
+  filling f = {.source = source};
+  if (take_all(in, &f, error) && mesh_is_sound(in, f.mesh, error)) return f.mesh;
+  tc_mesh_free(f.mesh);
   return NULL;
 }
 

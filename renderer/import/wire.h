@@ -4,6 +4,7 @@
  *   message  helper to daemon: u32 kind, u32 length, then `length` bytes
  *     list:    PROGRESS* SERIES* END                             or FAIL at any place
  *     load:    (PROGRESS|WANT|OPEN)* HEAD (VOXELS|PROGRESS|OPEN)* END    or FAIL at any place
+ *     mesh:    the same with MESH for HEAD; what VOXELS carry is positions, normals, triangles, as in tc_mesh
  *   reply    daemon to helper, a byte: to VOXELS that the slot is free again; to OPEN that the file comes with it as a
  *            descriptor, or that there is none
  *
@@ -38,6 +39,7 @@ enum {
   TC_WIRE_PROGRESS = 0x50434431, TC_WIRE_SERIES, TC_WIRE_HEAD, TC_WIRE_VOXELS, TC_WIRE_FAIL, TC_WIRE_END,
   TC_WIRE_WANT, /* memory: u64 bytes, before anything is decoded */
   TC_WIRE_OPEN, /* a file beside the input: u32 whether it may be missing, its name */
+  TC_WIRE_MESH, /* of a mesh: tc_mesh_head, its numbers as f64 */
 };
 enum {
   TC_WIRE_HEADER_BYTES = 8,
@@ -47,14 +49,23 @@ enum {
      window; modality, unit, note, format */
   TC_WIRE_HEAD_BYTES = 10 * 4 + (3 + 3 + 9 + 2 + 2) * 8 + 16 + 16 + 256 + 16,
   TC_WIRE_HEAD_NUMBERS = 3 + 3 + 9 + 2 + 2,
+  TC_WIRE_MESH_BYTES = 6 * 8 + 4 + 16,
 };
+
+/* A mesh before its arrays. */
+typedef struct tc_mesh_head {
+  double origin[3];
+  uint64_t n_vertices, n_triangles, degenerate; /* the last: left out */
+  bool normals;
+  char format[16];
+} tc_mesh_head;
 
 /* Replies. */
 enum { TC_WIRE_FREE = 'v', TC_WIRE_FILE = 'f', TC_WIRE_MISSING = 'm' };
 
 /* What the helper is to do. Both are the same build: the struct travels as it is. */
 typedef struct tc_helper_request {
-  bool list, without_landlock, self_contained;
+  bool list, mesh, without_landlock, self_contained;
   uint32_t volume; /* of the options */
   uint64_t max_voxel_bytes, address_bytes, cpu_seconds;
   char name[256];   /* the input's base name */
@@ -79,6 +90,7 @@ typedef struct tc_wire_reader {
 
 /* NULL with an error when the stream is not what it must be, or carries the helper's own FAIL. */
 tc_volume *tc_wire_load(const tc_wire_reader *reader, GError **error);
+tc_mesh *tc_wire_load_mesh(const tc_wire_reader *reader, tc_mesh_file *source, GError **error);
 bool tc_wire_list(const tc_wire_reader *reader, tc_series **series, size_t *count, GError **error);
 
 /* The helper's side, on a blocking descriptor. False when the daemon is gone: end quietly. */
@@ -87,6 +99,7 @@ bool tc_wire_send_series(int fd, const tc_series *series);
 bool tc_wire_send_want(int fd, uint64_t bytes);
 bool tc_wire_send_open(int fd, const char *name, bool optional); /* a name shorter than TC_WIRE_NAME */
 bool tc_wire_send_head(int fd, const tc_volume_desc *desc, const tc_provenance *from);
+bool tc_wire_send_mesh(int fd, const tc_mesh_head *head);
 bool tc_wire_send_voxels(int fd, unsigned slot, size_t bytes); /* of a slot, from its start */
 bool tc_wire_send_fail(int fd, int code, const char *text);
 bool tc_wire_send_end(int fd);

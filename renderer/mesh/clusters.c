@@ -1,6 +1,7 @@
 /* Clusters of a mesh (clusters.h): keys, a radix sort of them, cuts, and the clusters in their places. Every pass is in
  * chunks that any thread may do, and its result depends on neither threads nor chunks' order. */
 #include "renderer/mesh/clusters.h"
+#include "renderer/mesh/measure.h"
 
 #include <math.h>
 #include <stdatomic.h>
@@ -56,17 +57,6 @@ static size_t chunk_end(const builder *b, size_t n, int chunk) {
 
 /* ---- keys ---- */
 
-static uint64_t mix(uint64_t x) {
-  x = (x ^ x >> 31) * 0x7fb5d329728ea185u;
-  x = (x ^ x >> 27) * 0x81dadef4bc2dd44du;
-  return x ^ x >> 33;
-}
-
-/* Of an edge: what its other direction takes away again. */
-static uint64_t edge_sum(uint32_t a, uint32_t b) {
-  return a == b ? 0 : a < b ? mix((uint64_t)a << 32 | b) : 0 - mix((uint64_t)b << 32 | a);
-}
-
 static bool finite_triangle(const tc_mesh *m, const uint32_t t[3]) {
   float sum = 0;
   for (int v = 0; v < 3; v++)
@@ -83,7 +73,7 @@ static void measure_chunk(void *context, int chunk, int worker) {
     const uint32_t *t = m->triangles[i];
     if (!finite_triangle(m, t)) continue;
     for (int v = 0; v < 3; v++) {
-      c->edges += edge_sum(t[v], t[(v + 1) % 3]);
+      c->edges += tc_mesh_edge_sum(t[v], t[(v + 1) % 3]);
       for (int k = 0; k < 3; k++) {
         c->lo[k] = lesser(c->lo[k], m->positions[t[v]][k]);
         c->hi[k] = greater(c->hi[k], m->positions[t[v]][k]);

@@ -24,6 +24,9 @@ tc_mesh *tc_mesh_new(size_t n_vertices, size_t n_triangles, bool normals, GError
   }
   tc_mesh *m = calloc(1, sizeof *m);
   if (m) {
+    static uint64_t serial;
+    m->serial = __atomic_add_fetch(&serial, 1, __ATOMIC_RELAXED);
+    m->references = 1;
     m->n_vertices = n_vertices, m->n_triangles = n_triangles;
     m->bytes = (size_t)tc_mesh_bytes(n_vertices, n_triangles, normals);
     m->positions = reserve(n_vertices, sizeof *m->positions);
@@ -36,10 +39,16 @@ tc_mesh *tc_mesh_new(size_t n_vertices, size_t n_triangles, bool normals, GError
   return NULL;
 }
 
+tc_mesh *tc_mesh_ref(tc_mesh *mesh) {
+  __atomic_add_fetch(&mesh->references, 1, __ATOMIC_RELAXED);
+  return mesh;
+}
+
 void tc_mesh_free(tc_mesh *mesh) {
-  if (!mesh) return;
+  if (!mesh || __atomic_sub_fetch(&mesh->references, 1, __ATOMIC_ACQ_REL) > 0) return;
   free(mesh->positions);
   free(mesh->normals);
   free(mesh->triangles);
+  if (mesh->freed) mesh->freed(mesh->freed_user);
   free(mesh);
 }

@@ -20,11 +20,16 @@ typedef struct tc_mesh {
   float (*normals)[3];      /* [n_vertices], unit; NULL where there are none */
   uint32_t (*triangles)[3]; /* [n_triangles] vertex numbers, counter-clockwise seen from where normals point to */
   size_t bytes;             /* of the three arrays */
+  uint64_t serial;          /* unique in the process; keys caches */
+  int references;           /* tc_mesh_ref() and tc_mesh_free() count them */
+  void (*freed)(void *user); /* NULL, or called after the last one is dropped, on that thread */
+  void *freed_user;
 } tc_mesh;
 
 /* An empty mesh for so many; TC_ERROR_LIMIT over 2^32 - 1 of either, TC_ERROR_MEMORY. */
 tc_mesh *tc_mesh_new(size_t n_vertices, size_t n_triangles, bool normals, GError **error);
-void tc_mesh_free(tc_mesh *mesh); /* NULL is fine */
+tc_mesh *tc_mesh_ref(tc_mesh *mesh);
+void tc_mesh_free(tc_mesh *mesh); /* drops a reference; NULL is fine */
 
 /* Bytes that such a mesh takes. */
 uint64_t tc_mesh_bytes(size_t n_vertices, size_t n_triangles, bool normals);

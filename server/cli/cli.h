@@ -31,8 +31,9 @@ bool tcs_cli_parse(const tcs_cli_usage *usage, int argc, char **argv, char ***re
 /* Prints "tomocast COMMAND: message" as one line to stderr, frees the error, gives `code` back. */
 int tcs_cli_fail(const char *command, int code, GError *error);
 
-/* What a .vmd holds, in text or JSON to stdout (info_model.c). */
+/* What a .vmd or a mesh file holds, in text or JSON to stdout (info_model.c, info_mesh.c). */
 bool tcs_cli_info_model(const char *path, bool json, GError **error);
+bool tcs_cli_info_mesh(const char *path, bool json, GError **error);
 
 /* The whole of a file, or of stdin for "-", at most `limit` bytes; freed by the caller. */
 bool tcs_cli_read_text(const char *path, size_t limit, char **text, size_t *size, GError **error);

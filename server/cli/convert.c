@@ -69,9 +69,12 @@ static bool check_model(const arguments *a, bool model, wanted *w, GError **erro
 
 /* Exactly one option says which surface a mesh is of. */
 static bool check_mesh(const arguments *a, bool mesh, wanted *w, GError **error) {
+  const bool from_mesh = tc_import_names_mesh(a->rest[0]);
+  if (from_mesh && !mesh) return bad_usage(error, "IN is a mesh: OUT must end in .ply, .stl or .obj");
+  if (from_mesh && (a->iso || a->label)) return bad_usage(error, "IN is a mesh: --iso and --label are of volumes");
   if (!mesh && (a->iso || a->label || a->simplify))
     return bad_usage(error, "--iso, --label and --simplify go with .ply, .stl or .obj");
-  if (mesh && !a->iso == !a->label)
+  if (mesh && !from_mesh && !a->iso == !a->label)
     return bad_usage(error, "a surface wants --iso V, its value, or --label N, a segment");
   w->simplify = -1;
   if (!read_numbers("--iso", a->iso, 1, -INFINITY, &w->iso, error) ||
@@ -101,7 +104,8 @@ static bool parse(arguments *a, int argc, char **argv, wanted *w, GError **error
       {0}};
   const tcs_cli_usage usage = {"convert", "IN OUT",
                                "Writes a volume (a file, a folder or demo:NAME) as .nrrd, .mha, .nii or .nii.gz, its "
-                               "surface as .ply, .stl or .obj, or an object in it as a run-length voxel model, .vmd.",
+                               "surface as .ply, .stl or .obj, or an object in it as a run-length voxel model, .vmd; "
+                               "a mesh in .ply, .stl or .obj as another of these.",
                                entries};
   if (!tcs_cli_parse(&usage, argc, argv, &a->rest, error)) return false;
   if (!a->rest || g_strv_length(a->rest) != 2)
@@ -134,8 +138,8 @@ static tc_mesh *extract(const tc_volume *volume, const wanted *w, const argument
   return NULL;
 }
 
-static bool write_surface(const tc_volume *volume, const wanted *w, const arguments *a, GError **error) {
-  tc_mesh *mesh = extract(volume, w, a, error);
+/* Takes the mesh. */
+static bool write_mesh(tc_mesh *mesh, const wanted *w, const arguments *a, GError **error) {
   if (mesh && w->simplify >= 0) {
     tc_mesh *all = mesh;
     mesh = tc_mesh_simplify(all, w->simplify, 0, error);
@@ -175,13 +179,16 @@ static bool show_progress(void *user, double fraction) {
 static bool convert(const arguments *a, const wanted *w, GError **error) {
   bool shows = isatty(2);
   const tc_import_options options = {.progress = shows ? show_progress : NULL, .user = a->rest[0]};
-  tc_volume *volume = tc_import(a->rest[0], &options, error);
+  const bool from_mesh = tc_import_names_mesh(a->rest[0]);
+  tc_mesh *mesh = from_mesh ? tc_import_mesh(a->rest[0], &options, NULL, error) : NULL;
+  tc_volume *volume = from_mesh ? NULL : tc_import(a->rest[0], &options, error);
   if (shows) fputs("\r\033[K", stderr);
+  if (mesh) return write_mesh(mesh, w, a, error);
   if (!volume) return false;
   bool good = false;
   switch (tc_export_kind_of(a->rest[1])) {
   case TC_EXPORT_MESH:
-    good = write_surface(volume, w, a, error);
+    good = write_mesh(extract(volume, w, a, error), w, a, error);
     break;
   case TC_EXPORT_MODEL:
     good = write_model(volume, w, a, error);

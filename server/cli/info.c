@@ -155,6 +155,7 @@ static bool list_series(report *r, const char *path, GError **error) {
 
 static bool show(const char *path, bool json, GError **error) {
   if (g_str_has_suffix(path, ".vmd")) return tcs_cli_info_model(path, json, error);
+  if (tc_import_names_mesh(path)) return tcs_cli_info_mesh(path, json, error);
   tc_volume *volume = tc_import(path, NULL, error);
   if (!volume) return false;
   report r = {.volume = volume, .desc = tc_volume_describe(volume), .stats = tc_volume_statistics(volume)};
@@ -171,7 +172,8 @@ int tcs_cli_info(int argc, char **argv) {
   char **rest = NULL;
   GError *error = NULL;
   const GOptionEntry entries[] = {{"json", 0, 0, G_OPTION_ARG_NONE, &json, "as JSON", NULL}, {0}};
-  const tcs_cli_usage usage = {"info", "VOLUME", "Says what a volume file, folder or demo:NAME holds.", entries};
+  const tcs_cli_usage usage = {"info", "VOLUME", "Says what a volume file, folder or demo:NAME, a mesh (.ply, .stl, .obj) or a .vmd holds.",
+                               entries};
   int code = TCS_EXIT_DONE;
   bool good = tcs_cli_parse(&usage, argc, argv, &rest, &error);
   if (good && (!rest || g_strv_length(rest) != 1)) {

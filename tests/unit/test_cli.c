@@ -219,6 +219,27 @@ static void info_for_people_and_programs(void **state) {
   refuse(RUN("info", "b.vmd"), 1, "open b.vmd: ");
 }
 
+static void meshes_among_each_other(void **state) {
+  put_file("t.obj", "v 0 0 0\nv 2 0 0\nv 0 2 0\nv 0 0 2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\nf 1 1 2\n");
+  accept(RUN("convert", "t.obj", "t.stl"));
+  accept(RUN("convert", "t.stl", "t.ply", "--ascii"));
+  outcome o = RUN("info", "t.ply", "--json");
+  cJSON *json = tcp_json_parse(o.out, strlen(o.out), NULL);
+  assert_string_equal(cJSON_GetObjectItem(json, "kind")->valuestring, "ply");
+  assert_true(cJSON_GetObjectItem(json, "triangles")->valueint == 4 && cJSON_GetObjectItem(json, "vertices")->valueint == 4);
+  assert_true(cJSON_IsTrue(cJSON_GetObjectItem(json, "closed")));
+  assert_true(cJSON_GetArrayItem(cJSON_GetObjectItem(json, "high"), 2)->valuedouble == 2);
+  cJSON_Delete(json);
+  accept(o);
+  o = RUN("info", "t.obj");
+  assert_true(strstr(o.out, "triangles    4, closed; 1 degenerate ones left out\n") != NULL);
+  accept(o);
+  refuse(RUN("convert", "t.stl", "t.nrrd"), 2, "IN is a mesh: OUT must end in .ply, .stl or .obj");
+  refuse(RUN("convert", "t.stl", "t.obj", "--iso", "3"), 2, "--iso and --label are of volumes");
+  put_file("t.stl", "no");
+  refuse(RUN("info", "t.stl"), 1, "open t.stl: the file is cut short");
+}
+
 /* The same words as the HTTP service's: each sample where the last one ended. */
 static void a_ray_sample_by_sample(void **state) {
   outcome o = RUN("render", "demo:bucky", "--width", "40", "--height", "40", "--ray", "20,20");
@@ -299,7 +320,7 @@ int main(void) {
                                      cmocka_unit_test(scene_and_set),
                                      cmocka_unit_test(same_picture_twice),
                                      cmocka_unit_test(timing_is_printed),
-                                     cmocka_unit_test(info_for_people_and_programs),
+                                     cmocka_unit_test(info_for_people_and_programs), cmocka_unit_test(meshes_among_each_other),
                                      cmocka_unit_test(a_ray_sample_by_sample),
                                      cmocka_unit_test(tables_of_the_papers)};
   return cmocka_run_group_tests(tests, set_up, tear_down);

@@ -4,7 +4,10 @@
 
 #include "renderer/import/helper/format.h"
 
-static const tc_format *const formats[] = {&tc_format_nifti, &tc_format_nrrd, &tc_format_metaimage, &tc_format_mgh};
+/* Those of volumes, then those of meshes. OBJ is any text that begins as one: it is asked last. */
+static const tc_format *const formats[] = {&tc_format_nifti, &tc_format_nrrd, &tc_format_metaimage, &tc_format_mgh,
+                                           &tc_format_ply,   &tc_format_stl,  &tc_format_obj};
+enum { FIRST_MESH = 4 };
 
 static bool has_suffix(const char *name, const char *suffixes) {
   char *lower = g_ascii_strdown(name, -1), **list = g_strsplit(suffixes, "|", -1);
@@ -16,12 +19,21 @@ static bool has_suffix(const char *name, const char *suffixes) {
   return found;
 }
 
-static const tc_format *recognise(const char *name, const uint8_t *head, size_t size) {
-  for (size_t i = 0; i < G_N_ELEMENTS(formats); i++)
-    if (formats[i]->probe(head, size)) return formats[i];
-  for (size_t i = 0; i < G_N_ELEMENTS(formats); i++)
-    if (has_suffix(name, formats[i]->suffixes)) return formats[i];
+static const tc_format *const *recognise(const tc_input *input, const uint8_t *head, size_t size) {
+  const tc_format *const *end = formats + G_N_ELEMENTS(formats);
+  for (const tc_format *const *f = formats; f < end; f++)
+    if ((*f)->probe(head, size) || (*f == &tc_format_stl && tc_stl_fits(head, size, input->size))) return f;
+  for (const tc_format *const *f = formats; f < end; f++)
+    if (has_suffix(input->name, (*f)->suffixes)) return f;
   return NULL;
+}
+
+/* A volume where a mesh is wanted, or a mesh where a volume is. */
+static bool refuse_kind(const tc_format *format, bool wants_mesh, GError **error) {
+  tc_set_error(error, TC_ERROR_FORMAT, NULL,
+               wants_mesh ? "the file is %s, a volume: open it as a volume" : "the file is %s, a mesh: open it as a mesh",
+               format->name);
+  return false;
 }
 
 /* The .img of a NIfTI pair was named: its header tells what it is. */
@@ -63,7 +75,7 @@ static bool read_volume(const char *choice, const tc_format *format, uint32_t *v
 }
 
 /* What is not read, by its first bytes, and the way round it. */
-static bool refuse(const uint8_t *head, size_t size, GError **error) {
+static bool refuse(const uint8_t *head, size_t size, bool mesh, GError **error) {
 #define AT(at, magic) at, sizeof magic - 1, magic
   static const struct {
     size_t at, n;
@@ -90,7 +102,8 @@ static bool refuse(const uint8_t *head, size_t size, GError **error) {
     return false;
   }
   tc_set_error(error, TC_ERROR_FORMAT, NULL,
-               "unknown kind of file: NIfTI, Analyze, NRRD, MetaImage, MGH and DICOM are read");
+               mesh ? "unknown kind of file: meshes are read from OBJ, PLY and STL"
+                    : "unknown kind of file: NIfTI, Analyze, NRRD, MetaImage, MGH and DICOM are read");
   return false;
 }
 
@@ -103,9 +116,10 @@ bool tc_formats_read(tc_input *input, const char *choice, const tc_order *order,
     tc_set_error(error, TC_ERROR_FORMAT, NULL, "the file is empty");
     return false;
   }
-  const tc_format *format = recognise(input->name, head, size);
-  if (format) return read_volume(choice, format, &own.volume, error) && format->read(input, &own, error);
-  return refuse(head, size, error);
+  const tc_format *const *found = recognise(input, head, size);
+  if (!found) return refuse(head, size, order->mesh, error);
+  if ((found >= formats + FIRST_MESH) != order->mesh) return refuse_kind(*found, order->mesh, error);
+  return read_volume(choice, *found, &own.volume, error) && (*found)->read(input, &own, error);
 }
 
 bool tc_helper_decode(int fd, const tc_helper_request *request, const tc_order *order, GError **error) {

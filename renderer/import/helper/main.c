@@ -15,6 +15,7 @@ static bool decode(const tc_helper_request *request, GError **error) {
   tc_order order;
   if (!tc_output_init(&output, &order, error) || !tc_confine(TC_HELPER_INPUT_FD, request, error)) return false;
   order.volume = request->volume;
+  order.mesh = request->mesh;
   order.max_voxel_bytes = request->max_voxel_bytes;
   return tc_helper_decode(TC_HELPER_INPUT_FD, request, &order, error);
 }

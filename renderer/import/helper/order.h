@@ -1,4 +1,4 @@
-/* What is wanted of a file, and where its voxels go: to the daemon (output.h), or in tests to a volume. */
+/* What is wanted of a file, and where its voxels or its mesh go: to the daemon (output.h), or in tests to this process. */
 #ifndef TC_IMPORT_ORDER_H
 #define TC_IMPORT_ORDER_H
 
@@ -13,11 +13,13 @@ enum { TC_ORDER_MOST_BYTES = TC_WIRE_SLOT_BYTES }; /* of voxels at a time */
 /* Every function returns false (NULL) with an error to end the work. */
 typedef struct tc_order {
   uint32_t volume;          /* of a file of several, from 1; 0: the first */
-  uint64_t max_voxel_bytes; /* 0: no limit */
+  bool mesh;                /* a mesh is wanted, not a volume */
+  uint64_t max_voxel_bytes; /* of a mesh: of its vertices, normals and triangles; 0: no limit */
   void *user;               /* of all that follow */
   bool (*want)(void *user, uint64_t bytes, GError **error); /* memory, before anything is decoded */
   bool (*begin)(void *user, const tc_volume_desc *desc, const tc_provenance *from, GError **error);
-  void *(*room)(void *user, GError **error); /* where the next voxels go: TC_ORDER_MOST_BYTES; the same until filled */
+  bool (*begin_mesh)(void *user, const tc_mesh_head *head, GError **error); /* positions, normals, triangles follow */
+  void *(*room)(void *user, GError **error); /* where the next bytes go: TC_ORDER_MOST_BYTES; the same until filled */
   bool (*filled)(void *user, size_t bytes, GError **error);
   bool (*goes_on)(void *user, double fraction, GError **error); /* 0..1 */
   int (*open)(void *user, const char *name, bool optional, GError **error); /* a file beside the input, as in wire.h */

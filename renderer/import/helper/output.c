@@ -40,6 +40,10 @@ static bool begin(void *user, const tc_volume_desc *desc, const tc_provenance *f
   return tc_wire_send_head(TC_HELPER_SOCKET_FD, desc, from) || gone(error);
 }
 
+static bool begin_mesh(void *user, const tc_mesh_head *head, GError **error) {
+  return tc_wire_send_mesh(TC_HELPER_SOCKET_FD, head) || gone(error);
+}
+
 static void *room(void *user, GError **error) {
   tc_output *o = user;
   char what;
@@ -81,6 +85,7 @@ bool tc_output_init(tc_output *o, tc_order *order, GError **error) {
   *order = (tc_order){.user = o,
                       .want = want,
                       .begin = begin,
+                      .begin_mesh = begin_mesh,
                       .room = room,
                       .filled = filled,
                       .goes_on = goes_on,

@@ -95,6 +95,18 @@ bool tc_wire_send_head(int fd, const tc_volume_desc *desc, const tc_provenance *
   return send_message(fd, TC_WIRE_HEAD, body, sizeof body);
 }
 
+bool tc_wire_send_mesh(int fd, const tc_mesh_head *head) {
+  uint8_t body[TC_WIRE_MESH_BYTES], *at = body;
+  for (int i = 0; i < 3; i++)
+    put_f64(&at, head->origin[i]);
+  put_f64(&at, (double)head->n_vertices);
+  put_f64(&at, (double)head->n_triangles);
+  put_f64(&at, (double)head->degenerate);
+  put_u32(&at, head->normals);
+  put_text(&at, head->format, sizeof head->format);
+  return send_message(fd, TC_WIRE_MESH, body, sizeof body);
+}
+
 bool tc_wire_send_voxels(int fd, unsigned slot, size_t bytes) {
   uint8_t body[8], *at = body;
   put_u32(&at, slot);

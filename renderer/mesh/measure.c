@@ -1,0 +1,65 @@
+#include "renderer/mesh/measure.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+void tc_mesh_measure(const tc_mesh *m, tc_mesh_measures *measures) {
+  uint64_t edges = 0;
+  float low[3], high[3];
+  for (int k = 0; k < 3; k++) low[k] = INFINITY, high[k] = -INFINITY;
+  for (size_t i = 0; i < m->n_triangles; i++)
+    for (int c = 0; c < 3; c++) {
+      const uint32_t v = m->triangles[i][c];
+      edges += tc_mesh_edge_sum(v, m->triangles[i][(c + 1) % 3]);
+      for (int k = 0; k < 3; k++) {
+        low[k] = fminf(low[k], m->positions[v][k]);
+        high[k] = fmaxf(high[k], m->positions[v][k]);
+      }
+    }
+  measures->closed = edges == 0;
+  for (int k = 0; k < 3; k++) {
+    measures->low[k] = m->n_triangles ? m->origin[k] + low[k] : 0;
+    measures->high[k] = m->n_triangles ? m->origin[k] + high[k] : 0;
+  }
+}
+
+/* Twice the area, as a vector. */
+static void add_face(const tc_mesh *m, const uint32_t t[3], float (*normals)[3]) {
+  const float *a = m->positions[t[0]], *b = m->positions[t[1]], *c = m->positions[t[2]];
+  float u[3], v[3];
+  for (int k = 0; k < 3; k++) u[k] = b[k] - a[k], v[k] = c[k] - a[k];
+  for (int k = 0; k < 3; k++) {
+    const float n = u[(k + 1) % 3] * v[(k + 2) % 3] - u[(k + 2) % 3] * v[(k + 1) % 3];
+    for (int i = 0; i < 3; i++) normals[t[i]][k] += n;
+  }
+}
+
+static void make_unit(float n[3]) {
+  const double length = sqrt((double)n[0] * n[0] + (double)n[1] * n[1] + (double)n[2] * n[2]);
+  const bool sound = isfinite(length) && length > 0;
+  for (int k = 0; k < 3; k++) n[k] = sound ? (float)(n[k] / length) : k == 2;
+}
+
+bool tc_mesh_add_normals(tc_mesh *m, bool (*goes_on)(void *user), void *user, GError **error) {
+  enum { PORTION = 1 << 16 };
+  float (*normals)[3] = calloc(m->n_vertices + 1, sizeof *normals);
+  if (!normals) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "normals of %zu vertices: out of memory", m->n_vertices);
+    return false;
+  }
+  for (size_t i = 0; i < m->n_triangles + m->n_vertices; i++) {
+    if (i % PORTION == 0 && goes_on && !goes_on(user)) {
+      free(normals);
+      tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
+      return false;
+    }
+    if (i < m->n_triangles)
+      add_face(m, m->triangles[i], normals);
+    else
+      make_unit(normals[i - m->n_triangles]);
+  }
+  m->normals = normals;
+  m->bytes = (size_t)tc_mesh_bytes(m->n_vertices, m->n_triangles, true);
+  return true;
+}
