@@ -108,15 +108,22 @@ bool tcp_number_read(tcp_reader *reader, const tcp_member *member, const cJSON *
 /* `count` numbers, each within the member's range. */
 bool tcp_vector_read(tcp_reader *reader, const tcp_member *member, const cJSON *value, int count, double *numbers);
 cJSON *tcp_vector_write(const double *numbers, int count);
+/* An object that is a row of a list: its plain members into the fields at `base`; *seen gets a bit for each. */
+bool tcp_row_read(tcp_reader *reader, const tcp_member *members, int count, const cJSON *object, void *base,
+                  unsigned *seen);
+/* Its schema, with the members whose bits are set. */
+cJSON *tcp_row_schema(const tcp_member *members, int count, unsigned those, unsigned required);
 
 /* --- special members ------------------------------------------------------------------------------ */
 
 extern const tcp_special tcp_special_background, tcp_special_light, tcp_special_box, tcp_special_planes,
     tcp_special_mpr_center, tcp_special_quality, tcp_special_label_colors, tcp_special_visible, tcp_special_preset,
-    tcp_special_points, tcp_special_force;
+    tcp_special_points, tcp_special_force, tcp_special_surfaces;
 
 /* A knot as a list of members: value, color, opacity, extinction. */
 extern const tcp_member tcp_knot_members[4];
+/* A surface likewise: value, label, mesh, plane (one of them), color, opacity, visible, twoSided. */
+extern const tcp_member tcp_surface_members[8];
 
 /* What holds between members of a complete scene; `patch` helps to point at the member that was just set. */
 bool tcp_scene_check(const tc_scene *scene, const cJSON *patch, GError **error);

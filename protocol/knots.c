@@ -6,39 +6,10 @@
 enum { VALUE, COLOR, OPACITY, EXTINCTION, KNOT_MEMBERS };
 G_STATIC_ASSERT(G_N_ELEMENTS(tcp_knot_members) == KNOT_MEMBERS);
 
-static const char *const knot_names[] = {"value", "color", "opacity", "extinction", NULL};
-
-static int find_member(const char *name) {
-  for (int i = 0; i < KNOT_MEMBERS; i++)
-    if (strcmp(tcp_knot_members[i].name, name) == 0) return i;
-  return -1;
-}
-
-static bool fail_unknown(tcp_reader *reader, const char *name) {
-  char *hint = tcp_hint(name, knot_names);
-  tcp_fail(reader, TC_ERROR_INVALID, "unknown member%s", hint);
-  g_free(hint);
-  return false;
-}
-
-/* Reads the members that are there; *seen gets a bit for each. */
-static bool read_knot_members(tcp_reader *reader, const cJSON *object, tc_knot *knot, unsigned *seen) {
-  if (!cJSON_IsObject(object)) return tcp_fail_type(reader, "an object with value, color and opacity", object);
-  for (const cJSON *item = object->child; item; item = item->next) {
-    size_t mark = tcp_enter(reader, item->string);
-    int member = find_member(item->string);
-    if (member < 0) return fail_unknown(reader, item->string);
-    if (!tcp_leaf_read(reader, &tcp_knot_members[member], knot, item)) return false;
-    *seen |= 1u << member;
-    tcp_leave(reader, mark);
-  }
-  return true;
-}
-
 /* A knot gives value, colour and one of opacity and extinction; all knots give the same one. */
 static bool read_knot(tcp_reader *reader, const cJSON *object, tc_knot *knot, tc_knot_kind *kind, bool first) {
   unsigned seen = 0;
-  if (!read_knot_members(reader, object, knot, &seen)) return false;
+  if (!tcp_row_read(reader, tcp_knot_members, KNOT_MEMBERS, object, knot, &seen)) return false;
   bool opacity = seen & 1u << OPACITY, extinction = seen & 1u << EXTINCTION;
   if (!(seen & 1u << VALUE)) return tcp_fail(reader, TC_ERROR_INVALID, "\"value\" is missing");
   if (!(seen & 1u << COLOR)) return tcp_fail(reader, TC_ERROR_INVALID, "\"color\" [r,g,b] is missing");
@@ -119,18 +90,8 @@ static void reset_points(tcp_reader *reader, const tcp_member *member) {
 }
 
 static cJSON *knot_schema(int amount) {
-  cJSON *schema = cJSON_CreateObject(), *properties = cJSON_CreateObject(), *required = cJSON_CreateArray();
-  const int members[] = {VALUE, COLOR, amount};
-  for (size_t i = 0; i < G_N_ELEMENTS(members); i++) {
-    const tcp_member *m = &tcp_knot_members[members[i]];
-    tcp_add(properties, m->name, tcp_leaf_schema(m));
-    cJSON_AddItemToArray(required, cJSON_CreateStringReference(m->name));
-  }
-  tcp_add(schema, "type", cJSON_CreateStringReference("object"));
-  tcp_add(schema, "properties", properties);
-  tcp_add(schema, "required", required);
-  tcp_add(schema, "additionalProperties", cJSON_CreateFalse());
-  return schema;
+  const unsigned members = 1u << VALUE | 1u << COLOR | 1u << amount;
+  return tcp_row_schema(tcp_knot_members, KNOT_MEMBERS, members, members);
 }
 
 static cJSON *points_schema(const tcp_member *member) {

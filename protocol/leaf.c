@@ -147,3 +147,45 @@ static size_t field_size(const tcp_member *member) {
 void tcp_leaf_copy(const tcp_member *member, void *to, const void *from) {
   memcpy((char *)to + member->offset, (const char *)from + member->offset, field_size(member));
 }
+
+/* --- rows --------------------------------------------------------------------------------------- */
+
+static bool fail_unknown(tcp_reader *reader, const tcp_member *members, int count, const char *name) {
+  const char **names = g_new0(const char *, (gsize)count + 1);
+  for (int i = 0; i < count; i++)
+    names[i] = members[i].name;
+  char *hint = tcp_hint(name, names);
+  tcp_fail(reader, TC_ERROR_INVALID, "unknown member%s", hint);
+  g_free(hint);
+  g_free(names);
+  return false;
+}
+
+bool tcp_row_read(tcp_reader *reader, const tcp_member *members, int count, const cJSON *object, void *base,
+                  unsigned *seen) {
+  if (!cJSON_IsObject(object)) return tcp_fail_type(reader, "an object", object);
+  for (const cJSON *item = object->child; item; item = item->next) {
+    const size_t mark = tcp_enter(reader, item->string);
+    int member = 0;
+    while (member < count && strcmp(members[member].name, item->string) != 0)
+      member++;
+    if (member == count) return fail_unknown(reader, members, count, item->string);
+    if (!tcp_leaf_read(reader, &members[member], base, item)) return false;
+    *seen |= 1u << member;
+    tcp_leave(reader, mark);
+  }
+  return true;
+}
+
+cJSON *tcp_row_schema(const tcp_member *members, int count, unsigned those, unsigned required) {
+  cJSON *schema = cJSON_CreateObject(), *properties = cJSON_CreateObject(), *names = cJSON_CreateArray();
+  for (int i = 0; i < count; i++) {
+    if (those >> i & 1) tcp_add(properties, members[i].name, tcp_leaf_schema(&members[i]));
+    if (required >> i & 1) cJSON_AddItemToArray(names, cJSON_CreateStringReference(members[i].name));
+  }
+  tcp_add(schema, "type", cJSON_CreateStringReference("object"));
+  tcp_add(schema, "properties", properties);
+  tcp_add(schema, "required", names);
+  tcp_add(schema, "additionalProperties", cJSON_CreateFalse());
+  return schema;
+}

@@ -30,6 +30,7 @@ const tcp_group tcp_groups[] = {
     {"shading", "Light on surfaces in the volume."},
     {"clip", "What part of the volume is shown."},
     {"isosurface", "The surface of modes isosurface and mesh."},
+    {"mesh", "Mode mesh: several surfaces at once."},
     {"splat", "Mode splat: voxels drawn one by one."},
     {"mpr", "Mode mpr: a reformatted slice or slab."},
     {"labels", "A second volume whose values are labels, drawn over the first."},
@@ -121,6 +122,11 @@ const tcp_member tcp_members[] = {
      .doc = "Value on the surface."},
     {"isosurface", "color", TCP_VECTOR, AT(isosurface.color), 3, UNIT, .unit = "sRGB", .doc = "Colour of the surface."},
 
+    {"mesh", "surfaces", TCP_SPECIAL, .special = &tcp_special_surfaces,
+     .doc = "What is drawn, nothing else then; when empty the surface at isosurface.value, or of all visible labels."},
+    {"mesh", "withVolume", TCP_BOOLEAN, AT(mesh.with_volume),
+     .doc = "Modes dvr and mip draw the surfaces too, each where it is along the rays."},
+
     {"splat", "threshold", TCP_VECTOR, AT(splat.threshold), 2, VALUES, .flags = TCP_FITTED, .unit = "value",
      .doc = "Least and greatest value of the voxels drawn."},
     {"splat", "kernelRadius", TCP_NUMBER, AT(splat.kernel_radius), RANGE(0, 16), .flags = TCP_ABOVE, .unit = "voxels",
@@ -171,4 +177,18 @@ const tcp_member tcp_knot_members[4] = {
      .doc = "Opacity; linear between knots."},
     {"", "extinction", TCP_NUMBER, KNOT(amount), RANGE(0, TCP_MAX_VALUE), .unit = "1/mm",
      .doc = "Extinction; linear between knots."},
+};
+
+#define SURFACE(field) .offset = offsetof(tc_mesh_surface, field)
+const tcp_member tcp_surface_members[8] = {
+    {"", "value", TCP_NUMBER, SURFACE(value), VALUES, .unit = "value", .doc = "The volume's surface at this value."},
+    {"", "label", TCP_INTEGER, SURFACE(label), RANGE(1, 2147483647), .doc = "The surface of this label of labels.volume."},
+    {"", "mesh", TCP_TEXT, SURFACE(mesh), sizeof((tc_mesh_surface *)0)->mesh, .doc = "Id of a mesh."},
+    {"", "plane", TCP_NAME, SURFACE(plane), .names = orientations,
+     .doc = "The slice that mode mpr shows in this orientation, through mpr.center."},
+    {"", "color", TCP_VECTOR, SURFACE(color), 3, UNIT, .unit = "sRGB",
+     .doc = "Colour; when left out the label's, or isosurface.color."},
+    {"", "opacity", TCP_NUMBER, SURFACE(opacity), UNIT, .doc = "Of each layer of it that is looked through."},
+    {"", "visible", TCP_BOOLEAN, SURFACE(visible), .doc = "Draw it."},
+    {"", "twoSided", TCP_BOOLEAN, SURFACE(two_sided), .doc = "Draw what faces away from the eye as well."},
 };

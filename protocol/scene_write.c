@@ -49,6 +49,7 @@ static const struct {
     {"transferFunction", "preset", MODE(TC_MODE_DVR)},
     {"window", NULL, PROJECTIONS | MODE(TC_MODE_MPR)},
     {"isosurface", "value", SURFACES},
+    {"mesh", "surfaces", MODE(TC_MODE_MESH)},
     {"splat", "threshold", MODE(TC_MODE_SPLAT)},
     {"mpr", NULL, MODE(TC_MODE_MPR)},
 };

@@ -216,6 +216,25 @@ static bool check_surface(const tc_scene *s, GError **error) {
   return check_color(s, error);
 }
 
+/* What a list of surfaces holds is drawn, and isosurface.value is then not read. */
+static bool check_surfaces(const tc_scene *s, GError **error) {
+  char pointer[40];
+  for (size_t i = 0; i < s->mesh.n_surfaces; i++) {
+    const tc_mesh_surface *of = &s->mesh.surfaces[i];
+    snprintf(pointer, sizeof pointer, "/mesh/surfaces/%zu", i);
+    if (of->source == TC_SURFACE_OF_VALUE && !isfinite(of->value)) return invalid(error, pointer, "a finite value wanted");
+    if (!(of->opacity >= 0 && of->opacity <= 1)) return invalid(error, pointer, "opacity from 0 to 1 wanted");
+    for (int c = 0; c < 3; c++)
+      if (!(of->color[c] >= 0 && of->color[c] <= 1)) return invalid(error, pointer, "color of numbers from 0 to 1 wanted");
+    if (of->source == TC_SURFACE_OF_LABEL && !s->labels.volume[0])
+      return invalid(error, pointer, "a label is wanted of labels.volume, and none is named there");
+    if (of->source == TC_SURFACE_OF_MESH) return unsupported(error, pointer, "a mesh of its own");
+    if (of->source == TC_SURFACE_OF_PLANE) return unsupported(error, pointer, "a slice among surfaces");
+  }
+  if (s->mesh.n_surfaces) return unsupported(error, "/mesh/surfaces", "more than one surface");
+  return check_color(s, error);
+}
+
 /* The transfer function gives colours where the values do, and extinction where the object is translucent. */
 static bool check_splat(const tc_scene *s, const tc_scene *valid, GError **error) {
   const bool values = strcmp(s->splat.attribute, "value") == 0;
@@ -238,8 +257,8 @@ bool tc_plan_check(const tc_volume *volume, const tc_scene *scene, int width, in
     return check_mpr(volume, scene, error) && check_window(scene, error) && check_clipping(scene, error);
   if (!check_camera(&scene->camera, error)) return false;
   if (tc_is_surface(scene->mode))
-    return check_surface(scene, error) && check_rays(scene, error) && check_clipping(scene, error) &&
-           check_shading(scene, error);
+    return (scene->mode == TC_MODE_MESH && scene->mesh.n_surfaces ? check_surfaces(scene, error) : check_surface(scene, error)) &&
+           check_rays(scene, error) && check_clipping(scene, error) && check_shading(scene, error);
   if (scene->mode == TC_MODE_SPLAT)
     return check_splat(scene, valid, error) && check_clipping(scene, error) && check_shading(scene, error);
   return check_look(scene, valid, error) && check_sampling(volume, scene, error) && check_clipping(scene, error) &&

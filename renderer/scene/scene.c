@@ -170,6 +170,7 @@ static void *list_hold(void *items, size_t size, tc_shared **shared) {
 static size_t points_size(const tc_scene *s) { return s->transfer_function.count * sizeof(tc_knot); }
 static size_t colors_size(const tc_scene *s) { return s->labels.n_colors * sizeof(tc_label_color); }
 static size_t visible_size(const tc_scene *s) { return s->labels.n_visible * sizeof(uint32_t); }
+static size_t surfaces_size(const tc_scene *s) { return s->mesh.n_surfaces * sizeof(tc_mesh_surface); }
 
 void tc_scene_copy(tc_scene *to, const tc_scene *from) {
   *to = *from;
@@ -177,18 +178,21 @@ void tc_scene_copy(tc_scene *to, const tc_scene *from) {
   tf->points = list_hold(tf->points, points_size(to), &tf->shared);
   to->labels.colors = list_hold(to->labels.colors, colors_size(to), &to->labels.shared_colors);
   to->labels.visible = list_hold(to->labels.visible, visible_size(to), &to->labels.shared_visible);
+  to->mesh.surfaces = list_hold(to->mesh.surfaces, surfaces_size(to), &to->mesh.shared_surfaces);
 }
 
 void tc_scene_share(tc_scene *scene) {
   list_share(scene->transfer_function.points, points_size(scene), &scene->transfer_function.shared);
   list_share(scene->labels.colors, colors_size(scene), &scene->labels.shared_colors);
   list_share(scene->labels.visible, visible_size(scene), &scene->labels.shared_visible);
+  list_share(scene->mesh.surfaces, surfaces_size(scene), &scene->mesh.shared_surfaces);
 }
 
 void tc_scene_clear(tc_scene *scene) {
   list_drop(scene->transfer_function.points, &scene->transfer_function.shared);
   list_drop(scene->labels.colors, &scene->labels.shared_colors);
   list_drop(scene->labels.visible, &scene->labels.shared_visible);
+  list_drop(scene->mesh.surfaces, &scene->mesh.shared_surfaces);
   memset(scene, 0, sizeof *scene);
 }
 
@@ -210,6 +214,12 @@ void tc_scene_set_visible(tc_scene *scene, uint32_t *visible, size_t count) {
   scene->labels.n_visible = count;
 }
 
+void tc_scene_set_surfaces(tc_scene *scene, tc_mesh_surface *surfaces, size_t count) {
+  list_drop(scene->mesh.surfaces, &scene->mesh.shared_surfaces);
+  scene->mesh.surfaces = surfaces;
+  scene->mesh.n_surfaces = count;
+}
+
 void tc_scene_take_points(tc_scene *scene, const tc_scene *from) {
   tc_shared *shared = from->transfer_function.shared;
   tc_scene_set_points(scene, list_hold(from->transfer_function.points, points_size(from), &shared),
@@ -227,6 +237,12 @@ void tc_scene_take_visible(tc_scene *scene, const tc_scene *from) {
   tc_shared *shared = from->labels.shared_visible;
   tc_scene_set_visible(scene, list_hold(from->labels.visible, visible_size(from), &shared), from->labels.n_visible);
   scene->labels.shared_visible = shared;
+}
+
+void tc_scene_take_surfaces(tc_scene *scene, const tc_scene *from) {
+  tc_shared *shared = from->mesh.shared_surfaces;
+  tc_scene_set_surfaces(scene, list_hold(from->mesh.surfaces, surfaces_size(from), &shared), from->mesh.n_surfaces);
+  scene->mesh.shared_surfaces = shared;
 }
 
 const tc_preset *tc_preset_named(const char *name) {

@@ -91,6 +91,28 @@ typedef struct tc_camera {
 
 typedef struct tc_label_color { uint32_t label; double rgba[4]; } tc_label_color;
 
+/* Where one of several surfaces comes from. */
+typedef enum tc_surface_source {
+  TC_SURFACE_OF_VALUE, /* the volume's isosurface */
+  TC_SURFACE_OF_LABEL, /* of labels.volume */
+  TC_SURFACE_OF_MESH,  /* a mesh of its own */
+  TC_SURFACE_OF_PLANE, /* a slice of the volume, where mpr.center, normal and up have it, with the window's greys */
+  TC_SURFACE_SOURCE_COUNT
+} tc_surface_source;
+
+/* All bytes of it count in a digest: made by g_new0(). */
+typedef struct tc_mesh_surface {
+  tc_surface_source source;
+  int label;
+  double value;
+  char mesh[64]; /* id */
+  tc_mpr_orientation plane;
+  double color[3], opacity;
+  bool has_color; /* else that of its source: of the label, or isosurface.color */
+  bool visible;
+  bool two_sided; /* else what faces away from the eye is not drawn */
+} tc_mesh_surface;
+
 typedef struct tc_scene {
   tc_mode mode;
   struct {
@@ -125,6 +147,11 @@ typedef struct tc_scene {
   } shading;
   struct { bool has_box; double box[2][3]; double planes[6][4]; int n_planes; } clip;
   struct { double value; double color[3]; } isosurface;
+  struct {
+    tc_mesh_surface *surfaces; size_t n_surfaces; /* as labels.colors; none: what isosurface and labels say */
+    tc_shared *shared_surfaces;
+    bool with_volume; /* dvr and mip draw the surfaces too, each where it is along the rays */
+  } mesh;
   struct { double threshold[2]; double kernel_radius; char attribute[32]; bool opaque, culling; } splat;
   /* A planar reformat, with square pixels and as radiologists hold pictures: axial is seen from the feet (patient's
    * right on the left of the picture, front on top), coronal from the front (right on the left, head on top), sagittal
@@ -162,6 +189,7 @@ typedef struct tc_scene {
 #define TC_MAX_IMAGE_AREA 16800000
 #define TC_MAX_RAYS_PER_PIXEL 64
 #define TC_MAX_KNOTS 65536
+#define TC_MAX_SURFACES 256
 
 /* Fills every member with a default that needs no volume. *scene holds nothing before. */
 void tc_scene_init(tc_scene *scene);
@@ -177,10 +205,12 @@ void tc_scene_share(tc_scene *scene);
 void tc_scene_set_points(tc_scene *scene, tc_knot *points, size_t count);
 void tc_scene_set_colors(tc_scene *scene, tc_label_color *colors, size_t count);
 void tc_scene_set_visible(tc_scene *scene, uint32_t *visible, size_t count);
+void tc_scene_set_surfaces(tc_scene *scene, tc_mesh_surface *surfaces, size_t count);
 /* Take over lists of another scene, shared where that shares. */
 void tc_scene_take_points(tc_scene *scene, const tc_scene *from);
 void tc_scene_take_colors(tc_scene *scene, const tc_scene *from);
 void tc_scene_take_visible(tc_scene *scene, const tc_scene *from);
+void tc_scene_take_surfaces(tc_scene *scene, const tc_scene *from);
 
 /* Of the bytes of a shared list: equal lists have equal numbers in one process, different ones hardly ever. Computed
  * once. NULL: 0. */

@@ -68,7 +68,10 @@ static const char everything[] =
     "8},"
     "\"shading\":{\"model\":\"gooch\",\"gradient\":\"cubic\",\"ambient\":0.1,\"diffuse\":0.9,\"specular\":0.3,\"shininess\":10,"
     "\"light\":[0,0,1]},\"clip\":{\"box\":[[-1,-2,-3],[1,2,3]],\"planes\":[[1,0,0,5],[0,1,0,-5]]},"
-    "\"isosurface\":{\"value\":200,\"color\":[0.1,0.2,0.3]},\"splat\":{\"threshold\":[10,20],\"kernelRadius\":2,"
+    "\"isosurface\":{\"value\":200,\"color\":[0.1,0.2,0.3]},\"mesh\":{\"surfaces\":[{\"value\":300,\"color\":[1,0,0],"
+    "\"opacity\":0.5,\"visible\":true,\"twoSided\":false},{\"label\":7,\"opacity\":1,\"visible\":false,\"twoSided\":true},"
+    "{\"mesh\":\"m1\",\"opacity\":1,\"visible\":true,\"twoSided\":true},{\"plane\":\"coronal\",\"opacity\":1,\"visible\":true,"
+    "\"twoSided\":true}],\"withVolume\":true},\"splat\":{\"threshold\":[10,20],\"kernelRadius\":2,"
     "\"attribute\":\"density\",\"opaque\":true,\"culling\":false},\"mpr\":{\"orientation\":\"oblique\","
     "\"center\":[1,2,3],\"normal\":[0,1,0],\"up\":[0,0,1],\"thickness\":5,\"projection\":\"minip\",\"zoom\":2},"
     "\"labels\":{\"volume\":\"seg\",\"opacity\":0.25,\"colors\":{\"1\":[1,0,0,1],\"4294967295\":[0,1,0,0.5]},"
@@ -164,6 +167,13 @@ static void refuses_values(void **state) {
       {"{\"splat\":{\"attribute\":\"0123456789012345678901234567890123456789\"}}", "/splat/attribute", "at most 31"},
       {"{\"mpr\":{\"orientation\":\"oblique\",\"normal\":[0,0,0]}}", "/mpr/normal", "no direction"},
       {"{\"mpr\":{\"orientation\":\"oblique\",\"up\":[0,0,1]}}", "/mpr/up", "parallel"},
+      {"{\"mesh\":{\"surfaces\":{}}}", "/mesh/surfaces", "an array of surfaces"},
+      {"{\"mesh\":{\"surfaces\":[{\"opacity\":1}]}}", "/mesh/surfaces/0", "got none"},
+      {"{\"mesh\":{\"surfaces\":[{\"value\":1},{\"value\":1,\"label\":2}]}}", "/mesh/surfaces/1", "got several"},
+      {"{\"mesh\":{\"surfaces\":[{\"value\":1,\"opacity\":2}]}}", "/mesh/surfaces/0/opacity", "too large"},
+      {"{\"mesh\":{\"surfaces\":[{\"label\":0}]}}", "/mesh/surfaces/0/label", "too small"},
+      {"{\"mesh\":{\"surfaces\":[{\"plane\":\"axal\"}]}}", "/mesh/surfaces/0/plane", "did you mean \"axial\"?"},
+      {"{\"mesh\":{\"surfaces\":[{\"value\":1,\"colour\":[0,0,0]}]}}", "/mesh/surfaces/0/colour", "did you mean \"color\"?"},
       {"{\"labels\":{\"colors\":{\"x\":[0,0,0,0]}}}", "/labels/colors/x", "label number"},
       {"{\"labels\":{\"colors\":{\"01\":[0,0,0,0]}}}", "/labels/colors/01", "label number"},
       {"{\"labels\":{\"colors\":{\"4294967296\":[0,0,0,0]}}}", "/labels/colors/4294967296", "label number"},
@@ -309,6 +319,25 @@ static void label_colors_merge(void **state) {
   assert_int_equal(scene.labels.n_colors, 0);
 }
 
+/* A list is replaced as a whole, shared by copies, and empty again by null. */
+static void surfaces_are_a_list(void **state) {
+  accept("{\"mesh\":{\"surfaces\":[{\"value\":1},{\"label\":2,\"color\":[0,0,1]}]}}");
+  tc_scene copy;
+  tc_scene_copy(&copy, &scene);
+  accept("{\"mesh\":{\"surfaces\":[{\"value\":5}]}}");
+  assert_int_equal(scene.mesh.n_surfaces, 1);
+  assert_true(scene.mesh.surfaces[0].visible && scene.mesh.surfaces[0].two_sided && !scene.mesh.surfaces[0].has_color);
+  assert_true(copy.mesh.n_surfaces == 2 && copy.mesh.surfaces[1].source == TC_SURFACE_OF_LABEL);
+  assert_true(copy.mesh.surfaces[1].label == 2 && copy.mesh.surfaces[1].has_color && copy.mesh.surfaces[1].color[2] == 1);
+  tc_scene_clear(&copy);
+  accept("{\"mesh\":null}");
+  assert_int_equal(scene.mesh.n_surfaces, 0);
+  GString *many = g_string_new("{\"mesh\":{\"surfaces\":[{\"value\":0}");
+  for (int i = 0; i < TC_MAX_SURFACES; i++) g_string_append(many, ",{\"value\":0}");
+  refuse(g_string_append(many, "]}}")->str, TC_ERROR_LIMIT, "/mesh/surfaces", "at most 256");
+  g_string_free(many, TRUE);
+}
+
 static cJSON *random_labels(void) {
   GString *text = g_string_new("{\"labels\":{\"colors\":{");
   for (int label = 0, n = 0; label < 40; label++) {
@@ -402,6 +431,7 @@ int main(void) {
                                      WITH_SCENE(presets_and_points),
                                      WITH_SCENE(quality_bounds_replace_each_other),
                                      WITH_SCENE(label_colors_merge),
+                                     WITH_SCENE(surfaces_are_a_list),
                                      WITH_SCENE(lists_read_beforehand_are_not_read_again),
                                      WITH_SCENE(transparency_needs_png),
                                      cmocka_unit_test(set_expressions)};
