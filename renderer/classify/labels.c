@@ -48,7 +48,7 @@ static void fill_entry(float entry[8], uint32_t label, bool visible, const tc_sc
   size_t count;
   if (!rgb) rgb = tc_label_palette(&count)[label > 0 ? (label - 1) % TC_LABEL_PALETTE : 0];
   opacity *= visible ? scene->labels.opacity : 0;
-  bool linear = scene->image.linear_light && scene->mode == TC_MODE_DVR; /* slices composite in display space */
+  bool linear = scene->image.linear_light && scene->mode != TC_MODE_MPR; /* slices composite in display space */
   for (int c = 0; c < 3; c++) entry[c] = (float)(opacity * (linear ? tc_srgb_to_linear(rgb[c]) : rgb[c]));
   entry[3] = (float)opacity;
   entry[4] = visible;
@@ -59,7 +59,7 @@ static void fill_entry(float entry[8], uint32_t label, bool visible, const tc_sc
 GBytes *tc_labels_key(const tc_volume *labels, const tc_scene *scene) {
   GByteArray *key = g_byte_array_new();
   const uint64_t numbers[] = {tc_volume_serial(labels), scene->labels.n_colors, scene->labels.n_visible,
-                              scene->labels.visible != NULL, scene->image.linear_light && scene->mode == TC_MODE_DVR};
+                              scene->labels.visible != NULL, scene->image.linear_light && scene->mode != TC_MODE_MPR};
   g_byte_array_append(key, (const guint8 *)numbers, sizeof numbers);
   g_byte_array_append(key, (const guint8 *)&scene->labels.opacity, sizeof scene->labels.opacity);
   for (size_t i = 0; i < scene->labels.n_colors; i++) { /* member by member, because of padding */

@@ -7,7 +7,6 @@
 
 static tc_raster_look look_of(const tc_job *job) {
   tc_raster_look look = {.shaded = job->key.shading != TC_SHADING_NONE};
-  memcpy(look.color, job->plan->surface.color, sizeof look.color);
   if (!look.shaded) return look;
   tc_shade s;
   tc_shade_set_up(&s, job->source, job->source, job->scene);
@@ -21,17 +20,55 @@ static tc_raster_look look_of(const tc_job *job) {
   return look;
 }
 
-/* Surfaces of labels have the colours of their tints, however faint; without any, the isosurface's. NULL: no memory. */
-static float (*colors_of(const tc_job *job))[3] {
-  const tc_clusters *mesh = job->have.mesh;
-  const tc_volume_desc *d = tc_volume_describe(job->label_volume);
-  float(*colors)[3] = malloc((mesh->n_surfaces + 1) * sizeof *colors);
-  for (size_t i = 0; colors && i < mesh->n_surfaces; i++) {
-    const double entry = (mesh->labels[i] - d->intercept) / d->slope - job->have.labels->base;
-    const float *e = job->have.labels->entries[entry >= 0 && entry < job->have.labels->n ? (int)entry : job->have.labels->n];
-    for (int c = 0; c < 3; c++) colors[i][c] = e[3] > 0 ? e[c] / e[3] : job->plan->surface.color[c];
+size_t tc_mesh_sources(const tc_job *job, tc_mesh_source *of) {
+  size_t n = 0;
+  for (size_t i = 0; i < job->scene->mesh.n_surfaces; i++) {
+    const tc_mesh_surface *s = &job->scene->mesh.surfaces[i];
+    if (!tc_mesh_surface_shows(s)) continue;
+    of[n] = (tc_mesh_source){.kind = s->source};
+    if (s->source == TC_SURFACE_OF_VALUE) of[n].iso = s->value, of[n].serial = tc_volume_serial(job->volume);
+    if (s->source == TC_SURFACE_OF_LABEL)
+      of[n].label = (uint32_t)s->label, of[n].serial = tc_volume_serial(job->label_volume);
+    n++;
   }
-  return colors;
+  return n;
+}
+
+static void to_compositing_space(const tc_scene *scene, const double srgb[3], float color[3]) {
+  for (int c = 0; c < 3; c++) color[c] = (float)(scene->image.linear_light ? tc_srgb_to_linear(srgb[c]) : srgb[c]);
+}
+
+/* Surfaces of labels have the colours of their tints, however faint; without any, the isosurface's. */
+static void label_color(const tc_job *job, uint32_t label, float color[3]) {
+  const tc_volume_desc *d = tc_volume_describe(job->label_volume);
+  const double entry = (label - d->intercept) / d->slope - job->have.labels->base;
+  const float *e = job->have.labels->entries[entry >= 0 && entry < job->have.labels->n ? (int)entry : job->have.labels->n];
+  for (int c = 0; c < 3; c++) color[c] = e[3] > 0 ? e[c] / e[3] : job->plan->surface.color[c];
+}
+
+/* item: of the scene's list; NULL: there is none. closed: no back of it can be seen, were it opaque. */
+static tc_raster_surface surface_of(const tc_job *job, const tc_part *part, const tc_mesh_surface *item, bool closed) {
+  tc_raster_surface s = {.opacity = item ? (float)item->opacity : 1};
+  s.one_sided = (closed && s.opacity == 1) || (item && !item->two_sided);
+  if (item && item->has_color)
+    to_compositing_space(job->scene, item->color, s.color);
+  else if (part->of.kind == TC_SURFACE_OF_LABEL)
+    label_color(job, part->of.label, s.color);
+  else
+    memcpy(s.color, job->plan->surface.color, sizeof s.color);
+  return s;
+}
+
+/* One for each part of the mesh. NULL: no memory. */
+static tc_raster_surface *surfaces_of(const tc_job *job, bool from_outside) {
+  const tc_clusters *mesh = job->have.mesh;
+  const tc_mesh_surface *item = job->scene->mesh.surfaces, *end = item + job->scene->mesh.n_surfaces;
+  tc_raster_surface *surfaces = calloc(mesh->n_parts, sizeof *surfaces);
+  for (size_t i = 0; surfaces && i < mesh->n_parts; i++) {
+    while (item < end && !tc_mesh_surface_shows(item)) item++;
+    surfaces[i] = surface_of(job, &mesh->parts[i], item < end ? item++ : NULL, from_outside && mesh->parts[i].closed);
+  }
+  return surfaces;
 }
 
 /* The scene's clip box and planes, in LPS. */
@@ -50,23 +87,22 @@ bool tc_mesh_job_begin(tc_mesh_job *m, const tc_job *job, GError **error) {
   const tc_clusters *mesh = job->have.mesh;
   double planes[TC_VIEW_MOST_CLIP][4];
   const int n_planes = planes_of(job->scene, planes);
-  m->colors = job->have.labels ? colors_of(job) : NULL;
-  if (job->have.labels && !m->colors) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "colours of labels: out of memory");
-    return false;
-  }
   tc_view_set_up(&m->view, mesh, &job->scene->camera, job->frame->width, job->frame->height,
                  (const double(*)[4])planes, n_planes);
+  m->surfaces = surfaces_of(job, n_planes == 0 && tc_view_is_outside(&m->view, mesh));
+  if (!m->surfaces) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "surfaces of a mesh: out of memory");
+    return false;
+  }
   for (int i = 0; i < job->rays->count; i++)
     m->samples[i][0] = job->rays->of_pixel[i].x, m->samples[i][1] = job->rays->of_pixel[i].y;
   m->raster = (tc_raster_job){.mesh = mesh,
                               .view = &m->view,
                               .look = look_of(job),
+                              .surfaces = m->surfaces,
                               .n_samples = job->rays->count,
-                              .samples = (const double(*)[2])m->samples,
-                              .one_sided = mesh->closed && n_planes == 0 && tc_view_is_outside(&m->view, mesh)};
-  m->raster.look.colors = (const float(*)[3])m->colors;
+                              .samples = (const double(*)[2])m->samples};
   return true;
 }
 
-void tc_mesh_job_end(tc_mesh_job *m) { free(m->colors); }
+void tc_mesh_job_end(tc_mesh_job *m) { free(m->surfaces); }

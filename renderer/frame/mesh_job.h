@@ -5,13 +5,17 @@
 
 #include "renderer/frame/backend.h"
 #include "renderer/mesh/raster.h"
+#include "renderer/mesh/surfaces.h"
 
 typedef struct tc_mesh_job {
   tc_raster_job raster; /* refers to what follows; kernels, finished, emit, user and pool are the caller's */
   tc_view view;
   double samples[TC_RASTER_SAMPLES][2];
-  float (*colors)[3];
+  tc_raster_surface *surfaces;
 } tc_mesh_job;
+
+/* The scene's list of surfaces as far as it is drawn: what they are made from, in order. of[TC_MAX_SURFACES]. */
+size_t tc_mesh_sources(const tc_job *job, tc_mesh_source *of);
 
 bool tc_mesh_job_begin(tc_mesh_job *m, const tc_job *job, GError **error); /* TC_ERROR_MEMORY */
 void tc_mesh_job_end(tc_mesh_job *m);

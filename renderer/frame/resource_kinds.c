@@ -1,7 +1,7 @@
 #include "renderer/frame/resource_kinds.h"
 
 #include "renderer/classify/outline.h"
-#include "renderer/mesh/surfaces.h"
+#include "renderer/frame/mesh_job.h"
 #include "renderer/splat/splatter.h"
 #include "renderer/volume/coefficients.h"
 
@@ -204,21 +204,55 @@ static void *labels_begin(const tc_making *m, GError **error) {
 
 static void free_surfaces(void *thing) { tc_surfaces_free(thing); }
 
-static bool of_labels(const tc_job *job) { return tc_plan_has(job->plan, TC_RESOURCE_LABELS); }
+/* The surfaces of all labels that show, which nobody has listed. */
+static bool of_labels(const tc_job *job) {
+  return !job->scene->mesh.n_surfaces && tc_plan_has(job->plan, TC_RESOURCE_LABELS);
+}
+
 static const tc_volume *mesh_tied(const tc_job *job) { return of_labels(job) ? job->label_volume : job->volume; }
+
+/* What is drawn beside all labels: the list, or the one surface. */
+static size_t sources_of(const tc_job *job, tc_mesh_source of[TC_MAX_SURFACES]) {
+  if (job->scene->mesh.n_surfaces) return tc_mesh_sources(job, of);
+  of[0] = (tc_mesh_source){.kind = TC_SURFACE_OF_VALUE, .iso = job->scene->isosurface.value,
+                           .serial = tc_volume_serial(job->volume)};
+  return 1;
+}
 
 /* Colours change nothing about where a surface is. */
 static void mesh_key(const tc_job *job, GByteArray *key) {
   const uint64_t serial = tc_volume_serial(mesh_tied(job));
   const tc_scene *s = job->scene;
   const guint8 all = !s->labels.visible;
+  tc_mesh_source of[TC_MAX_SURFACES];
   append(key, &serial, sizeof serial);
-  if (!of_labels(job)) {
-    append(key, &s->isosurface.value, sizeof s->isosurface.value);
+  if (of_labels(job)) {
+    append(key, &all, 1);
+    append(key, s->labels.visible, all ? 0 : s->labels.n_visible * sizeof *s->labels.visible);
     return;
   }
-  append(key, &all, 1);
-  append(key, s->labels.visible, all ? 0 : s->labels.n_visible * sizeof *s->labels.visible);
+  for (size_t i = 0, n = sources_of(job, of); i < n; i++) {
+    const uint64_t whole[] = {of[i].kind, of[i].label, of[i].serial};
+    append(key, whole, sizeof whole);
+    append(key, &of[i].iso, sizeof of[i].iso);
+  }
+}
+
+/* Has a surface that the job's mesh has: one that moved among others is the only one to be made. */
+static bool mesh_is_like(const void *thing, const void *user) {
+  const tc_clusters *mesh = thing;
+  const tc_job *job = user;
+  tc_mesh_source of[TC_MAX_SURFACES];
+  const bool labels = of_labels(job);
+  const size_t n = labels ? 0 : sources_of(job, of);
+  for (size_t i = 0; i < mesh->n_parts; i++) {
+    if (labels && mesh->parts[i].of.kind == TC_SURFACE_OF_LABEL &&
+        mesh->parts[i].of.serial == tc_volume_serial(job->label_volume))
+      return true;
+    for (size_t k = 0; k < n; k++)
+      if (tc_mesh_source_equal(&mesh->parts[i].of, &of[k])) return true;
+  }
+  return false;
 }
 
 static bool shows_label(const void *user, uint32_t label) {
@@ -231,11 +265,16 @@ static bool shows_label(const void *user, uint32_t label) {
 static void *mesh_begin(const tc_making *m, GError **error) { return tc_surfaces_begin(); }
 
 static bool mesh_go_on(void *thing, const tc_making *m, GError **error) {
+  tc_mesh_source of[TC_MAX_SURFACES];
+  const bool labels = of_labels(m->job);
+  const size_t n = labels ? 0 : sources_of(m->job, of);
   const tc_surfaces_wish wish = {.volume = m->job->volume,
-                                 .iso = m->job->scene->isosurface.value,
-                                 .labels = of_labels(m->job) ? m->job->label_volume : NULL,
+                                 .labels = m->job->label_volume,
+                                 .sources = labels ? NULL : of,
+                                 .n_sources = n,
                                  .shows = shows_label,
                                  .user = m->job->scene,
+                                 .like = m->like,
                                  .max_bytes = (uint64_t)(MESH_SHARE * (double)m->budget),
                                  .pool = m->pool};
   return tc_surfaces_go_on(thing, &wish, error);
@@ -381,6 +420,7 @@ const tc_resource_kind tc_resource_kinds[TC_RESOURCE_COUNT] = {
                           .finish = mesh_finish,
                           .steps = mesh_steps,
                           .starts_with = mesh_starts_with,
+                          .is_like = mesh_is_like,
                           .bytes = clusters_bytes},
     [TC_RESOURCE_RUNS] = {.store = {"runs of voxels", free_runs, NULL, false},
                           .key = runs_key,

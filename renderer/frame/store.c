@@ -66,6 +66,7 @@ tc_stored *tc_store_latest(const tc_store *s, const tc_store_kind *kind,
   tc_stored *latest = NULL;
   for (int i = 0; i < s->count; i++) {
     tc_stored *it = s->items[i];
+    if (it->unfinished && kind->abandon) continue; /* it may be something else yet */
     if (it->kind == kind && (!latest || it->last_use > latest->last_use) && like(it->thing, user)) latest = it;
   }
   return latest;

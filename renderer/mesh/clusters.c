@@ -324,7 +324,7 @@ static void set_grid(builder *b) {
     square += longest >= 0 ? (hi[k] - b->lo[k]) * (hi[k] - b->lo[k]) : 0;
   }
   b->out->radius = 0.5f * sqrtf(square) * (1 + 1e-5f);
-  b->out->closed = edges == 0;
+  b->out->parts[0].closed = edges == 0;
 }
 
 static bool allocate(builder *b, GError **error) {
@@ -372,16 +372,24 @@ static bool build(builder *b, GError **error) {
          (tc_pool_run(b->pool, b->n_chunks, fill_chunk, b) || tc_halt_say(tc_pool_halt(b->pool), error));
 }
 
-tc_clusters *tc_clusters_make(const tc_mesh *mesh, tc_pool *pool, GError **error) {
+static uint64_t next_serial(void) {
   static atomic_uint_fast64_t serials;
+  return atomic_fetch_add(&serials, 1) + 1;
+}
+
+tc_clusters *tc_clusters_make(const tc_mesh *mesh, tc_pool *pool, GError **error) {
   builder b = {.mesh = mesh, .pool = pool, .out = calloc(1, sizeof *b.out)};
-  if (!b.out) {
+  if (b.out) b.out->parts = calloc(1, sizeof *b.out->parts);
+  if (!b.out || !b.out->parts) {
+    tc_clusters_free(b.out);
     out_of_memory(error);
     return NULL;
   }
-  b.out->serial = atomic_fetch_add(&serials, 1) + 1;
+  b.out->serial = next_serial();
   memcpy(b.out->origin, mesh->origin, sizeof mesh->origin);
-  bool made = build(&b, error);
+  const bool made = build(&b, error);
+  b.out->n_parts = 1;
+  b.out->parts[0].n = b.out->n;
   free(b.chunks);
   free(b.from);
   free(b.to);
@@ -415,14 +423,16 @@ static bool grow(void *block, size_t bytes, const void *more, size_t more_bytes,
   return true;
 }
 
-static bool append_clusters(tc_clusters *to, const tc_clusters *more, uint32_t label, GError **error) {
+static bool append_clusters(tc_clusters *to, const tc_clusters *more, GError **error) {
   const size_t over = 16 * TC_CLUSTER_PAD;
+  tc_part part = more->parts[0];
+  part.first = to->n;
   if (to->vertex_room + more->vertex_room > UINT32_MAX || to->triangle_room + more->triangle_room > UINT32_MAX ||
-      to->n_surfaces >= UINT16_MAX) {
-    tc_set_error(error, TC_ERROR_LIMIT, NULL, "clusters of a mesh: %zu surfaces are too many", to->n_surfaces + 1);
+      to->n_parts >= UINT16_MAX) {
+    tc_set_error(error, TC_ERROR_LIMIT, NULL, "clusters of a mesh: %zu surfaces are too many", to->n_parts + 1);
     return false;
   }
-  if (!grow(&to->labels, to->n_surfaces * sizeof label, &label, sizeof label, 0) ||
+  if (!grow(&to->parts, to->n_parts * sizeof part, &part, sizeof part, 0) ||
       !grow(&to->clusters, to->n * sizeof *to->clusters, more->clusters, more->n * sizeof *more->clusters, sizeof *to->clusters) ||
       !grow(&to->positions, to->vertex_room * 12, more->positions, more->vertex_room * 12, over) ||
       (to->normals && !grow(&to->normals, to->vertex_room * 4, more->normals, more->vertex_room * 4, over)) ||
@@ -431,31 +441,85 @@ static bool append_clusters(tc_clusters *to, const tc_clusters *more, uint32_t l
   for (size_t i = to->n; i < to->n + more->n; i++) {
     to->clusters[i].vertex += (uint32_t)to->vertex_room;
     to->clusters[i].triangle += (uint32_t)to->triangle_room;
-    to->clusters[i].surface = (uint16_t)to->n_surfaces;
+    to->clusters[i].part = (uint16_t)to->n_parts;
   }
-  to->n_surfaces++;
+  to->n_parts++;
   to->n += more->n, to->n_triangles += more->n_triangles, to->bytes += more->bytes;
   to->vertex_room += more->vertex_room, to->triangle_room += more->triangle_room;
-  to->closed = to->closed && more->closed;
   join_spheres(to, more);
   return true;
 }
 
-bool tc_clusters_add(tc_clusters **all, tc_clusters *more, uint32_t label, GError **error) {
+bool tc_clusters_add(tc_clusters **all, tc_clusters *more, const tc_mesh_source *of, GError **error) {
   bool added = true;
-  if (*all) {
-    added = append_clusters(*all, more, label, error);
+  more->parts[0].of = *of;
+  more->parts[0].of.mesh = NULL;
+  if (!*all) {
+    *all = more;
+  } else {
+    added = append_clusters(*all, more, error);
     tc_clusters_free(more);
-    return added;
   }
-  *all = more;
-  more->n_surfaces = 1;
-  return grow(&more->labels, 0, &label, sizeof label, 0) || out_of_memory(error);
+  return added;
+}
+
+/* The sphere about clusters' own: their centres' box and the farthest of them. */
+static void bound_clusters(tc_clusters *c) {
+  float lo[3] = {INFINITY, INFINITY, INFINITY}, hi[3] = {-INFINITY, -INFINITY, -INFINITY};
+  c->radius = 0;
+  for (size_t i = 0; i < c->n; i++)
+    for (int k = 0; k < 3; k++) {
+      lo[k] = lesser(lo[k], c->clusters[i].centre[k] - c->clusters[i].radius);
+      hi[k] = greater(hi[k], c->clusters[i].centre[k] + c->clusters[i].radius);
+    }
+  for (int k = 0; k < 3; k++) c->centre[k] = c->n ? 0.5f * (lo[k] + hi[k]) : 0;
+  for (size_t i = 0; i < c->n; i++) {
+    float square = 0;
+    for (int k = 0; k < 3; k++)
+      square += (c->clusters[i].centre[k] - c->centre[k]) * (c->clusters[i].centre[k] - c->centre[k]);
+    c->radius = greater(c->radius, (sqrtf(square) + c->clusters[i].radius) * (1 + 1e-5f));
+  }
+}
+
+static bool copy_arrays(tc_clusters *to, const tc_clusters *all, const tc_cluster *from) {
+  const size_t over = 16 * TC_CLUSTER_PAD;
+  return grow(&to->clusters, 0, from, to->n * sizeof *from, sizeof *from) &&
+         grow(&to->positions, 0, all->positions + 3 * (size_t)from->vertex, to->vertex_room * 12, over) &&
+         (!all->normals || grow(&to->normals, 0, all->normals + from->vertex, to->vertex_room * 4, over)) &&
+         grow(&to->triangles, 0, all->triangles + 3 * (size_t)from->triangle, to->triangle_room * 3, over) &&
+         (to->parts = calloc(1, sizeof *to->parts));
+}
+
+tc_clusters *tc_clusters_copy_part(const tc_clusters *all, size_t part, GError **error) {
+  static const tc_cluster none = {0};
+  const tc_part *p = &all->parts[part];
+  tc_clusters *to = calloc(1, sizeof *to);
+  const tc_cluster *from = p->n ? &all->clusters[p->first] : &none, *last = from + (p->n ? p->n - 1 : 0);
+  if (to) {
+    memcpy(to->origin, all->origin, sizeof to->origin);
+    to->serial = next_serial();
+    to->n = p->n, to->n_parts = 1;
+    to->vertex_room = last->vertex + tc_cluster_padded(last->n_vertices) - from->vertex;
+    to->triangle_room = last->triangle + tc_cluster_padded(last->n_triangles) - from->triangle;
+  }
+  if (!to || !copy_arrays(to, all, from)) {
+    tc_clusters_free(to);
+    out_of_memory(error);
+    return NULL;
+  }
+  to->parts[0] = (tc_part){.of = p->of, .n = p->n, .closed = p->closed};
+  for (size_t i = 0; i < to->n; i++) {
+    to->clusters[i].vertex -= from->vertex, to->clusters[i].triangle -= from->triangle, to->clusters[i].part = 0;
+    to->n_triangles += to->clusters[i].n_triangles;
+  }
+  to->bytes = to->n * sizeof *to->clusters + to->vertex_room * (12 + (to->normals ? 4 : 0)) + 3 * to->triangle_room;
+  bound_clusters(to);
+  return to;
 }
 
 void tc_clusters_free(tc_clusters *clusters) {
   if (!clusters) return;
-  free(clusters->labels);
+  free(clusters->parts);
   free(clusters->clusters);
   free(clusters->positions);
   free(clusters->normals);

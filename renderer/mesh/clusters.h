@@ -9,6 +9,7 @@
 #define TC_MESH_CLUSTERS_H
 
 #include "renderer/mesh/mesh.h"
+#include "renderer/scene/scene.h"
 
 enum { TC_CLUSTER_VERTICES = 96, TC_CLUSTER_TRIANGLES = 128, TC_CLUSTER_PAD = 16 };
 
@@ -18,16 +19,30 @@ typedef struct tc_cluster {
   uint32_t vertex;         /* its first; a multiple of TC_CLUSTER_PAD */
   uint32_t triangle;       /* its first; likewise */
   uint8_t n_vertices, n_triangles;
-  uint16_t surface; /* number of it in tc_clusters.labels */
+  uint16_t part; /* number of it in tc_clusters.parts */
 } tc_cluster;
+
+/* What a surface is made from: equal sources are one surface. */
+typedef struct tc_mesh_source {
+  tc_surface_source kind;
+  uint32_t label;
+  double iso;
+  uint64_t serial;     /* of the volume or mesh that it is of */
+  const tc_mesh *mesh; /* read while the surface is made */
+} tc_mesh_source;
+
+typedef struct tc_part {
+  tc_mesh_source of; /* of.mesh NULL */
+  size_t first, n;   /* clusters */
+  bool closed;       /* every edge has two triangles: from outside no back of a triangle is seen */
+} tc_part;
 
 typedef struct tc_clusters {
   double origin[3];        /* LPS mm; as of the mesh */
   float centre[3], radius; /* sphere about all */
-  bool closed;             /* every edge has two triangles: from outside no back of a triangle is seen */
   size_t n, n_triangles;
-  uint32_t *labels; /* [n_surfaces], of several surfaces; NULL: one */
-  size_t n_surfaces;
+  tc_part *parts; /* [n_parts]: surfaces, at least one */
+  size_t n_parts;
   size_t vertex_room, triangle_room; /* padded */
   tc_cluster *clusters;              /* [n] */
   float *positions;    /* of a cluster: 3 * vertex on, all x, all y, all z, each padded to TC_CLUSTER_PAD */
@@ -40,9 +55,11 @@ typedef struct tc_clusters {
 /* Triangles of no area, and those with a vertex that is no finite number, are left out. Parallel over the pool, whose
  * halt ends it (TC_ERROR_CANCELLED, _PAUSED); TC_ERROR_MEMORY. */
 tc_clusters *tc_clusters_make(const tc_mesh *mesh, tc_pool *pool, GError **error);
-/* Takes over `more`, of the same origin and likewise with or without normals, as the surface of a label; *all NULL: as the
- * first. TC_ERROR_MEMORY, TC_ERROR_LIMIT: *all is as it was, `more` gone. */
-bool tc_clusters_add(tc_clusters **all, tc_clusters *more, uint32_t label, GError **error);
+/* Takes over `more`, of one part, the same origin, and likewise with or without normals; *all NULL: as the first.
+ * TC_ERROR_MEMORY, TC_ERROR_LIMIT: *all is as it was, `more` gone. */
+bool tc_clusters_add(tc_clusters **all, tc_clusters *more, const tc_mesh_source *of, GError **error);
+/* A copy of one part. TC_ERROR_MEMORY. */
+tc_clusters *tc_clusters_copy_part(const tc_clusters *all, size_t part, GError **error);
 void tc_clusters_free(tc_clusters *clusters); /* NULL is fine */
 
 /* Places in a cluster's arrays are padded to this. */

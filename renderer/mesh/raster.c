@@ -12,6 +12,8 @@
 #define CHUNK 1024   /* clusters of a task */
 #define LOOK 8       /* clusters between two looks at the halt */
 #define BUCKETS 256  /* of nearness, a tile's clusters are sorted into */
+#define MOST_LAYERS (1 << 20) /* that are sorted at once; a part of a tile with more is cut in two */
+#define SEEN_THROUGH (1.0f / 4096) /* a share of a sample's light below this is nobody's */
 
 typedef struct worker {
   tc_raster_tile tile;
@@ -20,6 +22,7 @@ typedef struct worker {
   float (*linear)[4], *depth; /* [TC_RASTER_PIXELS] */
   uint32_t *order;            /* [longest] */
   void *memory;
+  tc_raster_layers layers;    /* as they are found, and, behind as many, by pixel */
 } worker;
 
 typedef struct drawing {
@@ -35,7 +38,13 @@ typedef struct drawing {
   worker *workers;
   atomic_int drawn;     /* tiles */
   atomic_bool left;     /* some tile was not drawn to the end */
+  atomic_bool no_memory;
+  bool translucent;     /* some surface is */
 } drawing;
+
+static const tc_raster_surface *surface_of(const drawing *d, size_t cluster) {
+  return &d->job->surfaces[d->job->mesh->clusters[cluster].part];
+}
 
 /* ---- frame ---- */
 
@@ -48,7 +57,7 @@ static void set_up_frame(drawing *d) {
   const tc_view *v = job->view;
   tc_raster_frame *f = &d->frame;
   *f = (tc_raster_frame){.mesh = job->mesh, .view = v, .look = job->look, .perspective = v->perspective,
-                         .one_sided = job->one_sided, .reference = (float)v->reference,
+                         .surfaces = job->surfaces, .reference = (float)v->reference,
                          .inverse_scale = (float)(1 / v->scale), .n_samples = job->n_samples};
   copy_row(f->rows[0], v->right, 1), copy_row(f->rows[1], v->down, 1), copy_row(f->rows[2], v->depth, 1);
   copy_row(f->to_fixed[0], v->right, v->scale * TC_VIEW_SUBPIXEL);
@@ -70,13 +79,14 @@ static void set_up_frame(drawing *d) {
     f->light[r] = (float)sum;
   }
   d->slack = tc_sight_slack(job->mesh);
+  for (size_t i = 0; i < job->mesh->n_parts; i++) d->translucent = d->translucent || job->surfaces[i].opacity < 1;
 }
 
 /* ---- clusters ---- */
 
 static tc_sight look_at(const drawing *d, const tc_cluster *k, tc_raster_counts *counts) {
   bool away;
-  const tc_sight s = tc_sight_of(d->job->view, k, d->slack, d->job->one_sided, &away);
+  const tc_sight s = tc_sight_of(d->job->view, k, d->slack, d->job->surfaces[k->part].one_sided, &away);
   if (s.x1 < s.x0) counts->outside += !away, counts->facing_away += away;
   return s;
 }
@@ -190,24 +200,73 @@ static void begin_tile(const drawing *d, tc_raster_tile *t, int tile) {
   memset(t->id, 0xff, (size_t)d->job->n_samples * TC_RASTER_PIXELS * sizeof *t->id);
 }
 
-/* False: left. */
-static bool draw_clusters(const drawing *d, worker *w, int tile) {
-  const size_t n = d->first[tile + 1] - d->first[tile];
+/* Those of a tile's clusters that are opaque, or the others, into the rows of `to`, which is the tile or a part of it.
+ * False: left. */
+static bool draw_clusters(const drawing *d, worker *w, size_t n, tc_raster_tile *to) {
   tc_raster_tile *t = &w->tile;
-  sort_list(d, d->lists + d->first[tile], n, w->order);
   for (size_t i = 0; i < n; i++) {
     const tc_sight *s = &d->sights[w->order[i]];
+    const tc_raster_surface *surface = surface_of(d, w->order[i]);
     if (i % LOOK == LOOK - 1 && tc_halt_within(tc_pool_halt(d->job->pool))) return false;
-    block_range r = blocks_of(t, s);
+    if ((surface->opacity < 1) != (to->layers != NULL) || s->y1 < to->y0 || s->y0 >= to->y0 + to->height) continue;
+    const block_range r = blocks_of(t, s);
     if (is_hidden(t, d->job->n_samples, s, r)) {
       w->counts.hidden++;
       continue;
     }
-    d->job->kernels->draw(&d->frame, t, w->order[i], s->planes, &w->counts);
-    for (int y = r.y0; y <= r.y1; y++)
+    to->one_sided = surface->one_sided;
+    d->job->kernels->draw(&d->frame, to, w->order[i], s->planes, &w->counts);
+    for (int y = r.y0; y <= r.y1 && !to->layers; y++)
       t->stale |= (((uint64_t)2 << r.x1) - ((uint64_t)1 << r.x0)) << y * TC_RASTER_BLOCKS;
   }
   return true;
+}
+
+/* ---- translucent layers ---- */
+
+static bool make_room(tc_raster_layers *layers, size_t room) {
+  tc_raster_layer *of = realloc(layers->of, 2 * room * sizeof *of);
+  if (of) layers->of = of, layers->room = room;
+  return of != NULL;
+}
+
+/* From the nearest on, sample by sample; of equal ones the first number. */
+static int by_depth(const void *a, const void *b) {
+  const tc_raster_layer *x = a, *y = b;
+  const uint32_t sx = x->at / TC_RASTER_PIXELS, sy = y->at / TC_RASTER_PIXELS;
+  if (sx != sy) return sx < sy ? -1 : 1;
+  if (x->near != y->near) return x->near > y->near ? -1 : 1;
+  return (x->id > y->id) - (x->id < y->id);
+}
+
+static int by_id(const void *a, const void *b) {
+  const tc_raster_layer *x = a, *y = b;
+  return (x->id > y->id) - (x->id < y->id);
+}
+
+/* Most pixels have few. */
+static void sort_layers(tc_raster_layer *of, size_t n, int (*compare)(const void *, const void *)) {
+  if (n > 32) {
+    qsort(of, n, sizeof *of, compare);
+    return;
+  }
+  for (size_t i = 1; i < n; i++) {
+    const tc_raster_layer one = of[i];
+    size_t at = i;
+    for (; at > 0 && compare(&of[at - 1], &one) > 0; at--) of[at] = of[at - 1];
+    of[at] = one;
+  }
+}
+
+/* Sorts what was found into pixels: first[p] .. first[p + 1] of those behind. */
+static tc_raster_layer *sort_by_pixel(tc_raster_layers *layers, uint32_t first[TC_RASTER_PIXELS + 1]) {
+  tc_raster_layer *sorted = layers->of + layers->room;
+  memset(first, 0, (TC_RASTER_PIXELS + 1) * sizeof *first);
+  for (size_t i = 0; i < layers->n; i++) first[layers->of[i].at % TC_RASTER_PIXELS]++;
+  uint32_t end = 0;
+  for (int p = 0; p <= TC_RASTER_PIXELS; p++) end = first[p] += end;
+  for (size_t i = layers->n; i-- > 0;) sorted[--first[layers->of[i].at % TC_RASTER_PIXELS]] = layers->of[i];
+  return sorted;
 }
 
 /* ---- shading ---- */
@@ -256,18 +315,89 @@ static void add_pixel(const drawing *d, worker *w, int x, int y) {
   }
 }
 
-static void shade_tile(const drawing *d, worker *w) {
+static inline void add_opaque(const drawing *d, worker *w, int x, int y) {
+  const uint32_t id = w->tile.id[y * TC_RASTER_SIDE + x];
+  if (d->job->n_samples > 1)
+    add_pixel(d, w, x, y);
+  else if (id != TC_RASTER_NOTHING)
+    add_fragment(d, w, x, y, id, 1, d->frame.offset[0]);
+}
+
+/* Nearness becomes the share of the pixel that each layer has, and `clear` what is left of each sample behind them. */
+static void share_out(const drawing *d, tc_raster_layer *of, size_t n, float clear[TC_RASTER_SAMPLES]) {
+  const float each = 1 / (float)d->job->n_samples;
+  for (int s = 0; s < d->job->n_samples; s++) clear[s] = 1;
+  for (size_t i = 0; i < n; i++) {
+    float *left = &clear[of[i].at / TC_RASTER_PIXELS];
+    const float opacity = surface_of(d, of[i].id / TC_CLUSTER_TRIANGLES)->opacity;
+    of[i].near = *left < SEEN_THROUGH ? 0 : *left * opacity * each;
+    *left *= 1 - opacity;
+  }
+}
+
+/* A pixel with translucent layers, each triangle once. */
+static void add_layers(const drawing *d, worker *w, int x, int y, tc_raster_layer *of, size_t n) {
+  const int n_samples = d->job->n_samples;
+  float clear[TC_RASTER_SAMPLES];
+  tc_raster_layer last[TC_RASTER_SAMPLES]; /* what is opaque */
+  int n_last = 0;
+  sort_layers(of, n, by_depth);
+  share_out(d, of, n, clear);
+  for (int s = 0; s < n_samples; s++) {
+    const uint32_t at = (uint32_t)((s * TC_RASTER_SIDE + y) * TC_RASTER_SIDE + x), id = w->tile.id[at];
+    if (id != TC_RASTER_NOTHING && clear[s] >= SEEN_THROUGH)
+      last[n_last++] = (tc_raster_layer){at, id, clear[s] / (float)n_samples};
+  }
+  if (n_samples > 1) sort_layers(of, n, by_id), sort_layers(last, (size_t)n_last, by_id);
+  for (int pass = 0; pass < 2; pass++, of = last, n = (size_t)n_last)
+    for (size_t i = 0, end; i < n; i = end) {
+      float share = 0, middle[2] = {0, 0}, seen = 0;
+      for (end = i; end < n && of[end].id == of[i].id; end++) {
+        const float *offset = d->frame.offset[of[end].at / TC_RASTER_PIXELS];
+        if (of[end].near > 0) share += of[end].near, seen++, middle[0] += offset[0], middle[1] += offset[1];
+      }
+      if (share > 0) add_fragment(d, w, x, y, of[i].id, share, (const float[2]){middle[0] / seen, middle[1] / seen});
+    }
+}
+
+/* The rows [y0, y1) of a tile that translucent surfaces may be in. False: left, or no memory. */
+static bool draw_layers(drawing *d, worker *w, size_t n, int y0, int y1) {
+  uint32_t first[TC_RASTER_PIXELS + 1];
+  tc_raster_tile part = w->tile;
+  const tc_raster_counts before = w->counts;
+  part.y0 += y0, part.height = y1 - y0, part.layers = &w->layers;
+  part.near += y0 * TC_RASTER_SIDE, part.id += y0 * TC_RASTER_SIDE;
+  w->layers.n = 0;
+  if (!draw_clusters(d, w, n, &part)) return false;
+  if (w->layers.n > w->layers.room) { /* once more, with room for them or in two halves */
+    w->counts = before;
+    if (w->layers.n > MOST_LAYERS && y1 - y0 > 1)
+      return draw_layers(d, w, n, y0, (y0 + y1) / 2) && draw_layers(d, w, n, (y0 + y1) / 2, y1);
+    if (make_room(&w->layers, w->layers.n + w->layers.n / 4)) return draw_layers(d, w, n, y0, y1);
+    atomic_store(&d->no_memory, true);
+    return false;
+  }
+  w->counts.layers += w->layers.n;
+  tc_raster_layer *of = w->layers.n ? sort_by_pixel(&w->layers, first) : NULL;
+  for (int y = 0; y < y1 - y0; y++)
+    for (int x = 0; x < w->tile.width; x++) {
+      const int pixel = y * TC_RASTER_SIDE + x;
+      if (of && first[pixel + 1] > first[pixel])
+        add_layers(d, w, x, y0 + y, of + first[pixel], first[pixel + 1] - first[pixel]);
+      else
+        add_opaque(d, w, x, y0 + y);
+    }
+  return true;
+}
+
+static void begin_shading(worker *w) {
   memset(w->linear, 0, TC_RASTER_PIXELS * sizeof *w->linear);
   for (int i = 0; i < TC_RASTER_PIXELS; i++) w->depth[i] = INFINITY;
+}
+
+static void shade_tile(const drawing *d, worker *w) {
   for (int y = 0; y < w->tile.height; y++)
-    for (int x = 0; x < w->tile.width; x++) {
-      uint32_t id = w->tile.id[y * TC_RASTER_SIDE + x];
-      if (d->job->n_samples > 1)
-        add_pixel(d, w, x, y);
-      else if (id != TC_RASTER_NOTHING)
-        add_fragment(d, w, x, y, id, 1, d->frame.offset[0]);
-    }
-  shade_fragments(d, w);
+    for (int x = 0; x < w->tile.width; x++) add_opaque(d, w, x, y);
 }
 
 /* However late it is, a call draws a tile. */
@@ -281,12 +411,16 @@ static void draw_tile(void *context, int tile, int number) {
     return;
   }
   atomic_fetch_add_explicit(&d->drawn, 1, memory_order_relaxed);
+  const size_t n = d->first[tile + 1] - d->first[tile];
   begin_tile(d, &w->tile, tile);
-  if (!draw_clusters(d, w, tile)) {
+  begin_shading(w);
+  sort_list(d, d->lists + d->first[tile], n, w->order);
+  if (!draw_clusters(d, w, n, &w->tile) || (d->translucent && !draw_layers(d, w, n, 0, w->tile.height))) {
     atomic_store_explicit(&d->left, true, memory_order_relaxed);
     return;
   }
-  shade_tile(d, w);
+  if (!d->translucent) shade_tile(d, w);
+  shade_fragments(d, w);
   const tc_raster_tile *t = &w->tile;
   const tc_raster_picture picture = {tile, t->x0, t->y0, t->x0 + t->width, t->y0 + t->height,
                                      (const float(*)[4])w->linear, w->depth};
@@ -326,7 +460,8 @@ static bool draw_all(drawing *d, GError **error) {
   d->lists = malloc((sum_places(d) + 1) * sizeof *d->lists);
   if (!d->lists || !begin_workers(d)) goto no_memory;
   if (!tc_pool_run(d->job->pool, d->n_chunks, list_chunk, d)) return tc_halt_say(halt, error);
-  bool all = tc_pool_run(d->job->pool, d->n_tiles, draw_tile, d);
+  const bool all = tc_pool_run(d->job->pool, d->n_tiles, draw_tile, d);
+  if (atomic_load(&d->no_memory)) goto no_memory;
   return (all && !atomic_load(&d->left)) || tc_halt_say(halt, error);
 no_memory:
   tc_set_error(error, TC_ERROR_MEMORY, NULL, "mesh of %zu triangles: out of memory to draw it", d->job->mesh->n_triangles);
@@ -336,7 +471,7 @@ no_memory:
 static void add_counts(tc_raster_counts *to, const tc_raster_counts *from) {
   to->outside += from->outside, to->facing_away += from->facing_away;
   to->hidden += from->hidden, to->drawn += from->drawn;
-  to->triangles += from->triangles, to->covered += from->covered, to->shaded += from->shaded;
+  to->triangles += from->triangles, to->covered += from->covered, to->layers += from->layers, to->shaded += from->shaded;
 }
 
 bool tc_raster_draw(const tc_raster_job *job, tc_raster_counts *counts, GError **error) {
@@ -350,6 +485,7 @@ bool tc_raster_draw(const tc_raster_job *job, tc_raster_counts *counts, GError *
   for (int i = 0; d.workers && i < tc_pool_threads(job->pool); i++) {
     add_counts(counts, &d.workers[i].counts);
     free(d.workers[i].memory);
+    free(d.workers[i].layers.of);
   }
   free(d.workers);
   free(d.sights);

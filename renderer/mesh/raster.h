@@ -8,6 +8,10 @@
  * pixel and triangle: barycentric weights are computed anew where the ray meets the triangle, attributes fetched, colours
  * computed and averaged over the pixel's samples. Tiles need nothing of each other; every phase is parallel.
  *
+ * Translucent surfaces are drawn after the opaque ones of a tile, and all that is before those is kept, as triangle and
+ * nearness of each sample, and sorted for each pixel (Carpenter, The A-buffer, SIGGRAPH 1984): exact for any number of
+ * layers. Opacities alone tell what share of a pixel each layer has, so that what is covered up is never shaded.
+ *
  * Vertices are rounded to a 256th of a pixel; coverage is decided by whole numbers and the top-left rule, so that a
  * sample on an edge or in a corner belongs to one of the triangles there and no sample between triangles is missed. The
  * picture does not depend on the number of threads, nor on the instruction set. */
@@ -18,10 +22,14 @@
 
 enum { TC_RASTER_SIDE = 64, TC_RASTER_SAMPLES = 64 };
 
-/* What a surface looks like, in the numbers of raycast/shade.h (its weight w is 1). */
-typedef struct tc_raster_look {
+typedef struct tc_raster_surface {
   float color[3]; /* compositing space */
-  const float (*colors)[3]; /* of each surface of the mesh instead; NULL: none has its own */
+  float opacity;
+  bool one_sided; /* backs are not drawn: changes nothing of a closed opaque one that is looked at from outside and not cut */
+} tc_raster_surface;
+
+/* How surfaces are lit, in the numbers of raycast/shade.h (its weight w is 1). */
+typedef struct tc_raster_look {
   bool shaded, head_light;
   float factor[2], glow[2][3], least, specular, shininess;
   float light[3]; /* to the light; unit, LPS */
@@ -39,6 +47,7 @@ typedef struct tc_raster_counts {
   uint64_t hidden, drawn;        /* ... and for one; a cluster counts in every tile it may touch */
   uint64_t triangles;            /* looked at in a tile */
   uint64_t covered;              /* samples covered by triangles, hidden or not */
+  uint64_t layers;               /* samples covered by translucent triangles before what is opaque */
   uint64_t shaded;               /* pairs of a pixel and a triangle that is seen in it */
 } tc_raster_counts;
 
@@ -51,9 +60,9 @@ typedef struct tc_raster_job {
   const tc_view *view;
   const tc_raster_kernels *kernels;
   tc_raster_look look;
+  const tc_raster_surface *surfaces; /* [mesh->n_parts] */
   int n_samples;             /* of a pixel, up to TC_RASTER_SAMPLES */
   const double (*samples)[2]; /* pixels from a pixel's middle, within -0.5 .. 0.5; rounded to a 256th */
-  bool one_sided;            /* backs are not drawn: right for a closed mesh that is looked at from outside and not cut */
   const uint8_t *finished;   /* [tiles], row by row: which are not drawn again; NULL: all are drawn */
   void (*emit)(void *user, const tc_raster_picture *picture); /* once a tile, from any thread of the pool */
   void *user;

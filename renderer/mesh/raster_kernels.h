@@ -20,7 +20,8 @@ typedef struct tc_raster_frame {
   const tc_clusters *mesh;
   const tc_view *view;
   tc_raster_look look;
-  bool perspective, one_sided;
+  const tc_raster_surface *surfaces;
+  bool perspective;
   float to_fixed[2][4];  /* rows of the view in 256ths of a pixel */
   float centre_fixed[2]; /* likewise */
   float rows[3][4];      /* right, down, depth; mm */
@@ -31,12 +32,25 @@ typedef struct tc_raster_frame {
   float least_offset[2], most_offset[2];
 } tc_raster_frame;
 
+/* A sample that a translucent triangle covers. */
+typedef struct tc_raster_layer {
+  uint32_t at, id; /* at: as in tc_raster_tile.near */
+  float near;
+} tc_raster_layer;
+
+typedef struct tc_raster_layers {
+  size_t n, room; /* n > room: so many would have been kept */
+  tc_raster_layer *of;
+} tc_raster_layers;
+
 typedef struct tc_raster_tile {
   int x0, y0, width, height;
   float *near;   /* [samples][TC_RASTER_SIDE][TC_RASTER_SIDE] and a vector more; -INFINITY: nothing */
   uint32_t *id;  /* likewise */
   float *far;    /* [TC_RASTER_BLOCKS^2] least nearness of a block, where it is not stale */
   uint64_t stale;
+  bool one_sided; /* of the cluster that is drawn */
+  tc_raster_layers *layers; /* NULL: it is opaque; else what is nearer than that is added here */
 } tc_raster_tile;
 
 /* What is to be shaded, and what comes of it. */

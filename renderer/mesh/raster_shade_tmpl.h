@@ -110,10 +110,10 @@ V_INLINE vf to_power(vf mirror, float shininess) {
 /* What the triangles' surfaces are coloured. */
 V_INLINE void color_of(const tc_raster_frame *f, const uint32_t *ids, vf color[3]) {
   float of[3][V_LANES];
-  for (int k = 0; k < 3; k++) color[k] = v_set(f->look.color[k]);
-  if (!f->look.colors) return;
+  for (int k = 0; k < 3; k++) color[k] = v_set(f->surfaces[0].color[k]);
+  if (f->mesh->n_parts == 1) return;
   for (int lane = 0; lane < V_LANES; lane++)
-    for (int k = 0; k < 3; k++) of[k][lane] = f->look.colors[f->mesh->clusters[ids[lane] / TC_CLUSTER_TRIANGLES].surface][k];
+    for (int k = 0; k < 3; k++) of[k][lane] = f->surfaces[f->mesh->clusters[ids[lane] / TC_CLUSTER_TRIANGLES].part].color[k];
   for (int k = 0; k < 3; k++) color[k] = v_load(of[k]);
 }
 

@@ -77,6 +77,19 @@ static void cut_span(const corner *a, const corner *b, int64_t x, int64_t y, int
   }
 }
 
+V_INLINE void add_layer(tc_raster_layers *to, size_t at, uint32_t id, float near) {
+  if (to->n < to->room) to->of[to->n] = (tc_raster_layer){(uint32_t)at, id, near};
+  to->n++;
+}
+
+static void collect_span(const tc_raster_tile *t, size_t at, int first, int last, float start, float step, float least,
+                         float most, uint32_t number) {
+  for (int i = first; i <= last; i++) {
+    const float along = start + (float)i * step, below = along < least ? least : along, here = below > most ? most : below;
+    if (here > t->near[at + (size_t)i]) add_layer(t->layers, at + (size_t)i, number, here);
+  }
+}
+
 static void fill_span(float *near, uint32_t *id, int first, int last, float start, float step, float least, float most,
                       uint32_t number) {
   const vf mine = v_from_bits(v_seti((int)number)), end = v_set((float)last + 0.5f);
@@ -98,7 +111,7 @@ static int64_t most3(int64_t a, int64_t b, int64_t c) { return a > b ? (a > c ? 
 static void draw_large(const tc_raster_frame *f, const tc_raster_tile *t, corner c[3], uint32_t number,
                        tc_raster_counts *counts) {
   int64_t area = (c[1].x - c[0].x) * (c[2].y - c[0].y) - (c[1].y - c[0].y) * (c[2].x - c[0].x);
-  if (area == 0 || (f->one_sided && area > 0)) return;
+  if (area == 0 || (t->one_sided && area > 0)) return;
   if (area < 0) {
     corner other = c[1];
     c[1] = c[2], c[2] = other, area = -area;
@@ -119,8 +132,11 @@ static void draw_large(const tc_raster_frame *f, const tc_raster_tile *t, corner
       if (first > last) continue;
       double start = c[0].near + across * (double)(x - c[0].x) + along * (double)(y - c[0].y);
       size_t at = ((size_t)s * SIDE + (size_t)j) * SIDE;
-      fill_span(t->near + at, t->id + at, (int)first, (int)last, (float)start, (float)(across * PIXEL), least, most,
-                number);
+      if (t->layers)
+        collect_span(t, at, (int)first, (int)last, (float)start, (float)(across * PIXEL), least, most, number);
+      else
+        fill_span(t->near + at, t->id + at, (int)first, (int)last, (float)start, (float)(across * PIXEL), least, most,
+                  number);
       counts->covered += (uint64_t)(last - first + 1);
     }
   }
@@ -175,6 +191,17 @@ V_INLINE uint64_t insert(const tc_raster_tile *t, size_t plane, unsigned bits, c
   return n;
 }
 
+V_INLINE uint64_t collect(const tc_raster_tile *t, size_t plane, unsigned bits, const float *pixel, const float *near,
+                          const float *number, uint32_t first_number) {
+  uint64_t n = 0;
+  for (; bits; bits &= bits - 1, n++) {
+    const int lane = __builtin_ctz(bits);
+    const size_t at = plane + (size_t)pixel[lane];
+    if (near[lane] > t->near[at]) add_layer(t->layers, at, first_number + (uint32_t)number[lane], near[lane]);
+  }
+  return n;
+}
+
 V_INLINE uint64_t draw_sample(const tc_raster_tile *t, const small *s, const edge e[3], vm alive, const float offset[2],
                               size_t plane, const float *number, uint32_t first_number) {
   vf x0 = first_pixel(min3(s->ax, s->bx, s->cx), offset[0]), y = first_pixel(min3(s->ay, s->by, s->cy), offset[1]);
@@ -192,7 +219,8 @@ V_INLINE uint64_t draw_sample(const tc_raster_tile *t, const small *s, const edg
       vf near = s->na + (b * (s->nb - s->na) + c * (s->nc - s->na)) * s->inverse_area;
       v_store(nears, v_min(v_max(near, s->least), s->most));
       v_store(pixels, y * v_set(SIDE) + x);
-      covered += insert(t, plane, m_bits(in), pixels, nears, number, first_number);
+      covered += t->layers ? collect(t, plane, m_bits(in), pixels, nears, number, first_number)
+                           : insert(t, plane, m_bits(in), pixels, nears, number, first_number);
     }
   }
   return covered;
@@ -209,7 +237,7 @@ static void draw_small(const tc_raster_frame *f, const tc_raster_tile *t, const 
     vf cx = v_gather(p->x, c), cy = v_gather(p->y, c), nc = v_gather(p->near, c);
     vf area = (bx - s.ax) * (cy - s.ay) - (by - s.ay) * (cx - s.ax);
     vm turned = v_lt(area, v_set(0)), alive = turned;
-    if (!f->one_sided) alive = m_or(turned, v_lt(v_set(0), area));
+    if (!t->one_sided) alive = m_or(turned, v_lt(v_set(0), area));
     alive = m_and(alive, v_lt(lanes(), v_set((float)(n - i))));
     s.bx = v_select(turned, cx, bx), s.by = v_select(turned, cy, by), s.nb = v_select(turned, nc, nb);
     s.cx = v_select(turned, bx, cx), s.cy = v_select(turned, by, cy), s.nc = v_select(turned, nb, nc);

@@ -8,8 +8,8 @@
 struct tc_surfaces {
   tc_mesh *mesh; /* whose clusters are next */
   tc_clusters *clusters;
-  uint32_t *labels; /* NULL: not looked for yet */
-  int n_labels, next;
+  tc_mesh_source *sources; /* NULL: not looked for yet */
+  size_t n_sources, next;
   int64_t steps;
 };
 
@@ -20,7 +20,7 @@ void tc_surfaces_free(tc_surfaces *s) {
   if (!s) return;
   tc_mesh_free(s->mesh);
   tc_clusters_free(s->clusters);
-  g_free(s->labels);
+  g_free(s->sources);
   g_free(s);
 }
 
@@ -64,12 +64,14 @@ static bool find_labels(tc_surfaces *s, const tc_surfaces_wish *wish, GError **e
     g_free(find.seen);
     return tc_halt_say(tc_pool_halt(wish->pool), error);
   }
-  s->labels = g_new(uint32_t, VALUES);
+  const uint64_t serial = tc_volume_serial(wish->labels);
+  s->sources = g_new0(tc_mesh_source, VALUES);
   for (int bits = 0; bits < VALUES; bits++) {
-    uint32_t label = label_of(d, bits);
+    const uint32_t label = label_of(d, bits);
     bool there = false;
     for (int w = 0; w < workers; w++) there |= find.seen[w][bits];
-    if (there && label && wish->shows(wish->user, label)) s->labels[s->n_labels++] = label;
+    if (there && label && wish->shows(wish->user, label))
+      s->sources[s->n_sources++] = (tc_mesh_source){.kind = TC_SURFACE_OF_LABEL, .label = label, .serial = serial};
   }
   g_free(find.seen);
   s->steps++;
@@ -78,36 +80,76 @@ static bool find_labels(tc_surfaces *s, const tc_surfaces_wish *wish, GError **e
 
 /* ---- surfaces ---- */
 
-/* Meshes have origins of their own: theirs becomes the first one's. */
-static void move_origin(tc_mesh *mesh, const double origin[3]) {
-  for (size_t v = 0; v < mesh->n_vertices; v++)
-    for (int k = 0; k < 3; k++) mesh->positions[v][k] += (float)(mesh->origin[k] - origin[k]);
-  memcpy(mesh->origin, origin, sizeof mesh->origin);
+static void middle_of(const tc_volume *volume, double lps[3]) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  double middle[3];
+  for (int k = 0; k < 3; k++) middle[k] = 0.5 * (d->dims[k] - 1);
+  tc_volume_index_to_lps(volume, middle, lps);
 }
 
-/* The next surface, in two steps. */
+/* Meshes have origins of their own: theirs becomes the middle of the volume. */
+static void move_origin(tc_mesh *mesh, const tc_volume *volume) {
+  double origin[3];
+  middle_of(volume, origin);
+  if (!memcmp(origin, mesh->origin, sizeof origin)) return;
+  for (size_t v = 0; v < mesh->n_vertices; v++)
+    for (int k = 0; k < 3; k++) mesh->positions[v][k] += (float)(mesh->origin[k] - origin[k]);
+  memcpy(mesh->origin, origin, sizeof origin);
+}
+
+static tc_mesh *make_mesh(const tc_surfaces_wish *wish, const tc_mesh_source *of, const tc_mesh_options *options,
+                          GError **error) {
+  switch (of->kind) {
+  case TC_SURFACE_OF_VALUE: return tc_mesh_extract(wish->volume, of->iso, options, error);
+  case TC_SURFACE_OF_LABEL: return tc_mesh_extract_label(wish->labels, of->label, options, error);
+  case TC_SURFACE_OF_MESH:
+  case TC_SURFACE_OF_PLANE:
+  case TC_SURFACE_SOURCE_COUNT: break;
+  }
+  return tc_mesh_new(0, 0, true, error);
+}
+
+bool tc_mesh_source_equal(const tc_mesh_source *a, const tc_mesh_source *b) {
+  return a->kind == b->kind && a->label == b->label && a->iso == b->iso && a->serial == b->serial;
+}
+
+/* A surface that was there before, if one was; NULL too where there is no memory for a copy. */
+static tc_clusters *copy_one(const tc_surfaces_wish *wish, const tc_mesh_source *of) {
+  const tc_clusters *like = wish->like;
+  double origin[3];
+  middle_of(wish->volume, origin);
+  if (!like || memcmp(origin, like->origin, sizeof origin)) return NULL;
+  for (size_t i = 0; i < like->n_parts; i++)
+    if (tc_mesh_source_equal(&like->parts[i].of, of)) return tc_clusters_copy_part(like, i, NULL);
+  return NULL;
+}
+
+/* The next surface, in two steps where it is not copied. */
 static bool make_one(tc_surfaces *s, const tc_surfaces_wish *wish, GError **error) {
+  const tc_mesh_source *of = &s->sources[s->next];
   const uint64_t held = s->clusters ? s->clusters->bytes : 0;
   const tc_mesh_options options = {.normals = true, .pool = wish->pool,
                                    .max_bytes = wish->max_bytes > held ? wish->max_bytes - held : 1};
-  if (!s->mesh) {
-    s->mesh = wish->labels ? tc_mesh_extract_label(wish->labels, s->labels[s->next], &options, error)
-                           : tc_mesh_extract(wish->volume, wish->iso, &options, error);
-    if (s->mesh && s->clusters) move_origin(s->mesh, s->clusters->origin);
+  tc_clusters *made = s->mesh ? NULL : copy_one(wish, of);
+  if (!s->mesh && !made) {
+    s->mesh = make_mesh(wish, of, &options, error);
+    if (s->mesh) move_origin(s->mesh, wish->volume);
     s->steps += s->mesh != NULL;
   }
-  tc_clusters *made = s->mesh ? tc_clusters_make(s->mesh, wish->pool, error) : NULL;
-  if (!made || !tc_clusters_add(&s->clusters, made, wish->labels ? s->labels[s->next] : 0, error)) return false;
-  tc_mesh_free(s->mesh);
-  s->mesh = NULL;
+  if (s->mesh) made = tc_clusters_make(s->mesh, wish->pool, error);
+  if (!made || !tc_clusters_add(&s->clusters, made, of, error)) return false;
+  g_clear_pointer(&s->mesh, tc_mesh_free);
   s->next++, s->steps++;
   return true;
 }
 
 bool tc_surfaces_go_on(tc_surfaces *s, const tc_surfaces_wish *wish, GError **error) {
-  if (wish->labels && !s->labels && !find_labels(s, wish, error)) return false;
-  const int n = wish->labels ? s->n_labels : 1;
-  while (s->next < n)
+  if (!s->sources && !wish->sources && !find_labels(s, wish, error)) return false;
+  if (!s->sources) {
+    s->n_sources = wish->n_sources;
+    s->sources = g_memdup2(wish->sources, wish->n_sources * sizeof *wish->sources);
+  }
+  while (s->next < s->n_sources)
     if (!make_one(s, wish, error)) return false;
   if (s->clusters) return true;
   tc_mesh *nothing = tc_mesh_new(0, 0, true, error);

@@ -231,7 +231,6 @@ static bool check_surfaces(const tc_scene *s, GError **error) {
     if (of->source == TC_SURFACE_OF_MESH) return unsupported(error, pointer, "a mesh of its own");
     if (of->source == TC_SURFACE_OF_PLANE) return unsupported(error, pointer, "a slice among surfaces");
   }
-  if (s->mesh.n_surfaces) return unsupported(error, "/mesh/surfaces", "more than one surface");
   return check_color(s, error);
 }
 

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "renderer/classify/integrals.h"
+#include "renderer/mesh/surfaces.h"
 #include "renderer/raycast/rays.h"
 #include "renderer/reference/reference.h"
 #include "renderer/skip/boxes.h"
@@ -107,7 +108,7 @@ static void say_gradient(const teller *t) {
   else if (key->shading)
     say(t, TC_STAGE_GRADIENT, true, "shading.model is %s: %s%s", tc_shading_names[s->shading.model],
         ways[s->mode == TC_MODE_ISOSURFACE][key->gradient], s->filter == TC_FILTER_CUBIC ? " (the filter's own)" : "");
-  else if (tc_is_surface(s->mode) && !tc_surface_exists(t->volume, s))
+  else if (tc_is_surface(s->mode) && !(s->mode == TC_MODE_MESH && s->mesh.n_surfaces) && !tc_surface_exists(t->volume, s))
     say(t, TC_STAGE_GRADIENT, false, "empty picture: isosurface.value %.6g is not between the volume's %.6g and %.6g",
         s->isosurface.value, range->min, range->max);
   else
@@ -344,7 +345,15 @@ static void say_mode(const teller *t) {
 
 static void say_mesh(const teller *t) {
   const bool in = tc_plan_has(t->plan, TC_RESOURCE_MESH);
-  if (in && t->plan->key.labels)
+  int drawn = 0, translucent = 0;
+  for (size_t i = 0; i < t->scene->mesh.n_surfaces; i++) {
+    const tc_mesh_surface *s = &t->scene->mesh.surfaces[i];
+    drawn += tc_mesh_surface_shows(s), translucent += tc_mesh_surface_shows(s) && s->opacity < 1;
+  }
+  if (in && t->scene->mesh.n_surfaces)
+    say(t, TC_STAGE_MESH, true, "%d of %zu surfaces as triangles in clusters, %d of them translucent: layers sorted for each pixel",
+        drawn, t->scene->mesh.n_surfaces, translucent);
+  else if (in && t->plan->key.labels)
     say(t, TC_STAGE_MESH, true, "a smooth surface of each label as triangles in clusters");
   else if (in)
     say(t, TC_STAGE_MESH, true, "the surface at %.6g as triangles in clusters",

@@ -5,6 +5,7 @@
 
 #include "renderer/classify/integrals.h"
 #include "renderer/classify/labels.h"
+#include "renderer/mesh/surfaces.h"
 #include "renderer/raycast/rays.h"
 #include "renderer/skip/boxes.h"
 #include "renderer/skip/skip.h"
@@ -112,12 +113,20 @@ static void plan_isosurface(tc_plan *plan, const tc_volume *volume, const tc_sce
   plan_skipping(plan, s, TC_RESOURCE_LEAP);
 }
 
+/* Some surface of the list is a label's. */
+static bool lists_labels(const tc_scene *s) {
+  for (size_t i = 0; i < s->mesh.n_surfaces; i++)
+    if (s->mesh.surfaces[i].source == TC_SURFACE_OF_LABEL && tc_mesh_surface_shows(&s->mesh.surfaces[i])) return true;
+  return false;
+}
+
 static void plan_mesh(tc_plan *plan, const tc_volume *volume, const tc_scene *s, const tc_plan_request *request) {
   plan_view(plan, volume, s);
   plan->surface = tc_surface_make(volume, s);
   plan->depth = request->want_depth;
-  plan_labels(plan, s);
-  if (plan->key.labels || tc_surface_exists(volume, s)) plan->key.shading = (uint8_t)s->shading.model;
+  if (!s->mesh.n_surfaces || lists_labels(s)) plan_labels(plan, s);
+  if (plan->key.labels || s->mesh.n_surfaces || tc_surface_exists(volume, s))
+    plan->key.shading = (uint8_t)s->shading.model;
   need(plan, TC_RESOURCE_MESH);
 }
 

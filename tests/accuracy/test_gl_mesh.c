@@ -45,7 +45,9 @@ static bool everything(const void *user, uint32_t label) { return label != 0; }
 
 static tc_clusters *surfaces(tc_volume *volume, const tc_volume *labels, double iso) {
   GError *error = NULL;
-  const tc_surfaces_wish wish = {.volume = volume, .iso = iso, .labels = labels, .shows = everything, .max_bytes = 1 << 30};
+  const tc_mesh_source one = {.kind = TC_SURFACE_OF_VALUE, .iso = iso};
+  const tc_surfaces_wish wish = {.volume = volume, .sources = labels ? NULL : &one, .n_sources = 1, .labels = labels,
+                                 .shows = everything, .max_bytes = 1 << 30};
   tc_surfaces *s = tc_surfaces_begin();
   if (!tc_surfaces_go_on(s, &wish, &error)) fail_msg("%s", error->message);
   return tc_surfaces_take(s);

@@ -219,6 +219,51 @@ static void frames_stop_and_go_on_to_the_same_picture(void **unused) {
   tc_frame_finish(&frame);
 }
 
+/* The scene's list: values, labels and their colours together, each made once, whatever is done to the others. */
+static void several_surfaces_are_one_picture(void **unused) {
+  const int which = test_widest();
+  tc_volume *labels = balls(); /* 0, 3 and 7: at 1.5 the surface of both, at 5 that of the second alone */
+  tc_scene scene;
+  tc_explanation plan;
+  mesh_scene(&scene, labels, TC_PERSPECTIVE);
+  test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){20, -50, 20}, (double[3]){20, 20, 20}, 50);
+  scene.shading.model = TC_SHADING_NONE;
+  strcpy(scene.labels.volume, "balls");
+  const tc_mesh_surface list[4] = {
+      {.source = TC_SURFACE_OF_VALUE, .value = 1.5, .color = {1, 0, 0}, .opacity = 0.25, .has_color = true, .visible = true},
+      {.source = TC_SURFACE_OF_VALUE, .value = 5, .color = {0, 1, 0}, .opacity = 1, .has_color = true, .visible = true},
+      {.source = TC_SURFACE_OF_LABEL, .label = 3, .opacity = 1, .visible = true},
+      {.source = TC_SURFACE_OF_LABEL, .label = 7, .opacity = 1, .visible = false}};
+  const tc_render_request request = {.want_linear = true, .labels = labels};
+  size_t n;
+  const double(*palette)[3] = tc_label_palette(&n);
+  tc_scene_set_surfaces(&scene, g_memdup2(list, sizeof list), 4);
+  const tc_frame *frame = test_draw(which, labels, &scene, &request, &plan);
+  for (int c = 0; c < 3; c++) {
+    assert_true(fabs(pixel_of(frame, 12)[c] - (0.25 * (c == 0) + 0.75 * palette[2][c])) < 0.01);
+    assert_true(fabs(pixel_of(frame, 28)[c] - (0.25 * (c == 0) + 0.75 * (c == 1))) < 0.01);
+  }
+  assert_true(pixel_of(frame, 1)[3] == 0 && plan.stages[TC_STAGE_MESH].included);
+  assert_non_null(strstr(plan.stages[TC_STAGE_MESH].reason, "3 of 4 surfaces"));
+  const double all_ms = plan.stages[TC_STAGE_MESH].ms;
+  assert_true(all_ms > 0);
+  scene.mesh.surfaces[0].opacity = 0.5, scene.mesh.surfaces[1].color[2] = 1;
+  frame = test_draw(which, labels, &scene, &request, &plan); /* colours and opacities: nothing is made */
+  assert_true(plan.stages[TC_STAGE_MESH].ms == 0 && fabs(pixel_of(frame, 28)[2] - 0.5) < 0.01);
+  scene.mesh.surfaces[1].visible = false, scene.mesh.surfaces[0].two_sided = true;
+  frame = test_draw(which, labels, &scene, &request, &plan);
+  assert_true(plan.stages[TC_STAGE_MESH].ms > 0 && fabs(pixel_of(frame, 28)[3] - 0.75) < 0.01); /* front and back of one */
+  scene.mesh.surfaces[1].visible = true;
+  scene.mesh.surfaces[0].value = 9; /* nowhere */
+  frame = test_draw(which, labels, &scene, &request, &plan);
+  assert_true(pixel_of(frame, 28)[1] == 1 && pixel_of(frame, 28)[0] == 0 && pixel_of(frame, 12)[3] == 1);
+  for (size_t i = 0; i < 4; i++) scene.mesh.surfaces[i].visible = false;
+  frame = test_draw(which, labels, &scene, &request, &plan);
+  for (int i = 0; i < PIXELS; i++) assert_true(frame->linear[4 * i + 3] == 0);
+  tc_scene_clear(&scene);
+  tc_volume_unref(labels);
+}
+
 static void what_cannot_be_is_refused(void **unused) {
   const tc_renderer_options small = {.threads = 1, .backend = TC_BACKEND_CPU, .cache_bytes = 100000};
   tc_renderer *renderer = tc_renderer_new(&small, NULL);
@@ -234,6 +279,11 @@ static void what_cannot_be_is_refused(void **unused) {
   assert_false(tc_render(renderer, volume, &scene, NULL, &frame, NULL, &error));
   assert_string_equal(tc_error_pointer(error), "/isosurface/value");
   g_clear_error(&error);
+  tc_mesh_surface one = {.source = TC_SURFACE_OF_LABEL, .label = 3, .opacity = 1, .visible = true};
+  tc_scene_set_surfaces(&scene, g_memdup2(&one, sizeof one), 1);
+  assert_false(tc_render(renderer, volume, &scene, NULL, &frame, NULL, &error));
+  assert_string_equal(tc_error_pointer(error), "/mesh/surfaces/0"); /* no volume of labels */
+  g_clear_error(&error);
   tc_frame_finish(&frame);
   tc_scene_clear(&scene);
   tc_volume_unref(volume);
@@ -244,7 +294,7 @@ int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(surface_is_where_the_field_has_it),         cmocka_unit_test(every_renderer_draws_the_same_bytes),
       cmocka_unit_test(a_surface_is_extracted_once),               cmocka_unit_test(frames_stop_and_go_on_to_the_same_picture),
-      cmocka_unit_test(what_cannot_be_is_refused),
+      cmocka_unit_test(what_cannot_be_is_refused), cmocka_unit_test(several_surfaces_are_one_picture),
       cmocka_unit_test(labels_have_surfaces_of_their_colours)};
   return cmocka_run_group_tests_name("mesh frames", tests, test_renderers_open, test_renderers_close);
 }

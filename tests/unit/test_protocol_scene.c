@@ -113,7 +113,7 @@ static void null_returns_to_defaults(void **state) {
                                        "splat",          "mpr",        "labels",
                                        "quality",        "errorMeter", "mode",
                                        "classification", "order",      "filter",
-                                       "hideTable"};
+                                       "hideTable",      "mesh"};
   accept(everything);
   for (size_t i = 0; i < G_N_ELEMENTS(groups); i++) {
     char *text = g_strdup_printf("{\"%s\":null}", groups[i]);

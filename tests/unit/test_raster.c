@@ -28,6 +28,7 @@ typedef struct drawing {
   double clip[2][4];
   int n_clip;
   tc_pool *pool;
+  const tc_raster_surface *surfaces; /* NULL: one, opaque */
 } drawing;
 
 static bool runs(const char *isa) {
@@ -49,13 +50,15 @@ static void keep(void *user, const tc_raster_picture *p) {
 static bool try_draw(const tc_clusters *mesh, const drawing *d, picture *p, GError **error) {
   static const double one[1][2] = {{0, 0}},
                       several[5][2] = {{-0.4, 0}, {-0.2, 0.381}, {0, -0.236}, {0.2, 0.145}, {0.4, -0.472}};
+  const tc_raster_surface one_surface = {{1, 0.5f, 0.25f}, 1, d->one_sided};
   tc_view view;
   tc_view_set_up(&view, mesh, &d->camera, d->width, d->height, d->clip, d->n_clip);
   const tc_raster_job job = {.mesh = mesh, .view = &view, .kernels = tc_raster_kernels_named(d->isa ? d->isa : "scalar"),
-                             .look = {.color = {1, 0.5f, 0.25f}, .shaded = d->shaded, .head_light = true,
-                                      .factor = {0.2f, 0.7f}, .specular = d->samples > 1 ? 0.3f : 0, .shininess = 30},
+                             .look = {.shaded = d->shaded, .head_light = true, .factor = {0.2f, 0.7f},
+                                      .specular = d->samples > 1 ? 0.3f : 0, .shininess = 30},
+                             .surfaces = d->surfaces ? d->surfaces : &one_surface,
                              .n_samples = d->samples > 1 ? 5 : 1, .samples = d->samples > 1 ? several : one,
-                             .one_sided = d->one_sided, .emit = keep, .user = p, .pool = d->pool};
+                             .emit = keep, .user = p, .pool = d->pool};
   p->width = d->width, p->height = d->height;
   p->counts = (tc_raster_counts){0};
   return tc_raster_draw(&job, &p->counts, error);
@@ -187,7 +190,7 @@ static void compare_with_sphere(const picture *p, const tc_camera *camera, doubl
 static void silhouettes_and_depths_are_those_of_a_sphere(void **unused) {
   picture *p = new_picture();
   tc_clusters *c = cluster(spheres(180, 1, 50, 0));
-  assert_true(c->closed && c->bytes < 20 * c->n_triangles);
+  assert_true(c->parts[0].closed && c->bytes < 20 * c->n_triangles);
   drawing d = {.camera = above, .width = 300, .height = 310, .isa = runs("avx2") ? "avx2" : "scalar"};
   for (int view = 0; view < 4; view++) {
     if (view == 1) d.camera = (tc_camera){.projection = TC_PERSPECTIVE, .position = {0, 0, 80}, .up = {0, 1, 0}, .fov_y_deg = 90};
@@ -366,7 +369,7 @@ static void what_nobody_can_see_is_in_no_cluster(void **unused) {
   for (size_t i = 0; i < c->n; i++) n += c->clusters[i].n_triangles;
   assert_int_equal(n, left);
   assert_int_equal(c->n_triangles, left);
-  assert_false(c->closed);
+  assert_false(c->parts[0].closed);
   tc_clusters_free(c);
   c = cluster(tc_mesh_new(0, 0, false, NULL));
   picture *p = new_picture();
@@ -411,6 +414,184 @@ static void drawing_and_clustering_stop_at_any_look(void **unused) {
   test_free(p);
 }
 
+/* ---- translucent layers ---- */
+
+static const tc_raster_surface six[6] = {{{1, 0, 0}, 0.3f, false}, {{0, 1, 0}, 0.5f, false}, {{0, 0, 1}, 0.7f, false},
+                                         {{1, 1, 0}, 0.1f, false}, {{0, 1, 1}, 0.9f, true},  {{1, 0, 1}, 1, false}};
+
+/* Parts of several meshes, which are freed. */
+static tc_clusters *parts(tc_mesh *const *meshes, int n) {
+  tc_clusters *all = NULL;
+  for (int i = 0; i < n; i++) {
+    const tc_mesh_source of = {.kind = TC_SURFACE_OF_MESH, .serial = (uint64_t)i};
+    assert_true(tc_clusters_add(&all, cluster(meshes[i]), &of, NULL));
+  }
+  assert_int_equal(all->n_parts, n);
+  return all;
+}
+
+/* What is behind everything so far. */
+static void composite(double sum[4], const tc_raster_surface *s) {
+  const double share = (1 - sum[3]) * s->opacity;
+  for (int c = 0; c < 3; c++) sum[c] += share * s->color[c];
+  sum[3] += share;
+}
+
+static void nested_spheres_have_their_analytic_colours(void **unused) {
+  picture *p = new_picture();
+  tc_mesh *meshes[4];
+  for (int i = 0; i < 4; i++) meshes[i] = spheres(120, 1, 20 + 20 * i, 0); /* the innermost first */
+  tc_clusters *c = parts(meshes, 4);
+  const tc_raster_surface *const orders[2] = {six, six + 2}; /* the second: the outermost is opaque */
+  for (int order = 0; order < 2; order++) {
+    const drawing d = {.camera = above, .width = 200, .height = 200, .isa = runs("avx2") ? "avx2" : "scalar",
+                       .surfaces = orders[order], .samples = 1 + 4 * order};
+    draw(c, &d, p);
+    for (int i = 0; i < 200 * 200; i++) {
+      const double x = i % 200 - 99.5, y = i / 200 - 99.5, from = sqrt(x * x + y * y), beside = fmod(from, 20);
+      double sum[4] = {0};
+      if (beside < 1 || beside > 19) continue; /* at an outline */
+      for (int k = 3; k >= 0; k--) if (from < 20 + 20 * k) composite(sum, &d.surfaces[k]);
+      for (int k = 0; k < 4; k++) if (from < 20 + 20 * k && !d.surfaces[k].one_sided) composite(sum, &d.surfaces[k]);
+      for (int k = 0; k < 4; k++) assert_true(fabs(sum[k] - (double)p->linear[i][k]) < 4e-4);
+      if (from < 60) assert_true(fabs(p->depth[i] - (100 - sqrt(6400 - from * from))) < 1);
+    }
+  }
+  tc_clusters_free(c);
+  test_free(p);
+}
+
+enum { SOUP = 90 };
+
+static tc_mesh *soup_part(int part) {
+  tc_mesh *m = tc_mesh_new(3 * SOUP / 6, SOUP / 6, false, NULL);
+  const double size = part == 5 ? 20 : 220;
+  for (size_t t = 0; t < SOUP / 6; t++) {
+    const double at[2] = {100 * (chance() - 0.5), 100 * (chance() - 0.5)};
+    for (uint32_t v = 0; v < 3; v++) {
+      float *to = m->positions[3 * t + v];
+      for (int k = 0; k < 2; k++) to[k] = (float)(rint(256 * (at[k] + size * (chance() - 0.5))) / 256);
+      to[2] = (float)(80 * (chance() - 0.5));
+      m->triangles[t][v] = (uint32_t)(3 * t) + v;
+    }
+  }
+  return m;
+}
+
+typedef struct crossing { double z; const tc_raster_surface *of; } crossing;
+
+static int nearest_first(const void *a, const void *b) {
+  const double x = ((const crossing *)a)->z, y = ((const crossing *)b)->z;
+  return (x < y) - (x > y);
+}
+
+/* Every triangle of the soup there, sorted. False: too near an edge, or two too near each other, to be certain. */
+static bool brute_force(tc_mesh *const meshes[6], double x, double y, double sum[4]) {
+  crossing all[SOUP];
+  int n = 0;
+  for (size_t t = 0; t < SOUP; t++) {
+    const tc_mesh *m = meshes[t / (SOUP / 6)];
+    const uint32_t *v = m->triangles[t % (SOUP / 6)];
+    const float *a = m->positions[v[0]], *b = m->positions[v[1]], *c = m->positions[v[2]];
+    const double area = ((double)b[0] - a[0]) * ((double)c[1] - a[1]) - ((double)b[1] - a[1]) * ((double)c[0] - a[0]);
+    const double u = ((b[0] - x) * (c[1] - y) - (b[1] - y) * (c[0] - x)) / area;
+    const double w = ((c[0] - x) * (a[1] - y) - (c[1] - y) * (a[0] - x)) / area, least = fmin(fmin(u, w), 1 - u - w);
+    if (fabs(least) < 1e-3) return false;
+    const tc_raster_surface *of = &six[t / (SOUP / 6)];
+    if (least > 0 && !(of->one_sided && area < 0)) all[n++] = (crossing){u * a[2] + w * b[2] + (1 - u - w) * c[2], of};
+  }
+  qsort(all, (size_t)n, sizeof *all, nearest_first);
+  for (int i = 0; i < n; i++) {
+    if (i && all[i - 1].z - all[i].z < 1e-3) return false;
+    composite(sum, all[i].of);
+  }
+  return true;
+}
+
+static void layers_are_in_the_order_of_brute_force(void **unused) {
+  picture *p = new_picture(), *q = new_picture();
+  tc_mesh *meshes[6], *kept[6];
+  for (int round = 0; round < 2; round++) {
+    for (int i = 0; i < 6; i++) {
+      state = (uint32_t)(7 * round + i), kept[i] = soup_part(i);
+      state = (uint32_t)(7 * round + i), meshes[i] = soup_part(i);
+    }
+    tc_clusters *c = parts(meshes, 6);
+    drawing d = {.camera = above, .width = 200, .height = 200, .isa = "scalar", .surfaces = six};
+    int compared = 0, deep = 0;
+    draw(c, &d, p);
+    for (int i = 0; i < 200 * 200; i++) {
+      double sum[4] = {0};
+      if (!brute_force(kept, i % 200 - 99.5, 99.5 - i / 200, sum)) continue;
+      compared++, deep += sum[3] > 0.9;
+      for (int k = 0; k < 4; k++) assert_true(fabs(sum[k] - (double)p->linear[i][k]) < 4e-4);
+    }
+    assert_true(compared > 30000 && deep > 15000 && p->counts.layers > 150000);
+    d.pool = tc_pool_new(3, NULL);
+    for (int isa = 0; isa < 3; isa++) {
+      if (!runs(isas[isa])) continue;
+      d.isa = isas[isa];
+      draw(c, &d, q);
+      assert_memory_equal(p->linear, q->linear, sizeof p->linear);
+      assert_memory_equal(p->depth, q->depth, 200 * 200 * sizeof *p->depth);
+    }
+    tc_pool_free(d.pool);
+    tc_clusters_free(c);
+    for (int i = 0; i < 6; i++) tc_mesh_free(kept[i]);
+  }
+  test_free(p), test_free(q);
+}
+
+/* n squares one behind the other, the first in front. */
+static tc_mesh *stack(int n, double nearest) {
+  tc_mesh *m = tc_mesh_new(4 * (size_t)n, 2 * (size_t)n, false, NULL);
+  for (uint32_t i = 0, v = 0; i < (uint32_t)n; i++, v += 4) {
+    const float corners[4][2] = {{-200, -200}, {200, -200}, {200, 200}, {-200, 200}};
+    const uint32_t two[2][3] = {{v, v + 1, v + 2}, {v, v + 2, v + 3}};
+    for (int k = 0; k < 4; k++) {
+      memcpy(m->positions[v + (uint32_t)k], corners[k], sizeof *corners);
+      m->positions[v + (uint32_t)k][2] = (float)(nearest - 0.125 * i);
+    }
+    memcpy(m->triangles[2 * i], two, sizeof two);
+  }
+  return m;
+}
+
+/* More than are sorted at once; and of many only those that light comes through are shaded, before what is opaque. */
+static void many_layers_cost_what_is_seen_of_them(void **unused) {
+  picture *p = new_picture();
+  tc_clusters *c = cluster(stack(300, 50));
+  drawing d = {.camera = above, .width = 64, .height = 64, .surfaces = &(tc_raster_surface){{1, 1, 1}, 0.001f, false}};
+  draw(c, &d, p);
+  assert_int_equal(p->counts.layers, 300 * 64 * 64);
+  for (int i = 0; i < 64 * 64; i++) assert_true(fabs(p->linear[i][3] - (1 - pow(0.999, 300))) < 1e-4);
+  d.surfaces = &(tc_raster_surface){{1, 1, 1}, 0.5f, false};
+  draw(c, &d, p);
+  assert_int_equal(p->counts.shaded, 13 * 64 * 64);
+  tc_clusters_free(c);
+  c = parts((tc_mesh *[]){stack(20, 40), stack(1, 50)}, 2);
+  d.surfaces = (const tc_raster_surface[]){{{1, 1, 1}, 0.5f, false}, {{1, 0, 0}, 1, false}};
+  draw(c, &d, p);
+  assert_true(p->counts.layers == 0 && p->counts.shaded == 64 * 64);
+  tc_clusters_free(c);
+  test_free(p);
+}
+
+/* A part that is copied out of several and put together again is what it was. */
+static void parts_are_copied_whole(void **unused) {
+  tc_clusters *all = parts((tc_mesh *[]){spheres(30, 1, 20, 0), spheres(50, 1, 30, 0), spheres(10, 1, 40, 0)}, 3), *again = NULL;
+  for (size_t i = 0; i < 3; i++)
+    assert_true(tc_clusters_add(&again, tc_clusters_copy_part(all, i, NULL), &all->parts[i].of, NULL));
+  assert_true(again->n == all->n && again->n_triangles == all->n_triangles && again->bytes == all->bytes);
+  assert_true(again->vertex_room == all->vertex_room && again->triangle_room == all->triangle_room);
+  assert_memory_equal(again->clusters, all->clusters, all->n * sizeof *all->clusters);
+  assert_memory_equal(again->positions, all->positions, all->vertex_room * 12);
+  assert_memory_equal(again->normals, all->normals, all->vertex_room * 4);
+  assert_memory_equal(again->triangles, all->triangles, all->triangle_room * 3);
+  for (size_t i = 0; i < 3; i++) assert_true(again->parts[i].closed && again->parts[i].first == all->parts[i].first);
+  tc_clusters_free(all), tc_clusters_free(again);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(each_sample_belongs_to_one_triangle_of_a_sheet),
@@ -424,6 +605,10 @@ int main(void) {
       cmocka_unit_test(light_follows_the_normals),
       cmocka_unit_test(what_nobody_can_see_is_in_no_cluster),
       cmocka_unit_test(drawing_and_clustering_stop_at_any_look),
+      cmocka_unit_test(nested_spheres_have_their_analytic_colours),
+      cmocka_unit_test(layers_are_in_the_order_of_brute_force),
+      cmocka_unit_test(many_layers_cost_what_is_seen_of_them),
+      cmocka_unit_test(parts_are_copied_whole),
   };
   return cmocka_run_group_tests_name("raster", tests, NULL, NULL);
 }

@@ -73,7 +73,7 @@ static bool pack(const void *thing, void *bytes, const tc_halt *halt) {
     const tc_cluster *k = &m->clusters[i];
     if (i % LOOK == LOOK - 1 && tc_halt_within(halt)) return false;
     pack_cluster(m, k, (uint32_t *)bytes + 4 * (size_t)k->vertex, indices + 3 * (size_t)first);
-    clusters[2 * i] = first, clusters[2 * i + 1] = k->surface;
+    clusters[2 * i] = first, clusters[2 * i + 1] = k->part;
     first += k->n_triangles;
   }
   return true;
@@ -107,10 +107,9 @@ static void set_look(mesh_block *b, const tc_view *v, const tc_raster_look *look
   const double *rows[3] = {v->right, v->down, v->depth};
   for (int r = 0; r < 3; r++)
     for (int k = 0; k < 3; k++) b->light[r] += (float)rows[r][k] * look->light[k];
-  memcpy(b->color, look->color, sizeof look->color);
   for (int i = 0; i < 2; i++) b->factor[i] = look->factor[i], memcpy(b->glow[i], look->glow[i], sizeof look->glow[i]);
   b->least = look->least, b->specular = look->specular, b->shininess = look->shininess;
-  b->shaded = look->shaded, b->head_light = look->head_light, b->several = look->colors != NULL;
+  b->shaded = look->shaded, b->head_light = look->head_light;
 }
 
 static void set_block(drawing *d) {
@@ -127,6 +126,8 @@ static void set_block(drawing *d) {
       b->offsets[s][k] = fminf(fmaxf(offset, 0), TC_VIEW_SUBPIXEL - 1) / TC_VIEW_SUBPIXEL;
     }
   set_look(b, v, &d->of.raster.look);
+  memcpy(b->color, d->of.surfaces[0].color, sizeof d->of.surfaces[0].color);
+  b->several = d->mesh->n_parts > 1;
   b->reference = (float)v->reference, b->scale = (float)v->scale, b->inverse_scale = (float)(1 / v->scale);
   b->centre[0] = (float)v->centre[0], b->centre[1] = (float)v->centre[1];
   b->perspective = v->perspective, b->n_clusters = (int32_t)d->mesh->n, b->normals = d->mesh->normals != NULL;
@@ -161,10 +162,9 @@ static void make_target(drawing *d, int side) {
 }
 
 static void make_buffers(drawing *d) {
-  const tc_raster_look *look = &d->of.raster.look;
-  const size_t n = look->colors ? d->mesh->n_surfaces : 0;
+  const size_t n = d->mesh->n_parts;
   float(*colors)[4] = g_malloc0((n + 1) * sizeof *colors);
-  for (size_t i = 0; i < n; i++) memcpy(colors[i], look->colors[i], sizeof look->colors[i]);
+  for (size_t i = 0; i < n; i++) memcpy(colors[i], d->of.surfaces[i].color, sizeof d->of.surfaces[i].color);
   glCreateBuffers(2, d->buffers);
   glNamedBufferStorage(d->buffers[0], sizeof d->block, &d->block, 0);
   glNamedBufferStorage(d->buffers[1], (GLsizeiptr)((n + 1) * sizeof *colors), colors, 0);
@@ -183,7 +183,9 @@ static void bind_all(drawing *d, const mesh_layout *l) {
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_GREATER);
   glFrontFace(GL_CW); /* rows grow downwards */
-  (d->of.raster.one_sided ? glEnable : glDisable)(GL_CULL_FACE);
+  bool one_sided = true;
+  for (size_t i = 0; i < d->mesh->n_parts; i++) one_sided = one_sided && d->of.surfaces[i].one_sided;
+  (one_sided ? glEnable : glDisable)(GL_CULL_FACE);
 }
 
 static void drop_objects(drawing *d) {
@@ -272,7 +274,8 @@ static void look_at_clusters(drawing *d) {
   const double slack = tc_sight_slack(d->mesh);
   bool away;
   for (size_t i = 0; i < d->mesh->n; i++) {
-    d->sights[i] = tc_sight_of(&d->of.view, &d->mesh->clusters[i], slack, d->of.raster.one_sided, &away);
+    const tc_cluster *k = &d->mesh->clusters[i];
+    d->sights[i] = tc_sight_of(&d->of.view, k, slack, d->of.surfaces[k->part].one_sided, &away);
     stats->leaps += d->sights[i].x1 < d->sights[i].x0;
   }
 }
@@ -307,6 +310,13 @@ static bool draw(const tc_gl_frame *gl, GError **error) {
   return drawn;
 }
 
-static const char *refuses(const tc_scene *scene) { return NULL; }
+static const char *refuses(const tc_scene *scene) {
+  for (size_t i = 0; i < scene->mesh.n_surfaces; i++) {
+    const tc_mesh_surface *s = &scene->mesh.surfaces[i];
+    if (tc_mesh_surface_shows(s) && s->opacity < 1) return "translucent layers are sorted by the cpu";
+    if (tc_mesh_surface_shows(s) && !s->two_sided) return "surfaces of one side are drawn by the cpu";
+  }
+  return NULL;
+}
 
 const tc_gl_drawer tc_gl_mesh_drawer = {.passes = 2, .refuses = refuses, .draw = draw};
