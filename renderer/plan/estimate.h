@@ -13,8 +13,9 @@
  * One is a trilinear sample: eight voxels fetched and mixed. A sample counts 1 by filters nearest and linear and 8 by
  * cubic (64 voxels). Every segment of dvr counts one sample; with preintegrated2 a second; with labels one more; shaded
  * by central gradients 4 more (32 voxels), by cubic ones 8. An isosurface has no steps: its rays count the cells they
- * pass, and nothing else. Of a mesh each sample of coverage counts one. Splats are the exception: how many there are is not known before, so
- * that theirs is what a surface of usual size costs, beside the pixels that it covers.
+ * pass, and nothing else. Meshes and splats are the exceptions: how many there are is not known before. A mesh counts
+ * the samples of the pixels that it may cover once; splats count what a surface of usual size costs, beside the pixels
+ * that it covers.
  *
  * How it goes down, for whoever has to say what would pass: in proportion to the pixels of the picture, to 1 /
  * sampling.step (but for those of the ends; an isosurface's not at all), and, in the projections and isosurfaces, to
