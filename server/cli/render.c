@@ -28,7 +28,7 @@ typedef struct job {
   tc_renderer_options options;
   tc_image_format format;
   const char *output;
-  tc_volume *volume, *labels;
+  tc_volume *volume, *labels, *body; /* body: the volume without tables, NULL where there are none */
   tc_scene scene;
   tc_fit fit;
   tc_renderer *renderer;
@@ -136,18 +136,19 @@ static bool make_scene(job *j, GError **error) {
                               .format = tcs_encode_format_name(j->format)};
   tc_scene_init(&j->scene);
   tc_fit_find(&j->fit, j->volume);
-  tc_scene_dress(&j->scene, j->volume, &j->fit, true);
+  j->body = tc_fit_body(&j->fit, j->volume, NULL, NULL, NULL);
+  tc_fit_windows(&j->fit, j->volume, j->body);
+  tc_scene_dress(&j->scene, j->volume, &j->fit, j->body != NULL);
   j->scene.image.format = j->format;
   return tcs_cli_lay_scene(&from, &j->fit, &j->scene, &j->exit_code, error);
 }
 
 /* From here on the body is the volume, where the scene leaves out what is around. */
 static void leave_table(job *j) {
-  tc_volume *body = NULL;
-  if (j->scene.hide_table && j->scene.mode != TC_MODE_MPR) body = tc_fit_body(&j->fit, j->volume, NULL, NULL, NULL);
-  if (!body) return;
+  if (!j->body || !j->scene.hide_table || j->scene.mode == TC_MODE_MPR) return;
   tc_volume_unref(j->volume);
-  j->volume = body;
+  j->volume = j->body;
+  j->body = NULL;
 }
 
 /* --- picture ------------------------------------------------------------------------------------ */
@@ -294,6 +295,7 @@ static void finish(job *j) {
   if (j->image) g_byte_array_free(j->image, TRUE);
   tc_renderer_free(j->renderer);
   tc_volume_unref(j->labels);
+  tc_volume_unref(j->body);
   tc_volume_unref(j->volume);
 }
 

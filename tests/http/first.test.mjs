@@ -1,5 +1,8 @@
 // What a volume opens with: light, opacity that no size changes, windows by mode, no table, a thumbnail.
 import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
+import { readFileSync } from 'node:fs';
+import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 import { Daemon, imageSize, problem } from '../support/daemon.mjs';
 import { patient } from '../support/patient.mjs';
@@ -83,6 +86,17 @@ test('windows follow the mode that is asked for', async () => {
   const white = seen.filter(([grey]) => grey === 255).length;
   assert.ok(white <= 0.3 * seen.length, `${white} of ${seen.length} white`);
   assert.ok(Math.max(...seen.map(([grey]) => grey)) - Math.min(...seen.map(([grey]) => grey)) > 60, 'not flat');
+});
+
+test('the command line opens as the service does, in every mode', async () => {
+  for (const mode of [undefined, 'mip', 'minip', 'average', 'mpr', 'isosurface', 'splat']) {
+    const out = join(d.folder, 'own.png'), set = mode ? ['--set', `mode=${mode}`] : [];
+    const size = ['--width', '64', '--height', '64'];
+    execFileSync(process.env.TC_BINARY, ['render', join(d.folder, 'mm.nrrd'), ...set, ...size, '-o', out]);
+    const png = readPng(readFileSync(out));
+    const own = Array.from({ length: 64 * 64 }, (_, i) => png.at(i % 64, Math.floor(i / 64)));
+    assert.equal(differing(own, await picture('mm', mode ? { mode } : {}), 2), 0, mode);
+  }
 });
 
 test('a thumbnail is made once, small, and for nobody to keep', async () => {
