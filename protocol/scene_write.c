@@ -52,6 +52,8 @@ static const struct {
     {"mesh", "surfaces", MODE(TC_MODE_MESH)},
     {"splat", "threshold", MODE(TC_MODE_SPLAT)},
     {"mpr", NULL, MODE(TC_MODE_MPR)},
+    {"clip", "planes", PROJECTIONS},
+    {"labels", "volume", MODE(TC_MODE_MESH)},
 };
 
 cJSON *tcp_scene_write_shown(const tc_scene *scene) {
@@ -62,8 +64,8 @@ cJSON *tcp_scene_write_shown(const tc_scene *scene) {
     for (size_t k = 0; k < G_N_ELEMENTS(shown); k++) {
       if (strcmp(m->group, shown[k].group) != 0 || (shown[k].name && strcmp(m->name, shown[k].name) != 0)) continue;
       if (!(shown[k].modes & MODE(scene->mode))) continue;
-      cJSON *group = cJSON_GetObjectItemCaseSensitive(document, m->group);
-      tcp_add(group ? group : cJSON_AddObjectToObject(document, m->group), m->name, write_member(m, scene));
+      cJSON *value = write_member(m, scene), *group = cJSON_GetObjectItemCaseSensitive(document, m->group);
+      if (value) tcp_add(group ? group : cJSON_AddObjectToObject(document, m->group), m->name, value);
     }
   }
   return document;

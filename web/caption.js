@@ -37,6 +37,12 @@ function planePlace(point, axis, extent) {
   return `${letters(along < 0 ? axis.map((x) => -x) : axis)} ${placeText(Math.abs(along), extent)} mm`;
 }
 
+/** "Slab 12.5 mm" where two planes face each other, as of a projection through a part of the volume. */
+function slabLine(planes) {
+  if (planes?.length !== 2 || dot(planes[0], planes[1]) > -0.999) return '';
+  return `Slab ${number(planes[0][3] + planes[1][3])} mm`;
+}
+
 const SLABS = { mip: 'maximum', minip: 'minimum', average: 'average' };
 
 function sliceLines(mpr, volume) {
@@ -51,12 +57,16 @@ function sliceLines(mpr, volume) {
 export function captionLines(scene, volume, titles) {
   const { id = '', modality = '', unit = '' } = volume;
   const window = scene.window && `C ${number(scene.window.center)}  W ${number(scene.window.width)}`;
-  const surface = scene.isosurface && `Surface at ${number(scene.isosurface.value)}${unit && ` ${unit}`}`;
+  const value = scene.isosurface && `Surface at ${number(scene.isosurface.value)}${unit && ` ${unit}`}`;
+  const surface = scene.labels?.volume ? `Surfaces of ${scene.labels.volume}` : value;
   const voxels = scene.splat && `Voxels ${scene.splat.threshold.map(number).join(' to ')}${unit && ` ${unit}`}`;
   const preset = scene.mode === 'dvr' && titles.preset(scene.transferFunction?.preset);
   const plane = scene.mpr && titles.plane(scene.mpr.orientation);
   const kind = [modality, titles.mode(scene.mode), plane].filter(Boolean).join(' \u00b7 ');
-  return [id, kind, preset, window, surface, voxels, ...(scene.mpr ? sliceLines(scene.mpr, volume) : [])].filter(Boolean);
+  const slab = slabLine(scene.clip?.planes);
+  return [id, kind, preset, window, surface, voxels, slab, ...(scene.mpr ? sliceLines(scene.mpr, volume) : [])].filter(
+    Boolean,
+  );
 }
 
 export class Caption {
@@ -148,7 +158,9 @@ export class Caption {
 
   #state(late = false) {
     const time = this.#drawnAt?.toLocaleTimeString();
-    const words = this.#open ? late && 'NOT CURRENT \u00b7 a newer picture is on its way' : `NOT LIVE \u00b7 picture of ${time}`;
+    const words = this.#open
+      ? late && 'NOT CURRENT \u00b7 a newer picture is on its way'
+      : `NOT LIVE \u00b7 picture of ${time}`;
     const shown = this.#header && words;
     this.#get('stale').hidden = !shown;
     this.#get('stale').textContent = shown || '';

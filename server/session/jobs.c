@@ -18,11 +18,14 @@
 /* An interactive frame that would take so much longer still is misjudged. */
 #define LATE_MS (2 * TCS_LADDER_TARGET_MS)
 
-/* A frame at rest tells little of one in motion, and the other way round. Projections and slices have no light. */
-static bool differs_in_motion(const tc_scene *scene) {
-  const tc_mode mode = scene->mode;
-  if (mode == TC_MODE_MIP || mode == TC_MODE_MINIP || mode == TC_MODE_AVERAGE || mode == TC_MODE_MPR) return false;
+static bool is_lit_better_at_rest(const tc_scene *scene) {
   return scene->shading.model != TC_SHADING_NONE && scene->shading.gradient == TC_GRADIENT_CENTRAL;
+}
+
+/* A frame at rest tells little of one in motion, and the other way round, where every sample is lit. A surface is lit
+ * once a pixel. */
+static bool differs_in_motion(const tc_scene *scene) {
+  return scene->mode == TC_MODE_DVR && is_lit_better_at_rest(scene);
 }
 
 /* There are two encoders: a picture may come after a newer one, or after the final one of the same scene. It must not take
@@ -73,7 +76,7 @@ static void finished(tcs_job *job) {
 
 /* Interactive frames are lit by cell gradients, which cost a fraction of central ones. */
 static void light_for_motion(tc_scene *scene) {
-  if (differs_in_motion(scene)) scene->shading.gradient = TC_GRADIENT_CELL;
+  if (is_lit_better_at_rest(scene)) scene->shading.gradient = TC_GRADIENT_CELL;
 }
 
 static double samples_of(const tcs_job *job) {

@@ -41,7 +41,16 @@ function watchFrames() {
     new MutationObserver(() => {
       const header = window.headers.get(`${window.connections}/${stage.dataset.frame}`);
       const [top, bottom, left, right] = ['top', 'bottom', 'left', 'right'].map((edge) => text(`mark-${edge}`));
-      window.drawn.push({ scene: header?.scene, letters: { right, left, top, bottom }, label: text('label') });
+      const [bar, front] = [document.getElementById('scale-bar'), [...document.querySelectorAll('#cube text')].at(-1)];
+      window.drawn.push({
+        header,
+        scene: header?.scene,
+        letters: { right, left, top, bottom },
+        label: text('label'),
+        front: front?.textContent,
+        bar: bar.hidden ? null : { px: parseFloat(bar.style.width), text: text('scale-label') },
+        stage: [stage.clientWidth, stage.clientHeight],
+      });
     }).observe(stage, { attributeFilter: ['data-frame', 'data-seq'] });
   });
 }
@@ -54,16 +63,68 @@ async function visit(browser, url, options) {
   return page;
 }
 
-/** Every frame that the page drew has its own letters, and its mode's name. @returns how many there were */
-async function assertOwnLetters(page) {
+const dot = (a, b) => a.reduce((sum, x, k) => sum + x * b[k], 0);
+const four = (value) => String(Number(value.toPrecision(4)));
+const FACES = { L: [1, 0, 0], R: [-1, 0, 0], P: [0, 1, 0], A: [0, -1, 0], H: [0, 0, 1], F: [0, 0, -1] };
+const SLABS = { mip: 'maximum', minip: 'minimum', average: 'average' };
+const DIMS = [200, 248, 256]; // of the demo head, whose voxels are cubes along the patient's axes
+// by plane: the axis across it, which way its slices count, and the axes of its picture
+const PLANES = { axial: [2, 1, 0, 1], coronal: [1, 1, 0, 2], sagittal: [0, -1, 1, 2] };
+const SIDES = ['LR', 'PA', 'HF'];
+
+/** mm that the picture's height spans, by what the picture is of; 0 in perspective. */
+function heightOf({ mode, camera, mpr }, { width, height }, mm) {
+  if (mode !== 'mpr') return camera.projection === 'orthographic' ? camera.height : 0;
+  const [, , across, down] = PLANES[mpr.orientation];
+  return (Math.max(DIMS[down] - 1, ((DIMS[across] - 1) * height) / width) * mm) / mpr.zoom;
+}
+
+function sliceLinesOf({ orientation, center, thickness, projection }, { origin, spacing: [mm] }) {
+  const [axis, sign] = PLANES[orientation];
+  const layer = (center[axis] - origin[axis]) / mm;
+  const slice = Math.round(sign > 0 ? layer : DIMS[axis] - 1 - layer) + 1;
+  const side = SIDES[axis][center[axis] > 0 ? 0 : 1];
+  const lines = [`Slice ${slice} / ${DIMS[axis]} \u00b7 ${side} ${Math.abs(center[axis]).toFixed(1)} mm`];
+  return thickness > 0 ? [...lines, `Slab ${four(thickness)} mm \u00b7 ${SLABS[projection]}`] : lines;
+}
+
+/** The lines that belong to a scene, worked out anew. */
+function linesOf({ mode, mpr, window, transferFunction, isosurface, clip }, titles, volume) {
+  const lines = [titles[mode]];
+  if (window) lines.push(`C ${four(window.center)}  W ${four(window.width)}`);
+  if (mode === 'dvr') lines.push(titles[transferFunction.preset]);
+  if (isosurface) lines.push(`Surface at ${four(isosurface.value)}`);
+  if (clip?.planes.length) lines.push(`Slab ${four(clip.planes[0][3] + clip.planes[1][3])} mm`);
+  return mpr ? [...lines, ...sliceLinesOf(mpr, volume)] : lines;
+}
+
+/** Whatever the page said of every frame it drew is that frame's own. @returns how many there were */
+async function assertOwnWords(page, volume) {
   const drawn = await page.evaluate(() => window.drawn);
   const titles = await page.evaluate(() =>
-    Object.fromEntries([...document.getElementById('mode').options].map(({ value, text }) => [value, text])),
+    Object.fromEntries([...document.querySelectorAll('#mode option, #preset option')].map((o) => [o.value, o.text])),
   );
-  for (const { scene, letters, label } of drawn) {
+  for (const { header, scene, letters, label, front, bar, stage } of drawn) {
     const axes = scene.mode === 'mpr' ? sliceBasis(scene.mpr) : basis(scene.camera);
     assert.deepEqual(letters, edgeLetters(axes), JSON.stringify(scene));
-    assert.ok(label.includes(titles[scene.mode]), `${label} is ${scene.mode}`);
+    const facing = Object.values(FACES).map((from) => -dot(from, axes.direction));
+    assert.ok(
+      -dot(FACES[front], axes.direction) > Math.max(...facing) - 1e-6,
+      `cube: ${front}, ${JSON.stringify(scene)}`,
+    );
+    for (const line of linesOf(scene, titles, volume)) assert.ok(label.includes(line), `"${line}" in "${label}"`);
+    if (scene.mode !== 'mpr') assert.ok(!label.includes('Slice'), label);
+    if (!scene.window) assert.ok(!/\bW \d/.test(label), label);
+    const mm = heightOf(scene, header, volume.spacing[0]);
+    assert.equal(bar !== null, mm > 0, JSON.stringify(scene));
+    if (!bar) continue;
+    const [number, unit] = bar.text.split(' ');
+    const shown = Math.min(stage[1], (stage[0] * header.height) / header.width);
+    const said = Number(number) * { cm: 10, mm: 1, '\u00b5m': 1e-3 }[unit];
+    assert.ok(
+      Math.abs((bar.px * mm) / shown / said - 1) < 1e-3,
+      `${bar.px} px are ${bar.text}: ${JSON.stringify(scene)}`,
+    );
   }
   return drawn.length;
 }
@@ -80,23 +141,58 @@ describe('caption', { skip }, () => {
     await daemon?.stop();
   });
 
-  test('random edits by two viewers, with drops: every frame drawn has its own letters', async () => {
+  test('random edits by two viewers and a script, with drops: every frame drawn has its own words', async () => {
     const one = await visit(browser, `${daemon.url}#head`);
     const { session } = await stageData(one);
     const two = await visit(browser, `${daemon.url}?session=${session}`, { viewport: { width: 920, height: 560 } });
+    const volume = await (await fetch(`${daemon.url}v1/volumes/head`)).json();
     const next = random(7);
-    const keys = ['a', 'p', 'l', 'r', 'h', 'f', 'ArrowLeft', 'ArrowUp', '+', '-'];
-    for (let i = 0; i < 40; i++) {
-      const page = next() < 0.5 ? one : two;
+    const any = (list) => list[Math.floor(next() * list.length)];
+    const keys = [
+      'a',
+      'p',
+      'l',
+      'r',
+      'h',
+      'f',
+      'ArrowLeft',
+      'ArrowUp',
+      '+',
+      '-',
+      '1',
+      '2',
+      '3',
+      'PageDown',
+      'Home',
+      'End',
+    ];
+    const patches = [
+      () => ({ window: { center: 500 * next(), width: 1 + 900 * next() } }),
+      () => ({ camera: { projection: any(['orthographic', 'perspective']), height: 100 + 300 * next() } }),
+      () => ({ mpr: { thickness: any([0, 7.5, 20 * next()]), projection: any(['mip', 'minip', 'average']) } }),
+      () => ({ mpr: { orientation: any(['axial', 'coronal', 'sagittal']), zoom: 1 + next() } }),
+      () => ({ mpr: { center: volume.origin.map((x, k) => x + next() * (DIMS[k] - 1) * volume.spacing[k]) } }),
+      () => ({ transferFunction: { preset: any(['ct-bone', 'ct-lung', 'ct-muscle']) } }),
+      () => ({ isosurface: { value: 100 + 400 * next() } }),
+    ];
+    const scene = { method: 'PATCH', headers: { 'content-type': 'application/json' } };
+    const edit = async (patch) => {
+      const reply = await fetch(`${daemon.url}v1/sessions/${session}/scene`, { ...scene, body: JSON.stringify(patch) });
+      assert.equal(reply.status, 200, JSON.stringify(patch));
+    };
+    await edit({ mpr: { center: volume.origin.map((x) => x + 100.2 * volume.spacing[0]) } }); // on no edge of a layer
+    for (let i = 0; i < 60; i++) {
+      const page = any([one, two]);
       const what = next();
-      if (what < 0.1) await page.evaluate(() => window.socket.close());
-      else if (what < 0.2) await page.selectOption('#mode', ['dvr', 'mip', 'mpr'][Math.floor(next() * 3)]);
-      else await page.locator('#stage').press(keys[Math.floor(next() * keys.length)]);
+      if (what < 0.06) await page.evaluate(() => window.socket.close());
+      else if (what < 0.25) await page.selectOption('#mode', any(['dvr', 'mip', 'minip', 'mpr', 'mpr', 'isosurface']));
+      else if (what < 0.55) await edit(any(patches)());
+      else await page.locator('#stage').press(any(keys));
       if (next() < 0.3) await page.waitForTimeout(next() * 120);
     }
     for (const page of [one, two]) await page.waitForSelector('#stat-link[data-state="open"]');
     await Promise.all([settled(one), settled(two)]);
-    const counts = [await assertOwnLetters(one), await assertOwnLetters(two)];
+    const counts = [await assertOwnWords(one, volume), await assertOwnWords(two, volume)];
     assert.ok(Math.min(...counts) > 15, `${counts} frames`);
     const [a, b] = [await one.evaluate(() => window.drawn.at(-1)), await two.evaluate(() => window.drawn.at(-1))];
     assert.deepEqual(a.scene, b.scene, 'at rest both show the same scene');

@@ -176,27 +176,30 @@ static void frames_in_motion_are_sized_by_their_own_gradients(void **state) {
   tcs_session_leave(&v.watcher);
 }
 
-/* A projection has no light, whatever the scene says of one: its final frame tells what its interactive ones take. */
-static void a_projection_is_sized_by_its_own_frames(void **state) {
-  viewer v = {.watcher.ops = &ops};
-  cJSON *patch = cJSON_CreateObject();
-  cJSON_AddStringToObject(patch, "mode", "mip");
-  tcs_session_join(session, &v.watcher, 16);
-  light("central");
-  assert_true(tcs_session_patch(session, patch, NULL, false, NULL));
-  tcs_job *final = rendered_job(true);
-  tcs_ladder *ladder = &((tcs_view *)final->part)->ladders[TC_MODE_MIP];
-  final->stats.render_ms = 1e-5 * final->samples;
-  encoded(final);
-  assert_true(ladder->measured && fabs(ladder->ms_per_sample - 1e-5) < 1e-9);
-  cJSON_Delete(patch);
-  tcs_session_leave(&v.watcher);
+/* A projection has no light, a surface is lit once a pixel: the final frame tells what interactive ones take. */
+static void what_is_not_lit_at_every_sample_is_sized_by_its_own_frames(void **state) {
+  const tc_mode modes[] = {TC_MODE_MIP, TC_MODE_ISOSURFACE, TC_MODE_MESH, TC_MODE_SPLAT};
+  for (size_t i = 0; i < sizeof modes / sizeof *modes; i++) {
+    viewer v = {.watcher.ops = &ops};
+    cJSON *patch = cJSON_CreateObject();
+    cJSON_AddStringToObject(patch, "mode", tc_mode_names[modes[i]]);
+    tcs_session_join(session, &v.watcher, 16);
+    light("central");
+    assert_true(tcs_session_patch(session, patch, NULL, false, NULL));
+    tcs_job *final = rendered_job(true);
+    tcs_ladder *ladder = &((tcs_view *)final->part)->ladders[modes[i]];
+    final->stats.render_ms = 1e-5 * final->samples;
+    encoded(final);
+    assert_true(ladder->measured && fabs(ladder->ms_per_sample - 1e-5) < 1e-9);
+    cJSON_Delete(patch);
+    tcs_session_leave(&v.watcher);
+  }
 }
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(what_was_overtaken_takes_no_place),
                                      cmocka_unit_test(what_comes_in_order_takes_its_place),
                                      cmocka_unit_test(frames_in_motion_are_sized_by_their_own_gradients),
-                                     cmocka_unit_test(a_projection_is_sized_by_its_own_frames)};
+                                     cmocka_unit_test(what_is_not_lit_at_every_sample_is_sized_by_its_own_frames)};
   return cmocka_run_group_tests(tests, open_daemon, close_daemon);
 }
