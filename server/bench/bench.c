@@ -22,7 +22,7 @@
 
 typedef struct arguments {
   char *scene, *json, *paper, **set, **rest;
-  int size, runs, threads, pixels;
+  int size, runs, threads, pixels, cache;
   double azimuth, elevation, zoom;
   gboolean gl;
 } arguments;
@@ -152,7 +152,8 @@ static bool measure(bench *b, GError **error) {
   if (b->args.pixels && !integrate_reference(b, error)) return false;
   for (int i = 0; i < N_VARIANTS; i++) {
     row *r = &b->rows[i];
-    tc_renderer_options options = {.backend = variants[i].backend, .isa = variants[i].isa, .threads = b->args.threads};
+    tc_renderer_options options = {.backend = variants[i].backend, .isa = variants[i].isa, .threads = b->args.threads,
+                                   .cache_bytes = (uint64_t)b->args.cache << 20};
     if (variants[i].backend == TC_BACKEND_GL && !b->args.gl) continue;
     r->renderer = tc_renderer_new(&options, NULL); /* not on this machine: the row is left out */
     if (!r->renderer) continue;
@@ -287,6 +288,7 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
       {"azimuth", 0, 0, G_OPTION_ARG_DOUBLE, &a->azimuth, "camera, degrees about the body axis (30)", "DEG"},
       {"elevation", 0, 0, G_OPTION_ARG_DOUBLE, &a->elevation, "camera, degrees upwards (20)", "DEG"},
       {"zoom", 0, 0, G_OPTION_ARG_DOUBLE, &a->zoom, "1 fits the bounding sphere (1.3)", "FACTOR"},
+      {"cache", 0, 0, G_OPTION_ARG_INT, &a->cache, "memory for tables and meshes (256); large meshes need more", "MIB"},
       {"gl", 0, 0, G_OPTION_ARG_NONE, &a->gl, "measure the gl back end too", NULL},
       {"scene", 0, 0, G_OPTION_ARG_FILENAME, &a->scene, "scene document laid over the fitted one", "FILE"},
       {"set", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &a->set, "change one member of the scene; may be repeated",
@@ -299,9 +301,9 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
                                "Times frames of each kernel variant and their error against the reference.", entries};
   if (!tcs_cli_parse(&usage, argc, argv, &a->rest, error)) return false;
   if (a->size < 1 || a->size > 4096 || a->runs < 1 || a->runs > MAX_RUNS || a->pixels < 0 || a->pixels > 1000000 ||
-      !(a->zoom > 0)) {
+      a->cache < 0 || !(a->zoom > 0)) {
     tc_set_error(error, TC_ERROR_INVALID, NULL,
-                 "--size 1..4096, --runs 1..1000, --error 0..1000000 and --zoom above 0 are wanted");
+                 "--size 1..4096, --runs 1..1000, --error 0..1000000, --cache from 0 and --zoom above 0 are wanted");
     return false;
   }
   if (a->paper && !tcs_paper_known(a->paper)) {

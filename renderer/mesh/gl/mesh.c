@@ -38,41 +38,86 @@ typedef struct drawing {
   unsigned vertices, target, ids, depths, buffers[2]; /* GL names; buffers: the block, surfaces' colours */
 } drawing;
 
-/* ---- the mesh in one buffer: vertices, indices, clusters ---- */
+/* ---- the mesh in one buffer: indices, clusters, vertices ----
+ *
+ * Vertex t is the last of triangle t, so that its number tells the triangle: of a primitive's own number drivers in
+ * software make each triangle apart. A mesh has about half as many vertices as triangles; others are copies, and the few
+ * that no triangle has last come after all of those. */
 
 typedef struct mesh_layout {
-  size_t indices, clusters, bytes;
+  size_t clusters, vertices;
 } mesh_layout;
 
 static size_t aligned(size_t n) { return (n + ALIGN - 1) / ALIGN * ALIGN; }
 
 static mesh_layout lay_out(const tc_clusters *m) {
-  mesh_layout l = {.indices = aligned(16 * m->vertex_room + 16)};
-  l.clusters = l.indices + aligned(12 * m->n_triangles + 12);
-  l.bytes = l.clusters + aligned(8 * m->n + 8);
+  mesh_layout l = {.clusters = aligned(12 * m->n_triangles + 12)};
+  l.vertices = l.clusters + aligned(8 * m->n + 8);
   return l;
 }
 
-static void pack_cluster(const tc_clusters *m, const tc_cluster *k, uint32_t *vertices, uint32_t *indices) {
-  const size_t room = tc_cluster_padded(k->n_vertices), corners = tc_cluster_padded(k->n_triangles);
-  const float *at = m->positions + 3 * (size_t)k->vertex;
+typedef struct owners {
+  int16_t of[TC_CLUSTER_VERTICES]; /* the triangle that has it last; -1: none */
+  uint8_t last[TC_CLUSTER_TRIANGLES]; /* corner */
+  int n_others;                    /* vertices of none */
+} owners;
+
+static void find_owners(const tc_clusters *m, const tc_cluster *k, owners *o) {
+  const size_t room = tc_cluster_padded(k->n_triangles);
   const uint8_t *triangles = m->triangles + 3 * (size_t)k->triangle;
-  for (size_t v = 0; v < k->n_vertices; v++, vertices += 4) {
-    for (size_t d = 0; d < 3; d++) memcpy(&vertices[d], &at[d * room + v], 4);
-    vertices[3] = m->normals ? m->normals[k->vertex + v] : 0;
+  for (int v = 0; v < k->n_vertices; v++) o->of[v] = -1;
+  o->n_others = k->n_vertices;
+  for (int t = 0; t < k->n_triangles; t++) {
+    size_t c = 0;
+    while (c < 2 && o->of[triangles[c * room + (size_t)t]] >= 0) c++;
+    int16_t *of = &o->of[triangles[c * room + (size_t)t]];
+    o->last[t] = (uint8_t)c;
+    if (*of < 0) *of = (int16_t)t, o->n_others--;
   }
-  for (size_t t = 0; t < k->n_triangles; t++)
-    for (size_t c = 0; c < 3; c++) *indices++ = k->vertex + triangles[c * corners + t];
+}
+
+static size_t packed_bytes(const void *thing) {
+  const tc_clusters *m = thing;
+  size_t n = m->n_triangles + 1;
+  owners o;
+  for (size_t i = 0; i < m->n; i++) find_owners(m, &m->clusters[i], &o), n += (size_t)o.n_others;
+  return lay_out(m).vertices + 16 * n;
+}
+
+static void pack_vertex(const tc_clusters *m, const tc_cluster *k, size_t v, uint32_t *to) {
+  const float *at = m->positions + 3 * (size_t)k->vertex + v;
+  for (size_t d = 0; d < 3; d++) memcpy(&to[d], &at[d * tc_cluster_padded(k->n_vertices)], 4);
+  to[3] = m->normals ? m->normals[k->vertex + v] : 0;
+}
+
+/* first: number of its first triangle; other: of the next vertex that is none's. */
+static void pack_cluster(const tc_clusters *m, const tc_cluster *k, uint32_t first, uint32_t *other, uint32_t *indices,
+                         uint32_t *vertices) {
+  const size_t room = tc_cluster_padded(k->n_triangles);
+  const uint8_t *triangles = m->triangles + 3 * (size_t)k->triangle;
+  uint32_t number[TC_CLUSTER_VERTICES];
+  owners o;
+  find_owners(m, k, &o);
+  for (size_t v = 0; v < k->n_vertices; v++) {
+    number[v] = o.of[v] >= 0 ? first + (uint32_t)o.of[v] : (*other)++;
+    pack_vertex(m, k, v, vertices + 4 * (size_t)number[v]);
+  }
+  for (size_t t = 0; t < k->n_triangles; t++) {
+    uint32_t *to = indices + 3 * (first + t);
+    for (size_t c = 0; c < 2; c++) to[c] = number[triangles[(o.last[t] + 1 + c) % 3 * room + t]];
+    to[2] = first + (uint32_t)t;
+    pack_vertex(m, k, triangles[o.last[t] * room + t], vertices + 4 * (first + t));
+  }
 }
 
 static bool pack(const void *thing, void *bytes, const tc_halt *halt) {
   const tc_clusters *m = thing;
   const mesh_layout l = lay_out(m);
-  uint32_t first = 0, *indices = (void *)((char *)bytes + l.indices), *clusters = (void *)((char *)bytes + l.clusters);
+  uint32_t first = 0, other = (uint32_t)m->n_triangles, *clusters = (void *)((char *)bytes + l.clusters);
   for (size_t i = 0; i < m->n; i++) {
     const tc_cluster *k = &m->clusters[i];
     if (i % LOOK == LOOK - 1 && tc_halt_within(halt)) return false;
-    pack_cluster(m, k, (uint32_t *)bytes + 4 * (size_t)k->vertex, indices + 3 * (size_t)first);
+    pack_cluster(m, k, first, &other, bytes, (void *)((char *)bytes + l.vertices));
     clusters[2 * i] = first, clusters[2 * i + 1] = k->part;
     first += k->n_triangles;
   }
@@ -141,12 +186,10 @@ static void bind_part(int binding, unsigned buffer, size_t from, size_t to) {
 
 static void make_vertices(drawing *d, const mesh_layout *l) {
   glCreateVertexArrays(1, &d->vertices);
-  for (GLuint i = 0; i < 2; i++) glEnableVertexArrayAttrib(d->vertices, i), glVertexArrayAttribBinding(d->vertices, i, i);
+  glEnableVertexArrayAttrib(d->vertices, 0);
   glVertexArrayAttribFormat(d->vertices, 0, 3, GL_FLOAT, GL_FALSE, 0);
-  glVertexArrayAttribIFormat(d->vertices, 1, 1, GL_UNSIGNED_INT, 0);
-  glVertexArrayVertexBuffer(d->vertices, 0, d->buffer->buffer, 0, 16);
-  glVertexArrayVertexBuffer(d->vertices, 1, d->buffer->buffer, (GLintptr)l->clusters, 8);
-  glVertexArrayBindingDivisor(d->vertices, 1, 1);
+  glVertexArrayAttribBinding(d->vertices, 0, 0);
+  glVertexArrayVertexBuffer(d->vertices, 0, d->buffer->buffer, (GLintptr)l->vertices, 16);
   glVertexArrayElementBuffer(d->vertices, d->buffer->buffer);
 }
 
@@ -173,7 +216,9 @@ static void make_buffers(drawing *d) {
 
 static void bind_all(drawing *d, const mesh_layout *l) {
   const unsigned buffer = d->buffer->buffer;
-  bind_part(4, buffer, 0, l->indices), bind_part(5, buffer, l->indices, l->clusters), bind_part(6, buffer, l->clusters, l->bytes);
+  bind_part(4, buffer, l->vertices, d->buffer->bytes);
+  bind_part(5, buffer, 0, l->clusters);
+  bind_part(6, buffer, l->clusters, l->vertices);
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 7, d->buffers[1]);
   glBindBufferBase(GL_UNIFORM_BUFFER, 1, d->buffers[0]);
   glBindTextureUnit(0, d->ids);
@@ -183,12 +228,10 @@ static void bind_all(drawing *d, const mesh_layout *l) {
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_GREATER);
   glFrontFace(GL_CW); /* rows grow downwards */
-  bool one_sided = true;
-  for (size_t i = 0; i < d->mesh->n_parts; i++) one_sided = one_sided && d->of.surfaces[i].one_sided;
-  (one_sided ? glEnable : glDisable)(GL_CULL_FACE);
 }
 
 static void drop_objects(drawing *d) {
+  tc_gl_batch_end(&d->batch);
   glBindFramebuffer(GL_DRAW_FRAMEBUFFER, 0);
   glBindVertexArray(0);
   glDeleteFramebuffers(1, &d->target);
@@ -204,22 +247,23 @@ static bool in_tile(const tc_sight *s, const int tile[4]) {
   return s->x1 >= s->x0 && s->x0 < tile[0] + tile[2] && s->x1 >= tile[0] && s->y0 < tile[1] + tile[3] && s->y1 >= tile[1];
 }
 
-/* Clusters that may be seen in the tile, in runs without a gap. False: halted. */
+/* Clusters of a surface that may be seen in the tile, in runs without a gap. False: halted. */
 static bool draw_clusters(drawing *d, const int tile[4]) {
-  const mesh_layout l = lay_out(d->mesh);
   const size_t n = d->mesh->n;
   uint32_t first = 0; /* triangle of cluster i */
   for (size_t i = 0; i < n;) {
     uint32_t triangles = 0;
     size_t end = i;
+    const tc_cluster *k = d->mesh->clusters;
     const double most = tc_gl_batch_most(&d->batch);
-    for (; end < n && in_tile(&d->sights[end], tile) && triangles < most; end++) triangles += d->mesh->clusters[end].n_triangles;
+    for (; end < n && in_tile(&d->sights[end], tile) && k[end].part == k[i].part && triangles < most; end++)
+      triangles += k[end].n_triangles;
     if (!triangles) {
-      first += d->mesh->clusters[i++].n_triangles;
+      first += k[i++].n_triangles;
       continue;
     }
-    const size_t at = l.indices + 12 * (size_t)first;
-    glDrawElementsInstancedBaseInstance(GL_TRIANGLES, (GLsizei)(3 * triangles), GL_UNSIGNED_INT, (const void *)at, 1, (GLuint)i);
+    (d->of.surfaces[k[i].part].one_sided ? glEnable : glDisable)(GL_CULL_FACE);
+    glDrawElements(GL_TRIANGLES, (GLsizei)(3 * triangles), GL_UNSIGNED_INT, (const void *)(12 * (size_t)first));
     if (!tc_gl_batch_add(&d->batch, triangles, d->gl->job->halt)) return false;
     d->gl->job->frame->stats.samples += triangles;
     i = end, first += triangles;
@@ -284,7 +328,7 @@ static bool draw_frame(drawing *d, GError **error) {
   const tc_job *job = d->gl->job;
   const mesh_layout l = lay_out(d->mesh);
   const uint64_t volume = tc_volume_serial(job->have.labels ? job->label_volume : job->source);
-  const tc_gl_packing packing = {"surface mesh", l.bytes, pack, d->mesh};
+  const tc_gl_packing packing = {"surface mesh", packed_bytes, pack, d->mesh};
   d->buffer = tc_gl_textures_packed(d->gl->textures, &packing, d->mesh->serial, volume, job->halt, error);
   if (!d->buffer) return false;
   set_block(d);
@@ -314,7 +358,6 @@ static const char *refuses(const tc_scene *scene) {
   for (size_t i = 0; i < scene->mesh.n_surfaces; i++) {
     const tc_mesh_surface *s = &scene->mesh.surfaces[i];
     if (tc_mesh_surface_shows(s) && s->opacity < 1) return "translucent layers are sorted by the cpu";
-    if (tc_mesh_surface_shows(s) && !s->two_sided) return "surfaces of one side are drawn by the cpu";
   }
   return NULL;
 }

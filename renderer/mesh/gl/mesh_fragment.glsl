@@ -1,5 +1,5 @@
 // The visibility buffer: the triangle that is nearest.
-flat in uint base;
+flat in uint number;
 #if CLIP
 in vec3 at;
 #endif
@@ -11,5 +11,5 @@ void main() {
     if (dot(mesh.planes[i], vec4(at, 1.0)) < 0.0)
       discard;
 #endif
-  triangle = base + uint(gl_PrimitiveID);
+  triangle = number;
 }

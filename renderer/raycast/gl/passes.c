@@ -7,20 +7,26 @@
 #include "renderer/frame/frame.h"
 #include "renderer/raycast/gl/slot.h"
 
-#define BATCH_MS 10 /* longest expected time of what is queued between two looks at the halt */
+#define BATCH_MS 7 /* expected time of a batch; two are in the queue, between two looks at the halt */
 
 double tc_gl_batch_most(const tc_gl_batch *b) { return BATCH_MS * 1e6 / b->unit_ns; }
 
 bool tc_gl_batch_add(tc_gl_batch *b, double units, const tc_halt *halt) {
-  if (b->queued == 0) b->begun_ms = tc_now_ms();
+  if (b->done_ms == 0) b->done_ms = tc_now_ms();
   b->queued += units;
   if (b->queued < tc_gl_batch_most(b)) return true;
-  glFinish();
-  const double ns = (tc_now_ms() - b->begun_ms) * 1e6 / b->queued;
-  b->unit_ns = fmax(ns, 0.75 * b->unit_ns);
-  b->queued = 0;
+  GLsync before = b->fence;
+  b->fence = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
+  glFlush();
+  if (before) glClientWaitSync(before, 0, (GLuint64)60e9);
+  glDeleteSync(before);
+  const double now = tc_now_ms();
+  b->unit_ns = fmax((now - b->done_ms) * 1e6 / b->queued, 0.75 * b->unit_ns);
+  b->queued = 0, b->done_ms = now;
   return !tc_halt_within(halt);
 }
+
+void tc_gl_batch_end(tc_gl_batch *b) { glDeleteSync(b->fence); }
 
 bool tc_gl_read_back(const tc_gl_frame *f, bool all, GError **error) {
   tc_progress *p = f->job->frame->progress;

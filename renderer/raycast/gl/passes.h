@@ -25,17 +25,18 @@ typedef struct tc_gl_drawer {
 } tc_gl_drawer;
 extern const tc_gl_drawer *const tc_gl_drawers[TC_MODE_COUNT]; /* NULL: rays */
 
-/* Work in the queue of such a frame, in units that take about as long as each other: once it is expected to take some
- * milliseconds it is waited for, and the halt looked at. */
+/* Work in the queue of such a frame, in units that take about as long as each other. Once it is expected to take some
+ * milliseconds it is a batch: the one before is waited for, and the halt looked at. Zero but for unit_ns at first. */
 typedef struct tc_gl_batch {
-  double unit_ns, queued;
-  double begun_ms; /* 0: nothing is queued */
+  double unit_ns, queued, done_ms;
+  void *fence; /* GLsync */
 } tc_gl_batch;
 
 /* So many units more were queued. False: stop. */
 bool tc_gl_batch_add(tc_gl_batch *batch, double units, const tc_halt *halt);
-/* Units that may be queued at once. */
+/* Units of a batch. */
 double tc_gl_batch_most(const tc_gl_batch *batch);
+void tc_gl_batch_end(tc_gl_batch *batch);
 
 /* Reads tiles back until the ring is idle (all), or has room; finished[] of each is set (tc_frame_cut()). False: lost. */
 bool tc_gl_read_back(const tc_gl_frame *frame, bool all, GError **error);

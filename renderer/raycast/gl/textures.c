@@ -326,11 +326,12 @@ const tc_gl_lookup *tc_gl_textures_packed(tc_gl_textures *textures, const tc_gl_
   const uint64_t key[5] = {0, volume_serial, UINT64_MAX, (uint64_t)(uintptr_t)packing->pack, serial};
   tc_gl_lookup *copy = find_lookup(textures, key);
   if (copy) return copy;
-  lookup_source from = {.what = packing->what, .count = packing->bytes / 16, .entry_bytes = 16, .format = GL_RGBA32UI};
-  void *entries = g_try_malloc(packing->bytes);
-  from.entries = entries;
+  const size_t bytes = packing->bytes(packing->thing);
+  void *entries = g_try_malloc(bytes);
+  const lookup_source from = {
+      .what = packing->what, .entries = entries, .count = bytes / 16, .entry_bytes = 16, .format = GL_RGBA32UI};
   if (!entries)
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "gl: %s of %zu bytes: out of memory", packing->what, packing->bytes);
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "gl: %s of %zu bytes: out of memory", packing->what, bytes);
   else if (!packing->pack(packing->thing, entries, halt))
     tc_halt_say(halt, error);
   else

@@ -63,7 +63,7 @@ const tc_gl_lookup *tc_gl_textures_labels(tc_gl_textures *textures, const tc_vol
 /* What is kept as bytes of a layout of its own, for shaders that read its buffer. */
 typedef struct tc_gl_packing {
   const char *what;
-  size_t bytes; /* a multiple of 16 */
+  size_t (*bytes)(const void *thing); /* a multiple of 16 */
   bool (*pack)(const void *thing, void *bytes, const tc_halt *halt); /* false: halted */
   const void *thing;
 } tc_gl_packing;
