@@ -1,4 +1,5 @@
 #include "server/catalogue/beneath.h"
+#include "renderer/import/import.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -78,6 +79,7 @@ char *tcs_beneath(const char *folder, const char *relative, GError **error) {
 
 typedef struct scan {
   GPtrArray *found;
+  bool meshes; /* those, not volumes */
   int limit, folders;
 } scan;
 
@@ -150,11 +152,11 @@ static void scan_folder(scan *s, int parent_fd, const char *name, const char *pa
     char *child = *path ? g_strconcat(path, "/", item->d_name, NULL) : g_strdup(item->d_name);
     if (S_ISDIR(status.st_mode)) {
       scan_folder(s, fd, item->d_name, child, depth + 1);
-    } else if (S_ISREG(status.st_mode) && is_slice(fd, item->d_name, &nameless)) {
+    } else if (S_ISREG(status.st_mode) && !s->meshes && is_slice(fd, item->d_name, &nameless)) {
       slices++;
       slice_bytes += (double)status.st_size;
       if (!first_slice) first_slice = g_strdup(child);
-    } else if (S_ISREG(status.st_mode) && has_volume_name(item->d_name)) {
+    } else if (S_ISREG(status.st_mode) && (s->meshes ? tc_import_names_mesh : has_volume_name)(item->d_name)) {
       add_found(s, child, (double)status.st_size);
     }
     g_free(child);
@@ -172,8 +174,8 @@ static int compare_found(const void *a, const void *b) {
   return strcmp((*x)->path, (*y)->path);
 }
 
-cJSON *tcs_available(const char *folder, int limit) {
-  scan s = {.found = g_ptr_array_new_with_free_func(free_found), .limit = limit};
+cJSON *tcs_available(const char *folder, bool meshes, int limit) {
+  scan s = {.meshes = meshes, .found = g_ptr_array_new_with_free_func(free_found), .limit = limit};
   if (folder) scan_folder(&s, AT_FDCWD, folder, "", 0);
   g_ptr_array_sort(s.found, compare_found);
   cJSON *list = cJSON_CreateArray();

@@ -10,6 +10,9 @@
 /* Viewers are told of so many volumes at once, and of the rest next time. */
 #define MOST_TOLD 32
 
+const char *const tcs_kind_names[TCS_KIND_COUNT] = {"volume", "mesh"};
+const char *const tcs_kind_paths[TCS_KIND_COUNT] = {"/v1/volumes", "/v1/meshes"};
+
 static const char *const state_names[TCS_VOLUME_STATE_COUNT] = {"loading", "resident", "failed"};
 
 static void free_entry(void *item) {
@@ -17,10 +20,21 @@ static void free_entry(void *item) {
   if (entry->load) tcs_load_leave(entry->load);
   tc_volume_unref(entry->volume);
   tc_volume_unref(entry->body);
+  tc_mesh_free(entry->mesh);
   g_clear_pointer(&entry->thumbnail, g_bytes_unref);
   tc_scene_clear(&entry->defaults);
   g_free(entry->reason);
   g_free(entry);
+}
+
+static guint hash_entry(const void *item) {
+  const tcs_entry *entry = item;
+  return g_str_hash(entry->id) + (guint)entry->kind;
+}
+
+static gboolean same_entry(const void *a, const void *b) {
+  const tcs_entry *x = a, *y = b;
+  return x->kind == y->kind && strcmp(x->id, y->id) == 0;
 }
 
 tcs_catalogue *tcs_catalogue_new(tcs_server *server) {
@@ -29,7 +43,7 @@ tcs_catalogue *tcs_catalogue_new(tcs_server *server) {
   tcs_budget_when_asked(server->budget, tcs_room_give, catalogue);
   g_queue_init(&catalogue->loads);
   g_queue_init(&catalogue->failed);
-  catalogue->entries = g_hash_table_new_full(g_str_hash, g_str_equal, NULL, free_entry);
+  catalogue->entries = g_hash_table_new_full(hash_entry, same_entry, free_entry, NULL);
   return catalogue;
 }
 
@@ -39,38 +53,45 @@ void tcs_catalogue_free(tcs_catalogue *catalogue) {
   g_free(catalogue);
 }
 
-tcs_entry *tcs_catalogue_find(tcs_catalogue *catalogue, const char *id) {
-  return g_hash_table_lookup(catalogue->entries, id);
+tcs_entry *tcs_catalogue_find(tcs_catalogue *catalogue, tcs_kind kind, const char *id) {
+  static tcs_entry wanted; /* as a key */
+  wanted.kind = kind;
+  return g_strlcpy(wanted.id, id, sizeof wanted.id) < sizeof wanted.id ? g_hash_table_lookup(catalogue->entries, &wanted)
+                                                                       : NULL;
 }
 
-tcs_entry *tcs_catalogue_resident(tcs_catalogue *catalogue, const char *id, const char *member, GError **error) {
-  tcs_entry *entry = tcs_catalogue_find(catalogue, id);
+tcs_entry *tcs_catalogue_resident(tcs_catalogue *catalogue, tcs_kind kind, const char *id, const char *member,
+                                  GError **error) {
+  tcs_entry *entry = tcs_catalogue_find(catalogue, kind, id);
+  const char *noun = tcs_kind_names[kind];
   if (entry && entry->state == TCS_RESIDENT) {
     entry->used_us = g_get_monotonic_time();
     return entry;
   }
   if (!entry)
-    tc_set_error(error, TC_ERROR_NOT_FOUND, member, "there is no such volume; GET /v1/volumes lists them");
+    tc_set_error(error, TC_ERROR_NOT_FOUND, member, "there is no such %s; GET %s lists them", noun, tcs_kind_paths[kind]);
   else if (entry->state == TCS_LOADING)
-    tc_set_error(error, TC_ERROR_CONFLICT, member, "the volume is still loading; ask again when its state is resident");
+    tc_set_error(error, TC_ERROR_CONFLICT, member, "the %s is still loading; ask again when its state is resident", noun);
   else
-    tc_set_error(error, TC_ERROR_CONFLICT, member, "the volume could not be loaded: %s", entry->reason);
+    tc_set_error(error, TC_ERROR_CONFLICT, member, "the %s could not be loaded: %s", noun, entry->reason);
   return NULL;
 }
 
 static void forget(tcs_catalogue *catalogue, tcs_entry *entry) {
   if (entry->failed_link.data) g_queue_unlink(&catalogue->failed, &entry->failed_link);
-  g_hash_table_remove(catalogue->entries, entry->id);
+  g_hash_table_remove(catalogue->entries, entry);
 }
 
-bool tcs_catalogue_may_load(tcs_catalogue *catalogue, const char *id, const char *client, GError **error) {
+bool tcs_catalogue_may_load(tcs_catalogue *catalogue, tcs_kind kind, const char *id, const char *client, GError **error) {
   if (!tcs_id_valid(id)) {
-    tc_set_error(error, TC_ERROR_INVALID, "/id", "a volume id is 1 to 64 of letters, digits, '.', '_', '-'");
+    tc_set_error(error, TC_ERROR_INVALID, "/id", "a %s id is 1 to 64 of letters, digits, '.', '_', '-'",
+                 tcs_kind_names[kind]);
     return false;
   }
-  const tcs_entry *entry = tcs_catalogue_find(catalogue, id);
+  const tcs_entry *entry = tcs_catalogue_find(catalogue, kind, id);
   if (entry && entry->state != TCS_FAILED) {
-    tc_set_error(error, TC_ERROR_CONFLICT, "/id", "there is a volume of this id already; delete it first");
+    tc_set_error(error, TC_ERROR_CONFLICT, "/id", "there is a %s of this id already; delete it first",
+                 tcs_kind_names[kind]);
     return false;
   }
   if (!tcs_room_possible(catalogue, tcs_room_of(1))) {
@@ -80,18 +101,20 @@ bool tcs_catalogue_may_load(tcs_catalogue *catalogue, const char *id, const char
   return tcs_loads_allow(catalogue, client, error);
 }
 
-tcs_entry *tcs_catalogue_load(tcs_catalogue *catalogue, const char *id, tcs_source_file *source, GError **error) {
-  if (!tcs_catalogue_may_load(catalogue, id, source->operators ? NULL : source->client, error)) {
+tcs_entry *tcs_catalogue_load(tcs_catalogue *catalogue, tcs_kind kind, const char *id, tcs_source_file *source,
+                              GError **error) {
+  if (!tcs_catalogue_may_load(catalogue, kind, id, source->operators ? NULL : source->client, error)) {
     tcs_spooled_free(source->upload);
     g_free(source->path);
     return NULL;
   }
-  tcs_entry *entry = tcs_catalogue_find(catalogue, id);
+  tcs_entry *entry = tcs_catalogue_find(catalogue, kind, id);
   if (entry) forget(catalogue, entry); /* a failed one */
   entry = g_new0(tcs_entry, 1);
+  entry->kind = kind;
   g_strlcpy(entry->id, id, sizeof entry->id);
   entry->operators = source->operators;
-  g_hash_table_insert(catalogue->entries, entry->id, entry);
+  g_hash_table_add(catalogue->entries, entry);
   tcs_load_begin(catalogue, entry, source);
   return entry;
 }
@@ -133,7 +156,7 @@ void tcs_catalogue_cancel_all(tcs_catalogue *catalogue) {
   GHashTableIter iterator;
   void *value;
   g_hash_table_iter_init(&iterator, catalogue->entries);
-  while (g_hash_table_iter_next(&iterator, NULL, &value)) {
+  while (g_hash_table_iter_next(&iterator, &value, NULL)) {
     tcs_entry *entry = value;
     if (entry->load) atomic_store(&entry->load->cancel, true);
   }
@@ -143,16 +166,16 @@ bool tcs_catalogue_starting(tcs_catalogue *catalogue) {
   const GPtrArray *volumes = catalogue->server->config->volumes;
   for (guint i = 0; i < volumes->len; i++) {
     const tcs_named_path *named = g_ptr_array_index(volumes, i);
-    const tcs_entry *entry = tcs_catalogue_find(catalogue, named->id);
+    const tcs_entry *entry = tcs_catalogue_find(catalogue, TCS_KIND_VOLUME, named->id);
     if (entry && entry->state == TCS_LOADING) return true;
   }
   return false;
 }
 
-bool tcs_catalogue_resolve(tcs_catalogue *catalogue, const char *path, tcs_source_file *source, GError **error) {
+bool tcs_catalogue_resolve(tcs_catalogue *catalogue, tcs_kind kind, const char *path, tcs_source_file *source, GError **error) {
   const char *data = catalogue->server->config->data;
   *source = (tcs_source_file){.name = path};
-  if (g_str_has_prefix(path, "demo:")) {
+  if (kind == TCS_KIND_VOLUME && g_str_has_prefix(path, "demo:")) {
     source->path = g_strdup(path);
     return true;
   }
@@ -164,66 +187,9 @@ bool tcs_catalogue_resolve(tcs_catalogue *catalogue, const char *path, tcs_sourc
   return source->path != NULL;
 }
 
-static void add_vector(cJSON *object, const char *name, const double *values, int count) {
-  cJSON_AddItemToObject(object, name, cJSON_CreateDoubleArray(values, count));
-}
-
-void tcs_describe_provenance(cJSON *json, const tc_volume *volume) {
-  const tc_volume_desc *desc = tc_volume_describe(volume);
-  const tc_provenance *from = tc_volume_provenance(volume);
-  cJSON_AddNumberToObject(json, "frames", desc->frames);
-  cJSON_AddNumberToObject(json, "volume", MAX(from->volume, 1));
-  if (from->slices_found) {
-    cJSON *slices = cJSON_AddObjectToObject(json, "slices");
-    cJSON_AddNumberToObject(slices, "used", from->slices_used);
-    cJSON_AddNumberToObject(slices, "found", from->slices_found);
-  }
-  if (from->resampled) cJSON_AddTrueToObject(json, "resampled");
-  if (from->bridged) cJSON_AddNumberToObject(json, "bridged", from->bridged);
-  cJSON_AddStringToObject(json, "note", desc->note);
-}
-
-static void add_window(cJSON *json, const char *name, double center, double width) {
-  cJSON *window = cJSON_AddObjectToObject(json, name);
-  cJSON_AddNumberToObject(window, "center", center);
-  cJSON_AddNumberToObject(window, "width", width);
-}
-
-/* What a client needs to fit presets and windows as the defaults are. */
-static void describe_fit(cJSON *json, const tc_fit *fit, bool has_body) {
-  cJSON *display = cJSON_AddObjectToObject(json, "display"), *windows = cJSON_AddObjectToObject(display, "windows");
-  add_vector(display, "range", (const double[3]){fit->stretch.low, fit->stretch.middle, fit->stretch.high}, 3);
-  cJSON_AddNumberToObject(display, "unitDistance", fit->stretch.unit);
-  cJSON_AddBoolToObject(display, "table", has_body);
-  for (int i = 0; i < TC_MODE_COUNT; i++)
-    if (fit->windows[i].width > 0) add_window(windows, tc_mode_names[i], fit->windows[i].center, fit->windows[i].width);
-}
-
-static void describe_volume(cJSON *json, const tc_volume *volume) {
-  const tc_volume_desc *desc = tc_volume_describe(volume);
-  const tc_volume_stats *stats = tc_volume_statistics(volume);
-  cJSON_AddItemToObject(json, "dims", cJSON_CreateIntArray(desc->dims, 3));
-  add_vector(json, "spacing", desc->spacing, 3);
-  add_vector(json, "origin", desc->origin, 3);
-  cJSON *direction = cJSON_AddArrayToObject(json, "direction");
-  for (int row = 0; row < 3; row++)
-    cJSON_AddItemToArray(direction, cJSON_CreateDoubleArray(desc->direction + 3 * row, 3));
-  cJSON_AddStringToObject(json, "type", tc_voxel_type_name(desc->type));
-  add_vector(json, "range", (const double[2]){stats->min, stats->max}, 2);
-  cJSON_AddNumberToObject(json, "bytes", (double)tc_volume_bytes(volume));
-  cJSON_AddStringToObject(json, "modality", desc->modality);
-  cJSON_AddStringToObject(json, "format", desc->format);
-  cJSON_AddStringToObject(json, "unit", desc->unit);
-  cJSON_AddNumberToObject(json, "slope", desc->slope);
-  cJSON_AddNumberToObject(json, "intercept", desc->intercept);
-  tcs_describe_provenance(json, volume);
-  cJSON_AddNumberToObject(json, "nonFinite", (double)stats->non_finite);
-  if (desc->window_width > 0) add_window(json, "window", desc->window_center, desc->window_width);
-}
-
 /* What is told of an entry. */
 typedef struct row {
-  char id[sizeof((tcs_entry *)0)->id];
+  char id[TCS_ID_SIZE];
   tcs_volume_state state;
   int permille; /* of a load; -1: it is none */
   int users;
@@ -231,11 +197,15 @@ typedef struct row {
   tc_volume *volume; /* or NULL */
   tc_fit fit;        /* of a volume */
   bool has_body;
+  tc_mesh *mesh; /* or NULL */
+  tc_mesh_file file;
+  tc_mesh_measures measures;
 } row;
 
 static row row_of(const tcs_entry *entry) {
   row r = {.state = entry->state, .permille = entry->load ? atomic_load(&entry->load->permille) : -1,
-           .users = entry->users, .reason = entry->reason, .volume = entry->volume, .fit = entry->fit, .has_body = entry->body != NULL};
+           .users = entry->users, .reason = entry->reason, .volume = entry->volume, .fit = entry->fit, .has_body = entry->body != NULL,
+           .mesh = entry->mesh, .file = entry->file, .measures = entry->measures};
   memcpy(r.id, entry->id, sizeof r.id);
   return r;
 }
@@ -246,10 +216,8 @@ static cJSON *describe(const row *r) {
   cJSON_AddStringToObject(json, "state", state_names[r->state]);
   if (r->permille >= 0) cJSON_AddNumberToObject(json, "fraction", r->permille / 1000.0);
   if (r->reason) cJSON_AddStringToObject(json, "reason", r->reason);
-  if (r->volume) {
-    describe_volume(json, r->volume);
-    describe_fit(json, &r->fit, r->has_body);
-  }
+  if (r->volume) tcs_volume_describe(json, r->volume, &r->fit, r->has_body);
+  if (r->mesh) tcs_mesh_describe(json, r->mesh, &r->file, &r->measures);
   cJSON_AddNumberToObject(json, "sessions", r->users);
   return json;
 }
@@ -259,16 +227,17 @@ cJSON *tcs_catalogue_describe(const tcs_entry *entry) {
   return describe(&r);
 }
 
-GArray *tcs_catalogue_rows(tcs_catalogue *catalogue, tcs_volume_wanted *wanted, const void *user) {
+GArray *tcs_catalogue_rows(tcs_catalogue *catalogue, tcs_kind kind, tcs_entry_wanted *wanted, const void *user) {
   GArray *rows = g_array_new(FALSE, FALSE, sizeof(row));
   GHashTableIter iterator;
   void *entry;
   g_hash_table_iter_init(&iterator, catalogue->entries);
-  while (g_hash_table_iter_next(&iterator, NULL, &entry)) {
+  while (g_hash_table_iter_next(&iterator, &entry, NULL)) {
     row r = row_of(entry);
-    if (wanted && !wanted(user, r.id)) continue;
+    if (((tcs_entry *)entry)->kind != kind || (wanted && !wanted(user, kind, r.id))) continue;
     r.reason = g_strdup(r.reason);
-    if (r.volume) r.volume = tc_volume_ref(r.volume);
+    if (r.volume) tc_volume_ref(r.volume);
+    if (r.mesh) tc_mesh_ref(r.mesh);
     g_array_append_val(rows, r);
   }
   return rows;
@@ -279,6 +248,7 @@ void tcs_rows_free(GArray *rows) {
     const row *r = &g_array_index(rows, row, i);
     g_free(r->reason);
     tc_volume_unref(r->volume);
+    tc_mesh_free(r->mesh);
   }
   g_array_unref(rows);
 }
@@ -297,12 +267,14 @@ void tcs_catalogue_gauges(tcs_catalogue *catalogue, tcs_gauges *gauges) {
   GHashTableIter iterator;
   void *value;
   g_hash_table_iter_init(&iterator, catalogue->entries);
-  while (g_hash_table_iter_next(&iterator, NULL, &value)) {
+  while (g_hash_table_iter_next(&iterator, &value, NULL)) {
     const tcs_entry *entry = value;
-    gauges->volumes_resident += entry->state == TCS_RESIDENT;
-    gauges->volumes_loading += entry->state == TCS_LOADING;
+    const bool mesh = entry->kind == TCS_KIND_MESH, resident = entry->state == TCS_RESIDENT;
+    gauges->meshes_resident += mesh && resident;
+    gauges->volumes_resident += !mesh && resident;
+    gauges->volumes_loading += !mesh && entry->state == TCS_LOADING;
+    if (!mesh && resident) gauges->volume_bytes += tcs_entry_bytes(entry);
   }
-  gauges->volume_bytes = catalogue->resident_bytes;
   tcs_budget *budget = catalogue->server->budget;
   gauges->memory_total = tcs_budget_total(budget);
   G_STATIC_ASSERT(TCS_MEMORY_KIND_COUNT <= TCS_METRICS_MEMORY);
@@ -318,8 +290,8 @@ static bool tell_of(tcs_entry *entry, char *text, size_t size) {
   if (entry->state == entry->told && (!entry->load || permille == entry->load->told)) return false;
   entry->told = entry->state;
   if (entry->load) entry->load->told = permille;
-  g_snprintf(text, size, "{\"type\":\"volume\",\"id\":\"%s\",\"state\":\"%s\",\"fraction\":%d.%03d}", entry->id,
-             state_names[entry->state], permille / 1000, permille % 1000);
+  g_snprintf(text, size, "{\"type\":\"%s\",\"id\":\"%s\",\"state\":\"%s\",\"fraction\":%d.%03d}",
+             tcs_kind_names[entry->kind], entry->id, state_names[entry->state], permille / 1000, permille % 1000);
   return true;
 }
 
@@ -329,7 +301,7 @@ void tcs_catalogue_report(tcs_catalogue *catalogue, void (*tell)(void *user, con
   char text[160];
   int left = MOST_TOLD;
   g_hash_table_iter_init(&iterator, catalogue->entries);
-  while (left > 0 && g_hash_table_iter_next(&iterator, NULL, &value)) {
+  while (left > 0 && g_hash_table_iter_next(&iterator, &value, NULL)) {
     if (!tell_of(value, text, sizeof text)) continue;
     tell(user, text);
     left--;

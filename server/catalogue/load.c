@@ -23,7 +23,7 @@ static bool on_reserve(void *user, uint64_t bytes, GError **error) {
   tcs_budget *budget = load->catalogue->server->budget;
   load->wanted = tcs_room_of(bytes);
   if (load->wanted > tcs_budget_voxels(budget)) {
-    tc_set_error(error, TC_ERROR_LIMIT, NULL, "it takes %.1f MiB; all volumes together may have %.1f MiB",
+    tc_set_error(error, TC_ERROR_LIMIT, NULL, "it takes %.1f MiB; all volumes and meshes together may have %.1f MiB",
                  (double)bytes / 0x1p20, (double)tcs_budget_voxels(budget) / 0x1p20);
     return false;
   }
@@ -55,7 +55,12 @@ static void name_deadline(tcs_load *load) {
                load->catalogue->server->config->limits.import_seconds);
 }
 
-static void import(tcs_load *load) {
+static const tcs_kind_row *row_of(const tcs_load *load) {
+  return load->kind == TCS_KIND_MESH ? &tcs_kind_mesh : &tcs_kind_volume;
+}
+
+static bool import(tcs_load *load) {
+  bool good = false;
   const tcs_limits *limits = &load->catalogue->server->config->limits;
   const tc_import_options options = {.progress = on_progress,
                                      .reserve = on_reserve,
@@ -68,40 +73,22 @@ static void import(tcs_load *load) {
   if (atomic_load(&load->cancel))
     tc_set_error(&load->error, TC_ERROR_CANCELLED, NULL, "cancelled");
   else
-    load->volume = tc_import(load->source.path, &options, &load->error);
+    good = row_of(load)->import(load, &options);
   on_decoder(load, 0, NULL);
-  if (!load->volume && load->late) name_deadline(load);
+  return good;
 }
 
-static bool goes_on(void *user) {
+bool tcs_load_goes_on(void *user) {
   tcs_load *load = user;
   return !atomic_load(&load->cancel) && g_get_monotonic_time() < load->deadline_us;
 }
 
-/* The body takes memory of its own; where there is none, the table stays. */
-static bool reserve_body(void *user, uint64_t bytes) {
-  tcs_load *load = user;
-  const uint64_t both = load->reserved + tcs_room_of(bytes);
-  if (!tcs_budget_resize(load->catalogue->server->budget, TCS_MEMORY_LOADS, load->reserved, both)) return false;
-  load->reserved = both;
-  return true;
-}
-
-static void find_fit(tcs_load *load) {
-  tc_fit_find(&load->fit, load->volume);
-  load->body = tc_fit_body(&load->fit, load->volume, goes_on, reserve_body, load);
-  tc_fit_windows(&load->fit, load->volume, load->body);
-  tc_scene_init(&load->defaults);
-  tc_scene_dress(&load->defaults, load->volume, &load->fit, load->body != NULL);
-  tc_scene_share(&load->defaults);
-}
-
 static void run_load(tcs_task *task) {
   tcs_load *load = (tcs_load *)task;
-  import(load);
+  const bool good = import(load);
   if (load->source.upload && !load->refused) tcs_spooled_remove(load->source.upload);
-  if (!load->volume) return;
-  find_fit(load); /* walks the voxels: here, not when a session asks */
+  load->good = good && row_of(load)->dress(load); /* walks it all: here, not when a session asks */
+  if (!load->good && load->late) name_deadline(load);
 }
 
 /* An importer names the file it was given; a client must see its own name for it instead. */
@@ -128,6 +115,7 @@ static void free_load(tcs_load *load) {
   tc_scene_clear(&load->defaults);
   tc_volume_unref(load->volume);
   tc_volume_unref(load->body);
+  tc_mesh_free(load->mesh);
   g_free(load->source.path);
   g_free(load->name);
   g_free(load);
@@ -135,59 +123,42 @@ static void free_load(tcs_load *load) {
 
 /* --- how one ends ---------------------------------------------------------------------------------- */
 
-/* What is counted for a volume until the last of its users is gone. */
 typedef struct holding {
   tcs_budget *budget;
   uint64_t bytes;
   tcs_memory_kind kind; /* changed by the I/O thread while the catalogue still has a reference */
 } holding;
 
-static void on_freed(void *user) {
+void tcs_hold_freed(void *user) {
   holding *held = user;
   tcs_budget_give(held->budget, held->kind, held->bytes);
   g_free(held);
 }
 
-static holding *hold(tcs_load *load, tc_volume *volume) {
-  if (!volume) return NULL;
+void *tcs_hold(tcs_load *load, uint64_t bytes) {
   tcs_budget *budget = load->catalogue->server->budget;
   holding *held = g_new(holding, 1);
-  *held = (holding){budget, tcs_room_of(tc_volume_bytes(volume)), TCS_MEMORY_VOLUMES};
-  tcs_budget_count(budget, TCS_MEMORY_VOLUMES, held->bytes);
-  tc_volume_when_freed(volume, on_freed, held);
+  *held = (holding){budget, tcs_room_of(bytes), row_of(load)->memory};
+  tcs_budget_count(budget, held->kind, held->bytes);
   return held;
 }
 
 static void keep(tcs_load *load) {
-  tcs_catalogue *catalogue = load->catalogue;
   tcs_entry *entry = load->entry;
-  tcs_budget_give(catalogue->server->budget, TCS_MEMORY_LOADS, load->reserved);
+  tcs_budget_give(load->catalogue->server->budget, TCS_MEMORY_LOADS, load->reserved);
   load->reserved = 0;
-  entry->held = hold(load, load->volume);
-  entry->held_body = hold(load, load->body);
   entry->state = TCS_RESIDENT;
   entry->used_us = g_get_monotonic_time();
-  entry->defaults = load->defaults;
-  memset(&load->defaults, 0, sizeof load->defaults);
-  entry->fit = load->fit;
-  entry->volume = g_steal_pointer(&load->volume);
-  entry->body = g_steal_pointer(&load->body);
-  const size_t bytes = tcs_entry_bytes(entry);
-  catalogue->resident_bytes += bytes;
-  catalogue->server->metrics->volume_loads++;
-  const tc_volume_desc *desc = tc_volume_describe(entry->volume);
-  tcs_log(TCS_LOG_INFO, "volume.loaded", "dims=%dx%dx%d type=%s format=%s bytes=%zu ms=%.0f", desc->dims[0],
-          desc->dims[1], desc->dims[2], tc_voxel_type_name(desc->type), desc->format, bytes,
-          (double)(g_get_monotonic_time() - load->began_us) / 1000);
+  row_of(load)->keep(load, entry);
 }
 
 static void fail(tcs_load *load) {
   tcs_catalogue *catalogue = load->catalogue;
   tcs_entry *entry = load->entry;
-  catalogue->server->metrics->volume_failures++;
+  catalogue->server->metrics->volume_failures += load->kind == TCS_KIND_VOLUME;
   char *text = reason_for_client(load);
   const char *reason = load->source.operators ? text : NULL;
-  tcs_log(TCS_LOG_WARN, "volume.failed", "code=%d%s%s", load->error ? load->error->code : -1, reason ? " reason=" : "",
+  tcs_log(TCS_LOG_WARN, load->kind == TCS_KIND_MESH ? "mesh.failed" : "volume.failed", "code=%d%s%s", load->error ? load->error->code : -1, reason ? " reason=" : "",
           reason ? reason : "");
   tcs_entry_fail(catalogue, entry, text);
 }
@@ -204,7 +175,7 @@ static bool waits_for_memory(tcs_load *load) {
 
 static void finish(tcs_load *load) {
   if (load->entry) load->entry->load = NULL;
-  if (load->entry && load->volume)
+  if (load->entry && load->good)
     keep(load);
   else if (load->entry)
     fail(load);
@@ -236,10 +207,10 @@ bool tcs_loads_allow(const tcs_catalogue *catalogue, const char *client, GError 
   const tcs_limits *limits = &catalogue->server->config->limits;
   if (!client) return true;
   if (count_of(catalogue, client, false) >= limits->loads_per_client)
-    tc_set_error(error, TC_ERROR_BUSY, NULL, "%" PRId64 " volumes of this client are loading, which is the limit; try again later",
+    tc_set_error(error, TC_ERROR_BUSY, NULL, "%" PRId64 " volumes and meshes of this client are loading, which is the limit; try again later",
                  limits->loads_per_client);
   else if (count_of(catalogue, NULL, false) >= limits->loads)
-    tc_set_error(error, TC_ERROR_BUSY, NULL, "%" PRId64 " volumes are loading, which is the limit; try again later",
+    tc_set_error(error, TC_ERROR_BUSY, NULL, "%" PRId64 " volumes and meshes are loading, which is the limit; try again later",
                  limits->loads);
   else
     return true;
@@ -295,6 +266,7 @@ void tcs_load_begin(tcs_catalogue *catalogue, tcs_entry *entry, const tcs_source
   load->link.data = load;
   load->catalogue = catalogue;
   load->entry = entry;
+  load->kind = entry->kind;
   load->source = *source;
   load->name = g_strdup(source->name);
   load->told = -1;
@@ -320,19 +292,20 @@ static void pin(void **held_of_entry) {
 }
 
 uint64_t tcs_entry_bytes(const tcs_entry *entry) {
+  if (entry->mesh) return entry->mesh->bytes;
   return tc_volume_bytes(entry->volume) + (entry->body ? tc_volume_bytes(entry->body) : 0);
 }
 
 void tcs_entry_release(tcs_catalogue *catalogue, tcs_entry *entry) {
-  if (!entry->volume) return;
+  if (!entry->volume && !entry->mesh) return;
   g_clear_pointer(&entry->thumbnail, g_bytes_unref);
-  catalogue->resident_bytes -= tcs_entry_bytes(entry);
   pin(&entry->held);
   pin(&entry->held_body);
   tc_scene_clear(&entry->defaults);
   memset(&entry->defaults, 0, sizeof entry->defaults);
-  tcs_scheduler_forget(catalogue->server->scheduler, entry->volume);
+  if (entry->volume) tcs_scheduler_forget(catalogue->server->scheduler, entry->volume);
   if (entry->body) tcs_scheduler_forget(catalogue->server->scheduler, entry->body);
   g_clear_pointer(&entry->volume, tc_volume_unref);
   g_clear_pointer(&entry->body, tc_volume_unref);
+  g_clear_pointer(&entry->mesh, tc_mesh_free);
 }

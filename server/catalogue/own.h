@@ -10,12 +10,11 @@
 
 struct tcs_catalogue {
   tcs_server *server;
-  GHashTable *entries; /* id (inside the entry) -> tcs_entry */
+  GHashTable *entries; /* tcs_entry by kind and id: a set */
   GQueue loads;        /* tcs_load *, oldest first: waiting and running */
   GQueue failed;       /* tcs_entry *, by failed_link, oldest first; none of the operator's */
   int running;
   bool ended; /* nothing is started any more */
-  uint64_t resident_bytes;
 };
 
 struct tcs_load {
@@ -23,6 +22,7 @@ struct tcs_load {
   GList link;
   tcs_catalogue *catalogue;
   tcs_entry *entry; /* NULL: nobody wants it any more */
+  tcs_kind kind;
   tcs_source_file source;
   char *name;
   bool running;
@@ -38,11 +38,36 @@ struct tcs_load {
   uint64_t decoder_wanted;   /* the most it had, of all runs */
   bool refused;              /* the budget did not have `wanted`, or that */
   bool late;                 /* took longer than it may */
+  bool good;                 /* all is there */
   tc_volume *volume, *body;
   tc_fit fit;
   tc_scene defaults; /* that fit it; zeros without */
+  tc_mesh *mesh;
+  tc_mesh_file file;
+  tc_mesh_measures measures;
   GError *error;
 };
+
+/* What tells the kinds apart (volumes.c, meshes.c); all else is the same for both. */
+typedef struct tcs_kind_row {
+  tcs_memory_kind memory;
+  /* On the worker: reads the file into the load; false with load->error. */
+  bool (*import)(tcs_load *load, const tc_import_options *options);
+  /* On the worker, after that: what walks all of it. False with load->error: what was imported is gone. */
+  bool (*dress)(tcs_load *load);
+  void (*keep)(tcs_load *load, tcs_entry *entry); /* hands over what was loaded */
+} tcs_kind_row;
+extern const tcs_kind_row tcs_kind_volume, tcs_kind_mesh;
+
+/* What is counted for a volume or a mesh until the last of its users is gone: tcs_hold_freed() is to be called with it then. */
+void *tcs_hold(tcs_load *load, uint64_t bytes);
+void tcs_hold_freed(void *held);
+/* Whether a load's worker should go on; bool (*)(void *). */
+bool tcs_load_goes_on(void *load);
+
+/* Adds what there is to tell of either. */
+void tcs_volume_describe(cJSON *json, const tc_volume *volume, const tc_fit *fit, bool has_body);
+void tcs_mesh_describe(cJSON *json, const tc_mesh *mesh, const tc_mesh_file *file, const tc_mesh_measures *measures);
 
 /* Starts what can start, gives up what cannot. After anything changed, and a few times a second. */
 void tcs_loads_pump(tcs_catalogue *catalogue);
@@ -52,7 +77,7 @@ void tcs_load_begin(tcs_catalogue *catalogue, tcs_entry *entry, const tcs_source
 /* Its asker does not want it any more: dropped if it waits, told to stop if it runs. */
 void tcs_load_leave(tcs_load *load);
 
-/* Drops least recently used derived data, then volumes that no session shows, least recently used first and the
+/* Drops least recently used derived data, then volumes and meshes that no session shows, least recently used first and the
  * operator's last, until this much fits, or will, once what was dropped is not being used any more. False: there is not
  * that much to drop, and nothing was. */
 bool tcs_room_make(tcs_catalogue *catalogue, uint64_t voxel_bytes, uint64_t more_bytes);
@@ -61,9 +86,9 @@ bool tcs_room_possible(tcs_catalogue *catalogue, uint64_t bytes);
 /* What the ledger has for a volume of this many voxel bytes. */
 uint64_t tcs_room_of(uint64_t voxel_bytes);
 
-/* Voxel bytes of a resident volume and its body. */
+/* Bytes of a resident volume and its body, or of a mesh. */
 uint64_t tcs_entry_bytes(const tcs_entry *entry);
-/* Takes the voxels away from an entry; they go when their last user does. */
+/* Takes what it holds away from an entry; that goes when its last user does. */
 void tcs_entry_release(tcs_catalogue *catalogue, tcs_entry *entry);
 void tcs_entry_fail(tcs_catalogue *catalogue, tcs_entry *entry, char *reason);
 

@@ -29,14 +29,14 @@ static int by_age(const void *a, const void *b) {
   return (*x)->used_us < (*y)->used_us ? -1 : (*x)->used_us > (*y)->used_us;
 }
 
-/* Volumes no session shows, the first to go first; not `spare`, of which a picture is being made. */
-static GPtrArray *idle_volumes(tcs_catalogue *catalogue, const tc_volume *spare, uint64_t *bytes) {
+/* Volumes and meshes no session shows, the first to go first; not `spare`, of which a picture is being made. */
+static GPtrArray *idle_entries(tcs_catalogue *catalogue, const tc_volume *spare, uint64_t *bytes) {
   GPtrArray *idle = g_ptr_array_new();
   GHashTableIter iterator;
   void *value;
   *bytes = 0;
   g_hash_table_iter_init(&iterator, catalogue->entries);
-  while (g_hash_table_iter_next(&iterator, NULL, &value)) {
+  while (g_hash_table_iter_next(&iterator, &value, NULL)) {
     const tcs_entry *entry = value;
     if (entry->state != TCS_RESIDENT || entry->users > 0) continue;
     if (spare && (entry->volume == spare || entry->body == spare)) continue;
@@ -54,13 +54,14 @@ static bool suffices(tcs_budget *budget, const shortage *missing, uint64_t idle_
 bool tcs_room_possible(tcs_catalogue *catalogue, uint64_t bytes) {
   const shortage missing = shortage_of(catalogue->server->budget, bytes, bytes);
   uint64_t idle_bytes;
-  g_ptr_array_unref(idle_volumes(catalogue, NULL, &idle_bytes));
+  g_ptr_array_unref(idle_entries(catalogue, NULL, &idle_bytes));
   return suffices(catalogue->server->budget, &missing, idle_bytes);
 }
 
 static void drop(tcs_catalogue *catalogue, tcs_entry *entry) {
-  tcs_log(TCS_LOG_INFO, "volume.dropped", "bytes=%" PRIu64, tcs_entry_bytes(entry));
-  catalogue->server->metrics->volume_drops++;
+  const bool mesh = entry->kind == TCS_KIND_MESH;
+  tcs_log(TCS_LOG_INFO, mesh ? "mesh.dropped" : "volume.dropped", "bytes=%" PRIu64, tcs_entry_bytes(entry));
+  catalogue->server->metrics->volume_drops += !mesh;
   tcs_entry_release(catalogue, entry);
   tcs_entry_fail(catalogue, entry, g_strdup("it was dropped to make room for others; load it again"));
 }
@@ -70,7 +71,7 @@ static bool make(tcs_catalogue *catalogue, uint64_t bytes, uint64_t voxels, cons
   const uint64_t cached = tcs_budget_used(budget, TCS_MEMORY_CACHES);
   const shortage missing = shortage_of(budget, bytes, voxels);
   uint64_t idle_bytes;
-  GPtrArray *idle = idle_volumes(catalogue, spare, &idle_bytes);
+  GPtrArray *idle = idle_entries(catalogue, spare, &idle_bytes);
   const bool enough = suffices(budget, &missing, idle_bytes);
   if (enough && missing.any && cached)
     tcs_scheduler_limit_cache(catalogue->server->scheduler, minus(cached, missing.any));

@@ -214,7 +214,7 @@ static bool load_volumes(tcs_daemon *d, GError **error) {
   for (guint i = 0; i < d->config.volumes->len; i++) {
     const tcs_named_path *named = g_ptr_array_index(d->config.volumes, i);
     tcs_source_file source = {.path = g_strdup(named->path), .name = named->id, .operators = true};
-    if (!tcs_catalogue_load(d->server.catalogue, named->id, &source, error)) return false;
+    if (!tcs_catalogue_load(d->server.catalogue, TCS_KIND_VOLUME, named->id, &source, error)) return false;
   }
   return true;
 }

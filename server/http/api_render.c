@@ -175,7 +175,7 @@ static void reply_thumbnail(tcs_request *request, GBytes *image) {
 /* Its volume may have gone meanwhile, and another one have its id. */
 static void finished_thumbnail(tcs_job *job) {
   tcs_request *request = job->user;
-  tcs_entry *entry = request ? tcs_catalogue_find(job->server->catalogue, request->params[0]) : NULL;
+  tcs_entry *entry = request ? tcs_catalogue_find(job->server->catalogue, TCS_KIND_VOLUME, request->params[0]) : NULL;
   if (!request) return;
   if (job->error) {
     tcs_reply_error(request, job->error);
@@ -189,7 +189,9 @@ static void finished_thumbnail(tcs_job *job) {
 /* Made when first asked for, of what a session opens with, and kept with the volume. To look at it is not to use it. */
 void tcs_get_thumbnail(tcs_request *request) {
   const char *id = request->params[0];
-  tcs_entry *entry = tcs_volume_visible(request, id) ? tcs_catalogue_find(request->server->catalogue, id) : NULL;
+  tcs_entry *entry = tcs_entry_visible(request, TCS_KIND_VOLUME, id)
+                         ? tcs_catalogue_find(request->server->catalogue, TCS_KIND_VOLUME, id)
+                         : NULL;
   if (entry && entry->thumbnail) {
     reply_thumbnail(request, entry->thumbnail);
     return;

@@ -1,4 +1,4 @@
-/* Volumes over HTTP. */
+/* Volumes and meshes over HTTP: listed, loaded, uploaded and deleted in the same way; volumes can be looked into. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -18,14 +18,15 @@
 typedef struct walk {
   tcs_work work;
   const char *folder;
-  GArray *volumes; /* of a list: those known by id that the caller may know of */
-  bool all;        /* with what could be loaded */
+  tcs_kind kind;
+  GArray *known; /* of a list: those that the caller may know of */
+  bool all;      /* with what could be loaded */
   tc_volume *volume;
   int bins;
 } walk;
 
 static void free_walk(tcs_work *work) {
-  if (((walk *)work)->volumes) tcs_rows_free(((walk *)work)->volumes);
+  if (((walk *)work)->known) tcs_rows_free(((walk *)work)->known);
   tc_volume_unref(((walk *)work)->volume);
 }
 
@@ -36,22 +37,30 @@ static walk *new_walk(void (*run)(tcs_work *work)) {
   return w;
 }
 
+/* A request's path says which kind it is about. */
+static tcs_kind kind_of(const tcs_request *request) {
+  return g_str_has_prefix(request->route->pattern, tcs_kind_paths[TCS_KIND_MESH]) ? TCS_KIND_MESH : TCS_KIND_VOLUME;
+}
+
 static tcs_entry *entry_of(tcs_request *request) {
   const char *id = request->params[0];
-  tcs_entry *entry = tcs_volume_visible(request, id) ? tcs_catalogue_find(request->server->catalogue, id) : NULL;
-  if (!entry)
-    tcs_reply_problem(request, 404, "not-found", "No such thing",
-                      "there is no such volume; GET /v1/volumes lists them");
-  return entry;
+  const tcs_kind kind = kind_of(request);
+  tcs_entry *entry =
+      tcs_entry_visible(request, kind, id) ? tcs_catalogue_find(request->server->catalogue, kind, id) : NULL;
+  if (entry) return entry;
+  char *detail = g_strdup_printf("there is no such %s; GET %s lists them", tcs_kind_names[kind], tcs_kind_paths[kind]);
+  tcs_reply_problem(request, 404, "not-found", "No such thing", detail);
+  g_free(detail);
+  return NULL;
 }
 
 /* --- list ------------------------------------------------------------------------------------------ */
 
-static cJSON *available(const char *folder) {
+static cJSON *available(tcs_kind kind, const char *folder) {
   static const char *const demos[] = {"demo:head", "demo:head-labels", "demo:vessels", "demo:marschner-lobb",
                                       "demo:bucky"};
-  cJSON *list = tcs_available(folder, MAX_AVAILABLE);
-  for (size_t i = 0; i < G_N_ELEMENTS(demos); i++) {
+  cJSON *list = tcs_available(folder, kind == TCS_KIND_MESH, MAX_AVAILABLE);
+  for (size_t i = 0; kind == TCS_KIND_VOLUME && i < G_N_ELEMENTS(demos); i++) {
     cJSON *demo = cJSON_CreateObject();
     cJSON_AddStringToObject(demo, "path", demos[i]);
     cJSON_AddItemToArray(list, demo);
@@ -62,28 +71,38 @@ static cJSON *available(const char *folder) {
 static void run_list(tcs_work *work) {
   walk *w = (walk *)work;
   cJSON *json = cJSON_CreateObject();
-  cJSON_AddItemToObject(json, "volumes", tcs_rows_describe(w->volumes));
-  cJSON_AddItemToObject(json, "available", w->all ? available(w->folder) : cJSON_CreateArray());
+  const char *name = strrchr(tcs_kind_paths[w->kind], '/') + 1;
+  cJSON_AddItemToObject(json, name, tcs_rows_describe(w->known));
+  cJSON_AddItemToObject(json, "available", w->all ? available(w->kind, w->folder) : cJSON_CreateArray());
   work->text = tcs_json_text(json);
 }
 
-static bool is_visible(const void *request, const char *id) { return tcs_volume_visible(request, id); }
+static bool is_visible(const void *request, tcs_kind kind, const char *id) {
+  return tcs_entry_visible(request, kind, id);
+}
 
-/* Who was given one session is shown its volumes, and nothing that could be loaded. */
-void tcs_get_volumes(tcs_request *request) {
+/* Who was given one session is shown what it shows, and nothing that could be loaded. */
+void tcs_get_entries(tcs_request *request) {
   walk *w = new_walk(run_list);
+  w->kind = kind_of(request);
   w->folder = request->server->config->data;
-  w->volumes = tcs_catalogue_rows(request->server->catalogue, is_visible, request);
+  w->known = tcs_catalogue_rows(request->server->catalogue, w->kind, is_visible, request);
   w->all = !request->caller.session[0];
   tcs_work_start(request, request->server->walk_worker, &w->work, MOST_WALKS);
 }
 
 /* --- load ------------------------------------------------------------------------------------------ */
 
-static void reply_loading(tcs_request *request, tcs_entry *entry, const char *event) {
-  g_strlcpy(entry->owner, request->caller.name, sizeof entry->owner);
+static void audit(tcs_request *request, const tcs_entry *entry, const char *what) {
+  char *event = g_strconcat(tcs_kind_names[entry->kind], ".", what, NULL);
   tcs_audit(request->server->access, &request->caller, event, NULL, entry->id);
-  char *location = g_strconcat("/v1/volumes/", entry->id, NULL);
+  g_free(event);
+}
+
+static void reply_loading(tcs_request *request, tcs_entry *entry, const char *what) {
+  g_strlcpy(entry->owner, request->caller.name, sizeof entry->owner);
+  audit(request, entry, what);
+  char *location = g_strconcat(tcs_kind_paths[entry->kind], "/", entry->id, NULL);
   tcs_reply_json(request, 202, tcs_catalogue_describe(entry));
   tcs_reply_header(request, "Location", location);
   g_free(location);
@@ -94,7 +113,7 @@ static void reply_and_clear(tcs_request *request, GError *error) {
   g_clear_error(&error);
 }
 
-static void post_volume(tcs_request *request, cJSON *body, const tcp_lists *lists) {
+static void post_entry(tcs_request *request, cJSON *body, const tcp_lists *lists) {
   static const char *const names[] = {"id", "path", NULL};
   const char *id, *path;
   if (!tcs_members_known(request, body, names) || !tcs_member_string(request, body, "id", true, &id) ||
@@ -105,25 +124,29 @@ static void post_volume(tcs_request *request, cJSON *body, const tcp_lists *list
   tcs_catalogue *catalogue = request->server->catalogue;
   tcs_entry *entry = NULL;
   char *client = tcs_peer_name(request);
-  if (tcs_catalogue_may_load(catalogue, id, client, &error) &&
-      tcs_catalogue_resolve(catalogue, path, &source, &error)) {
+  if (tcs_catalogue_may_load(catalogue, kind_of(request), id, client, &error) &&
+      tcs_catalogue_resolve(catalogue, kind_of(request), path, &source, &error)) {
     g_strlcpy(source.client, client, sizeof source.client);
-    entry = tcs_catalogue_load(catalogue, id, &source, &error);
+    entry = tcs_catalogue_load(catalogue, kind_of(request), id, &source, &error);
   }
   g_free(client);
   if (entry)
-    reply_loading(request, entry, "volume.load");
+    reply_loading(request, entry, "load");
   else
     reply_and_clear(request, error);
 }
 
-void tcs_post_volumes(tcs_request *request) {
-  tcs_read_body(request, NULL, post_volume);
+void tcs_post_entry(tcs_request *request) {
+  tcs_read_body(request, NULL, post_entry);
 }
 
-void tcs_put_volume(tcs_request *request) { tcs_upload_end(request); }
+bool tcs_put_allowed(const tcs_request *request, const char *client, GError **error) {
+  return tcs_catalogue_may_load(request->server->catalogue, kind_of(request), request->params[0], client, error);
+}
 
-void tcs_put_volume_done(tcs_request *request, struct tcs_spooled *file) {
+void tcs_put_entry(tcs_request *request) { tcs_upload_end(request); }
+
+void tcs_put_entry_done(tcs_request *request, struct tcs_spooled *file) {
   GError *error = NULL;
   if (request->server->draining) {
     tcs_spooled_free(file);
@@ -133,33 +156,34 @@ void tcs_put_volume_done(tcs_request *request, struct tcs_spooled *file) {
   tcs_source_file source = {.path = g_strdup(file->path), .name = "the upload", .upload = file};
   memcpy(source.client, file->client, sizeof source.client);
   tcs_spooled_complete(file);
-  tcs_entry *entry = tcs_catalogue_load(request->server->catalogue, request->params[0], &source, &error);
+  tcs_entry *entry =
+      tcs_catalogue_load(request->server->catalogue, kind_of(request), request->params[0], &source, &error);
   if (entry)
-    reply_loading(request, entry, "volume.upload");
+    reply_loading(request, entry, "upload");
   else
     reply_and_clear(request, error);
 }
 
-void tcs_get_volume(tcs_request *request) {
+void tcs_get_entry(tcs_request *request) {
   const tcs_entry *entry = entry_of(request);
   if (entry) tcs_reply_json(request, 200, tcs_catalogue_describe(entry));
 }
 
-void tcs_delete_volume(tcs_request *request) {
+void tcs_delete_entry(tcs_request *request) {
   tcs_entry *entry = entry_of(request);
   if (!entry) return;
   const char *force = tcs_query(request, "force");
   const bool forced = force && strcmp(force, "true") == 0;
   if (!tcs_caller_owns(&request->caller, entry->owner) || (forced && request->caller.role < TCS_ROLE_ADMIN)) {
     tcs_reply_problem(request, 403, "forbidden", "Not allowed",
-                      "a volume is deleted by who brought it, and by force or for others by the role admin");
+                      "it is deleted by who brought it, and by force or for others by the role admin");
     return;
   }
   if (entry->users > 0 && !forced) {
-    tcs_reply_problem(request, 409, "conflict", "In use", "sessions show this volume; end them or add ?force=true");
+    tcs_reply_problem(request, 409, "conflict", "In use", "sessions show it; end them or add ?force=true");
     return;
   }
-  tcs_audit(request->server->access, &request->caller, "volume.delete", NULL, entry->id);
+  audit(request, entry, "delete");
   tcs_sessions_end_of(request->server->sessions, entry);
   tcs_catalogue_remove(request->server->catalogue, entry);
   tcs_reply_empty(request, 204);

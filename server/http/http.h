@@ -6,6 +6,7 @@
 #include <microhttpd.h>
 
 #include "server/access/role.h"
+#include "server/catalogue/catalogue.h"
 #include "server/config/config.h"
 #include "server/http/route.h"
 #include "server/observe/log.h"
@@ -107,10 +108,10 @@ struct tcs_entry *tcs_resident(tcs_request *request, const char *id, const char 
 tcs_session *tcs_session_of(tcs_request *request);
 /* The same for what only its owner may do, or NULL: replied 403 too. */
 tcs_session *tcs_own_session(tcs_request *request);
-/* Whether the caller may know of a session, be it one that is none; of a volume: all but those who were given one
+/* Whether the caller may know of a session, be it one that is none; of a volume or mesh: all but those who were given one
  * session may know of all. */
 bool tcs_session_visible(const tcs_request *request, const char *id);
-bool tcs_volume_visible(const tcs_request *request, const char *id);
+bool tcs_entry_visible(const tcs_request *request, tcs_kind kind, const char *id);
 /* False: replied 422, naming a member that is not in the NULL-ended list `names`. Also wants an object. */
 bool tcs_members_known(tcs_request *request, const cJSON *body, const char *const *names);
 /* A string member; NULL where absent. False: replied 422. */
@@ -134,11 +135,11 @@ void tcs_get_about(tcs_request *request);
 void tcs_get_openapi(tcs_request *request);
 void tcs_get_scene_schema(tcs_request *request);
 void tcs_get_presets(tcs_request *request);
-void tcs_get_volumes(tcs_request *request);
-void tcs_post_volumes(tcs_request *request);
-void tcs_put_volume(tcs_request *request);
-void tcs_get_volume(tcs_request *request);
-void tcs_delete_volume(tcs_request *request);
+void tcs_get_entries(tcs_request *request);
+void tcs_post_entry(tcs_request *request);
+void tcs_put_entry(tcs_request *request);
+void tcs_get_entry(tcs_request *request);
+void tcs_delete_entry(tcs_request *request);
 void tcs_get_histogram(tcs_request *request);
 void tcs_get_value(tcs_request *request);
 void tcs_get_thumbnail(tcs_request *request);
@@ -164,12 +165,14 @@ void tcs_post_share(tcs_request *request);
 
 /* A file in the spool folder for the body. NULL: replied. */
 tcs_upload *tcs_upload_begin(tcs_request *request);
+/* Whether a body for its path may come: why not is an error. */
+bool tcs_put_allowed(const tcs_request *request, const char *client, GError **error);
 /* Takes bytes of the body; suspends the connection while too many wait to be written. Where they cannot be kept the
  * request's reply is set. */
 void tcs_upload_write(tcs_request *request, const void *bytes, size_t size);
-/* The body is complete: once all of it is written tcs_put_volume_done() is called; until then the request is deferred. */
+/* The body is complete: once all of it is written tcs_put_entry_done() is called; until then the request is deferred. */
 void tcs_upload_end(tcs_request *request);
-void tcs_put_volume_done(tcs_request *request, struct tcs_spooled *file); /* takes the file */
+void tcs_put_entry_done(tcs_request *request, struct tcs_spooled *file); /* takes the file */
 /* The request goes: what is left of its upload goes too. */
 void tcs_upload_leave(tcs_request *request);
 /* Once a second: ends uploads slower than the configured rate. */

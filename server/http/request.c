@@ -152,13 +152,13 @@ cJSON *tcs_body_json(tcs_request *request) {
 struct tcs_entry *tcs_resident(tcs_request *request, const char *id, const char *member) {
   GError *error = NULL;
   tcs_entry *entry = NULL;
-  if (tcs_volume_visible(request, id))
-    entry = tcs_catalogue_resident(request->server->catalogue, id, member, &error);
+  if (tcs_entry_visible(request, TCS_KIND_VOLUME, id))
+    entry = tcs_catalogue_resident(request->server->catalogue, TCS_KIND_VOLUME, id, member, &error);
   else
     tc_set_error(&error, TC_ERROR_NOT_FOUND, member, "there is no such volume; GET /v1/volumes lists them");
   if (entry) return entry;
   tcs_reply_error(request, error);
-  const tcs_entry *other = tcs_catalogue_find(request->server->catalogue, id);
+  const tcs_entry *other = tcs_catalogue_find(request->server->catalogue, TCS_KIND_VOLUME, id);
   if (other && other->state == TCS_LOADING) tcs_reply_header(request, "Retry-After", "1");
   g_clear_error(&error);
   return NULL;
@@ -186,11 +186,12 @@ bool tcs_session_visible(const tcs_request *request, const char *id) {
   return session && tcs_caller_sees(&request->caller, session->id, session->owner);
 }
 
-bool tcs_volume_visible(const tcs_request *request, const char *id) {
+bool tcs_entry_visible(const tcs_request *request, tcs_kind kind, const char *id) {
   const char *only = request->caller.session;
   if (!only[0]) return true;
   const tcs_session *session = tcs_sessions_find(request->server->sessions, only);
-  return session && (strcmp(session->entry->id, id) == 0 || strcmp(session->scene.labels.volume, id) == 0);
+  return session && kind == TCS_KIND_VOLUME &&
+         (strcmp(session->entry->id, id) == 0 || strcmp(session->scene.labels.volume, id) == 0);
 }
 
 static void refuse_member(tcs_request *request, const char *name, const char *what) {

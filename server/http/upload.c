@@ -34,7 +34,7 @@ tcs_upload *tcs_upload_begin(tcs_request *request) {
   GError *error = NULL;
   char *client = tcs_peer_name(request);
   tcs_spooled *file = NULL;
-  if (tcs_catalogue_may_load(server->catalogue, request->params[0], client, &error))
+  if (tcs_put_allowed(request, client, &error))
     file = tcs_spool_open(server->spool, client, &error);
   g_free(client);
   if (!file) {
@@ -123,13 +123,13 @@ static void done_write(tcs_task *task) {
     pump(upload);
 }
 
-/* All is written: the file becomes a volume. */
+/* All is written: the file becomes a volume or a mesh. */
 static void complete(tcs_upload *upload) {
   tcs_request *request = upload->request;
   tcs_spooled *file = g_steal_pointer(&upload->file);
   upload->server->metrics->uploads++;
   drop(upload);
-  tcs_put_volume_done(request, file);
+  tcs_put_entry_done(request, file);
 }
 
 static void pump(tcs_upload *upload) {

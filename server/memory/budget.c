@@ -11,12 +11,12 @@ struct tcs_budget {
 };
 
 static bool is_voxels(tcs_memory_kind kind) {
-  return kind == TCS_MEMORY_VOLUMES || kind == TCS_MEMORY_LOADS || kind == TCS_MEMORY_PINNED;
+  return kind == TCS_MEMORY_VOLUMES || kind == TCS_MEMORY_MESHES || kind == TCS_MEMORY_LOADS || kind == TCS_MEMORY_PINNED;
 }
 
 const char *tcs_memory_kind_name(tcs_memory_kind kind) {
-  static const char *const names[TCS_MEMORY_KIND_COUNT] = {"program", "volumes", "loads",    "decoders", "pinned",
-                                                           "caches",  "frames",  "pictures", "uploads"};
+  static const char *const names[TCS_MEMORY_KIND_COUNT] = {"program", "volumes", "meshes", "loads",    "decoders",
+                                                           "pinned",  "caches",  "frames", "pictures", "uploads"};
   return names[kind];
 }
 

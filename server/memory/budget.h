@@ -12,6 +12,7 @@
 typedef enum tcs_memory_kind {
   TCS_MEMORY_PROGRAM,  /* what it was resident at its start */
   TCS_MEMORY_VOLUMES,  /* resident volumes */
+  TCS_MEMORY_MESHES,   /* resident meshes */
   TCS_MEMORY_LOADS,    /* reserved by imports under way */
   TCS_MEMORY_DECODERS, /* programs that decode beside this one */
   TCS_MEMORY_PINNED,   /* volumes that were removed and are still being used */
@@ -26,7 +27,7 @@ const char *tcs_memory_kind_name(tcs_memory_kind kind); /* "program" "volumes" .
 
 typedef struct tcs_budget tcs_budget;
 
-/* `voxels`: how much of the total volumes, loads and pinned ones may hold together. */
+/* `voxels`: how much of the total volumes, meshes, loads and pinned ones may hold together. */
 tcs_budget *tcs_budget_new(uint64_t total, uint64_t voxels);
 void tcs_budget_free(tcs_budget *budget); /* NULL is fine */
 

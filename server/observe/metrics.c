@@ -204,6 +204,7 @@ char *tcs_metrics_write(tcs_metrics *m, const tcs_gauges *gauges, const char *ba
   gauge(out, "mjpeg_clients", "MJPEG viewers connected.", gauges->mjpeg_clients);
   gauge(out, "sessions", "Sessions open.", gauges->sessions);
   gauge(out, "volumes_resident", "Volumes in memory.", gauges->volumes_resident);
+  gauge(out, "meshes_resident", "Meshes in memory.", gauges->meshes_resident);
   gauge(out, "volumes_loading", "Volumes being loaded.", gauges->volumes_loading);
   gauge(out, "volume_resident_bytes", "Voxel bytes in memory.", (double)gauges->volume_bytes);
   gauge(out, "render_queue_length", "Stateless renders waiting.", gauges->queued);

@@ -43,7 +43,7 @@ typedef struct tcs_metrics {
 
 /* What only a scrape can tell. */
 typedef struct tcs_gauges {
-  int ws_clients, mjpeg_clients, sessions, volumes_resident, volumes_loading, queued, probes, walks, texts;
+  int ws_clients, mjpeg_clients, sessions, volumes_resident, volumes_loading, meshes_resident, queued, probes, walks, texts;
   uint64_t volume_bytes;
   uint64_t memory_total; /* the budget */
   struct {

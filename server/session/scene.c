@@ -53,7 +53,7 @@ bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene
   }
   if (scene->labels.volume[0]) {
     GError *why = NULL;
-    tcs_entry *entry = tcs_catalogue_resident(server->catalogue, scene->labels.volume, NULL, &why);
+    tcs_entry *entry = tcs_catalogue_resident(server->catalogue, TCS_KIND_VOLUME, scene->labels.volume, NULL, &why);
     if (!entry) {
       tc_set_error(error, TC_ERROR_INVALID, "/labels/volume", "labels/volume: %s", why->message);
       g_error_free(why);

@@ -10,7 +10,7 @@ static void set_labels(tcs_session *session, tcs_entry *labels) {
 
 void tcs_session_pin(tcs_session *session) {
   const char *id = session->scene.labels.volume;
-  set_labels(session, *id ? tcs_catalogue_find(session->server->catalogue, id) : NULL);
+  set_labels(session, *id ? tcs_catalogue_find(session->server->catalogue, TCS_KIND_VOLUME, id) : NULL);
 }
 
 void tcs_session_unpin(tcs_session *session) { set_labels(session, NULL); }

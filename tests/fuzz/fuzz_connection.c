@@ -131,7 +131,7 @@ static int connect_to_daemon(void) {
 
 /* --- before and after an input ------------------------------------------------------------------------- */
 
-static tcs_entry *volume(void) { return tcs_catalogue_find(server->catalogue, "v"); }
+static tcs_entry *volume(void) { return tcs_catalogue_find(server->catalogue, TCS_KIND_VOLUME, "v"); }
 static bool volume_resident(void) { return volume()->state == TCS_RESIDENT; }
 
 static tcs_session *session; /* of the input, and of the next one where nothing became of it */
@@ -143,7 +143,7 @@ static void make_session(void) {
   if (volume())
     g_free(source.path);
   else
-    insist(tcs_catalogue_load(server->catalogue, "v", &source, &error));
+    insist(tcs_catalogue_load(server->catalogue, TCS_KIND_VOLUME, "v", &source, &error));
   turn_until(volume_resident);
   if (session) return;
   cJSON *patch = cJSON_Parse("{\"image\":{\"width\":16,\"height\":16}}");
@@ -191,12 +191,12 @@ static void end_sessions(void) {
 }
 
 static void remove_volumes(void) {
-  GArray *rows = tcs_catalogue_rows(server->catalogue, NULL, NULL);
+  GArray *rows = tcs_catalogue_rows(server->catalogue, TCS_KIND_VOLUME, NULL, NULL);
   cJSON *list = tcs_rows_describe(rows);
   const cJSON *item;
   cJSON_ArrayForEach(item, list) {
     const char *id = cJSON_GetStringValue(cJSON_GetObjectItem(item, "id"));
-    tcs_entry *entry = tcs_catalogue_find(server->catalogue, id);
+    tcs_entry *entry = tcs_catalogue_find(server->catalogue, TCS_KIND_VOLUME, id);
     if (!entry->operators || entry->state == TCS_FAILED) tcs_catalogue_remove(server->catalogue, entry);
   }
   cJSON_Delete(list);

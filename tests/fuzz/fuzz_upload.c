@@ -79,7 +79,7 @@ static void drain_until(bool (*over)(void)) {
   }
 }
 
-static bool has_settled(void) { return tcs_catalogue_find(server.catalogue, "v")->state != TCS_LOADING; }
+static bool has_settled(void) { return tcs_catalogue_find(server.catalogue, TCS_KIND_VOLUME, "v")->state != TCS_LOADING; }
 
 static bool is_empty(void) {
   for (int kind = TCS_MEMORY_VOLUMES; kind <= TCS_MEMORY_PINNED; kind++)
@@ -111,7 +111,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size) {
     tcs_spooled_free(file);
   } else {
     tcs_source_file source = {.path = g_strdup(file->path), .name = "the upload", .upload = file, .client = "fuzz"};
-    tcs_entry *entry = tcs_catalogue_load(server.catalogue, "v", &source, &error);
+    tcs_entry *entry = tcs_catalogue_load(server.catalogue, TCS_KIND_VOLUME, "v", &source, &error);
     if (!entry) abort();
     drain_until(has_settled);
     check(entry, size && memmem(bytes, size, "tc-fuzz", 7));

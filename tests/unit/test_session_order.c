@@ -41,7 +41,7 @@ static int open_daemon(void **state) {
   under_test = tcs_daemon_open(G_N_ELEMENTS(arguments) - 1, arguments, &code);
   assert_non_null(under_test);
   tcs_server *server = tcs_daemon_server(under_test);
-  tcs_entry *entry = tcs_catalogue_find(server->catalogue, "v");
+  tcs_entry *entry = tcs_catalogue_find(server->catalogue, TCS_KIND_VOLUME, "v");
   while (entry->state == TCS_LOADING)
     tcs_daemon_turn(under_test, 10);
   session = tcs_sessions_create(server->sessions, entry, NULL, NULL, "unit", NULL);

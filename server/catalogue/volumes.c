@@ -1,0 +1,115 @@
+/* Volumes of the catalogue: how one is read, kept and described. */
+#include "server/catalogue/own.h"
+
+#include <string.h>
+
+#include "server/observe/log.h"
+
+/* --- loading --------------------------------------------------------------------------------------- */
+
+static bool import(tcs_load *load, const tc_import_options *options) {
+  load->volume = tc_import(load->source.path, options, &load->error);
+  return load->volume != NULL;
+}
+
+/* The body takes memory of its own; where there is none, the table stays. */
+static bool reserve_body(void *user, uint64_t bytes) {
+  tcs_load *load = user;
+  const uint64_t both = load->reserved + tcs_room_of(bytes);
+  if (!tcs_budget_resize(load->catalogue->server->budget, TCS_MEMORY_LOADS, load->reserved, both)) return false;
+  load->reserved = both;
+  return true;
+}
+
+static bool dress(tcs_load *load) {
+  tc_fit_find(&load->fit, load->volume);
+  load->body = tc_fit_body(&load->fit, load->volume, tcs_load_goes_on, reserve_body, load);
+  tc_fit_windows(&load->fit, load->volume, load->body);
+  tc_scene_init(&load->defaults);
+  tc_scene_dress(&load->defaults, load->volume, &load->fit, load->body != NULL);
+  tc_scene_share(&load->defaults);
+  return true;
+}
+
+static void *hold(tcs_load *load, tc_volume *volume) {
+  void *held = volume ? tcs_hold(load, tc_volume_bytes(volume)) : NULL;
+  if (volume) tc_volume_when_freed(volume, tcs_hold_freed, held);
+  return held;
+}
+
+static void keep(tcs_load *load, tcs_entry *entry) {
+  entry->held = hold(load, load->volume);
+  entry->held_body = hold(load, load->body);
+  entry->defaults = load->defaults;
+  memset(&load->defaults, 0, sizeof load->defaults);
+  entry->fit = load->fit;
+  entry->volume = g_steal_pointer(&load->volume);
+  entry->body = g_steal_pointer(&load->body);
+  load->catalogue->server->metrics->volume_loads++;
+  const tc_volume_desc *desc = tc_volume_describe(entry->volume);
+  tcs_log(TCS_LOG_INFO, "volume.loaded", "dims=%dx%dx%d type=%s format=%s bytes=%" G_GUINT64_FORMAT " ms=%.0f",
+          desc->dims[0], desc->dims[1], desc->dims[2], tc_voxel_type_name(desc->type), desc->format, tcs_entry_bytes(entry),
+          (double)(g_get_monotonic_time() - load->began_us) / 1000);
+}
+
+const tcs_kind_row tcs_kind_volume = {TCS_MEMORY_VOLUMES, import, dress, keep};
+
+/* --- describing ------------------------------------------------------------------------------------ */
+
+static void add_vector(cJSON *object, const char *name, const double *values, int count) {
+  cJSON_AddItemToObject(object, name, cJSON_CreateDoubleArray(values, count));
+}
+
+void tcs_describe_provenance(cJSON *json, const tc_volume *volume) {
+  const tc_volume_desc *desc = tc_volume_describe(volume);
+  const tc_provenance *from = tc_volume_provenance(volume);
+  cJSON_AddNumberToObject(json, "frames", desc->frames);
+  cJSON_AddNumberToObject(json, "volume", MAX(from->volume, 1));
+  if (from->slices_found) {
+    cJSON *slices = cJSON_AddObjectToObject(json, "slices");
+    cJSON_AddNumberToObject(slices, "used", from->slices_used);
+    cJSON_AddNumberToObject(slices, "found", from->slices_found);
+  }
+  if (from->resampled) cJSON_AddTrueToObject(json, "resampled");
+  if (from->bridged) cJSON_AddNumberToObject(json, "bridged", from->bridged);
+  cJSON_AddStringToObject(json, "note", desc->note);
+}
+
+static void add_window(cJSON *json, const char *name, double center, double width) {
+  cJSON *window = cJSON_AddObjectToObject(json, name);
+  cJSON_AddNumberToObject(window, "center", center);
+  cJSON_AddNumberToObject(window, "width", width);
+}
+
+/* What a client needs to fit presets and windows as the defaults are. */
+static void describe_fit(cJSON *json, const tc_fit *fit, bool has_body) {
+  cJSON *display = cJSON_AddObjectToObject(json, "display"), *windows = cJSON_AddObjectToObject(display, "windows");
+  add_vector(display, "range", (const double[3]){fit->stretch.low, fit->stretch.middle, fit->stretch.high}, 3);
+  cJSON_AddNumberToObject(display, "unitDistance", fit->stretch.unit);
+  cJSON_AddBoolToObject(display, "table", has_body);
+  for (int i = 0; i < TC_MODE_COUNT; i++)
+    if (fit->windows[i].width > 0) add_window(windows, tc_mode_names[i], fit->windows[i].center, fit->windows[i].width);
+}
+
+void tcs_volume_describe(cJSON *json, const tc_volume *volume, const tc_fit *fit, bool has_body) {
+  const tc_volume_desc *desc = tc_volume_describe(volume);
+  const tc_volume_stats *stats = tc_volume_statistics(volume);
+  cJSON_AddItemToObject(json, "dims", cJSON_CreateIntArray(desc->dims, 3));
+  add_vector(json, "spacing", desc->spacing, 3);
+  add_vector(json, "origin", desc->origin, 3);
+  cJSON *direction = cJSON_AddArrayToObject(json, "direction");
+  for (int row = 0; row < 3; row++)
+    cJSON_AddItemToArray(direction, cJSON_CreateDoubleArray(desc->direction + 3 * row, 3));
+  cJSON_AddStringToObject(json, "type", tc_voxel_type_name(desc->type));
+  add_vector(json, "range", (const double[2]){stats->min, stats->max}, 2);
+  cJSON_AddNumberToObject(json, "bytes", (double)tc_volume_bytes(volume));
+  cJSON_AddStringToObject(json, "modality", desc->modality);
+  cJSON_AddStringToObject(json, "format", desc->format);
+  cJSON_AddStringToObject(json, "unit", desc->unit);
+  cJSON_AddNumberToObject(json, "slope", desc->slope);
+  cJSON_AddNumberToObject(json, "intercept", desc->intercept);
+  tcs_describe_provenance(json, volume);
+  cJSON_AddNumberToObject(json, "nonFinite", (double)stats->non_finite);
+  if (desc->window_width > 0) add_window(json, "window", desc->window_center, desc->window_width);
+  describe_fit(json, fit, has_body);
+}

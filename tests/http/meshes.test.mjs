@@ -1,0 +1,90 @@
+// Meshes: listing, loading by path, upload, limits and memory shared with volumes, deleting.
+import assert from 'node:assert/strict';
+import { writeFileSync } from 'node:fs';
+import { join } from 'node:path';
+import { after, before, test } from 'node:test';
+import { ballNrrd, Daemon, problem, sleep } from '../support/daemon.mjs';
+import { ballStl } from '../support/mesh.mjs';
+import { validate } from '../support/schema.mjs';
+
+let d;
+before(async () => {
+  d = await Daemon.start({ n: 32, config: '[limits]\nupload_bytes=400000\nvolume_bytes=150000\n' });
+  writeFileSync(join(d.folder, 'ball.stl'), ballStl(10));
+  writeFileSync(join(d.folder, 'bad.obj'), 'v 0 0 0\nf 1 2 3\n');
+});
+after(() => d.stop());
+
+const upload = (id, body, kind = 'meshes') => d.call('PUT', `/v1/${kind}/${id}`, { body, type: 'application/octet-stream' });
+
+async function settled(id, kind = 'meshes') {
+  for (;;) {
+    const { json } = await d.get(`/v1/${kind}/${id}`);
+    if (json.state !== 'loading') return json;
+    await sleep(10);
+  }
+}
+
+test('a mesh of the data folder is loaded, described, listed and deleted', async () => {
+  const listed = (await d.get('/v1/meshes')).json;
+  assert.deepEqual(listed.meshes, []);
+  assert.deepEqual(listed.available.map(({ path }) => path), ['bad.obj', 'ball.stl']);
+  const reply = await d.post('/v1/meshes', { id: 'ball', path: 'ball.stl' }); // a volume of this id is there already
+  assert.deepEqual([reply.status, reply.headers.get('location')], [202, '/v1/meshes/ball']);
+  const mesh = await settled('ball');
+  assert.deepEqual([mesh.state, mesh.triangles, mesh.degenerate, mesh.vertices, mesh.closed, mesh.format, mesh.sessions],
+    ['resident', 360, 40, 182, true, 'stl', 0]); // at the poles two corners of a triangle are one
+  assert.deepEqual([mesh.low[2], mesh.high[2], mesh.bytes], [41, 81, 182 * 24 + 360 * 12]);
+  const [api, list] = [(await d.get('/v1/openapi.json')).json, (await d.get('/v1/meshes')).json];
+  assert.deepEqual(list.meshes.map(({ id }) => id), ['ball']);
+  assert.deepEqual(validate(list, api.components.schemas.MeshList, api), []);
+  assert.equal((await d.get('/v1/volumes/ball')).json.format, 'nrrd');
+  assert.equal((await d.get('/v1/volumes')).json.available.some(({ path }) => /stl|obj/.test(path)), false);
+  problem(await d.post('/v1/meshes', { id: 'ball', path: 'ball.stl' }), 409, '/id');
+  assert.equal(await d.metric('meshes_resident'), 1);
+  assert.equal((await d.delete('/v1/meshes/ball')).status, 204);
+  problem(await d.get('/v1/meshes/ball'), 404);
+  assert.equal((await d.get('/v1/volumes/ball')).json.state, 'resident');
+});
+
+test('what is no mesh fails with one line that holds no path; requests that are wrong say what', async () => {
+  await d.post('/v1/meshes', { id: 'bad', path: 'bad.obj' });
+  const failed = await settled('bad');
+  assert.deepEqual([failed.state, failed.reason], ['failed', 'open bad.obj: line 2: a face names a vertex that is not there']);
+  assert.equal((await upload('bad', ballNrrd(8))).status, 202); // a failed one's id may be used again
+  assert.equal((await settled('bad')).reason, 'open the upload: the file is NRRD, a volume: open it as a volume');
+  assert.equal((await upload('stl', ballStl(4), 'volumes')).status, 202);
+  assert.equal((await settled('stl', 'volumes')).reason, 'open the upload: the file is STL, a mesh: open it as a mesh');
+  problem(await d.post('/v1/meshes', { id: 'x', path: '../x.stl' }), 404, '/path');
+  problem(await d.post('/v1/meshes', { id: 'x', path: 'demo:head' }), 404, '/path');
+  problem(await d.post('/v1/meshes', { id: '', path: 'ball.stl' }), 422, '/id');
+  problem(await d.delete('/v1/meshes/none'), 404);
+});
+
+test('uploads are bounded as volumes are, in bytes of the file and of the mesh', async () => {
+  problem(await upload('large', Buffer.alloc(500000)), 413);
+  assert.equal((await upload('large', ballStl(44))).status, 202); // 387 kB of file
+  assert.match((await settled('large')).reason, /limit/); // 93 kB of triangles, 91 of vertices with their normals
+});
+
+test('meshes and volumes share one budget: what nobody shows goes, the oldest first, whichever it is', async () => {
+  const small = await Daemon.start({ n: 32, config: '[limits]\nvolume_bytes=150000\n' });
+  const put = async (kind, id, body) => {
+    assert.equal((await small.call('PUT', `/v1/${kind}/${id}`, { body, type: 'application/octet-stream' })).status, 202);
+    for (;;) {
+      const { json } = await small.get(`/v1/${kind}/${id}`);
+      if (json.state !== 'loading') return json.state;
+      await sleep(10);
+    }
+  };
+  await small.post('/v1/sessions', { volume: 'ball' }); // 33 kB stay
+  assert.equal(await put('meshes', 'a', ballStl(26)), 'resident'); // 65 kB
+  assert.equal(await put('volumes', 'b', ballNrrd(40)), 'resident'); // 64 kB: a goes
+  const a = (await small.get('/v1/meshes/a')).json;
+  assert.deepEqual(a.state, 'failed');
+  assert.match(a.reason, /dropped to make room/);
+  assert.equal(await put('meshes', 'c', ballStl(26)), 'resident'); // b goes
+  assert.equal((await small.get('/v1/volumes/b')).json.state, 'failed');
+  assert.equal((await small.get('/v1/volumes/ball')).json.state, 'resident');
+  await small.stop();
+});
