@@ -6,6 +6,7 @@ import { dot, letters, sliceBasis, spanAtTarget, volumeBox } from './camera.js';
 import { sliceEnds, sliceHeight, sliceStep } from './steer.js';
 import { placeText } from './units.js';
 
+const MOST_NAMES = 4; // of surfaces on a line
 const LATE_MS = 1500; // an edit whose picture takes longer is said to be missing
 
 const number = (value) => String(Number(value.toPrecision(4)));
@@ -43,6 +44,18 @@ function slabLine(planes) {
   return `Slab ${number(planes[0][3] + planes[1][3])} mm`;
 }
 
+/** What surfaces are of: a list, all labels, or one value. */
+function surfaceLine({ isosurface, labels, mesh }, unit) {
+  const list = (mesh?.surfaces ?? []).filter(({ visible }) => visible !== false);
+  const names = list.map(
+    ({ value, label, mesh: id }) => id ?? (label === undefined ? number(value) + unit : `label ${label}`),
+  );
+  const rest = names.length > MOST_NAMES ? `, ${names.length - MOST_NAMES} more` : '';
+  if (mesh?.surfaces.length) return `Surfaces: ${names.slice(0, MOST_NAMES).join(', ') || 'none'}${rest}`;
+  if (labels?.volume) return `Surfaces of ${labels.volume}`;
+  return isosurface && `Surface at ${number(isosurface.value)}${unit}`;
+}
+
 const SLABS = { mip: 'maximum', minip: 'minimum', average: 'average' };
 
 function sliceLines(mpr, volume) {
@@ -57,8 +70,7 @@ function sliceLines(mpr, volume) {
 export function captionLines(scene, volume, titles) {
   const { id = '', modality = '', unit = '' } = volume;
   const window = scene.window && `C ${number(scene.window.center)}  W ${number(scene.window.width)}`;
-  const value = scene.isosurface && `Surface at ${number(scene.isosurface.value)}${unit && ` ${unit}`}`;
-  const surface = scene.labels?.volume ? `Surfaces of ${scene.labels.volume}` : value;
+  const surface = surfaceLine(scene, unit && ` ${unit}`);
   const voxels = scene.splat && `Voxels ${scene.splat.threshold.map(number).join(' to ')}${unit && ` ${unit}`}`;
   const preset = scene.mode === 'dvr' && titles.preset(scene.transferFunction?.preset);
   const plane = scene.mpr && titles.plane(scene.mpr.orientation);

@@ -3,6 +3,7 @@ import assert from 'node:assert/strict';
 import { after, before, describe, test } from 'node:test';
 
 import { basis, edgeLetters, sliceBasis } from '../../web/camera.js';
+import { captionLines } from '../../web/caption.js';
 import { browserMissing, launch } from './chromium.mjs';
 import { daemonMissing, startDaemon } from './daemon.mjs';
 import { settled, stageData } from './picture.mjs';
@@ -128,6 +129,28 @@ async function assertOwnWords(page, volume) {
   }
   return drawn.length;
 }
+
+test('a mesh is named by what it is of, a slab of a projection by its thickness', () => {
+  const titles = { mode: () => 'A mode', preset: () => '', plane: () => '' };
+  const lines = (scene) => captionLines(scene, { id: 'head', unit: 'HU' }, titles);
+  const isosurface = { value: 300 };
+  assert.deepEqual(lines({ mode: 'mesh', isosurface }), ['head', 'A mode', 'Surface at 300 HU']);
+  assert.deepEqual(lines({ mode: 'mesh', isosurface, labels: { volume: 'parts' } }), [
+    'head',
+    'A mode',
+    'Surfaces of parts',
+  ]);
+  const surfaces = [{ value: 300 }, { label: 6 }, { value: 9, visible: false }, { mesh: 'stent' }];
+  assert.deepEqual(lines({ mode: 'mesh', isosurface, mesh: { surfaces } })[2], 'Surfaces: 300 HU, label 6, stent');
+  const many = { surfaces: Array(6).fill({ label: 1 }) };
+  assert.match(lines({ mode: 'mesh', mesh: many })[2], /label 1, 2 more$/);
+  const facing = [
+    [0, 0, 1, 4],
+    [0, 0, -1, 8.5],
+  ];
+  assert.deepEqual(lines({ mode: 'minip', clip: { planes: facing } }), ['head', 'A mode', 'Slab 12.5 mm']);
+  assert.deepEqual(lines({ mode: 'minip', clip: { planes: [[0, 0, 1, 4]] } }), ['head', 'A mode']);
+});
 
 describe('caption', { skip }, () => {
   let browser;

@@ -96,11 +96,14 @@ describe('undo', { skip }, () => {
       await page.selectOption('#mode', 'dvr');
       await page.selectOption('[data-path="shading.model"]', 'none');
       await page.selectOption('[data-path="filter"]', 'cubic');
+      await page.selectOption('#labels-volume', '');
       const { mode, ...before } = await served();
       await page.selectOption('#mode', kind);
       const surface = await served();
       assert.deepEqual([surface.shading.model, surface.filter], ['blinn-phong', 'linear']);
       await settled(page);
+      const normals = page.locator('[data-path="shading.gradient"]');
+      assert.equal(await normals.isVisible(), kind === 'isosurface', 'a mesh has normals of its own');
       const label = await page.textContent('#label');
       assert.match(label, /Surface at /);
       assert.doesNotMatch(label, /C -?\d.* W /);

@@ -338,6 +338,29 @@ static void surfaces_are_a_list(void **state) {
   g_string_free(many, TRUE);
 }
 
+/* What a picture's header has: the members that its mode uses, and labels only where they are the picture. */
+static void what_is_shown_is_what_the_mode_uses(void **state) {
+  static const char *const modes[][2] = {{"mpr", "mode image window mpr"},
+                                         {"minip", "mode image camera window clip"},
+                                         {"mesh", "mode image camera isosurface mesh labels"}};
+  accept("{\"labels\":{\"volume\":\"parts\"},\"clip\":{\"planes\":[[0,0,1,4],[0,0,-1,8]]}}");
+  for (size_t i = 0; i < G_N_ELEMENTS(modes); i++) {
+    char *patch = g_strdup_printf("{\"mode\":\"%s\"}", modes[i][0]);
+    accept(patch);
+    cJSON *shown = tcp_scene_write_shown(&scene);
+    char **names = g_strsplit(modes[i][1], " ", -1);
+    for (guint k = 0; names[k]; k++) assert_true(cJSON_HasObjectItem(shown, names[k]));
+    assert_int_equal(cJSON_GetArraySize(shown), g_strv_length(names));
+    g_strfreev(names);
+    cJSON_Delete(shown);
+    g_free(patch);
+  }
+  accept("{\"labels\":null}");
+  cJSON *shown = tcp_scene_write_shown(&scene);
+  assert_false(cJSON_HasObjectItem(shown, "labels"));
+  cJSON_Delete(shown);
+}
+
 static cJSON *random_labels(void) {
   GString *text = g_string_new("{\"labels\":{\"colors\":{");
   for (int label = 0, n = 0; label < 40; label++) {
@@ -432,6 +455,7 @@ int main(void) {
                                      WITH_SCENE(quality_bounds_replace_each_other),
                                      WITH_SCENE(label_colors_merge),
                                      WITH_SCENE(surfaces_are_a_list),
+                                     WITH_SCENE(what_is_shown_is_what_the_mode_uses),
                                      WITH_SCENE(lists_read_beforehand_are_not_read_again),
                                      WITH_SCENE(transparency_needs_png),
                                      cmocka_unit_test(set_expressions)};
