@@ -1,4 +1,4 @@
-/* Mode splat of a scene over a volume: drawn by the pool, whatever the back end; and what its pixels show. */
+/* Mode splat of a scene over a volume: drawn by the pool; and what its pixels show. */
 #ifndef TC_SPLAT_MODE_H
 #define TC_SPLAT_MODE_H
 

@@ -1,5 +1,6 @@
 #include "renderer/splat/splats.h"
 
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -50,6 +51,7 @@ void tc_splats_free(tc_splats *splats) {
 
 /* The piles one after the other; the bricks' numbers of words go on. */
 static tc_splats *join(const pile *piles, int count, GError **error) {
+  static atomic_uint_fast64_t serials;
   uint64_t words = 0, bricks = 0;
   for (int i = 0; i < count; i++)
     words += piles[i].words->len, bricks += piles[i].bricks->len;
@@ -77,6 +79,7 @@ static tc_splats *join(const pile *piles, int count, GError **error) {
     s->n += piles[i].words->len;
   }
   s->bricks[s->n_bricks] = (tc_splat_brick){.first = s->n};
+  s->serial = atomic_fetch_add(&serials, 1) + 1;
   s->bytes = sizeof *s + (bricks + 1) * sizeof *s->bricks + (words + TC_SPLAT_PAD) * sizeof *s->words;
   return s;
 }

@@ -26,6 +26,7 @@ typedef struct tc_splats {
   uint32_t *words;        /* [n + TC_SPLAT_PAD] */
   uint32_t n, n_bricks;
   size_t bytes;
+  uint64_t serial; /* of no other */
 } tc_splats;
 
 /* Normals of a model's voxels, any length, outward, in LPS; from any thread. */

@@ -478,6 +478,38 @@ static void count(const drawing *d) {
     c->depths += d->tiles[i]->depths, c->drawn += d->tiles[i]->drawn;
 }
 
+static void set_up(drawing *d) {
+  d->args.opaque = d->job->scene->splat.opaque;
+  d->args.culling = d->job->scene->splat.culling;
+  d->args.matter = d->job->matter;
+  d->args.halt = d->job->halt;
+  d->args.n_planes = tc_splat_planes(d->job->volume, d->job->scene, d->planes);
+  d->args.planes = (const double(*)[4])d->planes;
+  for (int k = 0; k < 3; k++) {
+    const double c = d->job->scene->isosurface.color[k];
+    d->args.color[k] = (float)(d->job->scene->image.linear_light ? tc_srgb_to_linear(c) : c);
+  }
+  set_view(d);
+  set_kernel(d);
+  if (!d->args.opaque) set_blur(d);
+  set_light(d);
+}
+
+bool tc_splat_frame_begin(tc_splat_frame *f, const tc_splat_job *job, GError **error) {
+  drawing d = {.job = job};
+  set_up(&d);
+  if (!collect_entries(&d, error)) {
+    free(d.entries);
+    return false;
+  }
+  *f = (tc_splat_frame){.args = d.args, .of = job->splats, .entries = d.entries, .n_entries = d.n_entries};
+  memcpy(f->planes, d.planes, sizeof f->planes);
+  f->args.planes = (const double(*)[4])f->planes;
+  return true;
+}
+
+void tc_splat_frame_end(tc_splat_frame *f) { free(f->entries); }
+
 bool tc_splat_draw(const tc_splat_job *job, GError **error) {
   drawing *d = calloc(1, sizeof *d);
   bool good = d != NULL;
@@ -489,20 +521,7 @@ bool tc_splat_draw(const tc_splat_job *job, GError **error) {
   d->kernels = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && g_strcmp0(job->isa, "scalar") != 0
                    ? &tc_splat_avx2
                    : &tc_splat_scalar;
-  d->args.opaque = job->scene->splat.opaque;
-  d->args.culling = job->scene->splat.culling;
-  d->args.matter = job->matter;
-  d->args.halt = job->halt;
-  d->args.n_planes = tc_splat_planes(job->volume, job->scene, d->planes);
-  d->args.planes = (const double(*)[4])d->planes;
-  for (int k = 0; k < 3; k++) {
-    const double c = job->scene->isosurface.color[k];
-    d->args.color[k] = (float)(job->scene->image.linear_light ? tc_srgb_to_linear(c) : c);
-  }
-  set_view(d);
-  set_kernel(d);
-  if (!d->args.opaque) set_blur(d);
-  set_light(d);
+  set_up(d);
   tc_resolve_init(&d->resolve, job->scene);
   d->progress = tc_frame_cut(job->frame, TC_TILE, error);
   good = d->progress && make_tiles(d, error) && collect_entries(d, error) && (d->args.opaque || sort_layers(d, error));

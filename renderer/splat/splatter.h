@@ -44,6 +44,17 @@ typedef struct tc_splat_job {
 /* False with *error: halted, or out of memory. A paused frame goes on with the tiles that are missing. */
 bool tc_splat_draw(const tc_splat_job *job, GError **error);
 
+/* What another splatter draws of an opaque job: a frame's constants, and the bricks that may be seen, nearest first. */
+typedef struct tc_splat_frame {
+  tc_splat_args args;
+  const tc_splats *of; /* entries that are not of these are of the cut */
+  tc_splat_entry *entries;
+  int n_entries;
+  double planes[TC_MAX_CLIP_PLANES][4];
+} tc_splat_frame;
+bool tc_splat_frame_begin(tc_splat_frame *frame, const tc_splat_job *job, GError **error); /* TC_ERROR_MEMORY */
+void tc_splat_frame_end(tc_splat_frame *frame);
+
 /* The clip box and planes of a scene in a volume's index coordinates; how many. */
 int tc_splat_planes(const tc_volume *volume, const tc_scene *scene, double planes[TC_MAX_CLIP_PLANES][4]);
 

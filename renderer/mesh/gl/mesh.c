@@ -8,7 +8,6 @@
 #include "renderer/frame/frame.h"
 #include "renderer/frame/mesh_job.h"
 #include "renderer/mesh/sight.h"
-#include "renderer/raycast/gl/slot.h"
 
 #define ALIGN 256      /* of a buffer's parts, above any driver's */
 #define SOFTWARE_NS 60 /* a triangle, before any was measured */
@@ -288,27 +287,11 @@ static bool draw_sample(drawing *d, const int tile[4], int s) {
   return draw_clusters(d, tile);
 }
 
-static bool draw_tile(drawing *d, const int tile[4], GError **error) {
+static bool draw_tile(void *user, const int tile[4], GError **error) {
+  drawing *d = user;
   for (int s = 0; s < d->block.n_samples; s++)
     if (!draw_sample(d, tile, s)) return tc_halt_say(d->gl->job->halt, error);
-  if (!tc_gl_read_back(d->gl, false, error)) return false;
-  glUseProgram(d->gl->programs[0]);
-  tc_gl_slot_dispatch(d->gl->ring, d->gl->programs[0], d->gl->job, tile);
   return true;
-}
-
-static bool draw_tiles(drawing *d, GError **error) {
-  const tc_frame *f = d->gl->job->frame;
-  const int side = d->progress->side, across = (f->width + side - 1) / side;
-  bool drawn = false, good = true;
-  for (int i = 0; i < d->progress->units && good; i++) {
-    const int x = i % across * side, y = i / across * side;
-    const int tile[4] = {x, y, MIN(side, f->width - x), MIN(side, f->height - y)};
-    if (d->progress->finished[i]) continue;
-    good = drawn && tc_halt_between(d->gl->job->halt) ? tc_halt_say(d->gl->job->halt, error) : draw_tile(d, tile, error);
-    drawn = true;
-  }
-  return (*d->gl->lost || tc_gl_read_back(d->gl, true, good ? error : NULL)) && good;
 }
 
 /* ---- a frame ---- */
@@ -337,7 +320,7 @@ static bool draw_frame(drawing *d, GError **error) {
   make_target(d, d->progress->side);
   make_buffers(d);
   bind_all(d, &l);
-  const bool drawn = tc_gl_check("mesh", error) && draw_tiles(d, error);
+  const bool drawn = tc_gl_check("mesh", error) && tc_gl_draw_tiles(d->gl, draw_tile, d, error);
   if (!*d->gl->lost) drop_objects(d);
   return drawn && tc_gl_check("mesh", error);
 }

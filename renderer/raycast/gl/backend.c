@@ -289,7 +289,8 @@ static bool render_passes(gl_backend *b, const tc_job *job, GError **error) {
   unsigned programs[TC_GL_PASSES];
   const bool has_clock = tc_gl_context_about(b->context)->timestamp_bits > 0;
   const tc_gl_frame frame = {.job = job, .programs = programs, .textures = &b->textures, .ring = &b->ring, .most = b->pace.most,
-                             .hardware = b->pace.hardware, .lost = &b->lost};
+                             .hardware = b->pace.hardware, .job_buffer = b->job_buffer,
+                             .lost = &b->lost};
   if (!tc_gl_context_use(b->context, error)) return false;
   tc_gl_textures_begin(&b->textures);
   for (int i = 0; i < drawer->passes; i++)

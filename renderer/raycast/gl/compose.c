@@ -42,7 +42,8 @@ static void add(composition *c, const char *name) {
 static bool is_built(const tc_gl_variant *v) {
   const tc_plan_key *key = &v->plan;
   bool dvr = key->mode == TC_MODE_DVR, surface = key->mode == TC_MODE_ISOSURFACE, slice = key->mode == TC_MODE_MPR;
-  bool mesh = key->mode == TC_MODE_MESH, mode = dvr || surface || slice || mesh || tc_is_projection((tc_mode)key->mode);
+  bool mesh = key->mode == TC_MODE_MESH, splat = key->mode == TC_MODE_SPLAT;
+  bool mode = dvr || surface || slice || mesh || splat || tc_is_projection((tc_mode)key->mode);
   bool names = key->classification < TC_CLASSIFICATION_COUNT && key->order < TC_ORDER_COUNT &&
                key->filter < TC_FILTER_COUNT && key->projection < TC_PROJECTION_COUNT &&
                key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading < TC_SHADING_COUNT &&
@@ -50,7 +51,8 @@ static bool is_built(const tc_gl_variant *v) {
   bool filter = !surface || key->filter == TC_FILTER_LINEAR;
   bool labels = key->labels <= (dvr || slice || mesh), rays = key->rays <= !slice;
   return mode && names && filter && labels && rays && key->jitter <= dvr &&
-         key->coherence <= (key->rays && key->skipping) && v->want_depth <= (surface || mesh) && v->pass <= mesh;
+         key->coherence <= (key->rays && key->skipping) && v->want_depth <= (surface || mesh || splat) &&
+         v->pass <= (splat ? 3 : mesh);
 }
 
 static const char *sampler_type(const tc_gl_variant *v) {
@@ -125,6 +127,23 @@ static void add_rays(composition *c, const tc_gl_variant *v) {
     add_dvr(c, v);
 }
 
+static void add_splat(composition *c, const tc_gl_variant *v) {
+  static const char *const passes[] = {NULL, "splat_pass.glsl", "splat_blocks.glsl", "splat_pass.glsl"};
+  add(c, "splat_head.glsl");
+  if (v->pass) add_text(c, v->pass == 1 ? "#define PASS 1\n" : "#define PASS 3\n"), add(c, passes[v->pass]);
+  if (!v->pass && v->plan.shading) add(c, "shade.glsl");
+}
+
+/* What gives each pixel its colour, and writes it. */
+static void add_picture(composition *c, const tc_gl_variant *v) {
+  add(c, "bytes.glsl");
+  add(c, v->linear_light ? "encode_srgb.glsl" : "encode_display.glsl");
+  add(c, v->transparent ? "resolve_transparent.glsl" : "resolve_opaque.glsl");
+  add(c, v->want_linear ? "write_linear.glsl" : "write_picture.glsl");
+  if (v->plan.mode == TC_MODE_MESH) add(c, "mesh_head.glsl");
+  add(c, v->plan.mode == TC_MODE_MESH ? "mesh_shade.glsl" : v->plan.mode == TC_MODE_SPLAT ? "splat_shade.glsl" : "main.glsl");
+}
+
 unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
   char name[96], literals[640];
   if (!is_built(v)) {
@@ -132,8 +151,8 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
                  v->plan.mode);
     return 0;
   }
-  if (v->pass) return compose_mesh_draw(v, error);
-  const bool mesh = v->plan.mode == TC_MODE_MESH; /* casts no rays */
+  const bool mesh = v->plan.mode == TC_MODE_MESH, splat = v->plan.mode == TC_MODE_SPLAT; /* cast no rays */
+  if (mesh && v->pass) return compose_mesh_draw(v, error);
   tc_plan_key_name(&v->plan, name, sizeof name);
   composition c = {0};
   add(&c, "head.glsl");
@@ -152,13 +171,9 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
            v->plan.coherence, v->plan.classification == TC_POST, v->plan.classification == TC_LINEARIZED,
            v->plan.classification == TC_PREINTEGRATED2, v->want_depth, TC_PEAK_ROUNDS);
   add_text(&c, literals);
-  if (!mesh) add_rays(&c, v);
-  add(&c, "bytes.glsl");
-  add(&c, v->linear_light ? "encode_srgb.glsl" : "encode_display.glsl");
-  add(&c, v->transparent ? "resolve_transparent.glsl" : "resolve_opaque.glsl");
-  add(&c, v->want_linear ? "write_linear.glsl" : "write_picture.glsl");
-  if (mesh) add(&c, "mesh_head.glsl");
-  add(&c, mesh ? "mesh_shade.glsl" : "main.glsl");
+  if (!mesh && !splat) add_rays(&c, v);
+  if (splat) add_splat(&c, v);
+  if (!v->pass) add_picture(&c, v);
   if (c.missing) {
     tc_set_error(error, TC_ERROR_INTERNAL, NULL, "gl: shader piece %s is not in this build", c.missing);
     return 0;

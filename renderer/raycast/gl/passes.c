@@ -28,7 +28,8 @@ bool tc_gl_batch_add(tc_gl_batch *b, double units, const tc_halt *halt) {
 
 void tc_gl_batch_end(tc_gl_batch *b) { glDeleteSync(b->fence); }
 
-bool tc_gl_read_back(const tc_gl_frame *f, bool all, GError **error) {
+/* Reads tiles back until the ring is idle (all), or has room. False: lost. */
+static bool read_back(const tc_gl_frame *f, bool all, GError **error) {
   tc_progress *p = f->job->frame->progress;
   const int across = (f->job->frame->width + p->side - 1) / p->side;
   while (all ? !tc_gl_ring_is_idle(f->ring) : tc_gl_ring_is_full(f->ring)) {
@@ -41,4 +42,26 @@ bool tc_gl_read_back(const tc_gl_frame *f, bool all, GError **error) {
     tc_gl_ring_give(f->ring);
   }
   return true;
+}
+
+static bool draw_tile(const tc_gl_frame *f, tc_gl_tile_drawer draw, void *user, const int tile[4], GError **error) {
+  if (!draw(user, tile, error) || !read_back(f, false, error)) return false;
+  glUseProgram(f->programs[0]);
+  tc_gl_slot_dispatch(f->ring, f->programs[0], f->job, tile);
+  return true;
+}
+
+bool tc_gl_draw_tiles(const tc_gl_frame *f, tc_gl_tile_drawer draw, void *user, GError **error) {
+  const tc_frame *frame = f->job->frame;
+  const tc_progress *p = frame->progress;
+  const int side = p->side, across = (frame->width + side - 1) / side;
+  bool drawn = false, good = true;
+  for (int i = 0; i < p->units && good; i++) {
+    const int x = i % across * side, y = i / across * side;
+    const int tile[4] = {x, y, MIN(side, frame->width - x), MIN(side, frame->height - y)};
+    if (p->finished[i]) continue;
+    good = drawn && tc_halt_between(f->job->halt) ? tc_halt_say(f->job->halt, error) : draw_tile(f, draw, user, tile, error);
+    drawn = true;
+  }
+  return (*f->lost || read_back(f, true, good ? error : NULL)) && good;
 }

@@ -15,6 +15,7 @@ typedef struct tc_gl_frame {
   tc_gl_ring *ring;         /* idle, with room for tiles of `most` pixels */
   int most;
   bool hardware;
+  unsigned job_buffer;      /* the uniform block Job, filled */
   bool *lost; /* set where the GPU does not answer */
 } tc_gl_frame;
 
@@ -38,7 +39,9 @@ bool tc_gl_batch_add(tc_gl_batch *batch, double units, const tc_halt *halt);
 double tc_gl_batch_most(const tc_gl_batch *batch);
 void tc_gl_batch_end(tc_gl_batch *batch);
 
-/* Reads tiles back until the ring is idle (all), or has room; finished[] of each is set (tc_frame_cut()). False: lost. */
-bool tc_gl_read_back(const tc_gl_frame *frame, bool all, GError **error);
+/* Draws one tile, x, y, width, height, but for the last pass. False with *error set. */
+typedef bool (*tc_gl_tile_drawer)(void *user, const int tile[4], GError **error);
+/* Draws the tiles that the frame is cut into (tc_frame_cut()) and misses, and reads them back. */
+bool tc_gl_draw_tiles(const tc_gl_frame *frame, tc_gl_tile_drawer draw, void *user, GError **error);
 
 #endif

@@ -1,0 +1,195 @@
+#include "renderer/splat/gl/splat.h"
+
+#include <epoxy/gl.h>
+#include <math.h>
+#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "renderer/frame/frame.h"
+#include "renderer/raycast/gl/job.h"
+#include "renderer/splat/splatter.h"
+
+#define SOFTWARE_NS 100 /* a splat and pass, before any was measured */
+#define HARDWARE_NS 2
+#define BLOCK 8
+
+/* The uniform block of splat_head.glsl, std140. */
+typedef struct splat_block {
+  _Alignas(16) float axis[3][4];
+  float direction0[4], direction_du[4], direction_dv[4], planes[12][4], color[4];
+  uint8_t weights[65 * 16];
+  float size[2], scale, radius2, least2, near_mm, window_mm, core, core_root, full;
+  int32_t perspective, culling, n_planes, unused;
+} splat_block;
+
+typedef struct splat_entry { /* Entry of splat_pass.glsl */
+  float at[4], eye[4];
+  uint32_t words[4]; /* first, count, faces | mixed << 8 | clipped << 9 */
+  float starts[12]; /* of the planes, at its first voxel */
+} splat_entry;
+
+typedef struct drawing {
+  const tc_gl_frame *gl;
+  tc_splat_frame of;
+  tc_progress *progress;
+  const tc_gl_lookup *words[2]; /* of the splats, of the cut */
+  splat_entry *entries;         /* of a tile: of the splats, then of the cut */
+  int n[2];
+  tc_gl_batch batch;
+  unsigned buffers[4]; /* block, entries, depths, sums */
+} drawing;
+
+/* ---- a frame's constants ---- */
+
+static void fill_block(const drawing *d, splat_block *b) {
+  const tc_splat_args *g = &d->of.args;
+  *b = (splat_block){.size = {g->width, g->height}, .scale = g->scale, .radius2 = g->radius2, .least2 = g->least2,
+                     .near_mm = g->near_mm, .window_mm = g->window_mm, .core = g->core, .core_root = g->core_root,
+                     .full = g->full, .perspective = g->perspective, .culling = g->culling, .n_planes = g->n_planes};
+  for (int k = 0; k < 3; k++) {
+    memcpy(b->axis[k], g->axis[k], sizeof g->axis[k]);
+    b->direction0[k] = g->direction0[k], b->direction_du[k] = g->direction_du[k], b->direction_dv[k] = g->direction_dv[k];
+    b->color[k] = g->color[k];
+  }
+  for (int i = 0; i < g->n_planes; i++)
+    for (int k = 0; k < 4; k++) b->planes[i][k] = (float)g->planes[i][k];
+  memcpy(b->weights, g->weights, sizeof g->weights);
+}
+
+static size_t words_bytes(const void *thing) {
+  return (((const tc_splats *)thing)->n * sizeof(uint32_t) + 31) / 16 * 16;
+}
+
+static bool pack_words(const void *thing, void *bytes, const tc_halt *halt) {
+  const tc_splats *s = thing;
+  memset(bytes, 0, words_bytes(s));
+  memcpy(bytes, s->words, s->n * sizeof *s->words);
+  return true;
+}
+
+static bool upload(drawing *d, GError **error) {
+  const tc_job *job = d->gl->job;
+  const tc_splats *of[2] = {job->have.splats, job->have.cut};
+  for (int i = 0; i < 2 && of[i]; i++) {
+    const tc_gl_packing packing = {"splats", words_bytes, pack_words, of[i]};
+    const uint64_t volume = tc_volume_serial(job->source);
+    d->words[i] = tc_gl_textures_packed(d->gl->textures, &packing, of[i]->serial, volume, job->halt, error);
+    if (!d->words[i]) return false;
+  }
+  return true;
+}
+
+static void make_buffers(drawing *d) {
+  const size_t side = (size_t)d->progress->side, blocks = (side + BLOCK - 1) / BLOCK;
+  splat_block block;
+  fill_block(d, &block);
+  glCreateBuffers(4, d->buffers);
+  glNamedBufferStorage(d->buffers[0], sizeof block, &block, 0);
+  glNamedBufferStorage(d->buffers[1], (GLsizeiptr)(((size_t)d->of.n_entries + 1) * sizeof *d->entries), NULL, GL_DYNAMIC_STORAGE_BIT);
+  glNamedBufferStorage(d->buffers[2], (GLsizeiptr)((side * side + blocks * blocks) * 4), NULL, 0);
+  glNamedBufferStorage(d->buffers[3], (GLsizeiptr)(side * side * 16), NULL, 0);
+  glBindBufferBase(GL_UNIFORM_BUFFER, 1, d->buffers[0]);
+  for (GLuint i = 1; i < 4; i++) glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 4 + i, d->buffers[i]);
+  if (d->of.args.shaded)
+    glNamedBufferSubData(d->gl->job_buffer, offsetof(tc_gl_job_block, shade), sizeof d->of.args.shade, &d->of.args.shade);
+}
+
+/* ---- tiles ---- */
+
+static void put_entry(drawing *d, const tc_splat_entry *e) {
+  const tc_splat_brick *brick = &e->of->bricks[e->brick];
+  splat_entry *to = &d->entries[d->n[0] + d->n[1]];
+  *to = (splat_entry){.words = {brick[0].first, brick[1].first - brick[0].first}};
+  for (int k = 0; k < 3; k++) to->at[k] = e->at[k], to->eye[k] = e->eye[k];
+  for (int i = 0; i < d->of.args.n_planes; i++) {
+    const double *p = d->of.planes[i];
+    to->starts[i] = (float)(p[3] + TC_SPLAT_BRICK * (p[0] * brick->at[0] + p[1] * brick->at[1] + p[2] * brick->at[2]));
+  }
+  to->words[2] = e->seen | (uint32_t)e->mixed << 8 | (uint32_t)e->clipped << 9;
+  d->n[e->of != d->of.of]++;
+}
+
+static bool in_tile(const tc_splat_entry *e, const int tile[4]) {
+  return e->box[0] < (float)(tile[0] + tile[2]) && e->box[2] >= (float)tile[0] && e->box[1] < (float)(tile[1] + tile[3]) &&
+         e->box[3] >= (float)tile[1];
+}
+
+static void collect_entries(drawing *d, const int tile[4]) {
+  d->n[0] = d->n[1] = 0;
+  for (int cut = 0; cut < 2; cut++)
+    for (int i = 0; i < d->of.n_entries; i++)
+      if ((d->of.entries[i].of != d->of.of) == cut && in_tile(&d->of.entries[i], tile)) put_entry(d, &d->of.entries[i]);
+  glNamedBufferSubData(d->buffers[1], 0, (GLsizeiptr)((size_t)(d->n[0] + d->n[1]) * sizeof *d->entries), d->entries);
+}
+
+static void use(const drawing *d, int pass, const int tile[4]) {
+  glUseProgram(d->gl->programs[pass]);
+  glProgramUniform4i(d->gl->programs[pass], 0, tile[0], tile[1], tile[2], tile[3]);
+}
+
+/* Bricks in batches. False: halted. */
+static bool run_pass(drawing *d, int pass, const int tile[4]) {
+  const int end = d->n[0] + d->n[1];
+  use(d, pass, tile);
+  for (int i = 0; i < end;) {
+    const int from = i, cut = i >= d->n[0], last = cut ? end : d->n[0];
+    uint32_t n = 0;
+    for (const double most = tc_gl_batch_most(&d->batch); i < last && n < most; i++) n += d->entries[i].words[1];
+    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 4, d->words[cut]->buffer);
+    glProgramUniform1ui(d->gl->programs[pass], 1, (GLuint)from);
+    glDispatchCompute((GLuint)(i - from), 1, 1);
+    d->gl->job->frame->stats.samples += n;
+    if (!tc_gl_batch_add(&d->batch, n, d->gl->job->halt)) return false;
+  }
+  glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
+  return true;
+}
+
+static bool draw_tile(void *user, const int tile[4], GError **error) {
+  drawing *d = user;
+  const GLuint far = 0xff800000u; /* ordered(infinite) */
+  const GLuint across = (GLuint)((tile[2] + 8 * BLOCK - 1) / (8 * BLOCK)), down = (GLuint)((tile[3] + 8 * BLOCK - 1) / (8 * BLOCK));
+  glClearNamedBufferData(d->buffers[2], GL_R32UI, GL_RED_INTEGER, GL_UNSIGNED_INT, &far);
+  glClearNamedBufferData(d->buffers[3], GL_R32UI, GL_RED_INTEGER, GL_UNSIGNED_INT, NULL);
+  collect_entries(d, tile);
+  if (!run_pass(d, 1, tile)) return tc_halt_say(d->gl->job->halt, error);
+  use(d, 2, tile);
+  glDispatchCompute(across, down, 1);
+  glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
+  if (!run_pass(d, 3, tile)) return tc_halt_say(d->gl->job->halt, error);
+  return true;
+}
+
+static bool draw_frame(drawing *d, GError **error) {
+  if (!upload(d, error)) return false;
+  make_buffers(d);
+  const bool drawn = tc_gl_check("splats", error) && tc_gl_draw_tiles(d->gl, draw_tile, d, error);
+  tc_gl_batch_end(&d->batch);
+  if (!*d->gl->lost) glDeleteBuffers(4, d->buffers);
+  return drawn && tc_gl_check("splats", error);
+}
+
+static bool draw(const tc_gl_frame *gl, GError **error) {
+  const tc_job *job = gl->job;
+  const tc_splat_job splats = {.volume = job->source, .splats = job->have.splats, .cut = job->have.cut, .scene = job->scene,
+                               .frame = job->frame};
+  drawing d = {.gl = gl, .batch.unit_ns = gl->hardware ? HARDWARE_NS : SOFTWARE_NS};
+  d.progress = tc_frame_cut(job->frame, (int)sqrt(gl->most), error);
+  if (!d.progress || !tc_splat_frame_begin(&d.of, &splats, error)) return false;
+  d.entries = malloc(((size_t)d.of.n_entries + 1) * sizeof *d.entries);
+  if (!d.entries) tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
+  const bool drawn = d.entries && draw_frame(&d, error);
+  free(d.entries);
+  tc_splat_frame_end(&d.of);
+  return drawn;
+}
+
+static const char *refuses(const tc_scene *scene) {
+  const char *name = scene->splat.attribute;
+  if (!scene->splat.opaque) return "translucent sheets are added up there";
+  if ((name[0] && strcmp(name, "color") != 0) || scene->labels.volume[0]) return "colours of voxels are looked up there";
+  return NULL;
+}
+
+const tc_gl_drawer tc_gl_splat_drawer = {.passes = 4, .refuses = refuses, .draw = draw};

@@ -1,0 +1,122 @@
+// Splats of bricks into the tile, in tile_tmpl.h's steps: a work-group for each brick. PASS 1: depths of the cores; PASS 3:
+// weights and normals of what is not behind them.
+struct Entry { vec4 at, eye; uvec4 words; vec4 starts[3]; }; // splat_entry of splat.c
+layout(std430, binding = 4) readonly buffer Words { uint words[]; };
+layout(std430, binding = 5) readonly buffer Entries { Entry entries[]; };
+layout(location = 1) uniform uint first_entry;
+
+struct Footprint { vec2 at; float z; vec3 q; vec2 reach; uint word; };
+
+uint seen_faces(Entry e, vec3 d) {
+  uint seen = 0u;
+  vec3 to_eye = e.eye.xyz - d;
+  for (int k = 0; k < 3; k++)
+    seen |= (to_eye[k] < -0.5 ? 1u << 2 * k : 0u) | (to_eye[k] > 0.5 ? 2u << 2 * k : 0u);
+  return seen;
+}
+
+bool kept(Entry e, vec3 d) {
+  for (int i = 0; i < splat.n_planes; i++)
+    if (fma(d.z, splat.planes[i].z, fma(d.y, splat.planes[i].y, fma(d.x, splat.planes[i].x, e.starts[i / 4][i % 4]))) < 0.0)
+      return false;
+  return true;
+}
+
+float along(int row, vec3 d, float start) {
+  vec3 m = splat.axis[row].xyz;
+  return fma(d.z, m.z, fma(d.y, m.y, fma(d.x, m.x, start)));
+}
+
+// False: it is not seen, or does not meet the tile.
+bool project(Entry e, uint word, out Footprint f) {
+  vec3 d = vec3(word & 15u, word >> 4 & 15u, word >> 8 & 15u);
+  uint faces = word >> 12 & 63u & ((e.words.z & 256u) != 0u ? seen_faces(e, d) : e.words.z);
+  float x = along(0, d, e.at.x), y = along(1, d, e.at.y), u = 0.0, v = 0.0, scale = splat.scale;
+  f.word = word;
+  f.z = along(2, d, e.at.z);
+  if (faces == 0u || !(splat.near_mm < f.z) || ((e.words.z & 512u) != 0u && !kept(e, d)))
+    return false;
+  if (splat.perspective != 0) {
+    float inverse = 1.0 / f.z;
+    u = x * inverse, v = y * inverse, scale *= inverse;
+    x = u * splat.scale, y = v * splat.scale;
+  } else {
+    x *= scale, y *= scale;
+  }
+  f.at = vec2(x, y) + (0.5 * splat.size - vec2(tile.xy));
+  float xx = 0.0, yy = 0.0, xy = 0.0;
+  for (int k = 0; k < 3; k++) {
+    float jx = fma(-u, splat.axis[2][k], splat.axis[0][k]), jy = fma(-v, splat.axis[2][k], splat.axis[1][k]);
+    xx = fma(jx, jx, xx), yy = fma(jy, jy, yy), xy = fma(jx, jy, xy);
+  }
+  scale = scale * scale * splat.radius2;
+  xx = fma(xx, scale, splat.least2), yy = fma(yy, scale, splat.least2), xy *= scale;
+  float inverse = 1.0 / fma(-xy, xy, xx * yy);
+  f.q = vec3(yy, -xy, xx) * inverse;
+  f.reach = sqrt(vec2(xx, yy));
+  return all(greaterThan(f.at + f.reach, vec2(0.0))) && all(lessThan(f.at - f.reach, vec2(tile.zw)));
+}
+
+float distance_at(Footprint f, ivec2 p) {
+  vec2 d = vec2(p) + 0.5 - f.at;
+  return fma(d.x, fma(d.x, f.q.x, 2.0 * f.q.y * d.y), f.q.z * d.y * d.y);
+}
+
+#if PASS == 1
+void put(Footprint f, ivec2 from, ivec2 to) {
+  for (int y = from.y; y <= to.y; y++)
+    for (int x = from.x; x <= to.x; x++)
+      if (distance_at(f, ivec2(x, y)) < splat.core)
+        atomicMin(nearest[y * tile.z + x], ordered(f.z));
+}
+#else
+bool hidden(float z, ivec2 from, ivec2 to) {
+  for (int y = from.y / BLOCK; y <= to.y / BLOCK; y++)
+    for (int x = from.x / BLOCK; x <= to.x / BLOCK; x++)
+      if (z <= depth_of(nearest[block_at(x, y)]))
+        return false;
+  return true;
+}
+
+ivec3 normal_of(Footprint f) {
+  vec2 e = (vec2(f.word >> 18 & 127u, f.word >> 25) - 63.0) / 63.0;
+  vec3 n = vec3(e, 1.0 - abs(e.x) - abs(e.y));
+  if (n.z < 0.0)
+    n.xy = (1.0 - abs(e.yx)) * mix(vec2(1.0), vec2(-1.0), lessThan(e, vec2(0.0)));
+  n *= 1.0 / sqrt(dot(n, n));
+  vec2 at = f.at + vec2(tile.xy);
+  float away = dot(n, splat.direction0.xyz + at.x * splat.direction_du.xyz + at.y * splat.direction_dv.xyz);
+  bool sheet = (f.word >> 12 & f.word >> 13 & 0x15u) != 0u;
+  return ivec3(roundEven(n * (sheet && away > 0.0 ? -127.0 : 127.0)));
+}
+
+void put(Footprint f, ivec2 from, ivec2 to) {
+  float z = f.z - splat.window_mm;
+  if (any(lessThan(to, from)) || (splat.culling != 0 && hidden(z, from, to)))
+    return;
+  ivec3 n = normal_of(f);
+  for (int y = from.y; y <= to.y; y++)
+    for (int x = from.x; x <= to.x; x++) {
+      float q = distance_at(f, ivec2(x, y));
+      int at = y * tile.z + x;
+      if (!(q < 1.0) || !(z < depth_of(nearest[at])))
+        continue;
+      uint step = uint(max(q, 0.0) * 1024.0);
+      int weight = int(splat.weights[step >> 4][step >> 2 & 3u] >> 8 * (step & 3u) & 255u);
+      atomicAdd(sums[4 * at], weight);
+      for (int k = 0; k < 3; k++)
+        atomicAdd(sums[4 * at + 1 + k], weight * n[k]);
+    }
+}
+#endif
+
+void main() {
+  Entry e = entries[first_entry + gl_WorkGroupID.x];
+  for (uint i = gl_LocalInvocationIndex; i < e.words.y; i += 64u) {
+    Footprint f;
+    if (!project(e, words[e.words.x + i], f))
+      continue;
+    vec2 r = PASS == 1 ? f.reach * splat.core_root : f.reach;
+    put(f, ivec2(max(f.at - r + 0.5, vec2(0.0))), ivec2(floor(min(f.at + r - 0.5, vec2(tile.zw - 1)))));
+  }
+}

@@ -1,0 +1,27 @@
+// The mean of the splats at a pixel, lit.
+#if DEPTH
+layout(std430, binding = 3) writeonly buffer Depth { float depths[]; }; // [h][w] mm from the eye
+#endif
+
+void main() {
+  ivec2 place = ivec2(gl_GlobalInvocationID.xy);
+  if (any(greaterThanEqual(place, tile.zw)))
+    return;
+  uint at = uint(place.y * tile.z + place.x);
+  float weight = float(sums[4u * at]), alpha = min(weight * (1.0 / splat.full), 1.0);
+  vec2 p = vec2(tile.xy + place) + 0.5;
+  vec4 color = vec4(splat.color.rgb, 1.0);
+#if SHADED
+  if (weight > 0.0) {
+    vec3 n = vec3(sums[4u * at + 1u], sums[4u * at + 2u], sums[4u * at + 3u]) / max(weight, 1.0);
+    vec3 eye = -normalize(splat.direction0.xyz + p.x * splat.direction_du.xyz + p.y * splat.direction_dv.xyz);
+    n -= min(dot(n, eye), 0.0) * eye; // one side is lit
+    color = shade(color, n, n, eye);
+  }
+#endif
+  write_result(at, vec4(color.rgb * alpha, alpha));
+#if DEPTH
+  vec2 across = (p - 0.5 * splat.size) / splat.scale;
+  depths[at] = depth_of(nearest[at]) * (splat.perspective != 0 ? sqrt(1.0 + dot(across, across)) : 1.0);
+#endif
+}

@@ -1,0 +1,152 @@
+/* Mode splat on the gl back end against the cpu's splatter: the same sums of whole numbers, but where a pixel's middle lies
+ * at a footprint's or a core's rim, or between two steps of the footprint's table, within rounding. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/tomocast.h"
+#include "tests/support/grid.h"
+#include "tests/support/renderers.h"
+
+enum { SIDE = 300, PIXELS = SIDE * SIDE };
+#define needs_gl() do { if (!test_renderers[GL]) skip(); } while (0)
+
+static tc_volume *waves(void) {
+  return test_volume(&(test_grid){.dims = {60, 52, 56}, .type = TC_U8, .slope = 0.004, .spacing = {1, 1.3, 0.8},
+                                  .origin = {-1000, 300, 50}}, test_waves, &(double){24});
+}
+
+static void splat_scene(tc_scene *scene, const tc_volume *volume, tc_projection projection) {
+  test_scene(scene, SIDE, SIDE);
+  test_scene_frame(scene, volume, projection, (double[3]){1, -0.6, 0.4});
+  scene->mode = TC_MODE_SPLAT;
+  scene->splat.threshold[0] = 0.55, scene->splat.threshold[1] = 2;
+  scene->shading.model = TC_SHADING_BLINN_PHONG;
+}
+
+/* Pixels that differ by more than 1/255; the others' depths are the same within single precision. */
+static int count_apart(const tc_frame *cpu, const tc_frame *gl, int *seen) {
+  int over = 0, deep = 0;
+  double most = 0;
+  *seen = 0;
+  for (int i = 0; i < PIXELS; i++) {
+    double worst = 0;
+    int level = 0;
+    for (int c = 4 * i; c < 4 * i + 4; c++) {
+      worst = fmax(worst, fabs((double)gl->linear[c] - cpu->linear[c]));
+      level = MAX(level, abs(gl->rgba[c] - cpu->rgba[c]));
+    }
+    *seen += cpu->linear[4 * i + 3] > 0;
+    over += worst > 1.0 / 255 || level > 1;
+    most = fmax(most, worst);
+    deep += isfinite(cpu->depth[i]) != isfinite(gl->depth[i]) ||
+            (isfinite(cpu->depth[i]) && fabsf(cpu->depth[i] - gl->depth[i]) > 1e-3f);
+  }
+  printf("  %d pixels show something: %d off by more than 1/255 (at most %.3f), %d by more than 1 um in depth\n", *seen, over,
+         most, deep);
+  return MAX(over, deep);
+}
+
+static void expect_equal(tc_volume *volume, const tc_scene *scene) {
+  const tc_render_request request = {.want_linear = true, .want_depth = true};
+  tc_explanation plan;
+  int seen;
+  const tc_frame *cpu = test_draw(test_widest(), volume, scene, &request, NULL);
+  const tc_frame *gl = test_draw(GL, volume, scene, &request, &plan);
+  assert_non_null(strstr(plan.kernel, ".gl"));
+  assert_true(count_apart(cpu, gl, &seen) <= seen / 1000 && seen > PIXELS / 20);
+}
+
+static void pictures_are_equal_but_for_rims(void **unused) {
+  needs_gl();
+  tc_volume *volume = waves();
+  for (int round = 0; round < 7; round++) {
+    tc_scene scene;
+    splat_scene(&scene, volume, round & 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE);
+    scene.shading.model = (tc_shading_model[]){TC_SHADING_BLINN_PHONG, TC_SHADING_GOOCH, TC_SHADING_LAMBERT, 0}[round / 2];
+    if (round == 1) scene.clip.planes[0][1] = 1, scene.clip.planes[0][3] = -330, scene.clip.n_planes = 1;
+    if (round == 2) {
+      scene.clip.has_box = true;
+      const double box[2][3] = {{-985, 320, 60}, {-950, 360, 85}};
+      memcpy(scene.clip.box, box, sizeof box);
+    }
+    if (round == 3) scene.splat.kernel_radius = 2.5;
+    if (round == 4) /* from the inside */
+      test_scene_look(&scene, TC_PERSPECTIVE, (double[3]){-970, 335, 75}, (double[3]){-900, 380, 100}, 80);
+    if (round == 5) scene.image.linear_light = scene.image.transparent = true;
+    expect_equal(volume, &scene);
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+}
+
+static void culling_changes_no_bit(void **unused) {
+  needs_gl();
+  tc_volume *volume = waves();
+  tc_scene scene;
+  splat_scene(&scene, volume, TC_PERSPECTIVE);
+  scene.clip.planes[0][1] = 1, scene.clip.planes[0][3] = -330, scene.clip.n_planes = 1;
+  const tc_frame *frame = test_draw(GL, volume, &scene, NULL, NULL);
+  float *culled = g_memdup2(frame->linear, PIXELS * 4 * sizeof *culled);
+  const uint64_t samples = frame->stats.samples;
+  scene.splat.culling = false;
+  frame = test_draw(GL, volume, &scene, NULL, NULL);
+  printf("  splats: %.0f, all %.0f\n", (double)samples, (double)frame->stats.samples);
+  assert_memory_equal(frame->linear, culled, PIXELS * 4 * sizeof *culled);
+  assert_true(frame->stats.samples > samples);
+  g_free(culled);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+static void what_gl_does_not_draw_the_cpu_does(void **unused) {
+  needs_gl();
+  tc_volume *volume = waves();
+  tc_scene scene;
+  tc_explanation plan;
+  splat_scene(&scene, volume, TC_PERSPECTIVE);
+  strcpy(scene.splat.attribute, "value");
+  const tc_frame *cpu = test_draw(test_widest(), volume, &scene, NULL, NULL), *gl = test_draw(GL, volume, &scene, NULL, &plan);
+  assert_memory_equal(cpu->rgba, gl->rgba, 4 * PIXELS);
+  assert_non_null(strstr(plan.stages[TC_STAGE_SPLATS].reason, "drawn by the cpu"));
+  assert_true(gl->stats.stand_in);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+static void frames_stop_and_go_on_to_the_same_picture(void **unused) {
+  needs_gl();
+  tc_volume *volume = waves();
+  tc_scene scene;
+  tc_frame frame = {0};
+  tc_interrupt interrupt;
+  GError *error = NULL;
+  int stops = 0;
+  splat_scene(&scene, volume, TC_PERSPECTIVE);
+  tc_interrupt_init(&interrupt);
+  atomic_store(&interrupt.pause_us, 1); /* long past */
+  const tc_render_request request = {.interrupt = &interrupt, .resume = true};
+  while (!tc_render(test_renderers[GL], volume, &scene, &request, &frame, NULL, &error) && stops++ < 2000) {
+    assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_PAUSED));
+    g_clear_error(&error);
+  }
+  assert_true(stops >= 2 && stops < 2000 && !frame.stats.stand_in); /* four tiles */
+  assert_memory_equal(frame.rgba, test_draw(GL, volume, &scene, NULL, NULL)->rgba, 4 * PIXELS);
+  tc_frame_finish(&frame);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(pictures_are_equal_but_for_rims), cmocka_unit_test(culling_changes_no_bit),
+                                     cmocka_unit_test(what_gl_does_not_draw_the_cpu_does),
+                                     cmocka_unit_test(frames_stop_and_go_on_to_the_same_picture)};
+  return cmocka_run_group_tests_name("splats through OpenGL", tests, test_renderers_open, test_renderers_close);
+}
