@@ -200,6 +200,7 @@ bool tc_renderer_explain(tc_renderer *renderer, const tc_volume *volume, const t
   d.wanted.maps_distance = d.ops->maps_distance;
   collect(&d, NULL);
   explain(&d, false, explanation);
+  if (d.ops == &tc_cpu_backend) tc_explain_object(volume, scene, explanation);
   return true;
 }
 

@@ -192,7 +192,7 @@ static void say_labels(const teller *t) {
   if (t->plan->key.labels)
     say(t, TC_STAGE_LABELS, true, "labels of volume %.40s: %s, tint %.3g", s->labels.volume, shown, s->labels.opacity);
   else if (s->labels.volume[0])
-    say(t, TC_STAGE_LABELS, false, "mode %s shows values: labels colour dvr, mpr and meshes only", tc_mode_names[s->mode]);
+    say(t, TC_STAGE_LABELS, false, "mode %s shows values: labels colour dvr, mpr, meshes and splats only", tc_mode_names[s->mode]);
   else
     say(t, TC_STAGE_LABELS, false, "no label volume");
 }
@@ -304,12 +304,14 @@ static void say_splats(const teller *t) {
   const tc_scene *s = t->scene;
   const bool colors = strcmp(s->splat.attribute, "value") == 0;
   for (size_t i = 0; i < sizeof out / sizeof *out; i++) say(t, out[i].stage, false, "%s", out[i].reason);
-  say_no_tables(t, colors || !s->splat.opaque ? "the transfer function is read at voxels" : "the object has one colour");
+  say_no_tables(t, (colors && !t->plan->key.labels) || !s->splat.opaque ? "the transfer function is read at voxels" : "the object has one colour");
   say(t, TC_STAGE_GRADIENT, t->plan->key.shading != 0, !s->splat.opaque ? "a translucent object is not shaded"
       : t->plan->key.shading ? "shading.model is %s: normals kept with the splats" : "shading.model is %s",
       tc_shading_names[s->shading.model]);
-  say(t, TC_STAGE_SPLATS, true, "voxels of %.6g to %.6g as runs; %s, kernel of %.3g voxels; %s", s->splat.threshold[0],
-      s->splat.threshold[1], s->splat.opaque ? "surface as splats" : "all as splats, in sheets", s->splat.kernel_radius,
+  char which[64] = "voxels of the labels that show";
+  if (!t->plan->key.labels)
+    snprintf(which, sizeof which, "voxels of %.6g to %.6g", s->splat.threshold[0], s->splat.threshold[1]);
+  say(t, TC_STAGE_SPLATS, true, "%s as runs; %s, kernel of %.3g voxels; %s", which, s->splat.opaque ? "surface as splats" : "all as splats, in sheets", s->splat.kernel_radius,
       !s->splat.opaque ? "nothing hides" : s->splat.culling ? "what is hidden is left out first" : "culling is off");
 }
 
@@ -392,11 +394,24 @@ void tc_plan_explain(const tc_plan *plan, const tc_volume *volume, const tc_scen
   add_resources(&t);
 }
 
+void tc_explain_object(const tc_volume *volume, const tc_scene *scene, tc_explanation *to) {
+  static const char *const ways[TC_OBJECT_MODES] = {"splats are", "a ray-cast isosurface is", "a mesh is"};
+  const teller t = {.volume = volume, .scene = scene, .to = to};
+  const tc_object_cost *c = &to->object;
+  const tc_mode mode = scene->mode;
+  to->has_object = tc_object_cost_of(volume, scene, to->width, to->height, &to->object);
+  if (!to->has_object) return;
+  add(&t, mode == TC_MODE_SPLAT ? TC_STAGE_SPLATS : mode == TC_MODE_MESH ? TC_STAGE_MESH : TC_STAGE_SKIPPING,
+      "; %s cheapest: about %.2g ms splatted, %.2g ray-cast, %.2g as a mesh", ways[c->cheapest], c->ms[TC_OBJECT_SPLAT],
+      c->ms[TC_OBJECT_ISOSURFACE], c->ms[TC_OBJECT_MESH]);
+}
+
 bool tc_explain(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_explanation *explanation,
                 GError **error) {
   tc_plan plan;
   if (!tc_plan_check(volume, scene, width, height, NULL, error)) return false;
   tc_plan_make(volume, scene, &(tc_plan_request){.width = width, .height = height}, &plan);
   tc_plan_explain(&plan, volume, scene, NULL, explanation);
+  tc_explain_object(volume, scene, explanation);
   return true;
 }

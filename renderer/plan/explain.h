@@ -3,6 +3,7 @@
 #ifndef TC_PLAN_EXPLAIN_H
 #define TC_PLAN_EXPLAIN_H
 
+#include "renderer/plan/object_cost.h"
 #include "renderer/plan/plan.h"
 
 typedef enum tc_stage {
@@ -32,7 +33,7 @@ const char *tc_stage_name(tc_stage stage); /* "table-2d" ... */
 
 typedef struct tc_explained_stage {
   bool included;
-  char reason[200];
+  char reason[280];
   double ms;      /* tc_render(): wall time in that frame; tc_renderer_explain(): what building its parts took, 0 before */
   uint64_t bytes; /* memory held for it */
 } tc_explained_stage;
@@ -45,6 +46,8 @@ typedef struct tc_explanation {
   int table_size;            /* entries per side of the table, or nodes of the 1-D tables; 0 = none (projections) */
   int table_zooms;           /* narrower tables that resolve knots which stand too close for it */
   double table_lo, table_hi; /* values (volume's unit) of the first and last entry */
+  bool has_object;           /* the scene is an opaque object of a threshold, drawn by the cpu: */
+  tc_object_cost object;     /* what it costs in each mode that draws it */
   char kernel[64];           /* name of the variant that runs, e.g. "dvr.preintegrated.linear.u16.avx512" */
 } tc_explanation;
 
@@ -67,6 +70,9 @@ tc_stage tc_stage_of(tc_resource resource);
 /* facts: NULL before a frame. The kernel's name lacks the back end's words. Pure. */
 void tc_plan_explain(const tc_plan *plan, const tc_volume *volume, const tc_scene *scene, const tc_facts *facts,
                      tc_explanation *explanation);
+
+/* Adds what the scene's object would cost in each mode that draws it, to a plan that the cpu draws. Some milliseconds. */
+void tc_explain_object(const tc_volume *volume, const tc_scene *scene, tc_explanation *explanation);
 
 /* Checks the scene, plans and explains, without a renderer. Pure. */
 bool tc_explain(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_explanation *explanation,

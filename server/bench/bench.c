@@ -14,6 +14,7 @@
 #include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
 #include "server/bench/bench.h"
+#include "server/bench/objects.h"
 #include "server/bench/papers.h"
 #include "server/cli/cli.h"
 #include "server/encode/encode.h"
@@ -24,7 +25,7 @@ typedef struct arguments {
   char *scene, *json, *paper, **set, **rest;
   int size, runs, threads, pixels, cache;
   double azimuth, elevation, zoom;
-  gboolean gl;
+  gboolean gl, objects;
 } arguments;
 
 typedef struct variant {
@@ -247,6 +248,10 @@ static tcs_paper_run paper_run(const bench *b) {
   return (tcs_paper_run){b->args.paper, b->args.size, b->args.runs, b->args.threads, b->args.gl, prints(b)};
 }
 
+static tcs_objects_run objects_run(const bench *b) {
+  return (tcs_objects_run){b->args.runs, b->args.threads, prints(b)};
+}
+
 static bool bench_volume(bench *b, const char *path, cJSON *report, GError **error) {
   const char *slash = strrchr(path, '/');
   b->name = slash ? slash + 1 : path;
@@ -257,6 +262,9 @@ static bool bench_volume(bench *b, const char *path, cJSON *report, GError **err
   if (good && b->args.paper) {
     const tcs_paper_run run = paper_run(b);
     good = tcs_paper_volume(&run, b->volume, b->name, &b->scene, report, error);
+  } else if (good && b->args.objects) {
+    const tcs_objects_run run = objects_run(b);
+    good = tcs_objects_volume(&run, b->volume, b->name, report, error);
   } else if (good && (good = measure(b, error))) {
     if (prints(b)) print_rows(b);
     cJSON_AddItemToArray(report, rows_as_json(b));
@@ -295,6 +303,8 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
        "KEY=VALUE"},
       {"paper", 0, 0, G_OPTION_ARG_FILENAME, &a->paper, "the tables of paper 000 or 001 instead, beside the published",
        "ID"},
+      {"objects", 0, 0, G_OPTION_ARG_NONE, &a->objects,
+       "splats, ray-cast isosurfaces and meshes of the same objects instead, and which the plan calls the faster", NULL},
       {"json", 0, 0, G_OPTION_ARG_FILENAME, &a->json, "write all figures as JSON; - is stdout", "FILE"},
       {0}};
   const tcs_cli_usage usage = {"bench", "[VOLUME...]",
@@ -331,6 +341,10 @@ int tcs_bench(int argc, char **argv) {
     if (b->args.paper) tcs_paper_begin(&run, report);
     for (char **path = b->args.rest ? b->args.rest : demos; good && *path; path++)
       good = bench_volume(b, *path, report, &error);
+    if (good && b->args.objects) {
+      const tcs_objects_run objects = objects_run(b);
+      tcs_objects_end(&objects, report);
+    }
     if (good && b->args.json) good = write_report(b->args.json, report, &error);
     if (good) code = TCS_EXIT_DONE;
   }

@@ -207,6 +207,16 @@ void tcs_get_thumbnail(tcs_request *request) {
 
 /* --- the plan -------------------------------------------------------------------------------------- */
 
+/* What the object would cost in each of the modes that draw it. */
+static cJSON *object_json(const tc_object_cost *cost) {
+  cJSON *json = cJSON_CreateObject();
+  cJSON_AddStringToObject(json, "cheapest", tc_mode_names[tc_object_mode_of(cost->cheapest)]);
+  cJSON *ms = cJSON_AddObjectToObject(json, "expectedMs");
+  for (int i = 0; i < TC_OBJECT_MODES; i++)
+    cJSON_AddNumberToObject(ms, tc_mode_names[tc_object_mode_of((tc_object_mode)i)], cost->ms[i]);
+  return json;
+}
+
 static cJSON *write_plan(const tcs_job *job) {
   const tc_explanation *plan = &job->plan;
   cJSON *json = cJSON_CreateObject();
@@ -219,6 +229,7 @@ static cJSON *write_plan(const tcs_job *job) {
   cJSON_AddItemToObject(json, "tableRange", cJSON_CreateDoubleArray(range, 2));
   cJSON *quality = tcs_quality_json(job);
   if (quality) cJSON_AddItemToObject(json, "quality", quality);
+  if (plan->has_object) cJSON_AddItemToObject(json, "object", object_json(&plan->object));
   cJSON *stages = cJSON_AddArrayToObject(json, "stages");
   for (int i = 0; i < TC_STAGE_COUNT; i++) {
     const tc_explained_stage *stage = &plan->stages[i];
