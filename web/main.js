@@ -187,6 +187,7 @@ function showVolume(volume, box, histogram) {
   modes.setVolume(volume.display, box);
   get('hide-table').hidden = !volume.display?.table;
   panels.setVolume(range, Math.min(...box.high.map((end, k) => end - box.low[k])));
+  panels.setModel(volume.model);
   crop.setBox(box);
   labels.setVolume(volume.id);
   get('volume-name').textContent = volume.id;

@@ -78,6 +78,21 @@ export class Panels {
     this.update();
   }
 
+  /** A run-length model has no grid, which all modes but splats look at, and attributes of its own. */
+  setModel(model) {
+    for (const option of this.#root.querySelectorAll('[data-path="mode"] option'))
+      option.hidden = Boolean(model) && option.value !== 'splat';
+    const menu = this.#root.querySelector('[data-path="splat.attribute"]');
+    for (const option of menu.querySelectorAll('[data-own]')) option.remove();
+    for (const name of Object.keys(model?.attributes ?? {})) {
+      if (name === 'value' || name === 'normal') continue;
+      const option = new Option(`Attribute ${name}`, name);
+      option.dataset.own = '';
+      menu.append(option);
+    }
+    this.update();
+  }
+
   /** What the daemon does not offer: choices that a refused patch made are not offered again. */
   withdraw(patch) {
     for (const menu of this.#root.querySelectorAll('select[data-path]')) {

@@ -12,7 +12,9 @@
 
 static atomic_uint_fast64_t last_serial;
 
-bool tc_mode_has_labels(tc_mode mode) { return mode == TC_MODE_DVR || mode == TC_MODE_MPR || mode == TC_MODE_MESH; }
+bool tc_mode_has_labels(tc_mode mode) {
+  return mode == TC_MODE_DVR || mode == TC_MODE_MPR || mode == TC_MODE_MESH || mode == TC_MODE_SPLAT;
+}
 
 /* ---- colours ---- */
 
@@ -165,6 +167,11 @@ bool tc_labels_check(const tc_volume *volume, const tc_volume *labels, const tc_
     return false;
   }
   const tc_volume_desc *d = tc_volume_describe(labels);
+  if (tc_volume_sparse(labels)) {
+    tc_set_error(error, TC_ERROR_INVALID, pointer,
+                 "labels/volume: a run-length model is shown by itself; labels are a volume with a grid");
+    return false;
+  }
   if (d->type == TC_F32 || d->slope != rint(d->slope) || d->intercept != rint(d->intercept)) {
     tc_set_error(error, TC_ERROR_INVALID, pointer,
                  "labels/volume: labels are whole numbers of at most 16 bits, this volume holds %s: convert it",

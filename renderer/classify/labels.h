@@ -9,7 +9,7 @@
  *   S, A, V = interpolated tint colour (premultiplied), tint opacity and visibility
  *   dvr: extinction * V; colour C becomes C (1 - A/V) + S/V   (a hidden label does not tint its neighbours)
  *   mpr: grey G becomes G (1 - A) + S                          (anatomy is never hidden)
- *   mesh: colour S/A of a surface */
+ *   mesh: colour S/A of a surface; splat: of each voxel of the labels that are visible */
 #ifndef TC_CLASSIFY_LABELS_H
 #define TC_CLASSIFY_LABELS_H
 

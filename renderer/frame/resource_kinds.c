@@ -211,6 +211,12 @@ static bool of_labels(const tc_job *job) {
 
 static const tc_volume *mesh_tied(const tc_job *job) { return of_labels(job) ? job->label_volume : job->volume; }
 
+static void visible_key(const tc_scene *s, GByteArray *key) {
+  const guint8 all = !s->labels.visible;
+  append(key, &all, 1);
+  append(key, s->labels.visible, all ? 0 : s->labels.n_visible * sizeof *s->labels.visible);
+}
+
 /* What is drawn beside all labels: the list, or the one surface. */
 static size_t sources_of(const tc_job *job, tc_mesh_source of[TC_MAX_SURFACES]) {
   if (job->scene->mesh.n_surfaces) return tc_mesh_sources(job, of);
@@ -223,12 +229,10 @@ static size_t sources_of(const tc_job *job, tc_mesh_source of[TC_MAX_SURFACES]) 
 static void mesh_key(const tc_job *job, GByteArray *key) {
   const uint64_t serial = tc_volume_serial(mesh_tied(job));
   const tc_scene *s = job->scene;
-  const guint8 all = !s->labels.visible;
   tc_mesh_source of[TC_MAX_SURFACES];
   append(key, &serial, sizeof serial);
   if (of_labels(job)) {
-    append(key, &all, 1);
-    append(key, s->labels.visible, all ? 0 : s->labels.n_visible * sizeof *s->labels.visible);
+    visible_key(s, key);
     return;
   }
   for (size_t i = 0, n = sources_of(job, of); i < n; i++) {
@@ -288,18 +292,36 @@ static size_t mesh_starts_with(const tc_job *job) { return 0; }
 
 static void free_runs(void *thing) { tc_vmd_free(thing); }
 static size_t runs_bytes(const void *thing) { return ((const tc_vmd *)thing)->total_bytes; }
-static const tc_volume *source_of(const tc_job *job) { return job->source; }
 THING(splats)
 
+static bool splats_labels(const tc_job *job) { return tc_plan_has(job->plan, TC_RESOURCE_LABELS); }
+
+/* The object's: of labels theirs. */
+static const tc_volume *object_of(const tc_job *job) { return splats_labels(job) ? job->label_volume : job->source; }
+
+/* Colours change nothing about which voxels are filled. */
 static void runs_key(const tc_job *job, GByteArray *key) {
-  const uint64_t serial = tc_volume_serial(job->source);
+  const uint64_t serial = tc_volume_serial(object_of(job));
+  const tc_scene *s = job->scene;
   append(key, &serial, sizeof serial);
-  append(key, job->scene->splat.threshold, sizeof job->scene->splat.threshold);
+  if (splats_labels(job))
+    visible_key(s, key);
+  else
+    append(key, s->splat.threshold, sizeof s->splat.threshold);
+}
+
+static bool label_shows(const void *user, double voxel) {
+  const tc_job *job = user;
+  const tc_volume_desc *d = tc_volume_describe(job->label_volume);
+  const tc_labels *labels = job->have.labels;
+  return d->slope * voxel + d->intercept > 0 && labels->entries[(int)voxel - labels->base][4] > 0;
 }
 
 static void *runs_begin(const tc_making *m, GError **error) {
   const double *range = m->job->scene->splat.threshold;
-  return tc_vmd_of_volume(m->job->source, &(tc_vmd_wish){.low = range[0], .high = range[1]}, m->pool, error);
+  const tc_vmd_wish wish = {
+      .low = range[0], .high = range[1], .shows = splats_labels(m->job) ? label_shows : NULL, .user = m->job};
+  return tc_vmd_of_volume(object_of(m->job), &wish, m->pool, error);
 }
 
 /* What is translucent, or not culled, has an inside. */
@@ -313,12 +335,19 @@ static void splats_key(const tc_job *job, GByteArray *key) {
 
 static void *splats_begin(const tc_making *m, GError **error) {
   const tc_scene *scene = m->job->scene;
+  const tc_vmd *model = tc_volume_model(m->job->source), *runs = m->job->have.runs;
+  if (splats_labels(m->job)) return tc_splats_build(runs, (tc_splat_normals){0}, has_inside(scene), m->pool, error);
+  if (model) {
+    const bool own = tc_vmd_attribute_named(&model->head, "normal") != NULL;
+    return tc_splats_build(runs, (tc_splat_normals){own ? tc_vmd_own_normal : NULL, model}, has_inside(scene), m->pool,
+                           error);
+  }
   tc_vmd_subject *subject = tc_vmd_subject_new(m->job->source, scene->splat.threshold[0], scene->splat.threshold[1]);
   if (!subject) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
     return NULL;
   }
-  tc_splats *splats = tc_splats_build(m->job->have.runs, (tc_splat_normals){tc_vmd_normal_at, subject}, has_inside(scene),
+  tc_splats *splats = tc_splats_build(runs, (tc_splat_normals){tc_vmd_normal_at, subject}, has_inside(scene),
                                       m->pool, error);
   tc_vmd_subject_free(subject);
   return splats;
@@ -326,14 +355,14 @@ static void *splats_begin(const tc_making *m, GError **error) {
 
 static void cut_key(const tc_job *job, GByteArray *key) {
   double planes[TC_MAX_CLIP_PLANES][4];
-  const int n = tc_splat_planes(job->source, job->scene, planes);
+  const int n = tc_splat_planes(object_of(job), job->scene, planes);
   runs_key(job, key);
   append(key, planes, (size_t)n * sizeof *planes);
 }
 
 static void *cut_begin(const tc_making *m, GError **error) {
   double planes[TC_MAX_CLIP_PLANES][4];
-  const int n = tc_splat_planes(m->job->source, m->job->scene, planes);
+  const int n = tc_splat_planes(object_of(m->job), m->job->scene, planes);
   return tc_splats_cut(m->job->have.runs, (const double(*)[4])planes, n, tc_pool_halt(m->pool), error);
 }
 
@@ -423,20 +452,21 @@ const tc_resource_kind tc_resource_kinds[TC_RESOURCE_COUNT] = {
                           .is_like = mesh_is_like,
                           .bytes = clusters_bytes},
     [TC_RESOURCE_RUNS] = {.store = {"runs of voxels", free_runs, NULL, false},
+                          .needs = BIT(LABELS),
                           .key = runs_key,
-                          .tied = source_of,
+                          .tied = object_of,
                           .begin = runs_begin,
                           .bytes = runs_bytes},
     [TC_RESOURCE_SPLATS] = {.store = {"splats", free_splats, NULL, false},
                             .needs = BIT(RUNS),
                             .key = splats_key,
-                            .tied = source_of,
+                            .tied = object_of,
                             .begin = splats_begin,
                             .bytes = splats_bytes},
     [TC_RESOURCE_CUT] = {.store = {"splats of a cut", free_splats, NULL, false},
                          .needs = BIT(RUNS),
                          .key = cut_key,
-                         .tied = source_of,
+                         .tied = object_of,
                          .begin = cut_begin,
                          .bytes = splats_bytes},
 };

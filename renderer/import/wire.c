@@ -7,6 +7,7 @@
 
 #include "renderer/import/reader.h"
 #include "renderer/mesh/mesh.h"
+#include "renderer/splat/vmd.h"
 
 typedef struct message {
   uint32_t kind, length;
@@ -32,6 +33,7 @@ static bool length_fits(const message *m) {
   case TC_WIRE_VOXELS:
     return m->length == 8;
   case TC_WIRE_WANT:
+  case TC_WIRE_MODEL:
     return m->length == 8;
   case TC_WIRE_OPEN:
     return m->length == 4 + TC_WIRE_NAME;
@@ -171,12 +173,18 @@ static tc_volume *volume_for(const tc_wire_reader *in, GError **error) {
   return volume;
 }
 
-static bool take_want(const tc_wire_reader *in, GError **error) {
+static bool take_u64(const tc_wire_reader *in, uint64_t *value, GError **error) {
   uint8_t body[8];
   if (!in->read(in->user, body, sizeof body, error)) return false;
   tc_reader r;
   tc_reader_init(&r, body, sizeof body, false);
-  return !in->reserve || in->reserve(in->user, tc_reader_u64(&r), error);
+  *value = tc_reader_u64(&r);
+  return true;
+}
+
+static bool take_want(const tc_wire_reader *in, GError **error) {
+  uint64_t bytes;
+  return take_u64(in, &bytes, error) && (!in->reserve || in->reserve(in->user, bytes, error));
 }
 
 static bool take_open(const tc_wire_reader *in, GError **error) {
@@ -197,6 +205,8 @@ static bool take_open(const tc_wire_reader *in, GError **error) {
 /* A volume or a mesh on its way: up to three arrays, filled one behind the other. */
 typedef struct filling {
   tc_volume *volume; /* NULL before HEAD */
+  uint8_t *model;    /* or before MODEL, of whose bytes the volume is made at the end */
+  size_t model_bytes;
   tc_mesh *mesh;     /* NULL before MESH */
   tc_mesh_file *source; /* of a mesh; NULL: a volume is wanted */
   struct {
@@ -233,10 +243,43 @@ static bool take_voxels(const tc_wire_reader *in, filling *f, GError **error) {
 }
 
 static bool take_volume(const tc_wire_reader *in, filling *f, GError **error) {
-  if (f->volume || f->source) return broken(error, "a volume header out of place");
+  if (f->volume || f->model || f->source) return broken(error, "a volume header out of place");
   f->volume = volume_for(in, error);
   if (f->volume) add_array(f, tc_volume_voxels(f->volume), tc_volume_bytes(f->volume));
   return f->volume != NULL;
+}
+
+/* While it is read there are its bytes, a copy of most of them, and an index of four bytes a column, of which each has
+ * a byte at least. */
+#define MODEL_ROOM 6
+
+static bool take_model(const tc_wire_reader *in, filling *f, GError **error) {
+  uint64_t bytes;
+  if (f->volume || f->model || f->source) return broken(error, "a volume header out of place");
+  if (!take_u64(in, &bytes, error)) return false;
+  if (bytes > UINT32_MAX) return broken(error, "size of the model");
+  if (over_limit(in, bytes, "the model takes", error)) return false;
+  if (in->reserve && !in->reserve(in->user, MODEL_ROOM * bytes, error)) return false;
+  f->model_bytes = bytes;
+  f->model = g_try_malloc(bytes + 1);
+  if (!f->model) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "voxel model: out of memory");
+    return false;
+  }
+  add_array(f, f->model, bytes);
+  return true;
+}
+
+/* The helper has unpacked it: here nothing inflates. */
+static tc_volume *volume_of_model(const filling *f, GError **error) {
+  tc_reader r;
+  tc_reader_init(&r, f->model, f->model_bytes, false);
+  tc_reader_seek(&r, TC_VMD_FLAGS_AT);
+  if (tc_reader_u16(&r) != 0 || r.failed) return broken(error, "packed model"), NULL;
+  tc_vmd *vmd = tc_vmd_decode(f->model, f->model_bytes, error);
+  tc_volume *volume = vmd ? tc_vmd_volume(vmd, error) : NULL;
+  if (!volume) tc_vmd_free(vmd);
+  return volume;
 }
 
 /* ---- meshes ---- */
@@ -310,6 +353,7 @@ static bool take(const tc_wire_reader *in, uint32_t kind, filling *f, GError **e
   case TC_WIRE_OPEN: return take_open(in, error);
   case TC_WIRE_HEAD: return take_volume(in, f, error);
   case TC_WIRE_MESH: return take_mesh(in, f, error);
+  case TC_WIRE_MODEL: return take_model(in, f, error);
   case TC_WIRE_VOXELS: return take_voxels(in, f, error);
   case TC_WIRE_FAIL: return take_fail(in, error);
   default: return broken(error, "message out of place");
@@ -326,7 +370,10 @@ static bool take_all(const tc_wire_reader *in, filling *f, GError **error) {
 
 tc_volume *tc_wire_load(const tc_wire_reader *in, GError **error) {
   filling f = {0};
-  if (take_all(in, &f, error)) return f.volume;
+  bool ok = take_all(in, &f, error);
+  if (ok && f.model) ok = (f.volume = volume_of_model(&f, error)) != NULL;
+  g_free(f.model);
+  if (ok) return f.volume;
   tc_volume_unref(f.volume);
   return NULL;
 }

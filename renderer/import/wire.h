@@ -3,7 +3,9 @@
  *   request  daemon to helper, first and once: tc_helper_request in its fixed form
  *   message  helper to daemon: u32 kind, u32 length, then `length` bytes
  *     list:    PROGRESS* SERIES* END                             or FAIL at any place
- *     load:    (PROGRESS|WANT|OPEN)* HEAD (VOXELS|PROGRESS|OPEN)* END    or FAIL at any place
+ *     load:    (PROGRESS|WANT|OPEN)* HEAD (VOXELS|PROGRESS|OPEN)* END    or FAIL at any place; instead of HEAD, of a
+ *              run-length model MODEL: the voxels are then its bytes as a .vmd that is not deflated, which the daemon
+ *              reads as it would the file (splat/vmd.h)
  *     mesh:    the same with MESH for HEAD; what VOXELS carry is positions, normals, triangles, as in tc_mesh
  *   reply    daemon to helper, a byte: to VOXELS that the slot is free again; to OPEN that the file comes with it as a
  *            descriptor, or that there is none
@@ -40,6 +42,7 @@ enum {
   TC_WIRE_WANT, /* memory: u64 bytes, before anything is decoded */
   TC_WIRE_OPEN, /* a file beside the input: u32 whether it may be missing, its name */
   TC_WIRE_MESH, /* of a mesh: tc_mesh_head, its numbers as f64 */
+  TC_WIRE_MODEL, /* u64 bytes */
 };
 enum {
   TC_WIRE_HEADER_BYTES = 8,
@@ -100,6 +103,7 @@ bool tc_wire_send_want(int fd, uint64_t bytes);
 bool tc_wire_send_open(int fd, const char *name, bool optional); /* a name shorter than TC_WIRE_NAME */
 bool tc_wire_send_head(int fd, const tc_volume_desc *desc, const tc_provenance *from);
 bool tc_wire_send_mesh(int fd, const tc_mesh_head *head);
+bool tc_wire_send_model(int fd, uint64_t bytes);
 bool tc_wire_send_voxels(int fd, unsigned slot, size_t bytes); /* of a slot, from its start */
 bool tc_wire_send_fail(int fd, int code, const char *text);
 bool tc_wire_send_end(int fd);

@@ -7,6 +7,7 @@
 #include "renderer/plan/plan.h"
 #include "renderer/raycast/grey.h"
 #include "renderer/scene/scene_check.h"
+#include "renderer/splat/vmd.h"
 
 /* A ray takes at most this many samples: more is a mistake in the scene, and float positions end there. */
 #define MAX_SAMPLES_PER_RAY 8e6
@@ -235,22 +236,34 @@ static bool check_surfaces(const tc_scene *s, GError **error) {
 }
 
 /* The transfer function gives colours where the values do, and extinction where the object is translucent. */
-static bool check_splat(const tc_scene *s, const tc_scene *valid, GError **error) {
+static bool check_splat(const tc_volume *volume, const tc_scene *s, const tc_scene *valid, GError **error) {
   const bool values = strcmp(s->splat.attribute, "value") == 0;
   if (!isfinite(s->splat.threshold[0]) || !isfinite(s->splat.threshold[1]) || s->splat.threshold[0] > s->splat.threshold[1])
     return invalid(error, "/splat/threshold", "two finite values wanted, the lower one first");
   if (!(s->splat.kernel_radius > 0 && s->splat.kernel_radius <= 16))
     return invalid(error, "/splat/kernelRadius", "voxels above 0 and up to 16 wanted");
-  if (s->splat.attribute[0] && !values && strcmp(s->splat.attribute, "color") != 0)
-    return invalid(error, "/splat/attribute", "value (colours of the transfer function) or color (isosurface.color) wanted");
+  const tc_vmd *model = tc_volume_model(volume);
+  if (s->splat.attribute[0] && !values && strcmp(s->splat.attribute, "color") != 0 &&
+      !(model && tc_vmd_attribute_named(&model->head, s->splat.attribute)))
+    return invalid(error, "/splat/attribute",
+                   "value (colours of the transfer function), color (isosurface.color) or an attribute of a .vmd wanted");
   if (s->filter == TC_FILTER_NEAREST)
     return unsupported(error, "/filter", "a footprint but of linear (a Gaussian) and cubic");
-  return check_color(s, error) && ((s->splat.opaque && !values) || check_transfer_function(&s->transfer_function, valid, error));
+  return check_color(s, error) && ((s->splat.opaque && (!s->splat.attribute[0] || strcmp(s->splat.attribute, "color") == 0)) || check_transfer_function(&s->transfer_function, valid, error));
+}
+
+/* Every mode but splat looks at voxels that a run-length model has not. */
+static bool check_grid(const tc_volume *volume, const tc_scene *scene, GError **error) {
+  if (!tc_volume_sparse(volume) || scene->mode == TC_MODE_SPLAT) return true;
+  tc_set_error(error, TC_ERROR_INVALID, "/mode",
+               "mode: %s needs a volume with a grid, and this one is a run-length model (.vmd): choose splat",
+               tc_mode_names[scene->mode]);
+  return false;
 }
 
 bool tc_plan_check(const tc_volume *volume, const tc_scene *scene, int width, int height, const tc_scene *valid,
                    GError **error) {
-  if (!check_built(scene, error) || !check_image(width, height, error) || !check_labels(scene, valid, error))
+  if (!check_built(scene, error) || !check_grid(volume, scene, error) || !check_image(width, height, error) || !check_labels(scene, valid, error))
     return false;
   if (scene->mode == TC_MODE_MPR)
     return check_mpr(volume, scene, error) && check_window(scene, error) && check_clipping(scene, error);
@@ -259,7 +272,7 @@ bool tc_plan_check(const tc_volume *volume, const tc_scene *scene, int width, in
     return (scene->mode == TC_MODE_MESH && scene->mesh.n_surfaces ? check_surfaces(scene, error) : check_surface(scene, error)) &&
            check_rays(scene, error) && check_clipping(scene, error) && check_shading(scene, error);
   if (scene->mode == TC_MODE_SPLAT)
-    return check_splat(scene, valid, error) && check_clipping(scene, error) && check_shading(scene, error);
+    return check_splat(volume, scene, valid, error) && check_clipping(scene, error) && check_shading(scene, error);
   return check_look(scene, valid, error) && check_sampling(volume, scene, error) && check_clipping(scene, error) &&
          check_shading(scene, error);
 }

@@ -214,7 +214,8 @@ double tc_estimate_samples(const tc_volume *volume, const tc_scene *scene, int w
     return *longest * width * height;
   }
   if (scene->mode == TC_MODE_SPLAT) { /* not from above: what a surface of usual size costs, and the pixels it covers */
-    const double voxels = (double)tc_volume_bytes(volume) / (double)tc_voxel_size(tc_volume_describe(volume)->type);
+    const int *n = tc_volume_describe(volume)->dims;
+    const double voxels = (double)n[0] * n[1] * n[2];
     *longest = 1;
     return 2.0 * width * height + SURFACES * pow(voxels, 2.0 / 3);
   }

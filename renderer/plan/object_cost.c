@@ -119,6 +119,7 @@ static void walk_line(const walk *w, const line *l) {
 
 static bool is_object(const tc_volume *volume, const tc_scene *s) {
   if (tc_volume_sparse(volume) || s->labels.volume[0]) return false;
+  if (s->mode == TC_MODE_MESH && (s->mesh.n_surfaces || s->mesh.with_volume)) return false;
   return tc_is_surface(s->mode) || (s->mode == TC_MODE_SPLAT && s->splat.opaque);
 }
 

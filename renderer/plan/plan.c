@@ -145,6 +145,7 @@ static void plan_splat(tc_plan *plan, const tc_volume *volume, const tc_scene *s
   plan->key.projection = (uint8_t)s->camera.projection;
   plan->key.shading = s->splat.opaque ? (uint8_t)s->shading.model : TC_SHADING_NONE;
   plan->depth = request->want_depth;
+  plan_labels(plan, s);
   need(plan, TC_RESOURCE_RUNS);
   need(plan, TC_RESOURCE_SPLATS);
   if (plan->key.clipping && s->splat.opaque) need(plan, TC_RESOURCE_CUT);

@@ -6,6 +6,7 @@
 #include <glib.h>
 
 #include "renderer/presets/fit.h"
+#include "renderer/splat/vmd.h"
 #include "renderer/tomocast.h"
 #include "renderer/volume/body.h"
 #include "renderer/volume/values.h"
@@ -194,6 +195,15 @@ tc_volume *tc_fit_body(const tc_fit *fit, const tc_volume *volume, bool (*goes_o
 
 /* ---- scenes ---- */
 
+/* All voxels of a model, of which labels have colours of their own. */
+static void show_model(tc_scene *scene, const tc_volume *volume) {
+  const tc_volume_stats *s = tc_volume_statistics(volume);
+  scene->mode = TC_MODE_SPLAT;
+  scene->splat.threshold[0] = s->min, scene->splat.threshold[1] = s->max;
+  if (tc_vmd_attribute_named(&((const tc_vmd *)tc_volume_model(volume))->head, "label"))
+    g_strlcpy(scene->splat.attribute, "label", sizeof scene->splat.attribute);
+}
+
 static void fit_scene(tc_scene *scene, const tc_volume *volume, const tc_fit *fit) {
   fit_camera(&scene->camera, volume);
   scene->window.center = fit->windows[TC_MODE_MPR].center;
@@ -203,6 +213,7 @@ static void fit_scene(tc_scene *scene, const tc_volume *volume, const tc_fit *fi
   scene->splat.threshold[1] = fmax(fit->surface, tc_volume_statistics(volume)->max);
   memcpy(scene->mpr.center, scene->camera.target, sizeof scene->mpr.center);
   tc_transfer_function_fit_preset(&scene->transfer_function, fit->preset, &fit->stretch);
+  if (tc_volume_sparse(volume)) show_model(scene, volume);
 }
 
 void tc_scene_fit(tc_scene *scene, const tc_volume *volume) {
@@ -214,6 +225,6 @@ void tc_scene_fit(tc_scene *scene, const tc_volume *volume) {
 
 void tc_scene_dress(tc_scene *scene, const tc_volume *volume, const tc_fit *fit, bool has_body) {
   fit_scene(scene, volume, fit);
-  tc_scene_light(scene, tc_preset_named(fit->preset)->lit);
+  tc_scene_light(scene, tc_volume_sparse(volume) || tc_preset_named(fit->preset)->lit);
   scene->hide_table = has_body;
 }

@@ -116,7 +116,7 @@ static void fit_mip(tc_fit *fit, const double *sorted, int count) {
 }
 
 void tc_fit_windows(tc_fit *fit, const tc_volume *volume, const tc_volume *body) {
-  sheet *s = malloc(sizeof *s);
+  sheet *s = tc_volume_sparse(volume) ? NULL : malloc(sizeof *s); /* slices and projections are of grids */
   if (!s) return;
   project(body ? body : volume, s);
   double *const lists[] = {s->most, s->mean, s->least};

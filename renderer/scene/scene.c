@@ -2,6 +2,7 @@
 
 #include <glib.h>
 #include <stdatomic.h>
+#include <math.h>
 #include <string.h>
 
 const char *const tc_mode_names[] = {"dvr", "mip", "minip", "average", "isosurface", "mesh", "splat", "mpr", NULL};
@@ -285,8 +286,10 @@ bool tc_transfer_function_fit_preset(tc_transfer_function *tf, const char *name,
   const tc_preset *preset = tc_preset_named(name);
   if (!preset) return false;
   tc_knot *points = g_memdup2(preset->points, preset->count * sizeof(tc_knot));
-  for (size_t i = 0; preset->relative && i < preset->count; i++)
+  for (size_t i = 0; preset->relative && i < preset->count; i++) {
     points[i].value = stretched(stretch, points[i].value);
+    if (i > 0) points[i].value = fmax(points[i].value, points[i - 1].value); /* rounding may swap what one value has */
+  }
   return set_preset(tf, preset, points, stretch->unit);
 }
 

@@ -10,6 +10,7 @@ typedef struct pick {
   const tc_volume *volume;
   const tc_scene *scene;
   const int *dims;
+  bool labels; /* the volume's values are */
   double at[3], along[3];
   double from, to; /* mm within the volume's box, widened by a voxel */
   double planes[TC_MAX_CLIP_PLANES][4];
@@ -42,6 +43,15 @@ static void set_ray(pick *p, int width, int height, double x, double y) {
   }
 }
 
+static bool is_filled(const pick *p, double value) {
+  const tc_scene *s = p->scene;
+  if (!p->labels) return value >= s->splat.threshold[0] && value <= s->splat.threshold[1];
+  bool shown = !s->labels.visible;
+  for (size_t i = 0; i < s->labels.n_visible && !shown; i++)
+    shown = s->labels.visible[i] == value;
+  return value > 0 && shown;
+}
+
 /* The voxel's own value, if it is drawn and the ray passes its core; *t: where along the ray its centre is. */
 static bool meets(const pick *p, const int voxel[3], double *t, double *value) {
   const double index[3] = {voxel[0], voxel[1], voxel[2]};
@@ -61,7 +71,7 @@ static bool meets(const pick *p, const int voxel[3], double *t, double *value) {
     const double *n = p->planes[i];
     if (n[0] * index[0] + n[1] * index[1] + n[2] * index[2] + n[3] < 0) return false;
   }
-  return *value >= p->scene->splat.threshold[0] && *value <= p->scene->splat.threshold[1];
+  return is_filled(p, *value);
 }
 
 /* Looks around the place at t; keeps what is nearer than the hit so far. */
@@ -79,10 +89,15 @@ static void look_around(const pick *p, double t, tc_splat_hit *hit) {
       }
 }
 
-bool tc_splat_pick(const tc_volume *volume, const tc_scene *scene, int width, int height, double x, double y,
-                   tc_splat_hit *hit) {
+bool tc_splat_pick(const tc_volume *of, const tc_volume *labels, const tc_scene *scene, int width, int height, double x,
+                   double y, tc_splat_hit *hit) {
   const double core = fmax(TC_SPLAT_CORE * scene->splat.kernel_radius, fmin(scene->splat.kernel_radius, TC_SPLAT_CORE));
-  pick p = {.volume = volume, .scene = scene, .dims = tc_volume_describe(volume)->dims, .reach2 = core * core};
+  const tc_volume *volume = labels ? labels : of;
+  pick p = {.volume = volume,
+            .labels = labels != NULL,
+            .scene = scene,
+            .dims = tc_volume_describe(volume)->dims,
+            .reach2 = core * core};
   p.n_planes = tc_splat_planes(volume, scene, p.planes);
   set_ray(&p, width, height, x, y);
   const double voxels_a_mm = sqrt(p.along[0] * p.along[0] + p.along[1] * p.along[1] + p.along[2] * p.along[2]);

@@ -89,7 +89,6 @@ static tc_splats *join(const pile *piles, int count, GError **error) {
 typedef struct building {
   const tc_vmd *model;
   tc_splat_normals normals;
-  const tc_vmd_attribute *normal; /* the model's own */
   bool everything;
   int words;
   uint64_t **bits; /* [threads][ROWS][words][nx]: what is filled in the rows of a layer and beside it */
@@ -154,12 +153,6 @@ static void find_normal(const building *b, const uint64_t *row, size_t row_words
                         double normal[3]) {
   if (b->normals.of) {
     b->normals.of(b->normals.user, x, y, z, normal);
-  } else if (b->normal) {
-    float n[3];
-    const uint8_t *record = tc_vmd_voxel(b->model, x, y, z) + b->normal->at;
-    tc_octahedron_unfold(record[0], record[1], 127, n);
-    for (int k = 0; k < 3; k++)
-      normal[k] = (double)n[k];
   } else {
     normal_of_filled(b, row, row_words, x, z, normal);
   }
@@ -198,11 +191,13 @@ static void build_layer(void *context, int layer, int worker) {
   const int *dims = b->model->head.grid.dims, y0 = layer * TC_SPLAT_BRICK;
   const size_t row_words = (size_t)b->words * (size_t)dims[0];
   uint64_t *bits = b->bits[worker];
+  const pile p = b->piles[layer] = pile_new();
+  if (y0 >= b->model->first[1] + b->model->size[1] || y0 + TC_SPLAT_BRICK <= b->model->first[1]) return;
   for (int r = 0; r < ROWS; r++)
     read_row(b, y0 - REACH + r, bits + (size_t)r * row_words);
-  const pile p = b->piles[layer] = pile_new();
+  const int *first = b->model->first, *size = b->model->size; /* where columns are */
   for (int bz = 0; bz * TC_SPLAT_BRICK < dims[2]; bz++)
-    for (int bx = 0; bx * TC_SPLAT_BRICK < dims[0]; bx++) {
+    for (int bx = first[0] / TC_SPLAT_BRICK; bx * TC_SPLAT_BRICK < first[0] + size[0]; bx++) {
       if (tc_halt_within(b->halt)) {
         atomic_store(&b->left, true);
         return;
@@ -226,9 +221,9 @@ tc_splats *tc_splats_build(const tc_vmd *model, tc_splat_normals normals, bool e
                 .normals = normals,
                 .everything = everything,
                 .words = (dims[2] + 63) / 64,
-                .normal = tc_vmd_attribute_named(&model->head, "normal"),
                 .halt = tc_pool_halt(pool)};
-  if (b.normal && b.normal->type != TC_VMD_NORMAL) b.normal = NULL;
+  const tc_vmd_attribute *own = tc_vmd_attribute_named(&model->head, "normal");
+  if (!normals.of && own && own->type == TC_VMD_NORMAL) b.normals = (tc_splat_normals){tc_vmd_own_normal, model};
   bool good = (b.piles = calloc((size_t)layers, sizeof *b.piles)) && (b.bits = calloc((size_t)threads, sizeof *b.bits));
   for (int i = 0; i < threads && good; i++)
     good = (b.bits[i] = malloc((size_t)ROWS * (size_t)b.words * (size_t)dims[0] * sizeof **b.bits)) != NULL;

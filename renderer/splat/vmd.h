@@ -12,6 +12,7 @@
 #include "renderer/volume/volume.h"
 
 #define TC_VMD_VERSION 1
+#define TC_VMD_FLAGS_AT 6 /* where a file has its u16 of flags; 0: nothing in it is packed */
 #define TC_VMD_ATTRIBUTES 8 /* at most */
 #define TC_VMD_PALETTE 256
 
@@ -69,6 +70,7 @@ bool tc_vmd_next(const tc_vmd *vmd, tc_vmd_run *run);
 /* A voxel's record (not NULL, even of no bytes); NULL: the voxel is free. */
 const uint8_t *tc_vmd_voxel(const tc_vmd *vmd, int x, int y, int z);
 const tc_vmd_attribute *tc_vmd_attribute_named(const tc_vmd_head *head, const char *name); /* NULL: none */
+const tc_vmd_attribute *tc_vmd_value_attribute(const tc_vmd_head *head); /* "value", else "label"; NULL: all are 1 */
 /* A number of a record as it is stored (of a normal its 16 bits). */
 double tc_vmd_number(const tc_vmd_attribute *attribute, const uint8_t *record);
 size_t tc_vmd_type_size(tc_vmd_type type);
@@ -97,9 +99,11 @@ typedef struct tc_vmd_wish {
   bool labels;      /* the volume is a label map: attribute "label" instead of "value", and a palette */
   bool shell;
   const char *attributes; /* "value,label,normal,user" or some of it; NULL or "": none */
+  bool (*shows)(const void *user, double voxel); /* instead of the range: whether stored voxels are filled; NULL */
+  const void *user;
 } tc_vmd_wish;
 
-/* Of a volume. TC_ERROR_INVALID for attributes that are unknown or not there. */
+/* Of a volume. TC_ERROR_INVALID for attributes that are unknown or not there, and for any of a volume without a grid. */
 tc_vmd *tc_vmd_of_volume(const tc_volume *volume, const tc_vmd_wish *wish, tc_pool *pool, GError **error);
 
 /* Outward normals of a volume's object of these values, from how far inside its range voxels are: the mean slope where
@@ -117,6 +121,13 @@ GByteArray *tc_vmd_encode(const tc_vmd *vmd, bool compressed, GError **error);
  * what they inflate to. */
 tc_vmd *tc_vmd_decode(const uint8_t *bytes, size_t size, GError **error);
 tc_vmd *tc_vmd_read(const char *path, GError **error);
+
+/* The model as a volume without a grid, of the attribute "value", or "label", or of one value, 1. Takes the model on
+ * success. TC_ERROR_FORMAT for values that are not finite. tc_volume_model() of such a volume is the tc_vmd. */
+tc_volume *tc_vmd_volume(tc_vmd *vmd, GError **error);
+void tc_vmd_normal(const tc_vmd_attribute *attribute, const uint8_t *record, double normal[3]);
+/* A tc_splat_normals.of: the model's own attribute "normal"; zero where there is none. */
+void tc_vmd_own_normal(const void *vmd, int x, int y, int z, double normal[3]);
 
 /* For decoding and making: the columns' lengths in bytes, [size y][size x], 0 for none, become the index. Takes `bytes`
  * (g_malloc) on success. */

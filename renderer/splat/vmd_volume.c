@@ -10,14 +10,39 @@
 struct tc_vmd_subject {
   const tc_volume *volume;
   const tc_volume_desc *d;
-  const void *data;
-  double low, high; /* stored voxels in this range are filled */
+  const void *data;    /* NULL: of a model */
+  const tc_vmd *model; /* NULL: there is a grid */
+  double low, high;    /* stored voxels in this range are filled */
+  bool (*shows)(const void *user, double voxel);
+  const void *shows_user;
   double to_index[9];
   int value, label, normal; /* bytes before them in a record; -1: not there */
 };
 typedef struct tc_vmd_subject subject;
 
 /* ---- which voxels ---- */
+
+static size_t voxel_index(const subject *s, int x, int y, int z) {
+  return ((size_t)z * (size_t)s->d->dims[1] + (size_t)y) * (size_t)s->d->dims[0] + (size_t)x;
+}
+
+static double voxel_at(const subject *s, size_t i) {
+  switch (s->d->type) {
+  case TC_U8:
+    return ((const uint8_t *)s->data)[i];
+  case TC_I8:
+    return ((const int8_t *)s->data)[i];
+  case TC_U16:
+    return ((const uint16_t *)s->data)[i];
+  case TC_I16:
+    return ((const int16_t *)s->data)[i];
+  case TC_F32:
+    return (double)((const float *)s->data)[i];
+  case TC_VOXEL_TYPE_COUNT:
+    break;
+  }
+  return 0;
+}
 
 #define FILL_ROWS(name, type)                                                                                          \
   static void fill_##name(const subject *s, int y, uint64_t *bits) {                                                   \
@@ -36,9 +61,35 @@ FILL_ROWS(u16, uint16_t)
 FILL_ROWS(i16, int16_t)
 FILL_ROWS(f32, float)
 
+static bool is_filled(const subject *s, double voxel) {
+  return s->shows ? s->shows(s->shows_user, voxel) : voxel >= s->low && voxel <= s->high;
+}
+
+static void fill_one_by_one(const subject *s, int y, uint64_t *bits) {
+  const size_t nx = (size_t)s->d->dims[0];
+  for (int z = 0; z < s->d->dims[2]; z++)
+    for (int x = 0; x < s->d->dims[0]; x++)
+      bits[(size_t)(z / 64) * nx + (size_t)x] |= (uint64_t)is_filled(s, voxel_at(s, voxel_index(s, x, y, z))) << z % 64;
+}
+
+static void fill_of_model(const subject *s, int y, uint64_t *bits) {
+  const size_t nx = (size_t)s->d->dims[0];
+  const tc_vmd_attribute *a = tc_vmd_value_attribute(&s->model->head);
+  const size_t size = (size_t)s->model->head.record_bytes;
+  for (int x = 0; x < s->d->dims[0]; x++)
+    for (tc_vmd_run run = {.at = tc_vmd_column(s->model, x, y)}; tc_vmd_next(s->model, &run);)
+      for (int i = 0; i < run.count; i++)
+        if (is_filled(s, a ? tc_vmd_number(a, run.records + (size_t)i * size) : 1))
+          bits[(size_t)((run.z + i) / 64) * nx + (size_t)x] |= 1ull << (run.z + i) % 64;
+}
+
 static void fill(void *user, int y, uint64_t *bits) {
   const subject *s = user;
-  if (s->low > s->high) return;
+  if (s->low > s->high && !s->shows) return;
+  if (s->model || s->shows) {
+    (s->model ? fill_of_model : fill_one_by_one)(s, y, bits);
+    return;
+  }
   switch (s->d->type) {
   case TC_U8:
     fill_u8(s, y, bits);
@@ -77,28 +128,6 @@ static void stored_range(subject *s, double low, double high) {
 }
 
 /* ---- records ---- */
-
-static size_t voxel_index(const subject *s, int x, int y, int z) {
-  return ((size_t)z * (size_t)s->d->dims[1] + (size_t)y) * (size_t)s->d->dims[0] + (size_t)x;
-}
-
-static double voxel_at(const subject *s, size_t i) {
-  switch (s->d->type) {
-  case TC_U8:
-    return ((const uint8_t *)s->data)[i];
-  case TC_I8:
-    return ((const int8_t *)s->data)[i];
-  case TC_U16:
-    return ((const uint16_t *)s->data)[i];
-  case TC_I16:
-    return ((const int16_t *)s->data)[i];
-  case TC_F32:
-    return (double)((const float *)s->data)[i];
-  case TC_VOXEL_TYPE_COUNT:
-    break;
-  }
-  return 0;
-}
 
 /* How far inside the object, from the nearer end of its range; an end that no voxel is beyond does not count. */
 static double inside_at(const subject *s, size_t i) {
@@ -183,17 +212,22 @@ static void record(void *user, int x, int y, int z, uint8_t *to) {
   }
 }
 
+static subject subject_of(const tc_volume *volume, double low, double high) {
+  subject s = {.volume = volume,
+               .d = tc_volume_describe(volume),
+               .data = tc_volume_data(volume),
+               .model = tc_volume_model(volume),
+               .value = -1,
+               .label = -1,
+               .normal = -1};
+  stored_range(&s, low, high);
+  tc_volume_lps_to_index_matrix(volume, s.to_index);
+  return s;
+}
+
 tc_vmd_subject *tc_vmd_subject_new(const tc_volume *volume, double low, double high) {
   subject *s = malloc(sizeof *s);
-  if (!s) return NULL;
-  *s = (subject){.volume = volume,
-                 .d = tc_volume_describe(volume),
-                 .data = tc_volume_data(volume),
-                 .value = -1,
-                 .label = -1,
-                 .normal = -1};
-  stored_range(s, low, high);
-  tc_volume_lps_to_index_matrix(volume, s->to_index);
+  if (s) *s = subject_of(volume, low, high);
   return s;
 }
 
@@ -214,6 +248,10 @@ static bool add_attribute(tc_vmd_head *head, subject *s, const char *name, bool 
                         : "value, normal or user (labels are those of a label map)");
     return false;
   }
+  if (s->model) {
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "attributes: the volume is a run-length model, which has its own");
+    return false;
+  }
   if (at) *at = head->record_bytes;
   return tc_vmd_head_add(head, name, type, error);
 }
@@ -230,12 +268,8 @@ static void set_palette(tc_vmd_head *head) {
 }
 
 tc_vmd *tc_vmd_of_volume(const tc_volume *volume, const tc_vmd_wish *wish, tc_pool *pool, GError **error) {
-  subject s = {.volume = volume,
-               .d = tc_volume_describe(volume),
-               .data = tc_volume_data(volume),
-               .value = -1,
-               .label = -1,
-               .normal = -1};
+  subject s = subject_of(volume, wish->low, wish->high);
+  s.shows = wish->shows, s.shows_user = wish->user;
   tc_vmd_source source = {.head = {.grid = *s.d}, .shell = wish->shell, .user = &s, .fill = fill, .record = record};
   char **names = g_strsplit(wish->attributes ? wish->attributes : "", ",", -1);
   bool good = true;
@@ -244,7 +278,5 @@ tc_vmd *tc_vmd_of_volume(const tc_volume *volume, const tc_vmd_wish *wish, tc_po
   g_strfreev(names);
   if (!good) return NULL;
   if (s.label >= 0) set_palette(&source.head);
-  stored_range(&s, wish->low, wish->high);
-  tc_volume_lps_to_index_matrix(volume, s.to_index);
   return tc_vmd_make(&source, pool, error);
 }

@@ -222,6 +222,7 @@ static void as_stored(const tc_volume_desc *d, double from, double to, double ra
 }
 
 tc_volume *tc_body_of(const tc_volume *volume, const tc_body_options *options) {
+  if (tc_volume_sparse(volume)) return NULL;
   const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_volume_stats *s = tc_volume_statistics(volume);
   body b = {.volume = volume,

@@ -45,6 +45,17 @@ static void count_row(tc_values *values, tc_voxel_type type, const void *v, size
   }
 }
 
+typedef struct lone {
+  tc_values *values;
+  double start, scale;
+} lone;
+
+static void count_lone(void *user, double voxel) {
+  const lone *l = user;
+  const double at = (voxel - l->start) * l->scale;
+  if (at >= 0 && at < BINS) l->values->counts[(int)at]++;
+}
+
 /* Counts voxels in [lo, hi], both of which occur. */
 static void count(tc_values *values, const tc_volume *volume, double lo, double hi) {
   const tc_volume_desc *d = tc_volume_describe(volume);
@@ -55,7 +66,9 @@ static void count(tc_values *values, const tc_volume *volume, double lo, double 
   const size_t every = n * rows / ENOUGH_VOXELS + 1;
   const char *v = tc_volume_data(volume);
   for (int i = 0; i < BINS; i++) values->counts[i] = 0;
-  for (size_t row = 0; row < rows; row += every) count_row(values, d->type, v + row * n * size, n, start, scale);
+  const tc_sparse *sparse = tc_volume_sparse(volume);
+  if (sparse) sparse->each(sparse->model, count_lone, &(lone){values, start, scale});
+  for (size_t row = 0; row < rows && !sparse; row += every) count_row(values, d->type, v + row * n * size, n, start, scale);
   for (int end = 0; end < 2; end++) { /* they count even if the sampled rows miss them */
     const double at = ((end ? hi : lo) - start) * scale;
     uint64_t *c = &values->counts[at < BINS - 1 ? (int)at : BINS - 1];
@@ -116,7 +129,8 @@ tc_values *tc_values_of(const tc_volume *volume) {
   count(values, volume, s->voxel_min, s->voxel_max);
   find_range(values);
   double lo = s->voxel_min, hi = s->voxel_max;
-  for (int ends = 0; ends < 2 && leave_padding(values); ends++) {
+  const bool padded = !tc_volume_sparse(volume); /* what was segmented has none */
+  for (int ends = 0; ends < 2 && padded && leave_padding(values); ends++) {
     if (d->type != TC_F32) continue; /* one bin per value: already exact */
     range_within(values, volume, &lo, &hi);
     count(values, volume, lo, hi);

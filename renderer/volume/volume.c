@@ -14,6 +14,7 @@ struct tc_volume {
   tc_volume_desc desc;
   tc_volume_stats stats;
   tc_provenance provenance;
+  tc_sparse sparse;    /* .model NULL: there is a grid */
   uint8_t *voxels;
   uint8_t *nothing;    /* a bit per voxel, set if it was NaN; NULL: none was */
   size_t bytes;        /* of the voxels */
@@ -110,7 +111,8 @@ static bool normalise_direction(tc_volume_desc *d, double to_index[9], GError **
   return true;
 }
 
-tc_volume *tc_volume_new(const tc_volume_desc *desc, GError **error) {
+/* A volume with its place, and no voxels yet. */
+static tc_volume *placed(const tc_volume_desc *desc, GError **error) {
   if (!check_grid(desc, error)) return NULL;
   tc_volume *v = calloc(1, sizeof *v);
   if (!v) {
@@ -125,6 +127,14 @@ tc_volume *tc_volume_new(const tc_volume_desc *desc, GError **error) {
   }
   for (int r = 0; r < 3; r++)
     for (int k = 0; k < 3; k++) v->to_lps[3 * r + k] = v->desc.direction[3 * r + k] * v->desc.spacing[k];
+  v->serial = atomic_fetch_add(&next_serial, 1);
+  atomic_init(&v->references, 1);
+  return v;
+}
+
+tc_volume *tc_volume_new(const tc_volume_desc *desc, GError **error) {
+  tc_volume *v = placed(desc, error);
+  if (!v) return NULL;
   v->bytes = (size_t)desc->dims[0] * (size_t)desc->dims[1] * (size_t)desc->dims[2] * tc_voxel_size(desc->type);
   v->mapped_bytes = v->bytes + TAIL_PAD_BYTES;
   /* mmap instead of malloc: zeroed pages, allocated on first touch, and huge pages where possible. */
@@ -136,8 +146,6 @@ tc_volume *tc_volume_new(const tc_volume_desc *desc, GError **error) {
   }
   madvise(p, v->mapped_bytes, MADV_HUGEPAGE);
   v->voxels = p;
-  v->serial = atomic_fetch_add(&next_serial, 1);
-  atomic_init(&v->references, 1);
   return v;
 }
 
@@ -297,6 +305,17 @@ void tc_volume_seal_within(tc_volume *volume, double lo, double hi) {
   end_seal(volume, &s);
 }
 
+tc_volume *tc_volume_of_sparse(const tc_volume_desc *desc, const tc_sparse *sparse, GError **error) {
+  tc_volume *v = placed(desc, error);
+  if (!v) return NULL;
+  v->sparse = *sparse;
+  v->bytes = sparse->bytes;
+  end_seal(v, &(sealing){.lo = sparse->voxel_min, .hi = sparse->voxel_max});
+  return v;
+}
+
+const tc_sparse *tc_volume_sparse(const tc_volume *volume) { return volume->sparse.model ? &volume->sparse : NULL; }
+
 void tc_volume_seal(tc_volume *volume) { tc_volume_seal_while(volume, NULL, NULL); }
 
 void tc_volume_when_freed(tc_volume *volume, void (*freed)(void *user), void *user) {
@@ -311,7 +330,8 @@ tc_volume *tc_volume_ref(tc_volume *volume) {
 
 void tc_volume_unref(tc_volume *volume) {
   if (!volume || atomic_fetch_sub_explicit(&volume->references, 1, memory_order_acq_rel) != 1) return;
-  munmap(volume->voxels, volume->mapped_bytes);
+  if (volume->voxels) munmap(volume->voxels, volume->mapped_bytes);
+  if (volume->sparse.model) volume->sparse.free(volume->sparse.model);
   free(volume->nothing);
   if (volume->freed) volume->freed(volume->freed_user);
   free(volume);
@@ -365,6 +385,26 @@ static double voxel_as_double(const tc_volume *v, size_t i) {
   return 0;
 }
 
+bool tc_volume_voxel(const tc_volume *v, const int at[3], double *voxel) {
+  for (int k = 0; k < 3; k++)
+    if (at[k] < 0 || at[k] >= v->desc.dims[k]) return false;
+  if (v->sparse.model) return v->sparse.voxel(v->sparse.model, at, voxel);
+  const size_t i = ((size_t)at[2] * (size_t)v->desc.dims[1] + (size_t)at[1]) * (size_t)v->desc.dims[0] + (size_t)at[0];
+  *voxel = voxel_as_double(v, i);
+  return !is_nothing(v, i);
+}
+
+static bool value_of_nearest(const tc_volume *v, const double index[3], double *value) {
+  int at[3];
+  for (int k = 0; k < 3; k++) {
+    if (!(fabs(index[k]) <= INT32_MAX)) return false;
+    at[k] = (int)lround(index[k]);
+  }
+  if (!tc_volume_voxel(v, at, value)) return false;
+  *value = v->desc.slope * *value + v->desc.intercept;
+  return true;
+}
+
 /* Positions this close to the box count as on it: they come as decimals, and rounding must not exclude the first and
  * last planes. */
 #define BOX_SLACK 1e-3
@@ -372,6 +412,7 @@ static double voxel_as_double(const tc_volume *v, size_t i) {
 bool tc_volume_value_at(const tc_volume *volume, const double index[3], double *value) {
   double lo[3], hi[3], f[3];
   size_t low[3], high[3];
+  if (volume->sparse.model) return value_of_nearest(volume, index, value);
   tc_volume_index_box(volume, lo, hi);
   for (int k = 0; k < 3; k++) {
     if (!(index[k] >= lo[k] - BOX_SLACK && index[k] <= hi[k] + BOX_SLACK)) return false;
@@ -415,11 +456,27 @@ static int bin_of(const tc_volume *volume, double voxel, double lo, double scale
   return at < bins ? at > 0 ? (int)at : 0 : at >= bins ? bins - 1 : 0;
 }
 
+typedef struct binning {
+  const tc_volume *volume;
+  double scale;
+  int bins;
+  uint64_t *counts;
+} binning;
+
+static void count_voxel(void *user, double voxel) {
+  const binning *b = user;
+  b->counts[bin_of(b->volume, voxel, b->volume->stats.min, b->scale, b->bins)]++;
+}
+
 void tc_volume_histogram(const tc_volume *volume, int bins, uint64_t *counts, double *edges) {
   double lo = volume->stats.min, hi = volume->stats.max;
   for (int i = 0; i <= bins; i++) edges[i] = lo + (hi - lo) * i / bins;
   memset(counts, 0, (size_t)bins * sizeof *counts);
   double scale = hi > lo ? bins / (hi - lo) : 0;
+  if (volume->sparse.model) {
+    volume->sparse.each(volume->sparse.model, count_voxel, &(binning){volume, scale, bins, counts});
+    return;
+  }
   size_t n = voxel_count(volume);
   uint64_t *of = tally(volume, n);
   for (unsigned raw = 0; of && raw < 65536; raw++)

@@ -46,7 +46,8 @@ typedef struct tc_volume tc_volume;
  * (at most 2^31-1 voxels), spacing, direction (invertible) and slope; TC_ERROR_INVALID, _LIMIT or _MEMORY. */
 tc_volume *tc_volume_new(const tc_volume_desc *desc, GError **error);
 
-/* [dims z][dims y][dims x] of desc.type, x fastest, no gaps. Writable before tc_volume_seal() only. */
+/* [dims z][dims y][dims x] of desc.type, x fastest, no gaps. Writable before tc_volume_seal() only. NULL without a
+ * grid. */
 void *tc_volume_voxels(tc_volume *volume);
 const void *tc_volume_data(const tc_volume *volume);
 
@@ -70,8 +71,30 @@ void tc_volume_unref(tc_volume *volume); /* NULL is fine */
 
 const tc_volume_desc *tc_volume_describe(const tc_volume *volume);
 const tc_volume_stats *tc_volume_statistics(const tc_volume *volume);
-size_t tc_volume_bytes(const tc_volume *volume); /* voxel bytes */
+size_t tc_volume_bytes(const tc_volume *volume); /* of the voxels as they are kept */
 uint64_t tc_volume_serial(const tc_volume *volume); /* unique in the process; keys caches */
+
+/* A volume without a grid: of a segmented object only the voxels that are filled are kept, by somebody who knows how
+ * (splat/vmd.h). All others are free and have no value. */
+typedef struct tc_sparse {
+  void *model;
+  size_t bytes;                /* that it takes */
+  double voxel_min, voxel_max; /* of the stored voxels */
+  bool (*voxel)(const void *model, const int at[3], double *voxel); /* false: free, or outside the grid */
+  void (*each)(const void *model, void (*seen)(void *user, double voxel), void *user);
+  void (*free)(void *model);
+} tc_sparse;
+
+/* Sealed. Takes the model on success. tc_volume_data() of it is NULL. */
+tc_volume *tc_volume_of_sparse(const tc_volume_desc *desc, const tc_sparse *sparse, GError **error);
+const tc_sparse *tc_volume_sparse(const tc_volume *volume); /* NULL: it has a grid */
+static inline const void *tc_volume_model(const tc_volume *volume) {
+  const tc_sparse *sparse = tc_volume_sparse(volume);
+  return sparse ? sparse->model : NULL;
+}
+
+/* The stored voxel; false: outside the grid, NaN, or free. */
+bool tc_volume_voxel(const tc_volume *volume, const int at[3], double *voxel);
 
 /* Index (voxel) coordinates <-> LPS mm. */
 void tc_volume_index_to_lps(const tc_volume *volume, const double index[3], double lps[3]);
@@ -83,7 +106,7 @@ void tc_volume_lps_to_index_matrix(const tc_volume *volume, double matrix[9]);
 void tc_volume_index_box(const tc_volume *volume, double lo[3], double hi[3]);
 
 /* Trilinear value (in the volume's unit) at an index position; false if it is over 0.001 outside the box, or beside
- * a NaN. Double. */
+ * a NaN. Double. Without a grid: the nearest voxel's, false where that is free. */
 bool tc_volume_value_at(const tc_volume *volume, const double index[3], double *value);
 
 /* Counts of voxels (not NaN) in `bins` equal bins over [stats.min, stats.max]; edges[bins + 1] in the volume's unit. */

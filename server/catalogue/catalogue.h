@@ -7,6 +7,7 @@
 
 #include "renderer/import/import.h"
 #include "renderer/mesh/measure.h"
+#include "renderer/splat/vmd.h"
 #include "renderer/tomocast.h"
 #include "server/catalogue/spool.h"
 #include "server/observe/metrics.h"
@@ -92,6 +93,7 @@ cJSON *tcs_rows_describe(GArray *rows); /* by id; any thread */
 void tcs_rows_free(GArray *rows);
 /* Which volume of how many, and what of a series is in it. */
 void tcs_describe_provenance(cJSON *json, const tc_volume *volume);
+void tcs_describe_model(cJSON *json, const tc_vmd *model);
 void tcs_catalogue_gauges(tcs_catalogue *catalogue, tcs_gauges *gauges);
 /* True while a volume of the command line has not been loaded, well or badly. */
 bool tcs_catalogue_starting(tcs_catalogue *catalogue);

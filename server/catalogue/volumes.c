@@ -60,6 +60,17 @@ static void add_vector(cJSON *object, const char *name, const double *values, in
   cJSON_AddItemToObject(object, name, cJSON_CreateDoubleArray(values, count));
 }
 
+void tcs_describe_model(cJSON *json, const tc_vmd *model) {
+  static const char *const types[TC_VMD_TYPE_COUNT] = {"u8", "i8", "u16", "i16", "f32", "normal"};
+  const tc_vmd_head *h = &model->head;
+  cJSON *attributes = cJSON_AddObjectToObject(json, "attributes");
+  for (int i = 0; i < h->n_attributes; i++)
+    cJSON_AddStringToObject(attributes, h->attributes[i].name, types[h->attributes[i].type]);
+  cJSON_AddNumberToObject(json, "voxels", (double)model->voxels);
+  cJSON_AddNumberToObject(json, "runs", (double)model->runs);
+  cJSON_AddNumberToObject(json, "colors", h->n_palette);
+}
+
 void tcs_describe_provenance(cJSON *json, const tc_volume *volume) {
   const tc_volume_desc *desc = tc_volume_describe(volume);
   const tc_provenance *from = tc_volume_provenance(volume);
@@ -109,6 +120,7 @@ void tcs_volume_describe(cJSON *json, const tc_volume *volume, const tc_fit *fit
   cJSON_AddNumberToObject(json, "slope", desc->slope);
   cJSON_AddNumberToObject(json, "intercept", desc->intercept);
   tcs_describe_provenance(json, volume);
+  if (tc_volume_sparse(volume)) tcs_describe_model(cJSON_AddObjectToObject(json, "model"), tc_volume_model(volume));
   cJSON_AddNumberToObject(json, "nonFinite", (double)stats->non_finite);
   if (desc->window_width > 0) add_window(json, "window", desc->window_center, desc->window_width);
   describe_fit(json, fit, has_body);

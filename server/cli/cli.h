@@ -31,8 +31,7 @@ bool tcs_cli_parse(const tcs_cli_usage *usage, int argc, char **argv, char ***re
 /* Prints "tomocast COMMAND: message" as one line to stderr, frees the error, gives `code` back. */
 int tcs_cli_fail(const char *command, int code, GError *error);
 
-/* What a .vmd or a mesh file holds, in text or JSON to stdout (info_model.c, info_mesh.c). */
-bool tcs_cli_info_model(const char *path, bool json, GError **error);
+/* What a mesh file holds, in text or JSON to stdout (info_mesh.c). */
 bool tcs_cli_info_mesh(const char *path, bool json, GError **error);
 
 /* The whole of a file, or of stdin for "-", at most `limit` bytes; freed by the caller. */

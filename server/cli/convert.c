@@ -186,6 +186,11 @@ static bool convert(const arguments *a, const wanted *w, GError **error) {
   if (mesh) return write_mesh(mesh, w, a, error);
   if (!volume) return false;
   bool good = false;
+  if (tc_volume_sparse(volume)) {
+    tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "IN is a run-length model, which has no grid: convert the volume it was made of");
+    tc_volume_unref(volume);
+    return false;
+  }
   switch (tc_export_kind_of(a->rest[1])) {
   case TC_EXPORT_MESH:
     good = write_mesh(extract(volume, w, a, error), w, a, error);

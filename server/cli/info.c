@@ -94,6 +94,7 @@ static void print_json(const report *r) {
   cJSON_AddNumberToObject(o, "bytes", (double)tc_volume_bytes(r->volume));
   cJSON_AddStringToObject(o, "modality", d->modality);
   tcs_describe_provenance(o, r->volume);
+  if (tc_volume_sparse(r->volume)) tcs_describe_model(o, tc_volume_model(r->volume));
   cJSON_AddNumberToObject(o, "nonFinite", (double)r->stats->non_finite);
   if (d->window_width > 0) cJSON_AddItemToObject(o, "window", window_json(d));
   if (r->n_series) cJSON_AddItemToObject(o, "series", series_json(r));
@@ -116,6 +117,13 @@ static void print_series(const report *r) {
   }
 }
 
+static void print_attributes(const tc_vmd_head *head) {
+  printf("attributes  ");
+  for (int i = 0; i < head->n_attributes; i++)
+    printf(" %s", head->attributes[i].name);
+  printf("%s\n", head->n_attributes ? "" : " none");
+}
+
 static void print_text(const report *r) {
   const tc_volume_desc *d = r->desc;
   const tc_provenance *from = tc_volume_provenance(r->volume);
@@ -133,6 +141,7 @@ static void print_text(const report *r) {
   printf("bytes        %zu\n", tc_volume_bytes(r->volume));
   printf("modality     %s\n", *d->modality ? d->modality : "unknown");
   printf("frames       %d\n", d->frames);
+  if (tc_volume_sparse(r->volume)) print_attributes(&((const tc_vmd *)tc_volume_model(r->volume))->head);
   if (from->slices_found) printf("slices       %d of %d\n", from->slices_used, from->slices_found);
   if (d->window_width > 0) printf("window       center %g, width %g\n", d->window_center, d->window_width);
   if (r->stats->non_finite)
@@ -154,7 +163,6 @@ static bool list_series(report *r, const char *path, GError **error) {
 }
 
 static bool show(const char *path, bool json, GError **error) {
-  if (g_str_has_suffix(path, ".vmd")) return tcs_cli_info_model(path, json, error);
   if (tc_import_names_mesh(path)) return tcs_cli_info_mesh(path, json, error);
   tc_volume *volume = tc_import(path, NULL, error);
   if (!volume) return false;

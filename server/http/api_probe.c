@@ -3,6 +3,7 @@
 
 #include "renderer/reference/reference.h"
 #include "renderer/splat/pick.h"
+#include "renderer/splat/vmd.h"
 
 #include "server/config/config.h"
 #include "server/http/ray_json.h"
@@ -125,15 +126,38 @@ static cJSON *pick_json(const tc_reference_sample *hit) {
   return json;
 }
 
+/* A voxel's record: a normal as its vector (LPS), all else as the numbers that are stored. */
+static cJSON *attributes_json(const tc_vmd *model, const int at[3]) {
+  cJSON *json = cJSON_CreateObject();
+  const uint8_t *record = tc_vmd_voxel(model, at[0], at[1], at[2]);
+  for (int i = 0; i < model->head.n_attributes && record; i++) {
+    const tc_vmd_attribute *a = &model->head.attributes[i];
+    double normal[3];
+    if (a->type != TC_VMD_NORMAL) {
+      cJSON_AddNumberToObject(json, a->name, tc_vmd_number(a, record));
+      continue;
+    }
+    tc_vmd_normal(a, record, normal);
+    cJSON_AddItemToObject(json, a->name, cJSON_CreateDoubleArray(normal, 3));
+  }
+  return json;
+}
+
 /* In mode splat: the voxel. Nothing integrates there, so nobody asks the reference. */
 static cJSON *voxel_json(const probe *p) {
   tc_splat_hit hit;
-  if (!tc_splat_pick(p->volume, &p->scene, p->scene.image.width, p->scene.image.height, p->x + 0.5, p->y + 0.5, &hit))
+  const tc_volume *labels = p->scene.labels.volume[0] ? p->labels : NULL;
+  if (!tc_splat_pick(p->volume, labels, &p->scene, p->scene.image.width, p->scene.image.height, p->x + 0.5, p->y + 0.5,
+                     &hit))
     return pick_json(NULL);
   const tc_reference_sample sample = {.position = {hit.position[0], hit.position[1], hit.position[2]},
                                       .distance_mm = hit.distance_mm, .value = hit.value};
   cJSON *json = pick_json(&sample);
   cJSON_AddItemToObject(json, "voxel", cJSON_CreateIntArray(hit.voxel, 3));
+  if (labels)
+    cJSON_AddNumberToObject(json, "label", hit.value);
+  else if (tc_volume_sparse(p->volume))
+    cJSON_AddItemToObject(json, "attributes", attributes_json(tc_volume_model(p->volume), hit.voxel));
   return json;
 }
 

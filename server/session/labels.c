@@ -94,6 +94,7 @@ static int values_of(const tc_volume *labels, double *alike) {
 
 bool tcs_labels_check(const tc_volume *volume, const tc_volume *labels, GError **error) {
   static const char pointer[] = "/labels/volume";
+  if (tc_volume_sparse(labels)) return true; /* tc_labels_check() refuses it */
   if (!same_grid(volume, labels) && !same_box(volume, labels)) {
     tc_set_error(error, TC_ERROR_CONFLICT, pointer,
                  "labels/volume: its voxels lie elsewhere than the volume's: choose labels made for this volume, or set "

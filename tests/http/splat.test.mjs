@@ -1,7 +1,9 @@
-// Mode splat: the voxels of a ball of radius 24.8 mm about (41, 51, 61), as a solid and as a cloud.
+// Mode splat: the voxels of a ball of radius 24.8 mm about (41, 51, 61), as a solid and as a cloud; run-length models.
 import assert from 'node:assert/strict';
+import { readFileSync } from 'node:fs';
 import { after, before, test } from 'node:test';
-import { Daemon, problem } from '../support/daemon.mjs';
+import { ballNrrd, Daemon, problem, sleep } from '../support/daemon.mjs';
+import { readPng } from '../support/png.mjs';
 
 let d;
 before(async () => { d = await Daemon.start(); });
@@ -64,4 +66,114 @@ test('what splats cannot do is refused and named', async () => {
   problem(await d.patch(links.scene, { splat: { threshold: [2, 1] } }), 422, '/splat/threshold');
   problem(await d.patch(links.scene, { filter: 'nearest' }), 501, '/filter');
   assert.ok(await png(links));
+});
+
+// --- run-length models ---------------------------------------------------------------------------------------------
+
+const RADIUS = 12, MIDDLE = 500, SIDE = 1024; // a ball in a grid that would take a GiB
+
+const varint = (value) => (value < 128 ? [value] : [(value & 127) | 128, ...varint(value >>> 7)]);
+const text = (name) => Buffer.concat([Buffer.from(name), Buffer.alloc(16 - name.length)]);
+const u16 = (...values) => Buffer.from(new Uint16Array(values).buffer);
+const u32 = (...values) => Buffer.from(new Uint32Array(values).buffer);
+const u64 = (...values) => Buffer.from(new BigUint64Array(values.map(BigInt)).buffer);
+const f64 = (...values) => Buffer.from(new Float64Array(values).buffer);
+
+function crc32(bytes) {
+  let sum = ~0;
+  for (const byte of bytes) {
+    sum ^= byte;
+    for (let i = 0; i < 8; i++) sum = (sum >>> 1) ^ (sum & 1 ? 0xedb88320 : 0);
+  }
+  return ~sum;
+}
+
+/** A ball written by the page of the format (renderer/splat/VMD.md): value 200, label 1 below x = 500 and 2 above. */
+function ballModel() {
+  const lengths = [], columns = [], first = MIDDLE - RADIUS, size = 2 * RADIUS + 1;
+  let filled = 0, voxels = 0;
+  for (let y = first; y < first + size; y++)
+    for (let x = first; x < first + size; x++) {
+      const half = Math.floor(Math.sqrt(RADIUS ** 2 - (x - MIDDLE) ** 2 - (y - MIDDLE) ** 2));
+      const count = half >= 0 ? 2 * half + 1 : 0; // NaN: none
+      const column = count ? [...varint(MIDDLE - half), ...varint(count)] : [];
+      for (let i = 0; i < count; i++) column.push(200, x < MIDDLE ? 1 : 2, 7);
+      if (count) column.push(0, 0);
+      lengths.push(...varint(column.length));
+      columns.push(...column);
+      filled += count > 0;
+      voxels += count;
+    }
+  const body = Buffer.from([...lengths, ...columns]);
+  const file = Buffer.concat([Buffer.from('TVMD'), u16(1, 0), u32(SIDE, SIDE, SIDE, first, first, size, size, filled),
+    u64(voxels, body.length, body.length), f64(1, 1, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 0), text('CT'), text('HU'),
+    u16(3, 3, 3, 0), text('value'), u16(0, 1), text('label'), u16(0, 1), text('user'), u16(0, 1),
+    Buffer.from([0, 0, 0, 0, 255, 0, 0, 255, 0, 0, 255, 255]), body]);
+  return { file: Buffer.concat([file, u32(crc32(file))]), voxels };
+}
+
+const peakBytes = () => 1024 * Number(/VmHWM:\s*(\d+)/.exec(readFileSync(`/proc/${d.process.pid}/status`, 'utf8'))[1]);
+const closeUp = { image: { width: 41, height: 41, background: [0, 0, 0], format: 'png' },
+  camera: { position: [MIDDLE, MIDDLE - 200, MIDDLE], target: [MIDDLE, MIDDLE, MIDDLE], up: [0, 0, 1], fovY: 10 } };
+
+test('a run-length model is a volume like any other, and never a dense grid', async () => {
+  const { file, voxels } = ballModel(), before = peakBytes();
+  assert.equal((await d.call('PUT', '/v1/volumes/model', { body: file, type: 'application/octet-stream' })).status, 202);
+  await d.resident('model');
+  const { json: volume } = await d.get('/v1/volumes/model');
+  assert.deepEqual([volume.format, volume.dims, volume.range, volume.model.voxels], ['vmd', [SIDE, SIDE, SIDE], [200, 200], voxels]);
+  assert.deepEqual(volume.model.attributes, { value: 'u8', label: 'u8', user: 'u8' });
+  assert.ok(volume.bytes < 8 * voxels);
+  const { json: session, status } = await d.post('/v1/sessions', { volume: 'model', scene: closeUp });
+  assert.equal(status, 201, JSON.stringify(session));
+  assert.deepEqual([session.scene.mode, session.scene.splat.attribute, session.scene.splat.threshold], ['splat', 'label', [200, 200]]);
+  const picture = readPng(Buffer.from(await png(session.links), 'base64'));
+  const [left, right] = [picture.at(10, 20), picture.at(30, 20)];
+  assert.ok(left[0] > 50 && left[2] < 20 && right[2] > 50 && right[0] < 20, `the palette's colours: ${left} ${right}`);
+  const { json: hit } = await d.get(`${session.links.self}/pick?x=20&y=20`);
+  assert.deepEqual([hit.voxel, hit.attributes], [[MIDDLE, MIDDLE - RADIUS, MIDDLE], { value: 200, label: 2, user: 7 }]);
+  const peak = peakBytes() - before;
+  console.log(`peak of a model of ${volume.bytes} bytes: ${peak >> 20} MiB more, its grid would take ${SIDE ** 3 >> 20}`);
+  assert.ok(peak < SIDE ** 3 / 4);
+  // The rest of the API: values are those of voxels, what needs a grid is refused, and the session stays.
+  assert.equal((await d.get(`/v1/volumes/model/value?at=${MIDDLE},${MIDDLE},${MIDDLE + 0.4}`)).json.value, 200);
+  assert.equal((await d.get('/v1/volumes/model/value?at=0,0,0')).json.value, null);
+  const { json: histogram } = await d.get('/v1/volumes/model/histogram?bins=4');
+  assert.equal(histogram.counts.reduce((a, b) => a + b), voxels);
+  for (const mode of ['dvr', 'mip', 'isosurface', 'mesh', 'mpr'])
+    problem(await d.patch(session.links.scene, { mode }), 422, '/mode');
+  problem(await d.patch(session.links.scene, { splat: { attribute: 'density' } }), 422, '/splat/attribute');
+  for (const patch of [{ splat: { attribute: 'user' } }, { splat: { opaque: false } }, { clip: { planes: [[0, 1, 0, -MIDDLE]] } }]) {
+    assert.equal((await d.patch(session.links.scene, patch)).status, 200, JSON.stringify(patch));
+    assert.ok(await png(session.links));
+  }
+  problem(await d.post('/v1/sessions', { volume: 'ball', scene: { labels: { volume: 'model' } } }), 422, '/scene/labels/volume');
+});
+
+test('a damaged model fails with its reason, packed or not', async () => {
+  const { file } = ballModel();
+  file[file.length - 100] ^= 1;
+  for (const [id, bytes] of [['flipped', file], ['cut', file.subarray(0, 300)]]) {
+    await d.call('PUT', `/v1/volumes/${id}`, { body: bytes, type: 'application/octet-stream' });
+    for (let state = 'loading'; state !== 'failed'; await sleep(20)) ({ state } = (await d.get(`/v1/volumes/${id}`)).json);
+    assert.match((await d.get(`/v1/volumes/${id}`)).json.reason, /the file is damaged/);
+  }
+});
+
+test('segments are splats in their own colours, and those that are hidden are not there', async () => {
+  const labels = Buffer.from(ballNrrd(32));
+  const at = labels.length - 32 ** 3;
+  for (let i = 0; i < 32 ** 3; i++) labels[at + i] = labels[at + i] && (i % 32 < 16 ? 1 : 2);
+  await d.call('PUT', '/v1/volumes/parts', { body: labels, type: 'application/octet-stream' });
+  await d.resident('parts');
+  const colors = { 1: [1, 0, 0, 1], 2: [0, 0, 1, 1] };
+  const { links } = await d.session({ ...scene, labels: { volume: 'parts', opacity: 1, colors } });
+  const colorsAt = async () => { const picture = readPng(Buffer.from(await png(links), 'base64')); return [picture.at(12, 20), picture.at(29, 20)]; };
+  const [left, right] = await colorsAt();
+  assert.ok(left[0] > 50 && left[2] < 20 && right[2] > 50 && right[0] < 20, `${left} ${right}`);
+  assert.equal((await d.get(`${links.self}/pick?x=12&y=20`)).json.label, 1);
+  assert.match((await d.get(links.plan)).json.stages.find(({ name }) => name === 'splats').reason, /voxels of the labels/);
+  await d.patch(links.scene, { labels: { visible: [2] } });
+  const [gone, there] = await colorsAt();
+  assert.ok(Math.max(...gone.slice(0, 3)) === 0 && there[2] > 50, `${gone} ${there}`);
 });

@@ -9,10 +9,12 @@
 
 #include "renderer/import/beside.h"
 #include "renderer/import/helper/format.h"
+#include "renderer/splat/vmd.h"
 
 typedef struct read_here {
   const tc_import_options *options; /* never NULL */
   tc_volume *volume;
+  uint8_t *model; /* instead of the volume's voxels */
   size_t done, total;
   double fraction;
   uint8_t slot[TC_ORDER_MOST_BYTES];
@@ -33,12 +35,19 @@ static bool here_begin(void *user, const tc_volume_desc *desc, const tc_provenan
   return here_want(here, here->total, error);
 }
 
+static bool here_begin_model(void *user, uint64_t bytes, GError **error) {
+  read_here *here = user;
+  here->model = g_malloc(bytes + 1);
+  here->total = bytes;
+  return here_want(here, bytes, error);
+}
+
 static void *here_room(void *user, GError **error) { return ((read_here *)user)->slot; }
 
 static bool here_filled(void *user, size_t bytes, GError **error) {
   read_here *here = user;
-  if (!here->volume || bytes > here->total - here->done || bytes > sizeof here->slot) abort();
-  memcpy((char *)tc_volume_voxels(here->volume) + here->done, here->slot, bytes);
+  if ((!here->volume && !here->model) || bytes > here->total - here->done || bytes > sizeof here->slot) abort();
+  memcpy((here->model ? here->model : (uint8_t *)tc_volume_voxels(here->volume)) + here->done, here->slot, bytes);
   here->done += bytes;
   return true;
 }
@@ -69,6 +78,7 @@ static inline tc_volume *read_input_here(tc_input *input, int folder,
                           .user = &here,
                           .want = here_want,
                           .begin = here_begin,
+                          .begin_model = here_begin_model,
                           .room = here_room,
                           .filled = here_filled,
                           .goes_on = here_goes_on,
@@ -80,6 +90,12 @@ static inline tc_volume *read_input_here(tc_input *input, int folder,
   bool ok = read ? read(input, &order, error) : tc_formats_read(input, "", &order, error);
   tc_input_close(input);
   if (ok && here.done != here.total) abort();
+  if (ok && here.model) {
+    tc_vmd *vmd = tc_vmd_decode(here.model, here.total, error);
+    ok = vmd && (here.volume = tc_vmd_volume(vmd, error));
+    if (!ok) tc_vmd_free(vmd);
+  }
+  g_free(here.model);
   if (ok && !tc_volume_seal_while(here.volume, here_seals, &here)) {
     tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
     ok = false;

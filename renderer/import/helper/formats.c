@@ -6,8 +6,8 @@
 
 /* Those of volumes, then those of meshes. OBJ is any text that begins as one: it is asked last. */
 static const tc_format *const formats[] = {&tc_format_nifti, &tc_format_nrrd, &tc_format_metaimage, &tc_format_mgh,
-                                           &tc_format_ply,   &tc_format_stl,  &tc_format_obj};
-enum { FIRST_MESH = 4 };
+                                           &tc_format_vmd,   &tc_format_ply,  &tc_format_stl,       &tc_format_obj};
+enum { FIRST_MESH = 5 };
 
 static bool has_suffix(const char *name, const char *suffixes) {
   char *lower = g_ascii_strdown(name, -1), **list = g_strsplit(suffixes, "|", -1);
@@ -103,7 +103,7 @@ static bool refuse(const uint8_t *head, size_t size, bool mesh, GError **error) 
   }
   tc_set_error(error, TC_ERROR_FORMAT, NULL,
                mesh ? "unknown kind of file: meshes are read from OBJ, PLY and STL"
-                    : "unknown kind of file: NIfTI, Analyze, NRRD, MetaImage, MGH and DICOM are read");
+                    : "unknown kind of file: NIfTI, Analyze, NRRD, MetaImage, MGH, VMD and DICOM are read");
   return false;
 }
 

@@ -44,6 +44,10 @@ static bool begin_mesh(void *user, const tc_mesh_head *head, GError **error) {
   return tc_wire_send_mesh(TC_HELPER_SOCKET_FD, head) || gone(error);
 }
 
+static bool begin_model(void *user, uint64_t bytes, GError **error) {
+  return tc_wire_send_model(TC_HELPER_SOCKET_FD, bytes) || gone(error);
+}
+
 static void *room(void *user, GError **error) {
   tc_output *o = user;
   char what;
@@ -86,6 +90,7 @@ bool tc_output_init(tc_output *o, tc_order *order, GError **error) {
                       .want = want,
                       .begin = begin,
                       .begin_mesh = begin_mesh,
+                      .begin_model = begin_model,
                       .room = room,
                       .filled = filled,
                       .goes_on = goes_on,

@@ -121,6 +121,13 @@ bool tc_wire_send_want(int fd, uint64_t bytes) {
   return send_message(fd, TC_WIRE_WANT, body, sizeof body);
 }
 
+bool tc_wire_send_model(int fd, uint64_t bytes) {
+  uint8_t body[8], *at = body;
+  put_u32(&at, (uint32_t)bytes);
+  put_u32(&at, (uint32_t)(bytes >> 32));
+  return send_message(fd, TC_WIRE_MODEL, body, sizeof body);
+}
+
 bool tc_wire_send_open(int fd, const char *name, bool optional) {
   uint8_t body[4 + TC_WIRE_NAME], *at = body;
   put_u32(&at, optional);
