@@ -1,0 +1,140 @@
+#include "server/bench/paper_splat.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <zlib.h>
+
+#include "renderer/splat/vmd.h"
+#include "server/cli/cli.h"
+
+/* Bytes of a record for each voxel of the grid ("standard way") and of a .vmd; milliseconds without and with culling.
+ */
+static const struct published {
+  const char *object;
+  double standard, vmd, unculled, culled;
+} published[] = {
+    {"chest", 8411000, 382318, 8.4, 1.9}, {"tibia", 72457, 36220, 3.4, 1.1}, {"skull", 122600, 56487, 4.1, 1.3}};
+
+static const double azimuths[] = {0, 60, 120, 180, 240, 300}; /* Table 2 is of means */
+
+/* Bytes of an object kept in different ways, of a byte for each voxel, as an index into a palette is. */
+typedef struct sizes {
+  double grid, box, grid_gzip; /* a byte for each voxel: of the volume, of the object's bounding box; compressed */
+  double vmd, vmd_gzip, memory;
+  double voxels;
+} sizes;
+
+/* The object as a grid of ones; its bounding box. */
+static uint8_t *grid_of(const tc_vmd *m, size_t *bytes, double *box) {
+  const int *n = m->head.grid.dims;
+  int z0 = n[2], z1 = 0;
+  *bytes = (size_t)n[0] * (size_t)n[1] * (size_t)n[2];
+  uint8_t *grid = g_try_malloc0(*bytes);
+  for (int y = 0; y < n[1] && grid; y++)
+    for (int x = 0; x < n[0]; x++)
+      for (tc_vmd_run run = {.at = tc_vmd_column(m, x, y)}; tc_vmd_next(m, &run);) {
+        z0 = MIN(z0, run.z), z1 = MAX(z1, run.z + run.count);
+        for (int z = run.z; z < run.z + run.count; z++)
+          grid[((size_t)z * (size_t)n[1] + (size_t)y) * (size_t)n[0] + (size_t)x] = 1;
+      }
+  *box = (double)m->size[0] * m->size[1] * MAX(z1 - z0, 0);
+  return grid;
+}
+
+static bool measure_sizes(const tc_vmd *m, sizes *s, GError **error) {
+  size_t bytes;
+  uint8_t *grid = grid_of(m, &bytes, &s->box);
+  uLongf packed = compressBound(bytes);
+  uint8_t *to = g_try_malloc(packed);
+  GByteArray *plain = tc_vmd_encode(m, false, error), *zipped = plain ? tc_vmd_encode(m, true, error) : NULL;
+  bool good = zipped && grid && to && compress2(to, &packed, grid, bytes, 6) == Z_OK;
+  if (good) {
+    s->grid = (double)bytes, s->grid_gzip = (double)packed;
+    s->vmd = plain->len, s->vmd_gzip = zipped->len;
+    s->memory = (double)m->total_bytes, s->voxels = (double)m->voxels;
+  } else if (!*error) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "out of memory");
+  }
+  if (plain) g_byte_array_unref(plain);
+  if (zipped) g_byte_array_unref(zipped);
+  g_free(grid);
+  g_free(to);
+  return good;
+}
+
+/* Mean over views of the least of several frames, all ways in turn: without and with culling, and ray-cast. */
+static bool measure_times(const tcs_paper_run *run, tc_volume *volume, const tc_scene *from, double ms[3],
+                          GError **error) {
+  const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = run->threads, .cache_bytes = 2u << 30};
+  tc_renderer *renderer = tc_renderer_new(&options, error);
+  tc_frame frame = {0};
+  tc_scene scene;
+  bool good = renderer != NULL;
+  tc_scene_copy(&scene, from);
+  scene.image.width = scene.image.height = run->size;
+  ms[0] = ms[1] = ms[2] = 0;
+  for (size_t v = 0; v < G_N_ELEMENTS(azimuths) && good; v++) {
+    double least[3] = {INFINITY, INFINITY, INFINITY};
+    tcs_cli_place_camera(volume, azimuths[v], 10, 1.3, &scene.camera);
+    for (int i = 0; i < 3 * (run->runs + 1) && good; i++) {
+      scene.mode = i % 3 < 2 ? TC_MODE_SPLAT : TC_MODE_ISOSURFACE;
+      scene.splat.culling = i % 3 == 1;
+      good = tc_render(renderer, volume, &scene, NULL, &frame, NULL, error);
+      if (i >= 3) least[i % 3] = fmin(least[i % 3], frame.stats.render_ms);
+    }
+    for (int i = 0; i < 3; i++)
+      ms[i] += least[i] / G_N_ELEMENTS(azimuths);
+  }
+  tc_frame_finish(&frame);
+  tc_scene_clear(&scene);
+  tc_renderer_free(renderer);
+  return good;
+}
+
+void tcs_paper_splat_begin(const tcs_paper_run *run) {
+  if (!run->print) return;
+  printf("paper 004: a byte for each voxel; a grid of its bounding box over a .vmd; %dx%d pixels\n%-22s %9s %11s %11s "
+         "%9s %9s "
+         "%9s %7s %9s %8s %7s %8s\n",
+         run->size, run->size, "object", "voxels", "grid", "box", "grid.gz", "vmd", "vmd.gz", "box/vmd", "unculled",
+         "culled", "gain", "ray-cast");
+  for (size_t i = 0; i < G_N_ELEMENTS(published); i++) {
+    const struct published *p = &published[i];
+    printf("paper: %-15s %9s %11s %11.0f %9s %9.0f %9s %7.1f %9.1f %8.1f %7.1f\n", p->object, "", "", p->standard, "",
+           p->vmd, "", p->standard / p->vmd, p->unculled, p->culled, p->unculled / p->culled);
+  }
+}
+
+bool tcs_paper_splat(const tcs_paper_run *run, tc_volume *volume, const char *name, const tc_scene *from, cJSON *report,
+                     GError **error) {
+  const tc_vmd_wish wish = {from->splat.threshold[0], from->splat.threshold[1], .attributes = "user"};
+  tc_scene scene;
+  sizes s = {0};
+  double ms[3];
+  tc_vmd *model = tc_vmd_of_volume(volume, &wish, NULL, error);
+  bool good = model && measure_sizes(model, &s, error);
+  tc_vmd_free(model);
+  tc_scene_copy(&scene, from);
+  scene.isosurface.value = scene.splat.threshold[0];
+  good = good && measure_times(run, volume, &scene, ms, error);
+  tc_scene_clear(&scene);
+  if (!good) return false;
+  if (run->print)
+    printf("%-22.22s %9.0f %11.0f %11.0f %9.0f %9.0f %9.0f %7.1f %9.2f %8.2f %7.1f %8.2f\n", name, s.voxels, s.grid,
+           s.box, s.grid_gzip, s.vmd, s.vmd_gzip, s.box / s.vmd, ms[0], ms[1], ms[0] / ms[1], ms[2]);
+  const struct {
+    const char *name;
+    double value;
+  } numbers[] = {{"voxels", s.voxels},           {"gridBytes", s.grid}, {"boxBytes", s.box},
+                 {"gridGzipBytes", s.grid_gzip}, {"vmdBytes", s.vmd},   {"vmdGzipBytes", s.vmd_gzip},
+                 {"memoryBytes", s.memory},      {"unculledMs", ms[0]}, {"culledMs", ms[1]},
+                 {"isosurfaceMs", ms[2]}};
+  cJSON *json = cJSON_CreateObject();
+  cJSON_AddStringToObject(json, "paper", "004");
+  cJSON_AddStringToObject(json, "volume", name);
+  for (size_t i = 0; i < G_N_ELEMENTS(numbers); i++)
+    cJSON_AddNumberToObject(json, numbers[i].name, numbers[i].value);
+  cJSON_AddItemToArray(report, json);
+  return true;
+}
