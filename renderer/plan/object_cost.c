@@ -84,11 +84,13 @@ static void place(const line *l, double t, int at[3]) {
     at[k] = (int)(l->at[k] + t * l->along[k] + 0.5);
 }
 
-/* Whether a voxel a little away is on the other side. */
+/* Whether a voxel a little away is on the other side: along the axes, and half as far towards the corners. */
 static bool is_near(const walk *w, const int at[3], bool inside) {
-  for (int f = 0; f < 6; f++) {
+  for (int i = 0; i < 14; i++) {
     int beside[3] = {at[0], at[1], at[2]};
-    beside[f / 2] += f & 1 ? NEAR : -NEAR;
+    if (i < 6) beside[i / 2] += i & 1 ? NEAR : -NEAR;
+    for (int k = 0; k < 3 && i >= 6; k++)
+      beside[k] += (i - 6) >> k & 1 ? NEAR / 2 : -NEAR / 2;
     if (is_inside(w, beside) != inside) return true;
   }
   return false;
