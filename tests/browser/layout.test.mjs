@@ -82,12 +82,16 @@ describe('what fits where', { skip }, () => {
           const boxes = (names) =>
             [...document.querySelectorAll(names)].filter((e) => e.getClientRects().length && e.textContent.trim());
           const cross = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
-          const words = boxes('#label, #badge, #probe, #scale-label, .disclaimer, #slice-field');
-          return boxes('.mark').flatMap((mark) =>
+          const stale = document.getElementById('stale');
+          Object.assign(stale, { hidden: false, textContent: 'NOT CURRENT \u00b7 a newer picture is on its way' });
+          const words = boxes('#label, .badge, #probe, #scale-label, .disclaimer, #slice-field');
+          const marked = [...boxes('.mark'), document.getElementById('tools')].flatMap((mark) =>
             words
               .filter((word) => cross(mark.getBoundingClientRect(), word.getBoundingClientRect()))
               .map((word) => `${word.id} over ${mark.id}`),
           );
+          stale.hidden = true;
+          return marked;
         });
         assert.deepEqual(covered, [], `${size} ${mode}`);
         if (size[0] < 400) assert.ok((await page.locator('.bar').boundingBox()).height < 110, `${size}`);
