@@ -12,9 +12,9 @@
 
 /* Milliseconds a unit of each term: two threads of an AMD EPYC (Zen 4). */
 static const double rates[TC_OBJECT_MODES][TC_TERM_COUNT] = {
-    [TC_OBJECT_SPLAT] = {0.2, 0, 0.00087, 4.5e-06, 0.00062, 0.0098, 0.0196, 0.065},
-    [TC_OBJECT_ISOSURFACE] = {0.13, 0.0105, 0, 0.000335, 0.0127, 0, 0, 0.038},
-    [TC_OBJECT_MESH] = {0, 0, 0.00059, 2.4e-05, 0.00021, 0.0275, 0.0262, 0.0104},
+    [TC_OBJECT_SPLAT] = {0.0214, 0.00211, 0, 1.41e-06, 0.0011, 0.00839, 0.018, 0.101},
+    [TC_OBJECT_ISOSURFACE] = {0.106, 0.0124, 0, 0.000289, 0.0131, 0, 0, 0.0392},
+    [TC_OBJECT_MESH] = {0, 0.00228, 0, 1.65e-05, 0.0017, 0.0167, 0.0268, 0.0113},
 };
 
 tc_mode tc_object_mode_of(tc_object_mode mode) {

@@ -34,6 +34,9 @@ test('a solid is drawn, lit, the same with and without culling, and picked by vo
   assert.ok(stages.splats.included && stages.splats.bytes > 1000, JSON.stringify(stages.splats));
   assert.match(stages.splats.reason, /voxels of 100 to 255 .* hidden is left out/);
   assert.ok(!stages['table-2d'].included && stages.gradient.included && !stages.skipping.included);
+  const expected = Object.entries(plan.object.expectedMs).sort(([, a], [, b]) => a - b);
+  assert.deepEqual([expected.length, expected[0][0]], [3, plan.object.cheapest]);
+  assert.match(stages.splats.reason, /cheapest: about .* splatted, .* ray-cast, .* as a mesh/);
   await d.patch(links.scene, { splat: { culling: false } });
   assert.equal(await png(links), culled);
   const { json: hit } = await d.get(`${links.self}/pick?x=20&y=20`);

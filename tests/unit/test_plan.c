@@ -227,6 +227,54 @@ static void a_frame_changes_no_plan(void **state) {
   assert_non_null(strstr(f->plan.stages[TC_STAGE_SKIPPING].reason, "only 0.0 %"));
 }
 
+/* A ball of radius 24 in 64 voxels, seen without perspective: 96 x 96 mm over the whole picture. */
+static void ball_seen_whole(fixture *f, int size) {
+  const tc_volume_desc d = {.dims = {64, 64, 64}, .type = TC_U8, .spacing = {1, 1, 1}, .slope = 1,
+                            .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+  tc_volume *v = tc_volume_new(&d, NULL);
+  uint8_t *voxels = tc_volume_voxels(v);
+  for (int i = 0; i < 64 * 64 * 64; i++) {
+    const double x = i % 64 - 31.5, y = i / 64 % 64 - 31.5, z = i / 4096 - 31.5;
+    voxels[i] = x * x + y * y + z * z < 24 * 24 ? 200 : 0;
+  }
+  tc_volume_seal(v);
+  tc_volume_unref(f->volume);
+  f->volume = v;
+  tc_scene_fit(&f->scene, v);
+  f->scene.camera.projection = TC_ORTHOGRAPHIC;
+  f->scene.camera.height_mm = 96;
+  f->scene.image.width = f->scene.image.height = size;
+  f->scene.mode = TC_MODE_SPLAT;
+  f->scene.splat.threshold[0] = f->scene.isosurface.value = 100;
+  f->scene.splat.threshold[1] = 255;
+}
+
+/* What costs are linear in is what the ball's geometry says; splats are named where a picture is large, rays where it
+ * is small; and the plan says so. */
+static void the_cheaper_mode_is_named(void **state) {
+  fixture *f = *state;
+  tc_object_cost c;
+  const double area = M_PI * 24 * 24;
+  ball_seen_whole(f, 480);
+  assert_true(tc_object_cost_of(f->volume, &f->scene, 480, 480, &c));
+  printf("near %.1f of %.1f, hits %.1f of %.1f, seen %.2f of %.2f, surface %.2f kilovoxels\n", c.terms[TC_TERM_NEAR],
+         c.terms[TC_TERM_STEPS], c.terms[TC_TERM_HITS], area * 25 / 1000,
+         c.terms[TC_TERM_SEEN], area / 1000, c.terms[TC_TERM_SURFACE]);
+  assert_true(fabs(c.terms[TC_TERM_HITS] / (area * 25 / 1000) - 1) < 0.05); /* 1.6 % a ray at the rim */
+  assert_true(fabs(c.terms[TC_TERM_SEEN] / (area / 1000) - 1) < 0.05);
+  assert_true(fabs(c.terms[TC_TERM_SURFACE] / c.terms[TC_TERM_SEEN] - 2) < 0.01); /* in and out again */
+  assert_true(c.terms[TC_TERM_NEAR] > 0 && c.terms[TC_TERM_NEAR] < 0.5 * c.terms[TC_TERM_STEPS]);
+  assert_true(c.ms[TC_OBJECT_SPLAT] < c.ms[TC_OBJECT_ISOSURFACE]);
+  tc_explanation plan;
+  assert_true(tc_explain(f->volume, &f->scene, 480, 480, &plan, NULL));
+  assert_true(plan.has_object && plan.object.cheapest == c.cheapest);
+  assert_non_null(strstr(plan.stages[TC_STAGE_SPLATS].reason, "cheapest: about"));
+  assert_true(tc_object_cost_of(f->volume, &f->scene, 24, 24, &c));
+  assert_true(c.ms[TC_OBJECT_ISOSURFACE] < c.ms[TC_OBJECT_SPLAT]);
+  f->scene.mode = TC_MODE_DVR;
+  assert_false(tc_object_cost_of(f->volume, &f->scene, 480, 480, &c));
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(constant_volumes_get_a_scene),
@@ -236,6 +284,7 @@ int main(void) {
       cmocka_unit_test_setup_teardown(sizes_are_limited, set_up, tear_down),
       cmocka_unit_test_setup_teardown(a_change_rebuilds_what_depends_on_it, set_up, tear_down),
       cmocka_unit_test_setup_teardown(every_stage_has_its_reason, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(a_frame_changes_no_plan, set_up, tear_down)};
+      cmocka_unit_test_setup_teardown(a_frame_changes_no_plan, set_up, tear_down),
+      cmocka_unit_test_setup_teardown(the_cheaper_mode_is_named, set_up, tear_down)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
