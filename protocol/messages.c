@@ -168,6 +168,7 @@ static cJSON *header_json(const tcp_frame_header *header) {
   tcp_add(object, "format", cJSON_CreateString(header->format));
   tcp_add(object, "quality", cJSON_CreateNumber(header->quality));
   tcp_add(object, "final", cJSON_CreateBool(header->final));
+  if (header->bridged) tcp_add(object, "bridged", cJSON_CreateNumber(header->bridged));
   tcp_add(object, "timing", timing(header));
   if (header->has_error) tcp_add(object, "error", tcp_measured_error(header));
   if (header->unmeasured) tcp_add(object, "unmeasured", cJSON_CreateString(header->unmeasured));

@@ -103,6 +103,7 @@ typedef struct tcp_frame_header {
   const char *format; /* "jpeg" or "png" */
   int quality;
   bool final;
+  int bridged; /* the layer of the volume that stands for a missing slice, from 1; 0: none */
   double queue_ms, tables_ms, render_ms, encode_ms;
   /* What the error meter found of this picture: known when it is sent again. low, high: 95 % interval of rms. */
   bool has_error; double rms, low, high, max; int pixels;

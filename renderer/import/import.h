@@ -35,6 +35,7 @@ typedef struct tc_import_options {
   const char *helpers;       /* folder of the helper programs; NULL: beside the running program, then PATH */
   uint64_t max_voxel_bytes;  /* refuse larger volumes (TC_ERROR_LIMIT); 0 = no limit of its own */
   uint32_t volume;           /* of a file of several (not DICOM), from 1; 0: what the path says, else the first */
+  bool bridge_nothing;       /* a series with a slice missing is refused (TC_ERROR_FORMAT) */
   bool self_contained;       /* the file may name no other file for its voxels (TC_ERROR_FORMAT) */
 } tc_import_options;
 

@@ -68,7 +68,7 @@ enum { TC_WIRE_FREE = 'v', TC_WIRE_FILE = 'f', TC_WIRE_MISSING = 'm' };
 
 /* What the helper is to do. Both are the same build: the struct travels as it is. */
 typedef struct tc_helper_request {
-  bool list, mesh, without_landlock, self_contained;
+  bool list, mesh, without_landlock, self_contained, bridge_nothing;
   uint32_t volume; /* of the options */
   uint64_t max_voxel_bytes, address_bytes, cpu_seconds;
   char name[256];   /* the input's base name */

@@ -67,6 +67,7 @@ static bool import(tcs_load *load) {
                                      .decoder = on_decoder,
                                      .user = load,
                                      .max_voxel_bytes = (uint64_t)limits->volume_bytes,
+                                     .bridge_nothing = limits->bridged_slices == 0,
                                      .self_contained = load->source.upload != NULL};
   load->began_us = g_get_monotonic_time();
   load->deadline_us = load->began_us + limits->import_seconds * 1000000;

@@ -43,6 +43,7 @@ tcs_picture *tcs_picture_new(tcs_job *job) {
       .format = job->scene.image.format == TC_FORMAT_PNG ? "png" : "jpeg",
       .quality = job->scene.image.format == TC_FORMAT_PNG ? 100 : job->scene.image.quality,
       .final = job->final,
+      .bridged = job->bridged,
       .queue_ms = job->queue_ms,
       .tables_ms = job->stats.tables_ms + job->stats.skip_ms,
       .render_ms = job->stats.render_ms,

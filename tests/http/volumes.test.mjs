@@ -7,6 +7,7 @@ import { gzipSync } from 'node:zlib';
 import { after, before, test } from 'node:test';
 import { ballNrrd, Daemon, problem, sleep } from '../support/daemon.mjs';
 import { dicomSlice } from '../support/dicom.mjs';
+import { Ws } from '../support/ws.mjs';
 
 let d, spool;
 before(async () => {
@@ -213,6 +214,11 @@ test('a bridged slice is marked in the description and in pictures', async () =>
   const picture = async (volume) => d.post('/v1/render', { volume, scene: { image: { width: 32, height: 32 } } });
   assert.equal((await picture('gap')).headers.get('tomocast-bridged'), '4');
   assert.equal((await picture('ball')).headers.get('tomocast-bridged'), null);
+  for (const [volume, layer] of [['gap', 4], ['ball', undefined]]) {
+    const ws = await Ws.open(d, (await d.post('/v1/sessions', { volume })).json.id);
+    assert.equal((await ws.nextFrame()).header.bridged, layer);
+    await ws.close();
+  }
   await d.delete('/v1/volumes/gap?force=true');
   rmSync(join(d.folder, 'gap'), { recursive: true });
 });

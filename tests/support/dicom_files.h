@@ -23,8 +23,8 @@ typedef struct dicom_spec {
   double position[3];
   int instance, acquisition, series_number;
   unsigned rows, columns, allocated, stored, high, is_signed, samples;
-  const void *pixels; /* [pixel_bytes] */
-  size_t pixel_bytes;
+  const void *pixels, *csa; /* [pixel_bytes], [csa_bytes]: Siemens' private header */
+  size_t pixel_bytes, csa_bytes;
 } dicom_spec;
 
 static inline void dicom_spec_init(dicom_spec *s, unsigned columns, unsigned rows, const void *pixels, size_t bytes) {
@@ -138,6 +138,8 @@ static inline GByteArray *dicom_bytes(const dicom_spec *s) {
   dicom_short(b, 0x28, 0x103, s->is_signed);
   dicom_text(b, 0x28, 0x1052, "DS", s->intercept);
   dicom_text(b, 0x28, 0x1053, "DS", s->slope);
+  if (s->csa) dicom_text(b, 0x29, 0x10, "LO", "SIEMENS CSA HEADER");
+  if (s->csa) dicom_element(b, 0x29, 0x1010, "OB", s->csa, s->csa_bytes);
   if (s->whole_columns) dicom_element(b, 0x48, 0x06, "UL", &s->whole_columns, 4);
   dicom_text(b, 0x3004, 0x0c, "DS", s->offsets);
   if (s->pixels) dicom_element(b, 0x7fe0, 0x10, s->allocated > 8 ? "OW" : "OB", s->pixels, s->pixel_bytes);

@@ -406,13 +406,42 @@ static void colour_becomes_luma(void **state) {
   drop(folder, path);
 }
 
+/* One picture in both ways of writing colours: one grey, to the rounding of the eight bits. */
+static void ybr_has_the_greys_of_rgb(void **state) {
+  uint8_t rgb[PIXELS * 3], ybr[PIXELS * 3];
+  for (int i = 0; i < PIXELS; i++) {
+    const double c[3] = {(i * 97) % 256, (i * 41 + 30) % 256, (i * 13 + 200) % 256};
+    const double y = 0.299 * c[0] + 0.587 * c[1] + 0.114 * c[2];
+    for (int k = 0; k < 3; k++) rgb[3 * i + k] = (uint8_t)c[k];
+    ybr[3 * i] = (uint8_t)(y + 0.5);
+    ybr[3 * i + 1] = (uint8_t)fmin((c[2] - y) / 1.772 + 128.5, 255);
+    ybr[3 * i + 2] = (uint8_t)fmin((c[0] - y) / 1.402 + 128.5, 255);
+  }
+  uint8_t greys[2][PIXELS];
+  for (int way = 0; way < 2; way++) {
+    dicom_spec s;
+    dicom_spec_init(&s, COLUMNS, ROWS, way ? ybr : rgb, sizeof rgb);
+    s.allocated = s.stored = 8;
+    s.high = 7;
+    s.is_signed = 0;
+    s.samples = 3;
+    s.photometric = way ? "YBR_FULL" : "RGB";
+    char *folder, *path = one_file(&folder, &s);
+    tc_volume *v = load(path, NULL);
+    memcpy(greys[way], tc_volume_data(v), PIXELS);
+    tc_volume_unref(v);
+    drop(folder, path);
+  }
+  for (int i = 0; i < PIXELS; i++) assert_true(abs(greys[0][i] - greys[1][i]) <= 2);
+}
+
 /* Two pixels share their colour: 2 bytes a pixel, of which the luma is taken. */
 static void halved_colour_becomes_luma(void **state) {
   uint8_t pixels[PIXELS * 2];
   dicom_spec s;
   dicom_spec_init(&s, COLUMNS, ROWS, pixels, sizeof pixels);
   for (int i = 0; i < PIXELS * 2; i++)
-    pixels[i] = (uint8_t)(i % 4 < 2 ? 100 + i / 4 * 2 + i % 4 : 7);
+    pixels[i] = (uint8_t)(i % 4 < 2 ? 100 + i / 4 * 2 + i % 4 : 128); /* no colour */
   s.allocated = s.stored = 8;
   s.high = 7;
   s.is_signed = 0;
@@ -653,7 +682,7 @@ int main(void) {
       cmocka_unit_test(tiles_are_no_volume), cmocka_unit_test(different_slopes_become_float),
       cmocka_unit_test(what_is_missing_is_said),
       cmocka_unit_test(wide_integers_are_narrowed),
-      cmocka_unit_test(colour_becomes_luma), cmocka_unit_test(halved_colour_becomes_luma),
+      cmocka_unit_test(colour_becomes_luma), cmocka_unit_test(ybr_has_the_greys_of_rgb), cmocka_unit_test(halved_colour_becomes_luma),
       cmocka_unit_test(hostile_headers),
       cmocka_unit_test(a_huge_element),
       cmocka_unit_test(every_prefix_is_refused),

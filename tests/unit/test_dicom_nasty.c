@@ -296,6 +296,26 @@ static void nasty_series(void **state) {
   print_message("%d series\n", series);
 }
 
+/* Who wants no slice made up gets none. */
+static void bridging_can_be_refused(void **state) {
+  tc_import_options strict = with_helper;
+  nasty c = start(0);
+  GError *error = NULL;
+  char *folder = temp_folder();
+  strict.bridge_nothing = true;
+  a_gap(&c, 1);
+  for (guint i = 0; i < c.shots->len; i++) write_shot(folder, &c, &g_array_index(c.shots, shot, i), i);
+  assert_null(tc_helper_load(TC_HELPER_DICOM, folder, NULL, &strict, &error));
+  assert_string_equal(error->message, "slice 4 of 12 is missing, and none is made up here; send the whole series");
+  g_clear_error(&error);
+  tc_volume *v = tc_helper_load(TC_HELPER_DICOM, folder, NULL, &with_helper, &error);
+  assert_int_equal(tc_volume_provenance(v)->bridged, 4);
+  tc_volume_unref(v);
+  remove_tree(folder);
+  g_free(folder);
+  g_array_free(c.shots, TRUE);
+}
+
 static void a_wrong_choice(void **state) {
   nasty c = start(0);
   GError *error = NULL;
@@ -328,6 +348,7 @@ static void a_wrong_choice(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(nasty_series), cmocka_unit_test(a_wrong_choice)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(nasty_series), cmocka_unit_test(bridging_can_be_refused),
+                                     cmocka_unit_test(a_wrong_choice)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

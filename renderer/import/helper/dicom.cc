@@ -36,6 +36,7 @@
 #include <glib.h>
 extern "C" {
 #include "renderer/base/error.h"
+#include "renderer/import/reader.h"
 }
 #include "renderer/import/helper/dicom_group.h"
 #include "renderer/import/helper/dicom_sources.h"
@@ -228,6 +229,7 @@ struct Picture {
   bool native = false;    // bytes as they are, no codec
   bool swapped = false;   // big-endian 32-bit samples, whose halves GDCM leaves in the file's order
   size_t deflated_at = 0; // a deflated data set begins here; 0 otherwise
+  uint32_t tiles_across = 0; // a mosaic: its slices lie side by side in one picture, row by row; 0: none
   bool palette = false, inverted = false, cine = false, mosaic = false, lookup = false, fractional = false;
   double window_center = 0, window_width = 0;
   double suv = 0;            // PET: what values are multiplied by; 0 none
@@ -244,6 +246,13 @@ std::string plain(const std::string &text, size_t most) {
   return out;
 }
 
+// Y Cb Cr that JPEG 2000 made of RGB comes out of its decoder as RGB.
+tc_dicom_colour colour_of(const std::string &photometric) {
+  if (photometric.compare(0, 11, "YBR_PARTIAL") == 0)
+    fail(TC_ERROR_UNSUPPORTED, "colours of partial range (YBR_PARTIAL) are not read; export the pictures as RGB");
+  return photometric.compare(0, 8, "YBR_FULL") == 0 ? TC_DICOM_YBR : TC_DICOM_RGB;
+}
+
 void read_samples(const DataSet &set, Picture &p) {
   tc_dicom_samples &s = p.samples;
   s.rows = binary_of<uint16_t>(set, Tag(0x28, 0x10), 0);
@@ -257,7 +266,7 @@ void read_samples(const DataSet &set, Picture &p) {
   std::string photometric = text_of(set, Tag(0x28, 0x04));
   p.palette = photometric == "PALETTE COLOR";
   p.inverted = photometric == "MONOCHROME1";
-  if (s.per_pixel >= 3) s.colour = photometric.compare(0, 4, "YBR_") == 0 ? TC_DICOM_LUMA : TC_DICOM_RGB;
+  if (s.per_pixel >= 3) s.colour = colour_of(photometric);
 }
 
 // NumberOfFrames, checked against what the bytes can hold, so that no list is made for frames that cannot be there.
@@ -474,6 +483,87 @@ tc_dicom_slice common_slice(const DataSet &set, const Picture &p) {
   return s;
 }
 
+// What a Siemens mosaic says of itself in its CSA header ("SV10", as of software VB): number and normal of its slices.
+struct Mosaic {
+  double images = 0, normal[3] = {0, 0, 0};
+  int parts = 0; // of the normal
+};
+
+// One element's values, texts of the lengths that stand before them; those up to `most` become numbers.
+int read_csa_values(tc_reader &r, double *out, int most) {
+  tc_reader_seek(&r, r.at + 4 + 4 + 4); // number of values as it may be, type, type again
+  const uint32_t items = tc_reader_u32(&r);
+  int found = 0;
+  tc_reader_u32(&r);
+  for (uint32_t i = 0; i < items && !r.failed; i++) {
+    tc_reader_u32(&r);
+    const uint32_t length = tc_reader_u32(&r);
+    tc_reader_seek(&r, r.at + 8);
+    const size_t at = r.at;
+    tc_reader_seek(&r, at + (uint64_t{length} + 3) / 4 * 4);
+    if (r.failed || length == 0 || found == most) continue;
+    out[found++] = g_ascii_strtod(std::string(reinterpret_cast<const char *>(r.bytes) + at, length).c_str(), nullptr);
+  }
+  return found;
+}
+
+Mosaic read_csa(const DataSet &set) {
+  Mosaic m;
+  tc_reader r;
+  if (text_of(set, Tag(0x29, 0x10)) != "SIEMENS CSA HEADER" || !set.FindDataElement(Tag(0x29, 0x1010))) return m;
+  const gdcm::ByteValue *value = set.GetDataElement(Tag(0x29, 0x1010)).GetByteValue();
+  if (!value || value->GetLength() < 16 || memcmp(value->GetPointer(), "SV10", 4) != 0) return m;
+  tc_reader_init(&r, value->GetPointer(), value->GetLength(), false);
+  tc_reader_seek(&r, 8);
+  const uint32_t elements = tc_reader_u32(&r);
+  tc_reader_u32(&r);
+  for (uint32_t i = 0; i < elements && !r.failed; i++) {
+    double unused;
+    const char *name = reinterpret_cast<const char *>(r.bytes) + r.at;
+    tc_reader_seek(&r, r.at + 64);
+    if (r.failed) break;
+    if (strncmp(name, "NumberOfImagesInMosaic", 64) == 0)
+      read_csa_values(r, &m.images, 1);
+    else if (strncmp(name, "SliceNormalVector", 64) == 0)
+      m.parts = read_csa_values(r, m.normal, 3);
+    else
+      read_csa_values(r, &unused, 0);
+  }
+  return m;
+}
+
+// A mosaic becomes its slices. Its position is that of a picture of the mosaic's size around the first slice's centre
+// (as dcm2niix and nibabel read it too).
+void unfold_mosaic(const DataSet &set, Picture &p) {
+  const Mosaic m = read_csa(set);
+  const tc_dicom_slice whole = p.slices[0];
+  const bool counted = m.images >= 1 && m.images <= 4096;
+  const int across = counted ? static_cast<int>(std::ceil(std::sqrt(m.images))) : 1;
+  const double *o = whole.orientation, *n = m.normal;
+  const double normal[3] = {o[1] * o[5] - o[2] * o[4], o[2] * o[3] - o[0] * o[5], o[0] * o[4] - o[1] * o[3]};
+  if (!counted || m.parts != 3 || p.frames != 1 || p.samples.columns % across ||
+      p.samples.rows % across || p.samples.per_pixel != 1 || (p.samples.allocated != 16 && p.samples.allocated != 8) ||
+      !whole.has_position || !whole.has_orientation || !whole.has_spacing || !(whole.between > 0))
+    fail(TC_ERROR_UNSUPPORTED, "a mosaic whose header does not place its slices; convert it with dcm2niix");
+  const double along = n[0] * normal[0] + n[1] * normal[1] + n[2] * normal[2];
+  if (!(std::fabs(std::fabs(along) - 1) < 0.01))
+    fail(TC_ERROR_UNSUPPORTED, "a mosaic whose slices are not stacked along their normal; convert it with dcm2niix");
+  p.tiles_across = static_cast<uint32_t>(across);
+  p.frames = static_cast<uint32_t>(m.images);
+  p.slices.assign(p.frames, whole);
+  p.scales.assign(p.frames, p.scales[0]);
+  for (uint32_t f = 0; f < p.frames; f++) {
+    tc_dicom_slice &s = p.slices[f];
+    s.frame = f;
+    s.columns = p.samples.columns / across;
+    s.rows = p.samples.rows / across;
+    for (int k = 0; k < 3; k++)
+      s.position[k] += 0.5 * (p.samples.columns - s.columns) * s.spacing[0] * o[k] +
+                       0.5 * (p.samples.rows - s.rows) * s.spacing[1] * o[3 + k] +
+                       f * s.between * std::copysign(1, along) * normal[k];
+  }
+}
+
 void read_slices(const DataSet &set, Picture &p) {
   Scale scale;
   tc_dicom_slice common = common_slice(set, p);
@@ -493,6 +583,7 @@ void read_slices(const DataSet &set, Picture &p) {
     if (frames) read_groups(frames->GetItem(f + 1).GetNestedDataSet(), p, p.slices[f], p.scales[f]);
   }
   if (!frames && p.frames > 1) spread_frames(set, p);
+  if (p.mosaic) unfold_mosaic(set, p);
   p.fractional = text_of(set, Tag(0x62, 0x01)) == "FRACTIONAL";
   if (p.fractional)
     p.segment_threshold = std::max(1.0, std::ceil(binary_of<uint16_t>(set, Tag(0x62, 0x0e), 255) / 2.0));
@@ -630,7 +721,9 @@ public:
     Uncap uncap;
     if (open_ != &p) open(p);
     allocation_cap = cap_;
-    return p.native ? native_frame(p, number) : coded_frame(p, number);
+    const uint32_t stored = p.tiles_across ? 0 : number;
+    const Frame f = p.native ? native_frame(p, stored) : coded_frame(p, stored);
+    return p.tiles_across ? tile_of(f, p.tiles_across, number) : f;
   }
 
 private:
@@ -651,7 +744,7 @@ private:
       if (error) fail_with(error);
       fail(TC_ERROR_IO, "a file changed while it was read");
     }
-    uint64_t decoded = tc_dicom_frame_bytes(&p.samples) * p.frames;
+    uint64_t decoded = tc_dicom_frame_bytes(&p.samples) * stored_frames(p);
     cap_allocations(blob_, 1);
     cap_ = allocation_cap =
         std::max<uint64_t>(allocation_cap, std::min<uint64_t>(decoded, 4096 * uint64_t{blob_.size}) + MiB);
@@ -678,8 +771,27 @@ private:
     bytes_ = reinterpret_cast<const uint8_t *>(value->GetPointer());
     size_ = value->GetLength();
     if (p.swapped) swap_halves();
-    if ((frame_bits(p.samples) * p.frames + 7) / 8 > size_)
+    if ((frame_bits(p.samples) * stored_frames(p) + 7) / 8 > size_)
       fail(TC_ERROR_FORMAT, "the header announces more pixels than there are");
+  }
+
+  static uint32_t stored_frames(const Picture &p) { return p.tiles_across ? 1 : p.frames; }
+
+  // One slice of a mosaic.
+  Frame tile_of(const Frame &whole, uint32_t across, uint32_t number) {
+    Frame f = whole;
+    const size_t pixel = size_t(whole.samples.allocated) / 8, row = size_t(whole.samples.columns) * pixel;
+    f.samples.columns /= static_cast<int>(across);
+    f.samples.rows /= static_cast<int>(across);
+    const size_t width = size_t(f.samples.columns) * pixel, height = size_t(f.samples.rows);
+    if (whole.size < row * size_t(whole.samples.rows)) fail(TC_ERROR_FORMAT, "pixel data of a mosaic is cut");
+    tile_.resize(width * height);
+    const uint8_t *from = whole.bytes + number / across * height * row + number % across * width;
+    for (size_t y = 0; y < height; y++)
+      memcpy(tile_.data() + y * width, from + y * row, width);
+    f.bytes = tile_.data();
+    f.size = tile_.size();
+    return f;
   }
 
   void swap_halves() {
@@ -702,7 +814,7 @@ private:
     if (!guarded([&] { return reader_->Read(); }))
       fail(TC_ERROR_FORMAT, "a DICOM file is damaged, cut, or packed in a way not known");
     if (buffer.cut) fail(TC_ERROR_FORMAT, "pixel data is cut: the file ends before it does");
-    if (p.frames > 1 && !p.palette) split_fragments(p);
+    if (stored_frames(p) > 1 && !p.palette) split_fragments(p);
   }
 
   const gdcm::Bitmap &picture() const {
@@ -745,8 +857,7 @@ private:
     s.columns = static_cast<int>(image.GetDimension(0));
     s.rows = static_cast<int>(image.GetDimension(1));
     std::string photometric = image.GetPhotometricInterpretation().GetString();
-    bool luma = photometric.compare(0, 8, "YBR_FULL") == 0 || photometric.compare(0, 11, "YBR_PARTIAL") == 0;
-    s.colour = s.per_pixel < 3 ? TC_DICOM_GREY : luma ? TC_DICOM_LUMA : TC_DICOM_RGB;
+    s.colour = s.per_pixel < 3 ? TC_DICOM_GREY : colour_of(photometric);
     if (!tc_dicom_samples_valid(&s) || s.rows != p.samples.rows || s.columns != p.samples.columns)
       fail(TC_ERROR_FORMAT, "decoded pixels contradict the header");
     return s;
@@ -808,7 +919,7 @@ private:
   const uint8_t *bytes_ = nullptr;
   size_t size_ = 0;
   std::vector<gdcm::SmartPointer<gdcm::SequenceOfFragments>> pieces_;
-  std::vector<uint8_t> whole_;
+  std::vector<uint8_t> whole_, tile_;
   tc_dicom_samples samples_{};
 };
 
@@ -992,7 +1103,7 @@ Choice read_choice(const std::string &text) {
 }
 
 // Chooses the volume, places it, and says what of the series it is.
-void make_stack(const Series &series, const Choice &choice, Job &job) {
+void make_stack(const Series &series, const Choice &choice, bool bridge_nothing, Job &job) {
   GError *error = nullptr;
   tc_volume_desc &d = job.desc;
   std::vector<tc_dicom_slice> slices = slices_of(series);
@@ -1007,6 +1118,9 @@ void make_stack(const Series &series, const Choice &choice, Job &job) {
     fail(TC_ERROR_FORMAT, "%zu pictures share %zu positions and nothing in their headers tells them apart; sort them",
          group.count, group.places);
   if (!tc_dicom_stack_make(slices.data(), group.slices, group.count, &job.stack, &error)) fail_with(error);
+  if (job.stack.bridged && bridge_nothing)
+    fail(TC_ERROR_FORMAT, "slice %d of %d is missing, and none is made up here; send the whole series", job.stack.bridged,
+         job.stack.dims[2]);
   d.frames = static_cast<int>(volumes.count);
   job.from.volume = chosen + 1;
   job.from.slices_used = static_cast<int>(group.places);
@@ -1122,7 +1236,7 @@ void describe(Job &job, const Run &run) {
   if (p.samples.colour != TC_DICOM_GREY || p.palette) tc_dicom_note(d.note, "colour became luma");
   if (p.inverted) tc_dicom_note(d.note, "MONOCHROME1, values kept as they are");
   if (p.cine) tc_dicom_note(d.note, "a film over time, its first picture was taken");
-  if (p.mosaic) tc_dicom_note(d.note, "mosaic pictures are not cut into slices");
+  if (p.mosaic) tc_dicom_note(d.note, "a mosaic, cut into its slices");
   if (p.fractional) tc_dicom_note(d.note, "fractional segments are cut at half");
   if (p.lookup) tc_dicom_note(d.note, "modality lookup table not applied");
   if (run.unreadable) tc_dicom_note(d.note, "%zu unreadable files left out", run.unreadable);
@@ -1240,13 +1354,13 @@ void send_mixed(const Run &run, const Job &job) {
   }
 }
 
-void load(const Run &run, const std::string &wanted) {
+void load(const Run &run, const std::string &wanted, bool bridge_nothing) {
   std::vector<Series> all = series_of(run);
   const Choice choice = read_choice(wanted);
   const Series &series = choose_series(all, choice.series);
   GError *error = nullptr;
   Job job;
-  make_stack(series, choice, job);
+  make_stack(series, choice, bridge_nothing, job);
   if (all.size() > 1 && choice.series.empty()) tc_dicom_note(job.desc.note, "the largest of %zu series", all.size());
   apply_suv(job);
   choose_type(job, run);
@@ -1263,7 +1377,7 @@ Failure decode(int input, const tc_helper_request &request, const tc_order &orde
     if (request.list)
       list(run);
     else
-      load(run, request.choice);
+      load(run, request.choice, request.bridge_nothing);
     return Failure{TC_ERROR_CODE_COUNT, ""};
   } catch (const Failure &f) {
     return f;

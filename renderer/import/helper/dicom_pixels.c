@@ -10,7 +10,7 @@ bool tc_dicom_samples_valid(const tc_dicom_samples *s) {
   if (s->is_float) return grey && s->per_pixel == 1 && (s->allocated == 32 || s->allocated == 64);
   if (s->allocated == 1) return grey && s->per_pixel == 1;
   if (s->allocated != 8 && s->allocated != 16 && s->allocated != 32 && s->allocated != 64) return false;
-  if (s->halved && (s->allocated != 8 || s->per_pixel != 3 || s->columns % 2 || s->colour != TC_DICOM_LUMA)) return false;
+  if (s->halved && (s->allocated != 8 || s->per_pixel != 3 || s->columns % 2 || s->colour != TC_DICOM_YBR)) return false;
   if (s->stored < 1 || s->stored > s->allocated || s->high < s->stored - 1 || s->high >= s->allocated) return false;
   return grey ? s->per_pixel == 1 : (s->per_pixel == 3 || s->per_pixel == 4) && s->allocated <= 16;
 }
@@ -61,6 +61,19 @@ static double sample(const tc_dicom_samples *s, const uint8_t *at) {
   return s->stored == 64 && !s->is_signed ? (double)(uint64_t)value : (double)value;
 }
 
+static double clamp(double value, double lo, double hi) { return value < lo ? lo : value > hi ? hi : value; }
+
+static double luma(double r, double g, double b) { return 0.2126 * r + 0.7152 * g + 0.0722 * b; }
+
+/* Of Y Cb Cr up to `most`, by way of the RGB that they stand for (PS3.3, C.7.6.3.1.2). */
+static double luma_of_ybr(double y, double cb, double cr, double most) {
+  const double half = floor(most / 2) + 1;
+  cb -= half;
+  cr -= half;
+  return luma(clamp(y + 1.402 * cr, 0, most), clamp(y - 0.344136 * cb - 0.714136 * cr, 0, most),
+              clamp(y + 1.772 * cb, 0, most));
+}
+
 /* The grey value of pixel i of a whole frame. */
 static double pixel(const tc_dicom_samples *s, const uint8_t *bytes, size_t pixels, unsigned first_bit, size_t i) {
   if (s->allocated == 1) {
@@ -70,14 +83,13 @@ static double pixel(const tc_dicom_samples *s, const uint8_t *bytes, size_t pixe
   size_t width = (size_t)s->allocated / 8;
   size_t step = s->planar ? pixels * width : width;
   const uint8_t *at = bytes + (s->planar ? i * width : i * width * (size_t)s->per_pixel);
-  if (s->halved) at = bytes + i / 2 * 4 + i % 2;
+  const uint8_t *second = at + step, *third = second + step;
+  if (s->halved) at = bytes + i / 2 * 4 + i % 2, second = bytes + i / 2 * 4 + 2, third = second + 1;
   if (s->colour == TC_DICOM_GREY) return sample(s, at);
-  double scale = 255.0 / ((double)(UINT64_C(1) << s->stored) - 1);
-  if (s->colour == TC_DICOM_LUMA) return round(sample(s, at) * scale);
-  return round((0.2126 * sample(s, at) + 0.7152 * sample(s, at + step) + 0.0722 * sample(s, at + 2 * step)) * scale);
+  const double most = (double)(UINT64_C(1) << s->stored) - 1, a = sample(s, at), b = sample(s, second),
+               c = sample(s, third);
+  return round((s->colour == TC_DICOM_YBR ? luma_of_ybr(a, b, c, most) : luma(a, b, c)) * 255 / most);
 }
-
-static double clamp(double value, double lo, double hi) { return value < lo ? lo : value > hi ? hi : value; }
 
 static void store(tc_voxel_type type, void *voxels, size_t i, double value) {
   switch (type) {

@@ -11,7 +11,7 @@ extern "C" {
 typedef enum tc_dicom_colour {
   TC_DICOM_GREY,
   TC_DICOM_RGB,  /* becomes Rec. 709 luma, 0..255 */
-  TC_DICOM_LUMA, /* Y Cb Cr: the first sample is kept */
+  TC_DICOM_YBR,  /* Y Cb Cr of full range: the same of the RGB that they stand for */
   TC_DICOM_COLOUR_COUNT
 } tc_dicom_colour;
 
@@ -23,7 +23,7 @@ typedef struct tc_dicom_samples {
   bool is_signed, is_float;
   int per_pixel; /* 1, 3 or 4 */
   bool planar;   /* all of one colour, then the next */
-  bool halved;   /* YBR_FULL_422: Y Y Cb Cr for two pixels; 8 bits and TC_DICOM_LUMA only */
+  bool halved;   /* YBR_FULL_422: Y Y Cb Cr for two pixels; 8 bits and TC_DICOM_YBR only */
   tc_dicom_colour colour;
 } tc_dicom_samples;
 
