@@ -984,7 +984,7 @@ void scan(Run &run, int input) {
     progress(run, 0.2 * double(i + 1) / double(run.sources.count));
   }
   if (!run.pictures.empty()) return;
-  if (run.sources.count == 1) fail(TC_ERROR_FORMAT, "no picture in this DICOM file");
+  if (run.sources.count == 1) fail(TC_ERROR_FORMAT, "no picture in this DICOM file; of a DICOMDIR, contours or a plan open the folder of the pictures");
   fail(TC_ERROR_FORMAT, "no DICOM pictures among %zu files (%zu unreadable)", run.sources.count, run.unreadable);
 }
 
