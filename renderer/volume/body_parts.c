@@ -21,7 +21,7 @@
 /* What is sure to be a table: its least extent beside its largest, its surface on the body, at most. */
 #define FLAT 0.4
 #define TOUCHING 0.08
-/* A board so flat is a table's, however much of the body lies on it. */
+/* A sheet's least extent beside its largest, at most. */
 #define SHEET 0.1
 /* Cells around the body that are its edge, where that is softer than it. */
 #define EDGE_CELLS 2
@@ -53,7 +53,7 @@ typedef struct finder {
 } finder;
 
 typedef struct part {
-  size_t cells, outside, behind, deep;
+  size_t cells, outside, under, behind, deep;
   int low[3], high[3];
   double surface, contact; /* all of it, and with what stays: mm2 */
 } part;
@@ -300,6 +300,10 @@ static bool is_outside(const finder *f, const int at[3]) {
   return is_beyond(f->rows[at[2] * n[1] + at[1]], at[0]) || is_beyond(f->columns[at[2] * n[0] + at[0]], at[1]);
 }
 
+static bool is_behind(const finder *f, span s, int at) {
+  return f->p->back > 0 ? at > s.last : f->p->back < 0 && at < s.first;
+}
+
 /* The part that is in the queue. */
 static part measure(const finder *f, size_t cells) {
   part a = no_part();
@@ -308,9 +312,9 @@ static part measure(const finder *f, size_t cells) {
     place_of(f, f->queue[j], at);
     add_cell(f, f->queue[j], at, PART, &a);
     a.deep += is_deep(f, f->queue[j], PART);
-    const span slice = f->slices[at[2]];
     a.outside += is_outside(f, at);
-    a.behind += f->p->back > 0 ? at[1] > slice.last : f->p->back < 0 ? at[1] < slice.first : 0;
+    a.under += is_behind(f, f->columns[at[2] * f->p->n[0] + at[0]], at[1]);
+    a.behind += is_behind(f, f->slices[at[2]], at[1]);
   }
   return a;
 }
@@ -326,6 +330,13 @@ static double flatness_of(const finder *f, const part *a) {
   return fmin(fmin(x, y), z) / fmax(fmax(x, y), z);
 }
 
+/* A sheet behind the body: a table's, however much of the body lies on it. */
+static bool is_sheet(const finder *f, const part *a) {
+  const double width = extent_of(f, a);
+  return flatness_of(f, a) < SHEET && width >= LARGE * f->width && thickness_of(f, a) < THIN * width &&
+         (double)a->under >= OUTSIDE * (double)a->cells;
+}
+
 /* What no branch, bone or vessel is: wide and flat, behind the body and hardly in contact with it; where the body is not
  * solid, behind and apart. */
 static bool is_table(const finder *f, const part *a) {
@@ -339,9 +350,9 @@ static bool goes(const finder *f, const part *a, uint8_t place) {
   const bool board = is_board(f, a), thin = thickness_of(f, a) < THIN_CELLS * middle_of(side[0], side[1], side[2]);
   if ((double)a->outside < OUTSIDE * cells || (double)a->deep > DEEP * cells) return false;
   if (f->p->strict && !is_table(f, a)) return false;
-  if (place == THICK || (board && flatness_of(f, a) < SHEET)) return board;
+  if (place == THICK) return board;
   const bool wide = fmax(extent_along(f, a, 0), extent_along(f, a, 1)) >= WIDE * f->width;
-  if (a->contact <= BARELY * a->surface && (board || (thin && wide))) return true;
+  if (is_sheet(f, a) || (a->contact <= BARELY * a->surface && (board || (thin && wide)))) return true;
   if (a->contact > 0) return (double)a->behind >= BEHIND * cells && extent_of(f, a) >= LARGE * f->width;
   return thin;
 }

@@ -5,7 +5,7 @@
  * cores. The largest, grown back by the cell that was lost (an opening), is the body. Of the rest a connected part goes
  * if it is mostly outside of the body and thin as a shell is, or flat and wide as a board; arms are neither. What is
  * left of it then is parted into cores and shells, so that an arm on a table stays without it. A part that touches the
- * body goes only if it is a board that does so barely or is as flat as a sheet, or large and mostly behind all of the
+ * body goes only if it is a board that does so barely, a flat sheet behind it, or large and mostly behind all of the
  * body: noses, ears and chest walls stay. Where the opening takes much of what is dense, as of a dry skull, it is not
  * done.
  *
