@@ -31,6 +31,7 @@ enum { SIDE = 300, PIXELS = SIDE * SIDE };
 
 typedef struct polygon {
   int n;
+  bool clear; /* of a translucent surface */
   double at[TC_CLIP_MOST_CORNERS][2], near[TC_CLIP_MOST_CORNERS]; /* pixels; nearness (view.h) */
 } polygon;
 
@@ -43,10 +44,12 @@ typedef struct truth {
 
 static bool everything(const void *user, uint32_t label) { return label != 0; }
 
-static tc_clusters *surfaces(tc_volume *volume, const tc_volume *labels, double iso) {
+static tc_clusters *surfaces(tc_volume *volume, const tc_volume *labels, const tc_scene *scene) {
   GError *error = NULL;
-  const tc_mesh_source one = {.kind = TC_SURFACE_OF_VALUE, .iso = iso};
-  const tc_surfaces_wish wish = {.volume = volume, .sources = labels ? NULL : &one, .n_sources = 1, .labels = labels,
+  tc_mesh_source of[TC_MAX_SURFACES] = {{.kind = TC_SURFACE_OF_VALUE, .iso = scene->isosurface.value}};
+  const size_t n = scene->mesh.n_surfaces;
+  for (size_t i = 0; i < n; i++) of[i] = (tc_mesh_source){.kind = TC_SURFACE_OF_VALUE, .iso = scene->mesh.surfaces[i].value};
+  const tc_surfaces_wish wish = {.volume = volume, .sources = labels ? NULL : of, .n_sources = n ? n : 1, .labels = labels,
                                  .shows = everything, .max_bytes = 1 << 30};
   tc_surfaces *s = tc_surfaces_begin();
   if (!tc_surfaces_go_on(s, &wish, &error)) fail_msg("%s", error->message);
@@ -91,12 +94,15 @@ static truth *find_truth(tc_volume *volume, const tc_volume *labels, const tc_sc
     planes[n][k] = -1, planes[n++][3] = scene->clip.box[1][k];
   }
   for (int i = 0; i < scene->clip.n_planes; i++) memcpy(planes[n++], scene->clip.planes[i], sizeof *planes);
-  t->mesh = surfaces(volume, labels, scene->isosurface.value);
+  t->mesh = surfaces(volume, labels, scene);
   tc_view_set_up(&t->view, t->mesh, &scene->camera, SIDE, SIDE, (const double(*)[4])planes, n);
   t->polygons = calloc(t->mesh->n_triangles + 1, sizeof *t->polygons);
   uint32_t number = 0;
   for (size_t c = 0; c < t->mesh->n; c++)
-    for (int i = 0; i < t->mesh->clusters[c].n_triangles; i++) add_triangle(t, &t->mesh->clusters[c], i, number++);
+    for (int i = 0; i < t->mesh->clusters[c].n_triangles; i++, number++) {
+      add_triangle(t, &t->mesh->clusters[c], i, number);
+      t->polygons[number].clear = scene->mesh.n_surfaces && scene->mesh.surfaces[t->mesh->clusters[c].part].opacity < 1;
+    }
   return t;
 }
 
@@ -167,6 +173,28 @@ static int may_be_seen(const truth *t, int pixel, double x, double y, double dep
   return n;
 }
 
+/* With translucent surfaces all layers before what is opaque count: whether one of them perhaps covers the point, or two are
+ * at one depth. */
+static bool layers_may_differ(const truth *t, int pixel, double x, double y) {
+  const GArray *list = t->of_pixel[pixel];
+  double hides = -INFINITY, least[64], most[64];
+  int n = 0;
+  for (int round = 0; round < 2; round++)
+    for (guint i = 0; list && i < list->len && n < 64; i++) {
+      const polygon *p = &t->polygons[g_array_index(list, uint32_t, i)];
+      const double in = p->n < 3 ? -1 : inside(p, x, y);
+      if (in < -MOVED) continue;
+      near_at(p, x, y, &least[n], &most[n]);
+      if (!round && !p->clear && in > MOVED) hides = fmax(hides, least[n]);
+      if (!round || most[n] < hides) continue;
+      if (in <= MOVED) return true;
+      for (int k = 0; k < n; k++)
+        if (most[k] >= least[n] && most[n] >= least[k]) return true;
+      n++;
+    }
+  return false;
+}
+
 /* ---- comparing ---- */
 
 typedef struct verdict {
@@ -175,12 +203,13 @@ typedef struct verdict {
   double most, apart;       /* of the others: difference of colours, and of depths, mm */
 } verdict;
 
-static bool is_tie(const truth *t, const tc_rays *rays, const tc_frame *const frames[2], int pixel) {
+static bool is_tie(const truth *t, const tc_rays *rays, bool layered, const tc_frame *const frames[2], int pixel) {
   bool tie = false, there[2] = {true, true};
   for (int s = 0; s < rays->count && !tie; s++) {
     const double x = pixel % SIDE + fmin(rint((rays->of_pixel[s].x + 0.5) * 256), 255) / 256;
     const double y = pixel / SIDE + fmin(rint((rays->of_pixel[s].y + 0.5) * 256), 255) / 256;
-    for (int f = 0; f < 2; f++) {
+    if (layered) tie = layers_may_differ(t, pixel, x, y);
+    for (int f = 0; f < 2 && !layered; f++) {
       const double depth = rays->count == 1 && frames[f] ? (double)frames[f]->depth[pixel] : NAN;
       tie = may_be_seen(t, pixel, x, y, depth, &there[f]) > 1;
     }
@@ -201,6 +230,7 @@ static verdict compare(tc_volume *volume, const tc_volume *labels, const tc_scen
   tc_rays rays;
   tc_rays_set_up(&rays, volume, scene, SIDE, SIDE);
   verdict v = {0};
+  const bool layered = scene->mesh.n_surfaces > 0;
   for (int i = 0; i < PIXELS; i++) {
     double worst = 0;
     int level = 0;
@@ -209,14 +239,14 @@ static verdict compare(tc_volume *volume, const tc_volume *labels, const tc_scen
       level = MAX(level, abs(gl->rgba[c] - cpu->rgba[c]));
     }
     v.seen += cpu->linear[4 * i + 3] > 0;
-    if (i % 16 == 0) v.ties += is_tie(t, &rays, none, i);
+    if (i % 16 == 0) v.ties += is_tie(t, &rays, layered, none, i);
     if (worst <= 1.0 / 255 && level <= 1) {
       v.most = fmax(v.most, worst);
       if (isfinite(cpu->depth[i])) v.apart = fmax(v.apart, fabs((double)cpu->depth[i] - (double)gl->depth[i]));
       continue;
     }
     v.over++;
-    if (is_tie(t, &rays, frames, i)) continue;
+    if (is_tie(t, &rays, layered, frames, i)) continue;
     if (v.unproven++ < 3)
       printf("    no tie at %d,%d: cpu %g %g %g, %g mm; gl %g %g %g, %g mm\n", i % SIDE, i / SIDE, cpu->linear[4 * i],
              cpu->linear[4 * i + 1], cpu->linear[4 * i + 2], cpu->depth[i], gl->linear[4 * i], gl->linear[4 * i + 1],
@@ -289,6 +319,31 @@ static void another_picture_is_no_tie(void **unused) {
   tc_volume_unref(volume);
 }
 
+static void translucent_layers_are_sorted(void **unused) {
+  needs_gl();
+  tc_volume *volume = waves();
+  tc_scene scene;
+  const tc_mesh_surface list[] = {
+      {.value = 0.45, .color = {0.9, 0.3, 0.2}, .opacity = 0.3, .has_color = true, .visible = true, .two_sided = true},
+      {.value = 0.6, .color = {0.2, 0.9, 0.3}, .opacity = 0.6, .has_color = true, .visible = true},
+      {.value = 0.8, .color = {0.8, 0.8, 1}, .opacity = 1, .has_color = true, .visible = true, .two_sided = true}};
+  for (int round = 0; round < 3; round++) {
+    mesh_scene(&scene, volume, round & 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE);
+    tc_scene_set_surfaces(&scene, g_memdup2(list, sizeof list), 3);
+    if (round == 2) scene.clip.planes[0][1] = 1, scene.clip.planes[0][3] = -340, scene.clip.n_planes = 1;
+    expect_equal(volume, NULL, &scene);
+    tc_scene_clear(&scene);
+  }
+  tc_explanation plan;
+  mesh_scene(&scene, volume, TC_PERSPECTIVE);
+  tc_scene_set_surfaces(&scene, g_memdup2(list, sizeof list), 3);
+  scene.sampling.rays_per_pixel = 4;
+  assert_true(test_draw(GL, volume, &scene, NULL, &plan)->stats.stand_in);
+  assert_non_null(strstr(plan.stages[TC_STAGE_MESH].reason, "drawn by the cpu: translucent layers of several samples"));
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
 static double ball(double x, double y, double z, const void *unused) {
   const double r = 8.3, p = (x - 12) * (x - 12), q = (x - 26) * (x - 26), s = (y - 20) * (y - 20) + (z - 20) * (z - 20);
   return p + s < r * r ? 3 : q + s < r * r ? 7 : 0;
@@ -333,7 +388,7 @@ static void frames_stop_and_go_on_to_the_same_picture(void **unused) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(pictures_are_equal_but_for_ties), cmocka_unit_test(another_picture_is_no_tie),
-                                     cmocka_unit_test(labels_have_their_colours),
+                                     cmocka_unit_test(labels_have_their_colours), cmocka_unit_test(translucent_layers_are_sorted),
                                      cmocka_unit_test(frames_stop_and_go_on_to_the_same_picture)};
   return cmocka_run_group_tests_name("meshes through OpenGL", tests, test_renderers_open, test_renderers_close);
 }

@@ -13,13 +13,14 @@
 #define SOFTWARE_NS 60 /* a triangle, before any was measured */
 #define HARDWARE_NS 4
 #define LOOK 1024      /* clusters between two looks at the halt */
+#define LAYER 6        /* numbers a pixel of what layers gave (mesh_shade.glsl) */
 
 /* The uniform block of mesh_head.glsl, std140. */
 typedef struct mesh_block {
   _Alignas(16) float right[4];
   float down[4], depth[4], window[4];
   float planes[12][4], offsets[TC_RASTER_SAMPLES][4];
-  float light[4], color[4], glow[2][4];
+  float light[4], glow[2][4];
   float factor[2], least, specular, shininess, reference, scale, inverse_scale;
   float centre[2];
   int32_t perspective, n_planes, n_samples, n_clusters, shaded, head_light, normals, several;
@@ -34,7 +35,10 @@ typedef struct drawing {
   tc_sight *sights; /* [clusters] */
   tc_progress *progress;
   tc_gl_batch batch;
-  unsigned vertices, target, ids, depths, buffers[2]; /* GL names; buffers: the block, surfaces' colours */
+  bool translucent;
+  /* GL names. ids, depths: a layer for each sample, of what is opaque; of translucent layers, their depths in turn. buffers:
+   * the block, surfaces' colours, what layers gave */
+  unsigned vertices, target, ids[2], depths[3], buffers[3];
 } drawing;
 
 /* ---- the mesh in one buffer: indices, clusters, vertices ----
@@ -170,7 +174,6 @@ static void set_block(drawing *d) {
       b->offsets[s][k] = fminf(fmaxf(offset, 0), TC_VIEW_SUBPIXEL - 1) / TC_VIEW_SUBPIXEL;
     }
   set_look(b, v, &d->of.raster.look);
-  memcpy(b->color, d->of.surfaces[0].color, sizeof d->of.surfaces[0].color);
   b->several = d->mesh->n_parts > 1;
   b->reference = (float)v->reference, b->scale = (float)v->scale, b->inverse_scale = (float)(1 / v->scale);
   b->centre[0] = (float)v->centre[0], b->centre[1] = (float)v->centre[1];
@@ -192,22 +195,32 @@ static void make_vertices(drawing *d, const mesh_layout *l) {
   glVertexArrayElementBuffer(d->vertices, d->buffer->buffer);
 }
 
+static unsigned make_texture(unsigned format, int side, int layers) {
+  unsigned texture;
+  glCreateTextures(GL_TEXTURE_2D_ARRAY, 1, &texture);
+  glTextureStorage3D(texture, 1, format, side, side, layers);
+  glTextureParameteri(texture, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+  glTextureParameteri(texture, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+  return texture;
+}
+
 static void make_target(drawing *d, int side) {
-  glCreateTextures(GL_TEXTURE_2D_ARRAY, 1, &d->ids);
-  glTextureStorage3D(d->ids, 1, GL_R32UI, side, side, d->block.n_samples);
-  glTextureParameteri(d->ids, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
-  glTextureParameteri(d->ids, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-  glCreateRenderbuffers(1, &d->depths);
-  glNamedRenderbufferStorage(d->depths, GL_DEPTH_COMPONENT32F, side, side);
+  for (int i = 0; i < (d->translucent ? 2 : 1); i++) d->ids[i] = make_texture(GL_R32UI, side, d->block.n_samples);
+  for (int i = 0; i < (d->translucent ? 3 : 1); i++)
+    d->depths[i] = make_texture(GL_DEPTH_COMPONENT32F, side, d->block.n_samples);
   glCreateFramebuffers(1, &d->target);
-  glNamedFramebufferRenderbuffer(d->target, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, d->depths);
 }
 
 static void make_buffers(drawing *d) {
   const size_t n = d->mesh->n_parts;
   float(*colors)[4] = g_malloc0((n + 1) * sizeof *colors);
-  for (size_t i = 0; i < n; i++) memcpy(colors[i], d->of.surfaces[i].color, sizeof d->of.surfaces[i].color);
-  glCreateBuffers(2, d->buffers);
+  for (size_t i = 0; i < n; i++) {
+    memcpy(colors[i], d->of.surfaces[i].color, sizeof d->of.surfaces[i].color);
+    colors[i][3] = d->of.surfaces[i].opacity;
+  }
+  const size_t layers = d->translucent ? LAYER * (size_t)d->progress->side * (size_t)d->progress->side : LAYER;
+  glCreateBuffers(3, d->buffers);
+  glNamedBufferStorage(d->buffers[2], (GLsizeiptr)(layers * sizeof(float)), NULL, 0);
   glNamedBufferStorage(d->buffers[0], sizeof d->block, &d->block, 0);
   glNamedBufferStorage(d->buffers[1], (GLsizeiptr)((n + 1) * sizeof *colors), colors, 0);
   g_free(colors);
@@ -218,9 +231,8 @@ static void bind_all(drawing *d, const mesh_layout *l) {
   bind_part(4, buffer, l->vertices, d->buffer->bytes);
   bind_part(5, buffer, 0, l->clusters);
   bind_part(6, buffer, l->clusters, l->vertices);
-  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 7, d->buffers[1]);
+  for (GLuint i = 1; i < 3; i++) glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 6 + i, d->buffers[i]);
   glBindBufferBase(GL_UNIFORM_BUFFER, 1, d->buffers[0]);
-  glBindTextureUnit(0, d->ids);
   glBindVertexArray(d->vertices);
   glBindFramebuffer(GL_DRAW_FRAMEBUFFER, d->target);
   glClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE);
@@ -234,10 +246,10 @@ static void drop_objects(drawing *d) {
   glBindFramebuffer(GL_DRAW_FRAMEBUFFER, 0);
   glBindVertexArray(0);
   glDeleteFramebuffers(1, &d->target);
-  glDeleteRenderbuffers(1, &d->depths);
-  glDeleteTextures(1, &d->ids);
+  glDeleteTextures(2, d->ids);
+  glDeleteTextures(3, d->depths);
   glDeleteVertexArrays(1, &d->vertices);
-  glDeleteBuffers(2, d->buffers);
+  glDeleteBuffers(3, d->buffers);
 }
 
 /* ---- tiles ---- */
@@ -246,8 +258,13 @@ static bool in_tile(const tc_sight *s, const int tile[4]) {
   return s->x1 >= s->x0 && s->x0 < tile[0] + tile[2] && s->x1 >= tile[0] && s->y0 < tile[1] + tile[3] && s->y1 >= tile[1];
 }
 
+static bool is_in(const drawing *d, size_t i, const int tile[4], bool translucent) {
+  const tc_raster_surface *surface = &d->of.surfaces[d->mesh->clusters[i].part];
+  return in_tile(&d->sights[i], tile) && (surface->opacity < 1) == translucent;
+}
+
 /* Clusters of a surface that may be seen in the tile, in runs without a gap. False: halted. */
-static bool draw_clusters(drawing *d, const int tile[4]) {
+static bool draw_clusters(drawing *d, const int tile[4], bool translucent) {
   const size_t n = d->mesh->n;
   uint32_t first = 0; /* triangle of cluster i */
   for (size_t i = 0; i < n;) {
@@ -255,7 +272,7 @@ static bool draw_clusters(drawing *d, const int tile[4]) {
     size_t end = i;
     const tc_cluster *k = d->mesh->clusters;
     const double most = tc_gl_batch_most(&d->batch);
-    for (; end < n && in_tile(&d->sights[end], tile) && k[end].part == k[i].part && triangles < most; end++)
+    for (; end < n && is_in(d, end, tile, translucent) && k[end].part == k[i].part && triangles < most; end++)
       triangles += k[end].n_triangles;
     if (!triangles) {
       first += k[i++].n_triangles;
@@ -270,27 +287,65 @@ static bool draw_clusters(drawing *d, const int tile[4]) {
   return true;
 }
 
-static bool draw_sample(drawing *d, const int tile[4], int s) {
+/* layer: 0: what is opaque; then translucent layers, the nearest first. */
+static bool draw_sample(drawing *d, const int tile[4], int s, int layer) {
   const tc_view *v = &d->of.view;
+  const unsigned program = d->gl->programs[layer ? 2 : 1];
   const float *offset = d->block.offsets[s];
   double place[4];
   for (int k = 0; k < 2; k++) {
     place[2 * k] = 2 * v->scale / tile[2 + k];
     place[2 * k + 1] = 2 * (v->centre[k] - tile[k] + 0.5 - (double)offset[k]) / tile[2 + k] - 1;
   }
-  glNamedFramebufferTextureLayer(d->target, GL_COLOR_ATTACHMENT0, d->ids, 0, s);
-  glViewport(0, 0, tile[2], tile[3]);
+  glNamedFramebufferTextureLayer(d->target, GL_COLOR_ATTACHMENT0, d->ids[layer > 0], 0, s);
+  glNamedFramebufferTextureLayer(d->target, GL_DEPTH_ATTACHMENT, d->depths[layer ? 1 + layer % 2 : 0], 0, s);
   glClearNamedFramebufferuiv(d->target, GL_COLOR, 0, (const GLuint[4]){UINT32_MAX});
   glClearNamedFramebufferfv(d->target, GL_DEPTH, 0, &(GLfloat){0});
-  glUseProgram(d->gl->programs[1]);
-  glProgramUniform4f(d->gl->programs[1], 0, (float)place[0], (float)place[1], (float)place[2], (float)place[3]);
-  return draw_clusters(d, tile);
+  glUseProgram(program);
+  glProgramUniform4f(program, 0, (float)place[0], (float)place[1], (float)place[2], (float)place[3]);
+  if (layer) glProgramUniform2i(program, 1, s, layer > 1);
+  return draw_clusters(d, tile, layer > 0);
+}
+
+static bool draw_samples(drawing *d, const int tile[4], int layer) {
+  glViewport(0, 0, tile[2], tile[3]);
+  for (int s = 0; s < d->block.n_samples; s++)
+    if (!draw_sample(d, tile, s, layer)) return false;
+  return true;
+}
+
+/* Translucent layers, each behind the one before (Everitt, Interactive order-independent transparency, 2001), until there
+ * is none. False: halted. */
+static bool peel(drawing *d, const int tile[4]) {
+  const unsigned program = d->gl->programs[0];
+  GLuint query, any = 1;
+  bool halted = false;
+  glClearNamedBufferData(d->buffers[2], GL_R32UI, GL_RED_INTEGER, GL_UNSIGNED_INT, NULL);
+  glCreateQueries(GL_ANY_SAMPLES_PASSED, 1, &query);
+  for (int layer = 1; any && !halted; layer++) {
+    glBindTextureUnit(1, d->depths[0]);
+    glBindTextureUnit(2, d->depths[2 - layer % 2]);
+    glBeginQuery(GL_ANY_SAMPLES_PASSED, query);
+    halted = !draw_samples(d, tile, layer);
+    glEndQuery(GL_ANY_SAMPLES_PASSED);
+    glGetQueryObjectuiv(query, GL_QUERY_RESULT, &any);
+    halted = halted || tc_halt_within(d->gl->job->halt);
+    glBindTextureUnit(0, d->ids[1]);
+    glUseProgram(program);
+    glProgramUniform4i(program, 0, tile[0], tile[1], tile[2], tile[3]);
+    glProgramUniform1i(program, 1, 1);
+    if (any) glDispatchCompute((GLuint)(tile[2] + 7) / 8, (GLuint)(tile[3] + 7) / 8, 1);
+    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
+  }
+  glDeleteQueries(1, &query);
+  return !halted;
 }
 
 static bool draw_tile(void *user, const int tile[4], GError **error) {
   drawing *d = user;
-  for (int s = 0; s < d->block.n_samples; s++)
-    if (!draw_sample(d, tile, s)) return tc_halt_say(d->gl->job->halt, error);
+  if (!draw_samples(d, tile, 0) || (d->translucent && !peel(d, tile))) return tc_halt_say(d->gl->job->halt, error);
+  glBindTextureUnit(0, d->ids[0]);
+  glProgramUniform1i(d->gl->programs[0], 1, d->translucent ? 2 : 0);
   return true;
 }
 
@@ -307,6 +362,12 @@ static void look_at_clusters(drawing *d) {
   }
 }
 
+static int passes(const tc_scene *scene) {
+  for (size_t i = 0; i < scene->mesh.n_surfaces; i++)
+    if (tc_mesh_surface_shows(&scene->mesh.surfaces[i]) && scene->mesh.surfaces[i].opacity < 1) return 3;
+  return 2;
+}
+
 static bool draw_frame(drawing *d, GError **error) {
   const tc_job *job = d->gl->job;
   const mesh_layout l = lay_out(d->mesh);
@@ -314,6 +375,7 @@ static bool draw_frame(drawing *d, GError **error) {
   const tc_gl_packing packing = {"surface mesh", packed_bytes, pack, d->mesh};
   d->buffer = tc_gl_textures_packed(d->gl->textures, &packing, d->mesh->serial, volume, job->halt, error);
   if (!d->buffer) return false;
+  d->translucent = passes(job->scene) > 2;
   set_block(d);
   look_at_clusters(d);
   make_vertices(d, &l);
@@ -337,12 +399,11 @@ static bool draw(const tc_gl_frame *gl, GError **error) {
   return drawn;
 }
 
+/* A triangle that is another layer in each sample would be shaded once a layer, not once a pixel. */
 static const char *refuses(const tc_scene *scene) {
-  for (size_t i = 0; i < scene->mesh.n_surfaces; i++) {
-    const tc_mesh_surface *s = &scene->mesh.surfaces[i];
-    if (tc_mesh_surface_shows(s) && s->opacity < 1) return "translucent layers are sorted by the cpu";
-  }
-  return NULL;
+  for (size_t i = 0; i < scene->mesh.n_surfaces; i++)
+    if (scene->mesh.surfaces[i].source == TC_SURFACE_OF_PLANE) return "a plane's greys are looked up there";
+  return passes(scene) > 2 && scene->sampling.rays_per_pixel > 1 ? "translucent layers of several samples are shaded there" : NULL;
 }
 
-const tc_gl_drawer tc_gl_mesh_drawer = {.passes = 2, .refuses = refuses, .draw = draw};
+const tc_gl_drawer tc_gl_mesh_drawer = {.passes = passes, .refuses = refuses, .draw = draw};

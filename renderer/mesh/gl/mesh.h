@@ -2,7 +2,8 @@
  * cpu's rasteriser does (mesh/raster.h).
  *
  * A tile is drawn once for each sample of a pixel, moved by the sample's place: samples lie exactly where the cpu has
- * them. Clusters outside the tile or facing away are not drawn. Pictures differ from the cpu's where rounding decides:
+ * them. Clusters outside the tile or facing away are not drawn. Translucent surfaces (of one sample a pixel) are peeled, layer
+ * by layer until there is none, and added up nearest first. Pictures differ from the cpu's where rounding decides:
  * which of two triangles a sample on their edge belongs to, and which of two that lie at one depth is nearer. */
 #ifndef TC_MESH_GL_MESH_H
 #define TC_MESH_GL_MESH_H

@@ -3,7 +3,11 @@ layout(binding = 0) uniform usampler2DArray triangles; // a layer for each sampl
 layout(std430, binding = 4) readonly buffer Vertices { uvec4 vertices[]; }; // bits of x, y, z; normal
 layout(std430, binding = 5) readonly buffer Indices { uint indices[]; };
 layout(std430, binding = 6) readonly buffer Clusters { uvec2 clusters[]; }; // first triangle; surface
-layout(std430, binding = 7) readonly buffer Colors { vec4 colors[]; };
+layout(std430, binding = 7) readonly buffer Colors { vec4 colors[]; }; // of surfaces: compositing space, opacity
+// Of each pixel, of one sample, what translucent layers gave so far: colour and opacity, 1 / mm from the eye to the nearest, and
+// how much they cover of what is behind.
+layout(std430, binding = 8) buffer Layers { float layers[]; };
+layout(location = 1) uniform int phase; // 0: nothing is translucent; 1: one more layer; 2: what is opaque, behind all of them
 #if DEPTH
 layout(std430, binding = 3) writeonly buffer Depth { float depths[]; }; // [h][w] mm from the eye
 #endif
@@ -26,15 +30,13 @@ vec3 normal(uvec4 vertex) { // octahedral
 
 float held(float x, float most) { return x > 0.0 ? min(x, most) : 0.0; } // 0 of what is no number
 
-vec3 color_of(uint triangle) {
-  if (mesh.several == 0)
-    return mesh.color.rgb;
-  uint lo = 0u, hi = uint(mesh.n_clusters);
-  while (hi - lo > 1u) {
+vec4 color_of(uint triangle) {
+  uint lo = 0u, hi = mesh.several != 0 ? uint(mesh.n_clusters) : 0u;
+  while (hi - lo > 1u && hi > 0u) {
     uint middle = (lo + hi) / 2u;
     if (clusters[middle].x <= triangle) lo = middle; else hi = middle;
   }
-  return colors[clusters[lo].y].rgb;
+  return colors[mesh.several != 0 ? clusters[lo].y : 0u];
 }
 
 vec3 light_on(vec3 n, vec3 eye, vec3 color) {
@@ -67,7 +69,7 @@ vec3 shade(uint triangle, vec2 at, out float distance) {
   float inverse = 1.0 / dot(ab, side);
   float b = held(dot(from, side) * inverse, 1.0), c = held(dot(ray, other) * inverse, 1.0 - b);
   distance = (p[0].z + mesh.reference + (b * ab.z + c * ac.z)) * length(ray);
-  vec3 color = color_of(triangle);
+  vec3 color = color_of(triangle).rgb;
   if (mesh.shaded == 0)
     return color;
   vec3 n = mesh.normals != 0 ? turned((1.0 - b - c) * normal(v[0]) + b * normal(v[1]) + c * normal(v[2])) : cross(ab, ac);
@@ -76,13 +78,17 @@ vec3 shade(uint triangle, vec2 at, out float distance) {
 
 uint seen(ivec2 place, int s) { return texelFetch(triangles, ivec3(place, s), 0).r; }
 
+const float SEEN_THROUGH = 1.0 / 4096.0; // less is nothing (raster.c)
+
 void main() {
   ivec2 place = ivec2(gl_GlobalInvocationID.xy);
   if (any(greaterThanEqual(place, tile.zw)))
     return;
+  uint at = uint(place.y * tile.z + place.x), cell = 2u * ((gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) & 63u);
+  uint layer = 6u * at, shades = 0u;
   vec4 sum = vec4(0.0);
   float nearest = uintBitsToFloat(0x7f800000u); // infinite
-  uint shades = 0u;
+  float left = phase == 0 ? 1.0 : 1.0 - layers[layer + 5u];
   for (int s = 0; s < mesh.n_samples; s++) {
     uint triangle = seen(place, s);
     bool before = triangle == NOTHING;
@@ -92,15 +98,33 @@ void main() {
       continue;
     float n = 0.0, distance;
     vec2 middle = vec2(0.0);
+    if (left < SEEN_THROUGH)
+      continue;
     for (int i = s; i < mesh.n_samples; i++)
       if (seen(place, i) == triangle)
         n++, middle += mesh.offsets[i].xy;
-    float share = n / float(mesh.n_samples);
-    sum += share * vec4(shade(triangle, vec2(tile.xy + place) + middle / n, distance), 1.0);
+    float share = left * n / float(mesh.n_samples);
+    if (phase == 1) {
+      float opacity = color_of(triangle).a;
+      layers[layer + 5u] = 1.0 - left * (1.0 - opacity);
+      share *= opacity;
+    }
+    vec3 color = shade(triangle, vec2(tile.xy + place) + middle / n, distance);
+    sum += share * vec4(color, 1.0);
     nearest = min(nearest, distance);
     shades++;
   }
-  uint at = uint(place.y * tile.z + place.x), cell = 2u * ((gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) & 63u);
+  if (phase != 0) {
+    sum += vec4(layers[layer], layers[layer + 1u], layers[layer + 2u], layers[layer + 3u]);
+    if (layers[layer + 4u] > 0.0)
+      nearest = min(nearest, 1.0 / layers[layer + 4u]);
+  }
+  if (phase == 1) {
+    for (int k = 0; k < 4; k++)
+      layers[layer + uint(k)] = sum[k];
+    layers[layer + 4u] = sum.a > 0.0 ? 1.0 / nearest : 0.0;
+    return;
+  }
   if (shades > 0u)
     atomicAdd(counters[cell + 1u].x, shades);
   write_result(at, sum);

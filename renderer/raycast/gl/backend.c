@@ -293,7 +293,7 @@ static bool render_passes(gl_backend *b, const tc_job *job, GError **error) {
                              .lost = &b->lost};
   if (!tc_gl_context_use(b->context, error)) return false;
   tc_gl_textures_begin(&b->textures);
-  for (int i = 0; i < drawer->passes; i++)
+  for (int i = 0, n = drawer->passes(job->scene); i < n; i++)
     if (!(programs[i] = program_for(b, job, NULL, i, error))) return false;
   fill_job(b, job, NULL, NULL);
   return tc_gl_ring_reserve(&b->ring, tc_gl_slot_bytes(job, b->pace.most), has_clock, error) && drawer->draw(&frame, error);
@@ -372,7 +372,7 @@ static bool ready(void *instance, const tc_job *job) {
   if (!drawer && uploads(b, job)) return false;
   const tc_gl_volume *volume = drawer ? NULL : bind(b, job, NULL);
   if (drawer ? !tc_gl_context_use(b->context, NULL) : !volume) return true;
-  for (int pass = 0; pass < (drawer ? drawer->passes : 1); pass++) {
+  for (int pass = 0; pass < (drawer ? drawer->passes(job->scene) : 1); pass++) {
     tc_gl_variant v = variant_for(job, volume, pass);
     const background_work *last = &b->work;
     bool failed = last->compiles && !last->program && memcmp(&v, &last->variant, sizeof v) == 0;

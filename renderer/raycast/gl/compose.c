@@ -52,7 +52,7 @@ static bool is_built(const tc_gl_variant *v) {
   bool labels = key->labels <= (dvr || slice || mesh), rays = key->rays <= !slice;
   return mode && names && filter && labels && rays && key->jitter <= dvr &&
          key->coherence <= (key->rays && key->skipping) && v->want_depth <= (surface || mesh || splat) &&
-         v->pass <= (splat ? 3 : mesh);
+         v->pass <= (splat ? 3 : mesh ? 2 : 0);
 }
 
 static const char *sampler_type(const tc_gl_variant *v) {
@@ -103,9 +103,9 @@ static void add_isosurface(composition *c, const tc_gl_variant *v) {
 /* Triangles into the visibility buffer. */
 static unsigned compose_mesh_draw(const tc_gl_variant *v, GError **error) {
   const char *version = "#version 450 core\n", *clip = v->plan.clipping ? "#define CLIP 1\n" : "#define CLIP 0\n";
-  const char *head = tc_gl_piece("mesh_head.glsl");
-  return tc_gl_program_draws((const char *[]){version, clip, head, tc_gl_piece("mesh_vertex.glsl")},
-                             (const char *[]){version, clip, head, tc_gl_piece("mesh_fragment.glsl")}, 4, "mesh.draw", error);
+  const char *head = tc_gl_piece("mesh_head.glsl"), *peel = v->pass == 2 ? "#define PEEL 1\n" : "#define PEEL 0\n";
+  return tc_gl_program_draws((const char *[]){version, clip, peel, head, tc_gl_piece("mesh_vertex.glsl")},
+                             (const char *[]){version, clip, peel, head, tc_gl_piece("mesh_fragment.glsl")}, 5, "mesh.draw", error);
 }
 
 /* What casts rays, from the camera to the march. */

@@ -20,7 +20,7 @@ typedef struct tc_gl_frame {
 } tc_gl_frame;
 
 typedef struct tc_gl_drawer {
-  int passes;
+  int (*passes)(const tc_scene *scene);
   const char *(*refuses)(const tc_scene *scene); /* why the cpu draws this scene instead, a clause; NULL: it does not */
   bool (*draw)(const tc_gl_frame *frame, GError **error); /* as render() of a back end; the context is current */
 } tc_gl_drawer;

@@ -192,4 +192,6 @@ static const char *refuses(const tc_scene *scene) {
   return NULL;
 }
 
-const tc_gl_drawer tc_gl_splat_drawer = {.passes = 4, .refuses = refuses, .draw = draw};
+static int passes(const tc_scene *scene) { return 4; }
+
+const tc_gl_drawer tc_gl_splat_drawer = {.passes = passes, .refuses = refuses, .draw = draw};
