@@ -49,6 +49,7 @@ typedef struct tc_job {
   const tc_halt *halt; /* may be NULL: nobody interrupts */
   double pixel_samples; /* of its rays, from above, as tc_estimate_samples() counts them; 0: unknown */
   const char *isa; /* instruction set of the cpu back end, where the cpu draws */
+  const float (*spans)[2]; /* [frame's height][width]: the cpu casts rays between these, mm from the eye; NULL: whole ones */
   bool want_linear;
   tc_frame *frame; /* width, height set; buffers allocated; stats.samples, .rays to be filled, .tables_ms added to */
 } tc_job;
@@ -83,6 +84,8 @@ typedef struct tc_backend_ops {
 /* Who draws a mode that casts no rays, on the pool, in the cpu back end's place; NULL: the back end. Like render() above. */
 typedef bool (*tc_drawer)(tc_pool *pool, const tc_job *job, GError **error);
 extern const tc_drawer tc_drawers[TC_MODE_COUNT];
+/* dvr and mip with surfaces in them (tc_mesh_is_within()): cpu is the cpu back end's instance. */
+bool tc_mesh_within_draw(tc_pool *pool, void *cpu, const tc_job *job, GError **error);
 bool tc_mesh_frame_draw(tc_pool *pool, const tc_job *job, GError **error); /* mode mesh */
 
 extern const tc_backend_ops tc_cpu_backend;

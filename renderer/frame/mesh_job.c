@@ -1,12 +1,15 @@
 #include "renderer/frame/mesh_job.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "renderer/raycast/shade.h"
+#include "renderer/raycast/slice.h"
 
 static tc_raster_look look_of(const tc_job *job) {
-  tc_raster_look look = {.shaded = job->key.shading != TC_SHADING_NONE};
+  const int model = tc_mesh_is_within(job->scene) ? (int)job->scene->shading.model : job->key.shading; /* mip has none */
+  tc_raster_look look = {.shaded = model != TC_SHADING_NONE};
   if (!look.shaded) return look;
   tc_shade s;
   tc_shade_set_up(&s, job->source, job->source, job->scene);
@@ -20,15 +23,45 @@ static tc_raster_look look_of(const tc_job *job) {
   return look;
 }
 
+/* The plane of the slice that mode mpr shows in an orientation. */
+static void plane_of(const tc_job *job, tc_mpr_orientation orientation, double plane[4]) {
+  const tc_volume_desc *d = tc_volume_describe(job->source);
+  tc_scene slice = *job->scene; /* borrows */
+  double right[3], up[3], middle[3], at[3];
+  slice.mpr.orientation = orientation;
+  tc_slice_basis(&slice, right, up, plane);
+  for (int k = 0; k < 3; k++) middle[k] = 0.5 * (d->dims[k] - 1);
+  tc_volume_index_to_lps(job->source, middle, at);
+  if (slice.mpr.has_center) memcpy(at, slice.mpr.center, sizeof at);
+  plane[3] = -(plane[0] * at[0] + plane[1] * at[1] + plane[2] * at[2]);
+}
+
+/* A slice's grey, as the window has it; what has no value is black. */
+static void grey_at(const void *user, const double at[3], float color[3]) {
+  const tc_mesh_job *m = user;
+  const tc_volume_desc *d = tc_volume_describe(m->job->source);
+  double lps[3], index[3], value;
+  for (int k = 0; k < 3; k++) lps[k] = at[k] + m->job->have.mesh->origin[k];
+  tc_volume_lps_to_index(m->job->source, lps, index);
+  for (int k = 0; k < 3; k++) index[k] = fmin(fmax(index[k], 0), d->dims[k] - 1); /* its corners are rounded */
+  const tc_slice_window *w = &m->window;
+  if (!tc_volume_value_at(m->job->source, index, &value)) value = NAN;
+  const double node = fmin(fmax(((value - d->intercept) / d->slope - (double)w->lo) * (double)w->sign, 0), (double)w->last);
+  double grey = fmin(fmax((node - (double)w->center) * (double)w->gain + 0.5, 0), 1);
+  if (m->job->scene->image.linear_light) grey = tc_srgb_to_linear(grey);
+  for (int c = 0; c < 3; c++) color[c] = value == value ? (float)grey : 0;
+}
+
 size_t tc_mesh_sources(const tc_job *job, tc_mesh_source *of) {
   size_t n = 0;
   for (size_t i = 0; i < job->scene->mesh.n_surfaces; i++) {
     const tc_mesh_surface *s = &job->scene->mesh.surfaces[i];
     if (!tc_mesh_surface_shows(s)) continue;
     of[n] = (tc_mesh_source){.kind = s->source};
-    if (s->source == TC_SURFACE_OF_VALUE) of[n].iso = s->value, of[n].serial = tc_volume_serial(job->volume);
+    if (s->source == TC_SURFACE_OF_VALUE) of[n].iso = s->value, of[n].serial = tc_volume_serial(job->source);
     if (s->source == TC_SURFACE_OF_LABEL)
       of[n].label = (uint32_t)s->label, of[n].serial = tc_volume_serial(job->label_volume);
+    if (s->source == TC_SURFACE_OF_PLANE) plane_of(job, s->plane, of[n].plane), of[n].serial = tc_volume_serial(job->source);
     n++;
   }
   return n;
@@ -48,7 +81,7 @@ static void label_color(const tc_job *job, uint32_t label, float color[3]) {
 
 /* item: of the scene's list; NULL: there is none. closed: no back of it can be seen, were it opaque. */
 static tc_raster_surface surface_of(const tc_job *job, const tc_part *part, const tc_mesh_surface *item, bool closed) {
-  tc_raster_surface s = {.opacity = item ? (float)item->opacity : 1};
+  tc_raster_surface s = {.opacity = item ? (float)item->opacity : 1, .textured = part->of.kind == TC_SURFACE_OF_PLANE};
   s.one_sided = (closed && s.opacity == 1) || (item && !item->two_sided);
   if (item && item->has_color)
     to_compositing_space(job->scene, item->color, s.color);
@@ -96,10 +129,14 @@ bool tc_mesh_job_begin(tc_mesh_job *m, const tc_job *job, GError **error) {
   }
   for (int i = 0; i < job->rays->count; i++)
     m->samples[i][0] = job->rays->of_pixel[i].x, m->samples[i][1] = job->rays->of_pixel[i].y;
+  m->job = job;
+  tc_slice_window_init(&m->window, job->source, job->scene);
   m->raster = (tc_raster_job){.mesh = mesh,
                               .view = &m->view,
                               .look = look_of(job),
                               .surfaces = m->surfaces,
+                              .texture = grey_at,
+                              .texture_user = m,
                               .n_samples = job->rays->count,
                               .samples = (const double(*)[2])m->samples};
   return true;

@@ -12,6 +12,8 @@ typedef struct tc_mesh_job {
   tc_view view;
   double samples[TC_RASTER_SAMPLES][2];
   tc_raster_surface *surfaces;
+  tc_slice_window window; /* of slices, with what they are of */
+  const tc_job *job;
 } tc_mesh_job;
 
 /* The scene's list of surfaces as far as it is drawn: what they are made from, in order. of[TC_MAX_SURFACES]. */

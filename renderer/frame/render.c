@@ -8,6 +8,7 @@
 #include "renderer/frame/cache.h"
 #include "renderer/base/clock.h"
 #include "renderer/frame/frame.h"
+#include "renderer/mesh/surfaces.h"
 #include "renderer/frame/resource_kinds.h"
 #include "renderer/frame/resources.h"
 
@@ -109,6 +110,7 @@ static bool choose_drawer(drawing *d, bool heard, GError **error) {
   d->instance = r->instance;
   const bool rays = !tc_drawers[scene->mode];
   if (!rays) d->facts.refused = r->ops->refuses ? r->ops->refuses(r->instance, scene) : NULL;
+  if (tc_mesh_is_within(scene) && r->ops->refuses) d->facts.refused = "surfaces in a volume are drawn by the cpu";
   if (heard && d->ops->deaf_ms && rays) deaf_ms = d->ops->deaf_ms(d->instance, d->job.pixel_samples);
   if (deaf_ms > MOST_DEAF_MS) {
     d->facts.deaf = r->ops->name;
@@ -218,6 +220,7 @@ static bool check_table(const tc_render_request *q, GError **error) {
 static bool draw_by_cpu(drawing *d, void *instance, GError **error) {
   const tc_drawer drawer = tc_drawers[d->plan.key.mode];
   d->job.isa = tc_cpu_backend.isa(instance);
+  if (tc_mesh_is_within(d->job.scene)) return tc_mesh_within_draw(d->r->pool, instance, &d->job, error);
   return drawer ? drawer(d->r->pool, &d->job, error) : tc_cpu_backend.render(instance, &d->job, error);
 }
 

@@ -209,7 +209,7 @@ static bool of_labels(const tc_job *job) {
   return !job->scene->mesh.n_surfaces && tc_plan_has(job->plan, TC_RESOURCE_LABELS);
 }
 
-static const tc_volume *mesh_tied(const tc_job *job) { return of_labels(job) ? job->label_volume : job->volume; }
+static const tc_volume *mesh_tied(const tc_job *job) { return of_labels(job) ? job->label_volume : job->source; }
 
 static void visible_key(const tc_scene *s, GByteArray *key) {
   const guint8 all = !s->labels.visible;
@@ -221,7 +221,7 @@ static void visible_key(const tc_scene *s, GByteArray *key) {
 static size_t sources_of(const tc_job *job, tc_mesh_source of[TC_MAX_SURFACES]) {
   if (job->scene->mesh.n_surfaces) return tc_mesh_sources(job, of);
   of[0] = (tc_mesh_source){.kind = TC_SURFACE_OF_VALUE, .iso = job->scene->isosurface.value,
-                           .serial = tc_volume_serial(job->volume)};
+                           .serial = tc_volume_serial(job->source)};
   return 1;
 }
 
@@ -239,6 +239,7 @@ static void mesh_key(const tc_job *job, GByteArray *key) {
     const uint64_t whole[] = {of[i].kind, of[i].label, of[i].serial};
     append(key, whole, sizeof whole);
     append(key, &of[i].iso, sizeof of[i].iso);
+    append(key, of[i].plane, sizeof of[i].plane);
   }
 }
 
@@ -272,7 +273,7 @@ static bool mesh_go_on(void *thing, const tc_making *m, GError **error) {
   tc_mesh_source of[TC_MAX_SURFACES];
   const bool labels = of_labels(m->job);
   const size_t n = labels ? 0 : sources_of(m->job, of);
-  const tc_surfaces_wish wish = {.volume = m->job->volume,
+  const tc_surfaces_wish wish = {.volume = m->job->source,
                                  .labels = m->job->label_volume,
                                  .sources = labels ? NULL : of,
                                  .n_sources = n,
@@ -441,7 +442,6 @@ const tc_resource_kind tc_resource_kinds[TC_RESOURCE_COUNT] = {
                             .begin = labels_begin,
                             .bytes = labels_bytes},
     [TC_RESOURCE_MESH] = {.store = {"surface mesh", free_clusters, free_surfaces, false},
-                          .needs = FIELD,
                           .key = mesh_key,
                           .tied = mesh_tied,
                           .begin = mesh_begin,

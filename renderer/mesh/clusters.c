@@ -31,6 +31,7 @@ typedef struct cut {
 typedef struct chunk_sums {
   float lo[3], hi[3];
   uint64_t edges; /* 0 in all where every edge goes both ways */
+  double volume;  /* six times what a closed mesh encloses; below 0 where normals point inwards */
   size_t kept;
   uint32_t digits[DIGITS]; /* of the sort: how many, then where the first goes */
   int n_cuts;
@@ -64,6 +65,17 @@ static bool finite_triangle(const tc_mesh *m, const uint32_t t[3]) {
   return sum == 0;
 }
 
+/* Six times the volume between a triangle and the origin. */
+static double spanned(const tc_mesh *m, const uint32_t t[3]) {
+  const float *a = m->positions[t[0]], *b = m->positions[t[1]], *c = m->positions[t[2]];
+  double sum = 0;
+  for (int k = 0; k < 3; k++) {
+    const int u = (k + 1) % 3, v = (k + 2) % 3;
+    sum += (double)a[k] * ((double)b[u] * (double)c[v] - (double)b[v] * (double)c[u]);
+  }
+  return sum;
+}
+
 static void measure_chunk(void *context, int chunk, int worker) {
   builder *b = context;
   const tc_mesh *m = b->mesh;
@@ -72,6 +84,7 @@ static void measure_chunk(void *context, int chunk, int worker) {
   for (size_t i = (size_t)chunk * CHUNK; i < chunk_end(b, m->n_triangles, chunk); i++) {
     const uint32_t *t = m->triangles[i];
     if (!finite_triangle(m, t)) continue;
+    c->volume += spanned(m, t);
     for (int v = 0; v < 3; v++) {
       c->edges += tc_mesh_edge_sum(t[v], t[(v + 1) % 3]);
       for (int k = 0; k < 3; k++) {
@@ -309,9 +322,11 @@ static bool out_of_memory(GError **error) {
 static void set_grid(builder *b) {
   float hi[3], square = 0;
   uint64_t edges = 0;
+  double volume = 0;
   for (int k = 0; k < 3; k++) b->lo[k] = INFINITY, hi[k] = -INFINITY;
   for (int c = 0; c < b->n_chunks; c++) {
     edges += b->chunks[c].edges;
+    volume += b->chunks[c].volume;
     for (int k = 0; k < 3; k++) {
       b->lo[k] = lesser(b->lo[k], b->chunks[c].lo[k]);
       hi[k] = greater(hi[k], b->chunks[c].hi[k]);
@@ -324,7 +339,7 @@ static void set_grid(builder *b) {
     square += longest >= 0 ? (hi[k] - b->lo[k]) * (hi[k] - b->lo[k]) : 0;
   }
   b->out->radius = 0.5f * sqrtf(square) * (1 + 1e-5f);
-  b->out->parts[0].closed = edges == 0;
+  b->out->parts[0].closed = edges == 0 && volume > 0;
 }
 
 static bool allocate(builder *b, GError **error) {

@@ -26,7 +26,7 @@ typedef struct tc_cluster {
 typedef struct tc_mesh_source {
   tc_surface_source kind;
   uint32_t label;
-  double iso;
+  double iso, plane[4]; /* LPS: normal . p + plane[3] = 0 */
   uint64_t serial;     /* of the volume or mesh that it is of */
   const tc_mesh *mesh; /* read while the surface is made */
 } tc_mesh_source;
@@ -34,7 +34,7 @@ typedef struct tc_mesh_source {
 typedef struct tc_part {
   tc_mesh_source of; /* of.mesh NULL */
   size_t first, n;   /* clusters */
-  bool closed;       /* every edge has two triangles: from outside no back of a triangle is seen */
+  bool closed;       /* every edge has two triangles, and normals point outwards: from outside no back of one is seen */
 } tc_part;
 
 typedef struct tc_clusters {

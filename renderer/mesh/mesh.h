@@ -61,6 +61,9 @@ tc_mesh *tc_mesh_extract(const tc_volume *volume, double iso, const tc_mesh_opti
  * is closed. Closed, at the volume's faces too. A label of no voxel: a mesh of no triangles. */
 tc_mesh *tc_mesh_extract_label(const tc_volume *labels, uint32_t label, const tc_mesh_options *options, GError **error);
 
+/* The part of a plane (LPS: unit normal . p + plane[3] = 0) within the box of the voxels' centres. */
+tc_mesh *tc_mesh_of_plane(const tc_volume *volume, const double plane[4], GError **error);
+
 /* Takes away triangles, the flattest places first, until the next one would move the surface by more than about
  * `error_mm` (a quadric's distance: Garland and Heckbert, SIGGRAPH 1997; meshoptimizer), or `least` triangles are left.
  * Vertices that remain keep their place and normal. On the caller, in one piece: 0.6 s for a million triangles (AMD EPYC). */

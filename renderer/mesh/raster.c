@@ -22,6 +22,8 @@ typedef struct worker {
   float (*linear)[4], *depth; /* [TC_RASTER_PIXELS] */
   uint32_t *order;            /* [longest] */
   void *memory;
+  tc_raster_seen *seen;       /* of a layered job */
+  size_t n_seen, seen_room;
   tc_raster_layers layers;    /* as they are found, and, behind as many, by pixel */
 } worker;
 
@@ -39,7 +41,7 @@ typedef struct drawing {
   atomic_int drawn;     /* tiles */
   atomic_bool left;     /* some tile was not drawn to the end */
   atomic_bool no_memory;
-  bool translucent;     /* some surface is */
+  bool translucent, textured; /* some surface is */
 } drawing;
 
 static const tc_raster_surface *surface_of(const drawing *d, size_t cluster) {
@@ -79,7 +81,10 @@ static void set_up_frame(drawing *d) {
     f->light[r] = (float)sum;
   }
   d->slack = tc_sight_slack(job->mesh);
-  for (size_t i = 0; i < job->mesh->n_parts; i++) d->translucent = d->translucent || job->surfaces[i].opacity < 1;
+  for (size_t i = 0; i < job->mesh->n_parts; i++) {
+    d->translucent = d->translucent || job->surfaces[i].opacity < 1;
+    d->textured = d->textured || job->surfaces[i].textured;
+  }
 }
 
 /* ---- clusters ---- */
@@ -271,10 +276,42 @@ static tc_raster_layer *sort_by_pixel(tc_raster_layers *layers, uint32_t first[T
 
 /* ---- shading ---- */
 
-static void shade_fragments(const drawing *d, worker *w) {
+/* Where the ray through the middle of a fragment is when it has gone so far. */
+static void texture_fragments(const drawing *d, tc_raster_fragments *f) {
+  const tc_view *v = d->job->view;
+  for (int i = 0; i < f->n; i++) {
+    if (!surface_of(d, f->id[i] / TC_CLUSTER_TRIANGLES)->textured) continue;
+    const double right = ((double)f->x[i] - v->centre[0]) / v->scale, down = ((double)f->y[i] - v->centre[1]) / v->scale;
+    const double along = v->perspective ? f->depth[i] / sqrt(1 + right * right + down * down) : f->depth[i];
+    const double aside = v->perspective ? along : 1;
+    double at[3];
+    float color[3];
+    for (int k = 0; k < 3; k++) at[k] = v->eye[k] + along * v->forward[k] + aside * (right * v->right[k] + down * v->down[k]);
+    d->job->texture(d->job->texture_user, at, color);
+    for (int c = 0; c < 3; c++) f->color[c][i] = color[c];
+  }
+}
+
+static void keep_seen(drawing *d, worker *w) {
+  const tc_raster_fragments *f = &w->fragments;
+  if (w->n_seen + TC_RASTER_BATCH > w->seen_room) {
+    const size_t room = 2 * w->seen_room + TC_RASTER_PIXELS;
+    tc_raster_seen *seen = realloc(w->seen, room * sizeof *seen);
+    if (seen)
+      w->seen = seen, w->seen_room = room;
+    else
+      atomic_store(&d->no_memory, true);
+  }
+  for (int i = 0; i < f->n && w->n_seen < w->seen_room; i++)
+    w->seen[w->n_seen++] = (tc_raster_seen){f->pixel[i], {f->color[0][i], f->color[1][i], f->color[2][i]},
+                                            surface_of(d, f->id[i] / TC_CLUSTER_TRIANGLES)->opacity, f->depth[i]};
+}
+
+static void shade_fragments(drawing *d, worker *w) {
   tc_raster_fragments *f = &w->fragments;
   if (!f->n) return;
   d->job->kernels->shade(&d->frame, f);
+  if (d->textured) texture_fragments(d, f);
   w->counts.shaded += (uint64_t)f->n;
   for (int i = 0; i < f->n; i++) {
     float *to = w->linear[f->pixel[i]], *depth = &w->depth[f->pixel[i]];
@@ -282,10 +319,11 @@ static void shade_fragments(const drawing *d, worker *w) {
     to[3] += f->share[i];
     *depth = f->depth[i] < *depth ? f->depth[i] : *depth;
   }
+  if (d->job->layered) keep_seen(d, w);
   f->n = 0;
 }
 
-static void add_fragment(const drawing *d, worker *w, int x, int y, uint32_t id, float share, const float offset[2]) {
+static void add_fragment(drawing *d, worker *w, int x, int y, uint32_t id, float share, const float offset[2]) {
   tc_raster_fragments *f = &w->fragments;
   f->id[f->n] = id;
   f->pixel[f->n] = y * TC_RASTER_SIDE + x;
@@ -296,7 +334,7 @@ static void add_fragment(const drawing *d, worker *w, int x, int y, uint32_t id,
 }
 
 /* The triangles that a pixel's samples see, each once, in the middle of its samples there: which is within it. */
-static void add_pixel(const drawing *d, worker *w, int x, int y) {
+static void add_pixel(drawing *d, worker *w, int x, int y) {
   struct { uint32_t id; float n, offset[2]; } of[TC_RASTER_SAMPLES];
   const int n_samples = d->job->n_samples;
   int n = 0;
@@ -315,7 +353,7 @@ static void add_pixel(const drawing *d, worker *w, int x, int y) {
   }
 }
 
-static inline void add_opaque(const drawing *d, worker *w, int x, int y) {
+static inline void add_opaque(drawing *d, worker *w, int x, int y) {
   const uint32_t id = w->tile.id[y * TC_RASTER_SIDE + x];
   if (d->job->n_samples > 1)
     add_pixel(d, w, x, y);
@@ -336,7 +374,7 @@ static void share_out(const drawing *d, tc_raster_layer *of, size_t n, float cle
 }
 
 /* A pixel with translucent layers, each triangle once. */
-static void add_layers(const drawing *d, worker *w, int x, int y, tc_raster_layer *of, size_t n) {
+static void add_layers(drawing *d, worker *w, int x, int y, tc_raster_layer *of, size_t n) {
   const int n_samples = d->job->n_samples;
   float clear[TC_RASTER_SAMPLES];
   tc_raster_layer last[TC_RASTER_SAMPLES]; /* what is opaque */
@@ -393,9 +431,10 @@ static bool draw_layers(drawing *d, worker *w, size_t n, int y0, int y1) {
 static void begin_shading(worker *w) {
   memset(w->linear, 0, TC_RASTER_PIXELS * sizeof *w->linear);
   for (int i = 0; i < TC_RASTER_PIXELS; i++) w->depth[i] = INFINITY;
+  w->n_seen = 0;
 }
 
-static void shade_tile(const drawing *d, worker *w) {
+static void shade_tile(drawing *d, worker *w) {
   for (int y = 0; y < w->tile.height; y++)
     for (int x = 0; x < w->tile.width; x++) add_opaque(d, w, x, y);
 }
@@ -423,7 +462,7 @@ static void draw_tile(void *context, int tile, int number) {
   shade_fragments(d, w);
   const tc_raster_tile *t = &w->tile;
   const tc_raster_picture picture = {tile, t->x0, t->y0, t->x0 + t->width, t->y0 + t->height,
-                                     (const float(*)[4])w->linear, w->depth};
+                                     (const float(*)[4])w->linear, w->depth, w->seen, w->n_seen};
   d->job->emit(d->job->user, &picture);
 }
 
@@ -486,6 +525,7 @@ bool tc_raster_draw(const tc_raster_job *job, tc_raster_counts *counts, GError *
     add_counts(counts, &d.workers[i].counts);
     free(d.workers[i].memory);
     free(d.workers[i].layers.of);
+    free(d.workers[i].seen);
   }
   free(d.workers);
   free(d.sights);

@@ -26,6 +26,7 @@ typedef struct tc_raster_surface {
   float color[3]; /* compositing space */
   float opacity;
   bool one_sided; /* backs are not drawn: changes nothing of a closed opaque one that is looked at from outside and not cut */
+  bool textured;  /* its colours are the job's texture's, and not lit */
 } tc_raster_surface;
 
 /* How surfaces are lit, in the numbers of raycast/shade.h (its weight w is 1). */
@@ -35,11 +36,19 @@ typedef struct tc_raster_look {
   float light[3]; /* to the light; unit, LPS */
 } tc_raster_look;
 
+/* What is seen of a surface in a pixel of a tile. */
+typedef struct tc_raster_seen {
+  int pixel; /* y * TC_RASTER_SIDE + x */
+  float color[3], opacity, depth;
+} tc_raster_seen;
+
 /* One tile's pixels [y0, y1) x [x0, x1): premultiplied colour and opacity, and mm from the eye (INFINITY: nothing). */
 typedef struct tc_raster_picture {
   int tile, x0, y0, x1, y1;
   const float (*linear)[4]; /* [y1 - y0][TC_RASTER_SIDE] */
   const float *depth;       /* likewise */
+  const tc_raster_seen *seen; /* [n_seen], of a layered job: pixel by pixel, the nearest first */
+  size_t n_seen;
 } tc_raster_picture;
 
 typedef struct tc_raster_counts {
@@ -61,8 +70,11 @@ typedef struct tc_raster_job {
   const tc_raster_kernels *kernels;
   tc_raster_look look;
   const tc_raster_surface *surfaces; /* [mesh->n_parts] */
+  void (*texture)(const void *texture_user, const double at[3], float color[3]); /* mm from the mesh's origin; any thread */
+  const void *texture_user;
   int n_samples;             /* of a pixel, up to TC_RASTER_SAMPLES */
   const double (*samples)[2]; /* pixels from a pixel's middle, within -0.5 .. 0.5; rounded to a 256th */
+  bool layered;              /* what is seen is emitted one by one beside the sum; of one sample */
   const uint8_t *finished;   /* [tiles], row by row: which are not drawn again; NULL: all are drawn */
   void (*emit)(void *user, const tc_raster_picture *picture); /* once a tile, from any thread of the pool */
   void *user;

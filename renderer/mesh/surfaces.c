@@ -101,16 +101,17 @@ static tc_mesh *make_mesh(const tc_surfaces_wish *wish, const tc_mesh_source *of
                           GError **error) {
   switch (of->kind) {
   case TC_SURFACE_OF_VALUE: return tc_mesh_extract(wish->volume, of->iso, options, error);
+  case TC_SURFACE_OF_PLANE: return tc_mesh_of_plane(wish->volume, of->plane, error);
   case TC_SURFACE_OF_LABEL: return tc_mesh_extract_label(wish->labels, of->label, options, error);
   case TC_SURFACE_OF_MESH:
-  case TC_SURFACE_OF_PLANE:
   case TC_SURFACE_SOURCE_COUNT: break;
   }
   return tc_mesh_new(0, 0, true, error);
 }
 
 bool tc_mesh_source_equal(const tc_mesh_source *a, const tc_mesh_source *b) {
-  return a->kind == b->kind && a->label == b->label && a->iso == b->iso && a->serial == b->serial;
+  return a->kind == b->kind && a->label == b->label && a->iso == b->iso && a->serial == b->serial &&
+         !memcmp(a->plane, b->plane, sizeof a->plane);
 }
 
 /* A surface that was there before, if one was; NULL too where there is no memory for a copy. */

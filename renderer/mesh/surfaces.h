@@ -20,6 +20,11 @@ typedef struct tc_surfaces_wish {
 /* Of a scene's list: whether it is drawn at all. */
 static inline bool tc_mesh_surface_shows(const tc_mesh_surface *s) { return s->visible && s->opacity > 0; }
 
+/* Modes that are of the volume draw the surfaces in it. */
+static inline bool tc_mesh_is_within(const tc_scene *s) {
+  return s->mesh.with_volume && s->mesh.n_surfaces && (s->mode == TC_MODE_DVR || s->mode == TC_MODE_MIP);
+}
+
 bool tc_mesh_source_equal(const tc_mesh_source *a, const tc_mesh_source *b);
 
 typedef struct tc_surfaces tc_surfaces; /* in the making */

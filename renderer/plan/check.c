@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "renderer/classify/labels.h"
+#include "renderer/mesh/surfaces.h"
 #include "renderer/plan/plan.h"
 #include "renderer/raycast/grey.h"
 #include "renderer/scene/scene_check.h"
@@ -112,7 +113,7 @@ static bool check_clipping(const tc_scene *scene, GError **error) {
 }
 
 static bool check_shading(const tc_scene *scene, GError **error) {
-  if (tc_is_projection(scene->mode) || scene->shading.model == TC_SHADING_NONE) return true;
+  if ((tc_is_projection(scene->mode) && !tc_mesh_is_within(scene)) || scene->shading.model == TC_SHADING_NONE) return true;
   if ((unsigned)scene->shading.model >= TC_SHADING_COUNT) return invalid(error, "/shading/model", "unknown");
   if ((unsigned)scene->shading.gradient >= TC_GRADIENT_COUNT) return invalid(error, "/shading/gradient", "unknown");
   const struct { const char *pointer; double value; } shares[] = {{"/shading/ambient", scene->shading.ambient},
@@ -158,6 +159,11 @@ static bool check_image(int width, int height, GError **error) {
   return true;
 }
 
+static bool check_center(const tc_scene *scene, GError **error) {
+  return !scene->mpr.has_center || finite3(scene->mpr.center) ||
+         invalid(error, "/mpr/center", "three finite numbers wanted");
+}
+
 static bool check_plane(const tc_scene *scene, GError **error) {
   const char *pointer, *fault = tc_slice_fault(scene, &pointer);
   return !fault || invalid(error, pointer, fault);
@@ -167,8 +173,7 @@ static bool check_mpr(const tc_volume *volume, const tc_scene *scene, GError **e
   if ((unsigned)scene->mpr.orientation >= TC_MPR_ORIENTATION_COUNT)
     return invalid(error, "/mpr/orientation", "unknown");
   if ((unsigned)scene->mpr.projection >= TC_SLAB_PROJECTION_COUNT) return invalid(error, "/mpr/projection", "unknown");
-  if (scene->mpr.has_center && !finite3(scene->mpr.center))
-    return invalid(error, "/mpr/center", "three finite numbers wanted");
+  if (!check_center(scene, error)) return false;
   if (!check_plane(scene, error)) return false;
   double thickness = scene->mpr.thickness_mm, zoom = scene->mpr.zoom, step = scene->sampling.step;
   if (!(thickness >= 0) || !isfinite(thickness)) return invalid(error, "/mpr/thickness", "mm of at least 0 wanted");
@@ -217,6 +222,13 @@ static bool check_surface(const tc_scene *s, GError **error) {
   return check_color(s, error);
 }
 
+/* Of a slice among surfaces. */
+static bool check_plane_of(const tc_scene *s, tc_mpr_orientation orientation, GError **error) {
+  tc_scene slice = *s; /* borrows */
+  slice.mpr.orientation = orientation;
+  return check_center(s, error) && check_plane(&slice, error);
+}
+
 /* What a list of surfaces holds is drawn, and isosurface.value is then not read. */
 static bool check_surfaces(const tc_scene *s, GError **error) {
   char pointer[40];
@@ -229,8 +241,10 @@ static bool check_surfaces(const tc_scene *s, GError **error) {
       if (!(of->color[c] >= 0 && of->color[c] <= 1)) return invalid(error, pointer, "color of numbers from 0 to 1 wanted");
     if (of->source == TC_SURFACE_OF_LABEL && !s->labels.volume[0])
       return invalid(error, pointer, "a label is wanted of labels.volume, and none is named there");
+    if (of->source == TC_SURFACE_OF_LABEL && !tc_mode_has_labels(s->mode))
+      return unsupported(error, pointer, "the surface of a label within this mode");
     if (of->source == TC_SURFACE_OF_MESH) return unsupported(error, pointer, "a mesh of its own");
-    if (of->source == TC_SURFACE_OF_PLANE) return unsupported(error, pointer, "a slice among surfaces");
+    if (of->source == TC_SURFACE_OF_PLANE && (!check_plane_of(s, of->plane, error) || !check_window(s, error))) return false;
   }
   return check_color(s, error);
 }
@@ -273,6 +287,7 @@ bool tc_plan_check(const tc_volume *volume, const tc_scene *scene, int width, in
            check_rays(scene, error) && check_clipping(scene, error) && check_shading(scene, error);
   if (scene->mode == TC_MODE_SPLAT)
     return check_splat(volume, scene, valid, error) && check_clipping(scene, error) && check_shading(scene, error);
+  if (tc_mesh_is_within(scene) && !check_surfaces(scene, error)) return false;
   return check_look(scene, valid, error) && check_sampling(volume, scene, error) && check_clipping(scene, error) &&
          check_shading(scene, error);
 }

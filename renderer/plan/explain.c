@@ -353,8 +353,9 @@ static void say_mesh(const teller *t) {
     drawn += tc_mesh_surface_shows(s), translucent += tc_mesh_surface_shows(s) && s->opacity < 1;
   }
   if (in && t->scene->mesh.n_surfaces)
-    say(t, TC_STAGE_MESH, true, "%d of %zu surfaces as triangles in clusters, %d of them translucent: layers sorted for each pixel",
-        drawn, t->scene->mesh.n_surfaces, translucent);
+    say(t, TC_STAGE_MESH, true, "%d of %zu surfaces as triangles in clusters, %d of them translucent: layers sorted for each pixel%s",
+        drawn, t->scene->mesh.n_surfaces, translucent,
+        tc_mesh_is_within(t->scene) ? "; rays are cast in parts between them" : "");
   else if (in && t->plan->key.labels)
     say(t, TC_STAGE_MESH, true, "a smooth surface of each label as triangles in clusters");
   else if (in)

@@ -151,6 +151,13 @@ static void plan_splat(tc_plan *plan, const tc_volume *volume, const tc_scene *s
   if (plan->key.clipping && s->splat.opaque) need(plan, TC_RESOURCE_CUT);
 }
 
+/* Surfaces within a volume. */
+static void plan_within(tc_plan *plan, const tc_volume *volume, const tc_scene *s) {
+  plan->surface = tc_surface_make(volume, s);
+  if (lists_labels(s)) need(plan, TC_RESOURCE_LABELS);
+  need(plan, TC_RESOURCE_MESH);
+}
+
 void tc_plan_make(const tc_volume *volume, const tc_scene *scene, const tc_plan_request *request, tc_plan *plan) {
   static const tc_plan_request none = {0};
   if (!request) request = &none;
@@ -171,4 +178,5 @@ void tc_plan_make(const tc_volume *volume, const tc_scene *scene, const tc_plan_
   case TC_MODE_SPLAT: plan_splat(plan, volume, scene, request); break;
   case TC_MODE_COUNT: break;
   }
+  if (tc_mesh_is_within(scene)) plan_within(plan, volume, scene);
 }

@@ -264,6 +264,162 @@ static void several_surfaces_are_one_picture(void **unused) {
   tc_volume_unref(labels);
 }
 
+/* ---- within a volume ---- */
+
+/* The scene of balls(), seen along y from y = -50; its volume fills y from 0 to 39. */
+static void scene_within(tc_scene *scene, const tc_volume *volume, tc_mode mode, double opacity) {
+  mesh_scene(scene, volume, TC_ORTHOGRAPHIC);
+  test_scene_look(scene, TC_ORTHOGRAPHIC, (double[3]){20, -50, 20}, (double[3]){20, 20, 20}, 50);
+  scene->mode = mode;
+  scene->shading.model = TC_SHADING_NONE;
+  scene->window.center = 20, scene->window.width = 40;
+  const tc_knot fog[2] = {{-1000, {0.2, 0.4, 0.6}, 0.03}, {1000, {0.2, 0.4, 0.6}, 0.03}};
+  test_scene_knots(scene, TC_KNOT_EXTINCTION, fog, 2);
+  const tc_mesh_surface ball = {.source = TC_SURFACE_OF_VALUE, .value = 64, .color = {1, 0.5, 0}, .opacity = opacity,
+                                .has_color = true, .visible = true, .two_sided = true};
+  tc_scene_set_surfaces(scene, g_memdup2(&ball, sizeof ball), 1);
+  scene->mesh.with_volume = true;
+}
+
+typedef struct mixing {
+  double clear, sum[4];
+} mixing;
+
+/* Fog of extinction 0.03 between two distances from the eye, mm. */
+static void mix_volume(mixing *m, double from, double until) {
+  static const double fog[3] = {0.2, 0.4, 0.6};
+  from = fmax(from, 50), until = fmin(until, 89);
+  const double share = m->clear * -expm1(-0.03 * (until - from));
+  for (int c = 0; c < 3; c++) m->sum[c] += share * fog[c];
+  m->sum[3] += share, m->clear -= share;
+}
+
+static void mix_surface(mixing *m, double opacity) {
+  static const double color[3] = {1, 0.5, 0};
+  for (int c = 0; c < 3; c++) m->sum[c] += m->clear * opacity * color[c];
+  m->sum[3] += m->clear * opacity, m->clear *= 1 - opacity;
+}
+
+/* Squared distances from (20, 20, 20): fog is as thick everywhere, and at 64 there is a ball. */
+static tc_volume *around_a_ball(void) {
+  return test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_radius2, (double[3]){20, 20, 20});
+}
+
+static void surfaces_are_between_what_is_before_and_behind_them(void **unused) {
+  const int which = test_widest();
+  tc_volume *volume = around_a_ball();
+  for (int round = 0; round < 4; round++) {
+    const double opacity = round & 1 ? 1 : 0.4;
+    tc_scene scene;
+    tc_explanation plan;
+    scene_within(&scene, volume, TC_MODE_DVR, opacity);
+    scene.sampling.rays_per_pixel = round > 1 ? 3 : 1;
+    scene.sampling.termination = 0;
+    const tc_frame *frame = test_draw(which, volume, &scene, NULL, &plan);
+    int met = 0;
+    for (int i = 0; i < PIXELS; i++) {
+      const double x = (i % SIDE + 0.5) * 50 / SIDE - 25, z = (i / SIDE + 0.5) * 50 / SIDE - 25, r2 = x * x + z * z;
+      if ((r2 > 49 && r2 < 81) || fabs(x) > 18 || fabs(z) > 18) continue; /* outlines */
+      mixing m = {.clear = 1};
+      if (r2 < 49) {
+        const double deep = sqrt(64 - r2); /* values are lower inside: the surface faces inwards, and is seen from behind */
+        mix_volume(&m, 0, 70 - deep), mix_surface(&m, opacity);
+        mix_volume(&m, 70 - deep, 70 + deep), mix_surface(&m, opacity);
+        mix_volume(&m, 70 + deep, 1000);
+        met++;
+      } else {
+        mix_volume(&m, 0, 1000);
+      }
+      for (int c = 0; c < 4; c++) assert_true(fabs(m.sum[c] - frame->linear[4 * i + c]) < 0.004);
+    }
+    assert_true(met > 400 && plan.stages[TC_STAGE_MESH].included && plan.stages[TC_STAGE_TABLE_2D].included);
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+}
+
+/* Brightness y / 40 grows along the rays: what is in front of a surface is darker than what is behind it. */
+static void surfaces_end_and_divide_maxima(void **unused) {
+  const int which = test_widest();
+  tc_volume *volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_linear, (double[4]){0, 1, 0, 0});
+  for (int round = 0; round < 3; round++) {
+    const double opacity = round ? 1 : 0.4;
+    tc_scene scene;
+    scene_within(&scene, volume, TC_MODE_MIP, opacity);
+    scene.mesh.surfaces[0].value = 15; /* the plane y = 15 */
+    if (round == 2) scene.clip.planes[0][0] = 1, scene.clip.planes[0][3] = -20, scene.clip.n_planes = 1;
+    const tc_frame *frame = test_draw(which, volume, &scene, NULL, NULL);
+    for (int i = 0; i < PIXELS; i++) {
+      static const double color[3] = {1, 0.5, 0};
+      const double x = (i % SIDE + 0.5) * 50 / SIDE - 25, z = (i / SIDE + 0.5) * 50 / SIDE - 25;
+      if (fabs(x) > 18 || fabs(z) > 18 || (round == 2 && x < 1)) continue;
+      for (int c = 0; c < 3; c++) {
+        const double before = 15 / 40.0, behind = (1 - opacity) * (39 - 15) / 40.0;
+        assert_true(fabs(before + (1 - before) * opacity * color[c] + behind - frame->linear[4 * i + c]) < 0.004);
+      }
+      assert_true(fabs(frame->linear[4 * i + 3] - 1) < 1e-5);
+    }
+    scene.mesh.surfaces[0].visible = false; /* parts of one: the maximum itself */
+    frame = test_draw(which, volume, &scene, NULL, NULL);
+    assert_true(fabs(frame->linear[4 * (SIDE / 2 * SIDE + SIDE / 2 + 5)] - 39 / 40.0) < 0.001);
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+}
+
+/* Three slices through (10, 12, 14), seen in perspective: each shows the field where it is met, in front of the others. */
+static void slices_show_the_field_where_they_are(void **unused) {
+  static const double at[3] = {10, 12, 14}, ramp[4] = {0.01, 0.005, 0.008, 0};
+  const int which = test_widest();
+  tc_volume *volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_linear, ramp);
+  tc_scene scene;
+  mesh_scene(&scene, volume, TC_PERSPECTIVE);
+  scene.window.center = 0.4, scene.window.width = 1;
+  scene.mpr.has_center = true;
+  memcpy(scene.mpr.center, at, sizeof at);
+  tc_mesh_surface planes[3] = {{.plane = TC_SAGITTAL}, {.plane = TC_CORONAL}, {.plane = TC_AXIAL}};
+  for (int i = 0; i < 3; i++) planes[i].source = TC_SURFACE_OF_PLANE, planes[i].opacity = planes[i].visible = planes[i].two_sided = 1;
+  tc_scene_set_surfaces(&scene, g_memdup2(planes, sizeof planes), 3);
+  const tc_render_request request = {.want_linear = true, .want_depth = true};
+  const tc_frame *frame = test_draw(which, volume, &scene, &request, NULL);
+  const tc_camera *c = &scene.camera;
+  double forward[3], right[3], down[3], length = 0, across = 0;
+  for (int k = 0; k < 3; k++) forward[k] = c->target[k] - c->position[k], length += forward[k] * forward[k];
+  for (int k = 0; k < 3; k++) forward[k] /= sqrt(length);
+  for (int k = 0; k < 3; k++) right[k] = forward[(k + 1) % 3] * c->up[(k + 2) % 3] - forward[(k + 2) % 3] * c->up[(k + 1) % 3];
+  for (int k = 0; k < 3; k++) across += right[k] * right[k];
+  for (int k = 0; k < 3; k++) right[k] /= sqrt(across);
+  for (int k = 0; k < 3; k++) down[k] = forward[(k + 1) % 3] * right[(k + 2) % 3] - forward[(k + 2) % 3] * right[(k + 1) % 3];
+  int compared = 0;
+  for (int i = 0; i < PIXELS; i++) {
+    const double scale = tan(c->fov_y_deg * M_PI / 360) * 2 / SIDE, x = (i % SIDE + 0.5 - SIDE / 2.0) * scale,
+                 y = (i / SIDE + 0.5 - SIDE / 2.0) * scale, norm = sqrt(1 + x * x + y * y);
+    double ray[3], nearest = INFINITY, value = 0;
+    bool certain = true;
+    for (int k = 0; k < 3; k++) ray[k] = (forward[k] + x * right[k] + y * down[k]) / norm;
+    for (int plane = 0; plane < 3; plane++) {
+      const double t = (at[plane] - c->position[plane]) / ray[plane];
+      double inside = INFINITY, here = 0;
+      for (int k = 0; k < 3; k++) {
+        const double p = c->position[k] + t * ray[k];
+        if (k != plane) inside = fmin(inside, fmin(p, 39 - p));
+        here += ramp[k] * p;
+      }
+      if (fabs(inside) < 0.1 || fabs(t - nearest) < 0.1) certain = false;
+      if (inside > 0 && t < nearest) nearest = t, value = here;
+    }
+    if (!certain) continue;
+    compared++;
+    assert_true(isfinite(nearest) == (frame->linear[4 * i + 3] == 1));
+    if (!isfinite(nearest)) continue;
+    assert_true(fabs(frame->depth[i] - nearest) < 0.02);
+    assert_true(fabs((double)frame->linear[4 * i] - fmin(fmax(value - 0.4 + 0.5, 0), 1)) < 0.002);
+  }
+  assert_true(compared > PIXELS * 3 / 4);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
 static void what_cannot_be_is_refused(void **unused) {
   const tc_renderer_options small = {.threads = 1, .backend = TC_BACKEND_CPU, .cache_bytes = 100000};
   tc_renderer *renderer = tc_renderer_new(&small, NULL);
@@ -295,6 +451,8 @@ int main(void) {
       cmocka_unit_test(surface_is_where_the_field_has_it),         cmocka_unit_test(every_renderer_draws_the_same_bytes),
       cmocka_unit_test(a_surface_is_extracted_once),               cmocka_unit_test(frames_stop_and_go_on_to_the_same_picture),
       cmocka_unit_test(what_cannot_be_is_refused), cmocka_unit_test(several_surfaces_are_one_picture),
+      cmocka_unit_test(surfaces_are_between_what_is_before_and_behind_them), cmocka_unit_test(surfaces_end_and_divide_maxima),
+      cmocka_unit_test(slices_show_the_field_where_they_are),
       cmocka_unit_test(labels_have_surfaces_of_their_colours)};
   return cmocka_run_group_tests_name("mesh frames", tests, test_renderers_open, test_renderers_close);
 }

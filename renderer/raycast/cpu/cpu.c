@@ -7,7 +7,7 @@
 
 #include "renderer/frame/backend.h"
 #include "renderer/frame/frame.h"
-#include "renderer/raycast/cpu/kernels.h"
+#include "renderer/raycast/cpu/within.h"
 
 #define TILE 32    /* side of a unit of work in pixels, unless it would take longer than UNIT_MS */
 #define SMALLEST 4 /* a packet */
@@ -29,7 +29,7 @@ typedef struct cpu_backend {
 /* One frame as its tiles see it. */
 typedef struct cpu_frame {
   const tc_job *job;
-  tc_cpu_args args;
+  tc_cpu_within cast;
   tc_cpu_kernel kernel;
   tc_resolve resolve;
   tc_progress *progress;
@@ -253,7 +253,7 @@ static void draw_unit(cpu_frame *f, int index, int worker) {
   float out[TILE * TILE * 4];
   counts->packet = counts->ray = 0;
   if (f->resumed) take_partial(f, index, out, TILE, counts);
-  f->kernel(&f->args, x0, y0, x1, y1, out, TILE, counts);
+  f->kernel(&f->cast.args, x0, y0, x1, y1, out, TILE, counts);
   if (counts->left) {
     keep_partial(f, index, out, TILE, counts);
     return;
@@ -304,6 +304,7 @@ static bool cpu_render(void *instance, const tc_job *job, GError **error) {
   cpu_backend *b = instance;
   const bool surface = job->key.mode == TC_MODE_ISOSURFACE;
   cpu_frame f = {.job = job, .kernel = (surface ? b->isa->find_surface : b->isa->find)(&job->key)};
+  if (job->spans) f.kernel = tc_within_kernel(b->isa->name, &job->key);
   if (!f.kernel) {
     char name[64];
     tc_plan_key_name(&job->key, name, sizeof name);
@@ -319,8 +320,9 @@ static bool cpu_render(void *instance, const tc_job *job, GError **error) {
     return false;
   }
   for (int i = 0; i < tc_pool_threads(b->pool); i++) f.workers[i].counts.until_poll = TC_CPU_POLL_STEPS;
-  fill_args(&f.args, job);
-  if (job->have.boxes && !fill_cover(b, job, &f.args, error)) {
+  fill_args(&f.cast.args, job);
+  f.cast.spans = job->spans, f.cast.width = job->frame->width, f.cast.height = job->frame->height;
+  if (job->have.boxes && !fill_cover(b, job, &f.cast.args, error)) {
     free(f.workers);
     return false;
   }
