@@ -14,6 +14,7 @@ import { History } from './history.js';
 import { Input, NO_MOVEMENT } from './input.js';
 import { Keys } from './keys.js';
 import { Labels } from './labels.js';
+import { Surfaces } from './surfaces.js';
 import { Look } from './look.js';
 import { Modes } from './modes.js';
 import { Notices } from './notices.js';
@@ -93,6 +94,7 @@ const quality = new QualityPanel(get, store, {
 });
 const crop = new CropPanel(get('crop'), get('crop-reset'), store, gesture);
 const labels = new Labels(get, store, volumes, { failed });
+const surfaces = new Surfaces(get, store, gesture);
 const furniture = new Furniture(
   {
     top: get('mark-top'),
@@ -190,6 +192,7 @@ function showVolume(volume, box, histogram) {
   panels.setModel(volume.model);
   crop.setBox(box);
   labels.setVolume(volume.id);
+  surfaces.setVolume(range);
   get('volume-name').textContent = volume.id;
   get('volume-file').textContent = names.of(volume);
   get('volume-meta').textContent = volume.dims.join(' \u00d7 ');

@@ -278,6 +278,30 @@ describe('page and fake server', { skip }, () => {
     await page.close();
   });
 
+  test('surfaces are added to a list, changed and removed one by one', async () => {
+    const { page } = await open(browser, url);
+    const list = async () => (await scene(page)).mesh?.surfaces ?? [];
+    await page.click('#surfaces-add');
+    await page.waitForSelector('#surfaces-list li:nth-child(2)');
+    await page.click('#surfaces-slice');
+    await page.waitForSelector('#surfaces-list li:nth-child(3)');
+    assert.ok((await scene(page)).mesh.withVolume, 'beside a volume: in it');
+    assert.equal((await list())[2].plane, 'axial');
+    await page.evaluate(() => {
+      const slider = document.querySelector('#surfaces-list li:nth-child(2) input[aria-label="Opacity of surface 2"]');
+      slider.value = 0.5;
+      slider.dispatchEvent(new Event('input'));
+    });
+    assert.equal((await list())[1].opacity, 0.5);
+    await page.click('#surfaces-list li:first-child button[aria-label="Remove surface 1"]');
+    await page.waitForSelector('#surfaces-list li:nth-child(3)', { state: 'detached' });
+    assert.deepEqual(
+      (await list()).map(({ plane, opacity }) => plane ?? opacity),
+      [0.5, 'axial'],
+    );
+    await page.close();
+  });
+
   test('garbage on the wire costs nothing but a message', async () => {
     const { page } = await open(browser, url);
     server.sendGarbage();
@@ -419,7 +443,10 @@ describe('page and fake server', { skip }, () => {
     await drag(page, [cx, cy], [cx + 60, cy], { button: 'middle' });
     await settled(page);
     const { center } = (await scene(page)).mpr;
-    assert.ok(center[0] < x - 1 && Math.abs(center[1] - y) < 1e-6 && center[2] === z, 'the middle drag pans in the plane');
+    assert.ok(
+      center[0] < x - 1 && Math.abs(center[1] - y) < 1e-6 && center[2] === z,
+      'the middle drag pans in the plane',
+    );
     await drag(page, [cx, cy], [cx, cy - 80], { button: 'right' });
     await settled(page);
     assert.ok((await scene(page)).mpr.zoom > 1.2, 'the right drag zooms');

@@ -1,0 +1,107 @@
+// The list of surfaces that modes mesh, dvr and mip draw: edits scene.mesh.surfaces, which is sent as a whole.
+
+import { bindGesture } from './panels.js';
+import { fromHex, toHex } from './transfer_model.js';
+
+const MOST = 256;
+const SKIN = [0.95, 0.75, 0.65];
+const PLANES = ['axial', 'coronal', 'sagittal'];
+
+const element = (name, properties) => Object.assign(document.createElement(name), properties);
+
+/** The list with one more surface: translucent, around the one that is there. @param range of the volume's values */
+export function withSurface({ isosurface, mesh }, [low]) {
+  const first = { value: isosurface.value, color: isosurface.color, opacity: 1, visible: true };
+  const list = mesh?.surfaces?.length ? mesh.surfaces : [first];
+  const least = Math.min(...list.map(({ value }) => value ?? Infinity), isosurface.value);
+  return [...list, { value: Math.round((low + 2 * least) / 3), color: SKIN, opacity: 0.3, visible: true }];
+}
+
+/** What a surface is of, in words. */
+export const nameOf = ({ label, mesh, plane }) =>
+  label ? `Label ${label}` : mesh ? mesh : plane ? `Slice, ${plane}` : 'Value';
+
+export class Surfaces {
+  #get;
+  #store;
+  #gesture;
+  #range = [0, 1];
+  #rows = []; // {kind, controls} in the list's order
+
+  constructor(get, store, gesture) {
+    this.#get = get;
+    this.#store = store;
+    this.#gesture = gesture;
+    get('surfaces-add').addEventListener('click', () => this.#send(withSurface(store.scene, this.#range)));
+    get('surfaces-slice').addEventListener('click', () =>
+      this.#send([...this.#list(), { plane: this.#nextPlane(), opacity: 1, visible: true }]),
+    );
+    store.subscribe(() => this.update());
+  }
+
+  setVolume(range) {
+    this.#range = range;
+    this.#rows = []; // sliders span other values
+    this.update();
+  }
+
+  update() {
+    const list = this.#list();
+    const kinds = list.map(nameOf);
+    if (kinds.join() !== this.#rows.map(({ kind }) => kind).join() || list.length !== this.#rows.length) {
+      this.#rows = list.map((surface, i) => this.#row(surface, i));
+      this.#get('surfaces-list').replaceChildren(...this.#rows.map(({ row }) => row));
+    }
+    list.forEach((surface, i) => {
+      const { value, color, opacity, eye } = this.#rows[i];
+      if (value && document.activeElement !== value) value.value = surface.value;
+      if (document.activeElement !== opacity) opacity.value = surface.opacity;
+      if (color && document.activeElement !== color && surface.color) color.value = toHex(surface.color);
+      eye.setAttribute('aria-pressed', surface.visible);
+      eye.textContent = surface.visible ? 'Shown' : 'Hidden';
+    });
+    if (list.length && this.#store.scene.mode === 'mesh') this.#get('single-surface').hidden = true; // it is not read then
+    this.#get('surfaces-add').disabled = this.#get('surfaces-slice').disabled = list.length >= MOST;
+  }
+
+  #list() {
+    return this.#store.scene?.mesh?.surfaces ?? [];
+  }
+
+  #nextPlane() {
+    const taken = this.#list().map(({ plane }) => plane);
+    return PLANES.find((plane) => !taken.includes(plane)) ?? PLANES[0];
+  }
+
+  #send(surfaces) {
+    const within = this.#store.scene.mode !== 'mesh' && { withVolume: true };
+    this.#store.patch({ mesh: { surfaces, ...within } });
+  }
+
+  #change(i, members) {
+    this.#send(this.#list().map((surface, k) => (k === i ? { ...surface, ...members } : surface)));
+  }
+
+  #slider(i, member, [min, max], label) {
+    const slider = element('input', { type: 'range', min, max, step: (max - min) / 1000, ariaLabel: label });
+    slider.addEventListener('input', () => this.#change(i, { [member]: Number(slider.value) }));
+    bindGesture(slider, this.#gesture);
+    return slider;
+  }
+
+  #row(surface, i) {
+    const kind = nameOf(surface);
+    const name = `surface ${i + 1}`;
+    const row = element('li', {});
+    const value = 'value' in surface ? this.#slider(i, 'value', this.#range, `Value of ${name}`) : null;
+    const color = surface.plane ? null : element('input', { type: 'color', ariaLabel: `Colour of ${name}` });
+    color?.addEventListener('input', () => this.#change(i, { color: fromHex(color.value) }));
+    const opacity = this.#slider(i, 'opacity', [0, 1], `Opacity of ${name}`);
+    const eye = element('button', { ariaLabel: `Show ${name}` });
+    eye.addEventListener('click', () => this.#change(i, { visible: !this.#list()[i].visible }));
+    const drop = element('button', { textContent: 'Remove', ariaLabel: `Remove ${name}` });
+    drop.addEventListener('click', () => this.#send(this.#list().filter((_, k) => k !== i)));
+    row.append(color ?? element('span', {}), value ?? element('span', { textContent: kind }), opacity, eye, drop);
+    return { kind, row, value, color, opacity, eye };
+  }
+}
