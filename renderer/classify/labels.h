@@ -9,7 +9,9 @@
  *   S, A, V = interpolated tint colour (premultiplied), tint opacity and visibility
  *   dvr: extinction * V; colour C becomes C (1 - A/V) + S/V   (a hidden label does not tint its neighbours)
  *   mpr: grey G becomes G (1 - A) + S                          (anatomy is never hidden)
- *   mesh: colour S/A of a surface; splat: of each voxel of the labels that are visible */
+ *   mesh: colour S/A of a surface; splat: of each voxel of the labels that are visible
+ * A volume's own gaps (tc_volume_gaps) are labels that only hide. Without a label volume they are met in dvr as above; a
+ * sample of a slice or a projection counts where V >= 0.5. */
 #ifndef TC_CLASSIFY_LABELS_H
 #define TC_CLASSIFY_LABELS_H
 
@@ -26,6 +28,9 @@ typedef struct tc_labels {
   size_t bytes;
   double build_ms;
 } tc_labels;
+
+/* A scene that shows a volume's gaps (tc_volume_gaps): they hide, and nothing is tinted. */
+const tc_scene *tc_labels_of_gaps(void);
 
 /* Everything that entries depend on: label volume, opacity, colours, visible labels, compositing space. The caller
  * unrefs. */

@@ -185,16 +185,20 @@ static void *bounds_begin(const tc_making *m, GError **error) {
 
 static const tc_volume *labels_tied(const tc_job *job) { return job->label_volume; }
 
+static const tc_scene *labels_scene(const tc_job *job) {
+  return job->plan->key.labels == TC_PLAN_GAPS ? tc_labels_of_gaps() : job->scene;
+}
+
 static void labels_key(const tc_job *job, GByteArray *key) {
-  GBytes *bytes = tc_labels_key(job->label_volume, job->scene);
+  GBytes *bytes = tc_labels_key(job->label_volume, labels_scene(job));
   append(key, g_bytes_get_data(bytes, NULL), g_bytes_get_size(bytes));
   g_bytes_unref(bytes);
 }
 
 static void *labels_begin(const tc_making *m, GError **error) {
   const tc_job *job = m->job;
-  GBytes *key = tc_labels_key(job->label_volume, job->scene);
-  return tc_labels_build(job->label_volume, job->scene, key, tc_pool_halt(m->pool), error);
+  GBytes *key = tc_labels_key(job->label_volume, labels_scene(job));
+  return tc_labels_build(job->label_volume, labels_scene(job), key, tc_pool_halt(m->pool), error);
 }
 
 /* ---- mesh ---- */

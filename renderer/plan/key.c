@@ -15,7 +15,7 @@ void tc_plan_key_name(const tc_plan_key *key, char *name, size_t size) {
   }
   snprintf(name, size, "%s%s%s%s.%s%s%s%s%s.%s", tc_mode_names[key->mode], *way ? "." : "", way,
            key->order == TC_BACK_TO_FRONT ? ".back-to-front" : "", tc_filter_names[key->filter],
-           key->shading ? ".shaded" : "", key->labels ? ".labels" : "", key->rays ? ".rays" : "",
+           key->shading ? ".shaded" : "", key->labels == TC_PLAN_GAPS ? ".gaps" : key->labels ? ".labels" : "", key->rays ? ".rays" : "",
            key->jitter ? ".jitter" : "", tc_voxel_type_name((tc_voxel_type)key->voxel_type));
 }
 

@@ -5,6 +5,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* Whose entries (classify/labels.h) samples meet: a label volume's, in a mode that shows it, or those of the volume's own
+ * gaps (tc_volume_gaps), which hide. */
+enum tc_plan_labels { TC_PLAN_NO_LABELS, TC_PLAN_LABELS, TC_PLAN_GAPS };
+
 /* What kernels are specialised on. Two plans with equal keys run the same code. Zeroed before filling: compare with
  * memcmp. */
 typedef struct tc_plan_key {
@@ -22,7 +26,7 @@ typedef struct tc_plan_key {
   uint8_t rays;           /* 0/1: several a pixel */
   uint8_t coherence;      /* 0/1 */
   uint8_t jitter;         /* 0/1 */
-  uint8_t labels;         /* 0/1: of a label volume, in a mode that shows it */
+  uint8_t labels;         /* tc_plan_labels */
   uint8_t zoomed;         /* 0/1: the pre-integration table has zooms (classify/classify.h) */
   uint8_t stiff;          /* 0/1: a ray's short last segment needs the table's row of depths (classify/classify.h) */
   uint8_t slab;           /* mpr: 0 one slice, else 1 + tc_slab_projection */

@@ -45,8 +45,15 @@ static void plan_skipping(tc_plan *plan, const tc_scene *s, tc_resource how) {
 }
 
 static void plan_labels(tc_plan *plan, const tc_scene *s) {
-  plan->key.labels = s->labels.volume[0] != 0;
+  plan->key.labels = s->labels.volume[0] ? TC_PLAN_LABELS : TC_PLAN_NO_LABELS;
   if (plan->key.labels) need(plan, TC_RESOURCE_LABELS);
+}
+
+/* Rays hide the volume's own gaps, unless they meet labels already. */
+static void plan_gaps(tc_plan *plan, const tc_volume *volume) {
+  if (plan->key.labels || !tc_volume_gaps(volume)) return;
+  plan->key.labels = TC_PLAN_GAPS;
+  need(plan, TC_RESOURCE_LABELS);
 }
 
 /* ---- the modes ---- */
@@ -88,6 +95,7 @@ static void plan_dvr(tc_plan *plan, const tc_volume *volume, const tc_scene *s, 
   plan->key.termination = s->sampling.termination > 0 && s->order == TC_FRONT_TO_BACK;
   plan_shading(plan, s);
   plan_labels(plan, s);
+  plan_gaps(plan, volume);
   plan_table(plan, request->field ? request->field : volume, s, request);
   if (s->skipping.mode == TC_SKIPPING_AUTO && tc_skip_possible(&s->transfer_function, range->min, range->max) &&
       (request->maps_distance || tc_boxes_serve(volume))) {
@@ -100,6 +108,8 @@ static void plan_dvr(tc_plan *plan, const tc_volume *volume, const tc_scene *s, 
 static void plan_projection(tc_plan *plan, const tc_volume *volume, const tc_scene *s, const tc_plan_request *request) {
   plan_view(plan, volume, s);
   plan->grey = tc_grey_make(request->field ? request->field : volume, s);
+  plan_gaps(plan, volume);
+  if (plan->key.labels) return; /* where no greater value can be, a ray may still meet its first */
   if (s->skipping.mode == TC_SKIPPING_AUTO && s->mode != TC_MODE_AVERAGE) plan_skipping(plan, s, TC_RESOURCE_BOUNDS);
 }
 
@@ -136,6 +146,7 @@ static void plan_mpr(tc_plan *plan, const tc_volume *volume, const tc_scene *s) 
   if (s->mpr.thickness_mm > 0) plan->key.slab = (uint8_t)(1 + s->mpr.projection);
   plan->step_mm = s->sampling.step * fmin(spacing[0], fmin(spacing[1], spacing[2]));
   plan_labels(plan, s);
+  plan_gaps(plan, volume);
 }
 
 /* No rays are cast: the field is sampled nowhere. */

@@ -99,6 +99,8 @@ typedef struct tc_ref_label_walk { /* starts as {.u = 1} */
 } tc_ref_label_walk;
 
 void tc_ref_labels_set_up(tc_ref_labels *labels, const tc_volume *volume, const tc_scene *scene);
+/* The same for a volume's own gaps (tc_volume_gaps), which hide. `scene` takes the members that say so. */
+void tc_ref_labels_of_gaps(tc_ref_labels *labels, const tc_volume *gaps, tc_scene *scene);
 /* tc_ref_walk_next() with stretches also cut at the faces of the labels' grid; cell->label lives until the next
  * call. */
 bool tc_ref_labels_next(const tc_ref_labels *labels, tc_ref_walk *walk, tc_ref_label_walk *at, tc_ref_cell *cell);
@@ -177,6 +179,7 @@ typedef struct tc_ref_window {
   bool linear_light;
 } tc_ref_window;
 
+/* Of a cell with gaps among its corners, what is visible by at least half counts, to 1/64 of the stretch. */
 void tc_ref_extent_add(tc_ref_extent *extent, const tc_ref_cell *cell);
 double tc_ref_window_grey(const tc_ref_window *window, double value);
 

@@ -26,6 +26,12 @@ void tc_ref_labels_set_up(tc_ref_labels *l, const tc_volume *labels, const tc_sc
   }
 }
 
+void tc_ref_labels_of_gaps(tc_ref_labels *l, const tc_volume *gaps, tc_scene *scene) {
+  scene->labels.visible = g_new0(uint32_t, 1); /* what is no gap is 0 */
+  scene->labels.n_visible = 1;
+  tc_ref_labels_set_up(l, gaps, scene);
+}
+
 static double label_at(const tc_ref_labels *l, const int at[3]) {
   const tc_volume_desc *d = l->desc;
   for (int k = 0; k < 3; k++)

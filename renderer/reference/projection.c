@@ -3,7 +3,30 @@
 
 #include "renderer/reference/internal.h"
 
+static bool is_whole(const tc_ref_label_cell *label) {
+  for (int corner = 0; corner < 8; corner++)
+    if (label->corner[corner][4] < 1) return false;
+  return true;
+}
+
+static void add_visible(tc_ref_extent *extent, const tc_ref_cell *cell) {
+  enum { parts = 64 };
+  for (int i = 0; i < parts; i++) {
+    double u = (i + 0.5) / parts, value = 0, tint[4];
+    if (tc_ref_label_mean(cell->label, u, tint) < 0.5) continue;
+    for (int k = cell->degree; k >= 0; k--) value = value * u + cell->c[k];
+    extent->lo = fmin(extent->lo, value);
+    extent->hi = fmax(extent->hi, value);
+    extent->integral += cell->length / parts * value;
+    extent->length += cell->length / parts;
+  }
+}
+
 void tc_ref_extent_add(tc_ref_extent *extent, const tc_ref_cell *cell) {
+  if (cell->label && !is_whole(cell->label)) {
+    add_visible(extent, cell);
+    return;
+  }
   for (int i = 0; i <= cell->degree; i++) extent->integral += cell->length * cell->c[i] / (i + 1);
   extent->length += cell->length;
   if (cell->lo >= extent->lo && cell->hi <= extent->hi) return; /* the cell cannot extend the range */

@@ -111,6 +111,10 @@ tc_reference *tc_reference_new_stoppable(tc_volume *volume, tc_volume *labels, c
     r->label_volume = tc_volume_ref(labels);
     tc_scene_copy(&r->scene, scene);
     tc_ref_labels_set_up(&r->labels, labels, &r->scene);
+  } else if (tc_volume_gaps(volume) && !is_surface(scene->mode)) {
+    r->label_volume = tc_volume_ref(tc_volume_gaps(volume));
+    r->scene.filter = scene->filter;
+    tc_ref_labels_of_gaps(&r->labels, r->label_volume, &r->scene);
   }
   if (scene->filter == TC_FILTER_CUBIC && scene->sampling.prefilter) {
     r->field.coefficients = tc_ref_coefficients(&r->field, cancel);
@@ -186,7 +190,10 @@ static void project(const tc_reference *r, const tc_ref_ray *ray, double rgba[4]
   tc_ref_walk walk;
   tc_ref_cell cell;
   tc_ref_walk_start(&walk, &r->field, ray);
-  while (!stopped(r) && tc_ref_walk_next(&walk, &cell)) tc_ref_extent_add(&extent, &cell);
+  tc_ref_label_walk labels = {.u = 1};
+  while (next_cell(r, &walk, &labels, &cell)) tc_ref_extent_add(&extent, &cell);
+  memset(rgba, 0, 4 * sizeof *rgba);
+  if (!(extent.length > 0)) return;
   double value = r->mode == TC_MODE_MIP     ? extent.hi
                  : r->mode == TC_MODE_MINIP ? extent.lo
                                             : extent.integral / extent.length;

@@ -16,7 +16,7 @@ struct tc_volume {
   tc_provenance provenance;
   tc_sparse sparse;    /* .model NULL: there is a grid */
   uint8_t *voxels;
-  uint8_t *nothing;    /* a bit per voxel, set if it was NaN; NULL: none was */
+  tc_volume *gaps;     /* see tc_volume_gaps() */
   size_t bytes;        /* of the voxels */
   size_t mapped_bytes; /* with the pad */
   double to_lps[9];    /* index displacement -> mm, row by row */
@@ -190,28 +190,60 @@ typedef struct sealing {
   double lo, hi, factor;
 } sealing;
 
-/* Kernels interpolate without a test, so non-finite voxels are replaced once, here; NaN by `nothing`. */
-static void mend_f32(float *p, size_t n, float lo, float hi, float nothing) {
+/* Kernels interpolate without a test, so non-finite voxels are replaced once, here; NaN by `gap`. */
+static void mend_f32(float *p, size_t n, float lo, float hi, float gap) {
   for (size_t i = 0; i < n; i++)
-    if (!isfinite(p[i])) p[i] = isnan(p[i]) ? nothing : p[i] > 0 ? hi : lo;
+    if (!isfinite(p[i])) p[i] = isnan(p[i]) ? gap : p[i] > 0 ? hi : lo;
 }
 
-/* The replacement of NaN, which means "no data": 0 in a map of signed values, where the minimum would be the
+/* Inside a gap, where no voxel around has a value: 0 in a map of signed values, where the minimum would be the
  * strongest deactivation; the least value elsewhere, as in HU. */
-static double value_of_nothing(const tc_volume *v, const sealing *s) {
+static double value_of_gap(const tc_volume *v, const sealing *s) {
   const double zero = 0 - v->desc.intercept / v->desc.slope; /* never -0 */
   return s->lo < zero && zero < s->hi && strcmp(v->desc.unit, "HU") != 0 ? zero : s->lo;
 }
 
-/* Records which voxels are NaN, one bit each. Without memory for the bits, they count as their replacement. */
-static void mark_nothing(tc_volume *v, size_t at, size_t n) {
+/* Records which voxels are NaN. Without memory for that, they count as their replacement. */
+static void mark_gaps(tc_volume *v, size_t at, size_t n) {
   const float *p = (const float *)v->voxels;
-  if (!v->nothing) v->nothing = calloc(voxel_count(v) / 8 + 1, 1);
-  for (size_t i = at; i < at + n && v->nothing; i++)
-    if (isnan(p[i])) v->nothing[i / 8] |= (uint8_t)(1 << (i % 8));
+  for (size_t i = at; i < at + n; i++) {
+    if (!isnan(p[i])) continue;
+    if (!v->gaps) {
+      tc_volume_desc desc = v->desc;
+      desc.type = TC_U8, desc.slope = 1, desc.intercept = 0;
+      v->gaps = tc_volume_new(&desc, NULL);
+      if (!v->gaps) return;
+    }
+    v->gaps->voxels[i] = 1;
+  }
 }
 
-static bool is_nothing(const tc_volume *v, size_t i) { return v->nothing && (v->nothing[i / 8] >> (i % 8) & 1); }
+static bool is_gap(const tc_volume *v, size_t i) { return v->gaps && v->gaps->voxels[i]; }
+
+/* The mean of the voxels around a gap that have a value; `otherwise` where none has. */
+static float mean_around(const tc_volume *v, size_t i, float otherwise) {
+  const size_t nx = (size_t)v->desc.dims[0], ny = (size_t)v->desc.dims[1];
+  const int at[3] = {(int)(i % nx), (int)(i / nx % ny), (int)(i / nx / ny)};
+  double sum = 0;
+  int count = 0;
+  for (int around = 0; around < 27; around++) {
+    const int step[3] = {around % 3 - 1, around / 3 % 3 - 1, around / 9 - 1};
+    bool inside = true;
+    for (int k = 0; k < 3; k++)
+      if (at[k] + step[k] < 0 || at[k] + step[k] >= v->desc.dims[k]) inside = false;
+    const size_t there = inside ? (size_t)((int64_t)i + step[0] + (int64_t)nx * (step[1] + (int64_t)ny * step[2])) : i;
+    if (is_gap(v, there)) continue;
+    sum += (double)((const float *)v->voxels)[there];
+    count++;
+  }
+  return count ? (float)(sum / count) : otherwise;
+}
+
+static void fill_gaps(tc_volume *v, size_t at, size_t n, float otherwise) {
+  float *p = (float *)v->voxels;
+  for (size_t i = at; i < at + n; i++)
+    if (v->gaps->voxels[i]) p[i] = mean_around(v, i, otherwise);
+}
 
 /* The power of two by which an f32 volume is scaled, because differences of voxels near the ends of float's range
  * would overflow or vanish; exact, and undone by the slope. 1: none needed. */
@@ -263,21 +295,37 @@ static bool find_range(tc_volume *v, sealing *s) {
   return true;
 }
 
-/* Replaces non-finite voxels, and scales if the range requires it. */
-static bool mend(tc_volume *v, sealing *s) {
+typedef void (*mend_fn)(tc_volume *v, size_t at, size_t n, const sealing *s);
+
+static void mend_non_finite(tc_volume *v, size_t at, size_t n, const sealing *s) {
+  mark_gaps(v, at, n);
+  mend_f32((float *)v->voxels + at, n, (float)s->lo, (float)s->hi, (float)value_of_gap(v, s));
+}
+
+static void mend_gaps(tc_volume *v, size_t at, size_t n, const sealing *s) {
+  fill_gaps(v, at, n, (float)value_of_gap(v, s));
+}
+
+static void mend_scale(tc_volume *v, size_t at, size_t n, const sealing *s) {
+  scale_f32((float *)v->voxels + at, n, s->factor);
+}
+
+static bool mend_all(tc_volume *v, mend_fn step, const sealing *s) {
   const size_t count = voxel_count(v);
-  s->factor = factor_f32(s->lo, s->hi);
-  if (!v->stats.non_finite && s->factor == 1) return true;
   for (size_t at = 0; at < count; at += SEAL_VOXELS) {
-    const size_t n = count - at < SEAL_VOXELS ? count - at : SEAL_VOXELS;
-    float *p = (float *)v->voxels + at;
-    if (v->stats.non_finite) {
-      mark_nothing(v, at, n);
-      mend_f32(p, n, (float)s->lo, (float)s->hi, (float)value_of_nothing(v, s));
-    }
-    if (s->factor != 1) scale_f32(p, n, s->factor);
+    step(v, at, count - at < SEAL_VOXELS ? count - at : SEAL_VOXELS, s);
     if (!asks(s)) return false;
   }
+  return true;
+}
+
+/* Replaces non-finite voxels, and scales if the range requires it. */
+static bool mend(tc_volume *v, sealing *s) {
+  s->factor = factor_f32(s->lo, s->hi);
+  if (v->stats.non_finite && !mend_all(v, mend_non_finite, s)) return false;
+  if (v->gaps && !mend_all(v, mend_gaps, s)) return false;
+  if (v->gaps) tc_volume_seal_within(v->gaps, 0, 1);
+  if (s->factor != 1 && !mend_all(v, mend_scale, s)) return false;
   v->desc.slope /= s->factor;
   s->lo *= s->factor;
   s->hi *= s->factor;
@@ -332,13 +380,15 @@ void tc_volume_unref(tc_volume *volume) {
   if (!volume || atomic_fetch_sub_explicit(&volume->references, 1, memory_order_acq_rel) != 1) return;
   if (volume->voxels) munmap(volume->voxels, volume->mapped_bytes);
   if (volume->sparse.model) volume->sparse.free(volume->sparse.model);
-  free(volume->nothing);
+  tc_volume_unref(volume->gaps);
   if (volume->freed) volume->freed(volume->freed_user);
   free(volume);
 }
 
 void tc_volume_set_provenance(tc_volume *volume, const tc_provenance *provenance) { volume->provenance = *provenance; }
 const tc_provenance *tc_volume_provenance(const tc_volume *volume) { return &volume->provenance; }
+
+tc_volume *tc_volume_gaps(const tc_volume *volume) { return volume->gaps; }
 
 const tc_volume_desc *tc_volume_describe(const tc_volume *volume) { return &volume->desc; }
 const tc_volume_stats *tc_volume_statistics(const tc_volume *volume) { return &volume->stats; }
@@ -391,7 +441,7 @@ bool tc_volume_voxel(const tc_volume *v, const int at[3], double *voxel) {
   if (v->sparse.model) return v->sparse.voxel(v->sparse.model, at, voxel);
   const size_t i = ((size_t)at[2] * (size_t)v->desc.dims[1] + (size_t)at[1]) * (size_t)v->desc.dims[0] + (size_t)at[0];
   *voxel = voxel_as_double(v, i);
-  return !is_nothing(v, i);
+  return !is_gap(v, i);
 }
 
 static bool value_of_nearest(const tc_volume *v, const double index[3], double *value) {
@@ -430,7 +480,7 @@ bool tc_volume_value_at(const tc_volume *volume, const double index[3], double *
     size_t x = corner & 1 ? high[0] : low[0], y = corner & 2 ? high[1] : low[1], z = corner & 4 ? high[2] : low[2];
     double w = (corner & 1 ? f[0] : 1 - f[0]) * (corner & 2 ? f[1] : 1 - f[1]) * (corner & 4 ? f[2] : 1 - f[2]);
     const size_t at = (z * ny + y) * nx + x;
-    if (w > 0 && is_nothing(volume, at)) return false;
+    if (w > 0 && is_gap(volume, at)) return false;
     sum += w * voxel_as_double(volume, at);
   }
   *value = volume->desc.slope * sum + volume->desc.intercept;
@@ -444,7 +494,7 @@ static double value_of(tc_voxel_type type, unsigned raw) {
 /* Counts of each value, for integer types; NULL for floats, or out of memory. The caller frees. */
 static uint64_t *tally(const tc_volume *v, size_t n) {
   const bool wide = tc_voxel_size(v->desc.type) == 2;
-  uint64_t *of = v->desc.type == TC_F32 || v->nothing ? NULL : calloc(65536, sizeof *of);
+  uint64_t *of = v->desc.type == TC_F32 || v->gaps ? NULL : calloc(65536, sizeof *of);
   for (size_t i = 0; of && i < n; i++)
     of[wide ? ((const uint16_t *)v->voxels)[i] : v->voxels[i]]++;
   return of;
@@ -482,6 +532,6 @@ void tc_volume_histogram(const tc_volume *volume, int bins, uint64_t *counts, do
   for (unsigned raw = 0; of && raw < 65536; raw++)
     if (of[raw]) counts[bin_of(volume, value_of(volume->desc.type, raw), lo, scale, bins)] += of[raw];
   for (size_t i = 0; !of && i < n; i++)
-    if (!is_nothing(volume, i)) counts[bin_of(volume, voxel_as_double(volume, i), lo, scale, bins)]++;
+    if (!is_gap(volume, i)) counts[bin_of(volume, voxel_as_double(volume, i), lo, scale, bins)]++;
   free(of);
 }

@@ -52,8 +52,9 @@ void *tc_volume_voxels(tc_volume *volume);
 const void *tc_volume_data(const tc_volume *volume);
 
 /* Ends the filling: finds the range, and replaces and counts non-finite voxels of an f32 volume. +-inf becomes the
- * extremes; NaN becomes 0 in signed maps other than HU, else the least value, and is no value of
- * tc_volume_value_at() and the histogram; without any finite voxel, all become 0. An f32 volume whose largest
+ * extremes. NaN is a gap (tc_volume_gaps): no value of tc_volume_value_at() and the histogram. Its voxel becomes the
+ * mean of its neighbours that have a value, so that interpolation makes none up; without any, 0 in signed maps other
+ * than HU, else the least value. Without any finite voxel, all become 0. An f32 volume whose largest
  * magnitude is above 1e30 or below 1e-30 is scaled by a power of two, which the slope undoes. */
 void tc_volume_seal(tc_volume *volume);
 /* The same, interruptible: returns false, with the volume not sealed, once goes_on() returns false. */
@@ -65,6 +66,10 @@ void tc_volume_when_freed(tc_volume *volume, void (*freed)(void *user), void *us
 
 /* tc_volume_seal() for voxels that are all finite and whose range is known. */
 void tc_volume_seal_within(tc_volume *volume, double voxel_min, double voxel_max);
+
+/* The gaps of an f32 volume, whose voxels were NaN: u8 on the same grid, 1 in a gap, else 0. NULL: it has none. It lives
+ * as long as the volume; the caller may take a reference. */
+tc_volume *tc_volume_gaps(const tc_volume *volume);
 
 tc_volume *tc_volume_ref(tc_volume *volume);
 void tc_volume_unref(tc_volume *volume); /* NULL is fine */

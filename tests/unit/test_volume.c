@@ -53,7 +53,7 @@ static void float_voxels_are_mended(void **state) {
   const float in[5] = {NAN, -2, INFINITY, 7, -INFINITY};
   memcpy(tc_volume_voxels(v), in, sizeof in);
   tc_volume_seal(v);
-  const float *out = tc_volume_data(v), want[5] = {0, -2, 7, 7, -2};
+  const float *out = tc_volume_data(v), want[5] = {-2, -2, 7, 7, -2};
   assert_memory_equal(out, want, sizeof want);
   assert_int_equal(tc_volume_statistics(v)->non_finite, 3);
   assert_null(tc_volume_voxels(v)); /* sealed */
@@ -64,14 +64,14 @@ static void float_voxels_are_mended(void **state) {
 static void nan_is_nothing(void **state) {
   static const struct {
     const char *unit;
-    float in[4], nothing;
+    float in[6], nothing; /* of the middle one of three NaN; those beside a value have the value */
     double slope, intercept;
-  } cases[] = {{"", {-5, NAN, 1, 3}, 0, 1, 0},
-               {"HU", {-1000, NAN, 1, 3}, -1000, 1, 0},
-               {"", {2, NAN, 4, 3}, 2, 1, 0},
-               {"", {2, NAN, 4, 3}, 2.5f, 2, -5}};
+  } cases[] = {{"", {-5, NAN, NAN, NAN, 1, 3}, 0, 1, 0},
+               {"HU", {-1000, NAN, NAN, NAN, 1, 3}, -1000, 1, 0},
+               {"", {2, NAN, NAN, NAN, 4, 3}, 2, 1, 0},
+               {"", {2, NAN, NAN, NAN, 4, 3}, 2.5f, 2, -5}};
   for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-    tc_volume_desc d = desc(4, 1, 1, TC_F32);
+    tc_volume_desc d = desc(6, 1, 1, TC_F32);
     d.slope = cases[i].slope, d.intercept = cases[i].intercept;
     strcpy(d.unit, cases[i].unit);
     tc_volume *v = tc_volume_new(&d, NULL);
@@ -79,11 +79,13 @@ static void nan_is_nothing(void **state) {
     tc_volume_seal(v);
     double value, edges[3];
     uint64_t counts[2];
-    assert_true(((const float *)tc_volume_data(v))[1] == cases[i].nothing);
+    const float *voxels = tc_volume_data(v);
+    assert_true(voxels[1] == cases[i].in[0] && voxels[2] == cases[i].nothing && voxels[3] == cases[i].in[4]);
+    assert_memory_equal(tc_volume_data(tc_volume_gaps(v)), ((const uint8_t[]){0, 1, 1, 1, 0, 0}), 6);
     assert_false(tc_volume_value_at(v, (double[3]){1, 0, 0}, &value));
     assert_false(tc_volume_value_at(v, (double[3]){0.5, 0, 0}, &value));
     assert_true(tc_volume_value_at(v, (double[3]){0, 0, 0}, &value));
-    assert_true(tc_volume_value_at(v, (double[3]){2.5, 0, 0}, &value));
+    assert_true(tc_volume_value_at(v, (double[3]){4.5, 0, 0}, &value));
     tc_volume_histogram(v, 2, counts, edges);
     assert_int_equal(counts[0] + counts[1], 3);
     tc_volume_unref(v);

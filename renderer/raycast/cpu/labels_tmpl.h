@@ -73,6 +73,11 @@ static __attribute__((noinline)) label_mix labels_at(const tc_cpu_args *args, co
   return m;
 }
 
+/* Where at mm t the field has a value: away from the volume's gaps. */
+V_INLINE vm has_value(const tc_cpu_args *args, const packet *p, vf t) {
+  return v_le(v_set(0.5f), labels_at(args, p, t).visible);
+}
+
 /* Tints the segment around mm t, and scales its extinction by the visibility there. */
 V_INLINE vf4 label_segment(const tc_cpu_args *args, const packet *p, vf t, vf4 c) {
   label_mix m = labels_at(args, p, t);

@@ -2,7 +2,8 @@
  *
  * Sample i is at entry + i * step * dir, and the ray's end is sampled too. MIP and MinIP are one kernel, a maximum
  * of the signed voxel (raycast/grey.h). A ray that has passed its end samples its end again, which raises no
- * maximum: no lane needs a mask, and no pixel depends on its neighbours. */
+ * maximum: no lane needs a mask, and no pixel depends on its neighbours. In a volume's gaps (variant.labels) samples do
+ * not count. */
 
 #define LEAST_INTERVALS 4 /* a shorter ray has nothing to gain from skipping */
 #define LONGEST_WAIT 31 /* packets */
@@ -45,11 +46,14 @@ V_INLINE vf interval_middle(const tc_cpu_args *args, int i) {
 }
 
 /* A ray's greatest sample, and where it is in mm; of several equal ones the first. */
-typedef struct peak { vf best, at; } peak;
+typedef struct peak {
+  vf best, at;
+  vm met; /* rays that took a sample; with gaps only */
+} peak;
 
 /* Refines the peak between samples: the greatest value of the field near the greatest sample (raycast/grey.h). */
 V_ONCE vf refine_peak(const tc_cpu_args *args, const packet *p, const peak *from) {
-  const variant v = {.type = args->key.voxel_type, .filter = args->key.filter};
+  const variant v = {.type = args->key.voxel_type, .filter = args->key.filter, .labels = args->key.labels};
   vf best = from->best, at = from->at;
   float offset = 0.5f * args->rays.step_mm;
   for (int round = 0; round < TC_PEAK_ROUNDS; round++, offset *= 0.5f) {
@@ -57,6 +61,7 @@ V_ONCE vf refine_peak(const tc_cpu_args *args, const packet *p, const peak *from
     for (int side = 0; side < 2; side++, offset = -offset) {
       vf t = v_min(v_max(middle - v_set(offset), v_set(0)), p->length);
       vf w = sample_voxel(args, v, p, t) * v_set(args->grey.sign);
+      if (v.labels) w = v_select(has_value(args, p, t), w, best);
       at = v_select(v_lt(best, w), t, at);
       best = v_max(best, w);
     }
@@ -68,6 +73,11 @@ V_ONCE vf refine_peak(const tc_cpu_args *args, const packet *p, const peak *from
  * that hold an equal of the greatest sample are never skipped (skip/bounds.h). */
 V_INLINE void take_sample(const tc_cpu_args *args, variant v, const packet *p, vf t, peak *have) {
   vf w = sample_voxel(args, v, p, t) * v_set(args->grey.sign);
+  if (v.labels) {
+    vm value = has_value(args, p, t);
+    have->met = m_or(have->met, value);
+    w = v_select(value, w, v_set(args->grey.floor));
+  }
   vm sooner = m_and(v_eq(w, have->best), v_lt(t, have->at));
   have->at = v_select(m_or(v_lt(have->best, w), sooner), t, have->at);
   have->best = v_max(have->best, w);
@@ -98,7 +108,7 @@ V_INLINE void cast_extreme(const tc_cpu_args *args, variant v, const place *at_p
                            tc_cpu_counts *counts) {
   packet p = start_packet(args, v, at_pixels);
   vf stop = v_set(args->grey.stop), floor = v_set(args->grey.floor);
-  peak have = {floor, v_set(-1)};
+  peak have = {floor, v_set(-1), v_lt(floor, floor)};
   vm live = p.live;
   counts->rays += (uint64_t)m_count(live);
   bool look = v.leap && backoff->wait == 0;
@@ -138,17 +148,18 @@ V_INLINE void cast_extreme(const tc_cpu_args *args, variant v, const place *at_p
     counts->samples += (uint64_t)m_count(between) * 2 * TC_PEAK_ROUNDS;
   }
   /* A finished ray may have gone beyond stop while other lanes marched: its grey must not depend on them. */
-  *out = grey_of(args, v_min(have.best, stop), p.live);
+  *out = grey_of(args, v_min(have.best, stop), v.labels ? m_and(p.live, have.met) : p.live);
 }
 
 /* The mean by the trapezoidal rule, whose last interval is shorter. Differences to the first sample are summed, with
- * Kahan's compensation: a constant field is exact, and a million samples lose no more than ten. */
+ * Kahan's compensation: a constant field is exact, and a million samples lose no more than ten. An interval whose middle
+ * is in a gap is left out. */
 V_INLINE void cast_average(const tc_cpu_args *args, variant v, const place *at_pixels, vf4 *out,
                            tc_cpu_counts *counts) {
   packet p = start_packet(args, v, at_pixels);
   vm live = p.live;
   vf steps = p.length * v_set(args->rays.inverse_step), base = v_set(0), front = v_set(0), sum = v_set(0),
-     lost = v_set(0);
+     lost = v_set(0), total = v_set(0);
   if (m_any(live)) base = front = sample_voxel(args, v, &p, v_set(0));
   counts->rays += (uint64_t)m_count(live);
   counts->samples += (uint64_t)m_count(live);
@@ -156,6 +167,11 @@ V_INLINE void cast_average(const tc_cpu_args *args, variant v, const place *at_p
     vf back = sample_voxel(args, v, &p, v_min(v_set((float)(i + 1) * args->rays.step_mm), p.length));
     counts->samples += (uint64_t)m_count(live);
     vf share = v_min(v_max(steps - v_set((float)i), v_set(0)), v_set(1));
+    if (v.labels) {
+      vf middle = v_set((float)i * args->rays.step_mm) + share * v_set(0.5f * args->rays.step_mm);
+      share = v_select(has_value(args, &p, middle), share, v_set(0));
+      total = total + share;
+    }
     vf add = v_fnma(v_set(1), lost, share * (v_set(0.5f) * (front - base) + v_set(0.5f) * (back - base)));
     vf next = sum + add;
     lost = (next - sum) - add;
@@ -163,5 +179,7 @@ V_INLINE void cast_average(const tc_cpu_args *args, variant v, const place *at_p
     front = back;
     live = m_and(live, v_lt(v_set((float)(i + 1) * args->rays.step_mm), p.length));
   }
-  *out = grey_of(args, base + sum / v_max(steps, v_set(1e-30f)), p.live);
+  if (!v.labels) total = steps;
+  vm met = v.labels ? m_and(p.live, v_lt(v_set(0), total)) : p.live;
+  *out = grey_of(args, base + sum / v_max(total, v_set(1e-30f)), met);
 }

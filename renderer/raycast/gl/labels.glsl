@@ -53,6 +53,11 @@ Label label_at(vec3 p) {
   return m;
 }
 
+// Where the field has a value: away from the volume's gaps.
+bool has_value(vec3 p) {
+  return label_at(p).visible >= 0.5;
+}
+
 // Tints the segment around index position p, and scales its extinction by the visibility there.
 vec4 label_segment(vec4 segment, vec3 p) {
   Label m = label_at(p);

@@ -3,8 +3,13 @@
 // cannot rise. The march starts with the maximum of the interval with the highest level, whose samples it would take
 // anyway.
 //
+// In a volume's gaps (LABELLED) samples do not count.
+//
 // "precise" and fma() fix the rounding, so that all variants give the same bits: skipping changes nothing.
 float best, at; // the greatest sample, and where it is in mm; of several equal ones the first
+#if LABELLED
+bool met = false; // a sample was taken
+#endif
 
 float refine_peak(vec3 entry, vec3 direction, float length_mm) {
   float value = best, middle = at, offset = 0.5 * job.rays.step_mm;
@@ -12,6 +17,10 @@ float refine_peak(vec3 entry, vec3 direction, float length_mm) {
     float from = middle;
     for (int side = 0; side < 2; side++, offset = -offset) {
       float t = clamp(from - offset, 0.0, length_mm), w = sample_signed(entry, direction, t);
+#if LABELLED
+      if (!has_value(fma(vec3(t), direction, entry)))
+        continue;
+#endif
       if (w > value) {
         value = w;
         middle = t;
@@ -26,6 +35,11 @@ float refine_peak(vec3 entry, vec3 direction, float length_mm) {
 void take_sample(vec3 entry, vec3 direction, float t, inout Counts counts) {
   float w = sample_signed(entry, direction, t);
   counts.samples++;
+#if LABELLED
+  if (!has_value(fma(vec3(t), direction, entry)))
+    return;
+  met = true;
+#endif
   if (w > best || (w == best && t < at)) {
     best = w;
     at = t;
@@ -68,5 +82,9 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
     best = refine_peak(entry, direction, length_mm);
     counts.samples += 2 * PEAK_ROUNDS;
   }
+#if LABELLED
+  if (!met)
+    return vec4(0.0);
+#endif
   return grey_of(min(best, job.grey.stop)); // a finished ray may be beyond stop, whose grey is the same
 }

@@ -1,0 +1,136 @@
+/* Voxels without a value (NaN): they show in no mode, on any instruction set and on OpenGL, and add to nothing. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/reference/reference.h"
+#include "renderer/tomocast.h"
+#include "tests/support/grid.h"
+#include "tests/support/image.h"
+#include "tests/support/renderers.h"
+
+enum { SIDE = 40, PIXELS = SIDE * SIDE, EDGE = 21 };
+
+static const float *render(int which, tc_volume *volume, const tc_scene *scene) {
+  return test_draw(which, volume, scene, &(tc_render_request){.want_linear = true}, NULL)->linear;
+}
+
+/* A signed map: waves of -1 .. 1 in a ball of 7 voxels, NaN around it and in a speck within. */
+static double ball(double x, double y, double z, const void *wavelength) {
+  const double center[3] = {10, 10, 10}, speck[3] = {12, 10, 8};
+  if (test_radius2(x, y, z, center) > 49 || test_radius2(x, y, z, speck) < 2) return NAN;
+  return 2 * test_waves(x, y, z, wavelength) - 1;
+}
+
+/* The left half has the value 7, the right none. */
+static double half(double x, double y, double z, const void *unused) { return x <= 10 ? 7 : NAN; }
+
+static tc_volume *make(test_field field) {
+  return test_volume(&(test_grid){.dims = {EDGE, EDGE, EDGE}, .type = TC_F32}, field, &(double){9});
+}
+
+static void look(tc_scene *scene, const tc_volume *volume, tc_mode mode) {
+  static const tc_knot knots[] = {{.value = -1, .color = {0.2, 0.4, 1}, .amount = 0.5},
+                                  {.value = 0, .color = {1, 1, 1}, .amount = 0.1},
+                                  {.value = 1, .color = {1, 0.3, 0.1}, .amount = 0.6}};
+  test_scene(scene, SIDE, SIDE);
+  test_scene_knots(scene, TC_KNOT_EXTINCTION, knots, 3);
+  test_scene_frame(scene, volume, TC_PERSPECTIVE, (double[3]){1, -0.6, 0.4});
+  scene->mode = mode;
+  scene->window.center = 0;
+  scene->window.width = 2.2;
+  scene->sampling.step = 0.02;
+}
+
+/* At the end of a short step, pictures are what the reference integrates of what is there. */
+static void what_is_left_is_the_truth(void **state) {
+  static const tc_mode modes[] = {TC_MODE_DVR, TC_MODE_MIP, TC_MODE_MINIP, TC_MODE_AVERAGE};
+  tc_volume *volume = make(ball);
+  assert_non_null(tc_volume_gaps(volume));
+  for (size_t m = 0; m < sizeof modes / sizeof *modes; m++) {
+    tc_scene scene;
+    look(&scene, volume, modes[m]);
+    float *truth = test_reference(volume, &scene, 1e-4);
+    size_t clear = 0;
+    for (int p = 0; p < PIXELS; p++) clear += truth[4 * p + 3] == 0;
+    assert_true(clear > PIXELS / 4 && clear < PIXELS * 9 / 10); /* rays through gaps alone meet nothing */
+    EACH_RENDERER(i) {
+      const float *image = render(i, volume, &scene);
+      double sum = 0;
+      size_t off = 0;
+      assert_true(test_compare(image, truth, PIXELS).finite);
+      for (int k = 0; k < 4 * PIXELS; k++) {
+        const double d = fabs((double)image[k] - (double)truth[k]);
+        sum += d * d;
+        off += d > 0.02;
+      }
+      print_message("  %-7s %s: rms %.1e, %zu of %d off\n", test_names[i], tc_mode_names[modes[m]],
+                    sqrt(sum / (4 * PIXELS)), off, 4 * PIXELS);
+      assert_true(off <= 4 * PIXELS / 100); /* rays along the edge of a gap */
+    }
+    g_free(truth);
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+}
+
+/* One pixel a voxel: shown where there is a value, and with it alone; between the last value and the first gap, up to
+ * half way. */
+static void slices_and_slabs_end_half_way_to_a_gap(void **state) {
+  tc_volume *volume = make(half);
+  for (int slab = 0; slab <= TC_SLAB_PROJECTION_COUNT; slab++)
+    for (int across = 0; across < 2; across++) {
+      tc_scene scene;
+      test_scene(&scene, SIDE, SIDE);
+      scene.mode = TC_MODE_MPR;
+      scene.mpr.orientation = across ? TC_AXIAL : TC_SAGITTAL;
+      scene.mpr.has_center = true;
+      for (int k = 0; k < 3; k++) scene.mpr.center[k] = 10;
+      scene.mpr.thickness_mm = slab ? 6 : 0;
+      scene.mpr.projection = (tc_slab_projection)(slab ? slab - 1 : 0);
+      scene.window.center = 7;
+      scene.window.width = 10;
+      EACH_RENDERER(i) {
+        const float *image = render(i, volume, &scene);
+        size_t shown = 0;
+        for (int p = 0; p < PIXELS; p++) {
+          const float *c = image + 4 * p;
+          if (!(c[3] == 0 ? c[0] == 0 : c[3] == 1 && fabsf(c[0] - 0.5f) < 1e-5f))
+            fail_msg("%s: slab %d: grey %g of opacity %g", test_names[i], slab, (double)c[0], (double)c[3]);
+          shown += c[3] == 1;
+        }
+        const double share = (double)shown / PIXELS;
+        if (!(across ? share > 0.45 && share < 0.56 : share > 0.9))
+          fail_msg("%s: slab %d, %s: %.3f of the picture shows", test_names[i], slab, across ? "axial" : "sagittal", share);
+      }
+      tc_scene_clear(&scene);
+    }
+  tc_volume_unref(volume);
+}
+
+/* A label volume takes the gaps' place; without gaps nothing changes. */
+static void the_plan_says_it(void **state) {
+  tc_volume *gaps = make(ball), *none = make(test_waves);
+  tc_scene scene;
+  tc_explanation plan;
+  look(&scene, gaps, TC_MODE_MIP);
+  assert_true(tc_renderer_explain(test_renderers[SCALAR], gaps, NULL, &scene, &plan, NULL));
+  assert_non_null(strstr(plan.kernel, ".gaps"));
+  assert_true(tc_renderer_explain(test_renderers[SCALAR], none, NULL, &scene, &plan, NULL));
+  assert_null(strstr(plan.kernel, ".gaps"));
+  tc_scene_clear(&scene);
+  tc_volume_unref(gaps);
+  tc_volume_unref(none);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(what_is_left_is_the_truth),
+                                     cmocka_unit_test(slices_and_slabs_end_half_way_to_a_gap),
+                                     cmocka_unit_test(the_plan_says_it)};
+  return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
+}
