@@ -15,7 +15,7 @@ static const double thresholds[] = {0, 0.2, 0.45};
 static const struct view {
   double azimuth, elevation, zoom;
   int size;
-} views[] = {{30, 20, 1.3, 512}, {200, 40, 3, 384}, {80, 0, 1.3, 192}, {120, -10, 0.8, 96}};
+} views[] = {{30, 20, 1.3, 512}, {200, 40, 3, 384}, {50, 30, 1.3, 256}, {80, 0, 1.3, 192}, {120, -10, 0.8, 96}};
 
 typedef struct object {
   const tcs_objects_run *run;
