@@ -10,7 +10,7 @@
 #include "renderer/mesh/sight.h"
 
 #define ALIGN 256      /* of a buffer's parts, above any driver's */
-#define SOFTWARE_NS 60 /* a triangle, before any was measured */
+#define SOFTWARE_NS 150 /* a triangle, before any was measured */
 #define HARDWARE_NS 4
 #define LOOK 1024      /* clusters between two looks at the halt */
 #define LAYER 6        /* numbers a pixel of what layers gave (mesh_shade.glsl) */
@@ -334,8 +334,11 @@ static bool peel(drawing *d, const int tile[4]) {
     glUseProgram(program);
     glProgramUniform4i(program, 0, tile[0], tile[1], tile[2], tile[3]);
     glProgramUniform1i(program, 1, 1);
-    if (any) glDispatchCompute((GLuint)(tile[2] + 7) / 8, (GLuint)(tile[3] + 7) / 8, 1);
+    if (!any || halted) break;
+    glDispatchCompute((GLuint)(tile[2] + 7) / 8, (GLuint)(tile[3] + 7) / 8, 1);
     glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
+    glFinish(); /* some milliseconds, which no batch counts */
+    halted = tc_halt_within(d->gl->job->halt);
   }
   glDeleteQueries(1, &query);
   return !halted;
