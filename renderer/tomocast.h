@@ -92,6 +92,8 @@ typedef struct tc_render_request {
   bool resume;
   const tc_volume *labels;    /* what scene.labels.volume names, borrowed until tc_render() returns; NULL where it names none.
                                  Which volume an id means is the caller's; it is tc_labels_check()ed here */
+  struct tc_mesh *const *meshes; /* what those of scene.mesh.surfaces that are of meshes name, at their places of the list; borrowed
+                                 likewise. NULL where there are none */
   bool hurry;                 /* never wait for the gl back end to compile a program or upload a large volume: the cpu
                                  back end draws meanwhile, the same within 1/255 (stats.stand_in) */
   int table_size,

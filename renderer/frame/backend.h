@@ -45,6 +45,7 @@ typedef struct tc_job {
   const tc_rays *rays;
   tc_resource_set have;
   bool outlines_table; /* have.table may be without entries: the back end makes them */
+  struct tc_mesh *const *meshes; /* of scene.mesh.surfaces, by their places; NULL: only to be explained */
   const tc_volume *label_volume; /* what scene.labels names, checked, or the volume's gaps; read if there are have.labels */
   const tc_halt *halt; /* may be NULL: nobody interrupts */
   double pixel_samples; /* of its rays, from above, as tc_estimate_samples() counts them; 0: unknown */

@@ -59,6 +59,8 @@ size_t tc_mesh_sources(const tc_job *job, tc_mesh_source *of) {
     if (!tc_mesh_surface_shows(s)) continue;
     of[n] = (tc_mesh_source){.kind = s->source};
     if (s->source == TC_SURFACE_OF_VALUE) of[n].iso = s->value, of[n].serial = tc_volume_serial(job->source);
+    if (s->source == TC_SURFACE_OF_MESH && job->meshes)
+      of[n].mesh = job->meshes[i], of[n].serial = job->meshes[i]->serial;
     if (s->source == TC_SURFACE_OF_LABEL)
       of[n].label = (uint32_t)s->label, of[n].serial = tc_volume_serial(job->label_volume);
     if (s->source == TC_SURFACE_OF_PLANE) plane_of(job, s->plane, of[n].plane), of[n].serial = tc_volume_serial(job->source);

@@ -288,6 +288,18 @@ static bool render_frame(drawing *d, const tc_render_request *request, GError **
   return drawn;
 }
 
+/* Which mesh an id means is the caller's. */
+static bool check_meshes(const tc_scene *scene, const tc_render_request *request, GError **error) {
+  for (size_t i = 0; i < scene->mesh.n_surfaces; i++) {
+    if (scene->mesh.surfaces[i].source != TC_SURFACE_OF_MESH || (request->meshes && request->meshes[i])) continue;
+    char pointer[40];
+    g_snprintf(pointer, sizeof pointer, "/mesh/surfaces/%zu", i);
+    tc_set_error(error, TC_ERROR_INVALID, pointer, "mesh/surfaces/%zu: there is no such mesh here", i);
+    return false;
+  }
+  return true;
+}
+
 static bool check_request(tc_volume *volume, const tc_scene *scene, const tc_render_request *request, int width, int height,
                           GError **error) {
   if (scene->quality.max_error > 0 || scene->quality.max_ms > 0) {
@@ -295,7 +307,7 @@ static bool check_request(tc_volume *volume, const tc_scene *scene, const tc_ren
     return false;
   }
   return check_table(request, error) && tc_plan_check(volume, scene, width, height, NULL, error) &&
-         tc_labels_check(volume, request->labels, scene, error);
+         tc_labels_check(volume, request->labels, scene, error) && check_meshes(scene, request, error);
 }
 
 bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
@@ -312,7 +324,8 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   const tc_halt halt = tc_halt_begin(request->interrupt, progress->fruitless);
   drawing d = {.r = renderer,
                .wanted = {width, height, false, request->want_depth, NULL, request->table_size, request->table_bits},
-               .job = {.scene = scene, .source = volume, .volume = volume, .label_volume = request->labels, .halt = &halt,
+               .job = {.scene = scene, .source = volume, .volume = volume, .label_volume = request->labels, .meshes = request->meshes,
+                       .halt = &halt,
                        .want_linear = request->want_linear, .frame = frame},
                .stats = &frame->stats};
   int64_t position = tc_frame_position(frame), steps = tc_resources_steps(renderer->resources);

@@ -3,6 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "renderer/mesh/measure.h"
+
 #define VALUES 65536 /* of a voxel of whole numbers */
 
 struct tc_surfaces {
@@ -97,13 +99,32 @@ static void move_origin(tc_mesh *mesh, const tc_volume *volume) {
   memcpy(mesh->origin, origin, sizeof origin);
 }
 
+/* With normals, as all of a list's surfaces have them. */
+static tc_mesh *copy_of(const tc_mesh *mesh, const tc_mesh_options *options, GError **error) {
+  if (!mesh) return tc_mesh_new(0, 0, true, error);
+  if (options->max_bytes && tc_mesh_bytes(mesh->n_vertices, mesh->n_triangles, true) > options->max_bytes) {
+    tc_set_error(error, TC_ERROR_LIMIT, NULL, "mesh of %zu triangles: there is no memory to show it; simplify it first",
+                 mesh->n_triangles);
+    return NULL;
+  }
+  tc_mesh *copy = tc_mesh_new(mesh->n_vertices, mesh->n_triangles, mesh->normals != NULL, error);
+  if (!copy) return NULL;
+  memcpy(copy->origin, mesh->origin, sizeof copy->origin);
+  memcpy(copy->positions, mesh->positions, mesh->n_vertices * sizeof *copy->positions);
+  memcpy(copy->triangles, mesh->triangles, mesh->n_triangles * sizeof *copy->triangles);
+  if (mesh->normals) memcpy(copy->normals, mesh->normals, mesh->n_vertices * sizeof *copy->normals);
+  if (mesh->normals || tc_mesh_add_normals(copy, NULL, NULL, error)) return copy;
+  tc_mesh_free(copy);
+  return NULL;
+}
+
 static tc_mesh *make_mesh(const tc_surfaces_wish *wish, const tc_mesh_source *of, const tc_mesh_options *options,
                           GError **error) {
   switch (of->kind) {
   case TC_SURFACE_OF_VALUE: return tc_mesh_extract(wish->volume, of->iso, options, error);
   case TC_SURFACE_OF_PLANE: return tc_mesh_of_plane(wish->volume, of->plane, error);
   case TC_SURFACE_OF_LABEL: return tc_mesh_extract_label(wish->labels, of->label, options, error);
-  case TC_SURFACE_OF_MESH:
+  case TC_SURFACE_OF_MESH: return copy_of(of->mesh, options, error);
   case TC_SURFACE_SOURCE_COUNT: break;
   }
   return tc_mesh_new(0, 0, true, error);

@@ -243,7 +243,6 @@ static bool check_surfaces(const tc_scene *s, GError **error) {
       return invalid(error, pointer, "a label is wanted of labels.volume, and none is named there");
     if (of->source == TC_SURFACE_OF_LABEL && !tc_mode_has_labels(s->mode))
       return unsupported(error, pointer, "the surface of a label within this mode");
-    if (of->source == TC_SURFACE_OF_MESH) return unsupported(error, pointer, "a mesh of its own");
     if (of->source == TC_SURFACE_OF_PLANE && (!check_plane_of(s, of->plane, error) || !check_window(s, error))) return false;
   }
   return check_color(s, error);

@@ -8,6 +8,8 @@
 #include "protocol/protocol.h"
 #include "renderer/quality/cost.h"
 #include "renderer/quality/quality.h"
+#include "renderer/import/import.h"
+#include "renderer/mesh/measure.h"
 #include "renderer/tomocast.h"
 #include "server/cli/cli.h"
 #include "server/encode/encode.h"
@@ -28,6 +30,7 @@ typedef struct job {
   tc_renderer_options options;
   tc_image_format format;
   const char *output;
+  tc_mesh **meshes;                  /* of the scene's surfaces, by their places */
   tc_volume *volume, *labels, *body; /* body: the volume without tables, NULL where there are none */
   tc_scene scene;
   tc_fit fit;
@@ -170,6 +173,18 @@ static bool load_labels(job *j, GError **error) {
   return j->labels != NULL;
 }
 
+/* So is a mesh's. */
+static bool load_meshes(job *j, GError **error) {
+  const tc_scene *s = &j->scene;
+  j->meshes = g_new0(tc_mesh *, s->mesh.n_surfaces + 1);
+  for (size_t i = 0; i < s->mesh.n_surfaces; i++) {
+    if (s->mesh.surfaces[i].source != TC_SURFACE_OF_MESH) continue;
+    j->meshes[i] = tc_import_mesh(s->mesh.surfaces[i].mesh, NULL, NULL, error);
+    if (!j->meshes[i]) return false;
+  }
+  return true;
+}
+
 static bool make_renderer(job *j, GError **error) {
   GError *own = NULL;
   j->renderer = tc_renderer_new(&j->options, &own);
@@ -267,12 +282,12 @@ static void print_timing(const job *j) {
 
 static bool run(job *j, int argc, char **argv, GError **error) {
   if (!parse_arguments(j, argc, argv, error) || !check_arguments(j, error)) return false;
-  if (!load(j, error) || !make_scene(j, error) || !load_labels(j, error)) return false;
+  if (!load(j, error) || !make_scene(j, error) || !load_labels(j, error) || !load_meshes(j, error)) return false;
   leave_table(j);
   if (j->args.ray) return tc_labels_check(j->volume, j->labels, &j->scene, error) && print_ray(j, error);
   if (!make_renderer(j, error)) return false;
   if (!choose_sampling(j, error)) return false;
-  const tc_render_request request = {.labels = j->labels};
+  const tc_render_request request = {.labels = j->labels, .meshes = j->meshes};
   if (!tc_render(j->renderer, j->volume, &j->scene, &request, &j->frame, &j->plan, error)) return false;
   if (!encode(j, error) || !write_file(j, error)) return false;
   if (j->args.timing) print_timing(j);
@@ -289,6 +304,8 @@ static void finish(job *j) {
   g_free(j->args.ray);
   g_strfreev(j->args.set);
   g_strfreev(j->args.rest);
+  for (size_t i = 0; j->meshes && i < j->scene.mesh.n_surfaces; i++) tc_mesh_free(j->meshes[i]);
+  g_free(j->meshes);
   tc_scene_clear(&j->scene);
   tc_frame_finish(&j->frame);
   tcs_encoder_free(j->encoder);

@@ -75,6 +75,7 @@ static void render(tcs_request *request, const tcs_entry *entry, const tc_scene 
     job->meter_pixels = session->watchers->len ? 0 : tcs_meter_pixels(job);
   }
   if (labels) job->labels = tc_volume_ref(labels);
+  job->meshes = tcs_scene_meshes(job->server, scene);
   submit(request, job, NULL, finished_picture);
 }
 

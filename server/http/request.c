@@ -190,8 +190,8 @@ bool tcs_entry_visible(const tcs_request *request, tcs_kind kind, const char *id
   const char *only = request->caller.session;
   if (!only[0]) return true;
   const tcs_session *session = tcs_sessions_find(request->server->sessions, only);
-  return session && kind == TCS_KIND_VOLUME &&
-         (strcmp(session->entry->id, id) == 0 || strcmp(session->scene.labels.volume, id) == 0);
+  const tcs_entry *entry = tcs_catalogue_find(request->server->catalogue, kind, id);
+  return session && entry && tcs_session_shows(session, entry);
 }
 
 static void refuse_member(tcs_request *request, const char *name, const char *what) {

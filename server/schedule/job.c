@@ -1,5 +1,6 @@
 #include "server/schedule/job.h"
 
+#include "renderer/mesh/measure.h"
 #include "server/memory/budget.h"
 
 uint64_t tcs_frame_bytes(const tc_frame *frame) {
@@ -20,6 +21,8 @@ tcs_job *tcs_job_new(tcs_server *server, tc_volume *volume, const tc_scene *scen
 void tcs_job_free(tcs_job *job) {
   tc_volume_unref(job->volume);
   tc_volume_unref(job->labels);
+  for (size_t i = 0; i < job->scene.mesh.n_surfaces && job->meshes; i++) tc_mesh_free(job->meshes[i]);
+  g_free(job->meshes);
   tc_scene_clear(&job->scene);
   tcs_budget_give(job->server->budget, TCS_MEMORY_FRAMES, job->memory);
   tc_frame_finish(&job->frame);

@@ -28,6 +28,7 @@ struct tcs_job {
   bool plan_only;                 /* a plan instead of a picture */
   tc_volume *volume;              /* owned reference */
   tc_volume *labels;              /* owned reference, or NULL */
+  struct tc_mesh **meshes;        /* [scene.mesh.n_surfaces] owned references, or NULLs; NULL: none */
   tc_scene scene;                 /* owned copy */
   int width, height;              /* 0 = the scene's */
   tcs_class class;

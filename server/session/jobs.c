@@ -151,6 +151,7 @@ static tcs_job *begin_job(tcs_session *session, tcs_view *view, tcs_class class,
   job->bridged = tc_volume_provenance(session->entry->volume)->bridged;
   make_of_size(session, view, &job->scene);
   if (session->labels) job->labels = tc_volume_ref(tcs_session_labels(session));
+  job->meshes = tcs_scene_meshes(session->server, &job->scene);
   job->class = class;
   job->paused = goes_on;
   job->rendered = rendered;

@@ -28,6 +28,34 @@ static bool doubts_labels(const tc_scene *scene, const tc_scene *valid, const cJ
          !cJSON_IsTrue(cJSON_GetObjectItemCaseSensitive(labels, "force"));
 }
 
+static bool check_meshes(tcs_server *server, const tc_scene *scene, GError **error) {
+  for (size_t i = 0; i < scene->mesh.n_surfaces; i++) {
+    const tc_mesh_surface *s = &scene->mesh.surfaces[i];
+    char pointer[40];
+    g_snprintf(pointer, sizeof pointer, "/mesh/surfaces/%zu/mesh", i);
+    GError *why = NULL;
+    if (s->source != TC_SURFACE_OF_MESH || tcs_catalogue_resident(server->catalogue, TCS_KIND_MESH, s->mesh, NULL, &why))
+      continue;
+    tc_set_error(error, TC_ERROR_INVALID, pointer, "%s: %s", pointer + 1, why->message);
+    g_error_free(why);
+    return false;
+  }
+  return true;
+}
+
+tc_mesh **tcs_scene_meshes(tcs_server *server, const tc_scene *scene) {
+  tc_mesh **meshes = NULL;
+  for (size_t i = 0; i < scene->mesh.n_surfaces; i++) {
+    const tc_mesh_surface *s = &scene->mesh.surfaces[i];
+    const tcs_entry *entry =
+        s->source == TC_SURFACE_OF_MESH ? tcs_catalogue_find(server->catalogue, TCS_KIND_MESH, s->mesh) : NULL;
+    if (!entry || !entry->mesh) continue;
+    if (!meshes) meshes = g_new0(tc_mesh *, scene->mesh.n_surfaces);
+    meshes[i] = tc_mesh_ref(entry->mesh);
+  }
+  return meshes;
+}
+
 bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, const tc_scene *valid,
                      const cJSON *patch, tc_volume **labels, GError **error) {
   const tcs_limits *limits = &server->config->limits;
@@ -62,7 +90,7 @@ bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene
     *labels = entry->volume;
   }
   const tcs_samples_limits most = {(double)limits->render_samples, (double)limits->ray_samples};
-  return tc_plan_check(volume, scene, scene->image.width, scene->image.height, valid, error) &&
+  return check_meshes(server, scene, error) && tc_plan_check(volume, scene, scene->image.width, scene->image.height, valid, error) &&
          tc_labels_check(volume, *labels, scene, error) &&
          (!*labels || !doubts_labels(scene, valid, patch) || tcs_labels_check(volume, *labels, error)) &&
          ((valid && same_samples(scene, valid)) || tcs_samples_check(volume, scene, &most, error));

@@ -11,6 +11,9 @@ static inline bool tcs_scene_is_long(const tc_scene *scene) {
   return scene->transfer_function.count + scene->labels.n_colors + scene->labels.n_visible > 500;
 }
 
+/* The meshes of its surfaces, as tcs_job has them: references to what is resident. NULL: it has none. */
+tc_mesh **tcs_scene_meshes(tcs_server *server, const tc_scene *scene);
+
 /* Checks a scene against the limits and what the renderer can do, and finds its label volume (NULL when it has none;
  * the catalogue's). valid: as in tc_plan_check(). patch: that made it, or NULL; a volume of labels that it brings must look
  * like one (labels.h), unless labels.force insists. */

@@ -8,12 +8,37 @@ static void set_labels(tcs_session *session, tcs_entry *labels) {
   session->labels = labels;
 }
 
+static void unpin_mesh(void *entry) { ((tcs_entry *)entry)->users--; }
+
+static void pin_meshes(tcs_session *session) {
+  const tc_scene *scene = &session->scene;
+  GPtrArray *meshes = g_ptr_array_new_with_free_func(unpin_mesh);
+  for (size_t i = 0; i < scene->mesh.n_surfaces; i++) {
+    const tc_mesh_surface *s = &scene->mesh.surfaces[i];
+    tcs_entry *entry =
+        s->source == TC_SURFACE_OF_MESH ? tcs_catalogue_find(session->server->catalogue, TCS_KIND_MESH, s->mesh) : NULL;
+    if (!entry || g_ptr_array_find(meshes, entry, NULL)) continue;
+    entry->users++;
+    g_ptr_array_add(meshes, entry);
+  }
+  if (session->meshes) g_ptr_array_unref(session->meshes);
+  session->meshes = meshes;
+}
+
 void tcs_session_pin(tcs_session *session) {
   const char *id = session->scene.labels.volume;
   set_labels(session, *id ? tcs_catalogue_find(session->server->catalogue, TCS_KIND_VOLUME, id) : NULL);
+  pin_meshes(session);
 }
 
-void tcs_session_unpin(tcs_session *session) { set_labels(session, NULL); }
+void tcs_session_unpin(tcs_session *session) {
+  set_labels(session, NULL);
+  g_clear_pointer(&session->meshes, g_ptr_array_unref);
+}
+
+bool tcs_session_shows(const tcs_session *session, const tcs_entry *entry) {
+  return session->entry == entry || session->labels == entry || g_ptr_array_find(session->meshes, entry, NULL);
+}
 
 double tcs_session_samples(tcs_session *session, tcs_view *view) {
   const tc_scene *scene = &session->scene;

@@ -42,6 +42,7 @@ struct tcs_session {
   char owner[TCS_NAME_SIZE]; /* of the token that made it; "" where there are none */
   tcs_entry *entry; /* counted in entry->users */
   tcs_entry *labels; /* of the scene's label volume, or NULL; counted too, unless it is `entry` itself */
+  GPtrArray *meshes; /* tcs_entry, of its surfaces: each once, and counted */
   tc_scene scene, defaults;
   tc_scene draft;    /* the scene with the patches of this turn on it, where `drafted`: becomes the scene all at once */
   bool drafted;
@@ -78,6 +79,8 @@ void tcs_session_wake(tcs_session *session);
 tc_volume *tcs_session_labels(const tcs_session *session);
 /* After session->scene was set or changed: its label volume cannot be deleted any more, the one before can. */
 void tcs_session_pin(tcs_session *session);
+/* Whether an entry is its volume, its labels or one of its meshes. */
+bool tcs_session_shows(const tcs_session *session, const tcs_entry *entry);
 void tcs_session_unpin(tcs_session *session);
 
 #endif

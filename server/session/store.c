@@ -122,7 +122,7 @@ void tcs_session_end(tcs_session *session) {
 void tcs_sessions_end_of(tcs_sessions *sessions, const tcs_entry *entry) {
   for (guint i = sessions->order->len; i-- > 0;) {
     tcs_session *session = g_ptr_array_index(sessions->order, i);
-    if (session->entry == entry || session->labels == entry) tcs_session_end(session);
+    if (tcs_session_shows(session, entry)) tcs_session_end(session);
   }
 }
 
