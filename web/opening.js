@@ -4,7 +4,7 @@ import { linked } from './access.js';
 import { readHash } from './address.js';
 import { fit, volumeBox } from './camera.js';
 import { nameOf } from './local_names.js';
-import { formatBytes, uploadId } from './volumes.js';
+import { formatBytes, isMesh, uploadId } from './volumes.js';
 import { droppedFiles, zip } from './zip.js';
 
 const KEPT_SCENE = 'tomocast.scene'; // sessionStorage: survives a reload of this tab, nothing else
@@ -102,14 +102,20 @@ export class Opening {
     }
   }
 
-  /** One file as it is; several as a zip of DICOM files. */
+  /** One file as it is; several as a zip of DICOM files; meshes onto the volume that is shown. */
   async upload(files) {
     if (!files.length) return;
+    const meshes = files.every(isMesh);
+    if (meshes && !this.#store.scene) return this.#on.toast('Open a volume first: a mesh is shown in its space.');
     const stop = new AbortController();
     const name = nameOf(files);
     this.#get('loading-cancel').hidden = false;
     this.#get('loading-cancel').onclick = () => stop.abort();
     try {
+      if (meshes) {
+        for (const file of files) await this.#addMesh(file, stop.signal);
+        return;
+      }
       const body =
         files.length === 1
           ? files[0]
@@ -164,13 +170,21 @@ export class Opening {
     return true;
   }
 
-  async #send(body, name, signal) {
-    const taken = new Set((await this.#volumes.list()).map(({ id }) => id));
-    const id = uploadId(taken);
+  async #addMesh(file, signal) {
+    const id = await this.#send(file, file.name, signal, 'meshes');
+    await this.#volumes.wait(id, (fraction) => this.#progress('Reading the mesh', fraction), signal, null, 'meshes');
+    this.#store.patch({
+      mode: 'mesh',
+      mesh: { surfaces: [...(this.#store.scene.mesh?.surfaces ?? []), { mesh: id }] },
+    });
+  }
+
+  async #send(body, name, signal, kind = 'volumes') {
+    const id = uploadId(await this.#volumes.taken(kind));
     this.#names.set(id, name);
     const words = `Uploading ${formatBytes(body.size)}`;
     this.#progress(words, 0);
-    const transfer = this.#volumes.upload(id, body, (fraction) => this.#progress(words, fraction));
+    const transfer = this.#volumes.upload(id, body, (fraction) => this.#progress(words, fraction), kind);
     signal.addEventListener('abort', transfer.cancel);
     await transfer.done;
     return id;

@@ -6,6 +6,9 @@ import { lengthsText } from './units.js';
 const POLL_MS = 400;
 const SUFFIXES = ['.nii', '.hdr', '.nrrd', '.nhdr', '.mha', '.mhd', '.mgh', '.mgz', '.zip', '.dcm', '.vmd'].flatMap((end) => [`${end}.gz`, `${end}.bz2`, end]);
 
+const MESH = /\.(obj|ply|stl)(\.gz|\.bz2)?$/i;
+export const isMesh = ({ name }) => MESH.test(name);
+
 /** One list out of the reply of GET /v1/volumes, resident first. Available files have a path and the id to load as. */
 export function volumeList({ volumes = [], available = [] }) {
   const known = new Set(volumes.map(({ id }) => id));
@@ -81,8 +84,14 @@ export class Volumes {
     return volumeList(await this.#api.json('GET', 'v1/volumes'));
   }
 
-  get(id) {
-    return this.#api.json('GET', `v1/volumes/${encodeURIComponent(id)}`);
+  /** Ids that a new one must not be. kind: 'volumes', or 'meshes', which are named in the same list of names. */
+  async taken(kind) {
+    const { meshes } = kind === 'meshes' ? await this.#api.json('GET', 'v1/meshes') : { meshes: [] };
+    return new Set([...(await this.list()), ...meshes].map(({ id }) => id));
+  }
+
+  get(id, kind = 'volumes') {
+    return this.#api.json('GET', `v1/${kind}/${encodeURIComponent(id)}`);
   }
 
   histogram(id, bins = 192) {
@@ -99,7 +108,10 @@ export class Volumes {
       made.catch(() => this.#thumbnails.delete(key));
       this.#thumbnails.set(key, made);
     }
-    this.#thumbnails.get(key).then((url) => (picture.src = url), () => (picture.hidden = true));
+    this.#thumbnails.get(key).then(
+      (url) => (picture.src = url),
+      () => (picture.hidden = true),
+    );
     return picture;
   }
 
@@ -115,10 +127,10 @@ export class Volumes {
     return this.wait(id, onProgress, signal, volume);
   }
 
-  async wait(id, onProgress, signal, volume = null) {
+  async wait(id, onProgress, signal, volume = null, kind = 'volumes') {
     for (;;) {
-      volume ??= await this.get(id);
-      if (!volume.state || volume.state === 'resident') return volume.dims ? volume : this.get(id);
+      volume ??= await this.get(id, kind);
+      if (!volume.state || volume.state === 'resident') return volume.dims ? volume : this.get(id, kind);
       if (volume.state === 'failed') throw new Problem(422, { detail: `${id}: ${volume.reason ?? 'loading failed'}` });
       onProgress(volume.fraction);
       await new Promise((resolve) => setTimeout(resolve, POLL_MS));
@@ -127,8 +139,8 @@ export class Volumes {
     }
   }
 
-  upload(id, file, onProgress) {
-    return this.#api.upload(`v1/volumes/${encodeURIComponent(id)}`, file, onProgress);
+  upload(id, file, onProgress, kind = 'volumes') {
+    return this.#api.upload(`v1/${kind}/${encodeURIComponent(id)}`, file, onProgress);
   }
 
   remove(id) {
@@ -232,7 +244,10 @@ export class VolumeDialog {
 
   #removable({ id }, button) {
     const row = Object.assign(document.createElement('div'), { className: 'volume-row' });
-    const remove = Object.assign(document.createElement('button'), { textContent: 'Remove', ariaLabel: `Remove ${id}` });
+    const remove = Object.assign(document.createElement('button'), {
+      textContent: 'Remove',
+      ariaLabel: `Remove ${id}`,
+    });
     remove.addEventListener('click', async () => {
       await this.#volumes.remove(id).catch(this.#on.problem);
       this.#filter.focus();

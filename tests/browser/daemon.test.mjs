@@ -107,6 +107,16 @@ describe('page and daemon', { skip }, () => {
     await page.close();
   });
 
+  test('a mesh that is chosen is uploaded and shown as a surface of the volume in view', async () => {
+    const page = await open(browser, `${daemon.url}#head`);
+    await page.setInputFiles('#upload', { name: 'ball.stl', mimeType: '', buffer: ballStl(12, 40, [0, 0, 0]) });
+    await page.waitForFunction(() => document.getElementById('mode').value === 'mesh', null, { timeout: 60000 });
+    const { meshes } = await (await fetch(`${daemon.url}v1/meshes`)).json();
+    assert.deepEqual(meshes.map(({ id, sessions }) => [id, sessions]), [['upload-1', 1]]);
+    assert.deepEqual(page.complaints, []);
+    await page.close();
+  });
+
   test('upload, and a refused upload', async () => {
     const { page } = await open(browser, url);
     await page.setInputFiles('#upload', { name: 'ball.nrrd', mimeType: '', buffer: smallNrrd() });

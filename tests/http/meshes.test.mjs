@@ -5,6 +5,7 @@ import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 import { ballNrrd, Daemon, problem, sleep } from '../support/daemon.mjs';
 import { ballStl } from '../support/mesh.mjs';
+import { readPng } from '../support/png.mjs';
 import { validate } from '../support/schema.mjs';
 
 let d;
@@ -87,4 +88,32 @@ test('meshes and volumes share one budget: what nobody shows goes, the oldest fi
   assert.equal((await small.get('/v1/volumes/b')).json.state, 'failed');
   assert.equal((await small.get('/v1/volumes/ball')).json.state, 'resident');
   await small.stop();
+});
+
+const pixels = (bytes) => {
+  const { width, height, at } = readPng(bytes);
+  return Array.from({ length: width * height }, (_, i) => at(i % width, Math.floor(i / width)));
+};
+const surfaces = (...list) => ({ mode: 'mesh', mesh: { surfaces: list }, image: { width: 64, height: 64, format: 'png', background: [0, 0, 0] } });
+
+test('a session shows a mesh in its volume\'s space; what it shows is neither dropped nor deleted', async () => {
+  await upload('shown', ballStl(10));
+  assert.equal((await settled('shown')).state, 'resident');
+  const session = (await d.post('/v1/sessions', { volume: 'ball' })).json;
+  const patch = (scene) => d.call('PATCH', `/v1/sessions/${session.id}/scene`, { body: JSON.stringify(scene), type: 'application/merge-patch+json' });
+  problem(await patch(surfaces({ mesh: 'nobody' })), 422, '/mesh/surfaces/0/mesh');
+  assert.equal((await patch(surfaces({ mesh: 'shown', color: [1, 0, 0] }))).status, 200);
+  const red = pixels((await d.get(`/v1/sessions/${session.id}/frame`)).bytes);
+  const lit = red.filter(([r, g, b]) => r > 40 && r > 2 * g && r > 2 * b).length;
+  assert.ok(lit > 64 * 64 * 0.03 && lit < 64 * 64 * 0.5, `${lit} red pixels`);
+  assert.equal(red.filter(([r, g, b]) => r <= 40 && (g > 40 || b > 40)).length, 0);
+  const once = await d.post('/v1/render', { volume: 'ball', format: 'png', scene: surfaces({ mesh: 'shown', color: [1, 0, 0] }) });
+  assert.ok(pixels(once.bytes).filter(([r]) => r > 40).length > 0);
+  assert.equal((await d.get('/v1/meshes/shown')).json.sessions, 1);
+  problem(await d.delete('/v1/meshes/shown'), 409);
+  assert.equal((await patch({ mesh: { surfaces: null } })).status, 200);
+  assert.equal((await d.get('/v1/meshes/shown')).json.sessions, 0);
+  await patch(surfaces({ mesh: 'shown' }));
+  assert.equal((await d.delete('/v1/meshes/shown?force=true')).status, 204);
+  problem(await d.get(`/v1/sessions/${session.id}`), 404); // it ended with its mesh
 });
