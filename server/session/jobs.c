@@ -8,6 +8,7 @@
 #include "server/session/measure.h"
 #include "server/session/quality.h"
 #include "server/session/samples.h"
+#include "server/session/scene.h"
 
 /* The longer side of an interactive frame, at least, unless its scene is smaller. */
 #define LEAST_SIDE 48.0

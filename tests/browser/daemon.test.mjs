@@ -8,6 +8,7 @@ import { after, before, describe, test } from 'node:test';
 
 import { browserMissing, launch } from './chromium.mjs';
 import { daemonMissing, smallNrrd, startDaemon } from './daemon.mjs';
+import { ballStl } from '../support/mesh.mjs';
 import { difference, settled, spread, stageData } from './picture.mjs';
 import { EVERYWHERE, open, scene } from './scenarios.mjs';
 
@@ -108,7 +109,7 @@ describe('page and daemon', { skip }, () => {
   });
 
   test('a mesh that is chosen is uploaded and shown as a surface of the volume in view', async () => {
-    const page = await open(browser, `${daemon.url}#head`);
+    const { page } = await open(browser, url);
     await page.setInputFiles('#upload', { name: 'ball.stl', mimeType: '', buffer: ballStl(12, 40, [0, 0, 0]) });
     await page.waitForFunction(() => document.getElementById('mode').value === 'mesh', null, { timeout: 60000 });
     const { meshes } = await (await fetch(`${daemon.url}v1/meshes`)).json();
