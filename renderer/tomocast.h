@@ -29,7 +29,7 @@ typedef enum tc_table_builder { TC_TABLES_AUTO, TC_TABLES_CPU, TC_TABLES_GL } tc
 typedef struct tc_renderer_options {
   tc_backend backend;
   int threads;          /* CPU workers; 0 = one per online core */
-  const char *isa;      /* "scalar" "avx2" "avx512"; NULL = the best this machine has */
+  const char *isa;      /* "scalar" "avx2" "avx512-gather" "avx512"; NULL = the fastest here (raycast/cpu/isa.h) */
   uint64_t cache_bytes; /* budget of tables and other shared resources; 0 = 256 MiB */
   tc_table_builder tables; /* for tests and measurements */
 } tc_renderer_options;
@@ -38,7 +38,7 @@ typedef struct tc_renderer_info {
   const char *backend; /* "cpu" or "gl" */
   const char *why;     /* one sentence: why this one */
   const char *device;  /* CPU model or GL renderer string */
-  const char *isa;     /* SIMD level of the cpu back end */
+  const char *isa;     /* SIMD level of the cpu back end, with the variant of its kernels */
   int threads;
 } tc_renderer_info;
 

@@ -59,7 +59,7 @@ tc_renderer *tc_renderer_new(const tc_renderer_options *options, GError **error)
   r->info = (tc_renderer_info){.backend = r->ops->name,
                                .why = r->why,
                                .device = r->ops->device(r->instance),
-                               .isa = r->ops->isa(r->instance),
+                               .isa = r->ops == &tc_cpu_backend ? r->ops->kernel_suffix(r->instance) : r->ops->isa(r->instance),
                                .threads = tc_pool_threads(r->pool)};
   return r;
 }

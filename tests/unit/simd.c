@@ -103,6 +103,12 @@ static bool same(float x, float y) {
     int32_t a = i.i[k], b = j.i[k], wanted = meaning, got = of_vi(name(to_vi(&i), to_vi(&j))).i[k];                   \
     if (got != wanted) FAIL(#name, k, a, b, 0, got, wanted);                                                          \
   }
+#define ORDER(name, meaning)                                                                                          \
+  for (int k = 0; k < V_LANES; k++) {                                                                                 \
+    int32_t a = i.i[k], b = j.i[k];                                                                                   \
+    bool wanted = meaning;                                                                                            \
+    if (of_vm(name(to_vi(&i), to_vi(&j))).f[k] != (float)wanted) FAIL(#name, k, a, b, 0, !wanted, wanted);            \
+  }
 #define SHIFT_BY(name, meaning, by)                                                                                   \
   for (int k = 0; k < V_LANES; k++) {                                                                                 \
     enum { n = by };                                                                                                  \
@@ -122,6 +128,7 @@ static void rows_mean_the_same_in_every_lane(void **unused) {
     SIMD_MASK(MASK)
     SIMD_INTEGER(INTEGER)
     SIMD_SHIFT(SHIFT)
+    SIMD_ORDER(ORDER)
     const vf a = v_load(x.f), b = v_load(y.f);
 #define OPERATOR(op)                                                                                                  \
   for (int k = 0; k < V_LANES; k++)                                                                                   \
@@ -204,6 +211,45 @@ static void voxels_are_read_exactly(void **unused) {
   free(memory);
 }
 
+#ifdef V_NEAR
+#define V_BIAS_F32 0
+/* In memory that holds nothing beside: 4x4x4 voxels, rows and slices of random lengths between. */
+static void neighbourhoods_hold_their_voxels(void **unused) {
+#define NEAR(name, NAME, type)                                                                                        \
+  for (int round = 0; round < ROUNDS / 8; round++) {                                                                  \
+    const int row = 4 + (int)(draw() % 9), slice = 3 * row + 4 + (int)(draw() % 30), count = 3 * slice + 3 * row + 4; \
+    type *memory = malloc((size_t)count * sizeof *memory);                                                            \
+    for (int k = 0; k < count; k++) memory[k] = (type)(int)draw();                                                    \
+    const v_near_##name n = v_near_load_##name(memory, row, slice);                                                   \
+    lanes at;                                                                                                         \
+    for (int k = 0; k < V_LANES; k++) at.i[k] = round % 2 ? (int)(draw() % 63) : 62 - k;                              \
+    vf a, b;                                                                                                          \
+    v_near_pair_##name(&n, to_vi(&at), &a, &b);                                                                       \
+    lanes first = of_vf(a - v_set(V_BIAS_##NAME)), second = of_vf(b - v_set(V_BIAS_##NAME));                          \
+    for (int k = 0; k < V_LANES; k++) {                                                                               \
+      for (int pair = 0; pair < 2; pair++) {                                                                          \
+        int e = at.i[k] + pair;                                                                                       \
+        float wanted = (float)memory[e % 4 + e / 4 % 4 * row + e / 16 * slice], got = pair ? second.f[k] : first.f[k]; \
+        if (!same(got, wanted)) FAIL("v_near_pair_" #name, k, at.i[k], pair, 0, got, wanted);                         \
+      }                                                                                                               \
+    }                                                                                                                 \
+    free(memory);                                                                                                     \
+  }
+  NEAR(u8, U8, uint8_t)
+  NEAR(i8, I8, int8_t)
+  NEAR(u16, U16, uint16_t)
+  NEAR(i16, I16, int16_t)
+  NEAR(f32, F32, float)
+}
+#else
+static void neighbourhoods_hold_their_voxels(void **unused) {}
+#endif
+
+static void prefetching_reads_nothing(void **unused) {
+  lanes off = ints();
+  v_prefetch(NULL, to_vi(&off), 4);
+}
+
 static void bilinear_is_exact_at_entries_and_near_between(void **unused) {
   enum { ENTRIES = 64 };
   float *table = malloc(ENTRIES * 4 * sizeof *table);
@@ -233,7 +279,8 @@ static void bilinear_is_exact_at_entries_and_near_between(void **unused) {
 __attribute__((noinline)) static int run(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(rows_mean_the_same_in_every_lane), cmocka_unit_test(lanes_convert_and_reduce),
-      cmocka_unit_test(voxels_are_read_exactly), cmocka_unit_test(bilinear_is_exact_at_entries_and_near_between)};
+      cmocka_unit_test(voxels_are_read_exactly), cmocka_unit_test(bilinear_is_exact_at_entries_and_near_between),
+      cmocka_unit_test(neighbourhoods_hold_their_voxels), cmocka_unit_test(prefetching_reads_nothing)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
 

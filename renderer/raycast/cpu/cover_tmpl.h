@@ -16,7 +16,7 @@ V_INLINE runs start_runs(const tc_cpu_args *args, variant v, const packet *p, co
                 .next_word = args->cover.cells[0],
                 .words = args->cover.words,
                 .start = v_fma(v_set((float)args->cover.near_mm), steps_per_mm,
-                               v_set(0) - begin * v_set(args->rays.inverse_step)),
+                               p->delay - begin * v_set(args->rays.inverse_step)),
                 .steps = v_set((float)args->cover.slot_mm) * steps_per_mm};
 }
 

@@ -7,21 +7,16 @@
 
 #include "renderer/frame/backend.h"
 #include "renderer/frame/frame.h"
+#include "renderer/raycast/cpu/isa.h"
 #include "renderer/raycast/cpu/within.h"
 
 #define TILE 32    /* side of a unit of work in pixels, unless it would take longer than UNIT_MS */
 #define SMALLEST 4 /* a packet */
 #define UNIT_MS 5
 
-typedef struct cpu_isa {
-  const char *name;
-  tc_cpu_kernel (*find)(const tc_plan_key *key), (*find_surface)(const tc_plan_key *key);
-  double sample_ns; /* rough time per sample as tc_estimate_samples() counts them */
-} cpu_isa;
-
 typedef struct cpu_backend {
   tc_pool *pool;
-  const cpu_isa *isa;
+  const tc_cpu_isa *isa;
   tc_cover cover;
   char device[80];
 } cpu_backend;
@@ -40,33 +35,6 @@ typedef struct cpu_frame {
   struct { tc_cpu_counts counts; char pad[32]; } *workers; /* a cache line each */
 } cpu_frame;
 
-static const cpu_isa isas[] = {{"scalar", tc_kernel_scalar, tc_surface_kernel_scalar, 20},
-                               {"avx2", tc_kernel_avx2, tc_surface_kernel_avx2, 5},
-                               {"avx512", tc_kernel_avx512, tc_surface_kernel_avx512, 3}};
-enum { N_ISAS = sizeof isas / sizeof *isas };
-
-static bool isa_runs(int i) {
-  __builtin_cpu_init();
-  bool avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
-  bool avx512 = avx2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-                __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
-  return i == 0 || (i == 1 && avx2) || (i == 2 && avx512);
-}
-
-static const cpu_isa *choose_isa(const char *wanted, GError **error) {
-  for (int i = N_ISAS - 1; i >= 0; i--) {
-    if (wanted && strcmp(wanted, isas[i].name)) continue;
-    if (isa_runs(i)) return &isas[i];
-    if (wanted) {
-      tc_set_error(error, TC_ERROR_INVALID, NULL, "this processor has no %s: choose another or none", wanted);
-      return NULL;
-    }
-  }
-  tc_set_error(error, TC_ERROR_INVALID, NULL, "instruction set \"%s\" is unknown: scalar, avx2 or avx512 wanted",
-               wanted);
-  return NULL;
-}
-
 static void read_model(char *text, size_t size) {
   snprintf(text, size, "x86-64 processor");
   FILE *f = fopen("/proc/cpuinfo", "r");
@@ -82,7 +50,7 @@ static void read_model(char *text, size_t size) {
 }
 
 static void *cpu_create(const tc_renderer_options *options, tc_pool *pool, GError **error) {
-  const cpu_isa *isa = choose_isa(options->isa, error);
+  const tc_cpu_isa *isa = tc_cpu_isa_choose(options->isa, error);
   if (!isa) return NULL;
   cpu_backend *b = calloc(1, sizeof *b);
   if (!b) {
@@ -100,7 +68,8 @@ static void cpu_destroy(void *instance) {
   free(instance);
 }
 static const char *cpu_device(void *instance) { return ((cpu_backend *)instance)->device; }
-static const char *cpu_isa_name(void *instance) { return ((cpu_backend *)instance)->isa->name; }
+static const char *cpu_instructions(void *instance) { return ((cpu_backend *)instance)->isa->instructions; }
+static const char *cpu_variant(void *instance) { return ((cpu_backend *)instance)->isa->name; }
 static void cpu_forget(void *instance, uint64_t volume_serial) {}
 
 static tc_cpu_grid grid_of(const tc_volume *volume) {
@@ -304,7 +273,7 @@ static bool cpu_render(void *instance, const tc_job *job, GError **error) {
   cpu_backend *b = instance;
   const bool surface = job->key.mode == TC_MODE_ISOSURFACE;
   cpu_frame f = {.job = job, .kernel = (surface ? b->isa->find_surface : b->isa->find)(&job->key)};
-  if (job->spans) f.kernel = tc_within_kernel(b->isa->name, &job->key);
+  if (job->spans) f.kernel = tc_within_kernel(b->isa->instructions, &job->key);
   if (!f.kernel) {
     char name[64];
     tc_plan_key_name(&job->key, name, sizeof name);
@@ -321,6 +290,7 @@ static bool cpu_render(void *instance, const tc_job *job, GError **error) {
   }
   for (int i = 0; i < tc_pool_threads(b->pool); i++) f.workers[i].counts.until_poll = TC_CPU_POLL_STEPS;
   fill_args(&f.cast.args, job);
+  f.cast.args.near = b->isa->near;
   f.cast.spans = job->spans, f.cast.width = job->frame->width, f.cast.height = job->frame->height;
   if (job->have.boxes && !fill_cover(b, job, &f.cast.args, error)) {
     free(f.workers);
@@ -340,7 +310,7 @@ const tc_backend_ops tc_cpu_backend = {.name = "cpu",
                                        .create = cpu_create,
                                        .destroy = cpu_destroy,
                                        .device = cpu_device,
-                                       .isa = cpu_isa_name,
+                                       .isa = cpu_instructions,
                                        .render = cpu_render,
                                        .forget = cpu_forget,
-                                       .kernel_suffix = cpu_isa_name};
+                                       .kernel_suffix = cpu_variant};

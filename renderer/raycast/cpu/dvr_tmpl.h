@@ -57,6 +57,7 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
   if (v.shaded) light = start_lighting(args, v, at);
   counts->rays += (uint64_t)m_count(live);
   if (phased(v)) p.lag = lag_of(args, v, at);
+  const march m = start_march(args, v, &p);
   if (v.leap) r = start_runs(args, v, &p, at);
   for (int i = 0; keep_marching(args, live, counts, i); i++) {
     vf t0 = sample_mm(args, v, &p, i), t1 = sample_mm(args, v, &p, i + 1);
@@ -77,26 +78,31 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
       }
     }
     if (fresh) {
-      front = sample_node(args, v, &p, t0, at_front);
+      front = first_node(args, v, &p, t0, at_front);
       counts->samples += (uint64_t)m_count(live);
       fresh = ahead = false;
     }
-    if (!ahead) back = sample_node(args, v, &p, v_min(t1, p.length), at_back);
-    counts->samples += (uint64_t)m_count(live);
+    if (!ahead) back = first_node(args, v, &p, v_min(t1, p.length), at_back);
+    const vm active = (float)i < p.most_delay ? m_and(live, v_le(v_set(0), t0)) : live;
+    counts->samples += (uint64_t)m_count(active);
     /* The next sample is taken before this segment's look-up, so that the two chains of loads overlap: a third less
      * time per sample. */
     vf next = front;
     ahead = !v.leap || i + 1 < run_end;
-    if (ahead) next = sample_node(args, v, &p, v_min(sample_mm(args, v, &p, i + 2), p.length), at_next);
-    if (v.leap && v.classification != TC_PREINTEGRATED2 && all_zero(args, front, back, live)) {
+    if (ahead) {
+      vf t2 = sample_mm(args, v, &p, i + 2);
+      vm needs = m_and(live, m_and(v_lt(t1, p.length), v_le(v_set(0), t2)));
+      next = march_node(args, v, &p, &m, i + 2, v_min(t2, p.length), needs, at_next);
+    }
+    if (v.leap && v.classification != TC_PREINTEGRATED2 && all_zero(args, front, back, active)) {
       live = m_and(live, v_lt(t1, p.length));
       front = back, back = next;
       if (cell) shift_slopes(slopes);
       continue;
     }
-    const ray_segment s = {i, t0, t1, front, back, live, at_front, at_back};
+    const ray_segment s = {i, t0, t1, front, back, active, at_front, at_back};
     vf4 c = draw_segment(args, v, &p, &light, &s, counts);
-    vf weight = v_select(live, clear, v_set(0));
+    vf weight = v_select(active, clear, v_set(0));
     sum.r = v_fma(weight, c.r, sum.r);
     sum.g = v_fma(weight, c.g, sum.g);
     sum.b = v_fma(weight, c.b, sum.b);

@@ -45,29 +45,47 @@ V_INLINE float bias_of(int type) {
 /* The voxel value (not rescaled) at mm t along the rays by the filters nearest and cubic: filter_tmpl.h. */
 V_INLINE vf sample_filtered(const tc_cpu_args *args, variant v, const packet *p, vf t);
 
-/* The same by any filter. gradient, unless NULL, receives the exact derivative of the trilinear field over index
- * coordinates, from the cell's eight corners; meaningless along an axis of one voxel. */
-V_INLINE vf sample_field(const tc_cpu_args *args, variant v, const packet *p, vf t, vf *gradient) {
-  if (v.filter != TC_FILTER_LINEAR && !gradient) return sample_filtered(args, v, p, t);
-  vf f[3];
+/* Positions of a sample: the cell it lies in and where in the cell, each over index coordinates. */
+typedef struct spot {
   vi cell[3];
+  vf f[3];
+} spot;
+
+/* The eight voxels around it, pairs along x at (y, z) = (0, 0), (1, 0), (0, 1), (1, 1), each plus bias_of() its type. */
+typedef struct corners { vf a[4], b[4]; } corners;
+
+V_INLINE spot spot_at(const tc_cpu_args *args, const packet *p, vf t) {
+  spot s;
+#pragma GCC unroll 3
   for (int k = 0; k < 3; k++) {
     vf q = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(args->grid.last[k]));
-    cell[k] = v_mini(v_trunc(q), v_seti(args->grid.cell_last[k]));
-    f[k] = q - v_float(cell[k]);
+    s.cell[k] = v_mini(v_trunc(q), v_seti(args->grid.cell_last[k]));
+    s.f[k] = q - v_float(s.cell[k]);
   }
-  vi off = v_addi(cell[0], v_addi(v_muli(cell[1], v_seti(args->grid.row)), v_muli(cell[2], v_seti(args->grid.slice))));
+  return s;
+}
+
+V_INLINE vi cell_offset(const tc_cpu_args *args, const vi cell[3]) {
+  return v_addi(cell[0], v_addi(v_muli(cell[1], v_seti(args->grid.row)), v_muli(cell[2], v_seti(args->grid.slice))));
+}
+
+V_INLINE corners gather_corners(const tc_cpu_args *args, int type, vi off) {
+  corners c;
   vi off_y = v_addi(off, v_seti(args->grid.stride[1])), off_z = v_addi(off, v_seti(args->grid.stride[2]));
-  vi off_yz = v_addi(off_y, v_seti(args->grid.stride[2]));
-  vf a00, a10, a01, a11, b00, b10, b01, b11;
-  fetch_corner(v.type, args->grid.voxels, off, &a00, &b00);
-  fetch_corner(v.type, args->grid.voxels, off_y, &a10, &b10);
-  fetch_corner(v.type, args->grid.voxels, off_z, &a01, &b01);
-  fetch_corner(v.type, args->grid.voxels, off_yz, &a11, &b11);
+  fetch_corner(type, args->grid.voxels, off, &c.a[0], &c.b[0]);
+  fetch_corner(type, args->grid.voxels, off_y, &c.a[1], &c.b[1]);
+  fetch_corner(type, args->grid.voxels, off_z, &c.a[2], &c.b[2]);
+  fetch_corner(type, args->grid.voxels, v_addi(off_y, v_seti(args->grid.stride[2])), &c.a[3], &c.b[3]);
+  return c;
+}
+
+/* gradient, unless NULL, receives the exact derivative of the trilinear field over index coordinates, from the cell's
+ * eight corners; meaningless along an axis of one voxel. */
+V_INLINE vf interpolate(int type, const corners *c, const vf f[3], vf *gradient) {
   /* All relative to the first corner: a constant field is exact, and the bias of the corners cancels. */
-  vf d00 = b00 - a00, d10 = b10 - a10, d01 = b01 - a01, d11 = b11 - a11;
-  vf s00 = f[0] * d00, s10 = v_fma(f[0], d10, a10 - a00);
-  vf s01 = v_fma(f[0], d01, a01 - a00), s11 = v_fma(f[0], d11, a11 - a00);
+  vf a00 = c->a[0], d00 = c->b[0] - a00, d10 = c->b[1] - c->a[1], d01 = c->b[2] - c->a[2], d11 = c->b[3] - c->a[3];
+  vf s00 = f[0] * d00, s10 = v_fma(f[0], d10, c->a[1] - a00);
+  vf s01 = v_fma(f[0], d01, c->a[2] - a00), s11 = v_fma(f[0], d11, c->a[3] - a00);
   vf s0 = v_fma(f[1], s10 - s00, s00), s1 = v_fma(f[1], s11 - s01, s01);
   if (gradient) {
     vf x0 = v_fma(f[1], d10 - d00, d00), x1 = v_fma(f[1], d11 - d01, d01);
@@ -75,16 +93,28 @@ V_INLINE vf sample_field(const tc_cpu_args *args, variant v, const packet *p, vf
     gradient[1] = v_fma(f[2], (s11 - s01) - (s10 - s00), s10 - s00);
     gradient[2] = s1 - s0;
   }
-  if (v.filter != TC_FILTER_LINEAR) return sample_filtered(args, v, p, t);
-  return (a00 - v_set(bias_of(v.type))) + v_fma(f[2], s1 - s0, s0);
+  return (a00 - v_set(bias_of(type))) + v_fma(f[2], s1 - s0, s0);
+}
+
+/* The same by any filter. */
+V_INLINE vf sample_field(const tc_cpu_args *args, variant v, const packet *p, vf t, vf *gradient) {
+  if (v.filter != TC_FILTER_LINEAR && !gradient) return sample_filtered(args, v, p, t);
+  const spot s = spot_at(args, p, t);
+  const corners c = gather_corners(args, v.type, cell_offset(args, s.cell));
+  vf linear = interpolate(v.type, &c, s.f, gradient);
+  return v.filter == TC_FILTER_LINEAR ? linear : sample_filtered(args, v, p, t);
 }
 
 V_INLINE vf sample_voxel(const tc_cpu_args *args, variant v, const packet *p, vf t) {
   return sample_field(args, v, p, t, NULL);
 }
 
+V_INLINE vf node_of(const tc_cpu_args *args, vf voxel) {
+  vf node = (voxel - v_set(args->nodes.lo)) * v_set(args->nodes.scale);
+  return v_min(v_max(node, v_set(0)), v_set(args->nodes.last));
+}
+
 /* The same as a node of the table. */
 V_INLINE vf sample_node(const tc_cpu_args *args, variant v, const packet *p, vf t, vf *gradient) {
-  vf node = (sample_field(args, v, p, t, gradient) - v_set(args->nodes.lo)) * v_set(args->nodes.scale);
-  return v_min(v_max(node, v_set(0)), v_set(args->nodes.last));
+  return node_of(args, sample_field(args, v, p, t, gradient));
 }

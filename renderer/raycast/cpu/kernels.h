@@ -82,6 +82,7 @@ typedef struct tc_cpu_args {
   float *depth; /* [picture's height][width], mm from the eye to the isosurface; NULL unless the frame wants it */
   int width;
   tc_cpu_labels labels;
+  bool near; /* neighbourhoods in registers where they pay (neighbourhood_tmpl.h); else gathers alone */
   const tc_halt *halt; /* or NULL */
   tc_rays_single rays;
 } tc_cpu_args;

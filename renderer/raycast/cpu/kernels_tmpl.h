@@ -28,6 +28,8 @@
 
 #include "renderer/raycast/cpu/cover_tmpl.h"
 
+#include "renderer/raycast/cpu/neighbourhood_tmpl.h"
+
 #include "renderer/raycast/cpu/dvr_tmpl.h"
 
 #include "renderer/raycast/cpu/back_tmpl.h"

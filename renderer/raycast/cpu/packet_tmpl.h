@@ -35,6 +35,8 @@ typedef struct packet {
   vf start, length;    /* mm from the anchor to the entry; mm inside the volume, 0 for a ray that misses */
   vf forward;          /* mm of depth per mm of the ray (skip/cover.h) */
   vm live;
+  vf delay;         /* steps that a lane waits before its first sample; the most of them (neighbourhood_tmpl.h) */
+  float most_delay;
   vf lag; /* mm: samples lie at whole steps from the entry, less this; set in dvr with several rays or jitter */
 } packet;
 
@@ -103,6 +105,8 @@ V_INLINE packet start_packet(const tc_cpu_args *args, variant v, const place *at
   p.live = m_and(inside, v_lt(s0, s1));
   s0 = v_select(p.live, s0, v_set(0));
   p.start = s0;
+  p.delay = v_set(0);
+  p.most_delay = 0;
   p.forward = v_set(1);
   if (args->rays.perspective) p.forward = v_set((float)args->cover.view_depth) / norm;
   p.length = v_select(p.live, s1 - s0, v_set(0));

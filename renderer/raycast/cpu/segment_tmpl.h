@@ -46,7 +46,7 @@ typedef struct ray_segment {
  * a phase. */
 V_INLINE vf4 classify_part(const tc_cpu_args *args, variant v, const packet *p, const ray_segment *s, vf front,
                            vf back) {
-  vm ends = v_lt(p->length, s->t1);
+  vm ends = m_and(s->live, v_lt(p->length, s->t1));
   vf4 c = v.zoomed ? classify_zoomed(args, front, back, s->live) : classify(args, front, back);
   bool starts = phased(v) && s->i == 0;
   if (!starts && !m_any(ends)) return c;

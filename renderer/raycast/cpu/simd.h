@@ -27,12 +27,19 @@
  *   may read, but not use, 3 bytes further: volumes and maps have a tail pad.
  * - v_corner_T: the pair, each plus V_BIAS_T, exactly, for an instruction set where that is cheaper; field_tmpl.h
  *   has the default.
+ * - v_prefetch: asks for the cache lines of some lanes' elements off, of `size` bytes each; the addresses may be
+ *   outside of any memory.
+ * - Only where V_NEAR is defined, for an instruction set whose permutations are cheaper than gathers: v_near_T, a
+ *   neighbourhood of 4x4x4 voxels; v_near_load_T: the one whose least voxel is at p, with `row` and `slice` voxels from
+ *   one y, one z to the next, reading these 64 alone; v_near_pair_T: its elements at and at + 1 (x + 4 y + 16 z, 0 to
+ *   62; any number in a lane where `at` is outside of that), each plus V_BIAS_T.
  * - v_bilinear: reads entries row0, row0 + 1, row1, row1 + 1 (4 floats each) of base, interpolates by fy between rows,
  *   then by fx, each as a + f (b - a) with v_fma: four equal entries give that entry, and fx = fy = 0 gives row0's.
  *
  * Order of a kernel's translation unit: kernels.h, then a simd_*.h, then kernels_tmpl.h or surface_tmpl.h, which
  * include the pieces (*_tmpl.h) bottom-up: packet (rays), field, cubic, filter (samples), classify, integrals, zoom,
- * stiff (colour and opacity), subpixel, segment, shade, gradient, labels, cover (empty-space skipping), the marches
+ * stiff (colour and opacity), subpixel, segment, shade, gradient, labels, cover (empty-space skipping), neighbourhood
+ * (samples of a march), the marches
  * (dvr, back, projection, mpr or isosurface), and last tile (pixels, rows of variants). A piece uses only what
  * precedes it. */
 #ifndef TC_SIMD_H
@@ -79,6 +86,7 @@
   OP(v_subi, (int32_t)((uint32_t)a - (uint32_t)b))                                                                    \
   OP(v_muli, (int32_t)((uint32_t)a * (uint32_t)b))                                                                    \
   OP(v_mini, a < b ? a : b)                                                                                           \
+  OP(v_maxu, (uint32_t)a > (uint32_t)b ? a : b)                                                                       \
   OP(v_andi, a & b)                                                                                                   \
   OP(v_ori, a | b)
 
@@ -96,6 +104,9 @@
   OP(i16, int16_t)                                                                                                    \
   OP(f32, float)
 
+/* vm (vi a, vi b) */
+#define SIMD_ORDER(OP) OP(v_leu, (uint32_t)a <= (uint32_t)b)
+
 #define SIMD_HAS(result, name, ...)                                                                                   \
   _Static_assert(__builtin_types_compatible_p(__typeof__(name), result(__VA_ARGS__)), #name " differs from simd.h")
 #define SIMD_HAS_UNARY(name, meaning) SIMD_HAS(vf, name, vf);
@@ -104,8 +115,14 @@
 #define SIMD_HAS_COMPARE(name, meaning) SIMD_HAS(vm, name, vf, vf);
 #define SIMD_HAS_MASK(name, meaning) SIMD_HAS(vm, name, vm, vm);
 #define SIMD_HAS_INTEGER(name, meaning) SIMD_HAS(vi, name, vi, vi);
+#define SIMD_HAS_ORDER(name, meaning) SIMD_HAS(vm, name, vi, vi);
 #define SIMD_HAS_SHIFT(name, meaning) SIMD_HAS(vi, name, vi, int);
 #define SIMD_HAS_PAIR(name, type) SIMD_HAS(void, v_pair_##name, const void *, vi, vf *, vf *);
+
+#define SIMD_HAS_NEAR(name, type)                                                                                     \
+  SIMD_HAS(v_near_##name, v_near_load_##name, const void *, ptrdiff_t, ptrdiff_t);                                    \
+  SIMD_HAS(void, v_near_pair_##name, const v_near_##name *, vi, vf *, vf *);
+#define SIMD_NEAR /* SIMD_VOXELS(SIMD_HAS_NEAR) where V_NEAR is */
 
 #define SIMD_PROVIDED                                                                                                 \
   SIMD_UNARY(SIMD_HAS_UNARY)                                                                                          \
@@ -115,7 +132,9 @@
   SIMD_MASK(SIMD_HAS_MASK)                                                                                            \
   SIMD_INTEGER(SIMD_HAS_INTEGER)                                                                                      \
   SIMD_SHIFT(SIMD_HAS_SHIFT)                                                                                          \
+  SIMD_ORDER(SIMD_HAS_ORDER)                                                                                          \
   SIMD_VOXELS(SIMD_HAS_PAIR)                                                                                          \
+  SIMD_NEAR                                                                                                           \
   SIMD_HAS(vf, v_set, float);                                                                                         \
   SIMD_HAS(vi, v_seti, int);                                                                                          \
   SIMD_HAS(vf, v_lane_x, void);                                                                                       \
@@ -134,6 +153,7 @@
   SIMD_HAS(vi, v_load_bytes, const uint8_t *);                                                                        \
   SIMD_HAS(vf, v_gather, const float *, vi);                                                                          \
   SIMD_HAS(vi, v_bytes, const uint8_t *, vi);                                                                         \
+  SIMD_HAS(void, v_prefetch, const void *, vi, int);                                                                  \
   SIMD_HAS(vf4, v_bilinear, const float *, vi, vi, vf, vf);                                                           \
   _Static_assert(V_PACKET_X * V_PACKET_Y == V_LANES, "a packet's pixels are its lanes")
 

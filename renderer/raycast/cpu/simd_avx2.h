@@ -31,6 +31,8 @@ V_INLINE vi v_addi(vi a, vi b) { return _mm256_add_epi32(a, b); }
 V_INLINE vi v_subi(vi a, vi b) { return _mm256_sub_epi32(a, b); }
 V_INLINE vi v_muli(vi a, vi b) { return _mm256_mullo_epi32(a, b); }
 V_INLINE vi v_mini(vi a, vi b) { return _mm256_min_epi32(a, b); }
+V_INLINE vi v_maxu(vi a, vi b) { return _mm256_max_epu32(a, b); }
+V_INLINE vm v_leu(vi a, vi b) { return _mm256_castsi256_ps(_mm256_cmpeq_epi32(_mm256_min_epu32(a, b), a)); }
 V_INLINE vi v_shl(vi a, int n) { return _mm256_slli_epi32(a, n); }
 V_INLINE vi v_sra(vi a, int n) { return _mm256_srai_epi32(a, n); }
 V_INLINE vi v_shr(vi a, int n) { return _mm256_srli_epi32(a, n); }
@@ -65,6 +67,14 @@ V_INLINE void v_pair_f32(const void *base, vi off, vf *a, vf *b) {
   *b = _mm256_i32gather_ps((const float *)base + 1, off, 4);
 }
 #include "renderer/raycast/cpu/simd_gather.h"
+
+V_INLINE void v_prefetch(const void *base, vi off, int size) {
+  int32_t at[8] __attribute__((aligned(32)));
+  _mm256_store_si256((__m256i *)at, off);
+  __asm__("" : "+m"(at)); /* through memory, as in v_bilinear() */
+#pragma GCC unroll 4
+  for (int l = 0; l < 8; l += 2) __builtin_prefetch((const char *)base + (ptrdiff_t)at[l] * size);
+}
 
 /* Each lane loads whole entries of 16 bytes, lane 4s+g into the 128-bit slot s of group g. A 4x4 transpose within
  * the slots then ends in lane order: far fewer loads than sixteen gathers. */

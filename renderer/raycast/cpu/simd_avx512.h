@@ -31,6 +31,8 @@ V_INLINE vi v_addi(vi a, vi b) { return _mm512_add_epi32(a, b); }
 V_INLINE vi v_subi(vi a, vi b) { return _mm512_sub_epi32(a, b); }
 V_INLINE vi v_muli(vi a, vi b) { return _mm512_mullo_epi32(a, b); }
 V_INLINE vi v_mini(vi a, vi b) { return _mm512_min_epi32(a, b); }
+V_INLINE vi v_maxu(vi a, vi b) { return _mm512_max_epu32(a, b); }
+V_INLINE vm v_leu(vi a, vi b) { return _mm512_cmple_epu32_mask(a, b); }
 V_INLINE vi v_shl(vi a, int n) { return _mm512_slli_epi32(a, (unsigned)n); }
 V_INLINE vi v_sra(vi a, int n) { return _mm512_srai_epi32(a, (unsigned)n); }
 V_INLINE vi v_shr(vi a, int n) { return _mm512_srli_epi32(a, (unsigned)n); }
@@ -88,6 +90,96 @@ V_INLINE void v_corner_i16(const void *base, vi off, vf *a, vf *b) {
 #define V_BIAS_I8 (0x1p23f + 128)
 #define V_BIAS_U16 0x1p23f
 #define V_BIAS_I16 (0x1p23f + 32768)
+
+V_INLINE void v_prefetch(const void *base, vi off, int size) {
+  int32_t at[16] __attribute__((aligned(64)));
+  _mm512_store_si512(at, off);
+  __asm__("" : "+m"(at)); /* through memory, as in v_bilinear() */
+#pragma GCC unroll 8
+  for (int l = 0; l < 16; l += 2) __builtin_prefetch((const char *)base + (ptrdiff_t)at[l] * size);
+}
+
+/* Neighbourhoods: 16-bit voxels in two registers of 32, bytes widened to 16 bits, floats in four registers of 16. One
+ * permutation per corner finds the pairs of all lanes. */
+#define V_NEAR
+#undef SIMD_NEAR
+#define SIMD_NEAR SIMD_VOXELS(SIMD_HAS_NEAR)
+typedef struct v_near_words { vi low, high; } v_near_words;
+typedef struct v_near_floats { vf z[4]; } v_near_floats;
+typedef v_near_words v_near_u8, v_near_i8, v_near_u16, v_near_i16;
+typedef v_near_floats v_near_f32;
+
+V_INLINE __m128i v_two_rows(const char *p, ptrdiff_t row) {
+  __m128i first = _mm_loadl_epi64((const __m128i *)(const void *)p);
+  return _mm_castps_si128(_mm_loadh_pi(_mm_castsi128_ps(first), (const __m64 *)(const void *)(p + row)));
+}
+V_INLINE __m256i v_four_rows(const char *p, ptrdiff_t row) {
+  return _mm256_inserti128_si256(_mm256_castsi128_si256(v_two_rows(p, row)), v_two_rows(p + 2 * row, row), 1);
+}
+V_INLINE vi v_two_slices(const char *p, ptrdiff_t row, ptrdiff_t slice) {
+  return _mm512_inserti64x4(_mm512_castsi256_si512(v_four_rows(p, row)), v_four_rows(p + slice, row), 1);
+}
+V_INLINE __m128i v_byte_slice(const char *p, ptrdiff_t row) {
+  const char *q = p + 2 * row;
+  __m128i first = _mm_unpacklo_epi32(_mm_loadu_si32(p), _mm_loadu_si32(p + row));
+  return _mm_unpacklo_epi64(first, _mm_unpacklo_epi32(_mm_loadu_si32(q), _mm_loadu_si32(q + row)));
+}
+V_INLINE __m256i v_two_byte_slices(const char *p, ptrdiff_t row, ptrdiff_t slice) {
+  return _mm256_inserti128_si256(_mm256_castsi128_si256(v_byte_slice(p, row)), v_byte_slice(p + slice, row), 1);
+}
+V_INLINE v_near_words v_near_of_bytes(const void *p, ptrdiff_t row, ptrdiff_t slice, int flip) {
+  const __m256i flips = _mm256_set1_epi8((char)flip);
+  const __m256i low = v_two_byte_slices(p, row, slice), high = v_two_byte_slices((const char *)p + 2 * slice, row, slice);
+  return (v_near_words){_mm512_cvtepu8_epi16(_mm256_xor_si256(low, flips)),
+                        _mm512_cvtepu8_epi16(_mm256_xor_si256(high, flips))};
+}
+V_INLINE v_near_words v_near_of_words(const void *p, ptrdiff_t row, ptrdiff_t slice, int flip) {
+  const vi flips = _mm512_set1_epi16((short)flip);
+  return (v_near_words){_mm512_xor_si512(v_two_slices(p, 2 * row, 2 * slice), flips),
+                        _mm512_xor_si512(v_two_slices((const char *)p + 4 * slice, 2 * row, 2 * slice), flips)};
+}
+V_INLINE vf v_float_slice(const float *p, ptrdiff_t row) {
+  __m256 low = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(p)), _mm_loadu_ps(p + row), 1);
+  p += 2 * row;
+  __m256 high = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(p)), _mm_loadu_ps(p + row), 1);
+  return _mm512_castpd_ps(
+      _mm512_insertf64x4(_mm512_castps_pd(_mm512_castps256_ps512(low)), _mm256_castps_pd(high), 1));
+}
+V_INLINE v_near_u8 v_near_load_u8(const void *p, ptrdiff_t row, ptrdiff_t slice) {
+  return v_near_of_bytes(p, row, slice, 0);
+}
+V_INLINE v_near_i8 v_near_load_i8(const void *p, ptrdiff_t row, ptrdiff_t slice) {
+  return v_near_of_bytes(p, row, slice, 0x80);
+}
+V_INLINE v_near_u16 v_near_load_u16(const void *p, ptrdiff_t row, ptrdiff_t slice) {
+  return v_near_of_words(p, row, slice, 0);
+}
+V_INLINE v_near_i16 v_near_load_i16(const void *p, ptrdiff_t row, ptrdiff_t slice) {
+  return v_near_of_words(p, row, slice, 0x8000);
+}
+V_INLINE v_near_f32 v_near_load_f32(const void *p, ptrdiff_t row, ptrdiff_t slice) {
+  v_near_f32 n;
+#pragma GCC unroll 4
+  for (int z = 0; z < 4; z++) n.z[z] = v_float_slice((const float *)p + z * slice, row);
+  return n;
+}
+
+V_INLINE void v_near_pair_u16(const v_near_words *n, vi at, vf *a, vf *b) {
+  vi both = _mm512_add_epi32(_mm512_or_si512(at, _mm512_slli_epi32(at, 16)), v_seti(0x10000));
+  v_biased_words(_mm512_permutex2var_epi16(n->low, both, n->high), a, b);
+}
+#define v_near_pair_u8 v_near_pair_u16 /* all of them hold 16-bit voxels */
+#define v_near_pair_i8 v_near_pair_u16
+#define v_near_pair_i16 v_near_pair_u16
+V_INLINE vf v_near_float(const v_near_floats *n, vi at) {
+  vf low = _mm512_permutex2var_ps(n->z[0], at, n->z[1]);
+  vf high = _mm512_permutex2var_ps(n->z[2], at, n->z[3]);
+  return _mm512_mask_blend_ps(_mm512_test_epi32_mask(at, v_seti(32)), low, high);
+}
+V_INLINE void v_near_pair_f32(const v_near_floats *n, vi at, vf *a, vf *b) {
+  *a = v_near_float(n, at);
+  *b = v_near_float(n, v_addi(at, v_seti(1)));
+}
 
 /* One load fetches two neighbouring entries (32 bytes). Group g holds lanes g, 4+g, 8+g and 12+g, one entry per
  * 128-bit slot. A 4x4 transpose within the slots then ends in lane order: far fewer loads than sixteen gathers. */

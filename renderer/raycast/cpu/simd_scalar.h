@@ -22,6 +22,7 @@ typedef struct vf4 { vf r, g, b, a; } vf4;
 #define COMPARE(name, meaning) V_INLINE vm name(vf a, vf b) { return meaning; }
 #define MASK(name, meaning) V_INLINE vm name(vm a, vm b) { return meaning; }
 #define INTEGER(name, meaning) V_INLINE vi name(vi a, vi b) { return meaning; }
+#define ORDER(name, meaning) V_INLINE vm name(vi a, vi b) { return meaning; }
 #define SHIFT(name, meaning) V_INLINE vi name(vi a, int n) { return meaning; }
 #define PAIR(name, type)                                                                                              \
   V_INLINE void v_pair_##name(const void *base, vi off, vf *a, vf *b) {                                               \
@@ -35,6 +36,7 @@ SIMD_COMPARE(COMPARE)
 SIMD_MASK(MASK)
 SIMD_INTEGER(INTEGER)
 SIMD_SHIFT(SHIFT)
+SIMD_ORDER(ORDER)
 SIMD_VOXELS(PAIR)
 #undef UNARY
 #undef BINARY
@@ -43,6 +45,7 @@ SIMD_VOXELS(PAIR)
 #undef MASK
 #undef INTEGER
 #undef SHIFT
+#undef ORDER
 #undef PAIR
 
 V_INLINE vf v_set(float x) { return x; }
@@ -63,6 +66,10 @@ V_INLINE void v_store(float *p, vf a) { *p = a; }
 V_INLINE vi v_load_bytes(const uint8_t *p) { return *p; }
 V_INLINE vf v_gather(const float *base, vi off) { return base[off]; }
 V_INLINE vi v_bytes(const uint8_t *base, vi off) { return base[off]; }
+
+V_INLINE void v_prefetch(const void *base, vi off, int size) {
+  __builtin_prefetch((const void *)((uintptr_t)base + (uintptr_t)((ptrdiff_t)off * size)));
+}
 
 V_INLINE vf4 v_bilinear(const float *base, vi row0, vi row1, vf fx, vf fy) {
   const float *p = base + (ptrdiff_t)row0 * 4, *q = base + (ptrdiff_t)row1 * 4;

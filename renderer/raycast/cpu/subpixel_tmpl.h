@@ -17,8 +17,8 @@ V_INLINE vf lag_of(const tc_cpu_args *args, variant v, const place *at) {
   return (v_set(1) - phase) * v_set(args->rays.step_mm);
 }
 
-/* Distance of sample i from the rays' entries in mm. */
+/* Distance of sample i from the rays' entries in mm: negative in a lane that still waits. */
 V_INLINE vf sample_mm(const tc_cpu_args *args, variant v, const packet *p, int i) {
-  vf t = v_set((float)i * args->rays.step_mm);
+  vf t = (v_set((float)i) - p->delay) * v_set(args->rays.step_mm);
   return phased(v) ? v_max(t - p->lag, v_set(0)) : t;
 }

@@ -62,9 +62,7 @@ V_INLINE packet start_packet(const tc_cpu_args *args, variant v, const place *at
 
 #include "renderer/raycast/cpu/cover_tmpl.h"
 
-#if __has_include("renderer/raycast/cpu/neighbourhood_tmpl.h")
 #include "renderer/raycast/cpu/neighbourhood_tmpl.h"
-#endif
 
 #include "renderer/raycast/cpu/dvr_tmpl.h"
 

@@ -1,0 +1,162 @@
+/* The samples of a march. Voxels that it will need are prefetched; and where a packet's samples lie close together, all
+ * of their cells' corners are found in one neighbourhood of 4x4x4 voxels in registers instead of by gathers, for
+ * instruction sets that have neighbourhoods (V_NEAR, simd.h). Either way the voxels are the same, and so are the bits.
+ *
+ * Rays of a packet enter a slanted face at different depths, which would spread their samples along the rays. So each
+ * lane waits whole steps until the others are level with it; its samples remain where they were. */
+
+#define PREFETCH_STEPS 8
+#define MOST_NEIGHBOURHOODS 1.35f /* that a step may need in the mean, by a packet's extents, for gathers to be slower */
+
+typedef struct march {
+  ptrdiff_t ahead; /* voxels, to where the rays will be PREFETCH_STEPS on */
+  bool near;       /* most steps fit a neighbourhood */
+  float lo[3], rise[3]; /* at step i, lo + i rise bounds the lanes' positions from below, along each axis */
+} march;
+
+V_INLINE float v_most(vf a) { return 0 - v_least(v_set(0) - a); }
+
+/* Sets p->delay: whole steps until the lanes are level, or 0 where that would make the packet's march much longer. */
+V_INLINE void level_lanes(const tc_cpu_args *args, packet *p) {
+  vf none = v_set(0), inverse = v_set(args->rays.inverse_step), steps = p->length * inverse;
+  vf behind = p->start - v_set(v_least(v_select(p->live, p->start, v_set(1e30f))));
+  vf delay = v_select(p->live, v_float(v_trunc(v_fma(behind, inverse, v_set(0.5f)))), none);
+  if (!(v_most(steps + delay) < 1.25f * v_most(steps) + 4)) return;
+  p->delay = delay;
+  p->most_delay = v_most(delay);
+}
+
+/* A lane's position is linear in the step, so the least of all lanes is concave, and lies above the chord from the
+ * packet's first step to its last. Returns how many neighbourhoods a step will need. */
+V_INLINE float bound_lanes(const tc_cpu_args *args, const packet *p, march *m) {
+  vf far = v_set(1e9f);
+  float steps = 1 + v_most(v_fma(p->length, v_set(args->rays.inverse_step), p->delay)), parts = 1;
+#pragma GCC unroll 3
+  for (int k = 0; k < 3; k++) {
+    vf rise = p->dir[k] * v_set(args->rays.step_mm);
+    vf begin = p->entry[k] - p->delay * rise, end = v_fma(rise, v_set(steps), begin);
+    float lo = v_least(v_select(p->live, begin, far)), lo_end = v_least(v_select(p->live, end, far));
+    float width = v_most(v_select(p->live, begin, v_set(0) - far)) - lo;
+    float width_end = v_most(v_select(p->live, end, v_set(0) - far)) - lo_end;
+    if (width < width_end) width = width_end;
+    if (width > 2) parts *= (width + 1) / 3;
+    if (args->grid.last[k] < 3) parts = 1e9f;
+    m->lo[k] = lo;
+    m->rise[k] = (lo_end - lo) / steps;
+  }
+  return parts;
+}
+
+/* Rays with a phase (subpixel_tmpl.h) are not levelled: their first segment is the packet's first step. */
+V_INLINE march start_march(const tc_cpu_args *args, variant v, packet *p) {
+  march m = {.near = false};
+  if (v.filter != TC_FILTER_LINEAR || !m_any(p->live)) return m;
+  float step[3], first[V_LANES];
+#pragma GCC unroll 3
+  for (int k = 0; k < 3; k++) {
+    v_store(first, p->dir[k]);
+    step[k] = first[V_LANES / 2] * args->rays.step_mm * PREFETCH_STEPS;
+  }
+  m.ahead = (ptrdiff_t)(int)step[0] + (ptrdiff_t)(int)step[1] * args->grid.row + (ptrdiff_t)(int)step[2] * args->grid.slice;
+#ifdef V_NEAR
+  if (!args->near) return m;
+  if (!phased(v)) level_lanes(args, p);
+  m.near = bound_lanes(args, p, &m) <= MOST_NEIGHBOURHOODS;
+  if (!m.near) p->delay = v_set(0), p->most_delay = 0;
+#endif
+  return m;
+}
+
+V_INLINE int voxel_bytes(int type) { return type == TC_F32 ? 4 : type == TC_U8 || type == TC_I8 ? 1 : 2; }
+
+#define GATHER_APART(name, type)                                                                                      \
+  V_ONCE corners gather_##name(const tc_cpu_args *args, vi off) { return gather_corners(args, TYPE_##name, off); }
+enum { TYPE_u8 = TC_U8, TYPE_i8 = TC_I8, TYPE_u16 = TC_U16, TYPE_i16 = TC_I16, TYPE_f32 = TC_F32 };
+SIMD_VOXELS(GATHER_APART)
+
+V_INLINE corners gather_apart(const tc_cpu_args *args, int type, vi off) {
+  switch (type) { /* a constant after inlining */
+  case TC_U8: return gather_u8(args, off);
+  case TC_I8: return gather_i8(args, off);
+  case TC_U16: return gather_u16(args, off);
+  case TC_I16: return gather_i16(args, off);
+  default: return gather_f32(args, off);
+  }
+}
+
+#ifdef V_NEAR
+#define NEAR_CORNERS(name, type)                                                                                      \
+  V_INLINE corners near_corners_##name(const type *voxels, ptrdiff_t row, ptrdiff_t slice, vi at) {                   \
+    const v_near_##name n = v_near_load_##name(voxels, row, slice);                                                   \
+    corners c;                                                                                                        \
+    _Pragma("GCC unroll 4") for (int k = 0; k < 4; k++)                                                               \
+        v_near_pair_##name(&n, v_addi(at, v_seti(4 * (k & 1) + 16 * (k >> 1))), &c.a[k], &c.b[k]);                    \
+    return c;                                                                                                         \
+  }
+SIMD_VOXELS(NEAR_CORNERS)
+
+/* The corners at elements `at` of the neighbourhood whose least voxel is `first`. */
+V_INLINE corners near_corners(const tc_cpu_args *args, int type, ptrdiff_t first, vi at) {
+  const ptrdiff_t row = args->grid.row, slice = args->grid.slice;
+  switch (type) {
+  case TC_U8: return near_corners_u8((const uint8_t *)args->grid.voxels + first, row, slice, at);
+  case TC_I8: return near_corners_i8((const int8_t *)args->grid.voxels + first, row, slice, at);
+  case TC_U16: return near_corners_u16((const uint16_t *)args->grid.voxels + first, row, slice, at);
+  case TC_I16: return near_corners_i16((const int16_t *)args->grid.voxels + first, row, slice, at);
+  default: return near_corners_f32((const float *)args->grid.voxels + first, row, slice, at);
+  }
+}
+
+V_INLINE void prefetch_rows(const tc_cpu_args *args, int type, ptrdiff_t first) {
+  const ptrdiff_t row = args->grid.row, slice = args->grid.slice;
+  const char *p = (const char *)args->grid.voxels + first * voxel_bytes(type);
+#pragma GCC unroll 16
+  for (int k = 0; k < 16; k++) __builtin_prefetch(p + ((k >> 2) * slice + (k & 3) * row) * voxel_bytes(type));
+}
+
+/* The corners of the lanes' cells at step i. Lanes whose sample will not be used need not fit the neighbourhood. */
+V_INLINE corners march_near(const tc_cpu_args *args, int type, const march *m, int i, const vi cell[3], vm needs) {
+  const ptrdiff_t along[3] = {1, args->grid.row, args->grid.slice};
+  ptrdiff_t first = 0;
+  vi rest[3];
+#pragma GCC unroll 3
+  for (int k = 0; k < 3; k++) {
+    int base = (int)(m->lo[k] + (float)i * m->rise[k]), most = args->grid.cell_last[k] - 2;
+    base = base < most ? base : most;
+    base = base > 0 ? base : 0;
+    rest[k] = v_subi(cell[k], v_seti(base));
+    first += base * along[k];
+  }
+  vm fits = v_leu(v_maxu(v_maxu(rest[0], rest[1]), rest[2]), v_seti(2));
+  prefetch_rows(args, type, first + m->ahead);
+  if (__builtin_expect(m_any(m_andnot(needs, fits)), 0)) return gather_apart(args, type, cell_offset(args, cell));
+  return near_corners(args, type, first, v_addi(v_addi(rest[0], v_shl(rest[1], 2)), v_shl(rest[2], 4)));
+}
+#endif
+
+/* The node at mm t along the rays, sample i of lanes in step. needs: the lanes whose sample will be used. */
+V_INLINE vf march_node(const tc_cpu_args *args, variant v, const packet *p, const march *m, int i, vf t, vm needs,
+                       vf *gradient) {
+  if (v.filter != TC_FILTER_LINEAR) return sample_node(args, v, p, t, gradient);
+  const spot s = spot_at(args, p, t);
+  corners c;
+#ifdef V_NEAR
+  if (m->near) {
+    c = march_near(args, v.type, m, i, s.cell, needs);
+    return node_of(args, interpolate(v.type, &c, s.f, gradient));
+  }
+#endif
+  const vi off = cell_offset(args, s.cell);
+  c = gather_corners(args, v.type, off);
+  v_prefetch((const void *)((uintptr_t)args->grid.voxels + (uintptr_t)(m->ahead * voxel_bytes(v.type))), off,
+             voxel_bytes(v.type));
+  return node_of(args, interpolate(v.type, &c, s.f, gradient));
+}
+
+/* The same where a run of samples begins: too seldom for code of its own. */
+V_INLINE vf first_node(const tc_cpu_args *args, variant v, const packet *p, vf t, vf *gradient) {
+  if (v.filter != TC_FILTER_LINEAR) return sample_node(args, v, p, t, gradient);
+  const spot s = spot_at(args, p, t);
+  const corners c = gather_apart(args, v.type, cell_offset(args, s.cell));
+  return node_of(args, interpolate(v.type, &c, s.f, gradient));
+}

@@ -1,0 +1,97 @@
+/* Variants of one instruction set draw the same bits: neighbourhoods in registers and gathers. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "renderer/tomocast.h"
+#include "tests/support/grid.h"
+
+enum { TRIALS = 100 };
+
+static double rough_waves(double x, double y, double z, const void *seed) {
+  const double wavelength = 9;
+  return 100 * test_waves(x, y, z, &wavelength) + 20 * test_noise(x, y, z, seed);
+}
+
+static tc_volume *draw_volume(uint64_t *state) {
+  const unsigned seed = (unsigned)*state;
+  test_grid g = {.type = (tc_voxel_type)(TC_VOXEL_TYPE_COUNT * test_random(state))};
+  for (int k = 0; k < 3; k++) {
+    g.dims[k] = 3 + (int)(40 * test_random(state)); /* 3: too thin for a neighbourhood */
+    g.spacing[k] = test_random(state) < 0.5 ? 1 : 0.4 + 2 * test_random(state);
+  }
+  return test_volume(&g, rough_waves, &seed);
+}
+
+/* Mostly near views, whose packets fit neighbourhoods, some along an axis or grazing a face. */
+static void draw_scene(tc_scene *s, const tc_volume *volume, uint64_t *state) {
+  const tc_knot knots[] = {{30, {1, 0.2, 0}, 0}, {70, {0, 1, 0.4}, 0.3}, {110, {0.3, 0.2, 1}, 0.05}};
+  double side[3], near = test_random(state) < 0.2 ? 1 : 0.02 + 0.3 * test_random(state);
+  test_scene(s, 45, 38);
+  test_scene_knots(s, TC_KNOT_OPACITY, knots, 3);
+  for (int k = 0; k < 3; k++) side[k] = test_random(state) < 0.2 ? 0.001 : test_random(state) - 0.5;
+  test_scene_frame(s, volume, test_random(state) < 0.5 ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC, side);
+  s->camera.fov_y_deg *= near;
+  s->camera.height_mm *= near;
+  s->sampling.step = 0.2 + 1.5 * test_random(state);
+  s->sampling.termination = test_random(state) < 0.5 ? 0 : 0.01;
+  s->sampling.jitter = test_random(state) < 0.1;
+  s->skipping.mode = test_random(state) < 0.5 ? TC_SKIPPING_AUTO : TC_SKIPPING_OFF;
+  s->shading.model = test_random(state) < 0.3 ? TC_SHADING_BLINN_PHONG : TC_SHADING_NONE;
+  s->shading.gradient = test_random(state) < 0.5 ? TC_GRADIENT_CENTRAL : TC_GRADIENT_CELL;
+}
+
+static tc_renderer *open_variant(const char *isa) {
+  const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .isa = isa};
+  GError *error = NULL;
+  tc_renderer *r = tc_renderer_new(&options, &error);
+  if (!r && !strstr(error->message, "this processor has no")) fail_msg("%s", error->message);
+  g_clear_error(&error);
+  return r;
+}
+
+static void neighbourhoods_and_gathers_draw_the_same_bits(void **unused) {
+  static const tc_render_request linear = {.want_linear = true};
+  tc_renderer *variants[2] = {open_variant("avx512-gather"), open_variant("avx512")};
+  tc_frame frames[2] = {{0}};
+  uint64_t state = 17, shown = 0;
+  if (!variants[0]) skip();
+  for (int trial = 0; trial < TRIALS; trial++) {
+    tc_volume *volume = draw_volume(&state);
+    tc_scene scene;
+    draw_scene(&scene, volume, &state);
+    for (int i = 0; i < 2; i++) assert_true(tc_render(variants[i], volume, &scene, &linear, &frames[i], NULL, NULL));
+    const size_t pixels = (size_t)scene.image.width * (size_t)scene.image.height;
+    for (size_t p = 0; p < 4 * pixels; p++)
+      if (memcmp(&frames[0].linear[p], &frames[1].linear[p], 4))
+        fail_msg("trial %d: channel %zu of pixel %zu is %.9g by gathers, %.9g by neighbourhoods", trial, p % 4, p / 4,
+                 (double)frames[0].linear[p], (double)frames[1].linear[p]);
+    for (size_t p = 0; p < pixels; p++) shown += frames[0].linear[4 * p + 3] > 0;
+    tc_scene_clear(&scene);
+    tc_volume_unref(volume);
+  }
+  printf("  %d scenes the same, %llu pixels shown\n", TRIALS, (unsigned long long)shown);
+  assert_true(shown > TRIALS * 300);
+  for (int i = 0; i < 2; i++) tc_frame_finish(&frames[i]), tc_renderer_free(variants[i]);
+}
+
+/* The chosen one is a variant of the best instruction set. */
+static void the_faster_variant_is_chosen_at_start(void **unused) {
+  tc_renderer *chosen = open_variant(NULL), *widest = open_variant("avx512");
+  const char *name = tc_renderer_about(chosen)->isa;
+  printf("  chosen: %s\n", name);
+  if (widest) assert_true(!strcmp(name, "avx512") || !strcmp(name, "avx512-gather"));
+  tc_renderer_free(chosen);
+  tc_renderer_free(widest);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(neighbourhoods_and_gathers_draw_the_same_bits),
+                                     cmocka_unit_test(the_faster_variant_is_chosen_at_start)};
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
