@@ -57,7 +57,7 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
   if (v.shaded) light = start_lighting(args, v, at);
   counts->rays += (uint64_t)m_count(live);
   if (phased(v)) p.lag = lag_of(args, v, at);
-  const march m = start_march(args, v, &p);
+  const march m = start_march(args, v, &p, !phased(v)); /* a ray's phase shortens the packet's first segment */
   if (v.leap) r = start_runs(args, v, &p, at);
   for (int i = 0; keep_marching(args, live, counts, i); i++) {
     vf t0 = sample_mm(args, v, &p, i), t1 = sample_mm(args, v, &p, i + 1);

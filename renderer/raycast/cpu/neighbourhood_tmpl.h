@@ -47,8 +47,8 @@ V_INLINE float bound_lanes(const tc_cpu_args *args, const packet *p, march *m) {
   return parts;
 }
 
-/* Rays with a phase (subpixel_tmpl.h) are not levelled: their first segment is the packet's first step. */
-V_INLINE march start_march(const tc_cpu_args *args, variant v, packet *p) {
+/* may_level: lanes may wait, so that sample i of the packet is not the i-th of all its rays. */
+V_INLINE march start_march(const tc_cpu_args *args, variant v, packet *p, bool may_level) {
   march m = {.near = false};
   if (v.filter != TC_FILTER_LINEAR || !m_any(p->live)) return m;
   float step[3], first[V_LANES];
@@ -60,7 +60,7 @@ V_INLINE march start_march(const tc_cpu_args *args, variant v, packet *p) {
   m.ahead = (ptrdiff_t)(int)step[0] + (ptrdiff_t)(int)step[1] * args->grid.row + (ptrdiff_t)(int)step[2] * args->grid.slice;
 #ifdef V_NEAR
   if (!args->near) return m;
-  if (!phased(v)) level_lanes(args, p);
+  if (may_level) level_lanes(args, p);
   m.near = bound_lanes(args, p, &m) <= MOST_NEIGHBOURHOODS;
   if (!m.near) p->delay = v_set(0), p->most_delay = 0;
 #endif
@@ -134,23 +134,29 @@ V_INLINE corners march_near(const tc_cpu_args *args, int type, const march *m, i
 }
 #endif
 
-/* The node at mm t along the rays, sample i of lanes in step. needs: the lanes whose sample will be used. */
-V_INLINE vf march_node(const tc_cpu_args *args, variant v, const packet *p, const march *m, int i, vf t, vm needs,
-                       vf *gradient) {
-  if (v.filter != TC_FILTER_LINEAR) return sample_node(args, v, p, t, gradient);
+/* The voxel at mm t along the rays, sample i of lanes in step. needs: the lanes whose sample will be used. */
+V_INLINE vf march_voxel(const tc_cpu_args *args, variant v, const packet *p, const march *m, int i, vf t, vm needs,
+                        vf *gradient) {
+  if (v.filter != TC_FILTER_LINEAR) return sample_field(args, v, p, t, gradient);
   const spot s = spot_at(args, p, t);
   corners c;
 #ifdef V_NEAR
   if (m->near) {
     c = march_near(args, v.type, m, i, s.cell, needs);
-    return node_of(args, interpolate(v.type, &c, s.f, gradient));
+    return interpolate(v.type, &c, s.f, gradient);
   }
 #endif
   const vi off = cell_offset(args, s.cell);
   c = gather_corners(args, v.type, off);
   v_prefetch((const void *)((uintptr_t)args->grid.voxels + (uintptr_t)(m->ahead * voxel_bytes(v.type))), off,
              voxel_bytes(v.type));
-  return node_of(args, interpolate(v.type, &c, s.f, gradient));
+  return interpolate(v.type, &c, s.f, gradient);
+}
+
+/* The same as a node of the table. */
+V_INLINE vf march_node(const tc_cpu_args *args, variant v, const packet *p, const march *m, int i, vf t, vm needs,
+                       vf *gradient) {
+  return node_of(args, march_voxel(args, v, p, m, i, t, needs, gradient));
 }
 
 /* The same where a run of samples begins: too seldom for code of its own. */

@@ -71,16 +71,20 @@ V_ONCE vf refine_peak(const tc_cpu_args *args, const packet *p, const peak *from
 
 /* Samples the rays; finished rays do not change. Of equal maxima the first counts, with and without skipping: blocks
  * that hold an equal of the greatest sample are never skipped (skip/bounds.h). */
-V_INLINE void take_sample(const tc_cpu_args *args, variant v, const packet *p, vf t, peak *have) {
-  vf w = sample_voxel(args, v, p, t) * v_set(args->grey.sign);
+V_INLINE void raise_peak(const tc_cpu_args *args, variant v, const packet *p, vf w, vf t, vm which, peak *have) {
   if (v.labels) {
-    vm value = has_value(args, p, t);
+    vm value = m_and(which, has_value(args, p, t));
     have->met = m_or(have->met, value);
     w = v_select(value, w, v_set(args->grey.floor));
   }
+  w = v_select(which, w, v_set(-FLT_MAX));
   vm sooner = m_and(v_eq(w, have->best), v_lt(t, have->at));
   have->at = v_select(m_or(v_lt(have->best, w), sooner), t, have->at);
   have->best = v_max(have->best, w);
+}
+
+V_INLINE void take_sample(const tc_cpu_args *args, variant v, const packet *p, vf t, peak *have) {
+  raise_peak(args, v, p, sample_voxel(args, v, p, t) * v_set(args->grey.sign), t, v_le(v_set(0), v_set(0)), have);
 }
 
 /* A maximum to begin with, from the interval with the highest level: nearly all other intervals are then below it
@@ -124,6 +128,7 @@ V_INLINE void cast_extreme(const tc_cpu_args *args, variant v, const place *at_p
     start_peak(args, v, &p, live, &have, counts);
     live = m_and(live, v_lt(have.best, stop));
   }
+  const march m = start_march(args, v, &p, !look);
   int i = 0, end = 0, skipped = 0;
   for (; keep_marching(args, live, counts, i); i++) {
     if (look && i == end) {
@@ -136,9 +141,12 @@ V_INLINE void cast_extreme(const tc_cpu_args *args, variant v, const place *at_p
         continue;
       }
     }
-    take_sample(args, v, &p, v_min(v_set((float)i * args->rays.step_mm), p.length), &have);
-    counts->samples += (uint64_t)m_count(live);
-    live = m_and(live, m_and(v_lt(v_set((float)i * args->rays.step_mm), p.length), v_lt(have.best, stop)));
+    vf t = (v_set((float)i) - p.delay) * v_set(args->rays.step_mm), at = v_min(t, p.length);
+    const vm active = m_and(live, v_le(v_set(0), t));
+    vf w = march_voxel(args, v, &p, &m, i, at, active, NULL) * v_set(args->grey.sign);
+    raise_peak(args, v, &p, w, at, active, &have);
+    counts->samples += (uint64_t)m_count(active);
+    live = m_and(live, m_and(v_lt(t, p.length), v_lt(have.best, stop)));
   }
   if (look) update_backoff(backoff, args->interval, skipped, i);
   counts->leaps += (uint64_t)skipped;

@@ -45,6 +45,7 @@
 #ifndef TC_SIMD_H
 #define TC_SIMD_H
 
+#include <float.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
