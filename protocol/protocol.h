@@ -24,12 +24,12 @@ void tcp_merge_patch(cJSON **target, const cJSON *patch);
 
 /* The full scene as its JSON document (every member of the contract (PROTOCOL.md) that has a meaning now). */
 cJSON *tcp_scene_write(const tc_scene *scene);
-/* Of it, what a reader of the picture must know: mode, background, and what the mode uses of camera or slice, window,
- * preset and isosurface. A few hundred bytes, whatever the scene. */
+/* The members of the scene that a reader of the picture must know: mode, background, and those of camera or slice, window,
+ * preset and isosurface that the mode uses. At most a few hundred bytes. */
 cJSON *tcp_scene_write_shown(const tc_scene *scene);
 
-/* Long lists of a document (knots, labels' colours, visible labels), read beforehand, so that the document itself is then laid on a
- * scene in no time. They name their nodes in the document and are good only for it. */
+/* Long lists of a document (knots, label colours, visible labels), read beforehand by a worker, so that applying the
+ * document to a scene takes no time. The lists refer to nodes of this document and are valid for no other. */
 typedef struct tcp_lists {
   const cJSON *points, *colors, *visible; /* the nodes; NULL: not read */
   tc_scene scene; /* holds what was read, shared; else zeros */
@@ -55,10 +55,10 @@ typedef struct tcp_scene_context {
 bool tcp_scene_patch(tc_scene *scene, const cJSON *patch, const tc_scene *defaults, const tcp_scene_context *context,
                      GError **error);
 
-/* Makes the defaults in *scene ready for a document to be laid on. They are how a first picture is shown; a document
- * with a preset is lit as that is, one with points of its own gets them unlit, whole and per mm, and one with a mode of
- * its own is shown whole. An isosurface is lit: unlit it is a mere outline, and shows so only where shading.model is none
- * in so many words. Before tcp_scene_patch(); not for a change of a client's own scene. */
+/* Adapts the defaults in *scene, which suit a first picture, to a document: a preset brings its own shading; a document's
+ * own points are unshaded, with the table shown and opacity per mm; a document with a mode shows the table too. An
+ * isosurface is shaded unless the document says shading.model none, since without light only its outline shows. Call it
+ * before tcp_scene_patch(); not for a change of a client's own scene. */
 void tcp_scene_light(tc_scene *scene, const cJSON *document);
 
 /* One "--set key=value": key is a dotted path ("camera.fovY"), value is JSON or, failing that, a string. Gives a
@@ -93,7 +93,7 @@ typedef struct tcp_message {
   double t;          /* ping */
   int width, height; /* size: 1..TC_MAX_IMAGE_SIDE pixels */
 } tcp_message;
-/* *message holds nothing before. On failure it holds nothing but `seq`, where that could be read. */
+/* *message is uninitialised. On failure only `seq` is set, where it could be read. */
 bool tcp_message_parse(const char *bytes, size_t size, tcp_message *message, GError **error);
 void tcp_message_clear(tcp_message *message);
 

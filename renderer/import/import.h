@@ -30,7 +30,7 @@ typedef bool (*tc_reserve_fn)(void *user, uint64_t bytes, GError **error);
 typedef struct tc_import_options {
   tc_progress_fn progress; /* NULL: none; asked at least every few MiB read or decoded */
   tc_reserve_fn reserve;   /* NULL: none */
-  tc_reserve_fn decoder;   /* NULL: none; told what memory a program has that decodes beside this one, several times a second */
+  tc_reserve_fn decoder;   /* NULL: none; told the memory of the helper program, several times a second */
   void *user;              /* of all three */
   const char *helpers;       /* folder of the helper programs; NULL: beside the running program, then PATH */
   uint64_t max_voxel_bytes;  /* refuse larger volumes (TC_ERROR_LIMIT); 0 = no limit of its own */

@@ -10,9 +10,9 @@
  *   reply    daemon to helper, a byte: to VOXELS that the slot is free again; to OPEN that the file comes with it as a
  *            descriptor, or that there is none
  *
- * Voxels travel through a small ring of slots in memory that both share, in turn: the helper decodes into a slot while the
- * daemon copies the one before into the volume's own storage. They are in the daemon's memory once, in pages as large as
- * any volume's, and nothing the helper keeps can change them afterwards.
+ * Voxels travel through a small ring of slots in shared memory: the helper decodes into one slot while the daemon copies
+ * the slot before it into the volume's own storage. The daemon holds the voxels once, in pages as large as any volume's,
+ * and the helper cannot change them afterwards.
  *
  * The writer's side trusts the daemon; the reader's side trusts nothing: every length has a cap by kind, every number a
  * range, text becomes printable ASCII, and voxels are counted against the volume that was announced. */
@@ -81,7 +81,7 @@ typedef bool (*tc_wire_read_fn)(void *user, void *bytes, size_t size, GError **e
 typedef struct tc_wire_reader {
   tc_wire_read_fn read;
   void *user;
-  /* A byte to the helper, with a descriptor (or -1) that stays the caller's. What cannot be told is noticed by reading. */
+  /* Sends a byte to the helper, with a descriptor (or -1) that stays the caller's. A failure to send shows at the next read. */
   void (*reply)(void *user, char what, int fd);
   /* Opens a file beside the input: -1 without an error where it may be missing and is, -1 with one that ends the load. */
   int (*open)(void *user, const char *name, bool optional, GError **error);

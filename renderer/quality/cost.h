@@ -6,8 +6,8 @@
  * A segment of preintegrated2 takes `second` times as long as one of preintegrated, and counts as so many: frames of
  * either method tell of both.
  *
- * Belongs to one look on one machine; a frame that took half or twice what was expected is taken for another look, and
- * the older ones are forgotten. Plain data, from tc_quality_cost_of(); any thread, one at a time. */
+ * A cost belongs to one look on one machine; a frame that took less than half or more than twice the expected time starts
+ * a new look, and older frames are forgotten. Plain data, from tc_quality_cost_of(); any thread, one at a time. */
 #ifndef TC_QUALITY_COST_H
 #define TC_QUALITY_COST_H
 

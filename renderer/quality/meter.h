@@ -3,9 +3,9 @@
  * Pixels are drawn one from each of `count` cells of equal area (stratified), seeded, and integrated anew by the
  * reference. The truth of a pixel of several rays is the mean of the integrals of those very rays (raycast/subpixel.h),
  * to which the frame converges as the step goes to 0: the error is that of sampling a ray, for any number of them. How
- * far a few rays are from the mean over the pixel's area is another question, one of smooth edges, and no step mends
- * it; tomocast report has it too (areaRms, beside rms against the ray of the centre). What is compared is the colour
- * that the frame shows before it is rounded to 8 bits and encoded: with the background behind it, in sRGB, 0..1, three
+ * far a few rays are from the mean over the pixel's area (smooth edges) is another error, which no step reduces; tomocast
+ * report measures it as areaRms, beside rms against the ray of the centre. The meter compares the colour that the frame
+ * shows before rounding to 8 bits and encoding: with the background behind it, in sRGB, 0..1, three
  * channels; over a transparent background the premultiplied colour and the opacity, four channels, in the compositing
  * space. Errors are in units of 1.0: 1/255 is one step of a picture. */
 #ifndef TC_QUALITY_METER_H

@@ -3,18 +3,18 @@
  *
  * The error of a frame (root mean square over pixels and channels, colour 0..1, see meter.h) falls with the step by a
  * power that depends on the look: 3 or 2 where all is smooth, less at jumps, 0 where a table or single precision is the
- * limit. No formula knows which, so it is measured: a picture of some thousand rays of this scene is rendered at a few
- * steps around the one that just holds the bound, or just comes in time, and compared with the reference; a power of
- * the step is fitted to what is found. A camera near a measured one shares its curve, one far from all takes the worst
- * of them and a margin. Steps are rungs of 2^(1/8), so that neighbouring cameras share their tables.
+ * limit. The power is measured: a picture of some thousand rays of this scene is rendered at a few steps around the
+ * largest step that holds the bound (or the smallest that keeps the time) and compared with the reference; a power of
+ * the step is fitted to these errors. A camera near a measured one uses that camera's curve; a camera far from all uses
+ * the worst curve and a margin. Steps are rungs of 2^(1/8), so that neighbouring cameras share their tables.
  *
  * What is chosen: the step; the termination, whose error is kept far under the bound or the error expected; and, where
- * the scene's classification is preintegrated or preintegrated2, one of these two. Under a bound on the error it is the
- * one whose segments take less, weighed by their time (cost.h): no clock has a say, one scene has one picture. Under a
- * bound on time each has the finest step that comes in time, and the method in use stays unless the other's error is
- * clearly less: a camera in motion does not swing between the two. The other classifications were asked for by name and
- * stay. So do the scene's rays per pixel, which smooth edges and are no means against the error of sampling: with R of
- * them `spacing` below, that of one ray's samples, is R steps (raycast/subpixel.h). The table's size follows from the
+ * the scene's classification is preintegrated or preintegrated2, one of these two. Under a bound on the error the method
+ * with the lower cost of segments (cost.h) is chosen, without measured times: one scene gives one picture. Under a
+ * bound on time each method takes the finest step that keeps the time, and the present method stays unless the other's
+ * error is clearly less, so that a moving camera does not alternate. Other classifications were asked for by name and
+ * stay. So do the scene's rays per pixel, which smooth edges but do not reduce the error of sampling: with R rays of a
+ * pixel `spacing` below, that of one ray's samples, is R steps (raycast/subpixel.h). The table's size follows from the
  * knots (classify/classify.h) and is part of what is measured.
  *
  * A model belongs to one look (everything of a scene but the camera, sampling.step/termination and, with one ray a
@@ -81,8 +81,8 @@ double tc_quality_expects(const tc_quality_model *model, const tc_scene *scene, 
  * use. Pure. */
 void tc_quality_choose(const tc_quality_model *model, const tc_quality_cost *cost, const tc_scene *scene,
                        tc_quality_choice *choice);
-/* Whether a finished picture, made with `classification` and `step`, is worth making again as chosen: its bound does
- * not hold, or its time would do for a clearly smaller error. Pure. */
+/* Whether to render a finished picture (of `classification` and `step`) again with the present choice: the picture breaks
+ * its bound, or the same time allows a clearly smaller error. Pure. */
 bool tc_quality_betters(const tc_quality_model *model, const tc_scene *scene, const tc_quality_choice *choice,
                         tc_classification classification, double step);
 /* Puts it into the scene, and clears what asked for it. */

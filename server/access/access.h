@@ -28,14 +28,14 @@ struct tcs_access {
 tcs_access *tcs_access_new(const tcs_config *config, GError **error);
 void tcs_access_free(tcs_access *access); /* NULL is fine */
 
-/* What a caller shows: each may be NULL, but for the peer's address. */
+/* The credentials of a caller; each may be NULL but the peer's address. */
 typedef struct tcs_shown {
   const char *peer, *authorization, *ticket;
 } tcs_shown;
 
-/* Who asks. False: what was shown is worth nothing, or, with *wait_s above 0, was not looked at because of many wrong
- * ones from this peer. With nothing shown the caller is a stranger; where there are no tokens everybody is an admin of the
- * same name, unless a link or a ticket says less. */
+/* Finds out who asks. False: the credentials are wrong, or (*wait_s above 0) this peer presented so many wrong ones that
+ * they were not checked. A caller without credentials is a stranger. A server without tokens takes every caller for an
+ * admin of one name, unless a link or a ticket grants less. */
 bool tcs_access_identify(tcs_access *access, const tcs_shown *shown, tcs_caller *caller, int *wait_s);
 /* Takes the tokens of a file that was read again. */
 void tcs_access_renew(tcs_access *access, tcs_tokens *tokens);

@@ -1,5 +1,5 @@
-/* Peers that present wrong tokens: after some of them a peer waits, longer each time, before another is looked at. What a
- * peer used rightly before goes on working, for behind a proxy one address stands for many people. Pure.
+/* Lockout of peers that present wrong tokens: after some wrong tokens a peer waits before its next token is checked, longer
+ * each time. A token that the peer used before keeps working, since behind a proxy one address serves many people. Pure.
  *
  * Peers and tokens are keys here: hashes that nobody outside can foresee. */
 #ifndef TCS_ACCESS_LOCKOUT_H
@@ -19,11 +19,11 @@ typedef struct tcs_lockout tcs_lockout;
 tcs_lockout *tcs_lockout_new(void);
 void tcs_lockout_free(tcs_lockout *lockout); /* NULL is fine */
 
-/* A peer presented a token that is none. The same one again counts once, and what comes while it waits does not. */
+/* A peer presented a wrong token. The same wrong token counts once; tokens that come during the wait do not count. */
 void tcs_lockout_fail(tcs_lockout *lockout, uint64_t peer, uint64_t token, int64_t now_us);
 /* A peer's token was right. `token` is the key of both. */
 void tcs_lockout_pass(tcs_lockout *lockout, uint64_t token);
-/* Seconds until a token of the peer is looked at, rounded up; 0 = now. */
+/* Seconds until a token of the peer is checked again, rounded up; 0 = now. */
 int tcs_lockout_wait(const tcs_lockout *lockout, uint64_t peer, uint64_t token, int64_t now_us);
 
 #endif

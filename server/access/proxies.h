@@ -1,10 +1,10 @@
-/* Who is at the other end of a connection: its address, or what a proxy says that the operator trusts. Everything that
- * counts by client (turns, limits, wrong tokens) goes by this one answer.
+/* The peer of a connection: its address, or the address that a trusted proxy forwards. Everything that is counted by
+ * client (turns, limits, wrong tokens) uses this one answer.
  *
  * Proxies append to X-Forwarded-For, or to Forwarded (RFC 7239): read from the right, the first address that is no trusted
- * proxy's is the peer; what stands left of it may be anybody's invention. Whatever is no address ends the reading, and the
- * peer is the proxy that passed it on; so it is where both headers are there and disagree, for one of them is not the
- * proxy's work. Pure. */
+ * proxy's is the peer; addresses left of it may be forged. An entry that is no address ends the reading, and the peer is
+ * then the proxy that passed it on. The same holds where both headers are present and disagree, since the proxy wrote only
+ * one of them. Pure. */
 #ifndef TCS_ACCESS_PROXIES_H
 #define TCS_ACCESS_PROXIES_H
 

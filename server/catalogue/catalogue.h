@@ -44,7 +44,7 @@ typedef struct tcs_entry {
   int users;             /* sessions that show it */
 } tcs_entry;
 
-/* The voxels that a scene of a resident volume shows. */
+/* The volume whose voxels a scene shows: with or without tables and padding. */
 static inline tc_volume *tcs_entry_shown(const tcs_entry *entry, const tc_scene *scene) {
   return scene->hide_table && entry->body && scene->mode != TC_MODE_MPR ? entry->body : entry->volume;
 }
@@ -75,7 +75,7 @@ tcs_entry *tcs_catalogue_resident(tcs_catalogue *catalogue, tcs_kind kind, const
  * used again. */
 tcs_entry *tcs_catalogue_load(tcs_catalogue *catalogue, tcs_kind kind, const char *id, tcs_source_file *source,
                               GError **error);
-/* What tcs_catalogue_load() would say, without starting. */
+/* The error that tcs_catalogue_load() would return, without starting a load. */
 bool tcs_catalogue_may_load(tcs_catalogue *catalogue, tcs_kind kind, const char *id, const char *client, GError **error);
 
 /* Forgets the id; what it is goes when its last user does. An import under way is told to stop. */
@@ -97,7 +97,7 @@ void tcs_describe_model(cJSON *json, const tc_vmd *model);
 void tcs_catalogue_gauges(tcs_catalogue *catalogue, tcs_gauges *gauges);
 /* True while a volume of the command line has not been loaded, well or badly. */
 bool tcs_catalogue_starting(tcs_catalogue *catalogue);
-/* Stops every import under way (their errors say cancelled) and begins no other: the end is near. */
+/* At shutdown: cancels every import under way and begins no other. */
 void tcs_catalogue_cancel_all(tcs_catalogue *catalogue);
 
 /* About once a second: forgets old failures, starts what waited for memory. */

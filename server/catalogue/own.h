@@ -69,12 +69,12 @@ bool tcs_load_goes_on(void *load);
 void tcs_volume_describe(cJSON *json, const tc_volume *volume, const tc_fit *fit, bool has_body);
 void tcs_mesh_describe(cJSON *json, const tc_mesh *mesh, const tc_mesh_file *file, const tc_mesh_measures *measures);
 
-/* Starts what can start, gives up what cannot. After anything changed, and a few times a second. */
+/* Starts loads that may start and gives up loads that cannot. Called after every change and a few times a second. */
 void tcs_loads_pump(tcs_catalogue *catalogue);
 /* Why a client may not load another one now; TC_ERROR_BUSY. Operators (NULL) always may. */
 bool tcs_loads_allow(const tcs_catalogue *catalogue, const char *client, GError **error);
 void tcs_load_begin(tcs_catalogue *catalogue, tcs_entry *entry, const tcs_source_file *source);
-/* Its asker does not want it any more: dropped if it waits, told to stop if it runs. */
+/* The load is not wanted any more: a waiting one is dropped, a running one cancelled. */
 void tcs_load_leave(tcs_load *load);
 
 /* Drops least recently used derived data, then volumes and meshes that no session shows, least recently used first and the

@@ -1,5 +1,5 @@
-/* What is said to a request before anything else is looked at: is it meant for this server, and who is asking? And the
- * headers every reply carries. I/O thread only. */
+/* The first checks of a request: is it meant for this server, and who is asking? Also the headers that every reply
+ * carries. I/O thread only. */
 #ifndef TCS_HTTP_ADMISSION_H
 #define TCS_HTTP_ADMISSION_H
 

@@ -50,9 +50,9 @@ const char *tcs_http_address(const tcs_http *http);
 const char *tcs_http_metrics_address(const tcs_http *http); /* "": it does not */
 tcs_streams *tcs_http_streams(tcs_http *http);
 GQueue *tcs_http_mjpeg_viewers(tcs_http *http); /* tcs_mjpeg */
-/* What came after a request for an upgrade. */
+/* Bytes that came after a request for an upgrade. */
 const GByteArray *tcs_http_held(struct MHD_Connection *connection);
-/* What a daemon says of itself, written at its start (api_service.c); the http's. */
+/* The daemon's description of itself, written at start (api_service.c); owned by the http. */
 #define TCS_DOCUMENTS 4
 GBytes *tcs_http_document(tcs_http *http, int which);
 void tcs_documents_write(const tcs_server *server, GBytes *documents[TCS_DOCUMENTS]);
@@ -173,13 +173,13 @@ void tcs_upload_write(tcs_request *request, const void *bytes, size_t size);
 /* The body is complete: once all of it is written tcs_put_entry_done() is called; until then the request is deferred. */
 void tcs_upload_end(tcs_request *request);
 void tcs_put_entry_done(tcs_request *request, struct tcs_spooled *file); /* takes the file */
-/* The request goes: what is left of its upload goes too. */
+/* The request ends: removes the rest of its upload. */
 void tcs_upload_leave(tcs_request *request);
 /* Once a second: ends uploads slower than the configured rate. */
 void tcs_uploads_tick(tcs_server *server, int64_t now_us);
-/* Answers those whose bodies are not complete: the server is about to end. */
+/* Answers requests whose bodies are incomplete: the server is about to end. */
 void tcs_uploads_drain(tcs_server *server);
-/* Ends all of them: the loop is about to end. */
+/* Ends all uploads: the loop is about to end. */
 void tcs_uploads_abandon(tcs_server *server);
 
 #endif

@@ -1,5 +1,5 @@
 /* Requests that are answered by a worker: reading and printing of long documents, walks over voxels, folders and rays.
- * What is not begun when its client leaves never begins; what is, is told to stop. I/O thread, but for `run`. */
+ * When the client leaves, work that has not begun is dropped, and running work is cancelled. I/O thread, but for `run`. */
 #ifndef TCS_HTTP_WORK_H
 #define TCS_HTTP_WORK_H
 
@@ -9,7 +9,7 @@
 #include "server/http/http.h"
 #include "server/loop/worker.h"
 
-/* Longer documents are read and printed by a worker. */
+/* A worker reads and prints longer documents. */
 #define TCS_LONG_JSON 65536
 
 /* Embedded as the first member of what a handler needs beside, made by g_new0. */
@@ -29,7 +29,7 @@ struct tcs_work {
 /* Defers the request and submits the work, whose run, reply and free are set. most: how many works of this worker may
  * wait; with more the answer is 503 and the work is freed (false). */
 bool tcs_work_start(tcs_request *request, tcs_worker *worker, tcs_work *work, int most);
-/* Runs it at once, here: for what is short. */
+/* Runs short work at once, on this thread. */
 void tcs_work_inline(tcs_request *request, tcs_work *work);
 
 /* What to do with a body that was read; lists: of the scene in it, or NULL. May reply or defer. */

@@ -39,12 +39,12 @@ void tcs_completions_finish(tcs_completions *completions);
 void tcs_completions_post(tcs_completions *completions, tcs_task *task); /* any thread */
 void tcs_completions_drain(tcs_completions *completions);                /* I/O thread: calls every `done` */
 
-/* What gives way to what where processors are short, as steps of nice(2) below the I/O thread, which comes before all:
- * its turns are short, and everybody waits for them. A thread of three times the weight is rarely put off. */
+/* Priorities of threads where processors are short, as steps of nice(2) below the I/O thread. The I/O thread comes first:
+ * its turns are short, and all clients wait for them. A thread of three times the weight is rarely preempted. */
 typedef enum tcs_priority {
   TCS_PRIORITY_PICTURE = 5, /* pictures that somebody waits for */
-  TCS_PRIORITY_BEHIND = 15, /* a tenth of that: loads and questions, which somebody waits for too */
-  TCS_PRIORITY_LOW = 19     /* what nobody waits for */
+  TCS_PRIORITY_BEHIND = 15, /* a tenth of the weight: loads and queries, which clients wait for too */
+  TCS_PRIORITY_LOW = 19     /* background work: no client waits for it */
 } tcs_priority;
 
 /* `threads` threads called `name` (at most 15 characters) that share one queue. */

@@ -1,6 +1,6 @@
-/* The ledger of the daemon's memory: one total, a part of it for voxels, and who holds how much of it. Any thread.
+/* The ledger of the daemon's memory: one total, a part of the total for voxels, and the bytes of each holder. Any thread.
  *
- * What can be refused is taken before it is allocated; what is there already is counted. */
+ * Memory that can be refused is reserved before its allocation; memory that exists already is only counted. */
 #ifndef TCS_MEMORY_BUDGET_H
 #define TCS_MEMORY_BUDGET_H
 
@@ -31,9 +31,9 @@ typedef struct tcs_budget tcs_budget;
 tcs_budget *tcs_budget_new(uint64_t total, uint64_t voxels);
 void tcs_budget_free(tcs_budget *budget); /* NULL is fine */
 
-/* Changes what a holder has of a kind from `held` to `bytes`, if there are that many; false: it has what it had. */
+/* Changes a holder's bytes of a kind from `held` to `bytes`. False: the memory is short, and nothing changed. */
 bool tcs_budget_resize(tcs_budget *budget, tcs_memory_kind kind, uint64_t held, uint64_t bytes);
-/* Counts what is there, over the total if need be. */
+/* Counts memory that exists already, even beyond the total. */
 void tcs_budget_count(tcs_budget *budget, tcs_memory_kind kind, uint64_t bytes);
 void tcs_budget_give(tcs_budget *budget, tcs_memory_kind kind, uint64_t bytes);
 void tcs_budget_move(tcs_budget *budget, tcs_memory_kind from, tcs_memory_kind to, uint64_t bytes);

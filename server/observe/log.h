@@ -38,7 +38,7 @@ void tcs_log_reopen(void);
 /* Starts the log's thread, which inherits the caller's signal mask. Without it (no thread to be had) lines are written
  * by whoever logs them. */
 void tcs_log_start(void);
-/* Waits until everything logged so far is written, at most so long. False: it is not. */
+/* Waits, up to a limit, until all lines logged so far are written. False: some are not. */
 bool tcs_log_flush(int most_ms);
 /* Flushes and ends the thread; one that hangs in a write is left behind. */
 void tcs_log_stop(int most_ms);

@@ -41,7 +41,7 @@ typedef struct tcs_metrics {
 
 #define TCS_METRICS_MEMORY 12
 
-/* What only a scrape can tell. */
+/* Gauges, filled at a scrape. */
 typedef struct tcs_gauges {
   int ws_clients, mjpeg_clients, sessions, volumes_resident, volumes_loading, meshes_resident, queued, probes, walks, texts;
   uint64_t volume_bytes;

@@ -1,4 +1,4 @@
-/* One who has pictures made: an account of render time (fair.h) and a line of jobs. I/O thread only. */
+/* A client of the renderer: an account of render time (fair.h) and a queue of jobs. I/O thread only. */
 #ifndef TCS_SCHEDULE_CLIENT_H
 #define TCS_SCHEDULE_CLIENT_H
 
@@ -9,16 +9,16 @@
 
 typedef struct tcs_client tcs_client;
 
-/* Makes the job that the client wants in this class now: a scene is looked at as late as can be. NULL: it wants none in
- * this class; what it does want instead was said by tcs_client_want(). */
+/* Makes the job that the client wants in this class, from the scene of this moment. NULL: the client wants no job of this
+ * class; tcs_client_want() has said which class it wants instead. */
 typedef tcs_job *tcs_client_next(void *user, tcs_class class);
 
 /* next: NULL for one whose jobs are all submitted. */
 tcs_client *tcs_client_new(tcs_fair *fair, const char *peer, tcs_client_next *next, void *user);
-/* Its line must be empty; a job of its that is being rendered has no client any more. */
+/* The client's queue must be empty. A job that is being rendered loses its client. */
 void tcs_client_free(tcs_client *client);
 
-/* In which class it would have a job if it were asked. */
+/* The class in which the client wants a job. */
 void tcs_client_want(tcs_client *client, tcs_class class);
 void tcs_client_push(tcs_client *client, tcs_job *job);    /* to the end of the line */
 void tcs_client_put_back(tcs_client *client, tcs_job *job); /* to its front */

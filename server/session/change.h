@@ -8,7 +8,7 @@
  * its place, but what follows from a change follows once for all of a turn, in tcs_session_settle(). On failure the
  * draft stays. */
 bool tcs_session_draft(tcs_watcher *watcher, uint64_t seq, const cJSON *patch, GError **error);
-/* The draft, where there is one, becomes the scene. Once a turn, before anybody looks at the scene. */
+/* The draft, where there is one, becomes the scene. Called once a turn, before the scene is read. */
 void tcs_session_settle(tcs_session *session);
 
 /* Merge patch onto the scene, or onto the defaults when `whole`: counts the revision, cancels a refinement of the old

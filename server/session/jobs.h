@@ -1,4 +1,4 @@
-/* What a session has rendered next, and what becomes of it. I/O thread only. */
+/* Jobs of a session: the next picture to render, and the delivery of a finished one. I/O thread only. */
 #ifndef TCS_SESSION_JOBS_H
 #define TCS_SESSION_JOBS_H
 

@@ -4,8 +4,8 @@
 
 #include "renderer/tomocast.h"
 
-/* TC_ERROR_CONFLICT that says what speaks against it, and that scene.labels.force insists: labels lie on the volume's
- * own grid, on a part of it, or fill the same box by a finer or coarser one; and hold few values, or wide areas of one.
+/* Labels lie on the volume's own grid, on a part of that grid, or on a finer or coarser grid of the same box; they hold
+ * few values, or large areas of one value. Else TC_ERROR_CONFLICT, which gives the reason and names scene.labels.force.
  * The renderer's own check (tc_labels_check()) came before. */
 bool tcs_labels_check(const tc_volume *volume, const tc_volume *labels, GError **error);
 

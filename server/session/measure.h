@@ -1,5 +1,5 @@
-/* The error meter of a session: after a final picture its sampled pixels are integrated anew on a thread of low
- * priority; what is found goes into the picture's header, and viewers get it once more. I/O thread only.
+/* The error meter of a session: after a final picture, a thread of low priority integrates the sampled pixels again with
+ * the reference. The measured error goes into the picture's header, and viewers get the header again. I/O thread only.
  *
  * At most one measurement of a view counts: a change of the scene ends it, and so does the end of the view. */
 #ifndef TCS_SESSION_MEASURE_H
@@ -13,9 +13,9 @@ void tcs_measure_begin(tcs_session *session, tcs_view *view, tcs_job *job, tcs_p
 void tcs_measure_cancel(tcs_view *view);
 /* How many pixels of a job's picture the meter is to have: the scene's wish, 0 where there is no reference. */
 int tcs_meter_pixels(const tcs_job *job);
-/* A final picture was made for one who asked for it alone: it is measured where no viewer's picture is. */
+/* A final picture was made for a single request: it is measured if no viewer's picture is. */
 void tcs_session_still(tcs_session *session, tcs_job *job);
-/* What the meter found of the scene as it is, or why nothing; NULL: not known, or not asked. The session's. */
+/* The meter's result for the present scene, or the reason for having none; NULL: not measured, or not asked. Borrowed. */
 const tcs_picture *tcs_session_judged(const tcs_session *session);
 
 #endif

@@ -14,17 +14,17 @@ tcs_quality *tcs_quality_new(tcs_server *server);
 void tcs_quality_cancel_all(tcs_quality *quality);
 void tcs_quality_free(tcs_quality *quality); /* NULL is fine */
 
-/* Puts method, step and termination into the job's scene and the why into job->quality, where the scene asks for either
- * bound. session: whose frame it is, its times and the method in use count; NULL: nobody's. Of a moving frame the bound
- * on time is no longer than a frame in motion may take; under one on error it never takes finer steps than its scene
- * has. */
+/* Where the scene asks for a bound: puts method, step and termination into the job's scene and the reason into
+ * job->quality. session: the session of the frame, whose times and present method count; NULL: none. In motion a bound on
+ * time is at most the time of an interactive frame, and a bound on error never takes steps finer than the scene's
+ * own. */
 void tcs_quality_resolve(tcs_quality *quality, tcs_job *job, const tcs_session *session, bool moving);
-/* A single picture under a bound on its error whose look was never measured near its camera: measures it, then queues
- * the job. False: nothing to wait for, the job is still the caller's. */
+/* For a single picture under a bound on error: measures its look first where no camera near this one was measured, then
+ * queues the job. False: the measurement is not needed, and the job is still the caller's. */
 bool tcs_quality_prepare(tcs_quality *quality, tcs_job *job);
 /* Measures what would help the sessions at rest, one view at a time. Call after a final frame. */
 void tcs_quality_pump(tcs_quality *quality);
-/* The session's scene or viewers changed: a measurement of a look that nobody sees any more is in vain. */
+/* The session's scene or viewers changed: cancels measurements of looks that no viewer sees any more. */
 void tcs_quality_changed(tcs_quality *quality, const tcs_session *session);
 
 /* What was chosen, for the plan. NULL where nothing was asked. */

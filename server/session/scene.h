@@ -1,4 +1,4 @@
-/* Scenes against limits, the renderer and other volumes: what the parser of the wire cannot know. I/O thread only. */
+/* Checks of a scene that the parser cannot make: limits, the renderer, other volumes. I/O thread only. */
 #ifndef TCS_SESSION_SCENE_H
 #define TCS_SESSION_SCENE_H
 
@@ -6,7 +6,7 @@
 #include "renderer/tomocast.h"
 #include "server/catalogue/catalogue.h"
 
-/* Its lists make a text of some ten KiB and more: a worker writes it. */
+/* Whether the scene's text is so long (10 KiB and more) that a worker writes it. */
 static inline bool tcs_scene_is_long(const tc_scene *scene) {
   return scene->transfer_function.count + scene->labels.n_colors + scene->labels.n_visible > 500;
 }
@@ -15,8 +15,8 @@ static inline bool tcs_scene_is_long(const tc_scene *scene) {
 tc_mesh **tcs_scene_meshes(tcs_server *server, const tc_scene *scene);
 
 /* Checks a scene against the limits and what the renderer can do, and finds its label volume (NULL when it has none;
- * the catalogue's). valid: as in tc_plan_check(). patch: that made it, or NULL; a volume of labels that it brings must look
- * like one (labels.h), unless labels.force insists. */
+ * the catalogue's). valid: as in tc_plan_check(). patch: the patch that made the scene, or NULL; a label volume named by the
+ * patch must look like labels (labels.h), unless labels.force is set. */
 bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, const tc_scene *valid,
                      const cJSON *patch, tc_volume **labels, GError **error);
 /* The defaults for a resident volume, with `patch` (may be NULL) on top. *scene holds nothing before, nor after a

@@ -20,7 +20,7 @@ void tcs_session_end(tcs_session *session);
 /* Ends every session that shows a volume, be it as labels. */
 void tcs_sessions_end_of(tcs_sessions *sessions, const tcs_entry *entry);
 
-/* Ends the sessions of tokens' names that are not in the token file any more, and with them the links to these. */
+/* Ends the sessions of owners whose token is no longer in the token file, and with the sessions their links. */
 void tcs_sessions_end_orphans(tcs_sessions *sessions);
 
 /* Microseconds until a session comes to rest or may be retried; -1 = nothing to wait for. */

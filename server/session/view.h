@@ -6,7 +6,7 @@
 #include "server/schedule/ladder.h"
 #include "server/session/picture.h"
 
-/* Sizes of their own that a session's viewers may have at once; those of one more get the scene's. */
+/* Different sizes that a session's viewers may have at once; further viewers get pictures of the scene's size. */
 #define TCS_MOST_SIZES 6
 
 typedef struct tcs_measure tcs_measure;
@@ -19,21 +19,21 @@ typedef struct tcs_view {
   tcs_picture *latest;     /* newest finished picture, or NULL */
   uint64_t begun_revision; /* of the newest picture begun */
   bool begun_final;
-  tcs_ladder ladders[TC_MODE_COUNT]; /* what a mode's frames take says nothing of another's */
+  tcs_ladder ladders[TC_MODE_COUNT]; /* by mode: frame times of one mode do not predict another's */
   double full_samples;       /* of its picture in full size ... */
   uint64_t samples_revision; /* ... at this revision */
   tcs_measure *measure;      /* of `latest`, or of the session's `still`, or NULL */
 } tcs_view;
 
-/* Of a mode; ms_per_sample: what a sample takes elsewhere. Nobody's rays say what a slice takes: it is begun in full. */
+/* The ladder of a mode; ms_per_sample: the time of a sample in other views, which says nothing of a slice. */
 tcs_ladder *tcs_view_ladder(tcs_view *view, tc_mode mode, double ms_per_sample);
 tcs_view *tcs_view_new(tcs_session *session, int width, int height);
 /* The view of the scene's own size: the first one. */
 tcs_view *tcs_session_own_view(const tcs_session *session);
 /* Gives a viewer the view of the size it asks for, after either that or the scene's size has changed. */
 void tcs_watcher_seat(tcs_watcher *watcher);
-/* One that looked at it does no more, and has no part in the session's list of viewers or another view: one that nobody
- * looks at goes, but for the first. */
+/* A viewer leaves the view, after it left the session's list of viewers or took another view. A view without viewers is
+ * freed, except for the first. */
 void tcs_session_unseat(tcs_session *session, tcs_view *view);
 void tcs_session_free_views(tcs_session *session);
 

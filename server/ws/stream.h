@@ -18,7 +18,7 @@ void tcs_streams_open(tcs_streams *streams, tcs_session *session, const tcs_call
 int tcs_streams_count(const tcs_streams *streams);
 /* Sends a text message to every viewer that keeps up. */
 void tcs_streams_tell(tcs_streams *streams, const char *json);
-/* Reads on where a viewer's messages had taken their share of the I/O thread; microseconds until the next one, -1 = none
+/* Goes on reading from viewers whose messages had used up their share of the I/O thread; microseconds until the next one, -1 = none
  * waits. Call in every turn of the loop. */
 int64_t tcs_streams_resume(tcs_streams *streams, int64_t now_us);
 /* Pings, silences, stalled closings; call about once a second. */
