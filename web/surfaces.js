@@ -59,6 +59,7 @@ export class Surfaces {
       if (color && document.activeElement !== color && surface.color) color.value = toHex(surface.color);
       eye.setAttribute('aria-pressed', surface.visible);
       eye.textContent = surface.visible ? 'Shown' : 'Hidden';
+      eye.ariaLabel = `${eye.textContent}: surface ${i + 1}`;
     });
     if (list.length && this.#store.scene.mode === 'mesh') this.#get('single-surface').hidden = true; // it is not read then
     this.#get('surfaces-add').disabled = this.#get('surfaces-slice').disabled = list.length >= MOST;
@@ -97,7 +98,7 @@ export class Surfaces {
     const color = surface.plane ? null : element('input', { type: 'color', ariaLabel: `Colour of ${name}` });
     color?.addEventListener('input', () => this.#change(i, { color: fromHex(color.value) }));
     const opacity = this.#slider(i, 'opacity', [0, 1], `Opacity of ${name}`);
-    const eye = element('button', { ariaLabel: `Show ${name}` });
+    const eye = element('button', {});
     eye.addEventListener('click', () => this.#change(i, { visible: !this.#list()[i].visible }));
     const drop = element('button', { textContent: 'Remove', ariaLabel: `Remove ${name}` });
     drop.addEventListener('click', () => this.#send(this.#list().filter((_, k) => k !== i)));
