@@ -90,8 +90,12 @@ describe('what fits where', { skip }, () => {
               .filter((word) => cross(mark.getBoundingClientRect(), word.getBoundingClientRect()))
               .map((word) => `${word.id} over ${mark.id}`),
           );
-          stale.hidden = true;
-          return marked;
+          const banner = document.getElementById('banner');
+          banner.hidden = false;
+          const box = banner.getBoundingClientRect();
+          const over = boxes('.badge').filter((badge) => cross(badge.getBoundingClientRect(), box));
+          stale.hidden = banner.hidden = true;
+          return [...marked, ...over.map(({ id }) => `banner over ${id}`)];
         });
         assert.deepEqual(covered, [], `${size} ${mode}`);
         if (size[0] < 400) assert.ok((await page.locator('.bar').boundingBox()).height < 110, `${size}`);
