@@ -217,7 +217,7 @@ static void test_unbuilt_keys(void **state) {
   assert_made(context);
   const size_t first = offsetof(tc_gl_variant, plan);
   const struct { size_t offset; uint8_t value;
-  } members[] = {{offsetof(tc_plan_key, mode), TC_MODE_SPLAT},
+  } members[] = {{offsetof(tc_plan_key, mode), TC_MODE_COUNT},
                  {offsetof(tc_plan_key, classification), TC_CLASSIFICATION_COUNT},
                  {offsetof(tc_plan_key, order), TC_ORDER_COUNT},
                  {offsetof(tc_plan_key, filter), TC_FILTER_COUNT},
