@@ -42,6 +42,9 @@ const char *tc_reference_missing(const tc_scene *scene) {
   bool surface = is_surface(scene->mode);
   if (scene->mode != TC_MODE_DVR && !surface && !is_projection(scene->mode)) return "/mode";
   if (scene->mode == TC_MODE_MESH && scene->labels.volume[0]) return "/mode"; /* surfaces of labels */
+  if (scene->mesh.n_surfaces && scene->mode == TC_MODE_MESH) return "/mesh/surfaces";
+  if (scene->mesh.n_surfaces && scene->mesh.with_volume && (scene->mode == TC_MODE_DVR || scene->mode == TC_MODE_MIP))
+    return "/mesh/withVolume";
   if ((unsigned)scene->filter >= TC_FILTER_COUNT || (surface && scene->filter != TC_FILTER_LINEAR)) return "/filter";
   if (scene->labels.volume[0] && scene->mode == TC_MODE_DVR) return "/labels/volume";
   return NULL;

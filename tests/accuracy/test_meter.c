@@ -47,7 +47,8 @@ static int set_up(void **state) {
   for (int i = 0; i < PIXELS; i++) {
     double wanted[4], got[4];
     tc_reference_pixel(reference, i % WIDTH + 0.5, i / WIDTH + 0.5, wanted);
-    for (int c = 0; c < 4; c++) got[c] = (double)frame.linear[4 * i + c];
+    for (int c = 0; c < 4; c++)
+      got[c] = (double)frame.linear[4 * i + c];
     sum += squares[i] = tc_meter_square(&scene, got, wanted, &frame_max);
   }
   frame_rms = sqrt(sum / PIXELS);
@@ -111,7 +112,8 @@ static void one_seed_one_answer(void **state) {
 static void the_estimate_is_the_textbooks(void **state) {
   enum { COUNT = 48 };
   double known[COUNT];
-  for (int i = 0; i < COUNT; i++) known[i] = i % 4 ? 0 : 0.01;
+  for (int i = 0; i < COUNT; i++)
+    known[i] = i % 4 ? 0 : 0.01;
   tc_meter_result r;
   tc_meter_estimate(known, COUNT, &r);
   assert_float_equal(r.rms, 0.05, 1e-12);
@@ -147,6 +149,20 @@ static void what_has_no_reference_is_said(void **state) {
   assert_true(tc_explain(volume, &scene, WIDTH, HEIGHT, &plan, NULL));
   assert_false(plan.stages[TC_STAGE_ERROR_METER].included);
   assert_string_equal(plan.stages[TC_STAGE_ERROR_METER].reason, reason);
+  tc_mesh_surface surface = {.source = TC_SURFACE_OF_VALUE, .opacity = 1, .visible = true};
+  tc_scene listed = scene; /* borrows */
+  listed.mesh.surfaces = &surface, listed.mesh.n_surfaces = 1;
+  for (tc_mode mode = 0; mode < TC_MODE_COUNT; mode++) {
+    listed.mode = mode;
+    for (int within = 0; within < 2; within++) {
+      listed.mesh.with_volume = within;
+      const bool drawn = mode == TC_MODE_MESH || (within && (mode == TC_MODE_DVR || mode == TC_MODE_MIP));
+      if (drawn)
+        assert_true(tc_meter_refuses(&listed, reason, sizeof reason) && strstr(reason, "mesh/"));
+      else
+        assert_false(tc_meter_refuses(&listed, reason, sizeof reason) && strstr(reason, "mesh/"));
+    }
+  }
   scene.mode = TC_MODE_DVR;
   scene.error_meter.pixels = 0;
 }
@@ -177,8 +193,14 @@ static void assert_step_alone_counts(tc_scene *s, tc_volume *labels, const char 
 }
 
 static void the_truth_of_many_rays_is_their_mean(void **state) {
-  static const struct { tc_mode mode; const char *name; } modes[] = {{TC_MODE_DVR, "dvr"}, {TC_MODE_MIP, "mip"},
-      {TC_MODE_MINIP, "minip"}, {TC_MODE_AVERAGE, "average"}, {TC_MODE_ISOSURFACE, "isosurface"}};
+  static const struct {
+    tc_mode mode;
+    const char *name;
+  } modes[] = {{TC_MODE_DVR, "dvr"},
+               {TC_MODE_MIP, "mip"},
+               {TC_MODE_MINIP, "minip"},
+               {TC_MODE_AVERAGE, "average"},
+               {TC_MODE_ISOSURFACE, "isosurface"}};
   tc_scene s = scene; /* borrows */
   tc_subpixel rays[5];
   tc_subpixel_rays(5, rays);
@@ -189,11 +211,13 @@ static void the_truth_of_many_rays_is_their_mean(void **state) {
   for (int r = 0; r < 5; r++) {
     double one[4];
     tc_reference_pixel(reference, 30.5 + rays[r].x, 20.5 + rays[r].y, one);
-    for (int c = 0; c < 4; c++) mean[c] += one[c] / 5;
+    for (int c = 0; c < 4; c++)
+      mean[c] += one[c] / 5;
   }
   tc_reference_pixel(reference, 30.5, 20.5, middle);
   tc_meter_truth(reference, &s, 30, 20, 1, said);
-  for (int c = 0; c < 4; c++) assert_float_equal(said[c], mean[c], 1e-15);
+  for (int c = 0; c < 4; c++)
+    assert_float_equal(said[c], mean[c], 1e-15);
   assert_true(fabs(said[0] - middle[0]) > 1e-4); /* and it is no other's */
   s.sampling.rays_per_pixel = 1;
   tc_meter_truth(reference, &s, 30, 20, 1, said);
