@@ -1,8 +1,7 @@
-/* A small, bounded zip reader over bytes in memory: stored and deflated members, zip64 sizes, nothing on disk.
+/* A zip's members in memory, through libzip: stored and deflated ones, nothing on disk.
  *
- * Names are never used as paths: members are reached by their number. The directory at the end is what counts; local
- * headers are only followed to their data. Encrypted members, other methods and members over the cap are marked and
- * cannot be read. Bytes must outlive the reader. */
+ * Members are reached by their number; a name is never used as a path. Encrypted members, folders, other methods and
+ * sizes that deflate cannot reach are marked and cannot be read. The bytes must outlive the reader. */
 #ifndef TC_IMPORT_DICOM_ZIP_H
 #define TC_IMPORT_DICOM_ZIP_H
 
@@ -19,17 +18,12 @@ extern "C" {
 enum { TC_DICOM_ZIP_MEMBERS_MAX = 200000 };
 
 typedef struct tc_dicom_zip_member {
-  uint64_t at;     /* of the local header */
-  uint64_t packed; /* bytes in the file */
-  uint64_t size;   /* bytes when read; at most 1032 times `packed` plus a little, which is what deflate can do */
-  uint32_t crc;
-  uint16_t method; /* 0 stored, 8 deflated */
-  bool usable;     /* a plain, unencrypted file of a known method */
+  uint64_t size; /* bytes when read; at most 1032 times the packed bytes plus a little, which is what deflate can do */
+  bool usable;   /* a plain, unencrypted file of a known method */
 } tc_dicom_zip_member;
 
 typedef struct tc_dicom_zip {
-  const uint8_t *bytes; /* [size] */
-  size_t size;
+  struct zip *archive;
   tc_dicom_zip_member *members; /* [count], owned */
   size_t count;
 } tc_dicom_zip;
