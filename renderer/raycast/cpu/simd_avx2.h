@@ -73,7 +73,8 @@ V_INLINE void v_prefetch(const void *base, vi off, int size) {
   _mm256_store_si256((__m256i *)at, off);
   __asm__("" : "+m"(at)); /* through memory, as in v_bilinear() */
 #pragma GCC unroll 4
-  for (int l = 0; l < 8; l += 2) __builtin_prefetch((const char *)base + (ptrdiff_t)at[l] * size);
+  for (int l = 0; l < 8; l += 2)
+    __builtin_prefetch((const void *)((uintptr_t)base + (uintptr_t)((ptrdiff_t)at[l] * size)));
 }
 
 /* Each lane loads whole entries of 16 bytes, lane 4s+g into the 128-bit slot s of group g. A 4x4 transpose within

@@ -96,7 +96,8 @@ V_INLINE void v_prefetch(const void *base, vi off, int size) {
   _mm512_store_si512(at, off);
   __asm__("" : "+m"(at)); /* through memory, as in v_bilinear() */
 #pragma GCC unroll 8
-  for (int l = 0; l < 16; l += 2) __builtin_prefetch((const char *)base + (ptrdiff_t)at[l] * size);
+  for (int l = 0; l < 16; l += 2)
+    __builtin_prefetch((const void *)((uintptr_t)base + (uintptr_t)((ptrdiff_t)at[l] * size)));
 }
 
 /* Neighbourhoods: 16-bit voxels in two registers of 32, bytes widened to 16 bits, floats in four registers of 16. One
