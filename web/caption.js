@@ -47,9 +47,10 @@ function slabLine(planes) {
 /** What surfaces are of: a list, all labels, or one value. */
 function surfaceLine({ isosurface, labels, mesh }, unit) {
   const list = (mesh?.surfaces ?? []).filter(({ visible }) => visible !== false);
-  const names = list.map(
-    ({ value, label, mesh: id }) => id ?? (label === undefined ? number(value) + unit : `label ${label}`),
-  );
+  const names = list.map(({ value, label, mesh: id, plane }) => {
+    if (value !== undefined) return number(value) + unit;
+    return id ?? (plane ? `${plane} slice` : `label ${label}`);
+  });
   const rest = names.length > MOST_NAMES ? `, ${names.length - MOST_NAMES} more` : '';
   if (mesh?.surfaces.length) return `Surfaces: ${names.slice(0, MOST_NAMES).join(', ') || 'none'}${rest}`;
   if (labels?.volume) return `Surfaces of ${labels.volume}`;

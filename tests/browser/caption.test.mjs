@@ -142,6 +142,8 @@ test('a mesh is named by what it is of, a slab of a projection by its thickness'
   ]);
   const surfaces = [{ value: 300 }, { label: 6 }, { value: 9, visible: false }, { mesh: 'stent' }];
   assert.deepEqual(lines({ mode: 'mesh', isosurface, mesh: { surfaces } })[2], 'Surfaces: 300 HU, label 6, stent');
+  const slices = [{ value: 300 }, { plane: 'axial', opacity: 1 }];
+  assert.equal(lines({ mode: 'mesh', isosurface, mesh: { surfaces: slices } })[2], 'Surfaces: 300 HU, axial slice');
   const many = { surfaces: Array(6).fill({ label: 1 }) };
   assert.match(lines({ mode: 'mesh', mesh: many })[2], /label 1, 2 more$/);
   const facing = [
