@@ -15,6 +15,8 @@
 
 #define ENOUGH (1.0f / 4096) /* of the light that comes through: below nothing is seen */
 
+#define MOST_FOUND (1u << 24) /* layers of all pixels: what a file may make of a picture is bounded by memory */
+
 typedef struct within {
   const tc_job *job;
   tc_pool *pool;
@@ -28,7 +30,7 @@ typedef struct within {
   float *clear, *most;  /* [pixels]: light that surfaces let through; greatest grey, -1 before the ray meets the volume */
   tc_frame part;        /* of the volume */
   tc_raster_counts counts;
-  atomic_bool more;
+  atomic_bool more, too_many;
 } within;
 
 /* ---- layers ---- */
@@ -37,7 +39,8 @@ static void keep_seen(void *user, const tc_raster_picture *p) {
   within *w = user;
   const int width = w->job->frame->width;
   pthread_mutex_lock(&w->lock);
-  for (size_t i = 0; i < p->n_seen; i++) {
+  if (p->n_seen > MOST_FOUND - w->found->len) atomic_store(&w->too_many, true);
+  for (size_t i = 0; i < p->n_seen && !atomic_load(&w->too_many); i++) {
     tc_raster_seen seen = p->seen[i];
     seen.pixel = (p->y0 + seen.pixel / TC_RASTER_SIDE) * width + p->x0 + seen.pixel % TC_RASTER_SIDE;
     g_array_append_val(w->found, seen);
@@ -75,7 +78,11 @@ static bool find_layers(within *w, const tc_mesh_job *mesh, int ray, GError **er
   raster.emit = keep_seen, raster.user = w;
   raster.pool = w->pool;
   g_array_set_size(w->found, 0);
-  return tc_raster_draw(&raster, &w->counts, error) && sort_layers(w, error);
+  if (!tc_raster_draw(&raster, &w->counts, error)) return false;
+  if (!atomic_load(&w->too_many)) return sort_layers(w, error);
+  tc_set_error(error, TC_ERROR_LIMIT, "/mesh/surfaces",
+               "surfaces in a volume: more than %u layers in the picture; show fewer surfaces, or a smaller picture", MOST_FOUND);
+  return false;
 }
 
 /* ---- parts of rays ---- */

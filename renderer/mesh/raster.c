@@ -13,6 +13,7 @@
 #define LOOK 8       /* clusters between two looks at the halt */
 #define BUCKETS 256  /* of nearness, a tile's clusters are sorted into */
 #define MOST_LAYERS (1 << 20) /* that are sorted at once; a part of a tile with more is cut in two */
+#define MOST_ROW (1 << 24)    /* layers of a row of a tile, and of a tile that are handed out: more are refused */
 #define SEEN_THROUGH (1.0f / 4096) /* a share of a sample's light below this is nobody's */
 
 typedef struct worker {
@@ -296,7 +297,7 @@ static void keep_seen(drawing *d, worker *w) {
   const tc_raster_fragments *f = &w->fragments;
   if (w->n_seen + TC_RASTER_BATCH > w->seen_room) {
     const size_t room = 2 * w->seen_room + TC_RASTER_PIXELS;
-    tc_raster_seen *seen = realloc(w->seen, room * sizeof *seen);
+    tc_raster_seen *seen = room <= 2 * (size_t)MOST_ROW ? realloc(w->seen, room * sizeof *seen) : NULL;
     if (seen)
       w->seen = seen, w->seen_room = room;
     else
@@ -411,7 +412,7 @@ static bool draw_layers(drawing *d, worker *w, size_t n, int y0, int y1) {
     w->counts = before;
     if (w->layers.n > MOST_LAYERS && y1 - y0 > 1)
       return draw_layers(d, w, n, y0, (y0 + y1) / 2) && draw_layers(d, w, n, (y0 + y1) / 2, y1);
-    if (make_room(&w->layers, w->layers.n + w->layers.n / 4)) return draw_layers(d, w, n, y0, y1);
+    if (w->layers.n <= MOST_ROW && make_room(&w->layers, w->layers.n + w->layers.n / 4)) return draw_layers(d, w, n, y0, y1);
     atomic_store(&d->no_memory, true);
     return false;
   }
@@ -503,7 +504,7 @@ static bool draw_all(drawing *d, GError **error) {
   if (atomic_load(&d->no_memory)) goto no_memory;
   return (all && !atomic_load(&d->left)) || tc_halt_say(halt, error);
 no_memory:
-  tc_set_error(error, TC_ERROR_MEMORY, NULL, "mesh of %zu triangles: out of memory to draw it", d->job->mesh->n_triangles);
+  tc_set_error(error, TC_ERROR_MEMORY, NULL, "mesh of %zu triangles: out of memory to draw it, or too many translucent layers; show fewer", d->job->mesh->n_triangles);
   return false;
 }
 
