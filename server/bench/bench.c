@@ -17,6 +17,7 @@
 #include "server/bench/objects.h"
 #include "server/bench/paper_splat.h"
 #include "server/bench/papers.h"
+#include "server/bench/timing.h"
 #include "server/cli/cli.h"
 #include "server/encode/encode.h"
 
@@ -67,18 +68,6 @@ typedef struct bench {
   GByteArray *image;
 } bench;
 
-static double now_ms(void) { return (double)g_get_monotonic_time() / 1e3; }
-
-static int ascending(const void *a, const void *b) {
-  double x = *(const double *)a, y = *(const double *)b;
-  return (x > y) - (x < y);
-}
-
-static double median(double *ms, int count) {
-  qsort(ms, (size_t)count, sizeof *ms, ascending);
-  return count % 2 ? ms[count / 2] : 0.5 * (ms[count / 2 - 1] + ms[count / 2]);
-}
-
 /* ---- scene ---- */
 
 static bool make_scene(bench *b, GError **error) {
@@ -110,13 +99,13 @@ static bool measure_changes(bench *b, row *r, const variant *v, GError **error) 
     if (!render(b, r, v, false, error)) return false;
     tables[i] = r->frame.stats.tables_ms;
     skips[i] = r->frame.stats.skip_ms;
-    double start = now_ms();
+    double start = tcs_now_ms();
     if (!tcs_encode(b->encoder, &r->frame, &b->scene, 0, b->image, error)) return false;
-    encodes[i] = now_ms() - start;
+    encodes[i] = tcs_now_ms() - start;
   }
-  r->tables_ms = median(tables, CHANGES);
-  r->skip_ms = median(skips, CHANGES);
-  r->encode_ms = median(encodes, CHANGES);
+  r->tables_ms = tcs_median(tables, CHANGES);
+  r->skip_ms = tcs_median(skips, CHANGES);
+  r->encode_ms = tcs_median(encodes, CHANGES);
   return true;
 }
 
@@ -136,7 +125,7 @@ static bool integrate_reference(bench *b, GError **error) {
   int size = b->args.size;
   tc_reference *reference = tc_reference_new(b->volume, &b->scene, size, size, 0, error);
   if (!reference) return false;
-  double start = now_ms();
+  double start = tcs_now_ms();
   uint64_t state = 1;
   for (int i = 0; i < b->args.pixels; i++) {
     state = state * 6364136223846793005u + 1442695040888963407u;
@@ -145,7 +134,7 @@ static bool integrate_reference(bench *b, GError **error) {
     if (i % 64 == 0 && isatty(2)) fprintf(stderr, "\r%s: reference %d/%d ", b->name, i, b->args.pixels);
   }
   if (isatty(2)) fprintf(stderr, "\r\033[K");
-  b->reference_ms = now_ms() - start;
+  b->reference_ms = tcs_now_ms() - start;
   tc_reference_free(reference);
   return true;
 }
@@ -182,7 +171,7 @@ static void print_rows(bench *b) {
   for (int i = 0; i < N_VARIANTS; i++) {
     row *r = &b->rows[i];
     if (!r->renderer) continue;
-    double middle = median(r->ms, b->args.runs);
+    double middle = tcs_median(r->ms, (size_t)b->args.runs);
     printf("  %-20s %9.2f %9.2f %9.2f %9.2f %9.2f %10.2f", variants[i].name, r->tables_ms, r->skip_ms, middle, r->ms[0],
            r->encode_ms, (double)r->frame.stats.samples * 1e-6);
     if (b->args.pixels)
@@ -215,7 +204,7 @@ static cJSON *rows_as_json(bench *b) {
     cJSON_AddNumberToObject(v, "threads", tc_renderer_about(r->renderer)->threads);
     cJSON_AddNumberToObject(v, "tablesMs", r->tables_ms);
     cJSON_AddNumberToObject(v, "skipMs", r->skip_ms);
-    cJSON_AddNumberToObject(v, "renderMs", median(r->ms, b->args.runs));
+    cJSON_AddNumberToObject(v, "renderMs", tcs_median(r->ms, (size_t)b->args.runs));
     cJSON_AddItemToObject(v, "renderMsRuns", cJSON_CreateDoubleArray(r->ms, b->args.runs));
     cJSON_AddNumberToObject(v, "encodeMs", r->encode_ms);
     cJSON_AddNumberToObject(v, "samples", (double)r->frame.stats.samples);
@@ -258,9 +247,9 @@ static tcs_objects_run objects_run(const bench *b) {
 static bool bench_volume(bench *b, const char *path, cJSON *report, GError **error) {
   const char *slash = strrchr(path, '/');
   b->name = slash ? slash + 1 : path;
-  double start = now_ms();
+  double start = tcs_now_ms();
   b->volume = tc_import(path, NULL, error);
-  b->load_ms = now_ms() - start;
+  b->load_ms = tcs_now_ms() - start;
   bool good = b->volume && make_scene(b, error);
   if (good && b->args.paper) {
     const tcs_paper_run run = paper_run(b);

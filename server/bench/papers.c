@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "server/bench/timing.h"
 #include "server/cli/cli.h"
 
 enum { MOST_CELLS = 9, PAPER_RAYS = 5, PAPER_STEPS = 120 };
@@ -173,11 +174,6 @@ static void make_cell(cell *c, const paper *p, const column *how, const tc_volum
   s->sampling.step = paper_step(volume, s);
 }
 
-static int ascending(const void *a, const void *b) {
-  double x = *(const double *)a, y = *(const double *)b;
-  return (x > y) - (x < y);
-}
-
 /* Round -1 builds what later frames find ready. */
 static bool measure(tc_renderer *r, tc_volume *volume, cell *cells, int count, int runs, GError **error) {
   tc_frame frame = {0};
@@ -198,7 +194,7 @@ static bool measure(tc_renderer *r, tc_volume *volume, cell *cells, int count, i
     }
   tc_frame_finish(&frame);
   for (int i = 0; i < count; i++)
-    qsort(cells[i].ms, (size_t)runs, sizeof(double), ascending);
+    tcs_sort(cells[i].ms, (size_t)runs);
   return good;
 }
 

@@ -13,6 +13,7 @@
 #include "protocol/protocol.h"
 #include "server/bench/bench.h"
 #include "server/bench/report.h"
+#include "server/bench/timing.h"
 
 enum { BATCH = 8 };
 #define MAX_RESULTS_BYTES (256u << 20)
@@ -35,8 +36,6 @@ typedef struct report {
 static tc_interrupt stop = {.pause_us = LLONG_MAX};
 static void on_signal(int signal) { atomic_store(&stop.cancel, true); }
 
-static double now_ms(void) { return (double)g_get_monotonic_time() / 1e3; }
-
 static bool io_error(GError **error, const char *what, const char *path) {
   tc_set_error(error, TC_ERROR_IO, NULL, "%s %s: %s", what, path, g_strerror(errno));
   return false;
@@ -47,7 +46,7 @@ static bool io_error(GError **error, const char *what, const char *path) {
 static void show_progress(const report *r, const char *scene, double part) {
   enum { WIDTH = 24 };
   if (!isatty(2)) return;
-  double share = (r->scene + part) / r->n_scenes, seconds = (now_ms() - r->start_ms) / 1e3;
+  double share = (r->scene + part) / r->n_scenes, seconds = (tcs_now_ms() - r->start_ms) / 1e3;
   int full = (int)(share * WIDTH), left = share > 0 ? (int)(seconds * (1 - share) / share + 0.5) : 0;
   fprintf(stderr, "\r\033[K[%.*s%.*s] %3.0f %%  %s  %.1f settings/s  %d:%02d left ", full, "########################",
           WIDTH - full, "........................", 100 * share, scene, r->measured / fmax(seconds, 1e-3), left / 60,
@@ -342,7 +341,7 @@ static void print_summary(const report *r) {
     }
   }
   printf("%u settings, %d of them measured now, in %.0f s; see %s/report.html\n", r->rows->len, r->measured,
-         (now_ms() - r->start_ms) / 1e3, r->output);
+         (tcs_now_ms() - r->start_ms) / 1e3, r->output);
 }
 
 /* ---- command line ---- */
@@ -386,7 +385,7 @@ static bool run(report *r, GError **error) {
   const struct sigaction act = {.sa_handler = on_signal, .sa_flags = (int)SA_RESETHAND}; /* a second one ends at once */
   sigaction(SIGINT, &act, NULL);
   sigaction(SIGTERM, &act, NULL);
-  r->start_ms = now_ms();
+  r->start_ms = tcs_now_ms();
   r->program = identify_program();
   if (!open_log(r, error)) return false;
   r->bench = tcs_report_bench_new(&r->options, &stop, r->left_out, error);

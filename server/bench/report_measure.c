@@ -12,6 +12,7 @@
 #include "renderer/reference/reference.h"
 #include "server/bench/difference.h"
 #include "server/bench/report.h"
+#include "server/bench/timing.h"
 
 enum { AREA_SIDE = 4, MOST_RUNS = 5, LEAST_SIDE = 24 };
 static const int sides[] = {LEAST_SIDE, 32, 48, 64, 96, 128, 192, 256};
@@ -36,8 +37,6 @@ struct tcs_report_bench {
   truth truths[TC_FILTER_COUNT];
   tc_frame small, large;
 };
-
-static double now_ms(void) { return (double)g_get_monotonic_time() / 1e3; }
 
 static bool stopped(const tcs_report_bench *b, GError **error) {
   if (!atomic_load(&b->stop->cancel)) return false;
@@ -168,11 +167,11 @@ static bool choose_side(tcs_report_bench *b, tc_filter filter, int most, int *si
   double budget_ms = (b->options.quick ? 350 : 10000) * tc_renderer_about(b->renderers[TC_BACKEND_CPU])->threads;
   tc_reference *r = reference_of(b, filter, 256, error);
   if (!r) return false;
-  double rgba[4], start = now_ms();
+  double rgba[4], start = tcs_now_ms();
   uint64_t state = 1;
   for (int i = 0; i < PROBES; i++)
     tc_reference_pixel(r, (double)(next_random(&state) % 256) + 0.5, (double)(next_random(&state) % 256) + 0.5, rgba);
-  double ray_ms = (now_ms() - start) / PROBES;
+  double ray_ms = (tcs_now_ms() - start) / PROBES;
   tc_reference_free(r);
   *side = most < LEAST_SIDE ? most : LEAST_SIDE;
   for (size_t i = 0; i < G_N_ELEMENTS(sides); i++)
@@ -294,11 +293,6 @@ static bool compare_one(tcs_report_bench *b, const tcs_setting *s, tcs_report_ro
   return judge_ending(b, s, t->side, row, error);
 }
 
-static int ascending(const void *a, const void *b) {
-  double x = *(const double *)a, y = *(const double *)b;
-  return (x > y) - (x < y);
-}
-
 static bool time_batch(tcs_report_bench *b, const tcs_setting *settings, int count, tcs_report_row *rows,
                        GError **error) {
   int runs = b->options.quick ? 3 : MOST_RUNS;
@@ -314,7 +308,7 @@ static bool time_batch(tcs_report_bench *b, const tcs_setting *settings, int cou
     }
   for (int i = 0; i < count && good; i++) {
     if (rows[i].runs == 0) continue;
-    qsort(ms[i], (size_t)runs, sizeof **ms, ascending);
+    tcs_sort(ms[i], (size_t)runs);
     rows[i].runs = runs;
     rows[i].render_ms = ms[i][runs / 2];
     rows[i].render_ms_least = ms[i][0];

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "server/bench/report.h"
+#include "server/bench/timing.h"
 
 const double tcs_report_bounds[TCS_REPORT_BOUNDS] = {1.0 / 255, 1e-3, 1e-4};
 const char *const tcs_report_bound_names[TCS_REPORT_BOUNDS] = {"1/255", "1/1000", "1e-4"};
@@ -18,18 +19,13 @@ bool tcs_report_plain(const tcs_report_row *r) {
          r->table_bits == 0 && !strcmp(r->filter, "linear") && !strcmp(r->order, "front-to-back");
 }
 
-static int ascending(const void *a, const void *b) {
-  double x = *(const double *)a, y = *(const double *)b;
-  return (x > y) - (x < y);
-}
-
 void tcs_report_steady(GArray *rows, guint first) {
   guint count = rows->len - first;
   if (count == 0) return;
   double *anchors = g_new(double, count);
   for (guint i = 0; i < count; i++)
     anchors[i] = row_at(rows, first + i)->anchor_ms;
-  qsort(anchors, count, sizeof *anchors, ascending);
+  tcs_sort(anchors, count);
   for (guint i = first; i < rows->len; i++) {
     tcs_report_row *r = &g_array_index(rows, tcs_report_row, i);
     r->time_ms = r->render_ms * (r->anchor_ms > 0 ? anchors[count / 2] / r->anchor_ms : 1);
