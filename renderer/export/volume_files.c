@@ -4,6 +4,7 @@
 
 #include "renderer/export/export.h"
 #include "renderer/export/output.h"
+#include "renderer/volume/voxel.h"
 
 /* What a file's voxels are: the volume's own, or its values in a type that holds them. */
 typedef struct stored {
@@ -12,24 +13,6 @@ typedef struct stored {
   tc_voxel_type type;
   bool values; /* slope and intercept applied */
 } stored;
-
-static double voxel_at(const stored *s, size_t i) {
-  const void *data = tc_volume_data(s->volume);
-  switch (s->d->type) {
-  case TC_U8:
-    return ((const uint8_t *)data)[i];
-  case TC_I8:
-    return ((const int8_t *)data)[i];
-  case TC_U16:
-    return ((const uint16_t *)data)[i];
-  case TC_I16:
-    return ((const int16_t *)data)[i];
-  case TC_F32:
-  case TC_VOXEL_TYPE_COUNT:
-    break;
-  }
-  return ((const float *)data)[i];
-}
 
 /* Whole numbers rescaled by whole numbers stay whole: the smallest type with room for their range. */
 static stored choose(const tc_volume *volume, bool keeps_rescale) {
@@ -76,10 +59,11 @@ static void write_voxels(tc_output *o, const stored *s) {
     tc_output_write(o, tc_volume_data(s->volume), tc_volume_bytes(s->volume));
     return;
   }
+  const void *voxels = tc_volume_data(s->volume);
   char *values = g_malloc(row * size);
   for (size_t r = 0; r < rows && o->good; r++) {
     for (size_t x = 0; x < row; x++)
-      put_value(s, s->d->slope * voxel_at(s, r * row + x) + s->d->intercept, values + x * size);
+      put_value(s, s->d->slope * tc_voxel_at(s->d->type, voxels, r * row + x) + s->d->intercept, values + x * size);
     tc_output_write(o, values, row * size);
   }
   g_free(values);

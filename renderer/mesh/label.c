@@ -13,6 +13,7 @@
 #include <string.h>
 
 #include "renderer/mesh/mesh.h"
+#include "renderer/volume/voxel.h"
 
 #define RADIUS 6 /* of the filter, voxels */
 #define REACH 15 /* of distances, voxels of the finest spacing; longer ones are cut off there */
@@ -36,17 +37,7 @@ typedef struct smoothing {
 } smoothing;
 
 static int stored(const tc_volume *v, size_t i) {
-  const void *data = tc_volume_data(v);
-  switch (tc_volume_describe(v)->type) {
-  case TC_U8:
-    return ((const uint8_t *)data)[i];
-  case TC_I8:
-    return ((const int8_t *)data)[i];
-  case TC_U16:
-    return ((const uint16_t *)data)[i];
-  default:
-    return ((const int16_t *)data)[i];
-  }
+  return (int)tc_voxel_at(tc_volume_describe(v)->type, tc_volume_data(v), i);
 }
 
 /* ---- where the label is ---- */

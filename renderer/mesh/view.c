@@ -3,16 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-static double dot3(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
-static void cross3(const double a[3], const double b[3], double c[3]) {
-  for (int k = 0; k < 3; k++) c[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
-}
-
-static void normalise3(double v[3]) {
-  double length = sqrt(dot3(v, v));
-  for (int k = 0; k < 3; k++) v[k] /= length;
-}
+#include "renderer/base/vector.h"
 
 /* Inside is at least 0: along (right or down) * sign <= limit pixels from the axis, whose middle is `centre`. */
 static void set_side(const tc_view *v, const double row[4], double sign, double limit, double plane[4]) {

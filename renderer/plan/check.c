@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "renderer/base/vector.h"
 #include "renderer/classify/labels.h"
 #include "renderer/mesh/surfaces.h"
 #include "renderer/plan/plan.h"
@@ -19,8 +20,6 @@ static bool invalid(GError **error, const char *pointer, const char *message) {
   tc_set_error(error, TC_ERROR_INVALID, pointer, "%s: %s", pointer + 1, message);
   return false;
 }
-
-static bool finite3(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
 
 static bool check_camera(const tc_camera *camera, GError **error) {
   const char *pointer, *fault = tc_camera_fault(camera, &pointer);

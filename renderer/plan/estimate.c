@@ -6,6 +6,7 @@
 
 #include <math.h>
 
+#include "renderer/base/vector.h"
 #include "renderer/raycast/grey.h"
 #include "renderer/raycast/rays.h"
 #include "renderer/raycast/slice.h"
@@ -41,34 +42,22 @@ typedef struct total {
 static inline double lesser(double a, double b) { return b < a ? b : a; }
 static inline double greater(double a, double b) { return b > a ? b : a; }
 
-static inline double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
-static double normalised(const double v[3], double out[3]) {
-  double length = sqrt(dot(v, v));
-  for (int k = 0; k < 3; k++) out[k] = v[k] / length;
-  return length;
-}
-
-static void cross(const double a[3], const double b[3], double out[3]) {
-  for (int k = 0; k < 3; k++) out[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
-}
-
 static void look(view *v, const tc_volume *volume, const tc_scene *scene) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_camera *c = &scene->camera;
-  double forward[3], across[3], axes[3][3], corner[3];
-  for (int k = 0; k < 3; k++) forward[k] = c->target[k] - c->position[k], corner[k] = d->origin[k] - c->position[k];
-  normalised(forward, v->forward);
-  cross(v->forward, c->up, across);
-  normalised(across, axes[0]);
-  cross(axes[0], v->forward, axes[1]);
+  double axes[3][3], corner[3];
+  for (int k = 0; k < 3; k++) v->forward[k] = c->target[k] - c->position[k], corner[k] = d->origin[k] - c->position[k];
+  normalise3(v->forward);
+  cross3(v->forward, c->up, axes[0]);
+  normalise3(axes[0]);
+  cross3(axes[0], v->forward, axes[1]);
   for (int r = 0; r < 3; r++) axes[2][r] = v->forward[r];
   for (int r = 0; r < 3; r++) {
-    v->origin[r] = dot(corner, axes[r]);
+    v->origin[r] = dot3(corner, axes[r]);
     for (int k = 0; k < 3; k++) {
       const double voxel[3] = {d->direction[k] * d->spacing[k], d->direction[3 + k] * d->spacing[k],
                                d->direction[6 + k] * d->spacing[k]};
-      v->along[r][k] = dot(voxel, axes[r]);
+      v->along[r][k] = dot3(voxel, axes[r]);
     }
   }
   bool perspective = c->projection == TC_PERSPECTIVE;
@@ -77,12 +66,12 @@ static void look(view *v, const tc_volume *volume, const tc_scene *scene) {
 }
 
 static spot place(const view *v, const double index[3]) {
-  spot s = {.depth = v->origin[2] + dot(v->along[2], index)};
+  spot s = {.depth = v->origin[2] + dot3(v->along[2], index)};
   double scale = 1 / (v->rays->perspective ? v->pixel * s.depth : v->pixel);
-  s.x = 0.5 * v->width + (v->origin[0] + dot(v->along[0], index)) * scale;
-  s.y = 0.5 * v->height - (v->origin[1] + dot(v->along[1], index)) * scale;
+  s.x = 0.5 * v->width + (v->origin[0] + dot3(v->along[0], index)) * scale;
+  s.y = 0.5 * v->height - (v->origin[1] + dot3(v->along[1], index)) * scale;
   for (int i = 0; i < v->rays->n_planes; i++)
-    if (dot(v->rays->planes[i], index) + v->rays->planes[i][3] < 0) s.outside |= 1u << i;
+    if (dot3(v->rays->planes[i], index) + v->rays->planes[i][3] < 0) s.outside |= 1u << i;
   return s;
 }
 
@@ -128,7 +117,7 @@ static double diagonal_mm(const tc_volume *volume, const double lo[3], const dou
     tc_volume_index_to_lps(volume, a, p);
     tc_volume_index_to_lps(volume, b, q);
     for (int k = 0; k < 3; k++) p[k] -= q[k];
-    longest = fmax(longest, sqrt(dot(p, p)));
+    longest = fmax(longest, length3(p));
   }
   return longest;
 }
@@ -137,7 +126,7 @@ static double diagonal_mm(const tc_volume *volume, const double lo[3], const dou
 static double chord_mm(const view *v, const double lo[3], const double hi[3]) {
   double least = INFINITY;
   if (v->rays->perspective) return least;
-  for (int k = 0; k < 3; k++) least = fmin(least, (hi[k] - lo[k]) / fabs(dot(v->rays->to_index + 3 * k, v->forward)));
+  for (int k = 0; k < 3; k++) least = fmin(least, (hi[k] - lo[k]) / fabs(dot3(v->rays->to_index + 3 * k, v->forward)));
   return least;
 }
 
@@ -148,8 +137,8 @@ static void measure_bricks(view *v, const tc_volume *volume) {
     lo[k] = 0, hi[k] = (v->rays->hi[k] - v->rays->lo[k]) / CUT;
     for (int r = 0; r < 3; r++) side[k][r] = d->direction[3 * r + k] * d->spacing[k] * hi[k];
   }
-  cross(side[0], side[1], normal);
-  v->brick_mm3 = fabs(dot(normal, side[2]));
+  cross3(side[0], side[1], normal);
+  v->brick_mm3 = fabs(dot3(normal, side[2]));
   v->diagonal_mm = diagonal_mm(volume, lo, hi);
   v->chord_mm = chord_mm(v, lo, hi);
 }
@@ -193,7 +182,7 @@ static double weight(const tc_scene *s) {
 static double steps_per_mm(const tc_rays *rays, const tc_scene *scene) {
   double cells = 0;
   if (scene->mode != TC_MODE_ISOSURFACE) return 1 / rays->step_mm;
-  for (int k = 0; k < 3; k++) cells += sqrt(dot(rays->to_index + 3 * k, rays->to_index + 3 * k));
+  for (int k = 0; k < 3; k++) cells += sqrt(dot3(rays->to_index + 3 * k, rays->to_index + 3 * k));
   return cells;
 }
 

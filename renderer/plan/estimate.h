@@ -17,7 +17,7 @@
  * the samples of the pixels that it may cover once; splats count what a surface of usual size costs, beside the pixels
  * that it covers.
  *
- * How it goes down, for whoever has to say what would pass: in proportion to the pixels of the picture, to 1 /
+ * How the estimate falls, for a message that proposes a smaller scene: in proportion to the pixels of the picture, to 1 /
  * sampling.step (but for those of the ends; an isosurface's not at all), and, in the projections and isosurfaces, to
  * sampling.raysPerPixel (the rays of dvr share a pixel's samples: there it costs only their ends). In mpr in proportion
  * to mpr.thickness. */

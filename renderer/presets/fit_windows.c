@@ -5,6 +5,7 @@
 
 #include "renderer/presets/fit.h"
 #include "renderer/tomocast.h"
+#include "renderer/volume/voxel.h"
 
 /* Pixels a side, and samples along a ray, at most. */
 #define SIDE 96
@@ -34,22 +35,10 @@ static int place(int i, int samples, int voxels) {
   return samples > 1 ? (int)((int64_t)i * (voxels - 1) / (samples - 1)) : 0;
 }
 
-static double voxel_at(const void *v, tc_voxel_type type, size_t i) {
-  switch (type) {
-  case TC_U8: return ((const uint8_t *)v)[i];
-  case TC_I8: return ((const int8_t *)v)[i];
-  case TC_U16: return ((const uint16_t *)v)[i];
-  case TC_I16: return ((const int16_t *)v)[i];
-  case TC_F32:
-  case TC_VOXEL_TYPE_COUNT: break;
-  }
-  return ((const float *)v)[i];
-}
-
 static double value_at(const tc_volume *volume, const int at[3]) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const size_t row = (size_t)at[2] * (size_t)d->dims[1] + (size_t)at[1];
-  return d->slope * voxel_at(tc_volume_data(volume), d->type, row * (size_t)d->dims[0] + (size_t)at[0]) + d->intercept;
+  return d->slope * tc_voxel_at(d->type, tc_volume_data(volume), row * (size_t)d->dims[0] + (size_t)at[0]) + d->intercept;
 }
 
 static void cast(const tc_volume *volume, int axis, int at[3], sheet *sheet) {

@@ -3,8 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "renderer/base/vector.h"
 #include "renderer/raycast/slice.h"
-#include "renderer/raycast/vector.h"
 
 /* Centre and radius of the volume's box in LPS. */
 static void bounding_sphere(const tc_volume *volume, double center[3], double *radius) {

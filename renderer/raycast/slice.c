@@ -1,5 +1,5 @@
+#include "renderer/base/vector.h"
 #include "renderer/raycast/slice.h"
-#include "renderer/raycast/vector.h"
 
 #include <math.h>
 #include <string.h>

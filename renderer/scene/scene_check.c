@@ -2,6 +2,8 @@
 
 #include <math.h>
 
+#include "renderer/base/vector.h"
+
 /* Sine of the least angle between two directions that still span a plane in single precision. */
 #define PARALLEL_SINE 1e-6
 
@@ -9,8 +11,6 @@ static const char *fault(const char **pointer, const char *at, const char *messa
   *pointer = at;
   return message;
 }
-
-static bool is_finite(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
 
 /* hypot() keeps very long and very short vectors from overflowing and vanishing. */
 static double length(const double v[3]) { return hypot(hypot(v[0], v[1]), v[2]); }
@@ -28,9 +28,9 @@ static bool are_parallel(const double a[3], const double b[3]) {
 const char *tc_camera_fault(const tc_camera *c, const char **pointer) {
   double view[3];
   for (int k = 0; k < 3; k++) view[k] = c->target[k] - c->position[k];
-  if (!is_finite(c->position)) return fault(pointer, "/camera/position", "three finite numbers wanted");
-  if (!is_finite(c->target)) return fault(pointer, "/camera/target", "three finite numbers wanted");
-  if (!is_finite(c->up)) return fault(pointer, "/camera/up", "three finite numbers wanted");
+  if (!finite3(c->position)) return fault(pointer, "/camera/position", "three finite numbers wanted");
+  if (!finite3(c->target)) return fault(pointer, "/camera/target", "three finite numbers wanted");
+  if (!finite3(c->up)) return fault(pointer, "/camera/up", "three finite numbers wanted");
   if (!(length(view) > 0))
     return fault(pointer, "/camera/target", "position and target are the same point; move one of them");
   if (!(length(c->up) > 0)) return fault(pointer, "/camera/up", "[0,0,0] is no direction; give one, as [0,0,1]");
@@ -46,9 +46,9 @@ const char *tc_camera_fault(const tc_camera *c, const char **pointer) {
 const char *tc_slice_fault(const tc_scene *scene, const char **pointer) {
   const double *normal = scene->mpr.normal, *up = scene->mpr.up;
   if (scene->mpr.orientation != TC_OBLIQUE) return NULL;
-  if (!(length(normal) > 0) || !is_finite(normal))
+  if (!(length(normal) > 0) || !finite3(normal))
     return fault(pointer, "/mpr/normal", "[0,0,0] is no direction; give the plane's normal");
-  if (!(length(up) > 0) || !is_finite(up) || are_parallel(normal, up))
+  if (!(length(up) > 0) || !finite3(up) || are_parallel(normal, up))
     return fault(pointer, "/mpr/up", "zero or parallel to mpr.normal; give another direction");
   return NULL;
 }

@@ -1,5 +1,5 @@
+#include "renderer/base/vector.h"
 #include "renderer/skip/cover.h"
-#include "renderer/raycast/vector.h"
 
 #include <math.h>
 #include <stdatomic.h>

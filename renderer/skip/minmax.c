@@ -2,6 +2,7 @@
 
 #include "renderer/skip/skip.h"
 #include "renderer/base/clock.h"
+#include "renderer/volume/voxel.h"
 
 typedef struct minmax_job {
   const tc_volume *volume;
@@ -122,14 +123,4 @@ void tc_minmax_free(tc_minmax *minmax) {
   free(minmax);
 }
 
-double tc_minmax_value(const tc_minmax *m, size_t i) {
-  switch (m->type) {
-  case TC_U8: return ((const uint8_t *)m->pairs)[i];
-  case TC_I8: return ((const int8_t *)m->pairs)[i];
-  case TC_U16: return ((const uint16_t *)m->pairs)[i];
-  case TC_I16: return ((const int16_t *)m->pairs)[i];
-  case TC_F32: return (double)((const float *)m->pairs)[i];
-  case TC_VOXEL_TYPE_COUNT: break;
-  }
-  return 0;
-}
+double tc_minmax_value(const tc_minmax *m, size_t i) { return tc_voxel_at(m->type, m->pairs, i); }

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "renderer/base/vector.h"
 #include "renderer/frame/backend.h"
 #include "renderer/frame/frame.h"
 #include "renderer/raycast/rays.h"
@@ -30,24 +31,11 @@ typedef struct drawing {
 
 /* ---- the view ---- */
 
-static double dot3(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
 int tc_splat_planes(const tc_volume *volume, const tc_scene *scene, double planes[TC_MAX_CLIP_PLANES][4]) {
   tc_rays rays = {0};
   tc_rays_add_clipping(&rays, volume, scene);
   memcpy(planes, rays.planes, sizeof rays.planes);
   return rays.n_planes;
-}
-
-static void cross3(const double a[3], const double b[3], double c[3]) {
-  for (int k = 0; k < 3; k++)
-    c[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
-}
-
-static void normalise3(double v[3]) {
-  const double length = sqrt(dot3(v, v));
-  for (int k = 0; k < 3; k++)
-    v[k] /= length;
 }
 
 /* Rows: to the right, down, forward; the same camera as raycast/rays.c has. */

@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "renderer/base/vector.h"
+
 /* Cosine below which two pictures do not lie alike: about 0.8 degrees, over rounding in headers, under any real tilt. */
 #define SAME_ORIENTATION 0.9999
 
@@ -30,8 +32,6 @@ typedef struct work {
 } work;
 
 /* ---- alike ---- */
-
-static double dot3(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 static bool alike(const tc_dicom_slice *a, const tc_dicom_slice *b) {
   if (a->rows != b->rows || a->columns != b->columns || a->has_orientation != b->has_orientation ||

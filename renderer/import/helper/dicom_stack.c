@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "renderer/base/vector.h"
+
 #define OFF_GRID 0.10       /* of the step: how far a slice may be from its place on a regular grid */
 #define OFF_GRID_MM 0.02    /* positions are written with two or three decimals */
 #define MISSING_STEP 1.5    /* times the steps around it */
@@ -45,14 +47,6 @@ void tc_dicom_note(char note[256], const char *format, ...) {
   va_end(args);
 }
 
-static double dot3(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
-static void cross3(const double *a, const double *b, double *out) {
-  out[0] = a[1] * b[2] - a[2] * b[1];
-  out[1] = a[2] * b[0] - a[0] * b[2];
-  out[2] = a[0] * b[1] - a[1] * b[0];
-}
-
 static bool fail(GError **error, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
 static bool fail(GError **error, const char *format, ...) {
@@ -87,7 +81,7 @@ void tc_dicom_normal(const tc_dicom_slice *slice, double normal[3]) {
   static const double straight[6] = {1, 0, 0, 0, 1, 0};
   const double *o = slice->has_orientation ? slice->orientation : straight;
   cross3(o, o + 3, normal);
-  double length = sqrt(dot3(normal, normal));
+  double length = length3(normal);
   for (int i = 0; i < 3; i++)
     normal[i] /= length > 0 ? length : 1;
 }
@@ -274,7 +268,7 @@ static bool place_axis(const work *w, double *at, tc_dicom_stack *s, GError **er
   double across[3], length;
   for (int k = 0; k < 3; k++)
     across[k] = last->position[k] - first->position[k];
-  length = sqrt(dot3(across, across));
+  length = length3(across);
   double lean = w->levels > 1 ? dot3(across, w->normal) / length : 1;
   if (!(lean > LEAST_LEAN)) return fail(error, "slices are shifted along their own plane and make no volume");
   for (int k = 0; k < 3; k++) {

@@ -3,6 +3,7 @@
 #include <stdarg.h>
 #include <string.h>
 
+#include "renderer/base/vector.h"
 #include "renderer/import/helper/convert.h"
 
 void tc_raster_init(tc_raster *raster, const char *format, const tc_input *input) {
@@ -30,12 +31,8 @@ void tc_raster_note(tc_raster *raster, const char *format, ...) {
   va_end(args);
 }
 
-static void cross(const double a[3], const double b[3], double out[3]) {
-  for (int i = 0; i < 3; i++) out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
-}
-
 static double normalise(double v[3]) {
-  double length = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+  double length = length3(v);
   if (length > 0)
     for (int i = 0; i < 3; i++) v[i] /= length;
   return length;
@@ -54,13 +51,13 @@ bool tc_raster_set_axes(tc_raster *raster, const double columns[3][3]) {
     missing = k;
   }
   if (missing >= 0) {
-    cross(unit[(missing + 1) % 3], unit[(missing + 2) % 3], unit[missing]);
+    cross3(unit[(missing + 1) % 3], unit[(missing + 2) % 3], unit[missing]);
     if (normalise(unit[missing]) < 1e-6) return false;
     spacing[missing] = 1;
   }
   double normal[3];
-  cross(unit[0], unit[1], normal);
-  if (fabs(normal[0] * unit[2][0] + normal[1] * unit[2][1] + normal[2] * unit[2][2]) < 1e-6) return false;
+  cross3(unit[0], unit[1], normal);
+  if (fabs(dot3(normal, unit[2])) < 1e-6) return false;
   for (int k = 0; k < 3; k++) {
     desc->spacing[k] = spacing[k];
     for (int i = 0; i < 3; i++) desc->direction[i * 3 + k] = unit[k][i];
