@@ -77,9 +77,9 @@ void tcs_load_begin(tcs_catalogue *catalogue, tcs_entry *entry, const tcs_source
 /* The load is not wanted any more: a waiting one is dropped, a running one cancelled. */
 void tcs_load_leave(tcs_load *load);
 
-/* Drops least recently used derived data, then volumes and meshes that no session shows, least recently used first and the
- * operator's last, until this much fits, or will, once what was dropped is not being used any more. False: there is not
- * that much to drop, and nothing was. */
+/* Drops derived data, then volumes and meshes that no session shows, least recently used first and the operator's last,
+ * until these bytes fit, or will fit once the dropped data have no user any more. False: dropping all would not suffice;
+ * nothing was dropped. */
 bool tcs_room_make(tcs_catalogue *catalogue, uint64_t voxel_bytes, uint64_t more_bytes);
 bool tcs_room_give(void *catalogue, uint64_t bytes, const void *spare); /* tcs_give_fn: for what is no voxels */
 bool tcs_room_possible(tcs_catalogue *catalogue, uint64_t bytes);

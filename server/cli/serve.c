@@ -21,8 +21,8 @@
 #include "server/memory/budget.h"
 #include "server/observe/log.h"
 #include "server/observe/metrics.h"
-#include "server/session/quality.h"
-#include "server/session/store.h"
+#include "server/session/quality_control.h"
+#include "server/session/sessions.h"
 
 #define TICK_US 1000000
 #define REPORT_US 200000 /* between messages about loading volumes */

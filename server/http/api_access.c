@@ -4,7 +4,7 @@
 #include "server/access/access.h"
 #include "server/access/audit.h"
 #include "server/http/work.h"
-#include "server/session/store.h"
+#include "server/session/sessions.h"
 
 #define SHARE_S 86400        /* a link's life where nobody says */
 #define SHARE_MOST_S 2592000 /* and at most */

@@ -8,7 +8,7 @@
 #include "server/config/config.h"
 #include "server/http/ray_json.h"
 #include "server/http/work.h"
-#include "server/session/store.h"
+#include "server/session/sessions.h"
 
 /* A ray shows something once this much of what lies behind it is hidden: thinner haze is looked through. */
 #define VISIBLE_OPACITY 0.05

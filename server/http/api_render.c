@@ -6,9 +6,9 @@
 #include "server/encode/encode.h"
 #include "server/http/work.h"
 #include "server/session/measure.h"
-#include "server/session/quality.h"
-#include "server/session/scene.h"
-#include "server/session/store.h"
+#include "server/session/quality_control.h"
+#include "server/session/session_scene.h"
+#include "server/session/sessions.h"
 
 static void leave_job(tcs_request *request) {
   tcs_job *job = request->owner;

@@ -5,7 +5,7 @@
 #include "server/catalogue/catalogue.h"
 #include "server/http/work.h"
 #include "server/loop/worker.h"
-#include "server/session/store.h"
+#include "server/session/sessions.h"
 #include "server/ws/handshake.h"
 
 static void reply_status(tcs_request *request, int status, const char *text) {

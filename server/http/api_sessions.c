@@ -6,7 +6,7 @@
 #include "server/session/change.h"
 #include "server/session/measure.h"
 #include "server/session/scope.h"
-#include "server/session/store.h"
+#include "server/session/sessions.h"
 #include "server/ws/handshake.h"
 
 #define FEW_SESSIONS 16 /* a longer list is written by a worker */

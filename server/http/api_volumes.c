@@ -8,7 +8,7 @@
 #include "server/catalogue/catalogue.h"
 #include "server/catalogue/spool.h"
 #include "server/http/work.h"
-#include "server/session/store.h"
+#include "server/session/sessions.h"
 
 #define MAX_AVAILABLE 2000
 #define MAX_BINS 65536

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "server/http/work.h"
-#include "server/session/scene.h"
+#include "server/session/session_scene.h"
 
 /* Bodies that may wait to be read. */
 #define MOST_BODIES 64

@@ -91,7 +91,7 @@ static size_t copy_part(char *to, size_t room, const void *from, size_t size, si
 static ssize_t read_stream(void *user, uint64_t position, char *bytes, size_t room) {
   tcs_mjpeg *mjpeg = user;
   if (waiting(mjpeg) == 0 && !mjpeg->ended) {
-    tcs_window_ack(&mjpeg->watcher.window, mjpeg->watcher.window.sent, g_get_monotonic_time());
+    tcs_credit_ack(&mjpeg->watcher.credit, mjpeg->watcher.credit.sent, g_get_monotonic_time());
     tcs_watcher_pump(&mjpeg->watcher);
   }
   if (mjpeg->ended) return MHD_CONTENT_READER_END_OF_STREAM;

@@ -5,7 +5,7 @@
 #include "server/access/access.h"
 #include "server/catalogue/catalogue.h"
 #include "server/http/http.h"
-#include "server/session/store.h"
+#include "server/session/sessions.h"
 #include "server/ws/handshake.h"
 
 /* --- replies --------------------------------------------------------------------------------------- */

@@ -4,8 +4,8 @@
 
 #include "server/observe/metrics.h"
 #include "server/session/measure.h"
-#include "server/session/quality.h"
-#include "server/session/scene.h"
+#include "server/session/quality_control.h"
+#include "server/session/session_scene.h"
 
 static void changed(tcs_session *session) {
   const int64_t now_us = g_get_monotonic_time();

@@ -9,9 +9,9 @@ void tcs_session_deliver_to(tcs_session *session, tcs_watcher *watcher, int64_t 
   if (!picture ||
       (!tcs_watcher_wants(watcher, picture->revision, picture->final) && !tcs_watcher_wants_error(watcher, picture)))
     return;
-  if (!tcs_window_open(&watcher->window, now_us) || !watcher->ops->ready(watcher)) return;
+  if (!tcs_credit_open(&watcher->credit, now_us) || !watcher->ops->ready(watcher)) return;
   tcp_frame_header header = picture->header;
-  header.frame = tcs_window_send(&watcher->window, now_us);
+  header.frame = tcs_credit_send(&watcher->credit, now_us);
   header.seq = tcs_watcher_seq_in(watcher, picture, session->revision);
   header.others = watcher->others;
   watcher->resized = false;

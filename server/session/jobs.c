@@ -6,9 +6,9 @@
 #include "server/observe/metrics.h"
 #include "server/session/deliver.h"
 #include "server/session/measure.h"
-#include "server/session/quality.h"
+#include "server/session/quality_control.h"
 #include "server/session/samples.h"
-#include "server/session/scene.h"
+#include "server/session/session_scene.h"
 
 /* The longer side of an interactive frame, at least, unless its scene is smaller. */
 #define LEAST_SIDE 48.0

@@ -96,7 +96,7 @@ tcs_class tcs_session_wants(tcs_session *session, int64_t now_us, tcs_view **wan
   for (guint i = 0; i < session->watchers->len; i++) {
     const tcs_watcher *watcher = g_ptr_array_index(session->watchers, i);
     if (is_begun(session, watcher->view, rest) || !tcs_watcher_wants(watcher, session->revision, rest) ||
-        !tcs_window_open(&watcher->window, now_us) || !watcher->ops->ready(watcher))
+        !tcs_credit_open(&watcher->credit, now_us) || !watcher->ops->ready(watcher))
       continue;
     const tcs_class class = class_of(session, watcher, rest);
     if (class > wanted || (class == wanted && watcher->view->begun_revision >= first->begun_revision)) continue;

@@ -4,22 +4,22 @@
  * of what it is then.
  *
  * The files of this room, each of which may know those before it:
- *   window     how many pictures a viewer has not acknowledged
+ *   credit     how many pictures a viewer has not acknowledged
  *   picture    a finished picture
  *   view       the pictures of one size
  *   watcher    what one viewer has been shown and still needs
  *   session    the session's state; whether it wants a picture; the label volume it holds
- *   labels     whether a volume looks like labels
+ *   labels_check  whether a volume looks like labels
  *   samples    how much work a picture may ask for
- *   scene      scenes made and checked
+ *   session_scene  scenes made and checked
  *   scope      what a caller may do to a scene
  *   deliver    pictures and failures to the viewers
  *   measure    the error meter of its pictures
- *   quality    sampling for a bound on error or time
+ *   quality_control  sampling for a bound on error or time
  *   jobs       what to render next, and what becomes of it
  *   change     the scene changes
  *   viewers    viewers come, speak and go
- *   store      all sessions: find, create, end, expire */
+ *   sessions   all sessions: find, create, end, expire */
 #ifndef TCS_SESSION_SESSION_H
 #define TCS_SESSION_SESSION_H
 

@@ -5,7 +5,8 @@
 #include "server/config/config.h"
 #include "server/session/change.h"
 #include "server/session/deliver.h"
-#include "server/session/quality.h"
+#include "server/session/quality_control.h"
+#include "server/session/session_scene.h"
 
 void tcs_session_join(tcs_session *session, tcs_watcher *watcher, unsigned window) {
   static uint64_t last;
@@ -13,7 +14,7 @@ void tcs_session_join(tcs_session *session, tcs_watcher *watcher, unsigned windo
   watcher->id = ++last;
   watcher->seq = watcher->drafted_seq = watcher->others = watcher->shown_revision = 0;
   watcher->shown_final = false;
-  tcs_window_init(&watcher->window, window);
+  tcs_credit_init(&watcher->credit, window);
   tcs_watcher_seat(watcher);
   session->used_us = g_get_monotonic_time();
   g_ptr_array_add(session->watchers, watcher);
@@ -48,9 +49,9 @@ bool tcs_watcher_patch(tcs_watcher *watcher, uint64_t seq, const cJSON *patch, G
 }
 
 bool tcs_watcher_ack(tcs_watcher *watcher, uint64_t frame, GError **error) {
-  if (!tcs_window_ack(&watcher->window, frame, g_get_monotonic_time())) {
+  if (!tcs_credit_ack(&watcher->credit, frame, g_get_monotonic_time())) {
     tc_set_error(error, TC_ERROR_INVALID, "/frame", "frame %" PRIu64 " was not sent; the last one was %" PRIu64, frame,
-                 watcher->window.sent);
+                 watcher->credit.sent);
     return false;
   }
   tcs_watcher_pump(watcher);
@@ -65,13 +66,7 @@ void tcs_watcher_pointer(tcs_watcher *watcher, bool down) {
 }
 
 bool tcs_watcher_size(tcs_watcher *watcher, int64_t width, int64_t height, GError **error) {
-  const tcs_limits *limits = &watcher->session->server->config->limits;
-  const bool side = width > limits->image_side || height > limits->image_side;
-  if (side || width * height > limits->image_area) {
-    tc_set_error(error, TC_ERROR_LIMIT, width > limits->image_side || !side ? "/width" : "/height",
-                 "at most %" PRId64 " pixels a side and %" PRId64 " in all", limits->image_side, limits->image_area);
-    return false;
-  }
+  if (!tcs_image_check(&watcher->session->server->config->limits, "", width, height, error)) return false;
   watcher->width = (int)width;
   watcher->height = (int)height;
   tcs_watcher_seat(watcher);

@@ -8,7 +8,7 @@
 #include <stdint.h>
 
 #include "server/session/view.h"
-#include "server/session/window.h"
+#include "server/session/credit.h"
 
 typedef struct tcs_watcher_ops {
   bool (*ready)(const tcs_watcher *watcher); /* the transport would take a frame without queueing it */
@@ -22,7 +22,7 @@ struct tcs_watcher {
   const tcs_watcher_ops *ops;
   tcs_session *session; /* NULL once it has left */
   uint64_t id;          /* unique in the process */
-  tcs_window window;
+  tcs_credit credit;
   int width, height; /* it asked for, or 0 x 0: the scene's */
   tcs_view *view;    /* whose pictures it gets; NULL once it has left */
   bool resized;      /* what it was shown had another size */

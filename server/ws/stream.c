@@ -13,9 +13,9 @@
 #include "server/loop/loop.h"
 #include "server/loop/worker.h"
 #include "server/observe/metrics.h"
-#include "server/session/scene.h"
 #include "server/session/scope.h"
-#include "server/session/store.h"
+#include "server/session/session_scene.h"
+#include "server/session/sessions.h"
 #include "server/session/viewers.h"
 #include "server/ws/channel.h"
 #include "server/ws/handshake.h"
@@ -197,7 +197,7 @@ static void send_hello(tcs_stream *stream, tcs_session *session) {
   cJSON_AddStringToObject(json, "protocol", TCS_SUBPROTOCOL);
   cJSON_AddStringToObject(json, "session", session->id);
   cJSON_AddStringToObject(json, "volume", session->entry->id);
-  cJSON_AddNumberToObject(json, "window", stream->watcher.window.limit);
+  cJSON_AddNumberToObject(json, "window", stream->watcher.credit.limit);
   cJSON_AddStringToObject(json, "role", tcs_role_name(stream->caller.role));
   cJSON_AddStringToObject(json, "server", "tomocast " TC_VERSION);
   struct hello *hello = g_new0(struct hello, 1);
@@ -361,7 +361,7 @@ void tcs_streams_open(tcs_streams *streams, tcs_session *session, const tcs_call
     die(stream);
     return;
   }
-  stream->watcher.window.limit = (unsigned)server->config->limits.window;
+  stream->watcher.credit.limit = (unsigned)server->config->limits.window;
   send_hello(stream, session);
   if (!stream->dead) settle(stream);
 }

@@ -22,7 +22,7 @@
 #include "server/http/http.h"
 #include "server/loop/worker.h"
 #include "server/memory/budget.h"
-#include "server/session/store.h"
+#include "server/session/sessions.h"
 
 #define SEGMENT "|~|"
 #define ID_SIZE 32

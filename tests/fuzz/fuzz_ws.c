@@ -5,7 +5,7 @@
 
 #include "protocol/protocol.h"
 #include "server/ws/channel.h"
-#include "server/session/window.h"
+#include "server/session/credit.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
 
@@ -15,7 +15,7 @@ typedef struct peer {
   size_t piece; /* the pipe gives at most this many bytes a time, 1..16 */
   size_t sent;
   tcs_channel *channel;
-  tcs_window window;
+  tcs_credit window;
   tc_scene scene, defaults;
 } peer;
 
@@ -53,9 +53,9 @@ static bool handle(peer *p, const tcp_message *message, GError **error) {
   case TCP_PATCH:
     return tcp_scene_patch(&p->scene, message->scene, &p->defaults, &context, error);
   case TCP_ACK:
-    if (tcs_window_open(&p->window, 0)) tcs_window_send(&p->window, 0);
-    tcs_window_ack(&p->window, message->frame, 0);
-    if (tcs_window_pending(&p->window) > 2) __builtin_trap();
+    if (tcs_credit_open(&p->window, 0)) tcs_credit_send(&p->window, 0);
+    tcs_credit_ack(&p->window, message->frame, 0);
+    if (tcs_credit_pending(&p->window) > 2) __builtin_trap();
     return true;
   case TCP_POINTER:
   case TCP_PING:
@@ -89,7 +89,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size) {
   peer p = {.bytes = bytes + 1, .size = size - 1, .piece = (bytes[0] & 15u) + 1};
   tc_scene_init(&p.scene);
   tc_scene_init(&p.defaults);
-  tcs_window_init(&p.window, 2);
+  tcs_credit_init(&p.window, 2);
   p.channel = tcs_channel_new(&callbacks, &p);
   /* Each turn takes a byte at least, or ends; the bound is against a channel that does neither. */
   for (size_t turn = 0; !tcs_channel_done(p.channel); turn++) {

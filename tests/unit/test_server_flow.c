@@ -7,55 +7,55 @@
 #include <cmocka.h>
 
 #include "server/schedule/ladder.h"
+#include "server/session/credit.h"
 #include "server/session/watcher.h"
-#include "server/session/window.h"
 #include "server/ws/share.h"
 
 static void test_window_counts(void **state) {
-  tcs_window window;
-  tcs_window_init(&window, 2);
-  assert_true(tcs_window_open(&window, 0));
-  assert_int_equal(tcs_window_send(&window, 10), 1);
-  assert_true(tcs_window_open(&window, 20));
-  assert_int_equal(tcs_window_send(&window, 20), 2);
-  assert_false(tcs_window_open(&window, 30));
-  assert_true(tcs_window_ack(&window, 1, 40));
-  assert_int_equal(tcs_window_pending(&window), 1);
-  assert_true(tcs_window_open(&window, 50));
-  assert_true(tcs_window_ack(&window, 2, 60));
-  assert_int_equal(tcs_window_pending(&window), 0);
+  tcs_credit window;
+  tcs_credit_init(&window, 2);
+  assert_true(tcs_credit_open(&window, 0));
+  assert_int_equal(tcs_credit_send(&window, 10), 1);
+  assert_true(tcs_credit_open(&window, 20));
+  assert_int_equal(tcs_credit_send(&window, 20), 2);
+  assert_false(tcs_credit_open(&window, 30));
+  assert_true(tcs_credit_ack(&window, 1, 40));
+  assert_int_equal(tcs_credit_pending(&window), 1);
+  assert_true(tcs_credit_open(&window, 50));
+  assert_true(tcs_credit_ack(&window, 2, 60));
+  assert_int_equal(tcs_credit_pending(&window), 0);
 }
 
 static void test_window_acks_are_cumulative_and_never_go_back(void **state) {
-  tcs_window window;
-  tcs_window_init(&window, 3);
+  tcs_credit window;
+  tcs_credit_init(&window, 3);
   for (int i = 0; i < 3; i++)
-    tcs_window_send(&window, i);
-  assert_true(tcs_window_ack(&window, 3, 9));
-  assert_true(tcs_window_ack(&window, 1, 9)); /* late */
-  assert_true(tcs_window_ack(&window, 0, 9));
-  assert_int_equal(tcs_window_pending(&window), 0);
-  assert_false(tcs_window_ack(&window, 4, 9)); /* never sent */
-  assert_false(tcs_window_ack(&window, UINT64_MAX, 9));
-  assert_int_equal(tcs_window_pending(&window), 0);
+    tcs_credit_send(&window, i);
+  assert_true(tcs_credit_ack(&window, 3, 9));
+  assert_true(tcs_credit_ack(&window, 1, 9)); /* late */
+  assert_true(tcs_credit_ack(&window, 0, 9));
+  assert_int_equal(tcs_credit_pending(&window), 0);
+  assert_false(tcs_credit_ack(&window, 4, 9)); /* never sent */
+  assert_false(tcs_credit_ack(&window, UINT64_MAX, 9));
+  assert_int_equal(tcs_credit_pending(&window), 0);
 }
 
 static void test_window_stalls_and_wakes(void **state) {
-  tcs_window window;
-  tcs_window_init(&window, 2);
-  tcs_window_send(&window, 1000);
-  assert_true(tcs_window_open(&window, 1000 + TCS_WINDOW_STALL_US - 1));
-  assert_false(tcs_window_open(&window, 1000 + TCS_WINDOW_STALL_US));
-  tcs_window_ack(&window, 1, 9000000);
-  assert_true(tcs_window_open(&window, 99000000)); /* nothing under way: nobody owes an answer */
+  tcs_credit window;
+  tcs_credit_init(&window, 2);
+  tcs_credit_send(&window, 1000);
+  assert_true(tcs_credit_open(&window, 1000 + TCS_CREDIT_STALL_US - 1));
+  assert_false(tcs_credit_open(&window, 1000 + TCS_CREDIT_STALL_US));
+  tcs_credit_ack(&window, 1, 9000000);
+  assert_true(tcs_credit_open(&window, 99000000)); /* nothing under way: nobody owes an answer */
 }
 
 static void test_window_of_zero_is_one(void **state) {
-  tcs_window window;
-  tcs_window_init(&window, 0);
-  assert_true(tcs_window_open(&window, 0));
-  tcs_window_send(&window, 0);
-  assert_false(tcs_window_open(&window, 0));
+  tcs_credit window;
+  tcs_credit_init(&window, 0);
+  assert_true(tcs_credit_open(&window, 0));
+  tcs_credit_send(&window, 0);
+  assert_false(tcs_credit_open(&window, 0));
 }
 
 /* Of a picture of a million pixels, a sample each. */

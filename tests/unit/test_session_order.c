@@ -12,7 +12,7 @@
 #include "server/cli/daemon.h"
 #include "server/session/change.h"
 #include "server/session/jobs.h"
-#include "server/session/store.h"
+#include "server/session/sessions.h"
 #include "server/session/viewers.h"
 
 static tcs_daemon *under_test;

@@ -2,8 +2,8 @@
  * rendered. Models of the error, which either bound chooses by, belong to a look (renderer/quality/quality.h), are
  * shared by all sessions and grow by measurements on a thread of low priority with a renderer of its own. I/O thread
  * only. */
-#ifndef TCS_SESSION_QUALITY_H
-#define TCS_SESSION_QUALITY_H
+#ifndef TCS_SESSION_QUALITY_CONTROL_H
+#define TCS_SESSION_QUALITY_CONTROL_H
 
 #include "renderer/quality/cost.h"
 #include "renderer/quality/quality.h"

@@ -1,11 +1,11 @@
-#include "server/session/scene.h"
+#include "server/session/session_scene.h"
 
 #include <inttypes.h>
 #include <string.h>
 
 #include "server/catalogue/catalogue.h"
 #include "server/config/config.h"
-#include "server/session/labels.h"
+#include "server/session/labels_check.h"
 #include "server/session/samples.h"
 
 /* Whether two scenes take the same samples for certain: all but what is no matter is the same, bit for bit. */
@@ -56,29 +56,30 @@ tc_mesh **tcs_scene_meshes(tcs_server *server, const tc_scene *scene) {
   return meshes;
 }
 
+bool tcs_image_check(const tcs_limits *limits, const char *image, int64_t width, int64_t height, GError **error) {
+  const bool wide = width > limits->image_side, high = height > limits->image_side;
+  char pointer[32];
+  if (!wide && !high && width * height <= limits->image_area) return true;
+  g_snprintf(pointer, sizeof pointer, "%s/%s", image, high && !wide ? "height" : "width");
+  tc_set_error(error, TC_ERROR_LIMIT, pointer, "image: at most %" PRId64 " pixels a side and %" PRId64 " in all",
+               limits->image_side, limits->image_area);
+  return false;
+}
+
+static bool check_count(int64_t count, int64_t most, const char *pointer, GError **error) {
+  if (count <= most) return true;
+  tc_set_error(error, TC_ERROR_LIMIT, pointer, "%s: at most %" PRId64, strrchr(pointer, '/') + 1, most);
+  return false;
+}
+
 bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, const tc_scene *valid,
                      const cJSON *patch, tc_volume **labels, GError **error) {
   const tcs_limits *limits = &server->config->limits;
   *labels = NULL;
-  if (scene->image.width > limits->image_side || scene->image.height > limits->image_side) {
-    const bool wide = scene->image.width > limits->image_side;
-    tc_set_error(error, TC_ERROR_LIMIT, wide ? "/image/width" : "/image/height",
-                 "image: at most %" PRId64 " pixels a side", limits->image_side);
+  if (!tcs_image_check(limits, "/image", scene->image.width, scene->image.height, error) ||
+      !check_count(scene->sampling.rays_per_pixel, limits->rays_per_pixel, "/sampling/raysPerPixel", error) ||
+      !check_count((int64_t)scene->transfer_function.count, limits->knots, "/transferFunction/points", error))
     return false;
-  }
-  if ((int64_t)scene->image.width * scene->image.height > limits->image_area) {
-    tc_set_error(error, TC_ERROR_LIMIT, "/image/width", "image: at most %" PRId64 " pixels in all", limits->image_area);
-    return false;
-  }
-  if (scene->sampling.rays_per_pixel > limits->rays_per_pixel) {
-    tc_set_error(error, TC_ERROR_LIMIT, "/sampling/raysPerPixel", "raysPerPixel: at most %" PRId64,
-                 limits->rays_per_pixel);
-    return false;
-  }
-  if ((int64_t)scene->transfer_function.count > limits->knots) {
-    tc_set_error(error, TC_ERROR_LIMIT, "/transferFunction/points", "points: at most %" PRId64, limits->knots);
-    return false;
-  }
   if (scene->labels.volume[0]) {
     GError *why = NULL;
     tcs_entry *entry = tcs_catalogue_resident(server->catalogue, TCS_KIND_VOLUME, scene->labels.volume, NULL, &why);

@@ -1,6 +1,6 @@
 /* All sessions: found, created, ended, expired. I/O thread only. */
-#ifndef TCS_SESSION_STORE_H
-#define TCS_SESSION_STORE_H
+#ifndef TCS_SESSION_SESSIONS_H
+#define TCS_SESSION_SESSIONS_H
 
 #include "server/session/session.h"
 

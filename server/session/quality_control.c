@@ -1,4 +1,4 @@
-#include "server/session/quality.h"
+#include "server/session/quality_control.h"
 
 #include <inttypes.h>
 #include <string.h>
@@ -7,7 +7,7 @@
 #include "server/observe/log.h"
 #include "server/observe/metrics.h"
 #include "server/session/deliver.h"
-#include "server/session/store.h"
+#include "server/session/sessions.h"
 
 /* Looks remembered; beyond that all are forgotten: they come back in less than a second each. */
 #define MOST_LOOKS 64

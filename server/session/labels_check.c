@@ -1,7 +1,9 @@
-#include "server/session/labels.h"
+#include "server/session/labels_check.h"
 
 #include <math.h>
 #include <string.h>
+
+#include "renderer/volume/voxel.h"
 
 /* Pairs of neighbours looked at: enough for a share, and done in a millisecond. */
 #define SAMPLES 200000
@@ -52,21 +54,10 @@ static bool same_box(const tc_volume *volume, const tc_volume *labels) {
   return near(first, lo, slack[0], slack[1], slack[2]) && near(last, hi, slack[0], slack[1], slack[2]);
 }
 
+/* From 0 on; all the same in a volume of fractions. */
 static int voxel_at(const tc_volume_desc *d, const void *voxels, size_t i) {
-  switch (d->type) {
-  case TC_U8:
-    return ((const uint8_t *)voxels)[i];
-  case TC_I8:
-    return ((const int8_t *)voxels)[i] - INT8_MIN;
-  case TC_U16:
-    return ((const uint16_t *)voxels)[i];
-  case TC_I16:
-    return ((const int16_t *)voxels)[i] - INT16_MIN;
-  case TC_F32:
-  case TC_VOXEL_TYPE_COUNT:
-    break;
-  }
-  return 0;
+  const int least = d->type == TC_I8 ? INT8_MIN : d->type == TC_I16 ? INT16_MIN : 0;
+  return d->type == TC_F32 ? 0 : (int)tc_voxel_at(d->type, voxels, i) - least;
 }
 
 /* How many values occur, and of neighbours along x that are not both `nothing` the share that is alike, in samples. */

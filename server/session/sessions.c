@@ -1,4 +1,4 @@
-#include "server/session/store.h"
+#include "server/session/sessions.h"
 
 #include <inttypes.h>
 #include <string.h>
@@ -10,7 +10,7 @@
 #include "server/session/change.h"
 #include "server/session/jobs.h"
 #include "server/session/measure.h"
-#include "server/session/scene.h"
+#include "server/session/session_scene.h"
 #include "server/session/viewers.h"
 
 struct tcs_sessions {

@@ -1,6 +1,6 @@
 /* Whether a volume looks like labels of another one. Any thread. */
-#ifndef TCS_SESSION_LABELS_H
-#define TCS_SESSION_LABELS_H
+#ifndef TCS_SESSION_LABELS_CHECK_H
+#define TCS_SESSION_LABELS_CHECK_H
 
 #include "renderer/tomocast.h"
 

@@ -3,7 +3,7 @@
 
 #include "protocol/protocol.h"
 #include "server/cli/cli.h"
-#include "server/session/scene.h"
+#include "server/session/session_scene.h"
 
 /* A scene with the most knots there may be is some 8 MiB of text. */
 #define MAX_SCENE_BYTES (32u << 20)
