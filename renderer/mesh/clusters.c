@@ -10,9 +10,10 @@
 
 #define CHUNK 8192 /* triangles of a task */
 #define MOST_CUTS (CHUNK / (TC_CLUSTER_VERTICES / 3) + 1)
-#define DIGIT_BITS 11
+#define DIGIT_BITS 12
 #define DIGITS (1 << DIGIT_BITS)
-#define LEFT_OUT UINT32_MAX /* key of a triangle that nobody can see: after all others */
+#define AXIS_BITS 8 /* of a key: three times as many are two digits */
+#define LEFT_OUT ((1u << 3 * AXIS_BITS) - 1) /* key of a triangle that nobody can see: after all others */
 
 /* One instruction each; the first where the second is no number. */
 static inline float lesser(float a, float b) { return b < a ? b : a; }
@@ -95,8 +96,7 @@ static void measure_chunk(void *context, int chunk, int worker) {
   }
 }
 
-static uint32_t spread_bits(uint32_t x) { /* ten bits, two apart */
-  x = (x | x << 16) & 0x030000ffu;
+static uint32_t spread_bits(uint32_t x) { /* eight bits, two apart */
   x = (x | x << 8) & 0x0300f00fu;
   x = (x | x << 4) & 0x030c30c3u;
   return (x | x << 2) & 0x09249249u;
@@ -119,10 +119,10 @@ static uint32_t key_of(const builder *b, const uint32_t t[3]) {
   uint32_t key = 0;
   for (int k = 0; k < 3; k++) {
     float middle = (m->positions[t[0]][k] + m->positions[t[1]][k] + m->positions[t[2]][k]) / 3;
-    float at = lesser(greater((middle - b->lo[k]) * b->inverse[k], 0), 1023);
+    float at = lesser(greater((middle - b->lo[k]) * b->inverse[k], 0), (1 << AXIS_BITS) - 1);
     key |= spread_bits((uint32_t)at) << k;
   }
-  return key;
+  return MIN(key, LEFT_OUT - 1);
 }
 
 static void key_chunk(void *context, int chunk, int worker) {
@@ -151,7 +151,7 @@ static void place_chunk(void *context, int chunk, int worker) {
 }
 
 static bool sort_keys(builder *b) {
-  for (b->shift = 0; b->shift < 32; b->shift += DIGIT_BITS) {
+  for (b->shift = 0; b->shift < 3 * AXIS_BITS; b->shift += DIGIT_BITS) {
     if (!tc_pool_run(b->pool, b->n_chunks, count_digits, b)) return false;
     uint32_t at = 0;
     for (int d = 0; d < DIGITS; d++)
@@ -169,51 +169,42 @@ static bool sort_keys(builder *b) {
 
 /* ---- cuts ---- */
 
-/* Numbers of vertices within a cluster: an open hash table that is empty where its stamp is old. */
+/* Numbers of vertices within a cluster: an open hash table, empty where a key's upper half is no stamp of now. */
 typedef struct numbering {
   uint32_t stamp, n;
-  uint32_t stamps[256], vertices[256];
+  uint64_t keys[256]; /* stamp, vertex */
   uint8_t numbers[256];
-  uint32_t of[TC_CLUSTER_VERTICES]; /* by number */
 } numbering;
-
-static int number_of(const numbering *t, uint32_t vertex, int *slot) {
-  int s = (int)(vertex * 0x9e3779b1u >> 24);
-  for (; t->stamps[s] == t->stamp; s = (s + 1) & 255)
-    if (t->vertices[s] == vertex) return t->numbers[s];
-  *slot = s;
-  return -1;
-}
-
-/* False: no room, and nothing has changed. */
-static bool add_triangle(numbering *t, const uint32_t v[3], uint8_t local[3]) {
-  int fresh = 0, slot;
-  for (int k = 0; k < 3; k++) fresh += number_of(t, v[k], &slot) < 0;
-  if (t->n + (uint32_t)fresh > TC_CLUSTER_VERTICES) return false;
-  for (int k = 0; k < 3; k++) {
-    int number = number_of(t, v[k], &slot);
-    if (number < 0) {
-      number = (int)t->n++;
-      t->stamps[slot] = t->stamp, t->vertices[slot] = v[k], t->numbers[slot] = (uint8_t)number;
-      t->of[number] = v[k];
-    }
-    local[k] = (uint8_t)number;
-  }
-  return true;
-}
 
 static void begin_numbering(numbering *t) { t->stamp++, t->n = 0; }
 
+/* Its corners' numbers, 8 bits each. False: no room; another numbering must begin. */
+static bool add_triangle(numbering *t, const uint32_t v[3], uint32_t *numbers) {
+  uint32_t n = t->n;
+  *numbers = 0;
+  for (int k = 0; k < 3; k++) {
+    const uint64_t key = (uint64_t)t->stamp << 32 | v[k];
+    uint32_t slot = v[k] * 0x9e3779b1u >> 24;
+    while (t->keys[slot] != key && t->keys[slot] >> 32 == t->stamp) slot = (slot + 1) & 255;
+    if (t->keys[slot] != key) t->keys[slot] = key, t->numbers[slot] = (uint8_t)n++;
+    *numbers |= (uint32_t)t->numbers[slot] << 8 * k;
+  }
+  if (n > TC_CLUSTER_VERTICES) return false;
+  t->n = n;
+  return true;
+}
+
+/* Where the sort is over, the other half of its memory keeps the numbers of corners. */
 static void cut_chunk(void *context, int chunk, int worker) {
   builder *b = context;
   chunk_sums *c = &b->chunks[chunk];
   numbering t = {0};
   cut now = {(uint32_t)chunk * CHUNK, 0, 0};
-  uint8_t local[3];
   begin_numbering(&t);
   for (size_t i = (size_t)chunk * CHUNK, end = chunk_end(b, b->kept, chunk); i <= end; i++) {
-    bool last = i == end, full = now.n_triangles == TC_CLUSTER_TRIANGLES;
-    if (!last && !full && add_triangle(&t, b->mesh->triangles[b->from[i].triangle], local)) {
+    const bool last = i == end, full = now.n_triangles == TC_CLUSTER_TRIANGLES;
+    const uint32_t *v = b->mesh->triangles[b->from[last ? 0 : i].triangle];
+    if (!last && !full && add_triangle(&t, v, &b->to[i].key)) {
       now.n_triangles++;
       continue;
     }
@@ -224,7 +215,7 @@ static void cut_chunk(void *context, int chunk, int worker) {
     if (last) return;
     now = (cut){(uint32_t)i, 1, 0};
     begin_numbering(&t);
-    add_triangle(&t, b->mesh->triangles[b->from[i].triangle], local);
+    add_triangle(&t, v, &b->to[i].key);
   }
 }
 
@@ -241,74 +232,91 @@ static uint32_t octahedral(const float n[3]) {
   return (uint32_t)(uint16_t)(int16_t)lrintf(x * 32767) | (uint32_t)(uint16_t)(int16_t)lrintf(y * 32767) << 16;
 }
 
-static void put_vertices(const builder *b, const tc_cluster *k, const numbering *t) {
-  size_t room = tc_cluster_padded(k->n_vertices);
+static void put_triangles(const builder *b, const tc_cluster *k, const cut *c, uint32_t of[TC_CLUSTER_VERTICES]) {
+  const size_t room = tc_cluster_padded(c->n_triangles);
+  uint8_t *to = b->out->triangles + 3 * (size_t)k->triangle;
+  uint32_t n = 0;
+  memset(to, 0, 3 * room); /* what pads is of no area */
+  for (uint32_t j = 0; j < c->n_triangles; j++) {
+    const uint32_t *v = b->mesh->triangles[b->from[c->first + j].triangle], numbers = b->to[c->first + j].key;
+    for (size_t d = 0; d < 3; d++) {
+      const uint8_t number = (uint8_t)(numbers >> 8 * d);
+      if (number == n) of[n++] = v[d];
+      to[d * room + j] = number;
+    }
+  }
+}
+
+static void put_vertices(const builder *b, const tc_cluster *k, const uint32_t of[TC_CLUSTER_VERTICES]) {
+  const size_t room = tc_cluster_padded(k->n_vertices);
   float *at = b->out->positions + 3 * (size_t)k->vertex;
   for (size_t i = 0; i < room; i++) {
-    uint32_t v = t->of[i < k->n_vertices ? i : 0];
+    const uint32_t v = of[i < k->n_vertices ? i : 0];
     for (size_t d = 0; d < 3; d++) at[d * room + i] = b->mesh->positions[v][d];
     if (b->out->normals) b->out->normals[k->vertex + i] = octahedral(b->mesh->normals[v]);
   }
 }
 
 /* About the middle of its box: at most a seventh larger than need be, for any set of points. */
-static void bound_vertices(const builder *b, tc_cluster *k, const numbering *t) {
-  float lo[3], hi[3], most = 0;
-  for (int d = 0; d < 3; d++) lo[d] = INFINITY, hi[d] = -INFINITY;
-  for (uint32_t i = 0; i < t->n; i++)
-    for (int d = 0; d < 3; d++) {
-      lo[d] = lesser(lo[d], b->mesh->positions[t->of[i]][d]);
-      hi[d] = greater(hi[d], b->mesh->positions[t->of[i]][d]);
-    }
-  for (int d = 0; d < 3; d++) k->centre[d] = 0.5f * (lo[d] + hi[d]);
-  for (uint32_t i = 0; i < t->n; i++) {
-    float sum = 0;
-    for (int d = 0; d < 3; d++) {
-      float r = b->mesh->positions[t->of[i]][d] - k->centre[d];
-      sum += r * r;
-    }
-    most = greater(most, sum);
+static void bound_vertices(tc_cluster *k, const float *at) {
+  const size_t room = tc_cluster_padded(k->n_vertices);
+  float square[TC_CLUSTER_VERTICES] = {0}, most = 0;
+  for (size_t d = 0; d < 3; d++) {
+    const float *x = at + d * room;
+    float lo = x[0], hi = x[0];
+    for (size_t i = 1; i < k->n_vertices; i++) lo = lesser(lo, x[i]), hi = greater(hi, x[i]);
+    k->centre[d] = 0.5f * (lo + hi);
+    for (size_t i = 0; i < room; i++) square[i] += (x[i] - k->centre[d]) * (x[i] - k->centre[d]);
   }
+  for (size_t i = 0; i < room; i++) most = greater(most, square[i]);
   k->radius = sqrtf(most) * (1 + 1e-5f);
 }
 
-static void bound_normals(const builder *b, tc_cluster *k, const cut *c) {
-  double n[TC_CLUSTER_TRIANGLES][3], axis[3] = {0}, length = 0, least = 1;
-  for (int i = 0; i < c->n_triangles; i++) {
-    face_of(b->mesh, b->mesh->triangles[b->from[c->first + (uint32_t)i].triangle], n[i]);
-    double norm = sqrt(n[i][0] * n[i][0] + n[i][1] * n[i][1] + n[i][2] * n[i][2]);
-    for (int d = 0; d < 3; d++) axis[d] += n[i][d] /= norm;
+/* Unit normals of a cluster's triangles; what is too small for single precision has any direction, by NaN. */
+static void face_normals(const tc_cluster *k, const float *at, const uint8_t *corners,
+                         float n[3][TC_CLUSTER_TRIANGLES]) {
+  const size_t room = tc_cluster_padded(k->n_vertices), row = tc_cluster_padded(k->n_triangles);
+  for (size_t i = 0; i < k->n_triangles; i++) {
+    const uint8_t a = corners[i], b = corners[row + i], c = corners[2 * row + i];
+    float u[3], v[3];
+    for (size_t d = 0; d < 3; d++) u[d] = at[d * room + b] - at[d * room + a], v[d] = at[d * room + c] - at[d * room + a];
+    for (size_t d = 0; d < 3; d++) n[d][i] = u[(d + 1) % 3] * v[(d + 2) % 3] - u[(d + 2) % 3] * v[(d + 1) % 3];
   }
-  for (int d = 0; d < 3; d++) length += axis[d] * axis[d];
-  for (int d = 0; d < 3; d++) k->axis[d] = (float)(axis[d] /= fmax(sqrt(length), 1e-30));
-  for (int i = 0; i < c->n_triangles; i++) {
-    double along = n[i][0] * axis[0] + n[i][1] * axis[1] + n[i][2] * axis[2];
+  for (size_t i = 0; i < k->n_triangles; i++) {
+    const float scale = 1 / sqrtf(n[0][i] * n[0][i] + n[1][i] * n[1][i] + n[2][i] * n[2][i]);
+    for (size_t d = 0; d < 3; d++) n[d][i] *= scale;
+  }
+}
+
+static void bound_normals(tc_cluster *k, const float *at, const uint8_t *corners) {
+  float n[3][TC_CLUSTER_TRIANGLES], axis[3] = {0}, least = 1;
+  face_normals(k, at, corners, n);
+  for (size_t d = 0; d < 3; d++)
+    for (size_t i = 0; i < k->n_triangles; i++) axis[d] += n[d][i];
+  const float length = sqrtf(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]);
+  for (size_t d = 0; d < 3; d++) k->axis[d] = axis[d] /= greater(length, 1e-30f);
+  for (size_t i = 0; i < k->n_triangles; i++) {
+    const float along = n[0][i] * axis[0] + n[1][i] * axis[1] + n[2][i] * axis[2];
     if (!(along >= least)) least = along == along ? along : -1;
   }
-  k->spread = least > 0 ? (float)(sqrt(fmax(1 - least * least, 0)) + 1e-5) : 2;
+  k->spread = least > 0 ? sqrtf(greater(1 - least * least, 0)) + 1e-3f : 2;
 }
 
 static void fill_chunk(void *context, int chunk, int worker) {
   builder *b = context;
   uint32_t cluster = b->first_cluster[chunk], vertex = b->first_vertex[chunk], triangle = b->first_triangle[chunk];
-  numbering t = {0};
   for (int i = 0; i < b->chunks[chunk].n_cuts; i++, cluster++) {
     const cut *c = &b->chunks[chunk].cuts[i];
     tc_cluster *k = &b->out->clusters[cluster];
+    uint32_t of[TC_CLUSTER_VERTICES];
     *k = (tc_cluster){.vertex = vertex, .triangle = triangle, .n_vertices = c->n_vertices, .n_triangles = c->n_triangles};
-    size_t room = tc_cluster_padded(c->n_triangles);
-    uint8_t *to = b->out->triangles + 3 * (size_t)triangle, local[3];
-    begin_numbering(&t);
-    memset(to, 0, 3 * room); /* what pads is of no area */
-    for (uint32_t j = 0; j < c->n_triangles; j++) {
-      add_triangle(&t, b->mesh->triangles[b->from[c->first + j].triangle], local);
-      for (size_t d = 0; d < 3; d++) to[d * room + j] = local[d];
-    }
-    put_vertices(b, k, &t);
-    bound_vertices(b, k, &t);
-    bound_normals(b, k, c);
+    put_triangles(b, k, c, of);
+    put_vertices(b, k, of);
+    const float *at = b->out->positions + 3 * (size_t)vertex;
+    bound_vertices(k, at);
+    bound_normals(k, at, b->out->triangles + 3 * (size_t)triangle);
     vertex += (uint32_t)tc_cluster_padded(c->n_vertices);
-    triangle += (uint32_t)room;
+    triangle += (uint32_t)tc_cluster_padded(c->n_triangles);
   }
 }
 
@@ -334,7 +342,7 @@ static void set_grid(builder *b) {
   }
   float longest = greater(hi[0] - b->lo[0], greater(hi[1] - b->lo[1], hi[2] - b->lo[2]));
   for (int k = 0; k < 3; k++) {
-    b->inverse[k] = longest > 0 ? 1024 / longest : 0;
+    b->inverse[k] = longest > 0 ? (1 << AXIS_BITS) / longest : 0;
     b->out->centre[k] = longest >= 0 ? 0.5f * (b->lo[k] + hi[k]) : 0;
     square += longest >= 0 ? (hi[k] - b->lo[k]) * (hi[k] - b->lo[k]) : 0;
   }

@@ -21,6 +21,7 @@
 #define FAR (REACH * UNIT * REACH * UNIT)
 #define SCALE 32   /* a distance is stored in finest spacing / (UNIT * SCALE) */
 #define COARSE 2.0 /* times the finest spacing: slices further apart than that */
+#define STRIP 128 /* voxels that are measured together */
 #define RIM 2      /* voxels of nothing around the label's box: the surface is closed, and has slopes */
 
 static const int32_t weights[2 * RADIUS + 1] = {-1,   -12, -66, -92, 273, 1128, 1636,
@@ -30,7 +31,6 @@ typedef struct smoothing {
   const tc_volume *labels;
   int voxel;          /* the label as the volume stores it */
   int lo[3], dims[3]; /* first voxel of the field in the label volume, which may be negative; size of the field */
-  int (*planes)[4];   /* [dims z of the volume] of a plane: least and greatest x and y of the label */
   int cost[3][2 * REACH + 1]; /* squared distance along an axis; of no use where that is over FAR */
   int16_t *field;
   int16_t **lines; /* [worker] room for the longest slab that is filtered */
@@ -40,37 +40,74 @@ static int stored(const tc_volume *v, size_t i) {
   return (int)tc_voxel_at(tc_volume_describe(v)->type, tc_volume_data(v), i);
 }
 
-/* ---- where the label is ---- */
+/* ---- where labels are ---- */
 
-static void find_in_plane(void *context, int z, int worker) {
-  smoothing *s = context;
-  const int *dims = tc_volume_describe(s->labels)->dims;
-  int *box = s->planes[z];
-  size_t i = (size_t)z * (size_t)dims[0] * (size_t)dims[1];
-  box[0] = box[2] = INT32_MAX, box[1] = box[3] = -1;
-  for (int y = 0; y < dims[1]; y++)
-    for (int x = 0; x < dims[0]; x++, i++) {
-      if (stored(s->labels, i) != s->voxel) continue;
-      box[0] = MIN(box[0], x), box[1] = MAX(box[1], x);
-      box[2] = MIN(box[2], y), box[3] = MAX(box[3], y);
+/* reach[] of what a worker has seen; all are maxima, and 0 before anything is seen. */
+typedef struct search {
+  const tc_volume *labels;
+  int n_values;
+  int (*reach)[6]; /* [workers][n_values] */
+} search;
+
+static int bits_of(const tc_volume_desc *d, const void *data, size_t i) {
+  return tc_voxel_size(d->type) == 1 ? ((const uint8_t *)data)[i] : ((const uint16_t *)data)[i];
+}
+
+static void reach_run(int reach[6], const int dims[3], int x, int end, int y, int z) {
+  reach[0] = MAX(reach[0], dims[0] - x), reach[3] = MAX(reach[3], end);
+  reach[1] = MAX(reach[1], dims[1] - y), reach[4] = MAX(reach[4], y + 1);
+  reach[2] = MAX(reach[2], dims[2] - z), reach[5] = MAX(reach[5], z + 1);
+}
+
+static void search_plane(void *context, int z, int worker) {
+  const search *s = context;
+  const tc_volume_desc *d = tc_volume_describe(s->labels);
+  const void *data = tc_volume_data(s->labels);
+  int(*reach)[6] = s->reach + (size_t)worker * (size_t)s->n_values;
+  for (int y = 0; y < d->dims[1]; y++) {
+    const size_t row = ((size_t)z * (size_t)d->dims[1] + (size_t)y) * (size_t)d->dims[0];
+    for (int x = 0, end; x < d->dims[0]; x = end) {
+      const int bits = bits_of(d, data, row + (size_t)x);
+      for (end = x + 1; end < d->dims[0] && bits_of(d, data, row + (size_t)end) == bits;) end++;
+      reach_run(reach[bits], d->dims, x, end, y, z);
     }
+  }
+}
+
+static bool is_whole(const tc_volume *labels, GError **error) {
+  if (tc_volume_describe(labels)->type != TC_F32) return true;
+  tc_set_error(error, TC_ERROR_INVALID, NULL, "surface of a label: the volume's voxels are not whole numbers");
+  return false;
+}
+
+tc_label_boxes *tc_label_boxes_find(const tc_volume *labels, tc_pool *pool, GError **error) {
+  if (!is_whole(labels, error)) return NULL;
+  const tc_volume_desc *d = tc_volume_describe(labels);
+  const int workers = pool ? tc_pool_threads(pool) : 1;
+  search s = {.labels = labels, .n_values = tc_voxel_size(d->type) == 1 ? 256 : 65536};
+  s.reach = g_malloc0((size_t)workers * (size_t)s.n_values * sizeof *s.reach);
+  if (!tc_pool_run(pool, d->dims[2], search_plane, &s)) {
+    g_free(s.reach);
+    tc_halt_say(tc_pool_halt(pool), error);
+    return NULL;
+  }
+  tc_label_boxes *boxes = g_malloc0(sizeof *boxes + (size_t)s.n_values * sizeof *boxes->reach);
+  boxes->n_values = s.n_values;
+  for (int i = 0; i < workers * s.n_values; i++)
+    for (int k = 0; k < 6; k++) boxes->reach[i % s.n_values][k] = MAX(boxes->reach[i % s.n_values][k], s.reach[i][k]);
+  g_free(s.reach);
+  return boxes;
 }
 
 /* False: the label is nowhere. */
-static bool unite_planes(smoothing *s) {
-  int lo[3] = {INT32_MAX, INT32_MAX, INT32_MAX}, hi[3] = {-1, -1, -1};
-  for (int z = 0; z < tc_volume_describe(s->labels)->dims[2]; z++) {
-    const int *box = s->planes[z];
-    if (box[1] < 0) continue;
-    lo[0] = MIN(lo[0], box[0]), hi[0] = MAX(hi[0], box[1]);
-    lo[1] = MIN(lo[1], box[2]), hi[1] = MAX(hi[1], box[3]);
-    lo[2] = MIN(lo[2], z), hi[2] = z;
-  }
+static bool place_field(smoothing *s, const tc_label_boxes *boxes) {
+  const int *dims = tc_volume_describe(s->labels)->dims, *reach = boxes->reach[s->voxel & (boxes->n_values - 1)];
   for (int k = 0; k < 3; k++) {
-    s->lo[k] = lo[k] - RIM;
-    s->dims[k] = hi[k] - lo[k] + 1 + 2 * RIM;
+    const int lo = dims[k] - reach[k];
+    s->lo[k] = lo - RIM;
+    s->dims[k] = reach[3 + k] - lo + 2 * RIM;
   }
-  return hi[0] >= 0;
+  return reach[3] > 0;
 }
 
 /* ---- the field ---- */
@@ -113,23 +150,29 @@ static void filter(int16_t *first, size_t step, int rows, int width, int tap, in
   }
 }
 
+/* One tap after the other for all voxels of a strip: vectors of 16 bits, which no sum of two distances leaves. */
+static void measure_strip(const int16_t *in, int tap, const int cost[], int16_t *out, int n) {
+  int16_t to_outside[STRIP], to_inside[STRIP];
+  for (int x = 0; x < STRIP; x++) to_outside[x] = to_inside[x] = FAR;
+  for (int k = 0; k <= 2 * REACH; k++) {
+    if (cost[k] >= FAR) continue;
+    const int16_t *there = in + (size_t)k * (size_t)tap, more = (int16_t)cost[k];
+    for (int x = 0; x < n; x++) {
+      const int16_t outside = (int16_t)(MAX(there[x], 0) + more), inside = (int16_t)(MAX(-there[x], 0) + more);
+      to_outside[x] = MIN(to_outside[x], outside);
+      to_inside[x] = MIN(to_inside[x], inside);
+    }
+  }
+  for (int x = 0; x < n; x++) out[x] = (int16_t)(out[x] > 0 ? to_outside[x] : -to_inside[x]);
+}
+
 /* Signed squared distances to the nearest voxel of the other side: from those in the volume without this axis to those
  * with it. Beyond the ends nothing is of the label. */
 static void measure(int16_t *first, size_t step, int rows, int width, int tap, int16_t *copy, const int cost[]) {
   copy_rows(first, step, rows, width, REACH * (size_t)tap, -FAR, copy);
-  for (int i = 0; i < rows; i++) {
-    const int16_t *in = copy + (size_t)i * (size_t)width;
-    int16_t *out = first + (size_t)i * step;
-    for (int x = 0; x < width; x++) {
-      int to_outside = FAR, to_inside = FAR;
-      for (int k = 0; k <= 2 * REACH; k++) {
-        const int there = in[(size_t)x + (size_t)k * (size_t)tap];
-        to_outside = MIN(to_outside, MAX(there, 0) + cost[k]);
-        to_inside = MIN(to_inside, MAX(-there, 0) + cost[k]);
-      }
-      out[x] = (int16_t)(out[x] > 0 ? to_outside : -to_inside);
-    }
-  }
+  for (int i = 0; i < rows; i++)
+    for (int x = 0; x < width; x += STRIP)
+      measure_strip(copy + (size_t)i * (size_t)width + (size_t)x, tap, cost, first + (size_t)i * step + x, MIN(STRIP, width - x));
 }
 
 static void measure_plane(void *context, int z, int worker) {
@@ -230,19 +273,6 @@ static bool store_label(const tc_volume *labels, uint32_t label, int *voxel) {
 }
 
 static tc_mesh *extract(smoothing *s, const tc_mesh_options *options, GError **error) {
-  s->planes = malloc((size_t)tc_volume_describe(s->labels)->dims[2] * sizeof *s->planes);
-  if (!s->planes) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "surface of a label: out of memory");
-    return NULL;
-  }
-  const bool looked = tc_pool_run(options->pool, tc_volume_describe(s->labels)->dims[2], find_in_plane, s);
-  const bool found = looked && unite_planes(s);
-  free(s->planes);
-  if (!looked) {
-    tc_halt_say(tc_pool_halt(options->pool), error);
-    return NULL;
-  }
-  if (!found) return tc_mesh_new(0, 0, options->normals, error);
   tc_volume *field = make_field(s, error);
   if (!field) return NULL;
   s->field = tc_volume_voxels(field);
@@ -255,13 +285,13 @@ static tc_mesh *extract(smoothing *s, const tc_mesh_options *options, GError **e
   return mesh;
 }
 
-tc_mesh *tc_mesh_extract_label(const tc_volume *labels, uint32_t label, const tc_mesh_options *options,
-                               GError **error) {
+tc_mesh *tc_mesh_extract_label(const tc_volume *labels, uint32_t label, const tc_label_boxes *boxes,
+                               const tc_mesh_options *options, GError **error) {
   smoothing s = {.labels = labels};
-  if (tc_volume_describe(labels)->type == TC_F32) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "surface of a label: the volume's voxels are not whole numbers");
-    return NULL;
-  }
-  if (!store_label(labels, label, &s.voxel)) return tc_mesh_new(0, 0, options->normals, error);
-  return extract(&s, options, error);
+  if (!is_whole(labels, error)) return NULL;
+  tc_label_boxes *own = boxes ? NULL : tc_label_boxes_find(labels, options->pool, error);
+  if (!boxes && !own) return NULL;
+  const bool found = store_label(labels, label, &s.voxel) && place_field(&s, boxes ? boxes : own);
+  g_free(own);
+  return found ? extract(&s, options, error) : tc_mesh_new(0, 0, options->normals, error);
 }

@@ -55,11 +55,21 @@ typedef struct tc_mesh_options {
  * from any number of threads. Not found anywhere: a mesh of no triangles. */
 tc_mesh *tc_mesh_extract(const tc_volume *volume, double iso, const tc_mesh_options *options, GError **error);
 
+/* Where each value of a volume of whole numbers (else TC_ERROR_INVALID) is, found in one pass for all labels. */
+typedef struct tc_label_boxes {
+  int n_values;   /* 256 or 65536: of a voxel's bits */
+  int reach[][6]; /* [n_values]: dims - first, then last + 1, along each axis; 0: nowhere */
+} tc_label_boxes;
+/* The halt of the pool (NULL: on the caller) ends it (TC_ERROR_CANCELLED, _PAUSED). Freed by g_free(). */
+tc_label_boxes *tc_label_boxes_find(const tc_volume *labels, tc_pool *pool, GError **error);
+
 /* The smooth surface of one label of a volume of whole numbers (else TC_ERROR_INVALID): where the smoothed signed
  * distance to the label's boundary is 0; where slices lie far apart, interpolated between their outlines. The centre of
  * every voxel of the label stays inside and that of every other voxel outside, so that nothing thin is lost and no gap
- * is closed. Closed, at the volume's faces too. A label of no voxel: a mesh of no triangles. */
-tc_mesh *tc_mesh_extract_label(const tc_volume *labels, uint32_t label, const tc_mesh_options *options, GError **error);
+ * is closed. Closed, at the volume's faces too. A label of no voxel: a mesh of no triangles. boxes:
+ * of the volume; NULL: looked for. */
+tc_mesh *tc_mesh_extract_label(const tc_volume *labels, uint32_t label, const tc_label_boxes *boxes,
+                               const tc_mesh_options *options, GError **error);
 
 /* The part of a plane (LPS: unit normal . p + plane[3] = 0) within the box of the voxels' centres. */
 tc_mesh *tc_mesh_of_plane(const tc_volume *volume, const double plane[4], GError **error);

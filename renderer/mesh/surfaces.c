@@ -5,12 +5,12 @@
 
 #include "renderer/mesh/measure.h"
 
-#define VALUES 65536 /* of a voxel of whole numbers */
-
 struct tc_surfaces {
   tc_mesh *mesh; /* whose clusters are next */
   tc_clusters *clusters;
-  tc_mesh_source *sources; /* NULL: not looked for yet */
+  tc_label_boxes *boxes; /* NULL: no source is a label, or not looked for yet */
+  bool listed;           /* the sources are known */
+  tc_mesh_source *sources;
   size_t n_sources, next;
   int64_t steps;
 };
@@ -22,6 +22,7 @@ void tc_surfaces_free(tc_surfaces *s) {
   if (!s) return;
   tc_mesh_free(s->mesh);
   tc_clusters_free(s->clusters);
+  g_free(s->boxes);
   g_free(s->sources);
   g_free(s);
 }
@@ -35,22 +36,6 @@ tc_clusters *tc_surfaces_take(tc_surfaces *s) {
 
 /* ---- which labels there are ---- */
 
-typedef struct search {
-  const tc_volume *labels;
-  uint8_t (*seen)[VALUES]; /* [workers], by the voxel's bits */
-} search;
-
-static void look_at_plane(void *context, int z, int worker) {
-  const search *s = context;
-  const tc_volume_desc *d = tc_volume_describe(s->labels);
-  const size_t plane = (size_t)d->dims[0] * (size_t)d->dims[1];
-  const void *data = tc_volume_data(s->labels);
-  uint8_t *seen = s->seen[worker];
-  const bool bytes = d->type == TC_U8 || d->type == TC_I8;
-  for (size_t i = (size_t)z * plane, end = i + plane; i < end; i++)
-    seen[bytes ? ((const uint8_t *)data)[i] : ((const uint16_t *)data)[i]] = 1;
-}
-
 /* A label from a voxel's bits; 0: none. */
 static uint32_t label_of(const tc_volume_desc *d, int bits) {
   const double voxel = d->type == TC_I8 ? (int8_t)bits : d->type == TC_I16 ? (int16_t)bits : bits;
@@ -58,24 +43,32 @@ static uint32_t label_of(const tc_volume_desc *d, int bits) {
   return label >= 1 && label <= UINT32_MAX ? (uint32_t)label : 0;
 }
 
-static bool find_labels(tc_surfaces *s, const tc_surfaces_wish *wish, GError **error) {
+static void list_labels(tc_surfaces *s, const tc_surfaces_wish *wish) {
   const tc_volume_desc *d = tc_volume_describe(wish->labels);
-  const int workers = tc_pool_threads(wish->pool);
-  search find = {.labels = wish->labels, .seen = g_malloc0((size_t)workers * VALUES)};
-  if (!tc_pool_run(wish->pool, d->dims[2], look_at_plane, &find)) {
-    g_free(find.seen);
-    return tc_halt_say(tc_pool_halt(wish->pool), error);
-  }
   const uint64_t serial = tc_volume_serial(wish->labels);
-  s->sources = g_new0(tc_mesh_source, VALUES);
-  for (int bits = 0; bits < VALUES; bits++) {
+  s->sources = g_new0(tc_mesh_source, (gsize)s->boxes->n_values);
+  for (int bits = 0; bits < s->boxes->n_values; bits++) {
     const uint32_t label = label_of(d, bits);
-    bool there = false;
-    for (int w = 0; w < workers; w++) there |= find.seen[w][bits];
-    if (there && label && wish->shows(wish->user, label))
+    if (s->boxes->reach[bits][3] && label && wish->shows(wish->user, label))
       s->sources[s->n_sources++] = (tc_mesh_source){.kind = TC_SURFACE_OF_LABEL, .label = label, .serial = serial};
   }
-  g_free(find.seen);
+}
+
+static bool wants_labels(const tc_surfaces_wish *wish) {
+  bool wants = !wish->sources;
+  for (size_t i = 0; i < wish->n_sources && !wants; i++) wants = wish->sources[i].kind == TC_SURFACE_OF_LABEL;
+  return wants;
+}
+
+static bool list_sources(tc_surfaces *s, const tc_surfaces_wish *wish, GError **error) {
+  if (wants_labels(wish) && !(s->boxes = tc_label_boxes_find(wish->labels, wish->pool, error))) return false;
+  if (wish->sources) {
+    s->n_sources = wish->n_sources;
+    s->sources = g_memdup2(wish->sources, wish->n_sources * sizeof *wish->sources);
+  } else {
+    list_labels(s, wish);
+  }
+  s->listed = true;
   s->steps++;
   return true;
 }
@@ -118,12 +111,12 @@ static tc_mesh *copy_of(const tc_mesh *mesh, const tc_mesh_options *options, GEr
   return NULL;
 }
 
-static tc_mesh *make_mesh(const tc_surfaces_wish *wish, const tc_mesh_source *of, const tc_mesh_options *options,
-                          GError **error) {
+static tc_mesh *make_mesh(const tc_surfaces_wish *wish, const tc_mesh_source *of, const tc_label_boxes *boxes,
+                          const tc_mesh_options *options, GError **error) {
   switch (of->kind) {
   case TC_SURFACE_OF_VALUE: return tc_mesh_extract(wish->volume, of->iso, options, error);
   case TC_SURFACE_OF_PLANE: return tc_mesh_of_plane(wish->volume, of->plane, error);
-  case TC_SURFACE_OF_LABEL: return tc_mesh_extract_label(wish->labels, of->label, options, error);
+  case TC_SURFACE_OF_LABEL: return tc_mesh_extract_label(wish->labels, of->label, boxes, options, error);
   case TC_SURFACE_OF_MESH: return copy_of(of->mesh, options, error);
   case TC_SURFACE_SOURCE_COUNT: break;
   }
@@ -154,7 +147,7 @@ static bool make_one(tc_surfaces *s, const tc_surfaces_wish *wish, GError **erro
                                    .max_bytes = wish->max_bytes > held ? wish->max_bytes - held : 1};
   tc_clusters *made = s->mesh ? NULL : copy_one(wish, of);
   if (!s->mesh && !made) {
-    s->mesh = make_mesh(wish, of, &options, error);
+    s->mesh = make_mesh(wish, of, s->boxes, &options, error);
     if (s->mesh) move_origin(s->mesh, wish->volume);
     s->steps += s->mesh != NULL;
   }
@@ -166,11 +159,7 @@ static bool make_one(tc_surfaces *s, const tc_surfaces_wish *wish, GError **erro
 }
 
 bool tc_surfaces_go_on(tc_surfaces *s, const tc_surfaces_wish *wish, GError **error) {
-  if (!s->sources && !wish->sources && !find_labels(s, wish, error)) return false;
-  if (!s->sources) {
-    s->n_sources = wish->n_sources;
-    s->sources = g_memdup2(wish->sources, wish->n_sources * sizeof *wish->sources);
-  }
+  if (!s->listed && !list_sources(s, wish, error)) return false;
   while (s->next < s->n_sources)
     if (!make_one(s, wish, error)) return false;
   if (s->clusters) return true;

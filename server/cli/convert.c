@@ -125,7 +125,7 @@ static bool parse(arguments *a, int argc, char **argv, wanted *w, GError **error
 static tc_mesh *extract(const tc_volume *volume, const wanted *w, const arguments *a, GError **error) {
   const tc_mesh_options options = {.normals = true, .pool = tc_pool_new(a->threads, error)};
   if (!options.pool) return NULL;
-  tc_mesh *mesh = a->label ? tc_mesh_extract_label(volume, (uint32_t)w->label, &options, error)
+  tc_mesh *mesh = a->label ? tc_mesh_extract_label(volume, (uint32_t)w->label, NULL, &options, error)
                            : tc_mesh_extract(volume, w->iso, &options, error);
   tc_pool_free(options.pool);
   if (!mesh || mesh->n_triangles > 0) return mesh;

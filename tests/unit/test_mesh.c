@@ -306,7 +306,7 @@ static void random_fields_are_manifolds(void **state) {
 static tc_mesh *of_label(const tc_volume *v, uint32_t label, int threads) {
   GError *error = NULL;
   tc_mesh_options options = {.normals = true, .pool = threads ? tc_pool_new(threads, NULL) : NULL};
-  tc_mesh *m = tc_mesh_extract_label(v, label, &options, &error);
+  tc_mesh *m = tc_mesh_extract_label(v, label, NULL, &options, &error);
   if (!m) fail_msg("%s", error->message);
   tc_pool_free(options.pool);
   return m;
@@ -396,7 +396,7 @@ static void labels_are_smooth(void **state) {
   }
   tc_volume *f = make(dims, TC_F32, even, straight, 1, in_ball);
   GError *error = NULL;
-  assert_null(tc_mesh_extract_label(f, 300, &(tc_mesh_options){0}, &error));
+  assert_null(tc_mesh_extract_label(f, 300, NULL, &(tc_mesh_options){0}, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_INVALID));
   g_clear_error(&error);
   tc_volume_unref(f);
