@@ -202,6 +202,7 @@ function showVolume(volume, box, histogram) {
   showFacts(volume, box);
   caption.clear(volume);
   slices.update();
+  showControls();
 }
 
 const titleIn = (menu, value) => [...menu.options].find((option) => option.value === value)?.text ?? value;
@@ -322,10 +323,11 @@ const stageSize = () => ({ width: stage.clientWidth, height: Math.max(1, stage.c
 /** Called once per display frame, before the patch is sent. */
 function applyMovement() {
   const moved = input.drain();
-  if (moved && store.scene) move(moved);
+  if (moved) move(moved);
 }
 
 function move(moved) {
+  if (!store.scene || !opening.box) return;
   const patch = steer(store.scene, { ...NO_MOVEMENT, ...moved }, stageSize(), opening.volume, opening.box);
   if (patch) store.patch(patch);
 }
@@ -333,7 +335,9 @@ function move(moved) {
 /** Controls outside the panels' own, which follow the edited scene. */
 function showControls() {
   const { scene } = store;
-  if (!scene?.camera) return;
+  const ready = Boolean(scene?.camera && opening.box);
+  for (const part of document.querySelectorAll('[data-needs-scene]')) part.inert = !ready;
+  if (!ready) return;
   get('projection').value = scene.camera.projection;
   get('fov-field').hidden = scene.camera.projection !== 'perspective';
   const background = Array.isArray(scene.image?.background) ? scene.image.background : [0, 0, 0];

@@ -42,8 +42,10 @@ export class SceneStore {
     this.#tell('server');
   }
 
+  /** An edit. Before the daemon has given a scene there is nothing to edit. */
   patch(patch, how = 'edit') {
-    this.scene = mergePatch(this.scene ?? {}, patch);
+    if (!this.scene) return;
+    this.scene = mergePatch(this.scene, patch);
     this.#pending = this.#pending ? joinPatches(this.#pending, patch) : patch;
     this.#tell(how);
   }

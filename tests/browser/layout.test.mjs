@@ -189,11 +189,15 @@ describe('what fits where', { skip }, () => {
     assert.equal(await first.evaluate(() => document.activeElement.dataset.id), 'parts');
     await first.keyboard.press('Escape');
     assert.match(await first.innerText('#stage'), /Open a volume[^]*drop/);
+    const waiting = () => first.$$eval('[data-needs-scene]', (parts) => parts.map((part) => part.inert));
+    assert.deepEqual([...new Set(await waiting())], [true], 'there is no scene to edit');
+    await first.keyboard.press('ArrowRight'); // of a camera that is not there
     await first.click('#empty-open');
     assert.ok(await first.isVisible('#volume-dialog'));
     await first.click('.volume-item[data-id="head"]');
     await settled(first);
     assert.ok(await first.isHidden('#empty'));
+    assert.deepEqual([...new Set(await waiting())], [false]);
     assert.deepEqual(first.complaints, []);
     await first.close();
   });

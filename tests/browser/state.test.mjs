@@ -48,6 +48,8 @@ test('the store applies edits at once and hands them over once', () => {
   const store = new SceneStore();
   const heard = [];
   store.subscribe((_, how) => heard.push(how));
+  store.patch({ mode: 'mpr' }); // nothing to edit yet
+  assert.deepEqual([store.scene, store.take(), heard], [null, null, []]);
   store.replace({ mode: 'dvr', image: { width: 1 } });
   store.patch({ mode: 'mip' });
   store.patch({ image: { width: 7 } });
