@@ -16,7 +16,7 @@ bool tcs_cli_parse(const tcs_cli_usage *usage, int argc, char **argv, char ***re
   g_option_context_add_main_entries(context, usage->entries, NULL);
   g_option_context_add_main_entries(context, others, NULL);
   bool good = g_option_context_parse(context, &argc, &argv, error);
-  if (!good) g_prefix_error(error, "options: ");
+  if (!good) g_prefix_error(error, "options, see %s --help: ", program);
   g_option_context_free(context);
   g_free(program);
   return good;
