@@ -172,6 +172,7 @@ static cJSON *header_json(const tcp_frame_header *header) {
   tcp_add(object, "timing", timing(header));
   if (header->has_error) tcp_add(object, "error", tcp_measured_error(header));
   if (header->unmeasured) tcp_add(object, "unmeasured", cJSON_CreateString(header->unmeasured));
+  if (header->volume) tcp_add(object, "volume", cJSON_CreateString(header->volume));
   if (header->scene) {
     tcp_add(object, "scene", cJSON_CreateRaw(header->scene));
     tcp_add(object, "others", cJSON_CreateNumber((double)header->others));

@@ -107,6 +107,7 @@ typedef struct tcp_frame_header {
   double queue_ms, tables_ms, render_ms, encode_ms;
   /* What the error meter found of this picture: known when it is sent again. low, high: 95 % interval of rms. */
   bool has_error; double rms, low, high, max; int pixels;
+  const char *volume;     /* id of the volume it shows; NULL */
   const char *unmeasured; /* why the meter that was asked for cannot measure this picture; NULL */
   const char *scene;      /* JSON text of tcp_scene_write_shown() of the scene it shows; NULL */
   uint64_t others;        /* changes of the scene so far that were not the viewer's; with `scene` */

@@ -18,6 +18,7 @@ static const char *const state_names[TCS_VOLUME_STATE_COUNT] = {"loading", "resi
 static void free_entry(void *item) {
   tcs_entry *entry = item;
   if (entry->load) tcs_load_leave(entry->load);
+  tcs_series_unref(entry->series);
   tc_volume_unref(entry->volume);
   tc_volume_unref(entry->body);
   tc_mesh_free(entry->mesh);
@@ -105,6 +106,7 @@ tcs_entry *tcs_catalogue_load(tcs_catalogue *catalogue, tcs_kind kind, const cha
                               GError **error) {
   if (!tcs_catalogue_may_load(catalogue, kind, id, source->operators ? NULL : source->client, error)) {
     tcs_spooled_free(source->upload);
+    tcs_series_unref(source->series);
     g_free(source->path);
     return NULL;
   }
@@ -114,6 +116,8 @@ tcs_entry *tcs_catalogue_load(tcs_catalogue *catalogue, tcs_kind kind, const cha
   entry->kind = kind;
   g_strlcpy(entry->id, id, sizeof entry->id);
   entry->operators = source->operators;
+  entry->series = source->series ? tcs_series_ref(source->series) : NULL;
+  entry->part = source->part;
   g_hash_table_add(catalogue->entries, entry);
   tcs_load_begin(catalogue, entry, source);
   return entry;
@@ -172,6 +176,19 @@ bool tcs_catalogue_starting(tcs_catalogue *catalogue) {
   return false;
 }
 
+bool tcs_catalogue_another(const tcs_entry *entry, int part, tcs_source_file *source, GError **error) {
+  tcs_series *series = entry->series;
+  if (!series || part < 1 || part > series->frames) {
+    tc_set_error(error, TC_ERROR_INVALID, "/volume", "volume: the file holds %d", series ? series->frames : 1);
+    return false;
+  }
+  *source = (tcs_source_file){.path = g_strdup_printf("%s#volume=%d", series->path, part),
+                              .name = entry->id,
+                              .series = tcs_series_ref(series),
+                              .part = part};
+  return true;
+}
+
 bool tcs_catalogue_resolve(tcs_catalogue *catalogue, tcs_kind kind, const char *path, tcs_source_file *source, GError **error) {
   const char *data = catalogue->server->config->data;
   *source = (tcs_source_file){.name = path};
@@ -193,6 +210,7 @@ typedef struct row {
   tcs_volume_state state;
   int permille; /* of a load; -1: it is none */
   int users;
+  char of[TCS_ID_SIZE];
   char *reason;      /* or NULL */
   tc_volume *volume; /* or NULL */
   tc_fit fit;        /* of a volume */
@@ -207,6 +225,7 @@ static row row_of(const tcs_entry *entry) {
            .users = entry->users, .reason = entry->reason, .volume = entry->volume, .fit = entry->fit, .has_body = entry->body != NULL,
            .mesh = entry->mesh, .file = entry->file, .measures = entry->measures};
   memcpy(r.id, entry->id, sizeof r.id);
+  memcpy(r.of, entry->of, sizeof r.of);
   return r;
 }
 
@@ -214,6 +233,7 @@ static cJSON *describe(const row *r) {
   cJSON *json = cJSON_CreateObject();
   cJSON_AddStringToObject(json, "id", r->id);
   cJSON_AddStringToObject(json, "state", state_names[r->state]);
+  if (r->of[0]) cJSON_AddStringToObject(json, "of", r->of);
   if (r->permille >= 0) cJSON_AddNumberToObject(json, "fraction", r->permille / 1000.0);
   if (r->reason) cJSON_AddStringToObject(json, "reason", r->reason);
   if (r->volume) tcs_volume_describe(json, r->volume, &r->fit, r->has_body);
@@ -222,9 +242,27 @@ static cJSON *describe(const row *r) {
   return json;
 }
 
-cJSON *tcs_catalogue_describe(const tcs_entry *entry) {
+static void add_volumes(tcs_catalogue *catalogue, const tcs_series *series, cJSON *json) {
+  cJSON *list = cJSON_AddArrayToObject(json, "volumes");
+  GHashTableIter iterator;
+  void *value;
+  g_hash_table_iter_init(&iterator, catalogue->entries);
+  while (g_hash_table_iter_next(&iterator, &value, NULL)) {
+    const tcs_entry *entry = value;
+    if (entry->series != series) continue;
+    cJSON *item = cJSON_CreateObject();
+    cJSON_AddStringToObject(item, "id", entry->id);
+    cJSON_AddNumberToObject(item, "volume", entry->part);
+    cJSON_AddStringToObject(item, "state", state_names[entry->state]);
+    cJSON_AddItemToArray(list, item);
+  }
+}
+
+cJSON *tcs_catalogue_describe(tcs_catalogue *catalogue, const tcs_entry *entry) {
   const row r = row_of(entry);
-  return describe(&r);
+  cJSON *json = describe(&r);
+  if (entry->series) add_volumes(catalogue, entry->series, json);
+  return json;
 }
 
 GArray *tcs_catalogue_rows(tcs_catalogue *catalogue, tcs_kind kind, tcs_entry_wanted *wanted, const void *user) {

@@ -21,10 +21,23 @@ typedef enum tcs_volume_state { TCS_LOADING, TCS_RESIDENT, TCS_FAILED, TCS_VOLUM
 
 typedef struct tcs_load tcs_load;
 #define TCS_ID_SIZE 65
+
+/* A file or series of several volumes (times, echoes), shared by the entries that are volumes of it: a client may load
+ * others of it without knowing its path, and an upload stays in the spool for as long as one of them is there. */
+typedef struct tcs_series {
+  int references;
+  int frames;
+  char *path;          /* without "#volume=N" */
+  tcs_spooled *upload; /* or NULL */
+} tcs_series;
+
 typedef struct tcs_entry {
   tcs_kind kind;
   char id[TCS_ID_SIZE];
   char owner[65];        /* name of the token that brought it; "": nobody's */
+  tcs_series *series;    /* that it is a volume of, or NULL: one reference */
+  int part;              /* which one, from 1 */
+  char of[TCS_ID_SIZE];  /* the first of it that was loaded; "": itself, or none */
   tcs_volume_state state;
   tc_volume *volume;     /* resident volume: one reference */
   tc_volume *body;       /* the same without tables and padding: one reference; NULL: there are none */
@@ -53,6 +66,8 @@ static inline tc_volume *tcs_entry_shown(const tcs_entry *entry, const tc_scene 
 typedef struct tcs_source_file {
   char *path;       /* what tc_import() opens; owned */
   const char *name; /* what a client may see in its place in messages */
+  tcs_series *series; /* another volume of it is loaded: `part`; one reference, owned */
+  int part;
   tcs_spooled *upload;          /* it was uploaded and goes once it is loaded or has failed; owned. NULL: it was not */
   char client[TCS_CLIENT_SIZE]; /* who asked */
   bool operators;   /* the operator named it: the log says why it failed. A client's file might name a patient */
@@ -81,10 +96,19 @@ bool tcs_catalogue_may_load(tcs_catalogue *catalogue, tcs_kind kind, const char 
 /* Forgets the id; what it is goes when its last user does. An import under way is told to stop. */
 void tcs_catalogue_remove(tcs_catalogue *catalogue, tcs_entry *entry);
 
+/* Volume `part` of the series that a resident entry is of. TC_ERROR_INVALID where it is of none, or that has no such. */
+bool tcs_catalogue_another(const tcs_entry *entry, int part, tcs_source_file *source, GError **error);
+
+static inline tcs_series *tcs_series_ref(tcs_series *series) {
+  series->references++;
+  return series;
+}
+
 /* Finds a file of the data folder for a client: a path beneath it ("#N" chooses a DICOM series), or "demo:NAME". */
 bool tcs_catalogue_resolve(tcs_catalogue *catalogue, tcs_kind kind, const char *path, tcs_source_file *source, GError **error);
 
-cJSON *tcs_catalogue_describe(const tcs_entry *entry);
+/* With the volumes of its series that the catalogue has. */
+cJSON *tcs_catalogue_describe(tcs_catalogue *catalogue, const tcs_entry *entry);
 /* Those of a kind as they are, for a list that another thread writes: those that `wanted` has, all where it is NULL.
  * Freed with tcs_rows_free(). */
 typedef bool tcs_entry_wanted(const void *user, tcs_kind kind, const char *id);

@@ -68,7 +68,7 @@ static bool import(tcs_load *load) {
                                      .user = load,
                                      .max_voxel_bytes = (uint64_t)limits->volume_bytes,
                                      .bridge_nothing = limits->bridged_slices == 0,
-                                     .self_contained = load->source.upload != NULL};
+                                     .self_contained = load->source.upload || (load->source.series && load->source.series->upload)};
   load->began_us = g_get_monotonic_time();
   load->deadline_us = load->began_us + limits->import_seconds * 1000000;
   if (atomic_load(&load->cancel))
@@ -87,7 +87,7 @@ bool tcs_load_goes_on(void *user) {
 static void run_load(tcs_task *task) {
   tcs_load *load = (tcs_load *)task;
   const bool good = import(load);
-  if (load->source.upload && !load->refused) tcs_spooled_remove(load->source.upload);
+  if (load->source.upload && !load->refused && !tcs_load_is_of_series(load)) tcs_spooled_remove(load->source.upload);
   load->good = good && row_of(load)->dress(load); /* walks it all: here, not when a session asks */
   if (!load->good && load->late) name_deadline(load);
 }
@@ -112,6 +112,7 @@ static void free_load(tcs_load *load) {
   g_queue_unlink(&load->catalogue->loads, &load->link);
   tcs_budget_give(load->catalogue->server->budget, TCS_MEMORY_LOADS, load->reserved);
   tcs_spooled_free(load->source.upload);
+  tcs_series_unref(load->source.series);
   g_clear_error(&load->error);
   tc_scene_clear(&load->defaults);
   tc_volume_unref(load->volume);

@@ -59,6 +59,10 @@ typedef struct tcs_kind_row {
 } tcs_kind_row;
 extern const tcs_kind_row tcs_kind_volume, tcs_kind_mesh;
 
+void tcs_series_unref(tcs_series *series); /* NULL is fine */
+/* Whether what was loaded is one of several: its file may be wanted again. */
+bool tcs_load_is_of_series(const tcs_load *load);
+
 /* What is counted for a volume or a mesh until the last of its users is gone: tcs_hold_freed() is to be called with it then. */
 void *tcs_hold(tcs_load *load, uint64_t bytes);
 void tcs_hold_freed(void *held);

@@ -37,7 +37,31 @@ static void *hold(tcs_load *load, tc_volume *volume) {
   return held;
 }
 
+bool tcs_load_is_of_series(const tcs_load *load) {
+  return load->volume && tc_volume_describe(load->volume)->frames > 1;
+}
+
+/* The first that is loaded of several brings their file along. */
+static void keep_series(tcs_load *load, tcs_entry *entry) {
+  if (entry->series || !tcs_load_is_of_series(load)) return;
+  const char *part = g_strrstr(load->source.path, "#volume=");
+  entry->series = g_new0(tcs_series, 1);
+  entry->series->references = 1;
+  entry->series->frames = tc_volume_describe(load->volume)->frames;
+  entry->series->path = part ? g_strndup(load->source.path, (gsize)(part - load->source.path)) : g_strdup(load->source.path);
+  entry->series->upload = g_steal_pointer(&load->source.upload);
+  entry->part = MAX(tc_volume_provenance(load->volume)->volume, 1);
+}
+
+void tcs_series_unref(tcs_series *series) {
+  if (!series || --series->references > 0) return;
+  tcs_spooled_free(series->upload);
+  g_free(series->path);
+  g_free(series);
+}
+
 static void keep(tcs_load *load, tcs_entry *entry) {
+  keep_series(load, entry);
   entry->held = hold(load, load->volume);
   entry->held_body = hold(load, load->body);
   entry->defaults = load->defaults;

@@ -154,6 +154,30 @@ void tcs_delete_session(tcs_request *request) {
   tcs_reply_empty(request, 204);
 }
 
+static void patch_session(tcs_request *request, cJSON *body, const tcp_lists *lists) {
+  static const char *const names[] = {"volume", NULL};
+  const char *id;
+  tcs_session *session = tcs_session_of(request);
+  if (!session || !tcs_members_known(request, body, names) || !tcs_member_string(request, body, "volume", true, &id)) return;
+  GError *error = NULL;
+  tcs_catalogue *catalogue = request->server->catalogue;
+  const char *forbidden =
+      tcs_show_forbidden(&request->caller, session, tcs_catalogue_find(catalogue, TCS_KIND_VOLUME, id));
+  tcs_entry *entry =
+      forbidden ? NULL : tcs_catalogue_resident(catalogue, TCS_KIND_VOLUME, id, "/volume", &error);
+  if (forbidden)
+    tcs_reply_problem(request, 403, "forbidden", "Not allowed", forbidden);
+  else if (entry && tcs_session_show(session, entry, &error))
+    tcs_get_session(request);
+  else
+    tcs_reply_error(request, error);
+  g_clear_error(&error);
+}
+
+void tcs_patch_session(tcs_request *request) {
+  if (tcs_session_of(request)) tcs_read_body(request, NULL, patch_session);
+}
+
 /* --- the scene -------------------------------------------------------------------------------------- */
 
 static void reply_scene(tcs_request *request, const tcs_session *session) {

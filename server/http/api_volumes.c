@@ -103,7 +103,7 @@ static void reply_loading(tcs_request *request, tcs_entry *entry, const char *wh
   g_strlcpy(entry->owner, request->caller.name, sizeof entry->owner);
   audit(request, entry, what);
   char *location = g_strconcat(tcs_kind_paths[entry->kind], "/", entry->id, NULL);
-  tcs_reply_json(request, 202, tcs_catalogue_describe(entry));
+  tcs_reply_json(request, 202, tcs_catalogue_describe(request->server->catalogue, entry));
   tcs_reply_header(request, "Location", location);
   g_free(location);
 }
@@ -113,23 +113,55 @@ static void reply_and_clear(tcs_request *request, GError *error) {
   g_clear_error(&error);
 }
 
+/* Loads `source`, or *error is set already. */
+static tcs_entry *load(tcs_request *request, const char *id, bool found, tcs_source_file *source, GError **error) {
+  tcs_catalogue *catalogue = request->server->catalogue;
+  char *client = tcs_peer_name(request);
+  if (found) g_strlcpy(source->client, client, sizeof source->client);
+  g_free(client);
+  return found ? tcs_catalogue_load(catalogue, kind_of(request), id, source, error) : NULL;
+}
+
+/* Another volume of the file that `of` is one of, which the client may not know the path of. */
+static void post_another(tcs_request *request, const cJSON *body, const char *id, const char *of) {
+  GError *error = NULL;
+  tcs_source_file source;
+  const cJSON *number = cJSON_GetObjectItemCaseSensitive(body, "volume");
+  const tcs_entry *first = tcs_resident(request, of, "/of");
+  if (!first) return;
+  char root[TCS_ID_SIZE];
+  g_strlcpy(root, first->of[0] ? first->of : first->id, sizeof root);
+  const int part = cJSON_IsNumber(number) && number->valuedouble == number->valueint ? number->valueint : 0;
+  tcs_entry *entry = load(request, id, tcs_catalogue_another(first, part, &source, &error), &source, &error);
+  if (entry) {
+    g_strlcpy(entry->of, root, sizeof entry->of);
+    reply_loading(request, entry, "load");
+  } else {
+    reply_and_clear(request, error);
+  }
+}
+
 static void post_entry(tcs_request *request, cJSON *body, const tcp_lists *lists) {
-  static const char *const names[] = {"id", "path", NULL};
-  const char *id, *path;
-  if (!tcs_members_known(request, body, names) || !tcs_member_string(request, body, "id", true, &id) ||
-      !tcs_member_string(request, body, "path", true, &path))
+  const bool volume = kind_of(request) == TCS_KIND_VOLUME;
+  static const char *const names[] = {"id", "path", NULL}, *const volume_names[] = {"id", "path", "of", "volume", NULL};
+  const char *id, *path, *of = NULL;
+  if (!tcs_members_known(request, body, volume ? volume_names : names) ||
+      !tcs_member_string(request, body, "id", true, &id) ||
+      (volume && !tcs_member_string(request, body, "of", false, &of)) ||
+      !tcs_member_string(request, body, "path", !of, &path))
     return;
+  if (of) {
+    post_another(request, body, id, of);
+    return;
+  }
   GError *error = NULL;
   tcs_source_file source;
   tcs_catalogue *catalogue = request->server->catalogue;
-  tcs_entry *entry = NULL;
   char *client = tcs_peer_name(request);
-  if (tcs_catalogue_may_load(catalogue, kind_of(request), id, client, &error) &&
-      tcs_catalogue_resolve(catalogue, kind_of(request), path, &source, &error)) {
-    g_strlcpy(source.client, client, sizeof source.client);
-    entry = tcs_catalogue_load(catalogue, kind_of(request), id, &source, &error);
-  }
+  const bool found = tcs_catalogue_may_load(catalogue, kind_of(request), id, client, &error) &&
+                     tcs_catalogue_resolve(catalogue, kind_of(request), path, &source, &error);
   g_free(client);
+  tcs_entry *entry = load(request, id, found, &source, &error);
   if (entry)
     reply_loading(request, entry, "load");
   else
@@ -166,7 +198,7 @@ void tcs_put_entry_done(tcs_request *request, struct tcs_spooled *file) {
 
 void tcs_get_entry(tcs_request *request) {
   const tcs_entry *entry = entry_of(request);
-  if (entry) tcs_reply_json(request, 200, tcs_catalogue_describe(entry));
+  if (entry) tcs_reply_json(request, 200, tcs_catalogue_describe(request->server->catalogue, entry));
 }
 
 void tcs_delete_entry(tcs_request *request) {

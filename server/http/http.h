@@ -147,6 +147,7 @@ void tcs_post_render(tcs_request *request);
 void tcs_get_sessions(tcs_request *request);
 void tcs_post_sessions(tcs_request *request);
 void tcs_get_session(tcs_request *request);
+void tcs_patch_session(tcs_request *request);
 void tcs_delete_session(tcs_request *request);
 void tcs_get_scene(tcs_request *request);
 void tcs_put_scene(tcs_request *request);

@@ -26,6 +26,7 @@ const tcs_route tcs_routes[] = {
     {"GET", "/v1/sessions", tcs_get_sessions, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_VIEW},
     {"POST", "/v1/sessions", tcs_post_sessions, TCS_COST_LOOKUP, TCS_BODY_JSON, TCS_ROLE_EDIT},
     {"GET", "/v1/sessions/{id}", tcs_get_session, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_VIEW},
+    {"PATCH", "/v1/sessions/{id}", tcs_patch_session, TCS_COST_LOOKUP, TCS_BODY_PATCH, TCS_ROLE_EDIT},
     {"DELETE", "/v1/sessions/{id}", tcs_delete_session, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_EDIT},
     {"GET", "/v1/sessions/{id}/scene", tcs_get_scene, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_VIEW},
     {"PUT", "/v1/sessions/{id}/scene", tcs_put_scene, TCS_COST_LOOKUP, TCS_BODY_JSON, TCS_ROLE_EDIT},

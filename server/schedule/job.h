@@ -54,6 +54,7 @@ struct tcs_job {
   tc_frame_stats stats;
   tc_meter *meter; /* the meter_pixels of the frame; NULL for none */
   int out_width, out_height;
+  char shown[65]; /* id of the volume; "": nobody asks */
   int bridged; /* the layer of the volume that stands for a missing slice, from 1; 0: none */
   double queue_ms, encode_ms; /* queue_ms: until its first slice */
 

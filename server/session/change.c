@@ -92,3 +92,19 @@ bool tcs_session_patch(tcs_session *session, const cJSON *patch, const tcp_lists
   changed(session);
   return true;
 }
+
+bool tcs_session_show(tcs_session *session, tcs_entry *entry, GError **error) {
+  tc_volume *labels;
+  tcs_session_settle(session);
+  if (entry == session->entry) return true;
+  if (!tcs_scene_check(session->server, entry->volume, &session->scene, NULL, NULL, &labels, error)) return false;
+  tcs_session_unpin(session);
+  session->entry->users--;
+  session->entry = entry;
+  entry->users++;
+  tcs_session_pin(session);
+  tc_scene_clear(&session->defaults);
+  tc_scene_copy(&session->defaults, &entry->defaults);
+  changed(session);
+  return true;
+}

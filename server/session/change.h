@@ -15,4 +15,7 @@ void tcs_session_settle(tcs_session *session);
  * scene, wakes the viewers. On failure the scene stays. lists: the patch's, or NULL. */
 bool tcs_session_patch(tcs_session *session, const cJSON *patch, const tcp_lists *lists, bool whole, GError **error);
 
+/* Shows another resident volume with the scene as it is: the next volume of a series, say. On failure all stays. */
+bool tcs_session_show(tcs_session *session, tcs_entry *entry, GError **error);
+
 #endif

@@ -149,6 +149,7 @@ static void make_of_size(const tcs_session *session, const tcs_view *view, tc_sc
 
 static tcs_job *begin_job(tcs_session *session, tcs_view *view, tcs_class class, bool final) {
   tcs_job *job = tcs_job_new(session->server, tcs_entry_shown(session->entry, &session->scene), &session->scene);
+  g_strlcpy(job->shown, session->entry->id, sizeof job->shown);
   job->bridged = tc_volume_provenance(session->entry->volume)->bridged;
   make_of_size(session, view, &job->scene);
   if (session->labels) job->labels = tc_volume_ref(tcs_session_labels(session));

@@ -1,5 +1,7 @@
 #include "server/session/picture.h"
 
+#include <string.h>
+
 #include "server/schedule/scheduler.h"
 
 tcs_picture *tcs_picture_ref(tcs_picture *picture) {
@@ -37,6 +39,7 @@ tcs_picture *tcs_picture_new(tcs_job *job) {
   picture->marks = job->marks;
   job->marks = NULL;
   picture->scene = shown_scene(&job->scene);
+  memcpy(picture->shown, job->shown, sizeof picture->shown);
   picture->header = (tcp_frame_header){
       .width = job->out_width,
       .height = job->out_height,
@@ -49,6 +52,7 @@ tcs_picture *tcs_picture_new(tcs_job *job) {
       .render_ms = job->stats.render_ms,
       .encode_ms = job->encode_ms,
       .scene = picture->scene,
+      .volume = picture->shown,
   };
   if (job->scene.error_meter.pixels && tc_meter_refuses(&job->scene, picture->unmeasured, sizeof picture->unmeasured))
     picture->header.unmeasured = picture->unmeasured;

@@ -18,6 +18,7 @@ typedef struct tcs_picture {
   tcp_frame_header header; /* frame and seq differ per viewer */
   tc_classification classification; /* it was rendered with, and at */
   double step;
+  char shown[65]; /* header.volume points here */
   GBytes *image; /* NULL in a session's `still` */
   char unmeasured[96]; /* header.unmeasured points here, or is NULL */
   char *scene;         /* header.scene points here */

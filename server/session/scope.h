@@ -11,4 +11,7 @@
  * into it as labels. */
 const char *tcs_patch_forbidden(const tcs_caller *caller, const tcs_session *session, const cJSON *patch);
 
+/* NULL, or why a caller may not have the session show another volume; NULL: one that there is not. */
+const char *tcs_show_forbidden(const tcs_caller *caller, const tcs_session *session, const tcs_entry *entry);
+
 #endif

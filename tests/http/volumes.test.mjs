@@ -66,6 +66,45 @@ test('#volume=N chooses a volume of a file; which one it is, is said', async () 
   rmSync(join(d.folder, 'time.nrrd'));
 });
 
+test('of a file of several volumes another is loaded without its path, an upload as well, and a session steps through them', async () => {
+  await upload('time', timeNrrd());
+  assert.equal((await settled('time')).state, 'resident');
+  assert.equal(spool().length, 1); // for as long as one of its volumes is there
+  const another = (id, of, volume) => d.post('/v1/volumes', { id, of, volume });
+  problem(await another('x', 'time', 4), 422, '/volume');
+  problem(await another('x', 'time', 1.5), 422, '/volume');
+  problem(await another('x', 'ball', 1), 422, '/volume');
+  problem(await another('x', 'nothing', 1), 404, '/of');
+  assert.equal((await another('time.3', 'time', 3)).status, 202);
+  const third = await settled('time.3');
+  assert.deepEqual([third.state, third.volume, third.of, third.range], ['resident', 3, 'time', [30, 30]], third.reason);
+  await another('time.2', 'time.3', 2);
+  assert.equal((await settled('time.2')).of, 'time');
+  const { volumes } = (await d.get('/v1/volumes/time')).json;
+  assert.deepEqual(volumes.sort((a, b) => a.volume - b.volume), [1, 2, 3].map((volume) => ({ id: volume > 1 ? `time.${volume}` : 'time', volume, state: 'resident' })));
+
+  const scene = { mode: 'mpr', image: { width: 16, height: 16 }, window: { center: 15, width: 30 }, mpr: { zoom: 2 } };
+  const { id } = (await d.post('/v1/sessions', { volume: 'time', scene })).json;
+  const ws = await Ws.open(d, id);
+  const before = (await ws.next(({ header }) => header?.final)).header;
+  assert.equal(before.volume, 'time');
+  const kept = (await d.get(`/v1/sessions/${id}/scene`)).json;
+  const show = (volume) => d.call('PATCH', `/v1/sessions/${id}`, { json: { volume } });
+  problem(await show('nothing'), 404, '/volume');
+  problem(await d.call('PATCH', `/v1/sessions/${id}`, { json: { scene: {} } }), 422, '/scene');
+  const shown = await show('time.3');
+  assert.deepEqual([shown.status, shown.json.volume, shown.json.scene], [200, 'time.3', kept]);
+  const after = (await ws.next(({ header }) => header?.final && header.volume === 'time.3')).header;
+  assert.equal(after.others, before.others); // the scene is the one it was
+  ws.close();
+  assert.equal((await d.call('DELETE', '/v1/volumes/time.3')).status, 409);
+  assert.equal((await d.call('DELETE', '/v1/volumes/time')).status, 204);
+  assert.equal(spool().length, 1);
+  await d.call('DELETE', `/v1/sessions/${id}`);
+  for (const volume of ['time.2', 'time.3']) assert.equal((await d.call('DELETE', `/v1/volumes/${volume}`)).status, 204);
+  await swept();
+});
+
 test('a resident volume tells its geometry', async () => {
   const { json } = await d.get('/v1/volumes/ball');
   assert.deepEqual([json.state, json.dims, json.spacing, json.origin, json.type, json.bytes],
