@@ -12,7 +12,7 @@ export class Actions {
   #cine;
   #inverted = false;
 
-  /** store, stage, buttons {cine, invert, fullscreen}; gesture(bool); look; history; move(moved) in steer's terms; shown() -> {box} of the volume; help() */
+  /** store, stage, buttons {cine, invert, fullscreen}; gesture(bool); look; history; move(moved) in steer's terms; shown() -> {box} of the volume; sequence; help() */
   constructor(parts) {
     this.#with = parts;
     const { store, stage, gesture, move, shown } = parts;
@@ -36,8 +36,8 @@ export class Actions {
   }
 
   do(name, argument) {
-    const { look, history, move, help, stage } = this.#with;
-    if (name !== 'cine') this.#cine.stop();
+    const { look, history, move, help, sequence, stage } = this.#with;
+    if (!['cine', 'play', 'volume'].includes(name)) this.#cine.stop();
     const known = {
       view: () => this.#view(argument),
       reset: () => this.#reset(),
@@ -45,6 +45,8 @@ export class Actions {
       magnify: () => move({ factor: argument }),
       slices: () => move({ slices: argument }),
       cine: () => this.#cine.toggle(),
+      play: () => sequence.toggle(),
+      volume: () => sequence.step(argument),
       invert: () => this.#invert(),
       fullscreen: () => (document.fullscreenElement ? document.exitFullscreen() : stage.requestFullscreen()),
       preset: () => look.choose(argument),

@@ -72,6 +72,9 @@ export const TABLE = [
       row('smaller', 'Smaller', ['-', '_'], { does: 'magnify', with: 1 / 1.15 }),
       row('fullscreen', 'Full screen', ['Shift+F']),
       row('cine', 'Turn or run through the slices by itself', ['C']),
+      row('play', 'Play the volumes of a file', ['T']),
+      row('next-volume', 'Next volume of a file', ['.'], { does: 'volume', with: 1 }),
+      row('previous-volume', 'Previous volume of a file', [','], { does: 'volume', with: -1 }),
     ],
   },
   {

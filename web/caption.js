@@ -69,7 +69,8 @@ function sliceLines(mpr, volume) {
 
 /** Lines that name the picture of a scene. titles: mode(name), preset(name), plane(name) */
 export function captionLines(scene, volume, titles) {
-  const { id = '', modality = '', unit = '' } = volume;
+  const { id = '', modality = '', unit = '', frames = 1 } = volume;
+  const part = frames > 1 && `Volume ${volume.volume} of ${frames}`;
   const window = scene.window && `C ${number(scene.window.center)}  W ${number(scene.window.width)}`;
   const surface = surfaceLine(scene, unit && ` ${unit}`);
   const voxels = scene.splat && `Voxels ${scene.splat.threshold.map(number).join(' to ')}${unit && ` ${unit}`}`;
@@ -77,7 +78,7 @@ export function captionLines(scene, volume, titles) {
   const plane = scene.mpr && titles.plane(scene.mpr.orientation);
   const kind = [modality, titles.mode(scene.mode), plane].filter(Boolean).join(' \u00b7 ');
   const slab = slabLine(scene.clip?.planes);
-  return [id, kind, preset, window, surface, voxels, slab, ...(scene.mpr ? sliceLines(scene.mpr, volume) : [])].filter(
+  return [volume.of ?? id, part, kind, preset, window, surface, voxels, slab, ...(scene.mpr ? sliceLines(scene.mpr, volume) : [])].filter(
     Boolean,
   );
 }
@@ -120,6 +121,12 @@ export class Caption {
     const scale = Math.min(clientWidth / width, clientHeight / height);
     const place = [0.5 + (x - clientWidth / 2) / (width * scale), 0.5 + (y - clientHeight / 2) / (height * scale)];
     return place.every((share) => share >= 0 && share < 1) ? place : null;
+  }
+
+  /** Another volume of the same file: the next picture shows it. */
+  set volume(volume) {
+    this.#volume = volume;
+    this.update();
   }
 
   /** Another volume: there is no picture of it yet. */

@@ -130,6 +130,11 @@ export class Client {
     });
   }
 
+  /** Has the session show another volume, with its scene as it is. @throws {Problem} */
+  show(volume) {
+    return this.#api.fetch('PATCH', `v1/sessions/${encodeURIComponent(this.#session)}`, { json: { volume } });
+  }
+
   /** Replaces the whole scene, for "load scene". @throws {Problem} naming what is wrong with it */
   async putScene(scene) {
     await this.#api.fetch('PUT', `v1/sessions/${encodeURIComponent(this.#session)}/scene`, { json: scene });

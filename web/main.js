@@ -24,6 +24,7 @@ import { bindTabs, CropPanel, Panels } from './panels.js';
 import { Probe } from './probe.js';
 import { QualityPanel } from './quality.js';
 import { saveFile, SceneDialog } from './scene_dialog.js';
+import { Sequence } from './sequence.js';
 import { SliceSlider } from './slices.js';
 import { SceneStore } from './state.js';
 import { Status } from './status.js';
@@ -67,7 +68,10 @@ const client = new Client({
     size: wantedSize,
     session: showSession,
     connection: showConnection,
-    viewOnly: () => notices.line('For looking only: what you change here is not kept.'),
+    viewOnly() {
+      notices.line('For looking only: what you change here is not kept.');
+      sequence.forbid();
+    },
     frame: showFrame,
     pending: showPending,
     problem: refused,
@@ -147,6 +151,11 @@ const opening = new Opening({
     aspect: () => stage.clientWidth / Math.max(1, stage.clientHeight),
   },
 });
+const sequence = new Sequence(get, {
+  volumes,
+  client,
+  on: { shown: showAnother, problem: (error) => notices.problem(error), note: (text) => notices.toast(text) },
+});
 const probe = new Probe({
   api,
   client,
@@ -163,6 +172,7 @@ const actions = new Actions({
   history: edits,
   move,
   shown: () => opening,
+  sequence,
   help: () => get('help-dialog').showModal(),
 });
 const slices = new SliceSlider(get('slice'), store, { shown: () => opening, gesture });
@@ -203,6 +213,15 @@ function showVolume(volume, box, histogram) {
   caption.clear(volume);
   slices.update();
   showControls();
+  sequence.setVolume(volume);
+}
+
+/** The picture is of another volume of the same file: what is set stays. */
+function showAnother(volume) {
+  opening.another(volume);
+  get('probe').textContent = '';
+  showFacts(volume, opening.box);
+  caption.volume = volume;
 }
 
 const titleIn = (menu, value) => [...menu.options].find((option) => option.value === value)?.text ?? value;
@@ -253,6 +272,7 @@ function showPending(count) {
 }
 
 function showFrame(drawn) {
+  sequence.frame(drawn.header);
   caption.drawn(drawn.header);
   status.frame(drawn);
   quality.frame(drawn.header);
@@ -366,7 +386,7 @@ function bindControls() {
   bindTabs(get('panel'));
   store.subscribe(showControls);
   for (const id of ['volume-open', 'empty-open'])
-    get(id).addEventListener('click', () => volumeDialog.open(opening.volume?.id));
+    get(id).addEventListener('click', () => volumeDialog.open(opening.id));
   get('help-open').addEventListener('click', () => get('help-dialog').showModal());
   get('scene-open').addEventListener('click', () => store.scene && sceneDialog.open());
   get('save').addEventListener('click', savePicture);

@@ -151,10 +151,21 @@ export class Opening {
     });
   }
 
+  /** Another volume of the same file is shown. */
+  another(volume) {
+    this.volume = volume;
+    this.box = volumeBox(volume);
+  }
+
+  /** What the address calls the one that is shown. */
+  get id() {
+    return this.volume?.of ?? this.volume?.id;
+  }
+
   /** Keeps the scene for a reload of this tab: of this very address. */
   keep() {
     if (!this.#store.scene || !this.volume) return;
-    sessionStorage.setItem(KEPT_SCENE, JSON.stringify({ volume: this.volume.id, hash: location.hash, scene: this.#store.scene }));
+    sessionStorage.setItem(KEPT_SCENE, JSON.stringify({ volume: this.id, hash: location.hash, scene: this.#store.scene }));
   }
 
   #kept(id) {

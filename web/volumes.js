@@ -139,6 +139,11 @@ export class Volumes {
     }
   }
 
+  /** Another volume of the file that the resident volume `of` comes from. */
+  another(id, of, volume) {
+    return this.#api.json('POST', 'v1/volumes', { json: { id, of, volume } });
+  }
+
   upload(id, file, onProgress, kind = 'volumes') {
     return this.#api.upload(`v1/${kind}/${encodeURIComponent(id)}`, file, onProgress);
   }
@@ -218,7 +223,9 @@ export class VolumeDialog {
     const text = (item) => [item.id, item.path, item.modality, this.#on.nameOf(item)].join(' ');
     const fits = (item) => text(item).toLowerCase().includes(wanted);
     const focused = document.activeElement?.dataset?.id;
-    this.#list.replaceChildren(...this.#items.filter(fits).map((item) => this.#item(item)));
+    const ids = new Set(this.#items.map(({ id }) => id));
+    const first = ({ of }) => !ids.has(of); // the others of its file are chosen on the picture
+    this.#list.replaceChildren(...this.#items.filter((item) => first(item) && fits(item)).map((item) => this.#item(item)));
     if (!this.#items.length) this.#list.append('No volume yet. Upload one, or start the server with a data folder.');
     [...this.#list.querySelectorAll('.volume-item')].find(({ dataset }) => dataset.id === focused)?.focus();
   }

@@ -1,0 +1,179 @@
+// One volume of several in a file or series (times, echoes): a slider chooses it, a cine plays those that the daemon's
+// memory holds. Camera, look and slices stay. Nothing plays by itself: who prefers less motion need do nothing.
+
+const PICTURE_MS = 2000; // a picture that takes longer is not waited for
+
+export class Sequence {
+  #get;
+  #volumes;
+  #client;
+  #on;
+  #shown = null; // description of the volume on the picture
+  #known = new Map(); // number -> description: in the daemon's memory, as far as it is known
+  #wanted = 0; // number
+  #choosing = null; // the promise of what is under way
+  #run = null; // of the cine
+  #drawn = () => {}; // a picture came
+  #allowed = true;
+
+  /** on: shown(volume), problem(error), note(text) */
+  constructor(get, { volumes, client, on }) {
+    this.#get = get;
+    this.#volumes = volumes;
+    this.#client = client;
+    this.#on = on;
+    get('time').addEventListener('input', () => this.choose(Number(get('time').value)));
+    get('play').addEventListener('click', () => this.toggle());
+  }
+
+  /** A volume was opened: it is on its way to the picture. */
+  setVolume(volume) {
+    this.stop();
+    this.#shown = volume;
+    this.#wanted = volume.volume ?? 1;
+    this.#known = new Map([[this.#wanted, volume]]);
+    this.#update();
+  }
+
+  /** The session is for looking only. */
+  forbid() {
+    this.#allowed = false;
+    this.#update();
+  }
+
+  /** A picture was drawn: others may have chosen its volume. */
+  async frame({ volume }) {
+    this.#drawn();
+    if (!volume || !this.#shown || volume === this.#shown.id) return;
+    const known = [...this.#known.values()].find(({ id }) => id === volume);
+    const found = known ?? (await this.#volumes.get(volume).catch(() => null));
+    if (!found?.dims) return;
+    this.#shown = found;
+    this.#known.set(found.volume, found);
+    if (!this.#choosing) this.#wanted = found.volume;
+    this.#on.shown(found);
+    this.#update();
+  }
+
+  /** Steps of the keyboard go round. */
+  step(by) {
+    const { frames = 1 } = this.#shown ?? {};
+    if (frames > 1 && this.#allowed) this.choose(((this.#wanted - 1 + by + frames) % frames) + 1);
+  }
+
+  /** The newest choice wins. @returns a promise: the session shows it */
+  choose(number) {
+    this.#wanted = number;
+    this.#update();
+    this.#choosing ??= this.#follow().finally(() => {
+      this.#choosing = null;
+      this.#update();
+    });
+    return this.#choosing;
+  }
+
+  get running() {
+    return this.#run !== null;
+  }
+
+  toggle() {
+    if (this.running) this.stop();
+    else if (this.#shown?.frames > 1 && this.#allowed) this.#play();
+  }
+
+  stop() {
+    this.#run = null;
+    this.#update();
+  }
+
+  async #follow() {
+    try {
+      for (let number = 0; number !== this.#wanted;) {
+        number = this.#wanted;
+        await this.#show(number);
+      }
+    } catch (error) {
+      this.stop();
+      this.#wanted = this.#shown.volume;
+      this.#on.problem(error);
+    }
+  }
+
+  async #show(number) {
+    try {
+      await this.#client.show((await this.#bring(number)).id);
+    } catch (error) {
+      if (![404, 409].includes(error.status)) throw error;
+      this.#known.delete(number); // it was dropped meanwhile to make room
+      await this.#client.show((await this.#bring(number)).id);
+    }
+  }
+
+  async #bring(number) {
+    if (!this.#known.has(number)) {
+      const { id: of, volumes = [] } = await this.#volumes.get(this.#shown.id);
+      const found = volumes.find(({ volume, state }) => volume === number && state !== 'failed');
+      const id = found?.id ?? `${(this.#shown.of ?? of).slice(0, 56)}.${number}`;
+      if (!found) await this.#volumes.another(id, of, number);
+      this.#known.set(number, await this.#volumes.wait(id, () => {}));
+    }
+    return this.#known.get(number);
+  }
+
+  async #play() {
+    const run = (this.#run = {});
+    this.#fill(run);
+    this.#update();
+    while (this.#run === run) {
+      const began = performance.now();
+      const next = this.#next();
+      if (next !== this.#wanted) {
+        const drawn = new Promise((done) => {
+          this.#drawn = done;
+          setTimeout(done, PICTURE_MS);
+        });
+        await this.choose(next);
+        await drawn;
+      }
+      const rest = 1000 / Number(this.#get('rate').value) - (performance.now() - began);
+      await new Promise((done) => setTimeout(done, Math.max(rest, next === this.#wanted ? 10 : 0)));
+    }
+  }
+
+  #next() {
+    const numbers = [...this.#known.keys()].sort((a, b) => a - b);
+    return numbers.find((number) => number > this.#wanted) ?? numbers[0];
+  }
+
+  /** Loads the others beside the cine, until all are there or one drives another out. */
+  async #fill(run) {
+    const { frames } = this.#shown;
+    try {
+      for (let number = 1; number <= frames && this.#run === run; number++) {
+        const count = this.#known.size + !this.#known.has(number);
+        await this.#bring(number);
+        const { volumes = [] } = await this.#volumes.get(this.#shown.id);
+        const there = new Set(volumes.filter(({ state }) => state === 'resident').map(({ volume }) => volume));
+        for (const known of this.#known.keys()) if (!there.has(known)) this.#known.delete(known);
+        this.#update();
+        if (this.#known.size < count) throw new Error('one was dropped');
+      }
+    } catch {
+      if (this.#run === run) this.#on.note(`Memory holds ${this.#known.size} of ${frames} volumes: those are played.`);
+    }
+  }
+
+  #update() {
+    const { frames = 1 } = this.#shown ?? {};
+    const [bar, slider, play] = ['sequence', 'time', 'play'].map((id) => this.#get(id));
+    bar.hidden = frames < 2 || !this.#allowed;
+    if (bar.hidden) return;
+    slider.max = frames;
+    slider.value = this.#wanted;
+    slider.ariaValueText = `${this.#wanted} of ${frames}`;
+    const loading = this.running && this.#known.size < frames ? ` \u00b7 ${this.#known.size} loaded` : '';
+    this.#get('time-text').textContent = `${this.#wanted} / ${frames}${loading}`;
+    play.ariaPressed = this.running;
+    play.textContent = this.running ? '\u23f8\ufe0e' : '\u25b6\ufe0e';
+  }
+}
