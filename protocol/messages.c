@@ -7,10 +7,10 @@
 /* Largest whole number a double, hence JSON in a browser, holds exactly. */
 #define MAX_COUNTER 9007199254740992.0
 
-static const char *const type_names[] = {"patch", "ack", "pointer", "ping", "size", NULL};
+static const char *const type_names[] = {"patch", "ack", "pointer", "ping", "size", "cancel", NULL};
 G_STATIC_ASSERT(G_N_ELEMENTS(type_names) == TCP_MESSAGE_TYPE_COUNT + 1);
 
-/* Members of each type beside "type"; all of them are needed. */
+/* Members of each type beside "type"; all of them are needed, and a cancel has none. */
 static const char *const members[TCP_MESSAGE_TYPE_COUNT][3] = {
     [TCP_PATCH] = {"seq", "scene"}, [TCP_ACK] = {"frame"}, [TCP_POINTER] = {"phase"}, [TCP_PING] = {"t"},
     [TCP_SIZE] = {"width", "height"}};
@@ -33,7 +33,7 @@ static bool read_counter(const cJSON *object, const char *name, uint64_t *counte
 
 static bool read_type(const cJSON *object, tcp_message_type *type, GError **error) {
   const cJSON *value = cJSON_GetObjectItemCaseSensitive(object, "type");
-  if (!cJSON_IsString(value)) return fail(error, "type", "\"patch\", \"ack\", \"pointer\", \"ping\" or \"size\" is wanted");
+  if (!cJSON_IsString(value)) return fail(error, "type", "\"patch\", \"ack\", \"pointer\", \"ping\", \"size\" or \"cancel\" is wanted");
   for (int i = 0; type_names[i]; i++)
     if (strcmp(type_names[i], value->valuestring) == 0) {
       *type = (tcp_message_type)i;
@@ -109,6 +109,8 @@ static bool read_message(cJSON *object, tcp_message *message, GError **error) {
     return read_ping(object, message, error);
   case TCP_SIZE:
     return read_pixels(object, "width", &message->width, error) && read_pixels(object, "height", &message->height, error);
+  case TCP_CANCEL:
+    return true;
   case TCP_MESSAGE_TYPE_COUNT:
     break;
   }

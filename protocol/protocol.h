@@ -83,7 +83,7 @@ cJSON *tcp_problem_named(int status, const char *name, const char *title, const 
 
 /* --- WebSocket tomocast.v1 --------------------------------------------------------------------- */
 
-typedef enum tcp_message_type { TCP_PATCH, TCP_ACK, TCP_POINTER, TCP_PING, TCP_SIZE, TCP_MESSAGE_TYPE_COUNT } tcp_message_type;
+typedef enum tcp_message_type { TCP_PATCH, TCP_ACK, TCP_POINTER, TCP_PING, TCP_SIZE, TCP_CANCEL, TCP_MESSAGE_TYPE_COUNT } tcp_message_type;
 typedef struct tcp_message {
   tcp_message_type type;
   uint64_t seq;      /* patch */

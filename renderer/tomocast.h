@@ -10,6 +10,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "renderer/base/building.h"
 #include "renderer/classify/labels.h"
 #include "renderer/base/error.h"
 #include "renderer/import/import.h"
@@ -85,6 +86,7 @@ typedef struct tc_render_request {
   bool want_depth;            /* and frame->depth, in mode isosurface */
   /* may be NULL; TC_ERROR_CANCELLED or TC_ERROR_PAUSED, soon after it asks */
   const tc_interrupt *interrupt;
+  tc_building *building; /* is told what is built meanwhile; may be NULL */
   /* Goes on with a frame that came back with TC_ERROR_PAUSED: the same volume, scene and request (but for the
    * interrupt), and the same tc_frame, untouched. What is finished of it is kept, its stats grow (by
    * all that was done, rays that were left and cast again included), and the picture is the

@@ -120,6 +120,11 @@ export class Client {
     this.#wire?.send({ type: 'pointer', phase: on ? 'start' : 'end' });
   }
 
+  /** Gives up what the next picture waits for. */
+  cancel() {
+    this.#wire?.send({ type: 'cancel' });
+  }
+
   /** Sends what was edited with the next display frame: at most one patch each. */
   flushSoon() {
     if (this.#scheduled) return;
@@ -220,6 +225,7 @@ export class Client {
 
   #text(message) {
     if (message.type === 'error') this.#refused(message);
+    if (message.type === 'building') this.#on.building?.(message);
     if (message.type === 'hello' && (this.#viewOnly = message.role === 'view')) this.#on.viewOnly?.();
   }
 

@@ -6,6 +6,7 @@ import { Address } from './address.js';
 import { Api } from './api.js';
 import { Bindings } from './bindings.js';
 import { BindingsPanel } from './bindings_panel.js';
+import { Building } from './building.js';
 import { Client } from './client.js';
 import { withProjection } from './camera.js';
 import { Caption } from './caption.js';
@@ -74,6 +75,7 @@ const client = new Client({
     },
     frame: showFrame,
     pending: showPending,
+    building: (message) => building.show(message),
     problem: refused,
     beforeFlush: applyMovement,
   },
@@ -83,6 +85,10 @@ const edits = new History(store, {
     get('undo').disabled = !edits.canUndo;
     get('redo').disabled = !edits.canRedo;
   },
+});
+const building = new Building(get, () => {
+  client.cancel();
+  edits.undo();
 });
 const modes = new Modes();
 const gesture = (on) => {
@@ -273,6 +279,7 @@ function showPending(count) {
 
 function showFrame(drawn) {
   sequence.frame(drawn.header);
+  building.done();
   caption.drawn(drawn.header);
   status.frame(drawn);
   quality.frame(drawn.header);
@@ -290,6 +297,7 @@ function withholdMeter() {
 
 /** The daemon refused a patch. What it does not offer is said once and quietly, and not offered again. */
 function refused(error, patch) {
+  building.done();
   if (labels.refused(error, patch)) return;
   if (error.status !== 501 || !patch) {
     notices.problem(error);

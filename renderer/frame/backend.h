@@ -48,6 +48,7 @@ typedef struct tc_job {
   struct tc_mesh *const *meshes; /* of scene.mesh.surfaces, by their places; NULL: only to be explained */
   const tc_volume *label_volume; /* what scene.labels names, checked, or the volume's gaps; read if there are have.labels */
   const tc_halt *halt; /* may be NULL: nobody interrupts */
+  struct tc_building *building; /* is told what is built; may be NULL */
   double pixel_samples; /* of its rays, from above, as tc_estimate_samples() counts them; 0: unknown */
   const char *isa; /* instruction set of the cpu back end, where the cpu draws */
   const float (*spans)[2]; /* [frame's height][width]: the cpu casts rays between these, mm from the eye; NULL: whole ones */

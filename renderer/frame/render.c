@@ -325,6 +325,7 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   drawing d = {.r = renderer,
                .wanted = {width, height, false, request->want_depth, NULL, request->table_size, request->table_bits},
                .job = {.scene = scene, .source = volume, .volume = volume, .label_volume = request->labels, .meshes = request->meshes,
+                       .building = request->building,
                        .halt = &halt,
                        .want_linear = request->want_linear, .frame = frame},
                .stats = &frame->stats};

@@ -1,5 +1,6 @@
 #include "renderer/frame/resource_kinds.h"
 
+#include "renderer/base/building.h"
 #include "renderer/classify/outline.h"
 #include "renderer/frame/mesh_job.h"
 #include "renderer/splat/splatter.h"
@@ -285,6 +286,7 @@ static bool mesh_go_on(void *thing, const tc_making *m, GError **error) {
                                  .user = m->job->scene,
                                  .like = m->like,
                                  .max_bytes = (uint64_t)(MESH_SHARE * (double)m->budget),
+                                 .permille = m->job->building ? &m->job->building->permille : NULL,
                                  .pool = m->pool};
   return tc_surfaces_go_on(thing, &wish, error);
 }

@@ -2,6 +2,7 @@
 
 #include <stdlib.h>
 
+#include "renderer/base/building.h"
 #include "renderer/base/clock.h"
 #include "renderer/frame/resource_kinds.h"
 
@@ -39,6 +40,13 @@ static size_t held(const tc_resource_kind *kind, const tc_stored *it) {
 static tc_making making(const tc_resources *r, const tc_resource_kind *kind, const tc_job *job) {
   const tc_stored *like = kind->is_like ? tc_store_latest(r->store, &kind->store, kind->is_like, job) : NULL;
   return (tc_making){job, like ? like->thing : NULL, r->pool, tc_store_budget(r->store)};
+}
+
+/* What is paused is still being built. */
+static void tell(const tc_job *job, int resource) {
+  if (!job->building) return;
+  if (atomic_load(&job->building->resource) != resource) atomic_store(&job->building->permille, 0);
+  atomic_store(&job->building->resource, resource);
 }
 
 /* Into the store, begun. */
@@ -87,9 +95,11 @@ const void *tc_resources_get(tc_resources *r, tc_resource which, const tc_job *j
   tc_stored *it = tc_store_find(r->store, &kind->store, key->data, key->len);
   if (ms && (!it || !is_whole(kind, it, job))) {
     const double start = tc_now_ms();
+    tell(job, (int)which + 1);
     if (!it) it = begin(r, kind, job, key, error);
     if (it && !is_whole(kind, it, job)) go_on(r, kind, job, it, error);
     const double took = tc_now_ms() - start;
+    if (it && is_whole(kind, it, job)) tell(job, 0);
     if (it) it->ms += took;
     *ms += took;
   }

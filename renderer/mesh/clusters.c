@@ -43,6 +43,7 @@ typedef struct chunk_sums {
 typedef struct builder {
   const tc_mesh *mesh;
   tc_pool *pool;
+  tc_share share;
   int n_chunks, shift;
   chunk_sums *chunks;
   keyed *from, *to;
@@ -385,12 +386,15 @@ static bool build(builder *b, GError **error) {
   b->first_vertex = b->first_cluster + b->n_chunks;
   b->first_triangle = b->first_vertex + b->n_chunks;
   if (!tc_pool_run(b->pool, b->n_chunks, measure_chunk, b)) return tc_halt_say(tc_pool_halt(b->pool), error);
+  tc_share_done(&b->share, 0.15);
   set_grid(b);
   if (!tc_pool_run(b->pool, b->n_chunks, key_chunk, b) || !sort_keys(b)) return tc_halt_say(tc_pool_halt(b->pool), error);
+  tc_share_done(&b->share, 0.4);
   for (int c = 0; c < b->n_chunks; c++) b->kept += b->chunks[c].kept;
   b->n_chunks = (int)((b->kept + CHUNK - 1) / CHUNK);
   b->out->n_triangles = b->kept;
   if (!tc_pool_run(b->pool, b->n_chunks, cut_chunk, b)) return tc_halt_say(tc_pool_halt(b->pool), error);
+  tc_share_done(&b->share, 0.6);
   return allocate(b, error) &&
          (tc_pool_run(b->pool, b->n_chunks, fill_chunk, b) || tc_halt_say(tc_pool_halt(b->pool), error));
 }
@@ -400,8 +404,8 @@ static uint64_t next_serial(void) {
   return atomic_fetch_add(&serials, 1) + 1;
 }
 
-tc_clusters *tc_clusters_make(const tc_mesh *mesh, tc_pool *pool, GError **error) {
-  builder b = {.mesh = mesh, .pool = pool, .out = calloc(1, sizeof *b.out)};
+tc_clusters *tc_clusters_make(const tc_mesh *mesh, tc_pool *pool, const tc_share *share, GError **error) {
+  builder b = {.mesh = mesh, .pool = pool, .share = share ? *share : (tc_share){0}, .out = calloc(1, sizeof *b.out)};
   if (b.out) b.out->parts = calloc(1, sizeof *b.out->parts);
   if (!b.out || !b.out->parts) {
     tc_clusters_free(b.out);

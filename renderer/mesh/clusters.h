@@ -53,8 +53,8 @@ typedef struct tc_clusters {
 } tc_clusters;
 
 /* Triangles of no area, and those with a vertex that is no finite number, are left out. Parallel over the pool, whose
- * halt ends it (TC_ERROR_CANCELLED, _PAUSED); TC_ERROR_MEMORY. */
-tc_clusters *tc_clusters_make(const tc_mesh *mesh, tc_pool *pool, GError **error);
+ * halt ends it (TC_ERROR_CANCELLED, _PAUSED); TC_ERROR_MEMORY. share: is told how far it is; may be NULL. */
+tc_clusters *tc_clusters_make(const tc_mesh *mesh, tc_pool *pool, const tc_share *share, GError **error);
 /* Takes over `more`, of one part, the same origin, and likewise with or without normals; *all NULL: as the first.
  * TC_ERROR_MEMORY, TC_ERROR_LIMIT: *all is as it was, `more` gone. */
 bool tc_clusters_add(tc_clusters **all, tc_clusters *more, const tc_mesh_source *of, GError **error);

@@ -546,9 +546,10 @@ static bool extract(extraction *e, const tc_mesh_options *options, GError **erro
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "isosurface: out of memory");
     return false;
   }
-  if (!tc_pool_run(options->pool, e->dims[2], find_inside, e) ||
-      !tc_pool_run(options->pool, e->dims[2], count_plane, e))
-    return tc_halt_say(tc_pool_halt(options->pool), error);
+  if (!tc_pool_run(options->pool, e->dims[2], find_inside, e)) return tc_halt_say(tc_pool_halt(options->pool), error);
+  tc_share_done(&options->share, 0.2);
+  if (!tc_pool_run(options->pool, e->dims[2], count_plane, e)) return tc_halt_say(tc_pool_halt(options->pool), error);
+  tc_share_done(&options->share, 0.5);
   return make_mesh(e, options, error);
 }
 

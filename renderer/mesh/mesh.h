@@ -9,6 +9,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "renderer/base/building.h"
 #include "renderer/base/error.h"
 #include "renderer/base/pool.h"
 #include "renderer/volume/volume.h"
@@ -38,6 +39,7 @@ typedef struct tc_mesh_options {
   bool normals;       /* from the field's gradient, in mm */
   uint64_t max_bytes; /* of the mesh: larger ones are TC_ERROR_LIMIT, which tells the triangles; 0 = no limit */
   tc_pool *pool;      /* NULL: on the caller. Its halt ends the extraction (TC_ERROR_CANCELLED or _PAUSED) */
+  tc_share share;     /* is told how far it is */
 } tc_mesh_options;
 
 /* The surface where the trilinear field has the value `iso` (in the volume's unit); what has at least that value is

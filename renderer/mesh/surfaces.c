@@ -5,6 +5,8 @@
 
 #include "renderer/mesh/measure.h"
 
+#define MESH_TIME 0.3 /* of the time that a surface takes, about: its mesh; then its clusters */
+
 struct tc_surfaces {
   tc_mesh *mesh; /* whose clusters are next */
   tc_clusters *clusters;
@@ -143,7 +145,9 @@ static tc_clusters *copy_one(const tc_surfaces_wish *wish, const tc_mesh_source 
 static bool make_one(tc_surfaces *s, const tc_surfaces_wish *wish, GError **error) {
   const tc_mesh_source *of = &s->sources[s->next];
   const uint64_t held = s->clusters ? s->clusters->bytes : 0;
-  const tc_mesh_options options = {.normals = true, .pool = wish->pool,
+  const double n = (double)s->n_sources, next = (double)s->next;
+  const tc_share all = {wish->permille, next / n, (next + 1) / n}, clusters = tc_share_part(&all, MESH_TIME, 1);
+  const tc_mesh_options options = {.normals = true, .pool = wish->pool, .share = tc_share_part(&all, 0, MESH_TIME),
                                    .max_bytes = wish->max_bytes > held ? wish->max_bytes - held : 1};
   tc_clusters *made = s->mesh ? NULL : copy_one(wish, of);
   if (!s->mesh && !made) {
@@ -151,7 +155,7 @@ static bool make_one(tc_surfaces *s, const tc_surfaces_wish *wish, GError **erro
     if (s->mesh) move_origin(s->mesh, wish->volume);
     s->steps += s->mesh != NULL;
   }
-  if (s->mesh) made = tc_clusters_make(s->mesh, wish->pool, error);
+  if (s->mesh) made = tc_clusters_make(s->mesh, wish->pool, &clusters, error);
   if (!made || !tc_clusters_add(&s->clusters, made, of, error)) return false;
   g_clear_pointer(&s->mesh, tc_mesh_free);
   s->next++, s->steps++;
@@ -164,7 +168,7 @@ bool tc_surfaces_go_on(tc_surfaces *s, const tc_surfaces_wish *wish, GError **er
     if (!make_one(s, wish, error)) return false;
   if (s->clusters) return true;
   tc_mesh *nothing = tc_mesh_new(0, 0, true, error);
-  s->clusters = nothing ? tc_clusters_make(nothing, NULL, error) : NULL;
+  s->clusters = nothing ? tc_clusters_make(nothing, NULL, NULL, error) : NULL;
   tc_mesh_free(nothing);
   return s->clusters != NULL;
 }

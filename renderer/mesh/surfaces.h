@@ -15,6 +15,7 @@ typedef struct tc_surfaces_wish {
   const tc_clusters *like; /* what it has of the sources is copied; or NULL */
   uint64_t max_bytes;      /* of meshes while they are made; TC_ERROR_LIMIT */
   tc_pool *pool;           /* and its halt */
+  atomic_int *permille;    /* is told how far all are; or NULL */
 } tc_surfaces_wish;
 
 /* Of a scene's list: whether it is drawn at all. */

@@ -21,6 +21,7 @@
 #include "server/memory/budget.h"
 #include "server/observe/log.h"
 #include "server/observe/metrics.h"
+#include "server/session/deliver.h"
 #include "server/session/quality_control.h"
 #include "server/session/sessions.h"
 
@@ -88,10 +89,13 @@ static void on_completion(tcs_source *source, uint32_t events) {
 
 static void tell_streams(void *streams, const char *json) { tcs_streams_tell(streams, json); }
 
+static void report_building(tcs_session *session, void *unused) { tcs_session_report(session); }
+
 static void tick(tcs_daemon *d, int64_t now_us) {
   tcs_server *server = &d->server;
   if (now_us - d->reported_us >= REPORT_US) {
     d->reported_us = now_us;
+    tcs_sessions_each(server->sessions, report_building, NULL);
     tcs_catalogue_report(server->catalogue, tell_streams, tcs_http_streams(server->http));
   }
   if (now_us - d->ticked_us < TICK_US) return;

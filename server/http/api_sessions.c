@@ -3,6 +3,7 @@
 
 #include "server/access/audit.h"
 #include "server/http/work.h"
+#include "server/session/deliver.h"
 #include "server/session/change.h"
 #include "server/session/measure.h"
 #include "server/session/scope.h"
@@ -29,11 +30,12 @@ typedef struct row {
   int64_t idle_us;
   double render_ms;
   tcp_frame_header judged; /* zeros: nothing is known */
+  tcs_building building;
   char unmeasured[sizeof((tcs_picture *)0)->unmeasured];
 } row;
 
 static row row_of(const tcs_session *session) {
-  row r = {.viewers = session->watchers->len, .render_ms = tcs_client_render_ms(session->client)};
+  row r = {.viewers = session->watchers->len, .building = tcs_session_building(session), .render_ms = tcs_client_render_ms(session->client)};
   const tcs_picture *judged = tcs_session_judged(session);
   g_strlcpy(r.id, session->id, sizeof r.id);
   g_strlcpy(r.volume, session->entry->id, sizeof r.volume);
@@ -61,6 +63,7 @@ static cJSON *describe(const row *r, bool with_scene) {
     cJSON_AddItemToObject(json, "error", tcp_measured_error(&r->judged));
   else if (r->judged.unmeasured)
     cJSON_AddStringToObject(json, "unmeasured", r->unmeasured);
+  if (r->building.stage) tcs_building_write(&r->building, cJSON_AddObjectToObject(json, "building"));
   cJSON *links = cJSON_AddObjectToObject(json, "links");
   for (size_t i = 0; i < G_N_ELEMENTS(names); i++)
     add_link(links, names[i][0], r->id, names[i][1]);

@@ -33,6 +33,7 @@ struct tcs_job {
   int width, height;              /* 0 = the scene's */
   tcs_class class;
   tc_interrupt interrupt;         /* any thread */
+  tc_building building;           /* any thread: what its picture waits for */
   bool (*paused)(tcs_job *job);   /* a slice is over: shall it go on? May be NULL: yes */
   void (*rendered)(tcs_job *job); /* its encoding begins; may be NULL */
   void (*finished)(tcs_job *job); /* once: the results below are set */

@@ -328,7 +328,7 @@ static void run_slice(tcs_task *task) {
     return;
   }
   const tc_render_request request = {
-      .width = job->width, .height = job->height, .interrupt = &job->interrupt, .resume = job->slices > 1,
+      .width = job->width, .height = job->height, .interrupt = &job->interrupt, .building = &job->building, .resume = job->slices > 1,
       .labels = job->labels, .meshes = job->meshes, .want_linear = job->meter_pixels > 0, .hurry = job->hurry};
   const bool made = tc_render(renderer, job->volume, &job->scene, &request, &job->frame, NULL, &job->error);
   job->stats = job->frame.stats;

@@ -2,6 +2,8 @@
 
 #include "server/observe/metrics.h"
 
+#define LONG_BUILDING_US 300000 /* nobody is told of less */
+
 /* Sends the newest picture to a viewer that can take it and has not seen it. A picture of an older scene is sent too:
  * while input flows every picture is one behind, and each is newer than the last. */
 void tcs_session_deliver_to(tcs_session *session, tcs_watcher *watcher, int64_t now_us) {
@@ -29,6 +31,52 @@ void tcs_session_deliver(tcs_session *session) {
     tcs_session_deliver_to(session, g_ptr_array_index(session->watchers, i), now_us);
 }
 
+/* No other picture of its revision is waited for. */
+static void settle(tcs_watcher *watcher, uint64_t revision) {
+  if (watcher->shown_revision > revision) return;
+  watcher->shown_revision = revision;
+  watcher->shown_final = true;
+  watcher->resized = false;
+}
+
+tcs_building tcs_session_building(const tcs_session *session) {
+  const tcs_job *job = session->job;
+  const int resource = job ? atomic_load(&job->building.resource) : 0;
+  if (!resource || atomic_load(&job->interrupt.cancel) || g_get_monotonic_time() - job->queued_us < LONG_BUILDING_US) return (tcs_building){0};
+  return (tcs_building){tc_stage_name(tc_stage_of((tc_resource)(resource - 1))), (double)atomic_load(&job->building.permille) / 1000};
+}
+
+void tcs_building_write(const tcs_building *building, cJSON *json) {
+  cJSON_AddStringToObject(json, "stage", building->stage);
+  cJSON_AddNumberToObject(json, "share", building->share);
+}
+
+void tcs_session_report(tcs_session *session) {
+  const tcs_building building = tcs_session_building(session);
+  if (!building.stage) return;
+  cJSON *json = cJSON_CreateObject();
+  cJSON_AddStringToObject(json, "type", "building");
+  tcs_building_write(&building, json);
+  char *text = cJSON_PrintUnformatted(json);
+  /* Downwards: a viewer whose socket breaks here leaves the list. */
+  for (guint i = session->watchers->len; i-- > 0;) {
+    tcs_watcher *watcher = g_ptr_array_index(session->watchers, i);
+    if (session->job && watcher->view == session->job->part && watcher->ops->ready(watcher)) watcher->ops->text(watcher, text);
+  }
+  cJSON_free(text);
+  cJSON_Delete(json);
+}
+
+void tcs_session_give_up(tcs_session *session) {
+  tcs_job *job = session->job;
+  if (!job || !atomic_load(&job->building.resource)) return;
+  for (guint i = 0; i < session->watchers->len; i++) {
+    tcs_watcher *watcher = g_ptr_array_index(session->watchers, i);
+    if (watcher->view == job->part) settle(watcher, job->revision);
+  }
+  tcs_job_cancel(job);
+}
+
 void tcs_session_fail(tcs_session *session, const tcs_job *job) {
   cJSON *problem = tcp_problem(job->error);
   /* Downwards: a viewer whose socket breaks here leaves the list. */
@@ -43,11 +91,7 @@ void tcs_session_fail(tcs_session *session, const tcs_job *job) {
     watcher->ops->text(watcher, text);
     cJSON_free(text);
     cJSON_Delete(message);
-    if (watcher->shown_revision <= job->revision) { /* trying again would fail again */
-      watcher->shown_revision = job->revision;
-      watcher->shown_final = true;
-      watcher->resized = false;
-    }
+    settle(watcher, job->revision); /* trying again would fail again */
   }
   cJSON_Delete(problem);
 }

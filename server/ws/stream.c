@@ -13,6 +13,7 @@
 #include "server/loop/loop.h"
 #include "server/loop/worker.h"
 #include "server/observe/metrics.h"
+#include "server/session/deliver.h"
 #include "server/session/scope.h"
 #include "server/session/session_scene.h"
 #include "server/session/sessions.h"
@@ -132,6 +133,9 @@ static void on_text(void *user, const char *bytes, size_t size) {
       break;
     case TCP_POINTER:
       if (stream->caller.role >= TCS_ROLE_EDIT) tcs_watcher_pointer(watcher, message.pointer_down);
+      break;
+    case TCP_CANCEL:
+      if (stream->caller.role >= TCS_ROLE_EDIT) tcs_session_give_up(watcher->session);
       break;
     case TCP_PING:
       send_pong(stream, message.t);

@@ -278,6 +278,31 @@ describe('page and fake server', { skip }, () => {
     await page.close();
   });
 
+  test('what the picture waits for is shown, and given up with the edit that asked for it', async () => {
+    const { page } = await open(browser, url);
+    await page.selectOption('#mode', 'mesh');
+    await page.waitForFunction(() => document.getElementById('stage').dataset.final === 'true');
+    server.mute = true;
+    await page.selectOption('#mode', 'mip');
+    server.tell({ type: 'building', stage: 'mesh', share: 0.4 });
+    await page.waitForSelector('#building', { state: 'visible' });
+    assert.match(await page.textContent('#building-text'), /^Extracting surfaces/);
+    assert.equal(await page.evaluate(() => document.getElementById('building-bar').value), 0.4);
+    await page.click('#building-cancel');
+    assert.ok(await page.isHidden('#building'));
+    const back = () => server.patches.at(-1).scene.mode !== 'mip';
+    for (let i = 0; i < 200 && !back(); i++) await new Promise((resolve) => setTimeout(resolve, 20));
+    assert.ok(back(), 'the scene before');
+    assert.equal(server.cancels.length, 1);
+    assert.ok(server.cancels[0] < server.patches.length, 'given up before the scene goes back');
+    server.tell({ type: 'building', stage: 'table-2d', share: 0 });
+    await page.waitForSelector('#building', { state: 'visible' });
+    server.mute = false;
+    await page.selectOption('#mode', 'mip');
+    await page.waitForSelector('#building', { state: 'hidden' });
+    await page.close();
+  });
+
   test('surfaces are added to a list, changed and removed one by one', async () => {
     const { page } = await open(browser, url);
     const list = async () => (await scene(page)).mesh?.surfaces ?? [];

@@ -118,6 +118,7 @@ export class FakeServer {
   acknowledged = []; // frame numbers
   patches = []; // every patch that arrived, with its time
   phases = []; // pointer phases
+  cancels = []; // how many patches there were before each
   mostUnacknowledged = 0;
   uploads = []; // bodies
 
@@ -176,6 +177,11 @@ export class FakeServer {
   edit(session, patch, author = null) {
     session.scene = mergePatch(session.scene, patch);
     for (const viewer of this.#viewers) if (viewer.session === session) viewer.changed(viewer === author);
+  }
+
+  /** Sends a text message to every viewer. */
+  tell(message) {
+    for (const viewer of this.#viewers) viewer.connection.send(JSON.stringify(message));
   }
 
   /** Sends bytes that are no frame to every viewer. */
@@ -322,6 +328,7 @@ class Viewer {
     else if (message.type === 'ping') this.connection.send(JSON.stringify({ type: 'pong', t: message.t }));
     else if (message.type === 'size') this.#resize(message);
     else if (message.type === 'pointer') this.#pointer(message.phase);
+    else if (message.type === 'cancel') this.#server.cancels.push(this.#server.patches.length);
   }
 
   #resize({ width, height }) {

@@ -58,6 +58,7 @@ static bool handle(peer *p, const tcp_message *message, GError **error) {
     if (tcs_credit_pending(&p->window) > 2) __builtin_trap();
     return true;
   case TCP_POINTER:
+  case TCP_CANCEL:
   case TCP_PING:
   case TCP_SIZE:
     return tcs_channel_send_text(p->channel, "{}") || true;

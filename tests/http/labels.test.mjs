@@ -3,15 +3,16 @@ import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 import { Daemon, problem } from '../support/daemon.mjs';
 import { readPng } from '../support/png.mjs';
+import { Ws } from '../support/ws.mjs';
 
 const N = 16;
 
-function nrrd(type, voxel, origin = 0) {
-  const head = `NRRD0004\ntype: ${type}\ndimension: 3\nspace: left-posterior-superior\nsizes: ${N} ${N} ${N}\n` +
+function nrrd(type, voxel, origin = 0, n = N) {
+  const head = `NRRD0004\ntype: ${type}\ndimension: 3\nspace: left-posterior-superior\nsizes: ${n} ${n} ${n}\n` +
     `space directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: (0,0,${origin})\nendian: little\nencoding: raw\n\n`;
-  const size = type === 'float' ? 4 : 1, voxels = Buffer.alloc(N ** 3 * size);
-  for (let i = 0; i < N ** 3; i++) {
-    const x = i % N;
+  const size = type === 'float' ? 4 : 1, voxels = Buffer.alloc(n ** 3 * size);
+  for (let i = 0; i < n ** 3; i++) {
+    const x = i % n;
     if (type === 'float') voxels.writeFloatLE(x / 7, 4 * i);
     else voxels[i] = voxel(x, i);
   }
@@ -22,7 +23,8 @@ const noise = (x, i) => (i * 7919) % 251; // a scan: many values, no two neighbo
 const parts = (x) => (x < N / 2 ? 1 : 2);
 const files = { 'grey.nrrd': nrrd('uint8', (x) => 100 + x), 'parts.nrrd': nrrd('uint8', parts),
   'floats.nrrd': nrrd('float'), 'far.nrrd': nrrd('uint8', parts, 900),
-  'scan.nrrd': nrrd('uint8', noise), 'shifted.nrrd': nrrd('uint8', parts, 3.5), 'cropped.nrrd': nrrd('uint8', parts, 4) };
+  'scan.nrrd': nrrd('uint8', noise), 'shifted.nrrd': nrrd('uint8', parts, 3.5), 'cropped.nrrd': nrrd('uint8', parts, 4),
+  'grains.nrrd': nrrd('uint8', noise, 0, 80) };
 
 let d;
 before(async () => {
@@ -139,4 +141,28 @@ test('the daemon offers labels, and colours for those without', async () => {
   assert.ok(!Object.keys((await d.get('/v1/about')).json.unavailable).some((name) => name.startsWith('labels')));
   const { labelColors } = (await d.get('/v1/presets')).json;
   assert.equal(new Set(labelColors.map(String)).size, labelColors.length);
+});
+
+/* 250 surfaces, each through all of the volume: seconds on any machine. */
+test('surfaces that take long are told of, and given up: the picture stays until the next change', async () => {
+  const reply = await d.post('/v1/sessions', { volume: 'grains', scene: { mode: 'mip', image: { width: 32, height: 32 } } });
+  const session = reply.json, viewer = await Ws.open(d, session.id);
+  await viewer.next((m) => m.header?.final);
+  viewer.send({ type: 'cancel' }); // of nothing
+  viewer.patch(1, { mode: 'mesh', labels: { volume: 'grains', force: true } });
+  const first = await viewer.next((m) => m.type === 'building');
+  assert.equal(first.stage, 'mesh');
+  const later = await viewer.next((m) => m.type === 'building' && m.share > first.share);
+  assert.ok(first.share >= 0 && later.share <= 1, JSON.stringify([first, later]));
+  assert.equal((await d.get(session.links.self)).json.building.stage, 'mesh');
+  viewer.send({ type: 'cancel' });
+  viewer.send({ type: 'ping', t: 1 });
+  await viewer.next((m) => m.type === 'pong');
+  assert.equal((await d.get(session.links.self)).json.building, undefined);
+  assert.ok(!viewer.frames().some(({ header }) => header.seq === 1), 'no picture of what was given up');
+  viewer.patch(2, { mode: 'mip' });
+  await viewer.next((m) => m.header?.final && m.header.seq === 2);
+  assert.ok(!viewer.messages.some((m) => m.type === 'error'));
+  await viewer.close();
+  await d.delete(session.links.self);
 });

@@ -71,7 +71,7 @@ static void draw(const tc_clusters *mesh, const drawing *d, picture *p) {
 
 static tc_clusters *cluster(tc_mesh *mesh) {
   GError *error = NULL;
-  tc_clusters *c = tc_clusters_make(mesh, NULL, &error);
+  tc_clusters *c = tc_clusters_make(mesh, NULL, NULL, &error);
   if (!c) fail_msg("%s", error->message);
   tc_mesh_free(mesh);
   return c;
@@ -385,7 +385,7 @@ static void what_nobody_can_see_is_in_no_cluster(void **unused) {
 static void drawing_and_clustering_stop_at_any_look(void **unused) {
   picture *p = new_picture();
   tc_mesh *m = spheres(150, 1, 50, 0);
-  tc_clusters *c = tc_clusters_make(m, NULL, NULL);
+  tc_clusters *c = tc_clusters_make(m, NULL, NULL, NULL);
   drawing d = {.camera = above, .width = 300, .height = 300, .pool = tc_pool_new(2, NULL)};
   tc_interrupt interrupt;
   tc_interrupt_init(&interrupt);
@@ -403,7 +403,7 @@ static void drawing_and_clustering_stop_at_any_look(void **unused) {
     g_clear_error(&error);
     if (at > 20) continue;
     tc_halt_probe_begin(at);
-    assert_null(tc_clusters_make(m, d.pool, &error));
+    assert_null(tc_clusters_make(m, d.pool, NULL, &error));
     assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_CANCELLED));
     g_clear_error(&error);
   }
