@@ -17,6 +17,12 @@ export function toggled(visible, all, n, show) {
   return all.every((label) => now.has(label)) ? null : [...now].sort((a, b) => a - b);
 }
 
+/** Labels of which a label is told: a combination stands with each of its segments. @param named of GET /v1/volumes/ID */
+export function familyOf(named, label) {
+  const together = named.filter(({ of }) => of?.includes(label)).map((item) => item.label);
+  return [label, ...together];
+}
+
 export class Labels {
   #get;
   #store;
@@ -26,6 +32,7 @@ export class Labels {
   #listed = ''; // id of the label volume whose labels are listed
   #all = [];
   #doubted = ''; // id of the one that was refused
+  #named = []; // what labels are, where the volume says so
   #rows = new Map(); // label -> {eye, swatch}
   #palette = [[1, 1, 1]];
 
@@ -76,7 +83,8 @@ export class Labels {
   }
 
   #color(label) {
-    return this.#store.scene?.labels?.colors?.[label] ?? this.#palette[(label - 1) % this.#palette.length];
+    const own = this.#named.find((item) => item.label === label)?.color;
+    return this.#store.scene?.labels?.colors?.[label] ?? own ?? this.#palette[(label - 1) % this.#palette.length];
   }
 
   async #refresh() {
@@ -123,21 +131,39 @@ export class Labels {
       if (this.#listed !== id) return;
       const voxel = volume.spacing.reduce((a, b) => a * b, 0.001); // ml
       this.#all = found.map(({ label }) => label);
-      this.#get('labels-list').replaceChildren(...found.slice(0, MOST).map((item) => this.#row(item, voxel)));
+      this.#named = volume.labels ?? [];
+      this.#get('labels-list').replaceChildren(...this.#segments(found).slice(0, MOST).map((item) => this.#row(item, voxel)));
       this.update();
     } catch (error) {
       this.#on.failed(error);
     }
   }
 
+  // One row a segment: voxels of a combination count with each of its segments.
+  #segments(found) {
+    const counts = new Map(found.map(({ label, count }) => [label, count]));
+    const combined = new Set(this.#named.filter(({ of }) => of).map(({ label }) => label));
+    const single = [...new Set([...counts.keys(), ...this.#named.map(({ label }) => label)])].filter((label) => !combined.has(label));
+    const sum = (label) => familyOf(this.#named, label).reduce((all, one) => all + (counts.get(one) ?? 0), 0);
+    return single.sort((a, b) => a - b).map((label) => ({ label, count: sum(label) })).filter(({ count }) => count > 0);
+  }
+
+  // Shows or hides a segment: a combination shows while one of its segments does.
+  #toggle(label, show) {
+    let visible = toggled(this.#store.scene.labels?.visible, this.#all, label, show);
+    const shown = (one) => !visible || visible.includes(one);
+    for (const { label: together, of } of this.#named.filter((item) => item.of?.includes(label))) {
+      visible = toggled(visible, this.#all, together, of.some(shown));
+    }
+    this.#store.patch({ labels: { visible } });
+  }
+
   #row({ label, count }, voxel) {
     const element = (name, properties) => Object.assign(document.createElement(name), properties);
-    const name = label ? `Label ${label}` : 'No label';
+    const given = this.#named.find((item) => item.label === label)?.name;
+    const name = given || (label ? `Label ${label}` : 'No label');
     const eye = element('button', { ariaLabel: `Show ${name.toLowerCase()}` });
-    eye.addEventListener('click', () => {
-      const visible = toggled(this.#store.scene.labels?.visible, this.#all, label, !this.#shown(label));
-      this.#store.patch({ labels: { visible } });
-    });
+    eye.addEventListener('click', () => this.#toggle(label, !this.#shown(label)));
     const swatch = label ? element('input', { type: 'color', ariaLabel: `Colour of ${name.toLowerCase()}` }) : null;
     swatch?.addEventListener('input', () => {
       const alpha = this.#color(label)[3] ?? 1;

@@ -239,6 +239,7 @@ function showFacts(volume, box) {
   const rows = {
     Name: volume.id,
     File: names.of(volume),
+    Series: [volume.description, volume.time].filter(Boolean).join(' \u00b7 '),
     Modality: volume.modality,
     Voxels: volume.dims.join(' \u00d7 '),
     Spacing: lengthsText(volume.spacing, { digits: 4 }),

@@ -6,6 +6,9 @@ import { lengthsText } from './units.js';
 const POLL_MS = 400;
 const SUFFIXES = ['.nii', '.hdr', '.nrrd', '.nhdr', '.mha', '.mhd', '.mgh', '.mgz', '.zip', '.dcm', '.vmd'].flatMap((end) => [`${end}.gz`, `${end}.bz2`, end]);
 
+// A folder, or a zip; a file of any other name is one volume.
+const mayHoldSeries = (path) => !path.startsWith('demo:') && (/\.zip$/i.test(path) || !SUFFIXES.some((end) => path.toLowerCase().endsWith(end)));
+
 const MESH = /\.(obj|ply|stl)(\.gz|\.bz2)?$/i;
 export const isMesh = ({ name }) => MESH.test(name);
 
@@ -72,6 +75,23 @@ export function describe({ dims, spacing, type, bytes }) {
   return parts.join(' \u00b7 ');
 }
 
+/** "Thorax 1.0 · CT · 131 images · 14:03:22": a series as a radiologist knows it. */
+export function seriesText({ description, label, modality, frames, time, patient }) {
+  const images = frames ? `${frames} image${frames === 1 ? '' : 's'}` : '';
+  return [description || label, modality, images, time, patient].filter(Boolean).join(' \u00b7 ');
+}
+
+/** What could be loaded of a path: {id, path, text} of each volume of each series. */
+export function choicesOf({ id, path }, series) {
+  return series.flatMap((one) =>
+    one.volumes.map(({ number, slices, what }) => ({
+      id: `${id}-${one.number}${one.volumes.length > 1 ? `-${number}` : ''}`,
+      path: `${path}#${one.number}${one.volumes.length > 1 ? `#volume=${number}` : ''}`,
+      text: [seriesText(one), one.volumes.length > 1 && `${slices} slices`, what].filter(Boolean).join(' \u00b7 '),
+    })),
+  );
+}
+
 export class Volumes {
   #api;
   #thumbnails = new Map(); // what names a volume -> promise of its picture's address
@@ -92,6 +112,15 @@ export class Volumes {
 
   get(id, kind = 'volumes') {
     return this.#api.json('GET', `v1/${kind}/${encodeURIComponent(id)}`);
+  }
+
+  /** The series of a folder or zip of DICOM. */
+  async series(path) {
+    return (await this.#api.json('GET', `v1/series?path=${encodeURIComponent(path)}`)).series;
+  }
+
+  load(id, path) {
+    return this.#api.json('POST', 'v1/volumes', { json: { id, path } });
   }
 
   histogram(id, bins = 192) {
@@ -154,7 +183,7 @@ export class Volumes {
 
   async #load(id, failed) {
     const found = (await this.list()).find((item) => item.id === id && item.path);
-    if (found) return this.#api.json('POST', 'v1/volumes', { json: { id, path: found.path } });
+    if (found) return this.load(id, found.path);
     if (failed) return failed;
     throw new Problem(404, { detail: `there is no volume "${id}" here` });
   }
@@ -236,17 +265,50 @@ export class VolumeDialog {
     button.dataset.id = item.id;
     if (item.id === this.#current) button.setAttribute('aria-current', 'true');
     const part = (name, text) => Object.assign(document.createElement('span'), { className: name, textContent: text });
-    const known = item.state === 'failed' ? [item.reason] : [item.path, describe(item)];
+    const known = item.state === 'failed' ? [item.reason] : [item.path, item.description, item.time, describe(item)];
     const line = [this.#on.nameOf(item), ...known].filter(Boolean).join(' \u00b7 ');
     button.append(part('name', item.id), part('state', [item.modality, item.state].filter(Boolean).join(' \u00b7 ')));
     button.append(part('facts-line', line));
     if (item.state === 'loading') button.append(progressBar(item.fraction));
     if (item.state === 'resident') button.prepend(this.#volumes.thumbnail(item));
-    button.addEventListener('click', () => {
-      this.close();
-      this.#on.choose(item.id);
-    });
+    button.addEventListener('click', () => this.#choose(item));
     return item.state === 'failed' ? this.#removable(item, button) : button;
+  }
+
+  async #choose(item) {
+    const several = item.state === 'available' && mayHoldSeries(item.path) ? await this.#choicesOf(item) : [];
+    if (several.length > 1) {
+      this.#list.replaceChildren(...several.map((choice) => this.#choice(choice)));
+      this.#list.querySelector('button').focus();
+      return;
+    }
+    this.close();
+    this.#on.choose(item.id);
+  }
+
+  // Loading says what is wrong with a folder that has no list.
+  async #choicesOf(item) {
+    try {
+      return choicesOf(item, await this.#volumes.series(item.path));
+    } catch {
+      return [];
+    }
+  }
+
+  #choice({ id, path, text }) {
+    const part = (name, words) => Object.assign(document.createElement('span'), { className: name, textContent: words });
+    const button = Object.assign(document.createElement('button'), { className: 'volume-item' });
+    button.append(part('name', text), part('facts-line', path));
+    button.addEventListener('click', async () => {
+      try {
+        if (!this.#items.some((item) => item.id === id && item.state !== 'available')) await this.#volumes.load(id, path);
+        this.close();
+        this.#on.choose(id);
+      } catch (error) {
+        this.#on.problem(error);
+      }
+    });
+    return button;
   }
 
   #removable({ id }, button) {

@@ -7,6 +7,7 @@
 
 #include "renderer/classify/classify.h"
 #include "renderer/base/clock.h"
+#include "renderer/volume/provenance.h"
 
 #define POLL 4096 /* labels between two polls of the halt */
 
@@ -44,10 +45,14 @@ static const double *listed_color(const tc_scene *scene, uint32_t label) {
   return lo < scene->labels.n_colors && scene->labels.colors[lo].label == label ? scene->labels.colors[lo].rgba : NULL;
 }
 
-static void fill_entry(float entry[8], uint32_t label, bool visible, const tc_scene *scene) {
+static void fill_entry(float entry[8], uint32_t label, bool visible, const tc_segment *segment, const tc_scene *scene) {
   const double *listed = listed_color(scene, label), *rgb = listed;
-  double opacity = listed ? listed[3] : label > 0;
+  double opacity = listed ? listed[3] : label > 0, own[3];
   size_t count;
+  if (!rgb && segment && segment->has_color) {
+    for (int c = 0; c < 3; c++) own[c] = (double)segment->color[c];
+    rgb = own;
+  }
   if (!rgb) rgb = tc_label_palette(&count)[label > 0 ? (label - 1) % TC_LABEL_PALETTE : 0];
   opacity *= visible ? scene->labels.opacity : 0;
   bool linear = scene->image.linear_light && scene->mode != TC_MODE_MPR; /* slices composite in display space */
@@ -86,7 +91,8 @@ static int compare(const void *a, const void *b) {
 }
 
 /* False: halted. */
-static bool fill_entries(tc_labels *l, const tc_volume_desc *d, const tc_scene *scene, const tc_halt *halt) {
+static bool fill_entries(tc_labels *l, const tc_volume *labels, const tc_scene *scene, const tc_halt *halt) {
+  const tc_volume_desc *d = tc_volume_describe(labels);
   size_t count = scene->labels.n_visible;
   uint32_t *visible = g_memdup2(scene->labels.visible, count * sizeof *visible);
   if (count) qsort(visible, count, sizeof *visible, compare);
@@ -96,7 +102,7 @@ static bool fill_entries(tc_labels *l, const tc_volume_desc *d, const tc_scene *
     double value = i < l->n ? d->slope * (l->base + i) + d->intercept : 0;
     uint32_t label = value > 0 && value <= UINT32_MAX ? (uint32_t)value : 0;
     bool shown = !scene->labels.visible || (count && bsearch(&label, visible, count, sizeof label, compare));
-    fill_entry(l->entries[i], label, shown, scene);
+    fill_entry(l->entries[i], label, shown, tc_volume_segment(labels, label), scene);
   }
   g_free(visible);
   return !left;
@@ -116,7 +122,7 @@ tc_labels *tc_labels_build(const tc_volume *labels, const tc_scene *scene, GByte
   if (!ok)
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "labels: out of memory");
   else
-    ok = fill_entries(l, tc_volume_describe(labels), scene, halt) || tc_halt_say(halt, error);
+    ok = fill_entries(l, labels, scene, halt) || tc_halt_say(halt, error);
   if (!ok) {
     if (l) free(l->entries);
     free(l);

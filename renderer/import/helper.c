@@ -163,6 +163,7 @@ static bool send_request(const session *s, tc_helper_request *request, const cha
   request->volume = s->options ? s->options->volume : 0;
   request->self_contained = s->options && s->options->self_contained;
   request->bridge_nothing = s->options && s->options->bridge_nothing;
+  request->patient = s->options && s->options->patient;
   request->without_landlock = g_strcmp0(g_getenv("TOMOCAST_WITHOUT_LANDLOCK"), "1") == 0;
   g_strlcpy(request->name, name, sizeof request->name);
   g_free(name);

@@ -36,6 +36,7 @@ typedef struct tc_import_options {
   uint64_t max_voxel_bytes;  /* refuse larger volumes (TC_ERROR_LIMIT); 0 = no limit of its own */
   uint32_t volume;           /* of a file of several (not DICOM), from 1; 0: what the path says, else the first */
   bool bridge_nothing;       /* a series with a slice missing is refused (TC_ERROR_FORMAT) */
+  bool patient;              /* a list of series says whose they are and on which day; else nothing identifying */
   bool self_contained;       /* the file may name no other file for its voxels (TC_ERROR_FORMAT) */
 } tc_import_options;
 
@@ -67,6 +68,9 @@ typedef struct tc_series {
   int files, frames, rows, columns; /* of the whole series; rows and columns of its first picture */
   int volume, slices;               /* which volume of the series, from 1, and its slices */
   char what[48];                    /* what tells it from the series' others: "echo time 90 ms", or "" */
+  char description[64];             /* as the scanner's people wrote it, UTF-8, or "" */
+  char time[32];                    /* of day, "14:03:22"; with options.patient "2026-01-31 14:03:22"; or "" */
+  char patient[128];                /* name and number, with options.patient only; else "" */
 } tc_series;
 
 /* Lists the volumes of all DICOM series of a folder, file or zip; *series is g_malloc'ed, caller frees with g_free(). Other formats give

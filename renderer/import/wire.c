@@ -30,6 +30,8 @@ static bool length_fits(const message *m) {
     return m->length == TC_WIRE_HEAD_BYTES;
   case TC_WIRE_MESH:
     return m->length == TC_WIRE_MESH_BYTES;
+  case TC_WIRE_SEGMENT:
+    return m->length == TC_WIRE_SEGMENT_BYTES;
   case TC_WIRE_VOXELS:
     return m->length == 8;
   case TC_WIRE_WANT:
@@ -54,6 +56,22 @@ static bool next_message(const tc_wire_reader *in, message *m, GError **error) {
   m->kind = tc_reader_u32(&r);
   m->length = tc_reader_u32(&r);
   return length_fits(m) || broken(error, "unknown message");
+}
+
+/* Copies a fixed field of words that people wrote: UTF-8 without control characters. */
+static void take_words(tc_reader *r, char *out, size_t field) {
+  for (size_t i = 0; i < field; i++) {
+    uint8_t c = tc_reader_u8(r);
+    out[i] = (char)(c == 0 || (c >= 0x20 && c != 0x7f) ? c : '?');
+  }
+  out[field - 1] = 0;
+  const char *end;
+  while (!g_utf8_validate(out, -1, &end)) out[end - out] = '?';
+  for (char *at = out; *at; at = g_utf8_next_char(at)) {
+    const gunichar c = g_utf8_get_char(at);
+    if (!g_unichar_isprint(c)) memset(at, '?', (size_t)(g_utf8_next_char(at) - at));
+  }
+  memset(out + strlen(out), 0, field - strlen(out));
 }
 
 /* Copies a fixed text field as printable ASCII; the helper's text may hold anything. */
@@ -146,6 +164,8 @@ static bool take_head(const tc_wire_reader *in, tc_volume_desc *desc, tc_provena
   take_text(&r, desc->unit, 16);
   take_text(&r, desc->note, 256);
   take_text(&r, desc->format, 16);
+  take_words(&r, from->description, sizeof from->description);
+  take_text(&r, from->time, sizeof from->time);
   if (r.failed || type >= TC_VOXEL_TYPE_COUNT || !head_is_sane(desc) || !provenance_is_sane(from, desc))
     return broken(error, "volume header");
   desc->type = (tc_voxel_type)type;
@@ -214,6 +234,7 @@ typedef struct filling {
     size_t left;
   } arrays[3];
   int n_arrays, next;
+  GArray *segments; /* NULL: none */
 } filling;
 
 static void add_array(filling *f, void *at, size_t bytes) {
@@ -346,6 +367,44 @@ static bool mesh_is_sound(const tc_wire_reader *in, const tc_mesh *m, GError **e
   return true;
 }
 
+/* ---- segments ---- */
+
+static bool segment_is_sane(const tc_segment *s) {
+  const bool whole = !s->of[0] && !s->of[1];
+  return s->label >= 1 && s->label <= TC_SEGMENTS_MAX &&
+         (whole || (s->of[0] && s->of[1] && s->of[0] < s->label && s->of[1] < s->label));
+}
+
+static bool take_segment(const tc_wire_reader *in, filling *f, GError **error) {
+  uint8_t body[TC_WIRE_SEGMENT_BYTES];
+  tc_segment s = {0};
+  tc_reader r;
+  if (!in->read(in->user, body, sizeof body, error)) return false;
+  if (!f->volume) return broken(error, "a segment out of place");
+  tc_reader_init(&r, body, sizeof body, false);
+  s.label = tc_reader_u32(&r);
+  s.of[0] = tc_reader_u32(&r);
+  s.of[1] = tc_reader_u32(&r);
+  s.has_color = tc_reader_u8(&r) != 0;
+  for (int i = 0; i < 3; i++) s.color[i] = (float)tc_reader_u8(&r) / 255;
+  take_words(&r, s.name, sizeof s.name);
+  if (!f->segments) f->segments = g_array_new(FALSE, FALSE, sizeof s);
+  if (!segment_is_sane(&s) || f->segments->len >= TC_SEGMENTS_MAX) return broken(error, "segment");
+  g_array_append_val(f->segments, s);
+  return true;
+}
+
+/* Each label is known once. */
+static bool keep_segments(filling *f, GError **error) {
+  size_t count;
+  if (!f->segments) return true;
+  tc_volume_set_segments(f->volume, (const tc_segment *)(const void *)f->segments->data, f->segments->len);
+  const tc_segment *s = tc_volume_segments(f->volume, &count);
+  for (size_t i = 1; i < count; i++)
+    if (s[i].label == s[i - 1].label) return broken(error, "segment");
+  return true;
+}
+
 static bool take(const tc_wire_reader *in, uint32_t kind, filling *f, GError **error) {
   switch (kind) {
   case TC_WIRE_PROGRESS: return take_progress(in, error);
@@ -355,6 +414,7 @@ static bool take(const tc_wire_reader *in, uint32_t kind, filling *f, GError **e
   case TC_WIRE_MESH: return take_mesh(in, f, error);
   case TC_WIRE_MODEL: return take_model(in, f, error);
   case TC_WIRE_VOXELS: return take_voxels(in, f, error);
+  case TC_WIRE_SEGMENT: return take_segment(in, f, error);
   case TC_WIRE_FAIL: return take_fail(in, error);
   default: return broken(error, "message out of place");
   }
@@ -373,6 +433,8 @@ tc_volume *tc_wire_load(const tc_wire_reader *in, GError **error) {
   bool ok = take_all(in, &f, error);
   if (ok && f.model) ok = (f.volume = volume_of_model(&f, error)) != NULL;
   g_free(f.model);
+  ok = ok && keep_segments(&f, error);
+  if (f.segments) g_array_unref(f.segments);
   if (ok) return f.volume;
   tc_volume_unref(f.volume);
   return NULL;
@@ -403,6 +465,9 @@ static bool take_series(const tc_wire_reader *in, GArray *list, GError **error) 
   series.volume = tc_reader_i32(&r);
   series.slices = tc_reader_i32(&r);
   take_text(&r, series.what, sizeof series.what);
+  take_words(&r, series.description, sizeof series.description);
+  take_text(&r, series.time, sizeof series.time);
+  take_words(&r, series.patient, sizeof series.patient);
   if (series.files < 0 || series.frames < 0 || series.rows < 0 || series.columns < 0 || series.number < 1 ||
       series.volume < 1 || series.slices < 0)
     return broken(error, "series");

@@ -3,7 +3,7 @@
  *   request  daemon to helper, first and once: tc_helper_request in its fixed form
  *   message  helper to daemon: u32 kind, u32 length, then `length` bytes
  *     list:    PROGRESS* SERIES* END                             or FAIL at any place
- *     load:    (PROGRESS|WANT|OPEN)* HEAD (VOXELS|PROGRESS|OPEN)* END    or FAIL at any place; instead of HEAD, of a
+ *     load:    (PROGRESS|WANT|OPEN)* HEAD (VOXELS|SEGMENT|PROGRESS|OPEN)* END    or FAIL at any place; instead of HEAD, of a
  *              run-length model MODEL: the voxels are then its bytes as a .vmd that is not deflated, which the daemon
  *              reads as it would the file (splat/vmd.h)
  *     mesh:    the same with MESH for HEAD; what VOXELS carry is positions, normals, triangles, as in tc_mesh
@@ -43,14 +43,16 @@ enum {
   TC_WIRE_OPEN, /* a file beside the input: u32 whether it may be missing, its name */
   TC_WIRE_MESH, /* of a mesh: tc_mesh_head, its numbers as f64 */
   TC_WIRE_MODEL, /* u64 bytes */
+  TC_WIRE_SEGMENT, /* tc_segment; each label once */
 };
 enum {
   TC_WIRE_HEADER_BYTES = 8,
   TC_WIRE_FAIL_TEXT = 320,
-  TC_WIRE_SERIES_BYTES = 72 + 16 + 64 + 48 + 7 * 4,
+  TC_WIRE_SERIES_BYTES = 72 + 16 + 64 + 48 + 64 + 32 + 128 + 7 * 4,
   /* dims, type, frames, volume, slices used and found, bridged, resampled; spacing, origin, direction, slope, intercept,
-     window; modality, unit, note, format */
-  TC_WIRE_HEAD_BYTES = 10 * 4 + (3 + 3 + 9 + 2 + 2) * 8 + 16 + 16 + 256 + 16,
+     window; modality, unit, note, format, description, time */
+  TC_WIRE_HEAD_BYTES = 10 * 4 + (3 + 3 + 9 + 2 + 2) * 8 + 16 + 16 + 256 + 16 + 64 + 16,
+  TC_WIRE_SEGMENT_BYTES = 3 * 4 + 4 + 64, /* label, of; whether there is a colour, and its bytes; name */
   TC_WIRE_HEAD_NUMBERS = 3 + 3 + 9 + 2 + 2,
   TC_WIRE_MESH_BYTES = 6 * 8 + 4 + 16,
 };
@@ -68,7 +70,7 @@ enum { TC_WIRE_FREE = 'v', TC_WIRE_FILE = 'f', TC_WIRE_MISSING = 'm' };
 
 /* What the helper is to do. Both are the same build: the struct travels as it is. */
 typedef struct tc_helper_request {
-  bool list, mesh, without_landlock, self_contained, bridge_nothing;
+  bool list, mesh, without_landlock, self_contained, bridge_nothing, patient;
   uint32_t volume; /* of the options */
   uint64_t max_voxel_bytes, address_bytes, cpu_seconds;
   char name[256];   /* the input's base name */
@@ -104,6 +106,7 @@ bool tc_wire_send_open(int fd, const char *name, bool optional); /* a name short
 bool tc_wire_send_head(int fd, const tc_volume_desc *desc, const tc_provenance *from);
 bool tc_wire_send_mesh(int fd, const tc_mesh_head *head);
 bool tc_wire_send_model(int fd, uint64_t bytes);
+bool tc_wire_send_segment(int fd, const tc_segment *segment);
 bool tc_wire_send_voxels(int fd, unsigned slot, size_t bytes); /* of a slot, from its start */
 bool tc_wire_send_fail(int fd, int code, const char *text);
 bool tc_wire_send_end(int fd);

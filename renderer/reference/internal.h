@@ -86,6 +86,7 @@ bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell);
 /* labels.c: a label volume and the scene with its labels' colours; both outlive this. */
 typedef struct tc_ref_labels {
   const tc_volume_desc *desc; /* NULL: none */
+  const tc_volume *volume;
   const void *voxels;
   const tc_scene *scene;
   bool nearest;

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "renderer/reference/internal.h"
+#include "renderer/volume/provenance.h"
 
 #define NEAR 1e-9 /* label voxels: a plane this close counts as passed */
 
@@ -12,6 +13,7 @@ void tc_ref_labels_set_up(tc_ref_labels *l, const tc_volume *labels, const tc_sc
   const tc_volume_desc *d = tc_volume_describe(labels);
   double axis[3][3];
   l->desc = d;
+  l->volume = labels;
   l->voxels = tc_volume_data(labels);
   l->scene = scene;
   l->nearest = scene->filter == TC_FILTER_NEAREST;
@@ -51,6 +53,12 @@ static void look_up(const tc_ref_labels *l, double label, double out[5]) {
   const double(*palette)[3] = tc_label_palette(&count), *rgb = n > 0 ? palette[(n - 1) % count] : palette[0];
   double opacity = n > 0;
   bool shown = !s->labels.visible;
+  const tc_segment *segment = tc_volume_segment(l->volume, (uint32_t)n);
+  double own[3];
+  if (segment && segment->has_color) {
+    for (int c = 0; c < 3; c++) own[c] = (double)segment->color[c];
+    rgb = own;
+  }
   for (size_t i = 0; i < s->labels.n_visible && !shown; i++) shown = s->labels.visible[i] == n;
   for (size_t i = 0; i < s->labels.n_colors; i++)
     if (s->labels.colors[i].label == n) rgb = s->labels.colors[i].rgba, opacity = rgb[3];

@@ -17,6 +17,8 @@ struct tc_volume {
   tc_sparse sparse;    /* .model NULL: there is a grid */
   uint8_t *voxels;
   tc_volume *gaps;     /* see tc_volume_gaps() */
+  tc_segment *segments;
+  size_t n_segments;
   size_t bytes;        /* of the voxels */
   size_t mapped_bytes; /* with the pad */
   double to_lps[9];    /* index displacement -> mm, row by row */
@@ -381,12 +383,37 @@ void tc_volume_unref(tc_volume *volume) {
   if (volume->voxels) munmap(volume->voxels, volume->mapped_bytes);
   if (volume->sparse.model) volume->sparse.free(volume->sparse.model);
   tc_volume_unref(volume->gaps);
+  free(volume->segments);
   if (volume->freed) volume->freed(volume->freed_user);
   free(volume);
 }
 
 void tc_volume_set_provenance(tc_volume *volume, const tc_provenance *provenance) { volume->provenance = *provenance; }
 const tc_provenance *tc_volume_provenance(const tc_volume *volume) { return &volume->provenance; }
+
+static int by_label(const void *a, const void *b) {
+  const uint32_t x = ((const tc_segment *)a)->label, y = ((const tc_segment *)b)->label;
+  return (x > y) - (x < y);
+}
+
+void tc_volume_set_segments(tc_volume *volume, const tc_segment *segments, size_t count) {
+  free(volume->segments);
+  volume->segments = count ? malloc(count * sizeof *segments) : NULL;
+  volume->n_segments = volume->segments ? count : 0;
+  if (!volume->segments) return;
+  memcpy(volume->segments, segments, count * sizeof *segments);
+  qsort(volume->segments, count, sizeof *segments, by_label);
+}
+
+const tc_segment *tc_volume_segments(const tc_volume *volume, size_t *count) {
+  *count = volume->n_segments;
+  return volume->segments;
+}
+
+const tc_segment *tc_volume_segment(const tc_volume *volume, uint32_t label) {
+  const tc_segment key = {.label = label};
+  return volume->n_segments ? bsearch(&key, volume->segments, volume->n_segments, sizeof key, by_label) : NULL;
+}
 
 tc_volume *tc_volume_gaps(const tc_volume *volume) { return volume->gaps; }
 

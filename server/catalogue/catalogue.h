@@ -117,6 +117,10 @@ cJSON *tcs_rows_describe(GArray *rows); /* by id; any thread */
 void tcs_rows_free(GArray *rows);
 /* Which volume of how many, and what of a series is in it. */
 void tcs_describe_provenance(cJSON *json, const tc_volume *volume);
+/* What its labels are, where that is known. */
+void tcs_describe_labels(cJSON *json, const tc_volume *volume);
+/* Series of a list, each with its volumes. */
+cJSON *tcs_describe_series(const tc_series *series, size_t count);
 void tcs_describe_model(cJSON *json, const tc_vmd *model);
 void tcs_catalogue_gauges(tcs_catalogue *catalogue, tcs_gauges *gauges);
 /* True while a volume of the command line has not been loaded, well or badly. */

@@ -1,6 +1,7 @@
 /* Volumes of the catalogue: how one is read, kept and described. */
 #include "server/catalogue/own.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "server/observe/log.h"
@@ -105,9 +106,37 @@ void tcs_describe_provenance(cJSON *json, const tc_volume *volume) {
     cJSON_AddNumberToObject(slices, "used", from->slices_used);
     cJSON_AddNumberToObject(slices, "found", from->slices_found);
   }
+  if (from->description[0]) cJSON_AddStringToObject(json, "description", from->description);
+  if (from->time[0]) cJSON_AddStringToObject(json, "time", from->time);
   if (from->resampled) cJSON_AddTrueToObject(json, "resampled");
   if (from->bridged) cJSON_AddNumberToObject(json, "bridged", from->bridged);
   cJSON_AddStringToObject(json, "note", desc->note);
+}
+
+/* Single segments that a combination is of, smallest first. */
+static void add_members(cJSON *list, const tc_volume *volume, const tc_segment *segment) {
+  const tc_segment *first = segment->of[0] ? tc_volume_segment(volume, segment->of[0]) : NULL;
+  for (int i = 0; i < 2 && segment->of[i]; i++)
+    if (i == 0 && first && first->of[0])
+      add_members(list, volume, first);
+    else
+      cJSON_AddItemToArray(list, cJSON_CreateNumber(segment->of[i]));
+}
+
+void tcs_describe_labels(cJSON *json, const tc_volume *volume) {
+  size_t count;
+  const tc_segment *segments = tc_volume_segments(volume, &count);
+  cJSON *list = count ? cJSON_AddArrayToObject(json, "labels") : NULL;
+  for (size_t i = 0; i < count; i++) {
+    cJSON *label = cJSON_CreateObject();
+    cJSON_AddNumberToObject(label, "label", segments[i].label);
+    if (segments[i].name[0]) cJSON_AddStringToObject(label, "name", segments[i].name);
+    if (segments[i].of[0]) add_members(cJSON_AddArrayToObject(label, "of"), volume, &segments[i]);
+    double rgb[3];
+    for (int c = 0; c < 3; c++) rgb[c] = rint((double)segments[i].color[c] * 1000) / 1000;
+    if (segments[i].has_color) add_vector(label, "color", rgb, 3);
+    cJSON_AddItemToArray(list, label);
+  }
 }
 
 static void add_window(cJSON *json, const char *name, double center, double width) {
@@ -148,4 +177,42 @@ void tcs_volume_describe(cJSON *json, const tc_volume *volume, const tc_fit *fit
   cJSON_AddNumberToObject(json, "nonFinite", (double)stats->non_finite);
   if (desc->window_width > 0) add_window(json, "window", desc->window_center, desc->window_width);
   describe_fit(json, fit, has_body);
+}
+
+static void add_volume(cJSON *volumes, const tc_series *s) {
+  cJSON *object = cJSON_CreateObject();
+  cJSON_AddNumberToObject(object, "number", s->volume);
+  cJSON_AddNumberToObject(object, "slices", s->slices);
+  cJSON_AddStringToObject(object, "what", s->what);
+  cJSON_AddItemToArray(volumes, object);
+}
+
+static cJSON *series_json(const tc_series *s) {
+  cJSON *object = cJSON_CreateObject();
+  cJSON_AddNumberToObject(object, "number", s->number);
+  cJSON_AddStringToObject(object, "uid", s->uid);
+  cJSON_AddStringToObject(object, "modality", s->modality);
+  cJSON_AddStringToObject(object, "label", s->label);
+  if (*s->description) cJSON_AddStringToObject(object, "description", s->description);
+  if (*s->time) cJSON_AddStringToObject(object, "time", s->time);
+  if (*s->patient) cJSON_AddStringToObject(object, "patient", s->patient);
+  cJSON_AddNumberToObject(object, "files", s->files);
+  cJSON_AddNumberToObject(object, "frames", s->frames);
+  cJSON_AddNumberToObject(object, "rows", s->rows);
+  cJSON_AddNumberToObject(object, "columns", s->columns);
+  return object;
+}
+
+/* A series has a row for each of its volumes. */
+cJSON *tcs_describe_series(const tc_series *series, size_t count) {
+  cJSON *list = cJSON_CreateArray(), *volumes = NULL;
+  for (size_t i = 0; i < count; i++) {
+    if (series[i].volume == 1 || !volumes) {
+      cJSON *object = series_json(&series[i]);
+      volumes = cJSON_AddArrayToObject(object, "volumes");
+      cJSON_AddItemToArray(list, object);
+    }
+    add_volume(volumes, &series[i]);
+  }
+  return list;
 }

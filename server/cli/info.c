@@ -31,39 +31,6 @@ static void name_orientation(const double direction[9], char letters[4]) {
 
 /* --- --json ------------------------------------------------------------------------------------- */
 
-static void add_volume(cJSON *volumes, const tc_series *s) {
-  cJSON *object = cJSON_CreateObject();
-  cJSON_AddNumberToObject(object, "number", s->volume);
-  cJSON_AddNumberToObject(object, "slices", s->slices);
-  cJSON_AddStringToObject(object, "what", s->what);
-  cJSON_AddItemToArray(volumes, object);
-}
-
-/* A series has a row for each of its volumes. */
-static cJSON *series_json(const report *r) {
-  cJSON *list = cJSON_CreateArray(), *volumes = NULL;
-  for (size_t i = 0; i < r->n_series; i++) {
-    const tc_series *s = &r->series[i];
-    if (s->volume > 1 && volumes) {
-      add_volume(volumes, s);
-      continue;
-    }
-    cJSON *object = cJSON_CreateObject();
-    cJSON_AddNumberToObject(object, "number", s->number);
-    cJSON_AddStringToObject(object, "uid", s->uid);
-    cJSON_AddStringToObject(object, "modality", s->modality);
-    cJSON_AddStringToObject(object, "label", s->label);
-    cJSON_AddNumberToObject(object, "files", s->files);
-    cJSON_AddNumberToObject(object, "frames", s->frames);
-    cJSON_AddNumberToObject(object, "rows", s->rows);
-    cJSON_AddNumberToObject(object, "columns", s->columns);
-    volumes = cJSON_AddArrayToObject(object, "volumes");
-    add_volume(volumes, s);
-    cJSON_AddItemToArray(list, object);
-  }
-  return list;
-}
-
 static cJSON *direction_json(const tc_volume_desc *d) {
   cJSON *rows = cJSON_CreateArray();
   for (int i = 0; i < 3; i++)
@@ -94,10 +61,11 @@ static void print_json(const report *r) {
   cJSON_AddNumberToObject(o, "bytes", (double)tc_volume_bytes(r->volume));
   cJSON_AddStringToObject(o, "modality", d->modality);
   tcs_describe_provenance(o, r->volume);
+  tcs_describe_labels(o, r->volume);
   if (tc_volume_sparse(r->volume)) tcs_describe_model(o, tc_volume_model(r->volume));
   cJSON_AddNumberToObject(o, "nonFinite", (double)r->stats->non_finite);
   if (d->window_width > 0) cJSON_AddItemToObject(o, "window", window_json(d));
-  if (r->n_series) cJSON_AddItemToObject(o, "series", series_json(r));
+  if (r->n_series) cJSON_AddItemToObject(o, "series", tcs_describe_series(r->series, r->n_series));
   char *text = cJSON_Print(o);
   puts(text);
   cJSON_free(text);
@@ -109,12 +77,24 @@ static void print_json(const report *r) {
 static void print_series(const report *r) {
   for (size_t i = 0; i < r->n_series; i++) {
     const tc_series *s = &r->series[i];
-    if (s->volume == 1)
+    if (s->volume == 1) {
       printf("series #%d    %s, %s, %d files, %d frames of %d x %d, %s\n", s->number, s->label,
              *s->modality ? s->modality : "no modality", s->files, s->frames, s->columns, s->rows, s->uid);
+      const char *words[] = {s->description, s->time, s->patient};
+      for (int k = 0, n = 0; k < 3; k++)
+        if (*words[k]) printf("%s%s", n++ ? ", " : "             ", words[k]);
+      if (*s->description || *s->time || *s->patient) printf("\n");
+    }
     if (s->volume > 1 || (i + 1 < r->n_series && s[1].volume > 1))
       printf("  #%d#volume=%d  %d slices%s%s\n", s->number, s->volume, s->slices, *s->what ? ", " : "", s->what);
   }
+}
+
+static void print_labels(const tc_volume *volume) {
+  size_t count;
+  const tc_segment *s = tc_volume_segments(volume, &count);
+  for (size_t i = 0; i < count; i++)
+    if (!s[i].of[0]) printf("label %-6u %s\n", s[i].label, *s[i].name ? s[i].name : "without a name");
 }
 
 static void print_attributes(const tc_vmd_head *head) {
@@ -147,28 +127,30 @@ static void print_text(const report *r) {
   if (r->stats->non_finite)
     printf("replaced     %llu voxels that were not finite\n", (unsigned long long)r->stats->non_finite);
   if (*d->note) printf("note         %s\n", d->note);
+  print_labels(r->volume);
   print_series(r);
 }
 
 /* --- the command -------------------------------------------------------------------------------- */
 
 /* "folder#2#volume=3" chooses a series and volume; the list is of the whole folder. */
-static bool list_series(report *r, const char *path, GError **error) {
+static bool list_series(report *r, const char *path, bool patient, GError **error) {
+  const tc_import_options options = {.patient = patient};
   char *plain = g_strdup(path);
   for (char *mark; !g_file_test(plain, G_FILE_TEST_EXISTS) && (mark = strrchr(plain, '#'));)
     *mark = 0;
-  bool good = strcmp(r->desc->format, "dicom") != 0 || tc_import_list(plain, NULL, &r->series, &r->n_series, error);
+  bool good = strcmp(r->desc->format, "dicom") != 0 || tc_import_list(plain, &options, &r->series, &r->n_series, error);
   g_free(plain);
   return good;
 }
 
-static bool show(const char *path, bool json, GError **error) {
+static bool show(const char *path, bool json, bool patient, GError **error) {
   if (tc_import_names_mesh(path)) return tcs_cli_info_mesh(path, json, error);
   tc_volume *volume = tc_import(path, NULL, error);
   if (!volume) return false;
   report r = {.volume = volume, .desc = tc_volume_describe(volume), .stats = tc_volume_statistics(volume)};
   name_orientation(r.desc->direction, r.orientation);
-  bool good = list_series(&r, path, error);
+  bool good = list_series(&r, path, patient, error);
   if (good) (json ? print_json : print_text)(&r);
   g_free(r.series);
   tc_volume_unref(volume);
@@ -176,10 +158,11 @@ static bool show(const char *path, bool json, GError **error) {
 }
 
 int tcs_cli_info(int argc, char **argv) {
-  gboolean json = FALSE;
+  gboolean json = FALSE, patient = FALSE;
   char **rest = NULL;
   GError *error = NULL;
-  const GOptionEntry entries[] = {{"json", 0, 0, G_OPTION_ARG_NONE, &json, "as JSON", NULL}, {0}};
+  const GOptionEntry entries[] = {{"json", 0, 0, G_OPTION_ARG_NONE, &json, "as JSON", NULL},
+                                  {"patient", 0, 0, G_OPTION_ARG_NONE, &patient, "with whose series they are, and of which day", NULL}, {0}};
   const tcs_cli_usage usage = {"info", "VOLUME", "Says what a volume file, folder or demo:NAME, a mesh (.ply, .stl, .obj) or a .vmd holds.",
                                entries};
   int code = TCS_EXIT_DONE;
@@ -190,7 +173,7 @@ int tcs_cli_info(int argc, char **argv) {
   }
   if (!good)
     code = tcs_cli_fail("info", TCS_EXIT_USAGE, error);
-  else if (!show(rest[0], json, &error))
+  else if (!show(rest[0], json, patient, &error))
     code = tcs_cli_fail("info", TCS_EXIT_FAILED, error);
   g_strfreev(rest);
   return code;

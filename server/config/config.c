@@ -26,6 +26,7 @@ static const tcs_limit_field fields[] = {
     {FIELD(loads_per_client), "loadsPerClient", AT(loads_per_client), 16, 1, 4096},
     {FIELD(import_seconds), "importSeconds", AT(import_seconds), 600, 1, 24 * 3600},
     {FIELD(bridged_slices), "bridgedSlices", AT(bridged_slices), 1, 0, 1},
+    {FIELD(patient_tags), "patientTags", AT(patient_tags), 0, 0, 1},
     {FIELD(failed_entries), "failedEntries", AT(failed_entries), 256, 1, 65536},
     {FIELD(failed_seconds), "failedSeconds", AT(failed_seconds), 300, 1, 24 * 3600},
     {FIELD(uploads), "uploads", AT(uploads), 32, 1, 4096},

@@ -24,6 +24,7 @@ typedef struct tcs_limits {
   int64_t loads, loads_per_client;  /* imports waiting or under way */
   int64_t import_seconds;           /* one that takes longer is given up */
   int64_t bridged_slices;           /* of a series, how many missing slices are interpolated: 0 or 1 */
+  int64_t patient_tags;             /* 1: lists of series say whose they are and on which day */
   int64_t failed_entries, failed_seconds; /* how many failed volumes are remembered, and for how long */
   int64_t uploads, uploads_per_client; /* under way at once */
   int64_t upload_rate;              /* bytes a second, after upload_grace_seconds and in every such time; 0 = any */

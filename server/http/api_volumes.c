@@ -198,7 +198,10 @@ void tcs_put_entry_done(tcs_request *request, struct tcs_spooled *file) {
 
 void tcs_get_entry(tcs_request *request) {
   const tcs_entry *entry = entry_of(request);
-  if (entry) tcs_reply_json(request, 200, tcs_catalogue_describe(request->server->catalogue, entry));
+  if (!entry) return;
+  cJSON *json = tcs_catalogue_describe(request->server->catalogue, entry);
+  if (entry->volume) tcs_describe_labels(json, entry->volume);
+  tcs_reply_json(request, 200, json);
 }
 
 void tcs_delete_entry(tcs_request *request) {

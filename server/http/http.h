@@ -139,6 +139,7 @@ void tcs_get_entries(tcs_request *request);
 void tcs_post_entry(tcs_request *request);
 void tcs_put_entry(tcs_request *request);
 void tcs_get_entry(tcs_request *request);
+void tcs_get_series(tcs_request *request);
 void tcs_delete_entry(tcs_request *request);
 void tcs_get_histogram(tcs_request *request);
 void tcs_get_value(tcs_request *request);

@@ -11,6 +11,7 @@ const tcs_route tcs_routes[] = {
     {"GET", "/v1/presets", tcs_get_presets, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_VIEW},
     {"GET", "/v1/volumes", tcs_get_entries, TCS_COST_VOLUME, TCS_BODY_NONE, TCS_ROLE_VIEW},
     {"POST", "/v1/volumes", tcs_post_entry, TCS_COST_VOLUME, TCS_BODY_JSON, TCS_ROLE_EDIT},
+    {"GET", "/v1/series", tcs_get_series, TCS_COST_VOLUME, TCS_BODY_NONE, TCS_ROLE_VIEW},
     {"GET", "/v1/volumes/{id}", tcs_get_entry, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_VIEW},
     {"PUT", "/v1/volumes/{id}", tcs_put_entry, TCS_COST_VOLUME, TCS_BODY_FILE, TCS_ROLE_EDIT},
     {"DELETE", "/v1/volumes/{id}", tcs_delete_entry, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_EDIT},

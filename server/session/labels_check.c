@@ -86,6 +86,8 @@ static int values_of(const tc_volume *labels, double *alike) {
 bool tcs_labels_check(const tc_volume *volume, const tc_volume *labels, GError **error) {
   static const char pointer[] = "/labels/volume";
   if (tc_volume_sparse(labels)) return true; /* tc_labels_check() refuses it */
+  size_t known;
+  (void)tc_volume_segments(labels, &known);
   if (!same_grid(volume, labels) && !same_box(volume, labels)) {
     tc_set_error(error, TC_ERROR_CONFLICT, pointer,
                  "labels/volume: its voxels lie elsewhere than the volume's: choose labels made for this volume, or set "
@@ -93,7 +95,7 @@ bool tcs_labels_check(const tc_volume *volume, const tc_volume *labels, GError *
     return false;
   }
   double alike;
-  const int values = values_of(labels, &alike);
+  const int values = known ? 0 : values_of(labels, &alike); /* a segmentation says what it is */
   if (values <= FEW || (values <= MOST && alike >= ALIKE)) return true;
   tc_set_error(error, TC_ERROR_CONFLICT, pointer,
                "labels/volume: it holds %d values or more, %.0f %% of neighbours alike, as a scan does and labels do not: "

@@ -12,7 +12,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size) {
   static const tc_import_options options = {.max_voxel_bytes = 8 << 20};
   static const tc_helper_request request = {.name = "f"};
   read_here here = {.options = &options, .folder = -1};
-  const tc_order order = {.max_voxel_bytes = options.max_voxel_bytes, .user = &here, .want = here_want, .begin = here_begin,
+  const tc_order order = {.max_voxel_bytes = options.max_voxel_bytes, .user = &here, .want = here_want, .begin = here_begin, .segment = here_segment,
                           .room = here_room, .filled = here_filled, .goes_on = here_goes_on, .open = here_open};
   GError *error = NULL;
   const int file = memfd_create("input", MFD_CLOEXEC);

@@ -26,6 +26,21 @@ const files = { 'grey.nrrd': nrrd('uint8', (x) => 100 + x), 'parts.nrrd': nrrd('
   'scan.nrrd': nrrd('uint8', noise), 'shifted.nrrd': nrrd('uint8', parts, 3.5), 'cropped.nrrd': nrrd('uint8', parts, 4),
   'grains.nrrd': nrrd('uint8', noise, 0, 80) };
 
+// Two layers of segments that overlap from x = 4 to x = 7, as 3D Slicer writes them.
+function layered() {
+  const head = `NRRD0004\ntype: unsigned char\ndimension: 4\nspace: left-posterior-superior\nsizes: 2 ${N} ${N} ${N}\n` +
+    'kinds: list domain domain domain\nspace directions: none (1,0,0) (0,1,0) (0,0,1)\nencoding: raw\n' +
+    'Segment0_Name:=liver\nSegment0_Color:=1 0 0\nSegment0_LabelValue:=1\nSegment0_Layer:=0\n' +
+    'Segment1_Name:=L\u00e4sion\nSegment1_Color:=0 1 0\nSegment1_LabelValue:=1\nSegment1_Layer:=1\n\n';
+  const voxels = Buffer.alloc(2 * N ** 3);
+  for (let i = 0; i < N ** 3; i++) {
+    voxels[2 * i] = i % N < 8;
+    voxels[2 * i + 1] = i % N >= 4 && i % N < 12;
+  }
+  return Buffer.concat([Buffer.from(head), voxels]);
+}
+files['layers.nrrd'] = layered();
+
 let d;
 before(async () => {
   d = await Daemon.start({ files });
@@ -71,6 +86,18 @@ test('labels tint a slice, one by one', async () => {
   await d.patch(session.links.scene, { mode: 'mip' });
   const other = (await d.get(session.links.plan)).json.stages.find(({ name }) => name === 'labels');
   assert.ok(!other.included && /mode mip/.test(other.reason));
+  await d.delete(session.links.self);
+});
+
+test('a segmentation says what its labels are, and colours them', async () => {
+  const { json } = await d.get('/v1/volumes/layers');
+  assert.deepEqual(json.labels, [{ label: 1, name: 'liver', color: [1, 0, 0] }, { label: 2, name: 'L\u00e4sion', color: [0, 1, 0] },
+    { label: 3, of: [1, 2] }]);
+  assert.equal((await d.get('/v1/volumes')).json.volumes.find(({ id }) => id === 'layers').labels, undefined);
+  const session = await open({ volume: 'layers', colors: undefined });
+  const frame = readPng((await d.get(`${session.links.frame}?format=png`)).bytes);
+  const at = (x) => [...frame.at(x, N / 2)].slice(0, 3);
+  assert.deepEqual([at(1), at(10)], [[255, 0, 0], [0, 255, 0]]);
   await d.delete(session.links.self);
 });
 

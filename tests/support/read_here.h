@@ -42,6 +42,18 @@ static bool here_begin_model(void *user, uint64_t bytes, GError **error) {
   return here_want(here, bytes, error);
 }
 
+static bool here_segment(void *user, const tc_segment *segment, GError **error) {
+  read_here *here = user;
+  size_t count;
+  const tc_segment *known = tc_volume_segments(here->volume, &count);
+  tc_segment *all = g_new(tc_segment, count + 1);
+  if (count) memcpy(all, known, count * sizeof *all);
+  all[count] = *segment;
+  tc_volume_set_segments(here->volume, all, count + 1);
+  g_free(all);
+  return true;
+}
+
 static void *here_room(void *user, GError **error) { return ((read_here *)user)->slot; }
 
 static bool here_filled(void *user, size_t bytes, GError **error) {
@@ -79,6 +91,7 @@ static inline tc_volume *read_input_here(tc_input *input, int folder,
                           .want = here_want,
                           .begin = here_begin,
                           .begin_model = here_begin_model,
+                          .segment = here_segment,
                           .room = here_room,
                           .filled = here_filled,
                           .goes_on = here_goes_on,

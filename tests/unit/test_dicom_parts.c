@@ -76,12 +76,14 @@ static void every_width_converts(void **state) {
 static void single_bits_become_labels(void **state) {
   const uint8_t bytes[2] = {0x50, 0x01}; /* from bit 3: 0 1 0 1 */
   tc_dicom_samples s = grey(1, 1, 0, false);
-  tc_dicom_target target = {.type = TC_U8, .label = 7, .threshold = 1};
-  uint8_t out[4] = {9, 9, 9, 9};
-  assert_true(tc_dicom_convert(&s, bytes, 2, 3, &target, out));
-  static const uint8_t want[4] = {9, 7, 9, 7}; /* voxels of no segment stay */
-  assert_memory_equal(out, want, 4);
-  assert_false(tc_dicom_convert(&s, bytes, 1, 5, &target, out));
+  uint16_t out[4] = {9, 0, 9, 9};
+  tc_overlaps overlaps;
+  tc_overlaps_init(&overlaps, 9);
+  assert_true(tc_dicom_stamp(&s, bytes, 2, 3, 1, 7, &overlaps, out));
+  static const uint16_t want[4] = {9, 7, 9, 10}; /* voxels of no segment stay, and two have a label of their own */
+  assert_memory_equal(out, want, sizeof want);
+  assert_false(tc_dicom_stamp(&s, bytes, 1, 5, 1, 7, &overlaps, out));
+  tc_overlaps_finish(&overlaps);
 }
 
 static void colours_become_luma(void **state) {

@@ -20,6 +20,8 @@ typedef struct loader {
   double *sums;   /* [chunk_voxels], when components are combined */
   size_t chunk_voxels;
   bool swap;
+  tc_overlaps overlaps; /* of layers of segments */
+  GHashTable *labels;   /* layer << 16 | value -> label */
   uint64_t done, total; /* voxels, over all passes */
 } loader;
 
@@ -226,6 +228,77 @@ static void store_sums(const loader *l, tc_voxel_type stored, void *to, size_t n
   }
 }
 
+/* ---- layers of segments ---- */
+
+static uint32_t layered_key(uint32_t layer, uint32_t value) { return layer << 16 | value; }
+
+/* Labels are numbered as the file lists its segments. As many combinations as there can be say how wide voxels are. */
+static tc_voxel_type number_segments(loader *l) {
+  GArray *segments = l->raster->segments;
+  uint64_t most = 1;
+  l->labels = g_hash_table_new(NULL, NULL);
+  for (guint i = 0; i < segments->len; i++) {
+    tc_layered *s = &g_array_index(segments, tc_layered, i);
+    s->segment.label = i + 1;
+    g_hash_table_insert(l->labels, GUINT_TO_POINTER(layered_key(s->layer, s->value)), GUINT_TO_POINTER(i + 1));
+  }
+  for (uint32_t layer = 0; layer < l->raster->components; layer++) {
+    uint64_t choices = 1;
+    for (guint i = 0; i < segments->len; i++) choices += g_array_index(segments, tc_layered, i).layer == layer;
+    most = MIN(most * choices, TC_SEGMENTS_MAX + 1);
+  }
+  tc_overlaps_init(&l->overlaps, segments->len);
+  return most <= 256 ? TC_U8 : TC_U16;
+}
+
+static uint32_t value_of(tc_element element, const uint8_t *at) {
+  uint16_t value = *at;
+  if (tc_element_size(element) == 2) memcpy(&value, at, sizeof value);
+  return value;
+}
+
+static bool merge_layers(loader *l, tc_voxel_type stored, void *to, size_t n, GError **error) {
+  const tc_raster *r = l->raster;
+  const size_t size = tc_element_size(r->element);
+  const size_t stride = planar(r) ? size : size * r->components, step = planar(r) ? l->chunk_voxels * size : size;
+  for (size_t i = 0; i < n; i++) {
+    uint32_t label = 0;
+    for (uint32_t layer = 0; layer < r->components; layer++) {
+      const uint32_t value = value_of(r->element, l->chunk + i * stride + layer * step);
+      if (!value) continue;
+      const uint32_t segment = GPOINTER_TO_UINT(g_hash_table_lookup(l->labels, GUINT_TO_POINTER(layered_key(layer, value))));
+      if (!segment) {
+        tc_set_error(error, TC_ERROR_FORMAT, NULL, "layer %u holds the value %u, which is no segment's; save the segmentation again",
+                     layer, value);
+        return false;
+      }
+      label = tc_overlaps_label(&l->overlaps, label, segment);
+    }
+    if (stored == TC_U8)
+      ((uint8_t *)to)[i] = (uint8_t)label;
+    else
+      ((uint16_t *)to)[i] = (uint16_t)label;
+  }
+  if (!l->overlaps.full) return true;
+  tc_set_error(error, TC_ERROR_LIMIT, NULL, "segments overlap in more than %d combinations; save fewer of them", TC_SEGMENTS_MAX);
+  return false;
+}
+
+/* What the labels are: of one layer they are the file's own values. */
+static bool send_segments(const loader *l, GError **error) {
+  const GArray *segments = l->raster->segments;
+  const bool layers = l->raster->combine == TC_COMBINE_LAYERS;
+  for (guint i = 0; segments && i < segments->len; i++) {
+    const tc_layered *s = &g_array_index(segments, tc_layered, i);
+    tc_segment told = s->segment;
+    if (!layers) told.label = s->value;
+    for (guint k = 0; k < i && told.label; k++) /* two layers of a raster of which one is read */
+      if (!layers && g_array_index(segments, tc_layered, k).value == s->value) told.label = 0;
+    if (told.label && !l->order->segment(l->order->user, &told, error)) return false;
+  }
+  return !layers || tc_overlaps_send(&l->overlaps, NULL, 0, l->order, error);
+}
+
 static bool same_storage(tc_element element, tc_voxel_type *stored) {
   switch (element) {
   case TC_ELEMENT_I8: *stored = TC_I8; return true;
@@ -252,6 +325,8 @@ static bool fill(loader *l, GError **error) {
     if (!direct && r->combine == TC_COMBINE_FIRST) {
       keep_first(r, l->chunk, n);
       narrow(r->element, l->chunk, stored, to, n);
+    } else if (r->combine == TC_COMBINE_LAYERS) {
+      if (!merge_layers(l, stored, to, n, error)) return false;
     } else if (!direct) {
       combine(l, n);
       store_sums(l, stored, to, n);
@@ -259,7 +334,7 @@ static bool fill(loader *l, GError **error) {
     at += n;
     if (!order->filled(order->user, n * size, error) || !tick(l, n, error)) return false;
   }
-  return tc_source_finish(l->planes[l->n_planes - 1], error);
+  return tc_source_finish(l->planes[l->n_planes - 1], error) && send_segments(l, error);
 }
 
 /* The first pass over wide integers: how narrow may they be kept? */
@@ -294,6 +369,10 @@ static bool choose_type(loader *l, GError **error) {
   case TC_COMBINE_MAGNITUDE:
     tc_raster_note(r, "%u components of %s became their magnitude (f32)", r->components, name);
     return true;
+  case TC_COMBINE_LAYERS:
+    *type = number_segments(l);
+    tc_raster_note(r, "%u layers of segments in one, combinations where they overlap", r->components);
+    return true;
   default: break;
   }
   if (same_storage(r->element, type)) return true;
@@ -325,6 +404,7 @@ static size_t least_voxel_bytes(const tc_raster *r) {
   if (r->components > 1 && r->combine == TC_COMBINE_MAGNITUDE) return sizeof(float);
   if (r->components > 1 && r->combine == TC_COMBINE_LUMA)
     return r->element == TC_ELEMENT_U8 || r->element == TC_ELEMENT_U16 ? 1 : sizeof(float);
+  if (r->components > 1 && r->combine == TC_COMBINE_LAYERS) return 1;
   if (same_storage(r->element, &same)) return tc_voxel_size(same);
   return r->element == TC_ELEMENT_F64 ? sizeof(float) : 1;
 }
@@ -367,7 +447,7 @@ static bool prepare(loader *l, GError **error) {
   bool text = r->data.encoding == TC_ENCODING_TEXT;
   size_t size = tc_element_size(r->element);
   if (r->components == 1) r->combine = TC_COMBINE_FIRST;
-  if (r->components > 32768 || (planar(r) && r->combine == TC_COMBINE_MAGNITUDE && r->components > MAX_PLANES)) {
+  if (r->components > 32768 || (planar(r) && (r->combine == TC_COMBINE_MAGNITUDE || r->combine == TC_COMBINE_LAYERS) && r->components > MAX_PLANES)) {
     tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "%u components per voxel are more than this reads", r->components);
     return false;
   }
@@ -419,5 +499,7 @@ out:
   for (unsigned p = 0; p < MAX_PLANES; p++) tc_source_free(l.planes[p]);
   g_free(l.chunk);
   g_free(l.sums);
+  tc_overlaps_finish(&l.overlaps);
+  if (l.labels) g_hash_table_unref(l.labels);
   return ok;
 }

@@ -5,7 +5,7 @@
 #ifndef TC_IMPORT_CONVERT_H
 #define TC_IMPORT_CONVERT_H
 
-#include "renderer/import/helper/order.h"
+#include "renderer/import/helper/overlaps.h"
 #include "renderer/import/helper/source.h"
 
 /* What several components of one voxel become. */
@@ -13,8 +13,16 @@ typedef enum tc_combine {
   TC_COMBINE_FIRST,     /* the first component (the first frame where frames vary fastest) */
   TC_COMBINE_LUMA,      /* Rec. 709 luma of the first three: u8 from u8 and u16, else f32 */
   TC_COMBINE_MAGNITUDE, /* root of the sum of squares, f32 */
+  TC_COMBINE_LAYERS,    /* each is a layer of segments (tc_layered): combinations of them are kept exactly */
   TC_COMBINE_COUNT
 } tc_combine;
+
+/* A segment of a raster of labels: of several layers, the value in its own one. */
+typedef struct tc_layered {
+  tc_segment segment; /* its label is found on loading */
+  int64_t number;     /* in the file */
+  uint32_t layer, value;
+} tc_layered;
 
 typedef struct tc_raster {
   tc_volume_desc desc; /* all but type, which loading chooses; its note is added to */
@@ -25,6 +33,7 @@ typedef struct tc_raster {
   uint32_t components; /* per voxel, >= 1 */
   uint64_t inner;      /* voxels that follow each other before the component changes: 1 = interleaved,
                           all voxels of a frame = planar. A divisor of the voxels of a frame. */
+  GArray *segments;    /* tc_layered, or NULL; not owned */
   uint64_t frames;     /* whole frames behind each other in the data, >= 1; order->volume chooses */
 } tc_raster;
 

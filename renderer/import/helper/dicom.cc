@@ -24,6 +24,7 @@
 #include <string>
 #include <system_error>
 #include <thread>
+#include <tuple>
 #include <vector>
 
 #include <gdcmImageApplyLookupTable.h>
@@ -42,6 +43,7 @@ extern "C" {
 #include "renderer/import/helper/dicom_sources.h"
 #include "renderer/import/helper/dicom_pixels.h"
 #include "renderer/import/helper/dicom_stack.h"
+#include "renderer/import/helper/dicom_contours.h"
 #include "renderer/import/helper/dicom_suv.h"
 #include "renderer/import/helper/order.h"
 
@@ -222,6 +224,7 @@ struct Scale {
 struct Picture {
   size_t source;
   std::string series, modality, unit, scale_type;
+  std::string description, time, day, patient;
   int series_number = 0;
   tc_dicom_samples samples{};
   uint32_t frames = 1;
@@ -235,6 +238,13 @@ struct Picture {
   double suv = 0;            // PET: what values are multiplied by; 0 none
   const char *no_suv = ""; // why
   double segment_threshold = 1;       // samples at or above it belong to the segment
+  bool label_map = false;             // samples are labels themselves
+  uint32_t background = 0;            // of a label map
+  std::vector<tc_segment> segments;   // what labels are
+  std::vector<tc_dicom_contour> contours; // of a set of structures, which has no frames: their points are `corners`
+  std::vector<double> corners;
+  size_t open_contours = 0;           // that enclose nothing and are left out
+  std::string drawn_on;               // the series that they were drawn on
   std::vector<tc_dicom_slice> slices; // [frames]
   std::vector<Scale> scales;          // [frames]
 };
@@ -244,6 +254,36 @@ std::string plain(const std::string &text, size_t most) {
   for (char c : text)
     if (c > 0x20 && c < 0x7f && out.size() < most) out += c;
   return out;
+}
+
+// Words that people wrote, as UTF-8: what is neither that nor Latin 1, where the file says so, becomes question marks.
+std::string words_of(const DataSet &root, const DataSet &set, Tag tag) {
+  const std::string text = text_of(set, tag), charset = text_of(root, Tag(0x08, 0x05));
+  if (g_utf8_validate(text.data(), static_cast<gssize>(text.size()), nullptr)) return text;
+  const bool latin = charset == "ISO_IR 100" || charset == "ISO 2022 IR 100";
+  std::string out;
+  for (char c : text) {
+    const uint8_t byte = static_cast<uint8_t>(c);
+    if (byte < 0x80)
+      out += c;
+    else if (latin && byte >= 0xa0)
+      out += {static_cast<char>(0xc0 | byte >> 6), static_cast<char>(0x80 | (byte & 0x3f))};
+    else
+      out += '?';
+  }
+  return out;
+}
+
+// Cut to fit between two characters.
+template <size_t N> void put_words(char (&out)[N], const std::string &text) {
+  size_t at = 0;
+  for (const char *c = text.c_str(); *c; c = g_utf8_next_char(c)) {
+    const size_t bytes = static_cast<size_t>(g_utf8_next_char(c) - c);
+    if (at + bytes >= N) break;
+    memcpy(out + at, c, bytes);
+    at += bytes;
+  }
+  out[at] = 0;
 }
 
 // Y Cb Cr that JPEG 2000 made of RGB comes out of its decoder as RGB.
@@ -584,9 +624,96 @@ void read_slices(const DataSet &set, Picture &p) {
   }
   if (!frames && p.frames > 1) spread_frames(set, p);
   if (p.mosaic) unfold_mosaic(set, p);
+  read_segments(set, p);
+  p.label_map = p.modality == "SEG" && text_of(set, Tag(0x62, 0x01)) == "LABELMAP";
+  p.background = binary_of<uint16_t>(set, Tag(0x28, 0x120), 0);
   p.fractional = text_of(set, Tag(0x62, 0x01)) == "FRACTIONAL";
   if (p.fractional)
     p.segment_threshold = std::max(1.0, std::ceil(binary_of<uint16_t>(set, Tag(0x62, 0x0e), 255) / 2.0));
+}
+
+// ---- segments ----
+
+// CIE L*a*b* of the profile connection space (D50), as 16-bit numbers, to sRGB (PS3.3, C.10.7.1.1; ICC.1, sRGB's matrix
+// adapted to D50).
+void rgb_of_lab(const uint16_t lab[3], float rgb[3]) {
+  static const double white[3] = {0.9642, 1.0, 0.8249}, matrix[3][3] = {{3.1338561, -1.6168667, -0.4906146},
+                                                                      {-0.9787684, 1.9161415, 0.0334540},
+                                                                      {0.0719453, -0.2289914, 1.4052427}};
+  const double l = lab[0] * 100 / 65535.0, a = lab[1] * 255 / 65535.0 - 128, b = lab[2] * 255 / 65535.0 - 128;
+  const double f[3] = {(l + 16) / 116 + a / 500, (l + 16) / 116, (l + 16) / 116 - b / 200};
+  double xyz[3];
+  for (int i = 0; i < 3; i++)
+    xyz[i] = white[i] * (f[i] > 6.0 / 29 ? f[i] * f[i] * f[i] : (f[i] - 4.0 / 29) * 108 / 841);
+  for (int i = 0; i < 3; i++) {
+    const double linear = matrix[i][0] * xyz[0] + matrix[i][1] * xyz[1] + matrix[i][2] * xyz[2];
+    const double value = linear <= 0.0031308 ? 12.92 * linear : 1.055 * std::pow(linear, 1 / 2.4) - 0.055;
+    rgb[i] = static_cast<float>(std::min(std::max(value, 0.0), 1.0));
+  }
+}
+
+void read_segments(const DataSet &set, Picture &p) {
+  Items items = items_of(set, Tag(0x62, 0x02));
+  const size_t count = items ? items->GetNumberOfItems() : 0;
+  std::set<uint32_t> known;
+  for (size_t i = 1; i <= count; i++) {
+    const DataSet &item = items->GetItem(i).GetNestedDataSet();
+    tc_segment s{};
+    s.label = binary_of<uint16_t>(item, Tag(0x62, 0x04), 0);
+    put_words(s.name, words_of(set, item, Tag(0x62, 0x05)));
+    const gdcm::ByteValue *lab = item.FindDataElement(Tag(0x62, 0x0d)) ? item.GetDataElement(Tag(0x62, 0x0d)).GetByteValue() : nullptr;
+    s.has_color = lab && lab->GetPointer() && lab->GetLength() >= 6;
+    if (s.has_color) {
+      uint16_t numbers[3];
+      memcpy(numbers, lab->GetPointer(), sizeof numbers);
+      rgb_of_lab(numbers, s.color);
+    }
+    if (s.label && known.insert(s.label).second) p.segments.push_back(s);
+  }
+}
+
+// Regions of interest, each of closed contours in planes: PS3.3, C.8.8.5 and C.8.8.6.
+void read_contours(const DataSet &set, Picture &p) {
+  Items regions = items_of(set, Tag(0x3006, 0x20)), drawn = items_of(set, Tag(0x3006, 0x39));
+  std::map<long, uint32_t> labels; // by number of the region
+  for (size_t i = 1; regions && i <= regions->GetNumberOfItems(); i++) {
+    const DataSet &item = regions->GetItem(i).GetNestedDataSet();
+    tc_segment s{};
+    s.label = static_cast<uint32_t>(p.segments.size() + 1);
+    put_words(s.name, words_of(set, item, Tag(0x3006, 0x26)));
+    if (s.label <= TC_SEGMENTS_MAX && labels.emplace(integer_of(item, Tag(0x3006, 0x22), -1), s.label).second) p.segments.push_back(s);
+  }
+  for (size_t i = 1; drawn && i <= drawn->GetNumberOfItems(); i++) {
+    const DataSet &item = drawn->GetItem(i).GetNestedDataSet();
+    auto found = labels.find(integer_of(item, Tag(0x3006, 0x84), -2));
+    if (found == labels.end()) continue;
+    const std::vector<double> color = numbers_of(item, Tag(0x3006, 0x2a));
+    tc_segment &s = p.segments[found->second - 1];
+    s.has_color = color.size() >= 3;
+    for (size_t c = 0; c < 3 && s.has_color; c++)
+      s.color[c] = static_cast<float>(std::min(std::max(color[c] / 255, 0.0), 1.0));
+    Items contours = items_of(item, Tag(0x3006, 0x40));
+    for (size_t k = 1; contours && k <= contours->GetNumberOfItems(); k++) {
+      const DataSet &contour = contours->GetItem(k).GetNestedDataSet();
+      const std::string type = text_of(contour, Tag(0x3006, 0x42));
+      if (type != "CLOSED_PLANAR" && type != "CLOSEDPLANAR_XOR") {
+        p.open_contours++;
+        continue;
+      }
+      const size_t at = p.corners.size();
+      std::vector<double> numbers = numbers_of(contour, Tag(0x3006, 0x50));
+      if (numbers.size() < 9 || numbers.size() % 3 || long(numbers.size() / 3) != integer_of(contour, Tag(0x3006, 0x46), long(numbers.size() / 3)))
+        fail(TC_ERROR_FORMAT, "contour %zu of region %zu is cut or no polygon", k, i);
+      p.corners.insert(p.corners.end(), numbers.begin(), numbers.end());
+      p.contours.push_back({found->second, at / 3, numbers.size() / 3, 0});
+    }
+  }
+  if (p.contours.empty()) fail(TC_ERROR_FORMAT, "the set of structures holds no closed contour in a plane");
+  Nested frame = item_of(set, Tag(0x3006, 0x10));
+  Nested study = frame.set ? item_of(*frame.set, Tag(0x3006, 0x12)) : Nested{};
+  Nested series = study.set ? item_of(*study.set, Tag(0x3006, 0x14)) : Nested{};
+  if (series.set) p.drawn_on = plain(text_of(*series.set, Tag(0x20, 0x0e)), 64);
+  p.frames = 0;
 }
 
 // Weight and dose stay in here: only their quotient leaves.
@@ -613,6 +740,26 @@ void read_suv(const DataSet &set, Picture &p) {
   suv.half_life_s = drug.set ? number_of(*drug.set, Tag(0x18, 0x1075), 0) : 0;
   if (text_of(set, Tag(0x7053, 0x10)) == "Philips PET Private Group") suv.philips = number_of(set, Tag(0x7053, 0x1000), 0);
   p.suv = tc_dicom_suv_factor(&suv, &p.no_suv);
+}
+
+// "142233.5" -> "14:22:33".
+std::string clock_of(const std::string &text) {
+  if (text.size() < 4 || text.substr(0, 4).find_first_not_of("0123456789") != std::string::npos) return "";
+  const bool seconds = text.size() >= 6 && text.substr(4, 2).find_first_not_of("0123456789") == std::string::npos;
+  return text.substr(0, 2) + ":" + text.substr(2, 2) + (seconds ? ":" + text.substr(4, 2) : "");
+}
+
+// What a radiologist knows a series by. Whose it is, and the day, leave only where they were asked for.
+void read_description(const DataSet &set, Picture &p, bool patient) {
+  p.description = words_of(set, set, Tag(0x08, 0x103e));
+  for (uint16_t element : {0x31, 0x32, 0x33, 0x30}) // of the series, acquisition, content, study
+    if (p.time.empty()) p.time = clock_of(text_of(set, Tag(0x08, element)));
+  if (!patient) return;
+  for (uint16_t element : {0x21, 0x22, 0x23, 0x20})
+    if (p.day.size() != 8) p.day = plain(text_of(set, Tag(0x08, element)), 8);
+  p.patient = words_of(set, set, Tag(0x10, 0x10));
+  const std::string number = words_of(set, set, Tag(0x10, 0x20));
+  if (!number.empty()) p.patient += (p.patient.empty() ? "" : " ") + ("(" + number + ")");
 }
 
 void read_labels(const DataSet &set, Picture &p) {
@@ -655,7 +802,7 @@ bool pixels_are_there(const Picture &p, std::streamoff at, size_t size) {
 }
 
 // Reads one header. False: no picture in it (a report, a plan, a directory).
-bool read_picture(const tc_dicom_blob &blob, size_t source, Picture &p) {
+bool read_picture(const tc_dicom_blob &blob, size_t source, bool patient, Picture &p) {
   MemoryBuffer buffer(blob.bytes, blob.size);
   std::istream stream(&buffer);
   gdcm::Reader reader;
@@ -667,7 +814,11 @@ bool read_picture(const tc_dicom_blob &blob, size_t source, Picture &p) {
   const DataSet &set = reader.GetFile().GetDataSet();
   const gdcm::TransferSyntax &syntax = reader.GetFile().GetHeader().GetDataSetTransferSyntax();
   p.source = source;
+  read_labels(set, p);
+  read_description(set, p, patient);
+  if (p.modality == "RTSTRUCT") return read_contours(set, p), true;
   read_samples(set, p);
+  if (p.modality == "SEG") p.palette = false; // its samples are labels
   if (p.samples.rows == 0 || p.samples.columns == 0 || p.samples.allocated == 0) return false;
   p.pixels = pixel_tag(set, p);
   p.samples.is_float = p.pixels != Tag(0x7fe0, 0x0010);
@@ -691,7 +842,6 @@ bool read_picture(const tc_dicom_blob &blob, size_t source, Picture &p) {
   }
   if (binary_of<uint32_t>(set, Tag(0x48, 0x06), 0) > static_cast<uint32_t>(p.samples.columns))
     fail(TC_ERROR_UNSUPPORTED, "tiles of a whole-slide picture are no volume");
-  read_labels(set, p);
   read_frames(set, syntax, blob.size, p);
   if (!pixels_are_there(p, stream.tellg(), blob.size)) fail(TC_ERROR_FORMAT, "pixel data is cut: the file ends before it does");
   read_slices(set, p);
@@ -932,10 +1082,11 @@ struct Series {
 
 struct Run {
   const tc_order &order;
+  const tc_helper_request &request;
   tc_dicom_sources sources{};
   std::vector<Picture *> pictures; // owned; pointers, so that a large folder is not moved about
   size_t unreadable = 0;
-  explicit Run(const tc_order &wanted) : order(wanted) {}
+  Run(const tc_order &out, const tc_helper_request &wanted) : order(out), request(wanted) {}
   ~Run() {
     for (Picture *p : pictures)
       delete p;
@@ -956,7 +1107,7 @@ void scan_one(Run &run, size_t i) {
   try {
     if (!tc_dicom_sources_get(&run.sources, i, &blob, &error)) {
       if (error) fail_with(error);
-    } else if (read_picture(blob, i, *p)) {
+    } else if (read_picture(blob, i, run.request.patient, *p)) {
       run.pictures.push_back(p);
       p = nullptr;
     }
@@ -984,17 +1135,17 @@ void scan(Run &run, int input) {
     progress(run, 0.2 * double(i + 1) / double(run.sources.count));
   }
   if (!run.pictures.empty()) return;
-  if (run.sources.count == 1) fail(TC_ERROR_FORMAT, "no picture in this DICOM file; of a DICOMDIR, contours or a plan open the folder of the pictures");
+  if (run.sources.count == 1) fail(TC_ERROR_FORMAT, "no picture in this DICOM file; of a DICOMDIR or a plan open the folder of the pictures");
   fail(TC_ERROR_FORMAT, "no DICOM pictures among %zu files (%zu unreadable)", run.sources.count, run.unreadable);
 }
 
 // Series in the order they are listed: by series number, then by UID.
 std::vector<Series> series_of(const Run &run) {
-  std::map<std::pair<int, std::string>, Series> sorted;
+  std::map<std::tuple<int, std::string, size_t>, Series> sorted; // every set of structures is one of its own
   std::map<std::string, int> numbers; // the number of a series is its first picture's
   for (const Picture *p : run.pictures) {
     int number = numbers.emplace(p->series, p->series_number).first->second;
-    Series &s = sorted[{number, p->series}];
+    Series &s = sorted[std::make_tuple(number, p->series, p->contours.empty() ? 0 : p->source + 1)];
     s.pictures.push_back(p);
     s.frames += p->frames;
   }
@@ -1035,8 +1186,15 @@ struct Job {
   tc_volume_desc desc{};
   tc_provenance from{};
   bool rescale = false; // scales differ: applied to every voxel
+  bool labels = false;  // of segments
+  tc_overlaps overlaps{};
   double suv = 0;       // what values were multiplied by; 0: they are the file's
-  ~Job() { tc_dicom_stack_finish(&stack); }
+  Job() = default;
+  Job(const Job &) = delete;
+  ~Job() {
+    tc_dicom_stack_finish(&stack);
+    tc_overlaps_finish(&overlaps);
+  }
   const Member &at(size_t item) const { return members[stack.items[item].slice]; }
   const Picture &first() const { return *at(0).picture; }
 };
@@ -1065,11 +1223,20 @@ void list(const Run &run) {
     snprintf(line.uid, sizeof line.uid, "%s", p.series.c_str());
     snprintf(line.modality, sizeof line.modality, "%s", p.modality.c_str());
     snprintf(line.label, sizeof line.label, "series %d", p.series_number);
+    put_words(line.description, p.description);
+    snprintf(line.time, sizeof line.time, "%s%s%s", p.day.c_str(), p.day.empty() ? "" : " ", p.time.c_str());
+    put_words(line.patient, p.patient);
     line.number = ++number;
     line.files = static_cast<int>(s.pictures.size());
     line.frames = static_cast<int>(s.frames);
     line.rows = p.samples.rows;
     line.columns = p.samples.columns;
+    line.volume = 1;
+    if (s.frames == 0) { // structures
+      snprintf(line.what, sizeof line.what, "%zu regions", p.segments.size());
+      if (sent++ < TC_WIRE_SERIES_MAX && !tc_wire_send_series(TC_HELPER_SOCKET_FD, &line)) _exit(1);
+      continue;
+    }
     Volumes volumes(slices_of(s));
     for (size_t v = 0; v < volumes.count && sent < TC_WIRE_SERIES_MAX; v++, sent++) {
       line.volume = static_cast<int>(v + 1);
@@ -1184,20 +1351,64 @@ tc_voxel_type common_type(const Job &job) {
   return wide ? TC_F32 : wide_signed ? TC_I16 : TC_I8;
 }
 
+uint32_t segment_of(const Job &job, size_t item) { return job.at(item).picture->slices[job.at(item).frame].segment; }
+
+// The labels of a layer, from the items [from, to) of the stack.
+void stamp_layer(Job &job, Decoder &decoder, size_t from, size_t to, std::vector<uint16_t> &labels) {
+  labels.assign(size_t(job.desc.dims[0]) * size_t(job.desc.dims[1]), 0);
+  for (size_t item = from; item < to; item++) {
+    const Member &m = job.at(item);
+    Frame f = decoder.frame(*m.picture, m.frame);
+    if (!tc_dicom_stamp(&f.samples, f.bytes, f.size, f.first_bit, m.picture->segment_threshold, segment_of(job, item),
+                        &job.overlaps, labels.data()))
+      fail(TC_ERROR_FORMAT, "pixel data of slice %u of %d is cut", job.stack.items[item].layer + 1, job.desc.dims[2]);
+  }
+}
+
+size_t end_of_layer(const Job &job, size_t item) {
+  const uint32_t layer = job.stack.items[item].layer;
+  while (item < job.stack.count && job.stack.items[item].layer == layer)
+    item++;
+  return item;
+}
+
+// False where the frames are of no segment. Where frames of several lie at one position, all are read once to learn which
+// combinations there are: how many labels says how wide voxels are.
+bool find_overlaps(Job &job, const Run &run) {
+  uint32_t most = 0;
+  for (size_t i = 0; i < job.stack.count; i++)
+    most = std::max(most, segment_of(job, i));
+  if (most == 0) return false;
+  job.labels = true;
+  std::copy(job.stack.dims, job.stack.dims + 3, job.desc.dims);
+  tc_overlaps_init(&job.overlaps, most);
+  Decoder decoder(run.sources);
+  std::vector<uint16_t> labels;
+  for (size_t item = 0; item < job.stack.count;) {
+    const size_t end = end_of_layer(job, item);
+    if (end > item + 1) stamp_layer(job, decoder, item, end, labels);
+    item = end;
+    progress(run, 0.2);
+  }
+  return true;
+}
+
+tc_voxel_type type_of_labels(Job &job) {
+  const uint32_t most = tc_overlaps_most(&job.overlaps);
+  if (most > job.overlaps.last)
+    tc_dicom_note(job.desc.note, "where segments overlap, combinations of them have labels of their own (%u)", most - job.overlaps.last);
+  if (job.overlaps.full) tc_dicom_note(job.desc.note, "too many combinations: the later segment is kept");
+  return most > 255 ? TC_U16 : TC_U8;
+}
+
 void choose_type(Job &job, const Run &run) {
   tc_volume_desc &d = job.desc;
   const Scale &scale = job.at(0).scale;
-  std::set<uint32_t> labels = {0};
-  for (size_t i = 0; i < job.stack.count; i++) {
+  for (size_t i = 0; i < job.stack.count; i++)
     job.rescale |= job.at(i).scale != scale;
-    labels.insert(job.at(i).picture->slices[job.at(i).frame].segment);
-  }
-  uint32_t label = *labels.rbegin();
-  if (labels.size() > 2) tc_dicom_note(d.note, "%zu segments, the later is kept where they overlap", labels.size() - 1);
   d.slope = 1;
-  snprintf(d.format, sizeof d.format, "dicom");
-  if (label) {
-    d.type = label > 255 ? TC_U16 : TC_U8;
+  if (find_overlaps(job, run)) {
+    d.type = type_of_labels(job);
     return;
   }
   d.type = common_type(job);
@@ -1219,6 +1430,9 @@ void choose_type(Job &job, const Run &run) {
 void describe(Job &job, const Run &run) {
   tc_volume_desc &d = job.desc;
   const Picture &p = job.first();
+  snprintf(d.format, sizeof d.format, "dicom");
+  put_words(job.from.description, p.description);
+  snprintf(job.from.time, sizeof job.from.time, "%s", p.time.c_str());
   std::copy(job.stack.dims, job.stack.dims + 3, d.dims);
   std::copy(job.stack.spacing, job.stack.spacing + 3, d.spacing);
   std::copy(job.stack.origin, job.stack.origin + 3, d.origin);
@@ -1254,8 +1468,29 @@ void check_size(const Job &job, uint64_t most) {
          (unsigned long long)bytes, (unsigned long long)most);
 }
 
+void put_labels(const Job &job, const std::vector<uint16_t> &labels, uint8_t *layer) {
+  if (job.desc.type == TC_U8)
+    std::copy(labels.begin(), labels.end(), layer);
+  else
+    memcpy(layer, labels.data(), labels.size() * sizeof labels[0]);
+}
+
+// A label map whose background is not 0.
+void clear_background(const Job &job, uint32_t background, uint8_t *layer) {
+  const size_t count = size_t(job.desc.dims[0]) * size_t(job.desc.dims[1]);
+  uint16_t *wide = reinterpret_cast<uint16_t *>(layer);
+  if (job.desc.type == TC_U8) std::replace(layer, layer + count, static_cast<uint8_t>(background), uint8_t{0});
+  if (job.desc.type == TC_U16) std::replace(wide, wide + count, static_cast<uint16_t>(background), uint16_t{0});
+}
+
 // Fills one layer from the items [from, to) of the stack; what no frame writes is empty (segmentations only).
-void make_layer(const Job &job, Decoder &decoder, size_t from, size_t to, uint8_t *layer) {
+void make_layer(Job &job, Decoder &decoder, size_t from, size_t to, uint8_t *layer) {
+  if (job.labels) {
+    std::vector<uint16_t> labels;
+    stamp_layer(job, decoder, from, to, labels);
+    put_labels(job, labels, layer);
+    return;
+  }
   memset(layer, 0, layer_bytes(job.desc));
   for (size_t item = from; item < to; item++) {
     const Member &m = job.at(item);
@@ -1264,11 +1499,10 @@ void make_layer(const Job &job, Decoder &decoder, size_t from, size_t to, uint8_
     target.rescale = job.rescale;
     target.slope = m.scale.slope;
     target.intercept = m.scale.intercept;
-    target.label = m.picture->slices[m.frame].segment;
-    target.threshold = m.picture->segment_threshold;
     Frame f = decoder.frame(*m.picture, m.frame);
     if (!tc_dicom_convert(&f.samples, f.bytes, f.size, f.first_bit, &target, layer))
       fail(TC_ERROR_FORMAT, "pixel data of slice %u of %d is cut", job.stack.items[item].layer + 1, job.desc.dims[2]);
+    if (m.picture->label_map && m.picture->background) clear_background(job, m.picture->background, layer);
   }
 }
 
@@ -1278,7 +1512,7 @@ struct Worker {
   Decoder decoder;
   std::vector<uint8_t> layer;
   std::exception_ptr trouble;
-  void run(const Job &job, size_t from, size_t to) {
+  void run(Job &job, size_t from, size_t to) {
     trouble = nullptr;
     try {
       make_layer(job, decoder, from, to, layer.data());
@@ -1291,14 +1525,14 @@ struct Worker {
 // Compressed slices in files of their own are worth several threads; bytes as they are come faster than they are sent.
 size_t count_workers(const Job &job) {
   cpu_set_t cpus;
-  if (job.first().native || job.first().frames > 1 || sched_getaffinity(0, sizeof cpus, &cpus) != 0) return 1;
+  if (job.labels || job.first().native || job.first().frames > 1 || sched_getaffinity(0, sizeof cpus, &cpus) != 0) return 1;
   return std::min({size_t(CPU_COUNT(&cpus)), size_t(8), size_t(job.desc.dims[2])});
 }
 
 // False where the system gives no thread: the work is done without.
-bool start(std::vector<std::thread> &threads, Worker &worker, const Job &job, size_t from, size_t to) {
+bool start(std::vector<std::thread> &threads, Worker &worker, Job &job, size_t from, size_t to) {
   try {
-    threads.emplace_back(&Worker::run, &worker, std::cref(job), from, to);
+    threads.emplace_back(&Worker::run, &worker, std::ref(job), from, to);
     return true;
   } catch (const std::system_error &) {
     return false;
@@ -1311,7 +1545,7 @@ void put_layer(const Run &run, const std::vector<uint8_t> &layer) {
 }
 
 // Decodes and sends layer after layer, as many at a time as there are workers, in order.
-void send_voxels(const Run &run, const Job &job) {
+void send_voxels(const Run &run, Job &job) {
   std::vector<std::unique_ptr<Worker>> workers;
   size_t layers = size_t(job.desc.dims[2]), count = count_workers(job), item = 0;
   for (size_t i = 0; i < count; i++)
@@ -1336,7 +1570,7 @@ void send_voxels(const Run &run, const Job &job) {
 }
 
 // Layers mixed from the two slices around them: slices come once each, in order.
-void send_mixed(const Run &run, const Job &job) {
+void send_mixed(const Run &run, Job &job) {
   const size_t bytes = layer_bytes(job.desc), count = size_t(job.desc.dims[0]) * size_t(job.desc.dims[1]);
   Decoder decoder(run.sources);
   std::vector<uint8_t> below(bytes), above(bytes), out(bytes);
@@ -1354,25 +1588,104 @@ void send_mixed(const Run &run, const Job &job) {
   }
 }
 
+void begin(const Run &run, const Job &job) {
+  GError *error = nullptr;
+  check_size(job, run.order.max_voxel_bytes);
+  if (!run.order.begin(run.order.user, &job.desc, &job.from, &error)) fail_with(error);
+}
+
+// What labels are.
+void send_segments(const Run &run, const Job &job, const Picture &p) {
+  GError *error = nullptr;
+  if ((job.labels || p.label_map) && !tc_overlaps_send(&job.overlaps, p.segments.data(), p.segments.size(), &run.order, &error))
+    fail_with(error);
+}
+
+// The grid of the series that contours were drawn on, where it lies beside them; else one of their own planes.
+void grid_for(const std::vector<Series> &all, const Picture &p, const tc_dicom_contours &contours, tc_volume_desc &d) {
+  GError *error = nullptr;
+  for (const Series &s : all) {
+    if (s.frames == 0 || p.drawn_on.empty() || s.pictures[0]->series != p.drawn_on) continue;
+    Job beside;
+    try {
+      make_stack(s, Choice{}, false, beside);
+    } catch (const Failure &) {
+      continue;
+    }
+    const tc_dicom_stack &stack = beside.stack;
+    std::copy(stack.dims, stack.dims + 3, d.dims);
+    std::copy(stack.spacing, stack.spacing + 3, d.spacing);
+    std::copy(stack.origin, stack.origin + 3, d.origin);
+    std::copy(stack.direction, stack.direction + 9, d.direction);
+    tc_dicom_note(d.note, "contours filled on the grid of series %d", s.pictures[0]->series_number);
+    return;
+  }
+  if (!tc_dicom_contours_grid(&contours, &d, &error)) fail_with(error);
+  tc_dicom_note(d.note, "contours filled on a grid of their planes, pixels of %.3g mm", d.spacing[0]);
+}
+
+void describe_structures(Job &job, const Picture &p, size_t outside) {
+  tc_volume_desc &d = job.desc;
+  if (p.open_contours) tc_dicom_note(d.note, "%zu contours that enclose nothing left out", p.open_contours);
+  if (outside) tc_dicom_note(d.note, "%zu of %zu contours lie off the grid", outside, p.contours.size());
+  d.slope = 1;
+  d.type = type_of_labels(job);
+  snprintf(d.format, sizeof d.format, "dicom");
+  snprintf(d.modality, sizeof d.modality, "%s", p.modality.c_str());
+  put_words(job.from.description, p.description);
+  snprintf(job.from.time, sizeof job.from.time, "%s", p.time.c_str());
+}
+
+void load_structures(const Run &run, const std::vector<Series> &all, const Picture &p, Job &job) {
+  std::vector<tc_dicom_contour> list = p.contours;
+  std::vector<double> corners = p.corners;
+  tc_dicom_contours contours{list.data(), list.size(), corners.data(), 0};
+  GError *error = nullptr;
+  tc_volume_desc &d = job.desc;
+  d.frames = 1;
+  d.slope = 1;
+  grid_for(all, p, contours, d);
+  check_size(job, run.order.max_voxel_bytes);
+  if (!tc_dicom_contours_place(&contours, &d, &error)) fail_with(error);
+  if (contours.outside == contours.count) fail(TC_ERROR_FORMAT, "the contours lie outside the series that they name");
+  std::vector<uint16_t> labels(size_t(d.dims[0]) * size_t(d.dims[1]));
+  job.labels = true;
+  tc_overlaps_init(&job.overlaps, static_cast<uint32_t>(p.segments.size()));
+  for (int z = 0; z < d.dims[2]; z++) { // which combinations there are says how wide voxels are
+    tc_dicom_contours_fill(&contours, &d, z, &job.overlaps, labels.data());
+    progress(run, 0.2 + 0.4 * double(z) / d.dims[2]);
+  }
+  describe_structures(job, p, contours.outside);
+  begin(run, job);
+  send_segments(run, job, p);
+  std::vector<uint8_t> layer(layer_bytes(d));
+  for (int z = 0; z < d.dims[2]; z++) {
+    tc_dicom_contours_fill(&contours, &d, z, &job.overlaps, labels.data());
+    put_labels(job, labels, layer.data());
+    put_layer(run, layer);
+    progress(run, 0.6 + 0.4 * double(z) / d.dims[2]);
+  }
+}
+
 void load(const Run &run, const std::string &wanted, bool bridge_nothing) {
   std::vector<Series> all = series_of(run);
   const Choice choice = read_choice(wanted);
   const Series &series = choose_series(all, choice.series);
-  GError *error = nullptr;
   Job job;
+  if (series.frames == 0) return load_structures(run, all, *series.pictures[0], job);
   make_stack(series, choice, bridge_nothing, job);
   if (all.size() > 1 && choice.series.empty()) tc_dicom_note(job.desc.note, "the largest of %zu series", all.size());
   apply_suv(job);
   choose_type(job, run);
   describe(job, run);
-  check_size(job, run.order.max_voxel_bytes);
-  if (!run.order.begin(run.order.user, &job.desc, &job.from, &error)) fail_with(error);
+  begin(run, job);
+  send_segments(run, job, job.first());
   job.stack.mix ? send_mixed(run, job) : send_voxels(run, job);
 }
 
 Failure decode(int input, const tc_helper_request &request, const tc_order &order) {
   try {
-    Run run(order);
+    Run run(order, request);
     scan(run, input);
     if (request.list)
       list(run);

@@ -116,7 +116,7 @@ static void store(tc_voxel_type type, void *voxels, size_t i, double value) {
 /* The usual picture, 8 or 16 bits into its natural type: no detour over doubles. True when it was one. */
 static bool convert_plain(const tc_dicom_samples *s, const uint8_t *bytes, size_t pixels, const tc_dicom_target *target,
                           void *voxels) {
-  if (s->is_float || s->colour != TC_DICOM_GREY || target->label || target->type != tc_dicom_natural_type(s))
+  if (s->is_float || s->colour != TC_DICOM_GREY || target->type != tc_dicom_natural_type(s))
     return false;
   if (s->allocated != 8 && s->allocated != 16) return false;
   if (s->stored == s->allocated) { /* nothing to cut */
@@ -142,12 +142,41 @@ bool tc_dicom_convert(const tc_dicom_samples *s, const uint8_t *bytes, size_t si
   if (convert_plain(s, bytes, pixels, target, voxels)) return true;
   for (size_t i = 0; i < pixels; i++) {
     double value = pixel(s, bytes, pixels, first_bit, i);
-    if (target->label) {
-      if (value >= target->threshold) store(target->type, voxels, i, target->label);
-      continue;
-    }
     store(target->type, voxels, i, target->rescale ? target->slope * value + target->intercept : value);
   }
+  return true;
+}
+
+/* Bits that are set, 64 at a time: most of a segmentation is empty. */
+static void stamp_bits(const uint8_t *bytes, size_t pixels, unsigned first_bit, uint32_t segment, tc_overlaps *overlaps,
+                       uint16_t *labels) {
+  const size_t end = first_bit + pixels, size = (end + 7) / 8;
+  for (size_t at = 0; at < size; at += 8) {
+    uint64_t word = 0;
+    memcpy(&word, bytes + at, size - at < 8 ? size - at : 8);
+    word = GUINT64_FROM_LE(word);
+    if (at == 0) word &= ~UINT64_C(0) << first_bit;
+    for (; word; word &= word - 1) {
+      const size_t bit = 8 * at + (size_t)__builtin_ctzll(word);
+      if (bit >= end) break;
+      uint16_t *label = &labels[bit - first_bit];
+      *label = (uint16_t)tc_overlaps_label(overlaps, *label, segment);
+    }
+  }
+}
+
+bool tc_dicom_stamp(const tc_dicom_samples *s, const uint8_t *bytes, size_t size, unsigned first_bit, double threshold,
+                    uint32_t segment, tc_overlaps *overlaps, uint16_t *labels) {
+  const size_t pixels = (size_t)s->rows * (size_t)s->columns;
+  const uint64_t needed = s->allocated == 1 ? ((uint64_t)first_bit + pixels + 7) / 8 : tc_dicom_frame_bytes(s);
+  if (size < needed) return false;
+  if (s->allocated == 1) {
+    stamp_bits(bytes, pixels, first_bit, segment, overlaps, labels);
+    return true;
+  }
+  for (size_t i = 0; i < pixels; i++)
+    if (pixel(s, bytes, pixels, first_bit, i) >= threshold)
+      labels[i] = (uint16_t)tc_overlaps_label(overlaps, labels[i], segment);
   return true;
 }
 

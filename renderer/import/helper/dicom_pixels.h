@@ -2,7 +2,7 @@
 #ifndef TC_IMPORT_DICOM_PIXELS_H
 #define TC_IMPORT_DICOM_PIXELS_H
 
-#include "renderer/volume/volume.h"
+#include "renderer/import/helper/overlaps.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -32,8 +32,6 @@ typedef struct tc_dicom_target {
   tc_voxel_type type;
   bool rescale; /* value = slope * sample + intercept, for TC_F32 only */
   double slope, intercept;
-  uint32_t label; /* not 0: samples at or above `threshold` write this number, others leave the voxel alone */
-  double threshold;
 } tc_dicom_target;
 
 /* False for combinations that are not built (packed 12-bit and the like). */
@@ -49,6 +47,11 @@ tc_voxel_type tc_dicom_natural_type(const tc_dicom_samples *samples);
  * [rows][columns] of target->type. False when the bytes are too few. */
 bool tc_dicom_convert(const tc_dicom_samples *samples, const uint8_t *bytes, size_t size, unsigned first_bit,
                       const tc_dicom_target *target, void *voxels);
+
+/* The same of a frame of a segment (1..overlaps->last): pixels whose samples are at or above `threshold` join it, others
+ * leave the labels [rows][columns] alone. */
+bool tc_dicom_stamp(const tc_dicom_samples *samples, const uint8_t *bytes, size_t size, unsigned first_bit,
+                    double threshold, uint32_t segment, tc_overlaps *overlaps, uint16_t *labels);
 
 /* Widens [*lo, *hi] by the samples of one grey frame. False when the bytes are too few. */
 bool tc_dicom_range(const tc_dicom_samples *samples, const uint8_t *bytes, size_t size, double *lo, double *hi);

@@ -9,6 +9,7 @@
 #include "renderer/import/reader.h"
 
 #define LINE_LIMIT 65536u
+#define MOST_SEGMENTS 4096u
 
 static const char *const field_names[NRRD_FIELD_COUNT] = {
     "type",           "dimension",        "sizes",        "encoding",    "endian",   "space",     "space dimension",
@@ -47,8 +48,46 @@ static int find_field(const char *name) {
   return -1;
 }
 
-/* "modality:=CT", "DICOM.Modality:=CT": the one key a renderer can use. */
+/* The segment of a number, made where there is none yet. NULL: there are too many. */
+static tc_layered *segment_of(tc_nrrd_header *h, int64_t number) {
+  if (!h->segments) h->segments = g_array_new(FALSE, FALSE, sizeof(tc_layered));
+  for (guint i = 0; i < h->segments->len; i++) {
+    tc_layered *s = &g_array_index(h->segments, tc_layered, i);
+    if (s->number == number) return s;
+  }
+  if (h->segments->len >= MOST_SEGMENTS) return NULL;
+  const tc_layered made = {.number = number};
+  g_array_append_val(h->segments, made);
+  return &g_array_index(h->segments, tc_layered, h->segments->len - 1);
+}
+
+/* "Segment0_Name:=liver", as 3D Slicer writes it; also of its colour, value and layer. */
+static bool take_segment(tc_nrrd_header *h, const char *key, const char *value) {
+  char *what;
+  if (strncmp(key, "Segment", 7) != 0 || !g_ascii_isdigit(key[7])) return false;
+  const int64_t number = g_ascii_strtoll(key + 7, &what, 10);
+  int64_t n;
+  double rgb[3];
+  tc_layered *s = *what == '_' ? segment_of(h, number) : NULL;
+  if (!s) return *what == '_';
+  if (strcmp(what, "_Name") == 0) {
+    g_strlcpy(s->segment.name, value, sizeof s->segment.name);
+    const char *end;
+    g_utf8_validate(s->segment.name, -1, &end); /* a character that was cut */
+    s->segment.name[end - s->segment.name] = 0;
+  }
+  if (strcmp(what, "_Color") == 0 && tc_text_numbers(value, rgb, 3) == 3) {
+    s->segment.has_color = true;
+    for (int c = 0; c < 3; c++) s->segment.color[c] = (float)CLAMP(rgb[c], 0, 1);
+  }
+  if (strcmp(what, "_LabelValue") == 0 && tc_text_integer(value, 0, TC_SEGMENTS_MAX, &n)) s->value = (uint32_t)n;
+  if (strcmp(what, "_Layer") == 0 && tc_text_integer(value, 0, TC_SEGMENTS_MAX, &n)) s->layer = (uint32_t)n;
+  return true;
+}
+
+/* "modality:=CT", "DICOM.Modality:=CT", and segments: the keys a renderer can use. */
 static void take_pair(tc_nrrd_header *h, const char *key, const char *value) {
+  if (take_segment(h, key, value)) return;
   const char *dot = strrchr(key, '.');
   if (g_ascii_strcasecmp(dot ? dot + 1 : key, "modality") != 0) return;
   size_t n = strspn(value, "ABCDEFGHIJKLMNOPQRSTUVWXYZ");
@@ -291,6 +330,13 @@ static void set_words(tc_raster *raster, const tc_nrrd_header *h) {
   g_free(unit);
 }
 
+/* Values and layers of segments are the voxels'; layers are the components that are not space. */
+static void set_segments(tc_raster *raster, const tc_nrrd_header *h) {
+  const bool narrow = raster->element == TC_ELEMENT_U8 || raster->element == TC_ELEMENT_U16 || raster->element == TC_ELEMENT_I16;
+  raster->segments = h->segments;
+  if (h->segments && narrow && raster->components > 1 && raster->combine == TC_COMBINE_FIRST) raster->combine = TC_COMBINE_LAYERS;
+}
+
 static bool probe(const uint8_t *head, size_t size) {
   return size >= 8 && memcmp(head, "NRRD00", 6) == 0 && (g_ascii_isdigit(head[6]) || head[6] == '.');
 }
@@ -309,6 +355,7 @@ static bool read_nrrd(const tc_input *input, const tc_order *order, GError **err
   if (!set_encoding(&raster, &h, error) || !set_skips(&raster, &h, error) || !set_names(&raster, &h, error)) goto out;
   if (!tc_nrrd_set_axes(&raster, &h, error)) goto out;
   set_words(&raster, &h);
+  set_segments(&raster, &h);
   g_free(bytes); /* not needed while the voxels are read */
   bytes = NULL;
   ok = tc_raster_load(&raster, order, error);
@@ -316,6 +363,7 @@ out:
   g_free(bytes);
   for (int i = 0; i < NRRD_FIELD_COUNT; i++) g_free(h.fields[i]);
   if (h.names) g_ptr_array_unref(h.names);
+  if (h.segments) g_array_unref(h.segments);
   tc_raster_clear(&raster);
   return ok;
 }

@@ -17,6 +17,7 @@ typedef struct tc_nrrd_header {
   char *fields[NRRD_FIELD_COUNT]; /* the text of each field given, or NULL; owned */
   int lines[NRRD_FIELD_COUNT];    /* where it stands, 1-based */
   char modality[16];              /* from a key/value pair, or "" */
+  GArray *segments;               /* tc_layered, from 3D Slicer's key/value pairs, or NULL; owned */
   GPtrArray *names;               /* data files, or NULL: attached; owned */
   uint64_t data_at;               /* first byte after the header */
   int dimension;

@@ -21,6 +21,7 @@ typedef struct tc_order {
   bool (*begin_mesh)(void *user, const tc_mesh_head *head, GError **error); /* positions, normals, triangles follow */
   /* Instead of begin: a run-length model, whose bytes (of a .vmd that is not deflated) are the voxels. */
   bool (*begin_model)(void *user, uint64_t bytes, GError **error);
+  bool (*segment)(void *user, const tc_segment *segment, GError **error); /* after begin: what a label is */
   void *(*room)(void *user, GError **error); /* where the next bytes go: TC_ORDER_MOST_BYTES; the same until filled */
   bool (*filled)(void *user, size_t bytes, GError **error);
   bool (*goes_on)(void *user, double fraction, GError **error); /* 0..1 */

@@ -48,6 +48,10 @@ static bool begin_model(void *user, uint64_t bytes, GError **error) {
   return tc_wire_send_model(TC_HELPER_SOCKET_FD, bytes) || gone(error);
 }
 
+static bool segment(void *user, const tc_segment *s, GError **error) {
+  return tc_wire_send_segment(TC_HELPER_SOCKET_FD, s) || gone(error);
+}
+
 static void *room(void *user, GError **error) {
   tc_output *o = user;
   char what;
@@ -91,6 +95,7 @@ bool tc_output_init(tc_output *o, tc_order *order, GError **error) {
                       .begin = begin,
                       .begin_mesh = begin_mesh,
                       .begin_model = begin_model,
+                      .segment = segment,
                       .room = room,
                       .filled = filled,
                       .goes_on = goes_on,

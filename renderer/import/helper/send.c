@@ -64,6 +64,9 @@ bool tc_wire_send_series(int fd, const tc_series *series) {
   put_u32(&at, (uint32_t)series->volume);
   put_u32(&at, (uint32_t)series->slices);
   put_text(&at, series->what, 48);
+  put_text(&at, series->description, 64);
+  put_text(&at, series->time, 32);
+  put_text(&at, series->patient, 128);
   return send_message(fd, TC_WIRE_SERIES, body, sizeof body);
 }
 
@@ -92,7 +95,21 @@ bool tc_wire_send_head(int fd, const tc_volume_desc *desc, const tc_provenance *
   put_text(&at, desc->unit, 16);
   put_text(&at, desc->note, 256);
   put_text(&at, desc->format, 16);
+  put_text(&at, from->description, 64);
+  put_text(&at, from->time, 16);
   return send_message(fd, TC_WIRE_HEAD, body, sizeof body);
+}
+
+bool tc_wire_send_segment(int fd, const tc_segment *segment) {
+  uint8_t body[TC_WIRE_SEGMENT_BYTES], *at = body;
+  put_u32(&at, segment->label);
+  put_u32(&at, segment->of[0]);
+  put_u32(&at, segment->of[1]);
+  *at++ = segment->has_color;
+  for (int i = 0; i < 3; i++)
+    *at++ = (uint8_t)(segment->color[i] * 255 + 0.5f);
+  put_text(&at, segment->name, sizeof segment->name);
+  return send_message(fd, TC_WIRE_SEGMENT, body, sizeof body);
 }
 
 bool tc_wire_send_mesh(int fd, const tc_mesh_head *head) {
