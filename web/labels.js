@@ -132,7 +132,11 @@ export class Labels {
       const voxel = volume.spacing.reduce((a, b) => a * b, 0.001); // ml
       this.#all = found.map(({ label }) => label);
       this.#named = volume.labels ?? [];
-      this.#get('labels-list').replaceChildren(...this.#segments(found).slice(0, MOST).map((item) => this.#row(item, voxel)));
+      this.#get('labels-list').replaceChildren(
+        ...this.#segments(found)
+          .slice(0, MOST)
+          .map((item) => this.#row(item, voxel)),
+      );
       this.update();
     } catch (error) {
       this.#on.failed(error);
@@ -143,9 +147,14 @@ export class Labels {
   #segments(found) {
     const counts = new Map(found.map(({ label, count }) => [label, count]));
     const combined = new Set(this.#named.filter(({ of }) => of).map(({ label }) => label));
-    const single = [...new Set([...counts.keys(), ...this.#named.map(({ label }) => label)])].filter((label) => !combined.has(label));
+    const single = [...new Set([...counts.keys(), ...this.#named.map(({ label }) => label)])].filter(
+      (label) => !combined.has(label),
+    );
     const sum = (label) => familyOf(this.#named, label).reduce((all, one) => all + (counts.get(one) ?? 0), 0);
-    return single.sort((a, b) => a - b).map((label) => ({ label, count: sum(label) })).filter(({ count }) => count > 0);
+    return single
+      .sort((a, b) => a - b)
+      .map((label) => ({ label, count: sum(label) }))
+      .filter(({ count }) => count > 0);
   }
 
   // Shows or hides a segment: a combination shows while one of its segments does.

@@ -4,10 +4,13 @@ import { Problem } from './api.js';
 import { lengthsText } from './units.js';
 
 const POLL_MS = 400;
-const SUFFIXES = ['.nii', '.hdr', '.nrrd', '.nhdr', '.mha', '.mhd', '.mgh', '.mgz', '.zip', '.dcm', '.vmd'].flatMap((end) => [`${end}.gz`, `${end}.bz2`, end]);
+const SUFFIXES = ['.nii', '.hdr', '.nrrd', '.nhdr', '.mha', '.mhd', '.mgh', '.mgz', '.zip', '.dcm', '.vmd'].flatMap(
+  (end) => [`${end}.gz`, `${end}.bz2`, end],
+);
 
 // A folder, or a zip; a file of any other name is one volume.
-const mayHoldSeries = (path) => !path.startsWith('demo:') && (/\.zip$/i.test(path) || !SUFFIXES.some((end) => path.toLowerCase().endsWith(end)));
+const mayHoldSeries = (path) =>
+  !path.startsWith('demo:') && (/\.zip$/i.test(path) || !SUFFIXES.some((end) => path.toLowerCase().endsWith(end)));
 
 const MESH = /\.(obj|ply|stl)(\.gz|\.bz2)?$/i;
 export const isMesh = ({ name }) => MESH.test(name);
@@ -296,12 +299,14 @@ export class VolumeDialog {
   }
 
   #choice({ id, path, text }) {
-    const part = (name, words) => Object.assign(document.createElement('span'), { className: name, textContent: words });
+    const part = (name, words) =>
+      Object.assign(document.createElement('span'), { className: name, textContent: words });
     const button = Object.assign(document.createElement('button'), { className: 'volume-item' });
     button.append(part('name', text), part('facts-line', path));
     button.addEventListener('click', async () => {
       try {
-        if (!this.#items.some((item) => item.id === id && item.state !== 'available')) await this.#volumes.load(id, path);
+        if (!this.#items.some((item) => item.id === id && item.state !== 'available'))
+          await this.#volumes.load(id, path);
         this.close();
         this.#on.choose(id);
       } catch (error) {

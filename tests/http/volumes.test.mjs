@@ -243,6 +243,32 @@ test('the value at a patient coordinate', async () => {
   problem(await d.get('/v1/volumes/ball/value'), 422);
 });
 
+test('series of a folder are listed as a radiologist knows them; whose they are is told only where it is switched on', async () => {
+  const folder = join(d.folder, 'study');
+  mkdirSync(folder);
+  for (const [number, description, images, time] of [[2, 'Thorax 1.0', 3, '140322.5'], [3, 'Abdomen', 2, '1410']])
+    for (let z = 0; z < images; z++)
+      writeFileSync(join(folder, `IM${number}${z}`), dicomSlice(8, z, { series: `1.2.3.${number}`, number, description, time }));
+  const { json } = await d.get('/v1/series?path=study');
+  const known = json.series.map(({ number, description, modality, frames, time, patient }) => ({ number, description, modality, frames, time, patient }));
+  assert.deepEqual(known, [
+    { number: 1, description: 'Thorax 1.0', modality: 'CT', frames: 3, time: '14:03:22', patient: undefined },
+    { number: 2, description: 'Abdomen', modality: 'CT', frames: 2, time: '14:10', patient: undefined },
+  ]);
+  assert.doesNotMatch(JSON.stringify(json), /SECRET|2026/);
+  await d.post('/v1/volumes', { id: 'abdomen', path: 'study#2' });
+  const abdomen = await settled('abdomen');
+  assert.deepEqual([abdomen.description, abdomen.time], ['Abdomen', '14:10']);
+  problem(await d.get('/v1/series'), 422);
+  problem(await d.get('/v1/series?path=nowhere'), 404);
+  assert.ok(problem(await d.get('/v1/series?path=other'), 415).detail);
+  assert.deepEqual((await d.get('/v1/series?path=deep/inner.nrrd')).json.series, []);
+  const open = await Daemon.start({ ball: false, files: { 'a.dcm': dicomSlice(8, 0, { description: 'Thorax', time: '140322' }) }, config: '[limits]\npatient_tags=1\n' });
+  const told = (await open.get('/v1/series?path=a.dcm')).json.series[0];
+  assert.deepEqual([told.time, told.patient], ['2026-01-31 14:03:22', 'SECRET^NAME']);
+  await open.stop();
+});
+
 test('a bridged slice is marked in the description and in pictures', async () => {
   mkdirSync(join(d.folder, 'gap'));
   for (const z of [0, 1, 2, 4, 5]) writeFileSync(join(d.folder, 'gap', `IM${z}`), dicomSlice(8, z));

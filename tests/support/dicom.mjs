@@ -1,6 +1,6 @@
 // DICOM files made by the tests themselves, nothing identifying.
 /** One slice of side x side voxels of two bytes, uncompressed, at z mm. */
-export function dicomSlice(side, z = 0) {
+export function dicomSlice(side, z = 0, { series = '1.2.3.5', number = 0, description = '', time = '' } = {}) {
   const element = (group, number, vr, value) => {
     let body = Buffer.isBuffer(value) ? value : Buffer.from(value, 'latin1');
     if (body.length % 2) body = Buffer.concat([body, Buffer.from(vr === 'UI' ? '\0' : ' ')]);
@@ -18,7 +18,8 @@ export function dicomSlice(side, z = 0) {
   const size = Buffer.alloc(4);
   size.writeUInt32LE(meta.length);
   return Buffer.concat([Buffer.alloc(128), Buffer.from('DICM'), element(2, 0, 'UL', size), meta,
-    element(8, 0x16, 'UI', ct), element(8, 0x18, 'UI', `1.2.3.4.${z}`), element(8, 0x60, 'CS', 'CT'), element(0x20, 0xd, 'UI', '1.2.3'), element(0x20, 0xe, 'UI', '1.2.3.5'),
+    element(8, 0x16, 'UI', ct), element(8, 0x18, 'UI', `1.2.3.4.${z}`), ...(time ? [element(8, 0x20, 'DA', '20260131'), element(8, 0x31, 'TM', time)] : []), element(8, 0x60, 'CS', 'CT'), element(8, 0x103e, 'LO', description),
+    element(0x10, 0x10, 'PN', 'SECRET^NAME'), element(0x20, 0xd, 'UI', '1.2.3'), element(0x20, 0xe, 'UI', series), element(0x20, 0x11, 'IS', String(number)),
     element(0x20, 0x32, 'DS', `0\\0\\${z}`), element(0x20, 0x37, 'DS', '1\\0\\0\\0\\1\\0'), element(0x28, 2, 'US', us(1)), element(0x28, 4, 'CS', 'MONOCHROME2'),
     element(0x28, 0x10, 'US', us(side)), element(0x28, 0x11, 'US', us(side)), element(0x28, 0x30, 'DS', '1\\1'), element(0x28, 0x100, 'US', us(16)),
     element(0x28, 0x101, 'US', us(16)), element(0x28, 0x102, 'US', us(15)), element(0x28, 0x103, 'US', us(0)), element(0x7fe0, 0x10, 'OW', Buffer.alloc(2 * side * side, 7))]);

@@ -604,34 +604,6 @@ void unfold_mosaic(const DataSet &set, Picture &p) {
   }
 }
 
-void read_slices(const DataSet &set, Picture &p) {
-  Scale scale;
-  tc_dicom_slice common = common_slice(set, p);
-  read_scale(set, p, scale);
-  read_window(set, p);
-  double dose = number_of(set, Tag(0x3004, 0x0e), 0);
-  if (dose > 0 && dose < 1e30) scale.slope = dose;
-  Nested shared = item_of(set, Tag(0x5200, 0x9229));
-  if (shared.set) read_groups(*shared.set, p, common, scale);
-  Items frames = items_of(set, Tag(0x5200, 0x9230));
-  if (frames && frames->GetNumberOfItems() < p.frames)
-    fail(TC_ERROR_FORMAT, "the header describes fewer frames than it announces");
-  p.slices.assign(p.frames, common);
-  p.scales.assign(p.frames, scale);
-  for (uint32_t f = 0; f < p.frames; f++) {
-    p.slices[f].frame = f;
-    if (frames) read_groups(frames->GetItem(f + 1).GetNestedDataSet(), p, p.slices[f], p.scales[f]);
-  }
-  if (!frames && p.frames > 1) spread_frames(set, p);
-  if (p.mosaic) unfold_mosaic(set, p);
-  read_segments(set, p);
-  p.label_map = p.modality == "SEG" && text_of(set, Tag(0x62, 0x01)) == "LABELMAP";
-  p.background = binary_of<uint16_t>(set, Tag(0x28, 0x120), 0);
-  p.fractional = text_of(set, Tag(0x62, 0x01)) == "FRACTIONAL";
-  if (p.fractional)
-    p.segment_threshold = std::max(1.0, std::ceil(binary_of<uint16_t>(set, Tag(0x62, 0x0e), 255) / 2.0));
-}
-
 // ---- segments ----
 
 // CIE L*a*b* of the profile connection space (D50), as 16-bit numbers, to sRGB (PS3.3, C.10.7.1.1; ICC.1, sRGB's matrix
@@ -716,6 +688,34 @@ void read_contours(const DataSet &set, Picture &p) {
   p.frames = 0;
 }
 
+void read_slices(const DataSet &set, Picture &p) {
+  Scale scale;
+  tc_dicom_slice common = common_slice(set, p);
+  read_scale(set, p, scale);
+  read_window(set, p);
+  double dose = number_of(set, Tag(0x3004, 0x0e), 0);
+  if (dose > 0 && dose < 1e30) scale.slope = dose;
+  Nested shared = item_of(set, Tag(0x5200, 0x9229));
+  if (shared.set) read_groups(*shared.set, p, common, scale);
+  Items frames = items_of(set, Tag(0x5200, 0x9230));
+  if (frames && frames->GetNumberOfItems() < p.frames)
+    fail(TC_ERROR_FORMAT, "the header describes fewer frames than it announces");
+  p.slices.assign(p.frames, common);
+  p.scales.assign(p.frames, scale);
+  for (uint32_t f = 0; f < p.frames; f++) {
+    p.slices[f].frame = f;
+    if (frames) read_groups(frames->GetItem(f + 1).GetNestedDataSet(), p, p.slices[f], p.scales[f]);
+  }
+  if (!frames && p.frames > 1) spread_frames(set, p);
+  if (p.mosaic) unfold_mosaic(set, p);
+  read_segments(set, p);
+  p.label_map = p.modality == "SEG" && text_of(set, Tag(0x62, 0x01)) == "LABELMAP";
+  p.background = binary_of<uint16_t>(set, Tag(0x28, 0x120), 0);
+  p.fractional = text_of(set, Tag(0x62, 0x01)) == "FRACTIONAL";
+  if (p.fractional)
+    p.segment_threshold = std::max(1.0, std::ceil(binary_of<uint16_t>(set, Tag(0x62, 0x0e), 255) / 2.0));
+}
+
 // Weight and dose stay in here: only their quotient leaves.
 void read_suv(const DataSet &set, Picture &p) {
   Nested drug = item_of(set, Tag(0x54, 0x16));
@@ -749,6 +749,12 @@ std::string clock_of(const std::string &text) {
   return text.substr(0, 2) + ":" + text.substr(2, 2) + (seconds ? ":" + text.substr(4, 2) : "");
 }
 
+// "20260131" -> "2026-01-31".
+std::string day_of(const std::string &text) {
+  if (text.size() != 8 || text.find_first_not_of("0123456789") != std::string::npos) return "";
+  return text.substr(0, 4) + "-" + text.substr(4, 2) + "-" + text.substr(6);
+}
+
 // What a radiologist knows a series by. Whose it is, and the day, leave only where they were asked for.
 void read_description(const DataSet &set, Picture &p, bool patient) {
   p.description = words_of(set, set, Tag(0x08, 0x103e));
@@ -756,7 +762,7 @@ void read_description(const DataSet &set, Picture &p, bool patient) {
     if (p.time.empty()) p.time = clock_of(text_of(set, Tag(0x08, element)));
   if (!patient) return;
   for (uint16_t element : {0x21, 0x22, 0x23, 0x20})
-    if (p.day.size() != 8) p.day = plain(text_of(set, Tag(0x08, element)), 8);
+    if (p.day.empty()) p.day = day_of(text_of(set, Tag(0x08, element)));
   p.patient = words_of(set, set, Tag(0x10, 0x10));
   const std::string number = words_of(set, set, Tag(0x10, 0x20));
   if (!number.empty()) p.patient += (p.patient.empty() ? "" : " ") + ("(" + number + ")");
