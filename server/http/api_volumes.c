@@ -7,9 +7,7 @@
 #include "server/catalogue/beneath.h"
 #include "server/catalogue/catalogue.h"
 #include "server/catalogue/spool.h"
-#include "server/config/config.h"
 #include "server/http/work.h"
-#include "server/memory/budget.h"
 #include "server/session/sessions.h"
 
 #define MAX_AVAILABLE 2000
