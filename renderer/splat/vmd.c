@@ -9,6 +9,7 @@ void tc_vmd_free(tc_vmd *vmd) {
   free(vmd->there);
   free(vmd->rank);
   free(vmd->offsets);
+  free(vmd->beyond);
   g_free(vmd->bytes);
   free(vmd);
 }
@@ -21,23 +22,34 @@ const uint8_t *tc_vmd_column(const tc_vmd *vmd, int x, int y) {
   size_t i = (size_t)y * (size_t)vmd->size[0] + (size_t)x;
   uint64_t word = vmd->there[i / 64], bit = 1ull << i % 64;
   if (!(word & bit)) return NULL;
-  return vmd->bytes + vmd->offsets[vmd->rank[i / 64] + (uint32_t)__builtin_popcountll(word & (bit - 1))];
+  return vmd->bytes + tc_vmd_start(vmd, vmd->rank[i / 64] + (uint32_t)__builtin_popcountll(word & (bit - 1)));
 }
 
 bool tc_vmd_next(const tc_vmd *vmd, tc_vmd_run *run) {
+  static const uint8_t zeros[4 * TC_VMD_ATTRIBUTES];
+  const uint8_t *before = run->count ? run->records + (size_t)(run->count - 1) * run->step : zeros;
+  const size_t size = (size_t)vmd->head.record_bytes;
+  uint32_t gap, count, kind = TC_VMD_EACH;
   if (!run->at) return false;
-  uint32_t gap = tc_vmd_varint(&run->at), count = tc_vmd_varint(&run->at);
+  if (vmd->version == 1) {
+    gap = tc_vmd_varint(&run->at), count = tc_vmd_varint(&run->at);
+  } else {
+    count = tc_vmd_varint(&run->at), kind = count & 3, count >>= 2;
+    gap = count ? tc_vmd_varint(&run->at) : 0;
+  }
   run->z += run->count + (int)gap;
   run->count = (int)count;
-  run->records = run->at;
-  run->at = count ? run->at + (size_t)count * (size_t)vmd->head.record_bytes : NULL;
+  run->records = kind == TC_VMD_AS_BEFORE ? before : run->at;
+  run->step = kind == TC_VMD_EACH ? size : 0;
+  run->stored = kind == TC_VMD_EACH ? run->count : kind == TC_VMD_SAME;
+  run->at = count ? run->at + (size_t)run->stored * size : NULL;
   return count > 0;
 }
 
 const uint8_t *tc_vmd_voxel(const tc_vmd *vmd, int x, int y, int z) {
   tc_vmd_run run = {.at = tc_vmd_column(vmd, x, y)};
   while (tc_vmd_next(vmd, &run) && run.z <= z)
-    if (z < run.z + run.count) return run.records + (size_t)(z - run.z) * (size_t)vmd->head.record_bytes;
+    if (z < run.z + run.count) return run.records + (size_t)(z - run.z) * run.step;
   return NULL;
 }
 
@@ -105,13 +117,38 @@ void tc_vmd_put_varint(GByteArray *to, uint32_t value) {
   g_byte_array_append(to, &last, 1);
 }
 
-static bool allocate(tc_vmd *v, size_t cells) {
-  size_t words = (cells + 63) / 64;
+/* Whether the offsets of all groups fit 16 bits. */
+static bool groups_are_short(const uint32_t *lengths, size_t cells) {
+  uint32_t sum = 0, column = 0;
+  for (size_t i = 0; i < cells; i++) {
+    if (!lengths[i]) continue;
+    if (column++ % TC_VMD_GROUP == 0) sum = 0;
+    sum += MIN(lengths[i], 1u << 16);
+    if (sum > UINT16_MAX) return false;
+  }
+  return true;
+}
+
+static bool allocate(tc_vmd *v, const uint32_t *lengths, size_t cells) {
+  const bool groups = groups_are_short(lengths, cells);
+  const size_t words = (cells + 63) / 64, n = (size_t)v->columns + 1,
+               offsets = groups ? (size_t)v->columns / TC_VMD_GROUP + 1 : n;
   v->there = calloc(words + 1, sizeof *v->there);
   v->rank = calloc(words + 1, sizeof *v->rank);
-  v->offsets = calloc((size_t)v->columns + 1, sizeof *v->offsets);
-  v->total_bytes = sizeof *v + words * 12 + ((size_t)v->columns + 1) * 4;
-  return v->there && v->rank && v->offsets;
+  v->offsets = calloc(offsets, sizeof *v->offsets);
+  v->beyond = groups ? calloc(n, sizeof *v->beyond) : NULL;
+  v->total_bytes = sizeof *v + words * 12 + offsets * 4 + (groups ? n * 2 : 0);
+  return v->there && v->rank && v->offsets && (!groups || v->beyond);
+}
+
+static void set_start(tc_vmd *v, uint32_t column, uint32_t offset) {
+  if (!v->beyond) {
+    v->offsets[column] = offset;
+  } else {
+    uint32_t *group = &v->offsets[column / TC_VMD_GROUP];
+    if (column % TC_VMD_GROUP == 0) *group = offset;
+    v->beyond[column] = (uint16_t)(offset - *group);
+  }
 }
 
 static void set_index(tc_vmd *v, const uint32_t *lengths, size_t cells) {
@@ -120,31 +157,31 @@ static void set_index(tc_vmd *v, const uint32_t *lengths, size_t cells) {
     if (i % 64 == 0) v->rank[i / 64] = column;
     if (!lengths[i]) continue;
     v->there[i / 64] |= 1ull << i % 64;
-    v->offsets[column++] = offset;
+    set_start(v, column++, offset);
     offset += lengths[i];
   }
-  v->offsets[column] = offset;
+  set_start(v, column, offset);
   v->total_bytes += offset;
 }
 
 static void count_runs(tc_vmd *v) {
   for (uint32_t c = 0; c < v->columns; c++)
-    for (tc_vmd_run run = {.at = v->bytes + v->offsets[c]}; tc_vmd_next(v, &run); v->runs++)
+    for (tc_vmd_run run = {.at = v->bytes + tc_vmd_start(v, c)}; tc_vmd_next(v, &run); v->runs++)
       v->voxels += (uint64_t)run.count;
 }
 
-tc_vmd *tc_vmd_new(const tc_vmd_head *head, const int first[2], const int size[2], const uint32_t *lengths,
+tc_vmd *tc_vmd_new(int version, const tc_vmd_head *head, const int first[2], const int size[2], const uint32_t *lengths,
                    uint8_t *bytes, GError **error) {
   const size_t cells = (size_t)size[0] * (size_t)size[1];
   tc_vmd *v = calloc(1, sizeof *v);
   if (v) {
-    v->head = *head;
+    v->head = *head, v->version = version;
     for (int k = 0; k < 2; k++)
       v->first[k] = first[k], v->size[k] = size[k];
     for (size_t i = 0; i < cells; i++)
       v->columns += lengths[i] != 0;
   }
-  if (!v || !allocate(v, cells)) {
+  if (!v || !allocate(v, lengths, cells)) {
     tc_vmd_free(v);
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "voxel model: no memory for %zu columns", cells);
     return NULL;

@@ -1,18 +1,19 @@
-/* The run-length voxel model: the filled voxels of a segmented object, as runs along z, each with a record of
- * attributes (paper 004, section 3). renderer/splat/VMD.md is the same on disk.
+/* The run-length voxel model: the filled voxels of a segmented object, as runs along z, with records of attributes
+ * (paper 004, section 3). renderer/splat/VMD.md is the same on disk.
  *
- * A column is all voxels of one (x, y). Its bytes are pairs of free voxels and filled ones, each filled run followed by
- * its records, ended by a pair without filled ones; columns without voxels are not stored. Columns are found through a
- * bit for each and the offsets of those that are there, so that any column is reached in O(1) and any voxel in O(runs
- * of its column). Immutable once made: any thread may read it. */
+ * A column is all voxels of one (x, y). Its bytes are pairs of filled voxels and the free ones before them, each run
+ * followed by its voxels' records, by one where all are the same, or by none where that is the one before; the end is a
+ * run of none; columns without voxels are not stored. Columns are found through a bit for each and the offsets of those
+ * that are there, so that any column is reached in O(1) and any voxel in O(runs of its column). Immutable once made:
+ * any thread may read it. */
 #ifndef TC_SPLAT_VMD_H
 #define TC_SPLAT_VMD_H
 
 #include "renderer/base/pool.h"
 #include "renderer/volume/volume.h"
 
-#define TC_VMD_VERSION 1
-#define TC_VMD_FLAGS_AT 6 /* where a file has its u16 of flags; 0: nothing in it is packed */
+#define TC_VMD_VERSION 2    /* version 1 is read, and written as it was read */
+#define TC_VMD_FLAGS_AT 6   /* where a file has its u16 of flags; 0: nothing in it is packed */
 #define TC_VMD_ATTRIBUTES 8 /* at most */
 #define TC_VMD_PALETTE 256
 
@@ -45,10 +46,12 @@ typedef struct tc_vmd_head {
 typedef struct tc_vmd {
   tc_vmd_head head;
   int first[2], size[2]; /* the rectangle of columns that holds all of them, x and y */
+  int version;           /* of the columns' bytes */
   uint64_t voxels, runs;
   uint64_t *there;   /* [(size x * size y + 63) / 64] a bit for each column of the rectangle, x fastest */
   uint32_t *rank;    /* [the same] columns before the word's */
-  uint32_t *offsets; /* [columns + 1] into bytes */
+  uint32_t *offsets; /* into bytes: of every TC_VMD_GROUP-th column, or, without `beyond`, [columns + 1] of each */
+  uint16_t *beyond;  /* [columns + 1] of each column, from its group's; NULL where that does not fit */
   uint32_t columns;
   uint8_t *bytes;
   size_t total_bytes; /* of all arrays */
@@ -56,12 +59,25 @@ typedef struct tc_vmd {
 
 void tc_vmd_free(tc_vmd *vmd); /* NULL is fine */
 
-/* A run on its way through a column: { .at = tc_vmd_column() }, then tc_vmd_next() until it is false. */
+#define TC_VMD_GROUP 16
+
+/* Where the column's bytes begin, the columns counted in their order; of `columns`: where all end. */
+static inline uint32_t tc_vmd_start(const tc_vmd *vmd, uint32_t column) {
+  return vmd->beyond ? vmd->offsets[column / TC_VMD_GROUP] + vmd->beyond[column] : vmd->offsets[column];
+}
+
+/* A run on its way through a column: { .at = tc_vmd_column() }, then tc_vmd_next() until it is false. Runs may touch.
+ */
 typedef struct tc_vmd_run {
   const uint8_t *at;
   int z, count;           /* voxels z .. z + count - 1 */
-  const uint8_t *records; /* [count][record_bytes] */
+  const uint8_t *records; /* voxel i's at i * step */
+  size_t step;            /* bytes of a record; 0: all voxels have the one */
+  int stored;             /* records that follow the run: count, 1, or 0 where `records` is the one before the run */
 } tc_vmd_run;
+
+/* In the two low bits of a run's count. */
+enum { TC_VMD_EACH, TC_VMD_SAME, TC_VMD_AS_BEFORE, TC_VMD_KINDS };
 
 /* NULL: no voxel there (or outside the grid). */
 const uint8_t *tc_vmd_column(const tc_vmd *vmd, int x, int y);
@@ -98,12 +114,13 @@ typedef struct tc_vmd_wish {
   double low, high; /* filled voxels: with values in this range, both included; may be infinite */
   bool labels;      /* the volume is a label map: attribute "label" instead of "value", and a palette */
   bool shell;
-  const char *attributes; /* "value,label,normal,user" or some of it; NULL or "": none */
+  const char *attributes;                        /* "value,label,normal,user" or some of it; NULL or "": none */
   bool (*shows)(const void *user, double voxel); /* instead of the range: whether stored voxels are filled; NULL */
   const void *user;
 } tc_vmd_wish;
 
-/* Of a volume. TC_ERROR_INVALID for attributes that are unknown or not there, and for any of a volume without a grid. */
+/* Of a volume. TC_ERROR_INVALID for attributes that are unknown or not there, and for any of a volume without a grid.
+ */
 tc_vmd *tc_vmd_of_volume(const tc_volume *volume, const tc_vmd_wish *wish, tc_pool *pool, GError **error);
 
 /* Outward normals of a volume's object of these values, from how far inside its range voxels are: the mean slope where
@@ -131,7 +148,7 @@ void tc_vmd_own_normal(const void *vmd, int x, int y, int z, double normal[3]);
 
 /* For decoding and making: the columns' lengths in bytes, [size y][size x], 0 for none, become the index. Takes `bytes`
  * (g_malloc) on success. */
-tc_vmd *tc_vmd_new(const tc_vmd_head *head, const int first[2], const int size[2], const uint32_t *lengths,
+tc_vmd *tc_vmd_new(int version, const tc_vmd_head *head, const int first[2], const int size[2], const uint32_t *lengths,
                    uint8_t *bytes, GError **error);
 
 /* A number of up to five bytes, seven bits in each, least first, the eighth set in all but the last. */

@@ -26,9 +26,9 @@ static void each(const void *model, void (*seen)(void *user, double voxel), void
   const tc_vmd *vmd = model;
   const tc_vmd_attribute *a = tc_vmd_value_attribute(&vmd->head);
   for (uint32_t c = 0; c < vmd->columns; c++)
-    for (tc_vmd_run run = {.at = vmd->bytes + vmd->offsets[c]}; tc_vmd_next(vmd, &run);)
+    for (tc_vmd_run run = {.at = vmd->bytes + tc_vmd_start(vmd, c)}; tc_vmd_next(vmd, &run);)
       for (int i = 0; i < run.count; i++)
-        seen(user, a ? tc_vmd_number(a, run.records + (size_t)i * (size_t)vmd->head.record_bytes) : 1);
+        seen(user, a ? tc_vmd_number(a, run.records + (size_t)i * run.step) : 1);
 }
 
 typedef struct range {

@@ -7,8 +7,9 @@
 #include "renderer/import/reader.h"
 #include "renderer/splat/vmd.h"
 
-#define FIXED_BYTES 240    /* of the header before attributes and palette */
-#define DEFLATED 1         /* flag */
+#define FIXED_BYTES 240 /* of the header before attributes and palette */
+#define DEFLATED 1      /* flags */
+#define DIFFERENCES 2
 #define MOST_INFLATED 1032 /* bytes that one byte of deflate can become */
 
 /* ---- writing ---- */
@@ -23,12 +24,12 @@ static void put_text(GByteArray *to, const char *text) {
   put(to, field, sizeof field);
 }
 
-static void put_head(GByteArray *to, const tc_vmd *v, bool deflated, uint64_t body, uint64_t stored) {
+static void put_head(GByteArray *to, const tc_vmd *v, int flags, uint64_t body, uint64_t stored) {
   const tc_vmd_head *h = &v->head;
   const tc_volume_desc *d = &h->grid;
   put(to, "TVMD", 4);
-  put_u16(to, TC_VMD_VERSION);
-  put_u16(to, deflated ? DEFLATED : 0);
+  put_u16(to, v->version);
+  put_u16(to, flags);
   put(to, d->dims, sizeof d->dims);
   put(to, v->first, sizeof v->first);
   put(to, v->size, sizeof v->size);
@@ -59,19 +60,43 @@ static void put_head(GByteArray *to, const tc_vmd *v, bool deflated, uint64_t bo
 static GByteArray *body_of(const tc_vmd *v) {
   GByteArray *body = g_byte_array_new();
   const size_t cells = (size_t)v->size[0] * (size_t)v->size[1];
-  for (size_t i = 0, column = 0; i < cells; i++) {
+  uint32_t column = 0;
+  for (size_t i = 0; i < cells; i++) {
     bool there = v->there[i / 64] >> i % 64 & 1;
-    tc_vmd_put_varint(body, there ? v->offsets[column + 1] - v->offsets[column] : 0);
+    tc_vmd_put_varint(body, there ? tc_vmd_start(v, column + 1) - tc_vmd_start(v, column) : 0);
     column += there;
   }
-  put(body, v->bytes, v->offsets[v->columns]);
+  put(body, v->bytes, tc_vmd_start(v, v->columns));
   return body;
+}
+
+/* A number of 1, 2 or 4 bytes minus the one of the record before, or (back) plus, in its own width. */
+static void difference(uint8_t *at, uint8_t *before, size_t size, bool back) {
+  uint32_t number = 0, last = 0;
+  memcpy(&number, at, size);
+  memcpy(&last, before, size);
+  const uint32_t other = back ? number + last : number - last;
+  memcpy(before, back ? &other : &number, size);
+  memcpy(at, &other, size);
+}
+
+/* Of records in `bytes`, which are the model's or a copy, become differences, or the other way; all else stays. */
+static void take_differences(const tc_vmd *v, uint8_t *bytes, bool back) {
+  uint8_t before[4 * TC_VMD_ATTRIBUTES] = {0};
+  for (uint32_t c = 0; c < v->columns; c++)
+    for (tc_vmd_run run = {.at = v->bytes + tc_vmd_start(v, c)}; tc_vmd_next(v, &run);)
+      for (int i = 0; i < run.stored; i++)
+        for (int a = 0; a < v->head.n_attributes; a++) {
+          const tc_vmd_attribute *attribute = &v->head.attributes[a];
+          difference(bytes + (run.records - v->bytes) + (size_t)i * run.step + attribute->at, before + attribute->at,
+                     tc_vmd_type_size(attribute->type), back);
+        }
 }
 
 static bool deflate_body(GByteArray *body, GError **error) {
   uLongf size = compressBound(body->len);
   uint8_t *packed = g_try_malloc(size);
-  bool good = packed && compress2(packed, &size, body->data, body->len, 6) == Z_OK;
+  bool good = packed && compress2(packed, &size, body->data, body->len, 9) == Z_OK;
   if (good) {
     g_byte_array_set_size(body, 0);
     put(body, packed, size);
@@ -90,9 +115,11 @@ GByteArray *tc_vmd_encode(const tc_vmd *v, bool compressed, GError **error) {
   }
   GByteArray *body = body_of(v), *file = NULL;
   uint64_t plain = body->len;
+  const int flags = !compressed ? 0 : v->version == 1 ? DEFLATED : DEFLATED | DIFFERENCES;
+  if (flags & DIFFERENCES) take_differences(v, body->data + body->len - tc_vmd_start(v, v->columns), false);
   if (!compressed || deflate_body(body, error)) {
     file = g_byte_array_new();
-    put_head(file, v, compressed, plain, body->len);
+    put_head(file, v, flags, plain, body->len);
     put(file, body->data, body->len);
     put_u32(file, (uint32_t)crc32_z(0, file->data, file->len));
   }
@@ -116,10 +143,10 @@ bool tc_vmd_write(const tc_vmd *v, const char *path, bool compressed, GError **e
 
 typedef struct header {
   tc_vmd_head head;
-  int first[2], size[2];
+  int version, first[2], size[2];
   uint32_t columns;
   uint64_t voxels, body, stored;
-  bool deflated;
+  bool deflated, differences;
 } header;
 
 static bool bad(GError **error, const char *what) {
@@ -212,12 +239,13 @@ static bool read_head(tc_reader *r, header *h, GError **error) {
     tc_set_error(error, TC_ERROR_FORMAT, NULL, "not a voxel model (.vmd begins with TVMD)");
     return false;
   }
-  if (version != TC_VMD_VERSION || flags > DEFLATED) {
-    tc_set_error(error, TC_ERROR_FORMAT, NULL, "voxel model of version %d, flags %d: this program reads version %d",
-                 version, flags, TC_VMD_VERSION);
+  if (version < 1 || version > TC_VMD_VERSION || flags > (version == 1 ? DEFLATED : DEFLATED | DIFFERENCES)) {
+    tc_set_error(error, TC_ERROR_FORMAT, NULL,
+                 "voxel model of version %d, flags %d: this program reads up to version %d", version, flags,
+                 TC_VMD_VERSION);
     return false;
   }
-  h->deflated = flags & DEFLATED;
+  h->version = version, h->deflated = flags & DEFLATED, h->differences = flags & DIFFERENCES;
   if (!read_sizes(r, h)) return bad(error, "grid sizes or column counts");
   if (!read_grid(r, &h->head.grid)) return bad(error, "place in space, modality or unit");
   h->head.grid.frames = 1;
@@ -267,16 +295,24 @@ static bool take_number(const uint8_t **at, const uint8_t *end, uint32_t *value)
   return false;
 }
 
-/* Runs lie in the grid one after the other with room between them, and fill exactly these bytes. */
+/* Runs lie in the grid one after the other, in version 1 with room between them, and fill exactly these bytes. */
 static bool check_column(const header *h, const uint8_t *at, const uint8_t *end, uint64_t *voxels) {
+  const bool old = h->version == 1;
   uint64_t z = 0;
   for (bool first = true;; first = false) {
-    uint32_t gap, count;
-    if (!take_number(&at, end, &gap) || !take_number(&at, end, &count)) return false;
-    if (count == 0) return gap == 0 && !first && at == end;
+    uint32_t gap = 0, count;
+    uint32_t kind = TC_VMD_EACH;
+    if (old && !take_number(&at, end, &gap)) return false;
+    if (!take_number(&at, end, &count)) return false;
+    if (!old) kind = count & 3, count >>= 2;
+    if (kind == TC_VMD_KINDS) return false;
+    if (count == 0) return gap == 0 && kind == TC_VMD_EACH && !first && at == end;
+    if (!old && !take_number(&at, end, &gap)) return false;
     z += (uint64_t)gap + count;
-    uint64_t records = (uint64_t)count * (uint64_t)h->head.record_bytes;
-    if ((!first && gap == 0) || z > (uint64_t)h->head.grid.dims[2] || records > (uint64_t)(end - at)) return false;
+    uint64_t records = kind == TC_VMD_EACH ? count : kind == TC_VMD_SAME;
+    records *= (uint64_t)h->head.record_bytes;
+    if ((old && !first && gap == 0) || z > (uint64_t)h->head.grid.dims[2] || records > (uint64_t)(end - at))
+      return false;
     at += records;
     *voxels += count;
   }
@@ -319,9 +355,10 @@ static tc_vmd *index_body(const header *h, const uint8_t *body, GError **error) 
     const size_t size = h->body - (size_t)(at - body);
     uint8_t *bytes = g_try_malloc(size + 1);
     if (bytes) memcpy(bytes, at, size);
-    if (bytes) v = tc_vmd_new(&h->head, h->first, h->size, lengths, bytes, error);
+    if (bytes) v = tc_vmd_new(h->version, &h->head, h->first, h->size, lengths, bytes, error);
     if (!bytes) tc_set_error(error, TC_ERROR_MEMORY, NULL, "voxel model: no memory for %zu bytes", size);
     if (!v) g_free(bytes);
+    if (v && h->differences) take_differences(v, v->bytes, true);
   }
   free(lengths);
   return v;

@@ -5,8 +5,8 @@
 #include "renderer/splat/vmd.h"
 
 typedef struct row {
-  GByteArray *bytes;
-  uint32_t *lengths; /* [nx]; NULL until it is made */
+  GByteArray *bytes, *records; /* records: of one run, on their way into bytes */
+  uint32_t *lengths;           /* [nx]; NULL until it is made */
 } row;
 
 typedef struct making {
@@ -51,23 +51,51 @@ static int next_change(const making *m, const uint64_t *column, int z, bool to_f
   return nz;
 }
 
-static void put_column(const making *m, GByteArray *to, const uint64_t *column, int x, int y) {
+#define WORTH 4              /* bytes: what two more runs take, and as much as equal records of fewer are worth */
+#define MOST_SAME (1u << 28) /* voxels of a run */
+
+/* How many of n records are as the first. */
+static guint same_from(const uint8_t *records, guint n, guint size) {
+  guint i = 1;
+  while (i < MIN(n, MOST_SAME) && (!size || memcmp(records + (size_t)i * size, records, size) == 0))
+    i++;
+  return i;
+}
+
+/* A run of filled voxels: where enough neighbours have equal records, as several that touch. `before`: the record of
+ * the voxel before, and then of the last. */
+static void put_run(GByteArray *to, uint32_t gap, const uint8_t *records, guint n, guint size, uint8_t *before) {
+  for (guint at = 0, count; at < n; at += count, gap = 0) {
+    const uint8_t *from = records + (size_t)at * size;
+    count = same_from(from, n - at, size);
+    guint kind = TC_VMD_EACH;
+    if (count == n - at || (count - 1) * size > WORTH)
+      kind = memcmp(from, before, size) == 0 ? TC_VMD_AS_BEFORE : TC_VMD_SAME;
+    for (guint more; kind == TC_VMD_EACH && at + count < n && count < MOST_SAME; count += more) {
+      more = same_from(from + (size_t)count * size, n - at - count, size);
+      if ((more - 1) * size > WORTH) break;
+    }
+    tc_vmd_put_varint(to, count << 2 | kind);
+    tc_vmd_put_varint(to, gap);
+    g_byte_array_append(to, from, (kind == TC_VMD_EACH ? count : kind == TC_VMD_SAME) * size);
+    memcpy(before, from + (size_t)(count - 1) * size, size);
+  }
+}
+
+static void put_column(const making *m, const row *r, const uint64_t *column, int x, int y) {
   const int nz = m->dims[2], record = m->source->head.record_bytes;
+  uint8_t before[4 * TC_VMD_ATTRIBUTES] = {0};
   for (int z = 0, start, end = 0;; z = end) {
     start = next_change(m, column, z, true);
     if (start >= nz) break;
     end = next_change(m, column, start, false);
-    tc_vmd_put_varint(to, (uint32_t)(start - z));
-    tc_vmd_put_varint(to, (uint32_t)(end - start));
-    if (!record) continue;
-    guint at = to->len;
-    g_byte_array_set_size(to, at + (guint)(end - start) * (guint)record);
-    memset(to->data + at, 0, to->len - at); /* what nobody sets is 0 */
-    for (int i = start; i < end; i++, at += (guint)record)
-      m->source->record(m->source->user, x, y, i, to->data + at);
+    g_byte_array_set_size(r->records, (guint)(end - start) * (guint)record + 1);
+    memset(r->records->data, 0, r->records->len); /* what nobody sets is 0 */
+    for (int i = start; i < end && record; i++)
+      m->source->record(m->source->user, x, y, i, r->records->data + (size_t)(i - start) * (size_t)record);
+    put_run(r->bytes, (uint32_t)(start - z), r->records->data, (guint)(end - start), (guint)record, before);
   }
-  static const guint8 ending[2] = {0, 0};
-  g_byte_array_append(to, ending, 2);
+  tc_vmd_put_varint(r->bytes, 0);
 }
 
 static bool any_filled(const making *m, const uint64_t *column) {
@@ -86,15 +114,16 @@ static void make_row(void *context, int y, int worker) {
     atomic_store(&m->short_of_memory, true);
     return;
   }
-  r->bytes = g_byte_array_new();
+  r->bytes = g_byte_array_new(), r->records = g_byte_array_new();
   uint64_t *bits = m->bits[worker];
   fill(m, y, bits);
   if (m->source->shell) peel(m, y, bits, bits + n);
   for (int x = 0; x < m->dims[0]; x++) {
     guint before = r->bytes->len;
-    if (any_filled(m, bits + x)) put_column(m, r->bytes, bits + x, x, y);
+    if (any_filled(m, bits + x)) put_column(m, r, bits + x, x, y);
     r->lengths[x] = r->bytes->len - before;
   }
+  g_clear_pointer(&r->records, g_byte_array_unref);
 }
 
 /* The rectangle of columns that are there; of none, an empty one. */
@@ -134,7 +163,7 @@ static tc_vmd *join(const making *m, GError **error) {
     for (int y = 0; y < size[1]; y++)
       memcpy(lengths + (size_t)y * (size_t)size[0], m->rows[first[1] + y].lengths + first[0],
              (size_t)size[0] * sizeof *lengths);
-    v = tc_vmd_new(&m->source->head, first, size, lengths, bytes, error);
+    v = tc_vmd_new(TC_VMD_VERSION, &m->source->head, first, size, lengths, bytes, error);
   } else {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "voxel model: no memory for %" G_GUINT64_FORMAT " bytes", total);
   }

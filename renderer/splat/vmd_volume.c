@@ -75,11 +75,10 @@ static void fill_one_by_one(const subject *s, int y, uint64_t *bits) {
 static void fill_of_model(const subject *s, int y, uint64_t *bits) {
   const size_t nx = (size_t)s->d->dims[0];
   const tc_vmd_attribute *a = tc_vmd_value_attribute(&s->model->head);
-  const size_t size = (size_t)s->model->head.record_bytes;
   for (int x = 0; x < s->d->dims[0]; x++)
     for (tc_vmd_run run = {.at = tc_vmd_column(s->model, x, y)}; tc_vmd_next(s->model, &run);)
       for (int i = 0; i < run.count; i++)
-        if (is_filled(s, a ? tc_vmd_number(a, run.records + (size_t)i * size) : 1))
+        if (is_filled(s, a ? tc_vmd_number(a, run.records + (size_t)i * run.step) : 1))
           bits[(size_t)((run.z + i) / 64) * nx + (size_t)x] |= 1ull << (run.z + i) % 64;
 }
 

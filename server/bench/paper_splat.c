@@ -3,9 +3,12 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
 #include <zlib.h>
 
-#include "renderer/splat/vmd.h"
+#include "renderer/export/export.h"
+#include "renderer/splat/splats.h"
 #include "server/cli/cli.h"
 
 /* Bytes of a record for each voxel of the grid ("standard way") and of a .vmd; milliseconds without and with culling.
@@ -20,9 +23,9 @@ static const double azimuths[] = {0, 60, 120, 180, 240, 300}; /* Table 2 is of m
 
 /* Bytes of an object kept in different ways, of a byte for each voxel, as an index into a palette is. */
 typedef struct sizes {
-  double grid, box, grid_gzip; /* a byte for each voxel: of the volume, of the object's bounding box; compressed */
-  double vmd, vmd_gzip, memory;
-  double voxels;
+  double grid, box, grid_gzip, nrrd; /* a byte for each voxel: of the volume, of the object's bounding box; compressed */
+  double vmd, vmd_gzip, memory, shell; /* shell: in memory, without voxels nobody sees */
+  double voxels, splat; /* splat: bytes in memory of one that may be seen */
 } sizes;
 
 /* The object as a grid of ones; its bounding box. */
@@ -42,6 +45,38 @@ static uint8_t *grid_of(const tc_vmd *m, size_t *bytes, double *box) {
   return grid;
 }
 
+/* Bytes of the grid as a compressed NRRD file; 0 with *error. */
+static double nrrd_bytes(const tc_vmd *m, const uint8_t *grid, size_t bytes, GError **error) {
+  char *folder = g_dir_make_tmp("tomocast-XXXXXX", error), *path = folder ? g_build_filename(folder, "grid.nrrd", NULL) : NULL;
+  tc_volume_desc desc = m->head.grid;
+  desc.type = TC_U8, desc.slope = 1, desc.intercept = 0;
+  tc_volume *volume = path ? tc_volume_new(&desc, error) : NULL;
+  struct stat file = {0};
+  if (volume) {
+    memcpy(tc_volume_voxels(volume), grid, bytes);
+    tc_volume_seal(volume);
+    if (tc_export_volume(volume, path, true, error)) stat(path, &file);
+  }
+  tc_volume_unref(volume);
+  if (path) unlink(path);
+  if (folder) rmdir(folder);
+  g_free(path);
+  g_free(folder);
+  return (double)file.st_size;
+}
+
+/* Of what may be seen: the shell's model, and the splats. */
+static bool measure_seen(const tc_volume *volume, tc_vmd_wish wish, const tc_vmd *m, sizes *s, GError **error) {
+  wish.shell = true;
+  tc_vmd *shell = tc_vmd_of_volume(volume, &wish, NULL, error);
+  tc_splats *splats = shell ? tc_splats_build(m, (tc_splat_normals){0}, false, NULL, error) : NULL;
+  if (splats) s->shell = (double)shell->total_bytes, s->splat = (double)splats->bytes / MAX(splats->n, 1);
+  const bool good = splats != NULL;
+  tc_splats_free(splats);
+  tc_vmd_free(shell);
+  return good;
+}
+
 static bool measure_sizes(const tc_vmd *m, sizes *s, GError **error) {
   size_t bytes;
   uint8_t *grid = grid_of(m, &bytes, &s->box);
@@ -49,6 +84,7 @@ static bool measure_sizes(const tc_vmd *m, sizes *s, GError **error) {
   uint8_t *to = g_try_malloc(packed);
   GByteArray *plain = tc_vmd_encode(m, false, error), *zipped = plain ? tc_vmd_encode(m, true, error) : NULL;
   bool good = zipped && grid && to && compress2(to, &packed, grid, bytes, 6) == Z_OK;
+  if (good) good = (s->nrrd = nrrd_bytes(m, grid, bytes, error)) > 0;
   if (good) {
     s->grid = (double)bytes, s->grid_gzip = (double)packed;
     s->vmd = plain->len, s->vmd_gzip = zipped->len;
@@ -94,15 +130,15 @@ static bool measure_times(const tcs_paper_run *run, tc_volume *volume, const tc_
 
 void tcs_paper_splat_begin(const tcs_paper_run *run) {
   if (!run->print) return;
-  printf("paper 004: a byte for each voxel; a grid of its bounding box over a .vmd; %dx%d pixels\n%-22s %9s %11s %11s "
-         "%9s %9s "
-         "%9s %7s %9s %8s %7s %8s\n",
-         run->size, run->size, "object", "voxels", "grid", "box", "grid.gz", "vmd", "vmd.gz", "box/vmd", "unculled",
-         "culled", "gain", "ray-cast");
+  printf("paper 004: a byte for each voxel; a grid of its bounding box (box) over a .vmd on disk and in memory, as a solid "
+         "and as a shell; %dx%d pixels\n%-15s %8s %9s %7s %8s %8s %8s %8s %7s %7s %7s %7s %8s %8s %6s %8s\n",
+         run->size, run->size, "object", "voxels", "box", "grid.gz", "nrrd.gz", "vmd", "vmd.gz", "memory", "box/vmd",
+         "box/mem", "/shell", "B/splat", "unculled", "culled", "gain", "ray-cast");
   for (size_t i = 0; i < G_N_ELEMENTS(published); i++) {
     const struct published *p = &published[i];
-    printf("paper: %-15s %9s %11s %11.0f %9s %9.0f %9s %7.1f %9.1f %8.1f %7.1f\n", p->object, "", "", p->standard, "",
-           p->vmd, "", p->standard / p->vmd, p->unculled, p->culled, p->unculled / p->culled);
+    printf("paper: %-8s %8s %9.0f %7s %8s %8.0f %8s %8s %7.1f %7.1f %7s %7s %8.1f %8.1f %6.1f\n", p->object, "",
+           p->standard, "", "", p->vmd, "", "", p->standard / p->vmd, p->standard / p->vmd, "", "", p->unculled,
+           p->culled, p->unculled / p->culled);
   }
 }
 
@@ -113,7 +149,7 @@ bool tcs_paper_splat(const tcs_paper_run *run, tc_volume *volume, const char *na
   sizes s = {0};
   double ms[3];
   tc_vmd *model = tc_vmd_of_volume(volume, &wish, NULL, error);
-  bool good = model && measure_sizes(model, &s, error);
+  bool good = model && measure_sizes(model, &s, error) && measure_seen(volume, wish, model, &s, error);
   tc_vmd_free(model);
   tc_scene_copy(&scene, from);
   scene.isosurface.value = scene.splat.threshold[0];
@@ -121,15 +157,17 @@ bool tcs_paper_splat(const tcs_paper_run *run, tc_volume *volume, const char *na
   tc_scene_clear(&scene);
   if (!good) return false;
   if (run->print)
-    printf("%-22.22s %9.0f %11.0f %11.0f %9.0f %9.0f %9.0f %7.1f %9.2f %8.2f %7.1f %8.2f\n", name, s.voxels, s.grid,
-           s.box, s.grid_gzip, s.vmd, s.vmd_gzip, s.box / s.vmd, ms[0], ms[1], ms[0] / ms[1], ms[2]);
+    printf("%-15.15s %8.0f %9.0f %7.0f %8.0f %8.0f %8.0f %8.0f %7.1f %7.1f %7.1f %7.2f %8.2f %8.2f %6.1f %8.2f\n", name,
+           s.voxels, s.box, s.grid_gzip, s.nrrd, s.vmd, s.vmd_gzip, s.memory, s.box / s.vmd, s.box / s.memory,
+           s.box / s.shell, s.splat, ms[0], ms[1], ms[0] / ms[1], ms[2]);
   const struct {
     const char *name;
     double value;
   } numbers[] = {{"voxels", s.voxels},           {"gridBytes", s.grid}, {"boxBytes", s.box},
                  {"gridGzipBytes", s.grid_gzip}, {"vmdBytes", s.vmd},   {"vmdGzipBytes", s.vmd_gzip},
                  {"memoryBytes", s.memory},      {"unculledMs", ms[0]}, {"culledMs", ms[1]},
-                 {"isosurfaceMs", ms[2]}};
+                 {"isosurfaceMs", ms[2]},        {"nrrdGzipBytes", s.nrrd}, {"shellMemoryBytes", s.shell},
+                 {"splatBytes", s.splat}};
   cJSON *json = cJSON_CreateObject();
   cJSON_AddStringToObject(json, "paper", "004");
   cJSON_AddStringToObject(json, "volume", name);

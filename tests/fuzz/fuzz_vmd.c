@@ -16,17 +16,17 @@ static void walk(const tc_vmd *m) {
       while (tc_vmd_next(m, &run)) {
         if (run.z < 0 || run.count < 1 || run.z + run.count > m->head.grid.dims[2]) abort();
         for (int i = 0; i < m->head.n_attributes; i++)
-          tc_vmd_number(&m->head.attributes[i], run.records);
+          tc_vmd_number(&m->head.attributes[i], run.records + (size_t)(run.count - 1) * run.step);
         voxels += (uint64_t)run.count;
       }
     }
   if (voxels != m->voxels) abort();
 }
 
-static void write_again(const tc_vmd *m) {
-  GByteArray *file = tc_vmd_encode(m, false, NULL);
+static void write_again(const tc_vmd *m, bool compressed) {
+  GByteArray *file = tc_vmd_encode(m, compressed, NULL);
   tc_vmd *back = file ? tc_vmd_decode(file->data, file->len, NULL) : NULL;
-  if (!back || memcmp(back->bytes, m->bytes, m->offsets[m->columns]) != 0) abort();
+  if (!back || memcmp(back->bytes, m->bytes, tc_vmd_start(m, m->columns)) != 0) abort();
   tc_vmd_free(back);
   g_byte_array_unref(file);
 }
@@ -43,7 +43,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size) {
   tc_vmd *m = tc_vmd_decode(signed_bytes, size, &error);
   if (m) {
     walk(m);
-    write_again(m);
+    write_again(m, false);
+    write_again(m, true);
   } else if (!error || error->domain != TC_ERROR || strpbrk(error->message, "\r\n")) {
     abort();
   }

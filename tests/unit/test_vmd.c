@@ -72,19 +72,88 @@ static void columns_runs_and_voxels_are_found(void **state) {
   tc_vmd_free(m);
 }
 
+static void sign(GByteArray *file) {
+  uint32_t sum = (uint32_t)crc32_z(0, file->data, file->len - 4);
+  memcpy(file->data + file->len - 4, &sum, 4);
+}
+
+static void expect_sum(const GByteArray *file, const char *wanted) {
+  char *sum = g_compute_checksum_for_data(G_CHECKSUM_SHA256, file->data, file->len);
+  assert_string_equal(sum, wanted);
+  g_free(sum);
+}
+
 /* The page VMD.md shows these bytes. */
-static void bytes_of_version_1_stay(void **state) {
+static void bytes_of_version_2_stay(void **state) {
+  tc_vmd *m = few_model("value");
+  GByteArray *file = tc_vmd_encode(m, false, NULL);
+  static const uint8_t body[] = {17, 0,    0, 5, 2 << 2, 2, 0xbe, 2, 0xbf,       2, 4 << 2, 62, 0xfe,
+                                 2,  0xff, 2, 0, 3,      1, 3,    0, 1 << 2 | 1, 0, 0x84,   3,  0};
+  assert_int_equal(file->len, 240 + 20 + sizeof body + 4);
+  assert_memory_equal(file->data + 260, body, sizeof body);
+  expect_sum(file, "f4a3918eb1def4149971ae683f6a3ee33750361540102879160e59105857d5ee");
+  g_byte_array_unref(file);
+  tc_vmd_free(m);
+}
+
+static void version_1_is_read_and_written_as_it_was(void **state) {
   tc_vmd *m = few_model("value");
   GByteArray *file = tc_vmd_encode(m, false, NULL);
   static const uint8_t body[] = {18,   0, 0, 6, 2, 2, 0xbe, 2, 0xbf, 2, 62,   4, 0xfe, 2,
                                  0xff, 2, 0, 3, 1, 3, 0,    0, 0,    1, 0x84, 3, 0,    0};
-  assert_int_equal(file->len, 240 + 20 + sizeof body + 4);
-  assert_memory_equal(file->data + 260, body, sizeof body);
-  char *sum = g_compute_checksum_for_data(G_CHECKSUM_SHA256, file->data, file->len);
-  assert_string_equal(sum, "aa47c254581026a12ca662bfbb55d74a10017b911e4dde1d6f62e7788dbd5c60");
-  g_free(sum);
+  g_byte_array_set_size(file, 260);
+  g_byte_array_append(file, body, sizeof body);
+  g_byte_array_append(file, (const guint8[4]){0}, 4);
+  file->data[4] = 1, file->data[48] = file->data[56] = sizeof body;
+  sign(file);
+  expect_sum(file, "aa47c254581026a12ca662bfbb55d74a10017b911e4dde1d6f62e7788dbd5c60");
+  tc_vmd *back = tc_vmd_decode(file->data, file->len, NULL);
+  assert_non_null(back);
+  for (int i = 0; i < 3 * 2 * 70; i++) {
+    const uint8_t *a = tc_vmd_voxel(m, i % 3, i / 3 % 2, i / 6), *b = tc_vmd_voxel(back, i % 3, i / 3 % 2, i / 6);
+    assert_true(a && b ? memcmp(a, b, 2) == 0 : a == b);
+  }
+  for (int packed = 0; packed < 2; packed++) {
+    GByteArray *again = tc_vmd_encode(back, packed, NULL);
+    if (!packed) assert_memory_equal(again->data, file->data, file->len);
+    tc_vmd *third = tc_vmd_decode(again->data, again->len, NULL);
+    assert_non_null(third);
+    assert_memory_equal(third->bytes, back->bytes, tc_vmd_start(back, back->columns));
+    tc_vmd_free(third);
+    g_byte_array_unref(again);
+  }
+  tc_vmd_free(back);
+  file->data[270] = 0;
+  sign(file);
+  assert_null(tc_vmd_decode(file->data, file->len, NULL)); /* runs that touch */
   g_byte_array_unref(file);
   tc_vmd_free(m);
+}
+
+/* Two labels along z, the second from another z on in each column; the last column with a voxel of a third. */
+static int parts(int x, int y, int z) { return x == 2 && z == 50 ? 3 : z < 20 + 3 * x + y ? 1 : 2; }
+
+static void equal_records_are_kept_once(void **state) {
+  tc_volume *v = volume_of(&grid, parts);
+  tc_vmd *m =
+      tc_vmd_of_volume(v, &(tc_vmd_wish){.low = 1, .high = 3, .labels = true, .attributes = "label"}, NULL, NULL);
+  assert_int_equal(m->voxels, 0); /* 2 v - 1000 is nowhere in 1 .. 3 */
+  tc_vmd_free(m);
+  m = tc_vmd_of_volume(v, &(tc_vmd_wish){.low = -1000, .high = 0, .labels = true, .attributes = "label"}, NULL, NULL);
+  assert_int_equal(m->voxels, 3 * 2 * 70);
+  for (int i = 0; i < 3 * 2 * 70; i++) {
+    const uint8_t *record = tc_vmd_voxel(m, i % 3, i / 3 % 2, i / 6);
+    assert_float_equal(tc_vmd_number(&m->head.attributes[0], record), parts(i % 3, i / 3 % 2, i / 6), 0);
+  }
+  assert_int_equal(tc_vmd_start(m, 1), 4 + 5 + 1); /* two runs of one record, the second of 50 voxels */
+  tc_vmd_free(m);
+  m = tc_vmd_of_volume(v, &(tc_vmd_wish){.low = -INFINITY, .high = -999, .attributes = "user"}, NULL, NULL);
+  assert_int_equal(m->voxels, 0);
+  tc_vmd_free(m);
+  m = tc_vmd_of_volume(v, &(tc_vmd_wish){.low = -1000, .high = -997, .attributes = "user"}, NULL, NULL);
+  assert_int_equal(tc_vmd_start(m, 1), 2 + 1); /* one run, as before it: zeros */
+  tc_vmd_free(m);
+  tc_volume_unref(v);
 }
 
 static int noise(int x, int y, int z) {
@@ -104,9 +173,9 @@ static void expect_same(const tc_vmd *a, const tc_vmd *b) {
   assert_int_equal(a->voxels, b->voxels);
   assert_int_equal(a->runs, b->runs);
   assert_int_equal(a->columns, b->columns);
-  assert_int_equal(a->offsets[a->columns], b->offsets[b->columns]);
-  assert_memory_equal(a->offsets, b->offsets, (a->columns + 1) * sizeof *a->offsets);
-  assert_memory_equal(a->bytes, b->bytes, a->offsets[a->columns]);
+  for (uint32_t c = 0; c <= a->columns; c++)
+    assert_int_equal(tc_vmd_start(a, c), tc_vmd_start(b, c));
+  assert_memory_equal(a->bytes, b->bytes, tc_vmd_start(a, a->columns));
   assert_memory_equal(a->first, b->first, sizeof a->first);
   assert_memory_equal(a->size, b->size, sizeof a->size);
   assert_int_equal(a->head.record_bytes, b->head.record_bytes);
@@ -116,17 +185,29 @@ static void expect_same(const tc_vmd *a, const tc_vmd *b) {
   assert_float_equal(a->head.grid.slope, b->head.grid.slope, 0);
 }
 
-/* Whatever the threads, packed or not, all of a noise comes back. */
+/* Stretches of equal values, some of one voxel. */
+static int stretches(int x, int y, int z) {
+  const int n = noise(x, y, z);
+  return n < 20 ? n : 60 + noise(x, 0, z / (2 + y % 9)) % 5 * 30;
+}
+
+/* Whatever the threads, packed or not, all comes back: of a noise, of stretches, of columns too long for short offsets.
+ */
 static void models_survive_a_file(void **state) {
-  tc_volume *v = volume_of(&noisy, noise);
+  tc_volume_desc deep = noisy;
+  memcpy(deep.dims, (int[]){17, 2, 3000}, sizeof deep.dims);
+  tc_volume *volumes[] = {volume_of(&noisy, noise), volume_of(&noisy, stretches), volume_of(&deep, noise)};
   tc_pool *pool = tc_pool_new(3, NULL);
   const tc_vmd_wish wishes[] = {{.low = 100, .high = 155, .attributes = "value,normal,user"},
                                 {.low = -INFINITY, .high = INFINITY},
+                                {.low = -INFINITY, .high = INFINITY, .attributes = "value,user,normal"},
                                 {.low = 56, .high = INFINITY, .shell = true, .attributes = "normal"},
                                 {.low = DBL_MIN, .high = 99, .labels = true, .attributes = "label"},
                                 {.low = 1e6, .high = 1e7}};
-  for (size_t i = 0; i < G_N_ELEMENTS(wishes); i++) {
-    tc_vmd *m = tc_vmd_of_volume(v, &wishes[i], pool, NULL), *alone = tc_vmd_of_volume(v, &wishes[i], NULL, NULL);
+  for (size_t i = 0; i < G_N_ELEMENTS(wishes) * G_N_ELEMENTS(volumes); i++) {
+    const tc_volume *v = volumes[i % G_N_ELEMENTS(volumes)];
+    const tc_vmd_wish *wish = &wishes[i / G_N_ELEMENTS(volumes)];
+    tc_vmd *m = tc_vmd_of_volume(v, wish, pool, NULL), *alone = tc_vmd_of_volume(v, wish, NULL, NULL);
     expect_same(m, alone);
     for (int packed = 0; packed < 2; packed++) {
       GByteArray *file = tc_vmd_encode(m, packed, NULL);
@@ -140,7 +221,8 @@ static void models_survive_a_file(void **state) {
     tc_vmd_free(alone);
   }
   tc_pool_free(pool);
-  tc_volume_unref(v);
+  for (size_t i = 0; i < G_N_ELEMENTS(volumes); i++)
+    tc_volume_unref(volumes[i]);
 }
 
 static bool in_range(int x, int y, int z) {
@@ -203,11 +285,6 @@ static void expect_refused(GByteArray *file, size_t size, const char *what) {
   g_free(exact);
 }
 
-static void sign(GByteArray *file) {
-  uint32_t sum = (uint32_t)crc32_z(0, file->data, file->len - 4);
-  memcpy(file->data + file->len - 4, &sum, 4);
-}
-
 static void every_prefix_is_refused(void **state) {
   for (int packed = 0; packed < 2; packed++) {
     tc_vmd *m = few_model("value,normal");
@@ -248,7 +325,7 @@ static void wrong_runs_and_counts_are_refused(void **state) {
     size_t at;
     uint8_t value;
     const char *what;
-  } wrong[] = {{4, 2, "version 2"},
+  } wrong[] = {{4, 3, "version 3"},
                {6, 4, "an unknown flag"},
                {11, 0x7f, "a wild size"},
                {8, 0, "no columns at all"},
@@ -258,17 +335,17 @@ static void wrong_runs_and_counts_are_refused(void **state) {
                {55, 0xff, "a wild body"},
                {232, 9, "nine attributes"},
                {234, 3, "a record of another size"},
-               {260, 19, "a longer column"},
-               {266, 0, "runs that touch"},
-               {265, 200, "a run beyond the grid"},
-               {271, 9, "a run beyond the column"},
-               {281, 1, "no end"},
-               {283, 0, "an empty run in front"}};
+               {260, 18, "a longer column"},
+               {271, 63, "a run beyond the grid"},
+               {270, 9 << 2, "a run beyond the column"},
+               {270, 4 << 2 | 3, "an unknown kind of run"},
+               {280, 4, "no end"},
+               {280, 1, "an empty run that is the same"},
+               {281, 0, "an empty run in front"}};
   for (size_t i = 0; i < G_N_ELEMENTS(wrong); i++) {
     tc_vmd *m = few_model("value");
     GByteArray *file = tc_vmd_encode(m, false, NULL);
     file->data[wrong[i].at] = wrong[i].value;
-    if (wrong[i].at == 266) file->data[270] = 0;
     sign(file);
     expect_refused(file, file->len, wrong[i].what);
     g_byte_array_unref(file);
@@ -290,7 +367,9 @@ static void attributes_that_are_not_there_are_refused(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(columns_runs_and_voxels_are_found),
-                                     cmocka_unit_test(bytes_of_version_1_stay),
+                                     cmocka_unit_test(bytes_of_version_2_stay),
+                                     cmocka_unit_test(version_1_is_read_and_written_as_it_was),
+                                     cmocka_unit_test(equal_records_are_kept_once),
                                      cmocka_unit_test(models_survive_a_file),
                                      cmocka_unit_test(a_shell_leaves_out_what_has_six_filled_neighbours),
                                      cmocka_unit_test(normals_point_out_of_the_object),
