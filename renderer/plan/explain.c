@@ -307,8 +307,8 @@ static void say_splats(const teller *t) {
   const bool colors = strcmp(s->splat.attribute, "value") == 0;
   for (size_t i = 0; i < sizeof out / sizeof *out; i++) say(t, out[i].stage, false, "%s", out[i].reason);
   say_no_tables(t, (colors && !t->plan->key.labels) || !s->splat.opaque ? "the transfer function is read at voxels" : "the object has one colour");
-  say(t, TC_STAGE_GRADIENT, t->plan->key.shading != 0, !s->splat.opaque ? "a translucent object is not shaded"
-      : t->plan->key.shading ? "shading.model is %s: normals kept with the splats" : "shading.model is %s",
+  say(t, TC_STAGE_GRADIENT, t->plan->key.shading != 0,
+      t->plan->key.shading ? "shading.model is %s: normals kept with the splats" : "shading.model is %s",
       tc_shading_names[s->shading.model]);
   char which[64] = "voxels of the labels that show";
   if (!t->plan->key.labels)

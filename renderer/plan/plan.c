@@ -154,7 +154,7 @@ static void plan_splat(tc_plan *plan, const tc_volume *volume, const tc_scene *s
   plan->resources = 0;
   plan->key.voxel_type = (uint8_t)tc_volume_describe(volume)->type;
   plan->key.projection = (uint8_t)s->camera.projection;
-  plan->key.shading = s->splat.opaque ? (uint8_t)s->shading.model : TC_SHADING_NONE;
+  plan->key.shading = (uint8_t)s->shading.model;
   plan->depth = request->want_depth;
   plan_labels(plan, s);
   need(plan, TC_RESOURCE_RUNS);

@@ -29,8 +29,8 @@ static void begin_brick(const pile *p, int x, int y, int z, bool cap) {
 }
 
 static void add_word(const pile *p, int x, int y, int z, unsigned faces, const double normal[3]) {
-  int folded[2];
-  tc_octahedron_fold(normal, 63, folded);
+  int folded[2] = {127, 127};
+  if (faces) tc_octahedron_fold(normal, 63, folded);
   const uint32_t word = (uint32_t)(x & 15) | (uint32_t)(y & 15) << 4 | (uint32_t)(z & 15) << 8 | faces << 12 |
                         (uint32_t)folded[0] << 18 | (uint32_t)folded[1] << 25;
   g_array_append_val(p->words, word);

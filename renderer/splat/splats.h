@@ -2,7 +2,7 @@
  *
  * A splat is a voxel with a free neighbour (of six). Its word holds the place in the brick (x, y, z: 4 bits each from
  * bit 0), the faces on which it is free (6 bits from bit 12: -x +x -y +y -z +z) and the outward normal in LPS (an
- * octahedral map of 7 + 7 bits from bit 18). A voxel without a free face is no splat: it is part of the object's
+ * octahedral map of 7 + 7 bits from bit 18; all set: none, of a voxel inside). A voxel without a free face is no splat: it is part of the object's
  * inside, which nobody sees; nor is a splat seen from an eye that is on the filled side of all its free faces. */
 #ifndef TC_SPLAT_SPLATS_H
 #define TC_SPLAT_SPLATS_H

@@ -78,8 +78,7 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
   } else {
     x = x * scale, y = y * scale;
   }
-  x = x + v_set(0.5f * g->width - (float)t->x0),
-  y = y + v_set(0.5f * g->height - (float)t->y0);
+  x = x + v_set(0.5f * g->width - (float)t->x0), y = y + v_set(0.5f * g->height - (float)t->y0);
   vf xx = v_set(0), yy = xx, xy = xx;
   for (int k = 0; k < 3; k++) {
     vf jx = v_fnma(u, v_set(g->axis[2][k]), v_set(g->axis[0][k])),
@@ -288,27 +287,49 @@ V_INLINE vm in_sheet(const tc_splat_entry *e, uint32_t first, int axis, int at) 
   return v_eq(v_float(v_andi(v_sra(word, 4 * axis), v_seti(15))), v_set((float)at));
 }
 
+/* Colours and extinctions of a batch's voxels that are `here`, lit where they have normals. */
+static void look_up_matter(const tc_splat_args *g, const tc_splat_brick *brick, const batch *b, const float *here,
+                           const tc_splat_tile *t, float rgbk[V_LANES][4]) {
+  float n[3][V_LANES] = {0}, c[3][V_LANES] = {0};
+  for (int i = 0; i < V_LANES; i++) {
+    float one[3] = {0};
+    uint32_t word;
+    rgbk[i][3] = 0;
+    if (!(b->alive[i] * here[i] > 0) || b->z[i] == INFINITY) continue;
+    memcpy(&word, &b->word[i], 4);
+    const int voxel[3] = {brick->at[0] * 16 + (int)(word & 15), brick->at[1] * 16 + (int)(word >> 4 & 15),
+                          brick->at[2] * 16 + (int)(word >> 8 & 15)};
+    g->matter.of(g->matter.user, voxel, rgbk[i]);
+    if (word >> 25 != 127) tc_octahedron_unfold(word >> 18 & 127, word >> 25, 63, one);
+    for (int k = 0; k < 3; k++)
+      n[k][i] = one[k], c[k][i] = rgbk[i][k];
+  }
+  if (!g->shaded) return;
+  const vf normal[3] = {v_load(n[0]), v_load(n[1]), v_load(n[2])};
+  const lighting l = lighting_at(v_load(b->x) + v_set((float)t->x0), v_load(b->y) + v_set((float)t->y0), g->direction0,
+                                 g->direction_du, g->direction_dv, g->shade.light);
+  const vf4 lit = shade(&g->shade, &l, normal, normal, (vf4){v_load(c[0]), v_load(c[1]), v_load(c[2]), v_set(1)});
+  v_store(c[0], lit.r), v_store(c[1], lit.g), v_store(c[2], lit.b);
+  for (int i = 0; i < V_LANES; i++)
+    for (int k = 0; k < 3; k++)
+      rgbk[i][k] = c[k][i];
+}
+
 static void put_sheet(const tc_splat_args *g, const tc_splat_entry *e, int axis, int at, tc_splat_tile *t) {
   const tc_splat_brick *brick = &e->of->bricks[e->brick];
-  float here[V_LANES];
+  float here[V_LANES], rgbk[V_LANES][4];
   batch b;
   for (uint32_t first = brick[0].first; first < brick[1].first; first += V_LANES) {
     if (leaves(g, brick, first, t)) return;
     vm wanted = in_sheet(e, first, axis, at);
     if (!m_any(wanted) || !project(g, e, t, first, brick[1].first - first, &b)) continue;
     v_store(here, v_select(wanted, v_set(1), v_set(0)));
+    look_up_matter(g, brick, &b, here, t, rgbk);
     for (int i = 0; i < V_LANES; i++) {
-      if (!(b.alive[i] * here[i] > 0) || b.z[i] == INFINITY) continue;
+      if (!(rgbk[i][3] > 0)) continue;
       const reach r = reach_of(&b, i, 1, t);
       if (r.x1 < r.x0 || r.y1 < r.y0) continue;
-      uint32_t word;
-      float rgbk[4];
-      memcpy(&word, &b.word[i], 4);
-      const int voxel[3] = {brick->at[0] * 16 + (int)(word & 15), brick->at[1] * 16 + (int)(word >> 4 & 15),
-                            brick->at[2] * 16 + (int)(word >> 8 & 15)};
-      g->matter.of(g->matter.user, voxel, rgbk);
-      if (!(rgbk[3] > 0)) continue;
-      add_matter(g, &b, i, &r, rgbk, t);
+      add_matter(g, &b, i, &r, rgbk[i], t);
       t->drawn++;
     }
   }

@@ -359,8 +359,26 @@ static void matter_of(const void *user, const int at[3], float rgbk[4]) {
   memcpy(rgbk, matter, sizeof matter);
 }
 
+/* What a head light (Lambert) makes of a voxel of the ball, by the radius; inside nothing. */
+static double light_of(const object *o, const tc_scene *scene, const int at[3]) {
+  static const int beside[6][3] = {{-1}, {1}, {0, -1}, {0, 1}, {0, 0, -1}, {0, 0, 1}};
+  double n[3], place[3], to_eye[3], out = 0, length = 0, eye = 0;
+  bool inside = true;
+  for (int f = 0; f < 6; f++)
+    inside &= tc_vmd_voxel(o->model, at[0] + beside[f][0], at[1] + beside[f][1], at[2] + beside[f][2]) != NULL;
+  if (scene->shading.model == TC_SHADING_NONE || inside) return 1;
+  tc_volume_index_to_lps(o->volume, (double[]){at[0], at[1], at[2]}, place);
+  for (int k = 0; k < 3; k++) { /* axes are a voxel of 1 mm: LPS is the index but for the origin */
+    n[k] = at[k] - 19.5;
+    to_eye[k] = scene->camera.position[k] - (scene->camera.projection == TC_PERSPECTIVE ? place[k] : scene->camera.target[k]);
+    out += n[k] * to_eye[k], length += n[k] * n[k], eye += to_eye[k] * to_eye[k];
+  }
+  return scene->shading.ambient + scene->shading.diffuse * fabs(out) / sqrt(length * eye);
+}
+
 /* The blurred field at an index position: depth a mm and its colours. */
-static void blurred(const object *o, double deviation, const float *extinction, const double p[3], double sum[4]) {
+static void blurred(const object *o, const tc_scene *scene, double deviation, const float *extinction,
+                    const double p[3], double sum[4]) {
   const int reach = (int)ceil(3 * deviation);
   for (int k = 0; k < 4; k++)
     sum[k] = 0;
@@ -373,8 +391,9 @@ static void blurred(const object *o, double deviation, const float *extinction, 
         matter_of(extinction, (int[]){x, y, z}, rgbk);
         const double k =
             (double)rgbk[3] * exp(-0.5 * r2 / (deviation * deviation)) / pow(2 * M_PI * deviation * deviation, 1.5);
+        const double light = light_of(o, scene, (int[]){x, y, z});
         for (int c = 0; c < 3; c++)
-          sum[c] += k * (double)rgbk[c];
+          sum[c] += k * fmin(light * (double)rgbk[c], 1);
         sum[3] += k;
       }
 }
@@ -400,7 +419,7 @@ static void march(const object *o, const tc_scene *scene, double deviation, cons
     const double p[3] = {entry[0] + s * dir[0], entry[1] + s * dir[1], entry[2] + s * dir[2]};
     double here[4];
     if (p[0] < 0 || p[1] < 0 || p[2] < 0 || p[0] > 40 || p[1] > 40 || p[2] > 40) continue;
-    blurred(o, deviation, extinction, p, here);
+    blurred(o, scene, deviation, extinction, p, here);
     if (here[3] <= 0) continue;
     const double alpha = 1 - exp(-here[3] * step);
     for (int c = 0; c < 3; c++)
@@ -411,15 +430,16 @@ static void march(const object *o, const tc_scene *scene, double deviation, cons
 }
 
 static void translucent_splats_show_the_blurred_field(void **state) {
-  object objects[2] = {object_of(&cube, blob, rough), object_of(&flat_grid, blob, ball)};
+  object objects[3] = {object_of(&cube, blob, rough), object_of(&flat_grid, blob, ball), object_of(&cube, blob, ball)};
   drawing d = {0};
-  for (int i = 0; i < 10; i++) {
-    const object *o = &objects[i / 2 % 2];
+  for (int i = 0; i < 12; i++) {
+    const object *o = &objects[i < 10 ? i / 2 % 2 : 2]; /* the last two lit */
     const float extinction = i % 3 == 2 ? 0.5f : 0.06f;
     tc_scene scene;
     look(&scene, o, i + 4, 1);
     scene.splat.opaque = false;
     scene.splat.kernel_radius = i % 2 ? 1 : 1.5;
+    scene.shading.model = i < 10 ? TC_SHADING_NONE : TC_SHADING_LAMBERT;
     draw_now(o, &scene, (wish){.matter = {matter_of, &extinction}}, &d);
     double sum = 0, worst = 0, truth[4];
     int n = 0;
@@ -436,7 +456,7 @@ static void translucent_splats_show_the_blurred_field(void **state) {
     tc_scene_clear(&scene);
   }
   tc_frame_finish(&d.frame);
-  for (int i = 0; i < 2; i++)
+  for (int i = 0; i < 3; i++)
     object_free(&objects[i]);
 }
 
