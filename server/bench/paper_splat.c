@@ -8,7 +8,7 @@
 #include <zlib.h>
 
 #include "renderer/export/export.h"
-#include "renderer/splat/splats.h"
+#include "renderer/splat/vmd.h"
 #include "server/cli/cli.h"
 
 /* Bytes of a record for each voxel of the grid ("standard way") and of a .vmd; milliseconds without and with culling.
@@ -23,9 +23,10 @@ static const double azimuths[] = {0, 60, 120, 180, 240, 300}; /* Table 2 is of m
 
 /* Bytes of an object kept in different ways, of a byte for each voxel, as an index into a palette is. */
 typedef struct sizes {
-  double grid, box, grid_gzip, nrrd; /* a byte for each voxel: of the volume, of the object's bounding box; compressed */
+  double grid, box, grid_gzip,
+      nrrd; /* a byte for each voxel: of the volume, of the object's bounding box; compressed */
   double vmd, vmd_gzip, memory, shell; /* shell: in memory, without voxels nobody sees */
-  double voxels, splat; /* splat: bytes in memory of one that may be seen */
+  double voxels;
 } sizes;
 
 /* The object as a grid of ones; its bounding box. */
@@ -47,7 +48,8 @@ static uint8_t *grid_of(const tc_vmd *m, size_t *bytes, double *box) {
 
 /* Bytes of the grid as a compressed NRRD file; 0 with *error. */
 static double nrrd_bytes(const tc_vmd *m, const uint8_t *grid, size_t bytes, GError **error) {
-  char *folder = g_dir_make_tmp("tomocast-XXXXXX", error), *path = folder ? g_build_filename(folder, "grid.nrrd", NULL) : NULL;
+  char *folder = g_dir_make_tmp("tomocast-XXXXXX", error),
+       *path = folder ? g_build_filename(folder, "grid.nrrd", NULL) : NULL;
   tc_volume_desc desc = m->head.grid;
   desc.type = TC_U8, desc.slope = 1, desc.intercept = 0;
   tc_volume *volume = path ? tc_volume_new(&desc, error) : NULL;
@@ -65,16 +67,12 @@ static double nrrd_bytes(const tc_vmd *m, const uint8_t *grid, size_t bytes, GEr
   return (double)file.st_size;
 }
 
-/* Of what may be seen: the shell's model, and the splats. */
-static bool measure_seen(const tc_volume *volume, tc_vmd_wish wish, const tc_vmd *m, sizes *s, GError **error) {
+static bool measure_shell(const tc_volume *volume, tc_vmd_wish wish, sizes *s, GError **error) {
   wish.shell = true;
   tc_vmd *shell = tc_vmd_of_volume(volume, &wish, NULL, error);
-  tc_splats *splats = shell ? tc_splats_build(m, (tc_splat_normals){0}, false, NULL, error) : NULL;
-  if (splats) s->shell = (double)shell->total_bytes, s->splat = (double)splats->bytes / MAX(splats->n, 1);
-  const bool good = splats != NULL;
-  tc_splats_free(splats);
+  if (shell) s->shell = (double)shell->total_bytes;
   tc_vmd_free(shell);
-  return good;
+  return shell != NULL;
 }
 
 static bool measure_sizes(const tc_vmd *m, sizes *s, GError **error) {
@@ -130,15 +128,16 @@ static bool measure_times(const tcs_paper_run *run, tc_volume *volume, const tc_
 
 void tcs_paper_splat_begin(const tcs_paper_run *run) {
   if (!run->print) return;
-  printf("paper 004: a byte for each voxel; a grid of its bounding box (box) over a .vmd on disk and in memory, as a solid "
-         "and as a shell; %dx%d pixels\n%-15s %8s %9s %7s %8s %8s %8s %8s %7s %7s %7s %7s %8s %8s %6s %8s\n",
+  printf("paper 004: a byte for each voxel; a grid of its bounding box (box) over a .vmd on disk and in memory, as a "
+         "solid "
+         "and as a shell; %dx%d pixels\n%-15s %8s %9s %7s %8s %8s %8s %8s %7s %7s %7s %8s %8s %6s %8s\n",
          run->size, run->size, "object", "voxels", "box", "grid.gz", "nrrd.gz", "vmd", "vmd.gz", "memory", "box/vmd",
-         "box/mem", "/shell", "B/splat", "unculled", "culled", "gain", "ray-cast");
+         "box/mem", "/shell", "unculled", "culled", "gain", "ray-cast");
   for (size_t i = 0; i < G_N_ELEMENTS(published); i++) {
     const struct published *p = &published[i];
-    printf("paper: %-8s %8s %9.0f %7s %8s %8.0f %8s %8s %7.1f %7.1f %7s %7s %8.1f %8.1f %6.1f\n", p->object, "",
-           p->standard, "", "", p->vmd, "", "", p->standard / p->vmd, p->standard / p->vmd, "", "", p->unculled,
-           p->culled, p->unculled / p->culled);
+    printf("paper: %-8s %8s %9.0f %7s %8s %8.0f %8s %8s %7.1f %7.1f %7s %8.1f %8.1f %6.1f\n", p->object, "",
+           p->standard, "", "", p->vmd, "", "", p->standard / p->vmd, p->standard / p->vmd, "", p->unculled, p->culled,
+           p->unculled / p->culled);
   }
 }
 
@@ -149,7 +148,7 @@ bool tcs_paper_splat(const tcs_paper_run *run, tc_volume *volume, const char *na
   sizes s = {0};
   double ms[3];
   tc_vmd *model = tc_vmd_of_volume(volume, &wish, NULL, error);
-  bool good = model && measure_sizes(model, &s, error) && measure_seen(volume, wish, model, &s, error);
+  bool good = model && measure_sizes(model, &s, error) && measure_shell(volume, wish, &s, error);
   tc_vmd_free(model);
   tc_scene_copy(&scene, from);
   scene.isosurface.value = scene.splat.threshold[0];
@@ -157,17 +156,16 @@ bool tcs_paper_splat(const tcs_paper_run *run, tc_volume *volume, const char *na
   tc_scene_clear(&scene);
   if (!good) return false;
   if (run->print)
-    printf("%-15.15s %8.0f %9.0f %7.0f %8.0f %8.0f %8.0f %8.0f %7.1f %7.1f %7.1f %7.2f %8.2f %8.2f %6.1f %8.2f\n", name,
+    printf("%-15.15s %8.0f %9.0f %7.0f %8.0f %8.0f %8.0f %8.0f %7.1f %7.1f %7.1f %8.2f %8.2f %6.1f %8.2f\n", name,
            s.voxels, s.box, s.grid_gzip, s.nrrd, s.vmd, s.vmd_gzip, s.memory, s.box / s.vmd, s.box / s.memory,
-           s.box / s.shell, s.splat, ms[0], ms[1], ms[0] / ms[1], ms[2]);
+           s.box / s.shell, ms[0], ms[1], ms[0] / ms[1], ms[2]);
   const struct {
     const char *name;
     double value;
-  } numbers[] = {{"voxels", s.voxels},           {"gridBytes", s.grid}, {"boxBytes", s.box},
-                 {"gridGzipBytes", s.grid_gzip}, {"vmdBytes", s.vmd},   {"vmdGzipBytes", s.vmd_gzip},
-                 {"memoryBytes", s.memory},      {"unculledMs", ms[0]}, {"culledMs", ms[1]},
-                 {"isosurfaceMs", ms[2]},        {"nrrdGzipBytes", s.nrrd}, {"shellMemoryBytes", s.shell},
-                 {"splatBytes", s.splat}};
+  } numbers[] = {{"voxels", s.voxels},           {"gridBytes", s.grid},     {"boxBytes", s.box},
+                 {"gridGzipBytes", s.grid_gzip}, {"vmdBytes", s.vmd},       {"vmdGzipBytes", s.vmd_gzip},
+                 {"memoryBytes", s.memory},      {"unculledMs", ms[0]},     {"culledMs", ms[1]},
+                 {"isosurfaceMs", ms[2]},        {"nrrdGzipBytes", s.nrrd}, {"shellMemoryBytes", s.shell}};
   cJSON *json = cJSON_CreateObject();
   cJSON_AddStringToObject(json, "paper", "004");
   cJSON_AddStringToObject(json, "volume", name);
