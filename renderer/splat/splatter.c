@@ -13,6 +13,12 @@
 #define LEAST_RADIUS2 0.51 /* a circle of this radius (squared, pixels) holds a pixel's centre wherever it is */
 #define KERNEL_FALL 3.0    /* exponent at the kernel's rim */
 #define FEW_AREA 1e-3      /* pixels a voxel: below, weights shrink with it, so that sums do not overflow */
+/* Voxels that are larger than pixels show their normals' steps: from SMALL to LARGE pixels the kernel's radius grows to
+ * SMOOTH voxels, or to MOST_PIXELS. What is covered does not grow: neither cores nor, where none is, footprints. */
+#define SMALL 2
+#define LARGE 6
+#define SMOOTH 2
+#define MOST_PIXELS 100
 
 typedef struct drawing {
   const tc_splat_job *job;
@@ -115,6 +121,20 @@ static double footprint(tc_filter filter, double q) {
   return 1 - r * r * (3 - 2 * r);
 }
 
+/* Whether the eye is within the grid, where splats may be as large as the picture. */
+static bool is_within(const drawing *d) {
+  const int *dims = tc_volume_describe(d->job->volume)->dims;
+  bool within = d->args.perspective;
+  for (int k = 0; k < 3; k++)
+    within = within && d->eye[k] > -1 && d->eye[k] < dims[k];
+  return within;
+}
+
+static double grown_radius(double radius, double pixels) {
+  const double share = fmin(fmax((pixels - SMALL) / (LARGE - SMALL), 0), 1);
+  return fmax(radius, fmin(radius + (SMOOTH - radius) * share, MOST_PIXELS / pixels));
+}
+
 static void set_kernel(drawing *d) {
   const tc_scene *scene = d->job->scene;
   tc_splat_args *g = &d->args;
@@ -124,11 +144,6 @@ static void set_kernel(drawing *d) {
     depth += d->to_view[2][k] * d->to_view[2][k];
     width = fmax(width, hypot(d->to_view[0][k], d->to_view[1][k]));
   }
-  g->radius2 = (float)(radius * radius);
-  const double core = fmax(TC_SPLAT_CORE, fmin(1, TC_SPLAT_CORE / radius));
-  g->core_root = (float)core;
-  g->core = (float)(core * core);
-  g->least2 = (float)(LEAST_RADIUS2 / (core * core));
   g->window_mm = (float)(2 * radius * sqrt(depth));
   g->near_mm = g->perspective ? g->window_mm : -INFINITY;
   if (g->perspective) {
@@ -138,11 +153,18 @@ static void set_kernel(drawing *d) {
       distance += d->to_view[2][k] * 0.5 * dims[k];
     distance = fmax(distance, (double)g->near_mm);
   }
-  const double area = pow(width * (double)g->scale / distance, 2), most = fmax(1, 255 * fmin(1, area / FEW_AREA));
+  const double pixels = width * (double)g->scale / distance, most = fmax(1, 255 * fmin(1, pixels * pixels / FEW_AREA));
+  const double wide = is_within(d) ? radius : grown_radius(radius, pixels);
+  const double covered = fmax(TC_SPLAT_CORE, fmin(1, TC_SPLAT_CORE / radius)), core = covered * radius / wide;
+  g->radius2 = (float)(wide * wide);
+  g->core_root = (float)core;
+  g->core = (float)(core * core);
+  g->least2 = (float)(LEAST_RADIUS2 / (core * core));
+  g->open = (float)(wide * wide / (radius * radius));
   for (int i = 0; i < TC_WEIGHT_STEPS; i++)
     g->weights[i] = (uint8_t)fmax(1, lround(most * footprint(scene->filter, (i + 0.5) / TC_WEIGHT_STEPS)));
   g->weights[TC_WEIGHT_STEPS] = 0;
-  g->full = g->weights[(int)(core * core * (TC_WEIGHT_STEPS - 1))];
+  g->full = g->weights[(int)(covered * covered * (TC_WEIGHT_STEPS - 1))];
 }
 
 static void set_light(drawing *d) {
@@ -152,7 +174,8 @@ static void set_light(drawing *d) {
   if (!g->shaded) return;
   tc_shade_set_up(&g->shade, d->job->volume, d->job->volume, scene);
   memset(g->shade.gradient, 0, sizeof g->shade.gradient);
-  for (int k = 0; k < 3; k++) g->shade.gradient[k][k] = 0.5f; /* of twice the normal */
+  for (int k = 0; k < 3; k++)
+    g->shade.gradient[k][k] = 0.5f; /* of twice the normal */
   g->shade.flat = 0;
   g->shade.inverse_steep = 1;
 }
@@ -203,7 +226,7 @@ static bool set_box(const drawing *d, tc_splat_entry *e, const double middle[3],
       lo = fmin(lo / near, lo / far), hi = fmax(hi / near, hi / far);
       stretch = (1 + fmax(fabs(lo), fabs(hi))) / near;
     }
-    const double reach = radius * (double)g->scale * stretch + 1.5;
+    const double reach = radius * (double)g->scale * stretch + sqrt((double)g->least2) + 0.5;
     e->box[k] = (float)(0.5 * size[k] + lo * (double)g->scale - reach);
     e->box[2 + k] = (float)(0.5 * size[k] + hi * (double)g->scale + reach);
     if (e->box[2 + k] < 0 || (double)e->box[k] > size[k]) return false;

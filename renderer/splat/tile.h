@@ -34,6 +34,7 @@ typedef struct tc_splat_args {
   float core,
       core_root; /* of the footprint that hides what is behind it: square of its size over the kernel's, and size */
   float full;    /* weight at the core's rim, and sum of weights from which on a pixel is covered */
+  float open;    /* squares of distances are multiplied by it where no core is */
   const double (*planes)[4]; /* index coordinates */
   int n_planes;
   float color[3]; /* where matter.of is NULL */

@@ -153,8 +153,9 @@ V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const
   for (int y = r->y0; y <= r->y1; y++)
     for (int x = r->x0; x <= r->x1; x += V_LANES) {
       const int p = y * TC_TILE_STRIDE + x;
-      vf q = distances(b, i, x, (float)y + 0.5f - b->y[i]);
-      vm seen = m_and(v_lt(q, v_set(1)), v_lt(z, v_load(t->depth + p)));
+      vf q = distances(b, i, x, (float)y + 0.5f - b->y[i]), before = v_load(t->depth + p);
+      q = q * v_select(v_lt(before, v_set(INFINITY)), v_set(1), v_set(g->open));
+      vm seen = m_and(v_lt(q, v_set(1)), v_lt(z, before));
       if (g->culling && !m_any(seen)) continue;
       q = v_select(seen, v_max(q, v_set(0)), v_set(1));
       vi weight = v_bytes(g->weights, v_trunc(q * v_set(TC_WEIGHT_STEPS)));

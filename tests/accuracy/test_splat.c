@@ -34,6 +34,7 @@ static object object_of(const test_grid *grid, test_field field, const void *con
   tc_vmd_subject_free(subject);
   assert_true(o.splats && o.everything && o.splats->n > 0);
   assert_int_equal(o.everything->n, o.model->voxels);
+  assert_true(o.splats->bytes < 6 * (size_t)o.splats->n);
   return o;
 }
 
@@ -279,6 +280,34 @@ static void splats_are_where_the_surface_is(void **state) {
   object_free(&o);
 }
 
+/* Voxels of many pixels show no steps: the light is near the isosurface's. */
+static void large_voxels_are_lit_smoothly(void **state) {
+  object o = object_of(&cube, blob, ball);
+  tc_renderer *renderer = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
+  drawing d = {0};
+  tc_frame truth = {0};
+  double sum = 0;
+  int n = 0;
+  for (int i = 6; i < 12; i++) {
+    tc_scene scene;
+    look(&scene, &o, i, 5);
+    tc_scene_light(&scene, true);
+    draw_now(&o, &scene, (wish){0}, &d);
+    scene.mode = TC_MODE_ISOSURFACE;
+    scene.isosurface.value = 0;
+    assert_true(tc_render(renderer, o.volume, &scene, &(tc_render_request){.want_linear = true}, &truth, NULL, NULL));
+    for (int p = 0; p < SIDE * SIDE; p++, n++)
+      sum += pow((double)(d.frame.linear[4 * p] - truth.linear[4 * p]), 2);
+    tc_scene_clear(&scene);
+  }
+  print_message("light rms %.4f\n", sqrt(sum / n));
+  assert_true(sqrt(sum / n) < 0.016);
+  tc_frame_finish(&d.frame);
+  tc_frame_finish(&truth);
+  tc_renderer_free(renderer);
+  object_free(&o);
+}
+
 /* A bowl of 2.4 voxels: its rim is seen from both sides. */
 static double bowl(double x, double y, double z, const void *context) {
   const double dx = x - 19.5, dy = y - 19.5, dz = z - 19.5;
@@ -370,7 +399,8 @@ static double light_of(const object *o, const tc_scene *scene, const int at[3]) 
   tc_volume_index_to_lps(o->volume, (double[]){at[0], at[1], at[2]}, place);
   for (int k = 0; k < 3; k++) { /* axes are a voxel of 1 mm: LPS is the index but for the origin */
     n[k] = at[k] - 19.5;
-    to_eye[k] = scene->camera.position[k] - (scene->camera.projection == TC_PERSPECTIVE ? place[k] : scene->camera.target[k]);
+    to_eye[k] =
+        scene->camera.position[k] - (scene->camera.projection == TC_PERSPECTIVE ? place[k] : scene->camera.target[k]);
     out += n[k] * to_eye[k], length += n[k] * n[k], eye += to_eye[k] * to_eye[k];
   }
   return scene->shading.ambient + scene->shading.diffuse * fabs(out) / sqrt(length * eye);
@@ -539,14 +569,11 @@ static void frames_are_made_in_pieces(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(culling_changes_no_bit),
-                                     cmocka_unit_test(scalar_and_vector_agree),
-                                     cmocka_unit_test(constant_solids_are_constant),
-                                     cmocka_unit_test(splats_are_where_the_surface_is),
-                                     cmocka_unit_test(rims_do_not_shine),
-                                     cmocka_unit_test(a_cut_shows_a_solid_face),
-                                     cmocka_unit_test(translucent_splats_show_the_blurred_field),
-                                     cmocka_unit_test(paused_pictures_end_the_same),
-                                     cmocka_unit_test(frames_are_made_in_pieces)};
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(culling_changes_no_bit),        cmocka_unit_test(scalar_and_vector_agree),
+      cmocka_unit_test(constant_solids_are_constant),  cmocka_unit_test(splats_are_where_the_surface_is),
+      cmocka_unit_test(large_voxels_are_lit_smoothly), cmocka_unit_test(rims_do_not_shine),
+      cmocka_unit_test(a_cut_shows_a_solid_face),      cmocka_unit_test(translucent_splats_show_the_blurred_field),
+      cmocka_unit_test(paused_pictures_end_the_same),  cmocka_unit_test(frames_are_made_in_pieces)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -19,8 +19,8 @@ typedef struct splat_block {
   _Alignas(16) float axis[3][4];
   float direction0[4], direction_du[4], direction_dv[4], planes[12][4], color[4];
   uint8_t weights[65 * 16];
-  float size[2], scale, radius2, least2, near_mm, window_mm, core, core_root, full;
-  int32_t perspective, culling, n_planes, unused;
+  float size[2], scale, radius2, least2, near_mm, window_mm, core, core_root, full, open;
+  int32_t perspective, culling, n_planes;
 } splat_block;
 
 typedef struct splat_entry { /* Entry of splat_pass.glsl */
@@ -46,7 +46,7 @@ static void fill_block(const drawing *d, splat_block *b) {
   const tc_splat_args *g = &d->of.args;
   *b = (splat_block){.size = {g->width, g->height}, .scale = g->scale, .radius2 = g->radius2, .least2 = g->least2,
                      .near_mm = g->near_mm, .window_mm = g->window_mm, .core = g->core, .core_root = g->core_root,
-                     .full = g->full, .perspective = g->perspective, .culling = g->culling, .n_planes = g->n_planes};
+                     .full = g->full, .open = g->open, .perspective = g->perspective, .culling = g->culling, .n_planes = g->n_planes};
   for (int k = 0; k < 3; k++) {
     memcpy(b->axis[k], g->axis[k], sizeof g->axis[k]);
     b->direction0[k] = g->direction0[k], b->direction_du[k] = g->direction_du[k], b->direction_dv[k] = g->direction_dv[k];

@@ -6,11 +6,12 @@ layout(std140, binding = 1) uniform Splat {
   vec4 color;
   uvec4 weights[65];  // four a word
   vec2 size;          // pixels of the picture
-  float scale, radius2, least2, near_mm, window_mm, core, core_root, full;
-  int perspective, culling, n_planes, unused;
+  float scale, radius2, least2, near_mm, window_mm, core, core_root, full, open;
+  int perspective, culling, n_planes;
 } splat;
 
 const int BLOCK = 8;
+const uint FAR = 0xff800000u; // ordered(infinite)
 layout(std430, binding = 6) buffer Nearest { uint nearest[]; }; // [h][w] of the tile: ordered(depth), mm; then of each block the farthest
 layout(std430, binding = 7) buffer Sums { int sums[]; };        // [h][w][4]: weight, and weight times normal, in 127ths
 

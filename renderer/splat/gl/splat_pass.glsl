@@ -99,6 +99,8 @@ void put(Footprint f, ivec2 from, ivec2 to) {
     for (int x = from.x; x <= to.x; x++) {
       float q = distance_at(f, ivec2(x, y));
       int at = y * tile.z + x;
+      if (nearest[at] == FAR)
+        q *= splat.open;
       if (!(q < 1.0) || !(z < depth_of(nearest[at])))
         continue;
       uint step = uint(max(q, 0.0) * 1024.0);
