@@ -1,6 +1,6 @@
 // Wires the parts of the page together. Decisions live in the parts.
 
-import { linkIn, TokenDialog } from './access.js';
+import { linked, linkIn, TokenDialog } from './access.js';
 import { Actions } from './actions.js';
 import { Address } from './address.js';
 import { Api } from './api.js';
@@ -220,6 +220,7 @@ function showVolume(volume, box, histogram) {
   slices.update();
   showControls();
   sequence.setVolume(volume);
+  if (linkIn(location.hash).token || linked(api.token).session) sequence.forbid();
 }
 
 /** The picture is of another volume of the same file: what is set stays. */

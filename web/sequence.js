@@ -166,7 +166,7 @@ export class Sequence {
   #update() {
     const { frames = 1 } = this.#shown ?? {};
     const [bar, slider, play] = ['sequence', 'time', 'play'].map((id) => this.#get(id));
-    bar.hidden = frames < 2 || !this.#allowed;
+    bar.hidden = frames < 2 || !this.#allowed || !this.#shown.volumes;
     if (bar.hidden) return;
     slider.max = frames;
     slider.value = this.#wanted;

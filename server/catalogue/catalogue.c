@@ -242,14 +242,15 @@ static cJSON *describe(const row *r) {
   return json;
 }
 
-static void add_volumes(tcs_catalogue *catalogue, const tcs_series *series, cJSON *json) {
+static void add_volumes(tcs_catalogue *catalogue, const tcs_series *series, tcs_entry_wanted *wanted, const void *user,
+                        cJSON *json) {
   cJSON *list = cJSON_AddArrayToObject(json, "volumes");
   GHashTableIter iterator;
   void *value;
   g_hash_table_iter_init(&iterator, catalogue->entries);
   while (g_hash_table_iter_next(&iterator, &value, NULL)) {
     const tcs_entry *entry = value;
-    if (entry->series != series) continue;
+    if (entry->series != series || !wanted(user, entry->kind, entry->id)) continue;
     cJSON *item = cJSON_CreateObject();
     cJSON_AddStringToObject(item, "id", entry->id);
     cJSON_AddNumberToObject(item, "volume", entry->part);
@@ -258,10 +259,10 @@ static void add_volumes(tcs_catalogue *catalogue, const tcs_series *series, cJSO
   }
 }
 
-cJSON *tcs_catalogue_describe(tcs_catalogue *catalogue, const tcs_entry *entry) {
+cJSON *tcs_catalogue_describe(tcs_catalogue *catalogue, const tcs_entry *entry, tcs_entry_wanted *wanted, const void *user) {
   const row r = row_of(entry);
   cJSON *json = describe(&r);
-  if (entry->series) add_volumes(catalogue, entry->series, json);
+  if (entry->series) add_volumes(catalogue, entry->series, wanted, user, json);
   return json;
 }
 

@@ -107,11 +107,11 @@ static inline tcs_series *tcs_series_ref(tcs_series *series) {
 /* Finds a file of the data folder for a client: a path beneath it ("#N" chooses a DICOM series), or "demo:NAME". */
 bool tcs_catalogue_resolve(tcs_catalogue *catalogue, tcs_kind kind, const char *path, tcs_source_file *source, GError **error);
 
-/* With the volumes of its series that the catalogue has. */
-cJSON *tcs_catalogue_describe(tcs_catalogue *catalogue, const tcs_entry *entry);
 /* Those of a kind as they are, for a list that another thread writes: those that `wanted` has, all where it is NULL.
  * Freed with tcs_rows_free(). */
 typedef bool tcs_entry_wanted(const void *user, tcs_kind kind, const char *id);
+/* One, with the volumes of its series that there are and that `wanted` has. */
+cJSON *tcs_catalogue_describe(tcs_catalogue *catalogue, const tcs_entry *entry, tcs_entry_wanted *wanted, const void *user);
 GArray *tcs_catalogue_rows(tcs_catalogue *catalogue, tcs_kind kind, tcs_entry_wanted *wanted, const void *user);
 cJSON *tcs_rows_describe(GArray *rows); /* by id; any thread */
 void tcs_rows_free(GArray *rows);

@@ -60,7 +60,7 @@ typedef struct tcs_kind_row {
 extern const tcs_kind_row tcs_kind_volume, tcs_kind_mesh;
 
 void tcs_series_unref(tcs_series *series); /* NULL is fine */
-/* Whether what was loaded is one of several: its file may be wanted again. */
+/* Whether what was loaded is one of several: its file may be wanted again. Worker or I/O thread. */
 bool tcs_load_is_of_series(const tcs_load *load);
 
 /* What is counted for a volume or a mesh until the last of its users is gone: tcs_hold_freed() is to be called with it then. */

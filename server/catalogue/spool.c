@@ -151,6 +151,17 @@ bool tcs_spooled_grow(tcs_spooled *file, int64_t bytes, GError **error) {
 
 void tcs_spooled_complete(tcs_spooled *file) { file->uploading = false; }
 
+bool tcs_spooled_keep(tcs_spooled *file) {
+  const int64_t most = file->spool->server->config->limits.spool_bytes;
+  int64_t all = file->bytes, own = file->bytes;
+  for (const GList *item = file->spool->files.head; item; item = item->next) {
+    const tcs_spooled *other = item->data;
+    all += other->kept ? other->bytes : 0;
+    own += other->kept && strcmp(other->client, file->client) == 0 ? other->bytes : 0;
+  }
+  return file->kept = all <= most / 2 && own <= most / 4;
+}
+
 void tcs_spooled_remove(tcs_spooled *file) {
   if (file->fd >= 0) close(file->fd);
   if (file->lock_fd >= 0) {

@@ -18,6 +18,7 @@ typedef struct tcs_spooled {
   int lock_fd, fd; /* of the folder; of the file, open for writing until tcs_spooled_complete() */
   int64_t bytes;   /* counted in the spool */
   bool uploading;  /* counted in the limits of uploads */
+  bool kept;       /* after it was loaded, for other volumes of it */
   GList link;
 } tcs_spooled;
 
@@ -31,6 +32,8 @@ tcs_spooled *tcs_spool_open(tcs_spool *spool, const char *client, GError **error
 bool tcs_spooled_grow(tcs_spooled *file, int64_t bytes, GError **error);
 /* The upload is complete: it counts as one no more. */
 void tcs_spooled_complete(tcs_spooled *file);
+/* It is to stay after it was loaded. False: kept files have half of the spool already, or the client's a quarter. */
+bool tcs_spooled_keep(tcs_spooled *file);
 /* Closes and removes file and folder; a second call does nothing. Any thread, one at a time. */
 void tcs_spooled_remove(tcs_spooled *file);
 /* Removes what is there, on the spool's thread, and forgets it. NULL is fine. */

@@ -44,7 +44,8 @@ bool tcs_load_is_of_series(const tcs_load *load) {
 
 /* The first that is loaded of several brings their file along. */
 static void keep_series(tcs_load *load, tcs_entry *entry) {
-  if (entry->series || !tcs_load_is_of_series(load)) return;
+  tcs_spooled *upload = load->source.upload;
+  if (entry->series || !tcs_load_is_of_series(load) || (upload && !tcs_spooled_keep(upload))) return;
   const char *part = g_strrstr(load->source.path, "#volume=");
   entry->series = g_new0(tcs_series, 1);
   entry->series->references = 1;

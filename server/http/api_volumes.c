@@ -81,6 +81,10 @@ static bool is_visible(const void *request, tcs_kind kind, const char *id) {
   return tcs_entry_visible(request, kind, id);
 }
 
+static cJSON *describe(const tcs_request *request, const tcs_entry *entry) {
+  return tcs_catalogue_describe(request->server->catalogue, entry, is_visible, request);
+}
+
 /* Who was given one session is shown what it shows, and nothing that could be loaded. */
 void tcs_get_entries(tcs_request *request) {
   walk *w = new_walk(run_list);
@@ -103,7 +107,7 @@ static void reply_loading(tcs_request *request, tcs_entry *entry, const char *wh
   g_strlcpy(entry->owner, request->caller.name, sizeof entry->owner);
   audit(request, entry, what);
   char *location = g_strconcat(tcs_kind_paths[entry->kind], "/", entry->id, NULL);
-  tcs_reply_json(request, 202, tcs_catalogue_describe(request->server->catalogue, entry));
+  tcs_reply_json(request, 202, describe(request, entry));
   tcs_reply_header(request, "Location", location);
   g_free(location);
 }
@@ -172,7 +176,17 @@ void tcs_post_entry(tcs_request *request) {
   tcs_read_body(request, NULL, post_entry);
 }
 
+/* ?spacing=X,Y,Z of pictures, or NULL. */
+static const char *spacing_of(const tcs_request *request) {
+  return kind_of(request) == TCS_KIND_VOLUME ? tcs_query(request, "spacing") : NULL;
+}
+
 bool tcs_put_allowed(const tcs_request *request, const char *client, GError **error) {
+  const char *spacing = spacing_of(request);
+  if (spacing && spacing[strspn(spacing, "0123456789.,eE+-")]) {
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "spacing: X,Y,Z in mm are wanted");
+    return false;
+  }
   return tcs_catalogue_may_load(request->server->catalogue, kind_of(request), request->params[0], client, error);
 }
 
@@ -185,7 +199,8 @@ void tcs_put_entry_done(tcs_request *request, struct tcs_spooled *file) {
     tcs_reply_draining(request);
     return;
   }
-  tcs_source_file source = {.path = g_strdup(file->path), .name = "the upload", .upload = file};
+  const char *spacing = spacing_of(request);
+  tcs_source_file source = {.path = g_strconcat(file->path, spacing ? "#spacing=" : NULL, spacing, NULL), .name = "the upload", .upload = file};
   memcpy(source.client, file->client, sizeof source.client);
   tcs_spooled_complete(file);
   tcs_entry *entry =
@@ -199,7 +214,7 @@ void tcs_put_entry_done(tcs_request *request, struct tcs_spooled *file) {
 void tcs_get_entry(tcs_request *request) {
   const tcs_entry *entry = entry_of(request);
   if (!entry) return;
-  cJSON *json = tcs_catalogue_describe(request->server->catalogue, entry);
+  cJSON *json = describe(request, entry);
   if (entry->volume) tcs_describe_labels(json, entry->volume);
   tcs_reply_json(request, 200, json);
 }

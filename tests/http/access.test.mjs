@@ -346,6 +346,28 @@ describe('a daemon with tokens', () => {
       ['DELETE', session.links.self], ['POST', `${session.links.self}/share`, { role: 'view' }]]) problem(await d.call(method, where, { json, ...guest }), 403);
   });
 
+  test('of a file of several volumes a link shows the one of its session, and steps within that file alone', async () => {
+    const head = 'NRRD0004\ntype: uint8\ndimension: 4\nsizes: 4 4 4 2\nkinds: domain domain domain time\nencoding: raw\n\n';
+    const body = Buffer.concat([Buffer.from(head), Buffer.alloc(64, 1), Buffer.alloc(64, 2)]);
+    await d.call('PUT', '/v1/volumes/time', { body, type: 'application/octet-stream' });
+    await d.resident('time');
+    assert.equal((await d.post('/v1/volumes', { id: 'time.2', of: 'time', volume: 2 })).status, 202);
+    await d.resident('time.2');
+    const { id, links } = (await d.post('/v1/sessions', { volume: 'time' })).json;
+    const guest = as((await share({ role: 'edit' }, links)).token), looker = as((await share({ role: 'view' }, links)).token);
+    const known = async (who) => (await d.get('/v1/volumes/time', who)).json.volumes.map((volume) => volume.id).sort();
+    assert.deepEqual([await known(guest), await known()], [['time'], ['time', 'time.2']]);
+    const show = (volume, who) => d.call('PATCH', links.self, { json: { volume }, ...who });
+    problem(await show('time.2', looker), 403);
+    problem(await show('ball', guest), 403);
+    problem(await show('nothing', guest), 403);
+    assert.equal((await show('time.2', guest)).json.volume, 'time.2');
+    problem(await d.post('/v1/volumes', { id: 'x', of: 'time.2', volume: 1 }, guest), 403);
+    assert.equal((await d.get('/v1/volumes/time.2', looker)).status, 200);
+    await d.call('DELETE', `/v1/sessions/${id}`);
+    for (const volume of ['time', 'time.2']) assert.equal((await d.call('DELETE', `/v1/volumes/${volume}`)).status, 204);
+  });
+
   test('a link ends: in time, with the session, when anything in it is changed', async () => {
     const own = await d.session();
     const short = await share({ role: 'view', seconds: 2 }, own.links), long = await share({ role: 'view' }, own.links);
