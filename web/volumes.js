@@ -4,9 +4,8 @@ import { Problem } from './api.js';
 import { lengthsText } from './units.js';
 
 const POLL_MS = 400;
-const SUFFIXES = ['.nii', '.hdr', '.nrrd', '.nhdr', '.mha', '.mhd', '.mgh', '.mgz', '.zip', '.dcm', '.vmd'].flatMap(
-  (end) => [`${end}.gz`, `${end}.bz2`, end],
-);
+const KINDS = ['.nii', '.hdr', '.nrrd', '.nhdr', '.mha', '.mhd', '.mgh', '.mgz', '.par', '.png', '.tif', '.tiff', '.zip', '.dcm', '.vmd'];
+const SUFFIXES = KINDS.flatMap((end) => [`${end}.gz`, `${end}.bz2`, end]);
 
 // A folder, or a zip; a file of any other name is one volume.
 const mayHoldSeries = (path) =>

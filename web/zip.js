@@ -29,12 +29,16 @@ function fields(...pairs) {
   return bytes;
 }
 
+const byName = new Intl.Collator('en', { numeric: true });
+
 /**
+ * Names stay here: they may be a patient's. Their order is kept, which is that of slices where nothing else tells it.
  * @param {Blob[]} files
  * @param {(fraction: number) => void} onProgress while the files are read once for their check sums
  * @returns {Promise<Blob>}
  */
 export async function zip(files, onProgress = () => {}) {
+  files = [...files].sort((a, b) => byName.compare(a.name ?? '', b.name ?? ''));
   const total = files.reduce((sum, { size }) => sum + size, 0);
   if (files.length > MOST_FILES || total + files.length * 200 > MOST_BYTES)
     throw new Error('too much for one zip: at most 4 GB');

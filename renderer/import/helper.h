@@ -29,7 +29,10 @@ bool tc_helper_list(const char *path, const tc_import_options *options, tc_serie
 enum { TC_DICOM_HEAD_BYTES_NEEDED = 132 };
 bool tc_dicom_looks(const uint8_t *head, size_t size);
 
-/* The same for a regular file; a zip always counts as DICOM, since no other format here uses zip. */
+/* PNG or TIFF. */
+bool tc_picture_looks(const uint8_t *head, size_t size);
+
+/* Whether a regular file is for the helper with GDCM: DICOM, pictures, or a zip of either. */
 bool tc_dicom_probe(const char *path);
 
 #ifdef __cplusplus

@@ -18,6 +18,18 @@ static void target_clear(target *t) {
   g_clear_pointer(&t->series, g_free);
 }
 
+/* A DICOMDIR lists the pictures beside and below it. */
+static void use_folder_of_dicomdir(target *t) {
+  char *name = g_path_get_basename(t->path);
+  if (!t->folder && g_ascii_strcasecmp(name, "DICOMDIR") == 0) {
+    char *folder = g_path_get_dirname(t->path);
+    g_free(t->path);
+    t->path = folder;
+    t->folder = true;
+  }
+  g_free(name);
+}
+
 /* A '#' may be part of a name: it starts a suffix only where the whole path does not exist. A suffix has one part or
  * two ("#2#volume=3"). */
 static bool find_target(const char *path, target *t, GError **error) {
@@ -38,6 +50,7 @@ static bool find_target(const char *path, target *t, GError **error) {
     return false;
   }
   t->folder = S_ISDIR(st.st_mode);
+  use_folder_of_dicomdir(t);
   return true;
 }
 

@@ -1,12 +1,12 @@
 /* Opening volumes: one entry for every format.
  *
- * PATH is a file (.nii, .hdr and .img of NIfTI and Analyze, .nrrd, .nhdr, .mha, .mhd, .mgh, .dcm, each also with .gz or
- * .bz2; .mgz, .vmd, .zip), a folder of DICOM, or demo:NAME.
+ * PATH is a file (.nii, .hdr and .img of NIfTI and Analyze, .nrrd, .nhdr, .mha, .mhd, .mgh, .PAR with .REC, .dcm, each also with .gz or
+ * .bz2; .mgz, .vmd, .zip, .png, .tif), a folder of DICOM, its DICOMDIR, a folder of PNG or TIFF, or demo:NAME.
  * The kind is found by content first, by name second. A folder or zip with several DICOM series takes
  * a suffix "#N" (1-based, as listed) or "#UID" to choose; without one the series with most slices is
  * taken, ties by the first listed, and the others are named in desc.note. "#volume=N" after that chooses a volume of
  * the series (time points, echoes, acquisitions that lie among each other ...; see dicom_group.h); without it the one
- * with most slices is taken, if it has at least half of them.
+ * with most slices is taken, if it has at least half of them. Pictures without a spacing take "#spacing=X,Y,Z" (mm).
  *
  * Storage rule. u8, i8, u16, i16, f32 stay as they are. 32/64-bit integers become i16/u16 (or i8/u8) when every
  * voxel fits, else f32 (rounded to nearest). f64 becomes f32. RGB/RGBA becomes Rec. 709 luma in u8, complex and

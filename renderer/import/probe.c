@@ -34,6 +34,13 @@ bool tc_dicom_looks(const uint8_t *head, size_t size) {
   return (size >= 132 && memcmp(head + 128, "DICM", 4) == 0) || bare_data_set(head, size);
 }
 
+bool tc_picture_looks(const uint8_t *head, size_t size) {
+  static const char *const magic[] = {"\x89PNG", "II*\0", "II+\0", "MM\0*", "MM\0+"};
+  for (int i = 0; i < 5 && size >= 4; i++)
+    if (memcmp(head, magic[i], 4) == 0) return true;
+  return false;
+}
+
 bool tc_dicom_probe(const char *path) {
   struct stat st;
   uint8_t head[TC_DICOM_HEAD_BYTES_NEEDED];
@@ -43,5 +50,5 @@ bool tc_dicom_probe(const char *path) {
   close(fd);
   if (n < 4) return false;
   const bool zip = memcmp(head, "PK\3\4", 4) == 0 || memcmp(head, "PK\5\6", 4) == 0;
-  return zip || tc_dicom_looks(head, (size_t)n);
+  return zip || tc_dicom_looks(head, (size_t)n) || tc_picture_looks(head, (size_t)n);
 }

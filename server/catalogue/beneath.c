@@ -95,7 +95,7 @@ static void free_found(void *item) {
 }
 
 static bool has_volume_name(const char *name) {
-  static const char *const suffixes[] = {".nii", ".hdr", ".nrrd", ".nhdr", ".mha", ".mhd", ".mgh", ".mgz", ".dcm", ".zip", ".vmd"};
+  static const char *const suffixes[] = {".nii", ".hdr", ".nrrd", ".nhdr", ".mha", ".mhd", ".mgh", ".mgz", ".par", ".dcm", ".zip", ".vmd"};
   static const char *const packings[] = {".gz", ".bz2"};
   char *lower = g_ascii_strdown(name, -1);
   bool found = false;
@@ -127,10 +127,13 @@ static bool has_dicom_mark(int folder_fd, const char *name) {
   return found;
 }
 
-/* DICOM files are named *.dcm, or have no suffix at all; of those one is looked into, and stands for its folder.
+/* DICOM files are named *.dcm, or have no suffix at all, and pictures by their kind; of files without suffix one is looked into, and stands for its folder.
  * `nameless`: 0 = none seen yet, 1 = they are slices, -1 = they are not. */
 static bool is_slice(int folder_fd, const char *name, int *nameless) {
-  if (strchr(name, '.')) return g_str_has_suffix(name, ".dcm");
+  static const char *const endings[] = {".dcm", ".png", ".tif", ".tiff"};
+  for (size_t i = 0; i < G_N_ELEMENTS(endings); i++)
+    if (g_str_has_suffix(name, endings[i])) return true;
+  if (strchr(name, '.')) return false;
   if (*nameless == 0) *nameless = has_dicom_mark(folder_fd, name) ? 1 : -1;
   return *nameless > 0;
 }

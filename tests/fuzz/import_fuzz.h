@@ -18,7 +18,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
 enum { beside_size = 4096 };
 
 static char beside[] = "/tmp/tc-fuzz-XXXXXX";
-static const char *const beside_names[] = {"d.raw", "d.gz", "f.img", "d1", "d2", "d3"};
+static const char *const beside_names[] = {"d.raw", "d.gz", "f.img", "d1", "d2", "d3", "f.REC"};
 
 static void remove_beside(void) {
   for (size_t i = 0; i < G_N_ELEMENTS(beside_names); i++) {

@@ -3,11 +3,12 @@ import assert from 'node:assert/strict';
 import { readdirSync } from 'node:fs';
 import { mkdirSync, rmSync, symlinkSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
-import { gzipSync } from 'node:zlib';
+import { deflateSync, gzipSync } from 'node:zlib';
 import { after, before, test } from 'node:test';
 import { ballNrrd, Daemon, problem, sleep } from '../support/daemon.mjs';
 import { dicomSlice } from '../support/dicom.mjs';
 import { Ws } from '../support/ws.mjs';
+import { crc32, zip } from '../../web/zip.js';
 
 let d, spool;
 before(async () => {
@@ -103,6 +104,47 @@ test('of a file of several volumes another is loaded without its path, an upload
   await d.call('DELETE', `/v1/sessions/${id}`);
   for (const volume of ['time.2', 'time.3']) assert.equal((await d.call('DELETE', `/v1/volumes/${volume}`)).status, 204);
   await swept();
+});
+
+/** A grey PNG of 8 bits. */
+function greyPng(width, rows) {
+  const chunk = (type, data) => {
+    const body = Buffer.concat([Buffer.from(type), data]), all = Buffer.alloc(8 + body.length);
+    all.writeUInt32BE(data.length);
+    body.copy(all, 4);
+    all.writeUInt32BE(crc32(body), 4 + body.length);
+    return all;
+  };
+  const head = Buffer.alloc(13);
+  head.writeUInt32BE(width);
+  head.writeUInt32BE(rows.length, 4);
+  head[8] = 8;
+  const pixels = deflateSync(Buffer.concat(rows.map((row) => Buffer.from([0, ...row]))));
+  return Buffer.concat([Buffer.from('\x89PNG\r\n\x1a\n', 'latin1'), chunk('IHDR', head), chunk('IDAT', pixels), chunk('IEND', Buffer.alloc(0))]);
+}
+
+test('pictures are volumes: a folder, a zip, a spacing that a client gives', async () => {
+  mkdirSync(join(d.folder, 'stack'));
+  const page = (value) => greyPng(3, [[value, 1, 2], [3, 4, 255]]);
+  for (const n of [2, 10, 9]) writeFileSync(join(d.folder, 'stack', `slice ${n}.png`), page(n));
+  assert.ok((await d.get('/v1/volumes')).json.available.some(({ path }) => path === 'stack'));
+  await d.post('/v1/volumes', { id: 'stack', path: 'stack#spacing=0.5,0.25,4' });
+  const stack = await settled('stack');
+  assert.deepEqual([stack.dims, stack.spacing, stack.type, stack.format, stack.range], [[3, 2, 3], [0.5, 0.25, 4], 'u8', 'pictures', [1, 255]], stack.reason);
+  for (const [z, value] of [2, 9, 10].entries()) // numbers in names are numbers
+    assert.equal((await d.get(`/v1/volumes/stack/value?at=0,0,${4 * z}`)).json.value, value);
+  const plain = await d.call('PUT', '/v1/volumes/one?spacing=1,2,3', { body: page(7), type: 'application/octet-stream' });
+  assert.equal(plain.status, 202);
+  assert.deepEqual((await settled('one')).spacing, [1, 2, 3]);
+  const packed = await zip(['b10.png', 'b9.png'].map((name, i) => new File([page(i)], name)));
+  assert.equal((await upload('packed', Buffer.from(await packed.arrayBuffer()))).status, 202);
+  const two = await settled('packed');
+  assert.deepEqual([two.dims, two.spacing], [[3, 2, 2], [1, 1, 1]], two.reason);
+  assert.match(two.note, /no spacing: 1 mm assumed/);
+  assert.equal((await d.get('/v1/volumes/packed/value?at=0,0,0')).json.value, 1); // b9 before b10
+  problem(await d.call('PUT', '/v1/volumes/x?spacing=1%232', { body: page(1), type: 'application/octet-stream' }), 422);
+  for (const id of ['stack', 'one', 'packed']) await d.call('DELETE', `/v1/volumes/${id}`);
+  rmSync(join(d.folder, 'stack'), { recursive: true });
 });
 
 test('a resident volume tells its geometry', async () => {

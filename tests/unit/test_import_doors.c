@@ -134,15 +134,71 @@ static void analyze_pairs(void **state) {
   g_byte_array_unref(head);
 }
 
+static void put_row(GString *text, int slice, int time, int index, const char *slope) {
+  g_string_append_printf(text,
+                         "  %d   1    %d  1 0 2    %d  16    98    4    2     5.0   %s 8.8e-004  1070  1860   10.0  20.0"
+                         "  -30.0   5.0  -6.0   7.0  3.000  0.500 0 3 0 3  1.500  2.000   1.42    0.0     0.0    0.0   1"
+                         "    8.0     0    0    0   225   0.0  1   1    3    0   0.0    0.0    0.0  1\n",
+                         slice, time, index, slope);
+}
+
+static GString *par_header(void) {
+  return g_string_new("# === DATA DESCRIPTION FILE ===\n# Research image export tool     V4.2\n"
+                      ".    Angulation midslice(ap,fh,rl)[degr]:   10.000  20.000  -30.000\n"
+                      ".    Off Centre midslice(ap,fh,rl) [mm] :   5.000  -6.000  7.000\n#\n");
+}
+
+/* Voxel i of the REC is i; voxel 3 of a slice. The wanted numbers are nibabel's of the same file. */
+static void check_par(const char *name, const double values[3]) {
+  tc_volume *v = open_good(name);
+  const tc_volume_desc *d = tc_volume_describe(v);
+  check_dims(v, 4, 2, 3);
+  for (int z = 0; z < 3; z++) assert_true(voxel(v, (size_t)(8 * z + 5)) * d->slope + d->intercept == values[z]);
+  check_near(d->spacing, (double[]){1.5, 2, 3.5}, 3, 1e-6);
+  check_near(d->origin, (double[]){6.27034519, 2.05730454, -2.97995906}, 3, 1e-6);
+  check_near(d->direction,
+             (double[]){0.92541658, -0.17364818, -0.33682409, 0.21461018, -0.49240388, 0.84349327, -0.31232456,
+                        -0.85286853, -0.41841204},
+             9, 1e-6);
+  tc_volume_unref(v);
+}
+
+/* Two times, slice by slice among each other, and a third that was broken off. */
+static void philips_pairs(void **state) {
+  GByteArray *rec = g_byte_array_new();
+  for (int i = 0; i < 7 * 8; i++) put_uint(rec, (uint64_t)i, 2, false);
+  GString *text = par_header();
+  for (int i = 0; i < 7; i++) put_row(text, i / 2 % 3 + 1, i < 6 ? i % 2 + 1 : 3, i, "2.0");
+  write_text("p.PAR", text->str);
+  open_bad("p.PAR", TC_ERROR_FORMAT, "p.REC");
+  write_bytes("p.REC", rec);
+  check_par("p.PAR", (double[]){15, 47, 79});
+  check_par("p.REC", (double[]){15, 47, 79});
+  check_par("p.PAR#volume=2", (double[]){31, 63, 95});
+  tc_volume *v = open_good("p.PAR");
+  assert_int_equal(tc_volume_describe(v)->frames, 2);
+  assert_non_null(strstr(tc_volume_describe(v)->note, "1 of 3 volumes lack slices"));
+  tc_volume_unref(v);
+  open_bad("p.PAR#volume=3", TC_ERROR_NOT_FOUND, "holds 2");
+  g_byte_array_set_size(rec, 64);
+  write_bytes("p.REC", rec);
+  open_bad("p.PAR", TC_ERROR_FORMAT, "ends");
+  g_string_free(text, TRUE);
+  text = par_header();
+  for (int i = 0; i < 3; i++) put_row(text, i + 1, 1, i, i ? "2.0" : "4.0"); /* a scale of its own */
+  write_text("p.PAR", text->str);
+  check_par("p.PAR", (double[]){25, 31, 47});
+  g_string_free(text, TRUE);
+  g_byte_array_unref(rec);
+}
+
 static void a_refusal_names_the_format(void **state) {
   static const struct {
     const char *bytes, *text;
   } others[] = {
       {"\x89HDF\r\n\x1a\n", "mnc2nii"},
       {"CDF\1", "MINC 1"},
-      {"# === DATA DESCRIPTION FILE ====", "dcm2niix"},
-      {"II*", "TIFF"},
-      {"\x89PNG\r\n", "PNG"},
+      {"%PDF-1.4", "PDF"},
       {"MATLAB 5.0 MAT-file", "niftiwrite"},
       {"# vtk DataFile Version 3.0", "MetaImage"},
   };
@@ -162,6 +218,7 @@ int main(void) {
       cmocka_unit_test(whole_files_are_unpacked),
       cmocka_unit_test(mgh_files),
       cmocka_unit_test(analyze_pairs),
+      cmocka_unit_test(philips_pairs),
       cmocka_unit_test(a_refusal_names_the_format),
   };
   return cmocka_run_group_tests_name("doors", tests, folder_setup, folder_teardown);

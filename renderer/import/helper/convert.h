@@ -47,6 +47,10 @@ void tc_raster_note(tc_raster *raster, const char *format, ...) G_GNUC_PRINTF(2,
 /* Reads the voxels into the order. */
 bool tc_raster_load(tc_raster *raster, const tc_order *order, GError **error);
 
+/* For readers with voxels of their own: begins the order with desc as it is, unless there are more voxels than the order
+ * allows or than the file can hold (`most`). */
+bool tc_raster_begin(tc_raster *raster, uint64_t most, const tc_provenance *from, const tc_order *order, GError **error);
+
 /* Sets spacing and direction from three column vectors in LPS mm (column k = one step along index axis k). A column of
  * zero length on an axis of one voxel is replaced by one across the others. False when they are not independent. */
 bool tc_raster_set_axes(tc_raster *raster, const double columns[3][3]);

@@ -46,6 +46,7 @@ extern "C" {
 #include "renderer/import/helper/dicom_contours.h"
 #include "renderer/import/helper/dicom_suv.h"
 #include "renderer/import/helper/order.h"
+#include "renderer/import/helper/stack.h"
 
 // GDCM allocates what an element's length announces before it reads a byte of it. One allocation may therefore not be
 // larger than the bytes at hand can justify; the cap is set for each file. Codecs in C use malloc and the process
@@ -1140,8 +1141,8 @@ void scan(Run &run, int input) {
     if (frames > FRAMES_MAX) fail(TC_ERROR_LIMIT, "more than %llu pictures", (unsigned long long)FRAMES_MAX);
     progress(run, 0.2 * double(i + 1) / double(run.sources.count));
   }
-  if (!run.pictures.empty()) return;
-  if (run.sources.count == 1) fail(TC_ERROR_FORMAT, "no picture in this DICOM file; of a DICOMDIR or a plan open the folder of the pictures");
+  if (!run.pictures.empty() || tc_stack_is(&run.sources)) return;
+  if (run.sources.count == 1) fail(TC_ERROR_FORMAT, "no picture in this DICOM file; of a plan open the folder of the pictures");
   fail(TC_ERROR_FORMAT, "no DICOM pictures among %zu files (%zu unreadable)", run.sources.count, run.unreadable);
 }
 
@@ -1692,8 +1693,11 @@ void load(const Run &run, const std::string &wanted, bool bridge_nothing) {
 Failure decode(int input, const tc_helper_request &request, const tc_order &order) {
   try {
     Run run(order, request);
+    GError *error = nullptr;
     scan(run, input);
-    if (request.list)
+    if (run.pictures.empty()) { // PNG or TIFF
+      if (!request.list && !tc_stack_read(&run.sources, request.choice, &order, &error)) fail_with(error);
+    } else if (request.list)
       list(run);
     else
       load(run, request.choice, request.bridge_nothing);

@@ -124,13 +124,18 @@ void tc_dicom_sources_finish(tc_dicom_sources *s) {
   memset(s, 0, sizeof *s);
 }
 
-static bool get_file(const tc_dicom_sources *s, const char *name, tc_dicom_blob *blob, GError **error) {
+static tc_dicom_source_kind kind_of(const uint8_t *head, size_t size) {
+  return tc_dicom_looks(head, size) ? TC_SOURCE_DICOM : tc_picture_looks(head, size) ? TC_SOURCE_PICTURE : TC_SOURCE_OTHER;
+}
+
+static bool get_file(const tc_dicom_sources *s, const char *name, tc_dicom_source_kind kind, tc_dicom_blob *blob,
+                     GError **error) {
   struct stat st;
   uint8_t head[TC_DICOM_HEAD_BYTES_NEEDED];
   int fd = openat(s->root, name, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
   if (fd < 0) return fail(error, TC_ERROR_IO, "a file of the folder cannot be opened");
   ssize_t n = pread(fd, head, sizeof head, 0);
-  bool ok = n > 0 && tc_dicom_looks(head, (size_t)n) && fstat(fd, &st) == 0 && S_ISREG(st.st_mode);
+  bool ok = n > 0 && kind_of(head, (size_t)n) == kind && fstat(fd, &st) == 0 && S_ISREG(st.st_mode);
   if (ok) {
     blob->size = (size_t)st.st_size;
     blob->map = mmap(NULL, blob->size, PROT_READ, MAP_PRIVATE, fd, 0);
@@ -144,13 +149,14 @@ static bool get_file(const tc_dicom_sources *s, const char *name, tc_dicom_blob 
   return ok;
 }
 
-static bool get_member(const tc_dicom_sources *s, size_t index, tc_dicom_blob *blob, GError **error) {
+static bool get_member(const tc_dicom_sources *s, size_t index, tc_dicom_source_kind kind, tc_dicom_blob *blob,
+                       GError **error) {
   uint8_t head[TC_DICOM_HEAD_BYTES_NEEDED];
   size_t got;
   const tc_dicom_zip_member *m = &s->zip.members[index];
   if (!m->usable) return false;
   if (!tc_dicom_zip_read(&s->zip, index, head, sizeof head, &got, error)) return false;
-  if (!tc_dicom_looks(head, got)) return false;
+  if (kind_of(head, got) != kind) return false;
   blob->heap = g_try_malloc(m->size ? m->size : 1);
   if (!blob->heap) return fail(error, TC_ERROR_LIMIT, "a member of the zip is too large to read");
   if (!tc_dicom_zip_read(&s->zip, index, blob->heap, m->size, &blob->size, error)) {
@@ -161,14 +167,39 @@ static bool get_member(const tc_dicom_sources *s, size_t index, tc_dicom_blob *b
   return true;
 }
 
-bool tc_dicom_sources_get(const tc_dicom_sources *s, size_t index, tc_dicom_blob *blob, GError **error) {
+bool tc_dicom_sources_get_kind(const tc_dicom_sources *s, size_t index, tc_dicom_source_kind kind, tc_dicom_blob *blob,
+                               GError **error) {
   memset(blob, 0, sizeof *blob);
-  if (s->names) return get_file(s, g_ptr_array_index(s->names, index), blob, error);
-  if (s->is_zip) return get_member(s, index, blob, error);
-  if (!tc_dicom_looks(s->map, s->map_size)) return false;
+  if (s->names) return get_file(s, g_ptr_array_index(s->names, index), kind, blob, error);
+  if (s->is_zip) return get_member(s, index, kind, blob, error);
+  if (kind_of(s->map, s->map_size) != kind) return false;
   blob->bytes = s->map;
   blob->size = s->map_size;
   return true;
+}
+
+bool tc_dicom_sources_get(const tc_dicom_sources *s, size_t index, tc_dicom_blob *blob, GError **error) {
+  return tc_dicom_sources_get_kind(s, index, TC_SOURCE_DICOM, blob, error);
+}
+
+tc_dicom_source_kind tc_dicom_sources_kind(const tc_dicom_sources *s, size_t index) {
+  uint8_t head[TC_DICOM_HEAD_BYTES_NEEDED];
+  size_t size = 0;
+  if (s->names) {
+    const int fd = openat(s->root, g_ptr_array_index(s->names, index), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    const ssize_t n = fd >= 0 ? pread(fd, head, sizeof head, 0) : 0;
+    size = (size_t)MAX(n, 0);
+    if (fd >= 0) close(fd);
+  } else if (!s->is_zip) {
+    return kind_of(s->map, s->map_size);
+  } else if (!s->zip.members[index].usable || !tc_dicom_zip_read(&s->zip, index, head, sizeof head, &size, NULL)) {
+    return TC_SOURCE_OTHER;
+  }
+  return kind_of(head, size);
+}
+
+const char *tc_dicom_sources_name(const tc_dicom_sources *s, size_t index) {
+  return s->names ? g_ptr_array_index(s->names, index) : s->is_zip ? tc_dicom_zip_name(&s->zip, index) : "";
 }
 
 void tc_dicom_blob_finish(tc_dicom_blob *blob) {

@@ -37,7 +37,15 @@ typedef struct tc_dicom_blob {
   void *map, *heap; /* what to give back */
 } tc_dicom_blob;
 
-/* False without an error for what does not look like DICOM; with one for what cannot be read. */
+/* What a source looks like by its first bytes. */
+typedef enum tc_dicom_source_kind { TC_SOURCE_OTHER, TC_SOURCE_DICOM, TC_SOURCE_PICTURE } tc_dicom_source_kind;
+tc_dicom_source_kind tc_dicom_sources_kind(const tc_dicom_sources *sources, size_t index);
+const char *tc_dicom_sources_name(const tc_dicom_sources *sources, size_t index); /* to sort by; "" of one file */
+
+/* False without an error for what does not look like `kind`; with one for what cannot be read. */
+bool tc_dicom_sources_get_kind(const tc_dicom_sources *sources, size_t index, tc_dicom_source_kind kind,
+                               tc_dicom_blob *blob, GError **error);
+/* The same for DICOM. */
 bool tc_dicom_sources_get(const tc_dicom_sources *sources, size_t index, tc_dicom_blob *blob, GError **error);
 void tc_dicom_blob_finish(tc_dicom_blob *blob); /* a zeroed one is fine */
 

@@ -98,3 +98,8 @@ bool tc_dicom_deflate_is_whole(const uint8_t *bytes, size_t size) {
   inflateEnd(&z);
   return state == Z_STREAM_END;
 }
+
+const char *tc_dicom_zip_name(const tc_dicom_zip *zip, size_t member) {
+  const char *name = zip_get_name(zip->archive, member, ZIP_FL_ENC_RAW);
+  return name ? name : "";
+}

@@ -32,6 +32,9 @@ typedef struct tc_dicom_zip {
 bool tc_dicom_zip_open(tc_dicom_zip *zip, const void *bytes, size_t size, GError **error);
 void tc_dicom_zip_finish(tc_dicom_zip *zip); /* a zeroed one is fine */
 
+/* As it is in the zip, or "". */
+const char *tc_dicom_zip_name(const tc_dicom_zip *zip, size_t member);
+
 /* Reads the first `want` bytes of a member (all: want >= member size, then the checksum is checked too) into out
  * [want]. *got tells how many came. */
 bool tc_dicom_zip_read(const tc_dicom_zip *zip, size_t member, uint8_t *out, size_t want, size_t *got, GError **error);

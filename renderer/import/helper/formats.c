@@ -6,8 +6,8 @@
 
 /* Those of volumes, then those of meshes. OBJ is any text that begins as one: it is asked last. */
 static const tc_format *const formats[] = {&tc_format_nifti, &tc_format_nrrd, &tc_format_metaimage, &tc_format_mgh,
-                                           &tc_format_vmd,   &tc_format_ply,  &tc_format_stl,       &tc_format_obj};
-enum { FIRST_MESH = 5 };
+                                           &tc_format_parrec, &tc_format_vmd, &tc_format_ply, &tc_format_stl, &tc_format_obj};
+enum { FIRST_MESH = 6 };
 
 static bool has_suffix(const char *name, const char *suffixes) {
   char *lower = g_ascii_strdown(name, -1), **list = g_strsplit(suffixes, "|", -1);
@@ -36,14 +36,15 @@ static bool refuse_kind(const tc_format *format, bool wants_mesh, GError **error
   return false;
 }
 
-/* The .img of a NIfTI pair was named: its header tells what it is. */
+/* The voxels of a pair were named, the .img of NIfTI or the .rec of PAR/REC: the header tells what they are. */
 static bool use_header_beside(tc_input *input, GError **error) {
   uint8_t head[TC_PROBE_BYTES];
   size_t size;
   tc_input header;
-  if (!input->open || !has_suffix(input->name, ".img|.img.gz")) return true;
-  char *name = g_strdup(input->name);
-  memcpy(g_strrstr(name, ".") - (has_suffix(name, ".gz") ? 4 : 0), ".hdr", 5);
+  const bool rec = has_suffix(input->name, ".rec");
+  if (!input->open || (!rec && !has_suffix(input->name, ".img|.img.gz"))) return true;
+  char *name = g_strdup(input->name), *dot = g_strrstr(name, ".") - (has_suffix(name, ".gz") ? 4 : 0);
+  memcpy(dot, rec ? dot[1] == 'r' ? ".par" : ".PAR" : ".hdr", 5);
   bool found = tc_input_open_sibling(input, name, true, &header, error);
   g_free(name);
   if (!found) return !*error;
@@ -51,7 +52,7 @@ static bool use_header_beside(tc_input *input, GError **error) {
     tc_input_close(&header);
     return false;
   }
-  if (!tc_format_nifti.probe(head, size)) {
+  if (!(rec ? tc_format_parrec : tc_format_nifti).probe(head, size)) {
     tc_input_close(&header);
     return true;
   }
@@ -86,11 +87,12 @@ static bool refuse(const uint8_t *head, size_t size, bool mesh, GError **error) 
       {AT(257, "ustar"), "a tar archive: unpack it and open the folder or the file in it"},
       {AT(0, "\x89HDF"), "HDF5, such as MINC 2: convert it to NIfTI (mnc2nii)"},
       {AT(0, "CDF\1"), "NetCDF, such as MINC 1: convert it to NIfTI (mnc2nii)"},
-      {AT(0, "# === DATA DESCRIPTION FILE"), "Philips PAR/REC: convert it to NIfTI (dcm2niix)"},
-      {AT(0, "II*\0"), "a TIFF picture: save the stack with its spacing as NRRD (Fiji, 3D Slicer)"},
-      {AT(0, "MM\0*"), "a TIFF picture: save the stack with its spacing as NRRD (Fiji, 3D Slicer)"},
-      {AT(0, "\x89PNG"), "a PNG picture: save the stack with its spacing as NRRD (Fiji, 3D Slicer)"},
-      {AT(0, "\xff\xd8\xff"), "a JPEG picture: save the stack with its spacing as NRRD (Fiji, 3D Slicer)"},
+      {AT(0, "II*\0"), "a packed TIFF: unpack it first"},
+      {AT(0, "MM\0*"), "a packed TIFF: unpack it first"},
+      {AT(0, "\x89PNG"), "a packed PNG: unpack it first"},
+      {AT(0, "\xff\xd8\xff"), "a JPEG picture, which loses values: save the stack as TIFF or PNG"},
+      {AT(4, "jP  \r\n"), "JPEG 2000: save the stack as TIFF or PNG"},
+      {AT(0, "%PDF"), "a PDF: it holds no volume, save its pictures as PNG"},
       {AT(0, "MATLAB 5.0"), "a MATLAB file: save the array as NIfTI (niftiwrite)"},
       {AT(0, "# vtk DataFile"), "VTK: save it as MetaImage or NRRD (ParaView, 3D Slicer)"},
       {AT(0, "<?xml"), "XML, such as VTK's: save it as MetaImage or NRRD (ParaView, 3D Slicer)"},
@@ -103,7 +105,7 @@ static bool refuse(const uint8_t *head, size_t size, bool mesh, GError **error) 
   }
   tc_set_error(error, TC_ERROR_FORMAT, NULL,
                mesh ? "unknown kind of file: meshes are read from OBJ, PLY and STL"
-                    : "unknown kind of file: NIfTI, Analyze, NRRD, MetaImage, MGH, VMD and DICOM are read");
+                    : "unknown kind of file: NIfTI, Analyze, NRRD, MetaImage, MGH, PAR/REC, VMD and DICOM are read");
   return false;
 }
 

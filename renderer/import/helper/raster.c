@@ -64,3 +64,22 @@ bool tc_raster_set_axes(tc_raster *raster, const double columns[3][3]) {
   }
   return true;
 }
+
+bool tc_raster_begin(tc_raster *raster, uint64_t most, const tc_provenance *from, const tc_order *order, GError **error) {
+  tc_volume_desc *d = &raster->desc;
+  const uint64_t slice = (uint64_t)d->dims[0] * (uint64_t)d->dims[1], limit = order->max_voxel_bytes;
+  uint64_t voxels;
+  const bool over = __builtin_mul_overflow(slice, (uint64_t)d->dims[2], &voxels) || voxels > INT32_MAX;
+  const uint64_t bytes = over ? 0 : voxels * tc_voxel_size(d->type);
+  if (over || (limit && bytes > limit)) {
+    tc_set_error(error, TC_ERROR_LIMIT, NULL, "%d x %d x %d voxels are over the limit", d->dims[0], d->dims[1], d->dims[2]);
+    return false;
+  }
+  if (voxels > most) {
+    tc_set_error(error, TC_ERROR_FORMAT, NULL, "the file is cut short: it cannot hold %" G_GUINT64_FORMAT " voxels", voxels);
+    return false;
+  }
+  for (int i = 0; i < 3; i++) d->origin[i] += 0.0; /* no -0 */
+  for (int i = 0; i < 9; i++) d->direction[i] += 0.0;
+  return order->want(order->user, bytes, error) && order->begin(order->user, d, from, error);
+}
