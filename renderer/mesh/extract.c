@@ -35,6 +35,7 @@ typedef struct extraction {
   float level, turn;   /* inside: turn * voxel >= level */
   float least, most;   /* inside: voxels from least to most, both of the voxels' type; most < least: none */
   word *inside;        /* [z][y][words]; bits beyond the row are those of its last voxel */
+  const uint8_t *gaps; /* [z][y][x], tc_volume_gaps; NULL: the volume has none */
   row *rows;           /* [z][y] */
   double to_mm[3][3];  /* index displacement -> LPS mm */
   double middle[3];    /* index position of the mesh's origin */
@@ -170,6 +171,20 @@ static cell_row cells_at(const extraction *e, int y, int z) {
   return c;
 }
 
+/* Cells of word w with a gap among their corners: no surface is in them. */
+static word blank_cells(const extraction *e, const cell_row *c, int w) {
+  word blank = 0;
+  for (int x = 64 * w; x < MIN(64 * w + 64, e->dims[0] - 1); x++) {
+    bool any = false;
+    for (int i = 0; i < 8; i++) {
+      const size_t at = row_at(e, c->y + (i >> 1 & 1), c->z + (i >> 2)) * (size_t)e->dims[0] + (size_t)(x + (i & 1));
+      any |= e->gaps[at] != 0;
+    }
+    blank |= (word)any << (x & 63);
+  }
+  return blank;
+}
+
 /* The cells of word w that the surface passes through. Bits beyond a row repeat its last voxel, so that the cells
  * there, and the one that begins at the last voxel, may be among them: they are masked. */
 static word active_cells(const extraction *e, const cell_row *c, int w) {
@@ -180,6 +195,7 @@ static word active_cells(const extraction *e, const cell_row *c, int w) {
     all &= here & next;
   }
   int cells = e->dims[0] - 1 - 64 * w;
+  if (e->gaps && any & ~all) any &= ~blank_cells(e, c, w);
   return any & ~all & (cells >= 64 ? ~(word)0 : cells > 0 ? ((word)1 << cells) - 1 : 0);
 }
 
@@ -496,6 +512,7 @@ static void set_up(extraction *e, const tc_volume *volume, double iso) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   double to_index[9], scale = 0;
   *e = (extraction){.cases = tc_cell_cases_all(), .volume = volume, .voxels = tc_volume_data(volume), .type = d->type};
+  if (tc_volume_gaps(volume)) e->gaps = tc_volume_data(tc_volume_gaps(volume));
   e->turn = d->slope > 0 ? 1 : -1;
   e->level = (float)((iso - d->intercept) / d->slope) * e->turn;
   set_range(e);
@@ -523,6 +540,28 @@ static bool left_handed(const extraction *e) {
          0;
 }
 
+/* Vertices of cells with gaps, which no triangle has. */
+static bool drop_unused(tc_mesh *m, GError **error) {
+  uint32_t *number = calloc(m->n_vertices ? m->n_vertices : 1, sizeof *number), n = 0;
+  if (!number) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "isosurface: out of memory");
+    return false;
+  }
+  for (size_t t = 0; t < m->n_triangles; t++)
+    for (int k = 0; k < 3; k++) number[m->triangles[t][k]] = 1;
+  for (size_t i = 0; i < m->n_vertices; i++) {
+    if (!number[i]) continue;
+    memmove(m->positions[n], m->positions[i], sizeof *m->positions);
+    if (m->normals) memmove(m->normals[n], m->normals[i], sizeof *m->normals);
+    number[i] = n++;
+  }
+  for (size_t t = 0; t < m->n_triangles; t++)
+    for (int k = 0; k < 3; k++) m->triangles[t][k] = number[m->triangles[t][k]];
+  m->n_vertices = n;
+  free(number);
+  return true;
+}
+
 static bool make_mesh(extraction *e, const tc_mesh_options *options, GError **error) {
   uint64_t vertices, triangles;
   sum_rows(e, &vertices, &triangles);
@@ -535,7 +574,8 @@ static bool make_mesh(extraction *e, const tc_mesh_options *options, GError **er
   e->mesh = tc_mesh_new(vertices, triangles, options->normals, error);
   if (!e->mesh) return false;
   tc_volume_index_to_lps(e->volume, e->middle, e->mesh->origin);
-  return tc_pool_run(options->pool, e->dims[2], fill_plane, e) || tc_halt_say(tc_pool_halt(options->pool), error);
+  if (!tc_pool_run(options->pool, e->dims[2], fill_plane, e)) return tc_halt_say(tc_pool_halt(options->pool), error);
+  return !e->gaps || drop_unused(e->mesh, error);
 }
 
 static bool extract(extraction *e, const tc_mesh_options *options, GError **error) {

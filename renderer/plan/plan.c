@@ -117,6 +117,7 @@ static void plan_isosurface(tc_plan *plan, const tc_volume *volume, const tc_sce
   plan_view(plan, volume, s);
   plan->surface = tc_surface_make(volume, s);
   plan->depth = request->want_depth;
+  plan_gaps(plan, volume);
   if (tc_surface_exists(volume, s)) plan_shading(plan, s);
   if (s->skipping.mode != TC_SKIPPING_AUTO) return;
   need(plan, TC_RESOURCE_SUPPORT);

@@ -44,6 +44,7 @@ typedef struct tc_ref_field {
   double *coefficients; /* B-spline coefficients for a prefiltered cubic, in the volume's unit; NULL: the voxels themselves */
   const tc_volume_desc *desc;
   const void *voxels;
+  const uint8_t *gaps; /* of surfaces: tc_volume_gaps, or NULL */
 } tc_ref_field;
 
 double tc_ref_voxel(const tc_ref_field *field, const size_t at[3]); /* volume's unit */

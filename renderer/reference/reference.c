@@ -110,6 +110,7 @@ tc_reference *tc_reference_new_stoppable(tc_volume *volume, tc_volume *labels, c
   r->volume = tc_volume_ref(volume);
   r->field =
       (tc_ref_field){.filter = scene->filter, .desc = tc_volume_describe(volume), .voxels = tc_volume_data(volume)};
+  if (tc_volume_gaps(volume) && is_surface(scene->mode)) r->field.gaps = tc_volume_data(tc_volume_gaps(volume));
   if (labels && scene->labels.volume[0] && scene->mode == TC_MODE_DVR) {
     r->label_volume = tc_volume_ref(labels);
     tc_scene_copy(&r->scene, scene);

@@ -9,12 +9,27 @@ static bool changes_at(const tc_ref_piece *piece, double value, bool inside) {
   return (piece->front >= value) != inside || (inside && piece->back < value);
 }
 
+/* A cell with a gap among its corners has no surface. */
+static bool is_blank(const tc_ref_field *field, const size_t low[3]) {
+  bool blank = false;
+  for (int corner = 0; corner < 8 && field->gaps; corner++) {
+    size_t at[3];
+    for (int k = 0; k < 3; k++) at[k] = low[k] + (low[k] + 1 < (size_t)field->desc->dims[k] && corner >> k & 1);
+    blank |= field->gaps[(at[2] * (size_t)field->desc->dims[1] + at[1]) * (size_t)field->desc->dims[0] + at[0]] != 0;
+  }
+  return blank;
+}
+
 bool tc_ref_surface_hit(const tc_ref_field *field, const tc_ref_ray *ray, double value, double *t) {
   tc_ref_walk walk;
   tc_ref_cell cell;
   bool inside = false, known = false;
   tc_ref_walk_start(&walk, field, ray);
   while (tc_ref_walk_next(&walk, &cell)) {
+    if (is_blank(field, cell.low)) {
+      known = false;
+      continue;
+    }
     if (known && (inside ? cell.lo >= value : cell.hi < value)) continue;
     tc_ref_cutter cutter;
     tc_ref_piece piece;

@@ -82,13 +82,16 @@ static void fill_of_model(const subject *s, int y, uint64_t *bits) {
           bits[(size_t)((run.z + i) / 64) * nx + (size_t)x] |= 1ull << (run.z + i) % 64;
 }
 
-static void fill(void *user, int y, uint64_t *bits) {
-  const subject *s = user;
-  if (s->low > s->high && !s->shows) return;
-  if (s->model || s->shows) {
-    (s->model ? fill_of_model : fill_one_by_one)(s, y, bits);
-    return;
-  }
+/* Voxels that are NaN are nothing. */
+static void clear_gaps(const subject *s, int y, uint64_t *bits) {
+  const size_t nx = (size_t)s->d->dims[0];
+  const uint8_t *gaps = tc_volume_data(tc_volume_gaps(s->volume));
+  for (int z = 0; z < s->d->dims[2]; z++)
+    for (int x = 0; x < s->d->dims[0]; x++)
+      if (gaps[voxel_index(s, x, y, z)]) bits[(size_t)(z / 64) * nx + (size_t)x] &= ~(1ull << z % 64);
+}
+
+static void fill_by_range(const subject *s, int y, uint64_t *bits) {
   switch (s->d->type) {
   case TC_U8:
     fill_u8(s, y, bits);
@@ -108,6 +111,16 @@ static void fill(void *user, int y, uint64_t *bits) {
   case TC_VOXEL_TYPE_COUNT:
     break;
   }
+}
+
+static void fill(void *user, int y, uint64_t *bits) {
+  const subject *s = user;
+  if (s->low > s->high && !s->shows) return;
+  if (s->model || s->shows)
+    (s->model ? fill_of_model : fill_one_by_one)(s, y, bits);
+  else
+    fill_by_range(s, y, bits);
+  if (tc_volume_gaps(s->volume)) clear_gaps(s, y, bits);
 }
 
 /* The stored voxels whose values are in the range: of integers the first and last that are, so that comparing them is

@@ -8,6 +8,7 @@
 
 #include <cmocka.h>
 
+#include "renderer/mesh/mesh.h"
 #include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
@@ -49,16 +50,17 @@ static void look(tc_scene *scene, const tc_volume *volume, tc_mode mode) {
 
 /* At the end of a short step, pictures are what the reference integrates of what is there. */
 static void what_is_left_is_the_truth(void **state) {
-  static const tc_mode modes[] = {TC_MODE_DVR, TC_MODE_MIP, TC_MODE_MINIP, TC_MODE_AVERAGE};
+  static const tc_mode modes[] = {TC_MODE_DVR, TC_MODE_MIP, TC_MODE_MINIP, TC_MODE_AVERAGE, TC_MODE_ISOSURFACE};
   tc_volume *volume = make(ball);
   assert_non_null(tc_volume_gaps(volume));
   for (size_t m = 0; m < sizeof modes / sizeof *modes; m++) {
     tc_scene scene;
     look(&scene, volume, modes[m]);
+    scene.isosurface.value = 0.2;
     float *truth = test_reference(volume, &scene, 1e-4);
     size_t clear = 0;
     for (int p = 0; p < PIXELS; p++) clear += truth[4 * p + 3] == 0;
-    assert_true(clear > PIXELS / 4 && clear < PIXELS * 9 / 10); /* rays through gaps alone meet nothing */
+    if (!(clear > PIXELS / 4 && clear < PIXELS * 95 / 100)) fail_msg("%zu of %d pixels are clear", clear, PIXELS); /* rays through gaps alone meet nothing */
     EACH_RENDERER(i) {
       const float *image = render(i, volume, &scene);
       double sum = 0;
@@ -77,6 +79,60 @@ static void what_is_left_is_the_truth(void **state) {
     tc_scene_clear(&scene);
   }
   tc_volume_unref(volume);
+}
+
+/* x, of which the far half along y is NaN; and with 0 in its place. */
+static double slope(double x, double y, double z, const void *unused) { return y <= 10 ? x : NAN; }
+static double slope_and_nothing(double x, double y, double z, const void *unused) { return y <= 10 ? x : 0; }
+static double slope_alone(double x, double y, double z, const void *unused) { return x; }
+
+static size_t shown_of(int which, tc_volume *volume, tc_mode mode) {
+  tc_scene scene;
+  size_t shown = 0;
+  look(&scene, volume, mode);
+  test_scene_frame(&scene, volume, TC_ORTHOGRAPHIC, (double[3]){1, 0, 0});
+  scene.isosurface.value = 10.5;
+  const float *image = render(which, volume, &scene);
+  for (int p = 0; p < PIXELS; p++) shown += image[4 * p + 3] > 0.5f;
+  tc_scene_clear(&scene);
+  return shown;
+}
+
+/* The surface ends with the last cell that has a value at all corners, and no other comes up along the gap. */
+static void surfaces_end_at_a_gap(void **state) {
+  tc_volume *gaps = make(slope), *whole = make(slope_alone);
+  GError *error = NULL;
+  EACH_RENDERER(i)
+    for (int mesh = 0; mesh < 2; mesh++) {
+      const tc_mode mode = mesh ? TC_MODE_MESH : TC_MODE_ISOSURFACE;
+      const double share = (double)shown_of(i, gaps, mode) / (double)shown_of(i, whole, mode);
+      if (!(fabs(share - 0.5) < 0.04)) fail_msg("%s, %s: %.3f of the surface shows", test_names[i], tc_mode_names[mode], share);
+    }
+  tc_mesh *m = tc_mesh_extract(gaps, 10.5, &(tc_mesh_options){.normals = true}, &error);
+  assert_non_null(m);
+  assert_int_equal(m->n_triangles, 2 * 10 * 20);
+  assert_int_equal(m->n_vertices, 11 * 21); /* none that no triangle has */
+  for (size_t v = 0; v < m->n_vertices; v++) assert_true(fabs((double)m->positions[v][0] + m->origin[0] - 10.5) < 1e-4);
+  tc_mesh_free(m);
+  tc_volume_unref(gaps);
+  tc_volume_unref(whole);
+}
+
+/* Voxels that are NaN are no splats: the picture is that of the volume that has voxels out of range there. */
+static void splats_leave_gaps_out(void **state) {
+  tc_volume *gaps = make(slope), *none = make(slope_and_nothing);
+  EACH_RENDERER(i) {
+    tc_scene scene;
+    look(&scene, gaps, TC_MODE_SPLAT);
+    scene.splat.threshold[0] = 0.5; /* x = 0 is out of range in both */
+    scene.splat.threshold[1] = 20;
+    float *seen = g_memdup2(render(i, gaps, &scene), 4 * PIXELS * sizeof(float));
+    assert_memory_equal(seen, render(i, none, &scene), 4 * PIXELS * sizeof(float));
+    g_free(seen);
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(gaps);
+  tc_volume_unref(none);
 }
 
 /* One pixel a voxel: shown where there is a value, and with it alone; between the last value and the first gap, up to
@@ -130,6 +186,8 @@ static void the_plan_says_it(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(what_is_left_is_the_truth),
+                                     cmocka_unit_test(surfaces_end_at_a_gap),
+                                     cmocka_unit_test(splats_leave_gaps_out),
                                      cmocka_unit_test(slices_and_slabs_end_half_way_to_a_gap),
                                      cmocka_unit_test(the_plan_says_it)};
   return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);

@@ -64,6 +64,20 @@ V_INLINE void fetch_corners(const tc_cpu_args *args, variant v, iso_cell *c) {
   }
 }
 
+/* Rays whose cell has a gap (tc_volume_gaps) among its corners: no surface is in it. */
+V_INLINE vm is_blank(const tc_cpu_args *args, const iso_cell *c) {
+  vi off = v_seti(0), none = v_seti(0);
+  const int step[3] = {1, args->grid.row, args->grid.slice};
+  for (int k = 0; k < 3; k++)
+    off = v_addi(off, v_muli(v_trunc(v_min(v_max(c->at[k], v_set(0)), v_set((float)args->grid.cell_last[k]))), v_seti(step[k])));
+  vi any = none;
+  for (int i = 0; i < 8; i++) {
+    const int to = (i & 1) * args->grid.stride[0] + (i >> 1 & 1) * args->grid.stride[1] + (i >> 2) * args->grid.stride[2];
+    any = v_addi(any, v_bytes(args->labels.grid.voxels, v_addi(off, v_seti(to))));
+  }
+  return v_lt(v_set(0), v_float(any));
+}
+
 /* The field at u in 0..1 between entry and exit. Eight equal corners give their value exactly. */
 V_INLINE vf field_in(const iso_cell *c, vf u) {
   vf f[3], x[4], y[2];
@@ -213,12 +227,17 @@ V_INLINE vf find_hits(const tc_cpu_args *args, variant v, const packet *p, vm *h
     vm any = is_inside(c.w[0]), all = any;
     for (int i = 1; i < 8; i++) any = m_or(any, is_inside(c.w[i])), all = m_and(all, is_inside(c.w[i]));
     vm mixed = m_andnot(any, all);
+    vm blank = v.labels == TC_PLAN_GAPS ? m_and(look, is_blank(args, &c)) : m_andnot(look, look);
     vm may = m_and(look, m_or(m_or(mixed, fresh), m_xor(all, side)));
     if (m_any(may)) {
       place_in_cell(args, p, &c);
       vm begins = m_pick(mixed, is_inside(field_in(&c, v_set(0))), all);
       side = m_pick(m_and(fresh, look), begins, side);
       fresh = m_andnot(fresh, look);
+      if (v.labels == TC_PLAN_GAPS) { /* behind it, what counts is the side where the ray leaves it */
+        side = m_pick(blank, m_pick(mixed, is_inside(field_in(&c, v_set(1))), all), side);
+        may = m_andnot(may, blank);
+      }
       may = m_and(may, m_or(mixed, m_xor(all, side)));
     }
     if (m_any(may)) {

@@ -23,6 +23,8 @@
   ROW_OF(ROW, i8, TC_I8)                                                                                              \
   ROW_OF(ROW, u16, TC_U16)                                                                                            \
   ROW_OF(ROW, i16, TC_I16)                                                                                            \
-  ROW_OF(ROW, f32, TC_F32)
+  ROW_OF(ROW, f32, TC_F32)                                                                                            \
+  ROW(surface_f32_gaps, .mode = TC_MODE_ISOSURFACE, .type = TC_F32, .shaded = BY_KEY, .gradient = BY_KEY,             \
+      .leap = BY_KEY, .several = BY_KEY, .labels = TC_PLAN_GAPS)
 
 #include "renderer/raycast/cpu/tile_tmpl.h"

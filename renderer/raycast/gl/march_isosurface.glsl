@@ -48,6 +48,15 @@ void fetch_cell(ivec3 cell, out float w[8]) {
   }
 }
 
+#if LABELLED // the volume's gaps
+// Whether a cell has a gap among its corners: no surface is in it.
+bool is_blank(ivec3 cell) {
+  ivec4 a = label_corners(cell.xy, cell.z), b = label_corners(cell.xy, cell.z + (job.dims.z > 1 ? 1 : 0));
+  ivec4 any = a | b; // textureGather's order in (x, y): (0,1) (1,1) (1,0) (0,0)
+  return (any.w | (job.dims.x > 1 ? any.z : 0) | (job.dims.y > 1 ? any.x : 0) | (job.dims.x > 1 && job.dims.y > 1 ? any.y : 0)) != 0;
+}
+#endif
+
 float field_in(Cell c, float u) {
   precise vec3 f = fma(vec3(u), c.delta, c.start);
   precise vec4 x = fma(vec4(f.x), vec4(c.w[1] - c.w[0], c.w[3] - c.w[2], c.w[5] - c.w[4], c.w[7] - c.w[6]),
@@ -176,7 +185,14 @@ float find_hit(Ray r, float length_mm, inout Counts counts) {
       if (fresh)
         side = mixed ? field_in(c, 0.0) >= 0.0 : least >= 0.0;
       fresh = false;
+#if LABELLED // behind it, what counts is the side where the ray leaves it
+      bool blank = is_blank(cell);
+      if (blank)
+        side = mixed ? field_in(c, 1.0) >= 0.0 : least >= 0.0;
+      float u = blank ? -1.0 : first_change(c, side);
+#else
       float u = first_change(c, side);
+#endif
       if (u >= 0.0)
         return fma(u, end - t, t);
     }
