@@ -293,9 +293,13 @@ static void pin(void **held_of_entry) {
   held->kind = TCS_MEMORY_PINNED;
 }
 
+uint64_t tcs_volume_bytes(const tc_volume *volume) {
+  return tc_volume_bytes(volume) + (tc_volume_gaps(volume) ? tc_volume_bytes(tc_volume_gaps(volume)) : 0);
+}
+
 uint64_t tcs_entry_bytes(const tcs_entry *entry) {
   if (entry->mesh) return entry->mesh->bytes;
-  return tc_volume_bytes(entry->volume) + (entry->body ? tc_volume_bytes(entry->body) : 0);
+  return tcs_volume_bytes(entry->volume) + (entry->body ? tcs_volume_bytes(entry->body) : 0);
 }
 
 void tcs_entry_release(tcs_catalogue *catalogue, tcs_entry *entry) {

@@ -22,7 +22,19 @@ static bool reserve_body(void *user, uint64_t bytes) {
   return true;
 }
 
+/* So does the mask of voxels without a value, of which nothing is known before all are there. */
+static bool reserve_gaps(tcs_load *load) {
+  const uint64_t bytes = tcs_volume_bytes(load->volume) - tc_volume_bytes(load->volume);
+  if (!bytes || reserve_body(load, bytes)) return true;
+  load->refused = true;
+  load->wanted = load->reserved + tcs_room_of(bytes);
+  tcs_budget_refuse(load->catalogue->server->budget, &load->error);
+  g_clear_pointer(&load->volume, tc_volume_unref);
+  return false;
+}
+
 static bool dress(tcs_load *load) {
+  if (!reserve_gaps(load)) return false;
   tc_fit_find(&load->fit, load->volume);
   load->body = tc_fit_body(&load->fit, load->volume, tcs_load_goes_on, reserve_body, load);
   tc_fit_windows(&load->fit, load->volume, load->body);
@@ -33,7 +45,7 @@ static bool dress(tcs_load *load) {
 }
 
 static void *hold(tcs_load *load, tc_volume *volume) {
-  void *held = volume ? tcs_hold(load, tc_volume_bytes(volume)) : NULL;
+  void *held = volume ? tcs_hold(load, tcs_volume_bytes(volume)) : NULL;
   if (volume) tc_volume_when_freed(volume, tcs_hold_freed, held);
   return held;
 }

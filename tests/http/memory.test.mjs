@@ -55,6 +55,22 @@ test('four loads of 64 MB at once keep within a budget of 200 MB', async () => {
   await d.stop();
 });
 
+test('the mask of voxels that are NaN is counted, and refused where there is no room for it', async () => {
+  const voxels = Buffer.alloc(4 * MB);
+  for (let i = 0; i < MB; i++) voxels.writeFloatLE(i % 7 ? i % 100 : NaN, 4 * i);
+  const file = Buffer.concat([Buffer.from('NRRD0004\ntype: float\ndimension: 3\nsizes: 100 100 100\nendian: little\nencoding: raw\n\n'), voxels]);
+  const volumes = {};
+  for (const bytes of [8 * MB, 4.5 * MB]) {
+    const d = await Daemon.start({ ball: false, files: { 'map.nrrd': file }, config: `[limits]\nvolume_bytes=${bytes}\n` });
+    await d.post('/v1/volumes', { id: 'map', path: 'map.nrrd' });
+    volumes[bytes] = await settled(d, 'map');
+    if (bytes > 5 * MB) assert.ok((await used(d)).volumes >= 5 * MB, JSON.stringify(await used(d)));
+    await d.stop();
+  }
+  assert.equal(volumes[8 * MB].state, 'resident');
+  assert.deepEqual([volumes[4.5 * MB].state, /memory/.test(volumes[4.5 * MB].reason)], ['failed', true], volumes[4.5 * MB].reason);
+});
+
 test('volumes that nobody shows go first, the oldest first, the operator\'s last; then it is 503', async () => {
   const d = await Daemon.start({ n: 64, config: '[limits]\nvolume_bytes=1000000\n' });
   const three = [];
