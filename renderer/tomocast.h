@@ -118,6 +118,21 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
 bool tc_renderer_explain(tc_renderer *renderer, const tc_volume *volume, const tc_volume *labels, const tc_scene *scene,
                          tc_explanation *explanation, GError **error);
 
+/* What a pixel of mode mesh shows. */
+typedef struct tc_pick {
+  bool found;
+  double position[3]; /* LPS mm */
+  double distance_mm; /* from the eye */
+  double value;       /* the surface's, or the volume's in a slice; NaN: it has none */
+  int surface;        /* place in scene.mesh.surfaces; -1: there is no list */
+  uint32_t label;     /* that it is the surface of; 0: of none */
+} tc_pick;
+
+/* request: labels, meshes, width and height, as of a frame. Reads the surfaces that a frame of the scene drew, and
+ * builds none: TC_ERROR_BUSY where they are not there. Same thread rule as tc_render(). */
+bool tc_renderer_pick(tc_renderer *renderer, const tc_volume *volume, const tc_scene *scene,
+                      const tc_render_request *request, double x, double y, tc_pick *pick, GError **error);
+
 /* What a volume's voxels tell of how to show it. Plain values. */
 typedef struct tc_fit {
   tc_stretch stretch;   /* low and high leave padding out; the middle parts what is shown from what is around it */

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "renderer/mesh/pick.h"
 #include "renderer/raycast/shade.h"
 #include "renderer/raycast/slice.h"
 
@@ -145,3 +146,33 @@ bool tc_mesh_job_begin(tc_mesh_job *m, const tc_job *job, GError **error) {
 }
 
 void tc_mesh_job_end(tc_mesh_job *m) { free(m->surfaces); }
+
+/* Thinner surfaces are looked through, as thinner haze is in dvr. */
+#define LEAST_OPACITY 0.05
+
+/* A part's place in the scene's list; -1: it has none. */
+static int place_of(const tc_scene *scene, size_t part) {
+  for (size_t i = 0; i < scene->mesh.n_surfaces; i++)
+    if (tc_mesh_surface_shows(&scene->mesh.surfaces[i]) && part-- == 0) return (int)i;
+  return -1;
+}
+
+bool tc_mesh_job_pick(const tc_job *job, double x, double y, tc_pick *pick, GError **error) {
+  tc_mesh_job m;
+  tc_mesh_hit hit;
+  *pick = (tc_pick){.surface = -1, .value = NAN};
+  if (!tc_mesh_job_begin(&m, job, error)) return false;
+  pick->found = tc_mesh_pick(job->have.mesh, &m.view, m.surfaces, LEAST_OPACITY, x, y, &hit);
+  tc_mesh_job_end(&m);
+  if (!pick->found) return true;
+  const tc_mesh_source *of = &job->have.mesh->parts[hit.part].of;
+  double index[3];
+  memcpy(pick->position, hit.position, sizeof pick->position);
+  pick->distance_mm = hit.distance_mm;
+  pick->surface = place_of(job->scene, hit.part);
+  if (of->kind == TC_SURFACE_OF_VALUE) pick->value = of->iso;
+  if (of->kind == TC_SURFACE_OF_LABEL) pick->label = of->label;
+  tc_volume_lps_to_index(job->source, hit.position, index);
+  if (of->kind == TC_SURFACE_OF_PLANE && !tc_volume_value_at(job->source, index, &pick->value)) pick->value = NAN;
+  return true;
+}

@@ -22,4 +22,7 @@ size_t tc_mesh_sources(const tc_job *job, tc_mesh_source *of);
 bool tc_mesh_job_begin(tc_mesh_job *m, const tc_job *job, GError **error); /* TC_ERROR_MEMORY */
 void tc_mesh_job_end(tc_mesh_job *m);
 
+/* What pixel position (x, y) of a picture of the job's size shows of its mesh. TC_ERROR_MEMORY. */
+bool tc_mesh_job_pick(const tc_job *job, double x, double y, tc_pick *pick, GError **error);
+
 #endif

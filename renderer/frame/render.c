@@ -8,6 +8,7 @@
 #include "renderer/frame/cache.h"
 #include "renderer/base/clock.h"
 #include "renderer/frame/frame.h"
+#include "renderer/frame/mesh_job.h"
 #include "renderer/mesh/surfaces.h"
 #include "renderer/frame/resource_kinds.h"
 #include "renderer/frame/resources.h"
@@ -205,6 +206,26 @@ bool tc_renderer_explain(tc_renderer *renderer, const tc_volume *volume, const t
   explain(&d, false, explanation);
   if (d.ops == &tc_cpu_backend) tc_explain_object(volume, scene, explanation);
   return true;
+}
+
+bool tc_renderer_pick(tc_renderer *renderer, const tc_volume *volume, const tc_scene *scene,
+                      const tc_render_request *request, double x, double y, tc_pick *pick, GError **error) {
+  const int width = request->width ? request->width : scene->image.width;
+  const int height = request->height ? request->height : scene->image.height;
+  const tc_rays none = {0};
+  tc_frame frame = {.width = width, .height = height};
+  drawing d = {.r = renderer,
+               .wanted = {.width = width, .height = height},
+               .job = {.scene = scene, .source = volume, .volume = volume, .label_volume = request->labels,
+                       .meshes = request->meshes, .rays = &none, .frame = &frame}};
+  if (!tc_plan_check(volume, scene, width, height, NULL, error) ||
+      !tc_labels_check(volume, request->labels, scene, error) || !choose_drawer(&d, true, error))
+    return false;
+  collect(&d, NULL);
+  if (d.job.have.mesh && (!tc_plan_has(&d.plan, TC_RESOURCE_LABELS) || d.job.have.labels))
+    return tc_mesh_job_pick(&d.job, x, y, pick, error);
+  tc_set_error(error, TC_ERROR_BUSY, NULL, "the surfaces are not there: ask again when the session's frame is");
+  return false;
 }
 
 static bool check_table(const tc_render_request *q, GError **error) {

@@ -35,28 +35,31 @@ static void free_probe(tcs_work *work) {
   tc_volume_unref(p->labels);
 }
 
-static void start_probe(tcs_request *request, void (*run)(tcs_work *work)) {
-  tcs_session *session = tcs_session_of(request);
-  if (!session) return;
+/* Of the query, in a picture of the query's size or the scene's. False: replied. */
+static bool read_pixel(tcs_request *request, const tcs_session *session, tcs_pixel *at) {
   const tcs_limits *limits = &request->server->config->limits;
-  int x = -1, y = -1, width = session->scene.image.width, height = session->scene.image.height;
+  *at = (tcs_pixel){.width = session->scene.image.width, .height = session->scene.image.height};
   if (!tcs_query(request, "x") || !tcs_query(request, "y")) {
     tcs_reply_problem(request, 422, "invalid", "Invalid value",
                       "query x and y: give a pixel, 0 at the left and at the top");
-    return;
+    return false;
   }
-  if (!tcs_query_int(request, "width", 1, (int)limits->image_side, &width) ||
-      !tcs_query_int(request, "height", 1, (int)limits->image_side, &height) ||
-      !tcs_query_int(request, "x", 0, width - 1, &x) || !tcs_query_int(request, "y", 0, height - 1, &y))
-    return;
+  return tcs_query_int(request, "width", 1, (int)limits->image_side, &at->width) &&
+         tcs_query_int(request, "height", 1, (int)limits->image_side, &at->height) &&
+         tcs_query_int(request, "x", 0, at->width - 1, &at->x) && tcs_query_int(request, "y", 0, at->height - 1, &at->y);
+}
+
+static void start_probe(tcs_request *request, tcs_session *session, void (*run)(tcs_work *work)) {
+  tcs_pixel at;
+  if (!read_pixel(request, session, &at)) return;
   probe *p = g_new0(probe, 1);
-  *p = (probe){.work = {.run = run, .free = free_probe}, .server = request->server, .x = x, .y = y};
+  *p = (probe){.work = {.run = run, .free = free_probe}, .server = request->server, .x = at.x, .y = at.y};
   g_strlcpy(p->session, session->id, sizeof p->session);
   p->volume = tc_volume_ref(tcs_entry_shown(session->entry, &session->scene));
   if (session->labels) p->labels = tc_volume_ref(tcs_session_labels(session));
   tc_scene_copy(&p->scene, &session->scene);
-  p->scene.image.width = width;
-  p->scene.image.height = height;
+  p->scene.image.width = at.width;
+  p->scene.image.height = at.height;
   const bool many = session->probes++ >= SESSION_PROBES;
   tcs_work_start(request, request->server->probe_worker, &p->work, many ? 0 : MOST_PROBES);
 }
@@ -183,5 +186,22 @@ static void run_pick(tcs_work *work) {
   tc_reference_free(r);
 }
 
-void tcs_get_ray(tcs_request *request) { start_probe(request, run_ray); }
-void tcs_get_pick(tcs_request *request) { start_probe(request, run_pick); }
+void tcs_get_ray(tcs_request *request) {
+  tcs_session *session = tcs_session_of(request);
+  if (session) start_probe(request, session, run_ray);
+}
+
+/* Surfaces of a list and of labels have no reference: the drawn ones are asked. */
+static bool asks_surfaces(const tc_scene *scene) {
+  return scene->mode == TC_MODE_MESH && (scene->mesh.n_surfaces || scene->labels.volume[0]);
+}
+
+void tcs_get_pick(tcs_request *request) {
+  tcs_session *session = tcs_session_of(request);
+  tcs_pixel at;
+  if (!session) return;
+  if (!asks_surfaces(&session->scene))
+    start_probe(request, session, run_pick);
+  else if (read_pixel(request, session, &at))
+    tcs_pick_surface(request, session, &at);
+}

@@ -1,5 +1,6 @@
 /* Single pictures: POST /v1/render, a session's frame, a session's plan. The request waits while its job runs. */
 #include <limits.h>
+#include <math.h>
 #include <string.h>
 
 #include "server/access/audit.h"
@@ -22,7 +23,7 @@ static void submit(tcs_request *request, tcs_job *job, const tcs_session *sessio
   job->finished = finished;
   job->user = request;
   job->peer = tcs_peer_name(request);
-  if (!job->plan_only && tcs_quality_prepare(request->server->quality, job)) {
+  if (!tcs_job_draws_nothing(job) && tcs_quality_prepare(request->server->quality, job)) {
     tcs_defer(request, leave_job, job);
     return;
   }
@@ -261,4 +262,38 @@ void tcs_get_plan(tcs_request *request) {
   if (session->labels) job->labels = tc_volume_ref(tcs_session_labels(session));
   job->plan_only = true;
   submit(request, job, session, finished_plan);
+}
+
+/* --- the pick of mode mesh --------------------------------------------------------------------------- */
+
+static cJSON *number_or_null(double value) { return isnan(value) ? cJSON_CreateNull() : cJSON_CreateNumber(value); }
+
+static cJSON *write_pick(const tcs_job *job) {
+  const tc_pick *p = &job->pick;
+  cJSON *json = cJSON_CreateObject();
+  cJSON_AddItemToObject(json, "position", p->found ? cJSON_CreateDoubleArray(p->position, 3) : cJSON_CreateNull());
+  cJSON_AddItemToObject(json, "value", number_or_null(p->found ? p->value : NAN));
+  cJSON_AddItemToObject(json, "depth", number_or_null(p->found ? p->distance_mm : NAN));
+  if (p->found && p->surface >= 0) cJSON_AddNumberToObject(json, "surface", p->surface);
+  if (p->found && p->label) cJSON_AddNumberToObject(json, "label", p->label);
+  return json;
+}
+
+static void finished_pick(tcs_job *job) {
+  tcs_request *request = job->user;
+  if (!request) return;
+  if (job->error)
+    tcs_reply_error(request, job->error);
+  else
+    tcs_reply_json(request, 200, write_pick(job));
+}
+
+void tcs_pick_surface(tcs_request *request, const tcs_session *session, const tcs_pixel *at) {
+  tcs_job *job = tcs_job_new(request->server, tcs_entry_shown(session->entry, &session->scene), &session->scene);
+  if (session->labels) job->labels = tc_volume_ref(tcs_session_labels(session));
+  job->meshes = tcs_scene_meshes(session->server, &job->scene);
+  job->width = at->width, job->height = at->height;
+  job->pick_only = true;
+  job->pick_x = at->x + 0.5, job->pick_y = at->y + 0.5;
+  submit(request, job, session, finished_pick);
 }

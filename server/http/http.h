@@ -157,6 +157,11 @@ void tcs_get_frame(tcs_request *request);
 void tcs_get_plan(tcs_request *request);
 void tcs_get_ray(tcs_request *request);
 void tcs_get_pick(tcs_request *request);
+typedef struct tcs_pixel {
+  int x, y, width, height; /* in a picture of this size */
+} tcs_pixel;
+/* The pick of a session in mode mesh, of what its last picture was drawn from. */
+void tcs_pick_surface(tcs_request *request, const struct tcs_session *session, const tcs_pixel *at);
 void tcs_get_stream(tcs_request *request);
 void tcs_get_mjpeg(tcs_request *request);
 void tcs_get_static(tcs_request *request);

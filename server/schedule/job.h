@@ -26,6 +26,8 @@ struct tcs_job {
   tcs_task task;
   tcs_server *server;
   bool plan_only;                 /* a plan instead of a picture */
+  bool pick_only;                 /* what a pixel shows instead of a picture (mode mesh) */
+  double pick_x, pick_y;
   tc_volume *volume;              /* owned reference */
   tc_volume *labels;              /* owned reference, or NULL */
   struct tc_mesh **meshes;        /* [scene.mesh.n_surfaces] owned references, or NULLs; NULL: none */
@@ -52,6 +54,7 @@ struct tcs_job {
   GError *error;
   GBytes *image;
   tc_explanation plan;
+  tc_pick pick;
   tc_frame_stats stats;
   tc_meter *meter; /* the meter_pixels of the frame; NULL for none */
   int out_width, out_height;
@@ -79,6 +82,9 @@ tcs_job *tcs_job_new(tcs_server *server, tc_volume *volume, const tc_scene *scen
 void tcs_job_free(tcs_job *job); /* one that the scheduler does not have */
 /* Some of its picture is drawn: it holds a frame's memory. */
 bool tcs_job_begun(const tcs_job *job);
+
+/* It is asked for words. */
+static inline bool tcs_job_draws_nothing(const tcs_job *job) { return job->plan_only || job->pick_only; }
 
 /* What a frame's buffers take. */
 uint64_t tcs_frame_bytes(const tc_frame *frame);

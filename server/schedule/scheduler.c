@@ -330,6 +330,10 @@ static void run_slice(tcs_task *task) {
   const tc_render_request request = {
       .width = job->width, .height = job->height, .interrupt = &job->interrupt, .building = &job->building, .resume = job->slices > 1,
       .labels = job->labels, .meshes = job->meshes, .want_linear = job->meter_pixels > 0, .hurry = job->hurry};
+  if (job->pick_only) {
+    tc_renderer_pick(renderer, job->volume, &job->scene, &request, job->pick_x, job->pick_y, &job->pick, &job->error);
+    return;
+  }
   const bool made = tc_render(renderer, job->volume, &job->scene, &request, &job->frame, NULL, &job->error);
   job->stats = job->frame.stats;
   if (!made) return;
@@ -352,7 +356,7 @@ static uint64_t frame_need(const tcs_job *job) {
 
 static bool take_frame(tcs_job *job) {
   tcs_budget *budget = job->server->budget;
-  const uint64_t need = job->plan_only ? 0 : frame_need(job);
+  const uint64_t need = tcs_job_draws_nothing(job) ? 0 : frame_need(job);
   if (need <= job->memory) return true;
   if (tcs_budget_resize(budget, TCS_MEMORY_FRAMES, job->memory, need)) {
     job->memory = need;
@@ -449,7 +453,7 @@ static void done_slice(tcs_task *task) {
   if (paused || try_again(scheduler, job)) {
     g_clear_error(&job->error);
     put_back(scheduler, job);
-  } else if (job->error || job->plan_only) {
+  } else if (job->error || tcs_job_draws_nothing(job)) {
     end_unfinished(scheduler, job);
   } else {
     begin_encoding(scheduler, job);

@@ -170,6 +170,17 @@ test('the daemon offers labels, and colours for those without', async () => {
   assert.equal(new Set(labelColors.map(String)).size, labelColors.length);
 });
 
+test('a pick of the surfaces of labels says which label', async () => {
+  const { links } = await open({});
+  await d.patch(links.scene, { mode: 'mesh' });
+  await d.get(links.frame);
+  const label = async (x) => (await d.get(`${links.self}/pick?x=${x}&y=${N / 2}`)).json;
+  const [left, right] = [await label(N / 2 - 3), await label(N / 2 + 2)];
+  assert.deepEqual([left.label, right.label].sort(), [1, 2], JSON.stringify([left, right]));
+  assert.ok(Math.abs(left.position[0] - right.position[0]) > 2 && left.surface === undefined);
+  await d.delete(links.self);
+});
+
 /* 250 surfaces, each through all of the volume: seconds on any machine. */
 test('surfaces that take long are told of, and given up: the picture stays until the next change', async () => {
   const reply = await d.post('/v1/sessions', { volume: 'grains', scene: { mode: 'mip', image: { width: 32, height: 32 } } });

@@ -117,3 +117,28 @@ test('a session shows a mesh in its volume\'s space; what it shows is neither dr
   assert.equal((await d.delete('/v1/meshes/shown?force=true')).status, 204);
   problem(await d.get(`/v1/sessions/${session.id}`), 404); // it ended with its mesh
 });
+
+test('a pick says which surface of a list it met, through those too thin to see', async () => {
+  await d.post('/v1/meshes', { id: 'inner', path: 'ball.stl' }); // 20 mm about the volume's ball's middle, which has 24.8
+  await settled('inner');
+  const scene = (opacity) => ({ mode: 'mesh', image: { width: 40, height: 40 }, mesh: {
+    surfaces: [{ value: 5, visible: false }, { value: 100, opacity }, { mesh: 'inner' }, { plane: 'axial', visible: false }] } });
+  const { links } = (await d.post('/v1/sessions', { volume: 'ball', scene: scene(0.3) })).json;
+  const pick = async (x, y) => (await d.get(`${links.self}/pick?x=${x}&y=${y}`)).json;
+  problem(await d.get(`${links.self}/pick?x=20&y=20`), 503); // nothing is extracted for it
+  assert.equal((await d.get(links.frame)).status, 200);
+  const outer = await pick(20, 20);
+  assert.deepEqual([outer.surface, outer.value], [1, 100]);
+  const out = ({ position: [x, y, z] }) => Math.hypot(x - 41, y - 51, z - 61);
+  assert.ok(Math.abs(out(outer) - 24.8) < 2, JSON.stringify(outer));
+  assert.deepEqual(await pick(0, 0), { position: null, value: null, depth: null });
+  assert.equal((await d.patch(links.scene, scene(0.04))).status, 200);
+  await d.get(links.frame);
+  const inner = await pick(20, 20);
+  assert.deepEqual([inner.surface, inner.value], [2, null]);
+  assert.ok(Math.abs(out(inner) - 20) < 1 && inner.depth > outer.depth + 2, JSON.stringify(inner));
+  await d.patch(links.scene, { clip: { box: [[0, 45, 0], [100, 100, 100]] } });
+  await d.get(links.frame);
+  assert.ok((await pick(20, 20)).position[1] > 45, 'what is cut off is not met');
+  await d.delete(links.self);
+});

@@ -1,0 +1,90 @@
+#include "renderer/mesh/pick.h"
+
+#include <math.h>
+
+typedef struct ray {
+  double from[3], along[3]; /* unit */
+} ray;
+
+static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+static void cross(const double a[3], const double b[3], double c[3]) {
+  for (int k = 0; k < 3; k++) c[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
+}
+
+static ray ray_of(const tc_view *v, double x, double y) {
+  const double right = (x - v->centre[0]) / v->scale, down = (y - v->centre[1]) / v->scale;
+  ray r;
+  for (int k = 0; k < 3; k++) {
+    const double aside = right * v->right[k] + down * v->down[k];
+    r.from[k] = v->eye[k] + (v->perspective ? 0 : aside);
+    r.along[k] = v->forward[k] + (v->perspective ? aside : 0);
+  }
+  const double length = sqrt(dot(r.along, r.along));
+  for (int k = 0; k < 3; k++) r.along[k] /= length;
+  return r;
+}
+
+static bool passes(const ray *r, const tc_cluster *c) {
+  double to[3], square = 0;
+  for (int k = 0; k < 3; k++) to[k] = c->centre[k] - r->from[k];
+  const double t = dot(to, r->along);
+  for (int k = 0; k < 3; k++) square += (to[k] - t * r->along[k]) * (to[k] - t * r->along[k]);
+  return square <= 1.001 * (double)c->radius * (double)c->radius;
+}
+
+/* Moller and Trumbore, Fast, minimum storage ray/triangle intersection, 1997. */
+static bool meets(const ray *r, double corner[3][3], bool one_sided, double *t) {
+  double u[3], v[3], p[3], q[3], s[3];
+  for (int k = 0; k < 3; k++)
+    u[k] = corner[1][k] - corner[0][k], v[k] = corner[2][k] - corner[0][k], s[k] = r->from[k] - corner[0][k];
+  cross(r->along, v, p);
+  cross(s, u, q);
+  const double det = dot(u, p), a = dot(s, p) / det, b = dot(r->along, q) / det;
+  if (det == 0 || (one_sided && det < 0) || !(a >= 0 && b >= 0 && a + b <= 1)) return false;
+  *t = dot(v, q) / det;
+  return true;
+}
+
+/* Before the near plane or beyond a clip plane nothing is drawn. */
+static bool is_kept(const tc_view *v, const double p[3]) {
+  for (int i = 0; i < v->n_planes; i++)
+    if ((i < TC_VIEW_GUARD || i >= TC_VIEW_CLIP) && tc_view_row(v->planes[i], p) < 0) return false;
+  return true;
+}
+
+static bool in_cluster(const tc_clusters *m, const tc_cluster *c, const tc_view *view, const ray *r, bool one_sided,
+                       double *nearest) {
+  const size_t room = tc_cluster_padded(c->n_vertices), row = tc_cluster_padded(c->n_triangles);
+  const float *at = m->positions + 3 * (size_t)c->vertex;
+  const uint8_t *corners = m->triangles + 3 * (size_t)c->triangle;
+  bool found = false;
+  for (size_t i = 0; i < c->n_triangles; i++) {
+    double corner[3][3], p[3], t;
+    for (size_t v = 0; v < 3; v++)
+      for (size_t k = 0; k < 3; k++) corner[v][k] = at[k * room + corners[v * row + i]];
+    if (!meets(r, corner, one_sided, &t) || t >= *nearest) continue;
+    for (int k = 0; k < 3; k++) p[k] = r->from[k] + t * r->along[k];
+    if (is_kept(view, p)) *nearest = t, found = true;
+  }
+  return found;
+}
+
+bool tc_mesh_pick(const tc_clusters *mesh, const tc_view *view, const tc_raster_surface *surfaces, double least, double x,
+                  double y, tc_mesh_hit *hit) {
+  const ray r = ray_of(view, x, y);
+  double nearest[2] = {INFINITY, INFINITY}; /* of what is looked through, and of the rest */
+  size_t part[2] = {0, 0};
+  for (size_t i = 0; i < mesh->n; i++) {
+    const tc_cluster *c = &mesh->clusters[i];
+    const tc_raster_surface *s = &surfaces[c->part];
+    const bool seen = (double)s->opacity >= least;
+    if (passes(&r, c) && in_cluster(mesh, c, view, &r, s->one_sided, &nearest[seen])) part[seen] = c->part;
+  }
+  const int which = nearest[1] < INFINITY;
+  if (!(nearest[which] < INFINITY)) return false;
+  for (int k = 0; k < 3; k++) hit->position[k] = mesh->origin[k] + r.from[k] + nearest[which] * r.along[k];
+  hit->distance_mm = nearest[which];
+  hit->part = part[which];
+  return true;
+}
