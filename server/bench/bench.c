@@ -15,6 +15,7 @@
 #include "renderer/tomocast.h"
 #include "server/bench/bench.h"
 #include "server/bench/objects.h"
+#include "server/bench/paper_mesh.h"
 #include "server/bench/paper_splat.h"
 #include "server/bench/papers.h"
 #include "server/bench/timing.h"
@@ -238,7 +239,7 @@ static tcs_paper_run paper_run(const bench *b) {
   return (tcs_paper_run){b->args.paper, b->args.size, b->args.runs, b->args.threads, b->args.gl, prints(b)};
 }
 
-static bool is_splat_paper(const bench *b) { return strcmp(b->args.paper, "004") == 0; }
+static bool is_paper(const bench *b, const char *paper) { return strcmp(b->args.paper, paper) == 0; }
 
 static tcs_objects_run objects_run(const bench *b) {
   return (tcs_objects_run){b->args.runs, b->args.threads, prints(b)};
@@ -253,7 +254,9 @@ static bool bench_volume(bench *b, const char *path, cJSON *report, GError **err
   bool good = b->volume && make_scene(b, error);
   if (good && b->args.paper) {
     const tcs_paper_run run = paper_run(b);
-    good = (is_splat_paper(b) ? tcs_paper_splat : tcs_paper_volume)(&run, b->volume, b->name, &b->scene, report, error);
+    good = (is_paper(b, "003")   ? tcs_paper_mesh
+            : is_paper(b, "004") ? tcs_paper_splat
+                                 : tcs_paper_volume)(&run, b->volume, b->name, &b->scene, report, error);
   } else if (good && b->args.objects) {
     const tcs_objects_run run = objects_run(b);
     good = tcs_objects_volume(&run, b->volume, b->name, report, error);
@@ -293,7 +296,7 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
       {"scene", 0, 0, G_OPTION_ARG_FILENAME, &a->scene, "scene document laid over the fitted one", "FILE"},
       {"set", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &a->set, "change one member of the scene; may be repeated",
        "KEY=VALUE"},
-      {"paper", 0, 0, G_OPTION_ARG_FILENAME, &a->paper, "the tables of paper 000, 001 or 004 instead, beside the published",
+      {"paper", 0, 0, G_OPTION_ARG_FILENAME, &a->paper, "the tables of paper 000, 001, 003 or 004 instead, beside the published",
        "ID"},
       {"objects", 0, 0, G_OPTION_ARG_NONE, &a->objects,
        "splats, ray-cast isosurfaces and meshes of the same objects instead, and which the plan calls the faster", NULL},
@@ -308,8 +311,8 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
                  "--size 1..4096, --runs 1..1000, --error 0..1000000, --cache from 0 and --zoom above 0 are wanted");
     return false;
   }
-  if (a->paper && strcmp(a->paper, "004") != 0 && !tcs_paper_known(a->paper)) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "--paper %s: 000 or 001 is wanted, or 004", a->paper);
+  if (a->paper && strcmp(a->paper, "003") && strcmp(a->paper, "004") && !tcs_paper_known(a->paper)) {
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "--paper %s: 000 or 001 is wanted, or 003 or 004", a->paper);
     return false;
   }
   return true;
@@ -330,8 +333,8 @@ int tcs_bench(int argc, char **argv) {
     static char *demos[] = {"demo:head", "demo:vessels", "demo:bucky", "demo:marschner-lobb", NULL};
     bool good = b->encoder != NULL;
     const tcs_paper_run run = paper_run(b);
-    if (b->args.paper && is_splat_paper(b)) tcs_paper_splat_begin(&run);
-    if (b->args.paper && !is_splat_paper(b)) tcs_paper_begin(&run, report);
+    if (b->args.paper && is_paper(b, "004")) tcs_paper_splat_begin(&run);
+    if (b->args.paper && tcs_paper_known(b->args.paper)) tcs_paper_begin(&run, report);
     for (char **path = b->args.rest ? b->args.rest : demos; good && *path; path++)
       good = bench_volume(b, *path, report, &error);
     if (good && b->args.objects) {

@@ -1,0 +1,131 @@
+#include "server/bench/paper_mesh.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "renderer/mesh/measure.h"
+#include "server/bench/timing.h"
+#include "server/cli/cli.h"
+
+static const struct way {
+  const char *name, *isa;
+  tc_backend backend;
+  int threads; /* 0: the run's */
+  tc_mode mode;
+} ways[] = {{"scalar, 1 thread", "scalar", TC_BACKEND_CPU, 1, TC_MODE_MESH},
+            {"avx2, 1 thread", "avx2", TC_BACKEND_CPU, 1, TC_MODE_MESH},
+            {"avx512, 1 thread", "avx512", TC_BACKEND_CPU, 1, TC_MODE_MESH},
+            {"mesh", NULL, TC_BACKEND_CPU, 0, TC_MODE_MESH},
+            {"ray-cast", NULL, TC_BACKEND_CPU, 0, TC_MODE_ISOSURFACE},
+            {"gl", NULL, TC_BACKEND_GL, 0, TC_MODE_MESH}};
+enum { WAYS = G_N_ELEMENTS(ways) };
+
+/* The paper's grid about the middle of a volume: as wide as it is, and at most as high. */
+static tc_volume *resample(const tc_volume *from, GError **error) {
+  static const int dims[3] = {512, 512, 106};
+  const tc_volume_desc *d = tc_volume_describe(from);
+  tc_volume_desc to = *d;
+  double step[3], first[3];
+  for (int k = 0; k < 3; k++) {
+    const double extent = d->dims[k] - 1;
+    to.dims[k] = dims[k];
+    step[k] = k < 2 ? extent / (dims[k] - 1) : fmin(2 / d->spacing[k], extent / (dims[k] - 1));
+    first[k] = 0.5 * (extent - step[k] * (dims[k] - 1));
+    to.spacing[k] = d->spacing[k] * step[k];
+  }
+  to.type = TC_I16, to.slope = 1, to.intercept = 0;
+  tc_volume_index_to_lps(from, first, to.origin);
+  tc_volume *volume = tc_volume_new(&to, error);
+  int16_t *voxel = volume ? tc_volume_voxels(volume) : NULL;
+  for (int z = 0; volume && z < dims[2]; z++)
+    for (int y = 0; y < dims[1]; y++)
+      for (int x = 0; x < dims[0]; x++) {
+        const double at[3] = {first[0] + x * step[0], first[1] + y * step[1], first[2] + z * step[2]};
+        double value = 0;
+        *voxel++ = tc_volume_value_at(from, at, &value) ? (int16_t)CLAMP(lrint(value), -32768, 32767) : -32768;
+      }
+  if (volume) tc_volume_seal(volume);
+  return volume;
+}
+
+/* The least time of several extractions; *triangles of one. */
+static bool extract(const tcs_paper_run *run, const tc_volume *volume, double iso, int threads, double *ms, size_t *triangles,
+                    GError **error) {
+  tc_pool *pool = tc_pool_new(threads, error);
+  const tc_mesh_options options = {.normals = true, .pool = pool};
+  bool good = pool != NULL;
+  *ms = INFINITY;
+  for (int i = 0; i < run->runs && good; i++) {
+    const double start = tcs_now_ms();
+    tc_mesh *mesh = tc_mesh_extract(volume, iso, &options, error);
+    *ms = fmin(*ms, tcs_now_ms() - start);
+    if ((good = mesh != NULL)) *triangles = mesh->n_triangles;
+    tc_mesh_free(mesh);
+  }
+  tc_pool_free(pool);
+  return good;
+}
+
+/* The least times of frames, all ways in turn; NaN where there is no such machine. *build_ms: of mesh and clusters. */
+static bool draw(const tcs_paper_run *run, tc_volume *volume, tc_scene *scene, double ms[WAYS], double *build_ms, GError **error) {
+  tc_renderer *renderers[WAYS] = {0};
+  tc_frame frame = {0};
+  bool good = true;
+  for (int w = 0; w < WAYS; w++) {
+    const tc_renderer_options options = {.backend = ways[w].backend, .isa = ways[w].isa, .cache_bytes = 2u << 30,
+                                         .threads = ways[w].threads ? ways[w].threads : run->threads};
+    ms[w] = NAN;
+    if (ways[w].backend != TC_BACKEND_GL || run->gl) renderers[w] = tc_renderer_new(&options, NULL);
+  }
+  for (int i = 0; i <= run->runs && good; i++)
+    for (int w = 0; w < WAYS && good; w++) {
+      scene->mode = ways[w].mode;
+      if (!renderers[w]) continue;
+      good = tc_render(renderers[w], volume, scene, NULL, &frame, NULL, error);
+      if (i) ms[w] = fmin(ms[w], frame.stats.render_ms);
+      if (!i && !strcmp(ways[w].name, "mesh")) *build_ms = frame.stats.tables_ms;
+    }
+  tc_frame_finish(&frame);
+  for (int w = 0; w < WAYS; w++) tc_renderer_free(renderers[w]);
+  return good;
+}
+
+static void add(const tcs_paper_run *run, const char *name, double iso, size_t triangles, const double extract_ms[2], double build_ms,
+                const double ms[WAYS], cJSON *report) {
+  cJSON *json = cJSON_CreateObject(), *frames = cJSON_CreateObject();
+  cJSON_AddStringToObject(json, "paper", "003");
+  cJSON_AddStringToObject(json, "volume", name);
+  cJSON_AddNumberToObject(json, "value", iso);
+  cJSON_AddNumberToObject(json, "triangles", (double)triangles);
+  cJSON_AddItemToObject(json, "extractMs", cJSON_CreateDoubleArray(extract_ms, 2));
+  cJSON_AddNumberToObject(json, "buildMs", build_ms);
+  for (int w = 0; w < WAYS; w++) cJSON_AddNumberToObject(frames, ways[w].name, ms[w]);
+  cJSON_AddItemToObject(json, "frameMs", frames);
+  cJSON_AddItemToArray(report, json);
+  if (!run->print) return;
+  printf("paper 003: %s as 512x512x106 voxels, surface at %g: %zu triangles; %dx%d pixels\n", name, iso, triangles, run->size,
+         run->size);
+  printf("  %-22s %9.2f ms, %.2f with 1 thread; with clusters %.2f\n", "extraction", extract_ms[1], extract_ms[0], build_ms);
+  for (int w = 0; w < WAYS; w++)
+    if (!isnan(ms[w])) printf("  %-22s %9.2f ms a frame\n", ways[w].name, ms[w]);
+}
+
+bool tcs_paper_mesh(const tcs_paper_run *run, tc_volume *from, const char *name, const tc_scene *given, cJSON *report,
+                    GError **error) {
+  double extract_ms[2], build_ms = 0, ms[WAYS];
+  size_t triangles = 0;
+  tc_scene scene;
+  tc_volume *volume = resample(from, error);
+  if (!volume) return false;
+  tc_scene_copy(&scene, given);
+  scene.image.width = scene.image.height = run->size;
+  const double iso = scene.isosurface.value;
+  const bool good = extract(run, volume, iso, 1, &extract_ms[0], &triangles, error) &&
+                    extract(run, volume, iso, run->threads, &extract_ms[1], &triangles, error) &&
+                    draw(run, volume, &scene, ms, &build_ms, error);
+  if (good) add(run, name, iso, triangles, extract_ms, build_ms, ms, report);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+  return good;
+}
