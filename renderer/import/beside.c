@@ -8,6 +8,7 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include "renderer/import/links.h"
 #include "renderer/import/reader.h"
 
 static bool stays_beside(const char *name) {
@@ -28,7 +29,7 @@ static int open_beneath(int folder_fd, const char *name) {
   int fd = (int)syscall(SYS_openat2, folder_fd, name, &how, sizeof how);
   if (fd < 0 && (errno == ENOSYS || errno == EPERM) && !strchr(name, '/'))
     fd = openat(folder_fd, name, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOFOLLOW);
-  return fd;
+  return fd < 0 && errno != ENOENT ? tc_links_open(folder_fd, name, O_RDONLY | O_NONBLOCK) : fd;
 }
 
 int tc_beside_open(int folder_fd, const char *name, GError **error) {

@@ -6,8 +6,8 @@
 
 #include "renderer/base/error.h"
 
-/* Opens a regular file in the folder, for reading: a relative name without "..", never outside the folder, links
- * included. -1 with an error that quotes the name. */
+/* Opens a regular file in the folder, for reading: a relative name without "..", never outside the folder but by
+ * a link to a link root (links.h). -1 with an error that quotes the name. */
 int tc_beside_open(int folder_fd, const char *name, GError **error);
 
 #endif

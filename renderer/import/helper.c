@@ -20,6 +20,7 @@
 #include <unistd.h>
 
 #include "renderer/import/beside.h"
+#include "renderer/import/links.h"
 #include "renderer/import/wire.h"
 
 enum {
@@ -27,7 +28,7 @@ enum {
   WALL_MS = 3600000,
   POLL_MS = 20, /* how soon a cancel is seen, and how often the helper's memory is looked at */
   CPU_SECONDS = 1800,
-  HIGH_FD = 10, /* descriptors are moved above those the helper expects before it is started */
+  HIGH_FD = TC_HELPER_LINKS_FD + TC_LINK_ROOTS, /* descriptors are moved above those the helper expects before it is started */
 };
 
 static const char *const program_names[TC_HELPER_COUNT] = {"tomocast-import", "tomocast-dicom"};
@@ -40,6 +41,8 @@ typedef struct session {
   const tc_import_options *options; /* NULL: none */
   pid_t pid;
   int input, socket, ring_fd; /* -1: not open */
+  int links[TC_LINK_ROOTS];
+  uint32_t n_links;
   uint8_t *ring;
   double fraction; /* last told */
   int status;      /* of waitpid, once reaped */
@@ -102,6 +105,21 @@ static bool open_input(session *s, GError **error) {
   return (s->input = move_high(fd, error)) >= 0;
 }
 
+/* Where its links may lead, for the helper to read there. */
+static bool open_links(session *s, GError **error) {
+  struct stat st;
+  if ((s->options && s->options->self_contained) || fstat(s->input, &st) != 0 || !S_ISDIR(st.st_mode)) return true;
+  for (; s->n_links < tc_links_count(); s->n_links++) {
+    const int fd = open(tc_links_root(s->n_links), O_PATH | O_DIRECTORY | O_CLOEXEC);
+    if (fd < 0) {
+      tc_set_error(error, TC_ERROR_IO, NULL, "a link root cannot be opened: %s", g_strerror(errno));
+      return false;
+    }
+    if ((s->links[s->n_links] = move_high(fd, error)) < 0) return false;
+  }
+  return true;
+}
+
 /* Memory to share: of a size that the helper can no longer change. */
 static bool open_ring(session *s, GError **error) {
   const int fd = memfd_create("voxels", MFD_CLOEXEC | MFD_ALLOW_SEALING);
@@ -141,7 +159,9 @@ static int spawn_with(session *s, char *program, int socket) {
   posix_spawn_file_actions_adddup2(&files, s->input, TC_HELPER_INPUT_FD);
   posix_spawn_file_actions_adddup2(&files, socket, TC_HELPER_SOCKET_FD);
   posix_spawn_file_actions_adddup2(&files, s->ring_fd, TC_HELPER_RING_FD);
-  posix_spawn_file_actions_addclosefrom_np(&files, TC_HELPER_RING_FD + 1);
+  for (uint32_t i = 0; i < s->n_links; i++)
+    posix_spawn_file_actions_adddup2(&files, s->links[i], TC_HELPER_LINKS_FD + (int)i);
+  posix_spawn_file_actions_addclosefrom_np(&files, TC_HELPER_LINKS_FD + (int)s->n_links);
   sigemptyset(&none);
   sigfillset(&all);
   posix_spawnattr_setsigmask(&attributes, &none);
@@ -162,6 +182,7 @@ static bool send_request(const session *s, tc_helper_request *request, const cha
   request->cpu_seconds = CPU_SECONDS;
   request->volume = s->options ? s->options->volume : 0;
   request->self_contained = s->options && s->options->self_contained;
+  request->link_roots = s->n_links;
   request->bridge_nothing = s->options && s->options->bridge_nothing;
   request->patient = s->options && s->options->patient;
   request->without_landlock = g_strcmp0(g_getenv("TOMOCAST_WITHOUT_LANDLOCK"), "1") == 0;
@@ -182,7 +203,7 @@ static bool start(session *s, tc_helper helper, const char *choice, task what, G
   int other = -1, failed = -1;
   char *program = find_program(s->options, program_names[helper], error);
   s->began_ms = now_ms();
-  if (program && open_input(s, error) && open_ring(s, error) && open_socket(s, &other, error)) {
+  if (program && open_input(s, error) && open_links(s, error) && open_ring(s, error) && open_socket(s, &other, error)) {
     failed = spawn_with(s, program, other);
     if (failed) tc_set_error(error, TC_ERROR_IO, NULL, "the decoder did not start: %s", g_strerror(failed));
   }
@@ -321,6 +342,7 @@ static void stop(session *s) {
     continue;
   for (int *fd = (int[]){s->input, s->socket, s->ring_fd, -2}; *fd != -2; fd++)
     if (*fd >= 0) close(*fd);
+  for (uint32_t i = 0; i < s->n_links; i++) close(s->links[i]);
   if (s->ring) munmap(s->ring, TC_WIRE_RING_BYTES);
 }
 

@@ -26,7 +26,7 @@ extern "C" {
 #endif
 
 /* The helper's descriptors. */
-enum { TC_HELPER_INPUT_FD = 3, TC_HELPER_SOCKET_FD = 4, TC_HELPER_RING_FD = 5 };
+enum { TC_HELPER_INPUT_FD = 3, TC_HELPER_SOCKET_FD = 4, TC_HELPER_RING_FD = 5, TC_HELPER_LINKS_FD = 6 };
 
 enum {
   TC_WIRE_SERIES_MAX = 4096, /* series in one listing */
@@ -73,6 +73,7 @@ typedef struct tc_helper_request {
   bool list, mesh, without_landlock, self_contained, bridge_nothing, patient;
   uint32_t volume; /* of the options */
   uint64_t max_voxel_bytes, address_bytes, cpu_seconds;
+  uint32_t link_roots; /* folders from TC_HELPER_LINKS_FD on that links of the input may lead to */
   char name[256];   /* the input's base name */
   char choice[256]; /* what follows the '#' of the path, or "" */
 } tc_helper_request;

@@ -1,5 +1,6 @@
 #include "server/catalogue/beneath.h"
 #include "renderer/import/import.h"
+#include "renderer/import/links.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -30,12 +31,20 @@ static int open_by_steps(int folder_fd, const char *relative) {
   return fd;
 }
 
+static bool goes_up(const char *relative) {
+  char **parts = g_strsplit(relative, "/", -1);
+  const bool up = g_strv_contains((const char *const *)parts, "..");
+  g_strfreev(parts);
+  return up;
+}
+
 static int open_beneath(const char *folder, const char *relative) {
   const int folder_fd = open(folder, O_PATH | O_DIRECTORY | O_CLOEXEC);
   if (folder_fd < 0) return -1;
   struct open_how how = {.flags = O_PATH | O_CLOEXEC, .resolve = RESOLVE_BENEATH | RESOLVE_NO_MAGICLINKS};
   int fd = (int)syscall(SYS_openat2, folder_fd, relative, &how, sizeof how);
   if (fd < 0 && errno == ENOSYS) fd = relative[0] == '/' ? -1 : open_by_steps(folder_fd, relative);
+  if (fd < 0 && !goes_up(relative)) fd = tc_links_open(folder_fd, relative, O_PATH);
   close(folder_fd);
   return fd;
 }
@@ -79,6 +88,7 @@ char *tcs_beneath(const char *folder, const char *relative, GError **error) {
 
 typedef struct scan {
   GPtrArray *found;
+  const char *folder;
   bool meshes; /* those, not volumes */
   int limit, folders;
 } scan;
@@ -121,7 +131,7 @@ static void add_found(scan *s, const char *path, double bytes) {
 
 static bool has_dicom_mark(int folder_fd, const char *name) {
   char mark[4] = "";
-  const int fd = openat(folder_fd, name, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+  const int fd = openat(folder_fd, name, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   const bool found = fd >= 0 && pread(fd, mark, sizeof mark, 128) == sizeof mark && memcmp(mark, "DICM", 4) == 0;
   if (fd >= 0) close(fd);
   return found;
@@ -136,6 +146,14 @@ static bool is_slice(int folder_fd, const char *name, int *nameless) {
   if (strchr(name, '.')) return false;
   if (*nameless == 0) *nameless = has_dicom_mark(folder_fd, name) ? 1 : -1;
   return *nameless > 0;
+}
+
+/* A link to a file counts as that, where it may be opened. Links to folders could lead in circles. */
+static void follow(const scan *s, const char *path, struct stat *status) {
+  const int fd = S_ISLNK(status->st_mode) ? open_beneath(s->folder, path) : -1;
+  struct stat there;
+  if (fd >= 0 && fstat(fd, &there) == 0 && S_ISREG(there.st_mode)) *status = there;
+  if (fd >= 0) close(fd);
 }
 
 static void scan_folder(scan *s, int parent_fd, const char *name, const char *path, int depth) {
@@ -153,6 +171,7 @@ static void scan_folder(scan *s, int parent_fd, const char *name, const char *pa
     struct stat status;
     if (item->d_name[0] == '.' || fstatat(fd, item->d_name, &status, AT_SYMLINK_NOFOLLOW) != 0) continue;
     char *child = *path ? g_strconcat(path, "/", item->d_name, NULL) : g_strdup(item->d_name);
+    follow(s, child, &status);
     if (S_ISDIR(status.st_mode)) {
       scan_folder(s, fd, item->d_name, child, depth + 1);
     } else if (S_ISREG(status.st_mode) && !s->meshes && is_slice(fd, item->d_name, &nameless)) {
@@ -178,7 +197,7 @@ static int compare_found(const void *a, const void *b) {
 }
 
 cJSON *tcs_available(const char *folder, bool meshes, int limit) {
-  scan s = {.meshes = meshes, .found = g_ptr_array_new_with_free_func(free_found), .limit = limit};
+  scan s = {.folder = folder, .meshes = meshes, .found = g_ptr_array_new_with_free_func(free_found), .limit = limit};
   if (folder) scan_folder(&s, AT_FDCWD, folder, "", 0);
   g_ptr_array_sort(s.found, compare_found);
   cJSON *list = cJSON_CreateArray();

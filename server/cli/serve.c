@@ -8,6 +8,7 @@
 
 #include "server/access/access.h"
 #include "server/catalogue/catalogue.h"
+#include "renderer/import/links.h"
 #include "server/catalogue/spool.h"
 #include "server/cli/cli.h"
 #include "server/cli/daemon.h"
@@ -320,7 +321,7 @@ static void announce(const tcs_daemon *d) {
 /* --- the command line ------------------------------------------------------------------------------- */
 
 typedef struct serve_options {
-  char *listen, *metrics, *data, *backend, *config, *log, *tokens, *audit, **volumes, **hosts, **proxies;
+  char *listen, *metrics, *data, *backend, *config, *log, *tokens, *audit, **volumes, **hosts, **proxies, **links;
   gboolean insecure_no_auth;
 } serve_options;
 
@@ -335,6 +336,9 @@ static bool configure(tcs_daemon *d, const serve_options *options, GError **erro
     if (!tcs_config_volume(config, *volume, error)) return false;
   for (char **host = options->hosts; host && *host; host++)
     g_ptr_array_add(config->hosts, g_strdup(*host));
+  for (char **link = options->links; link && *link; link++)
+    g_ptr_array_add(config->link_roots, g_strdup(*link));
+  if (!tc_links_set((const char *const *)config->link_roots->pdata, config->link_roots->len, error)) return false;
   for (char **proxy = options->proxies; proxy && *proxy; proxy++)
     g_ptr_array_add(config->proxies, g_strdup(*proxy));
   tcs_config_settle(config);
@@ -381,6 +385,8 @@ tcs_daemon *tcs_daemon_open(int argc, char **argv, int *code) {
       {"volume", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &options.volumes, "a volume to load at once; may be repeated",
        "ID=PATH"},
       {"log", 0, 0, G_OPTION_ARG_FILENAME, &options.log, "file that the log is appended to; stderr without it", "FILE"},
+      {"link-root", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &options.links,
+       "folder that links of the data folder may lead to (DataLad, git-annex); may be repeated", "DIR"},
       {"trusted-proxy", 0, 0, G_OPTION_ARG_STRING_ARRAY, &options.proxies,
        "a proxy in front whose X-Forwarded-For or Forwarded says who asks; may be repeated", "ADDR[/BITS]"},
       {"host", 0, 0, G_OPTION_ARG_STRING_ARRAY, &options.hosts,
@@ -417,6 +423,7 @@ tcs_daemon *tcs_daemon_open(int argc, char **argv, int *code) {
   g_strfreev(options.volumes);
   g_strfreev(options.hosts);
   g_strfreev(options.proxies);
+  g_strfreev(options.links);
   g_strfreev(rest);
   if (*code == TCS_EXIT_DONE) return d;
   tcs_cli_fail("serve", *code, error);

@@ -82,6 +82,7 @@ void tcs_config_init(tcs_config *config) {
   config->volumes = g_ptr_array_new_with_free_func(free_named_path);
   config->hosts = g_ptr_array_new_with_free_func(g_free);
   config->origins = g_ptr_array_new_with_free_func(g_free);
+  config->link_roots = g_ptr_array_new_with_free_func(g_free);
   config->proxies = g_ptr_array_new_with_free_func(g_free);
   config->log_level = TCS_LOG_INFO;
   for (size_t i = 0; i < G_N_ELEMENTS(fields); i++)
@@ -99,6 +100,7 @@ void tcs_config_clear(tcs_config *config) {
   if (config->volumes) g_ptr_array_unref(config->volumes);
   if (config->hosts) g_ptr_array_unref(config->hosts);
   if (config->origins) g_ptr_array_unref(config->origins);
+  if (config->link_roots) g_ptr_array_unref(config->link_roots);
   if (config->proxies) g_ptr_array_unref(config->proxies);
   memset(config, 0, sizeof *config);
 }
@@ -241,6 +243,8 @@ static bool read_server(tcs_config *config, GKeyFile *file, const char *key, GEr
     config->log = g_strdup(value);
   } else if (strcmp(key, "hosts") == 0) {
     read_list(value, config->hosts);
+  } else if (strcmp(key, "link_roots") == 0) {
+    read_list(value, config->link_roots);
   } else if (strcmp(key, "trusted_proxies") == 0) {
     read_list(value, config->proxies);
   } else if (strcmp(key, "audit_file") == 0) {

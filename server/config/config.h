@@ -54,6 +54,7 @@ typedef struct tcs_config {
   int threads;           /* of the renderer; 0 = all cores */
   GPtrArray *volumes;    /* tcs_named_path: --volume */
   GPtrArray *hosts;      /* char *: names it answers to beside the address it listens on */
+  GPtrArray *link_roots; /* char *: folders that links of the data folder may lead to */
   GPtrArray *proxies;    /* char *: addresses of proxies in front that say who asks */
   GPtrArray *origins;    /* char *: of pages behind a proxy that sends on another Host */
   char *audit_file;      /* or NULL */

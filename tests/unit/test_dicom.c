@@ -17,6 +17,7 @@
 
 #include <cmocka.h>
 
+#include "renderer/import/links.h"
 #include "renderer/import/helper.h"
 #include "renderer/import/wire.h"
 #include "tests/support/dicom_files.h"
@@ -136,6 +137,10 @@ static void a_folder_of_links(void **state) {
   check_series(v, SLICES);
   assert_non_null(strstr(tc_volume_describe(v)->note, "1 unreadable files left out"));
   tc_volume_unref(v);
+  const char *roots[] = {outside};
+  assert_true(tc_links_set(roots, 1, NULL));
+  assert_int_equal(refused(folder, NULL), TC_ERROR_FORMAT); /* it is read now: a slice too many at its place */
+  assert_true(tc_links_set(NULL, 0, NULL));
   char *git = g_build_filename(repository, ".git", NULL), *moved = g_build_filename(repository, "git", NULL);
   assert_int_equal(g_unlink(link), 0);
   assert_int_equal(g_rename(git, moved), 0); /* links that lead nowhere */

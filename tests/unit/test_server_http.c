@@ -11,6 +11,7 @@
 
 #include <cmocka.h>
 
+#include "renderer/import/links.h"
 #include "server/catalogue/beneath.h"
 #include "server/config/config.h"
 #include "server/http/http.h"
@@ -178,6 +179,14 @@ static void test_paths_stay_beneath(void **state) {
     assert_string_equal(tc_error_pointer(error), "/path");
     g_clear_error(&error);
   }
+  const char *roots[] = {folder};
+  assert_true(tc_links_set(roots, 1, NULL)); /* what is in it may be linked to, and nothing else */
+  found = tcs_beneath(inside, "up", NULL);
+  assert_true(g_str_has_suffix(found, "/secret"));
+  g_free(found);
+  for (const char *const *path = (const char *const[]){"out", "../secret", "up/..", "in/../../secret", NULL}; *path; path++)
+    assert_null(tcs_beneath(inside, *path, NULL));
+  assert_true(tc_links_set(NULL, 0, NULL));
   char *command[] = {"rm", "-r", folder, NULL};
   g_spawn_sync(NULL, command, NULL, G_SPAWN_SEARCH_PATH, NULL, NULL, NULL, NULL, NULL, NULL);
   g_free(inside);

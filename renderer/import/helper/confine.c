@@ -73,9 +73,9 @@ static bool is_folder(int fd) {
   return fstat(fd, &st) == 0 && S_ISDIR(st.st_mode);
 }
 
-/* Of a folder, reading beneath it stays, and what its links to an annex name; a file is open already. Every other access to
+/* Of a folder, reading beneath it stays, what its links to an annex name, and the link roots; a file is open already. Every other access to
  * files goes. False where the kernel has no Landlock. */
-static bool restrict_files(int input_fd) {
+static bool restrict_files(int input_fd, uint32_t link_roots) {
   enum { FIRST_RIGHTS = (1 << 13) - 1, REFER = 1 << 13, TRUNCATE = 1 << 14 };
   long abi = syscall(SYS_landlock_create_ruleset, NULL, 0, LANDLOCK_CREATE_RULESET_VERSION);
   if (abi < 1) return false;
@@ -87,6 +87,10 @@ static bool restrict_files(int input_fd) {
   const bool folder = is_folder(input_fd);
   int annex = folder ? open_annex(input_fd) : -1;
   if (folder) allow_beneath(set, input_fd);
+  for (uint32_t i = 0; i < link_roots; i++) {
+    allow_beneath(set, TC_HELPER_LINKS_FD + (int)i);
+    close(TC_HELPER_LINKS_FD + (int)i);
+  }
   if (annex >= 0) {
     allow_beneath(set, annex);
     close(annex);
@@ -202,7 +206,7 @@ bool tc_confine(int input_fd, const tc_helper_request *request, GError **error) 
     return false;
   }
   set_limits(request->address_bytes, request->cpu_seconds);
-  if (!restrict_files(input_fd) && !request->without_landlock) {
+  if (!restrict_files(input_fd, request->link_roots) && !request->without_landlock) {
     tc_set_error(error, TC_ERROR_IO, NULL,
                  "nothing is decoded: this kernel has no Landlock to keep the decoder from other files; set"
                  " TOMOCAST_WITHOUT_LANDLOCK=1 to do without");
