@@ -8,6 +8,7 @@
  * Entries hold opacity, not optical depth: in single precision, from a depth of 16.7 per segment on, 1 - opacity is
  * 0. Opacity correction of a ray's shorter last segment needs the depth, which is in the row of depths. */
 #include <math.h>
+#include <pthread.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
@@ -121,10 +122,35 @@ static void build_diagonal(void *context, int index, int worker) {
 
 /* ---- life ---- */
 
-/* Zeroed memory, in huge pages where the system has them, because faulting in small pages takes longer than filling
- * them. The largest tables use small pages: half of them is never touched, since no look-up reaches it. */
+/* Entries of a table that was freed last, for the next of the same shape: to fault in pages takes longer than to fill them,
+ * many times as long in a virtual machine. Entries that no look-up reaches are zero in both. */
+typedef struct spare {
+  float *entries;
+  size_t mapped;
+  int n, n_zooms;
+} spare;
+static spare kept;
+static pthread_mutex_t keeping = PTHREAD_MUTEX_INITIALIZER;
+
+static spare swap_spare(spare with) {
+  pthread_mutex_lock(&keeping);
+  const spare before = kept;
+  kept = with;
+  pthread_mutex_unlock(&keeping);
+  return before;
+}
+
+static void unmap(spare s) {
+  if (s.entries) munmap(s.entries, s.mapped);
+}
+
+#define PAGE ((size_t)2 << 20)
+#define MOST_SPARE (8 * PAGE)
+
+/* Zeroed memory, in huge pages where the system has them. The largest tables use small pages: half of them is never
+ * touched, since no look-up reaches it. */
 static void *reserve(size_t *bytes) {
-  const size_t page = (size_t)2 << 20;
+  const size_t page = PAGE;
   bool large = *bytes >= page / 2 && *bytes <= 32 * page;
   size_t size = large ? (*bytes + page - 1) & ~(page - 1) : (*bytes + 4095) & ~(size_t)4095, spare = large ? page : 0;
   char *from = mmap(NULL, size + spare, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
@@ -164,7 +190,8 @@ void tc_table_free(tc_table *table) {
   made *m = (made *)table;
   if (!m) return;
   for (int w = 0; w <= table->n_zooms; w++) tc_segments_finish(&m->axes[w]);
-  if (m->begun) munmap(m->begun, m->mapped);
+  const spare own = {m->begun, m->mapped, table->n, table->n_zooms};
+  if (m->begun) unmap(m->mapped <= MOST_SPARE ? swap_spare(own) : own);
   free(m->rows);
   free(m);
 }
@@ -177,6 +204,22 @@ static tc_v4 brightest(const tc_table_params *p) {
       peak[c] = fmaxf(peak[c], (float)(p->linear_light ? tc_srgb_to_linear(x) : x));
     }
   return peak;
+}
+
+/* Sets m->begun. */
+static bool map_entries(made *m) {
+  const tc_table *t = &m->table;
+  /* The pad makes the zero-weighted neighbour of the last row readable. */
+  m->mapped = t->bytes + (size_t)(t->n + TC_ZOOM_NODES) * sizeof(tc_v4);
+  const spare like = m->mapped <= MOST_SPARE ? swap_spare((spare){0}) : (spare){0};
+  if (like.entries && like.n == t->n && like.n_zooms == t->n_zooms) {
+    m->begun = like.entries;
+    m->mapped = like.mapped;
+    return true;
+  }
+  unmap(like);
+  m->begun = reserve(&m->mapped);
+  return m->begun != NULL;
 }
 
 static size_t rows_start(const tc_table *t, int w) {
@@ -251,10 +294,7 @@ bool tc_table_fill(tc_table *t, const tc_table *old, tc_pool *pool, GError **err
     like = NULL;
   size_t most = t->n_zooms && t->n < TC_ZOOM_NODES ? TC_ZOOM_NODES : (size_t)t->n;
   tc_v4 *scratch = aligned_alloc(16, (size_t)tc_pool_threads(pool) * 4 * most * sizeof *scratch);
-  /* The pad makes the zero-weighted neighbour of the last row readable. */
-  if (!m->begun) m->mapped = t->bytes + (size_t)(t->n + TC_ZOOM_NODES) * sizeof(tc_v4);
-  if (!m->begun && scratch) m->begun = reserve(&m->mapped);
-  if (!m->begun || !scratch) {
+  if (!scratch || (!m->begun && !map_entries(m))) {
     free(scratch);
     return say_no_memory(t->n, error);
   }

@@ -12,6 +12,7 @@
 #include "renderer/raycast/surface.h"
 #include "renderer/skip/bounds.h"
 #include "renderer/skip/boxes.h"
+#include "renderer/skip/fine.h"
 #include "renderer/skip/skip.h"
 #include "renderer/splat/splats.h"
 #include "renderer/tomocast.h"
@@ -26,6 +27,7 @@ typedef union tc_resource_set {
     const tc_support *support;
     const tc_minmax *minmax;
     const tc_leap *leap;
+    const tc_fine *fine;
     const tc_boxes *boxes;
     const tc_bounds *bounds;
     const tc_labels *labels;

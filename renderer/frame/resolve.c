@@ -58,21 +58,24 @@ static uint8_t to_byte(float c) {
   return (uint8_t)(c * 255 + 0.5f);
 }
 
+static inline __m128i pixel_over(const float *linear, __m128 behind) {
+  const __m128 one = _mm_set1_ps(1);
+  __m128 c = _mm_loadu_ps(linear), clear = _mm_sub_ps(one, _mm_shuffle_ps(c, c, 0xff));
+  c = _mm_add_ps(c, _mm_mul_ps(clear, behind));
+  c = _mm_min_ps(_mm_max_ps(c, _mm_setzero_ps()), one);
+  return _mm_cvttps_epi32(_mm_add_ps(_mm_mul_ps(c, _mm_set1_ps(255)), _mm_set1_ps(0.5f)));
+}
+
 /* Display space over a colour, the usual case: four pixels at a time, the same arithmetic as below. Returns how many it
  * did. */
 static int resolve_opaque(const tc_resolve *r, const float *linear, uint8_t *rgba, int count) {
-  const __m128 zero = _mm_setzero_ps(), one = _mm_set1_ps(1), scale = _mm_set1_ps(255), half = _mm_set1_ps(0.5f);
   const __m128 behind = _mm_setr_ps(r->background[0], r->background[1], r->background[2], 1); /* opacity ends as 1 */
   int i = 0;
   for (; i + 4 <= count; i += 4) {
-    __m128i v[4];
-    for (int k = 0; k < 4; k++) {
-      __m128 c = _mm_loadu_ps(linear + 4 * (i + k)), clear = _mm_sub_ps(one, _mm_shuffle_ps(c, c, 0xff));
-      c = _mm_add_ps(c, _mm_mul_ps(clear, behind));
-      c = _mm_min_ps(_mm_max_ps(c, zero), one);
-      v[k] = _mm_cvttps_epi32(_mm_add_ps(_mm_mul_ps(c, scale), half));
-    }
-    __m128i bytes = _mm_packus_epi16(_mm_packs_epi32(v[0], v[1]), _mm_packs_epi32(v[2], v[3]));
+    const float *p = linear + 4 * i;
+    const __m128i first = _mm_packs_epi32(pixel_over(p, behind), pixel_over(p + 4, behind));
+    const __m128i last = _mm_packs_epi32(pixel_over(p + 8, behind), pixel_over(p + 12, behind));
+    __m128i bytes = _mm_packus_epi16(first, last);
     bytes = _mm_or_si128(bytes, _mm_set1_epi32((int)0xff000000u));
     _mm_storeu_si128((__m128i *)(void *)(rgba + 4 * i), bytes);
   }

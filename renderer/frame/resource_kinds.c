@@ -3,6 +3,7 @@
 #include "renderer/base/building.h"
 #include "renderer/classify/outline.h"
 #include "renderer/frame/mesh_job.h"
+#include "renderer/skip/fine.h"
 #include "renderer/splat/splatter.h"
 #include "renderer/volume/coefficients.h"
 
@@ -21,6 +22,7 @@ THING(integrals)
 THING(support)
 THING(minmax)
 THING(leap)
+THING(fine)
 THING(boxes)
 THING(bounds)
 THING(labels)
@@ -159,12 +161,24 @@ static void *leap_begin(const tc_making *m, GError **error) {
 
 static double leap_empty_share(const void *thing) { return ((const tc_leap *)thing)->empty_share; }
 
+#define FINE_SHARE 3 /* of the budget, at most */
+
+static void *fine_begin(const tc_making *m, GError **error) {
+  return tc_fine_begin(m->job->volume, m->job->plan->block, m->job->plan->reach, (size_t)(m->budget / FINE_SHARE), error);
+}
+
+static bool fine_go_on(void *thing, const tc_making *m, GError **error) {
+  return tc_fine_go_on(thing, m->job->volume, m->pool, error);
+}
+
+static int64_t fine_steps(const void *thing) { return ((const tc_fine *)thing)->grid.done; }
+
 static void *boxes_begin(const tc_making *m, GError **error) {
-  return tc_boxes_begin(m->job->volume, m->job->have.minmax, m->job->have.support, m->pool, error);
+  return tc_boxes_begin(m->job->volume, &m->job->have.fine->grid, m->job->have.support, m->pool, error);
 }
 
 static bool boxes_go_on(void *thing, const tc_making *m, GError **error) {
-  return tc_boxes_go_on(thing, m->job->volume, m->job->have.minmax, m->pool, error);
+  return tc_boxes_go_on(thing, m->job->volume, &m->job->have.fine->grid, m->pool, error);
 }
 
 static int64_t boxes_steps(const void *thing) { return tc_boxes_steps(thing); }
@@ -375,6 +389,8 @@ static void *cut_begin(const tc_making *m, GError **error) {
 
 /* ---- all ---- */
 
+#define MOST_ONCE 4 /* of a transfer function's, while it is dragged */
+
 #define BIT(resource) (1u << TC_RESOURCE_##resource)
 #define FIELD BIT(COEFFICIENTS) /* what is sampled: these, where the plan has them */
 
@@ -389,7 +405,7 @@ const tc_resource_kind tc_resource_kinds[TC_RESOURCE_COUNT] = {
                                   .steps = coefficients_steps,
                                   .starts_with = coefficients_start_with,
                                   .bytes = coefficients_bytes},
-    [TC_RESOURCE_TABLE] = {.store = {"transfer function", free_table, NULL, false},
+    [TC_RESOURCE_TABLE] = {.store = {"transfer function", free_table, NULL, false, MOST_ONCE},
                            .needs = FIELD,
                            .key = table_key,
                            .begin = table_begin,
@@ -426,8 +442,16 @@ const tc_resource_kind tc_resource_kinds[TC_RESOURCE_COUNT] = {
                           .is_like = leap_is_like,
                           .bytes = leap_bytes,
                           .empty_share = leap_empty_share},
-    [TC_RESOURCE_BOXES] = {.store = {"occupied boxes", free_boxes, NULL, false},
-                           .needs = FIELD | BIT(SUPPORT) | BIT(MINMAX),
+    [TC_RESOURCE_FINE] = {.store = {"minima and maxima of fine boxes", free_fine, NULL, false},
+                          .needs = FIELD,
+                          .key = blocks_key,
+                          .tied = field_of,
+                          .begin = fine_begin,
+                          .go_on = fine_go_on,
+                          .steps = fine_steps,
+                          .bytes = fine_bytes},
+    [TC_RESOURCE_BOXES] = {.store = {"occupied boxes", free_boxes, NULL, false, MOST_ONCE},
+                           .needs = FIELD | BIT(SUPPORT) | BIT(FINE),
                            .key = supported_key,
                            .tied = field_of,
                            .begin = boxes_begin,

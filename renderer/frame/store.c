@@ -53,6 +53,17 @@ static void make_room(tc_store *s, const tc_store_kind *kind, size_t bytes, cons
   }
 }
 
+/* Drops the oldest of those that were used once, where there are more than the kind keeps. */
+static void drop_once_used(tc_store *s, const tc_store_kind *kind) {
+  int oldest = -1, count = 0;
+  for (int i = 0; i < s->count; i++) {
+    if (s->items[i]->kind != kind || s->items[i]->uses > 1 || s->items[i]->unfinished) continue;
+    if (oldest < 0 || s->items[i]->last_use < s->items[oldest]->last_use) oldest = i;
+    count++;
+  }
+  if (kind->most_once && count > kind->most_once) drop(s, oldest);
+}
+
 tc_stored *tc_store_find(const tc_store *s, const tc_store_kind *kind, const void *key, size_t key_size) {
   for (int i = 0; i < s->count; i++) {
     tc_stored *it = s->items[i];
@@ -103,6 +114,7 @@ static bool grow_list(tc_store *s) {
 
 tc_stored *tc_store_add(tc_store *s, const tc_store_kind *kind, const void *key, size_t key_size, uint64_t volume,
                         void *thing, size_t bytes, GError **error) {
+  drop_once_used(s, kind);
   make_room(s, kind, bytes, NULL);
   tc_stored *it = calloc(1, sizeof *it);
   void *copy = malloc(key_size);
@@ -133,6 +145,7 @@ void tc_store_grow(tc_store *s, tc_stored *stored, size_t bytes) {
 const void *tc_store_use(tc_store *s, tc_stored *stored) {
   if (!stored) return NULL;
   stored->last_use = ++s->clock;
+  stored->uses++;
   return stored->unfinished ? NULL : stored->thing;
 }
 

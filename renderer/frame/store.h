@@ -14,6 +14,7 @@ typedef struct tc_store_kind {
   void (*free)(void *thing);
   void (*abandon)(void *thing); /* of one that is still in the making; NULL: free() */
   bool displaces_all;           /* room for one is made at the expense of any kind, not of its own alone */
+  int most_once;                /* so many are kept of those that one frame alone used: an edit's, while it goes on; 0: all */
 } tc_store_kind;
 
 typedef struct tc_stored {
@@ -25,6 +26,7 @@ typedef struct tc_stored {
   size_t bytes;
   double ms;       /* what building took, as its owner counts it */
   uint64_t last_use;
+  int uses;
   uint64_t volume; /* serial of the volume it goes with; 0: none */
 } tc_stored;
 

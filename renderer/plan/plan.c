@@ -40,7 +40,7 @@ static void plan_skipping(tc_plan *plan, const tc_scene *s, tc_resource how) {
   plan->key.skipping = 1;
   plan->block = tc_skip_block(s->skipping.block);
   plan->reach = tc_skip_reach(s->filter);
-  need(plan, TC_RESOURCE_MINMAX);
+  need(plan, how == TC_RESOURCE_BOXES ? TC_RESOURCE_FINE : TC_RESOURCE_MINMAX);
   need(plan, how);
 }
 

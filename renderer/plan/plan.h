@@ -31,6 +31,7 @@ typedef enum tc_resource {
   TC_RESOURCE_SUPPORT,      /* values at which something shows */
   TC_RESOURCE_MINMAX,       /* minima and maxima of blocks */
   TC_RESOURCE_LEAP,         /* distance map of empty blocks */
+  TC_RESOURCE_FINE,         /* minima and maxima of fine boxes */
   TC_RESOURCE_BOXES,        /* boxes around what is not empty */
   TC_RESOURCE_BOUNDS,       /* how large the field may be around each block */
   TC_RESOURCE_LABELS,       /* what label voxels look like */

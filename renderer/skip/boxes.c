@@ -1,33 +1,34 @@
 #include "renderer/skip/boxes.h"
 
+#include <emmintrin.h>
 #include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "renderer/base/clock.h"
-#include "renderer/skip/runs.h"
+#include "renderer/skip/fine.h"
 
-#define FINE TC_BOX_FINE
-#define PIECE 5 /* cells cut at once: a row of their voxels at one byte each fits a 64-bit word, even with a reach of 1 */
-#define ROWS (PIECE + 4)
-#define TASK_VOXELS (1 << 19) /* voxels per task: some milliseconds at most */
-#define INLINE static inline __attribute__((always_inline)) /* so that `reach` is a constant */
+#define FINES TC_BOX_FINES
+#define GROUP 16 /* records looked at at once: their fine boxes of a row are 48 bits, whole bytes */
+#define THIRDS 0x249249249249 /* the first of every three bits, of 48 */
+#define TASK_FINES (1 << 20) /* fine boxes per task: a millisecond at most */
 
 /* The records that one worker found. */
 typedef struct found {
   tc_box *items;
-  size_t count, capacity, empty; /* empty: blocks */
+  size_t count, capacity, empty; /* empty: records */
+  uint8_t *bits; /* FINES * FINES rows */
   bool failed;
 } found;
 
 typedef struct tc_boxing {
-  const void *voxels;      /* both borrowed during a call */
-  const tc_minmax *minmax;
-  tc_runs runs;
-  int dims[3], cells[3];
-  bool *full; /* blocks without any empty cell */
-  int strips, rows; /* tasks per two layers of blocks; rows of blocks per task, even */
-  int next;   /* task */
+  const tc_fine *fine; /* borrowed during a call */
+  tc_fine_runs runs;
+  int n[3];         /* records along each axis */
+  bool *full;       /* records without any empty fine box */
+  size_t row_bytes; /* of a row of bits */
+  int strips, rows; /* tasks per two layers of records; rows of records per task, even */
+  int next;         /* task */
   int n_workers;
   found *workers;
 } boxes_job;
@@ -48,110 +49,91 @@ static void emit(found *f, const int at[3], int size, uint32_t fine) {
 
 static int least(int a, int b) { return a < b ? a : b; }
 
-/* rows[z][y]: one byte per voxel with its set of empty runs (skip/runs.h), for `cells` cells along x and `reach`
- * voxels more on both sides, from at[0] - reach on. Bytes, rows and layers outside the volume have all bits set. */
-INLINE void read_rows(const boxes_job *job, const int at[3], const int cells[3], int reach, uint64_t rows[ROWS][ROWS]) {
-  int from[3], to[3]; /* in rows */
-  for (int k = 0; k < 3; k++) {
-    from[k] = at[k] < reach ? reach - at[k] : 0;
-    to[k] = least(cells[k] + 1 + 2 * reach, job->dims[k] - at[k] + reach);
+/* A bit for each fine box of a row: it is in no empty run. */
+static void read_bits(const boxes_job *job, int y, int z, uint8_t *bits) {
+  const tc_fine *f = job->fine;
+  const int *n = f->grid.blocks;
+  const size_t at = ((size_t)z * (size_t)n[1] + (size_t)y) * (size_t)n[0];
+  for (int x = 0; x < n[0]; x += 16) {
+    const __m128i lo = _mm_loadu_si128((const __m128i *)(const void *)(f->least + at + x));
+    const __m128i hi = _mm_loadu_si128((const __m128i *)(const void *)(f->most + at + x));
+    __m128i empty = _mm_setzero_si128();
+    for (int r = 0; r < job->runs.count; r++) {
+      const __m128i from = _mm_set1_epi8((char)job->runs.first[r]), to = _mm_set1_epi8((char)job->runs.last[r]);
+      empty = _mm_or_si128(empty, _mm_and_si128(_mm_cmpeq_epi8(_mm_max_epu8(lo, from), lo),
+                                                _mm_cmpeq_epi8(_mm_min_epu8(hi, to), hi)));
+    }
+    int some = ~_mm_movemask_epi8(empty);
+    if (x + 16 > n[0]) some &= (1 << (n[0] - x)) - 1;
+    bits[x / 8] = (uint8_t)some, bits[x / 8 + 1] = (uint8_t)(some >> 8);
   }
-  for (int z = 0; z < PIECE + 3 + reach; z++)
-    for (int y = 0; y < PIECE + 3 + reach; y++) {
-      rows[z][y] = ~(uint64_t)0;
-      if (z < from[2] || z >= to[2] || y < from[1] || y >= to[1]) continue;
-      size_t row = (size_t)(at[2] + z - reach) * (size_t)job->dims[1] + (size_t)(at[1] + y - reach);
-      size_t first = row * (size_t)job->dims[0] + (size_t)(at[0] + from[0] - reach);
-      tc_runs_read(&job->runs, job->voxels, first, to[0] - from[0], (uint8_t *)&rows[z][y] + from[0]);
+}
+
+/* The records of a row. Full ones are not emitted, but marked. */
+static void cut_row(boxes_job *job, int y, int z, found *out) {
+  const int *n = job->fine->grid.blocks, w = job->fine->grid.block;
+  bool *full = job->full + ((size_t)z * (size_t)job->n[1] + (size_t)y) * (size_t)job->n[0];
+  int place[FINES * FINES], rows = 0;
+  for (int k = 0; k < FINES * FINES; k++) {
+    if (FINES * y + k % FINES >= n[1] || FINES * z + k / FINES >= n[2]) continue;
+    read_bits(job, FINES * y + k % FINES, FINES * z + k / FINES, out->bits + (size_t)rows * job->row_bytes);
+    place[rows++] = FINES * k;
+  }
+  for (int x0 = 0; x0 < job->n[0]; x0 += GROUP) {
+    const int left = n[0] - FINES * x0; /* fine boxes of the row */
+    uint64_t row[FINES * FINES], any = 0, all = left < FINES * GROUP ? ~(uint64_t)0 << left : 0, common = ~(uint64_t)0;
+    for (int k = 0; k < rows; k++) {
+      memcpy(&row[k], out->bits + (size_t)k * job->row_bytes + x0 / 8 * FINES, sizeof row[k]);
+      any |= row[k];
+      common &= row[k];
     }
-}
-
-/* The occupied fine boxes of a piece: those whose voxels' sets share no bit. *all: none is empty. */
-INLINE uint32_t cut_piece(const boxes_job *job, const int at[3], const int cells[3], int reach, bool *all) {
-  uint64_t rows[ROWS][ROWS];
-  uint32_t fine = 0;
-  int n[3], last = FINE + 2 * reach; /* voxels along a fine box, less one */
-  for (int k = 0; k < 3; k++) n[k] = (cells[k] + FINE - 1) / FINE;
-  read_rows(job, at, cells, reach, rows);
-  for (int z = 0; z < PIECE + 3 + reach; z++)
-    for (int y = 0; y < PIECE + 3 + reach; y++) {
-      uint64_t missing = ~rows[z][y];
-      for (int k = 1; k <= last; k++) rows[z][y] &= ~(missing >> 8 * k);
+    all |= common;
+    const int records = least(GROUP, job->n[0] - x0);
+    const uint64_t there = THIRDS & ~(uint64_t)0 >> (64 - FINES * records);
+    any = (any | any >> 1 | any >> 2) & there;
+    all = all & all >> 1 & all >> 2 & any;
+    out->empty += (size_t)(records - __builtin_popcountll(any));
+    for (uint64_t rest = all; rest; rest &= rest - 1) full[x0 + __builtin_ctzll(rest) / FINES] = true;
+    for (uint64_t rest = any & ~all; rest; rest &= rest - 1) {
+      const int bit = __builtin_ctzll(rest), at[3] = {(x0 * FINES + bit) * w, FINES * y * w, FINES * z * w};
+      uint32_t fine = 0;
+      for (int k = 0; k < rows; k++) fine |= (uint32_t)(row[k] >> bit & 7) << place[k];
+      emit(out, at, FINES * w, fine);
     }
-  *all = true;
-  for (int z = 0; z < n[2]; z++)
-    for (int y = 0; y < n[1]; y++) {
-      uint64_t common = ~(uint64_t)0;
-      for (int k = 0; k <= last; k++)
-        for (int j = 0; j <= last; j++) common &= rows[FINE * z + k][FINE * y + j];
-      for (int x = 0; x < n[0]; x++) {
-        bool some = !(common >> (8 * FINE * x) & 255);
-        fine |= (uint32_t)some << ((z * TC_BOX_FINES + y) * TC_BOX_FINES + x);
-        *all = *all && some;
-      }
-    }
-  return fine;
+  }
 }
 
-/* Emits the records of a block; a block without any empty cell is not emitted, but reported by returning true. */
-static bool cut_block(const boxes_job *job, const int at[3], found *out) {
-  int b = job->minmax->block, end[3], p[3], cells[3];
-  bool single = b <= PIECE;
-  for (int k = 0; k < 3; k++) end[k] = least(at[k] + b, job->cells[k]);
-  for (p[2] = at[2]; p[2] < end[2]; p[2] += PIECE)
-    for (p[1] = at[1]; p[1] < end[1]; p[1] += PIECE)
-      for (p[0] = at[0]; p[0] < end[0]; p[0] += PIECE) {
-        for (int k = 0; k < 3; k++) cells[k] = least(PIECE, end[k] - p[k]);
-        bool all;
-        uint32_t fine = job->minmax->reach ? cut_piece(job, p, cells, 1, &all) : cut_piece(job, p, cells, 0, &all);
-        if (single && all) return true;
-        if (fine) emit(out, p, PIECE, all ? 0 : fine);
-      }
-  return false;
+static size_t record_index(const boxes_job *job, int x, int y, int z) {
+  return ((size_t)z * (size_t)job->n[1] + (size_t)y) * (size_t)job->n[0] + (size_t)x;
 }
 
-static size_t block_index(const tc_minmax *m, int x, int y, int z) {
-  return ((size_t)z * (size_t)m->blocks[1] + (size_t)y) * (size_t)m->blocks[0] + (size_t)x;
-}
-
-static void sort_rows(boxes_job *job, int y0, int y1, int z, found *out) {
-  const tc_minmax *m = job->minmax;
-  for (int y = y0; y < y1; y++)
-    for (int x = 0; x < m->blocks[0]; x++) {
-      size_t i = block_index(m, x, y, z);
-      double lo = tc_minmax_value(m, 2 * i), hi = tc_minmax_value(m, 2 * i + 1);
-      const int at[3] = {x * m->block, y * m->block, z * m->block};
-      if (tc_runs_set(&job->runs, lo) & tc_runs_set(&job->runs, hi))
-        out->empty++;
-      else
-        job->full[i] = tc_runs_miss(&job->runs, lo, hi) || cut_block(job, at, out);
-    }
-}
-
-/* A strip of two layers of blocks. Eight full blocks around a corner merge into one box. */
+/* A strip of two layers of records. Eight full ones around a corner merge into one box. */
 static void boxes_task(void *context, int index, int worker) {
   boxes_job *job = context;
-  const tc_minmax *m = job->minmax;
   found *out = &job->workers[worker];
-  int z0 = index / job->strips * 2, z1 = least(z0 + 2, m->blocks[2]);
-  int first = index % job->strips * job->rows, end = least(first + job->rows, m->blocks[1]);
-  for (int z = z0; z < z1; z++) sort_rows(job, first, end, z, out);
+  const int size = FINES * job->fine->grid.block;
+  int z0 = index / job->strips * 2, z1 = least(z0 + 2, job->n[2]);
+  int first = index % job->strips * job->rows, end = least(first + job->rows, job->n[1]);
+  for (int z = z0; z < z1; z++)
+    for (int y = first; y < end; y++) cut_row(job, y, z, out);
   for (int y0 = first; y0 < end; y0 += 2)
-    for (int x0 = 0; x0 < m->blocks[0]; x0 += 2) {
+    for (int x0 = 0; x0 < job->n[0]; x0 += 2) {
       int count = 0, corner[8][3];
       for (int c = 0; c < 8; c++) {
         int x = x0 + (c & 1), y = y0 + (c >> 1 & 1), z = z0 + (c >> 2);
-        if (x >= m->blocks[0] || y >= m->blocks[1] || z >= z1 || !job->full[block_index(m, x, y, z)]) continue;
-        corner[count][0] = x * m->block, corner[count][1] = y * m->block, corner[count++][2] = z * m->block;
+        if (x >= job->n[0] || y >= job->n[1] || z >= z1 || !job->full[record_index(job, x, y, z)]) continue;
+        corner[count][0] = x * size, corner[count][1] = y * size, corner[count++][2] = z * size;
       }
       if (count == 8)
-        emit(out, corner[0], 2 * m->block, 0);
+        emit(out, corner[0], 2 * size, 0);
       else
-        for (int c = 0; c < count; c++) emit(out, corner[c], m->block, 0);
+        for (int c = 0; c < count; c++) emit(out, corner[c], size, 0);
     }
 }
 
-static bool join(tc_boxes *boxes, size_t blocks) {
+static size_t record_count(const boxes_job *job) { return (size_t)job->n[0] * (size_t)job->n[1] * (size_t)job->n[2]; }
+
+static bool join(tc_boxes *boxes) {
   const boxes_job *job = boxes->begun;
   size_t empty = 0;
   bool failed = false;
@@ -161,7 +143,7 @@ static bool join(tc_boxes *boxes, size_t blocks) {
     empty += job->workers[i].empty;
     failed = failed || job->workers[i].failed;
   }
-  boxes->empty_share = (double)empty / (double)blocks;
+  boxes->empty_share = (double)empty / (double)record_count(job);
   boxes->bytes = boxes->count * sizeof *boxes->items;
   boxes->items = failed ? NULL : malloc(boxes->bytes + 1);
   tc_box *to = boxes->items;
@@ -173,17 +155,13 @@ static bool join(tc_boxes *boxes, size_t blocks) {
   return boxes->items != NULL;
 }
 
-static size_t block_count(const tc_minmax *m) {
-  return (size_t)m->blocks[0] * (size_t)m->blocks[1] * (size_t)m->blocks[2];
-}
-
 static void end_boxing(tc_boxes *boxes) {
   boxes_job *job = boxes->begun;
   if (!job) return;
   for (int i = 0; i < job->n_workers && job->workers; i++) free(job->workers[i].items);
+  if (job->workers) free(job->workers[0].bits);
   free(job->workers);
   free(job->full);
-  tc_runs_finish(&job->runs);
   free(job);
   boxes->begun = NULL;
 }
@@ -198,39 +176,44 @@ bool tc_boxes_serve(const tc_volume *volume) {
   return dims[0] <= TC_BOX_REACH && dims[1] <= TC_BOX_REACH && dims[2] <= TC_BOX_REACH;
 }
 
+/* The memory of a job; its workers' rows of bits are one piece. */
+static bool reserve(boxes_job *job) {
+  const size_t each = FINES * FINES * job->row_bytes;
+  job->full = calloc(record_count(job), sizeof *job->full);
+  job->workers = calloc((size_t)job->n_workers, sizeof *job->workers);
+  uint8_t *bits = job->workers ? calloc((size_t)job->n_workers, each) : NULL;
+  for (int i = 0; i < job->n_workers && bits; i++) job->workers[i].bits = bits + (size_t)i * each;
+  return job->full && bits;
+}
+
 tc_boxes *tc_boxes_begin(const tc_volume *volume, const tc_minmax *minmax, const tc_support *support, tc_pool *pool,
                          GError **error) {
   double start = tc_now_ms();
-  const tc_volume_desc *d = tc_volume_describe(volume);
+  const tc_fine *fine = (const tc_fine *)minmax;
   tc_boxes *boxes = calloc(1, sizeof *boxes);
   boxes_job *job = calloc(1, sizeof *job);
   if (boxes) boxes->begun = job;
-  if (job) {
+  if (boxes && job) {
+    for (int k = 0; k < 3; k++) job->n[k] = (fine->grid.blocks[k] + FINES - 1) / FINES;
     job->n_workers = tc_pool_threads(pool);
-    job->full = calloc(block_count(minmax), sizeof *job->full);
-    job->workers = calloc((size_t)job->n_workers, sizeof *job->workers);
+    job->row_bytes = (size_t)fine->grid.blocks[0] / 8 + 16; /* whole vectors, and words read at any byte */
   }
-  if (!boxes || !job || !job->full || !job->workers) {
+  if (!boxes || !job || !reserve(job)) {
     if (!boxes) free(job);
     tc_boxes_free(boxes);
     say_no_memory(error);
     return NULL;
   }
-  if (!tc_runs_init(&job->runs, support, d->type, error)) {
+  if (!tc_fine_find_runs(fine, support, &job->runs, error)) {
     tc_boxes_free(boxes);
     return NULL;
   }
-  for (int k = 0; k < 3; k++) {
-    job->dims[k] = d->dims[k];
-    job->cells[k] = d->dims[k] > 1 ? d->dims[k] - 1 : 1;
-  }
-  int64_t row_voxels = 2 * (int64_t)minmax->block * minmax->block * d->dims[0];
-  job->rows = 2 * (int)(1 + TASK_VOXELS / 2 / row_voxels);
-  job->strips = (minmax->blocks[1] + job->rows - 1) / job->rows;
-  boxes->block = minmax->block;
+  const int64_t two_rows = 4 * FINES * FINES * (int64_t)fine->grid.blocks[0];
+  job->rows = 2 * (int)(1 + TASK_FINES / two_rows);
+  job->strips = (job->n[1] + job->rows - 1) / job->rows;
+  boxes->block = fine->grid.block;
   boxes->support = support->serial;
-  boxes->zero_below = job->runs.zero_below;
-  boxes->zero_above = job->runs.zero_above;
+  tc_support_zones(support, &boxes->zero_below, &boxes->zero_above);
   boxes->build_ms = tc_now_ms() - start;
   return boxes;
 }
@@ -239,10 +222,9 @@ bool tc_boxes_go_on(tc_boxes *boxes, const tc_volume *volume, const tc_minmax *m
   double start = tc_now_ms();
   boxes_job *job = boxes->begun;
   if (!job) return true;
-  job->voxels = tc_volume_data(volume);
-  job->minmax = minmax;
-  bool made = tc_pool_go_on(pool, &job->next, (minmax->blocks[2] + 1) / 2 * job->strips, boxes_task, job);
-  bool joined = made && join(boxes, block_count(minmax));
+  job->fine = (const tc_fine *)minmax;
+  bool made = tc_pool_go_on(pool, &job->next, (job->n[2] + 1) / 2 * job->strips, boxes_task, job);
+  bool joined = made && join(boxes);
   if (joined) end_boxing(boxes);
   boxes->build_ms += tc_now_ms() - start;
   return joined || (made ? say_no_memory(error) : tc_halt_say(tc_pool_halt(pool), error));

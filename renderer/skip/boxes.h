@@ -2,21 +2,20 @@
  * (skip/cover.h) instead of asking a distance map along every ray (skip/skip.h). The list depends on the volume and the
  * support, not on the camera.
  *
- * Blocks of the acceleration grid that are not empty are cut into fine boxes two cells wide, each tested by its own
- * voxels: a vessel two voxels thick is then surrounded by a third of the space that whole blocks would occupy. Where
- * nothing is empty, boxes are as large as possible. Every cell outside all boxes is empty in the sense of
- * skip/skip.h. */
+ * Fine boxes (skip/fine.h), two cells wide, are tested each by its own minimum and maximum: a vessel two voxels thick is
+ * surrounded by a third of the space that blocks would occupy. Where nothing is empty, boxes are larger. Every cell
+ * outside all boxes is empty in the sense of skip/skip.h. */
 #ifndef TC_SKIP_BOXES_H
 #define TC_SKIP_BOXES_H
 
 #include "renderer/skip/skip.h"
 
 #define TC_BOX_REACH 65536 /* largest number of voxels along an axis */
-#define TC_BOX_FINE 2  /* width of a fine box, cells */
+/* Of a record: */
 #define TC_BOX_FINES 3 /* fine boxes along each axis of a record */
 
 /* A record: cells [at, at + size) along each axis, or those of its fine boxes whose bit is set. Bit (z * 3 + y) * 3
- * + x is the fine box that begins 2x, 2y, 2z cells further. One record for up to 27 fine boxes keeps the list under
+ * + x is the fine box that begins x, y, z fine boxes further. One record for up to 27 fine boxes keeps the list under
  * 2 % of the voxel bytes. */
 typedef struct tc_box {
   uint16_t at[3], size;
@@ -26,8 +25,8 @@ typedef struct tc_box {
 typedef struct tc_boxes {
   tc_box *items;
   size_t count;       /* of items */
-  int block;          /* width of the blocks that were cut, voxels */
-  double empty_share; /* share of these blocks that are empty */
+  int block;          /* width of a fine box, cells */
+  double empty_share; /* share of the records that are empty */
   double zero_below, zero_above; /* tc_support_zones() */
   uint64_t support;   /* serial of the support */
   size_t bytes;
@@ -38,8 +37,8 @@ typedef struct tc_boxes {
 /* Whether boxes can name every cell of the volume: no axis is longer than TC_BOX_REACH. */
 bool tc_boxes_serve(const tc_volume *volume);
 
-/* volume: the one that is sampled; minmax: its acceleration grid, which also says how far the filter reaches; pool:
- * of the calls that follow. NULL with TC_ERROR_MEMORY. */
+/* volume: the one that is sampled; minmax: the grid of its tc_fine (skip/fine.h), which also says how far the filter
+ * reaches; pool: of the calls that follow. NULL with TC_ERROR_MEMORY. */
 tc_boxes *tc_boxes_begin(const tc_volume *volume, const tc_minmax *minmax, const tc_support *support, tc_pool *pool,
                          GError **error);
 /* Builds on until the list is complete: true, at once if it already is. False: the pool's halt, to be called again; or

@@ -114,11 +114,10 @@ static void add_box(const float low[3], float x, float y, float z, float size, f
 }
 
 /* Neighbouring fine boxes of a row are projected as one: far fewer to project, and hardly more is covered. */
-static void add_record(const projection *p, const tc_box *b, chunk *c) {
+static void add_record(const projection *p, const tc_box *b, float fine, chunk *c) {
   static const struct {
     uint8_t first, more;
   } runs[8] = {[2] = {1, 0}, [3] = {0, 1}, [4] = {2, 0}, [6] = {1, 1}, [7] = {0, 2}};
-  const float fine = TC_BOX_FINE;
   float low[3];
   for (int k = 0; k < 3; k++) low[k] = (float)(b->at[k] - p->flat[k] - p->origin[k]);
   if (!b->fine) add_box(low, 0, 0, 0, b->size, 0, c);
@@ -212,7 +211,7 @@ static void cover_task(void *context, int index, int worker) {
     size_t end = begin + SHARE < job->boxes->count ? begin + SHARE : job->boxes->count;
     for (size_t i = begin; i < end; i++) {
       if (boxes.count + 27 > CHUNK) mark_chunk(job, plane, &boxes);
-      add_record(&job->p, &job->boxes->items[i], &boxes);
+      add_record(&job->p, &job->boxes->items[i], (float)job->boxes->block, &boxes);
     }
     if (begin >= end) break;
   }

@@ -14,10 +14,6 @@ uint8_t tc_runs_set(const tc_runs *runs, double voxel) {
   return runs->nodes[node_of(runs, voxel)];
 }
 
-bool tc_runs_miss(const tc_runs *runs, double lo, double hi) {
-  return runs->before[node_of(runs, hi) + 1] == runs->before[node_of(runs, lo)];
-}
-
 /* A look-up reads entries that span nodes floor(min) to floor(max) + 2; one more node on each side covers the kernels'
  * single-precision rounding. */
 static void find_runs(tc_runs *r, const tc_support *s) {
@@ -29,7 +25,6 @@ static void find_runs(tc_runs *r, const tc_support *s) {
     if (zero && !inside) run++;
     inside = zero;
     r->nodes[j] = zero && run < 8 ? (uint8_t)(1 << run) : 0;
-    r->before[j + 1] = r->before[j] + (r->nodes[j] != 0);
   }
 }
 
@@ -38,17 +33,13 @@ bool tc_runs_init(tc_runs *runs, const tc_support *s, tc_voxel_type type, GError
   size_t nodes = (size_t)s->n + 1, values = type == TC_F32 ? 0 : tc_voxel_size(type) == 1 ? 256 : 65536;
   *runs = (tc_runs){.type = type, .last_node = s->n, .lo = s->lo, .hi = s->hi, .scale = (s->n - 1) / (s->hi - s->lo)};
   runs->nodes = surface ? NULL : malloc(nodes);
-  runs->before = surface ? NULL : calloc(nodes + 1, sizeof *runs->before);
   runs->voxels = values ? malloc(values) : NULL;
-  if ((!surface && (!runs->nodes || !runs->before)) || (values && !runs->voxels)) {
+  if ((!surface && !runs->nodes) || (values && !runs->voxels)) {
     tc_runs_finish(runs);
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "runs of values that show nothing: out of memory");
     return false;
   }
-  if (!surface) {
-    find_runs(runs, s);
-    tc_support_zones(s, &runs->zero_below, &runs->zero_above);
-  }
+  if (!surface) find_runs(runs, s);
   for (size_t i = 0; i < values; i++) runs->voxels[i] = tc_runs_set(runs, (double)i + least_value[type]);
   return true;
 }
@@ -56,7 +47,6 @@ bool tc_runs_init(tc_runs *runs, const tc_support *s, tc_voxel_type type, GError
 void tc_runs_finish(tc_runs *runs) {
   free(runs->voxels);
   free(runs->nodes);
-  free(runs->before);
   *runs = (tc_runs){0};
 }
 

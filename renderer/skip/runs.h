@@ -10,11 +10,9 @@ typedef struct tc_runs {
   tc_voxel_type type;
   uint8_t *voxels;    /* sets of all values of an 8- or 16-bit type, from the least on; NULL for floats */
   uint8_t *nodes;     /* [last_node + 1]: sets of the values between a node and the next; NULL for an isosurface */
-  uint32_t *before;   /* [last_node + 2]: how many nodes before this one are in a run; NULL for an isosurface */
   int last_node;
   double lo, hi;      /* values of the first and the last node; for an isosurface tc_support's */
   double scale;       /* node = (voxel - lo) * scale */
-  double zero_below, zero_above; /* a lookup between two nodes that are both below, or both above, is exactly zero */
 } tc_runs;
 
 bool tc_runs_init(tc_runs *runs, const tc_support *support, tc_voxel_type type, GError **error);
@@ -23,8 +21,5 @@ void tc_runs_finish(tc_runs *runs);
 /* The set of one value; the sets of `count` voxels from `first` on. */
 uint8_t tc_runs_set(const tc_runs *runs, double voxel);
 void tc_runs_read(const tc_runs *runs, const void *voxels, size_t first, int count, uint8_t *sets);
-
-/* True if no value from lo to hi is in an empty run. Not for isosurfaces. */
-bool tc_runs_miss(const tc_runs *runs, double lo, double hi);
 
 #endif

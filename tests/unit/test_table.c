@@ -337,6 +337,39 @@ static void entries_count(void **state) {
   tc_resources_free(r);
 }
 
+/* While a transfer function is dragged, the tables of its frames go, and the next take their memory; what more than one frame
+ * drew with stays. */
+static void edits_go(void **state) {
+  enum { EDITS = 20, KEPT = 6 };
+  tc_transfer_function tf;
+  tc_plan plan = {0};
+  const tc_job job = {.plan = &plan};
+  const float *places[EDITS];
+  int left = 0, distinct = 0;
+  double ms = 0;
+  tc_resources *r = tc_resources_new(NULL, 256 << 20, NULL);
+#define GET(i, ms)                                                                                                     \
+  (plan.table = params(&tf, smooth, 4, TC_KNOT_OPACITY, 256, 1 + (i)),                                                 \
+   (const tc_table *)tc_resources_get(r, TC_RESOURCE_TABLE, &job, ms, NULL))
+  const tc_table *often = GET(EDITS, &ms);
+  assert_ptr_equal(GET(EDITS, &ms), often);
+  for (int i = 0; i < EDITS; i++) {
+    places[i] = GET(i, &ms)->entries;
+    int k = 0;
+    while (places[k] != places[i]) k++;
+    distinct += k == i;
+  }
+  const tc_table *last = GET(EDITS - 1, NULL);
+  tc_table *alone = tc_table_build(&plan.table, NULL, NULL);
+  assert_memory_equal(last->entries, alone->entries, alone->bytes);
+  for (int i = 0; i < EDITS; i++) left += GET(i, NULL) != NULL;
+  assert_ptr_equal(GET(EDITS, NULL), often);
+#undef GET
+  assert_true(left <= KEPT && distinct <= KEPT);
+  tc_table_free(alone);
+  tc_resources_free(r);
+}
+
 /* Half floats of IEEE 754 and fixed point of 8 bits, at values whose neighbours are known. */
 static void narrower_formats(void **state) {
   assert_true(tc_table_round(1.0f / 3, 16) == 0.333251953125f);
@@ -417,7 +450,7 @@ int main(void) {
                                      cmocka_unit_test(elementary_segments),
                                      cmocka_unit_test(invariants),
                                      cmocka_unit_test(after_an_edit),
-                                     cmocka_unit_test(entries_count),
+                                     cmocka_unit_test(entries_count), cmocka_unit_test(edits_go),
                                      cmocka_unit_test(narrower_formats),
                                      cmocka_unit_test(zooms_where_knots_are_close)};
   return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,0 +1,198 @@
+#include "renderer/skip/fine.h"
+
+#include <stdlib.h>
+
+#include "renderer/base/clock.h"
+#include "renderer/skip/minmax_rows.h"
+#include "renderer/skip/runs.h"
+
+#define LEVELS 65536
+#define BINS 256
+#define SAMPLED (1 << 18) /* voxels that are looked at for how full bins get, about */
+#define TASK_VOXELS (1 << 18)
+#define MOST_WIDTH 64 /* of a fine box, voxels */
+
+/* The level of a value. NaN is in the first, as it is at the first node of a table. */
+static int level_of(const tc_fine *f, double voxel) {
+  double level = (voxel - f->lo) * f->scale;
+  return level > 0 ? level < f->levels - 1 ? (int)level : f->levels - 1 : 0;
+}
+
+static double voxel_at(const tc_volume *volume, size_t i) {
+  const void *p = tc_volume_data(volume);
+  switch (tc_volume_describe(volume)->type) {
+  case TC_U8: return ((const uint8_t *)p)[i];
+  case TC_I8: return ((const int8_t *)p)[i];
+  case TC_U16: return ((const uint16_t *)p)[i];
+  case TC_I16: return ((const int16_t *)p)[i];
+  case TC_F32: return (double)((const float *)p)[i];
+  case TC_VOXEL_TYPE_COUNT: break;
+  }
+  return 0;
+}
+
+/* Bins by the sum, up to a level's middle, of half its share of the voxels and half its share of the range. */
+static bool fill_bins(tc_fine *f, const tc_volume *volume) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  const tc_volume_stats *s = tc_volume_statistics(volume);
+  const int from = level_of(f, s->voxel_min), to = level_of(f, s->voxel_max);
+  const size_t count = (size_t)d->dims[0] * (size_t)d->dims[1] * (size_t)d->dims[2];
+  const size_t stride = count / SAMPLED | 1;
+  uint32_t *counts = calloc(LEVELS, sizeof *counts), sampled = 0;
+  if (!counts) return false;
+  for (size_t i = 0; i < count; i += stride, sampled++) counts[level_of(f, voxel_at(volume, i))]++;
+  double sum = 0;
+  for (int i = 0; i < LEVELS; i++) {
+    double share = 0.5 * counts[i] / sampled + (i >= from && i <= to ? 0.5 / (to - from + 1) : 0);
+    double bin = (sum + 0.5 * share) * BINS;
+    f->bins[i] = bin < BINS - 1 ? (uint8_t)bin : BINS - 1;
+    sum += share;
+  }
+  free(counts);
+  return true;
+}
+
+static void set_levels(tc_fine *f, const tc_volume *volume) {
+  const tc_volume_stats *s = tc_volume_statistics(volume);
+  const tc_voxel_type type = f->grid.type;
+  double range = s->voxel_max - s->voxel_min;
+  f->levels = tc_voxel_size(type) == 1 ? BINS : LEVELS;
+  f->lo = type == TC_I8 ? -128 : type == TC_I16 ? -32768 : type == TC_F32 ? s->voxel_min : 0;
+  f->scale = type != TC_F32 ? 1 : range > 0 ? (LEVELS - 1) / range : 0;
+}
+
+static bool reserve(tc_fine *f, const tc_volume *volume, int block, size_t most_bytes) {
+  f->grid.block = block / 2 > 2 ? block / 2 : 2;
+  size_t plane = tc_minmax_blocks(volume, f->grid.block, f->grid.blocks) + TC_FINE_PAD;
+  while (2 * plane > most_bytes && f->grid.block < MOST_WIDTH)
+    plane = tc_minmax_blocks(volume, ++f->grid.block, f->grid.blocks) + TC_FINE_PAD;
+  f->bytes = 2 * plane + (size_t)f->levels;
+  f->least = malloc(f->bytes);
+  if (!f->least) return false;
+  f->most = f->least + plane;
+  f->bins = f->most + plane;
+  for (int i = 0; i < TC_FINE_PAD; i++) f->least[plane - 1 - (size_t)i] = f->most[plane - 1 - (size_t)i] = 0;
+  return true;
+}
+
+tc_fine *tc_fine_begin(const tc_volume *volume, int block, int reach, size_t most_bytes, GError **error) {
+  double start = tc_now_ms();
+  tc_fine *f = calloc(1, sizeof *f);
+  if (f) {
+    f->grid = (tc_minmax){.reach = reach, .type = tc_volume_describe(volume)->type};
+    set_levels(f, volume);
+    bool made = reserve(f, volume, block, most_bytes);
+    for (int i = 0; made && i < BINS && f->levels == BINS; i++) f->bins[i] = (uint8_t)i;
+    if (made && (f->levels == BINS || fill_bins(f, volume))) {
+      f->build_ms = tc_now_ms() - start;
+      return f;
+    }
+  }
+  tc_set_error(error, TC_ERROR_MEMORY, NULL, "minima and maxima of fine boxes: out of memory");
+  tc_fine_free(f);
+  return NULL;
+}
+
+/* ---- minima and maxima ---- */
+
+typedef struct fine_job {
+  tc_fine *fine;
+  const tc_volume *volume;
+  int strips, rows; /* tasks of a layer, rows of fine boxes of a task */
+  size_t room;      /* bytes of a worker: two rows of voxels, one of pairs */
+  char *scratch;
+} fine_job;
+
+#define BIN_ROW(type, level)                                                                                         \
+  {                                                                                                                  \
+    const type *p = pairs;                                                                                           \
+    for (int x = 0; x < n; x++) least[x] = f->bins[level(p[2 * x])], most[x] = f->bins[level(p[2 * x + 1])];         \
+    return;                                                                                                          \
+  }
+#define AS_IS(v) v
+#define FROM_I8(v) (v + 128)
+#define FROM_I16(v) (v + 32768)
+#define OF_FLOAT(v) level_of(f, (double)v)
+static void bin_row(const tc_fine *f, const void *pairs, int n, uint8_t *least, uint8_t *most) {
+  switch (f->grid.type) {
+  case TC_U8: BIN_ROW(uint8_t, AS_IS)
+  case TC_I8: BIN_ROW(int8_t, FROM_I8)
+  case TC_U16: BIN_ROW(uint16_t, AS_IS)
+  case TC_I16: BIN_ROW(int16_t, FROM_I16)
+  case TC_F32: BIN_ROW(float, OF_FLOAT)
+  case TC_VOXEL_TYPE_COUNT: break;
+  }
+}
+
+static void fine_task(void *context, int index, int worker) {
+  const fine_job *job = context;
+  tc_fine *f = job->fine;
+  const int *n = f->grid.blocks, z = index / job->strips, y0 = index % job->strips * job->rows;
+  char *rows = job->scratch + (size_t)worker * job->room;
+  void *pairs = rows + job->room - (size_t)n[0] * 2 * tc_voxel_size(f->grid.type);
+  for (int y = y0; y < y0 + job->rows && y < n[1]; y++) {
+    size_t first = ((size_t)z * (size_t)n[1] + (size_t)y) * (size_t)n[0];
+    tc_minmax_row(&f->grid, job->volume, y, z, rows, pairs);
+    bin_row(f, pairs, n[0], f->least + first, f->most + first);
+  }
+}
+
+bool tc_fine_go_on(tc_fine *f, const tc_volume *volume, tc_pool *pool, GError **error) {
+  double start = tc_now_ms();
+  const size_t size = tc_voxel_size(f->grid.type), nx = (size_t)tc_volume_describe(volume)->dims[0];
+  const size_t row_voxels = nx * (size_t)f->grid.block * (size_t)f->grid.block;
+  fine_job job = {.fine = f, .volume = volume, .rows = 1 + (int)(TASK_VOXELS / row_voxels),
+                  .room = (2 * nx + 2 * (size_t)f->grid.blocks[0]) * size};
+  job.strips = (f->grid.blocks[1] + job.rows - 1) / job.rows;
+  if (f->grid.done == job.strips * f->grid.blocks[2]) return true;
+  job.scratch = malloc((size_t)tc_pool_threads(pool) * job.room);
+  if (!job.scratch) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "minima and maxima of fine boxes: out of memory");
+    return false;
+  }
+  bool made = tc_pool_go_on(pool, &f->grid.done, job.strips * f->grid.blocks[2], fine_task, &job);
+  free(job.scratch);
+  f->build_ms += tc_now_ms() - start;
+  return made || tc_halt_say(tc_pool_halt(pool), error);
+}
+
+void tc_fine_free(tc_fine *fine) {
+  if (!fine) return;
+  free(fine->least);
+  free(fine);
+}
+
+/* ---- runs ---- */
+
+/* The set of all values of the levels [first, last]: those of both ends, since a run is an interval. Levels of floats reach
+ * one further for rounding. */
+static uint8_t set_of(const tc_fine *f, const tc_runs *runs, int first, int last) {
+  const bool real = f->grid.type == TC_F32;
+  const double level = f->scale > 0 ? 1 / f->scale : 0;
+  return tc_runs_set(runs, f->lo + (first - real) * level) & tc_runs_set(runs, f->lo + (last + 2 * real) * level);
+}
+
+bool tc_fine_find_runs(const tc_fine *f, const tc_support *support, tc_fine_runs *found, GError **error) {
+  tc_runs runs;
+  int first[TC_FINE_RUNS], last[TC_FINE_RUNS];
+  if (!tc_runs_init(&runs, support, TC_F32, error)) return false; /* as of floats: without the sets of all values */
+  for (int r = 0; r < TC_FINE_RUNS; r++) first[r] = BINS, last[r] = -1;
+  for (int i = 0, end; i < f->levels; i = end) {
+    const int bin = f->bins[i];
+    for (end = i + 1; end < f->levels && f->bins[end] == bin; end++) continue;
+    const uint8_t set = set_of(f, &runs, i, end - 1);
+    for (int r = 0; r < TC_FINE_RUNS; r++) {
+      if (!(set >> r & 1)) continue;
+      if (first[r] > bin) first[r] = bin;
+      last[r] = bin;
+    }
+  }
+  tc_runs_finish(&runs);
+  found->count = 0;
+  for (int r = 0; r < TC_FINE_RUNS; r++) {
+    if (first[r] > last[r]) continue;
+    found->first[found->count] = (uint8_t)first[r];
+    found->last[found->count++] = (uint8_t)last[r];
+  }
+  return true;
+}

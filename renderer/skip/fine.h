@@ -1,0 +1,40 @@
+/* Minimum and maximum of fine boxes, two cells wide, in 8 bits: what decides for any transfer function at once which of
+ * them are empty, without a look at the voxels.
+ *
+ * Values are binned: 8-bit voxels are their own bins; others share 256 bins, half of them equally wide, half equally full,
+ * so that a bin is narrow where many voxels are. A bin is empty in a run (skip/runs.h) if all of its values are: what
+ * rounding costs is the bin that a knot falls into. */
+#ifndef TC_SKIP_FINE_H
+#define TC_SKIP_FINE_H
+
+#include "renderer/skip/skip.h"
+
+#define TC_FINE_PAD 16 /* readable bytes behind each plane */
+
+typedef struct tc_fine {
+  tc_minmax grid;        /* first; of blocks as wide as a fine box; its pairs are not kept */
+  uint8_t *least, *most; /* [blocks z][blocks y][blocks x]: bins of the minima and maxima */
+  uint8_t *bins;         /* of each level: of all values of an 8- or 16-bit type, or 65,536 of a float's range */
+  int levels;
+  double lo, scale;      /* level = (voxel - lo) * scale */
+  size_t bytes;
+  double build_ms;
+} tc_fine;
+
+/* Fine boxes are two cells wide, or half of a block that is wider than usual; wider where they would take more than
+ * most_bytes. NULL with TC_ERROR_MEMORY. */
+tc_fine *tc_fine_begin(const tc_volume *volume, int block, int reach, size_t most_bytes, GError **error);
+/* Builds on until all is there: true, at once if it already is. False: the pool's halt, or TC_ERROR_MEMORY. */
+bool tc_fine_go_on(tc_fine *fine, const tc_volume *volume, tc_pool *pool, GError **error);
+void tc_fine_free(tc_fine *fine); /* NULL is fine */
+
+/* The empty runs under a support as intervals of bins: a fine box is empty if one of them holds its minimum and its
+ * maximum. */
+#define TC_FINE_RUNS 8
+typedef struct tc_fine_runs {
+  int count;
+  uint8_t first[TC_FINE_RUNS], last[TC_FINE_RUNS];
+} tc_fine_runs;
+bool tc_fine_find_runs(const tc_fine *fine, const tc_support *support, tc_fine_runs *runs, GError **error);
+
+#endif

@@ -1,0 +1,13 @@
+/* Minima and maxima of blocks row by row, for who keeps them in a form of their own (skip/fine.h). */
+#ifndef TC_SKIP_MINMAX_ROWS_H
+#define TC_SKIP_MINMAX_ROWS_H
+
+#include "renderer/skip/skip.h"
+
+/* How many blocks of this width a volume has along each axis; returns how many in all. */
+size_t tc_minmax_blocks(const tc_volume *volume, int block, int blocks[3]);
+
+/* The pairs of one row of blocks, of a grid whose own pairs are not read; scratch: room for two rows of voxels. */
+void tc_minmax_row(const tc_minmax *minmax, const tc_volume *volume, int by, int bz, void *scratch, void *pairs);
+
+#endif
