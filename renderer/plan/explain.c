@@ -154,6 +154,8 @@ static void say_skipped(const teller *t) {
     say(t, TC_STAGE_SKIPPING, false, "the cpu draws every sample while opengl gets ready");
   else if (!f->key.skipping)
     say(t, TC_STAGE_SKIPPING, false, "only %.1f %% of the blocks are empty", 100 * f->empty_share);
+  else if (f->empty_share >= 0 && tc_plan_has(t->plan, TC_RESOURCE_BOXES))
+    say(t, TC_STAGE_SKIPPING, true, "%.1f %% of the blocks that hold fine boxes are empty", 100 * f->empty_share);
   else if (f->empty_share >= 0)
     say(t, TC_STAGE_SKIPPING, true, "%.1f %% of the blocks of %d voxels are empty", 100 * f->empty_share,
         t->plan->block);

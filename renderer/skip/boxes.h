@@ -3,8 +3,9 @@
  * support, not on the camera.
  *
  * Fine boxes (skip/fine.h), two cells wide, are tested each by its own minimum and maximum: a vessel two voxels thick is
- * surrounded by a third of the space that blocks would occupy. Where nothing is empty, boxes are larger. Every cell
- * outside all boxes is empty in the sense of skip/skip.h. */
+ * surrounded by a third of the space that blocks would occupy. Where nothing is empty, boxes are larger.
+ *
+ * Every cell outside all boxes is empty in the sense of skip/skip.h. */
 #ifndef TC_SKIP_BOXES_H
 #define TC_SKIP_BOXES_H
 

@@ -5,6 +5,7 @@
 #include "renderer/base/clock.h"
 #include "renderer/skip/minmax_rows.h"
 #include "renderer/skip/runs.h"
+#include "renderer/volume/voxel.h"
 
 #define LEVELS 65536
 #define BINS 256
@@ -18,19 +19,6 @@ static int level_of(const tc_fine *f, double voxel) {
   return level > 0 ? level < f->levels - 1 ? (int)level : f->levels - 1 : 0;
 }
 
-static double voxel_at(const tc_volume *volume, size_t i) {
-  const void *p = tc_volume_data(volume);
-  switch (tc_volume_describe(volume)->type) {
-  case TC_U8: return ((const uint8_t *)p)[i];
-  case TC_I8: return ((const int8_t *)p)[i];
-  case TC_U16: return ((const uint16_t *)p)[i];
-  case TC_I16: return ((const int16_t *)p)[i];
-  case TC_F32: return (double)((const float *)p)[i];
-  case TC_VOXEL_TYPE_COUNT: break;
-  }
-  return 0;
-}
-
 /* Bins by the sum, up to a level's middle, of half its share of the voxels and half its share of the range. */
 static bool fill_bins(tc_fine *f, const tc_volume *volume) {
   const tc_volume_desc *d = tc_volume_describe(volume);
@@ -38,9 +26,11 @@ static bool fill_bins(tc_fine *f, const tc_volume *volume) {
   const int from = level_of(f, s->voxel_min), to = level_of(f, s->voxel_max);
   const size_t count = (size_t)d->dims[0] * (size_t)d->dims[1] * (size_t)d->dims[2];
   const size_t stride = count / SAMPLED | 1;
+  const void *voxels = tc_volume_data(volume);
   uint32_t *counts = calloc(LEVELS, sizeof *counts), sampled = 0;
   if (!counts) return false;
-  for (size_t i = 0; i < count; i += stride, sampled++) counts[level_of(f, voxel_at(volume, i))]++;
+  for (size_t i = 0; i < count; i += stride, sampled++)
+    counts[level_of(f, tc_voxel_at(d->type, voxels, i))]++;
   double sum = 0;
   for (int i = 0; i < LEVELS; i++) {
     double share = 0.5 * counts[i] / sampled + (i >= from && i <= to ? 0.5 / (to - from + 1) : 0);
@@ -71,7 +61,8 @@ static bool reserve(tc_fine *f, const tc_volume *volume, int block, size_t most_
   if (!f->least) return false;
   f->most = f->least + plane;
   f->bins = f->most + plane;
-  for (int i = 0; i < TC_FINE_PAD; i++) f->least[plane - 1 - (size_t)i] = f->most[plane - 1 - (size_t)i] = 0;
+  for (int i = 0; i < TC_FINE_PAD; i++)
+    f->least[plane - 1 - (size_t)i] = f->most[plane - 1 - (size_t)i] = 0;
   return true;
 }
 
@@ -82,7 +73,8 @@ tc_fine *tc_fine_begin(const tc_volume *volume, int block, int reach, size_t mos
     f->grid = (tc_minmax){.reach = reach, .type = tc_volume_describe(volume)->type};
     set_levels(f, volume);
     bool made = reserve(f, volume, block, most_bytes);
-    for (int i = 0; made && i < BINS && f->levels == BINS; i++) f->bins[i] = (uint8_t)i;
+    for (int i = 0; made && i < BINS && f->levels == BINS; i++)
+      f->bins[i] = (uint8_t)i;
     if (made && (f->levels == BINS || fill_bins(f, volume))) {
       f->build_ms = tc_now_ms() - start;
       return f;
@@ -103,11 +95,12 @@ typedef struct fine_job {
   char *scratch;
 } fine_job;
 
-#define BIN_ROW(type, level)                                                                                         \
-  {                                                                                                                  \
-    const type *p = pairs;                                                                                           \
-    for (int x = 0; x < n; x++) least[x] = f->bins[level(p[2 * x])], most[x] = f->bins[level(p[2 * x + 1])];         \
-    return;                                                                                                          \
+#define BIN_ROW(type, level)                                                                                           \
+  {                                                                                                                    \
+    const type *p = pairs;                                                                                             \
+    for (int x = 0; x < n; x++)                                                                                        \
+      least[x] = f->bins[level(p[2 * x])], most[x] = f->bins[level(p[2 * x + 1])];                                     \
+    return;                                                                                                            \
   }
 #define AS_IS(v) v
 #define FROM_I8(v) (v + 128)
@@ -115,12 +108,18 @@ typedef struct fine_job {
 #define OF_FLOAT(v) level_of(f, (double)v)
 static void bin_row(const tc_fine *f, const void *pairs, int n, uint8_t *least, uint8_t *most) {
   switch (f->grid.type) {
-  case TC_U8: BIN_ROW(uint8_t, AS_IS)
-  case TC_I8: BIN_ROW(int8_t, FROM_I8)
-  case TC_U16: BIN_ROW(uint16_t, AS_IS)
-  case TC_I16: BIN_ROW(int16_t, FROM_I16)
-  case TC_F32: BIN_ROW(float, OF_FLOAT)
-  case TC_VOXEL_TYPE_COUNT: break;
+  case TC_U8:
+    BIN_ROW(uint8_t, AS_IS)
+  case TC_I8:
+    BIN_ROW(int8_t, FROM_I8)
+  case TC_U16:
+    BIN_ROW(uint16_t, AS_IS)
+  case TC_I16:
+    BIN_ROW(int16_t, FROM_I16)
+  case TC_F32:
+    BIN_ROW(float, OF_FLOAT)
+  case TC_VOXEL_TYPE_COUNT:
+    break;
   }
 }
 
@@ -141,7 +140,9 @@ bool tc_fine_go_on(tc_fine *f, const tc_volume *volume, tc_pool *pool, GError **
   double start = tc_now_ms();
   const size_t size = tc_voxel_size(f->grid.type), nx = (size_t)tc_volume_describe(volume)->dims[0];
   const size_t row_voxels = nx * (size_t)f->grid.block * (size_t)f->grid.block;
-  fine_job job = {.fine = f, .volume = volume, .rows = 1 + (int)(TASK_VOXELS / row_voxels),
+  fine_job job = {.fine = f,
+                  .volume = volume,
+                  .rows = 1 + (int)(TASK_VOXELS / row_voxels),
                   .room = (2 * nx + 2 * (size_t)f->grid.blocks[0]) * size};
   job.strips = (f->grid.blocks[1] + job.rows - 1) / job.rows;
   if (f->grid.done == job.strips * f->grid.blocks[2]) return true;
@@ -164,8 +165,8 @@ void tc_fine_free(tc_fine *fine) {
 
 /* ---- runs ---- */
 
-/* The set of all values of the levels [first, last]: those of both ends, since a run is an interval. Levels of floats reach
- * one further for rounding. */
+/* The set of all values of the levels [first, last]: those of both ends, since a run is an interval. Levels of floats
+ * reach one further for rounding. */
 static uint8_t set_of(const tc_fine *f, const tc_runs *runs, int first, int last) {
   const bool real = f->grid.type == TC_F32;
   const double level = f->scale > 0 ? 1 / f->scale : 0;
@@ -176,10 +177,12 @@ bool tc_fine_find_runs(const tc_fine *f, const tc_support *support, tc_fine_runs
   tc_runs runs;
   int first[TC_FINE_RUNS], last[TC_FINE_RUNS];
   if (!tc_runs_init(&runs, support, TC_F32, error)) return false; /* as of floats: without the sets of all values */
-  for (int r = 0; r < TC_FINE_RUNS; r++) first[r] = BINS, last[r] = -1;
+  for (int r = 0; r < TC_FINE_RUNS; r++)
+    first[r] = BINS, last[r] = -1;
   for (int i = 0, end; i < f->levels; i = end) {
     const int bin = f->bins[i];
-    for (end = i + 1; end < f->levels && f->bins[end] == bin; end++) continue;
+    for (end = i + 1; end < f->levels && f->bins[end] == bin; end++)
+      continue;
     const uint8_t set = set_of(f, &runs, i, end - 1);
     for (int r = 0; r < TC_FINE_RUNS; r++) {
       if (!(set >> r & 1)) continue;

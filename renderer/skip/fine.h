@@ -1,9 +1,9 @@
 /* Minimum and maximum of fine boxes, two cells wide, in 8 bits: what decides for any transfer function at once which of
  * them are empty, without a look at the voxels.
  *
- * Values are binned: 8-bit voxels are their own bins; others share 256 bins, half of them equally wide, half equally full,
- * so that a bin is narrow where many voxels are. A bin is empty in a run (skip/runs.h) if all of its values are: what
- * rounding costs is the bin that a knot falls into. */
+ * Values are binned: 8-bit voxels are their own bins; others share 256 bins, half of them equally wide, half equally
+ * full, so that a bin is narrow where many voxels are. A bin is empty in a run (skip/runs.h) if all of its values are:
+ * what rounding costs is the bin that a knot falls into. */
 #ifndef TC_SKIP_FINE_H
 #define TC_SKIP_FINE_H
 
@@ -16,7 +16,7 @@ typedef struct tc_fine {
   uint8_t *least, *most; /* [blocks z][blocks y][blocks x]: bins of the minima and maxima */
   uint8_t *bins;         /* of each level: of all values of an 8- or 16-bit type, or 65,536 of a float's range */
   int levels;
-  double lo, scale;      /* level = (voxel - lo) * scale */
+  double lo, scale; /* level = (voxel - lo) * scale */
   size_t bytes;
   double build_ms;
 } tc_fine;

@@ -8,12 +8,14 @@
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
+#include <x86intrin.h>
 
 #include "protocol/protocol.h"
 #include "renderer/quality/meter.h"
 #include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
 #include "server/bench/bench.h"
+#include "server/bench/edits.h"
 #include "server/bench/objects.h"
 #include "server/bench/paper_mesh.h"
 #include "server/bench/paper_splat.h"
@@ -65,6 +67,9 @@ typedef struct bench {
   double *reference; /* [args.pixels][4] */
   double reference_ms;
   row rows[N_VARIANTS];
+  double cycles_per_ms; /* of the time stamp counter */
+  tcs_edit edits[TCS_EDITS];
+  bool edited; /* by the last of the cpu's rows that skips */
   tcs_encoder *encoder;
   GByteArray *image;
 } bench;
@@ -140,7 +145,22 @@ static bool integrate_reference(bench *b, GError **error) {
   return true;
 }
 
+static bool is_editable(const bench *b) {
+  return b->scene.mode == TC_MODE_DVR && b->scene.transfer_function.count > 1;
+}
+
+static bool measure_edits(bench *b, GError **error) {
+  tc_renderer *last = NULL;
+  for (int i = 0; i < N_VARIANTS; i++)
+    if (b->rows[i].renderer && variants[i].backend == TC_BACKEND_CPU && variants[i].skipping) last = b->rows[i].renderer;
+  b->edited = last && is_editable(b);
+  b->scene.skipping.mode = TC_SKIPPING_AUTO;
+  return !b->edited || tcs_edits_measure(last, b->volume, &b->scene, b->edits, error);
+}
+
 static bool measure(bench *b, GError **error) {
+  const double start = tcs_now_ms();
+  const uint64_t cycles = __rdtsc();
   if (b->args.pixels && !integrate_reference(b, error)) return false;
   for (int i = 0; i < N_VARIANTS; i++) {
     row *r = &b->rows[i];
@@ -158,28 +178,36 @@ static bool measure(bench *b, GError **error) {
       if (!render(b, &b->rows[i], &variants[i], false, error)) return false;
       b->rows[i].ms[run] = b->rows[i].frame.stats.render_ms;
     }
-  return true;
+  b->cycles_per_ms = (double)(__rdtsc() - cycles) / (tcs_now_ms() - start);
+  return measure_edits(b, error);
 }
 
 /* ---- reporting ---- */
+
+/* Of all threads, at their best. */
+static double cycles_per_sample(const bench *b, const row *r) {
+  const double samples = (double)r->frame.stats.samples;
+  return samples > 0 ? r->ms[0] * b->cycles_per_ms * tc_renderer_about(r->renderer)->threads / samples : 0;
+}
 
 static void print_rows(bench *b) {
   const tc_volume_desc *d = tc_volume_describe(b->volume);
   printf("%s  %dx%dx%d %s, %dx%d pixels, step %g, loaded in %.0f ms\n", b->name, d->dims[0], d->dims[1], d->dims[2],
          tc_voxel_type_name(d->type), b->args.size, b->args.size, b->scene.sampling.step, b->load_ms);
-  printf("  %-20s %9s %9s %9s %9s %9s %10s %9s %9s\n", "variant", "table ms", "skip ms", "render ms", "(least)",
-         "encode ms", "Msamples", "rms/255", "max/255");
+  printf("  %-20s %9s %9s %9s %9s %9s %10s %9s %9s %9s\n", "variant", "table ms", "skip ms", "render ms", "(least)",
+         "encode ms", "Msamples", "cycles", "rms/255", "max/255");
   for (int i = 0; i < N_VARIANTS; i++) {
     row *r = &b->rows[i];
     if (!r->renderer) continue;
     double middle = tcs_median(r->ms, (size_t)b->args.runs);
-    printf("  %-20s %9.2f %9.2f %9.2f %9.2f %9.2f %10.2f", variants[i].name, r->tables_ms, r->skip_ms, middle, r->ms[0],
-           r->encode_ms, (double)r->frame.stats.samples * 1e-6);
+    printf("  %-20s %9.2f %9.2f %9.2f %9.2f %9.2f %10.2f %9.1f", variants[i].name, r->tables_ms, r->skip_ms, middle,
+           r->ms[0], r->encode_ms, (double)r->frame.stats.samples * 1e-6, cycles_per_sample(b, r));
     if (b->args.pixels)
       printf(" %9.3f %9.3f\n", 255 * r->rms, 255 * r->max);
     else
       printf(" %9s %9s\n", "-", "-");
   }
+  if (b->edited) tcs_edits_print(b->edits);
 }
 
 static cJSON *rows_as_json(bench *b) {
@@ -194,6 +222,7 @@ static cJSON *rows_as_json(bench *b) {
   cJSON_AddNumberToObject(o, "referencePixels", b->args.pixels);
   cJSON_AddItemToObject(o, "scene", tcp_scene_write(&b->scene));
   cJSON_AddItemToObject(o, "variants", rows);
+  if (b->edited) cJSON_AddItemToObject(o, "edits", tcs_edits_as_json(b->edits));
   for (int i = 0; i < N_VARIANTS; i++) {
     row *r = &b->rows[i];
     if (!r->renderer) continue;
@@ -208,6 +237,7 @@ static cJSON *rows_as_json(bench *b) {
     cJSON_AddNumberToObject(v, "renderMs", tcs_median(r->ms, (size_t)b->args.runs));
     cJSON_AddItemToObject(v, "renderMsRuns", cJSON_CreateDoubleArray(r->ms, b->args.runs));
     cJSON_AddNumberToObject(v, "encodeMs", r->encode_ms);
+    cJSON_AddNumberToObject(v, "cyclesPerSample", cycles_per_sample(b, r));
     cJSON_AddNumberToObject(v, "samples", (double)r->frame.stats.samples);
     cJSON_AddNumberToObject(v, "gradients", (double)r->frame.stats.gradients);
     cJSON_AddNumberToObject(v, "rays", (double)r->frame.stats.rays);

@@ -175,6 +175,18 @@ static void map_is_right(void **unused) {
   }
 }
 
+#define WIDE 60
+
+static double wide_field(double x, double y, double z, const void *context) { return WIDE * blob_field(x, y, z, context); }
+
+/* Of far more values than there are bins. */
+static tc_volume *wide_volume(uint64_t *state) {
+  static const tc_voxel_type types[] = {TC_U16, TC_I16, TC_F32};
+  const blobs b = {*state, 1 + (int)(6 * test_random(state)), 12 * test_random(state), {1, 1, 1}};
+  const test_grid g = {.dims = {30 + (int)(40 * test_random(state)), 40, 50}, .type = types[(int)(3 * test_random(state))]};
+  return test_volume(&g, wide_field, &b);
+}
+
 static size_t volume_of(const int n[3]) { return (size_t)n[0] * (size_t)n[1] * (size_t)n[2]; }
 
 /* Which fine boxes the records name. */
@@ -196,10 +208,11 @@ static void boxes_hold_what_shows(void **unused) {
   uint64_t state = 17;
   size_t exact = 0, more = 0, all = 0;
   for (int trial = 0; trial < 60; trial++) {
-    tc_volume *v = random_volume(&state);
+    tc_volume *v = trial % 2 ? wide_volume(&state) : random_volume(&state);
     tc_scene s;
     test_scene(&s, 8, 8);
     random_knots(&s, &state);
+    for (size_t k = 0; k < s.transfer_function.count && trial % 2; k++) s.transfer_function.points[k].value *= WIDE;
     const int reach = trial % 3 == 0;
     tc_support *support = support_of(v, &s.transfer_function);
     tc_fine *fine = tc_fine_begin(v, 5, reach, trial % 4 ? SIZE_MAX : 3000, NULL);

@@ -263,6 +263,22 @@ static void a_ray_sample_by_sample(void **state) {
   refuse(RUN("render", "demo:bucky", "--ray", "1,2", "--set", "mode=mpr"), 1, "mode");
 }
 
+/* What a frame and a sample cost, and what a dragged transfer function adds. */
+static void bench_names_the_costs(void **state) {
+  static const char *const edits[] = {"a knot slides", "all knots shift", "presets change"};
+  outcome o = RUN("bench", "--size", "32", "--runs", "2", "--error", "0", "demo:bucky");
+  assert_non_null(strstr(o.out, "cycles"));
+  for (size_t i = 0; i < G_N_ELEMENTS(edits); i++) assert_non_null(strstr(o.out, edits[i]));
+  accept(o);
+  o = RUN("bench", "--size", "32", "--runs", "2", "--error", "0", "--json", "-", "demo:bucky");
+  cJSON *json = tcp_json_parse(o.out, strlen(o.out), NULL), *volume = cJSON_GetArrayItem(json, 0);
+  cJSON *first = cJSON_GetArrayItem(cJSON_GetObjectItem(volume, "variants"), 0);
+  assert_true(cJSON_GetObjectItem(first, "cyclesPerSample")->valuedouble > 1);
+  assert_int_equal(cJSON_GetArraySize(cJSON_GetObjectItem(volume, "edits")), 3);
+  cJSON_Delete(json);
+  accept(o);
+}
+
 /* Both papers' tables on a demo, as text and as JSON: cells of every column, numbers or a reason. */
 static void tables_of_the_papers(void **state) {
   static const struct {
@@ -322,6 +338,6 @@ int main(void) {
                                      cmocka_unit_test(timing_is_printed),
                                      cmocka_unit_test(info_for_people_and_programs), cmocka_unit_test(meshes_among_each_other),
                                      cmocka_unit_test(a_ray_sample_by_sample),
-                                     cmocka_unit_test(tables_of_the_papers)};
+                                     cmocka_unit_test(bench_names_the_costs), cmocka_unit_test(tables_of_the_papers)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }
