@@ -389,7 +389,7 @@ static void *cut_begin(const tc_making *m, GError **error) {
 
 /* ---- all ---- */
 
-#define MOST_ONCE 4 /* of a transfer function's, while it is dragged */
+#define MOST_ONCE 4 /* of a transfer function's or a window's, while it is dragged */
 
 #define BIT(resource) (1u << TC_RESOURCE_##resource)
 #define FIELD BIT(COEFFICIENTS) /* what is sampled: these, where the plan has them */
@@ -460,7 +460,7 @@ const tc_resource_kind tc_resource_kinds[TC_RESOURCE_COUNT] = {
                            .held = boxes_held,
                            .bytes = boxes_bytes,
                            .empty_share = boxes_empty_share},
-    [TC_RESOURCE_BOUNDS] = {.store = {"bounds of the blocks", free_bounds, NULL, false},
+    [TC_RESOURCE_BOUNDS] = {.store = {"bounds of the blocks", free_bounds, NULL, false, MOST_ONCE},
                             .needs = FIELD | BIT(MINMAX),
                             .key = bounds_key,
                             .tied = field_of,

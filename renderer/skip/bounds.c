@@ -9,12 +9,15 @@
 #define MOST_LEVEL 254
 
 /* The added eighth of a level covers the rounding of (best - floor) * scale in kernels. */
-static uint8_t level_of(const tc_bounds *b, double lo, double hi) {
+static inline uint8_t level_of(const tc_bounds *b, double lo, double hi) {
+  const double below = lo < 0 ? -lo : lo, above = hi < 0 ? -hi : hi;
   double most = b->grey.sign > 0 ? hi : -lo;
-  if (lo != hi) most += 1e-6 * fmax(fabs(lo), fabs(hi));
+  most += lo != hi ? 1e-6 * (below > above ? below : above) : 0;
   if (most <= (double)b->grey.floor) return 0;
-  double level = ceil((most - (double)b->grey.floor) * (double)b->scale + 0.125);
-  return level <= MOST_LEVEL ? (uint8_t)level : 255;
+  const double level = (most - (double)b->grey.floor) * (double)b->scale + 0.125;
+  if (!(level <= MOST_LEVEL)) return 255;
+  const int whole = (int)level;
+  return (uint8_t)(whole + (level > whole)); /* rounded up */
 }
 
 #define LEVELS(name, type)                                                                                           \
@@ -39,13 +42,22 @@ static void fill_levels(tc_bounds *b, const tc_minmax *m, size_t from, size_t to
   }
 }
 
-/* Replaces each of n levels, `stride` apart, by the largest of itself and its two neighbours. */
-static void widen(uint8_t *line, int n, size_t stride) {
-  uint8_t before = 0;
-  for (int i = 0; i < n; i++, line += stride) {
-    uint8_t here = *line, after = i + 1 < n ? line[stride] : 0;
-    uint8_t most = before > here ? before : here;
-    *line = most > after ? most : after;
+/* A plain loop over arrays, which the compiler vectorises. */
+static void largest(const uint8_t *before, const uint8_t *here, const uint8_t *after, uint8_t *restrict to, size_t n) {
+  for (size_t i = 0; i < n; i++) {
+    const uint8_t most = before[i] > here[i] ? before[i] : here[i];
+    to[i] = most > after[i] ? most : after[i];
+  }
+}
+
+/* Replaces each of `count` rows of n levels, `stride` apart, by the largest of itself and its two neighbours. rows: room
+ * for three, the first of them zero. */
+static void widen(uint8_t *first, size_t n, int count, size_t stride, uint8_t *rows) {
+  const uint8_t *before = rows;
+  for (int i = 0; i < count; i++) {
+    uint8_t *row = first + (size_t)i * stride, *here = rows + (size_t)(1 + i % 2) * n;
+    memcpy(here, row, n);
+    largest(before, here, i + 1 < count ? row + stride : rows, row, n);
     before = here;
   }
 }
@@ -53,23 +65,35 @@ static void widen(uint8_t *line, int n, size_t stride) {
 typedef struct bounds_job {
   tc_bounds *bounds;
   const tc_minmax *minmax;
+  uint8_t *rows; /* of each worker, three and two levels more */
 } bounds_job;
+
+static uint8_t *rows_of(const bounds_job *job, int worker) {
+  return job->rows + (size_t)worker * (3 * (size_t)job->bounds->blocks[0] + 2);
+}
 
 /* A layer of blocks, widened along x and y. */
 static void layer_task(void *context, int z, int worker) {
   const bounds_job *job = context;
   tc_bounds *b = job->bounds;
   size_t nx = (size_t)b->blocks[0], ny = (size_t)b->blocks[1], first = (size_t)z * nx * ny;
+  uint8_t *rows = rows_of(job, worker), *copy = rows + nx; /* between two zeros */
   fill_levels(b, job->minmax, first, first + nx * ny);
-  for (size_t y = 0; y < ny; y++) widen(b->levels + first + y * nx, b->blocks[0], 1);
-  for (size_t x = 0; x < nx; x++) widen(b->levels + first + x, b->blocks[1], nx);
+  for (size_t y = 0; y < ny; y++) {
+    uint8_t *row = b->levels + first + y * nx;
+    copy[0] = copy[nx + 1] = 0;
+    memcpy(copy + 1, row, nx);
+    largest(copy, copy + 1, copy + 2, row, nx);
+  }
+  widen(b->levels + first, nx, b->blocks[1], nx, rows);
 }
 
 /* A row of every layer, widened along z. */
 static void row_task(void *context, int y, int worker) {
-  const tc_bounds *b = ((const bounds_job *)context)->bounds;
+  const bounds_job *job = context;
+  const tc_bounds *b = job->bounds;
   size_t nx = (size_t)b->blocks[0], layer = nx * (size_t)b->blocks[1];
-  for (size_t x = 0; x < nx; x++) widen(b->levels + (size_t)y * nx + x, b->blocks[2], layer);
+  widen(b->levels + (size_t)y * nx, nx, b->blocks[2], layer, rows_of(job, worker));
 }
 
 int tc_bounds_interval(const tc_bounds *bounds, const tc_rays *rays) {
@@ -97,7 +121,9 @@ tc_bounds *tc_bounds_build(const tc_minmax *m, const tc_grey *grey, tc_pool *poo
     b->bytes = count + 8;
     b->levels = calloc(b->bytes, 1);
   }
-  if (!b || !b->levels) {
+  uint8_t *rows = b ? calloc((size_t)tc_pool_threads(pool), 3 * (size_t)b->blocks[0] + 2) : NULL;
+  if (!b || !b->levels || !rows) {
+    free(rows);
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "bounds of the blocks: out of memory");
     tc_bounds_free(b);
     return NULL;
@@ -105,8 +131,9 @@ tc_bounds *tc_bounds_build(const tc_minmax *m, const tc_grey *grey, tc_pool *poo
   /* With floor = stop every ray is finished at its first sample; a scale of 0 keeps levels at 1. */
   double span = (double)grey->stop - (double)grey->floor;
   b->scale = span > 0 ? (float)fmin(MOST_LEVEL / span, 1e30) : 0;
-  bounds_job job = {b, m};
+  bounds_job job = {b, m, rows};
   bool made = tc_pool_run(pool, b->blocks[2], layer_task, &job) && tc_pool_run(pool, b->blocks[1], row_task, &job);
+  free(rows);
   b->build_ms = tc_now_ms() - start;
   if (made) return b;
   tc_halt_say(tc_pool_halt(pool), error);
