@@ -402,6 +402,35 @@ static void labels_are_smooth(void **state) {
   tc_volume_unref(f);
 }
 
+static double three_boxes(double x, double y, double z) {
+  return x > 2 && x < 6 && y > 3 && z > 4 ? -2 : x >= 20 && z < 2 ? 300 : x == 10 && y == 1 && z == 1 ? 7 : 0;
+}
+
+/* One pass finds what a walk for each label would; its boxes make the same surface. */
+static void boxes_of_all_labels_are_found_at_once(void **state) {
+  const int dims[3] = {24, 6, 9};
+  static const struct { int16_t label; int first[3], end[3]; } wanted[] = {
+      {-2, {3, 4, 5}, {6, 6, 9}}, {300, {20, 0, 0}, {24, 6, 2}}, {7, {10, 1, 1}, {11, 2, 2}}};
+  tc_volume *v = make(dims, TC_I16, even, straight, 1, three_boxes);
+  tc_pool *pool = tc_pool_new(3, NULL);
+  tc_label_boxes *boxes = tc_label_boxes_find(v, pool, NULL);
+  assert_int_equal(boxes->n_values, 65536);
+  for (size_t i = 0; i < G_N_ELEMENTS(wanted); i++)
+    for (int k = 0; k < 3; k++) {
+      assert_int_equal(boxes->reach[(uint16_t)wanted[i].label][k], dims[k] - wanted[i].first[k]);
+      assert_int_equal(boxes->reach[(uint16_t)wanted[i].label][3 + k], wanted[i].end[k]);
+    }
+  assert_int_equal(boxes->reach[8][3], 0);
+  tc_mesh *own = of_label(v, 7, 0), *given = tc_mesh_extract_label(v, 7, boxes, &(tc_mesh_options){.normals = true}, NULL);
+  assert_true(own->n_triangles > 0 && own->n_triangles == given->n_triangles);
+  assert_memory_equal(own->positions, given->positions, own->n_vertices * sizeof *own->positions);
+  tc_mesh_free(own);
+  tc_mesh_free(given);
+  g_free(boxes);
+  tc_pool_free(pool);
+  tc_volume_unref(v);
+}
+
 /* Fewer triangles within the error that was asked for, still closed. */
 static void simplification_keeps_its_bound(void **state) {
   grid = 41;
@@ -481,6 +510,7 @@ int main(void) {
                                      cmocka_unit_test(random_fields_are_manifolds),
                                      cmocka_unit_test(labels_keep_every_voxel_on_its_side),
                                      cmocka_unit_test(labels_are_smooth),
+                                     cmocka_unit_test(boxes_of_all_labels_are_found_at_once),
                                      cmocka_unit_test(simplification_keeps_its_bound),
                                      cmocka_unit_test(ambiguous_faces_follow_the_field),
                                      cmocka_unit_test(what_is_not_there_is_empty)};
