@@ -85,17 +85,16 @@ tc_label_boxes *tc_label_boxes_find(const tc_volume *labels, tc_pool *pool, GErr
   const tc_volume_desc *d = tc_volume_describe(labels);
   const int workers = pool ? tc_pool_threads(pool) : 1;
   search s = {.labels = labels, .n_values = tc_voxel_size(d->type) == 1 ? 256 : 65536};
-  s.reach = g_malloc0((size_t)workers * (size_t)s.n_values * sizeof *s.reach);
-  if (!tc_pool_run(pool, d->dims[2], search_plane, &s)) {
-    g_free(s.reach);
-    tc_halt_say(tc_pool_halt(pool), error);
-    return NULL;
-  }
-  tc_label_boxes *boxes = g_malloc0(sizeof *boxes + (size_t)s.n_values * sizeof *boxes->reach);
-  boxes->n_values = s.n_values;
-  for (int i = 0; i < workers * s.n_values; i++)
+  s.reach = g_try_malloc0((size_t)workers * (size_t)s.n_values * sizeof *s.reach);
+  tc_label_boxes *boxes = g_try_malloc0(sizeof *boxes + (size_t)s.n_values * sizeof *boxes->reach);
+  bool good = s.reach && boxes;
+  if (!good) tc_set_error(error, TC_ERROR_MEMORY, NULL, "surfaces of labels: out of memory");
+  good = good && (tc_pool_run(pool, d->dims[2], search_plane, &s) || tc_halt_say(tc_pool_halt(pool), error));
+  for (int i = 0; i < workers * s.n_values && good; i++)
     for (int k = 0; k < 6; k++) boxes->reach[i % s.n_values][k] = MAX(boxes->reach[i % s.n_values][k], s.reach[i][k]);
   g_free(s.reach);
+  if (good) boxes->n_values = s.n_values;
+  if (!good) g_clear_pointer(&boxes, g_free);
   return boxes;
 }
 
