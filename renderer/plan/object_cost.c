@@ -10,11 +10,13 @@
 #define NEAR 4         /* voxels: as wide as most blocks */
 #define MOST_STEPS 4e5 /* of all rays: longer steps where a volume is larger */
 
+#define MOST_APART 8 /* voxels between rays: all is lost by then */
+
 /* Milliseconds a unit of each term: two threads of an AMD EPYC (Zen 4). */
 static const double rates[TC_OBJECT_MODES][TC_TERM_COUNT] = {
-    [TC_OBJECT_SPLAT] = {0.0214, 0.00211, 0, 1.41e-06, 0.0011, 0.00839, 0.018, 0.101},
-    [TC_OBJECT_ISOSURFACE] = {0.106, 0.0124, 0, 0.000289, 0.0131, 0, 0, 0.0392},
-    [TC_OBJECT_MESH] = {0, 0.00228, 0, 1.65e-05, 0.0017, 0.0167, 0.0268, 0.0113},
+    [TC_OBJECT_SPLAT] = {0.35, 0.000737, 0, 0, 0.000983, 0.0188, 0.0192, 0.0468, 0},
+    [TC_OBJECT_ISOSURFACE] = {0.0919, 0, 0.00838, 0.000253, 0.0086, 0, 0, 0.00398, 0.0175},
+    [TC_OBJECT_MESH] = {0.0453, 0.00215, 0, 3.1e-06, 0.00196, 0.0142, 0.0227, 0.0095, 0.00172},
 };
 
 tc_mode tc_object_mode_of(tc_object_mode mode) {
@@ -163,7 +165,10 @@ bool tc_object_cost_of(const tc_volume *volume, const tc_scene *scene, int width
   cost->terms[TC_TERM_FRAME] = 1;
   cost->terms[TC_TERM_PIXELS] = (double)width * height / 1000;
   walk_all(&w, width, height);
-  cost->terms[TC_TERM_STEPS] /= mean, cost->terms[TC_TERM_NEAR] /= mean;
+  double *t = cost->terms;
+  t[TC_TERM_STEPS] /= mean, t[TC_TERM_NEAR] /= mean;
+  if (t[TC_TERM_HITS] > 0)
+    t[TC_TERM_APART] = t[TC_TERM_NEAR] * fmin(sqrt(t[TC_TERM_SEEN] / t[TC_TERM_HITS]), MOST_APART);
   for (int m = 0; m < TC_OBJECT_MODES; m++) {
     for (int i = 0; i < TC_TERM_COUNT; i++)
       cost->ms[m] += rates[m][i] * cost->terms[i];

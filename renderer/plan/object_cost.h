@@ -22,6 +22,7 @@ typedef enum tc_object_term {
   TC_TERM_HITS,    /* pixels over the object */
   TC_TERM_SURFACE, /* voxels of surface within the picture's pyramid, hidden or not */
   TC_TERM_SEEN,    /* of those, the nearest */
+  TC_TERM_APART,   /* voxels near a surface, times how many lie between two rays: neighbours then share no memory */
   TC_TERM_COUNT
 } tc_object_term;
 

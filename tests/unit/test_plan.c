@@ -264,6 +264,7 @@ static void the_cheaper_mode_is_named(void **state) {
   assert_true(fabs(c.terms[TC_TERM_SEEN] / (area / 1000) - 1) < 0.05);
   assert_true(fabs(c.terms[TC_TERM_SURFACE] / c.terms[TC_TERM_SEEN] - 2) < 0.01); /* in and out again */
   assert_true(c.terms[TC_TERM_NEAR] > 0 && c.terms[TC_TERM_NEAR] < 0.5 * c.terms[TC_TERM_STEPS]);
+  assert_true(fabs(c.terms[TC_TERM_APART] / c.terms[TC_TERM_NEAR] - 0.2) < 0.01); /* five rays a voxel */
   assert_true(c.ms[TC_OBJECT_SPLAT] < c.ms[TC_OBJECT_ISOSURFACE]);
   tc_explanation plan;
   assert_true(tc_explain(f->volume, &f->scene, 480, 480, &plan, NULL));
