@@ -325,7 +325,7 @@ static const uint8_t *take_lengths(const header *h, const uint8_t *body, uint32_
   uint64_t sum = 0;
   uint32_t columns = 0;
   for (size_t i = 0; i < cells; i++) {
-    if (!take_number(&at, end, &lengths[i])) break;
+    if (!take_number(&at, end, &lengths[i])) return bad(error, "column table"), NULL;
     sum += lengths[i];
     columns += lengths[i] != 0;
   }
