@@ -266,7 +266,7 @@ static bool is_ready(const drawing *d, bool hurry) {
     if (hurry || tc_halt_within(d->job.halt)) return false;
     nanosleep(&(struct timespec){.tv_nsec = 500000}, NULL);
   }
-  return true;
+  return hurry || !tc_halt_within(d->job.halt); /* what it uploads may have been cut */
 }
 
 static bool draw(drawing *d, bool hurry, GError **error) {

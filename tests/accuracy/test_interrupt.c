@@ -1,5 +1,6 @@
 /* Frames that are cut: resumed ones are the uncut ones to the last bit, and stopping is soon on every renderer. The
  * estimate of a frame's samples holds from above. */
+#include <inttypes.h>
 #include <limits.h>
 #include <math.h>
 #include <pthread.h>
@@ -411,6 +412,46 @@ static void many_labels_are_heard(void **state) {
   subject_close(&s);
 }
 
+/* The longest time without a look of a frame that nobody has drawn before, after one of `before`, if not NULL. */
+static long long first_frame_us(subject *before, subject *s) {
+  const tc_renderer_options options = {.backend = TC_BACKEND_GL, .threads = 2};
+  tc_renderer *const kept = test_renderers[GL];
+  long long us;
+  test_renderers[GL] = tc_renderer_new(&options, NULL);
+  assert_non_null(test_renderers[GL]);
+  if (before) count_looks(GL, before, &us);
+  assert_true(count_looks(GL, s, &us) > 0);
+  tc_renderer_free(test_renderers[GL]);
+  test_renderers[GL] = kept;
+  return us;
+}
+
+/* A driver in software compiles at a first dispatch, for the textures that are bound: beside, not while nobody hears. */
+static void first_dispatches_are_heard(void **state) {
+  if (!test_renderers[GL]) skip();
+  static const tc_mode modes[] = {TC_MODE_MESH, TC_MODE_SPLAT, TC_MODE_MIP};
+  subject before = {.volume = ramp_of(TC_U16, 41)}, s = {.volume = ramp_of(TC_U16, 32)};
+  for (size_t m = 0; m < G_N_ELEMENTS(modes); m++) {
+    subject *both[] = {&before, &s};
+    for (int i = 0; i < 2; i++) {
+      tc_scene *scene = &both[i]->drawn.scene;
+      test_scene(scene, 16, 16);
+      test_scene_frame(scene, both[i]->volume, TC_PERSPECTIVE, (const double[3]){0.3, -1, 0.2});
+      scene->mode = modes[m];
+      scene->isosurface.value = scene->splat.threshold[0] = 30000;
+      scene->splat.threshold[1] = 70000, scene->splat.opaque = true;
+    }
+    long long us = LLONG_MAX;
+    for (int try = 0; try < TRIES && us > most_deaf_us(); try++)
+      us = first_frame_us(modes[m] == TC_MODE_MIP ? &before : NULL, &s);
+    printf("  mode %s: %.2f ms of processor time without a look\n", tc_mode_names[modes[m]], (double)us / 1000);
+    assert_true(us <= most_deaf_us());
+    for (int i = 0; i < 2; i++) tc_scene_clear(&both[i]->drawn.scene);
+  }
+  subject_close(&before);
+  subject_close(&s);
+}
+
 /* ---- by the clock ---- */
 
 typedef struct canceller {
@@ -503,13 +544,16 @@ static double print_stops(const char *name, const char *what, double *ms, int co
   return ms[count * 99 / 100];
 }
 
-/* First frames stopped at any time; TC_LONG=1 takes a thousand, and holds them to 50 ms (99 %) and 200. */
+/* First frames stopped at any time; TC_LONG=1 takes a thousand, and holds them to 50 ms (99 %) and 200; TC_SEEDS=200-400
+ * takes a part of those. */
 static void stopping_by_the_clock(void **state) {
   const bool many = getenv("TC_LONG") != NULL;
-  const int wanted = many ? MOST_STOPPED : 40, gl_share = many ? 10 : 5; /* it compiles */
+  const int wanted = many ? MOST_STOPPED : 40, gl_share = many ? 1 : 5; /* it compiles */
+  uint64_t first = 1, end = 20 * (uint64_t)wanted;
+  if (getenv("TC_SEEDS")) assert_int_equal(sscanf(getenv("TC_SEEDS"), "%" SCNu64 "-%" SCNu64, &first, &end), 2);
   stops *all = g_new0(stops, RENDERERS);
   uint64_t where = 9;
-  for (uint64_t seed = 1; all[SCALAR].count < wanted && seed < 20 * (uint64_t)wanted; seed++) {
+  for (uint64_t seed = first; all[SCALAR].count < wanted && seed < end; seed++) {
     subject s;
     if (!slow_subject_open(&s, seed * 13)) continue;
     EACH_RENDERER(i) {
@@ -531,6 +575,7 @@ static void stopping_by_the_clock(void **state) {
 }
 
 int main(void) {
+  setenv("MESA_SHADER_CACHE_DISABLE", "true", 1); /* what others compiled takes no time */
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(resumed_is_uncut),
       cmocka_unit_test(only_what_was_paused_is_resumed),
@@ -539,6 +584,7 @@ int main(void) {
       cmocka_unit_test(monster_stops),
       cmocka_unit_test(long_lists_are_heard),
       cmocka_unit_test(many_labels_are_heard),
+      cmocka_unit_test(first_dispatches_are_heard),
       cmocka_unit_test(stopping_by_the_clock),
   };
   return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);

@@ -12,6 +12,7 @@
 #define ALIGN 256      /* of a buffer's parts, above any driver's */
 #define SOFTWARE_NS 150 /* a triangle, before any was measured */
 #define HARDWARE_NS 4
+#define SOFTWARE_SAMPLES (1 << 19) /* take some 10 ms to shade */
 #define LOOK 1024      /* clusters between two looks at the halt */
 #define LAYER 6        /* numbers a pixel of what layers gave (mesh_shade.glsl) */
 
@@ -390,9 +391,16 @@ static bool draw_frame(drawing *d, GError **error) {
   return drawn && tc_gl_check("mesh", error);
 }
 
+/* Of a tile, whose samples one dispatch shades. */
+static int tile_side(const tc_gl_frame *gl, int n_samples) {
+  int side = (int)sqrt(gl->most);
+  while (!gl->hardware && side * side > SOFTWARE_SAMPLES / n_samples) side /= 2;
+  return side;
+}
+
 static bool draw(const tc_gl_frame *gl, GError **error) {
   drawing d = {.gl = gl, .mesh = gl->job->have.mesh, .batch.unit_ns = gl->hardware ? HARDWARE_NS : SOFTWARE_NS};
-  d.progress = tc_frame_cut(gl->job->frame, (int)sqrt(gl->most), error);
+  d.progress = tc_frame_cut(gl->job->frame, tile_side(gl, gl->job->rays->count), error);
   if (!d.progress || !tc_mesh_job_begin(&d.of, gl->job, error)) return false;
   d.sights = malloc((d.mesh->n + 1) * sizeof *d.sights);
   if (!d.sights) tc_set_error(error, TC_ERROR_MEMORY, NULL, "clusters in view: out of memory");
@@ -402,6 +410,40 @@ static bool draw(const tc_gl_frame *gl, GError **error) {
   return drawn;
 }
 
+/* A triangle of no size. */
+static void warm(const tc_gl_frame *gl, int n_passes) {
+  static const int tile[4] = {0, 0, 8, 8};
+  tc_cluster cluster = {.n_triangles = 1};
+  const tc_clusters mesh = {.clusters = &cluster, .n = 1, .n_triangles = 1, .n_parts = 1};
+  const mesh_layout l = lay_out(&mesh);
+  tc_gl_lookup buffer = {.bytes = l.vertices + 32};
+  tc_raster_surface surface = {.opacity = 1};
+  tc_sight sight = {0};
+  tc_frame frame = {0};
+  const tc_job job = {.frame = &frame};
+  tc_gl_frame own = *gl;
+  tc_progress progress = {.side = (int)sqrt(gl->most)};
+  drawing d = {.gl = &own, .mesh = &mesh, .buffer = &buffer, .of.surfaces = &surface, .block.n_samples = 1, .sights = &sight,
+               .progress = &progress, .batch.unit_ns = SOFTWARE_NS, .translucent = n_passes > 2};
+  own.job = &job;
+  glCreateBuffers(1, &buffer.buffer);
+  glNamedBufferStorage(buffer.buffer, (GLsizeiptr)buffer.bytes, NULL, 0);
+  glClearNamedBufferData(buffer.buffer, GL_R32UI, GL_RED_INTEGER, GL_UNSIGNED_INT, NULL);
+  make_vertices(&d, &l);
+  make_target(&d, progress.side);
+  make_buffers(&d);
+  bind_all(&d, &l);
+  draw_samples(&d, tile, 0);
+  surface.opacity = 0.5f;
+  if (d.translucent) peel(&d, tile);
+  glBindTextureUnit(0, d.ids[0]);
+  glUseProgram(gl->programs[0]);
+  glProgramUniform4i(gl->programs[0], 0, 0, 0, 0, 0);
+  glDispatchCompute(1, 1, 1);
+  drop_objects(&d);
+  glDeleteBuffers(1, &buffer.buffer);
+}
+
 /* A triangle that is another layer in each sample would be shaded once a layer, not once a pixel. */
 static const char *refuses(const tc_scene *scene) {
   for (size_t i = 0; i < scene->mesh.n_surfaces; i++)
@@ -409,4 +451,4 @@ static const char *refuses(const tc_scene *scene) {
   return passes(scene) > 2 && scene->sampling.rays_per_pixel > 1 ? "translucent layers of several samples are shaded there" : NULL;
 }
 
-const tc_gl_drawer tc_gl_mesh_drawer = {.passes = passes, .refuses = refuses, .draw = draw};
+const tc_gl_drawer tc_gl_mesh_drawer = {.passes = passes, .refuses = refuses, .draw = draw, .warm = warm};

@@ -27,11 +27,13 @@
 #define BACKGROUND_UPLOAD ((size_t)8 << 20) /* bytes of volumes from which on uploading is background work */
 #define DEFAULT_CACHE_BYTES ((uint64_t)256 << 20)
 
-/* Background work: a program to compile, or volumes to upload. */
+/* Background work: programs to compile, or volumes to upload. */
 typedef struct background_work {
-  tc_gl_variant variant;
-  unsigned program;       /* 0: compiling failed */
-  bool compiles;          /* variant and program are valid */
+  tc_gl_variant variants[TC_GL_PASSES];
+  unsigned programs[TC_GL_PASSES]; /* afterwards 0: compiling failed */
+  bool found[TC_GL_PASSES];        /* compiled before */
+  int n;                           /* programs */
+  const tc_gl_drawer *drawer;      /* NULL: rays */
   tc_volume *volumes[2];  /* references, or NULL, while uploading */
   uint64_t serials[2];    /* of these volumes, or 0; afterwards of those that failed to upload */
 } background_work;
@@ -45,6 +47,7 @@ typedef struct gl_backend {
   tc_gl_builder builder;
   tc_gl_ring ring;
   unsigned job_buffer; /* the uniform block Job */
+  uint16_t textures_bound; /* texture_traits() of them */
   tc_gl_pace pace;
   double gpu_ms; /* of the last frame */
   uint64_t compiled;
@@ -84,9 +87,11 @@ static void take_work(gl_backend *b) {
     tc_volume_unref(e->volumes[i]);
     e->volumes[i] = NULL;
   }
-  if (!e->compiles || !e->program) return;
-  if (current) tc_gl_program_put(&b->programs, &e->variant, sizeof e->variant, e->program);
-  b->compiled++;
+  for (int i = 0; i < e->n; i++) {
+    if (e->found[i] || !e->programs[i]) continue;
+    if (current) tc_gl_program_put(&b->programs, &e->variants[i], sizeof e->variants[i], e->programs[i]);
+    b->compiled++;
+  }
 }
 
 static void destroy(void *instance) {
@@ -143,14 +148,30 @@ static const char *kernel_suffix(void *instance) { return "gl"; }
 
 /* ---- one frame ---- */
 
+static bool is_power_of_two(size_t n) { return !(n & (n - 1)); }
+
+/* Mesa's llvmpipe compiles a program anew, at its first dispatch, for textures that differ in whether their sides and bytes
+ * are powers of two, or their bytes' second digit of 256 is 0. */
+static uint16_t texture_traits(const tc_gl_volume *const volumes[2], const tc_gl_lookup *const lookups[3]) {
+  unsigned traits = 0;
+  for (int i = 0; i < 2; i++)
+    for (int k = 0; k < 2; k++) traits = 2 * traits + (volumes[i] && is_power_of_two((size_t)lrintf(1 / volumes[i]->texel[k])));
+  for (int i = 0; i < 3; i++) {
+    const size_t bytes = lookups[i] ? lookups[i]->bytes : 0;
+    traits = 4 * traits + 2 * is_power_of_two(bytes) + !(bytes >> 8 & 255);
+  }
+  return (uint16_t)traits;
+}
+
 /* volume: NULL where none is sampled. */
-static tc_gl_variant variant_for(const tc_job *job, const tc_gl_volume *volume, int pass) {
+static tc_gl_variant variant_for(const gl_backend *b, const tc_job *job, const tc_gl_volume *volume, int pass) {
   tc_gl_variant v;
   memset(&v, 0, sizeof v);
   v.plan = job->key;
   v.plan.shading = v.plan.shading != TC_SHADING_NONE; /* models differ in numbers only: one program for all */
   v.atlas = volume && volume->slices_per_layer > 1;
   v.pass = (uint8_t)pass;
+  if (volume && !b->pace.hardware) v.textures = b->textures_bound;
   v.linear_light = tc_resolve_is_linear(job->scene);
   v.transparent = job->scene->image.transparent;
   v.want_linear = job->want_linear;
@@ -163,7 +184,7 @@ static tc_gl_variant variant_for(const tc_job *job, const tc_gl_volume *volume, 
 }
 
 static unsigned program_for(gl_backend *b, const tc_job *job, const tc_gl_volume *volume, int pass, GError **error) {
-  tc_gl_variant v = variant_for(job, volume, pass);
+  tc_gl_variant v = variant_for(b, job, volume, pass);
   unsigned program = tc_gl_program_find(&b->programs, &v, sizeof v);
   if (program) return program;
   program = tc_gl_compose(&v, error);
@@ -237,15 +258,16 @@ static bool run_tiles(gl_backend *b, unsigned program, const tc_job *job, int ti
 }
 
 /* Binds the label volume and its entries to texture units 3 and 4. False with *error set. */
-static bool bind_labels(gl_backend *b, const tc_job *job, const tc_gl_volume **labels, GError **error) {
-  *labels = NULL;
+static bool bind_labels(gl_backend *b, const tc_job *job, const tc_gl_volume **labels, const tc_gl_lookup **entries,
+                        GError **error) {
+  *labels = NULL, *entries = NULL;
   if (!job->have.labels) return true;
   *labels = tc_gl_textures_volume(&b->textures, job->label_volume, error);
-  const tc_gl_lookup *entries =
+  *entries =
       *labels ? tc_gl_textures_labels(&b->textures, job->label_volume, job->have.labels, job->halt, error) : NULL;
-  if (!entries) return false;
+  if (!*entries) return false;
   glBindTextureUnit(3, (*labels)->texture);
-  glBindTextureUnit(4, entries->texture);
+  glBindTextureUnit(4, (*entries)->texture);
   return true;
 }
 
@@ -274,8 +296,9 @@ static const tc_gl_volume *bind(gl_backend *b, const tc_job *job, GError **error
   if (!tc_gl_context_use(b->context, error)) return NULL;
   tc_gl_textures_begin(&b->textures);
   const tc_gl_volume *labels, *volume = tc_gl_textures_volume(&b->textures, job->volume, error);
-  const tc_gl_lookup *table = NULL, *skip = NULL;
-  if (!volume || !lookups_for(b, job, &table, &skip, error) || !bind_labels(b, job, &labels, error)) return NULL;
+  const tc_gl_lookup *table = NULL, *skip = NULL, *entries;
+  if (!volume || !lookups_for(b, job, &table, &skip, error) || !bind_labels(b, job, &labels, &entries, error)) return NULL;
+  b->textures_bound = texture_traits((const tc_gl_volume *[]){volume, labels}, (const tc_gl_lookup *[]){table, skip, entries});
   fill_job(b, job, volume, labels);
   glBindTextureUnit(0, volume->texture);
   glBindTextureUnit(1, table ? table->texture : 0);
@@ -321,15 +344,19 @@ static bool render(void *instance, const tc_job *job, GError **error) {
 
 /* ---- background work ---- */
 
-/* Compiles the program and runs it once on no pixel: drivers defer part of the compilation to the first dispatch,
+/* Compiles the programs and runs them once on no pixel: drivers defer part of the compilation to the first dispatch,
  * and it depends on the bound textures. */
 static void compile_in_background(void *argument) {
   gl_backend *b = argument;
-  b->work.program = tc_gl_compose(&b->work.variant, NULL);
-  if (!b->work.program) return;
-  if (b->work.variant.pass) return;
-  glUseProgram(b->work.program);
-  glDispatchCompute(1, 1, 1); /* its tile is empty until one is set */
+  background_work *e = &b->work;
+  for (int i = 0; i < e->n; i++)
+    if (!e->found[i] && !(e->programs[i] = tc_gl_compose(&e->variants[i], NULL))) return;
+  if (e->drawer) {
+    e->drawer->warm(&(tc_gl_frame){.programs = e->programs, .most = b->pace.most, .hardware = b->pace.hardware}, e->n);
+  } else {
+    glUseProgram(e->programs[0]);
+    glDispatchCompute(1, 1, 1); /* its tile is empty until one is set */
+  }
   glFinish();
 }
 
@@ -362,6 +389,12 @@ static bool uploads(gl_backend *b, const tc_job *job) {
   return false;
 }
 
+static bool has_failed(const background_work *last, const background_work *next) {
+  bool failed = false;
+  for (int i = 0; i < last->n; i++) failed = failed || !last->programs[i];
+  return failed && last->n == next->n && memcmp(last->variants, next->variants, sizeof next->variants) == 0;
+}
+
 /* True on failure too: render() will fail again and report the error. */
 static bool ready(void *instance, const tc_job *job) {
   gl_backend *b = instance;
@@ -372,15 +405,17 @@ static bool ready(void *instance, const tc_job *job) {
   if (!drawer && uploads(b, job)) return false;
   const tc_gl_volume *volume = drawer ? NULL : bind(b, job, NULL);
   if (drawer ? !tc_gl_context_use(b->context, NULL) : !volume) return true;
-  for (int pass = 0; pass < (drawer ? drawer->passes(job->scene) : 1); pass++) {
-    tc_gl_variant v = variant_for(job, volume, pass);
-    const background_work *last = &b->work;
-    bool failed = last->compiles && !last->program && memcmp(&v, &last->variant, sizeof v) == 0;
-    if (failed || tc_gl_program_find(&b->programs, &v, sizeof v)) continue;
-    b->work = (background_work){.variant = v, .compiles = true};
-    return !tc_gl_warm_start(&b->warm, b->context, compile_in_background, b);
+  background_work next = {.n = drawer ? drawer->passes(job->scene) : 1, .drawer = drawer};
+  bool all = true;
+  for (int i = 0; i < next.n; i++) {
+    next.variants[i] = variant_for(b, job, volume, i);
+    next.programs[i] = tc_gl_program_find(&b->programs, &next.variants[i], sizeof *next.variants);
+    next.found[i] = next.programs[i];
+    all = all && next.found[i];
   }
-  return true;
+  if (all || has_failed(&b->work, &next)) return true;
+  b->work = next;
+  return !tc_gl_warm_start(&b->warm, b->context, compile_in_background, b);
 }
 
 static const char *refuses(void *instance, const tc_scene *scene) {

@@ -23,6 +23,9 @@ typedef struct tc_gl_drawer {
   int (*passes)(const tc_scene *scene);
   const char *(*refuses)(const tc_scene *scene); /* why the cpu draws this scene instead, a clause; NULL: it does not */
   bool (*draw)(const tc_gl_frame *frame, GError **error); /* as render() of a back end; the context is current */
+  /* Runs the passes on nothing, in the state that draw() runs them in, so that the driver compiles what it defers; on the
+   * context's thread, of frame only programs, most and hardware. */
+  void (*warm)(const tc_gl_frame *frame, int passes);
 } tc_gl_drawer;
 extern const tc_gl_drawer *const tc_gl_drawers[TC_MODE_COUNT]; /* NULL: rays */
 

@@ -185,6 +185,23 @@ static bool draw(const tc_gl_frame *gl, GError **error) {
   return drawn;
 }
 
+/* A brick without splats, on a tile without pixels. */
+static void warm(const tc_gl_frame *gl, int n_passes) {
+  static const int tile[4] = {0};
+  const splat_entry nothing = {0};
+  tc_progress progress = {.side = BLOCK};
+  drawing d = {.gl = gl, .progress = &progress};
+  make_buffers(&d);
+  glNamedBufferSubData(d.buffers[1], 0, sizeof nothing, &nothing);
+  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 4, d.buffers[1]); /* no word of it is read */
+  for (int pass = 0; pass < n_passes; pass++) {
+    use(&d, pass, tile);
+    if (pass % 2) glProgramUniform1ui(gl->programs[pass], 1, 0);
+    glDispatchCompute(1, 1, 1);
+  }
+  glDeleteBuffers(4, d.buffers);
+}
+
 static const char *refuses(const tc_scene *scene) {
   const char *name = scene->splat.attribute;
   if (!scene->splat.opaque) return "translucent sheets are added up there";
@@ -194,4 +211,4 @@ static const char *refuses(const tc_scene *scene) {
 
 static int passes(const tc_scene *scene) { return 4; }
 
-const tc_gl_drawer tc_gl_splat_drawer = {.passes = passes, .refuses = refuses, .draw = draw};
+const tc_gl_drawer tc_gl_splat_drawer = {.passes = passes, .refuses = refuses, .draw = draw, .warm = warm};
