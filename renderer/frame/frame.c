@@ -11,11 +11,17 @@ static void drop_partials(tc_progress *p) {
   }
 }
 
+void tc_progress_drop(tc_progress *p) {
+  drop_partials(p);
+  if (p->kept) p->drop(p->kept);
+  p->kept = NULL;
+}
+
 void tc_frame_finish(tc_frame *frame) {
   free(frame->rgba);
   free(frame->linear);
   free(frame->depth);
-  if (frame->progress) drop_partials(frame->progress);
+  if (frame->progress) tc_progress_drop(frame->progress);
   if (frame->progress) free(frame->progress->finished);
   free(frame->progress);
   *frame = (tc_frame){0};
@@ -62,7 +68,7 @@ static bool is_resumable(const tc_frame *f, int width, int height, const tc_rend
 
 /* What is kept of a progress that begins: its memory. */
 static void start_over(tc_progress *p, const tc_render_request *q) {
-  drop_partials(p);
+  tc_progress_drop(p);
   *p = (tc_progress){.finished = p->finished, .capacity = p->capacity, .linear = q->want_linear, .depth = q->want_depth};
 }
 

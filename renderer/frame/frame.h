@@ -20,11 +20,16 @@ typedef struct tc_progress {
   size_t capacity;
   int64_t rays_ahead;    /* of the partials: it grows while no unit is finished */
   tc_partial *partials;  /* a list: as many as there are workers, at most */
+  void *kept;            /* of a mode that draws no squares, while it is paused; NULL: nothing */
+  void (*drop)(void *kept);
   int tile[4];           /* of a back end that draws in order: x, y, width, height of the next */
 } tc_progress;
 
 /* Buffers for a frame of this size; with resume, of a paused one as it is. */
 bool tc_frame_begin(tc_frame *frame, int width, int height, const tc_render_request *request, GError **error);
+
+/* Frees what is kept. */
+void tc_progress_drop(tc_progress *progress);
 
 /* Grows with every unit that is finished, and with what is done of others. */
 int64_t tc_frame_position(const tc_frame *frame);

@@ -16,6 +16,9 @@ typedef struct tc_mesh_job {
   const tc_job *job;
 } tc_mesh_job;
 
+/* Layers of all pixels of a picture with surfaces in a volume: more are refused, whatever file they are from. Tests set less. */
+extern unsigned tc_mesh_most_layers;
+
 /* The scene's list of surfaces as far as it is drawn: what they are made from, in order. of[TC_MAX_SURFACES]. */
 size_t tc_mesh_sources(const tc_job *job, tc_mesh_source *of);
 

@@ -15,58 +15,62 @@
 
 #define ENOUGH (1.0f / 4096) /* of the light that comes through: below nothing is seen */
 
-#define MOST_FOUND (1u << 24) /* layers of all pixels: what a file may make of a picture is bounded by memory */
+unsigned tc_mesh_most_layers = 1u << 24;
 
+typedef enum phase { FIND, CAST, COMPOSITE, PUT } phase;
+
+/* Kept while the frame is paused: it goes on where it was left. */
 typedef struct within {
   const tc_job *job;
   tc_pool *pool;
   size_t pixels;
-  pthread_mutex_t lock; /* guards found */
-  GArray *found;        /* tc_raster_seen of one ray of all pixels; a tile's are together and in order */
-  tc_raster_seen *layers;
-  uint32_t *next, *end; /* [pixels]: numbers of the pixel's next layer, and behind its last */
-  float (*span)[2];     /* [pixels]: mm from the eye, of the next part; empty: the ray has ended */
-  float (*sum)[4], (*total)[4]; /* [pixels]: of the ray; of all rays */
-  float *clear, *most;  /* [pixels]: light that surfaces let through; greatest grey, -1 before the ray meets the volume */
-  tc_frame part;        /* of the volume */
+  phase phase;
+  int ray;
+  uint8_t *tiles, *rows; /* those that this phase has finished */
+  pthread_mutex_t lock;  /* guards found */
+  GArray *found;         /* tc_raster_seen of one ray: a pixel's are together and in order */
+  uint32_t *next, *end;  /* [pixels]: numbers of the pixel's next layer, and behind its last */
+  float (*span)[2];      /* [pixels]: mm from the eye, of the next part; empty: the ray has ended */
+  float (*sum)[4], (*total)[4]; /* [pixels]: of the ray; of the rays before it */
+  float *clear, *most;   /* [pixels]: light that surfaces let through; greatest grey, -1 before the ray meets the volume */
+  tc_frame part;         /* of the volume */
   tc_raster_counts counts;
   atomic_bool more, too_many;
 } within;
 
 /* ---- layers ---- */
 
-static void keep_seen(void *user, const tc_raster_picture *p) {
-  within *w = user;
-  const int width = w->job->frame->width;
-  pthread_mutex_lock(&w->lock);
-  if (p->n_seen > MOST_FOUND - w->found->len) atomic_store(&w->too_many, true);
-  for (size_t i = 0; i < p->n_seen && !atomic_load(&w->too_many); i++) {
-    tc_raster_seen seen = p->seen[i];
-    seen.pixel = (p->y0 + seen.pixel / TC_RASTER_SIDE) * width + p->x0 + seen.pixel % TC_RASTER_SIDE;
-    g_array_append_val(w->found, seen);
-  }
-  pthread_mutex_unlock(&w->lock);
+static void begin_pixel(within *w, size_t p) {
+  for (int c = 0; c < 4; c++) w->total[p][c] += w->sum[p][c], w->sum[p][c] = 0;
+  w->clear[p] = 1, w->most[p] = -1;
+  w->next[p] = w->end[p] = 0;
+  w->span[p][0] = 0, w->span[p][1] = INFINITY;
 }
 
-/* Every pixel's layers, in order: `found` by pixel. */
-static bool sort_layers(within *w, GError **error) {
-  const tc_raster_seen *found = (const tc_raster_seen *)(const void *)w->found->data;
-  free(w->layers);
-  w->layers = malloc((w->found->len + 1) * sizeof *w->layers);
-  if (!w->layers) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "surfaces in a volume: out of memory");
-    return false;
+static guint append(within *w, const tc_raster_picture *p) {
+  pthread_mutex_lock(&w->lock);
+  const guint first = w->found->len;
+  if (p->n_seen > tc_mesh_most_layers - first)
+    atomic_store(&w->too_many, true);
+  else
+    g_array_append_vals(w->found, p->seen, (guint)p->n_seen);
+  pthread_mutex_unlock(&w->lock);
+  return first;
+}
+
+static void keep_seen(void *user, const tc_raster_picture *p) {
+  within *w = user;
+  const size_t width = (size_t)w->job->frame->width;
+  const guint first = append(w, p);
+  for (int y = p->y0; y < p->y1; y++)
+    for (int x = p->x0; x < p->x1; x++) begin_pixel(w, (size_t)y * width + (size_t)x);
+  for (size_t i = 0; i < p->n_seen; i++) {
+    const int x = p->x0 + p->seen[i].pixel % TC_RASTER_SIDE, y = p->y0 + p->seen[i].pixel / TC_RASTER_SIDE;
+    const size_t at = (size_t)y * width + (size_t)x;
+    if (!w->end[at]) w->next[at] = first + (guint)i, w->span[at][1] = p->seen[i].depth;
+    w->end[at] = first + (guint)i + 1;
   }
-  memset(w->end, 0, w->pixels * sizeof *w->end);
-  for (guint i = 0; i < w->found->len; i++) w->end[found[i].pixel]++;
-  uint32_t at = 0;
-  for (size_t p = 0; p < w->pixels; p++) {
-    const uint32_t n = w->end[p];
-    w->next[p] = w->end[p] = at;
-    at += n;
-  }
-  for (guint i = 0; i < w->found->len; i++) w->layers[w->end[found[i].pixel]++] = found[i];
-  return true;
+  w->tiles[p->tile] = 1;
 }
 
 static bool find_layers(within *w, const tc_mesh_job *mesh, int ray, GError **error) {
@@ -77,23 +81,16 @@ static bool find_layers(within *w, const tc_mesh_job *mesh, int ray, GError **er
   raster.layered = true;
   raster.emit = keep_seen, raster.user = w;
   raster.pool = w->pool;
-  g_array_set_size(w->found, 0);
+  raster.finished = w->tiles;
   if (!tc_raster_draw(&raster, &w->counts, error)) return false;
-  if (!atomic_load(&w->too_many)) return sort_layers(w, error);
+  if (!atomic_load(&w->too_many)) return true;
   tc_set_error(error, TC_ERROR_LIMIT, "/mesh/surfaces",
-               "surfaces in a volume: more than %u layers in the picture; show fewer surfaces, or a smaller picture", MOST_FOUND);
+               "surfaces in a volume: more than %u layers in the picture; show fewer surfaces, or a smaller picture",
+               tc_mesh_most_layers);
   return false;
 }
 
 /* ---- parts of rays ---- */
-
-static void begin_ray(within *w) {
-  for (size_t p = 0; p < w->pixels; p++) {
-    w->clear[p] = 1, w->most[p] = -1;
-    memset(w->sum[p], 0, sizeof w->sum[p]);
-    w->span[p][0] = 0, w->span[p][1] = w->next[p] < w->end[p] ? w->layers[w->next[p]].depth : INFINITY;
-  }
-}
 
 static void add_dvr(within *w, size_t p, const float part[4]) {
   for (int c = 0; c < 4; c++) w->sum[p][c] += w->clear[p] * part[c];
@@ -123,99 +120,150 @@ static void go_on(within *w, size_t p, const float part[4], bool mip) {
     span[0] = 1, span[1] = 0;
     return;
   }
-  const tc_raster_seen *layer = &w->layers[w->next[p]++];
+  const tc_raster_seen *layer = &g_array_index(w->found, tc_raster_seen, w->next[p]);
   add_layer(w, p, layer);
-  span[0] = layer->depth, span[1] = w->next[p] < w->end[p] ? w->layers[w->next[p]].depth : INFINITY;
+  span[0] = layer->depth, span[1] = ++w->next[p] < w->end[p] ? layer[1].depth : INFINITY;
   if (w->clear[p] < ENOUGH) span[0] = 1, span[1] = 0;
   if (span[0] < span[1]) atomic_store_explicit(&w->more, true, memory_order_relaxed);
 }
 
-static void composite_row(void *context, int y, int worker) {
-  within *w = context;
+static void composite_row(within *w, int y) {
   const bool mip = w->job->key.mode == TC_MODE_MIP;
   const size_t width = (size_t)w->job->frame->width;
   for (size_t p = (size_t)y * width; p < ((size_t)y + 1) * width; p++)
     if (w->span[p][0] <= w->span[p][1]) go_on(w, p, w->part.linear + 4 * p, mip);
 }
 
-static bool cast_parts(within *w, void *instance, const tc_rays *rays, GError **error) {
-  const tc_render_request request = {.want_linear = true};
+/* The mean of all rays, into the frame. */
+static void put_row(within *w, int y) {
+  const tc_frame *frame = w->job->frame;
+  const size_t width = (size_t)frame->width, at = (size_t)y * width;
+  const float each = 1 / (float)w->job->rays->count;
+  float(*mean)[4] = (float(*)[4])(void *)(w->part.linear + 4 * at); /* no part needs it any more */
+  tc_resolve resolve;
+  tc_resolve_init(&resolve, w->job->scene);
+  for (size_t x = 0; x < width; x++)
+    for (int c = 0; c < 4; c++) mean[x][c] = (w->total[at + x][c] + w->sum[at + x][c]) * each;
+  tc_resolve_row(&resolve, mean[0], frame->rgba + 4 * at, (int)width);
+  if (w->job->want_linear) memcpy(frame->linear + 4 * at, mean, width * sizeof *mean);
+}
+
+static void finish_row(void *context, int y, int worker) {
+  within *w = context;
+  if (!w->rows[y]) (w->phase == PUT ? put_row : composite_row)(w, y);
+  w->rows[y] = 1;
+}
+
+static bool finish_rows(within *w, GError **error) {
+  const size_t height = (size_t)w->job->frame->height;
+  if (!tc_pool_run(w->pool, (int)height, finish_row, w)) return tc_halt_say(w->job->halt, error);
+  memset(w->rows, 0, height);
+  return true;
+}
+
+static bool cast_part(within *w, void *instance, GError **error) {
+  const tc_render_request request = {.want_linear = true, .resume = true};
   tc_frame_stats *stats = &w->job->frame->stats;
+  tc_rays one = *w->job->rays;
   tc_job job = *w->job;
-  job.rays = rays, job.frame = &w->part, job.want_linear = true;
+  GError *failure = NULL;
+  one.count = 1, one.of_pixel[0] = w->job->rays->of_pixel[w->ray];
+  job.rays = &one, job.frame = &w->part, job.want_linear = true;
   job.spans = (const float(*)[2])w->span;
   job.key.coherence = 0;
-  do {
-    atomic_store(&w->more, false);
-    if (!tc_frame_begin(&w->part, job.plan->width, job.plan->height, &request, error) ||
-        !tc_cpu_backend.render(instance, &job, error))
-      return false;
-    stats->samples += w->part.stats.samples, stats->rays += w->part.stats.rays;
-    stats->gradients += w->part.stats.gradients, stats->leaps += w->part.stats.leaps;
-    if (!tc_pool_run(w->pool, job.plan->height, composite_row, w)) return tc_halt_say(job.halt, error);
-  } while (atomic_load(&w->more));
+  if (!tc_frame_begin(&w->part, job.plan->width, job.plan->height, &request, error)) return false;
+  const bool drawn = tc_cpu_backend.render(instance, &job, &failure);
+  w->part.progress->paused = g_error_matches(failure, TC_ERROR, TC_ERROR_PAUSED);
+  if (failure) g_propagate_error(error, failure);
+  if (!drawn) return false;
+  stats->samples += w->part.stats.samples, stats->rays += w->part.stats.rays;
+  stats->gradients += w->part.stats.gradients, stats->leaps += w->part.stats.leaps;
   return true;
 }
 
 /* ---- all ---- */
 
-static bool begin(within *w, GError **error) {
-  const size_t n = w->pixels;
-  w->next = malloc(2 * n * sizeof *w->next);
-  w->span = malloc(n * sizeof *w->span);
-  w->sum = malloc(n * sizeof *w->sum);
-  w->total = calloc(n, sizeof *w->total);
-  w->clear = malloc(2 * n * sizeof *w->clear);
-  if (w->next && w->span && w->sum && w->total && w->clear) {
-    w->end = w->next + n, w->most = w->clear + n;
-    return true;
-  }
-  tc_set_error(error, TC_ERROR_MEMORY, NULL, "surfaces in a volume: out of memory");
-  return false;
-}
-
-static void finish(within *w) {
-  free(w->layers), free(w->next), free(w->span), free(w->sum), free(w->total), free(w->clear);
+static void drop(void *kept) {
+  within *w = kept;
+  free(w->next), free(w->span), free(w->sum), free(w->total), free(w->clear), free(w->tiles);
   g_array_unref(w->found);
   tc_frame_finish(&w->part);
   pthread_mutex_destroy(&w->lock);
+  free(w);
 }
 
-/* The mean of all rays, into the frame. */
-static void put_picture(within *w) {
-  const tc_frame *frame = w->job->frame;
-  const float each = 1 / (float)w->job->rays->count;
-  tc_resolve resolve;
-  tc_resolve_init(&resolve, w->job->scene);
-  for (size_t p = 0; p < w->pixels; p++)
-    for (int c = 0; c < 4; c++) w->total[p][c] *= each;
-  for (int y = 0; y < frame->height; y++) {
-    const size_t at = (size_t)y * (size_t)frame->width;
-    tc_resolve_row(&resolve, w->total[at], frame->rgba + 4 * at, frame->width);
+static size_t tiles_of(const tc_frame *f) {
+  const size_t side = TC_RASTER_SIDE;
+  return ((size_t)f->width + side - 1) / side * (((size_t)f->height + side - 1) / side);
+}
+
+/* What is kept of the frame, or a new one; NULL with *error set. */
+static within *resume(const tc_job *job, GError **error) {
+  tc_progress *progress = job->frame->progress;
+  within *w = progress->kept ? progress->kept : calloc(1, sizeof *w);
+  if (w && !progress->kept) {
+    const size_t n = w->pixels = (size_t)job->frame->width * (size_t)job->frame->height, tiles = tiles_of(job->frame);
+    progress->kept = w, progress->drop = drop;
+    pthread_mutex_init(&w->lock, NULL);
+    w->found = g_array_new(FALSE, FALSE, sizeof(tc_raster_seen));
+    w->next = malloc(2 * n * sizeof *w->next), w->clear = malloc(2 * n * sizeof *w->clear);
+    w->span = malloc(n * sizeof *w->span);
+    w->sum = calloc(n, sizeof *w->sum), w->total = calloc(n, sizeof *w->total);
+    w->tiles = calloc(tiles + (size_t)job->frame->height, 1);
+    if (w->next && w->clear && w->tiles) w->end = w->next + n, w->most = w->clear + n, w->rows = w->tiles + tiles;
   }
-  if (w->job->want_linear) memcpy(frame->linear, w->total, w->pixels * sizeof *w->total);
+  if (w && w->next && w->clear && w->span && w->sum && w->total && w->tiles) return w;
+  tc_set_error(error, TC_ERROR_MEMORY, NULL, "surfaces in a volume: out of memory");
+  return NULL;
+}
+
+/* The phase, from where it was left; then *next. */
+static bool run_phase(within *w, void *cpu, const tc_mesh_job *mesh, phase *next, GError **error) {
+  switch (w->phase) {
+  case FIND:
+    *next = CAST;
+    return find_layers(w, mesh, w->ray, error);
+  case CAST:
+    *next = COMPOSITE;
+    atomic_store(&w->more, false);
+    return cast_part(w, cpu, error);
+  case COMPOSITE:
+    if (!finish_rows(w, error)) return false;
+    *next = atomic_load(&w->more) ? CAST : w->ray + 1 < w->job->rays->count ? FIND : PUT;
+    if (*next != FIND) return true;
+    w->ray++;
+    memset(w->tiles, 0, tiles_of(w->job->frame));
+    g_array_set_size(w->found, 0);
+    return true;
+  case PUT: break;
+  }
+  *next = PUT;
+  return finish_rows(w, error);
+}
+
+static int64_t position(const within *w) {
+  int64_t n = w->part.progress ? tc_frame_position(&w->part) : 0;
+  for (size_t i = 0; i < tiles_of(w->job->frame) + (size_t)w->job->frame->height; i++) n += w->tiles[i];
+  return n;
 }
 
 bool tc_mesh_within_draw(tc_pool *pool, void *cpu, const tc_job *job, GError **error) {
-  within w = {.job = job, .pool = pool, .pixels = (size_t)job->frame->width * (size_t)job->frame->height,
-              .found = g_array_new(FALSE, FALSE, sizeof(tc_raster_seen))};
+  within *w = resume(job, error);
   tc_mesh_job mesh;
-  tc_rays one = *job->rays;
-  pthread_mutex_init(&w.lock, NULL);
-  bool drawn = begin(&w, error) && tc_mesh_job_begin(&mesh, job, error);
-  const bool begun = drawn;
-  one.count = 1;
-  for (int ray = 0; drawn && ray < job->rays->count; ray++) {
-    one.of_pixel[0] = job->rays->of_pixel[ray];
-    drawn = find_layers(&w, &mesh, ray, error);
-    if (!drawn) break;
-    begin_ray(&w);
-    drawn = cast_parts(&w, cpu, &one, error);
-    for (size_t p = 0; drawn && p < w.pixels; p++)
-      for (int c = 0; c < 4; c++) w.total[p][c] += w.sum[p][c];
+  if (!w || !tc_mesh_job_begin(&mesh, job, error)) return false;
+  tc_progress *progress = job->frame->progress;
+  w->job = job, w->pool = pool;
+  const int64_t before = position(w);
+  bool drawn = true, done = false;
+  while (drawn && !done) {
+    phase next = PUT;
+    done = w->phase == PUT;
+    drawn = run_phase(w, cpu, &mesh, &next, error);
+    progress->rays_ahead += drawn;
+    if (drawn) w->phase = next;
   }
-  if (begun) tc_mesh_job_end(&mesh);
-  if (drawn) put_picture(&w);
-  finish(&w);
+  progress->rays_ahead += position(w) != before;
+  tc_mesh_job_end(&mesh);
+  if (drawn) tc_progress_drop(progress);
   return drawn;
 }

@@ -16,6 +16,7 @@
 #include <cmocka.h>
 
 #include "renderer/base/halt.h"
+#include "renderer/frame/frame.h"
 #include "tests/support/cases.h"
 #include "tests/support/grid.h"
 #include "tests/support/renderers.h"
@@ -452,6 +453,42 @@ static void first_dispatches_are_heard(void **state) {
   subject_close(&s);
 }
 
+/* Surfaces in a volume are drawn in passes over the whole picture. Each call goes on where the one before was left: none is
+ * fruitless, after which the next might keep others waiting for longer, but by chance. */
+static void surfaces_within_are_resumed(void **state) {
+  const tc_mesh_surface pane = {.source = TC_SURFACE_OF_VALUE, .opacity = 0.4, .visible = true, .two_sided = true};
+  enum { PANES = 6 };
+  subject s = {.volume = ramp_of(TC_U16, 40), .request.want_linear = true};
+  tc_scene *scene = &s.drawn.scene;
+  tc_frame whole = {0}, parts = {0};
+  tc_interrupt interrupt;
+  test_scene(scene, 120, 120);
+  test_scene_frame(scene, s.volume, TC_PERSPECTIVE, (const double[3]){0.3, -1, 0.2});
+  tc_mesh_surface *panes = g_new(tc_mesh_surface, PANES);
+  for (int i = 0; i < PANES; i++) panes[i] = pane, panes[i].value = 65535 * (i + 1) / (PANES + 1);
+  tc_scene_set_surfaces(scene, panes, PANES);
+  scene->mesh.with_volume = true;
+  scene->sampling.step = 0.02, scene->sampling.rays_per_pixel = 2, scene->sampling.termination = 0;
+  assert_true(tc_render(test_renderers[SCALAR], s.volume, scene, &s.request, &whole, NULL, NULL));
+  tc_interrupt_init(&interrupt);
+  atomic_store(&interrupt.pause_us, 0);
+  tc_render_request request = s.request;
+  request.interrupt = &interrupt;
+  int calls = 1, fruitless = 0;
+  for (; !tc_render(test_renderers[SCALAR], s.volume, scene, &request, &parts, NULL, NULL); calls++) {
+    assert_true(parts.progress->paused && calls < 10000);
+    fruitless += parts.progress->fruitless;
+    request.resume = true;
+  }
+  printf("  %d calls, %d of them fruitless\n", calls, fruitless);
+  assert_true(calls > 10 && fruitless < calls / 10); /* a machine that does other things may take a call its time */
+  same_pictures(&whole, &parts, &s, "surfaces in a volume");
+  tc_frame_finish(&whole);
+  tc_frame_finish(&parts);
+  tc_scene_clear(scene);
+  subject_close(&s);
+}
+
 /* ---- by the clock ---- */
 
 typedef struct canceller {
@@ -585,6 +622,7 @@ int main(void) {
       cmocka_unit_test(long_lists_are_heard),
       cmocka_unit_test(many_labels_are_heard),
       cmocka_unit_test(first_dispatches_are_heard),
+      cmocka_unit_test(surfaces_within_are_resumed),
       cmocka_unit_test(stopping_by_the_clock),
   };
   return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);

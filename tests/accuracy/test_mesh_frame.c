@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "renderer/base/halt.h"
+#include "renderer/frame/mesh_job.h"
 #include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
@@ -338,6 +339,25 @@ static void surfaces_are_between_what_is_before_and_behind_them(void **unused) {
   tc_volume_unref(volume);
 }
 
+static void layers_are_bounded(void **unused) {
+  const unsigned most = tc_mesh_most_layers;
+  tc_volume *volume = around_a_ball();
+  tc_scene scene;
+  tc_frame frame = {0};
+  GError *error = NULL;
+  scene_within(&scene, volume, TC_MODE_DVR, 0.4);
+  tc_mesh_most_layers = 500;
+  assert_false(tc_render(test_renderers[test_widest()], volume, &scene, NULL, &frame, NULL, &error));
+  tc_mesh_most_layers = most;
+  assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_LIMIT) && strstr(error->message, "more than 500 layers"));
+  assert_string_equal(tc_error_pointer(error), "/mesh/surfaces");
+  g_clear_error(&error);
+  assert_true(tc_render(test_renderers[test_widest()], volume, &scene, NULL, &frame, NULL, NULL));
+  tc_frame_finish(&frame);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
 /* Brightness y / 40 grows along the rays: what is in front of a surface is darker than what is behind it. */
 static void surfaces_end_and_divide_maxima(void **unused) {
   const int which = test_widest();
@@ -451,6 +471,7 @@ int main(void) {
       cmocka_unit_test(surface_is_where_the_field_has_it),         cmocka_unit_test(every_renderer_draws_the_same_bytes),
       cmocka_unit_test(a_surface_is_extracted_once),               cmocka_unit_test(frames_stop_and_go_on_to_the_same_picture),
       cmocka_unit_test(what_cannot_be_is_refused), cmocka_unit_test(several_surfaces_are_one_picture),
+      cmocka_unit_test(layers_are_bounded),
       cmocka_unit_test(surfaces_are_between_what_is_before_and_behind_them), cmocka_unit_test(surfaces_end_and_divide_maxima),
       cmocka_unit_test(slices_show_the_field_where_they_are),
       cmocka_unit_test(labels_have_surfaces_of_their_colours)};
