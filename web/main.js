@@ -242,6 +242,7 @@ function showFacts(volume, box) {
     File: names.of(volume),
     Series: [volume.description, volume.time].filter(Boolean).join(' \u00b7 '),
     Modality: volume.modality,
+    Colour: volume.colors && 'in slices; elsewhere its brightness',
     Voxels: volume.dims.join(' \u00d7 '),
     Spacing: lengthsText(volume.spacing, { digits: 4 }),
     Extent: lengthsText(

@@ -67,6 +67,15 @@ const tc_scene *tc_labels_of_gaps(void) {
   return &scene;
 }
 
+bool tc_labels_in_color(const tc_volume *volume, const tc_scene *s) {
+  return tc_volume_colors(volume) && s->mode == TC_MODE_MPR && !s->labels.volume[0] && !(s->mpr.thickness_mm > 0);
+}
+
+const tc_scene *tc_labels_of_colors(void) {
+  static const tc_scene scene = {.mode = TC_MODE_MPR, .labels = {.opacity = 1}};
+  return &scene;
+}
+
 /* ---- the table ---- */
 
 GBytes *tc_labels_key(const tc_volume *labels, const tc_scene *scene) {

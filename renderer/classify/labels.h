@@ -31,6 +31,10 @@ typedef struct tc_labels {
 
 /* A scene that shows a volume's gaps (tc_volume_gaps): they hide, and nothing is tinted. */
 const tc_scene *tc_labels_of_gaps(void);
+/* Whether the scene draws a volume's own colours (tc_volume_colors): in slices of no thickness, without other labels. */
+bool tc_labels_in_color(const tc_volume *volume, const tc_scene *scene);
+/* A scene that shows them. */
+const tc_scene *tc_labels_of_colors(void);
 
 /* Everything that entries depend on: label volume, opacity, colours, visible labels, compositing space. The caller
  * unrefs. */

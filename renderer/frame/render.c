@@ -130,6 +130,7 @@ static void make_plan(drawing *d) {
   d->job.plan = &d->plan;
   d->job.key = d->plan.key;
   if (d->plan.key.labels == TC_PLAN_GAPS) d->job.label_volume = tc_volume_gaps(d->job.source);
+  if (tc_labels_in_color(d->job.source, d->job.scene)) d->job.label_volume = tc_volume_colors(d->job.source);
   d->job.outlines_table = tc_plan_has(&d->plan, TC_RESOURCE_TABLE) && d->ops->builds_table &&
                           d->ops->builds_table(d->instance, &d->plan.table, &d->facts.table_builder);
 }
@@ -364,6 +365,7 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
 
 void tc_renderer_forget(tc_renderer *renderer, const tc_volume *volume) {
   if (tc_volume_gaps(volume)) tc_renderer_forget(renderer, tc_volume_gaps(volume));
+  if (tc_volume_colors(volume)) tc_renderer_forget(renderer, tc_volume_colors(volume));
   const uint64_t coefficients = tc_resources_forget(renderer->resources, tc_volume_serial(volume));
   if (coefficients) renderer->ops->forget(renderer->instance, coefficients);
   renderer->ops->forget(renderer->instance, tc_volume_serial(volume));

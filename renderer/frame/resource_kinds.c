@@ -201,6 +201,7 @@ static void *bounds_begin(const tc_making *m, GError **error) {
 static const tc_volume *labels_tied(const tc_job *job) { return job->label_volume; }
 
 static const tc_scene *labels_scene(const tc_job *job) {
+  if (tc_labels_in_color(job->source, job->scene)) return tc_labels_of_colors();
   return job->plan->key.labels == TC_PLAN_GAPS ? tc_labels_of_gaps() : job->scene;
 }
 

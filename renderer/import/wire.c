@@ -5,6 +5,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "renderer/import/colors.h"
 #include "renderer/import/reader.h"
 #include "renderer/mesh/mesh.h"
 #include "renderer/splat/vmd.h"
@@ -151,6 +152,7 @@ static bool take_head(const tc_wire_reader *in, tc_volume_desc *desc, tc_provena
   from->slices_found = tc_reader_i32(&r);
   from->bridged = tc_reader_i32(&r);
   from->resampled = tc_reader_u32(&r) != 0;
+  from->colors = tc_reader_u32(&r) != 0;
   for (int i = 0; i < TC_WIRE_HEAD_NUMBERS; i++)
     numbers[i] = tc_reader_f64(&r);
   memcpy(desc->spacing, numbers, sizeof desc->spacing);
@@ -166,7 +168,7 @@ static bool take_head(const tc_wire_reader *in, tc_volume_desc *desc, tc_provena
   take_text(&r, desc->format, 16);
   take_words(&r, from->description, sizeof from->description);
   take_text(&r, from->time, sizeof from->time);
-  if (r.failed || type >= TC_VOXEL_TYPE_COUNT || !head_is_sane(desc) || !provenance_is_sane(from, desc))
+  if (r.failed || type >= TC_VOXEL_TYPE_COUNT || (from->colors && type != TC_U8) || !head_is_sane(desc) || !provenance_is_sane(from, desc))
     return broken(error, "volume header");
   desc->type = (tc_voxel_type)type;
   return true;
@@ -183,7 +185,7 @@ static tc_volume *volume_for(const tc_wire_reader *in, GError **error) {
   tc_volume_desc desc;
   tc_provenance from;
   if (!take_head(in, &desc, &from, error)) return NULL;
-  uint64_t bytes = tc_voxel_size(desc.type);
+  uint64_t bytes = from.colors ? 3 : tc_voxel_size(desc.type); /* of colours: luma, and labels of two bytes */
   for (int i = 0; i < 3; i++)
     if (__builtin_mul_overflow(bytes, (uint64_t)desc.dims[i], &bytes)) bytes = UINT64_MAX;
   if (over_limit(in, bytes, "the volume holds voxels of", error)) return NULL;
@@ -235,6 +237,7 @@ typedef struct filling {
   } arrays[3];
   int n_arrays, next;
   GArray *segments; /* NULL: none */
+  tc_colors *colors; /* of a volume of RGB */
 } filling;
 
 static void add_array(filling *f, void *at, size_t bytes) {
@@ -250,6 +253,10 @@ static bool take_voxels(const tc_wire_reader *in, filling *f, GError **error) {
   uint32_t slot = tc_reader_u32(&r), bytes = tc_reader_u32(&r);
   if (slot >= TC_WIRE_SLOTS || bytes > TC_WIRE_SLOT_BYTES) return broken(error, "slot");
   const uint8_t *from = in->ring + (size_t)slot * TC_WIRE_SLOT_BYTES;
+  if (f->colors) {
+    if (!tc_colors_put(f->colors, from, bytes)) return broken(error, "more data than announced");
+    bytes = 0;
+  }
   for (; bytes > 0 && f->next < f->n_arrays; f->next += f->arrays[f->next].left == 0) {
     const size_t n = MIN(bytes, f->arrays[f->next].left);
     memcpy(f->arrays[f->next].at, from, n);
@@ -266,8 +273,10 @@ static bool take_voxels(const tc_wire_reader *in, filling *f, GError **error) {
 static bool take_volume(const tc_wire_reader *in, filling *f, GError **error) {
   if (f->volume || f->model || f->source) return broken(error, "a volume header out of place");
   f->volume = volume_for(in, error);
-  if (f->volume) add_array(f, tc_volume_voxels(f->volume), tc_volume_bytes(f->volume));
-  return f->volume != NULL;
+  if (!f->volume) return false;
+  if (!tc_volume_provenance(f->volume)->colors) add_array(f, tc_volume_voxels(f->volume), tc_volume_bytes(f->volume));
+  else f->colors = tc_colors_new(f->volume, error);
+  return f->n_arrays > 0 || f->colors;
 }
 
 /* While it is read there are its bytes, a copy of most of them, and an index of four bytes a column, of which each has
@@ -425,7 +434,8 @@ static bool take_all(const tc_wire_reader *in, filling *f, GError **error) {
   bool ok;
   while ((ok = next_message(in, &m, error)) && m.kind != TC_WIRE_END && (ok = take(in, m.kind, f, error)))
     continue;
-  return ok && ((f->n_arrays && f->next == f->n_arrays) || broken(error, "less data than announced"));
+  const bool whole = f->colors ? tc_colors_end(f->colors) : f->n_arrays && f->next == f->n_arrays;
+  return ok && (whole || broken(error, "less data than announced"));
 }
 
 tc_volume *tc_wire_load(const tc_wire_reader *in, GError **error) {
@@ -435,6 +445,7 @@ tc_volume *tc_wire_load(const tc_wire_reader *in, GError **error) {
   g_free(f.model);
   ok = ok && keep_segments(&f, error);
   if (f.segments) g_array_unref(f.segments);
+  tc_colors_free(f.colors);
   if (ok) return f.volume;
   tc_volume_unref(f.volume);
   return NULL;

@@ -49,9 +49,9 @@ enum {
   TC_WIRE_HEADER_BYTES = 8,
   TC_WIRE_FAIL_TEXT = 320,
   TC_WIRE_SERIES_BYTES = 72 + 16 + 64 + 48 + 64 + 32 + 128 + 7 * 4,
-  /* dims, type, frames, volume, slices used and found, bridged, resampled; spacing, origin, direction, slope, intercept,
+  /* dims, type, frames, volume, slices used and found, bridged, resampled, colors (VOXELS are then r, g, b each); spacing, origin, direction, slope, intercept,
      window; modality, unit, note, format, description, time */
-  TC_WIRE_HEAD_BYTES = 10 * 4 + (3 + 3 + 9 + 2 + 2) * 8 + 16 + 16 + 256 + 16 + 64 + 16,
+  TC_WIRE_HEAD_BYTES = 11 * 4 + (3 + 3 + 9 + 2 + 2) * 8 + 16 + 16 + 256 + 16 + 64 + 16,
   TC_WIRE_SEGMENT_BYTES = 3 * 4 + 4 + 64, /* label, of; whether there is a colour, and its bytes; name */
   TC_WIRE_HEAD_NUMBERS = 3 + 3 + 9 + 2 + 2,
   TC_WIRE_MESH_BYTES = 6 * 8 + 4 + 16,

@@ -194,6 +194,8 @@ static void say_labels(const teller *t) {
   if (s->labels.visible) snprintf(shown, sizeof shown, "%zu show", s->labels.n_visible);
   if (t->plan->key.labels == TC_PLAN_GAPS)
     say(t, TC_STAGE_LABELS, true, "voxels without a value (NaN) are hidden");
+  else if (t->plan->key.labels && !s->labels.volume[0])
+    say(t, TC_STAGE_LABELS, true, "the volume's own colours");
   else if (t->plan->key.labels)
     say(t, TC_STAGE_LABELS, true, "labels of volume %.40s: %s, tint %.3g", s->labels.volume, shown, s->labels.opacity);
   else if (s->labels.volume[0])

@@ -148,6 +148,9 @@ static void plan_mpr(tc_plan *plan, const tc_volume *volume, const tc_scene *s) 
   plan->step_mm = s->sampling.step * fmin(spacing[0], fmin(spacing[1], spacing[2]));
   plan_labels(plan, s);
   plan_gaps(plan, volume);
+  if (!tc_labels_in_color(volume, s)) return;
+  plan->key.labels = TC_PLAN_LABELS;
+  need(plan, TC_RESOURCE_LABELS);
 }
 
 /* No rays are cast: the field is sampled nowhere. */

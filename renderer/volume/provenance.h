@@ -9,6 +9,7 @@ typedef struct tc_provenance {
   int slices_used, slices_found; /* of a series of slices: distinct positions in this volume, and in the series; else 0 */
   int bridged;    /* number, from 1, of the slice interpolated for a missing one; 0: none */
   bool resampled; /* slices at uneven distances were interpolated linearly along the stack */
+  bool colors; /* voxels are the luma of RGB, which slices show (tc_volume_colors) */
   char description[64]; /* of the series, as its makers wrote it: UTF-8, or "" */
   char time[16];        /* of day when the series began, "14:03:22", or "" */
 } tc_provenance;
@@ -33,5 +34,10 @@ enum { TC_SEGMENTS_MAX = 65535 };
 void tc_volume_set_segments(tc_volume *volume, const tc_segment *segments, size_t count);
 const tc_segment *tc_volume_segments(const tc_volume *volume, size_t *count); /* [*count], ascending */
 const tc_segment *tc_volume_segment(const tc_volume *volume, uint32_t label);  /* NULL: nothing is known of it */
+
+/* The colours of a volume of RGB: labels on the same grid, whose segments have them. NULL: it is grey. They live as long as
+ * the volume, which takes them over. */
+void tc_volume_set_colors(tc_volume *volume, tc_volume *colors);
+tc_volume *tc_volume_colors(const tc_volume *volume);
 
 #endif

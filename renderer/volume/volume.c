@@ -17,6 +17,7 @@ struct tc_volume {
   tc_sparse sparse;    /* .model NULL: there is a grid */
   uint8_t *voxels;
   tc_volume *gaps;     /* see tc_volume_gaps() */
+  tc_volume *colors;   /* see tc_volume_colors() */
   tc_segment *segments;
   size_t n_segments;
   size_t bytes;        /* of the voxels */
@@ -383,6 +384,7 @@ void tc_volume_unref(tc_volume *volume) {
   if (volume->voxels) munmap(volume->voxels, volume->mapped_bytes);
   if (volume->sparse.model) volume->sparse.free(volume->sparse.model);
   tc_volume_unref(volume->gaps);
+  tc_volume_unref(volume->colors);
   free(volume->segments);
   if (volume->freed) volume->freed(volume->freed_user);
   free(volume);
@@ -416,6 +418,9 @@ const tc_segment *tc_volume_segment(const tc_volume *volume, uint32_t label) {
 }
 
 tc_volume *tc_volume_gaps(const tc_volume *volume) { return volume->gaps; }
+
+void tc_volume_set_colors(tc_volume *volume, tc_volume *colors) { volume->colors = colors; }
+tc_volume *tc_volume_colors(const tc_volume *volume) { return volume->colors; }
 
 const tc_volume_desc *tc_volume_describe(const tc_volume *volume) { return &volume->desc; }
 const tc_volume_stats *tc_volume_statistics(const tc_volume *volume) { return &volume->stats; }

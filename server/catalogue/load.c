@@ -294,7 +294,8 @@ static void pin(void **held_of_entry) {
 }
 
 uint64_t tcs_volume_bytes(const tc_volume *volume) {
-  return tc_volume_bytes(volume) + (tc_volume_gaps(volume) ? tc_volume_bytes(tc_volume_gaps(volume)) : 0);
+  const tc_volume *gaps = tc_volume_gaps(volume), *colors = tc_volume_colors(volume);
+  return tc_volume_bytes(volume) + (gaps ? tc_volume_bytes(gaps) : 0) + (colors ? tc_volume_bytes(colors) : 0);
 }
 
 uint64_t tcs_entry_bytes(const tcs_entry *entry) {

@@ -24,7 +24,8 @@ static bool reserve_body(void *user, uint64_t bytes) {
 
 /* So does the mask of voxels without a value, of which nothing is known before all are there. */
 static bool reserve_gaps(tcs_load *load) {
-  const uint64_t bytes = tcs_volume_bytes(load->volume) - tc_volume_bytes(load->volume);
+  const tc_volume *gaps = tc_volume_gaps(load->volume);
+  const uint64_t bytes = gaps ? tc_volume_bytes(gaps) : 0;
   if (!bytes || reserve_body(load, bytes)) return true;
   load->refused = true;
   load->wanted = load->reserved + tcs_room_of(bytes);
@@ -121,6 +122,7 @@ void tcs_describe_provenance(cJSON *json, const tc_volume *volume) {
   }
   if (from->description[0]) cJSON_AddStringToObject(json, "description", from->description);
   if (from->time[0]) cJSON_AddStringToObject(json, "time", from->time);
+  if (from->colors) cJSON_AddTrueToObject(json, "colors");
   if (from->resampled) cJSON_AddTrueToObject(json, "resampled");
   if (from->bridged) cJSON_AddNumberToObject(json, "bridged", from->bridged);
   cJSON_AddStringToObject(json, "note", desc->note);

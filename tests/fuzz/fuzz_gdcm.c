@@ -18,12 +18,13 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size) {
   const int file = memfd_create("input", MFD_CLOEXEC);
   if (file < 0 || write(file, bytes, size) != (ssize_t)size) abort();
   if (tc_helper_decode(file, &request, &order, &error)) {
-    if (error || here.done != here.total) abort();
+    if (error || here.done != here.total || (here.colors && !tc_colors_end(here.colors))) abort();
     tc_volume_seal(here.volume);
     check_volume(here.volume);
   } else if (!error || error->domain != TC_ERROR || strpbrk(error->message, "\r\n")) {
     abort();
   }
+  tc_colors_free(here.colors);
   close(file);
   g_clear_error(&error);
   tc_volume_unref(here.volume);

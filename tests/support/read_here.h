@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "renderer/import/beside.h"
+#include "renderer/import/colors.h"
 #include "renderer/import/helper/format.h"
 #include "renderer/splat/vmd.h"
 
@@ -15,6 +16,7 @@ typedef struct read_here {
   const tc_import_options *options; /* never NULL */
   tc_volume *volume;
   uint8_t *model; /* instead of the volume's voxels */
+  tc_colors *colors; /* or these */
   size_t done, total;
   double fraction;
   uint8_t slot[TC_ORDER_MOST_BYTES];
@@ -31,7 +33,8 @@ static bool here_begin(void *user, const tc_volume_desc *desc, const tc_provenan
   here->volume = tc_volume_new(desc, error);
   if (!here->volume) return false;
   tc_volume_set_provenance(here->volume, from);
-  here->total = tc_volume_bytes(here->volume);
+  here->total = tc_volume_bytes(here->volume) * (from->colors ? 3 : 1);
+  if (from->colors) here->colors = tc_colors_new(here->volume, NULL);
   return here_want(here, here->total, error);
 }
 
@@ -59,7 +62,8 @@ static void *here_room(void *user, GError **error) { return ((read_here *)user)-
 static bool here_filled(void *user, size_t bytes, GError **error) {
   read_here *here = user;
   if ((!here->volume && !here->model) || bytes > here->total - here->done || bytes > sizeof here->slot) abort();
-  memcpy((here->model ? here->model : (uint8_t *)tc_volume_voxels(here->volume)) + here->done, here->slot, bytes);
+  if (here->colors && !tc_colors_put(here->colors, here->slot, bytes)) abort();
+  if (!here->colors) memcpy((here->model ? here->model : (uint8_t *)tc_volume_voxels(here->volume)) + here->done, here->slot, bytes);
   here->done += bytes;
   return true;
 }
@@ -109,6 +113,8 @@ static inline tc_volume *read_input_here(tc_input *input, int folder,
     if (!ok) tc_vmd_free(vmd);
   }
   g_free(here.model);
+  if (ok && here.colors && !tc_colors_end(here.colors)) abort();
+  tc_colors_free(here.colors);
   if (ok && !tc_volume_seal_while(here.volume, here_seals, &here)) {
     tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
     ok = false;

@@ -407,6 +407,9 @@ static void colour_becomes_luma(void **state) {
   assert_int_equal(tc_volume_describe(v)->type, TC_U8);
   for (int i = 0; i < PIXELS; i++)
     assert_int_equal(((const uint8_t *)tc_volume_data(v))[i], 143); /* 0.7152 * 200 */
+  size_t count;
+  const tc_segment *color = tc_volume_segments(tc_volume_colors(v), &count);
+  assert_true(count == 1 && color->color[0] == 0 && fabsf(color->color[1] * 255 - 200) < 1e-3f && color->color[2] == 0);
   tc_volume_unref(v);
   drop(folder, path);
 }

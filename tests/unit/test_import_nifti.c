@@ -153,6 +153,11 @@ static void colours_and_complex_numbers(void **state) {
   assert_int_equal(tc_volume_describe(v)->type, TC_U8);
   for (int i = 0; i < count; i++)
     assert_true(voxel(v, (size_t)i) == floor(0.2126 * 4 * i + 0.7152 * (255 - 4 * i) + 0.0722 * i + 0.5));
+  assert_true(tc_volume_provenance(v)->colors);
+  double label;
+  assert_true(tc_volume_voxel(tc_volume_colors(v), (const int[3]){1, 0, 0}, &label));
+  const tc_segment *second = tc_volume_segment(tc_volume_colors(v), (uint32_t)label);
+  assert_true(fabsf(second->color[0] * 255 - 4) < 1e-3f && fabsf(second->color[1] * 255 - 251) < 1e-3f && fabsf(second->color[2] * 255 - 1) < 1e-3f);
   tc_volume_unref(v);
 
   file = header(1, 32, true, false); /* complex64, big-endian, scaled */

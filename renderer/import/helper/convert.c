@@ -299,6 +299,16 @@ static bool send_segments(const loader *l, GError **error) {
   return !layers || tc_overlaps_send(&l->overlaps, NULL, 0, l->order, error);
 }
 
+/* Colours of eight bits travel as they are. */
+static bool has_colors(const tc_raster *r) { return r->combine == TC_COMBINE_LUMA && r->components > 1 && r->element == TC_ELEMENT_U8; }
+
+static void put_colors(const loader *l, uint8_t *to, size_t n) {
+  const tc_raster *r = l->raster;
+  const size_t stride = planar(r) ? 1 : r->components, step = planar(r) ? l->chunk_voxels : 1;
+  for (size_t i = 0; i < n; i++)
+    for (size_t c = 0; c < 3; c++) to[3 * i + c] = l->chunk[i * stride + c * step];
+}
+
 static bool same_storage(tc_element element, tc_voxel_type *stored) {
   switch (element) {
   case TC_ELEMENT_I8: *stored = TC_I8; return true;
@@ -316,7 +326,7 @@ static bool fill(loader *l, GError **error) {
   const tc_order *order = l->order;
   tc_voxel_type stored = r->desc.type, same;
   bool direct = r->components == 1 && same_storage(r->element, &same);
-  size_t size = tc_voxel_size(stored);
+  size_t size = has_colors(r) ? 3 : tc_voxel_size(stored);
   if (!rewind_planes(l, error)) return false;
   for (uint64_t at = 0; at < l->voxels;) {
     size_t n = run_length(l, at);
@@ -327,6 +337,8 @@ static bool fill(loader *l, GError **error) {
       narrow(r->element, l->chunk, stored, to, n);
     } else if (r->combine == TC_COMBINE_LAYERS) {
       if (!merge_layers(l, stored, to, n, error)) return false;
+    } else if (has_colors(r)) {
+      put_colors(l, to, n);
     } else if (!direct) {
       combine(l, n);
       store_sums(l, stored, to, n);
@@ -364,7 +376,7 @@ static bool choose_type(loader *l, GError **error) {
   switch (r->combine) {
   case TC_COMBINE_LUMA:
     if (small) *type = TC_U8;
-    tc_raster_note(r, "colours became Rec. 709 luma (%s)", tc_voxel_type_name(*type));
+    tc_raster_note(r, "colours became Rec. 709 luma (%s)%s", tc_voxel_type_name(*type), has_colors(r) ? ", but in slices" : "");
     return true;
   case TC_COMBINE_MAGNITUDE:
     tc_raster_note(r, "%u components of %s became their magnitude (f32)", r->components, name);
@@ -492,7 +504,7 @@ bool tc_raster_load(tc_raster *raster, const tc_order *order, GError **error) {
   if (!within_limit(&l, least, error) || !order->want(order->user, l.voxels * least, error)) goto out;
   if (!tc_data_check(&raster->data, error) || !prepare(&l, error) || !choose_type(&l, error)) goto out;
   if (raster->desc.frames > 1) tc_raster_note(raster, "volume %u of %d, choose by #volume=N", (unsigned)l.frame + 1, raster->desc.frames);
-  const tc_provenance from = {.volume = (int)l.frame + 1};
+  const tc_provenance from = {.volume = (int)l.frame + 1, .colors = has_colors(raster)};
   ok = within_limit(&l, tc_voxel_size(raster->desc.type), error) &&
        order->begin(order->user, &raster->desc, &from, error) && fill(&l, error);
 out:

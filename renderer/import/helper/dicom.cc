@@ -1194,6 +1194,7 @@ struct Job {
   tc_provenance from{};
   bool rescale = false; // scales differ: applied to every voxel
   bool labels = false;  // of segments
+  bool colors = false;  // voxels are sent as r, g, b
   tc_overlaps overlaps{};
   double suv = 0;       // what values were multiplied by; 0: they are the file's
   Job() = default;
@@ -1408,6 +1409,17 @@ tc_voxel_type type_of_labels(Job &job) {
   return most > 255 ? TC_U16 : TC_U8;
 }
 
+// Some picture is in colour, and all have samples of at most 8 bits.
+bool in_color(const Job &job) {
+  bool any = false, narrow = true;
+  for (size_t i = 0; i < job.stack.count; i++) {
+    const Picture &p = *job.at(i).picture;
+    any |= p.palette || p.samples.colour != TC_DICOM_GREY;
+    narrow &= p.palette || (p.samples.stored <= 8 && p.samples.allocated == 8 && !p.samples.is_signed);
+  }
+  return any && narrow;
+}
+
 void choose_type(Job &job, const Run &run) {
   tc_volume_desc &d = job.desc;
   const Scale &scale = job.at(0).scale;
@@ -1419,6 +1431,8 @@ void choose_type(Job &job, const Run &run) {
     return;
   }
   d.type = common_type(job);
+  job.colors = job.from.colors = in_color(job);
+  if (job.colors) job.rescale = false;
   if (job.rescale) {
     d.type = TC_F32;
     tc_dicom_note(d.note, "slices differ in rescale slope, values stored as f32");
@@ -1454,7 +1468,7 @@ void describe(Job &job, const Run &run) {
   if (job.suv > 0) unit = "SUVbw";
   snprintf(d.unit, sizeof d.unit, "%s", unit.c_str());
   if (job.stack.note[0]) tc_dicom_note(d.note, "%s", job.stack.note);
-  if (p.samples.colour != TC_DICOM_GREY || p.palette) tc_dicom_note(d.note, "colour became luma");
+  if (p.samples.colour != TC_DICOM_GREY || p.palette) tc_dicom_note(d.note, "colour became luma%s", job.colors ? ", but in slices" : "");
   if (p.inverted) tc_dicom_note(d.note, "MONOCHROME1, values kept as they are");
   if (p.cine) tc_dicom_note(d.note, "a film over time, its first picture was taken");
   if (p.mosaic) tc_dicom_note(d.note, "a mosaic, cut into its slices");
@@ -1463,13 +1477,14 @@ void describe(Job &job, const Run &run) {
   if (run.unreadable) tc_dicom_note(d.note, "%zu unreadable files left out", run.unreadable);
 }
 
-size_t layer_bytes(const tc_volume_desc &d) {
-  size_t width = d.type == TC_F32 ? 4 : d.type == TC_U16 || d.type == TC_I16 ? 2 : 1;
+size_t layer_bytes(const Job &job) {
+  const tc_volume_desc &d = job.desc;
+  size_t width = job.colors ? 3 : d.type == TC_F32 ? 4 : d.type == TC_U16 || d.type == TC_I16 ? 2 : 1;
   return size_t(d.dims[0]) * size_t(d.dims[1]) * width;
 }
 
 void check_size(const Job &job, uint64_t most) {
-  uint64_t bytes = uint64_t{layer_bytes(job.desc)} * static_cast<uint64_t>(job.desc.dims[2]); // below 2^34 * 2^18
+  uint64_t bytes = uint64_t{layer_bytes(job)} * static_cast<uint64_t>(job.desc.dims[2]); // below 2^34 * 2^18
   if (most && bytes > most)
     fail(TC_ERROR_LIMIT, "the series holds %llu bytes of voxels, more than the limit of %llu",
          (unsigned long long)bytes, (unsigned long long)most);
@@ -1498,7 +1513,7 @@ void make_layer(Job &job, Decoder &decoder, size_t from, size_t to, uint8_t *lay
     put_labels(job, labels, layer);
     return;
   }
-  memset(layer, 0, layer_bytes(job.desc));
+  memset(layer, 0, layer_bytes(job));
   for (size_t item = from; item < to; item++) {
     const Member &m = job.at(item);
     tc_dicom_target target{};
@@ -1507,6 +1522,10 @@ void make_layer(Job &job, Decoder &decoder, size_t from, size_t to, uint8_t *lay
     target.slope = m.scale.slope;
     target.intercept = m.scale.intercept;
     Frame f = decoder.frame(*m.picture, m.frame);
+    if (job.colors) {
+      if (!tc_dicom_colors(&f.samples, f.bytes, f.size, layer)) fail(TC_ERROR_FORMAT, "pixel data of a picture is cut");
+      continue;
+    }
     if (!tc_dicom_convert(&f.samples, f.bytes, f.size, f.first_bit, &target, layer))
       fail(TC_ERROR_FORMAT, "pixel data of slice %u of %d is cut", job.stack.items[item].layer + 1, job.desc.dims[2]);
     if (m.picture->label_map && m.picture->background) clear_background(job, m.picture->background, layer);
@@ -1556,7 +1575,7 @@ void send_voxels(const Run &run, Job &job) {
   std::vector<std::unique_ptr<Worker>> workers;
   size_t layers = size_t(job.desc.dims[2]), count = count_workers(job), item = 0;
   for (size_t i = 0; i < count; i++)
-    workers.emplace_back(new Worker(run, layer_bytes(job.desc)));
+    workers.emplace_back(new Worker(run, layer_bytes(job)));
   for (size_t z = 0; z < layers; z += count) {
     std::vector<std::thread> threads;
     size_t batch = std::min(count, layers - z);
@@ -1578,7 +1597,7 @@ void send_voxels(const Run &run, Job &job) {
 
 // Layers mixed from the two slices around them: slices come once each, in order.
 void send_mixed(const Run &run, Job &job) {
-  const size_t bytes = layer_bytes(job.desc), count = size_t(job.desc.dims[0]) * size_t(job.desc.dims[1]);
+  const size_t bytes = layer_bytes(job), count = size_t(job.desc.dims[0]) * size_t(job.desc.dims[1]) * (job.colors ? 3 : 1);
   Decoder decoder(run.sources);
   std::vector<uint8_t> below(bytes), above(bytes), out(bytes);
   size_t held = 0; // the slice in `below`; the next is in `above`
@@ -1665,7 +1684,7 @@ void load_structures(const Run &run, const std::vector<Series> &all, const Pictu
   describe_structures(job, p, contours.outside);
   begin(run, job);
   send_segments(run, job, p);
-  std::vector<uint8_t> layer(layer_bytes(d));
+  std::vector<uint8_t> layer(layer_bytes(job));
   for (int z = 0; z < d.dims[2]; z++) {
     tc_dicom_contours_fill(&contours, &d, z, &job.overlaps, labels.data());
     put_labels(job, labels, layer.data());

@@ -65,30 +65,49 @@ static double clamp(double value, double lo, double hi) { return value < lo ? lo
 
 static double luma(double r, double g, double b) { return 0.2126 * r + 0.7152 * g + 0.0722 * b; }
 
-/* Of Y Cb Cr up to `most`, by way of the RGB that they stand for (PS3.3, C.7.6.3.1.2). */
-static double luma_of_ybr(double y, double cb, double cr, double most) {
-  const double half = floor(most / 2) + 1;
-  cb -= half;
-  cr -= half;
-  return luma(clamp(y + 1.402 * cr, 0, most), clamp(y - 0.344136 * cb - 0.714136 * cr, 0, most),
-              clamp(y + 1.772 * cb, 0, most));
+/* Y Cb Cr up to `most` become the RGB that they stand for (PS3.3, C.7.6.3.1.2). */
+static void rgb_of_ybr(double c[3], double most) {
+  const double half = floor(most / 2) + 1, y = c[0], cb = c[1] - half, cr = c[2] - half;
+  c[0] = clamp(y + 1.402 * cr, 0, most);
+  c[1] = clamp(y - 0.344136 * cb - 0.714136 * cr, 0, most);
+  c[2] = clamp(y + 1.772 * cb, 0, most);
 }
 
-/* The grey value of pixel i of a whole frame. */
-static double pixel(const tc_dicom_samples *s, const uint8_t *bytes, size_t pixels, unsigned first_bit, size_t i) {
-  if (s->allocated == 1) {
-    size_t bit = first_bit + i;
-    return (bytes[bit / 8] >> (bit % 8)) & 1;
-  }
+/* Red, green and blue of pixel i of a whole frame, up to what its bits hold; of a grey one that, three times. */
+static void color(const tc_dicom_samples *s, const uint8_t *bytes, size_t pixels, size_t i, double c[3]) {
   size_t width = (size_t)s->allocated / 8;
   size_t step = s->planar ? pixels * width : width;
   const uint8_t *at = bytes + (s->planar ? i * width : i * width * (size_t)s->per_pixel);
   const uint8_t *second = at + step, *third = second + step;
   if (s->halved) at = bytes + i / 2 * 4 + i % 2, second = bytes + i / 2 * 4 + 2, third = second + 1;
-  if (s->colour == TC_DICOM_GREY) return sample(s, at);
-  const double most = (double)(UINT64_C(1) << s->stored) - 1, a = sample(s, at), b = sample(s, second),
-               c = sample(s, third);
-  return round((s->colour == TC_DICOM_YBR ? luma_of_ybr(a, b, c, most) : luma(a, b, c)) * 255 / most);
+  c[0] = c[1] = c[2] = sample(s, at);
+  if (s->colour == TC_DICOM_GREY) return;
+  c[1] = sample(s, second);
+  c[2] = sample(s, third);
+  if (s->colour == TC_DICOM_YBR) rgb_of_ybr(c, (double)(UINT64_C(1) << s->stored) - 1);
+}
+
+/* The grey value of pixel i of a whole frame. */
+static double pixel(const tc_dicom_samples *s, const uint8_t *bytes, size_t pixels, unsigned first_bit, size_t i) {
+  double c[3];
+  if (s->allocated == 1) {
+    size_t bit = first_bit + i;
+    return (bytes[bit / 8] >> (bit % 8)) & 1;
+  }
+  color(s, bytes, pixels, i, c);
+  return s->colour == TC_DICOM_GREY ? c[0] : round(luma(c[0], c[1], c[2]) * 255 / ((double)(UINT64_C(1) << s->stored) - 1));
+}
+
+bool tc_dicom_colors(const tc_dicom_samples *s, const uint8_t *bytes, size_t size, uint8_t *rgb) {
+  const size_t pixels = (size_t)s->rows * (size_t)s->columns;
+  const double most = (double)(UINT64_C(1) << s->stored) - 1;
+  double c[3];
+  if (size < tc_dicom_frame_bytes(s)) return false;
+  for (size_t i = 0; i < pixels; i++) {
+    color(s, bytes, pixels, i, c);
+    for (int k = 0; k < 3; k++) rgb[3 * i + (size_t)k] = (uint8_t)clamp(round(c[k] * 255 / most), 0, 255);
+  }
+  return true;
 }
 
 static void store(tc_voxel_type type, void *voxels, size_t i, double value) {

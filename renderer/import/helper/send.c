@@ -81,6 +81,7 @@ bool tc_wire_send_head(int fd, const tc_volume_desc *desc, const tc_provenance *
   put_u32(&at, (uint32_t)from->slices_found);
   put_u32(&at, (uint32_t)from->bridged);
   put_u32(&at, from->resampled);
+  put_u32(&at, from->colors);
   for (int i = 0; i < 3; i++)
     put_f64(&at, desc->spacing[i]);
   for (int i = 0; i < 3; i++)
