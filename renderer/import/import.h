@@ -78,4 +78,7 @@ typedef struct tc_series {
 bool tc_import_list(const char *path, const tc_import_options *options, tc_series **series, size_t *count,
                     GError **error);
 
+/* Opens what `name` in the folder leads to, where that lies in one of the link roots (links.h); else -1. `name` has no "..". */
+int tc_links_open(int folder_fd, const char *name, int flags);
+
 #endif

@@ -3,10 +3,7 @@
 #ifndef TC_IMPORT_LINKS_H
 #define TC_IMPORT_LINKS_H
 
-#include <stdbool.h>
-#include <stddef.h>
-
-#include "renderer/base/error.h"
+#include "renderer/import/import.h"
 
 enum { TC_LINK_ROOTS = 8 };
 
@@ -15,8 +12,5 @@ enum { TC_LINK_ROOTS = 8 };
 bool tc_links_set(const char *const *folders, size_t n, GError **error);
 size_t tc_links_count(void);
 const char *tc_links_root(size_t i); /* its real path */
-
-/* Opens what `name` in the folder leads to, where that lies in one of them; else -1. `name` has no "..". */
-int tc_links_open(int folder_fd, const char *name, int flags);
 
 #endif

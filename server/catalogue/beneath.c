@@ -1,6 +1,5 @@
 #include "server/catalogue/beneath.h"
 #include "renderer/import/import.h"
-#include "renderer/import/links.h"
 
 #include <dirent.h>
 #include <errno.h>
