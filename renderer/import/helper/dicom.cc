@@ -58,6 +58,7 @@ static thread_local size_t allocation_cap = SIZE_MAX;
   if (!memory) throw std::bad_alloc();
   return memory;
 }
+[[gnu::noinline]] void *operator new(size_t size, const std::nothrow_t &) noexcept { return malloc(size ? size : 1); }
 [[gnu::noinline]] void operator delete(void *memory) noexcept { free(memory); }
 [[gnu::noinline]] void operator delete(void *memory, size_t) noexcept { free(memory); }
 
