@@ -19,6 +19,7 @@
 #include "renderer/plan/explain.h"
 #include "renderer/plan/plan.h"
 #include "renderer/scene/scene.h"
+#include "renderer/volume/histogram.h"
 #include "renderer/volume/volume.h"
 
 typedef enum tc_backend { TC_BACKEND_AUTO, TC_BACKEND_CPU, TC_BACKEND_GL, TC_BACKEND_COUNT } tc_backend;

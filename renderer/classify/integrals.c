@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "renderer/classify/segments.h"
+#include "renderer/classify/transfer.h"
 #include "renderer/base/clock.h"
 
 #define MOST_TAU 1e30 /* 1/mm: opaque at any length, and sums stay finite */

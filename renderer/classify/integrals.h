@@ -1,7 +1,7 @@
 /* The 1-D tables of the classifications approximate, post and linearized, which need no pre-integration table (NUMERICS
  * section 2).
  *
- * tau is the extinction (1/mm), L the colour in the compositing space, x a value in nodes (classify.h). Entries are (L
+ * tau is the extinction (1/mm), L the colour in the compositing space, x a value in nodes (preintegration.h). Entries are (L
  * tau, tau) in 1/mm, and do not depend on the length of a segment. For a segment from x_f to x_b kernels take (k, m):
  *   post          L tau and tau at the front sample: a rectangle rule, first order;
  *   approximate   the means of L tau and tau over [x_f, x_b];
@@ -19,7 +19,7 @@
 #ifndef TC_INTEGRALS_H
 #define TC_INTEGRALS_H
 
-#include "renderer/classify/classify.h"
+#include "renderer/classify/preintegration.h"
 
 typedef struct tc_integrals {
   int n;            /* nodes that data reach */

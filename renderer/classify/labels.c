@@ -5,7 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "renderer/classify/classify.h"
+#include "renderer/classify/preintegration.h"
+#include "renderer/classify/transfer.h"
 #include "renderer/base/clock.h"
 #include "renderer/volume/provenance.h"
 

@@ -3,7 +3,7 @@
 #ifndef TC_CLASSIFY_OUTLINE_H
 #define TC_CLASSIFY_OUTLINE_H
 
-#include "renderer/classify/classify.h"
+#include "renderer/classify/preintegration.h"
 
 /* A table without entries; tc_table_free() it. NULL with TC_ERROR_MEMORY or the error of the halt (NULL: none);
  * nothing is kept then, since an outline takes only some milliseconds. */
@@ -27,7 +27,7 @@ typedef struct tc_table_window {
   int columns;           /* entries per row */
   size_t start;          /* entries before the row k = 0 */
   const float *diagonal; /* row k = 0, [intervals + 1][4] */
-  const float *depths;   /* row of depths (classify.h), [intervals + 1][4] */
+  const float *depths;   /* row of depths (preintegration.h), [intervals + 1][4] */
   float peak[3];         /* the largest value of each channel */
   const uint32_t *first; /* [intervals + 1]: interval j consists of pieces first[j] .. first[j + 1] - 1, in order */
   uint32_t n_pieces;

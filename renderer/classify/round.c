@@ -1,7 +1,7 @@
 /* Entries rounded as a narrower format would, to measure what smaller tables cost. */
 #include <math.h>
 
-#include "renderer/classify/classify.h"
+#include "renderer/classify/preintegration.h"
 
 float tc_table_round(float entry, int bits) {
   if (bits == 8) return rintf(entry * 255) / 255;

@@ -1,5 +1,6 @@
 /* See segments.h. */
 #include "renderer/classify/segments.h"
+#include "renderer/classify/transfer.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -8,7 +8,7 @@
 
 #include <xmmintrin.h>
 
-#include "renderer/classify/classify.h"
+#include "renderer/classify/preintegration.h"
 #include "renderer/base/halt.h"
 
 typedef float tc_v4 __attribute__((vector_size(16)));
@@ -45,7 +45,7 @@ bool tc_segments_compare(const tc_segments *a, const tc_segments *b, int *first,
  * nodes, backward[j] towards lower ones. Other members of their quads are written too. */
 void tc_segments_integrate(const tc_segments *s, double length_mm, int from, int to, tc_v4 *forward, tc_v4 *backward);
 
-/* depths[count + 1], the row of depths (classify.h): the optical depth per node of a segment of length_mm, summed up
+/* depths[count + 1], the row of depths (preintegration.h): the optical depth per node of a segment of length_mm, summed up
  * to the node (in two parts, high and low, so that differences are exact), and the same at both ends of the interval
  * that begins there, as the line that has the interval's exact mean. */
 void tc_segments_depths(const tc_segments *s, double length_mm, tc_v4 *depths);

@@ -1,4 +1,6 @@
 /* A transfer function at a point and averaged over an interval (NUMERICS sections 0 and 2). */
+#include "renderer/classify/transfer.h"
+
 #include <math.h>
 
 #include "renderer/classify/segments.h"

@@ -1,8 +1,8 @@
-/* Chooses the nodes and zooms of a pre-integration table for a transfer function (classify.h). */
+/* Chooses the nodes and zooms of a pre-integration table for a transfer function (preintegration.h). */
 #include <math.h>
 #include <stdlib.h>
 
-#include "renderer/classify/classify.h"
+#include "renderer/classify/preintegration.h"
 #include "renderer/classify/integrals.h"
 
 /* A change between two knots, and the coarsest node distance that resolves it, in voxel values: a quarter of its

@@ -20,7 +20,7 @@ static bool reaches_far(const tc_mesh *m) {
   return false;
 }
 
-/* As many digits as bring back the same number: nine of single precision, seventeen of double. */
+/* Digits that restore the same number: nine for single precision, seventeen for double. */
 static void print_place(tc_output *o, const double at[3], bool wide) {
   if (wide)
     tc_output_print(o, "%.17g %.17g %.17g", at[0], at[1], at[2]);

@@ -6,7 +6,7 @@
 #include "renderer/export/output.h"
 #include "renderer/volume/voxel.h"
 
-/* What a file's voxels are: the volume's own, or its values in a type that holds them. */
+/* Voxels as the file stores them: as the volume has them, or as values in a type that can represent them. */
 typedef struct stored {
   const tc_volume *volume;
   const tc_volume_desc *d;
@@ -14,7 +14,7 @@ typedef struct stored {
   bool values; /* slope and intercept applied */
 } stored;
 
-/* Whole numbers rescaled by whole numbers stay whole: the smallest type with room for their range. */
+/* Integers with integer slope and intercept stay integers: the smallest type that holds their range. */
 static stored choose(const tc_volume *volume, bool keeps_rescale) {
   static const struct {
     tc_voxel_type type;
@@ -119,7 +119,7 @@ static void put_i16(uint8_t *header, size_t at, int value) {
   memcpy(header + at, &i, sizeof i);
 }
 
-/* The place in space is the sform, which holds shears too; NIfTI's world is RAS. */
+/* The sform holds position and orientation, since it can express shears too. NIfTI's world is RAS. */
 static void nifti_head(tc_output *o, const stored *s) {
   enum { SIZE = 352 }; /* with the four bytes that say no extension follows */
   static const int datatypes[] = {2, 256, 512, 4, 16};

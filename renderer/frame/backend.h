@@ -4,10 +4,11 @@
 
 #include "renderer/classify/integrals.h"
 #include "renderer/classify/labels.h"
+#include "renderer/skip/distance_map.h"
 #include "renderer/base/halt.h"
 #include "renderer/mesh/clusters.h"
 #include "renderer/base/pool.h"
-#include "renderer/raycast/grey.h"
+#include "renderer/raycast/projection.h"
 #include "renderer/raycast/rays.h"
 #include "renderer/raycast/surface.h"
 #include "renderer/skip/bounds.h"
@@ -26,7 +27,7 @@ typedef union tc_resource_set {
     const tc_integrals *integrals;
     const tc_support *support;
     const tc_minmax *minmax;
-    const tc_leap *leap;
+    const tc_distance_map *distance_map;
     const tc_fine *fine;
     const tc_boxes *boxes;
     const tc_bounds *bounds;
@@ -60,7 +61,7 @@ typedef struct tc_job {
 
 typedef struct tc_backend_ops {
   const char *name;
-  bool maps_distance; /* reads have.leap in dvr as well; else have.boxes */
+  bool maps_distance; /* reads have.distance_map in dvr as well; else have.boxes */
   /* device: static or owned by the instance. */
   void *(*create)(const tc_renderer_options *options, tc_pool *pool, GError **error);
   void (*destroy)(void *instance);

@@ -4,9 +4,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "renderer/classify/transfer.h"
 #include "renderer/mesh/pick.h"
-#include "renderer/raycast/shade.h"
-#include "renderer/raycast/slice.h"
+#include "renderer/raycast/mpr.h"
+#include "renderer/raycast/shading.h"
 
 static tc_raster_look look_of(const tc_job *job) {
   const int model = tc_mesh_is_within(job->scene) ? (int)job->scene->shading.model : job->key.shading; /* mip has none */

@@ -138,7 +138,7 @@ static void make_plan(drawing *d) {
 /* Rays read no structure of empty space. */
 static void skip_nothing(tc_job *job) {
   job->key = tc_plan_unskipped(job->key);
-  job->have.leap = NULL;
+  job->have.distance_map = NULL;
   job->have.boxes = NULL;
   job->have.bounds = NULL;
 }

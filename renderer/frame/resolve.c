@@ -4,6 +4,7 @@
 #include <pthread.h>
 
 #include "renderer/frame/backend.h"
+#include "renderer/classify/transfer.h"
 
 /* Linear light -> sRGB by a table of 4096 steps with interpolation: within 0.1 of an 8-bit step everywhere but the toe,
  * which is the straight part of the curve and computed. */

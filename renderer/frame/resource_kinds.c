@@ -21,7 +21,7 @@ THING(table)
 THING(integrals)
 THING(support)
 THING(minmax)
-THING(leap)
+THING(distance_map)
 THING(fine)
 THING(boxes)
 THING(bounds)
@@ -146,20 +146,20 @@ static bool minmax_go_on(void *thing, const tc_making *m, GError **error) {
 static int64_t minmax_steps(const void *thing) { return ((const tc_minmax *)thing)->done; }
 
 /* Most transfer functions are an earlier one, changed a little: the map in use last is where one begins. */
-static bool leap_is_like(const void *thing, const void *user) {
-  const tc_leap *leap = thing;
+static bool distance_map_is_like(const void *thing, const void *user) {
+  const tc_distance_map *map = thing;
   const tc_job *job = user;
-  return leap->block == job->plan->block && leap->reach == job->plan->reach &&
-         leap->volume == tc_volume_serial(job->volume);
+  return map->block == job->plan->block && map->reach == job->plan->reach &&
+         map->volume == tc_volume_serial(job->volume);
 }
 
-static void *leap_begin(const tc_making *m, GError **error) {
-  tc_leap *leap = tc_leap_build(m->job->have.minmax, m->job->have.support, m->like, m->pool, error);
-  if (leap) leap->volume = tc_volume_serial(m->job->volume);
-  return leap;
+static void *distance_map_begin(const tc_making *m, GError **error) {
+  tc_distance_map *map = tc_distance_map_build(m->job->have.minmax, m->job->have.support, m->like, m->pool, error);
+  if (map) map->volume = tc_volume_serial(m->job->volume);
+  return map;
 }
 
-static double leap_empty_share(const void *thing) { return ((const tc_leap *)thing)->empty_share; }
+static double distance_map_empty_share(const void *thing) { return ((const tc_distance_map *)thing)->empty_share; }
 
 #define FINE_SHARE 3 /* of the budget, at most */
 
@@ -435,14 +435,14 @@ const tc_resource_kind tc_resource_kinds[TC_RESOURCE_COUNT] = {
                             .go_on = minmax_go_on,
                             .steps = minmax_steps,
                             .bytes = minmax_bytes},
-    [TC_RESOURCE_LEAP] = {.store = {"distance map", free_leap, NULL, false},
+    [TC_RESOURCE_DISTANCE_MAP] = {.store = {"distance map", free_distance_map, NULL, false},
                           .needs = FIELD | BIT(SUPPORT) | BIT(MINMAX),
                           .key = supported_key,
                           .tied = field_of,
-                          .begin = leap_begin,
-                          .is_like = leap_is_like,
-                          .bytes = leap_bytes,
-                          .empty_share = leap_empty_share},
+                          .begin = distance_map_begin,
+                          .is_like = distance_map_is_like,
+                          .bytes = distance_map_bytes,
+                          .empty_share = distance_map_empty_share},
     [TC_RESOURCE_FINE] = {.store = {"minima and maxima of fine boxes", free_fine, NULL, false},
                           .needs = FIELD,
                           .key = blocks_key,

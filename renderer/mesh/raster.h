@@ -29,7 +29,7 @@ typedef struct tc_raster_surface {
   bool textured;  /* its colours are the job's texture's, and not lit */
 } tc_raster_surface;
 
-/* How surfaces are lit, in the numbers of raycast/shade.h (its weight w is 1). */
+/* How surfaces are lit, in the numbers of raycast/shading.h (its weight w is 1). */
 typedef struct tc_raster_look {
   bool shaded, head_light;
   float factor[2], glow[2][3], least, specular, shininess;

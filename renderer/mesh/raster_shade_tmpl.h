@@ -117,7 +117,7 @@ V_INLINE void color_of(const tc_raster_frame *f, const uint32_t *ids, vf color[3
   for (int k = 0; k < 3; k++) color[k] = v_load(of[k]);
 }
 
-/* raycast/shade.h, of a point with all of the weight: n and eye are unit. color: unlit, then lit. */
+/* raycast/shading.h, of a point with all of the weight: n and eye are unit. color: unlit, then lit. */
 V_INLINE void light(const tc_raster_frame *f, const vf n[3], const vf eye[3], vf color[3]) {
   const tc_raster_look *look = &f->look;
   vf facing = dot(n, eye), lit = v_abs(facing), mirror = lit;

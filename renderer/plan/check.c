@@ -7,7 +7,7 @@
 #include "renderer/classify/labels.h"
 #include "renderer/mesh/surfaces.h"
 #include "renderer/plan/plan.h"
-#include "renderer/raycast/grey.h"
+#include "renderer/raycast/projection.h"
 #include "renderer/scene/scene_check.h"
 #include "renderer/splat/vmd.h"
 
@@ -26,7 +26,7 @@ static bool check_camera(const tc_camera *camera, GError **error) {
   return !fault || invalid(error, pointer, fault);
 }
 
-/* A list that is shared with a scene that was found valid is so as well. */
+/* A list shared with a valid scene (by reference, so unchanged) needs no check. */
 static bool same_points(const tc_transfer_function *a, const tc_transfer_function *b) {
   return a->shared && a->shared == b->shared && a->points == b->points && a->count == b->count && a->kind == b->kind;
 }
@@ -47,7 +47,7 @@ static bool check_transfer_function(const tc_transfer_function *tf, const tc_sce
     return invalid(error, "/transferFunction/points", "between 1 and 65536 knots wanted");
   if (tf->kind == TC_KNOT_OPACITY && !(tf->unit_distance_mm > 0 && isfinite(tf->unit_distance_mm)))
     return invalid(error, "/transferFunction/unitDistance", "mm above 0 wanted");
-  /* Of a mode that reads no transfer function the knots were not looked at. */
+  /* The valid scene's mode may read no transfer function: its knots were not checked. */
   if (valid && valid->mode == TC_MODE_DVR && same_points(tf, &valid->transfer_function)) return true;
   for (size_t i = 0; i < tf->count; i++) {
     const tc_knot *k = &tf->points[i];
@@ -221,14 +221,14 @@ static bool check_surface(const tc_scene *s, GError **error) {
   return check_color(s, error);
 }
 
-/* Of a slice among surfaces. */
+/* A slice in the list of surfaces. */
 static bool check_plane_of(const tc_scene *s, tc_mpr_orientation orientation, GError **error) {
   tc_scene slice = *s; /* borrows */
   slice.mpr.orientation = orientation;
   return check_center(s, error) && check_plane(&slice, error);
 }
 
-/* What a list of surfaces holds is drawn, and isosurface.value is then not read. */
+/* mesh.surfaces, if given, is drawn instead of isosurface.value. */
 static bool check_surfaces(const tc_scene *s, GError **error) {
   char pointer[40];
   for (size_t i = 0; i < s->mesh.n_surfaces; i++) {
@@ -247,7 +247,7 @@ static bool check_surfaces(const tc_scene *s, GError **error) {
   return check_color(s, error);
 }
 
-/* The transfer function gives colours where the values do, and extinction where the object is translucent. */
+/* Splats read the transfer function for colours by value, and for extinction if they are translucent. */
 static bool check_splat(const tc_volume *volume, const tc_scene *s, const tc_scene *valid, GError **error) {
   const bool values = strcmp(s->splat.attribute, "value") == 0;
   if (!isfinite(s->splat.threshold[0]) || !isfinite(s->splat.threshold[1]) || s->splat.threshold[0] > s->splat.threshold[1])
@@ -264,7 +264,7 @@ static bool check_splat(const tc_volume *volume, const tc_scene *s, const tc_sce
   return check_color(s, error) && ((s->splat.opaque && (!s->splat.attribute[0] || strcmp(s->splat.attribute, "color") == 0)) || check_transfer_function(&s->transfer_function, valid, error));
 }
 
-/* Every mode but splat looks at voxels that a run-length model has not. */
+/* All modes but splat read voxels on a grid, which a run-length model does not have. */
 static bool check_grid(const tc_volume *volume, const tc_scene *scene, GError **error) {
   if (!tc_volume_sparse(volume) || scene->mode == TC_MODE_SPLAT) return true;
   tc_set_error(error, TC_ERROR_INVALID, "/mode",

@@ -1,44 +1,44 @@
-/* Samples from above. The volume is cut into CUT^3 like bricks; a ray's stay in all is the sum of its stays in them. Of
- * one brick the sum of all rays' stays, over rays as dense as they are at its nearest corner, is at most its volume times
- * that density (exactly that where rays are parallel), and at most the pixels of its bounding rectangle times its
- * longest chord. The smaller of the two bounds also holds where the eye is inside, or the picture shows only a part. */
+/* Upper bound on the samples of a frame. The volume is cut into CUT^3 equal bricks, and the length of all rays within
+ * each brick is bounded in two ways: by the brick's volume times the density of rays at its nearest corner (exact for
+ * parallel rays), and by the pixels of its bounding rectangle times its longest chord. The smaller bound counts; the
+ * second one also holds if the eye is inside the brick, or if the picture shows only a part of it. */
 #include "renderer/plan/estimate.h"
 
 #include <math.h>
 
 #include "renderer/base/vector.h"
-#include "renderer/raycast/grey.h"
+#include "renderer/raycast/projection.h"
 #include "renderer/raycast/rays.h"
-#include "renderer/raycast/slice.h"
+#include "renderer/raycast/mpr.h"
 
 #define CUT 8
 #define NODES (CUT + 1)
 #define ENDS 4
-#define SURFACES 12 /* squares of the grid's side: splats of bones and vessels are 1 to 4 of them, at 3 pixels' cost each */
+#define SURFACES 12 /* splats in units of (voxels)^(2/3): bones and vessels have 1 to 4, and each costs 3 pixels */
 
-/* Places on the picture in pixels; depth is mm from the eye along the view. */
+/* A point on the picture in pixels, and its depth: mm from the eye along the view direction. */
 typedef struct spot {
   double x, y, depth;
-  unsigned outside; /* clip planes that take it away, by their bits */
+  unsigned outside; /* bit i: clip plane i hides the point */
 } spot;
 
 typedef struct view {
   const tc_rays *rays;
   int width, height;
   double forward[3]; /* LPS */
-  double origin[3], along[3][3]; /* mm from the eye to the right, up and forward: of index 0, and of a voxel on each axis */
-  double pixel; /* mm of a pixel's side; at 1 mm from the eye where the view is perspective */
-  double chord_mm; /* of the longest parallel ray through a brick; infinite where rays are not parallel */
-  double brick_mm3, diagonal_mm, most_tilt; /* of a brick; largest |view| over its depth */
+  double origin[3], along[3][3]; /* camera axes (right, up, forward), mm: index 0 from the eye; a voxel's step per axis */
+  double pixel; /* side of a pixel in mm; in perspective, at 1 mm from the eye */
+  double chord_mm; /* longest ray through a brick if rays are parallel; else infinite */
+  double brick_mm3, diagonal_mm, most_tilt; /* of a brick; largest |view| / depth of a ray */
 } view;
 
 typedef struct total {
-  double stay_mm; /* of all rays together */
-  double box[4];  /* pixels that any ray through the volume can be in: x0, y0, x1, y1 */
-  double lo[3], hi[3]; /* bricks that are left, as index positions */
+  double stay_mm; /* length of all rays within the volume */
+  double box[4];  /* bounding rectangle of the visible bricks in pixels: x0, y0, x1, y1 */
+  double lo[3], hi[3]; /* bounding box of the visible bricks, index positions */
 } total;
 
-/* One instruction each; the first where the second is no number. */
+/* One instruction each, unlike fmin() and fmax(); `a` if b is NaN. */
 static inline double lesser(double a, double b) { return b < a ? b : a; }
 static inline double greater(double a, double b) { return b > a ? b : a; }
 
@@ -75,8 +75,8 @@ static spot place(const view *v, const double index[3]) {
   return s;
 }
 
-/* A brick's bounding rectangle on the picture; false where it is behind the eye or clipped away. *near: its least
- * depth. */
+/* Bounding rectangle of a brick on the picture, and its least depth. False if the brick is behind the eye or clipped
+ * away. */
 static bool bound(const view *v, const spot *const corners[8], double box[4], double *near) {
   unsigned outside = ~0u;
   double far = -INFINITY;
@@ -91,8 +91,8 @@ static bool bound(const view *v, const spot *const corners[8], double box[4], do
     box[2] = greater(box[2], s->x), box[3] = greater(box[3], s->y);
   }
   if (outside || far <= 0) return false;
-  bool all = v->rays->perspective && *near <= 0; /* about the eye: anywhere */
-  /* Rays go through points half a pixel about the middle at most. */
+  bool all = v->rays->perspective && *near <= 0; /* the brick may surround the eye: all of the picture */
+  /* Rays pass at most half a pixel from the pixel's centre. */
   box[0] = all ? 0 : greater(floor(box[0] - 0.5), 0), box[2] = all ? v->width : lesser(ceil(box[2] + 0.5), v->width);
   box[1] = all ? 0 : greater(floor(box[1] - 0.5), 0), box[3] = all ? v->height : lesser(ceil(box[3] + 0.5), v->height);
   return box[2] > box[0] && box[3] > box[1];
@@ -108,7 +108,7 @@ static void add_brick(const view *v, const spot *const corners[8], const double 
   for (int k = 0; k < 3; k++) t->lo[k] = lesser(t->lo[k], lo[k]), t->hi[k] = greater(t->hi[k], hi[k]);
 }
 
-/* Sizes in mm of an index box. */
+/* Longest diagonal of an index box in mm. */
 static double diagonal_mm(const tc_volume *volume, const double lo[3], const double hi[3]) {
   double longest = 0;
   for (int c = 0; c < 4; c++) { /* its four diagonals */
@@ -122,7 +122,7 @@ static double diagonal_mm(const tc_volume *volume, const double lo[3], const dou
   return longest;
 }
 
-/* Mm that a parallel ray stays between the faces of an index box. */
+/* Longest parallel ray through an index box in mm. */
 static double chord_mm(const view *v, const double lo[3], const double hi[3]) {
   double least = INFINITY;
   if (v->rays->perspective) return least;
@@ -167,7 +167,7 @@ static void add_bricks(const view *v, total *t) {
   }
 }
 
-/* What a sample of the field, or a segment with all that belongs to it, counts. */
+/* Cost of a sample, or of a segment with its gradients and labels, in linear samples. */
 static double weight(const tc_scene *s) {
   double sample = s->filter == TC_FILTER_CUBIC ? 8 : 1;
   if (s->mode != TC_MODE_DVR) return s->mode == TC_MODE_ISOSURFACE ? 1 : sample;
@@ -178,7 +178,7 @@ static double weight(const tc_scene *s) {
   return segment + (gradient == TC_GRADIENT_CUBIC ? 8 : gradient == TC_GRADIENT_CENTRAL ? 4 : 0);
 }
 
-/* Steps of a mm: of an isosurface cells, of which a ray passes at most so many. */
+/* Steps a mm of a ray; in mode isosurface, a bound on the cells that it crosses. */
 static double steps_per_mm(const tc_rays *rays, const tc_scene *scene) {
   double cells = 0;
   if (scene->mode != TC_MODE_ISOSURFACE) return 1 / rays->step_mm;
@@ -186,7 +186,7 @@ static double steps_per_mm(const tc_rays *rays, const tc_scene *scene) {
   return cells;
 }
 
-/* Samples of a ray beside its whole steps. */
+/* Samples of a ray besides its whole steps: at its ends, and the refinement of peaks. */
 static int ends(const tc_scene *s) {
   bool climbs = s->mode == TC_MODE_MIP || s->mode == TC_MODE_MINIP;
   return ENDS + (climbs ? 2 * TC_PEAK_ROUNDS : 0);
@@ -202,7 +202,7 @@ double tc_estimate_samples(const tc_volume *volume, const tc_scene *scene, int w
     *longest = each * (scene->mpr.thickness_mm / rays.step_mm + ends(scene)) + (scene->labels.volume[0] ? 1 : 0);
     return *longest * width * height;
   }
-  if (scene->mode == TC_MODE_SPLAT) { /* not from above: what a surface of usual size costs, and the pixels it covers */
+  if (scene->mode == TC_MODE_SPLAT) { /* no upper bound: the cost of a surface of usual size, and of the pixels it covers */
     const int *n = tc_volume_describe(volume)->dims;
     const double voxels = (double)n[0] * n[1] * n[2];
     *longest = 1;
@@ -222,7 +222,7 @@ double tc_estimate_samples(const tc_volume *volume, const tc_scene *scene, int w
   }
   double dense = steps_per_mm(&rays, scene);
   double stay = fmin(diagonal_mm(volume, t.lo, t.hi), chord_mm(&v, t.lo, t.hi));
-  /* A sum over rays is at most the integral and, for what falls between them, a row and a column of the longest. */
+  /* A sum over rays exceeds the integral by at most one row and one column of longest rays. */
   double edge = t.box[2] - t.box[0] + t.box[3] - t.box[1] + 1;
   *longest = each * (stay * dense + ends(scene));
   return fmin(each * ((t.stay_mm + edge * stay) * dense + ends(scene) * pixels), *longest * pixels) * rays.count;

@@ -23,7 +23,7 @@ tc_stage tc_stage_of(tc_resource resource) {
   static const tc_stage stages[TC_RESOURCE_COUNT] = {
       [TC_RESOURCE_COEFFICIENTS] = TC_STAGE_COEFFICIENTS, [TC_RESOURCE_TABLE] = TC_STAGE_TABLE_2D,
       [TC_RESOURCE_INTEGRALS] = TC_STAGE_TABLE_1D,        [TC_RESOURCE_SUPPORT] = TC_STAGE_SKIPPING,
-      [TC_RESOURCE_MINMAX] = TC_STAGE_SKIPPING,           [TC_RESOURCE_LEAP] = TC_STAGE_SKIPPING,
+      [TC_RESOURCE_MINMAX] = TC_STAGE_SKIPPING,           [TC_RESOURCE_DISTANCE_MAP] = TC_STAGE_SKIPPING,
       [TC_RESOURCE_FINE] = TC_STAGE_SKIPPING,
       [TC_RESOURCE_BOXES] = TC_STAGE_SKIPPING,            [TC_RESOURCE_BOUNDS] = TC_STAGE_SKIPPING,
       [TC_RESOURCE_LABELS] = TC_STAGE_LABELS,             [TC_RESOURCE_MESH] = TC_STAGE_MESH,
@@ -32,7 +32,7 @@ tc_stage tc_stage_of(tc_resource resource) {
   return stages[resource];
 }
 
-/* What the words are about. */
+/* What is put into words. */
 typedef struct teller {
   const tc_plan *plan;
   const tc_volume *volume;
@@ -146,7 +146,7 @@ static void say_skipping(const teller *t) {
     say(t, TC_STAGE_SKIPPING, in, "%s", reason);
 }
 
-/* What the frame found of it. */
+/* What the frame found out about skipping. */
 static void say_skipped(const teller *t) {
   const tc_facts *f = t->facts;
   if (!f || !t->plan->key.skipping) return;
@@ -264,7 +264,7 @@ static void say_termination(const teller *t) {
     say(t, TC_STAGE_TERMINATION, false, "sampling.termination is 0");
 }
 
-/* What becomes of the pixels, in every mode. */
+/* Stages after the back end, the same in every mode. */
 static void say_picture(const teller *t) {
   const tc_scene *s = t->scene;
   const tc_facts *f = t->facts;

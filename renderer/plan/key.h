@@ -27,8 +27,8 @@ typedef struct tc_plan_key {
   uint8_t coherence;      /* 0/1 */
   uint8_t jitter;         /* 0/1 */
   uint8_t labels;         /* tc_plan_labels */
-  uint8_t zoomed;         /* 0/1: the pre-integration table has zooms (classify/classify.h) */
-  uint8_t stiff;          /* 0/1: a ray's short last segment needs the table's row of depths (classify/classify.h) */
+  uint8_t zoomed;         /* 0/1: the pre-integration table has zooms (classify/preintegration.h) */
+  uint8_t stiff;          /* 0/1: a ray's short last segment needs the table's row of depths (classify/preintegration.h) */
   uint8_t slab;           /* mpr: 0 one slice, else 1 + tc_slab_projection */
 } tc_plan_key;
 

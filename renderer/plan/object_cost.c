@@ -6,13 +6,13 @@
 #include "renderer/raycast/rays.h"
 #include "renderer/raycast/surface.h"
 
-#define SIDE 36        /* rays along the picture's longer side */
+#define SIDE 36        /* probing rays along the longer side of the picture */
 #define NEAR 4         /* voxels: as wide as most blocks */
-#define MOST_STEPS 4e5 /* of all rays: longer steps where a volume is larger */
+#define MOST_STEPS 4e5 /* of all rays; in larger volumes the steps are longer */
 
 #define MOST_APART 8 /* voxels between rays: all is lost by then */
 
-/* Milliseconds a unit of each term: two threads of an AMD EPYC (Zen 4). */
+/* Milliseconds per unit of each term, fitted on two threads of an AMD EPYC (Zen 4). */
 static const double rates[TC_OBJECT_MODES][TC_TERM_COUNT] = {
     [TC_OBJECT_SPLAT] = {0.35, 0.000737, 0, 0, 0.000983, 0.0188, 0.0192, 0.0468, 0},
     [TC_OBJECT_ISOSURFACE] = {0.0919, 0, 0.00838, 0.000253, 0.0086, 0, 0, 0.00398, 0.0175},
@@ -27,18 +27,18 @@ tc_mode tc_object_mode_of(tc_object_mode mode) {
 typedef struct walk {
   const tc_volume *volume;
   const tc_rays *rays;
-  double least; /* the object's stored voxels: at least, or at most where values fall as they grow */
+  double least; /* threshold as a stored voxel; `below`: the object lies below it, since the slope is negative */
   bool below;
-  double pixel_rays; /* pixels that a ray stands for */
+  double pixel_rays; /* pixels per probing ray */
   double mm;         /* of a step */
-  double pixel_mm;   /* a pixel's side at a mm from the eye, or anywhere where rays are parallel */
-  double voxel_mm2;  /* mean of a voxel's faces */
+  double pixel_mm;   /* side of a pixel at 1 mm from the eye; for parallel rays, anywhere */
+  double voxel_mm2;  /* mean area of a voxel's faces */
   double *terms;
 } walk;
 
 typedef struct line {
-  double at[3], along[3]; /* index position at t = 0, and of a mm */
-  double eye_t;           /* where the eye is */
+  double at[3], along[3]; /* index position at t = 0, and its change per mm */
+  double eye_t;           /* t of the eye */
   double from, to;
 } line;
 
@@ -86,7 +86,8 @@ static void place(const line *l, double t, int at[3]) {
     at[k] = (int)(l->at[k] + t * l->along[k] + 0.5);
 }
 
-/* Whether a voxel a little away is on the other side: along the axes, and half as far towards the corners. */
+/* Whether the surface is near: of the voxels NEAR away along the axes, and NEAR / 2 towards the corners, is one on the
+ * other side of it? */
 static bool is_near(const walk *w, const int at[3], bool inside) {
   for (int i = 0; i < 14; i++) {
     int beside[3] = {at[0], at[1], at[2]};
@@ -98,7 +99,7 @@ static bool is_near(const walk *w, const int at[3], bool inside) {
   return false;
 }
 
-/* Walks one ray through: what it hits first, and what there is behind that. */
+/* Marches one ray through the volume: steps up to its first hit, and all surfaces that it crosses. */
 static void walk_line(const walk *w, const line *l) {
   double *terms = w->terms;
   bool was = false, hit = false;

@@ -8,6 +8,7 @@
 #include "renderer/mesh/surfaces.h"
 #include "renderer/raycast/rays.h"
 #include "renderer/skip/boxes.h"
+#include "renderer/classify/transfer.h"
 #include "renderer/skip/skip.h"
 
 static void need(tc_plan *plan, tc_resource resource) { plan->resources |= 1u << resource; }
@@ -66,7 +67,7 @@ static void plan_table(tc_plan *plan, const tc_volume *field, const tc_scene *sc
                        .linear_light = scene->image.linear_light};
   need(plan, integrals ? TC_RESOURCE_INTEGRALS : TC_RESOURCE_TABLE);
   if (integrals) {
-    tc_integrals_choose(field, &p); /* they serve every length: step_mm stays 0 */
+    tc_integrals_choose(field, &p); /* integrals serve segments of any length: step_mm stays 0 */
   } else {
     tc_table_choose(field, &p, NULL);
     p.step_mm = plan->step_mm;
@@ -78,7 +79,7 @@ static void plan_table(tc_plan *plan, const tc_volume *field, const tc_scene *sc
   plan->key.zoomed = p.n_zooms > 0;
 }
 
-/* Rays can start where another ray was when all that lies between the two is known to be empty as well. */
+/* Coherence: a ray may start as far as the centre ray skipped, if the space between the two is known to be empty too. */
 static bool is_coherent(const tc_plan *plan, const tc_volume *volume, const tc_scene *s) {
   if (!s->sampling.coherence || !plan->key.rays || !plan->key.skipping) return false;
   tc_rays rays;
@@ -100,7 +101,7 @@ static void plan_dvr(tc_plan *plan, const tc_volume *volume, const tc_scene *s, 
   if (s->skipping.mode == TC_SKIPPING_AUTO && tc_skip_possible(&s->transfer_function, range->min, range->max) &&
       (request->maps_distance || tc_boxes_serve(volume))) {
     need(plan, TC_RESOURCE_SUPPORT);
-    plan_skipping(plan, s, request->maps_distance ? TC_RESOURCE_LEAP : TC_RESOURCE_BOXES);
+    plan_skipping(plan, s, request->maps_distance ? TC_RESOURCE_DISTANCE_MAP : TC_RESOURCE_BOXES);
   }
   plan->key.coherence = is_coherent(plan, volume, s);
 }
@@ -121,7 +122,7 @@ static void plan_isosurface(tc_plan *plan, const tc_volume *volume, const tc_sce
   if (tc_surface_exists(volume, s)) plan_shading(plan, s);
   if (s->skipping.mode != TC_SKIPPING_AUTO) return;
   need(plan, TC_RESOURCE_SUPPORT);
-  plan_skipping(plan, s, TC_RESOURCE_LEAP);
+  plan_skipping(plan, s, TC_RESOURCE_DISTANCE_MAP);
 }
 
 /* Some surface of the list is a label's. */

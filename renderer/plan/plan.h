@@ -15,10 +15,10 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "renderer/classify/classify.h"
+#include "renderer/classify/preintegration.h"
 #include "renderer/base/error.h"
 #include "renderer/plan/key.h"
-#include "renderer/raycast/grey.h"
+#include "renderer/raycast/projection.h"
 #include "renderer/raycast/surface.h"
 #include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
@@ -30,7 +30,7 @@ typedef enum tc_resource {
   TC_RESOURCE_INTEGRALS,    /* integrals T, K for approximate classification */
   TC_RESOURCE_SUPPORT,      /* values at which something shows */
   TC_RESOURCE_MINMAX,       /* minima and maxima of blocks */
-  TC_RESOURCE_LEAP,         /* distance map of empty blocks */
+  TC_RESOURCE_DISTANCE_MAP,         /* distance map of empty blocks */
   TC_RESOURCE_FINE,         /* minima and maxima of fine boxes */
   TC_RESOURCE_BOXES,        /* boxes around what is not empty */
   TC_RESOURCE_BOUNDS,       /* how large the field may be around each block */

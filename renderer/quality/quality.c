@@ -16,32 +16,34 @@
 
 /* Views nearer than this share their curves. */
 #define NEAR 0.5
-/* What the error may be above a measured one: sampling of rays and the turn of the view; then, views from elsewhere. */
+/* Factor by which a frame's error may exceed the measured one: for nearby views (other sample positions, small turns),
+ * and for views measured from elsewhere. */
 #define NEAR_MARGIN 1.13
 #define FAR_MARGIN 1.4
-/* Spacing before anything is measured, for a single ray and for as many as like. */
+/* Spacing of samples before anything is measured: of one ray a pixel, and of many. */
 #define CAREFUL 0.25
 #define CAREFUL_OF_MANY 1.0
-/* Where preintegrated does with segments that are as dear as one of preintegrated2 over so many cells, the latter is
- * not measured: along several cells no field is quadratic. */
+/* preintegrated2 is not measured if its spacing, at the cost of preintegrated, would be this many cells or more: along
+ * several cells no field is quadratic. */
 #define SECOND_CELLS 2.7
-/* What the other method's error has to be of the one in use's; and what a picture's error has to come down to for it to
- * be made again in its time, which is more than a rung of the step does. */
+/* Another method replaces the one in use if its error is at most this share of the current error. A picture is made
+ * again within its time if its error falls to the second share; one rung of the step alone gains less than that. */
 #define CLEARLY 0.9
 #define WORTH_IT 0.75
-/* The share of a time that is planned with: frames differ. */
+/* Share of maxMilliseconds that is planned for, because frame times vary. */
 #define PLANNED_SHARE 0.9
-/* The share of the bound on the error, or under one on time of the error that is expected, that termination may use of
- * an opaque pixel. Under the former it is part of what is measured. */
+/* Share of the error that early ray termination may cause in an opaque pixel: of maxError, where measured errors include
+ * termination, or of the expected error under maxMilliseconds. */
 #define TERMINATION_SHARE (1.0 / 16)
-/* Powers by which the error is taken to grow or fall beyond the measured steps: each the careful one. */
+/* Orders of convergence assumed beyond the measured steps: the error grows with the first power and falls with the
+ * second, both on the safe side. */
 #define ORDER_UP 3.5
 #define ORDER_DOWN 1.0
-/* Rays of a measured picture, and its pixels at least. */
+/* Number of rays of a measured picture, and its least number of pixels. */
 #define RAYS 4000
 #define LEAST_PIXELS 2500
-/* Trials of a measurement: at most so many on the way to the goal, so many about it, and how far off one still
- * counts. */
+/* Trials of a measurement: at most LOCATING to find the rung with the wanted error, then AROUND on neighbouring rungs.
+ * Trials up to REACH rungs away enter the fit. */
 #define LOCATING 5
 #define AROUND 7
 #define REACH 7
@@ -173,7 +175,7 @@ static double curve(const tc_quality_curve *v, double spacing) {
   return v->rms * pow(inside / v->spacing, v->order) * pow(spacing / inside, order) * exp(v->spread);
 }
 
-/* Of the views that count for this camera, the worst. */
+/* The largest error among the views that count for this camera. */
 static double expected(const tc_quality_model *m, const tc_camera *camera, bool near, tc_quality_method method,
                        double spacing) {
   double worst = 0;
@@ -199,15 +201,15 @@ typedef struct option {
 
 static double pixels_of(const tc_scene *s) { return (double)s->image.width * s->image.height; }
 
-/* The scene, which keeps its parts, with another method. */
+/* A copy of the scene with another method; lists still belong to `scene`. */
 static tc_scene with_method(const tc_scene *scene, tc_quality_method method) {
   tc_scene s = *scene;
   if (has_methods(scene)) s.classification = method == TC_QUALITY_SECOND ? TC_PREINTEGRATED2 : TC_PREINTEGRATED;
   return s;
 }
 
-/* The finest spacing that comes in time, for by a curve no finer one has a larger error; else the coarsest. The method
- * in use may take all of the time, the other has to come with the margin that is planned. */
+/* The finest spacing within maxMilliseconds, since errors never grow towards finer spacings; the coarsest if none is
+ * fast enough. The method in use may take all of the time, the other method only PLANNED_SHARE of it. */
 static option finest(const tc_quality_model *m, const tc_quality_cost *cost, const tc_scene *scene, bool near,
                      tc_quality_method method) {
   tc_scene s = with_method(scene, method);
@@ -219,7 +221,7 @@ static option finest(const tc_quality_model *m, const tc_quality_cost *cost, con
                   ms > 0 && ms <= share * scene->quality.max_ms};
 }
 
-/* The coarsest spacing that holds the bound on the error; else the one of the least error. */
+/* The coarsest spacing whose error is at most maxError; the spacing of least error if there is none. */
 static option coarsest(const tc_quality_model *m, const tc_scene *scene, bool near, tc_quality_method method) {
   option best = {rung_step(LEAST_RUNG), INFINITY, false};
   for (int rung = MOST_RUNG; rung >= LEAST_RUNG && !best.holds; rung--) {
@@ -239,7 +241,7 @@ static bool second_is_better(const tc_quality_cost *cost, const tc_scene *scene,
   bool timed = is_timed(scene);
   if (first->holds != second->holds) return second->holds;
   if (first->holds && !timed) return second->spacing > first->spacing * cost->second;
-  if (timed && !first->holds) return false; /* of two that take too long the quicker */
+  if (timed && !first->holds) return false; /* both take too long: the faster one */
   bool in_use = timed && scene->classification == TC_PREINTEGRATED2;
   return in_use ? first->rms >= CLEARLY * second->rms : second->rms < CLEARLY * first->rms;
 }
@@ -395,7 +397,7 @@ static bool error_at(bench *b, double spacing, double *rms, GError **error) {
       g_propagate_error(error, failure);
       return false;
     }
-    g_clear_error(&failure); /* nobody else waits for this renderer */
+    g_clear_error(&failure); /* paused: no other work waits for this renderer */
     request.resume = true;
   }
   double max = 0;
@@ -405,7 +407,8 @@ static bool error_at(bench *b, double spacing, double *rms, GError **error) {
     for (int c = 0; c < 4; c++) got[c] = (double)b->frame.linear[4 * i + c];
     b->squares[i] = tc_meter_square(&b->scene, got, b->wanted + 4 * i, &max);
   }
-  /* Where a few rays have most of the error, others may have more: half of the way to the interval's upper end. */
+  /* If a few rays have most of the error, rays that were not measured may have more: the geometric mean of the estimate
+   * and the upper end of its confidence interval. */
   tc_meter_result estimate;
   tc_meter_estimate(b->squares, pixels, &estimate);
   *rms = sqrt(estimate.rms * estimate.high);
@@ -428,8 +431,8 @@ static bool try_rung(bench *b, int rung, trials *t, GError **error) {
   return true;
 }
 
-/* From rung to rung by second order until the error is about the goal. Returns the rung; MOST_RUNG + 1 after a
- * failure. */
+/* Finds the rung whose error is about the goal, each step assuming second-order convergence. Returns the rung;
+ * MOST_RUNG + 1 after a failure. */
 static int locate(bench *b, double goal, int rung, trials *t, GError **error) {
   for (int i = 0; i < LOCATING; i++) {
     if (!try_rung(b, rung, t, error)) return MOST_RUNG + 1;
@@ -441,7 +444,7 @@ static int locate(bench *b, double goal, int rung, trials *t, GError **error) {
   return rung;
 }
 
-/* The power of the spacing that fits the trials within REACH of `rung` best, in logarithms. */
+/* Fits error = c * spacing^order to the trials within REACH of `rung`: least squares of the logarithms. */
 static void fit(const trials *t, int rung, tc_quality_curve *view) {
   double n = 0, x1 = 0, x2 = 0, y1 = 0, xy = 0, left = 0;
   int finest = rung, coarsest = rung;
@@ -467,7 +470,7 @@ static void fit(const trials *t, int rung, tc_quality_curve *view) {
   view->spread = sqrt(left / fmax(n - 2, 1));
 }
 
-/* About the goal, or about the rung itself where there is none. */
+/* Measures the curve around the rung with error `goal`, or, if goal is 0, around `rung`. */
 static bool close_in(bench *b, double goal, int rung, tc_quality_curve *found, GError **error) {
   static const int around[AROUND] = {-6, -4, -2, 0, 2, 4, 6};
   trials t = {0};
@@ -495,8 +498,8 @@ static bool find_curves(bench *b, const tc_scene *scene, const tc_quality_model 
   return close_in(b, goal, clamp_rung(rung_below(first.spacing * cost->second)), &view->of[TC_QUALITY_SECOND], error);
 }
 
-/* A picture as the scene's, of as many pixels as its rays allow. Rays of a pixel keep as close as in a frame: what
- * their errors have in common does not average out. */
+/* The measured picture has the scene's aspect and about RAYS rays. The rays of a pixel lie as close together as in a
+ * frame, because their errors are correlated and do not average out. */
 static void size_bench(bench *b, const tc_scene *scene) {
   double pixels = fmax(RAYS / scene->sampling.rays_per_pixel, LEAST_PIXELS);
   double aspect = fmin(fmax((double)scene->image.width / scene->image.height, 1 / pixels), pixels);

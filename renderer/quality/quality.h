@@ -15,7 +15,7 @@
  * error is clearly less, so that a moving camera does not alternate. Other classifications were asked for by name and
  * stay. So do the scene's rays per pixel, which smooth edges but do not reduce the error of sampling: with R rays of a
  * pixel `spacing` below, that of one ray's samples, is R steps (raycast/subpixel.h). The table's size follows from the
- * knots (classify/classify.h) and is part of what is measured.
+ * knots (classify/preintegration.h) and is part of what is measured.
  *
  * A model belongs to one look (everything of a scene but the camera, sampling.step/termination and, with one ray a
  * pixel, the image's size: how far apart a pixel's rays are counts) and one bound. Plain data: zero-initialise; any

@@ -63,7 +63,4 @@ void tc_rays_set_up(tc_rays *rays, const tc_volume *volume, const tc_scene *scen
 /* Rounds; members that do not count are zero. */
 void tc_rays_round(tc_rays_single *to, const tc_rays *rays);
 
-/* Adds the scene's clip box and clip planes; called by tc_rays_set_up() and tc_slice_rays(). */
-void tc_rays_add_clipping(tc_rays *rays, const tc_volume *volume, const tc_scene *scene);
-
 #endif

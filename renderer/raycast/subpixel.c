@@ -14,9 +14,3 @@ void tc_subpixel_rays(int count, tc_subpixel *rays) {
     rays[r].phase = (double)rank / count;
   }
 }
-
-double tc_jitter_phase(uint32_t x, uint32_t y) {
-  uint32_t inner = x * TC_JITTER_X + y * TC_JITTER_Y;
-  uint32_t noise = inner * TC_JITTER_TIMES - (inner >> 16) * TC_JITTER_LESS;
-  return ((noise >> 8) + 1) / 16777216.0;
-}

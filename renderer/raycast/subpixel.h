@@ -1,4 +1,4 @@
-/* Several rays per pixel, and jitter: where rays pass through their pixel and where their samples lie, the same for
+/* Several rays per pixel: where rays pass through their pixel and where their samples lie, the same for
  * every back end.
  *
  * Each of R rays takes samples R steps apart, starting at a different one of the R steps. Together they sample as
@@ -6,8 +6,6 @@
  * antialias edges. Their colours and opacities are averaged. */
 #ifndef TC_RAYCAST_SUBPIXEL_H
 #define TC_RAYCAST_SUBPIXEL_H
-
-#include <stdint.h>
 
 typedef struct tc_subpixel {
   double x, y;  /* pixels from the pixel's centre, to the right and down; within -0.5 .. 0.5 */
@@ -18,15 +16,5 @@ typedef struct tc_subpixel {
  * column of its own (n-rooks sampling), with rows by the golden ratio, which spreads them evenly in every direction.
  * Each of the phases 1/R .. 1 occurs once. */
 void tc_subpixel_rays(int count, tc_subpixel *rays);
-
-/* Jitter: a phase above 0 and at most 1 for pixel (x, y), by interleaved gradient noise (Jimenez, Next Generation
- * Post Processing in Call of Duty, 2014), whose values are spread evenly in every neighbourhood. Integer arithmetic,
- * so that all back ends get the same phase: kernels and shaders repeat it with these constants. */
-double tc_jitter_phase(uint32_t x, uint32_t y);
-
-#define TC_JITTER_X 288237661u /* 0.06711056 * 2^32 */
-#define TC_JITTER_Y 25070368u  /* 0.00583715 * 2^32 */
-#define TC_JITTER_TIMES 53u    /* 52.9829189 = 53 - 1119 / 2^16 */
-#define TC_JITTER_LESS 1119u
 
 #endif

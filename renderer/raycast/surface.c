@@ -2,7 +2,8 @@
 
 #include <math.h>
 
-#include "renderer/classify/classify.h"
+#include "renderer/classify/preintegration.h"
+#include "renderer/classify/transfer.h"
 
 /* Relative to the largest |voxel - iso|: far above the error of interpolation in single precision. */
 #define SLACK 0x1p-18

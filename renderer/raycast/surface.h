@@ -14,7 +14,7 @@
  * The normal at the hit comes from the trilinear field at the eight corners of a cube two voxels wide around it
  * (clamped to the volume): differences between opposite faces, each the mean of its corners. It has none of the
  * facets of the cell's own gradient and few of the terraces and little of the noise that central differences show.
- * shade.h transforms it to LPS and shades it at full weight, because a surface is a surface however faint. */
+ * shading.h transforms it to LPS and shades it at full weight, because a surface is a surface however faint. */
 #ifndef TC_RAYCAST_SURFACE_H
 #define TC_RAYCAST_SURFACE_H
 

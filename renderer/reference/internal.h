@@ -25,12 +25,14 @@ typedef struct tc_ref_ray {
   double enter, leave;             /* t at which the ray enters (not before the eye) and leaves the field's box, mm */
 } tc_ref_ray;
 
-/* The visible half spaces n.p + d >= 0 in LPS, n of unit length. */
+/* clip.c: the visible half spaces n.p + d >= 0 in LPS, n of unit length. */
 typedef struct tc_ref_clip {
   double planes[12][4];
   int n;
 } tc_ref_clip;
 void tc_ref_clip_set_up(tc_ref_clip *clip, const tc_scene *scene);
+/* Narrows the ray; false: nothing of it is visible. */
+bool tc_ref_clip_ray(const tc_ref_clip *clip, tc_ref_ray *ray);
 
 /* NULL, or the name of the meaningless member. */
 const char *tc_ref_camera_set_up(tc_ref_camera *camera, const tc_camera *from, int width, int height);

@@ -89,44 +89,6 @@ static bool clip_to_box(tc_ref_ray *ray, const tc_volume_desc *desc) {
   return ray->enter < ray->leave;
 }
 
-static void add_half_space(tc_ref_clip *clip, double nx, double ny, double nz, double d) {
-  double length = sqrt(nx * nx + ny * ny + nz * nz), *p = clip->planes[clip->n++];
-  p[0] = nx / length, p[1] = ny / length, p[2] = nz / length, p[3] = d / length;
-}
-
-void tc_ref_clip_set_up(tc_ref_clip *clip, const tc_scene *scene) {
-  const double(*box)[3] = scene->clip.box;
-  clip->n = 0;
-  if (scene->clip.has_box)
-    for (int k = 0; k < 3; k++) {
-      add_half_space(clip, k == 0, k == 1, k == 2, -box[0][k]);
-      add_half_space(clip, -(k == 0), -(k == 1), -(k == 2), box[1][k]);
-    }
-  for (int i = 0; i < scene->clip.n_planes; i++) {
-    const double *p = scene->clip.planes[i];
-    add_half_space(clip, p[0], p[1], p[2], p[3]);
-  }
-}
-
-static bool clip_to_half_spaces(tc_ref_ray *ray, const tc_ref_clip *clip) {
-  for (int i = 0; i < clip->n; i++) {
-    const double *p = clip->planes[i];
-    double at = p[3], rate = 0;
-    for (int k = 0; k < 3; k++) {
-      at += p[k] * ray->lps[k];
-      rate += p[k] * ray->lps_direction[k];
-    }
-    if (fabs(rate) < 1e-15) {
-      if (at < 0) return false;
-    } else if (rate > 0) {
-      ray->enter = fmax(ray->enter, -at / rate);
-    } else {
-      ray->leave = fmin(ray->leave, -at / rate);
-    }
-  }
-  return ray->enter < ray->leave;
-}
-
 bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const tc_volume_desc *desc, double px,
                      double py, tc_ref_ray *ray) {
   long double eye[3], direction[3], axis[3][3], inverse[3][3], to_center[3], point[3];
@@ -148,5 +110,5 @@ bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const
     ray->direction[k] = (double)dot(inverse[k], direction);
   }
   ray->eye = (double)-nearest;
-  return clip_to_box(ray, desc) && clip_to_half_spaces(ray, clip);
+  return clip_to_box(ray, desc) && tc_ref_clip_ray(clip, ray);
 }

@@ -3,7 +3,7 @@
  * It judges every other renderer and therefore shares nothing with them: it has its own camera, field, transfer
  * function and integration (NUMERICS section 1). A ray is split at every cell face, at every extremum of the field
  * along it and wherever the field crosses a knot's value; each smooth piece in between is integrated adaptively.
- * Shading (raycast/shade.h) changes the colour at each point of the ray, with the scene's gradient there.
+ * Shading (raycast/shading.h) changes the colour at each point of the ray, with the scene's gradient there.
  *
  * For mip, minip and average, the reference is the exact extremum or mean of the field along the ray, through the
  * scene's window. For isosurface, it is the first point where the ray changes sides (raycast/surface.h), as the exact

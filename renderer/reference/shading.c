@@ -1,4 +1,4 @@
-/* Shading at a point of the exact field: the model of raycast/shade.h, written independently from the textbook
+/* Shading at a point of the exact field: the model of raycast/shading.h, written independently from the textbook
  * forms. */
 #include <math.h>
 

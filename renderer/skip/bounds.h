@@ -6,12 +6,12 @@
  * neighbours, hence every point within a block's width of any point in it: one look-up, in the middle, serves a
  * whole interval of samples. A sample is less than floor + level / scale, rounding of the interpolation included (a
  * block of one value is interpolated exactly); skipping therefore changes no bit, and a skipped interval does not
- * even contain an equal of the maximum. MinIP negates the voxels (raycast/grey.h), and its bounds come from the
+ * even contain an equal of the maximum. MinIP negates the voxels (raycast/projection.h), and its bounds come from the
  * blocks' minima. */
 #ifndef TC_BOUNDS_H
 #define TC_BOUNDS_H
 
-#include "renderer/raycast/grey.h"
+#include "renderer/raycast/projection.h"
 #include "renderer/raycast/rays.h"
 #include "renderer/skip/skip.h"
 

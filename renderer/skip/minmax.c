@@ -4,6 +4,13 @@
 #include "renderer/base/clock.h"
 #include "renderer/volume/voxel.h"
 
+int tc_skip_block(int block) {
+  if (block <= 0) return TC_SKIP_BLOCK;
+  return block < 2 ? 2 : block > 128 ? 128 : block;
+}
+
+int tc_skip_reach(tc_filter filter) { return filter == TC_FILTER_CUBIC; }
+
 typedef struct minmax_job {
   const tc_volume *volume;
   tc_minmax *m;

@@ -1,5 +1,5 @@
-/* Empty-space skipping: the acceleration grid (minimum and maximum per block), which values are empty under a transfer
- * function (support), and the distance map.
+/* Empty-space skipping: the acceleration grid (minimum and maximum per block), and which values are empty under a
+ * transfer function (support).
  *
  * The acceleration grid groups the volume's cells into cubic blocks. A block's minimum and maximum are over its cells'
  * corners, one voxel beyond its far faces included (a cubic filter reaches a voxel further on every side), so every
@@ -7,15 +7,12 @@
  * look-up between two such values can touch are zero. Neighbouring blocks share the voxels of their face; connected
  * empty blocks therefore cover one interval of values, and segments between samples in them are zero too.
  *
- * The distance map holds, per block, the Chebyshev distance in blocks to the nearest block that is not empty: 0 in
- * such a block itself; the outside counts as empty. A ray in a block of distance D may jump across the cube of
- * blocks up to D - 1 away (Deakin and Knackstedt, Efficient ray casting of volumetric images using distance maps for
- * empty space skipping, Computational Visual Media 6, 2020). Skipped segments contribute exactly zero, so
- * empty-space skipping changes no bit of the picture. */
+ * Skipped segments contribute exactly zero, so empty-space skipping changes no bit of the picture. What is skipped is
+ * found in the distance map (distance_map.h), boxes (boxes.h) or bounds (bounds.h) made from the grid. */
 #ifndef TC_SKIP_H
 #define TC_SKIP_H
 
-#include "renderer/classify/classify.h"
+#include "renderer/classify/preintegration.h"
 #include "renderer/base/pool.h"
 #include "renderer/volume/volume.h"
 
@@ -69,25 +66,6 @@ void tc_support_free(tc_support *support); /* NULL is fine */
 
 /* A lookup between two nodes that are both below *below, or both above *above, is exactly zero. */
 void tc_support_zones(const tc_support *support, double *below, double *above);
-
-/* The distance map of an acceleration grid under one support. */
-typedef struct tc_leap {
-  int block, reach, blocks[3];
-  uint8_t *distance;  /* [blocks z][blocks y][blocks x], then at least 4 readable bytes; 254 stands for that and more */
-  uint8_t *farthest;  /* [blocks z]: the greatest distance in a layer */
-  int swept;          /* layers of blocks that were computed, not copied from an earlier map */
-  double empty_share; /* share of the blocks that are empty */
-  uint64_t volume;    /* serial of the volume */
-  uint64_t support;   /* serial of the support */
-  size_t bytes;
-  double build_ms;
-} tc_leap;
-
-/* before: NULL, or an earlier map of the same grid, from which layers that cannot have changed are copied; the
- * result is the same. NULL with TC_ERROR_MEMORY or the halt's error; nothing is kept then. */
-tc_leap *tc_leap_build(const tc_minmax *minmax, const tc_support *support, const tc_leap *before, tc_pool *pool,
-                       GError **error);
-void tc_leap_free(tc_leap *leap); /* NULL is fine */
 
 /* False if the transfer function is nowhere zero between two values: nothing can be empty then. */
 bool tc_skip_possible(const tc_transfer_function *tf, double value_min, double value_max);

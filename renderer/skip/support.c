@@ -2,6 +2,7 @@
 #include <stdlib.h>
 
 #include "renderer/base/clock.h"
+#include "renderer/classify/transfer.h"
 #include "renderer/skip/skip.h"
 
 static uint64_t take_serial(void) {
@@ -57,4 +58,14 @@ void tc_support_zones(const tc_support *s, double *below, double *above) {
   while (last > 0 && s->used[last - 1] == s->used[s->n + 2]) last--;
   *below = first - 3;
   *above = last + 1;
+}
+
+bool tc_skip_possible(const tc_transfer_function *tf, double value_min, double value_max) {
+  const tc_knot *p = tf->points;
+  size_t last = tf->count - 1;
+  if (p[0].amount <= 0 && value_min < p[0].value) return true;
+  if (p[last].amount <= 0 && value_max > p[last].value) return true;
+  for (size_t i = 0; i < last; i++)
+    if (p[i].amount <= 0 && p[i + 1].amount <= 0 && p[i + 1].value > value_min && p[i].value < value_max) return true;
+  return false;
 }

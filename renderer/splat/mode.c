@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "renderer/splat/splatter.h"
+#include "renderer/classify/transfer.h"
 #include "renderer/splat/vmd.h"
 
 #define NODES 4096

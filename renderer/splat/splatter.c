@@ -7,8 +7,10 @@
 #include "renderer/base/vector.h"
 #include "renderer/frame/backend.h"
 #include "renderer/frame/frame.h"
+#include "renderer/raycast/clip.h"
 #include "renderer/raycast/rays.h"
-#include "renderer/raycast/shade.h"
+#include "renderer/classify/transfer.h"
+#include "renderer/raycast/shading.h"
 
 #define LEAST_RADIUS2 0.51 /* a circle of this radius (squared, pixels) holds a pixel's centre wherever it is */
 #define KERNEL_FALL 3.0    /* exponent at the kernel's rim */

@@ -4,7 +4,7 @@
  * ellipse, the projection of a ball of the kernel's radius around it, at its own depth; the ellipse's core hides what
  * is behind it. At a pixel the nearest core counts, and all ellipses that are not farther behind it than the kernel is
  * deep: their normals and colours are averaged with the weights of the footprint table, divided by the sum of weights
- * (so that a constant solid is constant), and lit (raycast/shade.h). Where no core is, at an outline, a pixel is
+ * (so that a constant solid is constant), and lit (raycast/shading.h). Where no core is, at an outline, a pixel is
  * covered in part.
  *
  * Culling leaves out, and changes no bit: voxels inside the object, bricks and splats whose free faces look away, that

@@ -14,9 +14,9 @@
 
 #include "renderer/raycast/cpu/filter_tmpl.h"
 
-#include "renderer/raycast/cpu/classify_tmpl.h"
+#include "renderer/raycast/cpu/preintegration_tmpl.h"
 
-#include "renderer/raycast/cpu/shade_tmpl.h"
+#include "renderer/raycast/cpu/shading_tmpl.h"
 
 /* V_LANES splats projected. */
 typedef struct batch {

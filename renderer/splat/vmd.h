@@ -137,7 +137,6 @@ GByteArray *tc_vmd_encode(const tc_vmd *vmd, bool compressed, GError **error);
 /* TC_ERROR_FORMAT says what is wrong where; whatever the bytes are, memory stays within a few times theirs (raw) or
  * what they inflate to. */
 tc_vmd *tc_vmd_decode(const uint8_t *bytes, size_t size, GError **error);
-tc_vmd *tc_vmd_read(const char *path, GError **error);
 
 /* The model as a volume without a grid, of the attribute "value", or "label", or of one value, 1. Takes the model on
  * success. TC_ERROR_FORMAT for values that are not finite. tc_volume_model() of such a volume is the tc_vmd. */

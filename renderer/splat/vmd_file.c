@@ -7,7 +7,6 @@
 #include "renderer/import/reader.h"
 #include "renderer/splat/vmd.h"
 
-#define FIXED_BYTES 240 /* of the header before attributes and palette */
 #define DEFLATED 1      /* flags */
 #define DIFFERENCES 2
 #define MOST_INFLATED 1032 /* bytes that one byte of deflate can become */
@@ -373,20 +372,5 @@ tc_vmd *tc_vmd_decode(const uint8_t *bytes, size_t size, GError **error) {
   if (!body) return NULL;
   tc_vmd *v = index_body(&h, body, error);
   g_free(body);
-  return v;
-}
-
-tc_vmd *tc_vmd_read(const char *path, GError **error) {
-  char *bytes;
-  gsize size;
-  GError *trouble = NULL;
-  if (!g_file_get_contents(path, &bytes, &size, &trouble)) {
-    const bool missing = g_error_matches(trouble, G_FILE_ERROR, G_FILE_ERROR_NOENT);
-    tc_set_error(error, missing ? TC_ERROR_NOT_FOUND : TC_ERROR_IO, NULL, "voxel model: the file cannot be read");
-    g_error_free(trouble);
-    return NULL;
-  }
-  tc_vmd *v = tc_vmd_decode((const uint8_t *)bytes, size, error);
-  g_free(bytes);
   return v;
 }

@@ -6,6 +6,8 @@
 #include <string.h>
 #include <sys/mman.h>
 
+#include "renderer/volume/voxel.h"
+
 /* Kernels read beyond the last voxel: pairs of voxels as 32 bits, whole vectors at row ends. This many bytes of
  * zeros follow it. */
 #define TAIL_PAD_BYTES 256
@@ -455,24 +457,12 @@ void tc_volume_index_box(const tc_volume *volume, double lo[3], double hi[3]) {
   }
 }
 
-static double voxel_as_double(const tc_volume *v, size_t i) {
-  switch (v->desc.type) {
-  case TC_U8: return v->voxels[i];
-  case TC_I8: return ((const int8_t *)v->voxels)[i];
-  case TC_U16: return ((const uint16_t *)v->voxels)[i];
-  case TC_I16: return ((const int16_t *)v->voxels)[i];
-  case TC_F32: return (double)((const float *)v->voxels)[i];
-  case TC_VOXEL_TYPE_COUNT: break;
-  }
-  return 0;
-}
-
 bool tc_volume_voxel(const tc_volume *v, const int at[3], double *voxel) {
   for (int k = 0; k < 3; k++)
     if (at[k] < 0 || at[k] >= v->desc.dims[k]) return false;
   if (v->sparse.model) return v->sparse.voxel(v->sparse.model, at, voxel);
   const size_t i = ((size_t)at[2] * (size_t)v->desc.dims[1] + (size_t)at[1]) * (size_t)v->desc.dims[0] + (size_t)at[0];
-  *voxel = voxel_as_double(v, i);
+  *voxel = tc_voxel_at(v->desc.type, v->voxels, i);
   return !is_gap(v, i);
 }
 
@@ -513,57 +503,8 @@ bool tc_volume_value_at(const tc_volume *volume, const double index[3], double *
     double w = (corner & 1 ? f[0] : 1 - f[0]) * (corner & 2 ? f[1] : 1 - f[1]) * (corner & 4 ? f[2] : 1 - f[2]);
     const size_t at = (z * ny + y) * nx + x;
     if (w > 0 && is_gap(volume, at)) return false;
-    sum += w * voxel_as_double(volume, at);
+    sum += w * tc_voxel_at(volume->desc.type, volume->voxels, at);
   }
   *value = volume->desc.slope * sum + volume->desc.intercept;
   return true;
-}
-
-static double value_of(tc_voxel_type type, unsigned raw) {
-  return type == TC_I8 ? (int8_t)raw : type == TC_I16 ? (int16_t)raw : (int)raw;
-}
-
-/* Counts of each value, for integer types; NULL for floats, or out of memory. The caller frees. */
-static uint64_t *tally(const tc_volume *v, size_t n) {
-  const bool wide = tc_voxel_size(v->desc.type) == 2;
-  uint64_t *of = v->desc.type == TC_F32 || v->gaps ? NULL : calloc(65536, sizeof *of);
-  for (size_t i = 0; of && i < n; i++)
-    of[wide ? ((const uint16_t *)v->voxels)[i] : v->voxels[i]]++;
-  return of;
-}
-
-static int bin_of(const tc_volume *volume, double voxel, double lo, double scale, int bins) {
-  double at = (volume->desc.slope * voxel + volume->desc.intercept - lo) * scale;
-  /* `at` may be infinite or NaN if the range is tiny */
-  return at < bins ? at > 0 ? (int)at : 0 : at >= bins ? bins - 1 : 0;
-}
-
-typedef struct binning {
-  const tc_volume *volume;
-  double scale;
-  int bins;
-  uint64_t *counts;
-} binning;
-
-static void count_voxel(void *user, double voxel) {
-  const binning *b = user;
-  b->counts[bin_of(b->volume, voxel, b->volume->stats.min, b->scale, b->bins)]++;
-}
-
-void tc_volume_histogram(const tc_volume *volume, int bins, uint64_t *counts, double *edges) {
-  double lo = volume->stats.min, hi = volume->stats.max;
-  for (int i = 0; i <= bins; i++) edges[i] = lo + (hi - lo) * i / bins;
-  memset(counts, 0, (size_t)bins * sizeof *counts);
-  double scale = hi > lo ? bins / (hi - lo) : 0;
-  if (volume->sparse.model) {
-    volume->sparse.each(volume->sparse.model, count_voxel, &(binning){volume, scale, bins, counts});
-    return;
-  }
-  size_t n = voxel_count(volume);
-  uint64_t *of = tally(volume, n);
-  for (unsigned raw = 0; of && raw < 65536; raw++)
-    if (of[raw]) counts[bin_of(volume, value_of(volume->desc.type, raw), lo, scale, bins)] += of[raw];
-  for (size_t i = 0; !of && i < n; i++)
-    if (!is_gap(volume, i)) counts[bin_of(volume, voxel_as_double(volume, i), lo, scale, bins)]++;
-  free(of);
 }

@@ -114,9 +114,6 @@ void tc_volume_index_box(const tc_volume *volume, double lo[3], double hi[3]);
  * a NaN. Double. Without a grid: the nearest voxel's, false where that is free. */
 bool tc_volume_value_at(const tc_volume *volume, const double index[3], double *value);
 
-/* Counts of voxels (not NaN) in `bins` equal bins over [stats.min, stats.max]; edges[bins + 1] in the volume's unit. */
-void tc_volume_histogram(const tc_volume *volume, int bins, uint64_t *counts, double *edges);
-
 /* A generated demo: "head" "head-labels" (its segmentation) "vessels" "marschner-lobb" "bucky" (without "demo:").
  * TC_ERROR_NOT_FOUND names the known ones. */
 tc_volume *tc_volume_demo(const char *name, GError **error);

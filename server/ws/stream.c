@@ -20,7 +20,7 @@
 #include "server/session/viewers.h"
 #include "server/ws/channel.h"
 #include "server/ws/handshake.h"
-#include "server/ws/share.h"
+#include "server/ws/allowance.h"
 
 #define PING_US 15000000    /* a sign of life is asked for this often */
 #define SILENCE_US 30000000 /* and a peer without one for this long is gone */
@@ -38,7 +38,7 @@ typedef struct tcs_stream {
   uint32_t events;
   int64_t read_us; /* since when this turn reads */
   int64_t heard_us, pinged_us, sent_us, closing_us;
-  tcs_share share;
+  tcs_allowance share;
   int64_t resume_us;   /* nothing is read before then; 0 = read at once */
   struct hello *hello; /* on its way from the worker; nothing is read before it is there */
   bool dead, inside;   /* inside: called by the framing, which must return before anything is torn down */
@@ -298,7 +298,7 @@ static void read_some(tcs_stream *stream) {
   stream->inside = true;
   const bool alive = tcs_channel_read(stream->channel);
   stream->inside = false;
-  stream->resume_us = tcs_share_spend(&stream->share, stream->read_us, tcs_thread_cpu_us() - cpu_us);
+  stream->resume_us = tcs_allowance_spend(&stream->share, stream->read_us, tcs_thread_cpu_us() - cpu_us);
   if (alive)
     settle(stream);
   else
@@ -354,7 +354,7 @@ void tcs_streams_open(tcs_streams *streams, tcs_session *session, const tcs_call
   stream->extra = g_byte_array_new();
   g_byte_array_append(stream->extra, (const guint8 *)extra, (guint)extra_size);
   stream->heard_us = stream->pinged_us = stream->sent_us = g_get_monotonic_time();
-  tcs_share_init(&stream->share, stream->heard_us);
+  tcs_allowance_init(&stream->share, stream->heard_us);
   stream->events = EPOLLIN;
   stream->channel = tcs_channel_new(&callbacks, stream);
   set_socket_options(fd);

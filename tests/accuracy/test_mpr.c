@@ -19,7 +19,7 @@
 
 #define WIDTH 61
 #define HEIGHT 47
-#define SLACK 1e-3 /* voxels around the field that count to it (raycast/slice.h) */
+#define SLACK 1e-3 /* voxels around the field that count to it (raycast/mpr.h) */
 
 /* How far a grey may be off. */
 static double allowed(int which) { return which == GL ? 1.0 / 255 : 1e-4; }

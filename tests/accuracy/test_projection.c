@@ -12,7 +12,8 @@
 #include <cmocka.h>
 
 #include "renderer/tomocast.h"
-#include "renderer/classify/classify.h"
+#include "renderer/classify/preintegration.h"
+#include "renderer/classify/transfer.h"
 #include "tests/support/grid.h"
 #include "tests/support/image.h"
 #include "tests/support/renderers.h"

@@ -10,7 +10,9 @@
 
 #include <cmocka.h>
 
+#include "renderer/classify/transfer.h"
 #include "renderer/skip/boxes.h"
+#include "renderer/skip/distance_map.h"
 #include "renderer/skip/fine.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
@@ -139,7 +141,7 @@ static void map_is_right(void **unused) {
     const tc_volume_desc *d = tc_volume_describe(v);
     tc_support *support = support_of(v, &s.transfer_function);
     tc_minmax *m = tc_minmax_build(v, 2 + trial % 7, 0, NULL, NULL);
-    tc_leap *leap = tc_leap_build(m, support, NULL, NULL, NULL);
+    tc_distance_map *leap = tc_distance_map_build(m, support, NULL, NULL, NULL);
     for (int k = 0; k < 3; k++) {
       int cells = d->dims[k] > 1 ? d->dims[k] - 1 : 1;
       assert_true(m->blocks[k] * m->block >= cells && (m->blocks[k] - 1) * m->block < cells);
@@ -167,7 +169,7 @@ static void map_is_right(void **unused) {
         assert_true(tc_extinction(&s.transfer_function, value) == 0);
       }
     }
-    tc_leap_free(leap);
+    tc_distance_map_free(leap);
     tc_minmax_free(m);
     tc_support_free(support);
     tc_scene_clear(&s);
@@ -220,7 +222,7 @@ static void boxes_hold_what_shows(void **unused) {
     tc_boxes *boxes = tc_boxes_begin(v, &fine->grid, support, NULL, NULL);
     assert_true(tc_boxes_go_on(boxes, v, &fine->grid, NULL, NULL));
     tc_minmax *m = tc_minmax_build(v, boxes->block, reach, NULL, NULL);
-    tc_leap *leap = tc_leap_build(m, support, NULL, NULL, NULL);
+    tc_distance_map *leap = tc_distance_map_build(m, support, NULL, NULL, NULL);
     const size_t count = volume_of(m->blocks);
     assert_int_equal(count, volume_of(fine->grid.blocks));
     bool *named = calloc(count, sizeof *named);
@@ -231,7 +233,7 @@ static void boxes_hold_what_shows(void **unused) {
     }
     all += count;
     free(named);
-    tc_leap_free(leap), tc_minmax_free(m), tc_boxes_free(boxes), tc_fine_free(fine);
+    tc_distance_map_free(leap), tc_minmax_free(m), tc_boxes_free(boxes), tc_fine_free(fine);
     tc_support_free(support);
     tc_scene_clear(&s);
     tc_volume_unref(v);
@@ -250,17 +252,17 @@ static void map_is_mended(void **unused) {
     tc_scene s;
     test_scene(&s, 8, 8);
     random_knots(&s, &state);
-    tc_leap *before = NULL;
+    tc_distance_map *before = NULL;
     for (int edit = 0; edit < 6; edit++) {
       tc_support *support = edit == 5 ? tc_support_surface(80, 81, NULL) : support_of(v, &s.transfer_function);
-      tc_leap *leap = tc_leap_build(m, support, before, NULL, NULL),
-              *alone = tc_leap_build(m, support, NULL, NULL, NULL);
+      tc_distance_map *leap = tc_distance_map_build(m, support, before, NULL, NULL),
+              *alone = tc_distance_map_build(m, support, NULL, NULL, NULL);
       size_t blocks = (size_t)m->blocks[0] * (size_t)m->blocks[1] * (size_t)m->blocks[2];
       assert_memory_equal(leap->distance, alone->distance, blocks);
       assert_memory_equal(leap->farthest, alone->farthest, (size_t)m->blocks[2]);
       if (before) swept += leap->swept, layers += m->blocks[2], untouched += !leap->swept && alone->swept;
-      tc_leap_free(before);
-      tc_leap_free(alone);
+      tc_distance_map_free(before);
+      tc_distance_map_free(alone);
       before = leap;
       tc_support_free(support);
       size_t k = (size_t)(s.transfer_function.count * test_random(&state));
@@ -268,7 +270,7 @@ static void map_is_mended(void **unused) {
       if (k + 1 < s.transfer_function.count) next = s.transfer_function.points[k + 1].value;
       *value += 0.3 * test_random(&state) * (next - *value);
     }
-    tc_leap_free(before);
+    tc_distance_map_free(before);
     tc_minmax_free(m);
     tc_scene_clear(&s);
     tc_volume_unref(v);

@@ -12,7 +12,7 @@
 
 #include <cmocka.h>
 
-#include "renderer/classify/classify.h"
+#include "renderer/classify/preintegration.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
 #include "tests/support/image.h"

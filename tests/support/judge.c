@@ -5,7 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "renderer/classify/classify.h"
+#include "renderer/classify/preintegration.h"
+#include "renderer/classify/transfer.h"
 #include "renderer/reference/reference.h"
 #include "tests/support/grid.h"
 

@@ -222,7 +222,7 @@ static void a_frame_changes_no_plan(void **state) {
   tc_plan_make(f->volume, &f->scene, NULL, &after);
   assert_memory_equal(&before.key, &after.key, sizeof before.key);
   assert_true(before.key.skipping && before.resources == after.resources);
-  assert_true(tc_plan_has(&before, TC_RESOURCE_LEAP) && !tc_plan_has(&before, TC_RESOURCE_BOXES));
+  assert_true(tc_plan_has(&before, TC_RESOURCE_DISTANCE_MAP) && !tc_plan_has(&before, TC_RESOURCE_BOXES));
   assert_false(f->plan.key.skipping || f->plan.stages[TC_STAGE_SKIPPING].included);
   assert_non_null(strstr(f->plan.stages[TC_STAGE_SKIPPING].reason, "only 0.0 %"));
 }

@@ -9,7 +9,7 @@
 #include "server/schedule/ladder.h"
 #include "server/session/credit.h"
 #include "server/session/watcher.h"
-#include "server/ws/share.h"
+#include "server/ws/allowance.h"
 
 static void test_window_counts(void **state) {
   tcs_credit window;
@@ -211,11 +211,11 @@ static void test_slices_begin_in_full_size(void **state) {
 /* Reads of `cpu_us` whenever one may begin, `gap_us` apart at least, for ten seconds. Returns the processor time taken.
  */
 static int64_t read_for_long(int64_t cpu_us, int64_t gap_us, int64_t *longest_rest_us) {
-  tcs_share share;
+  tcs_allowance share;
   int64_t taken_us = 0, now_us = 5000;
-  tcs_share_init(&share, now_us);
+  tcs_allowance_init(&share, now_us);
   for (*longest_rest_us = 0; now_us < 10000000; taken_us += cpu_us) {
-    const int64_t resume_us = tcs_share_spend(&share, now_us, cpu_us);
+    const int64_t resume_us = tcs_allowance_spend(&share, now_us, cpu_us);
     *longest_rest_us = MAX(*longest_rest_us, resume_us - now_us);
     now_us = MAX(now_us + gap_us, resume_us);
   }
@@ -224,9 +224,9 @@ static int64_t read_for_long(int64_t cpu_us, int64_t gap_us, int64_t *longest_re
 
 static void test_a_flood_of_messages_gets_its_share(void **state) {
   int64_t rest_us;
-  assert_in_range(read_for_long(500, 500, &rest_us), 10000000 / TCS_SHARE,
-                  10000000 / TCS_SHARE + TCS_SHARE_CREDIT_US + 500);
-  assert_in_range(rest_us, 1, 500 * TCS_SHARE); /* many short rests, not a long one */
+  assert_in_range(read_for_long(500, 500, &rest_us), 10000000 / TCS_ALLOWANCE,
+                  10000000 / TCS_ALLOWANCE + TCS_ALLOWANCE_CREDIT_US + 500);
+  assert_in_range(rest_us, 1, 500 * TCS_ALLOWANCE); /* many short rests, not a long one */
 }
 
 static void test_a_hand_never_rests(void **state) {
@@ -237,12 +237,12 @@ static void test_a_hand_never_rests(void **state) {
 
 /* A burst is taken at once, and its credit comes back. */
 static void test_a_burst_is_taken_from_credit(void **state) {
-  tcs_share share;
-  tcs_share_init(&share, 0);
-  assert_int_equal(tcs_share_spend(&share, 0, TCS_SHARE_CREDIT_US), 0);
-  assert_int_equal(tcs_share_spend(&share, 0, 100), 100 * TCS_SHARE);
-  assert_int_equal(tcs_share_spend(&share, 100 * TCS_SHARE, 0), 0);
-  assert_int_equal(tcs_share_spend(&share, 100000000, TCS_SHARE_CREDIT_US), 0);
+  tcs_allowance share;
+  tcs_allowance_init(&share, 0);
+  assert_int_equal(tcs_allowance_spend(&share, 0, TCS_ALLOWANCE_CREDIT_US), 0);
+  assert_int_equal(tcs_allowance_spend(&share, 0, 100), 100 * TCS_ALLOWANCE);
+  assert_int_equal(tcs_allowance_spend(&share, 100 * TCS_ALLOWANCE, 0), 0);
+  assert_int_equal(tcs_allowance_spend(&share, 100000000, TCS_ALLOWANCE_CREDIT_US), 0);
 }
 
 int main(void) {

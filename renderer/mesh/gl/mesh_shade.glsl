@@ -1,4 +1,4 @@
-// Colours of the visible triangles, each once a pixel (mesh/raster.h; equations: shade.h), in raster_shade_tmpl.h's steps.
+// Colours of the visible triangles, each once a pixel (mesh/raster.h; equations: shading.h), in raster_shade_tmpl.h's steps.
 layout(binding = 0) uniform usampler2DArray triangles; // a layer for each sample; 0xffffffff: nothing
 layout(std430, binding = 4) readonly buffer Vertices { uvec4 vertices[]; }; // bits of x, y, z; normal
 layout(std430, binding = 5) readonly buffer Indices { uint indices[]; };

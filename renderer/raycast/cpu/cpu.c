@@ -155,7 +155,7 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
   if (job->have.labels) fill_labels(&a->labels, job);
   if (tc_is_projection((tc_mode)job->key.mode)) fill_projection(a, job);
   if (job->key.mode == TC_MODE_ISOSURFACE) fill_surface(a, job);
-  if (job->have.leap) a->blocks = blocks_of(job->have.leap->distance, job->have.leap->block, job->have.leap->blocks);
+  if (job->have.distance_map) a->blocks = blocks_of(job->have.distance_map->distance, job->have.distance_map->block, job->have.distance_map->blocks);
   if (job->key.mode == TC_MODE_MPR) fill_window(a, job);
   if (job->key.shading) tc_shade_set_up(&a->shade, job->source, job->volume, job->scene);
   if (job->have.table) {

@@ -27,15 +27,6 @@ V_INLINE vf4 draw_segment(const tc_cpu_args *args, variant v, const packet *p, c
   return c;
 }
 
-/* A terminated ray is scaled to opacity 1, as if what it did not reach looked like what it passed: the background
- * does not show through, and an opaque region keeps its colour exactly. The error is at most the threshold. */
-V_INLINE vf4 finish_rays(const tc_cpu_args *args, variant v, vf4 sum, vf clear) {
-  vm full = v_lt(v_set(1), sum.a);
-  if (v.terminate) full = m_or(full, v_lt(clear, v_set(args->termination)));
-  vf whole = v_select(full, sum.a, v_set(1));
-  return (vf4){sum.r / whole, sum.g / whole, sum.b / whole, sum.a / whole};
-}
-
 V_INLINE void shift_slopes(vf slopes[3][3]) {
   for (int k = 0; k < 3; k++) slopes[0][k] = slopes[1][k], slopes[1][k] = slopes[2][k];
 }
@@ -110,7 +101,7 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
     sum.a = v_fma(weight, c.a, sum.a);
     clear = v_fnma(weight, c.a, clear);
     live = m_and(live, v_lt(t1, p.length));
-    if (v.terminate) live = m_and(live, v_le(v_set(args->termination), clear)); /* early ray termination */
+    if (v.terminate) live = m_and(live, not_terminated(args, clear));
     front = back, back = next;
     if (cell) shift_slopes(slopes);
   }

@@ -178,7 +178,7 @@ V_INLINE vm leap_ahead(const tc_cpu_args *args, const packet *p, vf at[3], vf *t
   vf block[3], far = v_set(NEVER);
   for (int k = 0; k < 3; k++) {
     vf held = v_min(v_max(at[k], v_set(0)), v_set((float)args->grid.cell_last[k]));
-    block[k] = v_float(v_trunc((held + v_set(0.5f)) * v_set(args->blocks.inverse_width))); /* as in leap.glsl */
+    block[k] = v_float(v_trunc((held + v_set(0.5f)) * v_set(args->blocks.inverse_width))); /* as in distance_map.glsl */
   }
   vi off = v_addi(v_muli(v_trunc(block[2]), v_seti(args->blocks.slice)),
                   v_muli(v_trunc(block[1]), v_seti(args->blocks.row)));

@@ -11,9 +11,11 @@
 #include <stdint.h>
 
 #include "renderer/plan/key.h"
-#include "renderer/raycast/grey.h"
+#include "renderer/classify/transfer.h"
+#include "renderer/raycast/jitter.h"
+#include "renderer/raycast/projection.h"
 #include "renderer/raycast/rays.h"
-#include "renderer/raycast/shade.h"
+#include "renderer/raycast/shading.h"
 #include "renderer/raycast/surface.h"
 #include "renderer/skip/cover.h"
 
@@ -71,7 +73,7 @@ typedef struct tc_cpu_args {
   const float *integrals;      /* tc_integrals' entries */
   int levels_start, level_row; /* entries before the levels; per level */
   tc_cpu_blocks blocks;        /* empty-space skipping in projections (levels) and for isosurfaces (distances) */
-  float level_scale;           /* levels per unit of grey.h's w */
+  float level_scale;           /* levels per unit of projection.h's w */
   int interval;                /* samples that one level serves */
   tc_cover cover;              /* empty-space skipping in dvr */
   tc_grey grey;                /* projections */

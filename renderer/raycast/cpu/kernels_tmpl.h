@@ -2,39 +2,7 @@
  * stand in this order. */
 #include "renderer/raycast/cpu/packet_tmpl.h"
 
-#include "renderer/raycast/cpu/field_tmpl.h"
-
-#include "renderer/raycast/cpu/cubic_tmpl.h"
-
-#include "renderer/raycast/cpu/filter_tmpl.h"
-
-#include "renderer/raycast/cpu/classify_tmpl.h"
-
-#include "renderer/raycast/cpu/integrals_tmpl.h"
-
-#include "renderer/raycast/cpu/zoom_tmpl.h"
-
-#include "renderer/raycast/cpu/stiff_tmpl.h"
-
-#include "renderer/raycast/cpu/subpixel_tmpl.h"
-
-#include "renderer/raycast/cpu/segment_tmpl.h"
-
-#include "renderer/raycast/cpu/shade_tmpl.h"
-
-#include "renderer/raycast/cpu/gradient_tmpl.h"
-
-#include "renderer/raycast/cpu/labels_tmpl.h"
-
-#include "renderer/raycast/cpu/cover_tmpl.h"
-
-#include "renderer/raycast/cpu/neighbourhood_tmpl.h"
-
-#include "renderer/raycast/cpu/dvr_tmpl.h"
-
-#include "renderer/raycast/cpu/back_tmpl.h"
-
-#include "renderer/raycast/cpu/projection_tmpl.h"
+#include "renderer/raycast/cpu/marches_tmpl.h"
 
 #include "renderer/raycast/cpu/mpr_tmpl.h"
 

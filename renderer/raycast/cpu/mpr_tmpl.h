@@ -1,5 +1,5 @@
 /* Planar reformats (MPR) of a packet: one sample per pixel, or a slab's maximum, minimum or mean, through the window
- * to grey (raycast/slice.h). Nodes are tc_slice_window's (backend.h). */
+ * to grey (raycast/mpr.h). Nodes are tc_slice_window's (backend.h). */
 
 /* The slab's value; front: the value at the rays' entries. Samples lie at whole steps from the plane, on the plane
  * itself, so that a slab around a voxel never misses its peak, and at both ends. A ray at its end samples it again,

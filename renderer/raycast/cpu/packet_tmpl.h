@@ -1,6 +1,8 @@
 /* A packet: one ray for each of V_LANES neighbouring pixels, clipped to the volume and the clip planes
  * (raycast/rays.h). */
 
+#include "renderer/raycast/cpu/clip_tmpl.h"
+
 /* Compiled once per instruction set and called, not inlined into every kernel. */
 #define V_ONCE static __attribute__((noinline))
 
@@ -20,7 +22,7 @@
   MEMBER(labels)                                                                                                      \
   MEMBER(several) /* rays per pixel (subpixel_tmpl.h) */                                                              \
   MEMBER(jitter)                                                                                                      \
-  MEMBER(zoomed) /* the pre-integration table has zooms (classify/classify.h) */
+  MEMBER(zoomed) /* the pre-integration table has zooms (classify/preintegration.h) */
 #define BY_KEY -1
 
 typedef struct variant {
@@ -51,33 +53,6 @@ V_INLINE void ray_places(variant v, const place *at, vf *i, vf *j) {
   *i = v_set((float)at->x + 0.5f) + v_lane_x();
   *j = v_set((float)at->y + 0.5f) + v_lane_y();
   if (v.several) *i = *i + v_set(at->ray->x), *j = *j + v_set(at->ray->y);
-}
-
-/* Narrows [*s0, *s1] to the s for which the ray is inside [lo, hi] along one axis. */
-V_INLINE void clip_axis(vf q, vf d, vf inverse, vf lo, vf hi, vf *s0, vf *s1) {
-  vm parallel = v_lt(v_abs(d), v_set(1e-12f));
-  vm inside = m_and(v_le(lo, q), v_le(q, hi));
-  vf big = v_set(1e30f);
-  vf a = (lo - q) * inverse, b = (hi - q) * inverse;
-  vf near = v_select(parallel, v_select(inside, v_set(0) - big, big), v_min(a, b));
-  vf far = v_select(parallel, v_select(inside, big, v_set(0) - big), v_max(a, b));
-  *s0 = v_max(*s0, near);
-  *s1 = v_min(*s1, far);
-}
-
-/* Narrows [*s0, *s1] to the half space of one clip plane. A ray parallel to the plane is inside or outside as a
- * whole. */
-V_INLINE void clip_plane(const float plane[4], const vf q[3], const vf d[3], vf *s0, vf *s1) {
-  vf at = v_set(plane[3]), rate = v_set(0), big = v_set(1e30f);
-  for (int k = 0; k < 3; k++) {
-    at = v_fma(v_set(plane[k]), q[k], at);
-    rate = v_fma(v_set(plane[k]), d[k], rate);
-  }
-  vm parallel = v_lt(v_abs(rate), v_set(1e-9f)), enters = v_lt(v_set(0), rate);
-  vf s = (v_set(0) - at) / v_select(parallel, v_set(1), rate);
-  vf outside = v_select(v_lt(at, v_set(0)), big, v_set(0) - big);
-  *s0 = v_max(*s0, v_select(parallel, outside, v_select(enters, s, v_set(0) - big)));
-  *s1 = v_min(*s1, v_select(m_or(parallel, enters), big, s));
 }
 
 V_INLINE packet start_packet(const tc_cpu_args *args, variant v, const place *at) {

@@ -1,7 +1,7 @@
 /* Maximum, minimum and average intensity projection (MIP, MinIP, average) of a packet.
  *
  * Sample i is at entry + i * step * dir, and the ray's end is sampled too. MIP and MinIP are one kernel, a maximum
- * of the signed voxel (raycast/grey.h). A ray that has passed its end samples its end again, which raises no
+ * of the signed voxel (raycast/projection.h). A ray that has passed its end samples its end again, which raises no
  * maximum: no lane needs a mask, and no pixel depends on its neighbours. In a volume's gaps (variant.labels) samples do
  * not count. */
 
@@ -51,7 +51,7 @@ typedef struct peak {
   vm met; /* rays that took a sample; with gaps only */
 } peak;
 
-/* Refines the peak between samples: the greatest value of the field near the greatest sample (raycast/grey.h). */
+/* Refines the peak between samples: the greatest value of the field near the greatest sample (raycast/projection.h). */
 V_ONCE vf refine_peak(const tc_cpu_args *args, const packet *p, const peak *from) {
   const variant v = {.type = args->key.voxel_type, .filter = args->key.filter, .labels = args->key.labels};
   vf best = from->best, at = from->at;

@@ -39,8 +39,8 @@ V_INLINE void cast_tile(const tc_cpu_args *args, variant v, int x0, int y0, int 
     }
 }
 
-/* What a plan's key asks for. Shading models differ in numbers (raycast/shade.h), MIP and MinIP in a sign
- * (raycast/grey.h). */
+/* What a plan's key asks for. Shading models differ in numbers (raycast/shading.h), MIP and MinIP in a sign
+ * (raycast/projection.h). */
 V_INLINE variant wanted_variant(const tc_plan_key *key) {
   return (variant){.mode = key->mode == TC_MODE_MINIP ? TC_MODE_MIP : key->mode,
                    .type = key->voxel_type,

@@ -1,4 +1,4 @@
-/* Look-up in a pre-integration table with zooms, and in its rows of depths (classify/classify.h).
+/* Look-up in a pre-integration table with zooms, and in its rows of depths (classify/preintegration.h).
  *
  * A segment is looked up in the finest window that contains both of its ends. If only one end lies in a finer
  * window, near that window's knots, the segment is cut at the window's edge, and the optical depths of the parts

@@ -280,7 +280,7 @@ static bool lookups_for(gl_backend *b, const tc_job *job, const tc_gl_lookup **t
       !(*table = tc_gl_textures_table(&b->textures, &b->builder, job->have.table, tables_ms, halt, error)))
     return false;
   if (job->have.integrals && !(*table = tc_gl_textures_integrals(&b->textures, job->have.integrals, halt, error))) return false;
-  if (job->have.leap && !(*skip = tc_gl_textures_leap(&b->textures, job->volume, job->have.leap, halt, error))) return false;
+  if (job->have.distance_map && !(*skip = tc_gl_textures_distance_map(&b->textures, job->volume, job->have.distance_map, halt, error))) return false;
   return !job->have.bounds || (*skip = tc_gl_textures_bounds(&b->textures, job->volume, job->have.bounds, halt, error));
 }
 

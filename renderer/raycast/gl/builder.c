@@ -8,11 +8,11 @@
 #include "renderer/gl/program.h"
 #include "renderer/raycast/gl/compose.h"
 
-#define GROUP 64                         /* local_size_x of table_head.glsl */
+#define GROUP 64                         /* local_size_x of preintegration_head.glsl */
 #define LARGEST_BLOCK ((int64_t)1 << 27) /* bytes of a buffer that OpenGL 4.5 promises a shader */
 
 static unsigned compile(const char *main_piece) {
-  const char *const texts[] = {tc_gl_piece("table_head.glsl"), tc_gl_piece("table_elementary.glsl"),
+  const char *const texts[] = {tc_gl_piece("preintegration_head.glsl"), tc_gl_piece("preintegration_elementary.glsl"),
                                tc_gl_piece(main_piece)};
   return tc_gl_program_compile(texts, G_N_ELEMENTS(texts), main_piece, NULL);
 }
@@ -28,8 +28,8 @@ void tc_gl_builder_make(tc_gl_builder *builder, tc_table_builder wanted, const t
     return;
   }
   builder->why = wanted == TC_TABLES_GL ? "built by opengl: asked for" : "built by opengl: nothing is uploaded to the GPU";
-  builder->blocks = compile("table_blocks.glsl");
-  builder->windows = compile("table_windows.glsl");
+  builder->blocks = compile("preintegration_blocks.glsl");
+  builder->windows = compile("preintegration_windows.glsl");
   glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &builder->most_entries);
   if (builder->blocks && builder->windows && report->max_ssbo_bytes >= LARGEST_BLOCK) return;
   tc_gl_builder_clear(builder);

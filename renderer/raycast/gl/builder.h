@@ -1,5 +1,5 @@
 /* Pre-integration tables built on the GPU, directly in the buffer that frames read: only their pieces are uploaded,
- * O(n). Entries agree with those of classify/table.c within 1e-6, whatever the extinction. Needs a current context.
+ * O(n). Entries agree with those of classify/preintegration.c within 1e-6, whatever the extinction. Needs a current context.
  *
  * On diagonal k, a window of k segments is the rest of its first block, whole blocks and the beginning of its last.
  * Blocks are about sqrt(n) wide: an entry takes a constant number of compositions, all by one invocation, without
@@ -8,7 +8,7 @@
 #ifndef TC_RAYCAST_GL_BUILDER_H
 #define TC_RAYCAST_GL_BUILDER_H
 
-#include "renderer/classify/classify.h"
+#include "renderer/classify/preintegration.h"
 #include "renderer/gl/device.h"
 #include "renderer/tomocast.h"
 

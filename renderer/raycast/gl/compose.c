@@ -7,7 +7,7 @@
 #include "renderer/classify/integrals.h"
 #include "renderer/base/embedded.h"
 #include "renderer/gl/program.h"
-#include "renderer/raycast/grey.h"
+#include "renderer/raycast/projection.h"
 
 #define MAX_PIECES 24 /* a program with every stage has about 20 */
 
@@ -74,31 +74,33 @@ static void add_shading(composition *c, const tc_gl_variant *v) {
                                                            "gradient_cubic.glsl"};
   if (!v->plan.shading) return;
   if (!has_slopes(v)) add(c, gradients[v->plan.gradient]);
-  add(c, "shade.glsl");
+  add(c, "shading.glsl");
 }
 
 static void add_dvr(composition *c, const tc_gl_variant *v) {
   bool integrals = tc_integrals_serve((tc_classification)v->plan.classification);
   add(c, "node.glsl");
-  add(c, integrals ? "integrals.glsl" : "table_2d.glsl");
-  if (v->plan.skipping) add(c, "leap.glsl");
+  add(c, integrals ? "integrals.glsl" : "preintegration.glsl");
+  if (v->plan.skipping) add(c, "distance_map.glsl");
   add_shading(c, v);
-  if (v->plan.rays || v->plan.jitter) add(c, "phase.glsl");
+  if (v->plan.jitter) add(c, "jitter.glsl");
+  if (v->plan.rays || v->plan.jitter) add(c, "subpixel.glsl");
   if (v->plan.coherence) add(c, "coherence.glsl");
   add(c, "segment.glsl");
-  add(c, v->plan.order == TC_FRONT_TO_BACK ? "march_dvr.glsl" : "march_back.glsl");
+  if (v->plan.order == TC_FRONT_TO_BACK) add(c, "termination.glsl");
+  add(c, v->plan.order == TC_FRONT_TO_BACK ? "dvr.glsl" : "back.glsl");
 }
 
 static void add_projection(composition *c, const tc_gl_variant *v) {
   add(c, v->linear_light ? "decode_srgb.glsl" : "decode_display.glsl");
-  add(c, "grey.glsl");
+  add(c, "projection.glsl");
   if (v->plan.skipping) add(c, "bounds.glsl");
-  add(c, v->plan.mode == TC_MODE_AVERAGE ? "march_average.glsl" : "march_extreme.glsl");
+  add(c, v->plan.mode == TC_MODE_AVERAGE ? "projection_average.glsl" : "projection_mip.glsl");
 }
 
 static void add_isosurface(composition *c, const tc_gl_variant *v) {
   add_shading(c, v);
-  add(c, "march_isosurface.glsl");
+  add(c, "isosurface.glsl");
 }
 
 /* Triangles into the visibility buffer. */
@@ -115,11 +117,11 @@ static void add_rays(composition *c, const tc_gl_variant *v) {
   add(c, v->plan.projection == TC_PERSPECTIVE ? "ray_perspective.glsl" : "ray_orthographic.glsl");
   add(c, "field_gather.glsl");
   add(c, fields[v->plan.filter]);
-  if (v->plan.clipping) add(c, "clip_planes.glsl");
-  if (v->plan.labels || v->plan.mode == TC_MODE_DVR) add(c, "shorten.glsl");
+  if (v->plan.clipping) add(c, "clip.glsl");
+  if (v->plan.labels || v->plan.mode == TC_MODE_DVR) add(c, "opacity_correction.glsl");
   if (v->plan.labels) add(c, "labels.glsl");
   if (v->plan.mode == TC_MODE_MPR)
-    add(c, "march_mpr.glsl");
+    add(c, "mpr.glsl");
   else if (tc_is_projection((tc_mode)v->plan.mode))
     add_projection(c, v);
   else if (v->plan.mode == TC_MODE_ISOSURFACE)
@@ -132,7 +134,7 @@ static void add_splat(composition *c, const tc_gl_variant *v) {
   static const char *const passes[] = {NULL, "splat_pass.glsl", "splat_blocks.glsl", "splat_pass.glsl"};
   add(c, "splat_head.glsl");
   if (v->pass) add_text(c, v->pass == 1 ? "#define PASS 1\n" : "#define PASS 3\n"), add(c, passes[v->pass]);
-  if (!v->pass && v->plan.shading) add(c, "shade.glsl");
+  if (!v->pass && v->plan.shading) add(c, "shading.glsl");
 }
 
 /* What gives each pixel its colour, and writes it. */

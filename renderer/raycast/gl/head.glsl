@@ -13,7 +13,7 @@ struct Rays { // tc_rays_single (rays.h)
   int n_planes, count, perspective;
   float footprint;                    // voxels
 };
-struct Shade { // tc_shade (shade.h)
+struct Shade { // tc_shade (shading.h)
   vec4 gradient[3];
   vec3 light;
   int head_light;
@@ -21,14 +21,14 @@ struct Shade { // tc_shade (shade.h)
   vec2 factor;
   float least, low, inverse_steep, specular, shininess; // low: tc_shade.flat
 };
-struct Grey { float sign, gain, offset, low, stop; }; // tc_grey (grey.h); low: its floor
+struct Grey { float sign, gain, offset, low, stop; }; // tc_grey (projection.h); low: its floor
 
 // tc_gl_job_block (job.h): same members, same order.
 layout(std140, binding = 0) uniform Job {
   Rays rays;
   Shade shade;
   Grey grey;
-  vec4 level_scale;                   // x: levels per unit of grey.h's w
+  vec4 level_scale;                   // x: levels per unit of projection.h's w
   ivec4 dims;                         // xyz: voxels; w: slices per texture layer
   vec4 texel;                         // xyz: 1 / texture size
   vec4 nodes;                         // x: lo, y: nodes per voxel unit, z: n - 1
@@ -37,7 +37,7 @@ layout(std140, binding = 0) uniform Job {
   ivec4 blocks;                       // x: width of a block in voxels, yz: entries to the next block along y, z, w: samples per interval
   vec4 background;                    // compositing space; w: threshold of early ray termination
   vec4 window;                        // mpr: x: centre in nodes, y: grey per node
-  vec4 zooms[7];                      // node of the zoom = (node - x) * y; z: start of its row k = 0, w: its rim (classify.h)
+  vec4 zooms[7];                      // node of the zoom = (node - x) * y; z: start of its row k = 0, w: its rim (preintegration.h)
   vec4 label_matrix[3];               // rows: from the volume's index positions to the label volume's
   ivec4 label_dims;                   // xyz: voxels; w: slices per texture layer
   ivec4 label_numbers;                // x: voxel of the first entry; y: voxel value that stands for outside

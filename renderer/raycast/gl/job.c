@@ -81,7 +81,7 @@ void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volum
   }
   if (job->have.table) fill_table(block, job->have.table);
   if (job->have.integrals) fill_integrals(block, job->have.integrals);
-  if (job->have.leap) fill_blocks(block, job->have.leap->block, job->have.leap->blocks);
+  if (job->have.distance_map) fill_blocks(block, job->have.distance_map->block, job->have.distance_map->blocks);
   if (tc_is_projection((tc_mode)job->key.mode)) fill_projection(block, &job->plan->grey, job->have.bounds, job->rays);
   if (job->key.mode == TC_MODE_MPR) fill_window(block, job);
   if (job->key.mode == TC_MODE_ISOSURFACE) {

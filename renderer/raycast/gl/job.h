@@ -6,7 +6,7 @@
 
 #include "renderer/frame/backend.h"
 #include "renderer/raycast/gl/textures.h"
-#include "renderer/raycast/shade.h"
+#include "renderer/raycast/shading.h"
 
 typedef struct tc_gl_job_block {
   tc_rays_single rays;

@@ -287,15 +287,15 @@ const tc_gl_lookup *tc_gl_textures_integrals(tc_gl_textures *textures, const tc_
   return lookup(textures, key, &from, halt, error);
 }
 
-const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volume *volume, const tc_leap *leap,
+const tc_gl_lookup *tc_gl_textures_distance_map(tc_gl_textures *textures, const tc_volume *volume, const tc_distance_map *map,
                                         const tc_halt *halt, GError **error) {
-  const uint64_t key[5] = {leap->support, tc_volume_serial(volume), (uint64_t)leap->block,
-                           (uint64_t)leap->reach};
+  const uint64_t key[5] = {map->support, tc_volume_serial(volume), (uint64_t)map->block,
+                           (uint64_t)map->reach};
   const lookup_source from = {.what = "distance map",
-                              .entries = leap->distance,
+                              .entries = map->distance,
                               .entry_bytes = 1,
                               .format = GL_R8UI,
-                              .count = (size_t)leap->blocks[0] * (size_t)leap->blocks[1] * (size_t)leap->blocks[2]};
+                              .count = (size_t)map->blocks[0] * (size_t)map->blocks[1] * (size_t)map->blocks[2]};
   return lookup(textures, key, &from, halt, error);
 }
 

@@ -3,14 +3,14 @@
 #ifndef TC_RAYCAST_GL_TEXTURES_H
 #define TC_RAYCAST_GL_TEXTURES_H
 
-#include "renderer/classify/classify.h"
+#include "renderer/classify/preintegration.h"
 #include "renderer/classify/integrals.h"
 #include "renderer/classify/labels.h"
 #include "renderer/gl/device.h"
 #include "renderer/raycast/gl/builder.h"
 #include "renderer/raycast/gl/compose.h"
 #include "renderer/skip/bounds.h"
-#include "renderer/skip/skip.h"
+#include "renderer/skip/distance_map.h"
 
 typedef struct tc_gl_volume {
   uint64_t serial; /* of the volume */
@@ -24,7 +24,7 @@ typedef struct tc_gl_volume {
 /* A buffer texture: a table or integrals (RGBA32F), a distance map or bounds (R8UI). */
 typedef struct tc_gl_lookup {
   uint64_t key[5]; /* serials of table or support, and of the volume (0 for a table: it serves any); block width; serial of
-                      bounds, or a leap's reach; serial of labels, or of integrals, which serve any volume */
+                      bounds, or a distance map's reach; serial of labels, or of integrals, which serve any volume */
   unsigned buffer, texture;
   size_t bytes;
   uint64_t used;
@@ -52,7 +52,7 @@ const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_gl_b
                                          double *ms, const tc_halt *halt, GError **error);
 const tc_gl_lookup *tc_gl_textures_integrals(tc_gl_textures *textures, const tc_integrals *integrals,
                                              const tc_halt *halt, GError **error);
-const tc_gl_lookup *tc_gl_textures_leap(tc_gl_textures *textures, const tc_volume *volume, const tc_leap *leap,
+const tc_gl_lookup *tc_gl_textures_distance_map(tc_gl_textures *textures, const tc_volume *volume, const tc_distance_map *map,
                                         const tc_halt *halt, GError **error);
 const tc_gl_lookup *tc_gl_textures_bounds(tc_gl_textures *textures, const tc_volume *volume, const tc_bounds *bounds,
                                           const tc_halt *halt, GError **error);

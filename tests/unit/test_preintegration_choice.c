@@ -1,4 +1,4 @@
-/* What the choice of a table's size and zooms promises (classify/classify.h), over the built-in scenes and over random
+/* What the choice of a table's size and zooms promises (classify/preintegration.h), over the built-in scenes and over random
  * transfer functions. Rays through linear fields stand for all: along those the table is all that is wrong. */
 #include <math.h>
 #include <setjmp.h>
@@ -11,7 +11,8 @@
 
 #include <cmocka.h>
 
-#include "renderer/classify/classify.h"
+#include "renderer/classify/preintegration.h"
+#include "renderer/classify/transfer.h"
 #include "server/bench/report.h"
 
 /* ---- a ray of segments looked up, and the same integrated ---- */

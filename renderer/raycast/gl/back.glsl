@@ -1,4 +1,4 @@
-// Back-to-front compositing: the samples and segments of march_dvr.glsl in reverse. There is no early ray termination,
+// Back-to-front compositing: the samples and segments of dvr.glsl in reverse. There is no early ray termination,
 // because the nearest segment comes last.
 
 // The last sample before the ray's end; the loops correct the rounding of the estimate.

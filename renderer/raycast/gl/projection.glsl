@@ -1,4 +1,4 @@
-// Projections: the signed voxel w along the ray, and from w to grey (raycast/grey.h).
+// Projections: the signed voxel w along the ray, and from w to grey (raycast/projection.h).
 
 float sample_signed(vec3 entry, vec3 direction, float t) {
   precise vec3 p = fma(vec3(t), direction, entry);

@@ -12,6 +12,7 @@
 
 #include "renderer/classify/outline.h"
 #include "renderer/reference/reference.h"
+#include "renderer/classify/transfer.h"
 #include "renderer/frame/resources.h"
 
 typedef struct { double c[3], t; } light;

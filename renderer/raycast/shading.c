@@ -1,4 +1,4 @@
-#include "renderer/raycast/shade.h"
+#include "renderer/raycast/shading.h"
 
 #include <math.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-/* Classification: the pre-integration table of a transfer function.
+/* Pre-integration: the table of a transfer function that classifies segments.
  *
  * The full pre-integration table (NUMERICS sections 2 and 3) for one segment length d. Node j of the value axis is the
  * voxel value lo + j * (hi - lo) / (n - 1), so data span nodes 0 .. n-1; one more node lets a bilinear look-up at the
@@ -19,8 +19,8 @@
  * both of its ends, else in the table itself. If a finer zoom contains just one end, inside its rims, the opacity is
  * composed from the depths of the parts inside and outside. A window extends 24 of its parent's nodes beyond its
  * knots, or 16 or 8 if it would otherwise take more zooms than allowed. */
-#ifndef TC_CLASSIFY_H
-#define TC_CLASSIFY_H
+#ifndef TC_CLASSIFY_PREINTEGRATION_H
+#define TC_CLASSIFY_PREINTEGRATION_H
 
 #include "renderer/base/pool.h"
 #include "renderer/scene/scene.h"
@@ -84,7 +84,7 @@ typedef struct tc_table_params {
  * TC_EDGE_SHARE, and colours inside it widened as much. Apart from that, rays of up to seven segments of half a
  * voxel, through a field that is linear along them, near any knot and at any rate of change, have an error in
  * opacity and colour of at most 1/15; averaged over the sample positions at most 1/30, in 19 of 20 transfer
- * functions 1/100, in half of them 1/2500 (measured: tests/unit/test_table_choice.c; the worst rays dwell in the
+ * functions 1/100, in half of them 1/2500 (measured: tests/unit/test_preintegration_choice.c; the worst rays dwell in the
  * bend at the foot of a dense rise, or end inside a peak of several colours). */
 void tc_table_choose(const tc_volume *volume, tc_table_params *p, bool *complete);
 
@@ -98,16 +98,5 @@ void tc_table_free(tc_table *table); /* NULL is fine */
 
 /* A table entry (0..1) after storage in 8-bit fixed point (bits 8) or half float (16). */
 float tc_table_round(float entry, int bits);
-
-/* Extinction (1/mm) at a value, and its mean over [a, b] (exact per knot interval; a == b gives tau(a)). */
-double tc_extinction(const tc_transfer_function *tf, double value);
-double tc_extinction_mean(const tc_transfer_function *tf, double a, double b);
-double tc_extinction_most(const tc_transfer_function *tf);
-/* Colour at a value, sRGB 0..1. */
-void tc_color(const tc_transfer_function *tf, double value, double rgb[3]);
-
-#define TC_LIGHT_STEPS 4096 /* steps of a table of the sRGB curve */
-double tc_srgb_to_linear(double c);
-double tc_linear_to_srgb(double c);
 
 #endif

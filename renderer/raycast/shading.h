@@ -23,8 +23,8 @@
  * clamp, so it applies to the premultiplied colour C and opacity a from the pre-integration table: C' = min(a, C f +
  * a e). As the step goes to 0 this converges to the integral of the shaded colour, and C' <= a holds for each
  * segment, hence for the picture. */
-#ifndef TC_RAYCAST_SHADE_H
-#define TC_RAYCAST_SHADE_H
+#ifndef TC_RAYCAST_SHADING_H
+#define TC_RAYCAST_SHADING_H
 
 #include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"

@@ -1,17 +1,6 @@
 // Front-to-back compositing with early ray termination and empty-space skipping. Returns premultiplied colour and
 // opacity.
 
-// Opacity has a sum of its own, because thin segments take nothing from a transparency of 1 in single precision. A
-// terminated ray is scaled to opacity 1, as if what it did not reach looked like what it passed: an opaque region keeps
-// its colour exactly.
-vec4 finish(vec4 sum, float clear) {
-  bool full = sum.a > 1.0;
-#if TERMINATION
-  full = full || clear < job.background.w;
-#endif
-  return full ? sum / sum.a : sum;
-}
-
 vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   precise vec3 entry = fma(vec3(span.x), direction, anchor);
   float length_mm = span.y - span.x;

@@ -1,3 +1,5 @@
+#include "renderer/skip/distance_map.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -6,38 +8,21 @@
 
 #define FAR 254 /* a u8 distance that leaves room for +1 */
 
-int tc_skip_block(int block) {
-  if (block <= 0) return TC_SKIP_BLOCK;
-  return block < 2 ? 2 : block > 128 ? 128 : block;
-}
-
-int tc_skip_reach(tc_filter filter) { return filter == TC_FILTER_CUBIC; }
-
-bool tc_skip_possible(const tc_transfer_function *tf, double value_min, double value_max) {
-  const tc_knot *p = tf->points;
-  size_t last = tf->count - 1;
-  if (p[0].amount <= 0 && value_min < p[0].value) return true;
-  if (p[last].amount <= 0 && value_max > p[last].value) return true;
-  for (size_t i = 0; i < last; i++)
-    if (p[i].amount <= 0 && p[i + 1].amount <= 0 && p[i + 1].value > value_min && p[i].value < value_max) return true;
-  return false;
-}
-
-typedef struct leap_job {
+typedef struct map_job {
   const tc_minmax *minmax;
   const tc_runs *runs;
-  const tc_leap *before; /* NULL, or of the same blocks */
+  const tc_distance_map *before; /* NULL, or of the same blocks */
   uint8_t *distance;
   uint32_t *empty; /* [layers] */
   bool *changed;   /* [layers] */
-} leap_job;
+} map_job;
 
 static size_t layer_size(const int blocks[3]) { return (size_t)blocks[0] * (size_t)blocks[1]; }
 
 /* Sets distance 0 (occupied) or FAR (empty) in one layer of blocks. */
 static void mark_layer(void *context, int z, int worker) {
   (void)worker;
-  leap_job *job = context;
+  map_job *job = context;
   uint8_t sets[512];
   size_t count = layer_size(job->minmax->blocks), end = ((size_t)z + 1) * count;
   bool changed = false;
@@ -105,7 +90,7 @@ static bool sweep(uint8_t *distance, const int blocks[3], int from, int to, int 
 /* The layers *from..*to whose distances may differ from the earlier map's. A block's distance can change only if a
  * block within that distance became occupied or empty: if it shrinks, the nearest occupied block is new; if it
  * grows, the nearest one is gone. False: nothing changed. */
-static bool find_affected(const leap_job *job, int *from, int *to) {
+static bool find_affected(const map_job *job, int *from, int *to) {
   int layers = job->minmax->blocks[2], first = layers, last = -1;
   *from = 0, *to = layers - 1;
   if (!job->before) return true;
@@ -123,39 +108,39 @@ static bool find_affected(const leap_job *job, int *from, int *to) {
   return last >= 0;
 }
 
-static bool fill_distances(const leap_job *job, tc_leap *leap, uint8_t *joined, const tc_halt *halt) {
-  const int *n = leap->blocks;
+static bool fill_distances(const map_job *job, tc_distance_map *map, uint8_t *joined, const tc_halt *halt) {
+  const int *n = map->blocks;
   size_t layer = layer_size(n);
   int from, to;
   bool some = find_affected(job, &from, &to);
   for (int z = 0; z < n[2]; z++) {
     if (some && z >= from && z <= to) continue;
     if (tc_halt_within(halt)) return false;
-    memcpy(leap->distance + (size_t)z * layer, job->before->distance + (size_t)z * layer, layer);
+    memcpy(map->distance + (size_t)z * layer, job->before->distance + (size_t)z * layer, layer);
   }
-  leap->swept = some && leap->empty_share > 0 ? to - from + 1 : 0;
-  for (int dir = 1; leap->swept && dir >= -1; dir -= 2)
-    if (!sweep(leap->distance, n, from, to, dir, joined, halt)) return false;
+  map->swept = some && map->empty_share > 0 ? to - from + 1 : 0;
+  for (int dir = 1; map->swept && dir >= -1; dir -= 2)
+    if (!sweep(map->distance, n, from, to, dir, joined, halt)) return false;
   for (int z = 0; z < n[2]; z++) {
-    const uint8_t *d = leap->distance + (size_t)z * layer;
+    const uint8_t *d = map->distance + (size_t)z * layer;
     uint8_t most = 0;
     if (tc_halt_within(halt)) return false;
     for (size_t i = 0; i < layer; i++) most = d[i] > most ? d[i] : most;
-    leap->farthest[z] = most;
+    map->farthest[z] = most;
   }
   return true;
 }
 
-tc_leap *tc_leap_build(const tc_minmax *m, const tc_support *support, const tc_leap *before, tc_pool *pool,
+tc_distance_map *tc_distance_map_build(const tc_minmax *m, const tc_support *support, const tc_distance_map *before, tc_pool *pool,
                        GError **error) {
   double start = tc_now_ms();
   size_t layers = (size_t)m->blocks[2], count = layer_size(m->blocks) * layers;
-  tc_leap *leap = calloc(1, sizeof *leap);
-  leap_job job = {.minmax = m, .before = before, .distance = calloc(count + 8 + layers, 1),
+  tc_distance_map *map = calloc(1, sizeof *map);
+  map_job job = {.minmax = m, .before = before, .distance = calloc(count + 8 + layers, 1),
                   .empty = calloc(layers, sizeof *job.empty), .changed = calloc(layers, sizeof *job.changed)};
   uint8_t *joined = malloc((size_t)m->blocks[0] + 2);
   tc_runs runs = {0};
-  bool ok = leap && job.distance && job.empty && job.changed && joined;
+  bool ok = map && job.distance && job.empty && job.changed && joined;
   if (!ok) tc_set_error(error, TC_ERROR_MEMORY, NULL, "distance map: out of memory");
   ok = ok && tc_runs_init(&runs, support, m->type, error);
   if (ok) {
@@ -163,28 +148,28 @@ tc_leap *tc_leap_build(const tc_minmax *m, const tc_support *support, const tc_l
     ok = tc_pool_run(pool, m->blocks[2], mark_layer, &job);
     size_t empty = 0;
     for (size_t z = 0; z < layers; z++) empty += job.empty[z];
-    *leap = (tc_leap){.block = m->block, .reach = m->reach, .blocks = {m->blocks[0], m->blocks[1], m->blocks[2]},
+    *map = (tc_distance_map){.block = m->block, .reach = m->reach, .blocks = {m->blocks[0], m->blocks[1], m->blocks[2]},
                       .distance = job.distance, .farthest = job.distance + count + 8,
                       .empty_share = (double)empty / (double)count, .support = support->serial,
                       .bytes = count + 8 + layers};
-    ok = ok && fill_distances(&job, leap, joined, tc_pool_halt(pool));
+    ok = ok && fill_distances(&job, map, joined, tc_pool_halt(pool));
     if (!ok) tc_halt_say(tc_pool_halt(pool), error);
-    leap->build_ms = tc_now_ms() - start;
+    map->build_ms = tc_now_ms() - start;
   }
   if (!ok) {
     free(job.distance);
-    free(leap);
-    leap = NULL;
+    free(map);
+    map = NULL;
   }
   tc_runs_finish(&runs);
   free(job.empty);
   free(job.changed);
   free(joined);
-  return leap;
+  return map;
 }
 
-void tc_leap_free(tc_leap *leap) {
-  if (!leap) return;
-  free(leap->distance);
-  free(leap);
+void tc_distance_map_free(tc_distance_map *map) {
+  if (!map) return;
+  free(map->distance);
+  free(map);
 }

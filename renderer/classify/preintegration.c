@@ -16,6 +16,7 @@
 
 #include "renderer/classify/outline.h"
 #include "renderer/classify/segments.h"
+#include "renderer/classify/transfer.h"
 #include "renderer/base/clock.h"
 
 /* A table, and what tc_table_fill() keeps to resume and to copy from it. */

@@ -1,7 +1,7 @@
 /* Planar reformats (mode mpr): slices and slabs as parallel rays, one per pixel, anchored on the plane. scene.mpr
  * (scene.h) defines the planes. */
-#ifndef TC_RAYCAST_SLICE_H
-#define TC_RAYCAST_SLICE_H
+#ifndef TC_RAYCAST_MPR_H
+#define TC_RAYCAST_MPR_H
 
 #include "renderer/raycast/rays.h"
 

@@ -1,4 +1,4 @@
-/* Shading of a segment (equations: raycast/shade.h). */
+/* Shading of a segment (equations: raycast/shading.h). */
 
 typedef struct lighting {
   vf eye[3], half[3]; /* unit vectors in LPS: to the eye, and halfway between it and a fixed light */

@@ -1,4 +1,4 @@
-// Shading of a segment with the gradients at its two ends (equations: shade.h).
+// Shading of a segment with the gradients at its two ends (equations: shading.h).
 vec4 shade(vec4 segment, vec3 front, vec3 back, vec3 eye) {
   precise vec3 sum = front + back;
   precise vec3 n = vec3(dot(job.shade.gradient[0].xyz, sum), dot(job.shade.gradient[1].xyz, sum), dot(job.shade.gradient[2].xyz, sum));

@@ -1,5 +1,17 @@
-/* Opacity correction in stiff scenes: the medium is so dense that a segment's opacity rounds to 1 and no longer
- * tells its optical depth. The depth comes from the table's row of depths (classify/classify.h). */
+/* Opacity correction: the colour and opacity of a part of a segment from those of the whole. */
+
+/* The same medium over `share` (0..1) of the segment has transparency t^share, and colour in
+ * proportion to the opacity. which: the rays it applies to. */
+V_INLINE vf4 shorten(vf4 c, vf share, vm which) {
+  vf clear = v_max(v_set(1) - c.a, v_set(1e-30f));
+  vf alpha = v_set(1) - exp2_approx(share * log2_approx(clear));
+  vf scale = v_select(v_lt(c.a, v_set(1e-4f)), share, alpha / v_max(c.a, v_set(1e-30f)));
+  scale = v_select(which, scale, v_set(1));
+  return (vf4){c.r * scale, c.g * scale, c.b * scale, c.a * scale};
+}
+
+/* In stiff scenes the medium is so dense that a segment's opacity rounds to 1 and no longer tells its optical depth. The
+ * depth comes from the table's row of depths (classify/preintegration.h). */
 
 /* How much more light comes from the nearer half of a segment of optical depth x whose colour is linear:
  * 1/2 - 1/x + 1/(exp(x) - 1). */

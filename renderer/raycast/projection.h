@@ -5,8 +5,8 @@
  * and the other way round in a volume of negative slope. grey = clamp(gain * w + offset, 0, 1). Any w below `floor`
  * gives the grey of floor, and any w above `stop` that of stop. A maximum therefore starts at floor, and a ray that
  * has reached stop (at most the largest w of the volume) is finished. */
-#ifndef TC_RAYCAST_GREY_H
-#define TC_RAYCAST_GREY_H
+#ifndef TC_RAYCAST_PROJECTION_H
+#define TC_RAYCAST_PROJECTION_H
 
 #include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"

@@ -1,4 +1,4 @@
-#include "renderer/raycast/grey.h"
+#include "renderer/raycast/projection.h"
 
 #include <math.h>
 

@@ -1,4 +1,4 @@
-/* Look-up in the pre-integration table (classify/classify.h), and opacity correction. */
+/* Look-up in the pre-integration table (classify/preintegration.h). */
 
 /* Colour and opacity of a segment of full length from node front to node back. */
 V_INLINE vf4 classify(const tc_cpu_args *args, vf front, vf back) {
@@ -33,14 +33,4 @@ V_INLINE vf exp2_approx(vf x) { /* x <= 0 */
                      v_set(0.693147181f)),
                v_set(1));
   return v_from_bits(v_addi(v_bits(p), v_shl(n, 23)));
-}
-
-/* Opacity correction: the same medium over `share` (0..1) of the segment has transparency t^share, and colour in
- * proportion to the opacity. which: the rays it applies to. */
-V_INLINE vf4 shorten(vf4 c, vf share, vm which) {
-  vf clear = v_max(v_set(1) - c.a, v_set(1e-30f));
-  vf alpha = v_set(1) - exp2_approx(share * log2_approx(clear));
-  vf scale = v_select(v_lt(c.a, v_set(1e-4f)), share, alpha / v_max(c.a, v_set(1e-30f)));
-  scale = v_select(which, scale, v_set(1));
-  return (vf4){c.r * scale, c.g * scale, c.b * scale, c.a * scale};
 }

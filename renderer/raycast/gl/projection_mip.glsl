@@ -1,5 +1,5 @@
 // MIP and MinIP: the maximum of the signed field along a ray, from samples a step apart, the ray's end, and peak
-// refinement around the greatest (grey.h). With LEAP, empty-space skipping leaves out intervals in which the maximum
+// refinement around the greatest (projection.h). With LEAP, empty-space skipping leaves out intervals in which the maximum
 // cannot rise. The march starts with the maximum of the interval with the highest level, whose samples it would take
 // anyway.
 //

@@ -1,5 +1,6 @@
 #include "renderer/base/vector.h"
-#include "renderer/raycast/slice.h"
+#include "renderer/raycast/mpr.h"
+#include "renderer/raycast/clip.h"
 
 #include <math.h>
 #include <string.h>
