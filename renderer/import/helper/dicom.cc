@@ -232,6 +232,7 @@ struct Picture {
   uint32_t frames = 1;
   Tag pixels{0x7fe0, 0x0010};
   bool native = false;    // bytes as they are, no codec
+  bool run_lengths = false;
   bool swapped = false;   // big-endian 32-bit samples, whose halves GDCM leaves in the file's order
   size_t deflated_at = 0; // a deflated data set begins here; 0 otherwise
   uint32_t tiles_across = 0; // a mosaic: its slices lie side by side in one picture, row by row; 0: none
@@ -836,7 +837,8 @@ bool read_picture(const tc_dicom_blob &blob, size_t source, bool patient, Pictur
               syntax == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian || p.swapped) &&
              p.samples.allocated != 12 && !p.palette;
   p.samples.halved = p.native && text_of(set, Tag(0x28, 0x04)) == "YBR_FULL_422";
-  if (syntax == gdcm::TransferSyntax::RLELossless && p.samples.per_pixel > 1 && p.samples.allocated > 8)
+  p.run_lengths = syntax == gdcm::TransferSyntax::RLELossless;
+  if (p.run_lengths && p.samples.per_pixel > 1 && p.samples.allocated > 8)
     fail(TC_ERROR_UNSUPPORTED, "colours of 16 bits packed by RLE are not read; export the pictures uncompressed");
   if (p.samples.allocated != 12 && !tc_dicom_samples_valid(&p.samples) && !p.palette)
     fail(TC_ERROR_UNSUPPORTED, "samples of %d bits allocated, %d stored, %d a pixel are not read", p.samples.allocated,
@@ -964,6 +966,7 @@ private:
   }
 
   void open_coded(const Picture &p) {
+    if (p.run_lengths) check_run_lengths(p);
     MemoryBuffer buffer(blob_.bytes, blob_.size);
     std::istream stream(&buffer);
     // The reader of images wants geometry too, and gives up on files of one frame that it expects several in.
@@ -973,6 +976,28 @@ private:
       fail(TC_ERROR_FORMAT, "a DICOM file is damaged, cut, or packed in a way not known");
     if (buffer.cut) fail(TC_ERROR_FORMAT, "pixel data is cut: the file ends before it does");
     if (stored_frames(p) > 1 && !p.palette) split_fragments(p);
+  }
+
+  // A run-length frame begins with the number of its segments (PS3.5, annex G.5). GDCM walks a table of 15 offsets by that
+  // number as soon as a picture is opened, so it is checked before.
+  void check_run_lengths(const Picture &p) {
+    MemoryBuffer buffer(blob_.bytes, blob_.size);
+    std::istream stream(&buffer);
+    gdcm::Reader reader;
+    reader.SetStream(stream);
+    if (!guarded([&] { return reader.Read(); })) fail(TC_ERROR_FORMAT, "a DICOM file is damaged or cut");
+    const DataSet &set = reader.GetFile().GetDataSet();
+    if (!set.FindDataElement(p.pixels)) fail(TC_ERROR_FORMAT, "a DICOM file has no pixel data");
+    const gdcm::SequenceOfFragments *all = set.GetDataElement(p.pixels).GetSequenceOfFragments();
+    const size_t frames = all ? std::min<size_t>(all->GetNumberOfFragments(), stored_frames(p)) : 0;
+    const uint32_t wanted = static_cast<uint32_t>(p.samples.per_pixel * (p.samples.allocated / 8));
+    for (size_t f = 0; f < frames; f++) {
+      const gdcm::ByteValue *bytes = all->GetFragment(f).GetByteValue();
+      const auto *head = bytes ? reinterpret_cast<const uint8_t *>(bytes->GetPointer()) : nullptr;
+      if (!head || bytes->GetLength() < 64 ||
+          (head[0] | head[1] << 8 | head[2] << 16 | static_cast<uint32_t>(head[3]) << 24) != wanted)
+        fail(TC_ERROR_FORMAT, "the run lengths of frame %zu are damaged", f + 1);
+    }
   }
 
   const gdcm::Bitmap &picture() const {
