@@ -50,7 +50,8 @@ typedef struct image {
 typedef struct parrec {
   GArray *images;              /* of the wanted order: volume by volume, slice by slice */
   double angles[3], centre[3]; /* degrees, mm; AP, FH, RL */
-  int slices, volumes, incomplete;
+  double announced_slices, announced_times;
+  int slices, times, volumes, incomplete;
 } parrec;
 
 static bool probe(const uint8_t *head, size_t size) {
@@ -83,13 +84,22 @@ static bool take_row(parrec *p, char *line, GError **error) {
 
 /* ".    Angulation midslice(ap,fh,rl)[degr]  :   0.0 0.0 0.0" */
 static bool take_general(parrec *p, char *line, GError **error) {
+  const struct {
+    const char *name;
+    double *to;
+    int numbers;
+  } wanted[] = {{"Angulation midslice", p->angles, 3},
+                {"Off Centre midslice", p->centre, 3},
+                {"Max. number of slices", &p->announced_slices, 1},
+                {"Max. number of dynamics", &p->announced_times, 1}};
   char *colon = strchr(line, ':');
-  double *to = strstr(line, "Angulation midslice") ? p->angles : strstr(line, "Off Centre midslice") ? p->centre : NULL;
-  if (!colon || !to) return true;
-  char *rest = colon + 1;
-  for (int k = 0; k < 3; k++)
-    if (!tc_line_number(&rest, &to[k]) || !isfinite(to[k]))
-      return fail(TC_ERROR_FORMAT, error, "no numbers for the stack's place");
+  for (size_t i = 0; colon && i < G_N_ELEMENTS(wanted); i++) {
+    if (!strstr(line, wanted[i].name)) continue;
+    char *rest = colon + 1;
+    for (int k = 0; k < wanted[i].numbers; k++)
+      if (!tc_line_number(&rest, &wanted[i].to[k]) || !isfinite(wanted[i].to[k]))
+        return fail(TC_ERROR_FORMAT, error, "no numbers for the stack's place or size");
+  }
   return true;
 }
 
@@ -160,12 +170,22 @@ static void keep_whole(parrec *p) {
   g_array_set_size(p->images, kept);
 }
 
-static void count_slices(parrec *p) {
+/* How many different numbers a column holds. */
+static int count_different(const parrec *p, int column) {
   GHashTable *numbers = g_hash_table_new(NULL, NULL);
   for (guint i = 0; i < p->images->len; i++)
-    g_hash_table_add(numbers, GINT_TO_POINTER((int)CLAMP(image_at(p, i)->row[SLICE], INT32_MIN, INT32_MAX)));
-  p->slices = (int)g_hash_table_size(numbers);
+    g_hash_table_add(numbers, GINT_TO_POINTER((int)CLAMP(image_at(p, i)->row[column], INT32_MIN, INT32_MAX)));
+  const int count = (int)g_hash_table_size(numbers);
   g_hash_table_destroy(numbers);
+  return count;
+}
+
+/* The header's centre is that of the stack as it announces it: a shorter one would lie elsewhere. */
+static bool count(parrec *p, GError **error) {
+  p->slices = count_different(p, SLICE);
+  p->times = count_different(p, TIME);
+  return p->slices >= p->announced_slices ||
+         fail(TC_ERROR_FORMAT, error, "fewer slices are listed than it announces: export the series again");
 }
 
 /* All images are of one grid. */
@@ -276,6 +296,8 @@ static bool describe(tc_raster *raster, const parrec *p, const image *images, GE
   }
   if (p->incomplete)
     tc_raster_note(raster, "%d of %d volumes lack slices and are left out", p->incomplete, p->incomplete + p->volumes);
+  if (p->times < p->announced_times)
+    tc_raster_note(raster, "%d of %.0f dynamics that the header announces are there", p->times, p->announced_times);
   return set_space(raster, p, error);
 }
 
@@ -314,9 +336,8 @@ static bool read_volume(parrec *p, const tc_input *input, const tc_order *order,
 
 static bool read_parrec(const tc_input *input, const tc_order *order, GError **error) {
   parrec p = {.images = g_array_new(FALSE, FALSE, sizeof(image))};
-  bool ok = parse(&p, input, order, error) && is_uniform(&p, error);
+  bool ok = parse(&p, input, order, error) && is_uniform(&p, error) && count(&p, error);
   if (ok) {
-    count_slices(&p);
     sort(&p);
     keep_whole(&p);
     ok = read_volume(&p, input, order, error);
