@@ -515,24 +515,27 @@ static void *cancel_later(void *context) {
   return NULL;
 }
 
-/* Milliseconds from the wish to the answer, by the processor and by the clock; false: there was a picture before. */
+/* Milliseconds from the wish to the answer, by the processor and by the clock; false: there was a picture or a refusal
+ * before. */
 static bool stop_ms(int which, subject *s, double after_ms, double *processor, double *clock) {
   canceller c = {.after_ms = after_ms};
+  GError *error = NULL;
   pthread_t thread;
   tc_interrupt_init(&c.interrupt);
   atomic_init(&c.over, false);
   tc_render_request request = s->request;
   request.interrupt = &c.interrupt;
   assert_int_equal(pthread_create(&thread, NULL, cancel_later, &c), 0);
-  bool drawn =
-      tc_render(test_renderers[which], s->volume, &s->drawn.scene, &request, &test_frames[which], NULL, NULL);
+  tc_render(test_renderers[which], s->volume, &s->drawn.scene, &request, &test_frames[which], NULL, &error);
   *clock = (double)g_get_monotonic_time();
   *processor = process_ms();
   atomic_store(&c.over, true);
   pthread_join(thread, NULL);
   *clock = (*clock - (double)c.at_us) / 1000;
   *processor -= c.wished_ms;
-  return !drawn;
+  const bool stopped = g_error_matches(error, TC_ERROR, TC_ERROR_CANCELLED);
+  g_clear_error(&error);
+  return stopped;
 }
 
 static double draw_decades(uint64_t *state, double lo, double hi) { return pow(10, lo + (hi - lo) * test_random(state)); }
