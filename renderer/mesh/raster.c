@@ -12,7 +12,7 @@
 #define CHUNK 1024   /* clusters of a task */
 #define LOOK 8       /* clusters between two looks at the halt */
 #define BUCKETS 256  /* of nearness, a tile's clusters are sorted into */
-#define MOST_LAYERS (1 << 20) /* that are sorted at once; a part of a tile with more is cut in two */
+#define MOST_LAYERS (1 << 18) /* that are sorted at once; a part of a tile with more is cut in two */
 #define MOST_ROW (1 << 24)    /* layers of a row of a tile, and of a tile that are handed out: more are refused */
 #define SEEN_THROUGH (1.0f / 4096) /* a share of a sample's light below this is nobody's */
 
@@ -418,7 +418,8 @@ static bool draw_layers(drawing *d, worker *w, size_t n, int y0, int y1) {
   }
   w->counts.layers += w->layers.n;
   tc_raster_layer *of = w->layers.n ? sort_by_pixel(&w->layers, first) : NULL;
-  for (int y = 0; y < y1 - y0; y++)
+  for (int y = 0; y < y1 - y0; y++) {
+    if (tc_halt_within(tc_pool_halt(d->job->pool))) return false;
     for (int x = 0; x < w->tile.width; x++) {
       const int pixel = y * TC_RASTER_SIDE + x;
       if (of && first[pixel + 1] > first[pixel])
@@ -426,6 +427,7 @@ static bool draw_layers(drawing *d, worker *w, size_t n, int y0, int y1) {
       else
         add_opaque(d, w, x, y0 + y);
     }
+  }
   return true;
 }
 

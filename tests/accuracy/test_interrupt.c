@@ -453,6 +453,28 @@ static void first_dispatches_are_heard(void **state) {
   subject_close(&s);
 }
 
+/* Hundreds of translucent layers in every sample of a tile: they are sorted and shaded between looks, too. */
+static void deep_layers_are_heard(void **state) {
+  enum { PANES = 250 };
+  subject s = {.volume = ramp_of(TC_U16, 24)};
+  tc_scene *scene = &s.drawn.scene;
+  test_scene(scene, 64, 64);
+  test_scene_frame(scene, s.volume, TC_ORTHOGRAPHIC, (const double[3]){0.05, 0.02, -1}); /* along the ramp */
+  tc_mesh_surface *panes = g_new(tc_mesh_surface, PANES);
+  for (int i = 0; i < PANES; i++)
+    panes[i] = (tc_mesh_surface){.source = TC_SURFACE_OF_VALUE, .value = 65535.0 * (i + 1) / (PANES + 1), .opacity = 0.01,
+                                 .visible = true, .two_sided = true};
+  tc_scene_set_surfaces(scene, panes, PANES);
+  scene->mode = TC_MODE_MESH;
+  scene->sampling.rays_per_pixel = 8;
+  long long us = LLONG_MAX, looks;
+  assert_true(count_looks(test_widest(), &s, &us) > 0); /* extracts them */
+  for (int try = 0; try < TRIES && (try == 0 || us > most_deaf_us()); try++) looks = count_looks(test_widest(), &s, &us);
+  printf("  %lld looks, %.2f ms of processor time without one\n", looks, (double)us / 1000);
+  assert_true(looks > 0 && us <= most_deaf_us());
+  subject_close(&s);
+}
+
 /* Surfaces in a volume are drawn in passes over the whole picture. Each call goes on where the one before was left: none is
  * fruitless, after which the next might keep others waiting for longer, but by chance. */
 static void surfaces_within_are_resumed(void **state) {
@@ -625,6 +647,7 @@ int main(void) {
       cmocka_unit_test(long_lists_are_heard),
       cmocka_unit_test(many_labels_are_heard),
       cmocka_unit_test(first_dispatches_are_heard),
+      cmocka_unit_test(deep_layers_are_heard),
       cmocka_unit_test(surfaces_within_are_resumed),
       cmocka_unit_test(stopping_by_the_clock),
   };
