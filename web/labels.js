@@ -77,6 +77,10 @@ export class Labels {
     }
   }
 
+  nameOf(label) {
+    return this.#named.find((item) => item.label === label)?.name || (label ? `Label ${label}` : 'No label');
+  }
+
   #shown(label) {
     const visible = this.#store.scene?.labels?.visible;
     return !visible || visible.includes(label);
@@ -169,8 +173,7 @@ export class Labels {
 
   #row({ label, count }, voxel) {
     const element = (name, properties) => Object.assign(document.createElement(name), properties);
-    const given = this.#named.find((item) => item.label === label)?.name;
-    const name = given || (label ? `Label ${label}` : 'No label');
+    const name = this.nameOf(label);
     const eye = element('button', { ariaLabel: `Show ${name.toLowerCase()}` });
     eye.addEventListener('click', () => this.#toggle(label, !this.#shown(label)));
     const swatch = label ? element('input', { type: 'color', ariaLabel: `Colour of ${name.toLowerCase()}` }) : null;

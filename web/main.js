@@ -167,6 +167,7 @@ const probe = new Probe({
   client,
   store,
   shown: () => ({ volume: opening.volume, box: opening.box, caption, pixels: wantedSize() }),
+  labelName: (label) => labels.nameOf(label),
   on: { text: (text) => (get('probe').textContent = text), problem: (error) => notices.problem(error) },
 });
 const actions = new Actions({

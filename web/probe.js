@@ -17,10 +17,12 @@ export class Probe {
   #client;
   #store;
   #shown;
+  #labelName;
   #on;
 
-  /** shown() -> {volume, box, caption: the picture's, pixels: {width, height} it is asked for in}; on: text(string), problem(error) */
-  constructor({ api, client, store, shown, on }) {
+  /** shown() -> {volume, box, caption: the picture's, pixels: {width, height} it is asked for in}; labelName(number); on: text(string), problem(error) */
+  constructor({ api, client, store, shown, labelName, on }) {
+    this.#labelName = labelName;
     this.#api = api;
     this.#client = client;
     this.#store = store;
@@ -28,7 +30,7 @@ export class Probe {
     this.#on = on;
   }
 
-  /** Says position and value. x, y: CSS pixels of the stage */
+  /** Says position and value, and which label or surface it is. x, y: CSS pixels of the stage */
   async tell(x, y) {
     const found = await this.#find(x, y);
     if (found !== undefined) this.#on.text(this.#text(found));
@@ -84,7 +86,9 @@ export class Probe {
     const side = (mm, plus, minus) => `${mm >= 0 ? plus : minus} ${placeText(Math.abs(mm), 2 * box.radius)}`;
     const unit = volume.unit ? ` ${volume.unit}` : '';
     const value = (found.value ?? null) === null ? '' : `  \u00b7  ${Number(found.value.toPrecision(5))}${unit}`;
+    const name = found.label ? this.#labelName(found.label) : found.surface >= 0 ? `Surface ${found.surface + 1}` : '';
     const [x, y, z] = place;
-    return `${side(x, 'L', 'R')}  ${side(y, 'P', 'A')}  ${side(z, 'H', 'F')} mm${value}`;
+    const what = name && `  \u00b7  ${name}`;
+    return `${side(x, 'L', 'R')}  ${side(y, 'P', 'A')}  ${side(z, 'H', 'F')} mm${value}${what}`;
   }
 }

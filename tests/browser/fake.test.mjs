@@ -443,7 +443,7 @@ describe('page and fake server', { skip }, () => {
     const { cx, cy } = await stageBox(page);
     await page.mouse.click(cx, cy);
     await page.waitForFunction(() => document.getElementById('probe').textContent.includes('321 HU'));
-    assert.match(await page.textContent('#probe'), /L 1\.3\s+A 20\.0\s+H 3\.0 mm/);
+    assert.match(await page.textContent('#probe'), /L 1\.3\s+A 20\.0\s+H 3\.0 mm.*321 HU.*Label 3$/);
     await page.close();
   });
 

@@ -256,7 +256,7 @@ export class FakeServer {
     }
     if (part === 'scene' && request.method === 'PUT') return this.#putScene(request, response, session);
     if (part === 'scene') return json(response, 200, session.scene);
-    if (part === 'pick') return json(response, 200, { position: [1.25, -20, 3], value: 321, depth: 100 });
+    if (part === 'pick') return json(response, 200, { position: [1.25, -20, 3], value: 321, depth: 100, label: 3 });
     if (part === 'plan') return json(response, 200, { stages: [], quality: this.#quality(session) });
     if (part === 'frame') return picture(response, session.scene);
     return json(response, 200, session);
