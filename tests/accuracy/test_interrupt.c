@@ -472,6 +472,7 @@ static void deep_layers_are_heard(void **state) {
   for (int try = 0; try < TRIES && (try == 0 || us > most_deaf_us()); try++) looks = count_looks(test_widest(), &s, &us);
   printf("  %lld looks, %.2f ms of processor time without one\n", looks, (double)us / 1000);
   assert_true(looks > 0 && us <= most_deaf_us());
+  tc_scene_clear(scene);
   subject_close(&s);
 }
 
