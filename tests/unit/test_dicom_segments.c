@@ -113,14 +113,19 @@ static GByteArray *seg_bytes(const seg *s) {
   return b;
 }
 
-static tc_volume *open_bytes(GByteArray *bytes, const char *name) {
+static tc_volume *try_bytes(GByteArray *bytes, const char *name, GError **error) {
   char *path = g_build_filename(folder, name, NULL);
-  GError *error = NULL;
   assert_true(g_file_set_contents(path, (const char *)bytes->data, bytes->len, NULL));
-  tc_volume *v = tc_import(path, &(tc_import_options){.helpers = TC_BINARY_DIR}, &error);
-  if (!v) fail_msg("%s", error->message);
+  tc_volume *v = tc_import(path, &(tc_import_options){.helpers = TC_BINARY_DIR}, error);
   g_byte_array_free(bytes, TRUE);
   g_free(path);
+  return v;
+}
+
+static tc_volume *open_bytes(GByteArray *bytes, const char *name) {
+  GError *error = NULL;
+  tc_volume *v = try_bytes(bytes, name, &error);
+  if (!v) fail_msg("%s", error->message);
   return v;
 }
 
@@ -246,6 +251,14 @@ static size_t count_of(const tc_volume *v, uint32_t segment, int z) {
   return n;
 }
 
+static void contours_far_away_are_refused(void **state) {
+  static const ring far = {1, 2e9, 20, 40, 0};
+  GError *error = NULL;
+  assert_null(try_bytes(structures(&far, 1, "1.2.3.1"), "far.dcm", &error));
+  assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_FORMAT) && strstr(error->message, "over a kilometre away"));
+  g_clear_error(&error);
+}
+
 /* Areas of discs and of a disc with a hole, on a grid of their planes, against pi r^2. */
 static void contours_fill_their_area(void **state) {
   static const ring rings[] = {{1, 10, 20, 40, 0}, {1, 10, 20, 40, 3}, {1, 10, 20, 40, 6}, {2, 10, 20, 30, 3}, {2, 10, 20, 20, 3}};
@@ -368,7 +381,7 @@ static void combinations_are_exact(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(overlapping_segments_are_kept), cmocka_unit_test(label_maps_and_fractions),
-      cmocka_unit_test(contours_fill_their_area),      cmocka_unit_test(contours_lie_on_the_series_beside),
+      cmocka_unit_test(contours_far_away_are_refused), cmocka_unit_test(contours_fill_their_area),      cmocka_unit_test(contours_lie_on_the_series_beside),
       cmocka_unit_test(layers_of_slicer),              cmocka_unit_test(combinations_are_exact)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -679,6 +679,8 @@ void read_contours(const DataSet &set, Picture &p) {
       std::vector<double> numbers = numbers_of(contour, Tag(0x3006, 0x50));
       if (numbers.size() < 9 || numbers.size() % 3 || long(numbers.size() / 3) != integer_of(contour, Tag(0x3006, 0x46), long(numbers.size() / 3)))
         fail(TC_ERROR_FORMAT, "contour %zu of region %zu is cut or no polygon", k, i);
+      for (const double mm : numbers)
+        if (std::fabs(mm) > 1e6) fail(TC_ERROR_FORMAT, "contour %zu of region %zu lies over a kilometre away", k, i);
       p.corners.insert(p.corners.end(), numbers.begin(), numbers.end());
       p.contours.push_back({found->second, at / 3, numbers.size() / 3, 0});
     }
