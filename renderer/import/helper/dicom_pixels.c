@@ -4,6 +4,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "renderer/volume/voxel.h"
+
 bool tc_dicom_samples_valid(const tc_dicom_samples *s) {
   bool grey = s->colour == TC_DICOM_GREY;
   if (s->rows < 1 || s->columns < 1 || s->rows > 65535 || s->columns > 65535) return false;
@@ -210,22 +212,10 @@ bool tc_dicom_range(const tc_dicom_samples *s, const uint8_t *bytes, size_t size
   return true;
 }
 
-static double voxel(tc_voxel_type type, const void *voxels, size_t i) {
-  switch (type) {
-  case TC_U8: return ((const uint8_t *)voxels)[i];
-  case TC_I8: return ((const int8_t *)voxels)[i];
-  case TC_U16: return ((const uint16_t *)voxels)[i];
-  case TC_I16: return ((const int16_t *)voxels)[i];
-  case TC_F32: return (double)((const float *)voxels)[i];
-  case TC_VOXEL_TYPE_COUNT: break;
-  }
-  return 0;
-}
-
 void tc_dicom_mix_layers(tc_voxel_type type, const void *below, const void *above, double part, size_t count, void *out) {
   for (size_t i = 0; i < count; i++) {
-    double value = voxel(type, below, i);
-    if (part > 0) value = part < 1 ? (1 - part) * value + part * voxel(type, above, i) : voxel(type, above, i);
+    double value = tc_voxel_at(type, below, i);
+    if (part > 0) value = part < 1 ? (1 - part) * value + part * tc_voxel_at(type, above, i) : tc_voxel_at(type, above, i);
     store(type, out, i, type == TC_F32 ? value : floor(value + 0.5));
   }
 }
