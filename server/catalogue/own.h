@@ -90,7 +90,7 @@ bool tcs_room_possible(tcs_catalogue *catalogue, uint64_t bytes);
 /* What the ledger has for a volume of this many voxel bytes. */
 uint64_t tcs_room_of(uint64_t voxel_bytes);
 
-uint64_t tcs_volume_bytes(const tc_volume *volume); /* with the mask of voxels that have no value */
+uint64_t tcs_volume_bytes(const tc_volume *volume); /* with its mask of voxels without a value and its colours */
 /* Bytes of a resident volume and its body, or of a mesh. */
 uint64_t tcs_entry_bytes(const tcs_entry *entry);
 /* Takes what it holds away from an entry; that goes when its last user does. */
