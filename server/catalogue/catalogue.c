@@ -96,7 +96,7 @@ bool tcs_catalogue_may_load(tcs_catalogue *catalogue, tcs_kind kind, const char 
     return false;
   }
   if (!tcs_room_possible(catalogue, tcs_room_of(1))) {
-    tcs_budget_refuse(catalogue->server->budget, error);
+    tcs_budget_refuse(catalogue->server->budget, TCS_MEMORY_LOADS, tcs_room_of(1), error);
     return false;
   }
   return tcs_loads_allow(catalogue, client, error);

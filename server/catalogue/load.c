@@ -29,7 +29,7 @@ static bool on_reserve(void *user, uint64_t bytes, GError **error) {
   }
   if (!tcs_budget_resize(budget, TCS_MEMORY_LOADS, load->reserved, load->wanted)) {
     load->refused = true;
-    tcs_budget_refuse(budget, error);
+    tcs_budget_refuse(budget, TCS_MEMORY_LOADS, load->wanted - load->reserved, error);
     return false;
   }
   load->reserved = load->wanted;
@@ -42,7 +42,7 @@ static bool on_decoder(void *user, uint64_t bytes, GError **error) {
   load->decoder_wanted = MAX(load->decoder_wanted, bytes);
   if (!tcs_budget_resize(budget, TCS_MEMORY_DECODERS, load->decoder, bytes)) {
     load->refused = true;
-    tcs_budget_refuse(budget, error);
+    tcs_budget_refuse(budget, TCS_MEMORY_DECODERS, bytes - load->decoder, error);
     return false;
   }
   load->decoder = bytes;
@@ -68,7 +68,8 @@ static bool import(tcs_load *load) {
                                      .user = load,
                                      .max_voxel_bytes = (uint64_t)limits->volume_bytes,
                                      .bridge_nothing = limits->bridged_slices == 0,
-                                     .self_contained = load->source.upload || (load->source.series && load->source.series->upload)};
+                                     .self_contained =
+                                         load->source.upload || (load->source.series && load->source.series->upload)};
   load->began_us = g_get_monotonic_time();
   load->deadline_us = load->began_us + limits->import_seconds * 1000000;
   if (atomic_load(&load->cancel))
@@ -160,8 +161,8 @@ static void fail(tcs_load *load) {
   catalogue->server->metrics->volume_failures += load->kind == TCS_KIND_VOLUME;
   char *text = reason_for_client(load);
   const char *reason = load->source.operators ? text : NULL;
-  tcs_log(TCS_LOG_WARN, load->kind == TCS_KIND_MESH ? "mesh.failed" : "volume.failed", "code=%d%s%s", load->error ? load->error->code : -1, reason ? " reason=" : "",
-          reason ? reason : "");
+  tcs_log(TCS_LOG_WARN, load->kind == TCS_KIND_MESH ? "mesh.failed" : "volume.failed", "code=%d%s%s",
+          load->error ? load->error->code : -1, reason ? " reason=" : "", reason ? reason : "");
   tcs_entry_fail(catalogue, entry, text);
 }
 
@@ -209,11 +210,12 @@ bool tcs_loads_allow(const tcs_catalogue *catalogue, const char *client, GError 
   const tcs_limits *limits = &catalogue->server->config->limits;
   if (!client) return true;
   if (count_of(catalogue, client, false) >= limits->loads_per_client)
-    tc_set_error(error, TC_ERROR_BUSY, NULL, "%" PRId64 " volumes and meshes of this client are loading, which is the limit; try again later",
+    tc_set_error(error, TC_ERROR_BUSY, NULL,
+                 "%" PRId64 " volumes and meshes of this client are loading, which is the limit; try again later",
                  limits->loads_per_client);
   else if (count_of(catalogue, NULL, false) >= limits->loads)
-    tc_set_error(error, TC_ERROR_BUSY, NULL, "%" PRId64 " volumes and meshes are loading, which is the limit; try again later",
-                 limits->loads);
+    tc_set_error(error, TC_ERROR_BUSY, NULL,
+                 "%" PRId64 " volumes and meshes are loading, which is the limit; try again later", limits->loads);
   else
     return true;
   return false;
@@ -236,8 +238,7 @@ static bool has_memory(tcs_load *load, bool *give_up) {
 
 /* One client leaves a thread to the others, so that nobody waits for its long imports. */
 static bool may_start(const tcs_load *load) {
-  return load->source.operators ||
-         count_of(load->catalogue, load->source.client, true) < TCS_LOAD_THREADS - 1;
+  return load->source.operators || count_of(load->catalogue, load->source.client, true) < TCS_LOAD_THREADS - 1;
 }
 
 static void start(tcs_load *load) {

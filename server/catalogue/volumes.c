@@ -29,7 +29,7 @@ static bool reserve_gaps(tcs_load *load) {
   if (!bytes || reserve_body(load, bytes)) return true;
   load->refused = true;
   load->wanted = load->reserved + tcs_room_of(bytes);
-  tcs_budget_refuse(load->catalogue->server->budget, &load->error);
+  tcs_budget_refuse(load->catalogue->server->budget, TCS_MEMORY_LOADS, tcs_room_of(bytes), &load->error);
   g_clear_pointer(&load->volume, tc_volume_unref);
   return false;
 }

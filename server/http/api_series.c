@@ -18,7 +18,10 @@ static bool look_goes_on(void *user, double fraction) { return !atomic_load(&((l
 
 static bool look_holds(void *user, uint64_t bytes, GError **error) {
   look *l = user;
-  if (!tcs_budget_resize(l->budget, TCS_MEMORY_DECODERS, l->held, bytes)) return tcs_budget_refuse(l->budget, error), false;
+  if (!tcs_budget_resize(l->budget, TCS_MEMORY_DECODERS, l->held, bytes)) {
+    tcs_budget_refuse(l->budget, TCS_MEMORY_DECODERS, bytes - l->held, error);
+    return false;
+  }
   l->held = bytes;
   return true;
 }
@@ -48,7 +51,8 @@ void tcs_get_series(tcs_request *request) {
   GError *error = NULL;
   tcs_source_file source;
   if (request->caller.session[0]) {
-    tcs_reply_problem(request, 403, "forbidden", "Not allowed", "who was given one session sees what it shows, and nothing that could be loaded");
+    tcs_reply_problem(request, 403, "forbidden", "Not allowed",
+                      "who was given one session sees what it shows, and nothing that could be loaded");
     return;
   }
   if (!path) {
@@ -61,7 +65,9 @@ void tcs_get_series(tcs_request *request) {
     return;
   }
   look *l = g_new0(look, 1);
-  *l = (look){.work = {.run = run_look, .free = free_look}, .budget = request->server->budget, .source = source,
+  *l = (look){.work = {.run = run_look, .free = free_look},
+              .budget = request->server->budget,
+              .source = source,
               .patient = request->server->config->limits.patient_tags != 0};
   tcs_work_start(request, request->server->walk_worker, &l->work, MOST_LOOKS);
 }

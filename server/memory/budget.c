@@ -11,7 +11,8 @@ struct tcs_budget {
 };
 
 static bool is_voxels(tcs_memory_kind kind) {
-  return kind == TCS_MEMORY_VOLUMES || kind == TCS_MEMORY_MESHES || kind == TCS_MEMORY_LOADS || kind == TCS_MEMORY_PINNED;
+  return kind == TCS_MEMORY_VOLUMES || kind == TCS_MEMORY_MESHES || kind == TCS_MEMORY_LOADS ||
+         kind == TCS_MEMORY_PINNED;
 }
 
 const char *tcs_memory_kind_name(tcs_memory_kind kind) {
@@ -131,15 +132,18 @@ GBytes *tcs_budget_bytes(tcs_budget *budget, tcs_memory_kind kind, void *bytes, 
   return g_bytes_new_with_free_func(bytes, size, free_counted, c);
 }
 
-void tcs_budget_refuse(tcs_budget *budget, GError **error) {
+void tcs_budget_refuse(tcs_budget *budget, tcs_memory_kind kind, uint64_t more, GError **error) {
   GString *uses = g_string_new(NULL);
-  for (int kind = 0; kind < TCS_MEMORY_KIND_COUNT; kind++) {
-    const double mib = (double)tcs_budget_used(budget, (tcs_memory_kind)kind) / 0x1p20;
+  for (int holder = 0; holder < TCS_MEMORY_KIND_COUNT; holder++) {
+    const double mib = (double)tcs_budget_used(budget, (tcs_memory_kind)holder) / 0x1p20;
     if (mib >= 0.05)
-      g_string_append_printf(uses, "%s%s %.1f", uses->len ? ", " : "", tcs_memory_kind_name((tcs_memory_kind)kind), mib);
+      g_string_append_printf(uses, "%s%s %.1f", uses->len ? ", " : "", tcs_memory_kind_name((tcs_memory_kind)holder),
+                             mib);
   }
   tc_set_error(error, TC_ERROR_BUSY, NULL,
-               "the memory is used up: %s of %.1f MiB (%.1f of them for volumes); delete a volume, end a session or try again later",
-               uses->str, (double)budget->total / 0x1p20, (double)budget->voxels / 0x1p20);
+               "the memory is used up: %s need %.1f MiB more; in use are %s of %.1f MiB (%.1f of them for volumes); "
+               "delete a volume, end a session or try again later",
+               tcs_memory_kind_name(kind), (double)more / 0x1p20, uses->len ? uses->str : "0",
+               (double)budget->total / 0x1p20, (double)budget->voxels / 0x1p20);
   g_string_free(uses, TRUE);
 }

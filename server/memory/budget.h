@@ -60,7 +60,8 @@ bool tcs_budget_fits(tcs_budget *budget, uint64_t bytes);
 /* Bytes that are counted until the last reference to them goes, wherever that is; takes `bytes`, of g_malloc. */
 GBytes *tcs_budget_bytes(tcs_budget *budget, tcs_memory_kind kind, void *bytes, size_t size);
 
-/* "the memory is used up: volumes 180 MiB, caches 12 MiB of 200 MiB; ..." as TC_ERROR_BUSY (503). */
-void tcs_budget_refuse(tcs_budget *budget, GError **error);
+/* "the memory is used up: loads need 30 MiB more; in use are volumes 180, caches 12 of 200 MiB; ..." as TC_ERROR_BUSY (503):
+ * `kind` is the holder that was refused `more` bytes. */
+void tcs_budget_refuse(tcs_budget *budget, tcs_memory_kind kind, uint64_t more, GError **error);
 
 #endif

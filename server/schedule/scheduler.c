@@ -363,7 +363,7 @@ static bool take_frame(tcs_job *job) {
     return true;
   }
   job->memory_wanted = need - job->memory;
-  tcs_budget_refuse(budget, &job->error);
+  tcs_budget_refuse(budget, TCS_MEMORY_FRAMES, job->memory_wanted, &job->error);
   return false;
 }
 
@@ -379,7 +379,7 @@ static void counted_slice(tcs_job *job) {
   if (job->error && wanted) {
     job->memory_wanted = wanted;
     g_clear_error(&job->error);
-    tcs_budget_refuse(budget, &job->error);
+    tcs_budget_refuse(budget, TCS_MEMORY_CACHES, wanted, &job->error);
   }
   if (job->error && !g_error_matches(job->error, TC_ERROR, TC_ERROR_PAUSED)) count_frame(job, tcs_frame_bytes(&job->frame));
 }

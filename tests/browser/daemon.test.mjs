@@ -112,8 +112,13 @@ describe('page and daemon', { skip }, () => {
     const { page } = await open(browser, url);
     await page.setInputFiles('#upload', { name: 'ball.stl', mimeType: '', buffer: ballStl(12, 40, [0, 0, 0]) });
     await page.waitForFunction(() => document.getElementById('mode').value === 'mesh', null, { timeout: 60000 });
-    const { meshes } = await (await fetch(`${daemon.url}v1/meshes`)).json();
-    assert.deepEqual(meshes.map(({ id, sessions }) => [id, sessions]), [['upload-1', 1]]);
+    // The page's menu changes before its patch has reached the daemon.
+    const listed = async () => {
+      const { meshes } = await (await fetch(`${daemon.url}v1/meshes`)).json();
+      return meshes.map(({ id, sessions }) => [id, sessions]);
+    };
+    for (let i = 0; i < 500 && !(await listed())[0]?.[1]; i++) await new Promise((wake) => setTimeout(wake, 20));
+    assert.deepEqual(await listed(), [['upload-1', 1]]);
     assert.deepEqual(page.complaints, []);
     await page.close();
   });

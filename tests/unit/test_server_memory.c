@@ -42,8 +42,9 @@ static void a_refusal_says_what_is_used_by_what(void **state) {
   GError *error = NULL;
   tcs_budget_count(budget, TCS_MEMORY_VOLUMES, 120 * MIB);
   tcs_budget_count(budget, TCS_MEMORY_CACHES, 12 * MIB);
-  tcs_budget_refuse(budget, &error);
+  tcs_budget_refuse(budget, TCS_MEMORY_DECODERS, 80 * MIB, &error);
   assert_int_equal(error->code, TC_ERROR_BUSY);
+  assert_non_null(strstr(error->message, "decoders need 80.0 MiB more"));
   assert_non_null(strstr(error->message, "volumes 120.0"));
   assert_non_null(strstr(error->message, "caches 12.0 of 200.0 MiB"));
   assert_null(strstr(error->message, "loads"));
