@@ -1,15 +1,6 @@
 /* Every classification and both orders on every instruction set of this machine and on OpenGL, against the reference
  * and each other. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
@@ -376,10 +367,8 @@ static void the_foot_of_a_stiff_rise(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(observed_orders), cmocka_unit_test(post_at_midpoints),
-                                     cmocka_unit_test(all_converge),
-                                     cmocka_unit_test(every_size_of_table), cmocka_unit_test(random_scenes),
-                                     cmocka_unit_test(combinations), cmocka_unit_test(the_foot_of_a_stiff_rise),
-                                     cmocka_unit_test(the_plan_says_so)};
+  const struct CMUnitTest tests[] = {TEST(observed_orders), TEST(post_at_midpoints), TEST(all_converge),
+    TEST(every_size_of_table), TEST(random_scenes), TEST(combinations), TEST(the_foot_of_a_stiff_rise),
+    TEST(the_plan_says_so)};
   return cmocka_run_group_tests_name("classify", tests, test_renderers_open, test_renderers_close);
 }

@@ -1,13 +1,5 @@
 /* Clip box and planes: exact at the face, alike on every back end, against the reference and closed forms. */
-#include <math.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <setjmp.h>
-#include <stdio.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
@@ -169,8 +161,7 @@ static void corner_cases(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(a_cut_block_is_exact),
-                                     cmocka_unit_test(random_cuts_agree_with_the_reference),
-                                     cmocka_unit_test(corner_cases)};
+  const struct CMUnitTest tests[] = {TEST(a_cut_block_is_exact), TEST(random_cuts_agree_with_the_reference),
+    TEST(corner_cases)};
   return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

@@ -1,16 +1,7 @@
 /* Stiff and extreme cases (NUMERICS section 5), each in every way of rendering on every back end and instruction set,
  * against the invariants of every picture (tests/support/judge.h). What has no meaning is refused, and the member
  * named. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "tests/support/grid.h"
 #include "tests/support/judge.h"
@@ -454,8 +445,7 @@ static void far_away(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(meaningless), cmocka_unit_test(far_away),
-                                     cmocka_unit_test(opacity_grows), cmocka_unit_test(one_last_bit_apart),
-                                     cmocka_unit_test(bent_random_scenes), cmocka_unit_test(every_way)};
+  const struct CMUnitTest tests[] = {TEST(meaningless), TEST(far_away), TEST(opacity_grows), TEST(one_last_bit_apart),
+    TEST(bent_random_scenes), TEST(every_way)};
   return cmocka_run_group_tests_name("extremes", tests, test_judge_open, test_judge_close);
 }

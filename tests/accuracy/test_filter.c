@@ -1,14 +1,6 @@
 /* Filters of the field on every instruction set and OpenGL: against the reference integrator, against each other, with
  * and without skipping. Errors are of the linear frame and are printed as numbers. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
@@ -369,10 +361,8 @@ static void coefficients_are_a_resource(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(reference_is_cubic),
-                                     cmocka_unit_test(prefilter_passes_through_voxels),
-                                     cmocka_unit_test(coefficients_are_a_resource),
-                                     cmocka_unit_test(close_to_reference), cmocka_unit_test(everyone_agrees),
-                                     cmocka_unit_test(skipping_changes_no_bit), cmocka_unit_test(constants_stay)};
+  const struct CMUnitTest tests[] = {TEST(reference_is_cubic), TEST(prefilter_passes_through_voxels),
+    TEST(coefficients_are_a_resource), TEST(close_to_reference), TEST(everyone_agrees), TEST(skipping_changes_no_bit),
+    TEST(constants_stay)};
   return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

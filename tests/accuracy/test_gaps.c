@@ -1,12 +1,5 @@
 /* Voxels without a value (NaN): they show in no mode, on any instruction set and on OpenGL, and add to nothing. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/mesh/mesh.h"
 #include "renderer/reference/reference.h"
@@ -185,10 +178,7 @@ static void the_plan_says_it(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(what_is_left_is_the_truth),
-                                     cmocka_unit_test(surfaces_end_at_a_gap),
-                                     cmocka_unit_test(splats_leave_gaps_out),
-                                     cmocka_unit_test(slices_and_slabs_end_half_way_to_a_gap),
-                                     cmocka_unit_test(the_plan_says_it)};
+  const struct CMUnitTest tests[] = {TEST(what_is_left_is_the_truth), TEST(surfaces_end_at_a_gap),
+    TEST(splats_leave_gaps_out), TEST(slices_and_slabs_end_half_way_to_a_gap), TEST(the_plan_says_it)};
   return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

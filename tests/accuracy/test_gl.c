@@ -2,16 +2,7 @@
  *
  * The contract (NUMERICS section 5): equal within 1/255 at every pixel but for ties at edges, whose share is printed.
  * Runs on whatever OpenGL 4.5 EGL gives (llvmpipe without a GPU); without any it says so and passes nothing. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-
-#include <cmocka.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
+#include "tests/support/test.h"
 
 #include "renderer/gl/device.h"
 #include "renderer/tomocast.h"
@@ -510,12 +501,9 @@ static void test_picture_sizes(void **state) {
 
 int main(void) {
   setenv("MESA_SHADER_CACHE_DISABLE", "true", 1); /* its key misses some of Mesa's own settings */
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_voxel_types),   cmocka_unit_test(test_noise_volume),
-                                     cmocka_unit_test(test_awkward_sizes), cmocka_unit_test(test_long_volumes),
-                                     cmocka_unit_test(test_geometry),      cmocka_unit_test(test_cameras),
-                                     cmocka_unit_test(test_steps),         cmocka_unit_test(test_extreme_extinction),
-                                     cmocka_unit_test(test_opaque_block),  cmocka_unit_test(test_termination),
-                                     cmocka_unit_test(test_resolve),       cmocka_unit_test(test_leaping),
-                                     cmocka_unit_test(test_picture_sizes)};
+  const struct CMUnitTest tests[] = {TEST(test_voxel_types), TEST(test_noise_volume), TEST(test_awkward_sizes),
+    TEST(test_long_volumes), TEST(test_geometry), TEST(test_cameras), TEST(test_steps), TEST(test_extreme_extinction),
+    TEST(test_opaque_block), TEST(test_termination), TEST(test_resolve), TEST(test_leaping),
+    TEST(test_picture_sizes)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -1,16 +1,8 @@
 /* The gl back end as a citizen: contexts, caches, limits, cancelling, compiling beside. Skips where EGL gives no OpenGL
  * 4.5. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
+#include "tests/support/test.h"
 
-#include <cmocka.h>
-#include <math.h>
 #include <pthread.h>
-#include <stdlib.h>
-#include <string.h>
 #include <time.h>
 
 #include "renderer/frame/backend.h"
@@ -550,11 +542,8 @@ static void test_eviction(void **state) {
 
 int main(void) {
   setenv("MESA_SHADER_CACHE_DISABLE", "true", 1); /* its key misses some of Mesa's own settings */
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_report),          cmocka_unit_test(test_several_contexts),
-                                     cmocka_unit_test(test_other_thread),    cmocka_unit_test(test_program_cache),
-                                     cmocka_unit_test(test_unbuilt_keys),    cmocka_unit_test(test_nothing_is_rebuilt),
-                                     cmocka_unit_test(test_cancel),          cmocka_unit_test(test_hurry),
-                                     cmocka_unit_test(test_hurried_upload),
-                                     cmocka_unit_test(test_limits),          cmocka_unit_test(test_eviction)};
+  const struct CMUnitTest tests[] = {TEST(test_report), TEST(test_several_contexts), TEST(test_other_thread),
+    TEST(test_program_cache), TEST(test_unbuilt_keys), TEST(test_nothing_is_rebuilt), TEST(test_cancel),
+    TEST(test_hurry), TEST(test_hurried_upload), TEST(test_limits), TEST(test_eviction)};
   return cmocka_run_group_tests(tests, set_up, NULL);
 }

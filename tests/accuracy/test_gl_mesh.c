@@ -6,16 +6,7 @@
  * a 256th of a pixel, and perhaps if it is outside by no more; its nearness there is an interval. What may be seen are the
  * triangles of which no part of the interval is behind all of one that covers for certain; and the background where none
  * does. Two or more of these: a tie. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/mesh/clip.h"
 #include "renderer/mesh/surfaces.h"
@@ -387,8 +378,8 @@ static void frames_stop_and_go_on_to_the_same_picture(void **unused) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(pictures_are_equal_but_for_ties), cmocka_unit_test(another_picture_is_no_tie),
-                                     cmocka_unit_test(labels_have_their_colours), cmocka_unit_test(translucent_layers_are_sorted),
-                                     cmocka_unit_test(frames_stop_and_go_on_to_the_same_picture)};
+  const struct CMUnitTest tests[] = {TEST(pictures_are_equal_but_for_ties), TEST(another_picture_is_no_tie),
+    TEST(labels_have_their_colours), TEST(translucent_layers_are_sorted),
+    TEST(frames_stop_and_go_on_to_the_same_picture)};
   return cmocka_run_group_tests_name("meshes through OpenGL", tests, test_renderers_open, test_renderers_close);
 }

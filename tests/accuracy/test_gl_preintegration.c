@@ -1,16 +1,8 @@
 /* Pre-integration tables that OpenGL builds against those of the cpu: every entry, and pictures that read them. Skips
  * where EGL gives no OpenGL 4.5. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
+#include "tests/support/test.h"
 
-#include <cmocka.h>
 #include <epoxy/gl.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
 #include "renderer/classify/outline.h"
 #include "renderer/base/clock.h"
@@ -321,9 +313,7 @@ static void tables_of_the_cpu(void **state) {
 
 int main(void) {
   setenv("MESA_SHADER_CACHE_DISABLE", "true", 1); /* its key misses some of Mesa's own settings */
-  const struct CMUnitTest tests[] = {cmocka_unit_test(every_size),        cmocka_unit_test(any_stiffness),
-                                     cmocka_unit_test(other_conventions), cmocka_unit_test(many_knots),
-                                     cmocka_unit_test(one_value_wide),    cmocka_unit_test(pictures),
-                                     cmocka_unit_test(tables_of_the_cpu)};
+  const struct CMUnitTest tests[] = {TEST(every_size), TEST(any_stiffness), TEST(other_conventions), TEST(many_knots),
+    TEST(one_value_wide), TEST(pictures), TEST(tables_of_the_cpu)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -1,15 +1,6 @@
 /* Mode splat on the gl back end against the cpu's splatter: the same sums of whole numbers, but where a pixel's middle lies
  * at a footprint's or a core's rim, or between two steps of the footprint's table, within rounding. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
@@ -145,8 +136,7 @@ static void frames_stop_and_go_on_to_the_same_picture(void **unused) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(pictures_are_equal_but_for_rims), cmocka_unit_test(culling_changes_no_bit),
-                                     cmocka_unit_test(what_gl_does_not_draw_the_cpu_does),
-                                     cmocka_unit_test(frames_stop_and_go_on_to_the_same_picture)};
+  const struct CMUnitTest tests[] = {TEST(pictures_are_equal_but_for_rims), TEST(culling_changes_no_bit),
+    TEST(what_gl_does_not_draw_the_cpu_does), TEST(frames_stop_and_go_on_to_the_same_picture)};
   return cmocka_run_group_tests_name("splats through OpenGL", tests, test_renderers_open, test_renderers_close);
 }

@@ -1,19 +1,10 @@
 /* Frames that are cut: resumed ones are the uncut ones to the last bit, and stopping is soon on every renderer. The
  * estimate of a frame's samples holds from above. */
+#include "tests/support/test.h"
 #include <inttypes.h>
 #include <limits.h>
-#include <math.h>
 #include <pthread.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <time.h>
-
-#include <cmocka.h>
 
 #include "renderer/base/halt.h"
 #include "renderer/frame/frame.h"
@@ -641,18 +632,9 @@ static void stopping_by_the_clock(void **state) {
 
 int main(void) {
   setenv("MESA_SHADER_CACHE_DISABLE", "true", 1); /* what others compiled takes no time */
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(resumed_is_uncut),
-      cmocka_unit_test(only_what_was_paused_is_resumed),
-      cmocka_unit_test(estimate_holds),
-      cmocka_unit_test(stopping_is_soon),
-      cmocka_unit_test(monster_stops),
-      cmocka_unit_test(long_lists_are_heard),
-      cmocka_unit_test(many_labels_are_heard),
-      cmocka_unit_test(first_dispatches_are_heard),
-      cmocka_unit_test(deep_layers_are_heard),
-      cmocka_unit_test(surfaces_within_are_resumed),
-      cmocka_unit_test(stopping_by_the_clock),
-  };
+  const struct CMUnitTest tests[] = {TEST(resumed_is_uncut), TEST(only_what_was_paused_is_resumed),
+    TEST(estimate_holds), TEST(stopping_is_soon), TEST(monster_stops), TEST(long_lists_are_heard),
+    TEST(many_labels_are_heard), TEST(first_dispatches_are_heard), TEST(deep_layers_are_heard),
+    TEST(surfaces_within_are_resumed), TEST(stopping_by_the_clock)};
   return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

@@ -1,15 +1,6 @@
 /* Isosurfaces: the reference against closed forms, every instruction set's and OpenGL's pictures and depths against
  * the reference, and what must not matter. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/quality/quality.h"
 #include "renderer/raycast/rays.h"
@@ -371,10 +362,8 @@ static void plans_say_what_is_read(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(reference_meets_closed_forms), cmocka_unit_test(everyone_meets_the_reference),
-      cmocka_unit_test(skipping_changes_no_bit),      cmocka_unit_test(nothing_thin_is_missed),
-      cmocka_unit_test(extremes_are_empty_or_right),  cmocka_unit_test(several_rays_are_their_mean),
-      cmocka_unit_test(single_voxels_are_thick),      cmocka_unit_test(plans_say_what_is_read)};
+  const struct CMUnitTest tests[] = {TEST(reference_meets_closed_forms), TEST(everyone_meets_the_reference),
+    TEST(skipping_changes_no_bit), TEST(nothing_thin_is_missed), TEST(extremes_are_empty_or_right),
+    TEST(several_rays_are_their_mean), TEST(single_voxels_are_thick), TEST(plans_say_what_is_read)};
   return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

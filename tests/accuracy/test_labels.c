@@ -1,15 +1,6 @@
 /* Labels that tint and hide, on every instruction set and on OpenGL: against closed forms and against the trilinear
  * mean written out in double precision. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
@@ -464,15 +455,10 @@ static void a_volume_may_be_its_own_labels(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(every_place_has_the_mean_of_its_eight_labels),
-                                     cmocka_unit_test(faces_are_smooth),
-                                     cmocka_unit_test(hiding_thins_the_medium_and_tint_colours_it),
-                                     cmocka_unit_test(full_and_empty_tints_are_exact),
-                                     cmocka_unit_test(everyone_agrees),
-                                     cmocka_unit_test(small_steps_converge_to_the_reference),
-                                     cmocka_unit_test(leaping_changes_no_bit_and_threads_none),
-                                     cmocka_unit_test(what_is_no_label_volume_is_refused),
-                                     cmocka_unit_test(the_plan_names_labels_where_they_are_read),
-                                     cmocka_unit_test(a_volume_may_be_its_own_labels)};
+  const struct CMUnitTest tests[] = {TEST(every_place_has_the_mean_of_its_eight_labels), TEST(faces_are_smooth),
+    TEST(hiding_thins_the_medium_and_tint_colours_it), TEST(full_and_empty_tints_are_exact), TEST(everyone_agrees),
+    TEST(small_steps_converge_to_the_reference), TEST(leaping_changes_no_bit_and_threads_none),
+    TEST(what_is_no_label_volume_is_refused), TEST(the_plan_names_labels_where_they_are_read),
+    TEST(a_volume_may_be_its_own_labels)};
   return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

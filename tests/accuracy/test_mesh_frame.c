@@ -1,14 +1,5 @@
 /* Mode mesh against the surface itself (reference/): where it is seen, how far, how it is lit; and what must not matter. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/base/halt.h"
 #include "renderer/frame/mesh_job.h"
@@ -467,13 +458,11 @@ static void what_cannot_be_is_refused(void **unused) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(surface_is_where_the_field_has_it),         cmocka_unit_test(every_renderer_draws_the_same_bytes),
-      cmocka_unit_test(a_surface_is_extracted_once),               cmocka_unit_test(frames_stop_and_go_on_to_the_same_picture),
-      cmocka_unit_test(what_cannot_be_is_refused), cmocka_unit_test(several_surfaces_are_one_picture),
-      cmocka_unit_test(layers_are_bounded),
-      cmocka_unit_test(surfaces_are_between_what_is_before_and_behind_them), cmocka_unit_test(surfaces_end_and_divide_maxima),
-      cmocka_unit_test(slices_show_the_field_where_they_are),
-      cmocka_unit_test(labels_have_surfaces_of_their_colours)};
+  const struct CMUnitTest tests[] = {TEST(surface_is_where_the_field_has_it),
+    TEST(every_renderer_draws_the_same_bytes), TEST(a_surface_is_extracted_once),
+    TEST(frames_stop_and_go_on_to_the_same_picture), TEST(what_cannot_be_is_refused),
+    TEST(several_surfaces_are_one_picture), TEST(layers_are_bounded),
+    TEST(surfaces_are_between_what_is_before_and_behind_them), TEST(surfaces_end_and_divide_maxima),
+    TEST(slices_show_the_field_where_they_are), TEST(labels_have_surfaces_of_their_colours)};
   return cmocka_run_group_tests_name("mesh frames", tests, test_renderers_open, test_renderers_close);
 }

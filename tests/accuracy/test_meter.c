@@ -1,15 +1,6 @@
 /* The error meter: which pixels it takes, what it finds, how often its interval holds. Errors are printed as
  * numbers. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/quality/meter.h"
 #include "renderer/raycast/subpixel.h"
@@ -252,13 +243,8 @@ static void labels_are_measured_too(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(all_pixels_give_the_frame_itself),
-                                     cmocka_unit_test(the_interval_holds_the_truth),
-                                     cmocka_unit_test(one_seed_one_answer),
-                                     cmocka_unit_test(the_estimate_is_the_textbooks),
-                                     cmocka_unit_test(ends_when_told),
-                                     cmocka_unit_test(the_truth_of_many_rays_is_their_mean),
-                                     cmocka_unit_test(labels_are_measured_too),
-                                     cmocka_unit_test(what_has_no_reference_is_said)};
+  const struct CMUnitTest tests[] = {TEST(all_pixels_give_the_frame_itself), TEST(the_interval_holds_the_truth),
+    TEST(one_seed_one_answer), TEST(the_estimate_is_the_textbooks), TEST(ends_when_told),
+    TEST(the_truth_of_many_rays_is_their_mean), TEST(labels_are_measured_too), TEST(what_has_no_reference_is_said)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -1,16 +1,7 @@
 /* Planar reformats against the field itself: which voxel lands on which pixel, what a slice and a slab show, and what a
  * scene may ask. Every instruction set of the cpu back end, and gl where there is one. The planes' axes and the mm of a
  * pixel are worked out here a second time, from what scene.h promises. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/import/colors.h"
 #include "renderer/tomocast.h"
@@ -793,15 +784,11 @@ static void many_colours_stay_near(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(known_voxel_on_known_pixel), cmocka_unit_test(whole_volume_fits),
-      cmocka_unit_test(slice_is_the_field),         cmocka_unit_test(outermost_slices_show),
-      cmocka_unit_test(slabs_take_their_samples),   cmocka_unit_test(slabs_come_to_the_truth),
-      cmocka_unit_test(columns_of_voxels),          cmocka_unit_test(window_maps_to_grey),
-      cmocka_unit_test(thin_volumes),               cmocka_unit_test(clipping_cuts_slices),
-      cmocka_unit_test(other_members_are_ignored),
-      cmocka_unit_test(plan_names_what_runs),       cmocka_unit_test(refusals_point_at_members),
-      cmocka_unit_test(default_oblique_is_axial),   cmocka_unit_test(threads_change_nothing),
-      cmocka_unit_test(volumes_of_colours_are_drawn_in_them), cmocka_unit_test(many_colours_stay_near)};
+  const struct CMUnitTest tests[] = {TEST(known_voxel_on_known_pixel), TEST(whole_volume_fits),
+    TEST(slice_is_the_field), TEST(outermost_slices_show), TEST(slabs_take_their_samples),
+    TEST(slabs_come_to_the_truth), TEST(columns_of_voxels), TEST(window_maps_to_grey), TEST(thin_volumes),
+    TEST(clipping_cuts_slices), TEST(other_members_are_ignored), TEST(plan_names_what_runs),
+    TEST(refusals_point_at_members), TEST(default_oblique_is_axial), TEST(threads_change_nothing),
+    TEST(volumes_of_colours_are_drawn_in_them), TEST(many_colours_stay_near)};
   return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

@@ -1,12 +1,5 @@
 /* Variants of one instruction set draw the same bits: neighbourhoods in registers and gathers. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
@@ -91,7 +84,7 @@ static void the_faster_variant_is_chosen_at_start(void **unused) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(neighbourhoods_and_gathers_draw_the_same_bits),
-                                     cmocka_unit_test(the_faster_variant_is_chosen_at_start)};
+  const struct CMUnitTest tests[] = {TEST(neighbourhoods_and_gathers_draw_the_same_bits),
+    TEST(the_faster_variant_is_chosen_at_start)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,15 +1,6 @@
 /* mip, minip and average: every instruction set and gl against the exact extremum or mean along each ray, and skipping
  * against none, bit for bit. Errors are of the linear frame and are printed as numbers. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/tomocast.h"
 #include "renderer/classify/preintegration.h"
@@ -542,13 +533,9 @@ static void refusals(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(closed_forms),    cmocka_unit_test(close_to_reference),
-      cmocka_unit_test(inverted_slope),  cmocka_unit_test(thin_volumes),
-      cmocka_unit_test(constants_and_extreme_windows), cmocka_unit_test(skipping_changes_no_bit),
-      cmocka_unit_test(edges_in_linear_light), cmocka_unit_test(first_of_equals),
-      cmocka_unit_test(clipped),         cmocka_unit_test(skipping_pays),   cmocka_unit_test(plan_leaves_out),
-      cmocka_unit_test(refusals),
-  };
+  const struct CMUnitTest tests[] = {TEST(closed_forms), TEST(close_to_reference), TEST(inverted_slope),
+    TEST(thin_volumes), TEST(constants_and_extreme_windows), TEST(skipping_changes_no_bit),
+    TEST(edges_in_linear_light), TEST(first_of_equals), TEST(clipped), TEST(skipping_pays), TEST(plan_leaves_out),
+    TEST(refusals)};
   return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

@@ -5,16 +5,7 @@
  * counts there. TC_LONG=1 takes all scenes and frames, else a few of each. And under a bound on time, is the error
  * about the least of all methods and steps that the modelled time allows? Pictures are the cpu's; where it says gl,
  * methods are weighed as there. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/quality/cost.h"
 #include "renderer/quality/meter.h"
@@ -394,7 +385,6 @@ static void a_time_gets_about_the_least_error(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(bounds_hold_at_little_cost),
-                                     cmocka_unit_test(a_time_gets_about_the_least_error)};
+  const struct CMUnitTest tests[] = {TEST(bounds_hold_at_little_cost), TEST(a_time_gets_about_the_least_error)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

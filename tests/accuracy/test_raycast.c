@@ -1,16 +1,7 @@
 /* The cpu back end against closed forms and against the reference integrator: every instruction set this machine has.
  * Errors are of the linear frame (premultiplied colour, opacity) and are printed as numbers. */
+#include "tests/support/test.h"
 #include <float.h>
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
 
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
@@ -639,25 +630,9 @@ static void odd_transfer_functions(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(homogeneous_slab),
-      cmocka_unit_test(linear_ramp),
-      cmocka_unit_test(thin_media),
-      cmocka_unit_test(voxel_types),
-      cmocka_unit_test(views),
-      cmocka_unit_test(eyes),
-      cmocka_unit_test(demos),
-      cmocka_unit_test(ball),
-      cmocka_unit_test(observed_order),
-      cmocka_unit_test(early_termination),
-      cmocka_unit_test(opaque_colour_is_exact),
-      cmocka_unit_test(threads_make_no_difference),
-      cmocka_unit_test(not_finite_voxels),
-      cmocka_unit_test(ranges_and_slopes),
-      cmocka_unit_test(one_value_peak),
-      cmocka_unit_test(peak_in_wide_range),
-      cmocka_unit_test(shapes_and_sizes),
-      cmocka_unit_test(odd_transfer_functions),
-  };
+  const struct CMUnitTest tests[] = {TEST(homogeneous_slab), TEST(linear_ramp), TEST(thin_media), TEST(voxel_types),
+    TEST(views), TEST(eyes), TEST(demos), TEST(ball), TEST(observed_order), TEST(early_termination),
+    TEST(opaque_colour_is_exact), TEST(threads_make_no_difference), TEST(not_finite_voxels), TEST(ranges_and_slopes),
+    TEST(one_value_peak), TEST(peak_in_wide_range), TEST(shapes_and_sizes), TEST(odd_transfer_functions)};
   return cmocka_run_group_tests_name("raycast", tests, test_renderers_open, test_renderers_close);
 }

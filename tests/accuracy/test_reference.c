@@ -1,16 +1,7 @@
 /* The reference integrator against closed forms, against an independent long double evaluation that knows nothing of
  * cells or cubics, and against itself at other tolerances. Errors are printed as numbers. */
+#include "tests/support/test.h"
 #include <float.h>
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
 
 #include "renderer/reference/reference.h"
 #include "tests/support/grid.h"
@@ -721,13 +712,9 @@ static void refusals(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(homogeneous_slab), cmocka_unit_test(linear_ramp),       cmocka_unit_test(linear_color),
-      cmocka_unit_test(opacity_ramp),     cmocka_unit_test(jumps_and_peaks),   cmocka_unit_test(gaussian),
-      cmocka_unit_test(ball_chord),       cmocka_unit_test(stiff_random_rays), cmocka_unit_test(thin_volumes),
-      cmocka_unit_test(tolerance_sweep),  cmocka_unit_test(camera_rays),       cmocka_unit_test(far_eye),
-      cmocka_unit_test(verbose_pixel),    cmocka_unit_test(image_by_threads),  cmocka_unit_test(refusals),
-      cmocka_unit_test(tolerance_sweep_of_kinds),
-  };
+  const struct CMUnitTest tests[] = {TEST(homogeneous_slab), TEST(linear_ramp), TEST(linear_color),
+    TEST(opacity_ramp), TEST(jumps_and_peaks), TEST(gaussian), TEST(ball_chord), TEST(stiff_random_rays),
+    TEST(thin_volumes), TEST(tolerance_sweep), TEST(camera_rays), TEST(far_eye), TEST(verbose_pixel),
+    TEST(image_by_threads), TEST(refusals), TEST(tolerance_sweep_of_kinds)};
   return cmocka_run_group_tests_name("reference", tests, NULL, NULL);
 }

@@ -1,15 +1,6 @@
 /* Shading on every instruction set and on OpenGL, against closed forms and against the reference integrator. Errors are
  * of the linear frame (premultiplied colour, opacity) and are printed as numbers. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
@@ -531,21 +522,10 @@ static void odd_volumes(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(everyone_agrees),
-      cmocka_unit_test(energy_is_bounded),
-      cmocka_unit_test(converges),
-      cmocka_unit_test(analytic_ball),
-      cmocka_unit_test(spacing_and_shear),
-      cmocka_unit_test(smooth_gradients_show_no_cells),
-      cmocka_unit_test(light_turns_the_bright_side),
-      cmocka_unit_test(leaping_changes_no_bit),
-      cmocka_unit_test(flat_is_unshaded),
-      cmocka_unit_test(back_to_front_is_lit_alike),
-      cmocka_unit_test(cubic_filter_has_its_own),
-      cmocka_unit_test(plan_says_what_is_in),
-      cmocka_unit_test(nonsense_is_refused),
-      cmocka_unit_test(odd_volumes),
-  };
+  const struct CMUnitTest tests[] = {TEST(everyone_agrees), TEST(energy_is_bounded), TEST(converges),
+    TEST(analytic_ball), TEST(spacing_and_shear), TEST(smooth_gradients_show_no_cells),
+    TEST(light_turns_the_bright_side), TEST(leaping_changes_no_bit), TEST(flat_is_unshaded),
+    TEST(back_to_front_is_lit_alike), TEST(cubic_filter_has_its_own), TEST(plan_says_what_is_in),
+    TEST(nonsense_is_refused), TEST(odd_volumes)};
   return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

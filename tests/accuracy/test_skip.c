@@ -1,14 +1,5 @@
 /* Space leaping: the map against brute force, and pictures with and without it, bit for bit. */
-#include <math.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <setjmp.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/classify/transfer.h"
 #include "renderer/skip/boxes.h"
@@ -336,8 +327,7 @@ static void long_axes_are_drawn(void **unused) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(leaping_changes_no_bit), cmocka_unit_test(map_is_right),
-                                     cmocka_unit_test(boxes_hold_what_shows), cmocka_unit_test(map_is_mended), cmocka_unit_test(built_only_when_it_can_help),
-                                     cmocka_unit_test(long_axes_are_drawn)};
+  const struct CMUnitTest tests[] = {TEST(leaping_changes_no_bit), TEST(map_is_right), TEST(boxes_hold_what_shows),
+    TEST(map_is_mended), TEST(built_only_when_it_can_help), TEST(long_axes_are_drawn)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

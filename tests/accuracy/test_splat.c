@@ -1,14 +1,6 @@
 /* Splatting: what culling leaves out changes no bit, constant solids are constant, and it is where it should be. */
+#include "tests/support/test.h"
 #include <limits.h>
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
 
 #include "renderer/frame/frame.h"
 #include "renderer/splat/splatter.h"
@@ -569,11 +561,9 @@ static void frames_are_made_in_pieces(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(culling_changes_no_bit),        cmocka_unit_test(scalar_and_vector_agree),
-      cmocka_unit_test(constant_solids_are_constant),  cmocka_unit_test(splats_are_where_the_surface_is),
-      cmocka_unit_test(large_voxels_are_lit_smoothly), cmocka_unit_test(rims_do_not_shine),
-      cmocka_unit_test(a_cut_shows_a_solid_face),      cmocka_unit_test(translucent_splats_show_the_blurred_field),
-      cmocka_unit_test(paused_pictures_end_the_same),  cmocka_unit_test(frames_are_made_in_pieces)};
+  const struct CMUnitTest tests[] = {TEST(culling_changes_no_bit), TEST(scalar_and_vector_agree),
+    TEST(constant_solids_are_constant), TEST(splats_are_where_the_surface_is), TEST(large_voxels_are_lit_smoothly),
+    TEST(rims_do_not_shine), TEST(a_cut_shows_a_solid_face), TEST(translucent_splats_show_the_blurred_field),
+    TEST(paused_pictures_end_the_same), TEST(frames_are_made_in_pieces)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

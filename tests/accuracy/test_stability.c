@@ -2,15 +2,7 @@
  *
  * TC_RANDOM_SCENES: how many (500; fewer under a sanitizer); TC_RANDOM_SEED: only this one, or the first
  * of TC_RANDOM_SCENES. A scene that fails is made smaller and printed. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "tests/support/judge.h"
 
@@ -61,6 +53,6 @@ static void random_scenes(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(random_scenes)};
+  const struct CMUnitTest tests[] = {TEST(random_scenes)};
   return cmocka_run_group_tests_name("stability", tests, test_judge_open, test_judge_close);
 }

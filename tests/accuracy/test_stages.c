@@ -1,14 +1,8 @@
 /* What thirty scenes take and what they leave out: the plan's stages as rendered, and counts that say the plan is
  * kept. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <string.h>
+#include "tests/support/test.h"
 
 #include <cjson/cJSON.h>
-#include <cmocka.h>
 
 #include "protocol/protocol.h"
 #include "renderer/tomocast.h"
@@ -145,7 +139,6 @@ static void out_means_out(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(stages_are_what_the_scene_needs),
-                                     cmocka_unit_test(out_means_out)};
+  const struct CMUnitTest tests[] = {TEST(stages_are_what_the_scene_needs), TEST(out_means_out)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

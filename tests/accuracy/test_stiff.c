@@ -1,16 +1,7 @@
 /* Media so dense that single precision calls a segment opaque of which a ray sees but a little: rays that end inside of
  * one, and segments that end beside a narrow peak. Every instruction set of this machine and OpenGL against the
  * reference. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/classify/preintegration.h"
 #include "renderer/tomocast.h"
@@ -174,7 +165,6 @@ static void a_peak_at_any_step(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(a_short_segment), cmocka_unit_test(a_wall_at_the_end),
-                                     cmocka_unit_test(a_peak_at_any_step)};
+  const struct CMUnitTest tests[] = {TEST(a_short_segment), TEST(a_wall_at_the_end), TEST(a_peak_at_any_step)};
   return cmocka_run_group_tests_name("stiff", tests, test_renderers_open, test_renderers_close);
 }

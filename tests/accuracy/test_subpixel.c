@@ -1,15 +1,6 @@
 /* Several rays a pixel, sub-pixel coherence and jitter, on every back end: against closed forms, against the reference
  * averaged over the same rays, and against themselves bit for bit. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/raycast/subpixel.h"
 #include "renderer/reference/reference.h"
@@ -551,18 +542,9 @@ static void threads_make_no_difference(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(rays_of_a_pixel),
-      cmocka_unit_test(homogeneous_slab),
-      cmocka_unit_test(against_the_same_rays),
-      cmocka_unit_test(smooth_edges_cost_nothing),
-      cmocka_unit_test(projections_average_whole_rays),
-      cmocka_unit_test(no_rings_by_default), cmocka_unit_test(no_rings_on_lit_surfaces),
-      cmocka_unit_test(jitter_takes_rings_away),
-      cmocka_unit_test(coherence_loses_nothing),
-      cmocka_unit_test(the_plan_says_why),
-      cmocka_unit_test(back_ends_agree),
-      cmocka_unit_test(threads_make_no_difference),
-  };
+  const struct CMUnitTest tests[] = {TEST(rays_of_a_pixel), TEST(homogeneous_slab), TEST(against_the_same_rays),
+    TEST(smooth_edges_cost_nothing), TEST(projections_average_whole_rays), TEST(no_rings_by_default),
+    TEST(no_rings_on_lit_surfaces), TEST(jitter_takes_rings_away), TEST(coherence_loses_nothing),
+    TEST(the_plan_says_why), TEST(back_ends_agree), TEST(threads_make_no_difference)};
   return cmocka_run_group_tests_name("subpixel", tests, test_renderers_open, test_renderers_close);
 }

@@ -1,12 +1,5 @@
+#include "tests/support/test.h"
 #include "tests/support/renderers.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-
-#include <cmocka.h>
 
 #include "renderer/gl/device.h"
 #include "renderer/reference/reference.h"

@@ -2,19 +2,11 @@
 #ifndef TC_TEST_IMPORT_FILES_H
 #define TC_TEST_IMPORT_FILES_H
 
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include <bzlib.h>
 #include <glib.h>
 #include <glib/gstdio.h>
-#include <math.h>
-#include <stdbool.h>
-#include <stdio.h>
-#include <string.h>
 #include <unistd.h>
 #include <zlib.h>
 

@@ -1,12 +1,7 @@
 /* The command line from outside: exit codes, one-line errors, files written. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
+#include "tests/support/test.h"
 #include <sys/wait.h>
 
-#include <cmocka.h>
 #include <glib.h>
 #include <glib/gstdio.h>
 
@@ -329,15 +324,9 @@ static int tear_down(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(version_and_help),
-                                     cmocka_unit_test(bad_usage),
-                                     cmocka_unit_test(failures),
-                                     cmocka_unit_test(renders_demo_head),
-                                     cmocka_unit_test(scene_and_set),
-                                     cmocka_unit_test(same_picture_twice),
-                                     cmocka_unit_test(timing_is_printed),
-                                     cmocka_unit_test(info_for_people_and_programs), cmocka_unit_test(meshes_among_each_other),
-                                     cmocka_unit_test(a_ray_sample_by_sample),
-                                     cmocka_unit_test(bench_names_the_costs), cmocka_unit_test(tables_of_the_papers)};
+  const struct CMUnitTest tests[] = {TEST(version_and_help), TEST(bad_usage), TEST(failures), TEST(renders_demo_head),
+    TEST(scene_and_set), TEST(same_picture_twice), TEST(timing_is_printed), TEST(info_for_people_and_programs),
+    TEST(meshes_among_each_other), TEST(a_ray_sample_by_sample), TEST(bench_names_the_costs),
+    TEST(tables_of_the_papers)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

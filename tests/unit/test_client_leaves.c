@@ -1,17 +1,9 @@
 /* A client that leaves while what it sent is still being written: nothing is kept of it. The spool's thread is held, so
  * that this lasts as long as the test wants. */
+#include "tests/support/test.h"
 #include <arpa/inet.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include "server/cli/daemon.h"
 #include "server/http/http.h"
@@ -91,6 +83,6 @@ static void who_leaves_while_an_upload_is_written_is_forgotten(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(who_leaves_while_an_upload_is_written_is_forgotten)};
+  const struct CMUnitTest tests[] = {TEST(who_leaves_while_an_upload_is_written_is_forgotten)};
   return cmocka_run_group_tests(tests, open_daemon, close_daemon);
 }

@@ -1,21 +1,13 @@
 /* DICOM end to end: files made here, through the real helper process. */
+#include "tests/support/test.h"
 #include <fcntl.h>
-#include <math.h>
-#include <setjmp.h>
 #include <signal.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include "renderer/import/links.h"
 #include "renderer/import/helper.h"
@@ -681,24 +673,12 @@ static void the_helpers_are_confined(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(a_shuffled_folder),
-      cmocka_unit_test(a_folder_of_links), cmocka_unit_test(a_packed_file), cmocka_unit_test(two_series),
-      cmocka_unit_test(a_zip),
-      cmocka_unit_test(an_oblique_slice),
-      cmocka_unit_test(frames_of_one_file),
-      cmocka_unit_test(tiles_are_no_volume), cmocka_unit_test(different_slopes_become_float),
-      cmocka_unit_test(what_is_missing_is_said),
-      cmocka_unit_test(wide_integers_are_narrowed),
-      cmocka_unit_test(colour_becomes_luma), cmocka_unit_test(ybr_has_the_greys_of_rgb), cmocka_unit_test(halved_colour_becomes_luma),
-      cmocka_unit_test(hostile_headers),
-      cmocka_unit_test(a_huge_element),
-      cmocka_unit_test(every_prefix_is_refused),
-      cmocka_unit_test(not_there_and_not_ours),
-      cmocka_unit_test(limits_and_helpers),
-      cmocka_unit_test(progress_and_cancel),
-      cmocka_unit_test(a_helper_that_never_reads_holds_up_nothing),
-      cmocka_unit_test(the_helpers_are_confined),
-  };
+  const struct CMUnitTest tests[] = {TEST(a_shuffled_folder), TEST(a_folder_of_links), TEST(a_packed_file),
+    TEST(two_series), TEST(a_zip), TEST(an_oblique_slice), TEST(frames_of_one_file), TEST(tiles_are_no_volume),
+    TEST(different_slopes_become_float), TEST(what_is_missing_is_said), TEST(wide_integers_are_narrowed),
+    TEST(colour_becomes_luma), TEST(ybr_has_the_greys_of_rgb), TEST(halved_colour_becomes_luma),
+    TEST(hostile_headers), TEST(a_huge_element), TEST(every_prefix_is_refused), TEST(not_there_and_not_ours),
+    TEST(limits_and_helpers), TEST(progress_and_cancel), TEST(a_helper_that_never_reads_holds_up_nothing),
+    TEST(the_helpers_are_confined)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,17 +1,9 @@
 /* DICOM of the real world: the sets of the data folder (TC_DATA), what each odd file must do, and geometry against
  * dcm2niix where it is installed. Everything here is skipped, with a line, without the data. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdlib.h>
-#include <string.h>
+#include "tests/support/test.h"
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include "renderer/import/helper.h"
 #include "tests/support/dicom_files.h"
@@ -393,10 +385,7 @@ static void geometry_of_dcm2niix(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(sets_open_as_described),  cmocka_unit_test(transfer_syntaxes),
-      cmocka_unit_test(frames_in_five_syntaxes), cmocka_unit_test(odd_files),
-      cmocka_unit_test(a_folder_of_odd_files),   cmocka_unit_test(geometry_of_dcm2niix),
-  };
+  const struct CMUnitTest tests[] = {TEST(sets_open_as_described), TEST(transfer_syntaxes),
+    TEST(frames_in_five_syntaxes), TEST(odd_files), TEST(a_folder_of_odd_files), TEST(geometry_of_dcm2niix)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

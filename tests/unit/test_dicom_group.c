@@ -1,11 +1,5 @@
 /* Which pictures make a volume: keys, copies, turns, pieces; nothing is ever mixed. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/import/helper/dicom_group.h"
 
@@ -234,19 +228,15 @@ static void nonsense_is_no_crash(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test_setup(keys_never_mix, set_up),
-      cmocka_unit_test_setup(half_steps_are_two_volumes, set_up),
-      cmocka_unit_test_setup(pieces_in_a_row_are_one, set_up),
-      cmocka_unit_test_setup(pieces_of_two_time_points, set_up),
-      cmocka_unit_test_setup(pieces_far_apart_are_two, set_up),
-      cmocka_unit_test_setup(turns_part_what_keys_do_not, set_up),
-      cmocka_unit_test_setup(tangled_pictures_are_said, set_up),
-      cmocka_unit_test_setup(copies_are_one, set_up),
-      cmocka_unit_test_setup(segmentations_stay_together, set_up),
-      cmocka_unit_test_setup(a_piece_is_opened_only_for_who_asks, set_up),
-      cmocka_unit_test_setup(volumes_are_named, set_up),
-      cmocka_unit_test_setup(nonsense_is_no_crash, set_up),
-  };
+  const struct CMUnitTest tests[] = {cmocka_unit_test_setup(keys_never_mix, set_up),
+    cmocka_unit_test_setup(half_steps_are_two_volumes, set_up),
+    cmocka_unit_test_setup(pieces_in_a_row_are_one, set_up),
+    cmocka_unit_test_setup(pieces_of_two_time_points, set_up),
+    cmocka_unit_test_setup(pieces_far_apart_are_two, set_up),
+    cmocka_unit_test_setup(turns_part_what_keys_do_not, set_up),
+    cmocka_unit_test_setup(tangled_pictures_are_said, set_up), cmocka_unit_test_setup(copies_are_one, set_up),
+    cmocka_unit_test_setup(segmentations_stay_together, set_up),
+    cmocka_unit_test_setup(a_piece_is_opened_only_for_who_asks, set_up),
+    cmocka_unit_test_setup(volumes_are_named, set_up), cmocka_unit_test_setup(nonsense_is_no_crash, set_up)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,13 +1,6 @@
 /* Siemens mosaics: the slices of one time point side by side in one picture. They open as volumes at their true places, or
  * are refused. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/import/helper.h"
 #include "tests/support/dicom_files.h"
@@ -124,6 +117,6 @@ static void others_are_refused(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(slices_come_apart), cmocka_unit_test(others_are_refused)};
+  const struct CMUnitTest tests[] = {TEST(slices_come_apart), TEST(others_are_refused)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

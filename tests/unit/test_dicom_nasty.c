@@ -3,14 +3,7 @@
  *
  * Pixels hold a field that is linear in patient space, plus a thousand for each volume of the series. Linear
  * interpolation along the stack must give it back on any grid, and a slice of another volume is off by a thousand. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/import/helper.h"
 #include "tests/support/dicom_files.h"
@@ -348,7 +341,6 @@ static void a_wrong_choice(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(nasty_series), cmocka_unit_test(bridging_can_be_refused),
-                                     cmocka_unit_test(a_wrong_choice)};
+  const struct CMUnitTest tests[] = {TEST(nasty_series), TEST(bridging_can_be_refused), TEST(a_wrong_choice)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,14 +1,7 @@
 /* The smaller pieces of the DICOM reader: samples to voxels, the zip reader, the wire between helper and parent. */
+#include "tests/support/test.h"
 #include <limits.h>
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include "renderer/import/helper/dicom_pixels.h"
 #include "renderer/import/wire.h"
@@ -384,14 +377,10 @@ static void the_caller_can_cancel(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(bits_outside_the_pixel_are_cut), cmocka_unit_test(every_width_converts),
-      cmocka_unit_test(single_bits_become_labels),      cmocka_unit_test(colours_become_luma),
-      cmocka_unit_test(odd_formats_are_not_valid),      cmocka_unit_test(zip_members_read_back),
-      cmocka_unit_test(damaged_zips_are_errors),        cmocka_unit_test(a_wrong_checksum_is_seen),
-      cmocka_unit_test(a_volume_crosses_the_wire),      cmocka_unit_test(lies_about_the_volume_are_refused),
-      cmocka_unit_test(slots_that_are_none_are_refused),
-      cmocka_unit_test(text_from_the_helper_is_tamed),  cmocka_unit_test(the_caller_can_cancel),
-  };
+  const struct CMUnitTest tests[] = {TEST(bits_outside_the_pixel_are_cut), TEST(every_width_converts),
+    TEST(single_bits_become_labels), TEST(colours_become_luma), TEST(odd_formats_are_not_valid),
+    TEST(zip_members_read_back), TEST(damaged_zips_are_errors), TEST(a_wrong_checksum_is_seen),
+    TEST(a_volume_crosses_the_wire), TEST(lies_about_the_volume_are_refused), TEST(slots_that_are_none_are_refused),
+    TEST(text_from_the_helper_is_tamed), TEST(the_caller_can_cancel)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,11 +1,5 @@
 /* Segmentations: names, colours and overlaps of SEG, label maps, structure sets and layered NRRD. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/import/helper/dicom_contours.h"
 #include "renderer/import/import.h"
@@ -379,9 +373,8 @@ static void combinations_are_exact(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(overlapping_segments_are_kept), cmocka_unit_test(label_maps_and_fractions),
-      cmocka_unit_test(contours_far_away_are_refused), cmocka_unit_test(contours_fill_their_area),      cmocka_unit_test(contours_lie_on_the_series_beside),
-      cmocka_unit_test(layers_of_slicer),              cmocka_unit_test(combinations_are_exact)};
+  const struct CMUnitTest tests[] = {TEST(overlapping_segments_are_kept), TEST(label_maps_and_fractions),
+    TEST(contours_far_away_are_refused), TEST(contours_fill_their_area), TEST(contours_lie_on_the_series_beside),
+    TEST(layers_of_slicer), TEST(combinations_are_exact)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -1,12 +1,5 @@
 /* The geometry of DICOM stacks: order, spacing, tilt, varying steps, gaps, segmentations. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/import/helper/dicom_stack.h"
 
@@ -287,19 +280,9 @@ static void nonsense_is_no_crash(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(sorts_by_position),
-      cmocka_unit_test(positions_come_back),
-      cmocka_unit_test(one_missing_slice_is_bridged),
-      cmocka_unit_test(more_missing_slices_are_an_error),
-      cmocka_unit_test(small_differences_keep_the_mean),
-      cmocka_unit_test(varying_steps_are_resampled),
-      cmocka_unit_test(shared_positions_are_no_stack),
-      cmocka_unit_test(off_the_line),
-      cmocka_unit_test(without_positions),
-      cmocka_unit_test(one_slice),
-      cmocka_unit_test(segmentations_may_have_gaps),
-      cmocka_unit_test(nonsense_is_no_crash),
-  };
+  const struct CMUnitTest tests[] = {TEST(sorts_by_position), TEST(positions_come_back),
+    TEST(one_missing_slice_is_bridged), TEST(more_missing_slices_are_an_error), TEST(small_differences_keep_the_mean),
+    TEST(varying_steps_are_resampled), TEST(shared_positions_are_no_stack), TEST(off_the_line),
+    TEST(without_positions), TEST(one_slice), TEST(segmentations_may_have_gaps), TEST(nonsense_is_no_crash)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,12 +1,5 @@
 /* Standardised uptake values: the factor by hand, and when there is none. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/import/helper/dicom_suv.h"
 
@@ -74,6 +67,6 @@ static void refusals(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(factors), cmocka_unit_test(refusals)};
+  const struct CMUnitTest tests[] = {TEST(factors), TEST(refusals)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,12 +1,5 @@
 /* The measures a picture is judged by, against published and closed-form values. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "server/bench/difference.h"
 
@@ -162,9 +155,8 @@ static void pictures_are_judged_as_shown(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(ciede2000_published_pairs), cmocka_unit_test(lab_of_known_colours),
-      cmocka_unit_test(ssim_of_known_pictures),    cmocka_unit_test(rms_percentile_and_maximum),
-      cmocka_unit_test(interval_holds_the_truth),  cmocka_unit_test(pictures_are_judged_as_shown)};
+  const struct CMUnitTest tests[] = {TEST(ciede2000_published_pairs), TEST(lab_of_known_colours),
+    TEST(ssim_of_known_pictures), TEST(rms_percentile_and_maximum), TEST(interval_holds_the_truth),
+    TEST(pictures_are_judged_as_shown)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

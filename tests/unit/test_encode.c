@@ -1,12 +1,6 @@
 /* Frames to JPEG and PNG: decoded again by the libraries and compared. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdlib.h>
-#include <string.h>
+#include "tests/support/test.h"
 
-#include <cmocka.h>
 #include <spng.h>
 #include <turbojpeg.h>
 
@@ -221,14 +215,9 @@ static void environment_is_cleaned(void **state) {
 #define WITH_FRAME(test) cmocka_unit_test_setup_teardown(test, set_up, tear_down)
 
 int main(void) {
-  const struct CMUnitTest tests[] = {WITH_FRAME(jpeg_keeps_the_picture),
-                                     WITH_FRAME(subsampling_follows_quality),
-                                     WITH_FRAME(quality_override_counts),
-                                     WITH_FRAME(grey_pictures_of_grey_modes_are_grey),
-                                     WITH_FRAME(png_is_exact),
-                                     WITH_FRAME(transparent_png_is_exact),
-                                     WITH_FRAME(refuses_transparent_jpeg),
-                                     WITH_FRAME(sizes_change),
-                                     cmocka_unit_test(environment_is_cleaned)};
+  const struct CMUnitTest tests[] = {WITH_FRAME(jpeg_keeps_the_picture), WITH_FRAME(subsampling_follows_quality),
+    WITH_FRAME(quality_override_counts), WITH_FRAME(grey_pictures_of_grey_modes_are_grey), WITH_FRAME(png_is_exact),
+    WITH_FRAME(transparent_png_is_exact), WITH_FRAME(refuses_transparent_jpeg), WITH_FRAME(sizes_change),
+    TEST(environment_is_cleaned)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

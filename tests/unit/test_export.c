@@ -1,13 +1,6 @@
 /* Files that are written: volumes come back with their values and place, meshes with their triangles. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <string.h>
+#include "tests/support/test.h"
 
-#include <cmocka.h>
 #include <glib/gstdio.h>
 
 #include "renderer/export/export.h"
@@ -218,8 +211,7 @@ static int tear_down(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(volumes_come_back), cmocka_unit_test(ply_holds_the_mesh),
-                                     cmocka_unit_test(stl_and_obj_hold_the_mesh),
-                                     cmocka_unit_test(a_failure_keeps_what_was_there)};
+  const struct CMUnitTest tests[] = {TEST(volumes_come_back), TEST(ply_holds_the_mesh),
+    TEST(stl_and_obj_hold_the_mesh), TEST(a_failure_keeps_what_was_there)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

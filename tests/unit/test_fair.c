@@ -1,11 +1,5 @@
 /* Fair turns over simulated render time: no threads, no clock. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "server/schedule/fair.h"
 
@@ -208,16 +202,10 @@ static void test_who_owes_is_remembered(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(test_equal_jobs_share_equally),
-      cmocka_unit_test(test_unequal_jobs_share_time_not_turns),
-      cmocka_unit_test(test_a_pause_between_pictures_pays_no_debt),
-      cmocka_unit_test(test_peers_share_before_their_clients),
-      cmocka_unit_test(test_coming_and_going_gains_nothing),
-      cmocka_unit_test(test_what_is_dragged_waits_for_no_single_picture),
-      cmocka_unit_test(test_no_class_starves),
-      cmocka_unit_test(test_who_may_not_begin_is_passed_over),
-      cmocka_unit_test(test_who_owes_is_remembered),
-  };
+  const struct CMUnitTest tests[] = {TEST(test_equal_jobs_share_equally),
+    TEST(test_unequal_jobs_share_time_not_turns), TEST(test_a_pause_between_pictures_pays_no_debt),
+    TEST(test_peers_share_before_their_clients), TEST(test_coming_and_going_gains_nothing),
+    TEST(test_what_is_dragged_waits_for_no_single_picture), TEST(test_no_class_starves),
+    TEST(test_who_may_not_begin_is_passed_over), TEST(test_who_owes_is_remembered)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,12 +1,6 @@
 /* What a volume opens with: its values without padding, the body without table, a look that no size changes. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
+#include "tests/support/test.h"
 
-#include <cmocka.h>
 #include <glib.h>
 
 #include "renderer/tomocast.h"
@@ -359,22 +353,13 @@ static void windows_are_those_of_the_first_view(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(the_table_goes_and_all_else_stays),
-                                     cmocka_unit_test(a_table_that_is_touched_goes_too),
-                                     cmocka_unit_test(what_lies_on_a_faint_board_is_left_alone_with_it),
-                                     cmocka_unit_test(without_units_only_what_is_behind_is_a_table),
-                                     cmocka_unit_test(who_lies_on_nothing_is_left_alone),
-                                     cmocka_unit_test(it_stops_and_takes_no_memory_unasked),
-                                     cmocka_unit_test(too_many_parts_are_not_told_apart),
-                                     cmocka_unit_test(padding_counts_for_nothing),
-                                     cmocka_unit_test(floats_have_padding_too),
-                                     cmocka_unit_test(masks_have_none),
-                                     cmocka_unit_test(a_picture_depends_on_no_size),
-                                     cmocka_unit_test(values_without_a_unit_are_fitted),
-                                     cmocka_unit_test(a_window_that_shows_nothing_is_not_taken),
-                                     cmocka_unit_test(what_is_at_the_walls_is_around),
-                                     cmocka_unit_test(heads_and_trunks_are_told_apart_by_bone),
-                                     cmocka_unit_test(windows_are_those_of_the_first_view),
-                                     cmocka_unit_test(a_maximum_has_grey_in_it)};
+  const struct CMUnitTest tests[] = {TEST(the_table_goes_and_all_else_stays), TEST(a_table_that_is_touched_goes_too),
+    TEST(what_lies_on_a_faint_board_is_left_alone_with_it), TEST(without_units_only_what_is_behind_is_a_table),
+    TEST(who_lies_on_nothing_is_left_alone), TEST(it_stops_and_takes_no_memory_unasked),
+    TEST(too_many_parts_are_not_told_apart), TEST(padding_counts_for_nothing), TEST(floats_have_padding_too),
+    TEST(masks_have_none), TEST(a_picture_depends_on_no_size), TEST(values_without_a_unit_are_fitted),
+    TEST(a_window_that_shows_nothing_is_not_taken), TEST(what_is_at_the_walls_is_around),
+    TEST(heads_and_trunks_are_told_apart_by_bone), TEST(windows_are_those_of_the_first_view),
+    TEST(a_maximum_has_grey_in_it)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,12 +1,5 @@
 /* The size of GPU dispatches follows what earlier ones took, on devices of any speed. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/raycast/gl/pace.h"
 
@@ -88,7 +81,6 @@ static void slow_rays_are_known(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(dispatches_are_short), cmocka_unit_test(a_hiccup_passes),
-                                     cmocka_unit_test(slow_rays_are_known)};
+  const struct CMUnitTest tests[] = {TEST(dispatches_are_short), TEST(a_hiccup_passes), TEST(slow_rays_are_known)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,11 +1,5 @@
 /* The histogram of a volume's values. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/volume/histogram.h"
 
@@ -37,6 +31,6 @@ static void histograms_count_every_voxel(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(histograms_count_every_voxel)};
+  const struct CMUnitTest tests[] = {TEST(histograms_count_every_voxel)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

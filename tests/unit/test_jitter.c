@@ -1,12 +1,5 @@
 /* Jitter as such; what it does to pictures is in tests/accuracy/test_subpixel.c. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/raycast/jitter.h"
 
@@ -26,6 +19,6 @@ static void jitter_is_even(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(jitter_is_even)};
+  const struct CMUnitTest tests[] = {TEST(jitter_is_even)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,13 +1,5 @@
 /* Meshes: the cases of a cell, extraction from analytic and random fields, files. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/mesh/cases.h"
 #include "renderer/mesh/mesh.h"
@@ -503,16 +495,9 @@ static void what_is_not_there_is_empty(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(cases_are_surfaces_with_their_rim_in_the_faces),
-                                     cmocka_unit_test(spheres_converge),
-                                     cmocka_unit_test(a_torus_has_a_hole),
-                                     cmocka_unit_test(geometry_is_the_patients),
-                                     cmocka_unit_test(random_fields_are_manifolds),
-                                     cmocka_unit_test(labels_keep_every_voxel_on_its_side),
-                                     cmocka_unit_test(labels_are_smooth),
-                                     cmocka_unit_test(boxes_of_all_labels_are_found_at_once),
-                                     cmocka_unit_test(simplification_keeps_its_bound),
-                                     cmocka_unit_test(ambiguous_faces_follow_the_field),
-                                     cmocka_unit_test(what_is_not_there_is_empty)};
+  const struct CMUnitTest tests[] = {TEST(cases_are_surfaces_with_their_rim_in_the_faces), TEST(spheres_converge),
+    TEST(a_torus_has_a_hole), TEST(geometry_is_the_patients), TEST(random_fields_are_manifolds),
+    TEST(labels_keep_every_voxel_on_its_side), TEST(labels_are_smooth), TEST(boxes_of_all_labels_are_found_at_once),
+    TEST(simplification_keeps_its_bound), TEST(ambiguous_faces_follow_the_field), TEST(what_is_not_there_is_empty)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

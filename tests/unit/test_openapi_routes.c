@@ -1,11 +1,5 @@
 /* The OpenAPI document and the daemon's route table name the same calls. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "protocol/protocol.h"
 #include "server/http/http.h"
@@ -48,7 +42,6 @@ static void every_documented_call_has_a_route(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(every_route_is_documented),
-                                     cmocka_unit_test(every_documented_call_has_a_route)};
+  const struct CMUnitTest tests[] = {TEST(every_route_is_documented), TEST(every_documented_call_has_a_route)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,13 +1,5 @@
 /* The render plan: what is refused and where it points, what is in and out and why, and what a change rebuilds. */
-#include <math.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <setjmp.h>
-#include <stdio.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/tomocast.h"
 
@@ -277,15 +269,14 @@ static void the_cheaper_mode_is_named(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(constant_volumes_get_a_scene),
-      cmocka_unit_test_setup_teardown(nonsense_points_at_the_member, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(labels_are_checked_where_they_are_read, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(what_is_not_built_is_refused, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(sizes_are_limited, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(a_change_rebuilds_what_depends_on_it, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(every_stage_has_its_reason, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(a_frame_changes_no_plan, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(the_cheaper_mode_is_named, set_up, tear_down)};
+  const struct CMUnitTest tests[] = {TEST(constant_volumes_get_a_scene),
+    cmocka_unit_test_setup_teardown(nonsense_points_at_the_member, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(labels_are_checked_where_they_are_read, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(what_is_not_built_is_refused, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(sizes_are_limited, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(a_change_rebuilds_what_depends_on_it, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(every_stage_has_its_reason, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(a_frame_changes_no_plan, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(the_cheaper_mode_is_named, set_up, tear_down)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,14 +1,5 @@
 /* The pre-integration table against the reference integrator, transfer functions smooth, jumping and stiff. */
-#include <math.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <setjmp.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/classify/outline.h"
 #include "renderer/reference/reference.h"
@@ -443,16 +434,8 @@ static void zooms_where_knots_are_close(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(against_the_reference),
-                                    
-                                     cmocka_unit_test(closed_form),
-                                     cmocka_unit_test(one_colour),
-                                     cmocka_unit_test(very_many_knots),
-                                     cmocka_unit_test(elementary_segments),
-                                     cmocka_unit_test(invariants),
-                                     cmocka_unit_test(after_an_edit),
-                                     cmocka_unit_test(entries_count), cmocka_unit_test(edits_go),
-                                     cmocka_unit_test(narrower_formats),
-                                     cmocka_unit_test(zooms_where_knots_are_close)};
+  const struct CMUnitTest tests[] = {TEST(against_the_reference), TEST(closed_form), TEST(one_colour),
+    TEST(very_many_knots), TEST(elementary_segments), TEST(invariants), TEST(after_an_edit), TEST(entries_count),
+    TEST(edits_go), TEST(narrower_formats), TEST(zooms_where_knots_are_close)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

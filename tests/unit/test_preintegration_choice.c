@@ -1,15 +1,6 @@
 /* What the choice of a table's size and zooms promises (classify/preintegration.h), over the built-in scenes and over random
  * transfer functions. Rays through linear fields stand for all: along those the table is all that is wrong. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/classify/preintegration.h"
 #include "renderer/classify/transfer.h"
@@ -324,7 +315,6 @@ static void more_nodes_are_not_worse(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(random_transfer_functions),
-                                     cmocka_unit_test(more_nodes_are_not_worse)};
+  const struct CMUnitTest tests[] = {TEST(random_transfer_functions), TEST(more_nodes_are_not_worse)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

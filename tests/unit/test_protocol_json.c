@@ -1,11 +1,5 @@
 /* Strictness of JSON and RFC 7396. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "protocol/protocol.h"
 
@@ -194,13 +188,8 @@ static void merge_patch_examples(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(accepts_json),
-                                     cmocka_unit_test(refuses_what_is_not_json),
-                                     cmocka_unit_test(says_line_and_column),
-                                     cmocka_unit_test(zero_byte_is_refused),
-                                     cmocka_unit_test(depth_is_at_most_32),
-                                     cmocka_unit_test(many_names),
-                                     cmocka_unit_test(every_truncation_is_refused),
-                                     cmocka_unit_test(merge_patch_examples)};
+  const struct CMUnitTest tests[] = {TEST(accepts_json), TEST(refuses_what_is_not_json), TEST(says_line_and_column),
+    TEST(zero_byte_is_refused), TEST(depth_is_at_most_32), TEST(many_names), TEST(every_truncation_is_refused),
+    TEST(merge_patch_examples)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

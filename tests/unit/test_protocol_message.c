@@ -1,11 +1,5 @@
 /* WebSocket messages, frame headers and problem documents. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "protocol/protocol.h"
 
@@ -159,11 +153,7 @@ static void foreign_errors_are_internal(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(reads_every_type),
-                                     cmocka_unit_test(refuses_messages),
-                                     cmocka_unit_test(keeps_the_seq_of_a_bad_patch),
-                                     cmocka_unit_test(frame_header),
-                                     cmocka_unit_test(problems),
-                                     cmocka_unit_test(foreign_errors_are_internal)};
+  const struct CMUnitTest tests[] = {TEST(reads_every_type), TEST(refuses_messages),
+    TEST(keeps_the_seq_of_a_bad_patch), TEST(frame_header), TEST(problems), TEST(foreign_errors_are_internal)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

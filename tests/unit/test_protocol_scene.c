@@ -1,12 +1,5 @@
 /* Documents into scenes and back. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "protocol/protocol.h"
 
@@ -442,22 +435,11 @@ static void set_expressions(void **state) {
 #define WITH_SCENE(test) cmocka_unit_test_setup_teardown(test, set_up, tear_down)
 
 int main(void) {
-  const struct CMUnitTest tests[] = {WITH_SCENE(round_trip),
-                                     WITH_SCENE(written_scene_is_accepted_unchanged),
-                                     WITH_SCENE(null_returns_to_defaults),
-                                     WITH_SCENE(refuses_values),
-                                     WITH_SCENE(names_unknown_members),
-                                     WITH_SCENE(limits),
-                                     WITH_SCENE(knot_limit),
-                                     WITH_SCENE(refuses_points),
-                                     WITH_SCENE(knots_are_sorted_stably),
-                                     WITH_SCENE(presets_and_points),
-                                     WITH_SCENE(quality_bounds_replace_each_other),
-                                     WITH_SCENE(label_colors_merge),
-                                     WITH_SCENE(surfaces_are_a_list),
-                                     WITH_SCENE(what_is_shown_is_what_the_mode_uses),
-                                     WITH_SCENE(lists_read_beforehand_are_not_read_again),
-                                     WITH_SCENE(transparency_needs_png),
-                                     cmocka_unit_test(set_expressions)};
+  const struct CMUnitTest tests[] = {WITH_SCENE(round_trip), WITH_SCENE(written_scene_is_accepted_unchanged),
+    WITH_SCENE(null_returns_to_defaults), WITH_SCENE(refuses_values), WITH_SCENE(names_unknown_members),
+    WITH_SCENE(limits), WITH_SCENE(knot_limit), WITH_SCENE(refuses_points), WITH_SCENE(knots_are_sorted_stably),
+    WITH_SCENE(presets_and_points), WITH_SCENE(quality_bounds_replace_each_other), WITH_SCENE(label_colors_merge),
+    WITH_SCENE(surfaces_are_a_list), WITH_SCENE(what_is_shown_is_what_the_mode_uses),
+    WITH_SCENE(lists_read_beforehand_are_not_read_again), WITH_SCENE(transparency_needs_png), TEST(set_expressions)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

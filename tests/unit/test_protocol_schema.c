@@ -1,12 +1,5 @@
 /* The machine-readable contract: scene.schema.json, openapi.json and the presets agree with the program. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "protocol/protocol.h"
 
@@ -155,9 +148,7 @@ static void presets_can_be_used(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(file_agrees_with_table),
-                                     cmocka_unit_test(schema_describes_what_is_written),
-                                     cmocka_unit_test(defaults_are_a_valid_patch),
-                                     cmocka_unit_test(openapi_is_complete), cmocka_unit_test(presets_can_be_used)};
+  const struct CMUnitTest tests[] = {TEST(file_agrees_with_table), TEST(schema_describes_what_is_written),
+    TEST(defaults_are_a_valid_patch), TEST(openapi_is_complete), TEST(presets_can_be_used)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

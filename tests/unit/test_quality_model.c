@@ -1,14 +1,5 @@
 /* Quality control without pictures: what is chosen from views that are given, and from frames whose time is known. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/quality/cost.h"
 #include "renderer/quality/quality.h"
@@ -340,17 +331,17 @@ static void a_budget_is_met_within_a_few_frames(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test_setup_teardown(careful_before_anything_is_measured, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(the_step_follows_bound_and_order, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(far_views_are_taken_at_their_worst, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(a_floor_is_said, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(cameras_differ_by_turn_scale_and_shift, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(the_oldest_view_makes_room, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(the_method_is_the_cheaper_one, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(many_rays_share_the_steps, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(cost_is_learnt, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(a_time_gets_the_least_error, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(methods_do_not_swing, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(a_budget_is_met_within_a_few_frames, set_up, tear_down)};
+    cmocka_unit_test_setup_teardown(careful_before_anything_is_measured, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(the_step_follows_bound_and_order, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(far_views_are_taken_at_their_worst, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(a_floor_is_said, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(cameras_differ_by_turn_scale_and_shift, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(the_oldest_view_makes_room, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(the_method_is_the_cheaper_one, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(many_rays_share_the_steps, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(cost_is_learnt, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(a_time_gets_the_least_error, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(methods_do_not_swing, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(a_budget_is_met_within_a_few_frames, set_up, tear_down)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,13 +1,5 @@
 /* The rasteriser: coverage, clusters, what it leaves out, shading, and one picture from every instruction set. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/base/halt.h"
 #include "renderer/mesh/raster.h"
@@ -593,22 +585,14 @@ static void parts_are_copied_whole(void **unused) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(each_sample_belongs_to_one_triangle_of_a_sheet),
-      cmocka_unit_test(silhouettes_and_depths_are_those_of_a_sphere),
-      cmocka_unit_test(a_camera_inside_sees_surface_all_around),
-      cmocka_unit_test(a_floor_through_the_eye_plane_ends_at_the_horizon),
-      cmocka_unit_test(what_is_far_from_the_patients_origin_looks_the_same),
-      cmocka_unit_test(planes_cut_exactly),
-      cmocka_unit_test(every_instruction_set_and_any_threads_draw_the_same_bits),
-      cmocka_unit_test(nothing_is_shaded_that_nobody_sees),
-      cmocka_unit_test(light_follows_the_normals),
-      cmocka_unit_test(what_nobody_can_see_is_in_no_cluster),
-      cmocka_unit_test(drawing_and_clustering_stop_at_any_look),
-      cmocka_unit_test(nested_spheres_have_their_analytic_colours),
-      cmocka_unit_test(layers_are_in_the_order_of_brute_force),
-      cmocka_unit_test(many_layers_cost_what_is_seen_of_them),
-      cmocka_unit_test(parts_are_copied_whole),
-  };
+  const struct CMUnitTest tests[] = {TEST(each_sample_belongs_to_one_triangle_of_a_sheet),
+    TEST(silhouettes_and_depths_are_those_of_a_sphere), TEST(a_camera_inside_sees_surface_all_around),
+    TEST(a_floor_through_the_eye_plane_ends_at_the_horizon),
+    TEST(what_is_far_from_the_patients_origin_looks_the_same), TEST(planes_cut_exactly),
+    TEST(every_instruction_set_and_any_threads_draw_the_same_bits), TEST(nothing_is_shaded_that_nobody_sees),
+    TEST(light_follows_the_normals), TEST(what_nobody_can_see_is_in_no_cluster),
+    TEST(drawing_and_clustering_stop_at_any_look), TEST(nested_spheres_have_their_analytic_colours),
+    TEST(layers_are_in_the_order_of_brute_force), TEST(many_layers_cost_what_is_seen_of_them),
+    TEST(parts_are_copied_whole)};
   return cmocka_run_group_tests_name("raster", tests, NULL, NULL);
 }

@@ -1,14 +1,8 @@
 /* The report from outside (files, resuming, interruption, the page) and what it concludes from rows. */
-#include <math.h>
-#include <setjmp.h>
+#include "tests/support/test.h"
 #include <signal.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
 #include <sys/wait.h>
 
-#include <cmocka.h>
 #include <glib/gstdio.h>
 
 #include "protocol/protocol.h"
@@ -529,15 +523,9 @@ static int tear_down(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(scenes_can_be_rendered),
-                                     cmocka_unit_test(settings_follow_the_plan),
-                                     cmocka_unit_test(fronts_slopes_and_cheapest),
-                                     cmocka_unit_test(losses_are_explained),
-                                     cmocka_unit_test(losses_are_told_by_other_methods),
-                                     cmocka_unit_test(rows_survive_json),
-                                     cmocka_unit_test(reports_a_volume),
-                                     cmocka_unit_test(goes_on_where_it_ended),
-                                     cmocka_unit_test(an_interrupt_leaves_a_report),
-                                     cmocka_unit_test(bad_usage)};
+  const struct CMUnitTest tests[] = {TEST(scenes_can_be_rendered), TEST(settings_follow_the_plan),
+    TEST(fronts_slopes_and_cheapest), TEST(losses_are_explained), TEST(losses_are_told_by_other_methods),
+    TEST(rows_survive_json), TEST(reports_a_volume), TEST(goes_on_where_it_ended), TEST(an_interrupt_leaves_a_report),
+    TEST(bad_usage)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

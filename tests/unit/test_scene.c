@@ -1,13 +1,8 @@
 /* Scenes as plain values: defaults, copies and presets. */
+#include "tests/support/test.h"
 #include <float.h>
 #include <pthread.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
 
-#include <cmocka.h>
 #include <glib.h>
 
 #include "renderer/scene/scene.h"
@@ -177,10 +172,8 @@ static void relative_presets_scale(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(defaults), cmocka_unit_test(copies_own_their_lists),
-                                     cmocka_unit_test(shared_lists_are_held_by_reference),
-                                     cmocka_unit_test(digests_tell_lists_apart), cmocka_unit_test(threads_share_lists),
-                                     cmocka_unit_test(presets_are_valid), cmocka_unit_test(names_are_unique),
-                                     cmocka_unit_test(relative_presets_scale)};
+  const struct CMUnitTest tests[] = {TEST(defaults), TEST(copies_own_their_lists),
+    TEST(shared_lists_are_held_by_reference), TEST(digests_tell_lists_apart), TEST(threads_share_lists),
+    TEST(presets_are_valid), TEST(names_are_unique), TEST(relative_presets_scale)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

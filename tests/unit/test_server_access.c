@@ -1,14 +1,9 @@
 /* Who may ask: hosts, origins, tokens, tickets, links. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
+#include "tests/support/test.h"
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <arpa/inet.h>
-#include <cmocka.h>
 
 #include "server/access/access.h"
 #include "server/config/config.h"
@@ -495,29 +490,13 @@ static void test_peers_behind_proxies(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(test_hosts_of_loopback),
-      cmocka_unit_test(test_hosts_on_the_usual_port),
-      cmocka_unit_test(test_hosts_of_a_wider_address),
-      cmocka_unit_test(test_configured_hosts),
-      cmocka_unit_test(test_origins),
-      cmocka_unit_test(test_loopback_addresses),
-      cmocka_unit_test(test_peers_behind_proxies),
-      cmocka_unit_test(test_token_files),
-      cmocka_unit_test(test_hashed_tokens),
-      cmocka_unit_test(test_token_files_that_are_wrong),
-      cmocka_unit_test(test_modes_of_token_files),
-      cmocka_unit_test(test_every_token_is_compared),
-      cmocka_unit_test(test_hashes_differ_in_any_byte),
-      cmocka_unit_test(test_known_hashes),
-      cmocka_unit_test(test_tickets),
-      cmocka_unit_test(test_tickets_are_few),
-      cmocka_unit_test(test_links),
-      cmocka_unit_test(test_guessing_takes_longer_and_longer),
-      cmocka_unit_test(test_peers_that_guess_are_bounded),
-      cmocka_unit_test(test_callers_last_as_long_as_their_tokens),
-      cmocka_unit_test(test_who_sees_what),
-      cmocka_unit_test(test_nobody_is_let_in_by_oversight),
-  };
+  const struct CMUnitTest tests[] = {TEST(test_hosts_of_loopback), TEST(test_hosts_on_the_usual_port),
+    TEST(test_hosts_of_a_wider_address), TEST(test_configured_hosts), TEST(test_origins),
+    TEST(test_loopback_addresses), TEST(test_peers_behind_proxies), TEST(test_token_files), TEST(test_hashed_tokens),
+    TEST(test_token_files_that_are_wrong), TEST(test_modes_of_token_files), TEST(test_every_token_is_compared),
+    TEST(test_hashes_differ_in_any_byte), TEST(test_known_hashes), TEST(test_tickets), TEST(test_tickets_are_few),
+    TEST(test_links), TEST(test_guessing_takes_longer_and_longer), TEST(test_peers_that_guess_are_bounded),
+    TEST(test_callers_last_as_long_as_their_tokens), TEST(test_who_sees_what),
+    TEST(test_nobody_is_let_in_by_oversight)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

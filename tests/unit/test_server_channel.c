@@ -1,14 +1,8 @@
 /* WebSocket framing over a pipe in memory, and the way of tasks between threads. */
+#include "tests/support/test.h"
 #include <errno.h>
 #include <malloc.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdatomic.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
-
-#include <cmocka.h>
 
 #include "server/loop/worker.h"
 #include "server/ws/channel.h"
@@ -366,14 +360,11 @@ static void test_waiting_tasks_can_be_taken_back(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(test_messages_arrive_whole),           cmocka_unit_test(test_sent_messages_have_two_parts),
-      cmocka_unit_test(test_shared_messages_keep_their_bytes_and_place),
-      cmocka_unit_test(test_many_channels_share_one_body),
-      cmocka_unit_test(test_a_flood_of_pings_makes_no_queue), cmocka_unit_test(test_one_turn_reads_a_bounded_amount),
-      cmocka_unit_test(test_broken_frames_are_told_why),      cmocka_unit_test(test_closing_shakes_hands),
-      cmocka_unit_test(test_the_end_of_the_pipe_is_noticed),  cmocka_unit_test(test_tasks_come_back_in_order),
-      cmocka_unit_test(test_several_threads_share_a_queue),   cmocka_unit_test(test_waiting_tasks_can_be_taken_back),
-  };
+  const struct CMUnitTest tests[] = {TEST(test_messages_arrive_whole), TEST(test_sent_messages_have_two_parts),
+    TEST(test_shared_messages_keep_their_bytes_and_place), TEST(test_many_channels_share_one_body),
+    TEST(test_a_flood_of_pings_makes_no_queue), TEST(test_one_turn_reads_a_bounded_amount),
+    TEST(test_broken_frames_are_told_why), TEST(test_closing_shakes_hands), TEST(test_the_end_of_the_pipe_is_noticed),
+    TEST(test_tasks_come_back_in_order), TEST(test_several_threads_share_a_queue),
+    TEST(test_waiting_tasks_can_be_taken_back)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

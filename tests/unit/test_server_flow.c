@@ -1,10 +1,5 @@
 /* The pure decisions of streaming: credit window, quality ladder, what a viewer still needs. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "server/schedule/ladder.h"
 #include "server/session/credit.h"
@@ -246,27 +241,15 @@ static void test_a_burst_is_taken_from_credit(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(test_window_counts),
-      cmocka_unit_test(test_window_acks_are_cumulative_and_never_go_back),
-      cmocka_unit_test(test_window_stalls_and_wakes),
-      cmocka_unit_test(test_window_of_zero_is_one),
-      cmocka_unit_test(test_ladder_keeps_full_size_when_it_fits),
-      cmocka_unit_test(test_ladder_steps_down_at_once),
-      cmocka_unit_test(test_ladder_goes_on_below_the_smallest_picture),
-      cmocka_unit_test(test_ladder_starts_from_what_others_took),
-      cmocka_unit_test(test_ladder_spares_the_encoder),
-      cmocka_unit_test(test_coarser_is_fewer_rays_then_longer_steps),
-      cmocka_unit_test(test_ladder_does_not_swing),
-      cmocka_unit_test(test_ladder_keeps_the_time_it_is_given),
-      cmocka_unit_test(test_ladder_ignores_nonsense),
-      cmocka_unit_test(test_slices_begin_in_full_size),
-      cmocka_unit_test(test_a_flood_of_messages_gets_its_share),
-      cmocka_unit_test(test_a_hand_never_rests),
-      cmocka_unit_test(test_a_burst_is_taken_from_credit),
-      cmocka_unit_test(test_watcher_wants_what_is_new),
-      cmocka_unit_test(test_watcher_wants_an_error_once),
-      cmocka_unit_test(test_watcher_seq_is_what_the_picture_shows),
-  };
+  const struct CMUnitTest tests[] = {TEST(test_window_counts),
+    TEST(test_window_acks_are_cumulative_and_never_go_back), TEST(test_window_stalls_and_wakes),
+    TEST(test_window_of_zero_is_one), TEST(test_ladder_keeps_full_size_when_it_fits),
+    TEST(test_ladder_steps_down_at_once), TEST(test_ladder_goes_on_below_the_smallest_picture),
+    TEST(test_ladder_starts_from_what_others_took), TEST(test_ladder_spares_the_encoder),
+    TEST(test_coarser_is_fewer_rays_then_longer_steps), TEST(test_ladder_does_not_swing),
+    TEST(test_ladder_keeps_the_time_it_is_given), TEST(test_ladder_ignores_nonsense),
+    TEST(test_slices_begin_in_full_size), TEST(test_a_flood_of_messages_gets_its_share),
+    TEST(test_a_hand_never_rests), TEST(test_a_burst_is_taken_from_credit), TEST(test_watcher_wants_what_is_new),
+    TEST(test_watcher_wants_an_error_once), TEST(test_watcher_seq_is_what_the_picture_shows)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

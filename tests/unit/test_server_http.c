@@ -1,15 +1,7 @@
 /* Routes, the WebSocket handshake, metrics, configuration, paths: what of the HTTP side needs no socket. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
+#include "tests/support/test.h"
 #include <sys/stat.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include "renderer/import/links.h"
 #include "server/catalogue/beneath.h"
@@ -196,17 +188,9 @@ static void test_paths_stay_beneath(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(test_route_finds_and_extracts),
-      cmocka_unit_test(test_route_tells_404_from_405),
-      cmocka_unit_test(test_route_refuses_overlong_params),
-      cmocka_unit_test(test_every_route_of_the_daemon_is_reachable),
-      cmocka_unit_test(test_token_lists),
-      cmocka_unit_test(test_websocket_handshake),
-      cmocka_unit_test(test_histogram_buckets),
-      cmocka_unit_test(test_listen_addresses),
-      cmocka_unit_test(test_ids),
-      cmocka_unit_test(test_paths_stay_beneath),
-  };
+  const struct CMUnitTest tests[] = {TEST(test_route_finds_and_extracts), TEST(test_route_tells_404_from_405),
+    TEST(test_route_refuses_overlong_params), TEST(test_every_route_of_the_daemon_is_reachable),
+    TEST(test_token_lists), TEST(test_websocket_handshake), TEST(test_histogram_buckets), TEST(test_listen_addresses),
+    TEST(test_ids), TEST(test_paths_stay_beneath)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

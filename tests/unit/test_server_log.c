@@ -1,17 +1,10 @@
 /* The log's ring and its thread: whole lines, in order, never waiting; what is lost is counted and told. */
+#include "tests/support/test.h"
 #include <errno.h>
 #include <fcntl.h>
-#include <setjmp.h>
 #include <signal.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include "server/observe/log.h"
 
@@ -175,11 +168,10 @@ static void test_the_end_waits_only_so_long(void **state) {
 int main(void) {
   signal(SIGPIPE, SIG_IGN);
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test_setup_teardown(test_lines_come_whole_and_in_order, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(test_a_moved_file_is_opened_anew, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(test_a_path_that_cannot_be_is_refused, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(test_a_full_pipe_loses_lines_and_says_so, set_up, tear_down),
-      cmocka_unit_test_setup_teardown(test_the_end_waits_only_so_long, set_up, remove_place),
-  };
+    cmocka_unit_test_setup_teardown(test_lines_come_whole_and_in_order, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(test_a_moved_file_is_opened_anew, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(test_a_path_that_cannot_be_is_refused, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(test_a_full_pipe_loses_lines_and_says_so, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(test_the_end_waits_only_so_long, set_up, remove_place)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,13 +1,8 @@
 /* The ledger of memory, and how much there is on machines and in control groups. */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include <glib.h>
 #include <glib/gstdio.h>
-#include <string.h>
 
 #include "server/config/config.h"
 #include "server/memory/budget.h"
@@ -162,17 +157,9 @@ static void parts_follow_from_the_whole(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(what_is_taken_is_counted),
-      cmocka_unit_test(a_refusal_says_what_is_used_by_what),
-      cmocka_unit_test(who_can_give_back_is_asked_for_what_is_missing),
-      cmocka_unit_test(bytes_are_counted_until_nobody_has_them),
-      cmocka_unit_test(the_machine_alone),
-      cmocka_unit_test(the_second_version_with_its_ancestors),
-      cmocka_unit_test(a_group_shown_at_the_top),
-      cmocka_unit_test(the_first_version),
-      cmocka_unit_test(nothing_known),
-      cmocka_unit_test(parts_follow_from_the_whole),
-  };
+  const struct CMUnitTest tests[] = {TEST(what_is_taken_is_counted), TEST(a_refusal_says_what_is_used_by_what),
+    TEST(who_can_give_back_is_asked_for_what_is_missing), TEST(bytes_are_counted_until_nobody_has_them),
+    TEST(the_machine_alone), TEST(the_second_version_with_its_ancestors), TEST(a_group_shown_at_the_top),
+    TEST(the_first_version), TEST(nothing_known), TEST(parts_follow_from_the_whole)};
   return cmocka_run_group_tests_name("memory", tests, NULL, NULL);
 }

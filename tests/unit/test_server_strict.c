@@ -1,12 +1,5 @@
 /* What stands between the socket and the HTTP library: heads in one plain form, chunks, refusals. No socket. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "server/http/strict.h"
 
@@ -103,10 +96,7 @@ static void test_bodies_may_go_past(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(test_heads_come_out_plain),       cmocka_unit_test(test_chunks_come_out_plain),
-      cmocka_unit_test(test_a_refused_head_is_the_last), cmocka_unit_test(test_after_an_upgrade_bytes_wait),
-      cmocka_unit_test(test_bodies_may_go_past),
-  };
+  const struct CMUnitTest tests[] = {TEST(test_heads_come_out_plain), TEST(test_chunks_come_out_plain),
+    TEST(test_a_refused_head_is_the_last), TEST(test_after_an_upgrade_bytes_wait), TEST(test_bodies_may_go_past)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

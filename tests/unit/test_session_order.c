@@ -1,13 +1,6 @@
 /* What a session has rendered, and pictures that come in another order than they were begun in: there are two encoders. The
  * jobs are ended by hand, so that order and times are the test's. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "server/cli/daemon.h"
 #include "server/session/change.h"
@@ -197,9 +190,8 @@ static void what_is_not_lit_at_every_sample_is_sized_by_its_own_frames(void **st
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(what_was_overtaken_takes_no_place),
-                                     cmocka_unit_test(what_comes_in_order_takes_its_place),
-                                     cmocka_unit_test(frames_in_motion_are_sized_by_their_own_gradients),
-                                     cmocka_unit_test(what_is_not_lit_at_every_sample_is_sized_by_its_own_frames)};
+  const struct CMUnitTest tests[] = {TEST(what_was_overtaken_takes_no_place),
+    TEST(what_comes_in_order_takes_its_place), TEST(frames_in_motion_are_sized_by_their_own_gradients),
+    TEST(what_is_not_lit_at_every_sample_is_sized_by_its_own_frames)};
   return cmocka_run_group_tests(tests, open_daemon, close_daemon);
 }

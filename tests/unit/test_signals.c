@@ -1,10 +1,6 @@
 /* The end that comes even where the daemon's own does not: in child processes, which hang. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
+#include "tests/support/test.h"
 
-#include <cmocka.h>
 #include <poll.h>
 #include <signal.h>
 #include <sys/wait.h>
@@ -73,11 +69,7 @@ static void test_wishes_are_counted(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(test_what_hangs_is_left),
-      cmocka_unit_test(test_a_second_signal_does_not_wait),
-      cmocka_unit_test(test_a_hangup_ends_nothing),
-      cmocka_unit_test(test_wishes_are_counted),
-  };
+  const struct CMUnitTest tests[] = {TEST(test_what_hangs_is_left), TEST(test_a_second_signal_does_not_wait),
+    TEST(test_a_hangup_ends_nothing), TEST(test_wishes_are_counted)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,15 +1,7 @@
 /* Run-length voxel models: from volumes and back, files and what is wrong with them. */
+#include "tests/support/test.h"
 #include <float.h>
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdlib.h>
-#include <string.h>
 #include <zlib.h>
-
-#include <cmocka.h>
 
 #include "renderer/splat/normal.h"
 #include "renderer/splat/vmd.h"
@@ -366,16 +358,10 @@ static void attributes_that_are_not_there_are_refused(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(columns_runs_and_voxels_are_found),
-                                     cmocka_unit_test(bytes_of_version_2_stay),
-                                     cmocka_unit_test(version_1_is_read_and_written_as_it_was),
-                                     cmocka_unit_test(equal_records_are_kept_once),
-                                     cmocka_unit_test(models_survive_a_file),
-                                     cmocka_unit_test(a_shell_leaves_out_what_has_six_filled_neighbours),
-                                     cmocka_unit_test(normals_point_out_of_the_object),
-                                     cmocka_unit_test(every_prefix_is_refused),
-                                     cmocka_unit_test(any_changed_byte_is_survived),
-                                     cmocka_unit_test(wrong_runs_and_counts_are_refused),
-                                     cmocka_unit_test(attributes_that_are_not_there_are_refused)};
+  const struct CMUnitTest tests[] = {TEST(columns_runs_and_voxels_are_found), TEST(bytes_of_version_2_stay),
+    TEST(version_1_is_read_and_written_as_it_was), TEST(equal_records_are_kept_once), TEST(models_survive_a_file),
+    TEST(a_shell_leaves_out_what_has_six_filled_neighbours), TEST(normals_point_out_of_the_object),
+    TEST(every_prefix_is_refused), TEST(any_changed_byte_is_survived), TEST(wrong_runs_and_counts_are_refused),
+    TEST(attributes_that_are_not_there_are_refused)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

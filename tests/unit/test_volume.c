@@ -1,12 +1,5 @@
 /* Volume storage: checks, range, mending, orientation, interpolation, histogram, demos. */
-#include <math.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <setjmp.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "tests/support/test.h"
 
 #include "renderer/volume/demo.h"
 #include "renderer/volume/histogram.h"
@@ -206,9 +199,8 @@ static void demos_are_made(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(nonsense_is_refused),   cmocka_unit_test(float_voxels_are_mended), cmocka_unit_test(nan_is_nothing),
-      cmocka_unit_test(huge_floats_are_scaled), cmocka_unit_test(orientation_and_value),
-      cmocka_unit_test(flat_axis_is_one_spacing_thick), cmocka_unit_test(demos_are_made), cmocka_unit_test(a_demo_is_given_up_when_told)};
+  const struct CMUnitTest tests[] = {TEST(nonsense_is_refused), TEST(float_voxels_are_mended), TEST(nan_is_nothing),
+    TEST(huge_floats_are_scaled), TEST(orientation_and_value), TEST(flat_axis_is_one_spacing_thick),
+    TEST(demos_are_made), TEST(a_demo_is_given_up_when_told)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,0 +1,19 @@
+/* What every test of C includes: cmocka with the headers that it wants before it, and the C library's usual ones. */
+#ifndef TC_TEST_TEST_H
+#define TC_TEST_TEST_H
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h> /* after those: it declares nothing itself of what it uses */
+
+#define TEST(function) cmocka_unit_test(function)
+
+#endif
