@@ -4,7 +4,7 @@ import { Problem } from './api.js';
 import { lengthsText } from './units.js';
 
 const POLL_MS = 400;
-const KINDS = ['.nii', '.hdr', '.nrrd', '.nhdr', '.mha', '.mhd', '.mgh', '.mgz', '.par', '.png', '.tif', '.tiff', '.zip', '.dcm', '.vmd'];
+const KINDS = ['.nii', '.hdr', '.nrrd', '.nhdr', '.mha', '.mhd', '.mgh', '.mgz', '.par', '.mnc', '.png', '.tif', '.tiff', '.zip', '.dcm', '.vmd'];
 const SUFFIXES = KINDS.flatMap((end) => [`${end}.gz`, `${end}.bz2`, end]);
 
 // A folder, or a zip; a file of any other name is one volume.

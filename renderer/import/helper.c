@@ -31,7 +31,7 @@ enum {
   HIGH_FD = TC_HELPER_LINKS_FD + TC_LINK_ROOTS, /* descriptors are moved above those the helper expects before it is started */
 };
 
-static const char *const program_names[TC_HELPER_COUNT] = {"tomocast-import", "tomocast-dicom"};
+static const char *const program_names[TC_HELPER_COUNT] = {"tomocast-import", "tomocast-dicom", "tomocast-minc"};
 
 /* Address space of a helper: code and libraries, then a file and its decoded form beside each other. */
 static const uint64_t address_base = UINT64_C(2) << 30, address_most = UINT64_C(16) << 30;

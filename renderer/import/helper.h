@@ -8,7 +8,7 @@
 extern "C" {
 #endif
 
-typedef enum tc_helper { TC_HELPER_FORMATS, TC_HELPER_DICOM, TC_HELPER_COUNT } tc_helper;
+typedef enum tc_helper { TC_HELPER_FORMATS, TC_HELPER_DICOM, TC_HELPER_MINC, TC_HELPER_COUNT } tc_helper;
 
 /* Loads `path` (a file, for DICOM also a zip or a folder). `choice` is the text after '#', or NULL: for DICOM a 1-based number
  * as listed, or a UID; without one the series with most slices is taken. `options` may be NULL. Caller owns the
@@ -32,8 +32,10 @@ bool tc_dicom_looks(const uint8_t *head, size_t size);
 /* PNG or TIFF. */
 bool tc_picture_looks(const uint8_t *head, size_t size);
 
-/* Whether a regular file is for the helper with GDCM: DICOM, pictures, or a zip of either. */
-bool tc_dicom_probe(const char *path);
+bool tc_hdf5_looks(const uint8_t *head, size_t size);
+
+/* By content: DICOM, pictures and a zip of either are for the helper with GDCM, HDF5 for its own. */
+tc_helper tc_helper_for(const char *path);
 
 #ifdef __cplusplus
 }

@@ -57,7 +57,7 @@ static bool find_target(const char *path, target *t, GError **error) {
 /* By content; what is packed is known by its name alone. */
 static tc_helper helper_for(const target *t) {
   const bool packed = g_str_has_suffix(t->path, ".dcm.gz") || g_str_has_suffix(t->path, ".dcm.bz2");
-  return t->folder || packed || tc_dicom_probe(t->path) ? TC_HELPER_DICOM : TC_HELPER_FORMATS;
+  return t->folder || packed ? TC_HELPER_DICOM : tc_helper_for(t->path);
 }
 
 /* Passes on what went wrong, with the file's base name: one line, whatever the file is called. */

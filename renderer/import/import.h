@@ -1,7 +1,7 @@
 /* Opening volumes: one entry for every format.
  *
  * PATH is a file (.nii, .hdr and .img of NIfTI and Analyze, .nrrd, .nhdr, .mha, .mhd, .mgh, .PAR with .REC, .dcm, each also with .gz or
- * .bz2; .mgz, .vmd, .zip, .png, .tif), a folder of DICOM, its DICOMDIR, a folder of PNG or TIFF, or demo:NAME.
+ * .bz2; .mgz, .mnc of MINC 2, .vmd, .zip, .png, .tif), a folder of DICOM, its DICOMDIR, a folder of PNG or TIFF, or demo:NAME.
  * The kind is found by content first, by name second. A folder or zip with several DICOM series takes
  * a suffix "#N" (1-based, as listed) or "#UID" to choose; without one the series with most slices is
  * taken, ties by the first listed, and the others are named in desc.note. "#volume=N" after that chooses a volume of

@@ -1,4 +1,4 @@
-/* Is this DICOM? Shared by the parent (is it worth a helper) and the helper (which files of a folder to read). */
+/* Is this DICOM, a picture, HDF5? Shared by the parent (is it worth a helper) and the helper (which files of a folder to read). */
 #include <fcntl.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -41,14 +41,17 @@ bool tc_picture_looks(const uint8_t *head, size_t size) {
   return false;
 }
 
-bool tc_dicom_probe(const char *path) {
+bool tc_hdf5_looks(const uint8_t *head, size_t size) { return size >= 8 && memcmp(head, "\x89HDF\r\n\x1a\n", 8) == 0; }
+
+tc_helper tc_helper_for(const char *path) {
   struct stat st;
   uint8_t head[TC_DICOM_HEAD_BYTES_NEEDED];
   int fd = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
-  if (fd < 0) return false;
+  if (fd < 0) return TC_HELPER_FORMATS;
   const ssize_t n = fstat(fd, &st) == 0 && S_ISREG(st.st_mode) ? pread(fd, head, sizeof head, 0) : 0;
   close(fd);
-  if (n < 4) return false;
+  if (n < 4) return TC_HELPER_FORMATS;
+  if (tc_hdf5_looks(head, (size_t)n)) return TC_HELPER_MINC;
   const bool zip = memcmp(head, "PK\3\4", 4) == 0 || memcmp(head, "PK\5\6", 4) == 0;
-  return zip || tc_dicom_looks(head, (size_t)n) || tc_picture_looks(head, (size_t)n);
+  return zip || tc_dicom_looks(head, (size_t)n) || tc_picture_looks(head, (size_t)n) ? TC_HELPER_DICOM : TC_HELPER_FORMATS;
 }

@@ -104,7 +104,7 @@ static void free_found(void *item) {
 }
 
 static bool has_volume_name(const char *name) {
-  static const char *const suffixes[] = {".nii", ".hdr", ".nrrd", ".nhdr", ".mha", ".mhd", ".mgh", ".mgz", ".par", ".dcm", ".zip", ".vmd"};
+  static const char *const suffixes[] = {".nii", ".hdr", ".nrrd", ".nhdr", ".mha", ".mhd", ".mgh", ".mgz", ".par", ".mnc", ".dcm", ".zip", ".vmd"};
   static const char *const packings[] = {".gz", ".bz2"};
   char *lower = g_ascii_strdown(name, -1);
   bool found = false;

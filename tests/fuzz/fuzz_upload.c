@@ -107,7 +107,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size) {
   if (!file || !tcs_spooled_grow(file, (int64_t)size, &error)) abort();
   if (size && write(file->fd, bytes, size) != (ssize_t)size) abort();
   tcs_spooled_complete(file);
-  if (tc_dicom_probe(file->path)) {
+  if (tc_helper_for(file->path) == TC_HELPER_DICOM) {
     tcs_spooled_free(file);
   } else {
     tcs_source_file source = {.path = g_strdup(file->path), .name = "the upload", .upload = file, .client = "fuzz"};

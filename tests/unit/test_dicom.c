@@ -96,7 +96,7 @@ static void a_shuffled_folder(void **state) {
   char *junk = g_build_filename(folder, "notes.txt", NULL), *link = g_build_filename(folder, "link", NULL);
   g_file_set_contents(junk, "not DICOM at all", -1, NULL);
   assert_int_equal(symlink(below, link), 0); /* links are not followed: slices would come twice */
-  assert_false(tc_dicom_probe(junk));
+  assert_true(tc_helper_for(junk) == TC_HELPER_FORMATS);
   tc_volume *v = load(folder, NULL);
   check_series(v, SLICES);
   assert_int_equal(tc_volume_describe(v)->frames, 1);
@@ -230,7 +230,7 @@ static void a_zip(void **state) {
   zip_add(&z, "readme.txt", "hello", 5, 0);
   GByteArray *b = zip_end(&z);
   g_file_set_contents(path, (const char *)b->data, b->len, NULL);
-  assert_true(tc_dicom_probe(path));
+  assert_true(tc_helper_for(path) == TC_HELPER_DICOM);
   tc_volume *v = load(path, NULL);
   check_series(v, SLICES);
   tc_volume_unref(v);
@@ -510,11 +510,11 @@ static void not_there_and_not_ours(void **state) {
   char *folder = temp_folder(), *path = g_build_filename(folder, "none", NULL);
   assert_int_equal(refused(path, NULL), TC_ERROR_NOT_FOUND);
   assert_int_equal(refused(folder, NULL), TC_ERROR_FORMAT);
-  assert_false(tc_dicom_probe(path));
-  assert_false(tc_dicom_probe(folder));
+  assert_true(tc_helper_for(path) == TC_HELPER_FORMATS);
+  assert_true(tc_helper_for(folder) == TC_HELPER_FORMATS);
   assert_int_equal(mkfifo(path, 0600), 0); /* must neither hang nor be read */
   assert_int_equal(refused(path, NULL), TC_ERROR_FORMAT);
-  assert_false(tc_dicom_probe(path));
+  assert_true(tc_helper_for(path) == TC_HELPER_FORMATS);
   drop(folder, path);
 }
 

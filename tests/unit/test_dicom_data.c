@@ -120,7 +120,7 @@ static void check_set(const expectation *want) {
     g_free(path);
     return;
   }
-  assert_true(g_file_test(path, G_FILE_TEST_IS_DIR) || tc_dicom_probe(path));
+  assert_true(g_file_test(path, G_FILE_TEST_IS_DIR) || tc_helper_for(path) == TC_HELPER_DICOM);
   tc_volume *v = tc_helper_load(TC_HELPER_DICOM, path, want->series, &with_helper, &error);
   if (!v) fail_msg("%s: %s", want->path, error->message);
   const tc_volume_desc *d = tc_volume_describe(v);

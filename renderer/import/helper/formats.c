@@ -1,4 +1,4 @@
-/* Every format but DICOM: which file is what, by content first and by name second. */
+/* Every format but DICOM and MINC: which file is what, by content first and by name second. */
 #include <string.h>
 #include <unistd.h>
 
@@ -63,18 +63,6 @@ static bool use_header_beside(tc_input *input, GError **error) {
   return true;
 }
 
-/* What "#volume=N" says; 0 without it. */
-static bool read_volume(const char *choice, const tc_format *format, uint32_t *volume, GError **error) {
-  guint64 number = 0;
-  if (!*choice) return true;
-  if (g_str_has_prefix(choice, "volume=") && g_ascii_string_to_unsigned(choice + 7, 10, 1, 1 << 24, &number, NULL)) {
-    *volume = (uint32_t)number;
-    return true;
-  }
-  tc_set_error(error, TC_ERROR_INVALID, NULL, "%s holds no series: after '#' give nothing, or volume=N", format->name);
-  return false;
-}
-
 /* What is not read, by its first bytes, and the way round it. */
 static bool refuse(const uint8_t *head, size_t size, bool mesh, GError **error) {
 #define AT(at, magic) at, sizeof magic - 1, magic
@@ -85,8 +73,8 @@ static bool refuse(const uint8_t *head, size_t size, bool mesh, GError **error) 
       {AT(128, "DICM"), "DICOM packed as a whole: unpack it first"},
       {AT(0, "PK\3\4"), "a packed zip: unpack it first"},
       {AT(257, "ustar"), "a tar archive: unpack it and open the folder or the file in it"},
-      {AT(0, "\x89HDF"), "HDF5, such as MINC 2: convert it to NIfTI (mnc2nii)"},
-      {AT(0, "CDF\1"), "NetCDF, such as MINC 1: convert it to NIfTI (mnc2nii)"},
+      {AT(0, "\x89HDF"), "HDF5, such as MINC 2, packed or where a mesh is wanted: unpack it and open it as a volume"},
+      {AT(0, "CDF\1"), "NetCDF, such as MINC 1: convert it to MINC 2 (mincconvert -2) or NIfTI (mnc2nii)"},
       {AT(0, "II*\0"), "a packed TIFF: unpack it first"},
       {AT(0, "MM\0*"), "a packed TIFF: unpack it first"},
       {AT(0, "\x89PNG"), "a packed PNG: unpack it first"},
@@ -105,7 +93,7 @@ static bool refuse(const uint8_t *head, size_t size, bool mesh, GError **error) 
   }
   tc_set_error(error, TC_ERROR_FORMAT, NULL,
                mesh ? "unknown kind of file: meshes are read from OBJ, PLY and STL"
-                    : "unknown kind of file: NIfTI, Analyze, NRRD, MetaImage, MGH, PAR/REC, VMD and DICOM are read");
+                    : "unknown kind of file: NIfTI, Analyze, NRRD, MetaImage, MGH, PAR/REC, MINC, VMD and DICOM are read");
   return false;
 }
 
@@ -121,7 +109,7 @@ bool tc_formats_read(tc_input *input, const char *choice, const tc_order *order,
   const tc_format *const *found = recognise(input, head, size);
   if (!found) return refuse(head, size, order->mesh, error);
   if ((found >= formats + FIRST_MESH) != order->mesh) return refuse_kind(*found, order->mesh, error);
-  return read_volume(choice, *found, &own.volume, error) && (*found)->read(input, &own, error);
+  return tc_choice_volume(choice, (*found)->name, &own.volume, error) && (*found)->read(input, &own, error);
 }
 
 bool tc_helper_decode(int fd, const tc_helper_request *request, const tc_order *order, GError **error) {

@@ -31,8 +31,11 @@ typedef struct tc_order {
 /* Copies voxels of any number of bytes. */
 bool tc_order_put(const tc_order *order, const void *voxels, size_t bytes, GError **error);
 
-/* Decodes the file or folder `input` (which stays the caller's) into the order. One of the two helper programs has
- * the one that knows DICOM (dicom.cc), the other the one for all other formats (formats.c). */
+/* What "#volume=N" after the path of a file of `format` says; *volume stays where nothing is said. */
+bool tc_choice_volume(const char *choice, const char *format, uint32_t *volume, GError **error);
+
+/* Decodes the file or folder `input` (which stays the caller's) into the order. Of the helper programs one has the
+ * one that knows DICOM (dicom.cc), one that of MINC (minc_only.c), and one that of all other formats (formats.c). */
 bool tc_helper_decode(int input, const tc_helper_request *request, const tc_order *order, GError **error);
 
 #ifdef __cplusplus

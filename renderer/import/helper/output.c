@@ -118,3 +118,14 @@ bool tc_order_put(const tc_order *order, const void *voxels, size_t bytes, GErro
   }
   return true;
 }
+
+bool tc_choice_volume(const char *choice, const char *format, uint32_t *volume, GError **error) {
+  guint64 number = 0;
+  if (!*choice) return true;
+  if (g_str_has_prefix(choice, "volume=") && g_ascii_string_to_unsigned(choice + 7, 10, 1, 1 << 24, &number, NULL)) {
+    *volume = (uint32_t)number;
+    return true;
+  }
+  tc_set_error(error, TC_ERROR_INVALID, NULL, "%s holds no series: after '#' give nothing, or volume=N", format);
+  return false;
+}
