@@ -165,19 +165,50 @@ static void overlapping_segments_are_kept(void **state) {
   tc_volume_unref(v);
 }
 
-static void label_maps_and_fractions(void **state) {
+static void label_maps(void **state) {
   static const uint8_t labels[] = {0, 1, 2, 0, 3, 0, 0, 0, 0};
   static const double z[] = {5};
-  static const unsigned none[] = {0}, first[] = {1};
+  static const unsigned none[] = {0};
   tc_volume *v = open_bytes(seg_bytes(&(seg){"LABELMAP", NULL, 3, 8, 1, z, none, labels, 9}), "map.dcm");
   assert_true(voxel(v, 1, 0, 0) == 1 && voxel(v, 2, 0, 0) == 2 && voxel(v, 1, 1, 0) == 3);
   assert_string_equal(tc_volume_segment(v, 1)->name, "Leber");
   tc_volume_unref(v);
-  static const uint8_t parts[] = {0, 127, 128, 255, 0, 0, 0, 0, 0};
-  v = open_bytes(seg_bytes(&(seg){"FRACTIONAL", NULL, 3, 8, 1, z, first, parts, 9}), "part.dcm");
-  assert_true(voxel(v, 1, 0, 0) == 0 && voxel(v, 2, 0, 0) == 1 && voxel(v, 0, 1, 0) == 1);
-  assert_non_null(strstr(tc_volume_describe(v)->note, "cut at half"));
+}
+
+/* Labels where a fraction is at least half, said; the fractions themselves as a volume for each segment. */
+static void fractions_are_kept(void **state) {
+  static const uint8_t parts[] = {0, 127, 128, 255, 0, 0, 0, 0, 0, /* at z = 5 of segment 1, then of 2, then 1 at z = 7 */
+                                  51, 0, 0, 128, 0, 0, 0, 0, 0, 102, 0, 0, 0, 0, 0, 0, 0, 0};
+  static const double z[] = {5, 5, 7};
+  static const unsigned segments[] = {1, 2, 1};
+  tc_volume *v = open_bytes(seg_bytes(&(seg){"FRACTIONAL", NULL, 3, 8, 3, z, segments, parts, 27}), "part.dcm");
+  assert_true(voxel(v, 1, 0, 0) == 0 && voxel(v, 2, 0, 0) == 1 && voxel(v, 0, 1, 0) == 4 && voxel(v, 0, 0, 1) == 0);
+  assert_non_null(strstr(tc_volume_describe(v)->note, "cut at half (128 of 255)"));
+  assert_non_null(strstr(tc_volume_describe(v)->note, "volume 1 of 3: labels"));
+  assert_int_equal(tc_volume_describe(v)->frames, 3);
   tc_volume_unref(v);
+  char *path = g_strdup_printf("%s/part.dcm#volume=2", folder);
+  v = tc_import(path, &(tc_import_options){.helpers = TC_BINARY_DIR}, NULL);
+  assert_non_null(v);
+  const tc_volume_desc *d = tc_volume_describe(v);
+  size_t count;
+  tc_volume_segments(v, &count);
+  assert_true(count == 0 && d->type == TC_U8 && d->dims[2] == 2);
+  assert_string_equal(d->unit, "fraction");
+  assert_non_null(strstr(d->note, "fractions of Leber"));
+  const double scale = d->slope;
+  assert_float_equal(voxel(v, 1, 0, 0) * scale, 127 / 255.0, 1e-9);
+  assert_float_equal(voxel(v, 0, 1, 0) * scale, 1, 1e-9);
+  assert_float_equal(voxel(v, 0, 0, 1) * scale, 102 / 255.0, 1e-9);
+  assert_true(d->intercept == 0);
+  tc_volume_unref(v);
+  path[strlen(path) - 1] = '3';
+  v = tc_import(path, &(tc_import_options){.helpers = TC_BINARY_DIR}, NULL);
+  assert_non_null(v);
+  assert_int_equal(tc_volume_describe(v)->dims[2], 1);
+  assert_float_equal(voxel(v, 0, 1, 0) * tc_volume_describe(v)->slope, 128 / 255.0, 1e-9);
+  tc_volume_unref(v);
+  g_free(path);
 }
 
 /* ---- structure sets ---- */
@@ -373,7 +404,7 @@ static void combinations_are_exact(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {TEST(overlapping_segments_are_kept), TEST(label_maps_and_fractions),
+  const struct CMUnitTest tests[] = {TEST(overlapping_segments_are_kept), TEST(label_maps), TEST(fractions_are_kept),
     TEST(contours_far_away_are_refused), TEST(contours_fill_their_area), TEST(contours_lie_on_the_series_beside),
     TEST(layers_of_slicer), TEST(combinations_are_exact)};
   return cmocka_run_group_tests(tests, set_up, tear_down);

@@ -8,7 +8,8 @@
 
 #include "renderer/base/vector.h"
 
-/* Cosine below which two pictures do not lie alike: about 0.8 degrees, over rounding in headers, under any real tilt. */
+/* Cosine below which two pictures do not lie alike: about 0.8 degrees, over rounding in headers, under any real tilt.
+ */
 #define SAME_ORIENTATION 0.9999
 
 #define GAP_STEPS 4 /* times the slice distance: a piece further off is another volume */
@@ -27,7 +28,7 @@ typedef struct work {
   entry *entries; /* [count]; every step puts a range of them in its order */
   size_t count;
   GArray *groups;  /* tc_dicom_group */
-  uint32_t *store; /* [count], where groups keep their slices */
+  uint32_t *store; /* [2 * count], where groups keep their slices: fractions are of two */
   size_t stored;
 } work;
 
@@ -35,7 +36,7 @@ typedef struct work {
 
 static bool alike(const tc_dicom_slice *a, const tc_dicom_slice *b) {
   if (a->rows != b->rows || a->columns != b->columns || a->has_orientation != b->has_orientation ||
-      a->has_position != b->has_position || a->sparse != b->sparse)
+      a->has_position != b->has_position || a->sparse != b->sparse || a->fractional != b->fractional)
     return false;
   if (a->has_spacing && b->has_spacing)
     for (int i = 0; i < 2; i++)
@@ -92,6 +93,11 @@ static int by_key(const void *pa, const void *pb, void *user) {
   const tc_dicom_key key = *(const tc_dicom_key *)user;
   int first = order(key_place(pa, key), key_place(pb, key));
   return first ? first : by_turn(pa, pb);
+}
+
+static int by_segment(const void *pa, const void *pb) {
+  const entry *a = pa, *b = pb;
+  return a->slice->segment != b->slice->segment ? order(a->slice->segment, b->slice->segment) : by_level(pa, pb);
 }
 
 static int by_uid(const void *pa, const void *pb) {
@@ -310,12 +316,31 @@ static void name_groups(const tc_dicom_slice *slices, tc_dicom_groups *groups) {
   }
 }
 
+/* Labels of all segments first, then each one's fractions. */
+static void emit_fractions(work *w, entry *e, size_t count, size_t places) {
+  emit(w, e, count, 1, places);
+  g_strlcpy(g_array_index(w->groups, tc_dicom_group, w->groups->len - 1).what, "labels", 7);
+  qsort(e, count, sizeof *e, by_segment);
+  for (size_t from = 0, end; from < count; from = end) {
+    const uint32_t segment = e[from].slice->segment;
+    size_t levels = 1;
+    for (end = from + 1; end < count && e[end].slice->segment == segment; end++)
+      levels += e[end].level != e[end - 1].level;
+    emit(w, e + from, end - from, 1, levels);
+    tc_dicom_group *group = &g_array_index(w->groups, tc_dicom_group, w->groups->len - 1);
+    group->segment = segment;
+    g_snprintf(group->what, sizeof group->what, "segment %u", segment);
+  }
+}
+
 /* One class, entries [from, from + count) by place: its positions are counted, its volumes emitted. */
 static size_t split_class(work *w, size_t from, size_t count) {
   entry *e = w->entries + from;
   const size_t places = number_levels(w, from, count);
   if (e->class_of == CLASSES_MOST) return places;
-  if (e->slice->sparse)
+  if (e->slice->fractional)
+    emit_fractions(w, e, count, places);
+  else if (e->slice->sparse)
     emit(w, e, count, 1, places);
   else
     split(w, e, count, 0);
@@ -323,7 +348,7 @@ static size_t split_class(work *w, size_t from, size_t count) {
 }
 
 void tc_dicom_groups_make(const tc_dicom_slice *slices, size_t count, tc_dicom_groups *groups) {
-  work w = {.slices = slices, .entries = g_new0(entry, count), .count = count, .store = g_new(uint32_t, count)};
+  work w = {.slices = slices, .entries = g_new0(entry, count), .count = count, .store = g_new(uint32_t, 2 * count)};
   w.groups = g_array_new(FALSE, TRUE, sizeof(tc_dicom_group));
   *groups = (tc_dicom_groups){.store = w.store};
   for (size_t i = 0; i < count; i++)

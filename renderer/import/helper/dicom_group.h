@@ -9,7 +9,8 @@
  * - What is still at one position is told apart by its turn (trigger time, instance, frame), where every position has
  *   as many pictures or the instances run through the stack again and again; else the volume is tangled.
  * - Copies of one picture (the same UID and frame) are one.
- * - Frames of segmentations share positions by design: one volume. */
+ * - Frames of segmentations share positions by design: one volume, of labels. Where they hold fractions, each segment
+ *   makes another, of its own. */
 #ifndef TC_IMPORT_DICOM_GROUP_H
 #define TC_IMPORT_DICOM_GROUP_H
 
@@ -23,6 +24,7 @@ typedef struct tc_dicom_group {
   uint32_t *slices; /* [count], indices of the slices given */
   size_t count;
   size_t places;  /* different positions among them */
+  uint32_t segment; /* whose fractions these are; 0: none's */
   bool tangled;   /* pictures share positions and nothing tells them apart: no volume can be made */
   char what[48];  /* what tells it from the others: "echo 90 ms", "time 2", "" */
 } tc_dicom_group;

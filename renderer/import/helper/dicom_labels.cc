@@ -32,7 +32,9 @@ bool find_overlaps(Job &job, const Run &run) {
   uint32_t most = 0;
   for (size_t i = 0; i < job.stack.count; i++)
     most = std::max(most, segment_of(job, i));
-  if (most == 0) return false;
+  if (most == 0 || job.fraction) return false;
+  for (const tc_segment &s : job.first().segments) // one without a frame keeps its number, too
+    most = std::max(most, s.label);
   job.labels = true;
   std::copy(job.stack.dims, job.stack.dims + 3, job.desc.dims);
   tc_overlaps_init(&job.overlaps, most);

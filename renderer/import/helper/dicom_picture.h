@@ -39,6 +39,8 @@ struct Picture {
   double suv = 0;                         // PET: what values are multiplied by; 0 none
   const char *no_suv = "";                // why
   double segment_threshold = 1;           // samples at or above it belong to the segment
+  double most_fraction = 1;               // the sample that means all of a fractional segment
+  std::string fraction_of;                // "probability", "occupancy", "fraction"
   bool label_map = false;                 // samples are labels themselves
   uint32_t background = 0;                // of a label map
   std::vector<tc_segment> segments;       // what labels are

@@ -111,6 +111,7 @@ static tc_dicom_slice common_slice(const DataSet &set, const Picture &p) {
   s.columns = p.samples.columns;
   s.instance = static_cast<int32_t>(integer_of(set, Tag(0x20, 0x13), 0));
   s.sparse = p.modality == "SEG";
+  s.fractional = p.fractional;
   read_keys(set, s);
   read_geometry(set, s);
   Nested detector = item_of(set, Tag(0x54, 0x22)); // nuclear medicine keeps position and orientation here
@@ -119,13 +120,24 @@ static tc_dicom_slice common_slice(const DataSet &set, const Picture &p) {
   return s;
 }
 
+static void read_fractions(const DataSet &set, Picture &p) {
+  p.fractional = p.modality == "SEG" && text_of(set, Tag(0x62, 0x01)) == "FRACTIONAL";
+  if (!p.fractional) return;
+  p.most_fraction = std::max<uint16_t>(1, binary_of<uint16_t>(set, Tag(0x62, 0x0e), 255));
+  p.segment_threshold = std::ceil(p.most_fraction / 2);
+  const std::string type = text_of(set, Tag(0x62, 0x10));
+  p.fraction_of = type == "PROBABILITY" ? "probability" : type == "OCCUPANCY" ? "occupancy" : "fraction";
+}
+
 void read_slices(const DataSet &set, Picture &p) {
   Scale scale;
+  read_fractions(set, p);
   tc_dicom_slice common = common_slice(set, p);
   read_scale(set, p, scale);
   read_window(set, p);
   double dose = number_of(set, Tag(0x3004, 0x0e), 0);
   if (dose > 0 && dose < 1e30) scale.slope = dose;
+  if (p.fractional) scale.slope = 1 / p.most_fraction;
   Nested shared = item_of(set, Tag(0x5200, 0x9229));
   if (shared.set) read_groups(*shared.set, p, common, scale);
   Items frames = items_of(set, Tag(0x5200, 0x9230));
@@ -142,9 +154,6 @@ void read_slices(const DataSet &set, Picture &p) {
   read_segments(set, p);
   p.label_map = p.modality == "SEG" && text_of(set, Tag(0x62, 0x01)) == "LABELMAP";
   p.background = binary_of<uint16_t>(set, Tag(0x28, 0x120), 0);
-  p.fractional = text_of(set, Tag(0x62, 0x01)) == "FRACTIONAL";
-  if (p.fractional)
-    p.segment_threshold = std::max(1.0, std::ceil(binary_of<uint16_t>(set, Tag(0x62, 0x0e), 255) / 2.0));
 }
 
 } // namespace dicom

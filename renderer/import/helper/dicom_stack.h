@@ -47,6 +47,7 @@ typedef struct tc_dicom_slice {
   double trigger;         /* ms after the heart's beat: orders what shares a position */
   uint32_t segment;       /* segmentation: number from 1; else 0 */
   bool sparse;            /* a segmentation: frames may share positions and may be missing */
+  bool fractional;        /* one whose samples are fractions */
   int rows, columns;
   bool has_position, has_orientation, has_spacing;
   double position[3];    /* centre of the first voxel */

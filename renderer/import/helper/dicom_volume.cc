@@ -17,6 +17,7 @@ void make_stack(const Series &series, const Choice &choice, bool bridge_nothing,
   int chosen = tc_dicom_groups_choose(&volumes, choice.volume, &error);
   if (chosen < 0) fail_with(error);
   const tc_dicom_group &group = volumes.list[chosen];
+  job.fraction = group.segment;
   if (group.tangled)
     fail(TC_ERROR_FORMAT, "%zu pictures share %zu positions and nothing in their headers tells them apart; sort them",
          group.count, group.places);
@@ -124,6 +125,16 @@ void choose_type(Job &job, const Run &run) {
                   d.type == TC_F32 ? "f32" : "narrower integers");
 }
 
+static void describe_fractions(Job &job, const Picture &p) {
+  tc_volume_desc &d = job.desc;
+  if (job.labels)
+    tc_dicom_note(d.note, "fractions are cut at half (%g of %g) for labels; each segment's own are a volume",
+                  p.segment_threshold, p.most_fraction);
+  for (const tc_segment &s : p.segments)
+    if (job.fraction && s.label == job.fraction) tc_dicom_note(d.note, "fractions of %s", s.name);
+  if (job.fraction) snprintf(d.unit, sizeof d.unit, "%s", p.fraction_of.c_str());
+}
+
 void describe(Job &job, const Run &run) {
   tc_volume_desc &d = job.desc;
   const Picture &p = job.first();
@@ -149,7 +160,7 @@ void describe(Job &job, const Run &run) {
   if (p.inverted) tc_dicom_note(d.note, "MONOCHROME1, values kept as they are");
   if (p.cine) tc_dicom_note(d.note, "a film over time, its first picture was taken");
   if (p.mosaic) tc_dicom_note(d.note, "a mosaic, cut into its slices");
-  if (p.fractional) tc_dicom_note(d.note, "fractional segments are cut at half");
+  if (p.fractional) describe_fractions(job, p);
   if (p.lookup) tc_dicom_note(d.note, "modality lookup table not applied");
   if (run.unreadable) tc_dicom_note(d.note, "%zu unreadable files left out", run.unreadable);
 }

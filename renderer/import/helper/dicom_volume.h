@@ -23,6 +23,7 @@ struct Job {
   tc_provenance from{};
   bool rescale = false; // scales differ: applied to every voxel
   bool labels = false;  // of segments
+  uint32_t fraction = 0; // the segment whose fractions are the values; 0: none
   bool colors = false;  // voxels are sent as r, g, b
   tc_overlaps overlaps{};
   double suv = 0; // what values were multiplied by; 0: they are the file's
