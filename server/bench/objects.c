@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "renderer/plan/object_cost.h"
+#include "renderer/reference/reference.h"
 #include "server/cli/cli.h"
 
 #define TIE 1.05 /* where times differ by less, neither is the faster and the scene is not counted */
@@ -17,27 +17,72 @@ static const struct view {
   int size;
 } views[] = {{30, 20, 1.3, 512}, {200, 40, 3, 384}, {50, 30, 1.3, 256}, {80, 0, 1.3, 192}, {120, -10, 0.8, 96}};
 
-typedef struct object {
-  const tcs_objects_run *run;
-  tc_renderer *renderer;
-  tc_volume *volume;
-  tc_scene scene;
-  double ms[TC_OBJECT_MODES];
-  tc_object_cost cost;
-} object;
-
 /* The least of several frames of each way, in turn, after one that builds. */
-static bool measure(object *o, GError **error) {
+static bool time_object(tcs_object *o, tc_renderer *renderer, tc_volume *volume, tc_scene *scene, int runs,
+                        GError **error) {
   tc_frame frame = {0};
   bool good = true;
-  for (int i = 0; i <= o->run->runs && good; i++)
+  for (int i = 0; i <= runs && good; i++)
     for (int m = 0; m < TC_OBJECT_MODES && good; m++) {
-      o->scene.mode = tc_object_mode_of((tc_object_mode)m);
-      good = tc_render(o->renderer, o->volume, &o->scene, NULL, &frame, NULL, error);
-      if (i == 0 || (i > 0 && frame.stats.render_ms < o->ms[m])) o->ms[m] = i ? frame.stats.render_ms : INFINITY;
+      scene->mode = tc_object_mode_of((tc_object_mode)m);
+      good = tc_render(renderer, volume, scene, NULL, &frame, NULL, error);
+      if (i == 0 || frame.stats.render_ms < o->ms[m]) o->ms[m] = i ? frame.stats.render_ms : INFINITY;
     }
   tc_frame_finish(&frame);
   return good;
+}
+
+bool tcs_object_measure(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, int runs, tcs_object *o,
+                        GError **error) {
+  *o = (tcs_object){0};
+  if (!tc_object_cost_of(volume, scene, scene->image.width, scene->image.height, &o->cost)) {
+    tc_set_error(error, TC_ERROR_INVALID, "/mode", "an opaque object over a volume with a grid is wanted");
+    return false;
+  }
+  tc_scene own;
+  tc_scene_copy(&own, scene);
+  const bool good = time_object(o, renderer, volume, &own, runs, error);
+  tc_scene_clear(&own);
+  return good;
+}
+
+bool tcs_object_judge(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, int side, tcs_object *o,
+                      GError **error) {
+  const tc_render_request request = {.width = side, .height = side, .want_linear = true};
+  tcs_look look = {.linear_light = scene->image.linear_light};
+  memcpy(look.background, scene->image.background, sizeof look.background);
+  tc_frame frame = {0};
+  tc_scene own;
+  tc_scene_copy(&own, scene);
+  own.mode = TC_MODE_ISOSURFACE;
+  tc_reference *reference = tc_reference_new(volume, &own, side, side, 0, error);
+  float *truth = g_new(float, 4 * (size_t)side * (size_t)side);
+  bool good = reference && tc_reference_image(reference, tc_renderer_about(renderer)->threads, truth, error);
+  for (int m = 0; m < TC_OBJECT_MODES && good; m++) {
+    own.mode = tc_object_mode_of((tc_object_mode)m);
+    good = tc_render(renderer, volume, &own, &request, &frame, NULL, error);
+    if (!good || tcs_compare(frame.linear, truth, side, side, &look, &o->off[m])) continue;
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "comparing pictures: out of memory");
+    good = false;
+  }
+  tc_frame_finish(&frame);
+  tc_reference_free(reference);
+  tc_scene_clear(&own);
+  g_free(truth);
+  return good;
+}
+
+void tcs_object_scene(const tc_volume *volume, double share, int size, tc_scene *scene) {
+  tc_fit fit;
+  tc_fit_find(&fit, volume);
+  const double value = fit.surface + share * (fit.stretch.high - fit.surface);
+  tc_scene_init(scene);
+  tc_scene_fit(scene, volume);
+  tc_scene_light(scene, true);
+  scene->image.width = scene->image.height = size;
+  scene->isosurface.value = scene->splat.threshold[0] = value;
+  scene->splat.threshold[1] = fmax(tc_volume_statistics(volume)->max, value);
+  scene->mode = TC_MODE_SPLAT;
 }
 
 static tc_object_mode fastest(const double ms[TC_OBJECT_MODES], int ways) {
@@ -47,62 +92,74 @@ static tc_object_mode fastest(const double ms[TC_OBJECT_MODES], int ways) {
   return (tc_object_mode)best;
 }
 
-static void add(const object *o, const char *name, cJSON *report) {
+static void put(cJSON *json, const char *name, double value) { cJSON_AddNumberToObject(json, name, value); }
+
+static cJSON *difference_json(const tcs_difference *d) {
+  cJSON *json = cJSON_CreateObject();
+  put(json, "rms", d->rms), put(json, "rmsLow", d->rms_lo), put(json, "rmsHigh", d->rms_hi);
+  put(json, "p999", d->p999), put(json, "max", d->max);
+  put(json, "ciede2000", d->ciede), put(json, "ssim", d->ssim);
+  return json;
+}
+
+cJSON *tcs_object_json(const tcs_object *o, const tc_scene *scene) {
   cJSON *json = cJSON_CreateObject(), *ms = cJSON_AddObjectToObject(json, "ms"),
-        *expected = cJSON_AddObjectToObject(json, "expectedMs");
-  cJSON_AddStringToObject(json, "volume", name);
-  cJSON_AddNumberToObject(json, "threshold", o->scene.isosurface.value);
-  cJSON_AddNumberToObject(json, "size", o->scene.image.width);
+        *expected = cJSON_AddObjectToObject(json, "expectedMs"),
+        *errors = o->off[0].pixels ? cJSON_AddObjectToObject(json, "errors") : NULL;
+  put(json, "threshold", scene->isosurface.value);
+  put(json, "size", scene->image.width);
   for (int m = 0; m < TC_OBJECT_MODES; m++) {
     const char *mode = tc_mode_names[tc_object_mode_of((tc_object_mode)m)];
-    cJSON_AddNumberToObject(ms, mode, o->ms[m]);
-    cJSON_AddNumberToObject(expected, mode, o->cost.ms[m]);
+    put(ms, mode, o->ms[m]);
+    put(expected, mode, o->cost.ms[m]);
+    if (errors) cJSON_AddItemToObject(errors, mode, difference_json(&o->off[m]));
   }
   cJSON_AddItemToObject(json, "terms", cJSON_CreateDoubleArray(o->cost.terms, TC_TERM_COUNT));
   /* Of the two that draw voxels and rays; and of all three. */
-  const bool two = fastest(o->ms, 2) == fastest(o->cost.ms, 2), three = fastest(o->ms, 3) == fastest(o->cost.ms, 3);
-  cJSON_AddBoolToObject(json, "named", two);
-  cJSON_AddBoolToObject(json, "namedOfThree", three);
-  cJSON_AddItemToArray(report, json);
-  if (!o->run->print) return;
-  printf("%-22.22s %8.4g %5d", name, o->scene.isosurface.value, o->scene.image.width);
+  cJSON_AddBoolToObject(json, "named", fastest(o->ms, 2) == fastest(o->cost.ms, 2));
+  cJSON_AddBoolToObject(json, "namedOfThree", fastest(o->ms, 3) == fastest(o->cost.ms, 3));
+  return json;
+}
+
+static void print_object(const tcs_object *o, const char *name, const cJSON *json) {
+  printf("%-22.22s %8.4g %5g", name, cJSON_GetObjectItem(json, "threshold")->valuedouble,
+         cJSON_GetObjectItem(json, "size")->valuedouble);
   for (int m = 0; m < TC_OBJECT_MODES; m++)
     printf("  %7.2f %7.2f", o->ms[m], o->cost.ms[m]);
-  printf("  %s%s\n", two ? "" : "splats or rays: no  ", three ? "" : "of three: no");
+  printf("  %s%s\n", cJSON_IsTrue(cJSON_GetObjectItem(json, "named")) ? "" : "splats or rays: no  ",
+         cJSON_IsTrue(cJSON_GetObjectItem(json, "namedOfThree")) ? "" : "of three: no");
   fflush(stdout);
 }
 
-static bool take_view(object *o, const tc_fit *fit, double share, const struct view *v, GError **error) {
-  const tc_volume_stats *range = tc_volume_statistics(o->volume);
-  const double value = fit->surface + share * (fit->stretch.high - fit->surface);
-  tc_scene_init(&o->scene);
-  tc_scene_fit(&o->scene, o->volume);
-  tc_scene_light(&o->scene, true);
-  tcs_cli_place_camera(o->volume, v->azimuth, v->elevation, v->zoom, &o->scene.camera);
-  o->scene.image.width = o->scene.image.height = v->size;
-  o->scene.isosurface.value = o->scene.splat.threshold[0] = value;
-  o->scene.splat.threshold[1] = fmax(range->max, value);
-  o->scene.mode = TC_MODE_SPLAT;
-  return tc_object_cost_of(o->volume, &o->scene, v->size, v->size, &o->cost) && measure(o, error);
+static bool take_view(const tcs_objects_run *run, tc_renderer *renderer, tc_volume *volume, const char *name,
+                      double share, const struct view *v, cJSON *report, GError **error) {
+  tc_scene scene;
+  tcs_object o;
+  tcs_object_scene(volume, share, v->size, &scene);
+  tcs_cli_place_camera(volume, v->azimuth, v->elevation, v->zoom, &scene.camera);
+  const bool good = tcs_object_measure(renderer, volume, &scene, run->runs, &o, error);
+  if (good) {
+    cJSON *json = tcs_object_json(&o, &scene);
+    cJSON_AddStringToObject(json, "volume", name);
+    cJSON_AddItemToArray(report, json);
+    if (run->print) print_object(&o, name, json);
+  }
+  tc_scene_clear(&scene);
+  return good;
 }
 
 bool tcs_objects_volume(const tcs_objects_run *run, tc_volume *volume, const char *name, cJSON *report,
                         GError **error) {
   const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = run->threads, .cache_bytes = 2u << 30};
-  object o = {.run = run, .renderer = tc_renderer_new(&options, error), .volume = volume};
-  bool good = o.renderer != NULL;
-  tc_fit fit;
-  tc_fit_find(&fit, volume);
+  tc_renderer *renderer = tc_renderer_new(&options, error);
+  bool good = renderer != NULL;
   if (run->print && !cJSON_GetArraySize(report))
     printf("%-22s %8s %5s  %15s  %15s  %15s\n%-37s  %15s  %15s  %15s\n", "volume", "value", "size", "splat",
            "isosurface", "mesh", "", "ms      plan", "ms      plan", "ms      plan");
   for (size_t t = 0; t < G_N_ELEMENTS(thresholds) && good; t++)
-    for (size_t v = 0; v < G_N_ELEMENTS(views) && good; v++) {
-      good = take_view(&o, &fit, thresholds[t], &views[v], error);
-      if (good) add(&o, name, report);
-      tc_scene_clear(&o.scene);
-    }
-  tc_renderer_free(o.renderer);
+    for (size_t v = 0; v < G_N_ELEMENTS(views) && good; v++)
+      good = take_view(run, renderer, volume, name, thresholds[t], &views[v], report, error);
+  tc_renderer_free(renderer);
   return good;
 }
 

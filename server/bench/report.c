@@ -26,9 +26,10 @@ typedef struct report {
   tcs_report_bench *bench;
   GHashTable *known; /* key -> tcs_report_row (owned), of this folder's earlier runs */
   GHashTable *sides; /* key of a scene -> side of its compared pictures */
+  GHashTable *found; /* key of an object -> its entry (owned) */
   FILE *log;
   GArray *rows; /* of this report */
-  cJSON *scenes, *left_out;
+  cJSON *scenes, *objects, *left_out;
   int scene, n_scenes, measured, exit_code;
   double start_ms;
 } report;
@@ -63,11 +64,14 @@ static void remember(report *r, const char *line, size_t size) {
   tcs_report_row row;
   cJSON *json = tcp_json_parse(line, size, NULL); /* a line torn by a kill is none */
   const cJSON *key = cJSON_GetObjectItemCaseSensitive(json, "side of"),
-              *side = cJSON_GetObjectItemCaseSensitive(json, "side");
+              *side = cJSON_GetObjectItemCaseSensitive(json, "side"),
+              *object = cJSON_GetObjectItemCaseSensitive(json, "object");
   if (tcs_report_row_read(json, &row))
     g_hash_table_replace(r->known, g_strdup(row.key), g_memdup2(&row, sizeof row));
   else if (cJSON_IsString(key) && cJSON_IsNumber(side) && side->valueint >= 1 && side->valueint <= 4096)
     g_hash_table_replace(r->sides, g_strdup(key->valuestring), GINT_TO_POINTER(side->valueint));
+  else if (cJSON_IsString(object))
+    g_hash_table_replace(r->found, g_strdup(object->valuestring), cJSON_DetachItemFromObjectCaseSensitive(json, "is"));
   cJSON_Delete(json);
 }
 
@@ -266,6 +270,53 @@ static bool report_scene(report *r, tcs_report_scene *scene, GError **error) {
   return good;
 }
 
+/* ---- objects ---- */
+
+/* An object's entry, known or new; NULL where the renderer refuses it, which is said. */
+static const cJSON *object_entry(report *r, const tcs_report_scene *object, GError **error) {
+  char *fingerprint, *key = scene_key(r, object, &fingerprint);
+  const cJSON *known = g_hash_table_lookup(r->found, key);
+  const int side = r->options.side ? r->options.side : r->options.quick ? 128 : 256;
+  GError *own = NULL;
+  cJSON *json =
+      known ? NULL
+            : tcs_report_object_measure(tcs_report_bench_cpu(r->bench), object, r->options.quick ? 2 : 5, side, &own);
+  if (json) {
+    cJSON *line = cJSON_CreateObject();
+    cJSON_AddStringToObject(line, "object", key);
+    cJSON_AddItemToObject(line, "is", cJSON_Duplicate(json, true));
+    g_hash_table_replace(r->found, g_strdup(key), json);
+    r->measured++;
+    if (append(r, line, error)) known = json;
+  } else if (own) {
+    tcs_report_leave_out(r->left_out, "objects", own->message);
+    g_error_free(own);
+  }
+  g_free(fingerprint);
+  g_free(key);
+  return known;
+}
+
+static bool report_objects(report *r, GError **error) {
+  tc_volume *own = r->volume ? tc_import(r->volume, NULL, error) : NULL;
+  GError *failed = NULL;
+  if (r->volume && !own) return false;
+  for (int i = 0; i < tcs_report_object_count(own != NULL) && !failed && !atomic_load(&stop.cancel); i++) {
+    tcs_report_scene object;
+    const cJSON *entry =
+        tcs_report_object_make(i, own, r->options.size, &object, &failed) ? object_entry(r, &object, &failed) : NULL;
+    if (entry) cJSON_AddItemToArray(r->objects, cJSON_Duplicate(entry, true));
+    tcs_report_scene_clear(&object);
+  }
+  tc_volume_unref(own);
+  if (failed) {
+    g_propagate_error(error, failed);
+  } else if (atomic_load(&stop.cancel)) {
+    tc_set_error(error, TC_ERROR_CANCELLED, NULL, "interrupted");
+  }
+  return !failed && !atomic_load(&stop.cancel);
+}
+
 static bool report_scenes(report *r, GError **error) {
   r->n_scenes = r->volume ? 1 : tcs_report_scene_count();
   bool good = true;
@@ -276,6 +327,8 @@ static bool report_scenes(report *r, GError **error) {
            report_scene(r, &scene, error);
     tcs_report_scene_clear(&scene);
   }
+  if (good) show_progress(r, "objects", 0);
+  good = good && report_objects(r, error);
   end_progress();
   return good;
 }
@@ -299,6 +352,7 @@ static bool write_reports(report *r, bool complete, GError **error) {
   cJSON_AddItemToObject(about, "machine", tcs_report_bench_about(r->bench));
   cJSON_AddItemToObject(json, "leftOut", r->left_out);
   cJSON_AddItemToObject(json, "scenes", r->scenes);
+  cJSON_AddItemToObject(json, "objects", r->objects);
   cJSON_ArrayForEach(scene, r->scenes) {
     char *loss = tcs_report_loss(r->rows, scene);
     cJSON_AddStringToObject(scene, "loss", loss);
@@ -313,7 +367,7 @@ static bool write_reports(report *r, bool complete, GError **error) {
   for (guint i = 0; i < r->rows->len; i++)
     cJSON_AddItemToArray(results, tcs_report_row_write(&g_array_index(r->rows, tcs_report_row, i)));
   char *text = cJSON_Print(json), *compact = cJSON_PrintUnformatted(json);
-  r->scenes = r->left_out = NULL; /* json's now */
+  r->scenes = r->objects = r->left_out = NULL; /* json's now */
   bool good = write_file(r, "report.json", g_strdup(text), error);
   good = write_file(r, "report.csv", tcs_report_csv(r->rows), good ? error : NULL) && good;
   good = write_file(r, "report.html", tcs_report_page(compact), good ? error : NULL) && good;
@@ -340,8 +394,8 @@ static void print_summary(const report *r) {
       g_free(title);
     }
   }
-  printf("%u settings, %d of them measured now, in %.0f s; see %s/report.html\n", r->rows->len, r->measured,
-         (tcs_now_ms() - r->start_ms) / 1e3, r->output);
+  printf("%u settings and %d objects, %d of them measured now, in %.0f s; see %s/report.html\n", r->rows->len,
+         cJSON_GetArraySize(r->objects), r->measured, (tcs_now_ms() - r->start_ms) / 1e3, r->output);
 }
 
 /* ---- command line ---- */
@@ -408,8 +462,10 @@ static bool run(report *r, GError **error) {
 int tcs_report(int argc, char **argv) {
   report r = {.known = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free),
               .sides = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL),
+              .found = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, (GDestroyNotify)cJSON_Delete),
               .rows = g_array_new(FALSE, FALSE, sizeof(tcs_report_row)),
               .scenes = cJSON_CreateArray(),
+              .objects = cJSON_CreateArray(),
               .left_out = cJSON_CreateArray()};
   GError *error = NULL;
   int code = TCS_EXIT_DONE;
@@ -418,8 +474,10 @@ int tcs_report(int argc, char **argv) {
   if (r.log) fclose(r.log);
   g_hash_table_destroy(r.known);
   g_hash_table_destroy(r.sides);
+  g_hash_table_destroy(r.found);
   g_array_free(r.rows, TRUE);
   cJSON_Delete(r.scenes);
+  cJSON_Delete(r.objects);
   cJSON_Delete(r.left_out);
   g_free(r.volume);
   g_free(r.program);

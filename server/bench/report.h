@@ -25,6 +25,17 @@ bool tcs_report_scene_make(int index, tcs_report_scene *made, GError **error);
 bool tcs_report_scene_load(const char *volume, const char *document, tcs_report_scene *made, GError **error);
 void tcs_report_scene_clear(tcs_report_scene *scene);
 
+/* ---- objects (report_objects.c): one way after another of drawing the object of a threshold ---- */
+
+/* How many there are: built in, or of a user's own volume. */
+int tcs_report_object_count(bool own);
+/* own: the user's volume; NULL: built in. size: of timed pictures. */
+bool tcs_report_object_make(int index, tc_volume *own, int size, tcs_report_scene *made, GError **error);
+/* Times and errors of each way: an entry of report.json's "objects", {"title", "filled": share of the grid's voxels,
+ * "side", and what tcs_object_json() says}. NULL with *error. */
+cJSON *tcs_report_object_measure(tc_renderer *renderer, const tcs_report_scene *object, int runs, int side,
+                                 GError **error);
+
 /* ---- settings (report_sweep.c) ---- */
 
 typedef struct tcs_setting {
@@ -89,6 +100,7 @@ tcs_report_bench *tcs_report_bench_new(const tcs_report_options *options, const 
                                        GError **error);
 void tcs_report_bench_free(tcs_report_bench *bench);
 bool tcs_report_bench_has_gl(const tcs_report_bench *bench);
+tc_renderer *tcs_report_bench_cpu(const tcs_report_bench *bench); /* the bench's */
 /* {"cpu": device, "gl": device, "threads"}. */
 cJSON *tcs_report_bench_about(const tcs_report_bench *bench);
 

@@ -2,7 +2,7 @@
 'use strict';
 
 const report = JSON.parse(document.getElementById('data').textContent);
-const { about, scenes, results, leftOut } = report;
+const { about, scenes, objects, results, leftOut } = report;
 const BOUNDS = [
   { value: 1 / 255, name: '1/255' },
   { value: 1e-3, name: '1/1000' },
@@ -404,6 +404,134 @@ function sceneSection(scene, i) {
   );
 }
 
+// ---- objects ----
+
+const WAYS = { splat: 'splats', isosurface: 'ray-cast isosurface', mesh: 'triangles' };
+const ways = Object.keys(objects[0]?.ms ?? {});
+const percent = (share) => `${digits(100 * share, 2)} %`;
+const fastestOf = (times) => ways.reduce((best, way) => (times[way] < times[best] ? way : best));
+const byFilled = [...objects].sort((a, b) => a.filled - b.filled);
+
+// Where two ways change places as an object fills more of its grid: between two measured objects, on a straight line over
+// logarithms; for the times that were measured, and for those that the plan expects.
+function crossings(first, second, member) {
+  const ratio = (object) => Math.log(object[member][first] / object[member][second]);
+  return byFilled.slice(1).flatMap((right, i) => {
+    const left = byFilled[i];
+    const [a, b] = [ratio(left), ratio(right)];
+    if (a < 0 === b < 0) return [];
+    const at = left.filled * (right.filled / left.filled) ** (a / (a - b));
+    return [`${percent(at)} (${WAYS[a < 0 ? first : second]} below)`];
+  });
+}
+
+function lineBetween(first, second) {
+  const wins = byFilled.filter(({ ms }) => ms[first] < ms[second]).length;
+  const said = (member) => crossings(first, second, member).join(', ') || 'nowhere here';
+  return (
+    `${WAYS[first]} against ${WAYS[second]}: faster on ${wins} of ${objects.length}; they change places at ` +
+    `${said('ms')}; the plan expects it at ${said('expectedMs')}.`
+  );
+}
+
+const waySeries = (member, pointOf, more) =>
+  ways.map((way, i) => ({
+    name: `${WAYS[way]}${more?.name ?? ''}`,
+    color: i,
+    ...more?.style,
+    points: byFilled.map((object) => ({ x: 100 * object.filled, ...pointOf(object[member][way], object, way) })),
+  }));
+
+function objectTimes() {
+  const point = (ms, { title }, way) => ({ y: ms, tip: `${title}, ${WAYS[way]}: ${digits(ms)} ms` });
+  return figure({
+    title: 'Time over how much of the grid is filled',
+    xLabel: '% of voxels filled',
+    yLabel: 'ms a frame',
+    caption:
+      'Rings: what the plan expects, by rates fitted to another machine; their ratio is what it names the cheaper by.',
+    series: [
+      ...waySeries('ms', point, { style: { line: true } }),
+      ...waySeries('expectedMs', point, { name: ', plan', style: { hollow: true } }),
+    ],
+  });
+}
+
+function objectErrors() {
+  return figure({
+    title: 'Error against the reference',
+    xLabel: '% of voxels filled',
+    yLabel: 'rms error',
+    guides: BOUNDS,
+    caption:
+      "Reference: the exact surface of the threshold. Splats show voxels, whose outline is the grid's; they differ most " +
+      'where most outline is.',
+    series: waySeries(
+      'errors',
+      ({ rms, rmsLow, rmsHigh }, { title }, way) => ({
+        y: rms,
+        low: rmsLow,
+        high: rmsHigh,
+        tip: `${title}, ${WAYS[way]}: rms ${digits(rms, 2)}`,
+      }),
+      { style: { line: true } },
+    ),
+  });
+}
+
+function objectTable() {
+  const names = ['object', 'filled', ...ways.map((way) => WAYS[way]), 'fastest', 'by the plan'];
+  const cells = ({ title, filled, ms, expectedMs, errors }) => [
+    [title],
+    [percent(filled)],
+    ...ways.map((way) => [
+      `${digits(ms[way])} ms`,
+      html('small', {}, `rms ${digits(errors[way].rms, 2)}, \u0394E ${digits(errors[way].ciede2000, 2)}`),
+    ]),
+    [WAYS[fastestOf(ms)]],
+    [WAYS[fastestOf(expectedMs)]],
+  ];
+  const row = (object) =>
+    html(
+      'tr',
+      {},
+      cells(object).map((cell, i) => html('td', { 'data-label': names[i] }, cell)),
+    );
+  const head = html(
+    'tr',
+    {},
+    names.map((name) => html('th', {}, name)),
+  );
+  return html(
+    'div',
+    { class: 'wide' },
+    html('table', { class: 'stack' }, html('thead', {}, head), html('tbody', {}, byFilled.map(row))),
+  );
+}
+
+function objectsSection() {
+  if (!objects.length) return null;
+  const [first, ...others] = ways;
+  return html(
+    'section',
+    { id: 'objects' },
+    html('h2', {}, 'Objects: splats, rays or triangles'),
+    html(
+      'p',
+      {},
+      'The opaque object of a threshold, lit, drawn in each mode that can, cpu: voxels as splats, the isosurface by ray ' +
+        'casting, its triangles. Rays pay for what is empty before them, splats and triangles for what is filled.',
+    ),
+    html(
+      'ul',
+      {},
+      others.map((way) => html('li', {}, lineBetween(first, way))),
+    ),
+    html('div', { class: 'charts' }, objectTimes(), objectErrors()),
+    objectTable(),
+  );
+}
+
 const SWEPT_QUICK =
   'Swept: every classification at steps of 2 to 0.25 voxels on the cpu, preintegrated2 from 4, and pre-integrated on gl; ' +
   'at a step of 1, pre-integrated on the cpu, one other choice at a time; at 0.25, tables of 1024 entries a side. ' +
@@ -424,7 +552,7 @@ function foot() {
         '8 bits of a picture; CIEDE2000 and SSIM of the picture as shown. Settings of one ray a pixel are compared with ' +
         "the ray through the pixel's centre, settings of more with the mean over the pixel's area (4 x 4 reference rays " +
         'for a random 16th of the pixels). Every batch of eight settings holds one anchor; times are scaled by it, so ' +
-        'that a machine that slows down does not bend the front. report.json and report.csv hold every figure.',
+        'that a machine that slows down does not bend the front. report.json holds every figure, report.csv those of settings.',
     ),
     html('p', {}, about.quick ? SWEPT_QUICK : SWEPT),
     leftOut.length
@@ -471,6 +599,7 @@ document.body.append(
         "a multiple of the usual's.",
     ),
     CHOICES.map(choiceTable),
+    objectsSection(),
     scenes.map(sceneSection),
     foot(),
   ]

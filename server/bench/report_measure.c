@@ -91,6 +91,7 @@ void tcs_report_bench_free(tcs_report_bench *b) {
 }
 
 bool tcs_report_bench_has_gl(const tcs_report_bench *b) { return b->renderers[TC_BACKEND_GL] != NULL; }
+tc_renderer *tcs_report_bench_cpu(const tcs_report_bench *b) { return b->renderers[TC_BACKEND_CPU]; }
 
 cJSON *tcs_report_bench_about(const tcs_report_bench *b) {
   cJSON *json = cJSON_CreateObject();
@@ -229,7 +230,8 @@ bool tcs_report_bench_scene(tcs_report_bench *b, tcs_report_scene *scene, int *s
 
 /* ---- one batch ---- */
 
-static bool render(tcs_report_bench *b, const tcs_setting *s, int side, bool compare, tc_explanation *plan, GError **error) {
+static bool render(tcs_report_bench *b, const tcs_setting *s, int side, bool compare, tc_explanation *plan,
+                   GError **error) {
   const tc_render_request request = {.width = side,
                                      .height = side,
                                      .want_linear = compare,

@@ -1,0 +1,88 @@
+/* Objects of a threshold: how much of the grid one fills decides whether splats, rays or triangles draw it fastest. */
+#include <math.h>
+#include <string.h>
+
+#include "server/bench/objects.h"
+#include "server/bench/report.h"
+
+/* Balls of one size at random places, ever more of them, from a few to a sponge. */
+enum { SIDE = 128, REACH = 5 };
+static const int balls[] = {4, 32, 128, 512, 1500, 4000, 12000};
+static const double shares[] = {0, 0.15, 0.3, 0.45}; /* thresholds of a user's volume */
+
+int tcs_report_object_count(bool own) { return own ? G_N_ELEMENTS(shares) : G_N_ELEMENTS(balls); }
+
+/* Values fall linearly with the distance, 100 a voxel, and are 0 from REACH on. */
+static void add_ball(int16_t *voxels, const double at[3]) {
+  for (int z = (int)fmax(at[2] - REACH, 0); z <= fmin(at[2] + REACH, SIDE - 1); z++)
+    for (int y = (int)fmax(at[1] - REACH, 0); y <= fmin(at[1] + REACH, SIDE - 1); y++)
+      for (int x = (int)fmax(at[0] - REACH, 0); x <= fmin(at[0] + REACH, SIDE - 1); x++) {
+        const double distance = sqrt((x - at[0]) * (x - at[0]) + (y - at[1]) * (y - at[1]) + (z - at[2]) * (z - at[2]));
+        int16_t *voxel = voxels + ((size_t)z * SIDE + (size_t)y) * SIDE + (size_t)x;
+        const int16_t value = (int16_t)lrint(fmax(0, 100 * (REACH - distance)));
+        if (value > *voxel) *voxel = value;
+      }
+}
+
+static tc_volume *volume_of_balls(int n, GError **error) {
+  tc_volume_desc d = {.dims = {SIDE, SIDE, SIDE},
+                      .type = TC_I16,
+                      .spacing = {1, 1, 1},
+                      .slope = 1,
+                      .frames = 1,
+                      .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1},
+                      .format = "demo"};
+  tc_volume *volume = tc_volume_new(&d, error);
+  if (!volume) return NULL;
+  GRand *random = g_rand_new_with_seed(15);
+  memset(tc_volume_voxels(volume), 0, tc_volume_bytes(volume));
+  for (int i = 0; i < n; i++) {
+    double at[3];
+    for (int k = 0; k < 3; k++)
+      at[k] = g_rand_double_range(random, 0, SIDE - 1);
+    add_ball(tc_volume_voxels(volume), at);
+  }
+  g_rand_free(random);
+  tc_volume_seal(volume);
+  return volume;
+}
+
+bool tcs_report_object_make(int index, tc_volume *own, int size, tcs_report_scene *made, GError **error) {
+  *made = (tcs_report_scene){.volume = own ? tc_volume_ref(own) : volume_of_balls(balls[index], error)};
+  if (!made->volume) return false;
+  tcs_object_scene(made->volume, own ? shares[index] : 0, size, &made->scene);
+  tc_scene *s = &made->scene;
+  tcs_cli_place_camera(made->volume, 30, 20, 1.3, &s->camera);
+  if (!own) s->isosurface.value = s->splat.threshold[0] = 100 * (REACH - 4);
+  if (own)
+    g_snprintf(made->title, sizeof made->title, "from %.4g on", s->isosurface.value);
+  else
+    g_snprintf(made->title, sizeof made->title, "%d balls", balls[index]);
+  return true;
+}
+
+/* Share of the grid's voxels that the object fills. */
+static double filled(const tc_volume *volume, double from) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  const double least = (from - d->intercept) / d->slope;
+  double inside = 0, voxel;
+  for (int z = 0; z < d->dims[2]; z++)
+    for (int y = 0; y < d->dims[1]; y++)
+      for (int x = 0; x < d->dims[0]; x++)
+        if (tc_volume_voxel(volume, (int[]){x, y, z}, &voxel)) inside += d->slope < 0 ? voxel <= least : voxel >= least;
+  return inside / ((double)d->dims[0] * d->dims[1] * d->dims[2]);
+}
+
+cJSON *tcs_report_object_measure(tc_renderer *renderer, const tcs_report_scene *scene, int runs, int side,
+                                 GError **error) {
+  tcs_object o;
+  if (!tcs_object_measure(renderer, scene->volume, &scene->scene, runs, &o, error) ||
+      !tcs_object_judge(renderer, scene->volume, &scene->scene, side, &o, error))
+    return NULL;
+  cJSON *json = tcs_object_json(&o, &scene->scene);
+  cJSON_AddStringToObject(json, "title", scene->title);
+  cJSON_AddNumberToObject(json, "side", side);
+  cJSON_AddNumberToObject(json, "filled", filled(scene->volume, scene->scene.isosurface.value));
+  tc_renderer_forget(renderer, scene->volume);
+  return json;
+}
