@@ -421,16 +421,16 @@ function crossings(first, second, member) {
     const [a, b] = [ratio(left), ratio(right)];
     if (a < 0 === b < 0) return [];
     const at = left.filled * (right.filled / left.filled) ** (a / (a - b));
-    return [`${percent(at)} (${WAYS[a < 0 ? first : second]} below)`];
+    return [`at ${percent(at)} (${WAYS[a < 0 ? first : second]} below)`];
   });
 }
 
 function lineBetween(first, second) {
   const wins = byFilled.filter(({ ms }) => ms[first] < ms[second]).length;
-  const said = (member) => crossings(first, second, member).join(', ') || 'nowhere here';
+  const said = (member) => crossings(first, second, member).join(' and ') || 'nowhere here';
   return (
-    `${WAYS[first]} against ${WAYS[second]}: faster on ${wins} of ${objects.length}; they change places at ` +
-    `${said('ms')}; the plan expects it at ${said('expectedMs')}.`
+    `${WAYS[first]} against ${WAYS[second]}: faster on ${wins} of ${objects.length}; they change places ` +
+    `${said('ms')}; by the plan ${said('expectedMs')}.`
   );
 }
 

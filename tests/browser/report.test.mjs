@@ -75,6 +75,31 @@ test('the first screen draws every scene and says what follows; nothing is fetch
   await page.context().close();
 });
 
+test('objects: a row each, every way drawn, and where splats and rays change places', { skip }, async () => {
+  const page = await browser.page({ viewport: { width: 1366, height: 768 } });
+  await page.goto(address);
+  const { objects } = JSON.parse(await readFile(join(folder, 'report.json'), 'utf8'));
+  const section = await page.$eval('#objects', (element) => ({
+    rows: element.querySelectorAll('tbody tr').length,
+    marks: [...element.querySelectorAll('figure')].map((figure) => figure.querySelectorAll('path > title').length),
+    words: [...element.querySelectorAll('li')].map((item) => item.textContent),
+  }));
+  assert.equal(section.rows, objects.length);
+  assert.deepEqual(section.marks, [6 * objects.length, 3 * objects.length], 'measured and expected; errors');
+  const wins = objects.filter(({ ms }) => ms.splat < ms.isosurface).length;
+  const line = `splats against ray-cast isosurface: faster on ${wins} of ${objects.length}; they change places `;
+  assert.ok(section.words[0].startsWith(line), section.words[0]);
+  // The same page, with an object whose times cross half way (over logarithms) between two.
+  const crossed = await page.evaluate(() => {
+    const [left, right] = [byFilled[0], byFilled.at(-1)];
+    byFilled.splice(0, byFilled.length, { ...left, filled: 0.01, ms: { ...left.ms, splat: 1, isosurface: 4 } });
+    byFilled.push({ ...right, filled: 0.25, ms: { ...right.ms, splat: 4, isosurface: 1 } });
+    return lineBetween('splat', 'isosurface');
+  });
+  assert.match(crossed, /they change places at 5 % \(splats below\)/);
+  await page.context().close();
+});
+
 for (const colorScheme of ['light', 'dark']) {
   test(`no wider than a phone; a table that is, is shaded where it goes on (${colorScheme})`, { skip }, async () => {
     const page = await browser.page({ viewport: { width: PHONE, height: 844 }, colorScheme });

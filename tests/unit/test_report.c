@@ -120,6 +120,28 @@ static GArray *rows_of(const cJSON *report) {
   return rows;
 }
 
+/* Every way of drawing an object has its time, what the plan expects and its error: rays next to none. */
+static void objects_are_judged(const cJSON *report) {
+  const cJSON *objects = cJSON_GetObjectItem(report, "objects"), *object;
+  assert_int_equal(cJSON_GetArraySize(objects), tcs_report_object_count(true));
+  double last = 1;
+  cJSON_ArrayForEach(object, objects) {
+    const double filled = cJSON_GetObjectItem(object, "filled")->valuedouble;
+    assert_true(filled > 0 && filled <= last); /* thresholds rise */
+    last = filled;
+    double rms[3];
+    const char *const ways[] = {"splat", "isosurface", "mesh"};
+    for (int i = 0; i < 3; i++) {
+      const cJSON *ms = cJSON_GetObjectItem(object, "ms"), *expected = cJSON_GetObjectItem(object, "expectedMs"),
+                  *error = cJSON_GetObjectItem(cJSON_GetObjectItem(object, "errors"), ways[i]);
+      assert_true(cJSON_GetObjectItem(ms, ways[i])->valuedouble > 0);
+      assert_true(cJSON_GetObjectItem(expected, ways[i])->valuedouble > 0);
+      rms[i] = cJSON_GetObjectItem(error, "rms")->valuedouble;
+    }
+    assert_true(rms[1] < 0.01 && rms[1] <= rms[0] && rms[1] <= rms[2] && rms[0] < 0.5);
+  }
+}
+
 static void reports_a_volume(void **state) {
   run_quick(-1);
   cJSON *report = json_out("report.json");
@@ -151,6 +173,7 @@ static void reports_a_volume(void **state) {
   assert_true(ended->max <= usual->max + 0.02 + 1e-6);
   assert_true(ended->ended_rms > 0 && ended->ended_rms < ended->ended_max && ended->ended_max <= 0.02 + 1e-6);
   assert_true(row_where(rows, 0, 1e-3, 1)->ended_max <= 1e-3 + 1e-6 && usual->ended_max == 0);
+  objects_are_judged(report);
   char *csv = read_out("report.csv");
   assert_int_equal(lines_of(csv), (int)rows->len + 1);
   assert_true(g_str_has_prefix(csv, "key,scene,backend,classification,"));
@@ -257,6 +280,25 @@ static void scenes_can_be_rendered(void **state) {
     tcs_report_scene_clear(&scene);
   }
   assert_true(smooth >= 1 && stiff >= 3);
+}
+
+/* The built-in objects fill from next to nothing to most of the grid. */
+static void objects_grow(void **state) {
+  const int ends[] = {0, tcs_report_object_count(false) - 1};
+  double mean[2];
+  for (int i = 0; i < 2; i++) {
+    tcs_report_scene object;
+    assert_true(tcs_report_object_make(ends[i], NULL, 64, &object, NULL));
+    const tc_volume_desc *d = tc_volume_describe(object.volume);
+    const int16_t *voxels = tc_volume_data(object.volume);
+    const size_t n = (size_t)d->dims[0] * (size_t)d->dims[1] * (size_t)d->dims[2];
+    size_t inside = 0;
+    for (size_t v = 0; v < n; v++)
+      inside += voxels[v] >= object.scene.splat.threshold[0];
+    mean[i] = (double)inside / (double)n;
+    tcs_report_scene_clear(&object);
+  }
+  assert_true(mean[0] > 0 && mean[0] < 0.002 && mean[1] > 0.5 && mean[1] < 0.95);
 }
 
 /* A classification is swept exactly when the plan takes it; what is refused is said. */
@@ -523,9 +565,16 @@ static int tear_down(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {TEST(scenes_can_be_rendered), TEST(settings_follow_the_plan),
-    TEST(fronts_slopes_and_cheapest), TEST(losses_are_explained), TEST(losses_are_told_by_other_methods),
-    TEST(rows_survive_json), TEST(reports_a_volume), TEST(goes_on_where_it_ended), TEST(an_interrupt_leaves_a_report),
-    TEST(bad_usage)};
+  const struct CMUnitTest tests[] = {TEST(scenes_can_be_rendered),
+                                     TEST(objects_grow),
+                                     TEST(settings_follow_the_plan),
+                                     TEST(fronts_slopes_and_cheapest),
+                                     TEST(losses_are_explained),
+                                     TEST(losses_are_told_by_other_methods),
+                                     TEST(rows_survive_json),
+                                     TEST(reports_a_volume),
+                                     TEST(goes_on_where_it_ended),
+                                     TEST(an_interrupt_leaves_a_report),
+                                     TEST(bad_usage)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }
