@@ -34,6 +34,7 @@ typedef struct tc_renderer_options {
   const char *isa;      /* "scalar" "avx2" "avx512-gather" "avx512"; NULL = the fastest here (raycast/cpu/isa.h) */
   uint64_t cache_bytes; /* budget of tables and other shared resources; 0 = 256 MiB */
   tc_table_builder tables; /* for tests and measurements */
+  bool levels;          /* of detail of large meshes: made on a thread beside, once a frame at rest has shown one in full */
 } tc_renderer_options;
 
 typedef struct tc_renderer_info {
@@ -99,6 +100,7 @@ typedef struct tc_render_request {
                                  likewise. NULL where there are none */
   bool hurry;                 /* never wait for the gl back end to compile a program or upload a large volume: the cpu
                                  back end draws meanwhile, the same within 1/255 (stats.stand_in) */
+  bool moving;                /* the scene is being changed: details may be left out that are smaller than a pixel */
   int table_size,
       table_bits; /* for measurements: entries per side (2 to TC_MAX_TABLE_SIZE) and bits of an entry (8, or 16
                                  for half floats) of the pre-integration table; 0 = as the plan chooses, single precision */

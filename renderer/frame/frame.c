@@ -85,6 +85,14 @@ bool tc_frame_begin(tc_frame *f, int width, int height, const tc_render_request 
   return true;
 }
 
+void tc_frame_of_mesh(tc_frame *f, int refined) {
+  tc_progress *p = f->progress;
+  if (p->refined == refined) return;
+  tc_progress_drop(p);
+  *p = (tc_progress){.finished = p->finished, .capacity = p->capacity, .linear = p->linear, .depth = p->depth,
+                     .fruitless = p->fruitless, .refined = refined};
+}
+
 tc_progress *tc_frame_cut(tc_frame *f, int side, GError **error) {
   tc_progress *p = f->progress;
   if (p && p->units) return p;

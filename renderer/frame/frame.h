@@ -22,11 +22,15 @@ typedef struct tc_progress {
   tc_partial *partials;  /* a list: as many as there are workers, at most */
   void *kept;            /* of a mode that draws no squares, while it is paused; NULL: nothing */
   void (*drop)(void *kept);
+  int refined;           /* the mesh's, as the frame began */
   int tile[4];           /* of a back end that draws in order: x, y, width, height of the next */
 } tc_progress;
 
 /* Buffers for a frame of this size; with resume, of a paused one as it is. */
 bool tc_frame_begin(tc_frame *frame, int width, int height, const tc_render_request *request, GError **error);
+
+/* Of a mesh that is refined so many times: one that was begun with another is begun anew, for its parts would not fit. */
+void tc_frame_of_mesh(tc_frame *frame, int refined);
 
 /* Frees what is kept. */
 void tc_progress_drop(tc_progress *progress);

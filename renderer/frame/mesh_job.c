@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "renderer/classify/transfer.h"
+#include "renderer/mesh/levels.h"
 #include "renderer/mesh/pick.h"
 #include "renderer/raycast/mpr.h"
 #include "renderer/raycast/shading.h"
@@ -120,6 +121,15 @@ static int planes_of(const tc_scene *scene, double planes[TC_VIEW_MOST_CLIP][4])
   return n;
 }
 
+size_t tc_mesh_triangles(const tc_clusters *mesh, const tc_plan *plan, const tc_scene *scene) {
+  uint8_t *levels = malloc(mesh->n_groups + 1);
+  tc_view view;
+  tc_view_set_up(&view, mesh, &scene->camera, plan->width, plan->height, NULL, 0);
+  const size_t n = levels ? tc_levels_choose(mesh, &view, plan->mesh_pixels, levels) : 0;
+  free(levels);
+  return n;
+}
+
 bool tc_mesh_job_begin(tc_mesh_job *m, const tc_job *job, GError **error) {
   const tc_clusters *mesh = job->have.mesh;
   double planes[TC_VIEW_MOST_CLIP][4];
@@ -127,7 +137,10 @@ bool tc_mesh_job_begin(tc_mesh_job *m, const tc_job *job, GError **error) {
   tc_view_set_up(&m->view, mesh, &job->scene->camera, job->frame->width, job->frame->height,
                  (const double(*)[4])planes, n_planes);
   m->surfaces = surfaces_of(job, n_planes == 0 && tc_view_is_outside(&m->view, mesh));
+  m->levels = mesh->n_groups ? malloc(mesh->n_groups) : NULL;
+  if (m->levels) tc_levels_choose(mesh, &m->view, job->plan->mesh_pixels, m->levels);
   if (!m->surfaces) {
+    free(m->levels);
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "surfaces of a mesh: out of memory");
     return false;
   }
@@ -139,6 +152,7 @@ bool tc_mesh_job_begin(tc_mesh_job *m, const tc_job *job, GError **error) {
                               .view = &m->view,
                               .look = look_of(job),
                               .surfaces = m->surfaces,
+                              .levels = m->levels,
                               .texture = grey_at,
                               .texture_user = m,
                               .n_samples = job->rays->count,
@@ -146,7 +160,7 @@ bool tc_mesh_job_begin(tc_mesh_job *m, const tc_job *job, GError **error) {
   return true;
 }
 
-void tc_mesh_job_end(tc_mesh_job *m) { free(m->surfaces); }
+void tc_mesh_job_end(tc_mesh_job *m) { free(m->surfaces), free(m->levels); }
 
 /* Thinner surfaces are looked through, as thinner haze is in dvr. */
 #define LEAST_OPACITY 0.05

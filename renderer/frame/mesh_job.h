@@ -12,6 +12,7 @@ typedef struct tc_mesh_job {
   tc_view view;
   double samples[TC_RASTER_SAMPLES][2];
   tc_raster_surface *surfaces;
+  uint8_t *levels; /* of detail, [have.mesh->n_groups]; NULL: there are none */
   tc_slice_window window; /* of slices, with what they are of */
   const tc_job *job;
 } tc_mesh_job;
@@ -24,6 +25,9 @@ size_t tc_mesh_sources(const tc_job *job, tc_mesh_source *of);
 
 bool tc_mesh_job_begin(tc_mesh_job *m, const tc_job *job, GError **error); /* TC_ERROR_MEMORY */
 void tc_mesh_job_end(tc_mesh_job *m);
+
+/* Triangles of a mesh of levels of detail that its plan draws in a picture of so many pixels; 0: no memory. */
+size_t tc_mesh_triangles(const tc_clusters *mesh, const tc_plan *plan, const tc_scene *scene);
 
 /* What pixel position (x, y) of a picture of the job's size shows of its mesh. TC_ERROR_MEMORY. */
 bool tc_mesh_job_pick(const tc_job *job, double x, double y, tc_pick *pick, GError **error);

@@ -23,6 +23,7 @@ struct tc_renderer {
   char why[200];
   tc_resources *resources;
   uint64_t cache_bytes; /* as asked for */
+  bool levels;          /* likewise */
 };
 
 /* ---- life ---- */
@@ -48,6 +49,7 @@ tc_renderer *tc_renderer_new(const tc_renderer_options *options, GError **error)
   }
   r->pool = tc_pool_new(options->threads, error);
   r->cache_bytes = options->cache_bytes ? options->cache_bytes : DEFAULT_CACHE_BYTES;
+  r->levels = options->levels;
   if (r->pool) r->resources = tc_resources_new(r->pool, r->cache_bytes, error);
   if (r->resources) {
     r->ops = choose_backend(options->backend, r->why, sizeof r->why);
@@ -186,6 +188,11 @@ static bool collect(drawing *d, GError **error) {
 
 static void explain(drawing *d, bool by_stand_in, tc_explanation *to) {
   d->facts.key = d->job.key;
+  const tc_clusters *mesh = d->job.have.mesh;
+  if (mesh && mesh->n_groups) {
+    d->facts.triangles = tc_mesh_triangles(mesh, &d->plan, d->job.scene);
+    d->facts.triangles_in_full = tc_clusters_in_full(mesh);
+  }
   for (int i = 0; i < TC_RESOURCE_COUNT; i++)
     if (d->job.have.of[i]) d->facts.bytes[i] = tc_resource_kinds[i].bytes(d->job.have.of[i]);
   tc_plan_explain(&d->plan, d->job.source, d->job.scene, &d->facts, to);
@@ -297,6 +304,7 @@ static bool render_frame(drawing *d, const tc_render_request *request, GError **
   if (!choose_drawer(d, d->job.halt->interrupt && !begun, error)) return false;
   d->wanted.maps_distance = d->ops->maps_distance;
   if (!collect(d, error)) return false;
+  if (d->job.have.mesh) tc_frame_of_mesh(d->job.frame, d->job.have.mesh->refined);
   tc_rays rays;
   tc_rays_set_up(&rays, d->job.source, d->job.scene, d->plan.width, d->plan.height);
   for (int i = 0; request->pixel_share > 0 && i < rays.count; i++)
@@ -345,7 +353,8 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   tc_progress *progress = frame->progress;
   const tc_halt halt = tc_halt_begin(request->interrupt, progress->fruitless);
   drawing d = {.r = renderer,
-               .wanted = {width, height, false, request->want_depth, NULL, request->table_size, request->table_bits},
+               .wanted = {.width = width, .height = height, .want_depth = request->want_depth, .moving = request->moving,
+                          .table_size = request->table_size, .table_bits = request->table_bits},
                .job = {.scene = scene, .source = volume, .volume = volume, .label_volume = request->labels, .meshes = request->meshes,
                        .building = request->building,
                        .halt = &halt,
@@ -356,6 +365,8 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   bool done = render_frame(&d, request, &failure);
   tc_pool_watch(renderer->pool, NULL);
   if (done && explanation) explain(&d, frame->stats.stand_in && d.ops == renderer->ops, explanation);
+  if (done && d.job.have.mesh && renderer->levels)
+    tc_resources_refine(renderer->resources, TC_RESOURCE_MESH, d.job.have.mesh, !request->moving);
   progress->paused = g_error_matches(failure, TC_ERROR, TC_ERROR_PAUSED);
   bool further = tc_frame_position(frame) != position || tc_resources_steps(renderer->resources) != steps;
   progress->fruitless = progress->paused && !further ? progress->fruitless + 1 : 0;

@@ -3,6 +3,7 @@
 #include "renderer/base/building.h"
 #include "renderer/classify/outline.h"
 #include "renderer/frame/mesh_job.h"
+#include "renderer/mesh/levels.h"
 #include "renderer/skip/fine.h"
 #include "renderer/splat/splatter.h"
 #include "renderer/volume/coefficients.h"
@@ -26,7 +27,7 @@ THING(fine)
 THING(boxes)
 THING(bounds)
 THING(labels)
-THING(clusters)
+static size_t clusters_bytes(const void *thing) { return ((const tc_clusters *)thing)->bytes; }
 FREES(coefficients)
 
 /* ---- coefficients ---- */
@@ -310,6 +311,30 @@ static void *mesh_finish(void *thing) { return tc_surfaces_take(thing); }
 static int64_t mesh_steps(const void *thing) { return tc_surfaces_steps(thing); }
 static size_t mesh_starts_with(const tc_job *job) { return 0; }
 
+static void free_clusters(void *thing) {
+  tc_clusters *c = thing;
+  if (c) tc_clusters_free(tc_refining_end(c->refining));
+  tc_clusters_free(c);
+}
+
+static size_t mesh_refines(const void *thing) {
+  const tc_clusters *c = thing;
+  return c->refined || c->refining || c->n_triangles < TC_LEVELS_LEAST ? 0 : tc_levels_bytes(c);
+}
+
+static bool mesh_refine(void *thing) {
+  tc_clusters *c = thing;
+  if (!c->refining) {
+    c->refining = tc_refining_begin(c);
+    return false;
+  }
+  if (!tc_refining_is_over(c->refining)) return false;
+  tc_clusters *levels = tc_refining_end(c->refining);
+  c->refining = NULL;
+  if (!levels || !tc_levels_add(c, levels, NULL)) c->refined++; /* not a second time */
+  return true;
+}
+
 /* ---- splats ---- */
 
 static void free_runs(void *thing) { tc_vmd_free(thing); }
@@ -481,6 +506,8 @@ const tc_resource_kind tc_resource_kinds[TC_RESOURCE_COUNT] = {
                           .steps = mesh_steps,
                           .starts_with = mesh_starts_with,
                           .is_like = mesh_is_like,
+                          .refines = mesh_refines,
+                          .refine = mesh_refine,
                           .bytes = clusters_bytes},
     [TC_RESOURCE_RUNS] = {.store = {"runs of voxels", free_runs, NULL, false},
                           .needs = BIT(LABELS),

@@ -32,6 +32,9 @@ typedef struct tc_resource_kind {
   bool (*is_like)(const void *thing, const void *job);    /* NULL: none is */
   size_t (*held)(const void *thing);                      /* memory it takes now; NULL: bytes() */
   size_t (*bytes)(const void *thing);                     /* memory of what frames read of it */
+  /* What is made of a whole one on a thread beside, while frames read it, so that others are quicker. NULL: nothing. */
+  size_t (*refines)(const void *thing); /* bytes that this may take; 0: nothing to be done, or it was begun */
+  bool (*refine)(void *thing);          /* nobody reads it now: begins; then true where it is done and taken over */
   double (*empty_share)(const void *thing);               /* of the blocks that can be skipped; NULL: says nothing of it */
 } tc_resource_kind;
 

@@ -123,6 +123,22 @@ double tc_resources_ms(const tc_resources *r, tc_resource which, const void *thi
   return it ? it->ms : 0;
 }
 
+void tc_resources_refine(tc_resources *r, tc_resource which, const void *thing, bool begin) {
+  const tc_resource_kind *kind = &tc_resource_kinds[which];
+  tc_stored *it = stored(r, which, thing);
+  const size_t bytes = kind->refines(thing);
+  if (bytes && !begin) return;
+  if (bytes && !tc_store_may_grow(r->store, it, bytes, NULL)) {
+    tc_store_wanted(r->store); /* nobody's: it does without */
+    return;
+  }
+  if (bytes) tc_store_grow(r->store, it, bytes);
+  if (!kind->refine(it->thing)) return;
+  const size_t now = held(kind, it);
+  if (now > it->bytes) tc_store_grow(r->store, it, now - it->bytes);
+  tc_store_shrink(r->store, it, now);
+}
+
 uint64_t tc_resources_forget(tc_resources *r, uint64_t volume_serial) {
   const tc_store_kind *kind = &tc_resource_kinds[TC_RESOURCE_COEFFICIENTS].store;
   const tc_stored *it = tc_store_find(r->store, kind, &volume_serial, sizeof volume_serial);

@@ -25,6 +25,10 @@ void tc_resources_took(tc_resources *r, tc_resource which, const void *thing, do
 /* What building something of r took so far. */
 double tc_resources_ms(const tc_resources *r, tc_resource which, const void *thing);
 
+/* Between frames: takes over what was made beside of something of r; with `begin`, begins it where it was not and there is
+ * memory for it. Refined things are as good and quicker to draw. */
+void tc_resources_refine(tc_resources *r, tc_resource which, const void *thing, bool begin);
+
 /* Grows with everything that is built, and with every part of it. */
 int64_t tc_resources_steps(const tc_resources *resources);
 

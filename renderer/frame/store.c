@@ -142,6 +142,12 @@ void tc_store_grow(tc_store *s, tc_stored *stored, size_t bytes) {
   s->held += bytes;
 }
 
+void tc_store_shrink(tc_store *s, tc_stored *stored, size_t bytes) {
+  if (bytes >= stored->bytes) return;
+  s->held -= stored->bytes - bytes;
+  stored->bytes = bytes;
+}
+
 const void *tc_store_use(tc_store *s, tc_stored *stored) {
   if (!stored) return NULL;
   stored->last_use = ++s->clock;

@@ -48,6 +48,8 @@ tc_stored *tc_store_add(tc_store *store, const tc_store_kind *kind, const void *
 bool tc_store_may_grow(tc_store *store, const tc_stored *stored, size_t bytes, GError **error);
 /* It takes so many bytes more from now on. */
 void tc_store_grow(tc_store *store, tc_stored *stored, size_t bytes);
+/* It takes no more than so many from now on. */
+void tc_store_shrink(tc_store *store, tc_stored *stored, size_t bytes);
 /* The thing, in use now; NULL for NULL and for one in the making. */
 const void *tc_store_use(tc_store *store, tc_stored *stored);
 

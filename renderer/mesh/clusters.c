@@ -4,7 +4,6 @@
 #include "renderer/mesh/measure.h"
 
 #include <math.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -58,6 +57,11 @@ static size_t chunk_end(const builder *b, size_t n, int chunk) {
   return end < n ? end : n;
 }
 
+static uint64_t next_serial(void) {
+  static atomic_uint_fast64_t serials;
+  return atomic_fetch_add(&serials, 1) + 1;
+}
+
 /* ---- keys ---- */
 
 static bool finite_triangle(const tc_mesh *m, const uint32_t t[3]) {
@@ -103,20 +107,18 @@ static uint32_t spread_bits(uint32_t x) { /* eight bits, two apart */
   return (x | x << 2) & 0x09249249u;
 }
 
-/* Twice the area, as a vector. */
-static void face_of(const tc_mesh *m, const uint32_t t[3], double n[3]) {
-  const float *a = m->positions[t[0]], *b = m->positions[t[1]], *c = m->positions[t[2]];
-  double u[3], v[3];
-  for (int k = 0; k < 3; k++) u[k] = (double)b[k] - a[k], v[k] = (double)c[k] - a[k];
-  for (int k = 0; k < 3; k++) n[k] = u[(k + 1) % 3] * v[(k + 2) % 3] - u[(k + 2) % 3] * v[(k + 1) % 3];
+/* Two corners in one place. One of no area that has three fills the gap beside a long edge, and is kept. */
+static bool is_degenerate(const tc_mesh *m, const uint32_t t[3]) {
+  for (int v = 0; v < 3; v++) {
+    const float *a = m->positions[t[v]], *b = m->positions[t[(v + 1) % 3]];
+    if (a[0] == b[0] && a[1] == b[1] && a[2] == b[2]) return true;
+  }
+  return false;
 }
 
 static uint32_t key_of(const builder *b, const uint32_t t[3]) {
   const tc_mesh *m = b->mesh;
-  double n[3];
-  if (!finite_triangle(m, t)) return LEFT_OUT;
-  face_of(m, t, n);
-  if (n[0] == 0 && n[1] == 0 && n[2] == 0) return LEFT_OUT;
+  if (!finite_triangle(m, t) || is_degenerate(m, t)) return LEFT_OUT;
   uint32_t key = 0;
   for (int k = 0; k < 3; k++) {
     float middle = (m->positions[t[0]][k] + m->positions[t[1]][k] + m->positions[t[2]][k]) / 3;
@@ -351,6 +353,11 @@ static void set_grid(builder *b) {
   b->out->parts[0].closed = edges == 0 && volume > 0;
 }
 
+/* Of the arrays. */
+static size_t bytes_of(const tc_clusters *c) {
+  return c->n * sizeof *c->clusters + c->vertex_room * (12 + (c->normals ? 4 : 0)) + 3 * c->triangle_room;
+}
+
 static bool allocate(builder *b, GError **error) {
   tc_clusters *o = b->out;
   for (int c = 0; c < b->n_chunks; c++) {
@@ -371,7 +378,7 @@ static bool allocate(builder *b, GError **error) {
   o->normals = b->mesh->normals ? malloc((o->vertex_room + over) * sizeof *o->normals) : NULL;
   o->triangles = calloc(o->triangle_room + over, 3);
   if (!o->clusters || !o->positions || (b->mesh->normals && !o->normals) || !o->triangles) return out_of_memory(error);
-  o->bytes = o->n * sizeof *o->clusters + o->vertex_room * (12 + (o->normals ? 4 : 0)) + 3 * o->triangle_room;
+  o->bytes = bytes_of(o);
   return true;
 }
 
@@ -397,11 +404,6 @@ static bool build(builder *b, GError **error) {
   tc_share_done(&b->share, 0.6);
   return allocate(b, error) &&
          (tc_pool_run(b->pool, b->n_chunks, fill_chunk, b) || tc_halt_say(tc_pool_halt(b->pool), error));
-}
-
-static uint64_t next_serial(void) {
-  static atomic_uint_fast64_t serials;
-  return atomic_fetch_add(&serials, 1) + 1;
 }
 
 tc_clusters *tc_clusters_make(const tc_mesh *mesh, tc_pool *pool, const tc_share *share, GError **error) {
@@ -445,36 +447,58 @@ static bool grow(void *block, size_t bytes, const void *more, size_t more_bytes,
   void *grown = realloc(*(void **)block, bytes + more_bytes + over);
   if (!grown) return false;
   *(void **)block = grown;
-  memcpy((char *)grown + bytes, more, more_bytes);
+  if (more_bytes) memcpy((char *)grown + bytes, more, more_bytes);
   memset((char *)grown + bytes + more_bytes, 0, over);
   return true;
 }
 
-static bool append_clusters(tc_clusters *to, const tc_clusters *more, GError **error) {
+bool tc_clusters_append(tc_clusters *to, const tc_clusters *more, GError **error) {
   const size_t over = 16 * TC_CLUSTER_PAD;
-  tc_part part = more->parts[0];
-  part.first = to->n;
-  if (to->vertex_room + more->vertex_room > UINT32_MAX || to->triangle_room + more->triangle_room > UINT32_MAX ||
-      to->n_parts >= UINT16_MAX) {
-    tc_set_error(error, TC_ERROR_LIMIT, NULL, "clusters of a mesh: %zu surfaces are too many", to->n_parts + 1);
+  if (to->vertex_room + more->vertex_room > UINT32_MAX || to->triangle_room + more->triangle_room > UINT32_MAX) {
+    tc_set_error(error, TC_ERROR_LIMIT, NULL, "clusters of a mesh: %zu triangles are too many", to->n_triangles + more->n_triangles);
     return false;
   }
-  if (!grow(&to->parts, to->n_parts * sizeof part, &part, sizeof part, 0) ||
-      !grow(&to->clusters, to->n * sizeof *to->clusters, more->clusters, more->n * sizeof *more->clusters, sizeof *to->clusters) ||
+  if (!grow(&to->clusters, to->n * sizeof *to->clusters, more->clusters, more->n * sizeof *more->clusters, sizeof *to->clusters) ||
       !grow(&to->positions, to->vertex_room * 12, more->positions, more->vertex_room * 12, over) ||
-      (to->normals && !grow(&to->normals, to->vertex_room * 4, more->normals, more->vertex_room * 4, over)) ||
+      (more->normals && !grow(&to->normals, to->vertex_room * 4, more->normals, more->vertex_room * 4, over)) ||
       !grow(&to->triangles, to->triangle_room * 3, more->triangles, more->triangle_room * 3, over))
     return out_of_memory(error);
   for (size_t i = to->n; i < to->n + more->n; i++) {
     to->clusters[i].vertex += (uint32_t)to->vertex_room;
     to->clusters[i].triangle += (uint32_t)to->triangle_room;
-    to->clusters[i].part = (uint16_t)to->n_parts;
   }
-  to->n_parts++;
-  to->n += more->n, to->n_triangles += more->n_triangles, to->bytes += more->bytes;
+  to->n += more->n, to->n_triangles += more->n_triangles, to->bytes += bytes_of(more);
   to->vertex_room += more->vertex_room, to->triangle_room += more->triangle_room;
+  to->serial = next_serial();
+  return true;
+}
+
+static bool append_part(tc_clusters *to, tc_clusters *more, GError **error) {
+  tc_part part = more->parts[0];
+  part.first = to->n;
+  if (to->n_parts >= UINT16_MAX) {
+    tc_set_error(error, TC_ERROR_LIMIT, NULL, "clusters of a mesh: %zu surfaces are too many", to->n_parts + 1);
+    return false;
+  }
+  for (size_t i = 0; i < more->n; i++) more->clusters[i].part = (uint16_t)to->n_parts;
+  if (!grow(&to->parts, to->n_parts * sizeof part, &part, sizeof part, 0)) return out_of_memory(error);
+  if (!tc_clusters_append(to, more, error)) return false;
+  to->n_parts++;
   join_spheres(to, more);
   return true;
+}
+
+tc_clusters *tc_clusters_none(const tc_clusters *like, GError **error) {
+  static const tc_clusters nothing = {0};
+  tc_clusters *none = calloc(1, sizeof *none);
+  if (!none) {
+    out_of_memory(error);
+    return NULL;
+  }
+  memcpy(none->origin, like->origin, sizeof none->origin);
+  if (tc_clusters_append(none, &nothing, error)) return none;
+  tc_clusters_free(none);
+  return NULL;
 }
 
 bool tc_clusters_add(tc_clusters **all, tc_clusters *more, const tc_mesh_source *of, GError **error) {
@@ -484,7 +508,7 @@ bool tc_clusters_add(tc_clusters **all, tc_clusters *more, const tc_mesh_source 
   if (!*all) {
     *all = more;
   } else {
-    added = append_clusters(*all, more, error);
+    added = append_part(*all, more, error);
     tc_clusters_free(more);
   }
   return added;
@@ -536,16 +560,18 @@ tc_clusters *tc_clusters_copy_part(const tc_clusters *all, size_t part, GError *
   }
   to->parts[0] = (tc_part){.of = p->of, .n = p->n, .closed = p->closed};
   for (size_t i = 0; i < to->n; i++) {
-    to->clusters[i].vertex -= from->vertex, to->clusters[i].triangle -= from->triangle, to->clusters[i].part = 0;
+    to->clusters[i].vertex -= from->vertex, to->clusters[i].triangle -= from->triangle;
+    to->clusters[i].part = 0, to->clusters[i].group = 0;
     to->n_triangles += to->clusters[i].n_triangles;
   }
-  to->bytes = to->n * sizeof *to->clusters + to->vertex_room * (12 + (to->normals ? 4 : 0)) + 3 * to->triangle_room;
+  to->bytes = bytes_of(to);
   bound_clusters(to);
   return to;
 }
 
 void tc_clusters_free(tc_clusters *clusters) {
   if (!clusters) return;
+  free(clusters->groups);
   free(clusters->parts);
   free(clusters->clusters);
   free(clusters->positions);

@@ -79,7 +79,7 @@ bool tc_mesh_pick(const tc_clusters *mesh, const tc_view *view, const tc_raster_
     const tc_cluster *c = &mesh->clusters[i];
     const tc_raster_surface *s = &surfaces[c->part];
     const bool seen = (double)s->opacity >= least;
-    if (passes(&r, c) && in_cluster(mesh, c, view, &r, s->one_sided, &nearest[seen])) part[seen] = c->part;
+    if (c->level == 0 && passes(&r, c) && in_cluster(mesh, c, view, &r, s->one_sided, &nearest[seen])) part[seen] = c->part;
   }
   const int which = nearest[1] < INFINITY;
   if (!(nearest[which] < INFINITY)) return false;

@@ -92,6 +92,7 @@ static void set_up_frame(drawing *d) {
 
 static tc_sight look_at(const drawing *d, const tc_cluster *k, tc_raster_counts *counts) {
   bool away;
+  if (k->level != (d->job->levels ? d->job->levels[k->group] : 0)) return (tc_sight){.x0 = 0, .x1 = -1};
   const tc_sight s = tc_sight_of(d->job->view, k, d->slack, d->job->surfaces[k->part].one_sided, &away);
   if (s.x1 < s.x0) counts->outside += !away, counts->facing_away += away;
   return s;

@@ -70,6 +70,7 @@ typedef struct tc_raster_job {
   const tc_raster_kernels *kernels;
   tc_raster_look look;
   const tc_raster_surface *surfaces; /* [mesh->n_parts] */
+  const uint8_t *levels;     /* [mesh->n_groups]: of detail, levels.h; NULL: all in full */
   void (*texture)(const void *texture_user, const double at[3], float color[3]); /* mm from the mesh's origin; any thread */
   const void *texture_user;
   int n_samples;             /* of a pixel, up to TC_RASTER_SAMPLES */

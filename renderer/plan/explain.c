@@ -370,6 +370,9 @@ static void say_mesh(const teller *t) {
         t->scene->isosurface.value);
   else
     say(t, TC_STAGE_MESH, false, "mode %s draws no triangles", tc_mode_names[t->scene->mode]);
+  if (in && t->facts && t->facts->triangles_in_full)
+    add(t, TC_STAGE_MESH, "; levels of detail within %.3g pixels: %zu of %zu triangles", t->plan->mesh_pixels,
+        t->facts->triangles, t->facts->triangles_in_full);
 }
 
 static void add_resources(const teller *t) {

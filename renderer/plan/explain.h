@@ -59,6 +59,7 @@ typedef struct tc_facts {
   const char *table_builder; /* who makes the table's entries and why, where that is a choice; else NULL */
   const char *deaf;          /* the back end that could not be interrupted, so that the cpu draws; else NULL ... */
   double deaf_ms, pixel_samples; /* ... for so long, at a pixel of so many samples */
+  size_t triangles, triangles_in_full; /* of a mesh that has levels of detail: drawn, and of the full one; else 0 */
   const char *refused;       /* why the cpu draws a mode without rays in the back end's place; NULL: it does not */
   double ms[TC_RESOURCE_COUNT];
   uint64_t bytes[TC_RESOURCE_COUNT];

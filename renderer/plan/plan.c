@@ -11,7 +11,16 @@
 #include "renderer/classify/transfer.h"
 #include "renderer/skip/skip.h"
 
+/* Half a pixel is nobody's to see; what moves, in a picture that the ladder makes small, is seen less well. */
+#define PIXELS_AT_REST 0.5
+#define PIXELS_MOVING 1
+
 static void need(tc_plan *plan, tc_resource resource) { plan->resources |= 1u << resource; }
+
+static void need_mesh(tc_plan *plan, const tc_plan_request *request) {
+  need(plan, TC_RESOURCE_MESH);
+  plan->mesh_pixels = request->moving ? PIXELS_MOVING : PIXELS_AT_REST;
+}
 
 /* ---- parts that several modes have ---- */
 
@@ -139,7 +148,7 @@ static void plan_mesh(tc_plan *plan, const tc_volume *volume, const tc_scene *s,
   if (!s->mesh.n_surfaces || lists_labels(s)) plan_labels(plan, s);
   if (plan->key.labels || s->mesh.n_surfaces || tc_surface_exists(volume, s))
     plan->key.shading = (uint8_t)s->shading.model;
-  need(plan, TC_RESOURCE_MESH);
+  need_mesh(plan, request);
 }
 
 static void plan_mpr(tc_plan *plan, const tc_volume *volume, const tc_scene *s) {
@@ -168,10 +177,10 @@ static void plan_splat(tc_plan *plan, const tc_volume *volume, const tc_scene *s
 }
 
 /* Surfaces within a volume. */
-static void plan_within(tc_plan *plan, const tc_volume *volume, const tc_scene *s) {
+static void plan_within(tc_plan *plan, const tc_volume *volume, const tc_scene *s, const tc_plan_request *request) {
   plan->surface = tc_surface_make(volume, s);
   if (lists_labels(s)) need(plan, TC_RESOURCE_LABELS);
-  need(plan, TC_RESOURCE_MESH);
+  need_mesh(plan, request);
 }
 
 void tc_plan_make(const tc_volume *volume, const tc_scene *scene, const tc_plan_request *request, tc_plan *plan) {
@@ -194,5 +203,5 @@ void tc_plan_make(const tc_volume *volume, const tc_scene *scene, const tc_plan_
   case TC_MODE_SPLAT: plan_splat(plan, volume, scene, request); break;
   case TC_MODE_COUNT: break;
   }
-  if (tc_mesh_is_within(scene)) plan_within(plan, volume, scene);
+  if (tc_mesh_is_within(scene)) plan_within(plan, volume, scene, request);
 }

@@ -52,6 +52,7 @@ typedef struct tc_plan {
   tc_grey grey;           /* of a projection */
   tc_surface surface;     /* of an isosurface, or a mesh of one */
   bool depth;             /* the frame has a depth output */
+  double mesh_pixels;     /* of the picture, that levels of detail of a mesh may be off by */
 } tc_plan;
 
 /* What a plan is made for, beside volume and scene. Zero is the scene's own size, drawn by the cpu. */
@@ -59,6 +60,7 @@ typedef struct tc_plan_request {
   int width, height;         /* 0 = the scene's own */
   bool maps_distance;        /* who draws leaps over a distance map in dvr; else over boxes */
   bool want_depth;           /* in a mode that has it */
+  bool moving;               /* as in tc_render_request */
   const tc_volume *field;    /* the volume's B-spline coefficients; NULL before they are there: the table is then chosen
                                 over the voxels, beyond which coefficients reach */
   int table_size, table_bits; /* as in tc_render_request */

@@ -46,6 +46,7 @@ struct tcs_job {
   double samples;                 /* the owner's: tc_estimate_samples() of it; 0 = not known */
   bool final;                     /* the owner's */
   bool hurry;                     /* the owner's: as in tc_render_request */
+  bool moving;                    /* likewise */
   GArray *marks;                  /* the owner's; freed with the job; may be NULL */
   tcs_quality_used quality;       /* the owner's: the scene asks no more */
   int meter_pixels;               /* to be kept for the error meter; 0 = none */

@@ -91,7 +91,7 @@ tcs_scheduler *tcs_scheduler_new(tcs_server *server, GError **error) {
   owner_task owner = {.task.run = start_renderer,
                       .scheduler = scheduler,
                       .options = {.backend = server->config->backend, .threads = server->config->threads,
-                                  .cache_bytes = (uint64_t)server->config->limits.cache_bytes}};
+                                  .cache_bytes = (uint64_t)server->config->limits.cache_bytes, .levels = true}};
   run_and_wait(&owner, server->render_worker);
   for (int i = 0; i < LANE_COUNT && scheduler->renderer; i++)
     if (!owner.error) scheduler->encoders[i] = tcs_encoder_new(&owner.error);
@@ -329,7 +329,7 @@ static void run_slice(tcs_task *task) {
   }
   const tc_render_request request = {
       .width = job->width, .height = job->height, .interrupt = &job->interrupt, .building = &job->building, .resume = job->slices > 1,
-      .labels = job->labels, .meshes = job->meshes, .want_linear = job->meter_pixels > 0, .hurry = job->hurry};
+      .labels = job->labels, .meshes = job->meshes, .want_linear = job->meter_pixels > 0, .hurry = job->hurry, .moving = job->moving};
   if (job->pick_only) {
     tc_renderer_pick(renderer, job->volume, &job->scene, &request, job->pick_x, job->pick_y, &job->pick, &job->error);
     return;

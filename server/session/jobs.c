@@ -97,6 +97,7 @@ static double target_ms(const tcs_session *session, const tcs_job *job) {
  * same. */
 static void make_interactive(tcs_session *session, tcs_view *view, tcs_job *job) {
   const int width = job->scene.image.width, height = job->scene.image.height;
+  job->moving = true;
   light_for_motion(&job->scene);
   tcs_ladder *ladder =
       tcs_view_ladder(view, job->scene.mode, tcs_scheduler_ms_per_sample(session->server->scheduler));

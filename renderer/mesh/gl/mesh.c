@@ -361,8 +361,10 @@ static void look_at_clusters(drawing *d) {
   bool away;
   for (size_t i = 0; i < d->mesh->n; i++) {
     const tc_cluster *k = &d->mesh->clusters[i];
-    d->sights[i] = tc_sight_of(&d->of.view, k, slack, d->of.surfaces[k->part].one_sided, &away);
-    stats->leaps += d->sights[i].x1 < d->sights[i].x0;
+    const bool chosen = k->level == (d->of.levels ? d->of.levels[k->group] : 0);
+    d->sights[i] = (tc_sight){.x0 = 0, .x1 = -1};
+    if (chosen) d->sights[i] = tc_sight_of(&d->of.view, k, slack, d->of.surfaces[k->part].one_sided, &away);
+    stats->leaps += chosen && d->sights[i].x1 < d->sights[i].x0;
   }
 }
 

@@ -1,0 +1,312 @@
+/* Levels of detail: their stated error against the full surface, no crack between them, what is chosen at rest and while
+ * moving, their memory, and how they are made beside the frames. */
+#include "tests/support/test.h"
+
+#include <glib.h>
+
+#include "renderer/frame/cache.h"
+#include "renderer/mesh/levels.h"
+#include "renderer/tomocast.h"
+#include "tests/support/grid.h"
+
+#define ISO 0.5
+
+typedef struct fixture {
+  tc_volume *volume;
+  tc_clusters *full, *levels; /* levels: with them */
+} fixture;
+static fixture f;
+
+static tc_clusters *clusters_of(const tc_volume *volume) {
+  tc_mesh *mesh = tc_mesh_extract(volume, ISO, &(tc_mesh_options){.normals = true}, NULL);
+  tc_clusters *c = tc_clusters_make(mesh, NULL, NULL, NULL);
+  tc_mesh_free(mesh);
+  assert_non_null(c);
+  return c;
+}
+
+static int set_up(void **state) {
+  const test_grid grid = {.dims = {64, 60, 58}, .type = TC_U8, .slope = 0.004, .spacing = {1, 1.2, 0.9}};
+  f.volume = test_volume(&grid, test_waves, &(double){19});
+  f.full = clusters_of(f.volume), f.levels = clusters_of(f.volume);
+  tc_clusters *made = tc_levels_make(f.levels, NULL, NULL);
+  return made && tc_levels_add(f.levels, made, NULL) ? 0 : -1;
+}
+
+static int tear_down(void **state) {
+  tc_clusters_free(f.full), tc_clusters_free(f.levels);
+  tc_volume_unref(f.volume);
+  return 0;
+}
+
+/* ---- geometry ---- */
+
+static void corners_of(const tc_clusters *c, const tc_cluster *k, size_t t, double at[3][3]) {
+  const size_t room = tc_cluster_padded(k->n_vertices), row = tc_cluster_padded(k->n_triangles);
+  for (size_t i = 0; i < 3; i++)
+    for (size_t d = 0; d < 3; d++)
+      at[i][d] = (double)c->positions[3 * (size_t)k->vertex + d * room + c->triangles[3 * (size_t)k->triangle + i * row + t]];
+}
+
+static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+/* Distance from a triangle, by walking its plane's foot back onto the edges. */
+static double from_triangle(const double p[3], double at[3][3]) {
+  double best = INFINITY, u[3], v[3], w[3];
+  for (int k = 0; k < 3; k++) u[k] = at[1][k] - at[0][k], v[k] = at[2][k] - at[0][k], w[k] = p[k] - at[0][k];
+  const double uu = dot(u, u), uv = dot(u, v), vv = dot(v, v), det = uu * vv - uv * uv;
+  const double s = (vv * dot(w, u) - uv * dot(w, v)) / det, t = (uu * dot(w, v) - uv * dot(w, u)) / det;
+  if (det > 0 && s >= 0 && t >= 0 && s + t <= 1) {
+    double off[3];
+    for (int k = 0; k < 3; k++) off[k] = w[k] - s * u[k] - t * v[k];
+    return sqrt(dot(off, off));
+  }
+  for (int e = 0; e < 3; e++) {
+    double along[3], off[3];
+    for (int k = 0; k < 3; k++) along[k] = at[(e + 1) % 3][k] - at[e][k], off[k] = p[k] - at[e][k];
+    const double length = dot(along, along), share = length > 0 ? fmin(fmax(dot(off, along) / length, 0), 1) : 0;
+    for (int k = 0; k < 3; k++) off[k] -= share * along[k];
+    best = fmin(best, sqrt(dot(off, off)));
+  }
+  return best;
+}
+
+/* From the triangles that a group has at a level. */
+static double from_level(const tc_clusters *c, size_t group, uint32_t level, const double p[3]) {
+  double best = INFINITY;
+  for (size_t i = 0; i < c->n; i++) {
+    const tc_cluster *k = &c->clusters[i];
+    double apart = 0;
+    for (int d = 0; d < 3; d++) apart += (p[d] - (double)k->centre[d]) * (p[d] - (double)k->centre[d]);
+    if (k->group != group || k->level != level || sqrt(apart) - (double)k->radius > best) continue;
+    for (size_t t = 0; t < k->n_triangles; t++) {
+      double at[3][3];
+      corners_of(c, k, t, at);
+      best = fmin(best, from_triangle(p, at));
+    }
+  }
+  return best;
+}
+
+/* No vertex of the full surface is farther from a level than is stated, nor what a level has between its vertices from the
+ * full surface; and each level is much smaller than the one before. */
+static void errors_are_as_stated(void **state) {
+  const tc_clusters *c = f.levels;
+  double share[TC_LEVELS] = {0}, most[TC_LEVELS] = {0};
+  assert_true(c->n_groups >= 4);
+  for (size_t g = 0; g < c->n_groups; g++)
+    for (uint32_t l = 1; l < TC_LEVELS; l++) {
+      const tc_group *group = &c->groups[g];
+      const double error = (double)group->error[l];
+      share[l] += isfinite(error) ? group->triangles[l] : group->triangles[0];
+      if (!isfinite(error)) continue;
+      most[l] = fmax(most[l], error);
+      assert_true(error >= (double)group->error[l - 1] && error > 0);
+      for (size_t i = 0, n = 0; i < c->n; i++) {
+        const tc_cluster *k = &c->clusters[i];
+        if (k->group != g || (k->level != 0 && k->level != l)) continue;
+        for (size_t t = k->level ? 0 : 7; t < k->n_triangles; t += k->level ? 9 : 61) {
+          double at[3][3], middle[3];
+          corners_of(c, k, t, at);
+          for (int d = 0; d < 3; d++) middle[d] = (at[0][d] + at[1][d] + at[2][d]) / 3;
+          assert_true(from_level(c, g, k->level ? 0 : l, k->level ? middle : at[n++ % 3]) <= error * 1.0001 + 1e-5);
+        }
+      }
+    }
+  const double all = (double)tc_clusters_in_full(c);
+  printf("  %.0f triangles; levels of %.1f and %.1f %%, off by at most %.3f and %.3f mm\n", all, 100 * share[1] / all,
+         100 * share[2] / all, most[1], most[2]);
+  assert_true(share[1] < 0.4 * all && share[2] < 0.2 * all);
+}
+
+typedef struct edge {
+  float ends[2][3]; /* in order of their bytes */
+} edge;
+
+/* Every edge within the volume goes both ways, whatever levels neighbours have. */
+static void levels_meet_without_a_crack(void **state) {
+  const tc_clusters *c = f.levels;
+  uint64_t seed = 5;
+  for (int round = 0; round < 2; round++) {
+    GHashTable *edges = g_hash_table_new_full(g_bytes_hash, g_bytes_equal, (GDestroyNotify)g_bytes_unref, NULL);
+    uint8_t *level = g_malloc(c->n_groups);
+    for (size_t g = 0; g < c->n_groups; g++) {
+      level[g] = (uint8_t)(test_random(&seed) * TC_LEVELS);
+      while (!isfinite(c->groups[g].error[level[g]])) level[g]--;
+    }
+    for (size_t i = 0; i < c->n; i++) {
+      const tc_cluster *k = &c->clusters[i];
+      for (size_t t = 0; t < k->n_triangles && k->level == level[k->group]; t++) {
+        double at[3][3];
+        corners_of(c, k, t, at);
+        for (int e = 0; e < 3; e++) {
+          edge key = {0};
+          for (int d = 0; d < 3; d++) key.ends[0][d] = (float)at[e][d], key.ends[1][d] = (float)at[(e + 1) % 3][d];
+          const bool turn = memcmp(key.ends[0], key.ends[1], 12) > 0;
+          if (turn) key = (edge){{{key.ends[1][0], key.ends[1][1], key.ends[1][2]}, {key.ends[0][0], key.ends[0][1], key.ends[0][2]}}};
+          GBytes *b = g_bytes_new(&key, sizeof key);
+          const int sum = GPOINTER_TO_INT(g_hash_table_lookup(edges, b)) + (turn ? -1 : 1);
+          g_hash_table_replace(edges, b, GINT_TO_POINTER(sum));
+        }
+      }
+    }
+    GHashTableIter iter;
+    gpointer key, sum;
+    const tc_volume_desc *d = tc_volume_describe(f.volume);
+    g_hash_table_iter_init(&iter, edges);
+    while (g_hash_table_iter_next(&iter, &key, &sum)) {
+      const edge *e = g_bytes_get_data(key, NULL);
+      bool outside = false; /* in a face of the volume the surface ends */
+      for (int k = 0; k < 3; k++) {
+        const float half = (float)(0.5 * (d->dims[k] - 1) * d->spacing[k]) * 0.9999f;
+        outside |= fabsf(e->ends[0][k]) > half && fabsf(e->ends[1][k]) > half;
+      }
+      assert_true(outside || sum == 0);
+    }
+    g_hash_table_unref(edges);
+    g_free(level);
+  }
+}
+
+/* ---- the choice ---- */
+
+static void look(tc_camera *camera, tc_projection projection, double apart, double size) {
+  *camera = (tc_camera){.projection = projection, .up = {0, 0, 1}, .fov_y_deg = size, .height_mm = size};
+  for (int k = 0; k < 3; k++) camera->target[k] = f.levels->origin[k], camera->position[k] = f.levels->origin[k];
+  camera->position[1] -= apart;
+}
+
+static void place(const tc_view *v, const double p[3], double at[2]) {
+  const double depth = tc_view_row(v->depth, p) + v->reference, by = v->perspective ? v->scale / depth : v->scale;
+  at[0] = v->centre[0] + by * tc_view_row(v->right, p), at[1] = v->centre[1] + by * tc_view_row(v->down, p);
+}
+
+/* However a point of the surface is displaced by what its level may be off, its place in the picture moves by less than the
+ * limit; and where there is room, coarser levels are taken. */
+static void choices_are_bounded_in_pixels(void **state) {
+  const tc_clusters *c = f.levels;
+  uint8_t *level = g_malloc(c->n_groups);
+  for (int i = 0; i < 12; i++) {
+    const double pixels = i & 1 ? 1 : 0.5, apart = (double[]){70, 200, 900}[i / 4];
+    tc_camera camera;
+    tc_view view;
+    look(&camera, i & 2 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE, apart, i & 2 ? apart : 40);
+    tc_view_set_up(&view, c, &camera, 300, 200, NULL, 0);
+    const size_t n = tc_levels_choose(c, &view, pixels, level);
+    double most = 0;
+    for (size_t k = 0; k < c->n; k++) {
+      const tc_cluster *cluster = &c->clusters[k];
+      const double by = (double)c->groups[cluster->group].error[level[cluster->group]];
+      double at[3][3], from[2], to[2];
+      if (cluster->level || by == 0) continue;
+      corners_of(c, cluster, 0, at);
+      place(&view, at[0], from);
+      for (int way = 0; way < 26; way++) {
+        const int w = way < 13 ? way : way + 1;
+        const double to_side[3] = {w % 3 - 1, w / 3 % 3 - 1, w / 9 - 1}, norm = sqrt(dot(to_side, to_side));
+        double p[3];
+        for (int d = 0; d < 3; d++) p[d] = at[0][d] + by * to_side[d] / norm;
+        place(&view, p, to);
+        if (from[0] < 0 || from[1] < 0 || from[0] > 300 || from[1] > 200) continue;
+        most = fmax(most, hypot(to[0] - from[0], to[1] - from[1]));
+      }
+    }
+    printf("  %s, %g mm away, %g pixels: %zu of %zu triangles, off by at most %.3f\n", i & 2 ? "parallel" : "perspective",
+           apart, pixels, n, tc_clusters_in_full(c), most);
+    assert_true(most <= pixels * 1.02); /* a ball is not quite a disc in the picture */
+    if (apart > 800) assert_true(n < tc_clusters_in_full(c) / 3);
+  }
+  g_free(level);
+}
+
+static void a_triangle_takes_at_most_40_bytes(void **state) {
+  const double n = (double)tc_clusters_in_full(f.levels);
+  printf("  %.1f bytes a triangle, %.1f with levels\n", (double)f.full->bytes / n, (double)f.levels->bytes / n);
+  assert_true((double)f.levels->bytes <= 40 * n);
+  assert_true(f.levels->bytes - f.full->bytes <= tc_levels_bytes(f.full));
+}
+
+static void making_is_cancelled(void **state) {
+  GError *error = NULL;
+  assert_null(tc_levels_make(f.full, &(atomic_bool){true}, &error));
+  assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_CANCELLED));
+  g_clear_error(&error);
+  tc_clusters_free(tc_refining_end(tc_refining_begin(f.full)));
+  tc_refining_end(NULL);
+}
+
+/* ---- frames ---- */
+
+static void draw(tc_renderer *r, const tc_scene *scene, bool moving, tc_frame *frame, tc_explanation *plan) {
+  GError *error = NULL;
+  if (!tc_render(r, f.volume, scene, &(tc_render_request){.want_depth = true, .moving = moving}, frame, plan, &error))
+    fail_msg("%s", error->message);
+}
+
+static bool has_levels(const tc_explanation *plan) { return strstr(plan->stages[TC_STAGE_MESH].reason, "levels of detail"); }
+
+/* The first frame shows all of it; levels come beside, are in the plan and in the memory that is counted, and at rest the
+ * surface is where it was within what half a pixel is there. */
+static void come_beside(tc_renderer *r) {
+  tc_frame full = {0}, frame = {0};
+  tc_explanation plan;
+  tc_scene scene;
+  test_scene(&scene, 160, 120);
+  test_scene_frame(&scene, f.volume, TC_PERSPECTIVE, (double[3]){0.5, -1, 0.3});
+  scene.mode = TC_MODE_MESH, scene.isosurface.value = ISO;
+  draw(r, &scene, false, &full, &plan);
+  assert_false(has_levels(&plan));
+  const uint64_t before = plan.stages[TC_STAGE_MESH].bytes;
+  for (int i = 0; i < 6000 && !has_levels(&plan); i++) {
+    g_usleep(10000);
+    draw(r, &scene, false, &frame, &plan);
+  }
+  assert_true(has_levels(&plan));
+  printf("  %s\n", plan.stages[TC_STAGE_MESH].reason);
+  assert_true(plan.stages[TC_STAGE_MESH].bytes == f.levels->bytes && before < f.levels->bytes);
+  assert_true(tc_renderer_cached(r) == f.levels->bytes);
+  int ends = 0;
+  for (int i = 0; i < 160 * 120; i++) ends += isfinite(full.depth[i]) != isfinite(frame.depth[i]);
+  assert_true(ends < 160 * 120 / 100);
+  draw(r, &scene, true, &frame, &plan);
+  assert_non_null(strstr(plan.stages[TC_STAGE_MESH].reason, "within 1 pixels"));
+  tc_frame_finish(&full), tc_frame_finish(&frame);
+  tc_scene_clear(&scene);
+}
+
+static void levels_come_beside(void **state) {
+  for (int i = 0; i < 2; i++) {
+    const tc_backend backend = i ? TC_BACKEND_GL : TC_BACKEND_CPU;
+    tc_renderer *r = tc_renderer_new(&(tc_renderer_options){.backend = backend, .threads = 2, .levels = true}, NULL);
+    assert_true(r || i); /* not every machine has OpenGL */
+    if (r) come_beside(r);
+    tc_renderer_free(r);
+  }
+}
+
+/* Where the cache has no room for them there are none, and the surface is drawn in full; a frame that moves begins none. */
+static void levels_need_memory_and_rest(void **state) {
+  for (int i = 0; i < 2; i++) {
+    const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = 1, .levels = true};
+    tc_renderer *r = tc_renderer_new(&options, NULL);
+    tc_frame frame = {0};
+    tc_explanation plan;
+    tc_scene scene;
+    test_scene(&scene, 60, 60);
+    test_scene_frame(&scene, f.volume, TC_PERSPECTIVE, (double[3]){0.5, -1, 0.3});
+    scene.mode = TC_MODE_MESH, scene.isosurface.value = ISO;
+    tc_renderer_limit_cache(r, i ? UINT64_MAX : f.full->bytes * 5 / 4);
+    for (int n = 0; n < 5; n++) draw(r, &scene, i, &frame, &plan);
+    assert_true(tc_renderer_cached(r) == f.full->bytes && tc_renderer_wanted(r) == 0 && !has_levels(&plan));
+    tc_frame_finish(&frame);
+    tc_scene_clear(&scene);
+    tc_renderer_free(r);
+  }
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {TEST(errors_are_as_stated), TEST(levels_meet_without_a_crack),
+    TEST(choices_are_bounded_in_pixels), TEST(a_triangle_takes_at_most_40_bytes), TEST(making_is_cancelled),
+    TEST(levels_come_beside), TEST(levels_need_memory_and_rest)};
+  return cmocka_run_group_tests(tests, set_up, tear_down);
+}
