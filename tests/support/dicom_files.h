@@ -16,6 +16,7 @@ typedef struct dicom_spec {
   const char *series, *modality, *frames, *photometric, *slope, *intercept, *between, *pixel_spacing, *orientation;
   const char *offsets; /* GridFrameOffsetVector */
   const char *uid, *image_type, *echo_time, *stack;
+  const char *syntax, *dose; /* as in dicom_start_in(); DoseGridScaling */
   int echo, time;      /* 0: left out */
   uint32_t whole_columns; /* of the picture that frames are tiles of; 0: left out */
   double b_value;      /* below 0: left out */
@@ -94,19 +95,24 @@ static inline void dicom_count(GByteArray *b, unsigned group, unsigned element, 
   dicom_text(b, group, element, "IS", text);
 }
 
-static inline GByteArray *dicom_start(void) {
+/* `syntax`: the end of its UID, after "1.2.840.10008.1.2". */
+static inline GByteArray *dicom_start_in(const char *syntax) {
   GByteArray *b = g_byte_array_new();
-  uint8_t preamble[128] = {0}, version[2] = {0, 1}, length[4] = {14 + 8 + 20, 0, 0, 0};
+  char uid[32];
+  const int size = snprintf(uid, sizeof uid, "1.2.840.10008.1.2%s", syntax);
+  uint8_t preamble[128] = {0}, version[2] = {0, 1}, length[4] = {(uint8_t)(14 + 8 + size + (size & 1)), 0, 0, 0};
   g_byte_array_append(b, preamble, sizeof preamble);
   g_byte_array_append(b, (const uint8_t *)"DICM", 4);
   dicom_element(b, 2, 0, "UL", length, 4);
   dicom_element(b, 2, 1, "OB", version, 2);
-  dicom_text(b, 2, 0x10, "UI", "1.2.840.10008.1.2.1");
+  dicom_text(b, 2, 0x10, "UI", uid);
   return b;
 }
 
+static inline GByteArray *dicom_start(void) { return dicom_start_in(".1"); }
+
 static inline GByteArray *dicom_bytes(const dicom_spec *s) {
-  GByteArray *b = dicom_start();
+  GByteArray *b = dicom_start_in(s->syntax ? s->syntax : ".1");
   char position[96];
   dicom_text(b, 0x08, 0x08, "CS", s->image_type);
   dicom_text(b, 0x08, 0x18, "UI", s->uid);
@@ -142,6 +148,7 @@ static inline GByteArray *dicom_bytes(const dicom_spec *s) {
   if (s->csa) dicom_element(b, 0x29, 0x1010, "OB", s->csa, s->csa_bytes);
   if (s->whole_columns) dicom_element(b, 0x48, 0x06, "UL", &s->whole_columns, 4);
   dicom_text(b, 0x3004, 0x0c, "DS", s->offsets);
+  dicom_text(b, 0x3004, 0x0e, "DS", s->dose);
   if (s->pixels) dicom_element(b, 0x7fe0, 0x10, s->allocated > 8 ? "OW" : "OB", s->pixels, s->pixel_bytes);
   return b;
 }

@@ -138,11 +138,14 @@ static void bad_usage(void **state) {
 static void failures(void **state) {
   put_file("broken.json", "{\"mode\":}");
   put_file("wrong.json", "{\"mode\":\"mipp\"}");
+  put_file("absurd.mha", "ObjectType = Image\nNDims = 3\nDimSize = 1 1 2\nElementType = MET_UCHAR\nOffset = 1e12 0 0\n"
+                         "ElementDataFile = LOCAL\nab");
   put_file("not-a-volume.nrrd", "hello");
   refuse(RUN("render", "demo:nobody"), 1, "nobody");
   refuse(RUN("render", "no-such-file.nii"), 1, "no-such-file.nii");
   refuse(RUN("render", "not-a-volume.nrrd"), 1, "not-a-volume.nrrd");
   refuse(RUN("info", "no-such-file.nii"), 1, "no-such-file.nii");
+  refuse(RUN("render", "absurd.mha"), 1, "absurd.mha: volume: the origin 1e+12 mm is absurd"); /* the file's fault, not the camera's */
   refuse(RUN("render", "demo:bucky", "--scene", "none.json"), 1, "none.json");
   refuse(RUN("render", "demo:bucky", "--scene", "broken.json"), 1, "broken.json: JSON line 1 column 9");
   refuse(RUN("render", "demo:bucky", "--scene", "wrong.json"), 1, "did you mean \"mip\"?");

@@ -1,0 +1,294 @@
+/* Valid pictures that other readers, or this one once, called damaged: without file meta, packed or turned in their
+ * bytes, of one frame, without a place. Each comes out exactly, or is refused by its name. */
+#include "tests/support/test.h"
+
+#include "renderer/import/helper.h"
+#include "tests/support/dicom_files.h"
+
+enum { COLUMNS = 6, ROWS = 4, PIXELS = COLUMNS * ROWS };
+
+static char *folder;
+
+static int set_up(void **state) { return (folder = temp_folder()) ? 0 : -1; }
+
+static int tear_down(void **state) {
+  remove_tree(folder);
+  g_free(folder);
+  return 0;
+}
+
+static tc_volume *try_bytes(GByteArray *bytes, GError **error) {
+  char *path = g_build_filename(folder, "one.dcm", NULL);
+  assert_true(g_file_set_contents(path, (const char *)bytes->data, bytes->len, NULL));
+  tc_volume *v = tc_import(path, &(tc_import_options){.helpers = TC_BINARY_DIR}, error);
+  g_byte_array_free(bytes, TRUE);
+  g_free(path);
+  return v;
+}
+
+static tc_volume *open_bytes(const char *what, GByteArray *bytes) {
+  GError *error = NULL;
+  tc_volume *v = try_bytes(bytes, &error);
+  if (!v) fail_msg("%s: %s", what, error->message);
+  return v;
+}
+
+static void refuse_bytes(GByteArray *bytes, int code, const char *text) {
+  GError *error = NULL;
+  assert_null(try_bytes(bytes, &error));
+  if (error->code != code || !strstr(error->message, text)) fail_msg("[%d] %s", error->code, error->message);
+  g_error_free(error);
+}
+
+/* Stored values are `pixels` of so many bits. */
+static void check_pixels(const char *what, GByteArray *bytes, const uint32_t *pixels, double scale) {
+  tc_volume *v = open_bytes(what, bytes);
+  const tc_volume_desc *d = tc_volume_describe(v);
+  assert_true(d->dims[0] == COLUMNS && d->dims[1] == ROWS && d->dims[2] == 1);
+  for (int i = 0; i < PIXELS; i++) {
+    double value;
+    assert_true(tc_volume_value_at(v, (double[]){i % COLUMNS, (double)(i / COLUMNS), 0}, &value));
+    if (fabs(value - pixels[i] * scale) > 1e-6 * pixels[i] * scale) fail_msg("%s: pixel %d is %g", what, i, value);
+  }
+  tc_volume_unref(v);
+}
+
+static dicom_spec spec_of(unsigned bits, unsigned samples, const void *pixels) {
+  dicom_spec s;
+  const unsigned allocated = bits <= 8 ? 8 : bits <= 16 ? 16 : 32;
+  dicom_spec_init(&s, COLUMNS, ROWS, pixels, pixels ? PIXELS * samples * allocated / 8 : 0);
+  s.allocated = allocated;
+  s.stored = bits;
+  s.high = bits - 1;
+  s.is_signed = 0;
+  s.samples = samples;
+  s.intercept = "0";
+  if (samples == 3) s.photometric = "RGB";
+  return s;
+}
+
+/* ---- other ways to write the same elements ---- */
+
+static uint32_t number_at(const uint8_t *at, size_t size) {
+  uint32_t n = 0;
+  for (size_t i = size; i-- > 0;)
+    n = n << 8 | at[i];
+  return n;
+}
+
+static size_t header_of(const uint8_t *element, uint32_t *size) {
+  const bool wide = element[4] == 'O' || !memcmp(element + 4, "SQ", 2) || !memcmp(element + 4, "UN", 2);
+  *size = number_at(element + (wide ? 8 : 6), wide ? 4 : 2);
+  return wide ? 12 : 8;
+}
+
+/* What follows the file's meta information, which is 128 + 4 bytes and group 2. */
+static GByteArray *data_set(GByteArray *whole) {
+  size_t at = 132;
+  for (uint32_t size; number_at(whole->data + at, 2) == 2; at += size)
+    at += header_of(whole->data + at, &size);
+  g_byte_array_remove_range(whole, 0, (guint)at);
+  return whole;
+}
+
+/* Implicit VR: a tag, a length, a value. */
+static GByteArray *implicit(GByteArray *set) {
+  GByteArray *out = g_byte_array_new();
+  for (size_t at = 0; at < set->len;) {
+    uint32_t size;
+    const size_t head = header_of(set->data + at, &size);
+    g_byte_array_append(out, set->data + at, 4);
+    dicom_u32(out, size);
+    g_byte_array_append(out, set->data + at + head, size);
+    at += head + size;
+  }
+  g_byte_array_free(set, TRUE);
+  return out;
+}
+
+static void turn(uint8_t *at, size_t size) {
+  for (size_t i = 0; i < size / 2; i++) {
+    const uint8_t byte = at[i];
+    at[i] = at[size - 1 - i];
+    at[size - 1 - i] = byte;
+  }
+}
+
+/* Big-endian: tags, lengths and numbers, of pixels as wide as they are. */
+static GByteArray *turned(GByteArray *whole, size_t pixel) {
+  uint32_t size;
+  for (size_t at = 132; at < whole->len; at += size) {
+    uint8_t *element = whole->data + at;
+    const size_t head = header_of(element, &size), step = !memcmp(element + 4, "OW", 2) ? pixel : 2;
+    const bool numbers = !memcmp(element + 4, "US", 2) || !memcmp(element + 4, "OW", 2);
+    at += head;
+    if (number_at(element, 2) == 2) continue;
+    for (uint32_t i = 0; numbers && i + step <= size; i += (uint32_t)step)
+      turn(element + head + i, step);
+    turn(element, 2);
+    turn(element + 2, 2);
+    turn(element + (head == 12 ? 8 : 6), head == 12 ? 4 : 2);
+  }
+  return whole;
+}
+
+/* ---- pixels that are packed ---- */
+
+/* Pixel data of one fragment, behind a header without any. */
+static GByteArray *with_fragment(GByteArray *whole, GByteArray *fragment) {
+  const uint16_t tags[] = {0x7fe0, 0x10};
+  if (fragment->len % 2) g_byte_array_append(fragment, (const uint8_t *)"", 1);
+  g_byte_array_append(whole, (const uint8_t *)tags, 4);
+  g_byte_array_append(whole, (const uint8_t *)"OB\0\0\xff\xff\xff\xff\xfe\xff\0\xe0\0\0\0\0\xfe\xff\0\xe0", 20);
+  dicom_u32(whole, fragment->len);
+  g_byte_array_append(whole, fragment->data, fragment->len);
+  g_byte_array_append(whole, (const uint8_t *)"\xfe\xff\xdd\xe0\0\0\0\0", 8);
+  g_byte_array_free(fragment, TRUE);
+  return whole;
+}
+
+/* Run lengths, all of them literal: a segment for each byte of a pixel, the highest first, colour by colour. */
+static GByteArray *run_lengths(const uint32_t *pixels, unsigned bytes, unsigned samples) {
+  GByteArray *out = g_byte_array_new();
+  uint32_t head[16] = {bytes * samples};
+  for (unsigned s = 0; s < bytes * samples; s++)
+    head[s + 1] = 64 + s * (PIXELS + 2);
+  g_byte_array_append(out, (const uint8_t *)head, sizeof head);
+  for (unsigned s = 0; s < bytes * samples; s++) {
+    g_byte_array_append(out, &(uint8_t){PIXELS - 1}, 1);
+    for (int i = 0; i < PIXELS; i++)
+      g_byte_array_append(
+          out, &(uint8_t){(uint8_t)(pixels[i * (int)samples + (int)(s / bytes)] >> 8 * (bytes - 1 - s % bytes))}, 1);
+    g_byte_array_append(out, (const uint8_t *)"\x80", 1); /* says nothing, and makes the segment even */
+  }
+  return out;
+}
+
+typedef struct bit_writer {
+  GByteArray *out;
+  uint32_t held;
+  int count;
+} bit_writer;
+
+static void put_bits(bit_writer *w, uint32_t bits, int n) {
+  for (; n > 0; n--) {
+    w->held = w->held << 1 | (bits >> (n - 1) & 1);
+    if (++w->count < 8) continue;
+    g_byte_array_append(w->out, &(uint8_t){(uint8_t)w->held}, 1);
+    if ((uint8_t)w->held == 0xff) g_byte_array_append(w->out, (const uint8_t *)"", 1);
+    w->count = 0;
+  }
+}
+
+/* JPEG, process 14, first-order prediction: each pixel is its difference to the one before it, or above. All 17 codes
+ * have five bits. */
+static GByteArray *lossless_jpeg(const uint32_t *pixels, int bits) {
+  const uint8_t frame[] = {0xff, 0xd8, 0xff, 0xc3,    0,  11, (uint8_t)bits,
+                           0,    ROWS, 0,    COLUMNS, 1,  1,  0x11,
+                           0,    0xff, 0xc4, 0,       36, 0,  0,
+                           0,    0,    0,    17,      0,  0,  0,
+                           0,    0,    0,    0,       0,  0,  0,
+                           0};
+  const uint8_t scan[] = {0xff, 0xda, 0, 8, 1, 1, 0, 1, 0, 0};
+  bit_writer w = {.out = g_byte_array_new()};
+  g_byte_array_append(w.out, frame, sizeof frame);
+  for (uint8_t i = 0; i < 17; i++)
+    g_byte_array_append(w.out, &i, 1);
+  g_byte_array_append(w.out, scan, sizeof scan);
+  for (int i = 0; i < PIXELS; i++) {
+    const uint32_t before = i == 0 ? 1u << (bits - 1) : i % COLUMNS ? pixels[i - 1] : pixels[i - COLUMNS];
+    const int difference = (int16_t)(uint16_t)(pixels[i] - before);
+    int category = 0;
+    while (abs(difference) >> category)
+      category++;
+    put_bits(&w, (uint32_t)category, 5);
+    if (category < 16)
+      put_bits(&w, (uint32_t)(difference < 0 ? difference + (1 << category) - 1 : difference), category);
+  }
+  put_bits(&w, 0x7f, 7); /* the last byte is filled with ones */
+  g_byte_array_append(w.out, (const uint8_t *)"\xff\xd9", 2);
+  return w.out;
+}
+
+/* ---- tests ---- */
+
+static void ramp(uint32_t *pixels, int n, unsigned bits) {
+  for (int i = 0; i < n; i++)
+    pixels[i] = (uint32_t)((uint64_t)i * 2654435761u >> 5) & (uint32_t)((UINT64_C(1) << bits) - 1);
+}
+
+static void without_file_meta(void **state) {
+  uint32_t values[PIXELS];
+  uint16_t pixels[PIXELS];
+  ramp(values, PIXELS, 12);
+  for (int i = 0; i < PIXELS; i++)
+    pixels[i] = (uint16_t)values[i];
+  const dicom_spec s = spec_of(12, 1, pixels);
+  check_pixels("explicit", data_set(dicom_bytes(&s)), values, 1);
+  check_pixels("implicit", implicit(data_set(dicom_bytes(&s))), values, 1);
+}
+
+/* Doses are of 32 bits; of one frame they are no other pictures than of several. */
+static void doses_of_one_frame(void **state) {
+  uint32_t values[PIXELS];
+  ramp(values, PIXELS, 31);
+  dicom_spec s = spec_of(32, 1, values);
+  s.modality = "RTDOSE";
+  s.dose = "1e-6";
+  s.frames = "1";
+  s.offsets = "0";
+  check_pixels("plain", dicom_bytes(&s), values, 1e-6);
+  s.syntax = ".2";
+  check_pixels("big-endian", turned(dicom_bytes(&s), 4), values, 1e-6);
+  s.syntax = ".5";
+  s.pixels = NULL;
+  check_pixels("run lengths", with_fragment(dicom_bytes(&s), run_lengths(values, 4, 1)), values, 1e-6);
+}
+
+/* Projections have no place, and often no spacing. */
+static void lossless_jpeg_of_every_depth(void **state) {
+  static const unsigned depths[] = {8, 10, 12, 14, 16};
+  for (size_t i = 0; i < G_N_ELEMENTS(depths); i++) {
+    uint32_t values[PIXELS];
+    char what[32];
+    ramp(values, PIXELS, depths[i]);
+    dicom_spec s = spec_of(depths[i], 1, NULL);
+    s.syntax = ".4.70";
+    s.modality = i % 2 ? "MG" : "CR";
+    s.has_position = false;
+    s.orientation = s.pixel_spacing = NULL;
+    snprintf(what, sizeof what, "%s of %u bits", s.modality, depths[i]);
+    check_pixels(what, with_fragment(dicom_bytes(&s), lossless_jpeg(values, (int)depths[i])), values, 1);
+  }
+}
+
+static void colours_in_run_lengths(void **state) {
+  uint32_t values[3 * PIXELS];
+  ramp(values, 3 * PIXELS, 8);
+  dicom_spec s = spec_of(8, 3, NULL);
+  s.syntax = ".5";
+  tc_volume *v = open_bytes("RGB", with_fragment(dicom_bytes(&s), run_lengths(values, 1, 3)));
+  for (int i = 0; i < PIXELS; i++) {
+    const double luma = 0.2126 * values[3 * i] + 0.7152 * values[3 * i + 1] + 0.0722 * values[3 * i + 2];
+    assert_true(fabs(((const uint8_t *)tc_volume_data(v))[i] - luma) <= 0.51);
+  }
+  tc_volume_unref(v);
+  s = spec_of(16, 3, NULL); /* the library takes their bytes for others */
+  s.syntax = ".5";
+  refuse_bytes(with_fragment(dicom_bytes(&s), run_lengths(values, 2, 3)), TC_ERROR_UNSUPPORTED,
+               "export the pictures uncompressed");
+}
+
+static void an_absurd_place(void **state) {
+  const uint16_t pixels[PIXELS] = {0, 1};
+  dicom_spec s = spec_of(16, 1, pixels);
+  s.position[1] = 1e12;
+  refuse_bytes(dicom_bytes(&s), TC_ERROR_FORMAT, "absurd");
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {TEST(without_file_meta), TEST(doses_of_one_frame),
+                                     TEST(lossless_jpeg_of_every_depth), TEST(colours_in_run_lengths),
+                                     TEST(an_absurd_place)};
+  return cmocka_run_group_tests(tests, set_up, tear_down);
+}
