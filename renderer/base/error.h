@@ -10,6 +10,10 @@
 
 #include <glib.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef enum tc_error_code {
   TC_ERROR_INVALID,      /* a value out of its range or not meaningful (HTTP 422) */
   TC_ERROR_SYNTAX,       /* bytes that cannot be parsed at all (HTTP 400) */
@@ -37,5 +41,9 @@ void tc_set_error(GError **error, tc_error_code code, const char *pointer, const
 
 /* The JSON pointer stored with an error of our domain; NULL where there is none. Owned by the error. */
 const char *tc_error_pointer(const GError *error);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

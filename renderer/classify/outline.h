@@ -19,7 +19,7 @@ int64_t tc_table_steps(const tc_table *table); /* progress of making the entries
 
 size_t tc_table_held(const tc_table *table); /* bytes of memory held: more once it has entries */
 
-/* What the entries of the table itself (window 0) or a zoom (1 ..) are made from: entry (i, k), k > 0, is the
+/* What the entries of the table itself (window 0) or a subtable (1 ..) are made from: entry (i, k), k > 0, is the
  * composite of the node intervals i .. i + k - 1, each a segment of 1 / k of the table's length, with colour clamped
  * to opacity times peak. Pointers live as long as the table. */
 typedef struct tc_table_window {

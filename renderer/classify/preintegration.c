@@ -23,14 +23,14 @@
 typedef struct made {
   tc_table table; /* first: the public face */
   tc_v4 peak;     /* the largest value of each channel, and 1 */
-  tc_segments axes[1 + TC_MAX_ZOOMS]; /* of the table and of each zoom */
+  tc_segments axes[1 + TC_MAX_SUBTABLES]; /* of the table and of each subtable */
   tc_v4 *rows;    /* for each of them, row k = 0 and the row of depths */
   size_t mapped;  /* bytes of the entries with their pad */
   float *begun;   /* unfinished entries ... */
   int window, diagonal; /* ... and the next diagonal to make */
 } made;
 
-/* The table or a zoom while its entries are made. */
+/* The table or a subtable while its entries are made. */
 typedef struct builder {
   const tc_segments *axis;
   double step_mm;
@@ -128,7 +128,7 @@ static void build_diagonal(void *context, int index, int worker) {
 typedef struct spare {
   float *entries;
   size_t mapped;
-  int n, n_zooms;
+  int n, n_subtables;
 } spare;
 static spare kept;
 static pthread_mutex_t keeping = PTHREAD_MUTEX_INITIALIZER;
@@ -175,14 +175,14 @@ static made *table_new(const tc_table_params *p) {
   memset(m, 0, sizeof *m);
   tc_table *t = &m->table;
   *t = (tc_table){.n = p->n, .columns = p->n + 1, .lo = p->voxel_lo, .hi = p->voxel_hi, .step_mm = p->step_mm,
-                  .bits = p->bits, .n_zooms = p->n_zooms};
+                  .bits = p->bits, .n_subtables = p->n_subtables};
   t->serial = atomic_fetch_add(&next_serial, 1);
-  size_t own = table_entries(p->n, t->columns), each = table_entries(TC_ZOOM_NODES, TC_ZOOM_NODES + 2);
-  t->bytes = (own + (size_t)p->n_zooms * each) * sizeof(tc_v4);
+  size_t own = table_entries(p->n, t->columns), each = table_entries(TC_SUBTABLE_NODES, TC_SUBTABLE_NODES + 2);
+  t->bytes = (own + (size_t)p->n_subtables * each) * sizeof(tc_v4);
   t->starts[0] = (size_t)(p->n + 1) * (size_t)t->columns;
-  for (int i = 0; i < p->n_zooms; i++) {
-    t->zooms[i] = p->zooms[i];
-    t->starts[1 + i] = own + (size_t)i * each + (TC_ZOOM_NODES + 1) * (TC_ZOOM_NODES + 2);
+  for (int i = 0; i < p->n_subtables; i++) {
+    t->subtables[i] = p->subtables[i];
+    t->starts[1 + i] = own + (size_t)i * each + (TC_SUBTABLE_NODES + 1) * (TC_SUBTABLE_NODES + 2);
   }
   return m;
 }
@@ -190,8 +190,8 @@ static made *table_new(const tc_table_params *p) {
 void tc_table_free(tc_table *table) {
   made *m = (made *)table;
   if (!m) return;
-  for (int w = 0; w <= table->n_zooms; w++) tc_segments_finish(&m->axes[w]);
-  const spare own = {m->begun, m->mapped, table->n, table->n_zooms};
+  for (int w = 0; w <= table->n_subtables; w++) tc_segments_finish(&m->axes[w]);
+  const spare own = {m->begun, m->mapped, table->n, table->n_subtables};
   if (m->begun) unmap(m->mapped <= MOST_SPARE ? swap_spare(own) : own);
   free(m->rows);
   free(m);
@@ -211,9 +211,9 @@ static tc_v4 brightest(const tc_table_params *p) {
 static bool map_entries(made *m) {
   const tc_table *t = &m->table;
   /* The pad makes the zero-weighted neighbour of the last row readable. */
-  m->mapped = t->bytes + (size_t)(t->n + TC_ZOOM_NODES) * sizeof(tc_v4);
+  m->mapped = t->bytes + (size_t)(t->n + TC_SUBTABLE_NODES) * sizeof(tc_v4);
   const spare like = m->mapped <= MOST_SPARE ? swap_spare((spare){0}) : (spare){0};
-  if (like.entries && like.n == t->n && like.n_zooms == t->n_zooms) {
+  if (like.entries && like.n == t->n && like.n_subtables == t->n_subtables) {
     m->begun = like.entries;
     m->mapped = like.mapped;
     return true;
@@ -224,7 +224,7 @@ static bool map_entries(made *m) {
 }
 
 static size_t rows_start(const tc_table *t, int w) {
-  return w ? 2 * ((size_t)t->n + 1 + (size_t)(w - 1) * (TC_ZOOM_NODES + 1)) : 0;
+  return w ? 2 * ((size_t)t->n + 1 + (size_t)(w - 1) * (TC_SUBTABLE_NODES + 1)) : 0;
 }
 
 static bool say_no_memory(int n, GError **error) {
@@ -235,13 +235,13 @@ static bool say_no_memory(int n, GError **error) {
 tc_table *tc_table_outline(const tc_table_params *params, const tc_halt *halt, GError **error) {
   double start = tc_now_ms();
   made *m = table_new(params);
-  if (m) m->rows = aligned_alloc(16, rows_start(&m->table, params->n_zooms + 1) * sizeof(tc_v4));
+  if (m) m->rows = aligned_alloc(16, rows_start(&m->table, params->n_subtables + 1) * sizeof(tc_v4));
   bool ok = (m && m->rows) || say_no_memory(params->n, error);
   if (ok) m->peak = brightest(params);
-  for (int w = 0; ok && w <= params->n_zooms; w++) { /* w = 0: the table itself */
-    tc_zoom range = w ? params->zooms[w - 1] : (tc_zoom){.lo = params->voxel_lo, .hi = params->voxel_hi};
+  for (int w = 0; ok && w <= params->n_subtables; w++) { /* w = 0: the table itself */
+    tc_subtable range = w ? params->subtables[w - 1] : (tc_subtable){.lo = params->voxel_lo, .hi = params->voxel_hi};
     tc_segments *axis = &m->axes[w];
-    ok = tc_segments_make(axis, params, range.lo, range.hi, w ? TC_ZOOM_NODES : params->n, halt, error);
+    ok = tc_segments_make(axis, params, range.lo, range.hi, w ? TC_SUBTABLE_NODES : params->n, halt, error);
     tc_v4 *rows = m->rows + rows_start(&m->table, w);
     if (ok) {
       diagonal_zero(axis, params->step_mm, m->peak, rows);
@@ -269,11 +269,11 @@ static void round_entries(const builder *b, int bits) {
 static bool fill_window(made *m, int w, const made *like, tc_v4 *scratch, tc_pool *pool) {
   const tc_segments *axis = &m->axes[w];
   const tc_table *t = &m->table;
-  builder b = {.axis = axis, .step_mm = t->step_mm, .columns = w ? TC_ZOOM_NODES + 2 : t->columns, .peak = m->peak,
+  builder b = {.axis = axis, .step_mm = t->step_mm, .columns = w ? TC_SUBTABLE_NODES + 2 : t->columns, .peak = m->peak,
                .scratch = scratch, .last = axis->count - 1};
-  b.zero = (tc_v4 *)(w ? t->zoom_rows[w - 1] : t->zero_row);
-  if (like && w <= like->table.n_zooms) {
-    b.old = (const tc_v4 *)(w ? like->table.zoom_rows[w - 1] : like->table.zero_row);
+  b.zero = (tc_v4 *)(w ? t->subtable_rows[w - 1] : t->zero_row);
+  if (like && w <= like->table.n_subtables) {
+    b.old = (const tc_v4 *)(w ? like->table.subtable_rows[w - 1] : like->table.zero_row);
     if (!tc_segments_compare(axis, &like->axes[w], &b.first, &b.last)) b.first = axis->count, b.last = -1;
   }
   const tc_v4 *rows = m->rows + rows_start(t, w);
@@ -293,17 +293,17 @@ bool tc_table_fill(tc_table *t, const tc_table *old, tc_pool *pool, GError **err
   if (like && (!old->entries || old->n != t->n || old->step_mm != t->step_mm || old->bits != t->bits ||
                memcmp(&like->peak, &m->peak, sizeof m->peak)))
     like = NULL;
-  size_t most = t->n_zooms && t->n < TC_ZOOM_NODES ? TC_ZOOM_NODES : (size_t)t->n;
+  size_t most = t->n_subtables && t->n < TC_SUBTABLE_NODES ? TC_SUBTABLE_NODES : (size_t)t->n;
   tc_v4 *scratch = aligned_alloc(16, (size_t)tc_pool_threads(pool) * 4 * most * sizeof *scratch);
   if (!scratch || (!m->begun && !map_entries(m))) {
     free(scratch);
     return say_no_memory(t->n, error);
   }
   t->zero_row = m->begun + 4 * t->starts[0];
-  for (int z = 0; z < t->n_zooms; z++) t->zoom_rows[z] = m->begun + 4 * t->starts[1 + z];
-  while (m->window <= t->n_zooms && fill_window(m, m->window, like, scratch, pool)) m->window++;
+  for (int z = 0; z < t->n_subtables; z++) t->subtable_rows[z] = m->begun + 4 * t->starts[1 + z];
+  while (m->window <= t->n_subtables && fill_window(m, m->window, like, scratch, pool)) m->window++;
   free(scratch);
-  if (m->window > t->n_zooms) t->entries = m->begun;
+  if (m->window > t->n_subtables) t->entries = m->begun;
   t->build_ms += tc_now_ms() - start;
   return t->entries || tc_halt_say(tc_pool_halt(pool), error);
 }
@@ -322,8 +322,8 @@ tc_table *tc_table_build(const tc_table_params *params, tc_pool *pool, GError **
 
 size_t tc_table_held(const tc_table *table) {
   const made *m = (const made *)table;
-  size_t bytes = rows_start(table, table->n_zooms + 1) * sizeof(tc_v4) + (table->entries ? table->bytes : 0);
-  for (int w = 0; w <= table->n_zooms; w++) bytes += tc_segments_bytes(&m->axes[w]);
+  size_t bytes = rows_start(table, table->n_subtables + 1) * sizeof(tc_v4) + (table->entries ? table->bytes : 0);
+  for (int w = 0; w <= table->n_subtables; w++) bytes += tc_segments_bytes(&m->axes[w]);
   return bytes;
 }
 
@@ -331,7 +331,7 @@ tc_table_window tc_table_window_of(const tc_table *table, int w) {
   const made *m = (const made *)table;
   const tc_segments *axis = &m->axes[w];
   return (tc_table_window){.intervals = axis->count,
-                           .columns = w ? TC_ZOOM_NODES + 2 : table->columns,
+                           .columns = w ? TC_SUBTABLE_NODES + 2 : table->columns,
                            .start = table->starts[w],
                            .diagonal = (const float *)(m->rows + rows_start(table, w)),
                            .depths = (const float *)(m->rows + rows_start(table, w) + axis->count + 1),

@@ -14,11 +14,11 @@
  * each node interval. Entry j is (H, L, a, b): a and b are that function at both ends of interval j, H + L (high and
  * low part) its integral from node 0 to j.
  *
- * Zooms are further tables of the same kind on ever narrower windows of the value axis (each at most 16 times
- * narrower), for knots that are closer than nodes can resolve. A segment is looked up in the last zoom that contains
- * both of its ends, else in the table itself. If a finer zoom contains just one end, inside its rims, the opacity is
+ * Subtables are further tables of the same kind on ever narrower windows of the value axis (each at most 16 times
+ * narrower), for knots that are closer than nodes can resolve. A segment is looked up in the last subtable that contains
+ * both of its ends, else in the table itself. If a finer subtable contains just one end, inside its rims, the opacity is
  * composed from the depths of the parts inside and outside. A window extends 24 of its parent's nodes beyond its
- * knots, or 16 or 8 if it would otherwise take more zooms than allowed. */
+ * knots, or 16 or 8 if it would otherwise take more subtables than allowed. */
 #ifndef TC_CLASSIFY_PREINTEGRATION_H
 #define TC_CLASSIFY_PREINTEGRATION_H
 
@@ -26,20 +26,20 @@
 #include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
 
-#define TC_MAX_ZOOMS 7
+#define TC_MAX_SUBTABLES 7
 /* How far a steep change may be displaced: voxel values, or a share of the range of floats. */
 #define TC_EDGE_UNITS 8
 #define TC_EDGE_SHARE 1e-4
-#define TC_ZOOM_NODES 256
+#define TC_SUBTABLE_NODES 256
 /* Optical depth of a full segment from which on opacity correction uses the row of depths. Below it, the opacity in
  * single precision gives the transparency of any share of the segment to 1.3e-4. */
 #define TC_STIFF_DEPTH 11.0
 
-/* A window of the value axis: voxel values (not rescaled) of its nodes 0 and TC_ZOOM_NODES - 1. */
-typedef struct tc_zoom {
+/* A window of the value axis: voxel values (not rescaled) of its nodes 0 and TC_SUBTABLE_NODES - 1. */
+typedef struct tc_subtable {
   double lo, hi;
-  double rim; /* margin at either end in nodes of the zoom; more than two nodes of the parent away from the zoom's knots */
-} tc_zoom;
+  double rim; /* margin at either end in nodes of the subtable; more than two nodes of the parent away from the subtable's knots */
+} tc_subtable;
 
 typedef struct tc_table {
   int n;             /* nodes that data reach */
@@ -47,16 +47,16 @@ typedef struct tc_table {
   double lo, hi;     /* voxel values (not rescaled) of nodes 0 and n-1; lo < hi */
   double step_mm;    /* segment length */
   int bits;          /* entries are rounded to as many; 0: not rounded */
-  int n_zooms;       /* coarse ones before finer ones */
-  tc_zoom zooms[TC_MAX_ZOOMS];
-  /* entries before the row k = 0 of the table, and of each zoom; zooms follow the table, in rows of TC_ZOOM_NODES +
+  int n_subtables;       /* coarse ones before finer ones */
+  tc_subtable subtables[TC_MAX_SUBTABLES];
+  /* entries before the row k = 0 of the table, and of each subtable; subtables follow the table, in rows of TC_SUBTABLE_NODES +
    * 2 columns */
-  size_t starts[1 + TC_MAX_ZOOMS];
+  size_t starts[1 + TC_MAX_SUBTABLES];
   size_t bytes;      /* of all entries */
-  float *entries;    /* [2*(n+1)+2][columns][4], then the zooms; zero outside i + |k| <= n, except in the row of depths. NULL in an
+  float *entries;    /* [2*(n+1)+2][columns][4], then the subtables; zero outside i + |k| <= n, except in the row of depths. NULL in an
                         outline */
-  float *zero_row;   /* row k = 0 of the table and of each zoom; NULL in an outline */
-  float *zoom_rows[TC_MAX_ZOOMS];
+  float *zero_row;   /* row k = 0 of the table and of each subtable; NULL in an outline */
+  float *subtable_rows[TC_MAX_SUBTABLES];
   uint64_t serial;   /* unique in the process; keys copies on a GPU */
   double build_ms;   /* build time so far */
 } tc_table;
@@ -70,13 +70,13 @@ typedef struct tc_table_params {
   bool linear_light;
   /* for measurements, entries are rounded to 8 (fixed point) or 16 (half float) bits; 0 = single precision */
   int bits;
-  int n_zooms;
-  tc_zoom zooms[TC_MAX_ZOOMS];
+  int n_subtables;
+  tc_subtable subtables[TC_MAX_SUBTABLES];
 } tc_table_params;
 
-/* Chooses the nodes for p->tf over a volume, the voxel range they span, and the zooms: 256 nodes over the whole type
- * for 8-bit data; else 256 to 2048 over the data's range, depending on the distance of the knots, fewer if zooms
- * suffice. *complete, unless NULL: whether nodes and zooms resolve every knot.
+/* Chooses the nodes for p->tf over a volume, the voxel range they span, and the subtables: 256 nodes over the whole type
+ * for 8-bit data; else 256 to 2048 over the data's range, depending on the distance of the knots, fewer if subtables
+ * suffice. *complete, unless NULL: whether nodes and subtables resolve every knot.
  *
  * What a complete choice promises for voxels of more than 8 bits. Nodes are at most a quarter apart of the width of
  * a change between two knots, of the way to the next change back, or of the part of a rise of extinction that turns
@@ -88,9 +88,9 @@ typedef struct tc_table_params {
  * bend at the foot of a dense rise, or end inside a peak of several colours). */
 void tc_table_choose(const tc_volume *volume, tc_table_params *p, bool *complete);
 
-/* The zooms of a table of n nodes; returns how many. */
-int tc_table_zooms(const tc_volume *volume, const tc_transfer_function *tf, int n, double voxel_lo, double voxel_hi,
-                   tc_zoom zooms[TC_MAX_ZOOMS], bool *complete);
+/* The subtables of a table of n nodes; returns how many. */
+int tc_table_subtables(const tc_volume *volume, const tc_transfer_function *tf, int n, double voxel_lo, double voxel_hi,
+                   tc_subtable subtables[TC_MAX_SUBTABLES], bool *complete);
 
 /* Builds the table on the pool (NULL: on the calling thread). NULL with TC_ERROR_MEMORY. */
 tc_table *tc_table_build(const tc_table_params *params, tc_pool *pool, GError **error);

@@ -33,13 +33,13 @@ typedef union tc_resource_set {
     const tc_bounds *bounds;
     const tc_labels *labels;
     const tc_clusters *mesh;
-    const tc_vmd *runs;
+    const tc_vmd *model;
     const tc_splats *splats, *cut;
   };
 } tc_resource_set;
 
 /* One frame's work: everything was validated, every resource is built and lives until render() returns. */
-typedef struct tc_job {
+typedef struct tc_frame_job {
   const tc_plan *plan;
   tc_plan_key key; /* what runs: the plan's, or unskipped where the frame found nothing to skip */
   const tc_scene *scene;
@@ -57,7 +57,7 @@ typedef struct tc_job {
   const float (*spans)[2]; /* [frame's height][width]: the cpu casts rays between these, mm from the eye; NULL: whole ones */
   bool want_linear;
   tc_frame *frame; /* width, height set; buffers allocated; stats.samples, .rays to be filled, .tables_ms added to */
-} tc_job;
+} tc_frame_job;
 
 typedef struct tc_backend_ops {
   const char *name;
@@ -67,13 +67,13 @@ typedef struct tc_backend_ops {
   void (*destroy)(void *instance);
   const char *(*device)(void *instance);
   const char *(*isa)(void *instance);
-  bool (*render)(void *instance, const tc_job *job, GError **error);
+  bool (*render)(void *instance, const tc_frame_job *job, GError **error);
   /* How long it would be without a look at the halt, at least, for pixels of so many samples (job.pixel_samples): a frame
    * for which that is long is the cpu back end's. NULL: it looks whenever it should. */
   double (*deaf_ms)(void *instance, double pixel_samples);
   /* False: this job would wait for a program to be compiled or a volume to be uploaded. That has begun beside, and what
    * must not wait is drawn by the cpu back end meanwhile. NULL: nothing ever waits. */
-  bool (*ready)(void *instance, const tc_job *job);
+  bool (*ready)(void *instance, const tc_frame_job *job);
   /* Why it does not draw scenes of this kind in a mode of tc_drawers, a clause; the cpu does. NULL: it draws this one. */
   const char *(*refuses)(void *instance, const tc_scene *scene);
   /* Whether the back end makes the entries of such a table itself, from its outline (classify/outline.h), adding the
@@ -87,11 +87,11 @@ typedef struct tc_backend_ops {
 } tc_backend_ops;
 
 /* Who draws a mode that casts no rays, on the pool, in the cpu back end's place; NULL: the back end. Like render() above. */
-typedef bool (*tc_drawer)(tc_pool *pool, const tc_job *job, GError **error);
+typedef bool (*tc_drawer)(tc_pool *pool, const tc_frame_job *job, GError **error);
 extern const tc_drawer tc_drawers[TC_MODE_COUNT];
 /* dvr and mip with surfaces in them (tc_mesh_is_within()): cpu is the cpu back end's instance. */
-bool tc_mesh_within_draw(tc_pool *pool, void *cpu, const tc_job *job, GError **error);
-bool tc_mesh_frame_draw(tc_pool *pool, const tc_job *job, GError **error); /* mode mesh */
+bool tc_mesh_within_draw(tc_pool *pool, void *cpu, const tc_frame_job *job, GError **error);
+bool tc_mesh_frame_draw(tc_pool *pool, const tc_frame_job *job, GError **error); /* mode mesh */
 
 extern const tc_backend_ops tc_cpu_backend;
 extern const tc_backend_ops tc_gl_backend;

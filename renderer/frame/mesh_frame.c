@@ -6,7 +6,7 @@
 #include "renderer/frame/mesh_job.h"
 
 typedef struct mesh_frame {
-  const tc_job *job;
+  const tc_frame_job *job;
   tc_resolve resolve;
   tc_progress *progress;
 } mesh_frame;
@@ -24,7 +24,7 @@ static void emit(void *user, const tc_raster_picture *p) {
   f->progress->finished[p->tile] = true;
 }
 
-bool tc_mesh_frame_draw(tc_pool *pool, const tc_job *job, GError **error) {
+bool tc_mesh_frame_draw(tc_pool *pool, const tc_frame_job *job, GError **error) {
   mesh_frame f = {.job = job, .progress = tc_frame_cut(job->frame, TC_RASTER_SIDE, error)};
   tc_raster_counts counts = {0};
   tc_mesh_job drawn;

@@ -10,7 +10,7 @@
 #include "renderer/raycast/mpr.h"
 #include "renderer/raycast/shading.h"
 
-static tc_raster_look look_of(const tc_job *job) {
+static tc_raster_look look_of(const tc_frame_job *job) {
   const int model = tc_mesh_is_within(job->scene) ? (int)job->scene->shading.model : job->key.shading; /* mip has none */
   tc_raster_look look = {.shaded = model != TC_SHADING_NONE};
   if (!look.shaded) return look;
@@ -27,7 +27,7 @@ static tc_raster_look look_of(const tc_job *job) {
 }
 
 /* The plane of the slice that mode mpr shows in an orientation. */
-static void plane_of(const tc_job *job, tc_mpr_orientation orientation, double plane[4]) {
+static void plane_of(const tc_frame_job *job, tc_mpr_orientation orientation, double plane[4]) {
   const tc_volume_desc *d = tc_volume_describe(job->source);
   tc_scene slice = *job->scene; /* borrows */
   double right[3], up[3], middle[3], at[3];
@@ -55,7 +55,7 @@ static void grey_at(const void *user, const double at[3], float color[3]) {
   for (int c = 0; c < 3; c++) color[c] = value == value ? (float)grey : 0;
 }
 
-size_t tc_mesh_sources(const tc_job *job, tc_mesh_source *of) {
+size_t tc_mesh_sources(const tc_frame_job *job, tc_mesh_source *of) {
   size_t n = 0;
   for (size_t i = 0; i < job->scene->mesh.n_surfaces; i++) {
     const tc_mesh_surface *s = &job->scene->mesh.surfaces[i];
@@ -77,7 +77,7 @@ static void to_compositing_space(const tc_scene *scene, const double srgb[3], fl
 }
 
 /* Surfaces of labels have the colours of their tints, however faint; without any, the isosurface's. */
-static void label_color(const tc_job *job, uint32_t label, float color[3]) {
+static void label_color(const tc_frame_job *job, uint32_t label, float color[3]) {
   const tc_volume_desc *d = tc_volume_describe(job->label_volume);
   const double entry = (label - d->intercept) / d->slope - job->have.labels->base;
   const float *e = job->have.labels->entries[entry >= 0 && entry < job->have.labels->n ? (int)entry : job->have.labels->n];
@@ -85,7 +85,7 @@ static void label_color(const tc_job *job, uint32_t label, float color[3]) {
 }
 
 /* item: of the scene's list; NULL: there is none. closed: no back of it can be seen, were it opaque. */
-static tc_raster_surface surface_of(const tc_job *job, const tc_part *part, const tc_mesh_surface *item, bool closed) {
+static tc_raster_surface surface_of(const tc_frame_job *job, const tc_part *part, const tc_mesh_surface *item, bool closed) {
   tc_raster_surface s = {.opacity = item ? (float)item->opacity : 1, .textured = part->of.kind == TC_SURFACE_OF_PLANE};
   s.one_sided = (closed && s.opacity == 1) || (item && !item->two_sided);
   if (item && item->has_color)
@@ -98,7 +98,7 @@ static tc_raster_surface surface_of(const tc_job *job, const tc_part *part, cons
 }
 
 /* One for each part of the mesh. NULL: no memory. */
-static tc_raster_surface *surfaces_of(const tc_job *job, bool from_outside) {
+static tc_raster_surface *surfaces_of(const tc_frame_job *job, bool from_outside) {
   const tc_clusters *mesh = job->have.mesh;
   const tc_mesh_surface *item = job->scene->mesh.surfaces, *end = item + job->scene->mesh.n_surfaces;
   tc_raster_surface *surfaces = calloc(mesh->n_parts, sizeof *surfaces);
@@ -123,20 +123,20 @@ static int planes_of(const tc_scene *scene, double planes[TC_VIEW_MOST_CLIP][4])
 
 size_t tc_mesh_triangles(const tc_clusters *mesh, const tc_plan *plan, const tc_scene *scene) {
   uint8_t *levels = malloc(mesh->n_groups + 1);
-  tc_view view;
-  tc_view_set_up(&view, mesh, &scene->camera, plan->width, plan->height, NULL, 0);
+  tc_mesh_view view;
+  tc_mesh_view_set_up(&view, mesh, &scene->camera, plan->width, plan->height, NULL, 0);
   const size_t n = levels ? tc_levels_choose(mesh, &view, plan->mesh_pixels, levels) : 0;
   free(levels);
   return n;
 }
 
-bool tc_mesh_job_begin(tc_mesh_job *m, const tc_job *job, GError **error) {
+bool tc_mesh_job_begin(tc_mesh_job *m, const tc_frame_job *job, GError **error) {
   const tc_clusters *mesh = job->have.mesh;
   double planes[TC_VIEW_MOST_CLIP][4];
   const int n_planes = planes_of(job->scene, planes);
-  tc_view_set_up(&m->view, mesh, &job->scene->camera, job->frame->width, job->frame->height,
+  tc_mesh_view_set_up(&m->view, mesh, &job->scene->camera, job->frame->width, job->frame->height,
                  (const double(*)[4])planes, n_planes);
-  m->surfaces = surfaces_of(job, n_planes == 0 && tc_view_is_outside(&m->view, mesh));
+  m->surfaces = surfaces_of(job, n_planes == 0 && tc_mesh_view_is_outside(&m->view, mesh));
   m->levels = mesh->n_groups ? malloc(mesh->n_groups) : NULL;
   if (m->levels) tc_levels_choose(mesh, &m->view, job->plan->mesh_pixels, m->levels);
   if (!m->surfaces) {
@@ -172,7 +172,7 @@ static int place_of(const tc_scene *scene, size_t part) {
   return -1;
 }
 
-bool tc_mesh_job_pick(const tc_job *job, double x, double y, tc_pick *pick, GError **error) {
+bool tc_mesh_job_pick(const tc_frame_job *job, double x, double y, tc_pick *pick, GError **error) {
   tc_mesh_job m;
   tc_mesh_hit hit;
   *pick = (tc_pick){.surface = -1, .value = NAN};

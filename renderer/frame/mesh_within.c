@@ -21,7 +21,7 @@ typedef enum phase { FIND, CAST, COMPOSITE, PUT } phase;
 
 /* Kept while the frame is paused: it goes on where it was left. */
 typedef struct within {
-  const tc_job *job;
+  const tc_frame_job *job;
   tc_pool *pool;
   size_t pixels;
   phase phase;
@@ -165,7 +165,7 @@ static bool cast_part(within *w, void *instance, GError **error) {
   const tc_render_request request = {.want_linear = true, .resume = true};
   tc_frame_stats *stats = &w->job->frame->stats;
   tc_rays one = *w->job->rays;
-  tc_job job = *w->job;
+  tc_frame_job job = *w->job;
   GError *failure = NULL;
   one.count = 1, one.of_pixel[0] = w->job->rays->of_pixel[w->ray];
   job.rays = &one, job.frame = &w->part, job.want_linear = true;
@@ -198,7 +198,7 @@ static size_t tiles_of(const tc_frame *f) {
 }
 
 /* What is kept of the frame, or a new one; NULL with *error set. */
-static within *resume(const tc_job *job, GError **error) {
+static within *resume(const tc_frame_job *job, GError **error) {
   tc_progress *progress = job->frame->progress;
   within *w = progress->kept ? progress->kept : calloc(1, sizeof *w);
   if (w && !progress->kept) {
@@ -247,7 +247,7 @@ static int64_t position(const within *w) {
   return n;
 }
 
-bool tc_mesh_within_draw(tc_pool *pool, void *cpu, const tc_job *job, GError **error) {
+bool tc_mesh_within_draw(tc_pool *pool, void *cpu, const tc_frame_job *job, GError **error) {
   within *w = resume(job, error);
   tc_mesh_job mesh;
   if (!w || !tc_mesh_job_begin(&mesh, job, error)) return false;

@@ -91,7 +91,7 @@ typedef struct drawing {
   void *instance;
   tc_plan_request wanted;
   tc_plan plan;
-  tc_job job;
+  tc_frame_job job;
   tc_facts facts;
   tc_frame_stats *stats; /* NULL: nothing is built, and what is not there is no failure */
 } drawing;
@@ -138,7 +138,7 @@ static void make_plan(drawing *d) {
 }
 
 /* Rays read no structure of empty space. */
-static void skip_nothing(tc_job *job) {
+static void skip_nothing(tc_frame_job *job) {
   job->key = tc_plan_unskipped(job->key);
   job->have.distance_map = NULL;
   job->have.boxes = NULL;

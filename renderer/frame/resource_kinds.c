@@ -10,7 +10,7 @@
 
 static void append(GByteArray *key, const void *bytes, size_t size) { g_byte_array_append(key, bytes, (guint)size); }
 
-static const tc_volume *field_of(const tc_job *job) { return job->volume; }
+static const tc_volume *field_of(const tc_frame_job *job) { return job->volume; }
 
 /* free, bytes: of a thing of type tc_<name>. */
 #define FREES(name)                                                                                                    \
@@ -33,9 +33,9 @@ FREES(coefficients)
 /* ---- coefficients ---- */
 
 static void free_volume(void *thing) { tc_volume_unref(thing); }
-static const tc_volume *coefficients_tied(const tc_job *job) { return job->source; }
+static const tc_volume *coefficients_tied(const tc_frame_job *job) { return job->source; }
 
-static void coefficients_key(const tc_job *job, GByteArray *key) {
+static void coefficients_key(const tc_frame_job *job, GByteArray *key) {
   const uint64_t serial = tc_volume_serial(job->source);
   append(key, &serial, sizeof serial);
 }
@@ -55,21 +55,21 @@ static bool coefficients_go_on(void *thing, const tc_making *m, GError **error) 
 
 static void *coefficients_finish(void *thing) { return tc_coefficients_take(thing); }
 static int64_t coefficients_steps(const void *thing) { return tc_coefficients_steps(thing); }
-static size_t coefficients_start_with(const tc_job *job) { return (size_t)tc_coefficients_bytes(job->source); }
+static size_t coefficients_start_with(const tc_frame_job *job) { return (size_t)tc_coefficients_bytes(job->source); }
 static size_t coefficients_bytes(const void *thing) { return (size_t)tc_volume_bytes(thing); }
 
 /* ---- tables ---- */
 
 /* Everything that a table or integrals are made from. */
-static void table_key(const tc_job *job, GByteArray *key) {
+static void table_key(const tc_frame_job *job, GByteArray *key) {
   const tc_table_params *p = &job->plan->table;
   const tc_transfer_function *tf = p->tf;
   const double numbers[] = {p->voxel_lo, p->voxel_hi, p->slope, p->intercept, p->step_mm,
                             tf->kind == TC_KNOT_EXTINCTION ? 0 : tf->unit_distance_mm};
-  const int32_t choices[] = {p->n, p->linear_light, p->bits, p->n_zooms, tf->kind};
+  const int32_t choices[] = {p->n, p->linear_light, p->bits, p->n_subtables, tf->kind};
   append(key, numbers, sizeof numbers);
   append(key, choices, sizeof choices);
-  append(key, p->zooms, (size_t)p->n_zooms * sizeof *p->zooms);
+  append(key, p->subtables, (size_t)p->n_subtables * sizeof *p->subtables);
   append(key, tf->points, tf->count * sizeof *tf->points);
 }
 
@@ -81,13 +81,13 @@ static bool table_go_on(void *thing, const tc_making *m, GError **error) {
   return tc_table_fill(thing, m->like, m->pool, error);
 }
 
-static bool table_is_whole(const void *thing, const tc_job *job) {
+static bool table_is_whole(const void *thing, const tc_frame_job *job) {
   return job->outlines_table || ((const tc_table *)thing)->entries;
 }
 
 static bool table_is_like(const void *thing, const void *job) {
   const tc_table *t = thing;
-  const tc_table_params *p = &((const tc_job *)job)->plan->table;
+  const tc_table_params *p = &((const tc_frame_job *)job)->plan->table;
   return t->entries && t->n == p->n && t->step_mm == p->step_mm && t->lo == p->voxel_lo && t->hi == p->voxel_hi;
 }
 
@@ -101,7 +101,7 @@ static void *integrals_begin(const tc_making *m, GError **error) {
 /* ---- empty-space skipping ---- */
 
 /* Colours, the step and the compositing space change nothing about where something is seen. */
-static void support_key(const tc_job *job, GByteArray *key) {
+static void support_key(const tc_frame_job *job, GByteArray *key) {
   if (job->plan->key.mode == TC_MODE_ISOSURFACE) {
     append(key, &job->plan->surface.below, sizeof(double));
     append(key, &job->plan->surface.above, sizeof(double));
@@ -124,14 +124,14 @@ static void *support_begin(const tc_making *m, GError **error) {
 }
 
 /* Blocks of a volume, and what else a structure over them is made from. */
-static void blocks_key(const tc_job *job, GByteArray *key) {
+static void blocks_key(const tc_frame_job *job, GByteArray *key) {
   const uint64_t serial = tc_volume_serial(job->volume);
   append(key, &serial, sizeof serial);
   append(key, &job->plan->block, sizeof job->plan->block);
   append(key, &job->plan->reach, sizeof job->plan->reach);
 }
 
-static void supported_key(const tc_job *job, GByteArray *key) {
+static void supported_key(const tc_frame_job *job, GByteArray *key) {
   blocks_key(job, key);
   append(key, &job->have.support->serial, sizeof job->have.support->serial);
 }
@@ -149,7 +149,7 @@ static int64_t minmax_steps(const void *thing) { return ((const tc_minmax *)thin
 /* Most transfer functions are an earlier one, changed a little: the map in use last is where one begins. */
 static bool distance_map_is_like(const void *thing, const void *user) {
   const tc_distance_map *map = thing;
-  const tc_job *job = user;
+  const tc_frame_job *job = user;
   return map->block == job->plan->block && map->reach == job->plan->reach &&
          map->volume == tc_volume_serial(job->volume);
 }
@@ -175,18 +175,18 @@ static bool fine_go_on(void *thing, const tc_making *m, GError **error) {
 static int64_t fine_steps(const void *thing) { return ((const tc_fine *)thing)->grid.done; }
 
 static void *boxes_begin(const tc_making *m, GError **error) {
-  return tc_boxes_begin(m->job->volume, &m->job->have.fine->grid, m->job->have.support, m->pool, error);
+  return tc_boxes_begin(m->job->have.fine, m->job->have.support, m->pool, error);
 }
 
 static bool boxes_go_on(void *thing, const tc_making *m, GError **error) {
-  return tc_boxes_go_on(thing, m->job->volume, &m->job->have.fine->grid, m->pool, error);
+  return tc_boxes_go_on(thing, m->job->have.fine, m->pool, error);
 }
 
 static int64_t boxes_steps(const void *thing) { return tc_boxes_steps(thing); }
 static size_t boxes_held(const void *thing) { return ((const tc_boxes *)thing)->begun ? 0 : boxes_bytes(thing); }
 static double boxes_empty_share(const void *thing) { return ((const tc_boxes *)thing)->empty_share; }
 
-static void bounds_key(const tc_job *job, GByteArray *key) {
+static void bounds_key(const tc_frame_job *job, GByteArray *key) {
   const tc_grey *g = &job->plan->grey;
   const float grey[] = {g->sign, g->floor, g->stop};
   blocks_key(job, key);
@@ -199,21 +199,21 @@ static void *bounds_begin(const tc_making *m, GError **error) {
 
 /* ---- labels ---- */
 
-static const tc_volume *labels_tied(const tc_job *job) { return job->label_volume; }
+static const tc_volume *labels_tied(const tc_frame_job *job) { return job->label_volume; }
 
-static const tc_scene *labels_scene(const tc_job *job) {
+static const tc_scene *labels_scene(const tc_frame_job *job) {
   if (tc_labels_in_color(job->source, job->scene)) return tc_labels_of_colors();
   return job->plan->key.labels == TC_PLAN_GAPS ? tc_labels_of_gaps() : job->scene;
 }
 
-static void labels_key(const tc_job *job, GByteArray *key) {
+static void labels_key(const tc_frame_job *job, GByteArray *key) {
   GBytes *bytes = tc_labels_key(job->label_volume, labels_scene(job));
   append(key, g_bytes_get_data(bytes, NULL), g_bytes_get_size(bytes));
   g_bytes_unref(bytes);
 }
 
 static void *labels_begin(const tc_making *m, GError **error) {
-  const tc_job *job = m->job;
+  const tc_frame_job *job = m->job;
   GBytes *key = tc_labels_key(job->label_volume, labels_scene(job));
   return tc_labels_build(job->label_volume, labels_scene(job), key, tc_pool_halt(m->pool), error);
 }
@@ -226,11 +226,11 @@ static void *labels_begin(const tc_making *m, GError **error) {
 static void free_surfaces(void *thing) { tc_surfaces_free(thing); }
 
 /* The surfaces of all labels that show, which nobody has listed. */
-static bool of_labels(const tc_job *job) {
+static bool of_labels(const tc_frame_job *job) {
   return !job->scene->mesh.n_surfaces && tc_plan_has(job->plan, TC_RESOURCE_LABELS);
 }
 
-static const tc_volume *mesh_tied(const tc_job *job) { return of_labels(job) ? job->label_volume : job->source; }
+static const tc_volume *mesh_tied(const tc_frame_job *job) { return of_labels(job) ? job->label_volume : job->source; }
 
 static void visible_key(const tc_scene *s, GByteArray *key) {
   const guint8 all = !s->labels.visible;
@@ -239,7 +239,7 @@ static void visible_key(const tc_scene *s, GByteArray *key) {
 }
 
 /* What is drawn beside all labels: the list, or the one surface. */
-static size_t sources_of(const tc_job *job, tc_mesh_source of[TC_MAX_SURFACES]) {
+static size_t sources_of(const tc_frame_job *job, tc_mesh_source of[TC_MAX_SURFACES]) {
   if (job->scene->mesh.n_surfaces) return tc_mesh_sources(job, of);
   of[0] = (tc_mesh_source){.kind = TC_SURFACE_OF_VALUE, .iso = job->scene->isosurface.value,
                            .serial = tc_volume_serial(job->source)};
@@ -247,7 +247,7 @@ static size_t sources_of(const tc_job *job, tc_mesh_source of[TC_MAX_SURFACES]) 
 }
 
 /* Colours change nothing about where a surface is. */
-static void mesh_key(const tc_job *job, GByteArray *key) {
+static void mesh_key(const tc_frame_job *job, GByteArray *key) {
   const uint64_t serial = tc_volume_serial(mesh_tied(job));
   const tc_scene *s = job->scene;
   tc_mesh_source of[TC_MAX_SURFACES];
@@ -267,7 +267,7 @@ static void mesh_key(const tc_job *job, GByteArray *key) {
 /* Has a surface that the job's mesh has: one that moved among others is the only one to be made. */
 static bool mesh_is_like(const void *thing, const void *user) {
   const tc_clusters *mesh = thing;
-  const tc_job *job = user;
+  const tc_frame_job *job = user;
   tc_mesh_source of[TC_MAX_SURFACES];
   const bool labels = of_labels(job);
   const size_t n = labels ? 0 : sources_of(job, of);
@@ -309,7 +309,7 @@ static bool mesh_go_on(void *thing, const tc_making *m, GError **error) {
 
 static void *mesh_finish(void *thing) { return tc_surfaces_take(thing); }
 static int64_t mesh_steps(const void *thing) { return tc_surfaces_steps(thing); }
-static size_t mesh_starts_with(const tc_job *job) { return 0; }
+static size_t mesh_starts_with(const tc_frame_job *job) { return 0; }
 
 static void free_clusters(void *thing) {
   tc_clusters *c = thing;
@@ -337,17 +337,17 @@ static bool mesh_refine(void *thing) {
 
 /* ---- splats ---- */
 
-static void free_runs(void *thing) { tc_vmd_free(thing); }
-static size_t runs_bytes(const void *thing) { return ((const tc_vmd *)thing)->total_bytes; }
+static void free_model(void *thing) { tc_vmd_free(thing); }
+static size_t model_bytes(const void *thing) { return ((const tc_vmd *)thing)->total_bytes; }
 THING(splats)
 
-static bool splats_labels(const tc_job *job) { return tc_plan_has(job->plan, TC_RESOURCE_LABELS); }
+static bool splats_labels(const tc_frame_job *job) { return tc_plan_has(job->plan, TC_RESOURCE_LABELS); }
 
 /* The object's: of labels theirs. */
-static const tc_volume *object_of(const tc_job *job) { return splats_labels(job) ? job->label_volume : job->source; }
+static const tc_volume *object_of(const tc_frame_job *job) { return splats_labels(job) ? job->label_volume : job->source; }
 
 /* Colours change nothing about which voxels are filled. */
-static void runs_key(const tc_job *job, GByteArray *key) {
+static void model_key(const tc_frame_job *job, GByteArray *key) {
   const uint64_t serial = tc_volume_serial(object_of(job));
   const tc_scene *s = job->scene;
   append(key, &serial, sizeof serial);
@@ -358,13 +358,13 @@ static void runs_key(const tc_job *job, GByteArray *key) {
 }
 
 static bool label_shows(const void *user, double voxel) {
-  const tc_job *job = user;
+  const tc_frame_job *job = user;
   const tc_volume_desc *d = tc_volume_describe(job->label_volume);
   const tc_labels *labels = job->have.labels;
   return d->slope * voxel + d->intercept > 0 && labels->entries[(int)voxel - labels->base][4] > 0;
 }
 
-static void *runs_begin(const tc_making *m, GError **error) {
+static void *model_begin(const tc_making *m, GError **error) {
   const double *range = m->job->scene->splat.threshold;
   const tc_vmd_wish wish = {
       .low = range[0], .high = range[1], .shows = splats_labels(m->job) ? label_shows : NULL, .user = m->job};
@@ -374,19 +374,19 @@ static void *runs_begin(const tc_making *m, GError **error) {
 /* What is translucent, or not culled, has an inside. */
 static bool has_inside(const tc_scene *scene) { return !scene->splat.opaque || !scene->splat.culling; }
 
-static void splats_key(const tc_job *job, GByteArray *key) {
+static void splats_key(const tc_frame_job *job, GByteArray *key) {
   const guint8 inside = has_inside(job->scene);
-  runs_key(job, key);
+  model_key(job, key);
   append(key, &inside, 1);
 }
 
 static void *splats_begin(const tc_making *m, GError **error) {
   const tc_scene *scene = m->job->scene;
-  const tc_vmd *model = tc_volume_model(m->job->source), *runs = m->job->have.runs;
-  if (splats_labels(m->job)) return tc_splats_build(runs, (tc_splat_normals){0}, has_inside(scene), m->pool, error);
+  const tc_vmd *model = tc_volume_model(m->job->source), *built = m->job->have.model;
+  if (splats_labels(m->job)) return tc_splats_build(built, (tc_splat_normals){0}, has_inside(scene), m->pool, error);
   if (model) {
     const bool own = tc_vmd_attribute_named(&model->head, "normal") != NULL;
-    return tc_splats_build(runs, (tc_splat_normals){own ? tc_vmd_own_normal : NULL, model}, has_inside(scene), m->pool,
+    return tc_splats_build(built, (tc_splat_normals){own ? tc_vmd_own_normal : NULL, model}, has_inside(scene), m->pool,
                            error);
   }
   tc_vmd_subject *subject = tc_vmd_subject_new(m->job->source, scene->splat.threshold[0], scene->splat.threshold[1]);
@@ -394,23 +394,23 @@ static void *splats_begin(const tc_making *m, GError **error) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
     return NULL;
   }
-  tc_splats *splats = tc_splats_build(runs, (tc_splat_normals){tc_vmd_normal_at, subject}, has_inside(scene),
+  tc_splats *splats = tc_splats_build(built, (tc_splat_normals){tc_vmd_normal_at, subject}, has_inside(scene),
                                       m->pool, error);
   tc_vmd_subject_free(subject);
   return splats;
 }
 
-static void cut_key(const tc_job *job, GByteArray *key) {
+static void cut_key(const tc_frame_job *job, GByteArray *key) {
   double planes[TC_MAX_CLIP_PLANES][4];
   const int n = tc_splat_planes(object_of(job), job->scene, planes);
-  runs_key(job, key);
+  model_key(job, key);
   append(key, planes, (size_t)n * sizeof *planes);
 }
 
 static void *cut_begin(const tc_making *m, GError **error) {
   double planes[TC_MAX_CLIP_PLANES][4];
   const int n = tc_splat_planes(object_of(m->job), m->job->scene, planes);
-  return tc_splats_cut(m->job->have.runs, (const double(*)[4])planes, n, tc_pool_halt(m->pool), error);
+  return tc_splats_cut(m->job->have.model, (const double(*)[4])planes, n, tc_pool_halt(m->pool), error);
 }
 
 /* ---- all ---- */
@@ -509,20 +509,20 @@ const tc_resource_kind tc_resource_kinds[TC_RESOURCE_COUNT] = {
                           .refines = mesh_refines,
                           .refine = mesh_refine,
                           .bytes = clusters_bytes},
-    [TC_RESOURCE_RUNS] = {.store = {"runs of voxels", free_runs, NULL, false},
+    [TC_RESOURCE_MODEL] = {.store = {"voxel model", free_model, NULL, false},
                           .needs = BIT(LABELS),
-                          .key = runs_key,
+                          .key = model_key,
                           .tied = object_of,
-                          .begin = runs_begin,
-                          .bytes = runs_bytes},
+                          .begin = model_begin,
+                          .bytes = model_bytes},
     [TC_RESOURCE_SPLATS] = {.store = {"splats", free_splats, NULL, false},
-                            .needs = BIT(RUNS),
+                            .needs = BIT(MODEL),
                             .key = splats_key,
                             .tied = object_of,
                             .begin = splats_begin,
                             .bytes = splats_bytes},
     [TC_RESOURCE_CUT] = {.store = {"splats of a cut", free_splats, NULL, false},
-                         .needs = BIT(RUNS),
+                         .needs = BIT(MODEL),
                          .key = cut_key,
                          .tied = object_of,
                          .begin = cut_begin,

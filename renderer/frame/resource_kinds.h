@@ -8,7 +8,7 @@
 
 /* What something is built with. */
 typedef struct tc_making {
-  const tc_job *job;   /* with what it needs (below) */
+  const tc_frame_job *job;   /* with what it needs (below) */
   const void *like;    /* one of the same kind that is_like() this one, in use last; or NULL */
   tc_pool *pool;       /* and its halt */
   uint64_t budget;     /* bytes of all resources together */
@@ -18,16 +18,16 @@ typedef struct tc_resource_kind {
   tc_store_kind store;
   uint32_t needs; /* 1 << tc_resource of what job->have must hold of the plan's */
   /* Adds all bytes that a thing depends on. Things of equal keys are the same. */
-  void (*key)(const tc_job *job, GByteArray *key);
-  const tc_volume *(*tied)(const tc_job *job); /* is dropped with this volume; NULL: with none */
+  void (*key)(const tc_frame_job *job, GByteArray *key);
+  const tc_volume *(*tied)(const tc_frame_job *job); /* is dropped with this volume; NULL: with none */
   /* Makes it, or begins it where there is go_on(). NULL with *error set. */
   void *(*begin)(const tc_making *m, GError **error);
   /* Goes on until it is whole: true. False with *error set; it may be called again. NULL: begin() makes all of it. */
   bool (*go_on)(void *thing, const tc_making *m, GError **error);
-  bool (*is_whole)(const void *thing, const tc_job *job); /* NULL: once go_on() said so */
+  bool (*is_whole)(const void *thing, const tc_frame_job *job); /* NULL: once go_on() said so */
   void *(*finish)(void *thing);                           /* of a whole one, what is kept instead; NULL: itself */
   int64_t (*steps)(const void *thing);                    /* grows while it is in the making; NULL: in one step */
-  size_t (*starts_with)(const tc_job *job);               /* memory it takes when it is begun; NULL: held() */
+  size_t (*starts_with)(const tc_frame_job *job);               /* memory it takes when it is begun; NULL: held() */
   size_t (*grows)(const void *thing);                     /* bytes that going on will take, asked for before; NULL: none */
   bool (*is_like)(const void *thing, const void *job);    /* NULL: none is */
   size_t (*held)(const void *thing);                      /* memory it takes now; NULL: bytes() */

@@ -37,20 +37,20 @@ static size_t held(const tc_resource_kind *kind, const tc_stored *it) {
   return kind->held ? kind->held(it->thing) : kind->bytes(it->thing);
 }
 
-static tc_making making(const tc_resources *r, const tc_resource_kind *kind, const tc_job *job) {
+static tc_making making(const tc_resources *r, const tc_resource_kind *kind, const tc_frame_job *job) {
   const tc_stored *like = kind->is_like ? tc_store_latest(r->store, &kind->store, kind->is_like, job) : NULL;
   return (tc_making){job, like ? like->thing : NULL, r->pool, tc_store_budget(r->store)};
 }
 
 /* What is paused is still being built. */
-static void tell(const tc_job *job, int resource) {
+static void tell(const tc_frame_job *job, int resource) {
   if (!job->building) return;
   if (atomic_load(&job->building->resource) != resource) atomic_store(&job->building->permille, 0);
   atomic_store(&job->building->resource, resource);
 }
 
 /* Into the store, begun. */
-static tc_stored *begin(tc_resources *r, const tc_resource_kind *kind, const tc_job *job, const GByteArray *key,
+static tc_stored *begin(tc_resources *r, const tc_resource_kind *kind, const tc_frame_job *job, const GByteArray *key,
                         GError **error) {
   const tc_making m = making(r, kind, job);
   const tc_volume *tied = kind->tied ? kind->tied(job) : NULL;
@@ -64,7 +64,7 @@ static tc_stored *begin(tc_resources *r, const tc_resource_kind *kind, const tc_
   return it;
 }
 
-static bool go_on(tc_resources *r, const tc_resource_kind *kind, const tc_job *job, tc_stored *it, GError **error) {
+static bool go_on(tc_resources *r, const tc_resource_kind *kind, const tc_frame_job *job, tc_stored *it, GError **error) {
   if (kind->grows && !tc_store_may_grow(r->store, it, kind->grows(it->thing), error)) return false;
   const tc_making m = making(r, kind, job);
   const int64_t steps = kind->steps(it->thing);
@@ -76,18 +76,18 @@ static bool go_on(tc_resources *r, const tc_resource_kind *kind, const tc_job *j
   return true;
 }
 
-static bool is_whole(const tc_resource_kind *kind, const tc_stored *it, const tc_job *job) {
+static bool is_whole(const tc_resource_kind *kind, const tc_stored *it, const tc_frame_job *job) {
   return kind->is_whole ? kind->is_whole(it->thing, job) : !it->unfinished;
 }
 
 /* Something is missing that it is built from, or found by. */
-static bool lacks(const tc_resource_kind *kind, const tc_job *job) {
+static bool lacks(const tc_resource_kind *kind, const tc_frame_job *job) {
   for (int i = 0; i < TC_RESOURCE_COUNT; i++)
     if (kind->needs >> i & 1 && tc_plan_has(job->plan, (tc_resource)i) && !job->have.of[i]) return true;
   return false;
 }
 
-const void *tc_resources_get(tc_resources *r, tc_resource which, const tc_job *job, double *ms, GError **error) {
+const void *tc_resources_get(tc_resources *r, tc_resource which, const tc_frame_job *job, double *ms, GError **error) {
   const tc_resource_kind *kind = &tc_resource_kinds[which];
   if (lacks(kind, job)) return NULL;
   GByteArray *key = g_byte_array_new();

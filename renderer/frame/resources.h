@@ -18,7 +18,7 @@ void tc_resources_free(tc_resources *resources); /* NULL is fine */
 
 /* Finds what the job reads of this kind, or builds it from what the job has so far, and adds to *ms what that took.
  * ms NULL: builds nothing, and what is not there now is NULL without an error. */
-const void *tc_resources_get(tc_resources *r, tc_resource which, const tc_job *job, double *ms, GError **error);
+const void *tc_resources_get(tc_resources *r, tc_resource which, const tc_frame_job *job, double *ms, GError **error);
 
 /* A back end took this long over something of r. */
 void tc_resources_took(tc_resources *r, tc_resource which, const void *thing, double ms);

@@ -14,7 +14,7 @@ static int clip_at(const double plane[4], const tc_clip_corner *from, int n, tc_
   int made = 0;
   for (int i = 0; i < n; i++) {
     const tc_clip_corner *a = &from[i], *b = &from[(i + 1) % n];
-    double da = tc_view_row(plane, a->at), db = tc_view_row(plane, b->at);
+    double da = tc_mesh_view_row(plane, a->at), db = tc_mesh_view_row(plane, b->at);
     if (da >= 0) to[made++] = *a;
     if ((da >= 0) == (db >= 0)) continue;
     to[made++] = da >= 0 ? cross_plane(a, b, da, db) : cross_plane(b, a, db, da);
@@ -22,7 +22,7 @@ static int clip_at(const double plane[4], const tc_clip_corner *from, int n, tc_
   return made;
 }
 
-int tc_clip(const tc_view *view, uint32_t planes, tc_clip_corner corners[TC_CLIP_MOST_CORNERS]) {
+int tc_clip(const tc_mesh_view *view, uint32_t planes, tc_clip_corner corners[TC_CLIP_MOST_CORNERS]) {
   tc_clip_corner other[TC_CLIP_MOST_CORNERS];
   int n = 3;
   for (int i = 0; i < view->n_planes && n; i++) {

@@ -14,6 +14,6 @@ typedef struct tc_clip_corner {
 /* Cuts corners[3] at the planes whose bits are set (Sutherland and Hodgman, Reentrant polygon clipping, CACM 1974) and
  * gives how many corners are left, in order; 0: nothing. Where an edge is cut follows from its ends alone, whichever
  * triangle it belongs to, so that neighbours keep meeting there. */
-int tc_clip(const tc_view *view, uint32_t planes, tc_clip_corner corners[TC_CLIP_MOST_CORNERS]);
+int tc_clip(const tc_mesh_view *view, uint32_t planes, tc_clip_corner corners[TC_CLIP_MOST_CORNERS]);
 
 #endif

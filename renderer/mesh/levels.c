@@ -279,14 +279,14 @@ bool tc_levels_add(tc_clusters *to, tc_clusters *levels, GError **error) {
 /* ---- the choice ---- */
 
 /* Pixels that a millimetre may be wide anywhere in the group's sphere, seen in the picture. */
-static double pixels_of_mm(const tc_view *v, const tc_group *g, double slope) {
+static double pixels_of_mm(const tc_mesh_view *v, const tc_group *g, double slope) {
   const double centre[3] = {g->centre[0], g->centre[1], g->centre[2]};
   if (!v->perspective) return v->scale;
-  const double nearest = tc_view_row(v->depth, centre) + v->reference - (double)g->radius;
+  const double nearest = tc_mesh_view_row(v->depth, centre) + v->reference - (double)g->radius;
   return nearest > 0 ? v->scale * slope / nearest : INFINITY;
 }
 
-size_t tc_levels_choose(const tc_clusters *mesh, const tc_view *v, double pixels, uint8_t *level) {
+size_t tc_levels_choose(const tc_clusters *mesh, const tc_mesh_view *v, double pixels, uint8_t *level) {
   /* What moves along the view moves aside on the picture as far as it is from its middle: most in a corner. */
   const double slope = sqrt(1 + (v->centre[0] * v->centre[0] + v->centre[1] * v->centre[1]) / (v->scale * v->scale));
   size_t n = 0;

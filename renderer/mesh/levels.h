@@ -23,7 +23,7 @@ size_t tc_levels_bytes(const tc_clusters *of);
 
 /* For each group its coarsest level whose error is at most so many pixels of the picture: level[n_groups]. Pure. Gives back
  * how many triangles that is. */
-size_t tc_levels_choose(const tc_clusters *mesh, const tc_view *view, double pixels, uint8_t *level);
+size_t tc_levels_choose(const tc_clusters *mesh, const tc_mesh_view *view, double pixels, uint8_t *level);
 
 /* Levels that are made on a thread of their own, of low priority. `of` is read until tc_refining_end(). NULL: no thread. */
 typedef struct tc_refining tc_refining;

@@ -12,7 +12,7 @@ static void cross(const double a[3], const double b[3], double c[3]) {
   for (int k = 0; k < 3; k++) c[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
 }
 
-static ray ray_of(const tc_view *v, double x, double y) {
+static ray ray_of(const tc_mesh_view *v, double x, double y) {
   const double right = (x - v->centre[0]) / v->scale, down = (y - v->centre[1]) / v->scale;
   ray r;
   for (int k = 0; k < 3; k++) {
@@ -47,13 +47,13 @@ static bool meets(const ray *r, double corner[3][3], bool one_sided, double *t) 
 }
 
 /* Before the near plane or beyond a clip plane nothing is drawn. */
-static bool is_kept(const tc_view *v, const double p[3]) {
+static bool is_kept(const tc_mesh_view *v, const double p[3]) {
   for (int i = 0; i < v->n_planes; i++)
-    if ((i < TC_VIEW_GUARD || i >= TC_VIEW_CLIP) && tc_view_row(v->planes[i], p) < 0) return false;
+    if ((i < TC_VIEW_GUARD || i >= TC_VIEW_CLIP) && tc_mesh_view_row(v->planes[i], p) < 0) return false;
   return true;
 }
 
-static bool in_cluster(const tc_clusters *m, const tc_cluster *c, const tc_view *view, const ray *r, bool one_sided,
+static bool in_cluster(const tc_clusters *m, const tc_cluster *c, const tc_mesh_view *view, const ray *r, bool one_sided,
                        double *nearest) {
   const size_t room = tc_cluster_padded(c->n_vertices), row = tc_cluster_padded(c->n_triangles);
   const float *at = m->positions + 3 * (size_t)c->vertex;
@@ -70,7 +70,7 @@ static bool in_cluster(const tc_clusters *m, const tc_cluster *c, const tc_view 
   return found;
 }
 
-bool tc_mesh_pick(const tc_clusters *mesh, const tc_view *view, const tc_raster_surface *surfaces, double least, double x,
+bool tc_mesh_pick(const tc_clusters *mesh, const tc_mesh_view *view, const tc_raster_surface *surfaces, double least, double x,
                   double y, tc_mesh_hit *hit) {
   const ray r = ray_of(view, x, y);
   double nearest[2] = {INFINITY, INFINITY}; /* of what is looked through, and of the rest */

@@ -57,7 +57,7 @@ static void copy_row(float to[4], const double from[4], double scale) {
 
 static void set_up_frame(drawing *d) {
   const tc_raster_job *job = d->job;
-  const tc_view *v = job->view;
+  const tc_mesh_view *v = job->view;
   tc_raster_frame *f = &d->frame;
   *f = (tc_raster_frame){.mesh = job->mesh, .view = v, .look = job->look, .perspective = v->perspective,
                          .surfaces = job->surfaces, .reference = (float)v->reference,
@@ -197,7 +197,7 @@ static bool is_hidden(tc_raster_tile *t, int n_samples, const tc_sight *s, block
 }
 
 static void begin_tile(const drawing *d, tc_raster_tile *t, int tile) {
-  const tc_view *v = d->job->view;
+  const tc_mesh_view *v = d->job->view;
   t->x0 = tile % d->tiles_x * TC_RASTER_SIDE, t->y0 = tile / d->tiles_x * TC_RASTER_SIDE;
   t->width = v->width - t->x0 < TC_RASTER_SIDE ? v->width - t->x0 : TC_RASTER_SIDE;
   t->height = v->height - t->y0 < TC_RASTER_SIDE ? v->height - t->y0 : TC_RASTER_SIDE;
@@ -280,7 +280,7 @@ static tc_raster_layer *sort_by_pixel(tc_raster_layers *layers, uint32_t first[T
 
 /* Where the ray through the middle of a fragment is when it has gone so far. */
 static void texture_fragments(const drawing *d, tc_raster_fragments *f) {
-  const tc_view *v = d->job->view;
+  const tc_mesh_view *v = d->job->view;
   for (int i = 0; i < f->n; i++) {
     if (!surface_of(d, f->id[i] / TC_CLUSTER_TRIANGLES)->textured) continue;
     const double right = ((double)f->x[i] - v->centre[0]) / v->scale, down = ((double)f->y[i] - v->centre[1]) / v->scale;

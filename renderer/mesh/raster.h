@@ -66,7 +66,7 @@ const tc_raster_kernels *tc_raster_kernels_named(const char *isa);
 
 typedef struct tc_raster_job {
   const tc_clusters *mesh;
-  const tc_view *view;
+  const tc_mesh_view *view;
   const tc_raster_kernels *kernels;
   tc_raster_look look;
   const tc_raster_surface *surfaces; /* [mesh->n_parts] */

@@ -18,7 +18,7 @@ enum {
 /* A frame's constants. Fixed-point numbers are whole numbers held as floats: exact. */
 typedef struct tc_raster_frame {
   const tc_clusters *mesh;
-  const tc_view *view;
+  const tc_mesh_view *view;
   tc_raster_look look;
   const tc_raster_surface *surfaces;
   bool perspective;

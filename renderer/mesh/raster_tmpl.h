@@ -277,10 +277,10 @@ static void sort_out(const tc_raster_frame *f, const tc_raster_tile *t, const pl
 }
 
 static corner project(const tc_raster_frame *f, const tc_raster_tile *t, const double at[3]) {
-  const tc_view *v = f->view;
-  double behind = tc_view_row(v->depth, at), scale = v->scale, near = -behind;
+  const tc_mesh_view *v = f->view;
+  double behind = tc_mesh_view_row(v->depth, at), scale = v->scale, near = -behind;
   if (v->perspective) scale /= behind + v->reference, near /= behind + v->reference;
-  double x = v->centre[0] + scale * tc_view_row(v->right, at), y = v->centre[1] + scale * tc_view_row(v->down, at);
+  double x = v->centre[0] + scale * tc_mesh_view_row(v->right, at), y = v->centre[1] + scale * tc_mesh_view_row(v->down, at);
   return (corner){llrint(x * PIXEL) - (int64_t)t->x0 * (int64_t)PIXEL, llrint(y * PIXEL) - (int64_t)t->y0 * (int64_t)PIXEL,
                   (float)near};
 }
@@ -310,7 +310,7 @@ static void draw_all_cut(const tc_raster_frame *f, const tc_raster_tile *t, cons
     const double point[3] = {at[i], at[room + i], at[2 * room + i]};
     outside[i] = 0;
     for (int s = 0; s < f->view->n_planes; s++)
-      if (planes >> s & 1 && !(tc_view_row(f->view->planes[s], point) >= 0)) outside[i] |= 1u << s;
+      if (planes >> s & 1 && !(tc_mesh_view_row(f->view->planes[s], point) >= 0)) outside[i] |= 1u << s;
   }
   memcpy(triangles, f->mesh->triangles + 3 * (size_t)k->triangle, 3 * triangle_room);
   for (size_t i = 0; i < k->n_triangles; i++) {

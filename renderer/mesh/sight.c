@@ -3,7 +3,7 @@
 #include <math.h>
 
 /* All of a cluster's normals look away from the eye, wherever in its sphere they are. */
-static bool faces_away(const tc_view *v, const tc_cluster *k) {
+static bool faces_away(const tc_mesh_view *v, const tc_cluster *k) {
   double along = 0, apart = 0;
   if (k->spread > 1) return false;
   for (int i = 0; i < 3; i++) {
@@ -24,9 +24,9 @@ static bool pixel_range(double lo, double hi, int size, int16_t *first, int16_t 
 }
 
 /* Pixels that a sphere may touch. False: none. */
-static bool bound_sphere(const tc_view *v, const double centre[3], double r, tc_sight *s) {
-  const double depth = tc_view_row(v->depth, centre) + v->reference, nearest = depth - r;
-  const double at[2] = {tc_view_row(v->right, centre), tc_view_row(v->down, centre)};
+static bool bound_sphere(const tc_mesh_view *v, const double centre[3], double r, tc_sight *s) {
+  const double depth = tc_mesh_view_row(v->depth, centre) + v->reference, nearest = depth - r;
+  const double at[2] = {tc_mesh_view_row(v->right, centre), tc_mesh_view_row(v->down, centre)};
   const int size[2] = {v->width, v->height};
   int16_t first[2], last[2];
   for (int k = 0; k < 2; k++) {
@@ -51,14 +51,14 @@ double tc_sight_slack(const tc_clusters *mesh) {
   return 1e-5 * ((double)mesh->radius + far);
 }
 
-tc_sight tc_sight_of(const tc_view *v, const tc_cluster *k, double slack, bool one_sided, bool *away) {
+tc_sight tc_sight_of(const tc_mesh_view *v, const tc_cluster *k, double slack, bool one_sided, bool *away) {
   const double centre[3] = {k->centre[0], k->centre[1], k->centre[2]}, r = k->radius * 1.0001 + slack;
   const tc_sight none = {.x0 = 0, .x1 = -1};
   tc_sight s = {0};
   bool outside = false;
-  for (int i = 0; i < 4 && !outside; i++) outside = tc_view_row(v->sides[i], centre) < -r;
+  for (int i = 0; i < 4 && !outside; i++) outside = tc_mesh_view_row(v->sides[i], centre) < -r;
   for (int i = 0; i < v->n_planes && !outside; i++) {
-    double apart = tc_view_row(v->planes[i], centre);
+    double apart = tc_mesh_view_row(v->planes[i], centre);
     outside = apart < -r;
     if (apart <= r) s.planes |= 1u << i;
   }

@@ -13,6 +13,6 @@ typedef struct tc_sight {
 
 double tc_sight_slack(const tc_clusters *mesh); /* mm that single precision may be off by */
 /* one_sided: what faces away is not seen. *away: that was the reason, not that it is outside. */
-tc_sight tc_sight_of(const tc_view *view, const tc_cluster *cluster, double slack, bool one_sided, bool *away);
+tc_sight tc_sight_of(const tc_mesh_view *view, const tc_cluster *cluster, double slack, bool one_sided, bool *away);
 
 #endif

@@ -6,13 +6,13 @@
 #include "renderer/base/vector.h"
 
 /* Inside is at least 0: along (right or down) * sign <= limit pixels from the axis, whose middle is `centre`. */
-static void set_side(const tc_view *v, const double row[4], double sign, double limit, double plane[4]) {
+static void set_side(const tc_mesh_view *v, const double row[4], double sign, double limit, double plane[4]) {
   double wide = limit / v->scale;
   for (int k = 0; k < 4; k++) plane[k] = v->perspective ? wide * v->depth[k] - sign * row[k] : -sign * row[k];
   plane[3] += v->perspective ? wide * v->reference : wide;
 }
 
-static void set_sides(tc_view *v) {
+static void set_sides(tc_mesh_view *v) {
   for (int i = 0; i < 4; i++) {
     const double *row = i < 2 ? v->right : v->down, sign = i & 1 ? -1 : 1, middle = v->centre[i / 2];
     set_side(v, row, sign, middle + 1, v->sides[i]);
@@ -24,10 +24,10 @@ static void set_sides(tc_view *v) {
   }
 }
 
-void tc_view_set_up(tc_view *view, const tc_clusters *mesh, const tc_camera *camera, int width, int height,
+void tc_mesh_view_set_up(tc_mesh_view *view, const tc_clusters *mesh, const tc_camera *camera, int width, int height,
                     const double (*clip)[4], int n_clip) {
   double right[3], down[3], middle = 0;
-  *view = (tc_view){.width = width, .height = height, .perspective = camera->projection == TC_PERSPECTIVE,
+  *view = (tc_mesh_view){.width = width, .height = height, .perspective = camera->projection == TC_PERSPECTIVE,
                     .centre = {0.5 * width, 0.5 * height}, .n_planes = TC_VIEW_CLIP + n_clip};
   for (int k = 0; k < 3; k++) {
     view->forward[k] = camera->target[k] - camera->position[k];
@@ -58,7 +58,7 @@ void tc_view_set_up(tc_view *view, const tc_clusters *mesh, const tc_camera *cam
   }
 }
 
-bool tc_view_is_outside(const tc_view *view, const tc_clusters *mesh) {
+bool tc_mesh_view_is_outside(const tc_mesh_view *view, const tc_clusters *mesh) {
   double apart = 0, along = 0;
   for (int k = 0; k < 3; k++) {
     double d = mesh->centre[k] - view->eye[k];

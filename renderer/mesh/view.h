@@ -24,7 +24,7 @@ enum {
 #define TC_VIEW_SUBPIXEL 256 /* of the fixed point */
 #define TC_VIEW_REACH 16000  /* pixels: the guard planes' distance; 2^22 parts, which a float and a magic number hold */
 
-typedef struct tc_view {
+typedef struct tc_mesh_view {
   int width, height;
   bool perspective;
   double right[4], down[4], depth[4]; /* rows */
@@ -33,17 +33,17 @@ typedef struct tc_view {
   double planes[TC_VIEW_PLANES][4]; /* what is cut off is below 0; mm (the guard's: in any unit) */
   int n_planes;
   double eye[3], forward[3];       /* relative to the mesh's origin; unit */
-} tc_view;
+} tc_mesh_view;
 
 /* The camera was validated (tc_plan_check). clip: LPS planes n . p + d >= 0 of what is kept, at most TC_VIEW_MOST_CLIP.
  * Pure. */
-void tc_view_set_up(tc_view *view, const tc_clusters *mesh, const tc_camera *camera, int width, int height,
+void tc_mesh_view_set_up(tc_mesh_view *view, const tc_clusters *mesh, const tc_camera *camera, int width, int height,
                     const double (*clip)[4], int n_clip);
 
 /* Whether the eye is outside the sphere around all of the mesh, so that a closed mesh that no plane cuts shows no back. */
-bool tc_view_is_outside(const tc_view *view, const tc_clusters *mesh);
+bool tc_mesh_view_is_outside(const tc_mesh_view *view, const tc_clusters *mesh);
 
-static inline double tc_view_row(const double row[4], const double p[3]) {
+static inline double tc_mesh_view_row(const double row[4], const double p[3]) {
   return row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3];
 }
 

@@ -27,7 +27,7 @@ tc_stage tc_stage_of(tc_resource resource) {
       [TC_RESOURCE_FINE] = TC_STAGE_SKIPPING,
       [TC_RESOURCE_BOXES] = TC_STAGE_SKIPPING,            [TC_RESOURCE_BOUNDS] = TC_STAGE_SKIPPING,
       [TC_RESOURCE_LABELS] = TC_STAGE_LABELS,             [TC_RESOURCE_MESH] = TC_STAGE_MESH,
-      [TC_RESOURCE_RUNS] = TC_STAGE_SPLATS,               [TC_RESOURCE_SPLATS] = TC_STAGE_SPLATS,
+      [TC_RESOURCE_MODEL] = TC_STAGE_SPLATS,               [TC_RESOURCE_SPLATS] = TC_STAGE_SPLATS,
       [TC_RESOURCE_CUT] = TC_STAGE_SPLATS};
   return stages[resource];
 }
@@ -84,11 +84,11 @@ static void say_tables(const teller *t) {
     say(t, TC_STAGE_TABLE_2D, false, "classification is %s: no segment is looked up as a whole", name);
     return;
   }
-  char zooms[48] = "";
-  if (p->n_zooms)
-    snprintf(zooms, sizeof zooms, ", %d zoom%s for close knots", p->n_zooms, p->n_zooms > 1 ? "s" : "");
+  char subtables[48] = "";
+  if (p->n_subtables)
+    snprintf(subtables, sizeof subtables, ", %d subtable%s for close knots", p->n_subtables, p->n_subtables > 1 ? "s" : "");
   say(t, TC_STAGE_TABLE_1D, false, "classification is %s: segments are integrated beforehand", name);
-  say(t, TC_STAGE_TABLE_2D, true, "classification is %s: %d values a side%s%s, segments of %.4g mm", name, p->n, zooms,
+  say(t, TC_STAGE_TABLE_2D, true, "classification is %s: %d values a side%s%s, segments of %.4g mm", name, p->n, subtables,
       t->plan->key.stiff ? ", depths" : "", t->plan->step_mm);
   if (t->facts && t->facts->table_builder) add(t, TC_STAGE_TABLE_2D, "; %s", t->facts->table_builder);
 }
@@ -391,7 +391,7 @@ void tc_plan_explain(const tc_plan *plan, const tc_volume *volume, const tc_scen
   to->key = facts ? facts->key : plan->key;
   to->width = plan->width, to->height = plan->height;
   to->step_mm = plan->step_mm;
-  to->table_size = p->n, to->table_zooms = p->n_zooms;
+  to->table_size = p->n, to->subtables = p->n_subtables;
   to->table_lo = p->slope * p->voxel_lo + p->intercept, to->table_hi = p->slope * p->voxel_hi + p->intercept;
   tc_plan_key_name(&plan->key, to->kernel, sizeof to->kernel);
   say_coefficients(&t);

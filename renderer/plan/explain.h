@@ -44,7 +44,7 @@ typedef struct tc_explanation {
   int width, height;
   double step_mm;            /* world length of a full segment */
   int table_size;            /* entries per side of the table, or nodes of the 1-D tables; 0 = none (projections) */
-  int table_zooms;           /* narrower tables that resolve knots which stand too close for it */
+  int subtables;           /* narrower tables that resolve knots which stand too close for it */
   double table_lo, table_hi; /* values (volume's unit) of the first and last entry */
   bool has_object;           /* the scene is an opaque object of a threshold, drawn by the cpu: */
   tc_object_cost object;     /* what it costs in each mode that draws it */

@@ -15,7 +15,7 @@ typedef struct tc_plan_key {
   uint8_t mode;           /* tc_mode */
   uint8_t voxel_type;     /* tc_voxel_type of what is sampled: coefficients are f32 */
   uint8_t classification; /* tc_classification */
-  uint8_t order;          /* tc_order */
+  uint8_t order;          /* tc_compositing_order */
   uint8_t filter;         /* tc_filter */
   uint8_t projection;     /* tc_projection */
   uint8_t shading;        /* tc_shading_model */
@@ -27,7 +27,7 @@ typedef struct tc_plan_key {
   uint8_t coherence;      /* 0/1 */
   uint8_t jitter;         /* 0/1 */
   uint8_t labels;         /* tc_plan_labels */
-  uint8_t zoomed;         /* 0/1: the pre-integration table has zooms (classify/preintegration.h) */
+  uint8_t subtables;         /* 0/1: the pre-integration table has subtables (classify/preintegration.h) */
   uint8_t stiff;          /* 0/1: a ray's short last segment needs the table's row of depths (classify/preintegration.h) */
   uint8_t slab;           /* mpr: 0 one slice, else 1 + tc_slab_projection */
 } tc_plan_key;

@@ -83,9 +83,9 @@ static void plan_table(tc_plan *plan, const tc_volume *field, const tc_scene *sc
     p.bits = request->table_bits;
     plan->key.stiff = tc_extinction_most(&scene->transfer_function) * plan->step_mm > TC_STIFF_DEPTH;
   }
-  if (request->table_size) p.n = request->table_size, p.n_zooms = 0;
+  if (request->table_size) p.n = request->table_size, p.n_subtables = 0;
   plan->table = p;
-  plan->key.zoomed = p.n_zooms > 0;
+  plan->key.subtables = p.n_subtables > 0;
 }
 
 /* Coherence: a ray may start as far as the centre ray skipped, if the space between the two is known to be empty too. */
@@ -171,7 +171,7 @@ static void plan_splat(tc_plan *plan, const tc_volume *volume, const tc_scene *s
   plan->key.shading = (uint8_t)s->shading.model;
   plan->depth = request->want_depth;
   plan_labels(plan, s);
-  need(plan, TC_RESOURCE_RUNS);
+  need(plan, TC_RESOURCE_MODEL);
   need(plan, TC_RESOURCE_SPLATS);
   if (plan->key.clipping && s->splat.opaque) need(plan, TC_RESOURCE_CUT);
 }

@@ -36,7 +36,7 @@ typedef enum tc_resource {
   TC_RESOURCE_BOUNDS,       /* how large the field may be around each block */
   TC_RESOURCE_LABELS,       /* what label voxels look like */
   TC_RESOURCE_MESH,         /* the isosurface as clusters of triangles */
-  TC_RESOURCE_RUNS,         /* run-length model of the voxels within splat.threshold */
+  TC_RESOURCE_MODEL,         /* run-length model of the voxels within splat.threshold */
   TC_RESOURCE_SPLATS,       /* what is drawn of it */
   TC_RESOURCE_CUT,          /* what clipping lays open of it */
   TC_RESOURCE_COUNT

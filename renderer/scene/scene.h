@@ -27,7 +27,7 @@ typedef enum tc_projection { TC_PERSPECTIVE, TC_ORTHOGRAPHIC, TC_PROJECTION_COUN
 typedef enum tc_classification {
   TC_PREINTEGRATED, TC_PREINTEGRATED2, TC_APPROXIMATE, TC_POST, TC_LINEARIZED, TC_CLASSIFICATION_COUNT
 } tc_classification;
-typedef enum tc_order { TC_FRONT_TO_BACK, TC_BACK_TO_FRONT, TC_ORDER_COUNT } tc_order;
+typedef enum tc_compositing_order { TC_FRONT_TO_BACK, TC_BACK_TO_FRONT, TC_ORDER_COUNT } tc_compositing_order;
 typedef enum tc_filter { TC_FILTER_LINEAR, TC_FILTER_CUBIC, TC_FILTER_NEAREST, TC_FILTER_COUNT } tc_filter;
 typedef enum tc_skipping_mode { TC_SKIPPING_AUTO, TC_SKIPPING_OFF, TC_SKIPPING_COUNT } tc_skipping_mode;
 typedef enum tc_shading_model {
@@ -128,7 +128,7 @@ typedef struct tc_scene {
   tc_transfer_function transfer_function;
   struct { double center, width; } window;
   tc_classification classification;
-  tc_order order;
+  tc_compositing_order order;
   tc_filter filter;
   struct {
     double step; /* voxels of the smallest spacing, > 0 */

@@ -23,7 +23,7 @@ typedef struct found {
 
 typedef struct tc_boxing {
   const tc_fine *fine; /* borrowed during a call */
-  tc_fine_runs runs;
+  tc_fine_ranges ranges;
   int n[3];         /* records along each axis */
   bool *full;       /* records without any empty fine box */
   size_t row_bytes; /* of a row of bits */
@@ -49,7 +49,7 @@ static void emit(found *f, const int at[3], int size, uint32_t fine) {
 
 static int least(int a, int b) { return a < b ? a : b; }
 
-/* A bit for each fine box of a row: it is in no empty run. */
+/* A bit for each fine box of a row: it is in no empty range. */
 static void read_bits(const boxes_job *job, int y, int z, uint8_t *bits) {
   const tc_fine *f = job->fine;
   const int *n = f->grid.blocks;
@@ -58,8 +58,8 @@ static void read_bits(const boxes_job *job, int y, int z, uint8_t *bits) {
     const __m128i lo = _mm_loadu_si128((const __m128i *)(const void *)(f->least + at + x));
     const __m128i hi = _mm_loadu_si128((const __m128i *)(const void *)(f->most + at + x));
     __m128i empty = _mm_setzero_si128();
-    for (int r = 0; r < job->runs.count; r++) {
-      const __m128i from = _mm_set1_epi8((char)job->runs.first[r]), to = _mm_set1_epi8((char)job->runs.last[r]);
+    for (int r = 0; r < job->ranges.count; r++) {
+      const __m128i from = _mm_set1_epi8((char)job->ranges.first[r]), to = _mm_set1_epi8((char)job->ranges.last[r]);
       empty = _mm_or_si128(empty, _mm_and_si128(_mm_cmpeq_epi8(_mm_max_epu8(lo, from), lo),
                                                 _mm_cmpeq_epi8(_mm_min_epu8(hi, to), hi)));
     }
@@ -186,10 +186,8 @@ static bool reserve(boxes_job *job) {
   return job->full && bits;
 }
 
-tc_boxes *tc_boxes_begin(const tc_volume *volume, const tc_minmax *minmax, const tc_support *support, tc_pool *pool,
-                         GError **error) {
+tc_boxes *tc_boxes_begin(const tc_fine *fine, const tc_support *support, tc_pool *pool, GError **error) {
   double start = tc_now_ms();
-  const tc_fine *fine = (const tc_fine *)minmax;
   tc_boxes *boxes = calloc(1, sizeof *boxes);
   boxes_job *job = calloc(1, sizeof *job);
   if (boxes) boxes->begun = job;
@@ -204,7 +202,7 @@ tc_boxes *tc_boxes_begin(const tc_volume *volume, const tc_minmax *minmax, const
     say_no_memory(error);
     return NULL;
   }
-  if (!tc_fine_find_runs(fine, support, &job->runs, error)) {
+  if (!tc_fine_find_ranges(fine, support, &job->ranges, error)) {
     tc_boxes_free(boxes);
     return NULL;
   }
@@ -218,11 +216,11 @@ tc_boxes *tc_boxes_begin(const tc_volume *volume, const tc_minmax *minmax, const
   return boxes;
 }
 
-bool tc_boxes_go_on(tc_boxes *boxes, const tc_volume *volume, const tc_minmax *minmax, tc_pool *pool, GError **error) {
+bool tc_boxes_go_on(tc_boxes *boxes, const tc_fine *fine, tc_pool *pool, GError **error) {
   double start = tc_now_ms();
   boxes_job *job = boxes->begun;
   if (!job) return true;
-  job->fine = (const tc_fine *)minmax;
+  job->fine = fine;
   bool made = tc_pool_go_on(pool, &job->next, (job->n[2] + 1) / 2 * job->strips, boxes_task, job);
   bool joined = made && join(boxes);
   if (joined) end_boxing(boxes);

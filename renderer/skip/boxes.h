@@ -9,7 +9,7 @@
 #ifndef TC_SKIP_BOXES_H
 #define TC_SKIP_BOXES_H
 
-#include "renderer/skip/skip.h"
+#include "renderer/skip/fine.h"
 
 #define TC_BOX_REACH 65536 /* largest number of voxels along an axis */
 /* Of a record: */
@@ -38,13 +38,11 @@ typedef struct tc_boxes {
 /* Whether boxes can name every cell of the volume: no axis is longer than TC_BOX_REACH. */
 bool tc_boxes_serve(const tc_volume *volume);
 
-/* volume: the one that is sampled; minmax: the grid of its tc_fine (skip/fine.h), which also says how far the filter
- * reaches; pool: of the calls that follow. NULL with TC_ERROR_MEMORY. */
-tc_boxes *tc_boxes_begin(const tc_volume *volume, const tc_minmax *minmax, const tc_support *support, tc_pool *pool,
-                         GError **error);
+/* fine: of the volume that is sampled, the same in the calls that follow, as is the pool. NULL with TC_ERROR_MEMORY. */
+tc_boxes *tc_boxes_begin(const tc_fine *fine, const tc_support *support, tc_pool *pool, GError **error);
 /* Builds on until the list is complete: true, at once if it already is. False: the pool's halt, to be called again; or
  * TC_ERROR_MEMORY. */
-bool tc_boxes_go_on(tc_boxes *boxes, const tc_volume *volume, const tc_minmax *minmax, tc_pool *pool, GError **error);
+bool tc_boxes_go_on(tc_boxes *boxes, const tc_fine *fine, tc_pool *pool, GError **error);
 int tc_boxes_steps(const tc_boxes *boxes); /* grows as the work progresses */
 void tc_boxes_free(tc_boxes *boxes); /* NULL is fine */
 

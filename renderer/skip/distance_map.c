@@ -4,13 +4,13 @@
 #include <string.h>
 
 #include "renderer/base/clock.h"
-#include "renderer/skip/runs.h"
+#include "renderer/skip/empty_ranges.h"
 
 #define FAR 254 /* a u8 distance that leaves room for +1 */
 
 typedef struct map_job {
   const tc_minmax *minmax;
-  const tc_runs *runs;
+  const tc_empty_ranges *ranges;
   const tc_distance_map *before; /* NULL, or of the same blocks */
   uint8_t *distance;
   uint32_t *empty; /* [layers] */
@@ -28,7 +28,7 @@ static void mark_layer(void *context, int z, int worker) {
   bool changed = false;
   for (size_t i = (size_t)z * count; i < end;) {
     int n = end - i < sizeof sets / 2 ? (int)(end - i) : (int)sizeof sets / 2;
-    tc_runs_read(job->runs, job->minmax->pairs, 2 * i, 2 * n, sets);
+    tc_empty_ranges_read(job->ranges, job->minmax->pairs, 2 * i, 2 * n, sets);
     for (int k = 0; k < n; k++, i++) {
       bool empty = sets[2 * k] & sets[2 * k + 1];
       job->distance[i] = empty ? FAR : 0;
@@ -139,12 +139,12 @@ tc_distance_map *tc_distance_map_build(const tc_minmax *m, const tc_support *sup
   map_job job = {.minmax = m, .before = before, .distance = calloc(count + 8 + layers, 1),
                   .empty = calloc(layers, sizeof *job.empty), .changed = calloc(layers, sizeof *job.changed)};
   uint8_t *joined = malloc((size_t)m->blocks[0] + 2);
-  tc_runs runs = {0};
+  tc_empty_ranges ranges = {0};
   bool ok = map && job.distance && job.empty && job.changed && joined;
   if (!ok) tc_set_error(error, TC_ERROR_MEMORY, NULL, "distance map: out of memory");
-  ok = ok && tc_runs_init(&runs, support, m->type, error);
+  ok = ok && tc_empty_ranges_init(&ranges, support, m->type, error);
   if (ok) {
-    job.runs = &runs;
+    job.ranges = &ranges;
     ok = tc_pool_run(pool, m->blocks[2], mark_layer, &job);
     size_t empty = 0;
     for (size_t z = 0; z < layers; z++) empty += job.empty[z];
@@ -161,7 +161,7 @@ tc_distance_map *tc_distance_map_build(const tc_minmax *m, const tc_support *sup
     free(map);
     map = NULL;
   }
-  tc_runs_finish(&runs);
+  tc_empty_ranges_finish(&ranges);
   free(job.empty);
   free(job.changed);
   free(joined);

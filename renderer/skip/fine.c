@@ -4,7 +4,7 @@
 
 #include "renderer/base/clock.h"
 #include "renderer/skip/minmax_rows.h"
-#include "renderer/skip/runs.h"
+#include "renderer/skip/empty_ranges.h"
 #include "renderer/volume/voxel.h"
 
 #define LEVELS 65536
@@ -163,36 +163,36 @@ void tc_fine_free(tc_fine *fine) {
   free(fine);
 }
 
-/* ---- runs ---- */
+/* ---- ranges ---- */
 
 /* The set of all values of the levels [first, last]: those of both ends, since a run is an interval. Levels of floats
  * reach one further for rounding. */
-static uint8_t set_of(const tc_fine *f, const tc_runs *runs, int first, int last) {
+static uint8_t set_of(const tc_fine *f, const tc_empty_ranges *ranges, int first, int last) {
   const bool real = f->grid.type == TC_F32;
   const double level = f->scale > 0 ? 1 / f->scale : 0;
-  return tc_runs_set(runs, f->lo + (first - real) * level) & tc_runs_set(runs, f->lo + (last + 2 * real) * level);
+  return tc_empty_ranges_set(ranges, f->lo + (first - real) * level) & tc_empty_ranges_set(ranges, f->lo + (last + 2 * real) * level);
 }
 
-bool tc_fine_find_runs(const tc_fine *f, const tc_support *support, tc_fine_runs *found, GError **error) {
-  tc_runs runs;
-  int first[TC_FINE_RUNS], last[TC_FINE_RUNS];
-  if (!tc_runs_init(&runs, support, TC_F32, error)) return false; /* as of floats: without the sets of all values */
-  for (int r = 0; r < TC_FINE_RUNS; r++)
+bool tc_fine_find_ranges(const tc_fine *f, const tc_support *support, tc_fine_ranges *found, GError **error) {
+  tc_empty_ranges ranges;
+  int first[TC_FINE_RANGES], last[TC_FINE_RANGES];
+  if (!tc_empty_ranges_init(&ranges, support, TC_F32, error)) return false; /* as of floats: without the sets of all values */
+  for (int r = 0; r < TC_FINE_RANGES; r++)
     first[r] = BINS, last[r] = -1;
   for (int i = 0, end; i < f->levels; i = end) {
     const int bin = f->bins[i];
     for (end = i + 1; end < f->levels && f->bins[end] == bin; end++)
       continue;
-    const uint8_t set = set_of(f, &runs, i, end - 1);
-    for (int r = 0; r < TC_FINE_RUNS; r++) {
+    const uint8_t set = set_of(f, &ranges, i, end - 1);
+    for (int r = 0; r < TC_FINE_RANGES; r++) {
       if (!(set >> r & 1)) continue;
       if (first[r] > bin) first[r] = bin;
       last[r] = bin;
     }
   }
-  tc_runs_finish(&runs);
+  tc_empty_ranges_finish(&ranges);
   found->count = 0;
-  for (int r = 0; r < TC_FINE_RUNS; r++) {
+  for (int r = 0; r < TC_FINE_RANGES; r++) {
     if (first[r] > last[r]) continue;
     found->first[found->count] = (uint8_t)first[r];
     found->last[found->count++] = (uint8_t)last[r];

@@ -138,5 +138,3 @@ void tc_minmax_free(tc_minmax *minmax) {
   free(minmax->pairs);
   free(minmax);
 }
-
-double tc_minmax_value(const tc_minmax *m, size_t i) { return tc_voxel_at(m->type, m->pairs, i); }

@@ -44,7 +44,6 @@ tc_minmax *tc_minmax_begin(const tc_volume *volume, int block, int reach, GError
 bool tc_minmax_go_on(tc_minmax *minmax, const tc_volume *volume, tc_pool *pool, GError **error);
 tc_minmax *tc_minmax_build(const tc_volume *volume, int block, int reach, tc_pool *pool, GError **error);
 void tc_minmax_free(tc_minmax *minmax); /* NULL is fine */
-double tc_minmax_value(const tc_minmax *minmax, size_t i); /* pairs[i] */
 
 /* Support of a transfer function: at which nodes of the value axis its extinction is not zero. Colours and the
  * length of a segment do not matter. */

@@ -51,7 +51,7 @@ void tc_support_free(tc_support *support) {
   free(support);
 }
 
-/* Widened by the reach of a look-up and a node for rounding, as in runs.c. */
+/* Widened by the reach of a look-up and a node for rounding, as in empty_ranges.c. */
 void tc_support_zones(const tc_support *s, double *below, double *above) {
   int first = 0, last = s->n + 2;
   while (first < s->n + 2 && s->used[first + 1] == 0) first++;

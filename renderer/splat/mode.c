@@ -83,7 +83,7 @@ static void set_palette(matter *m, const tc_scene *scene) {
     }
 }
 
-static void set_matter(matter *m, const tc_job *job, bool solid) {
+static void set_matter(matter *m, const tc_frame_job *job, bool solid) {
   const char *name = job->scene->splat.attribute;
   *m = (matter){.volume = job->have.labels ? job->label_volume : job->source,
                 .labels = job->have.labels,
@@ -94,7 +94,7 @@ static void set_matter(matter *m, const tc_job *job, bool solid) {
   if (m->palette) set_palette(m, job->scene);
 }
 
-bool tc_splat_mode_draw(tc_pool *pool, const tc_job *job, GError **error) {
+bool tc_splat_mode_draw(tc_pool *pool, const tc_frame_job *job, GError **error) {
   const tc_scene *scene = job->scene;
   const bool one_color = !scene->splat.attribute[0] || strcmp(scene->splat.attribute, "color") == 0;
   const bool solid = one_color && !job->have.labels;

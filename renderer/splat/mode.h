@@ -5,6 +5,6 @@
 #include "renderer/frame/backend.h"
 
 /* A tc_drawer. */
-bool tc_splat_mode_draw(tc_pool *pool, const tc_job *job, GError **error);
+bool tc_splat_mode_draw(tc_pool *pool, const tc_frame_job *job, GError **error);
 
 #endif

@@ -19,7 +19,7 @@ typedef struct column {
   const char *name; /* in JSON */
   const char *head; /* in the text; NULL: shares the column before, behind a slash */
   tc_classification classification;
-  tc_order order;
+  tc_compositing_order order;
   bool coherence, terminate, leap;
   int block;
 } column;

@@ -41,7 +41,7 @@ cJSON *tcs_report_object_measure(tc_renderer *renderer, const tcs_report_scene *
 typedef struct tcs_setting {
   tc_backend backend;
   tc_classification classification;
-  tc_order order;
+  tc_compositing_order order;
   tc_filter filter;
   double step, termination;
   int rays;

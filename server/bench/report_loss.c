@@ -103,7 +103,7 @@ static bool say_table(GString *out, const GArray *rows, const line *l) {
       return true;
     }
   if (large && large->rms * LESS > own->rms)
-    g_string_append_printf(out, ". At a step of %g, %.0f entries without the plan's zooms leave more, %.2g", own->step,
+    g_string_append_printf(out, ". At a step of %g, %.0f entries without the plan's subtables leave more, %.2g", own->step,
                            large->table_nodes, large->rms);
   else if (large)
     g_string_append_printf(out, ". Not for want of entries: at a step of %g, %.0f leave %.2g", own->step,

@@ -63,7 +63,7 @@ static void add(sweep *w, const tcs_setting *s) {
 static void vary(sweep *w, tcs_setting usual) {
   tcs_setting s = usual;
   for (int order = 0; order < TC_ORDER_COUNT; order++)
-    if (order != (int)usual.order) s.order = (tc_order)order, add(w, &s), s = usual;
+    if (order != (int)usual.order) s.order = (tc_compositing_order)order, add(w, &s), s = usual;
   for (int filter = 0; filter < TC_FILTER_COUNT; filter++)
     if (filter != (int)usual.filter) s.filter = (tc_filter)filter, add(w, &s), s = usual;
   s.jitter = true, add(w, &s), s = usual;

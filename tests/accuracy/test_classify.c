@@ -212,7 +212,7 @@ static void random_scene(uint64_t seed) {
   EACH_RENDERER(isa)
     /* programs take a while */
     for (int order = isa == GL && seed % 13 ? TC_ORDER_COUNT : 0; order < TC_ORDER_COUNT; order++) {
-      scene.order = (tc_order)order;
+      scene.order = (tc_compositing_order)order;
       memcpy(kept[order], render(isa, volume, &scene), sizeof kept[order]);
       for (size_t i = 0; i < pixels_of(&scene); i++) {
         const float *p = kept[order] + 4 * i;
@@ -293,7 +293,7 @@ static void combinations(void **state) {
     scene.classification = (tc_classification)(n / 2);
     dress(&scene, (n + n / 2) % 4);
     for (int order = 0; order < TC_ORDER_COUNT; order++) {
-      scene.order = (tc_order)order;
+      scene.order = (tc_compositing_order)order;
       scene.skipping.mode = TC_SKIPPING_AUTO;
       float *cpu = picture(test_widest(), volume, labels, &scene);
       drawn[order] = picture(GL, volume, labels, &scene);

@@ -65,7 +65,7 @@ static void pattern(test_case *c, int i) { c->pattern = (test_pattern)i; }
 static void narrow_knots(test_case *c, int i) {
   c->type = TC_U16;
   c->lo = 0, c->hi = 65535;
-  c->zoomed = true;
+  c->subtables = true;
   c->scene.transfer_function.kind = TC_KNOT_EXTINCTION;
   c->pattern = i == 3 ? TEST_RAMP : TEST_NOISE;
   c->n_knots = TEST_MAX_KNOTS;
@@ -187,7 +187,7 @@ static void take_way(test_case *c, int way) {
   else s->mode = modes[look - TC_CLASSIFICATION_COUNT];
   /* Half of the ways, of each filter and each classification some. */
   if ((look + filter) % 2) s->sampling.termination = pow(10, -1 - look % 3);
-  if (way != 0 && !c->zoomed) c->table_size = 64; /* the plan's own choice is what the first way is for */
+  if (way != 0 && !c->subtables) c->table_size = 64; /* the plan's own choice is what the first way is for */
 }
 
 enum { MOST_CASES = 26 };

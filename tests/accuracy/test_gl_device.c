@@ -293,7 +293,7 @@ static bool bench_render(bench *b, const tc_interrupt *interrupt) {
   tc_rays_set_up(&rays, b->volume, &b->scene, b->frame.width, b->frame.height);
   tc_halt halt = tc_halt_begin(interrupt, 0);
   b->frame.stats = (tc_frame_stats){0};
-  tc_job job = {.plan = &plan,
+  tc_frame_job job = {.plan = &plan,
                 .key = plan.key,
                 .scene = &b->scene,
                 .volume = b->volume,

@@ -28,7 +28,7 @@ typedef struct polygon {
 
 typedef struct truth {
   tc_clusters *mesh;
-  tc_view view;
+  tc_mesh_view view;
   polygon *polygons;
   GArray *of_pixel[PIXELS]; /* numbers of polygons whose boxes touch the pixel */
 } truth;
@@ -47,10 +47,10 @@ static tc_clusters *surfaces(tc_volume *volume, const tc_volume *labels, const t
   return tc_surfaces_take(s);
 }
 
-static void project(const tc_view *v, const double p[3], double at[2], double *near) {
-  double behind = tc_view_row(v->depth, p), d = v->perspective ? behind + v->reference : 1;
-  at[0] = v->centre[0] + v->scale * tc_view_row(v->right, p) / d;
-  at[1] = v->centre[1] + v->scale * tc_view_row(v->down, p) / d;
+static void project(const tc_mesh_view *v, const double p[3], double at[2], double *near) {
+  double behind = tc_mesh_view_row(v->depth, p), d = v->perspective ? behind + v->reference : 1;
+  at[0] = v->centre[0] + v->scale * tc_mesh_view_row(v->right, p) / d;
+  at[1] = v->centre[1] + v->scale * tc_mesh_view_row(v->down, p) / d;
   *near = -behind / d;
 }
 
@@ -86,7 +86,7 @@ static truth *find_truth(tc_volume *volume, const tc_volume *labels, const tc_sc
   }
   for (int i = 0; i < scene->clip.n_planes; i++) memcpy(planes[n++], scene->clip.planes[i], sizeof *planes);
   t->mesh = surfaces(volume, labels, scene);
-  tc_view_set_up(&t->view, t->mesh, &scene->camera, SIDE, SIDE, (const double(*)[4])planes, n);
+  tc_mesh_view_set_up(&t->view, t->mesh, &scene->camera, SIDE, SIDE, (const double(*)[4])planes, n);
   t->polygons = calloc(t->mesh->n_triangles + 1, sizeof *t->polygons);
   uint32_t number = 0;
   for (size_t c = 0; c < t->mesh->n; c++)
@@ -138,7 +138,7 @@ static void near_at(const polygon *p, double x, double y, double *least, double 
 
 /* How many things may be seen at the point; whether one of them is at this depth (mm along the ray; NAN: not asked). */
 static int may_be_seen(const truth *t, int pixel, double x, double y, double depth, bool *there) {
-  const tc_view *v = &t->view;
+  const tc_mesh_view *v = &t->view;
   const GArray *list = t->of_pixel[pixel];
   double hides = -INFINITY, least, most;
   int n = 0;

@@ -82,7 +82,7 @@ static float *build_here(const tc_table *table, double *ms) {
 
 /* Every entry a number, opacity in 0..1, no colour over it times the brightest; nothing where no segment is. */
 static void check_entries(const char *what, const tc_table *t, const float *entries) {
-  for (int w = 0; w <= t->n_zooms; w++) {
+  for (int w = 0; w <= t->n_subtables; w++) {
     const tc_table_window window = tc_table_window_of(t, w);
     const size_t reach = (size_t)(window.intervals + 1) * (size_t)window.columns;
     for (size_t i = window.start - reach; i < window.start + reach + (size_t)window.columns; i++) {
@@ -215,7 +215,7 @@ static tc_volume *waves(tc_voxel_type type) {
   return test_volume(&grid, test_waves, &wavelength);
 }
 
-/* A value one of 65535 wide shows only through zooms. */
+/* A value one of 65535 wide shows only through subtables. */
 static void one_value_wide(void **state) {
   needs_gl();
   tc_knot peak[] = {{0.499994, {1, 0.5, 0}, 0}, {0.5, {1, 1, 0}, 40}, {0.500006, {0, 0.5, 1}, 0}};
@@ -224,8 +224,8 @@ static void one_value_wide(void **state) {
   tc_table_params p = params(&tf, peak, 3, TC_KNOT_EXTINCTION, 0, 0.5);
   p.slope = tc_volume_describe(volume)->slope;
   tc_table_choose(volume, &p, NULL);
-  assert_true(p.n_zooms > 0);
-  printf("  %d nodes and %d zooms: off by %.1e\n", p.n, p.n_zooms, compare("peak", &p).worst);
+  assert_true(p.n_subtables > 0);
+  printf("  %d nodes and %d subtables: off by %.1e\n", p.n, p.n_subtables, compare("peak", &p).worst);
   tc_volume_unref(volume);
 }
 

@@ -318,7 +318,7 @@ typedef struct long_list {
   const char *name;
   size_t knots;
   tc_classification classification;
-  int places;     /* where they stand, as close as zooms resolve; 0: all over the range */
+  int places;     /* where they stand, as close as subtables resolve; 0: all over the range */
   bool alternate; /* between clear black and dense white: many pieces each */
 } long_list;
 

@@ -176,9 +176,9 @@ static void look(tc_camera *camera, tc_projection projection, double apart, doub
   camera->position[1] -= apart;
 }
 
-static void place(const tc_view *v, const double p[3], double at[2]) {
-  const double depth = tc_view_row(v->depth, p) + v->reference, by = v->perspective ? v->scale / depth : v->scale;
-  at[0] = v->centre[0] + by * tc_view_row(v->right, p), at[1] = v->centre[1] + by * tc_view_row(v->down, p);
+static void place(const tc_mesh_view *v, const double p[3], double at[2]) {
+  const double depth = tc_mesh_view_row(v->depth, p) + v->reference, by = v->perspective ? v->scale / depth : v->scale;
+  at[0] = v->centre[0] + by * tc_mesh_view_row(v->right, p), at[1] = v->centre[1] + by * tc_mesh_view_row(v->down, p);
 }
 
 /* However a point of the surface is displaced by what its level may be off, its place in the picture moves by less than the
@@ -189,9 +189,9 @@ static void choices_are_bounded_in_pixels(void **state) {
   for (int i = 0; i < 12; i++) {
     const double pixels = i & 1 ? 1 : 0.5, apart = (double[]){70, 200, 900}[i / 4];
     tc_camera camera;
-    tc_view view;
+    tc_mesh_view view;
     look(&camera, i & 2 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE, apart, i & 2 ? apart : 40);
-    tc_view_set_up(&view, c, &camera, 300, 200, NULL, 0);
+    tc_mesh_view_set_up(&view, c, &camera, 300, 200, NULL, 0);
     const size_t n = tc_levels_choose(c, &view, pixels, level);
     double most = 0;
     for (size_t k = 0; k < c->n; k++) {

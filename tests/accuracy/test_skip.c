@@ -210,8 +210,8 @@ static void boxes_hold_what_shows(void **unused) {
     tc_support *support = support_of(v, &s.transfer_function);
     tc_fine *fine = tc_fine_begin(v, 5, reach, trial % 4 ? SIZE_MAX : 3000, NULL);
     assert_true(tc_fine_go_on(fine, v, NULL, NULL));
-    tc_boxes *boxes = tc_boxes_begin(v, &fine->grid, support, NULL, NULL);
-    assert_true(tc_boxes_go_on(boxes, v, &fine->grid, NULL, NULL));
+    tc_boxes *boxes = tc_boxes_begin(fine, support, NULL, NULL);
+    assert_true(tc_boxes_go_on(boxes, fine, NULL, NULL));
     tc_minmax *m = tc_minmax_build(v, boxes->block, reach, NULL, NULL);
     tc_distance_map *leap = tc_distance_map_build(m, support, NULL, NULL, NULL);
     const size_t count = volume_of(m->blocks);

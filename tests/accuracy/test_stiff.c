@@ -79,7 +79,7 @@ static void a_short_segment(void **state) {
   }
 }
 
-/* Two values a voxel, and a corner with both ends of the range: what the rays see is inside a zoom of the table. */
+/* Two values a voxel, and a corner with both ends of the range: what the rays see is inside a subtable of the table. */
 static double narrow(double x, double y, double z, const void *unused) {
   return y == 0 && z == 0 ? 65535 * (x > 5) : 30000 + 2 * x;
 }
@@ -112,7 +112,7 @@ static void a_wall_at_the_end(void **state) {
   tc_volume_unref(volume);
 }
 
-/* A peak one of 65536 values wide: segments reach from beside it, inside its zoom, to far outside of it. */
+/* A peak one of 65536 values wide: segments reach from beside it, inside its subtable, to far outside of it. */
 static double across_the_range(double x, double y, double z, const void *bend) {
   return 65535 * (0.1 + 0.9 * (6 * y + 2 * x + z + *(const double *)bend * x * z) / 300);
 }
@@ -133,7 +133,7 @@ static void see_a_peak(tc_volume *volume, tc_scene *scene, const char *what, con
         if (i == test_widest())
           printf("  %-18s %s step %-6g opacity rms %.0e, all %.1e\n", what, way ? "second" : "first ", step, opacity,
                  rms);
-        assert_true(plan.table_zooms > 0);
+        assert_true(plan.subtables > 0);
         if (!(opacity <= most[0] && rms <= most[1]))
           fail_msg("%s, %s, way %d, step %g: opacity %g, all %g", what, test_names[i], way, step, opacity, rms);
       }

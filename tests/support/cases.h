@@ -59,7 +59,7 @@ typedef struct test_case {
   size_t n_knots; /* more than TEST_MAX_KNOTS: evenly over 0..1, colours and amounts repeating */
   test_label_recipe labels;
   int table_size; /* of the request */
-  bool zoomed;    /* the table is to be the plan's choice, with its zooms */
+  bool subtables;    /* the table is to be the plan's choice, with its subtables */
   tc_scene scene; /* camera, knots, clip box and colours of labels are set by test_case_volume */
 } test_case;
 

@@ -265,7 +265,7 @@ static void after_an_edit(void **state) {
       tc_transfer_function tf, edited;
       tc_table_params p = params(&tf, before, 4, TC_KNOT_OPACITY, n, 0.7);
       params(&edited, after, 4, TC_KNOT_OPACITY, n, 0.7);
-      p.n_zooms = 1, p.zooms[0] = (tc_zoom){.lo = 60, .hi = 100};
+      p.n_subtables = 1, p.subtables[0] = (tc_subtable){.lo = 60, .hi = 100};
       tc_table *like = tc_table_build(&p, pool, NULL), *other;
       p.tf = &edited;
       tc_table *a = rebuild(&p, like, pool), *b = tc_table_build(&p, NULL, NULL);
@@ -282,7 +282,7 @@ static void after_an_edit(void **state) {
         *mark = was;
         tc_table_free(copy);
       }
-      p.step_mm = 0.8, p.n_zooms = 0; /* a like table of no use */
+      p.step_mm = 0.8, p.n_subtables = 0; /* a like table of no use */
       other = rebuild(&p, like, pool);
       tc_table_free(b);
       b = tc_table_build(&p, NULL, NULL);
@@ -298,7 +298,7 @@ static void entries_count(void **state) {
   tc_transfer_function tf;
   double ms = 0;
   tc_plan plan = {0};
-  const tc_job outlines = {.plan = &plan, .outlines_table = true}, fills = {.plan = &plan};
+  const tc_frame_job outlines = {.plan = &plan, .outlines_table = true}, fills = {.plan = &plan};
   tc_resources *r = tc_resources_new(NULL, 6 << 20, NULL); /* a table of 256 takes 2.1 MB */
 #define GET(job, ms) ((const tc_table *)tc_resources_get(r, TC_RESOURCE_TABLE, job, ms, NULL))
   const tc_table *tables[TABLES];
@@ -335,7 +335,7 @@ static void edits_go(void **state) {
   enum { EDITS = 20, KEPT = 6 };
   tc_transfer_function tf;
   tc_plan plan = {0};
-  const tc_job job = {.plan = &plan};
+  const tc_frame_job job = {.plan = &plan};
   const float *places[EDITS];
   int left = 0, distinct = 0;
   double ms = 0;
@@ -386,8 +386,8 @@ static tc_volume *range_of(tc_voxel_type type, double lo, double hi) {
   return volume;
 }
 
-/* Zooms only where knots want them, each narrower than the one before, around the knots and as fine as they want. */
-static void zooms_where_knots_are_close(void **state) {
+/* Subtables only where knots want them, each narrower than the one before, around the knots and as fine as they want. */
+static void subtables_where_knots_are_close(void **state) {
   static tc_knot peaks[] = {{-20000.5, {1, 1, 1}, 0}, {-20000, {1, 1, 1}, 1}, {-19999.5, {1, 1, 1}, 0},
                             {11999.5, {1, 1, 1}, 0},  {12000, {1, 1, 1}, 1},  {12000.5, {1, 1, 1}, 0}};
   static tc_knot step[] = {{300, {1, 1, 1}, 0}, {300, {1, 1, 1}, 0.5}};
@@ -399,7 +399,7 @@ static void zooms_where_knots_are_close(void **state) {
     size_t count;
     tc_voxel_type type;
     double lo, hi;
-    int n, zooms;
+    int n, subtables;
   } cases[] = {{"two peaks, 16 bits", peaks, 6, TC_I16, -32768, 32767, 256, 6},
                {"one of them", peaks, 3, TC_I16, -32768, 32767, 256, 5},
                {"peaks as floats", peaks, 6, TC_F32, -32768, 32767, 256, 6},
@@ -417,15 +417,15 @@ static void zooms_where_knots_are_close(void **state) {
     bool complete;
     tc_table_choose(volume, &p, &complete);
     tc_table *t = tc_table_build(&p, NULL, NULL);
-    printf("%-20s n=%4d, %d zooms, %.2f ms on one thread\n", cases[i].what, p.n, p.n_zooms, t->build_ms);
+    printf("%-20s n=%4d, %d subtables, %.2f ms on one thread\n", cases[i].what, p.n, p.n_subtables, t->build_ms);
     assert_int_equal(p.n, cases[i].n);
-    assert_int_equal(p.n_zooms, cases[i].zooms);
+    assert_int_equal(p.n_subtables, cases[i].subtables);
     assert_true(complete);
-    for (int z = 0; z < p.n_zooms; z++) {
-      double node = (p.zooms[z].hi - p.zooms[z].lo) / (TC_ZOOM_NODES - 1);
-      /* an entry of the zoom is what the reference gives, at the peak in its middle */
-      const float *e = t->zoom_rows[z] + (51 * (TC_ZOOM_NODES + 2) + 107) * 4;
-      light near = integral(&tf, p.zooms[z].lo + 107 * node, p.zooms[z].lo + 158 * node, 1, false);
+    for (int z = 0; z < p.n_subtables; z++) {
+      double node = (p.subtables[z].hi - p.subtables[z].lo) / (TC_SUBTABLE_NODES - 1);
+      /* an entry of the subtable is what the reference gives, at the peak in its middle */
+      const float *e = t->subtable_rows[z] + (51 * (TC_SUBTABLE_NODES + 2) + 107) * 4;
+      light near = integral(&tf, p.subtables[z].lo + 107 * node, p.subtables[z].lo + 158 * node, 1, false);
       assert_true(fabs((double)e[3] - (1 - near.t)) < 3e-6 && fabs((double)e[0] - near.c[0]) < 3e-6);
     }
     tc_table_free(t);
@@ -436,6 +436,6 @@ static void zooms_where_knots_are_close(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {TEST(against_the_reference), TEST(closed_form), TEST(one_colour),
     TEST(very_many_knots), TEST(elementary_segments), TEST(invariants), TEST(after_an_edit), TEST(entries_count),
-    TEST(edits_go), TEST(narrower_formats), TEST(zooms_where_knots_are_close)};
+    TEST(edits_go), TEST(narrower_formats), TEST(subtables_where_knots_are_close)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

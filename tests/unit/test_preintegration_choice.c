@@ -1,4 +1,4 @@
-/* What the choice of a table's size and zooms promises (classify/preintegration.h), over the built-in scenes and over random
+/* What the choice of a table's size and subtables promises (classify/preintegration.h), over the built-in scenes and over random
  * transfer functions. Rays through linear fields stand for all: along those the table is all that is wrong. */
 #include "tests/support/test.h"
 
@@ -8,7 +8,7 @@
 
 /* ---- a ray of segments looked up, and the same integrated ---- */
 
-/* The table or one of its zooms (0: the table), and values in its nodes. */
+/* The table or one of its subtables (0: the table), and values in its nodes. */
 typedef struct window {
   const float *zero;
   int columns;
@@ -18,21 +18,21 @@ typedef struct window {
 static window window_of(const tc_table *t, int z) {
   window w = {t->zero_row, t->columns, t->lo, t->hi, (t->n - 1) / (t->hi - t->lo), 0};
   if (z == 0) return w;
-  const tc_zoom *zoom = &t->zooms[z - 1];
-  return (window){t->zoom_rows[z - 1], TC_ZOOM_NODES + 2, zoom->lo, zoom->hi,
-                  (TC_ZOOM_NODES - 1) / (zoom->hi - zoom->lo), zoom->rim};
+  const tc_subtable *subtable = &t->subtables[z - 1];
+  return (window){t->subtable_rows[z - 1], TC_SUBTABLE_NODES + 2, subtable->lo, subtable->hi,
+                  (TC_SUBTABLE_NODES - 1) / (subtable->hi - subtable->lo), subtable->rim};
 }
 
 static bool holds(const window *w, double value) { return value >= w->lo && value <= w->hi; }
 static bool holds_close(const window *w, double value) {
   double node = (value - w->lo) * w->scale;
-  return node >= w->rim && node <= TC_ZOOM_NODES - 1 - w->rim;
+  return node >= w->rim && node <= TC_SUBTABLE_NODES - 1 - w->rim;
 }
 
-/* As kernels do (zoom_tmpl.h), in double precision. */
+/* As kernels do (subtable_tmpl.h), in double precision. */
 static double depth_in(const window *w, double a, double b) {
   double low = (fmin(a, b) - w->lo) * w->scale, high = (fmax(a, b) - w->lo) * w->scale;
-  bool table = w->columns != TC_ZOOM_NODES + 2;
+  bool table = w->columns != TC_SUBTABLE_NODES + 2;
   const float *row = w->zero + 4 * (ptrdiff_t)(table ? w->columns + 1 : w->columns) * w->columns;
   int i = (int)low, j = (int)high;
   const float *p = row + 4 * i, *q = row + 4 * j;
@@ -45,7 +45,7 @@ static double depth_in(const window *w, double a, double b) {
 static double depth_between(const tc_table *t, double a, double b) {
   double span = fabs(b - a), sum = 0;
   window finest = window_of(t, 0);
-  for (int z = t->n_zooms; z > 0; z--) {
+  for (int z = t->n_subtables; z > 0; z--) {
     window w = window_of(t, z);
     bool begins = holds(&w, a), ends = holds(&w, b);
     if (begins == ends) continue;
@@ -54,7 +54,7 @@ static double depth_between(const tc_table *t, double a, double b) {
     if (begins) a = back;
     else b = front;
   }
-  for (int z = 1; z <= t->n_zooms; z++) {
+  for (int z = 1; z <= t->n_subtables; z++) {
     window w = window_of(t, z);
     if (holds(&w, a) && holds(&w, b)) finest = w;
   }
@@ -64,7 +64,7 @@ static double depth_between(const tc_table *t, double a, double b) {
 static void look_up(const tc_table *t, double front, double back, double out[4]) {
   window w = window_of(t, 0);
   bool cut = false;
-  for (int z = 1; z <= t->n_zooms; z++) {
+  for (int z = 1; z <= t->n_subtables; z++) {
     window fine = window_of(t, z);
     bool begins = holds(&fine, front), ends = holds(&fine, back);
     cut = cut || (begins != ends && (holds_close(&fine, front) || holds_close(&fine, back)));
@@ -264,13 +264,13 @@ static void random_transfer_functions(void **state) {
 /* ---- the built-in scenes ---- */
 
 /* At every rate of change, of which one size may suit one better: the rms of all. */
-static double scene_error(const tcs_report_scene *s, int n, double lo, double hi, int *zooms,
+static double scene_error(const tcs_report_scene *s, int n, double lo, double hi, int *subtables,
                           bool *complete) {
   const tc_volume_desc *d = tc_volume_describe(s->volume);
   tc_transfer_function tf = s->scene.transfer_function;
   tc_table_params p = {.tf = &tf, .slope = d->slope, .intercept = d->intercept, .voxel_lo = lo, .voxel_hi = hi, .n = n};
   p.step_mm = s->scene.sampling.step * fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2]));
-  *zooms = p.n_zooms = tc_table_zooms(s->volume, &tf, n, lo, hi, p.zooms, complete);
+  *subtables = p.n_subtables = tc_table_subtables(s->volume, &tf, n, lo, hi, p.subtables, complete);
   assert_true(d->slope == 1 && d->intercept == 0);
   double sum = 0, most = 0;
   medium m = {&tf, tc_table_build(&p, NULL, NULL), lo, hi, p.step_mm, TC_EDGE_UNITS, &most};
@@ -292,7 +292,7 @@ static void more_nodes_are_not_worse(void **state) {
   for (int i = 0; i < tcs_report_scene_count(); i++) {
     tcs_report_scene s;
     GError *error = NULL;
-    int zooms;
+    int subtables;
     double before = INFINITY, own = 0;
     if (!tcs_report_scene_make(i, &s, &error)) fail_msg("%s", error->message);
     const tc_volume_desc *d = tc_volume_describe(s.volume);
@@ -301,8 +301,8 @@ static void more_nodes_are_not_worse(void **state) {
     printf("  %-16s %4d:", s.name, p.n);
     for (int n = 256; n <= 2048; n *= 2) {
       bool complete;
-      double e = scene_error(&s, n, p.voxel_lo, p.voxel_hi, &zooms, &complete);
-      printf(" %.1e (%d)", e, zooms);
+      double e = scene_error(&s, n, p.voxel_lo, p.voxel_hi, &subtables, &complete);
+      printf(" %.1e (%d)", e, subtables);
       if (n == p.n) own = e;
       if (!(e <= 1.3 * before + 2e-3)) fail_msg("%d nodes: %g, half as many: %g", n, e, before);
       if (complete && !(e <= 1.0 / 400)) fail_msg("%d nodes: %g", n, e);

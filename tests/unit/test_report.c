@@ -434,7 +434,7 @@ static void losses_are_explained(void **state) {
        256,
        5e-3,
        0.1,
-       "without the plan's zooms leave more, 0.005",
+       "without the plan's subtables leave more, 0.005",
        "table's"},
       {"preintegrated2", {1e-4, 1.25e-5, 5e-6, 4.9e-6}, 256, 4.9e-6, 0.1, "Sums in single precision", "Not smooth"},
       {"preintegrated2",

@@ -4,12 +4,11 @@
 #ifndef TC_DICOM_PICTURE_H
 #define TC_DICOM_PICTURE_H
 
-#include "renderer/import/helper/dicom_values.h" // first: has error.h with C linkage
-
 #include "renderer/import/helper/dicom_contours.h"
 #include "renderer/import/helper/dicom_pixels.h"
 #include "renderer/import/helper/dicom_sources.h"
 #include "renderer/import/helper/dicom_stack.h"
+#include "renderer/import/helper/dicom_values.h"
 
 namespace dicom {
 

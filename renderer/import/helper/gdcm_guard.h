@@ -10,9 +10,8 @@
 #include <streambuf>
 
 #include <glib.h>
-extern "C" {
+
 #include "renderer/base/error.h"
-}
 
 namespace dicom {
 

@@ -136,9 +136,9 @@ static void copy_row(float to[4], const double from[4]) {
 
 /* The depth buffer's row: nearness (view.h), which is linear over the picture, from the farthest to the nearest that the
  * mesh can have, as 0 to 1. Nothing nearer than the near plane passes. */
-static void set_window(const tc_view *v, const tc_clusters *mesh, float row[4]) {
+static void set_window(const tc_mesh_view *v, const tc_clusters *mesh, float row[4]) {
   const double centre[3] = {mesh->centre[0], mesh->centre[1], mesh->centre[2]}, r = 1.001 * (double)mesh->radius + tc_sight_slack(mesh);
-  const double middle = tc_view_row(v->depth, centre), ref = v->reference;
+  const double middle = tc_mesh_view_row(v->depth, centre), ref = v->reference;
   double near = middle - r, far = middle + r, out[4], a = -1, b = 0;
   if (v->perspective) {
     const double d0 = fmax(near + ref, ref * 0x1p-16), d1 = fmax(far + ref, 2 * d0);
@@ -152,7 +152,7 @@ static void set_window(const tc_view *v, const tc_clusters *mesh, float row[4]) 
   copy_row(row, out);
 }
 
-static void set_look(mesh_block *b, const tc_view *v, const tc_raster_look *look) {
+static void set_look(mesh_block *b, const tc_mesh_view *v, const tc_raster_look *look) {
   const double *rows[3] = {v->right, v->down, v->depth};
   for (int r = 0; r < 3; r++)
     for (int k = 0; k < 3; k++) b->light[r] += (float)rows[r][k] * look->light[k];
@@ -162,7 +162,7 @@ static void set_look(mesh_block *b, const tc_view *v, const tc_raster_look *look
 }
 
 static void set_block(drawing *d) {
-  const tc_view *v = &d->of.view;
+  const tc_mesh_view *v = &d->of.view;
   mesh_block *b = &d->block;
   copy_row(b->right, v->right), copy_row(b->down, v->down), copy_row(b->depth, v->depth);
   set_window(v, d->mesh, b->window);
@@ -290,7 +290,7 @@ static bool draw_clusters(drawing *d, const int tile[4], bool translucent) {
 
 /* layer: 0: what is opaque; then translucent layers, the nearest first. */
 static bool draw_sample(drawing *d, const int tile[4], int s, int layer) {
-  const tc_view *v = &d->of.view;
+  const tc_mesh_view *v = &d->of.view;
   const unsigned program = d->gl->programs[layer ? 2 : 1];
   const float *offset = d->block.offsets[s];
   double place[4];
@@ -375,7 +375,7 @@ static int passes(const tc_scene *scene) {
 }
 
 static bool draw_frame(drawing *d, GError **error) {
-  const tc_job *job = d->gl->job;
+  const tc_frame_job *job = d->gl->job;
   const mesh_layout l = lay_out(d->mesh);
   const uint64_t volume = tc_volume_serial(job->have.labels ? job->label_volume : job->source);
   const tc_gl_packing packing = {"surface mesh", packed_bytes, pack, d->mesh};
@@ -422,7 +422,7 @@ static void warm(const tc_gl_frame *gl, int n_passes) {
   tc_raster_surface surface = {.opacity = 1};
   tc_sight sight = {0};
   tc_frame frame = {0};
-  const tc_job job = {.frame = &frame};
+  const tc_frame_job job = {.frame = &frame};
   tc_gl_frame own = *gl;
   tc_progress progress = {.side = (int)sqrt(gl->most)};
   drawing d = {.gl = &own, .mesh = &mesh, .buffer = &buffer, .of.surfaces = &surface, .block.n_samples = 1, .sights = &sight,

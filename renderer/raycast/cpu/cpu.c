@@ -23,7 +23,7 @@ typedef struct cpu_backend {
 
 /* One frame as its tiles see it. */
 typedef struct cpu_frame {
-  const tc_job *job;
+  const tc_frame_job *job;
   tc_cpu_within cast;
   tc_cpu_kernel kernel;
   tc_resolve resolve;
@@ -89,7 +89,7 @@ static tc_cpu_blocks blocks_of(const uint8_t *values, int width, const int block
                          .row = blocks[0], .slice = blocks[0] * blocks[1]};
 }
 
-static void fill_projection(tc_cpu_args *a, const tc_job *job) {
+static void fill_projection(tc_cpu_args *a, const tc_frame_job *job) {
   a->grey = job->plan->grey;
   if (job->scene->image.linear_light) a->to_light = tc_resolve_light();
   const tc_bounds *b = job->have.bounds;
@@ -99,13 +99,13 @@ static void fill_projection(tc_cpu_args *a, const tc_job *job) {
   a->interval = tc_bounds_interval(b, job->rays);
 }
 
-static void fill_surface(tc_cpu_args *a, const tc_job *job) {
+static void fill_surface(tc_cpu_args *a, const tc_frame_job *job) {
   a->surface = job->plan->surface;
   a->depth = job->plan->depth ? job->frame->depth : NULL;
   a->width = job->frame->width;
 }
 
-static void fill_window(tc_cpu_args *a, const tc_job *job) {
+static void fill_window(tc_cpu_args *a, const tc_frame_job *job) {
   tc_slice_window window;
   tc_slice_window_init(&window, job->volume, job->scene);
   a->nodes.lo = window.lo;
@@ -115,22 +115,22 @@ static void fill_window(tc_cpu_args *a, const tc_job *job) {
   a->window.gain = window.gain;
 }
 
-static void fill_zooms(tc_cpu_args *a, const tc_table *t) {
+static void fill_subtables(tc_cpu_args *a, const tc_table *t) {
   double nodes = (t->n - 1) / (t->hi - t->lo);
-  a->n_zooms = t->n_zooms;
-  for (int z = 0; z < t->n_zooms; z++) {
-    const tc_zoom *zoom = &t->zooms[z];
-    double lo = (zoom->lo - t->lo) * nodes, width = (zoom->hi - zoom->lo) * nodes;
-    double rim = zoom->rim * width / (TC_ZOOM_NODES - 1);
-    a->zooms[z] = (tc_cpu_zoom){.lo = (float)lo,
-                                .scale = (float)((TC_ZOOM_NODES - 1) / width),
-                                .start = (float)((t->zoom_rows[z] - t->zero_row) / 4),
-                                .rim = (float)zoom->rim,
+  a->n_subtables = t->n_subtables;
+  for (int z = 0; z < t->n_subtables; z++) {
+    const tc_subtable *subtable = &t->subtables[z];
+    double lo = (subtable->lo - t->lo) * nodes, width = (subtable->hi - subtable->lo) * nodes;
+    double rim = subtable->rim * width / (TC_SUBTABLE_NODES - 1);
+    a->subtables[z] = (tc_cpu_subtable){.lo = (float)lo,
+                                .scale = (float)((TC_SUBTABLE_NODES - 1) / width),
+                                .start = (float)((t->subtable_rows[z] - t->zero_row) / 4),
+                                .rim = (float)subtable->rim,
                                 .inner = {(float)(lo + rim), (float)(lo + width - rim)}};
   }
 }
 
-static void fill_labels(tc_cpu_labels *l, const tc_job *job) {
+static void fill_labels(tc_cpu_labels *l, const tc_frame_job *job) {
   double matrix[3][4];
   tc_labels_matrix(job->volume, job->label_volume, matrix);
   for (int i = 0; i < 12; i++) l->matrix[i / 4][i % 4] = (float)matrix[i / 4][i % 4];
@@ -148,7 +148,7 @@ static void fill_nodes(tc_cpu_args *a, int n, double lo, double hi) {
   a->nodes.last = (float)(n - 1);
 }
 
-static void fill_args(tc_cpu_args *a, const tc_job *job) {
+static void fill_args(tc_cpu_args *a, const tc_frame_job *job) {
   *a = (tc_cpu_args){.key = job->key, .grid = grid_of(job->volume), .halt = job->halt,
                      .termination = (float)job->scene->sampling.termination};
   tc_rays_round(&a->rays, job->rays);
@@ -162,7 +162,7 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
     a->table = job->have.table->zero_row;
     a->table_stride = (float)job->have.table->columns;
     fill_nodes(a, job->have.table->n, job->have.table->lo, job->have.table->hi);
-    fill_zooms(a, job->have.table);
+    fill_subtables(a, job->have.table);
   } else if (job->have.integrals) {
     a->integrals = job->have.integrals->entries;
     a->levels_start = job->have.integrals->levels_start;
@@ -171,7 +171,7 @@ static void fill_args(tc_cpu_args *a, const tc_job *job) {
   }
 }
 
-static bool fill_cover(cpu_backend *b, const tc_job *job, tc_cpu_args *a, GError **error) {
+static bool fill_cover(cpu_backend *b, const tc_frame_job *job, tc_cpu_args *a, GError **error) {
   tc_cover *c = &b->cover;
   if (!tc_cover_fill(c, job->have.boxes, job->volume, job->rays, job->frame->width, job->frame->height, b->pool, error))
     return false;
@@ -215,7 +215,7 @@ static void keep_partial(cpu_frame *f, int unit, const float *out, ptrdiff_t str
 /* Draws a unit, to its end or until the halt interrupts it. */
 static void draw_unit(cpu_frame *f, int index, int worker) {
   tc_cpu_counts *counts = &f->workers[worker].counts;
-  const tc_job *job = f->job;
+  const tc_frame_job *job = f->job;
   int width = job->frame->width, height = job->frame->height, side = f->progress->side;
   int x0 = index % f->units_x * side, y0 = index / f->units_x * side;
   int x1 = x0 + side < width ? x0 + side : width, y1 = y0 + side < height ? y0 + side : height;
@@ -263,13 +263,13 @@ static bool gather_counts(cpu_frame *f, int workers) {
 }
 
 /* Side of a unit in pixels: a unit takes at most UNIT_MS, unless a packet alone takes longer. */
-static int unit_side(const cpu_backend *b, const tc_job *job) {
+static int unit_side(const cpu_backend *b, const tc_frame_job *job) {
   int side = TILE;
   while (side > SMALLEST && side * side * job->pixel_samples * b->isa->sample_ns > UNIT_MS * 1e6) side /= 2;
   return side;
 }
 
-static bool cpu_render(void *instance, const tc_job *job, GError **error) {
+static bool cpu_render(void *instance, const tc_frame_job *job, GError **error) {
   cpu_backend *b = instance;
   const bool surface = job->key.mode == TC_MODE_ISOSURFACE;
   cpu_frame f = {.job = job, .kernel = (surface ? b->isa->find_surface : b->isa->find)(&job->key)};

@@ -39,13 +39,13 @@ typedef struct tc_cpu_blocks {
   int row, slice;
 } tc_cpu_blocks;
 
-/* A zoom of the pre-integration table, in nodes of the table itself. */
-typedef struct tc_cpu_zoom {
-  float lo, scale; /* node of the zoom = (node - lo) * scale */
-  float start;     /* entries from the table's row k = 0 to the zoom's; exact below 2^24 */
-  float rim;       /* width of the margin at either end, in nodes of the zoom */
-  float inner[2];  /* the zoom without its margins, in nodes of the table */
-} tc_cpu_zoom;
+/* A subtable of the pre-integration table, in nodes of the table itself. */
+typedef struct tc_cpu_subtable {
+  float lo, scale; /* node of the subtable = (node - lo) * scale */
+  float start;     /* entries from the table's row k = 0 to the subtable's; exact below 2^24 */
+  float rim;       /* width of the margin at either end, in nodes of the subtable */
+  float inner[2];  /* the subtable without its margins, in nodes of the table */
+} tc_cpu_subtable;
 
 /* A picture with labels (classify/labels.h). */
 typedef struct tc_cpu_labels {
@@ -68,8 +68,8 @@ typedef struct tc_cpu_args {
   float table_stride; /* entries a row; offsets are computed in float, exact below 2^24 */
   float termination;  /* transparency below which early ray termination ends a ray */
   float zero_below, zero_above; /* nodes: segments below or above contribute nothing (tc_boxes) */
-  int n_zooms;
-  tc_cpu_zoom zooms[TC_MAX_ZOOMS];
+  int n_subtables;
+  tc_cpu_subtable subtables[TC_MAX_SUBTABLES];
   const float *integrals;      /* tc_integrals' entries */
   int levels_start, level_row; /* entries before the levels; per level */
   tc_cpu_blocks blocks;        /* empty-space skipping in projections (levels) and for isosurfaces (distances) */

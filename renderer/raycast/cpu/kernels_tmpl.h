@@ -26,7 +26,7 @@ V_INLINE vf4 cast_rays(const tc_cpu_args *args, variant v, const place *at, skip
 /* Options that few pictures use are read from the key, outside the innermost loops where possible. */
 #define OPTIONS                                                                                                       \
   .shaded = BY_KEY, .gradient = BY_KEY, .terminate = BY_KEY, .leap = BY_KEY, .labels = BY_KEY, .several = BY_KEY,     \
-  .jitter = BY_KEY, .zoomed = BY_KEY
+  .jitter = BY_KEY, .subtables = BY_KEY
 
 /* Members that a row does not name are 0: dvr, pre-integrated, front to back, linear filter, one slice, without. */
 #define ROWS_OF(ROW, name, voxels)                                                                                    \

@@ -9,7 +9,7 @@
 
 #include "renderer/raycast/cpu/integrals_tmpl.h"
 
-#include "renderer/raycast/cpu/zoom_tmpl.h"
+#include "renderer/raycast/cpu/subtable_tmpl.h"
 
 #include "renderer/raycast/cpu/opacity_correction_tmpl.h"
 

@@ -24,7 +24,7 @@ V_INLINE vf front_excess(vf x) {
 /* c: the whole segment. The opacity over `share` of it is exact. Its colour is a mixture of the segment seen from
  * the front and from the back, weighted so that it is exact for linear colour and constant extinction. */
 V_ONCE vf4 shorten_stiff(const tc_cpu_args *args, vf front, vf back, vf4 c, vf share, vm which) {
-  vf4 reverse = classify_zoomed(args, back, front, which);
+  vf4 reverse = classify_subtables(args, back, front, which);
   vf depth = depth_between(args, front, back, which), tiny = v_set(1e-30f), half = v_set(0.5f);
   vf alpha = v_select(v_lt(v_set(0), c.a), opacity_of_depth(share * depth), v_set(0));
   vf along = half * v_min(front_excess(share * depth) / v_max(front_excess(depth), tiny), v_set(1));

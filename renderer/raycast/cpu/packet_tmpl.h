@@ -22,7 +22,7 @@
   MEMBER(labels)                                                                                                      \
   MEMBER(several) /* rays per pixel (subpixel_tmpl.h) */                                                              \
   MEMBER(jitter)                                                                                                      \
-  MEMBER(zoomed) /* the pre-integration table has zooms (classify/preintegration.h) */
+  MEMBER(subtables) /* the pre-integration table has subtables (classify/preintegration.h) */
 #define BY_KEY -1
 
 typedef struct variant {

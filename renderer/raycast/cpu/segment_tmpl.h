@@ -16,14 +16,14 @@ V_INLINE void linearise(vf *front, vf middle, vf *back) {
   *back = mean + half;
 }
 
-/* Linearised segments need not meet. Where the gap between two would skip the inner range of a zoom, a peak could be
+/* Linearised segments need not meet. Where the gap between two would skip the inner range of a subtable, a peak could be
  * missed: such segments keep their sampled ends. */
-V_INLINE void linearise_zoomed(const tc_cpu_args *args, vf *front, vf middle, vf *back) {
+V_INLINE void linearise_subtables(const tc_cpu_args *args, vf *front, vf middle, vf *back) {
   vf near = *front, far = *back;
   linearise(&near, middle, &far);
   vm jumps = v_lt(v_set(1), v_set(0));
-  for (int z = 0; z < args->n_zooms; z++) {
-    vf lo = v_set(args->zooms[z].inner[0]), hi = v_set(args->zooms[z].inner[1]), most = hi - lo;
+  for (int z = 0; z < args->n_subtables; z++) {
+    vf lo = v_set(args->subtables[z].inner[0]), hi = v_set(args->subtables[z].inner[1]), most = hi - lo;
     vm skips = m_and(v_lt(most, v_abs(near - *front)),
                      m_and(v_lt(v_min(near, *front), hi), v_lt(lo, v_max(near, *front))));
     vm leaves = m_and(v_lt(most, v_abs(far - *back)), m_and(v_lt(v_min(far, *back), hi), v_lt(lo, v_max(far, *back))));
@@ -47,7 +47,7 @@ typedef struct ray_segment {
 V_INLINE vf4 classify_part(const tc_cpu_args *args, variant v, const packet *p, const ray_segment *s, vf front,
                            vf back) {
   vm ends = m_and(s->live, v_lt(p->length, s->t1));
-  vf4 c = v.zoomed ? classify_zoomed(args, front, back, s->live) : classify(args, front, back);
+  vf4 c = v.subtables ? classify_subtables(args, front, back, s->live) : classify(args, front, back);
   bool starts = phased(v) && s->i == 0;
   if (!starts && !m_any(ends)) return c;
   vf share = (starts ? v_min(s->t1, p->length) : v_max(p->length - s->t0, v_set(0))) / v_set(args->rays.step_mm);
@@ -71,7 +71,7 @@ V_INLINE vf4 segment(const tc_cpu_args *args, variant v, const packet *p, const 
   if (v.classification == TC_PREINTEGRATED) return classify_part(args, v, p, s, front, back);
   if (v.classification == TC_PREINTEGRATED2) {
     vf middle = sample_node(args, v, p, segment_middle_mm(p, s), NULL);
-    if (v.zoomed) linearise_zoomed(args, &front, middle, &back);
+    if (v.subtables) linearise_subtables(args, &front, middle, &back);
     else linearise(&front, middle, &back);
     counts->samples += (uint64_t)m_count(s->live);
     return classify_part(args, v, p, s, front, back);

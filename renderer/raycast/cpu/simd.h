@@ -38,7 +38,7 @@
  *
  * Order of a kernel's translation unit: kernels.h, then a simd_*.h, then kernels_tmpl.h or surface_tmpl.h, which
  * include the pieces (*_tmpl.h) bottom-up: clip, packet (rays), field, cubic, filter (samples), preintegration,
- * integrals, zoom, opacity_correction (colour and opacity), jitter, subpixel, segment, shading, gradient, labels, cover
+ * integrals, subtable, opacity_correction (colour and opacity), jitter, subpixel, segment, shading, gradient, labels, cover
  * (empty-space skipping), neighbourhood (samples of a march), termination, the marches (dvr, back, projection, mpr or
  * isosurface), and last tile (pixels, rows of variants). A piece uses only what precedes it. */
 #ifndef TC_SIMD_H

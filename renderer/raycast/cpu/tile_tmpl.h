@@ -55,7 +55,7 @@ V_INLINE variant wanted_variant(const tc_plan_key *key) {
                    .labels = key->labels,
                    .several = key->rays,
                    .jitter = key->jitter,
-                   .zoomed = key->zoomed};
+                   .subtables = key->subtables};
 }
 
 /* A row's members that say BY_KEY are read from the key at run time; the others are constants, and what they exclude

@@ -141,7 +141,7 @@ static void forget(void *instance, uint64_t volume_serial) {
 }
 
 static bool builds_table(void *instance, const tc_table_params *params, const char **why) {
-  return tc_gl_builder_serves(&((gl_backend *)instance)->builder, params->n, params->n_zooms, params->bits, why);
+  return tc_gl_builder_serves(&((gl_backend *)instance)->builder, params->n, params->n_subtables, params->bits, why);
 }
 
 static const char *kernel_suffix(void *instance) { return "gl"; }
@@ -164,7 +164,7 @@ static uint16_t texture_traits(const tc_gl_volume *const volumes[2], const tc_gl
 }
 
 /* volume: NULL where none is sampled. */
-static tc_gl_variant variant_for(const gl_backend *b, const tc_job *job, const tc_gl_volume *volume, int pass) {
+static tc_gl_variant variant_for(const gl_backend *b, const tc_frame_job *job, const tc_gl_volume *volume, int pass) {
   tc_gl_variant v;
   memset(&v, 0, sizeof v);
   v.plan = job->key;
@@ -183,7 +183,7 @@ static tc_gl_variant variant_for(const gl_backend *b, const tc_job *job, const t
   return v;
 }
 
-static unsigned program_for(gl_backend *b, const tc_job *job, const tc_gl_volume *volume, int pass, GError **error) {
+static unsigned program_for(gl_backend *b, const tc_frame_job *job, const tc_gl_volume *volume, int pass, GError **error) {
   tc_gl_variant v = variant_for(b, job, volume, pass);
   unsigned program = tc_gl_program_find(&b->programs, &v, sizeof v);
   if (program) return program;
@@ -196,7 +196,7 @@ static unsigned program_for(gl_backend *b, const tc_job *job, const tc_gl_volume
 }
 
 /* Reads back the oldest tile. False: the GPU is lost. */
-static bool collect(gl_backend *b, const tc_job *job, double *last_ms, GError **error) {
+static bool collect(gl_backend *b, const tc_frame_job *job, double *last_ms, GError **error) {
   const tc_gl_slot *slot = tc_gl_ring_take(&b->ring, error);
   if (!slot) return false;
   double ms = tc_gl_ring_ms(&b->ring, slot), now = tc_now_ms();
@@ -218,7 +218,7 @@ static double deaf_ms(void *instance, double pixel_samples) {
 static int whole_groups(int side) { return MAX(side / TC_GL_GROUP, 1) * TC_GL_GROUP; }
 
 /* The next tile, row by row; widths may change from tile to tile. False: there is none. */
-static bool next_tile(const gl_backend *b, const tc_job *job, int tile[4]) {
+static bool next_tile(const gl_backend *b, const tc_frame_job *job, int tile[4]) {
   const tc_frame *frame = job->frame;
   const int pixels = tc_gl_pace_pixels(&b->pace, job->pixel_samples);
   tile[0] += tile[2];
@@ -232,14 +232,14 @@ static bool next_tile(const gl_backend *b, const tc_job *job, int tile[4]) {
   return true;
 }
 
-static bool has_room(const gl_backend *b, const tc_job *job, int pixels) {
+static bool has_room(const gl_backend *b, const tc_frame_job *job, int pixels) {
   unsigned in_flight = b->ring.head - b->ring.tail;
   return !tc_gl_ring_is_full(&b->ring) &&
          (in_flight == 0 || (in_flight + 1) * tc_gl_pace_ms(&b->pace, pixels, job->pixel_samples) <= IN_FLIGHT_MS);
 }
 
 /* Draws tiles from *tile on; afterwards *tile is the next one, at which a paused frame resumes. */
-static bool run_tiles(gl_backend *b, unsigned program, const tc_job *job, int tile[4], GError **error) {
+static bool run_tiles(gl_backend *b, unsigned program, const tc_frame_job *job, int tile[4], GError **error) {
   bool more = tile[2] ? tile[1] < job->frame->height : next_tile(b, job, tile), halted = false, drawn = false;
   double last_ms = tc_now_ms();
   while (more || !tc_gl_ring_is_idle(&b->ring)) {
@@ -258,7 +258,7 @@ static bool run_tiles(gl_backend *b, unsigned program, const tc_job *job, int ti
 }
 
 /* Binds the label volume and its entries to texture units 3 and 4. False with *error set. */
-static bool bind_labels(gl_backend *b, const tc_job *job, const tc_gl_volume **labels, const tc_gl_lookup **entries,
+static bool bind_labels(gl_backend *b, const tc_frame_job *job, const tc_gl_volume **labels, const tc_gl_lookup **entries,
                         GError **error) {
   *labels = NULL, *entries = NULL;
   if (!job->have.labels) return true;
@@ -272,7 +272,7 @@ static bool bind_labels(gl_backend *b, const tc_job *job, const tc_gl_volume **l
 }
 
 /* The lookups that the job names; others stay NULL. */
-static bool lookups_for(gl_backend *b, const tc_job *job, const tc_gl_lookup **table, const tc_gl_lookup **skip,
+static bool lookups_for(gl_backend *b, const tc_frame_job *job, const tc_gl_lookup **table, const tc_gl_lookup **skip,
                         GError **error) {
   double *tables_ms = &job->frame->stats.tables_ms;
   const tc_halt *halt = job->halt;
@@ -284,7 +284,7 @@ static bool lookups_for(gl_backend *b, const tc_job *job, const tc_gl_lookup **t
   return !job->have.bounds || (*skip = tc_gl_textures_bounds(&b->textures, job->volume, job->have.bounds, halt, error));
 }
 
-static void fill_job(gl_backend *b, const tc_job *job, const tc_gl_volume *volume, const tc_gl_volume *labels) {
+static void fill_job(gl_backend *b, const tc_frame_job *job, const tc_gl_volume *volume, const tc_gl_volume *labels) {
   tc_gl_job_block block;
   tc_gl_job_fill(&block, job, volume, labels);
   glNamedBufferSubData(b->job_buffer, 0, sizeof block, &block);
@@ -292,7 +292,7 @@ static void fill_job(gl_backend *b, const tc_job *job, const tc_gl_volume *volum
 }
 
 /* Uploads and binds what the job reads. Returns the volume's texture, or NULL with *error set. */
-static const tc_gl_volume *bind(gl_backend *b, const tc_job *job, GError **error) {
+static const tc_gl_volume *bind(gl_backend *b, const tc_frame_job *job, GError **error) {
   if (!tc_gl_context_use(b->context, error)) return NULL;
   tc_gl_textures_begin(&b->textures);
   const tc_gl_volume *labels, *volume = tc_gl_textures_volume(&b->textures, job->volume, error);
@@ -307,7 +307,7 @@ static const tc_gl_volume *bind(gl_backend *b, const tc_job *job, GError **error
 }
 
 /* In several passes, without rays; the volume itself is not needed. */
-static bool render_passes(gl_backend *b, const tc_job *job, GError **error) {
+static bool render_passes(gl_backend *b, const tc_frame_job *job, GError **error) {
   const tc_gl_drawer *drawer = tc_gl_drawers[job->key.mode];
   unsigned programs[TC_GL_PASSES];
   const bool has_clock = tc_gl_context_about(b->context)->timestamp_bits > 0;
@@ -322,7 +322,7 @@ static bool render_passes(gl_backend *b, const tc_job *job, GError **error) {
   return tc_gl_ring_reserve(&b->ring, tc_gl_slot_bytes(job, b->pace.most), has_clock, error) && drawer->draw(&frame, error);
 }
 
-static bool render(void *instance, const tc_job *job, GError **error) {
+static bool render(void *instance, const tc_frame_job *job, GError **error) {
   gl_backend *b = instance;
   if (b->lost) {
     tc_set_error(error, TC_ERROR_INTERNAL, NULL, "gl: the GPU stopped answering; restart the daemon");
@@ -369,7 +369,7 @@ static void upload_in_background(void *argument) {
 }
 
 /* True: large volumes of the job are being uploaded. Failed uploads are not retried: render() will report the error. */
-static bool uploads(gl_backend *b, const tc_job *job) {
+static bool uploads(gl_backend *b, const tc_frame_job *job) {
   background_work next = {0};
   const tc_volume *volumes[2] = {job->volume, job->have.labels ? job->label_volume : NULL};
   size_t bytes = 0;
@@ -396,7 +396,7 @@ static bool has_failed(const background_work *last, const background_work *next)
 }
 
 /* True on failure too: render() will fail again and report the error. */
-static bool ready(void *instance, const tc_job *job) {
+static bool ready(void *instance, const tc_frame_job *job) {
   gl_backend *b = instance;
   if (b->lost) return true;
   if (tc_gl_warm_is_busy(&b->warm)) return false;

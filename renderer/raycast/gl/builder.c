@@ -42,12 +42,12 @@ void tc_gl_builder_clear(tc_gl_builder *builder) {
   builder->blocks = builder->windows = 0;
 }
 
-bool tc_gl_builder_serves(const tc_gl_builder *builder, int n, int n_zooms, int bits, const char **why) {
+bool tc_gl_builder_serves(const tc_gl_builder *builder, int n, int n_subtables, int bits, const char **why) {
   *why = builder->why;
   if (!builder->windows) return false;
   if (bits) *why = "built by the cpu, which also rounds its entries";
-  int64_t rows = 2 * (int64_t)n + 4, zoom = (2 * TC_ZOOM_NODES + 4) * (TC_ZOOM_NODES + 2);
-  bool fits = rows * (n + 1) + n_zooms * zoom <= builder->most_entries;
+  int64_t rows = 2 * (int64_t)n + 4, subtable = (2 * TC_SUBTABLE_NODES + 4) * (TC_SUBTABLE_NODES + 2);
+  bool fits = rows * (n + 1) + n_subtables * subtable <= builder->most_entries;
   if (!fits) *why = "built by the cpu: no buffer texture of this device holds it";
   return fits && !bits;
 }
@@ -101,7 +101,7 @@ bool tc_gl_builder_run(const tc_gl_builder *builder, const tc_table *table, unsi
   tc_gl_forget_errors();
   glClearNamedBufferData(buffer, GL_RGBA32F, GL_RGBA, GL_FLOAT, NULL); /* entries outside the table */
   glBindImageTexture(0, texture, 0, GL_FALSE, 0, GL_READ_WRITE, GL_RGBA32F);
-  for (int w = 0; w <= table->n_zooms; w++) build_window(builder, table, w, buffer);
+  for (int w = 0; w <= table->n_subtables; w++) build_window(builder, table, w, buffer);
   glBindImageTexture(0, 0, 0, GL_FALSE, 0, GL_READ_ONLY, GL_RGBA32F);
   glMemoryBarrier(GL_TEXTURE_FETCH_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
   glFinish();

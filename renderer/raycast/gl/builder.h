@@ -24,7 +24,7 @@ void tc_gl_builder_make(tc_gl_builder *builder, tc_table_builder wanted, const t
 void tc_gl_builder_clear(tc_gl_builder *builder);
 
 /* True if such a table is built on the GPU. *why: who builds it, and the reason; static. */
-bool tc_gl_builder_serves(const tc_gl_builder *builder, int n, int n_zooms, int bits, const char **why);
+bool tc_gl_builder_serves(const tc_gl_builder *builder, int n, int n_subtables, int bits, const char **why);
 
 /* Writes all entries of the table into a buffer (table->bytes, GL_DYNAMIC_STORAGE_BIT) through its buffer texture
  * (GL_RGBA32F), and waits for the result. */

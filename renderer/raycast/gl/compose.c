@@ -161,13 +161,13 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
   add(&c, "head.glsl");
   snprintf(literals, sizeof literals,
            "#define VOXELS %s\n#define ATLAS %d\n#define TERMINATION %d\n#define LEAP %d\n#define SLAB %d\n"
-           "#define CLIP %d\n#define SHADED %d\n#define SLOPE %d\n#define ZOOMED %d\n#define STIFF %d\n"
+           "#define CLIP %d\n#define SHADED %d\n#define SLOPE %d\n#define SUBTABLES %d\n#define STIFF %d\n"
            "#define LABELLED %d\n#define LABELS %s\n"
            "#define NEAREST %d\n#define SEVERAL %d\n#define JITTER %d\n#define PHASE %d\n#define COHERENT %d\n"
            "#define POST %d\n#define LINEARIZED %d\n#define SECOND_ORDER %d\n#define DEPTH %d\n"
            "#define PEAK_ROUNDS %d\n",
            sampler_type(v), v->atlas, v->plan.termination, v->plan.skipping, v->plan.slab, v->plan.clipping,
-           v->plan.shading != TC_SHADING_NONE, has_slopes(v), v->plan.zoomed, v->plan.stiff,
+           v->plan.shading != TC_SHADING_NONE, has_slopes(v), v->plan.subtables, v->plan.stiff,
            v->plan.labels, v->label_signed ? "isampler2DArray" : "usampler2DArray",
            v->plan.filter == TC_FILTER_NEAREST, v->plan.rays, v->plan.jitter,
            v->plan.mode == TC_MODE_DVR && (v->plan.rays || v->plan.jitter),

@@ -32,12 +32,12 @@ layout(std140, binding = 0) uniform Job {
   ivec4 dims;                         // xyz: voxels; w: slices per texture layer
   vec4 texel;                         // xyz: 1 / texture size
   vec4 nodes;                         // x: lo, y: nodes per voxel unit, z: n - 1
-  ivec4 table;                        // pre-integration table: x: columns, y: start of row k = 0, z: number of zooms, w: their columns;
+  ivec4 table;                        // pre-integration table: x: columns, y: start of row k = 0, z: number of subtables, w: their columns;
                                       // integrals: x: entries per level, y: start of the levels
   ivec4 blocks;                       // x: width of a block in voxels, yz: entries to the next block along y, z, w: samples per interval
   vec4 background;                    // compositing space; w: threshold of early ray termination
   vec4 window;                        // mpr: x: centre in nodes, y: grey per node
-  vec4 zooms[7];                      // node of the zoom = (node - x) * y; z: start of its row k = 0, w: its rim (preintegration.h)
+  vec4 subtables[7];                      // node of the subtable = (node - x) * y; z: start of its row k = 0, w: its rim (preintegration.h)
   vec4 label_matrix[3];               // rows: from the volume's index positions to the label volume's
   ivec4 label_dims;                   // xyz: voxels; w: slices per texture layer
   ivec4 label_numbers;                // x: voxel of the first entry; y: voxel value that stands for outside

@@ -22,15 +22,15 @@ static void fill_table(tc_gl_job_block *block, const tc_table *table) {
   fill_nodes(block, table->n, table->lo, table->hi);
   block->table[0] = table->columns;
   block->table[1] = (int32_t)table->starts[0];
-  block->table[2] = table->n_zooms;
-  block->table[3] = TC_ZOOM_NODES + 2;
+  block->table[2] = table->n_subtables;
+  block->table[3] = TC_SUBTABLE_NODES + 2;
   double nodes = (table->n - 1) / (table->hi - table->lo);
-  for (int z = 0; z < table->n_zooms; z++) {
-    const tc_zoom *zoom = &table->zooms[z];
-    block->zooms[z][0] = (float)((zoom->lo - table->lo) * nodes);
-    block->zooms[z][1] = (float)((TC_ZOOM_NODES - 1) / ((zoom->hi - zoom->lo) * nodes));
-    block->zooms[z][2] = (float)table->starts[1 + z];
-    block->zooms[z][3] = (float)zoom->rim;
+  for (int z = 0; z < table->n_subtables; z++) {
+    const tc_subtable *subtable = &table->subtables[z];
+    block->subtables[z][0] = (float)((subtable->lo - table->lo) * nodes);
+    block->subtables[z][1] = (float)((TC_SUBTABLE_NODES - 1) / ((subtable->hi - subtable->lo) * nodes));
+    block->subtables[z][2] = (float)table->starts[1 + z];
+    block->subtables[z][3] = (float)subtable->rim;
   }
 }
 
@@ -48,7 +48,7 @@ static void fill_projection(tc_gl_job_block *block, const tc_grey *grey, const t
   block->blocks[3] = tc_bounds_interval(bounds, rays);
 }
 
-static void fill_window(tc_gl_job_block *block, const tc_job *job) {
+static void fill_window(tc_gl_job_block *block, const tc_frame_job *job) {
   tc_slice_window window;
   tc_slice_window_init(&window, job->volume, job->scene);
   block->nodes[0] = window.lo;
@@ -58,7 +58,7 @@ static void fill_window(tc_gl_job_block *block, const tc_job *job) {
   block->window[1] = window.gain;
 }
 
-static void fill_labels(tc_gl_job_block *block, const tc_job *job, const tc_gl_volume *labels) {
+static void fill_labels(tc_gl_job_block *block, const tc_frame_job *job, const tc_gl_volume *labels) {
   double matrix[3][4];
   tc_labels_matrix(job->volume, job->label_volume, matrix);
   for (int r = 0; r < 3; r++)
@@ -71,7 +71,7 @@ static void fill_labels(tc_gl_job_block *block, const tc_job *job, const tc_gl_v
   memcpy(block->label_texel, labels->texel, 2 * sizeof *block->label_texel);
 }
 
-void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volume *volume, const tc_gl_volume *labels) {
+void tc_gl_job_fill(tc_gl_job_block *block, const tc_frame_job *job, const tc_gl_volume *volume, const tc_gl_volume *labels) {
   memset(block, 0, sizeof *block);
   tc_rays_round(&block->rays, job->rays);
   memcpy(block->dims, tc_volume_describe(job->volume)->dims, 3 * sizeof *block->dims);

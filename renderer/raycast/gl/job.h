@@ -18,7 +18,7 @@ typedef struct tc_gl_job_block {
   int32_t table[4], blocks[4];
   float background[4];
   float window[4];
-  float zooms[TC_MAX_ZOOMS][4];
+  float subtables[TC_MAX_SUBTABLES][4];
   float label_matrix[3][4];
   int32_t label_dims[4], label_numbers[4];
   float label_texel[4];
@@ -26,6 +26,6 @@ typedef struct tc_gl_job_block {
 } tc_gl_job_block;
 
 /* volume, labels: the textures of job->volume and job->label_volume (NULL: not sampled). Pure. */
-void tc_gl_job_fill(tc_gl_job_block *block, const tc_job *job, const tc_gl_volume *volume, const tc_gl_volume *labels);
+void tc_gl_job_fill(tc_gl_job_block *block, const tc_frame_job *job, const tc_gl_volume *volume, const tc_gl_volume *labels);
 
 #endif

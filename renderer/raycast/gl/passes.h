@@ -9,7 +9,7 @@
 #define TC_GL_PASSES 4
 
 typedef struct tc_gl_frame {
-  const tc_job *job;
+  const tc_frame_job *job;
   const unsigned *programs; /* [passes]: compose.h's variants of pass 0 .. */
   tc_gl_textures *textures; /* a frame of theirs has begun */
   tc_gl_ring *ring;         /* idle, with room for tiles of `most` pixels */

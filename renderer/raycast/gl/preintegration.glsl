@@ -12,15 +12,15 @@ struct Window {
 Window enter_window(float front, float back, out bool cut) {
   Window w = Window(front, back, job.table.y, job.table.x, int(job.nodes.z) + 3);
   cut = false;
-#if ZOOMED
+#if SUBTABLES
   vec2 ends = vec2(front, back);
   for (int z = 0; z < job.table.z; z++) {
-    vec2 at = (ends - job.zooms[z].x) * job.zooms[z].y;
-    float last = float(job.table.w - 3), rim = job.zooms[z].w;
+    vec2 at = (ends - job.subtables[z].x) * job.subtables[z].y;
+    float last = float(job.table.w - 3), rim = job.subtables[z].w;
     bvec2 inside = equal(at, clamp(at, 0.0, last)), close = equal(at, clamp(at, rim, last - rim));
     cut = cut || any(close) && inside.x != inside.y;
     if (all(inside))
-      w = Window(at.x, at.y, int(job.zooms[z].z), job.table.w, job.table.w);
+      w = Window(at.x, at.y, int(job.subtables[z].z), job.table.w, job.table.w);
   }
 #endif
   return w;
@@ -45,7 +45,7 @@ vec4 look_up(Window w) {
   return segment;
 }
 
-#if STIFF || ZOOMED
+#if STIFF || SUBTABLES
 // Optical depth of a full segment from the row of depths, without cancellation.
 float depth_in(Window w) {
   float low = min(w.front, w.back), high = max(w.front, w.back);
@@ -60,19 +60,19 @@ float depth_in(Window w) {
   return (rest + part + whole) / (high - low);
 }
 
-// Cuts segments at the edges of zooms that contain one end (zoom_tmpl.h explains it).
+// Cuts segments at the edges of subtables that contain one end (subtable_tmpl.h explains it).
 float depth_between(float front, float back) {
   float parts = 0.0, rest = 1.0;
-#if ZOOMED
+#if SUBTABLES
   float span = max(abs(back - front), 1e-30);
   for (int z = job.table.z - 1; z >= 0; z--) {
-    vec4 zoom = job.zooms[z];
-    vec2 at = (vec2(front, back) - zoom.x) * zoom.y, held = clamp(at, 0.0, float(job.table.w - 3));
+    vec4 subtable = job.subtables[z];
+    vec2 at = (vec2(front, back) - subtable.x) * subtable.y, held = clamp(at, 0.0, float(job.table.w - 3));
     bvec2 inside = equal(at, held);
     if (inside.x == inside.y)
       continue;
-    float edge = (inside.x ? held.y : held.x) / zoom.y + zoom.x, length_nodes = abs(edge - (inside.x ? front : back));
-    parts += min(length_nodes / span, 1.0) * depth_in(Window(held.x, held.y, int(zoom.z), job.table.w, job.table.w));
+    float edge = (inside.x ? held.y : held.x) / subtable.y + subtable.x, length_nodes = abs(edge - (inside.x ? front : back));
+    parts += min(length_nodes / span, 1.0) * depth_in(Window(held.x, held.y, int(subtable.z), job.table.w, job.table.w));
     if (inside.x)
       front = edge;
     else
@@ -89,7 +89,7 @@ float depth_between(float front, float back) {
 vec4 classify_full(float front, float back) {
   bool cut;
   vec4 segment = look_up(enter_window(front, back, cut));
-#if ZOOMED
+#if SUBTABLES
   if (cut && segment.a > 0.0) {
     float opacity = opacity_of_depth(depth_between(front, back));
     return vec4(opacity / segment.a * segment.rgb, opacity);

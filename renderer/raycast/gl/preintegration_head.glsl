@@ -1,5 +1,5 @@
 #version 450 core
-// Building the pre-integration table or a zoom (classify/outline.h): an invocation makes some entries of one diagonal
+// Building the pre-integration table or a subtable (classify/outline.h): an invocation makes some entries of one diagonal
 // k. Neighbouring invocations take neighbouring k and the same positions, so that they read the same pieces.
 layout(local_size_x = 64) in;
 

@@ -52,11 +52,11 @@ vec2 linearise(float front, float middle, float back) {
   precise float room = max(min(mean - least, most - mean), 0.0);
   precise float rise = clamp(0.5 * (back - front), -room, room);
   precise vec2 ends = vec2(mean - rise, mean + rise);
-#if ZOOMED // a segment that would skip the inner range of a zoom keeps its sampled ends (segment_tmpl.h)
+#if SUBTABLES // a segment that would skip the inner range of a subtable keeps its sampled ends (segment_tmpl.h)
   vec2 plain = vec2(front, back), gap = abs(ends - plain), low = min(ends, plain), high = max(ends, plain);
   for (int z = 0; z < job.table.z; z++) {
-    vec4 zoom = job.zooms[z];
-    float lo = zoom.x + zoom.w / zoom.y, hi = zoom.x + (float(job.table.w - 3) - zoom.w) / zoom.y;
+    vec4 subtable = job.subtables[z];
+    float lo = subtable.x + subtable.w / subtable.y, hi = subtable.x + (float(job.table.w - 3) - subtable.w) / subtable.y;
     bvec2 wide = greaterThan(gap, vec2(hi - lo));
     if (wide.x && low.x < hi && high.x > lo || wide.y && low.y < hi && high.y > lo)
       return plain;

@@ -14,7 +14,7 @@ typedef struct slot_layout {
   size_t picture_bytes, linear, linear_bytes, depth, depth_bytes, bytes;
 } slot_layout;
 
-static slot_layout lay_out(const tc_job *job, int width, int height) {
+static slot_layout lay_out(const tc_frame_job *job, int width, int height) {
   slot_layout l = {.picture_bytes = (size_t)width * height * 4};
   if (job->want_linear) l.linear_bytes = 4 * l.picture_bytes;
   if (job->plan->depth) l.depth_bytes = l.picture_bytes;
@@ -24,9 +24,9 @@ static slot_layout lay_out(const tc_job *job, int width, int height) {
   return l;
 }
 
-size_t tc_gl_slot_bytes(const tc_job *job, int pixels) { return lay_out(job, pixels, 1).bytes; }
+size_t tc_gl_slot_bytes(const tc_frame_job *job, int pixels) { return lay_out(job, pixels, 1).bytes; }
 
-void tc_gl_slot_dispatch(tc_gl_ring *ring, unsigned program, const tc_job *job, const int tile[4]) {
+void tc_gl_slot_dispatch(tc_gl_ring *ring, unsigned program, const tc_frame_job *job, const int tile[4]) {
   tc_gl_slot *slot = tc_gl_ring_begin(ring);
   int width = tile[2], height = tile[3];
   slot_layout l = lay_out(job, width, height);
@@ -44,7 +44,7 @@ void tc_gl_slot_dispatch(tc_gl_ring *ring, unsigned program, const tc_job *job, 
   tc_gl_ring_end(ring, l.bytes);
 }
 
-void tc_gl_slot_copy(const tc_gl_slot *slot, const tc_job *job) {
+void tc_gl_slot_copy(const tc_gl_slot *slot, const tc_frame_job *job) {
   tc_frame *frame = job->frame;
   const uint8_t *bytes = slot->mapped;
   const uint32_t *counters = slot->mapped;

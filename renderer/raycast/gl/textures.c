@@ -258,7 +258,7 @@ const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_gl_b
                                          double *ms, const tc_halt *halt, GError **error) {
   const uint64_t key[5] = {table->serial};
   const char *why;
-  const bool own = tc_gl_builder_serves(builder, table->n, table->n_zooms, table->bits, &why);
+  const bool own = tc_gl_builder_serves(builder, table->n, table->n_subtables, table->bits, &why);
   const lookup_source from = {.what = "pre-integration table",
                               .entries = own ? NULL : table->entries,
                               .entry_bytes = sizeof(float[4]),

@@ -69,7 +69,7 @@ static bool pack_words(const void *thing, void *bytes, const tc_halt *halt) {
 }
 
 static bool upload(drawing *d, GError **error) {
-  const tc_job *job = d->gl->job;
+  const tc_frame_job *job = d->gl->job;
   const tc_splats *of[2] = {job->have.splats, job->have.cut};
   for (int i = 0; i < 2 && of[i]; i++) {
     const tc_gl_packing packing = {"splats", words_bytes, pack_words, of[i]};
@@ -171,7 +171,7 @@ static bool draw_frame(drawing *d, GError **error) {
 }
 
 static bool draw(const tc_gl_frame *gl, GError **error) {
-  const tc_job *job = gl->job;
+  const tc_frame_job *job = gl->job;
   const tc_splat_job splats = {.volume = job->source, .splats = job->have.splats, .cut = job->have.cut, .scene = job->scene,
                                .frame = job->frame};
   drawing d = {.gl = gl, .batch.unit_ns = gl->hardware ? HARDWARE_NS : SOFTWARE_NS};

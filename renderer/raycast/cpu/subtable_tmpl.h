@@ -1,4 +1,4 @@
-/* Look-up in a pre-integration table with zooms, and in its rows of depths (classify/preintegration.h).
+/* Look-up in a pre-integration table with subtables, and in its rows of depths (classify/preintegration.h).
  *
  * A segment is looked up in the finest window that contains both of its ends. If only one end lies in a finer
  * window, near that window's knots, the segment is cut at the window's edge, and the optical depths of the parts
@@ -9,22 +9,22 @@
  * table itself). */
 typedef struct window { vf front, back, stride, start; } window;
 
-V_INLINE window in_zoom(const tc_cpu_zoom *zoom, vf front, vf back) {
-  vf lo = v_set(zoom->lo), scale = v_set(zoom->scale);
-  return (window){(front - lo) * scale, (back - lo) * scale, v_set(TC_ZOOM_NODES + 2), v_set(zoom->start)};
+V_INLINE window in_subtable(const tc_cpu_subtable *subtable, vf front, vf back) {
+  vf lo = v_set(subtable->lo), scale = v_set(subtable->scale);
+  return (window){(front - lo) * scale, (back - lo) * scale, v_set(TC_SUBTABLE_NODES + 2), v_set(subtable->start)};
 }
 V_INLINE vm contains(vf at, float rim) {
-  return m_and(v_le(v_set(rim), at), v_le(at, v_set(TC_ZOOM_NODES - 1 - rim)));
+  return m_and(v_le(v_set(rim), at), v_le(at, v_set(TC_SUBTABLE_NODES - 1 - rim)));
 }
 
 /* The finest window that contains both ends. *cut: a finer one has just one of them, near its knots. */
 V_INLINE window enter_window(const tc_cpu_args *args, vf front, vf back, vm *cut) {
   window w = {front, back, v_set(args->table_stride), v_set(0)};
   *cut = v_lt(v_set(1), v_set(0));
-  for (int z = 0; z < args->n_zooms; z++) {
-    window fine = in_zoom(&args->zooms[z], front, back);
+  for (int z = 0; z < args->n_subtables; z++) {
+    window fine = in_subtable(&args->subtables[z], front, back);
     vm begins = contains(fine.front, 0), ends = contains(fine.back, 0), inside = m_and(begins, ends);
-    float rim = args->zooms[z].rim;
+    float rim = args->subtables[z].rim;
     *cut = m_or(*cut, m_andnot(m_or(contains(fine.front, rim), contains(fine.back, rim)), inside));
     w.front = v_select(inside, fine.front, w.front);
     w.back = v_select(inside, fine.back, w.back);
@@ -47,7 +47,7 @@ V_INLINE vf4 entry_at(const tc_cpu_args *args, vi at) { return v_bilinear(args->
 /* Optical depth of a full segment from the row of depths, without cancellation. */
 V_INLINE vf depth_in(const tc_cpu_args *args, window w) {
   vf half = v_set(0.5f), one = v_set(1), low = v_min(w.front, w.back), high = v_max(w.front, w.back);
-  /* row n + 2, of n + 1 entries in the table and of n + 2 in a zoom; (n + 1) (n + 2) is even: exact up to 2^25 */
+  /* row n + 2, of n + 1 entries in the table and of n + 2 in a subtable; (n + 1) (n + 2) is even: exact up to 2^25 */
   vf row = v_fma(v_select(v_lt(v_set(0), w.start), w.stride, w.stride + one), w.stride, w.start);
   vi i = v_trunc(low), j = v_trunc(high), start = v_trunc(row);
   vf x = low - v_float(i), y = high - v_float(j);
@@ -60,14 +60,14 @@ V_INLINE vf depth_in(const tc_cpu_args *args, window w) {
   return v_select(v_lt(v_float(j) - v_float(i), half), within, whole);
 }
 
-/* Cuts off the part inside a zoom from segments that have one end there: returns its depth, weighted by its share of
+/* Cuts off the part inside a subtable from segments that have one end there: returns its depth, weighted by its share of
  * `span` nodes; 0 for other segments, which stay whole. */
-V_INLINE vf cut_off(const tc_cpu_args *args, const tc_cpu_zoom *zoom, vf span, vf *front, vf *back, vm cut) {
-  window w = in_zoom(zoom, *front, *back);
+V_INLINE vf cut_off(const tc_cpu_args *args, const tc_cpu_subtable *subtable, vf span, vf *front, vf *back, vm cut) {
+  window w = in_subtable(subtable, *front, *back);
   vm begins = m_and(contains(w.front, 0), cut), ends = m_and(contains(w.back, 0), cut);
   vm nearer = m_andnot(begins, ends), farther = m_andnot(ends, begins);
   if (!m_any(m_or(nearer, farther))) return v_set(0);
-  vf top = v_set(TC_ZOOM_NODES - 1), inverse = v_set(1 / zoom->scale), lo = v_set(zoom->lo);
+  vf top = v_set(TC_SUBTABLE_NODES - 1), inverse = v_set(1 / subtable->scale), lo = v_set(subtable->lo);
   w.front = v_min(v_max(w.front, v_set(0)), top);
   w.back = v_min(v_max(w.back, v_set(0)), top);
   vf exit = v_fma(w.back, inverse, lo), entry = v_fma(w.front, inverse, lo);
@@ -79,7 +79,7 @@ V_INLINE vf cut_off(const tc_cpu_args *args, const tc_cpu_zoom *zoom, vf span, v
 
 V_ONCE vf depth_between(const tc_cpu_args *args, vf front, vf back, vm cut) {
   vf span = v_max(v_abs(back - front), v_set(1e-30f)), parts = v_set(0);
-  for (int z = args->n_zooms - 1; z >= 0; z--) parts = parts + cut_off(args, &args->zooms[z], span, &front, &back, cut);
+  for (int z = args->n_subtables - 1; z >= 0; z--) parts = parts + cut_off(args, &args->subtables[z], span, &front, &back, cut);
   vm again;
   vf depth = depth_in(args, enter_window(args, front, back, &again)), rest = v_abs(back - front) / span;
   return v_select(v_lt(v_set(0), parts), v_fma(rest, depth, parts), depth);
@@ -87,7 +87,7 @@ V_ONCE vf depth_between(const tc_cpu_args *args, vf front, vf back, vm cut) {
 
 /* A segment that was cut has the opacity of its parts. Its colour is the whole segment's, scaled: between nodes on
  * either side of a peak, the table interpolates between seeing the peak and not, which is mostly the peak's colour. */
-V_INLINE vf4 classify_zoomed(const tc_cpu_args *args, vf front, vf back, vm live) {
+V_INLINE vf4 classify_subtables(const tc_cpu_args *args, vf front, vf back, vm live) {
   vm cut;
   vf4 c = look_up(args, enter_window(args, front, back, &cut));
   cut = m_and(m_and(cut, live), v_lt(v_set(0), c.a));

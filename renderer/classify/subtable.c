@@ -1,4 +1,4 @@
-/* Chooses the nodes and zooms of a pre-integration table for a transfer function (preintegration.h). */
+/* Chooses the nodes and subtables of a pre-integration table for a transfer function (preintegration.h). */
 #include <math.h>
 #include <stdlib.h>
 
@@ -16,7 +16,7 @@ typedef struct edge {
 #define NODES_PER_WIDTH 4
 #define LEAST_RISE 16 /* in widths of a steep edge: a shorter rise counts as an edge */
 #define OPAQUE_DEPTH 3 /* optical depth of a voxel beyond which a rise is invisible */
-#define MOST_MARGIN 24 /* parent nodes that a zoom extends beyond its edges, fewer if there would be too many zooms */
+#define MOST_MARGIN 24 /* parent nodes that a subtable extends beyond its edges, fewer if there would be too many subtables */
 #define LEAST_MARGIN 8
 #define LEAST_GAIN 3
 #define BLURRED 2 /* parent nodes over which a look-up blurs a segment's end */
@@ -89,12 +89,12 @@ static void find_edges(const tc_transfer_function *tf, const tc_volume_desc *d, 
   free(width);
 }
 
-typedef struct zooming {
+typedef struct choice {
   edges edges;
-  tc_zoom *zooms;
+  tc_subtable *subtables;
   int count, margin;
   bool complete;
-} zooming;
+} choice;
 
 /* The first edge at or above a voxel value. */
 static size_t first_edge(const edges *all, double at) {
@@ -109,9 +109,9 @@ static size_t first_edge(const edges *all, double at) {
   return lo;
 }
 
-/* Adds zooms for the edges in [lo, hi] that nodes `node` apart do not resolve; edges within two margins share a
- * zoom. */
-static void zoom_in(zooming *z, double lo, double hi, double node) {
+/* Adds subtables for the edges in [lo, hi] that nodes `node` apart do not resolve; edges within two margins share a
+ * subtable. */
+static void add_subtables(choice *z, double lo, double hi, double node) {
   const edge *e = z->edges.list;
   for (size_t i = first_edge(&z->edges, lo); i < z->edges.count && e[i].at <= hi;) {
     if (!(e[i].node < node)) {
@@ -123,51 +123,51 @@ static void zoom_in(zooming *z, double lo, double hi, double node) {
     for (; end < z->edges.count && e[end].at <= hi && e[end].at - last <= 2 * z->margin * node; end++)
       if (e[end].node < node) last = e[end].at;
     i = end;
-    tc_zoom window = {.lo = first - z->margin * node, .hi = last + z->margin * node};
-    double finer = (window.hi - window.lo) / (TC_ZOOM_NODES - 1);
+    tc_subtable window = {.lo = first - z->margin * node, .hi = last + z->margin * node};
+    double finer = (window.hi - window.lo) / (TC_SUBTABLE_NODES - 1);
     window.rim = (z->margin - BLURRED) * node / finer;
     /* Nodes closer than this are below the resolution of a voxel value in single precision. */
     bool sharp = finer > 4e-7 * fmax(fabs(window.lo), fabs(window.hi));
-    if (finer * LEAST_GAIN > node || !sharp || z->count == TC_MAX_ZOOMS) {
+    if (finer * LEAST_GAIN > node || !sharp || z->count == TC_MAX_SUBTABLES) {
       z->complete = false;
       continue;
     }
-    z->zooms[z->count++] = window;
-    zoom_in(z, window.lo, window.hi, finer);
+    z->subtables[z->count++] = window;
+    add_subtables(z, window.lo, window.hi, finer);
   }
 }
 
-/* All zooms of n nodes over [lo, hi], after find_edges(). */
-static void zoom_all(zooming *z, int n, double lo, double hi) {
+/* All subtables of n nodes over [lo, hi], after find_edges(). */
+static void add_all_subtables(choice *z, int n, double lo, double hi) {
   z->count = 0;
   z->complete = true;
   if (!z->edges.list) return;
   for (z->margin = MOST_MARGIN; z->margin >= LEAST_MARGIN; z->margin -= LEAST_MARGIN) {
     z->count = 0;
     z->complete = true;
-    zoom_in(z, lo, hi, (hi - lo) / (n - 1));
+    add_subtables(z, lo, hi, (hi - lo) / (n - 1));
     if (z->complete) break;
   }
 }
 
-/* Has no edges if there is nothing to zoom into, or no memory. */
-static zooming begin_zooms(const tc_volume *volume, const tc_transfer_function *tf, double lo, double hi,
-                           tc_zoom zooms[TC_MAX_ZOOMS]) {
+/* Has no edges if no subtable is wanted, or no memory. */
+static choice begin_subtables(const tc_volume *volume, const tc_transfer_function *tf, double lo, double hi,
+                           tc_subtable subtables[TC_MAX_SUBTABLES]) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_volume_stats *s = tc_volume_statistics(volume);
   double range = hi - lo;
-  zooming z = {.zooms = zooms};
-  /* There is nothing to zoom into if all voxels are equal, or the range is near the resolution of single precision. */
+  choice z = {.subtables = subtables};
+  /* No subtable is wanted if all voxels are equal, or the range is near the resolution of single precision. */
   bool wide = s->voxel_max > s->voxel_min && range > 1e-4 * fmax(fabs(lo), fabs(hi));
   if (wide && range < 1e30 && range > 1e-30)
     find_edges(tf, d, d->type == TC_F32 ? TC_EDGE_SHARE * range : TC_EDGE_UNITS, &z.edges);
   return z;
 }
 
-int tc_table_zooms(const tc_volume *volume, const tc_transfer_function *tf, int n, double voxel_lo, double voxel_hi,
-                   tc_zoom zooms[TC_MAX_ZOOMS], bool *complete) {
-  zooming z = begin_zooms(volume, tf, voxel_lo, voxel_hi, zooms);
-  zoom_all(&z, n, voxel_lo, voxel_hi);
+int tc_table_subtables(const tc_volume *volume, const tc_transfer_function *tf, int n, double voxel_lo, double voxel_hi,
+                   tc_subtable subtables[TC_MAX_SUBTABLES], bool *complete) {
+  choice z = begin_subtables(volume, tf, voxel_lo, voxel_hi, subtables);
+  add_all_subtables(&z, n, voxel_lo, voxel_hi);
   free(z.edges.list);
   *complete = z.complete;
   return z.count;
@@ -184,7 +184,7 @@ static double knot_distance(const tc_transfer_function *tf) {
   return least;
 }
 
-/* The number of nodes, before zooms are considered. */
+/* The number of nodes, before subtables are considered. */
 static int nodes_for(const tc_volume *volume, tc_table_params *p) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_volume_stats *s = tc_volume_statistics(volume);
@@ -204,26 +204,26 @@ static int nodes_for(const tc_volume *volume, tc_table_params *p) {
 
 void tc_table_choose(const tc_volume *volume, tc_table_params *p, bool *complete) {
   const int n = nodes_for(volume, p);
-  zooming z = begin_zooms(volume, p->tf, p->voxel_lo, p->voxel_hi, p->zooms);
+  choice z = begin_subtables(volume, p->tf, p->voxel_lo, p->voxel_hi, p->subtables);
   p->n = n;
-  zoom_all(&z, n, p->voxel_lo, p->voxel_hi);
-  /* If zooms are needed anyway, a smaller table may do as well; if more would be needed than allowed, take a larger
+  add_all_subtables(&z, n, p->voxel_lo, p->voxel_hi);
+  /* If subtables are needed anyway, a smaller table may do as well; if more would be needed than allowed, take a larger
    * table: 134 MB, and some 50 ms to build. */
   if (n > 256 && (z.count || !z.complete)) {
     p->n = 128;
-    do zoom_all(&z, p->n *= 2, p->voxel_lo, p->voxel_hi);
+    do add_all_subtables(&z, p->n *= 2, p->voxel_lo, p->voxel_hi);
     while (!z.complete && p->n < 2048);
-    if (!z.complete) zoom_all(&z, p->n = n, p->voxel_lo, p->voxel_hi);
+    if (!z.complete) add_all_subtables(&z, p->n = n, p->voxel_lo, p->voxel_hi);
   }
   free(z.edges.list);
-  p->n_zooms = z.count;
+  p->n_subtables = z.count;
   if (complete) *complete = z.complete;
 }
 
 void tc_integrals_choose(const tc_volume *volume, tc_table_params *p) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   p->n = nodes_for(volume, p);
-  p->n_zooms = 0;
+  p->n_subtables = 0;
   if (d->type == TC_U8 || d->type == TC_I8) return;
   double range = fabs(d->slope) * (p->voxel_hi - p->voxel_lo);
   /* Sixteen nodes between the nearest knots, if possible. */
