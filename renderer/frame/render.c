@@ -9,6 +9,7 @@
 #include "renderer/base/clock.h"
 #include "renderer/frame/frame.h"
 #include "renderer/frame/mesh_job.h"
+#include "renderer/frame/object_speed.h"
 #include "renderer/mesh/surfaces.h"
 #include "renderer/frame/resource_kinds.h"
 #include "renderer/frame/resources.h"
@@ -23,6 +24,7 @@ struct tc_renderer {
   char why[200];
   tc_resources *resources;
   uint64_t cache_bytes; /* as asked for */
+  double object_speed[TC_OBJECT_MODES]; /* frame/object_speed.h; 0: not asked for yet */
   bool levels;          /* likewise */
 };
 
@@ -212,7 +214,9 @@ bool tc_renderer_explain(tc_renderer *renderer, const tc_volume *volume, const t
   d.wanted.maps_distance = d.ops->maps_distance;
   collect(&d, NULL);
   explain(&d, false, explanation);
-  if (d.ops == &tc_cpu_backend) tc_explain_object(volume, scene, explanation);
+  if (d.ops != &tc_cpu_backend || !tc_is_object(volume, scene)) return true;
+  if (!(renderer->object_speed[0] > 0)) tc_object_speed_measure(renderer, renderer->object_speed);
+  tc_explain_object(volume, scene, renderer->object_speed, explanation);
   return true;
 }
 

@@ -72,8 +72,10 @@ tc_stage tc_stage_of(tc_resource resource);
 void tc_plan_explain(const tc_plan *plan, const tc_volume *volume, const tc_scene *scene, const tc_facts *facts,
                      tc_explanation *explanation);
 
-/* Adds what the scene's object would cost in each mode that draws it, to a plan that the cpu draws. Some milliseconds. */
-void tc_explain_object(const tc_volume *volume, const tc_scene *scene, tc_explanation *explanation);
+/* Adds what the scene's object would cost in each mode that draws it, to a plan that the cpu draws. speed: as for
+ * tc_object_cost_of(). Some milliseconds. */
+void tc_explain_object(const tc_volume *volume, const tc_scene *scene, const double speed[TC_OBJECT_MODES],
+                       tc_explanation *explanation);
 
 /* Checks the scene, plans and explains, without a renderer. Pure. */
 bool tc_explain(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_explanation *explanation,

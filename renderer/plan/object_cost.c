@@ -122,7 +122,7 @@ static void walk_line(const walk *w, const line *l) {
   }
 }
 
-static bool is_object(const tc_volume *volume, const tc_scene *s) {
+bool tc_is_object(const tc_volume *volume, const tc_scene *s) {
   if (tc_volume_sparse(volume) || s->labels.volume[0]) return false;
   if (s->mode == TC_MODE_MESH && (s->mesh.n_surfaces || s->mesh.with_volume)) return false;
   return tc_is_surface(s->mode) || (s->mode == TC_MODE_SPLAT && s->splat.opaque);
@@ -146,9 +146,10 @@ static void walk_all(walk *w, int width, int height) {
   }
 }
 
-bool tc_object_cost_of(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_object_cost *cost) {
+bool tc_object_cost_of(const tc_volume *volume, const tc_scene *scene, int width, int height,
+                       const double speed[TC_OBJECT_MODES], tc_object_cost *cost) {
   memset(cost, 0, sizeof *cost);
-  if (!is_object(volume, scene)) return false;
+  if (!tc_is_object(volume, scene)) return false;
   const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_camera *c = &scene->camera;
   tc_rays rays;
@@ -172,7 +173,7 @@ bool tc_object_cost_of(const tc_volume *volume, const tc_scene *scene, int width
     t[TC_TERM_APART] = t[TC_TERM_NEAR] * fmin(sqrt(t[TC_TERM_SEEN] / t[TC_TERM_HITS]), MOST_APART);
   for (int m = 0; m < TC_OBJECT_MODES; m++) {
     for (int i = 0; i < TC_TERM_COUNT; i++)
-      cost->ms[m] += rates[m][i] * cost->terms[i];
+      cost->ms[m] += rates[m][i] * cost->terms[i] * (speed ? speed[m] : 1);
     if (cost->ms[m] < cost->ms[cost->cheapest]) cost->cheapest = (tc_object_mode)m;
   }
   return true;

@@ -1,9 +1,9 @@
 /* What a solid object of a threshold costs to draw, in each of the modes that can: milliseconds of a frame of the cpu
- * whose resources are there, by a model linear in what a few rays find. Each ray of a coarse grid over the picture walks
- * through the volume and counts its steps and the surfaces it crosses: crossings tell how much surface is in the picture
- * (Crofton), which splats and triangles pay for, steps what rays pay for. Coefficients were fitted to measured frames
- * (tomocast bench --objects); of a machine they hold up to a factor that the modes share, so that it is the choice and
- * the ratio that count. */
+ * whose resources are there, by a model linear in what a few rays find. Each ray of a coarse grid over the picture
+ * walks through the volume and counts its steps and the surfaces it crosses: crossings tell how much surface is in the
+ * picture (Crofton), which splats and triangles pay for, steps what rays pay for. Coefficients were fitted to measured
+ * frames (tomocast bench --objects) of one machine; another, its threads and instruction set give each mode a factor,
+ * which the renderer measures once (frame/object_speed.h). */
 #ifndef TC_PLAN_OBJECT_COST_H
 #define TC_PLAN_OBJECT_COST_H
 
@@ -32,9 +32,14 @@ typedef struct tc_object_cost {
   tc_object_mode cheapest;
 } tc_object_cost;
 
-/* Of an opaque scene in mode splat (from its lower threshold on), isosurface or mesh (from its value on), without labels,
- * over a volume with a grid; false: it is none. A few milliseconds. Pure. */
-bool tc_object_cost_of(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_object_cost *cost);
+/* Whether all that a scene shows is one opaque object of a threshold: mode splat (from its lower threshold on),
+ * isosurface or mesh (from its value on), without labels, over a volume with a grid. */
+bool tc_is_object(const tc_volume *volume, const tc_scene *scene);
+
+/* False: it is no such object. speed: what the milliseconds of each mode are multiplied by; NULL: 1. A
+ * few milliseconds. Pure. */
+bool tc_object_cost_of(const tc_volume *volume, const tc_scene *scene, int width, int height,
+                       const double speed[TC_OBJECT_MODES], tc_object_cost *cost);
 
 tc_mode tc_object_mode_of(tc_object_mode mode);
 

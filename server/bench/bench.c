@@ -27,7 +27,7 @@
 #define MAX_RUNS 1000
 
 typedef struct arguments {
-  char *scene, *json, *paper, **set, **rest;
+  char *scene, *json, *paper, *isa, **set, **rest;
   int size, runs, threads, pixels, cache;
   double azimuth, elevation, zoom;
   gboolean gl, objects;
@@ -272,7 +272,7 @@ static tcs_paper_run paper_run(const bench *b) {
 static bool is_paper(const bench *b, const char *paper) { return strcmp(b->args.paper, paper) == 0; }
 
 static tcs_objects_run objects_run(const bench *b) {
-  return (tcs_objects_run){b->args.runs, b->args.threads, prints(b)};
+  return (tcs_objects_run){b->args.runs, b->args.threads, prints(b), b->args.isa};
 }
 
 static bool bench_volume(bench *b, const char *path, cJSON *report, GError **error) {
@@ -317,6 +317,7 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
       {"size", 0, 0, G_OPTION_ARG_INT, &a->size, "width and height of the picture (512)", "PIXELS"},
       {"runs", 0, 0, G_OPTION_ARG_INT, &a->runs, "timed frames per variant (9)", "N"},
       {"threads", 0, 0, G_OPTION_ARG_INT, &a->threads, "CPU workers (one per core)", "N"},
+      {"isa", 0, 0, G_OPTION_ARG_STRING, &a->isa, "of --objects: scalar, avx2, avx512 or avx512-gather", "NAME"},
       {"error", 0, 0, G_OPTION_ARG_INT, &a->pixels, "pixels compared with the reference (1000; 0 = none)", "N"},
       {"azimuth", 0, 0, G_OPTION_ARG_DOUBLE, &a->azimuth, "camera, degrees about the body axis (30)", "DEG"},
       {"elevation", 0, 0, G_OPTION_ARG_DOUBLE, &a->elevation, "camera, degrees upwards (20)", "DEG"},
@@ -383,6 +384,7 @@ int tcs_bench(int argc, char **argv) {
   g_free(b->args.scene);
   g_free(b->args.json);
   g_free(b->args.paper);
+  g_free(b->args.isa);
   g_strfreev(b->args.set);
   g_strfreev(b->args.rest);
   g_free(b);

@@ -34,11 +34,14 @@ static bool time_object(tcs_object *o, tc_renderer *renderer, tc_volume *volume,
 
 bool tcs_object_measure(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, int runs, tcs_object *o,
                         GError **error) {
+  tc_explanation plan;
   *o = (tcs_object){0};
-  if (!tc_object_cost_of(volume, scene, scene->image.width, scene->image.height, &o->cost)) {
+  if (!tc_renderer_explain(renderer, volume, NULL, scene, &plan, error)) return false;
+  if (!plan.has_object) {
     tc_set_error(error, TC_ERROR_INVALID, "/mode", "an opaque object over a volume with a grid is wanted");
     return false;
   }
+  o->cost = plan.object;
   tc_scene own;
   tc_scene_copy(&own, scene);
   const bool good = time_object(o, renderer, volume, &own, runs, error);
@@ -150,7 +153,7 @@ static bool take_view(const tcs_objects_run *run, tc_renderer *renderer, tc_volu
 
 bool tcs_objects_volume(const tcs_objects_run *run, tc_volume *volume, const char *name, cJSON *report,
                         GError **error) {
-  const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = run->threads, .cache_bytes = 2u << 30};
+  const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = run->threads, .isa = run->isa, .cache_bytes = 2u << 30};
   tc_renderer *renderer = tc_renderer_new(&options, error);
   bool good = renderer != NULL;
   if (run->print && !cJSON_GetArraySize(report))

@@ -31,6 +31,7 @@ cJSON *tcs_object_json(const tcs_object *object, const tc_scene *scene);
 typedef struct tcs_objects_run {
   int runs, threads; /* timed frames of each way; 0: one a core */
   bool print;
+  const char *isa; /* NULL: the fastest */
 } tcs_objects_run;
 
 /* Adds a volume's scenes, of three thresholds, zooms and sizes, to the report. */
