@@ -361,9 +361,39 @@ static void plans_say_what_is_read(void **state) {
   tc_volume_unref(volume);
 }
 
+/* What an object costs in a mode is the plan's rate times a factor of this renderer, the same for all its scenes; rays cost
+ * scalar kernels more than the widest vectors, splats do not. */
+static void costs_are_this_renderers(void **unused) {
+  tc_volume *volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_U8, .slope = 0.004}, test_waves, &(double){24});
+  double rays_to_splats[2];
+  for (int i = 0; i < 2; i++) {
+    double speed[2][TC_OBJECT_MODES];
+    for (int zoomed = 0; zoomed < 2; zoomed++) {
+      tc_scene scene;
+      tc_explanation plan;
+      tc_object_cost rates;
+      test_scene(&scene, 64, 64);
+      test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){1, -0.6, 0.4});
+      scene.mode = TC_MODE_ISOSURFACE, scene.isosurface.value = zoomed ? 0.5 : 0.6;
+      assert_true(tc_renderer_explain(test_renderers[i ? test_widest() : SCALAR], volume, NULL, &scene, &plan, NULL));
+      assert_true(plan.has_object && tc_object_cost_of(volume, &scene, 64, 64, NULL, &rates));
+      for (int m = 0; m < TC_OBJECT_MODES; m++)
+        speed[zoomed][m] = plan.object.ms[m] / rates.ms[m];
+      tc_scene_clear(&scene);
+    }
+    for (int m = 0; m < TC_OBJECT_MODES; m++)
+      assert_true(speed[0][m] > 0 && fabs(speed[1][m] / speed[0][m] - 1) < 1e-9);
+    rays_to_splats[i] = speed[0][TC_OBJECT_ISOSURFACE] / speed[0][TC_OBJECT_SPLAT];
+    printf("  %s: splats %.2f, rays %.2f, triangles %.2f of the rates\n", test_names[i ? test_widest() : SCALAR],
+           speed[0][TC_OBJECT_SPLAT], speed[0][TC_OBJECT_ISOSURFACE], speed[0][TC_OBJECT_MESH]);
+  }
+  assert_true(test_widest() == SCALAR || rays_to_splats[0] > 1.2 * rays_to_splats[1]);
+  tc_volume_unref(volume);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {TEST(reference_meets_closed_forms), TEST(everyone_meets_the_reference),
     TEST(skipping_changes_no_bit), TEST(nothing_thin_is_missed), TEST(extremes_are_empty_or_right),
-    TEST(several_rays_are_their_mean), TEST(single_voxels_are_thick), TEST(plans_say_what_is_read)};
+    TEST(several_rays_are_their_mean), TEST(single_voxels_are_thick), TEST(plans_say_what_is_read), TEST(costs_are_this_renderers)};
   return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }
