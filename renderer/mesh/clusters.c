@@ -197,6 +197,12 @@ static bool add_triangle(numbering *t, const uint32_t v[3], uint32_t *numbers) {
   return true;
 }
 
+#define AHEAD 24 /* triangles on their way from memory: they lie in any order */
+
+static inline void fetch_ahead(const builder *b, size_t i) {
+  if (i + AHEAD < b->kept) __builtin_prefetch(b->mesh->triangles[b->from[i + AHEAD].triangle]);
+}
+
 /* Where the sort is over, the other half of its memory keeps the numbers of corners. */
 static void cut_chunk(void *context, int chunk, int worker) {
   builder *b = context;
@@ -205,6 +211,7 @@ static void cut_chunk(void *context, int chunk, int worker) {
   cut now = {(uint32_t)chunk * CHUNK, 0, 0};
   begin_numbering(&t);
   for (size_t i = (size_t)chunk * CHUNK, end = chunk_end(b, b->kept, chunk); i <= end; i++) {
+    fetch_ahead(b, i);
     const bool last = i == end, full = now.n_triangles == TC_CLUSTER_TRIANGLES;
     const uint32_t *v = b->mesh->triangles[b->from[last ? 0 : i].triangle];
     if (!last && !full && add_triangle(&t, v, &b->to[i].key)) {
@@ -241,10 +248,15 @@ static void put_triangles(const builder *b, const tc_cluster *k, const cut *c, u
   uint32_t n = 0;
   memset(to, 0, 3 * room); /* what pads is of no area */
   for (uint32_t j = 0; j < c->n_triangles; j++) {
+    fetch_ahead(b, c->first + j);
     const uint32_t *v = b->mesh->triangles[b->from[c->first + j].triangle], numbers = b->to[c->first + j].key;
     for (size_t d = 0; d < 3; d++) {
       const uint8_t number = (uint8_t)(numbers >> 8 * d);
-      if (number == n) of[n++] = v[d];
+      if (number == n) {
+        __builtin_prefetch(b->mesh->positions[v[d]]);
+        if (b->out->normals) __builtin_prefetch(b->mesh->normals[v[d]]);
+        of[n++] = v[d];
+      }
       to[d * room + j] = number;
     }
   }
@@ -373,11 +385,12 @@ static bool allocate(builder *b, GError **error) {
     return false;
   }
   const size_t over = TC_CLUSTER_PAD; /* whole vectors, and words of bytes, are read at the end */
-  o->clusters = malloc((o->n + 1) * sizeof *o->clusters);
-  o->positions = malloc((o->vertex_room + over) * 3 * sizeof *o->positions);
-  o->normals = b->mesh->normals ? malloc((o->vertex_room + over) * sizeof *o->normals) : NULL;
-  o->triangles = calloc(o->triangle_room + over, 3);
+  o->clusters = tc_mesh_reserve(o->n, sizeof *o->clusters);
+  o->positions = tc_mesh_reserve(o->vertex_room + over, 3 * sizeof *o->positions);
+  o->normals = b->mesh->normals ? tc_mesh_reserve(o->vertex_room + over, sizeof *o->normals) : NULL;
+  o->triangles = tc_mesh_reserve(o->triangle_room + over, 3);
   if (!o->clusters || !o->positions || (b->mesh->normals && !o->normals) || !o->triangles) return out_of_memory(error);
+  memset(o->triangles + 3 * o->triangle_room, 0, 3 * over);
   o->bytes = bytes_of(o);
   return true;
 }
@@ -386,8 +399,8 @@ static bool build(builder *b, GError **error) {
   const tc_mesh *m = b->mesh;
   b->n_chunks = (int)((m->n_triangles + CHUNK - 1) / CHUNK);
   b->chunks = calloc((size_t)b->n_chunks + 1, sizeof *b->chunks);
-  b->from = malloc((m->n_triangles + 1) * sizeof *b->from);
-  b->to = malloc((m->n_triangles + 1) * sizeof *b->to);
+  b->from = tc_mesh_reserve(m->n_triangles, sizeof *b->from);
+  b->to = tc_mesh_reserve(m->n_triangles, sizeof *b->to);
   b->first_cluster = malloc(3 * ((size_t)b->n_chunks + 1) * sizeof *b->first_cluster);
   if (!b->chunks || !b->from || !b->to || !b->first_cluster) return out_of_memory(error);
   b->first_vertex = b->first_cluster + b->n_chunks;

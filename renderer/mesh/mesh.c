@@ -7,9 +7,7 @@ uint64_t tc_mesh_bytes(size_t n_vertices, size_t n_triangles, bool normals) {
   return (uint64_t)n_vertices * (normals ? 6 : 3) * sizeof(float) + (uint64_t)n_triangles * 3 * sizeof(uint32_t);
 }
 
-/* For n items and one more: never of size 0. In large pages where the system has them: to be given one small page after
- * another costs a tenth of an extraction. */
-static void *reserve(size_t n, size_t size) {
+void *tc_mesh_reserve(size_t n, size_t size) {
   const size_t page = (size_t)2 << 20, bytes = (n + 1) * size;
   if (bytes < page) return malloc(bytes);
   void *p = aligned_alloc(page, (bytes + page - 1) & ~(page - 1));
@@ -29,9 +27,9 @@ tc_mesh *tc_mesh_new(size_t n_vertices, size_t n_triangles, bool normals, GError
     m->references = 1;
     m->n_vertices = n_vertices, m->n_triangles = n_triangles;
     m->bytes = (size_t)tc_mesh_bytes(n_vertices, n_triangles, normals);
-    m->positions = reserve(n_vertices, sizeof *m->positions);
-    m->normals = normals ? reserve(n_vertices, sizeof *m->normals) : NULL;
-    m->triangles = reserve(n_triangles, sizeof *m->triangles);
+    m->positions = tc_mesh_reserve(n_vertices, sizeof *m->positions);
+    m->normals = normals ? tc_mesh_reserve(n_vertices, sizeof *m->normals) : NULL;
+    m->triangles = tc_mesh_reserve(n_triangles, sizeof *m->triangles);
     if (m->positions && (m->normals || !normals) && m->triangles) return m;
   }
   tc_mesh_free(m);
