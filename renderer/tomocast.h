@@ -162,5 +162,7 @@ void tc_scene_dress(tc_scene *scene, const tc_volume *volume, const tc_fit *fit,
 
 /* Drops cached resources of a volume (or label volume) that is going away. */
 void tc_renderer_forget(tc_renderer *renderer, const tc_volume *volume);
+/* And of a mesh, by its serial: clusters of what it was shown with too. */
+void tc_renderer_forget_mesh(tc_renderer *renderer, uint64_t mesh_serial);
 
 #endif

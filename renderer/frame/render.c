@@ -386,6 +386,10 @@ void tc_renderer_forget(tc_renderer *renderer, const tc_volume *volume) {
   renderer->ops->forget(renderer->instance, tc_volume_serial(volume));
 }
 
+void tc_renderer_forget_mesh(tc_renderer *renderer, uint64_t mesh_serial) {
+  tc_resources_forget_mesh(renderer->resources, mesh_serial);
+}
+
 uint64_t tc_renderer_cached(const tc_renderer *renderer) { return tc_resources_held(renderer->resources); }
 
 void tc_renderer_limit_cache(tc_renderer *renderer, uint64_t most_bytes) {

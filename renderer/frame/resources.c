@@ -148,6 +148,17 @@ uint64_t tc_resources_forget(tc_resources *r, uint64_t volume_serial) {
   return coefficients;
 }
 
+static bool has_mesh(const void *thing, const void *serial) {
+  const tc_clusters *c = thing;
+  for (size_t i = 0; i < c->n_parts; i++)
+    if (c->parts[i].of.kind == TC_SURFACE_OF_MESH && c->parts[i].of.serial == *(const uint64_t *)serial) return true;
+  return false;
+}
+
+void tc_resources_forget_mesh(tc_resources *r, uint64_t mesh_serial) {
+  tc_store_drop(r->store, &tc_resource_kinds[TC_RESOURCE_MESH].store, has_mesh, &mesh_serial);
+}
+
 uint64_t tc_resources_held(const tc_resources *r) { return tc_store_held(r->store); }
 
 uint64_t tc_resources_wanted(tc_resources *r) { return tc_store_wanted(r->store); }

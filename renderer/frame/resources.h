@@ -41,5 +41,7 @@ uint64_t tc_resources_wanted(tc_resources *r);
 
 /* Drops what belongs to a volume, and to its coefficients, whose serial it gives back (0: there were none). */
 uint64_t tc_resources_forget(tc_resources *r, uint64_t volume_serial);
+/* Drops surfaces with one of this mesh among them. */
+void tc_resources_forget_mesh(tc_resources *r, uint64_t mesh_serial);
 
 #endif

@@ -160,6 +160,13 @@ void tc_store_forget(tc_store *s, uint64_t volume_serial) {
     if (s->items[i]->volume == volume_serial) drop(s, i);
 }
 
+void tc_store_drop(tc_store *s, const tc_store_kind *kind, bool (*like)(const void *thing, const void *user), const void *user) {
+  for (int i = s->count - 1; i >= 0; i--) {
+    const tc_stored *it = s->items[i];
+    if (it->kind == kind && (it->unfinished || like(it->thing, user))) drop(s, i);
+  }
+}
+
 uint64_t tc_store_held(const tc_store *s) { return s->held; }
 uint64_t tc_store_budget(const tc_store *s) { return s->most; }
 

@@ -313,6 +313,7 @@ void tcs_entry_release(tcs_catalogue *catalogue, tcs_entry *entry) {
   memset(&entry->defaults, 0, sizeof entry->defaults);
   if (entry->volume) tcs_scheduler_forget(catalogue->server->scheduler, entry->volume);
   if (entry->body) tcs_scheduler_forget(catalogue->server->scheduler, entry->body);
+  if (entry->mesh) tcs_scheduler_forget_mesh(catalogue->server->scheduler, entry->mesh->serial);
   g_clear_pointer(&entry->volume, tc_volume_unref);
   g_clear_pointer(&entry->body, tc_volume_unref);
   g_clear_pointer(&entry->mesh, tc_mesh_free);

@@ -514,11 +514,12 @@ void tcs_scheduler_pump(tcs_scheduler *scheduler) {
   scheduler->pumping = false;
 }
 
-/* Less is kept between frames: nothing of a volume that goes, or no more than so many bytes. */
+/* Less is kept between frames: nothing of a volume or a mesh that goes, or no more than so many bytes. */
 typedef struct trim {
   tcs_task task;
   tcs_scheduler *scheduler;
-  tc_volume *volume; /* or NULL: */
+  tc_volume *volume;    /* or NULL: */
+  uint64_t mesh_serial; /* or 0: */
   uint64_t most_bytes;
 } trim;
 
@@ -527,6 +528,8 @@ static void run_trim(tcs_task *task) {
   tc_renderer *renderer = t->scheduler->renderer;
   if (t->volume)
     tc_renderer_forget(renderer, t->volume);
+  else if (t->mesh_serial)
+    tc_renderer_forget_mesh(renderer, t->mesh_serial);
   else
     tc_renderer_limit_cache(renderer, t->most_bytes);
   tcs_budget_set(t->scheduler->server->budget, TCS_MEMORY_CACHES, tc_renderer_cached(renderer));
@@ -535,18 +538,20 @@ static void run_trim(tcs_task *task) {
 
 static void done_trim(tcs_task *task) { g_free(task); }
 
-static void submit_trim(tcs_scheduler *scheduler, tc_volume *volume, uint64_t most_bytes) {
+static void submit_trim(tcs_scheduler *scheduler, tc_volume *volume, uint64_t mesh_serial, uint64_t most_bytes) {
   trim *t = g_new0(trim, 1);
-  *t = (trim){{.run = run_trim, .done = done_trim}, scheduler, volume, most_bytes};
+  *t = (trim){{.run = run_trim, .done = done_trim}, scheduler, volume, mesh_serial, most_bytes};
   tcs_worker_submit(scheduler->server->render_worker, &t->task);
 }
 
 void tcs_scheduler_forget(tcs_scheduler *scheduler, tc_volume *volume) {
-  submit_trim(scheduler, tc_volume_ref(volume), 0);
+  submit_trim(scheduler, tc_volume_ref(volume), 0, 0);
 }
 
+void tcs_scheduler_forget_mesh(tcs_scheduler *scheduler, uint64_t serial) { submit_trim(scheduler, NULL, serial, 0); }
+
 void tcs_scheduler_limit_cache(tcs_scheduler *scheduler, uint64_t most_bytes) {
-  submit_trim(scheduler, NULL, most_bytes);
+  submit_trim(scheduler, NULL, 0, most_bytes);
 }
 
 static gboolean is_forgotten(void *name, void *client, void *busy) {

@@ -40,6 +40,7 @@ void tcs_job_cancel(tcs_job *job);
 void tcs_scheduler_limit_cache(tcs_scheduler *scheduler, uint64_t most_bytes);
 /* Drops the renderer's resources of a volume that goes away. */
 void tcs_scheduler_forget(tcs_scheduler *scheduler, tc_volume *volume);
+void tcs_scheduler_forget_mesh(tcs_scheduler *scheduler, uint64_t serial); /* likewise of a mesh */
 /* Gives up a picture that takes longer than the configured time; forgets peers. About once a second. */
 void tcs_scheduler_tick(tcs_scheduler *scheduler, int64_t now_us);
 int tcs_scheduler_waiting(const tcs_scheduler *scheduler);

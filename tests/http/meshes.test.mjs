@@ -114,7 +114,12 @@ test('a session shows a mesh in its volume\'s space; what it shows is neither dr
   assert.equal((await patch({ mesh: { surfaces: null } })).status, 200);
   assert.equal((await d.get('/v1/meshes/shown')).json.sessions, 0);
   await patch(surfaces({ mesh: 'shown' }));
+  assert.equal((await d.get(`/v1/sessions/${session.id}/frame`)).status, 200);
+  const caches = async () => Number((await d.get('/metrics')).bytes.toString().match(/memory_bytes\{kind="caches"\} (\d+)/)[1]);
+  const shown = await caches();
   assert.equal((await d.delete('/v1/meshes/shown?force=true')).status, 204);
+  for (let i = 0; i < 500 && (await caches()) > shown - 5000; i++) await sleep(10);
+  assert.ok((await caches()) <= shown - 5000, 'the clusters of its 400 triangles have gone too');
   problem(await d.get(`/v1/sessions/${session.id}`), 404); // it ended with its mesh
 });
 
