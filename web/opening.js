@@ -102,7 +102,7 @@ export class Opening {
     }
   }
 
-  /** One file as it is; several as a zip of DICOM files; meshes onto the volume that is shown. */
+  /** One file as it is; several (DICOM, pictures, a header with its voxels) as a zip; meshes onto the volume that is shown. */
   async upload(files) {
     if (!files.length) return;
     const meshes = files.every(isMesh);

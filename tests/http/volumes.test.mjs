@@ -142,8 +142,13 @@ test('pictures are volumes: a folder, a zip, a spacing that a client gives', asy
   assert.deepEqual([two.dims, two.spacing], [[3, 2, 2], [1, 1, 1]], two.reason);
   assert.match(two.note, /no spacing: 1 mm assumed/);
   assert.equal((await d.get('/v1/volumes/packed/value?at=0,0,0')).json.value, 1); // b9 before b10
+  const mhd = 'ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = v.raw\n';
+  const pair = await zip([new File([Buffer.from([0, 1, 2, 3, 4, 5, 6, 7])], 'v.raw'), new File([mhd], 'v.mhd')]);
+  assert.equal((await upload('pair', Buffer.from(await pair.arrayBuffer()))).status, 202);
+  const put = await settled('pair');
+  assert.deepEqual(put.range, [0, 7], put.reason);
   problem(await d.call('PUT', '/v1/volumes/x?spacing=1%232', { body: page(1), type: 'application/octet-stream' }), 422);
-  for (const id of ['stack', 'one', 'packed']) await d.call('DELETE', `/v1/volumes/${id}`);
+  for (const id of ['stack', 'one', 'packed', 'pair']) await d.call('DELETE', `/v1/volumes/${id}`);
   rmSync(join(d.folder, 'stack'), { recursive: true });
 });
 

@@ -1,5 +1,7 @@
 /* Formats and packings that come through the same readers: whole files in gzip and bzip2, MGH, Analyze; and what is
  * refused by its name. */
+#include <zip.h>
+
 #include "import_files.h"
 
 enum { side = 4, count = side * side * side };
@@ -163,6 +165,42 @@ static void check_par(const char *name, const double values[3]) {
   tc_volume_unref(v);
 }
 
+static void zip_files(const char *name, const char *const *files, int count) {
+  char *path = path_of(name);
+  zip_t *zip = zip_open(path, ZIP_CREATE | ZIP_TRUNCATE, NULL);
+  for (int i = 0; i < count; i++) {
+    char *file = path_of(files[i]), *member = g_strconcat("study/", files[i], NULL);
+    assert_true(zip_file_add(zip, member, zip_source_file(zip, file, 0, -1), 0) >= 0);
+    g_free(member);
+    g_free(file);
+  }
+  assert_int_equal(zip_close(zip), 0);
+  g_free(path);
+}
+
+/* What an upload of several files is: a header finds its voxels in the zip, and nothing outside it. */
+static void pairs_in_a_zip(void) {
+  static const char *const pair[] = {"p.REC", "p.PAR"}, *const two[] = {"p.PAR", "n.nhdr", "p.REC", "n.raw"};
+  const tc_import_options upload = {.self_contained = true};
+  GError *error = NULL;
+  zip_files("pair.zip", pair, 2);
+  tc_volume *v = open_with("pair.zip", &upload, &error);
+  assert_null(error);
+  assert_string_equal(tc_volume_describe(v)->format, "parrec");
+  tc_volume_unref(v);
+  check_par("pair.zip#volume=2", (double[]){31, 63, 95});
+  write_text("n.nhdr", "NRRD0004\ntype: short\ndimension: 3\nsizes: 4 4 4\nendian: little\nencoding: raw\ndata file: n.raw\n");
+  GByteArray *voxels = ramp();
+  write_bytes("n.raw", voxels);
+  g_byte_array_unref(voxels);
+  zip_files("nhdr.zip", two + 1, 3);
+  check_ramp("nhdr.zip#volume=1");
+  zip_files("two.zip", two, 4);
+  open_bad("two.zip#volume=1", TC_ERROR_UNSUPPORTED, "holds 2 volumes");
+  zip_files("alone.zip", two + 1, 1); /* its voxels lie beside the zip */
+  open_bad("alone.zip#volume=1", TC_ERROR_FORMAT, "n.raw is not in the zip");
+}
+
 /* Two times, slice by slice among each other, and a third that was broken off. */
 static void philips_pairs(void **state) {
   GByteArray *rec = g_byte_array_new();
@@ -175,6 +213,7 @@ static void philips_pairs(void **state) {
   check_par("p.PAR", (double[]){15, 47, 79});
   check_par("p.REC", (double[]){15, 47, 79});
   check_par("p.PAR#volume=2", (double[]){31, 63, 95});
+  pairs_in_a_zip();
   tc_volume *v = open_good("p.PAR");
   assert_int_equal(tc_volume_describe(v)->frames, 2);
   assert_non_null(strstr(tc_volume_describe(v)->note, "1 of 3 volumes lack slices"));

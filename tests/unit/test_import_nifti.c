@@ -57,18 +57,21 @@ static void every_type_order_and_container(void **state) {
         GByteArray *file = header(version, types[t].code, big, false), *data = g_byte_array_new();
         add_voxels(data, types[t].element, types[t].lo, types[t].step, count, big);
         g_byte_array_append(file, data->data, data->len);
-        GByteArray *zip = deflated(file->data, file->len, true), *head = header(version, types[t].code, big, true);
+        GByteArray *zip = deflated(file->data, file->len, true), *blocks = bzipped(file->data, file->len), *head = header(version, types[t].code, big, true);
         write_bytes("a.nii", file);
         write_bytes("a.nii.gz", zip);
+        write_bytes("a.nii.bz2", blocks);
         write_bytes("pair.hdr", head);
         write_bytes("pair.img", data);
         check_ramp("a.nii", types[t].stored, types[t].lo, types[t].step);
         check_ramp("a.nii.gz", types[t].stored, types[t].lo, types[t].step);
+        check_ramp("a.nii.bz2", types[t].stored, types[t].lo, types[t].step);
         check_ramp("pair.hdr", types[t].stored, types[t].lo, types[t].step);
         check_ramp("pair.img", types[t].stored, types[t].lo, types[t].step);
         g_byte_array_unref(file);
         g_byte_array_unref(data);
         g_byte_array_unref(zip);
+        g_byte_array_unref(blocks);
         g_byte_array_unref(head);
       }
 }

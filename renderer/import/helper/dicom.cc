@@ -10,6 +10,7 @@
 
 #include "renderer/import/helper/dicom_volume.h"
 #include "renderer/import/helper/stack.h"
+#include "renderer/import/helper/zipped.h"
 
 namespace dicom {
 
@@ -34,8 +35,9 @@ static Failure decode(int input, const tc_helper_request &request, const tc_orde
     Run run(order, request);
     GError *error = nullptr;
     scan(run, input);
-    if (run.pictures.empty()) { // PNG or TIFF
-      if (!request.list && !tc_stack_read(&run.sources, request.choice, &order, &error)) fail_with(error);
+    if (run.pictures.empty()) { // PNG or TIFF, or a volume of another format in a zip
+      const auto read = tc_stack_is(&run.sources) ? tc_stack_read : tc_zipped_read;
+      if (!request.list && !read(&run.sources, request.choice, &order, &error)) fail_with(error);
     } else if (request.list)
       list(run);
     else

@@ -10,6 +10,7 @@
 #include <tuple>
 
 #include "renderer/import/helper/stack.h"
+#include "renderer/import/helper/zipped.h"
 
 namespace dicom {
 
@@ -53,7 +54,7 @@ void scan(Run &run, int input) {
     if (frames > FRAMES_MAX) fail(TC_ERROR_LIMIT, "more than %llu pictures", (unsigned long long)FRAMES_MAX);
     progress(run, 0.2 * double(i + 1) / double(run.sources.count));
   }
-  if (!run.pictures.empty() || tc_stack_is(&run.sources)) return;
+  if (!run.pictures.empty() || tc_stack_is(&run.sources) || tc_zipped_is(&run.sources)) return;
   if (run.sources.count == 1)
     fail(TC_ERROR_FORMAT, "no picture in this DICOM file; of a plan open the folder of the pictures");
   fail(TC_ERROR_FORMAT, "no DICOM pictures among %zu files (%zu unreadable)", run.sources.count, run.unreadable);

@@ -19,6 +19,9 @@ typedef struct tc_format {
  * `choice` is what followed the '#' of its path, or "". */
 bool tc_formats_read(tc_input *input, const char *choice, const tc_order *order, GError **error);
 
+/* Whether its content is a volume's of one of them: a header or a whole file, and no voxels beside one. */
+bool tc_formats_know(const tc_input *input);
+
 extern const tc_format tc_format_nifti, tc_format_nrrd, tc_format_metaimage, tc_format_mgh, tc_format_parrec, tc_format_minc, tc_format_vmd;
 extern const tc_format tc_format_ply, tc_format_stl, tc_format_obj; /* of meshes */
 

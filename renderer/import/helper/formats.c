@@ -1,6 +1,5 @@
 /* Every format but DICOM and MINC: which file is what, by content first and by name second. */
 #include <string.h>
-#include <unistd.h>
 
 #include "renderer/import/helper/format.h"
 
@@ -17,6 +16,15 @@ static bool has_suffix(const char *name, const char *suffixes) {
   g_strfreev(list);
   g_free(lower);
   return found;
+}
+
+bool tc_formats_know(const tc_input *input) {
+  uint8_t head[TC_PROBE_BYTES];
+  size_t size;
+  if (!tc_input_head(input, head, sizeof head, &size, NULL)) return false;
+  for (int i = 0; i < FIRST_MESH; i++)
+    if (formats[i]->probe(head, size)) return true;
+  return false;
 }
 
 static const tc_format *const *recognise(const tc_input *input, const uint8_t *head, size_t size) {
@@ -110,14 +118,4 @@ bool tc_formats_read(tc_input *input, const char *choice, const tc_order *order,
   if (!found) return refuse(head, size, order->mesh, error);
   if ((found >= formats + FIRST_MESH) != order->mesh) return refuse_kind(*found, order->mesh, error);
   return tc_choice_volume(choice, (*found)->name, &own.volume, error) && (*found)->read(input, &own, error);
-}
-
-bool tc_helper_decode(int fd, const tc_helper_request *request, const tc_order *order, GError **error) {
-  tc_input input;
-  if (!tc_input_adopt(&input, dup(fd), request->name, error)) return false;
-  if (!request->self_contained) input.open = order->open; /* the daemon would open none: this says why early */
-  input.open_user = order->user;
-  bool ok = tc_formats_read(&input, request->choice, order, error);
-  tc_input_close(&input);
-  return ok;
 }

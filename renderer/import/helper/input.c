@@ -45,17 +45,23 @@ void tc_input_memory(tc_input *input, const void *bytes, size_t size, const char
 void tc_input_close(tc_input *input) {
   if (input->fd > 0) close(input->fd); /* a zeroed input has fd 0, which is never ours */
   g_free(input->name);
+  g_free(input->owned);
   *input = (tc_input){.fd = -1};
 }
 
 bool tc_input_may_name(const tc_input *input, GError **error) {
-  if (input->open) return true;
+  if (input->open || input->member) return true;
   tc_set_error(error, TC_ERROR_FORMAT, NULL, "the header names another file; upload header and voxels as one");
   return false;
 }
 
 bool tc_input_open_sibling(const tc_input *input, const char *name, bool optional, tc_input *sibling, GError **error) {
   *sibling = (tc_input){.fd = -1};
+  if (input->member) {
+    if (input->member(input->open_user, name, sibling, error)) return true;
+    if (!optional && !*error) tc_set_error(error, TC_ERROR_FORMAT, NULL, "%s is not in the zip", name);
+    return false;
+  }
   if (!input->open) return !optional && tc_input_may_name(input, error);
   if (strlen(name) >= TC_WIRE_NAME) {
     tc_set_error(error, TC_ERROR_FORMAT, NULL, "the name of a data file is longer than any system has");

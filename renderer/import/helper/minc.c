@@ -309,9 +309,11 @@ static bool choose_frame(tc_raster *raster, minc *m, const tc_order *order, GErr
   return true;
 }
 
-/* Voxels that there can be at most: deflate packs no tighter. */
-static uint64_t most_voxels(const minc *m, const tc_input *input) {
-  return MIN(input->size, H5Dget_storage_size(m->image)) * 1032 / tc_element_size(m->element);
+/* Voxels that there can be at most: deflate packs no tighter. Looked at before any are read. */
+static bool can_hold(const minc *m, const tc_raster *raster, uint64_t most, GError **error) {
+  const int *dims = raster->desc.dims; /* each at most 2^16 */
+  if ((uint64_t)dims[0] * (uint64_t)dims[1] * (uint64_t)dims[2] <= most) return true;
+  return fail(TC_ERROR_FORMAT, error, "the file is cut short: it cannot hold its voxels");
 }
 
 static bool load(minc *m, const tc_input *input, const tc_order *order, GError **error) {
@@ -319,10 +321,10 @@ static bool load(minc *m, const tc_input *input, const tc_order *order, GError *
   hid_t stored;
   tc_raster_init(&raster, "minc", input);
   if (!set_space(&raster, m, error) || !find_element(m, error) || !choose_frame(&raster, m, order, error)) return false;
-  const uint64_t most = most_voxels(m, input);
+  const uint64_t most = MIN(input->size, H5Dget_storage_size(m->image)) * 1032 / tc_element_size(m->element);
   const tc_provenance from = {.volume = (int)m->frame + 1};
-  return read_scales(m, error) && make_slab(m, error) && choose_type(&raster, m, order, &stored, error) &&
-         tc_raster_begin(&raster, most, &from, order, error) &&
+  return can_hold(m, &raster, most, error) && read_scales(m, error) && make_slab(m, error) &&
+         choose_type(&raster, m, order, &stored, error) && tc_raster_begin(&raster, most, &from, order, error) &&
          each_slab(m, stored >= 0 ? stored : H5T_NATIVE_DOUBLE, order, stored >= 0 ? put_as_they_are : put_values,
                    (void *)order, error);
 }

@@ -35,7 +35,7 @@ bool tc_order_put(const tc_order *order, const void *voxels, size_t bytes, GErro
 bool tc_choice_volume(const char *choice, const char *format, uint32_t *volume, GError **error);
 
 /* Decodes the file or folder `input` (which stays the caller's) into the order. Of the helper programs one has the
- * one that knows DICOM (dicom.cc), one that of MINC (minc_only.c), and one that of all other formats (formats.c). */
+ * one that knows DICOM (dicom.cc), one that of MINC (minc_only.c), and one that of all other formats (formats_only.c). */
 bool tc_helper_decode(int input, const tc_helper_request *request, const tc_order *order, GError **error);
 
 #ifdef __cplusplus

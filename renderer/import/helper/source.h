@@ -35,13 +35,19 @@ typedef enum tc_encoding {
 /* Opens a file beside the input: tc_order's open. */
 typedef int (*tc_open_fn)(void *user, const char *name, bool optional, GError **error);
 
+struct tc_input;
+/* The same of an input in memory: false where there is none of that name. */
+typedef bool (*tc_member_fn)(void *user, const char *name, struct tc_input *member, GError **error);
+
 typedef struct tc_input {
   int fd;               /* an open regular file, or -1: bytes */
   const uint8_t *bytes; /* [size], not owned */
   uint64_t size;
   tc_encoding packing; /* of the file as a whole: raw, deflate (gzip) or bzip2 */
-  tc_open_fn open; /* NULL: it can name no other file */
+  tc_open_fn open; /* both NULL: it can name no other file */
+  tc_member_fn member;
   void *open_user;
+  void *owned; /* bytes that closing frees */
   char *name; /* base name */
 } tc_input;
 
