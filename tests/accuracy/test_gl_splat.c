@@ -2,6 +2,7 @@
  * at a footprint's or a core's rim, or between two steps of the footprint's table, within rounding. */
 #include "tests/support/test.h"
 
+#include "renderer/splat/vmd.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
 #include "tests/support/renderers.h"
@@ -45,8 +46,8 @@ static int count_apart(const tc_frame *cpu, const tc_frame *gl, int *seen) {
   return MAX(over, deep);
 }
 
-static void expect_equal(tc_volume *volume, const tc_scene *scene) {
-  const tc_render_request request = {.want_linear = true, .want_depth = true};
+static void expect_equal(tc_volume *volume, tc_volume *labels, const tc_scene *scene) {
+  const tc_render_request request = {.want_linear = true, .want_depth = true, .labels = labels};
   tc_explanation plan;
   int seen;
   const tc_frame *cpu = test_draw(test_widest(), volume, scene, &request, NULL);
@@ -61,7 +62,7 @@ static void pictures_are_equal_but_for_rims(void **unused) {
   for (int round = 0; round < 7; round++) {
     tc_scene scene;
     splat_scene(&scene, volume, round & 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE);
-    scene.shading.model = (tc_shading_model[]){TC_SHADING_BLINN_PHONG, TC_SHADING_GOOCH, TC_SHADING_LAMBERT, 0}[round / 2];
+    scene.shading.model = (tc_shading_model[]){TC_SHADING_BLINN_PHONG, TC_SHADING_GOOCH, TC_SHADING_LAMBERT, 0}[round / 2 % 4];
     if (round == 1) scene.clip.planes[0][1] = 1, scene.clip.planes[0][3] = -330, scene.clip.n_planes = 1;
     if (round == 2) {
       scene.clip.has_box = true;
@@ -72,9 +73,51 @@ static void pictures_are_equal_but_for_rims(void **unused) {
     if (round == 4) /* from the inside */
       test_scene_look(&scene, TC_PERSPECTIVE, (double[3]){-970, 335, 75}, (double[3]){-900, 380, 100}, 80);
     if (round == 5) scene.image.linear_light = scene.image.transparent = true;
-    expect_equal(volume, &scene);
+    expect_equal(volume, NULL, &scene);
     tc_scene_clear(&scene);
   }
+  tc_volume_unref(volume);
+}
+
+static double bands(double x, double y, double z, const void *wavelength) {
+  const double wave = test_waves(x, y, z, wavelength);
+  return wave < 0.55 ? 0 : 1 + floor(4 * (wave - 0.55) / 0.45);
+}
+
+/* Pixels that are of the isosurface's one colour alone, or unlit of no more than one: none where voxels have colours. */
+static bool is_colored(const tc_frame *frame) {
+  const uint8_t *first = NULL;
+  for (int i = 0; i < PIXELS; i++) {
+    const uint8_t *p = frame->rgba + 4 * i;
+    if (!(frame->linear[4 * i + 3] >= 1)) continue;
+    if (!first) first = p;
+    if (abs(p[0] - first[0]) + abs(p[1] - first[1]) + abs(p[2] - first[2]) > 60) return true;
+  }
+  return false;
+}
+
+/* By value and transfer function, by labels, and by a model's attribute and palette; unlit, lit, and cut. */
+static void colors_are_the_cpus(void **unused) {
+  needs_gl();
+  const test_grid grid = {.dims = {60, 52, 56}, .type = TC_U8, .slope = 1, .spacing = {1, 1.3, 0.8}, .origin = {-1000, 300, 50}};
+  tc_volume *volume = waves(), *labels = test_volume(&grid, bands, &(double){24});
+  const tc_vmd_wish wish = {1, 9, .labels = true, .attributes = "label"};
+  tc_volume *model = tc_vmd_volume(tc_vmd_of_volume(labels, &wish, NULL, NULL), NULL);
+  for (int round = 0; round < 6; round++) {
+    tc_scene scene;
+    const int way = round % 3;
+    splat_scene(&scene, volume, round & 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE);
+    if (round < 3) scene.shading.model = TC_SHADING_NONE;
+    if (round >= 3) scene.clip.planes[0][1] = 1, scene.clip.planes[0][3] = -330, scene.clip.n_planes = 1;
+    if (way == 0) strcpy(scene.splat.attribute, "value");
+    if (way == 1) strcpy(scene.labels.volume, "labels");
+    if (way == 2) strcpy(scene.splat.attribute, "label"), scene.splat.threshold[1] = 9;
+    expect_equal(way == 2 ? model : volume, way == 1 ? labels : NULL, &scene);
+    assert_true(is_colored(&test_frames[GL]));
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(model);
+  tc_volume_unref(labels);
   tc_volume_unref(volume);
 }
 
@@ -103,7 +146,7 @@ static void what_gl_does_not_draw_the_cpu_does(void **unused) {
   tc_scene scene;
   tc_explanation plan;
   splat_scene(&scene, volume, TC_PERSPECTIVE);
-  strcpy(scene.splat.attribute, "value");
+  scene.splat.opaque = false;
   const tc_frame *cpu = test_draw(test_widest(), volume, &scene, NULL, NULL), *gl = test_draw(GL, volume, &scene, NULL, &plan);
   assert_memory_equal(cpu->rgba, gl->rgba, 4 * PIXELS);
   assert_non_null(strstr(plan.stages[TC_STAGE_SPLATS].reason, "drawn by the cpu"));
@@ -136,7 +179,7 @@ static void frames_stop_and_go_on_to_the_same_picture(void **unused) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {TEST(pictures_are_equal_but_for_rims), TEST(culling_changes_no_bit),
+  const struct CMUnitTest tests[] = {TEST(pictures_are_equal_but_for_rims), TEST(colors_are_the_cpus), TEST(culling_changes_no_bit),
     TEST(what_gl_does_not_draw_the_cpu_does), TEST(frames_stop_and_go_on_to_the_same_picture)};
   return cmocka_run_group_tests_name("splats through OpenGL", tests, test_renderers_open, test_renderers_close);
 }

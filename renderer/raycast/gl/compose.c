@@ -49,7 +49,7 @@ static bool is_built(const tc_gl_variant *v) {
                key->voxel_type < TC_VOXEL_TYPE_COUNT && key->shading < TC_SHADING_COUNT &&
                key->gradient < TC_GRADIENT_COUNT && key->slab <= TC_SLAB_PROJECTION_COUNT;
   bool filter = !surface || key->filter == TC_FILTER_LINEAR;
-  bool labels = !key->labels || dvr || slice || mesh || key->labels == TC_PLAN_GAPS;
+  bool labels = !key->labels || dvr || slice || mesh || splat || key->labels == TC_PLAN_GAPS;
   bool rays = key->rays <= !slice;
   return mode && names && filter && labels && rays && key->jitter <= dvr &&
          key->coherence <= (key->rays && key->skipping) && v->want_depth <= (surface || mesh || splat) &&

@@ -8,11 +8,14 @@
 
 #include "renderer/frame/frame.h"
 #include "renderer/raycast/gl/job.h"
+#include "renderer/splat/mode.h"
 #include "renderer/splat/splatter.h"
 
 #define SOFTWARE_NS 100 /* a splat and pass, before any was measured */
 #define HARDWARE_NS 2
 #define BLOCK 8
+
+enum { BLOCK_BUFFER, ENTRIES, DEPTHS, SUMS, TABLE, N_BUFFERS };
 
 /* The uniform block of splat_head.glsl, std140. */
 typedef struct splat_block {
@@ -20,7 +23,7 @@ typedef struct splat_block {
   float direction0[4], direction_du[4], direction_dv[4], planes[12][4], color[4];
   uint8_t weights[65 * 16];
   float size[2], scale, radius2, least2, near_mm, window_mm, core, core_root, full, open;
-  int32_t perspective, culling, n_planes;
+  int32_t perspective, culling, n_planes, stride;
 } splat_block;
 
 typedef struct splat_entry { /* Entry of splat_pass.glsl */
@@ -32,12 +35,13 @@ typedef struct splat_entry { /* Entry of splat_pass.glsl */
 typedef struct drawing {
   const tc_gl_frame *gl;
   tc_splat_frame of;
+  tc_splat_look *look; /* NULL: of one colour */
   tc_progress *progress;
   const tc_gl_lookup *words[2]; /* of the splats, of the cut */
   splat_entry *entries;         /* of a tile: of the splats, then of the cut */
   int n[2];
   tc_gl_batch batch;
-  unsigned buffers[4]; /* block, entries, depths, sums */
+  unsigned buffers[N_BUFFERS]; /* block, entries, depths, sums, table */
 } drawing;
 
 /* ---- a frame's constants ---- */
@@ -46,7 +50,7 @@ static void fill_block(const drawing *d, splat_block *b) {
   const tc_splat_args *g = &d->of.args;
   *b = (splat_block){.size = {g->width, g->height}, .scale = g->scale, .radius2 = g->radius2, .least2 = g->least2,
                      .near_mm = g->near_mm, .window_mm = g->window_mm, .core = g->core, .core_root = g->core_root,
-                     .full = g->full, .open = g->open, .perspective = g->perspective, .culling = g->culling, .n_planes = g->n_planes};
+                     .full = g->full, .open = g->open, .perspective = g->perspective, .culling = g->culling, .n_planes = g->n_planes, .stride = d->look ? 8 : 4};
   for (int k = 0; k < 3; k++) {
     memcpy(b->axis[k], g->axis[k], sizeof g->axis[k]);
     b->direction0[k] = g->direction0[k], b->direction_du[k] = g->direction_du[k], b->direction_dv[k] = g->direction_dv[k];
@@ -57,14 +61,42 @@ static void fill_block(const drawing *d, splat_block *b) {
   memcpy(b->weights, g->weights, sizeof g->weights);
 }
 
-static size_t words_bytes(const void *thing) {
-  return (((const tc_splats *)thing)->n * sizeof(uint32_t) + 31) / 16 * 16;
+/* Words, and behind them the entries of their voxels' looks, the colour's in the low half. */
+typedef struct packing {
+  const tc_splats *of;
+  const tc_splat_look *look;
+} packing;
+
+static size_t words_size(const tc_splats *s) { return (s->n * sizeof(uint32_t) + 31) / 16 * 16; }
+
+static size_t packed_bytes(const void *thing) {
+  const packing *p = thing;
+  return words_size(p->of) * (p->look ? 2 : 1);
 }
 
 static bool pack_words(const void *thing, void *bytes, const tc_halt *halt) {
-  const tc_splats *s = thing;
-  memset(bytes, 0, words_bytes(s));
-  memcpy(bytes, s->words, s->n * sizeof *s->words);
+  const packing *p = thing;
+  memset(bytes, 0, packed_bytes(p));
+  memcpy(bytes, p->of->words, p->of->n * sizeof *p->of->words);
+  return true;
+}
+
+static bool pack_looks(const void *thing, void *bytes, const tc_halt *halt) {
+  const packing *p = thing;
+  uint32_t *looks = (uint32_t *)bytes + words_size(p->of) / sizeof *looks;
+  pack_words(thing, bytes, halt);
+  for (uint32_t b = 0; b < p->of->n_bricks; b++) {
+    const tc_splat_brick *brick = &p->of->bricks[b];
+    if (tc_halt_within(halt)) return false;
+    for (uint32_t i = brick[0].first; i < brick[1].first; i++) {
+      const uint32_t word = p->of->words[i];
+      int at[3];
+      uint16_t entries[2];
+      for (int k = 0; k < 3; k++) at[k] = brick->at[k] * TC_SPLAT_BRICK + (int)(word >> 4 * k & 15);
+      tc_splat_look_at(p->look, at, entries);
+      looks[i] = entries[0] | (uint32_t)entries[1] << 16;
+    }
+  }
   return true;
 }
 
@@ -72,25 +104,33 @@ static bool upload(drawing *d, GError **error) {
   const tc_frame_job *job = d->gl->job;
   const tc_splats *of[2] = {job->have.splats, job->have.cut};
   for (int i = 0; i < 2 && of[i]; i++) {
-    const tc_gl_packing packing = {"splats", words_bytes, pack_words, of[i]};
-    const uint64_t volume = tc_volume_serial(job->source);
-    d->words[i] = tc_gl_textures_packed(d->gl->textures, &packing, of[i]->serial, volume, job->halt, error);
+    const packing thing = {of[i], d->look};
+    const tc_gl_packing packing = {"splats", packed_bytes, d->look ? pack_looks : pack_words, &thing};
+    const uint64_t volume = tc_volume_serial(job->source), serial = of[i]->serial << 8 | (d->look ? tc_splat_look_of(d->look) : 0);
+    d->words[i] = tc_gl_textures_packed(d->gl->textures, &packing, serial, volume, job->halt, error);
     if (!d->words[i]) return false;
   }
   return true;
+}
+
+static void put_table(drawing *d) {
+  int n = 1;
+  const float(*table)[4] = d->look ? tc_splat_look_table(d->look, &n) : NULL;
+  glNamedBufferStorage(d->buffers[TABLE], (GLsizeiptr)n * (GLsizeiptr)sizeof *table, table, 0);
 }
 
 static void make_buffers(drawing *d) {
   const size_t side = (size_t)d->progress->side, blocks = (side + BLOCK - 1) / BLOCK;
   splat_block block;
   fill_block(d, &block);
-  glCreateBuffers(4, d->buffers);
-  glNamedBufferStorage(d->buffers[0], sizeof block, &block, 0);
-  glNamedBufferStorage(d->buffers[1], (GLsizeiptr)(((size_t)d->of.n_entries + 1) * sizeof *d->entries), NULL, GL_DYNAMIC_STORAGE_BIT);
-  glNamedBufferStorage(d->buffers[2], (GLsizeiptr)((side * side + blocks * blocks) * 4), NULL, 0);
-  glNamedBufferStorage(d->buffers[3], (GLsizeiptr)(side * side * 16), NULL, 0);
-  glBindBufferBase(GL_UNIFORM_BUFFER, 1, d->buffers[0]);
-  for (GLuint i = 1; i < 4; i++) glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 4 + i, d->buffers[i]);
+  glCreateBuffers(N_BUFFERS, d->buffers);
+  glNamedBufferStorage(d->buffers[BLOCK_BUFFER], sizeof block, &block, 0);
+  glNamedBufferStorage(d->buffers[ENTRIES], (GLsizeiptr)(((size_t)d->of.n_entries + 1) * sizeof *d->entries), NULL, GL_DYNAMIC_STORAGE_BIT);
+  glNamedBufferStorage(d->buffers[DEPTHS], (GLsizeiptr)((side * side + blocks * blocks) * 4), NULL, 0);
+  glNamedBufferStorage(d->buffers[SUMS], (GLsizeiptr)(side * side * 4 * (size_t)block.stride), NULL, 0);
+  put_table(d);
+  glBindBufferBase(GL_UNIFORM_BUFFER, 1, d->buffers[BLOCK_BUFFER]);
+  for (GLuint i = ENTRIES; i <= SUMS; i++) glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 4 + i, d->buffers[i]);
   if (d->of.args.shaded)
     glNamedBufferSubData(d->gl->job_buffer, offsetof(tc_gl_job_block, shade), sizeof d->of.args.shade, &d->of.args.shade);
 }
@@ -120,7 +160,7 @@ static void collect_entries(drawing *d, const int tile[4]) {
   for (int cut = 0; cut < 2; cut++)
     for (int i = 0; i < d->of.n_entries; i++)
       if ((d->of.entries[i].of != d->of.of) == cut && in_tile(&d->of.entries[i], tile)) put_entry(d, &d->of.entries[i]);
-  glNamedBufferSubData(d->buffers[1], 0, (GLsizeiptr)((size_t)(d->n[0] + d->n[1]) * sizeof *d->entries), d->entries);
+  glNamedBufferSubData(d->buffers[ENTRIES], 0, (GLsizeiptr)((size_t)(d->n[0] + d->n[1]) * sizeof *d->entries), d->entries);
 }
 
 static void use(const drawing *d, int pass, const int tile[4]) {
@@ -130,6 +170,7 @@ static void use(const drawing *d, int pass, const int tile[4]) {
 
 /* Bricks in batches. False: halted. */
 static bool run_pass(drawing *d, int pass, const int tile[4]) {
+  const tc_splats *of[2] = {d->gl->job->have.splats, d->gl->job->have.cut};
   const int end = d->n[0] + d->n[1];
   use(d, pass, tile);
   for (int i = 0; i < end;) {
@@ -138,6 +179,7 @@ static bool run_pass(drawing *d, int pass, const int tile[4]) {
     for (const double most = tc_gl_batch_most(&d->batch); i < last && n < most; i++) n += d->entries[i].words[1];
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 4, d->words[cut]->buffer);
     glProgramUniform1ui(d->gl->programs[pass], 1, (GLuint)from);
+    glProgramUniform1ui(d->gl->programs[pass], 2, d->look ? (GLuint)(words_size(of[cut]) / sizeof(uint32_t)) : 0);
     glDispatchCompute((GLuint)(i - from), 1, 1);
     d->gl->job->frame->stats.samples += n;
     if (!tc_gl_batch_add(&d->batch, n, d->gl->job->halt)) return false;
@@ -150,9 +192,10 @@ static bool draw_tile(void *user, const int tile[4], GError **error) {
   drawing *d = user;
   const GLuint far = 0xff800000u; /* ordered(infinite) */
   const GLuint across = (GLuint)((tile[2] + 8 * BLOCK - 1) / (8 * BLOCK)), down = (GLuint)((tile[3] + 8 * BLOCK - 1) / (8 * BLOCK));
-  glClearNamedBufferData(d->buffers[2], GL_R32UI, GL_RED_INTEGER, GL_UNSIGNED_INT, &far);
-  glClearNamedBufferData(d->buffers[3], GL_R32UI, GL_RED_INTEGER, GL_UNSIGNED_INT, NULL);
+  glClearNamedBufferData(d->buffers[DEPTHS], GL_R32UI, GL_RED_INTEGER, GL_UNSIGNED_INT, &far);
+  glClearNamedBufferData(d->buffers[SUMS], GL_R32UI, GL_RED_INTEGER, GL_UNSIGNED_INT, NULL);
   collect_entries(d, tile);
+  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 3, d->buffers[TABLE]); /* the picture's depths are bound there afterwards */
   if (!run_pass(d, 1, tile)) return tc_halt_say(d->gl->job->halt, error);
   use(d, 2, tile);
   glDispatchCompute(across, down, 1);
@@ -166,22 +209,27 @@ static bool draw_frame(drawing *d, GError **error) {
   make_buffers(d);
   const bool drawn = tc_gl_check("splats", error) && tc_gl_draw_tiles(d->gl, draw_tile, d, error);
   tc_gl_batch_end(&d->batch);
-  if (!*d->gl->lost) glDeleteBuffers(4, d->buffers);
+  if (!*d->gl->lost) glDeleteBuffers(N_BUFFERS, d->buffers);
   return drawn && tc_gl_check("splats", error);
 }
 
 static bool draw(const tc_gl_frame *gl, GError **error) {
   const tc_frame_job *job = gl->job;
-  const tc_splat_job splats = {.volume = job->source, .splats = job->have.splats, .cut = job->have.cut, .scene = job->scene,
+  const tc_splat_job splats = {.volume = job->have.labels ? job->label_volume : job->source, .splats = job->have.splats, .cut = job->have.cut, .scene = job->scene,
                                .frame = job->frame};
   drawing d = {.gl = gl, .batch.unit_ns = gl->hardware ? HARDWARE_NS : SOFTWARE_NS};
   d.progress = tc_frame_cut(job->frame, (int)sqrt(gl->most), error);
-  if (!d.progress || !tc_splat_frame_begin(&d.of, &splats, error)) return false;
+  if (!d.progress || !tc_splat_look_make(job, &d.look, error)) return false;
+  if (!tc_splat_frame_begin(&d.of, &splats, error)) {
+    tc_splat_look_free(d.look);
+    return false;
+  }
   d.entries = malloc(((size_t)d.of.n_entries + 1) * sizeof *d.entries);
   if (!d.entries) tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
   const bool drawn = d.entries && draw_frame(&d, error);
   free(d.entries);
   tc_splat_frame_end(&d.of);
+  tc_splat_look_free(d.look);
   return drawn;
 }
 
@@ -192,21 +240,19 @@ static void warm(const tc_gl_frame *gl, int n_passes) {
   tc_progress progress = {.side = BLOCK};
   drawing d = {.gl = gl, .progress = &progress};
   make_buffers(&d);
-  glNamedBufferSubData(d.buffers[1], 0, sizeof nothing, &nothing);
-  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 4, d.buffers[1]); /* no word of it is read */
+  glNamedBufferSubData(d.buffers[ENTRIES], 0, sizeof nothing, &nothing);
+  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 4, d.buffers[ENTRIES]); /* no word of it is read */
+  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 3, d.buffers[TABLE]);
   for (int pass = 0; pass < n_passes; pass++) {
     use(&d, pass, tile);
     if (pass % 2) glProgramUniform1ui(gl->programs[pass], 1, 0);
     glDispatchCompute(1, 1, 1);
   }
-  glDeleteBuffers(4, d.buffers);
+  glDeleteBuffers(N_BUFFERS, d.buffers);
 }
 
 static const char *refuses(const tc_scene *scene) {
-  const char *name = scene->splat.attribute;
-  if (!scene->splat.opaque) return "translucent sheets are added up there";
-  if ((name[0] && strcmp(name, "color") != 0) || scene->labels.volume[0]) return "colours of voxels are looked up there";
-  return NULL;
+  return scene->splat.opaque ? NULL : "translucent sheets are added up there";
 }
 
 static int passes(const tc_scene *scene) { return 4; }

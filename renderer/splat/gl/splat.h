@@ -1,4 +1,4 @@
-/* Mode splat through OpenGL: opaque objects of one colour, as the cpu's splatter draws them (splat/splatter.h).
+/* Mode splat through OpenGL: opaque objects, as the cpu's splatter draws them (splat/splatter.h).
  *
  * Compute shaders put the cores' depths into a tile, then the weights and normals of what is not behind them, as sums of
  * whole numbers: neither the order of splats nor culling changes a bit. What lies at a footprint's rim, or between two

@@ -7,13 +7,13 @@ layout(std140, binding = 1) uniform Splat {
   uvec4 weights[65];  // four a word
   vec2 size;          // pixels of the picture
   float scale, radius2, least2, near_mm, window_mm, core, core_root, full, open;
-  int perspective, culling, n_planes;
+  int perspective, culling, n_planes, stride;
 } splat;
 
 const int BLOCK = 8;
 const uint FAR = 0xff800000u; // ordered(infinite)
 layout(std430, binding = 6) buffer Nearest { uint nearest[]; }; // [h][w] of the tile: ordered(depth), mm; then of each block the farthest
-layout(std430, binding = 7) buffer Sums { int sums[]; };        // [h][w][4]: weight, and weight times normal, in 127ths
+layout(std430, binding = 7) buffer Sums { int sums[]; };        // [h][w][stride]: weight; weight times normal, in 127ths; and, where voxels have colours, in 255ths
 
 // Whole numbers that are in the order of the floats.
 uint ordered(float z) {

@@ -1,11 +1,13 @@
 // Splats of bricks into the tile, in tile_tmpl.h's steps: a work-group for each brick. PASS 1: depths of the cores; PASS 3:
 // weights and normals of what is not behind them.
 struct Entry { vec4 at, eye; uvec4 words; vec4 starts[3]; }; // splat_entry of splat.c
-layout(std430, binding = 4) readonly buffer Words { uint words[]; };
+layout(std430, binding = 3) readonly buffer Table { vec4 table[]; }; // tc_splat_look_table()
+layout(std430, binding = 4) readonly buffer Words { uint words[]; }; // of splats; then, where they have colours, of their looks
 layout(std430, binding = 5) readonly buffer Entries { Entry entries[]; };
 layout(location = 1) uniform uint first_entry;
+layout(location = 2) uniform uint first_look; // 0: of one colour
 
-struct Footprint { vec2 at; float z; vec3 q; vec2 reach; uint word; };
+struct Footprint { vec2 at; float z; vec3 q; vec2 reach; uint word, look; };
 
 uint seen_faces(Entry e, vec3 d) {
   uint seen = 0u;
@@ -94,20 +96,24 @@ void put(Footprint f, ivec2 from, ivec2 to) {
   float z = f.z - splat.window_mm;
   if (any(lessThan(to, from)) || (splat.culling != 0 && hidden(z, from, to)))
     return;
-  ivec3 n = normal_of(f);
+  ivec3 n = normal_of(f), c = ivec3(0);
+  if (first_look != 0u)
+    c = ivec3(roundEven(table[f.look & 0xffffu].rgb * 255.0));
   for (int y = from.y; y <= to.y; y++)
     for (int x = from.x; x <= to.x; x++) {
       float q = distance_at(f, ivec2(x, y));
-      int at = y * tile.z + x;
+      int at = y * tile.z + x, sum = at * splat.stride;
       if (nearest[at] == FAR)
         q *= splat.open;
       if (!(q < 1.0) || !(z < depth_of(nearest[at])))
         continue;
       uint step = uint(max(q, 0.0) * 1024.0);
       int weight = int(splat.weights[step >> 4][step >> 2 & 3u] >> 8 * (step & 3u) & 255u);
-      atomicAdd(sums[4 * at], weight);
+      atomicAdd(sums[sum], weight);
       for (int k = 0; k < 3; k++)
-        atomicAdd(sums[4 * at + 1 + k], weight * n[k]);
+        atomicAdd(sums[sum + 1 + k], weight * n[k]);
+      for (int k = 0; k < 3 && first_look != 0u; k++)
+        atomicAdd(sums[sum + 4 + k], weight * c[k]);
     }
 }
 #endif
@@ -118,6 +124,7 @@ void main() {
     Footprint f;
     if (!project(e, words[e.words.x + i], f))
       continue;
+    f.look = first_look != 0u ? words[first_look + e.words.x + i] : 0u;
     vec2 r = PASS == 1 ? f.reach * splat.core_root : f.reach;
     put(f, ivec2(max(f.at - r + 0.5, vec2(0.0))), ivec2(floor(min(f.at + r - 0.5, vec2(tile.zw - 1)))));
   }

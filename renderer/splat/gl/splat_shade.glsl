@@ -8,12 +8,15 @@ void main() {
   if (any(greaterThanEqual(place, tile.zw)))
     return;
   uint at = uint(place.y * tile.z + place.x);
-  float weight = float(sums[4u * at]), alpha = min(weight * (1.0 / splat.full), 1.0);
+  uint sum = at * uint(splat.stride);
+  float weight = float(sums[sum]), alpha = min(weight * (1.0 / splat.full), 1.0);
   vec2 p = vec2(tile.xy + place) + 0.5;
   vec4 color = vec4(splat.color.rgb, 1.0);
+  if (splat.stride > 4)
+    color.rgb = vec3(sums[sum + 4u], sums[sum + 5u], sums[sum + 6u]) * (1.0 / max(weight, 1.0)) * (1.0 / 255.0);
 #if SHADED
   if (weight > 0.0) {
-    vec3 n = vec3(sums[4u * at + 1u], sums[4u * at + 2u], sums[4u * at + 3u]) / max(weight, 1.0);
+    vec3 n = vec3(sums[sum + 1u], sums[sum + 2u], sums[sum + 3u]) / max(weight, 1.0);
     vec3 eye = -normalize(splat.direction0.xyz + p.x * splat.direction_du.xyz + p.y * splat.direction_dv.xyz);
     n -= min(dot(n, eye), 0.0) * eye; // one side is lit
     color = shade(color, n, n, eye);
