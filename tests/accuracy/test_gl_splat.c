@@ -84,7 +84,7 @@ static double bands(double x, double y, double z, const void *wavelength) {
   return wave < 0.55 ? 0 : 1 + floor(4 * (wave - 0.55) / 0.45);
 }
 
-/* Pixels that are of the isosurface's one colour alone, or unlit of no more than one: none where voxels have colours. */
+/* Whether covered pixels differ by more than light alone makes them differ here. */
 static bool is_colored(const tc_frame *frame) {
   const uint8_t *first = NULL;
   for (int i = 0; i < PIXELS; i++) {
