@@ -41,8 +41,7 @@ static bool fail(scanner *s, const char *what) {
 }
 
 static void skip_space(scanner *s) {
-  while (s->at < s->end && (*s->at == ' ' || *s->at == '\t' || *s->at == '\n' || *s->at == '\r'))
-    s->at++;
+  while (s->at < s->end && (*s->at == ' ' || *s->at == '\t' || *s->at == '\n' || *s->at == '\r')) s->at++;
 }
 
 static bool at_digit(const scanner *s) { return s->at < s->end && *s->at >= '0' && *s->at <= '9'; }
@@ -57,8 +56,7 @@ static bool take(scanner *s, char c) {
 
 static bool scan_digits(scanner *s) {
   if (!at_digit(s)) return fail(s, "a digit is wanted here");
-  while (at_digit(s))
-    s->at++;
+  while (at_digit(s)) s->at++;
   return true;
 }
 
@@ -160,8 +158,7 @@ typedef struct seeded {
 static guint seeded_hash(gconstpointer key) {
   const seeded *k = key;
   guint64 h = 0xcbf29ce484222325u ^ k->seed;
-  for (size_t i = 0; i < k->name.size; i++)
-    h = (h ^ (unsigned char)k->name.text[i]) * 0x100000001b3u;
+  for (size_t i = 0; i < k->name.size; i++) h = (h ^ (unsigned char)k->name.text[i]) * 0x100000001b3u;
   return (guint)(h ^ h >> 32);
 }
 
@@ -186,8 +183,7 @@ static bool names_add(names *n, slice name, guint seed) {
     return true;
   }
   n->many = g_hash_table_new_full(seeded_hash, seeded_equal, g_free, NULL);
-  for (int i = 0; i < n->count; i++)
-    names_add_many(n, n->few[i], seed);
+  for (int i = 0; i < n->count; i++) names_add_many(n, n->few[i], seed);
   return names_add_many(n, name, seed);
 }
 
@@ -269,18 +265,12 @@ static bool scan_value(scanner *s) {
   if (s->at == s->end) return fail(s, "the text ends where a value is wanted");
   switch (*s->at) {
   case '{':
-  case '[':
-    return scan_container(s);
-  case '"':
-    return scan_string(s, NULL);
-  case 't':
-    return scan_word(s, "true");
-  case 'f':
-    return scan_word(s, "false");
-  case 'n':
-    return scan_word(s, "null");
-  default:
-    break;
+  case '[': return scan_container(s);
+  case '"': return scan_string(s, NULL);
+  case 't': return scan_word(s, "true");
+  case 'f': return scan_word(s, "false");
+  case 'n': return scan_word(s, "null");
+  default: break;
   }
   return *s->at == '-' || at_digit(s) ? scan_number(s) : fail(s, "not a JSON value");
 }
@@ -349,7 +339,6 @@ void tcp_merge_patch(cJSON **target, const cJSON *patch) {
     if (!*target) return;
   }
   GHashTable *index = index_members(*target);
-  for (const cJSON *item = patch->child; item; item = item->next)
-    merge_member(*target, index, item);
+  for (const cJSON *item = patch->child; item; item = item->next) merge_member(*target, index, item);
   g_hash_table_destroy(index);
 }

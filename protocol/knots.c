@@ -111,8 +111,7 @@ static const char **preset_names(void) {
   size_t count;
   const tc_preset *presets = tc_presets(&count);
   const char **names = g_new0(const char *, count + 1);
-  for (size_t i = 0; i < count; i++)
-    names[i] = presets[i].name;
+  for (size_t i = 0; i < count; i++) names[i] = presets[i].name;
   return names;
 }
 
@@ -145,8 +144,7 @@ static void reset_preset(tcp_reader *reader, const tcp_member *member) {
 static cJSON *preset_schema(const tcp_member *member) {
   const char **names = preset_names();
   cJSON *schema = cJSON_CreateObject(), *list = cJSON_CreateArray();
-  for (const char **name = names; *name; name++)
-    cJSON_AddItemToArray(list, cJSON_CreateStringReference(*name));
+  for (const char **name = names; *name; name++) cJSON_AddItemToArray(list, cJSON_CreateStringReference(*name));
   g_free(names);
   tcp_add(schema, "enum", list);
   tcp_add(schema, "description", cJSON_CreateStringReference(member->doc));

@@ -61,8 +61,7 @@ static bool lay_on(tcp_reader *reader, const tc_label_color *edits, size_t count
   for (size_t i = 0; i < count; i++) {
     const tc_label_color *edit = &edits[i];
     const tc_label_color *color = is_reset(edit) ? find_color(reader->defaults, edit->label) : edit;
-    for (; old < end && old->label < edit->label; old++)
-      g_array_append_vals(all, old, 1);
+    for (; old < end && old->label < edit->label; old++) g_array_append_vals(all, old, 1);
     if (old < end && old->label == edit->label) old++;
     if (color) g_array_append_vals(all, color, 1);
   }

@@ -76,23 +76,17 @@ static bool read_text(tcp_reader *reader, const tcp_member *member, const cJSON 
 bool tcp_leaf_read(tcp_reader *reader, const tcp_member *member, void *base, const cJSON *value) {
   void *field = (char *)base + member->offset;
   switch (member->kind) {
-  case TCP_NUMBER:
-    return tcp_number_read(reader, member, value, field);
-  case TCP_INTEGER:
-    return read_integer(reader, member, value, field);
-  case TCP_NAME:
-    return read_name(reader, member, value, field);
-  case TCP_VECTOR:
-    return tcp_vector_read(reader, member, value, member->count, field);
-  case TCP_TEXT:
-    return read_text(reader, member, value, field);
+  case TCP_NUMBER: return tcp_number_read(reader, member, value, field);
+  case TCP_INTEGER: return read_integer(reader, member, value, field);
+  case TCP_NAME: return read_name(reader, member, value, field);
+  case TCP_VECTOR: return tcp_vector_read(reader, member, value, member->count, field);
+  case TCP_TEXT: return read_text(reader, member, value, field);
   case TCP_BOOLEAN:
     if (!cJSON_IsBool(value)) return tcp_fail_type(reader, "true or false", value);
     *(bool *)field = cJSON_IsTrue(value);
     return true;
   case TCP_SPECIAL:
-  case TCP_KIND_COUNT:
-    break;
+  case TCP_KIND_COUNT: break;
   }
   return tcp_fail(reader, TC_ERROR_INTERNAL, "no reader");
 }
@@ -107,39 +101,27 @@ cJSON *tcp_leaf_write(const tcp_member *member, const void *base) {
     double v = *(const double *)field;
     return asked || v != 0 ? cJSON_CreateNumber(v) : NULL;
   }
-  case TCP_INTEGER:
-    return cJSON_CreateNumber(*(const int *)field);
-  case TCP_BOOLEAN:
-    return cJSON_CreateBool(*(const bool *)field);
-  case TCP_NAME:
-    return cJSON_CreateStringReference(member->names[*(const int *)field]);
-  case TCP_VECTOR:
-    return tcp_vector_write(field, member->count);
-  case TCP_TEXT:
-    return asked || *(const char *)field ? cJSON_CreateString(field) : NULL;
+  case TCP_INTEGER: return cJSON_CreateNumber(*(const int *)field);
+  case TCP_BOOLEAN: return cJSON_CreateBool(*(const bool *)field);
+  case TCP_NAME: return cJSON_CreateStringReference(member->names[*(const int *)field]);
+  case TCP_VECTOR: return tcp_vector_write(field, member->count);
+  case TCP_TEXT: return asked || *(const char *)field ? cJSON_CreateString(field) : NULL;
   case TCP_SPECIAL:
-  case TCP_KIND_COUNT:
-    break;
+  case TCP_KIND_COUNT: break;
   }
   return NULL;
 }
 
 static size_t field_size(const tcp_member *member) {
   switch (member->kind) {
-  case TCP_NUMBER:
-    return sizeof(double);
+  case TCP_NUMBER: return sizeof(double);
   case TCP_INTEGER:
-  case TCP_NAME:
-    return sizeof(int);
-  case TCP_BOOLEAN:
-    return sizeof(bool);
-  case TCP_VECTOR:
-    return sizeof(double) * (size_t)member->count;
-  case TCP_TEXT:
-    return (size_t)member->count;
+  case TCP_NAME: return sizeof(int);
+  case TCP_BOOLEAN: return sizeof(bool);
+  case TCP_VECTOR: return sizeof(double) * (size_t)member->count;
+  case TCP_TEXT: return (size_t)member->count;
   case TCP_SPECIAL:
-  case TCP_KIND_COUNT:
-    break;
+  case TCP_KIND_COUNT: break;
   }
   return 0;
 }
@@ -152,8 +134,7 @@ void tcp_leaf_copy(const tcp_member *member, void *to, const void *from) {
 
 static bool fail_unknown(tcp_reader *reader, const tcp_member *members, int count, const char *name) {
   const char **names = g_new0(const char *, (gsize)count + 1);
-  for (int i = 0; i < count; i++)
-    names[i] = members[i].name;
+  for (int i = 0; i < count; i++) names[i] = members[i].name;
   char *hint = tcp_hint(name, names);
   tcp_fail(reader, TC_ERROR_INVALID, "unknown member%s", hint);
   g_free(hint);
@@ -167,8 +148,7 @@ bool tcp_row_read(tcp_reader *reader, const tcp_member *members, int count, cons
   for (const cJSON *item = object->child; item; item = item->next) {
     const size_t mark = tcp_enter(reader, item->string);
     int member = 0;
-    while (member < count && strcmp(members[member].name, item->string) != 0)
-      member++;
+    while (member < count && strcmp(members[member].name, item->string) != 0) member++;
     if (member == count) return fail_unknown(reader, members, count, item->string);
     if (!tcp_leaf_read(reader, &members[member], base, item)) return false;
     *seen |= 1u << member;

@@ -132,9 +132,12 @@ const tcp_member tcp_members[] = {
     {"splat", "kernelRadius", TCP_NUMBER, AT(splat.kernel_radius), RANGE(0, 16), .flags = TCP_ABOVE, .unit = "voxels",
      .doc = "Radius of a voxel's footprint; from 0.9 on surfaces are closed."},
     {"splat", "attribute", TCP_TEXT, AT(splat.attribute), sizeof((tc_scene *)0)->splat.attribute, .flags = TCP_ASKED,
-     .doc = "What gives the colour: \"value\", by the transfer function, or \"color\", isosurface.color, as when left out."},
-    {"splat", "opaque", TCP_BOOLEAN, AT(splat.opaque), .doc = "Draw a solid, the nearest voxels win; else a cloud, with the transfer function's extinction."},
-    {"splat", "culling", TCP_BOOLEAN, AT(splat.culling), .doc = "Leave out voxels that others hide; changes no bit of an opaque picture."},
+     .doc = "What gives the colour: \"value\", by the transfer function, or \"color\", isosurface.color, as when left "
+            "out."},
+    {"splat", "opaque", TCP_BOOLEAN, AT(splat.opaque),
+     .doc = "Draw a solid, the nearest voxels win; else a cloud, with the transfer function's extinction."},
+    {"splat", "culling", TCP_BOOLEAN, AT(splat.culling),
+     .doc = "Leave out voxels that others hide; changes no bit of an opaque picture."},
 
     {"mpr", "orientation", TCP_NAME, AT(mpr.orientation), .names = orientations, .doc = "Plane of the slice."},
     {"mpr", "center", TCP_SPECIAL, AT(mpr.center), 3, COORDINATES, .unit = "LPS mm", .special = &tcp_special_mpr_center,
@@ -182,7 +185,8 @@ const tcp_member tcp_knot_members[4] = {
 #define SURFACE(field) .offset = offsetof(tc_mesh_surface, field)
 const tcp_member tcp_surface_members[8] = {
     {"", "value", TCP_NUMBER, SURFACE(value), VALUES, .unit = "value", .doc = "The volume's surface at this value."},
-    {"", "label", TCP_INTEGER, SURFACE(label), RANGE(1, 2147483647), .doc = "The surface of this label of labels.volume."},
+    {"", "label", TCP_INTEGER, SURFACE(label), RANGE(1, 2147483647),
+     .doc = "The surface of this label of labels.volume."},
     {"", "mesh", TCP_TEXT, SURFACE(mesh), sizeof((tc_mesh_surface *)0)->mesh, .doc = "Id of a mesh."},
     {"", "plane", TCP_NAME, SURFACE(plane), .names = orientations,
      .doc = "The slice that mode mpr shows in this orientation, through mpr.center."},

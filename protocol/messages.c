@@ -11,9 +11,11 @@ static const char *const type_names[] = {"patch", "ack", "pointer", "ping", "siz
 G_STATIC_ASSERT(G_N_ELEMENTS(type_names) == TCP_MESSAGE_TYPE_COUNT + 1);
 
 /* Members of each type beside "type"; all of them are needed, and a cancel has none. */
-static const char *const members[TCP_MESSAGE_TYPE_COUNT][3] = {
-    [TCP_PATCH] = {"seq", "scene"}, [TCP_ACK] = {"frame"}, [TCP_POINTER] = {"phase"}, [TCP_PING] = {"t"},
-    [TCP_SIZE] = {"width", "height"}};
+static const char *const members[TCP_MESSAGE_TYPE_COUNT][3] = {[TCP_PATCH] = {"seq", "scene"},
+                                                               [TCP_ACK] = {"frame"},
+                                                               [TCP_POINTER] = {"phase"},
+                                                               [TCP_PING] = {"t"},
+                                                               [TCP_SIZE] = {"width", "height"}};
 
 static bool fail(GError **error, const char *name, const char *what) {
   char *pointer = g_strconcat("/", name, NULL);
@@ -33,7 +35,8 @@ static bool read_counter(const cJSON *object, const char *name, uint64_t *counte
 
 static bool read_type(const cJSON *object, tcp_message_type *type, GError **error) {
   const cJSON *value = cJSON_GetObjectItemCaseSensitive(object, "type");
-  if (!cJSON_IsString(value)) return fail(error, "type", "\"patch\", \"ack\", \"pointer\", \"ping\", \"size\" or \"cancel\" is wanted");
+  if (!cJSON_IsString(value))
+    return fail(error, "type", "\"patch\", \"ack\", \"pointer\", \"ping\", \"size\" or \"cancel\" is wanted");
   for (int i = 0; type_names[i]; i++)
     if (strcmp(type_names[i], value->valuestring) == 0) {
       *type = (tcp_message_type)i;
@@ -51,8 +54,7 @@ static bool read_type(const cJSON *object, tcp_message_type *type, GError **erro
 static bool check_names(const cJSON *object, tcp_message_type type, GError **error) {
   for (const cJSON *item = object->child; item; item = item->next) {
     bool known = strcmp(item->string, "type") == 0;
-    for (int i = 0; members[type][i]; i++)
-      known = known || strcmp(item->string, members[type][i]) == 0;
+    for (int i = 0; members[type][i]; i++) known = known || strcmp(item->string, members[type][i]) == 0;
     if (known) continue;
     tcp_reader reader = {.pointer = g_string_new(NULL), .error = error};
     char *hint = tcp_hint(item->string, members[type]);
@@ -99,20 +101,15 @@ static bool read_message(cJSON *object, tcp_message *message, GError **error) {
   if (!cJSON_IsObject(object)) return tcp_fail_at(error, TC_ERROR_INVALID, "", "a message must be a JSON object");
   if (!read_type(object, &message->type, error) || !check_names(object, message->type, error)) return false;
   switch (message->type) {
-  case TCP_PATCH:
-    return read_patch(object, message, error);
-  case TCP_ACK:
-    return read_counter(object, "frame", &message->frame, error);
-  case TCP_POINTER:
-    return read_pointer(object, message, error);
-  case TCP_PING:
-    return read_ping(object, message, error);
+  case TCP_PATCH: return read_patch(object, message, error);
+  case TCP_ACK: return read_counter(object, "frame", &message->frame, error);
+  case TCP_POINTER: return read_pointer(object, message, error);
+  case TCP_PING: return read_ping(object, message, error);
   case TCP_SIZE:
-    return read_pixels(object, "width", &message->width, error) && read_pixels(object, "height", &message->height, error);
-  case TCP_CANCEL:
-    return true;
-  case TCP_MESSAGE_TYPE_COUNT:
-    break;
+    return read_pixels(object, "width", &message->width, error) &&
+           read_pixels(object, "height", &message->height, error);
+  case TCP_CANCEL: return true;
+  case TCP_MESSAGE_TYPE_COUNT: break;
   }
   return false;
 }
@@ -187,8 +184,7 @@ uint8_t *tcp_frame_header_write(const tcp_frame_header *header, size_t *size) {
   char *text = cJSON_PrintUnformatted(object);
   size_t length = text ? strlen(text) : 0;
   uint8_t *bytes = g_malloc(4 + length);
-  for (int i = 0; i < 4; i++)
-    bytes[i] = (uint8_t)(length >> (8 * i));
+  for (int i = 0; i < 4; i++) bytes[i] = (uint8_t)(length >> (8 * i));
   if (length) memcpy(bytes + 4, text, length);
   *size = 4 + length;
   cJSON_free(text);

@@ -4,8 +4,7 @@
 
 static const struct tc_embedded_file *find_file(const char *name) {
   const struct tc_embedded_file *file = tcp_protocol_files;
-  while (file->name && g_strcmp0(file->name, name) != 0)
-    file++;
+  while (file->name && g_strcmp0(file->name, name) != 0) file++;
   return file->name ? file : NULL;
 }
 

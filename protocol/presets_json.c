@@ -46,17 +46,14 @@ cJSON *tcp_presets(void) {
   cJSON *document = cJSON_CreateObject(), *functions = cJSON_CreateArray(), *windows = cJSON_CreateArray();
   size_t count;
   const tc_preset *presets = tc_presets(&count);
-  for (size_t i = 0; i < count; i++)
-    cJSON_AddItemToArray(functions, write_preset(&presets[i]));
+  for (size_t i = 0; i < count; i++) cJSON_AddItemToArray(functions, write_preset(&presets[i]));
   const tc_window_preset *window_presets = tc_window_presets(&count);
-  for (size_t i = 0; i < count; i++)
-    cJSON_AddItemToArray(windows, write_window(&window_presets[i]));
+  for (size_t i = 0; i < count; i++) cJSON_AddItemToArray(windows, write_window(&window_presets[i]));
   tcp_add(document, "transferFunctions", functions);
   tcp_add(document, "windows", windows);
   cJSON *colors = cJSON_CreateArray();
-  const double (*palette)[3] = tc_label_palette(&count);
-  for (size_t i = 0; i < count; i++)
-    cJSON_AddItemToArray(colors, tcp_vector_write(palette[i], 3));
+  const double(*palette)[3] = tc_label_palette(&count);
+  for (size_t i = 0; i < count; i++) cJSON_AddItemToArray(colors, tcp_vector_write(palette[i], 3));
   tcp_add(document, "labelColors", colors);
   return document;
 }

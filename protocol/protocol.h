@@ -1,7 +1,7 @@
 /* The wire: bytes <-> typed messages and scenes. No sockets, no pixels.
  *
- * Of the renderer it knows renderer/scene/scene.h and renderer/base/error.h only. JSON values are cJSON; a function that
- * returns cJSON * gives ownership. All functions are pure and may run on any thread. */
+ * Of the renderer it knows renderer/scene/scene.h and renderer/base/error.h only. JSON values are cJSON; a function
+ * that returns cJSON * gives ownership. All functions are pure and may run on any thread. */
 #ifndef TC_PROTOCOL_H
 #define TC_PROTOCOL_H
 
@@ -24,15 +24,15 @@ void tcp_merge_patch(cJSON **target, const cJSON *patch);
 
 /* The full scene as its JSON document (every member of the contract (PROTOCOL.md) that has a meaning now). */
 cJSON *tcp_scene_write(const tc_scene *scene);
-/* The members of the scene that a reader of the picture must know: mode, background, and those of camera or slice, window,
- * preset and isosurface that the mode uses. At most a few hundred bytes. */
+/* The members of the scene that a reader of the picture must know: mode, background, and those of camera or slice,
+ * window, preset and isosurface that the mode uses. At most a few hundred bytes. */
 cJSON *tcp_scene_write_shown(const tc_scene *scene);
 
 /* Long lists of a document (knots, label colours, visible labels), read beforehand by a worker, so that applying the
  * document to a scene takes no time. The lists refer to nodes of this document and are valid for no other. */
 typedef struct tcp_lists {
   const cJSON *points, *colors, *visible; /* the nodes; NULL: not read */
-  tc_scene scene; /* holds what was read, shared; else zeros */
+  tc_scene scene;                         /* holds what was read, shared; else zeros */
 } tcp_lists;
 /* *lists holds nothing before. The errors are those that tcp_scene_patch() would have. Any thread. */
 bool tcp_lists_read(const cJSON *document, tcp_lists *lists, GError **error);
@@ -55,10 +55,10 @@ typedef struct tcp_scene_context {
 bool tcp_scene_patch(tc_scene *scene, const cJSON *patch, const tc_scene *defaults, const tcp_scene_context *context,
                      GError **error);
 
-/* Adapts the defaults in *scene, which suit a first picture, to a document: a preset brings its own shading; a document's
- * own points are unshaded, with the table shown and opacity per mm; a document with a mode shows the table too. An
- * isosurface is shaded unless the document says shading.model none, since without light only its outline shows. Call it
- * before tcp_scene_patch(); not for a change of a client's own scene. */
+/* Adapts the defaults in *scene, which suit a first picture, to a document: a preset brings its own shading; a
+ * document's own points are unshaded, with the table shown and opacity per mm; a document with a mode shows the table
+ * too. An isosurface is shaded unless the document says shading.model none, since without light only its outline shows.
+ * Call it before tcp_scene_patch(); not for a change of a client's own scene. */
 void tcp_scene_light(tc_scene *scene, const cJSON *document);
 
 /* One "--set key=value": key is a dotted path ("camera.fovY"), value is JSON or, failing that, a string. Gives a
@@ -83,7 +83,15 @@ cJSON *tcp_problem_named(int status, const char *name, const char *title, const 
 
 /* --- WebSocket tomocast.v1 --------------------------------------------------------------------- */
 
-typedef enum tcp_message_type { TCP_PATCH, TCP_ACK, TCP_POINTER, TCP_PING, TCP_SIZE, TCP_CANCEL, TCP_MESSAGE_TYPE_COUNT } tcp_message_type;
+typedef enum tcp_message_type {
+  TCP_PATCH,
+  TCP_ACK,
+  TCP_POINTER,
+  TCP_PING,
+  TCP_SIZE,
+  TCP_CANCEL,
+  TCP_MESSAGE_TYPE_COUNT
+} tcp_message_type;
 typedef struct tcp_message {
   tcp_message_type type;
   uint64_t seq;      /* patch */
@@ -106,7 +114,9 @@ typedef struct tcp_frame_header {
   int bridged; /* the layer of the volume that stands for a missing slice, from 1; 0: none */
   double queue_ms, tables_ms, render_ms, encode_ms;
   /* What the error meter found of this picture: known when it is sent again. low, high: 95 % interval of rms. */
-  bool has_error; double rms, low, high, max; int pixels;
+  bool has_error;
+  double rms, low, high, max;
+  int pixels;
   const char *volume;     /* id of the volume it shows; NULL */
   const char *unmeasured; /* why the meter that was asked for cannot measure this picture; NULL */
   const char *scene;      /* JSON text of tcp_scene_write_shown() of the scene it shows; NULL */

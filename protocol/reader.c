@@ -108,8 +108,7 @@ static int least(int a, int b) { return a < b ? a : b; }
 static int distance(const char *a, const char *b) {
   int la = (int)strlen(a), lb = (int)strlen(b), rows[3][NAME_BYTES + 1];
   int *before = rows[0], *last = rows[1], *now = rows[2];
-  for (int j = 0; j <= lb; j++)
-    last[j] = j;
+  for (int j = 0; j <= lb; j++) last[j] = j;
   for (int i = 1; i <= la; i++) {
     now[0] = i;
     for (int j = 1; j <= lb; j++) {

@@ -30,8 +30,7 @@ static GPtrArray *known_names(const char *group) {
   GPtrArray *names = g_ptr_array_new();
   for (size_t i = 0; i < tcp_member_count; i++)
     if (in_group(&tcp_members[i], group)) g_ptr_array_add(names, (gpointer)tcp_members[i].name);
-  for (size_t i = 0; !*group && i < tcp_group_count; i++)
-    g_ptr_array_add(names, (gpointer)tcp_groups[i].name);
+  for (size_t i = 0; !*group && i < tcp_group_count; i++) g_ptr_array_add(names, (gpointer)tcp_groups[i].name);
   g_ptr_array_add(names, NULL);
   return names;
 }
@@ -53,8 +52,7 @@ static char *hint_of_group(const char *name) {
 static bool check_names(tcp_reader *reader, const cJSON *object, const char *group) {
   GPtrArray *names = known_names(group);
   const cJSON *item = object->child;
-  while (item && is_known(names, item->string))
-    item = item->next;
+  while (item && is_known(names, item->string)) item = item->next;
   if (item) {
     char *hint = *group ? NULL : hint_of_group(item->string);
     if (!hint) hint = tcp_hint(item->string, (const char *const *)names->pdata);
@@ -146,10 +144,9 @@ static bool read_list(tcp_reader *reader, const cJSON *document, const char *gro
 bool tcp_lists_read(const cJSON *document, tcp_lists *lists, GError **error) {
   *lists = (tcp_lists){0};
   tcp_reader reader = {.scene = &lists->scene, .pointer = g_string_new(NULL), .error = error};
-  const bool good =
-      read_list(&reader, document, "transferFunction", "points", &tcp_special_points, &lists->points) &&
-      read_list(&reader, document, "labels", "colors", &tcp_special_label_colors, &lists->colors) &&
-      read_list(&reader, document, "labels", "visible", &tcp_special_visible, &lists->visible);
+  const bool good = read_list(&reader, document, "transferFunction", "points", &tcp_special_points, &lists->points) &&
+                    read_list(&reader, document, "labels", "colors", &tcp_special_label_colors, &lists->colors) &&
+                    read_list(&reader, document, "labels", "visible", &tcp_special_visible, &lists->visible);
   g_string_free(reader.pointer, TRUE);
   tc_scene_share(&lists->scene);
   if (!good) tcp_lists_clear(lists);
@@ -171,8 +168,7 @@ void tcp_scene_light(tc_scene *scene, const cJSON *document) {
   if (own_points) scene->transfer_function.unit_distance_mm = 1;
   if (own_points || (mode && strcmp(mode, "dvr"))) scene->hide_table = false;
   const bool lit = mode && (!strcmp(mode, "isosurface") || !strcmp(mode, "mesh") || !strcmp(mode, "splat"));
-  if (lit && scene->shading.model == TC_SHADING_NONE)
-    scene->shading.model = TC_SHADING_BLINN_PHONG;
+  if (lit && scene->shading.model == TC_SHADING_NONE) scene->shading.model = TC_SHADING_BLINN_PHONG;
 }
 
 /* --- "--set key=value" -------------------------------------------------------------------------- */

@@ -36,24 +36,18 @@ static cJSON *type_schema(const char *type) {
 
 static cJSON *plain_schema(const tcp_member *member) {
   switch (member->kind) {
-  case TCP_NUMBER:
-    return tcp_range_schema(member, "number");
-  case TCP_INTEGER:
-    return tcp_range_schema(member, "integer");
-  case TCP_BOOLEAN:
-    return type_schema("boolean");
-  case TCP_NAME:
-    return names_schema(member);
-  case TCP_VECTOR:
-    return tcp_array_schema(tcp_range_schema(member, "number"), member->count, member->count);
+  case TCP_NUMBER: return tcp_range_schema(member, "number");
+  case TCP_INTEGER: return tcp_range_schema(member, "integer");
+  case TCP_BOOLEAN: return type_schema("boolean");
+  case TCP_NAME: return names_schema(member);
+  case TCP_VECTOR: return tcp_array_schema(tcp_range_schema(member, "number"), member->count, member->count);
   case TCP_TEXT: {
     cJSON *schema = type_schema("string");
     tcp_add(schema, "maxLength", cJSON_CreateNumber(member->count - 1));
     return schema;
   }
   case TCP_SPECIAL:
-  case TCP_KIND_COUNT:
-    break;
+  case TCP_KIND_COUNT: break;
   }
   return cJSON_CreateObject();
 }

@@ -105,8 +105,7 @@ static bool read_box(tcp_reader *reader, const tcp_member *member, const cJSON *
 static cJSON *write_box(const tcp_member *member, const tc_scene *scene) {
   if (!scene->clip.has_box) return NULL;
   cJSON *rows = cJSON_CreateArray();
-  for (int i = 0; i < 2; i++)
-    cJSON_AddItemToArray(rows, tcp_vector_write(scene->clip.box[i], 3));
+  for (int i = 0; i < 2; i++) cJSON_AddItemToArray(rows, tcp_vector_write(scene->clip.box[i], 3));
   return rows;
 }
 
@@ -140,8 +139,7 @@ static bool read_planes(tcp_reader *reader, const tcp_member *member, const cJSO
 
 static cJSON *write_planes(const tcp_member *member, const tc_scene *scene) {
   cJSON *rows = cJSON_CreateArray();
-  for (int i = 0; i < scene->clip.n_planes; i++)
-    cJSON_AddItemToArray(rows, tcp_vector_write(scene->clip.planes[i], 4));
+  for (int i = 0; i < scene->clip.n_planes; i++) cJSON_AddItemToArray(rows, tcp_vector_write(scene->clip.planes[i], 4));
   return rows;
 }
 

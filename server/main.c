@@ -33,8 +33,7 @@ static void print_help(void) {
 
 static int refuse(const char *what, const char *name) {
   fprintf(stderr, "tomocast: %s%s; known:", what, name);
-  for (size_t i = 0; i < G_N_ELEMENTS(commands); i++)
-    fprintf(stderr, "%s %s", i ? "," : "", commands[i].name);
+  for (size_t i = 0; i < G_N_ELEMENTS(commands); i++) fprintf(stderr, "%s %s", i ? "," : "", commands[i].name);
   fputs(" (see tomocast --help)\n", stderr);
   return TCS_EXIT_USAGE;
 }

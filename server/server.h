@@ -1,7 +1,7 @@
 /* The daemon's rooms, tied together by cli/serve.c: pointers only, so that a room sees of another one what it includes
- * by name. Rooms know each other one way (tests/layers): observe, memory, config, loop, encode, schedule, catalogue, access,
- * session, ws, http, cli; each may include those before it. Everything here belongs to the I/O thread; only tasks
- * (loop/worker.h) travel to other threads. */
+ * by name. Rooms know each other one way (tests/layers): observe, memory, config, loop, encode, schedule, catalogue,
+ * access, session, ws, http, cli; each may include those before it. Everything here belongs to the I/O thread; only
+ * tasks (loop/worker.h) travel to other threads. */
 #ifndef TCS_SERVER_H
 #define TCS_SERVER_H
 

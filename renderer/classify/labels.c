@@ -5,9 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "renderer/base/clock.h"
 #include "renderer/classify/preintegration.h"
 #include "renderer/classify/transfer.h"
-#include "renderer/base/clock.h"
 #include "renderer/volume/provenance.h"
 
 #define POLL 4096 /* labels between two polls of the halt */
@@ -24,11 +24,10 @@ bool tc_mode_has_labels(tc_mode mode) {
  * order that keeps neighbours far apart; then the same half way to white, and darkened. */
 const double (*tc_label_palette(size_t *count))[3] {
   static const double palette[TC_LABEL_PALETTE][3] = {
-      {0.902, 0.624, 0.000}, {0.337, 0.706, 0.914}, {0.000, 0.620, 0.451}, {0.835, 0.369, 0.000},
-      {0.800, 0.475, 0.655}, {0.000, 0.447, 0.698}, {0.941, 0.894, 0.259}, {0.951, 0.812, 0.500},
-      {0.669, 0.853, 0.957}, {0.500, 0.810, 0.726}, {0.918, 0.685, 0.500}, {0.900, 0.738, 0.828},
-      {0.500, 0.724, 0.849}, {0.971, 0.947, 0.630}, {0.541, 0.374, 0.000}, {0.202, 0.424, 0.548},
-      {0.000, 0.372, 0.271}, {0.501, 0.221, 0.000}, {0.480, 0.285, 0.393}, {0.000, 0.268, 0.419},
+      {0.902, 0.624, 0.000}, {0.337, 0.706, 0.914}, {0.000, 0.620, 0.451}, {0.835, 0.369, 0.000}, {0.800, 0.475, 0.655},
+      {0.000, 0.447, 0.698}, {0.941, 0.894, 0.259}, {0.951, 0.812, 0.500}, {0.669, 0.853, 0.957}, {0.500, 0.810, 0.726},
+      {0.918, 0.685, 0.500}, {0.900, 0.738, 0.828}, {0.500, 0.724, 0.849}, {0.971, 0.947, 0.630}, {0.541, 0.374, 0.000},
+      {0.202, 0.424, 0.548}, {0.000, 0.372, 0.271}, {0.501, 0.221, 0.000}, {0.480, 0.285, 0.393}, {0.000, 0.268, 0.419},
       {0.565, 0.536, 0.155}};
   *count = TC_LABEL_PALETTE;
   return palette;

@@ -9,8 +9,7 @@
 #define SINGLE_REACH_MM 8192
 
 static void place(const tc_mesh *m, size_t vertex, double at[3]) {
-  for (int k = 0; k < 3; k++)
-    at[k] = m->origin[k] + m->positions[vertex][k];
+  for (int k = 0; k < 3; k++) at[k] = m->origin[k] + m->positions[vertex][k];
 }
 
 static bool reaches_far(const tc_mesh *m) {
@@ -56,8 +55,7 @@ static void ply_vertex(tc_output *o, const tc_mesh *m, size_t i, bool ascii, boo
 static void write_ply(tc_output *o, const tc_mesh *m, bool ascii) {
   bool wide = reaches_far(m);
   ply_head(o, m, ascii, wide);
-  for (size_t i = 0; i < m->n_vertices; i++)
-    ply_vertex(o, m, i, ascii, wide);
+  for (size_t i = 0; i < m->n_vertices; i++) ply_vertex(o, m, i, ascii, wide);
   for (size_t i = 0; i < m->n_triangles; i++) {
     const uint32_t *t = m->triangles[i];
     uint8_t record[13] = {3};
@@ -74,8 +72,7 @@ static void write_ply(tc_output *o, const tc_mesh *m, bool ascii) {
 /* A triangle's corners and the direction of its plane. */
 static void facet_of(const tc_mesh *m, size_t i, float facet[4][3]) {
   double p[3][3], n[3], length = 0;
-  for (int c = 0; c < 3; c++)
-    place(m, m->triangles[i][c], p[c]);
+  for (int c = 0; c < 3; c++) place(m, m->triangles[i][c], p[c]);
   for (int k = 0; k < 3; k++) {
     int a = (k + 1) % 3, b = (k + 2) % 3;
     n[k] = (p[1][a] - p[0][a]) * (p[2][b] - p[0][b]) - (p[1][b] - p[0][b]) * (p[2][a] - p[0][a]);
@@ -83,8 +80,7 @@ static void facet_of(const tc_mesh *m, size_t i, float facet[4][3]) {
   }
   for (int k = 0; k < 3; k++) {
     facet[0][k] = length > 0 ? (float)(n[k] / length) : 0;
-    for (int c = 0; c < 3; c++)
-      facet[1 + c][k] = (float)p[c][k];
+    for (int c = 0; c < 3; c++) facet[1 + c][k] = (float)p[c][k];
   }
 }
 
@@ -107,8 +103,7 @@ static void write_stl(tc_output *o, const tc_mesh *m, bool ascii) {
       continue;
     }
     tc_output_print(o, "facet normal %.6g %.6g %.6g\nouter loop\n", f[0][0], f[0][1], f[0][2]);
-    for (int c = 1; c < 4; c++)
-      tc_output_print(o, "vertex %.9g %.9g %.9g\n", f[c][0], f[c][1], f[c][2]);
+    for (int c = 1; c < 4; c++) tc_output_print(o, "vertex %.9g %.9g %.9g\n", f[c][0], f[c][1], f[c][2]);
     tc_output_print(o, "endloop\nendfacet\n");
   }
   if (ascii) tc_output_print(o, "endsolid Tomocast\n");

@@ -33,21 +33,12 @@ static stored choose(const tc_volume *volume, bool keeps_rescale) {
 
 static void put_value(const stored *s, double value, void *to) {
   switch (s->type) {
-  case TC_U8:
-    *(uint8_t *)to = (uint8_t)value;
-    return;
-  case TC_I8:
-    *(int8_t *)to = (int8_t)value;
-    return;
-  case TC_U16:
-    *(uint16_t *)to = (uint16_t)value;
-    return;
-  case TC_I16:
-    *(int16_t *)to = (int16_t)value;
-    return;
+  case TC_U8: *(uint8_t *)to = (uint8_t)value; return;
+  case TC_I8: *(int8_t *)to = (int8_t)value; return;
+  case TC_U16: *(uint16_t *)to = (uint16_t)value; return;
+  case TC_I16: *(int16_t *)to = (int16_t)value; return;
   case TC_F32:
-  case TC_VOXEL_TYPE_COUNT:
-    break;
+  case TC_VOXEL_TYPE_COUNT: break;
   }
   *(float *)to = (float)value;
 }
@@ -98,8 +89,7 @@ static void mha_head(tc_output *o, const stored *s) {
       o, "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nCompressedData = False\n"
          "TransformMatrix =");
   for (int k = 0; k < 3; k++)
-    for (int i = 0; i < 3; i++)
-      tc_output_print(o, " %.17g", d->direction[3 * i + k]);
+    for (int i = 0; i < 3; i++) tc_output_print(o, " %.17g", d->direction[3 * i + k]);
   tc_output_print(
       o, "\nOffset = %.17g %.17g %.17g\nElementSpacing = %.17g %.17g %.17g\nDimSize = %d %d %d\nElementType = %s\n",
       d->origin[0], d->origin[1], d->origin[2], d->spacing[0], d->spacing[1], d->spacing[2], d->dims[0], d->dims[1],
@@ -126,13 +116,11 @@ static void nifti_head(tc_output *o, const stored *s) {
   const tc_volume_desc *d = s->d;
   uint8_t h[SIZE] = {348 & 255, 348 >> 8};
   put_i16(h, 40, 3);
-  for (int k = 0; k < 7; k++)
-    put_i16(h, 42 + 2 * (size_t)k, k < 3 ? d->dims[k] : 1);
+  for (int k = 0; k < 7; k++) put_i16(h, 42 + 2 * (size_t)k, k < 3 ? d->dims[k] : 1);
   put_i16(h, 70, datatypes[s->type]);
   put_i16(h, 72, 8 * (int)tc_voxel_size(s->type));
   put_f32(h, 76, 1);
-  for (size_t k = 0; k < 3; k++)
-    put_f32(h, 80 + 4 * k, d->spacing[k]);
+  for (size_t k = 0; k < 3; k++) put_f32(h, 80 + 4 * k, d->spacing[k]);
   put_f32(h, 108, SIZE);
   put_f32(h, 112, d->slope);
   put_f32(h, 116, d->intercept);

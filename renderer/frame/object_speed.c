@@ -13,10 +13,8 @@ static const double usual[TC_OBJECT_MODES] = {
  * memory has its part. (With scalar rays the factor is 5 here and 2 to 3 over scenes of seven volumes.) */
 static void temper(double speed[TC_OBJECT_MODES]) {
   double mean = 1;
-  for (int m = 0; m < TC_OBJECT_MODES; m++)
-    mean *= pow(speed[m], 1.0 / TC_OBJECT_MODES);
-  for (int m = 0; m < TC_OBJECT_MODES; m++)
-    speed[m] = sqrt(speed[m] * mean);
+  for (int m = 0; m < TC_OBJECT_MODES; m++) mean *= pow(speed[m], 1.0 / TC_OBJECT_MODES);
+  for (int m = 0; m < TC_OBJECT_MODES; m++) speed[m] = sqrt(speed[m] * mean);
 }
 
 /* A ball of 32 voxels' radius, value 100, in a haze that falls off by 3 a voxel. */
@@ -57,8 +55,7 @@ void tc_object_speed_measure(tc_renderer *renderer, double speed[TC_OBJECT_MODES
   bool good = volume != NULL;
   if (volume) set_scene(volume, &scene);
   good = good && tc_object_cost_of(volume, &scene, PIXELS, PIXELS, NULL, &cost);
-  for (int m = 0; m < TC_OBJECT_MODES; m++)
-    speed[m] = INFINITY;
+  for (int m = 0; m < TC_OBJECT_MODES; m++) speed[m] = INFINITY;
   for (int i = 0; i <= ROUNDS && good; i++) /* the first builds */
     for (int m = 0; m < TC_OBJECT_MODES && good; m++) {
       scene.mode = tc_object_mode_of((tc_object_mode)m);

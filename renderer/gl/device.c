@@ -273,20 +273,13 @@ bool tc_gl_report_read(tc_gl_report *report, GError **error) {
 
 static const char *error_name(GLenum code) {
   switch (code) {
-  case GL_INVALID_ENUM:
-    return "invalid enum";
-  case GL_INVALID_VALUE:
-    return "invalid value";
-  case GL_INVALID_OPERATION:
-    return "invalid operation";
-  case GL_INVALID_FRAMEBUFFER_OPERATION:
-    return "invalid framebuffer operation";
-  case GL_OUT_OF_MEMORY:
-    return "out of memory";
-  case GL_CONTEXT_LOST:
-    return "context lost";
-  default:
-    return "unknown error";
+  case GL_INVALID_ENUM: return "invalid enum";
+  case GL_INVALID_VALUE: return "invalid value";
+  case GL_INVALID_OPERATION: return "invalid operation";
+  case GL_INVALID_FRAMEBUFFER_OPERATION: return "invalid framebuffer operation";
+  case GL_OUT_OF_MEMORY: return "out of memory";
+  case GL_CONTEXT_LOST: return "context lost";
+  default: return "unknown error";
   }
 }
 

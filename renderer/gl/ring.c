@@ -21,8 +21,7 @@ static void free_slot(tc_gl_slot *slot) {
 void tc_gl_ring_clear(tc_gl_ring *ring) {
   if (!ring->capacity) return;
   glFinish();
-  for (int i = 0; i < TC_GL_RING_SLOTS; i++)
-    free_slot(&ring->slots[i]);
+  for (int i = 0; i < TC_GL_RING_SLOTS; i++) free_slot(&ring->slots[i]);
   memset(ring, 0, sizeof *ring);
 }
 
@@ -46,8 +45,7 @@ bool tc_gl_ring_reserve(tc_gl_ring *ring, size_t capacity, bool has_clock, GErro
   ring->capacity = capacity;
   ring->has_clock = has_clock;
   bool good = true;
-  for (int i = 0; i < TC_GL_RING_SLOTS && good; i++)
-    good = make_slot(&ring->slots[i], capacity, has_clock);
+  for (int i = 0; i < TC_GL_RING_SLOTS && good; i++) good = make_slot(&ring->slots[i], capacity, has_clock);
   good = tc_gl_check("read-back buffers", error) && good;
   if (good) return true;
   if (error && !*error)

@@ -28,7 +28,8 @@ enum {
   WALL_MS = 3600000,
   POLL_MS = 20, /* how soon a cancel is seen, and how often the helper's memory is looked at */
   CPU_SECONDS = 1800,
-  HIGH_FD = TC_HELPER_LINKS_FD + TC_LINK_ROOTS, /* descriptors are moved above those the helper expects before it is started */
+  HIGH_FD = TC_HELPER_LINKS_FD +
+            TC_LINK_ROOTS, /* descriptors are moved above those the helper expects before it is started */
 };
 
 static const char *const program_names[TC_HELPER_COUNT] = {"tomocast-import", "tomocast-dicom", "tomocast-minc"};
@@ -315,8 +316,7 @@ static void reply(void *user, char what, int fd) {
     memcpy(CMSG_DATA(header), &fd, sizeof fd);
   }
   /* never waits: one that asks and does not read its answers would hold this thread past every limit */
-  while (sendmsg(s->socket, &message, MSG_NOSIGNAL | MSG_DONTWAIT) < 0 && errno == EINTR)
-    continue;
+  while (sendmsg(s->socket, &message, MSG_NOSIGNAL | MSG_DONTWAIT) < 0 && errno == EINTR) continue;
 }
 
 /* A file that a header names, or that belongs to it. */
@@ -338,8 +338,7 @@ static int open_beside(void *user, const char *name, bool optional, GError **err
 /* Always kills: a helper that has said END has nothing left to do, any other deserves it. */
 static void stop(session *s) {
   if (s->pid > 0) kill(s->pid, SIGKILL);
-  while (s->pid > 0 && waitpid(s->pid, &s->status, 0) < 0 && errno == EINTR)
-    continue;
+  while (s->pid > 0 && waitpid(s->pid, &s->status, 0) < 0 && errno == EINTR) continue;
   for (int *fd = (int[]){s->input, s->socket, s->ring_fd, -2}; *fd != -2; fd++)
     if (*fd >= 0) close(*fd);
   for (uint32_t i = 0; i < s->n_links; i++) close(s->links[i]);

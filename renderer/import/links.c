@@ -10,8 +10,7 @@ static char *roots[TC_LINK_ROOTS];
 static size_t count;
 
 bool tc_links_set(const char *const *folders, size_t n, GError **error) {
-  for (; count > 0; count--)
-    free(roots[count - 1]);
+  for (; count > 0; count--) free(roots[count - 1]);
   for (size_t i = 0; i < n; i++) {
     char *real =
         count < TC_LINK_ROOTS && g_file_test(folders[i], G_FILE_TEST_IS_DIR) ? realpath(folders[i], NULL) : NULL;

@@ -15,37 +15,26 @@ typedef struct message {
 } message;
 
 static bool broken(GError **error, const char *what) {
-  tc_set_error(error, TC_ERROR_FORMAT, NULL,
-               "the decoder's answer makes no sense (%s); the file is probably damaged", what);
+  tc_set_error(error, TC_ERROR_FORMAT, NULL, "the decoder's answer makes no sense (%s); the file is probably damaged",
+               what);
   return false;
 }
 
 /* The longest body of a kind; a kind not known has none. */
 static bool length_fits(const message *m) {
   switch (m->kind) {
-  case TC_WIRE_PROGRESS:
-    return m->length == 8;
-  case TC_WIRE_SERIES:
-    return m->length == TC_WIRE_SERIES_BYTES;
-  case TC_WIRE_HEAD:
-    return m->length == TC_WIRE_HEAD_BYTES;
-  case TC_WIRE_MESH:
-    return m->length == TC_WIRE_MESH_BYTES;
-  case TC_WIRE_SEGMENT:
-    return m->length == TC_WIRE_SEGMENT_BYTES;
-  case TC_WIRE_VOXELS:
-    return m->length == 8;
+  case TC_WIRE_PROGRESS: return m->length == 8;
+  case TC_WIRE_SERIES: return m->length == TC_WIRE_SERIES_BYTES;
+  case TC_WIRE_HEAD: return m->length == TC_WIRE_HEAD_BYTES;
+  case TC_WIRE_MESH: return m->length == TC_WIRE_MESH_BYTES;
+  case TC_WIRE_SEGMENT: return m->length == TC_WIRE_SEGMENT_BYTES;
+  case TC_WIRE_VOXELS: return m->length == 8;
   case TC_WIRE_WANT:
-  case TC_WIRE_MODEL:
-    return m->length == 8;
-  case TC_WIRE_OPEN:
-    return m->length == 4 + TC_WIRE_NAME;
-  case TC_WIRE_FAIL:
-    return m->length == 4 + TC_WIRE_FAIL_TEXT;
-  case TC_WIRE_END:
-    return m->length == 0;
-  default:
-    return false;
+  case TC_WIRE_MODEL: return m->length == 8;
+  case TC_WIRE_OPEN: return m->length == 4 + TC_WIRE_NAME;
+  case TC_WIRE_FAIL: return m->length == 4 + TC_WIRE_FAIL_TEXT;
+  case TC_WIRE_END: return m->length == 0;
+  default: return false;
   }
 }
 
@@ -128,7 +117,8 @@ static bool format_is_sane(const char *format) {
 static bool head_is_sane(const tc_volume_desc *d) {
   for (int i = 0; i < 9; i++)
     if (!(fabs(d->direction[i]) <= 1.001)) return false;
-  return format_is_sane(d->format) && isfinite(d->window_center) && isfinite(d->window_width) && d->window_width >= 0 && d->frames >= 1;
+  return format_is_sane(d->format) && isfinite(d->window_center) && isfinite(d->window_width) && d->window_width >= 0 &&
+         d->frames >= 1;
 }
 
 static bool provenance_is_sane(const tc_provenance *from, const tc_volume_desc *d) {
@@ -143,8 +133,7 @@ static bool take_head(const tc_wire_reader *in, tc_volume_desc *desc, tc_provena
   tc_reader r;
   tc_reader_init(&r, body, sizeof body, false);
   memset(desc, 0, sizeof *desc);
-  for (int i = 0; i < 3; i++)
-    desc->dims[i] = tc_reader_i32(&r);
+  for (int i = 0; i < 3; i++) desc->dims[i] = tc_reader_i32(&r);
   uint32_t type = tc_reader_u32(&r);
   desc->frames = tc_reader_i32(&r);
   from->volume = tc_reader_i32(&r);
@@ -153,8 +142,7 @@ static bool take_head(const tc_wire_reader *in, tc_volume_desc *desc, tc_provena
   from->bridged = tc_reader_i32(&r);
   from->resampled = tc_reader_u32(&r) != 0;
   from->colors = tc_reader_u32(&r) != 0;
-  for (int i = 0; i < TC_WIRE_HEAD_NUMBERS; i++)
-    numbers[i] = tc_reader_f64(&r);
+  for (int i = 0; i < TC_WIRE_HEAD_NUMBERS; i++) numbers[i] = tc_reader_f64(&r);
   memcpy(desc->spacing, numbers, sizeof desc->spacing);
   memcpy(desc->origin, numbers + 3, sizeof desc->origin);
   memcpy(desc->direction, numbers + 6, sizeof desc->direction);
@@ -168,7 +156,8 @@ static bool take_head(const tc_wire_reader *in, tc_volume_desc *desc, tc_provena
   take_text(&r, desc->format, 16);
   take_words(&r, from->description, sizeof from->description);
   take_text(&r, from->time, sizeof from->time);
-  if (r.failed || type >= TC_VOXEL_TYPE_COUNT || (from->colors && type != TC_U8) || !head_is_sane(desc) || !provenance_is_sane(from, desc))
+  if (r.failed || type >= TC_VOXEL_TYPE_COUNT || (from->colors && type != TC_U8) || !head_is_sane(desc) ||
+      !provenance_is_sane(from, desc))
     return broken(error, "volume header");
   desc->type = (tc_voxel_type)type;
   return true;
@@ -229,14 +218,14 @@ typedef struct filling {
   tc_volume *volume; /* NULL before HEAD */
   uint8_t *model;    /* or before MODEL, of whose bytes the volume is made at the end */
   size_t model_bytes;
-  tc_mesh *mesh;     /* NULL before MESH */
+  tc_mesh *mesh;        /* NULL before MESH */
   tc_mesh_file *source; /* of a mesh; NULL: a volume is wanted */
   struct {
     char *at;
     size_t left;
   } arrays[3];
   int n_arrays, next;
-  GArray *segments; /* NULL: none */
+  GArray *segments;  /* NULL: none */
   tc_colors *colors; /* of a volume of RGB */
 } filling;
 
@@ -274,8 +263,10 @@ static bool take_volume(const tc_wire_reader *in, filling *f, GError **error) {
   if (f->volume || f->model || f->source) return broken(error, "a volume header out of place");
   f->volume = volume_for(in, error);
   if (!f->volume) return false;
-  if (!tc_volume_provenance(f->volume)->colors) add_array(f, tc_volume_voxels(f->volume), tc_volume_bytes(f->volume));
-  else f->colors = tc_colors_new(f->volume, error);
+  if (!tc_volume_provenance(f->volume)->colors)
+    add_array(f, tc_volume_voxels(f->volume), tc_volume_bytes(f->volume));
+  else
+    f->colors = tc_colors_new(f->volume, error);
   return f->n_arrays > 0 || f->colors;
 }
 
@@ -432,8 +423,7 @@ static bool take(const tc_wire_reader *in, uint32_t kind, filling *f, GError **e
 static bool take_all(const tc_wire_reader *in, filling *f, GError **error) {
   message m;
   bool ok;
-  while ((ok = next_message(in, &m, error)) && m.kind != TC_WIRE_END && (ok = take(in, m.kind, f, error)))
-    continue;
+  while ((ok = next_message(in, &m, error)) && m.kind != TC_WIRE_END && (ok = take(in, m.kind, f, error))) continue;
   const bool whole = f->colors ? tc_colors_end(f->colors) : f->n_arrays && f->next == f->n_arrays;
   return ok && (whole || broken(error, "less data than announced"));
 }

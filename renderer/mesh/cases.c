@@ -12,12 +12,9 @@ static tc_cell_cases all;
 static int edge_between(int a, int b) {
   int low = a < b ? a : b, x = low & 1, y = low >> 1 & 1, z = low >> 2;
   switch (a ^ b) {
-  case 1:
-    return y + 2 * z;
-  case 2:
-    return 4 + x + 2 * z;
-  default:
-    return 8 + x + 2 * y;
+  case 1: return y + 2 * z;
+  case 2: return 4 + x + 2 * z;
+  default: return 8 + x + 2 * y;
   }
 }
 
@@ -25,12 +22,9 @@ static int edge_between(int a, int b) {
 static int faces_of(int edge) {
   int first = edge & 1, second = edge >> 1 & 1;
   switch (edge / 4) {
-  case 0:
-    return 1 << (2 + first) | 1 << (4 + second);
-  case 1:
-    return 1 << first | 1 << (4 + second);
-  default:
-    return 1 << first | 1 << (2 + second);
+  case 0: return 1 << (2 + first) | 1 << (4 + second);
+  case 1: return 1 << first | 1 << (4 + second);
+  default: return 1 << first | 1 << (2 + second);
   }
 }
 
@@ -44,11 +38,9 @@ static void trace_face(int pattern, int face, bool joined, int8_t next[TC_CELL_E
     if (!here || after) continue; /* no way out here */
     int out = edge_between(corner[i], corner[(i + 1) % 4]), in = i;
     if (joined) /* around the outside corner: the next way in */
-      for (in = (i + 1) % 4; pattern >> corner[in] & 1 || !(pattern >> corner[(in + 1) % 4] & 1);)
-        in = (in + 1) % 4;
+      for (in = (i + 1) % 4; pattern >> corner[in] & 1 || !(pattern >> corner[(in + 1) % 4] & 1);) in = (in + 1) % 4;
     else /* around the inside corner: the last way in */
-      for (in = (i + 3) % 4; pattern >> corner[in] & 1;)
-        in = (in + 3) % 4;
+      for (in = (i + 3) % 4; pattern >> corner[in] & 1;) in = (in + 3) % 4;
     next[out] = (int8_t)edge_between(corner[in], corner[(in + 1) % 4]);
   }
 }
@@ -103,8 +95,7 @@ static void triangulate(const uint8_t *loop, int n, tc_cell_case *c) {
 static void make_case(int pattern, int joined, tc_cell_case *c) {
   int8_t next[TC_CELL_EDGES];
   memset(next, -1, sizeof next);
-  for (int face = 0; face < TC_CELL_FACES; face++)
-    trace_face(pattern, face, joined >> face & 1, next);
+  for (int face = 0; face < TC_CELL_FACES; face++) trace_face(pattern, face, joined >> face & 1, next);
   for (int first = 0; first < TC_CELL_EDGES; first++) {
     uint8_t loop[TC_CELL_EDGES];
     int n = 0, edge = first;

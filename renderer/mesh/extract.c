@@ -54,17 +54,12 @@ static const word *bits_at(const extraction *e, int y, int z) { return e->inside
 /* Of voxel i: turn * voxel - level, at least 0 inside. */
 FOR_A_TYPE float voxel_of(const extraction *e, tc_voxel_type type, size_t i) {
   switch (type) {
-  case TC_U8:
-    return e->turn * ((const uint8_t *)e->voxels)[i] - e->level;
-  case TC_I8:
-    return e->turn * ((const int8_t *)e->voxels)[i] - e->level;
-  case TC_U16:
-    return e->turn * ((const uint16_t *)e->voxels)[i] - e->level;
-  case TC_I16:
-    return e->turn * ((const int16_t *)e->voxels)[i] - e->level;
+  case TC_U8: return e->turn * ((const uint8_t *)e->voxels)[i] - e->level;
+  case TC_I8: return e->turn * ((const int8_t *)e->voxels)[i] - e->level;
+  case TC_U16: return e->turn * ((const uint16_t *)e->voxels)[i] - e->level;
+  case TC_I16: return e->turn * ((const int16_t *)e->voxels)[i] - e->level;
   case TC_F32:
-  case TC_VOXEL_TYPE_COUNT:
-    break;
+  case TC_VOXEL_TYPE_COUNT: break;
   }
   return e->turn * ((const float *)e->voxels)[i] - e->level;
 }
@@ -82,16 +77,14 @@ static word gather_bits(const uint8_t *bytes) {
 #else
   word half[2];
   memcpy(half, bytes, sizeof half);
-  for (int i = 0; i < 2; i++)
-    half[i] = (half[i] & 0x0101010101010101u) * 0x0102040810204080u >> 56;
+  for (int i = 0; i < 2; i++) half[i] = (half[i] & 0x0101010101010101u) * 0x0102040810204080u >> 56;
   return half[0] | half[1] << 8;
 #endif
 }
 
 static word word_of(const uint8_t flags[64]) {
   word all = 0;
-  for (int i = 0; i < 4; i++)
-    all |= gather_bits(flags + 16 * i) << 16 * i;
+  for (int i = 0; i < 4; i++) all |= gather_bits(flags + 16 * i) << 16 * i;
   return all;
 }
 
@@ -102,13 +95,11 @@ static word word_of(const uint8_t flags[64]) {
     uint8_t flags[64];                                                                                                 \
     int left = e->dims[0];                                                                                             \
     for (; left >= 64; left -= 64, v += 64) {                                                                          \
-      for (int i = 0; i < 64; i++)                                                                                     \
-        flags[i] = v[i] >= least && v[i] <= most ? 255 : 0;                                                            \
+      for (int i = 0; i < 64; i++) flags[i] = v[i] >= least && v[i] <= most ? 255 : 0;                                 \
       *out++ = word_of(flags);                                                                                         \
     }                                                                                                                  \
     if (left == 0) return;                                                                                             \
-    for (int i = 0; i < left; i++)                                                                                     \
-      flags[i] = v[i] >= least && v[i] <= most ? 255 : 0;                                                              \
+    for (int i = 0; i < left; i++) flags[i] = v[i] >= least && v[i] <= most ? 255 : 0;                                 \
     memset(flags + left, flags[left - 1], (size_t)(64 - left));                                                        \
     *out = word_of(flags);                                                                                             \
   }
@@ -124,22 +115,12 @@ static void find_inside(void *context, int z, int worker) {
     const size_t at = row_at(e, y, z) * (size_t)e->dims[0];
     word *out = e->inside + row_at(e, y, z) * (size_t)e->words;
     switch (e->type) {
-    case TC_U8:
-      bits_u8(e, (const uint8_t *)e->voxels + at, out);
-      break;
-    case TC_I8:
-      bits_i8(e, (const int8_t *)e->voxels + at, out);
-      break;
-    case TC_U16:
-      bits_u16(e, (const uint16_t *)e->voxels + at, out);
-      break;
-    case TC_I16:
-      bits_i16(e, (const int16_t *)e->voxels + at, out);
-      break;
+    case TC_U8: bits_u8(e, (const uint8_t *)e->voxels + at, out); break;
+    case TC_I8: bits_i8(e, (const int8_t *)e->voxels + at, out); break;
+    case TC_U16: bits_u16(e, (const uint16_t *)e->voxels + at, out); break;
+    case TC_I16: bits_i16(e, (const int16_t *)e->voxels + at, out); break;
     case TC_F32:
-    case TC_VOXEL_TYPE_COUNT:
-      bits_f32(e, (const float *)e->voxels + at, out);
-      break;
+    case TC_VOXEL_TYPE_COUNT: bits_f32(e, (const float *)e->voxels + at, out); break;
     }
   }
 }
@@ -203,8 +184,7 @@ static int bit_at(const word *bits, int x) { return (int)(bits[x >> 6] >> (x & 6
 
 static uint8_t pattern_of(const cell_row *c, int x) {
   int pattern = 0;
-  for (int i = 0; i < 4; i++)
-    pattern |= bit_at(c->bits[i], x) << 2 * i | bit_at(c->bits[i], x + 1) << (2 * i + 1);
+  for (int i = 0; i < 4; i++) pattern |= bit_at(c->bits[i], x) << 2 * i | bit_at(c->bits[i], x + 1) << (2 * i + 1);
   return (uint8_t)pattern;
 }
 
@@ -253,8 +233,7 @@ static void count_row(extraction *e, int y, int z) {
 
 static void count_plane(void *context, int z, int worker) {
   extraction *e = context;
-  for (int y = 0; y < e->dims[1]; y++)
-    count_row(e, y, z);
+  for (int y = 0; y < e->dims[1]; y++) count_row(e, y, z);
 }
 
 /* Counts become the numbers of the first ones; how many there are in all. */
@@ -304,15 +283,13 @@ FOR_A_TYPE point cross_typed(const extraction *e, tc_voxel_type type, const int 
   to[axis]++;
   slope_at(e, type, from, i, slopes[0]);
   slope_at(e, type, to, i + e->stride[axis], slopes[1]);
-  for (int k = 0; k < 3; k++)
-    slopes[0][k] += (float)share * (slopes[1][k] - slopes[0][k]);
+  for (int k = 0; k < 3; k++) slopes[0][k] += (float)share * (slopes[1][k] - slopes[0][k]);
   for (int j = 0; j < 3; j++) {
     p.outward[j] = e->outward[j][0] * slopes[0][0] + e->outward[j][1] * slopes[0][1] + e->outward[j][2] * slopes[0][2];
     length += p.outward[j] * p.outward[j];
   }
   if (length > 0 && length < INFINITY) return p;
-  for (int j = 0; j < 3; j++)
-    p.outward[j] = (float)(a > b ? e->to_mm[j][axis] : -e->to_mm[j][axis]);
+  for (int j = 0; j < 3; j++) p.outward[j] = (float)(a > b ? e->to_mm[j][axis] : -e->to_mm[j][axis]);
   return p;
 }
 
@@ -323,14 +300,12 @@ static point cross_edge(const extraction *e, const int from[3], int axis) {
 FOR_A_TYPE void put_vertex(const extraction *e, uint32_t number, const point *p) {
   const float *n = p->outward;
   double at[3];
-  for (int k = 0; k < 3; k++)
-    at[k] = p->at[k] - e->middle[k];
+  for (int k = 0; k < 3; k++) at[k] = p->at[k] - e->middle[k];
   for (int i = 0; i < 3; i++)
     e->mesh->positions[number][i] = (float)(e->to_mm[i][0] * at[0] + e->to_mm[i][1] * at[1] + e->to_mm[i][2] * at[2]);
   if (!e->mesh->normals) return;
   float scale = 1 / sqrtf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
-  for (int i = 0; i < 3; i++)
-    e->mesh->normals[number][i] = n[i] * scale;
+  for (int i = 0; i < 3; i++) e->mesh->normals[number][i] = n[i] * scale;
 }
 
 /* The mean of a polygon's vertices, each of which begins one triangle of its fan. */
@@ -350,8 +325,7 @@ static void put_centre(const extraction *e, uint32_t number, const tc_cell_case 
     }
     n++;
   }
-  for (int k = 0; k < 3; k++)
-    mean.at[k] /= n;
+  for (int k = 0; k < 3; k++) mean.at[k] /= n;
   if (!(fabs(mean.outward[0]) + fabs(mean.outward[1]) + fabs(mean.outward[2]) > 1e-6)) mean.outward[0] = 1;
   put_vertex(e, number, &mean);
 }
@@ -365,8 +339,7 @@ static void fetch_ahead(const extraction *e, int y, int z) {
   const char *voxels = (const char *)e->voxels + row_at(e, y, MIN(z + 2, e->dims[2] - 1)) * (size_t)e->dims[0] * size;
   for (int w = 0; w < e->words; w++) {
     if (!(crossed_x(e, here, w) | (here[w] ^ above[w]))) continue;
-    for (size_t at = 0; at < 64 * size; at += 64)
-      __builtin_prefetch(voxels + 64 * (size_t)w * size + at);
+    for (size_t at = 0; at < 64 * size; at += 64) __builtin_prefetch(voxels + 64 * (size_t)w * size + at);
   }
 }
 
@@ -401,8 +374,7 @@ typedef struct edge_rows {
 } edge_rows;
 
 static void begin_edges(edge_rows *r, const cell_row *c) {
-  for (int i = 0; i < 4; i++)
-    r->first[ALONG_X + i] = c->rows[i]->vertex[0];
+  for (int i = 0; i < 4; i++) r->first[ALONG_X + i] = c->rows[i]->vertex[0];
   for (int i = 0; i < 2; i++) {
     r->first[ALONG_Y + i] = c->rows[2 * i]->vertex[1];
     r->first[ALONG_Z + i] = c->rows[i]->vertex[2];
@@ -410,8 +382,7 @@ static void begin_edges(edge_rows *r, const cell_row *c) {
 }
 
 static void enter_word(const extraction *e, edge_rows *r, const cell_row *c, int w) {
-  for (int i = 0; i < 4; i++)
-    r->crossed[ALONG_X + i] = crossed_x(e, c->bits[i], w);
+  for (int i = 0; i < 4; i++) r->crossed[ALONG_X + i] = crossed_x(e, c->bits[i], w);
   for (int i = 0; i < 2; i++) {
     r->crossed[ALONG_Y + i] = c->bits[2 * i][w] ^ c->bits[2 * i + 1][w];
     r->crossed[ALONG_Z + i] = c->bits[i][w] ^ c->bits[i + 2][w];
@@ -419,8 +390,7 @@ static void enter_word(const extraction *e, edge_rows *r, const cell_row *c, int
 }
 
 static void leave_word(edge_rows *r) {
-  for (int i = 0; i < EDGE_ROWS; i++)
-    r->first[i] += (uint32_t)__builtin_popcountll(r->crossed[i]);
+  for (int i = 0; i < EDGE_ROWS; i++) r->first[i] += (uint32_t)__builtin_popcountll(r->crossed[i]);
 }
 
 /* Numbers of the vertices on a cell's twelve edges, whether or not they are crossed; b: the cell's bit. */
@@ -449,8 +419,7 @@ static void make_triangles(const extraction *e, int y, int z) {
       const tc_cell_case *cell = case_at(e, &c, x);
       number_edges(&r, b, number);
       for (int t = 0; t < cell->n_triangles; t++, out++)
-        for (int k = 0; k < 3; k++)
-          (*out)[k] = number[cell->edges[t][k]];
+        for (int k = 0; k < 3; k++) (*out)[k] = number[cell->edges[t][k]];
       if (cell->centre) put_centre(e, number[TC_CELL_CENTRE]++, cell, x, y, z);
     }
     leave_word(&r);
@@ -461,22 +430,12 @@ static void fill_plane(void *context, int z, int worker) {
   const extraction *e = context;
   for (int y = 0; y < e->dims[1]; y++) {
     switch (e->type) {
-    case TC_U8:
-      make_vertices(e, TC_U8, y, z);
-      break;
-    case TC_I8:
-      make_vertices(e, TC_I8, y, z);
-      break;
-    case TC_U16:
-      make_vertices(e, TC_U16, y, z);
-      break;
-    case TC_I16:
-      make_vertices(e, TC_I16, y, z);
-      break;
+    case TC_U8: make_vertices(e, TC_U8, y, z); break;
+    case TC_I8: make_vertices(e, TC_I8, y, z); break;
+    case TC_U16: make_vertices(e, TC_U16, y, z); break;
+    case TC_I16: make_vertices(e, TC_I16, y, z); break;
     case TC_F32:
-    case TC_VOXEL_TYPE_COUNT:
-      make_vertices(e, TC_F32, y, z);
-      break;
+    case TC_VOXEL_TYPE_COUNT: make_vertices(e, TC_F32, y, z); break;
     }
     if (y + 1 < e->dims[1] && z + 1 < e->dims[2]) make_triangles(e, y, z);
   }
@@ -523,14 +482,12 @@ static void set_up(extraction *e, const tc_volume *volume, double iso) {
   e->words = (d->dims[0] + 63) / 64;
   e->stride[0] = 1, e->stride[1] = (size_t)d->dims[0], e->stride[2] = (size_t)d->dims[0] * (size_t)d->dims[1];
   for (int i = 0; i < 3; i++)
-    for (int k = 0; k < 3; k++)
-      e->to_mm[i][k] = d->spacing[k] * d->direction[3 * i + k];
+    for (int k = 0; k < 3; k++) e->to_mm[i][k] = d->spacing[k] * d->direction[3 * i + k];
   tc_volume_lps_to_index_matrix(volume, to_index);
   for (int k = 0; k < 9; k++)
     scale = fmax(scale, fabs(to_index[k])); /* any length will do: none that single precision cannot square */
   for (int i = 0; i < 3; i++)
-    for (int k = 0; k < 3; k++)
-      e->outward[i][k] = (float)(-to_index[3 * k + i] / scale);
+    for (int k = 0; k < 3; k++) e->outward[i][k] = (float)(-to_index[3 * k + i] / scale);
 }
 
 static bool left_handed(const extraction *e) {

@@ -21,7 +21,7 @@
 #define FAR (REACH * UNIT * REACH * UNIT)
 #define SCALE 32   /* a distance is stored in finest spacing / (UNIT * SCALE) */
 #define COARSE 2.0 /* times the finest spacing: slices further apart than that */
-#define STRIP 128 /* voxels that are measured together */
+#define STRIP 128  /* voxels that are measured together */
 #define RIM 2      /* voxels of nothing around the label's box: the surface is closed, and has slopes */
 
 static const int32_t weights[2 * RADIUS + 1] = {-1,   -12, -66, -92, 273, 1128, 1636,
@@ -128,8 +128,7 @@ static int16_t *row_of(const smoothing *s, int y, int z) {
 static void copy_rows(const int16_t *first, size_t step, int rows, int width, size_t margin, int16_t beyond,
                       int16_t *copy) {
   const size_t n = (size_t)rows * (size_t)width;
-  for (size_t i = 0; i < margin; i++)
-    copy[i] = copy[margin + n + i] = beyond;
+  for (size_t i = 0; i < margin; i++) copy[i] = copy[margin + n + i] = beyond;
   for (int i = 0; i < rows; i++)
     memcpy(copy + margin + (size_t)i * (size_t)width, first + (size_t)i * step, (size_t)width * sizeof *copy);
 }
@@ -142,8 +141,7 @@ static void filter(int16_t *first, size_t step, int rows, int width, int tap, in
     int16_t *out = first + (size_t)i * step;
     for (int x = 0; x < width; x++) {
       int32_t sum = 2048;
-      for (int k = 0; k <= 2 * RADIUS; k++)
-        sum += weights[k] * in[(size_t)x + (size_t)k * (size_t)tap];
+      for (int k = 0; k <= 2 * RADIUS; k++) sum += weights[k] * in[(size_t)x + (size_t)k * (size_t)tap];
       out[x] = (int16_t)(sum >> 12);
     }
   }
@@ -171,7 +169,8 @@ static void measure(int16_t *first, size_t step, int rows, int width, int tap, i
   copy_rows(first, step, rows, width, REACH * (size_t)tap, -FAR, copy);
   for (int i = 0; i < rows; i++)
     for (int x = 0; x < width; x += STRIP)
-      measure_strip(copy + (size_t)i * (size_t)width + (size_t)x, tap, cost, first + (size_t)i * step + x, MIN(STRIP, width - x));
+      measure_strip(copy + (size_t)i * (size_t)width + (size_t)x, tap, cost, first + (size_t)i * step + x,
+                    MIN(STRIP, width - x));
 }
 
 static void measure_plane(void *context, int z, int worker) {
@@ -179,8 +178,7 @@ static void measure_plane(void *context, int z, int worker) {
   int16_t *copy = s->lines[worker];
   for (int y = 0; y < s->dims[1]; y++) {
     int16_t *row = row_of(s, y, z);
-    for (int x = 0; x < s->dims[0]; x++)
-      row[x] = is_label(s, x, y, z) ? FAR : -FAR;
+    for (int x = 0; x < s->dims[0]; x++) row[x] = is_label(s, x, y, z) ? FAR : -FAR;
     if (s->cost[0][0]) measure(row, 0, 1, s->dims[0], 1, copy, s->cost[0]);
   }
   if (s->cost[1][0]) measure(row_of(s, 0, z), (size_t)s->dims[0], s->dims[1], s->dims[0], s->dims[0], copy, s->cost[1]);
@@ -206,8 +204,7 @@ static void finish_slab(void *context, int y, int worker) {
  * gap is closed. */
 static void smooth_plane(void *context, int z, int worker) {
   const smoothing *s = context;
-  for (int y = 0; y < s->dims[1] && s->cost[0][0]; y++)
-    filter(row_of(s, y, z), 0, 1, s->dims[0], 1, s->lines[worker]);
+  for (int y = 0; y < s->dims[1] && s->cost[0][0]; y++) filter(row_of(s, y, z), 0, 1, s->dims[0], 1, s->lines[worker]);
   if (s->cost[1][0]) filter(row_of(s, 0, z), (size_t)s->dims[0], s->dims[1], s->dims[0], s->dims[0], s->lines[worker]);
   for (int y = 0; y < s->dims[1]; y++) {
     int16_t *row = row_of(s, y, z);
@@ -248,15 +245,13 @@ static bool make_distances(smoothing *s, tc_pool *pool, GError **error) {
   const int threads = pool ? tc_pool_threads(pool) : 1;
   const size_t line = (size_t)s->dims[0] * (size_t)(MAX(s->dims[1], s->dims[2]) + 2 * REACH) * sizeof(int16_t);
   bool room = (s->lines = calloc((size_t)threads, sizeof *s->lines)) != NULL;
-  for (int i = 0; room && i < threads; i++)
-    room = (s->lines[i] = malloc(line)) != NULL;
+  for (int i = 0; room && i < threads; i++) room = (s->lines[i] = malloc(line)) != NULL;
   if (!room) tc_set_error(error, TC_ERROR_MEMORY, NULL, "surface of a label: out of memory");
   const bool done =
       room && ((tc_pool_run(pool, s->dims[2], measure_plane, s) && tc_pool_run(pool, s->dims[1], finish_slab, s) &&
                 tc_pool_run(pool, s->dims[2], smooth_plane, s)) ||
                tc_halt_say(tc_pool_halt(pool), error));
-  for (int i = 0; s->lines && i < threads; i++)
-    free(s->lines[i]);
+  for (int i = 0; s->lines && i < threads; i++) free(s->lines[i]);
   free(s->lines);
   return done;
 }

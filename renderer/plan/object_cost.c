@@ -63,8 +63,7 @@ static line line_through(const tc_rays *rays, double x, double y) {
   l.from = l.eye_t = rays->perspective ? -length : -rays->eye_mm;
   for (int r = 0; r < 3; r++) {
     l.at[r] = rays->anchor0[r] + x * rays->anchor_du[r] + y * rays->anchor_dv[r];
-    for (int k = 0; k < 3; k++)
-      l.along[r] += rays->to_index[3 * r + k] * view[k] / length;
+    for (int k = 0; k < 3; k++) l.along[r] += rays->to_index[3 * r + k] * view[k] / length;
     clip(&l, l.at[r] - rays->lo[r], l.along[r]);
     clip(&l, rays->hi[r] - l.at[r], -l.along[r]);
   }
@@ -82,8 +81,7 @@ static bool is_inside(const walk *w, const int at[3]) {
 }
 
 static void place(const line *l, double t, int at[3]) {
-  for (int k = 0; k < 3; k++)
-    at[k] = (int)(l->at[k] + t * l->along[k] + 0.5);
+  for (int k = 0; k < 3; k++) at[k] = (int)(l->at[k] + t * l->along[k] + 0.5);
 }
 
 /* Whether the surface is near: of the voxels NEAR away along the axes, and NEAR / 2 towards the corners, is one on the
@@ -92,8 +90,7 @@ static bool is_near(const walk *w, const int at[3], bool inside) {
   for (int i = 0; i < 14; i++) {
     int beside[3] = {at[0], at[1], at[2]};
     if (i < 6) beside[i / 2] += i & 1 ? NEAR : -NEAR;
-    for (int k = 0; k < 3 && i >= 6; k++)
-      beside[k] += (i - 6) >> k & 1 ? NEAR / 2 : -NEAR / 2;
+    for (int k = 0; k < 3 && i >= 6; k++) beside[k] += (i - 6) >> k & 1 ? NEAR / 2 : -NEAR / 2;
     if (is_inside(w, beside) != inside) return true;
   }
   return false;
@@ -172,8 +169,7 @@ bool tc_object_cost_of(const tc_volume *volume, const tc_scene *scene, int width
   if (t[TC_TERM_HITS] > 0)
     t[TC_TERM_APART] = t[TC_TERM_NEAR] * fmin(sqrt(t[TC_TERM_SEEN] / t[TC_TERM_HITS]), MOST_APART);
   for (int m = 0; m < TC_OBJECT_MODES; m++) {
-    for (int i = 0; i < TC_TERM_COUNT; i++)
-      cost->ms[m] += rates[m][i] * cost->terms[i] * (speed ? speed[m] : 1);
+    for (int i = 0; i < TC_TERM_COUNT; i++) cost->ms[m] += rates[m][i] * cost->terms[i] * (speed ? speed[m] : 1);
     if (cost->ms[m] < cost->ms[cost->cheapest]) cost->cheapest = (tc_object_mode)m;
   }
   return true;

@@ -5,9 +5,7 @@
 /* Bound of gain and offset: gain * voxel + offset stays finite, with voxels up to 1e30 (volume.h). */
 #define LARGEST 1e30
 
-bool tc_is_projection(tc_mode mode) {
-  return mode == TC_MODE_MIP || mode == TC_MODE_MINIP || mode == TC_MODE_AVERAGE;
-}
+bool tc_is_projection(tc_mode mode) { return mode == TC_MODE_MIP || mode == TC_MODE_MINIP || mode == TC_MODE_AVERAGE; }
 
 static float clamped(double x) { return (float)fmin(fmax(x, -LARGEST), LARGEST); }
 

@@ -12,23 +12,12 @@ double tc_ref_voxel(const tc_ref_field *field, const size_t at[3]) {
   double v = 0;
   if (field->coefficients) return field->coefficients[i];
   switch (desc->type) {
-  case TC_U8:
-    v = ((const uint8_t *)field->voxels)[i];
-    break;
-  case TC_I8:
-    v = ((const int8_t *)field->voxels)[i];
-    break;
-  case TC_U16:
-    v = ((const uint16_t *)field->voxels)[i];
-    break;
-  case TC_I16:
-    v = ((const int16_t *)field->voxels)[i];
-    break;
-  case TC_F32:
-    v = (double)((const float *)field->voxels)[i];
-    break;
-  case TC_VOXEL_TYPE_COUNT:
-    break;
+  case TC_U8: v = ((const uint8_t *)field->voxels)[i]; break;
+  case TC_I8: v = ((const int8_t *)field->voxels)[i]; break;
+  case TC_U16: v = ((const uint16_t *)field->voxels)[i]; break;
+  case TC_I16: v = ((const int16_t *)field->voxels)[i]; break;
+  case TC_F32: v = (double)((const float *)field->voxels)[i]; break;
+  case TC_VOXEL_TYPE_COUNT: break;
   }
   return desc->slope * v + desc->intercept;
 }

@@ -23,8 +23,7 @@ static pthread_once_t made = PTHREAD_ONCE_INIT;
 static void legendre(long double x, int n, long double *p) {
   p[0] = 1;
   p[1] = x;
-  for (int k = 1; k < n; k++)
-    p[k + 1] = ((2 * k + 1) * x * p[k] - k * p[k - 1]) / (k + 1);
+  for (int k = 1; k < n; k++) p[k + 1] = ((2 * k + 1) * x * p[k] - k * p[k - 1]) / (k + 1);
 }
 
 static void make_rule(void) {
@@ -44,8 +43,7 @@ static void make_rule(void) {
   for (int i = 0; i < POINTS; i++)
     for (int j = 0; j < POINTS; j++) {
       long double sum = x[i] + 1;
-      for (int k = 1; k < POINTS; k++)
-        sum += p[j][k] * (p[i][k + 1] - p[i][k - 1]);
+      for (int k = 1; k < POINTS; k++) sum += p[j][k] * (p[i][k + 1] - p[i][k - 1]);
       upto[i][j] = (double)(w[j] * sum / 4);
     }
   for (int i = 0; i < POINTS; i++) {
@@ -102,27 +100,22 @@ static panel estimate(const job *j, double x0, double width) {
   r.clear = exp(-r.depth);
   double opacity = -expm1(-r.depth);
   if (j->one_color) {
-    for (int c = 0; c < 3; c++)
-      r.color[c] = j->color[c] * opacity;
+    for (int c = 0; c < 3; c++) r.color[c] = j->color[c] * opacity;
     return r;
   }
   color_at(j, x0, front);
-  for (int c = 0; c < 3; c++)
-    r.color[c] = front[c] * opacity;
+  for (int c = 0; c < 3; c++) r.color[c] = front[c] * opacity;
   for (int i = 0; i < POINTS; i++) {
     double depth = 0;
-    for (int k = 0; k < POINTS; k++)
-      depth += upto[i][k] * tau[k];
+    for (int k = 0; k < POINTS; k++) depth += upto[i][k] * tau[k];
     double share = weight[i] * tau[i] * mm * exp(-depth * mm);
-    for (int c = 0; c < 3; c++)
-      r.color[c] += share * (rgb[i][c] - front[c]);
+    for (int c = 0; c < 3; c++) r.color[c] += share * (rgb[i][c] - front[c]);
   }
   return r;
 }
 
 static void add(tc_ref_light *light, const panel *p) {
-  for (int c = 0; c < 3; c++)
-    light->color[c] += light->transparency * p->color[c];
+  for (int c = 0; c < 3; c++) light->color[c] += light->transparency * p->color[c];
   light->opacity += light->transparency * -expm1(-p->depth);
   light->transparency *= p->clear;
 }
@@ -130,8 +123,7 @@ static void add(tc_ref_light *light, const panel *p) {
 static bool agree(const job *j, const panel *whole, const panel *a, const panel *b) {
   if (!j->one_color && whole->depth > DEPTH_PER_PANEL) return false;
   double error = fabs(whole->clear - a->clear * b->clear);
-  for (int c = 0; c < 3; c++)
-    error = fmax(error, fabs(whole->color[c] - (a->color[c] + a->clear * b->color[c])));
+  for (int c = 0; c < 3; c++) error = fmax(error, fabs(whole->color[c] - (a->color[c] + a->clear * b->color[c])));
   return error * j->light->transparency <= j->tolerance;
 }
 
@@ -169,8 +161,7 @@ void tc_ref_integrate(const tc_ref_piece *piece, const tc_ref_span *span, const 
   if (j.one_color && (flat || span->one_extinction || !span->opacity)) {
     panel whole = {.depth = polynomial_depth(piece, span)};
     whole.clear = exp(-whole.depth);
-    for (int c = 0; c < 3; c++)
-      whole.color[c] = -expm1(-whole.depth) * j.color[c];
+    for (int c = 0; c < 3; c++) whole.color[c] = -expm1(-whole.depth) * j.color[c];
     add(light, &whole);
     return;
   }

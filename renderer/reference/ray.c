@@ -8,15 +8,13 @@ static long double dot(const long double a[3], const long double b[3]) {
 }
 
 static void cross(const long double a[3], const long double b[3], long double c[3]) {
-  for (int k = 0; k < 3; k++)
-    c[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
+  for (int k = 0; k < 3; k++) c[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
 }
 
 static bool normalise(long double v[3]) {
   long double length = sqrtl(dot(v, v));
   if (!isfinite(length) || !(length > 0)) return false;
-  for (int k = 0; k < 3; k++)
-    v[k] /= length;
+  for (int k = 0; k < 3; k++) v[k] /= length;
   return true;
 }
 
@@ -62,13 +60,11 @@ static void eye_ray(const tc_ref_camera *camera, double px, double py, long doub
 /* Index axes in mm, and their inverse by cross products (rows: from mm to index displacements). */
 static void axes(const tc_volume_desc *desc, long double axis[3][3], long double inverse[3][3]) {
   for (int k = 0; k < 3; k++)
-    for (int r = 0; r < 3; r++)
-      axis[k][r] = (long double)desc->direction[3 * r + k] * desc->spacing[k];
+    for (int r = 0; r < 3; r++) axis[k][r] = (long double)desc->direction[3 * r + k] * desc->spacing[k];
   for (int k = 0; k < 3; k++) {
     cross(axis[(k + 1) % 3], axis[(k + 2) % 3], inverse[k]);
     long double det = dot(inverse[k], axis[k]);
-    for (int r = 0; r < 3; r++)
-      inverse[k][r] /= det;
+    for (int r = 0; r < 3; r++) inverse[k][r] /= det;
   }
 }
 
@@ -96,8 +92,7 @@ bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const
   axes(desc, axis, inverse);
   for (int r = 0; r < 3; r++) {
     to_center[r] = desc->origin[r] - eye[r];
-    for (int k = 0; k < 3; k++)
-      to_center[r] += axis[k][r] * (desc->dims[k] - 1) / 2;
+    for (int k = 0; k < 3; k++) to_center[r] += axis[k][r] * (desc->dims[k] - 1) / 2;
   }
   long double nearest = dot(to_center, direction);
   for (int r = 0; r < 3; r++) {

@@ -18,7 +18,7 @@ struct tc_reference {
   tc_ref_transfer transfer; /* dvr */
   tc_ref_shading shading;   /* dvr, isosurface */
   tc_mode mode;
-  tc_ref_window window; /* projections */
+  tc_ref_window window;    /* projections */
   tc_volume *label_volume; /* or NULL */
   tc_scene scene;          /* copy of the labels' members; zero without labels */
   tc_ref_labels labels;
@@ -251,8 +251,7 @@ void tc_reference_pixel(const tc_reference *r, double px, double py, double rgba
     while (next_cell(r, &walk, &labels, &cell))
       if (!tc_ref_transfer_empty(&r->transfer, cell.lo, cell.hi)) integrate_cell(r, &cell, shading, &light);
   }
-  for (int c = 0; c < 3; c++)
-    rgba[c] = light.color[c];
+  for (int c = 0; c < 3; c++) rgba[c] = light.color[c];
   rgba[3] = light.opacity < 0.5 ? light.opacity : 1 - light.transparency;
 }
 
@@ -280,8 +279,7 @@ static tc_reference_sample describe_piece(const tc_reference *r, const tc_ref_ra
     }
     if (shading) tc_ref_shade(shading, cell, piece->from, s.color);
   }
-  for (int k = 0; k < 3; k++)
-    s.position[k] = ray->lps[k] + t * ray->lps_direction[k];
+  for (int k = 0; k < 3; k++) s.position[k] = ray->lps[k] + t * ray->lps_direction[k];
   return s;
 }
 
@@ -360,8 +358,7 @@ static void *render_rows(void *data) {
       double rgba[4];
       float *to = job->rgba + ((size_t)row * (size_t)width + (size_t)column) * 4;
       tc_reference_pixel(job->reference, column + 0.5, row + 0.5, rgba);
-      for (int c = 0; c < 4; c++)
-        to[c] = (float)rgba[c];
+      for (int c = 0; c < 4; c++) to[c] = (float)rgba[c];
     }
   return NULL;
 }
@@ -377,10 +374,8 @@ bool tc_reference_image(const tc_reference *reference, int threads, float *rgba,
   pthread_t helpers[MOST_THREADS];
   int started = 0;
   /* The calling thread works too, so a thread that cannot be created only costs time. */
-  while (started < threads - 1 && pthread_create(&helpers[started], NULL, render_rows, &job) == 0)
-    started++;
+  while (started < threads - 1 && pthread_create(&helpers[started], NULL, render_rows, &job) == 0) started++;
   render_rows(&job);
-  for (int i = 0; i < started; i++)
-    pthread_join(helpers[i], NULL);
+  for (int i = 0; i < started; i++) pthread_join(helpers[i], NULL);
   return true;
 }

@@ -85,8 +85,7 @@ void tc_ref_surface_gradient(const tc_ref_field *field, tc_gradient kind, const 
   }
   for (int corner = 0; corner < 8; corner++) {
     double place[3];
-    for (int k = 0; k < 3; k++)
-      place[k] = fmin(fmax(at[k] + (corner >> k & 1 ? 1 : -1), 0), field->desc->dims[k] - 1);
+    for (int k = 0; k < 3; k++) place[k] = fmin(fmax(at[k] + (corner >> k & 1 ? 1 : -1), 0), field->desc->dims[k] - 1);
     double value = value_at(field, place);
     for (int k = 0; k < 3; k++)
       if (apart[k] > 0) gradient[k] += (corner >> k & 1 ? value : -value) / (4 * apart[k]);

@@ -23,8 +23,7 @@ static int ascending(const void *a, const void *b) {
 /* Breaks: the values of the knots, and in linear light also those at which a channel passes sRGB's corner. */
 static void find_breaks(tc_ref_transfer *t) {
   size_t n = 0;
-  for (size_t i = 0; i < t->n; i++)
-    t->breaks[n++] = t->knots[i].value;
+  for (size_t i = 0; i < t->n; i++) t->breaks[n++] = t->knots[i].value;
   for (size_t i = 0; t->linear_light && i + 1 < t->n; i++) {
     const tc_knot *a = &t->knots[i], *b = a + 1;
     for (int c = 0; c < 3; c++)
@@ -49,8 +48,7 @@ bool tc_ref_transfer_set_up(tc_ref_transfer *t, const tc_transfer_function *from
     if (!knot_is_sane(&from->points[i]) || (i && from->points[i].value < from->points[i - 1].value)) return false;
   t->knots = g_memdup2(from->points, from->count * sizeof *from->points);
   t->breaks = g_new(double, 4 * from->count);
-  for (size_t i = 0; i < t->n; i++)
-    t->knots[i].amount = fmin(t->knots[i].amount, t->opacity ? 1 : LARGEST_EXTINCTION);
+  for (size_t i = 0; i < t->n; i++) t->knots[i].amount = fmin(t->knots[i].amount, t->opacity ? 1 : LARGEST_EXTINCTION);
   find_breaks(t);
   return true;
 }

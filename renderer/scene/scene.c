@@ -1,8 +1,8 @@
 #include "renderer/scene/scene.h"
 
 #include <glib.h>
-#include <stdatomic.h>
 #include <math.h>
+#include <stdatomic.h>
 #include <string.h>
 
 const char *const tc_mode_names[] = {"dvr", "mip", "minip", "average", "isosurface", "mesh", "splat", "mpr", NULL};
@@ -69,7 +69,7 @@ static void init_surfaces(tc_scene *scene) {
 static void init_mpr(tc_scene *scene) {
   scene->mpr.orientation = TC_AXIAL;
   set3(scene->mpr.normal, 0, 0, -1); /* an axial picture is seen from the feet */
-  set3(scene->mpr.up, 0, -1, 0); /* the front of the patient is on top of an axial picture */
+  set3(scene->mpr.up, 0, -1, 0);     /* the front of the patient is on top of an axial picture */
   scene->mpr.projection = TC_SLAB_AVERAGE;
   scene->mpr.zoom = 1;
 }
@@ -277,8 +277,7 @@ bool tc_transfer_function_set_preset(tc_transfer_function *tf, const char *name,
   const tc_preset *preset = tc_preset_named(name);
   if (!preset) return false;
   tc_knot *points = g_memdup2(preset->points, preset->count * sizeof(tc_knot));
-  for (size_t i = 0; preset->relative && i < preset->count; i++)
-    points[i].value = weighted(lo, hi, points[i].value);
+  for (size_t i = 0; preset->relative && i < preset->count; i++) points[i].value = weighted(lo, hi, points[i].value);
   return set_preset(tf, preset, points, 1);
 }
 

@@ -20,10 +20,9 @@ static inline uint8_t level_of(const tc_bounds *b, double lo, double hi) {
   return (uint8_t)(whole + (level > whole)); /* rounded up */
 }
 
-#define LEVELS(name, type)                                                                                           \
-  static void levels_##name(tc_bounds *b, const type *pairs, size_t from, size_t to) {                               \
-    for (size_t i = from; i < to; i++)                                                                               \
-      b->levels[i] = level_of(b, (double)pairs[2 * i], (double)pairs[2 * i + 1]);                                    \
+#define LEVELS(name, type)                                                                                             \
+  static void levels_##name(tc_bounds *b, const type *pairs, size_t from, size_t to) {                                 \
+    for (size_t i = from; i < to; i++) b->levels[i] = level_of(b, (double)pairs[2 * i], (double)pairs[2 * i + 1]);     \
   }
 LEVELS(u8, uint8_t)
 LEVELS(i8, int8_t)
@@ -50,8 +49,8 @@ static void largest(const uint8_t *before, const uint8_t *here, const uint8_t *a
   }
 }
 
-/* Replaces each of `count` rows of n levels, `stride` apart, by the largest of itself and its two neighbours. rows: room
- * for three, the first of them zero. */
+/* Replaces each of `count` rows of n levels, `stride` apart, by the largest of itself and its two neighbours. rows:
+ * room for three, the first of them zero. */
 static void widen(uint8_t *first, size_t n, int count, size_t stride, uint8_t *rows) {
   const uint8_t *before = rows;
   for (int i = 0; i < count; i++) {

@@ -3,8 +3,8 @@
 #include <stdlib.h>
 
 #include "renderer/base/clock.h"
-#include "renderer/skip/minmax_rows.h"
 #include "renderer/skip/empty_ranges.h"
+#include "renderer/skip/minmax_rows.h"
 #include "renderer/volume/voxel.h"
 
 #define LEVELS 65536
@@ -29,8 +29,7 @@ static bool fill_bins(tc_fine *f, const tc_volume *volume) {
   const void *voxels = tc_volume_data(volume);
   uint32_t *counts = calloc(LEVELS, sizeof *counts), sampled = 0;
   if (!counts) return false;
-  for (size_t i = 0; i < count; i += stride, sampled++)
-    counts[level_of(f, tc_voxel_at(d->type, voxels, i))]++;
+  for (size_t i = 0; i < count; i += stride, sampled++) counts[level_of(f, tc_voxel_at(d->type, voxels, i))]++;
   double sum = 0;
   for (int i = 0; i < LEVELS; i++) {
     double share = 0.5 * counts[i] / sampled + (i >= from && i <= to ? 0.5 / (to - from + 1) : 0);
@@ -61,8 +60,7 @@ static bool reserve(tc_fine *f, const tc_volume *volume, int block, size_t most_
   if (!f->least) return false;
   f->most = f->least + plane;
   f->bins = f->most + plane;
-  for (int i = 0; i < TC_FINE_PAD; i++)
-    f->least[plane - 1 - (size_t)i] = f->most[plane - 1 - (size_t)i] = 0;
+  for (int i = 0; i < TC_FINE_PAD; i++) f->least[plane - 1 - (size_t)i] = f->most[plane - 1 - (size_t)i] = 0;
   return true;
 }
 
@@ -73,8 +71,7 @@ tc_fine *tc_fine_begin(const tc_volume *volume, int block, int reach, size_t mos
     f->grid = (tc_minmax){.reach = reach, .type = tc_volume_describe(volume)->type};
     set_levels(f, volume);
     bool made = reserve(f, volume, block, most_bytes);
-    for (int i = 0; made && i < BINS && f->levels == BINS; i++)
-      f->bins[i] = (uint8_t)i;
+    for (int i = 0; made && i < BINS && f->levels == BINS; i++) f->bins[i] = (uint8_t)i;
     if (made && (f->levels == BINS || fill_bins(f, volume))) {
       f->build_ms = tc_now_ms() - start;
       return f;
@@ -98,8 +95,7 @@ typedef struct fine_job {
 #define BIN_ROW(type, level)                                                                                           \
   {                                                                                                                    \
     const type *p = pairs;                                                                                             \
-    for (int x = 0; x < n; x++)                                                                                        \
-      least[x] = f->bins[level(p[2 * x])], most[x] = f->bins[level(p[2 * x + 1])];                                     \
+    for (int x = 0; x < n; x++) least[x] = f->bins[level(p[2 * x])], most[x] = f->bins[level(p[2 * x + 1])];           \
     return;                                                                                                            \
   }
 #define AS_IS(v) v
@@ -108,18 +104,12 @@ typedef struct fine_job {
 #define OF_FLOAT(v) level_of(f, (double)v)
 static void bin_row(const tc_fine *f, const void *pairs, int n, uint8_t *least, uint8_t *most) {
   switch (f->grid.type) {
-  case TC_U8:
-    BIN_ROW(uint8_t, AS_IS)
-  case TC_I8:
-    BIN_ROW(int8_t, FROM_I8)
-  case TC_U16:
-    BIN_ROW(uint16_t, AS_IS)
-  case TC_I16:
-    BIN_ROW(int16_t, FROM_I16)
-  case TC_F32:
-    BIN_ROW(float, OF_FLOAT)
-  case TC_VOXEL_TYPE_COUNT:
-    break;
+  case TC_U8: BIN_ROW(uint8_t, AS_IS)
+  case TC_I8: BIN_ROW(int8_t, FROM_I8)
+  case TC_U16: BIN_ROW(uint16_t, AS_IS)
+  case TC_I16: BIN_ROW(int16_t, FROM_I16)
+  case TC_F32: BIN_ROW(float, OF_FLOAT)
+  case TC_VOXEL_TYPE_COUNT: break;
   }
 }
 
@@ -170,19 +160,19 @@ void tc_fine_free(tc_fine *fine) {
 static uint8_t set_of(const tc_fine *f, const tc_empty_ranges *ranges, int first, int last) {
   const bool real = f->grid.type == TC_F32;
   const double level = f->scale > 0 ? 1 / f->scale : 0;
-  return tc_empty_ranges_set(ranges, f->lo + (first - real) * level) & tc_empty_ranges_set(ranges, f->lo + (last + 2 * real) * level);
+  return tc_empty_ranges_set(ranges, f->lo + (first - real) * level) &
+         tc_empty_ranges_set(ranges, f->lo + (last + 2 * real) * level);
 }
 
 bool tc_fine_find_ranges(const tc_fine *f, const tc_support *support, tc_fine_ranges *found, GError **error) {
   tc_empty_ranges ranges;
   int first[TC_FINE_RANGES], last[TC_FINE_RANGES];
-  if (!tc_empty_ranges_init(&ranges, support, TC_F32, error)) return false; /* as of floats: without the sets of all values */
-  for (int r = 0; r < TC_FINE_RANGES; r++)
-    first[r] = BINS, last[r] = -1;
+  if (!tc_empty_ranges_init(&ranges, support, TC_F32, error))
+    return false; /* as of floats: without the sets of all values */
+  for (int r = 0; r < TC_FINE_RANGES; r++) first[r] = BINS, last[r] = -1;
   for (int i = 0, end; i < f->levels; i = end) {
     const int bin = f->bins[i];
-    for (end = i + 1; end < f->levels && f->bins[end] == bin; end++)
-      continue;
+    for (end = i + 1; end < f->levels && f->bins[end] == bin; end++) continue;
     const uint8_t set = set_of(f, &ranges, i, end - 1);
     for (int r = 0; r < TC_FINE_RANGES; r++) {
       if (!(set >> r & 1)) continue;

@@ -30,8 +30,7 @@ static void set_ray(pick *p, int width, int height, double x, double y) {
   const double eye = rays.perspective ? length : rays.eye_mm;
   for (int r = 0; r < 3; r++) {
     p->along[r] = 0;
-    for (int k = 0; k < 3; k++)
-      p->along[r] += rays.to_index[3 * r + k] * view[k] / length;
+    for (int k = 0; k < 3; k++) p->along[r] += rays.to_index[3 * r + k] * view[k] / length;
     p->at[r] = rays.anchor0[r] + x * rays.anchor_du[r] + y * rays.anchor_dv[r] - eye * p->along[r];
   }
   p->from = 0, p->to = 1e30;
@@ -47,8 +46,7 @@ static bool is_filled(const pick *p, double value) {
   const tc_scene *s = p->scene;
   if (!p->labels) return value >= s->splat.threshold[0] && value <= s->splat.threshold[1];
   bool shown = !s->labels.visible;
-  for (size_t i = 0; i < s->labels.n_visible && !shown; i++)
-    shown = s->labels.visible[i] == value;
+  for (size_t i = 0; i < s->labels.n_visible && !shown; i++) shown = s->labels.visible[i] == value;
   return value > 0 && shown;
 }
 
@@ -78,8 +76,7 @@ static bool meets(const pick *p, const int voxel[3], double *t, double *value) {
 static void look_around(const pick *p, double t, tc_splat_hit *hit) {
   const int reach = (int)ceil(sqrt(p->reach2));
   int middle[3];
-  for (int k = 0; k < 3; k++)
-    middle[k] = (int)lround(p->at[k] + t * p->along[k]);
+  for (int k = 0; k < 3; k++) middle[k] = (int)lround(p->at[k] + t * p->along[k]);
   for (int z = middle[2] - reach; z <= middle[2] + reach; z++)
     for (int y = middle[1] - reach; y <= middle[1] + reach; y++)
       for (int x = middle[0] - reach; x <= middle[0] + reach; x++) {
@@ -104,8 +101,7 @@ bool tc_splat_pick(const tc_volume *of, const tc_volume *labels, const tc_scene 
   const double step = 0.5 / voxels_a_mm, reach = (1 + core) / voxels_a_mm;
   *hit = (tc_splat_hit){.distance_mm = INFINITY};
   /* What is found at a place may have something nearer beside it, a little further on. */
-  for (double t = p.from; t <= p.to && t <= hit->distance_mm + reach; t += step)
-    look_around(&p, t, hit);
+  for (double t = p.from; t <= p.to && t <= hit->distance_mm + reach; t += step) look_around(&p, t, hit);
   if (!isfinite(hit->distance_mm)) return false;
   tc_volume_index_to_lps(volume, (double[]){hit->voxel[0], hit->voxel[1], hit->voxel[2]}, hit->position);
   return true;

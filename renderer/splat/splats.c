@@ -53,8 +53,7 @@ void tc_splats_free(tc_splats *splats) {
 static tc_splats *join(const pile *piles, int count, GError **error) {
   static atomic_uint_fast64_t serials;
   uint64_t words = 0, bricks = 0;
-  for (int i = 0; i < count; i++)
-    words += piles[i].words->len, bricks += piles[i].bricks->len;
+  for (int i = 0; i < count; i++) words += piles[i].words->len, bricks += piles[i].bricks->len;
   if (words > TC_SPLAT_MOST) {
     tc_set_error(error, TC_ERROR_LIMIT, "/splat/threshold",
                  "splat/threshold: the object has more than %u surface voxels; a narrower range is wanted",
@@ -144,8 +143,7 @@ static void normal_of_filled(const building *b, const uint64_t *row, size_t row_
   const tc_volume_desc *d = &b->model->head.grid;
   for (int r = 0; r < 3; r++) {
     normal[r] = 0; /* of nearly orthogonal axes; lengths count inversely */
-    for (int k = 0; k < 3; k++)
-      normal[r] += d->direction[3 * r + k] * sum[k] / d->spacing[k];
+    for (int k = 0; k < 3; k++) normal[r] += d->direction[3 * r + k] * sum[k] / d->spacing[k];
   }
 }
 
@@ -158,8 +156,7 @@ static void find_normal(const building *b, const uint64_t *row, size_t row_words
   }
   if (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2] > 0) return;
   const int face = __builtin_ctz(faces); /* no side has less than another: that of any free face */
-  for (int r = 0; r < 3; r++)
-    normal[r] = (face & 1 ? 1 : -1) * b->model->head.grid.direction[3 * r + face / 2];
+  for (int r = 0; r < 3; r++) normal[r] = (face & 1 ? 1 : -1) * b->model->head.grid.direction[3 * r + face / 2];
 }
 
 /* Sixteen voxels of a column. */
@@ -178,8 +175,7 @@ static void add_slice(const building *b, const pile *to, const uint64_t *row, si
   for (uint32_t left = b->everything ? filled : shown; left; left &= left - 1) {
     const int i = __builtin_ctz(left);
     unsigned faces = 0;
-    for (int f = 0; f < 6; f++)
-      faces |= (open[f] >> i & 1) << f;
+    for (int f = 0; f < 6; f++) faces |= (open[f] >> i & 1) << f;
     double normal[3] = {0};
     if (faces) find_normal(b, row, row_words, x, y, z + i, faces, normal);
     add_word(to, x, y, z + i, faces, normal);
@@ -193,8 +189,7 @@ static void build_layer(void *context, int layer, int worker) {
   uint64_t *bits = b->bits[worker];
   const pile p = b->piles[layer] = pile_new();
   if (y0 >= b->model->first[1] + b->model->size[1] || y0 + TC_SPLAT_BRICK <= b->model->first[1]) return;
-  for (int r = 0; r < ROWS; r++)
-    read_row(b, y0 - REACH + r, bits + (size_t)r * row_words);
+  for (int r = 0; r < ROWS; r++) read_row(b, y0 - REACH + r, bits + (size_t)r * row_words);
   const int *first = b->model->first, *size = b->model->size; /* where columns are */
   for (int bz = 0; bz * TC_SPLAT_BRICK < dims[2]; bz++)
     for (int bx = first[0] / TC_SPLAT_BRICK; bx * TC_SPLAT_BRICK < first[0] + size[0]; bx++) {
@@ -234,10 +229,8 @@ tc_splats *tc_splats_build(const tc_vmd *model, tc_splat_normals normals, bool e
     tc_halt_say(tc_pool_halt(pool), error);
   else
     s = join(b.piles, layers, error);
-  for (int i = 0; b.piles && i < layers; i++)
-    pile_free(b.piles[i]);
-  for (int i = 0; b.bits && i < threads; i++)
-    free(b.bits[i]);
+  for (int i = 0; b.piles && i < layers; i++) pile_free(b.piles[i]);
+  for (int i = 0; b.bits && i < threads; i++) free(b.bits[i]);
   free(b.piles);
   free(b.bits);
   return s;
@@ -265,8 +258,7 @@ static unsigned cut_faces(const cutting *c, int x, int y, int z, const double **
     const double d = distance(c->planes[i], x, y, z);
     if (d < 0) return 0;
     unsigned own = 0;
-    for (int f = 0; f < 6; f++)
-      own |= (unsigned)(d + (f & 1 ? 1 : -1) * c->planes[i][f / 2] < 0) << f;
+    for (int f = 0; f < 6; f++) own |= (unsigned)(d + (f & 1 ? 1 : -1) * c->planes[i][f / 2] < 0) << f;
     if (own && d < least) least = d, *nearest = c->planes[i];
     faces |= own;
   }
@@ -331,8 +323,7 @@ tc_splats *tc_splats_cut(const tc_vmd *model, const double planes[][4], int n_pl
   const tc_volume_desc *d = &model->head.grid;
   double to_index[9];
   for (int k = 0; k < 3; k++) /* directions are nearly orthogonal; normals of cuts need no more */
-    for (int r = 0; r < 3; r++)
-      to_index[3 * k + r] = d->direction[3 * r + k] / d->spacing[k];
+    for (int r = 0; r < 3; r++) to_index[3 * k + r] = d->direction[3 * r + k] / d->spacing[k];
   for (int i = 0; i < n_planes; i++)
     c.reach[i] = fmax(fabs(planes[i][0]), fmax(fabs(planes[i][1]), fabs(planes[i][2])));
   for (int bz = 0; bz * TC_SPLAT_BRICK < dims[2] && !left; bz++)

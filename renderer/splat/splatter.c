@@ -5,11 +5,11 @@
 #include <string.h>
 
 #include "renderer/base/vector.h"
+#include "renderer/classify/transfer.h"
 #include "renderer/frame/backend.h"
 #include "renderer/frame/frame.h"
 #include "renderer/raycast/clip.h"
 #include "renderer/raycast/rays.h"
-#include "renderer/classify/transfer.h"
 #include "renderer/raycast/shading.h"
 
 #define LEAST_RADIUS2 0.51 /* a circle of this radius (squared, pixels) holds a pixel's centre wherever it is */
@@ -48,8 +48,7 @@ int tc_splat_planes(const tc_volume *volume, const tc_scene *scene, double plane
 
 /* Rows: to the right, down, forward; the same camera as raycast/rays.c has. */
 static void view_axes(const tc_camera *camera, double rows[3][3]) {
-  for (int k = 0; k < 3; k++)
-    rows[2][k] = camera->target[k] - camera->position[k];
+  for (int k = 0; k < 3; k++) rows[2][k] = camera->target[k] - camera->position[k];
   normalise3(rows[2]);
   cross3(rows[2], camera->up, rows[0]);
   normalise3(rows[0]);
@@ -68,8 +67,7 @@ static void set_view(drawing *d) {
     d->to_view[r][3] = dot3(rows[r], grid->origin) - dot3(rows[r], camera->position);
     for (int k = 0; k < 3; k++) {
       d->to_view[r][k] = 0;
-      for (int c = 0; c < 3; c++)
-        d->to_view[r][k] += rows[r][c] * grid->direction[3 * c + k] * grid->spacing[k];
+      for (int c = 0; c < 3; c++) d->to_view[r][k] += rows[r][c] * grid->direction[3 * c + k] * grid->spacing[k];
       g->axis[r][k] = (float)d->to_view[r][k];
     }
   }
@@ -78,8 +76,7 @@ static void set_view(drawing *d) {
       g->perspective ? 0.5 * height / tan(camera->fov_y_deg * (M_PI / 360)) : height / camera->height_mm;
   g->scale = (float)scale;
   double eye[3];
-  for (int k = 0; k < 3; k++)
-    eye[k] = camera->position[k] - (g->perspective ? 0 : 1e7 * rows[2][k]);
+  for (int k = 0; k < 3; k++) eye[k] = camera->position[k] - (g->perspective ? 0 : 1e7 * rows[2][k]);
   tc_volume_lps_to_index(d->job->volume, eye, d->eye);
   /* Directions from the eye through pixels, LPS, for light. */
   for (int k = 0; k < 3; k++) {
@@ -113,8 +110,7 @@ static void set_blur(drawing *d) {
   tc_volume_lps_to_index_matrix(d->job->volume, to_index);
   view_axes(&d->job->scene->camera, rows);
   for (int k = 0; k < 3; k++)
-    for (int r = 0; r < 3; r++)
-      g->to_index[k][r] = (float)dot3(to_index + 3 * k, rows[r]);
+    for (int r = 0; r < 3; r++) g->to_index[k][r] = (float)dot3(to_index + 3 * k, rows[r]);
 }
 
 static double footprint(tc_filter filter, double q) {
@@ -127,8 +123,7 @@ static double footprint(tc_filter filter, double q) {
 static bool is_within(const drawing *d) {
   const int *dims = tc_volume_describe(d->job->volume)->dims;
   bool within = d->args.perspective;
-  for (int k = 0; k < 3; k++)
-    within = within && d->eye[k] > -1 && d->eye[k] < dims[k];
+  for (int k = 0; k < 3; k++) within = within && d->eye[k] > -1 && d->eye[k] < dims[k];
   return within;
 }
 
@@ -151,8 +146,7 @@ static void set_kernel(drawing *d) {
   if (g->perspective) {
     const int *dims = tc_volume_describe(d->job->volume)->dims;
     distance = d->to_view[2][3];
-    for (int k = 0; k < 3; k++)
-      distance += d->to_view[2][k] * 0.5 * dims[k];
+    for (int k = 0; k < 3; k++) distance += d->to_view[2][k] * 0.5 * dims[k];
     distance = fmax(distance, (double)g->near_mm);
   }
   const double pixels = width * (double)g->scale / distance, most = fmax(1, 255 * fmin(1, pixels * pixels / FEW_AREA));
@@ -176,8 +170,7 @@ static void set_light(drawing *d) {
   if (!g->shaded) return;
   tc_shade_set_up(&g->shade, d->job->volume, d->job->volume, scene);
   memset(g->shade.gradient, 0, sizeof g->shade.gradient);
-  for (int k = 0; k < 3; k++)
-    g->shade.gradient[k][k] = 0.5f; /* of twice the normal */
+  for (int k = 0; k < 3; k++) g->shade.gradient[k][k] = 0.5f; /* of twice the normal */
   g->shade.flat = 0;
   g->shade.inverse_steep = 1;
 }
@@ -218,8 +211,7 @@ static bool set_box(const drawing *d, tc_splat_entry *e, const double middle[3],
   const double size[2] = {d->job->frame->width, d->job->frame->height}, radius = sqrt((double)g->radius2) * size_mm;
   double near = middle[2] - half[2], far = middle[2] + half[2];
   e->near_mm = (float)(near - 1e-4 * (fabs(near) + half[2]));
-  for (int k = 0; k < 2; k++)
-    e->box[k] = 0, e->box[2 + k] = (float)size[k];
+  for (int k = 0; k < 2; k++) e->box[k] = 0, e->box[2 + k] = (float)size[k];
   if (g->perspective && far <= (double)g->near_mm) return false;
   if (g->perspective && near <= (double)g->near_mm) return true;
   for (int k = 0; k < 2; k++) {
@@ -262,8 +254,7 @@ static void enter_all(drawing *d, const tc_splats *of, tc_splat_entry *entries, 
   for (int r = 0; r < 3; r++)
     size_mm +=
         d->to_view[r][0] * d->to_view[r][0] + d->to_view[r][1] * d->to_view[r][1] + d->to_view[r][2] * d->to_view[r][2];
-  for (uint32_t i = 0; of && i < of->n_bricks; i++)
-    *count += enter(d, of, i, sqrt(size_mm), &entries[*count]);
+  for (uint32_t i = 0; of && i < of->n_bricks; i++) *count += enter(d, of, i, sqrt(size_mm), &entries[*count]);
 }
 
 /* Nearest first, to a 4096th of the range: the order changes no bit, only how much is hidden early. */
@@ -271,15 +262,11 @@ static void sort_entries(const tc_splat_entry *from, int count, tc_splat_entry *
   enum { buckets = 4096 };
   int starts[buckets + 1] = {0};
   float lo = INFINITY, hi = -INFINITY;
-  for (int i = 0; i < count; i++)
-    lo = fminf(lo, from[i].near_mm), hi = fmaxf(hi, from[i].near_mm);
+  for (int i = 0; i < count; i++) lo = fminf(lo, from[i].near_mm), hi = fmaxf(hi, from[i].near_mm);
   const float scale = hi > lo ? (buckets - 1) / (hi - lo) : 0;
-  for (int i = 0; i < count; i++)
-    starts[1 + (int)((from[i].near_mm - lo) * scale)]++;
-  for (int i = 0; i < buckets; i++)
-    starts[i + 1] += starts[i];
-  for (int i = 0; i < count; i++)
-    to[starts[(int)((from[i].near_mm - lo) * scale)]++] = from[i];
+  for (int i = 0; i < count; i++) starts[1 + (int)((from[i].near_mm - lo) * scale)]++;
+  for (int i = 0; i < buckets; i++) starts[i + 1] += starts[i];
+  for (int i = 0; i < count; i++) to[starts[(int)((from[i].near_mm - lo) * scale)]++] = from[i];
 }
 
 static bool collect_entries(drawing *d, GError **error) {
@@ -303,8 +290,7 @@ static bool collect_entries(drawing *d, GError **error) {
 
 void tc_tile_touch(tc_splat_tile *t, int x0, int y0, int x1, int y1) {
   for (int by = y0 / TC_TILE_BLOCK; by <= y1 / TC_TILE_BLOCK; by++)
-    for (int bx = x0 / TC_TILE_BLOCK; bx <= x1 / TC_TILE_BLOCK; bx++)
-      t->stale[by][bx] = true;
+    for (int bx = x0 / TC_TILE_BLOCK; bx <= x1 / TC_TILE_BLOCK; bx++) t->stale[by][bx] = true;
 }
 
 /* Pixels of the tile beyond the picture are as far as any: they hide all. */
@@ -376,10 +362,8 @@ static bool sort_layers(drawing *d, GError **error) {
     return false;
   }
   int *next = d->layers + 1; /* becomes the layers' ends */
-  for (int i = 0; i < d->n_entries; i++)
-    next[1 + d->entries[i].of->bricks[d->entries[i].brick].at[axis]]++;
-  for (int l = 0; l < n; l++)
-    next[l + 1] += next[l];
+  for (int i = 0; i < d->n_entries; i++) next[1 + d->entries[i].of->bricks[d->entries[i].brick].at[axis]]++;
+  for (int l = 0; l < n; l++) next[l + 1] += next[l];
   for (int i = 0; i < d->n_entries; i++)
     sorted[next[d->entries[i].of->bricks[d->entries[i].brick].at[axis]]++] = d->entries[i];
   free(d->entries);
@@ -403,14 +387,12 @@ static bool pass(const drawing *d, tc_splat_tile *t, bool colors) {
 }
 
 static void clear_tile(tc_splat_tile *t, bool opaque) {
-  for (int i = 0; i < TC_TILE * TC_TILE_STRIDE; i++)
-    t->depth[i] = opaque ? INFINITY : 1;
+  for (int i = 0; i < TC_TILE * TC_TILE_STRIDE; i++) t->depth[i] = opaque ? INFINITY : 1;
   t->touched[0] = t->touched[1] = TC_TILE, t->touched[2] = t->touched[3] = -1;
   memset(t->sums, 0, sizeof t->sums);
   t->left = false;
   for (int y = 0; y < TC_TILE_BLOCKS; y++)
-    for (int x = 0; x < TC_TILE_BLOCKS; x++)
-      t->stale[y][x] = true;
+    for (int x = 0; x < TC_TILE_BLOCKS; x++) t->stale[y][x] = true;
 }
 
 /* Mm from the eye along each pixel's ray. */
@@ -476,8 +458,7 @@ static void draw_tile(void *context, int index, int worker) {
 static bool make_tiles(drawing *d, GError **error) {
   const size_t threads = (size_t)tc_pool_threads(d->job->pool);
   bool good = (d->tiles = calloc(threads, sizeof *d->tiles)) != NULL;
-  for (size_t i = 0; i < threads && good; i++)
-    good = (d->tiles[i] = calloc(1, sizeof **d->tiles)) != NULL;
+  for (size_t i = 0; i < threads && good; i++) good = (d->tiles[i] = calloc(1, sizeof **d->tiles)) != NULL;
   good = good && (d->out = malloc(threads * TC_TILE * TC_TILE * 4 * sizeof *d->out)) != NULL;
   if (!good) tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
   return good;
@@ -541,13 +522,11 @@ bool tc_splat_draw(const tc_splat_job *job, GError **error) {
   if (good) tc_pool_run(job->pool, d->progress->units, draw_tile, d);
   if (good) {
     d->progress->done = 0;
-    for (int i = 0; i < d->progress->units; i++)
-      d->progress->done += d->progress->finished[i];
+    for (int i = 0; i < d->progress->units; i++) d->progress->done += d->progress->finished[i];
     good = d->progress->done == d->progress->units || tc_halt_say(job->halt, error);
   }
   if (good && job->counts) count(d);
-  for (int i = 0; d->tiles && i < tc_pool_threads(job->pool); i++)
-    free(d->tiles[i]);
+  for (int i = 0; d->tiles && i < tc_pool_threads(job->pool); i++) free(d->tiles[i]);
   free(d->tiles);
   free(d->out);
   free(d->entries);

@@ -88,20 +88,13 @@ double tc_vmd_number(const tc_vmd_attribute *attribute, const uint8_t *record) {
   float four = 0;
   if (tc_vmd_type_size(attribute->type) == 2) memcpy(&two, p, 2);
   switch (attribute->type) {
-  case TC_VMD_U8:
-    return *p;
-  case TC_VMD_I8:
-    return (int8_t)*p;
+  case TC_VMD_U8: return *p;
+  case TC_VMD_I8: return (int8_t)*p;
   case TC_VMD_U16:
-  case TC_VMD_NORMAL:
-    return two;
-  case TC_VMD_I16:
-    return (int16_t)two;
-  case TC_VMD_F32:
-    memcpy(&four, p, 4);
-    return (double)four;
-  case TC_VMD_TYPE_COUNT:
-    break;
+  case TC_VMD_NORMAL: return two;
+  case TC_VMD_I16: return (int16_t)two;
+  case TC_VMD_F32: memcpy(&four, p, 4); return (double)four;
+  case TC_VMD_TYPE_COUNT: break;
   }
   return 0;
 }
@@ -176,10 +169,8 @@ tc_vmd *tc_vmd_new(int version, const tc_vmd_head *head, const int first[2], con
   tc_vmd *v = calloc(1, sizeof *v);
   if (v) {
     v->head = *head, v->version = version;
-    for (int k = 0; k < 2; k++)
-      v->first[k] = first[k], v->size[k] = size[k];
-    for (size_t i = 0; i < cells; i++)
-      v->columns += lengths[i] != 0;
+    for (int k = 0; k < 2; k++) v->first[k] = first[k], v->size[k] = size[k];
+    for (size_t i = 0; i < cells; i++) v->columns += lengths[i] != 0;
   }
   if (!v || !allocate(v, lengths, cells)) {
     tc_vmd_free(v);

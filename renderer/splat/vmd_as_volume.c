@@ -27,8 +27,7 @@ static void each(const void *model, void (*seen)(void *user, double voxel), void
   const tc_vmd_attribute *a = tc_vmd_value_attribute(&vmd->head);
   for (uint32_t c = 0; c < vmd->columns; c++)
     for (tc_vmd_run run = {.at = vmd->bytes + tc_vmd_start(vmd, c)}; tc_vmd_next(vmd, &run);)
-      for (int i = 0; i < run.count; i++)
-        seen(user, a ? tc_vmd_number(a, run.records + (size_t)i * run.step) : 1);
+      for (int i = 0; i < run.count; i++) seen(user, a ? tc_vmd_number(a, run.records + (size_t)i * run.step) : 1);
 }
 
 typedef struct range {
@@ -66,8 +65,7 @@ tc_volume *tc_vmd_volume(tc_vmd *vmd, GError **error) {
 void tc_vmd_normal(const tc_vmd_attribute *attribute, const uint8_t *record, double normal[3]) {
   float n[3];
   tc_octahedron_unfold(record[attribute->at], record[attribute->at + 1], 127, n);
-  for (int k = 0; k < 3; k++)
-    normal[k] = (double)n[k];
+  for (int k = 0; k < 3; k++) normal[k] = (double)n[k];
 }
 
 void tc_vmd_own_normal(const void *model, int x, int y, int z, double normal[3]) {

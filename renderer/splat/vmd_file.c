@@ -7,7 +7,7 @@
 #include "renderer/import/reader.h"
 #include "renderer/splat/vmd.h"
 
-#define DEFLATED 1      /* flags */
+#define DEFLATED 1 /* flags */
 #define DIFFERENCES 2
 #define MOST_INFLATED 1032 /* bytes that one byte of deflate can become */
 
@@ -154,8 +154,7 @@ static bool bad(GError **error, const char *what) {
 }
 
 static void read_text(tc_reader *r, char text[16]) {
-  for (int i = 0; i < 16; i++)
-    text[i] = (char)tc_reader_u8(r);
+  for (int i = 0; i < 16; i++) text[i] = (char)tc_reader_u8(r);
   bool good = text[15] == 0;
   for (int i = 0; i < 16; i++)
     good = good && (text[i] == 0 || g_ascii_isprint(text[i])) && (i == 0 || text[i - 1] || !text[i]);
@@ -163,24 +162,19 @@ static void read_text(tc_reader *r, char text[16]) {
 }
 
 static bool read_grid(tc_reader *r, tc_volume_desc *d) {
-  for (int k = 0; k < 3; k++)
-    d->spacing[k] = tc_reader_f64(r);
-  for (int k = 0; k < 3; k++)
-    d->origin[k] = tc_reader_f64(r);
-  for (int k = 0; k < 9; k++)
-    d->direction[k] = tc_reader_f64(r);
+  for (int k = 0; k < 3; k++) d->spacing[k] = tc_reader_f64(r);
+  for (int k = 0; k < 3; k++) d->origin[k] = tc_reader_f64(r);
+  for (int k = 0; k < 9; k++) d->direction[k] = tc_reader_f64(r);
   d->slope = tc_reader_f64(r);
   d->intercept = tc_reader_f64(r);
   read_text(r, d->modality);
   read_text(r, d->unit);
   bool good = !r->failed && isfinite(d->slope) && d->slope != 0 && isfinite(d->intercept);
-  for (int k = 0; k < 3; k++)
-    good = good && isfinite(d->spacing[k]) && d->spacing[k] > 0 && isfinite(d->origin[k]);
+  for (int k = 0; k < 3; k++) good = good && isfinite(d->spacing[k]) && d->spacing[k] > 0 && isfinite(d->origin[k]);
   const double *m = d->direction;
   double det =
       m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) + m[2] * (m[3] * m[7] - m[4] * m[6]);
-  for (int k = 0; k < 9; k++)
-    good = good && fabs(m[k]) <= 1.001;
+  for (int k = 0; k < 9; k++) good = good && fabs(m[k]) <= 1.001;
   return good && fabs(det) > 1e-6;
 }
 
@@ -194,8 +188,7 @@ static bool read_sizes(tc_reader *r, header *h) {
     h->head.grid.dims[k] = good ? (int)n : 1;
   }
   uint32_t rectangle[4];
-  for (int k = 0; k < 4; k++)
-    rectangle[k] = tc_reader_u32(r);
+  for (int k = 0; k < 4; k++) rectangle[k] = tc_reader_u32(r);
   for (int k = 0; k < 2; k++) {
     uint32_t n = (uint32_t)h->head.grid.dims[k];
     good = good && rectangle[k] <= n && rectangle[2 + k] <= n - rectangle[k];
@@ -224,15 +217,13 @@ static bool read_attributes(tc_reader *r, header *h, GError **error) {
       return bad(error, "an attribute without a name of its own");
   }
   for (int i = 0; i < h->head.n_palette; i++)
-    for (int c = 0; c < 4; c++)
-      h->head.palette[i][c] = tc_reader_u8(r);
+    for (int c = 0; c < 4; c++) h->head.palette[i][c] = tc_reader_u8(r);
   return h->head.record_bytes == record || bad(error, "attributes and record differ in size");
 }
 
 static bool read_head(tc_reader *r, header *h, GError **error) {
   char magic[4];
-  for (int i = 0; i < 4; i++)
-    magic[i] = (char)tc_reader_u8(r);
+  for (int i = 0; i < 4; i++) magic[i] = (char)tc_reader_u8(r);
   int version = tc_reader_u16(r), flags = tc_reader_u16(r);
   if (r->failed || memcmp(magic, "TVMD", 4) != 0) {
     tc_set_error(error, TC_ERROR_FORMAT, NULL, "not a voxel model (.vmd begins with TVMD)");

@@ -35,8 +35,7 @@ static void peel(const making *m, int y, uint64_t *bits, uint64_t *work) {
     uint64_t over = bits[i] >> 1 | (i + nx < n ? bits[i + nx] << 63 : 0);
     inside[i] = left & right & under & over & before[i] & behind[i];
   }
-  for (size_t i = 0; i < n; i++)
-    bits[i] &= ~inside[i];
+  for (size_t i = 0; i < n; i++) bits[i] &= ~inside[i];
 }
 
 /* The next change of a column at or after z: to filled, or to free. */
@@ -57,8 +56,7 @@ static int next_change(const making *m, const uint64_t *column, int z, bool to_f
 /* How many of n records are as the first. */
 static guint same_from(const uint8_t *records, guint n, guint size) {
   guint i = 1;
-  while (i < MIN(n, MOST_SAME) && (!size || memcmp(records + (size_t)i * size, records, size) == 0))
-    i++;
+  while (i < MIN(n, MOST_SAME) && (!size || memcmp(records + (size_t)i * size, records, size) == 0)) i++;
   return i;
 }
 
@@ -100,8 +98,7 @@ static void put_column(const making *m, const row *r, const uint64_t *column, in
 
 static bool any_filled(const making *m, const uint64_t *column) {
   uint64_t any = 0;
-  for (int w = 0; w < m->words; w++)
-    any |= column[(size_t)w * (size_t)m->dims[0]];
+  for (int w = 0; w < m->words; w++) any |= column[(size_t)w * (size_t)m->dims[0]];
   return any != 0;
 }
 
@@ -144,8 +141,7 @@ static void find_rectangle(const making *m, int first[2], int size[2]) {
 static tc_vmd *join(const making *m, GError **error) {
   int first[2], size[2];
   uint64_t total = 0;
-  for (int y = 0; y < m->dims[1]; y++)
-    total += m->rows[y].bytes->len;
+  for (int y = 0; y < m->dims[1]; y++) total += m->rows[y].bytes->len;
   if (total > UINT32_MAX) {
     tc_set_error(error, TC_ERROR_LIMIT, NULL, "voxel model: more than 4 GiB; fewer voxels or attributes are wanted");
     return NULL;
@@ -176,14 +172,12 @@ static bool begin(making *m, tc_pool *pool) {
   const int threads = tc_pool_threads(pool);
   const size_t n = (size_t)m->words * (size_t)m->dims[0] * (m->source->shell ? 4 : 1);
   bool good = (m->bits = calloc((size_t)threads, sizeof *m->bits)) != NULL;
-  for (int i = 0; i < threads && good; i++)
-    good = (m->bits[i] = malloc(n * sizeof **m->bits)) != NULL;
+  for (int i = 0; i < threads && good; i++) good = (m->bits[i] = malloc(n * sizeof **m->bits)) != NULL;
   return good && (m->rows = calloc((size_t)m->dims[1], sizeof *m->rows)) != NULL;
 }
 
 static void finish(making *m, tc_pool *pool) {
-  for (int i = 0; m->bits && i < tc_pool_threads(pool); i++)
-    free(m->bits[i]);
+  for (int i = 0; m->bits && i < tc_pool_threads(pool); i++) free(m->bits[i]);
   free(m->bits);
   for (int y = 0; m->rows && y < m->dims[1]; y++) {
     if (m->rows[y].bytes) g_byte_array_unref(m->rows[y].bytes);

@@ -28,18 +28,12 @@ static size_t voxel_index(const subject *s, int x, int y, int z) {
 
 static double voxel_at(const subject *s, size_t i) {
   switch (s->d->type) {
-  case TC_U8:
-    return ((const uint8_t *)s->data)[i];
-  case TC_I8:
-    return ((const int8_t *)s->data)[i];
-  case TC_U16:
-    return ((const uint16_t *)s->data)[i];
-  case TC_I16:
-    return ((const int16_t *)s->data)[i];
-  case TC_F32:
-    return (double)((const float *)s->data)[i];
-  case TC_VOXEL_TYPE_COUNT:
-    break;
+  case TC_U8: return ((const uint8_t *)s->data)[i];
+  case TC_I8: return ((const int8_t *)s->data)[i];
+  case TC_U16: return ((const uint16_t *)s->data)[i];
+  case TC_I16: return ((const int16_t *)s->data)[i];
+  case TC_F32: return (double)((const float *)s->data)[i];
+  case TC_VOXEL_TYPE_COUNT: break;
   }
   return 0;
 }
@@ -51,8 +45,7 @@ static double voxel_at(const subject *s, size_t i) {
     for (int z = 0; z < s->d->dims[2]; z++) {                                                                          \
       const type *from = (const type *)s->data + ((size_t)z * ny + (size_t)y) * nx;                                    \
       uint64_t *to = bits + (size_t)(z / 64) * nx;                                                                     \
-      for (size_t x = 0; x < nx; x++)                                                                                  \
-        to[x] |= (uint64_t)(from[x] >= low && from[x] <= high) << z % 64;                                              \
+      for (size_t x = 0; x < nx; x++) to[x] |= (uint64_t)(from[x] >= low && from[x] <= high) << z % 64;                \
     }                                                                                                                  \
   }
 FILL_ROWS(u8, uint8_t)
@@ -93,23 +86,12 @@ static void clear_gaps(const subject *s, int y, uint64_t *bits) {
 
 static void fill_by_range(const subject *s, int y, uint64_t *bits) {
   switch (s->d->type) {
-  case TC_U8:
-    fill_u8(s, y, bits);
-    break;
-  case TC_I8:
-    fill_i8(s, y, bits);
-    break;
-  case TC_U16:
-    fill_u16(s, y, bits);
-    break;
-  case TC_I16:
-    fill_i16(s, y, bits);
-    break;
-  case TC_F32:
-    fill_f32(s, y, bits);
-    break;
-  case TC_VOXEL_TYPE_COUNT:
-    break;
+  case TC_U8: fill_u8(s, y, bits); break;
+  case TC_I8: fill_i8(s, y, bits); break;
+  case TC_U16: fill_u16(s, y, bits); break;
+  case TC_I16: fill_i16(s, y, bits); break;
+  case TC_F32: fill_f32(s, y, bits); break;
+  case TC_VOXEL_TYPE_COUNT: break;
   }
 }
 
@@ -178,23 +160,20 @@ static void slope_at_face(const subject *s, spot p, int axis, int step, double s
 /* The mean over the faces beyond which is outside. What is one voxel thick has faces that look in opposite directions:
  * they count as one, whose sign means nothing. */
 static void normal_of_faces(const subject *s, spot p, double sum[3]) {
-  for (int k = 0; k < 3; k++)
-    sum[k] = 0;
+  for (int k = 0; k < 3; k++) sum[k] = 0;
   for (int f = 0; f < 6; f++) {
     const int axis = f / 2, step = f & 1 ? 1 : -1, beyond = p.at[axis] + step;
     double slope[3];
     if (beyond < 0 || beyond >= s->d->dims[axis] || inside_of(s, p, axis, step) >= 0) continue;
     slope_at_face(s, p, axis, step, slope);
     const double side = sum[0] * slope[0] + sum[1] * slope[1] + sum[2] * slope[2] < 0 ? -1 : 1;
-    for (int k = 0; k < 3; k++)
-      sum[k] += side * slope[k];
+    for (int k = 0; k < 3; k++) sum[k] += side * slope[k];
   }
 }
 
 /* Inside there are central differences alone. */
 static void slope_within(const subject *s, spot p, double slope[3]) {
-  for (int k = 0; k < 3; k++)
-    slope[k] = (inside_of(s, p, k, -1) - inside_of(s, p, k, 1)) / s->d->spacing[k];
+  for (int k = 0; k < 3; k++) slope[k] = (inside_of(s, p, k, -1) - inside_of(s, p, k, 1)) / s->d->spacing[k];
 }
 
 void tc_vmd_normal_at(const void *user, int x, int y, int z, double n[3]) {
@@ -206,8 +185,7 @@ void tc_vmd_normal_at(const void *user, int x, int y, int z, double n[3]) {
   /* Covariant: right for any axes. */
   for (int r = 0; r < 3; r++) {
     n[r] = 0;
-    for (int k = 0; k < 3; k++)
-      n[r] += g[k] * s->d->spacing[k] * s->to_index[3 * k + r];
+    for (int k = 0; k < 3; k++) n[r] += g[k] * s->d->spacing[k] * s->to_index[3 * k + r];
   }
 }
 
@@ -273,8 +251,7 @@ static void set_palette(tc_vmd_head *head) {
   const double(*colors)[3] = tc_label_palette(&count);
   head->n_palette = TC_VMD_PALETTE;
   for (size_t label = 1; label < TC_VMD_PALETTE; label++) {
-    for (int c = 0; c < 3; c++)
-      head->palette[label][c] = (uint8_t)lround(colors[(label - 1) % count][c] * 255);
+    for (int c = 0; c < 3; c++) head->palette[label][c] = (uint8_t)lround(colors[(label - 1) % count][c] * 255);
     head->palette[label][3] = 255;
   }
 }

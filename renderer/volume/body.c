@@ -14,8 +14,8 @@ typedef struct body {
   const tc_body_options *options;
   int n[3];
   double soft[2], dense[2]; /* voxels, as stored: from, to */
-  bool padded;     /* there are values above the options' most */
-  bool parted;     /* there are parts that are left out */
+  bool padded;              /* there are values above the options' most */
+  bool parted;              /* there are parts that are left out */
   tc_body_parts parts;
   uint8_t *mask;       /* [nx] */
   int low[3], high[3]; /* voxels that are kept, inclusive */
@@ -27,8 +27,7 @@ static bool goes_on(const body *b) { return !b->options->goes_on || b->options->
 
 #define DENSE_OF(name, type)                                                                                           \
   static void dense_##name(const type *v, int n, type from, type to, uint8_t *mask) {                                  \
-    for (int i = 0; i < n; i++)                                                                                        \
-      mask[i] |= v[i] >= from && v[i] <= to;                                                                           \
+    for (int i = 0; i < n; i++) mask[i] |= v[i] >= from && v[i] <= to;                                                 \
   }
 DENSE_OF(u8, uint8_t)
 DENSE_OF(i8, int8_t)
@@ -50,23 +49,12 @@ static void mark(const body *b, int y, int z, double from, double to) {
   if (type != TC_F32) from = fmax(ceil(from), s->voxel_min), to = fmin(floor(to), s->voxel_max);
   if (from > to) return;
   switch (type) {
-  case TC_U8:
-    dense_u8(v, b->n[0], (uint8_t)from, (uint8_t)to, b->mask);
-    break;
-  case TC_I8:
-    dense_i8(v, b->n[0], (int8_t)from, (int8_t)to, b->mask);
-    break;
-  case TC_U16:
-    dense_u16(v, b->n[0], (uint16_t)from, (uint16_t)to, b->mask);
-    break;
-  case TC_I16:
-    dense_i16(v, b->n[0], (int16_t)from, (int16_t)to, b->mask);
-    break;
-  case TC_F32:
-    dense_f32(v, b->n[0], (float)from, (float)to, b->mask);
-    break;
-  case TC_VOXEL_TYPE_COUNT:
-    break;
+  case TC_U8: dense_u8(v, b->n[0], (uint8_t)from, (uint8_t)to, b->mask); break;
+  case TC_I8: dense_i8(v, b->n[0], (int8_t)from, (int8_t)to, b->mask); break;
+  case TC_U16: dense_u16(v, b->n[0], (uint16_t)from, (uint16_t)to, b->mask); break;
+  case TC_I16: dense_i16(v, b->n[0], (int16_t)from, (int16_t)to, b->mask); break;
+  case TC_F32: dense_f32(v, b->n[0], (float)from, (float)to, b->mask); break;
+  case TC_VOXEL_TYPE_COUNT: break;
   }
 }
 
@@ -79,8 +67,7 @@ static void fill_cells(body *b, int cy, int cz, const double range[2], uint8_t p
   const int *size = b->parts.voxels;
   memset(b->mask, 0, (size_t)b->n[0]);
   for (int z = cz * size[2]; z < least((cz + 1) * size[2], b->n[2]); z++)
-    for (int y = cy * size[1]; y < least((cy + 1) * size[1], b->n[1]); y++)
-      mark(b, y, z, range[0], range[1]);
+    for (int y = cy * size[1]; y < least((cy + 1) * size[1], b->n[1]); y++) mark(b, y, z, range[0], range[1]);
   uint8_t *cells = tc_body_parts_row(&b->parts, cy, cz);
   for (int c = 0; c < b->parts.n[0]; c++) {
     const int x = c * size[0];
@@ -104,8 +91,7 @@ static bool find_parts(body *b) {
 /* ---- the volume that is left ---- */
 
 static void whole_box(body *b) {
-  for (int k = 0; k < 3; k++)
-    b->low[k] = 0, b->high[k] = b->n[k] - 1;
+  for (int k = 0; k < 3; k++) b->low[k] = 0, b->high[k] = b->n[k] - 1;
 }
 
 static void hold_cell(body *b, const int at[3]) {
@@ -119,8 +105,7 @@ static void hold_cell(body *b, const int at[3]) {
 /* The box of what stays. */
 static void find_box(body *b) {
   const int *n = b->parts.n;
-  for (int k = 0; k < 3; k++)
-    b->low[k] = b->n[k], b->high[k] = -1;
+  for (int k = 0; k < 3; k++) b->low[k] = b->n[k], b->high[k] = -1;
   for (int z = 0; z < n[2]; z++)
     for (int y = 0; y < n[1]; y++) {
       const uint8_t *cells = tc_body_parts_row(&b->parts, y, z);

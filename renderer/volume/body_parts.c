@@ -91,8 +91,7 @@ bool tc_body_parts_init(tc_body_parts *parts, const tc_volume *volume) {
   if (!parts->cells) return false;
   memset(parts->cells, EDGE, cells_of(parts));
   for (int z = 0; z < parts->n[2]; z++)
-    for (int y = 0; y < parts->n[1]; y++)
-      memset(tc_body_parts_row(parts, y, z), TC_CELL_AIR, (size_t)parts->n[0]);
+    for (int y = 0; y < parts->n[1]; y++) memset(tc_body_parts_row(parts, y, z), TC_CELL_AIR, (size_t)parts->n[0]);
   return true;
 }
 
@@ -105,23 +104,20 @@ void tc_body_parts_finish(tc_body_parts *parts) {
 
 /* Marks the cells of a place and their 26 neighbours. */
 static void mark_around(finder *f, uint8_t place) {
-  for (size_t i = 0; i < f->count; i++)
-    f->marks[i] = f->p->cells[i] == place;
+  for (size_t i = 0; i < f->count; i++) f->marks[i] = f->p->cells[i] == place;
   for (int k = 0; k < 3; k++) {
     const size_t stride = f->p->stride[k];
     const uint8_t *from = f->marks;
     uint8_t *to = f->scratch;
     memcpy(to, from, f->count);
-    for (size_t i = stride; i + stride < f->count; i++)
-      to[i] = from[i] | from[i - stride] | from[i + stride];
+    for (size_t i = stride; i + stride < f->count; i++) to[i] = from[i] | from[i - stride] | from[i + stride];
     f->scratch = f->marks;
     f->marks = to;
   }
 }
 
 static void place_of(const finder *f, size_t i, int at[3]) {
-  for (int k = 2; k >= 0; i %= f->p->stride[k--])
-    at[k] = (int)(i / f->p->stride[k]) - 1;
+  for (int k = 2; k >= 0; i %= f->p->stride[k--]) at[k] = (int)(i / f->p->stride[k]) - 1;
 }
 
 /* Moves the connected cells of one place to another one, and lists them in the queue. Returns how many. */
@@ -177,8 +173,7 @@ static void take_edge(finder *f) {
     for (size_t j = 0; j < f->count; j++)
       if (f->marks[j] && f->p->cells[j] == TC_CELL_SOFT) f->p->cells[j] = TC_CELL_KEPT;
   }
-  for (size_t j = 0; j < f->count; j++)
-    f->soft[j] = f->p->cells[j] == TC_CELL_SOFT;
+  for (size_t j = 0; j < f->count; j++) f->soft[j] = f->p->cells[j] == TC_CELL_SOFT;
   move_all(f, TC_CELL_SOFT, REST);
 }
 
@@ -271,10 +266,8 @@ static void measure_body(finder *f) {
   const int *n = f->p->n;
   const span none = {INT16_MAX, INT16_MIN};
   part a = no_part();
-  for (int i = 0; i < n[1] * n[2]; i++)
-    f->rows[i] = none;
-  for (int i = 0; i < n[0] * n[2]; i++)
-    f->columns[i] = none;
+  for (int i = 0; i < n[1] * n[2]; i++) f->rows[i] = none;
+  for (int i = 0; i < n[0] * n[2]; i++) f->columns[i] = none;
   for (int z = 0; z < n[2]; z++) {
     f->slices[z] = none;
     for (int y = 0; y < n[1]; y++) {
@@ -337,8 +330,8 @@ static bool is_sheet(const finder *f, const part *a) {
          (double)a->under >= OUTSIDE * (double)a->cells;
 }
 
-/* What no branch, bone or vessel is: wide and flat, behind the body and hardly in contact with it; where the body is not
- * solid, behind and apart. */
+/* What no branch, bone or vessel is: wide and flat, behind the body and hardly in contact with it; where the body is
+ * not solid, behind and apart. */
 static bool is_table(const finder *f, const part *a) {
   const double behind = f->solid ? 0.5 : 1, touching = f->solid ? TOUCHING : 0, wide = f->solid ? LARGE : WIDE;
   return extent_of(f, a) >= wide * f->width && flatness_of(f, a) < FLAT &&
@@ -365,8 +358,7 @@ static bool choose(finder *f, uint8_t place, uint8_t otherwise) {
     const size_t cells = flood(f, i, place, PART);
     const part a = measure(f, cells);
     const bool hides = goes(f, &a, place);
-    for (size_t j = 0; j < cells; j++)
-      f->p->cells[f->queue[j]] = hides ? TC_CELL_HIDDEN : otherwise;
+    for (size_t j = 0; j < cells; j++) f->p->cells[f->queue[j]] = hides ? TC_CELL_HIDDEN : otherwise;
     hidden |= hides;
   }
   return hidden;

@@ -23,8 +23,7 @@ static void count_voxel(void *user, double voxel) { count_voxels(user, voxel, 1)
 static bool count_integers(const binning *b, tc_voxel_type type, const void *voxels, size_t n) {
   const bool wide = tc_voxel_size(type) == 2;
   uint64_t *of = calloc(65536, sizeof *of);
-  for (size_t i = 0; of && i < n; i++)
-    of[wide ? ((const uint16_t *)voxels)[i] : ((const uint8_t *)voxels)[i]]++;
+  for (size_t i = 0; of && i < n; i++) of[wide ? ((const uint16_t *)voxels)[i] : ((const uint8_t *)voxels)[i]]++;
   for (unsigned raw = 0; of && raw < 65536; raw++)
     if (of[raw]) count_voxels(b, type == TC_I8 ? (int8_t)raw : type == TC_I16 ? (int16_t)raw : (int)raw, of[raw]);
   free(of);

@@ -47,7 +47,8 @@ tcs_access *tcs_access_new(const tcs_config *config, GError **error) {
   access->tickets = tcs_tickets_new();
   access->lockout = tcs_lockout_new();
   access->generation = 1;
-  if (read_hosts(access, config, error) && read_proxies(access, config, error) && read_tokens(access, config, error) && make_secrets(access, error))
+  if (read_hosts(access, config, error) && read_proxies(access, config, error) && read_tokens(access, config, error) &&
+      make_secrets(access, error))
     return access;
   tcs_access_free(access);
   return NULL;

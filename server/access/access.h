@@ -3,8 +3,8 @@
 #define TCS_ACCESS_ACCESS_H
 
 #include "server/access/hosts.h"
-#include "server/access/proxies.h"
 #include "server/access/lockout.h"
+#include "server/access/proxies.h"
 #include "server/access/role.h"
 #include "server/access/share.h"
 #include "server/access/tickets.h"
@@ -33,9 +33,9 @@ typedef struct tcs_shown {
   const char *peer, *authorization, *ticket;
 } tcs_shown;
 
-/* Finds out who asks. False: the credentials are wrong, or (*wait_s above 0) this peer presented so many wrong ones that
- * they were not checked. A caller without credentials is a stranger. A server without tokens takes every caller for an
- * admin of one name, unless a link or a ticket grants less. */
+/* Finds out who asks. False: the credentials are wrong, or (*wait_s above 0) this peer presented so many wrong ones
+ * that they were not checked. A caller without credentials is a stranger. A server without tokens takes every caller
+ * for an admin of one name, unless a link or a ticket grants less. */
 bool tcs_access_identify(tcs_access *access, const tcs_shown *shown, tcs_caller *caller, int *wait_s);
 /* Takes the tokens of a file that was read again. */
 void tcs_access_renew(tcs_access *access, tcs_tokens *tokens);

@@ -9,7 +9,8 @@
 /* event: "session.create" ...; session and volume: ids, or NULL. */
 void tcs_audit(tcs_access *access, const tcs_caller *caller, const char *event, const char *session,
                const char *volume);
-/* A request was refused; why: "host", "origin", "token", "role", "session". A flood of refusals is logged as a count. */
+/* A request was refused; why: "host", "origin", "token", "role", "session". A flood of refusals is logged as a count.
+ */
 void tcs_audit_refused(tcs_access *access, const tcs_caller *caller, const char *why);
 
 #endif

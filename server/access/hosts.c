@@ -46,8 +46,7 @@ static size_t name_length(const char *text) {
 static bool split(const char *text, authority *out) {
   const size_t length = name_length(text);
   if (length == 0 || length >= NAME_SIZE) return false;
-  for (size_t i = 0; i < length; i++)
-    out->name[i] = g_ascii_tolower(text[i]);
+  for (size_t i = 0; i < length; i++) out->name[i] = g_ascii_tolower(text[i]);
   out->name[length] = 0;
   out->port = 0;
   if (text[length] == 0) return true;
@@ -134,8 +133,7 @@ void tcs_hosts_listen(tcs_hosts *hosts, const char *address) {
   if (is_loopback(own.name) || is_wildcard(own.name)) add_localhost(hosts, own.port);
   struct ifaddrs *all = NULL;
   if (!is_wildcard(own.name) || getifaddrs(&all) != 0) return;
-  for (const struct ifaddrs *one = all; one; one = one->ifa_next)
-    add_address(hosts, one->ifa_addr, own.port);
+  for (const struct ifaddrs *one = all; one; one = one->ifa_next) add_address(hosts, one->ifa_addr, own.port);
   freeifaddrs(all);
 }
 

@@ -1,5 +1,6 @@
-/* Lockout of peers that present wrong tokens: after some wrong tokens a peer waits before its next token is checked, longer
- * each time. A token that the peer used before keeps working, since behind a proxy one address serves many people. Pure.
+/* Lockout of peers that present wrong tokens: after some wrong tokens a peer waits before its next token is checked,
+ * longer each time. A token that the peer used before keeps working, since behind a proxy one address serves many
+ * people. Pure.
  *
  * Peers and tokens are keys here: hashes that nobody outside can foresee. */
 #ifndef TCS_ACCESS_LOCKOUT_H

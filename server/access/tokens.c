@@ -74,8 +74,7 @@ tcs_tokens *tcs_tokens_parse(const char *text, bool *clear, GError **error) {
   const char *fault = NULL;
   guint at = 0;
   *clear = false;
-  while (lines[at] && take_line(tokens, lines[at], clear, &fault))
-    at++;
+  while (lines[at] && take_line(tokens, lines[at], clear, &fault)) at++;
   g_strfreev(lines);
   if (fault)
     tc_set_error(error, TC_ERROR_INVALID, NULL, "line %u: %s", at + 1, fault);
@@ -92,8 +91,7 @@ static char *read_all(int fd, size_t size) {
   char *text = g_malloc(size + 1);
   size_t done = 0;
   ssize_t got = 1;
-  while (done < size && (got = read(fd, text + done, size - done)) > 0)
-    done += (size_t)got;
+  while (done < size && (got = read(fd, text + done, size - done)) > 0) done += (size_t)got;
   text[done] = 0;
   if (got >= 0) return text;
   g_free(text);

@@ -145,14 +145,13 @@ static bool integrate_reference(bench *b, GError **error) {
   return true;
 }
 
-static bool is_editable(const bench *b) {
-  return b->scene.mode == TC_MODE_DVR && b->scene.transfer_function.count > 1;
-}
+static bool is_editable(const bench *b) { return b->scene.mode == TC_MODE_DVR && b->scene.transfer_function.count > 1; }
 
 static bool measure_edits(bench *b, GError **error) {
   tc_renderer *last = NULL;
   for (int i = 0; i < N_VARIANTS; i++)
-    if (b->rows[i].renderer && variants[i].backend == TC_BACKEND_CPU && variants[i].skipping) last = b->rows[i].renderer;
+    if (b->rows[i].renderer && variants[i].backend == TC_BACKEND_CPU && variants[i].skipping)
+      last = b->rows[i].renderer;
   b->edited = last && is_editable(b);
   b->scene.skipping.mode = TC_SKIPPING_AUTO;
   return !b->edited || tcs_edits_measure(last, b->volume, &b->scene, b->edits, error);
@@ -164,7 +163,9 @@ static bool measure(bench *b, GError **error) {
   if (b->args.pixels && !integrate_reference(b, error)) return false;
   for (int i = 0; i < N_VARIANTS; i++) {
     row *r = &b->rows[i];
-    tc_renderer_options options = {.backend = variants[i].backend, .isa = variants[i].isa, .threads = b->args.threads,
+    tc_renderer_options options = {.backend = variants[i].backend,
+                                   .isa = variants[i].isa,
+                                   .threads = b->args.threads,
                                    .cache_bytes = (uint64_t)b->args.cache << 20};
     if (variants[i].backend == TC_BACKEND_GL && !b->args.gl) continue;
     r->renderer = tc_renderer_new(&options, NULL); /* not on this machine: the row is left out */
@@ -327,10 +328,11 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
       {"scene", 0, 0, G_OPTION_ARG_FILENAME, &a->scene, "scene document laid over the fitted one", "FILE"},
       {"set", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &a->set, "change one member of the scene; may be repeated",
        "KEY=VALUE"},
-      {"paper", 0, 0, G_OPTION_ARG_FILENAME, &a->paper, "the tables of paper 000, 001, 003 or 004 instead, beside the published",
-       "ID"},
+      {"paper", 0, 0, G_OPTION_ARG_FILENAME, &a->paper,
+       "the tables of paper 000, 001, 003 or 004 instead, beside the published", "ID"},
       {"objects", 0, 0, G_OPTION_ARG_NONE, &a->objects,
-       "splats, ray-cast isosurfaces and meshes of the same objects instead, and which the plan calls the faster", NULL},
+       "splats, ray-cast isosurfaces and meshes of the same objects instead, and which the plan calls the faster",
+       NULL},
       {"json", 0, 0, G_OPTION_ARG_FILENAME, &a->json, "write all figures as JSON; - is stdout", "FILE"},
       {0}};
   const tcs_cli_usage usage = {"bench", "[VOLUME...]",

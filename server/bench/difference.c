@@ -61,8 +61,7 @@ void tcs_lab(const double srgb[3], double lab[3]) {
                                  {0.2126390059, 0.7151686788, 0.0721923154},
                                  {0.0193308187, 0.1191947798, 0.9505321522}};
   double linear[3], f[3];
-  for (int c = 0; c < 3; c++)
-    linear[c] = to_linear(fmin(fmax(srgb[c], 0), 1));
+  for (int c = 0; c < 3; c++) linear[c] = to_linear(fmin(fmax(srgb[c], 0), 1));
   for (int r = 0; r < 3; r++)
     f[r] = lab_f((m[r][0] * linear[0] + m[r][1] * linear[1] + m[r][2] * linear[2]) / (m[r][0] + m[r][1] + m[r][2]));
   lab[0] = 116 * f[1] - 16;
@@ -138,8 +137,7 @@ static int weights(int side, double w[WINDOW]) {
     double x = (i - 0.5 * (size - 1)) / 1.5;
     sum += w[i] = exp(-0.5 * x * x);
   }
-  for (int i = 0; i < size; i++)
-    w[i] /= sum;
+  for (int i = 0; i < size; i++) w[i] /= sum;
   return size;
 }
 
@@ -163,8 +161,7 @@ double tcs_ssim(const float *a, const float *b, int width, int height) {
   for (int y = 0; y < rows; y++)
     for (int x = 0; x < columns; x++) {
       moments m = {0};
-      for (int i = 0; i < ny; i++)
-        add(&m, wy[i], &across[(size_t)(y + i) * (size_t)columns + (size_t)x]);
+      for (int i = 0; i < ny; i++) add(&m, wy[i], &across[(size_t)(y + i) * (size_t)columns + (size_t)x]);
       sum += similarity(&m);
     }
   free(across);

@@ -21,8 +21,7 @@ static void slide_knot(tc_transfer_function *tf, int frame) {
 
 static void shift_knots(tc_transfer_function *tf, int frame) {
   const double by = 0.05 * width_of(tf) * frame / FRAMES;
-  for (size_t i = 0; i < tf->count; i++)
-    tf->points[i].value += by;
+  for (size_t i = 0; i < tf->count; i++) tf->points[i].value += by;
 }
 
 static void change_preset(tc_transfer_function *tf, int frame) {

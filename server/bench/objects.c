@@ -127,8 +127,7 @@ cJSON *tcs_object_json(const tcs_object *o, const tc_scene *scene) {
 static void print_object(const tcs_object *o, const char *name, const cJSON *json) {
   printf("%-22.22s %8.4g %5g", name, cJSON_GetObjectItem(json, "threshold")->valuedouble,
          cJSON_GetObjectItem(json, "size")->valuedouble);
-  for (int m = 0; m < TC_OBJECT_MODES; m++)
-    printf("  %7.2f %7.2f", o->ms[m], o->cost.ms[m]);
+  for (int m = 0; m < TC_OBJECT_MODES; m++) printf("  %7.2f %7.2f", o->ms[m], o->cost.ms[m]);
   printf("  %s%s\n", cJSON_IsTrue(cJSON_GetObjectItem(json, "named")) ? "" : "splats or rays: no  ",
          cJSON_IsTrue(cJSON_GetObjectItem(json, "namedOfThree")) ? "" : "of three: no");
   fflush(stdout);
@@ -153,7 +152,8 @@ static bool take_view(const tcs_objects_run *run, tc_renderer *renderer, tc_volu
 
 bool tcs_objects_volume(const tcs_objects_run *run, tc_volume *volume, const char *name, cJSON *report,
                         GError **error) {
-  const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = run->threads, .isa = run->isa, .cache_bytes = 2u << 30};
+  const tc_renderer_options options = {
+      .backend = TC_BACKEND_CPU, .threads = run->threads, .isa = run->isa, .cache_bytes = 2u << 30};
   tc_renderer *renderer = tc_renderer_new(&options, error);
   bool good = renderer != NULL;
   if (run->print && !cJSON_GetArraySize(report))

@@ -50,8 +50,8 @@ static tc_volume *resample(const tc_volume *from, GError **error) {
 }
 
 /* The least time of several extractions; *triangles of one. */
-static bool extract(const tcs_paper_run *run, const tc_volume *volume, double iso, int threads, double *ms, size_t *triangles,
-                    GError **error) {
+static bool extract(const tcs_paper_run *run, const tc_volume *volume, double iso, int threads, double *ms,
+                    size_t *triangles, GError **error) {
   tc_pool *pool = tc_pool_new(threads, error);
   const tc_mesh_options options = {.normals = true, .pool = pool};
   bool good = pool != NULL;
@@ -68,12 +68,15 @@ static bool extract(const tcs_paper_run *run, const tc_volume *volume, double is
 }
 
 /* The least times of frames, all ways in turn; NaN where there is no such machine. *build_ms: of mesh and clusters. */
-static bool draw(const tcs_paper_run *run, tc_volume *volume, tc_scene *scene, double ms[WAYS], double *build_ms, GError **error) {
+static bool draw(const tcs_paper_run *run, tc_volume *volume, tc_scene *scene, double ms[WAYS], double *build_ms,
+                 GError **error) {
   tc_renderer *renderers[WAYS] = {0};
   tc_frame frame = {0};
   bool good = true;
   for (int w = 0; w < WAYS; w++) {
-    const tc_renderer_options options = {.backend = ways[w].backend, .isa = ways[w].isa, .cache_bytes = 2u << 30,
+    const tc_renderer_options options = {.backend = ways[w].backend,
+                                         .isa = ways[w].isa,
+                                         .cache_bytes = 2u << 30,
                                          .threads = ways[w].threads ? ways[w].threads : run->threads};
     ms[w] = NAN;
     if (ways[w].backend != TC_BACKEND_GL || run->gl) renderers[w] = tc_renderer_new(&options, NULL);
@@ -91,8 +94,8 @@ static bool draw(const tcs_paper_run *run, tc_volume *volume, tc_scene *scene, d
   return good;
 }
 
-static void add(const tcs_paper_run *run, const char *name, double iso, size_t triangles, const double extract_ms[2], double build_ms,
-                const double ms[WAYS], cJSON *report) {
+static void add(const tcs_paper_run *run, const char *name, double iso, size_t triangles, const double extract_ms[2],
+                double build_ms, const double ms[WAYS], cJSON *report) {
   cJSON *json = cJSON_CreateObject(), *frames = cJSON_CreateObject();
   cJSON_AddStringToObject(json, "paper", "003");
   cJSON_AddStringToObject(json, "volume", name);
@@ -104,9 +107,10 @@ static void add(const tcs_paper_run *run, const char *name, double iso, size_t t
   cJSON_AddItemToObject(json, "frameMs", frames);
   cJSON_AddItemToArray(report, json);
   if (!run->print) return;
-  printf("paper 003: %s as 512x512x106 voxels, surface at %g: %zu triangles; %dx%d pixels\n", name, iso, triangles, run->size,
-         run->size);
-  printf("  %-22s %9.2f ms, %.2f with 1 thread; with clusters %.2f\n", "extraction", extract_ms[1], extract_ms[0], build_ms);
+  printf("paper 003: %s as 512x512x106 voxels, surface at %g: %zu triangles; %dx%d pixels\n", name, iso, triangles,
+         run->size, run->size);
+  printf("  %-22s %9.2f ms, %.2f with 1 thread; with clusters %.2f\n", "extraction", extract_ms[1], extract_ms[0],
+         build_ms);
   for (int w = 0; w < WAYS; w++)
     if (!isnan(ms[w])) printf("  %-22s %9.2f ms a frame\n", ways[w].name, ms[w]);
 }

@@ -117,8 +117,7 @@ static bool measure_times(const tcs_paper_run *run, tc_volume *volume, const tc_
       good = tc_render(renderer, volume, &scene, NULL, &frame, NULL, error);
       if (i >= 3) least[i % 3] = fmin(least[i % 3], frame.stats.render_ms);
     }
-    for (int i = 0; i < 3; i++)
-      ms[i] += least[i] / G_N_ELEMENTS(azimuths);
+    for (int i = 0; i < 3; i++) ms[i] += least[i] / G_N_ELEMENTS(azimuths);
   }
   tc_frame_finish(&frame);
   tc_scene_clear(&scene);
@@ -169,8 +168,7 @@ bool tcs_paper_splat(const tcs_paper_run *run, tc_volume *volume, const char *na
   cJSON *json = cJSON_CreateObject();
   cJSON_AddStringToObject(json, "paper", "004");
   cJSON_AddStringToObject(json, "volume", name);
-  for (size_t i = 0; i < G_N_ELEMENTS(numbers); i++)
-    cJSON_AddNumberToObject(json, numbers[i].name, numbers[i].value);
+  for (size_t i = 0; i < G_N_ELEMENTS(numbers); i++) cJSON_AddNumberToObject(json, numbers[i].name, numbers[i].value);
   cJSON_AddItemToArray(report, json);
   return true;
 }

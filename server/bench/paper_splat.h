@@ -1,12 +1,12 @@
-/* tomocast bench --paper 004: its tables 1 and 2, the sizes of voxel models and the gain of culling, of volumes' objects
- * (values from the scene's splat.threshold on) beside the published. */
+/* tomocast bench --paper 004: its tables 1 and 2, the sizes of voxel models and the gain of culling, of volumes'
+ * objects (values from the scene's splat.threshold on) beside the published. */
 #ifndef TCS_BENCH_PAPER_SPLAT_H
 #define TCS_BENCH_PAPER_SPLAT_H
 
 #include "server/bench/papers.h"
 
 void tcs_paper_splat_begin(const tcs_paper_run *run);
-bool tcs_paper_splat(const tcs_paper_run *run, tc_volume *volume, const char *name, const tc_scene *scene, cJSON *report,
-                     GError **error);
+bool tcs_paper_splat(const tcs_paper_run *run, tc_volume *volume, const char *name, const tc_scene *scene,
+                     cJSON *report, GError **error);
 
 #endif

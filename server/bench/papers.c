@@ -113,8 +113,7 @@ void tcs_paper_begin(const tcs_paper_run *run, cJSON *report) {
   const paper *p = find_paper(run->paper);
   cJSON *json = cJSON_CreateObject(), *list;
   const char *heads[MOST_CELLS];
-  for (int i = 0; i < p->n_columns; i++)
-    heads[i] = p->columns[i].head;
+  for (int i = 0; i < p->n_columns; i++) heads[i] = p->columns[i].head;
   if (run->print) {
     printf("paper %s: %s; here %dx%d pixels\n", p->name, p->title, run->size, run->size);
     print_line(p, "volume", "voxels", "", heads);
@@ -152,8 +151,7 @@ static double paper_step(const tc_volume *volume, const tc_scene *scene) {
   tc_volume_index_box(volume, lo, hi);
   tc_volume_index_to_lps(volume, lo, a);
   tc_volume_index_to_lps(volume, hi, b);
-  for (int k = 0; k < 3; k++)
-    diagonal += (b[k] - a[k]) * (b[k] - a[k]);
+  for (int k = 0; k < 3; k++) diagonal += (b[k] - a[k]) * (b[k] - a[k]);
   double step = scene->sampling.step;
   if (!tc_plan_check(volume, scene, scene->image.width, scene->image.height, NULL, NULL)) return step;
   tc_plan_make(volume, scene, NULL, &plan);
@@ -193,16 +191,14 @@ static bool measure(tc_renderer *r, tc_volume *volume, cell *cells, int count, i
       }
     }
   tc_frame_finish(&frame);
-  for (int i = 0; i < count; i++)
-    tcs_sort(cells[i].ms, (size_t)runs);
+  for (int i = 0; i < count; i++) tcs_sort(cells[i].ms, (size_t)runs);
   return good;
 }
 
 static void print_reasons(const cell *cells, int count) {
   for (int i = 0; i < count; i++) {
     bool said = !cells[i].why;
-    for (int k = 0; k < i && !said; k++)
-      said = cells[k].why && !strcmp(cells[k].why, cells[i].why);
+    for (int k = 0; k < i && !said; k++) said = cells[k].why && !strcmp(cells[k].why, cells[i].why);
     if (!said) printf("  -: %s\n", cells[i].why);
   }
 }

@@ -53,8 +53,7 @@ static line line_of(const GArray *rows, const char *scene, const char *backend, 
   line l = {.slope = NAN};
   l.n = tcs_report_line(rows, scene, backend, classification, filter, l.at);
   tcs_report_slope(rows, scene, backend, classification, &l.slope);
-  while (l.low < l.n && !(l.at[l.low]->rms > TCS_REPORT_FLOOR))
-    l.low++;
+  while (l.low < l.n && !(l.at[l.low]->rms > TCS_REPORT_FLOOR)) l.low++;
   for (l.high = l.low; l.high + 1 < l.n && l.at[l.high + 1]->step <= 8.02 * l.at[l.low]->step; l.high++)
     ;
   return l;
@@ -86,8 +85,7 @@ static bool of_segments(const tcs_report_row *row) { return g_str_has_prefix(row
 /* Whether it is the table that holds the finest steps up; says so, or what was tried. */
 static bool say_table(GString *out, const GArray *rows, const line *l) {
   const tcs_report_row *finest = l->at[l->low], *own = NULL, *large = NULL;
-  for (int i = l->low; i <= l->high && !large; i++)
-    own = l->at[i], large = larger_table(rows, own);
+  for (int i = l->low; i <= l->high && !large; i++) own = l->at[i], large = larger_table(rows, own);
   if (large && large->rms < LESS * own->rms) {
     g_string_append_printf(
         out, ". It is the table's: at a step of %g, %.0f entries%s leave %.2g, the usual %.0f leave %.2g", own->step,
@@ -103,8 +101,8 @@ static bool say_table(GString *out, const GArray *rows, const line *l) {
       return true;
     }
   if (large && large->rms * LESS > own->rms)
-    g_string_append_printf(out, ". At a step of %g, %.0f entries without the plan's subtables leave more, %.2g", own->step,
-                           large->table_nodes, large->rms);
+    g_string_append_printf(out, ". At a step of %g, %.0f entries without the plan's subtables leave more, %.2g",
+                           own->step, large->table_nodes, large->rms);
   else if (large)
     g_string_append_printf(out, ". Not for want of entries: at a step of %g, %.0f leave %.2g", own->step,
                            large->table_nodes, large->rms);

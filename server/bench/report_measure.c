@@ -83,8 +83,7 @@ static void forget(tcs_report_bench *b) {
 void tcs_report_bench_free(tcs_report_bench *b) {
   if (!b) return;
   forget(b);
-  for (int i = 0; i < TC_BACKEND_COUNT; i++)
-    tc_renderer_free(b->renderers[i]);
+  for (int i = 0; i < TC_BACKEND_COUNT; i++) tc_renderer_free(b->renderers[i]);
   tc_frame_finish(&b->small);
   tc_frame_finish(&b->large);
   g_free(b);
@@ -118,11 +117,9 @@ static void area_mean(const tc_reference *r, int x, int y, float mean[4]) {
   double sum[4] = {0}, rgba[4];
   for (int i = 0; i < AREA_SIDE * AREA_SIDE; i++) {
     tc_reference_pixel(r, x + (i % AREA_SIDE + 0.5) / AREA_SIDE, y + (i / AREA_SIDE + 0.5) / AREA_SIDE, rgba);
-    for (int c = 0; c < 4; c++)
-      sum[c] += rgba[c] / (AREA_SIDE * AREA_SIDE);
+    for (int c = 0; c < 4; c++) sum[c] += rgba[c] / (AREA_SIDE * AREA_SIDE);
   }
-  for (int c = 0; c < 4; c++)
-    mean[c] = (float)sum[c];
+  for (int c = 0; c < 4; c++) mean[c] = (float)sum[c];
 }
 
 typedef struct truth_job {
@@ -145,8 +142,7 @@ static void *find_truth(void *data) {
     for (int x = 0; x < t->side; x++) {
       double rgba[4];
       tc_reference_pixel(job->reference, x + 0.5, i + 0.5, rgba);
-      for (int c = 0; c < 4; c++)
-        t->centres[4 * (i * t->side + x) + c] = (float)rgba[c];
+      for (int c = 0; c < 4; c++) t->centres[4 * (i * t->side + x) + c] = (float)rgba[c];
     }
   }
   return NULL;
@@ -188,8 +184,7 @@ static void lay_out(truth *t, int side) {
   t->centres = g_new(float, 4 * (size_t)pixels);
   t->areas = g_new(float, 4 * (size_t)t->n_area);
   t->area_pixels = g_new(int, (size_t)t->n_area);
-  for (int i = 0; i < t->n_area; i++)
-    t->area_pixels[i] = (int)(next_random(&state) % (uint64_t)pixels);
+  for (int i = 0; i < t->n_area; i++) t->area_pixels[i] = (int)(next_random(&state) % (uint64_t)pixels);
 }
 
 /* NULL centres where the reference does not know the filter: said once. */
@@ -213,8 +208,7 @@ static const truth *truth_of(tcs_report_bench *b, tc_filter filter) {
   while (started < wanted - 1 && started < 64 && pthread_create(&helpers[started], NULL, find_truth, &job) == 0)
     started++;
   find_truth(&job);
-  for (int i = 0; i < started; i++)
-    pthread_join(helpers[i], NULL);
+  for (int i = 0; i < started; i++) pthread_join(helpers[i], NULL);
   tc_reference_free((tc_reference *)job.reference);
   return t;
 }
@@ -252,8 +246,7 @@ static bool judge(tcs_report_bench *b, const truth *t, tcs_report_row *row) {
   row->rms = d.rms, row->rms_lo = d.rms_lo, row->rms_hi = d.rms_hi, row->p999 = d.p999, row->max = d.max;
   row->ciede = d.ciede, row->ciede_max = d.ciede_max, row->ssim = d.ssim;
   float *taken = g_new(float, 4 * (size_t)t->n_area);
-  for (int i = 0; i < t->n_area; i++)
-    memcpy(taken + 4 * i, b->small.linear + 4 * t->area_pixels[i], 4 * sizeof *taken);
+  for (int i = 0; i < t->n_area; i++) memcpy(taken + 4 * i, b->small.linear + 4 * t->area_pixels[i], 4 * sizeof *taken);
   bool good = tcs_compare_pixels(taken, t->areas, (size_t)t->n_area, &d);
   row->area_pixels = (double)d.pixels;
   row->area_rms = d.rms, row->area_rms_lo = d.rms_lo, row->area_rms_hi = d.rms_hi;

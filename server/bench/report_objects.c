@@ -38,8 +38,7 @@ static tc_volume *volume_of_balls(int n, GError **error) {
   memset(tc_volume_voxels(volume), 0, tc_volume_bytes(volume));
   for (int i = 0; i < n; i++) {
     double at[3];
-    for (int k = 0; k < 3; k++)
-      at[k] = g_rand_double_range(random, 0, SIDE - 1);
+    for (int k = 0; k < 3; k++) at[k] = g_rand_double_range(random, 0, SIDE - 1);
     add_ball(tc_volume_voxels(volume), at);
   }
   g_rand_free(random);

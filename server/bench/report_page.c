@@ -6,8 +6,7 @@
 
 static const char *file_named(const char *name) {
   const struct tc_embedded_file *file = tcs_report_files;
-  while (strcmp(file->name, name) != 0)
-    file++;
+  while (strcmp(file->name, name) != 0) file++;
   return (const char *)file->bytes;
 }
 

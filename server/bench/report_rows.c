@@ -62,15 +62,9 @@ cJSON *tcs_report_row_write(const tcs_report_row *row) {
     const void *at = (const char *)row + f->offset;
     double number = f->kind == TEXT ? 0 : *(const double *)at;
     switch (f->kind) {
-    case TEXT:
-      cJSON_AddStringToObject(json, f->name, at);
-      break;
-    case NUMBER:
-      cJSON_AddNumberToObject(json, f->name, number);
-      break; /* cJSON writes null for NaN and infinity */
-    case FLAG:
-      cJSON_AddBoolToObject(json, f->name, number != 0);
-      break;
+    case TEXT: cJSON_AddStringToObject(json, f->name, at); break;
+    case NUMBER: cJSON_AddNumberToObject(json, f->name, number); break; /* cJSON writes null for NaN and infinity */
+    case FLAG: cJSON_AddBoolToObject(json, f->name, number != 0); break;
     }
   }
   return json;
@@ -99,15 +93,13 @@ static void csv_text(GString *out, const char *text) {
     return;
   }
   g_string_append_c(out, '"');
-  for (; *text; text++)
-    g_string_append_printf(out, *text == '"' ? "\"\"" : "%c", *text);
+  for (; *text; text++) g_string_append_printf(out, *text == '"' ? "\"\"" : "%c", *text);
   g_string_append_c(out, '"');
 }
 
 char *tcs_report_csv(const GArray *rows) {
   GString *out = g_string_new(NULL);
-  for (size_t i = 0; i < G_N_ELEMENTS(fields); i++)
-    g_string_append_printf(out, "%s%s", i ? "," : "", fields[i].name);
+  for (size_t i = 0; i < G_N_ELEMENTS(fields); i++) g_string_append_printf(out, "%s%s", i ? "," : "", fields[i].name);
   g_string_append(out, "\r\n");
   for (guint r = 0; r < rows->len; r++) {
     for (size_t i = 0; i < G_N_ELEMENTS(fields); i++) {

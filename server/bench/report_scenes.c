@@ -29,8 +29,7 @@ static tc_volume *synthesise(field_fn f, int n, tc_voxel_type type, GError **err
                       .frames = 1,
                       .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1},
                       .format = "demo"};
-  for (int k = 0; k < 3; k++)
-    d.origin[k] = -0.5 * (n - 1);
+  for (int k = 0; k < 3; k++) d.origin[k] = -0.5 * (n - 1);
   tc_volume *v = tc_volume_new(&d, error);
   if (!v) return NULL;
   size_t i = 0;
@@ -72,8 +71,7 @@ static void set_knots(tc_transfer_function *tf, const tc_knot *knots, size_t cou
                                .count = count,
                                .kind = TC_KNOT_EXTINCTION,
                                .unit_distance_mm = 1};
-  for (size_t i = 0; i < count; i++)
-    tf->points[i].value *= top;
+  for (size_t i = 0; i < count; i++) tf->points[i].value *= top;
 }
 
 /* Twenty thin shells of changing colour. */

@@ -23,8 +23,7 @@ void tcs_report_steady(GArray *rows, guint first) {
   guint count = rows->len - first;
   if (count == 0) return;
   double *anchors = g_new(double, count);
-  for (guint i = 0; i < count; i++)
-    anchors[i] = row_at(rows, first + i)->anchor_ms;
+  for (guint i = 0; i < count; i++) anchors[i] = row_at(rows, first + i)->anchor_ms;
   tcs_sort(anchors, count);
   for (guint i = first; i < rows->len; i++) {
     tcs_report_row *r = &g_array_index(rows, tcs_report_row, i);

@@ -73,8 +73,7 @@ static void vary(sweep *w, tcs_setting usual) {
   EACH(i, quick_terminations, full_terminations)
   s.termination = PICK(i, quick_terminations, full_terminations), add(w, &s), s = usual;
   EACH(i, quick_tables, full_tables) s.table_size = PICK(i, quick_tables, full_tables), add(w, &s), s = usual;
-  for (int bits = 8; bits <= 16; bits += 8)
-    s.table_bits = bits, add(w, &s), s = usual;
+  for (int bits = 8; bits <= 16; bits += 8) s.table_bits = bits, add(w, &s), s = usual;
 }
 
 GArray *tcs_report_settings(const tcs_report_scene *scene, bool quick, bool gl, cJSON *left_out) {

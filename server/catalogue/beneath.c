@@ -104,14 +104,14 @@ static void free_found(void *item) {
 }
 
 static bool has_volume_name(const char *name) {
-  static const char *const suffixes[] = {".nii", ".hdr", ".nrrd", ".nhdr", ".mha", ".mhd", ".mgh", ".mgz", ".par", ".mnc", ".dcm", ".zip", ".vmd"};
+  static const char *const suffixes[] = {".nii", ".hdr", ".nrrd", ".nhdr", ".mha", ".mhd", ".mgh",
+                                         ".mgz", ".par", ".mnc",  ".dcm",  ".zip", ".vmd"};
   static const char *const packings[] = {".gz", ".bz2"};
   char *lower = g_ascii_strdown(name, -1);
   bool found = false;
   for (size_t i = 0; i < G_N_ELEMENTS(packings); i++)
     if (g_str_has_suffix(lower, packings[i])) lower[strlen(lower) - strlen(packings[i])] = '\0';
-  for (size_t i = 0; i < G_N_ELEMENTS(suffixes) && !found; i++)
-    found = g_str_has_suffix(lower, suffixes[i]);
+  for (size_t i = 0; i < G_N_ELEMENTS(suffixes) && !found; i++) found = g_str_has_suffix(lower, suffixes[i]);
   g_free(lower);
   return found;
 }
@@ -136,8 +136,8 @@ static bool has_dicom_mark(int folder_fd, const char *name) {
   return found;
 }
 
-/* DICOM files are named *.dcm, or have no suffix at all, and pictures by their kind; of files without suffix one is looked into, and stands for its folder.
- * `nameless`: 0 = none seen yet, 1 = they are slices, -1 = they are not. */
+/* DICOM files are named *.dcm, or have no suffix at all, and pictures by their kind; of files without suffix one is
+ * looked into, and stands for its folder. `nameless`: 0 = none seen yet, 1 = they are slices, -1 = they are not. */
 static bool is_slice(int folder_fd, const char *name, int *nameless) {
   static const char *const endings[] = {".dcm", ".png", ".tif", ".tiff"};
   for (size_t i = 0; i < G_N_ELEMENTS(endings); i++)

@@ -57,8 +57,9 @@ void tcs_catalogue_free(tcs_catalogue *catalogue) {
 tcs_entry *tcs_catalogue_find(tcs_catalogue *catalogue, tcs_kind kind, const char *id) {
   static tcs_entry wanted; /* as a key */
   wanted.kind = kind;
-  return g_strlcpy(wanted.id, id, sizeof wanted.id) < sizeof wanted.id ? g_hash_table_lookup(catalogue->entries, &wanted)
-                                                                       : NULL;
+  return g_strlcpy(wanted.id, id, sizeof wanted.id) < sizeof wanted.id
+             ? g_hash_table_lookup(catalogue->entries, &wanted)
+             : NULL;
 }
 
 tcs_entry *tcs_catalogue_resident(tcs_catalogue *catalogue, tcs_kind kind, const char *id, const char *member,
@@ -70,9 +71,11 @@ tcs_entry *tcs_catalogue_resident(tcs_catalogue *catalogue, tcs_kind kind, const
     return entry;
   }
   if (!entry)
-    tc_set_error(error, TC_ERROR_NOT_FOUND, member, "there is no such %s; GET %s lists them", noun, tcs_kind_paths[kind]);
+    tc_set_error(error, TC_ERROR_NOT_FOUND, member, "there is no such %s; GET %s lists them", noun,
+                 tcs_kind_paths[kind]);
   else if (entry->state == TCS_LOADING)
-    tc_set_error(error, TC_ERROR_CONFLICT, member, "the %s is still loading; ask again when its state is resident", noun);
+    tc_set_error(error, TC_ERROR_CONFLICT, member, "the %s is still loading; ask again when its state is resident",
+                 noun);
   else
     tc_set_error(error, TC_ERROR_CONFLICT, member, "the %s could not be loaded: %s", noun, entry->reason);
   return NULL;
@@ -83,7 +86,8 @@ static void forget(tcs_catalogue *catalogue, tcs_entry *entry) {
   g_hash_table_remove(catalogue->entries, entry);
 }
 
-bool tcs_catalogue_may_load(tcs_catalogue *catalogue, tcs_kind kind, const char *id, const char *client, GError **error) {
+bool tcs_catalogue_may_load(tcs_catalogue *catalogue, tcs_kind kind, const char *id, const char *client,
+                            GError **error) {
   if (!tcs_id_valid(id)) {
     tc_set_error(error, TC_ERROR_INVALID, "/id", "a %s id is 1 to 64 of letters, digits, '.', '_', '-'",
                  tcs_kind_names[kind]);
@@ -134,7 +138,8 @@ void tcs_catalogue_remove(tcs_catalogue *catalogue, tcs_entry *entry) {
 static void forget_failed(tcs_catalogue *catalogue, int64_t now_us) {
   const tcs_limits *limits = &catalogue->server->config->limits;
   for (tcs_entry *oldest; (oldest = g_queue_peek_head(&catalogue->failed));) {
-    if (catalogue->failed.length <= limits->failed_entries && now_us - oldest->used_us < limits->failed_seconds * 1000000)
+    if (catalogue->failed.length <= limits->failed_entries &&
+        now_us - oldest->used_us < limits->failed_seconds * 1000000)
       return;
     forget(catalogue, oldest);
   }
@@ -189,7 +194,8 @@ bool tcs_catalogue_another(const tcs_entry *entry, int part, tcs_source_file *so
   return true;
 }
 
-bool tcs_catalogue_resolve(tcs_catalogue *catalogue, tcs_kind kind, const char *path, tcs_source_file *source, GError **error) {
+bool tcs_catalogue_resolve(tcs_catalogue *catalogue, tcs_kind kind, const char *path, tcs_source_file *source,
+                           GError **error) {
   const char *data = catalogue->server->config->data;
   *source = (tcs_source_file){.name = path};
   if (kind == TCS_KIND_VOLUME && g_str_has_prefix(path, "demo:")) {
@@ -221,9 +227,16 @@ typedef struct row {
 } row;
 
 static row row_of(const tcs_entry *entry) {
-  row r = {.state = entry->state, .permille = entry->load ? atomic_load(&entry->load->permille) : -1,
-           .users = entry->users, .reason = entry->reason, .volume = entry->volume, .fit = entry->fit, .has_body = entry->body != NULL,
-           .mesh = entry->mesh, .file = entry->file, .measures = entry->measures};
+  row r = {.state = entry->state,
+           .permille = entry->load ? atomic_load(&entry->load->permille) : -1,
+           .users = entry->users,
+           .reason = entry->reason,
+           .volume = entry->volume,
+           .fit = entry->fit,
+           .has_body = entry->body != NULL,
+           .mesh = entry->mesh,
+           .file = entry->file,
+           .measures = entry->measures};
   memcpy(r.id, entry->id, sizeof r.id);
   memcpy(r.of, entry->of, sizeof r.of);
   return r;
@@ -259,7 +272,8 @@ static void add_volumes(tcs_catalogue *catalogue, const tcs_series *series, tcs_
   }
 }
 
-cJSON *tcs_catalogue_describe(tcs_catalogue *catalogue, const tcs_entry *entry, tcs_entry_wanted *wanted, const void *user) {
+cJSON *tcs_catalogue_describe(tcs_catalogue *catalogue, const tcs_entry *entry, tcs_entry_wanted *wanted,
+                              const void *user) {
   const row r = row_of(entry);
   cJSON *json = describe(&r);
   if (entry->series) add_volumes(catalogue, entry->series, wanted, user, json);
@@ -297,8 +311,7 @@ static int by_id(const void *a, const void *b) { return strcmp(((const row *)a)-
 cJSON *tcs_rows_describe(GArray *rows) {
   cJSON *list = cJSON_CreateArray();
   g_array_sort(rows, by_id);
-  for (guint i = 0; i < rows->len; i++)
-    cJSON_AddItemToArray(list, describe(&g_array_index(rows, row, i)));
+  for (guint i = 0; i < rows->len; i++) cJSON_AddItemToArray(list, describe(&g_array_index(rows, row, i)));
   return list;
 }
 

@@ -26,7 +26,7 @@ struct tcs_load {
   tcs_source_file source;
   char *name;
   bool running;
-  int64_t asked_us; /* when it first had to wait for memory; 0 = it never had to */
+  int64_t asked_us;              /* when it first had to wait for memory; 0 = it never had to */
   int64_t began_us, deadline_us; /* of the run */
   atomic_bool cancel;
   atomic_int permille;
@@ -63,7 +63,8 @@ void tcs_series_unref(tcs_series *series); /* NULL is fine */
 /* Whether what was loaded is one of several: its file may be wanted again. Worker or I/O thread. */
 bool tcs_load_is_of_series(const tcs_load *load);
 
-/* What is counted for a volume or a mesh until the last of its users is gone: tcs_hold_freed() is to be called with it then. */
+/* What is counted for a volume or a mesh until the last of its users is gone: tcs_hold_freed() is to be called with it
+ * then. */
 void *tcs_hold(tcs_load *load, uint64_t bytes);
 void tcs_hold_freed(void *held);
 /* Whether a load's worker should go on; bool (*)(void *). */
@@ -82,8 +83,8 @@ void tcs_load_begin(tcs_catalogue *catalogue, tcs_entry *entry, const tcs_source
 void tcs_load_leave(tcs_load *load);
 
 /* Drops derived data, then volumes and meshes that no session shows, least recently used first and the operator's last,
- * until these bytes fit, or will fit once the dropped data have no user any more. False: dropping all would not suffice;
- * nothing was dropped. */
+ * until these bytes fit, or will fit once the dropped data have no user any more. False: dropping all would not
+ * suffice; nothing was dropped. */
 bool tcs_room_make(tcs_catalogue *catalogue, uint64_t voxel_bytes, uint64_t more_bytes);
 bool tcs_room_give(void *catalogue, uint64_t bytes, const void *spare); /* tcs_give_fn: for what is no voxels */
 bool tcs_room_possible(tcs_catalogue *catalogue, uint64_t bytes);

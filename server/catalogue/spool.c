@@ -85,8 +85,8 @@ static bool may_open(const tcs_spool *spool, const char *client, GError **error)
     own += file->uploading && strcmp(file->client, client) == 0;
   }
   if (own >= limits->uploads_per_client)
-    tc_set_error(error, TC_ERROR_BUSY, NULL, "%" PRId64 " uploads of this client are under way, which is the limit; end one first",
-                 own);
+    tc_set_error(error, TC_ERROR_BUSY, NULL,
+                 "%" PRId64 " uploads of this client are under way, which is the limit; end one first", own);
   else if (uploads >= limits->uploads)
     tc_set_error(error, TC_ERROR_BUSY, NULL, "%" PRId64 " uploads are under way, which is the limit; try again later",
                  uploads);

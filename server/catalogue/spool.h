@@ -1,8 +1,8 @@
 /* The spool: uploads as files, each in a folder of its own with nothing beside it, counted and bounded. The I/O
  * thread's, but for what says otherwise.
  *
- * A folder is locked (flock) for as long as its upload lives. Folders without a lock were left by a crash and are removed
- * at start; a locked one belongs to another daemon. */
+ * A folder is locked (flock) for as long as its upload lives. Folders without a lock were left by a crash and are
+ * removed at start; a locked one belongs to another daemon. */
 #ifndef TCS_CATALOGUE_SPOOL_H
 #define TCS_CATALOGUE_SPOOL_H
 

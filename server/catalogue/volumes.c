@@ -63,7 +63,8 @@ static void keep_series(tcs_load *load, tcs_entry *entry) {
   entry->series = g_new0(tcs_series, 1);
   entry->series->references = 1;
   entry->series->frames = tc_volume_describe(load->volume)->frames;
-  entry->series->path = part ? g_strndup(load->source.path, (gsize)(part - load->source.path)) : g_strdup(load->source.path);
+  entry->series->path =
+      part ? g_strndup(load->source.path, (gsize)(part - load->source.path)) : g_strdup(load->source.path);
   entry->series->upload = g_steal_pointer(&load->source.upload);
   entry->part = MAX(tc_volume_provenance(load->volume)->volume, 1);
 }
@@ -87,8 +88,8 @@ static void keep(tcs_load *load, tcs_entry *entry) {
   load->catalogue->server->metrics->volume_loads++;
   const tc_volume_desc *desc = tc_volume_describe(entry->volume);
   tcs_log(TCS_LOG_INFO, "volume.loaded", "dims=%dx%dx%d type=%s format=%s bytes=%" G_GUINT64_FORMAT " ms=%.0f",
-          desc->dims[0], desc->dims[1], desc->dims[2], tc_voxel_type_name(desc->type), desc->format, tcs_entry_bytes(entry),
-          (double)(g_get_monotonic_time() - load->began_us) / 1000);
+          desc->dims[0], desc->dims[1], desc->dims[2], tc_voxel_type_name(desc->type), desc->format,
+          tcs_entry_bytes(entry), (double)(g_get_monotonic_time() - load->began_us) / 1000);
 }
 
 const tcs_kind_row tcs_kind_volume = {TCS_MEMORY_VOLUMES, import, dress, keep};

@@ -187,21 +187,16 @@ static bool convert(const arguments *a, const wanted *w, GError **error) {
   if (!volume) return false;
   bool good = false;
   if (tc_volume_sparse(volume)) {
-    tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "IN is a run-length model, which has no grid: convert the volume it was made of");
+    tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL,
+                 "IN is a run-length model, which has no grid: convert the volume it was made of");
     tc_volume_unref(volume);
     return false;
   }
   switch (tc_export_kind_of(a->rest[1])) {
-  case TC_EXPORT_MESH:
-    good = write_mesh(extract(volume, w, a, error), w, a, error);
-    break;
-  case TC_EXPORT_MODEL:
-    good = write_model(volume, w, a, error);
-    break;
+  case TC_EXPORT_MESH: good = write_mesh(extract(volume, w, a, error), w, a, error); break;
+  case TC_EXPORT_MODEL: good = write_model(volume, w, a, error); break;
   case TC_EXPORT_VOLUME:
-  case TC_EXPORT_UNKNOWN:
-    good = tc_export_volume(volume, a->rest[1], a->gzip, error);
-    break;
+  case TC_EXPORT_UNKNOWN: good = tc_export_volume(volume, a->rest[1], a->gzip, error); break;
   }
   tc_volume_unref(volume);
   return good;

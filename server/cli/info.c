@@ -33,8 +33,7 @@ static void name_orientation(const double direction[9], char letters[4]) {
 
 static cJSON *direction_json(const tc_volume_desc *d) {
   cJSON *rows = cJSON_CreateArray();
-  for (int i = 0; i < 3; i++)
-    cJSON_AddItemToArray(rows, cJSON_CreateDoubleArray(d->direction + 3 * i, 3));
+  for (int i = 0; i < 3; i++) cJSON_AddItemToArray(rows, cJSON_CreateDoubleArray(d->direction + 3 * i, 3));
   return rows;
 }
 
@@ -99,8 +98,7 @@ static void print_labels(const tc_volume *volume) {
 
 static void print_attributes(const tc_vmd_head *head) {
   printf("attributes  ");
-  for (int i = 0; i < head->n_attributes; i++)
-    printf(" %s", head->attributes[i].name);
+  for (int i = 0; i < head->n_attributes; i++) printf(" %s", head->attributes[i].name);
   printf("%s\n", head->n_attributes ? "" : " none");
 }
 
@@ -137,8 +135,7 @@ static void print_text(const report *r) {
 static bool list_series(report *r, const char *path, bool patient, GError **error) {
   const tc_import_options options = {.patient = patient};
   char *plain = g_strdup(path);
-  for (char *mark; !g_file_test(plain, G_FILE_TEST_EXISTS) && (mark = strrchr(plain, '#'));)
-    *mark = 0;
+  for (char *mark; !g_file_test(plain, G_FILE_TEST_EXISTS) && (mark = strrchr(plain, '#'));) *mark = 0;
   bool good = strcmp(r->desc->format, "dicom") != 0 || tc_import_list(plain, &options, &r->series, &r->n_series, error);
   g_free(plain);
   return good;
@@ -161,10 +158,13 @@ int tcs_cli_info(int argc, char **argv) {
   gboolean json = FALSE, patient = FALSE;
   char **rest = NULL;
   GError *error = NULL;
-  const GOptionEntry entries[] = {{"json", 0, 0, G_OPTION_ARG_NONE, &json, "as JSON", NULL},
-                                  {"patient", 0, 0, G_OPTION_ARG_NONE, &patient, "with whose series they are, and of which day", NULL}, {0}};
-  const tcs_cli_usage usage = {"info", "VOLUME", "Says what a volume file, folder or demo:NAME, a mesh (.ply, .stl, .obj) or a .vmd holds.",
-                               entries};
+  const GOptionEntry entries[] = {
+      {"json", 0, 0, G_OPTION_ARG_NONE, &json, "as JSON", NULL},
+      {"patient", 0, 0, G_OPTION_ARG_NONE, &patient, "with whose series they are, and of which day", NULL},
+      {0}};
+  const tcs_cli_usage usage = {
+      "info", "VOLUME", "Says what a volume file, folder or demo:NAME, a mesh (.ply, .stl, .obj) or a .vmd holds.",
+      entries};
   int code = TCS_EXIT_DONE;
   bool good = tcs_cli_parse(&usage, argc, argv, &rest, &error);
   if (good && (!rest || g_strv_length(rest) != 1)) {

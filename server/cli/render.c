@@ -6,10 +6,10 @@
 #include <string.h>
 
 #include "protocol/protocol.h"
-#include "renderer/quality/cost.h"
-#include "renderer/quality/quality.h"
 #include "renderer/import/import.h"
 #include "renderer/mesh/measure.h"
+#include "renderer/quality/cost.h"
+#include "renderer/quality/quality.h"
 #include "renderer/tomocast.h"
 #include "server/cli/cli.h"
 #include "server/encode/encode.h"

@@ -77,17 +77,14 @@ void tcs_cli_place_camera(const tc_volume *volume, double azimuth_deg, double el
   tc_volume_index_box(volume, lo, hi);
   for (int corner = 0; corner < 8; corner++) {
     double d2 = 0;
-    for (int k = 0; k < 3; k++)
-      at[k] = corner >> k & 1 ? hi[k] : lo[k];
+    for (int k = 0; k < 3; k++) at[k] = corner >> k & 1 ? hi[k] : lo[k];
     tc_volume_index_to_lps(volume, at, p);
-    for (int k = 0; k < 3; k++)
-      d2 += (p[k] - c->target[k]) * (p[k] - c->target[k]);
+    for (int k = 0; k < 3; k++) d2 += (p[k] - c->target[k]) * (p[k] - c->target[k]);
     radius = fmax(radius, sqrt(d2));
   }
   double distance = radius / sin(M_PI / 12);
   const double back[3] = {cos(e) * sin(a), -cos(e) * cos(a), sin(e)};
-  for (int k = 0; k < 3; k++)
-    c->position[k] = c->target[k] + distance * back[k];
+  for (int k = 0; k < 3; k++) c->position[k] = c->target[k] + distance * back[k];
   c->projection = TC_PERSPECTIVE;
   c->fov_y_deg = 30 / zoom;
 }

@@ -6,9 +6,9 @@
 #include <sys/epoll.h>
 #include <sys/resource.h>
 
+#include "renderer/import/links.h"
 #include "server/access/access.h"
 #include "server/catalogue/catalogue.h"
-#include "renderer/import/links.h"
 #include "server/catalogue/spool.h"
 #include "server/cli/cli.h"
 #include "server/cli/daemon.h"
@@ -28,9 +28,9 @@
 
 #define TICK_US 1000000
 #define REPORT_US 200000 /* between messages about loading volumes */
-#define LOG_MOST_MS 500    /* how long the end waits for a log that nobody reads */
-#define DRAIN_MOST_S 5     /* what is not finished this long after the drain began is cut */
-#define END_MOST_MS 8000   /* and the process ends, whatever is left, this long after it */
+#define LOG_MOST_MS 500  /* how long the end waits for a log that nobody reads */
+#define DRAIN_MOST_S 5   /* what is not finished this long after the drain began is cut */
+#define END_MOST_MS 8000 /* and the process ends, whatever is left, this long after it */
 
 struct tcs_daemon {
   tcs_config config;
@@ -265,8 +265,7 @@ static void stop(tcs_daemon *d) {
     tcs_streams_close_all(tcs_http_streams(server->http), true);
     tcs_mjpeg_end_all(server);
     tcs_http_abandon_all(server->http);
-    for (int i = 0; i < 4; i++)
-      tcs_http_run(server->http);
+    for (int i = 0; i < 4; i++) tcs_http_run(server->http);
   }
   if (server->catalogue) tcs_catalogue_cancel_all(server->catalogue);
   tcs_worker_free(server->load_worker);
@@ -310,8 +309,7 @@ static void announce(const tcs_daemon *d) {
   const char *address = tcs_http_address(d->server.http);
   tcs_log(TCS_LOG_INFO, "serve.start", "version=%s backend=%s simd=%s threads=%d address=%s", TC_VERSION, info->backend,
           info->isa ? info->isa : "none", info->threads, address);
-  if (d->config.insecure_no_auth)
-    tcs_log(TCS_LOG_WARN, "serve.open", "text=\"this server asks nobody who they are\"");
+  if (d->config.insecure_no_auth) tcs_log(TCS_LOG_WARN, "serve.open", "text=\"this server asks nobody who they are\"");
   if (d->config.metrics.address)
     tcs_log(TCS_LOG_INFO, "serve.metrics", "address=%s", tcs_http_metrics_address(d->server.http));
   printf("listening on http://%s\n", address);
@@ -329,18 +327,16 @@ static bool configure(tcs_daemon *d, const serve_options *options, GError **erro
   tcs_config *config = &d->config;
   if (options->config && !tcs_config_read(config, options->config, error)) return false;
   if (options->listen && !tcs_config_listen(&config->listen, "--listen", options->listen, error)) return false;
-  if (options->metrics && !tcs_config_listen(&config->metrics, "--metrics-listen", options->metrics, error)) return false;
+  if (options->metrics && !tcs_config_listen(&config->metrics, "--metrics-listen", options->metrics, error))
+    return false;
   if (options->data && !tcs_config_data(config, options->data, error)) return false;
   if (options->backend && !tcs_config_backend(config, options->backend, error)) return false;
   for (char **volume = options->volumes; volume && *volume; volume++)
     if (!tcs_config_volume(config, *volume, error)) return false;
-  for (char **host = options->hosts; host && *host; host++)
-    g_ptr_array_add(config->hosts, g_strdup(*host));
-  for (char **link = options->links; link && *link; link++)
-    g_ptr_array_add(config->link_roots, g_strdup(*link));
+  for (char **host = options->hosts; host && *host; host++) g_ptr_array_add(config->hosts, g_strdup(*host));
+  for (char **link = options->links; link && *link; link++) g_ptr_array_add(config->link_roots, g_strdup(*link));
   if (!tc_links_set((const char *const *)config->link_roots->pdata, config->link_roots->len, error)) return false;
-  for (char **proxy = options->proxies; proxy && *proxy; proxy++)
-    g_ptr_array_add(config->proxies, g_strdup(*proxy));
+  for (char **proxy = options->proxies; proxy && *proxy; proxy++) g_ptr_array_add(config->proxies, g_strdup(*proxy));
   tcs_config_settle(config);
   tcs_log_set_level(config->log_level);
   if (options->tokens) {

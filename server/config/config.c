@@ -85,8 +85,7 @@ void tcs_config_init(tcs_config *config) {
   config->link_roots = g_ptr_array_new_with_free_func(g_free);
   config->proxies = g_ptr_array_new_with_free_func(g_free);
   config->log_level = TCS_LOG_INFO;
-  for (size_t i = 0; i < G_N_ELEMENTS(fields); i++)
-    *limit_at(&config->limits, &fields[i]) = fields[i].fallback;
+  for (size_t i = 0; i < G_N_ELEMENTS(fields); i++) *limit_at(&config->limits, &fields[i]) = fields[i].fallback;
 }
 
 void tcs_config_clear(tcs_config *config) {

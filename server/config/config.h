@@ -15,28 +15,28 @@ typedef struct tcs_named_path {
 
 /* Limits, all from the group [limits] of the file; the key is the member's name. */
 typedef struct tcs_limits {
-  int64_t image_side, image_area;   /* pixels; at most what a scene may hold at all */
-  int64_t rays_per_pixel, knots;    /* likewise */
-  int64_t body_bytes, upload_bytes; /* of one request */
-  int64_t memory_bytes;             /* all of the daemon; 0 until settled, as the next two */
-  int64_t volume_bytes;             /* of these: voxels, all volumes and loads together */
-  int64_t cache_bytes;              /* of these, at most: what the renderer keeps between frames */
-  int64_t loads, loads_per_client;  /* imports waiting or under way */
-  int64_t import_seconds;           /* one that takes longer is given up */
-  int64_t bridged_slices;           /* of a series, how many missing slices are interpolated: 0 or 1 */
-  int64_t patient_tags;             /* 1: lists of series say whose they are and on which day */
+  int64_t image_side, image_area;         /* pixels; at most what a scene may hold at all */
+  int64_t rays_per_pixel, knots;          /* likewise */
+  int64_t body_bytes, upload_bytes;       /* of one request */
+  int64_t memory_bytes;                   /* all of the daemon; 0 until settled, as the next two */
+  int64_t volume_bytes;                   /* of these: voxels, all volumes and loads together */
+  int64_t cache_bytes;                    /* of these, at most: what the renderer keeps between frames */
+  int64_t loads, loads_per_client;        /* imports waiting or under way */
+  int64_t import_seconds;                 /* one that takes longer is given up */
+  int64_t bridged_slices;                 /* of a series, how many missing slices are interpolated: 0 or 1 */
+  int64_t patient_tags;                   /* 1: lists of series say whose they are and on which day */
   int64_t failed_entries, failed_seconds; /* how many failed volumes are remembered, and for how long */
-  int64_t uploads, uploads_per_client; /* under way at once */
-  int64_t upload_rate;              /* bytes a second, after upload_grace_seconds and in every such time; 0 = any */
+  int64_t uploads, uploads_per_client;    /* under way at once */
+  int64_t upload_rate; /* bytes a second, after upload_grace_seconds and in every such time; 0 = any */
   int64_t upload_grace_seconds;
-  int64_t spool_bytes;              /* uploads under way or waiting to be loaded, all together */
-  int64_t sessions, clients;        /* clients: WebSocket and MJPEG viewers */
-  int64_t queue;                    /* stateless renders that may wait */
+  int64_t spool_bytes;                 /* uploads under way or waiting to be loaded, all together */
+  int64_t sessions, clients;           /* clients: WebSocket and MJPEG viewers */
+  int64_t queue;                       /* stateless renders that may wait */
   int64_t render_samples, ray_samples; /* estimated of one picture, and of one of its rays */
-  int64_t render_seconds;           /* a picture that takes longer is given up */
-  int64_t window;                   /* unacknowledged frames per viewer */
-  int64_t blocked_seconds;          /* a viewer that takes no bytes for this long is gone */
-  int64_t session_idle_seconds;     /* a session nobody watches ends after this */
+  int64_t render_seconds;              /* a picture that takes longer is given up */
+  int64_t window;                      /* unacknowledged frames per viewer */
+  int64_t blocked_seconds;             /* a viewer that takes no bytes for this long is gone */
+  int64_t session_idle_seconds;        /* a session nobody watches ends after this */
 } tcs_limits;
 
 typedef struct tcs_listen {
@@ -47,9 +47,9 @@ typedef struct tcs_listen {
 typedef struct tcs_config {
   tcs_listen listen;
   tcs_listen metrics; /* where anybody gets /metrics, and nothing else */
-  char *data;    /* canonical folder of --data, or NULL */
-  char *log;     /* file of the log, or NULL: stderr */
-  char *spool;   /* folder for uploads under way */
+  char *data;         /* canonical folder of --data, or NULL */
+  char *log;          /* file of the log, or NULL: stderr */
+  char *spool;        /* folder for uploads under way */
   tc_backend backend;
   int threads;           /* of the renderer; 0 = all cores */
   GPtrArray *volumes;    /* tcs_named_path: --volume */

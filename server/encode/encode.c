@@ -82,15 +82,11 @@ static bool all_grey(const tc_frame *frame) {
 static int choose_subsampling(const tc_frame *frame, const tc_scene *scene, int quality) {
   if (is_grey_mode(scene->mode) && all_grey(frame)) return TJSAMP_GRAY;
   switch (scene->image.subsampling) {
-  case TC_SUBSAMPLING_444:
-    return TJSAMP_444;
-  case TC_SUBSAMPLING_422:
-    return TJSAMP_422;
-  case TC_SUBSAMPLING_420:
-    return TJSAMP_420;
+  case TC_SUBSAMPLING_444: return TJSAMP_444;
+  case TC_SUBSAMPLING_422: return TJSAMP_422;
+  case TC_SUBSAMPLING_420: return TJSAMP_420;
   case TC_SUBSAMPLING_AUTO:
-  case TC_SUBSAMPLING_COUNT:
-    break;
+  case TC_SUBSAMPLING_COUNT: break;
   }
   return quality >= FULL_CHROMA_QUALITY ? TJSAMP_444 : TJSAMP_420;
 }
@@ -150,8 +146,7 @@ static int write_png_rows(spng_ctx *png, const tc_frame *frame, bool alpha, unsi
     if (alpha)
       memcpy(row, pixel, width * 4);
     else
-      for (size_t x = 0; x < width; x++)
-        memcpy(row + 3 * x, pixel + 4 * x, 3);
+      for (size_t x = 0; x < width; x++) memcpy(row + 3 * x, pixel + 4 * x, 3);
     rc = spng_encode_row(png, row, width * channels);
   }
   return rc == SPNG_EOI ? 0 : rc; /* the last row answers "end of image" */

@@ -98,8 +98,7 @@ static const char *const shield[][2] = {
 };
 
 void tcs_shield(tcs_request *request) {
-  for (size_t i = 0; i < G_N_ELEMENTS(shield); i++)
-    tcs_reply_header(request, shield[i][0], shield[i][1]);
+  for (size_t i = 0; i < G_N_ELEMENTS(shield); i++) tcs_reply_header(request, shield[i][0], shield[i][1]);
   if (request->reply && !MHD_get_response_header(request->reply, "Cache-Control"))
     tcs_reply_header(request, "Cache-Control", "no-store");
 }

@@ -35,9 +35,7 @@ static void post_ticket(tcs_request *request, cJSON *body, const tcp_lists *list
   tcs_reply_json(request, 200, json);
 }
 
-void tcs_post_tickets(tcs_request *request) {
-  tcs_read_body(request, NULL, post_ticket);
-}
+void tcs_post_tickets(tcs_request *request) { tcs_read_body(request, NULL, post_ticket); }
 
 /* How long the link is to live and what its holder may do. False: replied. */
 static bool read_share(tcs_request *request, const cJSON *body, tcs_role *role, int64_t *seconds) {
@@ -82,6 +80,4 @@ static void post_share(tcs_request *request, cJSON *body, const tcp_lists *lists
   g_free(link);
 }
 
-void tcs_post_share(tcs_request *request) {
-  tcs_read_body(request, NULL, post_share);
-}
+void tcs_post_share(tcs_request *request) { tcs_read_body(request, NULL, post_share); }

@@ -46,7 +46,8 @@ static bool read_pixel(tcs_request *request, const tcs_session *session, tcs_pix
   }
   return tcs_query_int(request, "width", 1, (int)limits->image_side, &at->width) &&
          tcs_query_int(request, "height", 1, (int)limits->image_side, &at->height) &&
-         tcs_query_int(request, "x", 0, at->width - 1, &at->x) && tcs_query_int(request, "y", 0, at->height - 1, &at->y);
+         tcs_query_int(request, "x", 0, at->width - 1, &at->x) &&
+         tcs_query_int(request, "y", 0, at->height - 1, &at->y);
 }
 
 static void start_probe(tcs_request *request, tcs_session *session, void (*run)(tcs_work *work)) {
@@ -154,7 +155,8 @@ static cJSON *voxel_json(const probe *p) {
                      &hit))
     return pick_json(NULL);
   const tc_reference_sample sample = {.position = {hit.position[0], hit.position[1], hit.position[2]},
-                                      .distance_mm = hit.distance_mm, .value = hit.value};
+                                      .distance_mm = hit.distance_mm,
+                                      .value = hit.value};
   cJSON *json = pick_json(&sample);
   cJSON_AddItemToObject(json, "voxel", cJSON_CreateIntArray(hit.voxel, 3));
   if (labels)
@@ -180,7 +182,7 @@ static void run_pick(tcs_work *work) {
   tc_reference_sample surface;
   const tc_reference_sample *hit = projection   ? shown(mode, samples, count)
                                    : is_surface ? surface_of(p, r, &surface)
-                                              : first_visible(samples, count);
+                                                : first_visible(samples, count);
   work->text = tcs_json_text(pick_json(hit));
   g_free(samples);
   tc_reference_free(r);

@@ -63,7 +63,8 @@ static void finished_picture(tcs_job *job) {
 static void render(tcs_request *request, const tcs_entry *entry, const tc_scene *scene, const tcs_session *session) {
   GError *error = NULL;
   tc_volume *labels;
-  if (!tcs_scene_check(request->server, entry->volume, scene, session ? &session->scene : NULL, NULL, &labels, &error)) {
+  if (!tcs_scene_check(request->server, entry->volume, scene, session ? &session->scene : NULL, NULL, &labels,
+                       &error)) {
     tcs_reply_error_in(request, error, session ? "" : "/scene");
     g_clear_error(&error);
     return;
@@ -137,8 +138,7 @@ static void post_render(tcs_request *request, cJSON *body, const tcp_lists *list
   if (format) format_into_scene(body, chosen);
   GError *error = NULL;
   tc_scene scene;
-  if (!tcs_scene_make(request->server, entry, cJSON_GetObjectItemCaseSensitive(body, "scene"), lists, &scene,
-                      &error)) {
+  if (!tcs_scene_make(request->server, entry, cJSON_GetObjectItemCaseSensitive(body, "scene"), lists, &scene, &error)) {
     tcs_reply_error_in(request, error, "/scene");
     g_clear_error(&error);
     return;
@@ -148,9 +148,7 @@ static void post_render(tcs_request *request, cJSON *body, const tcp_lists *list
   tc_scene_clear(&scene);
 }
 
-void tcs_post_render(tcs_request *request) {
-  tcs_read_body(request, "scene", post_render);
-}
+void tcs_post_render(tcs_request *request) { tcs_read_body(request, "scene", post_render); }
 
 void tcs_get_frame(tcs_request *request) {
   const tcs_session *session = tcs_session_of(request);

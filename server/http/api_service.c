@@ -138,7 +138,8 @@ static char *etag_of(const struct tc_embedded_file *file) {
 }
 
 static void reply_file(tcs_request *request, const struct tc_embedded_file *plain, bool kept_for_good) {
-  const bool may_pack = tcs_token_in(tcs_header(request, "Accept-Encoding"), "gzip", true); /* with a weight: not packed */
+  const bool may_pack =
+      tcs_token_in(tcs_header(request, "Accept-Encoding"), "gzip", true); /* with a weight: not packed */
   const struct tc_embedded_file *file = may_pack ? packed(plain) : plain;
   char *etag = etag_of(file);
   if (tcs_etag_listed(tcs_header(request, "If-None-Match"), etag)) {

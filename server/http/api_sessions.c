@@ -3,8 +3,8 @@
 
 #include "server/access/audit.h"
 #include "server/http/work.h"
-#include "server/session/deliver.h"
 #include "server/session/change.h"
+#include "server/session/deliver.h"
 #include "server/session/measure.h"
 #include "server/session/scope.h"
 #include "server/session/sessions.h"
@@ -35,7 +35,9 @@ typedef struct row {
 } row;
 
 static row row_of(const tcs_session *session) {
-  row r = {.viewers = session->watchers->len, .building = tcs_session_building(session), .render_ms = tcs_client_render_ms(session->client)};
+  row r = {.viewers = session->watchers->len,
+           .building = tcs_session_building(session),
+           .render_ms = tcs_client_render_ms(session->client)};
   const tcs_picture *judged = tcs_session_judged(session);
   g_strlcpy(r.id, session->id, sizeof r.id);
   g_strlcpy(r.volume, session->entry->id, sizeof r.volume);
@@ -65,8 +67,7 @@ static cJSON *describe(const row *r, bool with_scene) {
     cJSON_AddStringToObject(json, "unmeasured", r->unmeasured);
   if (r->building.stage) tcs_building_write(&r->building, cJSON_AddObjectToObject(json, "building"));
   cJSON *links = cJSON_AddObjectToObject(json, "links");
-  for (size_t i = 0; i < G_N_ELEMENTS(names); i++)
-    add_link(links, names[i][0], r->id, names[i][1]);
+  for (size_t i = 0; i < G_N_ELEMENTS(names); i++) add_link(links, names[i][0], r->id, names[i][1]);
   return json;
 }
 
@@ -84,8 +85,7 @@ typedef struct list_work {
 static void run_list(tcs_work *work) {
   const GArray *rows = ((list_work *)work)->rows;
   cJSON *json = cJSON_CreateObject(), *list = cJSON_AddArrayToObject(json, "sessions");
-  for (guint i = 0; i < rows->len; i++)
-    cJSON_AddItemToArray(list, describe(&g_array_index(rows, row, i), false));
+  for (guint i = 0; i < rows->len; i++) cJSON_AddItemToArray(list, describe(&g_array_index(rows, row, i), false));
   work->text = tcs_json_text(json);
 }
 
@@ -161,13 +161,13 @@ static void patch_session(tcs_request *request, cJSON *body, const tcp_lists *li
   static const char *const names[] = {"volume", NULL};
   const char *id;
   tcs_session *session = tcs_session_of(request);
-  if (!session || !tcs_members_known(request, body, names) || !tcs_member_string(request, body, "volume", true, &id)) return;
+  if (!session || !tcs_members_known(request, body, names) || !tcs_member_string(request, body, "volume", true, &id))
+    return;
   GError *error = NULL;
   tcs_catalogue *catalogue = request->server->catalogue;
   const char *forbidden =
       tcs_show_forbidden(&request->caller, session, tcs_catalogue_find(catalogue, TCS_KIND_VOLUME, id));
-  tcs_entry *entry =
-      forbidden ? NULL : tcs_catalogue_resident(catalogue, TCS_KIND_VOLUME, id, "/volume", &error);
+  tcs_entry *entry = forbidden ? NULL : tcs_catalogue_resident(catalogue, TCS_KIND_VOLUME, id, "/volume", &error);
   if (forbidden)
     tcs_reply_problem(request, 403, "forbidden", "Not allowed", forbidden);
   else if (entry && tcs_session_show(session, entry, &error))

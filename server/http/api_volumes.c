@@ -172,9 +172,7 @@ static void post_entry(tcs_request *request, cJSON *body, const tcp_lists *lists
     reply_and_clear(request, error);
 }
 
-void tcs_post_entry(tcs_request *request) {
-  tcs_read_body(request, NULL, post_entry);
-}
+void tcs_post_entry(tcs_request *request) { tcs_read_body(request, NULL, post_entry); }
 
 /* ?spacing=X,Y,Z of pictures, or NULL. */
 static const char *spacing_of(const tcs_request *request) {
@@ -200,7 +198,9 @@ void tcs_put_entry_done(tcs_request *request, struct tcs_spooled *file) {
     return;
   }
   const char *spacing = spacing_of(request);
-  tcs_source_file source = {.path = g_strconcat(file->path, spacing ? "#spacing=" : NULL, spacing, NULL), .name = "the upload", .upload = file};
+  tcs_source_file source = {.path = g_strconcat(file->path, spacing ? "#spacing=" : NULL, spacing, NULL),
+                            .name = "the upload",
+                            .upload = file};
   memcpy(source.client, file->client, sizeof source.client);
   tcs_spooled_complete(file);
   tcs_entry *entry =
@@ -249,8 +249,7 @@ static void run_histogram(tcs_work *work) {
   cJSON *json = cJSON_CreateObject();
   cJSON_AddItemToObject(json, "edges", cJSON_CreateDoubleArray(edges, w->bins + 1));
   double *numbers = edges; /* one more than needed */
-  for (int i = 0; i < w->bins; i++)
-    numbers[i] = (double)counts[i];
+  for (int i = 0; i < w->bins; i++) numbers[i] = (double)counts[i];
   cJSON_AddItemToObject(json, "counts", cJSON_CreateDoubleArray(numbers, w->bins));
   work->text = tcs_json_text(json);
   g_free(edges);

@@ -61,8 +61,7 @@ static bool digits_only(slice text) {
 static bool is_host(slice text) {
   size_t at = 0;
   if (text.size && text.at[0] == '[') {
-    for (at = 1; at < text.size && (g_ascii_isxdigit(text.at[at]) || text.at[at] == ':' || text.at[at] == '.');)
-      at++;
+    for (at = 1; at < text.size && (g_ascii_isxdigit(text.at[at]) || text.at[at] == ':' || text.at[at] == '.');) at++;
     if (at < 3 || at >= text.size || text.at[at++] != ']') return false;
   } else {
     while (at < text.size && (g_ascii_isalnum(text.at[at]) || (text.at[at] && strchr("-._~!$&'()*+,;=%", text.at[at]))))
@@ -106,8 +105,7 @@ static const tcs_refusal *put_path(slice text, GByteArray *plain) {
   if (!refusal && mark) {
     const slice query = {mark + 1, text.size - path.size - 1};
     int parts = 1;
-    for (size_t i = 0; i < query.size; i++)
-      parts += query.at[i] == '&';
+    for (size_t i = 0; i < query.size; i++) parts += query.at[i] == '&';
     if (parts > TCS_QUERY_PARTS) REFUSE(414, "limit", "Too long", "the query has too many parts");
     refusal = check_part(query, true);
   }
@@ -129,8 +127,7 @@ static const tcs_refusal *put_target(reader *r, slice target, bool options) {
     BAD("the target must be a path, or a whole http:// address");
   const slice rest = {target.at + strlen(scheme), target.size - strlen(scheme)};
   size_t end = 0;
-  while (end < rest.size && rest.at[end] != '/' && rest.at[end] != '?')
-    end++;
+  while (end < rest.size && rest.at[end] != '/' && rest.at[end] != '?') end++;
   r->authority = (slice){rest.at, end};
   if (end == 0 || rest.at[0] == ':' || !is_host(r->authority)) BAD("the address in the request line has no valid host");
   return put_path((slice){rest.at + end, rest.size - end}, r->plain);
@@ -181,14 +178,11 @@ const tcs_refusal *tcs_field_read(const char *line, size_t size, tcs_field *fiel
   size_t name = 0;
   if (size && (line[0] == ' ' || line[0] == '\t'))
     BAD("a line of the head begins with a blank; field lines are neither indented nor folded");
-  while (name < size && is_token(line[name]))
-    name++;
+  while (name < size && is_token(line[name])) name++;
   if (name == 0 || name == size || line[name] != ':') BAD("a field line is: name, colon at once, value");
   size_t from = name + 1, to = size;
-  while (from < to && (line[from] == ' ' || line[from] == '\t'))
-    from++;
-  while (to > from && (line[to - 1] == ' ' || line[to - 1] == '\t'))
-    to--;
+  while (from < to && (line[from] == ' ' || line[from] == '\t')) from++;
+  while (to > from && (line[to - 1] == ' ' || line[to - 1] == '\t')) to--;
   for (size_t i = from; i < to; i++)
     if (g_ascii_iscntrl(line[i]) && line[i] != '\t') BAD("a field's value holds a control character");
   *field = (tcs_field){line, line + from, name, to - from};
@@ -258,12 +252,8 @@ static const tcs_refusal *read_field(reader *r, slice line) {
   static const struct {
     const char *name;
     const tcs_refusal *(*read)(reader *r, slice value);
-  } framing[] = {{"Host", read_host},
-                 {"Content-Length", read_length},
-                 {"Transfer-Encoding", read_coding},
-                 {"Expect", read_expect},
-                 {"Upgrade", read_upgrade},
-                 {"Cookie", read_cookie}};
+  } framing[] = {{"Host", read_host},     {"Content-Length", read_length}, {"Transfer-Encoding", read_coding},
+                 {"Expect", read_expect}, {"Upgrade", read_upgrade},       {"Cookie", read_cookie}};
   tcs_field field;
   const tcs_refusal *refusal = tcs_field_read(line.at, line.size, &field);
   if (refusal) return refusal;

@@ -23,20 +23,20 @@
 #define DROP_BYTES (4 << 20)     /* of a body that nobody asked for */
 #define EXTRA_CONNECTIONS 512    /* beside the viewers */
 #define METRICS_CONNECTIONS 16
-#define RESERVE 64               /* of these: for lookups alone, and not for long */
-#define RESERVE_US 2000000       /* for the headers of such a connection */
+#define RESERVE 64         /* of these: for lookups alone, and not for long */
+#define RESERVE_US 2000000 /* for the headers of such a connection */
 
 /* What is known of a connection, from accept to close. */
 typedef struct link {
   int fd;
-  unsigned answered;   /* of the requests begun */
-  int64_t deadline_us; /* 0 = none */
-  tcs_strict *strict;  /* the guard's */
+  unsigned answered;    /* of the requests begun */
+  int64_t deadline_us;  /* 0 = none */
+  tcs_strict *strict;   /* the guard's */
   tcs_request *reading; /* its body comes, or NULL */
-  unsigned requests;   /* begun */
-  bool reserve;        /* one of the last free ones */
-  bool gone;           /* at the last tick, while something was waited for */
-  bool metrics;        /* at the metrics' own place */
+  unsigned requests;    /* begun */
+  bool reserve;         /* one of the last free ones */
+  bool gone;            /* at the last tick, while something was waited for */
+  bool metrics;         /* at the metrics' own place */
 } link_state;
 
 /* A place it listens at. */
@@ -177,7 +177,8 @@ static void account(const tcs_request *request) {
 
 static bool body_is_left(const tcs_request *request) {
   const char *length = tcs_header(request, "Content-Length");
-  return !request->body_complete && (length ? strcmp(length, "0") != 0 : tcs_header(request, "Transfer-Encoding") != NULL);
+  return !request->body_complete &&
+         (length ? strcmp(length, "0") != 0 : tcs_header(request, "Transfer-Encoding") != NULL);
 }
 
 /* After a refusal, after an upgrade that was not granted, and after a body that is not read. */
@@ -330,8 +331,7 @@ static void abandon(tcs_request *request) {
 }
 
 void tcs_http_abandon_all(tcs_http *http) {
-  while (http->deferred.head)
-    abandon(http->deferred.head->data);
+  while (http->deferred.head) abandon(http->deferred.head->data);
 }
 
 static bool ended(int fd) {
@@ -345,8 +345,8 @@ bool tcs_peer_gone(struct MHD_Connection *connection) {
 }
 
 /* Too late; or gone between two requests or in the middle of one: an end that came together with the last bytes is an
- * edge that MHD has already seen, and it would wait out its whole patience. Gone at two ticks: MHD has looked at all that
- * came before. */
+ * edge that MHD has already seen, and it would wait out its whole patience. Gone at two ticks: MHD has looked at all
+ * that came before. */
 static bool is_over(link_state *link, int64_t now_us) {
   const bool waits = link->reading ? !link->reading->suspended : link->requests == link->answered;
   const bool was_gone = link->gone;
@@ -474,8 +474,7 @@ void tcs_http_free(tcs_http *http) {
     MHD_stop_daemon(at->daemon);
   }
   tcs_streams_free(http->streams);
-  for (int i = 0; i < TCS_DOCUMENTS; i++)
-    g_bytes_unref(http->documents[i]);
+  for (int i = 0; i < TCS_DOCUMENTS; i++) g_bytes_unref(http->documents[i]);
   g_hash_table_destroy(http->links);
   tcs_linger_free(http->linger);
   tcs_guard_free(http->guard);

@@ -35,7 +35,7 @@ struct tcs_request {
   struct MHD_Response *reply;
   const char *problem; /* the reply's text; NULL: it is none */
   int status;
-  bool cut;    /* close the connection without a reply */
+  bool cut;         /* close the connection without a reply */
   bool for_metrics; /* came where nothing but the metrics are, for everybody */
 
   /* While deferred: the client has gone. Whoever defers must forget the request here. */
@@ -108,8 +108,8 @@ struct tcs_entry *tcs_resident(tcs_request *request, const char *id, const char 
 tcs_session *tcs_session_of(tcs_request *request);
 /* The same for what only its owner may do, or NULL: replied 403 too. */
 tcs_session *tcs_own_session(tcs_request *request);
-/* Whether the caller may know of a session, be it one that is none; of a volume or mesh: all but those who were given one
- * session may know of all. */
+/* Whether the caller may know of a session, be it one that is none; of a volume or mesh: all but those who were given
+ * one session may know of all. */
 bool tcs_session_visible(const tcs_request *request, const char *id);
 bool tcs_entry_visible(const tcs_request *request, tcs_kind kind, const char *id);
 /* False: replied 422, naming a member that is not in the NULL-ended list `names`. Also wants an object. */
@@ -177,7 +177,8 @@ bool tcs_put_allowed(const tcs_request *request, const char *client, GError **er
 /* Takes bytes of the body; suspends the connection while too many wait to be written. Where they cannot be kept the
  * request's reply is set. */
 void tcs_upload_write(tcs_request *request, const void *bytes, size_t size);
-/* The body is complete: once all of it is written tcs_put_entry_done() is called; until then the request is deferred. */
+/* The body is complete: once all of it is written tcs_put_entry_done() is called; until then the request is deferred.
+ */
 void tcs_upload_end(tcs_request *request);
 void tcs_put_entry_done(tcs_request *request, struct tcs_spooled *file); /* takes the file */
 /* The request ends: removes the rest of its upload. */

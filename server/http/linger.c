@@ -34,7 +34,8 @@ static void let_go(leaver *l) {
 static bool throw_away(leaver *l) {
   static uint8_t nowhere[65536];
   for (int i = 0; i < TURN_PIECES && l->left_bytes > 0; i++) {
-    const ssize_t got = recv(l->source.fd, nowhere, sizeof nowhere, MSG_DONTWAIT | MSG_TRUNC); /* TCP: without copying */
+    const ssize_t got =
+        recv(l->source.fd, nowhere, sizeof nowhere, MSG_DONTWAIT | MSG_TRUNC); /* TCP: without copying */
     if (got < 0 && (errno == EAGAIN || errno == EINTR)) return true;
     if (got <= 0) return false;
     l->left_bytes -= got;
@@ -56,8 +57,7 @@ tcs_linger *tcs_linger_new(tcs_loop *loop) {
 
 void tcs_linger_free(tcs_linger *linger) {
   if (!linger) return;
-  while (linger->leavers.head)
-    let_go(linger->leavers.head->data);
+  while (linger->leavers.head) let_go(linger->leavers.head->data);
   g_free(linger);
 }
 
@@ -77,6 +77,5 @@ void tcs_linger_add(tcs_linger *linger, int fd) {
 }
 
 void tcs_linger_tick(tcs_linger *linger, int64_t now_us) {
-  for (leaver *l; linger->leavers.head && now_us >= (l = linger->leavers.head->data)->until_us;)
-    let_go(l);
+  for (leaver *l; linger->leavers.head && now_us >= (l = linger->leavers.head->data)->until_us;) let_go(l);
 }

@@ -37,10 +37,10 @@ static char *write_ray(const double rgba[4], const tc_reference_sample *samples,
   return g_string_free(text, FALSE);
 }
 
-char *tcs_ray_json(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int x, int y,
-                   const atomic_bool *cancel, GError **error) {
-  tc_reference *r = tc_reference_new_stoppable(volume, labels, scene, scene->image.width, scene->image.height, 0,
-                                               cancel, error);
+char *tcs_ray_json(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int x, int y, const atomic_bool *cancel,
+                   GError **error) {
+  tc_reference *r =
+      tc_reference_new_stoppable(volume, labels, scene, scene->image.width, scene->image.height, 0, cancel, error);
   if (!r) return NULL;
   tc_reference_sample *samples = NULL;
   size_t count = 0;

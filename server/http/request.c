@@ -101,7 +101,8 @@ static char *all_lines(const tcs_request *request, const char *name) {
 
 char *tcs_peer_name(const tcs_request *request) {
   const tcs_proxies *proxies = request->server->access->proxies;
-  const union MHD_ConnectionInfo *info = MHD_get_connection_info(request->connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
+  const union MHD_ConnectionInfo *info =
+      MHD_get_connection_info(request->connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
   const struct sockaddr *from = info ? info->client_addr : NULL;
   const bool proxied = tcs_proxies_trust(proxies, from);
   char text[INET6_ADDRSTRLEN];
@@ -177,7 +178,8 @@ tcs_session *tcs_session_of(tcs_request *request) {
 tcs_session *tcs_own_session(tcs_request *request) {
   tcs_session *session = tcs_session_of(request);
   if (!session || tcs_caller_owns(&request->caller, session->owner)) return session;
-  tcs_reply_problem(request, 403, "forbidden", "Not allowed", "only who made the session, or the role admin, may do this");
+  tcs_reply_problem(request, 403, "forbidden", "Not allowed",
+                    "only who made the session, or the role admin, may do this");
   return NULL;
 }
 
@@ -210,8 +212,7 @@ bool tcs_members_known(tcs_request *request, const cJSON *body, const char *cons
   }
   for (const cJSON *item = body->child; item; item = item->next) {
     bool known = false;
-    for (const char *const *name = names; *name && !known; name++)
-      known = strcmp(*name, item->string) == 0;
+    for (const char *const *name = names; *name && !known; name++) known = strcmp(*name, item->string) == 0;
     if (known) continue;
     refuse_member(request, item->string, "there is no such member");
     return false;

@@ -30,8 +30,8 @@ typedef enum tcs_body {
 } tcs_body;
 
 typedef struct tcs_route {
-  const char *method;                    /* "GET", which answers HEAD too, "POST" ... */
-  const char *pattern;                   /* "/v1/volumes/{id}": a segment in braces matches one segment of any text */
+  const char *method;  /* "GET", which answers HEAD too, "POST" ... */
+  const char *pattern; /* "/v1/volumes/{id}": a segment in braces matches one segment of any text */
   void (*handler)(tcs_request *request);
   tcs_cost cost;
   tcs_body body;

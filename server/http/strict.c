@@ -144,8 +144,7 @@ static bool read_chunk_size(tcs_strict *s) {
     if (value >> 58) return refuse(s, &long_chunk, "0\r\n\r\n");
     value = value * 16 + (uint64_t)g_ascii_xdigit_value(line[digits]);
   }
-  for (at = digits; at < size && (line[at] == ' ' || line[at] == '\t');)
-    at++;
+  for (at = digits; at < size && (line[at] == ' ' || line[at] == '\t');) at++;
   if (digits == 0 || (digits < size && (at == size || line[at] != ';'))) return refuse(s, &bad_chunk, "0\r\n\r\n");
   if ((s->extra += (size_t)(size - at)) > CHUNK_EXTRA_BYTES) return refuse(s, &long_chunk, "0\r\n\r\n");
   char plain[24];
@@ -190,18 +189,13 @@ void tcs_strict_passed(tcs_strict *s, size_t size) {
 
 static bool step(tcs_strict *s) {
   switch (s->stage) {
-  case HEAD:
-    return read_head(s);
-  case CHUNK_SIZE:
-    return read_chunk_size(s);
-  case CHUNK_END:
-    return read_chunk_end(s);
-  case TRAILER:
-    return read_trailer(s);
+  case HEAD: return read_head(s);
+  case CHUNK_SIZE: return read_chunk_size(s);
+  case CHUNK_END: return read_chunk_end(s);
+  case TRAILER: return read_trailer(s);
   case DATA:
   case HELD:
-  case REFUSED:
-    break;
+  case REFUSED: break;
   }
   return false;
 }

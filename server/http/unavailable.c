@@ -69,8 +69,7 @@ cJSON *tcs_unavailable(void) {
   tc_scene_fit(&a.defaults, a.volume);
   cJSON *schema = tcp_scene_schema();
   ask_members(&a, NULL, cJSON_GetObjectItemCaseSensitive(schema, "properties"));
-  for (int rays = 2; rays <= 64; rays *= 2)
-    ask(&a, "sampling", "raysPerPixel", cJSON_CreateNumber(rays));
+  for (int rays = 2; rays <= 64; rays *= 2) ask(&a, "sampling", "raysPerPixel", cJSON_CreateNumber(rays));
   ask(&a, "errorMeter", "pixels", cJSON_CreateNumber(64));
   ask(&a, "quality", "maxError", cJSON_CreateNumber(0.01));
   ask(&a, "quality", "maxMilliseconds", cJSON_CreateNumber(100));

@@ -20,10 +20,10 @@ struct tcs_upload {
   tcs_spooled *file;
   GByteArray *filling, *writing;
   bool busy, ended;
-  int failed;         /* errno of a write */
-  int64_t bytes;      /* of the body so far */
+  int failed;                      /* errno of a write */
+  int64_t bytes;                   /* of the body so far */
   int64_t window_us, window_bytes; /* when the rate was looked at last, and `bytes` then */
-  GList link;         /* in `uploads` */
+  GList link;                      /* in `uploads` */
 };
 
 /* All there are; the I/O thread's. */
@@ -34,8 +34,7 @@ tcs_upload *tcs_upload_begin(tcs_request *request) {
   GError *error = NULL;
   char *client = tcs_peer_name(request);
   tcs_spooled *file = NULL;
-  if (tcs_put_allowed(request, client, &error))
-    file = tcs_spool_open(server->spool, client, &error);
+  if (tcs_put_allowed(request, client, &error)) file = tcs_spool_open(server->spool, client, &error);
   g_free(client);
   if (!file) {
     tcs_reply_error(request, error);
@@ -43,8 +42,12 @@ tcs_upload *tcs_upload_begin(tcs_request *request) {
     return NULL;
   }
   tcs_upload *upload = g_new0(tcs_upload, 1);
-  *upload = (tcs_upload){.server = server, .request = request, .file = file, .filling = g_byte_array_new(),
-                         .writing = g_byte_array_new(), .window_us = g_get_monotonic_time()};
+  *upload = (tcs_upload){.server = server,
+                         .request = request,
+                         .file = file,
+                         .filling = g_byte_array_new(),
+                         .writing = g_byte_array_new(),
+                         .window_us = g_get_monotonic_time()};
   upload->link.data = upload;
   g_queue_push_tail_link(&uploads, &upload->link);
   return upload;
@@ -189,7 +192,8 @@ void tcs_uploads_tick(tcs_server *server, int64_t now_us) {
     tcs_upload *upload = item->data;
     next = item->next;
     const int64_t passed_us = now_us - upload->window_us;
-    if (!upload->request || upload->ended || upload->request->suspended || passed_us < limits->upload_grace_seconds * 1000000)
+    if (!upload->request || upload->ended || upload->request->suspended ||
+        passed_us < limits->upload_grace_seconds * 1000000)
       continue;
     const double rate = (double)(upload->bytes - upload->window_bytes) / ((double)passed_us / 1e6);
     upload->window_us = now_us;

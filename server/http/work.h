@@ -1,5 +1,6 @@
 /* Requests that are answered by a worker: reading and printing of long documents, walks over voxels, folders and rays.
- * When the client leaves, work that has not begun is dropped, and running work is cancelled. I/O thread, but for `run`. */
+ * When the client leaves, work that has not begun is dropped, and running work is cancelled. I/O thread, but for `run`.
+ */
 #ifndef TCS_HTTP_WORK_H
 #define TCS_HTTP_WORK_H
 
@@ -17,8 +18,8 @@ typedef struct tcs_work tcs_work;
 struct tcs_work {
   tcs_task task; /* of the worker */
   tcs_worker *worker;
-  tcs_request *request; /* NULL: the client has gone */
-  atomic_bool cancel;   /* likewise, for `run` */
+  tcs_request *request;          /* NULL: the client has gone */
+  atomic_bool cancel;            /* likewise, for `run` */
   void (*run)(tcs_work *work);   /* on the worker: sets text or error, or what reply needs */
   void (*reply)(tcs_work *work); /* or NULL: 200 with the text, or the error */
   void (*free)(tcs_work *work);  /* what is embedded beside; NULL: nothing. The work itself is freed after it */

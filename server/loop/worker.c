@@ -172,8 +172,7 @@ void tcs_worker_free(tcs_worker *worker) {
   worker->stopping = true;
   pthread_cond_broadcast(&worker->wake);
   pthread_mutex_unlock(&worker->mutex);
-  for (int i = 0; i < worker->n_threads; i++)
-    pthread_join(worker->threads[i], NULL);
+  for (int i = 0; i < worker->n_threads; i++) pthread_join(worker->threads[i], NULL);
   pthread_cond_destroy(&worker->wake);
   pthread_mutex_destroy(&worker->mutex);
   g_free(worker);

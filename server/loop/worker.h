@@ -39,8 +39,8 @@ void tcs_completions_finish(tcs_completions *completions);
 void tcs_completions_post(tcs_completions *completions, tcs_task *task); /* any thread */
 void tcs_completions_drain(tcs_completions *completions);                /* I/O thread: calls every `done` */
 
-/* Priorities of threads where processors are short, as steps of nice(2) below the I/O thread. The I/O thread comes first:
- * its turns are short, and all clients wait for them. A thread of three times the weight is rarely preempted. */
+/* Priorities of threads where processors are short, as steps of nice(2) below the I/O thread. The I/O thread comes
+ * first: its turns are short, and all clients wait for them. A thread of three times the weight is rarely preempted. */
 typedef enum tcs_priority {
   TCS_PRIORITY_PICTURE = 5, /* pictures that somebody waits for */
   TCS_PRIORITY_BEHIND = 15, /* a tenth of the weight: loads and queries, which clients wait for too */

@@ -1,4 +1,5 @@
-/* The ledger of the daemon's memory: one total, a part of the total for voxels, and the bytes of each holder. Any thread.
+/* The ledger of the daemon's memory: one total, a part of the total for voxels, and the bytes of each holder. Any
+ * thread.
  *
  * Memory that can be refused is reserved before its allocation; memory that exists already is only counted. */
 #ifndef TCS_MEMORY_BUDGET_H
@@ -46,9 +47,9 @@ uint64_t tcs_budget_used(tcs_budget *budget, tcs_memory_kind kind);
 /* What is left of the whole, and of the voxels' part of it. */
 uint64_t tcs_budget_left(tcs_budget *budget);
 uint64_t tcs_budget_left_for_voxels(tcs_budget *budget);
-/* Memory is missing: whoever can is asked to give back what was not used for long, but `spare` (a volume, or NULL), until
- * `bytes` are left. False: there is not that much, and nothing was given back; true: it is there, or on its way through the render thread, in the order
- * of its tasks. I/O thread. */
+/* Memory is missing: whoever can is asked to give back what was not used for long, but `spare` (a volume, or NULL),
+ * until `bytes` are left. False: there is not that much, and nothing was given back; true: it is there, or on its way
+ * through the render thread, in the order of its tasks. I/O thread. */
 bool tcs_budget_ask(tcs_budget *budget, uint64_t bytes, const void *spare);
 /* Who is asked. */
 typedef bool (*tcs_give_fn)(void *user, uint64_t bytes, const void *spare);
@@ -60,8 +61,8 @@ bool tcs_budget_fits(tcs_budget *budget, uint64_t bytes);
 /* Bytes that are counted until the last reference to them goes, wherever that is; takes `bytes`, of g_malloc. */
 GBytes *tcs_budget_bytes(tcs_budget *budget, tcs_memory_kind kind, void *bytes, size_t size);
 
-/* "the memory is used up: loads need 30 MiB more; in use are volumes 180, caches 12 of 200 MiB; ..." as TC_ERROR_BUSY (503):
- * `kind` is the holder that was refused `more` bytes. */
+/* "the memory is used up: loads need 30 MiB more; in use are volumes 180, caches 12 of 200 MiB; ..." as TC_ERROR_BUSY
+ * (503): `kind` is the holder that was refused `more` bytes. */
 void tcs_budget_refuse(tcs_budget *budget, tcs_memory_kind kind, uint64_t more, GError **error);
 
 #endif

@@ -27,8 +27,7 @@ static uint64_t least_upwards(const char *root, const char *mount, const char *p
   char *group = g_strdup(path);
   for (;;) {
     char *folder = g_build_filename(mount, group, NULL);
-    for (const char *const *name = names; *name; name++)
-      least = MIN(least, limit_in(root, folder, *name));
+    for (const char *const *name = names; *name; name++) least = MIN(least, limit_in(root, folder, *name));
     g_free(folder);
     char *slash = strrchr(group, '/');
     if (!slash) break;
@@ -40,7 +39,8 @@ static uint64_t least_upwards(const char *root, const char *mount, const char *p
 
 /* One line of /proc/self/cgroup: NUMBER:CONTROLLERS:PATH; no controllers: version 2. */
 static uint64_t limit_of_line(const char *root, const char *line) {
-  static const char *const second[] = {"memory.max", "memory.high", NULL}, *const first[] = {"memory.limit_in_bytes", NULL};
+  static const char *const second[] = {"memory.max", "memory.high", NULL}, *const first[] = {"memory.limit_in_bytes",
+                                                                                             NULL};
   char **parts = g_strsplit(line, ":", 3);
   uint64_t least = UINT64_MAX;
   if (g_strv_length(parts) == 3) {
@@ -69,8 +69,7 @@ uint64_t tcs_machine_memory(const char *root) {
   uint64_t least = installed(root);
   char *text = read_text(root, "/proc/self", "cgroup");
   char **lines = g_strsplit(text ? text : "", "\n", -1);
-  for (char **line = lines; *line; line++)
-    least = MIN(least, limit_of_line(root, *line));
+  for (char **line = lines; *line; line++) least = MIN(least, limit_of_line(root, *line));
   g_strfreev(lines);
   g_free(text);
   return least == UINT64_MAX ? 0 : least;

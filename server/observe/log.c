@@ -150,8 +150,7 @@ void tcs_log(tcs_log_level level, const char *event, const char *format, ...) {
 
 static uint64_t lines_in(const char *bytes, size_t size) {
   uint64_t lines = 0;
-  for (size_t i = 0; i < size; i++)
-    lines += bytes[i] == '\n';
+  for (size_t i = 0; i < size; i++) lines += bytes[i] == '\n';
   return lines;
 }
 

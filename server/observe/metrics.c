@@ -8,7 +8,7 @@
 
 static const double bounds[TCS_HISTOGRAM_BUCKETS] = {0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025,
                                                      0.05,   0.1,   0.25,   0.5,   1.0,  2.5};
-static const double error_bounds[TCS_HISTOGRAM_BUCKETS] = {1e-6, 1e-5,  1e-4, 2.5e-4, 5e-4, 1e-3,
+static const double error_bounds[TCS_HISTOGRAM_BUCKETS] = {1e-6, 1e-5, 1e-4, 2.5e-4, 5e-4, 1e-3,
                                                            2e-3, 4e-3, 8e-3, 1.6e-2, 6e-2, 0.25};
 
 static const double lag_bounds[TCS_HISTOGRAM_BUCKETS] = {0.0001, 0.00025, 0.0005, 0.001, 0.002, 0.003,
@@ -28,8 +28,7 @@ void tcs_metrics_clear(tcs_metrics *metrics) {
 
 static void add_to(tcs_histogram *histogram, const double *edges, double amount) {
   int bucket = 0;
-  while (bucket < TCS_HISTOGRAM_BUCKETS && amount > edges[bucket])
-    bucket++;
+  while (bucket < TCS_HISTOGRAM_BUCKETS && amount > edges[bucket]) bucket++;
   histogram->counts[bucket]++;
   histogram->sum += amount;
 }
@@ -143,8 +142,7 @@ static void class_queue(GString *out, const char *class, const tcs_histogram *h)
 
 static void classes(GString *out, const tcs_metrics *m) {
   head(out, "class_queue_seconds", "histogram", "How long a picture waited for its first slice, by class.");
-  for (int i = 0; i < TCS_METRICS_CLASSES; i++)
-    class_queue(out, class_names[i], &m->classes[i].queue);
+  for (int i = 0; i < TCS_METRICS_CLASSES; i++) class_queue(out, class_names[i], &m->classes[i].queue);
   head(out, "class_render_seconds_total", "counter", "Time of the renderer, by class.");
   for (int i = 0; i < TCS_METRICS_CLASSES; i++)
     g_string_append_printf(out, "tomocast_class_render_seconds_total{class=\"%s\"} %.9g\n", class_names[i],
@@ -216,6 +214,7 @@ char *tcs_metrics_write(tcs_metrics *m, const tcs_gauges *gauges, const char *ba
   counter(out, "work_dropped_total", "Questions whose clients left before they were begun.", m->works_dropped);
   loop_and_log(out, m);
   memory(out, gauges);
-  gauge(out, "process_resident_memory_bytes", "Resident set size of the process.", (double)tcs_metrics_resident_bytes());
+  gauge(out, "process_resident_memory_bytes", "Resident set size of the process.",
+        (double)tcs_metrics_resident_bytes());
   return g_string_free(out, FALSE);
 }

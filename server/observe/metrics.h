@@ -7,8 +7,8 @@
 
 #define TCS_HISTOGRAM_BUCKETS 12
 
-/* Seconds, in buckets from 0.5 ms to 2.5 s; of `error`: differences of colour 0..1, from 1e-6 to 0.25; of `lag`: seconds
- * from 0.1 ms to 0.1 s. */
+/* Seconds, in buckets from 0.5 ms to 2.5 s; of `error`: differences of colour 0..1, from 1e-6 to 0.25; of `lag`:
+ * seconds from 0.1 ms to 0.1 s. */
 typedef struct tcs_histogram {
   uint64_t counts[TCS_HISTOGRAM_BUCKETS + 1]; /* per bucket, the last one is +Inf; not cumulative */
   double sum;
@@ -17,8 +17,8 @@ typedef struct tcs_histogram {
 /* Of what the renderer does: interactive frames, single pictures, refinements. */
 #define TCS_METRICS_CLASSES 3
 typedef struct tcs_class_metrics {
-  tcs_histogram queue; /* until a picture was begun */
-  double seconds;      /* of the renderer */
+  tcs_histogram queue;                /* until a picture was begun */
+  double seconds;                     /* of the renderer */
   uint64_t slices, pauses, preempted; /* preempted: paused for a class before it */
 } tcs_class_metrics;
 
@@ -31,11 +31,11 @@ typedef struct tcs_metrics {
   tcs_histogram error; /* rms of frames, as the error meter found it */
   double meter_seconds;
   uint64_t meter_pixels, meter_cancelled, quality_measurements;
-  tcs_histogram lag;         /* turns of the loop: from its wake-up to its return to waiting */
-  tcs_histogram turn_cpu;    /* of them: when it had a processor */
-  double lag_max, turn_cpu_max; /* since the last scrape: the longest turn, and the most processor time in one */
+  tcs_histogram lag;               /* turns of the loop: from its wake-up to its return to waiting */
+  tcs_histogram turn_cpu;          /* of them: when it had a processor */
+  double lag_max, turn_cpu_max;    /* since the last scrape: the longest turn, and the most processor time in one */
   uint64_t patches, scene_changes; /* patches laid on scenes; changes that came of them: one for all of a turn */
-  uint64_t works_dropped; /* left by their clients before they began */
+  uint64_t works_dropped;          /* left by their clients before they began */
   uint64_t uploads, upload_bytes, volume_loads, volume_failures, volume_drops;
 } tcs_metrics;
 
@@ -43,7 +43,8 @@ typedef struct tcs_metrics {
 
 /* Gauges, filled at a scrape. */
 typedef struct tcs_gauges {
-  int ws_clients, mjpeg_clients, sessions, volumes_resident, volumes_loading, meshes_resident, queued, probes, walks, texts;
+  int ws_clients, mjpeg_clients, sessions, volumes_resident, volumes_loading, meshes_resident, queued, probes, walks,
+      texts;
   uint64_t volume_bytes;
   uint64_t memory_total; /* the budget */
   struct {

@@ -13,7 +13,8 @@ struct tcs_client {
 static void tell(const tcs_client *client) {
   const tcs_job *first = g_queue_peek_head((GQueue *)&client->jobs);
   for (int i = 0; i < TCS_CLASS_COUNT; i++)
-    tcs_fair_wait(client->account, (tcs_class)i, (first && first->class == (tcs_class)i) || client->want == (tcs_class)i);
+    tcs_fair_wait(client->account, (tcs_class)i,
+                  (first && first->class == (tcs_class)i) || client->want == (tcs_class)i);
 }
 
 tcs_client *tcs_client_new(tcs_fair *fair, const char *peer, tcs_client_next *next, void *user) {

@@ -9,8 +9,8 @@
 
 typedef struct tcs_client tcs_client;
 
-/* Makes the job that the client wants in this class, from the scene of this moment. NULL: the client wants no job of this
- * class; tcs_client_want() has said which class it wants instead. */
+/* Makes the job that the client wants in this class, from the scene of this moment. NULL: the client wants no job of
+ * this class; tcs_client_want() has said which class it wants instead. */
 typedef tcs_job *tcs_client_next(void *user, tcs_class class);
 
 /* next: NULL for one whose jobs are all submitted. */
@@ -20,7 +20,7 @@ void tcs_client_free(tcs_client *client);
 
 /* The class in which the client wants a job. */
 void tcs_client_want(tcs_client *client, tcs_class class);
-void tcs_client_push(tcs_client *client, tcs_job *job);    /* to the end of the line */
+void tcs_client_push(tcs_client *client, tcs_job *job);     /* to the end of the line */
 void tcs_client_put_back(tcs_client *client, tcs_job *job); /* to its front */
 void tcs_client_remove(tcs_client *client, tcs_job *job);
 /* Its first job of the class, or one made now. NULL: none. */

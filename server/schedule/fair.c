@@ -117,8 +117,7 @@ static void forget_even_peers(tcs_fair *fair) {
 
 void tcs_fair_free(tcs_fair *fair) {
   if (!fair) return;
-  while (fair->peers.members->len)
-    free_peer(g_ptr_array_index(fair->peers.members, 0));
+  while (fair->peers.members->len) free_peer(g_ptr_array_index(fair->peers.members, 0));
   g_ptr_array_unref(fair->peers.members);
   g_hash_table_destroy(fair->by_name);
   g_free(fair);
@@ -147,8 +146,7 @@ tcs_fair_client *tcs_fair_join(tcs_fair *fair, const char *peer_name, void *user
 
 void tcs_fair_leave(tcs_fair_client *client) {
   if (!client) return;
-  for (int i = 0; i < TCS_CLASS_COUNT; i++)
-    tcs_fair_wait(client, (tcs_class)i, false);
+  for (int i = 0; i < TCS_CLASS_COUNT; i++) tcs_fair_wait(client, (tcs_class)i, false);
   g_ptr_array_remove(client->peer->clients.members, client);
   g_free(client);
 }

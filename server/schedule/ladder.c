@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-static const tcs_rung rungs[] = {{1.0, 1},   {0.75, 1},  {0.5, 1},   {0.35, 1},   {0.25, 1},   {0.25, 2}, {0.25, 4},
+static const tcs_rung rungs[] = {{1.0, 1},   {0.75, 1},  {0.5, 1},   {0.35, 1},   {0.25, 1},   {0.25, 2},  {0.25, 4},
                                  {0.177, 4}, {0.125, 4}, {0.088, 8}, {0.0625, 8}, {0.044, 16}, {0.031, 16}};
 #define N_RUNGS ((int)(sizeof rungs / sizeof rungs[0]))
 
@@ -51,5 +51,6 @@ void tcs_rung_coarsen(int coarser, tc_scene *scene) {
   if (coarser <= 1) return;
   scene->sampling.rays_per_pixel = fewer;
   if (longer > 1 && scene->mode != TC_MODE_ISOSURFACE && scene->mode != TC_MODE_MESH)
-    scene->sampling.step = fmax(scene->sampling.step, fmin(COARSEST_STEP / (shared ? fewer : 1), scene->sampling.step * longer));
+    scene->sampling.step =
+        fmax(scene->sampling.step, fmin(COARSEST_STEP / (shared ? fewer : 1), scene->sampling.step * longer));
 }

@@ -33,8 +33,8 @@ void tcs_ladder_measure(tcs_ladder *ladder, double samples, double render_ms);
  * can take counts too. Steps down at once, steps up only with a margin, so that it does not swing between two rungs. */
 tcs_rung tcs_ladder_pick(tcs_ladder *ladder, double samples, double pixels, double target_ms);
 
-/* Fewer samples a pixel: rays as far as there are any, then steps. Rays of dvr share a pixel's samples, so that there it
- * is its steps alone that count; a surface has no steps. */
+/* Fewer samples a pixel: rays as far as there are any, then steps. Rays of dvr share a pixel's samples, so that there
+ * it is its steps alone that count; a surface has no steps. */
 void tcs_rung_coarsen(int coarser, tc_scene *scene);
 
 #endif

@@ -20,8 +20,7 @@ static void changed(tcs_session *session) {
   session->used_us = now_us;
   session->active_until_us = now_us + TCS_REST_US;
   /* The scene's size may be another one: viewers with a size of their own keep theirs. */
-  for (guint i = 0; i < session->watchers->len; i++)
-    tcs_watcher_seat(g_ptr_array_index(session->watchers, i));
+  for (guint i = 0; i < session->watchers->len; i++) tcs_watcher_seat(g_ptr_array_index(session->watchers, i));
   /* A refinement of the old scene would hold up the first frame of the new one. */
   if (session->job && session->job->final) tcs_job_cancel(session->job);
   tcs_session_wake(session);

@@ -4,8 +4,8 @@
 
 #include "server/session/session.h"
 
-/* Merge patch onto the draft of the scene, as patch number `seq` of the viewer: each is read and checked by itself and in
- * its place, but what follows from a change follows once for all of a turn, in tcs_session_settle(). On failure the
+/* Merge patch onto the draft of the scene, as patch number `seq` of the viewer: each is read and checked by itself and
+ * in its place, but what follows from a change follows once for all of a turn, in tcs_session_settle(). On failure the
  * draft stays. */
 bool tcs_session_draft(tcs_watcher *watcher, uint64_t seq, const cJSON *patch, GError **error);
 /* The draft, where there is one, becomes the scene. Called once a turn, before the scene is read. */

@@ -42,8 +42,10 @@ static void settle(tcs_watcher *watcher, uint64_t revision) {
 tcs_building tcs_session_building(const tcs_session *session) {
   const tcs_job *job = session->job;
   const int resource = job ? atomic_load(&job->building.resource) : 0;
-  if (!resource || atomic_load(&job->interrupt.cancel) || g_get_monotonic_time() - job->queued_us < LONG_BUILDING_US) return (tcs_building){0};
-  return (tcs_building){tc_stage_name(tc_stage_of((tc_resource)(resource - 1))), (double)atomic_load(&job->building.permille) / 1000};
+  if (!resource || atomic_load(&job->interrupt.cancel) || g_get_monotonic_time() - job->queued_us < LONG_BUILDING_US)
+    return (tcs_building){0};
+  return (tcs_building){tc_stage_name(tc_stage_of((tc_resource)(resource - 1))),
+                        (double)atomic_load(&job->building.permille) / 1000};
 }
 
 void tcs_building_write(const tcs_building *building, cJSON *json) {
@@ -61,7 +63,8 @@ void tcs_session_report(tcs_session *session) {
   /* Downwards: a viewer whose socket breaks here leaves the list. */
   for (guint i = session->watchers->len; i-- > 0;) {
     tcs_watcher *watcher = g_ptr_array_index(session->watchers, i);
-    if (session->job && watcher->view == session->job->part && watcher->ops->ready(watcher)) watcher->ops->text(watcher, text);
+    if (session->job && watcher->view == session->job->part && watcher->ops->ready(watcher))
+      watcher->ops->text(watcher, text);
   }
   cJSON_free(text);
   cJSON_Delete(json);

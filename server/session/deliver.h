@@ -9,7 +9,8 @@ void tcs_session_deliver(tcs_session *session);
 void tcs_session_deliver_to(tcs_session *session, tcs_watcher *watcher, int64_t now_us);
 /* Tells the viewers that a picture failed; they wait for no other picture of its revision. */
 void tcs_session_fail(tcs_session *session, const tcs_job *job);
-/* What the picture under way waits for is given up: no picture of the scene as it is comes to those who wait for this one. */
+/* What the picture under way waits for is given up: no picture of the scene as it is comes to those who wait for this
+ * one. */
 void tcs_session_give_up(tcs_session *session);
 typedef struct tcs_building {
   const char *stage; /* of the plan; static. NULL: none, or none that takes long */

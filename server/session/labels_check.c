@@ -12,7 +12,8 @@
 #define FEW 24
 /* Atlases of the brain have some hundreds. */
 #define MOST 1024
-/* Of neighbours that are not both nothing, how many are alike: nearly all in labels, one of ten in a scan with noise. */
+/* Of neighbours that are not both nothing, how many are alike: nearly all in labels, one of ten in a scan with noise.
+ */
 #define ALIKE 0.5
 #define SAME_DIRECTION 1e-3
 #define SAME_SPACING 1e-3
@@ -89,17 +90,19 @@ bool tcs_labels_check(const tc_volume *volume, const tc_volume *labels, GError *
   size_t known;
   (void)tc_volume_segments(labels, &known);
   if (!same_grid(volume, labels) && !same_box(volume, labels)) {
-    tc_set_error(error, TC_ERROR_CONFLICT, pointer,
-                 "labels/volume: its voxels lie elsewhere than the volume's: choose labels made for this volume, or set "
-                 "labels.force");
+    tc_set_error(
+        error, TC_ERROR_CONFLICT, pointer,
+        "labels/volume: its voxels lie elsewhere than the volume's: choose labels made for this volume, or set "
+        "labels.force");
     return false;
   }
   double alike;
   const int values = known ? 0 : values_of(labels, &alike); /* a segmentation says what it is */
   if (values <= FEW || (values <= MOST && alike >= ALIKE)) return true;
-  tc_set_error(error, TC_ERROR_CONFLICT, pointer,
-               "labels/volume: it holds %d values or more, %.0f %% of neighbours alike, as a scan does and labels do not: "
-               "choose a segmentation, or set labels.force",
-               values, 100 * alike);
+  tc_set_error(
+      error, TC_ERROR_CONFLICT, pointer,
+      "labels/volume: it holds %d values or more, %.0f %% of neighbours alike, as a scan does and labels do not: "
+      "choose a segmentation, or set labels.force",
+      values, 100 * alike);
   return false;
 }

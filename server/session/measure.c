@@ -10,7 +10,7 @@
 struct tcs_measure {
   tcs_task task;
   tcs_server *server;
-  tcs_session *session;       /* NULL: nobody wants it any more */
+  tcs_session *session; /* NULL: nobody wants it any more */
   tcs_view *view;
   tcs_picture *picture;       /* owned reference */
   tc_volume *volume, *labels; /* owned references; no labels: NULL */
@@ -99,7 +99,7 @@ void tcs_session_still(tcs_session *session, tcs_job *job) {
   const tcs_picture *last = session->still;
   if (last && last->revision == job->revision && last->header.width == job->out_width &&
       last->header.height == job->out_height && (view->measure || tcs_picture_is_judged(last)))
-    return;                    /* asked for again and again, it would never be done */
+    return;                 /* asked for again and again, it would never be done */
   tcs_measure_cancel(view); /* of another picture */
   tcs_picture_unref(session->still);
   session->still = tcs_picture_new(job);

@@ -1,5 +1,6 @@
-/* The error meter of a session: after a final picture, a thread of low priority integrates the sampled pixels again with
- * the reference. The measured error goes into the picture's header, and viewers get the header again. I/O thread only.
+/* The error meter of a session: after a final picture, a thread of low priority integrates the sampled pixels again
+ * with the reference. The measured error goes into the picture's header, and viewers get the header again. I/O thread
+ * only.
  *
  * At most one measurement of a view counts: a change of the scene ends it, and so does the end of the view. */
 #ifndef TCS_SESSION_MEASURE_H
@@ -15,7 +16,8 @@ void tcs_measure_cancel(tcs_view *view);
 int tcs_meter_pixels(const tcs_job *job);
 /* A final picture was made for a single request: it is measured if no viewer's picture is. */
 void tcs_session_still(tcs_session *session, tcs_job *job);
-/* The meter's result for the present scene, or the reason for having none; NULL: not measured, or not asked. Borrowed. */
+/* The meter's result for the present scene, or the reason for having none; NULL: not measured, or not asked. Borrowed.
+ */
 const tcs_picture *tcs_session_judged(const tcs_session *session);
 
 #endif

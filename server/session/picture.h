@@ -13,16 +13,16 @@ typedef struct tcs_job tcs_job;
 /* A finished picture of a session, shared by its viewers. Reference counted, I/O thread. */
 typedef struct tcs_picture {
   int references;
-  uint64_t revision;       /* of the scene it shows */
-  bool final;              /* full resolution and quality */
-  tcp_frame_header header; /* frame and seq differ per viewer */
+  uint64_t revision;                /* of the scene it shows */
+  bool final;                       /* full resolution and quality */
+  tcp_frame_header header;          /* frame and seq differ per viewer */
   tc_classification classification; /* it was rendered with, and at */
   double step;
-  char shown[65]; /* header.volume points here */
-  GBytes *image; /* NULL in a session's `still` */
+  char shown[65];      /* header.volume points here */
+  GBytes *image;       /* NULL in a session's `still` */
   char unmeasured[96]; /* header.unmeasured points here, or is NULL */
   char *scene;         /* header.scene points here */
-  GArray *marks; /* tcs_mark: each viewer's newest patch it shows */
+  GArray *marks;       /* tcs_mark: each viewer's newest patch it shows */
 } tcs_picture;
 
 typedef struct tcs_mark {

@@ -31,9 +31,9 @@ typedef struct measurement {
 
 struct tcs_quality {
   tcs_server *server;
-  GHashTable *models;     /* look -> tc_quality_model */
-  tc_renderer *renderer;  /* the quality worker's */
-  GPtrArray *under_way;   /* measurement */
+  GHashTable *models;    /* look -> tc_quality_model */
+  tc_renderer *renderer; /* the quality worker's */
+  GPtrArray *under_way;  /* measurement */
   measurement *for_session;
 };
 
@@ -78,11 +78,10 @@ static char *look_of(const tc_volume *volume, const tc_volume *labels, const tc_
     cJSON_DeleteItemFromObjectCaseSensitive(cJSON_GetObjectItemCaseSensitive(json, out_of[i][0]), out_of[i][1]);
   char *text = cJSON_PrintUnformatted(json);
   char *hash = g_compute_checksum_for_string(G_CHECKSUM_SHA256, text, -1);
-  char *look = g_strdup_printf("%" PRIu64 " %" PRIu64 " %s %" PRIx64 " %" PRIx64 " %" PRIx64, tc_volume_serial(volume),
-                               labels ? tc_volume_serial(labels) : 0, hash,
-                               tc_shared_digest(scene->transfer_function.shared),
-                               tc_shared_digest(scene->labels.shared_colors),
-                               tc_shared_digest(scene->labels.shared_visible));
+  char *look =
+      g_strdup_printf("%" PRIu64 " %" PRIu64 " %s %" PRIx64 " %" PRIx64 " %" PRIx64, tc_volume_serial(volume),
+                      labels ? tc_volume_serial(labels) : 0, hash, tc_shared_digest(scene->transfer_function.shared),
+                      tc_shared_digest(scene->labels.shared_colors), tc_shared_digest(scene->labels.shared_visible));
   g_free(hash);
   cJSON_free(text);
   cJSON_Delete(json);
@@ -266,7 +265,8 @@ static measurement *begin(tcs_quality *q, tcs_job *waiting, tc_volume *volume, t
 }
 
 bool tcs_quality_prepare(tcs_quality *q, tcs_job *job) {
-  const bool waits = job->scene.quality.max_error > 0 && tc_quality_measures(tcs_scheduler_cost(q->server->scheduler), &job->scene);
+  const bool waits =
+      job->scene.quality.max_error > 0 && tc_quality_measures(tcs_scheduler_cost(q->server->scheduler), &job->scene);
   if (!waits || (int64_t)q->under_way->len >= q->server->config->limits.queue) return false;
   tc_quality_choice choice;
   char *look = look_of(job->volume, job->labels, &job->scene);
@@ -275,7 +275,8 @@ bool tcs_quality_prepare(tcs_quality *q, tcs_job *job) {
     g_free(look);
     return false;
   }
-  begin(q, job, job->volume, job->labels, &job->scene, &job->scene.camera, tcs_scheduler_cost(q->server->scheduler), look);
+  begin(q, job, job->volume, job->labels, &job->scene, &job->scene.camera, tcs_scheduler_cost(q->server->scheduler),
+        look);
   return true;
 }
 
@@ -289,8 +290,8 @@ static void measure_for(tcs_session *session, void *user) {
     g_free(look);
     return;
   }
-  q->for_session = begin(q, NULL, tcs_entry_shown(session->entry, &session->scene), tcs_session_labels(session), &session->scene, &camera,
-                         cost_of(q, session), look);
+  q->for_session = begin(q, NULL, tcs_entry_shown(session->entry, &session->scene), tcs_session_labels(session),
+                         &session->scene, &camera, cost_of(q, session), look);
   q->for_session->session = g_strdup(session->id);
 }
 

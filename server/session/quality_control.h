@@ -15,8 +15,8 @@ void tcs_quality_cancel_all(tcs_quality *quality);
 void tcs_quality_free(tcs_quality *quality); /* NULL is fine */
 
 /* Where the scene asks for a bound: puts method, step and termination into the job's scene and the reason into
- * job->quality. session: the session of the frame, whose times and present method count; NULL: none. In motion a bound on
- * time is at most the time of an interactive frame, and a bound on error never takes steps finer than the scene's
+ * job->quality. session: the session of the frame, whose times and present method count; NULL: none. In motion a bound
+ * on time is at most the time of an interactive frame, and a bound on error never takes steps finer than the scene's
  * own. */
 void tcs_quality_resolve(tcs_quality *quality, tcs_job *job, const tcs_session *session, bool moving);
 /* For a single picture under a bound on error: measures its look first where no camera near this one was measured, then

@@ -16,8 +16,7 @@ const char *tcs_patch_forbidden(const tcs_caller *caller, const tcs_session *ses
 }
 
 const char *tcs_show_forbidden(const tcs_caller *caller, const tcs_session *session, const tcs_entry *entry) {
-  const bool related =
-      entry && (entry == session->entry || (entry->series && entry->series == session->entry->series));
+  const bool related = entry && (entry == session->entry || (entry->series && entry->series == session->entry->series));
   if (caller->session[0] && !related) return "volume: a link to one session brings no volume of another file into it";
   return NULL;
 }

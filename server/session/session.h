@@ -38,26 +38,26 @@
 
 struct tcs_session {
   tcs_server *server;
-  char id[33];      /* 128 random bits, hexadecimal */
+  char id[33];               /* 128 random bits, hexadecimal */
   char owner[TCS_NAME_SIZE]; /* of the token that made it; "" where there are none */
-  tcs_entry *entry; /* counted in entry->users */
-  tcs_entry *labels; /* of the scene's label volume, or NULL; counted too, unless it is `entry` itself */
-  GPtrArray *meshes; /* tcs_entry, of its surfaces: each once, and counted */
+  tcs_entry *entry;          /* counted in entry->users */
+  tcs_entry *labels;         /* of the scene's label volume, or NULL; counted too, unless it is `entry` itself */
+  GPtrArray *meshes;         /* tcs_entry, of its surfaces: each once, and counted */
   tc_scene scene, defaults;
-  tc_scene draft;    /* the scene with the patches of this turn on it, where `drafted`: becomes the scene all at once */
+  tc_scene draft; /* the scene with the patches of this turn on it, where `drafted`: becomes the scene all at once */
   bool drafted;
   uint64_t revision; /* counts up from 1 with every change */
   GPtrArray *watchers;
   GPtrArray *views; /* tcs_view: one for each size that its viewers have, the scene's first */
-  double build_ms; /* smoothed: what a frame of late took for tables and skipping structures, before it was drawn */
-  tc_quality_cost cost; /* of its frames */
+  double build_ms;  /* smoothed: what a frame of late took for tables and skipping structures, before it was drawn */
+  tc_quality_cost cost;    /* of its frames */
   int64_t active_until_us; /* input flows until then */
   int64_t created_us, used_us;
-  int probes;              /* rays and picks of its scene that wait or run */
-  tcs_picture *still;      /* newest one that was asked for by itself, without its image: what the meter says of it */
-  tcs_client *client;      /* the scheduler's: turns and render time */
-  tcs_job *job;            /* rendering for the viewers, be it paused, or NULL; jobs being encoded are no longer here */
-  GPtrArray *jobs; /* all under way, rendering or encoding: told when the session ends */
+  int probes;         /* rays and picks of its scene that wait or run */
+  tcs_picture *still; /* newest one that was asked for by itself, without its image: what the meter says of it */
+  tcs_client *client; /* the scheduler's: turns and render time */
+  tcs_job *job;       /* rendering for the viewers, be it paused, or NULL; jobs being encoded are no longer here */
+  GPtrArray *jobs;    /* all under way, rendering or encoding: told when the session ends */
 };
 
 /* No input flows: a final picture is wanted. */
@@ -67,8 +67,8 @@ static inline bool tcs_session_at_rest(const tcs_session *session, int64_t now_u
 
 /* Estimated samples of the scene in a view's full size. */
 double tcs_session_samples(tcs_session *session, tcs_view *view);
-/* In which class some viewer waits for a picture that is not under way, or TCS_CLASS_NONE; *view, where that is not NULL:
- * in whose size. Sizes take turns. */
+/* In which class some viewer waits for a picture that is not under way, or TCS_CLASS_NONE; *view, where that is not
+ * NULL: in whose size. Sizes take turns. */
 tcs_class tcs_session_wants(tcs_session *session, int64_t now_us, tcs_view **view);
 /* The picture that is wanted in a size is a final one: no input flows, and none before it is wanted sooner. */
 bool tcs_session_wants_final(tcs_session *session, tcs_view *view, int64_t now_us);

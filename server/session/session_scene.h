@@ -15,12 +15,12 @@ static inline bool tcs_scene_is_long(const tc_scene *scene) {
 /* The meshes of its surfaces, as tcs_job has them: references to what is resident. NULL: it has none. */
 tc_mesh **tcs_scene_meshes(tcs_server *server, const tc_scene *scene);
 
-/* A picture's size against the configured limits. image: JSON pointer of what holds width and height ("" for the document
- * itself). */
+/* A picture's size against the configured limits. image: JSON pointer of what holds width and height ("" for the
+ * document itself). */
 bool tcs_image_check(const tcs_limits *limits, const char *image, int64_t width, int64_t height, GError **error);
 /* Checks a scene against the limits and what the renderer can do, and finds its label volume (NULL when it has none;
- * the catalogue's). valid: as in tc_plan_check(). patch: the patch that made the scene, or NULL; a label volume named by the
- * patch must look like labels (labels_check.h), unless labels.force is set. */
+ * the catalogue's). valid: as in tc_plan_check(). patch: the patch that made the scene, or NULL; a label volume named
+ * by the patch must look like labels (labels_check.h), unless labels.force is set. */
 bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, const tc_scene *valid,
                      const cJSON *patch, tc_volume **labels, GError **error);
 /* The defaults for a resident volume, with `patch` (may be NULL) on top. *scene holds nothing before, nor after a

@@ -29,8 +29,7 @@ tcs_sessions *tcs_sessions_new(tcs_server *server) {
 
 void tcs_sessions_free(tcs_sessions *sessions) {
   if (!sessions) return;
-  while (sessions->order->len)
-    tcs_session_end(g_ptr_array_index(sessions->order, 0));
+  while (sessions->order->len) tcs_session_end(g_ptr_array_index(sessions->order, 0));
   g_ptr_array_unref(sessions->order);
   g_hash_table_destroy(sessions->by_id);
   g_free(sessions);
@@ -43,8 +42,7 @@ tcs_session *tcs_sessions_find(tcs_sessions *sessions, const char *id) {
 int tcs_sessions_count(const tcs_sessions *sessions) { return (int)sessions->order->len; }
 
 void tcs_sessions_each(tcs_sessions *sessions, void (*each)(tcs_session *session, void *user), void *user) {
-  for (guint i = 0; i < sessions->order->len; i++)
-    each(g_ptr_array_index(sessions->order, i), user);
+  for (guint i = 0; i < sessions->order->len; i++) each(g_ptr_array_index(sessions->order, i), user);
 }
 
 static bool random_id(char id[33], GError **error) {
@@ -53,14 +51,12 @@ static bool random_id(char id[33], GError **error) {
     tc_set_error(error, TC_ERROR_IO, NULL, "no random numbers to be had");
     return false;
   }
-  for (int i = 0; i < 16; i++)
-    g_snprintf(id + 2 * i, 3, "%02x", bytes[i]);
+  for (int i = 0; i < 16; i++) g_snprintf(id + 2 * i, 3, "%02x", bytes[i]);
   return true;
 }
 
 tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const cJSON *patch, const tcp_lists *lists,
-                                 const char *peer,
-                                  GError **error) {
+                                 const char *peer, GError **error) {
   tcs_server *server = sessions->server;
   tc_scene scene;
   char id[33];
@@ -145,18 +141,17 @@ int64_t tcs_sessions_next_us(const tcs_sessions *sessions, int64_t now_us) {
 }
 
 static void wake(tcs_session *session, int64_t now_us) {
-  if (session->watchers->len && !session->job) tcs_client_want(session->client, tcs_session_wants(session, now_us, NULL));
+  if (session->watchers->len && !session->job)
+    tcs_client_want(session->client, tcs_session_wants(session, now_us, NULL));
 }
 
 void tcs_sessions_wake(tcs_sessions *sessions, int64_t now_us) {
-  for (guint i = 0; i < sessions->order->len; i++)
-    wake(g_ptr_array_index(sessions->order, i), now_us);
+  for (guint i = 0; i < sessions->order->len; i++) wake(g_ptr_array_index(sessions->order, i), now_us);
   tcs_scheduler_pump(sessions->server->scheduler);
 }
 
 void tcs_sessions_settle(tcs_sessions *sessions) {
-  for (guint i = 0; i < sessions->order->len; i++)
-    tcs_session_settle(g_ptr_array_index(sessions->order, i));
+  for (guint i = 0; i < sessions->order->len; i++) tcs_session_settle(g_ptr_array_index(sessions->order, i));
 }
 
 void tcs_sessions_expire(tcs_sessions *sessions, int64_t now_us) {

@@ -14,8 +14,7 @@ void tcs_sessions_each(tcs_sessions *sessions, void (*each)(tcs_session *session
 /* A session on a resident volume with the volume's default scene and `patch` (may be NULL) on top. TC_ERROR_BUSY when
  * there are too many; else the errors of a scene. peer: whose render time its pictures take (schedule/fair.h). */
 tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const cJSON *patch, const tcp_lists *lists,
-                                 const char *peer,
-                                 GError **error);
+                                 const char *peer, GError **error);
 void tcs_session_end(tcs_session *session);
 /* Ends every session that shows a volume, be it as labels. */
 void tcs_sessions_end_of(tcs_sessions *sessions, const tcs_entry *entry);

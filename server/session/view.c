@@ -60,8 +60,7 @@ void tcs_watcher_seat(tcs_watcher *watcher) {
 }
 
 void tcs_session_free_views(tcs_session *session) {
-  while (session->views->len)
-    free_view(session, g_ptr_array_index(session->views, session->views->len - 1));
+  while (session->views->len) free_view(session, g_ptr_array_index(session->views, session->views->len - 1));
   g_ptr_array_unref(session->views);
 }
 

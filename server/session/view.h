@@ -1,5 +1,5 @@
-/* The pictures of a session in one size. Viewers of one size share them; the first view of a session has the size of its
- * scene. I/O thread only. */
+/* The pictures of a session in one size. Viewers of one size share them; the first view of a session has the size of
+ * its scene. I/O thread only. */
 #ifndef TCS_SESSION_VIEW_H
 #define TCS_SESSION_VIEW_H
 
@@ -20,9 +20,9 @@ typedef struct tcs_view {
   uint64_t begun_revision; /* of the newest picture begun */
   bool begun_final;
   tcs_ladder ladders[TC_MODE_COUNT]; /* by mode: frame times of one mode do not predict another's */
-  double full_samples;       /* of its picture in full size ... */
-  uint64_t samples_revision; /* ... at this revision */
-  tcs_measure *measure;      /* of `latest`, or of the session's `still`, or NULL */
+  double full_samples;               /* of its picture in full size ... */
+  uint64_t samples_revision;         /* ... at this revision */
+  tcs_measure *measure;              /* of `latest`, or of the session's `still`, or NULL */
 } tcs_view;
 
 /* The ladder of a mode; ms_per_sample: the time of a sample in other views, which says nothing of a slice. */

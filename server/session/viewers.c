@@ -39,8 +39,7 @@ void tcs_watcher_pump(tcs_watcher *watcher) {
   if (!session) return;
   /* A picture that is out of date only goes out as it is finished; here a newer one is on its way. */
   const tcs_picture *latest = watcher->view->latest;
-  if (latest && latest->revision == session->revision)
-    tcs_session_deliver_to(session, watcher, g_get_monotonic_time());
+  if (latest && latest->revision == session->revision) tcs_session_deliver_to(session, watcher, g_get_monotonic_time());
   tcs_session_wake(session);
 }
 

@@ -7,15 +7,15 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "server/session/view.h"
 #include "server/session/credit.h"
+#include "server/session/view.h"
 
 typedef struct tcs_watcher_ops {
   bool (*ready)(const tcs_watcher *watcher); /* the transport would take a frame without queueing it */
   void (*frame)(tcs_watcher *watcher, const tcs_picture *picture, const tcp_frame_header *header);
   void (*text)(tcs_watcher *watcher, const char *json);
   void (*end)(tcs_watcher *watcher); /* the session is over: close; comes back through tcs_session_leave() */
-  bool headers; /* headers reach the viewer: a picture goes out again when its error is known */
+  bool headers;                      /* headers reach the viewer: a picture goes out again when its error is known */
 } tcs_watcher_ops;
 
 struct tcs_watcher {
@@ -23,9 +23,9 @@ struct tcs_watcher {
   tcs_session *session; /* NULL once it has left */
   uint64_t id;          /* unique in the process */
   tcs_credit credit;
-  int width, height; /* it asked for, or 0 x 0: the scene's */
-  tcs_view *view;    /* whose pictures it gets; NULL once it has left */
-  bool resized;      /* what it was shown had another size */
+  int width, height;       /* it asked for, or 0 x 0: the scene's */
+  tcs_view *view;          /* whose pictures it gets; NULL once it has left */
+  bool resized;            /* what it was shown had another size */
   uint64_t seq;            /* newest patch of this viewer that is in the scene */
   uint64_t drafted_seq;    /* newest one in the session's draft; 0 = none */
   uint64_t others;         /* changes of the scene since it came that are not all its own */

@@ -2,7 +2,9 @@
 
 #include <glib.h>
 
-void tcs_allowance_init(tcs_allowance *allowance, int64_t now_us) { *allowance = (tcs_allowance){TCS_ALLOWANCE_CREDIT_US, now_us}; }
+void tcs_allowance_init(tcs_allowance *allowance, int64_t now_us) {
+  *allowance = (tcs_allowance){TCS_ALLOWANCE_CREDIT_US, now_us};
+}
 
 int64_t tcs_allowance_spend(tcs_allowance *allowance, int64_t now_us, int64_t cpu_us) {
   const int64_t earned_us = (now_us - allowance->at_us) / TCS_ALLOWANCE;

@@ -73,14 +73,9 @@ static void on_message(wslay_event_context_ptr wslay, const struct wslay_event_o
     /* An empty message has no buffer. */
     channel->callbacks.text(channel->user, message->msg ? (const char *)message->msg : "", message->msg_length);
     break;
-  case WSLAY_BINARY_FRAME:
-    tcs_channel_close(channel, WSLAY_CODE_UNSUPPORTED_DATA, "messages are text");
-    break;
-  case WSLAY_CONNECTION_CLOSE:
-    channel->closing = true;
-    break;
-  default:
-    break; /* wslay answers pings; a pong is only a sign of life */
+  case WSLAY_BINARY_FRAME: tcs_channel_close(channel, WSLAY_CODE_UNSUPPORTED_DATA, "messages are text"); break;
+  case WSLAY_CONNECTION_CLOSE: channel->closing = true; break;
+  default: break; /* wslay answers pings; a pong is only a sign of life */
   }
 }
 
@@ -200,8 +195,7 @@ static size_t frame_head(uint8_t head[10], uint8_t opcode, uint64_t size) {
   const int wide = size < 126 ? 0 : size < 65536 ? 2 : 8;
   head[0] = 0x80 | opcode;
   head[1] = wide == 0 ? (uint8_t)size : wide == 2 ? 126 : 127;
-  for (int i = 0; i < wide; i++)
-    head[2 + i] = (uint8_t)(size >> (8 * (wide - 1 - i)));
+  for (int i = 0; i < wide; i++) head[2 + i] = (uint8_t)(size >> (8 * (wide - 1 - i)));
   return 2 + (size_t)wide;
 }
 

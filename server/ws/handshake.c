@@ -9,8 +9,7 @@ bool tcs_token_in(const char *list, const char *token, bool fold) {
     list += strspn(list, " \t,");
     size_t size = strcspn(list, ",");
     const char *next = list + size;
-    while (size > 0 && (list[size - 1] == ' ' || list[size - 1] == '\t'))
-      size--;
+    while (size > 0 && (list[size - 1] == ' ' || list[size - 1] == '\t')) size--;
     if (size == length && (fold ? g_ascii_strncasecmp(list, token, size) : strncmp(list, token, size)) == 0)
       return true;
     list = next;

@@ -18,9 +18,9 @@
 #include "server/session/session_scene.h"
 #include "server/session/sessions.h"
 #include "server/session/viewers.h"
+#include "server/ws/allowance.h"
 #include "server/ws/channel.h"
 #include "server/ws/handshake.h"
-#include "server/ws/allowance.h"
 
 #define PING_US 15000000    /* a sign of life is asked for this often */
 #define SILENCE_US 30000000 /* and a peer without one for this long is gone */
@@ -125,26 +125,17 @@ static void on_text(void *user, const char *bytes, size_t size) {
   bool ok = tcp_message_parse(bytes, size, &message, &error);
   if (ok) {
     switch (message.type) {
-    case TCP_PATCH:
-      ok = take_patch(stream, &message, &error);
-      break;
-    case TCP_ACK:
-      ok = tcs_watcher_ack(watcher, message.frame, &error);
-      break;
+    case TCP_PATCH: ok = take_patch(stream, &message, &error); break;
+    case TCP_ACK: ok = tcs_watcher_ack(watcher, message.frame, &error); break;
     case TCP_POINTER:
       if (stream->caller.role >= TCS_ROLE_EDIT) tcs_watcher_pointer(watcher, message.pointer_down);
       break;
     case TCP_CANCEL:
       if (stream->caller.role >= TCS_ROLE_EDIT) tcs_session_give_up(watcher->session);
       break;
-    case TCP_PING:
-      send_pong(stream, message.t);
-      break;
-    case TCP_SIZE:
-      ok = tcs_watcher_size(watcher, message.width, message.height, &error);
-      break;
-    case TCP_MESSAGE_TYPE_COUNT:
-      break;
+    case TCP_PING: send_pong(stream, message.t); break;
+    case TCP_SIZE: ok = tcs_watcher_size(watcher, message.width, message.height, &error); break;
+    case TCP_MESSAGE_TYPE_COUNT: break;
     }
   }
   if (!ok) send_error(stream, message.seq, tcp_problem(error));

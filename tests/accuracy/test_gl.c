@@ -11,11 +11,6 @@
 static tc_renderer *gl, *cpu;
 static GError *error;
 
-#define assert_made(what)                                                                                              \
-  do {                                                                                                                 \
-    if (!(what)) fail_msg("%s", error ? error->message : #what);                                                       \
-  } while (0)
-
 static int set_up(void **state) {
   tc_gl_report report;
   if (!tc_gl_report_read(&report, &error)) {
@@ -35,11 +30,6 @@ static int tear_down(void **state) {
   tc_renderer_free(cpu);
   return 0;
 }
-
-#define needs_gl()                                                                                                     \
-  do {                                                                                                                 \
-    if (!gl) skip();                                                                                                   \
-  } while (0)
 
 /* ---- comparing ---- */
 
@@ -130,7 +120,7 @@ static const double oblique[3] = {0.4, -1, 0.3};
 /* ---- scenes ---- */
 
 static void test_voxel_types(void **state) {
-  needs_gl();
+  needs(gl);
   const double wavelength = 23;
   const struct {
     tc_voxel_type type;
@@ -162,7 +152,7 @@ static void test_voxel_types(void **state) {
 }
 
 static void test_noise_volume(void **state) {
-  needs_gl();
+  needs(gl);
   const unsigned seed = 7;
   test_grid grid = {.dims = {64, 64, 64}, .type = TC_U16, .slope = 1.0 / 65535};
   tc_volume *volume = test_volume(&grid, test_noise, &seed);
@@ -177,7 +167,7 @@ static void test_noise_volume(void **state) {
 }
 
 static void test_awkward_sizes(void **state) {
-  needs_gl();
+  needs(gl);
   const int sizes[][3] = {{1, 1, 1},   {1, 17, 1},  {1, 1, 33},  {29, 1, 1},  {2, 2, 2}, {1, 20, 30},
                           {20, 1, 30}, {20, 30, 1}, {256, 1, 7}, {3, 257, 2}, {2, 1, 2}};
   const unsigned seed = 3;
@@ -213,8 +203,7 @@ static void look_at_long_volume(const char *what, const test_grid *grid, double 
   tc_volume *volume = along ? test_volume(grid, test_waves, &wavelength) : test_volume(grid, test_noise, &seed);
   double lo[3], hi[3], middle[3], from[3];
   tc_volume_index_box(volume, lo, hi);
-  for (int k = 0; k < 3; k++)
-    middle[k] = 0.5 * (lo[k] + hi[k]);
+  for (int k = 0; k < 3; k++) middle[k] = 0.5 * (lo[k] + hi[k]);
   tc_volume_index_to_lps(volume, middle, middle);
   memcpy(from, middle, sizeof from);
   from[along ? axis : 1] -= along ? 3000 : 20;
@@ -229,7 +218,7 @@ static void look_at_long_volume(const char *what, const test_grid *grid, double 
 }
 
 static void test_long_volumes(void **state) {
-  needs_gl();
+  needs(gl);
   const struct {
     const char *what;
     test_grid grid;
@@ -249,7 +238,7 @@ static void test_long_volumes(void **state) {
 }
 
 static void test_geometry(void **state) {
-  needs_gl();
+  needs(gl);
   const double wavelength = 15;
   const double c = cos(0.35), s = sin(0.35);
   const struct {
@@ -277,7 +266,7 @@ static void test_geometry(void **state) {
 }
 
 static void test_cameras(void **state) {
-  needs_gl();
+  needs(gl);
   const double wavelength = 19;
   test_grid grid = {.dims = {40, 40, 40}, .type = TC_U8, .slope = 1.0 / 255};
   tc_volume *volume = test_volume(&grid, test_waves, &wavelength);
@@ -308,7 +297,7 @@ static void test_cameras(void **state) {
 }
 
 static void test_steps(void **state) {
-  needs_gl();
+  needs(gl);
   const double wavelength = 19, steps[] = {0.05, 0.37, 3, 1000};
   test_grid grid = {.dims = {30, 30, 30}, .type = TC_I16, .slope = 1.0 / 30000};
   tc_volume *volume = test_volume(&grid, test_waves, &wavelength);
@@ -327,7 +316,7 @@ static void test_steps(void **state) {
 }
 
 static void test_extreme_extinction(void **state) {
-  needs_gl();
+  needs(gl);
   const double wavelength = 19, scales[] = {1e-12, 1e-3, 1e3, 1e6, 1e12};
   test_grid grid = {.dims = {30, 30, 30}, .type = TC_U16, .slope = 1.0 / 65535};
   tc_volume *volume = test_volume(&grid, test_waves, &wavelength);
@@ -336,8 +325,7 @@ static void test_extreme_extinction(void **state) {
     tc_knot scaled[G_N_ELEMENTS(soft)];
     char what[32];
     memcpy(scaled, soft, sizeof soft);
-    for (size_t k = 0; k < G_N_ELEMENTS(soft); k++)
-      scaled[k].amount *= scales[i];
+    for (size_t k = 0; k < G_N_ELEMENTS(soft); k++) scaled[k].amount *= scales[i];
     test_scene(&scene, 130, 130);
     test_scene_frame(&scene, volume, TC_PERSPECTIVE, oblique);
     set_knots(&scene, volume, TC_KNOT_EXTINCTION, scaled, G_N_ELEMENTS(soft));
@@ -352,7 +340,7 @@ static void test_extreme_extinction(void **state) {
 
 /* A constant volume of one opaque colour comes out as exactly that colour, whatever the compositing space. */
 static void test_opaque_block(void **state) {
-  needs_gl();
+  needs(gl);
   const double one = 1;
   const double colors[][3] = {{1, 0, 0}, {0.2, 0.6, 0.4}};
   test_grid grid = {.dims = {16, 16, 16}, .type = TC_U8};
@@ -368,8 +356,7 @@ static void test_opaque_block(void **state) {
       scene.image.linear_light = linear_light;
       assert_made(tc_render(gl, volume, &scene, NULL, &frame, NULL, &error));
       const uint8_t *center = frame.rgba + (32 * 64 + 32) * 4;
-      for (int k = 0; k < 3; k++)
-        assert_int_equal(center[k], (int)(colors[i][k] * 255 + 0.5));
+      for (int k = 0; k < 3; k++) assert_int_equal(center[k], (int)(colors[i][k] * 255 + 0.5));
       assert_int_equal(center[3], 255);
       tc_frame_finish(&frame);
       tc_scene_clear(&scene);
@@ -378,7 +365,7 @@ static void test_opaque_block(void **state) {
 }
 
 static void test_termination(void **state) {
-  needs_gl();
+  needs(gl);
   const double wavelength = 23, threshold = 0.01;
   test_grid grid = {.dims = {60, 60, 57}, .type = TC_U8, .slope = 1.0 / 255};
   tc_volume *volume = test_volume(&grid, test_waves, &wavelength);
@@ -392,8 +379,7 @@ static void test_termination(void **state) {
   scene.sampling.termination = threshold;
   assert_made(tc_render(gl, volume, &scene, &request, &early, NULL, &error));
   double worst = 0;
-  for (size_t i = 0; i < 200 * 200 * 4; i++)
-    worst = fmax(worst, fabs((double)whole.linear[i] - early.linear[i]));
+  for (size_t i = 0; i < 200 * 200 * 4; i++) worst = fmax(worst, fabs((double)whole.linear[i] - early.linear[i]));
   printf("  termination at %g changes a pixel by at most %.3g; samples %zu -> %zu\n", threshold, worst,
          (size_t)whole.stats.samples, (size_t)early.stats.samples);
   assert_true(worst <= threshold);
@@ -407,7 +393,7 @@ static void test_termination(void **state) {
 }
 
 static void test_resolve(void **state) {
-  needs_gl();
+  needs(gl);
   const double wavelength = 23;
   test_grid grid = {.dims = {40, 40, 40}, .type = TC_U8, .slope = 1.0 / 255};
   tc_volume *volume = test_volume(&grid, test_waves, &wavelength);
@@ -431,7 +417,7 @@ static void test_resolve(void **state) {
 
 /* Leaping leaves samples out and changes no bit; and the picture is still the cpu's. */
 static void test_leaping(void **state) {
-  needs_gl();
+  needs(gl);
   const double wavelength = 40;
   const tc_knot shell[] = {
       {0.0, {0.9, 0.6, 0.3}, 0}, {0.7, {0.9, 0.6, 0.3}, 0}, {0.75, {1, 0.9, 0.8}, 0.4}, {1, {1, 1, 1}, 0.5}};
@@ -475,7 +461,7 @@ static void test_leaping(void **state) {
 
 /* Tiles: pictures of odd sizes, smaller and larger than a tile, with and without floats, are the same picture. */
 static void test_picture_sizes(void **state) {
-  needs_gl();
+  needs(gl);
   const double wavelength = 23;
   const int sizes[][2] = {{1, 1}, {1, 700}, {700, 1}, {7, 9}, {517, 333}, {256, 256}, {257, 255}};
   test_grid grid = {.dims = {30, 30, 30}, .type = TC_U8, .slope = 1.0 / 255};

@@ -15,16 +15,6 @@
 static GError *error;
 static bool have_gl;
 
-#define assert_made(what)                                                                                              \
-  do {                                                                                                                 \
-    if (!(what)) fail_msg("%s", error ? error->message : #what);                                                       \
-  } while (0)
-
-#define needs_gl()                                                                                                     \
-  do {                                                                                                                 \
-    if (!have_gl) skip();                                                                                              \
-  } while (0)
-
 /* The call failed with this code and the message names the mend. */
 static void expect_error(tc_error_code code, const char *part) {
   assert_non_null(error);
@@ -95,7 +85,7 @@ static int set_up(void **state) {
 }
 
 static void test_report(void **state) {
-  needs_gl();
+  needs(have_gl);
   tc_gl_report report;
   bool hardware = true;
   char why[200] = "";
@@ -117,7 +107,7 @@ static void test_report(void **state) {
 
 /* Renderers share a thread and a display; ending one, or probing, leaves the others working. */
 static void test_several_contexts(void **state) {
-  needs_gl();
+  needs(have_gl);
   tc_volume *volume = waves(TC_U8, 24, 11);
   tc_renderer *a = new_gl(0), *b = new_gl(0);
   tc_frame frame;
@@ -154,7 +144,7 @@ static void *render_elsewhere(void *context) {
 }
 
 static void test_other_thread(void **state) {
-  needs_gl();
+  needs(have_gl);
   tc_volume *volume = waves(TC_U8, 24, 11);
   tc_renderer *here = new_gl(0);
   tc_frame frame;
@@ -177,7 +167,7 @@ static void test_other_thread(void **state) {
 /* ---- programs ---- */
 
 static void test_program_cache(void **state) {
-  needs_gl();
+  needs(have_gl);
   tc_gl_context *context = tc_gl_context_new(&error);
   assert_made(context);
   const char *const good[] = {"#version 450 core\n", "layout(local_size_x = 1) in;\nvoid main() {}\n"};
@@ -204,7 +194,7 @@ static void test_program_cache(void **state) {
 
 /* Nothing is drawn for a key that has no pieces. */
 static void test_unbuilt_keys(void **state) {
-  needs_gl();
+  needs(have_gl);
   tc_gl_context *context = tc_gl_context_new(&error);
   assert_made(context);
   const size_t first = offsetof(tc_gl_variant, plan);
@@ -306,7 +296,7 @@ static bool bench_render(bench *b, const tc_interrupt *interrupt) {
 }
 
 static void test_nothing_is_rebuilt(void **state) {
-  needs_gl();
+  needs(have_gl);
   tc_volume *volume = waves(TC_U16, 24, 11);
   bench b;
   bench_open(&b, volume, 64);
@@ -341,7 +331,7 @@ static void *cancel_soon(void *context) {
 
 /* A frame of some seconds ends soon after it is cancelled, and the next one is whole. */
 static void test_cancel(void **state) {
-  needs_gl();
+  needs(have_gl);
   tc_volume *volume = waves(TC_U8, 48, 17);
   bench b;
   bench_open(&b, volume, 1500);
@@ -390,7 +380,7 @@ static bool draws_itself(tc_renderer *r, tc_volume *volume, const tc_scene *scen
 
 /* A program that is not there costs a frame that hurries no time: the cpu draws it, and opengl the next ones. */
 static void test_hurry(void **state) {
-  needs_gl();
+  needs(have_gl);
   enum { SIDE = 64 };
   static const tc_mode modes[] = {TC_MODE_DVR, TC_MODE_MIP, TC_MODE_ISOSURFACE, TC_MODE_MPR};
   tc_volume *volume = waves(TC_U16, 32, 17);
@@ -443,7 +433,7 @@ static void test_hurry(void **state) {
 
 /* Neither does the first upload of a large volume; one that cannot be uploaded is refused at once. */
 static void test_hurried_upload(void **state) {
-  needs_gl();
+  needs(have_gl);
   enum { SIDE = 64 };
   tc_volume *small = waves(TC_U16, 32, 17), *large = waves(TC_U16, 170, 50), *other = waves(TC_U16, 170, 40);
   const test_grid too_long = {.dims = {70000, 70, 2}, .type = TC_U16, .slope = 1};
@@ -486,7 +476,7 @@ static void test_hurried_upload(void **state) {
 /* ---- memory ---- */
 
 static void test_limits(void **state) {
-  needs_gl();
+  needs(have_gl);
   const int sizes[][3] = {
       {70000, 2, 1}, {1, 70000, 3}, {1, 16000, 4097}}; /* sides, and an atlas beyond any texture's */
   const double zero = 0;
@@ -515,7 +505,7 @@ static void test_limits(void **state) {
 
 /* More volumes than are kept, with a budget for all and for one; each always shows itself. */
 static void test_eviction(void **state) {
-  needs_gl();
+  needs(have_gl);
   enum { COUNT = 11 };
   for (int tight = 0; tight < 2; tight++) {
     tc_renderer *r = new_gl(tight ? 1 : 0);

@@ -270,10 +270,8 @@ static void mesh_scene(tc_scene *scene, const tc_volume *volume, tc_projection p
   scene->shading.model = TC_SHADING_BLINN_PHONG;
 }
 
-#define needs_gl() do { if (!test_renderers[GL]) skip(); } while (0)
-
 static void pictures_are_equal_but_for_ties(void **unused) {
-  needs_gl();
+  needs(test_renderers[GL]);
   tc_volume *volume = waves();
   for (int round = 0; round < 6; round++) {
     tc_scene scene;
@@ -297,7 +295,7 @@ static void pictures_are_equal_but_for_ties(void **unused) {
 
 /* What calls a tie a tie is no excuse: a picture that is a fiftieth of a pixel off has pixels that are none. */
 static void another_picture_is_no_tie(void **unused) {
-  needs_gl();
+  needs(test_renderers[GL]);
   tc_volume *volume = waves();
   tc_scene scene, other;
   mesh_scene(&scene, volume, TC_ORTHOGRAPHIC);
@@ -311,7 +309,7 @@ static void another_picture_is_no_tie(void **unused) {
 }
 
 static void translucent_layers_are_sorted(void **unused) {
-  needs_gl();
+  needs(test_renderers[GL]);
   tc_volume *volume = waves();
   tc_scene scene;
   const tc_mesh_surface list[] = {
@@ -341,7 +339,7 @@ static double ball(double x, double y, double z, const void *unused) {
 }
 
 static void labels_have_their_colours(void **unused) {
-  needs_gl();
+  needs(test_renderers[GL]);
   tc_volume *labels = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_U8}, ball, NULL);
   tc_scene scene;
   mesh_scene(&scene, labels, TC_PERSPECTIVE);
@@ -354,25 +352,11 @@ static void labels_have_their_colours(void **unused) {
 }
 
 static void frames_stop_and_go_on_to_the_same_picture(void **unused) {
-  needs_gl();
+  needs(test_renderers[GL]);
   tc_volume *volume = waves();
   tc_scene scene;
-  tc_frame frame = {0};
-  tc_interrupt interrupt;
-  GError *error = NULL;
-  int stops = 0;
   mesh_scene(&scene, volume, TC_PERSPECTIVE);
-  tc_interrupt_init(&interrupt);
-  atomic_store(&interrupt.pause_us, 1); /* long past */
-  const tc_render_request request = {.interrupt = &interrupt, .resume = true};
-  while (!tc_render(test_renderers[GL], volume, &scene, &request, &frame, NULL, &error) && stops++ < 2000) {
-    assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_PAUSED));
-    g_clear_error(&error);
-  }
-  printf("  %d pauses\n", stops);
-  assert_true(stops >= 2 && stops < 2000 && !frame.stats.stand_in); /* four tiles */
-  assert_memory_equal(frame.rgba, test_draw(GL, volume, &scene, NULL, NULL)->rgba, 4 * PIXELS);
-  tc_frame_finish(&frame);
+  assert_true(test_resumes(GL, volume, &scene) >= 2); /* four tiles */
   tc_scene_clear(&scene);
   tc_volume_unref(volume);
 }

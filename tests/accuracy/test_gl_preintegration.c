@@ -17,16 +17,6 @@ static tc_gl_context *context; /* NULL: none here */
 static tc_gl_builder builder;
 static tc_pool *pool;
 
-#define assert_made(what)                                                                                              \
-  do {                                                                                                                 \
-    if (!(what)) fail_msg("%s", error ? error->message : #what);                                                       \
-  } while (0)
-
-#define needs_gl()                                                                                                     \
-  do {                                                                                                                 \
-    if (!context) skip();                                                                                              \
-  } while (0)
-
 static int set_up(void **state) {
   context = tc_gl_context_new(&error);
   if (!context) {
@@ -140,7 +130,7 @@ static tc_table_params params(tc_transfer_function *tf, tc_knot *points, size_t 
 
 /* Any number of nodes, and how long both builders take over the usual ones. */
 static void every_size(void **state) {
-  needs_gl();
+  needs(context);
   static const int sizes[] = {2, 3, 5, 17, 63, 100, 256, 512, 1024, 2048};
   for (size_t i = 0; i < G_N_ELEMENTS(sizes); i++) {
     tc_transfer_function tf;
@@ -152,7 +142,7 @@ static void every_size(void **state) {
 }
 
 static void any_stiffness(void **state) {
-  needs_gl();
+  needs(context);
   static const struct { const char *what; tc_knot *knots; size_t count; } functions[] = {
       {"smooth", smooth, 4}, {"jumping", jumping, 8}, {"ramp", ramp, 2}, {"fall", fall, 2}, {"constant", constant, 1}};
   for (size_t f = 0; f < G_N_ELEMENTS(functions); f++) {
@@ -172,7 +162,7 @@ static void any_stiffness(void **state) {
 
 /* Opacities (whose extinction bends between knots), linear light, values falling along the nodes, an opaque peak. */
 static void other_conventions(void **state) {
-  needs_gl();
+  needs(context);
   tc_transfer_function tf;
   for (int i = 0; i < 8; i++) {
     tc_table_params p = params(&tf, i & 1 ? opaque : smooth, 4, TC_KNOT_OPACITY, i & 2 ? 200 : 256, 0.7);
@@ -185,7 +175,7 @@ static void other_conventions(void **state) {
 
 /* Thousands of knots in a node interval, and knots drawn by chance over many orders of magnitude. */
 static void many_knots(void **state) {
-  needs_gl();
+  needs(context);
   enum { MANY = 20000 };
   tc_knot *knots = g_new(tc_knot, MANY);
   uint32_t dice = 5;
@@ -217,7 +207,7 @@ static tc_volume *waves(tc_voxel_type type) {
 
 /* A value one of 65535 wide shows only through subtables. */
 static void one_value_wide(void **state) {
-  needs_gl();
+  needs(context);
   tc_knot peak[] = {{0.499994, {1, 0.5, 0}, 0}, {0.5, {1, 1, 0}, 40}, {0.500006, {0, 0.5, 1}, 0}};
   tc_volume *volume = waves(TC_U16);
   tc_transfer_function tf;
@@ -238,7 +228,7 @@ static tc_renderer *renderer_with(tc_table_builder tables) {
 
 /* The same picture from either table, the plan says which it was, and what does not change is not built again. */
 static void pictures(void **state) {
-  needs_gl();
+  needs(context);
   static const tc_voxel_type types[] = {TC_U8, TC_I16, TC_F32};
   static const double oblique[3] = {0.4, -1, 0.3};
   tc_knot soft[] = {{0.1, {0.1, 0.1, 0.6}, 0}, {0.4, {0.2, 0.8, 0.3}, 0.02}, {0.6, {0.9, 0.7, 0.2}, 0.1},
@@ -285,7 +275,7 @@ static void pictures(void **state) {
 
 /* The cpu has a table of its own where it stands in for a program that is being compiled; rounded tables are its. */
 static void tables_of_the_cpu(void **state) {
-  needs_gl();
+  needs(context);
   static const double front[3] = {0, -1, 0};
   tc_renderer *r = renderer_with(TC_TABLES_GL);
   tc_volume *volume = waves(TC_U8);

@@ -8,8 +8,6 @@
 #include "tests/support/renderers.h"
 
 enum { SIDE = 300, PIXELS = SIDE * SIDE };
-#define needs_gl() do { if (!test_renderers[GL]) skip(); } while (0)
-
 static tc_volume *waves(void) {
   return test_volume(&(test_grid){.dims = {60, 52, 56}, .type = TC_U8, .slope = 0.004, .spacing = {1, 1.3, 0.8},
                                   .origin = {-1000, 300, 50}}, test_waves, &(double){24});
@@ -57,7 +55,7 @@ static void expect_equal(tc_volume *volume, tc_volume *labels, const tc_scene *s
 }
 
 static void pictures_are_equal_but_for_rims(void **unused) {
-  needs_gl();
+  needs(test_renderers[GL]);
   tc_volume *volume = waves();
   for (int round = 0; round < 7; round++) {
     tc_scene scene;
@@ -122,7 +120,7 @@ static void colors_are_the_cpus(void **unused) {
 }
 
 static void culling_changes_no_bit(void **unused) {
-  needs_gl();
+  needs(test_renderers[GL]);
   tc_volume *volume = waves();
   tc_scene scene;
   splat_scene(&scene, volume, TC_PERSPECTIVE);
@@ -141,7 +139,7 @@ static void culling_changes_no_bit(void **unused) {
 }
 
 static void what_gl_does_not_draw_the_cpu_does(void **unused) {
-  needs_gl();
+  needs(test_renderers[GL]);
   tc_volume *volume = waves();
   tc_scene scene;
   tc_explanation plan;
@@ -156,24 +154,11 @@ static void what_gl_does_not_draw_the_cpu_does(void **unused) {
 }
 
 static void frames_stop_and_go_on_to_the_same_picture(void **unused) {
-  needs_gl();
+  needs(test_renderers[GL]);
   tc_volume *volume = waves();
   tc_scene scene;
-  tc_frame frame = {0};
-  tc_interrupt interrupt;
-  GError *error = NULL;
-  int stops = 0;
   splat_scene(&scene, volume, TC_PERSPECTIVE);
-  tc_interrupt_init(&interrupt);
-  atomic_store(&interrupt.pause_us, 1); /* long past */
-  const tc_render_request request = {.interrupt = &interrupt, .resume = true};
-  while (!tc_render(test_renderers[GL], volume, &scene, &request, &frame, NULL, &error) && stops++ < 2000) {
-    assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_PAUSED));
-    g_clear_error(&error);
-  }
-  assert_true(stops >= 2 && stops < 2000 && !frame.stats.stand_in); /* four tiles */
-  assert_memory_equal(frame.rgba, test_draw(GL, volume, &scene, NULL, NULL)->rgba, 4 * PIXELS);
-  tc_frame_finish(&frame);
+  assert_true(test_resumes(GL, volume, &scene) >= 2); /* four tiles */
   tc_scene_clear(&scene);
   tc_volume_unref(volume);
 }

@@ -394,6 +394,7 @@ static void costs_are_this_renderers(void **unused) {
 int main(void) {
   const struct CMUnitTest tests[] = {TEST(reference_meets_closed_forms), TEST(everyone_meets_the_reference),
     TEST(skipping_changes_no_bit), TEST(nothing_thin_is_missed), TEST(extremes_are_empty_or_right),
-    TEST(several_rays_are_their_mean), TEST(single_voxels_are_thick), TEST(plans_say_what_is_read), TEST(costs_are_this_renderers)};
+    TEST(several_rays_are_their_mean), TEST(single_voxels_are_thick), TEST(plans_say_what_is_read),
+    TEST(costs_are_this_renderers)};
   return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

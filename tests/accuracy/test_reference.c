@@ -247,14 +247,12 @@ static void oracle_set_up(oracle *o, const tc_volume *volume, const tc_scene *sc
   long double m[9], length = 0;
   *o =
       (oracle){.desc = d, .volume = volume, .tf = &scene->transfer_function, .linear_light = scene->image.linear_light};
-  for (int i = 0; i < 9; i++)
-    m[i] = (long double)d->direction[i] * d->spacing[i % 3];
+  for (int i = 0; i < 9; i++) m[i] = (long double)d->direction[i] * d->spacing[i % 3];
   for (int column = 0; column < 3; column++)
     for (int k = 0; k < 3; k++) {
       long double n[9];
       memcpy(n, m, sizeof n);
-      for (int r = 0; r < 3; r++)
-        n[3 * r + k] = r == column;
+      for (int r = 0; r < 3; r++) n[3 * r + k] = r == column;
       o->inverse[3 * k + column] = determinant(n) / determinant(m);
     }
   for (int k = 0; k < 3; k++) {
@@ -262,25 +260,18 @@ static void oracle_set_up(oracle *o, const tc_volume *volume, const tc_scene *sc
     o->direction[k] = (long double)to[k] - from[k];
     length += o->direction[k] * o->direction[k];
   }
-  for (int k = 0; k < 3; k++)
-    o->direction[k] /= sqrtl(length);
+  for (int k = 0; k < 3; k++) o->direction[k] /= sqrtl(length);
 }
 
 static long double stored(const oracle *o, size_t i) {
   const void *p = tc_volume_data(o->volume);
   switch (o->desc->type) {
-  case TC_U8:
-    return ((const uint8_t *)p)[i];
-  case TC_I8:
-    return ((const int8_t *)p)[i];
-  case TC_U16:
-    return ((const uint16_t *)p)[i];
-  case TC_I16:
-    return ((const int16_t *)p)[i];
-  case TC_F32:
-    return ((const float *)p)[i];
-  case TC_VOXEL_TYPE_COUNT:
-    break;
+  case TC_U8: return ((const uint8_t *)p)[i];
+  case TC_I8: return ((const int8_t *)p)[i];
+  case TC_U16: return ((const uint16_t *)p)[i];
+  case TC_I16: return ((const int16_t *)p)[i];
+  case TC_F32: return ((const float *)p)[i];
+  case TC_VOXEL_TYPE_COUNT: break;
   }
   return 0;
 }
@@ -292,8 +283,7 @@ static bool oracle_value(const oracle *o, long double t, long double *value, lon
   *cell = 0;
   for (int k = 0; k < 3; k++) {
     long double x = 0;
-    for (int r = 0; r < 3; r++)
-      x += o->inverse[3 * k + r] * (o->from[r] + t * o->direction[r] - o->desc->origin[r]);
+    for (int r = 0; r < 3; r++) x += o->inverse[3 * k + r] * (o->from[r] + t * o->direction[r] - o->desc->origin[r]);
     int n = o->desc->dims[k];
     if (n == 1 ? fabsl(x) > 0.5L : (x < 0 || x > n - 1)) return false;
     long i = n == 1 ? 0 : (long)fminl(floorl(x), n - 2);
@@ -305,8 +295,7 @@ static bool oracle_value(const oracle *o, long double t, long double *value, lon
   *value = 0;
   for (int c = 0; c < 8; c++) {
     long double w = 1;
-    for (int k = 0; k < 3; k++)
-      w *= c >> k & 1 ? f[k] : 1 - f[k];
+    for (int k = 0; k < 3; k++) w *= c >> k & 1 ? f[k] : 1 - f[k];
     size_t i = (at[2][c >> 2] * (size_t)o->desc->dims[1] + at[1][c >> 1 & 1]) * (size_t)o->desc->dims[0] + at[0][c & 1];
     *value += w * stored(o, i);
   }
@@ -317,8 +306,7 @@ static bool oracle_value(const oracle *o, long double t, long double *value, lon
 /* Which knots lie at or under the value: steps never straddle one. */
 static size_t oracle_interval(const oracle *o, long double value) {
   size_t n = 0;
-  while (n < o->tf->count && o->tf->points[n].value <= value)
-    n++;
+  while (n < o->tf->count && o->tf->points[n].value <= value) n++;
   return n;
 }
 
@@ -360,8 +348,7 @@ static long double oracle_step(const oracle *o, long double t, long double *h, l
 /* Small midpoint steps, each with its exact exponential; longest: mm, and a fifth of the optical depth. */
 static void oracle_integrate(const oracle *o, long double longest, long double rgba[4], unsigned long *steps) {
   long double t = 0, h = 0.1L, light = 1, rgb[3];
-  for (int c = 0; c < 4; c++)
-    rgba[c] = 0;
+  for (int c = 0; c < 4; c++) rgba[c] = 0;
   bool inside = false, was_inside = false;
   for (*steps = 0; t < 80 && light > 1e-12L && (inside || !was_inside); ++*steps) {
     long double value;
@@ -372,8 +359,7 @@ static void oracle_integrate(const oracle *o, long double longest, long double r
     long double depth = oracle_step(o, t, &h, longest, rgb), alpha = -expm1l(-depth);
     t += h;
     if (depth == 0) continue;
-    for (int c = 0; c < 3; c++)
-      rgba[c] += light * alpha * rgb[c];
+    for (int c = 0; c < 3; c++) rgba[c] += light * alpha * rgb[c];
     rgba[3] += light * alpha;
     light *= 1 - alpha;
   }
@@ -388,8 +374,7 @@ static void against_oracle(const char *what, tc_volume *volume, tc_scene *scene,
   one_ray(volume, scene, from, to, 0, rgba);
   oracle_set_up(&o, volume, scene, from, to);
   oracle_integrate(&o, 2e-5L, want, &steps);
-  for (int c = 0; c < 4; c++)
-    worst = fmax(worst, bad(rgba[c], (double)want[c]));
+  for (int c = 0; c < 4; c++) worst = fmax(worst, bad(rgba[c], (double)want[c]));
   char line[128];
   snprintf(line, sizeof line, "%s: alpha %.6f, %lu steps", what, rgba[3], steps);
   report(line, worst, bound);
@@ -483,8 +468,7 @@ static void tolerance_sweep(void **state) {
     one_ray(volume, &scene, from, to, 1e-14, best);
     for (int e = 1; e <= 12; e++) {
       one_ray(volume, &scene, from, to, pow(10, -e), rgba);
-      for (int c = 0; c < 4; c++)
-        worst[e] = fmax(worst[e], bad(rgba[c], best[c]));
+      for (int c = 0; c < 4; c++) worst[e] = fmax(worst[e], bad(rgba[c], best[c]));
     }
   }
   for (int e = 1; e <= 12; e++) {
@@ -560,8 +544,7 @@ static void camera_rays(void **state) {
         if (projection == TC_ORTHOGRAPHIC) from[0] = to[0] = eye[0] + x, from[2] = to[2] = eye[2] + z;
         tc_reference_pixel(reference, i + 0.5, j + 0.5, a);
         one_ray(volume, &single, from, to, 0, b);
-        for (int c = 0; c < 4; c++)
-          worst = fmax(worst, bad(a[c], b[c]));
+        for (int c = 0; c < 4; c++) worst = fmax(worst, bad(a[c], b[c]));
         seen += b[3] > 0;
       }
     tc_reference_free(reference);
@@ -586,8 +569,7 @@ static void far_eye(void **state) {
     one_ray(volume, &scene, (double[3]){4.25 - 3 * away, 4.5 - 4 * away, 4 - 12 * away}, (double[3]){4.25, 4.5, 4}, 0,
             rgba);
     if (away == 1e2) memcpy(near_rgba, rgba, sizeof rgba);
-    for (int c = 0; c < 4; c++)
-      worst = fmax(worst, bad(rgba[c], near_rgba[c]));
+    for (int c = 0; c < 4; c++) worst = fmax(worst, bad(rgba[c], near_rgba[c]));
   }
   report("eye at 1e3 .. 1e8 mm against 1e3 mm", worst, 1e-10);
   tc_scene_clear(&scene);
@@ -616,8 +598,7 @@ static void verbose_pixel(void **state) {
     transparency = s->transparency;
     assert_true(bad(s->distance_mm, samples[0].distance_mm + length) < 1e-12);
     length += s->length_mm;
-    for (int k = 0; k < 3; k++)
-      nearby[k] = fmin(fmax(s->position[k], 0), 5); /* rounding at the faces */
+    for (int k = 0; k < 3; k++) nearby[k] = fmin(fmax(s->position[k], 0), 5); /* rounding at the faces */
     assert_true(tc_volume_value_at(volume, nearby, &value));
     assert_true(bad(value, s->value) < 1e-12);
     if (i) assert_true(bad(s->value, samples[i - 1].value_back) < 1e-12);

@@ -155,8 +155,7 @@ static void culling_changes_no_bit(void **state) {
   tc_frame_finish(&a.frame);
   tc_frame_finish(&b.frame);
   tc_pool_free(pool);
-  for (int i = 0; i < 2; i++)
-    object_free(&objects[i]);
+  for (int i = 0; i < 2; i++) object_free(&objects[i]);
 }
 
 static void scalar_and_vector_agree(void **state) {
@@ -169,8 +168,7 @@ static void scalar_and_vector_agree(void **state) {
     tc_scene_light(&scene, true);
     draw_now(&o, &scene, (wish){.isa = "scalar"}, &a);
     draw_now(&o, &scene, (wish){0}, &b);
-    for (int p = 0; p < SIDE * SIDE * 4; p++)
-      different += abs(a.frame.rgba[p] - b.frame.rgba[p]) > 1;
+    for (int p = 0; p < SIDE * SIDE * 4; p++) different += abs(a.frame.rgba[p] - b.frame.rgba[p]) > 1;
     tc_scene_clear(&scene);
   }
   print_message("values more than 1/255 apart: %zu of %d\n", different, 12 * SIDE * SIDE * 4);
@@ -196,10 +194,8 @@ static bool inside_outline(const tc_scene *scene, const object *o, int x, int y)
       d[k] += rays.to_index[3 * k + c] * view;
     }
   }
-  for (int k = 0; k < 3; k++)
-    along += p[k] * d[k], length += d[k] * d[k];
-  for (int k = 0; k < 3; k++)
-    to[k] = p[k] - d[k] * along / length, square += to[k] * to[k];
+  for (int k = 0; k < 3; k++) along += p[k] * d[k], length += d[k] * d[k];
+  for (int k = 0; k < 3; k++) to[k] = p[k] - d[k] * along / length, square += to[k] * to[k];
   return square < 0.81 * ball[0] * ball[0];
 }
 
@@ -228,8 +224,7 @@ static void constant_solids_are_constant(void **state) {
   print_message("flatness: at most %.4f from constant in %zu pixels\n", worst, looked_at);
   assert_true(worst < 0.01 && looked_at > 50000);
   tc_frame_finish(&d.frame);
-  for (int i = 0; i < 2; i++)
-    object_free(&objects[i]);
+  for (int i = 0; i < 2; i++) object_free(&objects[i]);
 }
 
 /* ---- place ---- */
@@ -257,8 +252,7 @@ static void splats_are_where_the_surface_is(void **state) {
       if (!here || !there || !isfinite(d.frame.depth[p])) continue;
       const double apart = (double)(d.frame.depth[p] - truth.depth[p]);
       both++, depth += apart, deepest = fmax(deepest, fabs(apart));
-      for (int c = 0; c < 3; c++)
-        light += pow((double)(d.frame.linear[4 * p + c] - truth.linear[4 * p + c]), 2) / 3;
+      for (int c = 0; c < 3; c++) light += pow((double)(d.frame.linear[4 * p + c] - truth.linear[4 * p + c]), 2) / 3;
     }
     print_message("view %d: light rms %.4f; depth %.2f mm on average, at most %.2f; outline %.1f %% of the pixels\n", i,
                   sqrt(light / both), depth / both, deepest, 100.0 * one / both);
@@ -288,8 +282,7 @@ static void large_voxels_are_lit_smoothly(void **state) {
     scene.mode = TC_MODE_ISOSURFACE;
     scene.isosurface.value = 0;
     assert_true(tc_render(renderer, o.volume, &scene, &(tc_render_request){.want_linear = true}, &truth, NULL, NULL));
-    for (int p = 0; p < SIDE * SIDE; p++, n++)
-      sum += pow((double)(d.frame.linear[4 * p] - truth.linear[4 * p]), 2);
+    for (int p = 0; p < SIDE * SIDE; p++, n++) sum += pow((double)(d.frame.linear[4 * p] - truth.linear[4 * p]), 2);
     tc_scene_clear(&scene);
   }
   print_message("light rms %.4f\n", sqrt(sum / n));
@@ -354,12 +347,10 @@ static void a_cut_shows_a_solid_face(void **state) {
     look(&scene, &o, 6 + i, 1); /* from no axis */
     double *p = scene.clip.planes[0], side[3], away = 0;
     direction(6 + i, side);
-    for (int k = 0; k < 3; k++)
-      p[k] = -side[k], p[3] += side[k] * scene.camera.target[k];
+    for (int k = 0; k < 3; k++) p[k] = -side[k], p[3] += side[k] * scene.camera.target[k];
     scene.clip.n_planes = 1;
     draw_now(&o, &scene, (wish){0}, &d);
-    for (int k = 0; k < 3; k++)
-      away += (scene.camera.position[k] - scene.camera.target[k]) * side[k];
+    for (int k = 0; k < 3; k++) away += (scene.camera.position[k] - scene.camera.target[k]) * side[k];
     for (int y = 36; y < 60; y++)
       for (int x = 36; x < 60; x++) {
         assert_true(d.frame.linear[4 * (y * SIDE + x) + 3] == 1);
@@ -402,8 +393,7 @@ static double light_of(const object *o, const tc_scene *scene, const int at[3]) 
 static void blurred(const object *o, const tc_scene *scene, double deviation, const float *extinction,
                     const double p[3], double sum[4]) {
   const int reach = (int)ceil(3 * deviation);
-  for (int k = 0; k < 4; k++)
-    sum[k] = 0;
+  for (int k = 0; k < 4; k++) sum[k] = 0;
   for (int z = (int)floor(p[2]) - reach + 1; z <= (int)floor(p[2]) + reach; z++)
     for (int y = (int)floor(p[1]) - reach + 1; y <= (int)floor(p[1]) + reach; y++)
       for (int x = (int)floor(p[0]) - reach + 1; x <= (int)floor(p[0]) + reach; x++) {
@@ -414,8 +404,7 @@ static void blurred(const object *o, const tc_scene *scene, double deviation, co
         const double k =
             (double)rgbk[3] * exp(-0.5 * r2 / (deviation * deviation)) / pow(2 * M_PI * deviation * deviation, 1.5);
         const double light = light_of(o, scene, (int[]){x, y, z});
-        for (int c = 0; c < 3; c++)
-          sum[c] += k * fmin(light * (double)rgbk[c], 1);
+        for (int c = 0; c < 3; c++) sum[c] += k * fmin(light * (double)rgbk[c], 1);
         sum[3] += k;
       }
 }
@@ -432,10 +421,8 @@ static void march(const object *o, const tc_scene *scene, double deviation, cons
     length += view[k] * view[k];
   }
   for (int r = 0; r < 3; r++)
-    for (int k = 0; k < 3; k++)
-      dir[r] += rays.to_index[3 * r + k] * view[k] / sqrt(length);
-  for (int k = 0; k < 4; k++)
-    rgba[k] = 0;
+    for (int k = 0; k < 3; k++) dir[r] += rays.to_index[3 * r + k] * view[k] / sqrt(length);
+  for (int k = 0; k < 4; k++) rgba[k] = 0;
   const double step = 0.25;
   for (double s = -50; s < 50; s += step) {
     const double p[3] = {entry[0] + s * dir[0], entry[1] + s * dir[1], entry[2] + s * dir[2]};
@@ -444,8 +431,7 @@ static void march(const object *o, const tc_scene *scene, double deviation, cons
     blurred(o, scene, deviation, extinction, p, here);
     if (here[3] <= 0) continue;
     const double alpha = 1 - exp(-here[3] * step);
-    for (int c = 0; c < 3; c++)
-      rgba[c] += clear * alpha * here[c] / here[3];
+    for (int c = 0; c < 3; c++) rgba[c] += clear * alpha * here[c] / here[3];
     clear *= 1 - alpha;
   }
   rgba[3] = 1 - clear;
@@ -478,8 +464,7 @@ static void translucent_splats_show_the_blurred_field(void **state) {
     tc_scene_clear(&scene);
   }
   tc_frame_finish(&d.frame);
-  for (int i = 0; i < 3; i++)
-    object_free(&objects[i]);
+  for (int i = 0; i < 3; i++) object_free(&objects[i]);
 }
 
 /* ---- interruption ---- */

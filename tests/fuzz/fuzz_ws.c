@@ -4,8 +4,8 @@
 #include <string.h>
 
 #include "protocol/protocol.h"
-#include "server/ws/channel.h"
 #include "server/session/credit.h"
+#include "server/ws/channel.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
 
@@ -50,8 +50,7 @@ static void answer(peer *p, const GError *error) {
 static bool handle(peer *p, const tcp_message *message, GError **error) {
   static const tcp_scene_context context = {-1000, 3000};
   switch (message->type) {
-  case TCP_PATCH:
-    return tcp_scene_patch(&p->scene, message->scene, &p->defaults, &context, error);
+  case TCP_PATCH: return tcp_scene_patch(&p->scene, message->scene, &p->defaults, &context, error);
   case TCP_ACK:
     if (tcs_credit_open(&p->window, 0)) tcs_credit_send(&p->window, 0);
     tcs_credit_ack(&p->window, message->frame, 0);
@@ -60,10 +59,8 @@ static bool handle(peer *p, const tcp_message *message, GError **error) {
   case TCP_POINTER:
   case TCP_CANCEL:
   case TCP_PING:
-  case TCP_SIZE:
-    return tcs_channel_send_text(p->channel, "{}") || true;
-  case TCP_MESSAGE_TYPE_COUNT:
-    break;
+  case TCP_SIZE: return tcs_channel_send_text(p->channel, "{}") || true;
+  case TCP_MESSAGE_TYPE_COUNT: break;
   }
   __builtin_trap();
 }
@@ -95,8 +92,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size) {
   /* Each turn takes a byte at least, or ends; the bound is against a channel that does neither. */
   for (size_t turn = 0; !tcs_channel_done(p.channel); turn++) {
     const bool alive = tcs_channel_read(p.channel);
-    for (int i = 0; i < 4 && tcs_channel_wants_write(p.channel); i++)
-      tcs_channel_write(p.channel);
+    for (int i = 0; i < 4 && tcs_channel_wants_write(p.channel); i++) tcs_channel_write(p.channel);
     if (!alive) break;
     if (turn > 4 * size + 100) __builtin_trap();
   }

@@ -9,23 +9,12 @@ static void store(void *voxels, tc_voxel_type type, size_t i, double v) {
   static const double lo[] = {0, -128, 0, -32768}, hi[] = {255, 127, 65535, 32767};
   if (type != TC_F32) v = fmin(fmax(nearbyint(v), lo[type]), hi[type]);
   switch (type) {
-  case TC_U8:
-    ((uint8_t *)voxels)[i] = (uint8_t)v;
-    break;
-  case TC_I8:
-    ((int8_t *)voxels)[i] = (int8_t)v;
-    break;
-  case TC_U16:
-    ((uint16_t *)voxels)[i] = (uint16_t)v;
-    break;
-  case TC_I16:
-    ((int16_t *)voxels)[i] = (int16_t)v;
-    break;
-  case TC_F32:
-    ((float *)voxels)[i] = (float)v;
-    break;
-  case TC_VOXEL_TYPE_COUNT:
-    break;
+  case TC_U8: ((uint8_t *)voxels)[i] = (uint8_t)v; break;
+  case TC_I8: ((int8_t *)voxels)[i] = (int8_t)v; break;
+  case TC_U16: ((uint16_t *)voxels)[i] = (uint16_t)v; break;
+  case TC_I16: ((int16_t *)voxels)[i] = (int16_t)v; break;
+  case TC_F32: ((float *)voxels)[i] = (float)v; break;
+  case TC_VOXEL_TYPE_COUNT: break;
   }
 }
 
@@ -33,10 +22,8 @@ static tc_volume_desc describe(const test_grid *grid) {
   tc_volume_desc desc = {.type = grid->type, .slope = grid->slope, .intercept = grid->intercept, .frames = 1};
   bool turned = false;
   if (desc.slope == 0) desc.slope = 1;
-  for (int i = 0; i < 9; i++)
-    turned |= grid->direction[i] != 0;
-  for (int i = 0; i < 9; i++)
-    desc.direction[i] = turned ? grid->direction[i] : i % 4 == 0;
+  for (int i = 0; i < 9; i++) turned |= grid->direction[i] != 0;
+  for (int i = 0; i < 9; i++) desc.direction[i] = turned ? grid->direction[i] : i % 4 == 0;
   for (int k = 0; k < 3; k++) {
     desc.dims[k] = grid->dims[k];
     desc.spacing[k] = grid->spacing[k] != 0 ? grid->spacing[k] : 1;
@@ -133,19 +120,15 @@ void test_scene_look(tc_scene *scene, tc_projection projection, const double fro
 void test_scene_frame(tc_scene *scene, const tc_volume *volume, tc_projection projection, const double side[3]) {
   double lo[3], hi[3], mid[3], center[3], corner[3], from[3], radius = 0, length = 0;
   tc_volume_index_box(volume, lo, hi);
-  for (int k = 0; k < 3; k++)
-    mid[k] = 0.5 * (lo[k] + hi[k]);
+  for (int k = 0; k < 3; k++) mid[k] = 0.5 * (lo[k] + hi[k]);
   tc_volume_index_to_lps(volume, mid, center);
   for (int c = 0; c < 8; c++) {
-    for (int k = 0; k < 3; k++)
-      mid[k] = c >> k & 1 ? hi[k] : lo[k];
+    for (int k = 0; k < 3; k++) mid[k] = c >> k & 1 ? hi[k] : lo[k];
     tc_volume_index_to_lps(volume, mid, corner);
     radius = fmax(radius, hypot(hypot(corner[0] - center[0], corner[1] - center[1]), corner[2] - center[2]));
   }
-  for (int k = 0; k < 3; k++)
-    length += side[k] * side[k];
+  for (int k = 0; k < 3; k++) length += side[k] * side[k];
   double distance = projection == TC_PERSPECTIVE ? radius / sin(M_PI / 12) : 3 * radius;
-  for (int k = 0; k < 3; k++)
-    from[k] = center[k] + side[k] / sqrt(length) * distance;
+  for (int k = 0; k < 3; k++) from[k] = center[k] + side[k] / sqrt(length) * distance;
   test_scene_look(scene, projection, from, center, projection == TC_PERSPECTIVE ? 30 : 2 * radius);
 }

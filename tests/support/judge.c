@@ -202,7 +202,7 @@ static bool check_ties(int which, const test_case *c, const subject *s, const tc
   size_t faults = count_faults(c, s, a);
   test_judged.faults[which] += faults;
   return faults == 0 || broken("%s: %zu of %zu pixels differ from scalar by over 1/255, %zu of them no ties",
-                                     test_names[which], ties, pixels, faults);
+                               test_names[which], ties, pixels, faults);
 }
 
 /* ---- one case on one renderer ---- */
@@ -303,8 +303,7 @@ void test_judge_print(void) {
           "picture (seed %llu)",
           t->ties[i], t->compared[i], 100.0 * (double)t->ties[i] / (double)t->compared[i], t->faults[i],
           100 * t->most_ties[i], (unsigned long long)t->worst[i]);
-    if (t->last_compared[i])
-      printf("; of the last bits of voxels %zu of %zu", t->last_ties[i], t->last_compared[i]);
+    if (t->last_compared[i]) printf("; of the last bits of voxels %zu of %zu", t->last_ties[i], t->last_compared[i]);
     printf("\n");
   }
   printf("  reference %zu cases; %zu of %zu pixels show something\n", t->referenced, t->shown, t->pixels);

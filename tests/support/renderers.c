@@ -47,6 +47,25 @@ tc_frame *test_draw(int which, tc_volume *volume, const tc_scene *scene, const t
   return &test_frames[which];
 }
 
+int test_resumes(int which, tc_volume *volume, const tc_scene *scene) {
+  tc_frame frame = {0};
+  tc_interrupt interrupt;
+  GError *error = NULL;
+  int pauses = 0;
+  tc_interrupt_init(&interrupt);
+  atomic_store(&interrupt.pause_us, 1); /* long past */
+  const tc_render_request request = {.interrupt = &interrupt, .resume = true};
+  while (!tc_render(test_renderers[which], volume, scene, &request, &frame, NULL, &error) && pauses++ < 2000) {
+    assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_PAUSED));
+    g_clear_error(&error);
+  }
+  assert_true(pauses < 2000 && !frame.stats.stand_in);
+  const tc_frame *whole = test_draw(which, volume, scene, NULL, NULL);
+  assert_memory_equal(frame.rgba, whole->rgba, 4 * (size_t)frame.width * (size_t)frame.height);
+  tc_frame_finish(&frame);
+  return pauses;
+}
+
 float *test_reference(tc_volume *volume, const tc_scene *scene, double tolerance) {
   GError *error = NULL;
   int width = scene->image.width, height = scene->image.height;

@@ -22,6 +22,10 @@ int test_widest(void); /* the widest instruction set that is here */
 tc_frame *test_draw(int which, tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
                     tc_explanation *plan);
 
+/* Draws in pauses, each as soon as the back end looks, and fails the test unless what comes is test_draw()'s picture and
+ * not another back end's. Returns how many pauses there were. */
+int test_resumes(int which, tc_volume *volume, const tc_scene *scene);
+
 /* The reference integrator's picture [4 * width * height] of the scene at a tolerance (0: the tightest); g_free it. */
 float *test_reference(tc_volume *volume, const tc_scene *scene, double tolerance);
 

@@ -16,4 +16,9 @@
 
 #define TEST(function) cmocka_unit_test(function)
 
+/* Leaves a test out where the machine lacks what it wants. */
+#define needs(what) do { if (!(what)) skip(); } while (0)
+/* For files with a GError `error` of their own. */
+#define assert_made(what) do { if (!(what)) fail_msg("%s", error ? error->message : #what); } while (0)
+
 #endif

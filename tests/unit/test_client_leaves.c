@@ -64,10 +64,8 @@ static void who_leaves_while_an_upload_is_written_is_forgotten(void **state) {
   snprintf(request, sizeof request, "PUT /v1/volumes/u HTTP/1.1\r\nHost: %s\r\nContent-Length: 4\r\n\r\nNRRD",
            tcs_http_address(server->http));
   const int fd = client(request);
-  for (int i = 0; i < MOST_TURNS && unwritten() == 0; i++)
-    tcs_daemon_turn(under_test, 1);
-  for (int i = 0; i < 10; i++)
-    tcs_daemon_turn(under_test, 1); /* all of it is read, and waits */
+  for (int i = 0; i < MOST_TURNS && unwritten() == 0; i++) tcs_daemon_turn(under_test, 1);
+  for (int i = 0; i < 10; i++) tcs_daemon_turn(under_test, 1); /* all of it is read, and waits */
   assert_int_equal(unwritten(), 4);
   assert_int_equal(tcs_http_open_requests(server->http), 1);
   close(fd);
@@ -77,8 +75,7 @@ static void who_leaves_while_an_upload_is_written_is_forgotten(void **state) {
   }
   assert_int_equal(tcs_http_open_requests(server->http), 0);
   g_mutex_unlock(&h.held);
-  while (!h.over || unwritten() > 0)
-    tcs_daemon_turn(under_test, 1);
+  while (!h.over || unwritten() > 0) tcs_daemon_turn(under_test, 1);
   g_mutex_clear(&h.held);
 }
 

@@ -27,8 +27,7 @@ static tc_dicom_slice *add(int count, double z, double step) {
 }
 
 static void set_key(tc_dicom_slice *first, int count, tc_dicom_key key, double value) {
-  for (int i = 0; i < count; i++)
-    first[i].keys[key] = value;
+  for (int i = 0; i < count; i++) first[i].keys[key] = value;
 }
 
 /* The volumes must have these numbers of pictures, and pictures of one key value each. */
@@ -47,7 +46,8 @@ static void check(const size_t *counts, size_t wanted, tc_dicom_key key) {
   tc_dicom_groups_finish(&groups);
 }
 
-#define CHECK(key, ...) check((const size_t[]){__VA_ARGS__}, sizeof((const size_t[]){__VA_ARGS__}) / sizeof(size_t), key)
+#define CHECK(key, ...)                                                                                                \
+  check((const size_t[]){__VA_ARGS__}, sizeof((const size_t[]){__VA_ARGS__}) / sizeof(size_t), key)
 
 static int set_up(void **state) {
   n = 0;
@@ -62,8 +62,7 @@ static void keys_never_mix(void **state) {
     set_key(add(3, 0, 5), 3, key, 2);
     set_key(add(2, 20, 5), 2, key, 2);
     set_key(add(6, 0, 5), 6, key, 3);
-    for (int i = 0; i < n; i++)
-      s[i].instance = 1 + i % 3; /* no help from these */
+    for (int i = 0; i < n; i++) s[i].instance = 1 + i % 3; /* no help from these */
     CHECK(key, 6, 5, 6);
   }
 }
@@ -77,18 +76,15 @@ static void half_steps_are_two_volumes(void **state) {
 /* A scan made piece by piece: every other key of its kind is one volume, and the two of a tilted CT with another image
  * type at each half. */
 static void pieces_in_a_row_are_one(void **state) {
-  for (int i = 0; i < 14; i++)
-    set_key(add(1, 4.22 * i, 0), 1, TC_DICOM_KEY_ACQUISITION, i + 1);
+  for (int i = 0; i < 14; i++) set_key(add(1, 4.22 * i, 0), 1, TC_DICOM_KEY_ACQUISITION, i + 1);
   set_key(s, 14, TC_DICOM_KEY_IMAGE_TYPE, 99);
-  for (int i = 0; i < 14; i++)
-    set_key(add(1, 56 + 7.38 * i, 0), 1, TC_DICOM_KEY_ACQUISITION, 15 + i / 2);
+  for (int i = 0; i < 14; i++) set_key(add(1, 56 + 7.38 * i, 0), 1, TC_DICOM_KEY_ACQUISITION, 15 + i / 2);
   CHECK(TC_DICOM_KEY_COUNT, 28);
 }
 
 /* The same twice: acquisitions run on through both. */
 static void pieces_of_two_time_points(void **state) {
-  for (int i = 0; i < 20; i++)
-    set_key(add(1, 3 * (i % 10), 0), 1, TC_DICOM_KEY_ACQUISITION, i + 1);
+  for (int i = 0; i < 20; i++) set_key(add(1, 3 * (i % 10), 0), 1, TC_DICOM_KEY_ACQUISITION, i + 1);
   CHECK(TC_DICOM_KEY_COUNT, 10, 10);
 }
 
@@ -99,13 +95,11 @@ static void pieces_far_apart_are_two(void **state) {
 }
 
 static void turns_part_what_keys_do_not(void **state) {
-  for (int t = 0; t < 3; t++)
-    add(6, 0, 5);
+  for (int t = 0; t < 3; t++) add(6, 0, 5);
   CHECK(TC_DICOM_KEY_COUNT, 6, 6, 6);
   tc_dicom_groups groups;
   tc_dicom_groups_make(s, (size_t)n, &groups);
-  for (uint32_t i = 0; i < 18; i++)
-    assert_int_equal(groups.list[i / 6].slices[i % 6], i);
+  for (uint32_t i = 0; i < 18; i++) assert_int_equal(groups.list[i / 6].slices[i % 6], i);
   tc_dicom_groups_finish(&groups);
   s[8] = s[17]; /* the second lacks a slice: runs still tell */
   n = 17;
@@ -113,11 +107,9 @@ static void turns_part_what_keys_do_not(void **state) {
 }
 
 static void tangled_pictures_are_said(void **state) {
-  for (int t = 0; t < 3; t++)
-    add(6, 0, 5);
+  for (int t = 0; t < 3; t++) add(6, 0, 5);
   n = 17;
-  for (int i = 0; i < n; i++)
-    s[i].instance = (i * 7) % 17;
+  for (int i = 0; i < n; i++) s[i].instance = (i * 7) % 17;
   tc_dicom_groups groups;
   tc_dicom_groups_make(s, (size_t)n, &groups);
   assert_int_equal(groups.count, 1);
@@ -138,16 +130,14 @@ static void copies_are_one(void **state) {
   assert_int_equal(groups.copies, 2);
   tc_dicom_groups_finish(&groups);
   n = 6;
-  for (int i = 0; i < 6; i++)
-    s[i].uid = 5; /* a writer with one UID for all */
+  for (int i = 0; i < 6; i++) s[i].uid = 5; /* a writer with one UID for all */
   CHECK(TC_DICOM_KEY_COUNT, 6);
 }
 
 static void segmentations_stay_together(void **state) {
   add(6, 0, 5);
   add(6, 0, 5);
-  for (int i = 0; i < 12; i++)
-    s[i].sparse = true;
+  for (int i = 0; i < 12; i++) s[i].sparse = true;
   tc_dicom_groups groups;
   tc_dicom_groups_make(s, 12, &groups);
   assert_int_equal(groups.count, 1);
@@ -182,8 +172,7 @@ static void a_piece_is_opened_only_for_who_asks(void **state) {
   assert_int_equal(chosen(0, NULL), 1); /* 5 of 8 */
   assert_int_equal(chosen(1, NULL), 0);
   assert_int_equal(chosen(9, "no volume 9; the series holds 3"), -1);
-  for (int i = 2; i < 8; i++)
-    s[i].rows = 4 + i;
+  for (int i = 2; i < 8; i++) s[i].rows = 4 + i;
   assert_int_equal(chosen(0, "the largest holds 2 of its 8 slices; choose one by #volume=1 to #volume=7"), -1);
   assert_int_equal(chosen(7, NULL), 6);
 }

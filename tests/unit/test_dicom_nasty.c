@@ -56,8 +56,7 @@ static void write_shot(const char *folder, const nasty *c, const shot *shot, gui
   dicom_spec s;
   dicom_spec_init(&s, COLUMNS, ROWS, pixels, sizeof pixels);
   axes_of(c, shot->plane ? shot->plane : c->plane, axes);
-  for (int k = 0; k < 3; k++)
-    s.position[k] = -3 + k + axes[2][k] * shot->z;
+  for (int k = 0; k < 3; k++) s.position[k] = -3 + k + axes[2][k] * shot->z;
   for (int i = 0; i < PIXELS; i++) {
     double p[3];
     for (int k = 0; k < 3; k++)
@@ -100,8 +99,7 @@ static void check_voxels(const char *what, const tc_volume *v, int volume) {
 static void check_case(const char *what, const nasty *c) {
   char *folder = temp_folder();
   GError *error = NULL;
-  for (guint i = 0; i < c->shots->len; i++)
-    write_shot(folder, c, &g_array_index(c->shots, shot, i), i);
+  for (guint i = 0; i < c->shots->len; i++) write_shot(folder, c, &g_array_index(c->shots, shot, i), i);
   tc_volume *v = tc_helper_load(TC_HELPER_DICOM, folder, NULL, &with_helper, &error);
   if (c->refusal || c->by_choice) {
     if (v) fail_msg("%s was opened: %s", what, tc_volume_describe(v)->note);
@@ -154,8 +152,7 @@ static void add_stack(nasty *c, double from, double step, int left_out, int volu
 /* Up or down the patient, with positions that are rounded as some writers do. */
 static void regular(nasty *c, int variant) {
   const double step = variant % 2 ? -2 : 3;
-  for (int z = 0; z < LAYERS; z++)
-    add(c, step * z + 0.01 * variant * (z % 2), 1);
+  for (int z = 0; z < LAYERS; z++) add(c, step * z + 0.01 * variant * (z % 2), 1);
 }
 
 static void one_cut(nasty *c, int variant) {
@@ -174,8 +171,7 @@ static void varying(nasty *c, int variant) {
   static const double later[5] = {7.38, 2.1, 4, 5, 3.3};
   c->tilt = variant % 2 ? 18.5 : 0;
   c->note = "12 slices resampled";
-  for (int z = 0; z < LAYERS; z++)
-    add(c, z < 6 ? 2.5 * z : 12.5 + later[variant] * (z - 5), 1);
+  for (int z = 0; z < LAYERS; z++) add(c, z < 6 ? 2.5 * z : 12.5 + later[variant] * (z - 5), 1);
   if (variant == 2) g_array_index(c->shots, shot, 9).z += 1.1;
 }
 
@@ -225,8 +221,7 @@ static void by_key(nasty *c, int variant) {
 /* Nothing but the instances tells the time points apart; in the second kind one of them lacks a slice. */
 static void by_turn(nasty *c, int variant) {
   c->volumes = 3;
-  for (int v = 1; v <= 3; v++)
-    add_stack(c, 0, 3, variant && v == 2 ? 4 * variant : -1, v);
+  for (int v = 1; v <= 3; v++) add_stack(c, 0, 3, variant && v == 2 ? 4 * variant : -1, v);
 }
 
 static void offset_acquisitions(nasty *c, int variant) {
@@ -234,8 +229,7 @@ static void offset_acquisitions(nasty *c, int variant) {
   c->note = variant ? "12 of 24 slices" : "volume 1 of 2: acquisition 1";
   add_stack(c, 0, 3, -1, 1);
   add_stack(c, 1.5 - 0.4 * variant, 3, -1, 2);
-  for (guint i = LAYERS; i < c->shots->len; i++)
-    g_array_index(c->shots, shot, i).acquisition = 2;
+  for (guint i = LAYERS; i < c->shots->len; i++) g_array_index(c->shots, shot, i).acquisition = 2;
 }
 
 /* A scan made of one acquisition after the other, of two image types. */
@@ -253,25 +247,24 @@ static void three_planes(nasty *c, int variant) {
   c->by_choice = true;
   c->volumes = 3;
   for (int v = 1; v <= 3; v++)
-    for (int i = 0; i < 3; i++)
-      add(c, (5 + variant) * i, v)->plane = v;
+    for (int i = 0; i < 3; i++) add(c, (5 + variant) * i, v)->plane = v;
 }
 
 static void tangled(nasty *c, int variant) {
   c->refusal = "nothing in their headers tells them apart";
   add_stack(c, 0, 3, -1, 1);
-  for (int i = 0; i < 5 + variant; i++)
-    add(c, 3 * ((i * 5 + 1) % LAYERS), 2)->instance = 40 - i * i % 7;
+  for (int i = 0; i < 5 + variant; i++) add(c, 3 * ((i * 5 + 1) % LAYERS), 2)->instance = 40 - i * i % 7;
 }
 
 static const struct {
   const char *what;
   void (*make)(nasty *c, int variant);
   int variants;
-} kinds[] = {{"regular", regular, 6}, {"a cut file", one_cut, 5}, {"tilt", tilted, 6},       {"varying steps", varying, 5},   {"a gap", a_gap, 5},
-             {"two gaps", two_gaps, 5}, {"copies", copied, 2},           {"keys", by_key, 8},
-             {"turns", by_turn, 3},     {"offset", offset_acquisitions, 3}, {"pieces", pieces, 5},
-             {"planes", three_planes, 3}, {"tangled", tangled, 4}};
+} kinds[] = {
+    {"regular", regular, 6}, {"a cut file", one_cut, 5},         {"tilt", tilted, 6},   {"varying steps", varying, 5},
+    {"a gap", a_gap, 5},     {"two gaps", two_gaps, 5},          {"copies", copied, 2}, {"keys", by_key, 8},
+    {"turns", by_turn, 3},   {"offset", offset_acquisitions, 3}, {"pieces", pieces, 5}, {"planes", three_planes, 3},
+    {"tangled", tangled, 4}};
 
 /* Each kind in its variants, each in one of four planes. */
 static void nasty_series(void **state) {
@@ -314,8 +307,7 @@ static void a_wrong_choice(void **state) {
   GError *error = NULL;
   char *folder = temp_folder();
   by_turn(&c, 0);
-  for (guint i = 0; i < c.shots->len; i++)
-    write_shot(folder, &c, &g_array_index(c.shots, shot, i), i);
+  for (guint i = 0; i < c.shots->len; i++) write_shot(folder, &c, &g_array_index(c.shots, shot, i), i);
   assert_null(tc_helper_load(TC_HELPER_DICOM, folder, "volume=4", &with_helper, &error));
   assert_int_equal(error->code, TC_ERROR_NOT_FOUND);
   g_clear_error(&error);

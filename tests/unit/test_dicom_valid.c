@@ -71,8 +71,7 @@ static dicom_spec spec_of(unsigned bits, unsigned samples, const void *pixels) {
 
 static uint32_t number_at(const uint8_t *at, size_t size) {
   uint32_t n = 0;
-  for (size_t i = size; i-- > 0;)
-    n = n << 8 | at[i];
+  for (size_t i = size; i-- > 0;) n = n << 8 | at[i];
   return n;
 }
 
@@ -85,8 +84,7 @@ static size_t header_of(const uint8_t *element, uint32_t *size) {
 /* What follows the file's meta information, which is 128 + 4 bytes and group 2. */
 static GByteArray *data_set(GByteArray *whole) {
   size_t at = 132;
-  for (uint32_t size; number_at(whole->data + at, 2) == 2; at += size)
-    at += header_of(whole->data + at, &size);
+  for (uint32_t size; number_at(whole->data + at, 2) == 2; at += size) at += header_of(whole->data + at, &size);
   g_byte_array_remove_range(whole, 0, (guint)at);
   return whole;
 }
@@ -123,8 +121,7 @@ static GByteArray *turned(GByteArray *whole, size_t pixel) {
     const bool numbers = !memcmp(element + 4, "US", 2) || !memcmp(element + 4, "OW", 2);
     at += head;
     if (number_at(element, 2) == 2) continue;
-    for (uint32_t i = 0; numbers && i + step <= size; i += (uint32_t)step)
-      turn(element + head + i, step);
+    for (uint32_t i = 0; numbers && i + step <= size; i += (uint32_t)step) turn(element + head + i, step);
     turn(element, 2);
     turn(element + 2, 2);
     turn(element + (head == 12 ? 8 : 6), head == 12 ? 4 : 2);
@@ -151,8 +148,7 @@ static GByteArray *with_fragment(GByteArray *whole, GByteArray *fragment) {
 static GByteArray *run_lengths(const uint32_t *pixels, unsigned bytes, unsigned samples) {
   GByteArray *out = g_byte_array_new();
   uint32_t head[16] = {bytes * samples};
-  for (unsigned s = 0; s < bytes * samples; s++)
-    head[s + 1] = 64 + s * (PIXELS + 2);
+  for (unsigned s = 0; s < bytes * samples; s++) head[s + 1] = 64 + s * (PIXELS + 2);
   g_byte_array_append(out, (const uint8_t *)head, sizeof head);
   for (unsigned s = 0; s < bytes * samples; s++) {
     g_byte_array_append(out, &(uint8_t){PIXELS - 1}, 1);
@@ -192,15 +188,13 @@ static GByteArray *lossless_jpeg(const uint32_t *pixels, int bits) {
   const uint8_t scan[] = {0xff, 0xda, 0, 8, 1, 1, 0, 1, 0, 0};
   bit_writer w = {.out = g_byte_array_new()};
   g_byte_array_append(w.out, frame, sizeof frame);
-  for (uint8_t i = 0; i < 17; i++)
-    g_byte_array_append(w.out, &i, 1);
+  for (uint8_t i = 0; i < 17; i++) g_byte_array_append(w.out, &i, 1);
   g_byte_array_append(w.out, scan, sizeof scan);
   for (int i = 0; i < PIXELS; i++) {
     const uint32_t before = i == 0 ? 1u << (bits - 1) : i % COLUMNS ? pixels[i - 1] : pixels[i - COLUMNS];
     const int difference = (int16_t)(uint16_t)(pixels[i] - before);
     int category = 0;
-    while (abs(difference) >> category)
-      category++;
+    while (abs(difference) >> category) category++;
     put_bits(&w, (uint32_t)category, 5);
     if (category < 16)
       put_bits(&w, (uint32_t)(difference < 0 ? difference + (1 << category) - 1 : difference), category);
@@ -221,8 +215,7 @@ static void without_file_meta(void **state) {
   uint32_t values[PIXELS];
   uint16_t pixels[PIXELS];
   ramp(values, PIXELS, 12);
-  for (int i = 0; i < PIXELS; i++)
-    pixels[i] = (uint16_t)values[i];
+  for (int i = 0; i < PIXELS; i++) pixels[i] = (uint16_t)values[i];
   const dicom_spec s = spec_of(12, 1, pixels);
   check_pixels("explicit", data_set(dicom_bytes(&s)), values, 1);
   check_pixels("implicit", implicit(data_set(dicom_bytes(&s))), values, 1);
@@ -288,7 +281,6 @@ static void an_absurd_place(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {TEST(without_file_meta), TEST(doses_of_one_frame),
-                                     TEST(lossless_jpeg_of_every_depth), TEST(colours_in_run_lengths),
-                                     TEST(an_absurd_place)};
+    TEST(lossless_jpeg_of_every_depth), TEST(colours_in_run_lengths), TEST(an_absurd_place)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -69,11 +69,9 @@ enum { SIDE = 16, PIXELS = SIDE * SIDE };
 
 static void ssim_of_known_pictures(void **state) {
   float a[PIXELS], b[PIXELS];
-  for (int i = 0; i < PIXELS; i++)
-    a[i] = (float)((i * 37 % 101) / 100.0);
+  for (int i = 0; i < PIXELS; i++) a[i] = (float)((i * 37 % 101) / 100.0);
   close_to("alike", tcs_ssim(a, a, SIDE, SIDE), 1, 1e-12);
-  for (int i = 0; i < PIXELS; i++)
-    a[i] = 0.25f, b[i] = 0.5f;
+  for (int i = 0; i < PIXELS; i++) a[i] = 0.25f, b[i] = 0.5f;
   const double c1 = 1e-4, c2 = 9e-4;
   close_to("two constants", tcs_ssim(a, b, SIDE, SIDE), (2 * 0.125 + c1) / (0.0625 + 0.25 + c1), 1e-9);
   /* Stripes and their negative, over a window of one row of stripes: means and variances are sums of Gaussian weights.
@@ -84,8 +82,7 @@ static void ssim_of_known_pictures(void **state) {
     all += w[i];
     if (i % 2 == 0) even += w[i];
   }
-  for (int i = 0; i < PIXELS; i++)
-    a[i] = i % SIDE % 2 == 0, b[i] = 1 - a[i];
+  for (int i = 0; i < PIXELS; i++) a[i] = i % SIDE % 2 == 0, b[i] = 1 - a[i];
   double m = even / all, v = m * (1 - m),
          expected = (2 * m * (1 - m) + c1) * (-2 * v + c2) / ((m * m + (1 - m) * (1 - m) + c1) * (2 * v + c2));
   close_to("stripes and their negative", tcs_ssim(a, b, SIDE, SIDE), expected, 1e-9);
@@ -110,8 +107,7 @@ static void rms_percentile_and_maximum(void **state) {
   close_to("rms", d.rms, sqrt(sum / N), 1e-12);
   assert_true(d.rms_lo < d.rms && d.rms < d.rms_hi);
   /* A constant difference is known exactly. */
-  for (int i = 0; i < 4 * N; i++)
-    a[i] = 0.25f, b[i] = 0.5f;
+  for (int i = 0; i < 4 * N; i++) a[i] = 0.25f, b[i] = 0.5f;
   assert_true(tcs_compare_pixels(a, b, N, &d));
   close_to("constant: rms", d.rms, 0.25, 1e-12);
   close_to("constant: interval", d.rms_hi - d.rms_lo, 0, 1e-7);
@@ -128,8 +124,7 @@ static void interval_holds_the_truth(void **state) {
   for (int t = 0; t < TRIALS; t++) {
     for (int i = 0; i < N; i++) {
       s = s * 6364136223846793005u + 1442695040888963407u;
-      for (int c = 0; c < 4; c++)
-        a[4 * i + c] = s >> 61 == 0;
+      for (int c = 0; c < 4; c++) a[4 * i + c] = s >> 61 == 0;
     }
     tcs_difference d;
     assert_true(tcs_compare_pixels(a, b, N, &d));
@@ -143,8 +138,7 @@ static void pictures_are_judged_as_shown(void **state) {
   float clear[4 * PIXELS] = {0}, solid[4 * PIXELS];
   const tcs_look look = {{0.2, 0.4, 0.6}, false}, light = {{0.2, 0.4, 0.6}, true};
   for (int i = 0; i < PIXELS; i++)
-    for (int c = 0; c < 4; c++)
-      solid[4 * i + c] = c < 3 ? (float)look.background[c] : 1;
+    for (int c = 0; c < 4; c++) solid[4 * i + c] = c < 3 ? (float)look.background[c] : 1;
   tcs_difference d;
   assert_true(tcs_compare(clear, solid, SIDE, SIDE, &look, &d));
   close_to("what the background shows through is no difference", d.ciede_max, 0, 1e-4);

@@ -30,23 +30,12 @@ static tc_volume *make(tc_voxel_type type, double slope, double intercept) {
       .frames = 1,
       .modality = "CT"};
   tc_volume *v = tc_volume_new(&d, NULL);
-  for (int i = 0; i < 7 * 5 * 3; i++)
-    switch (type) {
-    case TC_U8:
-      ((uint8_t *)tc_volume_voxels(v))[i] = (uint8_t)(2 * i);
-      break;
-    case TC_I8:
-      ((int8_t *)tc_volume_voxels(v))[i] = (int8_t)(i - 60);
-      break;
-    case TC_U16:
-      ((uint16_t *)tc_volume_voxels(v))[i] = (uint16_t)(600 * i);
-      break;
-    case TC_I16:
-      ((int16_t *)tc_volume_voxels(v))[i] = (int16_t)(300 * i - 15000);
-      break;
-    default:
-      ((float *)tc_volume_voxels(v))[i] = (float)(i / 7.0 - 3);
-      break;
+  for (int i = 0; i < 7 * 5 * 3; i++) switch (type) {
+    case TC_U8: ((uint8_t *)tc_volume_voxels(v))[i] = (uint8_t)(2 * i); break;
+    case TC_I8: ((int8_t *)tc_volume_voxels(v))[i] = (int8_t)(i - 60); break;
+    case TC_U16: ((uint16_t *)tc_volume_voxels(v))[i] = (uint16_t)(600 * i); break;
+    case TC_I16: ((int16_t *)tc_volume_voxels(v))[i] = (int16_t)(300 * i - 15000); break;
+    default: ((float *)tc_volume_voxels(v))[i] = (float)(i / 7.0 - 3); break;
     }
   tc_volume_seal(v);
   return v;

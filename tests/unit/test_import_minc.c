@@ -68,8 +68,7 @@ static void write_minc(const char *name, const made *m, const int32_t *voxels) {
   const int rank = (int)g_strv_length(names);
   hsize_t dims[5], chunk[5];
   hid_t file = H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), list = H5Pcreate(H5P_DATASET_CREATE);
-  for (int i = 0; i < 4; i++)
-    H5Gclose(H5Gcreate2(file, groups[i], H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT));
+  for (int i = 0; i < 4; i++) H5Gclose(H5Gcreate2(file, groups[i], H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT));
   for (int i = 0; i < rank; i++) {
     put_dimension(file, m, names[i]);
     dims[i] = size_of(names[i]);
@@ -97,8 +96,7 @@ static void write_minc(const char *name, const made *m, const int32_t *voxels) {
 }
 
 static void ramp(int32_t *voxels, int n, int step) {
-  for (int i = 0; i < n; i++)
-    voxels[i] = i * step;
+  for (int i = 0; i < n; i++) voxels[i] = i * step;
 }
 
 /* Oblique axes, a step backwards and a scale for each slice: place and values are those of the file's own rule. */
@@ -106,8 +104,7 @@ static void place_and_scales(void **state) {
   static const double cosines[3][3] = {{0.8, 0.6, 0}, {-0.6, 0.8, 0}, {0, 0, 1}}, valid[2] = {-1000, 1000};
   static const double low[NZ] = {0, -1, -2, -3, -4}, high[NZ] = {10, 11, 12, 13, 14};
   int32_t voxels[VOXELS];
-  for (int i = 0; i < VOXELS; i++)
-    voxels[i] = i * 30 - 900;
+  for (int i = 0; i < VOXELS; i++) voxels[i] = i * 30 - 900;
   write_minc("place.mnc",
              &(made){.type = H5T_STD_I16BE,
                      .valid = valid,

@@ -57,8 +57,7 @@ static void write_tiff(const char *name, const kind *k) {
   char *path = path_of(name);
   TIFF *tiff = TIFFOpen(path, k->big_endian ? "wb" : "wl");
   assert_non_null(tiff);
-  for (int page = 0; page < PAGES; page++)
-    write_page(tiff, k, page);
+  for (int page = 0; page < PAGES; page++) write_page(tiff, k, page);
   TIFFClose(tiff);
   g_free(path);
 }

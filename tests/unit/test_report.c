@@ -67,8 +67,7 @@ static void run_quick(int measured) {
 
 static int lines_of(const char *text) {
   int n = 0;
-  for (; *text; text++)
-    n += *text == '\n';
+  for (; *text; text++) n += *text == '\n';
   return n;
 }
 
@@ -157,8 +156,7 @@ static void reports_a_volume(void **state) {
   }
   /* Both back ends, or the reason why not. */
   int gl = 0;
-  for (guint i = 0; i < rows->len; i++)
-    gl += !strcmp(g_array_index(rows, tcs_report_row, i).backend, "gl");
+  for (guint i = 0; i < rows->len; i++) gl += !strcmp(g_array_index(rows, tcs_report_row, i).backend, "gl");
   char *text = read_out("report.json");
   assert_true(gl >= 3 || strstr(text, "gl back end"));
   g_free(text);
@@ -189,8 +187,7 @@ static void goes_on_where_it_ended(void **state) {
   char *text = read_out("results.jsonl"), *path = path_of("results.jsonl");
   int before = lines_of(text);
   char *cut = text + strlen(text) - 1;
-  for (int i = 0; i < 3; i++)
-    cut = g_strrstr_len(text, cut - text, "\n");
+  for (int i = 0; i < 3; i++) cut = g_strrstr_len(text, cut - text, "\n");
   assert_true(g_file_set_contents(path, text, cut - text - 20, NULL)); /* three lines gone, a fourth torn */
   run_quick(4);
   char *again = read_out("results.jsonl");
@@ -293,8 +290,7 @@ static void objects_grow(void **state) {
     const int16_t *voxels = tc_volume_data(object.volume);
     const size_t n = (size_t)d->dims[0] * (size_t)d->dims[1] * (size_t)d->dims[2];
     size_t inside = 0;
-    for (size_t v = 0; v < n; v++)
-      inside += voxels[v] >= object.scene.splat.threshold[0];
+    for (size_t v = 0; v < n; v++) inside += voxels[v] >= object.scene.splat.threshold[0];
     mean[i] = (double)inside / (double)n;
     tcs_report_scene_clear(&object);
   }
@@ -355,8 +351,7 @@ static void fronts_slopes_and_cheapest(void **state) {
   GArray *rows = g_array_new(FALSE, FALSE, sizeof(tcs_report_row));
   double slope;
   assert_false(tcs_report_slope(rows, "s", "cpu", "preintegrated", &slope));
-  for (int i = 0; i < 5; i++)
-    add(rows, ldexp(4, -i), 1 << i, 0.016 * pow(0.25, i), 2);
+  for (int i = 0; i < 5; i++) add(rows, ldexp(4, -i), 1 << i, 0.016 * pow(0.25, i), 2);
   assert_true(tcs_report_slope(rows, "s", "cpu", "preintegrated", &slope));
   assert_true(fabs(slope - 2) < 1e-9);
   add(rows, 0.125, 40, 5e-7, 2); /* single precision's end: not part of the slope */
@@ -364,8 +359,7 @@ static void fronts_slopes_and_cheapest(void **state) {
   add(rows, 3, 3, 0.016, 2); /* slower than step 4 and no better: not on the front */
   GArray *front = tcs_report_front(rows, "s");
   assert_int_equal(front->len, 6);
-  for (guint i = 0; i < front->len; i++)
-    assert_int_equal(g_array_index(front, guint, i), i);
+  for (guint i = 0; i < front->len; i++) assert_int_equal(g_array_index(front, guint, i), i);
   assert_int_equal(tcs_report_cheapest(rows, "s", 1.0 / 255, false), 2);
   assert_int_equal(tcs_report_cheapest(rows, "s", 1.0 / 255, true), 3);
   assert_int_equal(tcs_report_cheapest(rows, "s", 1e-8, false), -1);
@@ -386,8 +380,7 @@ static void fronts_slopes_and_cheapest(void **state) {
   g_array_set_size(rows, 0);
   add(rows, 1, 5, 0.1, 2), add(rows, 1, 5, 0.1, 2), add(rows, 1, 10, 0.1, 4);
   tcs_report_steady(rows, 0);
-  for (guint i = 0; i < 3; i++)
-    assert_true(fabs(g_array_index(rows, tcs_report_row, i).time_ms - 5) < 1e-12);
+  for (guint i = 0; i < 3; i++) assert_true(fabs(g_array_index(rows, tcs_report_row, i).time_ms - 5) < 1e-12);
   g_array_free(rows, TRUE);
 }
 
@@ -488,8 +481,7 @@ static void losses_are_told_by_other_methods(void **state) {
   add_line(rows, "preintegrated2", (const double[]){1e-2, 2.5e-3, 6.3e-4, 1.6e-4}, 256, 1.6e-4);
   guint first = rows->len;
   add_line(rows, "preintegrated2", (const double[]){1e-2, 1.25e-3, 1.6e-4, 2e-5}, 256, 0);
-  for (guint i = first; i < rows->len; i++)
-    g_strlcpy(g_array_index(rows, tcs_report_row, i).filter, "cubic", 12);
+  for (guint i = first; i < rows->len; i++) g_strlcpy(g_array_index(rows, tcs_report_row, i).filter, "cubic", 12);
   loss = tcs_report_loss(rows, scene);
   assert_non_null(
       strstr(loss, "preintegrated2 is of order 3.00 from a step of 0.5 to 0.25, under the linear one of 1.98"));
@@ -565,16 +557,9 @@ static int tear_down(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {TEST(scenes_can_be_rendered),
-                                     TEST(objects_grow),
-                                     TEST(settings_follow_the_plan),
-                                     TEST(fronts_slopes_and_cheapest),
-                                     TEST(losses_are_explained),
-                                     TEST(losses_are_told_by_other_methods),
-                                     TEST(rows_survive_json),
-                                     TEST(reports_a_volume),
-                                     TEST(goes_on_where_it_ended),
-                                     TEST(an_interrupt_leaves_a_report),
-                                     TEST(bad_usage)};
+  const struct CMUnitTest tests[] = {TEST(scenes_can_be_rendered), TEST(objects_grow), TEST(settings_follow_the_plan),
+    TEST(fronts_slopes_and_cheapest), TEST(losses_are_explained), TEST(losses_are_told_by_other_methods),
+    TEST(rows_survive_json), TEST(reports_a_volume), TEST(goes_on_where_it_ended), TEST(an_interrupt_leaves_a_report),
+    TEST(bad_usage)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -100,14 +100,15 @@ static void test_sent_messages_have_two_parts(void **state) {
 
 static void put_frame(GByteArray *out, uint8_t first, const void *bytes, size_t size) {
   const uint8_t small[2] = {first, (uint8_t)size}, mid[4] = {first, 126, (uint8_t)(size >> 8), (uint8_t)size},
-                wide[10] = {first, 127, 0, 0, 0, 0, (uint8_t)(size >> 24), (uint8_t)(size >> 16), (uint8_t)(size >> 8),
-                            (uint8_t)size};
+                wide[10] = {
+                    first,        127, 0, 0, 0, 0, (uint8_t)(size >> 24), (uint8_t)(size >> 16), (uint8_t)(size >> 8),
+                    (uint8_t)size};
   g_byte_array_append(out, size < 126 ? small : size < 65536 ? mid : wide, size < 126 ? 2 : size < 65536 ? 4 : 10);
   g_byte_array_append(out, bytes, (guint)size);
 }
 
-/* Texts, pings and shared messages of every length class, through a pipe that takes a few bytes at a time: the bytes are
- * those of whole frames one after the other, in the order of queueing, and the body is nobody's copy. */
+/* Texts, pings and shared messages of every length class, through a pipe that takes a few bytes at a time: the bytes
+ * are those of whole frames one after the other, in the order of queueing, and the body is nobody's copy. */
 static void test_shared_messages_keep_their_bytes_and_place(void **state) {
   static const size_t sizes[] = {0, 1, 117, 118, 125, 126, 127, 4096, 65527, 65528, 65536, 200000};
   GRand *random = g_rand_new_with_seed(7);
@@ -117,8 +118,7 @@ static void test_shared_messages_keep_their_bytes_and_place(void **state) {
       tcs_channel *channel = open_channel(&end);
       GByteArray *wanted = g_byte_array_new(), *whole = g_byte_array_new();
       uint8_t *bytes = g_malloc(sizes[i] + 1);
-      for (size_t k = 0; k < sizes[i]; k++)
-        bytes[k] = (uint8_t)(k * 7 + i);
+      for (size_t k = 0; k < sizes[i]; k++) bytes[k] = (uint8_t)(k * 7 + i);
       GBytes *body = g_bytes_new(bytes, sizes[i]);
       g_byte_array_append(whole, (const guint8 *)"the head", 8);
       g_byte_array_append(whole, bytes, (guint)sizes[i]);
@@ -173,8 +173,7 @@ static void test_many_channels_share_one_body(void **state) {
   const size_t more = mallinfo2().uordblks + mallinfo2().hblkhd - before;
   print_message("%d channels: %zu bytes beside one body of %d\n", CHANNELS, more, SIZE);
   assert_in_range(more, 0, SIZE);
-  for (int i = 0; i < CHANNELS; i++)
-    close_channel(channels[i], &ends[i]);
+  for (int i = 0; i < CHANNELS; i++) close_channel(channels[i], &ends[i]);
   g_bytes_unref(body);
 }
 
@@ -182,10 +181,8 @@ static void test_a_flood_of_pings_makes_no_queue(void **state) {
   pipe_end end;
   tcs_channel *channel = open_channel(&end);
   end.room = 0;
-  for (int i = 0; i < 100000; i++)
-    put(&end, 0x89, "");
-  for (int i = 0; i < 100; i++)
-    assert_true(tcs_channel_read(channel));
+  for (int i = 0; i < 100000; i++) put(&end, 0x89, "");
+  for (int i = 0; i < 100; i++) assert_true(tcs_channel_read(channel));
   /* What was in one read of the framing may all be answered, and no more. */
   assert_true(tcs_channel_queued(channel) < 1000);
   assert_true(end.read <= 8192);
@@ -199,8 +196,7 @@ static void test_a_flood_of_pings_makes_no_queue(void **state) {
 static void test_one_turn_reads_a_bounded_amount(void **state) {
   pipe_end end;
   tcs_channel *channel = open_channel(&end);
-  for (int i = 0; i < 20000; i++)
-    put(&end, 0x81, "12345678");
+  for (int i = 0; i < 20000; i++) put(&end, 0x81, "12345678");
   assert_true(tcs_channel_read(channel));
   assert_true(end.read <= 65536);
   assert_true(end.texts->len > 0);
@@ -285,8 +281,7 @@ static void test_tasks_come_back_in_order(void **state) {
   tcs_worker_free(worker); /* finishes what is queued */
   tcs_completions_drain(&completions);
   assert_int_equal(order->len, N);
-  for (int i = 0; i < N; i++)
-    assert_int_equal(g_array_index(order, int, i), 2 * i);
+  for (int i = 0; i < N; i++) assert_int_equal(g_array_index(order, int, i), 2 * i);
   g_array_unref(order);
   tcs_completions_finish(&completions);
 }
@@ -302,10 +297,8 @@ static void test_several_threads_share_a_queue(void **state) {
     tasks[i] = (counted){{run_counted, done_counted, NULL}, 1, order};
     tcs_worker_submit(worker, &tasks[i].task);
   }
-  while (order->len < N)
-    tcs_completions_drain(&completions);
-  for (int i = 0; i < N; i++)
-    assert_int_equal(g_array_index(order, int, i), 2); /* each ran once */
+  while (order->len < N) tcs_completions_drain(&completions);
+  for (int i = 0; i < N; i++) assert_int_equal(g_array_index(order, int, i), 2); /* each ran once */
   tcs_worker_free(worker);
   g_array_unref(order);
   tcs_completions_finish(&completions);
@@ -319,8 +312,7 @@ typedef struct gate {
 static void run_gate(tcs_task *task) {
   gate *g = (gate *)task;
   atomic_store(&g->entered, true);
-  while (!atomic_load(&g->open))
-    g_usleep(100);
+  while (!atomic_load(&g->open)) g_usleep(100);
 }
 
 static void done_gate(tcs_task *task) {}
@@ -335,12 +327,9 @@ static void test_waiting_tasks_can_be_taken_back(void **state) {
   gate g = {.task = {run_gate, done_gate, NULL}};
   counted tasks[5];
   tcs_worker_submit(worker, &g.task);
-  while (!atomic_load(&g.entered))
-    g_usleep(100);
-  for (int i = 0; i < 5; i++)
-    tasks[i] = (counted){{run_counted, done_counted, NULL}, i, order};
-  for (int i = 0; i < 4; i++)
-    assert_true(tcs_worker_offer(worker, &tasks[i].task, 4));
+  while (!atomic_load(&g.entered)) g_usleep(100);
+  for (int i = 0; i < 5; i++) tasks[i] = (counted){{run_counted, done_counted, NULL}, i, order};
+  for (int i = 0; i < 4; i++) assert_true(tcs_worker_offer(worker, &tasks[i].task, 4));
   assert_false(tcs_worker_offer(worker, &tasks[4].task, 4));
   assert_false(tcs_worker_drop(worker, &g.task));
   assert_true(tcs_worker_drop(worker, &tasks[3].task)); /* the last, the middle, the first */
@@ -350,8 +339,7 @@ static void test_waiting_tasks_can_be_taken_back(void **state) {
   assert_int_equal(tcs_worker_waiting(worker), 1);
   assert_true(tcs_worker_offer(worker, &tasks[4].task, 4));
   atomic_store(&g.open, true);
-  while (order->len < 2)
-    tcs_completions_drain(&completions);
+  while (order->len < 2) tcs_completions_drain(&completions);
   assert_int_equal(g_array_index(order, int, 0), 2 * 2);
   assert_int_equal(g_array_index(order, int, 1), 2 * 4);
   tcs_worker_free(worker);

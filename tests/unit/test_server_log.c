@@ -89,8 +89,7 @@ static void test_a_moved_file_is_opened_anew(void **state) {
   assert_true(tcs_log_flush(PATIENCE_MS));
   assert_int_equal(rename(p->file, p->moved), 0);
   tcs_log_reopen();
-  for (int i = 0; i < 2000 && access(p->file, F_OK) != 0; i++)
-    g_usleep(10000);
+  for (int i = 0; i < 2000 && access(p->file, F_OK) != 0; i++) g_usleep(10000);
   tcs_log(TCS_LOG_INFO, "two", NULL);
   tcs_log_stop(PATIENCE_MS);
   char **old = read_lines(p->moved), **new = read_lines(p->file);
@@ -157,8 +156,7 @@ static void test_the_end_waits_only_so_long(void **state) {
   const int reader = open(p->fifo, O_RDONLY | O_NONBLOCK);
   assert_true(tcs_log_open(p->fifo, NULL));
   tcs_log_start();
-  for (int i = 0; i < 10000; i++)
-    tcs_log(TCS_LOG_INFO, "line", "n=%d", i);
+  for (int i = 0; i < 10000; i++) tcs_log(TCS_LOG_INFO, "line", "n=%d", i);
   const gint64 began = g_get_monotonic_time();
   tcs_log_stop(50);
   assert_true(g_get_monotonic_time() - began < 10000000);

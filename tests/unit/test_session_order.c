@@ -1,5 +1,5 @@
-/* What a session has rendered, and pictures that come in another order than they were begun in: there are two encoders. The
- * jobs are ended by hand, so that order and times are the test's. */
+/* What a session has rendered, and pictures that come in another order than they were begun in: there are two encoders.
+ * The jobs are ended by hand, so that order and times are the test's. */
 #include "tests/support/test.h"
 
 #include "server/cli/daemon.h"
@@ -35,8 +35,7 @@ static int open_daemon(void **state) {
   assert_non_null(under_test);
   tcs_server *server = tcs_daemon_server(under_test);
   tcs_entry *entry = tcs_catalogue_find(server->catalogue, TCS_KIND_VOLUME, "v");
-  while (entry->state == TCS_LOADING)
-    tcs_daemon_turn(under_test, 10);
+  while (entry->state == TCS_LOADING) tcs_daemon_turn(under_test, 10);
   session = tcs_sessions_create(server->sessions, entry, NULL, NULL, "unit", NULL);
   assert_non_null(session);
   return 0;
@@ -180,7 +179,7 @@ static void what_is_not_lit_at_every_sample_is_sized_by_its_own_frames(void **st
     light("central");
     assert_true(tcs_session_patch(session, patch, NULL, false, NULL));
     tcs_job *final = rendered_job(true);
-    tcs_ladder *ladder = &((tcs_view *)final->part)->ladders[modes[i]];
+    tcs_ladder *ladder = &((tcs_view *) final->part)->ladders[modes[i]];
     final->stats.render_ms = 1e-5 * final->samples;
     encoded(final);
     assert_true(ladder->measured && fabs(ladder->ms_per_sample - 1e-5) < 1e-9);

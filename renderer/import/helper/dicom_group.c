@@ -52,8 +52,7 @@ static void classify(work *w) {
   const tc_dicom_slice **first = g_new(const tc_dicom_slice *, CLASSES_MOST);
   for (size_t i = 0; i < w->count; i++) {
     size_t c = 0;
-    while (c < classes && !alike(first[c], w->entries[i].slice))
-      c++;
+    while (c < classes && !alike(first[c], w->entries[i].slice)) c++;
     if (c == classes && classes < CLASSES_MOST) first[classes++] = w->entries[i].slice;
     w->entries[i].class_of = (uint32_t)c;
   }
@@ -144,8 +143,7 @@ static size_t number_levels(work *w, size_t from, size_t count) {
  * sparse. */
 static void emit(work *w, const entry *e, size_t count, size_t step, size_t places) {
   tc_dicom_group group = {.slices = w->store + w->stored, .places = places};
-  for (size_t i = 0; i < count; i += step)
-    group.slices[group.count++] = (uint32_t)(e[i].slice - w->slices);
+  for (size_t i = 0; i < count; i += step) group.slices[group.count++] = (uint32_t)(e[i].slice - w->slices);
   group.tangled = places < group.count && !e->slice->sparse;
   w->stored += group.count;
   g_array_append_val(w->groups, group);
@@ -178,8 +176,7 @@ static size_t run_end(const entry *e, size_t count, size_t from, int direction) 
 static bool emit_runs(work *w, entry *e, size_t count, size_t wanted) {
   for (int direction = 1; direction >= -1; direction -= 2) {
     size_t runs = 0;
-    for (size_t i = 0; i < count && runs <= wanted; runs++)
-      i = run_end(e, count, i, direction);
+    for (size_t i = 0; i < count && runs <= wanted; runs++) i = run_end(e, count, i, direction);
     if (runs != wanted) continue;
     for (size_t i = 0, end; i < count; i = end) {
       end = run_end(e, count, i, direction);
@@ -196,8 +193,7 @@ static void split_turns(work *w, entry *e, size_t count) {
   qsort(e, count, sizeof *e, by_level);
   const size_t each = multiplicity(e, count, &places);
   if (each * places == count) {
-    for (size_t turn = 0; turn < each; turn++)
-      emit(w, e + turn, count - turn, each, places);
+    for (size_t turn = 0; turn < each; turn++) emit(w, e + turn, count - turn, each, places);
     return;
   }
   qsort(e, count, sizeof *e, by_turn);
@@ -230,8 +226,7 @@ static bool goes_on(const reach *a, const reach *b) {
 /* The end of the entries that share a key with the one at `from`. */
 static size_t part_end(const entry *e, size_t count, size_t from, tc_dicom_key key) {
   size_t i = from + 1;
-  while (i < count && e[i].slice->keys[key] == e[from].slice->keys[key])
-    i++;
+  while (i < count && e[i].slice->keys[key] == e[from].slice->keys[key]) i++;
   return i;
 }
 
@@ -351,8 +346,7 @@ void tc_dicom_groups_make(const tc_dicom_slice *slices, size_t count, tc_dicom_g
   work w = {.slices = slices, .entries = g_new0(entry, count), .count = count, .store = g_new(uint32_t, 2 * count)};
   w.groups = g_array_new(FALSE, TRUE, sizeof(tc_dicom_group));
   *groups = (tc_dicom_groups){.store = w.store};
-  for (size_t i = 0; i < count; i++)
-    w.entries[i].slice = &slices[i];
+  for (size_t i = 0; i < count; i++) w.entries[i].slice = &slices[i];
   groups->copies = drop_copies(&w);
   qsort(w.entries, w.count, sizeof *w.entries, by_turn);
   classify(&w);
@@ -363,8 +357,7 @@ void tc_dicom_groups_make(const tc_dicom_slice *slices, size_t count, tc_dicom_g
   }
   qsort(w.entries, w.count, sizeof *w.entries, by_place);
   for (size_t from = 0, end; from < w.count; from = end) {
-    for (end = from + 1; end < w.count && w.entries[end].class_of == w.entries[from].class_of;)
-      end++;
+    for (end = from + 1; end < w.count && w.entries[end].class_of == w.entries[from].class_of;) end++;
     groups->places += split_class(&w, from, end - from);
   }
   groups->count = w.groups->len;

@@ -12,7 +12,8 @@ bool tc_dicom_samples_valid(const tc_dicom_samples *s) {
   if (s->is_float) return grey && s->per_pixel == 1 && (s->allocated == 32 || s->allocated == 64);
   if (s->allocated == 1) return grey && s->per_pixel == 1;
   if (s->allocated != 8 && s->allocated != 16 && s->allocated != 32 && s->allocated != 64) return false;
-  if (s->halved && (s->allocated != 8 || s->per_pixel != 3 || s->columns % 2 || s->colour != TC_DICOM_YBR)) return false;
+  if (s->halved && (s->allocated != 8 || s->per_pixel != 3 || s->columns % 2 || s->colour != TC_DICOM_YBR))
+    return false;
   if (s->stored < 1 || s->stored > s->allocated || s->high < s->stored - 1 || s->high >= s->allocated) return false;
   return grey ? s->per_pixel == 1 : (s->per_pixel == 3 || s->per_pixel == 4) && s->allocated <= 16;
 }
@@ -32,8 +33,7 @@ tc_voxel_type tc_dicom_natural_type(const tc_dicom_samples *s) {
 
 static uint64_t load(const uint8_t *at, int bytes) {
   uint64_t value = 0;
-  for (int i = 0; i < bytes; i++)
-    value |= (uint64_t)at[i] << (8 * i);
+  for (int i = 0; i < bytes; i++) value |= (uint64_t)at[i] << (8 * i);
   return value;
 }
 
@@ -97,7 +97,8 @@ static double pixel(const tc_dicom_samples *s, const uint8_t *bytes, size_t pixe
     return (bytes[bit / 8] >> (bit % 8)) & 1;
   }
   color(s, bytes, pixels, i, c);
-  return s->colour == TC_DICOM_GREY ? c[0] : round(luma(c[0], c[1], c[2]) * 255 / ((double)(UINT64_C(1) << s->stored) - 1));
+  return s->colour == TC_DICOM_GREY ? c[0]
+                                    : round(luma(c[0], c[1], c[2]) * 255 / ((double)(UINT64_C(1) << s->stored) - 1));
 }
 
 bool tc_dicom_colors(const tc_dicom_samples *s, const uint8_t *bytes, size_t size, uint8_t *rgb) {
@@ -114,31 +115,19 @@ bool tc_dicom_colors(const tc_dicom_samples *s, const uint8_t *bytes, size_t siz
 
 static void store(tc_voxel_type type, void *voxels, size_t i, double value) {
   switch (type) {
-  case TC_U8:
-    ((uint8_t *)voxels)[i] = (uint8_t)clamp(value, 0, 255);
-    break;
-  case TC_I8:
-    ((int8_t *)voxels)[i] = (int8_t)clamp(value, -128, 127);
-    break;
-  case TC_U16:
-    ((uint16_t *)voxels)[i] = (uint16_t)clamp(value, 0, 65535);
-    break;
-  case TC_I16:
-    ((int16_t *)voxels)[i] = (int16_t)clamp(value, -32768, 32767);
-    break;
-  case TC_F32:
-    ((float *)voxels)[i] = (float)value;
-    break;
-  case TC_VOXEL_TYPE_COUNT:
-    break;
+  case TC_U8: ((uint8_t *)voxels)[i] = (uint8_t)clamp(value, 0, 255); break;
+  case TC_I8: ((int8_t *)voxels)[i] = (int8_t)clamp(value, -128, 127); break;
+  case TC_U16: ((uint16_t *)voxels)[i] = (uint16_t)clamp(value, 0, 65535); break;
+  case TC_I16: ((int16_t *)voxels)[i] = (int16_t)clamp(value, -32768, 32767); break;
+  case TC_F32: ((float *)voxels)[i] = (float)value; break;
+  case TC_VOXEL_TYPE_COUNT: break;
   }
 }
 
 /* The usual picture, 8 or 16 bits into its natural type: no detour over doubles. True when it was one. */
 static bool convert_plain(const tc_dicom_samples *s, const uint8_t *bytes, size_t pixels, const tc_dicom_target *target,
                           void *voxels) {
-  if (s->is_float || s->colour != TC_DICOM_GREY || target->type != tc_dicom_natural_type(s))
-    return false;
+  if (s->is_float || s->colour != TC_DICOM_GREY || target->type != tc_dicom_natural_type(s)) return false;
   if (s->allocated != 8 && s->allocated != 16) return false;
   if (s->stored == s->allocated) { /* nothing to cut */
     memcpy(voxels, bytes, pixels * (size_t)s->allocated / 8);
@@ -212,10 +201,12 @@ bool tc_dicom_range(const tc_dicom_samples *s, const uint8_t *bytes, size_t size
   return true;
 }
 
-void tc_dicom_mix_layers(tc_voxel_type type, const void *below, const void *above, double part, size_t count, void *out) {
+void tc_dicom_mix_layers(tc_voxel_type type, const void *below, const void *above, double part, size_t count,
+                         void *out) {
   for (size_t i = 0; i < count; i++) {
     double value = tc_voxel_at(type, below, i);
-    if (part > 0) value = part < 1 ? (1 - part) * value + part * tc_voxel_at(type, above, i) : tc_voxel_at(type, above, i);
+    if (part > 0)
+      value = part < 1 ? (1 - part) * value + part * tc_voxel_at(type, above, i) : tc_voxel_at(type, above, i);
     store(type, out, i, type == TC_F32 ? value : floor(value + 0.5));
   }
 }

@@ -82,8 +82,7 @@ void tc_dicom_normal(const tc_dicom_slice *slice, double normal[3]) {
   const double *o = slice->has_orientation ? slice->orientation : straight;
   cross3(o, o + 3, normal);
   double length = length3(normal);
-  for (int i = 0; i < 3; i++)
-    normal[i] /= length > 0 ? length : 1;
+  for (int i = 0; i < 3; i++) normal[i] /= length > 0 ? length : 1;
 }
 
 double tc_dicom_same_place(double range, size_t count) {
@@ -169,8 +168,7 @@ static void mix_layers(const double *at, size_t levels, size_t layers, tc_dicom_
   s->mix = g_new(tc_dicom_mix, layers);
   for (size_t z = 0, below = 0; z < layers; z++) {
     double here = at[0] + step * (double)z;
-    while (below + 2 < levels && at[below + 1] <= here)
-      below++;
+    while (below + 2 < levels && at[below + 1] <= here) below++;
     double part = (here - at[below]) / (at[below + 1] - at[below]);
     if (part < 1e-6) part = 0;
     if (part > 1 - 1e-6) part = 1;
@@ -181,17 +179,16 @@ static void mix_layers(const double *at, size_t levels, size_t layers, tc_dicom_
 
 static void bridge(const double *at, size_t levels, const uint32_t *places, tc_dicom_stack *s) {
   size_t i = 1;
-  while (places[i] == i)
-    i++;
+  while (places[i] == i) i++;
   mix_layers(at, levels, levels + 1, s);
   for (size_t k = 0; k < levels; k++) /* what is there stays as it is */
-    s->mix[places[k]] =
-        k + 1 < levels ? (tc_dicom_mix){(uint32_t)k, 0} : (tc_dicom_mix){(uint32_t)k - 1, 1};
+    s->mix[places[k]] = k + 1 < levels ? (tc_dicom_mix){(uint32_t)k, 0} : (tc_dicom_mix){(uint32_t)k - 1, 1};
   s->bridged = (int)i + 1;
   tc_dicom_note(s->note, "1 missing slice bridged from its neighbours (layer %zu of %zu)", i + 1, levels + 1);
 }
 
-/* The first step too wide to make anything up for: much wider than those beside it, or than the usual one; n if none. */
+/* The first step too wide to make anything up for: much wider than those beside it, or than the usual one; n if none.
+ */
 static size_t first_gap(const double *steps, size_t n, double usual) {
   for (size_t i = 0; i < n; i++) {
     double before = i > 0 ? steps[i - 1] : steps[i + 1], after = i + 1 < n ? steps[i + 1] : before;
@@ -204,16 +201,15 @@ static size_t first_gap(const double *steps, size_t n, double usual) {
 static bool resample(const double *at, size_t levels, tc_dicom_stack *s, GError **error) {
   size_t n = levels - 1;
   double *steps = g_new(double, n), *sorted = g_new(double, n), range = at[levels - 1] - at[0];
-  for (size_t i = 0; i < n; i++)
-    sorted[i] = steps[i] = at[i + 1] - at[i];
+  for (size_t i = 0; i < n; i++) sorted[i] = steps[i] = at[i + 1] - at[i];
   qsort(sorted, n, sizeof *sorted, compare_doubles);
   double least = sorted[0], usual = sorted[n / 2], widest = sorted[n - 1];
   size_t gap = first_gap(steps, n, usual);
   g_free(sorted);
   g_free(steps);
   if (gap < n)
-    return fail(error, "slices are missing after slice %zu of %zu: %.3g mm apart there, usually %.3g mm", gap + 1, levels,
-                at[gap + 1] - at[gap], usual);
+    return fail(error, "slices are missing after slice %zu of %zu: %.3g mm apart there, usually %.3g mm", gap + 1,
+                levels, at[gap + 1] - at[gap], usual);
   size_t layers = (size_t)fmin(ceil(range / least - 1e-6), (double)(LAYERS_A_SLICE * n)) + 1;
   mix_layers(at, levels, layers, s);
   tc_dicom_note(s->note, "slice distances of %.3g to %.3g mm: %zu slices resampled to %zu layers %.4g mm apart", least,
@@ -266,8 +262,7 @@ static bool check_line(const work *w, const double *at, const tc_dicom_stack *s,
 static bool place_axis(const work *w, double *at, tc_dicom_stack *s, GError **error) {
   const tc_dicom_slice *first = slice_of(w, 0), *last = slice_of(w, w->count - 1);
   double across[3], length;
-  for (int k = 0; k < 3; k++)
-    across[k] = last->position[k] - first->position[k];
+  for (int k = 0; k < 3; k++) across[k] = last->position[k] - first->position[k];
   length = length3(across);
   double lean = w->levels > 1 ? dot3(across, w->normal) / length : 1;
   if (!(lean > LEAST_LEAN)) return fail(error, "slices are shifted along their own plane and make no volume");
@@ -275,8 +270,7 @@ static bool place_axis(const work *w, double *at, tc_dicom_stack *s, GError **er
     s->direction[3 * k + 2] = w->levels > 1 ? across[k] / length : w->normal[k];
     s->origin[k] = first->position[k];
   }
-  for (size_t i = 0; i < w->levels; i++)
-    at[i] /= lean;
+  for (size_t i = 0; i < w->levels; i++) at[i] /= lean;
   if (lean < TILT_COSINE)
     tc_dicom_note(s->note, "gantry tilt: slices are stacked %.1f degrees off their normal and kept as an oblique axis",
                   acos(lean) * 180 / G_PI);
@@ -300,8 +294,7 @@ static void set_plane(const tc_dicom_slice *first, tc_dicom_stack *s) {
   }
   s->dims[0] = first->columns;
   s->dims[1] = first->rows;
-  for (int i = 0; i < 2; i++)
-    s->spacing[i] = first->has_spacing ? first->spacing[i] : 1;
+  for (int i = 0; i < 2; i++) s->spacing[i] = first->has_spacing ? first->spacing[i] : 1;
   if (!first->has_spacing) tc_dicom_note(s->note, "pixel spacing unknown, 1 mm used");
   if (!first->has_orientation) tc_dicom_note(s->note, "orientation unknown, axial assumed");
   if (!first->has_position) tc_dicom_note(s->note, "slice positions unknown");
@@ -310,12 +303,10 @@ static void set_plane(const tc_dicom_slice *first, tc_dicom_stack *s) {
 /* No positions: every picture is a layer, in its turn. */
 static bool stack_by_turn(work *w, tc_dicom_stack *s) {
   qsort(w->entries, w->count, sizeof *w->entries, by_turn);
-  for (size_t i = 0; i < w->count; i++)
-    s->items[i] = (tc_dicom_layer_item){w->entries[i].slice, (uint32_t)i};
+  for (size_t i = 0; i < w->count; i++) s->items[i] = (tc_dicom_layer_item){w->entries[i].slice, (uint32_t)i};
   s->count = w->count;
   s->dims[2] = (int)w->count;
-  for (int k = 0; k < 3; k++)
-    s->direction[3 * k + 2] = w->normal[k];
+  for (int k = 0; k < 3; k++) s->direction[3 * k + 2] = w->normal[k];
   s->spacing[2] = spare_step(slice_of(w, 0), s->note);
   return true;
 }
@@ -324,8 +315,7 @@ static bool stack_by_turn(work *w, tc_dicom_stack *s) {
  * step. */
 static bool segment_step(const double *at, size_t levels, double header, double *step, GError **error) {
   double least = at[1] - at[0];
-  for (size_t i = 1; i + 1 < levels; i++)
-    least = fmin(least, at[i + 1] - at[i]);
+  for (size_t i = 1; i + 1 < levels; i++) least = fmin(least, at[i + 1] - at[i]);
   double tries[2] = {header > 0 ? header : least, least};
   for (int t = 0; t < 2; t++) {
     bool fits = true;
@@ -362,8 +352,7 @@ static bool stack_segments(const work *w, const double *at, tc_dicom_stack *s, G
 
 static bool stack_levels(const work *w, const double *at, tc_dicom_stack *s, GError **error) {
   if (w->levels < w->count) return fail(error, "%zu pictures share a position", w->count - w->levels);
-  for (size_t i = 0; i < w->count; i++)
-    s->items[i] = (tc_dicom_layer_item){w->entries[i].slice, (uint32_t)i};
+  for (size_t i = 0; i < w->count; i++) s->items[i] = (tc_dicom_layer_item){w->entries[i].slice, (uint32_t)i};
   s->count = w->count;
   s->dims[2] = (int)w->levels;
   if (w->levels == 1)
@@ -381,8 +370,7 @@ static bool stack(work *w, tc_dicom_stack *s, GError **error) {
   if (!slice_of(w, 0)->has_position) return stack_by_turn(w, s);
   find_levels(w);
   double *at = g_new0(double, w->levels);
-  for (size_t i = w->count; i-- > 0;)
-    at[w->level[i]] = w->entries[i].along;
+  for (size_t i = w->count; i-- > 0;) at[w->level[i]] = w->entries[i].along;
   bool ok = place_axis(w, at, s, error) &&
             (slice_of(w, 0)->sparse ? stack_segments(w, at, s, error) : stack_levels(w, at, s, error));
   g_free(at);

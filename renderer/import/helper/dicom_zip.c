@@ -43,8 +43,7 @@ bool tc_dicom_zip_open(tc_dicom_zip *zip, const void *bytes, size_t size, GError
   }
   zip->count = (size_t)count;
   zip->members = g_new0(tc_dicom_zip_member, zip->count + 1);
-  for (size_t i = 0; i < zip->count; i++)
-    zip->members[i] = describe(zip->archive, i, size);
+  for (size_t i = 0; i < zip->count; i++) zip->members[i] = describe(zip->archive, i, size);
   return true;
 }
 

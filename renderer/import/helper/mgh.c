@@ -22,33 +22,24 @@ static bool parse(mgh_header *h, const uint8_t *head, size_t size) {
   tc_reader_init(&r, head, size, true);
   *h = unplaced;
   h->version = tc_reader_i32(&r);
-  for (int k = 0; k < 3; k++)
-    h->dims[k] = tc_reader_i32(&r);
+  for (int k = 0; k < 3; k++) h->dims[k] = tc_reader_i32(&r);
   h->frames = tc_reader_i32(&r);
   h->type = tc_reader_i32(&r);
   tc_reader_seek(&r, numbers_at - 2);
   h->placed = tc_reader_i16(&r) > 0;
-  for (int k = 0; h->placed && k < 3; k++)
-    h->spacing[k] = tc_reader_f32(&r);
-  for (int i = 0; h->placed && i < 9; i++)
-    h->axes[i / 3][i % 3] = tc_reader_f32(&r);
-  for (int i = 0; h->placed && i < 3; i++)
-    h->centre[i] = tc_reader_f32(&r);
+  for (int k = 0; h->placed && k < 3; k++) h->spacing[k] = tc_reader_f32(&r);
+  for (int i = 0; h->placed && i < 9; i++) h->axes[i / 3][i % 3] = tc_reader_f32(&r);
+  for (int i = 0; h->placed && i < 3; i++) h->centre[i] = tc_reader_f32(&r);
   return !r.failed;
 }
 
 static int element_of(int32_t type) {
   switch (type) {
-  case 0:
-    return TC_ELEMENT_U8;
-  case 1:
-    return TC_ELEMENT_I32;
-  case 3:
-    return TC_ELEMENT_F32;
-  case 4:
-    return TC_ELEMENT_I16;
-  default:
-    return -1;
+  case 0: return TC_ELEMENT_U8;
+  case 1: return TC_ELEMENT_I32;
+  case 3: return TC_ELEMENT_F32;
+  case 4: return TC_ELEMENT_I16;
+  default: return -1;
   }
 }
 
@@ -91,8 +82,7 @@ static bool read_mgh(const tc_input *input, const tc_order *order, GError **erro
     tc_set_error(error, TC_ERROR_FORMAT, NULL, "no MGH header of version 1 with uchar, short, int or float voxels");
     goto out;
   }
-  for (int k = 0; k < 3; k++)
-    raster.desc.dims[k] = h.dims[k];
+  for (int k = 0; k < 3; k++) raster.desc.dims[k] = h.dims[k];
   raster.frames = (uint64_t)h.frames;
   raster.element = (tc_element)element;
   raster.big_endian = true;

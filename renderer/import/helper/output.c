@@ -21,8 +21,7 @@ static bool hear(tc_output *o, char *what, int *fd, GError **error) {
   struct msghdr message = {
       .msg_iov = &part, .msg_iovlen = 1, .msg_control = &control, .msg_controllen = sizeof control};
   ssize_t n;
-  do
-    n = recvmsg(TC_HELPER_SOCKET_FD, &message, MSG_CMSG_CLOEXEC);
+  do n = recvmsg(TC_HELPER_SOCKET_FD, &message, MSG_CMSG_CLOEXEC);
   while (n < 0 && errno == EINTR);
   if (n != 1) return gone(error);
   const struct cmsghdr *header = CMSG_FIRSTHDR(&message);

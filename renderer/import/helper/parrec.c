@@ -157,8 +157,7 @@ static void sort(parrec *p) {
 static void keep_whole(parrec *p) {
   guint kept = 0;
   for (guint from = 0, to; from < p->images->len; from = to) {
-    for (to = from + 1; to < p->images->len && compare_volume(image_at(p, from), image_at(p, to)) == 0;)
-      to++;
+    for (to = from + 1; to < p->images->len && compare_volume(image_at(p, from), image_at(p, to)) == 0;) to++;
     if (to - from != (guint)p->slices) {
       p->incomplete++;
       continue;
@@ -223,8 +222,7 @@ static bool set_space(tc_raster *raster, const parrec *p, GError **error) {
   memcpy(raster->desc.origin, centre, sizeof centre);
   for (int k = 0; k < 3; k++) {
     double v[3];
-    for (int i = 0; i < 3; i++)
-      v[i] = steps[k] * axes[(int)orientation - 1][k][i];
+    for (int i = 0; i < 3; i++) v[i] = steps[k] * axes[(int)orientation - 1][k][i];
     turn(v, 2, 0, p->angles[1]); /* FH about S */
     turn(v, 1, 2, p->angles[0]); /* AP about P */
     turn(v, 0, 1, p->angles[2]); /* RL about L */

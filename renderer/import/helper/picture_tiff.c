@@ -103,8 +103,7 @@ bool tc_tiff_open(tc_picture *p, GError **error) {
   if (!tiff) return fail(TC_ERROR_FORMAT, "its header is damaged", error);
   read_note(tiff, &p->note);
   bool cut = false;
-  while (p->pages <= TC_PICTURE_PAGES && next_page(tiff, &cut))
-    p->pages++;
+  while (p->pages <= TC_PICTURE_PAGES && next_page(tiff, &cut)) p->pages++;
   if (cut) return fail(TC_ERROR_FORMAT, "the file is cut short: fetch it again", error);
   if (p->pages > TC_PICTURE_PAGES) return fail(TC_ERROR_LIMIT, "more than 65536 pages", error);
   if (!TIFFSetDirectory(tiff, 0)) return fail(TC_ERROR_FORMAT, "its first page is damaged", error);
@@ -192,8 +191,7 @@ static bool read_colours(TIFF *tiff, const tc_page *page, uint8_t *to) {
   uint32_t *rgba = g_try_new(uint32_t, n);
   const bool ok = rgba && TIFFReadRGBAImageOriented(tiff, (uint32_t)page->width, (uint32_t)page->height, rgba,
                                                     ORIENTATION_TOPLEFT, 1);
-  for (size_t i = 0; ok && i < n; i++)
-    rgba[i] = GUINT32_TO_LE(rgba[i]);
+  for (size_t i = 0; ok && i < n; i++) rgba[i] = GUINT32_TO_LE(rgba[i]);
   if (ok) tc_picture_luma((const uint8_t *)rgba, n, to);
   g_free(rgba);
   return ok;

@@ -18,15 +18,13 @@ static bool write_all(int fd, const void *bytes, size_t size) {
 }
 
 static void put_u32(uint8_t **at, uint32_t value) {
-  for (int i = 0; i < 4; i++)
-    *(*at)++ = (uint8_t)(value >> (8 * i));
+  for (int i = 0; i < 4; i++) *(*at)++ = (uint8_t)(value >> (8 * i));
 }
 
 static void put_f64(uint8_t **at, double value) {
   uint64_t bits;
   memcpy(&bits, &value, 8);
-  for (int i = 0; i < 8; i++)
-    *(*at)++ = (uint8_t)(bits >> (8 * i));
+  for (int i = 0; i < 8; i++) *(*at)++ = (uint8_t)(bits >> (8 * i));
 }
 
 /* A fixed field: cut to fit, zero-filled, always ended. */
@@ -72,8 +70,7 @@ bool tc_wire_send_series(int fd, const tc_series *series) {
 
 bool tc_wire_send_head(int fd, const tc_volume_desc *desc, const tc_provenance *from) {
   uint8_t body[TC_WIRE_HEAD_BYTES], *at = body;
-  for (int i = 0; i < 3; i++)
-    put_u32(&at, (uint32_t)desc->dims[i]);
+  for (int i = 0; i < 3; i++) put_u32(&at, (uint32_t)desc->dims[i]);
   put_u32(&at, (uint32_t)desc->type);
   put_u32(&at, (uint32_t)desc->frames);
   put_u32(&at, (uint32_t)from->volume);
@@ -82,12 +79,9 @@ bool tc_wire_send_head(int fd, const tc_volume_desc *desc, const tc_provenance *
   put_u32(&at, (uint32_t)from->bridged);
   put_u32(&at, from->resampled);
   put_u32(&at, from->colors);
-  for (int i = 0; i < 3; i++)
-    put_f64(&at, desc->spacing[i]);
-  for (int i = 0; i < 3; i++)
-    put_f64(&at, desc->origin[i]);
-  for (int i = 0; i < 9; i++)
-    put_f64(&at, desc->direction[i]);
+  for (int i = 0; i < 3; i++) put_f64(&at, desc->spacing[i]);
+  for (int i = 0; i < 3; i++) put_f64(&at, desc->origin[i]);
+  for (int i = 0; i < 9; i++) put_f64(&at, desc->direction[i]);
   put_f64(&at, desc->slope);
   put_f64(&at, desc->intercept);
   put_f64(&at, desc->window_center);
@@ -107,16 +101,14 @@ bool tc_wire_send_segment(int fd, const tc_segment *segment) {
   put_u32(&at, segment->of[0]);
   put_u32(&at, segment->of[1]);
   *at++ = segment->has_color;
-  for (int i = 0; i < 3; i++)
-    *at++ = (uint8_t)(segment->color[i] * 255 + 0.5f);
+  for (int i = 0; i < 3; i++) *at++ = (uint8_t)(segment->color[i] * 255 + 0.5f);
   put_text(&at, segment->name, sizeof segment->name);
   return send_message(fd, TC_WIRE_SEGMENT, body, sizeof body);
 }
 
 bool tc_wire_send_mesh(int fd, const tc_mesh_head *head) {
   uint8_t body[TC_WIRE_MESH_BYTES], *at = body;
-  for (int i = 0; i < 3; i++)
-    put_f64(&at, head->origin[i]);
+  for (int i = 0; i < 3; i++) put_f64(&at, head->origin[i]);
   put_f64(&at, (double)head->n_vertices);
   put_f64(&at, (double)head->n_triangles);
   put_f64(&at, (double)head->degenerate);

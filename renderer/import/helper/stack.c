@@ -164,8 +164,7 @@ static void settle_note(stack *s) {
 
 static void set_space(const stack *s, tc_raster *raster) {
   const bool chosen = s->spacing[0] > 0, noted = s->note.spacing[0] > 0;
-  for (int k = 0; k < 3; k++)
-    raster->desc.spacing[k] = chosen ? s->spacing[k] : noted ? s->note.spacing[k] : 1;
+  for (int k = 0; k < 3; k++) raster->desc.spacing[k] = chosen ? s->spacing[k] : noted ? s->note.spacing[k] : 1;
   if (!chosen && !noted)
     tc_raster_note(raster, "pictures have no spacing: 1 mm assumed, give it as PATH#spacing=X,Y,Z");
   tc_raster_note(raster, "pictures give no place: columns taken as left, rows as posterior, slices as head");
@@ -193,8 +192,7 @@ static bool send(const stack *s, const tc_order *order, GError **error) {
   uint64_t page = 0;
   bool ok = voxels != NULL;
   if (!ok) tc_set_error(error, TC_ERROR_MEMORY, NULL, "no memory for a picture");
-  for (guint i = 0; ok && i < s->order->len; i++)
-    ok = send_file(s, i, &page, voxels, order, error);
+  for (guint i = 0; ok && i < s->order->len; i++) ok = send_file(s, i, &page, voxels, order, error);
   g_free(voxels);
   return ok;
 }

@@ -15,12 +15,11 @@ typedef struct texel_format {
 } texel_format;
 
 /* The voxels' own type: a gather returns them unchanged. (Signed normalised formats would map -32768 to -32767.) */
-static const texel_format formats[TC_VOXEL_TYPE_COUNT] = {
-    [TC_U8] = {GL_R8UI, GL_RED_INTEGER, GL_UNSIGNED_BYTE},
-    [TC_I8] = {GL_R8I, GL_RED_INTEGER, GL_BYTE},
-    [TC_U16] = {GL_R16UI, GL_RED_INTEGER, GL_UNSIGNED_SHORT},
-    [TC_I16] = {GL_R16I, GL_RED_INTEGER, GL_SHORT},
-    [TC_F32] = {GL_R32F, GL_RED, GL_FLOAT}};
+static const texel_format formats[TC_VOXEL_TYPE_COUNT] = {[TC_U8] = {GL_R8UI, GL_RED_INTEGER, GL_UNSIGNED_BYTE},
+                                                          [TC_I8] = {GL_R8I, GL_RED_INTEGER, GL_BYTE},
+                                                          [TC_U16] = {GL_R16UI, GL_RED_INTEGER, GL_UNSIGNED_SHORT},
+                                                          [TC_I16] = {GL_R16I, GL_RED_INTEGER, GL_SHORT},
+                                                          [TC_F32] = {GL_R32F, GL_RED, GL_FLOAT}};
 
 /* ---- volumes ---- */
 
@@ -70,8 +69,7 @@ static void drop_volume(tc_gl_textures *textures, tc_gl_volume *copy) {
 static bool make_volume(tc_gl_volume *copy, const tc_volume *volume, const int size[3], GError **error) {
   const tc_volume_desc *desc = tc_volume_describe(volume);
   const texel_format *format = &formats[desc->type];
-  for (int k = 0; k < 3; k++)
-    copy->texel[k] = 1.0f / (float)size[k];
+  for (int k = 0; k < 3; k++) copy->texel[k] = 1.0f / (float)size[k];
   copy->bytes = tc_volume_bytes(volume);
   tc_gl_forget_errors();
   glCreateTextures(GL_TEXTURE_2D_ARRAY, 1, &copy->texture);
@@ -287,10 +285,9 @@ const tc_gl_lookup *tc_gl_textures_integrals(tc_gl_textures *textures, const tc_
   return lookup(textures, key, &from, halt, error);
 }
 
-const tc_gl_lookup *tc_gl_textures_distance_map(tc_gl_textures *textures, const tc_volume *volume, const tc_distance_map *map,
-                                        const tc_halt *halt, GError **error) {
-  const uint64_t key[5] = {map->support, tc_volume_serial(volume), (uint64_t)map->block,
-                           (uint64_t)map->reach};
+const tc_gl_lookup *tc_gl_textures_distance_map(tc_gl_textures *textures, const tc_volume *volume,
+                                                const tc_distance_map *map, const tc_halt *halt, GError **error) {
+  const uint64_t key[5] = {map->support, tc_volume_serial(volume), (uint64_t)map->block, (uint64_t)map->reach};
   const lookup_source from = {.what = "distance map",
                               .entries = map->distance,
                               .entry_bytes = 1,
@@ -349,8 +346,6 @@ void tc_gl_textures_forget(tc_gl_textures *textures, uint64_t volume_serial) {
 }
 
 void tc_gl_textures_clear(tc_gl_textures *textures) {
-  for (int i = 0; i < TC_GL_VOLUMES; i++)
-    drop_volume(textures, &textures->volumes[i]);
-  for (int i = 0; i < TC_GL_LOOKUPS; i++)
-    drop_lookup(&textures->lookups[i]);
+  for (int i = 0; i < TC_GL_VOLUMES; i++) drop_volume(textures, &textures->volumes[i]);
+  for (int i = 0; i < TC_GL_LOOKUPS; i++) drop_lookup(&textures->lookups[i]);
 }
