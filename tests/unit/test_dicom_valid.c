@@ -272,6 +272,20 @@ static void colours_in_run_lengths(void **state) {
                "export the pictures uncompressed");
 }
 
+/* Of 16 bits a slice shows the nearest of eight. */
+static void wide_colours_are_colours(void **state) {
+  uint16_t pixels[3 * PIXELS];
+  for (int i = 0; i < PIXELS; i++) pixels[3 * i] = 51 * 257, pixels[3 * i + 1] = 65535, pixels[3 * i + 2] = 300;
+  dicom_spec s = spec_of(16, 3, pixels);
+  tc_volume *v = open_bytes("RGB", dicom_bytes(&s));
+  size_t count;
+  const tc_segment *color = tc_volume_segments(tc_volume_colors(v), &count);
+  assert_int_equal(count, 1);
+  assert_true(lroundf(color->color[0] * 255) == 51 && lroundf(color->color[1] * 255) == 255 && lroundf(color->color[2] * 255) == 1);
+  assert_int_equal(((const uint8_t *)tc_volume_data(v))[0], 193); /* .2126 * 51 + .7152 * 255 + .0722 */
+  tc_volume_unref(v);
+}
+
 static void an_absurd_place(void **state) {
   const uint16_t pixels[PIXELS] = {0, 1};
   dicom_spec s = spec_of(16, 1, pixels);
@@ -281,6 +295,7 @@ static void an_absurd_place(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {TEST(without_file_meta), TEST(doses_of_one_frame),
-    TEST(lossless_jpeg_of_every_depth), TEST(colours_in_run_lengths), TEST(an_absurd_place)};
+    TEST(lossless_jpeg_of_every_depth), TEST(colours_in_run_lengths),
+    TEST(wide_colours_are_colours), TEST(an_absurd_place)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -273,6 +273,12 @@ static void colours_vectors_and_frames(void **state) {
   assert_int_equal(tc_volume_describe(v)->type, TC_U8);
   assert_true(voxel(v, 10) == floor(0.2126 * 30 + 0.7152 * 31 + 0.0722 * 32 + 0.5));
   tc_volume_unref(v);
+  v = open_axes("type: ushort\ndimension: 4\nsizes: 3 3 4 5\nkinds: RGB-color domain domain domain\nencoding: raw\nendian: big\n",
+                ramp(TC_ELEMENT_U16, 0, 257, 3 * count, true));
+  assert_int_equal(tc_volume_describe(v)->type, TC_U8);
+  assert_true(voxel(v, 10) == floor(0.2126 * 30 + 0.7152 * 31 + 0.0722 * 32 + 0.5));
+  assert_true(tc_volume_provenance(v)->colors && tc_volume_colors(v));
+  tc_volume_unref(v);
   /* the same colours, plane after plane, and row after row */
   v = open_axes("type: uchar\ndimension: 4\nsizes: 3 4 5 3\nkinds: domain domain domain RGB-color\nencoding: raw\n",
                 bytes_ramp(3 * count));

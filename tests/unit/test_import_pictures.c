@@ -132,6 +132,10 @@ static void png_in_a_folder(void **state) {
   write_png("c.png", 1, 8, SPNG_COLOR_TYPE_TRUECOLOR, (uint8_t[]){200, 100, 50, 7, 7, 7}, 6);
   v = open_good("c.png");
   assert_true(voxel(v, 0) == 118 && voxel(v, 1) == 7); /* 0.2126 * 200 + 0.7152 * 100 + 0.0722 * 50 */
+  double label;
+  assert_true(tc_volume_voxel(tc_volume_colors(v), (const int[3]){0, 0, 0}, &label));
+  const float *color = tc_volume_segment(tc_volume_colors(v), (uint32_t)label)->color;
+  assert_true(lroundf(color[0] * 255) == 200 && lroundf(color[1] * 255) == 100 && lroundf(color[2] * 255) == 50);
   tc_volume_unref(v);
   g_free(folder);
 }

@@ -219,13 +219,9 @@ static void combine(const loader *l, size_t n) {
     add_component(r->element, l->chunk + c * step, stride, n, square, square ? 1 : rec709[c], l->sums);
 }
 
-static void store_sums(const loader *l, tc_voxel_type stored, void *to, size_t n) {
-  if (stored == TC_U8) {
-    double scale = l->raster->element == TC_ELEMENT_U16 ? 1.0 / 257 : 1;
-    for (size_t i = 0; i < n; i++) ((uint8_t *)to)[i] = (uint8_t)(l->sums[i] * scale + 0.5);
-  } else {
-    for (size_t i = 0; i < n; i++) ((float *)to)[i] = narrow_f64(l->sums[i]);
-  }
+static void store_sums(const loader *l, float *to, size_t n) {
+  for (size_t i = 0; i < n; i++)
+    to[i] = narrow_f64(l->sums[i]);
 }
 
 /* ---- layers of segments ---- */
@@ -299,14 +295,21 @@ static bool send_segments(const loader *l, GError **error) {
   return !layers || tc_overlaps_send(&l->overlaps, NULL, 0, l->order, error);
 }
 
-/* Colours of eight bits travel as they are. */
-static bool has_colors(const tc_raster *r) { return r->combine == TC_COMBINE_LUMA && r->components > 1 && r->element == TC_ELEMENT_U8; }
+/* Colours of integers travel as r, g, b, of 16 bits as their nearest of eight. */
+static bool has_colors(const tc_raster *r) {
+  return r->combine == TC_COMBINE_LUMA && r->components > 1 &&
+         (r->element == TC_ELEMENT_U8 || r->element == TC_ELEMENT_U16);
+}
 
 static void put_colors(const loader *l, uint8_t *to, size_t n) {
   const tc_raster *r = l->raster;
-  const size_t stride = planar(r) ? 1 : r->components, step = planar(r) ? l->chunk_voxels : 1;
+  const size_t size = tc_element_size(r->element);
+  const size_t stride = planar(r) ? size : size * r->components, step = planar(r) ? l->chunk_voxels * size : size;
   for (size_t i = 0; i < n; i++)
-    for (size_t c = 0; c < 3; c++) to[3 * i + c] = l->chunk[i * stride + c * step];
+    for (size_t c = 0; c < 3; c++) {
+      const uint32_t value = value_of(r->element, l->chunk + i * stride + c * step);
+      to[3 * i + c] = (uint8_t)(size == 1 ? value : (value + 128) / 257);
+    }
 }
 
 static bool same_storage(tc_element element, tc_voxel_type *stored) {
@@ -341,7 +344,7 @@ static bool fill(loader *l, GError **error) {
       put_colors(l, to, n);
     } else if (!direct) {
       combine(l, n);
-      store_sums(l, stored, to, n);
+      store_sums(l, (float *)(void *)to, n);
     }
     at += n;
     if (!order->filled(order->user, n * size, error) || !tick(l, n, error)) return false;

@@ -48,7 +48,7 @@ tc_voxel_type tc_dicom_natural_type(const tc_dicom_samples *samples);
 bool tc_dicom_convert(const tc_dicom_samples *samples, const uint8_t *bytes, size_t size, unsigned first_bit,
                       const tc_dicom_target *target, void *voxels);
 
-/* Colours of at most 8 bits a sample as r, g, b [rows][columns][3]; grey ones as grey. False when the bytes are too few. */
+/* Colours of at most 16 bits a sample as r, g, b [rows][columns][3]; grey ones as grey. False when the bytes are too few. */
 bool tc_dicom_colors(const tc_dicom_samples *samples, const uint8_t *bytes, size_t size, uint8_t *rgb);
 
 /* The same of a frame of a segment (1..overlaps->last): pixels whose samples are at or above `threshold` join it, others

@@ -86,13 +86,13 @@ static tc_voxel_type common_type(const Job &job) {
   return wide ? TC_F32 : wide_signed ? TC_I16 : TC_I8;
 }
 
-// Some picture is in colour, and all have samples of at most 8 bits.
+// Some picture is in colour, and all have samples of at most 16 bits.
 static bool in_color(const Job &job) {
   bool any = false, narrow = true;
   for (size_t i = 0; i < job.stack.count; i++) {
     const Picture &p = *job.at(i).picture;
     any |= p.palette || p.samples.colour != TC_DICOM_GREY;
-    narrow &= p.palette || (p.samples.stored <= 8 && p.samples.allocated == 8 && !p.samples.is_signed);
+    narrow &= p.palette || (p.samples.stored <= p.samples.allocated && p.samples.allocated <= 16 && !p.samples.is_signed);
   }
   return any && narrow;
 }

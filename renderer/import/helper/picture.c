@@ -39,7 +39,11 @@ bool tc_picture_read(tc_picture *p, const tc_page *wanted, void *to, GError **er
   return !p->tiff || p->next >= p->pages || tc_tiff_forward(p, error);
 }
 
-void tc_picture_luma(const uint8_t *rgba, size_t n, uint8_t *to) {
+size_t tc_page_bytes(const tc_page *page) {
+  return (size_t)page->width * (size_t)page->height * (page->colour ? 3 : tc_voxel_size(page->type));
+}
+
+void tc_picture_rgb(const uint8_t *rgba, size_t n, uint8_t *to) {
   for (size_t i = 0; i < n; i++)
-    to[i] = (uint8_t)(0.2126 * rgba[4 * i] + 0.7152 * rgba[4 * i + 1] + 0.0722 * rgba[4 * i + 2] + 0.5);
+    memcpy(to + 3 * i, rgba + 4 * i, 3);
 }

@@ -9,8 +9,10 @@ enum { TC_PICTURE_PAGES = 65536 }; /* of a file, at most */
 typedef struct tc_page {
   int width, height;
   tc_voxel_type type;
-  bool colour; /* becomes luma */
+  bool colour; /* read as r, g, b */
 } tc_page;
+
+size_t tc_page_bytes(const tc_page *page);
 
 /* What ImageJ notes in a TIFF; zeros and ones where there is nothing. */
 typedef struct tc_picture_note {
@@ -37,7 +39,7 @@ bool tc_picture_page(tc_picture *picture, tc_page *page, GError **error);
 bool tc_picture_read(tc_picture *picture, const tc_page *wanted, void *to, GError **error);
 
 /* Of both formats. */
-void tc_picture_luma(const uint8_t *rgba, size_t n, uint8_t *to);
+void tc_picture_rgb(const uint8_t *rgba, size_t n, uint8_t *to);
 bool tc_png_page(const tc_picture *picture, tc_page *page, GError **error);
 bool tc_png_read(const tc_picture *picture, const tc_page *page, void *to, GError **error);
 bool tc_tiff_open(tc_picture *picture, GError **error);

@@ -46,7 +46,7 @@ bool tc_png_read(const tc_picture *p, const tc_page *page, void *to, GError **er
   const int format = page->colour ? SPNG_FMT_RGBA8 : page->type == TC_U16 ? SPNG_FMT_PNG : SPNG_FMT_G8;
   if (!png) return false;
   const int code = page->colour && !rgba ? SPNG_EMEM : spng_decode_image(png, rgba ? rgba : to, bytes, format, 0);
-  if (!code && rgba) tc_picture_luma(rgba, n, to);
+  if (!code && rgba) tc_picture_rgb(rgba, n, to);
   g_free(rgba);
   spng_ctx_free(png);
   return !code || fail(code, error);

@@ -192,7 +192,7 @@ static bool read_colours(TIFF *tiff, const tc_page *page, uint8_t *to) {
   const bool ok = rgba && TIFFReadRGBAImageOriented(tiff, (uint32_t)page->width, (uint32_t)page->height, rgba,
                                                     ORIENTATION_TOPLEFT, 1);
   for (size_t i = 0; ok && i < n; i++) rgba[i] = GUINT32_TO_LE(rgba[i]);
-  if (ok) tc_picture_luma((const uint8_t *)rgba, n, to);
+  if (ok) tc_picture_rgb((const uint8_t *)rgba, n, to);
   g_free(rgba);
   return ok;
 }

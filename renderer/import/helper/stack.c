@@ -133,7 +133,6 @@ static bool is_wanted(const stack *s, uint64_t page) {
 }
 
 static bool send_file(const stack *s, guint i, uint64_t *page, uint8_t *voxels, const tc_order *order, GError **error) {
-  const size_t bytes = (size_t)s->page.width * (size_t)s->page.height * tc_voxel_size(s->page.type);
   tc_dicom_blob blob;
   tc_picture picture;
   if (!open_picture(s, i, &blob, &picture, error)) return false;
@@ -144,7 +143,7 @@ static bool send_file(const stack *s, guint i, uint64_t *page, uint8_t *voxels, 
     if (!ok)
       g_propagate_prefixed_error(error, why, "slice %" G_GUINT64_FORMAT " of %" G_GUINT64_FORMAT ": ", *page + 1,
                                  s->pages);
-    if (ok && is_wanted(s, *page)) ok = tc_order_put(order, voxels, bytes, error);
+    if (ok && is_wanted(s, *page)) ok = tc_order_put(order, voxels, tc_page_bytes(&s->page), error);
     ok = ok && order->goes_on(order->user, (double)*page / (double)s->pages, error);
   }
   tc_picture_close(&picture);
@@ -182,13 +181,13 @@ static bool describe(stack *s, tc_raster *raster, GError **error) {
   raster->desc.type = s->page.type;
   raster->desc.frames = volumes;
   set_space(s, raster);
-  if (s->page.colour) tc_raster_note(raster, "colours became Rec. 709 luma (u8)");
+  if (s->page.colour) tc_raster_note(raster, "colours became Rec. 709 luma (u8), but in slices");
   if (volumes > 1) tc_raster_note(raster, "volume %u of %d, choose by #volume=N", s->volume, volumes);
   return true;
 }
 
 static bool send(const stack *s, const tc_order *order, GError **error) {
-  uint8_t *voxels = g_try_malloc((gsize)s->page.width * (gsize)s->page.height * tc_voxel_size(s->page.type));
+  uint8_t *voxels = g_try_malloc(tc_page_bytes(&s->page));
   uint64_t page = 0;
   bool ok = voxels != NULL;
   if (!ok) tc_set_error(error, TC_ERROR_MEMORY, NULL, "no memory for a picture");
@@ -205,7 +204,7 @@ bool tc_stack_read(const tc_dicom_sources *sources, const char *choice, const tc
   find_pictures(&s);
   ok = ok && look(&s, order, error);
   if (ok) settle_note(&s);
-  const tc_provenance from = {.volume = (int)s.volume};
+  const tc_provenance from = {.volume = (int)s.volume, .colors = s.page.colour};
   ok = ok && describe(&s, &raster, error) && tc_raster_begin(&raster, INT32_MAX, &from, order, error) &&
        send(&s, order, error);
   tc_raster_clear(&raster);
