@@ -96,7 +96,7 @@ static bool is_colored(const tc_frame *frame) {
 
 /* By value and transfer function, by labels, and by a model's attribute and palette; unlit, lit, and cut. */
 static void colors_are_the_cpus(void **unused) {
-  needs_gl();
+  needs(test_renderers[GL]);
   const test_grid grid = {.dims = {60, 52, 56}, .type = TC_U8, .slope = 1, .spacing = {1, 1.3, 0.8}, .origin = {-1000, 300, 50}};
   tc_volume *volume = waves(), *labels = test_volume(&grid, bands, &(double){24});
   const tc_vmd_wish wish = {1, 9, .labels = true, .attributes = "label"};
