@@ -109,7 +109,7 @@ static bool choose_drawer(drawing *d, bool heard, GError **error) {
   tc_renderer *r = d->r;
   const tc_scene *scene = d->job.scene;
   double deaf_ms = 0;
-  tc_estimate_samples(d->job.source, scene, d->wanted.width, d->wanted.height, &d->job.pixel_samples);
+  tc_estimate_samples(d->job.source, scene, NULL, d->wanted.width, d->wanted.height, &d->job.pixel_samples);
   d->job.pixel_samples *= scene->sampling.rays_per_pixel;
   d->ops = r->ops;
   d->instance = r->instance;

@@ -7,6 +7,8 @@
 #include <math.h>
 
 #include "renderer/base/vector.h"
+#include "renderer/mesh/coverage.h"
+#include "renderer/mesh/surfaces.h"
 #include "renderer/raycast/projection.h"
 #include "renderer/raycast/rays.h"
 #include "renderer/raycast/mpr.h"
@@ -14,6 +16,9 @@
 #define CUT 8
 #define NODES (CUT + 1)
 #define ENDS 4
+#define LAYER 16     /* one of a translucent mesh: drawn, kept and sorted */
+#define HIDDEN 0.25  /* one of an opaque mesh, most of which are behind others */
+#define LOOKS 1000   /* at triangles of all meshes */
 #define SURFACES 12 /* splats in units of (voxels)^(2/3): bones and vessels have 1 to 4, and each costs 3 pixels */
 
 /* A point on the picture in pixels, and its depth: mm from the eye along the view direction. */
@@ -192,7 +197,21 @@ static int ends(const tc_scene *s) {
   return ENDS + (climbs ? 2 * TC_PEAK_ROUNDS : 0);
 }
 
-double tc_estimate_samples(const tc_volume *volume, const tc_scene *scene, int width, int height,
+/* What drawing a scene's own meshes takes, beside their pixels once. */
+static double layers_of(const tc_scene *scene, tc_mesh *const *meshes, int width, int height) {
+  double layers = 0;
+  size_t n = 0;
+  for (size_t i = 0; meshes && i < scene->mesh.n_surfaces; i++) n += meshes[i] != NULL;
+  for (size_t i = 0; n && i < scene->mesh.n_surfaces; i++) {
+    const tc_mesh_surface *s = &scene->mesh.surfaces[i];
+    if (meshes[i] && tc_mesh_surface_shows(s))
+      layers += (s->opacity < 1 ? LAYER : HIDDEN) *
+                tc_mesh_coverage(meshes[i], &scene->camera, width, height, LOOKS / n + 1);
+  }
+  return layers * scene->sampling.rays_per_pixel;
+}
+
+double tc_estimate_samples(const tc_volume *volume, const tc_scene *scene, tc_mesh *const *meshes, int width, int height,
                            double *longest_ray) {
   tc_rays rays;
   double unused, *longest = longest_ray ? longest_ray : &unused, each = weight(scene);
@@ -214,16 +233,18 @@ double tc_estimate_samples(const tc_volume *volume, const tc_scene *scene, int w
   look(&v, volume, scene);
   measure_bricks(&v, volume);
   add_bricks(&v, &t);
-  if (!(t.box[2] > t.box[0])) return 0;
+  const bool drawn = scene->mode == TC_MODE_MESH || tc_mesh_is_within(scene);
+  const double layers = drawn ? layers_of(scene, meshes, width, height) : 0;
+  if (!(t.box[2] > t.box[0])) return layers;
   double pixels = (t.box[2] - t.box[0]) * (t.box[3] - t.box[1]);
   if (scene->mode == TC_MODE_MESH) {
     *longest = 1;
-    return pixels * rays.count;
+    return pixels * rays.count + layers;
   }
   double dense = steps_per_mm(&rays, scene);
   double stay = fmin(diagonal_mm(volume, t.lo, t.hi), chord_mm(&v, t.lo, t.hi));
   /* A sum over rays exceeds the integral by at most one row and one column of longest rays. */
   double edge = t.box[2] - t.box[0] + t.box[3] - t.box[1] + 1;
   *longest = each * (stay * dense + ends(scene));
-  return fmin(each * ((t.stay_mm + edge * stay) * dense + ends(scene) * pixels), *longest * pixels) * rays.count;
+  return fmin(each * ((t.stay_mm + edge * stay) * dense + ends(scene) * pixels), *longest * pixels) * rays.count + layers;
 }

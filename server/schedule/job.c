@@ -18,11 +18,15 @@ tcs_job *tcs_job_new(tcs_server *server, tc_volume *volume, const tc_scene *scen
   return job;
 }
 
+void tcs_meshes_free(struct tc_mesh **meshes, size_t n) {
+  for (size_t i = 0; i < n && meshes; i++) tc_mesh_free(meshes[i]);
+  g_free(meshes);
+}
+
 void tcs_job_free(tcs_job *job) {
   tc_volume_unref(job->volume);
   tc_volume_unref(job->labels);
-  for (size_t i = 0; i < job->scene.mesh.n_surfaces && job->meshes; i++) tc_mesh_free(job->meshes[i]);
-  g_free(job->meshes);
+  tcs_meshes_free(job->meshes, job->scene.mesh.n_surfaces);
   tc_scene_clear(&job->scene);
   tcs_budget_give(job->server->budget, TCS_MEMORY_FRAMES, job->memory);
   tc_frame_finish(&job->frame);

@@ -81,6 +81,7 @@ struct tcs_job {
 /* Takes a reference to `volume` and a copy of `scene`. */
 tcs_job *tcs_job_new(tcs_server *server, tc_volume *volume, const tc_scene *scene);
 void tcs_job_free(tcs_job *job); /* one that the scheduler does not have */
+void tcs_meshes_free(struct tc_mesh **meshes, size_t n); /* an array as a job's; NULL is fine */
 /* Some of its picture is drawn: it holds a frame's memory. */
 bool tcs_job_begun(const tcs_job *job);
 

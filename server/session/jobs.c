@@ -83,7 +83,7 @@ static void light_for_motion(tc_scene *scene) {
 static double samples_of(const tcs_job *job) {
   const int width = job->width ? job->width : job->scene.image.width;
   const int height = job->height ? job->height : job->scene.image.height;
-  return tc_estimate_samples(job->volume, &job->scene, width, height, NULL);
+  return tc_estimate_samples(job->volume, &job->scene, job->meshes, width, height, NULL);
 }
 
 /* For drawing: while the transfer function is dragged every frame builds its tables first. */
@@ -122,9 +122,10 @@ static bool goes_on(tcs_job *job) {
   tcs_ladder *ladder = &view->ladders[job->scene.mode];
   const int rung = ladder->rung;
   tc_scene full = session->scene; /* borrowed: only read */
+  tc_mesh *const *meshes = job->revision == session->revision ? job->meshes : NULL; /* of the same list */
   light_for_motion(&full);
   tcs_ladder_measure(ladder, job->samples * done, ms);
-  tcs_ladder_pick(ladder, tc_estimate_samples(job->volume, &full, view->width ? view->width : full.image.width,
+  tcs_ladder_pick(ladder, tc_estimate_samples(job->volume, &full, meshes, view->width ? view->width : full.image.width,
                                               view->height ? view->height : full.image.height, NULL),
                   0, target_ms(session, job));
   return ladder->rung <= rung;
@@ -139,22 +140,22 @@ static void rendered(tcs_job *job) {
 }
 
 /* In a view's size, or in a smaller one where that would take more samples than a scene may ask for. */
-static void make_of_size(const tcs_session *session, const tcs_view *view, tc_scene *scene) {
+static void make_of_size(const tcs_session *session, const tcs_view *view, tc_scene *scene, tc_mesh *const *meshes) {
   const tcs_limits *limits = &session->server->config->limits;
   const tcs_samples_limits most = {(double)limits->render_samples, (double)limits->ray_samples};
   if (!view->width) return;
   scene->image.width = view->width;
   scene->image.height = view->height;
-  tcs_samples_shrink(session->entry->volume, scene, &most);
+  tcs_samples_shrink(session->entry->volume, scene, meshes, &most);
 }
 
 static tcs_job *begin_job(tcs_session *session, tcs_view *view, tcs_class class, bool final) {
   tcs_job *job = tcs_job_new(session->server, tcs_entry_shown(session->entry, &session->scene), &session->scene);
   g_strlcpy(job->shown, session->entry->id, sizeof job->shown);
   job->bridged = tc_volume_provenance(session->entry->volume)->bridged;
-  make_of_size(session, view, &job->scene);
   if (session->labels) job->labels = tc_volume_ref(tcs_session_labels(session));
   job->meshes = tcs_scene_meshes(session->server, &job->scene);
+  make_of_size(session, view, &job->scene, job->meshes);
   job->class = class;
   job->paused = goes_on;
   job->rendered = rendered;

@@ -6,14 +6,21 @@
 #define MOST_STEP 8.0
 #define TRIES 8
 
+/* What a scene's samples are counted with, and held against. */
+typedef struct bound {
+  const tc_volume *volume;
+  tc_mesh *const *meshes;
+  const tcs_samples_limits *limits;
+} bound;
+
 /* How many times over its limits a scene is. */
 typedef struct load {
   double picture, ray;
 } load;
 
-static load load_of(const tc_volume *volume, const tc_scene *scene, const tcs_samples_limits *limits) {
-  double ray, picture = tc_estimate_samples(volume, scene, scene->image.width, scene->image.height, &ray);
-  return (load){picture / limits->picture, ray / limits->ray};
+static load load_of(const bound *b, const tc_scene *scene) {
+  double ray, picture = tc_estimate_samples(b->volume, scene, b->meshes, scene->image.width, scene->image.height, &ray);
+  return (load){picture / b->limits->picture, ray / b->limits->ray};
 }
 
 static bool passes(load l) { return l.picture <= 1 && l.ray <= 1; }
@@ -43,39 +50,39 @@ static double reach(double low, double high) { return high > 1 ? (1 - low) / (hi
 
 /* The largest share that passes; false: the least one does not. The load is nearly a line in the share, and bent above
  * it: where the line meets the limit is at most a little too much. */
-static bool turn_down(const tc_volume *volume, const tc_scene *scene, const tcs_samples_limits *limits, turn *by,
-                      double least, tc_scene *mended) {
+static bool turn_down(const bound *b, const tc_scene *scene, turn *by, double least, tc_scene *mended) {
   by(mended, scene, least);
-  const load low = load_of(volume, mended, limits);
+  const load low = load_of(b, mended);
   if (least >= 1 || !passes(low)) return false;
-  load high = load_of(volume, scene, limits);
+  load high = load_of(b, scene);
   double share = 1;
   for (int i = 0; i < TRIES; i++) {
     share = least + (share - least) * fmin(reach(low.picture, high.picture), reach(low.ray, high.ray));
     by(mended, scene, share);
-    high = load_of(volume, mended, limits);
+    high = load_of(b, mended);
     if (passes(high)) return true;
   }
   by(mended, scene, least);
   return true;
 }
 
-bool tcs_samples_shrink(const tc_volume *volume, tc_scene *scene, const tcs_samples_limits *limits) {
+bool tcs_samples_shrink(const tc_volume *volume, tc_scene *scene, tc_mesh *const *meshes, const tcs_samples_limits *limits) {
+  const bound b = {volume, meshes, limits};
   const tc_scene whole = *scene;
-  return passes(load_of(volume, scene, limits)) || turn_down(volume, &whole, limits, turn_image, 0, scene);
+  return passes(load_of(&b, scene)) || turn_down(&b, &whole, turn_image, 0, scene);
 }
 
 /* The least change first: longer steps, or a smaller picture where steps do not count, or fewer rays and both. */
-static bool mend(const tc_volume *volume, const tc_scene *scene, const tcs_samples_limits *limits, tc_scene *mended) {
+static bool mend(const bound *b, const tc_scene *scene, tc_scene *mended) {
   tc_scene plain = *scene;
   const double least = scene->sampling.step / MOST_STEP, pixel = 0;
   plain.sampling.rays_per_pixel = 1;
-  if (turn_down(volume, scene, limits, turn_step, least, mended) ||
-      turn_down(volume, scene, limits, turn_image, pixel, mended) ||
-      turn_down(volume, &plain, limits, turn_step, least, mended))
+  if (turn_down(b, scene, turn_step, least, mended) ||
+      turn_down(b, scene, turn_image, pixel, mended) ||
+      turn_down(b, &plain, turn_step, least, mended))
     return true;
   plain.sampling.step = fmax(scene->sampling.step, MOST_STEP);
-  return turn_down(volume, &plain, limits, turn_image, pixel, mended);
+  return turn_down(b, &plain, turn_image, pixel, mended);
 }
 
 static char *differences(const tc_scene *scene, const tc_scene *mended) {
@@ -88,14 +95,15 @@ static char *differences(const tc_scene *scene, const tc_scene *mended) {
   return g_string_free(text, FALSE);
 }
 
-bool tcs_samples_check(const tc_volume *volume, const tc_scene *scene, const tcs_samples_limits *limits,
-                       GError **error) {
+bool tcs_samples_check(const tc_volume *volume, const tc_scene *scene, tc_mesh *const *meshes,
+                       const tcs_samples_limits *limits, GError **error) {
+  const bound b = {volume, meshes, limits};
   tc_scene mended;
-  const load over = load_of(volume, scene, limits);
+  const load over = load_of(&b, scene);
   if (passes(over)) return true;
   const bool whole = over.picture >= over.ray;
   const double limit = whole ? limits->picture : limits->ray;
-  const bool found = mend(volume, scene, limits, &mended), steps = mended.sampling.step != scene->sampling.step;
+  const bool found = mend(&b, scene, &mended), steps = mended.sampling.step != scene->sampling.step;
   char *setting = found ? differences(scene, &mended) : g_strdup("nothing like it");
   tc_set_error(error, TC_ERROR_LIMIT, steps ? "/sampling/step" : "/image/width",
                "%s: %.3g samples estimated for the %s, the limit is %.3g; %s would pass",

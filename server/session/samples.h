@@ -9,9 +9,9 @@ typedef struct tcs_samples_limits {
 } tcs_samples_limits;
 
 /* Makes the picture smaller until it passes. */
-bool tcs_samples_shrink(const tc_volume *volume, tc_scene *scene, const tcs_samples_limits *limits);
+bool tcs_samples_shrink(const tc_volume *volume, tc_scene *scene, tc_mesh *const *meshes, const tcs_samples_limits *limits);
 /* TC_ERROR_LIMIT with the number, the limit and the least change that passes. The scene was planned before. */
-bool tcs_samples_check(const tc_volume *volume, const tc_scene *scene, const tcs_samples_limits *limits,
-                       GError **error);
+bool tcs_samples_check(const tc_volume *volume, const tc_scene *scene, tc_mesh *const *meshes,
+                       const tcs_samples_limits *limits, GError **error);
 
 #endif

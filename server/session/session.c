@@ -1,5 +1,8 @@
 #include "server/session/session.h"
 
+#include "server/schedule/job.h"
+#include "server/session/session_scene.h"
+
 tc_volume *tcs_session_labels(const tcs_session *session) { return session->labels ? session->labels->volume : NULL; }
 
 static void set_labels(tcs_session *session, tcs_entry *labels) {
@@ -44,8 +47,10 @@ double tcs_session_samples(tcs_session *session, tcs_view *view) {
   const tc_scene *scene = &session->scene;
   const int width = view->width ? view->width : scene->image.width;
   const int height = view->width ? view->height : scene->image.height;
-  if (view->samples_revision != session->revision)
-    view->full_samples = tc_estimate_samples(tcs_entry_shown(session->entry, scene), scene, width, height, NULL);
+  if (view->samples_revision == session->revision) return view->full_samples;
+  tc_mesh **meshes = tcs_scene_meshes(session->server, scene);
+  view->full_samples = tc_estimate_samples(tcs_entry_shown(session->entry, scene), scene, meshes, width, height, NULL);
+  tcs_meshes_free(meshes, scene->mesh.n_surfaces);
   view->samples_revision = session->revision;
   return view->full_samples;
 }

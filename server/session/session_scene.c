@@ -6,6 +6,7 @@
 #include "server/catalogue/catalogue.h"
 #include "server/config/config.h"
 #include "server/session/labels_check.h"
+#include "server/schedule/job.h"
 #include "server/session/samples.h"
 
 /* Whether two scenes take the same samples for certain: all but what is no matter is the same, bit for bit. */
@@ -72,6 +73,15 @@ static bool check_count(int64_t count, int64_t most, const char *pointer, GError
   return false;
 }
 
+static bool check_samples(tcs_server *server, const tc_volume *volume, const tc_scene *scene, GError **error) {
+  const tcs_limits *limits = &server->config->limits;
+  const tcs_samples_limits most = {(double)limits->render_samples, (double)limits->ray_samples};
+  tc_mesh **meshes = tcs_scene_meshes(server, scene);
+  const bool ok = tcs_samples_check(volume, scene, meshes, &most, error);
+  tcs_meshes_free(meshes, scene->mesh.n_surfaces);
+  return ok;
+}
+
 bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, const tc_scene *valid,
                      const cJSON *patch, tc_volume **labels, GError **error) {
   const tcs_limits *limits = &server->config->limits;
@@ -90,11 +100,10 @@ bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene
     }
     *labels = entry->volume;
   }
-  const tcs_samples_limits most = {(double)limits->render_samples, (double)limits->ray_samples};
   return check_meshes(server, scene, error) && tc_plan_check(volume, scene, scene->image.width, scene->image.height, valid, error) &&
          tc_labels_check(volume, *labels, scene, error) &&
          (!*labels || !doubts_labels(scene, valid, patch) || tcs_labels_check(volume, *labels, error)) &&
-         ((valid && same_samples(scene, valid)) || tcs_samples_check(volume, scene, &most, error));
+         ((valid && same_samples(scene, valid)) || check_samples(server, volume, scene, error));
 }
 
 bool tcs_scene_patch(tc_scene *scene, const tc_scene *defaults, const tcs_entry *entry, const cJSON *patch,

@@ -154,7 +154,7 @@ static void estimate_holds(void **state) {
     s.drawn.scene.skipping.mode = TC_SKIPPING_OFF;
     s.drawn.scene.sampling.termination = 0;
     int width = s.drawn.scene.image.width, height = s.drawn.scene.image.height, which = test_widest();
-    double longest, estimate = tc_estimate_samples(s.volume, &s.drawn.scene, width, height, &longest);
+    double longest, estimate = tc_estimate_samples(s.volume, &s.drawn.scene, NULL, width, height, &longest);
     if (tc_render(test_renderers[which], s.volume, &s.drawn.scene, &s.request, &test_frames[which], NULL, NULL)) {
       double taken = (double)test_frames[which].stats.samples;
       if (!(estimate >= taken)) test_case_print(&s.drawn);
@@ -296,7 +296,7 @@ static void monster_stops(void **state) {
   enum { LOOKS = 60 };
   subject s;
   monster_open(&s);
-  double longest, all = tc_estimate_samples(s.volume, &s.drawn.scene, 32, 32, &longest);
+  double longest, all = tc_estimate_samples(s.volume, &s.drawn.scene, NULL, 32, 32, &longest);
   printf("  %.3g samples, %.3g of a ray\n", all, longest);
   EACH_RENDERER(i) {
     tc_explanation plan;

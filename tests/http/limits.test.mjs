@@ -3,6 +3,7 @@ import assert from 'node:assert/strict';
 import net from 'node:net';
 import { after, before, test } from 'node:test';
 import { Daemon, problem, sleep } from '../support/daemon.mjs';
+import { ballStl, panesStl } from '../support/mesh.mjs';
 
 let d;
 before(async () => { d = await Daemon.start({ config: '[limits]\nbody_bytes=2000\n[server]\nhosts=127.0.0.1, good.example\n' }); });
@@ -97,6 +98,29 @@ test('a scene of too many samples is refused with a setting that passes', async 
   assert.equal((await strict.get(session.links.frame)).status, 200);
   const { limits } = (await strict.get('/v1/about')).json;
   assert.deepEqual([limits.renderSamples, limits.raySamples], [2000000, 400]);
+  await strict.stop();
+});
+
+// A client's own mesh counts too: each translucent layer, as drawn alone and within the volume; opaque ones hide each other.
+test('a mesh of many large translucent triangles is refused with a size that passes', async () => {
+  const strict = await Daemon.start({ config: '[limits]\nrender_samples=4000000\n' });
+  const send = (id, body) => strict.call('PUT', `/v1/meshes/${id}`, { body, type: 'application/octet-stream' });
+  for (const [id, body] of [['panes', panesStl(200)], ['ball', ballStl(80)]]) {
+    assert.equal((await send(id, body)).status, 202);
+    while ((await strict.get(`/v1/meshes/${id}`)).json.state === 'loading') await sleep(10);
+  }
+  const ask = (mesh, opacity, of, size = 96) => strict.post('/v1/render', { volume: 'ball',
+    scene: { image: { width: size, height: size }, ...of, mesh: { withVolume: of.mode === 'dvr', surfaces: [{ mesh, opacity }] } } });
+  for (const of of [{ mode: 'mesh' }, { mode: 'dvr', sampling: { step: 1 } }]) {
+    const { detail } = problem(await ask('panes', 0.1, of), 413, '/scene/image/width');
+    const [, count, limit, side] = /^image: ([\d.e+]+) samples estimated for the picture, the limit is ([\d.e+]+); (\d+) x \3 pixels would pass$/.exec(detail);
+    assert.ok(Number(count) > 2e7 && Number(limit) === 4e6 && side < 48, detail);
+    assert.equal((await ask('panes', 0.1, of, Number(side))).status, 200);
+    problem(await ask('panes', 0.1, of, Math.ceil(1.04 * side)), 413);
+    for (const [mesh, opacity] of [['panes', 1], ['ball', 0.1]]) assert.equal((await ask(mesh, opacity, of)).status, 200);
+  }
+  const session = await strict.session();
+  problem(await strict.patch(session.links.scene, { mode: 'mesh', mesh: { surfaces: [{ mesh: 'panes', opacity: 0.1 }] } }), 413, '/image/width');
   await strict.stop();
 });
 

@@ -1,5 +1,18 @@
 // Meshes for tests.
 
+// n triangles across y, each larger than a picture of the test's ball, as binary STL.
+export function panesStl(n) {
+  const bytes = Buffer.alloc(84 + 50 * n);
+  bytes.writeUInt32LE(n, 80);
+  for (let i = 0; i < n; i++)
+    [-260, -140, 340, -140, 41, 460].forEach((number, k) => {
+      const at = 84 + 50 * i + 12 + 12 * (k >> 1);
+      bytes.writeFloatLE(number, at + (k & 1 ? 8 : 0));
+      bytes.writeFloatLE(21 + (60 * i) / n, at + 4);
+    });
+  return bytes;
+}
+
 // A ball about `centre` of 4 n² triangles, as binary STL.
 export function ballStl(n, radius = 20, centre = [41, 51, 61]) {
   const at = (u, v) => {

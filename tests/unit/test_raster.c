@@ -2,6 +2,7 @@
 #include "tests/support/test.h"
 
 #include "renderer/base/halt.h"
+#include "renderer/mesh/coverage.h"
 #include "renderer/mesh/raster.h"
 
 #define MOST 320 /* pixels a side */
@@ -569,6 +570,29 @@ static void many_layers_cost_what_is_seen_of_them(void **unused) {
   test_free(p);
 }
 
+/* How often triangles cover pixels, against what is drawn: all of few, some of many, around the eye and beside the picture. */
+static void what_is_covered_is_known_before(void **unused) {
+  static const tc_camera inside = {.projection = TC_PERSPECTIVE, .position = {1, 2, 0}, .target = {30, 5, 9}, .up = {0, 0, 1},
+                                   .fov_y_deg = 60};
+  static const tc_camera beside = {.projection = TC_ORTHOGRAPHIC, .position = {60, 60, 100}, .target = {60, 60, 0},
+                                   .up = {0, 1, 0}, .height_mm = 90};
+  static const tc_camera *const cameras[3] = {&above, &inside, &beside};
+  picture *p = new_picture();
+  for (int i = 0; i < 9; i++) {
+    state = (uint32_t)i + 1;
+    tc_mesh *m = i < 3 ? soup_part(0) : i < 6 ? stack(40, 30) : spheres(120, 2, 60, 0.5);
+    const double thought = tc_mesh_coverage(m, cameras[i % 3], 200, 180, 1000);
+    tc_clusters *c = cluster(m);
+    draw(c, &(drawing){.camera = *cameras[i % 3], .width = 200, .height = 180,
+                       .surfaces = &(tc_raster_surface){{1, 1, 1}, 0.001f, false}}, p);
+    printf("  %llu pixels covered, %.0f thought\n", (unsigned long long)p->counts.layers, thought);
+    const double true_one = (double)p->counts.layers;
+    assert_true(thought > (i < 6 ? 0.97 : 0.8) * true_one && thought < (i < 6 ? 1.03 : 1.2) * true_one + 400);
+    tc_clusters_free(c);
+  }
+  test_free(p);
+}
+
 /* A part that is copied out of several and put together again is what it was. */
 static void parts_are_copied_whole(void **unused) {
   tc_clusters *all = parts((tc_mesh *[]){spheres(30, 1, 20, 0), spheres(50, 1, 30, 0), spheres(10, 1, 40, 0)}, 3), *again = NULL;
@@ -593,6 +617,6 @@ int main(void) {
     TEST(light_follows_the_normals), TEST(what_nobody_can_see_is_in_no_cluster),
     TEST(drawing_and_clustering_stop_at_any_look), TEST(nested_spheres_have_their_analytic_colours),
     TEST(layers_are_in_the_order_of_brute_force), TEST(many_layers_cost_what_is_seen_of_them),
-    TEST(parts_are_copied_whole)};
+    TEST(what_is_covered_is_known_before), TEST(parts_are_copied_whole)};
   return cmocka_run_group_tests_name("raster", tests, NULL, NULL);
 }

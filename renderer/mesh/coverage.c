@@ -1,0 +1,60 @@
+#include "renderer/mesh/coverage.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "renderer/mesh/view.h"
+
+enum { CORNERS = 3 + 5 }; /* of a triangle that five planes have cut */
+
+/* The part of a polygon above a plane (Sutherland and Hodgman). Gives back its corners. */
+static int cut(const double plane[4], double (*p)[3], int n) {
+  double kept[CORNERS + 1][3];
+  int m = 0;
+  for (int i = 0; i < n; i++) {
+    const double *a = p[i], *b = p[(i + 1) % n], at = tc_mesh_view_row(plane, a), next = tc_mesh_view_row(plane, b);
+    if (at >= 0) memcpy(kept[m++], a, sizeof *kept);
+    if ((at >= 0) == (next >= 0)) continue;
+    for (int k = 0; k < 3; k++) kept[m][k] = a[k] + (b[k] - a[k]) * (at / (at - next));
+    m++;
+  }
+  n = m < CORNERS ? m : CORNERS;
+  memcpy(p, kept, (size_t)n * sizeof *p);
+  return n;
+}
+
+/* Pixels within a triangle's outline; of one that passes the eye at most the whole picture. */
+static double pixels_of(const tc_mesh_view *v, const tc_mesh *mesh, const uint32_t triangle[3]) {
+  double p[CORNERS][3], at[CORNERS][2], twice = 0;
+  const double all = (double)v->width * v->height;
+  int n = 3;
+  for (int c = 0; c < 3; c++)
+    for (int k = 0; k < 3; k++) p[c][k] = mesh->positions[triangle[c]][k];
+  n = cut(v->planes[TC_VIEW_NEAR], p, n);
+  for (int i = 0; i < 4; i++) n = cut(v->sides[i], p, n);
+  for (int i = 0; i < n; i++) {
+    const double scale = v->perspective ? v->scale / (tc_mesh_view_row(v->depth, p[i]) + v->reference) : v->scale;
+    at[i][0] = tc_mesh_view_row(v->right, p[i]) * scale, at[i][1] = tc_mesh_view_row(v->down, p[i]) * scale;
+  }
+  for (int i = 0; i < n; i++) twice += at[i][0] * at[(i + 1) % n][1] - at[i][1] * at[(i + 1) % n][0];
+  return fabs(twice) < 2 * all ? fabs(twice) / 2 : n ? all : 0;
+}
+
+/* Any number from this one on, that is not in step with how a file puts its triangles. */
+static size_t somewhere(uint64_t seed, size_t from, size_t to) {
+  seed = (seed + 1) * 0x9e3779b97f4a7c15u;
+  seed = (seed ^ seed >> 32) * 0xd6e8feb86659fd93u;
+  return from + (size_t)((seed ^ seed >> 32) % (to - from));
+}
+
+double tc_mesh_coverage(const tc_mesh *mesh, const tc_camera *camera, int width, int height, size_t looks) {
+  const size_t all = mesh->n_triangles, n = all < looks ? all : looks;
+  tc_clusters about = {.radius = 1};
+  tc_mesh_view view;
+  double pixels = 0;
+  memcpy(about.origin, mesh->origin, sizeof about.origin);
+  tc_mesh_view_set_up(&view, &about, camera, width, height, NULL, 0);
+  for (size_t i = 0; i < n; i++)
+    pixels += pixels_of(&view, mesh, mesh->triangles[somewhere(mesh->serial + i, i * all / n, (i + 1) * all / n)]);
+  return n ? pixels * ((double)all / (double)n) : 0;
+}
