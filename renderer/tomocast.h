@@ -77,7 +77,15 @@ typedef struct tc_frame {
 
 /* Share of the frame that is drawn, 0..1: of a paused one, what its next resumption need not draw again. */
 double tc_frame_done(const tc_frame *frame);
+/* Of a paused one: how many calls in a row were paused before they came any further. */
+int tc_frame_fruitless(const tc_frame *frame);
+/* What a frame of a scene takes while it is drawn, but for the layers of surfaces in a volume. */
+uint64_t tc_frame_need(const tc_scene *scene, int width, int height, bool linear);
+/* What its buffers take, and what a paused one keeps beside them. */
+uint64_t tc_frame_bytes(const tc_frame *frame);
 
+/* Of a paused one that is not resumed: only its buffers stay. */
+void tc_frame_give_up(tc_frame *frame);
 void tc_frame_finish(tc_frame *frame); /* frees the buffers; a zeroed frame is fine */
 
 #define TC_MAX_TABLE_SIZE 4096

@@ -55,6 +55,7 @@ typedef struct tc_frame_job {
   double pixel_samples; /* of its rays, from above, as tc_estimate_samples() counts them; 0: unknown */
   const char *isa; /* instruction set of the cpu back end, where the cpu draws */
   const float (*spans)[2]; /* [frame's height][width]: the cpu casts rays between these, mm from the eye; NULL: whole ones */
+  uint64_t spare_bytes; /* of memory that drawing may take beside the frame's buffers */
   bool want_linear;
   tc_frame *frame; /* width, height set; buffers allocated; stats.samples, .rays to be filled, .tables_ms added to */
 } tc_frame_job;

@@ -3,6 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "renderer/mesh/surfaces.h"
+
 static void drop_partials(tc_progress *p) {
   while (p->partials) {
     tc_partial *next = p->partials->next;
@@ -14,7 +16,13 @@ static void drop_partials(tc_progress *p) {
 void tc_progress_drop(tc_progress *p) {
   drop_partials(p);
   if (p->kept) p->drop(p->kept);
-  p->kept = NULL;
+  p->kept = NULL, p->kept_bytes = 0;
+}
+
+void tc_frame_give_up(tc_frame *frame) {
+  if (!frame->progress) return;
+  tc_progress_drop(frame->progress);
+  frame->progress->paused = false;
 }
 
 void tc_frame_finish(tc_frame *frame) {
@@ -30,9 +38,21 @@ void tc_frame_finish(tc_frame *frame) {
 double tc_frame_done(const tc_frame *frame) {
   const tc_progress *p = frame->progress;
   if (!p || !p->paused) return 0;
-  if (p->units) return (double)p->done / p->units;
+  if (p->units) return (p->done + p->ahead) / p->units;
+  if (p->kept) return p->ahead;
   double rows = p->tile[1] + p->tile[3] * ((double)p->tile[0] / frame->width);
   return rows < frame->height ? rows / frame->height : 1;
+}
+
+int tc_frame_fruitless(const tc_frame *frame) { return frame->progress ? frame->progress->fruitless : 0; }
+
+uint64_t tc_frame_need(const tc_scene *scene, int width, int height, bool linear) {
+  const uint64_t within = tc_mesh_is_within(scene) ? TC_WITHIN_BYTES : 0;
+  return (uint64_t)width * (uint64_t)height * (4 + (linear ? 16 : 0) + within);
+}
+
+uint64_t tc_frame_bytes(const tc_frame *f) {
+  return 4 * f->capacity + 16 * f->linear_capacity + 4 * f->depth_capacity + (f->progress ? f->progress->kept_bytes : 0);
 }
 
 int64_t tc_frame_position(const tc_frame *frame) {

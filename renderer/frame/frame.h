@@ -11,6 +11,8 @@ typedef struct tc_partial {
   float pixels[]; /* [side][side][4] */
 } tc_partial;
 
+#define TC_WITHIN_BYTES 76 /* of a pixel with surfaces in a volume (mesh_within.c): its own, and the part's picture */
+
 typedef struct tc_progress {
   bool paused;           /* to be gone on with */
   int fruitless;         /* calls in a row that were paused before they came any further */
@@ -20,7 +22,9 @@ typedef struct tc_progress {
   size_t capacity;
   int64_t rays_ahead;    /* of the partials: it grows while no unit is finished */
   tc_partial *partials;  /* a list: as many as there are workers, at most */
+  double ahead;          /* share of a unit that is done of others */
   void *kept;            /* of a mode that draws no squares, while it is paused; NULL: nothing */
+  size_t kept_bytes;
   void (*drop)(void *kept);
   int refined;           /* the mesh's, as the frame began */
   int tile[4];           /* of a back end that draws in order: x, y, width, height of the next */

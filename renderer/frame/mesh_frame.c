@@ -11,7 +11,7 @@ typedef struct mesh_frame {
   tc_progress *progress;
 } mesh_frame;
 
-static void emit(void *user, const tc_raster_picture *p) {
+static bool emit(void *user, const tc_raster_picture *p) {
   mesh_frame *f = user;
   tc_frame *frame = f->job->frame;
   const size_t n = (size_t)(p->x1 - p->x0);
@@ -21,7 +21,8 @@ static void emit(void *user, const tc_raster_picture *p) {
     if (f->job->want_linear) memcpy(frame->linear + 4 * at, p->linear[from], n * sizeof *p->linear);
     if (f->job->plan->depth) memcpy(frame->depth + at, p->depth + from, n * sizeof *p->depth);
   }
-  f->progress->finished[p->tile] = true;
+  f->progress->finished[p->tile] = (uint8_t)p->rows;
+  return true;
 }
 
 bool tc_mesh_frame_draw(tc_pool *pool, const tc_frame_job *job, GError **error) {
@@ -40,7 +41,13 @@ bool tc_mesh_frame_draw(tc_pool *pool, const tc_frame_job *job, GError **error) 
   job->frame->stats.samples += counts.covered;
   if (job->key.shading) job->frame->stats.gradients += counts.shaded;
   job->frame->stats.leaps += counts.outside + counts.facing_away + counts.hidden;
+  int64_t rows = 0;
   f.progress->done = 0;
-  for (int i = 0; i < f.progress->units; i++) f.progress->done += f.progress->finished[i];
+  for (int i = 0; i < f.progress->units; i++) {
+    f.progress->done += f.progress->finished[i] == TC_RASTER_SIDE;
+    rows += f.progress->finished[i] % TC_RASTER_SIDE;
+  }
+  f.progress->rays_ahead = rows;
+  f.progress->ahead = (double)rows / TC_RASTER_SIDE;
   return whole;
 }

@@ -28,14 +28,16 @@ typedef struct within {
   int ray;
   uint8_t *tiles, *rows; /* those that this phase has finished */
   pthread_mutex_t lock;  /* guards found */
-  GArray *found;         /* tc_raster_seen of one ray: a pixel's are together and in order */
+  tc_raster_seen *found; /* [n_found] of one ray: a pixel's are together and in order */
+  uint32_t n_found, found_room;
   uint32_t *next, *end;  /* [pixels]: numbers of the pixel's next layer, and behind its last */
   float (*span)[2];      /* [pixels]: mm from the eye, of the next part; empty: the ray has ended */
   float (*sum)[4], (*total)[4]; /* [pixels]: of the ray; of the rays before it */
   float *clear, *most;   /* [pixels]: light that surfaces let through; greatest grey, -1 before the ray meets the volume */
   tc_frame part;         /* of the volume */
   tc_raster_counts counts;
-  atomic_bool more, too_many;
+  int parts; /* of the ray, that are composited */
+  atomic_bool more, too_many, no_memory;
 } within;
 
 /* ---- layers ---- */
@@ -47,30 +49,48 @@ static void begin_pixel(within *w, size_t p) {
   w->span[p][0] = 0, w->span[p][1] = INFINITY;
 }
 
-static guint append(within *w, const tc_raster_picture *p) {
-  pthread_mutex_lock(&w->lock);
-  const guint first = w->found->len;
-  if (p->n_seen > tc_mesh_most_layers - first)
-    atomic_store(&w->too_many, true);
-  else
-    g_array_append_vals(w->found, p->seen, (guint)p->n_seen);
-  pthread_mutex_unlock(&w->lock);
-  return first;
+/* As many as the frame's memory holds, too. */
+static uint32_t most_layers(const within *w) {
+  const uint64_t room = w->job->spare_bytes / sizeof *w->found;
+  return room < tc_mesh_most_layers ? (uint32_t)room : tc_mesh_most_layers;
 }
 
-static void keep_seen(void *user, const tc_raster_picture *p) {
+static bool make_room(within *w, uint32_t n) {
+  const uint64_t doubled = 2 * (uint64_t)w->found_room, most = most_layers(w);
+  const uint64_t room = n > doubled ? n : doubled < most ? doubled : most;
+  tc_raster_seen *found = n > w->found_room ? realloc(w->found, room * sizeof *found) : w->found;
+  if (found && n > w->found_room) w->found = found, w->found_room = (uint32_t)room;
+  if (!found && n) atomic_store(&w->no_memory, true);
+  return found || !n;
+}
+
+/* False: it is not appended. */
+static bool append(within *w, const tc_raster_picture *p, uint32_t *first) {
+  pthread_mutex_lock(&w->lock);
+  *first = w->n_found;
+  const bool few = p->n_seen <= most_layers(w) && w->n_found <= most_layers(w) - p->n_seen;
+  const bool fits = few && make_room(w, w->n_found + (uint32_t)p->n_seen);
+  if (!few) atomic_store(&w->too_many, true);
+  if (fits && p->n_seen) memcpy(w->found + w->n_found, p->seen, p->n_seen * sizeof *p->seen), w->n_found += (uint32_t)p->n_seen;
+  pthread_mutex_unlock(&w->lock);
+  return fits;
+}
+
+static bool keep_seen(void *user, const tc_raster_picture *p) {
   within *w = user;
   const size_t width = (size_t)w->job->frame->width;
-  const guint first = append(w, p);
+  uint32_t first;
+  if (!append(w, p, &first)) return false;
   for (int y = p->y0; y < p->y1; y++)
     for (int x = p->x0; x < p->x1; x++) begin_pixel(w, (size_t)y * width + (size_t)x);
   for (size_t i = 0; i < p->n_seen; i++) {
     const int x = p->x0 + p->seen[i].pixel % TC_RASTER_SIDE, y = p->y0 + p->seen[i].pixel / TC_RASTER_SIDE;
     const size_t at = (size_t)y * width + (size_t)x;
-    if (!w->end[at]) w->next[at] = first + (guint)i, w->span[at][1] = p->seen[i].depth;
-    w->end[at] = first + (guint)i + 1;
+    if (!w->end[at]) w->next[at] = first + (uint32_t)i, w->span[at][1] = p->seen[i].depth;
+    w->end[at] = first + (uint32_t)i + 1;
   }
-  w->tiles[p->tile] = 1;
+  w->tiles[p->tile] = (uint8_t)p->rows;
+  return true;
 }
 
 static bool find_layers(within *w, const tc_mesh_job *mesh, int ray, GError **error) {
@@ -82,11 +102,19 @@ static bool find_layers(within *w, const tc_mesh_job *mesh, int ray, GError **er
   raster.emit = keep_seen, raster.user = w;
   raster.pool = w->pool;
   raster.finished = w->tiles;
-  if (!tc_raster_draw(&raster, &w->counts, error)) return false;
-  if (!atomic_load(&w->too_many)) return true;
-  tc_set_error(error, TC_ERROR_LIMIT, "/mesh/surfaces",
-               "surfaces in a volume: more than %u layers in the picture; show fewer surfaces, or a smaller picture",
-               tc_mesh_most_layers);
+  GError *stopped = NULL;
+  const bool drawn = tc_raster_draw(&raster, &w->counts, &stopped), no_memory = atomic_load(&w->no_memory);
+  if (!no_memory && !atomic_load(&w->too_many)) {
+    if (stopped) g_propagate_error(error, stopped);
+    return drawn;
+  }
+  g_clear_error(&stopped);
+  if (no_memory)
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "layers of surfaces in a volume: out of memory");
+  else
+    tc_set_error(error, TC_ERROR_LIMIT, "/mesh/surfaces",
+                 "surfaces in a volume: more than %u layers in the picture; show fewer surfaces, or a smaller picture",
+                 most_layers(w));
   return false;
 }
 
@@ -120,7 +148,7 @@ static void go_on(within *w, size_t p, const float part[4], bool mip) {
     span[0] = 1, span[1] = 0;
     return;
   }
-  const tc_raster_seen *layer = &g_array_index(w->found, tc_raster_seen, w->next[p]);
+  const tc_raster_seen *layer = &w->found[w->next[p]];
   add_layer(w, p, layer);
   span[0] = layer->depth, span[1] = ++w->next[p] < w->end[p] ? layer[1].depth : INFINITY;
   if (w->clear[p] < ENOUGH) span[0] = 1, span[1] = 0;
@@ -185,8 +213,7 @@ static bool cast_part(within *w, void *instance, GError **error) {
 
 static void drop(void *kept) {
   within *w = kept;
-  free(w->next), free(w->span), free(w->sum), free(w->total), free(w->clear), free(w->tiles);
-  g_array_unref(w->found);
+  free(w->next), free(w->span), free(w->sum), free(w->total), free(w->clear), free(w->tiles), free(w->found);
   tc_frame_finish(&w->part);
   pthread_mutex_destroy(&w->lock);
   free(w);
@@ -205,7 +232,6 @@ static within *resume(const tc_frame_job *job, GError **error) {
     const size_t n = w->pixels = (size_t)job->frame->width * (size_t)job->frame->height, tiles = tiles_of(job->frame);
     progress->kept = w, progress->drop = drop;
     pthread_mutex_init(&w->lock, NULL);
-    w->found = g_array_new(FALSE, FALSE, sizeof(tc_raster_seen));
     w->next = malloc(2 * n * sizeof *w->next), w->clear = malloc(2 * n * sizeof *w->clear);
     w->span = malloc(n * sizeof *w->span);
     w->sum = calloc(n, sizeof *w->sum), w->total = calloc(n, sizeof *w->total);
@@ -229,11 +255,12 @@ static bool run_phase(within *w, void *cpu, const tc_mesh_job *mesh, phase *next
     return cast_part(w, cpu, error);
   case COMPOSITE:
     if (!finish_rows(w, error)) return false;
+    w->parts++;
     *next = atomic_load(&w->more) ? CAST : w->ray + 1 < w->job->rays->count ? FIND : PUT;
     if (*next != FIND) return true;
     w->ray++;
     memset(w->tiles, 0, tiles_of(w->job->frame));
-    g_array_set_size(w->found, 0);
+    w->n_found = 0, w->parts = 0;
     return true;
   case PUT: break;
   }
@@ -245,6 +272,20 @@ static int64_t position(const within *w) {
   int64_t n = w->part.progress ? tc_frame_position(&w->part) : 0;
   for (size_t i = 0; i < tiles_of(w->job->frame) + (size_t)w->job->frame->height; i++) n += w->tiles[i];
   return n;
+}
+
+/* Of this ray, about: how many parts it has, only its end tells. */
+static double share_of_ray(const within *w) {
+  int64_t rows = 0;
+  if (w->phase == PUT) return 1;
+  for (size_t i = 0; i < tiles_of(w->job->frame); i++) rows += w->tiles[i];
+  return 0.2 * (double)rows / (double)(tiles_of(w->job->frame) * TC_RASTER_SIDE) + 0.8 * w->parts / (w->parts + 2.0);
+}
+
+/* What is kept of a frame that was left, and how far it is. */
+static void account(const within *w, tc_progress *progress) {
+  progress->kept_bytes = TC_WITHIN_BYTES * w->pixels + w->found_room * sizeof *w->found;
+  progress->ahead = (w->ray + share_of_ray(w)) / w->job->rays->count;
 }
 
 bool tc_mesh_within_draw(tc_pool *pool, void *cpu, const tc_frame_job *job, GError **error) {
@@ -264,6 +305,7 @@ bool tc_mesh_within_draw(tc_pool *pool, void *cpu, const tc_frame_job *job, GErr
   }
   progress->rays_ahead += position(w) != before;
   tc_mesh_job_end(&mesh);
+  account(w, progress);
   if (drawn) tc_progress_drop(progress);
   return drawn;
 }

@@ -314,6 +314,7 @@ static bool render_frame(drawing *d, const tc_render_request *request, GError **
   for (int i = 0; request->pixel_share > 0 && i < rays.count; i++)
     rays.of_pixel[i].x *= request->pixel_share, rays.of_pixel[i].y *= request->pixel_share;
   d->job.rays = &rays;
+  d->job.spare_bytes = tc_resources_spare(resources);
   if (tc_resources_steps(resources) != steps && tc_halt_between(d->job.halt)) /* its time went into building */
     return tc_halt_say(d->job.halt, error);
   const double start = tc_now_ms(), tables_ms = d->stats->tables_ms;

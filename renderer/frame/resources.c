@@ -162,4 +162,5 @@ void tc_resources_forget_mesh(tc_resources *r, uint64_t mesh_serial) {
 uint64_t tc_resources_held(const tc_resources *r) { return tc_store_held(r->store); }
 
 uint64_t tc_resources_wanted(tc_resources *r) { return tc_store_wanted(r->store); }
+uint64_t tc_resources_spare(const tc_resources *r) { return tc_store_spare(r->store); }
 void tc_resources_limit(tc_resources *r, uint64_t most_bytes) { tc_store_limit(r->store, most_bytes); }

@@ -33,6 +33,7 @@ void tc_resources_refine(tc_resources *r, tc_resource which, const void *thing, 
 int64_t tc_resources_steps(const tc_resources *resources);
 
 uint64_t tc_resources_held(const tc_resources *r);
+uint64_t tc_resources_spare(const tc_resources *r); /* of what there is at all */
 /* What there is at all from now on; the budget is as it was, or this where it is less. Drops what is over it, least
  * recently used first. */
 void tc_resources_limit(tc_resources *r, uint64_t most_bytes);

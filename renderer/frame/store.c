@@ -168,6 +168,7 @@ void tc_store_drop(tc_store *s, const tc_store_kind *kind, bool (*like)(const vo
 }
 
 uint64_t tc_store_held(const tc_store *s) { return s->held; }
+uint64_t tc_store_spare(const tc_store *s) { return s->held < s->ceiling ? s->ceiling - s->held : 0; }
 uint64_t tc_store_budget(const tc_store *s) { return s->most; }
 
 void tc_store_limit(tc_store *s, uint64_t most_bytes) {

@@ -58,6 +58,7 @@ void tc_store_forget(tc_store *store, uint64_t volume_serial);
 /* Drops those of a kind of which `like` is true, and all of it that are in the making. */
 void tc_store_drop(tc_store *store, const tc_store_kind *kind, bool (*like)(const void *thing, const void *user), const void *user);
 uint64_t tc_store_held(const tc_store *store);
+uint64_t tc_store_spare(const tc_store *store); /* that others may take: what there is at all, less what is held */
 uint64_t tc_store_budget(const tc_store *store); /* as it was made with */
 /* What there is at all from now on; the budget is as it was made, or this where it is less. Drops what is over it. */
 void tc_store_limit(tc_store *store, uint64_t most_bytes);

@@ -12,7 +12,7 @@
 #define CHUNK 1024   /* clusters of a task */
 #define LOOK 8       /* clusters between two looks at the halt */
 #define BUCKETS 256  /* of nearness, a tile's clusters are sorted into */
-#define MOST_LAYERS (1 << 18) /* that are sorted at once; a part of a tile with more is cut in two */
+#define MOST_LAYERS (1 << 18) /* that are sorted at once, but of a single row: of more, fewer rows are */
 #define MOST_ROW (1 << 24)    /* layers of a row of a tile, and of a tile that are handed out: more are refused */
 #define SEEN_THROUGH (1.0f / 4096) /* a share of a sample's light below this is nobody's */
 
@@ -25,6 +25,7 @@ typedef struct worker {
   void *memory;
   tc_raster_seen *seen;       /* of a layered job */
   size_t n_seen, seen_room;
+  int from, rows;             /* of the tile: the first row that is drawn now, and behind the last that is finished */
   tc_raster_layers layers;    /* as they are found, and, behind as many, by pixel */
 } worker;
 
@@ -207,14 +208,16 @@ static void begin_tile(const drawing *d, tc_raster_tile *t, int tile) {
   memset(t->id, 0xff, (size_t)d->job->n_samples * TC_RASTER_PIXELS * sizeof *t->id);
 }
 
+static bool is_too_much(const tc_raster_tile *t) { return t->layers && t->layers->n > MOST_LAYERS && t->height > 1; }
+
 /* Those of a tile's clusters that are opaque, or the others, into the rows of `to`, which is the tile or a part of it.
- * False: left. */
-static bool draw_clusters(const drawing *d, worker *w, size_t n, tc_raster_tile *to) {
+ * Gives back how many it came through; less than n: left, or too much. */
+static size_t draw_clusters(const drawing *d, worker *w, size_t n, tc_raster_tile *to) {
   tc_raster_tile *t = &w->tile;
   for (size_t i = 0; i < n; i++) {
     const tc_sight *s = &d->sights[w->order[i]];
     const tc_raster_surface *surface = surface_of(d, w->order[i]);
-    if (i % LOOK == LOOK - 1 && tc_halt_within(tc_pool_halt(d->job->pool))) return false;
+    if (i % LOOK == LOOK - 1 && tc_halt_within(tc_pool_halt(d->job->pool))) return i;
     if ((surface->opacity < 1) != (to->layers != NULL) || s->y1 < to->y0 || s->y0 >= to->y0 + to->height) continue;
     const block_range r = blocks_of(t, s);
     if (is_hidden(t, d->job->n_samples, s, r)) {
@@ -225,8 +228,9 @@ static bool draw_clusters(const drawing *d, worker *w, size_t n, tc_raster_tile 
     d->job->kernels->draw(&d->frame, to, w->order[i], s->planes, &w->counts);
     for (int y = r.y0; y <= r.y1 && !to->layers; y++)
       t->stale |= (((uint64_t)2 << r.x1) - ((uint64_t)1 << r.x0)) << y * TC_RASTER_BLOCKS;
+    if (is_too_much(to)) return i + 1;
   }
-  return true;
+  return n;
 }
 
 /* ---- translucent layers ---- */
@@ -305,7 +309,7 @@ static void keep_seen(drawing *d, worker *w) {
       atomic_store(&d->no_memory, true);
   }
   for (int i = 0; i < f->n && w->n_seen < w->seen_room; i++)
-    w->seen[w->n_seen++] = (tc_raster_seen){f->pixel[i], {f->color[0][i], f->color[1][i], f->color[2][i]},
+    w->seen[w->n_seen++] = (tc_raster_seen){f->pixel[i] - w->from * TC_RASTER_SIDE, {f->color[0][i], f->color[1][i], f->color[2][i]},
                                             surface_of(d, f->id[i] / TC_CLUSTER_TRIANGLES)->opacity, f->depth[i]};
 }
 
@@ -400,33 +404,48 @@ static void add_layers(drawing *d, worker *w, int x, int y, tc_raster_layer *of,
     }
 }
 
-/* The rows [y0, y1) of a tile that translucent surfaces may be in. False: left, or no memory. */
-static bool draw_layers(drawing *d, worker *w, size_t n, int y0, int y1) {
+/* Rows [y0, y1) of the tile, with the layers found in them. False: left before row w->rows. */
+static bool shade_rows(drawing *d, worker *w, int y0, int y1) {
   uint32_t first[TC_RASTER_PIXELS + 1];
-  tc_raster_tile part = w->tile;
-  const tc_raster_counts before = w->counts;
-  part.y0 += y0, part.height = y1 - y0, part.layers = &w->layers;
-  part.near += y0 * TC_RASTER_SIDE, part.id += y0 * TC_RASTER_SIDE;
-  w->layers.n = 0;
-  if (!draw_clusters(d, w, n, &part)) return false;
-  if (w->layers.n > w->layers.room) { /* once more, with room for them or in two halves */
-    w->counts = before;
-    if (w->layers.n > MOST_LAYERS && y1 - y0 > 1)
-      return draw_layers(d, w, n, y0, (y0 + y1) / 2) && draw_layers(d, w, n, (y0 + y1) / 2, y1);
-    if (w->layers.n <= MOST_ROW && make_room(&w->layers, w->layers.n + w->layers.n / 4)) return draw_layers(d, w, n, y0, y1);
-    atomic_store(&d->no_memory, true);
-    return false;
-  }
-  w->counts.layers += w->layers.n;
   tc_raster_layer *of = w->layers.n ? sort_by_pixel(&w->layers, first) : NULL;
-  for (int y = 0; y < y1 - y0; y++) {
+  for (int y = y0; y < y1; w->rows = ++y) {
     if (tc_halt_within(tc_pool_halt(d->job->pool))) return false;
     for (int x = 0; x < w->tile.width; x++) {
-      const int pixel = y * TC_RASTER_SIDE + x;
+      const int pixel = (y - y0) * TC_RASTER_SIDE + x;
       if (of && first[pixel + 1] > first[pixel])
-        add_layers(d, w, x, y0 + y, of + first[pixel], first[pixel + 1] - first[pixel]);
+        add_layers(d, w, x, y, of + first[pixel], first[pixel + 1] - first[pixel]);
       else
-        add_opaque(d, w, x, y0 + y);
+        add_opaque(d, w, x, y);
+    }
+  }
+  return true;
+}
+
+/* A tile that translucent surfaces may be in, some rows at a time. False: left, or no memory. */
+static bool draw_layers(drawing *d, worker *w, size_t n) {
+  const int height = w->tile.height;
+  for (int rows = w->from ? 1 : height, y = w->from, end; y < height; y = end) {
+    tc_raster_tile part = w->tile;
+    const tc_raster_counts before = w->counts;
+    end = y + rows < height ? y + rows : height;
+    part.y0 += y, part.height = end - y, part.layers = &w->layers;
+    part.near += y * TC_RASTER_SIDE, part.id += y * TC_RASTER_SIDE;
+    w->layers.n = 0;
+    const size_t looked = draw_clusters(d, w, n, &part);
+    if (is_too_much(&part)) { /* fewer rows, as far as is known how many */
+      rows = (int)((size_t)part.height * looked / (2 * n));
+      rows = rows > 1 ? rows : 1, end = y, w->counts = before;
+    } else if (looked < n) {
+      return false;
+    } else if (w->layers.n > w->layers.room) { /* once more, with room for them */
+      end = y, w->counts = before;
+      if (w->layers.n <= MOST_ROW && make_room(&w->layers, w->layers.n + w->layers.n / 4)) continue;
+      atomic_store(&d->no_memory, true);
+      return false;
+    } else {
+      w->counts.layers += w->layers.n;
+      if (w->layers.n < MOST_LAYERS / 4) rows *= 2;
+      if (!shade_rows(d, w, y, end)) return false;
     }
   }
   return true;
@@ -438,16 +457,28 @@ static void begin_shading(worker *w) {
   w->n_seen = 0;
 }
 
-static void shade_tile(drawing *d, worker *w) {
-  for (int y = 0; y < w->tile.height; y++)
-    for (int x = 0; x < w->tile.width; x++) add_opaque(d, w, x, y);
+static bool shade_tile(drawing *d, worker *w) {
+  for (; w->rows < w->tile.height; w->rows++)
+    for (int x = 0; x < w->tile.width; x++) add_opaque(d, w, x, w->rows);
+  return true;
 }
 
-/* However late it is, a call draws a tile. */
+static void emit_rows(drawing *d, worker *w, int tile) {
+  shade_fragments(d, w);
+  const tc_raster_tile *t = &w->tile;
+  const size_t above = (size_t)w->from * TC_RASTER_SIDE;
+  const tc_raster_picture picture = {tile, t->x0, t->y0 + w->from, t->x0 + t->width, t->y0 + w->rows,
+                                     w->rows == t->height ? TC_RASTER_SIDE : w->rows,
+                                     (const float(*)[4])w->linear + above, w->depth + above, w->seen, w->n_seen};
+  if (!d->job->emit(d->job->user, &picture)) atomic_store_explicit(&d->left, true, memory_order_relaxed);
+}
+
+/* However late it is, a call draws a tile, or some rows of one. */
 static void draw_tile(void *context, int tile, int number) {
   drawing *d = context;
   worker *w = &d->workers[number];
-  if (d->job->finished && d->job->finished[tile]) return;
+  const int from = d->job->finished ? d->job->finished[tile] : 0;
+  if (from == TC_RASTER_SIDE) return;
   if ((atomic_load_explicit(&d->drawn, memory_order_relaxed) && tc_halt_between(tc_pool_halt(d->job->pool))) ||
       atomic_load_explicit(&d->left, memory_order_relaxed)) {
     atomic_store_explicit(&d->left, true, memory_order_relaxed);
@@ -457,17 +488,11 @@ static void draw_tile(void *context, int tile, int number) {
   const size_t n = d->first[tile + 1] - d->first[tile];
   begin_tile(d, &w->tile, tile);
   begin_shading(w);
+  w->from = w->rows = from;
   sort_list(d, d->lists + d->first[tile], n, w->order);
-  if (!draw_clusters(d, w, n, &w->tile) || (d->translucent && !draw_layers(d, w, n, 0, w->tile.height))) {
+  if (draw_clusters(d, w, n, &w->tile) < n || !(d->translucent ? draw_layers(d, w, n) : shade_tile(d, w)))
     atomic_store_explicit(&d->left, true, memory_order_relaxed);
-    return;
-  }
-  if (!d->translucent) shade_tile(d, w);
-  shade_fragments(d, w);
-  const tc_raster_tile *t = &w->tile;
-  const tc_raster_picture picture = {tile, t->x0, t->y0, t->x0 + t->width, t->y0 + t->height,
-                                     (const float(*)[4])w->linear, w->depth, w->seen, w->n_seen};
-  d->job->emit(d->job->user, &picture);
+  if (w->rows > from) emit_rows(d, w, tile);
 }
 
 /* ---- all ---- */

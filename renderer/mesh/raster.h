@@ -36,15 +36,16 @@ typedef struct tc_raster_look {
   float light[3]; /* to the light; unit, LPS */
 } tc_raster_look;
 
-/* What is seen of a surface in a pixel of a tile. */
+/* What is seen of a surface in a pixel. */
 typedef struct tc_raster_seen {
-  int pixel; /* y * TC_RASTER_SIDE + x */
+  int pixel; /* y * TC_RASTER_SIDE + x, of what is emitted */
   float color[3], opacity, depth;
 } tc_raster_seen;
 
-/* One tile's pixels [y0, y1) x [x0, x1): premultiplied colour and opacity, and mm from the eye (INFINITY: nothing). */
+/* Pixels [y0, y1) x [x0, x1) of one tile: premultiplied colour and opacity, and mm from the eye (INFINITY: nothing). */
 typedef struct tc_raster_picture {
   int tile, x0, y0, x1, y1;
+  int rows; /* of the tile that are finished with these, from its top on; TC_RASTER_SIDE: all */
   const float (*linear)[4]; /* [y1 - y0][TC_RASTER_SIDE] */
   const float *depth;       /* likewise */
   const tc_raster_seen *seen; /* [n_seen], of a layered job: pixel by pixel, the nearest first */
@@ -76,10 +77,11 @@ typedef struct tc_raster_job {
   int n_samples;             /* of a pixel, up to TC_RASTER_SAMPLES */
   const double (*samples)[2]; /* pixels from a pixel's middle, within -0.5 .. 0.5; rounded to a 256th */
   bool layered;              /* what is seen is emitted one by one beside the sum; of one sample */
-  const uint8_t *finished;   /* [tiles], row by row: which are not drawn again; NULL: all are drawn */
-  void (*emit)(void *user, const tc_raster_picture *picture); /* once a tile, from any thread of the pool */
+  const uint8_t *finished;   /* [tiles], row by row: how many rows of each, from its top on, are not drawn again; NULL: none */
+  /* Once a tile that it comes further in, from any thread of the pool. False: enough, the rest is left as the halt leaves it. */
+  bool (*emit)(void *user, const tc_raster_picture *picture);
   void *user;
-  tc_pool *pool;             /* its halt leaves tiles undrawn: not emitted */
+  tc_pool *pool;             /* its halt leaves tiles, or their lower rows, undrawn: not emitted */
 } tc_raster_job;
 
 /* False: stopped (TC_ERROR_CANCELLED, _PAUSED) or TC_ERROR_MEMORY; what was emitted holds. counts are added to. */

@@ -3,10 +3,6 @@
 #include "renderer/mesh/measure.h"
 #include "server/memory/budget.h"
 
-uint64_t tcs_frame_bytes(const tc_frame *frame) {
-  return 4 * frame->capacity + 16 * frame->linear_capacity + 4 * frame->depth_capacity;
-}
-
 tcs_job *tcs_job_new(tcs_server *server, tc_volume *volume, const tc_scene *scene) {
   tcs_job *job = g_new0(tcs_job, 1);
   job->server = server;

@@ -68,7 +68,6 @@ struct tcs_job {
   int64_t queued_us, slice_us; /* when it came; when its slice began */
   double slice_ms, used_ms;    /* of the renderer: the last slice, and all of them */
   int slices, stalls;          /* stalls: slices in a row that brought nothing */
-  double done, drawn_ms;       /* share of the picture after the last slice; what drawing it took so far */
   bool waiting; /* in its client's line */
   bool share;   /* its slice is what its class earned: a class before it does not cut it */
   bool overdue; /* cancelled because it took too long */
@@ -87,8 +86,5 @@ bool tcs_job_begun(const tcs_job *job);
 
 /* It is asked for words. */
 static inline bool tcs_job_draws_nothing(const tcs_job *job) { return job->plan_only || job->pick_only; }
-
-/* What a frame's buffers take. */
-uint64_t tcs_frame_bytes(const tc_frame *frame);
 
 #endif

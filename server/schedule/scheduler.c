@@ -150,33 +150,36 @@ static void finish(tcs_job *job) {
   tcs_job_free(job);
 }
 
-/* Frame buffers go round: render thread -> encode thread -> here -> render thread. */
-static void lend_frame(tcs_scheduler *scheduler, tcs_job *job) {
-  tc_frame *spare = g_queue_pop_head(&scheduler->frames);
-  if (!spare) return;
-  job->frame = *spare;
-  job->memory = tcs_frame_bytes(spare);
-  g_free(spare);
-}
-
-static void return_frame(tcs_scheduler *scheduler, tcs_job *job) {
-  const bool fits = job->frame.rgba && job->frame.capacity <= MOST_SPARE_PIXELS && !job->frame.linear;
-  if (!fits || g_queue_get_length(&scheduler->frames) > MAX_ENCODING) return;
-  g_queue_push_head(&scheduler->frames, g_memdup2(&job->frame, sizeof job->frame));
-  job->memory -= MIN(job->memory, tcs_frame_bytes(&job->frame)); /* it goes with the frame */
-  memset(&job->frame, 0, sizeof job->frame);
-}
-
-static void drop_spare_frames(tcs_scheduler *scheduler) {
-  for (tc_frame *spare; (spare = g_queue_pop_head(&scheduler->frames)); free_frame(spare))
-    tcs_budget_give(scheduler->server->budget, TCS_MEMORY_FRAMES, tcs_frame_bytes(spare));
-}
-
 /* What is there, whatever was taken before. */
 static void count_frame(tcs_job *job, uint64_t bytes) {
   tcs_budget_give(job->server->budget, TCS_MEMORY_FRAMES, job->memory);
   tcs_budget_count(job->server->budget, TCS_MEMORY_FRAMES, bytes);
   job->memory = bytes;
+}
+
+/* Frame buffers go round: render thread -> encode thread -> here -> render thread. */
+static void lend_frame(tcs_scheduler *scheduler, tcs_job *job) {
+  tc_frame *spare = g_queue_pop_head(&scheduler->frames);
+  if (!spare) return;
+  job->frame = *spare;
+  job->memory = tc_frame_bytes(spare);
+  g_free(spare);
+}
+
+static void return_frame(tcs_scheduler *scheduler, tcs_job *job) {
+  const uint64_t kept = tc_frame_bytes(&job->frame);
+  tc_frame_give_up(&job->frame);
+  if (tc_frame_bytes(&job->frame) < kept) count_frame(job, tc_frame_bytes(&job->frame));
+  const bool fits = job->frame.rgba && job->frame.capacity <= MOST_SPARE_PIXELS && !job->frame.linear;
+  if (!fits || g_queue_get_length(&scheduler->frames) > MAX_ENCODING) return;
+  g_queue_push_head(&scheduler->frames, g_memdup2(&job->frame, sizeof job->frame));
+  job->memory -= MIN(job->memory, tc_frame_bytes(&job->frame)); /* it goes with the frame */
+  memset(&job->frame, 0, sizeof job->frame);
+}
+
+static void drop_spare_frames(tcs_scheduler *scheduler) {
+  for (tc_frame *spare; (spare = g_queue_pop_head(&scheduler->frames)); free_frame(spare))
+    tcs_budget_give(scheduler->server->budget, TCS_MEMORY_FRAMES, tc_frame_bytes(spare));
 }
 
 static void set_cancelled(tcs_job *job) {
@@ -202,7 +205,7 @@ static void run_encode(tcs_task *task) {
     job->image = take_picture(job->server->budget, bytes);
   else
     g_byte_array_unref(bytes);
-  count_frame(job, tcs_frame_bytes(&job->frame));
+  count_frame(job, tc_frame_bytes(&job->frame));
   job->encode_ms = (double)(g_get_monotonic_time() - began) / 1000;
 }
 
@@ -348,16 +351,16 @@ static void run_slice(tcs_task *task) {
 
 /* What a picture will have taken once it is encoded. */
 static uint64_t frame_need(const tcs_job *job) {
-  const uint64_t width = (uint64_t)(job->width ? job->width : job->scene.image.width);
-  const uint64_t height = (uint64_t)(job->height ? job->height : job->scene.image.height);
-  const uint64_t drawn = width * height * (job->meter_pixels ? 20 : 4);
-  return MAX(drawn, tcs_frame_bytes(&job->frame)) + width * height * ENCODING_BYTES;
+  const int width = job->width ? job->width : job->scene.image.width;
+  const int height = job->height ? job->height : job->scene.image.height;
+  const uint64_t drawn = tc_frame_need(&job->scene, width, height, job->meter_pixels > 0);
+  if (tcs_job_draws_nothing(job)) return tc_frame_bytes(&job->frame);
+  return MAX(drawn, tc_frame_bytes(&job->frame)) + (uint64_t)width * (uint64_t)height * ENCODING_BYTES;
 }
 
 static bool take_frame(tcs_job *job) {
   tcs_budget *budget = job->server->budget;
-  const uint64_t need = tcs_job_draws_nothing(job) ? 0 : frame_need(job);
-  if (need <= job->memory) return true;
+  const uint64_t need = frame_need(job);
   if (tcs_budget_resize(budget, TCS_MEMORY_FRAMES, job->memory, need)) {
     job->memory = need;
     return true;
@@ -365,6 +368,16 @@ static bool take_frame(tcs_job *job) {
   job->memory_wanted = need - job->memory;
   tcs_budget_refuse(budget, TCS_MEMORY_FRAMES, job->memory_wanted, &job->error);
   return false;
+}
+
+/* After a slice: a paused one may keep more than it did before. */
+static void recount_frame(tcs_job *job) {
+  GError *paused = g_error_matches(job->error, TC_ERROR, TC_ERROR_PAUSED) ? g_steal_pointer(&job->error) : NULL;
+  if (job->error)
+    count_frame(job, tc_frame_bytes(&job->frame));
+  else if (take_frame(job))
+    job->error = g_steal_pointer(&paused);
+  g_clear_error(&paused);
 }
 
 /* The renderer keeps what others leave it. */
@@ -381,7 +394,7 @@ static void counted_slice(tcs_job *job) {
     g_clear_error(&job->error);
     tcs_budget_refuse(budget, TCS_MEMORY_CACHES, wanted, &job->error);
   }
-  if (job->error && !g_error_matches(job->error, TC_ERROR, TC_ERROR_PAUSED)) count_frame(job, tcs_frame_bytes(&job->frame));
+  recount_frame(job);
 }
 
 static void timed_slice(tcs_task *task) {
@@ -407,12 +420,7 @@ static void set_pause(tcs_scheduler *scheduler, tcs_job *job) {
 }
 
 static void put_back(tcs_scheduler *scheduler, tcs_job *job) {
-  const double done = tc_frame_done(&job->frame), drawn_ms = job->stats.render_ms;
-  /* What it builds for all its frames goes on where it was; a piece of the picture that is cut is begun anew. */
-  const bool stalled = done <= job->done && drawn_ms - job->drawn_ms > job->slice_ms / 2;
-  job->stalls = stalled ? job->stalls + 1 : 0;
-  job->done = done;
-  job->drawn_ms = drawn_ms;
+  job->stalls = tc_frame_fruitless(&job->frame);
   tcs_client_put_back(job->client, job);
   count_in_line(scheduler, job, 1);
 }

@@ -446,26 +446,30 @@ static void first_dispatches_are_heard(void **state) {
   subject_close(&s);
 }
 
+/* Faint surfaces one behind the other in every sample of a tile. */
+static void deep_scene(subject *s, int n_panes, int rays_per_pixel) {
+  tc_scene *scene = &s->drawn.scene;
+  test_scene(scene, 64, 64);
+  test_scene_frame(scene, s->volume, TC_ORTHOGRAPHIC, (const double[3]){0.05, 0.02, -1}); /* along the ramp */
+  tc_mesh_surface *panes = g_new(tc_mesh_surface, n_panes);
+  for (int i = 0; i < n_panes; i++)
+    panes[i] = (tc_mesh_surface){.source = TC_SURFACE_OF_VALUE, .value = 65535.0 * (i + 1) / (n_panes + 1), .opacity = 0.01,
+                                 .visible = true, .two_sided = true};
+  tc_scene_set_surfaces(scene, panes, (size_t)n_panes);
+  scene->mode = TC_MODE_MESH;
+  scene->sampling.rays_per_pixel = rays_per_pixel;
+}
+
 /* Hundreds of translucent layers in every sample of a tile: they are sorted and shaded between looks, too. */
 static void deep_layers_are_heard(void **state) {
-  enum { PANES = 250 };
   subject s = {.volume = ramp_of(TC_U16, 24)};
-  tc_scene *scene = &s.drawn.scene;
-  test_scene(scene, 64, 64);
-  test_scene_frame(scene, s.volume, TC_ORTHOGRAPHIC, (const double[3]){0.05, 0.02, -1}); /* along the ramp */
-  tc_mesh_surface *panes = g_new(tc_mesh_surface, PANES);
-  for (int i = 0; i < PANES; i++)
-    panes[i] = (tc_mesh_surface){.source = TC_SURFACE_OF_VALUE, .value = 65535.0 * (i + 1) / (PANES + 1), .opacity = 0.01,
-                                 .visible = true, .two_sided = true};
-  tc_scene_set_surfaces(scene, panes, PANES);
-  scene->mode = TC_MODE_MESH;
-  scene->sampling.rays_per_pixel = 8;
+  deep_scene(&s, 250, 8);
   long long us = LLONG_MAX, looks;
   assert_true(count_looks(test_widest(), &s, &us) > 0); /* extracts them */
   for (int try = 0; try < TRIES && (try == 0 || us > most_deaf_us()); try++) looks = count_looks(test_widest(), &s, &us);
   printf("  %lld looks, %.2f ms of processor time without one\n", looks, (double)us / 1000);
   assert_true(looks > 0 && us <= most_deaf_us());
-  tc_scene_clear(scene);
+  tc_scene_clear(&s.drawn.scene);
   subject_close(&s);
 }
 
@@ -499,6 +503,35 @@ static void surfaces_within_are_resumed(void **state) {
   printf("  %d calls, %d of them fruitless\n", calls, fruitless);
   assert_true(calls > 10 && fruitless < calls / 10); /* a machine that does other things may take a call its time */
   same_pictures(&whole, &parts, &s, "surfaces in a volume");
+  tc_frame_finish(&whole);
+  tc_frame_finish(&parts);
+  tc_scene_clear(scene);
+  subject_close(&s);
+}
+
+/* A tile of millions of translucent layers: each call goes on below the rows that were drawn before. */
+static void deep_tiles_are_resumed(void **state) {
+  enum { PANES = 250 };
+  subject s = {.volume = ramp_of(TC_U16, 24), .request.want_linear = true};
+  tc_scene *scene = &s.drawn.scene;
+  tc_frame whole = {0}, parts = {0};
+  tc_interrupt interrupt;
+  deep_scene(&s, PANES, 16);
+  assert_true(tc_render(test_renderers[SCALAR], s.volume, scene, &s.request, &whole, NULL, NULL));
+  tc_interrupt_init(&interrupt);
+  atomic_store(&interrupt.pause_us, 0);
+  tc_render_request request = s.request;
+  request.interrupt = &interrupt;
+  int calls = 1, further = 0;
+  for (double done = 0; !tc_render(test_renderers[SCALAR], s.volume, scene, &request, &parts, NULL, NULL); calls++) {
+    assert_true(parts.progress->paused && calls < 10000 && tc_frame_done(&parts) >= done);
+    further += tc_frame_done(&parts) > done;
+    done = tc_frame_done(&parts);
+    request.resume = true;
+  }
+  printf("  %d calls, %d of them came further in the one tile\n", calls, further);
+  assert_true(further > 5);
+  same_pictures(&whole, &parts, &s, "a deep tile");
   tc_frame_finish(&whole);
   tc_frame_finish(&parts);
   tc_scene_clear(scene);
@@ -635,6 +668,6 @@ int main(void) {
   const struct CMUnitTest tests[] = {TEST(resumed_is_uncut), TEST(only_what_was_paused_is_resumed),
     TEST(estimate_holds), TEST(stopping_is_soon), TEST(monster_stops), TEST(long_lists_are_heard),
     TEST(many_labels_are_heard), TEST(first_dispatches_are_heard), TEST(deep_layers_are_heard),
-    TEST(surfaces_within_are_resumed), TEST(stopping_by_the_clock)};
+    TEST(surfaces_within_are_resumed), TEST(deep_tiles_are_resumed), TEST(stopping_by_the_clock)};
   return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
 }

@@ -193,6 +193,33 @@ test('a picture that cannot fit is refused; what nobody uses goes first', async 
   await d.stop();
 });
 
+// Surfaces in a volume: 76 bytes a pixel from the start, and the layers as they are found.
+test('what a picture keeps while others have their turn is counted until it is dropped', async () => {
+  const d = await Daemon.start();
+  const side = 384, surfaces = Array.from({ length: 12 }, (_, i) => ({ value: 20 + 16 * i, opacity: 0.01 }));
+  const scene = { image: { width: side, height: side }, sampling: { step: 0.02, raysPerPixel: 64 }, mesh: { withVolume: true, surfaces } };
+  const body = JSON.stringify({ volume: 'ball', scene });
+  const left = net.connect(d.port, '127.0.0.1', () => left.write(`POST /v1/render HTTP/1.1\r\nHost: 127.0.0.1:${d.port}\r\nContent-Type: application/json\r\nContent-Length: ${body.length}\r\n\r\n${body}`));
+  left.on('error', () => {});
+  const ws = await Ws.open(d, (await d.session({ image: { width: 32, height: 32 } })).id);
+  let seq = 0;
+  const frames = async (enough) => {
+    for (const end = Date.now() + 60000; Date.now() < end; ) {
+      ws.patch(++seq, { camera: { fovY: 20 + (seq % 40) / 4 } });
+      await ws.nextFrame((h) => h.seq >= seq, 60000);
+      const now = (await used(d)).frames;
+      if (enough(now)) return now;
+    }
+    throw new Error(`${(await used(d)).frames} bytes`);
+  };
+  const kept = await frames((bytes) => bytes > (84 + 28) * side ** 2);
+  left.destroy();
+  console.log(`${(kept / side ** 2) | 0} bytes a pixel`);
+  await frames((bytes) => bytes < 76 * side ** 2);
+  await ws.close();
+  await d.stop();
+});
+
 test('coefficients that find no room are refused until they do', async () => {
   const program = await programBytes(); // 8 MB of voxels, of which coefficients take 32
   const d = await Daemon.start({ n: 200, files: { 'shown.nrrd': slab(25) }, config: `[limits]\nmemory_bytes=${program + 62 * MB | 0}\ncache_bytes=${40 * MB}\n` });

@@ -31,13 +31,14 @@ static bool runs(const char *isa) {
 }
 static const char *const isas[] = {"scalar", "avx2", "avx512"};
 
-static void keep(void *user, const tc_raster_picture *p) {
+static bool keep(void *user, const tc_raster_picture *p) {
   picture *to = user;
   for (int y = p->y0; y < p->y1; y++) {
     size_t from = (size_t)(y - p->y0) * TC_RASTER_SIDE, at = (size_t)(y * to->width + p->x0), n = (size_t)(p->x1 - p->x0);
     memcpy(to->linear[at], p->linear[from], n * sizeof *to->linear);
     memcpy(to->depth + at, p->depth + from, n * sizeof *to->depth);
   }
+  return true;
 }
 
 static bool try_draw(const tc_clusters *mesh, const drawing *d, picture *p, GError **error) {
