@@ -202,7 +202,7 @@ static bool start_workers(tcs_server *server, GError **error) {
       {&server->encode_worker, "tc-encode", 1, TCS_PRIORITY_PICTURE},
       {&server->still_worker, "tc-still", 1, TCS_PRIORITY_PICTURE},
       {&server->load_worker, "tc-load", TCS_LOAD_THREADS, TCS_PRIORITY_BEHIND},
-      {&server->walk_worker, "tc-walk", 1, TCS_PRIORITY_BEHIND},
+      {&server->walk_worker, "tc-walk", 2, TCS_PRIORITY_BEHIND},
       {&server->text_worker, "tc-text", 1, TCS_PRIORITY_BEHIND},
       {&server->probe_worker, "tc-probe", 1, TCS_PRIORITY_BEHIND},
       {&server->meter_worker, "tc-meter", 1, TCS_PRIORITY_LOW},

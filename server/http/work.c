@@ -46,7 +46,9 @@ static void leave(tcs_request *request) {
 }
 
 bool tcs_work_start(tcs_request *request, tcs_worker *worker, tcs_work *work, int most) {
-  work->task = (tcs_task){.run = run_work, .done = done_work};
+  char *peer = tcs_peer_name(request);
+  work->task = (tcs_task){.run = run_work, .done = done_work, .client = g_str_hash(peer)};
+  g_free(peer);
   work->worker = worker;
   work->request = request;
   if (!tcs_worker_offer(worker, &work->task, most)) {

@@ -16,6 +16,9 @@ struct tcs_worker {
   tcs_completions *completions;
   char name[16];
   tcs_priority priority;
+  tcs_task_list running;
+  int most_of_client; /* that run at once */
+  uint32_t turn;      /* of the task that was taken last */
   int n_threads;
   pthread_t threads[];
 };
@@ -91,6 +94,43 @@ void tcs_completions_drain(tcs_completions *completions) {
   }
 }
 
+static const tcs_task *last_of(const tcs_worker *worker, uint32_t client) {
+  const tcs_task *last = NULL;
+  for (const tcs_task *task = worker->queue.head; task && client; task = task->next)
+    if (task->client == client) last = task;
+  return last;
+}
+
+/* In line with those of other clients: behind as many of each as it has of its own. */
+static void insert(tcs_worker *worker, tcs_task *task) {
+  const tcs_task *last = last_of(worker, task->client);
+  tcs_task **at = &worker->queue.head;
+  task->turn = last ? last->turn + 1 : worker->turn;
+  while (*at && (int32_t)((*at)->turn - task->turn) <= 0) at = &(*at)->next;
+  task->next = *at;
+  if (!task->next) worker->queue.tail = task;
+  *at = task;
+}
+
+static bool may_run(const tcs_worker *worker, const tcs_task *task) {
+  int own = 0;
+  for (const tcs_task *other = worker->running.head; other && task->client; other = other->next)
+    own += other->client == task->client;
+  return own < worker->most_of_client || worker->stopping;
+}
+
+/* The first that may run; NULL: there is none. */
+static tcs_task *take(tcs_worker *worker) {
+  tcs_task *task = worker->queue.head;
+  while (task && !may_run(worker, task)) task = task->next;
+  if (!task) return NULL;
+  tcs_task_list_remove(&worker->queue, task);
+  worker->waiting--;
+  worker->turn = task->turn;
+  tcs_task_list_push(&worker->running, task);
+  return task;
+}
+
 static void *worker_main(void *user) {
   tcs_worker *worker = user;
   pthread_setname_np(pthread_self(), worker->name);
@@ -98,13 +138,13 @@ static void *worker_main(void *user) {
   if (nice(worker->priority) < 0) errno = 0;
   pthread_mutex_lock(&worker->mutex);
   for (;;) {
-    tcs_task *task = tcs_task_list_pop(&worker->queue);
+    tcs_task *task = take(worker);
     if (task) {
-      worker->waiting--;
       pthread_mutex_unlock(&worker->mutex);
       task->run(task);
-      tcs_completions_post(worker->completions, task);
       pthread_mutex_lock(&worker->mutex);
+      tcs_task_list_remove(&worker->running, task);
+      tcs_completions_post(worker->completions, task);
     } else if (worker->stopping) {
       break;
     } else {
@@ -122,6 +162,7 @@ tcs_worker *tcs_worker_new(const char *name, int threads, tcs_priority priority,
   pthread_cond_init(&worker->wake, NULL);
   worker->completions = completions;
   worker->priority = priority;
+  worker->most_of_client = threads > 1 ? threads - 1 : 1;
   g_strlcpy(worker->name, name, sizeof worker->name);
   for (int i = 0; i < threads; i++) {
     const int failure = pthread_create(&worker->threads[i], NULL, worker_main, worker);
@@ -137,11 +178,11 @@ tcs_worker *tcs_worker_new(const char *name, int threads, tcs_priority priority,
 
 bool tcs_worker_offer(tcs_worker *worker, tcs_task *task, int most) {
   pthread_mutex_lock(&worker->mutex);
-  const bool room = worker->waiting < most;
+  const bool room = worker->waiting < most || (task->client && worker->waiting / 2 < most && !last_of(worker, task->client));
   if (room) {
     worker->waiting++;
     atomic_fetch_add(&worker->completions->due, 1);
-    tcs_task_list_push(&worker->queue, task);
+    insert(worker, task);
     pthread_cond_signal(&worker->wake);
   }
   pthread_mutex_unlock(&worker->mutex);

@@ -8,6 +8,7 @@
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdbool.h>
+#include <stdint.h>
 
 #include "renderer/base/error.h"
 
@@ -16,6 +17,8 @@ struct tcs_task {
   void (*run)(tcs_task *task);  /* on a worker thread */
   void (*done)(tcs_task *task); /* on the I/O thread afterwards; may free the task */
   tcs_task *next;               /* link of the list it waits in */
+  uint32_t client;              /* whose it is; 0: nobody's in particular. Clients take turns at a worker */
+  uint32_t turn;                /* the worker's, while it waits */
 };
 
 /* First in, first out; no lock of its own. Zero-initialised = empty. */
@@ -47,12 +50,14 @@ typedef enum tcs_priority {
   TCS_PRIORITY_LOW = 19     /* background work: no client waits for it */
 } tcs_priority;
 
-/* `threads` threads called `name` (at most 15 characters) that share one queue. */
+/* `threads` threads called `name` (at most 15 characters) that share one queue. Of one client's tasks the first in is the
+ * first out; the tasks of several are taken in turns, and of several threads one client leaves one to the others. */
 typedef struct tcs_worker tcs_worker;
 tcs_worker *tcs_worker_new(const char *name, int threads, tcs_priority priority, tcs_completions *completions,
                            GError **error);
 void tcs_worker_submit(tcs_worker *worker, tcs_task *task);
-/* The same, unless `most` tasks wait already: then false, and the task stays the caller's. */
+/* The same, unless `most` tasks wait already: then false, and the task stays the caller's. A client of whom none waits
+ * may offer one until there are twice as many. */
 bool tcs_worker_offer(tcs_worker *worker, tcs_task *task, int most);
 /* Takes a task back that has not begun: neither its `run` nor its `done` is called. False: it has begun, or is over. */
 bool tcs_worker_drop(tcs_worker *worker, tcs_task *task);

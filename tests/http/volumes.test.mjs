@@ -2,6 +2,7 @@
 import assert from 'node:assert/strict';
 import { readdirSync } from 'node:fs';
 import { mkdirSync, rmSync, symlinkSync, writeFileSync } from 'node:fs';
+import http from 'node:http';
 import { join } from 'node:path';
 import { deflateSync, gzipSync } from 'node:zlib';
 import { after, before, test } from 'node:test';
@@ -288,6 +289,25 @@ test('the value at a patient coordinate', async () => {
   assert.equal(await at(9, 20, 30), null); // outside
   for (const text of ['1,2', '1,2,3,4', 'a,b,c', '1,2,nan', '']) problem(await d.get(`/v1/volumes/ball/value?at=${text}`), 422);
   problem(await d.get('/v1/volumes/ball/value'), 422);
+});
+
+test('who floods the list of series does not keep it from others', async () => {
+  const folder = join(d.folder, 'many');
+  mkdirSync(folder);
+  for (let z = 0; z < 20; z++) writeFileSync(join(folder, `IM${z}`), dicomSlice(8, z));
+  let answered = 0;
+  const flood = [];
+  const ask = (localAddress) => new Promise((resolve, reject) => {
+    const request = http.get({ port: d.port, host: '127.0.0.1', localAddress, path: '/v1/series?path=many', agent: false, headers: { host: `127.0.0.1:${d.port}` } },
+      (reply) => reply.resume().on('end', () => { answered++; resolve(reply.statusCode); })).on('error', reject);
+    flood.push(request);
+  });
+  for (let i = 0; i < 60; i++) ask('127.0.0.1').catch(() => {});
+  while ((await d.metric('work_queue_length{worker="walk"}')) < 40) assert.ok(answered < 20, 'they wait');
+  assert.equal(await ask('127.0.0.2'), 200);
+  assert.ok(answered < 50, `${answered - 1} others came first`);
+  for (const request of flood) request.destroy();
+  while (await d.metric('work_queue_length{worker="walk"}')) await sleep(10);
 });
 
 test('series of a folder are listed as a radiologist knows them; whose they are is told only where it is switched on', async () => {

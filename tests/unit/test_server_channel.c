@@ -347,12 +347,44 @@ static void test_waiting_tasks_can_be_taken_back(void **state) {
   tcs_completions_finish(&completions);
 }
 
+static void wait_for(GArray *order, guint n, tcs_completions *completions) {
+  while (order->len < n) tcs_completions_drain(completions);
+}
+
+/* One client has filled the line: another one's first task has a place in it, and the next turn; and of two threads one. */
+static void test_clients_take_turns(void **state) {
+  for (int threads = 1; threads <= 2; threads++) {
+    tcs_completions completions;
+    assert_true(tcs_completions_init(&completions, NULL));
+    tcs_worker *worker = tcs_worker_new("unit", threads, TCS_PRIORITY_PICTURE, &completions, NULL);
+    GArray *order = g_array_new(FALSE, FALSE, sizeof(int));
+    gate g = {.task = {run_gate, done_gate, .client = 7}};
+    counted tasks[7];
+    tcs_worker_submit(worker, &g.task);
+    while (!atomic_load(&g.entered)) g_usleep(100);
+    for (int i = 0; i < 7; i++) tasks[i] = (counted){{run_counted, done_counted, .client = i < 5 ? 7 : 9}, i, order};
+    for (int i = 0; i < 4; i++) assert_true(tcs_worker_offer(worker, &tasks[i].task, 4));
+    assert_false(tcs_worker_offer(worker, &tasks[4].task, 4));
+    assert_true(tcs_worker_offer(worker, &tasks[5].task, 4));
+    if (threads == 1) assert_false(tcs_worker_offer(worker, &tasks[6].task, 4));
+    if (threads == 2) wait_for(order, 1, &completions);
+    assert_int_equal(order->len, threads - 1); /* of one client alone, whose others wait for the gate */
+    atomic_store(&g.open, true);
+    wait_for(order, 5, &completions);
+    static const int turns[2][5] = {{0, 10, 2, 4, 6}, {10, 0, 2, 4, 6}};
+    for (int i = 0; i < 5; i++) assert_int_equal(g_array_index(order, int, i), turns[threads - 1][i]);
+    tcs_worker_free(worker);
+    g_array_unref(order);
+    tcs_completions_finish(&completions);
+  }
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {TEST(test_messages_arrive_whole), TEST(test_sent_messages_have_two_parts),
     TEST(test_shared_messages_keep_their_bytes_and_place), TEST(test_many_channels_share_one_body),
     TEST(test_a_flood_of_pings_makes_no_queue), TEST(test_one_turn_reads_a_bounded_amount),
     TEST(test_broken_frames_are_told_why), TEST(test_closing_shakes_hands), TEST(test_the_end_of_the_pipe_is_noticed),
     TEST(test_tasks_come_back_in_order), TEST(test_several_threads_share_a_queue),
-    TEST(test_waiting_tasks_can_be_taken_back)};
+    TEST(test_waiting_tasks_can_be_taken_back), TEST(test_clients_take_turns)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
