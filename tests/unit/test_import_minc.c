@@ -3,6 +3,7 @@
 #include <hdf5.h>
 
 #include "import_files.h"
+#include "tests/support/confined.h"
 
 enum { NX = 3, NY = 4, NZ = 5, SLICE = NX * NY, VOXELS = SLICE * NZ };
 
@@ -36,8 +37,11 @@ static void put_words(hid_t object, const char *name, const char *text) {
   H5Tclose(type);
 }
 
+static hsize_t side; /* of slices, in voxels, where it is not NX and NY */
+
 static hsize_t size_of(const char *dimension) {
-  return dimension[0] == 'x' ? NX : dimension[0] == 'y' ? NY : dimension[0] == 'z' ? NZ : 2;
+  const hsize_t slice = dimension[0] == 'x' ? NX : NY;
+  return dimension[0] == 'z' ? NZ : dimension[0] == 't' ? 2 : side ? side : slice;
 }
 
 static void put_dimension(hid_t file, const made *m, const char *name) {
@@ -218,10 +222,23 @@ static void cut_short(void **state) {
   g_free(path);
 }
 
+static void the_helper_is_confined(void **state) {
+  enum { SIDE = 1200 }; /* more than the ring holds */
+  int32_t *voxels = g_new0(int32_t, SIDE * SIDE * NZ);
+  char *path = path_of("large.mnc");
+  side = SIDE;
+  write_minc("large.mnc", &(made){.type = H5T_STD_I16LE, .scale_rank = -1}, voxels);
+  side = 0;
+  is_confined("tomocast-minc", path);
+  g_free(path);
+  g_free(voxels);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(place_and_scales), cmocka_unit_test(integers_stay), cmocka_unit_test(outside_is_nothing),
-      cmocka_unit_test(order_and_time),   cmocka_unit_test(refusals),      cmocka_unit_test(cut_short),
+      cmocka_unit_test(place_and_scales),       cmocka_unit_test(integers_stay), cmocka_unit_test(outside_is_nothing),
+      cmocka_unit_test(order_and_time),         cmocka_unit_test(refusals),      cmocka_unit_test(cut_short),
+      cmocka_unit_test(the_helper_is_confined),
   };
   return cmocka_run_group_tests(tests, folder_setup, folder_teardown);
 }
