@@ -208,11 +208,28 @@ static void begin_tile(const drawing *d, tc_raster_tile *t, int tile) {
   memset(t->id, 0xff, (size_t)d->job->n_samples * TC_RASTER_PIXELS * sizeof *t->id);
 }
 
+static void shade_fragments(drawing *d, worker *w);
+static inline void add_opaque(drawing *d, worker *w, int x, int y);
+
+/* Forward shading: what the cluster that was drawn last is seen in takes the place of what was there. */
+static void shade_cluster(drawing *d, worker *w, uint32_t cluster, block_range r) {
+  const int x1 = MIN((r.x1 + 1) * TC_RASTER_BLOCK, w->tile.width), y1 = MIN((r.y1 + 1) * TC_RASTER_BLOCK, w->tile.height);
+  for (int y = r.y0 * TC_RASTER_BLOCK; y < y1; y++)
+    for (int x = r.x0 * TC_RASTER_BLOCK; x < x1; x++) {
+      const int at = y * TC_RASTER_SIDE + x;
+      if (w->tile.id[at] / TC_CLUSTER_TRIANGLES != cluster) continue;
+      memset(w->linear[at], 0, sizeof w->linear[at]);
+      w->depth[at] = INFINITY;
+      add_opaque(d, w, x, y);
+    }
+  shade_fragments(d, w);
+}
+
 static bool is_too_much(const tc_raster_tile *t) { return t->layers && t->layers->n > MOST_LAYERS && t->height > 1; }
 
 /* Those of a tile's clusters that are opaque, or the others, into the rows of `to`, which is the tile or a part of it.
  * Gives back how many it came through; less than n: left, or too much. */
-static size_t draw_clusters(const drawing *d, worker *w, size_t n, tc_raster_tile *to) {
+static size_t draw_clusters(drawing *d, worker *w, size_t n, tc_raster_tile *to) {
   tc_raster_tile *t = &w->tile;
   for (size_t i = 0; i < n; i++) {
     const tc_sight *s = &d->sights[w->order[i]];
@@ -220,7 +237,7 @@ static size_t draw_clusters(const drawing *d, worker *w, size_t n, tc_raster_til
     if (i % LOOK == LOOK - 1 && tc_halt_within(tc_pool_halt(d->job->pool))) return i;
     if ((surface->opacity < 1) != (to->layers != NULL) || s->y1 < to->y0 || s->y0 >= to->y0 + to->height) continue;
     const block_range r = blocks_of(t, s);
-    if (is_hidden(t, d->job->n_samples, s, r)) {
+    if (!d->job->forward && is_hidden(t, d->job->n_samples, s, r)) {
       w->counts.hidden++;
       continue;
     }
@@ -228,6 +245,7 @@ static size_t draw_clusters(const drawing *d, worker *w, size_t n, tc_raster_til
     d->job->kernels->draw(&d->frame, to, w->order[i], s->planes, &w->counts);
     for (int y = r.y0; y <= r.y1 && !to->layers; y++)
       t->stale |= (((uint64_t)2 << r.x1) - ((uint64_t)1 << r.x0)) << y * TC_RASTER_BLOCKS;
+    if (d->job->forward) shade_cluster(d, w, w->order[i], r);
     if (is_too_much(to)) return i + 1;
   }
   return n;
@@ -488,6 +506,20 @@ static void draw_tile(void *context, int tile, int number) {
   const size_t n = d->first[tile + 1] - d->first[tile];
   begin_tile(d, &w->tile, tile);
   begin_shading(w);
+  if (d->job->forward)
+    memcpy(w->order, d->lists + d->first[tile], n * sizeof *w->order);
+  else
+    sort_list(d, d->lists + d->first[tile], n, w->order);
+  if (!draw_clusters(d, w, n, &w->tile) || (d->translucent && !draw_layers(d, w, n, 0, w->tile.height))) {
+    atomic_store_explicit(&d->left, true, memory_order_relaxed);
+    return;
+  }
+  if (!d->translucent && !d->job->forward) shade_tile(d, w);
+  shade_fragments(d, w);
+  const tc_raster_tile *t = &w->tile;
+  const tc_raster_picture picture = {tile, t->x0, t->y0, t->x0 + t->width, t->y0 + t->height,
+                                     (const float(*)[4])w->linear, w->depth, w->seen, w->n_seen};
+  d->job->emit(d->job->user, &picture);
   w->from = w->rows = from;
   sort_list(d, d->lists + d->first[tile], n, w->order);
   if (draw_clusters(d, w, n, &w->tile) < n || !(d->translucent ? draw_layers(d, w, n) : shade_tile(d, w)))

@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "renderer/frame/mesh_job.h"
 #include "renderer/mesh/measure.h"
 #include "server/bench/timing.h"
 #include "server/cli/cli.h"
@@ -94,8 +95,75 @@ static bool draw(const tcs_paper_run *run, tc_volume *volume, tc_scene *scene, d
   return good;
 }
 
+/* Deferred and forward shading by the same code: [2] of each. */
+typedef struct shading {
+  double ms[2], shaded[2]; /* pixels that were shaded, for one that is seen */
+  double layers;           /* surfaces behind a pixel that is seen: what forward shading's order of triangles meets */
+} shading;
+
+static void drop_tile(void *user, const tc_raster_picture *picture) {}
+
+static bool shade(const tcs_paper_run *run, const tc_frame_job *job, tc_pool *pool, shading *s, GError **error) {
+  tc_mesh_job mesh;
+  tc_raster_counts counts[2];
+  bool good = tc_mesh_job_begin(&mesh, job, error);
+  if (!good) return false;
+  mesh.raster.kernels = tc_raster_kernels_named(job->isa), mesh.raster.emit = drop_tile, mesh.raster.pool = pool;
+  s->ms[0] = s->ms[1] = INFINITY;
+  for (int i = 0; i < 2 * run->runs && good; i++) {
+    mesh.raster.forward = i & 1;
+    counts[i & 1] = (tc_raster_counts){0};
+    const double start = tcs_now_ms();
+    good = tc_raster_draw(&mesh.raster, &counts[i & 1], error);
+    s->ms[i & 1] = fmin(s->ms[i & 1], tcs_now_ms() - start);
+  }
+  const double seen = fmax(1, (double)counts[0].shaded);
+  for (int k = 0; k < 2; k++) s->shaded[k] = (double)counts[k].shaded / seen;
+  s->layers = (double)counts[1].covered / seen;
+  tc_mesh_job_end(&mesh);
+  return good;
+}
+
+static bool compare_shading(const tcs_paper_run *run, tc_volume *volume, tc_scene *scene, shading *s, GError **error) {
+  tc_frame frame = {.width = scene->image.width, .height = scene->image.height};
+  tc_pool *pool = tc_pool_new(run->threads, error);
+  tc_mesh *mesh =
+      pool ? tc_mesh_extract(volume, scene->isosurface.value, &(tc_mesh_options){.normals = true, .pool = pool}, error)
+           : NULL;
+  tc_clusters *clusters = mesh ? tc_clusters_make(mesh, pool, NULL, error) : NULL;
+  const char *isa = __builtin_cpu_supports("avx512bw") ? "avx512" : __builtin_cpu_supports("avx2") ? "avx2" : "scalar";
+  tc_plan plan;
+  tc_rays rays;
+  scene->mode = TC_MODE_MESH;
+  tc_plan_make(volume, scene, NULL, &plan);
+  tc_rays_set_up(&rays, volume, scene, frame.width, frame.height);
+  const tc_frame_job job = {.plan = &plan,
+                            .key = plan.key,
+                            .scene = scene,
+                            .volume = volume,
+                            .source = volume,
+                            .rays = &rays,
+                            .have.mesh = clusters,
+                            .isa = isa,
+                            .frame = &frame};
+  const bool good = clusters && shade(run, &job, pool, s, error);
+  tc_clusters_free(clusters);
+  tc_mesh_free(mesh);
+  tc_pool_free(pool);
+  return good;
+}
+
+static cJSON *camera_json(const tc_camera *camera) {
+  cJSON *json = cJSON_CreateObject();
+  cJSON_AddItemToObject(json, "position", cJSON_CreateDoubleArray(camera->position, 3));
+  cJSON_AddItemToObject(json, "target", cJSON_CreateDoubleArray(camera->target, 3));
+  cJSON_AddItemToObject(json, "up", cJSON_CreateDoubleArray(camera->up, 3));
+  cJSON_AddNumberToObject(json, "fovY", camera->fov_y_deg);
+  return json;
+}
+
 static void add(const tcs_paper_run *run, const char *name, double iso, size_t triangles, const double extract_ms[2],
-                double build_ms, const double ms[WAYS], cJSON *report) {
+                double build_ms, const double ms[WAYS], const shading *s, const tc_camera *camera, cJSON *report) {
   cJSON *json = cJSON_CreateObject(), *frames = cJSON_CreateObject();
   cJSON_AddStringToObject(json, "paper", "003");
   cJSON_AddStringToObject(json, "volume", name);
@@ -105,6 +173,11 @@ static void add(const tcs_paper_run *run, const char *name, double iso, size_t t
   cJSON_AddNumberToObject(json, "buildMs", build_ms);
   for (int w = 0; w < WAYS; w++) cJSON_AddNumberToObject(frames, ways[w].name, ms[w]);
   cJSON_AddItemToObject(json, "frameMs", frames);
+  cJSON_AddItemToObject(json, "camera", camera_json(camera));
+  cJSON_AddNumberToObject(json, "deferredMs", s->ms[0]);
+  cJSON_AddNumberToObject(json, "forwardMs", s->ms[1]);
+  cJSON_AddNumberToObject(json, "forwardShaded", s->shaded[1]);
+  cJSON_AddNumberToObject(json, "layers", s->layers);
   cJSON_AddItemToArray(report, json);
   if (!run->print) return;
   printf("paper 003: %s as 512x512x106 voxels, surface at %g: %zu triangles; %dx%d pixels\n", name, iso, triangles,
@@ -113,6 +186,8 @@ static void add(const tcs_paper_run *run, const char *name, double iso, size_t t
          build_ms);
   for (int w = 0; w < WAYS; w++)
     if (!isnan(ms[w])) printf("  %-22s %9.2f ms a frame\n", ways[w].name, ms[w]);
+  printf("  %-22s %9.2f ms, forward %.2f (%.2f times): %.1f layers behind a pixel, which is shaded %.2f times\n",
+         "deferred shading", s->ms[0], s->ms[1], s->ms[1] / s->ms[0], s->layers, s->shaded[1]);
 }
 
 bool tcs_paper_mesh(const tcs_paper_run *run, tc_volume *from, const char *name, const tc_scene *given, cJSON *report,
@@ -120,6 +195,7 @@ bool tcs_paper_mesh(const tcs_paper_run *run, tc_volume *from, const char *name,
   double extract_ms[2], build_ms = 0, ms[WAYS];
   size_t triangles = 0;
   tc_scene scene;
+  shading shaded;
   tc_volume *volume = resample(from, error);
   if (!volume) return false;
   tc_scene_copy(&scene, given);
@@ -127,8 +203,9 @@ bool tcs_paper_mesh(const tcs_paper_run *run, tc_volume *from, const char *name,
   const double iso = scene.isosurface.value;
   const bool good = extract(run, volume, iso, 1, &extract_ms[0], &triangles, error) &&
                     extract(run, volume, iso, run->threads, &extract_ms[1], &triangles, error) &&
-                    draw(run, volume, &scene, ms, &build_ms, error);
-  if (good) add(run, name, iso, triangles, extract_ms, build_ms, ms, report);
+                    draw(run, volume, &scene, ms, &build_ms, error) &&
+                    compare_shading(run, volume, &scene, &shaded, error);
+  if (good) add(run, name, iso, triangles, extract_ms, build_ms, ms, &shaded, &scene.camera, report);
   tc_scene_clear(&scene);
   tc_volume_unref(volume);
   return good;
