@@ -479,6 +479,92 @@ function objectErrors() {
   });
 }
 
+// The surface of the object in the middle, by ever fewer triangles.
+const simplified = byFilled.filter(({ surface }) => surface);
+const subject = simplified[simplified.length >> 1];
+const meshes = subject?.surface.filter(({ triangles }) => triangles) ?? [];
+const count = new Intl.NumberFormat('en').format;
+
+function surfaceFigure(title, yLabel, caption, series) {
+  return figure({
+    title,
+    xLabel: 'triangles kept',
+    yLabel,
+    caption,
+    series: series.map(([name, member], i) => ({
+      name,
+      color: i,
+      line: true,
+      points: meshes.map((mesh) => ({
+        x: mesh.triangles,
+        y: mesh[member],
+        tip: `${count(mesh.triangles)} triangles: ${digits(mesh[member])} ${yLabel}`,
+      })),
+    })),
+  });
+}
+
+function surfaceTable() {
+  const names = [
+    'triangles',
+    'simplified to',
+    'time',
+    'outline off by',
+    'pixels missed',
+    'depth, median',
+    '99 %',
+    'most',
+  ];
+  const cells = (row) => [
+    row.triangles ? count(row.triangles) : 'ray-cast isosurface',
+    row.triangles ? `${digits(row.errorMm)} mm` : '-',
+    `${digits(row.ms)} ms`,
+    `${digits(row.outlinePixels, 2)} pixels`,
+    String(row.missed),
+    ...[row.depthP50Mm, row.depthP99Mm, row.depthMaxMm].map((mm) => `${digits(mm, 2)} mm`),
+  ];
+  const head = names.map((name) => html('th', {}, name));
+  const body = subject.surface.map((row) =>
+    html(
+      'tr',
+      {},
+      cells(row).map((cell, i) => html('td', { 'data-label': names[i] }, cell)),
+    ),
+  );
+  return html(
+    'div',
+    { class: 'wide' },
+    html('table', { class: 'stack' }, html('thead', {}, html('tr', {}, head)), html('tbody', {}, body)),
+  );
+}
+
+function surfaceSection() {
+  if (!meshes.length) return null;
+  return html(
+    'section',
+    { id: 'surface' },
+    html('h2', {}, 'Surfaces: triangles, error and time'),
+    html(
+      'p',
+      {},
+      `${subject.title}, its surface as triangles, simplified ever further, against the exact trilinear isosurface (the ` +
+        "reference's roots): how many pixels the outline is off on average, and how far depths are where both have a " +
+        'surface.',
+    ),
+    html(
+      'div',
+      { class: 'charts' },
+      surfaceFigure('Error over triangles', 'mm or pixels', 'Depth along the rays; an outline of 1 is a pixel off.', [
+        ['depth, median mm', 'depthP50Mm'],
+        ['depth, 99 % mm', 'depthP99Mm'],
+        ['outline, pixels', 'outlinePixels'],
+      ]),
+      surfaceFigure('Time over triangles', 'ms a frame', 'A frame of the whole surface, cpu.', [['mesh', 'ms']]),
+    ),
+    surfaceTable(),
+  );
+}
+
 function objectTable() {
   const names = ['object', 'filled', ...ways.map((way) => WAYS[way]), 'fastest', 'by the plan'];
   const cells = ({ title, filled, ms, expectedMs, errors }) => [
@@ -600,6 +686,7 @@ document.body.append(
     ),
     CHOICES.map(choiceTable),
     objectsSection(),
+    surfaceSection(),
     scenes.map(sceneSection),
     foot(),
   ]

@@ -4,6 +4,7 @@
 
 #include "server/bench/objects.h"
 #include "server/bench/report.h"
+#include "server/bench/surfaces.h"
 
 /* Balls of one size at random places, ever more of them, from a few to a sponge. */
 enum { SIDE = 128, REACH = 5 };
@@ -78,9 +79,12 @@ cJSON *tcs_report_object_measure(tc_renderer *renderer, const tcs_report_scene *
   if (!tcs_object_measure(renderer, scene->volume, &scene->scene, runs, &o, error) ||
       !tcs_object_judge(renderer, scene->volume, &scene->scene, side, &o, error))
     return NULL;
+  cJSON *surface = tcs_surface_levels(renderer, scene->volume, &scene->scene, runs, side, error);
+  if (!surface) return NULL;
   cJSON *json = tcs_object_json(&o, &scene->scene);
   cJSON_AddStringToObject(json, "title", scene->title);
   cJSON_AddNumberToObject(json, "side", side);
+  cJSON_AddItemToObject(json, "surface", surface);
   cJSON_AddNumberToObject(json, "filled", filled(scene->volume, scene->scene.isosurface.value));
   tc_renderer_forget(renderer, scene->volume);
   return json;

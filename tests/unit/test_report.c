@@ -141,6 +141,29 @@ static void objects_are_judged(const cJSON *report) {
   }
 }
 
+/* The surface by ever fewer triangles: the full one is near the exact one, simpler ones are farther off, and the ray caster's,
+ * which is last, is exact. */
+static void surfaces_are_judged(const cJSON *report) {
+  const cJSON *object = cJSON_GetArrayItem(cJSON_GetObjectItem(report, "objects"), 1),
+              *surface = cJSON_GetObjectItem(object, "surface"), *row;
+  double triangles = INFINITY, full = 0, least = 0;
+  assert_true(cJSON_GetArraySize(surface) >= 4);
+  cJSON_ArrayForEach(row, surface) {
+    const cJSON *n = cJSON_GetObjectItem(row, "triangles");
+    const double rms = cJSON_GetObjectItem(row, "depthRmsMm")->valuedouble;
+    assert_true(cJSON_GetObjectItem(row, "ms")->valuedouble > 0);
+    assert_true(cJSON_GetObjectItem(row, "outlinePixels")->valuedouble < 1);
+    if (!n) {
+      assert_true(!row->next && rms < 1e-3);
+      continue;
+    }
+    assert_true(n->valuedouble <= triangles);
+    triangles = n->valuedouble, least = rms;
+    if (row == surface->child) full = rms;
+  }
+  assert_true(full > 0 && full < 0.2 && least > full);
+}
+
 static void reports_a_volume(void **state) {
   run_quick(-1);
   cJSON *report = json_out("report.json");
@@ -172,6 +195,7 @@ static void reports_a_volume(void **state) {
   assert_true(ended->ended_rms > 0 && ended->ended_rms < ended->ended_max && ended->ended_max <= 0.02 + 1e-6);
   assert_true(row_where(rows, 0, 1e-3, 1)->ended_max <= 1e-3 + 1e-6 && usual->ended_max == 0);
   objects_are_judged(report);
+  surfaces_are_judged(report);
   char *csv = read_out("report.csv");
   assert_int_equal(lines_of(csv), (int)rows->len + 1);
   assert_true(g_str_has_prefix(csv, "key,scene,backend,classification,"));

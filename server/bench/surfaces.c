@@ -1,0 +1,153 @@
+#include "server/bench/surfaces.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "renderer/mesh/mesh.h"
+#include "renderer/reference/reference.h"
+
+static const double errors_voxels[] = {0, 0.02, 0.05, 0.1, 0.25, 0.5, 1}; /* by quadrics, of the narrowest voxel */
+
+/* ---- errors ---- */
+
+float *tcs_surface_truth(tc_volume *volume, const tc_scene *scene, int side, GError **error) {
+  tc_scene own;
+  tc_scene_copy(&own, scene);
+  own.mode = TC_MODE_ISOSURFACE;
+  tc_reference *reference = tc_reference_new(volume, &own, side, side, 0, error);
+  tc_scene_clear(&own);
+  if (!reference) return NULL;
+  float *truth = g_new(float, (size_t)side *(size_t)side);
+  for (int i = 0; i < side * side; i++) {
+    tc_reference_hit hit;
+    const bool met = tc_reference_surface(reference, i % side + 0.5, i / side + 0.5, &hit);
+    truth[i] = met ? (float)hit.distance_mm : INFINITY;
+  }
+  tc_reference_free(reference);
+  return truth;
+}
+
+/* A neighbour has none. */
+static bool on_outline(const float *depth, int side, int i) {
+  const int x = i % side, y = i / side;
+  return (x > 0 && !isfinite(depth[i - 1])) || (x + 1 < side && !isfinite(depth[i + 1])) ||
+         (y > 0 && !isfinite(depth[i - side])) || (y + 1 < side && !isfinite(depth[i + side]));
+}
+
+static int ascending(const void *a, const void *b) {
+  const double x = *(const double *)a, y = *(const double *)b;
+  return (x > y) - (x < y);
+}
+
+void tcs_surface_compare(const float *depth, const float *truth, int side, tcs_surface_error *out) {
+  double *apart = g_new(double, (size_t)side *(size_t)side), squares = 0;
+  int n = 0, outline = 0;
+  *out = (tcs_surface_error){0};
+  for (int i = 0; i < side * side; i++) {
+    const bool real = isfinite(truth[i]), drawn = isfinite(depth[i]);
+    out->pixels += real;
+    out->missed += real != drawn;
+    outline += real && on_outline(truth, side, i);
+    if (!real || !drawn) continue;
+    apart[n] = fabs((double)depth[i] - (double)truth[i]);
+    squares += apart[n] * apart[n], n++;
+  }
+  qsort(apart, (size_t)n, sizeof *apart, ascending);
+  if (n)
+    out->depth_rms = sqrt(squares / n), out->depth_p50 = apart[(n - 1) / 2], out->depth_p99 = apart[(n - 1) * 99 / 100],
+    out->depth_max = apart[n - 1];
+  if (outline) out->outline = (double)out->missed / outline;
+  g_free(apart);
+}
+
+/* ---- triangles ---- */
+
+typedef struct measuring {
+  tc_renderer *renderer;
+  tc_volume *volume;
+  const float *truth;
+  int runs, side;
+} measuring;
+
+/* The least time of several frames after one that builds, and how far a picture is off. */
+static cJSON *measure(const measuring *m, const tc_scene *scene, tc_mesh *mesh, GError **error) {
+  tc_mesh *const meshes[1] = {mesh};
+  tc_render_request request = {.meshes = mesh ? meshes : NULL};
+  tc_frame frame = {0};
+  tcs_surface_error off;
+  double ms = INFINITY;
+  bool good = true;
+  for (int i = 0; i <= m->runs && good; i++) {
+    good = tc_render(m->renderer, m->volume, scene, &request, &frame, NULL, error);
+    if (i) ms = fmin(ms, frame.stats.render_ms);
+  }
+  request.width = request.height = m->side, request.want_depth = true;
+  good = good && tc_render(m->renderer, m->volume, scene, &request, &frame, NULL, error);
+  if (good) tcs_surface_compare(frame.depth, m->truth, m->side, &off);
+  tc_frame_finish(&frame);
+  if (!good) return NULL;
+  cJSON *json = cJSON_CreateObject();
+  if (mesh) cJSON_AddNumberToObject(json, "triangles", (double)mesh->n_triangles);
+  cJSON_AddNumberToObject(json, "ms", ms);
+  cJSON_AddNumberToObject(json, "outlinePixels", off.outline);
+  cJSON_AddNumberToObject(json, "missed", off.missed);
+  cJSON_AddNumberToObject(json, "depthRmsMm", off.depth_rms);
+  cJSON_AddNumberToObject(json, "depthP50Mm", off.depth_p50);
+  cJSON_AddNumberToObject(json, "depthP99Mm", off.depth_p99);
+  cJSON_AddNumberToObject(json, "depthMaxMm", off.depth_max);
+  return json;
+}
+
+/* The mesh as the one surface of a list. */
+static bool measure_mesh(const measuring *m, const tc_scene *scene, tc_mesh *mesh, double error_mm, cJSON *to,
+                         GError **error) {
+  tc_mesh_surface surface = {
+      .source = TC_SURFACE_OF_MESH, .mesh = "simplified", .opacity = 1, .visible = true, .two_sided = true};
+  tc_scene own;
+  tc_scene_copy(&own, scene);
+  own.mode = TC_MODE_MESH;
+  memcpy(surface.color, own.isosurface.color, sizeof surface.color);
+  surface.has_color = true;
+  tc_scene_set_surfaces(&own, g_memdup2(&surface, sizeof surface), 1);
+  cJSON *json = measure(m, &own, mesh, error);
+  tc_scene_clear(&own);
+  if (json) cJSON_AddNumberToObject(json, "errorMm", error_mm), cJSON_AddItemToArray(to, json);
+  return json != NULL;
+}
+
+static bool measure_levels(const measuring *m, const tc_scene *scene, cJSON *to, GError **error) {
+  const double *spacing = tc_volume_describe(m->volume)->spacing;
+  const double voxel = fmin(spacing[0], fmin(spacing[1], spacing[2]));
+  tc_mesh *full = tc_mesh_extract(m->volume, scene->isosurface.value, &(tc_mesh_options){.normals = true}, error);
+  bool good = full != NULL;
+  for (size_t i = 0; i < G_N_ELEMENTS(errors_voxels) && good; i++) {
+    const double by = errors_voxels[i] * voxel;
+    tc_mesh *mesh = i ? tc_mesh_simplify(full, by, 0, error) : tc_mesh_ref(full);
+    good = mesh && (!mesh->n_triangles || measure_mesh(m, scene, mesh, by, to, error));
+    if (mesh) tc_renderer_forget_mesh(m->renderer, mesh->serial);
+    tc_mesh_free(mesh);
+  }
+  tc_mesh_free(full);
+  return good;
+}
+
+cJSON *tcs_surface_levels(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, int runs, int side,
+                          GError **error) {
+  float *truth = tcs_surface_truth(volume, scene, side, error);
+  if (!truth) return NULL;
+  const measuring m = {renderer, volume, truth, runs, side};
+  cJSON *json = cJSON_CreateArray(), *rays = NULL;
+  tc_scene own;
+  tc_scene_copy(&own, scene);
+  own.mode = TC_MODE_ISOSURFACE;
+  const bool good = measure_levels(&m, scene, json, error) && (rays = measure(&m, &own, NULL, error));
+  tc_scene_clear(&own);
+  g_free(truth);
+  if (good) {
+    cJSON_AddItemToArray(json, rays);
+    return json;
+  }
+  cJSON_Delete(json);
+  return NULL;
+}
