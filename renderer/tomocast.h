@@ -112,6 +112,7 @@ typedef struct tc_render_request {
   int table_size,
       table_bits; /* for measurements: entries per side (2 to TC_MAX_TABLE_SIZE) and bits of an entry (8, or 16
                                  for half floats) of the pre-integration table; 0 = as the plan chooses, single precision */
+  bool forward;               /* for measurements: opaque triangles of one sample are shaded as they are drawn (mesh/raster.h) */
   double pixel_share;         /* for measurements: the rays of a pixel spread over this much of its width, so that a small picture
                                  samples the pixels of a large one; 0 = 1, all of it */
 } tc_render_request;

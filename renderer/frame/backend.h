@@ -57,6 +57,7 @@ typedef struct tc_frame_job {
   const float (*spans)[2]; /* [frame's height][width]: the cpu casts rays between these, mm from the eye; NULL: whole ones */
   uint64_t spare_bytes; /* of memory that drawing may take beside the frame's buffers */
   bool want_linear;
+  bool forward; /* as in tc_render_request */
   tc_frame *frame; /* width, height set; buffers allocated; stats.samples, .rays to be filled, .tables_ms added to */
 } tc_frame_job;
 

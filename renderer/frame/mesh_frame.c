@@ -36,6 +36,7 @@ bool tc_mesh_frame_draw(tc_pool *pool, const tc_frame_job *job, GError **error) 
   raster.finished = f.progress->finished;
   raster.emit = emit, raster.user = &f;
   raster.pool = pool;
+  raster.forward = job->forward && raster.n_samples == 1 && !job->scene->mesh.n_surfaces; /* one opaque surface */
   const bool whole = tc_raster_draw(&raster, &counts, error);
   tc_mesh_job_end(&drawn);
   job->frame->stats.samples += counts.covered;

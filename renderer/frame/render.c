@@ -363,7 +363,8 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
                .job = {.scene = scene, .source = volume, .volume = volume, .label_volume = request->labels, .meshes = request->meshes,
                        .building = request->building,
                        .halt = &halt,
-                       .want_linear = request->want_linear, .frame = frame},
+                       .want_linear = request->want_linear,
+                       .forward = request->forward, .frame = frame},
                .stats = &frame->stats};
   int64_t position = tc_frame_position(frame), steps = tc_resources_steps(renderer->resources);
   tc_pool_watch(renderer->pool, &halt);

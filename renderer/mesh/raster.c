@@ -477,7 +477,7 @@ static void begin_shading(worker *w) {
 
 static bool shade_tile(drawing *d, worker *w) {
   for (; w->rows < w->tile.height; w->rows++)
-    for (int x = 0; x < w->tile.width; x++) add_opaque(d, w, x, w->rows);
+    for (int x = 0; x < w->tile.width && !d->job->forward; x++) add_opaque(d, w, x, w->rows);
   return true;
 }
 
@@ -506,22 +506,11 @@ static void draw_tile(void *context, int tile, int number) {
   const size_t n = d->first[tile + 1] - d->first[tile];
   begin_tile(d, &w->tile, tile);
   begin_shading(w);
+  w->from = w->rows = from;
   if (d->job->forward)
     memcpy(w->order, d->lists + d->first[tile], n * sizeof *w->order);
   else
     sort_list(d, d->lists + d->first[tile], n, w->order);
-  if (!draw_clusters(d, w, n, &w->tile) || (d->translucent && !draw_layers(d, w, n, 0, w->tile.height))) {
-    atomic_store_explicit(&d->left, true, memory_order_relaxed);
-    return;
-  }
-  if (!d->translucent && !d->job->forward) shade_tile(d, w);
-  shade_fragments(d, w);
-  const tc_raster_tile *t = &w->tile;
-  const tc_raster_picture picture = {tile, t->x0, t->y0, t->x0 + t->width, t->y0 + t->height,
-                                     (const float(*)[4])w->linear, w->depth, w->seen, w->n_seen};
-  d->job->emit(d->job->user, &picture);
-  w->from = w->rows = from;
-  sort_list(d, d->lists + d->first[tile], n, w->order);
   if (draw_clusters(d, w, n, &w->tile) < n || !(d->translucent ? draw_layers(d, w, n) : shade_tile(d, w)))
     atomic_store_explicit(&d->left, true, memory_order_relaxed);
   if (w->rows > from) emit_rows(d, w, tile);

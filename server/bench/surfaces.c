@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "renderer/mesh/mesh.h"
+#include "renderer/mesh/measure.h"
 #include "renderer/reference/reference.h"
 
 static const double errors_voxels[] = {0, 0.02, 0.05, 0.1, 0.25, 0.5, 1}; /* by quadrics, of the narrowest voxel */

@@ -238,10 +238,11 @@ def compare_surface(name, value, view, args, folder):
     camera.SetViewUp(ours["camera"]["up"])
     camera.SetViewAngle(ours["camera"]["fovY"])
     view.renderer.ResetCameraClippingRange()
-    frame = {"mesh": ours["frameMs"]["mesh"], "gl": ours["frameMs"].get("gl"), "vtk": view.time(args.runs)}
+    frame = {"mesh": ours["frameMs"]["mesh"], "gl": ours["frameMs"].get("gl"), "vtk": view.time(args.runs),
+             "forward": ours["frameMs"]["forward shading"]}
     return {"volume": name, "value": value, "triangles": [ours["triangles"], surface.GetNumberOfPolys()],
             "extractMs": [ours["extractMs"][1], extract_ms], "frameMs": frame,
-            "forward": ours["forwardMs"] / ours["deferredMs"]}
+            "layers": ours["layers"]}
 
 
 def surfaces(args, view):
