@@ -24,6 +24,8 @@ typedef struct probe {
   tc_volume *volume, *labels; /* labels: or NULL */
   tc_scene scene;
   int x, y;
+  cJSON *surface; /* of a pick: what is drawn in the volume, so far from the eye; or NULL */
+  double surface_mm;
 } probe;
 
 static void free_probe(tcs_work *work) {
@@ -31,6 +33,7 @@ static void free_probe(tcs_work *work) {
   tcs_session *session = tcs_sessions_find(p->server->sessions, p->session);
   if (session) session->probes--;
   tc_scene_clear(&p->scene);
+  cJSON_Delete(p->surface);
   tc_volume_unref(p->volume);
   tc_volume_unref(p->labels);
 }
@@ -50,11 +53,17 @@ static bool read_pixel(tcs_request *request, const tcs_session *session, tcs_pix
          tcs_query_int(request, "y", 0, at->height - 1, &at->y);
 }
 
-static void start_probe(tcs_request *request, tcs_session *session, void (*run)(tcs_work *work)) {
+/* surface: taken; so far from the eye. NULL: none. */
+static void start_probe(tcs_request *request, tcs_session *session, void (*run)(tcs_work *work), cJSON *surface,
+                        double surface_mm) {
   tcs_pixel at;
-  if (!read_pixel(request, session, &at)) return;
+  if (!read_pixel(request, session, &at)) {
+    cJSON_Delete(surface);
+    return;
+  }
   probe *p = g_new0(probe, 1);
-  *p = (probe){.work = {.run = run, .free = free_probe}, .server = request->server, .x = at.x, .y = at.y};
+  *p = (probe){.work = {.run = run, .free = free_probe}, .server = request->server, .x = at.x, .y = at.y, .surface = surface,
+               .surface_mm = surface_mm};
   g_strlcpy(p->session, session->id, sizeof p->session);
   p->volume = tc_volume_ref(tcs_entry_shown(session->entry, &session->scene));
   if (session->labels) p->labels = tc_volume_ref(tcs_session_labels(session));
@@ -168,6 +177,7 @@ static cJSON *voxel_json(const probe *p) {
 
 static void run_pick(tcs_work *work) {
   probe *p = (probe *)work;
+  if (p->scene.mode != TC_MODE_MESH) tc_scene_set_surfaces(&p->scene, NULL, 0); /* they were asked */
   if (p->scene.mode == TC_MODE_SPLAT) {
     work->text = tcs_json_text(voxel_json(p));
     return;
@@ -183,19 +193,30 @@ static void run_pick(tcs_work *work) {
   const tc_reference_sample *hit = projection   ? shown(mode, samples, count)
                                    : is_surface ? surface_of(p, r, &surface)
                                                 : first_visible(samples, count);
-  work->text = tcs_json_text(pick_json(hit));
+  const bool in_front = p->surface && !(hit && hit->distance_mm < p->surface_mm);
+  work->text = tcs_json_text(in_front ? g_steal_pointer(&p->surface) : pick_json(hit));
   g_free(samples);
   tc_reference_free(r);
 }
 
 void tcs_get_ray(tcs_request *request) {
   tcs_session *session = tcs_session_of(request);
-  if (session) start_probe(request, session, run_ray);
+  if (session) start_probe(request, session, run_ray, NULL, 0);
 }
 
 /* Surfaces of a list and of labels have no reference: the drawn ones are asked. */
 static bool asks_surfaces(const tc_scene *scene) {
-  return scene->mode == TC_MODE_MESH && (scene->mesh.n_surfaces || scene->labels.volume[0]);
+  const bool within = scene->mesh.with_volume && (scene->mode == TC_MODE_DVR || scene->mode == TC_MODE_MIP);
+  return (within && scene->mesh.n_surfaces) ||
+         (scene->mode == TC_MODE_MESH && (scene->mesh.n_surfaces || scene->labels.volume[0]));
+}
+
+void tcs_pick_within(tcs_request *request, cJSON *surface, double distance_mm) {
+  tcs_session *session = tcs_session_of(request);
+  if (session)
+    start_probe(request, session, run_pick, surface, distance_mm);
+  else
+    cJSON_Delete(surface);
 }
 
 void tcs_get_pick(tcs_request *request) {
@@ -203,7 +224,7 @@ void tcs_get_pick(tcs_request *request) {
   tcs_pixel at;
   if (!session) return;
   if (!asks_surfaces(&session->scene))
-    start_probe(request, session, run_pick);
+    start_probe(request, session, run_pick, NULL, 0);
   else if (read_pixel(request, session, &at))
     tcs_pick_surface(request, session, &at);
 }

@@ -282,6 +282,8 @@ static void finished_pick(tcs_job *job) {
   if (!request) return;
   if (job->error)
     tcs_reply_error(request, job->error);
+  else if (job->scene.mode != TC_MODE_MESH)
+    tcs_pick_within(request, job->pick.found ? write_pick(job) : NULL, job->pick.distance_mm);
   else
     tcs_reply_json(request, 200, write_pick(job));
 }

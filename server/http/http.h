@@ -160,8 +160,11 @@ void tcs_get_pick(tcs_request *request);
 typedef struct tcs_pixel {
   int x, y, width, height; /* in a picture of this size */
 } tcs_pixel;
-/* The pick of a session in mode mesh, of what its last picture was drawn from. */
+/* The pick of a session in mode mesh, of what its last picture was drawn from; with surfaces in a volume, of both. */
 void tcs_pick_surface(tcs_request *request, const struct tcs_session *session, const tcs_pixel *at);
+/* Goes on with it: replies what the volume shows, where that is nearer than distance_mm, or else `surface`, which it takes;
+ * surface NULL: there is none. */
+void tcs_pick_within(tcs_request *request, cJSON *surface, double distance_mm);
 void tcs_get_stream(tcs_request *request);
 void tcs_get_mjpeg(tcs_request *request);
 void tcs_get_static(tcs_request *request);

@@ -9,6 +9,7 @@
 #include "tests/support/test.h"
 
 #include "renderer/mesh/clip.h"
+#include "renderer/mesh/gl/mesh.h"
 #include "renderer/mesh/surfaces.h"
 #include "renderer/raycast/rays.h"
 #include "renderer/tomocast.h"
@@ -338,6 +339,24 @@ static double ball(double x, double y, double z, const void *unused) {
   return p + s < r * r ? 3 : q + s < r * r ? 7 : 0;
 }
 
+/* A mesh that no buffer holds is refused in words. */
+static void a_mesh_too_large_for_a_buffer_is_refused(void **unused) {
+  if (!test_renderers[GL]) return;
+  const double period = 24;
+  tc_volume *volume = test_volume(&(test_grid){.dims = {30, 30, 30}, .type = TC_U8, .slope = 0.004}, test_waves, &period);
+  tc_scene scene;
+  GError *error = NULL;
+  mesh_scene(&scene, volume, TC_PERSPECTIVE);
+  tc_gl_mesh_most_bytes = 1000;
+  assert_false(tc_render(test_renderers[GL], volume, &scene, NULL, &test_frames[GL], NULL, &error));
+  tc_gl_mesh_most_bytes = 0;
+  assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_LIMIT) && strstr(error->message, "--backend cpu"));
+  g_clear_error(&error);
+  assert_true(tc_render(test_renderers[GL], volume, &scene, NULL, &test_frames[GL], NULL, NULL));
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
 static void labels_have_their_colours(void **unused) {
   needs(test_renderers[GL]);
   tc_volume *labels = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_U8}, ball, NULL);
@@ -363,7 +382,7 @@ static void frames_stop_and_go_on_to_the_same_picture(void **unused) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {TEST(pictures_are_equal_but_for_ties), TEST(another_picture_is_no_tie),
-    TEST(labels_have_their_colours), TEST(translucent_layers_are_sorted),
+    TEST(labels_have_their_colours), TEST(a_mesh_too_large_for_a_buffer_is_refused), TEST(translucent_layers_are_sorted),
     TEST(frames_stop_and_go_on_to_the_same_picture)};
   return cmocka_run_group_tests_name("meshes through OpenGL", tests, test_renderers_open, test_renderers_close);
 }

@@ -142,6 +142,18 @@ test('a pick says which surface of a list it met, through those too thin to see'
   const inner = await pick(20, 20);
   assert.deepEqual([inner.surface, inner.value], [2, null]);
   assert.ok(Math.abs(out(inner) - 20) < 1 && inner.depth > outer.depth + 2, JSON.stringify(inner));
+  // In the volume itself, whichever is nearer: the surface of 100 in 24.8 mm, or what dvr shows from 150 on, further in.
+  const tf = { points: [{ value: 149, color: [1, 1, 1], opacity: 0 }, { value: 150, color: [1, 1, 1], opacity: 0.9 }] };
+  const both = (surfaces) => ({ mode: 'dvr', transferFunction: tf, mesh: { withVolume: true, surfaces } });
+  await d.patch(links.scene, both([{ value: 100 }]));
+  await d.get(links.frame);
+  const front = await pick(20, 20);
+  assert.deepEqual([front.surface, Math.abs(front.depth - outer.depth) < 0.5], [0, true], JSON.stringify(front));
+  await d.patch(links.scene, both([{ value: 250 }]));
+  await d.get(links.frame);
+  const behind = await pick(20, 20);
+  assert.ok(behind.surface === undefined && behind.value >= 140 && behind.depth > front.depth, JSON.stringify(behind));
+  await d.patch(links.scene, { mode: 'mesh', mesh: scene(0.04).mesh });
   await d.patch(links.scene, { clip: { box: [[0, 45, 0], [100, 100, 100]] } });
   await d.get(links.frame);
   assert.ok((await pick(20, 20)).position[1] > 45, 'what is cut off is not met');

@@ -374,9 +374,26 @@ static int passes(const tc_scene *scene) {
   return 2;
 }
 
+int64_t tc_gl_mesh_most_bytes;
+
+/* Whether shaders can read each part of it. */
+static bool fits(const tc_clusters *mesh, const mesh_layout *l, GError **error) {
+  GLint64 most = 0;
+  glGetInteger64v(GL_MAX_SHADER_STORAGE_BLOCK_SIZE, &most);
+  if (tc_gl_mesh_most_bytes) most = MIN(most, tc_gl_mesh_most_bytes);
+  const size_t vertices = 16 * (mesh->n_triangles + 1), largest = MAX(vertices, l->clusters);
+  if (largest <= (size_t)most) return true;
+  tc_set_error(error, TC_ERROR_LIMIT, "/mesh",
+               "surface mesh: %.1f million triangles take %.0f MiB, a buffer of this OpenGL holds %.0f: show fewer surfaces, "
+               "or start with --backend cpu",
+               (double)mesh->n_triangles * 1e-6, (double)largest / 0x1p20, (double)most / 0x1p20);
+  return false;
+}
+
 static bool draw_frame(drawing *d, GError **error) {
   const tc_frame_job *job = d->gl->job;
   const mesh_layout l = lay_out(d->mesh);
+  if (!fits(d->mesh, &l, error)) return false;
   const uint64_t volume = tc_volume_serial(job->have.labels ? job->label_volume : job->source);
   const tc_gl_packing packing = {"surface mesh", packed_bytes, pack, d->mesh};
   d->buffer = tc_gl_textures_packed(d->gl->textures, &packing, d->mesh->serial, volume, job->halt, error);

@@ -12,4 +12,7 @@
 
 extern const tc_gl_drawer tc_gl_mesh_drawer;
 
+/* Bytes that a part of a mesh may have in a buffer, where the driver allows more; 0: what it allows. Tests set less. */
+extern int64_t tc_gl_mesh_most_bytes;
+
 #endif
