@@ -24,6 +24,7 @@ typedef struct dicom_spec {
   double position[3];
   int instance, acquisition, series_number;
   unsigned rows, columns, allocated, stored, high, is_signed, samples;
+  const GByteArray *lookup; /* the value of ModalityLUTSequence */
   const void *pixels, *csa; /* [pixel_bytes], [csa_bytes]: Siemens' private header */
   size_t pixel_bytes, csa_bytes;
 } dicom_spec;
@@ -144,6 +145,7 @@ static inline GByteArray *dicom_bytes(const dicom_spec *s) {
   dicom_short(b, 0x28, 0x103, s->is_signed);
   dicom_text(b, 0x28, 0x1052, "DS", s->intercept);
   dicom_text(b, 0x28, 0x1053, "DS", s->slope);
+  if (s->lookup) dicom_element(b, 0x28, 0x3000, "SQ", s->lookup->data, s->lookup->len);
   if (s->csa) dicom_text(b, 0x29, 0x10, "LO", "SIEMENS CSA HEADER");
   if (s->csa) dicom_element(b, 0x29, 0x1010, "OB", s->csa, s->csa_bytes);
   if (s->whole_columns) dicom_element(b, 0x48, 0x06, "UL", &s->whole_columns, 4);

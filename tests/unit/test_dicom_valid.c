@@ -272,6 +272,37 @@ static void colours_in_run_lengths(void **state) {
                "export the pictures uncompressed");
 }
 
+/* Samples of 12 bits from -8 on stand for optical densities: those beyond the table's ends have its ends. */
+static void lookup_tables_are_applied(void **state) {
+  enum { ENTRIES = 20 };
+  const uint16_t shape[3] = {ENTRIES, (uint16_t)-8, 16};
+  uint16_t table[ENTRIES];
+  int16_t pixels[PIXELS];
+  uint32_t values[PIXELS];
+  for (int i = 0; i < ENTRIES; i++) table[i] = (uint16_t)(60000 - i * i * 100);
+  for (int i = 0; i < PIXELS; i++) {
+    pixels[i] = (int16_t)(i - 10);
+    values[i] = table[i < 2 ? 0 : i > ENTRIES + 1 ? ENTRIES - 1 : i - 2];
+  }
+  GByteArray *item = g_byte_array_new(), *sequence = g_byte_array_new();
+  dicom_element(item, 0x28, 0x3002, "US", shape, sizeof shape);
+  dicom_text(item, 0x28, 0x3004, "LO", "OD");
+  dicom_element(item, 0x28, 0x3006, "OW", table, sizeof table);
+  dicom_u32(sequence, 0xe000fffe);
+  dicom_u32(sequence, item->len);
+  g_byte_array_append(sequence, item->data, item->len);
+  dicom_spec s = spec_of(12, 1, pixels);
+  s.is_signed = 1;
+  s.lookup = sequence;
+  check_pixels("lookup table", dicom_bytes(&s), values, 1);
+  tc_volume *v = open_bytes("lookup table", dicom_bytes(&s));
+  assert_string_equal(tc_volume_describe(v)->unit, "OD");
+  assert_non_null(strstr(tc_volume_describe(v)->note, "modality lookup table"));
+  tc_volume_unref(v);
+  g_byte_array_free(item, TRUE);
+  g_byte_array_free(sequence, TRUE);
+}
+
 /* Of 16 bits a slice shows the nearest of eight. */
 static void wide_colours_are_colours(void **state) {
   uint16_t pixels[3 * PIXELS];
@@ -281,7 +312,8 @@ static void wide_colours_are_colours(void **state) {
   size_t count;
   const tc_segment *color = tc_volume_segments(tc_volume_colors(v), &count);
   assert_int_equal(count, 1);
-  assert_true(lroundf(color->color[0] * 255) == 51 && lroundf(color->color[1] * 255) == 255 && lroundf(color->color[2] * 255) == 1);
+  assert_true(lroundf(color->color[0] * 255) == 51 && lroundf(color->color[1] * 255) == 255 &&
+              lroundf(color->color[2] * 255) == 1);
   assert_int_equal(((const uint8_t *)tc_volume_data(v))[0], 193); /* .2126 * 51 + .7152 * 255 + .0722 */
   tc_volume_unref(v);
 }
@@ -294,8 +326,9 @@ static void an_absurd_place(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {TEST(without_file_meta), TEST(doses_of_one_frame),
-    TEST(lossless_jpeg_of_every_depth), TEST(colours_in_run_lengths),
-    TEST(wide_colours_are_colours), TEST(an_absurd_place)};
+  const struct CMUnitTest tests[] = {
+      TEST(without_file_meta),      TEST(doses_of_one_frame),        TEST(lossless_jpeg_of_every_depth),
+      TEST(colours_in_run_lengths), TEST(lookup_tables_are_applied), TEST(wide_colours_are_colours),
+      TEST(an_absurd_place)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

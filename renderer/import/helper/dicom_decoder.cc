@@ -19,7 +19,21 @@ Frame Decoder::frame(const Picture &p, uint32_t number) {
   set_allocation_cap(cap_);
   const uint32_t stored = p.tiles_across ? 0 : number;
   const Frame f = p.native ? native_frame(p, stored) : coded_frame(p, stored);
-  return p.tiles_across ? tile_of(f, p.tiles_across, number) : f;
+  const Frame own = p.tiles_across ? tile_of(f, p.tiles_across, number) : f;
+  return p.lookup.empty() ? own : looked_up(own, p);
+}
+
+Frame Decoder::looked_up(const Frame &stored, const Picture &p) {
+  Frame f = stored;
+  values_.resize(size_t(f.samples.rows) * size_t(f.samples.columns));
+  if (!tc_dicom_look_up(&f.samples, f.bytes, f.size, p.lookup.data(), p.lookup.size(), p.lookup_first, values_.data()))
+    fail(TC_ERROR_FORMAT, "pixel data is cut, or no lookup table is for it");
+  f.samples.allocated = f.samples.stored = 16;
+  f.samples.high = 15;
+  f.samples.is_signed = false;
+  f.bytes = reinterpret_cast<const uint8_t *>(values_.data());
+  f.size = values_.size() * sizeof values_[0];
+  return f;
 }
 
 void Decoder::close() {
@@ -81,8 +95,7 @@ Frame Decoder::tile_of(const Frame &whole, uint32_t across, uint32_t number) {
   if (whole.size < row * size_t(whole.samples.rows)) fail(TC_ERROR_FORMAT, "pixel data of a mosaic is cut");
   tile_.resize(width * height);
   const uint8_t *from = whole.bytes + number / across * height * row + number % across * width;
-  for (size_t y = 0; y < height; y++)
-    memcpy(tile_.data() + y * width, from + y * row, width);
+  for (size_t y = 0; y < height; y++) memcpy(tile_.data() + y * width, from + y * row, width);
   f.bytes = tile_.data();
   f.size = tile_.size();
   return f;

@@ -31,6 +31,7 @@ private:
   void open_native(const Picture &p);
   static uint32_t stored_frames(const Picture &p);
   Frame tile_of(const Frame &whole, uint32_t across, uint32_t number);
+  Frame looked_up(const Frame &stored, const Picture &p);
   void swap_halves();
   static uint64_t frame_bits(const tc_dicom_samples &s);
   void open_coded(const Picture &p);
@@ -53,6 +54,7 @@ private:
   size_t size_ = 0;
   std::vector<gdcm::SmartPointer<gdcm::SequenceOfFragments>> pieces_;
   std::vector<uint8_t> whole_, tile_;
+  std::vector<uint16_t> values_;
   tc_dicom_samples samples_{};
 };
 

@@ -105,13 +105,32 @@ static void read_description(const DataSet &set, Picture &p, bool patient) {
   if (!number.empty()) p.patient += (p.patient.empty() ? "" : " ") + ("(" + number + ")");
 }
 
+// The table that samples are looked up in instead of being scaled: PS3.3, C.11.1.
+static void read_lookup(const DataSet &set, Picture &p) {
+  Nested lookup = item_of(set, Tag(0x28, 0x3000));
+  if (!lookup.set || p.samples.per_pixel != 1) return;
+  const uint32_t shape = binary_of<uint32_t>(*lookup.set, Tag(0x28, 0x3002), 0);
+  const size_t count = (shape & 0xffff) ? shape & 0xffff : 65536;
+  const gdcm::ByteValue *data = lookup.set->FindDataElement(Tag(0x28, 0x3006))
+                                    ? lookup.set->GetDataElement(Tag(0x28, 0x3006)).GetByteValue()
+                                    : nullptr;
+  if (!data || !data->GetPointer() || data->GetLength() < count)
+    fail(TC_ERROR_FORMAT, "the modality lookup table is cut");
+  const auto *bytes = reinterpret_cast<const uint8_t *>(data->GetPointer());
+  const bool wide = data->GetLength() >= 2 * count;
+  p.lookup.resize(count);
+  for (size_t i = 0; i < count; i++)
+    p.lookup[i] = static_cast<uint16_t>(wide ? bytes[2 * i] | bytes[2 * i + 1] << 8 : bytes[i]);
+  p.lookup_first = p.samples.is_signed ? static_cast<int16_t>(shape >> 16) : static_cast<int32_t>(shape >> 16);
+  p.scale_type = plain(text_of(*lookup.set, Tag(0x28, 0x3004)), 15);
+}
+
 static void read_labels(const DataSet &set, Picture &p) {
   p.modality = plain(text_of(set, Tag(0x08, 0x60)), 15);
   p.series = plain(text_of(set, Tag(0x20, 0x0e)), 64);
   p.series_number = static_cast<int>(integer_of(set, Tag(0x20, 0x11), 0));
   p.unit = plain(text_of(set, Tag(0x54, 0x1001)), 15);
   p.mosaic = text_of(set, Tag(0x08, 0x08)).find("MOSAIC") != std::string::npos;
-  p.lookup = items_of(set, Tag(0x28, 0x3000)) != nullptr;
 }
 
 // Which of the three pixel elements there is; the header pass stops before it and sees none, so the sample size tells.
@@ -159,6 +178,7 @@ bool read_picture(const tc_dicom_blob &blob, size_t source, bool patient, Pictur
   read_samples(set, p);
   if (p.modality == "SEG") p.palette = false; // its samples are labels
   if (p.samples.rows == 0 || p.samples.columns == 0 || p.samples.allocated == 0) return false;
+  read_lookup(set, p);
   p.pixels = pixel_tag(set, p);
   p.samples.is_float = p.pixels != Tag(0x7fe0, 0x0010);
   p.swapped = syntax == gdcm::TransferSyntax::ExplicitVRBigEndian && p.samples.allocated == 32 && !p.samples.is_float;

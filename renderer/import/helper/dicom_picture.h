@@ -33,7 +33,9 @@ struct Picture {
   bool swapped = false;      // big-endian 32-bit samples, whose halves GDCM leaves in the file's order
   size_t deflated_at = 0;    // a deflated data set begins here; 0 otherwise
   uint32_t tiles_across = 0; // a mosaic: its slices lie side by side in one picture, row by row; 0: none
-  bool palette = false, inverted = false, cine = false, mosaic = false, lookup = false, fractional = false;
+  bool palette = false, inverted = false, cine = false, mosaic = false, fractional = false;
+  std::vector<uint16_t> lookup; // what samples from `lookup_first` on stand for; empty: for themselves
+  int32_t lookup_first = 0;
   double window_center = 0, window_width = 0;
   double suv = 0;                         // PET: what values are multiplied by; 0 none
   const char *no_suv = "";                // why

@@ -157,6 +157,18 @@ bool tc_dicom_convert(const tc_dicom_samples *s, const uint8_t *bytes, size_t si
   return true;
 }
 
+bool tc_dicom_look_up(const tc_dicom_samples *s, const uint8_t *bytes, size_t size, const uint16_t *table, size_t count,
+                      int32_t first, uint16_t *values) {
+  const size_t pixels = (size_t)s->rows * (size_t)s->columns, width = (size_t)s->allocated / 8;
+  if (s->is_float || s->colour != TC_DICOM_GREY || (width != 1 && width != 2) || size < tc_dicom_frame_bytes(s))
+    return false;
+  for (size_t i = 0; i < pixels; i++) {
+    const int64_t at = integer_sample(s, bytes + i * width) - first;
+    values[i] = table[CLAMP(at, 0, (int64_t)count - 1)];
+  }
+  return true;
+}
+
 /* Bits that are set, 64 at a time: most of a segmentation is empty. */
 static void stamp_bits(const uint8_t *bytes, size_t pixels, unsigned first_bit, uint32_t segment, tc_overlaps *overlaps,
                        uint16_t *labels) {

@@ -48,6 +48,11 @@ tc_voxel_type tc_dicom_natural_type(const tc_dicom_samples *samples);
 bool tc_dicom_convert(const tc_dicom_samples *samples, const uint8_t *bytes, size_t size, unsigned first_bit,
                       const tc_dicom_target *target, void *voxels);
 
+/* What samples stand for: table [count], count >= 1, from sample `first` on; those before and after it have its ends.
+ * False for other than grey integers of 8 or 16 bits, or when the bytes are too few. */
+bool tc_dicom_look_up(const tc_dicom_samples *samples, const uint8_t *bytes, size_t size, const uint16_t *table,
+                      size_t count, int32_t first, uint16_t *values);
+
 /* Colours of at most 16 bits a sample as r, g, b [rows][columns][3]; grey ones as grey. False when the bytes are too few. */
 bool tc_dicom_colors(const tc_dicom_samples *samples, const uint8_t *bytes, size_t size, uint8_t *rgb);
 

@@ -11,8 +11,7 @@ void make_stack(const Series &series, const Choice &choice, bool bridge_nothing,
   tc_volume_desc &d = job.desc;
   std::vector<tc_dicom_slice> slices = slices_of(series);
   for (const Picture *p : series.pictures)
-    for (uint32_t f = 0; f < p->frames; f++)
-      job.members.push_back(Member{p, f, p->scales[f]});
+    for (uint32_t f = 0; f < p->frames; f++) job.members.push_back(Member{p, f, p->scales[f]});
   Volumes volumes(slices);
   int chosen = tc_dicom_groups_choose(&volumes, choice.volume, &error);
   if (chosen < 0) fail_with(error);
@@ -76,9 +75,12 @@ static tc_voxel_type narrow_type(const Job &job, const Run &run) {
 static tc_voxel_type common_type(const Job &job) {
   bool narrow_signed = false, wide_signed = false, wide = false;
   for (size_t i = 0; i < job.stack.count; i++) {
-    tc_voxel_type type = job.at(i).picture->palette ? TC_U8 : tc_dicom_natural_type(&job.at(i).picture->samples);
+    const bool looked_up = !job.at(i).picture->lookup.empty();
+    tc_voxel_type type = looked_up                    ? TC_U16
+                         : job.at(i).picture->palette ? TC_U8
+                                                      : tc_dicom_natural_type(&job.at(i).picture->samples);
     if (type == TC_F32) return TC_F32;
-    wide |= type == TC_U16 && job.at(i).picture->samples.stored == 16;
+    wide |= type == TC_U16 && (looked_up || job.at(i).picture->samples.stored == 16);
     wide_signed |= type == TC_U16 || type == TC_I16;
     narrow_signed |= type == TC_I8 || type == TC_I16;
   }
@@ -92,7 +94,8 @@ static bool in_color(const Job &job) {
   for (size_t i = 0; i < job.stack.count; i++) {
     const Picture &p = *job.at(i).picture;
     any |= p.palette || p.samples.colour != TC_DICOM_GREY;
-    narrow &= p.palette || (p.samples.stored <= p.samples.allocated && p.samples.allocated <= 16 && !p.samples.is_signed);
+    narrow &=
+        p.palette || (p.samples.stored <= p.samples.allocated && p.samples.allocated <= 16 && !p.samples.is_signed);
   }
   return any && narrow;
 }
@@ -100,8 +103,7 @@ static bool in_color(const Job &job) {
 void choose_type(Job &job, const Run &run) {
   tc_volume_desc &d = job.desc;
   const Scale &scale = job.at(0).scale;
-  for (size_t i = 0; i < job.stack.count; i++)
-    job.rescale |= job.at(i).scale != scale;
+  for (size_t i = 0; i < job.stack.count; i++) job.rescale |= job.at(i).scale != scale;
   d.slope = 1;
   if (find_overlaps(job, run)) {
     d.type = type_of_labels(job);
@@ -161,7 +163,7 @@ void describe(Job &job, const Run &run) {
   if (p.cine) tc_dicom_note(d.note, "a film over time, its first picture was taken");
   if (p.mosaic) tc_dicom_note(d.note, "a mosaic, cut into its slices");
   if (p.fractional) describe_fractions(job, p);
-  if (p.lookup) tc_dicom_note(d.note, "modality lookup table not applied");
+  if (!p.lookup.empty()) tc_dicom_note(d.note, "values are those of the modality lookup table");
   if (run.unreadable) tc_dicom_note(d.note, "%zu unreadable files left out", run.unreadable);
 }
 
