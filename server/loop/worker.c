@@ -10,47 +10,21 @@
 struct tcs_worker {
   pthread_mutex_t mutex;
   pthread_cond_t wake;
-  tcs_task_list queue;
-  int waiting; /* in the queue */
+  GQueue queue;
   bool stopping;
   tcs_completions *completions;
   char name[16];
   tcs_priority priority;
-  tcs_task_list running;
+  GQueue running;
   int most_of_client; /* that run at once */
   uint32_t turn;      /* of the task that was taken last */
   int n_threads;
   pthread_t threads[];
 };
 
-void tcs_task_list_push(tcs_task_list *list, tcs_task *task) {
-  task->next = NULL;
-  if (list->tail)
-    list->tail->next = task;
-  else
-    list->head = task;
-  list->tail = task;
-}
-
-tcs_task *tcs_task_list_pop(tcs_task_list *list) {
-  tcs_task *task = list->head;
-  if (!task) return NULL;
-  list->head = task->next;
-  if (!list->head) list->tail = NULL;
-  task->next = NULL;
-  return task;
-}
-
-bool tcs_task_list_remove(tcs_task_list *list, tcs_task *task) {
-  tcs_task *before = NULL;
-  for (tcs_task *at = list->head; at; before = at, at = at->next) {
-    if (at != task) continue;
-    *(before ? &before->next : &list->head) = at->next;
-    if (list->tail == at) list->tail = before;
-    at->next = NULL;
-    return true;
-  }
-  return false;
+static void push(GQueue *tasks, tcs_task *task) {
+  task->link = (GList){.data = task};
+  g_queue_push_tail_link(tasks, &task->link);
 }
 
 bool tcs_completions_init(tcs_completions *completions, GError **error) {
@@ -69,9 +43,9 @@ void tcs_completions_finish(tcs_completions *completions) {
   pthread_mutex_destroy(&completions->mutex);
 }
 
-void tcs_completions_post(tcs_completions *completions, tcs_task *task) {
+static void post(tcs_completions *completions, tcs_task *task) {
   pthread_mutex_lock(&completions->mutex);
-  tcs_task_list_push(&completions->list, task);
+  push(&completions->tasks, task);
   pthread_mutex_unlock(&completions->mutex);
   const uint64_t one = 1;
   /* Cannot block: the counter would need 2^64 - 2 posts that nobody read. */
@@ -84,11 +58,11 @@ void tcs_completions_drain(tcs_completions *completions) {
   while (read(completions->event_fd, &count, sizeof count) < 0 && errno == EINTR) {
   }
   pthread_mutex_lock(&completions->mutex);
-  tcs_task_list list = completions->list;
-  completions->list = (tcs_task_list){0};
+  GQueue tasks = completions->tasks;
+  completions->tasks = (GQueue)G_QUEUE_INIT;
   pthread_mutex_unlock(&completions->mutex);
-  tcs_task *task;
-  while ((task = tcs_task_list_pop(&list))) {
+  for (GList *link; (link = g_queue_pop_head_link(&tasks));) {
+    tcs_task *task = link->data;
     task->done(task);
     atomic_fetch_sub(&completions->due, 1);
   }
@@ -96,38 +70,37 @@ void tcs_completions_drain(tcs_completions *completions) {
 
 static const tcs_task *last_of(const tcs_worker *worker, uint32_t client) {
   const tcs_task *last = NULL;
-  for (const tcs_task *task = worker->queue.head; task && client; task = task->next)
-    if (task->client == client) last = task;
+  for (const GList *link = client ? worker->queue.head : NULL; link; link = link->next)
+    if (((const tcs_task *)link->data)->client == client) last = link->data;
   return last;
 }
 
 /* In line with those of other clients: behind as many of each as it has of its own. */
 static void insert(tcs_worker *worker, tcs_task *task) {
   const tcs_task *last = last_of(worker, task->client);
-  tcs_task **at = &worker->queue.head;
+  GList *at = worker->queue.head;
   task->turn = last ? last->turn + 1 : worker->turn;
-  while (*at && (int32_t)((*at)->turn - task->turn) <= 0) at = &(*at)->next;
-  task->next = *at;
-  if (!task->next) worker->queue.tail = task;
-  *at = task;
+  task->link = (GList){.data = task};
+  while (at && (int32_t)(((const tcs_task *)at->data)->turn - task->turn) <= 0) at = at->next;
+  g_queue_insert_before_link(&worker->queue, at, &task->link);
 }
 
 static bool may_run(const tcs_worker *worker, const tcs_task *task) {
   int own = 0;
-  for (const tcs_task *other = worker->running.head; other && task->client; other = other->next)
-    own += other->client == task->client;
+  for (const GList *link = task->client ? worker->running.head : NULL; link; link = link->next)
+    own += ((const tcs_task *)link->data)->client == task->client;
   return own < worker->most_of_client || worker->stopping;
 }
 
 /* The first that may run; NULL: there is none. */
 static tcs_task *take(tcs_worker *worker) {
-  tcs_task *task = worker->queue.head;
-  while (task && !may_run(worker, task)) task = task->next;
-  if (!task) return NULL;
-  tcs_task_list_remove(&worker->queue, task);
-  worker->waiting--;
+  GList *link = worker->queue.head;
+  while (link && !may_run(worker, link->data)) link = link->next;
+  if (!link) return NULL;
+  tcs_task *task = link->data;
+  g_queue_unlink(&worker->queue, link);
   worker->turn = task->turn;
-  tcs_task_list_push(&worker->running, task);
+  push(&worker->running, task);
   return task;
 }
 
@@ -143,8 +116,8 @@ static void *worker_main(void *user) {
       pthread_mutex_unlock(&worker->mutex);
       task->run(task);
       pthread_mutex_lock(&worker->mutex);
-      tcs_task_list_remove(&worker->running, task);
-      tcs_completions_post(worker->completions, task);
+      g_queue_unlink(&worker->running, &task->link);
+      post(worker->completions, task);
     } else if (worker->stopping) {
       break;
     } else {
@@ -178,9 +151,9 @@ tcs_worker *tcs_worker_new(const char *name, int threads, tcs_priority priority,
 
 bool tcs_worker_offer(tcs_worker *worker, tcs_task *task, int most) {
   pthread_mutex_lock(&worker->mutex);
-  const bool room = worker->waiting < most || (task->client && worker->waiting / 2 < most && !last_of(worker, task->client));
+  const bool room = (int)worker->queue.length < most ||
+                    (task->client && (int)worker->queue.length / 2 < most && !last_of(worker, task->client));
   if (room) {
-    worker->waiting++;
     atomic_fetch_add(&worker->completions->due, 1);
     insert(worker, task);
     pthread_cond_signal(&worker->wake);
@@ -193,8 +166,8 @@ void tcs_worker_submit(tcs_worker *worker, tcs_task *task) { tcs_worker_offer(wo
 
 bool tcs_worker_drop(tcs_worker *worker, tcs_task *task) {
   pthread_mutex_lock(&worker->mutex);
-  const bool dropped = tcs_task_list_remove(&worker->queue, task);
-  worker->waiting -= dropped;
+  const bool dropped = g_queue_link_index(&worker->queue, &task->link) >= 0;
+  if (dropped) g_queue_unlink(&worker->queue, &task->link);
   atomic_fetch_sub(&worker->completions->due, dropped);
   pthread_mutex_unlock(&worker->mutex);
   return dropped;
@@ -202,7 +175,7 @@ bool tcs_worker_drop(tcs_worker *worker, tcs_task *task) {
 
 int tcs_worker_waiting(tcs_worker *worker) {
   pthread_mutex_lock(&worker->mutex);
-  const int waiting = worker->waiting;
+  const int waiting = (int)worker->queue.length;
   pthread_mutex_unlock(&worker->mutex);
   return waiting;
 }

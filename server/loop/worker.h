@@ -16,31 +16,22 @@ typedef struct tcs_task tcs_task;
 struct tcs_task {
   void (*run)(tcs_task *task);  /* on a worker thread */
   void (*done)(tcs_task *task); /* on the I/O thread afterwards; may free the task */
-  tcs_task *next;               /* link of the list it waits in */
+  GList link;                   /* in the queue it waits in, or among those that run */
   uint32_t client;              /* whose it is; 0: nobody's in particular. Clients take turns at a worker */
   uint32_t turn;                /* the worker's, while it waits */
 };
 
-/* First in, first out; no lock of its own. Zero-initialised = empty. */
-typedef struct tcs_task_list {
-  tcs_task *head, *tail;
-} tcs_task_list;
-void tcs_task_list_push(tcs_task_list *list, tcs_task *task);
-tcs_task *tcs_task_list_pop(tcs_task_list *list);
-bool tcs_task_list_remove(tcs_task_list *list, tcs_task *task); /* false: it is not in the list */
-
 /* Finished tasks on their way to the I/O thread; `event_fd` becomes readable when there are any. */
 typedef struct tcs_completions {
   pthread_mutex_t mutex;
-  tcs_task_list list;
+  GQueue tasks;
   int event_fd;
   atomic_int due; /* tasks handed to a worker whose `done` has not been called */
 } tcs_completions;
 
 bool tcs_completions_init(tcs_completions *completions, GError **error);
 void tcs_completions_finish(tcs_completions *completions);
-void tcs_completions_post(tcs_completions *completions, tcs_task *task); /* any thread */
-void tcs_completions_drain(tcs_completions *completions);                /* I/O thread: calls every `done` */
+void tcs_completions_drain(tcs_completions *completions); /* I/O thread: calls every `done` */
 
 /* Priorities of threads where processors are short, as steps of nice(2) below the I/O thread. The I/O thread comes
  * first: its turns are short, and all clients wait for them. A thread of three times the weight is rarely preempted. */

@@ -275,7 +275,7 @@ static void test_tasks_come_back_in_order(void **state) {
   GArray *order = g_array_new(FALSE, FALSE, sizeof(int));
   counted tasks[N];
   for (int i = 0; i < N; i++) {
-    tasks[i] = (counted){{run_counted, done_counted, NULL}, i, order};
+    tasks[i] = (counted){{.run = run_counted, .done = done_counted}, i, order};
     tcs_worker_submit(worker, &tasks[i].task);
   }
   tcs_worker_free(worker); /* finishes what is queued */
@@ -294,7 +294,7 @@ static void test_several_threads_share_a_queue(void **state) {
   GArray *order = g_array_new(FALSE, FALSE, sizeof(int));
   counted tasks[N];
   for (int i = 0; i < N; i++) {
-    tasks[i] = (counted){{run_counted, done_counted, NULL}, 1, order};
+    tasks[i] = (counted){{.run = run_counted, .done = done_counted}, 1, order};
     tcs_worker_submit(worker, &tasks[i].task);
   }
   while (order->len < N) tcs_completions_drain(&completions);
@@ -324,11 +324,11 @@ static void test_waiting_tasks_can_be_taken_back(void **state) {
   assert_true(tcs_completions_init(&completions, NULL));
   tcs_worker *worker = tcs_worker_new("unit", 1, TCS_PRIORITY_PICTURE, &completions, NULL);
   GArray *order = g_array_new(FALSE, FALSE, sizeof(int));
-  gate g = {.task = {run_gate, done_gate, NULL}};
+  gate g = {.task = {.run = run_gate, .done = done_gate}};
   counted tasks[5];
   tcs_worker_submit(worker, &g.task);
   while (!atomic_load(&g.entered)) g_usleep(100);
-  for (int i = 0; i < 5; i++) tasks[i] = (counted){{run_counted, done_counted, NULL}, i, order};
+  for (int i = 0; i < 5; i++) tasks[i] = (counted){{.run = run_counted, .done = done_counted}, i, order};
   for (int i = 0; i < 4; i++) assert_true(tcs_worker_offer(worker, &tasks[i].task, 4));
   assert_false(tcs_worker_offer(worker, &tasks[4].task, 4));
   assert_false(tcs_worker_drop(worker, &g.task));
