@@ -123,8 +123,8 @@ static void build_diagonal(void *context, int index, int worker) {
 
 /* ---- life ---- */
 
-/* Entries of a table that was freed last, for the next of the same shape: to fault in pages takes longer than to fill them,
- * many times as long in a virtual machine. Entries that no look-up reaches are zero in both. */
+/* The entries of the table that was freed last are kept for the next one of the same shape: faulting in new pages takes
+ * longer than filling them, many times as long in a virtual machine. Entries that no look-up reaches are zero in both. */
 typedef struct spare {
   float *entries;
   size_t mapped;

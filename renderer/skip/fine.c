@@ -9,7 +9,7 @@
 
 #define LEVELS 65536
 #define BINS 256
-#define SAMPLED (1 << 18) /* voxels that are looked at for how full bins get, about */
+#define SAMPLED (1 << 18) /* about how many voxels are counted into levels, to make bins equally full */
 #define TASK_VOXELS (1 << 18)
 #define MOST_WIDTH 64 /* of a fine box, voxels */
 
@@ -155,7 +155,7 @@ void tc_fine_free(tc_fine *fine) {
 
 /* ---- ranges ---- */
 
-/* The set of all values of the levels [first, last]: those of both ends, since a run is an interval. Levels of floats
+/* The set of all values of the levels [first, last]: those of both ends, since a range is an interval. Levels of floats
  * reach one further for rounding. */
 static uint8_t set_of(const tc_fine *f, const tc_empty_ranges *ranges, int first, int last) {
   const bool real = f->grid.type == TC_F32;
@@ -168,7 +168,7 @@ bool tc_fine_find_ranges(const tc_fine *f, const tc_support *support, tc_fine_ra
   tc_empty_ranges ranges;
   int first[TC_FINE_RANGES], last[TC_FINE_RANGES];
   if (!tc_empty_ranges_init(&ranges, support, TC_F32, error))
-    return false; /* as of floats: without the sets of all values */
+    return false; /* TC_F32: the sets at nodes suffice, one for every voxel value is not needed */
   for (int r = 0; r < TC_FINE_RANGES; r++) first[r] = BINS, last[r] = -1;
   for (int i = 0, end; i < f->levels; i = end) {
     const int bin = f->bins[i];

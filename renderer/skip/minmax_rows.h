@@ -1,4 +1,4 @@
-/* Minima and maxima of blocks row by row, for who keeps them in a form of their own (skip/fine.h). */
+/* Minima and maxima of blocks row by row, for callers that store them in another form (skip/fine.h). */
 #ifndef TC_SKIP_MINMAX_ROWS_H
 #define TC_SKIP_MINMAX_ROWS_H
 

@@ -25,7 +25,7 @@ static bool isa_runs(const tc_cpu_isa *isa) {
 
 enum { SIDE = 48, NODES = 16, PIXELS = 32, ROUNDS = 5 };
 
-/* A small dvr frame of bytes, seen aslant and magnified, through a table that shows nothing. */
+/* A small dvr frame of 8-bit voxels, seen obliquely and magnified, under an empty table. */
 static tc_cpu_args small_frame(const uint8_t *voxels, const float *table) {
   tc_cpu_args a = {.key = {.mode = TC_MODE_DVR, .voxel_type = TC_U8, .termination = 1},
                    .grid = {.voxels = voxels, .row = SIDE, .slice = SIDE * SIDE},
@@ -53,7 +53,8 @@ static int64_t time_us(const tc_cpu_isa *isa, tc_cpu_args *a, float *out) {
   return g_get_monotonic_time() - start;
 }
 
-/* The faster of two, by the least of several rounds in turn. Without memory to find out: the first. */
+/* The faster of two instruction sets: the one with the smaller minimum of several alternating rounds. Without memory for
+ * the trial: the first. */
 static const tc_cpu_isa *faster(const tc_cpu_isa *first, const tc_cpu_isa *second) {
   uint8_t *voxels = calloc(1, SIDE * SIDE * SIDE + 64);
   float *table = calloc(4 * (2 * NODES + 3) * (NODES + 1), sizeof *table), *out = calloc(4 * PIXELS * PIXELS, sizeof *out);

@@ -29,16 +29,17 @@ typedef struct tc_gl_drawer {
 } tc_gl_drawer;
 extern const tc_gl_drawer *const tc_gl_drawers[TC_MODE_COUNT]; /* NULL: rays */
 
-/* Work in the queue of such a frame, in units that take about as long as each other. Once it is expected to take some
- * milliseconds it is a batch: the one before is waited for, and the halt looked at. Zero but for unit_ns at first. */
+/* Work that such a frame has queued, in units of about equal time. Units that are expected to take some milliseconds
+ * together are a batch: before the next one begins, the one before is waited for and the halt is polled. Zero but for
+ * unit_ns at first. */
 typedef struct tc_gl_batch {
   double unit_ns, queued, done_ms;
   void *fence; /* GLsync */
 } tc_gl_batch;
 
-/* So many units more were queued. False: stop. */
+/* Counts units that were queued. False: the halt interrupts the frame. */
 bool tc_gl_batch_add(tc_gl_batch *batch, double units, const tc_halt *halt);
-/* Units of a batch. */
+/* How many units make a batch. */
 double tc_gl_batch_most(const tc_gl_batch *batch);
 void tc_gl_batch_end(tc_gl_batch *batch);
 
