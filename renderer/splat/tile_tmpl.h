@@ -23,8 +23,9 @@ typedef struct batch {
   float x[V_LANES], y[V_LANES], z[V_LANES]; /* pixels of the tile, mm */
   float a[V_LANES], b[V_LANES], c[V_LANES]; /* q = a dx^2 + 2 b dx dy + c dy^2 */
   float rx[V_LANES], ry[V_LANES];           /* half of the ellipse's box, pixels */
-  float word[V_LANES];                      /* bits */
-  float alive[V_LANES];                     /* > 0: to be drawn; else only with culling off, and in vain */
+  float own[V_LANES];   /* square of the kernel's area over the ellipse's, which is widened to the pixels' width */
+  float word[V_LANES];  /* bits */
+  float alive[V_LANES]; /* > 0: to be drawn; else only with culling off, and in vain */
 } batch;
 
 static const float lane_numbers[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
@@ -79,20 +80,29 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
     x = x * scale, y = y * scale;
   }
   x = x + v_set(0.5f * g->width - (float)t->x0), y = y + v_set(0.5f * g->height - (float)t->y0);
-  vf xx = v_set(0), yy = xx, xy = xx;
+  vf xx = v_set(0), yy = xx, xy = xx, area = xx, jx[3], jy[3];
   for (int k = 0; k < 3; k++) {
-    vf jx = v_fnma(u, v_set(g->axis[2][k]), v_set(g->axis[0][k])),
-       jy = v_fnma(v, v_set(g->axis[2][k]), v_set(g->axis[1][k]));
-    xx = v_fma(jx, jx, xx), yy = v_fma(jy, jy, yy), xy = v_fma(jx, jy, xy);
+    jx[k] = v_fnma(u, v_set(g->axis[2][k]), v_set(g->axis[0][k]));
+    jy[k] = v_fnma(v, v_set(g->axis[2][k]), v_set(g->axis[1][k]));
+    xx = v_fma(jx[k], jx[k], xx), yy = v_fma(jy[k], jy[k], yy), xy = v_fma(jx[k], jy[k], xy);
+  }
+  for (int k = 0; k < 3; k++) { /* det J J', as a sum of squares: what is long and narrow cancels nothing */
+    const int l = (k + 1) % 3;
+    vf across = v_fnma(jx[l], jy[k], jx[k] * jy[l]);
+    area = v_fma(across, across, area);
   }
   scale = scale * scale * v_set(g->radius2);
-  xx = v_fma(xx, scale, v_set(g->least2)), yy = v_fma(yy, scale, v_set(g->least2)), xy = xy * scale;
-  vf inverse = v_set(1) / v_fnma(xy, xy, xx * yy), rx = v_sqrt(xx), ry = v_sqrt(yy);
+  const vf least = v_set(g->least2);
+  area = area * scale * scale, xx = xx * scale, yy = yy * scale, xy = xy * scale;
+  vf inverse = v_set(1) / v_fma(least, xx + yy + least, area);
+  xx = xx + least, yy = yy + least;
+  vf rx = v_sqrt(xx), ry = v_sqrt(yy);
   vm meets = m_and(m_and(v_lt(v_set(0), x + rx), v_lt(x - rx, v_set((float)t->width))),
                    m_and(v_lt(v_set(0), y + ry), v_lt(y - ry, v_set((float)t->height))));
   meets = m_and(meets, g->culling ? alive : inside);
   v_store(out->x, x), v_store(out->y, y), v_store(out->z, v_select(alive, z, v_set(INFINITY)));
   v_store(out->a, yy * inverse), v_store(out->b, v_set(0) - xy * inverse), v_store(out->c, xx * inverse);
+  v_store(out->own, area * inverse);
   v_store(out->rx, rx), v_store(out->ry, ry), v_store(out->word, v_from_bits(word));
   v_store(out->alive, v_select(meets, v_set(1), v_set(0)));
   return m_any(meets);
@@ -160,10 +170,8 @@ V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const
       q = v_select(seen, v_max(q, v_set(0)), v_set(1));
       vi weight = v_bytes(g->weights, v_trunc(q * v_set(TC_WEIGHT_STEPS)));
       add_to(t->sums[TC_SUM_WEIGHT] + p, weight);
-      for (int k = 0; k < 3; k++)
-        add_to(t->sums[TC_SUM_NORMAL + k] + p, v_muli(weight, v_seti(of[k])));
-      for (int k = 3; k < 6 && g->matter.of; k++)
-        add_to(t->sums[TC_SUM_NORMAL + k] + p, v_muli(weight, v_seti(of[k])));
+      for (int k = 0; k < 3; k++) add_to(t->sums[TC_SUM_NORMAL + k] + p, v_muli(weight, v_seti(of[k])));
+      for (int k = 3; k < 6 && g->matter.of; k++) add_to(t->sums[TC_SUM_NORMAL + k] + p, v_muli(weight, v_seti(of[k])));
     }
 }
 
@@ -174,18 +182,15 @@ V_INLINE void look_up(const tc_splat_args *g, const tc_splat_brick *brick, float
   float n[3], away = 0;
   memcpy(&word, &bits, 4);
   tc_octahedron_unfold(word >> 18 & 127, word >> 25, 63, n);
-  for (int k = 0; k < 3; k++)
-    away += n[k] * (g->direction0[k] + x * g->direction_du[k] + y * g->direction_dv[k]);
+  for (int k = 0; k < 3; k++) away += n[k] * (g->direction0[k] + x * g->direction_du[k] + y * g->direction_dv[k]);
   const bool sheet = (word >> 12 & word >> 13 & 0x15) != 0;
-  for (int k = 0; k < 3; k++)
-    of[k] = (int)lrintf(n[k] * (sheet && away > 0 ? -127.f : 127.f));
+  for (int k = 0; k < 3; k++) of[k] = (int)lrintf(n[k] * (sheet && away > 0 ? -127.f : 127.f));
   if (!g->matter.of) return;
   const int at[3] = {brick->at[0] * 16 + (int)(word & 15), brick->at[1] * 16 + (int)(word >> 4 & 15),
                      brick->at[2] * 16 + (int)(word >> 8 & 15)};
   float rgbk[4];
   g->matter.of(g->matter.user, at, rgbk);
-  for (int k = 0; k < 3; k++)
-    of[3 + k] = (int)lrintf(rgbk[k] * 255);
+  for (int k = 0; k < 3; k++) of[3 + k] = (int)lrintf(rgbk[k] * 255);
 }
 
 static void put_colors(const tc_splat_args *g, const tc_splat_entry *e, tc_splat_tile *t) {
@@ -230,16 +235,14 @@ static void shade_tile(const tc_splat_args *g, const tc_splat_tile *t, float *ou
         lighting l = lighting_at(i, j, g->direction0, g->direction_du, g->direction_dv, g->shade.light);
         /* One side is lit: what faces away, at a rim, is seen edge-on at most. */
         vf behind = v_min(dot(n, l.eye), v_set(0));
-        for (int k = 0; k < 3; k++)
-          n[k] = v_fnma(behind, l.eye[k], n[k]);
+        for (int k = 0; k < 3; k++) n[k] = v_fnma(behind, l.eye[k], n[k]);
         c = shade(&g->shade, &l, n, n, c);
       }
       float lanes[4][V_LANES];
       v_store(lanes[0], c.r * alpha), v_store(lanes[1], c.g * alpha), v_store(lanes[2], c.b * alpha),
           v_store(lanes[3], alpha);
       for (int i = 0; i < V_LANES && x + i < t->width; i++)
-        for (int k = 0; k < 4; k++)
-          out[(y * t->width + x + i) * 4 + k] = lanes[k][i];
+        for (int k = 0; k < 4; k++) out[(y * t->width + x + i) * 4 + k] = lanes[k][i];
     }
 }
 
@@ -257,10 +260,7 @@ V_INLINE float mass_of(const tc_splat_args *g, const batch *b, int i, const tc_s
     const float step = g->perspective ? m[0] * x + m[1] * y + m[2] : m[2];
     square += step * step;
   }
-  /* Of the ellipse and of the kernel alone: their areas, by the boxes and the correlation that both share. */
-  const float xx = b->rx[i] * b->rx[i], yy = b->ry[i] * b->ry[i], det = 1 / (b->a[i] * b->c[i] - b->b[i] * b->b[i]);
-  const float xy2 = xx * yy - det, own = (xx - g->least2) * (yy - g->least2) - xy2;
-  return g->mass * sqrtf(length / square) * sqrtf(own > 0 ? own / det : 0);
+  return g->mass * sqrtf(length / square) * sqrtf(b->own[i]);
 }
 
 V_INLINE void add_matter(const tc_splat_args *g, const batch *b, int i, const reach *r, const float rgbk[4],
@@ -302,8 +302,7 @@ static void look_up_matter(const tc_splat_args *g, const tc_splat_brick *brick, 
                           brick->at[2] * 16 + (int)(word >> 8 & 15)};
     g->matter.of(g->matter.user, voxel, rgbk[i]);
     if (word >> 25 != 127) tc_octahedron_unfold(word >> 18 & 127, word >> 25, 63, one);
-    for (int k = 0; k < 3; k++)
-      n[k][i] = one[k], c[k][i] = rgbk[i][k];
+    for (int k = 0; k < 3; k++) n[k][i] = one[k], c[k][i] = rgbk[i][k];
   }
   if (!g->shaded) return;
   const vf normal[3] = {v_load(n[0]), v_load(n[1]), v_load(n[2])};
@@ -312,8 +311,7 @@ static void look_up_matter(const tc_splat_args *g, const tc_splat_brick *brick, 
   const vf4 lit = shade(&g->shade, &l, normal, normal, (vf4){v_load(c[0]), v_load(c[1]), v_load(c[2]), v_set(1)});
   v_store(c[0], lit.r), v_store(c[1], lit.g), v_store(c[2], lit.b);
   for (int i = 0; i < V_LANES; i++)
-    for (int k = 0; k < 3; k++)
-      rgbk[i][k] = c[k][i];
+    for (int k = 0; k < 3; k++) rgbk[i][k] = c[k][i];
 }
 
 static void put_sheet(const tc_splat_args *g, const tc_splat_entry *e, int axis, int at, tc_splat_tile *t) {
@@ -363,7 +361,6 @@ static void emit_tile(const tc_splat_tile *t, float *out) {
     for (int x = 0; x < t->width; x++, out += 4) {
       const int p = y * TC_TILE_STRIDE + x;
       out[3] = 1 - t->depth[p];
-      for (int k = 0; k < 3; k++)
-        out[k] = fminf(t->sums[TC_SUM_COLOR + k][p], out[3]);
+      for (int k = 0; k < 3; k++) out[k] = fminf(t->sums[TC_SUM_COLOR + k][p], out[3]);
     }
 }

@@ -170,7 +170,8 @@ static tc_gl_variant variant_for(const gl_backend *b, const tc_frame_job *job, c
   v.plan = job->key;
   v.plan.shading = v.plan.shading != TC_SHADING_NONE; /* models differ in numbers only: one program for all */
   v.atlas = volume && volume->slices_per_layer > 1;
-  v.pass = (uint8_t)pass;
+  const tc_gl_drawer *drawer = tc_gl_drawers[job->key.mode];
+  v.pass = (uint8_t)(drawer && drawer->variant ? drawer->variant(job->scene, pass) : pass);
   if (volume && !b->pace.hardware) v.textures = b->textures_bound;
   v.linear_light = tc_resolve_is_linear(job->scene);
   v.transparent = job->scene->image.transparent;

@@ -53,7 +53,7 @@ static bool is_built(const tc_gl_variant *v) {
   bool rays = key->rays <= !slice;
   return mode && names && filter && labels && rays && key->jitter <= dvr &&
          key->coherence <= (key->rays && key->skipping) && v->want_depth <= (surface || mesh || splat) &&
-         v->pass <= (splat ? 3 : mesh ? 2 : 0);
+         v->pass <= (splat ? 5 : mesh ? 2 : 0);
 }
 
 static const char *sampler_type(const tc_gl_variant *v) {
@@ -131,10 +131,14 @@ static void add_rays(composition *c, const tc_gl_variant *v) {
 }
 
 static void add_splat(composition *c, const tc_gl_variant *v) {
-  static const char *const passes[] = {NULL, "splat_pass.glsl", "splat_blocks.glsl", "splat_pass.glsl"};
+  static const struct {
+    const char *number, *text;
+  } passes[] = {{"#define PASS 0\n", NULL}, {"#define PASS 1\n", "splat_pass.glsl"}, {"#define PASS 2\n", "splat_blocks.glsl"},
+                {"#define PASS 3\n", "splat_pass.glsl"}, {"#define PASS 4\n", "splat_pass.glsl"}, {"#define PASS 5\n", "splat_sheet.glsl"}};
+  add_text(c, passes[v->pass].number);
   add(c, "splat_head.glsl");
-  if (v->pass) add_text(c, v->pass == 1 ? "#define PASS 1\n" : "#define PASS 3\n"), add(c, passes[v->pass]);
-  if (!v->pass && v->plan.shading) add(c, "shading.glsl");
+  if (v->plan.shading && (!v->pass || v->pass == 4)) add(c, "shading.glsl");
+  if (v->pass) add(c, passes[v->pass].text);
 }
 
 /* What gives each pixel its colour, and writes it. */

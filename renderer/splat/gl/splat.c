@@ -14,16 +14,19 @@
 #define SOFTWARE_NS 100 /* a splat and pass, before any was measured */
 #define HARDWARE_NS 2
 #define BLOCK 8
+#define MOST_STEPS 57600
+#define SPLATS_EACH 64 /* of a brick, to each thread of a work-group */
 
 enum { BLOCK_BUFFER, ENTRIES, DEPTHS, SUMS, TABLE, N_BUFFERS };
 
 /* The uniform block of splat_head.glsl, std140. */
 typedef struct splat_block {
   _Alignas(16) float axis[3][4];
-  float direction0[4], direction_du[4], direction_dv[4], planes[12][4], color[4];
+  float direction0[4], direction_du[4], direction_dv[4], planes[12][4], color[4], to_index[3][4];
   uint8_t weights[65 * 16];
   float size[2], scale, radius2, least2, near_mm, window_mm, core, core_root, full, open;
-  int32_t perspective, culling, n_planes, stride;
+  int32_t perspective, culling, n_planes, stride, opaque;
+  float mass, most;
 } splat_block;
 
 typedef struct splat_entry { /* Entry of splat_pass.glsl */
@@ -39,20 +42,32 @@ typedef struct drawing {
   tc_progress *progress;
   const tc_gl_lookup *words[2]; /* of the splats, of the cut */
   splat_entry *entries;         /* of a tile: of the splats, then of the cut */
-  int n[2];
+  int n[2], rows;               /* of pixels, that a work-group fills */
   tc_gl_batch batch;
   unsigned buffers[N_BUFFERS]; /* block, entries, depths, sums, table */
 } drawing;
 
 /* ---- a frame's constants ---- */
 
+/* Translucent: what one splat may add to a pixel's optical depth, so that whole numbers of 2^-20 hold all that meet there in
+ * a sheet: as many as voxels of it lie under the widest footprint, were they half as far apart as along the axes. */
+static float most_depth(const drawing *d) {
+  const tc_splat_args *g = &d->of.args;
+  float far = 1e-3f, least = INFINITY;
+  for (int i = 0; i < d->of.n_entries; i++) far = fmaxf(far, d->of.entries[i].at[2]);
+  for (int k = 0; k < 3; k++) least = fminf(least, hypotf(hypotf(g->axis[0][k], g->axis[1][k]), g->axis[2][k]));
+  const float pixels = 0.5f * least * g->scale / (g->perspective ? far : 1);
+  return 2048 / ((float)M_PI * (4 * g->radius2 + g->least2 / (pixels * pixels)) + 1);
+}
+
 static void fill_block(const drawing *d, splat_block *b) {
   const tc_splat_args *g = &d->of.args;
   *b = (splat_block){.size = {g->width, g->height}, .scale = g->scale, .radius2 = g->radius2, .least2 = g->least2,
                      .near_mm = g->near_mm, .window_mm = g->window_mm, .core = g->core, .core_root = g->core_root,
-                     .full = g->full, .open = g->open, .perspective = g->perspective, .culling = g->culling, .n_planes = g->n_planes, .stride = d->look ? 8 : 4};
+                     .full = g->full, .open = g->open, .perspective = g->perspective, .culling = g->culling, .n_planes = g->n_planes, .stride = d->look ? 8 : 4, .opaque = g->opaque, .mass = g->mass, .most = most_depth(d)};
   for (int k = 0; k < 3; k++) {
     memcpy(b->axis[k], g->axis[k], sizeof g->axis[k]);
+    memcpy(b->to_index[k], g->to_index[k], sizeof g->to_index[k]);
     b->direction0[k] = g->direction0[k], b->direction_du[k] = g->direction_du[k], b->direction_dv[k] = g->direction_dv[k];
     b->color[k] = g->color[k];
   }
@@ -163,6 +178,18 @@ static void collect_entries(drawing *d, const int tile[4]) {
   glNamedBufferSubData(d->buffers[ENTRIES], 0, (GLsizeiptr)((size_t)(d->n[0] + d->n[1]) * sizeof *d->entries), d->entries);
 }
 
+/* A work-group fills the footprints of a brick in so many rows that none of its 64 threads meets more than MOST_STEPS
+ * pixels: drivers in software end loops after 65535 steps, and others after a while. */
+static int rows_of(const drawing *d) {
+  const tc_splat_args *g = &d->of.args;
+  double size = 0;
+  for (int k = 0; k < 3; k++) size += pow(hypot(g->axis[0][k], hypot(g->axis[1][k], g->axis[2][k])), 2);
+  const double near = g->perspective && d->of.n_entries ? fmax(d->of.entries[0].near_mm, g->near_mm) : 1;
+  /* Twice as wide: off the middle of the picture footprints are longer. */
+  const double wide = fmin(4 * (sqrt(size * g->radius2) * g->scale / near + sqrt(g->least2)), d->progress->side);
+  return (int)fmax(1, MOST_STEPS / (SPLATS_EACH * wide));
+}
+
 static void use(const drawing *d, int pass, const int tile[4]) {
   glUseProgram(d->gl->programs[pass]);
   glProgramUniform4i(d->gl->programs[pass], 0, tile[0], tile[1], tile[2], tile[3]);
@@ -171,8 +198,9 @@ static void use(const drawing *d, int pass, const int tile[4]) {
 /* Bricks in batches. False: halted. */
 static bool run_pass(drawing *d, int pass, const int tile[4]) {
   const tc_splats *of[2] = {d->gl->job->have.splats, d->gl->job->have.cut};
-  const int end = d->n[0] + d->n[1];
+  const int end = d->n[0] + d->n[1], bands = (tile[3] + d->rows - 1) / d->rows;
   use(d, pass, tile);
+  glProgramUniform1i(d->gl->programs[pass], 4, d->rows);
   for (int i = 0; i < end;) {
     const int from = i, cut = i >= d->n[0], last = cut ? end : d->n[0];
     uint32_t n = 0;
@@ -180,12 +208,64 @@ static bool run_pass(drawing *d, int pass, const int tile[4]) {
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 4, d->words[cut]->buffer);
     glProgramUniform1ui(d->gl->programs[pass], 1, (GLuint)from);
     glProgramUniform1ui(d->gl->programs[pass], 2, d->look ? (GLuint)(words_size(of[cut]) / sizeof(uint32_t)) : 0);
-    glDispatchCompute((GLuint)(i - from), 1, 1);
+    glDispatchCompute((GLuint)(i - from), (GLuint)bands, 1);
     d->gl->job->frame->stats.samples += n;
-    if (!tc_gl_batch_add(&d->batch, n, d->gl->job->halt)) return false;
+    if (!tc_gl_batch_add(&d->batch, (double)n * bands, d->gl->job->halt)) return false;
   }
   glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
   return true;
+}
+
+/* ---- translucent ---- */
+
+static int layer_of(const tc_splat_entry *e, int axis) { return e->of->bricks[e->brick].at[axis]; }
+
+/* The axis along which the view goes furthest. */
+static int sheet_axis(const drawing *d) {
+  int axis = 0;
+  for (int k = 1; k < 3; k++)
+    if (fabsf(d->of.args.to_index[k][2]) > fabsf(d->of.args.to_index[axis][2])) axis = k;
+  return axis;
+}
+
+/* The tile's bricks of one layer along the axis. */
+static void collect_layer(drawing *d, const int tile[4], int axis, int layer) {
+  d->n[0] = d->n[1] = 0;
+  for (int i = 0; i < d->of.n_entries; i++)
+    if (layer_of(&d->of.entries[i], axis) == layer && in_tile(&d->of.entries[i], tile)) put_entry(d, &d->of.entries[i]);
+  if (d->n[0]) glNamedBufferSubData(d->buffers[ENTRIES], 0, (GLsizeiptr)((size_t)d->n[0] * sizeof *d->entries), d->entries);
+}
+
+/* False: halted. */
+static bool run_sheet(drawing *d, const int tile[4], int axis, int place) {
+  const unsigned *programs = d->gl->programs;
+  glProgramUniform2ui(programs[1], 3, 4 * (GLuint)axis, (GLuint)place);
+  if (!run_pass(d, 1, tile)) return false;
+  use(d, 2, tile);
+  glDispatchCompute((GLuint)(tile[2] + 7) / 8, (GLuint)(tile[3] + 7) / 8, 1);
+  glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
+  return true;
+}
+
+/* Sheets of voxels outwards from the eye, first on its far side (side 1), then behind it. False: halted. */
+static bool run_sheets(drawing *d, const int tile[4], int axis, double eye, int side) {
+  const tc_frame_job *job = d->gl->job;
+  const int n = tc_volume_describe(job->have.labels ? job->label_volume : job->source)->dims[axis];
+  const int first = (int)fmin(fmax(ceil(eye), 0), n);
+  int layer = -1;
+  for (int sheet = side > 0 ? first : first - 1; sheet >= 0 && sheet < n; sheet += side) {
+    if (sheet / TC_SPLAT_BRICK != layer) collect_layer(d, tile, axis, layer = sheet / TC_SPLAT_BRICK);
+    if (d->n[0] && !run_sheet(d, tile, axis, sheet % TC_SPLAT_BRICK)) return false;
+  }
+  return true;
+}
+
+static bool draw_sheets(drawing *d, const int tile[4]) {
+  const int axis = sheet_axis(d);
+  if (!d->of.n_entries) return true;
+  const tc_splat_entry *any = &d->of.entries[0];
+  const double eye = (double)any->eye[axis] + TC_SPLAT_BRICK * layer_of(any, axis);
+  return run_sheets(d, tile, axis, eye, 1) && run_sheets(d, tile, axis, eye, -1);
 }
 
 static bool draw_tile(void *user, const int tile[4], GError **error) {
@@ -194,8 +274,9 @@ static bool draw_tile(void *user, const int tile[4], GError **error) {
   const GLuint across = (GLuint)((tile[2] + 8 * BLOCK - 1) / (8 * BLOCK)), down = (GLuint)((tile[3] + 8 * BLOCK - 1) / (8 * BLOCK));
   glClearNamedBufferData(d->buffers[DEPTHS], GL_R32UI, GL_RED_INTEGER, GL_UNSIGNED_INT, &far);
   glClearNamedBufferData(d->buffers[SUMS], GL_R32UI, GL_RED_INTEGER, GL_UNSIGNED_INT, NULL);
-  collect_entries(d, tile);
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 3, d->buffers[TABLE]); /* the picture's depths are bound there afterwards */
+  if (!d->of.args.opaque) return draw_sheets(d, tile) || tc_halt_say(d->gl->job->halt, error);
+  collect_entries(d, tile);
   if (!run_pass(d, 1, tile)) return tc_halt_say(d->gl->job->halt, error);
   use(d, 2, tile);
   glDispatchCompute(across, down, 1);
@@ -206,6 +287,7 @@ static bool draw_tile(void *user, const int tile[4], GError **error) {
 
 static bool draw_frame(drawing *d, GError **error) {
   if (!upload(d, error)) return false;
+  d->rows = rows_of(d);
   make_buffers(d);
   const bool drawn = tc_gl_check("splats", error) && tc_gl_draw_tiles(d->gl, draw_tile, d, error);
   tc_gl_batch_end(&d->batch);
@@ -251,10 +333,10 @@ static void warm(const tc_gl_frame *gl, int n_passes) {
   glDeleteBuffers(N_BUFFERS, d.buffers);
 }
 
-static const char *refuses(const tc_scene *scene) {
-  return scene->splat.opaque ? NULL : "translucent sheets are added up there";
-}
+static const char *refuses(const tc_scene *scene) { return NULL; }
 
-static int passes(const tc_scene *scene) { return 4; }
+static int passes(const tc_scene *scene) { return scene->splat.opaque ? 4 : 3; }
 
-const tc_gl_drawer tc_gl_splat_drawer = {.passes = passes, .refuses = refuses, .draw = draw, .warm = warm};
+static int variant(const tc_scene *scene, int pass) { return pass && !scene->splat.opaque ? 3 + pass : pass; }
+
+const tc_gl_drawer tc_gl_splat_drawer = {.passes = passes, .variant = variant, .refuses = refuses, .draw = draw, .warm = warm};

@@ -4,13 +4,16 @@ layout(std140, binding = 1) uniform Splat {
   vec4 direction0, direction_du, direction_dv;
   vec4 planes[12];
   vec4 color;
+  vec4 to_index[3];
   uvec4 weights[65];  // four a word
   vec2 size;          // pixels of the picture
   float scale, radius2, least2, near_mm, window_mm, core, core_root, full, open;
-  int perspective, culling, n_planes, stride;
+  int perspective, culling, n_planes, stride, opaque;
+  float mass, most; // translucent: of a splat; the optical depth that one may add
 } splat;
 
 const int BLOCK = 8;
+const float SCALE = 1048576.0; // of optical depths
 const uint FAR = 0xff800000u; // ordered(infinite)
 layout(std430, binding = 6) buffer Nearest { uint nearest[]; }; // [h][w] of the tile: ordered(depth), mm; then of each block the farthest
 layout(std430, binding = 7) buffer Sums { int sums[]; };        // [h][w][stride]: weight; weight times normal, in 127ths; and, where voxels have colours, in 255ths

@@ -1,13 +1,15 @@
 // Splats of bricks into the tile, in tile_tmpl.h's steps: a work-group for each brick. PASS 1: depths of the cores; PASS 3:
-// weights and normals of what is not behind them.
+// weights and normals of what is not behind them. PASS 4, translucent: optical depths and colours of a sheet of voxels.
 struct Entry { vec4 at, eye; uvec4 words; vec4 starts[3]; }; // splat_entry of splat.c
 layout(std430, binding = 3) readonly buffer Table { vec4 table[]; }; // tc_splat_look_table()
 layout(std430, binding = 4) readonly buffer Words { uint words[]; }; // of splats; then, where they have colours, of their looks
 layout(std430, binding = 5) readonly buffer Entries { Entry entries[]; };
 layout(location = 1) uniform uint first_entry;
 layout(location = 2) uniform uint first_look; // 0: of one colour
+layout(location = 4) uniform int rows;         // of the tile, to each work-group of a brick
+layout(location = 3) uniform uvec2 sheet;      // PASS 4: four times the axis; a voxel's place along it in its brick
 
-struct Footprint { vec2 at; float z; vec3 q; vec2 reach; uint word, look; };
+struct Footprint { vec2 at; float z; vec3 q; vec2 reach; float own; uint word, look; };
 
 uint seen_faces(Entry e, vec3 d) {
   uint seen = 0u;
@@ -36,7 +38,7 @@ bool project(Entry e, uint word, out Footprint f) {
   float x = along(0, d, e.at.x), y = along(1, d, e.at.y), u = 0.0, v = 0.0, scale = splat.scale;
   f.word = word;
   f.z = along(2, d, e.at.z);
-  if (faces == 0u || !(splat.near_mm < f.z) || ((e.words.z & 512u) != 0u && !kept(e, d)))
+  if ((PASS != 4 && faces == 0u) || !(splat.near_mm < f.z) || ((e.words.z & 512u) != 0u && !kept(e, d)))
     return false;
   if (splat.perspective != 0) {
     float inverse = 1.0 / f.z;
@@ -46,14 +48,12 @@ bool project(Entry e, uint word, out Footprint f) {
     x *= scale, y *= scale;
   }
   f.at = vec2(x, y) + (0.5 * splat.size - vec2(tile.xy));
-  float xx = 0.0, yy = 0.0, xy = 0.0;
-  for (int k = 0; k < 3; k++) {
-    float jx = fma(-u, splat.axis[2][k], splat.axis[0][k]), jy = fma(-v, splat.axis[2][k], splat.axis[1][k]);
-    xx = fma(jx, jx, xx), yy = fma(jy, jy, yy), xy = fma(jx, jy, xy);
-  }
+  vec3 jx = splat.axis[0].xyz - u * splat.axis[2].xyz, jy = splat.axis[1].xyz - v * splat.axis[2].xyz, across = cross(jx, jy);
   scale = scale * scale * splat.radius2;
-  xx = fma(xx, scale, splat.least2), yy = fma(yy, scale, splat.least2), xy *= scale;
-  float inverse = 1.0 / fma(-xy, xy, xx * yy);
+  float xx = dot(jx, jx) * scale, yy = dot(jy, jy) * scale, xy = dot(jx, jy) * scale, area = dot(across, across) * scale * scale;
+  float inverse = 1.0 / fma(splat.least2, xx + yy + splat.least2, area);
+  xx += splat.least2, yy += splat.least2;
+  f.own = area * inverse;
   f.q = vec3(yy, -xy, xx) * inverse;
   f.reach = sqrt(vec2(xx, yy));
   return all(greaterThan(f.at + f.reach, vec2(0.0))) && all(lessThan(f.at - f.reach, vec2(tile.zw)));
@@ -64,12 +64,61 @@ float distance_at(Footprint f, ivec2 p) {
   return fma(d.x, fma(d.x, f.q.x, 2.0 * f.q.y * d.y), f.q.z * d.y * d.y);
 }
 
+vec3 unfolded(uint word) {
+  vec2 e = (vec2(word >> 18 & 127u, word >> 25) - 63.0) / 63.0;
+  vec3 n = vec3(e, 1.0 - abs(e.x) - abs(e.y));
+  if (n.z < 0.0)
+    n.xy = (1.0 - abs(e.yx)) * mix(vec2(1.0), vec2(-1.0), lessThan(e, vec2(0.0)));
+  return n * (1.0 / sqrt(dot(n, n)));
+}
+
+vec3 direction_at(vec2 at) { return splat.direction0.xyz + at.x * splat.direction_du.xyz + at.y * splat.direction_dv.xyz; }
+
+int weight_at(float q) {
+  uint step = uint(max(q, 0.0) * 1024.0);
+  return int(splat.weights[step >> 4][step >> 2 & 3u] >> 8 * (step & 3u) & 255u);
+}
+
 #if PASS == 1
 void put(Footprint f, ivec2 from, ivec2 to) {
   for (int y = from.y; y <= to.y; y++)
     for (int x = from.x; x <= to.x; x++)
       if (distance_at(f, ivec2(x, y)) < splat.core)
         atomicMin(nearest[y * tile.z + x], ordered(f.z));
+}
+#elif PASS == 4
+// mass_of() of tile_tmpl.h.
+float mass_of(Footprint f) {
+  vec2 p = (f.at + vec2(tile.xy) - 0.5 * splat.size) / splat.scale;
+  float square = 0.0, along = splat.perspective != 0 ? dot(p, p) + 1.0 : 1.0;
+  for (int k = 0; k < 3; k++) {
+    vec3 m = splat.to_index[k].xyz;
+    float step = splat.perspective != 0 ? m.x * p.x + m.y * p.y + m.z : m.z;
+    square += step * step;
+  }
+  return splat.mass * sqrt(along / square) * sqrt(f.own);
+}
+
+void put(Footprint f, ivec2 from, ivec2 to) {
+  vec4 look = vec4(table[f.look & 0xffffu].rgb, table[f.look >> 16].a);
+  if (any(lessThan(to, from)) || !(look.a > 0.0))
+    return;
+#if SHADED
+  vec2 middle = f.at + vec2(tile.xy);
+  vec3 n = f.word >> 25 != 127u ? unfolded(f.word) : vec3(0.0);
+  look.rgb = shade(vec4(look.rgb, 1.0), n, n, -normalize(direction_at(middle))).rgb;
+#endif
+  float depth = mass_of(f) * look.a;
+  for (int y = from.y; y <= to.y; y++)
+    for (int x = from.x; x <= to.x; x++) {
+      float amount = min(float(weight_at(min(distance_at(f, ivec2(x, y)), 1.0))) * depth, splat.most) * SCALE;
+      int at = (y * tile.z + x) * splat.stride;
+      if (amount < 0.5)
+        continue;
+      atomicAdd(sums[at], int(amount + 0.5));
+      for (int k = 0; k < 3; k++)
+        atomicAdd(sums[at + 1 + k], int(amount * look[k] + 0.5));
+    }
 }
 #else
 bool hidden(float z, ivec2 from, ivec2 to) {
@@ -81,13 +130,8 @@ bool hidden(float z, ivec2 from, ivec2 to) {
 }
 
 ivec3 normal_of(Footprint f) {
-  vec2 e = (vec2(f.word >> 18 & 127u, f.word >> 25) - 63.0) / 63.0;
-  vec3 n = vec3(e, 1.0 - abs(e.x) - abs(e.y));
-  if (n.z < 0.0)
-    n.xy = (1.0 - abs(e.yx)) * mix(vec2(1.0), vec2(-1.0), lessThan(e, vec2(0.0)));
-  n *= 1.0 / sqrt(dot(n, n));
-  vec2 at = f.at + vec2(tile.xy);
-  float away = dot(n, splat.direction0.xyz + at.x * splat.direction_du.xyz + at.y * splat.direction_dv.xyz);
+  vec3 n = unfolded(f.word);
+  float away = dot(n, direction_at(f.at + vec2(tile.xy)));
   bool sheet = (f.word >> 12 & f.word >> 13 & 0x15u) != 0u;
   return ivec3(roundEven(n * (sheet && away > 0.0 ? -127.0 : 127.0)));
 }
@@ -107,8 +151,7 @@ void put(Footprint f, ivec2 from, ivec2 to) {
         q *= splat.open;
       if (!(q < 1.0) || !(z < depth_of(nearest[at])))
         continue;
-      uint step = uint(max(q, 0.0) * 1024.0);
-      int weight = int(splat.weights[step >> 4][step >> 2 & 3u] >> 8 * (step & 3u) & 255u);
+      int weight = weight_at(q);
       atomicAdd(sums[sum], weight);
       for (int k = 0; k < 3; k++)
         atomicAdd(sums[sum + 1 + k], weight * n[k]);
@@ -122,10 +165,13 @@ void main() {
   Entry e = entries[first_entry + gl_WorkGroupID.x];
   for (uint i = gl_LocalInvocationIndex; i < e.words.y; i += 64u) {
     Footprint f;
-    if (!project(e, words[e.words.x + i], f))
+    uint word = words[e.words.x + i];
+    if ((PASS == 4 && (word >> sheet.x & 15u) != sheet.y) || !project(e, word, f))
       continue;
     f.look = first_look != 0u ? words[first_look + e.words.x + i] : 0u;
     vec2 r = PASS == 1 ? f.reach * splat.core_root : f.reach;
-    put(f, ivec2(max(f.at - r + 0.5, vec2(0.0))), ivec2(floor(min(f.at + r - 0.5, vec2(tile.zw - 1)))));
+    ivec2 from = ivec2(max(f.at - r + 0.5, vec2(0.0))), to = ivec2(floor(min(f.at + r - 0.5, vec2(tile.zw - 1))));
+    int first = int(gl_WorkGroupID.y) * rows;
+    put(f, ivec2(from.x, max(from.y, first)), ivec2(to.x, min(to.y, first + rows - 1)));
   }
 }

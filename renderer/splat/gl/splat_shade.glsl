@@ -8,6 +8,16 @@ void main() {
   if (any(greaterThanEqual(place, tile.zw)))
     return;
   uint at = uint(place.y * tile.z + place.x);
+  if (splat.opaque == 0) {
+    uint of = at * uint(splat.stride) + 4u;
+    float opacity = intBitsToFloat(sums[of + 3u]);
+    vec3 light = intBitsToFloat(ivec3(sums[of], sums[of + 1u], sums[of + 2u]));
+    write_result(at, vec4(min(light, vec3(opacity)), opacity));
+#if DEPTH
+    depths[at] = depth_of(FAR);
+#endif
+    return;
+  }
   uint sum = at * uint(splat.stride);
   float weight = float(sums[sum]), alpha = min(weight * (1.0 / splat.full), 1.0);
   vec2 p = vec2(tile.xy + place) + 0.5;
