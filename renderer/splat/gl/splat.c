@@ -185,9 +185,10 @@ static int rows_of(const drawing *d) {
   double size = 0;
   for (int k = 0; k < 3; k++) size += pow(hypot(g->axis[0][k], hypot(g->axis[1][k], g->axis[2][k])), 2);
   const double near = g->perspective && d->of.n_entries ? fmax(d->of.entries[0].near_mm, g->near_mm) : 1;
-  /* Twice as wide: off the middle of the picture footprints are longer. */
-  const double wide = fmin(4 * (sqrt(size * g->radius2) * g->scale / near + sqrt(g->least2)), d->progress->side);
-  return (int)fmax(1, MOST_STEPS / (SPLATS_EACH * wide));
+  const double aside = g->perspective ? hypot(g->width, g->height) / (2 * g->scale) : 0; /* tangent, in a corner */
+  const double reach = sqrt(size * g->radius2) * g->scale / near * sqrt(1 + aside * aside) + sqrt(g->least2);
+  const double wide = fmin(2 * reach + 1, d->progress->side);
+  return SPLATS_EACH * wide * wide <= MOST_STEPS ? d->progress->side : (int)fmax(1, MOST_STEPS / (SPLATS_EACH * wide));
 }
 
 static void use(const drawing *d, int pass, const int tile[4]) {
