@@ -211,7 +211,6 @@ tc_boxes *tc_boxes_begin(const tc_fine *fine, const tc_support *support, tc_pool
   job->strips = (job->n[1] + job->rows - 1) / job->rows;
   boxes->block = fine->grid.block;
   boxes->support = support->serial;
-  tc_support_zones(support, &boxes->zero_below, &boxes->zero_above);
   boxes->build_ms = tc_now_ms() - start;
   return boxes;
 }

@@ -28,7 +28,6 @@ typedef struct tc_boxes {
   size_t count;       /* of items */
   int block;          /* width of a fine box, cells */
   double empty_share; /* share of the records that are empty */
-  double zero_below, zero_above; /* tc_support_zones() */
   uint64_t support;   /* serial of the support */
   size_t bytes;
   double build_ms;

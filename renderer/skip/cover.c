@@ -1,4 +1,5 @@
 #include "renderer/base/vector.h"
+#include "renderer/skip/boxes.h"
 #include "renderer/skip/cover.h"
 
 #include <math.h>

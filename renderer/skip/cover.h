@@ -11,8 +11,11 @@
 #ifndef TC_SKIP_COVER_H
 #define TC_SKIP_COVER_H
 
+#include "renderer/base/pool.h"
 #include "renderer/raycast/rays.h"
-#include "renderer/skip/boxes.h"
+
+/* renderer/skip/boxes.h, declared here because a change of that header would recompile all kernels. */
+typedef struct tc_boxes tc_boxes;
 
 typedef struct tc_cover {
   uint64_t *bits;      /* [cells y][words][cells x]; bit b of word w of a cell: slot 64 w + b is occupied */

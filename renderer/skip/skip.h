@@ -63,8 +63,9 @@ tc_support *tc_support_build(const tc_table_params *params, GError **error);
 tc_support *tc_support_surface(double lo, double hi, GError **error);
 void tc_support_free(tc_support *support); /* NULL is fine */
 
-/* A lookup between two nodes that are both below *below, or both above *above, is exactly zero. */
-void tc_support_zones(const tc_support *support, double *below, double *above);
+/* A lookup between two nodes that are both below *below, or both above *above, is exactly zero, in tables with these
+ * parameters. */
+void tc_support_zones(const tc_table_params *params, double *below, double *above);
 
 /* False if the transfer function is nowhere zero between two values: nothing can be empty then. */
 bool tc_skip_possible(const tc_transfer_function *tf, double value_min, double value_max);

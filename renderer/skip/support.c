@@ -1,3 +1,4 @@
+#include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 
@@ -51,13 +52,24 @@ void tc_support_free(tc_support *support) {
   free(support);
 }
 
+static double node_of(const tc_table_params *p, double value) {
+  return ((value - p->intercept) / p->slope - p->voxel_lo) * (p->n - 1) / (p->voxel_hi - p->voxel_lo);
+}
+
 /* Widened by the reach of a look-up and a node for rounding, as in empty_ranges.c. */
-void tc_support_zones(const tc_support *s, double *below, double *above) {
-  int first = 0, last = s->n + 2;
-  while (first < s->n + 2 && s->used[first + 1] == 0) first++;
-  while (last > 0 && s->used[last - 1] == s->used[s->n + 2]) last--;
-  *below = first - 3;
-  *above = last + 1;
+void tc_support_zones(const tc_table_params *p, double *below, double *above) {
+  const tc_knot *knots = p->tf->points;
+  const size_t count = p->tf->count;
+  double low = p->n + 4, high = -2; /* of what is visible, as far as data reach */
+  for (size_t i = 0; i <= count; i++) { /* from knot i - 1 to knot i */
+    if (knots[i ? i - 1 : 0].amount <= 0 && knots[i < count ? i : count - 1].amount <= 0) continue;
+    const double a = node_of(p, i ? knots[i - 1].value : -INFINITY), b = node_of(p, i < count ? knots[i].value : INFINITY);
+    if (fmax(a, b) < 0 || fmin(a, b) > p->n) continue;
+    low = fmin(low, fmin(a, b));
+    high = fmax(high, fmax(a, b));
+  }
+  *below = ceil(fmax(low, -1)) - 4;
+  *above = floor(fmin(high, p->n + 1)) + 2;
 }
 
 bool tc_skip_possible(const tc_transfer_function *tf, double value_min, double value_max) {

@@ -114,11 +114,43 @@ static void leaping_changes_no_bit(void **unused) {
   }
 }
 
-static tc_support *support_of(const tc_volume *v, const tc_transfer_function *tf) {
+static tc_table_params params_of(const tc_volume *v, const tc_transfer_function *tf) {
   const tc_volume_desc *d = tc_volume_describe(v);
   tc_table_params p = {.tf = tf, .slope = d->slope, .intercept = d->intercept, .step_mm = 1};
   tc_table_choose(v, &p, NULL);
+  return p;
+}
+
+static tc_support *support_of(const tc_volume *v, const tc_transfer_function *tf) {
+  const tc_table_params p = params_of(v, tf);
   return tc_support_build(&p, NULL);
+}
+
+/* What is left out without a look at the table: nothing visible lies in a zone or in reach of it, and next to nothing
+ * beyond it is empty. */
+static void zones_are_empty(void **unused) {
+  uint64_t state = 23;
+  int reach = 0;
+  for (int trial = 0; trial < 150; trial++) {
+    tc_volume *v = random_volume(&state);
+    tc_scene s;
+    test_scene(&s, 8, 8);
+    random_knots(&s, &state);
+    const tc_table_params p = params_of(v, &s.transfer_function);
+    tc_support *support = tc_support_build(&p, NULL);
+    double below, above;
+    tc_support_zones(&p, &below, &above);
+    const uint32_t *used = support->used, most = used[p.n + 2];
+    for (int j = 0; j <= p.n; j++) { /* a look-up from a node below j to another one spans nodes up to j + 2 */
+      if (j <= below) assert_true(used[j + 2] == 0);
+      if (j >= above) assert_true(used[j] == most);
+      if (j > below + 6 && j < p.n && j < above - 6) reach += used[j] == 0 || used[j] == most;
+    }
+    tc_support_free(support);
+    tc_scene_clear(&s);
+    tc_volume_unref(v);
+  }
+  assert_int_equal(reach, 0);
 }
 
 /* Every block's pair against its voxels; every distance against all blocks. */
@@ -327,7 +359,7 @@ static void long_axes_are_drawn(void **unused) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {TEST(leaping_changes_no_bit), TEST(map_is_right), TEST(boxes_hold_what_shows),
-    TEST(map_is_mended), TEST(built_only_when_it_can_help), TEST(long_axes_are_drawn)};
+  const struct CMUnitTest tests[] = {TEST(leaping_changes_no_bit), TEST(map_is_right), TEST(zones_are_empty),
+    TEST(boxes_hold_what_shows), TEST(map_is_mended), TEST(built_only_when_it_can_help), TEST(long_axes_are_drawn)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

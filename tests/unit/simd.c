@@ -222,13 +222,14 @@ static void neighbourhoods_hold_their_voxels(void **unused) {
     for (int k = 0; k < count; k++) memory[k] = (type)(int)draw();                                                    \
     const v_near_##name n = v_near_load_##name(memory, row, slice);                                                   \
     lanes at;                                                                                                         \
-    for (int k = 0; k < V_LANES; k++) at.i[k] = round % 2 ? (int)(draw() % 63) : 62 - k;                              \
     vf a, b;                                                                                                          \
-    v_near_pair_##name(&n, to_vi(&at), &a, &b);                                                                       \
+    const int more = round % 3 ? 0 : 20;                                                                              \
+    for (int k = 0; k < V_LANES; k++) at.i[k] = round % 2 ? (int)(draw() % (unsigned)(63 - more)) : 62 - more - k;    \
+    v_near_pair_##name(&n, to_vi(&at), more, &a, &b);                                                                 \
     lanes first = of_vf(a - v_set(V_BIAS_##NAME)), second = of_vf(b - v_set(V_BIAS_##NAME));                          \
     for (int k = 0; k < V_LANES; k++) {                                                                               \
       for (int pair = 0; pair < 2; pair++) {                                                                          \
-        int e = at.i[k] + pair;                                                                                       \
+        int e = at.i[k] + more + pair;                                                                                \
         float wanted = (float)memory[e % 4 + e / 4 % 4 * row + e / 16 * slice], got = pair ? second.f[k] : first.f[k]; \
         if (!same(got, wanted)) FAIL("v_near_pair_" #name, k, at.i[k], pair, 0, got, wanted);                         \
       }                                                                                                               \
@@ -244,6 +245,22 @@ static void neighbourhoods_hold_their_voxels(void **unused) {
 #else
 static void neighbourhoods_hold_their_voxels(void **unused) {}
 #endif
+
+/* Of packets whose rows are `row` pixels apart; memory between them keeps its values. */
+static void pixels_are_stored_in_place(void **unused) {
+  enum { ROW = V_PACKET_X + 3, COUNT = 4 * ROW * V_PACKET_Y };
+  lanes l[4];
+  float out[COUNT];
+  for (int c = 0; c < 4; c++)
+    for (int k = 0; k < V_LANES; k++) l[c].f[k] = (float)(100 * k + c);
+  for (int i = 0; i < COUNT; i++) out[i] = -1;
+  v_store_pixels(out, ROW, (vf4){v_load(l[0].f), v_load(l[1].f), v_load(l[2].f), v_load(l[3].f)});
+  for (int i = 0; i < COUNT; i++) {
+    const int x = i / 4 % ROW, y = i / 4 / ROW;
+    const float wanted = x < V_PACKET_X ? (float)(100 * (V_PACKET_X * y + x) + i % 4) : -1;
+    if (!same(out[i], wanted)) FAIL("v_store_pixels", i / 4, x, y, i % 4, out[i], wanted);
+  }
+}
 
 static void prefetching_reads_nothing(void **unused) {
   lanes off = ints();
@@ -280,7 +297,8 @@ __attribute__((noinline)) static int run(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(rows_mean_the_same_in_every_lane), cmocka_unit_test(lanes_convert_and_reduce),
       cmocka_unit_test(voxels_are_read_exactly), cmocka_unit_test(bilinear_is_exact_at_entries_and_near_between),
-      cmocka_unit_test(neighbourhoods_hold_their_voxels), cmocka_unit_test(prefetching_reads_nothing)};
+      cmocka_unit_test(neighbourhoods_hold_their_voxels), cmocka_unit_test(prefetching_reads_nothing),
+      cmocka_unit_test(pixels_are_stored_in_place)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
 

@@ -7,12 +7,25 @@ typedef struct runs {
   vf start, steps;      /* steps from a ray's first sample to slot 0; steps per slot */
 } runs;
 
+/* The bits of the packet's cell of pixels. */
+V_INLINE const uint64_t *cover_bits(const tc_cpu_args *args, const place *at) {
+  const ptrdiff_t row = (ptrdiff_t)(at->y >> args->cover.shift) * args->cover.words * args->cover.cells[0];
+  return args->cover.bits + row + (at->x >> args->cover.shift);
+}
+
+/* Nothing is occupied along any ray of the packet. */
+V_INLINE bool all_empty(const tc_cpu_args *args, const place *at) {
+  const uint64_t *bits = cover_bits(args, at);
+  uint64_t any = 0;
+  for (int w = 0; w < args->cover.words; w++) any |= bits[(ptrdiff_t)w * args->cover.cells[0]];
+  return !any;
+}
+
 V_INLINE runs start_runs(const tc_cpu_args *args, variant v, const packet *p, const place *at) {
   vf steps_per_mm = v_set(args->rays.inverse_step) / p->forward; /* steps per mm of depth */
   vf begin = p->start;
   if (phased(v)) begin = begin - p->lag;
-  ptrdiff_t row = (ptrdiff_t)(at->y >> args->cover.shift) * args->cover.words * args->cover.cells[0];
-  return (runs){.bits = args->cover.bits + row + (at->x >> args->cover.shift),
+  return (runs){.bits = cover_bits(args, at),
                 .next_word = args->cover.cells[0],
                 .words = args->cover.words,
                 .start = v_fma(v_set((float)args->cover.near_mm), steps_per_mm,

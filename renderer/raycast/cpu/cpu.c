@@ -148,6 +148,13 @@ static void fill_nodes(tc_cpu_args *a, int n, double lo, double hi) {
   a->nodes.last = (float)(n - 1);
 }
 
+static void fill_zones(tc_cpu_args *a, const tc_table_params *params) {
+  double below, above;
+  tc_support_zones(params, &below, &above);
+  a->zero_below = (float)below;
+  a->zero_above = (float)above;
+}
+
 static void fill_args(tc_cpu_args *a, const tc_frame_job *job) {
   *a = (tc_cpu_args){.key = job->key, .grid = grid_of(job->volume), .halt = job->halt,
                      .termination = (float)job->scene->sampling.termination};
@@ -158,6 +165,7 @@ static void fill_args(tc_cpu_args *a, const tc_frame_job *job) {
   if (job->have.distance_map) a->blocks = blocks_of(job->have.distance_map->distance, job->have.distance_map->block, job->have.distance_map->blocks);
   if (job->key.mode == TC_MODE_MPR) fill_window(a, job);
   if (job->key.shading) tc_shade_set_up(&a->shade, job->source, job->volume, job->scene);
+  if (job->have.table || job->have.integrals) fill_zones(a, &job->plan->table);
   if (job->have.table) {
     a->table = job->have.table->zero_row;
     a->table_stride = (float)job->have.table->columns;
@@ -175,8 +183,6 @@ static bool fill_cover(cpu_backend *b, const tc_frame_job *job, tc_cpu_args *a, 
   tc_cover *c = &b->cover;
   if (!tc_cover_fill(c, job->have.boxes, job->volume, job->rays, job->frame->width, job->frame->height, b->pool, error))
     return false;
-  a->zero_below = (float)job->have.boxes->zero_below;
-  a->zero_above = (float)job->have.boxes->zero_above;
   a->cover = *c;
   return true;
 }

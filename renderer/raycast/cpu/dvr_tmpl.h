@@ -19,9 +19,9 @@ V_INLINE vf4 draw_segment(const tc_cpu_args *args, variant v, const packet *p, c
                           const ray_segment *s, tc_cpu_counts *counts) {
   vf4 c = segment(args, v, p, s, counts);
   if (v.labels && m_any(v_lt(v_set(0), c.a))) c = label_segment(args, p, segment_middle_mm(p, s), c);
-  vm visible = v_lt(v_set(0), c.a);
+  const vm visible = m_and(s->live, v_lt(v_set(0), c.a));
   if (v.shaded && m_any(visible)) {
-    counts->gradients += (uint64_t)m_count(m_and(s->live, visible));
+    counts->gradients += (uint64_t)m_count(visible);
     c = shade_segment(args, v, p, light, s, c);
   }
   return c;
@@ -34,6 +34,12 @@ V_INLINE void shift_slopes(vf slopes[3][3]) {
 /* One packet from its rays' entries to their ends. Long, because all of its variables are the state of one loop. */
 V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, vf4 *out, tc_cpu_counts *counts) {
   packet p = start_packet(args, v, at);
+  counts->rays += (uint64_t)m_count(p.live);
+  if (v.leap && all_empty(args, at)) {
+    counts->leaps++;
+    *out = (vf4){v_set(0), v_set(0), v_set(0), v_set(0)};
+    return;
+  }
   vf clear = v_set(1), front = v_set(0), back = v_set(0);
   vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
   vm live = p.live;
@@ -46,7 +52,6 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
   vf *const at_front = cell ? slopes[0] : NULL, *const at_back = cell ? slopes[1] : NULL;
   vf *const at_next = cell ? slopes[2] : NULL;
   if (v.shaded) light = start_lighting(args, v, at);
-  counts->rays += (uint64_t)m_count(live);
   if (phased(v)) p.lag = lag_of(args, v, at);
   const march m = start_march(args, v, &p, !phased(v)); /* a ray's phase shortens the packet's first segment */
   if (v.leap) r = start_runs(args, v, &p, at);
@@ -85,7 +90,7 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
       vm needs = m_and(live, m_and(v_lt(t1, p.length), v_le(v_set(0), t2)));
       next = march_node(args, v, &p, &m, i + 2, v_min(t2, p.length), needs, at_next);
     }
-    if (v.leap && v.classification != TC_PREINTEGRATED2 && all_zero(args, front, back, active)) {
+    if (v.classification != TC_PREINTEGRATED2 && all_zero(args, front, back, active)) {
       live = m_and(live, v_lt(t1, p.length));
       front = back, back = next;
       if (cell) shift_slopes(slopes);

@@ -11,6 +11,7 @@
 #include <stdint.h>
 
 #include "renderer/plan/key.h"
+#include "renderer/classify/preintegration.h"
 #include "renderer/classify/transfer.h"
 #include "renderer/raycast/jitter.h"
 #include "renderer/raycast/projection.h"
@@ -67,7 +68,7 @@ typedef struct tc_cpu_args {
   const float *table; /* row k = 0 of tc_table */
   float table_stride; /* entries a row; offsets are computed in float, exact below 2^24 */
   float termination;  /* transparency below which early ray termination ends a ray */
-  float zero_below, zero_above; /* nodes: segments below or above contribute nothing (tc_boxes) */
+  float zero_below, zero_above; /* nodes: segments below or above contribute nothing (tc_support_zones()) */
   int n_subtables;
   tc_cpu_subtable subtables[TC_MAX_SUBTABLES];
   const float *integrals;      /* tc_integrals' entries */

@@ -90,7 +90,7 @@ V_INLINE corners gather_apart(const tc_cpu_args *args, int type, vi off) {
     const v_near_##name n = v_near_load_##name(voxels, row, slice);                                                   \
     corners c;                                                                                                        \
     _Pragma("GCC unroll 4") for (int k = 0; k < 4; k++)                                                               \
-        v_near_pair_##name(&n, v_addi(at, v_seti(4 * (k & 1) + 16 * (k >> 1))), &c.a[k], &c.b[k]);                    \
+        v_near_pair_##name(&n, at, 4 * (k & 1) + 16 * (k >> 1), &c.a[k], &c.b[k]);                                                        \
     return c;                                                                                                         \
   }
 SIMD_VOXELS(NEAR_CORNERS)

@@ -59,6 +59,7 @@ V_INLINE packet start_packet(const tc_cpu_args *args, variant v, const place *at
   packet p;
   vf i, j, anchor[3], view[3], norm = v_set(0);
   ray_places(v, at, &i, &j);
+#pragma GCC unroll 3
   for (int k = 0; k < 3; k++) {
     anchor[k] = v_fma(j, v_set(args->rays.anchor_dv[k]),
                       v_fma(i, v_set(args->rays.anchor_du[k]), v_set(args->rays.anchor0[k])));
@@ -68,6 +69,7 @@ V_INLINE packet start_packet(const tc_cpu_args *args, variant v, const place *at
   }
   norm = v_sqrt(norm);
   vf s0 = v_set(0) - (args->rays.perspective ? norm : v_set(args->rays.eye_mm)), s1 = v_set(args->rays.far_mm);
+#pragma GCC unroll 3
   for (int k = 0; k < 3; k++) {
     vf d = view[0] * v_set(args->rays.to_index[k][0]);
     d = v_fma(view[1], v_set(args->rays.to_index[k][1]), d);
@@ -85,6 +87,7 @@ V_INLINE packet start_packet(const tc_cpu_args *args, variant v, const place *at
   p.forward = v_set(1);
   if (args->rays.perspective) p.forward = v_set((float)args->cover.view_depth) / norm;
   p.length = v_select(p.live, s1 - s0, v_set(0));
+#pragma GCC unroll 3
   for (int k = 0; k < 3; k++) p.entry[k] = v_fma(s0, p.dir[k], anchor[k]);
   return p;
 }
@@ -115,6 +118,10 @@ V_INLINE bool keep_marching(const tc_cpu_args *args, vm live, tc_cpu_counts *cou
 
 /* Writes the packet's pixels before x1 and y1; `out` is its first pixel. */
 V_INLINE void store_packet(vf4 c, const place *at, float *out, ptrdiff_t stride) {
+  if (at->x + V_PACKET_X <= at->x1 && at->y + V_PACKET_Y <= at->y1) {
+    v_store_pixels(out, stride, c);
+    return;
+  }
   float lanes[4][V_LANES];
   v_store(lanes[0], c.r);
   v_store(lanes[1], c.g);

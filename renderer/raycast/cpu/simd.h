@@ -21,6 +21,7 @@
  *   v_from_bits copy bits.
  * - m_any: is any lane set; m_count: how many; m_bits: lane l as bit l. v_least: the least lane; any number where one
  *   is NaN.
+ * - v_store_pixels: a packet's pixels (r, g, b, a), rows of the packet `row` pixels apart.
  * - v_load, v_store: V_LANES floats, unaligned; v_load_bytes: V_LANES bytes, unsigned. v_gather: the float at offset
  *   off.
  * - v_bytes: the byte at offset off. v_pair_T: elements off and off + 1, exactly; off counts elements, 0 and up. Both
@@ -31,8 +32,8 @@
  *   outside of any memory.
  * - Only where V_NEAR is defined, for an instruction set whose permutations are cheaper than gathers: v_near_T, a
  *   neighbourhood of 4x4x4 voxels; v_near_load_T: the one whose least voxel is at p, with `row` and `slice` voxels from
- *   one y, one z to the next, reading these 64 alone; v_near_pair_T: its elements at and at + 1 (x + 4 y + 16 z, 0 to
- *   62; any number in a lane where `at` is outside of that), each plus V_BIAS_T.
+ *   one y, one z to the next, reading these 64 alone; v_near_pair_T: its elements at + more and the next (x + 4 y +
+ *   16 z, 0 to 62; any number in a lane where that is outside), each plus V_BIAS_T.
  * - v_bilinear: reads entries row0, row0 + 1, row1, row1 + 1 (4 floats each) of base, interpolates by fy between rows,
  *   then by fx, each as a + f (b - a) with v_fma: four equal entries give that entry, and fx = fy = 0 gives row0's.
  *
@@ -121,7 +122,7 @@
 
 #define SIMD_HAS_NEAR(name, type)                                                                                     \
   SIMD_HAS(v_near_##name, v_near_load_##name, const void *, ptrdiff_t, ptrdiff_t);                                    \
-  SIMD_HAS(void, v_near_pair_##name, const v_near_##name *, vi, vf *, vf *);
+  SIMD_HAS(void, v_near_pair_##name, const v_near_##name *, vi, int, vf *, vf *);
 #define SIMD_NEAR /* SIMD_VOXELS(SIMD_HAS_NEAR) where V_NEAR is */
 
 #define SIMD_PROVIDED                                                                                                 \
@@ -150,6 +151,7 @@
   SIMD_HAS(float, v_least, vf);                                                                                       \
   SIMD_HAS(vf, v_load, const float *);                                                                                \
   SIMD_HAS(void, v_store, float *, vf);                                                                               \
+  SIMD_HAS(void, v_store_pixels, float *, ptrdiff_t, vf4);                                                            \
   SIMD_HAS(vi, v_load_bytes, const uint8_t *);                                                                        \
   SIMD_HAS(vf, v_gather, const float *, vi);                                                                          \
   SIMD_HAS(vi, v_bytes, const uint8_t *, vi);                                                                         \

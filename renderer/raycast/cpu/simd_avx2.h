@@ -51,6 +51,16 @@ V_INLINE bool m_any(vm a) { return _mm256_movemask_ps(a) != 0; }
 V_INLINE int m_count(vm a) { return __builtin_popcount((unsigned)_mm256_movemask_ps(a)); }
 V_INLINE void v_store(float *p, vf a) { _mm256_storeu_ps(p, a); }
 V_INLINE vf v_load(const float *p) { return _mm256_loadu_ps(p); }
+V_INLINE void v_store_pixels(float *p, ptrdiff_t row, vf4 c) {
+  vf rg = _mm256_unpacklo_ps(c.r, c.g), ba = _mm256_unpacklo_ps(c.b, c.a);
+  vf rg2 = _mm256_unpackhi_ps(c.r, c.g), ba2 = _mm256_unpackhi_ps(c.b, c.a);
+  vf x[4] = {_mm256_shuffle_ps(rg, ba, 0x44), _mm256_shuffle_ps(rg, ba, 0xee), _mm256_shuffle_ps(rg2, ba2, 0x44),
+             _mm256_shuffle_ps(rg2, ba2, 0xee)};
+  for (int k = 0; k < 4; k++) {
+    _mm_storeu_ps(p + 4 * k, _mm256_castps256_ps128(x[k]));
+    _mm_storeu_ps(p + 4 * (row + k), _mm256_extractf128_ps(x[k], 1));
+  }
+}
 V_INLINE vi v_load_bytes(const uint8_t *p) { return _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)(const void *)p)); }
 V_INLINE vf v_gather(const float *base, vi off) { return _mm256_i32gather_ps(base, off, 4); }
 V_INLINE unsigned m_bits(vm a) { return (unsigned)_mm256_movemask_ps(a); }

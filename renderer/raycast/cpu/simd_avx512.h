@@ -51,6 +51,18 @@ V_INLINE bool m_any(vm a) { return a != 0; }
 V_INLINE int m_count(vm a) { return __builtin_popcount(a); }
 V_INLINE void v_store(float *p, vf a) { _mm512_storeu_ps(p, a); }
 V_INLINE vf v_load(const float *p) { return _mm512_loadu_ps(p); }
+V_INLINE void v_store_pixels(float *p, ptrdiff_t row, vf4 c) {
+  vf rg = _mm512_unpacklo_ps(c.r, c.g), ba = _mm512_unpacklo_ps(c.b, c.a);
+  vf rg2 = _mm512_unpackhi_ps(c.r, c.g), ba2 = _mm512_unpackhi_ps(c.b, c.a);
+  vf x0 = _mm512_shuffle_ps(rg, ba, 0x44), x1 = _mm512_shuffle_ps(rg, ba, 0xee); /* pixels 0, 1 of the four rows */
+  vf x2 = _mm512_shuffle_ps(rg2, ba2, 0x44), x3 = _mm512_shuffle_ps(rg2, ba2, 0xee);
+  vf low = _mm512_shuffle_f32x4(x0, x1, 0x44), low2 = _mm512_shuffle_f32x4(x2, x3, 0x44);
+  vf high = _mm512_shuffle_f32x4(x0, x1, 0xee), high2 = _mm512_shuffle_f32x4(x2, x3, 0xee);
+  v_store(p, _mm512_shuffle_f32x4(low, low2, 0x88));
+  v_store(p + 4 * row, _mm512_shuffle_f32x4(low, low2, 0xdd));
+  v_store(p + 8 * row, _mm512_shuffle_f32x4(high, high2, 0x88));
+  v_store(p + 12 * row, _mm512_shuffle_f32x4(high, high2, 0xdd));
+}
 V_INLINE vi v_load_bytes(const uint8_t *p) { return _mm512_cvtepu8_epi32(_mm_loadu_si128((const __m128i *)(const void *)p)); }
 V_INLINE vf v_gather(const float *base, vi off) { return _mm512_i32gather_ps(off, base, 4); }
 V_INLINE unsigned m_bits(vm a) { return a; }
@@ -165,8 +177,8 @@ V_INLINE v_near_f32 v_near_load_f32(const void *p, ptrdiff_t row, ptrdiff_t slic
   return n;
 }
 
-V_INLINE void v_near_pair_u16(const v_near_words *n, vi at, vf *a, vf *b) {
-  vi both = _mm512_add_epi32(_mm512_or_si512(at, _mm512_slli_epi32(at, 16)), v_seti(0x10000));
+V_INLINE void v_near_pair_u16(const v_near_words *n, vi at, int more, vf *a, vf *b) {
+  vi both = _mm512_add_epi32(_mm512_or_si512(at, _mm512_slli_epi32(at, 16)), v_seti(0x10000 + more * 0x10001));
   v_biased_words(_mm512_permutex2var_epi16(n->low, both, n->high), a, b);
 }
 #define v_near_pair_u8 v_near_pair_u16 /* all of them hold 16-bit voxels */
@@ -177,9 +189,9 @@ V_INLINE vf v_near_float(const v_near_floats *n, vi at) {
   vf high = _mm512_permutex2var_ps(n->z[2], at, n->z[3]);
   return _mm512_mask_blend_ps(_mm512_test_epi32_mask(at, v_seti(32)), low, high);
 }
-V_INLINE void v_near_pair_f32(const v_near_floats *n, vi at, vf *a, vf *b) {
-  *a = v_near_float(n, at);
-  *b = v_near_float(n, v_addi(at, v_seti(1)));
+V_INLINE void v_near_pair_f32(const v_near_floats *n, vi at, int more, vf *a, vf *b) {
+  *a = v_near_float(n, v_addi(at, v_seti(more)));
+  *b = v_near_float(n, v_addi(at, v_seti(more + 1)));
 }
 
 /* One load fetches two neighbouring entries (32 bytes). Group g holds lanes g, 4+g, 8+g and 12+g, one entry per

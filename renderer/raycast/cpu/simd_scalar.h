@@ -63,6 +63,7 @@ V_INLINE unsigned m_bits(vm a) { return a; }
 V_INLINE float v_least(vf a) { return a; }
 V_INLINE vf v_load(const float *p) { return *p; }
 V_INLINE void v_store(float *p, vf a) { *p = a; }
+V_INLINE void v_store_pixels(float *p, ptrdiff_t row, vf4 c) { p[0] = c.r, p[1] = c.g, p[2] = c.b, p[3] = c.a; }
 V_INLINE vi v_load_bytes(const uint8_t *p) { return *p; }
 V_INLINE vf v_gather(const float *base, vi off) { return base[off]; }
 V_INLINE vi v_bytes(const uint8_t *base, vi off) { return base[off]; }
