@@ -3,6 +3,7 @@
 
 #include <epoxy/gl.h>
 #include <string.h>
+#include <sys/mman.h>
 
 #include "renderer/base/clock.h"
 
@@ -170,8 +171,10 @@ const tc_gl_volume *tc_gl_textures_volume(tc_gl_textures *textures, const tc_vol
 /* ---- lookups ---- */
 
 static void drop_lookup(tc_gl_lookup *copy) {
+  if (copy->memory) glFinish();
   glDeleteTextures(1, &copy->texture);
   glDeleteBuffers(1, &copy->buffer);
+  if (copy->memory) munmap(copy->memory, copy->bytes);
   memset(copy, 0, sizeof *copy);
 }
 
@@ -211,13 +214,34 @@ typedef struct lookup_source {
   GLenum format;
 } lookup_source;
 
+/* A large one of software OpenGL is in memory of ours. */
+static void make_buffer(const tc_gl_textures *textures, tc_gl_lookup *copy) {
+  const GLenum pinned = GL_EXTERNAL_VIRTUAL_MEMORY_BUFFER_AMD;
+  glCreateBuffers(1, &copy->buffer);
+  if (textures->pins && copy->bytes > POLL_BYTES) {
+    void *memory = mmap(NULL, copy->bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (memory == MAP_FAILED) memory = NULL;
+    glBindBuffer(pinned, copy->buffer);
+    if (memory) glBufferData(pinned, (GLsizeiptr)copy->bytes, memory, GL_DYNAMIC_DRAW);
+    glBindBuffer(pinned, 0);
+    if (memory && glGetError() == GL_NO_ERROR) {
+      copy->memory = memory;
+      return;
+    }
+    if (memory) munmap(memory, copy->bytes);
+  }
+  glNamedBufferStorage(copy->buffer, (GLsizeiptr)copy->bytes, NULL, GL_DYNAMIC_STORAGE_BIT);
+}
+
 /* False: halted. */
-static bool upload_entries(unsigned buffer, const lookup_source *from, const tc_halt *halt) {
-  const size_t bytes = from->count * from->entry_bytes;
-  for (size_t at = 0; at < bytes; at += POLL_BYTES) {
+static bool upload_entries(const tc_gl_lookup *copy, const uint8_t *entries, const tc_halt *halt) {
+  for (size_t at = 0; at < copy->bytes; at += POLL_BYTES) {
+    const size_t n = MIN(POLL_BYTES, copy->bytes - at);
     if (at > 0 && tc_halt_within(halt)) return false;
-    glNamedBufferSubData(buffer, (GLintptr)at, (GLsizeiptr)MIN(POLL_BYTES, bytes - at),
-                         (const uint8_t *)from->entries + at);
+    if (copy->memory)
+      memcpy((uint8_t *)copy->memory + at, entries + at, n);
+    else
+      glNamedBufferSubData(copy->buffer, (GLintptr)at, (GLsizeiptr)n, entries + at);
   }
   return true;
 }
@@ -236,10 +260,10 @@ static tc_gl_lookup *lookup(tc_gl_textures *textures, const uint64_t key[5], con
     return NULL;
   }
   copy = make_lookup_room(textures, from->count * from->entry_bytes);
+  copy->bytes = from->count * from->entry_bytes;
   tc_gl_forget_errors();
-  glCreateBuffers(1, &copy->buffer);
-  glNamedBufferStorage(copy->buffer, (GLsizeiptr)(from->count * from->entry_bytes), NULL, GL_DYNAMIC_STORAGE_BIT);
-  const bool whole = !from->entries || upload_entries(copy->buffer, from, halt);
+  make_buffer(textures, copy);
+  const bool whole = !from->entries || upload_entries(copy, from->entries, halt);
   glCreateTextures(GL_TEXTURE_BUFFER, 1, &copy->texture);
   glTextureBuffer(copy->texture, from->format, copy->buffer);
   if (!(whole || tc_halt_say(halt, error)) || !tc_gl_check(from->what, error)) {
@@ -247,7 +271,6 @@ static tc_gl_lookup *lookup(tc_gl_textures *textures, const uint64_t key[5], con
     return NULL;
   }
   memcpy(copy->key, key, sizeof copy->key);
-  copy->bytes = from->count * from->entry_bytes;
   copy->used = textures->frame;
   return copy;
 }

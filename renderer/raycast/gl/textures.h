@@ -26,6 +26,7 @@ typedef struct tc_gl_lookup {
   uint64_t key[5]; /* serials of table or support, and of the volume (0 for a table: it serves any); block width; serial of
                       bounds, or a distance map's reach; serial of labels, or of integrals, which serve any volume */
   unsigned buffer, texture;
+  void *memory; /* mapped, of `bytes`, that the buffer is in; NULL: it is in the driver's */
   size_t bytes;
   uint64_t used;
 } tc_gl_lookup;
@@ -38,6 +39,7 @@ typedef struct tc_gl_textures {
   tc_gl_lookup lookups[TC_GL_LOOKUPS];
   size_t volume_budget, lookup_budget; /* bytes; copies used by the current frame may exceed them */
   uint64_t frame;                      /* number of the current frame, whose copies stay */
+  bool pins;                           /* the driver takes memory of ours for a large lookup's buffer */
 } tc_gl_textures;
 
 /* A frame begins, asks for its volume and label volume, then for its lookups; all live until the next frame begins,
