@@ -15,6 +15,7 @@ import { History } from './history.js';
 import { Input, NO_MOVEMENT } from './input.js';
 import { Keys } from './keys.js';
 import { Labels } from './labels.js';
+import { Suggestion } from './suggestion.js';
 import { Surfaces } from './surfaces.js';
 import { Look } from './look.js';
 import { Modes } from './modes.js';
@@ -98,10 +99,9 @@ const gesture = (on) => {
 };
 const look = new Look(get, store, gesture);
 const panels = new Panels(document, store, { gesture, mode: chooseMode });
-const quality = new QualityPanel(get, store, {
-  gesture,
-  plan: () => api.json('GET', `v1/sessions/${encodeURIComponent(client.session)}/plan`).catch(() => ({})),
-});
+const sessionPlan = () => api.json('GET', `v1/sessions/${encodeURIComponent(client.session)}/plan`).catch(() => ({}));
+const quality = new QualityPanel(get, store, { gesture, plan: sessionPlan });
+const suggestion = new Suggestion(get, store, { plan: sessionPlan, take: chooseMode });
 const crop = new CropPanel(get('crop'), get('crop-reset'), store, gesture);
 const labels = new Labels(get, store, volumes, { failed });
 const surfaces = new Surfaces(get, store, gesture);
@@ -287,6 +287,7 @@ function showFrame(drawn) {
   caption.drawn(drawn.header);
   status.frame(drawn);
   quality.frame(drawn.header);
+  suggestion.frame(drawn.header);
   stage.dataset.frame = drawn.header.frame;
   stage.dataset.seq = drawn.header.seq;
   stage.dataset.final = drawn.header.final;

@@ -257,7 +257,8 @@ export class FakeServer {
     if (part === 'scene' && request.method === 'PUT') return this.#putScene(request, response, session);
     if (part === 'scene') return json(response, 200, session.scene);
     if (part === 'pick') return json(response, 200, { position: [1.25, -20, 3], value: 321, depth: 100, label: 3 });
-    if (part === 'plan') return json(response, 200, { stages: [], quality: this.#quality(session) });
+    if (part === 'plan')
+      return json(response, 200, { stages: [], quality: this.#quality(session), object: this.#object(session) });
     if (part === 'frame') return picture(response, session.scene);
     return json(response, 200, session);
   }
@@ -266,6 +267,13 @@ export class FakeServer {
   #quality(session) {
     session.asked = (session.asked ?? 0) + 1;
     return session.asked > 1 ? { views: 3, reason: 'step 1.3: for the test' } : { views: 0, reason: 'careful' };
+  }
+
+  /** Rays are slow here: a mesh is expected to take a sixth of their time. */
+  #object({ scene: { mode } }) {
+    return mode === 'isosurface' || mode === 'mesh'
+      ? { cheapest: 'mesh', expectedMs: { splat: 9, isosurface: 30, mesh: 5 } }
+      : undefined;
   }
 
   async #putScene(request, response, session) {

@@ -1,0 +1,56 @@
+// The mode that the plan expects to draw an opaque surface fastest, offered where it is another one by far.
+
+const NAMES = { isosurface: 'an isosurface', mesh: 'a surface mesh', splat: 'splats' };
+const WORTH = 1.5; // times faster
+const short = (ms) => Number(ms.toPrecision(2));
+
+/** What is asked about: an answer is for one surface, however it is turned. */
+const subject = ({ mode, isosurface, splat }) =>
+  mode in NAMES ? JSON.stringify([mode, isosurface?.value, splat?.threshold]) : '';
+
+/** @returns {{mode: string, text: string}|null} of a plan's `object` */
+export function suggestionOf(mode, object) {
+  const { cheapest, expectedMs } = object ?? {};
+  if (!expectedMs || cheapest === mode || !(expectedMs[mode] > WORTH * expectedMs[cheapest])) return null;
+  const text = `Drawn as ${NAMES[cheapest]} a frame takes about ${short(expectedMs[cheapest])} ms, as it is ${short(expectedMs[mode])} ms.`;
+  return { mode: cheapest, text };
+}
+
+export class Suggestion {
+  #get;
+  #store;
+  #plan;
+  #asked = '';
+  #offered = null;
+
+  /** get(id): an element; plan(): promise of the session's plan; take(mode): goes there */
+  constructor(get, store, { plan, take }) {
+    this.#get = get;
+    this.#store = store;
+    this.#plan = plan;
+    get('suggestion-take').addEventListener('click', () => take(this.#offered.mode));
+    store.subscribe(() => this.#update());
+  }
+
+  /** A picture came: a final one of another surface is asked about, once. */
+  async frame({ final }) {
+    const { scene } = this.#store;
+    const about = subject(scene);
+    if (!final || about === this.#asked) return;
+    this.#asked = about;
+    this.#offer(null);
+    if (!about) return;
+    const { object } = await this.#plan();
+    if (this.#asked === about && subject(this.#store.scene) === about) this.#offer(suggestionOf(scene.mode, object));
+  }
+
+  #update() {
+    if (this.#offered && this.#store.scene?.mode !== JSON.parse(this.#asked)[0]) this.#offer(null);
+  }
+
+  #offer(offered) {
+    this.#offered = offered;
+    this.#get('suggestion').hidden = !offered;
+    this.#get('suggestion-text').textContent = offered?.text ?? '';
+  }
+}
