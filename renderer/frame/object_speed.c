@@ -1,9 +1,20 @@
 #include "renderer/frame/object_speed.h"
 
 #include <math.h>
-#include <string.h>
 
-enum { SIDE = 96, PIXELS = 384, ROUNDS = 6 };
+#include "renderer/base/clock.h"
+
+enum { SIDE = 96, PIXELS = 384, ROUNDS = 6, SLICE_MS = 5 };
+
+struct tc_object_speed {
+  tc_volume *volume; /* NULL: none yet, or no longer */
+  tc_scene scene;
+  tc_frame frame;
+  tc_object_cost cost;
+  int drawn; /* pictures */
+  bool done;
+  double factor[TC_OBJECT_MODES];
+};
 
 /* What the rates' own machine takes, over what they expect: so small an object lies in the cache. */
 static const double usual[TC_OBJECT_MODES] = {
@@ -47,27 +58,55 @@ static void set_scene(const tc_volume *volume, tc_scene *scene) {
   scene->splat.threshold[1] = 255;
 }
 
-void tc_object_speed_measure(tc_renderer *renderer, double speed[TC_OBJECT_MODES]) {
-  tc_volume *volume = volume_of_a_ball();
-  tc_frame frame = {0};
-  tc_object_cost cost;
-  tc_scene scene;
-  bool good = volume != NULL;
-  if (volume) set_scene(volume, &scene);
-  good = good && tc_object_cost_of(volume, &scene, PIXELS, PIXELS, NULL, &cost);
-  for (int m = 0; m < TC_OBJECT_MODES; m++) speed[m] = INFINITY;
-  for (int i = 0; i <= ROUNDS && good; i++) /* the first builds */
-    for (int m = 0; m < TC_OBJECT_MODES && good; m++) {
-      scene.mode = tc_object_mode_of((tc_object_mode)m);
-      good = tc_render(renderer, volume, &scene, NULL, &frame, NULL, NULL);
-      if (i) speed[m] = fmin(speed[m], frame.stats.render_ms / (cost.ms[m] * usual[m]));
-    }
-  for (int m = 0; m < TC_OBJECT_MODES; m++)
-    if (!good || !(speed[m] > 0)) speed[m] = 1;
-  temper(speed);
-  tc_frame_finish(&frame);
-  if (!volume) return;
-  tc_scene_clear(&scene);
-  tc_renderer_forget(renderer, volume);
-  tc_volume_unref(volume);
+tc_object_speed *tc_object_speed_new(void) {
+  tc_object_speed *s = g_new0(tc_object_speed, 1);
+  for (int m = 0; m < TC_OBJECT_MODES; m++) s->factor[m] = INFINITY;
+  return s;
+}
+
+static void end(tc_object_speed *s) {
+  tc_frame_finish(&s->frame);
+  if (!s->volume) return;
+  tc_scene_clear(&s->scene);
+  g_clear_pointer(&s->volume, tc_volume_unref);
+}
+
+void tc_object_speed_free(tc_object_speed *speed) {
+  if (!speed) return;
+  end(speed);
+  g_free(speed);
+}
+
+static bool begin(tc_object_speed *s) {
+  s->volume = volume_of_a_ball();
+  if (!s->volume) return false;
+  set_scene(s->volume, &s->scene);
+  return tc_object_cost_of(s->volume, &s->scene, PIXELS, PIXELS, NULL, &s->cost);
+}
+
+/* Of each mode in turn; the first round builds. */
+static bool draw_next(tc_object_speed *s, tc_renderer *renderer) {
+  const int mode = s->drawn % TC_OBJECT_MODES;
+  if (!s->volume && !begin(s)) return false;
+  s->scene.mode = tc_object_mode_of((tc_object_mode)mode);
+  if (!tc_render(renderer, s->volume, &s->scene, NULL, &s->frame, NULL, NULL)) return false;
+  if (s->drawn++ >= TC_OBJECT_MODES)
+    s->factor[mode] = fmin(s->factor[mode], s->frame.stats.render_ms / (s->cost.ms[mode] * usual[mode]));
+  return true;
+}
+
+const double *tc_object_speed_go_on(tc_object_speed *s, tc_renderer *renderer) {
+  const double until = tc_now_ms() + SLICE_MS;
+  while (!s->done) {
+    const bool good = draw_next(s, renderer);
+    s->done = !good || s->drawn == (ROUNDS + 1) * TC_OBJECT_MODES;
+    if (!s->done && tc_now_ms() < until) continue;
+    if (!s->done) return NULL;
+    for (int m = 0; m < TC_OBJECT_MODES; m++)
+      if (!good || !(s->factor[m] > 0)) s->factor[m] = 1;
+    temper(s->factor);
+    if (s->volume) tc_renderer_forget(renderer, s->volume);
+    end(s);
+  }
+  return s->factor;
 }

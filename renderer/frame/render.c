@@ -24,7 +24,7 @@ struct tc_renderer {
   char why[200];
   tc_resources *resources;
   uint64_t cache_bytes; /* as asked for */
-  double object_speed[TC_OBJECT_MODES]; /* frame/object_speed.h; 0: not asked for yet */
+  tc_object_speed *object_speed; /* NULL: not asked for yet */
   bool levels;          /* likewise */
 };
 
@@ -71,6 +71,7 @@ tc_renderer *tc_renderer_new(const tc_renderer_options *options, GError **error)
 
 void tc_renderer_free(tc_renderer *renderer) {
   if (!renderer) return;
+  tc_object_speed_free(renderer->object_speed);
   tc_resources_free(renderer->resources);
   if (renderer->instance) renderer->ops->destroy(renderer->instance);
   if (renderer->stand_in) tc_cpu_backend.destroy(renderer->stand_in);
@@ -215,8 +216,13 @@ bool tc_renderer_explain(tc_renderer *renderer, const tc_volume *volume, const t
   collect(&d, NULL);
   explain(&d, false, explanation);
   if (d.ops != &tc_cpu_backend || !tc_is_object(volume, scene)) return true;
-  if (!(renderer->object_speed[0] > 0)) tc_object_speed_measure(renderer, renderer->object_speed);
-  tc_explain_object(volume, scene, renderer->object_speed, explanation);
+  const double *speed = NULL;
+  if (renderer->ops == &tc_cpu_backend) { /* another one would compile programs for it */
+    if (!renderer->object_speed) renderer->object_speed = tc_object_speed_new();
+    speed = tc_object_speed_go_on(renderer->object_speed, renderer);
+  }
+  tc_explain_object(volume, scene, speed, explanation);
+  explanation->object_measured = speed != NULL;
   return true;
 }
 

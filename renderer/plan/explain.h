@@ -48,6 +48,7 @@ typedef struct tc_explanation {
   double table_lo, table_hi; /* values (volume's unit) of the first and last entry */
   bool has_object;           /* the scene is an opaque object of a threshold, drawn by the cpu: */
   tc_object_cost object;     /* what it costs in each mode that draws it */
+  bool object_measured;      /* by rates of this machine; until those are known, of the one they were fitted on */
   char kernel[64];           /* name of the variant that runs, e.g. "dvr.preintegrated.linear.u16.avx512" */
 } tc_explanation;
 
