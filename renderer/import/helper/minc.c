@@ -44,8 +44,7 @@ static bool name_dimensions(minc *m, char names[MOST_DIMS][32], GError **error) 
   m->time = -1;
   for (int d = 0, k = 2; ok && d < m->rank; d++) {
     g_strlcpy(names[d], g_strstrip(list[d]), sizeof names[d]);
-    for (int before = 0; before < d; before++)
-      ok = ok && strcmp(names[d], names[before]) != 0;
+    for (int before = 0; before < d; before++) ok = ok && strcmp(names[d], names[before]) != 0;
     if (strcmp(names[d], "xspace") == 0 || strcmp(names[d], "yspace") == 0 || strcmp(names[d], "zspace") == 0)
       m->space[k--] = d;
     else if ((ok = ok && strcmp(names[d], "time") == 0 && m->time < 0))
@@ -58,7 +57,7 @@ static bool name_dimensions(minc *m, char names[MOST_DIMS][32], GError **error) 
 }
 
 /* An axis in LPS mm, and its share of the place of the first voxel. */
-static bool take_axis(const minc *m, const char *name, double column[3], double origin[3], GError **error) {
+static bool take_axis(tc_raster *raster, const minc *m, const char *name, double column[3], GError **error) {
   char path[64], spacing[32];
   double start = 0, step = 1, direction[3] = {name[0] == 'x', name[0] == 'y', name[0] == 'z'};
   g_snprintf(path, sizeof path, "/minc-2.0/dimensions/%s", name);
@@ -67,13 +66,15 @@ static bool take_axis(const minc *m, const char *name, double column[3], double 
   tc_hdf5_text(dimension, "spacing", spacing, sizeof spacing);
   if (g_str_has_prefix(spacing, "irregular"))
     return fail(TC_ERROR_UNSUPPORTED, error, "irregular distances: make them regular first (mincresample)");
+  if (*spacing && !g_str_has_prefix(spacing, "regular"))
+    tc_raster_note(raster, "%s: unknown kind of spacing, taken as regular", name);
   tc_hdf5_numbers(dimension, "start", &start, 1);
   tc_hdf5_numbers(dimension, "step", &step, 1);
   tc_hdf5_numbers(dimension, "direction_cosines", direction, 3);
   for (int i = 0; i < 3; i++) {
     const double lps = i < 2 ? -direction[i] : direction[i];
     column[i] = step * lps;
-    origin[i] += start * lps;
+    raster->desc.origin[i] += start * lps;
   }
   return true;
 }
@@ -86,7 +87,7 @@ static bool set_space(tc_raster *raster, minc *m, GError **error) {
     const hsize_t size = m->dims[m->space[k]];
     if (size < 1 || size > 65536) return fail(TC_ERROR_FORMAT, error, "no size");
     raster->desc.dims[k] = (int)size;
-    if (!take_axis(m, names[m->space[k]], columns[k], origin, error)) return false;
+    if (!take_axis(raster, m, names[m->space[k]], columns[k], error)) return false;
   }
   return (isfinite(origin[0] + origin[1] + origin[2]) && tc_raster_set_axes(raster, columns)) ||
          fail(TC_ERROR_FORMAT, error, "the axes are not independent vectors of finite length");
@@ -143,8 +144,7 @@ static bool read_scales(minc *m, GError **error) {
     if (data < 0 || !fits(m, &s) || (end && s.rank != m->scales.rank))
       return fail(TC_ERROR_FORMAT, error, "image-min and image-max do not fit the image");
     hsize_t count = 1;
-    for (int d = 0; d < s.rank; d++)
-      count *= s.dims[d];
+    for (int d = 0; d < s.rank; d++) count *= s.dims[d];
     s.ends[end] = g_new0(double, count);
     m->scales = s;
     if (H5Dread(data, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, s.ends[end]) < 0)
@@ -161,8 +161,7 @@ static void scale_of(const minc *m, hsize_t slice, double *slope, double *interc
   *slope = 1;
   *intercept = 0;
   if (s->rank < 0) return;
-  for (int d = 0; d < s->rank; d++)
-    at = at * s->dims[d] + (d == m->time ? m->frame : d == m->space[2] ? slice : 0);
+  for (int d = 0; d < s->rank; d++) at = at * s->dims[d] + (d == m->time ? m->frame : d == m->space[2] ? slice : 0);
   *slope = (s->ends[1][at] - s->ends[0][at]) / (m->valid[1] - m->valid[0]);
   *intercept = s->ends[0][at] - m->valid[0] * *slope;
 }
@@ -182,13 +181,11 @@ static bool has_one_scale(const minc *m, double *slope, double *intercept) {
 static bool read_slices(const minc *m, hsize_t from, hsize_t n, hid_t type, void *to, GError **error) {
   TC_HDF5_ID space = H5Dget_space(m->image);
   hsize_t start[MOST_DIMS] = {0}, count[MOST_DIMS], voxels = 1;
-  for (int d = 0; d < m->rank; d++)
-    count[d] = d == m->time ? 1 : m->dims[d];
+  for (int d = 0; d < m->rank; d++) count[d] = d == m->time ? 1 : m->dims[d];
   if (m->time >= 0) start[m->time] = m->frame;
   start[m->space[2]] = from;
   count[m->space[2]] = n;
-  for (int d = 0; d < m->rank; d++)
-    voxels *= count[d];
+  for (int d = 0; d < m->rank; d++) voxels *= count[d];
   TC_HDF5_ID memory = H5Screate_simple(1, &voxels, NULL);
   return (H5Sselect_hyperslab(space, H5S_SELECT_SET, start, NULL, count, NULL) >= 0 &&
           H5Dread(m->image, type, memory, space, H5P_DEFAULT, to) >= 0) ||
