@@ -325,7 +325,7 @@ static size_t mesh_refines(const void *thing) {
 static bool mesh_refine(void *thing) {
   tc_clusters *c = thing;
   if (!c->refining) {
-    c->refining = tc_refining_begin(c);
+    if (mesh_refines(c)) c->refining = tc_refining_begin(c);
     return false;
   }
   if (!tc_refining_is_over(c->refining)) return false;
