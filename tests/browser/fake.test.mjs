@@ -172,7 +172,7 @@ describe('page and fake server', { skip }, () => {
     assert.ok(await hidden());
     await page.selectOption('#mode', 'isosurface');
     await page.waitForFunction(() => !document.getElementById('suggestion').hidden);
-    assert.match(await page.textContent('#suggestion-text'), /as a surface mesh a frame takes about 5 ms, as it is 30 ms/);
+    assert.match(await page.textContent('#suggestion-text'), /as a surface mesh, a frame would take about 5 ms instead of 30 ms/);
     await page.click('#suggestion-take');
     await page.waitForFunction(() => document.getElementById('suggestion').hidden);
     await settled(page);
