@@ -297,7 +297,7 @@ describe('page and fake server', { skip }, () => {
   test('what the picture waits for is shown, and given up with the edit that asked for it', async () => {
     const { page } = await open(browser, url);
     await page.selectOption('#mode', 'mesh');
-    await page.waitForFunction(() => document.getElementById('stage').dataset.final === 'true');
+    await settled(page); // a picture that comes later hides what is waited for
     server.mute = true;
     await page.selectOption('#mode', 'mip');
     server.tell({ type: 'building', stage: 'mesh', share: 0.4 });
