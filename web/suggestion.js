@@ -1,6 +1,6 @@
 // The mode that the plan expects to draw an opaque surface fastest: offered where the mode in use is much slower.
 
-const NAMES = { isosurface: 'an isosurface', mesh: 'a surface mesh', splat: 'splats' };
+const NAMES = { isosurface: 'an isosurface', mesh: 'a surface mesh', splat: 'splats (coarser outlines)' };
 const WORTH = 1.5; // times faster
 const short = (ms) => Number(ms.toPrecision(2));
 
