@@ -1,20 +1,27 @@
 #include "renderer/import/helper/decode.h"
 
 #include <bzlib.h>
+#include <isa-l/igzip_lib.h>
 #include <string.h>
-#include <zlib.h>
 
 /* Encoded bytes are fetched this many at a time: large enough to hide the system call, small beside any volume. */
 enum { input_chunk = 128 << 10, scratch_size = 64 << 10 };
+
+/* Decodes from the chunk into to [n]; *made tells how many bytes came. */
+typedef enum stepped { GOES_ON, STREAM_ENDS, DAMAGED } stepped;
+typedef stepped (*step_fn)(tc_decoder *d, uint8_t *to, unsigned n, unsigned *made);
 
 struct tc_decoder {
   const tc_input *input;
   uint64_t at; /* next encoded byte to fetch */
   tc_encoding encoding;
+  step_fn step;   /* of a compressed stream, else NULL */
   uint8_t *chunk; /* [input_chunk] */
-  z_stream zip;
+  uint8_t *next;  /* of the chunk, not decoded yet */
+  unsigned left;
+  struct inflate_state *inflate;
   bz_stream bzip;
-  bool zip_open, bzip_open, gzip;
+  bool bzip_open;
   bool ended; /* the compressed stream said it is complete */
   bool cut;   /* the file ended before that */
   GByteArray *text;
@@ -43,6 +50,44 @@ static bool read_text(tc_decoder *d, tc_element element, uint64_t wanted, GError
   return d->text != NULL;
 }
 
+static stepped inflate_step(tc_decoder *d, uint8_t *to, unsigned n, unsigned *made) {
+  struct inflate_state *z = d->inflate;
+  z->next_in = d->next, z->avail_in = d->left;
+  z->next_out = to, z->avail_out = n;
+  const int rc = isal_inflate(z);
+  d->next = z->next_in, d->left = z->avail_in;
+  *made = n - z->avail_out;
+  return rc != ISAL_DECOMP_OK ? DAMAGED : z->block_state == ISAL_BLOCK_FINISH ? STREAM_ENDS : GOES_ON;
+}
+
+static stepped bunzip_step(tc_decoder *d, uint8_t *to, unsigned n, unsigned *made) {
+  d->bzip.next_in = (char *)d->next, d->bzip.avail_in = d->left;
+  d->bzip.next_out = (char *)to, d->bzip.avail_out = n;
+  const int rc = BZ2_bzDecompress(&d->bzip);
+  d->next = (uint8_t *)d->bzip.next_in, d->left = d->bzip.avail_in;
+  *made = n - d->bzip.avail_out;
+  return rc == BZ_STREAM_END ? STREAM_ENDS : rc == BZ_OK ? GOES_ON : DAMAGED;
+}
+
+/* gzip and zlib are told apart by their first byte. */
+static bool start_inflate(tc_decoder *d, GError **error) {
+  uint8_t first = 0;
+  if (d->at < d->input->size && !tc_input_read(d->input, d->at, &first, 1, error)) return false;
+  d->step = inflate_step;
+  d->inflate = g_new(struct inflate_state, 1);
+  isal_inflate_init(d->inflate);
+  d->inflate->crc_flag = first == 0x1f ? ISAL_GZIP : ISAL_ZLIB;
+  return true;
+}
+
+static bool start_bunzip(tc_decoder *d, GError **error) {
+  d->step = bunzip_step;
+  d->bzip = (bz_stream){0};
+  d->bzip_open = BZ2_bzDecompressInit(&d->bzip, 0, 0) == BZ_OK;
+  if (!d->bzip_open) tc_set_error(error, TC_ERROR_MEMORY, NULL, "no memory to start decompression");
+  return d->bzip_open;
+}
+
 tc_decoder *tc_decoder_new(const tc_input *input, uint64_t offset, tc_encoding encoding, tc_element element,
                            uint64_t wanted, GError **error) {
   tc_decoder *d = g_new0(tc_decoder, 1);
@@ -52,33 +97,22 @@ tc_decoder *tc_decoder_new(const tc_input *input, uint64_t offset, tc_encoding e
   bool ok = true;
   switch (encoding) {
   case TC_ENCODING_RAW: break;
-  case TC_ENCODING_DEFLATE:
-    /* 32: zlib tells gzip and zlib apart by their first bytes */
-    ok = d->zip_open = inflateInit2(&d->zip, MAX_WBITS + 32) == Z_OK;
-    break;
-  case TC_ENCODING_BZIP2: ok = d->bzip_open = BZ2_bzDecompressInit(&d->bzip, 0, 0) == BZ_OK; break;
+  case TC_ENCODING_DEFLATE: ok = start_inflate(d, error); break;
+  case TC_ENCODING_BZIP2: ok = start_bunzip(d, error); break;
   case TC_ENCODING_TEXT:
-  case TC_ENCODING_HEX:
-    if (!read_text(d, element, wanted, error)) goto fail;
-    break;
+  case TC_ENCODING_HEX: ok = read_text(d, element, wanted, error); break;
   case TC_ENCODING_COUNT: break;
   }
-  if (!ok) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "no memory to start decompression");
-    goto fail;
-  }
-  if (d->zip_open || d->bzip_open) d->chunk = g_malloc(input_chunk);
+  if (d->step) d->chunk = d->next = g_malloc(input_chunk);
+  if (!ok) g_clear_pointer(&d, tc_decoder_free);
   return d;
-fail:
-  tc_decoder_free(d);
-  return NULL;
 }
 
 void tc_decoder_free(tc_decoder *d) {
   if (!d) return;
-  if (d->zip_open) inflateEnd(&d->zip);
   if (d->bzip_open) BZ2_bzDecompressEnd(&d->bzip);
   if (d->text) g_byte_array_unref(d->text);
+  g_free(d->inflate);
   g_free(d->chunk);
   g_free(d);
 }
@@ -92,115 +126,50 @@ void tc_decoder_watch(tc_decoder *d, tc_watch_fn watch, void *user) {
 
 static bool goes_on(const tc_decoder *d, GError **error) { return !d->watch || d->watch(d->watch_user, error); }
 
-/* The next encoded bytes into chunk; *n is 0 at the end of the file. Empty streams behind each other decode to nothing
- * for as long as there are bytes, so this asks whether to go on. */
-static bool fetch(tc_decoder *d, unsigned *n, GError **error) {
+/* The next encoded bytes behind those that are left; none are there at the end of the file. Empty streams behind each
+ * other decode to nothing for as long as there are bytes, so this asks whether to go on. */
+static bool refill(tc_decoder *d, GError **error) {
   if (!goes_on(d, error)) return false;
-  uint64_t left = d->input->size > d->at ? d->input->size - d->at : 0;
-  *n = (unsigned)MIN(left, (uint64_t)input_chunk);
-  if (!tc_input_read(d->input, d->at, d->chunk, *n, error)) return false;
-  d->at += *n;
+  memmove(d->chunk, d->next, d->left);
+  d->next = d->chunk;
+  const uint64_t more = d->input->size > d->at ? d->input->size - d->at : 0;
+  const unsigned n = (unsigned)MIN(more, (uint64_t)(input_chunk - d->left));
+  if (!tc_input_read(d->input, d->at, d->chunk + d->left, n, error)) return false;
+  d->at += n;
+  d->left += n;
   return true;
 }
 
-static bool zip_refill(tc_decoder *d, GError **error) {
-  unsigned n;
-  if (!fetch(d, &n, error)) return false;
-  d->zip.next_in = d->chunk;
-  d->zip.avail_in = n;
-  return true;
-}
-
-/* A gzip file may be several members after each other (bgzip, parallel compressors, cat). Anything else behind a
- * member is padding and ends the data. */
-static bool next_member(tc_decoder *d, GError **error) {
-  d->ended = true;
-  if (!d->gzip) return true;
-  if (d->zip.avail_in < 2) {
-    if (d->zip.avail_in == 1) { /* keep the odd byte: step back in the file */
-      d->at--;
-      d->zip.avail_in = 0;
-    }
-    if (!zip_refill(d, error)) return false;
-  }
-  if (d->zip.avail_in >= 2 && d->zip.next_in[0] == 0x1f && d->zip.next_in[1] == 0x8b) {
-    d->ended = false;
-    inflateReset(&d->zip);
-  }
-  return true;
-}
-
-static bool inflate_some(tc_decoder *d, uint8_t *to, size_t n, size_t *got, GError **error) {
-  size_t done = 0;
-  while (done < n && !d->ended && !d->cut) {
-    if (d->zip.avail_in == 0) {
-      bool first = d->zip.total_in == 0 && !d->gzip;
-      if (!zip_refill(d, error)) return false;
-      if (d->zip.avail_in == 0) {
-        d->cut = true;
-        break;
-      }
-      if (first) d->gzip = d->zip.next_in[0] == 0x1f;
-    }
-    unsigned room = (unsigned)MIN(n - done, (size_t)1 << 30);
-    d->zip.next_out = to + done;
-    d->zip.avail_out = room;
-    int rc = inflate(&d->zip, Z_NO_FLUSH);
-    done += room - d->zip.avail_out;
-    if (rc == Z_STREAM_END) {
-      if (!next_member(d, error)) return false;
-    } else if (rc != Z_OK && rc != Z_BUF_ERROR) {
-      tc_set_error(error, TC_ERROR_FORMAT, NULL, "compressed data are damaged (%s): fetch the file again",
-                   rc == Z_NEED_DICT ? "dictionary wanted" : d->zip.msg ? d->zip.msg : "inflate failed");
-      return false;
-    }
-  }
-  *got = done;
-  return true;
-}
-
-static bool bunzip_refill(tc_decoder *d, GError **error) {
-  unsigned n;
-  if (!fetch(d, &n, error)) return false;
-  d->bzip.next_in = (char *)d->chunk;
-  d->bzip.avail_in = n;
-  return true;
-}
-
-/* As with gzip, parallel compressors write several streams after each other. */
+/* A file may be several streams after each other (bgzip, parallel compressors, cat), but for zlib's. Anything else
+ * behind a stream is padding and ends the data. */
 static bool next_stream(tc_decoder *d, GError **error) {
+  const char *magic = !d->inflate ? "BZ" : d->inflate->crc_flag == ISAL_GZIP ? "\x1f\x8b" : "";
   d->ended = true;
-  if (d->bzip.avail_in == 0 && !bunzip_refill(d, error)) return false;
-  if (d->bzip.avail_in == 0 || *d->bzip.next_in != 'B') return true;
-  bz_stream rest = d->bzip;
+  if (d->left < 2 && !refill(d, error)) return false;
+  if (!*magic || d->left < 2 || memcmp(d->next, magic, 2) != 0) return true;
+  d->ended = false;
+  if (d->inflate) {
+    isal_inflate_reset(d->inflate);
+    return true;
+  }
   BZ2_bzDecompressEnd(&d->bzip);
-  d->bzip = (bz_stream){.next_in = rest.next_in, .avail_in = rest.avail_in};
-  d->bzip_open = BZ2_bzDecompressInit(&d->bzip, 0, 0) == BZ_OK;
-  d->ended = !d->bzip_open;
-  return true;
+  return start_bunzip(d, error);
 }
 
-static bool bunzip_some(tc_decoder *d, uint8_t *to, size_t n, size_t *got, GError **error) {
+static bool unpack_some(tc_decoder *d, uint8_t *to, size_t n, size_t *got, GError **error) {
   size_t done = 0;
   while (done < n && !d->ended && !d->cut) {
-    if (d->bzip.avail_in == 0) {
-      if (!bunzip_refill(d, error)) return false;
-      if (d->bzip.avail_in == 0) {
-        d->cut = true;
-        break;
-      }
-    }
-    unsigned room = (unsigned)MIN(n - done, (size_t)1 << 30);
-    d->bzip.next_out = (char *)to + done;
-    d->bzip.avail_out = room;
-    int rc = BZ2_bzDecompress(&d->bzip);
-    done += room - d->bzip.avail_out;
-    if (rc == BZ_STREAM_END) {
-      if (!next_stream(d, error)) return false;
-    } else if (rc != BZ_OK) {
-      tc_set_error(error, TC_ERROR_FORMAT, NULL, "bzip2 data are damaged: fetch the file again");
+    if (d->left == 0 && !refill(d, error)) return false;
+    const unsigned before = d->left;
+    unsigned made;
+    const stepped step = d->step(d, to + done, (unsigned)MIN(n - done, (size_t)1 << 30), &made);
+    done += made;
+    if (step == DAMAGED) {
+      tc_set_error(error, TC_ERROR_FORMAT, NULL, "compressed data are damaged: fetch the file again");
       return false;
     }
+    if (step == STREAM_ENDS && !next_stream(d, error)) return false;
+    if (step == GOES_ON && made == 0 && d->left == before) d->cut = true; /* there is no more to decode */
   }
   *got = done;
   return true;
@@ -217,8 +186,8 @@ bool tc_decoder_read(tc_decoder *d, void *to, size_t n, size_t *got, GError **er
     *got = n;
     return true;
   }
-  case TC_ENCODING_DEFLATE: return inflate_some(d, to, n, got, error);
-  case TC_ENCODING_BZIP2: return bunzip_some(d, to, n, got, error);
+  case TC_ENCODING_DEFLATE:
+  case TC_ENCODING_BZIP2: return unpack_some(d, to, n, got, error);
   case TC_ENCODING_TEXT:
   case TC_ENCODING_HEX:
     n = MIN(n, d->text->len - d->text_at);
