@@ -1,48 +1,48 @@
-/* A frame's memory, and how far it is drawn: what a paused one keeps until it is resumed. Private to the renderer. */
+/* Buffers of a frame, and its progress, which a paused frame keeps until it is resumed. Private to the renderer. */
 #ifndef TC_RENDERER_FRAME_H
 #define TC_RENDERER_FRAME_H
 
 #include "renderer/tomocast.h"
 
-/* A unit that was left between two rays: what it needs to be gone on with. */
+/* A unit that was paused between two rays: what resuming it needs. */
 typedef struct tc_partial {
   struct tc_partial *next;
   int unit, packet, ray;
   float pixels[]; /* [side][side][4] */
 } tc_partial;
 
-#define TC_WITHIN_BYTES 76 /* of a pixel with surfaces in a volume (mesh_within.c): its own, and the part's picture */
+#define TC_WITHIN_BYTES 76 /* per pixel of a picture with surfaces in a volume (mesh_within.c): the frame's and one layer's */
 
 typedef struct tc_progress {
-  bool paused;           /* to be gone on with */
-  int fruitless;         /* calls in a row that were paused before they came any further */
-  bool linear, depth;    /* were asked for */
-  int side, units, done; /* squares of side pixels, row by row; how many of them are finished */
+  bool paused;           /* may be resumed */
+  int fruitless;         /* calls in a row that were paused before they made progress */
+  bool linear, depth;    /* requested outputs */
+  int side, units, done; /* squares of side x side pixels, row by row; how many are finished */
   uint8_t *finished;     /* [units] */
   size_t capacity;
-  int64_t rays_ahead;    /* of the partials: it grows while no unit is finished */
-  tc_partial *partials;  /* a list: as many as there are workers, at most */
-  double ahead;          /* share of a unit that is done of others */
-  void *kept;            /* of a mode that draws no squares, while it is paused; NULL: nothing */
+  int64_t rays_ahead;    /* rays of the partials: grows while no unit is finished */
+  tc_partial *partials;  /* a list, at most one for each worker */
+  double ahead;          /* the partials' progress, in units */
+  void *kept;            /* state of a paused mode that draws no squares; NULL: none */
   size_t kept_bytes;
   void (*drop)(void *kept);
-  int refined;           /* the mesh's, as the frame began */
-  int tile[4];           /* of a back end that draws in order: x, y, width, height of the next */
+  int refined;           /* how often the mesh had been refined when the frame began */
+  int tile[4];           /* next tile of a back end that draws in order: x, y, width, height */
 } tc_progress;
 
-/* Buffers for a frame of this size; with resume, of a paused one as it is. */
+/* Allocates the buffers of a frame of this size; with request->resume a paused frame keeps its own. */
 bool tc_frame_begin(tc_frame *frame, int width, int height, const tc_render_request *request, GError **error);
 
-/* Of a mesh that is refined so many times: one that was begun with another is begun anew, for its parts would not fit. */
+/* Restarts a paused frame that began before the mesh was refined: the finished pixels show the earlier triangles. */
 void tc_frame_of_mesh(tc_frame *frame, int refined);
 
-/* Frees what is kept. */
+/* Frees progress->kept. */
 void tc_progress_drop(tc_progress *progress);
 
-/* Grows with every unit that is finished, and with what is done of others. */
+/* A number that grows with every finished unit and with progress on partial ones. */
 int64_t tc_frame_position(const tc_frame *frame);
 
-/* Cuts the picture into squares of side pixels, none of them finished; a resumed one stays as it was cut. NULL with
+/* Divides the picture into unfinished squares of side x side pixels; a resumed frame keeps its squares. NULL with
  * TC_ERROR_MEMORY. */
 tc_progress *tc_frame_cut(tc_frame *frame, int side, GError **error);
 

@@ -1,5 +1,4 @@
-/* What a rasteriser of any back end draws for a frame of mode mesh: the scene's camera, light, colours, clipping and
- * samples. */
+/* The job of a rasteriser (cpu or gl) for a frame of mode mesh: camera, light, colours, clipping and samples of the scene. */
 #ifndef TC_FRAME_MESH_JOB_H
 #define TC_FRAME_MESH_JOB_H
 
@@ -8,28 +7,28 @@
 #include "renderer/mesh/surfaces.h"
 
 typedef struct tc_mesh_job {
-  tc_raster_job raster; /* refers to what follows; kernels, finished, emit, user and pool are the caller's */
+  tc_raster_job raster; /* points to the members below; the caller sets kernels, finished, emit, user and pool */
   tc_mesh_view view;
   double samples[TC_RASTER_SAMPLES][2];
   tc_raster_surface *surfaces;
-  uint8_t *levels; /* of detail, [have.mesh->n_groups]; NULL: there are none */
-  tc_slice_window window; /* of slices, with what they are of */
+  uint8_t *levels; /* level of detail of each group, [have.mesh->n_groups]; NULL: the mesh has one level */
+  tc_slice_window window; /* grey of slices */
   const tc_frame_job *job;
 } tc_mesh_job;
 
-/* Layers of all pixels of a picture with surfaces in a volume: more are refused, whatever file they are from. Tests set less. */
+/* Most layers of all pixels together in a picture with surfaces in a volume; a scene with more is refused. Tests lower it. */
 extern unsigned tc_mesh_most_layers;
 
-/* The scene's list of surfaces as far as it is drawn: what they are made from, in order. of[TC_MAX_SURFACES]. */
+/* Sources of the visible surfaces of the scene's list, in its order: fills of[TC_MAX_SURFACES], returns their number. */
 size_t tc_mesh_sources(const tc_frame_job *job, tc_mesh_source *of);
 
 bool tc_mesh_job_begin(tc_mesh_job *m, const tc_frame_job *job, GError **error); /* TC_ERROR_MEMORY */
 void tc_mesh_job_end(tc_mesh_job *m);
 
-/* Triangles of a mesh of levels of detail that its plan draws in a picture of so many pixels; 0: no memory. */
+/* How many triangles of a mesh with levels of detail the plan draws; 0: no memory. */
 size_t tc_mesh_triangles(const tc_clusters *mesh, const tc_plan *plan, const tc_scene *scene);
 
-/* What pixel position (x, y) of a picture of the job's size shows of its mesh. TC_ERROR_MEMORY. */
+/* Picks the mesh at pixel position (x, y) of a picture of the job's size. TC_ERROR_MEMORY. */
 bool tc_mesh_job_pick(const tc_frame_job *job, double x, double y, tc_pick *pick, GError **error);
 
 #endif

@@ -1,18 +1,18 @@
-/* How fast a renderer draws objects, beside the machine that the rates of plan/object_cost.h were fitted on. Thread of
- * tc_render(). */
+/* Speed of this machine at drawing solid objects, relative to the machine on which the rates of plan/object_cost.h were
+ * fitted. Thread of tc_render(). */
 #ifndef TC_FRAME_OBJECT_SPEED_H
 #define TC_FRAME_OBJECT_SPEED_H
 
 #include "renderer/tomocast.h"
 
-/* A measurement in pieces: others wait for the thread it takes. */
+/* A measurement in small pieces, since other clients wait for the render thread. */
 typedef struct tc_object_speed tc_object_speed;
 tc_object_speed *tc_object_speed_new(void);
 void tc_object_speed_free(tc_object_speed *speed); /* NULL is fine */
 
-/* Draws a small object in one mode after the other for about 5 ms, and compares the least times with what the rates expect.
- * The factors that instruction set, threads and clock of this machine give each mode, once each was drawn often enough (some tens
- * of milliseconds in all; all 1 where it fails); NULL before. `renderer` is of the cpu. */
+/* Draws a small object for about 5 ms, one mode a call. Returns NULL until each mode was drawn often enough (some tens of
+ * milliseconds in all), then [TC_OBJECT_MODES] factors: shortest measured time over the time that the rates predict; all 1
+ * where measuring failed. `renderer` is a cpu renderer. */
 const double *tc_object_speed_go_on(tc_object_speed *speed, tc_renderer *renderer);
 
 #endif

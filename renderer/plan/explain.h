@@ -1,5 +1,5 @@
-/* A plan in words, for whoever asks: every stage of a frame, in or out, with the reason. Nothing is formatted for frames
- * that nobody asks about. */
+/* A plan in words: every stage of a frame, included or left out, with the reason. Formatted on request only, never for each
+ * frame. */
 #ifndef TC_PLAN_EXPLAIN_H
 #define TC_PLAN_EXPLAIN_H
 
@@ -14,7 +14,7 @@ typedef enum tc_stage {
   TC_STAGE_SKIPPING,     /* occupancy and distance map, only if something is empty */
   TC_STAGE_CLIPPING,
   TC_STAGE_RAYS,         /* several rays a pixel */
-  TC_STAGE_COHERENCE,    /* rays of a pixel share what is known of the empty space before them */
+  TC_STAGE_COHERENCE,    /* rays of a pixel share one empty-space leap */
   TC_STAGE_JITTER,       /* the first segment's length differs from pixel to pixel */
   TC_STAGE_LABELS,
   TC_STAGE_TERMINATION,  /* early ray termination test in the loop */
@@ -34,7 +34,7 @@ const char *tc_stage_name(tc_stage stage); /* "table-2d" ... */
 typedef struct tc_explained_stage {
   bool included;
   char reason[280];
-  double ms;      /* tc_render(): wall time in that frame; tc_renderer_explain(): what building its parts took, 0 before */
+  double ms;      /* tc_render(): wall time in that frame; tc_renderer_explain(): time of building its resources, 0 before */
   uint64_t bytes; /* memory held for it */
 } tc_explained_stage;
 
@@ -46,22 +46,22 @@ typedef struct tc_explanation {
   int table_size;            /* entries per side of the table, or nodes of the 1-D tables; 0 = none (projections) */
   int subtables;           /* narrower tables that resolve knots which stand too close for it */
   double table_lo, table_hi; /* values (volume's unit) of the first and last entry */
-  bool has_object;           /* the scene is an opaque object of a threshold, drawn by the cpu: */
-  tc_object_cost object;     /* what it costs in each mode that draws it */
-  bool object_measured;      /* by rates of this machine; until those are known, of the one they were fitted on */
+  bool has_object;           /* the scene is one opaque object (tc_is_object()), drawn by the cpu */
+  tc_object_cost object;     /* expected cost in each mode that can draw it */
+  bool object_measured;      /* the cost includes this machine's measured factors (frame/object_speed.h) */
   char kernel[64];           /* name of the variant that runs, e.g. "dvr.preintegrated.linear.u16.avx512" */
 } tc_explanation;
 
-/* What a frame found out, beside its plan. */
+/* Facts known only once a frame is drawn. */
 typedef struct tc_facts {
-  tc_plan_key key;           /* of what runs: the plan's, or unskipped where leaping was no use */
-  bool fills_in;             /* the cpu draws, every sample, while opengl gets ready */
-  double empty_share;        /* of the blocks; below 0: not known */
-  const char *table_builder; /* who makes the table's entries and why, where that is a choice; else NULL */
-  const char *deaf;          /* the back end that could not be interrupted, so that the cpu draws; else NULL ... */
-  double deaf_ms, pixel_samples; /* ... for so long, at a pixel of so many samples */
-  size_t triangles, triangles_in_full; /* of a mesh that has levels of detail: drawn, and of the full one; else 0 */
-  const char *refused;       /* why the cpu draws a mode without rays in the back end's place; NULL: it does not */
+  tc_plan_key key;           /* the key that runs: the plan's, or unskipped where leaping was no use */
+  bool fills_in;             /* the cpu draws, without skipping, until OpenGL is ready */
+  double empty_share;        /* share of empty blocks; below 0: unknown */
+  const char *table_builder; /* who computes the table and why, where there is a choice; else NULL */
+  const char *deaf;          /* the back end that could not be interrupted in time, so that the cpu draws; else NULL ... */
+  double deaf_ms, pixel_samples; /* ... for this long, at so many samples a pixel */
+  size_t triangles, triangles_in_full; /* drawn, and of the full mesh, where there are levels of detail; else 0 */
+  const char *refused;       /* why the cpu draws a mode without rays in place of the back end; NULL: the back end draws */
   double ms[TC_RESOURCE_COUNT];
   uint64_t bytes[TC_RESOURCE_COUNT];
 } tc_facts;
@@ -73,8 +73,8 @@ tc_stage tc_stage_of(tc_resource resource);
 void tc_plan_explain(const tc_plan *plan, const tc_volume *volume, const tc_scene *scene, const tc_facts *facts,
                      tc_explanation *explanation);
 
-/* Adds what the scene's object would cost in each mode that draws it, to a plan that the cpu draws. speed: as for
- * tc_object_cost_of(). Some milliseconds. */
+/* Adds the expected cost of the scene's object in each mode that can draw it, for scenes that the cpu draws. speed: as for
+ * tc_object_cost_of(). Takes some milliseconds. */
 void tc_explain_object(const tc_volume *volume, const tc_scene *scene, const double speed[TC_OBJECT_MODES],
                        tc_explanation *explanation);
 

@@ -5,8 +5,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Whose entries (classify/labels.h) samples meet: a label volume's, in a mode that shows it, or those of the volume's own
- * gaps (tc_volume_gaps), which hide. */
+/* Which labels (classify/labels.h) samples look up: those of a label volume, or the volume's own gaps (tc_volume_gaps), which
+ * are transparent. */
 enum tc_plan_labels { TC_PLAN_NO_LABELS, TC_PLAN_LABELS, TC_PLAN_GAPS };
 
 /* What kernels are specialised on. Two plans with equal keys run the same code. Zeroed before filling: compare with
@@ -27,15 +27,15 @@ typedef struct tc_plan_key {
   uint8_t coherence;      /* 0/1 */
   uint8_t jitter;         /* 0/1 */
   uint8_t labels;         /* tc_plan_labels */
-  uint8_t subtables;         /* 0/1: the pre-integration table has subtables (classify/preintegration.h) */
+  uint8_t subtables;      /* 0/1: the pre-integration table has subtables (classify/preintegration.h) */
   uint8_t stiff;          /* 0/1: a ray's short last segment needs the table's row of depths (classify/preintegration.h) */
   uint8_t slab;           /* mpr: 0 one slice, else 1 + tc_slab_projection */
 } tc_plan_key;
 
-/* The key of the same picture made from every sample: with nothing skipped. */
+/* The key that draws the same picture without empty-space skipping. */
 tc_plan_key tc_plan_unskipped(tc_plan_key key);
 
-/* What a key's variants are called: "dvr.preintegrated.linear.shaded.u16"; back ends add their own words. */
+/* Name of a key's variant, such as "dvr.preintegrated.linear.shaded.u16"; back ends append their suffix. */
 void tc_plan_key_name(const tc_plan_key *key, char *name, size_t size);
 
 #endif
