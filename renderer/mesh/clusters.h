@@ -22,74 +22,73 @@ typedef struct tc_cluster {
   uint32_t triangle;       /* its first; likewise */
   uint8_t n_vertices, n_triangles;
   uint16_t part; /* number of it in tc_clusters.parts */
-  uint32_t group : 30, level : 2; /* levels.h: it is drawn where the group has this level; 0: the full one */
+  uint32_t group : 30, level : 2; /* drawn where the group is shown at this level of detail (levels.h); 0: full detail */
 } tc_cluster;
 
-/* Neighbouring clusters whose level of detail is one (levels.h). */
+/* Neighbouring clusters that change their level of detail together (levels.h). */
 typedef struct tc_group {
-  float centre[3], radius;       /* sphere about it */
-  float error[TC_LEVELS];        /* mm; 0 of the full one, INFINITY where there is no such level */
-  uint32_t triangles[TC_LEVELS]; /* how many */
-  uint32_t first, n;             /* clusters of the full one */
+  float centre[3], radius;       /* bounding sphere */
+  float error[TC_LEVELS];        /* mm; 0 at full detail, INFINITY for a level that does not exist */
+  uint32_t triangles[TC_LEVELS]; /* number at each level */
+  uint32_t first, n;             /* clusters of full detail */
 } tc_group;
 
-/* What a surface is made from: equal sources are one surface. */
+/* The source of a surface: equal sources give the same surface. */
 typedef struct tc_mesh_source {
   tc_surface_source kind;
   uint32_t label;
   double iso, plane[4]; /* LPS: normal . p + plane[3] = 0 */
-  uint64_t serial;     /* of the volume or mesh that it is of */
-  const tc_mesh *mesh; /* read while the surface is made */
+  uint64_t serial;     /* of the volume or mesh */
+  const tc_mesh *mesh; /* read only while the surface is built */
 } tc_mesh_source;
 
 typedef struct tc_part {
   tc_mesh_source of; /* of.mesh NULL */
   size_t first, n;   /* clusters */
-  bool closed;       /* every edge has two triangles, and normals point outwards: from outside no back of one is seen */
+  bool closed;       /* every edge has two triangles and normals point outwards: back faces are invisible from outside */
 } tc_part;
 
 typedef struct tc_clusters {
   double origin[3];        /* LPS mm; as of the mesh */
   float centre[3], radius; /* sphere about all */
   size_t n, n_triangles;
-  tc_group *groups; /* [n_groups]; none: there are no levels of detail */
+  tc_group *groups; /* [n_groups]; n_groups 0: no levels of detail */
   size_t n_groups;
-  tc_part *parts; /* [n_parts]: surfaces, at least one; their clusters are the full ones */
+  tc_part *parts; /* [n_parts]: one for each surface, at least one; with the clusters of full detail */
   size_t n_parts;
   size_t vertex_room, triangle_room; /* padded */
   tc_cluster *clusters;              /* [n] */
-  float *positions;    /* of a cluster: 3 * vertex on, all x, all y, all z, each padded to TC_CLUSTER_PAD */
+  float *positions;    /* a cluster's start at 3 * vertex: all x, all y, all z, each padded to TC_CLUSTER_PAD */
   uint32_t *normals;   /* [vertex_room], octahedral, 16 bits each of x (low) and y; NULL where the mesh has none */
-  uint8_t *triangles;  /* of a cluster: 3 * triangle on, all first corners, all second, all third, padded likewise */
+  uint8_t *triangles;  /* a cluster's start at 3 * triangle: all first corners, all second, all third, padded likewise */
   size_t bytes;
-  uint64_t serial; /* of no other */
-  int refined;     /* how often it was put in order after it was made: levels of detail added */
+  uint64_t serial; /* unique in the process */
+  int refined;     /* how often levels of detail were added */
   struct tc_refining *refining; /* what is made for that beside; NULL: nothing. The owner's */
 } tc_clusters;
 
-/* Triangles with two corners in one place, and those with a vertex that is no finite number, are left out. Parallel over the pool, whose
- * halt ends it (TC_ERROR_CANCELLED, _PAUSED); TC_ERROR_MEMORY. share: is told how far it is; may be NULL. */
+/* Builds the clusters of a mesh, without degenerate triangles and triangles with a vertex that is not finite. Parallel over the
+ * pool, whose halt stops it (TC_ERROR_CANCELLED, _PAUSED); TC_ERROR_MEMORY. share: reports progress; may be NULL. */
 tc_clusters *tc_clusters_make(const tc_mesh *mesh, tc_pool *pool, const tc_share *share, GError **error);
-/* Takes over `more`, of one part, the same origin, and likewise with or without normals; *all NULL: as the first.
- * TC_ERROR_MEMORY, TC_ERROR_LIMIT: *all is as it was, `more` gone. */
+/* Adds `more`, which has one part, the same origin and normals if *all has them, and frees it; *all NULL: `more` is the first.
+ * On TC_ERROR_MEMORY or TC_ERROR_LIMIT *all is unchanged and `more` freed. */
 bool tc_clusters_add(tc_clusters **all, tc_clusters *more, const tc_mesh_source *of, GError **error);
-/* Of no triangle and no part, at the same origin and with or without normals, to be appended to. TC_ERROR_MEMORY. */
+/* Empty clusters to append to, with the origin of `like`, and normals if `like` has them. TC_ERROR_MEMORY. */
 tc_clusters *tc_clusters_none(const tc_clusters *like, GError **error);
-/* Copies clusters as they are behind those that are there, and takes a new serial. TC_ERROR_MEMORY, TC_ERROR_LIMIT: it is
- * as it was. */
+/* Appends copies of the clusters, and takes a new serial. On TC_ERROR_MEMORY or TC_ERROR_LIMIT nothing changes. */
 bool tc_clusters_append(tc_clusters *to, const tc_clusters *more, GError **error);
-/* A copy of one part, in full. TC_ERROR_MEMORY. */
+/* A copy of one part at full detail. TC_ERROR_MEMORY. */
 tc_clusters *tc_clusters_copy_part(const tc_clusters *all, size_t part, GError **error);
 void tc_clusters_free(tc_clusters *clusters); /* NULL is fine */
 
-/* Triangles of the full surfaces. */
+/* Number of triangles at full detail. */
 static inline size_t tc_clusters_in_full(const tc_clusters *c) {
   size_t n = c->n_groups ? 0 : c->n_triangles;
   for (size_t i = 0; i < c->n_groups; i++) n += c->groups[i].triangles[0];
   return n;
 }
 
-/* Places in a cluster's arrays are padded to this. */
+/* Padded length of a cluster's arrays. */
 static inline size_t tc_cluster_padded(size_t n) { return (n + TC_CLUSTER_PAD - 1) / TC_CLUSTER_PAD * TC_CLUSTER_PAD; }
 
 #endif

@@ -1,11 +1,11 @@
-/* Levels of detail of clusters: fewer triangles where nobody can see the difference.
+/* Levels of detail of clusters: fewer triangles where the difference is too small to see.
  *
- * Neighbouring clusters of a surface are a group. A group is simplified (meshoptimizer; Garland and Heckbert, Surface
- * simplification using quadric error metrics, SIGGRAPH 1997) to at least a quarter of its triangles, and that to a quarter again,
- * while the vertices of its border stay: groups of any levels fit together without a crack, so that each is chosen by
- * itself. The error of a level is measured, not the quadrics' own: how far any vertex of the full surface is from the
- * level, and the middle of any of the level's triangles and edges from the full surface; a piece that is gone counts as far as
- * it is large. */
+ * Neighbouring clusters of a surface form a group. A group is simplified (meshoptimizer; Garland and Heckbert, Surface
+ * simplification using quadric error metrics, SIGGRAPH 1997) to a quarter of its triangles, and that level to a quarter again.
+ * Vertices on a group's border stay, so that groups of different levels meet without cracks and each group's level can be
+ * chosen alone. A level's error is measured instead of taken from the quadrics: the largest distance from a vertex of full
+ * detail to the level, or from the middle of a triangle or edge of the level to full detail; a component that is gone counts
+ * with its size. */
 #ifndef TC_MESH_LEVELS_H
 #define TC_MESH_LEVELS_H
 
@@ -13,16 +13,16 @@
 
 #define TC_LEVELS_LEAST 50000 /* triangles: fewer are drawn in no time */
 
-/* Clusters of the levels alone, with `groups` and their places in them. *stop is looked at every few milliseconds
- * (TC_ERROR_CANCELLED); TC_ERROR_MEMORY. */
+/* Builds the groups and the clusters of the coarser levels. Checks *stop every few milliseconds (TC_ERROR_CANCELLED);
+ * TC_ERROR_MEMORY. */
 tc_clusters *tc_levels_make(const tc_clusters *of, const atomic_bool *stop, GError **error);
-/* *to has them from now on, and another serial. TC_ERROR_MEMORY, TC_ERROR_LIMIT: it is as it was. `levels` is gone. */
+/* Adds levels to *to, which takes a new serial, and frees `levels`. On TC_ERROR_MEMORY or TC_ERROR_LIMIT *to is unchanged. */
 bool tc_levels_add(tc_clusters *to, tc_clusters *levels, GError **error);
-/* What such clusters may take, in bytes, from above. */
+/* Upper bound of the levels' bytes. */
 size_t tc_levels_bytes(const tc_clusters *of);
 
-/* For each group its coarsest level whose error is at most so many pixels of the picture: level[n_groups]. Pure. Gives back
- * how many triangles that is. */
+/* Chooses for each group the coarsest level whose error is at most so many pixels of the picture: level[n_groups]. Returns
+ * the number of triangles. Pure. */
 size_t tc_levels_choose(const tc_clusters *mesh, const tc_mesh_view *view, double pixels, uint8_t *level);
 
 /* Levels that are made on a thread of their own, of low priority. `of` is read until tc_refining_end(). NULL: no thread. */

@@ -32,18 +32,18 @@ tc_mesh *tc_mesh_new(size_t n_vertices, size_t n_triangles, bool normals, GError
 tc_mesh *tc_mesh_ref(tc_mesh *mesh);
 void tc_mesh_free(tc_mesh *mesh); /* drops a reference; NULL is fine */
 
-/* For n items and one more: never of size 0. In large pages where the system has them: to be given one small page after
- * another costs a tenth of an extraction. NULL: no memory; free() frees it. */
+/* Allocates n + 1 items, in huge pages where the system has them (page faults of small pages cost a tenth of an extraction).
+ * NULL: no memory; freed by free(). */
 void *tc_mesh_reserve(size_t n, size_t size);
 
-/* Bytes that such a mesh takes. */
+/* Bytes of such a mesh. */
 uint64_t tc_mesh_bytes(size_t n_vertices, size_t n_triangles, bool normals);
 
 typedef struct tc_mesh_options {
   bool normals;       /* from the field's gradient, in mm */
   uint64_t max_bytes; /* of the mesh: larger ones are TC_ERROR_LIMIT, which tells the triangles; 0 = no limit */
   tc_pool *pool;      /* NULL: on the caller. Its halt ends the extraction (TC_ERROR_CANCELLED or _PAUSED) */
-  tc_share share;     /* is told how far it is */
+  tc_share share;     /* reports progress */
 } tc_mesh_options;
 
 /* The surface where the trilinear field has the value `iso` (in the volume's unit); what has at least that value is
@@ -61,7 +61,7 @@ typedef struct tc_mesh_options {
  * from any number of threads. Not found anywhere: a mesh of no triangles. */
 tc_mesh *tc_mesh_extract(const tc_volume *volume, double iso, const tc_mesh_options *options, GError **error);
 
-/* Where each value of a volume of whole numbers (else TC_ERROR_INVALID) is, found in one pass for all labels. */
+/* The bounding box of each label of a volume of whole numbers (else TC_ERROR_INVALID), found in one pass. */
 typedef struct tc_label_boxes {
   int n_values;   /* 256 or 65536: of a voxel's bits */
   int reach[][6]; /* [n_values]: dims - first, then last + 1, along each axis; 0: nowhere */

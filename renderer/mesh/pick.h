@@ -10,9 +10,9 @@ typedef struct tc_mesh_hit {
   size_t part;        /* of the mesh */
 } tc_mesh_hit;
 
-/* The nearest triangle that the ray through (x, y) of the view's picture meets and that is drawn: not cut off, nor of a
- * one-sided surface's back. Surfaces of less than `least` opacity are looked through, unless there is no other.
- * surfaces: [mesh->n_parts]. False: none. Tests clusters' spheres first. Pure. */
+/* The nearest drawn triangle (not clipped, not the back of a one-sided surface) on the ray through (x, y) of the view's
+ * picture. Surfaces of less than `least` opacity are picked only where the ray meets no other. surfaces: [mesh->n_parts].
+ * False: none. Tests the clusters' spheres first. Pure. */
 bool tc_mesh_pick(const tc_clusters *mesh, const tc_mesh_view *view, const tc_raster_surface *surfaces, double least, double x,
                   double y, tc_mesh_hit *hit);
 
