@@ -18,7 +18,9 @@ Frame Decoder::frame(const Picture &p, uint32_t number) {
   if (open_ != &p) open(p);
   set_allocation_cap(cap_);
   const uint32_t stored = p.tiles_across ? 0 : number;
-  const Frame f = p.native ? native_frame(p, stored) : coded_frame(p, stored);
+  const Frame f = p.native                      ? native_frame(p, stored)
+                  : p.run_lengths && !p.palette ? run_length_frame(p, stored)
+                                                : coded_frame(p, stored);
   const Frame own = p.tiles_across ? tile_of(f, p.tiles_across, number) : f;
   return p.lookup.empty() ? own : looked_up(own, p);
 }
@@ -42,6 +44,7 @@ void Decoder::close() {
   tc_dicom_blob_finish(&blob_);
   whole_.clear();
   pieces_.clear();
+  runs_.clear();
   open_ = nullptr;
   bytes_ = nullptr;
 }
@@ -57,24 +60,31 @@ void Decoder::open(const Picture &p) {
   cap_ = std::max<uint64_t>(justified_allocation(blob_.size, 1),
                             std::min<uint64_t>(decoded, 4096 * uint64_t{blob_.size}) + MiB);
   set_allocation_cap(cap_);
+  if (p.run_lengths) open_run_lengths(p);
   if (p.native)
     open_native(p);
-  else
+  else if (!p.run_lengths || p.palette)
     open_coded(p);
   open_ = &p;
 }
 
-void Decoder::open_native(const Picture &p) {
+const gdcm::DataElement &Decoder::read_pixels(const Picture &p) {
   MemoryBuffer buffer(blob_.bytes, blob_.size);
   std::istream stream(&buffer);
   plain_reader_.reset(new gdcm::Reader);
   plain_reader_->SetStream(stream);
   if (!guarded([&] { return plain_reader_->Read(); })) fail(TC_ERROR_FORMAT, "a DICOM file is damaged or cut");
   const DataSet &set = plain_reader_->GetFile().GetDataSet();
-  const gdcm::ByteValue *value = set.FindDataElement(p.pixels) ? set.GetDataElement(p.pixels).GetByteValue() : nullptr;
+  if (!set.FindDataElement(p.pixels)) fail(TC_ERROR_FORMAT, "a DICOM file has no pixel data");
+  cut_ = buffer.cut;
+  return set.GetDataElement(p.pixels);
+}
+
+void Decoder::open_native(const Picture &p) {
+  const gdcm::ByteValue *value = read_pixels(p).GetByteValue();
   if (!value || !value->GetPointer()) fail(TC_ERROR_FORMAT, "a DICOM file has no pixel data");
   bool whole =
-      p.deflated_at ? tc_dicom_deflate_is_whole(blob_.bytes + p.deflated_at, blob_.size - p.deflated_at) : !buffer.cut;
+      p.deflated_at ? tc_dicom_deflate_is_whole(blob_.bytes + p.deflated_at, blob_.size - p.deflated_at) : !cut_;
   if (!whole) fail(TC_ERROR_FORMAT, "pixel data is cut: the file ends before it does");
   bytes_ = reinterpret_cast<const uint8_t *>(value->GetPointer());
   size_ = value->GetLength();
@@ -113,7 +123,6 @@ uint64_t Decoder::frame_bits(const tc_dicom_samples &s) {
 }
 
 void Decoder::open_coded(const Picture &p) {
-  if (p.run_lengths) check_run_lengths(p);
   MemoryBuffer buffer(blob_.bytes, blob_.size);
   std::istream stream(&buffer);
   // The reader of images wants geometry too, and gives up on files of one frame that it expects several in.
@@ -125,26 +134,32 @@ void Decoder::open_coded(const Picture &p) {
   if (stored_frames(p) > 1 && !p.palette) split_fragments(p);
 }
 
-// A run-length frame begins with the number of its segments (PS3.5, annex G.5). GDCM walks a table of 15 offsets by
-// that number as soon as a picture is opened, so it is checked before.
-void Decoder::check_run_lengths(const Picture &p) {
-  MemoryBuffer buffer(blob_.bytes, blob_.size);
-  std::istream stream(&buffer);
-  gdcm::Reader reader;
-  reader.SetStream(stream);
-  if (!guarded([&] { return reader.Read(); })) fail(TC_ERROR_FORMAT, "a DICOM file is damaged or cut");
-  const DataSet &set = reader.GetFile().GetDataSet();
-  if (!set.FindDataElement(p.pixels)) fail(TC_ERROR_FORMAT, "a DICOM file has no pixel data");
-  const gdcm::SequenceOfFragments *all = set.GetDataElement(p.pixels).GetSequenceOfFragments();
-  const size_t frames = all ? std::min<size_t>(all->GetNumberOfFragments(), stored_frames(p)) : 0;
-  const uint32_t wanted = static_cast<uint32_t>(p.samples.per_pixel * (p.samples.allocated / 8));
-  for (size_t f = 0; f < frames; f++) {
+// Run lengths are unpacked here: GDCM takes those of wide colours for others, and walks a table of 15 offsets by a
+// number of the file as soon as a picture is opened. Only the colours of a palette are left to it.
+void Decoder::open_run_lengths(const Picture &p) {
+  const gdcm::SequenceOfFragments *all = read_pixels(p).GetSequenceOfFragments();
+  if (!all || all->GetNumberOfFragments() < stored_frames(p))
+    fail(TC_ERROR_FORMAT, "the file holds fewer compressed frames than it announces");
+  for (uint32_t f = 0; f < stored_frames(p); f++) {
     const gdcm::ByteValue *bytes = all->GetFragment(f).GetByteValue();
     const auto *head = bytes ? reinterpret_cast<const uint8_t *>(bytes->GetPointer()) : nullptr;
-    if (!head || bytes->GetLength() < 64 ||
-        (head[0] | head[1] << 8 | head[2] << 16 | static_cast<uint32_t>(head[3]) << 24) != wanted)
-      fail(TC_ERROR_FORMAT, "the run lengths of frame %zu are damaged", f + 1);
+    if (!head || !tc_dicom_run_lengths_fit(&p.samples, head, bytes->GetLength()))
+      fail(TC_ERROR_FORMAT, "the run lengths of frame %u are damaged", f + 1);
+    runs_.push_back(bytes);
   }
+}
+
+Frame Decoder::run_length_frame(const Picture &p, uint32_t number) {
+  const gdcm::ByteValue &bytes = *runs_[number];
+  const uint64_t size = tc_dicom_frame_bytes(&p.samples);
+  if (size > allocation_cap()) fail(TC_ERROR_FORMAT, "the header announces more pixels than the file can hold");
+  whole_.resize(size);
+  if (!tc_dicom_unpack(&p.samples, reinterpret_cast<const uint8_t *>(bytes.GetPointer()), bytes.GetLength(),
+                       whole_.data()))
+    fail(TC_ERROR_FORMAT, "the run lengths of frame %u are damaged", number + 1);
+  Frame f{p.samples, whole_.data(), whole_.size(), 0};
+  f.samples.planar = false;
+  return f;
 }
 
 const gdcm::Bitmap &Decoder::picture() const {

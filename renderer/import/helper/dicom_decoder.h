@@ -35,7 +35,9 @@ private:
   void swap_halves();
   static uint64_t frame_bits(const tc_dicom_samples &s);
   void open_coded(const Picture &p);
-  void check_run_lengths(const Picture &p);
+  void open_run_lengths(const Picture &p);
+  Frame run_length_frame(const Picture &p, uint32_t number);
+  const gdcm::DataElement &read_pixels(const Picture &p);
   const gdcm::Bitmap &picture() const;
   void split_fragments(const Picture &p);
   Frame native_frame(const Picture &p, uint32_t number);
@@ -52,6 +54,8 @@ private:
   std::unique_ptr<gdcm::Reader> plain_reader_;
   const uint8_t *bytes_ = nullptr;
   size_t size_ = 0;
+  bool cut_ = false; // the file ends before its last element does
+  std::vector<const gdcm::ByteValue *> runs_; // [frames], of the plain reader
   std::vector<gdcm::SmartPointer<gdcm::SequenceOfFragments>> pieces_;
   std::vector<uint8_t> whole_, tile_;
   std::vector<uint16_t> values_;

@@ -188,8 +188,6 @@ bool read_picture(const tc_dicom_blob &blob, size_t source, bool patient, Pictur
              p.samples.allocated != 12 && !p.palette;
   p.samples.halved = p.native && text_of(set, Tag(0x28, 0x04)) == "YBR_FULL_422";
   p.run_lengths = syntax == gdcm::TransferSyntax::RLELossless;
-  if (p.run_lengths && p.samples.per_pixel > 1 && p.samples.allocated > 8)
-    fail(TC_ERROR_UNSUPPORTED, "colours of 16 bits packed by RLE are not read; export the pictures uncompressed");
   if (p.samples.allocated != 12 && !tc_dicom_samples_valid(&p.samples) && !p.palette)
     fail(TC_ERROR_UNSUPPORTED, "samples of %d bits allocated, %d stored, %d a pixel are not read", p.samples.allocated,
          p.samples.stored, p.samples.per_pixel);

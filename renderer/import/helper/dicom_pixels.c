@@ -37,6 +37,39 @@ static uint64_t load(const uint8_t *at, int bytes) {
   return value;
 }
 
+/* One segment of run lengths: one byte of each pixel [count], `stride` bytes apart in `out`. */
+static bool unpack_segment(const uint8_t *at, const uint8_t *end, uint8_t *out, size_t count, size_t stride) {
+  while (count > 0) {
+    if (end - at < 2) return false;
+    const int code = (int8_t)*at++;
+    if (code == -128) continue;
+    const bool alike = code < 0;
+    const size_t n = MIN(count, (size_t)(alike ? 1 - code : 1 + code)), stored = alike ? 1 : n;
+    if ((size_t)(end - at) < stored) return false;
+    for (size_t i = 0; i < n; i++) out[i * stride] = at[alike ? 0 : i];
+    at += stored;
+    out += n * stride;
+    count -= n;
+  }
+  return true;
+}
+
+bool tc_dicom_run_lengths_fit(const tc_dicom_samples *s, const uint8_t *bytes, size_t size) {
+  return size >= 64 && load(bytes, 4) == (uint64_t)(s->per_pixel * (s->allocated / 8));
+}
+
+bool tc_dicom_unpack(const tc_dicom_samples *s, const uint8_t *bytes, size_t size, uint8_t *out) {
+  const size_t width = (size_t)s->allocated / 8, pixel = width * (size_t)s->per_pixel;
+  if (s->allocated % 8 != 0 || pixel > 15 || !tc_dicom_run_lengths_fit(s, bytes, size)) return false;
+  for (size_t i = 0; i < pixel; i++) { /* sample by sample, the highest byte first */
+    const size_t from = load(bytes + 4 + 4 * i, 4), to = i / width * width + width - 1 - i % width;
+    if (from < 64 || from > size) return false;
+    if (!unpack_segment(bytes + from, bytes + size, out + to, (size_t)s->rows * (size_t)s->columns, pixel))
+      return false;
+  }
+  return true;
+}
+
 /* Cuts the used bits out of a sample and extends the sign. */
 static int64_t integer_sample(const tc_dicom_samples *s, const uint8_t *at) {
   uint64_t value = load(at, s->allocated / 8) >> (s->high + 1 - s->stored);

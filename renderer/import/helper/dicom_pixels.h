@@ -40,6 +40,11 @@ bool tc_dicom_samples_valid(const tc_dicom_samples *samples);
 /* Bytes of one frame; a 1-bit frame may start within a byte, this is then the count rounded up. 0 on overflow. */
 uint64_t tc_dicom_frame_bytes(const tc_dicom_samples *samples);
 
+/* Run lengths (PS3.5, annex G): whether a frame has as many segments as its samples have bytes, and its samples as they are
+ * without packing, pixel by pixel [tc_dicom_frame_bytes()]. False when they are damaged or cut. */
+bool tc_dicom_run_lengths_fit(const tc_dicom_samples *samples, const uint8_t *bytes, size_t size);
+bool tc_dicom_unpack(const tc_dicom_samples *samples, const uint8_t *bytes, size_t size, uint8_t *out);
+
 /* The storage type that holds every sample as it is; wide integers give TC_F32 (see tc_dicom_range to narrow). */
 tc_voxel_type tc_dicom_natural_type(const tc_dicom_samples *samples);
 
