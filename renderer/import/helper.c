@@ -360,15 +360,32 @@ static tc_wire_reader reader_for(session *s) {
                           .max_voxel_bytes = s->options ? s->options->max_voxel_bytes : 0};
 }
 
+/* Whether the helper named another one instead, once: what is packed is known when it is unpacked. */
+static bool is_elsewhere(tc_helper *helper, bool *asked, GError **error) {
+  if (!*error || (*error)->code < TC_WIRE_ELSEWHERE) return false;
+  const bool first = !*asked;
+  *asked = true;
+  *helper = (tc_helper)((*error)->code - TC_WIRE_ELSEWHERE);
+  g_clear_error(error);
+  if (!first) tc_set_error(error, TC_ERROR_FORMAT, NULL, "the file is packed more than once: unpack it first");
+  return first;
+}
+
 tc_volume *tc_helper_load(tc_helper helper, const char *path, const char *choice, const tc_import_options *options,
                           GError **error) {
-  session s = session_for(path, options);
+  session s;
   tc_volume *volume = NULL;
-  if (start(&s, helper, choice, LOAD_VOLUME, error)) {
-    tc_wire_reader reader = reader_for(&s);
-    volume = tc_wire_load(&reader, error);
-  }
-  stop(&s);
+  GError *trouble = NULL;
+  bool asked = false;
+  do {
+    s = session_for(path, options);
+    if (start(&s, helper, choice, LOAD_VOLUME, &trouble)) {
+      tc_wire_reader reader = reader_for(&s);
+      volume = tc_wire_load(&reader, &trouble);
+    }
+    stop(&s);
+  } while (is_elsewhere(&helper, &asked, &trouble));
+  if (trouble) g_propagate_error(error, trouble);
   if (volume && !tc_volume_seal_while(volume, keeps_on, &s)) {
     tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
     tc_volume_unref(g_steal_pointer(&volume));

@@ -34,7 +34,8 @@ bool tc_picture_looks(const uint8_t *head, size_t size);
 
 bool tc_hdf5_looks(const uint8_t *head, size_t size);
 
-/* By content: DICOM, pictures and a zip of either are for the helper with GDCM, HDF5 for its own. */
+/* By content: DICOM, pictures and any zip are for the helper with GDCM, HDF5 for its own. */
+tc_helper tc_helper_of(const uint8_t *head, size_t size); /* its first bytes */
 tc_helper tc_helper_for(const char *path);
 
 #ifdef __cplusplus

@@ -43,6 +43,12 @@ bool tc_picture_looks(const uint8_t *head, size_t size) {
 
 bool tc_hdf5_looks(const uint8_t *head, size_t size) { return size >= 8 && memcmp(head, "\x89HDF\r\n\x1a\n", 8) == 0; }
 
+tc_helper tc_helper_of(const uint8_t *head, size_t size) {
+  if (tc_hdf5_looks(head, size)) return TC_HELPER_MINC;
+  const bool zip = size >= 4 && (memcmp(head, "PK\3\4", 4) == 0 || memcmp(head, "PK\5\6", 4) == 0);
+  return zip || tc_dicom_looks(head, size) || tc_picture_looks(head, size) ? TC_HELPER_DICOM : TC_HELPER_FORMATS;
+}
+
 tc_helper tc_helper_for(const char *path) {
   struct stat st;
   uint8_t head[TC_DICOM_HEAD_BYTES_NEEDED];
@@ -50,8 +56,5 @@ tc_helper tc_helper_for(const char *path) {
   if (fd < 0) return TC_HELPER_FORMATS;
   const ssize_t n = fstat(fd, &st) == 0 && S_ISREG(st.st_mode) ? pread(fd, head, sizeof head, 0) : 0;
   close(fd);
-  if (n < 4) return TC_HELPER_FORMATS;
-  if (tc_hdf5_looks(head, (size_t)n)) return TC_HELPER_MINC;
-  const bool zip = memcmp(head, "PK\3\4", 4) == 0 || memcmp(head, "PK\5\6", 4) == 0;
-  return zip || tc_dicom_looks(head, (size_t)n) || tc_picture_looks(head, (size_t)n) ? TC_HELPER_DICOM : TC_HELPER_FORMATS;
+  return n < 4 ? TC_HELPER_FORMATS : tc_helper_of(head, (size_t)n);
 }

@@ -85,7 +85,7 @@ static bool take_fail(const tc_wire_reader *in, GError **error) {
   take_text(&r, text, sizeof text);
   bool allowed = code == TC_ERROR_FORMAT || code == TC_ERROR_LIMIT || code == TC_ERROR_UNSUPPORTED ||
                  code == TC_ERROR_NOT_FOUND || code == TC_ERROR_IO || code == TC_ERROR_MEMORY ||
-                 code == TC_ERROR_INVALID;
+                 code == TC_ERROR_INVALID || (code >= TC_WIRE_ELSEWHERE && code < TC_WIRE_ELSEWHERE + TC_HELPER_COUNT);
   tc_set_error(error, allowed ? (tc_error_code)code : TC_ERROR_FORMAT, NULL, "%s",
                text[0] ? text : "the decoder gave up without a reason");
   return false;

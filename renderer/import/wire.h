@@ -19,7 +19,7 @@
 #ifndef TC_IMPORT_WIRE_H
 #define TC_IMPORT_WIRE_H
 
-#include "renderer/import/import.h"
+#include "renderer/import/helper.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -56,6 +56,9 @@ enum {
   TC_WIRE_HEAD_NUMBERS = 3 + 3 + 9 + 2 + 2,
   TC_WIRE_MESH_BYTES = 6 * 8 + 4 + 16,
 };
+
+/* FAIL with this and a tc_helper added to it: that one is to read the file, which had to be unpacked to know. */
+enum { TC_WIRE_ELSEWHERE = 100 };
 
 /* A mesh before its arrays. */
 typedef struct tc_mesh_head {

@@ -8,6 +8,7 @@
 #include <glib.h>
 #include <glib/gstdio.h>
 #include <unistd.h>
+#include <zip.h>
 #include <zlib.h>
 
 #include "renderer/import/helper/convert.h"
@@ -63,6 +64,20 @@ static inline void write_text(const char *name, const char *text) { write_file(n
 #ifndef TC_TEST_BY_HELPER
 #define TC_TEST_BY_HELPER(name, options) (strchr(name, '#') || ((options) && (options)->self_contained))
 #endif
+
+/* A zip of files that were written, in a folder of its own. */
+static inline void zip_files(const char *name, const char *const *files, int count) {
+  char *path = path_of(name);
+  zip_t *zip = zip_open(path, ZIP_CREATE | ZIP_TRUNCATE, NULL);
+  for (int i = 0; i < count; i++) {
+    char *file = path_of(files[i]), *member = g_strconcat("study/", files[i], NULL);
+    assert_true(zip_file_add(zip, member, zip_source_file(zip, file, 0, -1), 0) >= 0);
+    g_free(member);
+    g_free(file);
+  }
+  assert_int_equal(zip_close(zip), 0);
+  g_free(path);
+}
 
 static inline tc_volume *open_with(const char *name, const tc_import_options *options, GError **error) {
   char *path = path_of(name);

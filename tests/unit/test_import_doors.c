@@ -1,7 +1,5 @@
 /* Formats and packings that come through the same readers: whole files in gzip and bzip2, MGH, Analyze; and what is
  * refused by its name. */
-#include <zip.h>
-
 #include "import_files.h"
 
 enum { side = 4, count = side * side * side };
@@ -163,19 +161,6 @@ static void check_par(const char *name, const double values[3]) {
                         -0.85286853, -0.41841204},
              9, 1e-6);
   tc_volume_unref(v);
-}
-
-static void zip_files(const char *name, const char *const *files, int count) {
-  char *path = path_of(name);
-  zip_t *zip = zip_open(path, ZIP_CREATE | ZIP_TRUNCATE, NULL);
-  for (int i = 0; i < count; i++) {
-    char *file = path_of(files[i]), *member = g_strconcat("study/", files[i], NULL);
-    assert_true(zip_file_add(zip, member, zip_source_file(zip, file, 0, -1), 0) >= 0);
-    g_free(member);
-    g_free(file);
-  }
-  assert_int_equal(zip_close(zip), 0);
-  g_free(path);
 }
 
 /* What an upload of several files is: a header finds its voxels in the zip, and nothing outside it. */

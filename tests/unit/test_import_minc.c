@@ -103,6 +103,39 @@ static void ramp(int32_t *voxels, int n, int step) {
   for (int i = 0; i < n; i++) voxels[i] = i * step;
 }
 
+/* Packed as a whole or in a zip it is known only once it is unpacked; its voxels are the same. */
+static void packed_and_zipped(void **state) {
+  static const char *const two[] = {"p.mnc", "p.mnc"};
+  int32_t voxels[VOXELS];
+  gsize size;
+  char *path = path_of("p.mnc"), *bytes;
+  ramp(voxels, VOXELS, 2);
+  write_minc("p.mnc", &(made){0}, voxels);
+  assert_true(g_file_get_contents(path, &bytes, &size, NULL));
+  GByteArray *packed[] = {deflated((uint8_t *)bytes, size, true), bzipped((uint8_t *)bytes, size)};
+  GByteArray *twice = deflated(packed[0]->data, packed[0]->len, true);
+  write_bytes("p.mnc.gz", packed[0]);
+  write_bytes("p.bz2", packed[1]);
+  write_bytes("twice.mnc.gz", twice);
+  zip_files("p.zip", two, 1);
+  static const char *const names[] = {"p.mnc.gz", "p.bz2", "p.zip", "p.zip#volume=1"};
+  for (size_t n = 0; n < G_N_ELEMENTS(names); n++) {
+    tc_volume *v = open_good(names[n]);
+    check_dims(v, NX, NY, NZ);
+    assert_string_equal(tc_volume_describe(v)->format, "minc");
+    for (int i = 0; i < VOXELS; i++) assert_true(voxel(v, (size_t)i) == (uint8_t)voxels[i]);
+    tc_volume_unref(v);
+  }
+  open_bad("twice.mnc.gz", TC_ERROR_FORMAT, "unknown kind of file");
+  g_byte_array_set_size(packed[0], packed[0]->len - 9);
+  write_bytes("p.mnc.gz", packed[0]);
+  open_bad("p.mnc.gz", TC_ERROR_FORMAT, "compressed data end");
+  for (int i = 0; i < 2; i++) g_byte_array_unref(packed[i]);
+  g_byte_array_unref(twice);
+  g_free(bytes);
+  g_free(path);
+}
+
 /* Oblique axes, a step backwards and a scale for each slice: place and values are those of the file's own rule. */
 static void place_and_scales(void **state) {
   static const double cosines[3][3] = {{0.8, 0.6, 0}, {-0.6, 0.8, 0}, {0, 0, 1}}, valid[2] = {-1000, 1000};
@@ -236,9 +269,9 @@ static void the_helper_is_confined(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(place_and_scales),       cmocka_unit_test(integers_stay), cmocka_unit_test(outside_is_nothing),
-      cmocka_unit_test(order_and_time),         cmocka_unit_test(refusals),      cmocka_unit_test(cut_short),
-      cmocka_unit_test(the_helper_is_confined),
+      cmocka_unit_test(packed_and_zipped),  cmocka_unit_test(place_and_scales),       cmocka_unit_test(integers_stay),
+      cmocka_unit_test(outside_is_nothing), cmocka_unit_test(order_and_time),         cmocka_unit_test(refusals),
+      cmocka_unit_test(cut_short),          cmocka_unit_test(the_helper_is_confined),
   };
   return cmocka_run_group_tests(tests, folder_setup, folder_teardown);
 }

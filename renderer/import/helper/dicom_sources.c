@@ -125,7 +125,8 @@ void tc_dicom_sources_finish(tc_dicom_sources *s) {
 }
 
 static tc_dicom_source_kind kind_of(const uint8_t *head, size_t size) {
-  return tc_dicom_looks(head, size) ? TC_SOURCE_DICOM : tc_picture_looks(head, size) ? TC_SOURCE_PICTURE : TC_SOURCE_OTHER;
+  if (tc_dicom_looks(head, size)) return TC_SOURCE_DICOM;
+  return tc_picture_looks(head, size) ? TC_SOURCE_PICTURE : tc_hdf5_looks(head, size) ? TC_SOURCE_HDF5 : TC_SOURCE_OTHER;
 }
 
 static bool get_file(const tc_dicom_sources *s, const char *name, tc_dicom_source_kind kind, tc_dicom_blob *blob,

@@ -38,7 +38,7 @@ typedef struct tc_dicom_blob {
 } tc_dicom_blob;
 
 /* What a source looks like by its first bytes. */
-typedef enum tc_dicom_source_kind { TC_SOURCE_OTHER, TC_SOURCE_DICOM, TC_SOURCE_PICTURE } tc_dicom_source_kind;
+typedef enum tc_dicom_source_kind { TC_SOURCE_OTHER, TC_SOURCE_DICOM, TC_SOURCE_PICTURE, TC_SOURCE_HDF5 } tc_dicom_source_kind;
 tc_dicom_source_kind tc_dicom_sources_kind(const tc_dicom_sources *sources, size_t index);
 const char *tc_dicom_sources_name(const tc_dicom_sources *sources, size_t index); /* to sort by; "" of one file */
 

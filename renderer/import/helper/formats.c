@@ -78,14 +78,8 @@ static bool refuse(const uint8_t *head, size_t size, bool mesh, GError **error) 
     size_t at, n;
     const char *magic, *what;
   } others[] = {
-      {AT(128, "DICM"), "DICOM packed as a whole: unpack it first"},
-      {AT(0, "PK\3\4"), "a packed zip: unpack it first"},
       {AT(257, "ustar"), "a tar archive: unpack it and open the folder or the file in it"},
-      {AT(0, "\x89HDF"), "HDF5, such as MINC 2, packed or where a mesh is wanted: unpack it and open it as a volume"},
       {AT(0, "CDF\1"), "NetCDF, such as MINC 1: convert it to MINC 2 (mincconvert -2) or NIfTI (mnc2nii)"},
-      {AT(0, "II*\0"), "a packed TIFF: unpack it first"},
-      {AT(0, "MM\0*"), "a packed TIFF: unpack it first"},
-      {AT(0, "\x89PNG"), "a packed PNG: unpack it first"},
       {AT(0, "\xff\xd8\xff"), "a JPEG picture, which loses values: save the stack as TIFF or PNG"},
       {AT(4, "jP  \r\n"), "JPEG 2000: save the stack as TIFF or PNG"},
       {AT(0, "%PDF"), "a PDF: it holds no volume, save its pictures as PNG"},
@@ -115,6 +109,9 @@ bool tc_formats_read(tc_input *input, const char *choice, const tc_order *order,
     return false;
   }
   const tc_format *const *found = recognise(input, head, size);
+  const tc_helper other = tc_helper_of(head, size);
+  if (!found && !order->mesh && input->packing != TC_ENCODING_RAW && other != TC_HELPER_FORMATS)
+    return tc_order_elsewhere(other, error);
   if (!found) return refuse(head, size, order->mesh, error);
   if ((found >= formats + FIRST_MESH) != order->mesh) return refuse_kind(*found, order->mesh, error);
   return tc_choice_volume(choice, (*found)->name, &own.volume, error) && (*found)->read(input, &own, error);

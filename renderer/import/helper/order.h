@@ -34,6 +34,9 @@ bool tc_order_put(const tc_order *order, const void *voxels, size_t bytes, GErro
 /* What "#volume=N" after the path of a file of `format` says; *volume stays where nothing is said. */
 bool tc_choice_volume(const char *choice, const char *format, uint32_t *volume, GError **error);
 
+/* Ends the work: another helper reads this. Returns false. */
+bool tc_order_elsewhere(tc_helper helper, GError **error);
+
 /* Decodes the file or folder `input` (which stays the caller's) into the order. Of the helper programs one has the
  * one that knows DICOM (dicom.cc), one that of MINC (minc_only.c), and one that of all other formats (formats_only.c). */
 bool tc_helper_decode(int input, const tc_helper_request *request, const tc_order *order, GError **error);

@@ -118,6 +118,11 @@ bool tc_order_put(const tc_order *order, const void *voxels, size_t bytes, GErro
   return true;
 }
 
+bool tc_order_elsewhere(tc_helper helper, GError **error) {
+  tc_set_error(error, (tc_error_code)(TC_WIRE_ELSEWHERE + (int)helper), NULL, "another decoder reads this");
+  return false;
+}
+
 bool tc_choice_volume(const char *choice, const char *format, uint32_t *volume, GError **error) {
   guint64 number = 0;
   if (!*choice) return true;

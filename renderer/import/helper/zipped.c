@@ -11,7 +11,7 @@ typedef struct zipped {
 
 /* Whatever it looks like: the voxels of a pair may begin as anything. */
 static bool get(const tc_dicom_sources *sources, size_t index, tc_input *input, GError **error) {
-  static const tc_dicom_source_kind kinds[] = {TC_SOURCE_OTHER, TC_SOURCE_DICOM, TC_SOURCE_PICTURE};
+  static const tc_dicom_source_kind kinds[] = {TC_SOURCE_OTHER, TC_SOURCE_DICOM, TC_SOURCE_PICTURE, TC_SOURCE_HDF5};
   tc_dicom_blob blob = {0};
   GError *trouble = NULL;
   bool ok = false;
@@ -54,14 +54,21 @@ static size_t count_volumes(const tc_dicom_sources *sources, size_t *first) {
   return count;
 }
 
+static bool has_hdf5(const tc_dicom_sources *sources) {
+  for (size_t i = 0; sources->is_zip && i < sources->count; i++)
+    if (tc_dicom_sources_kind(sources, i) == TC_SOURCE_HDF5) return true;
+  return false;
+}
+
 bool tc_zipped_is(const tc_dicom_sources *sources) {
   size_t first;
-  return count_volumes(sources, &first) > 0;
+  return count_volumes(sources, &first) > 0 || has_hdf5(sources);
 }
 
 bool tc_zipped_read(const tc_dicom_sources *sources, const char *choice, const tc_order *order, GError **error) {
   size_t first = 0;
   const size_t count = count_volumes(sources, &first);
+  if (count == 0 && has_hdf5(sources)) return tc_order_elsewhere(TC_HELPER_MINC, error);
   if (count != 1) {
     tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "the zip holds %zu volumes: open them one by one", count);
     return false;
