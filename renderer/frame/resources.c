@@ -133,7 +133,7 @@ void tc_resources_refine(tc_resources *r, tc_resource which, const void *thing, 
     return;
   }
   if (bytes) tc_store_grow(r->store, it, bytes);
-  if (!kind->refine(it->thing)) return;
+  if (!kind->refine(it->thing) && !kind->refines(thing)) return; /* still at work */
   const size_t now = held(kind, it);
   if (now > it->bytes) tc_store_grow(r->store, it, now - it->bytes);
   tc_store_shrink(r->store, it, now);

@@ -310,19 +310,23 @@ struct tc_refining {
   atomic_bool stop, over;
 };
 
+static atomic_bool at_work; /* one thread at a time, however many meshes are shown */
+
 static void *refine(void *context) {
   tc_refining *r = context;
   setpriority(PRIO_PROCESS, 0, 19); /* of this thread alone */
   r->made = tc_levels_make(r->of, &r->stop, NULL);
+  atomic_store(&at_work, false);
   atomic_store(&r->over, true);
   return NULL;
 }
 
 tc_refining *tc_refining_begin(const tc_clusters *of) {
+  if (atomic_exchange(&at_work, true)) return NULL;
   tc_refining *r = calloc(1, sizeof *r);
-  if (!r) return NULL;
-  r->of = of;
-  if (!pthread_create(&r->thread, NULL, refine, r)) return r;
+  if (r) r->of = of;
+  if (r && !pthread_create(&r->thread, NULL, refine, r)) return r;
+  atomic_store(&at_work, false);
   free(r);
   return NULL;
 }

@@ -25,11 +25,12 @@ size_t tc_levels_bytes(const tc_clusters *of);
  * the number of triangles. Pure. */
 size_t tc_levels_choose(const tc_clusters *mesh, const tc_mesh_view *view, double pixels, uint8_t *level);
 
-/* Levels that are made on a thread of their own, of low priority. `of` is read until tc_refining_end(). NULL: no thread. */
+/* Builds levels on a thread of its own, of low priority; reads `of` until tc_refining_end(). NULL: the process already has such a
+ * thread at work for another mesh, or there is no memory; to be tried again later. */
 typedef struct tc_refining tc_refining;
 tc_refining *tc_refining_begin(const tc_clusters *of);
 bool tc_refining_is_over(const tc_refining *r);
-/* Stops it where it goes on, within a few milliseconds. What came of it, NULL: nothing. r NULL is fine. */
+/* Stops the thread within a few milliseconds if it still works. Returns the levels, or NULL: none. r may be NULL. */
 tc_clusters *tc_refining_end(tc_refining *r);
 
 #endif

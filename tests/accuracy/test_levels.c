@@ -235,6 +235,14 @@ static void making_is_cancelled(void **state) {
   tc_refining_end(NULL);
 }
 
+static void one_thread_makes_them(void **state) {
+  tc_refining *one = tc_refining_begin(f.full);
+  assert_non_null(one);
+  tc_refining *two = tc_refining_begin(f.full);
+  assert_true(!two || tc_refining_is_over(one));
+  tc_clusters_free(tc_refining_end(two)), tc_clusters_free(tc_refining_end(one));
+}
+
 /* ---- frames ---- */
 
 static void draw(tc_renderer *r, const tc_scene *scene, bool moving, tc_frame *frame, tc_explanation *plan) {
@@ -310,7 +318,7 @@ static void levels_need_memory_and_rest(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {TEST(errors_are_as_stated), TEST(levels_meet_without_a_crack),
-    TEST(choices_are_bounded_in_pixels), TEST(a_triangle_takes_at_most_40_bytes), TEST(making_is_cancelled),
+    TEST(choices_are_bounded_in_pixels), TEST(a_triangle_takes_at_most_40_bytes), TEST(making_is_cancelled), TEST(one_thread_makes_them),
     TEST(levels_come_beside), TEST(levels_need_memory_and_rest)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }
