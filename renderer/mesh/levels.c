@@ -316,8 +316,8 @@ static void *refine(void *context) {
   tc_refining *r = context;
   setpriority(PRIO_PROCESS, 0, 19); /* of this thread alone */
   r->made = tc_levels_make(r->of, &r->stop, NULL);
-  atomic_store(&at_work, false);
   atomic_store(&r->over, true);
+  atomic_store(&at_work, false);
   return NULL;
 }
 
