@@ -118,12 +118,14 @@ cJSON *tcp_row_schema(const tcp_member *members, int count, unsigned those, unsi
 
 extern const tcp_special tcp_special_background, tcp_special_light, tcp_special_box, tcp_special_planes,
     tcp_special_mpr_center, tcp_special_quality, tcp_special_label_colors, tcp_special_visible, tcp_special_preset,
-    tcp_special_points, tcp_special_force, tcp_special_surfaces;
+    tcp_special_points, tcp_special_force, tcp_special_surfaces, tcp_special_lights;
 
 /* A knot as a list of members: value, color, opacity, extinction. */
 extern const tcp_member tcp_knot_members[4];
-/* A surface likewise: value, label, mesh, plane (one of them), color, opacity, visible, twoSided. */
-extern const tcp_member tcp_surface_members[8];
+/* A surface likewise: value, label, mesh, plane (one of them), color, opacity, visible, twoSided, model, ambient,
+ * diffuse, specular, shininess. */
+extern const tcp_member tcp_surface_members[13];
+extern const tcp_member tcp_light_members[3]; /* direction, color, intensity */
 
 /* What holds between members of a complete scene; `patch` helps to point at the member that was just set. */
 bool tcp_scene_check(const tc_scene *scene, const cJSON *patch, GError **error);

@@ -124,6 +124,8 @@ const tcp_member tcp_members[] = {
 
     {"mesh", "surfaces", TCP_SPECIAL, .special = &tcp_special_surfaces,
      .doc = "What is drawn, nothing else then; when empty the surface at isosurface.value, or of all visible labels."},
+    {"mesh", "lights", TCP_SPECIAL, .special = &tcp_special_lights,
+     .doc = "Lights on surfaces, added up, in place of shading.light."},
     {"mesh", "withVolume", TCP_BOOLEAN, AT(mesh.with_volume),
      .doc = "Modes dvr and mip draw the surfaces too, each where it is along the rays."},
 
@@ -183,7 +185,7 @@ const tcp_member tcp_knot_members[4] = {
 };
 
 #define SURFACE(field) .offset = offsetof(tc_mesh_surface, field)
-const tcp_member tcp_surface_members[8] = {
+const tcp_member tcp_surface_members[13] = {
     {"", "value", TCP_NUMBER, SURFACE(value), VALUES, .unit = "value", .doc = "The volume's surface at this value."},
     {"", "label", TCP_INTEGER, SURFACE(label), RANGE(1, 2147483647),
      .doc = "The surface of this label of labels.volume."},
@@ -195,4 +197,17 @@ const tcp_member tcp_surface_members[8] = {
     {"", "opacity", TCP_NUMBER, SURFACE(opacity), UNIT, .doc = "Of each layer of it that is looked through."},
     {"", "visible", TCP_BOOLEAN, SURFACE(visible), .doc = "Draw it."},
     {"", "twoSided", TCP_BOOLEAN, SURFACE(two_sided), .doc = "Draw what faces away from the eye as well."},
+    {"", "model", TCP_NAME, SURFACE(model), .names = tc_shading_names, .doc = "When left out shading.model, and so on."},
+    {"", "ambient", TCP_NUMBER, SURFACE(ambient), UNIT, .doc = "Share of light from everywhere."},
+    {"", "diffuse", TCP_NUMBER, SURFACE(diffuse), UNIT, .doc = "Share of matt reflection."},
+    {"", "specular", TCP_NUMBER, SURFACE(specular), UNIT, .doc = "Share of mirroring reflection."},
+    {"", "shininess", TCP_NUMBER, SURFACE(shininess), RANGE(0, 1024), .doc = "Exponent of the mirroring reflection."},
+};
+
+#define LIGHT(field) .offset = offsetof(tc_mesh_light, field)
+const tcp_member tcp_light_members[3] = {
+    {"", "direction", TCP_VECTOR, LIGHT(direction), 3, COORDINATES, .unit = "LPS",
+     .doc = "To the light; when left out to the camera."},
+    {"", "color", TCP_VECTOR, LIGHT(color), 3, UNIT, .unit = "sRGB", .doc = "White when left out."},
+    {"", "intensity", TCP_NUMBER, LIGHT(intensity), RANGE(0, 16), .doc = "1 is as bright as shading.light."},
 };

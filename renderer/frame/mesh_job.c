@@ -10,19 +10,47 @@
 #include "renderer/raycast/mpr.h"
 #include "renderer/raycast/shading.h"
 
-static tc_raster_look look_of(const tc_frame_job *job) {
-  const int model = tc_mesh_is_within(job->scene) ? (int)job->scene->shading.model : job->key.shading; /* mip has none */
-  tc_raster_look look = {.shaded = model != TC_SHADING_NONE};
-  if (!look.shaded) return look;
-  tc_shade s;
-  tc_shade_set_up(&s, job->source, job->source, job->scene);
-  for (int i = 0; i < 2; i++) {
-    look.factor[i] = (float)s.factor[i];
-    for (int c = 0; c < 3; c++) look.glow[i][c] = (float)s.glow[i][c];
+static void to_compositing_space(const tc_scene *scene, const double srgb[3], float color[3]) {
+  for (int c = 0; c < 3; c++) color[c] = (float)(scene->image.linear_light ? tc_srgb_to_linear(srgb[c]) : srgb[c]);
+}
+
+/* Light i of the scene, in the words of shading.h. */
+static void add_light(const tc_scene *scene, const tc_mesh_view *view, const tc_shade *s, int i, tc_raster_look *look) {
+  static const tc_mesh_light white = {.color = {1, 1, 1}, .intensity = 1};
+  const tc_mesh_light *of = scene->mesh.n_lights ? &scene->mesh.lights[i] : &white;
+  const double *rows[3] = {view->right, view->down, view->depth};
+  look->lights[i].at_camera = s->head_light;
+  to_compositing_space(scene, of->color, look->lights[i].color);
+  for (int k = 0; k < 3; k++) {
+    const double to[3] = {(double)s->light[0], (double)s->light[1], (double)s->light[2]};
+    look->lights[i].to[k] = (float)(rows[k][0] * to[0] + rows[k][1] * to[1] + rows[k][2] * to[2]);
+    look->lights[i].color[k] *= (float)of->intensity;
   }
-  look.least = (float)s.least, look.specular = (float)s.specular, look.shininess = (float)s.shininess;
-  look.head_light = s.head_light;
-  for (int k = 0; k < 3; k++) look.light[k] = (float)s.light[k];
+}
+
+/* item: of the scene's list; NULL: none. */
+static tc_raster_look look_of(const tc_frame_job *job, const tc_mesh_view *view, const tc_mesh_surface *item) {
+  tc_scene own = *job->scene; /* borrows */
+  const unsigned its = item ? item->own_shading : 0;
+  if (its & 1) own.shading.model = item->model;
+  if (its & 2) own.shading.ambient = item->ambient;
+  if (its & 4) own.shading.diffuse = item->diffuse;
+  if (its & 8) own.shading.specular = item->specular;
+  if (its & 16) own.shading.shininess = item->shininess;
+  tc_raster_look look = {.shaded = own.shading.model != TC_SHADING_NONE};
+  look.n_lights = own.mesh.n_lights ? own.mesh.n_lights : 1;
+  for (int i = 0; i < look.n_lights && look.shaded; i++) {
+    tc_shade s;
+    if (own.mesh.n_lights) {
+      own.shading.light_at_camera = own.mesh.lights[i].at_camera;
+      memcpy(own.shading.light, own.mesh.lights[i].direction, sizeof own.shading.light);
+    }
+    tc_shade_set_up(&s, job->source, job->source, &own);
+    add_light(&own, view, &s, i, &look);
+    memcpy(look.factor, s.factor, sizeof look.factor);
+    for (int k = 0; k < 2; k++) memcpy(look.glow[k], s.glow[k], sizeof look.glow[k]);
+    look.least = s.least, look.specular = s.specular, look.shininess = s.shininess;
+  }
   return look;
 }
 
@@ -72,10 +100,6 @@ size_t tc_mesh_sources(const tc_frame_job *job, tc_mesh_source *of) {
   return n;
 }
 
-static void to_compositing_space(const tc_scene *scene, const double srgb[3], float color[3]) {
-  for (int c = 0; c < 3; c++) color[c] = (float)(scene->image.linear_light ? tc_srgb_to_linear(srgb[c]) : srgb[c]);
-}
-
 /* Surfaces of labels have the colours of their tints, however faint; without any, the isosurface's. */
 static void label_color(const tc_frame_job *job, uint32_t label, float color[3]) {
   const tc_volume_desc *d = tc_volume_describe(job->label_volume);
@@ -97,16 +121,22 @@ static tc_raster_surface surface_of(const tc_frame_job *job, const tc_part *part
   return s;
 }
 
-/* One for each part of the mesh. NULL: no memory. */
-static tc_raster_surface *surfaces_of(const tc_frame_job *job, bool from_outside) {
+/* One for each part of the mesh, and their looks: the scene's first, then those of surfaces that have their own. */
+static bool set_surfaces(tc_mesh_job *m, const tc_frame_job *job, bool from_outside) {
   const tc_clusters *mesh = job->have.mesh;
   const tc_mesh_surface *item = job->scene->mesh.surfaces, *end = item + job->scene->mesh.n_surfaces;
-  tc_raster_surface *surfaces = calloc(mesh->n_parts, sizeof *surfaces);
-  for (size_t i = 0; surfaces && i < mesh->n_parts; i++) {
+  m->surfaces = calloc(mesh->n_parts, sizeof *m->surfaces);
+  m->looks = calloc(job->scene->mesh.n_surfaces + 1, sizeof *m->looks);
+  if (!m->surfaces || !m->looks) return false;
+  m->looks[0] = look_of(job, &m->view, NULL), m->n_looks = 1;
+  for (size_t i = 0; i < mesh->n_parts; i++) {
     while (item < end && !tc_mesh_surface_shows(item)) item++;
-    surfaces[i] = surface_of(job, &mesh->parts[i], item < end ? item++ : NULL, from_outside && mesh->parts[i].closed);
+    const tc_mesh_surface *own = item < end ? item++ : NULL;
+    m->surfaces[i] = surface_of(job, &mesh->parts[i], own, from_outside && mesh->parts[i].closed);
+    if (!own || !own->own_shading) continue;
+    m->looks[m->n_looks] = look_of(job, &m->view, own), m->surfaces[i].look = m->n_looks++;
   }
-  return surfaces;
+  return true;
 }
 
 /* The scene's clip box and planes, in LPS. */
@@ -136,11 +166,10 @@ bool tc_mesh_job_begin(tc_mesh_job *m, const tc_frame_job *job, GError **error) 
   const int n_planes = planes_of(job->scene, planes);
   tc_mesh_view_set_up(&m->view, mesh, &job->scene->camera, job->frame->width, job->frame->height,
                  (const double(*)[4])planes, n_planes);
-  m->surfaces = surfaces_of(job, n_planes == 0 && tc_mesh_view_is_outside(&m->view, mesh));
   m->levels = mesh->n_groups ? malloc(mesh->n_groups) : NULL;
   if (m->levels) tc_levels_choose(mesh, &m->view, job->plan->mesh_pixels, m->levels);
-  if (!m->surfaces) {
-    free(m->levels);
+  if (!set_surfaces(m, job, n_planes == 0 && tc_mesh_view_is_outside(&m->view, mesh))) {
+    tc_mesh_job_end(m);
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "surfaces of a mesh: out of memory");
     return false;
   }
@@ -150,7 +179,8 @@ bool tc_mesh_job_begin(tc_mesh_job *m, const tc_frame_job *job, GError **error) 
   tc_slice_window_init(&m->window, job->source, job->scene);
   m->raster = (tc_raster_job){.mesh = mesh,
                               .view = &m->view,
-                              .look = look_of(job),
+                              .looks = m->looks,
+                              .n_looks = m->n_looks,
                               .surfaces = m->surfaces,
                               .levels = m->levels,
                               .texture = grey_at,
@@ -160,7 +190,7 @@ bool tc_mesh_job_begin(tc_mesh_job *m, const tc_frame_job *job, GError **error) 
   return true;
 }
 
-void tc_mesh_job_end(tc_mesh_job *m) { free(m->surfaces), free(m->levels); }
+void tc_mesh_job_end(tc_mesh_job *m) { free(m->surfaces), free(m->looks), free(m->levels); }
 
 /* Thinner surfaces are looked through, as thinner haze is in dvr. */
 #define LEAST_OPACITY 0.05

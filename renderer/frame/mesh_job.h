@@ -11,6 +11,8 @@ typedef struct tc_mesh_job {
   tc_mesh_view view;
   double samples[TC_RASTER_SAMPLES][2];
   tc_raster_surface *surfaces;
+  tc_raster_look *looks; /* [n_looks] */
+  int n_looks;
   uint8_t *levels; /* level of detail of each group, [have.mesh->n_groups]; NULL: the mesh has one level */
   tc_slice_window window; /* grey of slices */
   const tc_frame_job *job;

@@ -60,7 +60,7 @@ static void set_up_frame(drawing *d) {
   const tc_raster_job *job = d->job;
   const tc_mesh_view *v = job->view;
   tc_raster_frame *f = &d->frame;
-  *f = (tc_raster_frame){.mesh = job->mesh, .view = v, .look = job->look, .perspective = v->perspective,
+  *f = (tc_raster_frame){.mesh = job->mesh, .view = v, .looks = job->looks, .n_looks = job->n_looks, .perspective = v->perspective,
                          .surfaces = job->surfaces, .reference = (float)v->reference,
                          .inverse_scale = (float)(1 / v->scale), .n_samples = job->n_samples};
   copy_row(f->rows[0], v->right, 1), copy_row(f->rows[1], v->down, 1), copy_row(f->rows[2], v->depth, 1);
@@ -75,12 +75,6 @@ static void set_up_frame(drawing *d) {
       f->least_offset[k] = fminf(f->least_offset[k], f->offset[s][k]);
       f->most_offset[k] = fmaxf(f->most_offset[k], f->offset[s][k]);
     }
-  }
-  const double *rows[3] = {v->right, v->down, v->depth};
-  for (int r = 0; r < 3; r++) {
-    double sum = 0;
-    for (int k = 0; k < 3; k++) sum += rows[r][k] * (double)job->look.light[k];
-    f->light[r] = (float)sum;
   }
   d->slack = tc_sight_slack(job->mesh);
   for (size_t i = 0; i < job->mesh->n_parts; i++) {

@@ -27,13 +27,19 @@ typedef struct tc_raster_surface {
   float opacity;
   bool one_sided; /* backs are not drawn: changes nothing of a closed opaque one that is looked at from outside and not cut */
   bool textured;  /* its colours are the job's texture's, and not lit */
+  int look;       /* of the job's */
 } tc_raster_surface;
 
 /* How surfaces are lit, in the numbers of raycast/shading.h (its weight w is 1). */
 typedef struct tc_raster_look {
-  bool shaded, head_light;
+  bool shaded;
+  int n_lights;
   float factor[2], glow[2][3], least, specular, shininess;
-  float light[3]; /* to the light; unit, LPS */
+  struct {
+    bool at_camera;
+    float to[3]; /* unit, along the view's right, down, forward */
+    float color[3]; /* of any brightness */
+  } lights[TC_MAX_LIGHTS];
 } tc_raster_look;
 
 /* What is seen of a surface in a pixel. */
@@ -69,7 +75,8 @@ typedef struct tc_raster_job {
   const tc_clusters *mesh;
   const tc_mesh_view *view;
   const tc_raster_kernels *kernels;
-  tc_raster_look look;
+  const tc_raster_look *looks; /* [n_looks], at least one */
+  int n_looks;
   const tc_raster_surface *surfaces; /* [mesh->n_parts] */
   const uint8_t *levels;     /* [mesh->n_groups]: of detail, levels.h; NULL: all in full */
   void (*texture)(const void *texture_user, const double at[3], float color[3]); /* mm from the mesh's origin; any thread */

@@ -19,14 +19,14 @@ enum {
 typedef struct tc_raster_frame {
   const tc_clusters *mesh;
   const tc_mesh_view *view;
-  tc_raster_look look;
+  const tc_raster_look *looks;
+  int n_looks;
   const tc_raster_surface *surfaces;
   bool perspective;
   float to_fixed[2][4];  /* rows of the view in 256ths of a pixel */
   float centre_fixed[2]; /* likewise */
   float rows[3][4];      /* right, down, depth; mm */
   float reference, inverse_scale, centre[2];
-  float light[3];        /* to the light, along right, down, forward */
   int n_samples;
   float offset[TC_RASTER_SAMPLES][2]; /* of a sample in its pixel, from the left upper corner, fixed point */
   float least_offset[2], most_offset[2];

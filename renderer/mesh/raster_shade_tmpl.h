@@ -107,38 +107,63 @@ V_INLINE vf to_power(vf mirror, float shininess) {
   return v_from_bits(v_addi(v_bits(p), v_shl(whole, 23)));
 }
 
-/* What the triangles' surfaces are coloured. */
-V_INLINE void color_of(const tc_raster_frame *f, const uint32_t *ids, vf color[3]) {
+/* What the triangles' surfaces are coloured, and how they are lit. */
+V_INLINE void surface_of(const tc_raster_frame *f, const uint32_t *ids, vf color[3], int look[V_LANES]) {
   float of[3][V_LANES];
-  for (int k = 0; k < 3; k++) color[k] = v_set(f->surfaces[0].color[k]);
-  if (f->mesh->n_parts == 1) return;
-  for (int lane = 0; lane < V_LANES; lane++)
-    for (int k = 0; k < 3; k++) of[k][lane] = f->surfaces[f->mesh->clusters[ids[lane] / TC_CLUSTER_TRIANGLES].part].color[k];
+  for (int lane = 0; lane < V_LANES; lane++) {
+    const tc_raster_surface *s = &f->surfaces[f->mesh->n_parts > 1 ? f->mesh->clusters[ids[lane] / TC_CLUSTER_TRIANGLES].part : 0];
+    for (int k = 0; k < 3; k++) of[k][lane] = s->color[k];
+    look[lane] = s->look;
+  }
   for (int k = 0; k < 3; k++) color[k] = v_load(of[k]);
 }
 
-/* raycast/shading.h, of a point with all of the weight: n and eye are unit. color: unlit, then lit. */
-V_INLINE void light(const tc_raster_frame *f, const vf n[3], const vf eye[3], vf color[3]) {
-  const tc_raster_look *look = &f->look;
-  vf facing = dot(n, eye), lit = v_abs(facing), mirror = lit;
-  if (!look->head_light) {
-    const vf to[3] = {v_set(f->light[0]), v_set(f->light[1]), v_set(f->light[2])};
-    vf half[3] = {eye[0] + to[0], eye[1] + to[1], eye[2] + to[2]}, turn = v_select(v_lt(facing, v_set(0)), v_set(-1), v_set(1));
-    scale_to_unit(half);
-    lit = turn * dot(n, to);
-    mirror = turn * dot(n, half);
+/* raycast/shading.h, of a point with all of the weight: n and eye are unit; q and s are the lights' sums. color: unlit,
+ * then lit. */
+static void light(const tc_raster_look *look, const vf n[3], const vf eye[3], vf color[3]) {
+  const vf zero = v_set(0), facing = dot(n, eye), turn = v_select(v_lt(facing, zero), v_set(-1), v_set(1));
+  vf sum[3] = {zero, zero, zero}, glint[3] = {zero, zero, zero};
+  for (int i = 0; i < look->n_lights; i++) {
+    const float *to = look->lights[i].to, *of = look->lights[i].color;
+    vf lit = v_abs(facing), mirror = lit;
+    if (!look->lights[i].at_camera) {
+      const vf towards[3] = {v_set(to[0]), v_set(to[1]), v_set(to[2])};
+      vf half[3] = {eye[0] + towards[0], eye[1] + towards[1], eye[2] + towards[2]};
+      scale_to_unit(half);
+      lit = turn * dot(n, towards);
+      mirror = turn * dot(n, half);
+    }
+    vf q = v_max(lit, v_set(look->least)), s = zero;
+    if (look->specular > 0) s = v_select(v_lt(zero, lit), v_set(look->specular) * to_power(mirror, look->shininess), zero);
+    for (int k = 0; k < 3; k++) sum[k] = sum[k] + v_set(of[k]) * q, glint[k] = glint[k] + v_set(of[k]) * s;
   }
-  vf q = v_max(lit, v_set(look->least)), glint = v_set(0);
-  if (look->specular > 0)
-    glint = v_select(v_lt(v_set(0), lit), v_set(look->specular) * to_power(mirror, look->shininess), v_set(0));
   for (int k = 0; k < 3; k++) {
-    vf c = color[k] * (v_set(look->factor[0]) + v_set(look->factor[1]) * q);
-    c = c + (v_set(look->glow[0][k]) + v_set(look->glow[1][k]) * q) + glint;
-    color[k] = v_min(v_max(c, v_set(0)), v_set(1));
+    vf c = color[k] * (v_set(look->factor[0]) + v_set(look->factor[1]) * sum[k]);
+    c = c + (v_set(look->glow[0][k]) + v_set(look->glow[1][k]) * sum[k]) + glint[k];
+    color[k] = v_min(v_max(c, zero), v_set(1));
+  }
+}
+
+/* Each lane as its surface wants it; neighbours mostly want the same. */
+V_INLINE void light_each(const tc_raster_frame *f, const int look[V_LANES], const vf n[3], const vf eye[3], vf color[3]) {
+  float of[V_LANES];
+  vf unlit[3];
+  memcpy(unlit, color, sizeof unlit);
+  for (int lane = 0; lane < V_LANES; lane++) of[lane] = (float)look[lane];
+  for (int lane = 0; lane < V_LANES; lane++) {
+    if (lane && look[lane] == look[lane - 1]) continue;
+    vf lit[3];
+    memcpy(lit, unlit, sizeof lit);
+    if (f->looks[look[lane]].shaded) light(&f->looks[look[lane]], n, eye, lit);
+    const vm mine = v_eq(v_load(of), v_set(of[lane]));
+    for (int k = 0; k < 3; k++) color[k] = v_select(mine, lit[k], color[k]);
   }
 }
 
 static void shade(const tc_raster_frame *f, tc_raster_fragments *fragments) {
+  bool shaded = false;
+  int look[V_LANES];
+  for (int i = 0; i < f->n_looks; i++) shaded = shaded || f->looks[i].shaded;
   for (int i = fragments->n; i % V_LANES; i++) fragments->id[i] = fragments->id[0]; /* something to look up */
   for (int i = 0; i < fragments->n; i += V_LANES) {
     seen s;
@@ -149,12 +174,12 @@ static void shade(const tc_raster_frame *f, tc_raster_fragments *fragments) {
     vf length = v_sqrt(dot(ray, ray)), color[3];
     meeting m = meet(f, &s, across, along, ray);
     v_store(fragments->depth + i, m.depth * length);
-    color_of(f, fragments->id + i, color);
+    surface_of(f, fragments->id + i, color, look);
     for (int k = 0; k < 3; k++) {
       eye[k] = v_set(0) - ray[k] / length;
       n[k] = v_set(0);
     }
-    if (f->look.shaded) {
+    if (shaded) {
       if (f->mesh->normals) {
         vf sum[3] = {v_set(0), v_set(0), v_set(0)};
         add_normal(s.na, m.weight[0], sum);
@@ -165,7 +190,7 @@ static void shade(const tc_raster_frame *f, tc_raster_fragments *fragments) {
         memcpy(n, m.face, sizeof n);
       }
       scale_to_unit(n);
-      light(f, n, eye, color);
+      light_each(f, look, n, eye, color);
     }
     for (int k = 0; k < 3; k++) v_store(fragments->color[k] + i, color[k]);
   }

@@ -111,6 +111,17 @@ static bool check_clipping(const tc_scene *scene, GError **error) {
   return true;
 }
 
+static bool check_lights(const tc_scene *s, GError **error) {
+  for (int i = 0; i < s->mesh.n_lights; i++) {
+    const tc_mesh_light *l = &s->mesh.lights[i];
+    const double *d = l->direction;
+    bool good = (l->at_camera || (finite3(d) && (d[0] != 0 || d[1] != 0 || d[2] != 0))) && l->intensity >= 0 && l->intensity <= 16;
+    for (int c = 0; c < 3; c++) good = good && l->color[c] >= 0 && l->color[c] <= 1;
+    if (!good) return invalid(error, "/mesh/lights", "directions that are not zero, colors from 0 to 1 and intensities from 0 to 16 wanted");
+  }
+  return true;
+}
+
 static bool check_shading(const tc_scene *scene, GError **error) {
   if ((tc_is_projection(scene->mode) && !tc_mesh_is_within(scene)) || scene->shading.model == TC_SHADING_NONE) return true;
   if ((unsigned)scene->shading.model >= TC_SHADING_COUNT) return invalid(error, "/shading/model", "unknown");
@@ -238,13 +249,18 @@ static bool check_surfaces(const tc_scene *s, GError **error) {
     if (!(of->opacity >= 0 && of->opacity <= 1)) return invalid(error, pointer, "opacity from 0 to 1 wanted");
     for (int c = 0; c < 3; c++)
       if (!(of->color[c] >= 0 && of->color[c] <= 1)) return invalid(error, pointer, "color of numbers from 0 to 1 wanted");
+    const double shares[] = {of->ambient, of->diffuse, of->specular, of->shininess / 1024};
+    for (int k = 0; k < 4; k++)
+      if (of->own_shading >> k & 2 && !(shares[k] >= 0 && shares[k] <= 1))
+        return invalid(error, pointer, "ambient, diffuse and specular from 0 to 1 and shininess from 0 to 1024 wanted");
+    if ((unsigned)of->model >= TC_SHADING_COUNT) return invalid(error, pointer, "unknown model");
     if (of->source == TC_SURFACE_OF_LABEL && !s->labels.volume[0])
       return invalid(error, pointer, "a label is wanted of labels.volume, and none is named there");
     if (of->source == TC_SURFACE_OF_LABEL && !tc_mode_has_labels(s->mode))
       return unsupported(error, pointer, "the surface of a label within this mode");
     if (of->source == TC_SURFACE_OF_PLANE && (!check_plane_of(s, of->plane, error) || !check_window(s, error))) return false;
   }
-  return check_color(s, error);
+  return check_color(s, error) && check_lights(s, error);
 }
 
 /* Splats read the transfer function for colours by value, and for extinction if they are translucent. */

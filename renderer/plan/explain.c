@@ -105,7 +105,7 @@ static void say_gradient(const teller *t) {
   const tc_volume_stats *range = tc_volume_statistics(t->volume);
   if (key->shading && s->mode == TC_MODE_MESH)
     say(t, TC_STAGE_GRADIENT, true, "shading.model is %s: normals of the vertices, once a visible pixel and triangle",
-        tc_shading_names[s->shading.model]);
+        tc_shading_names[key->shading]);
   else if (key->shading)
     say(t, TC_STAGE_GRADIENT, true, "shading.model is %s: %s%s", tc_shading_names[s->shading.model],
         ways[s->mode == TC_MODE_ISOSURFACE][key->gradient], s->filter == TC_FILTER_CUBIC ? " (the filter's own)" : "");

@@ -141,13 +141,21 @@ static bool lists_labels(const tc_scene *s) {
   return false;
 }
 
+/* Of the scene, or of the first surface that is shaded by one of its own. */
+static tc_shading_model model_of(const tc_scene *s) {
+  tc_shading_model model = s->shading.model;
+  for (size_t i = 0; i < s->mesh.n_surfaces && model == TC_SHADING_NONE; i++)
+    if (s->mesh.surfaces[i].own_shading & 1) model = s->mesh.surfaces[i].model;
+  return model;
+}
+
 static void plan_mesh(tc_plan *plan, const tc_volume *volume, const tc_scene *s, const tc_plan_request *request) {
   plan_view(plan, volume, s);
   plan->surface = tc_surface_make(volume, s);
   plan->depth = request->want_depth;
   if (!s->mesh.n_surfaces || lists_labels(s)) plan_labels(plan, s);
   if (plan->key.labels || s->mesh.n_surfaces || tc_surface_exists(volume, s))
-    plan->key.shading = (uint8_t)s->shading.model;
+    plan->key.shading = (uint8_t)model_of(s);
   need_mesh(plan, request);
 }
 

@@ -100,6 +100,15 @@ typedef enum tc_surface_source {
   TC_SURFACE_SOURCE_COUNT
 } tc_surface_source;
 
+/* Light on surfaces. */
+typedef struct tc_mesh_light {
+  bool at_camera;
+  double direction[3]; /* to the light, LPS, when not at the camera */
+  double color[3], intensity;
+} tc_mesh_light;
+
+#define TC_MAX_LIGHTS 8
+
 /* All bytes of it count in a digest: made by g_new0(). */
 typedef struct tc_mesh_surface {
   tc_surface_source source;
@@ -111,6 +120,9 @@ typedef struct tc_mesh_surface {
   bool has_color; /* else that of its source: of the label, or isosurface.color */
   bool visible;
   bool two_sided; /* else what faces away from the eye is not drawn */
+  unsigned own_shading; /* bits of what follows, model first, that is its own; else shading's */
+  tc_shading_model model;
+  double ambient, diffuse, specular, shininess;
 } tc_mesh_surface;
 
 typedef struct tc_scene {
@@ -150,6 +162,8 @@ typedef struct tc_scene {
   struct {
     tc_mesh_surface *surfaces; size_t n_surfaces; /* as labels.colors; none: what isosurface and labels say */
     tc_shared *shared_surfaces;
+    tc_mesh_light lights[TC_MAX_LIGHTS]; /* of surfaces, added up; none: shading.light */
+    int n_lights;
     bool with_volume; /* dvr and mip draw the surfaces too, each where it is along the rays */
   } mesh;
   struct { double threshold[2]; double kernel_radius; char attribute[32]; bool opaque, culling; } splat;

@@ -287,6 +287,11 @@ static void pictures_are_equal_but_for_ties(void **unused) {
     if (round == 3) scene.sampling.rays_per_pixel = 4;
     if (round == 4) /* from the inside */
       test_scene_look(&scene, TC_PERSPECTIVE, (double[3]){-960, 345, 80}, (double[3]){-900, 380, 100}, 80);
+    if (round == 2) { /* two lights, one of them at the camera */
+      scene.mesh.lights[0] = (tc_mesh_light){.at_camera = true, .color = {1, 0.5, 0.2}, .intensity = 0.6};
+      scene.mesh.lights[1] = (tc_mesh_light){.direction = {30, -20, 10}, .color = {0.2, 0.6, 1}, .intensity = 1.2};
+      scene.mesh.n_lights = 2;
+    }
     if (round == 5) scene.image.linear_light = scene.image.transparent = true;
     expect_equal(volume, NULL, &scene);
     tc_scene_clear(&scene);

@@ -242,6 +242,16 @@ static void several_surfaces_are_one_picture(void **unused) {
   scene.mesh.surfaces[0].opacity = 0.5, scene.mesh.surfaces[1].color[2] = 1;
   frame = test_draw(which, labels, &scene, &request, &plan); /* colours and opacities: nothing is made */
   assert_true(plan.stages[TC_STAGE_MESH].ms == 0 && fabs(pixel_of(frame, 28)[2] - 0.5) < 0.01);
+  scene.shading.model = TC_SHADING_LAMBERT, scene.mesh.surfaces[1].own_shading = 3; /* model none; ambient is its own too */
+  frame = test_draw(which, labels, &scene, &request, NULL);
+  assert_true(fabs(pixel_of(frame, 28)[2] - 0.5) < 0.01 && pixel_of(frame, 12)[2] < 0.6 * palette[2][2]);
+  scene.mesh.surfaces[1].model = TC_SHADING_LAMBERT; /* facing the eye: ambient 0 and diffuse 0.7 */
+  frame = test_draw(which, labels, &scene, &request, NULL);
+  assert_true(fabs(pixel_of(frame, 28)[2] - 0.5 * scene.shading.diffuse) < 0.02);
+  scene.mesh.lights[0] = (tc_mesh_light){.direction = {0, -1, 0}, .color = {0, 0, 1}, .intensity = 0.5}, scene.mesh.n_lights = 1;
+  frame = test_draw(which, labels, &scene, &request, NULL);
+  assert_true(fabs(pixel_of(frame, 28)[2] - 0.25 * scene.shading.diffuse) < 0.02 && pixel_of(frame, 28)[1] < 0.01);
+  scene.shading.model = scene.mesh.surfaces[1].model = TC_SHADING_NONE, scene.mesh.n_lights = 0;
   scene.mesh.surfaces[1].visible = false, scene.mesh.surfaces[0].two_sided = true;
   frame = test_draw(which, labels, &scene, &request, &plan);
   assert_true(plan.stages[TC_STAGE_MESH].ms > 0 && fabs(pixel_of(frame, 28)[3] - 0.75) < 0.01); /* front and back of one */

@@ -64,7 +64,8 @@ static const char everything[] =
     "\"isosurface\":{\"value\":200,\"color\":[0.1,0.2,0.3]},\"mesh\":{\"surfaces\":[{\"value\":300,\"color\":[1,0,0],"
     "\"opacity\":0.5,\"visible\":true,\"twoSided\":false},{\"label\":7,\"opacity\":1,\"visible\":false,\"twoSided\":true},"
     "{\"mesh\":\"m1\",\"opacity\":1,\"visible\":true,\"twoSided\":true},{\"plane\":\"coronal\",\"opacity\":1,\"visible\":true,"
-    "\"twoSided\":true}],\"withVolume\":true},\"splat\":{\"threshold\":[10,20],\"kernelRadius\":2,"
+    "\"twoSided\":true,\"model\":\"lambert\",\"shininess\":5}],\"lights\":[{\"direction\":[0,1,0],\"color\":[1,0.5,0],\"intensity\":2},"
+    "{\"color\":[1,1,1],\"intensity\":0.5}],\"withVolume\":true},\"splat\":{\"threshold\":[10,20],\"kernelRadius\":2,"
     "\"attribute\":\"density\",\"opaque\":true,\"culling\":false},\"mpr\":{\"orientation\":\"oblique\","
     "\"center\":[1,2,3],\"normal\":[0,1,0],\"up\":[0,0,1],\"thickness\":5,\"projection\":\"minip\",\"zoom\":2},"
     "\"labels\":{\"volume\":\"seg\",\"opacity\":0.25,\"colors\":{\"1\":[1,0,0,1],\"4294967295\":[0,1,0,0.5]},"
@@ -164,6 +165,9 @@ static void refuses_values(void **state) {
       {"{\"mesh\":{\"surfaces\":[{\"opacity\":1}]}}", "/mesh/surfaces/0", "got none"},
       {"{\"mesh\":{\"surfaces\":[{\"value\":1},{\"value\":1,\"label\":2}]}}", "/mesh/surfaces/1", "got several"},
       {"{\"mesh\":{\"surfaces\":[{\"value\":1,\"opacity\":2}]}}", "/mesh/surfaces/0/opacity", "too large"},
+      {"{\"mesh\":{\"surfaces\":[{\"value\":1,\"specular\":2}]}}", "/mesh/surfaces/0/specular", "too large"},
+      {"{\"mesh\":{\"lights\":{}}}", "/mesh/lights", "an array of lights"},
+      {"{\"mesh\":{\"lights\":[{},{\"direction\":[0,0,0]}]}}", "/mesh/lights/1", "give the direction"},
       {"{\"mesh\":{\"surfaces\":[{\"label\":0}]}}", "/mesh/surfaces/0/label", "too small"},
       {"{\"mesh\":{\"surfaces\":[{\"plane\":\"axal\"}]}}", "/mesh/surfaces/0/plane", "did you mean \"axial\"?"},
       {"{\"mesh\":{\"surfaces\":[{\"value\":1,\"colour\":[0,0,0]}]}}", "/mesh/surfaces/0/colour", "did you mean \"color\"?"},

@@ -22,6 +22,7 @@ typedef struct drawing {
   int n_clip;
   tc_pool *pool;
   const tc_raster_surface *surfaces; /* NULL: one, opaque */
+  const tc_raster_look *looks;       /* two of them; NULL: one, with its light at the camera */
 } drawing;
 
 static bool runs(const char *isa) {
@@ -47,9 +48,10 @@ static bool try_draw(const tc_clusters *mesh, const drawing *d, picture *p, GErr
   const tc_raster_surface one_surface = {{1, 0.5f, 0.25f}, 1, d->one_sided};
   tc_mesh_view view;
   tc_mesh_view_set_up(&view, mesh, &d->camera, d->width, d->height, d->clip, d->n_clip);
+  const tc_raster_look look = {.shaded = d->shaded, .n_lights = 1, .lights = {{.at_camera = true, .color = {1, 1, 1}}},
+                               .factor = {0.2f, 0.7f}, .specular = d->samples > 1 ? 0.3f : 0, .shininess = 30};
   const tc_raster_job job = {.mesh = mesh, .view = &view, .kernels = tc_raster_kernels_named(d->isa ? d->isa : "scalar"),
-                             .look = {.shaded = d->shaded, .head_light = true, .factor = {0.2f, 0.7f},
-                                      .specular = d->samples > 1 ? 0.3f : 0, .shininess = 30},
+                             .looks = d->looks ? d->looks : &look, .n_looks = d->looks ? 2 : 1,
                              .surfaces = d->surfaces ? d->surfaces : &one_surface,
                              .n_samples = d->samples > 1 ? 5 : 1, .samples = d->samples > 1 ? several : one,
                              .forward = d->forward, .emit = keep, .user = p, .pool = d->pool};
@@ -476,6 +478,32 @@ static void nested_spheres_have_their_analytic_colours(void **unused) {
   test_free(p);
 }
 
+/* Lights of two colours add up, and a surface of another look has its own. */
+static void lights_add_up_and_surfaces_have_their_own(void **unused) {
+  picture *p = new_picture();
+  tc_mesh *meshes[2] = {spheres(90, 1, 40, 0), spheres(90, 1, 80, 0)};
+  tc_clusters *c = parts(meshes, 2);
+  const tc_raster_look looks[2] = {
+      {.shaded = true, .n_lights = 2, .factor = {0.25f, 0.5f}, .lights = {{.to = {1, 0, 0}, .color = {1, 0, 0}}, {.to = {0, 1, 0}, .color = {0, 0, 1.5f}}}},
+      {.shaded = false}};
+  const tc_raster_surface surfaces[2] = {{{1, 1, 1}, 1, true, .look = 0}, {{0, 1, 0}, 0.5f, true, .look = 1}};
+  for (int i = 0; i < 3; i++) {
+    const drawing d = {.camera = above, .width = 200, .height = 200, .isa = isas[i], .shaded = true, .surfaces = surfaces, .looks = looks};
+    if (!runs(isas[i])) continue;
+    draw(c, &d, p);
+    for (int y = 0; y < 200; y++)
+      for (int x = 0; x < 200; x++) {
+        const double right = (x + 0.5 - 100) / 40, down = (y + 0.5 - 100) / 40, r = hypot(right, down);
+        const float *got = p->linear[y * 200 + x];
+        if (r > 0.97 && (r < 1.03 || r > 1.95)) continue;
+        const double red = r < 1 ? 0.25 + 0.5 * fmax(right, 0) : 0, blue = r < 1 ? 0.25 + 0.75 * fmax(down, 0) : 0, green = r < 1 ? 0.25 : 0;
+        assert_true(fabs(got[0] - red / 2) < 4e-3 && fabs(got[2] - blue / 2) < 4e-3 && fabs(got[1] - green / 2 - 0.5) < 4e-3);
+      }
+  }
+  tc_clusters_free(c);
+  test_free(p);
+}
+
 enum { SOUP = 90 };
 
 static tc_mesh *soup_part(int part) {
@@ -637,7 +665,7 @@ int main(void) {
     TEST(what_is_far_from_the_patients_origin_looks_the_same), TEST(planes_cut_exactly),
     TEST(every_instruction_set_and_any_threads_draw_the_same_bits), TEST(nothing_is_shaded_that_nobody_sees),
     TEST(forward_shading_draws_the_same), TEST(light_follows_the_normals), TEST(what_nobody_can_see_is_in_no_cluster),
-    TEST(drawing_and_clustering_stop_at_any_look), TEST(nested_spheres_have_their_analytic_colours),
+    TEST(drawing_and_clustering_stop_at_any_look), TEST(nested_spheres_have_their_analytic_colours), TEST(lights_add_up_and_surfaces_have_their_own),
     TEST(layers_are_in_the_order_of_brute_force), TEST(many_layers_cost_what_is_seen_of_them),
     TEST(what_is_covered_is_known_before), TEST(parts_are_copied_whole)};
   return cmocka_run_group_tests_name("raster", tests, NULL, NULL);

@@ -21,11 +21,16 @@ typedef struct mesh_block {
   _Alignas(16) float right[4];
   float down[4], depth[4], window[4];
   float planes[12][4], offsets[TC_RASTER_SAMPLES][4];
-  float light[4], glow[2][4];
-  float factor[2], least, specular, shininess, reference, scale, inverse_scale;
-  float centre[2];
-  int32_t perspective, n_planes, n_samples, n_clusters, shaded, head_light, normals, several;
+  float centre[2], reference, scale, inverse_scale;
+  int32_t perspective, n_planes, n_samples, n_clusters, normals, several;
 } mesh_block;
+
+/* Surface of mesh_shade.glsl, std430. */
+typedef struct gl_surface {
+  float color[4], glow[2][4], factor[2], least, specular, shininess;
+  int32_t shaded, n_lights, unused;
+  float lights[TC_MAX_LIGHTS][2][4];
+} gl_surface;
 
 typedef struct drawing {
   const tc_gl_frame *gl;
@@ -38,7 +43,7 @@ typedef struct drawing {
   tc_gl_batch batch;
   bool translucent;
   /* GL names. ids, depths: a layer for each sample, of what is opaque; of translucent layers, their depths in turn. buffers:
-   * the block, surfaces' colours, what layers gave */
+   * the block, surfaces, what layers gave */
   unsigned vertices, target, ids[2], depths[3], buffers[3];
 } drawing;
 
@@ -152,15 +157,6 @@ static void set_window(const tc_mesh_view *v, const tc_clusters *mesh, float row
   copy_row(row, out);
 }
 
-static void set_look(mesh_block *b, const tc_mesh_view *v, const tc_raster_look *look) {
-  const double *rows[3] = {v->right, v->down, v->depth};
-  for (int r = 0; r < 3; r++)
-    for (int k = 0; k < 3; k++) b->light[r] += (float)rows[r][k] * look->light[k];
-  for (int i = 0; i < 2; i++) b->factor[i] = look->factor[i], memcpy(b->glow[i], look->glow[i], sizeof look->glow[i]);
-  b->least = look->least, b->specular = look->specular, b->shininess = look->shininess;
-  b->shaded = look->shaded, b->head_light = look->head_light;
-}
-
 static void set_block(drawing *d) {
   const tc_mesh_view *v = &d->of.view;
   mesh_block *b = &d->block;
@@ -174,7 +170,6 @@ static void set_block(drawing *d) {
       const float offset = rintf((float)(d->of.samples[s][k] + 0.5) * TC_VIEW_SUBPIXEL);
       b->offsets[s][k] = fminf(fmaxf(offset, 0), TC_VIEW_SUBPIXEL - 1) / TC_VIEW_SUBPIXEL;
     }
-  set_look(b, v, &d->of.raster.look);
   b->several = d->mesh->n_parts > 1;
   b->reference = (float)v->reference, b->scale = (float)v->scale, b->inverse_scale = (float)(1 / v->scale);
   b->centre[0] = (float)v->centre[0], b->centre[1] = (float)v->centre[1];
@@ -212,19 +207,30 @@ static void make_target(drawing *d, int side) {
   glCreateFramebuffers(1, &d->target);
 }
 
+static gl_surface gl_surface_of(const tc_raster_surface *s, const tc_raster_look *look) {
+  gl_surface to = {.least = look->least, .specular = look->specular, .shininess = look->shininess, .shaded = look->shaded,
+                   .n_lights = look->n_lights};
+  memcpy(to.color, s->color, sizeof s->color), to.color[3] = s->opacity;
+  memcpy(to.factor, look->factor, sizeof to.factor);
+  for (int i = 0; i < 2; i++) memcpy(to.glow[i], look->glow[i], sizeof look->glow[i]);
+  for (int i = 0; i < look->n_lights; i++) {
+    memcpy(to.lights[i][0], look->lights[i].to, sizeof look->lights[i].to);
+    memcpy(to.lights[i][1], look->lights[i].color, sizeof look->lights[i].color);
+    to.lights[i][0][3] = look->lights[i].at_camera;
+  }
+  return to;
+}
+
 static void make_buffers(drawing *d) {
   const size_t n = d->mesh->n_parts;
-  float(*colors)[4] = g_malloc0((n + 1) * sizeof *colors);
-  for (size_t i = 0; i < n; i++) {
-    memcpy(colors[i], d->of.surfaces[i].color, sizeof d->of.surfaces[i].color);
-    colors[i][3] = d->of.surfaces[i].opacity;
-  }
+  gl_surface *surfaces = g_new0(gl_surface, n + 1);
+  for (size_t i = 0; i < n; i++) surfaces[i] = gl_surface_of(&d->of.surfaces[i], &d->of.looks[d->of.surfaces[i].look]);
   const size_t layers = d->translucent ? LAYER * (size_t)d->progress->side * (size_t)d->progress->side : LAYER;
   glCreateBuffers(3, d->buffers);
   glNamedBufferStorage(d->buffers[2], (GLsizeiptr)(layers * sizeof(float)), NULL, 0);
   glNamedBufferStorage(d->buffers[0], sizeof d->block, &d->block, 0);
-  glNamedBufferStorage(d->buffers[1], (GLsizeiptr)((n + 1) * sizeof *colors), colors, 0);
-  g_free(colors);
+  glNamedBufferStorage(d->buffers[1], (GLsizeiptr)((n + 1) * sizeof *surfaces), surfaces, 0);
+  g_free(surfaces);
 }
 
 static void bind_all(drawing *d, const mesh_layout *l) {
@@ -437,12 +443,13 @@ static void warm(const tc_gl_frame *gl, int n_passes) {
   const mesh_layout l = lay_out(&mesh);
   tc_gl_lookup buffer = {.bytes = l.vertices + 32};
   tc_raster_surface surface = {.opacity = 1};
+  tc_raster_look look = {0};
   tc_sight sight = {0};
   tc_frame frame = {0};
   const tc_frame_job job = {.frame = &frame};
   tc_gl_frame own = *gl;
   tc_progress progress = {.side = (int)sqrt(gl->most)};
-  drawing d = {.gl = &own, .mesh = &mesh, .buffer = &buffer, .of.surfaces = &surface, .block.n_samples = 1, .sights = &sight,
+  drawing d = {.gl = &own, .mesh = &mesh, .buffer = &buffer, .of.surfaces = &surface, .of.looks = &look, .block.n_samples = 1, .sights = &sight,
                .progress = &progress, .batch.unit_ns = SOFTWARE_NS, .translucent = n_passes > 2};
   own.job = &job;
   glCreateBuffers(1, &buffer.buffer);

@@ -4,12 +4,8 @@ layout(std140, binding = 1) uniform Mesh {
   vec4 window;             // row: what is nearer has the larger depth in the buffer, 0..1, times the distance along the view
   vec4 planes[12];         // what is kept has plane . (p, 1) >= 0
   vec4 offsets[64];        // xy: of a sample from its pixel's left upper corner
-  vec4 light;              // to the light along right, down, forward
-  vec4 glow[2];
-  vec2 factor;
-  float least, specular, shininess;
-  float reference, scale, inverse_scale;
   vec2 centre;
+  float reference, scale, inverse_scale;
   int perspective, n_planes, n_samples, n_clusters;
-  int shaded, head_light, normals, several; // bool; several: surfaces
+  int normals, several; // bool; several: surfaces
 } mesh;

@@ -3,7 +3,16 @@ layout(binding = 0) uniform usampler2DArray triangles; // a layer for each sampl
 layout(std430, binding = 4) readonly buffer Vertices { uvec4 vertices[]; }; // bits of x, y, z; normal
 layout(std430, binding = 5) readonly buffer Indices { uint indices[]; };
 layout(std430, binding = 6) readonly buffer Clusters { uvec2 clusters[]; }; // first triangle; surface
-layout(std430, binding = 7) readonly buffer Colors { vec4 colors[]; }; // of surfaces: compositing space, opacity
+struct Light { vec4 to, color; }; // along right, down, forward; w: whether it is at the camera
+struct Surface { // raster.h
+  vec4 color; // compositing space, opacity
+  vec4 glow[2];
+  vec2 factor;
+  float least, specular, shininess;
+  int shaded, n_lights, unused;
+  Light lights[8];
+};
+layout(std430, binding = 7) readonly buffer Surfaces { Surface surfaces[]; };
 // Of each pixel, of one sample, what translucent layers gave so far: colour and opacity, 1 / mm from the eye to the nearest, and
 // how much they cover of what is behind.
 layout(std430, binding = 8) buffer Layers { float layers[]; };
@@ -30,27 +39,32 @@ vec3 normal(uvec4 vertex) { // octahedral
 
 float held(float x, float most) { return x > 0.0 ? min(x, most) : 0.0; } // 0 of what is no number
 
-vec4 color_of(uint triangle) {
+uint surface_of(uint triangle) {
   uint lo = 0u, hi = mesh.several != 0 ? uint(mesh.n_clusters) : 0u;
   while (hi - lo > 1u && hi > 0u) {
     uint middle = (lo + hi) / 2u;
     if (clusters[middle].x <= triangle) lo = middle; else hi = middle;
   }
-  return colors[mesh.several != 0 ? clusters[lo].y : 0u];
+  return mesh.several != 0 ? clusters[lo].y : 0u;
 }
 
-vec3 light_on(vec3 n, vec3 eye, vec3 color) {
-  float facing = dot(n, eye), lit = abs(facing), mirror = lit, glint = 0.0;
-  if (mesh.head_light == 0) {
-    float turn = facing < 0.0 ? -1.0 : 1.0;
-    vec3 halfway = eye + mesh.light.xyz;
-    lit = turn * dot(n, mesh.light.xyz);
-    mirror = turn * dot(n, halfway / max(length(halfway), 1e-20));
+vec3 light_on(vec3 n, vec3 eye, uint s) {
+  float facing = dot(n, eye), turn = facing < 0.0 ? -1.0 : 1.0;
+  vec3 q = vec3(0.0), glint = vec3(0.0);
+  for (int i = 0; i < surfaces[s].n_lights; i++) {
+    vec4 to = surfaces[s].lights[i].to;
+    float lit = abs(facing), mirror = lit;
+    if (to.w == 0.0) {
+      vec3 halfway = eye + to.xyz;
+      lit = turn * dot(n, to.xyz);
+      mirror = turn * dot(n, halfway / max(length(halfway), 1e-20));
+    }
+    if (surfaces[s].specular > 0.0 && lit > 0.0)
+      glint += surfaces[s].lights[i].color.rgb * (surfaces[s].specular * exp2(surfaces[s].shininess * log2(clamp(mirror, 1e-30, 1.0))));
+    q += surfaces[s].lights[i].color.rgb * max(lit, surfaces[s].least);
   }
-  if (mesh.specular > 0.0 && lit > 0.0)
-    glint = mesh.specular * exp2(mesh.shininess * log2(clamp(mirror, 1e-30, 1.0)));
-  float q = max(lit, mesh.least);
-  return clamp(color * (mesh.factor.x + mesh.factor.y * q) + (mesh.glow[0].rgb + mesh.glow[1].rgb * q) + glint, 0.0, 1.0);
+  return clamp(surfaces[s].color.rgb * (surfaces[s].factor.x + surfaces[s].factor.y * q) +
+               (surfaces[s].glow[0].rgb + surfaces[s].glow[1].rgb * q) + glint, 0.0, 1.0);
 }
 
 // The triangle's colour where the ray through `at` meets it, and how far that is.
@@ -69,11 +83,11 @@ vec3 shade(uint triangle, vec2 at, out float distance) {
   float inverse = 1.0 / dot(ab, side);
   float b = held(dot(from, side) * inverse, 1.0), c = held(dot(ray, other) * inverse, 1.0 - b);
   distance = (p[0].z + mesh.reference + (b * ab.z + c * ac.z)) * length(ray);
-  vec3 color = color_of(triangle).rgb;
-  if (mesh.shaded == 0)
-    return color;
+  uint s = surface_of(triangle);
+  if (surfaces[s].shaded == 0)
+    return surfaces[s].color.rgb;
   vec3 n = mesh.normals != 0 ? turned((1.0 - b - c) * normal(v[0]) + b * normal(v[1]) + c * normal(v[2])) : cross(ab, ac);
-  return light_on(n / max(length(n), 1e-20), -ray / length(ray), color);
+  return light_on(n / max(length(n), 1e-20), -ray / length(ray), s);
 }
 
 uint seen(ivec2 place, int s) { return texelFetch(triangles, ivec3(place, s), 0).r; }
@@ -105,7 +119,7 @@ void main() {
         n++, middle += mesh.offsets[i].xy;
     float share = left * n / float(mesh.n_samples);
     if (phase == 1) {
-      float opacity = color_of(triangle).a;
+      float opacity = surfaces[surface_of(triangle)].color.a;
       layers[layer + 5u] = 1.0 - left * (1.0 - opacity);
       share *= opacity;
     }
