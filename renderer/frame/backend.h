@@ -54,7 +54,7 @@ typedef struct tc_frame_job {
   struct tc_building *building; /* as in tc_render_request */
   double pixel_samples; /* upper bound of the samples of one pixel (tc_estimate_samples()); 0: unknown */
   const char *isa; /* instruction set of the cpu back end, where the cpu draws */
-  const float (*spans)[2]; /* [frame's height][width]: the cpu casts rays between these, mm from the eye; NULL: whole ones */
+  const float (*spans)[2]; /* [frame's height][width]: rays are cast between these, mm from the eye; NULL: whole ones */
   uint64_t spare_bytes; /* memory that drawing may use beside the frame's buffers */
   bool want_linear;
   bool forward; /* as in tc_render_request */
@@ -91,8 +91,9 @@ typedef struct tc_backend_ops {
  * render() above. */
 typedef bool (*tc_drawer)(tc_pool *pool, const tc_frame_job *job, GError **error);
 extern const tc_drawer tc_drawers[TC_MODE_COUNT];
-/* Modes dvr and mip with surfaces in the volume (tc_mesh_is_within()). cpu: the instance of the cpu back end. */
-bool tc_mesh_within_draw(tc_pool *pool, void *cpu, const tc_frame_job *job, GError **error);
+/* Modes dvr and mip with surfaces in the volume (tc_mesh_is_within()): the pool finds the surfaces, a back end's instance
+ * casts the rays. */
+bool tc_mesh_within_draw(tc_pool *pool, const tc_backend_ops *ops, void *instance, const tc_frame_job *job, GError **error);
 bool tc_mesh_frame_draw(tc_pool *pool, const tc_frame_job *job, GError **error); /* mode mesh */
 
 extern const tc_backend_ops tc_cpu_backend;

@@ -23,6 +23,8 @@ typedef enum phase { FIND, CAST, COMPOSITE, PUT } phase;
 typedef struct within {
   const tc_frame_job *job;
   tc_pool *pool;
+  const tc_backend_ops *ops; /* who casts rays */
+  void *instance;
   size_t pixels;
   phase phase;
   int ray;
@@ -189,7 +191,7 @@ static bool finish_rows(within *w, GError **error) {
   return true;
 }
 
-static bool cast_part(within *w, void *instance, GError **error) {
+static bool cast_part(within *w, GError **error) {
   const tc_render_request request = {.want_linear = true, .resume = true};
   tc_frame_stats *stats = &w->job->frame->stats;
   tc_rays one = *w->job->rays;
@@ -200,7 +202,7 @@ static bool cast_part(within *w, void *instance, GError **error) {
   job.spans = (const float(*)[2])w->span;
   job.key.coherence = 0;
   if (!tc_frame_begin(&w->part, job.plan->width, job.plan->height, &request, error)) return false;
-  const bool drawn = tc_cpu_backend.render(instance, &job, &failure);
+  const bool drawn = w->ops->render(w->instance, &job, &failure);
   w->part.progress->paused = g_error_matches(failure, TC_ERROR, TC_ERROR_PAUSED);
   if (failure) g_propagate_error(error, failure);
   if (!drawn) return false;
@@ -244,7 +246,7 @@ static within *resume(const tc_frame_job *job, GError **error) {
 }
 
 /* The phase, from where it was left; then *next. */
-static bool run_phase(within *w, void *cpu, const tc_mesh_job *mesh, phase *next, GError **error) {
+static bool run_phase(within *w, const tc_mesh_job *mesh, phase *next, GError **error) {
   switch (w->phase) {
   case FIND:
     *next = CAST;
@@ -252,7 +254,7 @@ static bool run_phase(within *w, void *cpu, const tc_mesh_job *mesh, phase *next
   case CAST:
     *next = COMPOSITE;
     atomic_store(&w->more, false);
-    return cast_part(w, cpu, error);
+    return cast_part(w, error);
   case COMPOSITE:
     if (!finish_rows(w, error)) return false;
     w->parts++;
@@ -288,18 +290,18 @@ static void account(const within *w, tc_progress *progress) {
   progress->ahead = (w->ray + share_of_ray(w)) / w->job->rays->count;
 }
 
-bool tc_mesh_within_draw(tc_pool *pool, void *cpu, const tc_frame_job *job, GError **error) {
+bool tc_mesh_within_draw(tc_pool *pool, const tc_backend_ops *ops, void *instance, const tc_frame_job *job, GError **error) {
   within *w = resume(job, error);
   tc_mesh_job mesh;
   if (!w || !tc_mesh_job_begin(&mesh, job, error)) return false;
   tc_progress *progress = job->frame->progress;
-  w->job = job, w->pool = pool;
+  w->job = job, w->pool = pool, w->ops = ops, w->instance = instance;
   const int64_t before = position(w);
   bool drawn = true, done = false;
   while (drawn && !done) {
     phase next = PUT;
     done = w->phase == PUT;
-    drawn = run_phase(w, cpu, &mesh, &next, error);
+    drawn = run_phase(w, &mesh, &next, error);
     progress->rays_ahead += drawn;
     if (drawn) w->phase = next;
   }

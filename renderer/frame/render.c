@@ -116,7 +116,6 @@ static bool choose_drawer(drawing *d, bool heard, GError **error) {
   d->instance = r->instance;
   const bool rays = !tc_drawers[scene->mode];
   if (!rays) d->facts.refused = r->ops->refuses ? r->ops->refuses(r->instance, scene) : NULL;
-  if (tc_mesh_is_within(scene) && r->ops->refuses) d->facts.refused = "surfaces in a volume are drawn by the cpu";
   if (heard && d->ops->deaf_ms && rays) deaf_ms = d->ops->deaf_ms(d->instance, d->job.pixel_samples);
   if (deaf_ms > MOST_DEAF_MS) {
     d->facts.deaf = r->ops->name;
@@ -260,7 +259,7 @@ static bool check_table(const tc_render_request *q, GError **error) {
 static bool draw_by_cpu(drawing *d, void *instance, GError **error) {
   const tc_drawer drawer = tc_drawers[d->plan.key.mode];
   d->job.isa = tc_cpu_backend.isa(instance);
-  if (tc_mesh_is_within(d->job.scene)) return tc_mesh_within_draw(d->r->pool, instance, &d->job, error);
+  if (tc_mesh_is_within(d->job.scene)) return tc_mesh_within_draw(d->r->pool, &tc_cpu_backend, instance, &d->job, error);
   return drawer ? drawer(d->r->pool, &d->job, error) : tc_cpu_backend.render(instance, &d->job, error);
 }
 
@@ -299,7 +298,11 @@ static bool draw(drawing *d, bool hurry, GError **error) {
   if (hurried) return draw_by_stand_in(d, error);
   if (!is_ready(d, hurry && !begun))
     return hurry && !begun ? draw_by_stand_in(d, error) : tc_halt_say(d->job.halt, error);
-  const bool drawn = d->ops->render(d->instance, &d->job, error);
+  const bool within = tc_mesh_is_within(d->job.scene);
+  if (within && !stand_in(d->r, error)) return false;
+  if (within) d->job.isa = tc_cpu_backend.isa(d->r->stand_in); /* of the rasteriser */
+  const bool drawn = within ? tc_mesh_within_draw(d->r->pool, d->ops, d->instance, &d->job, error)
+                            : d->ops->render(d->instance, &d->job, error);
   const double took = d->stats->tables_ms - before; /* what the back end built */
   if (took > 0) tc_resources_took(r->resources, TC_RESOURCE_TABLE, d->job.have.table, took);
   d->facts.ms[TC_RESOURCE_TABLE] += took;

@@ -375,6 +375,39 @@ static void labels_have_their_colours(void **unused) {
   tc_volume_unref(labels);
 }
 
+/* Surfaces within the volume, in dvr and mip: gl casts the rays' parts, and gives the cpu's picture. */
+static void surfaces_within_a_volume_are_the_cpus(void **unused) {
+  needs(test_renderers[GL]);
+  tc_volume *volume = waves();
+  const tc_mesh_surface list[] = {
+      {.value = 0.45, .color = {0.9, 0.3, 0.2}, .opacity = 0.3, .has_color = true, .visible = true, .two_sided = true},
+      {.value = 0.7, .color = {0.8, 0.8, 1}, .opacity = 1, .has_color = true, .visible = true, .two_sided = true}};
+  const tc_knot fog[2] = {{0, {0.2, 0.4, 0.6}, 0.002}, {1, {0.9, 0.4, 0.1}, 0.05}};
+  for (int round = 0; round < 3; round++) {
+    tc_scene scene;
+    tc_explanation plan;
+    mesh_scene(&scene, volume, round == 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE);
+    scene.mode = round == 1 ? TC_MODE_MIP : TC_MODE_DVR;
+    scene.window.center = 0.5, scene.window.width = 1;
+    scene.sampling.rays_per_pixel = round == 2 ? 2 : 1;
+    test_scene_knots(&scene, TC_KNOT_EXTINCTION, fog, 2);
+    tc_scene_set_surfaces(&scene, g_memdup2(list, sizeof list), 2);
+    scene.mesh.with_volume = true;
+    const tc_frame *gl = test_draw(GL, volume, &scene, NULL, &plan), *cpu = test_draw(test_widest(), volume, &scene, NULL, NULL);
+    int off = 0, seen = 0;
+    for (int i = 0; i < PIXELS; i++) {
+      int worst = 0;
+      for (int c = 0; c < 4; c++) worst = MAX(worst, abs(gl->rgba[4 * i + c] - cpu->rgba[4 * i + c]));
+      off += worst > 1, seen += cpu->linear[4 * i + 3] > 0;
+    }
+    print_message("  %d of %d pixels off by more than 1/255\n", off, seen);
+    assert_true(seen > PIXELS / 5 && off <= PIXELS / 2000 && !gl->stats.stand_in && g_str_has_suffix(plan.kernel, ".gl"));
+    if (round == 0) assert_true(test_resumes(GL, volume, &scene) >= 2);
+    tc_scene_clear(&scene);
+  }
+  tc_volume_unref(volume);
+}
+
 static void frames_stop_and_go_on_to_the_same_picture(void **unused) {
   needs(test_renderers[GL]);
   tc_volume *volume = waves();
@@ -388,6 +421,6 @@ static void frames_stop_and_go_on_to_the_same_picture(void **unused) {
 int main(void) {
   const struct CMUnitTest tests[] = {TEST(pictures_are_equal_but_for_ties), TEST(another_picture_is_no_tie),
     TEST(labels_have_their_colours), TEST(a_mesh_too_large_for_a_buffer_is_refused), TEST(translucent_layers_are_sorted),
-    TEST(frames_stop_and_go_on_to_the_same_picture)};
+    TEST(surfaces_within_a_volume_are_the_cpus), TEST(frames_stop_and_go_on_to_the_same_picture)};
   return cmocka_run_group_tests_name("meshes through OpenGL", tests, test_renderers_open, test_renderers_close);
 }

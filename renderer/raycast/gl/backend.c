@@ -12,6 +12,7 @@
 #include "renderer/frame/frame.h"
 #include "renderer/gl/program.h"
 #include "renderer/gl/ring.h"
+#include "renderer/mesh/surfaces.h"
 #include "renderer/raycast/gl/job.h"
 #include "renderer/raycast/gl/pace.h"
 #include "renderer/raycast/gl/passes.h"
@@ -47,6 +48,8 @@ typedef struct gl_backend {
   tc_gl_builder builder;
   tc_gl_ring ring;
   unsigned job_buffer; /* the uniform block Job */
+  unsigned spans;      /* buffer of the job's, of size spans_bytes */
+  size_t spans_bytes;
   uint16_t textures_bound; /* texture_traits() of them */
   tc_gl_pace pace;
   double gpu_ms; /* of the last frame */
@@ -104,6 +107,7 @@ static void destroy(void *instance) {
     tc_gl_builder_clear(&b->builder);
     tc_gl_program_clear(&b->programs);
     glDeleteBuffers(1, &b->job_buffer);
+    glDeleteBuffers(1, &b->spans);
   }
   tc_gl_context_free(b->context);
   g_free(b);
@@ -177,7 +181,9 @@ static tc_gl_variant variant_for(const gl_backend *b, const tc_frame_job *job, c
   if (volume && !b->pace.hardware) v.textures = b->textures_bound;
   v.linear_light = tc_resolve_is_linear(job->scene);
   v.transparent = job->scene->image.transparent;
-  v.want_linear = job->want_linear;
+  v.within = tc_mesh_is_within(job->scene); /* its parts are cast ray by ray, and composited as floats */
+  v.want_linear = job->want_linear || v.within;
+  if (v.within) v.plan.coherence = 0;
   v.want_depth = job->plan->depth;
   if (job->have.labels) {
     tc_voxel_type type = tc_volume_describe(job->label_volume)->type;
@@ -325,6 +331,20 @@ static bool render_passes(gl_backend *b, const tc_frame_job *job, GError **error
   return tc_gl_ring_reserve(&b->ring, tc_gl_slot_bytes(job, b->pace.most), has_clock, error) && drawer->draw(&frame, error);
 }
 
+/* Where rays begin and end, for WITHIN of main.glsl. */
+static void bind_spans(gl_backend *b, const tc_frame_job *job, unsigned program) {
+  const size_t bytes = (size_t)job->frame->width * (size_t)job->frame->height * sizeof *job->spans;
+  if (bytes > b->spans_bytes) {
+    glDeleteBuffers(1, &b->spans);
+    glCreateBuffers(1, &b->spans);
+    glNamedBufferStorage(b->spans, (GLsizeiptr)bytes, NULL, GL_DYNAMIC_STORAGE_BIT);
+    b->spans_bytes = bytes;
+  }
+  glNamedBufferSubData(b->spans, 0, (GLsizeiptr)bytes, job->spans);
+  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 4, b->spans);
+  glProgramUniform1i(program, 1, job->frame->width);
+}
+
 static bool render(void *instance, const tc_frame_job *job, GError **error) {
   gl_backend *b = instance;
   if (b->lost) {
@@ -340,6 +360,7 @@ static bool render(void *instance, const tc_frame_job *job, GError **error) {
   if (!program || !tc_gl_ring_reserve(&b->ring, tc_gl_slot_bytes(job, b->pace.most), has_clock, error))
     return false;
   glUseProgram(program);
+  if (job->spans) bind_spans(b, job, program);
   tc_progress *progress = job->frame->progress;
   int tile[4] = {0};
   return run_tiles(b, program, job, progress ? progress->tile : tile, error) && tc_gl_check("frame", error);

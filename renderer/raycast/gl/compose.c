@@ -169,14 +169,14 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
            "#define LABELLED %d\n#define LABELS %s\n"
            "#define NEAREST %d\n#define SEVERAL %d\n#define JITTER %d\n#define PHASE %d\n#define COHERENT %d\n"
            "#define POST %d\n#define LINEARIZED %d\n#define SECOND_ORDER %d\n#define DEPTH %d\n"
-           "#define PEAK_ROUNDS %d\n",
+           "#define PEAK_ROUNDS %d\n#define WITHIN %d\n",
            sampler_type(v), v->atlas, v->plan.termination, v->plan.skipping, v->plan.slab, v->plan.clipping,
            v->plan.shading != TC_SHADING_NONE, has_slopes(v), v->plan.subtables, v->plan.stiff,
            v->plan.labels, v->label_signed ? "isampler2DArray" : "usampler2DArray",
            v->plan.filter == TC_FILTER_NEAREST, v->plan.rays, v->plan.jitter,
            v->plan.mode == TC_MODE_DVR && (v->plan.rays || v->plan.jitter),
            v->plan.coherence, v->plan.classification == TC_POST, v->plan.classification == TC_LINEARIZED,
-           v->plan.classification == TC_PREINTEGRATED2, v->want_depth, TC_PEAK_ROUNDS);
+           v->plan.classification == TC_PREINTEGRATED2, v->want_depth, TC_PEAK_ROUNDS, v->within);
   add_text(&c, literals);
   if (!mesh && !splat) add_rays(&c, v);
   if (splat) add_splat(&c, v);

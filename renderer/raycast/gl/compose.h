@@ -19,6 +19,7 @@ typedef struct tc_gl_variant {
   uint8_t want_depth;   /* 0/1: writes depths of an isosurface too */
   uint8_t label_signed; /* 0/1: the label volume's voxels are signed */
   uint16_t textures;    /* of a driver in software: what its machine code depends on besides (texture_traits() of backend.c) */
+  uint8_t within;       /* 0/1: rays begin and end where the job's spans say */
   uint8_t pass;         /* of a mode that is drawn in several (tc_gl_drawer), which; 0: the last, which gives the picture */
 } tc_gl_variant;
 

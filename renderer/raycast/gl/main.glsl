@@ -37,6 +37,11 @@ layout(std430, binding = 3) writeonly buffer Depth { float depths[]; }; // [h][w
 float nearest; // depth of the pixel's nearest hit
 #endif
 
+#if WITHIN
+layout(std430, binding = 4) readonly buffer Spans { vec2 spans[]; }; // [h][w] of the picture, mm from the eye
+layout(location = 1) uniform int spans_width;
+#endif
+
 // The ray through a point of the picture, and its span; eye: mm from the anchor.
 vec2 start_ray(vec2 at, out vec3 anchor, out vec3 direction, out float eye) {
   set_ray(at, anchor, direction, eye);
@@ -55,6 +60,10 @@ vec4 trace(ivec2 pixel, int ray) {
   at += job.rays.of_pixel[ray].xy;
 #endif
   vec2 span = start_ray(at, anchor, direction, eye);
+#if WITHIN
+  vec2 part = spans[pixel.y * spans_width + pixel.x] + eye;
+  span = vec2(max(span.x, part.x), min(span.y, part.y));
+#endif
   if (span.y <= span.x)
     return vec4(0.0);
 #if PHASE
