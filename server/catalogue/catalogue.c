@@ -89,7 +89,7 @@ static void forget(tcs_catalogue *catalogue, tcs_entry *entry) {
 bool tcs_catalogue_may_load(tcs_catalogue *catalogue, tcs_kind kind, const char *id, const char *client,
                             GError **error) {
   if (!tcs_id_valid(id)) {
-    tc_set_error(error, TC_ERROR_INVALID, "/id", "a %s id is 1 to 64 of letters, digits, '.', '_', '-'",
+    tc_set_error(error, TC_ERROR_INVALID, "/id", "a %s id is 1 to 64 of letters, digits, '.', '_', '-', not dots alone",
                  tcs_kind_names[kind]);
     return false;
   }

@@ -106,7 +106,7 @@ void tcs_config_clear(tcs_config *config) {
 
 bool tcs_id_valid(const char *id) {
   const size_t length = strlen(id);
-  if (length < 1 || length > 64) return false;
+  if (length < 1 || length > 64 || strspn(id, ".") == length) return false;
   for (const char *c = id; *c; c++)
     if (!g_ascii_isalnum(*c) && !strchr("._-", *c)) return false;
   return true;
@@ -136,7 +136,7 @@ bool tcs_config_volume(tcs_config *config, const char *text, GError **error) {
   char *id = g_strndup(text, equals ? (size_t)(equals - text) : 0);
   if (!equals || !tcs_id_valid(id) || !equals[1]) {
     tc_set_error(error, TC_ERROR_INVALID, NULL,
-                 "--volume %s: give ID=PATH; an ID is 1 to 64 of letters, digits, '.', '_', '-'", text);
+                 "--volume %s: give ID=PATH; an ID is 1 to 64 of letters, digits, '.', '_', '-', not dots alone", text);
     g_free(id);
     return false;
   }

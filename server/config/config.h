@@ -87,7 +87,7 @@ bool tcs_config_volume(tcs_config *config, const char *text, GError **error);
 bool tcs_config_data(tcs_config *config, const char *path, GError **error);
 bool tcs_config_backend(tcs_config *config, const char *text, GError **error);
 
-/* Volume ids: 1..64 of letters, digits, '.', '_', '-'. */
+/* Volume ids: 1..64 of letters, digits, '.', '_', '-'; not dots alone, which URL parsers take out of a path. */
 bool tcs_id_valid(const char *id);
 
 #endif

@@ -244,6 +244,12 @@ bool tcs_body_acceptable(tcs_request *request) {
   const tcs_body body = request->route->body;
   const char *type = tcs_header(request, "Content-Type"), *length = tcs_header(request, "Content-Length");
   if (body == TCS_BODY_NONE) return true;
+  const char *coding = tcs_header(request, "Content-Encoding");
+  if (coding && g_ascii_strcasecmp(coding, "identity") != 0) {
+    tcs_reply_problem(request, 415, "content-type", "Unsupported media type", "send the body without Content-Encoding");
+    tcs_reply_header(request, "Accept-Encoding", "identity");
+    return false;
+  }
   const bool json = type_is(type, "application/json");
   if ((body == TCS_BODY_JSON && !json) ||
       (body == TCS_BODY_PATCH && !json && !type_is(type, "application/merge-patch+json"))) {

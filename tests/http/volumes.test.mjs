@@ -213,9 +213,11 @@ test('bad load requests name what is wrong', async () => {
   problem(await d.post('/v1/volumes', { id: 'x' }), 422, '/path');
   problem(await d.post('/v1/volumes', { id: 7, path: 'ball.nrrd' }), 422, '/id');
   problem(await d.post('/v1/volumes', [1]), 422);
-  for (const id of ['', 'a/b', 'a b', 'é', 'x'.repeat(65)]) problem(await d.post('/v1/volumes', { id, path: 'ball.nrrd' }), 422, '/id');
+  for (const id of ['', '.', '..', 'a/b', 'a b', 'é', 'x'.repeat(65)]) problem(await d.post('/v1/volumes', { id, path: 'ball.nrrd' }), 422, '/id');
   problem(await d.call('POST', '/v1/volumes', { body: '{', type: 'application/json' }), 400);
   problem(await d.call('POST', '/v1/volumes', { body: '{}', type: 'text/plain' }), 415);
+  for (const [method, path] of [['POST', ''], ['PUT', '/packed']])
+    problem(await d.call(method, `/v1/volumes${path}`, { body: '{}', type: 'application/json', headers: { 'content-encoding': 'gzip' } }), 415);
 });
 
 test('an upload becomes a volume and leaves no file', async () => {
