@@ -38,7 +38,8 @@ async function ramp(options, place, one) {
 
 /**
  * Four alone, four beside a fifth, four beside each bad client; each on a daemon of its own. All of it as often as
- * --rounds says: a row is made of all its runs, so that one hiccup of the machine does not decide it.
+ * --rounds says, in turns: a row is made of all its runs, so that one hiccup of the machine, which is 1 % of a run, does not
+ * decide it.
  */
 async function attack(options, on, one, found) {
   await on({}, (place) => one(place, { clients: ORDINARY, name: 'four alone' }));
@@ -59,9 +60,11 @@ async function attack(options, on, one, found) {
 export function row(name, runs, beside) {
   const latencyMs = summary(runs.flatMap(({ waits }) => waits)), ordinary = summary(beside.flatMap(({ waits }) => waits));
   const most = (of) => runs.map(of).reduce((a, b) => (b > a || a === null ? b : a), null);
+  const p99 = ({ waits }) => summary(waits).p99;
   const last = runs.at(-1);
   return {
     name, says: BAD[name].says, runs: runs.length, latencyMs, unanswered: sum(runs.map(({ unanswered }) => unanswered)), ordinaryP99: ordinary.p99,
+    eachP99: { row: runs.map(p99), ordinary: beside.map(p99) },
     ratio: ordinary.p99 ? round(latencyMs.p99 / ordinary.p99, 2) : null,
     healthMs: { p99: most(({ healthMs }) => healthMs.p99), max: most(({ healthMs }) => healthMs.max) },
     loopLagMs: together(runs.map(({ loopLagMs }) => loopLagMs)), loopCpuMs: together(runs.map(({ loopCpuMs }) => loopCpuMs)),

@@ -32,7 +32,7 @@ How
   --apart               each client comes from an address of its own, as X-Forwarded-For says it, which one of
                         our own believes; else all are one peer, whose clients share equally
   --repeat N            the ordinary comparison anew before every Nth bad client (default 4)
-  --rounds N            all of it N times; a row is made of all its runs (default 1)
+  --rounds N            all of it N times; a row is made of all its runs (default 3)
   --capacity            1, 4, 16 and 64 clients on demo:head, the table in README.md made anew
 
 What comes out
@@ -73,7 +73,7 @@ export function readOptions(args) {
     binary: values.binary, backend: values.backend ?? 'auto', volume: values.volume, clients: readClients(values.clients ?? '4'),
     seconds: number('seconds', 10, 0.5, MOST_SECONDS), image: { width: Number(size[1]), height: Number(size[2]) },
     rate: number('rate', 60, 0.1, 240), dragMs: number('drag', 2000, 1, 1e6), thinkMs: number('think', 500, 0, 1e6),
-    path: values.path, record: values.record, bad: readBad(values.bad), repeat: number('repeat', 4, 1, 100), rounds: Math.round(number('rounds', 1, 1, 100)),
+    path: values.path, record: values.record, bad: readBad(values.bad), repeat: number('repeat', 4, 1, 100), rounds: Math.round(number('rounds', 3, 1, 100)),
     rest: values.rest ? { perSecond: number('rest', 0, 0.1, 500), mix: readMix(values.mix ?? REST_MIX) } : null,
     apart: values.apart ?? false, capacity: values.capacity ?? false, output: values.output,
   };

@@ -1,6 +1,7 @@
 // Results as Markdown and as lines for a terminal.
 
 const show = (value, digits = 0) => (value === null || value === undefined ? '–' : typeof value === 'number' ? value.toFixed(digits) : String(value));
+const each = (list) => list.map((value) => show(value)).join(', ');
 const lines = (head, rows) => [head, head.map(() => '---'), ...rows].map((cells) => `| ${cells.join(' | ')} |`).join('\n');
 
 export function runLine(run) {
@@ -22,10 +23,10 @@ export function rampTable(runs) {
 
 /** What four ordinary clients get beside each bad one. */
 export function badTable(table) {
-  const head = ['beside', 'p50, ms', 'p99, ms', 'max, ms', 'p99 / ordinary p99', 'unanswered', '/healthz p99, ms', 'max, ms',
+  const head = ['beside', 'p50, ms', 'p99, ms', 'max, ms', 'p99 / ordinary p99', 'p99 of each run', 'of each ordinary one', 'unanswered', '/healthz p99, ms', 'max, ms',
     'loop lag p99, ms', 'max, ms', 'of it CPU p99, ms', 'max, ms', 'peak, MiB', 'Jain', 'ends in, s'];
   return lines(head, table.map((row) => [
-    row.name, show(row.latencyMs.p50), show(row.latencyMs.p99), show(row.latencyMs.max), show(row.ratio, 2), row.unanswered,
+    row.name, show(row.latencyMs.p50), show(row.latencyMs.p99), show(row.latencyMs.max), show(row.ratio, 2), each(row.eachP99.row), each(row.eachP99.ordinary), row.unanswered,
     show(row.healthMs.p99, 1), show(row.healthMs.max, 1), show(row.loopLagMs?.p99, 1), show(row.loopLagMs?.max, 1), show(row.loopCpuMs?.p99, 1), show(row.loopCpuMs?.max, 1), show(row.peakMiB),
     show(row.jainRenderMs, 3), row.ended ? `${show(row.ended.seconds, 1)}${row.ended.killed ? ' (killed)' : row.ended.died ? ' (died)' : ''}` : '–',
   ]));
