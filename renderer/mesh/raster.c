@@ -13,7 +13,9 @@
 #define LOOK 8       /* clusters between two looks at the halt */
 #define BUCKETS 256  /* of nearness, a tile's clusters are sorted into */
 #define MOST_LAYERS (1 << 18) /* that are sorted at once, but of a single row: of more, fewer rows are */
-#define MOST_ROW (1 << 24)    /* layers of a row of a tile, and of a tile that are handed out: more are refused */
+#define MOST_ROW (1 << 21)    /* layers of a row of a tile, 24 bytes each: more are refused */
+#define MOST_SEEN (1 << 22)   /* layers of a tile that are handed out: more are refused */
+#define MANY 1024             /* layers of a pixel before which the halt is looked at */
 #define SEEN_THROUGH (1.0f / 4096) /* a share of a sample's light below this is nobody's */
 
 typedef struct worker {
@@ -219,7 +221,9 @@ static void shade_cluster(drawing *d, worker *w, uint32_t cluster, block_range r
   shade_fragments(d, w);
 }
 
-static bool is_too_much(const tc_raster_tile *t) { return t->layers && t->layers->n > MOST_LAYERS && t->height > 1; }
+static bool is_too_much(const tc_raster_tile *t) {
+  return t->layers && t->layers->n > (t->height > 1 ? MOST_LAYERS : MOST_ROW);
+}
 
 /* Those of a tile's clusters that are opaque, or the others, into the rows of `to`, which is the tile or a part of it.
  * Gives back how many it came through; less than n: left, or too much. */
@@ -247,7 +251,9 @@ static size_t draw_clusters(drawing *d, worker *w, size_t n, tc_raster_tile *to)
 
 /* ---- translucent layers ---- */
 
-static bool make_room(tc_raster_layers *layers, size_t room) {
+/* For so many and a quarter more. */
+static bool make_room(tc_raster_layers *layers, size_t n) {
+  const size_t room = n + n / 4 < MOST_ROW ? n + n / 4 : MOST_ROW;
   tc_raster_layer *of = realloc(layers->of, 2 * room * sizeof *of);
   if (of) layers->of = of, layers->room = room;
   return of != NULL;
@@ -314,7 +320,7 @@ static void keep_seen(drawing *d, worker *w) {
   const tc_raster_fragments *f = &w->fragments;
   if (w->n_seen + TC_RASTER_BATCH > w->seen_room) {
     const size_t room = 2 * w->seen_room + TC_RASTER_PIXELS;
-    tc_raster_seen *seen = room <= 2 * (size_t)MOST_ROW ? realloc(w->seen, room * sizeof *seen) : NULL;
+    tc_raster_seen *seen = room <= MOST_SEEN ? realloc(w->seen, room * sizeof *seen) : NULL;
     if (seen)
       w->seen = seen, w->seen_room = room;
     else
@@ -423,9 +429,10 @@ static bool shade_rows(drawing *d, worker *w, int y0, int y1) {
   for (int y = y0; y < y1; w->rows = ++y) {
     if (tc_halt_within(tc_pool_halt(d->job->pool))) return false;
     for (int x = 0; x < w->tile.width; x++) {
-      const int pixel = (y - y0) * TC_RASTER_SIDE + x;
-      if (of && first[pixel + 1] > first[pixel])
-        add_layers(d, w, x, y, of + first[pixel], first[pixel + 1] - first[pixel]);
+      const uint32_t *at = first + (y - y0) * TC_RASTER_SIDE + x;
+      if (of && at[1] - at[0] > MANY && tc_halt_within(tc_pool_halt(d->job->pool))) return false;
+      if (of && at[1] > at[0])
+        add_layers(d, w, x, y, of + at[0], at[1] - at[0]);
       else
         add_opaque(d, w, x, y);
     }
@@ -444,14 +451,14 @@ static bool draw_layers(drawing *d, worker *w, size_t n) {
     part.near += y * TC_RASTER_SIDE, part.id += y * TC_RASTER_SIDE;
     w->layers.n = 0;
     const size_t looked = draw_clusters(d, w, n, &part);
-    if (is_too_much(&part)) { /* fewer rows, as far as is known how many */
+    if (part.height > 1 && is_too_much(&part)) { /* fewer rows, as far as is known how many */
       rows = (int)((size_t)part.height * looked / (2 * n));
       rows = rows > 1 ? rows : 1, end = y, w->counts = before;
-    } else if (looked < n) {
+    } else if (looked < n && !is_too_much(&part)) {
       return false;
     } else if (w->layers.n > w->layers.room) { /* once more, with room for them */
       end = y, w->counts = before;
-      if (w->layers.n <= MOST_ROW && make_room(&w->layers, w->layers.n + w->layers.n / 4)) continue;
+      if (w->layers.n <= MOST_ROW && make_room(&w->layers, w->layers.n)) continue;
       atomic_store(&d->no_memory, true);
       return false;
     } else {

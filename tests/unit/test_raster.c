@@ -620,6 +620,20 @@ static void many_layers_cost_what_is_seen_of_them(void **unused) {
   test_free(p);
 }
 
+/* What a row of a tile takes of memory and time is bounded: of 5 samples a pixel, 6553 layers. */
+static void too_many_layers_are_refused(void **unused) {
+  GError *error = NULL;
+  picture *p = new_picture();
+  tc_clusters *c = cluster(stack(6600, 50));
+  const drawing d = {.camera = above, .width = 64, .height = 64, .samples = 5,
+                     .surfaces = &(tc_raster_surface){{1, 1, 1}, 0.001f, false}};
+  assert_false(try_draw(c, &d, p, &error));
+  assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_MEMORY) && strstr(error->message, "show fewer"));
+  g_clear_error(&error);
+  tc_clusters_free(c);
+  test_free(p);
+}
+
 /* How often triangles cover pixels, against what is drawn: all of few, some of many, around the eye and beside the picture. */
 static void what_is_covered_is_known_before(void **unused) {
   static const tc_camera inside = {.projection = TC_PERSPECTIVE, .position = {1, 2, 0}, .target = {30, 5, 9}, .up = {0, 0, 1},
@@ -667,6 +681,7 @@ int main(void) {
     TEST(forward_shading_draws_the_same), TEST(light_follows_the_normals), TEST(what_nobody_can_see_is_in_no_cluster),
     TEST(drawing_and_clustering_stop_at_any_look), TEST(nested_spheres_have_their_analytic_colours), TEST(lights_add_up_and_surfaces_have_their_own),
     TEST(layers_are_in_the_order_of_brute_force), TEST(many_layers_cost_what_is_seen_of_them),
+    TEST(too_many_layers_are_refused),
     TEST(what_is_covered_is_known_before), TEST(parts_are_copied_whole)};
   return cmocka_run_group_tests_name("raster", tests, NULL, NULL);
 }
