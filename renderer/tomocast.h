@@ -125,9 +125,10 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
 
 /* Explains the frame that this renderer would draw with what is resident now, and draws nothing of the scene. While
  * explanation->object_measured is false, each call for a solid object spends about 5 ms on measuring this machine's speed.
- * labels: as in tc_render_request. Same thread rule as tc_render(). */
-bool tc_renderer_explain(tc_renderer *renderer, const tc_volume *volume, const tc_volume *labels, const tc_scene *scene,
-                         tc_explanation *explanation, GError **error);
+ * request: its labels and interrupt count; a cancelled call leaves out what the object would cost. May be NULL. Same thread
+ * rule as tc_render(). */
+bool tc_renderer_explain(tc_renderer *renderer, const tc_volume *volume, const tc_scene *scene,
+                         const tc_render_request *request, tc_explanation *explanation, GError **error);
 
 /* What a pixel of mode mesh shows. */
 typedef struct tc_pick {

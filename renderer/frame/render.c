@@ -203,8 +203,9 @@ static void explain(drawing *d, bool by_stand_in, tc_explanation *to) {
             sizeof to->kernel);
 }
 
-bool tc_renderer_explain(tc_renderer *renderer, const tc_volume *volume, const tc_volume *labels, const tc_scene *scene,
-                         tc_explanation *explanation, GError **error) {
+bool tc_renderer_explain(tc_renderer *renderer, const tc_volume *volume, const tc_scene *scene,
+                         const tc_render_request *request, tc_explanation *explanation, GError **error) {
+  const tc_volume *labels = request ? request->labels : NULL;
   drawing d = {.r = renderer,
                .wanted = {.width = scene->image.width, .height = scene->image.height},
                .job = {.scene = scene, .source = volume, .volume = volume, .label_volume = labels}};
@@ -220,7 +221,8 @@ bool tc_renderer_explain(tc_renderer *renderer, const tc_volume *volume, const t
     if (!renderer->object_speed) renderer->object_speed = tc_object_speed_new();
     speed = tc_object_speed_go_on(renderer->object_speed, renderer);
   }
-  tc_explain_object(volume, scene, speed, explanation);
+  const tc_interrupt *interrupt = request ? request->interrupt : NULL;
+  tc_explain_object(volume, scene, speed, interrupt ? &interrupt->cancel : NULL, explanation);
   explanation->object_measured = speed != NULL;
   return true;
 }

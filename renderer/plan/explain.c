@@ -406,12 +406,12 @@ void tc_plan_explain(const tc_plan *plan, const tc_volume *volume, const tc_scen
 }
 
 void tc_explain_object(const tc_volume *volume, const tc_scene *scene, const double speed[TC_OBJECT_MODES],
-                       tc_explanation *to) {
+                       const atomic_bool *cancel, tc_explanation *to) {
   static const char *const ways[TC_OBJECT_MODES] = {"splats are", "a ray-cast isosurface is", "a mesh is"};
   const teller t = {.volume = volume, .scene = scene, .to = to};
   const tc_object_cost *c = &to->object;
   const tc_mode mode = scene->mode;
-  to->has_object = tc_object_cost_of(volume, scene, to->width, to->height, speed, &to->object);
+  to->has_object = tc_object_cost_of(volume, scene, to->width, to->height, speed, cancel, &to->object);
   if (!to->has_object) return;
   add(&t, mode == TC_MODE_SPLAT ? TC_STAGE_SPLATS : mode == TC_MODE_MESH ? TC_STAGE_MESH : TC_STAGE_SKIPPING,
       "; %s cheapest: about %.2g ms splatted, %.2g ray-cast, %.2g as a mesh", ways[c->cheapest], c->ms[TC_OBJECT_SPLAT],
@@ -424,6 +424,6 @@ bool tc_explain(const tc_volume *volume, const tc_scene *scene, int width, int h
   if (!tc_plan_check(volume, scene, width, height, NULL, error)) return false;
   tc_plan_make(volume, scene, &(tc_plan_request){.width = width, .height = height}, &plan);
   tc_plan_explain(&plan, volume, scene, NULL, explanation);
-  tc_explain_object(volume, scene, NULL, explanation);
+  tc_explain_object(volume, scene, NULL, NULL, explanation);
   return true;
 }

@@ -73,10 +73,10 @@ tc_stage tc_stage_of(tc_resource resource);
 void tc_plan_explain(const tc_plan *plan, const tc_volume *volume, const tc_scene *scene, const tc_facts *facts,
                      tc_explanation *explanation);
 
-/* Adds the expected cost of the scene's object in each mode that can draw it, for scenes that the cpu draws. speed: as for
+/* Adds the expected cost of the scene's object in each mode that can draw it, for scenes that the cpu draws. speed, cancel: as for
  * tc_object_cost_of(). Takes some milliseconds. */
 void tc_explain_object(const tc_volume *volume, const tc_scene *scene, const double speed[TC_OBJECT_MODES],
-                       tc_explanation *explanation);
+                       const atomic_bool *cancel, tc_explanation *explanation);
 
 /* Checks the scene, plans and explains, without a renderer. Pure. */
 bool tc_explain(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_explanation *explanation,

@@ -125,13 +125,15 @@ bool tc_is_object(const tc_volume *volume, const tc_scene *s) {
   return tc_is_surface(s->mode) || (s->mode == TC_MODE_SPLAT && s->splat.opaque);
 }
 
-static void walk_all(walk *w, int width, int height) {
+/* False: cancelled. */
+static bool walk_all(walk *w, int width, int height, const atomic_bool *cancel) {
   const double cell = fmax(1, fmax(width, height) / (double)SIDE);
   const int across = (int)ceil(width / cell), down = (int)ceil(height / cell);
   w->pixel_rays = (double)width * height / (across * down) / 1000;
   double length = 0;
   for (int pass = 0; pass < 2; pass++) {
     for (int i = 0; i < across * down; i++) {
+      if (cancel && atomic_load(cancel)) return false;
       const line l = line_through(w->rays, (i % across + 0.5) * width / across, (i / across + 0.5) * height / down);
       if (!(l.from < l.to)) continue;
       if (pass)
@@ -141,10 +143,11 @@ static void walk_all(walk *w, int width, int height) {
     }
     w->mm = fmax(w->mm, length / MOST_STEPS);
   }
+  return true;
 }
 
 bool tc_object_cost_of(const tc_volume *volume, const tc_scene *scene, int width, int height,
-                       const double speed[TC_OBJECT_MODES], tc_object_cost *cost) {
+                       const double speed[TC_OBJECT_MODES], const atomic_bool *cancel, tc_object_cost *cost) {
   memset(cost, 0, sizeof *cost);
   if (!tc_is_object(volume, scene)) return false;
   const tc_volume_desc *d = tc_volume_describe(volume);
@@ -163,7 +166,7 @@ bool tc_object_cost_of(const tc_volume *volume, const tc_scene *scene, int width
             .terms = cost->terms};
   cost->terms[TC_TERM_FRAME] = 1;
   cost->terms[TC_TERM_PIXELS] = (double)width * height / 1000;
-  walk_all(&w, width, height);
+  if (!walk_all(&w, width, height, cancel)) return false;
   double *t = cost->terms;
   t[TC_TERM_STEPS] /= mean, t[TC_TERM_NEAR] /= mean;
   if (t[TC_TERM_HITS] > 0)

@@ -326,13 +326,13 @@ static void run_slice(tcs_task *task) {
     set_cancelled(job);
     return;
   }
-  if (job->plan_only) {
-    tc_renderer_explain(renderer, job->volume, job->labels, &job->scene, &job->plan, &job->error);
-    return;
-  }
   const tc_render_request request = {
       .width = job->width, .height = job->height, .interrupt = &job->interrupt, .building = &job->building, .resume = job->slices > 1,
       .labels = job->labels, .meshes = job->meshes, .want_linear = job->meter_pixels > 0, .hurry = job->hurry, .moving = job->moving};
+  if (job->plan_only) {
+    tc_renderer_explain(renderer, job->volume, &job->scene, &request, &job->plan, &job->error);
+    return;
+  }
   if (job->pick_only) {
     tc_renderer_pick(renderer, job->volume, &job->scene, &request, job->pick_x, job->pick_y, &job->pick, &job->error);
     return;

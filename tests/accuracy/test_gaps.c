@@ -168,9 +168,9 @@ static void the_plan_says_it(void **state) {
   tc_scene scene;
   tc_explanation plan;
   look(&scene, gaps, TC_MODE_MIP);
-  assert_true(tc_renderer_explain(test_renderers[SCALAR], gaps, NULL, &scene, &plan, NULL));
+  assert_true(tc_renderer_explain(test_renderers[SCALAR], gaps, &scene, NULL, &plan, NULL));
   assert_non_null(strstr(plan.kernel, ".gaps"));
-  assert_true(tc_renderer_explain(test_renderers[SCALAR], none, NULL, &scene, &plan, NULL));
+  assert_true(tc_renderer_explain(test_renderers[SCALAR], none, &scene, NULL, &plan, NULL));
   assert_null(strstr(plan.kernel, ".gaps"));
   tc_scene_clear(&scene);
   tc_volume_unref(gaps);

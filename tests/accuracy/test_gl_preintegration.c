@@ -250,7 +250,7 @@ static void pictures(void **state) {
       const tc_explained_stage *table = &plan.stages[TC_STAGE_TABLE_2D];
       assert_non_null(strstr(table->reason, says[k]));
       assert_true(table->ms > 0 && table->ms == frames[k].stats.tables_ms && table->bytes > 256 * 256 * 16);
-      assert_true(tc_renderer_explain(r[k], volume, NULL, &scene, &plan, NULL));
+      assert_true(tc_renderer_explain(r[k], volume, &scene, NULL, &plan, NULL));
       assert_true(strstr(table->reason, says[k]) && fabs(table->ms - frames[k].stats.tables_ms) < 1e-9);
       scene.camera.position[0] += 3; /* a camera's move builds nothing */
       assert_made(tc_render(r[k], volume, &scene, &request, &frames[k], &plan, &error));

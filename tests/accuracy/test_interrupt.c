@@ -304,7 +304,7 @@ static void monster_stops(void **state) {
     double ms = (double)atomic_load(&tc_halt_probed.longest_us) / 1000;
     printf("  %-6s %lld looks after the wish, %.2f ms of processor time without one\n", test_names[i], after, ms);
     assert_true(after <= LOOKS_TO_LEAVE && ms * 1000 <= most_deaf_us());
-    assert_true(tc_renderer_explain(test_renderers[i], s.volume, NULL, &s.drawn.scene, &plan, NULL));
+    assert_true(tc_renderer_explain(test_renderers[i], s.volume, &s.drawn.scene, NULL, &plan, NULL));
     if (i == GL) /* which could not stop */
       assert_non_null(strstr(plan.stages[TC_STAGE_RESOLVE].reason, "drawn by the cpu"));
   }

@@ -377,10 +377,10 @@ static void costs_are_this_renderers(void **unused) {
       scene.mode = TC_MODE_ISOSURFACE, scene.isosurface.value = zoomed ? 0.5 : 0.6;
       int calls = 0;
       do
-        assert_true(tc_renderer_explain(test_renderers[i ? test_widest() : SCALAR], volume, NULL, &scene, &plan, NULL));
+        assert_true(tc_renderer_explain(test_renderers[i ? test_widest() : SCALAR], volume, &scene, NULL, &plan, NULL));
       while (!plan.object_measured && ++calls < 100);
       assert_true(plan.object_measured && (zoomed ? calls == 0 : i || calls > 0)); /* in pieces (scalar ones are slow), and once */
-      assert_true(plan.has_object && tc_object_cost_of(volume, &scene, 64, 64, NULL, &rates));
+      assert_true(plan.has_object && tc_object_cost_of(volume, &scene, 64, 64, NULL, NULL, &rates));
       for (int m = 0; m < TC_OBJECT_MODES; m++)
         speed[zoomed][m] = plan.object.ms[m] / rates.ms[m];
       tc_scene_clear(&scene);

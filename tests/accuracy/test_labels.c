@@ -387,7 +387,7 @@ static void refused(tc_volume *volume, const tc_volume *labels, const tc_scene *
     assert_string_equal(tc_error_pointer(error), "/labels/volume");
     if (!strstr(error->message, word)) fail_msg("\"%s\" does not say \"%s\"", error->message, word);
     g_clear_error(&error);
-    assert_false(tc_renderer_explain(test_renderers[i], volume, labels, scene, &plan, NULL));
+    assert_false(tc_renderer_explain(test_renderers[i], volume, scene, &(tc_render_request){.labels = labels}, &plan, NULL));
   }
 }
 

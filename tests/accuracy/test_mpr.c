@@ -631,7 +631,7 @@ static void plan_names_what_runs(void **state) {
       }
       assert_true(frame->stats.tables_ms == 0 && frame->stats.skip_ms == 0);
       if (!slab) assert_int_equal(frame->stats.samples, frame->stats.rays); /* one sample a pixel */
-      assert_true(tc_renderer_explain(test_renderers[m], volume, NULL, &scene, &plan, &error));
+      assert_true(tc_renderer_explain(test_renderers[m], volume, &scene, NULL, &plan, &error));
       tc_scene_clear(&scene);
     }
   tc_volume_unref(volume);

@@ -472,7 +472,7 @@ static void plan_leaves_out(void **state) {
       scene.mode = modes[m];
       /* another window, other bounds: nothing of them is there before the first frame */
       scene.window.center = 1234 + m;
-      assert_true(tc_renderer_explain(test_renderers[i], volume, NULL, &scene, &before, NULL));
+      assert_true(tc_renderer_explain(test_renderers[i], volume, &scene, NULL, &before, NULL));
       const tc_frame *frame = render(i, volume, &scene, &plan);
       assert_memory_equal(&plan.key, &before.key, sizeof plan.key);
       snprintf(name, sizeof name, "%s.linear.u16.%s", tc_mode_names[modes[m]], test_names[i]);
