@@ -40,6 +40,7 @@ struct tcs_session {
   tcs_server *server;
   char id[33];               /* 128 random bits, hexadecimal */
   char owner[TCS_NAME_SIZE]; /* of the token that made it; "" where there are none */
+  char *peer;                /* whose render time its pictures take */
   tcs_entry *entry;          /* counted in entry->users */
   tcs_entry *labels;         /* of the scene's label volume, or NULL; counted too, unless it is `entry` itself */
   GPtrArray *meshes;         /* tcs_entry, of its surfaces: each once, and counted */

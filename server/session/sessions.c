@@ -55,12 +55,21 @@ static bool random_id(char id[33], GError **error) {
   return true;
 }
 
+/* A house that is full of others' sessions still takes a peer's first one, within reason. */
+static bool has_room(const tcs_sessions *sessions, const char *peer) {
+  const int64_t most = sessions->server->config->limits.sessions;
+  for (guint i = 0; i < sessions->order->len; i++)
+    if (strcmp(((const tcs_session *)g_ptr_array_index(sessions->order, i))->peer, peer) == 0)
+      return sessions->order->len < most;
+  return sessions->order->len < 2 * most;
+}
+
 tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const cJSON *patch, const tcp_lists *lists,
                                  const char *peer, GError **error) {
   tcs_server *server = sessions->server;
   tc_scene scene;
   char id[33];
-  if (sessions->order->len >= server->config->limits.sessions) {
+  if (!has_room(sessions, peer)) {
     tc_set_error(error, TC_ERROR_BUSY, NULL, "%" PRId64 " sessions are open, which is the limit; end one and try again",
                  server->config->limits.sessions);
     return NULL;
@@ -69,6 +78,7 @@ tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const
   tcs_session *session = g_new0(tcs_session, 1);
   session->server = server;
   memcpy(session->id, id, sizeof id);
+  session->peer = g_strdup(peer);
   session->entry = entry;
   entry->users++;
   session->scene = scene;
@@ -112,6 +122,7 @@ void tcs_session_end(tcs_session *session) {
   tc_scene_clear(&session->draft);
   tc_scene_clear(&session->scene);
   tc_scene_clear(&session->defaults);
+  g_free(session->peer);
   g_free(session);
 }
 

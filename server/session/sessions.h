@@ -12,7 +12,7 @@ int tcs_sessions_count(const tcs_sessions *sessions);
 void tcs_sessions_each(tcs_sessions *sessions, void (*each)(tcs_session *session, void *user), void *user);
 
 /* A session on a resident volume with the volume's default scene and `patch` (may be NULL) on top. TC_ERROR_BUSY when
- * there are too many; else the errors of a scene. peer: whose render time its pictures take (schedule/fair.h). */
+ * there are too many, and twice as many for a peer that has none; else the errors of a scene. peer: whose render time its pictures take (schedule/fair.h). */
 tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const cJSON *patch, const tcp_lists *lists,
                                  const char *peer, GError **error);
 void tcs_session_end(tcs_session *session);

@@ -173,6 +173,15 @@ test('the plan lists its stages with reasons', async () => {
   assert.ok(json.stages.some(({ included }) => included) && json.stages.some(({ included }) => !included));
 });
 
+test('one who opens sessions without end does not keep others from their first', async () => {
+  const full = await Daemon.start({ args: ['--trusted-proxy', '127.0.0.1'], config: '[limits]\nsessions=2\n' });
+  const from = async (n) => (await full.call('POST', '/v1/sessions', { json: { volume: 'ball' }, headers: { 'X-Forwarded-For': `203.0.113.${n}` } })).status;
+  const statuses = [];
+  for (const n of [1, 1, 1, 2, 2, 3, 4]) statuses.push(await from(n));
+  assert.deepEqual(statuses, [201, 201, 503, 201, 503, 201, 503]);
+  await full.stop();
+});
+
 test('the number of sessions is limited, and idle ones end', async () => {
   const replies = [];
   for (let i = 0; i < 20; i++) replies.push(await d.post('/v1/sessions', { volume: 'ball' }));
