@@ -2,15 +2,9 @@
 #include "protocol/internal.h"
 #include "renderer/base/embedded.h"
 
-static const struct tc_embedded_file *find_file(const char *name) {
-  const struct tc_embedded_file *file = tcp_protocol_files;
-  while (file->name && g_strcmp0(file->name, name) != 0) file++;
-  return file->name ? file : NULL;
-}
-
 cJSON *tcp_openapi(const char *version) {
-  const struct tc_embedded_file *file = find_file("openapi.json");
-  cJSON *document = file ? tcp_json_parse((const char *)file->bytes, file->size, NULL) : NULL;
+  const struct tc_embedded_file *file = tcp_protocol_files; /* the only one */
+  cJSON *document = tcp_json_parse((const char *)file->bytes, file->size, NULL);
   cJSON *info = cJSON_GetObjectItemCaseSensitive(document, "info");
   cJSON *components = cJSON_GetObjectItemCaseSensitive(document, "components");
   cJSON *schemas = cJSON_GetObjectItemCaseSensitive(components, "schemas");

@@ -69,29 +69,23 @@ static cJSON *write_about(const tcs_server *server) {
   return json;
 }
 
-/* What is the same for as long as the daemon runs is written once, before it runs. */
-enum { ABOUT, OPENAPI, SCENE_SCHEMA, PRESETS };
-
-static GBytes *text_of(cJSON *json) {
+GBytes *tcs_document_write(const tcs_server *server, tcs_document which) {
+  cJSON *json = which == TCS_DOCUMENT_ABOUT          ? write_about(server)
+                : which == TCS_DOCUMENT_OPENAPI      ? tcp_openapi(TC_VERSION)
+                : which == TCS_DOCUMENT_SCENE_SCHEMA ? tcp_scene_schema()
+                                                     : tcp_presets();
   char *text = tcs_json_text(json);
   return g_bytes_new_take(text, strlen(text));
 }
 
-void tcs_documents_write(const tcs_server *server, GBytes *documents[TCS_DOCUMENTS]) {
-  documents[ABOUT] = text_of(write_about(server));
-  documents[OPENAPI] = text_of(tcp_openapi(TC_VERSION));
-  documents[SCENE_SCHEMA] = text_of(tcp_scene_schema());
-  documents[PRESETS] = text_of(tcp_presets());
-}
-
-static void reply_document(tcs_request *request, int which) {
+static void reply_document(tcs_request *request, tcs_document which) {
   tcs_reply_bytes(request, 200, "application/json", g_bytes_ref(tcs_http_document(request->server->http, which)));
 }
 
-void tcs_get_about(tcs_request *request) { reply_document(request, ABOUT); }
-void tcs_get_openapi(tcs_request *request) { reply_document(request, OPENAPI); }
-void tcs_get_scene_schema(tcs_request *request) { reply_document(request, SCENE_SCHEMA); }
-void tcs_get_presets(tcs_request *request) { reply_document(request, PRESETS); }
+void tcs_get_about(tcs_request *request) { reply_document(request, TCS_DOCUMENT_ABOUT); }
+void tcs_get_openapi(tcs_request *request) { reply_document(request, TCS_DOCUMENT_OPENAPI); }
+void tcs_get_scene_schema(tcs_request *request) { reply_document(request, TCS_DOCUMENT_SCENE_SCHEMA); }
+void tcs_get_presets(tcs_request *request) { reply_document(request, TCS_DOCUMENT_PRESETS); }
 
 /* --- static files: from a table in the program, never from the file system -------------------------- */
 

@@ -58,14 +58,17 @@ struct tcs_http {
   tcs_linger *linger;
   GQueue deferred; /* tcs_request *, by deferred_link */
   GQueue mjpeg_viewers;
-  GBytes *documents[TCS_DOCUMENTS];
+  GBytes *documents[TCS_DOCUMENT_COUNT]; /* NULL: not asked for yet */
   int open_requests;
 };
 
 const char *tcs_http_address(const tcs_http *http) { return http->places[MAIN].address; }
 const char *tcs_http_metrics_address(const tcs_http *http) { return http->places[METRICS].address; }
 tcs_streams *tcs_http_streams(tcs_http *http) { return http->streams; }
-GBytes *tcs_http_document(tcs_http *http, int which) { return http->documents[which]; }
+GBytes *tcs_http_document(tcs_http *http, tcs_document which) {
+  if (!http->documents[which]) http->documents[which] = tcs_document_write(http->server, which);
+  return http->documents[which];
+}
 GQueue *tcs_http_mjpeg_viewers(tcs_http *http) { return &http->mjpeg_viewers; }
 
 static link_state *link_of(struct MHD_Connection *connection) {
@@ -458,7 +461,6 @@ tcs_http *tcs_http_new(tcs_server *server, GError **error) {
   g_queue_init(&http->deferred);
   g_queue_init(&http->mjpeg_viewers);
   http->streams = tcs_streams_new(server);
-  tcs_documents_write(server, http->documents);
   if (open_place(http, MAIN, &config->listen, "--listen", error) &&
       (!config->metrics.address || open_place(http, METRICS, &config->metrics, "--metrics-listen", error)))
     return http;
@@ -474,7 +476,7 @@ void tcs_http_free(tcs_http *http) {
     MHD_stop_daemon(at->daemon);
   }
   tcs_streams_free(http->streams);
-  for (int i = 0; i < TCS_DOCUMENTS; i++) g_bytes_unref(http->documents[i]);
+  for (int i = 0; i < TCS_DOCUMENT_COUNT; i++) g_bytes_unref(http->documents[i]);
   g_hash_table_destroy(http->links);
   tcs_linger_free(http->linger);
   tcs_guard_free(http->guard);

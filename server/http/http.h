@@ -52,10 +52,16 @@ tcs_streams *tcs_http_streams(tcs_http *http);
 GQueue *tcs_http_mjpeg_viewers(tcs_http *http); /* tcs_mjpeg */
 /* Bytes that came after a request for an upgrade. */
 const GByteArray *tcs_http_held(struct MHD_Connection *connection);
-/* The daemon's description of itself, written at start (api_service.c); owned by the http. */
-#define TCS_DOCUMENTS 4
-GBytes *tcs_http_document(tcs_http *http, int which);
-void tcs_documents_write(const tcs_server *server, GBytes *documents[TCS_DOCUMENTS]);
+/* The daemon's descriptions of itself: the same for as long as the daemon runs, written when first asked for. */
+typedef enum tcs_document {
+  TCS_DOCUMENT_ABOUT,
+  TCS_DOCUMENT_OPENAPI,
+  TCS_DOCUMENT_SCENE_SCHEMA,
+  TCS_DOCUMENT_PRESETS,
+  TCS_DOCUMENT_COUNT
+} tcs_document;
+GBytes *tcs_http_document(tcs_http *http, tcs_document which); /* the http's */
+GBytes *tcs_document_write(const tcs_server *server, tcs_document which); /* api_service.c */
 /* Lets MHD work; milliseconds until it wants to again, -1 = no hurry. */
 int tcs_http_run(tcs_http *http);
 /* Once a second: deadlines, clients that left while waiting. */

@@ -66,9 +66,10 @@ static void mark_finished(tcs_task *task) { ((owner_task *)task)->finished = tru
 
 static void run_and_wait(owner_task *owner, tcs_worker *worker) {
   owner->task.done = mark_finished;
+  GPollFD finished = {.fd = owner->scheduler->server->completions->event_fd, .events = G_IO_IN};
   tcs_worker_submit(worker, &owner->task);
   while (!owner->finished) {
-    g_usleep(500);
+    g_poll(&finished, 1, -1);
     tcs_completions_drain(owner->scheduler->server->completions);
   }
 }

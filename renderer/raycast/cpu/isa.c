@@ -23,7 +23,7 @@ static bool isa_runs(const tc_cpu_isa *isa) {
   return !strcmp(isa->instructions, "scalar") || (!strcmp(isa->instructions, "avx2") ? avx2 : avx512);
 }
 
-enum { SIDE = 48, NODES = 16, PIXELS = 32, ROUNDS = 5 };
+enum { SIDE = 48, NODES = 16, PIXELS = 16, ROUNDS = 5 };
 
 /* A small dvr frame of 8-bit voxels, seen obliquely and magnified, under an empty table. */
 static tc_cpu_args small_frame(const uint8_t *voxels, const float *table) {
