@@ -57,9 +57,9 @@ static tc_stored *begin(tc_resources *r, const tc_resource_kind *kind, const tc_
   void *thing = kind->begin(&m, error);
   if (!thing) return NULL;
   const size_t bytes = kind->starts_with ? kind->starts_with(job) : kind->held ? kind->held(thing) : kind->bytes(thing);
-  tc_stored *it = tc_store_add(r->store, &kind->store, key->data, key->len, tied ? tc_volume_serial(tied) : 0, thing, bytes,
-                               error);
-  if (it) it->unfinished = kind->go_on != NULL;
+  const tc_stored wanted = {.kind = &kind->store, .key = key->data, .key_size = key->len, .thing = thing, .bytes = bytes,
+                            .unfinished = kind->go_on != NULL, .volume = tied ? tc_volume_serial(tied) : 0};
+  tc_stored *it = tc_store_add(r->store, &wanted, error);
   r->steps += it != NULL;
   return it;
 }

@@ -112,27 +112,22 @@ static bool grow_list(tc_store *s) {
   return true;
 }
 
-tc_stored *tc_store_add(tc_store *s, const tc_store_kind *kind, const void *key, size_t key_size, uint64_t volume,
-                        void *thing, size_t bytes, GError **error) {
-  drop_once_used(s, kind);
-  make_room(s, kind, bytes, NULL);
+tc_stored *tc_store_add(tc_store *s, const tc_stored *wanted, GError **error) {
+  drop_once_used(s, wanted->kind);
+  make_room(s, wanted->kind, wanted->bytes, NULL);
   tc_stored *it = calloc(1, sizeof *it);
-  void *copy = malloc(key_size);
-  if (!fits(s, bytes) || !it || !copy || !grow_list(s)) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "%s: out of memory", kind->name);
-    free_thing(kind, thing, true);
+  void *copy = malloc(wanted->key_size);
+  if (!fits(s, wanted->bytes) || !it || !copy || !grow_list(s)) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "%s: out of memory", wanted->kind->name);
+    free_thing(wanted->kind, wanted->thing, true);
     free(it);
     free(copy);
     return NULL;
   }
-  *it = (tc_stored){.kind = kind,
-                    .key = memcpy(copy, key, key_size),
-                    .key_size = key_size,
-                    .thing = thing,
-                    .bytes = bytes,
-                    .last_use = ++s->clock,
-                    .volume = volume};
-  s->held += bytes;
+  *it = *wanted;
+  it->key = memcpy(copy, wanted->key, wanted->key_size);
+  it->last_use = ++s->clock;
+  s->held += it->bytes;
   return s->items[s->count++] = it;
 }
 

@@ -40,10 +40,9 @@ tc_stored *tc_store_find(const tc_store *store, const tc_store_kind *kind, const
 /* The most recently used one for which `like` is true. */
 tc_stored *tc_store_latest(const tc_store *store, const tc_store_kind *kind,
                            bool (*like)(const void *thing, const void *user), const void *user);
-/* Takes ownership of the thing, unfinished; on failure (TC_ERROR_MEMORY) frees it. Evicts finished things of the kind,
- * oldest first: resources of other kinds, which this frame may already hold, stay. */
-tc_stored *tc_store_add(tc_store *store, const tc_store_kind *kind, const void *key, size_t key_size, uint64_t volume,
-                        void *thing, size_t bytes, GError **error);
+/* Takes ownership of wanted->thing, which is unfinished; on failure (TC_ERROR_MEMORY) frees the thing. Copies the key.
+ * Evicts finished things of the kind, oldest first: resources of other kinds, which this frame may already hold, stay. */
+tc_stored *tc_store_add(tc_store *store, const tc_stored *wanted, GError **error);
 /* Whether it may grow by so many bytes, evicting older ones of its kind; else TC_ERROR_MEMORY. */
 bool tc_store_may_grow(tc_store *store, const tc_stored *stored, size_t bytes, GError **error);
 /* Counts so many bytes more. */

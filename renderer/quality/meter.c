@@ -89,7 +89,6 @@ tc_meter *tc_meter_new(const tc_frame *frame, int count, uint64_t seed) {
 }
 
 void tc_meter_free(tc_meter *meter) { free(meter); }
-int tc_meter_pixels(const tc_meter *meter) { return meter->count; }
 
 /* ---- how far ---- */
 

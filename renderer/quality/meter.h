@@ -34,7 +34,6 @@ typedef struct tc_meter_result {
  * when `count` is at least as many. NULL when memory is short. Quick: for the render thread. */
 tc_meter *tc_meter_new(const tc_frame *frame, int count, uint64_t seed);
 void tc_meter_free(tc_meter *meter); /* NULL is fine */
-int tc_meter_pixels(const tc_meter *meter);
 
 /* Measures against the scene and volumes that the frame was rendered from; labels: what scene->labels.volume names,
  * NULL where it names none. Any thread. After most_ms (0 = no limit) it stops with the pixels it has: they are taken in

@@ -125,30 +125,31 @@ cJSON *tcs_object_json(const tcs_object *o, const tc_scene *scene) {
   return json;
 }
 
-static void print_object(const tcs_object *o, const char *name, const cJSON *json) {
-  printf("%-22.22s %8.4g %5g", name, cJSON_GetObjectItem(json, "threshold")->valuedouble,
-         cJSON_GetObjectItem(json, "size")->valuedouble);
-  for (int m = 0; m < TC_OBJECT_MODES; m++) printf("  %7.2f %7.2f", o->ms[m], o->cost.ms[m]);
+static double number(const cJSON *json, const char *name) { return cJSON_GetObjectItem(json, name)->valuedouble; }
+
+static void print_object(const char *name, const cJSON *json) {
+  const cJSON *ms = cJSON_GetObjectItem(json, "ms"), *expected = cJSON_GetObjectItem(json, "expectedMs");
+  printf("%-22.22s %8.4g %5g", name, number(json, "threshold"), number(json, "size"));
+  for (int m = 0; m < TC_OBJECT_MODES; m++) {
+    const char *mode = tc_mode_names[tc_object_mode_of((tc_object_mode)m)];
+    printf("  %7.2f %7.2f", number(ms, mode), number(expected, mode));
+  }
   printf("  %s%s\n", cJSON_IsTrue(cJSON_GetObjectItem(json, "named")) ? "" : "splats or rays: no  ",
          cJSON_IsTrue(cJSON_GetObjectItem(json, "namedOfThree")) ? "" : "of three: no");
   fflush(stdout);
 }
 
-static bool take_view(const tcs_objects_run *run, tc_renderer *renderer, tc_volume *volume, const char *name,
-                      double share, const struct view *v, cJSON *report, GError **error) {
+/* The entry of one view; NULL with *error. */
+static cJSON *take_view(int runs, tc_renderer *renderer, tc_volume *volume, double share, const struct view *v,
+                        GError **error) {
   tc_scene scene;
   tcs_object o;
   tcs_object_scene(volume, share, v->size, &scene);
   tcs_cli_place_camera(volume, v->azimuth, v->elevation, v->zoom, &scene.camera);
-  const bool good = tcs_object_measure(renderer, volume, &scene, run->runs, &o, error);
-  if (good) {
-    cJSON *json = tcs_object_json(&o, &scene);
-    cJSON_AddStringToObject(json, "volume", name);
-    cJSON_AddItemToArray(report, json);
-    if (run->print) print_object(&o, name, json);
-  }
+  cJSON *json =
+      tcs_object_measure(renderer, volume, &scene, runs, &o, error) ? tcs_object_json(&o, &scene) : NULL;
   tc_scene_clear(&scene);
-  return good;
+  return json;
 }
 
 bool tcs_objects_volume(const tcs_objects_run *run, tc_volume *volume, const char *name, cJSON *report,
@@ -161,8 +162,13 @@ bool tcs_objects_volume(const tcs_objects_run *run, tc_volume *volume, const cha
     printf("%-22s %8s %5s  %15s  %15s  %15s\n%-37s  %15s  %15s  %15s\n", "volume", "value", "size", "splat",
            "isosurface", "mesh", "", "ms      plan", "ms      plan", "ms      plan");
   for (size_t t = 0; t < G_N_ELEMENTS(thresholds) && good; t++)
-    for (size_t v = 0; v < G_N_ELEMENTS(views) && good; v++)
-      good = take_view(run, renderer, volume, name, thresholds[t], &views[v], report, error);
+    for (size_t v = 0; v < G_N_ELEMENTS(views) && good; v++) {
+      cJSON *json = take_view(run->runs, renderer, volume, thresholds[t], &views[v], error);
+      if (!(good = json != NULL)) break;
+      cJSON_AddStringToObject(json, "volume", name);
+      cJSON_AddItemToArray(report, json);
+      if (run->print) print_object(name, json);
+    }
   tc_renderer_free(renderer);
   return good;
 }
@@ -173,8 +179,7 @@ void tcs_objects_end(const tcs_objects_run *run, const cJSON *report) {
   cJSON_ArrayForEach(scene, report) {
     const bool named = cJSON_IsTrue(cJSON_GetObjectItem(scene, "named"));
     const cJSON *ms = cJSON_GetObjectItem(scene, "ms");
-    const double splat = cJSON_GetObjectItem(ms, "splat")->valuedouble,
-                 rays = cJSON_GetObjectItem(ms, "isosurface")->valuedouble;
+    const double splat = number(ms, "splat"), rays = number(ms, "isosurface");
     const bool tie = fmax(splat, rays) < TIE * fmin(splat, rays);
     two += named && !tie, ties += tie;
     three += cJSON_IsTrue(cJSON_GetObjectItem(scene, "namedOfThree"));

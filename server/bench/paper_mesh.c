@@ -51,30 +51,31 @@ static tc_volume *resample(const tc_volume *from, GError **error) {
   return volume;
 }
 
-/* The least time of several extractions; *triangles of one. */
-static bool extract(const tcs_paper_run *run, const tc_volume *volume, double iso, int threads, double *ms,
-                    size_t *triangles, GError **error) {
-  tc_pool *pool = tc_pool_new(threads, error);
-  const tc_mesh_options options = {.normals = true, .pool = pool};
-  bool good = pool != NULL;
-  *ms = INFINITY;
-  for (int i = 0; i < run->runs && good; i++) {
-    const double start = tcs_now_ms();
-    tc_mesh *mesh = tc_mesh_extract(volume, iso, &options, error);
-    *ms = fmin(*ms, tcs_now_ms() - start);
-    if ((good = mesh != NULL)) *triangles = mesh->n_triangles;
-    tc_mesh_free(mesh);
-  }
-  tc_pool_free(pool);
-  return good;
-}
-
 typedef struct drawn {
+  double extract_ms[2];   /* with one thread, with all */
+  size_t triangles;
   double ms[WAYS];        /* NaN where there is no such machine */
   double build_ms;        /* of mesh and clusters */
   uint64_t covered, seen; /* pixels: by all triangles that face the eye, one by one; by the nearest of them */
   uint64_t shaded_forward;
 } drawn;
+
+/* The least time of several extractions: with one thread, or all. */
+static bool extract(const tcs_paper_run *run, const tc_volume *volume, double iso, bool all, drawn *d, GError **error) {
+  tc_pool *pool = tc_pool_new(all ? run->threads : 1, error);
+  const tc_mesh_options options = {.normals = true, .pool = pool};
+  bool good = pool != NULL;
+  d->extract_ms[all] = INFINITY;
+  for (int i = 0; i < run->runs && good; i++) {
+    const double start = tcs_now_ms();
+    tc_mesh *mesh = tc_mesh_extract(volume, iso, &options, error);
+    d->extract_ms[all] = fmin(d->extract_ms[all], tcs_now_ms() - start);
+    if ((good = mesh != NULL)) d->triangles = mesh->n_triangles;
+    tc_mesh_free(mesh);
+  }
+  tc_pool_free(pool);
+  return good;
+}
 
 static void take_in(drawn *d, const struct way *way, const tc_frame_stats *stats) {
   if (way->forward) {
@@ -121,26 +122,26 @@ static cJSON *camera_json(const tc_camera *camera) {
   return json;
 }
 
-static void add(const tcs_paper_run *run, const char *name, double iso, size_t triangles, const double extract_ms[2],
-                const drawn *d, const tc_camera *camera, cJSON *report) {
+static void add(const tcs_paper_run *run, const char *name, const tc_scene *scene, const drawn *d, cJSON *report) {
+  const double iso = scene->isosurface.value;
   const double layers = (double)d->covered / (double)d->seen, shaded = (double)d->shaded_forward / (double)d->seen;
   cJSON *json = cJSON_CreateObject(), *frames = cJSON_CreateObject();
   cJSON_AddStringToObject(json, "paper", "003");
   cJSON_AddStringToObject(json, "volume", name);
   cJSON_AddNumberToObject(json, "value", iso);
-  cJSON_AddNumberToObject(json, "triangles", (double)triangles);
-  cJSON_AddItemToObject(json, "extractMs", cJSON_CreateDoubleArray(extract_ms, 2));
+  cJSON_AddNumberToObject(json, "triangles", (double)d->triangles);
+  cJSON_AddItemToObject(json, "extractMs", cJSON_CreateDoubleArray(d->extract_ms, 2));
   cJSON_AddNumberToObject(json, "buildMs", d->build_ms);
   for (int w = 0; w < WAYS; w++) cJSON_AddNumberToObject(frames, ways[w].name, d->ms[w]);
   cJSON_AddItemToObject(json, "frameMs", frames);
-  cJSON_AddItemToObject(json, "camera", camera_json(camera));
+  cJSON_AddItemToObject(json, "camera", camera_json(&scene->camera));
   cJSON_AddNumberToObject(json, "layers", layers);
   cJSON_AddNumberToObject(json, "shadedForward", shaded);
   cJSON_AddItemToArray(report, json);
   if (!run->print) return;
-  printf("paper 003: %s as 512x512x106 voxels, surface at %g: %zu triangles; %dx%d pixels\n", name, iso, triangles,
+  printf("paper 003: %s as 512x512x106 voxels, surface at %g: %zu triangles; %dx%d pixels\n", name, iso, d->triangles,
          run->size, run->size);
-  printf("  %-22s %9.2f ms, %.2f with 1 thread; with clusters %.2f\n", "extraction", extract_ms[1], extract_ms[0],
+  printf("  %-22s %9.2f ms, %.2f with 1 thread; with clusters %.2f\n", "extraction", d->extract_ms[1], d->extract_ms[0],
          d->build_ms);
   for (int w = 0; w < WAYS; w++)
     if (!isnan(d->ms[w])) printf("  %-22s %9.2f ms a frame\n", ways[w].name, d->ms[w]);
@@ -150,8 +151,6 @@ static void add(const tcs_paper_run *run, const char *name, double iso, size_t t
 
 bool tcs_paper_mesh(const tcs_paper_run *run, tc_volume *from, const char *name, const tc_scene *given, cJSON *report,
                     GError **error) {
-  double extract_ms[2];
-  size_t triangles = 0;
   tc_scene scene;
   drawn drawn = {.seen = 1};
   tc_volume *volume = resample(from, error);
@@ -160,10 +159,10 @@ bool tcs_paper_mesh(const tcs_paper_run *run, tc_volume *from, const char *name,
   scene.image.width = scene.image.height = run->size;
   if (scene.shading.model == TC_SHADING_NONE) scene.shading.model = TC_SHADING_LAMBERT; /* as in the paper */
   const double iso = scene.isosurface.value;
-  const bool good = extract(run, volume, iso, 1, &extract_ms[0], &triangles, error) &&
-                    extract(run, volume, iso, run->threads, &extract_ms[1], &triangles, error) &&
+  const bool good = extract(run, volume, iso, false, &drawn, error) &&
+                    extract(run, volume, iso, true, &drawn, error) &&
                     draw(run, volume, &scene, &drawn, error);
-  if (good) add(run, name, iso, triangles, extract_ms, &drawn, &scene.camera, report);
+  if (good) add(run, name, &scene, &drawn, report);
   tc_scene_clear(&scene);
   tc_volume_unref(volume);
   return good;

@@ -203,8 +203,9 @@ static void print_reasons(const cell *cells, int count) {
   }
 }
 
-static void take(const tcs_paper_run *run, const paper *p, const tc_volume *volume, const char *name,
-                 const char *backend, const cell *cells, cJSON *report) {
+static void take(const tcs_paper_run *run, const tc_volume *volume, const char *name, const char *backend,
+                 const cell *cells, cJSON *report) {
+  const paper *p = find_paper(run->paper);
   const tc_volume_desc *d = tc_volume_describe(volume);
   cJSON *json = cJSON_CreateObject(), *list;
   char texts[MOST_CELLS][16], dims[48];
@@ -251,7 +252,7 @@ bool tcs_paper_volume(const tcs_paper_run *run, tc_volume *volume, const char *n
       cells[i].ms = g_new0(double, (size_t)run->runs);
     }
     good = good && measure(renderer, volume, cells, p->n_columns, run->runs, error);
-    if (good) take(run, p, volume, name, tc_renderer_about(renderer)->backend, cells, report);
+    if (good) take(run, volume, name, tc_renderer_about(renderer)->backend, cells, report);
     for (int i = 0; i < p->n_columns; i++) {
       tc_scene_clear(&cells[i].scene);
       g_free(cells[i].ms);

@@ -1,14 +1,8 @@
 /* The page: report.json and the scripts that draw it, inside one file that fetches nothing. */
-#include <string.h>
-
 #include "renderer/base/embedded.h"
 #include "server/bench/report.h"
 
-static const char *file_named(const char *name) {
-  const struct tc_embedded_file *file = tcs_report_files;
-  while (strcmp(file->name, name) != 0) file++;
-  return (const char *)file->bytes;
-}
+static const char *file_named(const char *name) { return tc_embedded_text(tcs_report_files, name); }
 
 char *tcs_report_page(const char *json) {
   GString *page = g_string_new(file_named("report.html")), *data = g_string_new(json);

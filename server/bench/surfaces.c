@@ -1,11 +1,11 @@
 #include "server/bench/surfaces.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "renderer/mesh/measure.h"
 #include "renderer/reference/reference.h"
+#include "server/bench/timing.h"
 
 static const double errors_voxels[] = {0, 0.02, 0.05, 0.1, 0.25, 0.5, 1}; /* by quadrics, of the narrowest voxel */
 
@@ -35,11 +35,6 @@ static bool on_outline(const float *depth, int side, int i) {
          (y > 0 && !isfinite(depth[i - side])) || (y + 1 < side && !isfinite(depth[i + side]));
 }
 
-static int ascending(const void *a, const void *b) {
-  const double x = *(const double *)a, y = *(const double *)b;
-  return (x > y) - (x < y);
-}
-
 void tcs_surface_compare(const float *depth, const float *truth, int side, tcs_surface_error *out) {
   double *apart = g_new(double, (size_t)side *(size_t)side), squares = 0;
   int n = 0, outline = 0;
@@ -53,7 +48,7 @@ void tcs_surface_compare(const float *depth, const float *truth, int side, tcs_s
     apart[n] = fabs((double)depth[i] - (double)truth[i]);
     squares += apart[n] * apart[n], n++;
   }
-  qsort(apart, (size_t)n, sizeof *apart, ascending);
+  tcs_sort(apart, (size_t)n);
   if (n)
     out->depth_rms = sqrt(squares / n), out->depth_p50 = apart[(n - 1) / 2], out->depth_p99 = apart[(n - 1) * 99 / 100],
     out->depth_max = apart[n - 1];

@@ -23,7 +23,6 @@ static const struct { const char *name; tc_nrrd_field field; } other_names[] = {
     {"sampleunits", NRRD_SAMPLE_UNITS},
 };
 
-const char *tc_nrrd_field_name(tc_nrrd_field field) { return field_names[field]; }
 
 void tc_nrrd_error(const tc_nrrd_header *header, tc_nrrd_field field, tc_error_code code, GError **error,
                    const char *format, ...) {

@@ -24,7 +24,6 @@ typedef struct tc_nrrd_header {
   uint64_t sizes[tc_nrrd_max_dims]; /* [dimension], fastest first */
 } tc_nrrd_header;
 
-const char *tc_nrrd_field_name(tc_nrrd_field field);
 
 /* Sets an error "header line N: FIELD: ..." for a field that is there, "FIELD: ..." for one that is not. */
 void tc_nrrd_error(const tc_nrrd_header *header, tc_nrrd_field field, tc_error_code code, GError **error,

@@ -24,11 +24,7 @@ static void add_text(composition *c, const char *text) {
     c->missing = "for which there is room";
 }
 
-const char *tc_gl_piece(const char *name) {
-  const struct tc_embedded_file *file = tc_shader_files;
-  while (file->name && strcmp(file->name, name) != 0) file++;
-  return file->name ? (const char *)file->bytes : NULL;
-}
+const char *tc_gl_piece(const char *name) { return tc_embedded_text(tc_shader_files, name); }
 
 static void add(composition *c, const char *name) {
   const char *text = tc_gl_piece(name);
