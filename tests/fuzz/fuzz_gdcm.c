@@ -8,6 +8,9 @@
 int __lsan_is_turned_off(void);
 int __lsan_is_turned_off(void) { return 1; }
 
+extern bool fuzz_opened;
+bool fuzz_opened;
+
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size) {
   static const tc_import_options options = {.max_voxel_bytes = 8 << 20};
   static const tc_helper_request request = {.name = "f"};
@@ -17,7 +20,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size) {
   GError *error = NULL;
   const int file = memfd_create("input", MFD_CLOEXEC);
   if (file < 0 || write(file, bytes, size) != (ssize_t)size) abort();
-  if (tc_helper_decode(file, &request, &order, &error)) {
+  fuzz_opened = tc_helper_decode(file, &request, &order, &error);
+  if (fuzz_opened) {
     if (error || here.done != here.total || (here.colors && !tc_colors_end(here.colors))) abort();
     tc_volume_seal(here.volume);
     check_volume(here.volume);

@@ -492,15 +492,15 @@ static void a_huge_element(void **state) {
   drop(folder, path);
 }
 
-/* A prime step: elements have even lengths, so that it ends in each part of them. */
-static void every_prefix_is_refused(void **state) {
+/* By the helper program; the decoder alone is given every prefix by fuzz_gdcm. */
+static void prefixes_are_refused(void **state) {
   int16_t pixels[PIXELS];
   dicom_spec s;
   init(&s, pixels);
   fill(pixels, 0);
   GByteArray *b = dicom_bytes(&s);
   char *folder = temp_folder(), *path = g_build_filename(folder, "one", NULL);
-  for (guint n = 0; n < b->len; n += 7) {
+  for (guint n = 0; n < b->len; n += 67) {
     g_file_set_contents(path, (const char *)b->data, n, NULL);
     refused(path, NULL);
   }
@@ -630,7 +630,7 @@ int main(void) {
     TEST(two_series), TEST(a_zip), TEST(an_oblique_slice), TEST(frames_of_one_file), TEST(tiles_are_no_volume),
     TEST(different_slopes_become_float), TEST(what_is_missing_is_said), TEST(wide_integers_are_narrowed),
     TEST(colour_becomes_luma), TEST(ybr_has_the_greys_of_rgb), TEST(halved_colour_becomes_luma),
-    TEST(hostile_headers), TEST(a_huge_element), TEST(every_prefix_is_refused), TEST(not_there_and_not_ours),
+    TEST(hostile_headers), TEST(a_huge_element), TEST(prefixes_are_refused), TEST(not_there_and_not_ours),
     TEST(limits_and_helpers), TEST(progress_and_cancel), TEST(a_helper_that_never_reads_holds_up_nothing),
     TEST(the_helpers_are_confined)};
   return cmocka_run_group_tests(tests, NULL, NULL);

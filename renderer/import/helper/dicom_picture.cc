@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstring>
 #include <map>
 #include <set>
 
@@ -150,9 +151,25 @@ static Tag pixel_tag(const DataSet &set, const Picture &p) {
   fail(TC_ERROR_FORMAT, "the DICOM header is damaged or cut");
 }
 
-// Whether uncompressed pixels that begin at `at` are all there: one cut file of a series is then left out like one that
+// Whether the items of packed pixels reach the mark at their end. GDCM takes a file that ends between two for whole, and
+// the last of them for all that miss.
+static bool items_are_there(const uint8_t *bytes, size_t at, size_t size) {
+  while (size - at >= 8) {
+    uint32_t head[2];
+    memcpy(head, bytes + at, sizeof head);
+    if (head[0] == 0xe0ddfffe) return true;
+    at += 8;
+    if (head[0] != 0xe000fffe || head[1] > size - at) return false;
+    at += head[1];
+  }
+  return false;
+}
+
+// Whether pixels that begin at `at` are all there: one cut file of a series is then left out like one that
 // cannot be read at all, and not found out half-way.
-static bool pixels_are_there(const Picture &p, std::streamoff at, size_t size) {
+static bool pixels_are_there(const Picture &p, bool packed, std::streamoff at, const tc_dicom_blob &blob) {
+  const size_t size = blob.size;
+  if (packed) return at < 0 || items_are_there(blob.bytes, std::min<uint64_t>(at, size), size);
   const tc_dicom_samples &s = p.samples;
   uint64_t bytes =
       s.allocated == 1 ? (uint64_t(s.rows) * s.columns * p.frames + 7) / 8 : tc_dicom_frame_bytes(&s) * p.frames;
@@ -201,7 +218,7 @@ bool read_picture(const tc_dicom_blob &blob, size_t source, bool patient, Pictur
   if (binary_of<uint32_t>(set, Tag(0x48, 0x06), 0) > static_cast<uint32_t>(p.samples.columns))
     fail(TC_ERROR_UNSUPPORTED, "tiles of a whole-slide picture are no volume");
   read_frames(set, syntax, blob.size, p);
-  if (!pixels_are_there(p, stream.tellg(), blob.size))
+  if (!pixels_are_there(p, syntax.IsEncapsulated(), stream.tellg(), blob))
     fail(TC_ERROR_FORMAT, "pixel data is cut: the file ends before it does");
   read_slices(set, p);
   read_suv(set, p);
