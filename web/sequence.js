@@ -13,7 +13,7 @@ export class Sequence {
   #wanted = 0; // number
   #choosing = null; // the promise of what is under way
   #run = null; // of the cine
-  #drawn = () => {}; // a picture came
+  #awaited = []; // {id, done}: volumes of the cine whose pictures are on their way
   #allowed = true;
 
   /** on: shown(volume), problem(error), note(text) */
@@ -43,7 +43,8 @@ export class Sequence {
 
   /** A picture was drawn: others may have chosen its volume. */
   async frame({ volume }) {
-    this.#drawn();
+    const at = this.#awaited.findIndex(({ id }) => id === volume);
+    for (const { done } of this.#awaited.splice(0, at + 1)) done();
     if (!volume || !this.#shown || volume === this.#shown.id) return;
     const known = [...this.#known.values()].find(({ id }) => id === volume);
     const found = known ?? (await this.#volumes.get(volume).catch(() => null));
@@ -124,20 +125,26 @@ export class Sequence {
     const run = (this.#run = {});
     this.#fill(run);
     this.#update();
-    while (this.#run === run) {
-      const began = performance.now();
+    for (let due = performance.now(), before; this.#run === run;) {
       const next = this.#next();
       if (next !== this.#wanted) {
-        const drawn = new Promise((done) => {
-          this.#drawn = done;
-          setTimeout(done, PICTURE_MS);
-        });
+        const drawn = this.#picture(this.#known.get(next).id);
         await this.choose(next);
-        await drawn;
+        await before; // one picture is drawn while the next is on its way
+        before = drawn;
       }
-      const rest = 1000 / Number(this.#get('rate').value) - (performance.now() - began);
-      await new Promise((done) => setTimeout(done, Math.max(rest, next === this.#wanted ? 10 : 0)));
+      const period = 1000 / Number(this.#get('rate').value);
+      due = Math.max(due + period, performance.now() - period); // late by more than one, the cine does not hurry
+      await new Promise((done) => setTimeout(done, due - performance.now()));
     }
+  }
+
+  /** @returns a promise: the volume was drawn, or passed over, or takes too long to wait for */
+  #picture(id) {
+    return new Promise((done) => {
+      this.#awaited.push({ id, done });
+      setTimeout(done, PICTURE_MS);
+    });
   }
 
   #next() {
