@@ -60,6 +60,6 @@ bool tc_helper_decode(int input, const tc_helper_request *request, const tc_orde
   gdcm::Trace::ErrorOff();
   const dicom::Failure failure = dicom::decode(input, *request, *order);
   if (!failure.text[0]) return true;
-  tc_set_error(error, failure.code, nullptr, "%s", failure.text);
+  g_set_error_literal(error, TC_ERROR, failure.code, failure.text);
   return false;
 }

@@ -51,7 +51,7 @@ namespace dicom {
 }
 
 [[noreturn]] void fail_with(GError *error) {
-  Failure f{static_cast<tc_error_code>(error->code), ""};
+  Failure f{error->code, ""};
   snprintf(f.text, sizeof f.text, "%s", error->message);
   g_error_free(error);
   throw f;

@@ -18,7 +18,7 @@ namespace dicom {
 constexpr size_t MiB = 1024 * 1024;
 
 struct Failure {
-  tc_error_code code;
+  int code; // tc_error_code, or what names another helper
   char text[256];
 };
 

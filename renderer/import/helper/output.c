@@ -119,7 +119,7 @@ bool tc_order_put(const tc_order *order, const void *voxels, size_t bytes, GErro
 }
 
 bool tc_order_elsewhere(tc_helper helper, GError **error) {
-  tc_set_error(error, (tc_error_code)(TC_WIRE_ELSEWHERE + (int)helper), NULL, "another decoder reads this");
+  g_set_error_literal(error, TC_ERROR, TC_WIRE_ELSEWHERE + (int)helper, "another decoder reads this");
   return false;
 }
 
