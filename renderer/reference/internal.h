@@ -210,9 +210,9 @@ void tc_ref_shade(const tc_ref_shading *shading, const tc_ref_cell *cell, double
  * eye's side; 0 where the field is flat. */
 void tc_ref_shade_surface(const tc_ref_shading *shading, const double gradient[3], double normal[3], double rgb[3]);
 
-/* surface.c: where the field along the ray is first on the other side of the value than at its entry (inside: >=
- * value). False when it never is. */
-bool tc_ref_surface_hit(const tc_ref_field *field, const tc_ref_ray *ray, double value, double *t);
+/* surface.c: where the field along the ray changes sides of the value (inside: >= value), after `skip` such places; *leaves:
+ * whether it was inside before. False when it never does. */
+bool tc_ref_surface_hit(const tc_ref_field *field, const tc_ref_ray *ray, double value, int skip, bool *leaves, double *t);
 /* Over index coordinates. TC_GRADIENT_CELL: from the corners of the cube of two voxels around the place, held within
  * the volume. */
 void tc_ref_surface_gradient(const tc_ref_field *field, tc_gradient kind, const double at[3], double gradient[3]);

@@ -10,19 +10,27 @@
 
 #define MOST_THREADS 256
 
+/* Of modes isosurface and mesh. */
+typedef struct ref_surface {
+  double iso, color[3], opacity; /* compositing space */
+  bool one_sided;
+  tc_ref_shading shading;
+} ref_surface;
+
 struct tc_reference {
   tc_volume *volume;
   tc_ref_camera camera;
   tc_ref_clip clip;
   tc_ref_field field;
   tc_ref_transfer transfer; /* dvr */
-  tc_ref_shading shading;   /* dvr, isosurface */
+  tc_ref_shading shading;   /* dvr */
   tc_mode mode;
   tc_ref_window window;    /* projections */
   tc_volume *label_volume; /* or NULL */
   tc_scene scene;          /* copy of the labels' members; zero without labels */
   tc_ref_labels labels;
-  double iso, color[3]; /* isosurface: value, colour in the compositing space */
+  ref_surface *surfaces; /* [n_surfaces] */
+  size_t n_surfaces;
   double tolerance;
   const atomic_bool *cancel; /* or NULL */
 };
@@ -38,11 +46,15 @@ static bool stopped(const tc_reference *r) {
 /* Of a mesh too the truth is the surface that the field has. */
 static bool is_surface(tc_mode mode) { return mode == TC_MODE_ISOSURFACE || mode == TC_MODE_MESH; }
 
+static bool shows(const tc_mesh_surface *s) { return s->visible && s->opacity > 0; }
+
 const char *tc_reference_missing(const tc_scene *scene) {
   bool surface = is_surface(scene->mode);
   if (scene->mode != TC_MODE_DVR && !surface && !is_projection(scene->mode)) return "/mode";
-  if (scene->mode == TC_MODE_MESH && scene->labels.volume[0]) return "/mode"; /* surfaces of labels */
-  if (scene->mesh.n_surfaces && scene->mode == TC_MODE_MESH) return "/mesh/surfaces";
+  if (scene->mode == TC_MODE_MESH && scene->labels.volume[0] && !scene->mesh.n_surfaces) return "/mode"; /* of labels */
+  if (scene->mode == TC_MODE_MESH && scene->mesh.n_lights) return "/mesh/lights";
+  for (size_t i = 0; i < scene->mesh.n_surfaces && scene->mode == TC_MODE_MESH; i++)
+    if (shows(&scene->mesh.surfaces[i]) && scene->mesh.surfaces[i].source != TC_SURFACE_OF_VALUE) return "/mesh/surfaces";
   if (scene->mesh.n_surfaces && scene->mesh.with_volume && (scene->mode == TC_MODE_DVR || scene->mode == TC_MODE_MIP))
     return "/mesh/withVolume";
   if ((unsigned)scene->filter >= TC_FILTER_COUNT || (surface && scene->filter != TC_FILTER_LINEAR)) return "/filter";
@@ -50,22 +62,38 @@ const char *tc_reference_missing(const tc_scene *scene) {
   return NULL;
 }
 
-static bool set_up_surface(tc_reference *r, const tc_scene *scene, GError **error) {
-  r->iso = scene->isosurface.value;
-  for (int c = 0; c < 3; c++) {
-    double srgb = scene->isosurface.color[c];
-    r->color[c] = scene->image.linear_light ? tc_ref_to_linear(srgb) : srgb;
-  }
-  tc_ref_shading_set_up(&r->shading, r->volume, scene);
-  if (isfinite(r->iso)) return true;
+static bool add_surface(tc_reference *r, const tc_scene *scene, const tc_mesh_surface *item, GError **error) {
+  const double *srgb = item->has_color ? item->color : scene->isosurface.color;
+  ref_surface *s = &r->surfaces[r->n_surfaces++];
+  tc_scene own = *scene; /* borrows */
+  *s = (ref_surface){.iso = item->value, .opacity = item->opacity, .one_sided = !item->two_sided};
+  for (int c = 0; c < 3; c++) s->color[c] = scene->image.linear_light ? tc_ref_to_linear(srgb[c]) : srgb[c];
+  if (item->own_shading & 1) own.shading.model = item->model;
+  if (item->own_shading & 2) own.shading.ambient = item->ambient;
+  if (item->own_shading & 4) own.shading.diffuse = item->diffuse;
+  if (item->own_shading & 8) own.shading.specular = item->specular;
+  if (item->own_shading & 16) own.shading.shininess = item->shininess;
+  tc_ref_shading_set_up(&s->shading, r->volume, &own);
+  if (isfinite(s->iso)) return true;
   tc_set_error(error, TC_ERROR_INVALID, "/isosurface/value", "reference: isosurface: a finite value wanted");
   return false;
+}
+
+static bool set_up_surfaces(tc_reference *r, const tc_scene *scene, GError **error) {
+  const tc_mesh_surface one = {.value = scene->isosurface.value, .opacity = 1, .visible = true, .two_sided = true};
+  const bool listed = scene->mode == TC_MODE_MESH && scene->mesh.n_surfaces;
+  const tc_mesh_surface *of = listed ? scene->mesh.surfaces : &one;
+  const size_t n = listed ? scene->mesh.n_surfaces : 1;
+  r->surfaces = g_new0(ref_surface, n);
+  for (size_t i = 0; i < n; i++)
+    if (shows(&of[i]) && !add_surface(r, scene, &of[i], error)) return false;
+  return true;
 }
 
 /* Sets up what the mode reads: transfer function, window or isosurface value. */
 static bool set_up_appearance(tc_reference *r, const tc_scene *scene, GError **error) {
   r->mode = scene->mode;
-  if (is_surface(scene->mode)) return set_up_surface(r, scene, error);
+  if (is_surface(scene->mode)) return set_up_surfaces(r, scene, error);
   if (!is_projection(scene->mode)) {
     if (tc_ref_transfer_set_up(&r->transfer, &scene->transfer_function, scene->image.linear_light)) return true;
     tc_set_error(error, TC_ERROR_INVALID, "/transferFunction",
@@ -156,6 +184,7 @@ void tc_reference_free(tc_reference *reference) {
   tc_volume_unref(reference->label_volume);
   tc_scene_clear(&reference->scene);
   g_free(reference->field.coefficients);
+  g_free(reference->surfaces);
   g_free(reference);
 }
 
@@ -205,38 +234,75 @@ static void project(const tc_reference *r, const tc_ref_ray *ray, double rgba[4]
   rgba[3] = 1;
 }
 
-static bool hit_surface(const tc_reference *r, const tc_ref_ray *ray, tc_reference_hit *hit) {
+/* Where the ray meets the surface for the *skip-th time; then the next one's number. */
+static bool hit_surface(const tc_reference *r, const ref_surface *s, const tc_ref_ray *ray, int *skip, tc_reference_hit *hit) {
   double t, at[3], gradient[3];
-  if (!tc_ref_surface_hit(&r->field, ray, r->iso, &t)) return false;
-  tc_ref_shading shading = r->shading;
+  bool leaves;
+  do {
+    if (!tc_ref_surface_hit(&r->field, ray, s->iso, (*skip)++, &leaves, &t)) return false;
+  } while (leaves && s->one_sided);
+  tc_ref_shading shading = s->shading;
   memcpy(shading.view, ray->lps_direction, sizeof shading.view);
   for (int k = 0; k < 3; k++) {
     at[k] = ray->origin[k] + t * ray->direction[k];
     hit->position[k] = ray->lps[k] + t * ray->lps_direction[k];
   }
   hit->distance_mm = t - ray->eye;
-  memcpy(hit->color, r->color, sizeof hit->color);
+  memcpy(hit->color, s->color, sizeof hit->color);
   tc_ref_surface_gradient(&r->field, shading.gradient, at, gradient);
   tc_ref_shade_surface(&shading, gradient, hit->normal, hit->color);
   return true;
 }
 
+/* The nearest first hit of all surfaces, and whose it is; NULL: none. */
+static const ref_surface *hit_nearest(const tc_reference *r, const tc_ref_ray *ray, tc_reference_hit *hit) {
+  const ref_surface *nearest = NULL;
+  for (size_t i = 0; i < r->n_surfaces; i++) {
+    tc_reference_hit own;
+    int skip = 0;
+    if (!hit_surface(r, &r->surfaces[i], ray, &skip, &own) || (nearest && own.distance_mm >= hit->distance_mm)) continue;
+    *hit = own, nearest = &r->surfaces[i];
+  }
+  return nearest;
+}
+
 bool tc_reference_surface(const tc_reference *r, double px, double py, tc_reference_hit *hit) {
   tc_ref_ray ray;
-  return is_surface(r->mode) && tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, &ray) &&
-         hit_surface(r, &ray, hit);
+  return is_surface(r->mode) && tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, &ray) && hit_nearest(r, &ray, hit);
+}
+
+typedef struct next_hit {
+  tc_reference_hit hit;
+  int skip;
+  bool met;
+} next_hit;
+
+/* Every hit of every surface, the nearest first. */
+static void composite_surfaces(const tc_reference *r, const tc_ref_ray *ray, double rgba[4]) {
+  next_hit *next = g_new0(next_hit, r->n_surfaces + 1);
+  for (size_t i = 0; i < r->n_surfaces; i++) next[i].met = hit_surface(r, &r->surfaces[i], ray, &next[i].skip, &next[i].hit);
+  while (rgba[3] < 1 && !stopped(r)) {
+    size_t nearest = r->n_surfaces;
+    for (size_t i = 0; i < r->n_surfaces; i++)
+      if (next[i].met && (nearest == r->n_surfaces || next[i].hit.distance_mm < next[nearest].hit.distance_mm)) nearest = i;
+    if (nearest == r->n_surfaces) break;
+    const double share = (1 - rgba[3]) * r->surfaces[nearest].opacity;
+    for (int c = 0; c < 3; c++) rgba[c] += share * next[nearest].hit.color[c];
+    rgba[3] += share;
+    next[nearest].met = hit_surface(r, &r->surfaces[nearest], ray, &next[nearest].skip, &next[nearest].hit);
+  }
+  g_free(next);
 }
 
 void tc_reference_pixel(const tc_reference *r, double px, double py, double rgba[4]) {
-  if (is_surface(r->mode)) {
-    tc_reference_hit hit = {.color = {0}};
-    rgba[3] = tc_reference_surface(r, px, py, &hit);
-    memcpy(rgba, hit.color, sizeof hit.color);
-    return;
-  }
   tc_ref_light light = {.transparency = 1};
   tc_ref_ray ray;
   bool met = tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, &ray);
+  if (is_surface(r->mode)) {
+    memset(rgba, 0, 4 * sizeof *rgba);
+    if (met) composite_surfaces(r, &ray, rgba);
+    return;
+  }
   if (met && is_projection(r->mode)) {
     project(r, &ray, rgba);
     return;
@@ -286,14 +352,15 @@ static tc_reference_sample describe_piece(const tc_reference *r, const tc_ref_ra
 /* Lists the transparent pieces up to the hit, and the hit. */
 static void list_surface(const tc_reference *r, const tc_ref_ray *ray, GArray *list) {
   tc_reference_hit hit;
-  bool met = hit_surface(r, ray, &hit);
+  const ref_surface *met = hit_nearest(r, ray, &hit);
+  if (!r->n_surfaces) return;
   tc_ref_walk walk;
   tc_ref_cell cell;
   tc_ref_walk_start(&walk, &r->field, ray);
   while (!stopped(r) && tc_ref_walk_next(&walk, &cell)) {
     tc_ref_cutter cutter;
     tc_ref_piece piece;
-    tc_ref_cutter_start(&cutter, &cell, &r->iso, 1);
+    tc_ref_cutter_start(&cutter, &cell, met ? &met->iso : &r->surfaces->iso, 1);
     while (tc_ref_cutter_next(&cutter, &piece)) {
       tc_reference_sample s = {.distance_mm = cell.from + piece.from * cell.length - ray->eye,
                                .length_mm = piece.width * cell.length,

@@ -54,7 +54,7 @@ void tc_reference_pixel(const tc_reference *reference, double px, double py, dou
 /* All pixel centres, rgba[height][width][4], on `threads` threads (0 = one per online core). */
 bool tc_reference_image(const tc_reference *reference, int threads, float *rgba, GError **error);
 
-/* Where a ray of mode isosurface meets the surface. */
+/* Where a ray of mode isosurface, or mesh of surfaces of values, meets the nearest surface. */
 typedef struct tc_reference_hit {
   double position[3]; /* LPS mm */
   double distance_mm; /* from the eye */

@@ -20,7 +20,7 @@ static bool is_blank(const tc_ref_field *field, const size_t low[3]) {
   return blank;
 }
 
-bool tc_ref_surface_hit(const tc_ref_field *field, const tc_ref_ray *ray, double value, double *t) {
+bool tc_ref_surface_hit(const tc_ref_field *field, const tc_ref_ray *ray, double value, int skip, bool *leaves, double *t) {
   tc_ref_walk walk;
   tc_ref_cell cell;
   bool inside = false, known = false;
@@ -37,6 +37,9 @@ bool tc_ref_surface_hit(const tc_ref_field *field, const tc_ref_ray *ray, double
     while (tc_ref_cutter_next(&cutter, &piece)) {
       if (!known) inside = piece.front >= value, known = true;
       if (!changes_at(&piece, value, inside)) continue;
+      *leaves = inside;
+      inside = !inside;
+      if (skip-- > 0) continue;
       *t = cell.from + piece.from * cell.length;
       return true;
     }

@@ -3,6 +3,7 @@
 
 #include "renderer/base/halt.h"
 #include "renderer/frame/mesh_job.h"
+#include "renderer/quality/meter.h"
 #include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
@@ -266,6 +267,42 @@ static void several_surfaces_are_one_picture(void **unused) {
   tc_volume_unref(labels);
 }
 
+static double error_of(tc_volume *volume, const tc_scene *drawn, const tc_scene *truth) {
+  tc_meter_result result;
+  GError *error = NULL;
+  tc_meter *meter = tc_meter_new(test_draw(test_widest(), volume, drawn, NULL, NULL), 600, 1);
+  if (!tc_meter_measure(meter, volume, NULL, truth, NULL, 0, &result, &error)) fail_msg("%s", error->message);
+  tc_meter_free(meter);
+  return result.rms;
+}
+
+/* Lists of surfaces have the exact surfaces as their truth: all of their layers, of each its own colour and shading. */
+static void lists_are_near_the_exact_surfaces(void **unused) {
+  tc_volume *volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_radius2, (double[3]){20, 20, 20});
+  const tc_mesh_surface list[3] = {
+      {.value = 200, .color = {1, 0.4, 0.2}, .opacity = 0.4, .has_color = true, .visible = true, .two_sided = true},
+      {.value = 100, .color = {0.3, 1, 0.2}, .opacity = 0.5, .has_color = true, .visible = true, .own_shading = 1},
+      {.value = 36, .color = {0.3, 0.4, 1}, .opacity = 1, .has_color = true, .visible = true, .two_sided = true, .own_shading = 4, .diffuse = 0.9}};
+  tc_scene scene, other;
+  mesh_scene(&scene, volume, TC_PERSPECTIVE);
+  scene.shading.model = TC_SHADING_LAMBERT, scene.shading.gradient = TC_GRADIENT_CENTRAL;
+  tc_scene_set_surfaces(&scene, g_memdup2(list, sizeof list), 3);
+  const double off = error_of(volume, &scene, &scene);
+  tc_scene_copy(&other, &scene);
+  print_message("  rms %.1e", off);
+  assert_true(off < 0.012);
+  for (int i = 0; i < 3; i++) { /* each surface counts */
+    tc_scene_set_surfaces(&other, g_memdup2(list, sizeof list), 3);
+    if (i == 2) other.mesh.surfaces[1].two_sided = true; else other.mesh.surfaces[2 * i].value *= 1.1;
+    print_message(", %.4f", error_of(volume, &other, &scene));
+    assert_true(error_of(volume, &other, &scene) > 2 * off);
+  }
+  print_message("\n");
+  tc_scene_clear(&other);
+  tc_scene_clear(&scene);
+  tc_volume_unref(volume);
+}
+
 /* ---- within a volume ---- */
 
 /* The scene of balls(), seen along y from y = -50; its volume fills y from 0 to 39. */
@@ -471,7 +508,7 @@ int main(void) {
   const struct CMUnitTest tests[] = {TEST(surface_is_where_the_field_has_it),
     TEST(every_renderer_draws_the_same_bytes), TEST(a_surface_is_extracted_once),
     TEST(frames_stop_and_go_on_to_the_same_picture), TEST(what_cannot_be_is_refused),
-    TEST(several_surfaces_are_one_picture), TEST(layers_are_bounded),
+    TEST(several_surfaces_are_one_picture), TEST(lists_are_near_the_exact_surfaces), TEST(layers_are_bounded),
     TEST(surfaces_are_between_what_is_before_and_behind_them), TEST(surfaces_end_and_divide_maxima),
     TEST(slices_show_the_field_where_they_are), TEST(labels_have_surfaces_of_their_colours)};
   return cmocka_run_group_tests_name("mesh frames", tests, test_renderers_open, test_renderers_close);

@@ -147,13 +147,18 @@ static void what_has_no_reference_is_said(void **state) {
     listed.mode = mode;
     for (int within = 0; within < 2; within++) {
       listed.mesh.with_volume = within;
-      const bool drawn = mode == TC_MODE_MESH || (within && (mode == TC_MODE_DVR || mode == TC_MODE_MIP));
+      const bool drawn = within && (mode == TC_MODE_DVR || mode == TC_MODE_MIP);
       if (drawn)
         assert_true(tc_meter_refuses(&listed, reason, sizeof reason) && strstr(reason, "mesh/"));
       else
         assert_false(tc_meter_refuses(&listed, reason, sizeof reason) && strstr(reason, "mesh/"));
     }
   }
+  listed.mode = TC_MODE_MESH; /* what is of no value has no exact surface, and of lights only shading.light is known */
+  surface.source = TC_SURFACE_OF_LABEL;
+  assert_true(tc_meter_refuses(&listed, reason, sizeof reason) && strstr(reason, "mesh/surfaces"));
+  surface.visible = false, listed.mesh.n_lights = 1;
+  assert_true(tc_meter_refuses(&listed, reason, sizeof reason) && strstr(reason, "mesh/lights"));
   scene.mode = TC_MODE_DVR;
   scene.error_meter.pixels = 0;
 }
