@@ -2,6 +2,9 @@
  * moving, their memory, and how they are made beside the frames. */
 #include "tests/support/test.h"
 
+#include <pthread.h>
+#include <time.h>
+
 #include <glib.h>
 
 #include "renderer/frame/cache.h"
@@ -226,6 +229,40 @@ static void a_triangle_takes_at_most_40_bytes(void **state) {
   assert_true(f.levels->bytes - f.full->bytes <= tc_levels_bytes(f.full));
 }
 
+typedef struct making {
+  atomic_bool stop, begun;
+  struct timespec over; /* of its thread's own clock */
+} making;
+
+static void *make_until_stopped(void *context) {
+  making *m = context;
+  atomic_store(&m->begun, true);
+  while (!atomic_load(&m->stop)) tc_clusters_free(tc_levels_make(f.full, &m->stop, NULL));
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &m->over);
+  return NULL;
+}
+
+/* Wherever it is, a stop ends it within 50 ms of its thread's own time. */
+static void making_ends_soon(void **state) {
+  double longest = 0;
+  for (int i = 0; i < 8; i++) {
+    making m = {0};
+    pthread_t thread;
+    clockid_t clock;
+    struct timespec stopped;
+    assert_int_equal(pthread_create(&thread, NULL, make_until_stopped, &m), 0);
+    while (!atomic_load(&m.begun)) nanosleep(&(struct timespec){.tv_nsec = 100000}, NULL);
+    nanosleep(&(struct timespec){.tv_nsec = 3000000 + 12000000 * i}, NULL);
+    assert_int_equal(pthread_getcpuclockid(thread, &clock), 0);
+    clock_gettime(clock, &stopped);
+    atomic_store(&m.stop, true);
+    pthread_join(thread, NULL);
+    longest = fmax(longest, 1e3 * (double)(m.over.tv_sec - stopped.tv_sec) + 1e-6 * (double)(m.over.tv_nsec - stopped.tv_nsec));
+  }
+  print_message("  %.1f ms at most\n", longest);
+  assert_true(longest < 50);
+}
+
 static void making_is_cancelled(void **state) {
   GError *error = NULL;
   assert_null(tc_levels_make(f.full, &(atomic_bool){true}, &error));
@@ -318,7 +355,7 @@ static void levels_need_memory_and_rest(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {TEST(errors_are_as_stated), TEST(levels_meet_without_a_crack),
-    TEST(choices_are_bounded_in_pixels), TEST(a_triangle_takes_at_most_40_bytes), TEST(making_is_cancelled), TEST(one_thread_makes_them),
+    TEST(choices_are_bounded_in_pixels), TEST(a_triangle_takes_at_most_40_bytes), TEST(making_is_cancelled), TEST(making_ends_soon), TEST(one_thread_makes_them),
     TEST(levels_come_beside), TEST(levels_need_memory_and_rest)};
   return cmocka_run_group_tests(tests, set_up, tear_down);
 }

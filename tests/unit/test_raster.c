@@ -159,6 +159,38 @@ static void each_sample_belongs_to_one_triangle_of_a_sheet(void **unused) {
 }
 
 /* Samples of an exact sphere of 50 mm about the origin, but for those next to its edge: hit or not, and how far. */
+/* Needles across the picture, a thirtieth of a pixel wide: each sample is of one of them. */
+static void needles_leave_no_gap(void **unused) {
+  enum { NEEDLES = 3000 };
+  picture *p = new_picture();
+  tc_mesh *m = tc_mesh_new(2 * (NEEDLES + 1), 2 * NEEDLES, false, NULL);
+  for (uint32_t i = 0; i <= NEEDLES; i++)
+    for (uint32_t end = 0; end < 2; end++) {
+      const double x = end ? 80 : -80, y = 100.0 * i / NEEDLES - 50;
+      m->positions[2 * i + end][0] = (float)(cos(0.3) * x - sin(0.3) * y), m->positions[2 * i + end][1] = (float)(sin(0.3) * x + cos(0.3) * y);
+      m->positions[2 * i + end][2] = 0;
+    }
+  for (uint32_t i = 0; i < NEEDLES; i++) {
+    const uint32_t two[2][3] = {{2 * i, 2 * i + 1, 2 * i + 3}, {2 * i, 2 * i + 3, 2 * i + 2}};
+    memcpy(m->triangles[2 * i], two, sizeof two);
+  }
+  tc_clusters *c = cluster(m);
+  const drawing d = {.camera = above, .width = 200, .height = 200, .forward = true}; /* forward: nothing is left out as hidden */
+  draw(c, &d, p);
+  size_t seen = 0;
+  for (int y = 0; y < 200; y++)
+    for (int x = 0; x < 200; x++) {
+      const double right = x + 0.5 - 100, up = 100 - y - 0.5, along = cos(0.3) * right + sin(0.3) * up, aside = cos(0.3) * up - sin(0.3) * right;
+      const float opacity = p->linear[y * 200 + x][3];
+      if (fabs(along) < 79.5 && fabs(aside) < 49.5) assert_true(opacity == 1);
+      if (fabs(along) > 80.5 || fabs(aside) > 50.5) assert_true(opacity == 0);
+      seen += opacity > 0;
+    }
+  assert_int_equal(p->counts.covered, seen);
+  tc_clusters_free(c);
+  test_free(p);
+}
+
 static void compare_with_sphere(const picture *p, const tc_camera *camera, double depth_error) {
   double right[3] = {1, 0, 0}, down[3] = {0, -1, 0}, scale = camera->height_mm / p->height, far = camera->position[2];
   int wrong = 0;
@@ -674,7 +706,7 @@ static void parts_are_copied_whole(void **unused) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {TEST(each_sample_belongs_to_one_triangle_of_a_sheet),
-    TEST(silhouettes_and_depths_are_those_of_a_sphere), TEST(a_camera_inside_sees_surface_all_around),
+    TEST(needles_leave_no_gap), TEST(silhouettes_and_depths_are_those_of_a_sphere), TEST(a_camera_inside_sees_surface_all_around),
     TEST(a_floor_through_the_eye_plane_ends_at_the_horizon),
     TEST(what_is_far_from_the_patients_origin_looks_the_same), TEST(planes_cut_exactly),
     TEST(every_instruction_set_and_any_threads_draw_the_same_bits), TEST(nothing_is_shaded_that_nobody_sees),
