@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "renderer/base/vector.h"
 #include "renderer/splat/normal.h"
 
 #define REACH 2 /* rows beside a layer of bricks that normals look at */
@@ -11,16 +12,18 @@
 
 /* Bricks and words in the making, brick after brick. */
 typedef struct pile {
-  GArray *bricks, *words;
+  GArray *bricks, *words, *insets;
 } pile;
 
 static pile pile_new(void) {
-  return (pile){g_array_new(FALSE, FALSE, sizeof(tc_splat_brick)), g_array_new(FALSE, FALSE, sizeof(uint32_t))};
+  return (pile){g_array_new(FALSE, FALSE, sizeof(tc_splat_brick)), g_array_new(FALSE, FALSE, sizeof(uint32_t)),
+                g_array_new(FALSE, FALSE, 1)};
 }
 
 static void pile_free(pile p) {
   if (p.bricks) g_array_unref(p.bricks);
   if (p.words) g_array_unref(p.words);
+  if (p.insets) g_array_unref(p.insets);
 }
 
 static void begin_brick(const pile *p, int x, int y, int z, bool cap) {
@@ -28,12 +31,16 @@ static void begin_brick(const pile *p, int x, int y, int z, bool cap) {
   g_array_append_val(p->bricks, brick);
 }
 
-static void add_word(const pile *p, int x, int y, int z, unsigned faces, const double normal[3]) {
+/* inset: voxels, along the normal. What is free on opposite faces has a surface on either side. */
+static void add_word(const pile *p, int x, int y, int z, unsigned faces, const double normal[3], double inset) {
+  const bool sheet = (faces & faces >> 1 & 0x15) != 0;
+  const uint8_t packed = sheet || !faces ? 0 : (uint8_t)(1 + lround(254 * fmin(fmax(inset, 0), 1)));
   int folded[2] = {127, 127};
   if (faces) tc_octahedron_fold(normal, 63, folded);
   const uint32_t word = (uint32_t)(x & 15) | (uint32_t)(y & 15) << 4 | (uint32_t)(z & 15) << 8 | faces << 12 |
                         (uint32_t)folded[0] << 18 | (uint32_t)folded[1] << 25;
   g_array_append_val(p->words, word);
+  g_array_append_val(p->insets, packed);
   g_array_index(p->bricks, tc_splat_brick, p->bricks->len - 1).faces |= (uint8_t)faces;
 }
 
@@ -46,6 +53,7 @@ void tc_splats_free(tc_splats *splats) {
   if (!splats) return;
   free(splats->bricks);
   free(splats->words);
+  free(splats->insets);
   free(splats);
 }
 
@@ -62,8 +70,9 @@ static tc_splats *join(const pile *piles, int count, GError **error) {
   }
   tc_splats *s = calloc(1, sizeof *s);
   if (s)
-    s->bricks = malloc((bricks + 1) * sizeof *s->bricks), s->words = calloc(words + TC_SPLAT_PAD, sizeof *s->words);
-  if (!s || !s->bricks || !s->words) {
+    s->bricks = malloc((bricks + 1) * sizeof *s->bricks), s->words = calloc(words + TC_SPLAT_PAD, sizeof *s->words),
+    s->insets = calloc(words + TC_SPLAT_PAD, 1);
+  if (!s || !s->bricks || !s->words || !s->insets) {
     tc_splats_free(s);
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
     return NULL;
@@ -74,12 +83,15 @@ static tc_splats *join(const pile *piles, int count, GError **error) {
       s->bricks[s->n_bricks] = from[b];
       s->bricks[s->n_bricks++].first += s->n;
     }
-    if (piles[i].words->len) memcpy(s->words + s->n, piles[i].words->data, piles[i].words->len * sizeof *s->words);
+    if (piles[i].words->len) {
+      memcpy(s->words + s->n, piles[i].words->data, piles[i].words->len * sizeof *s->words);
+      memcpy(s->insets + s->n, piles[i].insets->data, piles[i].insets->len);
+    }
     s->n += piles[i].words->len;
   }
   s->bricks[s->n_bricks] = (tc_splat_brick){.first = s->n};
   s->serial = atomic_fetch_add(&serials, 1) + 1;
-  s->bytes = sizeof *s + (bricks + 1) * sizeof *s->bricks + (words + TC_SPLAT_PAD) * sizeof *s->words;
+  s->bytes = sizeof *s + (bricks + 1) * sizeof *s->bricks + (words + TC_SPLAT_PAD) * (sizeof *s->words + 1);
   return s;
 }
 
@@ -128,15 +140,19 @@ static uint32_t wide_slice(const window *w, int x, int z) {
   return (uint32_t)(slice(w, x, z) << 2 | slice(w, x, z - 16) >> 14 | (slice(w, x, z + 16) & 3) << 18);
 }
 
-/* The free side of the 5x5x5 voxels around one: minus the sum of places that are filled. Rows are those beside y. */
-static void normal_of_filled(const building *b, const uint64_t *row, size_t row_words, int x, int z, double normal[3]) {
-  int sum[3] = {0};
+#define CUT_AREA 28 /* of a 5x5x5 cube by a plane near its middle: 25 to 32.5 */
+
+/* The free side of the 5x5x5 voxels around one: minus the sum of places that are filled; and how far away the surface
+ * is, were it a plane, by how many are. Rows are those beside y. */
+static double normal_of_filled(const building *b, const uint64_t *row, size_t row_words, int x, int z,
+                               double normal[3]) {
+  int sum[3] = {0}, filled = 0;
   for (int dy = -2; dy <= 2; dy++) {
     const window w = {row + (ptrdiff_t)dy * (ptrdiff_t)row_words, b->model->head.grid.dims[0], b->words};
     for (int dx = -2; dx <= 2; dx++) {
       const unsigned five = wide_slice(&w, x + dx, z & ~15) >> (z & 15) & 31;
       const int count = __builtin_popcount(five);
-      sum[0] -= dx * count, sum[1] -= dy * count;
+      sum[0] -= dx * count, sum[1] -= dy * count, filled += count;
       sum[2] -= 2 * (int)(five >> 4 & 1) + (int)(five >> 3 & 1) - (int)(five >> 1 & 1) - 2 * (int)(five & 1);
     }
   }
@@ -145,18 +161,19 @@ static void normal_of_filled(const building *b, const uint64_t *row, size_t row_
     normal[r] = 0; /* of nearly orthogonal axes; lengths count inversely */
     for (int k = 0; k < 3; k++) normal[r] += d->direction[3 * r + k] * sum[k] / d->spacing[k];
   }
+  return (filled - 62.5) / CUT_AREA;
 }
 
-static void find_normal(const building *b, const uint64_t *row, size_t row_words, int x, int y, int z, unsigned faces,
-                        double normal[3]) {
-  if (b->normals.of) {
-    b->normals.of(b->normals.user, x, y, z, normal);
-  } else {
-    normal_of_filled(b, row, row_words, x, z, normal);
-  }
-  if (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2] > 0) return;
+/* Returns the inset. */
+static double find_normal(const building *b, const uint64_t *row, size_t row_words, int x, int y, int z, unsigned faces,
+                          double normal[3]) {
+  double inset = -1, rough[3];
+  if (b->normals.of) inset = b->normals.of(b->normals.user, x, y, z, normal);
+  if (inset < 0) inset = normal_of_filled(b, row, row_words, x, z, b->normals.of ? rough : normal);
+  if (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2] > 0) return inset;
   const int face = __builtin_ctz(faces); /* no side has less than another: that of any free face */
   for (int r = 0; r < 3; r++) normal[r] = (face & 1 ? 1 : -1) * b->model->head.grid.direction[3 * r + face / 2];
+  return inset;
 }
 
 /* Sixteen voxels of a column. */
@@ -176,9 +193,9 @@ static void add_slice(const building *b, const pile *to, const uint64_t *row, si
     const int i = __builtin_ctz(left);
     unsigned faces = 0;
     for (int f = 0; f < 6; f++) faces |= (open[f] >> i & 1) << f;
-    double normal[3] = {0};
-    if (faces) find_normal(b, row, row_words, x, y, z + i, faces, normal);
-    add_word(to, x, y, z + i, faces, normal);
+    double normal[3] = {0}, inset = 0;
+    if (faces) inset = find_normal(b, row, row_words, x, y, z + i, faces, normal);
+    add_word(to, x, y, z + i, faces, normal, inset);
   }
 }
 
@@ -274,7 +291,7 @@ static void cut_run(const cutting *c, int x, int y, int z0, int z1, const double
     double normal[3]; /* of a plane in index coordinates: covariant */
     for (int r = 0; r < 3; r++)
       normal[r] = -(plane[0] * to_index[r] + plane[1] * to_index[3 + r] + plane[2] * to_index[6 + r]);
-    add_word(&c->out, x, y, z, faces, normal);
+    add_word(&c->out, x, y, z, faces, normal, distance(plane, x, y, z) / length3(plane));
   }
 }
 

@@ -2,8 +2,9 @@
  *
  * A splat is a voxel with a free neighbour (of six). Its word holds the place in the brick (x, y, z: 4 bits each from
  * bit 0), the faces on which it is free (6 bits from bit 12: -x +x -y +y -z +z) and the outward normal in LPS (an
- * octahedral map of 7 + 7 bits from bit 18; all set: none, of a voxel inside). A voxel without a free face is no splat: it is part of the object's
- * inside, which nobody sees; nor is a splat seen from an eye that is on the filled side of all its free faces. */
+ * octahedral map of 7 + 7 bits from bit 18; all set: none, of a voxel inside). A fifth byte says how far the surface is
+ * from the voxel's centre along the normal. A voxel without a free face is no splat: it is part of the object's inside,
+ * which nobody sees; nor is a splat seen from an eye that is on the filled side of all its free faces. */
 #ifndef TC_SPLAT_SPLATS_H
 #define TC_SPLAT_SPLATS_H
 
@@ -24,20 +25,22 @@ typedef struct tc_splat_brick {
 typedef struct tc_splats {
   tc_splat_brick *bricks; /* [n_bricks + 1] */
   uint32_t *words;        /* [n + TC_SPLAT_PAD] */
+  uint8_t *insets;        /* the same: 1 + 254 times the surface's distance, voxels; 0: unknown, or a sheet's */
   uint32_t n, n_bricks;
   size_t bytes;
   uint64_t serial; /* of no other */
 } tc_splats;
 
-/* Normals of a model's voxels, any length, outward, in LPS; from any thread. */
+/* Normals of a model's voxels, any length, outward, in LPS, and how far away along them the surface is, in voxels
+ * (negative: unknown); from any thread. */
 typedef struct tc_splat_normals {
-  void (*of)(const void *user, int x, int y, int z, double normal[3]);
+  double (*of)(const void *user, int x, int y, int z, double normal[3]);
   const void *user;
 } tc_splat_normals;
 
-/* normals.of NULL: the model's attribute "normal", or else what is filled within two voxels. everything: voxels of the
- * inside too, with no faces, for comparison. pool may be NULL. TC_ERROR_LIMIT: over TC_SPLAT_MOST; _MEMORY; or what the
- * halt says. */
+/* normals.of NULL: the model's attribute "normal", or else what is filled within two voxels, which gives unknown
+ * distances, too. everything: voxels of the inside too, with no faces, for comparison. pool may be NULL.
+ * TC_ERROR_LIMIT: over TC_SPLAT_MOST; _MEMORY; or what the halt says. */
 tc_splats *tc_splats_build(const tc_vmd *model, tc_splat_normals normals, bool everything, tc_pool *pool,
                            GError **error);
 /* The voxels that planes (index coordinates, what is kept has planes[i] . (position, 1) >= 0) lay open. */

@@ -15,11 +15,13 @@
 #define LEAST_RADIUS2 0.51 /* a circle of this radius (squared, pixels) holds a pixel's centre wherever it is */
 #define KERNEL_FALL 3.0    /* exponent at the kernel's rim */
 #define FEW_AREA 1e-3      /* pixels a voxel: below, weights shrink with it, so that sums do not overflow */
-/* Voxels that are larger than pixels show their normals' steps: from SMALL to LARGE pixels the kernel's radius grows to
- * SMOOTH voxels, or to MOST_PIXELS. What is covered does not grow: neither cores nor, where none is, footprints. */
+/* Voxels that are larger than pixels show their normals' steps, and that their places are steps: from SMALL to LARGE
+ * pixels the kernel's radius grows to SMOOTH voxels, or to MOST_PIXELS, and splats move to the surface (tile_tmpl.h),
+ * where WIDE_CORE closes gaps. What is covered does not grow: where no core is, footprints are as before. */
 #define SMALL 2
 #define LARGE 6
 #define SMOOTH 2
+#define WIDE_CORE 0.08 /* added to TC_SPLAT_CORE */
 #define MOST_PIXELS 100
 
 typedef struct drawing {
@@ -69,6 +71,7 @@ static void set_view(drawing *d) {
       d->to_view[r][k] = 0;
       for (int c = 0; c < 3; c++) d->to_view[r][k] += rows[r][c] * grid->direction[3 * c + k] * grid->spacing[k];
       g->axis[r][k] = (float)d->to_view[r][k];
+      g->covariant[k][r] = (float)(grid->direction[3 * r + k] * grid->spacing[k]);
     }
   }
   g->perspective = camera->projection == TC_PERSPECTIVE;
@@ -127,8 +130,7 @@ static bool is_within(const drawing *d) {
   return within;
 }
 
-static double grown_radius(double radius, double pixels) {
-  const double share = fmin(fmax((pixels - SMALL) / (LARGE - SMALL), 0), 1);
+static double grown_radius(double radius, double pixels, double share) {
   return fmax(radius, fmin(radius + (SMOOTH - radius) * share, MOST_PIXELS / pixels));
 }
 
@@ -150,13 +152,17 @@ static void set_kernel(drawing *d) {
     distance = fmax(distance, (double)g->near_mm);
   }
   const double pixels = width * (double)g->scale / distance, most = fmax(1, 255 * fmin(1, pixels * pixels / FEW_AREA));
-  const double wide = is_within(d) ? radius : grown_radius(radius, pixels);
-  const double covered = fmax(TC_SPLAT_CORE, fmin(1, TC_SPLAT_CORE / radius)), core = covered * radius / wide;
+  const double share = fmin(fmax((pixels - SMALL) / (LARGE - SMALL), 0), 1), voxel = TC_SPLAT_CORE + WIDE_CORE * share;
+  const double wide = is_within(d) ? radius : grown_radius(radius, pixels, share);
+  const double covered = fmax(voxel, fmin(1, voxel / radius)), core = covered * radius / wide;
   g->radius2 = (float)(wide * wide);
   g->core_root = (float)core;
   g->core = (float)(core * core);
   g->least2 = (float)(LEAST_RADIUS2 / (core * core));
   g->open = (float)(wide * wide / (radius * radius));
+  g->move = (float)share;
+  g->touch = (float)(covered * radius);
+  g->apart = (float)(wide - covered * radius);
   for (int i = 0; i < TC_WEIGHT_STEPS; i++)
     g->weights[i] = (uint8_t)fmax(1, lround(most * footprint(scene->filter, (i + 0.5) / TC_WEIGHT_STEPS)));
   g->weights[TC_WEIGHT_STEPS] = 0;
@@ -230,6 +236,7 @@ static bool set_box(const drawing *d, tc_splat_entry *e, const double middle[3],
 
 static bool enter(const drawing *d, const tc_splats *of, uint32_t brick, double size_mm, tc_splat_entry *e) {
   const tc_splat_brick *b = &of->bricks[brick];
+  const double reach = 7.5 + (double)d->args.move; /* voxels from its middle: splats move by one at most */
   double middle[3], half[3];
   *e = (tc_splat_entry){.of = of, .brick = brick};
   for (int r = 0; r < 3; r++) {
@@ -237,7 +244,7 @@ static bool enter(const drawing *d, const tc_splats *of, uint32_t brick, double 
     half[r] = 0;
     for (int k = 0; k < 3; k++) {
       at += d->to_view[r][k] * b->at[k] * TC_SPLAT_BRICK;
-      half[r] += fabs(d->to_view[r][k]) * 7.5;
+      half[r] += fabs(d->to_view[r][k]) * reach;
     }
     e->at[r] = (float)at;
     middle[r] = at + 7.5 * (d->to_view[r][0] + d->to_view[r][1] + d->to_view[r][2]);

@@ -5,7 +5,8 @@
  * is behind it. At a pixel the nearest core counts, and all ellipses that are not farther behind it than the kernel is
  * deep: their normals and colours are averaged with the weights of the footprint table, divided by the sum of weights
  * (so that a constant solid is constant), and lit (raycast/shading.h). Where no core is, at an outline, a pixel is
- * covered in part.
+ * covered in part. Where voxels are larger than pixels, depths are those of the surface beneath the voxel's face, and
+ * cores move until they touch it from within, by TC_SPLAT_INWARDS at most (more would open folds).
  *
  * Culling leaves out, and changes no bit: voxels inside the object, bricks and splats whose free faces look away, that
  * are out of the picture, or behind the depths of a first pass; attributes are fetched for what is left.

@@ -10,6 +10,7 @@
 #define TC_TILE_BLOCK 8   /* pixels a side of what the greatest depth is known of */
 #define TC_TILE_BLOCKS (TC_TILE / TC_TILE_BLOCK)
 #define TC_WEIGHT_STEPS 1024
+#define TC_SPLAT_INWARDS 0.4f /* voxels that a core is moved inwards, at most */
 
 enum { TC_SUM_WEIGHT, TC_SUM_NORMAL, TC_SUM_COLOR = TC_SUM_NORMAL + 3, TC_SUMS = TC_SUM_COLOR + 3 };
 
@@ -24,7 +25,7 @@ typedef struct tc_splat_matter {
 typedef struct tc_splat_args {
   tc_shade shade;
   float direction0[3], direction_du[3], direction_dv[3]; /* from the eye through pixels, LPS */
-  float width, height;                                  /* of the picture */
+  float width, height;                                   /* of the picture */
   bool perspective, opaque, culling, shaded;
   float axis[3][3];         /* view x, y, z of one voxel along index axis k: [row][k] */
   float scale;              /* pixels a mm, in perspective at z = 1 mm */
@@ -35,6 +36,10 @@ typedef struct tc_splat_args {
       core_root; /* of the footprint that hides what is behind it: square of its size over the kernel's, and size */
   float full;    /* weight at the core's rim, and sum of weights from which on a pixel is covered */
   float open;    /* squares of distances are multiplied by it where no core is */
+  float covariant[3][3];     /* of an LPS normal, its components in index space: [axis][LPS] */
+  float move;                /* share of the way to the surface that splats are moved; 0: not at all */
+  float touch;               /* radius of the core, voxels */
+  float apart;               /* voxels at most from its middle to the footprint's, which holds it */
   const double (*planes)[4]; /* index coordinates */
   int n_planes;
   float color[3]; /* where matter.of is NULL */

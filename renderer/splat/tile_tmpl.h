@@ -23,6 +23,7 @@ typedef struct batch {
   float x[V_LANES], y[V_LANES], z[V_LANES]; /* pixels of the tile, mm */
   float a[V_LANES], b[V_LANES], c[V_LANES]; /* q = a dx^2 + 2 b dx dy + c dy^2 */
   float rx[V_LANES], ry[V_LANES];           /* half of the ellipse's box, pixels */
+  float sx[V_LANES], sy[V_LANES];           /* from the footprint's middle to the core's, pixels */
   float own[V_LANES];   /* square of the kernel's area over the ellipse's, which is widened to the pixels' width */
   float word[V_LANES];  /* bits */
   float alive[V_LANES]; /* > 0: to be drawn; else only with culling off, and in vain */
@@ -61,13 +62,49 @@ V_INLINE vf along(const tc_splat_args *g, int row, const vf d[3], float start) {
   return v_fma(d[2], v_set(m[2]), v_fma(d[1], v_set(m[1]), v_fma(d[0], v_set(m[0]), v_set(start))));
 }
 
+/* Normals of words, unit length: tc_octahedron_unfold(). */
+V_INLINE void unfold(vi word, vf n[3]) {
+  const vf zero = v_set(0), one = v_set(1);
+  vf x = (v_float(v_andi(v_sra(word, 18), v_seti(127))) - v_set(63)) * v_set(1 / 63.f);
+  vf y = (v_float(v_andi(v_sra(word, 25), v_seti(127))) - v_set(63)) * v_set(1 / 63.f), z = one - v_abs(x) - v_abs(y);
+  vf a = one - v_abs(y), b = one - v_abs(x);
+  vm under = v_lt(z, zero);
+  n[0] = v_select(under, v_select(v_lt(x, zero), zero - a, a), x);
+  n[1] = v_select(under, v_select(v_lt(y, zero), zero - b, b), y);
+  vf scale = one / v_sqrt(v_fma(n[0], n[0], v_fma(n[1], n[1], z * z)));
+  n[0] = n[0] * scale, n[1] = n[1] * scale, n[2] = z * scale;
+}
+
+/* Moves splats to the surface: where their cores alone cover pixels outlines end there; light and depths are the
+ * surface's. `shift`: from there to the core, mm. */
+V_INLINE void move_to_surface(const tc_splat_args *g, const uint8_t *insets, vi word, vf at[3], vf shift[2]) {
+  vf n[3], p[3], inset = v_float(v_load_bytes(insets));
+  unfold(word, n);
+  for (int k = 0; k < 3; k++)
+    p[k] = v_fma(n[2], v_set(g->covariant[k][2]),
+                 v_fma(n[1], v_set(g->covariant[k][1]), n[0] * v_set(g->covariant[k][0])));
+  vf scale = v_set(1) / v_sqrt(v_fma(p[0], p[0], v_fma(p[1], p[1], p[2] * p[2])));
+  scale = v_select(v_lt(v_set(0), inset), scale * v_set(g->move), v_set(0));
+  inset = (inset - v_set(1)) * v_set(1 / 254.f);
+  vf core = v_max(inset - v_set(g->touch), v_set(-TC_SPLAT_INWARDS)), middle = v_min(inset, core + v_set(g->apart));
+  for (int r = 0; r < 3; r++) {
+    const float *m = g->axis[r];
+    const vf along = v_fma(p[2], v_set(m[2]), v_fma(p[1], v_set(m[1]), p[0] * v_set(m[0]))) * scale;
+    at[r] = v_fma(along, r < 2 ? middle : inset, at[r]);
+    if (r < 2) shift[r] = along * (core - middle);
+  }
+}
+
 /* False: none of them meets the tile. */
 V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_splat_tile *t, uint32_t first,
                       uint32_t count, batch *out) {
   vi word = v_bits(v_load((const float *)(const void *)(e->of->words + first)));
   vf d[3] = {v_float(nibble(word, 0)), v_float(nibble(word, 4)), v_float(nibble(word, 8))};
   vi faces = v_andi(v_sra(word, 12), e->mixed ? seen_faces(e, d) : v_seti(e->seen));
-  vf x = along(g, 0, d, e->at[0]), y = along(g, 1, d, e->at[1]), z = along(g, 2, d, e->at[2]);
+  vf at[3] = {along(g, 0, d, e->at[0]), along(g, 1, d, e->at[1]), along(g, 2, d, e->at[2])};
+  vf shift[2] = {v_set(0), v_set(0)};
+  if (g->opaque && g->move > 0) move_to_surface(g, e->of->insets + first, word, at, shift);
+  vf x = at[0], y = at[1], z = at[2];
   vf u = v_set(0), v = v_set(0), scale = v_set(g->scale);
   vm inside = m_and(v_lt(v_load(lane_numbers), v_set((float)count)), v_lt(v_set(g->near_mm), z));
   vm alive = g->opaque ? m_and(inside, v_lt(v_set(0), v_float(v_andi(faces, v_seti(63))))) : inside;
@@ -80,6 +117,7 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
     x = x * scale, y = y * scale;
   }
   x = x + v_set(0.5f * g->width - (float)t->x0), y = y + v_set(0.5f * g->height - (float)t->y0);
+  shift[0] = shift[0] * scale, shift[1] = shift[1] * scale;
   vf xx = v_set(0), yy = xx, xy = xx, area = xx, jx[3], jy[3];
   for (int k = 0; k < 3; k++) {
     jx[k] = v_fnma(u, v_set(g->axis[2][k]), v_set(g->axis[0][k]));
@@ -96,14 +134,15 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
   area = area * scale * scale, xx = xx * scale, yy = yy * scale, xy = xy * scale;
   vf inverse = v_set(1) / v_fma(least, xx + yy + least, area);
   xx = xx + least, yy = yy + least;
-  vf rx = v_sqrt(xx), ry = v_sqrt(yy);
-  vm meets = m_and(m_and(v_lt(v_set(0), x + rx), v_lt(x - rx, v_set((float)t->width))),
-                   m_and(v_lt(v_set(0), y + ry), v_lt(y - ry, v_set((float)t->height))));
+  vf rx = v_sqrt(xx), ry = v_sqrt(yy), wide = rx + v_abs(shift[0]), high = ry + v_abs(shift[1]);
+  vm meets = m_and(m_and(v_lt(v_set(0), x + wide), v_lt(x - wide, v_set((float)t->width))),
+                   m_and(v_lt(v_set(0), y + high), v_lt(y - high, v_set((float)t->height))));
   meets = m_and(meets, g->culling ? alive : inside);
   v_store(out->x, x), v_store(out->y, y), v_store(out->z, v_select(alive, z, v_set(INFINITY)));
   v_store(out->a, yy * inverse), v_store(out->b, v_set(0) - xy * inverse), v_store(out->c, xx * inverse);
   v_store(out->own, area * inverse);
-  v_store(out->rx, rx), v_store(out->ry, ry), v_store(out->word, v_from_bits(word));
+  v_store(out->rx, rx), v_store(out->ry, ry), v_store(out->sx, shift[0]), v_store(out->sy, shift[1]);
+  v_store(out->word, v_from_bits(word));
   v_store(out->alive, v_select(meets, v_set(1), v_set(0)));
   return m_any(meets);
 }
@@ -112,8 +151,8 @@ typedef struct reach {
   int x0, y0, x1, y1;
 } reach; /* pixels whose centres the box holds; none where x1 < x0 */
 
-V_INLINE reach reach_of(const batch *b, int i, float share, const tc_splat_tile *t) {
-  float rx = b->rx[i] * share, ry = b->ry[i] * share;
+V_INLINE reach reach_of(const batch *b, int i, const tc_splat_tile *t) {
+  float rx = b->rx[i] + fabsf(b->sx[i]), ry = b->ry[i] + fabsf(b->sy[i]);
   float x0 = b->x[i] - rx + 0.5f, y0 = b->y[i] - ry + 0.5f; /* + 1 truncated is rounding up */
   float x1 = b->x[i] + rx - 0.5f, y1 = b->y[i] + ry - 0.5f;
   float last_x = (float)(t->width - 1), last_y = (float)(t->height - 1);
@@ -122,8 +161,8 @@ V_INLINE reach reach_of(const batch *b, int i, float share, const tc_splat_tile 
 }
 
 /* Squares of distances over the kernel's, for the pixels from x on in a row. */
-V_INLINE vf distances(const batch *b, int i, int x, float dy) {
-  vf dx = v_load(lane_numbers) + v_set((float)x + 0.5f - b->x[i]);
+V_INLINE vf distances(const batch *b, int i, float x, float dy) {
+  vf dx = v_load(lane_numbers) + v_set(x + 0.5f - b->x[i]);
   return v_fma(dx, v_fma(dx, v_set(b->a[i]), v_set(2 * b->b[i] * dy)), v_set(b->c[i] * dy * dy));
 }
 
@@ -142,13 +181,14 @@ static void put_depths(const tc_splat_args *g, const tc_splat_entry *e, tc_splat
     if (!project(g, e, t, at, brick[1].first - at, &b)) continue;
     for (int i = 0; i < V_LANES; i++) {
       if (!(b.alive[i] > 0)) continue;
-      const reach r = reach_of(&b, i, g->core_root, t);
+      b.x[i] += b.sx[i], b.y[i] += b.sy[i], b.sx[i] = b.sy[i] = 0, b.rx[i] *= g->core_root, b.ry[i] *= g->core_root;
+      const reach r = reach_of(&b, i, t);
       const vf z = v_set(b.z[i]);
       t->depths++;
       for (int y = r.y0; y <= r.y1; y++)
         for (int x = r.x0; x <= r.x1; x += V_LANES) {
           float *p = t->depth + y * TC_TILE_STRIDE + x;
-          vf q = distances(&b, i, x, (float)y + 0.5f - b.y[i]), before = v_load(p);
+          vf q = distances(&b, i, (float)x, (float)y + 0.5f - b.y[i]), before = v_load(p);
           v_store(p, v_select(v_lt(q, v_set(g->core)), v_min(before, z), before));
         }
     }
@@ -163,8 +203,12 @@ V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const
   for (int y = r->y0; y <= r->y1; y++)
     for (int x = r->x0; x <= r->x1; x += V_LANES) {
       const int p = y * TC_TILE_STRIDE + x;
-      vf q = distances(b, i, x, (float)y + 0.5f - b->y[i]), before = v_load(t->depth + p);
-      q = q * v_select(v_lt(before, v_set(INFINITY)), v_set(1), v_set(g->open));
+      vf q = distances(b, i, (float)x, (float)y + 0.5f - b->y[i]), before = v_load(t->depth + p);
+      const vm bare = v_le(v_set(INFINITY), before);
+      if (m_any(bare)) {
+        const vf open = distances(b, i, (float)x - b->sx[i], (float)y + 0.5f - b->y[i] - b->sy[i]) * v_set(g->open);
+        q = v_select(bare, open, q);
+      }
       vm seen = m_and(v_lt(q, v_set(1)), v_lt(z, before));
       if (g->culling && !m_any(seen)) continue;
       q = v_select(seen, v_max(q, v_set(0)), v_set(1));
@@ -201,7 +245,7 @@ static void put_colors(const tc_splat_args *g, const tc_splat_entry *e, tc_splat
     if (!project(g, e, t, at, brick[1].first - at, &b)) continue;
     for (int i = 0; i < V_LANES; i++) {
       if (!(b.alive[i] > 0)) continue;
-      const reach r = reach_of(&b, i, 1, t);
+      const reach r = reach_of(&b, i, t);
       if (r.x1 < r.x0 || r.y1 < r.y0) continue;
       if (g->culling && tc_tile_hides(t, r.x0, r.y0, r.x1, r.y1, b.z[i] - g->window_mm)) continue;
       int of[6] = {0};
@@ -222,6 +266,7 @@ static void shade_tile(const tc_splat_args *g, const tc_splat_tile *t, float *ou
       const int p = y * TC_TILE_STRIDE + x;
       vf weight = sum_at(t, TC_SUM_WEIGHT, p), share = v_set(1) / v_max(weight, v_set(1));
       vf alpha = v_min(weight * v_set(1 / g->full), v_set(1));
+      alpha = v_select(v_lt(v_load(t->depth + p), v_set(INFINITY)), v_set(1), alpha); /* a core covers all */
       vf4 c = {v_set(g->color[0]), v_set(g->color[1]), v_set(g->color[2]), v_set(1)};
       if (g->matter.of) {
         vf each = share * v_set(1 / 255.f);
@@ -269,7 +314,7 @@ V_INLINE void add_matter(const tc_splat_args *g, const batch *b, int i, const re
   for (int y = r->y0; y <= r->y1; y++)
     for (int x = r->x0; x <= r->x1; x += V_LANES) {
       const int p = y * TC_TILE_STRIDE + x;
-      vf q = v_min(v_max(distances(b, i, x, (float)y + 0.5f - b->y[i]), v_set(0)), v_set(1));
+      vf q = v_min(v_max(distances(b, i, (float)x, (float)y + 0.5f - b->y[i]), v_set(0)), v_set(1));
       vf weight = v_float(v_bytes(g->weights, v_trunc(q * v_set(TC_WEIGHT_STEPS)))) * v_set(depth);
       for (int k = 0; k < 4; k++) {
         float *to = t->sums[k] + p;
@@ -326,7 +371,7 @@ static void put_sheet(const tc_splat_args *g, const tc_splat_entry *e, int axis,
     look_up_matter(g, brick, &b, here, t, rgbk);
     for (int i = 0; i < V_LANES; i++) {
       if (!(rgbk[i][3] > 0)) continue;
-      const reach r = reach_of(&b, i, 1, t);
+      const reach r = reach_of(&b, i, t);
       if (r.x1 < r.x0 || r.y1 < r.y0) continue;
       add_matter(g, &b, i, &r, rgbk[i], t);
       t->drawn++;

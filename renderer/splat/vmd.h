@@ -124,11 +124,11 @@ typedef struct tc_vmd_wish {
 tc_vmd *tc_vmd_of_volume(const tc_volume *volume, const tc_vmd_wish *wish, tc_pool *pool, GError **error);
 
 /* Outward normals of a volume's object of these values, from how far inside its range voxels are: the mean slope where
- * the voxel's free faces are. */
+ * the voxel's free faces are; and the surface's distance (a tc_splat_normals.of). */
 typedef struct tc_vmd_subject tc_vmd_subject;
 tc_vmd_subject *tc_vmd_subject_new(const tc_volume *volume, double low, double high); /* NULL: no memory */
 void tc_vmd_subject_free(tc_vmd_subject *subject);
-void tc_vmd_normal_at(const void *subject, int x, int y, int z, double normal[3]);
+double tc_vmd_normal_at(const void *subject, int x, int y, int z, double normal[3]);
 
 /* ---- files ---- */
 
@@ -142,8 +142,8 @@ tc_vmd *tc_vmd_decode(const uint8_t *bytes, size_t size, GError **error);
  * success. TC_ERROR_FORMAT for values that are not finite. tc_volume_model() of such a volume is the tc_vmd. */
 tc_volume *tc_vmd_volume(tc_vmd *vmd, GError **error);
 void tc_vmd_normal(const tc_vmd_attribute *attribute, const uint8_t *record, double normal[3]);
-/* A tc_splat_normals.of: the model's own attribute "normal"; zero where there is none. */
-void tc_vmd_own_normal(const void *vmd, int x, int y, int z, double normal[3]);
+/* A tc_splat_normals.of: the model's own attribute "normal"; zero where there is none. The distance is unknown. */
+double tc_vmd_own_normal(const void *vmd, int x, int y, int z, double normal[3]);
 
 /* For decoding and making: the columns' lengths in bytes, [size y][size x], 0 for none, become the index. Takes `bytes`
  * (g_malloc) on success. */

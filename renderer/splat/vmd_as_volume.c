@@ -68,10 +68,11 @@ void tc_vmd_normal(const tc_vmd_attribute *attribute, const uint8_t *record, dou
   for (int k = 0; k < 3; k++) normal[k] = (double)n[k];
 }
 
-void tc_vmd_own_normal(const void *model, int x, int y, int z, double normal[3]) {
+double tc_vmd_own_normal(const void *model, int x, int y, int z, double normal[3]) {
   const tc_vmd *vmd = model;
   const tc_vmd_attribute *a = tc_vmd_attribute_named(&vmd->head, "normal");
   const uint8_t *record = a && a->type == TC_VMD_NORMAL ? tc_vmd_voxel(vmd, x, y, z) : NULL;
   memset(normal, 0, 3 * sizeof *normal);
   if (record) tc_vmd_normal(a, record, normal);
+  return -1;
 }

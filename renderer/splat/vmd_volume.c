@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "renderer/base/vector.h"
 #include "renderer/scene/scene.h"
 #include "renderer/splat/normal.h"
 #include "renderer/splat/vmd.h"
@@ -157,18 +158,44 @@ static void slope_at_face(const subject *s, spot p, int axis, int step, double s
   }
 }
 
-/* The mean over the faces beyond which is outside. What is one voxel thick has faces that look in opposite directions:
- * they count as one, whose sign means nothing. */
-static void normal_of_faces(const subject *s, spot p, double sum[3]) {
+/* Where the grid ends the object does, half a voxel on: such faces count as much as all others together. */
+static void add_ends(const subject *s, spot p, double sum[3], double crossing[6]) {
+  const double length = length3(sum);
+  for (int f = 0; f < 6; f++) {
+    const int step = f & 1 ? 1 : -1, beyond = p.at[f / 2] + step;
+    if (beyond >= 0 && beyond < s->d->dims[f / 2]) continue;
+    sum[f / 2] += step * (length > 0 ? length : 1);
+    crossing[f] = 0.5;
+  }
+}
+
+/* The mean over the faces beyond which is outside, and how far on towards each the surface is, in voxels (negative:
+ * not there). What is one voxel thick has faces that look in opposite directions: they count as one, whose sign means
+ * nothing. */
+static void normal_of_faces(const subject *s, spot p, double sum[3], double crossing[6]) {
+  const double here = inside_of(s, p, 0, 0);
   for (int k = 0; k < 3; k++) sum[k] = 0;
   for (int f = 0; f < 6; f++) {
-    const int axis = f / 2, step = f & 1 ? 1 : -1, beyond = p.at[axis] + step;
+    const int axis = f / 2, step = f & 1 ? 1 : -1;
+    const double there = inside_of(s, p, axis, step); /* beyond the grid as at its end: not outside */
     double slope[3];
-    if (beyond < 0 || beyond >= s->d->dims[axis] || inside_of(s, p, axis, step) >= 0) continue;
+    crossing[f] = there < 0 ? here / (here - there) : -1;
+    if (there >= 0) continue;
     slope_at_face(s, p, axis, step, slope);
-    const double side = sum[0] * slope[0] + sum[1] * slope[1] + sum[2] * slope[2] < 0 ? -1 : 1;
+    const double side = dot3(sum, slope) < 0 ? -1 : 1;
     for (int k = 0; k < 3; k++) sum[k] += side * slope[k];
   }
+  add_ends(s, p, sum, crossing);
+}
+
+/* Along the normal, in voxels: the mean of what the crossings say, were the surface a plane. */
+static double distance_of(const subject *s, const double normal[3], const double crossing[6]) {
+  double along[3], sum = 0, faces = 0;
+  for (int k = 0; k < 3; k++) along[k] = normal[k] * s->d->spacing[k];
+  const double length = length3(along);
+  for (int f = 0; f < 6; f++)
+    if (crossing[f] >= 0) sum += crossing[f] * fabs(along[f / 2]), faces++;
+  return length > 0 && faces > 0 ? sum / (length * faces) : -1;
 }
 
 /* Inside there are central differences alone. */
@@ -176,17 +203,19 @@ static void slope_within(const subject *s, spot p, double slope[3]) {
   for (int k = 0; k < 3; k++) slope[k] = (inside_of(s, p, k, -1) - inside_of(s, p, k, 1)) / s->d->spacing[k];
 }
 
-void tc_vmd_normal_at(const void *user, int x, int y, int z, double n[3]) {
+double tc_vmd_normal_at(const void *user, int x, int y, int z, double n[3]) {
   const subject *s = user;
   const spot p = {{x, y, z}};
-  double g[3];
-  normal_of_faces(s, p, g);
+  double g[3], crossing[6];
+  normal_of_faces(s, p, g, crossing);
+  const double distance = distance_of(s, g, crossing);
   if (g[0] == 0 && g[1] == 0 && g[2] == 0) slope_within(s, p, g);
   /* Covariant: right for any axes. */
   for (int r = 0; r < 3; r++) {
     n[r] = 0;
     for (int k = 0; k < 3; k++) n[r] += g[k] * s->d->spacing[k] * s->to_index[3 * k + r];
   }
+  return distance;
 }
 
 static void record(void *user, int x, int y, int z, uint8_t *to) {

@@ -26,7 +26,8 @@ typedef struct splat_block {
   uint8_t weights[65 * 16];
   float size[2], scale, radius2, least2, near_mm, window_mm, core, core_root, full, open;
   int32_t perspective, culling, n_planes, stride, opaque;
-  float mass, most;
+  float mass, most, move, touch, apart;
+  _Alignas(16) float covariant[3][4];
 } splat_block;
 
 typedef struct splat_entry { /* Entry of splat_pass.glsl */
@@ -64,9 +65,10 @@ static void fill_block(const drawing *d, splat_block *b) {
   const tc_splat_args *g = &d->of.args;
   *b = (splat_block){.size = {g->width, g->height}, .scale = g->scale, .radius2 = g->radius2, .least2 = g->least2,
                      .near_mm = g->near_mm, .window_mm = g->window_mm, .core = g->core, .core_root = g->core_root,
-                     .full = g->full, .open = g->open, .perspective = g->perspective, .culling = g->culling, .n_planes = g->n_planes, .stride = d->look ? 8 : 4, .opaque = g->opaque, .mass = g->mass, .most = most_depth(d)};
+                     .full = g->full, .open = g->open, .perspective = g->perspective, .culling = g->culling, .n_planes = g->n_planes, .stride = d->look ? 8 : 4, .opaque = g->opaque, .mass = g->mass, .most = most_depth(d), .move = g->move, .touch = g->touch, .apart = g->apart};
   for (int k = 0; k < 3; k++) {
     memcpy(b->axis[k], g->axis[k], sizeof g->axis[k]);
+    memcpy(b->covariant[k], g->covariant[k], sizeof g->covariant[k]);
     memcpy(b->to_index[k], g->to_index[k], sizeof g->to_index[k]);
     b->direction0[k] = g->direction0[k], b->direction_du[k] = g->direction_du[k], b->direction_dv[k] = g->direction_dv[k];
     b->color[k] = g->color[k];
@@ -76,7 +78,7 @@ static void fill_block(const drawing *d, splat_block *b) {
   memcpy(b->weights, g->weights, sizeof g->weights);
 }
 
-/* Words, and behind them the entries of their voxels' looks, the colour's in the low half. */
+/* Words, their insets, four a word, and the entries of their voxels' looks, the colour's in the low half. */
 typedef struct packing {
   const tc_splats *of;
   const tc_splat_look *look;
@@ -84,21 +86,24 @@ typedef struct packing {
 
 static size_t words_size(const tc_splats *s) { return (s->n * sizeof(uint32_t) + 31) / 16 * 16; }
 
+static size_t looks_at(const tc_splats *s) { return words_size(s) + (s->n + 15) / 16 * 16; }
+
 static size_t packed_bytes(const void *thing) {
   const packing *p = thing;
-  return words_size(p->of) * (p->look ? 2 : 1);
+  return looks_at(p->of) + (p->look ? words_size(p->of) : 0);
 }
 
 static bool pack_words(const void *thing, void *bytes, const tc_halt *halt) {
   const packing *p = thing;
   memset(bytes, 0, packed_bytes(p));
   memcpy(bytes, p->of->words, p->of->n * sizeof *p->of->words);
+  memcpy((uint8_t *)bytes + words_size(p->of), p->of->insets, p->of->n);
   return true;
 }
 
 static bool pack_looks(const void *thing, void *bytes, const tc_halt *halt) {
   const packing *p = thing;
-  uint32_t *looks = (uint32_t *)bytes + words_size(p->of) / sizeof *looks;
+  uint32_t *looks = (uint32_t *)bytes + looks_at(p->of) / sizeof *looks;
   pack_words(thing, bytes, halt);
   for (uint32_t b = 0; b < p->of->n_bricks; b++) {
     const tc_splat_brick *brick = &p->of->bricks[b];
@@ -208,7 +213,8 @@ static bool run_pass(drawing *d, int pass, const int tile[4]) {
     for (const double most = tc_gl_batch_most(&d->batch); i < last && n < most; i++) n += d->entries[i].words[1];
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 4, d->words[cut]->buffer);
     glProgramUniform1ui(d->gl->programs[pass], 1, (GLuint)from);
-    glProgramUniform1ui(d->gl->programs[pass], 2, d->look ? (GLuint)(words_size(of[cut]) / sizeof(uint32_t)) : 0);
+    glProgramUniform1ui(d->gl->programs[pass], 2, d->look ? (GLuint)(looks_at(of[cut]) / sizeof(uint32_t)) : 0);
+    glProgramUniform1ui(d->gl->programs[pass], 5, (GLuint)(words_size(of[cut]) / sizeof(uint32_t)));
     glDispatchCompute((GLuint)(i - from), (GLuint)bands, 1);
     d->gl->job->frame->stats.samples += n;
     if (!tc_gl_batch_add(&d->batch, (double)n * bands, d->gl->job->halt)) return false;

@@ -10,6 +10,8 @@ layout(std140, binding = 1) uniform Splat {
   float scale, radius2, least2, near_mm, window_mm, core, core_root, full, open;
   int perspective, culling, n_planes, stride, opaque;
   float mass, most; // translucent: of a splat; the optical depth that one may add
+  float move, touch, apart;
+  vec4 covariant[3];
 } splat;
 
 const int BLOCK = 8;

@@ -2,14 +2,15 @@
 // weights and normals of what is not behind them. PASS 4, translucent: optical depths and colours of a sheet of voxels.
 struct Entry { vec4 at, eye; uvec4 words; vec4 starts[3]; }; // splat_entry of splat.c
 layout(std430, binding = 3) readonly buffer Table { vec4 table[]; }; // tc_splat_look_table()
-layout(std430, binding = 4) readonly buffer Words { uint words[]; }; // of splats; then, where they have colours, of their looks
+layout(std430, binding = 4) readonly buffer Words { uint words[]; }; // of splats; their insets; and, where they have colours, of their looks
 layout(std430, binding = 5) readonly buffer Entries { Entry entries[]; };
 layout(location = 1) uniform uint first_entry;
 layout(location = 2) uniform uint first_look; // 0: of one colour
 layout(location = 4) uniform int rows;         // of the tile, to each work-group of a brick
+layout(location = 5) uniform uint first_inset;
 layout(location = 3) uniform uvec2 sheet;      // PASS 4: four times the axis; a voxel's place along it in its brick
 
-struct Footprint { vec2 at; float z; vec3 q; vec2 reach; float own; uint word, look; };
+struct Footprint { vec2 at, core; float z; vec3 q; vec2 reach; float own; uint word, look; };
 
 uint seen_faces(Entry e, vec3 d) {
   uint seen = 0u;
@@ -31,13 +32,37 @@ float along(int row, vec3 d, float start) {
   return fma(d.z, m.z, fma(d.y, m.y, fma(d.x, m.x, start)));
 }
 
+vec3 unfolded(uint word) {
+  vec2 e = (vec2(word >> 18 & 127u, word >> 25) - 63.0) / 63.0;
+  vec3 n = vec3(e, 1.0 - abs(e.x) - abs(e.y));
+  if (n.z < 0.0)
+    n.xy = (1.0 - abs(e.yx)) * mix(vec2(1.0), vec2(-1.0), lessThan(e, vec2(0.0)));
+  return n * (1.0 / sqrt(dot(n, n)));
+}
+
+const float INWARDS = 0.4; // TC_SPLAT_INWARDS
+
+// move_to_surface() of tile_tmpl.h. Returns the way from the footprint's middle to the core's, mm.
+vec2 move_to_surface(uint word, uint stored, inout vec3 at) {
+  vec3 n = unfolded(word), p = normalize(vec3(dot(splat.covariant[0].xyz, n), dot(splat.covariant[1].xyz, n), dot(splat.covariant[2].xyz, n)));
+  vec3 to = vec3(dot(splat.axis[0].xyz, p), dot(splat.axis[1].xyz, p), dot(splat.axis[2].xyz, p));
+  if (stored == 0u)
+    return vec2(0.0);
+  float inset = (float(stored) - 1.0) / 254.0, core = max(inset - splat.touch, -INWARDS), middle = min(inset, core + splat.apart);
+  to *= splat.move;
+  at += to * vec3(middle, middle, inset);
+  return to.xy * (core - middle);
+}
+
 // False: it is not seen, or does not meet the tile.
-bool project(Entry e, uint word, out Footprint f) {
+bool project(Entry e, uint word, uint stored, out Footprint f) {
   vec3 d = vec3(word & 15u, word >> 4 & 15u, word >> 8 & 15u);
   uint faces = word >> 12 & 63u & ((e.words.z & 256u) != 0u ? seen_faces(e, d) : e.words.z);
-  float x = along(0, d, e.at.x), y = along(1, d, e.at.y), u = 0.0, v = 0.0, scale = splat.scale;
+  vec3 at = vec3(along(0, d, e.at.x), along(1, d, e.at.y), along(2, d, e.at.z));
+  vec2 core = PASS != 4 && splat.move > 0.0 ? move_to_surface(word, stored, at) : vec2(0.0);
+  float x = at.x, y = at.y, u = 0.0, v = 0.0, scale = splat.scale;
   f.word = word;
-  f.z = along(2, d, e.at.z);
+  f.z = at.z;
   if ((PASS != 4 && faces == 0u) || !(splat.near_mm < f.z) || ((e.words.z & 512u) != 0u && !kept(e, d)))
     return false;
   if (splat.perspective != 0) {
@@ -48,6 +73,7 @@ bool project(Entry e, uint word, out Footprint f) {
     x *= scale, y *= scale;
   }
   f.at = vec2(x, y) + (0.5 * splat.size - vec2(tile.xy));
+  f.core = core * scale;
   vec3 jx = splat.axis[0].xyz - u * splat.axis[2].xyz, jy = splat.axis[1].xyz - v * splat.axis[2].xyz, across = cross(jx, jy);
   scale = scale * scale * splat.radius2;
   float xx = dot(jx, jx) * scale, yy = dot(jy, jy) * scale, xy = dot(jx, jy) * scale, area = dot(across, across) * scale * scale;
@@ -56,20 +82,16 @@ bool project(Entry e, uint word, out Footprint f) {
   f.own = area * inverse;
   f.q = vec3(yy, -xy, xx) * inverse;
   f.reach = sqrt(vec2(xx, yy));
+#if PASS == 1
+  f.at += f.core, f.core = vec2(0.0), f.reach *= splat.core_root;
+#endif
+  f.reach += abs(f.core);
   return all(greaterThan(f.at + f.reach, vec2(0.0))) && all(lessThan(f.at - f.reach, vec2(tile.zw)));
 }
 
-float distance_at(Footprint f, ivec2 p) {
-  vec2 d = vec2(p) + 0.5 - f.at;
+float distance_at(Footprint f, vec2 p) {
+  vec2 d = p + 0.5 - f.at;
   return fma(d.x, fma(d.x, f.q.x, 2.0 * f.q.y * d.y), f.q.z * d.y * d.y);
-}
-
-vec3 unfolded(uint word) {
-  vec2 e = (vec2(word >> 18 & 127u, word >> 25) - 63.0) / 63.0;
-  vec3 n = vec3(e, 1.0 - abs(e.x) - abs(e.y));
-  if (n.z < 0.0)
-    n.xy = (1.0 - abs(e.yx)) * mix(vec2(1.0), vec2(-1.0), lessThan(e, vec2(0.0)));
-  return n * (1.0 / sqrt(dot(n, n)));
 }
 
 vec3 direction_at(vec2 at) { return splat.direction0.xyz + at.x * splat.direction_du.xyz + at.y * splat.direction_dv.xyz; }
@@ -83,7 +105,7 @@ int weight_at(float q) {
 void put(Footprint f, ivec2 from, ivec2 to) {
   for (int y = from.y; y <= to.y; y++)
     for (int x = from.x; x <= to.x; x++)
-      if (distance_at(f, ivec2(x, y)) < splat.core)
+      if (distance_at(f, vec2(x, y)) < splat.core)
         atomicMin(nearest[y * tile.z + x], ordered(f.z));
 }
 #elif PASS == 4
@@ -111,7 +133,7 @@ void put(Footprint f, ivec2 from, ivec2 to) {
   float depth = mass_of(f) * look.a;
   for (int y = from.y; y <= to.y; y++)
     for (int x = from.x; x <= to.x; x++) {
-      float amount = min(float(weight_at(min(distance_at(f, ivec2(x, y)), 1.0))) * depth, splat.most) * SCALE;
+      float amount = min(float(weight_at(min(distance_at(f, vec2(x, y)), 1.0))) * depth, splat.most) * SCALE;
       int at = (y * tile.z + x) * splat.stride;
       if (amount < 0.5)
         continue;
@@ -145,10 +167,10 @@ void put(Footprint f, ivec2 from, ivec2 to) {
     c = ivec3(roundEven(table[f.look & 0xffffu].rgb * 255.0));
   for (int y = from.y; y <= to.y; y++)
     for (int x = from.x; x <= to.x; x++) {
-      float q = distance_at(f, ivec2(x, y));
+      float q = distance_at(f, vec2(x, y));
       int at = y * tile.z + x, sum = at * splat.stride;
       if (nearest[at] == FAR)
-        q *= splat.open;
+        q = distance_at(f, vec2(x, y) - f.core) * splat.open;
       if (!(q < 1.0) || !(z < depth_of(nearest[at])))
         continue;
       int weight = weight_at(q);
@@ -166,10 +188,11 @@ void main() {
   for (uint i = gl_LocalInvocationIndex; i < e.words.y; i += 64u) {
     Footprint f;
     uint word = words[e.words.x + i];
-    if ((PASS == 4 && (word >> sheet.x & 15u) != sheet.y) || !project(e, word, f))
+    uint inset = PASS == 4 ? 0u : words[first_inset + (e.words.x + i >> 2)] >> 8 * (e.words.x + i & 3u) & 255u;
+    if ((PASS == 4 && (word >> sheet.x & 15u) != sheet.y) || !project(e, word, inset, f))
       continue;
     f.look = first_look != 0u ? words[first_look + e.words.x + i] : 0u;
-    vec2 r = PASS == 1 ? f.reach * splat.core_root : f.reach;
+    vec2 r = f.reach;
     ivec2 from = ivec2(max(f.at - r + 0.5, vec2(0.0))), to = ivec2(floor(min(f.at + r - 0.5, vec2(tile.zw - 1))));
     int first = int(gl_WorkGroupID.y) * rows;
     put(f, ivec2(from.x, max(from.y, first)), ivec2(to.x, min(to.y, first + rows - 1)));

@@ -19,7 +19,7 @@ void main() {
     return;
   }
   uint sum = at * uint(splat.stride);
-  float weight = float(sums[sum]), alpha = min(weight * (1.0 / splat.full), 1.0);
+  float weight = float(sums[sum]), alpha = nearest[at] == FAR ? min(weight * (1.0 / splat.full), 1.0) : 1.0;
   vec2 p = vec2(tile.xy + place) + 0.5;
   vec4 color = vec4(splat.color.rgb, 1.0);
   if (splat.stride > 4)
