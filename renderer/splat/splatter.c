@@ -350,17 +350,17 @@ static bool pass_sheets(const drawing *d, tc_splat_tile *t, int axis, int side) 
   return true;
 }
 
-/* The axis along which the view goes furthest. */
-static int sheet_axis(const drawing *d) {
+int tc_splat_sheet_axis(const tc_splat_args *g) {
   int axis = 0;
   for (int k = 1; k < 3; k++)
-    if (fabsf(d->args.to_index[k][2]) > fabsf(d->args.to_index[axis][2])) axis = k;
+    if (fabsf(g->to_index[k][2]) > fabsf(g->to_index[axis][2])) axis = k;
   return axis;
 }
 
 /* Entries by layers of bricks along the axis. */
 static bool sort_layers(drawing *d, GError **error) {
-  const int axis = sheet_axis(d), n = tc_volume_describe(d->job->volume)->dims[axis] / TC_SPLAT_BRICK + 1;
+  const int axis = tc_splat_sheet_axis(&d->args),
+            n = tc_volume_describe(d->job->volume)->dims[axis] / TC_SPLAT_BRICK + 1;
   tc_splat_entry *sorted = malloc(((size_t)d->n_entries + 1) * sizeof *sorted);
   d->layers = calloc((size_t)n + 2, sizeof *d->layers);
   if (!sorted || !d->layers) {
@@ -433,7 +433,7 @@ static bool is_empty(const drawing *d, const tc_splat_tile *t) {
 
 /* False: halted. */
 static bool fill_tile(const drawing *d, tc_splat_tile *t, float *out) {
-  const int axis = sheet_axis(d);
+  const int axis = tc_splat_sheet_axis(&d->args);
   if (d->args.opaque) {
     if (!pass(d, t, false) || !pass(d, t, true)) return false;
     d->kernels->shade(&d->args, t, out);

@@ -56,6 +56,9 @@ typedef struct tc_splat_frame {
 bool tc_splat_frame_begin(tc_splat_frame *frame, const tc_splat_job *job, GError **error); /* TC_ERROR_MEMORY */
 void tc_splat_frame_end(tc_splat_frame *frame);
 
+/* Translucent: the axis along which the view goes furthest. */
+int tc_splat_sheet_axis(const tc_splat_args *args);
+
 /* The clip box and planes of a scene in a volume's index coordinates; how many. */
 int tc_splat_planes(const tc_volume *volume, const tc_scene *scene, double planes[TC_MAX_CLIP_PLANES][4]);
 

@@ -97,9 +97,10 @@ static bool measure_sizes(const tc_vmd *m, sizes *s, GError **error) {
   return good;
 }
 
-/* Mean over views of the least of several frames, all ways in turn: without and with culling, and ray-cast. */
+/* Mean over views of the least of several frames, all ways in turn: without and with culling, and ray-cast; and splats
+ * put down (samples). The first two's ratio is what culling can gain at most, where a splat costs the same. */
 static bool measure_times(const tcs_paper_run *run, tc_volume *volume, const tc_scene *from, double ms[3],
-                          GError **error) {
+                          double samples[3], GError **error) {
   const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = run->threads, .cache_bytes = 2u << 30};
   tc_renderer *renderer = tc_renderer_new(&options, error);
   tc_frame frame = {0};
@@ -107,7 +108,8 @@ static bool measure_times(const tcs_paper_run *run, tc_volume *volume, const tc_
   bool good = renderer != NULL;
   tc_scene_copy(&scene, from);
   scene.image.width = scene.image.height = run->size;
-  ms[0] = ms[1] = ms[2] = 0;
+  memset(ms, 0, 3 * sizeof *ms);
+  memset(samples, 0, 3 * sizeof *samples);
   for (size_t v = 0; v < G_N_ELEMENTS(azimuths) && good; v++) {
     double least[3] = {INFINITY, INFINITY, INFINITY};
     tcs_cli_place_camera(volume, azimuths[v], 10, 1.3, &scene.camera);
@@ -116,6 +118,7 @@ static bool measure_times(const tcs_paper_run *run, tc_volume *volume, const tc_
       scene.splat.culling = i % 3 == 1;
       good = tc_render(renderer, volume, &scene, NULL, &frame, NULL, error);
       if (i >= 3) least[i % 3] = fmin(least[i % 3], frame.stats.render_ms);
+      if (i < 3) samples[i] += (double)frame.stats.samples / G_N_ELEMENTS(azimuths);
     }
     for (int i = 0; i < 3; i++) ms[i] += least[i] / G_N_ELEMENTS(azimuths);
   }
@@ -129,9 +132,9 @@ void tcs_paper_splat_begin(const tcs_paper_run *run) {
   if (!run->print) return;
   printf("paper 004: a byte for each voxel; a grid of its bounding box (box) over a .vmd on disk and in memory, as a "
          "solid "
-         "and as a shell; %dx%d pixels\n%-15s %8s %9s %7s %8s %8s %8s %8s %7s %7s %7s %8s %8s %6s %8s\n",
+         "and as a shell; %dx%d pixels\n%-15s %8s %9s %7s %8s %8s %8s %8s %7s %7s %7s %8s %8s %6s %8s %6s\n",
          run->size, run->size, "object", "voxels", "box", "grid.gz", "nrrd.gz", "vmd", "vmd.gz", "memory", "box/vmd",
-         "box/mem", "/shell", "unculled", "culled", "gain", "ray-cast");
+         "box/mem", "/shell", "unculled", "culled", "gain", "ray-cast", "put");
   for (size_t i = 0; i < G_N_ELEMENTS(published); i++) {
     const struct published *p = &published[i];
     printf("paper: %-8s %8s %9.0f %7s %8s %8.0f %8s %8s %7.1f %7.1f %7s %8.1f %8.1f %6.1f\n", p->object, "",
@@ -145,26 +148,27 @@ bool tcs_paper_splat(const tcs_paper_run *run, tc_volume *volume, const char *na
   const tc_vmd_wish wish = {from->splat.threshold[0], from->splat.threshold[1], .attributes = "user"};
   tc_scene scene;
   sizes s = {0};
-  double ms[3];
+  double ms[3], samples[3];
   tc_vmd *model = tc_vmd_of_volume(volume, &wish, NULL, error);
   bool good = model && measure_sizes(model, &s, error) && measure_shell(volume, wish, &s, error);
   tc_vmd_free(model);
   tc_scene_copy(&scene, from);
   scene.isosurface.value = scene.splat.threshold[0];
-  good = good && measure_times(run, volume, &scene, ms, error);
+  good = good && measure_times(run, volume, &scene, ms, samples, error);
   tc_scene_clear(&scene);
   if (!good) return false;
   if (run->print)
-    printf("%-15.15s %8.0f %9.0f %7.0f %8.0f %8.0f %8.0f %8.0f %7.1f %7.1f %7.1f %8.2f %8.2f %6.1f %8.2f\n", name,
+    printf("%-15.15s %8.0f %9.0f %7.0f %8.0f %8.0f %8.0f %8.0f %7.1f %7.1f %7.1f %8.2f %8.2f %6.1f %8.2f %6.1f\n", name,
            s.voxels, s.box, s.grid_gzip, s.nrrd, s.vmd, s.vmd_gzip, s.memory, s.box / s.vmd, s.box / s.memory,
-           s.box / s.shell, ms[0], ms[1], ms[0] / ms[1], ms[2]);
+           s.box / s.shell, ms[0], ms[1], ms[0] / ms[1], ms[2], samples[0] / samples[1]);
   const struct {
     const char *name;
     double value;
-  } numbers[] = {{"voxels", s.voxels},           {"gridBytes", s.grid},     {"boxBytes", s.box},
-                 {"gridGzipBytes", s.grid_gzip}, {"vmdBytes", s.vmd},       {"vmdGzipBytes", s.vmd_gzip},
-                 {"memoryBytes", s.memory},      {"unculledMs", ms[0]},     {"culledMs", ms[1]},
-                 {"isosurfaceMs", ms[2]},        {"nrrdGzipBytes", s.nrrd}, {"shellMemoryBytes", s.shell}};
+  } numbers[] = {{"voxels", s.voxels},           {"gridBytes", s.grid},       {"boxBytes", s.box},
+                 {"gridGzipBytes", s.grid_gzip}, {"vmdBytes", s.vmd},         {"vmdGzipBytes", s.vmd_gzip},
+                 {"memoryBytes", s.memory},      {"unculledMs", ms[0]},       {"culledMs", ms[1]},
+                 {"isosurfaceMs", ms[2]},        {"nrrdGzipBytes", s.nrrd},   {"shellMemoryBytes", s.shell},
+                 {"unculledSplats", samples[0]}, {"culledSplats", samples[1]}};
   cJSON *json = cJSON_CreateObject();
   cJSON_AddStringToObject(json, "paper", "004");
   cJSON_AddStringToObject(json, "volume", name);

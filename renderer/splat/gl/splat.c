@@ -191,7 +191,8 @@ static int rows_of(const drawing *d) {
   for (int k = 0; k < 3; k++) size += pow(hypot(g->axis[0][k], hypot(g->axis[1][k], g->axis[2][k])), 2);
   const double near = g->perspective && d->of.n_entries ? fmax(d->of.entries[0].near_mm, g->near_mm) : 1;
   const double aside = g->perspective ? hypot(g->width, g->height) / (2 * g->scale) : 0; /* tangent, in a corner */
-  const double reach = sqrt(size * g->radius2) * g->scale / near * sqrt(1 + aside * aside) + sqrt(g->least2);
+  const double voxels = sqrt(g->radius2) + g->move * g->apart;
+  const double reach = sqrt(size) * voxels * g->scale / near * sqrt(1 + aside * aside) + sqrt(g->least2);
   const double wide = fmin(2 * reach + 1, d->progress->side);
   return SPLATS_EACH * wide * wide <= MOST_STEPS ? d->progress->side : (int)fmax(1, MOST_STEPS / (SPLATS_EACH * wide));
 }
@@ -227,14 +228,6 @@ static bool run_pass(drawing *d, int pass, const int tile[4]) {
 
 static int layer_of(const tc_splat_entry *e, int axis) { return e->of->bricks[e->brick].at[axis]; }
 
-/* The axis along which the view goes furthest. */
-static int sheet_axis(const drawing *d) {
-  int axis = 0;
-  for (int k = 1; k < 3; k++)
-    if (fabsf(d->of.args.to_index[k][2]) > fabsf(d->of.args.to_index[axis][2])) axis = k;
-  return axis;
-}
-
 /* The tile's bricks of one layer along the axis. */
 static void collect_layer(drawing *d, const int tile[4], int axis, int layer) {
   d->n[0] = d->n[1] = 0;
@@ -268,7 +261,7 @@ static bool run_sheets(drawing *d, const int tile[4], int axis, double eye, int 
 }
 
 static bool draw_sheets(drawing *d, const int tile[4]) {
-  const int axis = sheet_axis(d);
+  const int axis = tc_splat_sheet_axis(&d->of.args);
   if (!d->of.n_entries) return true;
   const tc_splat_entry *any = &d->of.entries[0];
   const double eye = (double)any->eye[axis] + TC_SPLAT_BRICK * layer_of(any, axis);
