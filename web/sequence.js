@@ -51,7 +51,7 @@ export class Sequence {
     if (!found?.dims) return;
     this.#shown = found;
     this.#known.set(found.volume, found);
-    if (!this.#choosing) this.#wanted = found.volume;
+    if (!this.#choosing && at < 0) this.#wanted = found.volume; // the cine's own are behind what it wants
     this.#on.shown(found);
     this.#update();
   }

@@ -9,6 +9,7 @@ import { browserMissing } from './chromium.mjs';
 import { daemonMissing } from './daemon.mjs';
 import { difference, settled, stageData } from './picture.mjs';
 import { scene, serve } from './scenarios.mjs';
+import { Sequence } from '../../web/sequence.js';
 
 const skip = daemonMissing() || (await browserMissing());
 const [SIDE, TIMES] = [24, 6];
@@ -36,6 +37,44 @@ function beating() {
     }
   return Buffer.concat([head, voxels]);
 }
+
+/** Waits for what must come, and then sees that no more comes: turns of the event loop, not time, pass between. */
+async function comesTo(list, wanted) {
+  for (const end = Date.now() + 20000; list.length < wanted.length && Date.now() < end;)
+    await new Promise((done) => setTimeout(done, 5));
+  for (let turn = 0; turn < 20; turn++) await new Promise((done) => setTimeout(done, 0));
+  assert.deepEqual(list, wanted);
+}
+
+test('a cine asks for one volume ahead of the picture, and for no more', async (t) => {
+  const elements = {};
+  const get = (id) => (elements[id] ??= { value: id === 'rate' ? '1000' : '1', addEventListener() {} });
+  const volumes = [1, 2, 3, 4].map((volume) => ({
+    id: `v.${volume}`,
+    volume,
+    frames: 4,
+    state: 'resident',
+    dims: [1, 1, 1],
+  }));
+  for (const volume of volumes) volume.volumes = volumes;
+  const asked = [];
+  const of = (id) => volumes.find((volume) => volume.id === id);
+  const sequence = new Sequence(get, {
+    volumes: { get: async (id) => of(id), wait: async (id) => of(id) },
+    client: { show: async (id) => asked.push(id) },
+    on: { shown() {}, problem: assert.fail, note: assert.fail },
+  });
+  t.after(() => sequence.stop());
+  sequence.setVolume(volumes[0]);
+  sequence.toggle();
+  await comesTo(asked, ['v.2', 'v.3']); // the second waits in the daemon while the first is drawn
+  await sequence.frame({ volume: 'v.1' }); // an old picture confirms nothing
+  await comesTo(asked, ['v.2', 'v.3']);
+  await sequence.frame({ volume: 'v.2' });
+  await comesTo(asked, ['v.2', 'v.3', 'v.4']);
+  await sequence.frame({ volume: 'v.4' }); // v.3 was passed over
+  await comesTo(asked, ['v.2', 'v.3', 'v.4', 'v.1', 'v.2']);
+});
 
 describe('volumes in time', { skip }, () => {
   const folder = mkdtempSync(join(tmpdir(), 'tomocast-time-'));
