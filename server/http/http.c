@@ -34,7 +34,8 @@ typedef struct link {
   tcs_strict *strict;   /* the guard's */
   tcs_request *reading; /* its body comes, or NULL */
   unsigned requests;    /* begun */
-  bool reserve;         /* one of the last free ones */
+  bool reserve;         /* one of the last free ones, or of the last its peer may have */
+  char peer[INET6_ADDRSTRLEN]; /* "": a trusted proxy's, for many */
   bool gone;            /* at the last tick, while something was waited for */
   bool metrics;         /* at the metrics' own place */
 } link_state;
@@ -85,6 +86,36 @@ static unsigned connection_limit(const tcs_server *server) {
   return (unsigned)(server->config->limits.clients + EXTRA_CONNECTIONS);
 }
 
+/* What one peer may have of them, so that nobody's idle ones keep others out. */
+static unsigned peer_limit(const tcs_server *server) { return connection_limit(server) / 4 * 3; }
+
+static void name_peer(const tcs_http *http, const struct sockaddr *from, char peer[INET6_ADDRSTRLEN]) {
+  const tcs_proxies *proxies = http->server->access->proxies;
+  *peer = 0;
+  if (!tcs_proxies_trust(proxies, from)) tcs_proxies_peer(proxies, from, NULL, NULL, peer);
+}
+
+static unsigned connections_of(const tcs_http *http, const char *peer) {
+  unsigned count = 0;
+  GHashTableIter all;
+  g_hash_table_iter_init(&all, http->links);
+  for (gpointer link; *peer && g_hash_table_iter_next(&all, &link, NULL);)
+    count += strcmp(((const link_state *)link)->peer, peer) == 0;
+  return count;
+}
+
+static enum MHD_Result on_accept(void *user, const struct sockaddr *from, socklen_t size) {
+  const tcs_http *http = ((const place *)user)->http;
+  char peer[INET6_ADDRSTRLEN];
+  name_peer(http, from, peer);
+  return connections_of(http, peer) < peer_limit(http->server) + RESERVE / 2 ? MHD_YES : MHD_NO;
+}
+
+static bool is_reserve(const tcs_http *http, const link_state *link) {
+  return g_hash_table_size(http->links) + RESERVE >= connection_limit(http->server) ||
+         connections_of(http, link->peer) >= peer_limit(http->server);
+}
+
 static void on_connection(void *user, struct MHD_Connection *connection, void **context,
                           enum MHD_ConnectionNotificationCode code) {
   const place *at = user;
@@ -93,7 +124,8 @@ static void on_connection(void *user, struct MHD_Connection *connection, void **
     link_state *link = g_new0(link_state, 1);
     link->fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
     link->metrics = at == &http->places[METRICS];
-    link->reserve = !link->metrics && g_hash_table_size(http->links) + RESERVE >= connection_limit(http->server);
+    if (!link->metrics) name_peer(http, MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS)->client_addr, link->peer);
+    link->reserve = !link->metrics && is_reserve(http, link);
     link->deadline_us = g_get_monotonic_time() + (link->reserve ? RESERVE_US : HEADER_US);
     link->strict = tcs_guard_add(http->guard, link->fd);
     g_hash_table_add(http->links, link);
@@ -437,7 +469,8 @@ static bool open_place(tcs_http *http, int which, const tcs_listen *where, const
   name_address(at, fd);
   tcs_hosts_listen(server->access->hosts, at->address);
   at->daemon = MHD_start_daemon(
-      MHD_USE_EPOLL | MHD_ALLOW_UPGRADE | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, NULL, NULL, on_request, http,
+      MHD_USE_EPOLL | MHD_ALLOW_UPGRADE | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, which == MAIN ? on_accept : NULL, at, on_request,
+      http,
       MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL, MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_CONNECTION_LIMIT,
       which == MAIN ? connection_limit(server) : METRICS_CONNECTIONS, MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)IDLE_S,
       MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)65536, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_NOTIFY_COMPLETED,

@@ -2,6 +2,7 @@
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { mkdirSync, mkdtempSync, readdirSync, rmSync, writeFileSync } from 'node:fs';
+import http from 'node:http';
 import net from 'node:net';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
@@ -79,6 +80,21 @@ test('uploads are bounded for a client and for all; with as many connections as 
   await until(() => uploads(spool).length === 0);
   await d.stop();
   rmSync(spool, { recursive: true });
+});
+
+test('who holds connections open keeps nobody else out', async () => {
+  const d = await Daemon.start({ config: '[limits]\nclients=1\n' });
+  const { port } = d;
+  let refused = 0;
+  const held = Array.from({ length: 600 }, () => net.connect(port, '127.0.0.1').on('error', () => {}).on('close', () => refused++));
+  await until(() => refused >= 600 - 513);
+  const ask = (path) => new Promise((resolve, reject) => {
+    http.get({ port, path, host: '127.0.0.1', localAddress: '127.0.0.2', agent: false }, (reply) => resolve(reply.resume().statusCode))
+      .on('error', reject).setTimeout(10000, () => reject(new Error('no answer')));
+  });
+  assert.deepEqual([await ask('/healthz'), await ask('/v1/volumes')], [200, 200]);
+  held.forEach((socket) => socket.destroy());
+  await d.stop();
 });
 
 test('behind a trusted proxy it is what the proxy says that counts, elsewhere it is not', async () => {
