@@ -7,6 +7,7 @@
 #include "renderer/scene/scene.h"
 #include "renderer/splat/normal.h"
 #include "renderer/splat/vmd.h"
+#include "renderer/volume/voxel.h"
 
 struct tc_vmd_subject {
   const tc_volume *volume;
@@ -25,18 +26,6 @@ typedef struct tc_vmd_subject subject;
 
 static size_t voxel_index(const subject *s, int x, int y, int z) {
   return ((size_t)z * (size_t)s->d->dims[1] + (size_t)y) * (size_t)s->d->dims[0] + (size_t)x;
-}
-
-static double voxel_at(const subject *s, size_t i) {
-  switch (s->d->type) {
-  case TC_U8: return ((const uint8_t *)s->data)[i];
-  case TC_I8: return ((const int8_t *)s->data)[i];
-  case TC_U16: return ((const uint16_t *)s->data)[i];
-  case TC_I16: return ((const int16_t *)s->data)[i];
-  case TC_F32: return (double)((const float *)s->data)[i];
-  case TC_VOXEL_TYPE_COUNT: break;
-  }
-  return 0;
 }
 
 #define FILL_ROWS(name, type)                                                                                          \
@@ -63,7 +52,8 @@ static void fill_one_by_one(const subject *s, int y, uint64_t *bits) {
   const size_t nx = (size_t)s->d->dims[0];
   for (int z = 0; z < s->d->dims[2]; z++)
     for (int x = 0; x < s->d->dims[0]; x++)
-      bits[(size_t)(z / 64) * nx + (size_t)x] |= (uint64_t)is_filled(s, voxel_at(s, voxel_index(s, x, y, z))) << z % 64;
+      bits[(size_t)(z / 64) * nx + (size_t)x] |=
+          (uint64_t)is_filled(s, tc_voxel_at(s->d->type, s->data, voxel_index(s, x, y, z))) << z % 64;
 }
 
 static void fill_of_model(const subject *s, int y, uint64_t *bits) {
@@ -127,7 +117,7 @@ static void stored_range(subject *s, double low, double high) {
 /* How far inside the object, from the nearer end of its range; an end that no voxel is beyond does not count. */
 static double inside_at(const subject *s, size_t i) {
   const tc_volume_stats *stats = tc_volume_statistics(s->volume);
-  double v = voxel_at(s, i), above = v - s->low, below = s->high - v;
+  double v = tc_voxel_at(s->d->type, s->data, i), above = v - s->low, below = s->high - v;
   if (s->label >= 0) return above >= 0 && below >= 0 ? 1 : -1;
   if (s->low <= stats->voxel_min && s->high >= stats->voxel_max) return v;
   if (s->low <= stats->voxel_min) return below;
