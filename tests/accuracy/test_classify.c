@@ -114,11 +114,6 @@ static void post_at_midpoints(void **state) {
   tc_volume_unref(volume);
 }
 
-static const tc_knot soft[] = {{.value = 0, .color = {0.1, 0.2, 1}, .amount = 0},
-                               {.value = 0.45, .color = {1, 0.9, 0.2}, .amount = 0.02},
-                               {.value = 0.8, .color = {1, 0.1, 0}, .amount = 0.2},
-                               {.value = 1, .color = {1, 1, 1}, .amount = 0.05}};
-
 static void all_converge(void **state) {
   static const tc_voxel_type types[] = {TC_U8, TC_U16, TC_F32};
   for (size_t t = 0; t < G_N_ELEMENTS(types); t++) {
@@ -127,7 +122,7 @@ static void all_converge(void **state) {
     tc_volume *volume = test_volume(&grid, test_waves, &(double){20});
     tc_scene scene;
     test_scene(&scene, 32, 24);
-    test_scene_knots(&scene, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
+    test_scene_knots(&scene, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
     scene.image.linear_light = t == 1;
     test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
     float *want = test_reference(volume, &scene, 0);
@@ -153,7 +148,7 @@ static void every_size_of_table(void **state) {
   tc_volume *volume = test_volume(&grid, test_noise, &(unsigned){5});
   tc_scene scene;
   test_scene(&scene, 32, 24);
-  test_scene_knots(&scene, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
+  test_scene_knots(&scene, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
   scene.sampling.step = 1.5;
   table_size = 2048;
@@ -319,7 +314,7 @@ static void the_plan_says_so(void **state) {
   tc_volume *volume = tc_volume_demo("bucky", NULL);
   tc_scene scene;
   test_scene(&scene, 16, 16);
-  test_scene_knots(&scene, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
+  test_scene_knots(&scene, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
   scene.sampling.termination = 0.01;
   scene.order = TC_BACK_TO_FRONT;

@@ -143,11 +143,6 @@ static void thin_media(void **state) {
 
 /* ---- scenes ---- */
 
-static const tc_knot soft[] = {{.value = 0, .color = {0.1, 0.2, 1}, .amount = 0},
-                               {.value = 0.45, .color = {1, 0.9, 0.2}, .amount = 0.02},
-                               {.value = 0.8, .color = {1, 0.1, 0}, .amount = 0.2},
-                               {.value = 1, .color = {1, 1, 1}, .amount = 0.05}};
-
 /* Values 0..1 in every voxel type. */
 static tc_volume *waves(tc_voxel_type type, const double spacing[3], const double direction[9]) {
   static const double slope[] = {1.0 / 255, 1.0 / 127, 1.0 / 65535, 1.0 / 32767, 0};
@@ -161,7 +156,7 @@ static void voxel_types(void **state) {
   static const bounds allowed = {{1.1e-4, 6.5e-4, 9.5e-3}, {1.9e-3, 4.4e-3, 7e-2}};
   for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
     tc_volume *volume = waves((tc_voxel_type)type, NULL, NULL);
-    tc_scene scene = knots_scene(40, 32, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
+    tc_scene scene = knots_scene(40, 32, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
     test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
     float *want = test_reference(volume, &scene, 0);
     for (size_t s = 0; s < G_N_ELEMENTS(steps); s++) {
@@ -191,7 +186,7 @@ static void views(void **state) {
     tc_volume *volume = waves(TC_U16, grids[g].spacing, grids[g].shear ? sheared : NULL);
     for (int projection = 0; projection < TC_PROJECTION_COUNT; projection++)
       for (size_t i = 0; i < G_N_ELEMENTS(sides); i++) {
-        tc_scene scene = knots_scene(31, 23, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
+        tc_scene scene = knots_scene(31, 23, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
         test_scene_frame(&scene, volume, (tc_projection)projection, sides[i]);
         char what[64];
         snprintf(what, sizeof what, "%s, %s, side %zu", grids[g].name, projection ? "orthographic" : "perspective", i);
@@ -215,7 +210,7 @@ static void eyes(void **state) {
                {"at 1e7 mm", {-1e7, 3e6, 1e6}, 2e-4}};
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++)
     for (int projection = 0; projection < TC_PROJECTION_COUNT; projection++) {
-      tc_scene scene = knots_scene(32, 24, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
+      tc_scene scene = knots_scene(32, 24, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
       double from[3], to[3];
       tc_volume_index_to_lps(volume, cases[i].index, from);
       tc_volume_index_to_lps(volume, (double[3]){16, 14.5, 12.5}, to);
@@ -376,7 +371,7 @@ static void opaque_colour_is_exact(void **state) {
 static void threads_make_no_difference(void **state) {
   static const int counts[] = {1, 2, 3, 5};
   tc_volume *volume = waves(TC_U16, NULL, NULL);
-  tc_scene scene = knots_scene(131, 97, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
+  tc_scene scene = knots_scene(131, 97, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
   scene.sampling.termination = 0.01;
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
   size_t bytes = 131 * 97 * 4;
@@ -579,7 +574,7 @@ static void shapes_and_sizes(void **state) {
                         .spacing = {1, s == 3 ? 1000 : 1, 1},
                         .slope = 0.01};
       tc_volume *volume = test_volume(&grid, test_noise, &seed);
-      tc_scene scene = knots_scene(pictures[p][0], pictures[p][1], TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
+      tc_scene scene = knots_scene(pictures[p][0], pictures[p][1], TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
       test_scene_frame(&scene, volume, p & 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE, (double[3]){0.21, -1, 0.1});
       char what[64];
       snprintf(what, sizeof what, "%dx%dx%d in %dx%d", shapes[s][0], shapes[s][1], shapes[s][2], pictures[p][0],

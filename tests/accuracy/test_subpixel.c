@@ -43,11 +43,6 @@ static float *reference_mean(tc_volume *volume, const tc_scene *scene, const tc_
   return image;
 }
 
-static const tc_knot soft[] = {{.value = 0, .color = {0.1, 0.2, 1}, .amount = 0},
-                               {.value = 0.45, .color = {1, 0.9, 0.2}, .amount = 0.02},
-                               {.value = 0.8, .color = {1, 0.1, 0}, .amount = 0.2},
-                               {.value = 1, .color = {1, 1, 1}, .amount = 0.05}};
-
 static tc_volume *waves(tc_voxel_type type) {
   static const double slope[] = {1.0 / 255, 1.0 / 127, 1.0 / 65535, 1.0 / 32767, 0};
   return test_volume(&(test_grid){.dims = {32, 28, 24}, .type = type, .slope = slope[type]}, test_waves, &(double){20});
@@ -123,7 +118,7 @@ static void against_the_same_rays(void **state) {
       tc_subpixel rays[TC_MAX_RAYS_PER_PIXEL];
       tc_scene scene;
       test_scene(&scene, 28, 22);
-      test_scene_knots(&scene, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
+      test_scene_knots(&scene, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
       test_scene_frame(&scene, volume, type ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC, (double[3]){0.8, -1.5, 0.6});
       scene.sampling.rays_per_pixel = counts[c];
       scene.sampling.step = 0.25 / counts[c];
@@ -489,7 +484,7 @@ static void back_ends_agree(void **state) {
       tc_volume *volume = waves(TC_U8);
       tc_scene scene;
       test_scene(&scene, 60, 46);
-      test_scene_knots(&scene, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
+      test_scene_knots(&scene, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
       test_scene_frame(&scene, volume, bits & 1 ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC, (double[3]){0.8, -1.5, 0.6});
       scene.sampling.rays_per_pixel = counts[c];
       scene.sampling.jitter = bits & 2;
@@ -518,7 +513,7 @@ static void threads_make_no_difference(void **state) {
     tc_scene scene;
     tc_frame first = {0}, again = {0};
     test_scene(&scene, 101, 77);
-    test_scene_knots(&scene, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
+    test_scene_knots(&scene, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
     test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
     scene.mode = bits >> 2 == 3 ? TC_MODE_MIP : TC_MODE_DVR;
     scene.window.center = 0.5, scene.window.width = 1;

@@ -6,28 +6,12 @@
 
 #include "renderer/import/wire.h"
 #include "renderer/splat/splats.h"
+#include "tests/fuzz/memory.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 enum { MOST_BYTES = 1 << 20, MOST_VOXELS = 1 << 16 };
 
-typedef struct memory {
-  const uint8_t *bytes;
-  size_t size;
-} memory;
-
-static bool read_memory(void *user, void *bytes, size_t size, GError **error) {
-  memory *m = user;
-  if (size > m->size) {
-    tc_set_error(error, TC_ERROR_FORMAT, NULL, "end");
-    return false;
-  }
-  memcpy(bytes, m->bytes, size);
-  m->bytes += size, m->size -= size;
-  return true;
-}
-
-static void no_reply(void *user, char what, int fd) {}
 static int no_file(void *user, const char *name, bool optional, GError **error) { return -1; }
 
 static void count_voxel(void *user, double voxel) { ++*(uint64_t *)user; }

@@ -11,6 +11,8 @@
 #include <string.h>
 #include <zlib.h>
 
+#include "tests/support/folder.h"
+
 /* What a file says. Zero-initialise, then dicom_spec_init(). NULL texts are left out of the file. */
 typedef struct dicom_spec {
   const char *series, *modality, *frames, *photometric, *slope, *intercept, *between, *pixel_spacing, *orientation;
@@ -230,24 +232,6 @@ static inline GByteArray *zip_end(zip_writer *z) {
   dicom_u32(z->bytes, at);
   dicom_u16(z->bytes, 0);
   return z->bytes;
-}
-
-/* ---- folders ---- */
-
-static inline char *temp_folder(void) { return g_dir_make_tmp("tomocast-dicom-XXXXXX", NULL); }
-
-static inline void remove_tree(const char *path) {
-  GDir *dir = g_dir_open(path, 0, NULL);
-  for (const char *name; dir && (name = g_dir_read_name(dir));) {
-    char *child = g_build_filename(path, name, NULL);
-    if (g_file_test(child, G_FILE_TEST_IS_DIR) && !g_file_test(child, G_FILE_TEST_IS_SYMLINK))
-      remove_tree(child);
-    else
-      g_unlink(child);
-    g_free(child);
-  }
-  if (dir) g_dir_close(dir);
-  g_rmdir(path);
 }
 
 #endif

@@ -89,6 +89,11 @@ void test_scene(tc_scene *scene, int width, int height) {
   scene->sampling.termination = 0;
 }
 
+const tc_knot test_soft[4] = {{.value = 0, .color = {0.1, 0.2, 1}, .amount = 0},
+                              {.value = 0.45, .color = {1, 0.9, 0.2}, .amount = 0.02},
+                              {.value = 0.8, .color = {1, 0.1, 0}, .amount = 0.2},
+                              {.value = 1, .color = {1, 1, 1}, .amount = 0.05}};
+
 void test_scene_knots(tc_scene *scene, tc_knot_kind kind, const tc_knot *knots, size_t count) {
   tc_transfer_function *tf = &scene->transfer_function;
   g_free(tf->points);

@@ -30,6 +30,8 @@ double test_random(uint64_t *state);
 
 /* A dvr scene without early termination, step 1; the picture is width x height. */
 void test_scene(tc_scene *scene, int width, int height);
+/* A transfer function of extinctions over 0..1 without edges. */
+extern const tc_knot test_soft[4];
 void test_scene_knots(tc_scene *scene, tc_knot_kind kind, const tc_knot *knots, size_t count);
 /* size: fovY in degrees, or the height in mm. up is chosen across the view. */
 void test_scene_look(tc_scene *scene, tc_projection projection, const double from[3], const double to[3], double size);

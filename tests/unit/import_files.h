@@ -13,39 +13,10 @@
 
 #include "renderer/import/helper/convert.h"
 #include "renderer/import/import.h"
+#include "tests/support/folder.h"
 #include "tests/support/read_here.h"
 
-static char *test_folder;
-
-static inline int folder_setup(void **state) {
-  (void)state;
-  test_folder = g_dir_make_tmp("tc-import-XXXXXX", NULL);
-  return test_folder ? 0 : -1;
-}
-
-static inline void remove_tree(const char *path) {
-  GDir *dir = g_dir_open(path, 0, NULL);
-  const char *name;
-  while (dir && (name = g_dir_read_name(dir))) {
-    char *child = g_build_filename(path, name, NULL);
-    if (g_file_test(child, G_FILE_TEST_IS_DIR) && !g_file_test(child, G_FILE_TEST_IS_SYMLINK))
-      remove_tree(child);
-    else
-      g_unlink(child);
-    g_free(child);
-  }
-  if (dir) g_dir_close(dir);
-  g_rmdir(path);
-}
-
-static inline int folder_teardown(void **state) {
-  (void)state;
-  remove_tree(test_folder);
-  g_clear_pointer(&test_folder, g_free);
-  return 0;
-}
-
-static inline char *path_of(const char *name) { return g_build_filename(test_folder, name, NULL); }
+static inline char *path_of(const char *name) { return g_build_filename(folder, name, NULL); }
 
 static inline void write_file(const char *name, const void *bytes, size_t size) {
   char *path = path_of(name);
@@ -106,7 +77,7 @@ static inline void open_bad(const char *name, int code, const char *text) {
   if (!right) print_error("wanted [%d] ...%s..., got [%d] %s\n", code, text, error->code, error->message);
   assert_true(right);
   assert_null(strchr(error->message, '\n'));
-  assert_null(strstr(error->message, test_folder)); /* no server-side folder in a message */
+  assert_null(strstr(error->message, folder)); /* no server-side folder in a message */
   g_error_free(error);
 }
 

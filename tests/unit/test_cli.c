@@ -6,8 +6,8 @@
 #include <glib/gstdio.h>
 
 #include "protocol/protocol.h"
+#include "tests/support/folder.h"
 
-static char *folder; /* of this run's files */
 
 typedef struct outcome {
   int code;
@@ -307,29 +307,10 @@ static void tables_of_the_papers(void **state) {
   refuse(RUN("bench", "--paper", "002"), 2, "000 or 001");
 }
 
-static int set_up(void **state) {
-  folder = g_dir_make_tmp("tomocast-cli-XXXXXX", NULL);
-  return folder ? 0 : 1;
-}
-
-static int tear_down(void **state) {
-  GDir *dir = g_dir_open(folder, 0, NULL);
-  const char *name;
-  while (dir && (name = g_dir_read_name(dir))) {
-    char *path = g_build_filename(folder, name, NULL);
-    g_remove(path);
-    g_free(path);
-  }
-  if (dir) g_dir_close(dir);
-  g_rmdir(folder);
-  g_free(folder);
-  return 0;
-}
-
 int main(void) {
   const struct CMUnitTest tests[] = {TEST(version_and_help), TEST(bad_usage), TEST(failures), TEST(renders_demo_head),
     TEST(scene_and_set), TEST(same_picture_twice), TEST(timing_is_printed), TEST(info_for_people_and_programs),
     TEST(meshes_among_each_other), TEST(a_ray_sample_by_sample), TEST(bench_names_the_costs),
     TEST(tables_of_the_papers)};
-  return cmocka_run_group_tests(tests, set_up, tear_down);
+  return cmocka_run_group_tests(tests, make_folder, remove_folder);
 }

@@ -5,16 +5,6 @@
 #include "renderer/import/import.h"
 #include "tests/support/dicom_files.h"
 
-static char *folder;
-
-static int set_up(void **state) { return (folder = temp_folder()) ? 0 : -1; }
-
-static int tear_down(void **state) {
-  remove_tree(folder);
-  g_free(folder);
-  return 0;
-}
-
 /* ---- making files ---- */
 
 /* One item of a sequence, or a sequence of items, as the value of an element. */
@@ -407,5 +397,5 @@ int main(void) {
   const struct CMUnitTest tests[] = {TEST(overlapping_segments_are_kept), TEST(label_maps), TEST(fractions_are_kept),
     TEST(contours_far_away_are_refused), TEST(contours_fill_their_area), TEST(contours_lie_on_the_series_beside),
     TEST(layers_of_slicer), TEST(combinations_are_exact)};
-  return cmocka_run_group_tests(tests, set_up, tear_down);
+  return cmocka_run_group_tests(tests, make_folder, remove_folder);
 }

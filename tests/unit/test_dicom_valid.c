@@ -7,16 +7,6 @@
 
 enum { COLUMNS = 6, ROWS = 4, PIXELS = COLUMNS * ROWS };
 
-static char *folder;
-
-static int set_up(void **state) { return (folder = temp_folder()) ? 0 : -1; }
-
-static int tear_down(void **state) {
-  remove_tree(folder);
-  g_free(folder);
-  return 0;
-}
-
 static tc_volume *try_bytes(GByteArray *bytes, GError **error) {
   char *path = g_build_filename(folder, "one.dcm", NULL);
   assert_true(g_file_set_contents(path, (const char *)bytes->data, bytes->len, NULL));
@@ -352,5 +342,5 @@ int main(void) {
       TEST(without_file_meta),        TEST(doses_of_one_frame), TEST(lossless_jpeg_of_every_depth),
       TEST(colours_in_run_lengths),   TEST(runs_are_repeated),  TEST(lookup_tables_are_applied),
       TEST(wide_colours_are_colours), TEST(an_absurd_place)};
-  return cmocka_run_group_tests(tests, set_up, tear_down);
+  return cmocka_run_group_tests(tests, make_folder, remove_folder);
 }

@@ -5,8 +5,8 @@
 
 #include "renderer/export/export.h"
 #include "renderer/import/import.h"
+#include "tests/support/folder.h"
 
-static char *folder;
 
 static char *path_of(const char *name) { return g_build_filename(folder, name, NULL); }
 
@@ -188,19 +188,8 @@ static void a_failure_keeps_what_was_there(void **state) {
   tc_volume_unref(v);
 }
 
-static int set_up(void **state) {
-  folder = g_dir_make_tmp("tomocast-export-XXXXXX", NULL);
-  return folder ? 0 : 1;
-}
-
-static int tear_down(void **state) {
-  g_rmdir(folder);
-  g_free(folder);
-  return 0;
-}
-
 int main(void) {
   const struct CMUnitTest tests[] = {TEST(volumes_come_back), TEST(ply_holds_the_mesh),
     TEST(stl_and_obj_hold_the_mesh), TEST(a_failure_keeps_what_was_there)};
-  return cmocka_run_group_tests(tests, set_up, tear_down);
+  return cmocka_run_group_tests(tests, make_folder, remove_folder);
 }

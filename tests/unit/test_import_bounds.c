@@ -236,5 +236,5 @@ int main(void) {
       cmocka_unit_test(an_upload_reads_no_other_file),
       cmocka_unit_test(an_upload_of_one_piece_is_read),
   };
-  return cmocka_run_group_tests_name("bounds", tests, folder_setup, folder_teardown);
+  return cmocka_run_group_tests_name("bounds", tests, make_folder, remove_folder);
 }

@@ -244,5 +244,5 @@ int main(void) {
       cmocka_unit_test(philips_pairs),
       cmocka_unit_test(a_refusal_names_the_format),
   };
-  return cmocka_run_group_tests_name("doors", tests, folder_setup, folder_teardown);
+  return cmocka_run_group_tests_name("doors", tests, make_folder, remove_folder);
 }

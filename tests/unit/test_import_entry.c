@@ -306,5 +306,5 @@ int main(void) {
       cmocka_unit_test(files_beside_a_header),
       cmocka_unit_test(the_daemon_has_no_decoder),
   };
-  return cmocka_run_group_tests_name("import", tests, folder_setup, folder_teardown);
+  return cmocka_run_group_tests_name("import", tests, make_folder, remove_folder);
 }

@@ -369,5 +369,5 @@ int main(void) {
       cmocka_unit_test(damaged_files_are_meshes_or_errors), cmocka_unit_test(limits_hold_and_a_caller_cancels),
       cmocka_unit_test(the_helper_reads_meshes),           cmocka_unit_test(lies_about_the_mesh_are_refused),
   };
-  return cmocka_run_group_tests(tests, folder_setup, folder_teardown);
+  return cmocka_run_group_tests(tests, make_folder, remove_folder);
 }

@@ -246,5 +246,5 @@ int main(void) {
       cmocka_unit_test(endless_empty_lines_cost_nothing),
       cmocka_unit_test(every_prefix_is_refused),
   };
-  return cmocka_run_group_tests_name("metaimage", tests, folder_setup, folder_teardown);
+  return cmocka_run_group_tests_name("metaimage", tests, make_folder, remove_folder);
 }

@@ -273,5 +273,5 @@ int main(void) {
       cmocka_unit_test(outside_is_nothing), cmocka_unit_test(order_and_time),         cmocka_unit_test(refusals),
       cmocka_unit_test(cut_short),          cmocka_unit_test(the_helper_is_confined),
   };
-  return cmocka_run_group_tests(tests, folder_setup, folder_teardown);
+  return cmocka_run_group_tests(tests, make_folder, remove_folder);
 }

@@ -450,5 +450,5 @@ int main(void) {
       cmocka_unit_test(pairs_need_their_image),
       cmocka_unit_test(matrices_are_no_volumes),
   };
-  return cmocka_run_group_tests_name("nifti", tests, folder_setup, folder_teardown);
+  return cmocka_run_group_tests_name("nifti", tests, make_folder, remove_folder);
 }

@@ -433,5 +433,5 @@ int main(void) {
       cmocka_unit_test(announced_sizes_must_be_possible),
       cmocka_unit_test(every_prefix_is_refused),
   };
-  return cmocka_run_group_tests_name("nrrd", tests, folder_setup, folder_teardown);
+  return cmocka_run_group_tests_name("nrrd", tests, make_folder, remove_folder);
 }

@@ -155,5 +155,5 @@ int main(void) {
       cmocka_unit_test(png_in_a_folder),
       cmocka_unit_test(dicomdir),
   };
-  return cmocka_run_group_tests_name("pictures", tests, folder_setup, folder_teardown);
+  return cmocka_run_group_tests_name("pictures", tests, make_folder, remove_folder);
 }

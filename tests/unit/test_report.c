@@ -7,8 +7,7 @@
 
 #include "protocol/protocol.h"
 #include "server/bench/report.h"
-
-static char *folder;
+#include "tests/support/folder.h"
 
 static char *path_of(const char *name) { return g_build_filename(folder, "out", name, NULL); }
 
@@ -539,8 +538,7 @@ static void rows_survive_json(void **state) {
 
 static int set_up(void **state) {
   enum { SIDE = 20 };
-  folder = g_dir_make_tmp("tomocast-report-XXXXXX", NULL);
-  if (!folder) return 1;
+  if (make_folder(state)) return 1;
   GString *nrrd =
       g_string_new("NRRD0004\ntype: uchar\ndimension: 3\nsizes: 20 20 20\nspacings: 1 1 1\nencoding: raw\n\n");
   for (int z = 0; z < SIDE; z++)
@@ -562,28 +560,10 @@ static int set_up(void **state) {
   return 0;
 }
 
-static int tear_down(void **state) {
-  const char *const names[] = {"out/results.jsonl",
-                               "out/report.json",
-                               "out/report.csv",
-                               "out/report.html",
-                               "out",
-                               "a<b&c.nrrd",
-                               "scene.json",
-                               ""};
-  for (size_t i = 0; i < G_N_ELEMENTS(names); i++) {
-    char *path = g_build_filename(folder, names[i], NULL);
-    g_remove(path);
-    g_free(path);
-  }
-  g_free(folder);
-  return 0;
-}
-
 int main(void) {
   const struct CMUnitTest tests[] = {TEST(scenes_can_be_rendered), TEST(objects_grow), TEST(settings_follow_the_plan),
     TEST(fronts_slopes_and_cheapest), TEST(losses_are_explained), TEST(losses_are_told_by_other_methods),
     TEST(rows_survive_json), TEST(reports_a_volume), TEST(goes_on_where_it_ended), TEST(an_interrupt_leaves_a_report),
     TEST(bad_usage)};
-  return cmocka_run_group_tests(tests, set_up, tear_down);
+  return cmocka_run_group_tests(tests, set_up, remove_folder);
 }
