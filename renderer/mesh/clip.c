@@ -10,7 +10,7 @@ static tc_clip_corner cross_plane(const tc_clip_corner *in, const tc_clip_corner
   return c;
 }
 
-static int clip_at(const double plane[4], const tc_clip_corner *from, int n, tc_clip_corner *to) {
+int tc_clip_at(const double plane[4], const tc_clip_corner *from, int n, tc_clip_corner *to) {
   int made = 0;
   for (int i = 0; i < n; i++) {
     const tc_clip_corner *a = &from[i], *b = &from[(i + 1) % n];
@@ -27,7 +27,7 @@ int tc_clip(const tc_mesh_view *view, uint32_t planes, tc_clip_corner corners[TC
   int n = 3;
   for (int i = 0; i < view->n_planes && n; i++) {
     if (!(planes >> i & 1)) continue;
-    n = clip_at(view->planes[i], corners, n, other);
+    n = tc_clip_at(view->planes[i], corners, n, other);
     memcpy(corners, other, (size_t)n * sizeof *corners);
   }
   return n;

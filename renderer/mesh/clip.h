@@ -16,4 +16,7 @@ typedef struct tc_clip_corner {
  * from its two ends alone, in the same order for both of its triangles, so that neighbours stay watertight. */
 int tc_clip(const tc_mesh_view *view, uint32_t planes, tc_clip_corner corners[TC_CLIP_MOST_CORNERS]);
 
+/* The same at one plane: from[n] to to[], whose number is returned: at most one more of a convex polygon. */
+int tc_clip_at(const double plane[4], const tc_clip_corner *from, int n, tc_clip_corner *to);
+
 #endif

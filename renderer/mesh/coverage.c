@@ -3,38 +3,20 @@
 #include <math.h>
 #include <string.h>
 
-#include "renderer/mesh/view.h"
-
-enum { CORNERS = 3 + 5 }; /* of a triangle that five planes have cut */
-
-/* The part of a polygon above a plane (Sutherland and Hodgman). Gives back its corners. */
-static int cut(const double plane[4], double (*p)[3], int n) {
-  double kept[CORNERS + 1][3];
-  int m = 0;
-  for (int i = 0; i < n; i++) {
-    const double *a = p[i], *b = p[(i + 1) % n], at = tc_mesh_view_row(plane, a), next = tc_mesh_view_row(plane, b);
-    if (at >= 0) memcpy(kept[m++], a, sizeof *kept);
-    if ((at >= 0) == (next >= 0)) continue;
-    for (int k = 0; k < 3; k++) kept[m][k] = a[k] + (b[k] - a[k]) * (at / (at - next));
-    m++;
-  }
-  n = m < CORNERS ? m : CORNERS;
-  memcpy(p, kept, (size_t)n * sizeof *p);
-  return n;
-}
+#include "renderer/mesh/clip.h"
 
 /* Pixels within a triangle's outline; of one that passes the eye at most the whole picture. */
 static double pixels_of(const tc_mesh_view *v, const tc_mesh *mesh, const uint32_t triangle[3]) {
-  double p[CORNERS][3], at[CORNERS][2], twice = 0;
-  const double all = (double)v->width * v->height;
+  const double *cuts[5] = {v->planes[TC_VIEW_NEAR], v->sides[0], v->sides[1], v->sides[2], v->sides[3]}, all = (double)v->width * v->height;
+  tc_clip_corner p[2][TC_CLIP_MOST_CORNERS];
+  double at[TC_CLIP_MOST_CORNERS][2], twice = 0;
   int n = 3;
   for (int c = 0; c < 3; c++)
-    for (int k = 0; k < 3; k++) p[c][k] = mesh->positions[triangle[c]][k];
-  n = cut(v->planes[TC_VIEW_NEAR], p, n);
-  for (int i = 0; i < 4; i++) n = cut(v->sides[i], p, n);
+    for (int k = 0; k < 3; k++) p[0][c].at[k] = mesh->positions[triangle[c]][k];
+  for (int i = 0; i < 5; i++) n = tc_clip_at(cuts[i], p[i % 2], n, p[1 - i % 2]);
   for (int i = 0; i < n; i++) {
-    const double scale = v->perspective ? v->scale / (tc_mesh_view_row(v->depth, p[i]) + v->reference) : v->scale;
-    at[i][0] = tc_mesh_view_row(v->right, p[i]) * scale, at[i][1] = tc_mesh_view_row(v->down, p[i]) * scale;
+    const double *from = p[1][i].at, scale = v->perspective ? v->scale / (tc_mesh_view_row(v->depth, from) + v->reference) : v->scale;
+    at[i][0] = tc_mesh_view_row(v->right, from) * scale, at[i][1] = tc_mesh_view_row(v->down, from) * scale;
   }
   for (int i = 0; i < n; i++) twice += at[i][0] * at[(i + 1) % n][1] - at[i][1] * at[(i + 1) % n][0];
   return fabs(twice) < 2 * all ? fabs(twice) / 2 : n ? all : 0;

@@ -2,15 +2,11 @@
 
 #include <math.h>
 
+#include "renderer/base/vector.h"
+
 typedef struct ray {
   double from[3], along[3]; /* unit */
 } ray;
-
-static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
-static void cross(const double a[3], const double b[3], double c[3]) {
-  for (int k = 0; k < 3; k++) c[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
-}
 
 static ray ray_of(const tc_mesh_view *v, double x, double y) {
   const double right = (x - v->centre[0]) / v->scale, down = (y - v->centre[1]) / v->scale;
@@ -20,15 +16,14 @@ static ray ray_of(const tc_mesh_view *v, double x, double y) {
     r.from[k] = v->eye[k] + (v->perspective ? 0 : aside);
     r.along[k] = v->forward[k] + (v->perspective ? aside : 0);
   }
-  const double length = sqrt(dot(r.along, r.along));
-  for (int k = 0; k < 3; k++) r.along[k] /= length;
+  normalise3(r.along);
   return r;
 }
 
 static bool passes(const ray *r, const tc_cluster *c) {
   double to[3], square = 0;
   for (int k = 0; k < 3; k++) to[k] = c->centre[k] - r->from[k];
-  const double t = dot(to, r->along);
+  const double t = dot3(to, r->along);
   for (int k = 0; k < 3; k++) square += (to[k] - t * r->along[k]) * (to[k] - t * r->along[k]);
   return square <= 1.001 * (double)c->radius * (double)c->radius;
 }
@@ -38,11 +33,11 @@ static bool meets(const ray *r, double corner[3][3], bool one_sided, double *t) 
   double u[3], v[3], p[3], q[3], s[3];
   for (int k = 0; k < 3; k++)
     u[k] = corner[1][k] - corner[0][k], v[k] = corner[2][k] - corner[0][k], s[k] = r->from[k] - corner[0][k];
-  cross(r->along, v, p);
-  cross(s, u, q);
-  const double det = dot(u, p), a = dot(s, p) / det, b = dot(r->along, q) / det;
+  cross3(r->along, v, p);
+  cross3(s, u, q);
+  const double det = dot3(u, p), a = dot3(s, p) / det, b = dot3(r->along, q) / det;
   if (det == 0 || (one_sided && det < 0) || !(a >= 0 && b >= 0 && a + b <= 1)) return false;
-  *t = dot(v, q) / det;
+  *t = dot3(v, q) / det;
   return true;
 }
 

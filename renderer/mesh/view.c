@@ -10,17 +10,15 @@ static void set_side(const tc_mesh_view *v, const double row[4], double sign, do
   double wide = limit / v->scale;
   for (int k = 0; k < 4; k++) plane[k] = v->perspective ? wide * v->depth[k] - sign * row[k] : -sign * row[k];
   plane[3] += v->perspective ? wide * v->reference : wide;
+  const double norm = length3(plane);
+  for (int k = 0; k < 4; k++) plane[k] /= norm;
 }
 
 static void set_sides(tc_mesh_view *v) {
   for (int i = 0; i < 4; i++) {
     const double *row = i < 2 ? v->right : v->down, sign = i & 1 ? -1 : 1, middle = v->centre[i / 2];
     set_side(v, row, sign, middle + 1, v->sides[i]);
-    double norm = sqrt(dot3(v->sides[i], v->sides[i]));
-    for (int k = 0; k < 4; k++) v->sides[i][k] /= norm;
     set_side(v, row, sign, TC_VIEW_REACH + sign * (0 - middle), v->planes[TC_VIEW_GUARD + i]);
-    norm = sqrt(dot3(v->planes[TC_VIEW_GUARD + i], v->planes[TC_VIEW_GUARD + i]));
-    for (int k = 0; k < 4; k++) v->planes[TC_VIEW_GUARD + i][k] /= norm;
   }
 }
 
@@ -59,10 +57,7 @@ void tc_mesh_view_set_up(tc_mesh_view *view, const tc_clusters *mesh, const tc_c
 }
 
 bool tc_mesh_view_is_outside(const tc_mesh_view *view, const tc_clusters *mesh) {
-  double apart = 0, along = 0;
-  for (int k = 0; k < 3; k++) {
-    double d = mesh->centre[k] - view->eye[k];
-    apart += d * d, along += d * view->forward[k];
-  }
-  return view->perspective ? sqrt(apart) > mesh->radius : along > mesh->radius;
+  double to[3];
+  for (int k = 0; k < 3; k++) to[k] = mesh->centre[k] - view->eye[k];
+  return (view->perspective ? length3(to) : dot3(to, view->forward)) > mesh->radius;
 }
