@@ -18,6 +18,7 @@
 #define ENDS 4
 #define LAYER 16     /* one of a translucent mesh: drawn, kept and sorted */
 #define HIDDEN 0.25  /* one of an opaque mesh, most of which are behind others */
+#define RAY 256.0    /* samples */
 #define LOOKS 1000   /* at triangles of all meshes */
 #define SURFACES 12 /* splats in units of (voxels)^(2/3): bones and vessels have 1 to 4, and each costs 3 pixels */
 
@@ -247,4 +248,13 @@ double tc_estimate_samples(const tc_volume *volume, const tc_scene *scene, tc_me
   double edge = t.box[2] - t.box[0] + t.box[3] - t.box[1] + 1;
   *longest = each * (stay * dense + ends(scene));
   return fmin(each * ((t.stay_mm + edge * stay) * dense + ends(scene) * pixels), *longest * pixels) * rays.count + layers;
+}
+
+double tc_estimate_pixels(const tc_volume *volume, const tc_scene *scene, int width, int height) {
+  tc_scene plain = *scene; /* borrows */
+  plain.sampling.step = plain.sampling.rays_per_pixel = 1;
+  plain.classification = TC_PREINTEGRATED;
+  plain.shading.model = TC_SHADING_NONE;
+  plain.mesh.n_surfaces = 0;
+  return sqrt(tc_estimate_samples(volume, &plain, NULL, width, height, NULL) / RAY * width * height);
 }

@@ -5,10 +5,14 @@
 
 #include "renderer/raycast/surface.h"
 
-#define KEPT 0.85       /* of the older frames' weight, at each new one */
-#define RAY_SHARE 0.25  /* a / b while nothing tells them apart */
-#define PRIOR 0.02      /* weight of that, against the frames' */
-#define SURPRISE 2      /* a frame this many times as slow or quick: the older ones tell little any more */
+#define KEPT 0.85         /* of the older frames' weight, at each new one */
+#define RAY_SHARE 0.25    /* a / b while nothing tells them apart */
+#define PRIOR 0.02        /* weight of that, against the frames' */
+#define SURPRISE 2        /* a frame this many times as slow or quick: the older ones tell little any more */
+#define PLANNED_SHARE 0.9 /* of a bound on time, however well frames are foretold */
+#define LEAST_SHARE 0.5
+#define DEVIATIONS 2.2  /* kept in hand: 1.65 would do if times scattered normally, and they are skewed */
+#define SPREAD_KEPT 0.9 /* of the older frames' spread, at each new one */
 #define FINEST_RUNG (-24)
 #define COARSEST_RUNG 16
 /* What a segment of preintegrated2, its two samples and three look-ups, costs beside one of preintegrated: constants,
@@ -59,13 +63,18 @@ void tc_quality_cost_add(tc_quality_cost *c, const tc_scene *scene, double pixel
   double rays = pixels * scene->sampling.rays_per_pixel, spacing = scene->sampling.step * tc_quality_stretch(scene);
   if (!(rays > 0) || !(spacing > 0) || !(ms > 0) || tc_is_surface(scene->mode) || scene->mode == TC_MODE_SPLAT) return;
   double x = segments(c, scene, spacing), was = expected(c, rays, x);
-  double kept = was > 0 && fmax(ms / was, was / ms) > SURPRISE ? 0 : KEPT;
+  const double off = was > 0 ? fmax(ms / was, was / ms) : 1, kept = off > SURPRISE ? 0 : KEPT;
+  if (was > 0) c->spread += (1 - SPREAD_KEPT) * (pow(log(fmin(off, SURPRISE)), 2) - c->spread);
   double y = ms / rays, w = 1 / (y * y);
   c->w = c->w * kept + w;
   c->x = c->x * kept + w * x;
   c->xx = c->xx * kept + w * x * x;
   c->y = c->y * kept + w * y;
   c->xy = c->xy * kept + w * x * y;
+}
+
+double tc_quality_cost_share(const tc_quality_cost *cost) {
+  return fmin(PLANNED_SHARE, fmax(LEAST_SHARE, exp(-DEVIATIONS * sqrt(cost->spread))));
 }
 
 double tc_quality_cost_step(const tc_quality_cost *cost, const tc_scene *scene, double pixels, double ms) {

@@ -15,6 +15,7 @@
 
 typedef struct tc_quality_cost {
   double second;          /* a segment of preintegrated2 beside one of preintegrated, in time */
+  double spread;          /* smoothed square of the logarithm of measured over expected time */
   double w, x, xx, y, xy; /* weighted sums; x = segments a voxel, y = ms per ray, weights relative to y */
 } tc_quality_cost;
 
@@ -24,10 +25,13 @@ tc_quality_cost tc_quality_cost_of(const char *backend);
 /* The voxels between a ray's samples at a step of 1: what sampling.step is multiplied by. */
 double tc_quality_stretch(const tc_scene *scene);
 
-/* Takes in a frame of `pixels` pixels of the scene. An isosurface has no steps: it is not taken in. */
+/* Takes in a frame of `pixels` pixels of the scene, as tc_estimate_pixels() counts them where the camera moves. An
+ * isosurface has no steps: it is not taken in. */
 void tc_quality_cost_add(tc_quality_cost *cost, const tc_scene *scene, double pixels, double ms);
 /* Expected milliseconds; 0 while nothing is known. */
 double tc_quality_cost_ms(const tc_quality_cost *cost, const tc_scene *scene, double pixels);
+/* The share of a bound on time to plan for, so that 19 of 20 frames hold it while their times scatter as of late. */
+double tc_quality_cost_share(const tc_quality_cost *cost);
 /* The finest step (of a spacing of 1/8 .. 4 voxels in rungs of 2^(1/8)) expected to take at most `ms` with the
  * scene's classification; the coarsest where none does, a spacing of 1 while nothing is known. The scene's own step is
  * not read. */

@@ -30,8 +30,6 @@
  * again within its time if its error falls to the second share; one rung of the step alone gains less than that. */
 #define CLEARLY 0.9
 #define WORTH_IT 0.75
-/* Share of maxMilliseconds that is planned for, because frame times vary. */
-#define PLANNED_SHARE 0.9
 /* Share of the error that early ray termination may cause in an opaque pixel: of maxError, where measured errors include
  * termination, or of the expected error under maxMilliseconds. */
 #define TERMINATION_SHARE (1.0 / 16)
@@ -199,8 +197,6 @@ typedef struct option {
   bool holds;
 } option;
 
-static double pixels_of(const tc_scene *s) { return (double)s->image.width * s->image.height; }
-
 /* A copy of the scene with another method; lists still belong to `scene`. */
 static tc_scene with_method(const tc_scene *scene, tc_quality_method method) {
   tc_scene s = *scene;
@@ -209,14 +205,14 @@ static tc_scene with_method(const tc_scene *scene, tc_quality_method method) {
 }
 
 /* The finest spacing within maxMilliseconds, since errors never grow towards finer spacings; the coarsest if none is
- * fast enough. The method in use may take all of the time, the other method only PLANNED_SHARE of it. */
-static option finest(const tc_quality_model *m, const tc_quality_cost *cost, const tc_scene *scene, bool near,
-                     tc_quality_method method) {
+ * fast enough. The method in use may take all of the time, the other method only tc_quality_cost_share() of it. */
+static option finest(const tc_quality_model *m, const tc_quality_cost *cost, const tc_scene *scene, double pixels,
+                     bool near, tc_quality_method method) {
   tc_scene s = with_method(scene, method);
-  double pixels = pixels_of(scene);
-  s.sampling.step = tc_quality_cost_step(cost, &s, pixels, PLANNED_SHARE * scene->quality.max_ms);
+  const double planned = tc_quality_cost_share(cost);
+  s.sampling.step = tc_quality_cost_step(cost, &s, pixels, planned * scene->quality.max_ms);
   double spacing = s.sampling.step * tc_quality_stretch(&s), ms = tc_quality_cost_ms(cost, &s, pixels);
-  double share = s.classification == scene->classification ? 1 : PLANNED_SHARE * (1 + 1e-9);
+  double share = s.classification == scene->classification ? 1 : planned * (1 + 1e-9);
   return (option){spacing, m->n ? expected(m, &scene->camera, near, method, spacing) : 0,
                   ms > 0 && ms <= share * scene->quality.max_ms};
 }
@@ -231,9 +227,9 @@ static option coarsest(const tc_quality_model *m, const tc_scene *scene, bool ne
   return best;
 }
 
-static option best_of(const tc_quality_model *m, const tc_quality_cost *cost, const tc_scene *scene, bool near,
-                      tc_quality_method method) {
-  return is_timed(scene) ? finest(m, cost, scene, near, method) : coarsest(m, scene, near, method);
+static option best_of(const tc_quality_model *m, const tc_quality_cost *cost, const tc_scene *scene, double pixels,
+                      bool near, tc_quality_method method) {
+  return is_timed(scene) ? finest(m, cost, scene, pixels, near, method) : coarsest(m, scene, near, method);
 }
 
 static bool second_is_better(const tc_quality_cost *cost, const tc_scene *scene, const option *first,
@@ -289,11 +285,11 @@ static void explain_time(const tc_quality_model *m, const tc_scene *scene, const
 }
 
 /* Before anything is measured, or where nothing is. */
-static void choose_blindly(const tc_quality_model *m, const tc_quality_cost *cost, const tc_scene *scene,
+static void choose_blindly(const tc_quality_model *m, const tc_quality_cost *cost, const tc_scene *scene, double pixels,
                            tc_quality_choice *choice) {
   double stretch = tc_quality_stretch(scene);
   if (is_timed(scene)) {
-    choice->step = finest(m, cost, scene, false, method_of(scene, scene->classification)).spacing / stretch;
+    choice->step = finest(m, cost, scene, pixels, false, method_of(scene, scene->classification)).spacing / stretch;
     return;
   }
   choice->step = fmin(CAREFUL * stretch, CAREFUL_OF_MANY) / stretch;
@@ -302,12 +298,12 @@ static void choose_blindly(const tc_quality_model *m, const tc_quality_cost *cos
            choice->step);
 }
 
-static void choose_measured(const tc_quality_model *m, const tc_quality_cost *cost, const tc_scene *scene,
+static void choose_measured(const tc_quality_model *m, const tc_quality_cost *cost, const tc_scene *scene, double pixels,
                             tc_quality_choice *choice, option *other) {
   option of[TC_QUALITY_METHODS] = {{0}, {.rms = INFINITY}};
   choice->near = any_near(m, &scene->camera);
   for (int k = 0; k < (has_methods(scene) ? TC_QUALITY_METHODS : 1); k++)
-    of[k] = best_of(m, cost, scene, choice->near, (tc_quality_method)k);
+    of[k] = best_of(m, cost, scene, pixels, choice->near, (tc_quality_method)k);
   bool second = second_is_better(cost, scene, &of[TC_QUALITY_FIRST], &of[TC_QUALITY_SECOND]);
   const option *best = &of[second];
   *other = of[!second];
@@ -318,20 +314,20 @@ static void choose_measured(const tc_quality_model *m, const tc_quality_cost *co
   choice->termination = termination_for(is_timed(scene) ? best->rms : scene->quality.max_error);
 }
 
-void tc_quality_choose(const tc_quality_model *m, const tc_quality_cost *cost, const tc_scene *scene,
+void tc_quality_choose(const tc_quality_model *m, const tc_quality_cost *cost, const tc_scene *scene, double pixels,
                        tc_quality_choice *choice) {
   bool measured = m->n > 0 && tc_quality_measures(cost, scene);
   option other;
   *choice = (tc_quality_choice){.classification = scene->classification, .termination = scene->sampling.termination};
   if (measured)
-    choose_measured(m, cost, scene, choice, &other);
+    choose_measured(m, cost, scene, pixels, choice, &other);
   else
-    choose_blindly(m, cost, scene, choice);
+    choose_blindly(m, cost, scene, pixels, choice);
   tc_scene chosen = *scene; /* borrows */
   chosen.classification = choice->classification;
   chosen.sampling.step = choice->step;
   if (measured && has_methods(scene)) say(choice, "%s, ", name_of(choice->classification == TC_PREINTEGRATED2));
-  choice->ms = tc_quality_cost_ms(cost, &chosen, pixels_of(scene));
+  choice->ms = tc_quality_cost_ms(cost, &chosen, pixels);
   if (is_timed(scene)) choice->holds = choice->ms > 0 && choice->ms <= scene->quality.max_ms;
   if (is_timed(scene))
     explain_time(m, scene, measured ? &other : NULL, choice);
@@ -487,12 +483,13 @@ static bool find_curves(bench *b, const tc_scene *scene, const tc_quality_model 
   double goal = timed ? 0 : scene->quality.max_error / NEAR_MARGIN, spacing = 1;
   tc_quality_model own = {.n = 1};
   bool near = any_near(model, &scene->camera);
-  if (model->n || timed) spacing = best_of(model, cost, scene, near, TC_QUALITY_FIRST).spacing;
+  const double pixels = tc_estimate_pixels(b->volume, scene, scene->image.width, scene->image.height);
+  if (model->n || timed) spacing = best_of(model, cost, scene, pixels, near, TC_QUALITY_FIRST).spacing;
   b->scene.classification = with_method(scene, TC_QUALITY_FIRST).classification;
   if (!close_in(b, goal, clamp_rung(rung_below(spacing)), &view->of[TC_QUALITY_FIRST], error)) return false;
   if (!has_methods(scene)) return true;
   own.views[0] = *view;
-  option first = best_of(&own, cost, scene, false, TC_QUALITY_FIRST);
+  option first = best_of(&own, cost, scene, pixels, false, TC_QUALITY_FIRST);
   if (first.holds && first.spacing * cost->second >= SECOND_CELLS) return true;
   b->scene.classification = TC_PREINTEGRATED2;
   return close_in(b, goal, clamp_rung(rung_below(first.spacing * cost->second)), &view->of[TC_QUALITY_SECOND], error);

@@ -76,10 +76,10 @@ bool tc_quality_measures(const tc_quality_cost *cost, const tc_scene *scene);
  * Pure. */
 double tc_quality_expects(const tc_quality_model *model, const tc_scene *scene, tc_classification classification,
                           double step);
-/* The choice for scene->camera under scene->quality, max_error or max_ms for a frame of scene->image. cost: of such
- * frames; max_error asks it for the weight of the methods only. Under max_ms scene->classification is the method in
+/* The choice for scene->camera under scene->quality, max_error or max_ms for a frame of `pixels`, as the cost counts
+ * them. cost: of such frames; max_error asks it for the weight of the methods only. Under max_ms scene->classification is the method in
  * use. Pure. */
-void tc_quality_choose(const tc_quality_model *model, const tc_quality_cost *cost, const tc_scene *scene,
+void tc_quality_choose(const tc_quality_model *model, const tc_quality_cost *cost, const tc_scene *scene, double pixels,
                        tc_quality_choice *choice);
 /* Whether to render a finished picture (of `classification` and `step`) again with the present choice: the picture breaks
  * its bound, or the same time allows a clearly smaller error. Pure. */

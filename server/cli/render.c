@@ -222,7 +222,8 @@ static bool time_frames(job *j, tc_quality_cost *cost, GError **error) {
   for (int spacing = 4; spacing >= 1; spacing -= 3) {
     s.sampling.step = spacing / tc_quality_stretch(&s);
     if (!tc_render(j->renderer, j->volume, &s, &small, &j->frame, NULL, error)) return false;
-    tc_quality_cost_add(cost, &s, (double)small.width * small.height, j->frame.stats.render_ms);
+    tc_quality_cost_add(cost, &s, tc_estimate_pixels(j->volume, &s, small.width, small.height),
+                        j->frame.stats.render_ms);
   }
   return true;
 }
@@ -248,7 +249,7 @@ static bool choose_sampling(job *j, GError **error) {
       return false;
     tc_quality_add(&model, &view);
   }
-  tc_quality_choose(&model, &cost, s, &choice);
+  tc_quality_choose(&model, &cost, s, tc_estimate_pixels(j->volume, s, s->image.width, s->image.height), &choice);
   tc_quality_apply(&choice, s);
   fprintf(stderr, "tomocast render: quality: %s\n", choice.reason);
   return true;

@@ -3,7 +3,12 @@
  * Render time is taken as proportional to samples (tc_estimate_samples()). The ladder keeps a smoothed estimate of
  * milliseconds per sample from frames that were really rendered, begins with one of other sessions' frames, and picks
  * the highest rung whose frame fits the target: first smaller pictures; where the smallest of those does not fit, fewer
- * samples a pixel and pictures smaller still. The view stays the same. Plain data, one thread. */
+ * samples a pixel and pictures smaller still. The view stays the same. Plain data, one thread.
+ *
+ * Smaller pictures come first, by measurement (1920x1080, lit, against a quarter of the step; a CT head, the built-in
+ * one, an aneurysm): half the sides take .26 to .30 of the samples, and their error is 1.0 to 1.3 times that of the full
+ * frame, as bright to within .1 of 255; twice the step takes .55 to .60, its error is 1.8 to 2.1 times as large, and
+ * pictures of thin things darken by up to 9 of 255: brightness would jump. */
 #ifndef TCS_SCHEDULE_LADDER_H
 #define TCS_SCHEDULE_LADDER_H
 

@@ -249,7 +249,9 @@ static void begin_encoding(tcs_scheduler *scheduler, tcs_job *job) {
   tcs_histogram_add(&metrics->skip, job->stats.skip_ms / 1000);
   tcs_histogram_add(&metrics->render, job->stats.render_ms / 1000);
   if (!job->stats.stand_in)
-    tc_quality_cost_add(&scheduler->cost, &job->scene, (double)job->out_width * job->out_height, job->stats.render_ms);
+    tc_quality_cost_add(&scheduler->cost, &job->scene,
+                        tc_estimate_pixels(job->volume, &job->scene, job->out_width, job->out_height),
+                        job->stats.render_ms);
   learn_speed(scheduler, job);
   if (job->rendered) job->rendered(job);
   job->task.run = run_encode;

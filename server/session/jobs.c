@@ -59,7 +59,9 @@ static void finished(tcs_job *job) {
     if (view && !differs_in_motion(&job->scene))
       tcs_ladder_measure(&view->ladders[job->scene.mode], job->samples, job->stats.render_ms);
     session->build_ms += BUILD_WEIGHT * (job->stats.tables_ms + job->stats.skip_ms - session->build_ms);
-    tc_quality_cost_add(&session->cost, &job->scene, (double)job->out_width * job->out_height, job->stats.render_ms);
+    tc_quality_cost_add(&session->cost[tcs_quality_lit_in_motion(&job->scene, job->moving)], &job->scene,
+                        tc_estimate_pixels(job->volume, &job->scene, job->out_width, job->out_height),
+                        job->stats.render_ms);
   }
   if (!view || overtaken(view, job)) {
     tcs_session_wake(session);

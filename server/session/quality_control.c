@@ -110,9 +110,22 @@ static void add_view(tcs_quality *q, const char *look, const tc_quality_view *vi
 
 /* ---- choosing ---- */
 
+bool tcs_quality_lit_in_motion(const tc_scene *scene, bool moving) {
+  return moving && scene->shading.model != TC_SHADING_NONE;
+}
+
 /* Of frames like the session's, or of all for want of such. */
+static const tc_quality_cost *cost_in(const tcs_quality *q, const tcs_session *session, bool moving) {
+  const tc_quality_cost *own = session ? &session->cost[tcs_quality_lit_in_motion(&session->scene, moving)] : NULL;
+  return own && own->w > 0 ? own : tcs_scheduler_cost(q->server->scheduler);
+}
+
 static const tc_quality_cost *cost_of(const tcs_quality *q, const tcs_session *session) {
-  return session && session->cost.w > 0 ? &session->cost : tcs_scheduler_cost(q->server->scheduler);
+  return cost_in(q, session, false);
+}
+
+static double pixels_of(const tc_volume *volume, const tc_scene *scene) {
+  return tc_estimate_pixels(volume, scene, scene->image.width, scene->image.height);
 }
 
 /* Of the two that a bound on time chooses from, the session's newest picture tells the one in use. */
@@ -126,7 +139,7 @@ static void take_method_in_use(tc_scene *s, const tcs_session *session) {
 void tcs_quality_resolve(tcs_quality *q, tcs_job *job, const tcs_session *session, bool moving) {
   tc_scene *s = &job->scene;
   tcs_quality_used *used = &job->quality;
-  const tc_quality_cost *cost = cost_of(q, session);
+  const tc_quality_cost *cost = cost_in(q, session, moving);
   if (!(s->quality.max_error > 0) && !(s->quality.max_ms > 0)) return;
   used->for_time = s->quality.max_ms > 0;
   used->asked = used->for_time ? s->quality.max_ms : s->quality.max_error;
@@ -140,7 +153,7 @@ void tcs_quality_resolve(tcs_quality *q, tcs_job *job, const tcs_session *sessio
     if (tc_quality_measures(cost, s)) used->views = model->n;
     if (model->n) take_method_in_use(s, session);
     if (moving && used->for_time) s->quality.max_ms = MIN(s->quality.max_ms, TCS_LADDER_TARGET_MS);
-    tc_quality_choose(model, cost, s, &choice);
+    tc_quality_choose(model, cost, s, pixels_of(job->volume, s), &choice);
     tc_quality_apply(&choice, s);
     if (moving && !used->for_time && choice.step < own.sampling.step) { /* no dearer than the scene's own */
       s->sampling.step = own.sampling.step;
@@ -215,7 +228,7 @@ static void refine(tcs_session *session, void *user) {
     tc_scene scene = session->scene; /* borrows */
     tc_quality_choice choice;
     take_method_in_use(&scene, session);
-    tc_quality_choose(model, cost, &scene, &choice);
+    tc_quality_choose(model, cost, &scene, pixels_of(m->volume, &scene), &choice);
     if (tc_quality_betters(model, &scene, &choice, latest->classification, latest->step)) tcs_session_refine(session);
   }
   g_free(look);
@@ -270,7 +283,8 @@ bool tcs_quality_prepare(tcs_quality *q, tcs_job *job) {
   if (!waits || (int64_t)q->under_way->len >= q->server->config->limits.queue) return false;
   tc_quality_choice choice;
   char *look = look_of(job->volume, job->labels, &job->scene);
-  tc_quality_choose(model_of(q, look), tcs_scheduler_cost(q->server->scheduler), &job->scene, &choice);
+  tc_quality_choose(model_of(q, look), tcs_scheduler_cost(q->server->scheduler), &job->scene,
+                    pixels_of(job->volume, &job->scene), &choice);
   if (choice.near) {
     g_free(look);
     return false;

@@ -14,6 +14,8 @@ tcs_quality *tcs_quality_new(tcs_server *server);
 void tcs_quality_cancel_all(tcs_quality *quality);
 void tcs_quality_free(tcs_quality *quality); /* NULL is fine */
 
+/* Whether a frame of the scene is lit, and by cheaper gradients while it moves: it costs otherwise than one at rest. */
+bool tcs_quality_lit_in_motion(const tc_scene *scene, bool moving);
 /* Where the scene asks for a bound: puts method, step and termination into the job's scene and the reason into
  * job->quality. session: the session of the frame, whose times and present method count; NULL: none. In motion a bound
  * on time is at most the time of an interactive frame, and a bound on error never takes steps finer than the scene's

@@ -89,7 +89,7 @@ tcs_session *tcs_sessions_create(tcs_sessions *sessions, tcs_entry *entry, const
   session->views = g_ptr_array_new();
   tcs_view_new(session, 0, 0);
   session->jobs = g_ptr_array_new();
-  session->cost = tc_quality_cost_of(tcs_scheduler_about(server->scheduler)->backend);
+  session->cost[0] = session->cost[1] = tc_quality_cost_of(tcs_scheduler_about(server->scheduler)->backend);
   session->client = tcs_scheduler_join(server->scheduler, peer, tcs_session_next_job, session);
   session->created_us = session->used_us = g_get_monotonic_time();
   g_hash_table_insert(sessions->by_id, session->id, session);

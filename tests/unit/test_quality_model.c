@@ -5,6 +5,7 @@
 #include "renderer/quality/quality.h"
 
 static tc_scene scene;
+#define PIXELS ((double)scene.image.width * scene.image.height)
 static tc_quality_choice choice;
 static tc_quality_cost cpu, gl;
 
@@ -34,7 +35,7 @@ static void look_from(double azimuth, double distance) {
 static void careful_before_anything_is_measured(void **state) {
   tc_quality_model model = {0};
   tc_camera wanted;
-  tc_quality_choose(&model, &cpu, &scene, &choice);
+  tc_quality_choose(&model, &cpu, &scene, PIXELS, &choice);
   assert_true(choice.step <= 0.25 && !choice.holds && choice.rms == 0);
   assert_non_null(strstr(choice.reason, "nothing is measured"));
   assert_true(tc_quality_wants(&model, &scene, &wanted));
@@ -45,18 +46,18 @@ static void the_step_follows_bound_and_order(void **state) {
   tc_quality_model model = {0};
   tc_quality_view view = second_order(0.01);
   tc_quality_add(&model, &view);
-  tc_quality_choose(&model, &cpu, &scene, &choice);
+  tc_quality_choose(&model, &cpu, &scene, PIXELS, &choice);
   double near = choice.step;
   assert_true(choice.holds && choice.near && near < 1 && near > 0.85); /* a margin, and no more */
   assert_true(choice.rms <= 0.01 && choice.rms > 0.008);
   scene.quality.max_error = 0.0025;
-  tc_quality_choose(&model, &cpu, &scene, &choice);
+  tc_quality_choose(&model, &cpu, &scene, PIXELS, &choice);
   assert_float_equal(choice.step, near / 2, 1e-9); /* second order */
   assert_float_equal(choice.termination, 0.0025 / 16, 1e-12);
   scene.quality.max_error = 0.01;
   view.of[0].spread = 0.2; /* trials that scatter: more margin */
   model.views[0] = view;
-  tc_quality_choose(&model, &cpu, &scene, &choice);
+  tc_quality_choose(&model, &cpu, &scene, PIXELS, &choice);
   assert_true(choice.step < near);
 }
 
@@ -69,11 +70,11 @@ static void far_views_are_taken_at_their_worst(void **state) {
   hard = second_order(0.02);
   tc_quality_add(&model, &hard);
   look_from(0.1, 100);
-  tc_quality_choose(&model, &cpu, &scene, &choice);
+  tc_quality_choose(&model, &cpu, &scene, PIXELS, &choice);
   double by_easy = choice.step;
   assert_true(choice.near && choice.holds);
   look_from(M_PI, 100);
-  tc_quality_choose(&model, &cpu, &scene, &choice);
+  tc_quality_choose(&model, &cpu, &scene, PIXELS, &choice);
   assert_true(!choice.near && choice.holds && choice.step < by_easy / 2);
   assert_true(tc_quality_wants(&model, &scene, &wanted));
   look_from(0, 100);
@@ -89,7 +90,7 @@ static void a_floor_is_said(void **state) {
   tc_quality_model model = {0};
   tc_quality_view view = {scene.camera, {{0.0625, 0.02, 0, 0, 0.0625, 0.1}}};
   tc_quality_add(&model, &view);
-  tc_quality_choose(&model, &cpu, &scene, &choice);
+  tc_quality_choose(&model, &cpu, &scene, PIXELS, &choice);
   assert_false(choice.holds);
   assert_non_null(strstr(choice.reason, "no step holds"));
 }
@@ -129,7 +130,7 @@ static tc_quality_model both_methods(double gain) {
 
 static tc_quality_choice choose_method(double gain, const tc_quality_cost *cost) {
   tc_quality_model model = both_methods(gain);
-  tc_quality_choose(&model, cost, &scene, &choice);
+  tc_quality_choose(&model, cost, &scene, PIXELS, &choice);
   return choice;
 }
 
@@ -155,14 +156,14 @@ static void many_rays_share_the_steps(void **state) {
   tc_quality_model model = {0};
   tc_quality_view view = second_order(0.01);
   tc_quality_add(&model, &view);
-  tc_quality_choose(&model, &cpu, &scene, &choice);
+  tc_quality_choose(&model, &cpu, &scene, PIXELS, &choice);
   double one = choice.step;
   scene.sampling.rays_per_pixel = 4;
-  tc_quality_choose(&model, &cpu, &scene, &choice);
+  tc_quality_choose(&model, &cpu, &scene, PIXELS, &choice);
   assert_float_equal(choice.step, one / 4, 1e-12);
   assert_float_equal(tc_quality_expects(&model, &scene, TC_PREINTEGRATED, choice.step), choice.rms, 1e-9);
   scene.mode = TC_MODE_MIP; /* here each takes all */
-  tc_quality_choose(&model, &cpu, &scene, &choice);
+  tc_quality_choose(&model, &cpu, &scene, PIXELS, &choice);
   assert_float_equal(choice.step, one, 1e-12);
 }
 
@@ -229,7 +230,7 @@ static void choose_in(const tc_quality_model *model, tc_quality_cost cost, doubl
   scene.classification = TC_PREINTEGRATED;
   for (int i = 0; i < 2; i++) add(&cost, 9e4, i ? 0.5 : 2, 1);
   scene.quality.max_error = 0, scene.quality.max_ms = ms;
-  tc_quality_choose(model, &cost, &scene, &choice);
+  tc_quality_choose(model, &cost, &scene, PIXELS, &choice);
 }
 
 static void a_time_gets_the_least_error(void **state) {
@@ -262,7 +263,7 @@ static void a_time_gets_the_least_error(void **state) {
   assert_false(tc_quality_measures(&gl, &scene)); /* nothing timed: no step to measure about */
   scene.classification = TC_POST; /* by name */
   assert_false(tc_quality_measures(&gl_known, &scene));
-  tc_quality_choose(&sharp, &cpu, &scene, &choice);
+  tc_quality_choose(&sharp, &cpu, &scene, PIXELS, &choice);
   assert_true(choice.classification == TC_POST && choice.ms == 0 && strstr(choice.reason, "no frame was timed"));
 }
 
@@ -280,7 +281,7 @@ static void methods_do_not_swing(void **state) {
     scene.classification = TC_PREINTEGRATED;
     scene.quality.max_ms = at(spacing, 9e4);
     scene.classification = before;
-    tc_quality_choose(&model, &cost, &scene, &choice);
+    tc_quality_choose(&model, &cost, &scene, PIXELS, &choice);
     changes += choice.classification != before;
     either[choice.classification == TC_PREINTEGRATED2]++;
     scene.classification = choice.classification;
@@ -294,7 +295,7 @@ static void methods_do_not_swing(void **state) {
     scene.classification = TC_PREINTEGRATED2;
     scene.quality.max_ms = at(4, 9e4) * (i % 2 ? 0.97 : 1.03) * (1.2 - 0.4 * i / 64);
     scene.classification = before;
-    tc_quality_choose(&model, &cost, &scene, &choice);
+    tc_quality_choose(&model, &cost, &scene, PIXELS, &choice);
     changes += choice.classification != before;
     scene.classification = choice.classification;
   }
