@@ -23,7 +23,8 @@ struct tc_pool {
   pthread_mutex_t lock;
   pthread_cond_t work, done;
   uint64_t round; /* counts calls of tc_pool_run */
-  int busy;       /* workers still in the round */
+  bool open;      /* the caller works on it: who wakes later finds nothing left, and nobody waits for who has not woken yet */
+  int busy;       /* workers in the round */
   bool stop;
   void (*task)(void *, int, int);
   void *context;
@@ -52,6 +53,8 @@ static void *worker_main(void *argument) {
     while (!pool->stop && pool->round == seen) pthread_cond_wait(&pool->work, &pool->lock);
     if (pool->stop) break;
     seen = pool->round;
+    if (!pool->open) continue;
+    pool->busy++;
     pthread_mutex_unlock(&pool->lock);
     drain(pool, self->number);
     pthread_mutex_lock(&pool->lock);
@@ -126,12 +129,13 @@ bool tc_pool_go_on(tc_pool *pool, int *next, int count, void (*task)(void *conte
   pool->context = context;
   pool->count = count;
   atomic_store_explicit(&pool->next, *next, memory_order_relaxed);
-  pool->busy = pool->started;
+  pool->open = true;
   pool->round++;
   pthread_cond_broadcast(&pool->work);
   pthread_mutex_unlock(&pool->lock);
   drain(pool, 0);
   pthread_mutex_lock(&pool->lock);
+  pool->open = false;
   while (pool->busy) pthread_cond_wait(&pool->done, &pool->lock);
   pthread_mutex_unlock(&pool->lock);
   int taken = atomic_load_explicit(&pool->next, memory_order_relaxed);
