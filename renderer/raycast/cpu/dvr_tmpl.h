@@ -7,10 +7,10 @@
 
 /* Shades a segment of colour c, by its cells' gradients or by the gradient in its middle. */
 V_INLINE vf4 shade_segment(const tc_cpu_args *args, variant v, const packet *p, const lighting *l, const ray_segment *s,
-                           vf4 c) {
+                           vm visible, vf4 c) {
   vf middle[3];
   if (v.gradient == TC_GRADIENT_CELL) return shade(&args->shade, l, s->front_gradient, s->back_gradient, c);
-  gradient_at(args, v, p, segment_middle_mm(p, s), middle);
+  gradient_at(args, v, p, segment_middle_mm(p, s), visible, middle);
   return shade(&args->shade, l, middle, middle, c);
 }
 
@@ -22,7 +22,7 @@ V_INLINE vf4 draw_segment(const tc_cpu_args *args, variant v, const packet *p, c
   const vm visible = m_and(s->live, v_lt(v_set(0), c.a));
   if (v.shaded && m_any(visible)) {
     counts->gradients += (uint64_t)m_count(visible);
-    c = shade_segment(args, v, p, light, s, c);
+    c = shade_segment(args, v, p, light, s, visible, c);
   }
   return c;
 }
@@ -48,7 +48,7 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
   int run_end = 0; /* first step behind the occupied run */
   lighting light;
   const bool cell = v.shaded && v.gradient == TC_GRADIENT_CELL;
-  vf slopes[3][3];                                          /* index gradients at front, back, next */
+  vf slopes[3][3]; /* index gradients at front, back, next */
   vf *const at_front = cell ? slopes[0] : NULL, *const at_back = cell ? slopes[1] : NULL;
   vf *const at_next = cell ? slopes[2] : NULL;
   if (v.shaded) light = start_lighting(args, v, at);

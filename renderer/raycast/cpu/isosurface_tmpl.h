@@ -314,7 +314,7 @@ V_INLINE vf4 cast_rays(const tc_cpu_args *args, variant v, const place *at, skip
     if (v.gradient == TC_GRADIENT_CELL)
       surface_gradient(args, v, &p, t, gradient);
     else
-      gradient_at(args, v, &p, t, gradient);
+      gradient_at(args, v, &p, t, hit, gradient);
     counts->gradients += (uint64_t)m_count(hit);
     c = shade(&args->shade, &light, gradient, gradient, c);
   }

@@ -85,28 +85,6 @@ V_INLINE corners gather_apart(const tc_cpu_args *args, int type, vi off) {
 }
 
 #ifdef V_NEAR
-#define NEAR_CORNERS(name, type)                                                                                      \
-  V_INLINE corners near_corners_##name(const type *voxels, ptrdiff_t row, ptrdiff_t slice, vi at) {                   \
-    const v_near_##name n = v_near_load_##name(voxels, row, slice);                                                   \
-    corners c;                                                                                                        \
-    _Pragma("GCC unroll 4") for (int k = 0; k < 4; k++)                                                               \
-        v_near_pair_##name(&n, at, 4 * (k & 1) + 16 * (k >> 1), &c.a[k], &c.b[k]);                                                        \
-    return c;                                                                                                         \
-  }
-SIMD_VOXELS(NEAR_CORNERS)
-
-/* The corners at elements `at` of the neighbourhood whose least voxel is `first`. */
-V_INLINE corners near_corners(const tc_cpu_args *args, int type, ptrdiff_t first, vi at) {
-  const ptrdiff_t row = args->grid.row, slice = args->grid.slice;
-  switch (type) {
-  case TC_U8: return near_corners_u8((const uint8_t *)args->grid.voxels + first, row, slice, at);
-  case TC_I8: return near_corners_i8((const int8_t *)args->grid.voxels + first, row, slice, at);
-  case TC_U16: return near_corners_u16((const uint16_t *)args->grid.voxels + first, row, slice, at);
-  case TC_I16: return near_corners_i16((const int16_t *)args->grid.voxels + first, row, slice, at);
-  default: return near_corners_f32((const float *)args->grid.voxels + first, row, slice, at);
-  }
-}
-
 V_INLINE void prefetch_rows(const tc_cpu_args *args, int type, ptrdiff_t first) {
   const ptrdiff_t row = args->grid.row, slice = args->grid.slice;
   const char *p = (const char *)args->grid.voxels + first * voxel_bytes(type);
