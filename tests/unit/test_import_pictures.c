@@ -95,6 +95,32 @@ static void tiff_of_every_kind(void **state) {
   g_free(path);
 }
 
+/* Greys of fewer than 8 bits, which libtiff widens. */
+static void tiff_of_few_bits(void **state) {
+  for (uint16_t bits = 1; bits <= 4; bits *= 4) {
+    uint8_t row[16] = {0xf0, 0x01, 0x84}; /* the second row is 0 */
+    char *path = path_of("few.tif");
+    TIFF *tiff = TIFFOpen(path, "w");
+    assert_non_null(tiff);
+    TIFFSetField(tiff, TIFFTAG_IMAGEWIDTH, 16);
+    TIFFSetField(tiff, TIFFTAG_IMAGELENGTH, 2);
+    TIFFSetField(tiff, TIFFTAG_BITSPERSAMPLE, bits);
+    TIFFSetField(tiff, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK);
+    TIFFSetField(tiff, TIFFTAG_ROWSPERSTRIP, 2);
+    assert_true(TIFFWriteEncodedStrip(tiff, 0, row, 4 * bits) > 0);
+    TIFFClose(tiff);
+    tc_volume *v = open_good("few.tif");
+    check_dims(v, 16, 2, 1);
+    for (int i = 0; i < 16; i++) {
+      const int shift = 8 - bits - i * bits % 8;
+      assert_true(voxel(v, (size_t)i) == (row[i * bits / 8] >> shift & ((1 << bits) - 1)) * 255 / ((1 << bits) - 1));
+    }
+    assert_true(!tc_volume_colors(v));
+    tc_volume_unref(v);
+    g_free(path);
+  }
+}
+
 static void write_png(const char *name, int width, int depth, int colour, const void *pixels, size_t size) {
   spng_ctx *png = spng_ctx_new(SPNG_CTX_ENCODER);
   struct spng_ihdr head = {
@@ -152,6 +178,7 @@ static void dicomdir(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(tiff_of_every_kind),
+      cmocka_unit_test(tiff_of_few_bits),
       cmocka_unit_test(png_in_a_folder),
       cmocka_unit_test(dicomdir),
   };

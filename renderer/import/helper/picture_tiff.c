@@ -126,8 +126,10 @@ static uint32_t grey_bits(TIFF *tiff) {
   return grey && plain ? bits : 0;
 }
 
+/* Of pictures that libtiff turns into RGBA: without a word of how to read them three samples are RGB. */
 static bool is_grey(TIFF *tiff) {
-  return number(tiff, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK) <= PHOTOMETRIC_MINISBLACK;
+  return number(tiff, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK) <= PHOTOMETRIC_MINISBLACK &&
+         number(tiff, TIFFTAG_SAMPLESPERPIXEL, 1) <= 2;
 }
 
 bool tc_tiff_page(tc_picture *p, tc_page *page, GError **error) {
@@ -186,13 +188,14 @@ static bool read_tiles(TIFF *tiff, const tc_page *page, uint8_t *to, size_t row,
   return ok;
 }
 
-static bool read_colours(TIFF *tiff, const tc_page *page, uint8_t *to) {
+static bool read_rgba(TIFF *tiff, const tc_page *page, uint8_t *to) {
   const size_t n = (size_t)page->width * (size_t)page->height;
   uint32_t *rgba = g_try_new(uint32_t, n);
   const bool ok = rgba && TIFFReadRGBAImageOriented(tiff, (uint32_t)page->width, (uint32_t)page->height, rgba,
                                                     ORIENTATION_TOPLEFT, 1);
   for (size_t i = 0; ok && i < n; i++) rgba[i] = GUINT32_TO_LE(rgba[i]);
-  if (ok) tc_picture_rgb((const uint8_t *)rgba, n, to);
+  if (ok && page->colour) tc_picture_rgb((const uint8_t *)rgba, n, to);
+  for (size_t i = 0; ok && !page->colour && i < n; i++) to[i] = (uint8_t)rgba[i];
   g_free(rgba);
   return ok;
 }
@@ -211,7 +214,7 @@ bool tc_tiff_read(tc_picture *p, const tc_page *page, void *to, GError **error) 
                n = (size_t)page->width * (size_t)page->height;
   if (!is_held(p, n, error)) return false;
   const bool raw = grey_bits(tiff) > 0;
-  const bool ok = !raw                ? read_colours(tiff, page, to)
+  const bool ok = !raw                ? read_rgba(tiff, page, to)
                   : TIFFIsTiled(tiff) ? read_tiles(tiff, page, to, row, voxel)
                                       : read_strips(tiff, page, to, row);
   if (raw && ok && number(tiff, TIFFTAG_PHOTOMETRIC, 1) == PHOTOMETRIC_MINISWHITE) invert(to, n, page->type);
