@@ -166,11 +166,13 @@ static void normal_of_faces(const subject *s, spot p, double sum[3], double cros
   const double here = inside_of(s, p, 0, 0);
   for (int k = 0; k < 3; k++) sum[k] = 0;
   for (int f = 0; f < 6; f++) {
-    const int axis = f / 2, step = f & 1 ? 1 : -1;
-    const double there = inside_of(s, p, axis, step); /* beyond the grid as at its end: not outside */
+    const int axis = f / 2, step = f & 1 ? 1 : -1, beyond = p.at[axis] + step;
     double slope[3];
-    crossing[f] = there < 0 ? here / (here - there) : -1;
+    crossing[f] = -1;
+    if (beyond < 0 || beyond >= s->d->dims[axis]) continue;
+    const double there = inside_of(s, p, axis, step);
     if (there >= 0) continue;
+    if (here >= 0) crossing[f] = here / (here - there);
     slope_at_face(s, p, axis, step, slope);
     const double side = dot3(sum, slope) < 0 ? -1 : 1;
     for (int k = 0; k < 3; k++) sum[k] += side * slope[k];

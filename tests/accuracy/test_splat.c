@@ -346,6 +346,21 @@ static void faces_of_the_volume_are_lit(void **state) {
   object_free(&o);
 }
 
+static double negative(double x, double y, double z, const void *context) { return -5 - 0.01 * (x + y + z); }
+
+/* An object of all values, all below 0, ends with the grid alone, and nothing beyond that is read. */
+static void a_range_of_all_values_ends_with_the_grid(void **state) {
+  tc_volume *volume = test_volume(&(test_grid){.dims = {6, 5, 4}, .type = TC_F32}, negative, NULL);
+  tc_vmd_subject *subject = tc_vmd_subject_new(volume, -INFINITY, INFINITY);
+  for (int corner = 0; corner < 8; corner++) {
+    double n[3];
+    tc_vmd_normal_at(subject, corner & 1 ? 5 : 0, corner & 2 ? 4 : 0, corner & 4 ? 3 : 0, n);
+    for (int k = 0; k < 3; k++) assert_true(corner >> k & 1 ? n[k] > 0 : n[k] < 0);
+  }
+  tc_vmd_subject_free(subject);
+  tc_volume_unref(volume);
+}
+
 /* blob, its middle elsewhere. */
 static double blob_at(double x, double y, double z, const void *context) {
   const double away = *(const double *)context;
@@ -628,7 +643,8 @@ static void frames_are_made_in_pieces(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {TEST(culling_changes_no_bit), TEST(scalar_and_vector_agree),
     TEST(constant_solids_are_constant), TEST(splats_are_where_the_surface_is), TEST(large_voxels_are_lit_smoothly), TEST(large_voxels_end_where_the_surface_does),
-    TEST(faces_of_the_volume_are_lit), TEST(cost_follows_the_voxels_seen),
+    TEST(faces_of_the_volume_are_lit), TEST(a_range_of_all_values_ends_with_the_grid),
+    TEST(cost_follows_the_voxels_seen),
     TEST(rims_do_not_shine), TEST(a_cut_shows_a_solid_face), TEST(translucent_splats_show_the_blurred_field),
     TEST(paused_pictures_end_the_same), TEST(frames_are_made_in_pieces)};
   return cmocka_run_group_tests(tests, NULL, NULL);
