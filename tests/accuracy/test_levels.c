@@ -265,7 +265,8 @@ static void making_ends_soon(void **state) {
 
 static void making_is_cancelled(void **state) {
   GError *error = NULL;
-  assert_null(tc_levels_make(f.full, &(atomic_bool){true}, &error));
+  atomic_bool stop = true;
+  assert_null(tc_levels_make(f.full, &stop, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_CANCELLED));
   g_clear_error(&error);
   tc_clusters_free(tc_refining_end(tc_refining_begin(f.full)));
