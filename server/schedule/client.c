@@ -74,7 +74,9 @@ tcs_job *tcs_client_take(tcs_client *client, tcs_class class) {
 }
 
 int tcs_client_length(const tcs_client *client) { return (int)client->jobs.length; }
-void tcs_client_charge(tcs_client *client, tcs_class class, double ms) { tcs_fair_charge(client->account, class, ms); }
+void tcs_client_charge(tcs_client *client, tcs_class class, double ms, double late_ms) {
+  tcs_fair_charge(client->account, class, ms, late_ms);
+}
 double tcs_client_render_ms(const tcs_client *client) { return tcs_fair_used_ms(client->account); }
 bool tcs_client_is_even(tcs_client *client) { return tcs_fair_even(client->account); }
 

@@ -29,7 +29,7 @@ tcs_job *tcs_client_take(tcs_client *client, tcs_class class);
 tcs_job *tcs_client_first(const tcs_client *client, tcs_class class);
 int tcs_client_length(const tcs_client *client);
 
-void tcs_client_charge(tcs_client *client, tcs_class class, double ms);
+void tcs_client_charge(tcs_client *client, tcs_class class, double ms, double late_ms);
 double tcs_client_render_ms(const tcs_client *client);
 tcs_pressure tcs_client_pressure(const tcs_client *client, tcs_class class);
 /* Nothing waits and nothing is owed. */

@@ -6,6 +6,8 @@
 #define QUANTUM_MS 4.0
 #define SHARE 0.1           /* of the time of the classes before it that a waiting class earns */
 #define MOST_EARNED_MS 20.0 /* a class that waited long is not served for longer at once */
+#define GRACE 0.05          /* of a client's time that is let off where slices come late */
+#define MOST_GRACE_MS 50.0
 
 /* Of a peer among peers, or of a client among its peer's. */
 typedef struct account {
@@ -31,7 +33,7 @@ struct tcs_fair_client {
   account account;
   peer *peer;
   void *user;
-  double used_ms;
+  double used_ms, grace_ms;
 };
 
 struct tcs_fair {
@@ -223,11 +225,13 @@ tcs_fair_client *tcs_fair_pick(tcs_fair *fair, tcs_fair_accept *accept, void *us
   return NULL;
 }
 
-void tcs_fair_charge(tcs_fair_client *client, tcs_class class, double ms) {
+void tcs_fair_charge(tcs_fair_client *client, tcs_class class, double ms, double late_ms) {
   tcs_fair *fair = client->peer->fair;
+  const double let_off_ms = fmin(late_ms, client->grace_ms);
+  client->grace_ms = fmin(MOST_GRACE_MS, client->grace_ms - let_off_ms + GRACE * ms);
   client->used_ms += ms;
-  client->account.deficit_ms -= ms;
-  client->peer->account.deficit_ms -= ms;
+  client->account.deficit_ms -= ms - let_off_ms;
+  client->peer->account.deficit_ms -= ms - let_off_ms;
   fair->earned_ms[class] = fmax(0, fair->earned_ms[class] - ms);
   for (int i = (int)class + 1; i < TCS_CLASS_COUNT; i++)
     if (fair->waiting[i]) fair->earned_ms[i] = fmin(MOST_EARNED_MS, fair->earned_ms[i] + SHARE * ms);

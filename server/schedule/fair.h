@@ -5,6 +5,8 @@
  * clients: who opens more sessions, connections or requests gets no more of it. Every round gives each account a
  * quantum; a client whose account is below zero waits for its rounds, and what a slice took is charged afterwards,
  * whatever was expected of it. A debt outlasts a pause between two pictures; no more than a quantum is saved up.
+ * Now and then a slice takes far longer than its picture needs, because the system or a hypervisor gave the processors to
+ * others: a twentieth of what a client used is let off for that, or the stall would cost it as many turns as it has rivals.
  *
  * Classes come in order: what somebody drags, then single pictures, then refinements. A class that waits earns a tenth
  * of the time that goes to those before it, and is served first once that makes a slice: none starves.
@@ -48,8 +50,8 @@ int tcs_fair_waiting(const tcs_fair *fair, tcs_class class);
  * this class now? */
 typedef bool tcs_fair_accept(void *client_user, tcs_class class, void *user);
 tcs_fair_client *tcs_fair_pick(tcs_fair *fair, tcs_fair_accept *accept, void *user, tcs_class *class);
-/* A slice of the client's took `ms`. */
-void tcs_fair_charge(tcs_fair_client *client, tcs_class class, double ms);
+/* A slice of the client's took `ms`, of which `late_ms` were more than it was thought to need. */
+void tcs_fair_charge(tcs_fair_client *client, tcs_class class, double ms, double late_ms);
 
 /* What waits beside a client that is being served. */
 typedef enum tcs_pressure {

@@ -44,6 +44,7 @@ struct tcs_job {
   char *peer;                     /* g_malloc'ed: who asks, of a single picture; freed with the job */
   uint64_t revision;              /* the owner's */
   double samples;                 /* the owner's: tc_estimate_samples() of it; 0 = not known */
+  double thought_ms;              /* the owner's: what it is thought to take; 0 = not known */
   bool final;                     /* the owner's */
   bool hurry;                     /* the owner's: as in tc_render_request */
   bool moving;                    /* likewise */

@@ -22,6 +22,8 @@ G_STATIC_ASSERT(TCS_METRICS_CLASSES == TCS_CLASS_COUNT);
 #define CONTENDED_US 500000
 /* Of a slice, so that a frame that takes somewhat longer than thought is still made in one. */
 #define SLICE_SHARE 0.75
+/* Times what a picture was thought to take, as measured pictures scatter: what is above is late. */
+#define LATE 1.5
 /* After slices that brought nothing the next ones are twice as long, up to 2^this. */
 #define MOST_STALLS 5
 /* Pictures under way keep their frames; beyond this no other is begun, but for interactive frames. */
@@ -438,6 +440,11 @@ static bool try_again(tcs_scheduler *scheduler, tcs_job *job) {
   return tcs_budget_ask(scheduler->server->budget, wanted, job->volume);
 }
 
+/* Of the slice that is over. */
+static double late_ms(const tcs_job *job) {
+  return job->thought_ms > 0 ? CLAMP(job->used_ms - LATE * job->thought_ms, 0, job->slice_ms) : 0;
+}
+
 static void count_slice(tcs_scheduler *scheduler, const tcs_job *job, bool paused) {
   tcs_class_metrics *metrics = &scheduler->server->metrics->classes[job->class];
   metrics->seconds += job->slice_ms / 1000;
@@ -453,7 +460,7 @@ static void done_slice(tcs_task *task) {
   bool paused = g_error_matches(job->error, TC_ERROR, TC_ERROR_PAUSED);
   scheduler->rendering = NULL;
   job->used_ms += job->slice_ms;
-  if (job->client) tcs_client_charge(job->client, job->class, job->slice_ms);
+  if (job->client) tcs_client_charge(job->client, job->class, job->slice_ms, late_ms(job));
   count_slice(scheduler, job, paused);
   if (paused && job->used_ms >= (double)scheduler->server->config->limits.render_seconds * 1000) job->overdue = true;
   if (paused && (!job->client || job->overdue || atomic_load(&job->interrupt.cancel) ||

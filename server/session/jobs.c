@@ -170,6 +170,7 @@ static tcs_job *begin_job(tcs_session *session, tcs_view *view, tcs_class class,
   tcs_quality_resolve(session->server->quality, job, session, !final);
   if (!final) make_interactive(session, view, job);
   job->samples = samples_of(job);
+  if (!final) job->thought_ms = view->ladders[job->scene.mode].ms_per_sample * job->samples + session->build_ms;
   if (final) job->meter_pixels = tcs_meter_pixels(job);
   job->marks = tcs_session_marks(session);
   session->job = job;
