@@ -13,6 +13,8 @@
 #define LEAST_SHARE 0.5
 #define DEVIATIONS 2.2  /* kept in hand: 1.65 would do if times scattered normally, and they are skewed */
 #define SPREAD_KEPT 0.9 /* of the older frames' spread, at each new one */
+#define FIRST_SPREAD 0.1 /* before any frame: the first ones are foretold badly */
+#define PACE_WEIGHT 0.4  /* of the newest final frame, in logarithms */
 #define FINEST_RUNG (-24)
 #define COARSEST_RUNG 16
 /* What a segment of preintegrated2, its two samples and three look-ups, costs beside one of preintegrated: constants,
@@ -24,7 +26,7 @@
 #define SECOND_ON_GL 1.5
 
 tc_quality_cost tc_quality_cost_of(const char *backend) {
-  return (tc_quality_cost){.second = strcmp(backend, "gl") == 0 ? SECOND_ON_GL : SECOND_ON_CPU};
+  return (tc_quality_cost){.spread = FIRST_SPREAD, .second = strcmp(backend, "gl") == 0 ? SECOND_ON_GL : SECOND_ON_CPU};
 }
 
 static void solve(const tc_quality_cost *c, double *a, double *b) {
@@ -47,11 +49,17 @@ static double segments(const tc_quality_cost *cost, const tc_scene *scene, doubl
   return (second ? cost->second : 1) / spacing;
 }
 
-static double expected(const tc_quality_cost *cost, double rays, double x) {
+static double fitted(const tc_quality_cost *cost, double rays, double x) {
   double a, b;
   if (!(cost->w > 0)) return 0;
   solve(cost, &a, &b);
   return rays * (a + b * x);
+}
+
+/* Beyond the most segments a voxel of any frame the whole time grows with them: an upper bound, whatever a is. */
+static double expected(const tc_quality_cost *cost, double rays, double x) {
+  const double known = cost->w > 0 ? fmin(x, cost->most) : x;
+  return fitted(cost, rays, known) * (x / known);
 }
 
 double tc_quality_cost_ms(const tc_quality_cost *cost, const tc_scene *scene, double pixels) {
@@ -62,15 +70,38 @@ double tc_quality_cost_ms(const tc_quality_cost *cost, const tc_scene *scene, do
 void tc_quality_cost_add(tc_quality_cost *c, const tc_scene *scene, double pixels, double ms) {
   double rays = pixels * scene->sampling.rays_per_pixel, spacing = scene->sampling.step * tc_quality_stretch(scene);
   if (!(rays > 0) || !(spacing > 0) || !(ms > 0) || tc_is_surface(scene->mode) || scene->mode == TC_MODE_SPLAT) return;
-  double x = segments(c, scene, spacing), was = expected(c, rays, x);
+  /* Between what the fit and its upper bound say is no surprise. */
+  double x = segments(c, scene, spacing), was = fmin(fmax(ms, fitted(c, rays, x)), expected(c, rays, x));
   const double off = was > 0 ? fmax(ms / was, was / ms) : 1, kept = off > SURPRISE ? 0 : KEPT;
   if (was > 0) c->spread += (1 - SPREAD_KEPT) * (pow(log(fmin(off, SURPRISE)), 2) - c->spread);
   double y = ms / rays, w = 1 / (y * y);
+  c->most = kept > 0 ? fmax(c->most, x) : x;
   c->w = c->w * kept + w;
   c->x = c->x * kept + w * x;
   c->xx = c->xx * kept + w * x * x;
   c->y = c->y * kept + w * y;
   c->xy = c->xy * kept + w * x * y;
+}
+
+void tc_quality_pace_add(tc_quality_pace *pace, const tc_quality_cost *cost, const tc_scene *scene, double pixels,
+                         double ms, bool moving, uint64_t revision) {
+  const double was = tc_quality_cost_ms(cost, scene, pixels);
+  if (!(was > 0) || !(ms > 0)) return;
+  if (moving)
+    pace->slower = ms / was, pace->revision = revision;
+  else if (pace->followed)
+    pace->final *= pow(ms / was, PACE_WEIGHT);
+  pace->followed = false;
+}
+
+void tc_quality_pace_follow(tc_quality_pace *pace, tc_quality_cost *c, uint64_t revision) {
+  if (!(pace->slower > 0) || pace->revision != revision) return;
+  if (!(pace->final > 0)) pace->final = 1;
+  const double factor = pace->slower * pace->final, square = factor * factor; /* weights are relative to the times */
+  c->w /= square, c->x /= square, c->xx /= square;
+  c->y /= factor, c->xy /= factor;
+  pace->slower = 0;
+  pace->followed = true;
 }
 
 double tc_quality_cost_share(const tc_quality_cost *cost) {

@@ -6,16 +6,22 @@
  * A segment of preintegrated2 takes `second` times as long as one of preintegrated, and counts as so many: frames of
  * either method tell of both.
  *
+ * Steps finer than any of the frames count as if all of a ray's time were its samples': an upper bound.
+ *
  * A cost belongs to one look on one machine; a frame that took less than half or more than twice the expected time starts
  * a new look, and older frames are forgotten. Plain data, from tc_quality_cost_of(); any thread, one at a time. */
 #ifndef TC_QUALITY_COST_H
 #define TC_QUALITY_COST_H
+
+#include <stdbool.h>
+#include <stdint.h>
 
 #include "renderer/scene/scene.h"
 
 typedef struct tc_quality_cost {
   double second;          /* a segment of preintegrated2 beside one of preintegrated, in time */
   double spread;          /* smoothed square of the logarithm of measured over expected time */
+  double most;            /* the most segments a voxel of the frames */
   double w, x, xx, y, xy; /* weighted sums; x = segments a voxel, y = ms per ray, weights relative to y */
 } tc_quality_cost;
 
@@ -28,6 +34,21 @@ double tc_quality_stretch(const tc_scene *scene);
 /* Takes in a frame of `pixels` pixels of the scene, as tc_estimate_pixels() counts them where the camera moves. An
  * isosurface has no steps: it is not taken in. */
 void tc_quality_cost_add(tc_quality_cost *cost, const tc_scene *scene, double pixels, double ms);
+/* What a frame in motion tells of the final one of the same scene: a view that takes longer is known before that one is
+ * begun. Zero-initialise. */
+typedef struct tc_quality_pace {
+  uint64_t revision; /* of the frame in motion */
+  double slower;     /* its time over what the cost of final frames expects of it; 0: none, or taken */
+  double final;      /* the same of final frames, over that of the frames in motion before them: smoothed; 0: none yet */
+  bool followed;     /* the newest final frame was foretold so */
+} tc_quality_pace;
+
+/* Takes in a frame before the cost of final frames does. */
+void tc_quality_pace_add(tc_quality_pace *pace, const tc_quality_cost *cost, const tc_scene *scene, double pixels,
+                         double ms, bool moving, uint64_t revision);
+/* Before a final frame: its cost follows the frame in motion of that revision, if there was one. */
+void tc_quality_pace_follow(tc_quality_pace *pace, tc_quality_cost *cost, uint64_t revision);
+
 /* Expected milliseconds; 0 while nothing is known. */
 double tc_quality_cost_ms(const tc_quality_cost *cost, const tc_scene *scene, double pixels);
 /* The share of a bound on time to plan for, so that 19 of 20 frames hold it while their times scatter as of late. */

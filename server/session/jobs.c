@@ -59,8 +59,10 @@ static void finished(tcs_job *job) {
     if (view && !differs_in_motion(&job->scene))
       tcs_ladder_measure(&view->ladders[job->scene.mode], job->samples, job->stats.render_ms);
     session->build_ms += BUILD_WEIGHT * (job->stats.tables_ms + job->stats.skip_ms - session->build_ms);
-    tc_quality_cost_add(&session->cost[tcs_quality_lit_in_motion(&job->scene, job->moving)], &job->scene,
-                        tc_estimate_pixels(job->volume, &job->scene, job->out_width, job->out_height),
+    const double pixels = tc_estimate_pixels(job->volume, &job->scene, job->out_width, job->out_height);
+    tc_quality_pace_add(&session->pace, session->cost, &job->scene, pixels, job->stats.render_ms, job->moving,
+                        job->revision);
+    tc_quality_cost_add(&session->cost[tcs_quality_lit_in_motion(&job->scene, job->moving)], &job->scene, pixels,
                         job->stats.render_ms);
   }
   if (!view || overtaken(view, job)) {
@@ -167,6 +169,7 @@ static tcs_job *begin_job(tcs_session *session, tcs_view *view, tcs_class class,
   job->revision = session->revision;
   job->final = final;
   job->hurry = true;
+  if (final) tc_quality_pace_follow(&session->pace, session->cost, job->revision);
   tcs_quality_resolve(session->server->quality, job, session, !final);
   if (!final) make_interactive(session, view, job);
   job->samples = samples_of(job);

@@ -52,6 +52,7 @@ struct tcs_session {
   GPtrArray *views; /* tcs_view: one for each size that its viewers have, the scene's first */
   double build_ms;  /* smoothed: what a frame of late took for tables and skipping structures, before it was drawn */
   tc_quality_cost cost[2]; /* of its frames; the second: of lit ones in motion, which take cheaper gradients */
+  tc_quality_pace pace;    /* of its frames in motion, for cost[0] */
   int64_t active_until_us; /* input flows until then */
   int64_t created_us, used_us;
   int probes;         /* rays and picks of its scene that wait or run */

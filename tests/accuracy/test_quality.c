@@ -333,6 +333,7 @@ static void know_cost(const path *p, const char *backend) {
     const double pixels = pixels_of(p, &s);
     tc_quality_cost_add(&cost_model, &s, pixels, pixels * (2e-5 + 6e-5 / s.sampling.step));
   }
+  cost_model.spread = 0; /* as after many frames that were foretold well */
 }
 
 /* Returns the error of what is chosen for the time in which `step` does with preintegrated, beside the least. */

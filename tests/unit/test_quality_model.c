@@ -14,6 +14,7 @@ static int set_up(void **state) {
   scene.camera = (tc_camera){TC_PERSPECTIVE, {0, -100, 0}, {0, 0, 0}, {0, 0, 1}, 30, 50};
   scene.quality.max_error = 0.01;
   cpu = tc_quality_cost_of("cpu"), gl = tc_quality_cost_of("gl");
+  cpu.spread = gl.spread = 0; /* as after many frames that were foretold well */
   return 0;
 }
 
@@ -196,6 +197,9 @@ static void cost_is_learnt(void **state) {
   assert_float_equal(said(&cost, 2e5, 1), at(1, 2e5), 1e-9); /* one frame is believed where it was */
   add(&cost, 2e5, 0.5, 1);
   for (int i = 0; i < 20; i++) add(&cost, 1e5, i % 2 ? 0.5 : 2, 1);
+  assert_float_equal(said(&cost, 3e5, 1), at(1, 3e5), 0.05 * at(1, 3e5));
+  assert_float_equal(said(&cost, 3e5, 0.25), 2 * said(&cost, 3e5, 0.5), 1e-9); /* finer than any: no later than this */
+  for (int i = 0; i < 2; i++) add(&cost, 1e5, 0.25, 1);
   assert_float_equal(said(&cost, 3e5, 0.25), at(0.25, 3e5), 0.05 * at(0.25, 3e5));
   double step = tc_quality_cost_step(&cost, &scene, 1e5, 10);
   assert_true(at(step, 1e5) <= 10.3 && at(step / 1.2, 1e5) > 10); /* the finest in time */
@@ -222,6 +226,24 @@ static void cost_is_learnt(void **state) {
   scene.mode = TC_MODE_ISOSURFACE;
   tc_quality_cost_add(&cost, &scene, 100, 5);
   assert_memory_equal(&before, &cost, sizeof cost);
+}
+
+/* Final frames, some into a direction that takes nearly twice as long, each after one in motion, which costs half as
+ * much. */
+static void a_frame_in_motion_foretells_the_final_one(void **state) {
+  tc_quality_cost cost = cpu;
+  tc_quality_pace pace = {0};
+  for (int i = 0; i < 24; i++) {
+    const double times = i % 3 ? 1 : 1.8, final = at(0.5, 1e5) * times, moving = at(1, 3e4) * times / 2;
+    scene.sampling.step = 1;
+    tc_quality_pace_add(&pace, &cost, &scene, 3e4, moving, true, (uint64_t)i);
+    tc_quality_pace_follow(&pace, &cost, (uint64_t)i + 1); /* of another scene: nothing */
+    tc_quality_pace_follow(&pace, &cost, (uint64_t)i);
+    const double foretold = said(&cost, 1e5, 0.5);
+    if (i > 15) assert_float_equal(foretold, final, 0.02 * final);
+    tc_quality_pace_add(&pace, &cost, &scene, 1e5, final, false, (uint64_t)i);
+    tc_quality_cost_add(&cost, &scene, 1e5, final);
+  }
 }
 
 /* What the machine above makes of a scene that may take `ms`. */
@@ -341,6 +363,7 @@ int main(void) {
     cmocka_unit_test_setup_teardown(the_method_is_the_cheaper_one, set_up, tear_down),
     cmocka_unit_test_setup_teardown(many_rays_share_the_steps, set_up, tear_down),
     cmocka_unit_test_setup_teardown(cost_is_learnt, set_up, tear_down),
+    cmocka_unit_test_setup_teardown(a_frame_in_motion_foretells_the_final_one, set_up, tear_down),
     cmocka_unit_test_setup_teardown(a_time_gets_the_least_error, set_up, tear_down),
     cmocka_unit_test_setup_teardown(methods_do_not_swing, set_up, tear_down),
     cmocka_unit_test_setup_teardown(a_budget_is_met_within_a_few_frames, set_up, tear_down)};
