@@ -31,16 +31,17 @@ static void begin_brick(const pile *p, int x, int y, int z, bool cap) {
   g_array_append_val(p->bricks, brick);
 }
 
-/* inset: voxels, along the normal. What is free on opposite faces has a surface on either side. */
-static void add_word(const pile *p, int x, int y, int z, unsigned faces, const double normal[3], double inset) {
-  const bool sheet = (faces & faces >> 1 & 0x15) != 0;
-  const uint8_t packed = sheet || !faces ? 0 : (uint8_t)(1 + lround(254 * fmin(fmax(inset, 0), 1)));
+static bool is_thin(unsigned faces) { return (faces & faces >> 1 & 0x15) != 0; }
+
+static uint8_t packed_distance(double voxels) { return (uint8_t)(1 + lround(254 * fmin(fmax(voxels, 0), 1))); }
+
+static void add_word(const pile *p, int x, int y, int z, unsigned faces, const double normal[3], uint8_t inset) {
   int folded[2] = {127, 127};
   if (faces) tc_octahedron_fold(normal, 63, folded);
   const uint32_t word = (uint32_t)(x & 15) | (uint32_t)(y & 15) << 4 | (uint32_t)(z & 15) << 8 | faces << 12 |
                         (uint32_t)folded[0] << 18 | (uint32_t)folded[1] << 25;
   g_array_append_val(p->words, word);
-  g_array_append_val(p->insets, packed);
+  g_array_append_val(p->insets, inset);
   g_array_index(p->bricks, tc_splat_brick, p->bricks->len - 1).faces |= (uint8_t)faces;
 }
 
@@ -140,6 +141,14 @@ static uint32_t wide_slice(const window *w, int x, int z) {
   return (uint32_t)(slice(w, x, z) << 2 | slice(w, x, z - 16) >> 14 | (slice(w, x, z + 16) & 3) << 18);
 }
 
+/* A covector of index coordinates in LPS, of nearly orthogonal axes: lengths count inversely. */
+static void to_lps(const tc_volume_desc *d, const double index[3], double lps[3]) {
+  for (int r = 0; r < 3; r++) {
+    lps[r] = 0;
+    for (int k = 0; k < 3; k++) lps[r] += d->direction[3 * r + k] * index[k] / d->spacing[k];
+  }
+}
+
 #define CUT_AREA 28 /* of a 5x5x5 cube by a plane near its middle: 25 to 32.5 */
 
 /* The free side of the 5x5x5 voxels around one: minus the sum of places that are filled; and how far away the surface
@@ -156,15 +165,64 @@ static double normal_of_filled(const building *b, const uint64_t *row, size_t ro
       sum[2] -= 2 * (int)(five >> 4 & 1) + (int)(five >> 3 & 1) - (int)(five >> 1 & 1) - 2 * (int)(five & 1);
     }
   }
-  const tc_volume_desc *d = &b->model->head.grid;
-  for (int r = 0; r < 3; r++) {
-    normal[r] = 0; /* of nearly orthogonal axes; lengths count inversely */
-    for (int k = 0; k < 3; k++) normal[r] += d->direction[3 * r + k] * sum[k] / d->spacing[k];
-  }
+  to_lps(&b->model->head.grid, (double[]){sum[0], sum[1], sum[2]}, normal);
   return (filled - 62.5) / CUT_AREA;
 }
 
-/* Returns the inset. */
+/* Filled ones of a voxel's 26 neighbours, as steps from it. */
+static int neighbours_of(const building *b, const uint64_t *row, size_t row_words, int x, int z, double steps[26][3]) {
+  int n = 0;
+  for (int i = 0; i < 9; i++) {
+    const int dx = i % 3 - 1, dy = i / 3 - 1;
+    const window w = {row + (ptrdiff_t)dy * (ptrdiff_t)row_words, b->model->head.grid.dims[0], b->words};
+    const unsigned three = wide_slice(&w, x + dx, z & ~15) >> ((z & 15) + 1) & 7;
+    for (int dz = -1; dz <= 1; dz++)
+      if ((three >> (dz + 1) & 1) && (dx || dy || dz)) steps[n][0] = dx, steps[n][1] = dy, steps[n++][2] = dz;
+  }
+  return n;
+}
+
+/* The direction in which steps go furthest (power iteration on the sum of their squares); returns its share. */
+static double main_direction(const double steps[26][3], int n, double along[3]) {
+  double total = 0, most = 0, share = 0;
+  for (int i = 0; i < n; i++) {
+    const double square = dot3(steps[i], steps[i]);
+    total += square;
+    if (square > most) most = square, memcpy(along, steps[i], sizeof steps[i]);
+  }
+  for (int round = 0; round < 6; round++) {
+    double sum[3] = {0};
+    normalise3(along);
+    share = 0;
+    for (int i = 0; i < n; i++) {
+      const double reach = dot3(steps[i], along);
+      share += reach * reach / total;
+      for (int k = 0; k < 3; k++) sum[k] += reach * steps[i][k];
+    }
+    memcpy(along, sum, sizeof sum);
+  }
+  normalise3(along);
+  return share;
+}
+
+/* What a thin voxel is part of, and the direction of a line in the normal's place. Distances along any normal are 1
+ * / 1.4 of a line's radius in the mean. */
+static uint8_t thin_inset(const building *b, const uint64_t *row, size_t row_words, int x, int z, double distance,
+                          double normal[3]) {
+  double steps[26][3], along[3], back = 0, on = 0;
+  const int n = neighbours_of(b, row, row_words, x, z, steps);
+  const double share = n ? main_direction(steps, n, along) : 0, thick = distance < 0 ? 0.5 : distance;
+  tc_splat_thin what = n ? TC_SPLAT_SHEET : TC_SPLAT_DOT;
+  if (n && (n <= 3 || share > 0.6)) {
+    for (int i = 0; i < n; i++) back = fmin(back, dot3(steps[i], along)), on = fmax(on, dot3(steps[i], along));
+    what = fmin(-back, on) < 0.4 ? TC_SPLAT_END : TC_SPLAT_LINE;
+    to_lps(&b->model->head.grid, along, normal);
+  }
+  const double usual = what == TC_SPLAT_SHEET ? 0.8 : 0.8 / 1.4;
+  return (uint8_t)(what << 6 | lround(63 * fmin(fmax(thick / usual, 0.35), 1)));
+}
+
+/* Returns the surface's distance along it; below 0: unknown. */
 static double find_normal(const building *b, const uint64_t *row, size_t row_words, int x, int y, int z, unsigned faces,
                           double normal[3]) {
   double inset = -1, rough[3];
@@ -193,8 +251,11 @@ static void add_slice(const building *b, const pile *to, const uint64_t *row, si
     const int i = __builtin_ctz(left);
     unsigned faces = 0;
     for (int f = 0; f < 6; f++) faces |= (open[f] >> i & 1) << f;
-    double normal[3] = {0}, inset = 0;
-    if (faces) inset = find_normal(b, row, row_words, x, y, z + i, faces, normal);
+    double normal[3] = {0}, distance = 0;
+    if (faces) distance = find_normal(b, row, row_words, x, y, z + i, faces, normal);
+    const uint8_t inset = !faces           ? 0
+                          : is_thin(faces) ? thin_inset(b, row, row_words, x, z + i, distance, normal)
+                                           : packed_distance(distance);
     add_word(to, x, y, z + i, faces, normal, inset);
   }
 }
@@ -283,15 +344,15 @@ static unsigned cut_faces(const cutting *c, int x, int y, int z, const double **
 }
 
 /* Voxels z0 .. z1 - 1 of a column are looked at where some plane is near. */
-static void cut_run(const cutting *c, int x, int y, int z0, int z1, const double to_index[9]) {
+static void cut_run(const cutting *c, int x, int y, int z0, int z1) {
   for (int z = z0; z < z1; z++) {
     const double *plane = NULL;
     const unsigned faces = cut_faces(c, x, y, z, &plane);
     if (!faces) continue;
-    double normal[3]; /* of a plane in index coordinates: covariant */
-    for (int r = 0; r < 3; r++)
-      normal[r] = -(plane[0] * to_index[r] + plane[1] * to_index[3 + r] + plane[2] * to_index[6 + r]);
-    add_word(&c->out, x, y, z, faces, normal, distance(plane, x, y, z) / length3(plane));
+    double normal[3];
+    to_lps(&c->model->head.grid, (double[]){-plane[0], -plane[1], -plane[2]}, normal);
+    add_word(&c->out, x, y, z, faces, normal,
+             is_thin(faces) ? 0 : packed_distance(distance(plane, x, y, z) / length3(plane)));
   }
 }
 
@@ -306,7 +367,7 @@ static bool near_plane(const cutting *c, int i, int x, int y, int *lo, int *hi) 
   return from < to;
 }
 
-static void cut_column(const cutting *c, int x, int y, int bz, const double to_index[9]) {
+static void cut_column(const cutting *c, int x, int y, int bz) {
   const int z0 = bz * TC_SPLAT_BRICK, z1 = z0 + TC_SPLAT_BRICK;
   bool any = false;
   int from = z1, to = z0;
@@ -316,7 +377,7 @@ static void cut_column(const cutting *c, int x, int y, int bz, const double to_i
   }
   if (!any) return;
   for (tc_vmd_run run = {.at = tc_vmd_column(c->model, x, y)}; tc_vmd_next(c->model, &run) && run.z < to;)
-    cut_run(c, x, y, MAX(run.z, from), MIN(run.z + run.count, to), to_index);
+    cut_run(c, x, y, MAX(run.z, from), MIN(run.z + run.count, to));
 }
 
 /* Whether any plane passes through the brick: all others are left alone. */
@@ -337,10 +398,6 @@ tc_splats *tc_splats_cut(const tc_vmd *model, const double planes[][4], int n_pl
   const int *dims = model->head.grid.dims;
   bool left = false;
   cutting c = {.model = model, .planes = planes, .n_planes = n_planes, .out = pile_new()};
-  const tc_volume_desc *d = &model->head.grid;
-  double to_index[9];
-  for (int k = 0; k < 3; k++) /* directions are nearly orthogonal; normals of cuts need no more */
-    for (int r = 0; r < 3; r++) to_index[3 * k + r] = d->direction[3 * r + k] / d->spacing[k];
   for (int i = 0; i < n_planes; i++)
     c.reach[i] = fmax(fabs(planes[i][0]), fmax(fabs(planes[i][1]), fabs(planes[i][2])));
   for (int bz = 0; bz * TC_SPLAT_BRICK < dims[2] && !left; bz++)
@@ -350,8 +407,7 @@ tc_splats *tc_splats_cut(const tc_vmd *model, const double planes[][4], int n_pl
         if (!meets_brick(&c, (int[]){bx, by, bz})) continue;
         begin_brick(&c.out, bx, by, bz, true);
         for (int y = by * TC_SPLAT_BRICK; y < MIN((by + 1) * TC_SPLAT_BRICK, dims[1]); y++)
-          for (int x = bx * TC_SPLAT_BRICK; x < MIN((bx + 1) * TC_SPLAT_BRICK, dims[0]); x++)
-            cut_column(&c, x, y, bz, to_index);
+          for (int x = bx * TC_SPLAT_BRICK; x < MIN((bx + 1) * TC_SPLAT_BRICK, dims[0]); x++) cut_column(&c, x, y, bz);
         end_brick(&c.out);
       }
   tc_splats *s = left ? NULL : join(&c.out, 1, error);

@@ -2,9 +2,11 @@
  *
  * A splat is a voxel with a free neighbour (of six). Its word holds the place in the brick (x, y, z: 4 bits each from
  * bit 0), the faces on which it is free (6 bits from bit 12: -x +x -y +y -z +z) and the outward normal in LPS (an
- * octahedral map of 7 + 7 bits from bit 18; all set: none, of a voxel inside). A fifth byte says how far the surface is
- * from the voxel's centre along the normal. A voxel without a free face is no splat: it is part of the object's inside,
- * which nobody sees; nor is a splat seen from an eye that is on the filled side of all its free faces. */
+ * octahedral map of 7 + 7 bits from bit 18; all set: none, of a voxel inside). A fifth byte, the inset, is 0 where
+ * nothing more is known; else 1 + 254 times the distance in voxels from the voxel's centre to the surface along the
+ * normal. A voxel that is free on opposite faces is thin: its inset is a tc_splat_thin, and from bit 0 its thickness in
+ * 63rds of a usual kernel's. A voxel without a free face is no splat: it is part of the object's inside, which nobody
+ * sees; nor is a splat seen from an eye that is on the filled side of all its free faces. */
 #ifndef TC_SPLAT_SPLATS_H
 #define TC_SPLAT_SPLATS_H
 
@@ -13,7 +15,12 @@
 
 #define TC_SPLAT_BRICK 16        /* voxels along an edge */
 #define TC_SPLAT_PAD 16          /* words that may be read after the last */
+#define TC_SPLAT_LONG 1.3        /* half length of a line's kernel over a usual kernel's */
 #define TC_SPLAT_MOST (1u << 24) /* splats of a model: sums over any pixel stay below 2^31 */
+
+/* In bits 6 and 7 of a thin voxel's inset: what its filled neighbours (of 26) form. A line's normal is its direction,
+ * an end's too; a dot has none. */
+typedef enum tc_splat_thin { TC_SPLAT_SHEET, TC_SPLAT_LINE, TC_SPLAT_END, TC_SPLAT_DOT } tc_splat_thin;
 
 typedef struct tc_splat_brick {
   int16_t at[3];  /* in bricks */
@@ -25,7 +32,7 @@ typedef struct tc_splat_brick {
 typedef struct tc_splats {
   tc_splat_brick *bricks; /* [n_bricks + 1] */
   uint32_t *words;        /* [n + TC_SPLAT_PAD] */
-  uint8_t *insets;        /* the same: 1 + 254 times the surface's distance, voxels; 0: unknown, or a sheet's */
+  uint8_t *insets;        /* the same */
   uint32_t n, n_bricks;
   size_t bytes;
   uint64_t serial; /* of no other */

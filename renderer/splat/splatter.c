@@ -16,12 +16,12 @@
 #define KERNEL_FALL 3.0    /* exponent at the kernel's rim */
 #define FEW_AREA 1e-3      /* pixels a voxel: below, weights shrink with it, so that sums do not overflow */
 /* Voxels that are larger than pixels show their normals' steps, and that their places are steps: from SMALL to LARGE
- * pixels the kernel's radius grows to SMOOTH voxels, or to MOST_PIXELS, and splats move to the surface (tile_tmpl.h),
+ * pixels the kernel's radius grows to SMOOTH voxels, or to MOST_PIXELS, and kernels take shapes of their own (tile_tmpl.h),
  * where WIDE_CORE closes gaps. What is covered does not grow: where no core is, footprints are as before. */
 #define SMALL 2
 #define LARGE 6
 #define SMOOTH 2
-#define WIDE_CORE 0.08 /* added to TC_SPLAT_CORE */
+#define WIDE_CORE 0.14 /* added to TC_SPLAT_CORE: circles of 0.866 voxels cover a face that cuts voxels' edges */
 #define MOST_PIXELS 100
 
 typedef struct drawing {
@@ -162,7 +162,6 @@ static void set_kernel(drawing *d) {
   g->open = (float)(wide * wide / (radius * radius));
   g->move = (float)share;
   g->touch = (float)(covered * radius);
-  g->apart = (float)(wide - covered * radius);
   for (int i = 0; i < TC_WEIGHT_STEPS; i++)
     g->weights[i] = (uint8_t)fmax(1, lround(most * footprint(scene->filter, (i + 0.5) / TC_WEIGHT_STEPS)));
   g->weights[TC_WEIGHT_STEPS] = 0;
@@ -214,7 +213,7 @@ static bool set_clipped(const drawing *d, tc_splat_entry *e) {
 /* The box of pixels that hold all footprints; false: out of the picture. */
 static bool set_box(const drawing *d, tc_splat_entry *e, const double middle[3], const double half[3], double size_mm) {
   const tc_splat_args *g = &d->args;
-  const double size[2] = {d->job->frame->width, d->job->frame->height}, radius = sqrt((double)g->radius2) * size_mm;
+  const double size[2] = {d->job->frame->width, d->job->frame->height}, radius = sqrt((double)g->radius2) * tc_splat_longest(g) * size_mm;
   double near = middle[2] - half[2], far = middle[2] + half[2];
   e->near_mm = (float)(near - 1e-4 * (fabs(near) + half[2]));
   for (int k = 0; k < 2; k++) e->box[k] = 0, e->box[2 + k] = (float)size[k];

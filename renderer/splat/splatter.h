@@ -5,8 +5,8 @@
  * is behind it. At a pixel the nearest core counts, and all ellipses that are not farther behind it than the kernel is
  * deep: their normals and colours are averaged with the weights of the footprint table, divided by the sum of weights
  * (so that a constant solid is constant), and lit (raycast/shading.h). Where no core is, at an outline, a pixel is
- * covered in part. Where voxels are larger than pixels, depths are those of the surface beneath the voxel's face, and
- * cores move until they touch it from within, by TC_SPLAT_INWARDS at most (more would open folds).
+ * covered in part. Where voxels are larger than pixels, kernels take the shapes of what they are part of (shape_of() in
+ * tile_tmpl.h): flat ones that touch the surface from within, sheets, and lines whose voxels touch by corners alone.
  *
  * Culling leaves out, and changes no bit: voxels inside the object, bricks and splats whose free faces look away, that
  * are out of the picture, or behind the depths of a first pass; attributes are fetched for what is left.
@@ -55,6 +55,11 @@ typedef struct tc_splat_frame {
 } tc_splat_frame;
 bool tc_splat_frame_begin(tc_splat_frame *frame, const tc_splat_job *job, GError **error); /* TC_ERROR_MEMORY */
 void tc_splat_frame_end(tc_splat_frame *frame);
+
+/* The longest kernel's radius over a ball's. */
+static inline double tc_splat_longest(const tc_splat_args *args) {
+  return 1 + (TC_SPLAT_LONG - 1) * (double)args->move;
+}
 
 /* Translucent: the axis along which the view goes furthest. */
 int tc_splat_sheet_axis(const tc_splat_args *args);

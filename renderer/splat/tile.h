@@ -10,7 +10,7 @@
 #define TC_TILE_BLOCK 8   /* pixels a side of what the greatest depth is known of */
 #define TC_TILE_BLOCKS (TC_TILE / TC_TILE_BLOCK)
 #define TC_WEIGHT_STEPS 1024
-#define TC_SPLAT_INWARDS 0.4f /* voxels that a core is moved inwards, at most */
+#define TC_SPLAT_FLAT 0.4f /* thickness of a surface's kernel over its width, where voxels are large */
 
 enum { TC_SUM_WEIGHT, TC_SUM_NORMAL, TC_SUM_COLOR = TC_SUM_NORMAL + 3, TC_SUMS = TC_SUM_COLOR + 3 };
 
@@ -37,9 +37,8 @@ typedef struct tc_splat_args {
   float full;    /* weight at the core's rim, and sum of weights from which on a pixel is covered */
   float open;    /* squares of distances are multiplied by it where no core is */
   float covariant[3][3];     /* of an LPS normal, its components in index space: [axis][LPS] */
-  float move;                /* share of the way to the surface that splats are moved; 0: not at all */
+  float move;                /* 0 .. 1: how much kernels have their own shapes and places; 0: all are balls */
   float touch;               /* radius of the core, voxels */
-  float apart;               /* voxels at most from its middle to the footprint's, which holds it */
   const double (*planes)[4]; /* index coordinates */
   int n_planes;
   float color[3]; /* where matter.of is NULL */

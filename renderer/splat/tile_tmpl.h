@@ -23,9 +23,7 @@ typedef struct batch {
   float x[V_LANES], y[V_LANES], z[V_LANES]; /* pixels of the tile, mm */
   float a[V_LANES], b[V_LANES], c[V_LANES]; /* q = a dx^2 + 2 b dx dy + c dy^2 */
   float rx[V_LANES], ry[V_LANES];           /* half of the ellipse's box, pixels */
-  float sx[V_LANES], sy[V_LANES];           /* from the footprint's middle to the core's, pixels */
   float own[V_LANES];   /* square of the kernel's area over the ellipse's, which is widened to the pixels' width */
-  float word[V_LANES];  /* bits */
   float alive[V_LANES]; /* > 0: to be drawn; else only with culling off, and in vain */
 } batch;
 
@@ -75,24 +73,50 @@ V_INLINE void unfold(vi word, vf n[3]) {
   n[0] = n[0] * scale, n[1] = n[1] * scale, n[2] = z * scale;
 }
 
-/* Moves splats to the surface: where their cores alone cover pixels outlines end there; light and depths are the
- * surface's. `shift`: from there to the core, mm. */
-V_INLINE void move_to_surface(const tc_splat_args *g, const uint8_t *insets, vi word, vf at[3], vf shift[2]) {
-  vf n[3], p[3], inset = v_float(v_load_bytes(insets));
+/* A kernel's own shape: `axis` (index coordinates) is where it is `along` times as long as a ball, and across it `across`
+ * times. */
+typedef struct shape {
+  vf axis[3], along, across;
+} shape;
+
+/* A kernel beside a surface is flat and touches the surface from within: outlines end there, and its depth is the
+ * surface's. One of a thin voxel stays: a sheet's is as thick as the sheet, a line's follows the line, so that voxels that
+ * touch by a corner are drawn as one. */
+V_INLINE shape shape_of(const tc_splat_args *g, const uint8_t *insets, vi word, vf at[3]) {
+  const vf zero = v_set(0), one = v_set(1);
+  vf n[3];
+  shape s;
   unfold(word, n);
   for (int k = 0; k < 3; k++)
-    p[k] = v_fma(n[2], v_set(g->covariant[k][2]),
-                 v_fma(n[1], v_set(g->covariant[k][1]), n[0] * v_set(g->covariant[k][0])));
-  vf scale = v_set(1) / v_sqrt(v_fma(p[0], p[0], v_fma(p[1], p[1], p[2] * p[2])));
-  scale = v_select(v_lt(v_set(0), inset), scale * v_set(g->move), v_set(0));
-  inset = (inset - v_set(1)) * v_set(1 / 254.f);
-  vf core = v_max(inset - v_set(g->touch), v_set(-TC_SPLAT_INWARDS)), middle = v_min(inset, core + v_set(g->apart));
+    s.axis[k] = v_fma(n[2], v_set(g->covariant[k][2]),
+                      v_fma(n[1], v_set(g->covariant[k][1]), n[0] * v_set(g->covariant[k][0])));
+  const vf scale = one / v_sqrt(v_fma(s.axis[0], s.axis[0], v_fma(s.axis[1], s.axis[1], s.axis[2] * s.axis[2])));
+  for (int k = 0; k < 3; k++) s.axis[k] = s.axis[k] * scale;
+  const vf inset = v_float(v_load_bytes(insets));
+  const vi stored = v_trunc(inset), faces = v_sra(word, 12);
+  const vm known = v_lt(zero, inset), thin = v_lt(zero, v_float(v_andi(v_andi(faces, v_sra(word, 13)), v_seti(0x15))));
+  const vf what = v_float(v_sra(stored, 6)), thick = v_float(v_andi(stored, v_seti(63))) * v_set(1 / 63.f);
+  const vf line = v_select(v_lt(what, v_set(2)), v_set((float)TC_SPLAT_LONG), one);
+  const vm sheet = v_lt(what, one), dot = v_lt(v_set(2), what);
+  s.along = v_select(thin, v_select(m_or(sheet, dot), thick, line), v_set(TC_SPLAT_FLAT));
+  s.across = v_select(m_andnot(thin, sheet), thick, one);
+  const vf move = v_select(known, v_set(g->move), zero);
+  s.along = v_fma(s.along - one, move, one), s.across = v_fma(s.across - one, move, one);
+  const vf surface = v_select(m_andnot(known, thin), (inset - one) * v_set(g->move / 254), zero);
+  const vf middle = v_select(m_andnot(known, thin), v_fnma(v_set(TC_SPLAT_FLAT * g->touch), move, surface), zero);
   for (int r = 0; r < 3; r++) {
     const float *m = g->axis[r];
-    const vf along = v_fma(p[2], v_set(m[2]), v_fma(p[1], v_set(m[1]), p[0] * v_set(m[0]))) * scale;
-    at[r] = v_fma(along, r < 2 ? middle : inset, at[r]);
-    if (r < 2) shift[r] = along * (core - middle);
+    const vf way = v_fma(s.axis[2], v_set(m[2]), v_fma(s.axis[1], v_set(m[1]), s.axis[0] * v_set(m[0])));
+    at[r] = v_fma(way, r < 2 ? middle : surface, at[r]);
   }
+  return s;
+}
+
+/* A row of the Jacobian, of the ball that the kernel is made of. */
+V_INLINE void stretch(const shape *s, vf row[3]) {
+  const vf more =
+      (s->along - s->across) * v_fma(row[2], s->axis[2], v_fma(row[1], s->axis[1], row[0] * s->axis[0]));
+  for (int k = 0; k < 3; k++) row[k] = v_fma(more, s->axis[k], row[k] * s->across);
 }
 
 /* False: none of them meets the tile. */
@@ -102,8 +126,9 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
   vf d[3] = {v_float(nibble(word, 0)), v_float(nibble(word, 4)), v_float(nibble(word, 8))};
   vi faces = v_andi(v_sra(word, 12), e->mixed ? seen_faces(e, d) : v_seti(e->seen));
   vf at[3] = {along(g, 0, d, e->at[0]), along(g, 1, d, e->at[1]), along(g, 2, d, e->at[2])};
-  vf shift[2] = {v_set(0), v_set(0)};
-  if (g->opaque && g->move > 0) move_to_surface(g, e->of->insets + first, word, at, shift);
+  const bool shaped = g->opaque && g->move > 0;
+  shape own;
+  if (shaped) own = shape_of(g, e->of->insets + first, word, at);
   vf x = at[0], y = at[1], z = at[2];
   vf u = v_set(0), v = v_set(0), scale = v_set(g->scale);
   vm inside = m_and(v_lt(v_load(lane_numbers), v_set((float)count)), v_lt(v_set(g->near_mm), z));
@@ -117,11 +142,13 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
     x = x * scale, y = y * scale;
   }
   x = x + v_set(0.5f * g->width - (float)t->x0), y = y + v_set(0.5f * g->height - (float)t->y0);
-  shift[0] = shift[0] * scale, shift[1] = shift[1] * scale;
   vf xx = v_set(0), yy = xx, xy = xx, area = xx, jx[3], jy[3];
   for (int k = 0; k < 3; k++) {
     jx[k] = v_fnma(u, v_set(g->axis[2][k]), v_set(g->axis[0][k]));
     jy[k] = v_fnma(v, v_set(g->axis[2][k]), v_set(g->axis[1][k]));
+  }
+  if (shaped) stretch(&own, jx), stretch(&own, jy);
+  for (int k = 0; k < 3; k++) {
     xx = v_fma(jx[k], jx[k], xx), yy = v_fma(jy[k], jy[k], yy), xy = v_fma(jx[k], jy[k], xy);
   }
   for (int k = 0; k < 3; k++) { /* det J J', as a sum of squares: what is long and narrow cancels nothing */
@@ -134,15 +161,14 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
   area = area * scale * scale, xx = xx * scale, yy = yy * scale, xy = xy * scale;
   vf inverse = v_set(1) / v_fma(least, xx + yy + least, area);
   xx = xx + least, yy = yy + least;
-  vf rx = v_sqrt(xx), ry = v_sqrt(yy), wide = rx + v_abs(shift[0]), high = ry + v_abs(shift[1]);
-  vm meets = m_and(m_and(v_lt(v_set(0), x + wide), v_lt(x - wide, v_set((float)t->width))),
-                   m_and(v_lt(v_set(0), y + high), v_lt(y - high, v_set((float)t->height))));
+  vf rx = v_sqrt(xx), ry = v_sqrt(yy);
+  vm meets = m_and(m_and(v_lt(v_set(0), x + rx), v_lt(x - rx, v_set((float)t->width))),
+                   m_and(v_lt(v_set(0), y + ry), v_lt(y - ry, v_set((float)t->height))));
   meets = m_and(meets, g->culling ? alive : inside);
   v_store(out->x, x), v_store(out->y, y), v_store(out->z, v_select(alive, z, v_set(INFINITY)));
   v_store(out->a, yy * inverse), v_store(out->b, v_set(0) - xy * inverse), v_store(out->c, xx * inverse);
   v_store(out->own, area * inverse);
-  v_store(out->rx, rx), v_store(out->ry, ry), v_store(out->sx, shift[0]), v_store(out->sy, shift[1]);
-  v_store(out->word, v_from_bits(word));
+  v_store(out->rx, rx), v_store(out->ry, ry);
   v_store(out->alive, v_select(meets, v_set(1), v_set(0)));
   return m_any(meets);
 }
@@ -152,7 +178,7 @@ typedef struct reach {
 } reach; /* pixels whose centres the box holds; none where x1 < x0 */
 
 V_INLINE reach reach_of(const batch *b, int i, const tc_splat_tile *t) {
-  float rx = b->rx[i] + fabsf(b->sx[i]), ry = b->ry[i] + fabsf(b->sy[i]);
+  float rx = b->rx[i], ry = b->ry[i];
   float x0 = b->x[i] - rx + 0.5f, y0 = b->y[i] - ry + 0.5f; /* + 1 truncated is rounding up */
   float x1 = b->x[i] + rx - 0.5f, y1 = b->y[i] + ry - 0.5f;
   float last_x = (float)(t->width - 1), last_y = (float)(t->height - 1);
@@ -181,7 +207,7 @@ static void put_depths(const tc_splat_args *g, const tc_splat_entry *e, tc_splat
     if (!project(g, e, t, at, brick[1].first - at, &b)) continue;
     for (int i = 0; i < V_LANES; i++) {
       if (!(b.alive[i] > 0)) continue;
-      b.x[i] += b.sx[i], b.y[i] += b.sy[i], b.sx[i] = b.sy[i] = 0, b.rx[i] *= g->core_root, b.ry[i] *= g->core_root;
+      b.rx[i] *= g->core_root, b.ry[i] *= g->core_root;
       const reach r = reach_of(&b, i, t);
       const vf z = v_set(b.z[i]);
       t->depths++;
@@ -205,10 +231,7 @@ V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const
       const int p = y * TC_TILE_STRIDE + x;
       vf q = distances(b, i, (float)x, (float)y + 0.5f - b->y[i]), before = v_load(t->depth + p);
       const vm bare = v_le(v_set(INFINITY), before);
-      if (m_any(bare)) {
-        const vf open = distances(b, i, (float)x - b->sx[i], (float)y + 0.5f - b->y[i] - b->sy[i]) * v_set(g->open);
-        q = v_select(bare, open, q);
-      }
+      q = v_select(bare, q * v_set(g->open), q);
       vm seen = m_and(v_lt(q, v_set(1)), v_lt(z, before));
       if (g->culling && !m_any(seen)) continue;
       q = v_select(seen, v_max(q, v_set(0)), v_set(1));
@@ -219,21 +242,40 @@ V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const
     }
 }
 
-/* A splat's normal, in 127ths, and colour. What is free on opposite faces is a sheet: of its two sides the eye's
- * counts. */
-V_INLINE void look_up(const tc_splat_args *g, const tc_splat_brick *brick, float bits, float x, float y, int of[6]) {
-  uint32_t word;
-  float n[3], away = 0;
-  memcpy(&word, &bits, 4);
+V_INLINE void look_at_voxel(const tc_splat_args *g, const tc_splat_entry *e, uint32_t splat, float rgbk[4]) {
+  const int16_t *at = e->of->bricks[e->brick].at;
+  const uint32_t word = e->of->words[splat];
+  g->matter.of(g->matter.user,
+               (int[]){at[0] * 16 + (int)(word & 15), at[1] * 16 + (int)(word >> 4 & 15),
+                       at[2] * 16 + (int)(word >> 8 & 15)},
+               rgbk);
+}
+
+/* The normal of a splat seen at a pixel: of a sheet's two sides the eye's, and across a line what is nearest to the eye. */
+V_INLINE void normal_of(const tc_splat_args *g, const tc_splat_entry *e, uint32_t splat, float x, float y, float n[3]) {
+  const uint32_t word = e->of->words[splat], what = e->of->insets[splat] >> 6;
+  float eye[3], square = 0, away = 0;
   tc_octahedron_unfold(word >> 18 & 127, word >> 25, 63, n);
-  for (int k = 0; k < 3; k++) away += n[k] * (g->direction0[k] + x * g->direction_du[k] + y * g->direction_dv[k]);
-  const bool sheet = (word >> 12 & word >> 13 & 0x15) != 0;
-  for (int k = 0; k < 3; k++) of[k] = (int)lrintf(n[k] * (sheet && away > 0 ? -127.f : 127.f));
+  if (!(word >> 12 & word >> 13 & 0x15)) return;
+  for (int k = 0; k < 3; k++) {
+    eye[k] = -(g->direction0[k] + x * g->direction_du[k] + y * g->direction_dv[k]);
+    away -= n[k] * eye[k];
+  }
+  for (int k = 0; k < 3; k++) {
+    if (what != TC_SPLAT_SHEET) n[k] = what == TC_SPLAT_DOT ? eye[k] : eye[k] + away * n[k];
+    else if (away > 0) n[k] = -n[k];
+    square += n[k] * n[k];
+  }
+  for (int k = 0; k < 3; k++) n[k] *= square > 0 ? 1 / sqrtf(square) : 0;
+}
+
+/* In 127ths; and colour. */
+V_INLINE void look_up(const tc_splat_args *g, const tc_splat_entry *e, uint32_t splat, float x, float y, int of[6]) {
+  float n[3], rgbk[4];
+  normal_of(g, e, splat, x, y, n);
+  for (int k = 0; k < 3; k++) of[k] = (int)lrintf(n[k] * 127.f);
   if (!g->matter.of) return;
-  const int at[3] = {brick->at[0] * 16 + (int)(word & 15), brick->at[1] * 16 + (int)(word >> 4 & 15),
-                     brick->at[2] * 16 + (int)(word >> 8 & 15)};
-  float rgbk[4];
-  g->matter.of(g->matter.user, at, rgbk);
+  look_at_voxel(g, e, splat, rgbk);
   for (int k = 0; k < 3; k++) of[3 + k] = (int)lrintf(rgbk[k] * 255);
 }
 
@@ -249,7 +291,7 @@ static void put_colors(const tc_splat_args *g, const tc_splat_entry *e, tc_splat
       if (r.x1 < r.x0 || r.y1 < r.y0) continue;
       if (g->culling && tc_tile_hides(t, r.x0, r.y0, r.x1, r.y1, b.z[i] - g->window_mm)) continue;
       int of[6] = {0};
-      look_up(g, brick, b.word[i], b.x[i] + (float)t->x0, b.y[i] + (float)t->y0, of);
+      look_up(g, e, at + (uint32_t)i, b.x[i] + (float)t->x0, b.y[i] + (float)t->y0, of);
       add_footprint(g, &b, i, &r, of, t);
       t->drawn++;
     }
@@ -334,19 +376,16 @@ V_INLINE vm in_sheet(const tc_splat_entry *e, uint32_t first, int axis, int at) 
 }
 
 /* Colours and extinctions of a batch's voxels that are `here`, lit where they have normals. */
-static void look_up_matter(const tc_splat_args *g, const tc_splat_brick *brick, const batch *b, const float *here,
-                           const tc_splat_tile *t, float rgbk[V_LANES][4]) {
+static void look_up_matter(const tc_splat_args *g, const tc_splat_entry *e, uint32_t first, const batch *b,
+                           const float *here, const tc_splat_tile *t, float rgbk[V_LANES][4]) {
   float n[3][V_LANES] = {0}, c[3][V_LANES] = {0};
   for (int i = 0; i < V_LANES; i++) {
     float one[3] = {0};
-    uint32_t word;
     rgbk[i][3] = 0;
     if (!(b->alive[i] * here[i] > 0) || b->z[i] == INFINITY) continue;
-    memcpy(&word, &b->word[i], 4);
-    const int voxel[3] = {brick->at[0] * 16 + (int)(word & 15), brick->at[1] * 16 + (int)(word >> 4 & 15),
-                          brick->at[2] * 16 + (int)(word >> 8 & 15)};
-    g->matter.of(g->matter.user, voxel, rgbk[i]);
-    if (word >> 25 != 127) tc_octahedron_unfold(word >> 18 & 127, word >> 25, 63, one);
+    look_at_voxel(g, e, first + (uint32_t)i, rgbk[i]);
+    if (e->of->words[first + (uint32_t)i] >> 25 != 127)
+      normal_of(g, e, first + (uint32_t)i, b->x[i] + (float)t->x0, b->y[i] + (float)t->y0, one);
     for (int k = 0; k < 3; k++) n[k][i] = one[k], c[k][i] = rgbk[i][k];
   }
   if (!g->shaded) return;
@@ -368,7 +407,7 @@ static void put_sheet(const tc_splat_args *g, const tc_splat_entry *e, int axis,
     vm wanted = in_sheet(e, first, axis, at);
     if (!m_any(wanted) || !project(g, e, t, first, brick[1].first - first, &b)) continue;
     v_store(here, v_select(wanted, v_set(1), v_set(0)));
-    look_up_matter(g, brick, &b, here, t, rgbk);
+    look_up_matter(g, e, first, &b, here, t, rgbk);
     for (int i = 0; i < V_LANES; i++) {
       if (!(rgbk[i][3] > 0)) continue;
       const reach r = reach_of(&b, i, t);

@@ -26,7 +26,7 @@ typedef struct splat_block {
   uint8_t weights[65 * 16];
   float size[2], scale, radius2, least2, near_mm, window_mm, core, core_root, full, open;
   int32_t perspective, culling, n_planes, stride, opaque;
-  float mass, most, move, touch, apart;
+  float mass, most, move, touch;
   _Alignas(16) float covariant[3][4];
 } splat_block;
 
@@ -65,7 +65,7 @@ static void fill_block(const drawing *d, splat_block *b) {
   const tc_splat_args *g = &d->of.args;
   *b = (splat_block){.size = {g->width, g->height}, .scale = g->scale, .radius2 = g->radius2, .least2 = g->least2,
                      .near_mm = g->near_mm, .window_mm = g->window_mm, .core = g->core, .core_root = g->core_root,
-                     .full = g->full, .open = g->open, .perspective = g->perspective, .culling = g->culling, .n_planes = g->n_planes, .stride = d->look ? 8 : 4, .opaque = g->opaque, .mass = g->mass, .most = most_depth(d), .move = g->move, .touch = g->touch, .apart = g->apart};
+                     .full = g->full, .open = g->open, .perspective = g->perspective, .culling = g->culling, .n_planes = g->n_planes, .stride = d->look ? 8 : 4, .opaque = g->opaque, .mass = g->mass, .most = most_depth(d), .move = g->move, .touch = g->touch};
   for (int k = 0; k < 3; k++) {
     memcpy(b->axis[k], g->axis[k], sizeof g->axis[k]);
     memcpy(b->covariant[k], g->covariant[k], sizeof g->covariant[k]);
@@ -191,7 +191,7 @@ static int rows_of(const drawing *d) {
   for (int k = 0; k < 3; k++) size += pow(hypot(g->axis[0][k], hypot(g->axis[1][k], g->axis[2][k])), 2);
   const double near = g->perspective && d->of.n_entries ? fmax(d->of.entries[0].near_mm, g->near_mm) : 1;
   const double aside = g->perspective ? hypot(g->width, g->height) / (2 * g->scale) : 0; /* tangent, in a corner */
-  const double voxels = sqrt(g->radius2) + g->move * g->apart;
+  const double voxels = sqrt(g->radius2) * tc_splat_longest(g);
   const double reach = sqrt(size) * voxels * g->scale / near * sqrt(1 + aside * aside) + sqrt(g->least2);
   const double wide = fmin(2 * reach + 1, d->progress->side);
   return SPLATS_EACH * wide * wide <= MOST_STEPS ? d->progress->side : (int)fmax(1, MOST_STEPS / (SPLATS_EACH * wide));

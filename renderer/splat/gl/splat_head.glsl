@@ -10,7 +10,7 @@ layout(std140, binding = 1) uniform Splat {
   float scale, radius2, least2, near_mm, window_mm, core, core_root, full, open;
   int perspective, culling, n_planes, stride, opaque;
   float mass, most; // translucent: of a splat; the optical depth that one may add
-  float move, touch, apart;
+  float move, touch;
   vec4 covariant[3];
 } splat;
 

@@ -10,7 +10,7 @@ layout(location = 4) uniform int rows;         // of the tile, to each work-grou
 layout(location = 5) uniform uint first_inset;
 layout(location = 3) uniform uvec2 sheet;      // PASS 4: four times the axis; a voxel's place along it in its brick
 
-struct Footprint { vec2 at, core; float z; vec3 q; vec2 reach; float own; uint word, look; };
+struct Footprint { vec2 at; float z; vec3 q; vec2 reach; float own; uint word, inset, look; };
 
 uint seen_faces(Entry e, vec3 d) {
   uint seen = 0u;
@@ -40,28 +40,45 @@ vec3 unfolded(uint word) {
   return n * (1.0 / sqrt(dot(n, n)));
 }
 
-const float INWARDS = 0.4; // TC_SPLAT_INWARDS
+const float FLAT = 0.4, LONG = 1.3; // TC_SPLAT_FLAT, TC_SPLAT_LONG
+const uint SHEET = 0u, LINE = 1u, DOT = 3u; // tc_splat_thin
 
-// move_to_surface() of tile_tmpl.h. Returns the way from the footprint's middle to the core's, mm.
-vec2 move_to_surface(uint word, uint stored, inout vec3 at) {
-  vec3 n = unfolded(word), p = normalize(vec3(dot(splat.covariant[0].xyz, n), dot(splat.covariant[1].xyz, n), dot(splat.covariant[2].xyz, n)));
-  vec3 to = vec3(dot(splat.axis[0].xyz, p), dot(splat.axis[1].xyz, p), dot(splat.axis[2].xyz, p));
+bool is_thin(uint word) { return (word >> 12 & word >> 13 & 0x15u) != 0u; }
+
+// shape_of() and stretch() of tile_tmpl.h.
+struct Shape { vec3 axis; float along, across; };
+
+Shape shape_of(uint word, uint stored, inout vec3 at) {
+  vec3 n = unfolded(word);
+  Shape s = Shape(normalize(vec3(dot(splat.covariant[0].xyz, n), dot(splat.covariant[1].xyz, n), dot(splat.covariant[2].xyz, n))), 1.0, 1.0);
   if (stored == 0u)
-    return vec2(0.0);
-  float inset = (float(stored) - 1.0) / 254.0, core = max(inset - splat.touch, -INWARDS), middle = min(inset, core + splat.apart);
-  to *= splat.move;
-  at += to * vec3(middle, middle, inset);
-  return to.xy * (core - middle);
+    return s;
+  vec3 way = vec3(dot(splat.axis[0].xyz, s.axis), dot(splat.axis[1].xyz, s.axis), dot(splat.axis[2].xyz, s.axis));
+  float thick = float(stored & 63u) / 63.0, surface = (float(stored) - 1.0) * (splat.move / 254.0), along = FLAT, across = 1.0;
+  uint what = stored >> 6;
+  if (is_thin(word)) {
+    along = what == SHEET || what == DOT ? thick : what == LINE ? LONG : 1.0;
+    across = what == SHEET ? 1.0 : thick;
+  } else {
+    float middle = surface - FLAT * splat.touch * splat.move;
+    at += way * vec3(middle, middle, surface);
+  }
+  s.along = fma(along - 1.0, splat.move, 1.0), s.across = fma(across - 1.0, splat.move, 1.0);
+  return s;
 }
+
+vec3 stretched(Shape s, vec3 row) { return fma(vec3((s.along - s.across) * dot(row, s.axis)), s.axis, row * s.across); }
 
 // False: it is not seen, or does not meet the tile.
 bool project(Entry e, uint word, uint stored, out Footprint f) {
   vec3 d = vec3(word & 15u, word >> 4 & 15u, word >> 8 & 15u);
   uint faces = word >> 12 & 63u & ((e.words.z & 256u) != 0u ? seen_faces(e, d) : e.words.z);
   vec3 at = vec3(along(0, d, e.at.x), along(1, d, e.at.y), along(2, d, e.at.z));
-  vec2 core = PASS != 4 && splat.move > 0.0 ? move_to_surface(word, stored, at) : vec2(0.0);
+  Shape own = Shape(vec3(0.0), 1.0, 1.0);
+  if (PASS != 4 && splat.move > 0.0)
+    own = shape_of(word, stored, at);
   float x = at.x, y = at.y, u = 0.0, v = 0.0, scale = splat.scale;
-  f.word = word;
+  f.word = word, f.inset = stored;
   f.z = at.z;
   if ((PASS != 4 && faces == 0u) || !(splat.near_mm < f.z) || ((e.words.z & 512u) != 0u && !kept(e, d)))
     return false;
@@ -73,8 +90,9 @@ bool project(Entry e, uint word, uint stored, out Footprint f) {
     x *= scale, y *= scale;
   }
   f.at = vec2(x, y) + (0.5 * splat.size - vec2(tile.xy));
-  f.core = core * scale;
-  vec3 jx = splat.axis[0].xyz - u * splat.axis[2].xyz, jy = splat.axis[1].xyz - v * splat.axis[2].xyz, across = cross(jx, jy);
+  vec3 jx = splat.axis[0].xyz - u * splat.axis[2].xyz, jy = splat.axis[1].xyz - v * splat.axis[2].xyz;
+  jx = stretched(own, jx), jy = stretched(own, jy);
+  vec3 across = cross(jx, jy);
   scale = scale * scale * splat.radius2;
   float xx = dot(jx, jx) * scale, yy = dot(jy, jy) * scale, xy = dot(jx, jy) * scale, area = dot(across, across) * scale * scale;
   float inverse = 1.0 / fma(splat.least2, xx + yy + splat.least2, area);
@@ -83,9 +101,8 @@ bool project(Entry e, uint word, uint stored, out Footprint f) {
   f.q = vec3(yy, -xy, xx) * inverse;
   f.reach = sqrt(vec2(xx, yy));
 #if PASS == 1
-  f.at += f.core, f.core = vec2(0.0), f.reach *= splat.core_root;
+  f.reach *= splat.core_root;
 #endif
-  f.reach += abs(f.core);
   return all(greaterThan(f.at + f.reach, vec2(0.0))) && all(lessThan(f.at - f.reach, vec2(tile.zw)));
 }
 
@@ -95,6 +112,18 @@ float distance_at(Footprint f, vec2 p) {
 }
 
 vec3 direction_at(vec2 at) { return splat.direction0.xyz + at.x * splat.direction_du.xyz + at.y * splat.direction_dv.xyz; }
+
+// tile_tmpl.h's, of the same name.
+vec3 normal_of(Footprint f) {
+  vec3 n = unfolded(f.word), eye = -direction_at(f.at + vec2(tile.xy));
+  if (!is_thin(f.word))
+    return n;
+  uint what = f.inset >> 6;
+  if (what == SHEET)
+    return dot(n, eye) < 0.0 ? -n : n;
+  n = what == DOT ? eye : eye - dot(n, eye) * n;
+  return dot(n, n) > 0.0 ? n / sqrt(dot(n, n)) : n;
+}
 
 int weight_at(float q) {
   uint step = uint(max(q, 0.0) * 1024.0);
@@ -127,7 +156,7 @@ void put(Footprint f, ivec2 from, ivec2 to) {
     return;
 #if SHADED
   vec2 middle = f.at + vec2(tile.xy);
-  vec3 n = f.word >> 25 != 127u ? unfolded(f.word) : vec3(0.0);
+  vec3 n = f.word >> 25 != 127u ? normal_of(f) : vec3(0.0);
   look.rgb = shade(vec4(look.rgb, 1.0), n, n, -normalize(direction_at(middle))).rgb;
 #endif
   float depth = mass_of(f) * look.a;
@@ -151,18 +180,11 @@ bool hidden(float z, ivec2 from, ivec2 to) {
   return true;
 }
 
-ivec3 normal_of(Footprint f) {
-  vec3 n = unfolded(f.word);
-  float away = dot(n, direction_at(f.at + vec2(tile.xy)));
-  bool sheet = (f.word >> 12 & f.word >> 13 & 0x15u) != 0u;
-  return ivec3(roundEven(n * (sheet && away > 0.0 ? -127.0 : 127.0)));
-}
-
 void put(Footprint f, ivec2 from, ivec2 to) {
   float z = f.z - splat.window_mm;
   if (any(lessThan(to, from)) || (splat.culling != 0 && hidden(z, from, to)))
     return;
-  ivec3 n = normal_of(f), c = ivec3(0);
+  ivec3 n = ivec3(roundEven(normal_of(f) * 127.0)), c = ivec3(0);
   if (first_look != 0u)
     c = ivec3(roundEven(table[f.look & 0xffffu].rgb * 255.0));
   for (int y = from.y; y <= to.y; y++)
@@ -170,7 +192,7 @@ void put(Footprint f, ivec2 from, ivec2 to) {
       float q = distance_at(f, vec2(x, y));
       int at = y * tile.z + x, sum = at * splat.stride;
       if (nearest[at] == FAR)
-        q = distance_at(f, vec2(x, y) - f.core) * splat.open;
+        q *= splat.open;
       if (!(q < 1.0) || !(z < depth_of(nearest[at])))
         continue;
       int weight = weight_at(q);
@@ -188,7 +210,7 @@ void main() {
   for (uint i = gl_LocalInvocationIndex; i < e.words.y; i += 64u) {
     Footprint f;
     uint word = words[e.words.x + i];
-    uint inset = PASS == 4 ? 0u : words[first_inset + (e.words.x + i >> 2)] >> 8 * (e.words.x + i & 3u) & 255u;
+    uint inset = words[first_inset + (e.words.x + i >> 2)] >> 8 * (e.words.x + i & 3u) & 255u;
     if ((PASS == 4 && (word >> sheet.x & 15u) != sheet.y) || !project(e, word, inset, f))
       continue;
     f.look = first_look != 0u ? words[first_look + e.words.x + i] : 0u;
