@@ -11,7 +11,7 @@ export const TOP = join(dirname(fileURLToPath(import.meta.url)), '../..');
 const PLACES = ['build/tomocast', 'build-tests/release/tomocast', 'build/release/tomocast'];
 const PATIENCE_MS = 60000;
 const MERCY_MS = 12000; // after SIGTERM
-const TICKS_PER_S = 100; // USER_HZ, fixed for user space on Linux
+export const TICKS_PER_S = 100; // USER_HZ, fixed for user space on Linux
 const MOST_LOG = 1 << 16;
 
 export const sleep = (ms) => new Promise((resolve) => setTimeout(resolve, ms));

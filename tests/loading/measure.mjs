@@ -107,6 +107,7 @@ function report({ setup, run, clients, rest, health, watch, before, after, rende
     loopLagMs: turns(before, after, LAG), loopCpuMs: turns(before, after, TURN_CPU),
     jain: { frames: jain(each.map(({ frames }) => frames.length)), renderMs: jain(renderMs) },
     cpuCores: round(watch.cores(), 2), otherCores: round(watch.otherCores(), 2), peakMiB: round(watch.peakMiB, 1), toolLagMs: round(watch.toolLagMs(), 1),
+    toolLagMaxMs: round(watch.toolLagMaxMs(), 1), stolenMs: watch.stolenMs,
     errors: Object.fromEntries(errors),
     rest: rest ? Object.fromEntries([...rest.samples].filter(([, ms]) => ms.length).map(([name, ms]) => [name, summary(ms)])) : null,
     badClient: badSays ?? null,

@@ -1,8 +1,9 @@
 // What is seen from beside: how soon /healthz is answered, what the process uses, how late this tool itself runs.
+import { readFileSync } from 'node:fs';
 import { cpus } from 'node:os';
 import { monitorEventLoopDelay } from 'node:perf_hooks';
 
-import { forgetPeak, processState, sleep } from './daemon.mjs';
+import { forgetPeak, processState, sleep, TICKS_PER_S } from './daemon.mjs';
 
 const HEALTH_MS = 50;
 const HEALTH_PATIENCE_MS = 5000;
@@ -50,11 +51,20 @@ export class HealthProbe {
   }
 }
 
+/** What the hypervisor gave to others of this machine's processors so far, which no program here can help. */
+function stolen() {
+  try {
+    return Number(readFileSync('/proc/stat', 'latin1').split(/\s+/, 9)[8]) * 1000 / TICKS_PER_S;
+  } catch {
+    return null;
+  }
+}
+
 /** Processor time of this machine so far without this tool's own. */
 function spent() {
   const { user, system } = process.cpuUsage();
   const all = cpus().flatMap(({ times }) => [times.user, times.nice, times.sys, times.irq]);
-  return { at: performance.now(), elsewhereMs: all.reduce((a, b) => a + b, 0) - (user + system) / 1000 };
+  return { at: performance.now(), stolenMs: stolen(), elsewhereMs: all.reduce((a, b) => a + b, 0) - (user + system) / 1000 };
 }
 
 /** CPU and memory of a process on this machine over time, with this tool's own lateness. */
@@ -86,6 +96,7 @@ export class ProcessWatch {
     this.delay.disable();
     const then = spent();
     this.elsewhereMs = then.elsewhereMs - this.spent.elsewhereMs;
+    this.stolenMs = then.stolenMs === null ? null : then.stolenMs - this.spent.stolenMs;
     this.forMs = then.at - this.spent.at;
   }
 
@@ -103,4 +114,5 @@ export class ProcessWatch {
   }
 
   toolLagMs() { return Math.max(0, this.delay.percentile(99) / 1e6 - 5); }
+  toolLagMaxMs() { return Math.max(0, this.delay.max / 1e6 - 5); }
 }

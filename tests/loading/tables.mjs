@@ -9,7 +9,7 @@ export function runLine(run) {
   const errors = Object.entries(run.errors).map(([kind, count]) => `${kind}: ${count}`).join(', ');
   return `${run.name.padEnd(20)} ${show(run.framesPerSecondPerClient, 1)} frames/s a client; motion to frame ${show(l.p50)} / ${show(l.p99)} / ` +
     `${show(l.max)} ms (p50/p99/max); healthz p99 ${show(h.p99, 1)} ms; ${show(run.peakMiB)} MiB; Jain ${show(run.jain.renderMs, 3)}` +
-    `${run.unanswered ? `; ${run.unanswered} unanswered` : ''}${errors ? `; ${errors}` : ''}${run.complete ? '' : ' (cut short)'}`;
+    `${run.stolenMs ? `; ${run.stolenMs} ms of the processors taken by the hypervisor` : ''}${run.unanswered ? `; ${run.unanswered} unanswered` : ''}${errors ? `; ${errors}` : ''}${run.complete ? '' : ' (cut short)'}`;
 }
 
 /** What so many clients get. */
