@@ -104,6 +104,16 @@ static tcs_task *take(tcs_worker *worker) {
   return task;
 }
 
+/* The lock is not held while the I/O thread is told: it wakes at once, in this thread's place, and may want the lock,
+ * which a thread of low priority would keep until its turn comes among all that wait for a processor. */
+static void run(tcs_worker *worker, tcs_task *task) {
+  task->run(task);
+  pthread_mutex_lock(&worker->mutex);
+  g_queue_unlink(&worker->running, &task->link);
+  pthread_mutex_unlock(&worker->mutex);
+  post(worker->completions, task);
+}
+
 static void *worker_main(void *user) {
   tcs_worker *worker = user;
   pthread_setname_np(pthread_self(), worker->name);
@@ -114,10 +124,8 @@ static void *worker_main(void *user) {
     tcs_task *task = take(worker);
     if (task) {
       pthread_mutex_unlock(&worker->mutex);
-      task->run(task);
+      run(worker, task);
       pthread_mutex_lock(&worker->mutex);
-      g_queue_unlink(&worker->running, &task->link);
-      post(worker->completions, task);
     } else if (worker->stopping) {
       break;
     } else {
@@ -156,9 +164,9 @@ bool tcs_worker_offer(tcs_worker *worker, tcs_task *task, int most) {
   if (room) {
     atomic_fetch_add(&worker->completions->due, 1);
     insert(worker, task);
-    pthread_cond_signal(&worker->wake);
   }
   pthread_mutex_unlock(&worker->mutex);
+  if (room) pthread_cond_signal(&worker->wake);
   return room;
 }
 

@@ -3,6 +3,8 @@
 #include <errno.h>
 #include <malloc.h>
 #include <stdatomic.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
 
 #include "server/loop/worker.h"
 #include "server/ws/channel.h"
@@ -317,6 +319,45 @@ static void run_gate(tcs_task *task) {
 
 static void done_gate(tcs_task *task) {}
 
+typedef struct asker {
+  tcs_worker *worker;
+  atomic_bool answered;
+} asker;
+
+/* Asks until the worker stands at its full descriptor for certain, and again after that. */
+static void *ask(void *user) {
+  asker *a = user;
+  for (int i = 0; i < 100; i++, g_usleep(1000)) tcs_worker_waiting(a->worker);
+  atomic_store(&a->answered, true);
+  return NULL;
+}
+
+/* A thread that says that its task is over may be stopped there for long: it keeps nobody from the queue. */
+static void test_a_worker_holds_no_lock_while_it_tells(void **state) {
+  tcs_completions completions;
+  const uint64_t full = UINT64_MAX - 1;
+  uint64_t count;
+  pthread_t thread;
+  assert_true(tcs_completions_init(&completions, NULL));
+  close(completions.event_fd);
+  completions.event_fd = eventfd(0, EFD_CLOEXEC); /* whose writer waits */
+  assert_int_equal(write(completions.event_fd, &full, sizeof full), sizeof full);
+  tcs_worker *worker = tcs_worker_new("unit", 1, TCS_PRIORITY_PICTURE, &completions, NULL);
+  gate g = {.task = {.run = run_gate, .done = done_gate}, .open = true};
+  tcs_worker_submit(worker, &g.task);
+  while (!atomic_load(&g.entered)) g_usleep(100);
+  asker a = {.worker = worker};
+  pthread_create(&thread, NULL, ask, &a);
+  for (int i = 0; i < 10000 && !atomic_load(&a.answered); i++) g_usleep(1000);
+  const bool answered = atomic_load(&a.answered);
+  assert_int_equal(read(completions.event_fd, &count, sizeof count), sizeof count);
+  pthread_join(thread, NULL);
+  assert_true(answered);
+  tcs_worker_free(worker);
+  tcs_completions_drain(&completions);
+  tcs_completions_finish(&completions);
+}
+
 /* While one task runs: what waits can be taken back from anywhere in the queue, what runs cannot, and a full queue
  * takes no more. */
 static void test_waiting_tasks_can_be_taken_back(void **state) {
@@ -385,6 +426,7 @@ int main(void) {
     TEST(test_a_flood_of_pings_makes_no_queue), TEST(test_one_turn_reads_a_bounded_amount),
     TEST(test_broken_frames_are_told_why), TEST(test_closing_shakes_hands), TEST(test_the_end_of_the_pipe_is_noticed),
     TEST(test_tasks_come_back_in_order), TEST(test_several_threads_share_a_queue),
+    TEST(test_a_worker_holds_no_lock_while_it_tells),
     TEST(test_waiting_tasks_can_be_taken_back), TEST(test_clients_take_turns)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
