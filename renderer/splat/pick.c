@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+#include "renderer/base/vector.h"
 #include "renderer/raycast/rays.h"
 #include "renderer/splat/splatter.h"
 
@@ -12,10 +13,9 @@ typedef struct pick {
   const int *dims;
   bool labels; /* the volume's values are */
   double at[3], along[3];
-  double from, to; /* mm within the volume's box, widened by a voxel */
-  double planes[TC_MAX_CLIP_PLANES][4];
-  int n_planes;
-  double reach2; /* of a core, voxels, squared */
+  double from, to;         /* mm within the volume's box, widened by a voxel */
+  tc_splat_frame frame;    /* its kernels */
+  tc_vmd_subject *subject; /* NULL: kernels are balls */
 } pick;
 
 static void set_ray(pick *p, int width, int height, double x, double y) {
@@ -50,31 +50,63 @@ static bool is_filled(const pick *p, double value) {
   return value > 0 && shown;
 }
 
-/* The voxel's own value, if it is drawn and the ray passes its core; *t: where along the ray its centre is. */
-static bool meets(const pick *p, const int voxel[3], double *t, double *value) {
-  const double index[3] = {voxel[0], voxel[1], voxel[2]};
-  double along2 = 0, dot = 0, away2 = 0;
-  for (int k = 0; k < 3; k++) {
+static bool filled_at(const pick *p, const int voxel[3], double *value) {
+  for (int k = 0; k < 3; k++)
     if (voxel[k] < 0 || voxel[k] >= p->dims[k]) return false;
-    along2 += p->along[k] * p->along[k];
-    dot += p->along[k] * (index[k] - p->at[k]);
-  }
-  *t = dot / along2;
+  return tc_volume_value_at(p->volume, (double[]){voxel[0], voxel[1], voxel[2]}, value) && is_filled(p, *value);
+}
+
+/* Free on opposite faces. */
+static bool is_thin(const pick *p, const int voxel[3]) {
+  double value;
   for (int k = 0; k < 3; k++) {
-    const double d = index[k] - p->at[k] - *t * p->along[k];
-    away2 += d * d;
+    int before[3] = {voxel[0], voxel[1], voxel[2]}, behind[3] = {voxel[0], voxel[1], voxel[2]};
+    before[k]--, behind[k]++;
+    if (!filled_at(p, before, &value) && !filled_at(p, behind, &value)) return true;
   }
-  if (*t <= 0 || away2 > p->reach2 || !tc_volume_value_at(p->volume, index, value)) return false;
-  for (int i = 0; i < p->n_planes; i++) {
-    const double *n = p->planes[i];
-    if (n[0] * index[0] + n[1] * index[1] + n[2] * index[2] + n[3] < 0) return false;
+  return false;
+}
+
+/* A surface's kernel as shape_of() of tile_tmpl.h has it: how flat along which axis, and how far it moves along it.
+ * False: a ball; thin voxels count as balls, which are easier to hit. */
+static bool shape_of(const pick *p, const int voxel[3], double axis[3], double *flat, double move[2]) {
+  const tc_splat_args *g = &p->frame.args;
+  double n[3], inset = -1;
+  if (p->subject && g->move > 0 && !is_thin(p, voxel))
+    inset = tc_vmd_normal_at(p->subject, voxel[0], voxel[1], voxel[2], n);
+  if (inset < 0) return false;
+  for (int k = 0; k < 3; k++)
+    axis[k] = (double)g->covariant[k][0] * n[0] + (double)g->covariant[k][1] * n[1] + (double)g->covariant[k][2] * n[2];
+  normalise3(axis);
+  *flat = 1 + ((double)TC_SPLAT_FLAT - 1) * (double)g->move;
+  move[1] = (double)g->move * fmin(inset, 1);
+  move[0] = move[1] - (double)(TC_SPLAT_FLAT * g->touch * g->move);
+  return true;
+}
+
+/* The voxel's own value, if it is drawn and the ray passes its core; *t: where along the ray it is drawn. */
+static bool meets(const pick *p, const int voxel[3], double *t, double *value) {
+  const tc_splat_args *g = &p->frame.args;
+  double axis[3] = {0}, flat = 1, move[2] = {0}, to[3], way[3], deep = 0, deeper = 0;
+  if (!filled_at(p, voxel, value)) return false;
+  for (int i = 0; i < g->n_planes; i++)
+    if (dot3(g->planes[i], (double[]){voxel[0], voxel[1], voxel[2]}) + g->planes[i][3] < 0) return false;
+  shape_of(p, voxel, axis, &flat, move);
+  for (int k = 0; k < 3; k++) {
+    const double from_eye = voxel[k] - p->at[k];
+    to[k] = from_eye + move[0] * axis[k], way[k] = p->along[k];
+    deep += (double)g->axis[2][k] * (from_eye + move[1] * axis[k]), deeper += (double)g->axis[2][k] * way[k];
   }
-  return is_filled(p, *value);
+  const double stretch[2] = {(1 / flat - 1) * dot3(to, axis), (1 / flat - 1) * dot3(way, axis)};
+  for (int k = 0; k < 3; k++) to[k] += stretch[0] * axis[k], way[k] += stretch[1] * axis[k];
+  const double along = dot3(to, way), away2 = dot3(to, to) - along * along / dot3(way, way);
+  *t = deep / deeper;
+  return *t > 0 && along > 0 && away2 <= (double)(g->touch * g->touch);
 }
 
 /* Looks around the place at t; keeps what is nearer than the hit so far. */
 static void look_around(const pick *p, double t, tc_splat_hit *hit) {
-  const int reach = (int)ceil(sqrt(p->reach2));
+  const int reach = (int)ceil((double)(p->frame.args.touch + p->frame.args.move));
   int middle[3];
   for (int k = 0; k < 3; k++) middle[k] = (int)lround(p->at[k] + t * p->along[k]);
   for (int z = middle[2] - reach; z <= middle[2] + reach; z++)
@@ -88,20 +120,22 @@ static void look_around(const pick *p, double t, tc_splat_hit *hit) {
 
 bool tc_splat_pick(const tc_volume *of, const tc_volume *labels, const tc_scene *scene, int width, int height, double x,
                    double y, tc_splat_hit *hit) {
-  const double core = fmax(TC_SPLAT_CORE * scene->splat.kernel_radius, fmin(scene->splat.kernel_radius, TC_SPLAT_CORE));
   const tc_volume *volume = labels ? labels : of;
-  pick p = {.volume = volume,
-            .labels = labels != NULL,
-            .scene = scene,
-            .dims = tc_volume_describe(volume)->dims,
-            .reach2 = core * core};
-  p.n_planes = tc_splat_planes(volume, scene, p.planes);
-  set_ray(&p, width, height, x, y);
-  const double voxels_a_mm = sqrt(p.along[0] * p.along[0] + p.along[1] * p.along[1] + p.along[2] * p.along[2]);
-  const double step = 0.5 / voxels_a_mm, reach = (1 + core) / voxels_a_mm;
+  const tc_splats none = {.bricks = &(tc_splat_brick){.first = 0}};
+  tc_frame frame = {.width = width, .height = height};
+  const tc_splat_job job = {.volume = volume, .splats = &none, .scene = scene, .frame = &frame};
+  pick p = {.volume = volume, .labels = labels != NULL, .scene = scene, .dims = tc_volume_describe(volume)->dims};
   *hit = (tc_splat_hit){.distance_mm = INFINITY};
+  if (!tc_splat_frame_begin(&p.frame, &job, NULL)) return false;
+  if (!labels && !tc_volume_sparse(volume))
+    p.subject = tc_vmd_subject_new(volume, scene->splat.threshold[0], scene->splat.threshold[1]);
+  set_ray(&p, width, height, x, y);
+  const double voxels_a_mm = length3(p.along), step = 0.5 / voxels_a_mm;
+  const double reach = (1 + (double)(p.frame.args.touch + p.frame.args.move)) / voxels_a_mm;
   /* What is found at a place may have something nearer beside it, a little further on. */
   for (double t = p.from; t <= p.to && t <= hit->distance_mm + reach; t += step) look_around(&p, t, hit);
+  tc_vmd_subject_free(p.subject);
+  tc_splat_frame_end(&p.frame);
   if (!isfinite(hit->distance_mm)) return false;
   tc_volume_index_to_lps(volume, (double[]){hit->voxel[0], hit->voxel[1], hit->voxel[2]}, hit->position);
   return true;

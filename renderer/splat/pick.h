@@ -9,13 +9,13 @@ typedef struct tc_splat_hit {
   int voxel[3];
   double position[3]; /* LPS mm of its centre */
   double value;
-  double distance_mm; /* from the eye */
+  double distance_mm; /* from the eye to where it is drawn */
 } tc_splat_hit;
 
-/* The nearest voxel of the object (volume within splat.threshold, or visible labels, where `labels` is not NULL) that the ray through pixel (x, y) of a picture of this size passes, as near
- * as the core of its footprint reaches (splatter.h), and that clipping leaves. False: none. Reads voxels along one ray.
- */
-bool tc_splat_pick(const tc_volume *volume, const tc_volume *labels, const tc_scene *scene, int width, int height, double x, double y,
-                   tc_splat_hit *hit);
+/* The nearest voxel of the object (volume within splat.threshold, or visible labels, where `labels` is not NULL) whose
+ * kernel's core (splatter.h) covers pixel (x, y) of a picture of this size, and that clipping leaves. False: none.
+ * Reads voxels along one ray. */
+bool tc_splat_pick(const tc_volume *volume, const tc_volume *labels, const tc_scene *scene, int width, int height,
+                   double x, double y, tc_splat_hit *hit);
 
 #endif

@@ -16,8 +16,9 @@
 #define KERNEL_FALL 3.0    /* exponent at the kernel's rim */
 #define FEW_AREA 1e-3      /* pixels a voxel: below, weights shrink with it, so that sums do not overflow */
 /* Voxels that are larger than pixels show their normals' steps, and that their places are steps: from SMALL to LARGE
- * pixels the kernel's radius grows to SMOOTH voxels, or to MOST_PIXELS, and kernels take shapes of their own (tile_tmpl.h),
- * where WIDE_CORE closes gaps. What is covered does not grow: where no core is, footprints are as before. */
+ * pixels the kernel's radius grows to SMOOTH voxels, or to MOST_PIXELS, and kernels take shapes of their own
+ * (tile_tmpl.h), where WIDE_CORE closes gaps. What is covered does not grow: where no core is, footprints are as
+ * before. */
 #define SMALL 2
 #define LARGE 6
 #define SMOOTH 2
@@ -138,10 +139,11 @@ static void set_kernel(drawing *d) {
   const tc_scene *scene = d->job->scene;
   tc_splat_args *g = &d->args;
   const double radius = scene->splat.kernel_radius;
-  double depth = 0, width = 0, distance = 1;
+  double depth = 0, width = 0, distance = 1, size = 1;
   for (int k = 0; k < 3; k++) {
     depth += d->to_view[2][k] * d->to_view[2][k];
     width = fmax(width, hypot(d->to_view[0][k], d->to_view[1][k]));
+    size *= tc_volume_describe(d->job->volume)->spacing[k];
   }
   g->window_mm = (float)(2 * radius * sqrt(depth));
   g->near_mm = g->perspective ? g->window_mm : -INFINITY;
@@ -152,7 +154,9 @@ static void set_kernel(drawing *d) {
     distance = fmax(distance, (double)g->near_mm);
   }
   const double pixels = width * (double)g->scale / distance, most = fmax(1, 255 * fmin(1, pixels * pixels / FEW_AREA));
-  const double share = fmin(fmax((pixels - SMALL) / (LARGE - SMALL), 0), 1), voxel = TC_SPLAT_CORE + WIDE_CORE * share;
+  const double mean = cbrt(size) * (double)g->scale / distance,
+               share = fmin(fmax((mean - SMALL) / (LARGE - SMALL), 0), 1);
+  const double voxel = TC_SPLAT_CORE + WIDE_CORE * share;
   const double wide = is_within(d) ? radius : grown_radius(radius, pixels, share);
   const double covered = fmax(voxel, fmin(1, voxel / radius)), core = covered * radius / wide;
   g->radius2 = (float)(wide * wide);
@@ -213,7 +217,8 @@ static bool set_clipped(const drawing *d, tc_splat_entry *e) {
 /* The box of pixels that hold all footprints; false: out of the picture. */
 static bool set_box(const drawing *d, tc_splat_entry *e, const double middle[3], const double half[3], double size_mm) {
   const tc_splat_args *g = &d->args;
-  const double size[2] = {d->job->frame->width, d->job->frame->height}, radius = sqrt((double)g->radius2) * tc_splat_longest(g) * size_mm;
+  const double size[2] = {d->job->frame->width, d->job->frame->height},
+               radius = sqrt((double)g->radius2) * tc_splat_longest(g) * size_mm;
   double near = middle[2] - half[2], far = middle[2] + half[2];
   e->near_mm = (float)(near - 1e-4 * (fabs(near) + half[2]));
   for (int k = 0; k < 2; k++) e->box[k] = 0, e->box[2 + k] = (float)size[k];

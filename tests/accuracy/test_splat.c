@@ -3,6 +3,7 @@
 #include <limits.h>
 
 #include "renderer/frame/frame.h"
+#include "renderer/splat/pick.h"
 #include "renderer/splat/splatter.h"
 #include "tests/support/grid.h"
 #include "tests/support/image.h"
@@ -346,6 +347,33 @@ static void large_voxels_end_where_the_surface_does(void **state) {
   expect_outlines(tubes, &(double){0.8}, 2.3);
 }
 
+/* What is picked is what is drawn: as far away, whatever kernels' shapes are. */
+static void picks_are_as_deep_as_the_picture(void **state) {
+  object o = object_of(&flat_grid, blob, ball);
+  drawing d = {0};
+  for (int i = 6; i < 10; i++) {
+    tc_scene scene;
+    double apart = 0;
+    int both = 0, one = 0;
+    look(&scene, &o, i, i < 8 ? 2.5 : 6);
+    scene.splat.threshold[0] = 0, scene.splat.threshold[1] = INFINITY;
+    draw_now(&o, &scene, (wish){0}, &d);
+    for (int y = 3; y < SIDE; y += 8)
+      for (int x = 3; x < SIDE; x += 8) {
+        tc_splat_hit hit;
+        const double drawn = (double)d.frame.depth[y * SIDE + x];
+        const bool there = tc_splat_pick(o.volume, NULL, &scene, SIDE, SIDE, x + 0.5, y + 0.5, &hit);
+        one += there != isfinite(drawn), both += there && isfinite(drawn);
+        if (there && isfinite(drawn)) apart += fabs(hit.distance_mm - drawn);
+      }
+    print_message("view %d: %d picks %.3f mm from what is drawn; %d of one only\n", i, both, apart / both, one);
+    assert_true(both > 30 && apart < 0.1 * both && one <= 2);
+    tc_scene_clear(&scene);
+  }
+  tc_frame_finish(&d.frame);
+  object_free(&o);
+}
+
 /* Faces of the volume that cut an object are lit as what they are, whatever its values are within. */
 static void faces_of_the_volume_are_lit(void **state) {
   static const double large[2] = {40, 3};
@@ -665,7 +693,7 @@ static void frames_are_made_in_pieces(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {TEST(culling_changes_no_bit), TEST(scalar_and_vector_agree),
     TEST(constant_solids_are_constant), TEST(splats_are_where_the_surface_is), TEST(large_voxels_are_lit_smoothly), TEST(large_voxels_end_where_the_surface_does),
-    TEST(faces_of_the_volume_are_lit), TEST(a_range_of_all_values_ends_with_the_grid),
+    TEST(picks_are_as_deep_as_the_picture), TEST(faces_of_the_volume_are_lit), TEST(a_range_of_all_values_ends_with_the_grid),
     TEST(cost_follows_the_voxels_seen),
     TEST(rims_do_not_shine), TEST(a_cut_shows_a_solid_face), TEST(translucent_splats_show_the_blurred_field),
     TEST(paused_pictures_end_the_same), TEST(frames_are_made_in_pieces)};
