@@ -47,17 +47,22 @@ V_INLINE float bound_lanes(const tc_cpu_args *args, const packet *p, march *m) {
   return parts;
 }
 
-/* may_level: lanes may wait, so that sample i of the packet is not the i-th of all its rays. */
-V_INLINE march start_march(const tc_cpu_args *args, variant v, packet *p, bool may_level) {
-  march m = {.near = false};
-  if (v.filter != TC_FILTER_LINEAR || !m_any(p->live)) return m;
+/* Voxels to where the rays will be some steps on. */
+V_INLINE ptrdiff_t steps_ahead(const tc_cpu_args *args, const packet *p, int steps) {
   float step[3], first[V_LANES];
 #pragma GCC unroll 3
   for (int k = 0; k < 3; k++) {
     v_store(first, p->dir[k]);
-    step[k] = first[V_LANES / 2] * args->rays.step_mm * PREFETCH_STEPS;
+    step[k] = first[V_LANES / 2] * args->rays.step_mm * (float)steps;
   }
-  m.ahead = (ptrdiff_t)(int)step[0] + (ptrdiff_t)(int)step[1] * args->grid.row + (ptrdiff_t)(int)step[2] * args->grid.slice;
+  return (ptrdiff_t)(int)step[0] + (ptrdiff_t)(int)step[1] * args->grid.row + (ptrdiff_t)(int)step[2] * args->grid.slice;
+}
+
+/* may_level: lanes may wait, so that sample i of the packet is not the i-th of all its rays. */
+V_INLINE march start_march(const tc_cpu_args *args, variant v, packet *p, bool may_level) {
+  march m = {.near = false};
+  if (v.filter != TC_FILTER_LINEAR || !m_any(p->live)) return m;
+  m.ahead = steps_ahead(args, p, PREFETCH_STEPS);
 #ifdef V_NEAR
   if (!args->near) return m;
   if (may_level) level_lanes(args, p);

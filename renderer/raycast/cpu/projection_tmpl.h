@@ -5,11 +5,12 @@
  * maximum: no lane needs a mask, and no pixel depends on its neighbours. In a volume's gaps (variant.labels) samples do
  * not count. */
 
-#define LEAST_INTERVALS 4 /* a shorter ray has nothing to gain from skipping */
-#define LONGEST_WAIT 31 /* packets */
+#define LEAST_INTERVALS 4  /* a shorter ray has nothing to gain from skipping */
+#define MOST_INTERVALS 128 /* ranked at once */
+#define LONGEST_WAIT 31    /* packets */
 
-V_INLINE void update_backoff(skip_backoff *backoff, int interval, int skipped, int steps) {
-  bool gained = (int64_t)skipped * interval > steps / 8 + interval;
+V_INLINE void update_backoff(skip_backoff *backoff, int skipped, int all) {
+  bool gained = 4 * skipped > all;
   backoff->last = gained ? 0 : backoff->last < LONGEST_WAIT ? 2 * backoff->last + 1 : LONGEST_WAIT;
   backoff->wait = backoff->last;
 }
@@ -29,13 +30,10 @@ V_INLINE vf4 grey_of(const tc_cpu_args *args, vf w, vm met) {
 
 /* Levels (skip/bounds.h) of the blocks that the rays are in at mm t. */
 V_INLINE vf level_at(const tc_cpu_args *args, const packet *p, vf t) {
+  const spot s = spot_at(args, p, t);
   vi block[3];
-  for (int k = 0; k < 3; k++) {
-    vf q = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(args->grid.last[k]));
-    vf cell = v_float(v_mini(v_trunc(q), v_seti(args->grid.cell_last[k])));
-    block[k] =
-        v_trunc((cell + v_set(0.5f)) * v_set(args->blocks.inverse_width)); /* the half keeps rounding away from edges */
-  }
+  for (int k = 0; k < 3; k++) /* the half keeps rounding away from edges */
+    block[k] = v_trunc((v_float(s.cell[k]) + v_set(0.5f)) * v_set(args->blocks.inverse_width));
   vi off = v_addi(v_muli(block[2], v_seti(args->blocks.slice)), v_muli(block[1], v_seti(args->blocks.row)));
   return v_float(v_bytes(args->blocks.values, v_addi(off, block[0])));
 }
@@ -83,31 +81,65 @@ V_INLINE void raise_peak(const tc_cpu_args *args, variant v, const packet *p, vf
   have->best = v_max(have->best, w);
 }
 
-V_INLINE void take_sample(const tc_cpu_args *args, variant v, const packet *p, vf t, peak *have) {
-  raise_peak(args, v, p, sample_voxel(args, v, p, t) * v_set(args->grey.sign), t, v_le(v_set(0), v_set(0)), have);
+/* How far the maxima have risen, in levels. */
+V_INLINE vf risen(const tc_cpu_args *args, const peak *have) {
+  return (have->best - v_set(args->grey.floor)) * v_set(args->level_scale);
 }
 
-/* A maximum to begin with, from the interval with the highest level: nearly all other intervals are then below it
- * and can be skipped. Its samples are among those that the march would take. */
-V_INLINE void start_peak(const tc_cpu_args *args, variant v, const packet *p, vm live, peak *have,
-                         tc_cpu_counts *counts) {
-  vf highest = v_set(-1), at = v_set(0);
-  for (int i = 0;; i += args->interval) {
-    vm inside = m_and(live, v_lt(v_set((float)i * args->rays.step_mm), p->length));
-    if (!keep_marching(args, inside, counts, i)) break;
-    vf level = level_at(args, p, interval_middle(args, i));
-    vm higher = m_and(inside, v_lt(highest, level));
-    highest = v_select(higher, level, highest);
-    at = v_select(higher, v_set((float)i), at);
+/* The samples of each chosen ray's interval that begins at sample `from`: those that a march would take. */
+V_INLINE void sample_interval(const tc_cpu_args *args, variant v, const packet *p, const march *m, vf from, vm chosen,
+                              peak *have, tc_cpu_counts *counts) {
+  for (int j = 0; j < args->interval; j++) {
+    vf sample = from + v_set((float)j), t = v_min(sample * v_set(args->rays.step_mm), p->length);
+    chosen = m_and(chosen, v_lt((sample - v_set(1)) * v_set(args->rays.step_mm), p->length));
+    if (!keep_marching(args, chosen, counts, j)) break;
+    raise_peak(args, v, p, march_voxel(args, v, p, m, 0, t, chosen, NULL) * v_set(args->grey.sign), t, chosen, have);
+    counts->samples += (uint64_t)m_count(chosen);
   }
-  for (int j = 0; j < args->interval && keep_marching(args, live, counts, j); j++) {
-    vf t = v_min((at + v_set((float)j)) * v_set(args->rays.step_mm), p->length);
-    take_sample(args, v, p, t, have);
-  }
-  counts->samples += (uint64_t)m_count(live) * (uint64_t)args->interval;
 }
 
-/* Empty-space skipping: intervals of samples whose level proves that no live ray's maximum can rise are skipped. */
+/* Each ray samples its interval of the highest level first, then the next, until no level is above its maximum.
+ * `levels` are those of n intervals from sample `first` on, and are used up. Returns the rounds. */
+V_INLINE int climb(const tc_cpu_args *args, variant v, const packet *p, const march *m, int first, vf *levels, int n,
+                   vm live, peak *have, tc_cpu_counts *counts) {
+  vf last = v_set(-1);
+  for (int visits = 0;; visits++) {
+    vf highest = risen(args, have), at = v_set(-1);
+    for (int k = 0; k < n; k++) {
+      vf number = v_set((float)k);
+      levels[k] = v_select(v_eq(last, number), v_set(-1), levels[k]);
+      vm higher = v_lt(highest, levels[k]);
+      highest = v_select(higher, levels[k], highest);
+      at = v_select(higher, number, at);
+    }
+    vm chosen = m_and(m_and(live, v_le(v_set(0), at)), v_lt(have->best, v_set(args->grey.stop)));
+    if (!keep_marching(args, chosen, counts, visits)) return visits;
+    sample_interval(args, v, p, m, v_set((float)first) + at * v_set((float)args->interval), chosen, have, counts);
+    last = at;
+  }
+}
+
+/* Empty-space skipping: intervals of samples that cannot raise a ray's maximum are left out, and the others are taken
+ * best first, because a high maximum leaves out most of the rest. */
+V_INLINE void climb_all(const tc_cpu_args *args, variant v, const packet *p, vm live, peak *have, skip_backoff *backoff,
+                        tc_cpu_counts *counts) {
+  vf levels[MOST_INTERVALS];
+  const march m = {.ahead = steps_ahead(args, p, PREFETCH_STEPS / 2)};
+  int n = MOST_INTERVALS, all = 0, visits = 0;
+  for (int i = 0; n == MOST_INTERVALS; all += n) {
+    int first = i;
+    for (n = 0; n < MOST_INTERVALS; n++, i += args->interval) {
+      vm inside = m_and(live, v_lt(v_set((float)(i - 1) * args->rays.step_mm), p->length));
+      if (!keep_marching(args, inside, counts, n)) break;
+      levels[n] = v_select(inside, level_at(args, p, interval_middle(args, i)), v_set(-1));
+    }
+    visits += climb(args, v, p, &m, first, levels, n, live, have, counts);
+    if (counts->left) return;
+  }
+  counts->leaps += (uint64_t)(all > visits ? all - visits : 0);
+  update_backoff(backoff, all - visits, all);
+}
+
 V_INLINE void cast_extreme(const tc_cpu_args *args, variant v, const place *at_pixels, skip_backoff *backoff, vf4 *out,
                            tc_cpu_counts *counts) {
   packet p = start_packet(args, v, at_pixels);
@@ -117,39 +149,26 @@ V_INLINE void cast_extreme(const tc_cpu_args *args, variant v, const place *at_p
   counts->rays += (uint64_t)m_count(live);
   bool look = v.leap && backoff->wait == 0;
   if (v.leap && backoff->wait) backoff->wait--;
-  if (look && m_any(live)) { /* MinIP through air is finished by its first sample */
-    take_sample(args, v, &p, v_set(0), &have);
+  if (look && args->grey.sign < 0 && m_any(live)) { /* MinIP through air is finished by its first sample */
+    raise_peak(args, v, &p, sample_voxel(args, v, &p, v_set(0)) * v_set(args->grey.sign), v_set(0), live, &have);
     counts->samples += (uint64_t)m_count(live);
     live = m_and(live, v_lt(have.best, stop));
   }
   float worth_mm = (float)(LEAST_INTERVALS * args->interval) * args->rays.step_mm;
   look = look && m_any(m_and(live, v_lt(v_set(worth_mm), p.length)));
-  if (look) {
-    start_peak(args, v, &p, live, &have, counts);
-    live = m_and(live, v_lt(have.best, stop));
-  }
-  const march m = start_march(args, v, &p, !look);
-  int i = 0, end = 0, skipped = 0;
-  for (; keep_marching(args, live, counts, i); i++) {
-    if (look && i == end) {
-      end = i + args->interval;
-      vf most = (have.best - floor) * v_set(args->level_scale);
-      if (!m_any(m_and(live, v_lt(most, level_at(args, &p, interval_middle(args, i)))))) {
-        skipped++;
-        i = end - 1;
-        live = m_and(live, v_lt(v_set((float)i * args->rays.step_mm), p.length));
-        continue;
-      }
+  if (look) climb_all(args, v, &p, live, &have, backoff, counts);
+  if (v.labels && m_any(m_andnot(live, have.met))) look = false; /* what was left out may hold a value after all */
+  if (!look && m_any(live)) {
+    const march m = start_march(args, v, &p, true);
+    for (int i = 0; keep_marching(args, live, counts, i); i++) {
+      vf t = (v_set((float)i) - p.delay) * v_set(args->rays.step_mm), at = v_min(t, p.length);
+      const vm active = m_and(live, v_le(v_set(0), t));
+      vf w = march_voxel(args, v, &p, &m, i, at, active, NULL) * v_set(args->grey.sign);
+      raise_peak(args, v, &p, w, at, active, &have);
+      counts->samples += (uint64_t)m_count(active);
+      live = m_and(live, m_and(v_lt(t, p.length), v_lt(have.best, stop)));
     }
-    vf t = (v_set((float)i) - p.delay) * v_set(args->rays.step_mm), at = v_min(t, p.length);
-    const vm active = m_and(live, v_le(v_set(0), t));
-    vf w = march_voxel(args, v, &p, &m, i, at, active, NULL) * v_set(args->grey.sign);
-    raise_peak(args, v, &p, w, at, active, &have);
-    counts->samples += (uint64_t)m_count(active);
-    live = m_and(live, m_and(v_lt(t, p.length), v_lt(have.best, stop)));
   }
-  if (look) update_backoff(backoff, args->interval, skipped, i);
-  counts->leaps += (uint64_t)skipped;
   vm between = m_and(p.live, m_and(v_lt(floor, have.best), v_lt(have.best, stop)));
   if (m_any(between)) {
     have.best = v_select(between, refine_peak(args, &p, &have), have.best);
@@ -160,8 +179,8 @@ V_INLINE void cast_extreme(const tc_cpu_args *args, variant v, const place *at_p
 }
 
 /* The mean by the trapezoidal rule, whose last interval is shorter. Differences to the first sample are summed, with
- * Kahan's compensation: a constant field is exact, and a million samples lose no more than ten. An interval whose middle
- * is in a gap is left out. */
+ * Kahan's compensation: a constant field is exact, and a million samples lose no more than ten. An interval whose
+ * middle is in a gap is left out. */
 V_INLINE void cast_average(const tc_cpu_args *args, variant v, const place *at_pixels, vf4 *out,
                            tc_cpu_counts *counts) {
   packet p = start_packet(args, v, at_pixels);
