@@ -42,7 +42,10 @@ function readControl(control) {
 }
 
 function writeControl(control, value) {
-  if (value === undefined || value === null) return;
+  if (value === undefined || value === null) {
+    if (control.options) control.selectedIndex = 0; // what is left out is the first choice
+    return;
+  }
   if (control.type === 'checkbox') control.checked = value;
   else if (control.type === 'color') control.value = toHex(value);
   else if (control.type === 'number') control.value = Number(Number(value).toPrecision(7));

@@ -6,6 +6,8 @@
 #include "renderer/raycast/rays.h"
 #include "renderer/splat/splatter.h"
 
+#define MOST_WIDER 3 /* voxels that a core grows by where pixels are larger */
+
 /* A ray in index coordinates: at + t * along, t in mm from the eye. */
 typedef struct pick {
   const tc_volume *volume;
@@ -84,6 +86,11 @@ static bool shape_of(const pick *p, const int voxel[3], double axis[3], double *
   return true;
 }
 
+/* A pixel's side in voxels at this depth (view space, mm). */
+static double pixel_voxels(const pick *p, double deep) {
+  return (p->frame.args.perspective ? deep : 1) / (double)p->frame.args.scale * length3(p->along);
+}
+
 /* The voxel's own value, if it is drawn and the ray passes its core; *t: where along the ray it is drawn. */
 static bool meets(const pick *p, const int voxel[3], double *t, double *value) {
   const tc_splat_args *g = &p->frame.args;
@@ -101,12 +108,17 @@ static bool meets(const pick *p, const int voxel[3], double *t, double *value) {
   for (int k = 0; k < 3; k++) to[k] += stretch[0] * axis[k], way[k] += stretch[1] * axis[k];
   const double along = dot3(to, way), away2 = dot3(to, to) - along * along / dot3(way, way);
   *t = deep / deeper;
-  return *t > 0 && along > 0 && away2 <= (double)(g->touch * g->touch);
+  const double pixel = pixel_voxels(p, deep);
+  return *t > 0 && along > 0 &&
+         away2 <= (double)(g->touch * g->touch) + (double)(g->least2 * g->core * (1 - g->move)) * pixel * pixel;
 }
 
 /* Looks around the place at t; keeps what is nearer than the hit so far. */
 static void look_around(const pick *p, double t, tc_splat_hit *hit) {
-  const int reach = (int)ceil((double)(p->frame.args.touch + p->frame.args.move));
+  const tc_splat_args *g = &p->frame.args;
+  const double pixel = pixel_voxels(
+      p, fmax(t * dot3(p->along, (double[]){(double)g->axis[2][0], (double)g->axis[2][1], (double)g->axis[2][2]}), 0));
+  const int reach = (int)ceil((double)(g->touch + g->move) + fmin(0.72 * pixel, MOST_WIDER));
   int middle[3];
   for (int k = 0; k < 3; k++) middle[k] = (int)lround(p->at[k] + t * p->along[k]);
   for (int z = middle[2] - reach; z <= middle[2] + reach; z++)

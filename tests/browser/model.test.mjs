@@ -30,5 +30,7 @@ describe('a run-length model', { skip: MISSING }, () => {
     const plain = await settled(page);
     await page.selectOption('[data-path="splat.attribute"]', 'value');
     assert.ok(difference(plain, await settled(page)) > 1.5, 'colours are those of the transfer function');
+    await page.click('#undo');
+    await page.waitForFunction(() => document.querySelector('[data-path="splat.attribute"]').value === 'color');
   });
 });
