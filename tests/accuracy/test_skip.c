@@ -2,13 +2,19 @@
 #include "tests/support/test.h"
 
 #include "renderer/classify/transfer.h"
+#include "renderer/import/import.h"
+#include "renderer/raycast/rays.h"
 #include "renderer/skip/boxes.h"
 #include "renderer/skip/distance_map.h"
 #include "renderer/skip/fine.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
 
-typedef struct blobs { uint64_t seed; int count; double noise, weight[3]; } blobs;
+typedef struct blobs {
+  uint64_t seed;
+  int count;
+  double noise, weight[3];
+} blobs;
 
 /* A few soft balls in a noisy ground: some blocks empty, some nearly, some full. */
 static double blob_field(double x, double y, double z, const void *context) {
@@ -202,13 +208,16 @@ static void map_is_right(void **unused) {
 
 #define WIDE 60
 
-static double wide_field(double x, double y, double z, const void *context) { return WIDE * blob_field(x, y, z, context); }
+static double wide_field(double x, double y, double z, const void *context) {
+  return WIDE * blob_field(x, y, z, context);
+}
 
 /* Of far more values than there are bins. */
 static tc_volume *wide_volume(uint64_t *state) {
   static const tc_voxel_type types[] = {TC_U16, TC_I16, TC_F32};
   const blobs b = {*state, 1 + (int)(6 * test_random(state)), 12 * test_random(state), {1, 1, 1}};
-  const test_grid g = {.dims = {30 + (int)(40 * test_random(state)), 40, 50}, .type = types[(int)(3 * test_random(state))]};
+  const test_grid g = {.dims = {30 + (int)(40 * test_random(state)), 40, 50},
+                       .type = types[(int)(3 * test_random(state))]};
   return test_volume(&g, wide_field, &b);
 }
 
@@ -279,7 +288,7 @@ static void map_is_mended(void **unused) {
     for (int edit = 0; edit < 6; edit++) {
       tc_support *support = edit == 5 ? tc_support_surface(80, 81, NULL) : support_of(v, &s.transfer_function);
       tc_distance_map *leap = tc_distance_map_build(m, support, before, NULL, NULL),
-              *alone = tc_distance_map_build(m, support, NULL, NULL, NULL);
+                      *alone = tc_distance_map_build(m, support, NULL, NULL, NULL);
       size_t blocks = (size_t)m->blocks[0] * (size_t)m->blocks[1] * (size_t)m->blocks[2];
       assert_memory_equal(leap->distance, alone->distance, blocks);
       assert_memory_equal(leap->farthest, alone->farthest, (size_t)m->blocks[2]);
@@ -358,8 +367,151 @@ static void long_axes_are_drawn(void **unused) {
   tc_renderer_free(r);
 }
 
+/* ---- the oracle: every ray by itself, with the exact distance of every fine box ---- */
+
+#define FINE 2 /* cells: the width of a fine box */
+
+typedef struct oracle {
+  const tc_volume *volume;
+  const tc_scene *scene;
+  const tc_distance_map *map;
+  tc_rays rays;
+  double samples;
+} oracle;
+
+/* Where a ray enters and leaves a box; false: nowhere. */
+static bool cross(const double from[3], const double dir[3], const double lo[3], const double hi[3], double *near,
+                  double *far) {
+  for (int k = 0; k < 3; k++) {
+    const double d = fabs(dir[k]) < 1e-12 ? 1e-12 : dir[k], a = (lo[k] - from[k]) / d, b = (hi[k] - from[k]) / d;
+    *near = fmax(*near, fmin(a, b)), *far = fmin(*far, fmax(a, b));
+  }
+  return *near < *far;
+}
+
+/* How far from s on a ray goes through boxes that the map knows to be empty. */
+static double leap(const oracle *o, const double from[3], const double dir[3], double s) {
+  int box[3];
+  for (int k = 0; k < 3; k++) {
+    box[k] = (int)floor((from[k] + s * dir[k]) / o->map->block);
+    box[k] = box[k] < 0 ? 0 : box[k] >= o->map->blocks[k] ? o->map->blocks[k] - 1 : box[k];
+  }
+  const int d = o->map->distance[(box[2] * o->map->blocks[1] + box[1]) * o->map->blocks[0] + box[0]];
+  double lo[3], hi[3], near = -1e30, far = 1e30;
+  for (int k = 0; k < 3; k++) {
+    lo[k] = (double)(box[k] - d + 1) * o->map->block, hi[k] = (double)(box[k] + d) * o->map->block;
+    if (box[k] + d >= o->map->blocks[k]) hi[k] = 1e9;
+    if (box[k] - d < 0) lo[k] = -1e9;
+  }
+  return d > 0 && cross(from, dir, lo, hi, &near, &far) ? far : s;
+}
+
+static double value_on(const oracle *o, const double from[3], const double dir[3], double s) {
+  double at[3], value = 0;
+  for (int k = 0; k < 3; k++)
+    at[k] = fmin(fmax(from[k] + s * dir[k], fmax(o->rays.lo[k], 0)), tc_volume_describe(o->volume)->dims[k] - 1);
+  tc_volume_value_at(o->volume, at, &value);
+  return value;
+}
+
+static void count_ray(oracle *o, double x, double y) {
+  const tc_rays *r = &o->rays;
+  double from[3], view[3], dir[3], norm = 0;
+  for (int k = 0; k < 3; k++) {
+    from[k] = r->anchor0[k] + x * r->anchor_du[k] + y * r->anchor_dv[k];
+    view[k] = r->view0[k] + x * r->view_du[k] + y * r->view_dv[k];
+    norm += view[k] * view[k];
+  }
+  norm = sqrt(norm);
+  for (int k = 0; k < 3; k++)
+    dir[k] =
+        (r->to_index[3 * k] * view[0] + r->to_index[3 * k + 1] * view[1] + r->to_index[3 * k + 2] * view[2]) / norm;
+  double near = r->perspective ? -norm : -r->eye_mm, far = r->far_mm, clear = 1;
+  if (!cross(from, dir, r->lo, r->hi, &near, &far)) return;
+  bool fresh = true;
+  const int count = (int)ceil((far - near) / r->step_mm);
+  double front = value_on(o, from, dir, near);
+  int wanted = 0; /* the first segment that is not known to be empty */
+  for (int i = 0; i < count; i++) {
+    const double s = near + i * r->step_mm, end = fmin(s + r->step_mm, far), back = value_on(o, from, dir, end);
+    if (i >= wanted) wanted = (int)floor((leap(o, from, dir, s) - near) / r->step_mm);
+    if (i < wanted) {
+      fresh = true;
+    } else {
+      o->samples += 1 + fresh;
+      fresh = false;
+    }
+    clear *= exp(-tc_extinction_mean(&o->scene->transfer_function, front, back) * (end - s));
+    front = back;
+    if (clear < o->scene->sampling.termination) break;
+  }
+}
+
+static double oracle_of(const tc_volume *v, const tc_scene *s) {
+  tc_support *support = support_of(v, &s->transfer_function);
+  tc_minmax *m = tc_minmax_build(v, FINE, 0, NULL, NULL);
+  tc_distance_map *map = tc_distance_map_build(m, support, NULL, NULL, NULL);
+  oracle o = {.volume = v, .scene = s, .map = map};
+  tc_rays_set_up(&o.rays, v, s, s->image.width, s->image.height);
+  for (int y = 0; y < s->image.height; y++)
+    for (int x = 0; x < s->image.width; x++) count_ray(&o, x + 0.5, y + 0.5);
+  tc_distance_map_free(map), tc_minmax_free(m), tc_support_free(support);
+  return o.samples;
+}
+
+/* Samples taken over the oracle's, of a picture whose pixels are half a voxel wide. */
+static double beside_oracle(tc_renderer *r, tc_volume *v, const char *name) {
+  tc_scene s;
+  tc_fit fit;
+  tc_frame f = {0};
+  tc_scene_init(&s);
+  tc_fit_find(&fit, v);
+  tc_scene_dress(&s, v, &fit, false);
+  s.shading.model = TC_SHADING_NONE;
+  s.camera.fov_y_deg *= 0.3;
+  s.image.width = s.image.height = 140;
+  render(r, v, &s, &f);
+  const double took = (double)f.stats.samples, exact = oracle_of(v, &s);
+  s.skipping.mode = TC_SKIPPING_OFF;
+  render(r, v, &s, &f);
+  printf("  %s: %.0f samples, %.2f of the oracle's, %.2f of all\n", name, took, took / exact,
+         took / (double)f.stats.samples);
+  tc_frame_finish(&f);
+  tc_scene_clear(&s);
+  tc_volume_unref(v);
+  return took / exact;
+}
+
+/* Built-in volumes; with TC_LONG those of TC_DATA too, for the eye: thin ones of few slices take up to twice as many.
+ */
+static void samples_are_near_the_oracle(void **unused) {
+  static const char *const demos[] = {"head", "vessels", "bucky", "marschner-lobb"};
+  tc_renderer *r = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
+  double worst = 0;
+  for (size_t i = 0; i < G_N_ELEMENTS(demos); i++)
+    worst = fmax(worst, beside_oracle(r, tc_volume_demo(demos[i], NULL), demos[i]));
+  char *folder = g_build_filename(getenv("TC_LONG") && getenv("TC_DATA") ? getenv("TC_DATA") : "", "nrrd", NULL);
+  GDir *dir = g_dir_open(folder, 0, NULL);
+  for (const char *name; dir && (name = g_dir_read_name(dir));) {
+    char *path = g_build_filename(folder, name, NULL);
+    tc_volume *v = tc_import(path, NULL, NULL);
+    if (v) beside_oracle(r, v, name);
+    g_free(path);
+  }
+  if (dir) g_dir_close(dir);
+  g_free(folder);
+  tc_renderer_free(r);
+  assert_true(worst > 0.9 && worst <= 1.1);
+}
+
 int main(void) {
-  const struct CMUnitTest tests[] = {TEST(leaping_changes_no_bit), TEST(map_is_right), TEST(zones_are_empty),
-    TEST(boxes_hold_what_shows), TEST(map_is_mended), TEST(built_only_when_it_can_help), TEST(long_axes_are_drawn)};
+  const struct CMUnitTest tests[] = {TEST(samples_are_near_the_oracle),
+                                     TEST(leaping_changes_no_bit),
+                                     TEST(map_is_right),
+                                     TEST(zones_are_empty),
+                                     TEST(boxes_hold_what_shows),
+                                     TEST(map_is_mended),
+                                     TEST(built_only_when_it_can_help),
+                                     TEST(long_axes_are_drawn)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -52,7 +52,7 @@ V_INLINE bool next_run(runs *r, vm live, int least, int *from, int *to) {
     if (a >= r->words * 64) return false;
     r->slot = find_slot(r, a, false);
     vf first = v_fma(v_set((float)a), r->steps, r->start), last = v_fma(v_set((float)r->slot), r->steps, r->start);
-    float begin = v_least(v_select(live, first, far)) - 1.01f,
+    float begin = v_least(v_select(live, first, far)) - 0.01f,
           end = 1.01f - v_least(v_select(live, v_set(0) - last, far));
     *from = begin > (float)least ? begin < 1e9f ? (int)begin : 1000000000 : least;
     *to = end < 1e9f ? (int)end : 1000000000;
