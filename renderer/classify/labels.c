@@ -94,6 +94,12 @@ GBytes *tc_labels_key(const tc_volume *labels, const tc_scene *scene) {
   return g_byte_array_free_to_bytes(key);
 }
 
+bool tc_labels_show(const tc_scene *s, uint32_t label) {
+  for (size_t i = 0; i < s->labels.n_visible && s->labels.visible; i++)
+    if (s->labels.visible[i] == label) return true;
+  return !s->labels.visible;
+}
+
 static int compare(const void *a, const void *b) {
   uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
   return (x > y) - (x < y);

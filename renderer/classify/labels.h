@@ -57,4 +57,7 @@ bool tc_mode_has_labels(tc_mode mode);
  * integers (f32 voxels, or a fractional slope or intercept), or the two volumes lie apart in patient space. Pure. */
 bool tc_labels_check(const tc_volume *volume, const tc_volume *labels, const tc_scene *scene, GError **error);
 
+/* Whether scene->labels.visible has the label. */
+bool tc_labels_show(const tc_scene *scene, uint32_t label);
+
 #endif

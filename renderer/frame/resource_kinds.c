@@ -281,12 +281,7 @@ static bool mesh_is_like(const void *thing, const void *user) {
   return false;
 }
 
-static bool shows_label(const void *user, uint32_t label) {
-  const tc_scene *s = user;
-  for (size_t i = 0; i < s->labels.n_visible && s->labels.visible; i++)
-    if (s->labels.visible[i] == label) return true;
-  return !s->labels.visible;
-}
+static bool shows_label(const void *user, uint32_t label) { return tc_labels_show(user, label); }
 
 static void *mesh_begin(const tc_making *m, GError **error) { return tc_surfaces_begin(); }
 

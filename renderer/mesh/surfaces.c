@@ -38,8 +38,7 @@ tc_clusters *tc_surfaces_take(tc_surfaces *s) {
 
 /* ---- which labels there are ---- */
 
-/* A label from a voxel's bits; 0: none. */
-static uint32_t label_of(const tc_volume_desc *d, int bits) {
+uint32_t tc_mesh_label_of(const tc_volume_desc *d, int bits) {
   const double voxel = d->type == TC_I8 ? (int8_t)bits : d->type == TC_I16 ? (int16_t)bits : bits;
   const double label = d->slope * voxel + d->intercept;
   return label >= 1 && label <= UINT32_MAX ? (uint32_t)label : 0;
@@ -50,7 +49,7 @@ static void list_labels(tc_surfaces *s, const tc_surfaces_wish *wish) {
   const uint64_t serial = tc_volume_serial(wish->labels);
   s->sources = g_new0(tc_mesh_source, (gsize)s->boxes->n_values);
   for (int bits = 0; bits < s->boxes->n_values; bits++) {
-    const uint32_t label = label_of(d, bits);
+    const uint32_t label = tc_mesh_label_of(d, bits);
     if (s->boxes->reach[bits][3] && label && wish->shows(wish->user, label))
       s->sources[s->n_sources++] = (tc_mesh_source){.kind = TC_SURFACE_OF_LABEL, .label = label, .serial = serial};
   }
@@ -94,8 +93,7 @@ static void move_origin(tc_mesh *mesh, const tc_volume *volume) {
   memcpy(mesh->origin, origin, sizeof origin);
 }
 
-/* With normals, as all of a list's surfaces have them. */
-static tc_mesh *copy_of(const tc_mesh *mesh, const tc_mesh_options *options, GError **error) {
+tc_mesh *tc_mesh_with_normals(const tc_mesh *mesh, const tc_mesh_options *options, GError **error) {
   if (!mesh) return tc_mesh_new(0, 0, true, error);
   if (options->max_bytes && tc_mesh_bytes(mesh->n_vertices, mesh->n_triangles, true) > options->max_bytes) {
     tc_set_error(error, TC_ERROR_LIMIT, NULL, "mesh of %zu triangles: there is no memory to show it; simplify it first",
@@ -119,7 +117,7 @@ static tc_mesh *make_mesh(const tc_surfaces_wish *wish, const tc_mesh_source *of
   case TC_SURFACE_OF_VALUE: return tc_mesh_extract(wish->volume, of->iso, options, error);
   case TC_SURFACE_OF_PLANE: return tc_mesh_of_plane(wish->volume, of->plane, error);
   case TC_SURFACE_OF_LABEL: return tc_mesh_extract_label(wish->labels, of->label, boxes, options, error);
-  case TC_SURFACE_OF_MESH: return copy_of(of->mesh, options, error);
+  case TC_SURFACE_OF_MESH: return tc_mesh_with_normals(of->mesh, options, error);
   case TC_SURFACE_SOURCE_COUNT: break;
   }
   return tc_mesh_new(0, 0, true, error);

@@ -26,6 +26,12 @@ static inline bool tc_mesh_is_within(const tc_scene *s) {
   return s->mesh.with_volume && s->mesh.n_surfaces && (s->mode == TC_MODE_DVR || s->mode == TC_MODE_MIP);
 }
 
+/* A label from a voxel's bits; 0: none. */
+uint32_t tc_mesh_label_of(const tc_volume_desc *d, int bits);
+
+/* A copy with normals, as all of a list's surfaces have them; of NULL an empty mesh. */
+tc_mesh *tc_mesh_with_normals(const tc_mesh *mesh, const tc_mesh_options *options, GError **error);
+
 bool tc_mesh_source_equal(const tc_mesh_source *a, const tc_mesh_source *b);
 
 typedef struct tc_surfaces tc_surfaces; /* in the making */

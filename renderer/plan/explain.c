@@ -172,7 +172,7 @@ static void say_clipping(const teller *t) {
 
 bool tc_meter_refuses(const tc_scene *scene, char *reason, size_t size) {
   const char *member = tc_reference_missing(scene);
-  if (!member || !strcmp(member, "/labels/volume")) return false; /* the meter is given the labels */
+  if (!member || !strcmp(member, "/labels/volume") || !strcmp(member, "/mesh/surfaces")) return false; /* it is given those */
   snprintf(reason, size, "the reference has nothing for this %s", member + 1);
   return true;
 }

@@ -1,5 +1,6 @@
 #include "renderer/quality/meter.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -8,11 +9,14 @@
 #include "renderer/classify/preintegration.h"
 #include "renderer/classify/transfer.h"
 #include "renderer/base/clock.h"
+#include "renderer/classify/labels.h"
+#include "renderer/mesh/surfaces.h"
 #include "renderer/raycast/subpixel.h"
 #include "renderer/reference/reference.h"
 
 /* Far below what any frame is asked to hold, and quick. */
 #define TOLERANCE 1e-7
+#define MOST_BYTES (256u << 20) /* of a surface's mesh that is made for the truth */
 #define Z95 1.959964
 
 typedef struct meter_pixel {
@@ -144,12 +148,78 @@ void tc_meter_truth(const tc_reference *reference, const tc_scene *scene, int x,
   }
 }
 
-bool tc_meter_measure(const tc_meter *meter, tc_volume *volume, tc_volume *labels, const tc_scene *scene,
-                      const atomic_bool *cancel, double most_ms, tc_meter_result *result, GError **error) {
+/* ---- the truth ---- */
+
+/* Without a list a mesh is every label's that shows: that list, into *scene. */
+static bool list_labels(tc_volume *labels, tc_scene *scene, GError **error) {
+  const tc_volume_desc *d = tc_volume_describe(labels);
+  tc_label_boxes *boxes = tc_label_boxes_find(labels, NULL, error);
+  tc_mesh_surface *list = g_new0(tc_mesh_surface, boxes ? (size_t)boxes->n_values : 1);
+  size_t n = 0;
+  for (int bits = 0; boxes && bits < boxes->n_values; bits++) {
+    const uint32_t label = tc_mesh_label_of(d, bits);
+    if (boxes->reach[bits][3] && label && label <= INT_MAX && tc_labels_show(scene, label))
+      list[n++] = (tc_mesh_surface){.source = TC_SURFACE_OF_LABEL, .label = (int)label, .opacity = 1, .visible = true, .two_sided = true};
+  }
+  tc_scene_set_surfaces(scene, list, n);
+  g_free(boxes);
+  return boxes != NULL;
+}
+
+/* The mesh of a surface that is of a label or a mesh, with normals. */
+static tc_mesh *mesh_of(tc_volume *labels, tc_mesh *given, const tc_mesh_surface *s, GError **error) {
+  const tc_mesh_options options = {.normals = true, .max_bytes = MOST_BYTES};
+  if (s->source == TC_SURFACE_OF_LABEL) return tc_mesh_extract_label(labels, (uint32_t)s->label, NULL, &options, error);
+  return given && given->normals ? tc_mesh_ref(given) : tc_mesh_with_normals(given, &options, error);
+}
+
+static bool make_meshes(tc_volume *labels, tc_mesh *const *given, const tc_scene *scene, tc_mesh **made,
+                        tc_reference_mesh *meshes, const atomic_bool *cancel, GError **error) {
+  for (size_t i = 0; i < scene->mesh.n_surfaces; i++) {
+    const tc_mesh_surface *s = &scene->mesh.surfaces[i];
+    if (s->source == TC_SURFACE_OF_VALUE || s->source == TC_SURFACE_OF_PLANE || !s->visible) continue;
+    if (cancel && atomic_load(cancel)) {
+      tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
+      return false;
+    }
+    const tc_mesh *m = made[i] = mesh_of(labels, given ? given[i] : NULL, s, error);
+    if (!m) return false;
+    meshes[i] = (tc_reference_mesh){{m->origin[0], m->origin[1], m->origin[2]}, m->n_vertices, m->n_triangles,
+                                    (const float(*)[3])m->positions, (const float(*)[3])m->normals,
+                                    (const uint32_t(*)[3])m->triangles};
+  }
+  return true;
+}
+
+tc_reference *tc_meter_reference(tc_volume *volume, tc_volume *labels, tc_mesh *const *given, const tc_scene *of, int width,
+                                 int height, const atomic_bool *cancel, GError **error) {
+  const char *missing = tc_reference_missing(of);
+  if (!missing || strcmp(missing, "/mesh/surfaces"))
+    return tc_reference_new_stoppable(volume, labels, of, width, height, TOLERANCE, cancel, error);
+  tc_scene scene;
+  tc_scene_copy(&scene, of);
+  const bool listed = scene.mesh.n_surfaces > 0;
+  bool good = listed || list_labels(labels, &scene, error);
+  const size_t n = scene.mesh.n_surfaces;
+  tc_mesh **made = g_new0(tc_mesh *, n + 1);
+  tc_reference_mesh *meshes = g_new0(tc_reference_mesh, n + 1);
+  good = good && make_meshes(labels, listed ? given : NULL, &scene, made, meshes, cancel, error);
+  tc_reference *r = NULL;
+  if (good) r = tc_reference_new_meshed(volume, labels, meshes, &scene, width, height, TOLERANCE, cancel, error);
+  for (size_t i = 0; i < n; i++) tc_mesh_free(made[i]);
+  g_free(made);
+  g_free(meshes);
+  tc_scene_clear(&scene);
+  return r;
+}
+
+bool tc_meter_measure(const tc_meter *meter, tc_volume *volume, tc_volume *labels, tc_mesh *const *meshes,
+                      const tc_scene *scene, const atomic_bool *cancel, double most_ms, tc_meter_result *result,
+                      GError **error) {
   double start = tc_now_ms();
   *result = (tc_meter_result){0};
   tc_reference *reference =
-      tc_reference_new_labelled(volume, labels, scene, meter->width, meter->height, TOLERANCE, error);
+      tc_meter_reference(volume, labels, meshes, scene, meter->width, meter->height, cancel, error);
   double *squares = reference ? malloc((size_t)meter->count * sizeof *squares) : NULL;
   if (reference && !squares) tc_set_error(error, TC_ERROR_MEMORY, NULL, "error meter: out of memory");
   bool stopped = false;

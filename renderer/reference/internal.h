@@ -36,9 +36,22 @@ bool tc_ref_clip_ray(const tc_ref_clip *clip, tc_ref_ray *ray);
 
 /* NULL, or the name of the meaningless member. */
 const char *tc_ref_camera_set_up(tc_ref_camera *camera, const tc_camera *from, int width, int height);
-/* False if the ray misses the visible part of the field's box. */
+/* False if the ray misses the visible part of the field's box. *open: all that is visible, from the eye on; nothing:
+ * enter is not less than leave. */
 bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const tc_volume_desc *desc, double px,
-                     double py, tc_ref_ray *ray);
+                     double py, tc_ref_ray *ray, tc_ref_ray *open);
+
+/* triangles.c: where rays meet a mesh, in double precision through a hierarchy of boxes. */
+typedef struct tc_ref_triangles tc_ref_triangles;
+typedef struct tc_ref_triangle_hit {
+  double t, normal[3]; /* LPS, of any length */
+  bool back;           /* met from behind */
+} tc_ref_triangle_hit;
+struct tc_reference_mesh;
+tc_ref_triangles *tc_ref_triangles_new(const struct tc_reference_mesh *mesh); /* copies; NULL: no memory */
+void tc_ref_triangles_free(tc_ref_triangles *triangles);
+/* The nearest hit of the ray's part behind `after`. */
+bool tc_ref_triangles_hit(const tc_ref_triangles *triangles, const tc_ref_ray *ray, double after, tc_ref_triangle_hit *hit);
 
 /* field.c: the field along a ray, in stretches that lie in one cell, and for filter nearest, next to one voxel. */
 typedef struct tc_ref_field {
@@ -105,6 +118,8 @@ typedef struct tc_ref_label_walk { /* starts as {.u = 1} */
 void tc_ref_labels_set_up(tc_ref_labels *labels, const tc_volume *volume, const tc_scene *scene);
 /* The same for a volume's own gaps (tc_volume_gaps), which hide. `scene` takes the members that say so. */
 void tc_ref_labels_of_gaps(tc_ref_labels *labels, const tc_volume *gaps, tc_scene *scene);
+/* The colour of a label (compositing space); false: it has none. */
+bool tc_ref_label_color(const tc_volume *labels, const tc_scene *scene, double label, double rgb[3]);
 /* tc_ref_walk_next() with stretches also cut at the faces of the labels' grid; cell->label lives until the next
  * call. */
 bool tc_ref_labels_next(const tc_ref_labels *labels, tc_ref_walk *walk, tc_ref_label_walk *at, tc_ref_cell *cell);
@@ -197,22 +212,31 @@ typedef struct tc_ref_shading {
   double dual[3][3]; /* [k]: LPS gradient of index coordinate k, 1/mm */
   double per_range;  /* least spacing / value range */
   double ambient, diffuse, specular, shininess;
-  bool head_light;
-  double light[3]; /* unit, LPS */
+  int n_lights;
+  struct {
+    bool at_camera;
+    double to[3], color[3]; /* unit, LPS; compositing space, times the intensity */
+  } lights[TC_MAX_LIGHTS];
   double view[3];  /* unit, LPS: along the ray; set for each ray */
 } tc_ref_shading;
 
 void tc_ref_shading_set_up(tc_ref_shading *shading, const tc_volume *volume, const tc_scene *scene);
+/* The scene's lights of meshes, where it has such, instead. */
+void tc_ref_shading_light(tc_ref_shading *shading, const tc_scene *scene);
 /* Replaces the transfer function's colour at u of the cell by the shaded one. */
 void tc_ref_shade(const tc_ref_shading *shading, const tc_ref_cell *cell, double u, double rgb[3]);
 
 /* The same with a surface's gradient over index coordinates: shaded in full however faint. *normal: unit, LPS, on the
  * eye's side; 0 where the field is flat. */
 void tc_ref_shade_surface(const tc_ref_shading *shading, const double gradient[3], double normal[3], double rgb[3]);
+/* The same with a normal of any length. */
+void tc_ref_shade_normal(const tc_ref_shading *shading, double normal[3], double rgb[3]);
 
 /* surface.c: where the field along the ray changes sides of the value (inside: >= value), after `skip` such places; *leaves:
  * whether it was inside before. False when it never does. */
 bool tc_ref_surface_hit(const tc_ref_field *field, const tc_ref_ray *ray, double value, int skip, bool *leaves, double *t);
+/* The linear field there, over index coordinates; false: in a cell with a gap. */
+bool tc_ref_value_at(const tc_ref_field *field, const double at[3], double *value);
 /* Over index coordinates. TC_GRADIENT_CELL: from the corners of the cube of two voxels around the place, held within
  * the volume. */
 void tc_ref_surface_gradient(const tc_ref_field *field, tc_gradient kind, const double at[3], double gradient[3]);

@@ -68,6 +68,14 @@ static void look_up(const tc_ref_labels *l, double label, double out[5]) {
   out[4] = shown;
 }
 
+bool tc_ref_label_color(const tc_volume *labels, const tc_scene *scene, double label, double rgb[3]) {
+  const tc_ref_labels l = {.volume = labels, .scene = scene};
+  double tint[5];
+  look_up(&l, label, tint);
+  for (int c = 0; c < 3 && tint[3] > 0; c++) rgb[c] = tint[c] / tint[3];
+  return tint[3] > 0;
+}
+
 /* The u at which the stretch of `whole` that begins at u = from leaves its cell of the labels' grid; *cell is that
  * cell. */
 static double find_cell(const tc_ref_labels *l, const tc_ref_ray *ray, const tc_ref_cell *whole, double from,

@@ -69,8 +69,6 @@ static void axes(const tc_volume_desc *desc, long double axis[3][3], long double
 }
 
 static bool clip_to_box(tc_ref_ray *ray, const tc_volume_desc *desc) {
-  ray->enter = ray->eye;
-  ray->leave = INFINITY;
   for (int k = 0; k < 3; k++) {
     double lo = desc->dims[k] == 1 ? -0.5 : 0, hi = desc->dims[k] == 1 ? 0.5 : desc->dims[k] - 1;
     double o = ray->origin[k], d = ray->direction[k];
@@ -86,7 +84,7 @@ static bool clip_to_box(tc_ref_ray *ray, const tc_volume_desc *desc) {
 }
 
 bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const tc_volume_desc *desc, double px,
-                     double py, tc_ref_ray *ray) {
+                     double py, tc_ref_ray *ray, tc_ref_ray *open) {
   long double eye[3], direction[3], axis[3][3], inverse[3][3], to_center[3], point[3];
   eye_ray(camera, px, py, eye, direction);
   axes(desc, axis, inverse);
@@ -105,5 +103,10 @@ bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const
     ray->direction[k] = (double)dot(inverse[k], direction);
   }
   ray->eye = (double)-nearest;
-  return clip_to_box(ray, desc) && tc_ref_clip_ray(clip, ray);
+  ray->enter = ray->eye;
+  ray->leave = INFINITY;
+  const bool visible = tc_ref_clip_ray(clip, ray);
+  *open = *ray;
+  if (!visible) open->enter = open->leave = 0;
+  return visible && clip_to_box(ray, desc);
 }

@@ -10,9 +10,12 @@
 
 #define MOST_THREADS 256
 
-/* Of modes isosurface and mesh. */
+/* Of modes isosurface and mesh, and within a volume. */
 typedef struct ref_surface {
-  double iso, color[3], opacity; /* compositing space */
+  tc_surface_source kind;
+  double iso, plane[4];
+  tc_ref_triangles *triangles;   /* owned; of labels and meshes */
+  double color[3], opacity;      /* compositing space */
   bool one_sided;
   tc_ref_shading shading;
 } ref_surface;
@@ -31,6 +34,7 @@ struct tc_reference {
   tc_ref_labels labels;
   ref_surface *surfaces; /* [n_surfaces] */
   size_t n_surfaces;
+  bool within; /* the surfaces are in a volume that shows too */
   double tolerance;
   const atomic_bool *cancel; /* or NULL */
 };
@@ -48,52 +52,92 @@ static bool is_surface(tc_mode mode) { return mode == TC_MODE_ISOSURFACE || mode
 
 static bool shows(const tc_mesh_surface *s) { return s->visible && s->opacity > 0; }
 
+static bool needs_mesh(const tc_mesh_surface *s) { return s->source == TC_SURFACE_OF_LABEL || s->source == TC_SURFACE_OF_MESH; }
+
+static bool is_within(const tc_scene *s) {
+  return s->mesh.n_surfaces && s->mesh.with_volume && (s->mode == TC_MODE_DVR || s->mode == TC_MODE_MIP);
+}
+
 const char *tc_reference_missing(const tc_scene *scene) {
   bool surface = is_surface(scene->mode);
   if (scene->mode != TC_MODE_DVR && !surface && !is_projection(scene->mode)) return "/mode";
-  if (scene->mode == TC_MODE_MESH && scene->labels.volume[0] && !scene->mesh.n_surfaces) return "/mode"; /* of labels */
-  if (scene->mode == TC_MODE_MESH && scene->mesh.n_lights) return "/mesh/lights";
-  for (size_t i = 0; i < scene->mesh.n_surfaces && scene->mode == TC_MODE_MESH; i++)
-    if (shows(&scene->mesh.surfaces[i]) && scene->mesh.surfaces[i].source != TC_SURFACE_OF_VALUE) return "/mesh/surfaces";
-  if (scene->mesh.n_surfaces && scene->mesh.with_volume && (scene->mode == TC_MODE_DVR || scene->mode == TC_MODE_MIP))
-    return "/mesh/withVolume";
+  surface = surface || is_within(scene);
   if ((unsigned)scene->filter >= TC_FILTER_COUNT || (surface && scene->filter != TC_FILTER_LINEAR)) return "/filter";
+  if (scene->mode == TC_MODE_MESH && scene->labels.volume[0] && !scene->mesh.n_surfaces) return "/mesh/surfaces"; /* of labels */
+  for (size_t i = 0; i < scene->mesh.n_surfaces && (scene->mode == TC_MODE_MESH || is_within(scene)); i++)
+    if (shows(&scene->mesh.surfaces[i]) && needs_mesh(&scene->mesh.surfaces[i])) return "/mesh/surfaces";
   if (scene->labels.volume[0] && scene->mode == TC_MODE_DVR) return "/labels/volume";
   return NULL;
 }
 
-static bool add_surface(tc_reference *r, const tc_scene *scene, const tc_mesh_surface *item, GError **error) {
-  const double *srgb = item->has_color ? item->color : scene->isosurface.color;
-  ref_surface *s = &r->surfaces[r->n_surfaces++];
+/* The plane of the slice that mode mpr shows in an orientation. */
+static void plane_of(const tc_reference *r, const tc_scene *scene, tc_mpr_orientation orientation, double plane[4]) {
+  static const double into[TC_MPR_ORIENTATION_COUNT][3] = {[TC_AXIAL] = {0, 0, 1}, [TC_CORONAL] = {0, 1, 0}, [TC_SAGITTAL] = {-1, 0, 0}};
+  const tc_volume_desc *d = r->field.desc;
+  double of[3];
+  for (int k = 0; k < 3; k++) of[k] = orientation == TC_OBLIQUE ? -scene->mpr.normal[k] : into[orientation][k];
+  double size = sqrt(of[0] * of[0] + of[1] * of[1] + of[2] * of[2]), at[3];
+  plane[3] = 0;
+  for (int k = 0; k < 3; k++) {
+    at[k] = d->origin[k];
+    for (int i = 0; i < 3; i++) at[k] += d->direction[3 * k + i] * d->spacing[i] * (d->dims[i] - 1) / 2;
+    if (scene->mpr.has_center) at[k] = scene->mpr.center[k];
+    plane[k] = of[k] / size, plane[3] -= plane[k] * at[k];
+  }
+}
+
+static tc_ref_shading shading_of_surface(const tc_reference *r, const tc_scene *scene, const tc_mesh_surface *item) {
+  tc_ref_shading shading;
   tc_scene own = *scene; /* borrows */
-  *s = (ref_surface){.iso = item->value, .opacity = item->opacity, .one_sided = !item->two_sided};
-  for (int c = 0; c < 3; c++) s->color[c] = scene->image.linear_light ? tc_ref_to_linear(srgb[c]) : srgb[c];
   if (item->own_shading & 1) own.shading.model = item->model;
   if (item->own_shading & 2) own.shading.ambient = item->ambient;
   if (item->own_shading & 4) own.shading.diffuse = item->diffuse;
   if (item->own_shading & 8) own.shading.specular = item->specular;
   if (item->own_shading & 16) own.shading.shininess = item->shininess;
-  tc_ref_shading_set_up(&s->shading, r->volume, &own);
+  tc_ref_shading_set_up(&shading, r->volume, &own);
+  if (scene->mode != TC_MODE_ISOSURFACE) tc_ref_shading_light(&shading, scene);
+  return shading;
+}
+
+/* mesh: NULL where the surface needs none. */
+static bool add_surface(tc_reference *r, const tc_scene *scene, const tc_mesh_surface *item, const tc_volume *labels,
+                        const tc_reference_mesh *mesh, GError **error) {
+  const double *srgb = item->has_color ? item->color : scene->isosurface.color;
+  ref_surface *s = &r->surfaces[r->n_surfaces++];
+  *s = (ref_surface){.kind = item->source, .iso = item->value, .opacity = item->opacity, .one_sided = !item->two_sided};
+  for (int c = 0; c < 3; c++) s->color[c] = scene->image.linear_light ? tc_ref_to_linear(srgb[c]) : srgb[c];
+  if (item->source == TC_SURFACE_OF_LABEL && !item->has_color) tc_ref_label_color(labels, scene, item->label, s->color);
+  if (item->source == TC_SURFACE_OF_PLANE) plane_of(r, scene, item->plane, s->plane);
+  s->shading = shading_of_surface(r, scene, item);
+  if (needs_mesh(item) && !(s->triangles = tc_ref_triangles_new(mesh))) {
+    tc_set_error(error, TC_ERROR_MEMORY, "/mesh/surfaces", "reference: no memory for the triangles");
+    return false;
+  }
   if (isfinite(s->iso)) return true;
   tc_set_error(error, TC_ERROR_INVALID, "/isosurface/value", "reference: isosurface: a finite value wanted");
   return false;
 }
 
-static bool set_up_surfaces(tc_reference *r, const tc_scene *scene, GError **error) {
+static bool set_up_surfaces(tc_reference *r, const tc_scene *scene, const tc_volume *labels, const tc_reference_mesh *meshes,
+                            GError **error) {
   const tc_mesh_surface one = {.value = scene->isosurface.value, .opacity = 1, .visible = true, .two_sided = true};
-  const bool listed = scene->mode == TC_MODE_MESH && scene->mesh.n_surfaces;
+  const bool listed = scene->mode != TC_MODE_ISOSURFACE && scene->mesh.n_surfaces;
   const tc_mesh_surface *of = listed ? scene->mesh.surfaces : &one;
   const size_t n = listed ? scene->mesh.n_surfaces : 1;
   r->surfaces = g_new0(ref_surface, n);
   for (size_t i = 0; i < n; i++)
-    if (shows(&of[i]) && !add_surface(r, scene, &of[i], error)) return false;
+    if (shows(&of[i]) && !add_surface(r, scene, &of[i], labels, meshes ? &meshes[i] : NULL, error)) return false;
   return true;
 }
 
-/* Sets up what the mode reads: transfer function, window or isosurface value. */
-static bool set_up_appearance(tc_reference *r, const tc_scene *scene, GError **error) {
+/* Sets up what the mode reads: transfer function, window or surfaces; slices read the window too. */
+static bool set_up_appearance(tc_reference *r, const tc_scene *scene, const tc_volume *labels, const tc_reference_mesh *meshes,
+                              GError **error) {
   r->mode = scene->mode;
-  if (is_surface(scene->mode)) return set_up_surfaces(r, scene, error);
+  r->within = is_within(scene);
+  r->window = (tc_ref_window){scene->window.center, scene->window.width, scene->image.linear_light};
+  if ((is_surface(scene->mode) || r->within) && !set_up_surfaces(r, scene, labels, meshes, error)) return false;
+  if (is_surface(scene->mode)) return true;
   if (!is_projection(scene->mode)) {
     if (tc_ref_transfer_set_up(&r->transfer, &scene->transfer_function, scene->image.linear_light)) return true;
     tc_set_error(error, TC_ERROR_INVALID, "/transferFunction",
@@ -101,7 +145,6 @@ static bool set_up_appearance(tc_reference *r, const tc_scene *scene, GError **e
                  "finite, values ascending");
     return false;
   }
-  r->window = (tc_ref_window){scene->window.center, scene->window.width, scene->image.linear_light};
   if (isfinite(r->window.center) && isfinite(r->window.width) && r->window.width > 0) return true;
   tc_set_error(error, TC_ERROR_INVALID, "/window", "reference: window: a finite center and a width above 0 wanted");
   return false;
@@ -119,11 +162,17 @@ tc_reference *tc_reference_new_labelled(tc_volume *volume, tc_volume *labels, co
 
 tc_reference *tc_reference_new_stoppable(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int width,
                                          int height, double tolerance, const atomic_bool *cancel, GError **error) {
+  return tc_reference_new_meshed(volume, labels, NULL, scene, width, height, tolerance, cancel, error);
+}
+
+tc_reference *tc_reference_new_meshed(tc_volume *volume, tc_volume *labels, const tc_reference_mesh *meshes,
+                                      const tc_scene *scene, int width, int height, double tolerance,
+                                      const atomic_bool *cancel, GError **error) {
   const char *member = tc_reference_missing(scene);
-  if (member && !(labels && !strcmp(member, "/labels/volume"))) {
+  if (member && !(labels && !strcmp(member, "/labels/volume")) && !(meshes && !strcmp(member, "/mesh/surfaces"))) {
     tc_set_error(
         error, TC_ERROR_UNSUPPORTED, member,
-        "reference: %s: only dvr, mip, minip and average of any field and isosurfaces of the linear one, plain, are "
+        "reference: %s: only dvr, mip, minip and average of any field and surfaces of the linear one are "
         "integrated",
         member);
     return NULL;
@@ -171,7 +220,7 @@ tc_reference *tc_reference_new_stoppable(tc_volume *volume, tc_volume *labels, c
                  "view be wider than 0 and narrower than 180 degrees");
     goto fail;
   }
-  if (set_up_appearance(r, scene, error)) return r;
+  if (set_up_appearance(r, scene, labels, meshes, error)) return r;
 fail:
   tc_reference_free(r);
   return NULL;
@@ -184,6 +233,7 @@ void tc_reference_free(tc_reference *reference) {
   tc_volume_unref(reference->label_volume);
   tc_scene_clear(&reference->scene);
   g_free(reference->field.coefficients);
+  for (size_t i = 0; i < reference->n_surfaces; i++) tc_ref_triangles_free(reference->surfaces[i].triangles);
   g_free(reference->surfaces);
   g_free(reference);
 }
@@ -218,107 +268,188 @@ static void integrate_cell(const tc_reference *r, const tc_ref_cell *cell, const
   }
 }
 
-static void project(const tc_reference *r, const tc_ref_ray *ray, double rgba[4]) {
+/* Grey of what there is of the field along the ray; false: nothing. */
+static bool project(const tc_reference *r, const tc_ref_ray *ray, double *grey) {
   tc_ref_extent extent = {.lo = INFINITY, .hi = -INFINITY};
   tc_ref_walk walk;
   tc_ref_cell cell;
   tc_ref_walk_start(&walk, &r->field, ray);
   tc_ref_label_walk labels = {.u = 1};
   while (next_cell(r, &walk, &labels, &cell)) tc_ref_extent_add(&extent, &cell);
-  memset(rgba, 0, 4 * sizeof *rgba);
-  if (!(extent.length > 0)) return;
+  if (!(extent.length > 0)) return false;
   double value = r->mode == TC_MODE_MIP     ? extent.hi
                  : r->mode == TC_MODE_MINIP ? extent.lo
                                             : extent.integral / extent.length;
-  rgba[0] = rgba[1] = rgba[2] = tc_ref_window_grey(&r->window, value);
-  rgba[3] = 1;
+  *grey = tc_ref_window_grey(&r->window, value);
+  return true;
 }
 
-/* Where the ray meets the surface for the *skip-th time; then the next one's number. */
-static bool hit_surface(const tc_reference *r, const ref_surface *s, const tc_ref_ray *ray, int *skip, tc_reference_hit *hit) {
-  double t, at[3], gradient[3];
-  bool leaves;
-  do {
-    if (!tc_ref_surface_hit(&r->field, ray, s->iso, (*skip)++, &leaves, &t)) return false;
-  } while (leaves && s->one_sided);
-  tc_ref_shading shading = s->shading;
-  memcpy(shading.view, ray->lps_direction, sizeof shading.view);
-  for (int k = 0; k < 3; k++) {
-    at[k] = ray->origin[k] + t * ray->direction[k];
-    hit->position[k] = ray->lps[k] + t * ray->lps_direction[k];
+static void integrate(const tc_reference *r, const tc_ref_ray *ray, tc_ref_light *light) {
+  tc_ref_walk walk;
+  tc_ref_cell cell;
+  tc_ref_shading own;
+  const tc_ref_shading *shading = shading_of(r, ray, &own);
+  tc_ref_label_walk labels = {.u = 1};
+  tc_ref_walk_start(&walk, &r->field, ray);
+  while (next_cell(r, &walk, &labels, &cell))
+    if (!tc_ref_transfer_empty(&r->transfer, cell.lo, cell.hi)) integrate_cell(r, &cell, shading, light);
+}
+
+/* ---- surfaces ---- */
+
+/* A pixel's ray. */
+typedef struct cast_ray {
+  tc_ref_ray box, open; /* its part in the field's box, and all that is visible */
+  bool in_box;
+} cast_ray;
+
+static void cast(const tc_reference *r, double px, double py, cast_ray *ray) {
+  ray->in_box = tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, &ray->box, &ray->open);
+}
+
+/* The surface's next hit. */
+typedef struct next_hit {
+  tc_reference_hit hit;
+  double t;
+  int skip;
+  bool met;
+} next_hit;
+
+/* A slice's grey, as the window has it; what has no value is black. */
+static void color_slice(const tc_reference *r, const double at[3], double color[3]) {
+  double value, grey = tc_ref_value_at(&r->field, at, &value) && value == value ? tc_ref_window_grey(&r->window, value) : 0;
+  for (int c = 0; c < 3; c++) color[c] = grey;
+}
+
+static bool meet_plane(const ref_surface *s, const tc_ref_ray *ray, next_hit *next, bool *back) {
+  double apart = s->plane[3], rate = 0;
+  for (int k = 0; k < 3; k++) apart += s->plane[k] * ray->lps[k], rate += s->plane[k] * ray->lps_direction[k];
+  next->t = -apart / rate, *back = rate > 0;
+  return next->skip++ == 0 && next->t >= ray->enter && next->t <= ray->leave;
+}
+
+static bool meet(const tc_reference *r, const ref_surface *s, const cast_ray *ray, next_hit *next, tc_ref_triangle_hit *on) {
+  if (s->triangles) {
+    const bool met = tc_ref_triangles_hit(s->triangles, &ray->open, next->skip++ ? next->t : -INFINITY, on);
+    next->t = on->t;
+    return met;
   }
-  hit->distance_mm = t - ray->eye;
+  if (!ray->in_box) return false;
+  if (s->kind == TC_SURFACE_OF_PLANE) return meet_plane(s, &ray->box, next, &on->back);
+  return tc_ref_surface_hit(&r->field, &ray->box, s->iso, next->skip++, &on->back, &next->t);
+}
+
+/* Where the ray meets the surface next; next starts as zeros. */
+static bool hit_surface(const tc_reference *r, const ref_surface *s, const cast_ray *cast, next_hit *next) {
+  const tc_ref_ray *ray = &cast->open;
+  tc_reference_hit *hit = &next->hit;
+  tc_ref_triangle_hit on;
+  double at[3], gradient[3];
+  do {
+    next->met = meet(r, s, cast, next, &on);
+    if (!next->met) return false;
+  } while (on.back && s->one_sided);
+  tc_ref_shading shading = s->shading;
+  for (int k = 0; k < 3; k++) {
+    shading.view[k] = ray->lps_direction[k];
+    at[k] = ray->origin[k] + next->t * ray->direction[k];
+    hit->position[k] = ray->lps[k] + next->t * ray->lps_direction[k];
+    hit->normal[k] = s->kind == TC_SURFACE_OF_PLANE ? s->plane[k] : on.normal[k];
+  }
+  hit->distance_mm = next->t - ray->eye;
   memcpy(hit->color, s->color, sizeof hit->color);
-  tc_ref_surface_gradient(&r->field, shading.gradient, at, gradient);
-  tc_ref_shade_surface(&shading, gradient, hit->normal, hit->color);
+  if (s->kind == TC_SURFACE_OF_PLANE) {
+    color_slice(r, at, hit->color);
+  } else if (s->triangles) {
+    tc_ref_shade_normal(&shading, hit->normal, hit->color);
+  } else {
+    tc_ref_surface_gradient(&r->field, shading.gradient, at, gradient);
+    tc_ref_shade_surface(&shading, gradient, hit->normal, hit->color);
+  }
   return true;
 }
 
 /* The nearest first hit of all surfaces, and whose it is; NULL: none. */
-static const ref_surface *hit_nearest(const tc_reference *r, const tc_ref_ray *ray, tc_reference_hit *hit) {
+static const ref_surface *hit_nearest(const tc_reference *r, const cast_ray *ray, tc_reference_hit *hit) {
   const ref_surface *nearest = NULL;
   for (size_t i = 0; i < r->n_surfaces; i++) {
-    tc_reference_hit own;
-    int skip = 0;
-    if (!hit_surface(r, &r->surfaces[i], ray, &skip, &own) || (nearest && own.distance_mm >= hit->distance_mm)) continue;
-    *hit = own, nearest = &r->surfaces[i];
+    next_hit own = {0};
+    if (!hit_surface(r, &r->surfaces[i], ray, &own) || (nearest && own.hit.distance_mm >= hit->distance_mm)) continue;
+    *hit = own.hit, nearest = &r->surfaces[i];
   }
   return nearest;
 }
 
 bool tc_reference_surface(const tc_reference *r, double px, double py, tc_reference_hit *hit) {
-  tc_ref_ray ray;
-  return is_surface(r->mode) && tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, &ray) && hit_nearest(r, &ray, hit);
+  cast_ray ray;
+  if (!is_surface(r->mode)) return false;
+  cast(r, px, py, &ray);
+  return hit_nearest(r, &ray, hit);
 }
 
-typedef struct next_hit {
-  tc_reference_hit hit;
-  int skip;
-  bool met;
-} next_hit;
+/* What the ray has met so far; light.color and transparency are of surfaces and, in dvr, the volume. */
+typedef struct blend {
+  tc_ref_light light;
+  double most; /* grey of the volume in mip; -1: none */
+} blend;
 
-/* Every hit of every surface, the nearest first. */
-static void composite_surfaces(const tc_reference *r, const tc_ref_ray *ray, double rgba[4]) {
+/* Mip: a part as bright as m covers m of what is behind it, as far as it is brighter than those before. */
+static void add_part(const tc_reference *r, const tc_ref_ray *part, blend *b) {
+  double grey;
+  if (!(part->enter < part->leave)) return;
+  if (r->mode == TC_MODE_DVR) integrate(r, part, &b->light);
+  if (r->mode != TC_MODE_MIP || !project(r, part, &grey)) return;
+  const double rise = b->light.transparency * fmax(grey - fmax(b->most, 0), 0);
+  for (int c = 0; c < 3; c++) b->light.color[c] += rise;
+  b->light.opacity += rise;
+  b->most = fmax(b->most, grey);
+}
+
+static void add_hit(const ref_surface *s, const tc_reference_hit *hit, blend *b) {
+  const double share = b->light.transparency * (1 - fmax(b->most, 0)) * s->opacity;
+  for (int c = 0; c < 3; c++) b->light.color[c] += share * hit->color[c];
+  b->light.opacity += share;
+  b->light.transparency *= 1 - s->opacity;
+}
+
+/* Every hit of every surface, the nearest first, and the volume between them. */
+static void composite_surfaces(const tc_reference *r, const cast_ray *ray, blend *b) {
   next_hit *next = g_new0(next_hit, r->n_surfaces + 1);
-  for (size_t i = 0; i < r->n_surfaces; i++) next[i].met = hit_surface(r, &r->surfaces[i], ray, &next[i].skip, &next[i].hit);
-  while (rgba[3] < 1 && !stopped(r)) {
+  tc_ref_ray part = ray->box;
+  for (size_t i = 0; i < r->n_surfaces; i++) hit_surface(r, &r->surfaces[i], ray, &next[i]);
+  while (b->light.transparency > 0 && !stopped(r)) {
     size_t nearest = r->n_surfaces;
     for (size_t i = 0; i < r->n_surfaces; i++)
-      if (next[i].met && (nearest == r->n_surfaces || next[i].hit.distance_mm < next[nearest].hit.distance_mm)) nearest = i;
-    if (nearest == r->n_surfaces) break;
-    const double share = (1 - rgba[3]) * r->surfaces[nearest].opacity;
-    for (int c = 0; c < 3; c++) rgba[c] += share * next[nearest].hit.color[c];
-    rgba[3] += share;
-    next[nearest].met = hit_surface(r, &r->surfaces[nearest], ray, &next[nearest].skip, &next[nearest].hit);
+      if (next[i].met && (nearest == r->n_surfaces || next[i].t < next[nearest].t)) nearest = i;
+    const bool last = nearest == r->n_surfaces;
+    part.leave = last ? ray->box.leave : fmin(ray->box.leave, next[nearest].t);
+    if (r->within && ray->in_box) add_part(r, &part, b);
+    if (last) break;
+    add_hit(&r->surfaces[nearest], &next[nearest].hit, b);
+    part.enter = fmax(part.enter, next[nearest].t);
+    hit_surface(r, &r->surfaces[nearest], ray, &next[nearest]);
   }
   g_free(next);
 }
 
 void tc_reference_pixel(const tc_reference *r, double px, double py, double rgba[4]) {
-  tc_ref_light light = {.transparency = 1};
-  tc_ref_ray ray;
-  bool met = tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, &ray);
-  if (is_surface(r->mode)) {
-    memset(rgba, 0, 4 * sizeof *rgba);
-    if (met) composite_surfaces(r, &ray, rgba);
+  blend b = {.light.transparency = 1, .most = -1};
+  cast_ray ray;
+  double grey;
+  cast(r, px, py, &ray);
+  memset(rgba, 0, 4 * sizeof *rgba);
+  if (r->n_surfaces) {
+    composite_surfaces(r, &ray, &b);
+  } else if (ray.in_box && is_projection(r->mode)) {
+    if (!project(r, &ray.box, &grey)) return;
+    rgba[0] = rgba[1] = rgba[2] = grey, rgba[3] = 1;
     return;
+  } else if (ray.in_box && r->mode == TC_MODE_DVR) {
+    integrate(r, &ray.box, &b.light);
   }
-  if (met && is_projection(r->mode)) {
-    project(r, &ray, rgba);
-    return;
-  }
-  if (met) {
-    tc_ref_walk walk;
-    tc_ref_cell cell;
-    tc_ref_shading own;
-    const tc_ref_shading *shading = shading_of(r, &ray, &own);
-    tc_ref_label_walk labels = {.u = 1};
-    tc_ref_walk_start(&walk, &r->field, &ray);
-    while (next_cell(r, &walk, &labels, &cell))
-      if (!tc_ref_transfer_empty(&r->transfer, cell.lo, cell.hi)) integrate_cell(r, &cell, shading, &light);
-  }
-  for (int c = 0; c < 3; c++) rgba[c] = light.color[c];
-  rgba[3] = light.opacity < 0.5 ? light.opacity : 1 - light.transparency;
+  const bool sums = b.light.opacity < 0.5 || r->mode == TC_MODE_MIP;
+  for (int c = 0; c < 3; c++) rgba[c] = b.light.color[c];
+  rgba[3] = b.most >= 0 ? 1 : sums ? b.light.opacity : 1 - b.light.transparency;
 }
 
 static tc_reference_sample describe_piece(const tc_reference *r, const tc_ref_ray *ray, const tc_ref_cell *cell,
@@ -350,9 +481,10 @@ static tc_reference_sample describe_piece(const tc_reference *r, const tc_ref_ra
 }
 
 /* Lists the transparent pieces up to the hit, and the hit. */
-static void list_surface(const tc_reference *r, const tc_ref_ray *ray, GArray *list) {
+static void list_surface(const tc_reference *r, const cast_ray *cast, GArray *list) {
   tc_reference_hit hit;
-  const ref_surface *met = hit_nearest(r, ray, &hit);
+  const tc_ref_ray *ray = &cast->box;
+  const ref_surface *met = hit_nearest(r, cast, &hit);
   if (!r->n_surfaces) return;
   tc_ref_walk walk;
   tc_ref_cell cell;
@@ -371,6 +503,8 @@ static void list_surface(const tc_reference *r, const tc_ref_ray *ray, GArray *l
       if (met && s.distance_mm >= hit.distance_mm) {
         s.length_mm = 0;
         s.value_back = s.value;
+        s.distance_mm = hit.distance_mm;
+        memcpy(s.position, hit.position, sizeof s.position);
         memcpy(s.color, hit.color, sizeof s.color);
       }
       g_array_append_val(list, s);
@@ -382,11 +516,12 @@ static void list_surface(const tc_reference *r, const tc_ref_ray *ray, GArray *l
 void tc_reference_ray(const tc_reference *r, double px, double py, tc_reference_sample **samples, size_t *count) {
   GArray *list = g_array_new(FALSE, FALSE, sizeof(tc_reference_sample));
   tc_ref_light light = {.transparency = 1};
-  tc_ref_ray ray;
-  bool met = tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, &ray);
-  if (met && is_surface(r->mode)) {
-    list_surface(r, &ray, list);
-  } else if (met) {
+  cast_ray of;
+  cast(r, px, py, &of);
+  const tc_ref_ray ray = of.box;
+  if (of.in_box && is_surface(r->mode)) {
+    list_surface(r, &of, list);
+  } else if (of.in_box) {
     tc_ref_walk walk;
     tc_ref_cell cell;
     tc_ref_shading own;

@@ -7,7 +7,9 @@
  *
  * For mip, minip and average, the reference is the exact extremum or mean of the field along the ray, through the
  * scene's window. For isosurface, it is the first point where the ray changes sides (raycast/surface.h), as the exact
- * root of the cubic, with the normal that surface.h defines.
+ * root of the cubic, with the normal that surface.h defines. For mesh it is all such points, front to back, of surfaces
+ * of values; of labels and meshes those of the triangles it is given, at full detail; of planes those where they are. A
+ * volume around surfaces is integrated from one to the next.
  *
  * The reference is the limit of dvr as the step goes to 0, with the scene's filter: classification, order, sampling
  * (step, jitter, early ray termination, rays per pixel) and empty-space skipping are ignored. Immutable once made:
@@ -25,8 +27,16 @@
 
 typedef struct tc_reference tc_reference;
 
+/* Triangles: the truth of surfaces that no field has. Only read while the reference is made. */
+typedef struct tc_reference_mesh {
+  double origin[3]; /* LPS mm */
+  size_t n_vertices, n_triangles;
+  const float (*positions)[3], (*normals)[3]; /* relative to the origin; normals NULL: the triangles' own */
+  const uint32_t (*triangles)[3];
+} tc_reference_mesh;
+
 /* JSON pointer to the member because of which this scene has no reference; NULL if it has one. "/labels/volume": the
- * scene needs its label volume (tc_reference_new_labelled). Pure. */
+ * scene needs its label volume (tc_reference_new_labelled); "/mesh/surfaces": meshes (tc_reference_new_meshed). Pure. */
 const char *tc_reference_missing(const tc_scene *scene);
 
 /* Takes a reference on the sealed volume and copies what it needs of the scene. tolerance: absolute error bound of
@@ -44,6 +54,10 @@ tc_reference *tc_reference_new_labelled(tc_volume *volume, tc_volume *labels, co
  * return soon, with meaningless results. TC_ERROR_CANCELLED if that happens during this call. */
 tc_reference *tc_reference_new_stoppable(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int width,
                                          int height, double tolerance, const atomic_bool *cancel, GError **error);
+/* The same with the mesh of each of the scene's surfaces that is of a label or a mesh: meshes[scene->mesh.n_surfaces]. */
+tc_reference *tc_reference_new_meshed(tc_volume *volume, tc_volume *labels, const tc_reference_mesh *meshes,
+                                      const tc_scene *scene, int width, int height, double tolerance,
+                                      const atomic_bool *cancel, GError **error);
 void tc_reference_free(tc_reference *reference); /* NULL is fine */
 
 /* One ray. px, py: pixels from the top left corner of the picture (the centre of pixel i is i + 0.5; any real number

@@ -32,9 +32,25 @@ void tc_ref_shading_set_up(tc_ref_shading *shading, const tc_volume *volume, con
   shading->diffuse = scene->shading.diffuse;
   shading->specular = shading->model == TC_SHADING_LAMBERT ? 0 : scene->shading.specular;
   shading->shininess = scene->shading.shininess;
-  shading->head_light = scene->shading.light_at_camera;
+  shading->n_lights = 1;
+  shading->lights[0].at_camera = scene->shading.light_at_camera;
   double length = sqrt(dot(scene->shading.light, scene->shading.light));
-  for (int k = 0; k < 3; k++) shading->light[k] = scene->shading.light[k] / length;
+  for (int k = 0; k < 3; k++) shading->lights[0].to[k] = scene->shading.light[k] / length, shading->lights[0].color[k] = 1;
+}
+
+void tc_ref_shading_light(tc_ref_shading *shading, const tc_scene *scene) {
+  if (!scene->mesh.n_lights) return;
+  shading->n_lights = scene->mesh.n_lights;
+  for (int i = 0; i < shading->n_lights; i++) {
+    const tc_mesh_light *from = &scene->mesh.lights[i];
+    const double length = sqrt(dot(from->direction, from->direction));
+    shading->lights[i].at_camera = from->at_camera;
+    for (int k = 0; k < 3; k++) {
+      const double c = scene->image.linear_light ? tc_ref_to_linear(from->color[k]) : from->color[k];
+      shading->lights[i].to[k] = from->at_camera ? 0 : from->direction[k] / length;
+      shading->lights[i].color[k] = c * from->intensity;
+    }
+  }
 }
 
 /* A gradient from index coordinates to LPS; it is covariant. */
@@ -55,18 +71,30 @@ static double smooth_step(double from, double to, double x) {
   return f * f * (3 - 2 * f);
 }
 
-/* The colour of a fully shaded surface with unit normal n. */
-static void reflect(const tc_ref_shading *s, const double n[3], const double eye[3], const double light[3],
-                    const double color[3], double out[3]) {
-  double half[3], nl = dot(n, light), glint = 0;
+/* Highlight of one light. */
+static double glint_of(const tc_ref_shading *s, const double n[3], const double eye[3], const double light[3]) {
+  double half[3];
   for (int k = 0; k < 3; k++) half[k] = eye[k] + light[k];
   double length = sqrt(dot(half, half));
-  if (nl > 0 && s->specular > 0 && length > 0) glint = s->specular * pow(fmax(dot(n, half) / length, 0), s->shininess);
+  return s->specular > 0 && length > 0 ? s->specular * pow(fmax(dot(n, half) / length, 0), s->shininess) : 0;
+}
+
+/* The colour of a fully shaded surface with unit normal n. Gooch's tones follow the sum of the lights' cosines. */
+static void reflect(const tc_ref_shading *s, const double n[3], const double eye[3], const double color[3], double out[3]) {
+  double sum[3] = {0, 0, 0}, glint[3] = {0, 0, 0};
+  for (int i = 0; i < s->n_lights; i++) {
+    const double *light = s->lights[i].at_camera ? eye : s->lights[i].to, nl = dot(n, light);
+    const double shine = nl > 0 ? glint_of(s, n, eye, light) : 0;
+    for (int c = 0; c < 3; c++) {
+      sum[c] += s->lights[i].color[c] * (s->model == TC_SHADING_GOOCH ? nl : fmax(nl, 0));
+      glint[c] += s->lights[i].color[c] * shine;
+    }
+  }
   for (int c = 0; c < 3; c++) {
     double cool = (c == 2 ? 0.4 : 0) + s->ambient * color[c], warm = (c < 2 ? 0.4 : 0) + s->diffuse * color[c];
-    double lit = s->model == TC_SHADING_GOOCH ? cool + (warm - cool) * (1 + nl) / 2
-                                              : (s->ambient + s->diffuse * fmax(nl, 0)) * color[c];
-    out[c] = lit + glint;
+    double lit = s->model == TC_SHADING_GOOCH ? cool + (warm - cool) * (1 + sum[c]) / 2
+                                              : (s->ambient + s->diffuse * sum[c]) * color[c];
+    out[c] = lit + glint[c];
   }
 }
 
@@ -77,8 +105,8 @@ static void shade(const tc_ref_shading *s, double n[3], double weight, double rg
   double side = dot(n, eye) < 0 ? -size : size;
   for (int k = 0; k < 3; k++) n[k] /= side;
   if (s->model == TC_SHADING_NONE) return;
-  reflect(s, n, eye, s->head_light ? eye : s->light, rgb, lit);
-  for (int c = 0; c < 3; c++) rgb[c] = fmin((1 - weight) * rgb[c] + weight * lit[c], 1);
+  reflect(s, n, eye, rgb, lit);
+  for (int c = 0; c < 3; c++) rgb[c] = fmin(fmax((1 - weight) * rgb[c] + weight * lit[c], 0), 1);
 }
 
 void tc_ref_shade(const tc_ref_shading *s, const tc_ref_cell *cell, double u, double rgb[3]) {
@@ -90,5 +118,9 @@ void tc_ref_shade(const tc_ref_shading *s, const tc_ref_cell *cell, double u, do
 
 void tc_ref_shade_surface(const tc_ref_shading *s, const double gradient[3], double normal[3], double rgb[3]) {
   to_lps(s, gradient, normal);
+  tc_ref_shade_normal(s, normal, rgb);
+}
+
+void tc_ref_shade_normal(const tc_ref_shading *s, double normal[3], double rgb[3]) {
   if (dot(normal, normal) > 0) shade(s, normal, 1, rgb);
 }

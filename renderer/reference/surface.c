@@ -71,6 +71,15 @@ static double value_at(const tc_ref_field *field, const double at[3]) {
   return sum;
 }
 
+bool tc_ref_value_at(const tc_ref_field *field, const double at[3], double *value) {
+  double held[3], f[3];
+  size_t low[3];
+  for (int k = 0; k < 3; k++) held[k] = fmin(fmax(at[k], 0), field->desc->dims[k] - 1);
+  find_cell(field, held, low, f);
+  *value = value_at(field, held);
+  return !is_blank(field, low);
+}
+
 void tc_ref_surface_gradient(const tc_ref_field *field, tc_gradient kind, const double at[3], double gradient[3]) {
   double apart[3];
   if (kind != TC_GRADIENT_CELL) {

@@ -14,6 +14,7 @@ struct tcs_measure {
   tcs_view *view;
   tcs_picture *picture;       /* owned reference */
   tc_volume *volume, *labels; /* owned references; no labels: NULL */
+  struct tc_mesh **meshes;    /* of the scene's surfaces, the job's */
   tc_scene scene;
   tc_meter *meter;
   atomic_bool cancel;
@@ -23,7 +24,7 @@ struct tcs_measure {
 
 static void run(tcs_task *task) {
   tcs_measure *m = (tcs_measure *)task;
-  tc_meter_measure(m->meter, m->volume, m->labels, &m->scene, &m->cancel, MOST_MS, &m->result, &m->error);
+  tc_meter_measure(m->meter, m->volume, m->labels, m->meshes, &m->scene, &m->cancel, MOST_MS, &m->result, &m->error);
 }
 
 /* The reason instead of figures. */
@@ -62,6 +63,7 @@ static void done(tcs_task *task) {
   tc_meter_free(m->meter);
   tc_volume_unref(m->volume);
   tc_volume_unref(m->labels);
+  tcs_meshes_free(m->meshes, m->scene.mesh.n_surfaces);
   tc_scene_clear(&m->scene);
   g_clear_error(&m->error);
   g_free(m);
@@ -75,6 +77,7 @@ void tcs_measure_begin(tcs_session *session, tcs_view *view, tcs_job *job, tcs_p
   m->volume = tc_volume_ref(job->volume);
   if (job->labels) m->labels = tc_volume_ref(job->labels);
   tc_scene_copy(&m->scene, &job->scene);
+  m->meshes = g_steal_pointer(&job->meshes);
   m->meter = g_steal_pointer(&job->meter);
   atomic_init(&m->cancel, false);
   view->measure = m;

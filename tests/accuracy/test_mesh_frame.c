@@ -267,13 +267,23 @@ static void several_surfaces_are_one_picture(void **unused) {
   tc_volume_unref(labels);
 }
 
-static double error_of(tc_volume *volume, const tc_scene *drawn, const tc_scene *truth) {
+static double error_of_drawn(tc_volume *volume, tc_volume *labels, tc_mesh *const *meshes, const tc_scene *drawn, const tc_scene *truth) {
+  const tc_render_request request = {.want_linear = true, .labels = labels, .meshes = meshes};
   tc_meter_result result;
   GError *error = NULL;
-  tc_meter *meter = tc_meter_new(test_draw(test_widest(), volume, drawn, NULL, NULL), 600, 1);
-  if (!tc_meter_measure(meter, volume, NULL, truth, NULL, 0, &result, &error)) fail_msg("%s", error->message);
+  tc_meter *meter = tc_meter_new(test_draw(test_widest(), volume, drawn, &request, NULL), 600, 1);
+  if (!tc_meter_measure(meter, volume, labels, meshes, truth, NULL, 0, &result, &error)) fail_msg("%s", error->message);
   tc_meter_free(meter);
   return result.rms;
+}
+
+static double error_of(tc_volume *volume, const tc_scene *drawn, const tc_scene *truth) {
+  return error_of_drawn(volume, NULL, NULL, drawn, truth);
+}
+
+/* Labels 1 and 2, a ball's halves. */
+static double in_two_halves(double x, double y, double z, const void *user) {
+  return pow(x - 20, 2) + pow(y - 20, 2) + pow(z - 20, 2) < 150 ? 1 + (x > 20) : 0;
 }
 
 /* Lists of surfaces have the exact surfaces as their truth: all of their layers, of each its own colour and shading. */
@@ -301,6 +311,71 @@ static void lists_are_near_the_exact_surfaces(void **unused) {
   tc_scene_clear(&other);
   tc_scene_clear(&scene);
   tc_volume_unref(volume);
+}
+
+/* Whatever a list holds, alone and within a volume: each member counts, the lights too. */
+static void whatever_is_drawn_has_a_truth(void **unused) {
+  const test_grid grid = {.dims = {40, 40, 40}, .type = TC_U8, .slope = 1};
+  tc_volume *volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_radius2, (double[3]){20, 20, 20});
+  tc_volume *labels = test_volume(&grid, in_two_halves, NULL);
+  tc_mesh *ball = tc_mesh_extract(volume, 300, &(tc_mesh_options){.normals = false}, NULL);
+  const tc_mesh_surface list[4] = {
+      {.source = TC_SURFACE_OF_MESH, .color = {1, 0.4, 0.2}, .opacity = 0.4, .has_color = true, .visible = true, .two_sided = true},
+      {.source = TC_SURFACE_OF_LABEL, .label = 2, .opacity = 0.5, .visible = true, .two_sided = true},
+      {.source = TC_SURFACE_OF_PLANE, .plane = TC_CORONAL, .opacity = 0.6, .visible = true, .two_sided = true},
+      {.source = TC_SURFACE_OF_VALUE, .value = 36, .color = {0.3, 0.4, 1}, .opacity = 1, .has_color = true, .visible = true}};
+  tc_mesh *const meshes[4] = {ball};
+  static const tc_mode modes[3] = {TC_MODE_MESH, TC_MODE_DVR, TC_MODE_MIP};
+  for (int m = 0; m < 3; m++) {
+    tc_scene scene;
+    const tc_knot fog[2] = {{-1000, {0.2, 0.4, 0.6}, 0.03}, {1000, {0.2, 0.4, 0.6}, 0.03}};
+    mesh_scene(&scene, volume, TC_PERSPECTIVE);
+    test_scene_knots(&scene, TC_KNOT_EXTINCTION, fog, 2);
+    scene.mode = modes[m], scene.mesh.with_volume = true, scene.sampling.step = 0.25;
+    scene.window.center = 200, scene.window.width = 1000, scene.labels.opacity = 1;
+    g_strlcpy(scene.labels.volume, "labels", sizeof scene.labels.volume);
+    scene.shading.model = TC_SHADING_LAMBERT, scene.shading.gradient = TC_GRADIENT_CENTRAL;
+    scene.mesh.lights[0] = (tc_mesh_light){.direction = {0.3, -1, 0.2}, .color = {1, 0.8, 0.6}, .intensity = 0.7};
+    scene.mesh.lights[1] = (tc_mesh_light){.at_camera = true, .color = {0.2, 0.4, 1}, .intensity = 0.5}, scene.mesh.n_lights = 2;
+    tc_scene_set_surfaces(&scene, g_memdup2(list, sizeof list), 4);
+    if (modes[m] == TC_MODE_MIP) scene.mesh.surfaces[1].source = TC_SURFACE_OF_VALUE, scene.mesh.surfaces[1].value = 150; /* no labels there */
+    double off[6];
+    for (int i = 0; i < 6; i++) { /* what is drawn, against a truth that lacks one thing from i = 1 on */
+      tc_scene truth;
+      tc_scene_copy(&truth, &scene);
+      tc_scene_set_surfaces(&truth, g_memdup2(scene.mesh.surfaces, sizeof list), 4);
+      if (i && i < 5) truth.mesh.surfaces[i - 1].visible = false;
+      if (i == 5) truth.mesh.n_lights = 0;
+      off[i] = error_of_drawn(volume, labels, meshes, &scene, &truth);
+      tc_scene_clear(&truth);
+    }
+    print_message("  %s: rms %.1e; without each %.3f %.3f %.3f %.3f, lights %.3f\n", tc_mode_names[modes[m]], off[0], off[1], off[2], off[3], off[4], off[5]);
+    assert_true(off[0] < 0.012);
+    for (int i = 1; i < 6; i++) assert_true(off[i] > 2 * off[0]);
+    tc_scene_clear(&scene);
+  }
+  tc_mesh_free(ball);
+  tc_volume_unref(labels);
+  tc_volume_unref(volume);
+}
+
+/* Without a list a mesh is every label. */
+static void labels_have_a_truth(void **unused) {
+  const test_grid grid = {.dims = {40, 40, 40}, .type = TC_U8, .slope = 1};
+  tc_volume *labels = test_volume(&grid, in_two_halves, NULL);
+  tc_scene scene, truth;
+  mesh_scene(&scene, labels, TC_PERSPECTIVE);
+  scene.shading.model = TC_SHADING_LAMBERT, scene.labels.opacity = 1;
+  g_strlcpy(scene.labels.volume, "labels", sizeof scene.labels.volume);
+  const double off = error_of_drawn(labels, labels, NULL, &scene, &scene);
+  tc_scene_copy(&truth, &scene);
+  tc_scene_set_visible(&truth, g_memdup2((const uint32_t[1]){1}, sizeof(uint32_t)), 1);
+  const double without = error_of_drawn(labels, labels, NULL, &scene, &truth);
+  print_message("  rms %.1e, without one %.3f\n", off, without);
+  assert_true(off < 0.012 && without > 4 * off);
+  tc_scene_clear(&truth);
+  tc_scene_clear(&scene);
+  tc_volume_unref(labels);
 }
 
 /* ---- within a volume ---- */
@@ -508,7 +583,7 @@ int main(void) {
   const struct CMUnitTest tests[] = {TEST(surface_is_where_the_field_has_it),
     TEST(every_renderer_draws_the_same_bytes), TEST(a_surface_is_extracted_once),
     TEST(frames_stop_and_go_on_to_the_same_picture), TEST(what_cannot_be_is_refused),
-    TEST(several_surfaces_are_one_picture), TEST(lists_are_near_the_exact_surfaces), TEST(layers_are_bounded),
+    TEST(several_surfaces_are_one_picture), TEST(lists_are_near_the_exact_surfaces), TEST(whatever_is_drawn_has_a_truth), TEST(labels_have_a_truth), TEST(layers_are_bounded),
     TEST(surfaces_are_between_what_is_before_and_behind_them), TEST(surfaces_end_and_divide_maxima),
     TEST(slices_show_the_field_where_they_are), TEST(labels_have_surfaces_of_their_colours)};
   return cmocka_run_group_tests_name("mesh frames", tests, test_renderers_open, test_renderers_close);

@@ -60,7 +60,7 @@ static tc_meter_result measure(int count, uint64_t seed) {
   tc_meter_result result;
   tc_meter *meter = tc_meter_new(&frame, count, seed);
   assert_non_null(meter);
-  if (!tc_meter_measure(meter, volume, NULL, &scene, NULL, 0, &result, &error)) fail_msg("%s", error->message);
+  if (!tc_meter_measure(meter, volume, NULL, NULL, &scene, NULL, 0, &result, &error)) fail_msg("%s", error->message);
   tc_meter_free(meter);
   return result;
 }
@@ -120,10 +120,10 @@ static void ends_when_told(void **state) {
   GError *error = NULL;
   tc_meter_result r;
   tc_meter *meter = tc_meter_new(&frame, 64, 1);
-  assert_false(tc_meter_measure(meter, volume, NULL, &scene, &cancel, 0, &r, &error));
+  assert_false(tc_meter_measure(meter, volume, NULL, NULL, &scene, &cancel, 0, &r, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_CANCELLED));
   g_clear_error(&error);
-  assert_true(tc_meter_measure(meter, volume, NULL, &scene, NULL, 1e-9, &r, &error)); /* out of time: what there is */
+  assert_true(tc_meter_measure(meter, volume, NULL, NULL, &scene, NULL, 1e-9, &r, &error)); /* out of time: what there is */
   assert_true(r.pixels >= 1 && r.pixels < 64);
   tc_meter_free(meter);
 }
@@ -147,18 +147,9 @@ static void what_has_no_reference_is_said(void **state) {
     listed.mode = mode;
     for (int within = 0; within < 2; within++) {
       listed.mesh.with_volume = within;
-      const bool drawn = within && (mode == TC_MODE_DVR || mode == TC_MODE_MIP);
-      if (drawn)
-        assert_true(tc_meter_refuses(&listed, reason, sizeof reason) && strstr(reason, "mesh/"));
-      else
-        assert_false(tc_meter_refuses(&listed, reason, sizeof reason) && strstr(reason, "mesh/"));
+      assert_false(tc_meter_refuses(&listed, reason, sizeof reason) && strstr(reason, "mesh/"));
     }
   }
-  listed.mode = TC_MODE_MESH; /* what is of no value has no exact surface, and of lights only shading.light is known */
-  surface.source = TC_SURFACE_OF_LABEL;
-  assert_true(tc_meter_refuses(&listed, reason, sizeof reason) && strstr(reason, "mesh/surfaces"));
-  surface.visible = false, listed.mesh.n_lights = 1;
-  assert_true(tc_meter_refuses(&listed, reason, sizeof reason) && strstr(reason, "mesh/lights"));
   scene.mode = TC_MODE_DVR;
   scene.error_meter.pixels = 0;
 }
@@ -178,7 +169,7 @@ static void assert_step_alone_counts(tc_scene *s, tc_volume *labels, const char 
                    &error))
       fail_msg("%s: %s", what, error->message);
     tc_meter *meter = tc_meter_new(&drawn, 300, 1);
-    if (!tc_meter_measure(meter, volume, labels, s, NULL, 0, &found[i], &error))
+    if (!tc_meter_measure(meter, volume, labels, NULL, s, NULL, 0, &found[i], &error))
       fail_msg("%s: %s", what, error->message);
     tc_meter_free(meter);
     tc_frame_finish(&drawn);

@@ -2,6 +2,7 @@
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 import { Daemon, sleep } from '../support/daemon.mjs';
+import { ballStl } from '../support/mesh.mjs';
 import { validate } from '../support/schema.mjs';
 import { Ws } from '../support/ws.mjs';
 
@@ -44,6 +45,21 @@ test('a final frame comes once more with its error, and the session has it', asy
   assert.deepEqual((await late.nextFrame()).header.error, header.error, 'a later viewer gets it at once');
   await late.close();
   await ws.close();
+});
+
+test('uploaded meshes are measured against their triangles, in light of several colours', async () => {
+  const sent = await d.call('PUT', '/v1/meshes/leaf', { body: ballStl(10), type: 'application/octet-stream' });
+  assert.equal(sent.status, 202);
+  for (let i = 0; (await d.get('/v1/meshes/leaf')).json.state === 'loading'; i++, await sleep(20)) assert.ok(i < 500);
+  const surfaces = [{ mesh: 'leaf', opacity: 0.5 }, { plane: 'axial' }];
+  const lights = [{ color: [1, 0, 0] }, { direction: [0, -1, 0], intensity: 2 }];
+  for (const mode of ['mesh', 'mip']) {
+    const { session, ws } = await open({ mode, mesh: { surfaces, lights, withVolume: true }, errorMeter: { pixels: 200 } });
+    const { header } = await measured(ws, 0);
+    assert.ok(header.error.pixels === 200 && header.error.rms < 0.01, `${mode} ${JSON.stringify(header.error)}`);
+    assert.ok((await stageOf(session, 'error-meter')).included);
+    await ws.close();
+  }
 });
 
 test('a frame that is asked for by itself is measured where nobody looks on', async () => {
