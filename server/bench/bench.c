@@ -20,6 +20,7 @@
 #include "server/bench/paper_mesh.h"
 #include "server/bench/paper_splat.h"
 #include "server/bench/papers.h"
+#include "server/bench/stages.h"
 #include "server/bench/timing.h"
 #include "server/cli/cli.h"
 #include "server/encode/encode.h"
@@ -69,7 +70,8 @@ typedef struct bench {
   row rows[N_VARIANTS];
   double cycles_per_ms; /* of the time stamp counter */
   tcs_edit edits[TCS_EDITS];
-  bool edited; /* by the last of the cpu's rows that skips */
+  tcs_stages stages;
+  row *edited; /* the last of the cpu's rows that skips, which edits and stages are of; NULL: no such scene */
   tcs_encoder *encoder;
   GByteArray *image;
 } bench;
@@ -148,13 +150,17 @@ static bool integrate_reference(bench *b, GError **error) {
 static bool is_editable(const bench *b) { return b->scene.mode == TC_MODE_DVR && b->scene.transfer_function.count > 1; }
 
 static bool measure_edits(bench *b, GError **error) {
-  tc_renderer *last = NULL;
-  for (int i = 0; i < N_VARIANTS; i++)
-    if (b->rows[i].renderer && variants[i].backend == TC_BACKEND_CPU && variants[i].skipping)
-      last = b->rows[i].renderer;
-  b->edited = last && is_editable(b);
+  b->edited = NULL;
+  for (int i = 0; i < N_VARIANTS && is_editable(b); i++)
+    if (b->rows[i].renderer && variants[i].backend == TC_BACKEND_CPU && variants[i].skipping) b->edited = &b->rows[i];
   b->scene.skipping.mode = TC_SKIPPING_AUTO;
-  return !b->edited || tcs_edits_measure(last, b->volume, &b->scene, b->edits, error);
+  const row *r = b->edited;
+  if (!r) return true;
+  b->stages.ms[TCS_STAGE_TABLES] = r->tables_ms;
+  b->stages.ms[TCS_STAGE_SKIP] = r->skip_ms;
+  b->stages.ms[TCS_STAGE_ENCODE] = r->encode_ms;
+  return tcs_edits_measure(r->renderer, b->volume, &b->scene, b->edits, error) &&
+         tcs_stages_measure(r->renderer, b->volume, &b->scene, &b->stages, error);
 }
 
 static bool measure(bench *b, GError **error) {
@@ -208,7 +214,9 @@ static void print_rows(bench *b) {
     else
       printf(" %9s %9s\n", "-", "-");
   }
-  if (b->edited) tcs_edits_print(b->edits);
+  if (!b->edited) return;
+  tcs_edits_print(b->edits);
+  tcs_stages_print(&b->stages, b->cycles_per_ms * tc_renderer_about(b->edited->renderer)->threads);
 }
 
 static cJSON *rows_as_json(bench *b) {
@@ -224,6 +232,7 @@ static cJSON *rows_as_json(bench *b) {
   cJSON_AddItemToObject(o, "scene", tcp_scene_write(&b->scene));
   cJSON_AddItemToObject(o, "variants", rows);
   if (b->edited) cJSON_AddItemToObject(o, "edits", tcs_edits_as_json(b->edits));
+  if (b->edited) cJSON_AddItemToObject(o, "stagesMs", tcs_stages_as_json(&b->stages));
   for (int i = 0; i < N_VARIANTS; i++) {
     row *r = &b->rows[i];
     if (!r->renderer) continue;

@@ -263,7 +263,7 @@ static void a_ray_sample_by_sample(void **state) {
 
 /* What a frame and a sample cost, and what a dragged transfer function adds. */
 static void bench_names_the_costs(void **state) {
-  static const char *const edits[] = {"a knot slides", "all knots shift", "presets change"};
+  static const char *const edits[] = {"a knot slides", "all knots shift", "presets change", "fetch", "shade", "resolve"};
   outcome o = RUN("bench", "--size", "32", "--runs", "2", "--error", "0", "demo:bucky");
   assert_non_null(strstr(o.out, "cycles"));
   for (size_t i = 0; i < G_N_ELEMENTS(edits); i++) assert_non_null(strstr(o.out, edits[i]));
@@ -273,6 +273,7 @@ static void bench_names_the_costs(void **state) {
   cJSON *first = cJSON_GetArrayItem(cJSON_GetObjectItem(volume, "variants"), 0);
   assert_true(cJSON_GetObjectItem(first, "cyclesPerSample")->valuedouble > 1);
   assert_int_equal(cJSON_GetArraySize(cJSON_GetObjectItem(volume, "edits")), 3);
+  assert_int_equal(cJSON_GetArraySize(cJSON_GetObjectItem(volume, "stagesMs")), 8);
   cJSON_Delete(json);
   accept(o);
 }
