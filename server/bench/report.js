@@ -595,6 +595,36 @@ function objectTable() {
   );
 }
 
+// Over how much is filled and the picture's size: the faster of splats and rays, by how much, and where the plan names the
+// other.
+function sizesTable() {
+  const sized = byFilled.map((object) => [...(object.sizes ?? []), object].sort((a, b) => a.size - b.size));
+  const cell = ({ ms, expectedMs }) => {
+    const [fast, slow] = ms.splat < ms.isosurface ? ['splat', 'isosurface'] : ['isosurface', 'splat'];
+    const text = `${WAYS[fast]}, ${digits(ms[slow] / ms[fast], 2)} x`;
+    return [text, expectedMs[fast] < expectedMs[slow] ? null : html('small', {}, `plan: ${WAYS[slow]}`)];
+  };
+  const names = ['filled', ...sized[0].map(({ size }) => `${size} pixels`)];
+  const row = (sizes, i) =>
+    html(
+      'tr',
+      {},
+      [[percent(byFilled[i].filled)], ...sizes.map(cell)].map((c, k) =>
+        html('td', { 'data-label': names[k] }, c.filter(Boolean)),
+      ),
+    );
+  const head = html(
+    'tr',
+    {},
+    names.map((name) => html('th', {}, name)),
+  );
+  return html(
+    'div',
+    { class: 'wide' },
+    html('table', { class: 'stack', id: 'sizes' }, html('thead', {}, head), html('tbody', {}, sized.map(row))),
+  );
+}
+
 function objectsSection() {
   if (!objects.length) return null;
   const [first, ...others] = ways;
@@ -615,6 +645,8 @@ function objectsSection() {
     ),
     html('div', { class: 'charts' }, objectTimes(), objectErrors()),
     objectTable(),
+    html('h3', {}, 'Splats or rays: the faster, and how many times'),
+    sizesTable(),
   );
 }
 

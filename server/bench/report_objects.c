@@ -9,6 +9,7 @@
 /* Balls of one size at random places, ever more of them, from a few to a sponge. */
 enum { SIDE = 128, REACH = 5 };
 static const int balls[] = {4, 32, 128, 512, 1500, 4000, 12000};
+static const int sides[] = {64, 128, 320};           /* smaller pictures of each */
 static const double shares[] = {0, 0.15, 0.3, 0.45}; /* thresholds of a user's volume */
 
 int tcs_report_object_count(bool own) { return own ? G_N_ELEMENTS(shares) : G_N_ELEMENTS(balls); }
@@ -73,6 +74,22 @@ static double filled(const tc_volume *volume, double from) {
   return inside / ((double)d->dims[0] * d->dims[1] * d->dims[2]);
 }
 
+/* The same in smaller pictures, where rays are fewer and splats as many. */
+static bool measure_sizes(tc_renderer *renderer, const tcs_report_scene *scene, int runs, cJSON *json, GError **error) {
+  cJSON *sizes = cJSON_AddArrayToObject(json, "sizes");
+  bool good = true;
+  for (size_t i = 0; i < G_N_ELEMENTS(sides) && good; i++) {
+    tc_scene smaller;
+    tcs_object o;
+    tc_scene_copy(&smaller, &scene->scene);
+    smaller.image.width = smaller.image.height = sides[i];
+    good = tcs_object_measure(renderer, scene->volume, &smaller, runs, &o, error);
+    if (good) cJSON_AddItemToArray(sizes, tcs_object_json(&o, &smaller));
+    tc_scene_clear(&smaller);
+  }
+  return good;
+}
+
 cJSON *tcs_report_object_measure(tc_renderer *renderer, const tcs_report_scene *scene, int runs, int side,
                                  GError **error) {
   tcs_object o;
@@ -86,6 +103,7 @@ cJSON *tcs_report_object_measure(tc_renderer *renderer, const tcs_report_scene *
   cJSON_AddNumberToObject(json, "side", side);
   cJSON_AddItemToObject(json, "surface", surface);
   cJSON_AddNumberToObject(json, "filled", filled(scene->volume, scene->scene.isosurface.value));
+  if (!measure_sizes(renderer, scene, runs, json, error)) g_clear_pointer(&json, cJSON_Delete);
   tc_renderer_forget(renderer, scene->volume);
   return json;
 }

@@ -80,11 +80,19 @@ test('objects: a row each, every way drawn, and where splats and rays change pla
   await page.goto(address);
   const { objects } = JSON.parse(await readFile(join(folder, 'report.json'), 'utf8'));
   const section = await page.$eval('#objects', (element) => ({
-    rows: element.querySelectorAll('tbody tr').length,
+    rows: [...element.querySelectorAll('tbody')].map((body) => body.rows.length),
+    sized: [...element.querySelectorAll('#sizes tbody tr')].map((row) => [...row.cells].slice(1).map((cell) => cell.textContent)),
     marks: [...element.querySelectorAll('figure')].map((figure) => figure.querySelectorAll('path > title').length),
     words: [...element.querySelectorAll('li')].map((item) => item.textContent),
   }));
-  assert.equal(section.rows, objects.length);
+  assert.deepEqual(section.rows, [objects.length, objects.length]);
+  const fastest = ({ ms }) => (ms.splat < ms.isosurface ? 'splats' : 'ray-cast isosurface');
+  const least = (object) => [object, ...object.sizes].reduce((a, b) => (a.size < b.size ? a : b));
+  const byFilled = [...objects].sort((a, b) => a.filled - b.filled);
+  section.sized.forEach((cells, i) => {
+    assert.equal(cells.length, 4);
+    assert.ok(cells[0].startsWith(fastest(least(byFilled[i]))), cells[0]);
+  });
   assert.deepEqual(section.marks, [6 * objects.length, 3 * objects.length], 'measured and expected; errors');
   const wins = objects.filter(({ ms }) => ms.splat < ms.isosurface).length;
   const line = `splats against ray-cast isosurface: faster on ${wins} of ${objects.length}; they change places `;

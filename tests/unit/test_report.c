@@ -136,6 +136,7 @@ static void objects_are_judged(const cJSON *report) {
       assert_true(cJSON_GetObjectItem(expected, ways[i])->valuedouble > 0);
       rms[i] = cJSON_GetObjectItem(error, "rms")->valuedouble;
     }
+    assert_int_equal(cJSON_GetArraySize(cJSON_GetObjectItem(object, "sizes")), 3);
     assert_true(rms[1] < 0.01 && rms[1] <= rms[0] && rms[1] <= rms[2] && rms[0] < 0.5);
   }
 }
