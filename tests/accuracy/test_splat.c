@@ -612,6 +612,67 @@ static void translucent_splats_show_the_blurred_field(void **state) {
   for (int i = 0; i < 3; i++) object_free(&objects[i]);
 }
 
+static void constant_matter(const void *user, const int at[3], float rgbk[4]) {
+  for (int k = 0; k < 4; k++) rgbk[k] = k < 3 ? 0.5f : *(const float *)user;
+}
+
+static double everywhere(double x, double y, double z, const void *context) { return 1; }
+
+/* Mm of a pixel's ray within a grid of 40 voxels a side; 0 where it passes within four voxels of an edge. */
+static double way_through(const object *o, const tc_scene *scene, int x, int y) {
+  tc_rays rays;
+  double at[3], dir[3] = {0}, view[3], square = 0, from = -INFINITY, to = INFINITY;
+  tc_rays_set_up(&rays, o->volume, scene, SIDE, SIDE);
+  for (int k = 0; k < 3; k++) {
+    at[k] = rays.anchor0[k] + (x + 0.5) * rays.anchor_du[k] + (y + 0.5) * rays.anchor_dv[k];
+    view[k] = rays.view0[k] + (x + 0.5) * rays.view_du[k] + (y + 0.5) * rays.view_dv[k];
+    square += view[k] * view[k];
+  }
+  for (int r = 0; r < 3; r++)
+    for (int k = 0; k < 3; k++) dir[r] += rays.to_index[3 * r + k] * view[k] / sqrt(square);
+  for (int k = 0; k < 3; k++) {
+    if (fabs(dir[k]) < 1e-12) continue;
+    const double a = (-0.5 - at[k]) / dir[k], b = (39.5 - at[k]) / dir[k];
+    from = fmax(from, fmin(a, b)), to = fmin(to, fmax(a, b));
+  }
+  for (int end = 0; end < 2; end++) {
+    int near = 0;
+    for (int k = 0; k < 3; k++) near += fabs(at[k] + (end ? to : from) * dir[k] - 19.5) > 16;
+    if (near != 1) return 0;
+  }
+  return to - from;
+}
+
+/* A cloud of one extinction is as opaque as the way through it says, from every side and in voxels of any size. */
+static void constant_clouds_are_constant(void **state) {
+  object objects[2] = {object_of(&cube, everywhere, NULL), object_of(&flat_grid, everywhere, NULL)};
+  static const double zooms[] = {0.5, 1, 2, 5};
+  const float extinction = 0.03f;
+  drawing d = {0};
+  double worst = 0;
+  int seen = 0;
+  for (int i = 0; i < 24; i++) {
+    const object *o = &objects[i / 2 % 2];
+    tc_scene scene;
+    look(&scene, o, i, zooms[i % 4]);
+    scene.splat.opaque = false;
+    scene.splat.kernel_radius = i % 3 ? 1 : 1.5;
+    scene.shading.model = TC_SHADING_NONE;
+    draw_now(o, &scene, (wish){.matter = {constant_matter, &extinction}}, &d);
+    for (int p = 5; p < SIDE * SIDE; p += 7) {
+      const double way = way_through(o, &scene, p % SIDE, p / SIDE);
+      if (way <= 0) continue;
+      seen++;
+      worst = fmax(worst, fabs((double)d.frame.linear[4 * p + 3] - (1 - exp(-(double)extinction * way))));
+    }
+    tc_scene_clear(&scene);
+  }
+  print_message("clouds: at most %.4f from constant in %d pixels\n", worst, seen);
+  assert_true(worst < 0.01 && seen > 2000);
+  tc_frame_finish(&d.frame);
+  for (int i = 0; i < 2; i++) object_free(&objects[i]);
+}
+
 /* ---- interruption ---- */
 
 static void paused_pictures_end_the_same(void **state) {
@@ -695,7 +756,7 @@ int main(void) {
     TEST(constant_solids_are_constant), TEST(splats_are_where_the_surface_is), TEST(large_voxels_are_lit_smoothly), TEST(large_voxels_end_where_the_surface_does),
     TEST(picks_are_as_deep_as_the_picture), TEST(faces_of_the_volume_are_lit), TEST(a_range_of_all_values_ends_with_the_grid),
     TEST(cost_follows_the_voxels_seen),
-    TEST(rims_do_not_shine), TEST(a_cut_shows_a_solid_face), TEST(translucent_splats_show_the_blurred_field),
+    TEST(rims_do_not_shine), TEST(a_cut_shows_a_solid_face), TEST(translucent_splats_show_the_blurred_field), TEST(constant_clouds_are_constant),
     TEST(paused_pictures_end_the_same), TEST(frames_are_made_in_pieces)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
